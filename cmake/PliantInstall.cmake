@@ -1,0 +1,15 @@
+# cmake --install: headers, libraries, the program, and a package config so that find_package(pliant) works.
+include(CMakePackageConfigHelpers)
+
+get_property(libraries GLOBAL PROPERTY PLIANT_LIBRARIES)
+install(TARGETS ${libraries} EXPORT pliantTargets)
+install(TARGETS pliant RUNTIME)
+install(EXPORT pliantTargets NAMESPACE pliant:: DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/pliant)
+install(DIRECTORY "${PROJECT_SOURCE_DIR}/src/" DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/pliant FILES_MATCHING PATTERN "*.h")
+
+configure_package_config_file("${PROJECT_SOURCE_DIR}/cmake/pliantConfig.cmake.in" "${PROJECT_BINARY_DIR}/pliantConfig.cmake"
+                              INSTALL_DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/pliant)
+write_basic_package_version_file("${PROJECT_BINARY_DIR}/pliantConfigVersion.cmake" COMPATIBILITY SameMinorVersion)
+install(FILES "${PROJECT_BINARY_DIR}/pliantConfig.cmake" "${PROJECT_BINARY_DIR}/pliantConfigVersion.cmake"
+              "${PROJECT_SOURCE_DIR}/cmake/PliantDependencies.cmake"
+        DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/pliant)

@@ -1,0 +1,33 @@
+# One target per folder of src/: a folder may use only what it names here, so that a cycle is a configure or link error.
+
+# Headers are included as <pliant/folder/file.h> in the build tree and once installed.
+set(PLIANT_INCLUDE_ROOT "${PROJECT_BINARY_DIR}/include")
+file(MAKE_DIRECTORY "${PLIANT_INCLUDE_ROOT}")
+file(CREATE_LINK "${PROJECT_SOURCE_DIR}/src" "${PLIANT_INCLUDE_ROOT}/pliant" SYMBOLIC)
+
+add_library(pliant_warnings INTERFACE)
+target_compile_options(pliant_warnings INTERFACE -Wall -Wextra -Wshadow -Wnon-virtual-dtor -Woverloaded-virtual
+                                                 $<$<BOOL:${PLIANT_WERROR}>:-Werror>)
+
+# pliant_folder(<name> DEPENDS <folders…> LINK <libraries…>): library pliant_<name>, exported as pliant::<name>.
+function(pliant_folder name)
+  cmake_parse_arguments(ARG "" "" "DEPENDS;LINK" ${ARGN})
+  file(GLOB sources CONFIGURE_DEPENDS "${CMAKE_CURRENT_SOURCE_DIR}/${name}/*.cpp")
+  list(TRANSFORM ARG_DEPENDS PREPEND pliant_)
+  if(sources)
+    add_library(pliant_${name} STATIC ${sources})
+    set(scope PUBLIC)
+    target_link_libraries(pliant_${name} PRIVATE $<BUILD_INTERFACE:pliant_warnings>)
+    set_target_properties(pliant_${name} PROPERTIES POSITION_INDEPENDENT_CODE ON)
+  else()
+    add_library(pliant_${name} INTERFACE)
+    set(scope INTERFACE)
+  endif()
+  add_library(pliant::${name} ALIAS pliant_${name})
+  set_target_properties(pliant_${name} PROPERTIES EXPORT_NAME ${name})
+  target_include_directories(pliant_${name} ${scope} $<BUILD_INTERFACE:${PLIANT_INCLUDE_ROOT}>
+                                                     $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
+  target_compile_features(pliant_${name} ${scope} cxx_std_20)
+  target_link_libraries(pliant_${name} ${scope} ${ARG_DEPENDS} ${ARG_LINK})
+  set_property(GLOBAL APPEND PROPERTY PLIANT_LIBRARIES pliant_${name})
+endfunction()

@@ -1,0 +1,240 @@
+"""Fits of the flow rate: the Beverloo law Q = C (w/sigma_avg - k)^beta, and the discharge law dN/dt = -c0 sqrt(N).
+
+The exponents that dissipation selects are beta = d - 1/2 (kinetic friction only) and d - 3/2 (drag only).
+"""
+
+from dataclasses import dataclass
+
+import lmfit
+import numpy as np
+import pandas as pd
+from scipy.optimize import leastsq
+
+from .errors import RunError
+
+K_MIN = 0.0                # an orifice is not narrower than nothing
+BETA_RANGE = (0.05, 5.0)   # wide enough for every exponent in 2D and 3D; beyond, k and beta run away together
+_MARGIN = 1e-6             # k stays this fraction below the narrowest flowing orifice: the model is singular there
+
+
+def beverloo(w, C, k, beta):
+    """C (w - k)^beta, and 0 for w <= k. w in sigma_avg."""
+    return C * np.maximum(np.asarray(w, float) - k, 0.0) ** beta
+
+
+def published_exponent(dim, mu, zeta):
+    """d - 1/2 for friction only, d - 3/2 for drag only, None where both (or none) act."""
+    if mu > 0 and zeta == 0:
+        return dim - 0.5
+    if zeta > 0 and mu == 0:
+        return dim - 1.5
+    return None
+
+
+@dataclass(frozen=True)
+class BeverlooFit:
+    """C, k, beta with one standard error each (0 for a fixed parameter, NaN where it cannot be given)."""
+
+    C: float
+    C_error: float
+    k: float
+    k_error: float
+    beta: float
+    beta_error: float
+    points: int
+    chi2_reduced: float  #: NaN without degrees of freedom or without errors of Q
+    notes: tuple
+
+    def __call__(self, w):
+        return beverloo(w, self.C, self.k, self.beta)
+
+
+class _Projected:
+    """The same least-squares problem with C eliminated (it is linear) and bounds removed by a sine: fast enough to be
+    solved hundreds of times for the bootstrap."""
+
+    def __init__(self, w, weight, k_range, beta, k):
+        self.w, self.weight, self.k_range, self.fixed_beta, self.fixed_k = w, weight, k_range, beta, k
+
+    @staticmethod
+    def _bounded(t, low_high):
+        return low_high[0] + (low_high[1] - low_high[0]) * 0.5 * (np.sin(t) + 1)
+
+    @staticmethod
+    def _free(value, low_high):
+        return np.arcsin(np.clip(2 * (value - low_high[0]) / (low_high[1] - low_high[0]) - 1, -0.999999, 0.999999))
+
+    def unpack(self, t):
+        t = list(t)
+        k = self.fixed_k if self.fixed_k is not None else self._bounded(t.pop(0), self.k_range)
+        return k, self.fixed_beta if self.fixed_beta is not None else self._bounded(t.pop(0), BETA_RANGE)
+
+    def pack(self, k, beta):
+        return np.array([self._free(k, self.k_range)] * (self.fixed_k is None)
+                        + [self._free(beta, BETA_RANGE)] * (self.fixed_beta is None))
+
+    def best_C(self, k, beta, scaled_Q):
+        shape = (self.w - k) ** beta * self.weight
+        return shape @ scaled_Q / (shape @ shape), shape
+
+    def residual(self, t, scaled_Q):
+        C, shape = self.best_C(*self.unpack(t), scaled_Q)
+        return scaled_Q - C * shape
+
+    def start(self, Q):
+        """(C, k, beta) of the best point of a coarse grid: the valley of k and beta has no other safe entry."""
+        low, high = self.k_range
+        # Dense towards the upper bound, where a small exponent has its minimum.
+        ks = [self.fixed_k] if self.fixed_k is not None else high - (high - low) * np.geomspace(1e-3, 1, 40)
+        betas = [self.fixed_beta] if self.fixed_beta is not None else np.linspace(0.1, 4, 40)
+        shape = (self.w - np.asarray(ks)[:, None, None]) ** np.asarray(betas)[:, None] * self.weight
+        norm = (shape**2).sum(-1)
+        gain = (shape @ (Q * self.weight)) ** 2 / norm
+        i, j = np.unravel_index(np.argmax(gain), gain.shape)
+        return self.best_C(ks[i], betas[j], Q * self.weight)[0], ks[i], betas[j]
+
+    def solve(self, Q, k, beta):
+        scaled = Q * self.weight
+        t = self.pack(k, beta)
+        if len(t):
+            # full_output: a resample that creeps along a bound ends at maxfev, close enough, without a warning.
+            t = leastsq(self.residual, t, args=(scaled,), xtol=1e-7, ftol=1e-7, maxfev=300, full_output=True)[0]
+        k, beta = self.unpack(t)
+        return self.best_C(k, beta, scaled)[0], k, beta
+
+
+def _clean(w, Q, error):
+    """Flowing points, sorted, with an error each (None if no point has one), and notes on what was left out."""
+    w, Q = np.asarray(w, float), np.asarray(Q, float)
+    error = np.full_like(Q, np.nan) if error is None else np.asarray(error, float)
+    if not w.shape == Q.shape == error.shape or w.ndim != 1:
+        raise RunError(f"w, Q and their errors differ in length ({w.shape}, {Q.shape}, {error.shape})")
+    notes = []
+    unknown = ~(np.isfinite(w) & np.isfinite(Q))
+    if unknown.any():
+        notes.append(f"{unknown.sum()} without Q left out")
+    clogged = ~unknown & (Q <= 0)
+    if clogged.any():
+        notes.append(f"{clogged.sum()} clogged left out (w = {', '.join(f'{x:g}' for x in sorted(set(w[clogged])))})")
+    keep = ~unknown & ~clogged
+    order = np.argsort(w[keep], kind="stable")
+    w, Q, error = w[keep][order], Q[keep][order], error[keep][order]
+    known = np.isfinite(error) & (error > 0)
+    if not known.any():
+        return w, Q, None, notes
+    if not known.all():
+        notes.append(f"{(~known).sum()} without error given the median relative error")
+        error = np.where(known, error, Q * np.median(error[known] / Q[known]))
+    return w, Q, error, notes
+
+
+def fit_beverloo(w, Q, error=None, beta=None, k=None, resamples=400, seed=1):
+    """Least-squares fit of Q = C (w - k)^beta with weights 1/error, by lmfit.
+
+    w [n] in sigma_avg; Q [n]; error [n] one standard error of Q. `beta` or `k` hold that parameter fixed; a free k lies
+    between 0 and the narrowest orifice with Q > 0. Standard errors come from a parametric bootstrap: Q is drawn
+    `resamples` times from normal distributions about the fitted law with the given errors (half the central 68 % range
+    of the refitted parameters), so that they exist for an exact fit too. Without any error of Q the fit is unweighted
+    and the scatter about it takes the place of the errors. Points with Q = 0 are left out with a note.
+    Raises RunError if there are fewer orifices than free parameters.
+    """
+    w, Q, error, notes = _clean(w, Q, error)
+    free = 1 + (k is None) + (beta is None)
+    if len(np.unique(w)) < free:
+        raise RunError(f"{len(np.unique(w))} orifice widths with flow are too few for {free} parameters "
+                       "(add runs, or hold beta fixed)")
+    if beta is not None and not BETA_RANGE[0] <= beta <= BETA_RANGE[1]:
+        raise RunError(f"a fixed exponent of {beta:g} is outside {BETA_RANGE[0]} … {BETA_RANGE[1]}")
+    k_range = (K_MIN, w[0] - _MARGIN * abs(w[0]))
+    if k is not None and k >= w[0]:
+        raise RunError(f"a fixed k of {k:g} is not below the narrowest flowing orifice, {w[0]:g}")
+    weight = np.full_like(Q, 1 / Q.mean()) if error is None else 1 / error
+
+    problem = _Projected(w, weight, k_range, beta, k)
+    C0, k0, beta0 = problem.start(Q)
+    model = lmfit.Model(beverloo, independent_vars=["w"])
+    parameters = model.make_params(C=C0, k=k0, beta=beta0)
+    parameters["C"].set(min=0)
+    parameters["k"].set(vary=k is None, min=k_range[0] if k is None else -np.inf, max=k_range[1])
+    parameters["beta"].set(vary=beta is None, min=BETA_RANGE[0], max=BETA_RANGE[1])
+    result = model.fit(Q, parameters, w=w, weights=weight, scale_covar=False, method="leastsq")
+    best = np.array([result.params[name].value for name in ("C", "k", "beta")])
+
+    for name, low_high in (("k", k_range), ("beta", BETA_RANGE)):
+        span = low_high[1] - low_high[0]
+        if result.params[name].vary and min(abs(result.params[name].value - b) for b in low_high) < 1e-3 * span:
+            notes.append(f"{name} at its bound")
+
+    freedom = len(w) - free
+    fitted = beverloo(w, *best)
+    scatter = error
+    if error is None:
+        # The residuals of a weighted fit with equal weights: their size is the error that the data did not bring.
+        scatter = np.full_like(Q, np.sqrt(((Q - fitted) ** 2).sum() / freedom)) if freedom > 0 else None
+        notes.append("Q without errors: " + ("taken from the scatter" if freedom > 0 else "none for the fit"))
+    if scatter is None:
+        errors = np.where([True, k is None, beta is None], np.nan, 0.0)
+    else:
+        draws = np.random.default_rng(seed).normal(fitted, scatter, size=(resamples, len(w)))
+        refits = np.array([problem.solve(draw, best[1], best[2]) for draw in draws])
+        low, high = np.quantile(refits, [0.158655, 0.841345], axis=0)
+        errors = (high - low) / 2
+    chi2 = result.chisqr / freedom if freedom > 0 and error is not None else np.nan
+    return BeverlooFit(*(float(x) for pair in zip(best, errors) for x in pair), len(w), float(chi2), tuple(notes))
+
+
+def fit_groups(table, by, beta=None, **options):
+    """One row per group of a sweep table: the group's columns, points, C, k, beta with errors, chi2_reduced, note, fit.
+
+    `by` are column names; `beta` is None (free) or a number; `options` go to fit_beverloo. A group that cannot
+    be fitted has fit = None and the reason as its note.
+    """
+    rows = []
+    for key, group in table.groupby(list(by), dropna=False, sort=True):
+        row = dict(zip(by, key if isinstance(key, tuple) else (key,)))
+        try:
+            fit = fit_beverloo(group["hopper_width"], group["Q"], group["Q_error"],
+                               beta=beta, **options)
+            row.update({name: value for name, value in vars(fit).items() if name != "notes"},
+                       note="; ".join(fit.notes), fit=fit)
+        except RunError as error:
+            row.update(points=int((group["Q"] > 0).sum()), note=str(error), fit=None)
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+@dataclass(frozen=True)
+class DischargeFit:
+    """dN/dt = -c0 sqrt(N), solved by sqrt(N) = sqrt(N0) - c0 (t - t_first)/2."""
+
+    c0: float
+    c0_error: float
+    N0: float
+    first: float  #: time of the first sample used
+    last: float   #: time of the last sample used
+
+    def __call__(self, t):
+        return np.maximum(np.sqrt(self.N0) - 0.5 * self.c0 * (np.asarray(t, float) - self.first), 0.0) ** 2
+
+
+def fit_discharge(time, count, skip_first=0, skip_last=0, blocks=8):
+    """c0 of a hopper that empties, from the number left `count` [T] at `time` [T] (t0).
+
+    The first `skip_first` and last `skip_last` particles are transients and are left out. Residuals of neighbouring
+    samples are correlated (a particle that left stays out), so the error is not that of the straight line: it is the
+    standard error of the slopes over `blocks` consecutive pieces. Raises RunError with fewer than 2 samples per piece.
+    """
+    time, count = np.asarray(time, float), np.asarray(count, float)
+    if time.shape != count.shape or time.ndim != 1:
+        raise RunError(f"time and count differ in length ({time.shape}, {count.shape})")
+    use = (count <= (count.max() if len(count) else 0) - skip_first) & (count >= max(skip_last, 1))
+    t, root = time[use], np.sqrt(count[use])
+    if len(t) < 2 * blocks:
+        raise RunError(f"{len(t)} samples between the first {skip_first} and the last {skip_last} particles are too "
+                       f"few (at least {2 * blocks})")
+    line = lmfit.models.LinearModel()
+    whole = line.fit(root, x=t - t[0], params=line.guess(root, x=t - t[0]))
+    edges = np.linspace(0, len(t) - 1, blocks + 1).astype(int)
+    slopes = np.diff(root[edges]) / np.diff(t[edges])
+    error = 2 * slopes.std(ddof=1) / np.sqrt(blocks)
+    return DischargeFit(-2 * whole.best_values["slope"], float(error), whole.best_values["intercept"] ** 2, t[0], t[-1])

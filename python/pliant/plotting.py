@@ -1,0 +1,252 @@
+"""Style and drawing shared by the plotting scripts. Importing this selects a backend without a display."""
+
+import matplotlib
+
+matplotlib.use("Agg")
+
+import matplotlib.pyplot as plt  # noqa: E402  (the backend comes first)
+import numpy as np
+from matplotlib.collections import EllipseCollection, LineCollection, PolyCollection
+from matplotlib.colors import BoundaryNorm, ListedColormap, Normalize
+from matplotlib.ticker import MaxNLocator
+
+from .errors import OutputError, RunError
+
+# Okabe and Ito's palette: distinct for every common kind of colour vision.
+COLORS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#7F7F7F"]
+MARKERS = "osD^vPX*"
+WALL = "#303030"
+PALE = "#E6E6E6"
+
+plt.rcParams.update({
+    "axes.prop_cycle": matplotlib.cycler(color=COLORS), "axes.grid": False, "axes.linewidth": 0.8,
+    "axes.spines.top": False, "axes.spines.right": False, "axes.titlesize": 10, "axes.labelsize": 10,
+    "figure.dpi": 100, "savefig.dpi": 200, "font.size": 9.5, "legend.frameon": False, "legend.fontsize": 8.5,
+    "lines.linewidth": 1.4, "lines.markersize": 5, "image.cmap": "viridis", "mathtext.default": "regular",
+    "xtick.direction": "in", "ytick.direction": "in", "pdf.fonttype": 42, "svg.fonttype": "none",
+})
+
+
+def save(figure, path):
+    """Writes the figure at 200 dpi (or as vectors) and says so."""
+    try:
+        figure.savefig(path)
+    except (OSError, ValueError) as error:  # ValueError: a format that matplotlib does not write
+        raise OutputError(f"{path}: cannot be written ({str(error).splitlines()[0]})") from None
+    plt.close(figure)
+    print(f"wrote {path}")
+
+
+# ---- what a particle's colour can mean -------------------------------------------------------------------------------
+
+def _speed(run, frame):
+    return frame.speeds
+
+
+def _contacts(run, frame):
+    return frame.contact_count.astype(float)
+
+
+def _size(run, frame):
+    return run.topology.sigma
+
+
+def _area(run, frame):
+    return 100 * (frame.area / run.topology.a0 - 1)
+
+
+def _shape(run, frame):
+    return frame.perimeter**2 / (4 * np.pi * frame.area)
+
+
+#: name → (values [N] of a frame, label, colour map)
+QUANTITIES = {
+    "speed": (_speed, r"speed  $|v|$  [$\sigma_{avg}/t_0$]", "viridis"),
+    "area": (_area, r"area change  $a/a_0 - 1$  [%]", "cividis"),
+    "shape": (_shape, r"shape  $\mathcal{A} = p^2/4\pi a$", "magma"),
+    "contacts": (_contacts, "touching particles", "viridis"),
+    "size": (_size, r"diameter  $\sigma/\sigma_{avg}$", "cividis"),
+}
+
+
+def particle_values(run, frame, quantity):
+    """[N] values of a quantity of QUANTITIES; RunError if the model has none (areas of soft particles)."""
+    if quantity in ("area", "shape") and not run.topology.deformable:
+        raise RunError(f"{run.path}: soft particles have no {quantity} of their own "
+                       "(colour by speed, contacts or size)")
+    return QUANTITIES[quantity][0](run, frame)
+
+
+def color_scale(quantity, samples):
+    """Colour map, norm and `extend` of the colour bar for values of all frames that share it: [sample arrays]."""
+    values = np.concatenate([np.asarray(s, float) for s in samples]) if samples else np.zeros(1)
+    values = values[np.isfinite(values)]
+    if not len(values):
+        values = np.zeros(1)
+    cmap = plt.get_cmap(QUANTITIES[quantity][2])
+    levels = np.unique(values)
+    if quantity == "contacts":
+        top = max(int(levels[-1]), 1)
+        return cmap, BoundaryNorm(np.arange(-0.5, top + 1), cmap.N), "neither"
+    if quantity == "size" and len(levels) <= 6:
+        cmap = ListedColormap(cmap(np.linspace(0.15, 0.9, len(levels))))
+        middles = (levels[1:] + levels[:-1]) / 2
+        reach = 0.1 if len(levels) == 1 else (levels[1] - levels[0]) / 2
+        return cmap, BoundaryNorm(np.r_[levels[0] - reach, middles, levels[-1] + reach], len(levels)), "neither"
+    # A few fast particles below the orifice must not push all others to one end of the scale.
+    low, high = np.quantile(values, [0.005, 0.99])
+    if quantity == "speed":
+        low = 0.0
+    if high <= low:
+        low, high = low - 0.5 * (quantity != "speed"), low + 0.5
+    below, above = values.min() < low, values.max() > high
+    return cmap, Normalize(low, high), {(0, 0): "neither", (0, 1): "max", (1, 0): "min", (1, 1): "both"}[below, above]
+
+
+def add_color_bar(figure, axes, quantity, cmap, norm, extend, **options):
+    """The colour bar of a quantity, with ticks on the values that occur if they are few."""
+    bar = figure.colorbar(plt.cm.ScalarMappable(norm, cmap), ax=axes, extend=extend, label=QUANTITIES[quantity][1],
+                          **({"aspect": 30, "pad": 0.02, "fraction": 0.05} | options))
+    if isinstance(norm, BoundaryNorm):
+        edges = np.asarray(norm.boundaries)
+        ticks = (edges[1:] + edges[:-1]) / 2
+        step = int(np.ceil(len(ticks) / 10))
+        bar.set_ticks(ticks[::step], labels=[f"{x:.3g}" for x in ticks[::step]])
+        bar.ax.minorticks_off()
+    bar.outline.set_linewidth(0.6)
+    return bar
+
+
+# ---- hopper, particles -----------------------------------------------------------------------------------------------
+
+def visible(run, frame):
+    """Indices of the particles to draw, the hindmost first. A 3D run is cut open along its axis and seen from y < 0."""
+    shown = np.flatnonzero(frame.active & np.isfinite(frame.centres).all(1))
+    if run.dim == 3:
+        depth = frame.centres[shown, 1]
+        shown = shown[depth >= 0][np.argsort(-depth[depth >= 0], kind="stable")]
+    return shown
+
+
+def wall_lines(run, top=None):
+    """[S, 2, 2] ends of the walls in the plane of view; upright walls reach up to `top` (None: to their upper end, or
+    to their lower one if they have no end). In 3D both halves of the cut through the axis."""
+    lines = run.geometry.segments.reshape(-1, 2, 2).copy()
+    for line in lines:
+        bottom = int(np.argmin(np.where(np.isfinite(line[:, 1]), line[:, 1], np.inf)))
+        lower, upper = line[bottom], line[1 - bottom]
+        if not np.isfinite(upper).all():
+            upper[:] = lower
+        if top is not None and abs(lower[0] - upper[0]) < 1e-9 * max(run.geometry.W, 1):
+            upper[1] = max(top, upper[1])
+    return np.concatenate([lines, lines * [-1, 1]]) if run.dim == 3 else lines
+
+
+def view(run, frames):
+    """(x0, x1, y0, y1) that holds the walls' width, the orifice and all active particles of the frames."""
+    margin = 0.6
+    walls = wall_lines(run).reshape(-1, 2)
+    centres = np.concatenate([frame.centres[visible(run, frame)][:, [0, -1]] for frame in frames])
+    if not len(walls) and not len(centres):
+        raise RunError(f"{run.path}: neither walls nor particles to draw")
+    x = np.concatenate([walls[:, 0], centres[:, 0]])
+    # Upright walls may reach far above the filling: above it they do not count.
+    y = np.concatenate([centres[:, 1], walls[:, 1] if not len(centres) else [walls[:, 1].min(initial=np.inf)]])
+    y = y[np.isfinite(y)]
+    return x.min() - margin, x.max() + margin, y.min() - 2 * margin, y.max() + 2 * margin
+
+
+def set_view(axes, box):
+    axes.set(xlim=box[:2], ylim=box[2:], aspect="equal", xlabel=r"$x/\sigma_{avg}$")
+    axes.spines[["left", "bottom"]].set_visible(False)  # they would look like walls
+    axes.tick_params(direction="out", color="0.5")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10], integer=True))
+
+
+def draw_walls(axes, run):
+    """The walls as thick lines, upright ones prolonged to the top of the view."""
+    lines = wall_lines(run, axes.get_ylim()[1])
+    axes.add_collection(LineCollection(lines, colors=WALL, linewidths=3.5, capstyle="round", zorder=1))
+
+
+def _points_per_unit(axes):
+    """Typographic points per unit of the x axis, once the layout is settled."""
+    axes.figure.draw_without_rendering()
+    (x0, _), (x1, _) = axes.transData.transform([(0, 0), (1, 0)])
+    return (x1 - x0) * 72 / axes.figure.dpi
+
+
+def draw_particles(axes, run, frame, colors, edge_shade=0.78, scale=None):
+    """Adds the particles of a frame: polygons with their rounded outline of width delta, or disks.
+
+    colors: [N, 4] RGBA, or one colour for all. The outline needs the final layout of the figure: call it after the
+    view, labels and colour bar are set, or pass `scale`, the points per unit of length of an earlier call. Returns
+    (artist, scale).
+    """
+    shown = visible(run, frame)
+    faces = matplotlib.colors.to_rgba_array(colors)
+    faces = np.broadcast_to(faces, (run.topology.particles, 4))[shown]
+    edges = faces * [edge_shade, edge_shade, edge_shade, 1]
+    scale = _points_per_unit(axes) if scale is None else scale
+    if run.topology.deformable:
+        polygons = frame.polygons
+        # The outline is drawn on the edge, half of delta to each side: what is painted is the particle's true extent.
+        widths = np.maximum(run.topology.particle_diameter[shown] * scale, 0.25)
+        artist = PolyCollection([polygons[m] for m in shown], facecolors=faces, edgecolors=edges, linewidths=widths,
+                                joinstyle="round", zorder=2)
+    else:
+        # A line inside the disk's rim, so that touching disks stay apart.
+        line = min(0.6, 0.12 * scale)
+        size = run.topology.sigma[shown] - line / scale
+        artist = EllipseCollection(size, size, np.zeros(len(size)), units="xy",
+                                   offsets=frame.centres[shown][:, [0, -1]], offset_transform=axes.transData,
+                                   facecolors=faces, edgecolors=edges, linewidths=line, zorder=2)
+    axes.add_collection(artist, autolim=False)
+    return artist, scale
+
+
+def panel_figure(runs, boxes, height=4.6):
+    """Figure and axes for one drawing per view box, side by side at a common height of the panels."""
+    shapes = [(b[1] - b[0]) / (b[3] - b[2]) for b in boxes]
+    width = height * sum(shapes)
+    if width > 15:
+        height, width = max(height * 15 / width, 2.0), 15
+    size = width + 0.75 * len(boxes) + 0.9, height + 0.75  # room for labels and the colour bar
+    figure, axes = plt.subplots(1, len(boxes), figsize=size, squeeze=False, layout="constrained",
+                                gridspec_kw={"width_ratios": shapes})
+    for ax, box in zip(axes[0], boxes):
+        set_view(ax, box)
+    axes[0, 0].set_ylabel(r"$z/\sigma_{avg}$" if runs[0].dim == 3 else r"$y/\sigma_{avg}$")
+    return figure, axes[0]
+
+
+# ---- naming runs -----------------------------------------------------------------------------------------------------
+
+MODEL_NAMES = {"sp": "soft particles", "rough": "rough polygons", "smooth": "smooth polygons"}
+SYMBOLS = {"hopper_width": r"w/\sigma_{avg}", "mu": r"\mu/\mu_0", "zeta": r"\zeta/\zeta_0", "e_sp": "E_{sp}",
+           "e_c": "E_c", "e_w": "E_w", "k_a": "K_a", "k_l": "K_l", "k_b": "K_b", "n": "N", "hopper_angle": r"\theta_w",
+           "hopper_wall_distance": r"W/\sigma_{avg}", "dim": "d"}
+
+
+def parameter_label(name, value):
+    """'$w/σ = 5$' for a parameter's value."""
+    number = f"{value:.4g}" if isinstance(value, (int, float, np.number)) else str(value)
+    return f"${SYMBOLS[name]} = {number}$" if name in SYMBOLS else f"{name} = {number}"
+
+
+def group_label(row, columns):
+    """Legend entry of a group: the model's name and the parameters in `columns`."""
+    parts = [MODEL_NAMES.get(row["model"], str(row["model"]))] if "model" in columns else []
+    return ", ".join(parts + [parameter_label(c, row[c]) for c in columns if c != "model"])
+
+
+def run_labels(runs):
+    """A label per run from what differs between them: model, width, mu, zeta …; the folder names if nothing does."""
+    columns = ["hopper_width", "mu", "zeta", *[c for c in SYMBOLS if c not in ("hopper_width", "mu", "zeta")]]
+    rows = [{"model": r.model, "hopper_width": r.geometry.w, **r.parameters} for r in runs]
+    differ = [c for c in columns if len({row.get(c) for row in rows}) > 1 and all(c in row for row in rows)]
+    if len({r.model for r in runs}) > 1:
+        differ.insert(0, "model")
+    labels = [group_label(row, differ) for row in rows]
+    return labels if len(set(labels)) == len(runs) else [r.name for r in runs]

@@ -1,0 +1,360 @@
+"""One run folder: manifest, topology, geometry, frames, series, summary."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pandas as pd
+
+from .errors import RunError
+
+# A run that is killed while it writes a frame leaves a group without all of these: such a frame does not exist.
+_FRAME_DATASETS = ("positions", "velocities", "centres", "active", "contact_count")
+
+
+def _plain(value):
+    """An HDF5 attribute as an ordinary Python object."""
+    if isinstance(value, bytes):
+        return value.decode()
+    if isinstance(value, np.ndarray):
+        return value.item() if value.size == 1 else [_plain(v) for v in value.tolist()]
+    return value.item() if isinstance(value, np.generic) else value
+
+
+@dataclass(frozen=True)
+class Topology:
+    """What does not change: the points of particle m are offset[m] … offset[m+1]-1."""
+
+    offset: np.ndarray    #: [N+1]
+    sigma: np.ndarray     #: [N] diameter, in sigma_avg
+    a0: np.ndarray        #: [N] rest area (2D) or volume (3D)
+    l0: np.ndarray        #: [N] rest length of an edge; 0 for soft particles
+    mass: np.ndarray      #: [N]
+    diameter: np.ndarray  #: [P] contact diameter of a point; delta for a vertex
+
+    @property
+    def particles(self):
+        return len(self.offset) - 1
+
+    @property
+    def points(self):
+        return int(self.offset[-1])
+
+    @property
+    def deformable(self):
+        """True if particles are polygons."""
+        return self.points > self.particles
+
+    @property
+    def particle_diameter(self):
+        """[N] contact diameter of each particle's points: sigma_m (soft) or delta_m (deformable)."""
+        return self.diameter[self.offset[:-1]]
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """The walls; in 3D `segments` is the meridian (rho, z) of walls of revolution."""
+
+    segments: np.ndarray  #: [S, 4] x1 y1 x2 y2
+    W: float              #: distance of the upright walls
+    w: float              #: width of the orifice
+    angle: float          #: degrees
+    kind: str             #: hopper2d or hopper3d
+
+    @property
+    def orifice_height(self):
+        """Height of the orifice line: that of the lips, which are the lowest ends of the walls."""
+        return float(np.nanmin(self.segments[:, [1, 3]])) if len(self.segments) else 0.0
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Axis profile, one row per sample of the series."""
+
+    time: np.ndarray      #: [T]
+    height: np.ndarray    #: [H] above the orifice
+    momentum: np.ndarray  #: [T, H] sum of v_i phi
+    weight: np.ndarray    #: [T, H] sum of phi
+
+    def after(self, start):
+        """The samples from time `start` on."""
+        keep = self.time >= start
+        return Profile(self.time[keep], self.height, self.momentum[keep], self.weight[keep])
+
+
+class Frame:
+    """One frame; every array is read when it is first asked for."""
+
+    def __init__(self, run, name, group):
+        self._run, self.name, self._group = run, name, group
+        self.time = float(_plain(group.attrs.get("time", np.nan)))
+        self.step = int(_plain(group.attrs.get("step", -1)))
+
+    def __repr__(self):
+        return f"<Frame {self.name} at t = {self.time:g} t0>"
+
+    def _read(self, name, needed_by="every frame"):
+        if name not in self._group:
+            raise RunError(f"{self._run.path}: frame {self.name} has no '{name}' (it is written for {needed_by})")
+        return self._group[name][()]
+
+    @cached_property
+    def positions(self):
+        """[P, D] centres of soft particles or vertices."""
+        return self._read("positions")
+
+    @cached_property
+    def velocities(self):
+        """[P, D] velocities of the points, in sigma_avg/t0."""
+        return self._read("velocities")
+
+    @cached_property
+    def centres(self):
+        """[N, D] centres of the particles."""
+        return self._read("centres")
+
+    @cached_property
+    def active(self):
+        """[N] bool; False once a particle has left the run."""
+        return self._read("active").astype(bool)
+
+    @cached_property
+    def contact_count(self):
+        """[N] touching particles."""
+        return self._read("contact_count")
+
+    @cached_property
+    def area(self):
+        """[N] areas (polygons only)."""
+        return self._read("area", "polygons")
+
+    @cached_property
+    def perimeter(self):
+        """[N] perimeters (polygons only)."""
+        return self._read("perimeter", "polygons")
+
+    @cached_property
+    def wall_force(self):
+        """[S, D] force of the particles on each wall, in rho g sigma_avg^D."""
+        return self._read("wall_force", "walls")
+
+    @cached_property
+    def particle_velocities(self):
+        """[N, D] mean velocity of each particle's points, which have equal masses."""
+        offset = self._run.topology.offset
+        return np.add.reduceat(self.velocities, offset[:-1], axis=0) / np.diff(offset)[:, None]
+
+    @cached_property
+    def speeds(self):
+        """[N] magnitudes of the particles' velocities."""
+        return np.linalg.norm(self.particle_velocities, axis=1)
+
+    @cached_property
+    def polygons(self):
+        """List of N arrays [vertices, D] (one row each for soft particles)."""
+        return np.split(self.positions, self._run.topology.offset[1:-1])
+
+    @cached_property
+    def contacts(self):
+        """DataFrame, one row per contact: particle_1, particle_2, x y [z], nx ny [nz], overlap, fx fy [fz], force.
+
+        Force and normal are those on particle_1; `force` is the magnitude, in rho g sigma_avg^D.
+        """
+        axes = "xyz"[: self._run.dim]
+        if "contacts" not in self._group:
+            raise RunError(f"{self._run.path}: frame {self.name} has no contacts")
+        group = self._group["contacts"]
+        pairs = group["particles"][()].reshape(-1, 2)
+        force = group["force"][()].reshape(-1, len(axes))
+        columns = {"particle_1": pairs[:, 0], "particle_2": pairs[:, 1]}
+        for prefix, values in (("", group["position"][()]), ("n", group["normal"][()])):
+            values = values.reshape(-1, len(axes))
+            columns.update({prefix + axis: values[:, i] for i, axis in enumerate(axes)})
+        columns["overlap"] = group["overlap"][()]
+        columns.update({"f" + axis: force[:, i] for i, axis in enumerate(axes)})
+        columns["force"] = np.linalg.norm(force, axis=1)
+        return pd.DataFrame(columns)
+
+
+class Frames(Sequence):
+    """The complete frames of a run, in order; `frames[-1]`, slices and iteration work, nothing is read in advance."""
+
+    def __init__(self, run, group):
+        self._run, self._group = run, group
+        names = sorted((n for n in group if n.isdigit()), key=int) if group is not None else []
+        self._names = [n for n in names if all(d in group[n] for d in _FRAME_DATASETS)]
+
+    def __len__(self):
+        return len(self._names)
+
+    def __getitem__(self, index):
+        if isinstance(index, slice):
+            return [self[i] for i in range(*index.indices(len(self)))]
+        if not self._names:
+            raise RunError(f"{self._run.path}: the run has no frames (set -frame_interval, or let it run longer)")
+        try:
+            name = self._names[index]
+        except IndexError:
+            # An IndexError ends a for loop, as Sequence asks; Run.frame() is what speaks to users.
+            raise IndexError(f"frame {index} of {len(self)}") from None
+        return Frame(self._run, name, self._group[name])
+
+    def __iter__(self):
+        return (self[i] for i in range(len(self)))
+
+    @cached_property
+    def times(self):
+        """[frames] times in t0."""
+        return np.array([_plain(self._group[n].attrs.get("time", np.nan)) for n in self._names], dtype=float)
+
+
+class Run:
+    """The run in folder `path`; raises RunError if it is not one. Use as a context manager to close the file early."""
+
+    def __init__(self, path):
+        self.path = Path(path)
+        if not self.path.exists():
+            raise RunError(f"{self.path}: no such folder")
+        if not self.path.is_dir():
+            raise RunError(f"{self.path}: not a folder (name the run's folder, not a file in it)")
+        h5 = self.path / "run.h5"
+        if not h5.is_file():
+            raise RunError(f"{self.path}: not a run (it has no run.h5)")
+        try:
+            # No lock: a run that is still being written may be read up to its last frame.
+            self._file = h5py.File(h5, "r", locking=False)
+        except OSError as error:
+            raise RunError(f"{h5}: cannot be read as HDF5 ({str(error).splitlines()[0]})") from None
+        if "manifest" not in self._file:
+            self.close()
+            raise RunError(f"{self.path}: not a run (run.h5 has no /manifest)")
+
+    def __repr__(self):
+        return f"<Run {self.path}: {self.manifest.get('scenario')}, model {self.model}>"
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()
+
+    def close(self):
+        self._file.close()
+
+    def _group(self, name):
+        if name not in self._file:
+            raise RunError(f"{self.path}: run.h5 has no /{name}")
+        return self._file[name]
+
+    @property
+    def name(self):
+        """The folder's own name."""
+        return self.path.resolve().name
+
+    @cached_property
+    def manifest(self):
+        """Attributes of /manifest, with `options` decoded."""
+        manifest = {key: _plain(value) for key, value in self._file["manifest"].attrs.items()}
+        try:
+            manifest["options"] = json.loads(manifest.get("options", "{}"))
+        except json.JSONDecodeError as error:
+            raise RunError(f"{self.path}: the options in /manifest are not JSON ({error})") from None
+        return manifest
+
+    @cached_property
+    def options(self):
+        """Option name → value; units are in `manifest["options"]`."""
+        return {name: entry["value"] if isinstance(entry, dict) else entry
+                for name, entry in self.manifest["options"].items()}
+
+    @property
+    def model(self):
+        return self.manifest.get("model", "")
+
+    @property
+    def dim(self):
+        return int(self.manifest.get("dim", 2))
+
+    @cached_property
+    def summary(self):
+        """summary.json as a dict; empty if the run has not ended."""
+        path = self.path / "summary.json"
+        if not path.is_file():
+            return {}
+        try:
+            return json.loads(path.read_text())
+        except (json.JSONDecodeError, UnicodeDecodeError) as error:
+            raise RunError(f"{path}: not JSON ({error})") from None
+
+    @cached_property
+    def parameters(self):
+        """Parameter name → value: the options, overruled by what summary.json lists."""
+        listed = self.summary.get("parameters", {})
+        return self.options | {k: v["value"] if isinstance(v, dict) else v for k, v in listed.items()}
+
+    def measured(self, name):
+        """(value, error) of a quantity in summary.json; NaN where it is not given."""
+        entry = self.summary.get(name)
+        if not isinstance(entry, dict):
+            entry = {"value": entry}
+        return tuple(float("nan") if entry.get(k) is None else float(entry[k]) for k in ("value", "error"))
+
+    @cached_property
+    def topology(self):
+        group = self._group("topology")
+        return Topology(**{name: group[name][()] for name in Topology.__dataclass_fields__})
+
+    @cached_property
+    def geometry(self):
+        group = self._group("geometry")
+        attrs = {key: _plain(value) for key, value in group.attrs.items()}
+        lengths = {k: float(attrs.get(k, np.nan)) for k in ("W", "w", "angle")}
+        return Geometry(group["segments"][()].reshape(-1, 4), **lengths, kind=attrs.get("kind", ""))
+
+    @cached_property
+    def frames(self):
+        return Frames(self, self._file.get("frames"))
+
+    def frame(self, index):
+        """Frame by index, with a RunError that says what there is."""
+        try:
+            return self.frames[index]
+        except IndexError:
+            count = len(self.frames)
+            raise RunError(f"{self.path}: no frame {index}, the run has {count} (0 … {count - 1}, "
+                           "or negative from the end)") from None
+
+    @cached_property
+    def _series_arrays(self):
+        group = self._group("series")
+        arrays = {name: data for name, data in group.items() if isinstance(data, h5py.Dataset)}
+        if "time" not in arrays:
+            raise RunError(f"{self.path}: /series has no time")
+        rows = min(len(data) for data in arrays.values())  # a killed run may have begun a row
+        return {name: data[:rows] for name, data in arrays.items()}
+
+    @cached_property
+    def series(self):
+        """Scalar time series as a DataFrame, one row per sample; the time is in the column `time`."""
+        scalars = {name: values for name, values in self._series_arrays.items() if values.ndim == 1}
+        first = scalars.pop("time")
+        return pd.DataFrame({"time": first, **scalars})
+
+    @cached_property
+    def profile(self):
+        """Axis profile of all samples."""
+        arrays = self._series_arrays
+        if "profile_momentum" not in arrays or "series_axes" not in self._file:
+            raise RunError(f"{self.path}: the run has no axis profile")
+        return Profile(arrays["time"], self._file["series_axes/profile_height"][()], arrays["profile_momentum"],
+                       arrays["profile_weight"])
+
+    @property
+    def steady_start(self):
+        """Time from which the run counts as steady, None if summary.json does not say."""
+        value, _ = self.measured("steady_start")
+        return None if np.isnan(value) else value

@@ -1,0 +1,57 @@
+"""What the plotting scripts share on the command line: arguments, errors as one line, tables."""
+
+import argparse
+import sys
+from pathlib import Path
+
+import numpy as np
+from uncertainties import ufloat
+
+from .errors import OutputError, PliantError
+
+
+def parser(description, example, output):
+    """An ArgumentParser whose help ends with an example, with --output."""
+    result = argparse.ArgumentParser(description=description, epilog=f"example:\n  {example}",
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    result.add_argument("--output", "-o", type=Path, default=Path(output), metavar="FILE",
+                        help=f"file to write, its ending picks the format (default: {output})")
+    return result
+
+
+def run(main):
+    """Calls main() and exits; a PliantError becomes one line on stderr and its exit code."""
+    try:
+        main()
+    except PliantError as error:
+        print(f"{Path(sys.argv[0]).name}: error: {error}", file=sys.stderr)
+        sys.exit(error.exit_code)
+    except KeyboardInterrupt:
+        sys.exit(130)
+
+
+def check_output(path):
+    """Raises OutputError before any work if `path` cannot be written."""
+    if not path.parent.is_dir():
+        raise OutputError(f"{path}: the folder {path.parent} does not exist")
+    if path.is_dir():
+        raise OutputError(f"{path}: is a folder (name a file)")
+
+
+def with_error(value, error):
+    """'1.50 ± 0.03', rounded by the error; '–' for a missing value."""
+    if value is None or not np.isfinite(value):
+        return "–"
+    if error is None or not np.isfinite(error):
+        return f"{value:.4g}"
+    if error == 0:
+        return f"{value:g}"
+    return f"{ufloat(value, error):P}".replace("±", " ± ")
+
+
+def markdown(headers, rows):
+    """A Markdown table of strings, its columns aligned."""
+    cells = [list(headers)] + [[str(c) for c in row] for row in rows]
+    widths = [max(len(row[i]) for row in cells) for i in range(len(headers))]
+    lines = ["| " + " | ".join(c.ljust(n) for c, n in zip(row, widths)) + " |" for row in cells]
+    return "\n".join([lines[0], "|" + "|".join("-" * (n + 2) for n in widths) + "|"] + lines[1:])

@@ -1,0 +1,57 @@
+"""Many runs as one table."""
+
+from pathlib import Path
+
+import pandas as pd
+
+from .errors import RunError
+from .run import Run
+
+
+def load_runs(paths):
+    """List of Run, one per path; a folder that is no run itself stands for the runs right inside it."""
+    runs = []
+    for path in map(Path, paths):
+        inside = sorted(p.parent for p in path.glob("*/run.h5")) if not (path / "run.h5").exists() else []
+        runs.extend(Run(p) for p in inside or [path])
+    if not runs:
+        raise RunError("no runs given")
+    return runs
+
+
+def _row(run):
+    row = {"run": str(run.path), "scenario": run.manifest.get("scenario"), "model": run.model, "dim": run.dim,
+           "status": run.summary.get("status", "unfinished")}
+    row.update({k: v for k, v in run.parameters.items() if k not in row and isinstance(v, (bool, int, float, str))})
+    for name, entry in run.summary.items():
+        if isinstance(entry, dict) and "value" in entry:
+            row[name], row[name + "_error"] = run.measured(name)
+    for name in ("Q", "Q_error"):
+        row.setdefault(name, float("nan"))
+    return row
+
+
+def sweep_table(runs):
+    """DataFrame, one row per run: run, scenario, model, dim, status, every parameter, and each measured quantity X as
+    the columns X and X_error. `runs` are Run objects or paths."""
+    runs = list(runs)
+    if runs and not isinstance(runs[0], Run):
+        runs = load_runs(runs)
+    return pd.DataFrame([_row(run) for run in runs])
+
+
+def load_table(path):
+    """A sweep table from a CSV file with at least the columns hopper_width (or w) and Q; Q_error may be missing."""
+    try:
+        table = pd.read_csv(path).rename(columns={"w": "hopper_width"})
+    except (OSError, ValueError) as error:  # pandas' parser errors are ValueErrors
+        raise RunError(f"{path}: cannot be read as a table ({str(error).strip().splitlines()[0]})") from None
+    for column in ("hopper_width", "Q"):
+        if column not in table:
+            raise RunError(f"{path}: the table has no column '{column}' (it has: {', '.join(map(str, table.columns))})")
+    for column in ("hopper_width", "Q", "Q_error", "mu", "zeta"):
+        if column in table and not pd.api.types.is_numeric_dtype(table[column]):
+            raise RunError(f"{path}: column '{column}' holds something that is not a number")
+    if "Q_error" not in table:
+        table["Q_error"] = float("nan")
+    return table

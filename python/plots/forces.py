@@ -1,0 +1,82 @@
+#!/usr/bin/python3
+"""The network of contact forces in one frame: lines between the centres of touching particles."""
+
+import sys
+from pathlib import Path
+
+# In place of this folder, whose profile.py would hide the standard library's.
+sys.path[0] = str(Path(__file__).resolve().parents[1])
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.collections import LineCollection
+from matplotlib.colors import ListedColormap, Normalize
+
+from pliant import Run, RunError
+from pliant import plotting, script
+
+
+def pair_forces(run, frame):
+    """Lines [F, 2, 2] in the plane of view and magnitudes [F] of the forces that do not vanish, weak ones first.
+
+    The contacts of one pair of polygons add up to one force. A negative particle index stands for a wall: such a line
+    ends at the contact.
+    """
+    axes = "xyz"[: run.dim]
+    contacts = frame.contacts.copy()
+    # Vertices of m on edges of n and the reverse name the same pair in either order.
+    swap = (contacts["particle_2"] >= 0) & (contacts["particle_1"] > contacts["particle_2"])
+    contacts.loc[swap, ["particle_1", "particle_2"]] = contacts.loc[swap, ["particle_2", "particle_1"]].to_numpy()
+    contacts.loc[swap, [f"f{a}" for a in axes]] *= -1
+    total = contacts.groupby(["particle_1", "particle_2"], sort=False).agg(
+        {**{a: "mean" for a in axes}, **{f"f{a}": "sum" for a in axes}}).reset_index()
+    first, second = total["particle_1"].to_numpy(int), total["particle_2"].to_numpy(int)
+    contact = total[list(axes)].to_numpy()
+    force = np.linalg.norm(total[[f"f{a}" for a in axes]].to_numpy(), axis=1)
+    ends = [np.where((index < 0)[:, None], contact, frame.centres[index]) for index in (first, second)]
+    lines = np.stack(ends, axis=1)
+    if run.dim == 3:  # a slice of one diameter to either side of the axis
+        inside = (np.abs(lines[:, :, 1]) < 1).all(axis=1)
+        lines, force = lines[inside], force[inside]
+    order = np.argsort(force, kind="stable")  # strong ones on top
+    order = order[force[order] > 0]
+    return lines[order][:, :, [0, -1]], force[order]
+
+
+def main():
+    parser = script.parser(__doc__, "forces.py runs/hopper --frame -1 -o forces.png", "forces.png")
+    parser.add_argument("run", help="run folder")
+    parser.add_argument("--frame", type=int, default=-1, help="frame number, negative from the end (default: -1)")
+    parser.add_argument("--max-height", type=float, help="cut the view at this height, in sigma_avg")
+    arguments = parser.parse_args()
+    script.check_output(arguments.output)
+    run = Run(arguments.run)
+    frame = run.frame(arguments.frame)
+    lines, force = pair_forces(run, frame)
+    if not len(force):
+        raise RunError(f"{run.path}: no forces between particles at t = {frame.time:g} t0 (another --frame?)")
+
+    box = plotting.view(run, [frame])
+    if arguments.max_height is not None:
+        box = (*box[:3], max(min(box[3], arguments.max_height), box[2] + 1))
+    figure, (ax,) = plotting.panel_figure([run], [box])
+    ax.set_title(f"{plotting.MODEL_NAMES.get(run.model, run.model)},  $t = {frame.time:.4g}\\ t_0$")
+    plotting.draw_walls(ax, run)
+    # The lightest part of the map would vanish on the pale particles.
+    cmap = ListedColormap(plt.get_cmap("magma_r")(np.linspace(0.2, 0.95, 256)))
+    top = np.quantile(force, 0.99)
+    norm = Normalize(0, top)
+    bar = figure.colorbar(plt.cm.ScalarMappable(norm, cmap), ax=ax, aspect=30, pad=0.02, fraction=0.05,
+                          extend="max" if force.max() > top else "neither",
+                          label=rf"contact force  $|f|$  [$\rho g\sigma_{{avg}}^{run.dim}$]")
+    bar.outline.set_linewidth(0.6)
+    _, scale = plotting.draw_particles(ax, run, frame, plotting.PALE, edge_shade=0.9)
+    # The widest line is a third of a particle.
+    widths = np.clip(force / top, 0.04, 1) * 0.35 * scale
+    ax.add_collection(LineCollection(lines, colors=cmap(norm(force)), linewidths=widths, capstyle="round", zorder=3),
+                      autolim=False)
+    plotting.save(figure, arguments.output)
+
+
+if __name__ == "__main__":
+    script.run(main)

@@ -1,0 +1,156 @@
+"""Writes run folders in the format of docs/file-format.md: particles on a jittered lattice that flow down a hopper.
+
+Nothing is simulated; positions follow a funnel-shaped velocity field, so that every figure has something to show.
+"""
+
+import json
+from pathlib import Path
+
+import h5py
+import numpy as np
+from scipy.spatial import cKDTree
+
+VERTICES = 16
+
+
+def hopper_segments(W, w, angle):
+    """[4, 4] walls of a 2D hopper: slope and upright wall for each side, the upright ones up to the height W."""
+    height = 0.0 if angle == 90 else (W - w) / 2 / np.tan(np.radians(angle))
+    return np.array([row for s in (-1, 1)
+                     for row in ([s * w / 2, 0, s * W / 2, height], [s * W / 2, height, s * W / 2, W])])
+
+
+def _lattice(n, dim, W, w, angle, rng):
+    """[n, dim] centres on layers from just below the orifice upwards, inside the hopper."""
+    slope = 0.0 if angle == 90 else (W - w) / 2 / np.tan(np.radians(angle))
+    rows, y = [], -1.5
+    while sum(map(len, rows)) < n:
+        half = w / 2 if y <= 0.4 else (W / 2 if y >= slope else w / 2 + (W - w) / 2 * y / slope)
+        x = np.arange(-half + 0.6, half - 0.5, 1.02) + 0.25 * (len(rows) % 2)
+        if dim == 2:
+            rows.append(np.c_[x, np.full_like(x, y)])
+        else:
+            grid = np.stack(np.meshgrid(x, x), -1).reshape(-1, 2)
+            grid = grid[np.hypot(*grid.T) < max(half - 0.5, 0.3)]
+            rows.append(np.c_[grid, np.full(len(grid), y)])
+        y += 0.9
+    return np.concatenate(rows)[:n] + rng.normal(0, 0.04, (n, dim))
+
+
+def _velocity(centres, w):
+    """Downward, fastest at the orifice, with the inward drift of a funnel."""
+    height = np.maximum(centres[:, -1], 0)
+    fall = 0.15 + np.sqrt(w) * np.exp(-(centres[:, 0] ** 2) / (w + 0.6 * height) ** 2) * 2 / (2 + height)
+    velocity = np.zeros_like(centres)
+    velocity[:, -1] = -fall
+    velocity[:, 0] = -0.3 * fall * centres[:, 0] / (2 + height)
+    return velocity
+
+
+def write_run(path, model="sp", dim=2, n=150, W=14.0, w=4.0, angle=90.0, mu=1.0, zeta=0.0, Q=3.0, Q_error=0.1, frames=3,
+              samples=200, status="done", seed=1, summary=True, extra=None, close=True):
+    """Writes a run and returns its path and the arrays that a reader must find again.
+
+    model sp: points are centres. rough, smooth: polygons of 16 vertices, delta = l0 or 0.1 l0. `extra` adds options.
+    """
+    path = Path(path)
+    path.mkdir(parents=True, exist_ok=True)
+    rng = np.random.default_rng(seed)
+    sigma = np.where(np.arange(n) % 2 == 0, 2 / 2.4, 2.8 / 2.4)
+    deformable = model != "sp"
+    a0 = np.pi * sigma**2 / 4 if dim == 2 else np.pi * sigma**3 / 6
+    corners = VERTICES if deformable else 1
+    l0 = np.sqrt(4 * a0 * VERTICES * np.tan(np.pi / VERTICES)) / VERTICES if deformable else np.zeros(n)
+    delta = {"sp": sigma, "rough": l0, "smooth": 0.1 * l0}[model]
+    centres = _lattice(n, dim, W, w, angle, rng)
+    offset = np.arange(n + 1, dtype=np.int32) * corners
+    truth = {"sigma": sigma, "centres": [], "positions": [], "contacts": [], "frame_time": []}
+
+    file = h5py.File(path / "run.h5", "w")
+    options = {"n": (n, ""), "mu": (mu, "mu0"), "zeta": (zeta, "zeta0"), "hopper_width": (w, "sigma_avg"),
+               "hopper_angle": (angle, "degrees"), "model": (model, ""), "seed": (seed, "")} | (extra or {})
+    manifest = file.create_group("manifest").attrs
+    manifest.update({"program": "pliant", "version": "0.1.0", "build": "synthetic", "scenario": "hopper",
+                     "model": model, "dim": dim, "seed": seed, "created": "2024-01-01T00:00:00Z"})
+    manifest["options"] = json.dumps({k: {"value": v, "unit": u, "source": "default"} for k, (v, u) in options.items()})
+    for name, data in {"offset": offset, "sigma": sigma, "a0": a0, "l0": l0, "mass": a0,
+                       "diameter": np.repeat(delta, corners)}.items():
+        file[f"topology/{name}"] = data
+    segments = hopper_segments(W, w, angle)
+    file["geometry/segments"] = segments if dim == 2 else segments[2:]
+    file["geometry"].attrs.update({"W": W, "w": w, "angle": angle, "kind": f"hopper{dim}d"})
+
+    for index in range(frames):
+        velocity = _velocity(centres, w)
+        centres = centres + velocity * 0.05 * (index > 0)
+        phase = rng.uniform(0, 2 * np.pi, n)
+        if deformable:
+            theta = 2 * np.pi * np.arange(VERTICES) / VERTICES
+            stretch = 1 + rng.uniform(-0.1, 0.1, n)
+            radius = l0 / (2 * np.sin(np.pi / VERTICES)) - delta / 2 * 0.9
+            unit = np.stack([stretch[:, None] * np.cos(theta + phase[:, None]), np.sin(theta + phase[:, None])
+                             / stretch[:, None]], -1)
+            positions = (centres[:, None, :] + radius[:, None, None] * unit).reshape(-1, 2)
+        else:
+            positions = centres.copy()
+        pairs = np.array(sorted(cKDTree(centres).query_pairs(1.2)), dtype=np.int32).reshape(-1, 2)
+        between = centres[pairs[:, 0]] - centres[pairs[:, 1]]
+        distance = np.linalg.norm(between, axis=1)
+        touch = distance < 1.04 * sigma[pairs].mean(1)
+        pairs, between, distance = pairs[touch], between[touch], distance[touch]
+        normal = between / distance[:, None]
+        force = normal * (rng.exponential(1.0, len(pairs)) * np.exp(-centres[pairs[:, 0], -1] / 20))[:, None]
+        group = file.create_group(f"frames/{index:06d}")
+        group.attrs.update({"time": 0.5 * index, "step": 500 * index})
+        active = np.ones(n, np.uint8)
+        active[0] = index == 0
+        group.update({"positions": positions, "velocities": np.repeat(velocity, corners, axis=0), "centres": centres,
+                      "active": active, "contact_count": np.bincount(pairs.ravel(), minlength=n).astype(np.int32),
+                      "wall_force": np.zeros((len(file["geometry/segments"]), dim))})
+        if deformable:
+            polygon = positions.reshape(n, VERTICES, 2)
+            following = np.roll(polygon, -1, axis=1)
+            group["area"] = (polygon[..., 0] * following[..., 1] - polygon[..., 1] * following[..., 0]).sum(1) / 2
+            group["perimeter"] = np.linalg.norm(following - polygon, axis=2).sum(1)
+        position = centres[pairs].mean(1)
+        wall = np.array([[n - 1, -1]], np.int32)  # the last particle touches the right wall; -1 stands for walls
+        at_wall, inward = centres[-1:] * 1.0, np.zeros((1, dim))
+        at_wall[0, 0], inward[0, 0] = W / 2, -1
+        contacts = {"particles": np.r_[pairs, wall], "position": np.r_[position, at_wall],
+                    "normal": np.r_[normal, inward], "overlap": np.full(len(pairs) + 1, 0.01),
+                    "force": np.r_[force, 0.5 * inward]}
+        for name, data in contacts.items():
+            group[f"contacts/{name}"] = data
+        for name, value in (("centres", centres), ("positions", positions), ("contacts", contacts),
+                            ("frame_time", 0.5 * index)):
+            truth[name].append(value)
+
+    time = 0.5 * np.arange(samples)
+    flow = np.maximum(Q * (1 - np.exp(-time / 8)) + 0.2 * Q * rng.normal(size=samples), 0)
+    crossed = np.concatenate([[0], np.cumsum(flow * 0.5)[:-1]]) if samples else time
+    heights = np.linspace(0, 20, 41)
+    weight = 0.8 * (1 + 0.1 * rng.normal(size=(samples, len(heights))))
+    speed = 0.15 + np.sqrt(w) * 2 / (2 + heights)
+    series = {"time": time, "crossed_count": np.floor(crossed / 0.8), "crossed_area": crossed,
+              "in_hopper": np.full(samples, n),
+              "kinetic_energy": 5 * (1 - np.exp(-time / 8)) + 0.2 * rng.normal(size=samples),
+              "contact_pairs": np.round(2 * n + 5 * rng.normal(size=samples)),
+              "top_height": 10 + 0.1 * rng.normal(size=samples), "profile_weight": weight,
+              "profile_momentum": weight * speed * (1 + 0.1 * rng.normal(size=(samples, 1)))}
+    for name, data in series.items():
+        file[f"series/{name}"] = data
+    file["series_axes/profile_height"] = heights
+    truth.update(series=series, heights=heights, axis_speed=speed)
+
+    if summary:
+                (path / "summary.json").write_text(json.dumps({
+            "program": "pliant", "version": "0.1.0", "scenario": "hopper", "model": model, "status": status,
+            "parameters": {k: {"value": v, "unit": u} for k, (v, u) in options.items()},
+            "Q": {"value": Q, "error": Q_error, "unit": f"sigma_avg^{dim}/t0"},
+            "steady_start": {"value": 20.0}, "steps": 1000,
+            "ns_per_vertex_step": None}))
+    if close:
+        file.close()
+    else:
+        file.flush()  # the caller kills the process
+    return path, truth

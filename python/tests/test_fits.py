@@ -1,0 +1,150 @@
+"""The fits find the parameters that made the data, with honest errors."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from numpy.testing import assert_allclose
+
+from pliant import RunError
+from pliant.beverloo import beverloo, fit_beverloo, fit_discharge, fit_groups, published_exponent
+from pliant.statistics import block_ratio
+
+W = np.array([3.0, 4.0, 5.0, 6.5, 8.0, 10.0])
+LAWS = {"friction": (0.15, 1.6, 1.5), "drag": (0.42, 2.4, 0.5)}
+
+
+@pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
+def test_exact_data(law):
+    Q = beverloo(W, *law)
+    fit = fit_beverloo(W, Q, 0.01 * Q)
+    assert_allclose([fit.C, fit.k, fit.beta], law, rtol=1e-4)
+    assert fit.chi2_reduced < 1e-6 and fit.points == 6 and fit.notes == ()
+    assert_allclose(fit(W), Q, rtol=1e-5)
+    fixed = fit_beverloo(W, Q, 0.01 * Q, beta=law[2])
+    assert_allclose([fixed.C, fixed.k], law[:2], rtol=1e-5)
+    assert fixed.beta == law[2] and fixed.beta_error == 0 and 0 < fixed.k_error < fit.k_error
+
+
+def _pulls(law, w, beta, trials=200):
+    rng = np.random.default_rng(7)
+    Q = beverloo(w, *law)
+    error = 0.02 * Q
+    pulls = []
+    for seed in range(trials):
+        fit = fit_beverloo(w, rng.normal(Q, error), error, beta=beta, resamples=60, seed=seed)
+        pulls.append([(fit.C - law[0]) / fit.C_error, (fit.k - law[1]) / fit.k_error,
+                      (fit.beta - law[2]) / (fit.beta_error or np.nan)])
+    return np.array(pulls)
+
+
+@pytest.mark.parametrize("name, w, free", [("friction", W, True), ("drag", W, True), ("friction", W, False),
+                                           ("friction", np.array([3.0, 5.0, 8.0]), True)],
+                         ids=["friction", "drag", "fixed", "three-points"])
+def test_coverage(name, w, free):
+    """68 % of the true parameters lie within one standard error; also where three points determine the fit exactly."""
+    law = LAWS[name]
+    pulls = _pulls(law, w, None if free else law[2])
+    covered = (np.abs(pulls[:, :3 if free else 2]) < 1).mean(axis=0)
+    assert ((covered > 0.55) & (covered < 0.80)).all(), covered
+
+
+def test_weights_decide():
+    Q = beverloo(W, *LAWS["friction"])
+    Q[2] *= 3  # an outlier that says so
+    error = 0.01 * Q
+    error[2] = 100
+    assert_allclose(fit_beverloo(W, Q, error).beta, 1.5, rtol=1e-2)
+    assert abs(fit_beverloo(W, Q, 0.01 * Q).beta - 1.5) > 0.05
+
+
+def test_same_seed_same_errors():
+    Q = beverloo(W, *LAWS["drag"])
+    assert fit_beverloo(W, Q, 0.02 * Q) == fit_beverloo(W, Q, 0.02 * Q)
+    assert fit_beverloo(W, Q, 0.02 * Q) != fit_beverloo(W, Q, 0.02 * Q, seed=2)
+
+
+def test_clogged_runs_are_left_out():
+    w = np.r_[2.0, 2.2, W]
+    Q = beverloo(w, *LAWS["drag"])
+    fit = fit_beverloo(w, Q, np.where(Q > 0, 0.02 * Q, np.nan))
+    assert_allclose([fit.C, fit.k, fit.beta], LAWS["drag"], rtol=1e-4)
+    assert fit.points == 6 and fit.notes == ("2 clogged left out (w = 2, 2.2)",)
+
+
+def test_k_stays_below_the_narrowest_flowing_orifice():
+    fit = fit_beverloo(W, np.array([1.0, 1.01, 1.02, 1.03, 1.04, 1.05]), np.full(6, 0.02))
+    assert fit.k < W[0] and any("at its bound" in note for note in fit.notes)
+
+
+def test_without_errors():
+    rng = np.random.default_rng(3)
+    Q = beverloo(W, *LAWS["friction"]) + rng.normal(0, 0.02, 6)
+    fit = fit_beverloo(W, Q)
+    assert np.isnan(fit.chi2_reduced) and 0 < fit.beta_error < 0.5
+    assert any("scatter" in note for note in fit.notes)
+    exact = fit_beverloo(W[::2], Q[::2])
+    assert np.isnan([exact.C_error, exact.k_error, exact.beta_error]).all()
+    some = fit_beverloo(W, Q, np.r_[np.nan, 0.02 * Q[1:]])
+    assert np.isfinite(some.beta_error) and any("1 without error" in note for note in some.notes)
+
+
+def test_too_few_points():
+    with pytest.raises(RunError, match="2 orifice widths with flow are too few for 3"):
+        fit_beverloo([3, 4, 5], [0, 1, 2], [0, 0.1, 0.1])
+    with pytest.raises(RunError, match="too few"):  # repeats of one width do not determine a curve
+        fit_beverloo([4, 4, 5], [1, 1.1, 2], [0.1, 0.1, 0.1])
+    assert fit_beverloo([3, 4, 5], [0, 1, 2], [0, 0.1, 0.1], beta=1.5).points == 2
+
+
+def test_groups():
+    tables = [pd.DataFrame({"mu": mu, "zeta": zeta, "hopper_width": W, "Q": beverloo(W, *law),
+                            "Q_error": 0.01 * beverloo(W, *law)})
+              for mu, zeta, law in ((0.0, 0.3, LAWS["drag"]), (30.0, 0.0, LAWS["friction"]))]
+    lonely = pd.DataFrame({"mu": [50.0], "zeta": [0.0], "hopper_width": [3.0], "Q": [1.0], "Q_error": [0.1]})
+    fits = fit_groups(pd.concat([*tables, lonely]), ["mu", "zeta"])
+    assert list(fits["mu"]) == [0, 30, 50]
+    assert_allclose(fits["beta"][:2], [0.5, 1.5], rtol=1e-3)
+    assert fits["fit"][2] is None and "too few" in fits["note"][2]
+
+
+def test_published_exponents():
+    assert [published_exponent(d, *c) for d in (2, 3) for c in ((1, 0), (0, 1), (1, 1), (0, 0))] == \
+        [1.5, 0.5, None, None, 2.5, 1.5, None, None]
+
+
+def test_discharge():
+    t = np.linspace(0, 100, 400)
+    N = (np.sqrt(1600) - 0.5 * 0.5 * t) ** 2
+    fit = fit_discharge(t, N, skip_first=100, skip_last=100)
+    assert_allclose([fit.c0, fit.c0_error], [0.5, 0], atol=1e-10)
+    assert fit.first > 0 and fit(t[200]) == pytest.approx(N[200])
+    with pytest.raises(RunError, match="too few"):
+        fit_discharge(t[:5], N[:5])
+
+
+def test_discharge_error():
+    """A Poisson discharge, whose deviations add up: the error of the straight line would be several times too small."""
+    rng = np.random.default_rng(5)
+    pulls = []
+    for _ in range(200):
+        N = [1600]
+        while len(N) < 500 and N[-1] > 100:
+            N.append(N[-1] - rng.poisson(0.5 * np.sqrt(N[-1]) * 0.2))
+        fit = fit_discharge(0.2 * np.arange(len(N)), N, skip_first=100, skip_last=100, blocks=10)
+        pulls.append((fit.c0 - 0.5) / fit.c0_error)
+    assert 0.55 < (np.abs(pulls) < 1).mean() < 0.80
+
+
+def test_block_error_of_correlated_samples():
+    """An autoregressive series: its block error is that of the mean over many repetitions, not that of white noise."""
+    rng = np.random.default_rng(2)
+    noise = rng.normal(size=(4000, 200))
+    series = np.empty_like(noise)
+    series[0] = noise[0]
+    for i in range(1, len(noise)):
+        series[i] = 0.9 * series[i - 1] + noise[i]
+    value, error = block_ratio(5 + series, np.ones_like(series), blocks=20)
+    assert_allclose(np.sqrt((error**2).mean()), value.std(), rtol=0.15)
+    assert error.mean() > 3 * (series.std(axis=0) / np.sqrt(4000)).mean()
+    with pytest.raises(RunError, match="too few"):
+        block_ratio([1.0], [1.0])

@@ -1,0 +1,212 @@
+"""The scripts run without a display and draw something; their errors are one line."""
+
+import os
+import runpy
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import h5py
+import matplotlib.image
+import numpy as np
+import pandas as pd
+import pytest
+from synthetic import write_run
+
+from pliant import Run, plotting
+
+PLOTS = Path(__file__).resolve().parents[1] / "plots"
+SCRIPTS = sorted(p.name for p in PLOTS.glob("*.py"))
+
+
+def run_script(name, *arguments, **options):
+    environment = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "PYTHONPATH")}
+    return subprocess.run([sys.executable, str(PLOTS / name), *map(str, arguments)], capture_output=True, text=True,
+                          env=environment, **options)
+
+
+@pytest.fixture
+def call(monkeypatch, capsys):
+    """Runs a script in this process, which saves its imports; returns what it printed."""
+
+    def run(name, *arguments):
+        monkeypatch.setattr(sys, "argv", [name, *map(str, arguments)])
+        monkeypatch.setattr(sys, "path", ["", *sys.path])
+        runpy.run_path(str(PLOTS / name), run_name="__main__")
+        return capsys.readouterr().out
+
+    return run
+
+
+def assert_picture(path, colors=100):
+    pixels = matplotlib.image.imread(path)[..., :3]
+    assert min(pixels.shape[:2]) >= 400
+    assert len(np.unique((pixels * 255).astype(np.uint8).reshape(-1, 3), axis=0)) > colors
+    painted = (pixels < 0.98).any(-1).mean()
+    assert 0.01 < painted < 0.95
+
+
+def test_every_figure_has_its_script():
+    assert set(SCRIPTS) >= {"beverloo.py", "forces.py", "movie.py", "profile.py", "series.py", "snapshot.py"}
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_help(name, tmp_path):
+    result = run_script(name, "--help", cwd=tmp_path)
+    assert result.returncode == 0 and "--output" in result.stdout
+    assert f"example:\n  {name} " in result.stdout
+
+
+@pytest.mark.parametrize("model, color", [("soft", "speed"), ("rough", "area"), ("smooth", "shape"),
+                                          ("rough", "contacts"), ("soft", "size"), ("soft3d", "speed")])
+def test_snapshot(model, color, request, call, tmp_path):
+    out = tmp_path / "a.png"
+    call("snapshot.py", request.getfixturevalue(model)[0], "--color", color, "--frame", 1, "-o", out)
+    assert_picture(out)
+
+
+def test_snapshot_panels(soft, rough, smooth, call, tmp_path):
+    call("snapshot.py", soft[0], rough[0], smooth[0], "--panels", "-o", tmp_path / "a.png")
+    assert_picture(tmp_path / "a.png")
+    height, width = matplotlib.image.imread(tmp_path / "a.png").shape[:2]
+    assert width > 2 * height
+
+
+@pytest.mark.parametrize("name, model", [("forces.py", "soft"), ("forces.py", "rough"), ("forces.py", "soft3d"),
+                                         ("series.py", "soft"), ("profile.py", "soft")])
+def test_single_run_figures(name, model, request, call, tmp_path):
+    call(name, request.getfixturevalue(model)[0], "-o", tmp_path / "a.png")
+    assert_picture(tmp_path / "a.png", colors=30)
+
+
+def test_vector_output(soft, call, tmp_path):
+    call("series.py", soft[0], "-o", tmp_path / "a.pdf")
+    assert (tmp_path / "a.pdf").read_bytes().startswith(b"%PDF")
+
+
+def test_profile_of_several_runs(sweep, call, tmp_path):
+    call("profile.py", *sorted(sweep.glob("friction*")), "-o", tmp_path / "a.png")
+    assert_picture(tmp_path / "a.png")
+
+
+def test_beverloo(sweep, call, tmp_path):
+    text = call("beverloo.py", sweep, "-o", tmp_path / "a.png")
+    assert_picture(tmp_path / "a.png")
+    rows = [[cell.strip() for cell in line[1:-1].split("|")] for line in text.splitlines() if line.startswith("| ")]
+    fits = {row[0]: row for row in rows if len(row) == 7}
+    friction = next(row for name, row in fits.items() if name.endswith("zeta/zeta_0 = 0"))
+    drag = next(row for name, row in fits.items() if name.endswith("zeta/zeta_0 = 0.316"))
+    for row, law in ((friction, (0.15, 1.6, 1.5)), (drag, (0.42, 3.4, 0.5))):
+        for cell, value in zip(row[2:5], law):
+            best, error = map(float, cell.split("±"))
+            assert abs(best - value) < 0.1 * value and 0 < error < 0.5 * value
+    assert "1 clogged left out (w = 3)" in drag[6]
+    assert len(fits) == 5  # the head, and each group with a free and with the published exponent
+
+
+def test_beverloo_from_a_table_with_few_points(call, tmp_path):
+    (tmp_path / "sweep.csv").write_text("w,Q,Q_error\n3,0.25,0.01\n5,0.94,0.02\n")
+    text = call("beverloo.py", tmp_path / "sweep.csv", "-o", tmp_path / "a.png")
+    assert "too few" in text
+    assert_picture(tmp_path / "a.png", colors=20)
+    text = call("beverloo.py", tmp_path / "sweep.csv", "--beta", 1.5, "-o", tmp_path / "a.png")
+    assert "too few" not in text
+
+
+@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="needs ffmpeg")
+def test_movie(rough, call, tmp_path):
+    out = tmp_path / "a.mp4"
+    call("movie.py", rough[0], "--fps", 10, "--dpi", 101, "-o", out)
+    probe = subprocess.run(["ffprobe", "-v", "error", "-count_frames", "-show_entries",
+                            "stream=codec_name,pix_fmt,nb_read_frames", "-of", "csv=p=0", out],
+                           capture_output=True, text=True)
+    assert probe.stdout.strip() == "h264,yuv420p,3"
+    subprocess.run(["ffmpeg", "-v", "error", "-i", out, "-vf", r"select=eq(n\,2)", "-frames:v", "1",
+                    tmp_path / "last.png"], check=True)
+    assert_picture(tmp_path / "last.png")
+
+
+def test_errors_are_one_line(soft, call, capsys, monkeypatch, tmp_path):
+    def message(code, name, *arguments):
+        with pytest.raises(SystemExit) as stop:
+            call(name, *arguments)
+        text = capsys.readouterr().err
+        assert stop.value.code == code, text
+        assert text.count("\n") == 1 and text.startswith(f"{name}: error: ")
+        return text
+
+    write_run(tmp_path / "empty", frames=0, samples=1)
+    out = tmp_path / "a.png"
+    assert "no frames" in message(2, "forces.py", tmp_path / "empty", "-o", out)
+    assert "no frames" in message(2, "movie.py", tmp_path / "empty", "-o", tmp_path / "a.mp4")
+    assert "too few" in message(2, "series.py", tmp_path / "empty", "-o", out)
+    assert "add --panels" in message(2, "snapshot.py", soft[0], soft[0], "-o", out)
+    assert "no frame 7" in message(2, "snapshot.py", soft[0], "--frame", 7, "-o", out)
+    assert "soft particles have no area" in message(2, "snapshot.py", soft[0], "--color", "area", "-o", out)
+    assert "does not exist" in message(4, "series.py", soft[0], "-o", tmp_path / "no/a.png")
+    assert "not supported" in message(4, "series.py", soft[0], "-o", tmp_path / "a.xyz")
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert "ffmpeg is not installed" in message(4, "movie.py", soft[0], "-o", tmp_path / "a.mp4")
+    assert not out.exists()
+
+
+def test_error_without_traceback(tmp_path):
+    result = run_script("snapshot.py", tmp_path / "missing")
+    assert result.returncode == 2 and result.stdout == ""
+    assert result.stderr == f"snapshot.py: error: {tmp_path / 'missing'}: no such folder\n"
+
+
+@pytest.mark.parametrize("model", ["rough", "smooth", "sp"])
+def test_particles_are_painted_in_their_true_size(model, tmp_path):
+    """Pixels of a few separate particles against area + perimeter delta/2 + pi delta²/4 (polygons) or pi sigma²/4."""
+    path, _ = write_run(tmp_path / "run", model, n=2, W=30, w=6, frames=1)
+    run = Run(path)
+    frame, topology = run.frames[0], run.topology
+    figure, axes = plotting.plt.subplots(figsize=(6, 6))
+    plotting.set_view(axes, (-4, 4, -5, 3))
+    axes.set_axis_off()
+    plotting.draw_particles(axes, run, frame, "black")
+    (x0, y0), (x1, y1) = axes.transData.transform([(-4, -5), (4, 3)]) * 2  # saved at twice the figure's dpi
+    figure.savefig(tmp_path / "a.png", dpi=2 * figure.dpi)
+    plotting.plt.close(figure)
+    painted = 1 - matplotlib.image.imread(tmp_path / "a.png")[..., 0]
+    area = painted.sum() * 64 / ((x1 - x0) * (y1 - y0))
+    delta = topology.particle_diameter
+    expected = (frame.area + frame.perimeter * delta / 2 + np.pi * delta**2 / 4 if topology.deformable
+                else np.pi * topology.sigma**2 / 4).sum()
+    assert area == pytest.approx(expected, rel=0.01)
+
+
+def test_upright_walls_without_end(tmp_path):
+    """The upper end of an endless wall may come as infinity, or as NaN where zero was multiplied with it."""
+    path, _ = write_run(tmp_path / "run", angle=60)
+    before = Run(path)
+    expected, box = plotting.wall_lines(before, 30.0), plotting.view(before, [before.frames[0]])
+    before.close()
+    with h5py.File(path / "run.h5", "a") as file:
+        file["geometry/segments"][1::2, 2:] = [np.nan, np.inf]
+    run = Run(path)
+    np.testing.assert_array_equal(plotting.wall_lines(run, 30.0), expected)
+    assert plotting.view(run, [run.frames[0]]) == box
+    assert run.geometry.orifice_height == 0
+
+
+def test_force_lines(rough, monkeypatch):
+    """A line joins the centres of a pair and sums the contacts of the pair; that of a wall ends at the wall."""
+    monkeypatch.setattr(sys, "path", ["", *sys.path])
+    pair_forces = runpy.run_path(str(PLOTS / "forces.py"))["pair_forces"]
+    run = Run(rough[0])
+    frame = run.frames[0]
+    contacts = frame.contacts
+    more = pd.concat([contacts.iloc[:1]] * 2)  # the first pair twice more, once seen from the other particle
+    more.iloc[1, :2] = more.iloc[1, [1, 0]]
+    more.iloc[1, more.columns.get_indexer(["fx", "fy"])] *= -1
+    frame.contacts = pd.concat([contacts, more], ignore_index=True)
+    lines, force = pair_forces(run, frame)
+    assert len(lines) == len(contacts) and (np.diff(force) >= 0).all()
+    first, second = contacts[["particle_1", "particle_2"]].iloc[0].astype(int)
+    joined = (lines == frame.centres[[first, second]]).all((1, 2))
+    assert force[joined] == pytest.approx(3 * contacts["force"].iloc[0])
+    at_wall = (lines[:, 1, 0] == run.geometry.W / 2) & (lines[:, 0] == frame.centres[-1]).all(1)
+    assert force[at_wall] == pytest.approx(0.5)

@@ -1,0 +1,161 @@
+"""The reader gives back what was written, from whole, unfinished and broken runs."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from synthetic import VERTICES, write_run
+
+from pliant import Run, RunError, load_runs, load_table, sweep_table
+
+HERE = Path(__file__).resolve().parent
+
+
+@pytest.mark.parametrize("model", ["soft", "rough", "smooth", "soft3d"])
+def test_round_trip(model, request):
+    path, truth = request.getfixturevalue(model)
+    with Run(path) as run:
+        assert run.model == {"soft": "sp", "soft3d": "sp"}.get(model, model)
+        assert run.dim == (3 if model == "soft3d" else 2)
+        assert run.manifest["scenario"] == "hopper"
+        assert run.options["mu"] == 1.0 and run.manifest["options"]["hopper_width"]["unit"] == "sigma_avg"
+        assert_array_equal(run.topology.sigma, truth["sigma"])
+        assert run.topology.particles == len(truth["sigma"])
+        assert run.topology.deformable == (model in ("rough", "smooth"))
+        assert run.geometry.w == 4.0 and run.geometry.orifice_height == 0.0
+        assert len(run.frames) == 3
+        assert_allclose(run.frames.times, truth["frame_time"])
+        for i, frame in enumerate(run.frames):
+            assert frame.time == truth["frame_time"][i] and frame.step == 500 * i
+            assert_array_equal(frame.centres, truth["centres"][i])
+            assert_array_equal(np.concatenate(frame.polygons), truth["positions"][i])
+            assert len(frame.polygons) == run.topology.particles
+            assert frame.active[0] == (i == 0) and frame.active[1:].all()
+            assert_array_equal(frame.contacts[["particle_1", "particle_2"]], truth["contacts"][i]["particles"])
+            assert_array_equal(frame.contacts[["nx", "ny"]], truth["contacts"][i]["normal"][:, :2])
+            assert_allclose(frame.contacts["force"], np.linalg.norm(truth["contacts"][i]["force"], axis=1))
+        for name, values in truth["series"].items():
+            if values.ndim == 1:
+                assert_array_equal(run.series[name], values)
+        assert "profile_weight" not in run.series
+        assert_array_equal(run.profile.momentum, truth["series"]["profile_momentum"])
+        assert_array_equal(run.profile.height, truth["heights"])
+        assert run.measured("Q") == (3.0, 0.1) and run.steady_start == 20.0
+        assert np.isnan(run.measured("ns_per_vertex_step")).all()
+
+
+def test_frames_are_a_sequence(soft):
+    run = Run(soft[0])
+    assert [f.step for f in run.frames[1:]] == [500, 1000]
+    assert run.frames[-1].step == run.frames[2].step == 1000
+    assert [f.step for f in reversed(run.frames)] == [1000, 500, 0]
+    with pytest.raises(IndexError):
+        run.frames[3]
+    with pytest.raises(RunError, match="no frame 3, the run has 3"):
+        run.frame(3)
+
+
+def test_polygons(rough):
+    run = Run(rough[0])
+    frame = run.frames[0]
+    assert all(p.shape == (VERTICES, 2) for p in frame.polygons)
+    assert_allclose([p.mean(0) for p in frame.polygons], frame.centres, atol=1e-12)
+    # The area from the vertices read, by another formula than the writer's: a fan of triangles about the centre.
+    fan = [sum(np.cross(p[i - 1] - c, p[i] - c) for i in range(VERTICES)) / 2
+           for p, c in zip(frame.polygons, frame.centres)]
+    assert_allclose(frame.area, fan)
+    assert_allclose(run.topology.particle_diameter, run.topology.l0)
+    expected = frame.velocities.reshape(-1, VERTICES, 2).mean(1)
+    assert_allclose(frame.particle_velocities, expected)
+    assert_allclose(frame.speeds, np.hypot(*expected.T))
+
+
+def test_soft_particles_have_no_area(soft):
+    with pytest.raises(RunError, match="no 'area'"):
+        Run(soft[0]).frames[0].area
+
+
+def test_killed_run_is_read_up_to_its_last_whole_frame(tmp_path):
+    # A process that flushes and dies without closing the file.
+    code = f"import os, sys; sys.path.insert(0, {str(HERE)!r}); from synthetic import write_run; " \
+           f"write_run({str(tmp_path / 'run')!r}, frames=2, summary=False, close=False); os._exit(9)"
+    assert subprocess.run([sys.executable, "-c", code]).returncode == 9
+    with Run(tmp_path / "run") as run:
+        assert len(run.frames) == 2 and len(run.frames[-1].contacts) > 0
+        assert run.summary == {} and run.steady_start is None and np.isnan(run.measured("Q")).all()
+        assert sweep_table([run])["status"][0] == "unfinished"
+    with h5py.File(tmp_path / "run/run.h5", "a") as file:
+        del file["frames/000001/contact_count"]
+        time = file["series/time"][:-3]
+        del file["series/time"]
+        file["series/time"] = time
+    with Run(tmp_path / "run") as run:
+        assert len(run.frames) == 1
+        assert len(run.series) == len(time) == len(run.profile.weight)
+
+
+def test_run_that_another_process_writes_can_be_read(tmp_path):
+    path, _ = write_run(tmp_path / "run")
+    with h5py.File(path / "run.h5", "a"):
+        code = f"import sys; sys.path.insert(0, {str(HERE.parent)!r}); from pliant import Run; " \
+               f"print(len(Run({str(path)!r}).frames))"
+        assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "3\n"
+
+
+def test_errors(tmp_path):
+    def message(path):
+        with pytest.raises(RunError) as error:
+            Run(path)
+        assert "\n" not in str(error.value) and str(path) in str(error.value)
+        return str(error.value)
+
+    assert "no such folder" in message(tmp_path / "missing")
+    assert "no run.h5" in message(tmp_path)
+    (tmp_path / "run.h5").write_text("not HDF5")
+    assert "cannot be read" in message(tmp_path)
+    assert "not a folder" in message(tmp_path / "run.h5")
+    os.remove(tmp_path / "run.h5")
+    h5py.File(tmp_path / "run.h5", "w").close()
+    assert "no /manifest" in message(tmp_path)
+
+    path, _ = write_run(tmp_path / "empty", frames=0)
+    run = Run(path)
+    assert len(run.frames) == 0 and list(run.frames) == []
+    with pytest.raises(RunError, match="no frames"):
+        run.frame(-1)
+    (path / "summary.json").write_text("{")
+    with pytest.raises(RunError, match="not JSON"):
+        Run(path).summary
+
+
+def test_sweep_table(sweep):
+    runs = load_runs([sweep])
+    table = sweep_table(runs)
+    assert len(table) == len(runs) == 12
+    assert table.equals(sweep_table([sweep]))
+    drag = table[table["zeta"] > 0].sort_values("hopper_width")
+    assert list(drag["status"]) == ["clogged"] + 5 * ["done"]
+    assert_allclose(drag["Q"], 0.42 * np.sqrt(np.maximum(drag["hopper_width"] - 3.4, 0)))
+    assert_allclose(drag["Q_error"][1:], 0.02 * drag["Q"][1:])
+    assert np.isnan(drag["Q_error"].iloc[0])
+    assert set(table["model"]) == {"sp"} and set(table["dim"]) == {2}
+
+
+def test_table_from_csv(tmp_path):
+    (tmp_path / "a.csv").write_text("w,Q\n3,1\n4,2\n")
+    table = load_table(tmp_path / "a.csv")
+    assert list(table["hopper_width"]) == [3, 4] and table["Q_error"].isna().all()
+    (tmp_path / "b.csv").write_text("w,rate\n3,1\n")
+    with pytest.raises(RunError, match="no column 'Q'"):
+        load_table(tmp_path / "b.csv")
+    (tmp_path / "c.csv").write_text("w,Q\n3,x\n")
+    with pytest.raises(RunError, match="'Q' holds something"):
+        load_table(tmp_path / "c.csv")
+    (tmp_path / "d.csv").write_text("")
+    with pytest.raises(RunError, match="cannot be read"):
+        load_table(tmp_path / "d.csv")

@@ -1,0 +1,68 @@
+// Mean and standard error of a correlated time series, and of what is derived from one: ratios, flow rates.
+#pragma once
+
+#include <cstddef>
+#include <limits>
+#include <span>
+#include <vector>
+
+#include <pliant/base/types.h>
+
+namespace pliant {
+
+/// What `block_average` finds. A number that the series does not support is NaN.
+struct BlockAverage {
+  static constexpr Real unknown = std::numeric_limits<Real>::quiet_NaN();
+
+  Real mean = unknown;            ///< of all samples
+  Real error = unknown;           ///< one standard error of the mean; NaN unless `plateau`
+  Real error_of_error = unknown;  ///< error / sqrt(2 (blocks − 1))
+  Real naive_error = unknown;     ///< standard error if the samples were independent
+  Real lower_bound = unknown;     ///< largest error of any block size: a lower bound where there is no plateau
+  Real inefficiency = unknown;  ///< (error/naive_error)²: samples per independent sample, 2 τ_int; NaN unless `plateau`
+  std::size_t samples = 0;
+  std::size_t block_size = 0;  ///< samples per block, a power of two; 0 unless `plateau`
+  std::size_t blocks = 0;      ///< whole blocks of that size; 0 unless `plateau`
+  bool plateau = false;        ///< the error has stopped growing with the block size
+};
+
+/// Blocking after Flyvbjerg & Petersen, J. Chem. Phys. 91, 461 (1989): block sizes B = 1, 2, 4, …; the variance of the
+/// block means gives the error e_B. The block size is the smallest that fulfils B³ > 2 N max(1, e_B/e_1)⁴ with at least
+/// 8 blocks [Lee et al., Phys. Rev. E 83, 066706 (2011)]: bias (∝ 1/B) and scatter (∝ sqrt(B/N)) of the error are then
+/// about equal. No such size, no plateau: then the error is NaN, as for a drift and for fewer than 64 samples. The
+/// floor 1 keeps anticorrelated series (particles that arrive evenly) from stopping too early.
+///
+/// How far to trust it, N' = samples/inefficiency being the independent samples: the mean error is within 5 % of the
+/// true one for N' > 200, 10 % low for N' = 50; at N' = 25 half of the AR(1) series reach a plateau, those that
+/// underestimate their correlation, with an error 30 % low. `error_of_error` has no part of this bias.
+///
+/// series: equidistant samples from the steady state.
+BlockAverage block_average(std::span<const Real> series);
+
+/// Σ numerator / Σ denominator with the error of the ratio to first order: that of the series
+/// (numerator − ratio · denominator) / mean(denominator). NaN where the denominators add to zero.
+/// Throws InputError if the lengths differ.
+BlockAverage block_ratio(std::span<const Real> numerator, std::span<const Real> denominator);
+
+/// Rate of a cumulative quantity between neighbouring samples: [n − 1], entry i over (time[i], time[i+1]].
+/// Throws InputError unless the lengths agree, all numbers are finite and the times increase.
+std::vector<Real> rate_series(std::span<const Real> time, std::span<const Real> cumulative);
+
+struct FlowRate {
+  Real value = BlockAverage::unknown;             ///< σ_avg^D/t0
+  Real error = BlockAverage::unknown;             ///< one standard error; NaN if it cannot be estimated
+  Real correlation_time = BlockAverage::unknown;  ///< integrated, t0: inefficiency · bin / 2
+  Real bin = BlockAverage::unknown;               ///< width of the time bins, t0
+  BlockAverage blocks;                            ///< of the rate in the bins
+};
+
+/// Flow rate from the cumulative crossed area (or volume, or number) at the sample times, which need not be
+/// equidistant: (last − first)/(duration). For the error the time is cut into equal bins, as wide as the longest
+/// interval between samples; the cumulative curve is interpolated linearly at their edges and the rates in the bins are
+/// block-averaged. Without a single crossing the rate is 0 and its error NaN.
+///
+/// time [n] in t0, crossed [n] in σ_avg^D, both from the steady state only. Fewer than two samples: all NaN.
+/// Throws InputError unless the lengths agree, all numbers are finite, the times increase and `crossed` does not fall.
+FlowRate flow_rate(std::span<const Real> time, std::span<const Real> crossed);
+
+}  // namespace pliant

@@ -1,0 +1,150 @@
+// Options of the program: typed, with unit, range and help, on top of the PETSc options database.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <limits>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <type_traits>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include <pliant/base/options_source.h>
+#include <pliant/base/types.h>
+
+namespace pliant {
+
+/// What a restart does with an option of the stored run.
+enum class OnRestart {
+  keep,    ///< takes the stored value unless the user gives another
+  fixed,   ///< takes the stored value; giving another is an error
+  forget,  ///< starts from the default again (paths, wall-time limits)
+};
+
+/// Everything about an option but its name and its variable. Ranges count for numbers, choices for strings.
+struct OptionSpec {
+  std::string help = {};
+  std::string unit = {};  ///< "sigma_avg", "t0", "degrees" …; empty for pure numbers
+  Real min = -std::numeric_limits<Real>::infinity();
+  Real max = std::numeric_limits<Real>::infinity();
+  bool min_open = false;                  ///< min itself is not allowed
+  bool max_open = false;                  ///< max itself is not allowed
+  std::vector<std::string> choices = {};  ///< empty: any text
+  std::string automatic = {};  ///< what an empty std::optional means, for the help ("0.1 of the shortest time")
+  OnRestart on_restart = OnRestart::keep;
+};
+
+/// Registry of the program's options.
+///
+/// Every part binds its variables to names; their values at that moment are the defaults. `parse` then reads options
+/// files and arguments, checks everything and sets the variables, before any work is done:
+///
+///     options.group("Hopper geometry");
+///     options.bind("hopper_width", p.width, {.help = "orifice width w", .unit = "sigma_avg", .min = 0, .min_open =
+///     true}); if (options.parse({argv + 2, argv + argc}) == Options::Request::help) fmt::print("{}", options.help());
+///
+/// Bound variables must outlive the calls of `parse` and `from_json`. A PetscSession must be alive from `parse` on.
+/// Binding errors (a name bound twice, a default out of range) are the programmer's: std::logic_error.
+class Options {
+ public:
+  enum class Request { run, help, version };
+
+  /// Title of the group that the following `bind`s belong to.
+  void group(std::string title);
+
+  void bind(const std::string& name, Real& target, OptionSpec spec);
+  void bind(const std::string& name, std::optional<Real>& target, OptionSpec spec);
+  void bind(const std::string& name, Index& target, OptionSpec spec);
+  void bind(const std::string& name, std::int64_t& target, OptionSpec spec);
+  void bind(const std::string& name, bool& target, OptionSpec spec);
+  void bind(const std::string& name, std::string& target, OptionSpec spec);
+  /// An enumeration by the names of its values; spec.choices is filled from them.
+  template <class E>
+  requires std::is_enum_v<E>
+  void bind(const std::string& name, E& target, const std::vector<std::pair<std::string, E>>& values, OptionSpec spec);
+
+  /// Accepts options that start with `prefix` and leaves them to PETSc (an object with an options prefix of its own).
+  void accept_petsc_prefix(std::string prefix);
+
+  /// Reads `-options_file FILE`s (in their order) and then the arguments (without program and scenario); the last
+  /// setting of an option wins. Replaces the content of the PETSc options database, so that PETSc's objects see what is
+  /// theirs. With `-help` or `-version` nothing is checked or set. Errors: InputError for unknown options, bad values,
+  /// unreadable files.
+  Request parse(const std::vector<std::string>& arguments);
+
+  /// Fills in what `json()` of an earlier run holds and neither files nor command line have set, after `parse`.
+  /// Errors: InputError for an unknown name, a bad value, or a setting that differs from an OnRestart::fixed one.
+  void from_json(const nlohmann::json& stored);
+
+  /// Call after PETSc's objects have been configured. Errors: InputError for a PETSc option that none of them has read.
+  void check_consumed() const;
+
+  /// Whether the user (or a restart) has set the option, and from where: "default", "command line", "restart" or the
+  /// file.
+  bool given(const std::string& name) const { return source(name) != "default"; }
+  const std::string& source(const std::string& name) const;
+
+  /// Text of `-help`, by groups.
+  std::string help() const;
+  /// Reference of all options: a heading and a table for each group.
+  std::string markdown() const;
+  /// name → {"value", "unit", "source"}, PETSc's options (as strings) included.
+  nlohmann::json json() const;
+
+ private:
+  struct Enumeration {
+    std::function<void(std::size_t)> set;
+    std::function<std::size_t()> get;
+  };
+  using Target = std::variant<Real*, std::optional<Real>*, Index*, std::int64_t*, bool*, std::string*, Enumeration>;
+  struct Option {
+    std::string name, group;
+    OptionSpec spec;
+    Target target;
+    nlohmann::json default_value = {};
+    std::string source = "default";
+  };
+
+  void add(const std::string& name, Target target, OptionSpec spec);
+  void assign(Option& option, const Setting& setting);
+  void assign(Option& option, const nlohmann::json& value, const std::string& source);
+  static nlohmann::json value(const Option& option);
+  static std::string type_text(const Option& option);
+  static std::string range_text(const Option& option);
+  static std::string default_text(const Option& option);
+  const Option* find(const std::string& name) const;
+  Option* find(const std::string& name);
+  bool is_petsc(const std::string& name) const;
+  void refuse_unknown(const Setting& setting) const;
+  void insert_petsc(const Setting& setting);
+  std::vector<std::pair<std::string, std::vector<const Option*>>> by_group() const;
+
+  std::string group_ = "General";
+  std::vector<Option> options_;
+  std::vector<std::string> prefixes_;
+  std::map<std::string, Setting> petsc_;  // options that PETSc's objects read
+};
+
+template <class E>
+requires std::is_enum_v<E>
+void Options::bind(const std::string& name, E& target, const std::vector<std::pair<std::string, E>>& values,
+                   OptionSpec spec) {
+  std::vector<E> order;
+  spec.choices.clear();
+  for (const auto& [text, item] : values) {
+    spec.choices.push_back(text);
+    order.push_back(item);
+  }
+  const auto index = [order, &target] {
+    std::size_t i = 0;
+    while (i < order.size() && order[i] != target) ++i;
+    return i;
+  };
+  add(name, Enumeration{[order, &target](std::size_t i) { target = order[i]; }, index}, std::move(spec));
+}
+
+}  // namespace pliant

@@ -1,0 +1,95 @@
+// The texts that describe the options: -help and the reference in Markdown.
+#include <fmt/format.h>
+#include <pliant/base/options.h>
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+
+namespace pliant {
+namespace {
+
+std::string cell(const std::string& text) {
+  std::string escaped;
+  for (const char c : text) {
+    if (c == '|') escaped += '\\';
+    escaped += c;
+  }
+  return escaped;
+}
+
+}  // namespace
+
+std::string Options::type_text(const Option& option) {
+  if (!option.spec.choices.empty()) return fmt::format("{}", fmt::join(option.spec.choices, "|"));
+  constexpr const char* names[] = {"real", "real", "integer", "integer", "yes|no", "text", "choice"};
+  static_assert(std::size(names) == std::variant_size_v<Target>);
+  return names[option.target.index()];
+}
+
+std::string Options::range_text(const Option& option) {
+  const OptionSpec& spec = option.spec;
+  std::string text;
+  if (std::isfinite(spec.min)) text = fmt::format("{} {}", spec.min_open ? ">" : "≥", spec.min);
+  if (std::isfinite(spec.max))
+    text += fmt::format("{}{} {}", text.empty() ? "" : ", ", spec.max_open ? "<" : "≤", spec.max);
+  return text;
+}
+
+std::string Options::default_text(const Option& option) {
+  const auto& value = option.default_value;
+  if (value.is_null()) return option.spec.automatic.empty() ? "none" : option.spec.automatic;
+  if (value.is_boolean()) return value.get<bool>() ? "yes" : "no";
+  if (value.is_number_float()) return fmt::format("{}", value.get<Real>());
+  if (value.is_string()) return value.get<std::string>().empty() ? "none" : value.get<std::string>();
+  return value.dump();
+}
+
+// Groups in the order of their first option.
+std::vector<std::pair<std::string, std::vector<const Options::Option*>>> Options::by_group() const {
+  std::vector<std::pair<std::string, std::vector<const Option*>>> groups;
+  for (const Option& option : options_) {
+    auto group = std::find_if(groups.begin(), groups.end(), [&](const auto& g) { return g.first == option.group; });
+    if (group == groups.end()) group = groups.insert(groups.end(), {option.group, {}});
+    group->second.push_back(&option);
+  }
+  return groups;
+}
+
+std::string Options::help() const {
+  std::string text;
+  const auto out = std::back_inserter(text);
+  for (const auto& [title, members] : by_group()) {
+    fmt::format_to(out, "{}:\n", title);
+    for (const Option* option : members) {
+      const std::string range = range_text(*option);
+      fmt::format_to(out, "  {:<34}  {}\n{:38}default {}{}{}{}{}\n",
+                     fmt::format("-{} <{}>", option->name, type_text(*option)), option->spec.help, "",
+                     default_text(*option), option->spec.unit.empty() ? "" : " ", option->spec.unit,
+                     range.empty() ? "" : "; ", range);
+    }
+    text += '\n';
+  }
+  text +=
+      "Everywhere:\n"
+      "  -options_file <file>                options from a file: YAML (.yaml, .yml) or lines of -name value; may be "
+      "repeated\n"
+      "  -help, -version                     print this, or the version, and stop\n"
+      "PETSc's own options (-ts_type, -snes_rtol, -ksp_view, -log_view …) are passed on to PETSc.\n";
+  return text;
+}
+
+std::string Options::markdown() const {
+  std::string text;
+  const auto out = std::back_inserter(text);
+  for (const auto& [title, members] : by_group()) {
+    fmt::format_to(out, "{}## {}\n\n| option | type | default | unit | range | meaning |\n|---|---|---|---|---|---|\n",
+                   text.empty() ? "" : "\n", title);
+    for (const Option* option : members)
+      fmt::format_to(out, "| `-{}` | {} | {} | {} | {} | {} |\n", option->name, cell(type_text(*option)),
+                     cell(default_text(*option)), option->spec.unit, range_text(*option), cell(option->spec.help));
+  }
+  return text;
+}
+
+}  // namespace pliant

@@ -1,0 +1,32 @@
+// Where options come from: the command line, and options files in PETSc's text format or in YAML.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace pliant {
+
+/// One option as somebody wrote it.
+struct Setting {
+  std::string name;                  ///< without the dash
+  std::optional<std::string> value;  ///< nothing for a bare `-name`
+  std::string source;                ///< "command line" or the file
+  int line = 0;                      ///< in the file, from 1; 0 for the command line
+
+  /// "-name value", with " (file:line)" behind it unless it comes from the command line.
+  std::string text() const;
+};
+
+/// Settings in the order of the arguments (without the program's name). What follows a name is its value unless it is a
+/// name itself: a dash and a letter, so that -1 and -inf are values. `--name` is read as `-name`. Errors: InputError
+/// for an argument that belongs to no option.
+std::vector<Setting> read_arguments(const std::vector<std::string>& arguments);
+
+/// Settings of an options file: YAML if its name ends in .yaml or .yml (nested keys join with `_`, lists of plain
+/// values with `,`), else the text format of PETSc (`-name value`, `#` starts a comment, quotes keep blanks). Errors:
+/// InputError naming file and line if it cannot be read, is malformed, gives an option twice, or names another options
+/// file.
+std::vector<Setting> read_options_file(const std::string& file);
+
+}  // namespace pliant

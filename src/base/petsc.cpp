@@ -1,0 +1,60 @@
+#include <pliant/base/petsc.h>
+
+namespace pliant {
+namespace {
+
+// A PETSc error handler has one context for the process; the last error is kept per thread instead.
+thread_local std::string last_message;
+thread_local std::exception_ptr last_exception;
+
+PetscErrorCode keep_message(MPI_Comm, int, const char*, const char*, PetscErrorCode code, PetscErrorType type,
+                            const char* message, void*) {
+  if (type == PETSC_ERROR_INITIAL) last_message = message != nullptr ? message : "";
+  return code;
+}
+
+void end_session(bool owner) {
+  (void)PetscPopErrorHandler();
+  if (owner) (void)PetscFinalize();
+}
+
+}  // namespace
+
+PetscSession::PetscSession() {
+  PetscBool running = PETSC_FALSE;
+  (void)PetscInitialized(&running);
+  if (running == PETSC_FALSE) {
+    if (PetscInitializeNoArguments() != 0)
+      throw NumericalError("PETSc could not be started; it starts once per process, and MPI must work");
+    owner_ = true;
+  }
+  (void)PetscPushErrorHandler(keep_message, nullptr);
+  PetscMPIInt size = 1;
+  MPI_Comm_size(PETSC_COMM_WORLD, &size);
+  if (size > 1) {
+    end_session(owner_);
+    throw InputError("started on {} MPI ranks, but this version runs on one; start without mpiexec", size);
+  }
+  if (owner_) (void)PetscOptionsClear(nullptr);  // PETSc has read PETSC_OPTIONS and .petscrc, in spite of "NoArguments"
+}
+
+PetscSession::~PetscSession() { end_session(owner_); }
+
+PetscErrorCode petsc_store_exception(std::exception_ptr error) noexcept {
+  last_exception = std::move(error);
+  return PETSC_ERR_USER;
+}
+
+void petsc_check(PetscErrorCode code) {
+  if (code == 0) return;
+  // An exception that PETSc has swallowed (a rejected step) must not surface with a later, different error.
+  const std::exception_ptr exception = std::exchange(last_exception, nullptr);
+  const std::string message = std::exchange(last_message, {});
+  if (code == PETSC_ERR_USER && exception) std::rethrow_exception(exception);
+  const char* meaning = nullptr;
+  (void)PetscErrorMessage(code, &meaning, nullptr);
+  throw NumericalError("PETSc error {} ({}): {}", static_cast<int>(code), meaning != nullptr ? meaning : "unknown",
+                       message.empty() ? "no message" : message);
+}
+
+}  // namespace pliant

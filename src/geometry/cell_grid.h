@@ -1,0 +1,99 @@
+// Cell grid: points sorted into square cells of a bounding box; the broad phase of every neighbour search.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <vector>
+
+#include <pliant/base/types.h>
+
+namespace pliant {
+
+/// Grid over the points it was built from. The number of cells stays below a few per point (cells grow for sparse
+/// clouds), so that a far outlier costs neither memory nor time. Queries visit whole cells: the caller tests the
+/// distance.
+template <int D>
+class CellGrid {
+ public:
+  /// x: [n · D]. Only points with use(i) enter. Positions must be finite.
+  template <class Use>
+  void build(const Real* x, Index n, Real cell_size, Use&& use) {
+    Vec<D> low = Vec<D>::Constant(std::numeric_limits<Real>::max()), high = -low;
+    Index used = 0;
+    for (Index i = 0; i < n; ++i) {
+      if (!use(i)) continue;
+      ++used;
+      low = low.cwiseMin(point<D>(x, i));
+      high = high.cwiseMax(point<D>(x, i));
+    }
+    items_.resize(used);
+    cell_of_.resize(n);
+    if (used == 0) {
+      count_.fill(0);
+      start_.assign(1, 0);
+      return;
+    }
+    origin_ = low;
+    const Real limit = 8.0 * used + 64;
+    for (;; cell_size *= 1.5) {
+      Real cells = 1;
+      for (int k = 0; k < D; ++k) cells *= std::floor((high[k] - low[k]) / cell_size) + 1;
+      if (cells <= limit) break;
+    }
+    inverse_size_ = 1 / cell_size;
+    Index cells = 1;
+    for (int k = 0; k < D; ++k) {
+      count_[k] = static_cast<Index>(std::floor((high[k] - low[k]) * inverse_size_)) + 1;
+      cells *= count_[k];
+    }
+    start_.assign(static_cast<std::size_t>(cells) + 1, 0);
+    for (Index i = 0; i < n; ++i) {
+      if (!use(i)) continue;
+      cell_of_[i] = cell_index(cell_coordinates(point<D>(x, i)));
+      ++start_[cell_of_[i] + 1];
+    }
+    for (Index c = 0; c < cells; ++c) start_[c + 1] += start_[c];
+    cursor_.assign(start_.begin(), start_.end() - 1);
+    for (Index i = 0; i < n; ++i)
+      if (use(i)) items_[cursor_[cell_of_[i]]++] = i;
+  }
+
+  /// Calls visit(j) for every point in the cells that meet the box low … high: by rows of cells, in ascending order
+  /// within a cell.
+  template <class Visit>
+  void for_each_in_box(const Vec<D>& low, const Vec<D>& high, Visit&& visit) const {
+    if (items_.empty()) return;
+    const std::array<Index, D> first = cell_coordinates(low), last = cell_coordinates(high);
+    auto row = [&](Index base) {
+      for (Index k = start_[base + first[0]]; k < start_[base + last[0] + 1]; ++k) visit(items_[k]);
+    };
+    for (Index cy = first[1]; cy <= last[1]; ++cy) {
+      if constexpr (D == 2) {
+        row(cy * count_[0]);
+      } else {
+        for (Index cz = first[2]; cz <= last[2]; ++cz) row((cz * count_[1] + cy) * count_[0]);
+      }
+    }
+  }
+
+ private:
+  std::array<Index, D> cell_coordinates(const Vec<D>& r) const {
+    std::array<Index, D> c;
+    for (int k = 0; k < D; ++k)
+      c[k] = static_cast<Index>(std::clamp((r[k] - origin_[k]) * inverse_size_, Real(0), Real(count_[k] - 1)));
+    return c;
+  }
+  Index cell_index(const std::array<Index, D>& c) const {
+    Index index = c[D - 1];
+    for (int k = D - 2; k >= 0; --k) index = index * count_[k] + c[k];
+    return index;
+  }
+
+  Vec<D> origin_;
+  Real inverse_size_ = 1;
+  std::array<Index, D> count_{};
+  std::vector<Index> start_, cursor_, items_, cell_of_;
+};
+
+}  // namespace pliant

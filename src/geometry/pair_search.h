@@ -1,0 +1,90 @@
+// Searches for the pairs that can touch before anything has moved by skin/2. Every pair is found exactly once, whatever
+// the sizes.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include <pliant/geometry/cell_grid.h>
+#include <pliant/geometry/distance.h>
+#include <pliant/geometry/walls.h>
+
+namespace pliant {
+
+/// Two things that may touch: point–point (i, j), vertex–edge (vertex, first vertex of the edge), point–wall, lip–edge.
+struct Pair {
+  Index first, second;
+  auto operator<=>(const Pair&) const = default;
+};
+
+/// What the searches know of the points: spans over the topology's arrays.
+struct PointCloud {
+  const Real* x;                       ///< positions [n · D]
+  std::span<const Real> diameter;      ///< contact diameter [n]
+  std::span<const Index> group;        ///< owner [n]; pairs within one owner do not count
+  std::span<const Index> next;         ///< cyclic successor [n]: edge i runs from i to next[i]
+  std::span<const std::uint8_t> used;  ///< per owner: 0 leaves its points out
+
+  Index size() const { return static_cast<Index>(diameter.size()); }
+  bool uses(Index i) const { return used[group[i]] != 0; }
+};
+
+/// Pairs with |r_i − r_j| < (δ_i + δ_j)/2 + skin. The larger point looks for the smaller ones (ties: the lower index),
+/// in a range that depends on its own size only, so that size ratios of 1:10 stay cheap. Sorted by the larger point.
+template <int D>
+void find_point_pairs(const PointCloud& cloud, const CellGrid<D>& grid, Real skin, std::vector<Pair>& pairs) {
+  pairs.clear();
+  for (Index i = 0; i < cloud.size(); ++i) {
+    if (!cloud.uses(i)) continue;
+    const Vec<D> r = point<D>(cloud.x, i);
+    const Real di = cloud.diameter[i];
+    const Vec<D> range = Vec<D>::Constant(di + skin);
+    grid.for_each_in_box(r - range, r + range, [&](Index j) {
+      const Real dj = cloud.diameter[j];
+      if (dj > di || (dj == di && j <= i) || cloud.group[i] == cloud.group[j]) return;
+      if ((point<D>(cloud.x, j) - r).squaredNorm() < square((di + dj) / 2 + skin)) pairs.push_back({i, j});
+    });
+  }
+}
+
+/// Vertex–edge pairs of different polygons with distance < (δ_m + δ_n)/2 + skin; sorted by edge.
+inline void find_vertex_edge_pairs(const PointCloud& cloud, const CellGrid<2>& grid, Real skin,
+                                   std::vector<Pair>& pairs) {
+  pairs.clear();
+  Real widest = 0;
+  for (const Real d : cloud.diameter) widest = std::max(widest, d);
+  for (Index i = 0; i < cloud.size(); ++i) {
+    if (!cloud.uses(i)) continue;
+    const Vec<2> a = point<2>(cloud.x, i), b = point<2>(cloud.x, cloud.next[i]);
+    const Vec<2> range = Vec<2>::Constant((cloud.diameter[i] + widest) / 2 + skin);
+    grid.for_each_in_box(a.cwiseMin(b) - range, a.cwiseMax(b) + range, [&](Index j) {
+      if (cloud.group[i] == cloud.group[j]) return;
+      const Real reach = (cloud.diameter[i] + cloud.diameter[j]) / 2 + skin;
+      if (segment_foot(point<2>(cloud.x, j), a, b).d2 < square(reach)) pairs.push_back({j, i});
+    });
+  }
+}
+
+/// Point–wall pairs with distance < δ/2 + skin.
+template <int D>
+void find_wall_pairs(const PointCloud& cloud, const Walls<D>& walls, Real skin, std::vector<Pair>& pairs) {
+  pairs.clear();
+  for (Index i = 0; i < cloud.size(); ++i) {
+    if (!cloud.uses(i)) continue;
+    for (Index s = 0; s < walls.size(); ++s)
+      if (walls.distance(point<D>(cloud.x, i), s) < cloud.diameter[i] / 2 + skin) pairs.push_back({i, s});
+  }
+}
+
+/// Lip–edge pairs with distance < δ/2 + skin.
+inline void find_lip_pairs(const PointCloud& cloud, const Walls<2>& walls, Real skin, std::vector<Pair>& pairs) {
+  pairs.clear();
+  for (Index i = 0; i < cloud.size(); ++i) {
+    if (!cloud.uses(i)) continue;
+    const Vec<2> a = point<2>(cloud.x, i), b = point<2>(cloud.x, cloud.next[i]);
+    for (Index l = 0; l < static_cast<Index>(walls.lips().size()); ++l)
+      if (segment_foot(walls.lips()[l], a, b).d2 < square(cloud.diameter[i] / 2 + skin)) pairs.push_back({l, i});
+  }
+}
+
+}  // namespace pliant

@@ -1,0 +1,54 @@
+#include <fcntl.h>
+#include <pliant/base/errors.h>
+#include <pliant/io/atomic_file.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <string>
+
+namespace pliant {
+namespace {
+
+[[noreturn]] void fail(const std::filesystem::path& path, int error) {
+  throw OutputError("cannot write {}: {}; check permissions and free space, or choose another folder", path.string(),
+                    std::strerror(error));
+}
+
+/// Returns 0 or the errno of what failed.
+int write_and_sync(const std::string& name, std::string_view bytes) {
+  const int file = ::open(name.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+  if (file < 0) return errno;
+  int error = 0;
+  while (error == 0 && !bytes.empty()) {
+    const ssize_t written = ::write(file, bytes.data(), bytes.size());
+    if (written >= 0)
+      bytes.remove_prefix(static_cast<std::size_t>(written));
+    else if (errno != EINTR)
+      error = errno;
+  }
+  if (error == 0 && ::fsync(file) != 0) error = errno;
+  if (::close(file) != 0 && error == 0) error = errno;
+  return error;
+}
+
+}  // namespace
+
+void write_file_atomically(const std::filesystem::path& path, std::string_view bytes) {
+  const std::string temporary = path.string() + ".tmp";
+  int error = write_and_sync(temporary, bytes);
+  if (error == 0 && std::rename(temporary.c_str(), path.c_str()) != 0) error = errno;
+  if (error != 0) {
+    ::unlink(temporary.c_str());
+    fail(path, error);
+  }
+  // Some file systems cannot sync a folder; the content itself is safe by then.
+  const std::string folder = path.has_parent_path() ? path.parent_path().string() : ".";
+  if (const int directory = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC); directory >= 0) {
+    (void)::fsync(directory);
+    ::close(directory);
+  }
+}
+
+}  // namespace pliant

@@ -1,0 +1,556 @@
+#include <pliant/io/hdf5.h>
+
+#include <fcntl.h>
+#include <hdf5.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <numeric>
+#include <optional>
+#include <stdexcept>
+#include <string_view>
+
+#include <pliant/base/errors.h>
+
+namespace pliant::hdf5 {
+namespace {
+
+static_assert(sizeof(hid_t) == sizeof(std::int64_t) && sizeof(hsize_t) == sizeof(std::uint64_t));
+
+/// Switches HDF5's printing of errors off for a scope.
+class Quiet {
+ public:
+  Quiet() {
+    H5Eget_auto2(H5E_DEFAULT, &function_, &data_);
+    if (function_ != nullptr) H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
+  }
+  ~Quiet() {
+    if (function_ != nullptr) H5Eset_auto2(H5E_DEFAULT, function_, data_);
+  }
+  Quiet(const Quiet&) = delete;
+  Quiet& operator=(const Quiet&) = delete;
+
+ private:
+  H5E_auto2_t function_ = nullptr;
+  void* data_ = nullptr;
+};
+
+/// What the error stack of the last HDF5 call says: the system's message if there is one, else its innermost entry.
+std::string reason() {
+  std::string found;
+  bool from_system = false;
+  const auto visit = [&](std::string_view text) {
+    constexpr std::string_view mark = "error message = '";
+    if (text.find("unable to lock file") != text.npos) {
+      found = "another program has it open";
+      from_system = true;
+    } else if (const auto at = text.find(mark); at != text.npos && !from_system) {
+      text.remove_prefix(at + mark.size());
+      found = text.substr(0, text.find('\''));
+      from_system = true;
+    } else if (found.empty()) {
+      found = text;
+    }
+  };
+  H5Ewalk2(
+      H5E_DEFAULT, H5E_WALK_UPWARD,
+      [](unsigned, const H5E_error2_t* entry, void* f) -> herr_t {
+        if (entry->desc != nullptr) (*static_cast<decltype(visit)*>(f))(entry->desc);
+        return 0;
+      },
+      const_cast<void*>(static_cast<const void*>(&visit)));
+  return found.empty() ? "HDF5 gives no reason" : found;
+}
+
+hid_t native(Type type) {
+  switch (type) {
+    case Type::real:
+      return H5T_NATIVE_DOUBLE;
+    case Type::int32:
+      return H5T_NATIVE_INT32;
+    case Type::int64:
+      return H5T_NATIVE_INT64;
+    case Type::uint8:
+      return H5T_NATIVE_UINT8;
+  }
+  throw std::logic_error("unknown element type");
+}
+
+std::string text(const Shape& shape) {
+  std::string s = "[";
+  for (std::size_t i = 0; i < shape.size(); ++i)
+    s += (i > 0 ? ", " : "") + (shape[i] == any_length ? std::string("any") : std::to_string(shape[i]));
+  return s + "]";
+}
+
+std::uint64_t product(std::span<const std::uint64_t> lengths) {
+  return std::accumulate(lengths.begin(), lengths.end(), std::uint64_t{1}, std::multiplies<>());
+}
+
+const hsize_t* dims(const Shape& shape) { return reinterpret_cast<const hsize_t*>(shape.data()); }
+
+Id string_type() {
+  Id type(H5Tcopy(H5T_C_S1));
+  H5Tset_size(type.get(), H5T_VARIABLE);
+  H5Tset_cset(type.get(), H5T_CSET_UTF8);
+  return type;
+}
+
+Id file_access() {
+  Id access(H5Pcreate(H5P_FILE_ACCESS));
+  // Closing the file closes what is open in it; file systems that know no locks are used without.
+  H5Pset_fclose_degree(access.get(), H5F_CLOSE_STRONG);
+  H5Pset_file_locking(access.get(), true, true);
+  return access;
+}
+
+/// HDF5 would set aside blocks at the end of the file for small objects, and cut them off later; a process killed
+/// between the cut and the writing of the file's new end would leave a file that is shorter than it says, which nobody
+/// can open.
+Id disk_access() {
+  Id access = file_access();
+  H5Pset_meta_block_size(access.get(), 0);
+  H5Pset_small_data_block_size(access.get(), 0);
+  return access;
+}
+
+// Entries in a leaf of the list of a group from create_list().
+constexpr unsigned leaf_entries = 512;
+
+/// For groups: few links, kept in the group's header.
+void keep_links_in_header(const Id& properties) {
+  H5Pset_link_creation_order(properties.get(), H5P_CRT_ORDER_TRACKED);
+  H5Pset_link_phase_change(properties.get(), 64, 32);
+}
+
+Id few_links() {
+  Id properties(H5Pcreate(H5P_GROUP_CREATE));
+  keep_links_in_header(properties);
+  return properties;
+}
+
+Id new_file() {
+  Id properties(H5Pcreate(H5P_FILE_CREATE));
+  H5Pset_sym_k(properties.get(), 0, leaf_entries / 2);
+  keep_links_in_header(properties);
+  return properties;
+}
+
+/// Creates the groups that a name goes through, as `mkdir -p` does.
+Id creating_parents() {
+  Id properties(H5Pcreate(H5P_LINK_CREATE));
+  H5Pset_create_intermediate_group(properties.get(), 1);
+  H5Pset_char_encoding(properties.get(), H5T_CSET_UTF8);
+  return properties;
+}
+
+}  // namespace
+
+std::string library_version() {
+  unsigned major = 0, minor = 0, release = 0;
+  H5get_libversion(&major, &minor, &release);
+  return fmt::format("{}.{}.{}", major, minor, release);
+}
+
+Id::~Id() {
+  if (id_ < 0) return;
+  // Closing clears HDF5's error stack, which may still be needed for the message about the call before.
+  const hid_t errors = H5Eget_num(H5E_DEFAULT) > 0 ? H5Eget_current_stack() : H5I_INVALID_HID;
+  {
+    const Quiet quiet;
+    H5Idec_ref(id_);
+  }
+  if (errors >= 0) H5Eset_current_stack(errors);
+}
+
+// ---- groups ----------------------------------------------------------------------------------------------------
+
+std::string Group::full(const std::string& name) const {
+  if (name.empty() || name.starts_with('/')) return name.empty() ? path_ : name;
+  return path_ + (path_.ends_with('/') ? "" : "/") + name;
+}
+
+void Group::fail_read(const std::string& name) const {
+  const std::string why = reason();
+  throw InputError("cannot read {} of {}: {}; is the file whole, and written by this version?", full(name), file_, why);
+}
+
+void Group::fail_write(const std::string& name) const {
+  const std::string why = reason();
+  throw OutputError("cannot write {} of {}: {}; check free space and permissions", full(name), file_, why);
+}
+
+Group Group::create_group(const std::string& name) {
+  const Quiet quiet;
+  Id group(H5Gcreate2(id_.get(), name.c_str(), creating_parents().get(), few_links().get(), H5P_DEFAULT));
+  if (!group.valid()) fail_write(name);
+  return {std::move(group), file_, full(name)};
+}
+
+Group Group::create_list(const std::string& name) {
+  const Quiet quiet;
+  const Id properties(H5Pcreate(H5P_GROUP_CREATE));
+  H5Pset_local_heap_size_hint(properties.get(), 16 * leaf_entries);
+  Id group(H5Gcreate2(id_.get(), name.c_str(), creating_parents().get(), properties.get(), H5P_DEFAULT));
+  if (!group.valid()) fail_write(name);
+  return {std::move(group), file_, full(name)};
+}
+
+Group Group::open_group(const std::string& name) const {
+  const Quiet quiet;
+  Id group(H5Gopen2(id_.get(), name.c_str(), H5P_DEFAULT));
+  if (!group.valid()) fail_read(name);
+  return {std::move(group), file_, full(name)};
+}
+
+Group Group::create_unlinked_group() {
+  const Quiet quiet;
+  Id group(H5Gcreate_anon(id_.get(), few_links().get(), H5P_DEFAULT));
+  if (!group.valid()) fail_write("(new group)");
+  return {std::move(group), file_, full("(new group)")};
+}
+
+void Group::link(const Group& group, const std::string& name) {
+  if (has(name)) remove(name);
+  const Quiet quiet;
+  if (H5Olink(group.id_.get(), id_.get(), name.c_str(), creating_parents().get(), H5P_DEFAULT) < 0) fail_write(name);
+}
+
+void Group::link(const std::string& existing, const std::string& name) {
+  const Quiet quiet;
+  if (H5Lcreate_hard(id_.get(), existing.c_str(), id_.get(), name.c_str(), creating_parents().get(), H5P_DEFAULT) < 0)
+    fail_write(name);
+}
+
+bool Group::has(const std::string& name) const {
+  const Quiet quiet;
+  // HDF5 calls it an error to ask for a/b where there is no a.
+  for (std::size_t end = name.find('/', 1); end != name.npos; end = name.find('/', end + 1))
+    if (H5Lexists(id_.get(), name.substr(0, end).c_str(), H5P_DEFAULT) <= 0) return false;
+  const htri_t exists = H5Lexists(id_.get(), name.c_str(), H5P_DEFAULT);
+  if (exists < 0) fail_read(name);
+  return exists > 0;
+}
+
+std::vector<std::string> Group::links() const {
+  const Quiet quiet;
+  std::vector<std::string> names;
+  const auto visit = [](hid_t, const char* name, const H5L_info_t*, void* list) -> herr_t {
+    static_cast<std::vector<std::string>*>(list)->emplace_back(name);
+    return 0;
+  };
+  if (H5Literate(id_.get(), H5_INDEX_NAME, H5_ITER_NATIVE, nullptr, visit, &names) < 0) fail_read("");
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+void Group::remove(const std::string& name) {
+  const Quiet quiet;
+  if (H5Ldelete(id_.get(), name.c_str(), H5P_DEFAULT) < 0) fail_write(name);
+}
+
+// ---- datasets --------------------------------------------------------------------------------------------------
+
+void Group::write_values(const std::string& name, Type type, const void* values, std::size_t count, const Shape& shape,
+                         Storage storage) {
+  if (product(shape) != count)
+    throw std::invalid_argument(fmt::format("{}: {} values do not fill the shape {}", full(name), count, text(shape)));
+  const Quiet quiet;
+  const Id space(H5Screate_simple(static_cast<int>(shape.size()), dims(shape), nullptr));
+  const Id properties(H5Pcreate(H5P_DATASET_CREATE));
+  if (storage == Storage::checksum && count > 0) {
+    H5Pset_chunk(properties.get(), static_cast<int>(shape.size()), dims(shape));
+    H5Pset_fletcher32(properties.get());
+  }
+  const Id dataset(H5Dcreate2(id_.get(), name.c_str(), native(type), space.get(), creating_parents().get(),
+                              properties.get(), H5P_DEFAULT));
+  if (!dataset.valid()) fail_write(name);
+  if (count > 0 && H5Dwrite(dataset.get(), native(type), H5S_ALL, H5S_ALL, H5P_DEFAULT, values) < 0) fail_write(name);
+}
+
+Shape Group::shape(const std::string& name) const {
+  const Quiet quiet;
+  const Id dataset(H5Dopen2(id_.get(), name.c_str(), H5P_DEFAULT));
+  if (!dataset.valid()) fail_read(name);
+  const Id space(H5Dget_space(dataset.get()));
+  const int rank = H5Sget_simple_extent_ndims(space.get());
+  if (rank < 0) fail_read(name);
+  Shape shape(static_cast<std::size_t>(rank));
+  if (H5Sget_simple_extent_dims(space.get(), reinterpret_cast<hsize_t*>(shape.data()), nullptr) < 0) fail_read(name);
+  return shape;
+}
+
+Shape Group::checked_shape(const std::string& name, const Shape& expected) const {
+  const Shape found = shape(name);
+  const auto fits = [](std::uint64_t a, std::uint64_t b) { return b == any_length || a == b; };
+  if (!std::equal(found.begin(), found.end(), expected.begin(), expected.end(), fits))
+    throw InputError("{} of {} has the shape {} instead of {}; is it the file of another run?", full(name), file_,
+                     text(found), text(expected));
+  return found;
+}
+
+bool Group::holds_integers(const std::string& name) const {
+  const Quiet quiet;
+  const Id dataset(H5Dopen2(id_.get(), name.c_str(), H5P_DEFAULT));
+  if (!dataset.valid()) fail_read(name);
+  return H5Tget_class(Id(H5Dget_type(dataset.get())).get()) == H5T_INTEGER;
+}
+
+void Group::read_values(const std::string& name, Type type, void* values) const {
+  if (type != Type::real && !holds_integers(name))
+    throw InputError("{} of {} does not hold integers; is the file written by this version?", full(name), file_);
+  const Quiet quiet;
+  const Id dataset(H5Dopen2(id_.get(), name.c_str(), H5P_DEFAULT));
+  if (!dataset.valid() || H5Dread(dataset.get(), native(type), H5S_ALL, H5S_ALL, H5P_DEFAULT, values) < 0)
+    fail_read(name);
+}
+
+void Group::create_rows(const std::string& name, const Shape& row, std::uint64_t rows_per_chunk) {
+  const Quiet quiet;
+  Shape first{0}, most{H5S_UNLIMITED}, chunk{rows_per_chunk};
+  for (Shape* shape : {&first, &most, &chunk}) shape->insert(shape->end(), row.begin(), row.end());
+  const Id space(H5Screate_simple(static_cast<int>(first.size()), dims(first), dims(most)));
+  const Id properties(H5Pcreate(H5P_DATASET_CREATE));
+  H5Pset_chunk(properties.get(), static_cast<int>(chunk.size()), dims(chunk));
+  const Id dataset(H5Dcreate2(id_.get(), name.c_str(), H5T_NATIVE_DOUBLE, space.get(), creating_parents().get(),
+                              properties.get(), H5P_DEFAULT));
+  if (!dataset.valid()) fail_write(name);
+}
+
+void Group::append_rows(const std::string& name, std::span<const double> values) {
+  Shape whole = shape(name);
+  const std::uint64_t width = product(std::span(whole).subspan(1));
+  if (width == 0 || values.size() % width != 0)
+    throw std::invalid_argument(fmt::format("{}: {} values are no rows of {}", full(name), values.size(), width));
+  Shape start(whole.size(), 0), added = whole;
+  start[0] = whole[0];
+  added[0] = values.size() / width;
+  whole[0] += added[0];
+
+  const Quiet quiet;
+  const Id dataset(H5Dopen2(id_.get(), name.c_str(), H5P_DEFAULT));
+  if (!dataset.valid() || H5Dset_extent(dataset.get(), dims(whole)) < 0) fail_write(name);
+  const Id space(H5Dget_space(dataset.get()));
+  const Id memory(H5Screate_simple(static_cast<int>(added.size()), dims(added), nullptr));
+  H5Sselect_hyperslab(space.get(), H5S_SELECT_SET, dims(start), nullptr, dims(added), nullptr);
+  if (H5Dwrite(dataset.get(), H5T_NATIVE_DOUBLE, memory.get(), space.get(), H5P_DEFAULT, values.data()) < 0)
+    fail_write(name);
+}
+
+void Group::truncate_rows(const std::string& name, std::uint64_t rows) {
+  Shape whole = shape(name);
+  if (whole.empty() || whole[0] < rows)
+    throw InputError("{} of {} has the shape {} and so cannot be cut to {} rows; is it the file of another run?",
+                     full(name), file_, text(whole), rows);
+  if (whole[0] == rows) return;
+  whole[0] = rows;
+  const Quiet quiet;
+  const Id dataset(H5Dopen2(id_.get(), name.c_str(), H5P_DEFAULT));
+  if (!dataset.valid() || H5Dset_extent(dataset.get(), dims(whole)) < 0) fail_write(name);
+}
+
+// ---- attributes ------------------------------------------------------------------------------------------------
+
+namespace {
+
+/// Replaces the attribute; returns an invalid Id on errors.
+Id new_attribute(hid_t object, const std::string& name, hid_t type) {
+  const htri_t exists = H5Aexists(object, name.c_str());
+  if (exists < 0 || (exists > 0 && H5Adelete(object, name.c_str()) < 0)) return {};
+  const Id space(H5Screate(H5S_SCALAR));
+  return Id(H5Acreate2(object, name.c_str(), type, space.get(), H5P_DEFAULT, H5P_DEFAULT));
+}
+
+/// Nothing if it is no string of variable length, or cannot be read.
+std::optional<std::string> read_string(hid_t object, const std::string& name) {
+  const Id attribute(H5Aopen(object, name.c_str(), H5P_DEFAULT));
+  if (!attribute.valid()) return {};
+  const Id type(H5Aget_type(attribute.get()));
+  if (H5Tis_variable_str(type.get()) <= 0) return {};
+  char* value = nullptr;
+  if (H5Aread(attribute.get(), string_type().get(), &value) < 0) return {};
+  std::string copy = value != nullptr ? value : "";
+  H5free_memory(value);
+  return copy;
+}
+
+}  // namespace
+
+void Group::set_attribute(const std::string& name, const std::string& value) {
+  const Quiet quiet;
+  const Id type = string_type();
+  const Id attribute = new_attribute(id_.get(), name, type.get());
+  const char* pointer = value.c_str();
+  if (!attribute.valid() || H5Awrite(attribute.get(), type.get(), &pointer) < 0) fail_write("attribute " + name);
+}
+
+void Group::set_number(const std::string& name, Type type, const void* value) {
+  const Quiet quiet;
+  const Id attribute = new_attribute(id_.get(), name, native(type));
+  if (!attribute.valid() || H5Awrite(attribute.get(), native(type), value) < 0) fail_write("attribute " + name);
+}
+
+void Group::set_attribute(const std::string& name, double value) { set_number(name, Type::real, &value); }
+void Group::set_attribute(const std::string& name, std::int64_t value) { set_number(name, Type::int64, &value); }
+
+void Group::read_number(const std::string& name, Type type, void* value) const {
+  const Quiet quiet;
+  const Id attribute(H5Aopen(id_.get(), name.c_str(), H5P_DEFAULT));
+  if (!attribute.valid() || H5Aread(attribute.get(), native(type), value) < 0) fail_read("attribute " + name);
+}
+
+double Group::real_attribute(const std::string& name) const {
+  double value = 0;
+  read_number(name, Type::real, &value);
+  return value;
+}
+
+std::int64_t Group::integer_attribute(const std::string& name) const {
+  std::int64_t value = 0;
+  read_number(name, Type::int64, &value);
+  return value;
+}
+
+std::string Group::string_attribute(const std::string& name) const {
+  const Quiet quiet;
+  auto value = read_string(id_.get(), name);
+  if (!value) fail_read("attribute " + name);
+  return *std::move(value);
+}
+
+std::map<std::string, std::string> Group::string_attributes() const {
+  const Quiet quiet;
+  std::vector<std::string> names;
+  const auto visit = [](hid_t, const char* name, const H5A_info_t*, void* list) -> herr_t {
+    static_cast<std::vector<std::string>*>(list)->emplace_back(name);
+    return 0;
+  };
+  if (H5Aiterate2(id_.get(), H5_INDEX_NAME, H5_ITER_NATIVE, nullptr, visit, &names) < 0) fail_read("attributes");
+  std::map<std::string, std::string> values;
+  for (const std::string& name : names)
+    if (auto value = read_string(id_.get(), name)) values.emplace(name, *std::move(value));
+  return values;
+}
+
+// ---- files -----------------------------------------------------------------------------------------------------
+
+File::File(Id file, std::string name, bool on_disk)
+    : Group({}, std::move(name), "/"), on_disk_(on_disk), file_id_(std::move(file)) {
+  id_ = Id(H5Gopen2(file_id_.get(), "/", H5P_DEFAULT));
+}
+
+File::~File() {
+  try {
+    close();
+  } catch (const Error&) {
+    // Whoever needs to know calls close().
+  }
+}
+
+File File::create(const std::filesystem::path& path) {
+  const Quiet quiet;
+  Id file(H5Fcreate(path.c_str(), H5F_ACC_EXCL, new_file().get(), disk_access().get()));
+  if (!file.valid())
+    throw OutputError("cannot create {}: {}; check permissions and free space, or choose another folder", path.string(),
+                      reason());
+  return {std::move(file), path.string(), true};
+}
+
+File File::in_memory(const std::string& name) {
+  const Quiet quiet;
+  const Id access = file_access();
+  H5Pset_fapl_core(access.get(), std::size_t{1} << 20, false);
+  Id file(H5Fcreate(name.c_str(), H5F_ACC_TRUNC, new_file().get(), access.get()));
+  if (!file.valid()) throw OutputError("cannot prepare {} in memory: {}", name, reason());
+  return {std::move(file), name, false};
+}
+
+File File::open(const std::filesystem::path& path, bool writable) {
+  const Quiet quiet;
+  // HDF5's own message for a missing file is hard to tell from that for a damaged one.
+  if (std::error_code ignored; !std::filesystem::exists(path, ignored))
+    throw InputError("there is no file {}; check the name", path.string());
+  if (writable && ::access(path.c_str(), W_OK) != 0)
+    throw OutputError("cannot write {}: {}; check its permissions", path.string(), std::strerror(errno));
+  Id file(H5Fopen(path.c_str(), writable ? H5F_ACC_RDWR : H5F_ACC_RDONLY, disk_access().get()));
+  if (!file.valid())
+    throw InputError("cannot open {}: {}; is it a whole HDF5 file that no other program uses?", path.string(),
+                     reason());
+  return {std::move(file), path.string(), true};
+}
+
+File File::open_read(const std::filesystem::path& path) { return open(path, false); }
+File File::open_write(const std::filesystem::path& path) { return open(path, true); }
+
+void File::flush() {
+  const Quiet quiet;
+  extend();
+  if (H5Fflush(file_id_.get(), H5F_SCOPE_GLOBAL) < 0) fail_write("");
+}
+
+void File::extend() {
+  const int file = descriptor();
+  hsize_t end = 0;
+  struct stat found {};
+  if (file >= 0 && H5Fget_filesize(file_id_.get(), &end) >= 0 && ::fstat(file, &found) == 0 &&
+      static_cast<hsize_t>(found.st_size) < end)
+    (void)!::ftruncate(file, static_cast<off_t>(end));  // where it fails, the flush does too
+}
+
+int File::descriptor() const {
+  void* handle = nullptr;
+  if (!on_disk_ || H5Fget_vfd_handle(file_id_.get(), H5P_DEFAULT, &handle) < 0) return -1;
+  return *static_cast<int*>(handle);
+}
+
+void File::reserve(std::uint64_t bytes) {
+  const Quiet quiet;
+  hsize_t end = 0;
+  const int file = descriptor();
+  if (file < 0 || H5Fget_filesize(file_id_.get(), &end) < 0) return;
+  int error = 0;
+  // The size stays as it is: HDF5 would cut the file back in every flush, which is slow.
+  if (rlimit limit{}; ::getrlimit(RLIMIT_FSIZE, &limit) == 0 && limit.rlim_cur < end + bytes)
+    error = EFBIG;
+  else
+    do {
+      error =
+          ::fallocate(file, FALLOC_FL_KEEP_SIZE, static_cast<off_t>(end), static_cast<off_t>(bytes)) == 0 ? 0 : errno;
+    } while (error == EINTR);
+  if (error == 0 || error == EOPNOTSUPP || error == ENOSYS) return;  // not every file system can
+  throw OutputError("cannot write {}: {}; free at least {} kB and restart from the last checkpoint", file_,
+                    std::strerror(error), bytes / 1024 + 1);
+}
+
+void File::close() {
+  if (!file_id_.valid()) return;
+  const Quiet quiet;
+  unsigned intent = H5F_ACC_RDONLY;
+  H5Fget_intent(file_id_.get(), &intent);
+  std::string problem;
+  if (intent != H5F_ACC_RDONLY && on_disk_) {
+    hsize_t end = 0;
+    if (H5Fflush(file_id_.get(), H5F_SCOPE_GLOBAL) < 0)
+      problem = reason();
+    else if (const int file = descriptor(); file >= 0 && H5Fget_filesize(file_id_.get(), &end) >= 0)
+      (void)!::ftruncate(file, static_cast<off_t>(end));  // gives back what reserve() took and nobody used
+  }
+  id_ = Id();
+  file_id_ = Id();
+  if (!problem.empty()) throw OutputError("cannot write {}: {}; check free space and permissions", file_, problem);
+}
+
+std::string File::image() {
+  flush();
+  const Quiet quiet;
+  const ssize_t size = H5Fget_file_image(file_id_.get(), nullptr, 0);
+  std::string bytes(static_cast<std::size_t>(std::max<ssize_t>(size, 0)), '\0');
+  if (size < 0 || H5Fget_file_image(file_id_.get(), bytes.data(), bytes.size()) < 0) fail_write("");
+  return bytes;
+}
+
+}  // namespace pliant::hdf5

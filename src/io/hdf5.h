@@ -1,0 +1,188 @@
+// A small RAII layer over the HDF5 C API: HDF5 prints nothing itself, and every failure becomes an OutputError
+// (writing) or an InputError (reading) that names the file, the object and the system's reason where HDF5 knows it.
+#pragma once
+
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <ranges>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace pliant::hdf5 {
+
+using Shape = std::vector<std::uint64_t>;
+/// In an expected shape: any length of this dimension.
+inline constexpr std::uint64_t any_length = ~std::uint64_t{0};
+
+template <class T>
+concept Element = std::same_as<T, double> || std::same_as<T, std::int32_t> || std::same_as<T, std::int64_t> ||
+    std::same_as<T, std::uint8_t>;
+
+enum class Type { real, int32, int64, uint8 };
+
+template <Element T>
+constexpr Type type_of() {
+  if constexpr (std::same_as<T, double>) return Type::real;
+  if constexpr (std::same_as<T, std::int32_t>) return Type::int32;
+  if constexpr (std::same_as<T, std::int64_t>) return Type::int64;
+  if constexpr (std::same_as<T, std::uint8_t>) return Type::uint8;
+}
+
+/// plain: contiguous. checksum: one chunk with a Fletcher-32 checksum, so that damage is found when it is read.
+enum class Storage { plain, checksum };
+
+/// The HDF5 library's version, "1.10.8".
+std::string library_version();
+
+/// Owner of one HDF5 identifier (hid_t, without its header).
+class Id {
+ public:
+  Id() = default;
+  explicit Id(std::int64_t id) : id_(id) {}
+  Id(Id&& other) noexcept : id_(std::exchange(other.id_, -1)) {}
+  Id& operator=(Id&& other) noexcept {
+    Id(std::move(other)).swap(*this);
+    return *this;
+  }
+  void swap(Id& other) noexcept { std::swap(id_, other.id_); }
+  Id(const Id&) = delete;
+  Id& operator=(const Id&) = delete;
+  ~Id();
+  std::int64_t get() const { return id_; }
+  bool valid() const { return id_ >= 0; }
+
+ private:
+  std::int64_t id_ = -1;
+};
+
+/// A group of a file. Names are paths relative to it, or absolute; missing groups on the way are created. A file that
+/// is closed closes its groups too. All members: OutputError where writing fails, InputError where reading does.
+class Group {
+ public:
+  Group create_group(const std::string& name);
+  /// A group for many links, in which a new link mostly changes two blocks in place: least harm from a kill in a flush.
+  Group create_list(const std::string& name);
+  Group open_group(const std::string& name) const;
+  /// A group without a name, which vanishes unless link() names it: readers see what it holds whole or not at all.
+  Group create_unlinked_group();
+  /// Names `group`, replacing what had the name.
+  void link(const Group& group, const std::string& name);
+  /// A second name for the object at `existing` (an absolute path): the same storage, nothing is copied.
+  void link(const std::string& existing, const std::string& name);
+
+  bool has(const std::string& name) const;
+  /// Names in this group, sorted.
+  std::vector<std::string> links() const;
+  void remove(const std::string& name);
+
+  /// Writes values (vector, span or array of a type of `Element`) as a new dataset; the product of shape is their
+  /// number.
+  template <std::ranges::contiguous_range Values>
+  requires Element<std::ranges::range_value_t<Values>>
+  void write(const std::string& name, const Values& values, const Shape& shape, Storage storage = Storage::plain) {
+    write_values(name, type_of<std::ranges::range_value_t<Values>>(), std::ranges::data(values),
+                 std::ranges::size(values), shape, storage);
+  }
+  /// Reads a whole dataset, converting numbers to T. Errors: also where the shape is not `expected` (if given), or
+  /// where real numbers would be cut to integers.
+  template <Element T>
+  std::vector<T> read(const std::string& name, const Shape& expected) const {
+    const Shape found = checked_shape(name, expected);
+    std::size_t count = 1;
+    for (const auto length : found) count *= length;
+    std::vector<T> values(count);
+    read_values(name, type_of<T>(), values.data());
+    return values;
+  }
+  template <Element T>
+  std::vector<T> read(const std::string& name) const {
+    return read<T>(name, shape(name));
+  }
+  Shape shape(const std::string& name) const;
+  /// Whether the dataset holds integers.
+  bool holds_integers(const std::string& name) const;
+
+  /// Creates a dataset [0, …row] of doubles that grows along its first dimension; row = {} makes rows of one number.
+  void create_rows(const std::string& name, const Shape& row, std::uint64_t rows_per_chunk);
+  /// Appends values.size() / (product of row) rows.
+  void append_rows(const std::string& name, std::span<const double> values);
+  /// Drops all rows but the first `rows`. Errors: InputError if there are fewer.
+  void truncate_rows(const std::string& name, std::uint64_t rows);
+
+  /// Attributes; a new value replaces the old one.
+  void set_attribute(const std::string& name, const std::string& value);
+  void set_attribute(const std::string& name, double value);
+  void set_attribute(const std::string& name, std::int64_t value);
+  std::string string_attribute(const std::string& name) const;
+  double real_attribute(const std::string& name) const;
+  std::int64_t integer_attribute(const std::string& name) const;
+  /// All attributes that are strings.
+  std::map<std::string, std::string> string_attributes() const;
+
+ protected:
+  [[noreturn]] void fail_write(const std::string& name) const;
+
+  Group() = default;
+  Group(Id id, std::string file, std::string path)
+      : id_(std::move(id)), file_(std::move(file)), path_(std::move(path)) {}
+
+  Id id_;
+  std::string file_;  ///< for messages
+  std::string path_;  ///< for messages
+
+ private:
+  std::string full(const std::string& name) const;
+  [[noreturn]] void fail_read(const std::string& name) const;
+  void write_values(const std::string& name, Type type, const void* values, std::size_t count, const Shape& shape,
+                    Storage storage);
+  Shape checked_shape(const std::string& name, const Shape& expected) const;
+  void read_values(const std::string& name, Type type, void* values) const;
+  void set_number(const std::string& name, Type type, const void* value);
+  void read_number(const std::string& name, Type type, void* value) const;
+};
+
+/// An open file, and its root group.
+class File : public Group {
+ public:
+  /// Errors: OutputError if the file exists or cannot be created.
+  static File create(const std::filesystem::path& path);
+  /// A file in memory only; `name` is for messages. See image().
+  static File in_memory(const std::string& name);
+  /// Errors: InputError if the file is missing, damaged, or open for writing elsewhere.
+  static File open_read(const std::filesystem::path& path);
+  /// Errors: InputError as for reading; OutputError without permission to write.
+  static File open_write(const std::filesystem::path& path);
+
+  File(File&&) noexcept = default;
+  File& operator=(File&&) = delete;
+  ~File();
+
+  bool is_open() const { return file_id_.valid(); }
+  const std::string& name() const { return file_; }
+  /// Makes everything written so far readable by others, and by anyone after this process is killed.
+  void flush();
+  /// Sets aside disk space for `bytes` beyond the end of the file. What is reserved before a flush cannot fail half-way
+  /// and leave a damaged file. Does nothing where the file system cannot. Errors: OutputError; the file is as it was.
+  void reserve(std::uint64_t bytes);
+  /// Flushes and closes; without it the destructor closes, and keeps silent about errors.
+  void close();
+  /// The bytes of the file as they would be on disk.
+  std::string image();
+
+ private:
+  File(Id file, std::string name, bool on_disk);
+  static File open(const std::filesystem::path& path, bool writable);
+  int descriptor() const;
+  /// Makes the file as long as its head is going to state: HDF5 refuses a file that is shorter.
+  void extend();
+
+  bool on_disk_;
+  Id file_id_;
+};
+
+}  // namespace pliant::hdf5

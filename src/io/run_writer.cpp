@@ -1,0 +1,351 @@
+#include <pliant/io/run_writer.h>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <utility>
+
+#include <pliant/base/errors.h>
+
+namespace pliant {
+namespace {
+
+using hdf5::File;
+using hdf5::Group;
+
+// Room for HDF5's own structures of one frame or of the head of a file; generous, as it is given back.
+constexpr std::uint64_t metadata_bytes = 256 * 1024;
+constexpr std::uint64_t chunk_values = 512;
+
+std::string frame_name(std::uint64_t n) { return fmt::format("{:06}", n); }
+
+template <class T>
+std::uint64_t bytes(const std::vector<T>& values) {
+  return values.size() * sizeof(T);
+}
+
+void refuse_existing_run(const std::filesystem::path& folder) {
+  for (const char* name : {"run.h5", "checkpoint-a.h5", "checkpoint-b.h5"}) {
+    std::error_code ignored;
+    if (std::filesystem::exists(folder / name, ignored))
+      throw InputError("{} holds a run already ({}); go on with it by -restart {}, or choose another -output",
+                       folder.string(), name, folder.string());
+  }
+}
+
+void create_folder(const std::filesystem::path& folder) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (!error && !std::filesystem::is_directory(folder)) error = std::make_error_code(std::errc::not_a_directory);
+  if (error)
+    throw OutputError("cannot create the folder {}: {}; choose another -output", folder.string(), error.message());
+}
+
+void write_manifest(File& file, const Manifest& manifest) {
+  auto group = file.create_group("/manifest");
+  group.set_attribute("program", manifest.program);
+  group.set_attribute("version", manifest.version);
+  group.set_attribute("build", manifest.build);
+  group.set_attribute("petsc_version", manifest.petsc_version);
+  group.set_attribute("hdf5_version", hdf5::library_version());
+  group.set_attribute("scenario", manifest.scenario);
+  group.set_attribute("model", manifest.model);
+  group.set_attribute("dim", static_cast<std::int64_t>(manifest.dim));
+  group.set_attribute("seed", manifest.seed);
+  group.set_attribute("created", manifest.created);
+  group.set_attribute("options", manifest.options.dump());
+}
+
+void write_topology(File& file, const Topology& topology) {
+  auto group = file.create_group("/topology");
+  const auto write = [&](const std::string& name, const auto& values) { group.write(name, values, {values.size()}); };
+  write("offset", topology.offset);
+  write("sigma", topology.sigma);
+  write("a0", topology.a0);
+  write("l0", topology.l0);
+  write("diameter", topology.diameter);
+  std::vector<Real> mass(static_cast<std::size_t>(topology.particles()), 0);
+  std::vector<Index> number(mass.size());
+  for (Index i = 0; i < topology.points(); ++i) mass[topology.particle[i]] += topology.mass[i];
+  for (Index m = 0; m < topology.particles(); ++m) number[m] = m;
+  write("mass", mass);
+  group.create_group("xdmf");
+  write("xdmf/particle", number);
+  write("xdmf/connectivity", xdmf_particles(topology.offset));
+}
+
+void write_geometry(File& file, const RunGeometry& geometry, int dim) {
+  auto group = file.create_group("/geometry");
+  const std::uint64_t walls = geometry.segments.size() / 4;
+  group.write("segments", geometry.segments, {walls, 4});
+  group.set_attribute("kind", geometry.kind);
+  for (const auto& [name, value] : geometry.attributes) group.set_attribute(name, value);
+  if (dim == 2) {
+    group.create_group("xdmf");
+    group.write("xdmf/points", geometry.segments, {2 * walls, 2});
+    group.write("xdmf/connectivity", xdmf_lines(walls), {4 * walls});
+  }
+}
+
+/// XML of the frames that a run of `walls` segments and these particles has written before.
+std::vector<std::string> grids_of(const File& file, const Topology& topology, std::uint64_t walls,
+                                  std::uint64_t frames) {
+  std::vector<std::string> grids;
+  const auto list = file.open_group("/frames");
+  for (std::uint64_t n = 0; list.has(frame_name(n)); ++n) {
+    const auto group = list.open_group(frame_name(n));
+    XdmfFrame frame{.name = frame_name(n), .time = group.real_attribute("time"), .dim = topology.dim};
+    frame.particles = static_cast<std::uint64_t>(topology.particles());
+    frame.points = static_cast<std::uint64_t>(topology.points());
+    frame.contacts = group.shape("contacts/overlap").at(0);
+    frame.walls = walls;
+    frame.connectivity = group.shape("xdmf/connectivity").at(0);
+    frame.polygons = group.has("area");
+    grids.push_back(xdmf_grid(frame));
+  }
+  if (grids.size() < frames)
+    throw InputError("{} holds {} frames, but the checkpoint knows of {}; is it the file of another run?", file.name(),
+                     grids.size(), frames);
+  return grids;
+}
+
+Series read_series_of(const File& file) {
+  Series series;
+  const auto group = file.open_group("/series");
+  for (const std::string& name : group.links()) {
+    const auto shape = group.shape(name);
+    series[name] = {shape.at(0), shape.size() > 1 ? shape[1] : 1, group.read<Real>(name)};
+  }
+  return series;
+}
+
+}  // namespace
+
+RunWriter::RunWriter(std::filesystem::path folder, File file, const Topology& topology, XdmfFile xdmf)
+    : folder_(std::move(folder)), file_(std::move(file)), topology_(topology), xdmf_(std::move(xdmf)) {
+  walls_ = file_.shape("/geometry/segments").at(0);
+}
+
+RunWriter RunWriter::create(const std::filesystem::path& folder, const Manifest& manifest, const Topology& topology,
+                            const RunGeometry& geometry) {
+  if (geometry.segments.size() % 4 != 0) throw std::invalid_argument("run.h5: a wall segment is four numbers");
+  create_folder(folder);
+  refuse_existing_run(folder);
+  const auto path = folder / "run.h5";
+  auto file = File::create(path);
+  try {
+    file.reserve(metadata_bytes + 8 * (bytes(topology.offset) + bytes(topology.diameter) + bytes(geometry.segments)));
+    write_manifest(file, manifest);
+    write_topology(file, topology);
+    write_geometry(file, geometry, topology.dim);
+    file.create_list("/frames");
+    file.create_group("/series");
+    file.create_group("/series_axes");
+    file.flush();
+    return RunWriter(folder, std::move(file), topology, XdmfFile(folder / "run.xdmf", {}));
+  } catch (...) {
+    // A torso would make the next attempt refuse the folder.
+    std::error_code ignored;
+    std::filesystem::remove(path, ignored);
+    throw;
+  }
+}
+
+RunWriter RunWriter::append(const std::filesystem::path& folder, const Topology& topology, std::uint64_t series_rows,
+                            std::uint64_t frames) {
+  auto file = File::open_write(folder / "run.h5");
+  if (file.read<Index>("/topology/offset") != topology.offset ||
+      file.open_group("/manifest").integer_attribute("dim") != topology.dim)
+    throw InputError("{} holds other particles than the checkpoint; restart from the folder of the same run",
+                     file.name());
+  const auto walls = file.shape("/geometry/segments").at(0);
+  XdmfFile xdmf(folder / "run.xdmf", grids_of(file, topology, walls, frames));
+
+  std::vector<Column> columns;
+  auto group = file.open_group("/series");
+  for (const std::string& name : group.links()) {
+    const auto shape = group.shape(name);
+    group.truncate_rows(name, series_rows);
+    columns.push_back({name, shape.size() > 1 ? shape[1] : 1, shape.size() > 1, {}});
+  }
+  if (columns.empty() && series_rows > 0)
+    throw InputError("{} holds no series, but the checkpoint knows of {} samples; is it the file of another run?",
+                     file.name(), series_rows);
+  file.flush();
+  RunWriter writer(folder, std::move(file), topology, std::move(xdmf));
+  writer.frames_ = frames;
+  writer.samples_ = series_rows;
+  writer.columns_ = std::move(columns);
+  return writer;
+}
+
+RunWriter::~RunWriter() {
+  try {
+    close();
+  } catch (const Error&) {
+    // Whoever needs to know calls close().
+  }
+}
+
+void RunWriter::write_axis(const std::string& name, std::span<const Real> values) {
+  auto group = file_.open_group("/series_axes");
+  if (group.has(name)) {
+    group.read<Real>(name, {values.size()});
+    return;
+  }
+  group.write(name, values, {values.size()});
+}
+
+void RunWriter::add_sample(std::span<const SeriesValue> sample) {
+  if (columns_.empty()) {
+    for (const auto& value : sample) columns_.push_back({value.name, value.values.size(), value.is_row, {}});
+  }
+  const auto column_of = [&](const SeriesValue& value) {
+    const auto at =
+        std::find_if(columns_.begin(), columns_.end(), [&](const Column& c) { return c.name == value.name; });
+    if (at == columns_.end() || at->is_row != value.is_row || at->width != value.values.size())
+      throw std::invalid_argument("series " + value.name + ": not as in the first sample");
+    return at;
+  };
+  if (sample.size() != columns_.size()) throw std::invalid_argument("series: not the columns of the first sample");
+  for (const auto& value : sample) column_of(value);
+  for (const auto& value : sample) {
+    auto& kept = column_of(value)->kept;
+    kept.insert(kept.end(), value.values.begin(), value.values.end());
+  }
+  ++samples_;
+}
+
+std::uint64_t RunWriter::kept_bytes() const {
+  std::uint64_t sum = 0;
+  for (const Column& c : columns_) sum += bytes(c.kept) + (chunk_values + c.width) * sizeof(Real);
+  return sum;
+}
+
+void RunWriter::write_samples() {
+  auto group = file_.open_group("/series");
+  for (Column& c : columns_) {
+    if (!group.has(c.name))
+      group.create_rows(c.name, c.is_row ? hdf5::Shape{c.width} : hdf5::Shape{},
+                        std::max<std::uint64_t>(1, chunk_values / c.width));
+    if (!c.kept.empty()) group.append_rows(c.name, c.kept);
+    c.kept.clear();
+  }
+}
+
+void RunWriter::write_xdmf_data(Group& group, const Frame& frame) const {
+  const auto dim = static_cast<std::size_t>(topology_.dim), n = static_cast<std::size_t>(topology_.particles());
+  group.link("/topology/xdmf/connectivity", "connectivity");
+  group.link("/topology/xdmf/particle", "particle");
+
+  const auto norm = [&](const Real* a) {
+    Real sum = 0;
+    for (std::size_t k = 0; k < dim; ++k) sum += square(a[k]);
+    return std::sqrt(sum);
+  };
+  std::vector<Real> speed(n), area_ratio(frame.area.begin(), frame.area.end());
+  for (std::size_t m = 0; m < n; ++m) {
+    std::vector<Real> momentum(dim, 0);
+    Real mass = 0;
+    for (auto i = static_cast<std::size_t>(topology_.offset[m]); i < static_cast<std::size_t>(topology_.offset[m + 1]);
+         ++i) {
+      mass += topology_.mass[i];
+      for (std::size_t k = 0; k < dim; ++k) momentum[k] += topology_.mass[i] * frame.velocities[i * dim + k];
+    }
+    speed[m] = norm(momentum.data()) / mass;
+  }
+  group.write("speed", speed, {n});
+  for (std::size_t m = 0; m < area_ratio.size(); ++m) area_ratio[m] /= topology_.a0[m];
+  if (!area_ratio.empty()) group.write("area_ratio", area_ratio, {n});
+
+  // A contact is a line between two centres, or from a centre to the place where it touches a wall.
+  const FrameContacts& contacts = frame.contacts;
+  const std::size_t count = contacts.overlap.size();
+  std::vector<Real> ends, force(count);
+  ends.reserve(2 * count * dim);
+  for (std::size_t c = 0; c < count; ++c) {
+    for (const std::size_t side : {0, 1}) {
+      const Index m = contacts.particles[2 * c + side];
+      const Real* end = m < 0 ? &contacts.position[c * dim] : &frame.centres[static_cast<std::size_t>(m) * dim];
+      ends.insert(ends.end(), end, end + dim);
+    }
+    force[c] = norm(&contacts.force[c * dim]);
+  }
+  group.write("contact_points", ends, {2 * count, dim});
+  group.write("contact_connectivity", xdmf_lines(count), {4 * count});
+  group.write("contact_force", force, {count});
+}
+
+void RunWriter::write_frame(const Frame& frame) {
+  const auto dim = static_cast<std::uint64_t>(topology_.dim);
+  const auto n = static_cast<std::uint64_t>(topology_.particles()),
+             points = static_cast<std::uint64_t>(topology_.points());
+  const FrameContacts& contacts = frame.contacts;
+  const std::uint64_t count = contacts.overlap.size();
+  if (frame.velocities.size() != points * dim || frame.centres.size() != n * dim ||
+      contacts.particles.size() != 2 * count || contacts.position.size() != count * dim ||
+      contacts.force.size() != count * dim)
+    throw std::invalid_argument("run.h5: the arrays of a frame do not fit together");
+
+  const std::uint64_t values = 2 * points * dim + n * (dim + 6) + walls_ * dim + count * (5 * dim + 6);
+  file_.reserve(metadata_bytes + values * sizeof(Real) + kept_bytes());
+  auto group = file_.create_unlinked_group();
+  group.set_attribute("time", frame.time);
+  group.set_attribute("step", frame.step);
+  group.write("positions", frame.positions, {points, dim});
+  group.write("velocities", frame.velocities, {points, dim});
+  group.write("centres", frame.centres, {n, dim});
+  group.write("active", frame.active, {n});
+  group.write("contact_count", frame.contact_count, {n});
+  if (!frame.area.empty()) group.write("area", frame.area, {n});
+  if (!frame.perimeter.empty()) group.write("perimeter", frame.perimeter, {n});
+  group.write("wall_force", frame.wall_force, {walls_, dim});
+  auto list = group.create_group("contacts");
+  list.write("particles", contacts.particles, {count, 2});
+  list.write("position", contacts.position, {count, dim});
+  list.write("normal", contacts.normal, {count, dim});
+  list.write("overlap", contacts.overlap, {count});
+  list.write("force", contacts.force, {count, dim});
+  auto xdmf = group.create_group("xdmf");
+  write_xdmf_data(xdmf, frame);
+
+  // First all that is new, then what points to it: a kill within a flush should find little in between.
+  file_.flush();
+  const std::string name = frame_name(frames_);
+  file_.open_group("/frames").link(group, name);
+  write_samples();
+  file_.flush();
+  xdmf_.put(frames_, xdmf_grid({.name = name,
+                                .time = frame.time,
+                                .dim = topology_.dim,
+                                .particles = n,
+                                .points = points,
+                                .contacts = count,
+                                .walls = walls_,
+                                .connectivity = points + 2 * n,
+                                .polygons = !frame.area.empty()}));
+  ++frames_;
+}
+
+void RunWriter::flush() {
+  file_.reserve(metadata_bytes + kept_bytes());
+  write_samples();
+  file_.flush();
+}
+
+void RunWriter::close() {
+  if (!file_.is_open()) return;
+  flush();
+  file_.close();
+}
+
+Series RunWriter::read_series() {
+  flush();
+  return read_series_of(file_);
+}
+
+Series read_series(const std::filesystem::path& folder) { return read_series_of(File::open_read(folder / "run.h5")); }
+
+}  // namespace pliant

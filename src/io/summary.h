@@ -1,0 +1,18 @@
+// summary.json: what a run measured.
+#pragma once
+
+#include <pliant/base/types.h>
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string_view>
+
+namespace pliant {
+
+/// A measured quantity {"value", "error", "unit"}: error is one standard error; what is not finite becomes null.
+nlohmann::ordered_json quantity(Real value, Real error, std::string_view unit);
+
+/// Writes folder/summary.json atomically. Errors: OutputError.
+void write_summary(const std::filesystem::path& folder, const nlohmann::ordered_json& summary);
+
+}  // namespace pliant

@@ -1,0 +1,154 @@
+#include <pliant/io/xdmf.h>
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+#include <stdexcept>
+#include <string_view>
+
+#include <pliant/base/errors.h>
+#include <pliant/io/atomic_file.h>
+
+namespace pliant {
+namespace {
+
+// Cell types of XDMF's topology "Mixed".
+enum CellType : std::int32_t { polyvertex = 1, polyline = 2, polygon = 3 };
+
+constexpr std::string_view header = R"(<?xml version="1.0" encoding="UTF-8"?>
+<Xdmf Version="3.0">
+  <Domain>
+    <Grid Name="run" GridType="Collection" CollectionType="Temporal">
+)";
+constexpr std::string_view footer = R"(    </Grid>
+  </Domain>
+</Xdmf>
+)";
+
+constexpr std::string_view real = R"(NumberType="Float" Precision="8")";
+constexpr std::string_view integer = R"(NumberType="Int" Precision="4")";
+constexpr std::string_view byte = R"(NumberType="UChar" Precision="1")";
+
+std::string data(std::string_view type, const std::string& dimensions, const std::string& path) {
+  return fmt::format(R"(<DataItem Dimensions="{}" {} Format="HDF">run.h5:{}</DataItem>)", dimensions, type, path);
+}
+
+std::string grid(std::string_view name, std::uint64_t cells, int dim, const std::string& connectivity,
+                 const std::string& points, const std::string& attributes) {
+  return fmt::format(R"(        <Grid Name="{}" GridType="Uniform">
+          <Topology TopologyType="Mixed" NumberOfElements="{}">{}</Topology>
+          <Geometry GeometryType="{}">{}</Geometry>
+{}        </Grid>
+)",
+                     name, cells, connectivity, dim == 2 ? "XY" : "XYZ", points, attributes);
+}
+
+std::string attribute(std::string_view name, std::uint64_t cells, std::string_view type, const std::string& path) {
+  return fmt::format("          <Attribute Name=\"{}\" AttributeType=\"Scalar\" Center=\"Cell\">{}</Attribute>\n", name,
+                     data(type, std::to_string(cells), path));
+}
+
+std::string lines(std::string_view name, std::uint64_t count, int dim, const std::string& connectivity,
+                  const std::string& points, const std::string& attributes) {
+  return grid(name, count, dim, data(integer, std::to_string(4 * count), connectivity),
+              data(real, fmt::format("{} {}", 2 * count, dim), points), attributes);
+}
+
+}  // namespace
+
+std::string xdmf_grid(const XdmfFrame& frame) {
+  const std::string group = "/frames/" + frame.name, own = group + "/xdmf";
+  const std::uint64_t n = frame.particles;
+  std::string cells = attribute("speed", n, real, own + "/speed") + attribute("sigma", n, real, "/topology/sigma") +
+                      attribute("particle", n, integer, own + "/particle") +
+                      attribute("active", n, byte, group + "/active") +
+                      attribute("contact_count", n, integer, group + "/contact_count");
+  if (frame.polygons) cells += attribute("area_ratio", n, real, own + "/area_ratio");
+
+  std::string grids =
+      grid("particles", n, frame.dim, data(integer, std::to_string(frame.connectivity), own + "/connectivity"),
+           data(real, fmt::format("{} {}", frame.points, frame.dim), group + "/positions"), cells);
+  // The contacts come last, as a frame without them has no such grid: the numbers of the others stay.
+  if (frame.walls > 0 && frame.dim == 2)
+    grids += lines("walls", frame.walls, frame.dim, "/geometry/xdmf/connectivity", "/geometry/xdmf/points", "");
+  if (frame.contacts > 0)
+    grids += lines("contacts", frame.contacts, frame.dim, own + "/contact_connectivity", own + "/contact_points",
+                   attribute("force", frame.contacts, real, own + "/contact_force") +
+                       attribute("overlap", frame.contacts, real, group + "/contacts/overlap"));
+  return fmt::format(R"(      <Grid Name="{}" GridType="Collection" CollectionType="Spatial">
+        <Time Value="{}"/>
+{}      </Grid>
+)",
+                     frame.name, frame.time, grids);
+}
+
+std::vector<std::int32_t> xdmf_particles(const std::vector<Index>& offset) {
+  std::vector<std::int32_t> cells;
+  for (std::size_t m = 0; m + 1 < offset.size(); ++m) {
+    const Index n = offset[m + 1] - offset[m];
+    cells.insert(cells.end(), {n == 1 ? polyvertex : polygon, n});
+    for (Index i = offset[m]; i < offset[m + 1]; ++i) cells.push_back(i);
+  }
+  return cells;
+}
+
+std::vector<std::int32_t> xdmf_lines(std::uint64_t count) {
+  std::vector<std::int32_t> cells;
+  for (std::int32_t i = 0; i < static_cast<std::int32_t>(count); ++i)
+    cells.insert(cells.end(), {polyline, 2, 2 * i, 2 * i + 1});
+  return cells;
+}
+
+XdmfFile::XdmfFile(std::filesystem::path path, const std::vector<std::string>& grids) : path_(std::move(path)) {
+  std::string text(header);
+  for (const auto& one : grids) {
+    starts_.push_back(text.size());
+    text += one;
+  }
+  end_ = text.size();
+  write_file_atomically(path_, text.append(footer));
+}
+
+void XdmfFile::put(std::size_t index, const std::string& grid) {
+  if (index > size()) throw std::invalid_argument("run.xdmf: frames are numbered without gaps");
+  if (index == size()) {
+    append(grid);
+    starts_.push_back(end_);
+  } else {
+    // A frame after a restart: what follows it belongs to the past that is simulated again.
+    std::string text(starts_[index], '\0');
+    if (!std::ifstream(path_, std::ios::binary).read(text.data(), static_cast<std::streamsize>(text.size())))
+      throw OutputError("cannot read {} back; was it changed while the run was going?", path_.string());
+    write_file_atomically(path_, (text += grid).append(footer));
+    starts_.resize(index + 1);
+    end_ = starts_[index];
+  }
+  end_ += grid.size();
+}
+
+void XdmfFile::append(const std::string& grid) {
+  // One write over the old footer, so that a kill leaves the file before or after it. Rewriting the whole file for
+  // every frame would cost a time quadratic in their number.
+  const int file = ::open(path_.c_str(), O_WRONLY | O_CLOEXEC);
+  int error = file < 0 ? errno : 0;
+  const std::string text = grid + std::string(footer);
+  const auto at = static_cast<off_t>(end_);
+  if (error == 0) {
+    const ssize_t written = ::pwrite(file, text.data(), text.size(), at);
+    if (written != static_cast<ssize_t>(text.size())) {
+      error = written < 0 ? errno : ENOSPC;
+      // The old footer needs no new space.
+      (void)!::pwrite(file, footer.data(), footer.size(), at);
+      (void)!::ftruncate(file, at + static_cast<off_t>(footer.size()));
+    }
+  }
+  if (file >= 0) ::close(file);
+  if (error != 0)
+    throw OutputError("cannot write {}: {}; check free space and permissions", path_.string(), std::strerror(error));
+}
+
+}  // namespace pliant

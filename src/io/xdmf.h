@@ -1,0 +1,49 @@
+// run.xdmf: what ParaView needs to show the frames of run.h5. Written so that stock ParaView 5.11 opens it: topology
+// "Mixed" with explicit connectivity, whole datasets only (no hyperslabs), names relative to the folder.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include <pliant/base/types.h>
+
+namespace pliant {
+
+/// What a frame's XML depends on; the numbers themselves stay in run.h5.
+struct XdmfFrame {
+  std::string name;  ///< of the group in /frames
+  Real time = 0;     ///< in t0
+  int dim = 2;
+  std::uint64_t particles = 0, points = 0, contacts = 0, walls = 0;
+  std::uint64_t connectivity = 0;  ///< length of the particles' connectivity
+  bool polygons = false;           ///< whether there are areas
+};
+
+/// The <Grid> element of one frame.
+std::string xdmf_grid(const XdmfFrame& frame);
+
+/// Connectivity of particles in topology "Mixed": a polygon of its points, or a Polyvertex of its one point.
+std::vector<std::int32_t> xdmf_particles(const std::vector<Index>& offset);
+/// Connectivity of `count` lines over points 2i and 2i + 1.
+std::vector<std::int32_t> xdmf_lines(std::uint64_t count);
+
+/// The file, complete and valid XML after every call. Errors: OutputError.
+class XdmfFile {
+ public:
+  /// Writes the file with the grids of these frames, replacing an older file.
+  XdmfFile(std::filesystem::path path, const std::vector<std::string>& grids);
+  /// Makes `grid` number `index` and the last; index ≤ size().
+  void put(std::size_t index, const std::string& grid);
+  std::size_t size() const { return starts_.size(); }
+
+ private:
+  void append(const std::string& grid);
+
+  std::filesystem::path path_;
+  std::vector<std::size_t> starts_;  ///< position of each grid in the file
+  std::size_t end_ = 0;              ///< position behind the last one
+};
+
+}  // namespace pliant

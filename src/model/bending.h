@@ -1,0 +1,91 @@
+// Bending term of the shape energy [H 8].
+#pragma once
+
+#include <array>
+
+#include <pliant/model/term.h>
+
+namespace pliant {
+
+/// U = Σ_i k_b/(2 Nv) |(l̂_i − l̂_{i+1})/l0|², l̂ the unit edge vectors. Smooth while all edges have a length.
+/// With c = k_b/(2 Nv l0²) and û, ŵ the two directions U_i = 2c (1 − û·ŵ). Elements: pairs of edges that meet, named by
+/// the first vertex.
+struct Bending {
+  Real k_b;
+
+  static std::string_view name() { return "bending"; }
+  bool enabled(const StateView<2>&) const { return k_b > 0; }
+  Index size(const StateView<2>& s) const { return s.topology.points(); }
+  static Index particle(const StateView<2>& s, Index i) { return s.topology.particle[i]; }
+
+  Real energy(const StateView<2>& s, Index i) const {
+    const Corner k = corner(s, i);
+    return k.c * (k.u - k.w).squaredNorm();
+  }
+
+  template <class G>
+  void add_gradient(const StateView<2>& s, Index i, G& grad) const {
+    const Corner k = corner(s, i);
+    const Real cosine = k.u.dot(k.w);
+    const Vec<2> gu = 2 * k.c * k.inverse_u * (cosine * k.u - k.w), gw = 2 * k.c * k.inverse_w * (cosine * k.w - k.u);
+    grad.add(i, -gu);
+    grad.add(k.middle, Vec<2>(gu - gw));
+    grad.add(k.last, gw);
+  }
+
+  void add_hessian(const StateView<2>& s, Index i, BlockSink<2>& h) const {
+    const Corner k = corner(s, i);
+    const Mat<2> uu = 2 * k.c * square(k.inverse_u) * same_edge(k.u, k.w);
+    const Mat<2> ww = 2 * k.c * square(k.inverse_w) * same_edge(k.w, k.u);
+    const Mat<2> uw = -2 * k.c * k.inverse_u * k.inverse_w * (Mat<2>::Identity() - k.u * k.u.transpose()) *
+                      (Mat<2>::Identity() - k.w * k.w.transpose());
+    // ∂l_i = (−1, 1, 0), ∂l_{i+1} = (0, −1, 1) for the three vertices.
+    const std::array<Index, 3> points{i, k.middle, k.last};
+    const std::array<Real, 3> du{-1, 1, 0}, dw{0, -1, 1};
+    for (int a = 0; a < 3; ++a)
+      for (int b = 0; b < 3; ++b)
+        h.add(points[a], points[b],
+              du[a] * du[b] * uu + dw[a] * dw[b] * ww + du[a] * dw[b] * uw + dw[a] * du[b] * uw.transpose());
+  }
+
+  /// Zigzag of a straight chain: ω² = 16 k_b/(Nv l0⁴ m).
+  Real max_rate(const Topology& topology) const {
+    Real fastest = 0;
+    for (Index m = 0; m < topology.particles(); ++m)
+      fastest = std::max(
+          fastest,
+          16 * k_b / (topology.points_of(m) * square(square(topology.l0[m])) * topology.mass[topology.offset[m]]));
+    return std::sqrt(fastest);
+  }
+
+ private:
+  struct Corner {
+    Index middle, last;
+    Vec<2> u, w;
+    Real inverse_u, inverse_w, c;
+  };
+
+  Corner corner(const StateView<2>& s, Index i) const {
+    Corner k;
+    k.middle = s.topology.next[i];
+    k.last = s.topology.next[k.middle];
+    const Vec<2> r = s.position(k.middle);
+    k.u = r - s.position(i);
+    k.w = s.position(k.last) - r;
+    k.inverse_u = 1 / k.u.norm();
+    k.inverse_w = 1 / k.w.norm();
+    k.u *= k.inverse_u;
+    k.w *= k.inverse_w;
+    const Index m = s.topology.particle[i];
+    k.c = k_b / (2 * s.topology.points_of(m) * square(s.topology.l0[m]));
+    return k;
+  }
+
+  /// Second derivative of −û·ŵ with respect to u, times |u|².
+  static Mat<2> same_edge(const Vec<2>& u, const Vec<2>& w) {
+    const Real cosine = u.dot(w);
+    return w * u.transpose() + u * w.transpose() + cosine * (Mat<2>::Identity() - 3 * u * u.transpose());
+  }
+};
+
+}  // namespace pliant

@@ -1,0 +1,34 @@
+// Drag of a background fluid [H 5, 11].
+#pragma once
+
+#include <pliant/model/term.h>
+
+namespace pliant {
+
+/// F_i = −(ζ/n) v_i on each of the n points of a particle (n = 1 for soft particles); the same ζ for all sizes.
+/// Dissipated power (ζ/n) v². ζ in ρσ_avg^(D−1) g t0. Elements: points.
+template <int D>
+struct Drag {
+  Real zeta;
+
+  static std::string_view name() { return "drag"; }
+  bool enabled(const StateView<D>&) const { return zeta > 0; }
+  Index size(const StateView<D>& s) const { return s.topology.points(); }
+  Real power(const StateView<D>& s, Index i) const { return coefficient(s.topology, i) * s.velocity(i).squaredNorm(); }
+  template <class F>
+  void add_force(const StateView<D>& s, Index i, F& force) const {
+    force.add(i, Vec<D>(-coefficient(s.topology, i) * s.velocity(i)));
+  }
+  void add_dforce_dv(const StateView<D>& s, Index i, BlockSink<D>& h) const {
+    h.add(i, i, -coefficient(s.topology, i) * Mat<D>::Identity());
+  }
+  Real max_damping(const Topology& topology) const {
+    return zeta / smallest_over_points(
+                      topology, [&](Index i) { return topology.mass[i] * topology.points_of(topology.particle[i]); });
+  }
+
+ private:
+  Real coefficient(const Topology& topology, Index i) const { return zeta / topology.points_of(topology.particle[i]); }
+};
+
+}  // namespace pliant

@@ -1,0 +1,111 @@
+// Contact between smooth deformable particles, whose edges are circulo-lines [H App. A].
+#pragma once
+
+#include <pliant/model/contact_law.h>
+#include <pliant/model/outline.h>
+#include <pliant/model/term.h>
+
+namespace pliant {
+
+/// A vertex j of one polygon against the outline of another:
+///   U_j = Σ_i [V(dist(j, closed edge i)) − V(dist(j, vertex i))], V(d) = ε/2 (1 − d/δ_mn)² Θ(1 − d/δ_mn), δ_mn = (δ_m
+///   + δ_n)/2
+/// with δ the width of an edge. The subtraction removes the double count where two edges share a vertex, so that U_j
+/// equals V of the distance to the outline outside a convex corner and is C¹ everywhere; the distance rule of [H App.
+/// A] alone jumps where the foot of the perpendicular leaves an edge. Both directions count. The gradient goes to the
+/// vertex and to both ends of the edge: linear and angular momentum of the contact are conserved. The distance is
+/// unsigned: a vertex that has crossed an outline is an error state (crossing.h). Elements: neighbour list of vertices
+/// and edges.
+struct EdgeContact {
+  Real epsilon;
+
+  static std::string_view name() { return "contact"; }
+  bool enabled(const StateView<2>&) const { return true; }
+  Index size(const StateView<2>& s) const { return static_cast<Index>(s.neighbours.vertex_edges.size()); }
+
+  Real energy(const StateView<2>& s, Index e) const {
+    const auto [p, a, b, v] = element(s, e);
+    const SegmentFoot foot = segment_foot(s.position(p), s.position(a), s.position(b));
+    return v.value(std::sqrt(foot.d2)) - v.value((s.position(p) - s.position(a)).norm());
+  }
+
+  template <class G>
+  void add_gradient(const StateView<2>& s, Index e, G& grad) const {
+    const auto [p, a, b, v] = element(s, e);
+    const Vec<2> rp = s.position(p), ra = s.position(a);
+    const SegmentFoot foot = segment_foot(rp, ra, s.position(b));
+    if (foot.d2 >= square(v.delta) || foot.t == 0) return;  // at t = 0 both parts cancel
+    if (foot.d2 > 0) {
+      const Real d = std::sqrt(foot.d2);
+      const Vec<2> pull = v.slope(d) / d * foot.offset;
+      grad.add(p, pull);
+      grad.add(a, -(1 - foot.t) * pull);
+      grad.add(b, -foot.t * pull);
+    }
+    const Vec<2> r = rp - ra;
+    const Real r2 = r.squaredNorm();
+    if (r2 < square(v.delta)) {
+      const Real d = std::sqrt(r2);
+      const Vec<2> pull = v.slope(d) / d * r;
+      grad.add(p, -pull);
+      grad.add(a, pull);
+    }
+  }
+
+  void add_hessian(const StateView<2>& s, Index e, BlockSink<2>& h) const {
+    const auto [p, a, b, v] = element(s, e);
+    const SegmentDistance edge = segment_distance(s.position(p), s.position(a), s.position(b));
+    if (!v.touches(edge.d)) return;
+    const std::array<Index, 3> points{p, a, b};
+    for (int k = 0; k < 3; ++k)
+      for (int l = 0; l < 3; ++l)
+        h.add(points[k], points[l],
+              v.curvature(edge.d) * edge.gradient[k] * edge.gradient[l].transpose() +
+                  v.slope(edge.d) * edge.hessian[k][l]);
+    const Vec<2> r = s.position(p) - s.position(a);
+    const Real d = r.norm();
+    if (!v.touches(d)) return;
+    const Vec<2> n = direction<2>(r, d);
+    const Mat<2> block = v.curvature(d) * n * n.transpose() + v.slope(d) * distance_curvature<2>(n, d);
+    h.add(p, p, -block);
+    h.add(a, a, -block);
+    h.add(p, a, block);
+    h.add(a, p, block);
+  }
+
+  bool contact(const StateView<2>& s, Index e, Contact<2>& c) const {
+    const auto [p, a, b, v] = element(s, e);
+    const SegmentFoot foot = segment_foot(s.position(p), s.position(a), s.position(b));
+    const Real d = std::sqrt(foot.d2);
+    if (!v.touches(d) || !carries_contact(s, p, a, foot)) return false;
+    const Topology& topology = s.topology;
+    c.first = topology.particle[p];
+    c.second = topology.particle[a];
+    c.normal = direction<2>(foot.offset, d);
+    c.position = s.position(p) - topology.diameter[p] / (topology.diameter[p] + topology.diameter[a]) * foot.offset;
+    c.overlap = 1 - d / v.delta;
+    c.reach = v.delta;
+    c.force = -v.slope(d) * c.normal;
+    return true;
+  }
+
+  /// Worst case: vertex against vertex, which both directions count, ω² = 4 ε/(δ² m); a vertex on an edge has half of
+  /// it.
+  Real max_rate(const Topology& topology) const {
+    return std::sqrt(4 * epsilon / smallest_over_points(topology, [&](Index i) {
+                       return square(topology.diameter[i]) * topology.mass[i];
+                     }));
+  }
+
+ private:
+  struct Element {
+    Index vertex, start, end;
+    HarmonicOverlap law;
+  };
+  Element element(const StateView<2>& s, Index e) const {
+    const auto [p, a] = s.neighbours.vertex_edges[e];
+    return {p, a, s.topology.next[a], {epsilon, (s.topology.diameter[p] + s.topology.diameter[a]) / 2}};
+  }
+};
+
+}  // namespace pliant

@@ -1,0 +1,80 @@
+// Kinetic friction between smooth deformable particles [H 12].
+#pragma once
+
+#include <optional>
+
+#include <pliant/model/outline.h>
+
+namespace pliant {
+
+/// Where the velocity of the touched edge is taken.
+enum class FrictionPoint {
+  contact,  ///< the material point of the contact, (1 − t) v_i + t v_{i+1}
+  vertex    ///< the edge's first vertex, as [H 12] prints it
+};
+
+/// A vertex j on edge i of another polygon.
+/// contact: F = −μ (v_j − v_c) with the material point of the edge that carries the contact (outline.h: a corner rubs
+/// once), the reaction on both ends of the edge with weights 1 − t and t: power μ |v_j − v_c|², linear momentum
+/// conserved. vertex: −μ (v_j − v_i) for every closed edge i within reach, the reaction on vertex i. Elements:
+/// neighbour list of vertices and edges.
+struct EdgeFriction {
+  Real mu;
+  FrictionPoint where = FrictionPoint::contact;
+
+  static std::string_view name() { return "friction"; }
+  bool enabled(const StateView<2>&) const { return mu > 0; }
+  Index size(const StateView<2>& s) const { return static_cast<Index>(s.neighbours.vertex_edges.size()); }
+
+  Real power(const StateView<2>& s, Index e) const {
+    const std::optional<Rubbing> r = rubbing(s, e);
+    return r ? mu * slip(s, *r).squaredNorm() : 0;
+  }
+
+  template <class F>
+  void add_force(const StateView<2>& s, Index e, F& force) const {
+    const std::optional<Rubbing> r = rubbing(s, e);
+    if (!r) return;
+    const Vec<2> f = -mu * slip(s, *r);
+    force.add(r->vertex, f);
+    force.add(r->start, -(1 - r->t) * f);
+    force.add(r->end, -r->t * f);
+  }
+
+  void add_dforce_dv(const StateView<2>& s, Index e, BlockSink<2>& h) const {
+    const std::optional<Rubbing> r = rubbing(s, e);
+    if (!r) return;
+    const std::array<Index, 3> points{r->vertex, r->start, r->end};
+    const std::array<Real, 3> weight{1, -(1 - r->t), -r->t};
+    for (int k = 0; k < 3; ++k)
+      for (int l = 0; l < 3; ++l) h.add(points[k], points[l], -mu * weight[k] * weight[l] * Mat<2>::Identity());
+  }
+
+  Real max_damping(const Topology& topology) const {
+    return 4 * mu / smallest_over_points(topology, [&](Index i) { return topology.mass[i]; });
+  }
+
+ private:
+  /// A vertex that rubs against the point at t on an edge.
+  struct Rubbing {
+    Index vertex, start, end;
+    Real t;
+  };
+
+  static Vec<2> slip(const StateView<2>& s, const Rubbing& r) {
+    return s.velocity(r.vertex) - (1 - r.t) * s.velocity(r.start) - r.t * s.velocity(r.end);
+  }
+
+  std::optional<Rubbing> rubbing(const StateView<2>& s, Index e) const {
+    const auto [p, a] = s.neighbours.vertex_edges[e];
+    const Index b = s.topology.next[a];
+    const Real reach = (s.topology.diameter[p] + s.topology.diameter[a]) / 2;
+    const SegmentFoot foot = segment_foot(s.position(p), s.position(a), s.position(b));
+    if (foot.d2 >= square(reach)) return std::nullopt;
+    if (where == FrictionPoint::vertex) return Rubbing{p, a, b, 0};
+    if (!carries_contact(s, p, a, foot)) return std::nullopt;
+    return Rubbing{p, a, b, foot.t};
+  }
+};
+
+}  // namespace pliant

@@ -1,0 +1,96 @@
+// Contact of the lips of an orifice with the edges of polygons: what [H 10], where only vertices feel walls, leaves
+// out.
+#pragma once
+
+#include <pliant/model/contact_law.h>
+#include <pliant/model/term.h>
+
+namespace pliant {
+
+/// Without it a lip enters an edge between two vertices. For a lip q and a polygon with edges (i, i+1):
+///   U_q = Σ_i [V(dist(q, closed edge i)) − V(|q − r_i|) − V(|q − r_{i+1}|)], V as for walls: ε_w/2 (1 − 2d/δ)² Θ.
+/// Each vertex feels the lip already as a point near the wall's end, V(|q − r_i|); with that, the sum is V of the
+/// distance to the outline, counted once, and C¹. Elements: neighbour list of lips and edges.
+struct LipContact {
+  Real epsilon;
+  bool with_edges = true;  ///< false: as printed, only vertices feel lips
+
+  static std::string_view name() { return "lip"; }
+  bool enabled(const StateView<2>& s) const { return with_edges && !s.walls.lips().empty(); }
+  Index size(const StateView<2>& s) const { return static_cast<Index>(s.neighbours.lips.size()); }
+
+  Real energy(const StateView<2>& s, Index e) const {
+    const auto [q, a, b, v] = element(s, e);
+    const Vec<2> ra = s.position(a), rb = s.position(b);
+    return v.value(std::sqrt(segment_foot(q, ra, rb).d2)) - v.value((ra - q).norm()) - v.value((rb - q).norm());
+  }
+
+  template <class G>
+  void add_gradient(const StateView<2>& s, Index e, G& grad) const {
+    const auto [a, b] = forces(s, e);
+    const Index start = s.neighbours.lips[e].second;
+    grad.add(start, -a);
+    grad.add(s.topology.next[start], -b);
+  }
+
+  /// Force of the lip on the edge; the wall that ends in it feels the opposite.
+  Vec<2> force(const StateView<2>& s, Index e) const {
+    const auto [a, b] = forces(s, e);
+    return a + b;
+  }
+  Index wall(const StateView<2>& s, Index e) const { return s.walls.wall_of_lip(s.neighbours.lips[e].first); }
+
+  void add_hessian(const StateView<2>& s, Index e, BlockSink<2>& h) const {
+    const auto [q, a, b, v] = element(s, e);
+    const std::array<Vec<2>, 2> r{s.position(a), s.position(b)};
+    const std::array<Index, 2> points{a, b};
+    const SegmentDistance edge = segment_distance(q, r[0], r[1]);
+    if (!v.touches(edge.d)) return;
+    for (int k = 0; k < 2; ++k) {
+      for (int l = 0; l < 2; ++l)
+        h.add(points[k], points[l],
+              v.curvature(edge.d) * edge.gradient[k + 1] * edge.gradient[l + 1].transpose() +
+                  v.slope(edge.d) * edge.hessian[k + 1][l + 1]);
+      const Real d = (r[k] - q).norm();
+      if (!v.touches(d)) continue;
+      const Vec<2> n = direction<2>(r[k] - q, d);
+      h.add(points[k], points[k], -v.curvature(d) * n * n.transpose() - v.slope(d) * distance_curvature<2>(n, d));
+    }
+  }
+
+  Real max_rate(const Topology& topology) const {
+    return with_edges
+               ? std::sqrt(4 * epsilon /
+                           smallest_over_points(
+                               topology, [&](Index i) { return square(topology.diameter[i]) * topology.mass[i]; }))
+               : 0;
+  }
+
+ private:
+  struct Element {
+    Vec<2> lip;
+    Index start, end;
+    HarmonicOverlap law;
+  };
+  Element element(const StateView<2>& s, Index e) const {
+    const auto [lip, a] = s.neighbours.lips[e];
+    return {s.walls.lips()[lip], a, s.topology.next[a], {epsilon, s.topology.diameter[a] / 2}};
+  }
+  /// Forces on the two ends of the edge.
+  std::array<Vec<2>, 2> forces(const StateView<2>& s, Index e) const {
+    const auto [q, a, b, v] = element(s, e);
+    const Vec<2> ra = s.position(a), rb = s.position(b);
+    const SegmentFoot foot = segment_foot(q, ra, rb);
+    if (foot.d2 >= square(v.delta)) return {Vec<2>::Zero(), Vec<2>::Zero()};
+    const Real d = std::sqrt(foot.d2);
+    const Vec<2> push = v.slope(d) * direction<2>(foot.offset, d);
+    return {(1 - foot.t) * push + vertex_gradient(v, ra - q), foot.t * push + vertex_gradient(v, rb - q)};
+  }
+
+  static Vec<2> vertex_gradient(const HarmonicOverlap& v, const Vec<2>& r) {
+    const Real d = r.norm();
+    return v.slope(d) * direction<2>(r, d);
+  }
+};
+
+}  // namespace pliant

@@ -1,0 +1,18 @@
+// Which edge of an outline carries the contact of a vertex.
+#pragma once
+
+#include <pliant/model/term.h>
+
+namespace pliant {
+
+/// Whether the edge with first vertex a carries the contact of vertex p, given p's foot on it: where the foot lies
+/// inside the edge; and, for a corner between two edges that is nearest to p on both, the edge that ends there. So
+/// every place of an outline carries once.
+inline bool carries_contact(const StateView<2>& s, Index p, Index a, const SegmentFoot& foot) {
+  if (foot.interior()) return true;
+  if (foot.t == 0) return false;
+  const Index b = s.topology.next[a];
+  return segment_foot(s.position(p), s.position(b), s.position(s.topology.next[b])).t == 0;
+}
+
+}  // namespace pliant

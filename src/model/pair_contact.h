@@ -1,0 +1,82 @@
+// Contact between points of different particles: soft particles [H 2] and rough deformable ones [H 9].
+#pragma once
+
+#include <pliant/model/contact_law.h>
+#include <pliant/model/term.h>
+
+namespace pliant {
+
+/// U = Σ_pairs ε/2 (1 − r/δ_mn)² Θ(1 − r/δ_mn), δ_mn = (δ_m + δ_n)/2 the mean of the contact diameters, r the distance
+/// of the points. Force on the first point: ε/δ_mn (1 − r/δ_mn) r̂. C¹. Elements: neighbour list of points.
+template <int D>
+struct PairContact {
+  Real epsilon;
+  std::string_view label;  ///< "pair" for soft particles, "contact" for vertices
+
+  std::string_view name() const { return label; }
+  bool enabled(const StateView<D>&) const { return true; }
+  Index size(const StateView<D>& s) const { return static_cast<Index>(s.neighbours.point_pairs.size()); }
+
+  Real energy(const StateView<D>& s, Index e) const {
+    const auto [i, j] = s.neighbours.point_pairs[e];
+    return law(s, i, j).value((s.position(i) - s.position(j)).norm());
+  }
+
+  template <class G>
+  void add_gradient(const StateView<D>& s, Index e, G& grad) const {
+    const auto [i, j] = s.neighbours.point_pairs[e];
+    const Vec<D> r = s.position(i) - s.position(j);
+    const HarmonicOverlap v = law(s, i, j);
+    const Real d2 = r.squaredNorm();
+    if (d2 >= square(v.delta) || d2 == 0) return;
+    const Real d = std::sqrt(d2);
+    const Vec<D> pull = v.slope(d) / d * r;
+    grad.add(i, pull);
+    grad.add(j, -pull);
+  }
+
+  void add_hessian(const StateView<D>& s, Index e, BlockSink<D>& h) const {
+    const auto [i, j] = s.neighbours.point_pairs[e];
+    const Vec<D> r = s.position(i) - s.position(j);
+    const Real d = r.norm();
+    const HarmonicOverlap v = law(s, i, j);
+    if (!v.touches(d)) return;
+    const Vec<D> n = direction<D>(r, d);
+    const Mat<D> block = v.curvature(d) * n * n.transpose() + v.slope(d) * distance_curvature<D>(n, d);
+    h.add(i, i, block);
+    h.add(j, j, block);
+    h.add(i, j, -block);
+    h.add(j, i, -block);
+  }
+
+  bool contact(const StateView<D>& s, Index e, Contact<D>& c) const {
+    const auto [i, j] = s.neighbours.point_pairs[e];
+    const Vec<D> r = s.position(i) - s.position(j);
+    const Real d = r.norm();
+    const HarmonicOverlap v = law(s, i, j);
+    if (!v.touches(d)) return false;
+    const Topology& topology = s.topology;
+    c.first = topology.particle[i];
+    c.second = topology.particle[j];
+    c.normal = direction<D>(r, d);
+    c.position = s.position(j) + topology.diameter[j] / (topology.diameter[i] + topology.diameter[j]) * r;
+    c.overlap = 1 - d / v.delta;
+    c.reach = v.delta;
+    c.force = -v.slope(d) * c.normal;
+    return true;
+  }
+
+  /// Two of the stiffest points against each other: ω² = 2 ε/(δ² m).
+  Real max_rate(const Topology& topology) const {
+    return std::sqrt(2 * epsilon / smallest_over_points(topology, [&](Index i) {
+                       return square(topology.diameter[i]) * topology.mass[i];
+                     }));
+  }
+
+ private:
+  HarmonicOverlap law(const StateView<D>& s, Index i, Index j) const {
+    return {epsilon, (s.topology.diameter[i] + s.topology.diameter[j]) / 2};
+  }
+};
+
+}  // namespace pliant

@@ -1,0 +1,57 @@
+// Areas, perimeters and centres of the polygons of a topology.
+#pragma once
+
+#include <pliant/model/topology.h>
+
+namespace pliant {
+
+/// Signed area of particle m (shoelace; positive for counter-clockwise), taken about its first vertex to keep digits
+/// far from the origin.
+inline Real polygon_area(const Real* x, const Topology& topology, Index m) {
+  const Index first = topology.offset[m], last = topology.offset[m + 1];
+  const Vec<2> o = point<2>(x, first);
+  Real twice = 0;
+  Vec<2> r = Vec<2>::Zero();
+  for (Index i = first + 1; i < last; ++i) {
+    const Vec<2> s = point<2>(x, i) - o;
+    twice += r[0] * s[1] - r[1] * s[0];
+    r = s;
+  }
+  return twice / 2;
+}
+
+/// ∂(area)/∂r_i.
+inline Vec<2> area_gradient(const Real* x, const Topology& topology, Index i) {
+  const Vec<2> chord = point<2>(x, topology.next[i]) - point<2>(x, topology.previous[i]);
+  return {chord[1] / 2, -chord[0] / 2};
+}
+
+inline Real polygon_perimeter(const Real* x, const Topology& topology, Index m) {
+  Real sum = 0;
+  for (Index i = topology.offset[m]; i < topology.offset[m + 1]; ++i)
+    sum += (point<2>(x, topology.next[i]) - point<2>(x, i)).norm();
+  return sum;
+}
+
+/// Mean of the points of particle m: its centre of mass, as they have equal masses. Works for velocities too.
+template <int D>
+Vec<D> mean_of_points(const Real* x, const Topology& topology, Index m) {
+  Vec<D> sum = Vec<D>::Zero();
+  for (Index i = topology.offset[m]; i < topology.offset[m + 1]; ++i) sum += point<D>(x, i);
+  return sum / topology.points_of(m);
+}
+
+/// Whether p lies inside polygon m (even–odd rule).
+inline bool inside_polygon(const Real* x, const Topology& topology, Index m, const Vec<2>& p) {
+  bool inside = false;
+  for (Index i = topology.offset[m]; i < topology.offset[m + 1]; ++i) {
+    const Vec<2> a = point<2>(x, i), b = point<2>(x, topology.next[i]);
+    if ((a[1] > p[1]) != (b[1] > p[1]) && p[0] < a[0] + (p[1] - a[1]) / (b[1] - a[1]) * (b[0] - a[0])) inside = !inside;
+  }
+  return inside;
+}
+
+/// Whether two edges of polygon m that share no vertex meet.
+bool self_intersects(const Real* x, const Topology& topology, Index m);
+
+}  // namespace pliant

@@ -1,0 +1,45 @@
+// What does not move: which points make which particle, their sizes and masses.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include <pliant/base/types.h>
+
+namespace pliant {
+
+/// A *point* carries a position, a velocity and a mass: the centre of a soft particle, or a vertex of a deformable one.
+/// Points of particle m are offset[m] … offset[m+1]−1, in counter-clockwise order for a polygon.
+/// Units: σ_avg = g = ρ = 1.
+struct Topology {
+  int dim = 2;
+  std::vector<Index> offset{0};  ///< [particles + 1]
+  std::vector<Index> particle;   ///< [points] owner
+  std::vector<Index> next,
+      previous;                    ///< [points] cyclic neighbours in the polygon; a soft particle is its own neighbour
+  std::vector<Real> diameter;      ///< [points] contact diameter: σ_m (soft) or δ_m (deformable)
+  std::vector<Real> mass;          ///< [points]
+  std::vector<Real> inverse_mass;  ///< [points] 0 for the points of an inactive particle
+  std::vector<Real> sigma;         ///< [particles] diameter; of the disk of area a0 for a polygon
+  std::vector<Real> a0;            ///< [particles] rest area (2D) or volume (3D)
+  std::vector<Real> l0;            ///< [particles] rest length of an edge; 0 for soft particles
+  std::vector<std::uint8_t> active;  ///< [particles] 0: taken out of the run: touches nothing and does not move
+
+  Index particles() const { return static_cast<Index>(offset.size()) - 1; }
+  Index points() const { return offset.back(); }
+  Index points_of(Index m) const { return offset[m + 1] - offset[m]; }
+  bool deformable() const { return points() > particles(); }
+  bool point_active(Index i) const { return active[particle[i]] != 0; }
+
+  /// Appends a soft particle of diameter sigma and the given mass.
+  void add_soft(Real sigma_m, Real mass_m);
+  /// Appends a polygon of n vertices; delta is the diameter of a vertex or the width of an edge.
+  void add_polygon(Index n, Real a0_m, Real l0_m, Real delta_m, Real mass_m);
+  /// Takes particle m out of the run.
+  void deactivate(Index m);
+
+ private:
+  void add_points(Index n, Real diameter_m, Real mass_m);
+};
+
+}  // namespace pliant

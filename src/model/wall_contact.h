@@ -1,0 +1,59 @@
+// Contact of points with walls [H 3, 10].
+#pragma once
+
+#include <pliant/model/contact_law.h>
+#include <pliant/model/term.h>
+
+namespace pliant {
+
+/// U = Σ ε_w/2 (1 − 2 d_w/δ)² Θ(1 − 2 d_w/δ), d_w the distance of the point to the wall, δ its contact diameter: V(d)
+/// with range δ/2. C¹. Elements: neighbour list of points and walls.
+template <int D>
+struct WallContact {
+  Real epsilon;
+
+  static std::string_view name() { return "wall"; }
+  bool enabled(const StateView<D>& s) const { return s.walls.size() > 0; }
+  Index size(const StateView<D>& s) const { return static_cast<Index>(s.neighbours.walls.size()); }
+
+  Real energy(const StateView<D>& s, Index e) const {
+    const auto [i, wall] = s.neighbours.walls[e];
+    return law(s, i).value(s.walls.distance(s.position(i), wall));
+  }
+
+  template <class G>
+  void add_gradient(const StateView<D>& s, Index e, G& grad) const {
+    grad.add(s.neighbours.walls[e].first, Vec<D>(-force(s, e)));
+  }
+
+  void add_hessian(const StateView<D>& s, Index e, BlockSink<D>& h) const {
+    const auto [i, wall] = s.neighbours.walls[e];
+    const WallFoot<D> foot = s.walls.foot(s.position(i), wall);
+    const HarmonicOverlap v = law(s, i);
+    if (!v.touches(foot.d)) return;
+    h.add(i, i, v.curvature(foot.d) * foot.n * foot.n.transpose() + v.slope(foot.d) * foot.curvature);
+  }
+
+  /// Force of the wall on the point; the wall feels the opposite.
+  Vec<D> force(const StateView<D>& s, Index e) const {
+    const auto [i, wall] = s.neighbours.walls[e];
+    Real d;
+    Vec<D> n;
+    s.walls.nearest(s.position(i), wall, d, n);
+    return -law(s, i).slope(d) * n;
+  }
+
+  Index wall(const StateView<D>& s, Index e) const { return s.neighbours.walls[e].second; }
+
+  /// ω² = 4 ε_w/(δ² m).
+  Real max_rate(const Topology& topology) const {
+    return std::sqrt(4 * epsilon / smallest_over_points(topology, [&](Index i) {
+                       return square(topology.diameter[i]) * topology.mass[i];
+                     }));
+  }
+
+ private:
+  HarmonicOverlap law(const StateView<D>& s, Index i) const { return {epsilon, s.topology.diameter[i] / 2}; }
+};
+
+}  // namespace pliant

@@ -1,0 +1,38 @@
+// Energies and forces of one configuration, to check it by hand or to couple another program.
+#pragma once
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+
+namespace pliant {
+
+/// Reads a case file. Errors: InputError that names the file, and for bad JSON the place and the last key before it.
+nlohmann::json read_case(const std::filesystem::path& file);
+
+/// Energies and forces of the configuration in `document` = {"model", "inputs", and "name", "note", "expected", which
+/// count for nothing}. Models: "SP" (soft particles, 2D and 3D), "DP" (shape energies only), "DP-rough", "DP-smooth".
+/// Units: σ_avg = g = ρ = 1; y is up (z in 3D). A key that is null is absent. `file` names the document in messages.
+///
+/// inputs, arrays with one entry per particle:
+///   SP         dim, positions, sigma, eps_sp; mass (else rho π σ²/4, or rho π σ³/6 in 3D), rho (else 1), hopper3d {W,
+///   w} in 3D DP         vertices (counter-clockwise, one array per particle), a0, l0, ka, kl, kb DP-rough, DP-smooth
+///   as DP and: delta (else l0, or 0.1 l0 for smooth), mass (else rho a0), rho, eps_c (else 1e4), shape_terms (false:
+///   no
+///              shape energies, ka, kl and kb are not needed), friction_point "vertex" (else) or "contact" (smooth),
+///              lip_contact "literal" (else) or "edge"
+///   all but DP velocities (else 0), eps_w (else 1e4), mu, zeta, gravity (else none), hopper {W, w, theta_deg} in 2D
+///
+/// Returns {"area" (polygons), "energy": {term: value}, "force": {term: array, "total": array}}, with the terms that
+/// are active. Forces are laid out like the positions or vertices. Energies of area, perimeter and bending, and "area",
+/// have one value per particle: a number if there is only one, else an array. Dissipations have a force only.
+///
+/// Errors: InputError that names the key for whatever is wrong with the document, for outlines that are clockwise or
+/// meet themselves, points on top of each other or of a wall (no direction for the force), a vertex inside a smooth
+/// particle. NumericalError if a result overflows.
+nlohmann::ordered_json evaluate(const nlohmann::json& document, const std::string& file);
+
+/// JSON text with 17 significant digits: a number per line, or a row of numbers.
+std::string to_text(const nlohmann::ordered_json& value);
+
+}  // namespace pliant

@@ -1,0 +1,62 @@
+// What a hopper run measures: samples, frames, and the evaluation at its end.
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include <pliant/io/run_writer.h>
+#include <pliant/model/state.h>
+#include <pliant/scenarios/hopper_options.h>
+#include <pliant/ts/particle_system.h>
+
+namespace pliant {
+
+/// Centres of all particles, and their velocities: [particles · D].
+template <int D>
+struct Centres {
+  std::vector<Real> position, velocity;
+  void update(const Topology& topology, const State& state);
+};
+
+/// Counters that a run keeps from its start.
+struct FlowCount {
+  std::int64_t crossed = 0;  ///< particles that have crossed the orifice line
+  Real area = 0;             ///< their a0
+};
+
+/// One row of `/series`, and what messages and the clog detector want of it.
+template <int D>
+struct Sample {
+  std::vector<SeriesValue> row;
+  Real max_speed = 0;  ///< above the orifice line
+  Index in_hopper = 0;
+  Real max_overlap = 0;
+  Index first = -1, second = -1;  ///< the particles of the largest overlap
+};
+
+/// Heights of the velocity profile on the axis, in σ_avg above the orifice [H Fig. 5].
+std::vector<Real> profile_heights();
+
+template <int D>
+Sample<D> take_sample(ParticleSystem<D>& system, const State& state, const Hopper& hopper, const FlowCount& flow,
+                      Real dt);
+
+/// Owns the arrays of a frame that are made for it.
+template <int D>
+class FrameData {
+ public:
+  FrameData(ParticleSystem<D>& system, const State& state);
+  Frame frame;
+
+ private:
+  Centres<D> centres_;
+  std::vector<Index> contact_count_;
+  std::vector<Real> area_, perimeter_, wall_force_;
+};
+
+/// Measured quantities of a finished run from its series, for summary.json: Q and the rest with errors, from the steady
+/// state on.
+nlohmann::ordered_json evaluate_series(const Series& series, const HopperOptions& options, const Topology& topology);
+
+}  // namespace pliant

@@ -1,0 +1,187 @@
+#include <pliant/scenarios/hopper_options.h>
+
+#include <cmath>
+
+#include <pliant/base/errors.h>
+
+namespace pliant {
+
+void HopperOptions::bind(Options& o) {
+  constexpr auto fixed = OnRestart::fixed;
+  o.group("Model");
+  o.bind("model", model, {{"sp", ModelKind::sp}, {"rough", ModelKind::rough}, {"smooth", ModelKind::smooth}},
+         {.help = "soft particles, or deformable particles with rough or smooth outlines", .on_restart = fixed});
+  o.bind("dim", dim, {.help = "dimension; 3 for soft particles only", .min = 2, .max = 3, .on_restart = fixed});
+  o.bind("e_sp", e_sp,
+         {.help = "contact energy E_sp of soft particles",
+          .unit = "rho g sigma_avg^(d+1)",
+          .min = 0,
+          .min_open = true,
+          .on_restart = fixed});
+  o.bind("e_c", e_c,
+         {.help = "contact energy E_c of deformable particles",
+          .unit = "rho g sigma_avg^3",
+          .min = 0,
+          .min_open = true,
+          .on_restart = fixed});
+  o.bind("e_w", e_w,
+         {.help = "wall contact energy E_w",
+          .unit = "rho g sigma_avg^(d+1)",
+          .min = 0,
+          .min_open = true,
+          .on_restart = fixed});
+  o.bind("k_a", k_a, {.help = "area stiffness K_a", .unit = "rho g/sigma_avg", .min = 0, .on_restart = fixed});
+  o.bind("k_l", k_l, {.help = "perimeter stiffness K_l", .unit = "rho g sigma_avg", .min = 0, .on_restart = fixed});
+  o.bind("k_b", k_b, {.help = "bending stiffness K_b", .unit = "rho g sigma_avg^5", .min = 0, .on_restart = fixed});
+  o.bind(
+      "mu", mu,
+      {.help = "kinetic friction coefficient mu", .unit = "rho sigma_avg^(d-1) g t0", .min = 0, .on_restart = fixed});
+  o.bind("zeta", zeta,
+         {.help = "drag coefficient zeta", .unit = "rho sigma_avg^(d-1) g t0", .min = 0, .on_restart = fixed});
+  o.bind(
+      "friction_point", friction_point, {{"contact", FrictionPoint::contact}, {"vertex", FrictionPoint::vertex}},
+      {.help =
+           "smooth particles: friction acts against the velocity at the contact, or of the edge's first vertex [H 12]",
+       .on_restart = fixed});
+  o.bind("lip_contact", lip_contact, {{"edge", LipRule::edge}, {"literal", LipRule::literal}},
+         {.help = "deformable particles: the lips of the orifice touch edges too, or vertices only [H 10]",
+          .on_restart = fixed});
+
+  o.group("Particles");
+  o.bind("n", particles,
+         {.help = "number of particles",
+          .min = 1,
+          .max = 1e8,
+          .automatic = "1600 in 2D, 6400 in 3D",
+          .on_restart = fixed});
+  o.bind("seed", seed, {.help = "seed of all random numbers", .min = 0, .on_restart = fixed});
+  o.bind(
+      "size_distribution", sizes.kind,
+      {.help = "distribution of diameters, mean 1", .choices = {"bidisperse", "normal", "mono"}, .on_restart = fixed});
+  o.bind("size_ratio", sizes.ratio,
+         {.help = "bidisperse: large over small diameter", .min = 1, .max = 10, .on_restart = fixed});
+  o.bind("size_fraction", sizes.fraction,
+         {.help = "bidisperse: fraction of large particles by number", .min = 0, .max = 1, .on_restart = fixed});
+  o.bind("size_deviation", sizes.deviation,
+         {.help = "normal: standard deviation of the diameter",
+          .unit = "sigma_avg",
+          .min = 0,
+          .max = 0.3,
+          .on_restart = fixed});
+  o.bind("n_vertices", shape.vertices,
+         {.help = "vertices of a deformable particle", .min = 3, .max = 10000, .on_restart = fixed});
+  o.bind("shape_parameter", shape.shape_parameter,
+         {.help = "A0 = perimeter^2/(4 pi area) at rest; 0: regular polygon", .min = 0, .on_restart = fixed});
+  o.bind("edge_width", shape.edge_width,
+         {.help = "smooth particles: width of an edge over its rest length",
+          .min = 0,
+          .max = 1,
+          .min_open = true,
+          .on_restart = fixed});
+
+  o.group("Hopper");
+  o.bind("hopper_width", hopper.orifice,
+         {.help = "width w of the orifice", .unit = "sigma_avg", .min = 0, .min_open = true, .on_restart = fixed});
+  o.bind("hopper_angle", hopper.angle,
+         {.help = "angle of the sloped walls to gravity; 90: flat bottom",
+          .unit = "degrees",
+          .min = 10,
+          .max = 90,
+          .on_restart = fixed});
+  o.bind("hopper_wall_distance", wall_distance,
+         {.help = "distance W of the upright walls (3D: diameter)",
+          .unit = "sigma_avg",
+          .min = 0,
+          .min_open = true,
+          .automatic = "50 in 2D, 25 in 3D",
+          .on_restart = fixed});
+  o.bind("flow", flow, {{"continuous", FlowKind::continuous}, {"discharge", FlowKind::discharge}},
+         {.help = "put particles back at the top, or let the hopper run empty", .on_restart = fixed});
+  o.bind("pack_fraction", pack_fraction,
+         {.help = "packing fraction to start from, of the particles' outer disks (spheres)",
+          .min = 0,
+          .max = 0.9,
+          .min_open = true,
+          .automatic = "0.84 in 2D, 0.64 in 3D",
+          .on_restart = fixed});
+  o.bind("pack_tolerance", pack_tolerance,
+         {.help = "relative overlap that counts as none in the start", .min = 1e-12, .max = 1e-2, .on_restart = fixed});
+  o.bind("clog_time", clog_time,
+         {.help = "clogged when nothing crosses and all are slow for so long",
+          .unit = "t0",
+          .min = 0,
+          .min_open = true,
+          .on_restart = fixed});
+  o.bind("clog_speed", clog_speed,
+         {.help = "speed below which a particle is slow",
+          .unit = "sigma_avg/t0",
+          .min = 0,
+          .min_open = true,
+          .on_restart = fixed});
+
+  o.group("Integration");
+  o.bind("integrator", integrator, {{"verlet", IntegratorKind::verlet}, {"ts", IntegratorKind::ts}},
+         {.help = "plain velocity Verlet with a fixed step, or PETSc TS (-ts_type, -ts_rtol, -ts_monitor, ...)",
+          .on_restart = fixed});
+  o.bind("dt", dt,
+         {.help = "step of velocity Verlet, first step of an adaptive method",
+          .unit = "t0",
+          .min = 0,
+          .min_open = true,
+          .automatic = "0.2 of the elastic limit or 0.5 of the damping's, at most 1e-3",
+          .on_restart = fixed});
+  o.bind("t_end", t_end, {.help = "end of the run", .unit = "t0", .min = 0});
+  o.bind("skin", skin,
+         {.help = "margin of the neighbour lists",
+          .unit = "sigma_avg",
+          .min = 0,
+          .min_open = true,
+          .automatic = "0.3 (soft), 0.1 (rough), 0.06 (smooth)",
+          .on_restart = fixed});
+
+  o.group("Output");
+  o.bind("output", output, {.help = "folder of the run", .on_restart = OnRestart::forget});
+  o.bind("restart", restart, {.help = "folder of a run to continue, in place", .on_restart = OnRestart::forget});
+  o.bind("frame_interval", frame_interval,
+         {.help = "time between frames", .unit = "t0", .min = 0, .min_open = true, .on_restart = fixed});
+  o.bind("sample_interval", sample_interval,
+         {.help = "time between samples of the series", .unit = "t0", .min = 0, .min_open = true, .on_restart = fixed});
+  o.bind("checkpoint_interval", checkpoint_interval,
+         {.help = "wall time between checkpoints; 0: only when stopped", .unit = "s", .min = 0});
+  o.bind("max_wall_time", max_wall_time,
+         {.help = "stop with a checkpoint after so long; 0: no limit",
+          .unit = "s",
+          .min = 0,
+          .on_restart = OnRestart::forget});
+}
+
+void HopperOptions::resolve() {
+  if (dim == 3 && model != ModelKind::sp)
+    throw InputError("-dim 3 with -model {}: deformable particles are two-dimensional; use -model sp or -dim 2",
+                     to_string(model));
+  if (!particles) particles = dim == 2 ? 1600 : 6400;
+  if (*particles != std::floor(*particles)) throw InputError("-n {}: must be a whole number", *particles);
+  if (!wall_distance) wall_distance = dim == 2 ? 50 : 25;
+  hopper.wall_distance = *wall_distance;
+  hopper.check();
+  if (!pack_fraction) pack_fraction = dim == 2 ? 0.84 : 0.64;
+  if (!skin) skin = model == ModelKind::sp ? 0.3 : model == ModelKind::rough ? 0.1 : 0.06;
+  if (shape.shape_parameter > 0 && shape.shape_parameter < regular_shape_parameter(shape.vertices))
+    throw InputError("-shape_parameter {}: no polygon of {} vertices has less than {:.6g}, the regular one's",
+                     shape.shape_parameter, shape.vertices, regular_shape_parameter(shape.vertices));
+  if (!restart.empty()) output = restart;
+}
+
+ModelParameters HopperOptions::model_parameters() const {
+  return {.epsilon = model == ModelKind::sp ? e_sp : e_c,
+          .epsilon_wall = e_w,
+          .k_a = k_a,
+          .k_l = k_l,
+          .k_b = k_b,
+          .mu = mu,
+          .zeta = zeta,
+          .friction_point = friction_point,
+          .lip_edges = lip_contact == LipRule::edge};
+}
+
+}  // namespace pliant

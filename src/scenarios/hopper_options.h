@@ -1,0 +1,55 @@
+// Options of the scenario `hopper`.
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include <pliant/base/options.h>
+#include <pliant/geometry/hopper.h>
+#include <pliant/model/catalogue.h>
+#include <pliant/scenarios/packing.h>
+#include <pliant/scenarios/particles.h>
+
+namespace pliant {
+
+enum class IntegratorKind { verlet, ts };
+enum class FlowKind { continuous, discharge };
+enum class LipRule { edge, literal };
+
+/// As given by the user; `resolve` fills in what is automatic. Units: σ_avg = g = ρ = 1, times in t0.
+struct HopperOptions {
+  ModelKind model = ModelKind::sp;
+  Index dim = 2;
+  std::optional<Real> particles;  ///< a count; Real so that it can be absent
+  std::int64_t seed = 1;
+  SizeDistribution sizes;
+  PolygonShape shape;
+
+  Real e_sp = 100, e_w = 1e4, e_c = 1e4, k_a = 2e4, k_l = 10, k_b = 0.1;
+  Real mu = 0, zeta = 0;
+  FrictionPoint friction_point = FrictionPoint::contact;
+  LipRule lip_contact = LipRule::edge;
+
+  Hopper hopper;
+  std::optional<Real> wall_distance;
+  FlowKind flow = FlowKind::continuous;
+  std::optional<Real> pack_fraction;
+  Real pack_tolerance = 1e-4;
+
+  IntegratorKind integrator = IntegratorKind::verlet;
+  std::optional<Real> dt, skin;
+  Real t_end = 100;
+
+  std::string output = "pliant-run", restart;
+  Real frame_interval = 2, sample_interval = 0.2, checkpoint_interval = 300, max_wall_time = 0;
+  Real clog_time = 10, clog_speed = 1e-3;
+
+  void bind(Options& options);
+  /// Fills in automatic values and checks what options have to do with each other. Errors: InputError.
+  void resolve();
+
+  Index count() const { return static_cast<Index>(*particles); }
+  ModelParameters model_parameters() const;
+};
+
+}  // namespace pliant

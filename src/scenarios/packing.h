@@ -1,0 +1,34 @@
+// Dense packings without overlaps: where a run starts.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include <pliant/geometry/hopper.h>
+#include <pliant/model/topology.h>
+
+namespace pliant {
+
+struct PackingParameters {
+  Real fraction =
+      0.84;  ///< to start from: of the filled part of the hopper that the particles' outer disks (spheres) cover
+  Real tolerance = 1e-4;  ///< overlap, relative to a contact's range and as rms over the particles, that counts as none
+  std::uint64_t seed = 1;
+};
+
+struct Packing {
+  Real fraction = 0;            ///< reached
+  Real height = 0;              ///< of the lid, σ_avg
+  std::int64_t iterations = 0;  ///< of FIRE
+  std::string reason;           ///< why the last FIRE stopped
+  Real max_overlap = 0;         ///< largest 1 − r/σ_mn of the outer disks
+};
+
+/// Places the particles at random in the closed hopper, filled up to the height that gives the fraction, and relaxes
+/// them with FIRE until their outer disks do not overlap [H 2.4]. Where they jam with overlaps left the lid is raised
+/// by a percent, until they fit: the densest start that this preparation reaches. Polygons get their regular shape and
+/// a random orientation. Writes x [points · D]. Errors: NumericalError if they do not fit at half the fraction.
+template <int D>
+Packing pack(const Topology& topology, const Hopper& hopper, const PackingParameters& p, Real* x);
+
+}  // namespace pliant

@@ -1,0 +1,46 @@
+// Sizes and shapes of the particles of a run.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include <pliant/model/catalogue.h>
+#include <pliant/model/topology.h>
+
+namespace pliant {
+
+/// Distribution of diameters, always with mean σ_avg = 1.
+struct SizeDistribution {
+  std::string kind = "bidisperse";  ///< bidisperse, normal, mono
+  Real ratio = 1.4;                 ///< bidisperse: σ_l/σ_s
+  Real fraction = 0.5;              ///< bidisperse: fraction of large particles, by number
+  Real deviation = 0.1;             ///< normal: standard deviation of the diameter in σ_avg
+};
+
+/// n diameters; large and small ones come in random order. A normal diameter outside ±3 standard deviations is drawn
+/// again. Errors: InputError if a normal diameter could be less than 0.1.
+std::vector<Real> draw_diameters(const SizeDistribution& distribution, Index n, std::uint64_t seed);
+
+/// What a deformable particle is made of.
+struct PolygonShape {
+  Index vertices = 16;
+  Real shape_parameter = 0;  ///< 𝒜0 = (Nv l0)²/(4π a0); 0: that of the regular polygon
+  Real edge_width = 0.1;     ///< smooth particles: δ/l0
+};
+
+/// (Nv/π) tan(π/Nv).
+Real regular_shape_parameter(Index vertices);
+
+/// Particles of the given diameters with ρ = 1: soft ones, or polygons with a0 = πσ²/4 and l0 from 𝒜0.
+Topology make_particles(ModelKind kind, int dim, const std::vector<Real>& diameters, const PolygonShape& shape);
+
+/// Distance from the centre of particle m, a regular polygon of area a0, to its rim: half the diameter of the disk that
+/// holds it.
+Real outer_radius(const Topology& topology, Index m);
+
+/// Writes the regular polygon of particle m, of area a0, around `centre` with its first vertex at `angle`; a soft
+/// particle's centre.
+void place_particle(const Topology& topology, Index m, const Real* centre, Real angle, Real* x);
+
+}  // namespace pliant

@@ -1,0 +1,104 @@
+#include <pliant/scenarios/run_control.h>
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <csignal>
+#include <cstdio>
+#include <ctime>
+
+namespace pliant {
+namespace {
+
+constexpr std::array signals{SIGINT, SIGTERM, SIGUSR1, SIGXCPU};
+
+// A signal handler can reach nothing but static storage.
+volatile std::sig_atomic_t stop_requested = 0;
+
+void on_signal(int signal) {
+  stop_requested = 1;
+  std::signal(signal, SIG_DFL);
+}
+
+Real process_cpu_seconds() {
+  timespec t{};
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
+  return static_cast<Real>(t.tv_sec) + 1e-9 * static_cast<Real>(t.tv_nsec);
+}
+
+}  // namespace
+
+StopSignals::StopSignals() {
+  stop_requested = 0;
+  for (const int s : signals) std::signal(s, on_signal);
+}
+
+StopSignals::~StopSignals() {
+  for (const int s : signals) std::signal(s, SIG_DFL);
+}
+
+bool StopSignals::requested() { return stop_requested != 0; }
+
+RunControl::RunControl(Real checkpoint_interval, Real max_wall_time)
+    : checkpoint_interval_(checkpoint_interval),
+      max_wall_time_(max_wall_time),
+      start_(Clock::now()),
+      last_look_(start_),
+      last_checkpoint_(start_),
+      last_progress_(start_),
+      cpu_start_(process_cpu_seconds()),
+      terminal_(isatty(STDERR_FILENO) == 1) {}
+
+Real RunControl::seconds_since(Clock::time_point t) const {
+  return std::chrono::duration<Real>(Clock::now() - t).count();
+}
+
+bool RunControl::due() {
+  if (--left_ > 0) return false;
+  // Aim at ten looks a second, whatever a step costs.
+  const Real passed = seconds_since(last_look_);
+  last_look_ = Clock::now();
+  const Real factor = std::clamp(0.1 / std::max(passed, 1e-6), 0.5, 2.0);
+  steps_to_look_ = std::clamp(static_cast<int>(std::lround(steps_to_look_ * factor)), 1, 100000);
+  left_ = steps_to_look_;
+  return true;
+}
+
+bool RunControl::stop() const {
+  return StopSignals::requested() || (max_wall_time_ > 0 && wall_seconds() > max_wall_time_);
+}
+
+bool RunControl::checkpoint_due() {
+  if (checkpoint_interval_ <= 0 || seconds_since(last_checkpoint_) < checkpoint_interval_) return false;
+  last_checkpoint_ = Clock::now();
+  return true;
+}
+
+Real RunControl::wall_seconds() const { return seconds_since(start_); }
+Real RunControl::cpu_seconds() const { return process_cpu_seconds() - cpu_start_; }
+
+void RunControl::progress(const std::function<std::string()>& text) {
+  if (!terminal_ || seconds_since(last_progress_) < 0.5) return;
+  last_progress_ = Clock::now();
+  fmt::print(stderr, "\r{}\x1b[K", text());
+  std::fflush(stderr);
+  line_open_ = true;
+}
+
+void RunControl::end_progress() {
+  if (line_open_) fmt::print(stderr, "\n");
+  line_open_ = false;
+}
+
+std::string duration_text(Real seconds) {
+  if (!std::isfinite(seconds)) return "?";
+  const auto s = static_cast<std::int64_t>(seconds + 0.5);
+  if (s < 60) return fmt::format("{} s", s);
+  if (s < 3600) return fmt::format("{} min {:02} s", s / 60, s % 60);
+  return fmt::format("{} h {:02} min", s / 3600, s / 60 % 60);
+}
+
+}  // namespace pliant

@@ -1,0 +1,10 @@
+// Streams of random numbers: one per use, so that no two uses share numbers.
+#pragma once
+
+#include <cstdint>
+
+namespace pliant::stream {
+
+inline constexpr std::uint64_t size_order = 1, sizes = 2, placement = 3, orientation = 4, reinsertion = 5;
+
+}  // namespace pliant::stream

@@ -1,0 +1,39 @@
+// The one interface between a scenario and the two integration paths (plain velocity Verlet, PETSc TS).
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+
+#include <pliant/model/state.h>
+#include <pliant/ts/system.h>
+
+namespace pliant {
+
+/// What a scenario wants after an accepted step: go on; go on from a state that it has changed (a discontinuity:
+/// multistep methods restart, first-same-as-last stages are dropped, a carried acceleration is evaluated anew); or
+/// stop.
+enum class AfterStep { proceed, changed, stop };
+
+/// Called after every accepted step with the state at its end.
+using StepObserver = std::function<AfterStep(State&)>;
+
+struct IntegratorStatistics {
+  std::int64_t steps = 0;  ///< accepted
+  std::int64_t rejected = 0;
+  std::int64_t force_evaluations = 0;
+  Real last_dt = 0;  ///< in t0
+};
+
+class Integrator {
+ public:
+  virtual ~Integrator() = default;
+  /// Advances state from state.t until t_end or until the observer stops it; a fixed step takes round((t_end − t)/dt)
+  /// steps. With `fresh` the accelerations in the state are not valid yet (a new run, not a restart). Errors:
+  /// NumericalError where a step fails or dt underflows.
+  virtual void run(SecondOrderSystem& system, State& state, Real t_end, bool fresh, const StepObserver& observer) = 0;
+  virtual const IntegratorStatistics& statistics() const = 0;
+  virtual std::string name() const = 0;  ///< "verlet", or "ts:" and the TS type
+};
+
+}  // namespace pliant

@@ -1,0 +1,308 @@
+#include <pliant/ts/ts_integrator.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <string_view>
+#include <vector>
+
+#include <pliant/ts/finite.h>
+#include <pliant/ts/ts_verlet.h>
+
+namespace pliant {
+
+struct TsIntegrator::Run {
+  TsIntegrator& integrator;
+  SecondOrderSystem& system;
+  State& state;
+  const StepObserver& observer;
+  ::Vec y;
+  Real t_end;
+  Real t_before;
+  PetscInt rejected_before;
+  bool cut;  // the step about to be taken was shortened to match t_end
+};
+
+namespace {
+
+// PETSc's types that solve for an IFunction or a Jacobian, need a split right-hand side, or carry more than y.
+constexpr std::array unsupported_types = {
+    "alpha", "alpha2", "arkimex", "basicsymplectic", "bdf",  "beuler", "cn",     "dirk", "discgrad", "eimex",
+    "glee",  "glle",   "irk",     "mimex",           "mprk", "pseudo", "radau5", "rosw", "sundials", "theta"};
+// Explicit ones without an error estimate; rk has one where its table is an embedded pair.
+constexpr std::array fixed_types = {"euler", "ssp", ts_verlet};
+constexpr std::array program_options = {"-ts_max_time",  "-ts_final_time",       "-ts_init_time",
+                                        "-ts_time_span", "-ts_exact_final_time", "-ts_rk_multirate"};
+
+bool contains(const auto& names, std::string_view name) {
+  return std::find(names.begin(), names.end(), name) != names.end();
+}
+
+bool has_option(const char* name) {
+  PetscBool set = PETSC_FALSE;
+  petsc_check(PetscOptionsHasName(nullptr, nullptr, name, &set));
+  return set == PETSC_TRUE;
+}
+
+std::string string_option(const char* name, const std::string& fallback) {
+  std::array<char, 256> text{};
+  PetscBool set = PETSC_FALSE;
+  petsc_check(PetscOptionsGetString(nullptr, nullptr, name, text.data(), text.size(), &set));
+  return set == PETSC_TRUE ? text.data() : fallback;
+}
+
+std::string supported_types() {
+  const char** names = nullptr;
+  int count = 0;
+  petsc_check(PetscFunctionListGet(TSList, &names, &count));
+  std::vector<std::string> types;
+  for (int i = 0; names[i] != nullptr; ++i)  // count includes the null at the end
+    if (!contains(unsupported_types, names[i])) types.emplace_back(names[i]);
+  petsc_check(PetscFree(names));
+  std::sort(types.begin(), types.end());
+  return fmt::format("{}", fmt::join(types, ", "));
+}
+
+void check_type(const std::string& type) {
+  const auto known = fmt::format(", {},", supported_types());
+  if (known.find(fmt::format(" {},", type)) != std::string::npos) return;
+  if (contains(unsupported_types, type))
+    throw InputError(
+        "-ts_type {} needs an implicit function, a Jacobian or a split right-hand side, which this problem does not "
+        "provide; use one of {}",
+        type, supported_types());
+  throw InputError("-ts_type {} is not known; use one of {}", type, supported_types());
+}
+
+// While options are read, a PETSc error is the user's.
+void check_input(PetscErrorCode code) {
+  try {
+    petsc_check(code);
+  } catch (const NumericalError& error) {
+    throw InputError("a -ts option was refused: {}", error.what());
+  }
+}
+
+void check_positive(const char* name, Real value) {
+  if (!std::isfinite(value) || value <= 0)
+    throw InputError("{} is {}, but it must be positive and finite", name, value);
+}
+
+}  // namespace
+
+TsIntegrator::TsIntegrator(TsOptions options) : options_(std::move(options)) { configure(); }
+
+void TsIntegrator::configure() {
+  for (const char* name : program_options)
+    if (has_option(name)) throw InputError("{} cannot be set here: the run sets it; leave the option out", name);
+  petsc_check(ts_verlet_register());
+  ts_ = PetscTs();
+  petsc_check(TSCreate(PETSC_COMM_SELF, ts_.out()));
+  petsc_check(TSSetProblemType(ts_, TS_NONLINEAR));
+  petsc_check(TSSetMaxSteps(ts_, PETSC_MAX_INT));
+  petsc_check(TSSetTimeStep(ts_, options_.dt));
+  petsc_check(TSSetTolerances(ts_, options_.atol_x, nullptr, options_.rtol, nullptr));
+
+  const std::string type = string_option("-ts_type", options_.type);
+  check_type(type);
+  petsc_check(TSSetType(ts_, type.c_str()));
+  bool estimate = !contains(fixed_types, type);
+  if (type == TSRK) {
+    check_input(TSRKSetType(ts_, string_option("-ts_rk_type", options_.rk_type).c_str()));
+    const PetscReal* embedded = nullptr;
+    petsc_check(TSRKGetTableau(ts_, nullptr, nullptr, nullptr, nullptr, &embedded, nullptr, nullptr, nullptr));
+    estimate = embedded != nullptr;
+    TSAdapt adapt = nullptr;
+    petsc_check(TSGetAdapt(ts_, &adapt));
+    if (estimate) check_input(TSAdaptSetType(adapt, options_.adapt.c_str()));
+  }
+  check_input(TSSetFromOptions(ts_));
+
+  TSAdapt adapt = nullptr;
+  TSAdaptType adapt_type = nullptr;
+  petsc_check(TSGetAdapt(ts_, &adapt));
+  petsc_check(TSAdaptGetType(adapt, &adapt_type));
+  adaptive_ = adapt_type != nullptr && std::string_view(adapt_type) != TSADAPTNONE;
+  if (adaptive_ && !estimate)
+    throw InputError("-ts_adapt_type {} needs an error estimate, which {} does not have; use -ts_adapt_type none",
+                     adapt_type, name());
+
+  if (has_option("-ts_atol")) {
+    petsc_check(TSGetTolerances(ts_, &options_.atol_x, nullptr, nullptr, nullptr));
+    options_.atol_v = options_.atol_x;
+  }
+  petsc_check(TSGetTolerances(ts_, nullptr, nullptr, &options_.rtol, nullptr));
+  petsc_check(TSGetTimeStep(ts_, &options_.dt));
+  check_positive("the absolute tolerance of positions (-ts_atol)", options_.atol_x);
+  check_positive("the absolute tolerance of velocities (-ts_atol)", options_.atol_v);
+  if (!std::isfinite(options_.rtol) || options_.rtol < 0)
+    throw InputError("the relative tolerance (-ts_rtol) is {}, but it must be 0 or more and finite", options_.rtol);
+  check_positive("the time step (-ts_dt)", options_.dt);
+
+  petsc_check(TSSetExactFinalTime(ts_, TS_EXACTFINALTIME_MATCHSTEP));
+  petsc_check(TSSetErrorIfStepFails(ts_, PETSC_FALSE));  // run() reports the reason
+  petsc_check(TSSetPostStep(ts_, post_step));
+  configured_size_ = 0;
+  reusable_ = true;
+  if (dt_ == 0) dt_ = options_.dt;
+}
+
+void TsIntegrator::set_tolerances(std::size_t n) {
+  const auto make = [n](Real x, Real v) {
+    PetscVec vec;
+    PetscScalar* values = nullptr;
+    petsc_check(VecCreateSeq(PETSC_COMM_SELF, static_cast<PetscInt>(2 * n), vec.out()));
+    petsc_check(VecGetArrayWrite(vec, &values));
+    std::fill_n(values, n, x);
+    std::fill_n(values + n, n, v);
+    petsc_check(VecRestoreArrayWrite(vec, &values));
+    return vec;
+  };
+  const PetscVec absolute = make(options_.atol_x, options_.atol_v), relative = make(0, options_.rtol);
+  petsc_check(TSSetTolerances(ts_, PETSC_DECIDE, absolute, PETSC_DECIDE, relative));
+}
+
+PetscErrorCode TsIntegrator::right_hand_side(TS, PetscReal t, ::Vec y, ::Vec ydot, void* context) {
+  return petsc_callback([&] {
+    Run& run = *static_cast<Run*>(context);
+    const std::size_t n = run.system.size();
+    const PetscScalar* in = nullptr;
+    PetscScalar* out = nullptr;
+    petsc_check(VecGetArrayRead(y, &in));
+    petsc_check(VecGetArrayWrite(ydot, &out));
+    std::copy_n(in + n, n, out);
+    run.system.acceleration(t, in, in + n, out + n);
+    ++run.integrator.statistics_.force_evaluations;
+    const std::size_t bad = first_non_finite(out + n, n);
+    if (bad != n)
+      throw NumericalError(
+          "the acceleration of coordinate {} is {} at t = {}, in the step after t = {} (step {}); reduce the "
+          "tolerances or the step, or check the initial state",
+          bad, out[n + bad], t, run.state.t, run.state.step);
+    petsc_check(VecRestoreArrayWrite(ydot, &out));
+    petsc_check(VecRestoreArrayRead(y, &in));
+  });
+}
+
+PetscErrorCode TsIntegrator::post_step(TS ts) {
+  return petsc_callback([&] {
+    TSConvergedReason reason;
+    petsc_check(TSGetConvergedReason(ts, &reason));
+    if (reason < 0) return;  // PETSc calls this after a failed step as well
+    void* context = nullptr;
+    petsc_check(TSGetApplicationContext(ts, &context));
+    Run& run = *static_cast<Run*>(context);
+    run.integrator.accept_step(run);
+  });
+}
+
+void TsIntegrator::accept_step(Run& run) {
+  PetscReal t = 0, dt_next = 0;
+  PetscInt rejected = 0;
+  petsc_check(TSGetTime(ts_, &t));
+  petsc_check(TSGetTimeStep(ts_, &dt_next));
+  petsc_check(TSGetStepRejections(ts_, &rejected));
+  const Real dt = t - run.t_before;
+  const Real left = run.t_end - t;
+  // A last step that misses t_end by rounding would be followed by one of 1e-16.
+  const bool end = left <= 4 * std::numeric_limits<Real>::epsilon() * std::abs(run.t_end);
+  if (end) {
+    t = run.t_end;
+    petsc_check(TSSetConvergedReason(ts_, TS_CONVERGED_TIME));
+  } else if (!(t + dt_next > t)) {
+    throw NumericalError(
+        "the time step fell to {} at t = {} (step {}), below the rounding of t; loosen the tolerances (-ts_rtol, "
+        "-ts_atol) or look for a discontinuous force",
+        dt_next, t, run.state.step + 1);
+  }
+  if (adaptive_) {
+    // Keep the controller's own proposal: one cut to match t_end says nothing about the next run.
+    const bool grown_from_cut = run.cut && rejected == run.rejected_before && dt_next >= dt;
+    run.cut = !end && (dt_next == left || dt_next == left / 2);
+    if (!run.cut) dt_ = grown_from_cut ? std::max(dt_, dt_next) : dt_next;
+  }
+  run.t_before = t;
+  run.state.t = t;
+  ++run.state.step;
+  ++statistics_.steps;
+  statistics_.rejected += rejected - run.rejected_before;
+  run.rejected_before = rejected;
+  statistics_.last_dt = dt;
+
+  if (!run.observer) return;
+  const AfterStep after = run.observer(run.state);
+  if (after == AfterStep::stop) petsc_check(TSSetConvergedReason(ts_, TS_CONVERGED_USER));
+  if (after == AfterStep::changed) {
+    PetscScalar* values = nullptr;  // tells PETSc of the change, which was made behind its back
+    petsc_check(VecGetArray(run.y, &values));
+    petsc_check(VecRestoreArray(run.y, &values));
+    petsc_check(TSRestartStep(ts_));
+  }
+}
+
+void TsIntegrator::run(SecondOrderSystem& system, State& state, Real t_end, bool /*fresh*/,
+                       const StepObserver& observer) {
+  const std::size_t n = state.size();
+  if (system.size() != n)
+    throw InputError("the state has {} coordinates, but the system has {}; build both from one topology", n,
+                     system.size());
+  if (!std::isfinite(t_end)) throw InputError("the end of the run is {}, but it must be finite", t_end);
+  if (t_end - state.t <= 4 * std::numeric_limits<Real>::epsilon() * std::abs(t_end)) return;
+  if (!reusable_ || (configured_size_ != 0 && configured_size_ != n)) configure();
+
+  PetscVec y;
+  petsc_check(VecCreateSeqWithArray(PETSC_COMM_SELF, 1, static_cast<PetscInt>(2 * n), state.y().data(), y.out()));
+  petsc_check(TSSetSolution(ts_, y));
+  if (configured_size_ != n) set_tolerances(n);
+  configured_size_ = n;
+  // TS counts steps in 32 bits; its number matters for monitors only.
+  const bool countable = state.step < std::numeric_limits<PetscInt>::max() / 2;
+  const auto step_number = static_cast<PetscInt>(countable ? state.step : 0);
+  petsc_check(TSSetStepNumber(ts_, step_number));
+  petsc_check(TSSetTime(ts_, state.t));
+  petsc_check(TSSetTimeStep(ts_, dt_));
+  petsc_check(TSSetMaxTime(ts_, t_end));
+  petsc_check(TSRestartStep(ts_));
+
+  Run run{*this, system, state, observer, y, t_end, state.t, 0, dt_ >= t_end - state.t};
+  if (step_number != 0) petsc_check(TSGetStepRejections(ts_, &run.rejected_before));  // else TSSolve zeroes them
+  petsc_check(TSSetRHSFunction(ts_, nullptr, right_hand_side, &run));
+  petsc_check(TSSetApplicationContext(ts_, &run));
+  reusable_ = false;
+  const PetscErrorCode code = TSSolve(ts_, nullptr);
+  if (code == PETSC_ERR_USER) petsc_check(code);  // thrown in a callback: arrives as it was
+  try {
+    petsc_check(code);
+  } catch (const NumericalError& error) {
+    throw NumericalError("{} failed in the step after t = {} (step {}): {}", name(), state.t, state.step, error.what());
+  }
+  TSConvergedReason reason;
+  PetscInt rejected = 0;
+  PetscReal dt = 0;
+  petsc_check(TSGetConvergedReason(ts_, &reason));
+  petsc_check(TSGetStepRejections(ts_, &rejected));
+  petsc_check(TSGetTimeStep(ts_, &dt));
+  statistics_.rejected += rejected - run.rejected_before;
+  if (reason < 0)
+    throw NumericalError(
+        "{} failed in the step after t = {} (step {}): {}, {} rejections, dt down to {}; loosen the tolerances "
+        "(-ts_rtol, "
+        "-ts_atol), reduce -ts_dt or raise -ts_max_reject",
+        name(), state.t, state.step, TSConvergedReasons[reason], rejected - run.rejected_before, dt);
+  if (reason == TS_CONVERGED_ITS)
+    throw NumericalError("the limit of steps (-ts_max_steps) was reached at t = {} of {}; raise it or leave it out",
+                         state.t, t_end);
+  reusable_ = true;
+}
+
+std::string TsIntegrator::name() const {
+  TSType type = nullptr;
+  petsc_check(TSGetType(ts_, &type));
+  if (std::string_view(type) != TSRK) return fmt::format("ts:{}", type);
+  TSRKType table = nullptr;
+  petsc_check(TSRKGetType(ts_, &table));
+  return fmt::format("ts:rk {}", table);
+}
+
+}  // namespace pliant

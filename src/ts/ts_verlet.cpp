@@ -1,0 +1,205 @@
+#include <pliant/ts/ts_verlet.h>
+
+#include <petsc/private/tsimpl.h>
+
+#include <utility>
+
+namespace pliant {
+namespace {
+
+struct Verlet {
+  ::Vec y_old = nullptr, f_old = nullptr;  // start of the last step and the right-hand side there
+  ::Vec f = nullptr;                       // right-hand side at its end, carried on to the next step
+  ::Vec predicted = nullptr;
+  bool carried = false;
+};
+
+Verlet& data_of(TS ts) { return *static_cast<Verlet*>(ts->data); }
+
+PetscErrorCode step(TS ts) {
+  Verlet& d = data_of(ts);
+  const PetscReal h = ts->time_step, half = 0.5 * h;
+  PetscReal next_step = h;
+  PetscBool accept = PETSC_TRUE;
+  PetscInt n;
+  PetscScalar *y, *p;
+  const PetscScalar *f, *f_old, *p_read;
+
+  PetscFunctionBegin;
+  PetscCall(VecGetLocalSize(ts->vec_sol, &n));
+  n /= 2;
+  PetscCall(TSPreStage(ts, ts->ptime));
+  if (!d.carried || ts->steprestart || ts->steprollback)
+    PetscCall(TSComputeRHSFunction(ts, ts->ptime, ts->vec_sol, d.f));
+  d.carried = false;  // until this step is complete
+  std::swap(d.f, d.f_old);
+
+  PetscCall(VecGetArrayRead(d.f_old, &f_old));
+  PetscCall(VecGetArray(ts->vec_sol, &y));
+  PetscCall(VecGetArrayWrite(d.predicted, &p));
+  for (PetscInt i = 0; i < n; ++i) {
+    const PetscScalar v_half = y[n + i] + half * f_old[n + i];
+    p[i] = y[i] + h * v_half;
+    p[n + i] = v_half + half * f_old[n + i];
+  }
+  PetscCall(VecRestoreArrayWrite(d.predicted, &p));
+  PetscCall(VecRestoreArray(ts->vec_sol, &y));
+  PetscCall(VecRestoreArrayRead(d.f_old, &f_old));
+
+  PetscCall(TSPostStage(ts, ts->ptime + h, 0, &d.predicted));
+  PetscCall(TSAdaptCheckStage(ts->adapt, ts, ts->ptime + h, d.predicted, &accept));
+  if (!accept) {
+    ts->reason = TS_DIVERGED_STEP_REJECTED;
+    PetscFunctionReturn(0);
+  }
+  PetscCall(TSComputeRHSFunction(ts, ts->ptime + h, d.predicted, d.f));
+
+  // The solution changes only here, so that it is the last accepted one if an evaluation fails.
+  PetscCall(VecCopy(ts->vec_sol, d.y_old));
+  PetscCall(VecGetArrayRead(d.f_old, &f_old));
+  PetscCall(VecGetArrayRead(d.f, &f));
+  PetscCall(VecGetArrayRead(d.predicted, &p_read));
+  PetscCall(VecGetArray(ts->vec_sol, &y));
+  for (PetscInt i = 0; i < n; ++i) {
+    y[i] = p_read[i];
+    y[n + i] = (y[n + i] + half * f_old[n + i]) + half * f[n + i];
+  }
+  PetscCall(VecRestoreArray(ts->vec_sol, &y));
+  PetscCall(VecRestoreArrayRead(d.predicted, &p_read));
+  PetscCall(VecRestoreArrayRead(d.f, &f));
+  PetscCall(VecRestoreArrayRead(d.f_old, &f_old));
+
+  PetscCall(TSAdaptChoose(ts->adapt, ts, h, NULL, &next_step, &accept));
+  if (!accept) {
+    PetscCall(VecCopy(d.y_old, ts->vec_sol));
+    ts->reason = TS_DIVERGED_STEP_REJECTED;
+    PetscFunctionReturn(0);
+  }
+  d.carried = true;
+  ts->ptime += h;
+  ts->time_step = next_step;
+  PetscFunctionReturn(0);
+}
+
+// Cubic Hermite: x from its ends and velocities, v from its ends and accelerations.
+PetscErrorCode interpolate(TS ts, PetscReal t, ::Vec u) {
+  Verlet& d = data_of(ts);
+  const PetscReal h = ts->ptime - ts->ptime_prev, s = (t - ts->ptime_prev) / h;
+  const PetscReal y1 = s * s * (3 - 2 * s), y0 = 1 - y1, f0 = h * s * (1 - s) * (1 - s), f1 = h * s * s * (s - 1);
+  const PetscScalar *yo, *yn, *fo, *fn;
+  PetscScalar* out;
+  PetscInt n;
+
+  PetscFunctionBegin;
+  PetscCall(VecGetLocalSize(u, &n));
+  n /= 2;
+  PetscCall(VecGetArrayRead(d.y_old, &yo));
+  PetscCall(VecGetArrayRead(ts->vec_sol, &yn));
+  PetscCall(VecGetArrayRead(d.f_old, &fo));
+  PetscCall(VecGetArrayRead(d.f, &fn));
+  PetscCall(VecGetArrayWrite(u, &out));
+  for (PetscInt i = 0; i < n; ++i) {
+    // The velocity in f belongs to the predictor, the one in y to the method.
+    out[i] = y0 * yo[i] + y1 * yn[i] + f0 * yo[n + i] + f1 * yn[n + i];
+    out[n + i] = y0 * yo[n + i] + y1 * yn[n + i] + f0 * fo[n + i] + f1 * fn[n + i];
+  }
+  PetscCall(VecRestoreArrayWrite(u, &out));
+  PetscCall(VecRestoreArrayRead(d.f, &fn));
+  PetscCall(VecRestoreArrayRead(d.f_old, &fo));
+  PetscCall(VecRestoreArrayRead(ts->vec_sol, &yn));
+  PetscCall(VecRestoreArrayRead(d.y_old, &yo));
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode roll_back(TS ts) {
+  PetscFunctionBegin;
+  PetscCall(VecCopy(data_of(ts).y_old, ts->vec_sol));
+  data_of(ts).carried = false;
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode reset(TS ts) {
+  Verlet& d = data_of(ts);
+  PetscFunctionBegin;
+  PetscCall(VecDestroy(&d.y_old));
+  PetscCall(VecDestroy(&d.f_old));
+  PetscCall(VecDestroy(&d.f));
+  PetscCall(VecDestroy(&d.predicted));
+  d.carried = false;
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode set_up(TS ts) {
+  Verlet& d = data_of(ts);
+  TSRHSFunction rhs;
+  DM dm;
+  PetscInt n;
+
+  PetscFunctionBegin;
+  PetscCall(TSCheckImplicitTerm(ts));
+  PetscCall(TSGetDM(ts, &dm));
+  PetscCall(DMTSGetRHSFunction(dm, &rhs, NULL));
+  PetscCheck(rhs, PetscObjectComm((PetscObject)ts), PETSC_ERR_ARG_WRONGSTATE,
+             "TS type verlet needs a right-hand side; call TSSetRHSFunction() with [v; a]");
+  PetscCall(VecGetLocalSize(ts->vec_sol, &n));
+  PetscCheck(n % 2 == 0, PETSC_COMM_SELF, PETSC_ERR_ARG_SIZ,
+             "TS type verlet needs y = [x; v], but the local length %" PetscInt_FMT " is odd", n);
+  PetscCall(reset(ts));
+  PetscCall(VecDuplicate(ts->vec_sol, &d.y_old));
+  PetscCall(VecDuplicate(ts->vec_sol, &d.f_old));
+  PetscCall(VecDuplicate(ts->vec_sol, &d.f));
+  PetscCall(VecDuplicate(ts->vec_sol, &d.predicted));
+  PetscCall(TSGetAdapt(ts, &ts->adapt));
+  PetscCall(TSAdaptCandidatesClear(ts->adapt));
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode destroy(TS ts) {
+  PetscFunctionBegin;
+  PetscCall(reset(ts));
+  delete static_cast<Verlet*>(ts->data);
+  ts->data = nullptr;
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode set_from_options(TS, PetscOptionItems* PetscOptionsObject) {
+  PetscFunctionBegin;
+  PetscOptionsHeadBegin(PetscOptionsObject, "Velocity Verlet (fixed step, no options of its own)");
+  PetscOptionsHeadEnd();
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode view(TS, PetscViewer viewer) {
+  PetscBool ascii;
+  PetscFunctionBegin;
+  PetscCall(PetscObjectTypeCompare((PetscObject)viewer, PETSCVIEWERASCII, &ascii));
+  if (ascii)
+    PetscCall(PetscViewerASCIIPrintf(viewer, "  velocity Verlet with predicted velocity, one evaluation per step\n"));
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode create(TS ts) {
+  PetscFunctionBegin;
+  ts->data = new Verlet;
+  ts->ops->setup = set_up;
+  ts->ops->step = step;
+  ts->ops->interpolate = interpolate;
+  ts->ops->rollback = roll_back;
+  ts->ops->reset = reset;
+  ts->ops->destroy = destroy;
+  ts->ops->setfromoptions = set_from_options;
+  ts->ops->view = view;
+  ts->default_adapt_type = TSADAPTNONE;
+  ts->usessnes = PETSC_FALSE;
+  PetscFunctionReturn(0);
+}
+
+}  // namespace
+
+PetscErrorCode ts_verlet_register() {
+  PetscFunctionBegin;
+  PetscCall(TSRegister(ts_verlet, create));
+  PetscFunctionReturn(0);
+}
+
+}  // namespace pliant

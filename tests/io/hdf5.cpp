@@ -1,0 +1,172 @@
+#include <hdf5.h>
+
+#include <catch2/catch.hpp>
+#include <cstdint>
+#include <limits>
+
+#include <pliant/base/errors.h>
+#include <pliant/io/hdf5.h>
+
+#include "io/io_support.h"
+
+using namespace pliant;
+using namespace pliant::test;
+using Catch::Matchers::Contains;
+using hdf5::File;
+
+TEST_CASE("HDF5 datasets keep values, types and shapes") {
+  const ScratchFolder folder;
+  const std::vector<double> reals{1.5, -0.0, std::numeric_limits<double>::denorm_min(), 4, 5, 6};
+  const std::vector<std::int32_t> ints{-1, 2, std::numeric_limits<std::int32_t>::max()};
+  const std::vector<std::int64_t> longs{std::numeric_limits<std::int64_t>::min(), 1};
+  const std::vector<std::uint8_t> bytes{0, 255};
+  {
+    auto file = File::create(folder / "a.h5");
+    file.write("x/y/reals", reals, {2, 3});
+    file.write("ints", ints, {3}, hdf5::Storage::checksum);
+    file.write("longs", longs, {2});
+    file.write("bytes", bytes, {2});
+    file.write("none", std::vector<double>{}, {0, 2});
+    file.write("none_checked", std::vector<double>{}, {0}, hdf5::Storage::checksum);
+    CHECK_THROWS_AS(file.write("wrong", reals, {7}), std::invalid_argument);
+    CHECK_THROWS_AS(file.write("ints", ints, {3}), OutputError);  // never over something
+    file.close();
+    CHECK_FALSE(file.is_open());
+  }
+  const auto file = File::open_read(folder / "a.h5");
+  CHECK(file.links() == std::vector<std::string>{"bytes", "ints", "longs", "none", "none_checked", "x"});
+  const auto back = file.read<double>("/x/y/reals", {2, hdf5::any_length});
+  REQUIRE(back.size() == reals.size());
+  CHECK(std::memcmp(back.data(), reals.data(), 8 * reals.size()) == 0);
+  CHECK(file.read<std::int32_t>("ints") == ints);
+  CHECK(file.read<std::int64_t>("longs") == longs);
+  CHECK(file.read<std::uint8_t>("bytes") == bytes);
+  CHECK(file.shape("none") == hdf5::Shape{0, 2});
+  CHECK(file.read<double>("none").empty());
+  CHECK(file.read<double>("none_checked").empty());
+  CHECK(file.holds_integers("bytes"));
+  CHECK_FALSE(file.holds_integers("x/y/reals"));
+  // Conversions that lose nothing are made, others refused.
+  CHECK(file.read<std::int64_t>("ints") == std::vector<std::int64_t>{-1, 2, 2147483647});
+  CHECK(file.read<double>("ints")[1] == 2.0);
+  CHECK_THROWS_AS(file.read<std::int32_t>("x/y/reals"), InputError);
+}
+
+TEST_CASE("HDF5 attributes keep numbers and text") {
+  const ScratchFolder folder;
+  const std::string text = "σ_avg " + std::string(200000, 'x');  // longer than an attribute may be that is not variable
+  {
+    auto file = File::create(folder / "a.h5");
+    auto group = file.create_group("g");
+    group.set_attribute("real", 0.1);
+    group.set_attribute("real", 0.2);
+    group.set_attribute("integer", std::int64_t{1} << 60);
+    group.set_attribute("text", text);
+    group.set_attribute("empty", std::string());
+  }
+  const auto file = File::open_read(folder / "a.h5");
+  const auto group = file.open_group("g");
+  CHECK(group.real_attribute("real") == 0.2);
+  CHECK(group.integer_attribute("integer") == std::int64_t{1} << 60);
+  CHECK(group.string_attribute("text") == text);
+  CHECK(group.string_attributes() == std::map<std::string, std::string>{{"empty", ""}, {"text", text}});
+  CHECK_THROWS_AS(group.string_attribute("real"), InputError);
+  CHECK_THROWS_AS(group.real_attribute("missing"), InputError);
+}
+
+TEST_CASE("HDF5 rows are appended and cut") {
+  const ScratchFolder folder;
+  auto file = File::create(folder / "a.h5");
+  file.create_rows("scalar", {}, 4);
+  file.create_rows("profile", {3}, 2);
+  for (int i = 0; i < 7; ++i) {
+    file.append_rows("scalar", std::vector<double>{1.0 * i});
+    file.append_rows("profile", std::vector<double>{1.0 * i, 2.0 * i, 3.0 * i});
+  }
+  CHECK(file.shape("scalar") == hdf5::Shape{7});
+  CHECK(file.read<double>("profile", {7, 3})[20] == 18);
+  CHECK_THROWS_AS(file.append_rows("profile", std::vector<double>{1, 2}), std::invalid_argument);
+  file.truncate_rows("scalar", 5);
+  file.append_rows("scalar", std::vector<double>{50, 60});
+  CHECK(file.read<double>("scalar") == std::vector<double>{0, 1, 2, 3, 4, 50, 60});
+  CHECK_THROWS_AS(file.truncate_rows("scalar", 8), InputError);
+}
+
+TEST_CASE("HDF5 links: groups appear when they are linked") {
+  const ScratchFolder folder;
+  {
+    auto file = File::create(folder / "a.h5");
+    file.create_unlinked_group().write("lost", std::vector<double>{1}, {1});
+    auto group = file.create_unlinked_group();
+    group.write("x", std::vector<double>{1}, {1});
+    CHECK(file.links().empty());
+    file.link(group, "frames/0");
+    auto second = file.create_unlinked_group();
+    second.write("x", std::vector<double>{2}, {1});
+    file.link(second, "frames/0");
+    file.link("/frames/0/x", "again");
+    file.write("gone", std::vector<double>{2}, {1});
+    file.remove("gone");
+    CHECK_FALSE(file.has("no/such/path"));
+    CHECK(file.has("frames/0/x"));
+  }
+  const auto file = File::open_read(folder / "a.h5");
+  CHECK(file.links() == std::vector<std::string>{"again", "frames"});
+  CHECK(file.read<double>("frames/0/x") == std::vector<double>{2});
+  CHECK(file.read<double>("again") == std::vector<double>{2});
+}
+
+TEST_CASE("HDF5 errors name file, object and reason, and print nothing") {
+  const ScratchFolder folder;
+  H5E_auto2_t before = nullptr, after = nullptr;
+  void* data = nullptr;
+  H5Eget_auto2(H5E_DEFAULT, &before, &data);
+  REQUIRE(before != nullptr);  // the printing that must not happen is on outside
+
+  // Whatever reaches the standard error stream lands in a file.
+  const std::string printed = folder / "stderr";
+  const int saved = ::dup(2);
+  REQUIRE(std::freopen(printed.c_str(), "w", stderr) != nullptr);
+  const auto missing = message_of<InputError>([&] { File::open_read(folder / "missing.h5"); });
+  std::ofstream(folder / "text.h5") << "not HDF5 at all";
+  const auto text = message_of<InputError>([&] { File::open_read(folder / "text.h5"); });
+  const auto nowhere = message_of<OutputError>([&] { File::create(folder / "no/such/folder.h5"); });
+  auto file = File::create(folder / "a.h5");
+  const auto exists = message_of<OutputError>([&] { File::create(folder / "a.h5"); });
+  file.write("g/x", std::vector<double>{1, 2}, {2});
+  const auto dataset = message_of<InputError>([&] { file.open_group("g").read<double>("y"); });
+  const auto shape = message_of<InputError>([&] { file.read<double>("g/x", {3}); });
+  file.close();
+  const auto read_only = message_of<OutputError>([&] { File::open_read(folder / "a.h5").create_group("new"); });
+  std::fflush(stderr);
+  ::dup2(saved, 2);
+  ::close(saved);
+
+  CHECK(contents(printed).empty());
+  CHECK_THAT(missing, Contains("missing.h5"));
+  CHECK_THAT(text, Contains("text.h5") && Contains("signature"));
+  CHECK_THAT(nowhere, Contains("no/such/folder.h5") && Contains("No such file or directory"));
+  CHECK_THAT(exists, Contains("a.h5") && Contains("exists"));
+  CHECK_THAT(dataset, Contains("/g/y") && Contains("a.h5") && !Contains("no reason"));
+  CHECK_THAT(shape, Contains("/g/x") && Contains("[2]") && Contains("[3]"));
+  CHECK_THAT(read_only, Contains("/new") && Contains("a.h5") && !Contains("no reason"));
+  H5Eget_auto2(H5E_DEFAULT, &after, &data);
+  CHECK(after == before);
+}
+
+TEST_CASE("HDF5 checksums find damage") {
+  const ScratchFolder folder;
+  std::vector<double> values(1000);
+  for (std::size_t i = 0; i < values.size(); ++i) values[i] = 1.0 + static_cast<double>(i);
+  {
+    auto file = File::create(folder / "a.h5");
+    file.write("x", values, {values.size()}, hdf5::Storage::checksum);
+  }
+  std::string bytes = contents(folder / "a.h5");
+  const double one = values[500];
+  const auto at = bytes.find(std::string(reinterpret_cast<const char*>(&one), sizeof one));
+  REQUIRE(at != bytes.npos);
+  bytes[at + 3] ^= 1;
+  std::ofstream(folder / "a.h5", std::ios::binary) << bytes;
+  CHECK_THROWS_AS(File::open_read(folder / "a.h5").read<double>("x"), InputError);
+}

@@ -1,0 +1,333 @@
+#include <sys/resource.h>
+
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <cstdio>
+
+#include <pliant/base/errors.h>
+#include <pliant/io/run_writer.h>
+
+#include "io/io_support.h"
+
+using namespace pliant;
+using namespace pliant::test;
+using Catch::Matchers::Contains;
+using hdf5::File;
+
+namespace {
+
+RunWriter new_run(const std::filesystem::path& folder, const Topology& topology) {
+  return RunWriter::create(folder, small_manifest(), topology, small_geometry());
+}
+
+void add_sample(RunWriter& writer, double a) {
+  const std::vector<Real> profile{a, 2 * a, 3 * a};
+  writer.add_sample(std::vector<SeriesValue>{{"time", a}, {"profile_momentum", profile}, {"dt", 0.5 * a}});
+}
+
+/// What check_xdmf.py says of the folder: "frames cells".
+std::string check_xdmf(const std::filesystem::path& folder) {
+  const auto script = std::filesystem::path(PLIANT_TEST_DATA).parent_path() / "io" / "check_xdmf.py";
+  const std::string command = "/usr/bin/python3 " + script.string() + " " + folder.string() + " 2>&1";
+  FILE* pipe = ::popen(command.c_str(), "r");
+  REQUIRE(pipe != nullptr);
+  std::string text;
+  for (int c = std::fgetc(pipe); c != EOF; c = std::fgetc(pipe)) text += static_cast<char>(c);
+  const int status = ::pclose(pipe);
+  if (WIFEXITED(status) && WEXITSTATUS(status) == 77) WARN("python3-h5py is missing: run.xdmf is not checked");
+  return text.empty() || text.back() != '\n' ? text : text.substr(0, text.size() - 1);
+}
+
+std::vector<std::string> frame_names(const std::filesystem::path& folder) {
+  return File::open_read(folder / "run.h5").open_group("frames").links();
+}
+
+}  // namespace
+
+TEST_CASE("a run holds what was written") {
+  const bool polygons = GENERATE(true, false);
+  const int dim = polygons ? 2 : GENERATE(2, 3);
+  CAPTURE(polygons, dim);
+  const ScratchFolder scratch;
+  const auto folder = scratch / "deep/er";
+  const auto topology = small_topology(polygons, dim);
+  const auto n = static_cast<std::uint64_t>(topology.particles()),
+             points = static_cast<std::uint64_t>(topology.points());
+  const auto d = static_cast<std::uint64_t>(dim);
+  const FrameData data(topology, 3, 5);
+  {
+    auto writer = new_run(folder, topology);
+    writer.write_axis("profile_height", std::vector<Real>{1, 2, 3});
+    writer.write_frame(data.frame());
+    writer.close();
+  }
+  const auto file = File::open_read(folder / "run.h5");
+  const auto manifest = file.open_group("manifest");
+  CHECK(manifest.string_attribute("program") == "pliant");
+  CHECK(manifest.string_attribute("hdf5_version") == hdf5::library_version());
+  CHECK(manifest.integer_attribute("seed") == 7);
+  CHECK(nlohmann::json::parse(manifest.string_attribute("options"))["hopper_width"]["unit"] == "sigma_avg");
+  CHECK(file.read<Index>("topology/offset") == topology.offset);
+  CHECK(file.read<Real>("topology/sigma") == topology.sigma);
+  CHECK(file.read<Real>("topology/mass")[1] == Approx(polygons ? 2.0 : 1.0));
+  CHECK(file.read<Real>("topology/diameter", {points}) == topology.diameter);
+  CHECK(file.read<Real>("geometry/segments", {2, 4}) == small_geometry().segments);
+  CHECK(file.open_group("geometry").real_attribute("angle") == 60);
+  CHECK(file.read<Real>("series_axes/profile_height", {3})[2] == 3);
+
+  const auto frame = file.open_group("frames/000000");
+  CHECK(frame.real_attribute("time") == 0.1 * 3);
+  CHECK(frame.integer_attribute("step") == 30);
+  CHECK(frame.read<Real>("positions", {points, d}) == data.positions);
+  CHECK(frame.read<Real>("velocities", {points, d}) == data.velocities);
+  CHECK(frame.read<Real>("centres", {n, d}) == data.centres);
+  CHECK(frame.read<std::uint8_t>("active", {n}) == data.active);
+  CHECK(frame.read<Index>("contact_count", {n}) == data.contact_count);
+  CHECK(frame.read<Real>("wall_force", {2, d}) == data.wall_force);
+  CHECK(frame.has("area") == polygons);
+  CHECK(frame.has("perimeter") == polygons);
+  if (polygons) CHECK(frame.read<Real>("perimeter", {n}) == data.perimeter);
+  CHECK(frame.read<Index>("contacts/particles", {5, 2}) == data.list.particles);
+  CHECK(frame.read<Real>("contacts/position", {5, d}) == data.list.position);
+  CHECK(frame.read<Real>("contacts/normal", {5, d}) == data.list.normal);
+  CHECK(frame.read<Real>("contacts/overlap", {5}) == data.list.overlap);
+  CHECK(frame.read<Real>("contacts/force", {5, d}) == data.list.force);
+
+  // Derived cell data, against a sum over the points of one particle.
+  std::vector<double> mean(d, 0);
+  const auto first = static_cast<std::size_t>(topology.offset[2]), last = static_cast<std::size_t>(topology.offset[3]);
+  for (std::size_t i = first; i < last; ++i)
+    for (std::size_t k = 0; k < d; ++k) mean[k] += data.velocities[i * d + k] / static_cast<double>(last - first);
+  double speed = 0;
+  for (const double v : mean) speed += v * v;
+  CHECK(frame.read<Real>("xdmf/speed", {n})[2] == Approx(std::sqrt(speed)));
+  if (polygons) CHECK(frame.read<Real>("xdmf/area_ratio", {n})[2] == Approx(data.area[2] / 3.0));
+  // Contact 0 joins the centres of 0 and 1; contact 1 goes from the centre of 1 to a wall.
+  const auto ends = frame.read<Real>("xdmf/contact_points", {10, d});
+  CHECK(ends[0] == data.centres[0]);
+  CHECK(ends[d] == data.centres[d]);
+  CHECK(ends[2 * d] == data.centres[d]);
+  CHECK(ends[3 * d] == data.list.position[d]);
+}
+
+TEST_CASE("run.xdmf is valid after every frame and names only what is there") {
+  const bool polygons = GENERATE(true, false);
+  const int dim = polygons ? 2 : GENERATE(2, 3);
+  CAPTURE(polygons, dim);
+  const ScratchFolder scratch;
+  const auto topology = small_topology(polygons, dim);
+  auto writer = new_run(scratch.path(), topology);
+  int cells = 0;
+  for (int k = 0; k < 3; ++k) {
+    const std::size_t contacts = k == 1 ? 0 : 2 + static_cast<std::size_t>(k);
+    writer.write_frame(FrameData(topology, k, contacts).frame());
+    cells += 4 + static_cast<int>(contacts) + (dim == 2 ? 2 : 0);
+    // The writer has the file open: readers look at a copy, as after a kill.
+    const ScratchFolder copy;
+    for (const char* name : {"run.h5", "run.xdmf"}) std::filesystem::copy(scratch / name, copy / name);
+    CHECK(check_xdmf(copy.path()) == std::to_string(k + 1) + " " + std::to_string(cells));
+  }
+}
+
+TEST_CASE("the check of run.xdmf finds mistakes") {
+  const ScratchFolder scratch;
+  const auto topology = small_topology(true);
+  {
+    auto writer = new_run(scratch.path(), topology);
+    writer.write_frame(FrameData(topology, 0, 2).frame());
+  }
+  REQUIRE(check_xdmf(scratch.path()) == "1 8");
+  std::string text = contents(scratch / "run.xdmf");
+  const auto replace = [&](const std::string& from, const std::string& to) {
+    const auto at = text.find(from);
+    REQUIRE(at != text.npos);
+    text.replace(at, from.size(), to);
+    std::ofstream(scratch / "run.xdmf") << text;
+  };
+  SECTION("shape") { replace("Dimensions=\"18 2\"", "Dimensions=\"17 2\""); }
+  SECTION("path") { replace("xdmf/speed", "xdmf/sped"); }
+  SECTION("XML") { replace("</Xdmf>", ""); }
+  SECTION("type") { replace("NumberType=\"UChar\" Precision=\"1\"", "NumberType=\"Int\" Precision=\"4\""); }
+  CHECK_THAT(check_xdmf(scratch.path()), Contains(scratch.path().string()));
+}
+
+TEST_CASE("series rows are kept until a frame, a flush or the end") {
+  const ScratchFolder scratch;
+  const auto topology = small_topology(false);
+  auto writer = new_run(scratch.path(), topology);
+  for (int i = 0; i < 1000; ++i) add_sample(writer, i);
+  CHECK(writer.samples() == 1000);
+  writer.write_frame(FrameData(topology, 0, 0).frame());
+  for (int i = 1000; i < 1500; ++i) add_sample(writer, i);
+  const auto now = writer.read_series();
+  CHECK(now.at("time").rows == 1500);
+  add_sample(writer, 1500);
+  writer.close();
+
+  const auto series = read_series(scratch.path());
+  REQUIRE(series.size() == 3);
+  for (const auto& [name, column] : series) CHECK(column.rows == 1501);
+  CHECK(series.at("profile_momentum").width == 3);
+  CHECK(series.at("profile_momentum").values[3 * 1234 + 2] == 3 * 1234);
+  CHECK(series.at("dt").values[1500] == 750);
+}
+
+TEST_CASE("a sample with other columns than the first is refused whole") {
+  const ScratchFolder scratch;
+  auto writer = new_run(scratch.path(), small_topology(false));
+  add_sample(writer, 1);
+  const std::vector<Real> longer(4, 0), row(3, 0);
+  using Sample = std::vector<SeriesValue>;
+  CHECK_THROWS_AS(writer.add_sample(Sample{{"time", 1.0}, {"profile_momentum", longer}, {"dt", 1.0}}),
+                  std::invalid_argument);
+  CHECK_THROWS_AS(writer.add_sample(Sample{{"time", 1.0}, {"profile_momentum", row}}), std::invalid_argument);
+  CHECK_THROWS_AS(writer.add_sample(Sample{{"time", 1.0}, {"profile_momentum", row}, {"other", 1.0}}),
+                  std::invalid_argument);
+  for (const auto& [name, column] : writer.read_series()) CHECK(column.rows == 1);
+}
+
+TEST_CASE("folders that cannot take a run") {
+  const ScratchFolder scratch;
+  const auto topology = small_topology(false);
+  SECTION("holds a run: nothing is touched") {
+    { new_run(scratch.path(), topology).write_frame(FrameData(topology, 0, 0).frame()); }
+    const std::string before = contents(scratch / "run.h5");
+    CHECK_THAT(message_of<InputError>([&] { new_run(scratch.path(), topology); }),
+               Contains("run.h5") && Contains("-restart") && Contains("-output"));
+    CHECK(contents(scratch / "run.h5") == before);
+  }
+  SECTION("holds a checkpoint") {
+    std::ofstream(scratch / "checkpoint-b.h5") << "x";
+    CHECK_THROWS_AS(new_run(scratch.path(), topology), InputError);
+  }
+  SECTION("is a file") {
+    std::ofstream(scratch / "file") << "x";
+    CHECK_THAT(message_of<OutputError>([&] { new_run(scratch / "file", topology); }), Contains("-output"));
+    CHECK_THAT(message_of<OutputError>([&] { new_run(scratch / "file/below", topology); }), Contains("-output"));
+    CHECK(contents(scratch / "file") == "x");
+  }
+  SECTION("may not be written") {
+    std::filesystem::create_directory(scratch / "mine");
+    std::filesystem::permissions(scratch.path(), std::filesystem::perms(0755));
+    std::filesystem::permissions(scratch / "mine", std::filesystem::perms(0555));
+    const int status = in_child([&] {
+      if (::geteuid() == 0 && ::setuid(65534) != 0) return 1;  // root may write anywhere
+      const auto here = message_of<OutputError>([&] { new_run(scratch / "mine", topology); });
+      const auto below = message_of<OutputError>([&] { new_run(scratch / "mine/run", topology); });
+      return here.find("Permission denied") != here.npos && below.find("Permission denied") != below.npos ? 0 : 2;
+    });
+    CHECK(status == 0);
+  }
+  SECTION("nothing to append to") { CHECK_THROWS_AS(RunWriter::append(scratch / "none", topology, 0, 0), InputError); }
+}
+
+TEST_CASE("a restart cuts the series, and replaces frames when it comes to them") {
+  const ScratchFolder scratch;
+  const auto topology = small_topology(true);
+  {
+    auto writer = new_run(scratch.path(), topology);
+    writer.write_axis("profile_height", std::vector<Real>{1, 2, 3});
+    for (int k = 0; k < 4; ++k) {
+      add_sample(writer, k);
+      add_sample(writer, k + 0.5);
+      writer.write_frame(FrameData(topology, k, 2).frame());
+    }
+  }
+  const auto positions = [&](const std::string& frame) {
+    return File::open_read(scratch / "run.h5").read<Real>("frames/" + frame + "/positions");
+  };
+  {
+    auto writer = RunWriter::append(scratch.path(), topology, 5, 2);
+    CHECK(writer.frames() == 2);
+    CHECK(writer.samples() == 5);
+    writer.write_axis("profile_height", std::vector<Real>{1, 2, 3});
+    CHECK(writer.read_series().at("time").values == std::vector<Real>{0, 0.5, 1, 1.5, 2});
+  }
+  CHECK(frame_names(scratch.path()).size() == 4);  // what was there is not lost by looking at it
+  CHECK(check_xdmf(scratch.path()) == "4 32");
+  {
+    auto writer = RunWriter::append(scratch.path(), topology, 5, 2);
+    add_sample(writer, 9);
+    FrameData other(topology, 2, 3);
+    other.positions[0] = -77;
+    writer.write_frame(other.frame());
+  }
+  CHECK(frame_names(scratch.path()).size() == 4);
+  CHECK(positions("000001") == FrameData(topology, 1, 0).positions);
+  CHECK(positions("000002")[0] == -77);
+  CHECK(positions("000003") == FrameData(topology, 3, 0).positions);
+  CHECK(check_xdmf(scratch.path()) == "3 25");
+  const auto series = read_series(scratch.path());
+  CHECK(series.at("time").values == std::vector<Real>{0, 0.5, 1, 1.5, 2, 9});
+  CHECK(series.at("profile_momentum").values.back() == 27);
+  CHECK(series.at("profile_momentum").rows == 6);
+  {
+    auto writer = RunWriter::append(scratch.path(), topology, 6, 3);
+    for (int k = 3; k < 6; ++k) writer.write_frame(FrameData(topology, k, 2).frame());
+  }
+  CHECK(frame_names(scratch.path()).size() == 6);
+  CHECK(check_xdmf(scratch.path()) == "6 49");
+
+  // What does not belong together is refused.
+  CHECK_THROWS_AS(RunWriter::append(scratch.path(), topology, 7, 3), InputError);
+  CHECK_THROWS_AS(RunWriter::append(scratch.path(), topology, 6, 7), InputError);
+  CHECK_THROWS_AS(RunWriter::append(scratch.path(), small_topology(false), 6, 3), InputError);
+}
+
+TEST_CASE("a killed run is read up to its last frame") {
+  const ScratchFolder scratch;
+  const auto topology = small_topology(true);
+  const int status = in_child([&] {
+    auto writer = new_run(scratch.path(), topology);
+    for (int k = 0; k < 5; ++k) {
+      add_sample(writer, k);
+      writer.write_frame(FrameData(topology, k, 2).frame());
+    }
+    add_sample(writer, 5);
+    return ::kill(::getpid(), SIGKILL);
+  });
+  REQUIRE(WIFSIGNALED(status));
+  CHECK(frame_names(scratch.path()).size() == 5);
+  CHECK(File::open_read(scratch / "run.h5").read<Real>("frames/000004/positions") ==
+        FrameData(topology, 4, 0).positions);
+  CHECK(read_series(scratch.path()).at("time").values == std::vector<Real>{0, 1, 2, 3, 4});
+  CHECK(check_xdmf(scratch.path()) == "5 40");
+  // And the run can go on.
+  { RunWriter::append(scratch.path(), topology, 5, 5).write_frame(FrameData(topology, 5, 2).frame()); }
+  CHECK(check_xdmf(scratch.path()) == "6 48");
+}
+
+TEST_CASE("a full disk stops the run and keeps the frames before") {
+  // A limit on the size of files fails as a full disk does, at any byte and without a file system of its own.
+  const rlim_t room = GENERATE(0, 1, 1000, 20000, 100000, 180000, 200000);
+  CAPTURE(room);
+  const ScratchFolder scratch;
+  const auto topology = small_topology(true);
+  const int status = in_child([&] {
+    std::signal(SIGXFSZ, SIG_IGN);
+    auto writer = new_run(scratch.path(), topology);
+    for (int k = 0; k < 3; ++k) {
+      add_sample(writer, k);
+      writer.write_frame(FrameData(topology, k, 2).frame());
+    }
+    writer.flush();
+    const rlim_t size = static_cast<rlim_t>(std::filesystem::file_size(scratch / "run.h5")) + room;
+    const rlimit limit{size, size};
+    ::setrlimit(RLIMIT_FSIZE, &limit);
+    const auto text = message_of<OutputError>([&] {
+      for (int k = 3; k < 100; ++k) {
+        add_sample(writer, k);
+        writer.write_frame(FrameData(topology, k, 2000).frame());
+      }
+    });
+    return text.find("run.h5") != text.npos && text.find("File too large") != text.npos ? 0 : 1;
+  });
+  CHECK(status == 0);
+  const auto frames = static_cast<int>(frame_names(scratch.path()).size());
+  REQUIRE(frames >= 3);
+  for (int k = 0; k < frames; ++k)
+    CHECK(File::open_read(scratch / "run.h5").read<Real>("frames/00000" + std::to_string(k) + "/positions") ==
+          FrameData(topology, k, 0).positions);
+  CHECK(static_cast<int>(read_series(scratch.path()).at("time").rows) >= frames);
+  CHECK_THAT(check_xdmf(scratch.path()), Catch::Matchers::StartsWith(std::to_string(frames) + " "));
+}

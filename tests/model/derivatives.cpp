@@ -1,0 +1,223 @@
+// Gradient against energy and Hessian against gradient, for every energy term alone and for every model, by the order
+// of Taylor remainders.
+#include <catch2/catch.hpp>
+
+#include <pliant/model/area.h>
+#include <pliant/model/bending.h>
+#include <pliant/model/catalogue.h>
+#include <pliant/model/edge_contact.h>
+#include <pliant/model/gravity.h>
+#include <pliant/model/lip_contact.h>
+#include <pliant/model/pair_contact.h>
+#include <pliant/model/perimeter.h>
+#include <pliant/model/wall_contact.h>
+
+#include "support/configurations.h"
+
+using namespace pliant;
+using namespace pliant::test;
+
+namespace {
+
+constexpr Real epsilon = 1e3;
+constexpr int repeats = 25;
+
+template <int D>
+using Make = std::function<Configuration<D>(Random&)>;
+
+/// Inside a region of smoothness. `h0` is small beside the distance to the region's boundary.
+template <int D>
+void check_smooth(const ForceField<D>& field, const Make<D>& make, Real h0, bool hessian_vanishes = false) {
+  for (int k = 0; k < repeats; ++k) {
+    Random random(k);
+    Configuration<D> c = make(random);
+    const Functional f = functional(field, c, epsilon);
+    const VectorXd x = c.positions(), p = random_direction(random, x.size());
+    INFO("state " << k);
+    // Not trivial: the term acts.
+    REQUIRE(f.energy(x) != 0);
+    REQUIRE(f.gradient(x).norm() > 0);
+    const MatrixXd hessian = f.hessian(x);
+    REQUIRE((hessian.norm() == 0) == hessian_vanishes);
+    CHECK(gradient_order(f, x, p, h0) > 1.9);
+    CHECK(hessian_order(f, x, p, h0) > 1.9);
+    CHECK((hessian - hessian.transpose()).norm() <= 1e-13 * hessian.norm());
+  }
+}
+
+/// On a boundary between regions: U is C¹ and its Hessian jumps.
+template <int D>
+void check_boundary(const ForceField<D>& field, const Make<D>& make, Real h0) {
+  for (int k = 0; k < repeats; ++k) {
+    Random random(k);
+    Configuration<D> c = make(random);
+    const Functional f = functional(field, c, epsilon);
+    const VectorXd x = c.positions(), p = random_direction(random, x.size());
+    INFO("state " << k);
+    // Still second order for the energy, and only first for the gradient on the side that the Hessian at x does not
+    // belong to.
+    CHECK(gradient_order(f, x, p, h0) > 1.9);
+    CHECK(gradient_order(f, x, -p, h0) > 1.9);
+    CHECK(hessian_order(f, x, p, h0) > 0.9);
+    CHECK(hessian_order(f, x, -p, h0) > 0.9);
+    const Sides sides = compare_sides(f, x, p, h0);
+    REQUIRE(sides.hessian_jump > 1e-3);  // not trivial: this is a boundary
+    CHECK(sides.gradient_jump_order > 0.9);
+    CHECK(sides.forward < 1e-6);
+    CHECK(sides.backward < 1e-6);
+  }
+}
+
+Configuration<2> single_polygon(Random& random) {
+  Configuration<2> c;
+  c.add_polygon(irregular_polygon(random, 3 + random.below(14), random(0.3, 1), {random(-5, 5), random(-5, 5)}), 0.1);
+  c.add_polygon(irregular_polygon(random, 3 + random.below(14), random(0.3, 1), {random(-5, 5), random(-5, 5)}), 0.1);
+  return c;
+}
+
+/// A pair of soft particles at exactly the distance of touch.
+template <int D>
+Configuration<D> touching_soft(Random& random) {
+  Configuration<D> c;
+  const Real a = random(0.5, 1.5), b = random(0.5, 1.5);
+  c.add_soft(a, Vec<D>::Zero());
+  c.add_soft(b, (a + b) / 2 * random.template unit<D>());
+  return c;
+}
+
+template <class Range, class Body>
+void for_each_place(const Range& places, Body&& body) {
+  for (const auto place : places) {
+    INFO("place " << static_cast<int>(place));
+    body(place);
+  }
+}
+
+}  // namespace
+
+TEST_CASE("derivatives of the shape terms") {
+  SECTION("area") { check_smooth<2>(*alone<2>(Area{10}), single_polygon, 1e-3); }
+  SECTION("perimeter") { check_smooth<2>(*alone<2>(Perimeter{3}), single_polygon, 1e-4); }
+  SECTION("bending") { check_smooth<2>(*alone<2>(Bending{0.7}), single_polygon, 1e-4); }
+}
+
+TEST_CASE("derivatives of gravity") {
+  check_smooth<2>(*alone<2>(Gravity<2>{{0.3, -1}}), single_polygon, 1e-3, true);
+  check_smooth<3>(
+      *alone<3>(Gravity<3>{{0.3, 0.1, -1}}), [](Random& r) { return soft_cluster<3>(r); }, 1e-3, true);
+}
+
+TEST_CASE("derivatives of the pair contact") {
+  const auto field2 = alone<2>(PairContact<2>{epsilon, "pair"});
+  const auto field3 = alone<3>(PairContact<3>{epsilon, "pair"});
+  check_smooth<2>(
+      *field2, [](Random& r) { return soft_cluster<2>(r); }, 1e-5);
+  check_smooth<3>(
+      *field3, [](Random& r) { return soft_cluster<3>(r); }, 1e-5);
+  check_boundary<2>(*field2, touching_soft<2>, 1e-5);
+  check_boundary<3>(*field3, touching_soft<3>, 1e-5);
+}
+
+TEST_CASE("derivatives of the edge contact") {
+  const auto field = alone<2>(EdgeContact{epsilon});
+  for_each_place(interior_places, [&](Place place) {
+    check_smooth<2>(
+        *field, [&](Random& r) { return touching_polygons(r, place); }, 1e-6);
+  });
+  for_each_place(boundary_places, [&](Place place) {
+    check_boundary<2>(
+        *field, [&](Random& r) { return touching_polygons(r, place); }, 1e-6);
+  });
+}
+
+TEST_CASE("derivatives of the wall contact") {
+  const auto field2 = alone<2>(WallContact<2>{epsilon});
+  const auto field3 = alone<3>(WallContact<3>{epsilon});
+  for (const Real angle : {90.0, 45.0}) {
+    INFO("angle " << angle);
+    for_each_place(interior_wall_places, [&](WallPlace place) {
+      check_smooth<2>(
+          *field2, [&](Random& r) { return soft_at_wall<2>(r, angle, place); }, 1e-5);
+      check_smooth<3>(
+          *field3, [&](Random& r) { return soft_at_wall<3>(r, angle, place); }, 1e-5);
+      check_smooth<2>(
+          *field2, [&](Random& r) { return polygon_at_wall(r, angle, place, smooth_width); }, 1e-6);
+    });
+    for_each_place(boundary_wall_places, [&](WallPlace place) {
+      check_boundary<2>(
+          *field2, [&](Random& r) { return soft_at_wall<2>(r, angle, place); }, 1e-5);
+      check_boundary<3>(
+          *field3, [&](Random& r) { return soft_at_wall<3>(r, angle, place); }, 1e-5);
+    });
+  }
+}
+
+TEST_CASE("derivatives of the lip contact") {
+  const auto lip = alone<2>(LipContact{epsilon});
+  for (const Real angle : {90.0, 45.0}) {
+    INFO("angle " << angle);
+    // At a corner the lip term by itself vanishes: the wall term of the vertex is all there is (see outline.cpp).
+    for_each_place(std::array{LipPlace::edge, LipPlace::notch}, [&](LipPlace place) {
+      check_smooth<2>(
+          *lip, [&](Random& r) { return polygon_at_lip(r, angle, place, smooth_width); }, 1e-6);
+    });
+    for_each_place(std::array{LipPlace::edge_onset, LipPlace::edge_end}, [&](LipPlace place) {
+      check_boundary<2>(
+          *lip, [&](Random& r) { return polygon_at_lip(r, angle, place, smooth_width); }, 1e-6);
+    });
+  }
+}
+
+TEST_CASE("derivatives of the models") {
+  ModelParameters p{.epsilon = epsilon, .epsilon_wall = 2e3, .k_a = 20, .k_l = 3, .k_b = 0.2};
+  const Vec<2> g(0, -1);
+  const auto shape = make_force_field<2>(ModelKind::shape, p, g);
+  const auto rough = make_force_field<2>(ModelKind::rough, p, g);
+  const auto smooth = make_force_field<2>(ModelKind::smooth, p, g);
+  const auto soft2 = make_force_field<2>(ModelKind::sp, p, g);
+  const auto soft3 = make_force_field<3>(ModelKind::sp, p, Vec<3>(0, 0, -1));
+
+  SECTION("bulk") {
+    check_smooth<2>(*shape, single_polygon, 1e-4);
+    check_smooth<2>(
+        *rough, [](Random& r) { return crowd_of_polygons(r, 0.3); }, 1e-5);
+    check_smooth<2>(
+        *smooth, [](Random& r) { return crowd_of_polygons(r, smooth_width); }, 1e-6);
+    check_smooth<2>(
+        *soft2, [](Random& r) { return soft_cluster<2>(r); }, 1e-5);
+    check_smooth<3>(
+        *soft3, [](Random& r) { return soft_cluster<3>(r); }, 1e-5);
+  }
+  SECTION("in the hopper") {
+    for_each_place(interior_wall_places, [&](WallPlace place) {
+      check_smooth<2>(
+          *soft2, [&](Random& r) { return soft_at_wall<2>(r, 45, place); }, 1e-5);
+      check_smooth<3>(
+          *soft3, [&](Random& r) { return soft_at_wall<3>(r, 90, place); }, 1e-5);
+      check_smooth<2>(
+          *rough, [&](Random& r) { return polygon_at_wall(r, 45, place, 0.3); }, 1e-6);
+      check_smooth<2>(
+          *smooth, [&](Random& r) { return polygon_at_wall(r, 90, place, smooth_width); }, 1e-6);
+    });
+    for_each_place(interior_lip_places, [&](LipPlace place) {
+      check_smooth<2>(
+          *rough, [&](Random& r) { return polygon_at_lip(r, 90, place, 0.3); }, 1e-6);
+      check_smooth<2>(
+          *smooth, [&](Random& r) { return polygon_at_lip(r, 45, place, smooth_width); }, 1e-6);
+    });
+  }
+  SECTION("on boundaries") {
+    for_each_place(boundary_places, [&](Place place) {
+      check_boundary<2>(
+          *smooth, [&](Random& r) { return touching_polygons(r, place); }, 1e-6);
+    });
+    for_each_place(boundary_lip_places, [&](LipPlace place) {
+      check_boundary<2>(
+          *smooth, [&](Random& r) { return polygon_at_lip(r, 45, place, smooth_width); }, 1e-6);
+    });
+    for_each_place(boundary_wall_places, [&](WallPlace place) {
+      check_boundary<2>(
+          *rough, [&](Random& r) { return polygon_at_wall(r, 45, place, 0.3); }, 1e-6);
+    });
+  }
+}

@@ -1,0 +1,111 @@
+// Drag and friction: power, momentum, ∂F/∂v.
+#include <catch2/catch.hpp>
+
+#include <pliant/model/catalogue.h>
+#include <pliant/model/drag.h>
+#include <pliant/model/edge_friction.h>
+#include <pliant/model/pair_friction.h>
+
+#include "support/configurations.h"
+
+using namespace pliant;
+using namespace pliant::test;
+
+namespace {
+
+template <int D>
+void check_dissipation(const ForceField<D>& field, Configuration<D> c, Random& random, bool internal) {
+  const Index n = static_cast<Index>(c.x.size());
+  const auto force = [&](const VectorXd& v) {
+    std::copy(v.begin(), v.end(), c.v.begin());
+    VectorXd f(n);
+    field.forces(c.view(), f.data());
+    return f;
+  };
+  const VectorXd v = 2 * random_direction(random, n), f = force(v);
+  REQUIRE(f.norm() > 1e-6);  // acts
+  CHECK(field.energy(c.view()) == 0);
+  CHECK(field.power(c.view()) > 0);
+  CHECK(field.power(c.view()) == Approx(-f.dot(v)).epsilon(1e-12));
+  Vec<D> sum = Vec<D>::Zero();
+  for (Index i = 0; i < c.topology.points(); ++i) sum += point<D>(f.data(), i);
+  CHECK((sum.norm() < 1e-13 * f.template lpNorm<1>()) == internal);
+
+  DenseSink<D> sink(c.topology.points());
+  field.damping(c.view(), sink);
+  const MatrixXd& damping = sink.matrix;
+  REQUIRE(damping.norm() > 0);
+  // Linear in v: differences are exact.
+  MatrixXd difference(n, n);
+  for (Index k = 0; k < n; ++k) difference.col(k) = force(v + VectorXd::Unit(n, k)) - f;
+  CHECK((damping - difference).norm() < 1e-12 * damping.norm());
+  CHECK((damping - damping.transpose()).norm() < 1e-14 * damping.norm());
+  CHECK(Eigen::SelfAdjointEigenSolver<MatrixXd>(damping).eigenvalues().maxCoeff() < 1e-13 * damping.norm());
+  // What all points share feels drag only.
+  VectorXd common(n);
+  for (Index i = 0; i < c.topology.points(); ++i) point<D>(common.data(), i) = Vec<D>::LinSpaced(0.3, 0.8);
+  CHECK((force(common).norm() < 1e-13) == internal);
+}
+
+}  // namespace
+
+TEST_CASE("dissipation: power, momentum and damping matrix") {
+  for (int k = 0; k < 15; ++k) {
+    INFO("state " << k);
+    Random random(k);
+    check_dissipation(*alone<2>(Drag<2>{0.4}), soft_cluster<2>(random), random, false);
+    check_dissipation(*alone<3>(Drag<3>{0.4}), soft_cluster<3>(random), random, false);
+    check_dissipation(*alone<2>(Drag<2>{0.4}), crowd_of_polygons(random, 0.3), random, false);
+    check_dissipation(*alone<2>(PairFriction<2>{0.6}), soft_cluster<2>(random), random, true);
+    check_dissipation(*alone<3>(PairFriction<3>{0.6}), soft_cluster<3>(random), random, true);
+    check_dissipation(*alone<2>(PairFriction<2>{0.6}), crowd_of_polygons(random, 0.3), random, true);
+    for (const FrictionPoint where : {FrictionPoint::contact, FrictionPoint::vertex})
+      for (const Place place : interior_places) {
+        INFO("friction point " << static_cast<int>(where) << ", place " << static_cast<int>(place));
+        check_dissipation(*alone<2>(EdgeFriction{0.6, where}), touching_polygons(random, place), random, true);
+      }
+  }
+}
+
+TEST_CASE("drag on a particle is -zeta times its mean velocity") {
+  Random random(3);
+  Configuration<2> c;
+  c.add_polygon(regular_polygon(16, 0.5), 0.1);
+  c.random_velocities(random);
+  std::vector<Real> f(c.x.size());
+  alone<2>(Drag<2>{0.4})->forces(c.view(), f.data());
+  const Vec<2> sum = 16 * mean_of_points<2>(f.data(), c.topology, 0);
+  CHECK((sum + 0.4 * mean_of_points<2>(c.v.data(), c.topology, 0)).norm() < 1e-14);
+}
+
+TEST_CASE("friction is -mu times the whole relative velocity, also along the normal") {
+  Configuration<2> c;
+  c.add_soft(1, {0, 0});
+  c.add_soft(1, {0.9, 0});
+  c.v = {0, 0, 2, 3};
+  std::vector<Real> f(4);
+  alone<2>(PairFriction<2>{0.5})->forces(c.view(), f.data());
+  CHECK(f == std::vector<Real>{1, 1.5, -1, -1.5});
+  c.x[2] = 1.01;  // apart
+  alone<2>(PairFriction<2>{0.5})->forces(c.view(), f.data());
+  CHECK(f == std::vector<Real>(4, 0.0));
+}
+
+TEST_CASE("edge friction acts at the material point of the contact; literally, at the first vertex") {
+  // An upright edge from (0, 0) to (0, 1) of a square to its left, touched at t = 0.25 by a tip from the right.
+  Configuration<2> c;
+  c.add_polygon({{0, 0}, {0, 1}, {-1, 1}, {-1, 0}}, 0.1);
+  c.add_polygon(wedge({0.05, 0.25}, {1, 0}), 0.1);
+  point<2>(c.v.data(), 0) = Vec<2>(1, 2);
+  point<2>(c.v.data(), 1) = Vec<2>(5, 2);
+  std::vector<Real> f(c.x.size());
+  const auto at = [&](Index i) { return Vec<2>(point<2>(f.data(), i)); };
+  alone<2>(EdgeFriction{1, FrictionPoint::contact})->forces(c.view(), f.data());
+  CHECK((at(4) - Vec<2>(2, 2)).norm() < 1e-14);  // v_c = ¾ (1, 2) + ¼ (5, 2)
+  CHECK((at(0) + 0.75 * Vec<2>(2, 2)).norm() < 1e-14);
+  CHECK((at(1) + 0.25 * Vec<2>(2, 2)).norm() < 1e-14);
+  alone<2>(EdgeFriction{1, FrictionPoint::vertex})->forces(c.view(), f.data());
+  CHECK((at(4) - Vec<2>(1, 2)).norm() < 1e-14);
+  CHECK((at(0) + Vec<2>(1, 2)).norm() < 1e-14);
+  CHECK(at(1).norm() == 0);
+}

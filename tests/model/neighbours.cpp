@@ -1,0 +1,229 @@
+// When neighbour lists are rebuilt, and that they never lack a contact. The searches themselves:
+// tests/geometry/pair_search.cpp.
+#include <catch2/catch.hpp>
+
+#include <pliant/geometry/hopper.h>
+#include <pliant/model/neighbours.h>
+
+#include "support/configurations.h"
+
+using namespace pliant;
+using namespace pliant::test;
+
+namespace {
+
+constexpr Real skin = 0.1;
+constexpr NeighbourNeeds all_lists{true, true, true, true};
+
+/// Polygons strewn over the orifice of a hopper, overlapping at will.
+struct Scene {
+  Topology topology;
+  Walls<2> walls = Hopper{.wall_distance = 8, .orifice = 2, .angle = 60}.walls<2>();
+  std::vector<Real> x;
+
+  explicit Scene(Random& random, Index particles = 60) {
+    for (Index m = 0; m < particles; ++m) {
+      const Real size = random(0.1, 0.5);
+      topology.add_polygon(6, 1, 1, size * random(0.2, 1), 1);
+      for (const Vec<2>& r : irregular_polygon(random, 6, size, {random(-4, 4), random(-1, 6)}))
+        x.insert(x.end(), r.begin(), r.end());
+    }
+  }
+  std::vector<Real> moved(Random& random, Real distance) const {
+    std::vector<Real> y = x;
+    for (Index i = 0; i < topology.points(); ++i) point<2>(y.data(), i) += distance * random.unit<2>();
+    return y;
+  }
+};
+
+bool contains(const std::vector<Pair>& sorted_pairs, const Pair& pair) {
+  return std::binary_search(sorted_pairs.begin(), sorted_pairs.end(), pair);
+}
+
+}  // namespace
+
+TEST_CASE("a list holds every contact until something has moved by half the skin") {
+  for (int seed = 0; seed < 10; ++seed) {
+    Random random(seed);
+    const Scene scene(random);
+    const Topology& t = scene.topology;
+    Neighbours<2> lists(all_lists, skin);
+    lists.ensure(t, scene.walls, scene.x.data());
+    // The farthest that keeps the list.
+    const std::vector<Real> y = scene.moved(random, 0.4999 * skin);
+    lists.ensure(t, scene.walls, y.data());
+    REQUIRE(lists.rebuilds() == 1);
+    for (auto* list : {&lists.point_pairs, &lists.vertex_edges, &lists.walls, &lists.lips})
+      std::sort(list->begin(), list->end());
+    std::array<int, 4> contacts{};
+    std::array<int, 4> missing{};
+    const auto expect = [&](int kind, bool touching, bool listed) {
+      contacts[kind] += touching;
+      missing[kind] += touching && !listed;
+    };
+    for (Index i = 0; i < t.points(); ++i) {
+      const Vec<2> r = point<2>(y.data(), i), next = point<2>(y.data(), t.next[i]);
+      for (Index j = 0; j < t.points(); ++j) {
+        if (t.particle[i] == t.particle[j]) continue;
+        const Vec<2> q = point<2>(y.data(), j);
+        const Real reach = (t.diameter[i] + t.diameter[j]) / 2;
+        expect(0, (r - q).norm() < reach, contains(lists.point_pairs, {i, j}) || contains(lists.point_pairs, {j, i}));
+        expect(1, segment_foot(q, r, next).d2 < square(reach), contains(lists.vertex_edges, {j, i}));
+      }
+      for (Index s = 0; s < scene.walls.size(); ++s)
+        expect(2, scene.walls.distance(r, s) < t.diameter[i] / 2, contains(lists.walls, {i, s}));
+      for (Index l = 0; l < 2; ++l)
+        expect(3, segment_foot(scene.walls.lips()[l], r, next).d2 < square(t.diameter[i] / 2),
+               contains(lists.lips, {l, i}));
+    }
+    CHECK(contacts[0] > 20);
+    CHECK(contacts[1] > 20);
+    CHECK(contacts[2] > 2);
+    CHECK(missing == std::array<int, 4>{});
+  }
+}
+
+TEST_CASE("one point that has moved by more than half the skin rebuilds the lists") {
+  Random random(1);
+  const Scene scene(random);
+  Neighbours<2> lists(all_lists, skin);
+  lists.ensure(scene.topology, scene.walls, scene.x.data());
+  CHECK(lists.rebuilds() == 1);
+  CHECK(lists.reference() == scene.x);
+  std::vector<Real> y = scene.x;
+  const Index i = 17;
+  y[2 * i] += 0.49 * skin;
+  lists.ensure(scene.topology, scene.walls, y.data());
+  CHECK(lists.rebuilds() == 1);
+  CHECK(lists.reference() == scene.x);
+  y[2 * i + 1] += 0.49 * skin;  // 0.69 of the skin along the diagonal
+  lists.ensure(scene.topology, scene.walls, y.data());
+  CHECK(lists.rebuilds() == 2);
+  CHECK(lists.reference() == y);
+  lists.ensure(scene.topology, scene.walls, scene.x.data());  // and back
+  CHECK(lists.rebuilds() == 3);
+  lists.invalidate();
+  lists.ensure(scene.topology, scene.walls, scene.x.data());
+  CHECK(lists.rebuilds() == 4);
+}
+
+TEST_CASE("the same reference gives the same lists in the same order, whatever came before") {
+  Random random(2);
+  const Scene scene(random);
+  Neighbours<2> fresh(all_lists, skin), used(all_lists, skin);
+  fresh.rebuild(scene.topology, scene.walls, scene.x.data());
+  for (int k = 0; k < 3; ++k) {
+    const std::vector<Real> y = scene.moved(random, 0.3);
+    used.rebuild(scene.topology, scene.walls, y.data());
+  }
+  CHECK(used.point_pairs != fresh.point_pairs);
+  used.rebuild(scene.topology, scene.walls, scene.x.data());
+  CHECK(fresh.size() > 100);
+  CHECK(used.point_pairs == fresh.point_pairs);
+  CHECK(used.vertex_edges == fresh.vertex_edges);
+  CHECK(used.walls == fresh.walls);
+  CHECK(used.lips == fresh.lips);
+}
+
+TEST_CASE("only the lists that are needed are built") {
+  Random random(2);
+  const Scene scene(random);
+  Neighbours<2> lists({.vertex_edges = true}, skin);
+  lists.ensure(scene.topology, scene.walls, scene.x.data());
+  CHECK(!lists.vertex_edges.empty());
+  CHECK(lists.size() == lists.vertex_edges.size());
+}
+
+TEST_CASE("a position that is not finite stops with the particle's name") {
+  Random random(3);
+  Scene scene(random);
+  Neighbours<2> lists(all_lists, skin);
+  for (const Real bad : {std::numeric_limits<Real>::quiet_NaN(), std::numeric_limits<Real>::infinity()}) {
+    for (const bool before : {false, true}) {
+      // Also where valid lists exist: the check for moves must not take NaN for standing still.
+      if (before) lists.ensure(scene.topology, scene.walls, scene.x.data());
+      std::vector<Real> y = scene.x;
+      y[2 * (6 * 41 + 4) + 1] = bad;
+      CHECK_THROWS_AS(lists.ensure(scene.topology, scene.walls, y.data()), NumericalError);
+      CHECK_THROWS_WITH(lists.ensure(scene.topology, scene.walls, y.data()),
+                        Catch::Contains("point 4") && Catch::Contains("particle 41"));
+    }
+  }
+}
+
+TEST_CASE("inactive particles are in no list") {
+  Random random(4);
+  Scene scene(random);
+  Neighbours<2> lists(all_lists, skin);
+  const auto mentions = [&](Index m) {
+    const auto owner = [&](Index i) { return scene.topology.particle[i]; };
+    int count = 0;
+    for (const auto [i, j] : lists.point_pairs) count += owner(i) == m || owner(j) == m;
+    for (const auto [i, j] : lists.vertex_edges) count += owner(i) == m || owner(j) == m;
+    for (const auto [i, wall] : lists.walls) count += owner(i) == m;
+    for (const auto [lip, i] : lists.lips) count += owner(i) == m;
+    return count;
+  };
+  lists.ensure(scene.topology, scene.walls, scene.x.data());
+  Index m = 0;
+  while (mentions(m) < 10) ++m;
+  scene.topology.deactivate(m);
+  lists.invalidate();
+  lists.ensure(scene.topology, scene.walls, scene.x.data());
+  CHECK(mentions(m) == 0);
+  CHECK(lists.size() > 100);
+}
+
+TEST_CASE("a far outlier does not change what the others find") {
+  Random random(5);
+  Scene scene(random);
+  Neighbours<2> lists(all_lists, skin), with_outlier(all_lists, skin);
+  const Index last = scene.topology.particles() - 1;
+  scene.topology.deactivate(last);
+  lists.ensure(scene.topology, scene.walls, scene.x.data());
+  scene.topology.active[last] = 1;
+  std::vector<Real> y = scene.x;
+  for (Index i = scene.topology.offset[last]; i < scene.topology.points(); ++i) y[2 * i] += 1e8, y[2 * i + 1] -= 1e8;
+  with_outlier.ensure(scene.topology, scene.walls, y.data());
+  for (auto* list : {&lists, &with_outlier}) {
+    std::sort(list->point_pairs.begin(), list->point_pairs.end());
+    std::sort(list->vertex_edges.begin(), list->vertex_edges.end());
+  }
+  CHECK(with_outlier.point_pairs == lists.point_pairs);
+  CHECK(with_outlier.vertex_edges == lists.vertex_edges);
+}
+
+TEST_CASE("lists of soft particles in 3D follow the same rule") {
+  Random random(6);
+  Topology topology;
+  topology.dim = 3;
+  std::vector<Real> x;
+  for (int k = 0; k < 300; ++k) {
+    topology.add_soft(random(0.2, 1), 1);
+    for (int d = 0; d < 3; ++d) x.push_back(random(-2, 2));
+  }
+  const Walls<3> walls = Hopper{.wall_distance = 4, .orifice = 1, .angle = 90}.walls<3>();
+  Neighbours<3> lists({.point_pairs = true, .walls = true}, skin);
+  lists.ensure(topology, walls, x.data());
+  std::vector<Real> y = x;
+  for (Index i = 0; i < 300; ++i) point<3>(y.data(), i) += 0.4999 * skin * random.unit<3>();
+  lists.ensure(topology, walls, y.data());
+  REQUIRE(lists.rebuilds() == 1);
+  std::sort(lists.point_pairs.begin(), lists.point_pairs.end());
+  int touching = 0, missing = 0;
+  for (Index i = 0; i < 300; ++i) {
+    for (Index j = 0; j < i; ++j) {
+      if ((point<3>(y.data(), i) - point<3>(y.data(), j)).norm() >= (topology.sigma[i] + topology.sigma[j]) / 2)
+        continue;
+      ++touching;
+      missing += !contains(lists.point_pairs, {i, j}) && !contains(lists.point_pairs, {j, i});
+    }
+    for (Index s = 0; s < walls.size(); ++s) {
+      if (walls.distance(point<3>(y.data(), i), s) >= topology.sigma[i] / 2) continue;
+      ++touching;
+      missing += std::find(lists.walls.begin(), lists.walls.end(), Pair{i, s}) == lists.walls.end();
+    }
+  }
+  CHECK(touching > 300);
+  CHECK(missing == 0);
+}

@@ -1,0 +1,232 @@
+// Contacts with outlines: they amount to a law of the distance to the outline, without jumps around corners and lips.
+#include <catch2/catch.hpp>
+#include <map>
+
+#include <pliant/model/catalogue.h>
+#include <pliant/model/contact_law.h>
+#include <pliant/model/crossing.h>
+#include <pliant/model/edge_contact.h>
+#include <pliant/model/edge_friction.h>
+#include <pliant/model/lip_contact.h>
+#include <pliant/model/wall_contact.h>
+
+#include "support/configurations.h"
+
+using namespace pliant;
+using namespace pliant::test;
+
+namespace {
+
+constexpr Real epsilon = 1e3;
+
+/// Moves polygon `mover` rigidly by path(s), s = 0 … 1. Along it the energy must be the integral of its own gradient,
+/// and the gradient must not change faster than the stiffest contact allows: no jumps of either. Returns the largest
+/// energy.
+template <class Path>
+Real check_path(const ForceField<2>& field, Configuration<2>& c, Index mover, Real stiffness, Path&& path) {
+  const VectorXd start = c.positions();
+  const Functional u = functional(field, c);
+  constexpr int steps = 4000;
+  Real highest = 0, energy = 0, worst_energy = 0, worst_gradient = 0;
+  VectorXd x, gradient;
+  for (int k = 0; k <= steps; ++k) {
+    VectorXd y = start;
+    for (Index i = c.topology.offset[mover]; i < c.topology.offset[mover + 1]; ++i)
+      point<2>(y.data(), i) += path(static_cast<Real>(k) / steps);
+    const Real e = u.energy(y);
+    const VectorXd g = u.gradient(y);
+    REQUIRE(!find_crossing(c.view(y.data())));
+    if (k > 0) {
+      const Real move = (y - x).norm();
+      worst_energy = std::max(worst_energy, std::abs(e - energy - (g + gradient).dot(y - x) / 2) / square(move));
+      worst_gradient = std::max(worst_gradient, (g - gradient).norm() / move);
+    }
+    highest = std::max(highest, e);
+    x = y, energy = e, gradient = g;
+  }
+  CHECK(worst_energy < stiffness);    // trapezoidal rule on a Lipschitz gradient
+  CHECK(worst_gradient < stiffness);  // Lipschitz
+  return highest;
+}
+
+Real sum_over_outline(const Polygon& points, const Polygon& outline, Real delta) {
+  Real sum = 0;
+  for (const Vec<2>& p : points) sum += HarmonicOverlap{epsilon, delta}.value(outline_distance(p, outline));
+  return sum;
+}
+
+}  // namespace
+
+TEST_CASE("edge contact of convex polygons is V(distance to the outline), in both directions") {
+  const auto field = alone<2>(EdgeContact{epsilon});
+  int active = 0;
+  for (int k = 0; k < 300; ++k) {
+    INFO("state " << k);
+    Random random(k);
+    const Real da = random(0.05, 0.1), db = random(0.05, 0.1), delta = (da + db) / 2;
+    const Polygon hexagon = regular_polygon(6, 0.6, {random(-1, 1), random(-1, 1)}, random(0, 1));
+    const Vec<2> u = random.unit<2>(), centre = (hexagon[0] + hexagon[3]) / 2;
+    // From far outside inwards until the tip is within reach of the outline, wherever that is: edge or corner.
+    Vec<2> tip = centre + 0.8 * u;
+    const Real gap = random(0.2, 0.95) * delta;
+    while (outline_distance(tip, hexagon) > gap) tip -= 1e-3 * u;
+    Configuration<2> c;
+    c.add_polygon(hexagon, da);
+    c.add_polygon(wedge(tip, u), db);
+    REQUIRE(!find_crossing(c.view()));
+    const Polygon other = vertices_of(c, 1);
+    const Real expected = sum_over_outline(other, hexagon, delta) + sum_over_outline(hexagon, other, delta);
+    active += expected > 0;
+    CHECK(field->energy(c.view()) == Approx(expected).epsilon(1e-10));
+  }
+  CHECK(active == 300);
+}
+
+TEST_CASE("in a notch the edge contact counts both edges and their vertex once less") {
+  const auto field = alone<2>(EdgeContact{epsilon});
+  Random random(5);
+  Configuration<2> c = touching_polygons(random, Place::notch);
+  const Polygon a = vertices_of(c, 0);
+  const Vec<2> p = c.position(c.topology.offset[1]), r = a[notch_vertex];
+  const HarmonicOverlap law{epsilon, smooth_width};
+  const auto line = [&](std::size_t i) { return law.value((p - a[i]).dot(outward(a, i))); };
+  // The other direction: the vertex in the notch meets the tip, which is a convex corner.
+  const Real reverse = sum_over_outline(a, vertices_of(c, 1), smooth_width);
+  REQUIRE(reverse == Approx(law.value((p - r).norm())));
+  CHECK(field->energy(c.view()) ==
+        Approx(line(notch_vertex - 1) + line(notch_vertex) - law.value((p - r).norm()) + reverse).epsilon(1e-10));
+}
+
+TEST_CASE("edge contact is C1 along paths around a corner and into a notch") {
+  const auto field = alone<2>(EdgeContact{epsilon});
+  const Real stiffness = 20 * epsilon / square(smooth_width);
+  for (int k = 0; k < 10; ++k) {
+    INFO("state " << k);
+    Random random(k);
+    {
+      // Half a turn about vertex 1, a right-angled corner, beginning and ending on the edges beside it.
+      Configuration<2> c;
+      const Polygon square_outline{{0, 0}, {1, 0}, {1, 1}, {0, 1}};
+      const Real h = random(0.3, 0.7) * smooth_width;
+      c.add_polygon(square_outline, smooth_width);
+      c.add_polygon(wedge({0.95, -h}, Vec<2>(1, -1).normalized()), smooth_width);
+      const Real top = check_path(*field, c, 1, stiffness, [&](Real s) -> Vec<2> {
+        Vec<2> p;
+        if (s < 0.25)
+          p = {0.95 + 0.2 * s, -h};
+        else if (s < 0.75)
+          p = Vec<2>(1, 0) + h * at_angle(-pi / 2 + pi * (s - 0.25));
+        else
+          p = {1 + h, 0.2 * (s - 0.75)};
+        return p - Vec<2>(0.95, -h);
+      });
+      // The distance from the outline stays the same; at the corner each vertex is near the other's outline: both
+      // directions count.
+      CHECK(top == Approx(2 * HarmonicOverlap{epsilon, smooth_width}.value(h)));
+    }
+    {
+      // From far away into the notch, past the onsets of both of its edges and of its vertex.
+      Configuration<2> c = touching_polygons(random, Place::notch);
+      const Polygon a = vertices_of(c, 0);
+      const Vec<2> away = (outward(a, notch_vertex - 1) + outward(a, notch_vertex)).normalized();
+      const Vec<2> side = 0.1 * left_of(away) * random(-1, 1);
+      const Real top =
+          check_path(*field, c, 1, stiffness, [&](Real s) -> Vec<2> { return (1 - s) * (0.2 * away + side); });
+      CHECK(top > 0.05 * epsilon);
+    }
+  }
+}
+
+TEST_CASE("lip and wall terms together are V(distance of the lip to the outline)") {
+  const auto field = alone<2>(WallContact<2>{epsilon}, LipContact{epsilon});
+  for (const LipPlace place : {LipPlace::edge, LipPlace::corner})
+    for (int k = 0; k < 50; ++k) {
+      INFO("place " << static_cast<int>(place) << ", state " << k);
+      Random random(k);
+      Configuration<2> c = polygon_at_lip(random, 90, place, smooth_width);
+      const Real expected =
+          HarmonicOverlap{epsilon, smooth_width / 2}.value(outline_distance(c.walls.lips()[1], vertices_of(c, 0)));
+      REQUIRE(expected > 0);
+      CHECK(field->energy(c.view()) == Approx(expected).epsilon(1e-9));
+    }
+}
+
+TEST_CASE("lip and wall terms are C1 when a polygon slides past the lip") {
+  const auto field = alone<2>(WallContact<2>{epsilon}, LipContact{epsilon});
+  const Real stiffness = 20 * epsilon / square(smooth_width / 2);
+  for (int k = 0; k < 10; ++k) {
+    INFO("state " << k);
+    Random random(k);
+    // A square in front of the lip at (1.5, 0): its side, then its corner, pass below and beside the end of the wall.
+    Configuration<2> c;
+    c.walls = test_hopper(90).walls<2>();
+    const Real h = random(0.3, 0.7) * smooth_width / 2;
+    c.add_polygon({{1, -0.5}, {1.5 - h, -0.5}, {1.5 - h, 0.5}, {1, 0.5}}, smooth_width);
+    const Real top = check_path(*field, c, 0, stiffness, [&](Real s) -> Vec<2> {
+      if (s < 0.5) return {0, -1.2 * s};                      // down: the lip passes the upper right corner
+      return {0.4 * (s - 0.5), -0.6 - h * std::sin(pi * s)};  // then under the wall
+    });
+    CHECK(top == Approx(HarmonicOverlap{epsilon, smooth_width / 2}.value(h)));
+  }
+}
+
+TEST_CASE("without the lip term a lip enters an edge unnoticed") {
+  Random random(2);
+  Configuration<2> c = polygon_at_lip(random, 90, LipPlace::edge, smooth_width);
+  ModelParameters p{.epsilon = epsilon, .epsilon_wall = epsilon};
+  CHECK(make_force_field<2>(ModelKind::smooth, p, Vec<2>::Zero())->energy(c.view()) > 0);
+  p.lip_edges = false;
+  CHECK(make_force_field<2>(ModelKind::smooth, p, Vec<2>::Zero())->energy(c.view()) == 0);
+}
+
+TEST_CASE("each place of an outline carries the contact of a vertex once") {
+  const auto contact = alone<2>(EdgeContact{epsilon});
+  const auto friction = alone<2>(EdgeFriction{1});
+  // Where the tip meets a corner, the corner meets the tip as well: once in each direction.
+  const std::map<Place, std::size_t> directions{{Place::edge, 1}, {Place::corner, 2}, {Place::edge_end, 2}};
+  for (const auto& [place, count] : directions)
+    for (int k = 0; k < 20; ++k) {
+      INFO("place " << static_cast<int>(place) << ", state " << k);
+      Random random(k);
+      Configuration<2> c = touching_polygons(random, place);
+      const Index tip = c.topology.offset[1];
+      const Polygon a = vertices_of(c, 0);
+      const Real d = outline_distance(c.position(tip), a);
+      std::vector<Contact<2>> of_tip, of_corner;
+      contact->for_each_contact(c.view(),
+                                [&](const Contact<2>& e) { (e.first == 1 ? of_tip : of_corner).push_back(e); });
+      REQUIRE(of_tip.size() == 1);
+      REQUIRE(of_corner.size() == count - 1);
+      CHECK(of_tip[0].overlap == Approx(1 - d / smooth_width));
+      CHECK(of_tip[0].reach == smooth_width);
+      CHECK(of_tip[0].second == 0);
+      CHECK(of_tip[0].normal.norm() == Approx(1));
+      CHECK(outline_distance(c.position(tip) - d * of_tip[0].normal, a) < 1e-12);
+      // Equal widths: half way between the tip and the outline.
+      CHECK((of_tip[0].position - (c.position(tip) - d / 2 * of_tip[0].normal)).norm() < 1e-14);
+      Vec<2> reported = of_tip[0].force;
+      for (const Contact<2>& e : of_corner) reported -= e.force;
+      std::vector<Real> f(c.x.size());
+      contact->forces(c.view(), f.data());
+      CHECK((reported - point<2>(f.data(), tip)).norm() < 1e-10 * epsilon);
+
+      std::fill(c.v.begin(), c.v.end(), 0);
+      const Vec<2> v(0.6, 0.8);
+      point<2>(c.v.data(), tip) = v;
+      friction->forces(c.view(), f.data());
+      CHECK((point<2>(f.data(), tip) + static_cast<Real>(count) * v).norm() < 1e-14);
+    }
+}
+
+TEST_CASE("a vertex that has crossed an outline is found and named") {
+  Configuration<2> c;
+  c.add_polygon(regular_polygon(6, 1), 0.1);
+  c.add_polygon(wedge({0, std::sqrt(0.75) + 0.02}, {0, 1}), 0.1);
+  CHECK(!find_crossing(c.view()));
+  c.x[2 * 6 + 1] -= 0.04;  // the tip, through the upper edge
+  const std::optional<Crossing> found = find_crossing(c.view());
+  REQUIRE(found);
+  CHECK(found->vertex == 6);
+  CHECK(found->particle == 1);
+  CHECK(found->other == 0);
+}

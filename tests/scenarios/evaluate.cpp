@@ -1,0 +1,513 @@
+#include <unistd.h>
+
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <set>
+
+#include <pliant/base/errors.h>
+#include <pliant/scenarios/evaluate.h>
+
+using namespace pliant;
+using nlohmann::json;
+using nlohmann::ordered_json;
+
+namespace {
+
+json run(const json& document) { return json::parse(evaluate(document, "case.json").dump()); }
+
+std::set<std::string> keys(const json& object) {
+  std::set<std::string> names;
+  for (const auto& item : object.items()) names.insert(item.key());
+  return names;
+}
+
+double largest(const json& a) {
+  if (a.is_number()) return std::abs(a.get<double>());
+  double most = 0;
+  for (const json& b : a) most = std::max(most, largest(b));
+  return most;
+}
+
+/// Same layout, and numbers that differ by at most `tolerance`.
+void check_close(const json& got, const json& expected, double tolerance) {
+  if (expected.is_array()) {
+    REQUIRE(got.is_array());
+    REQUIRE(got.size() == expected.size());
+    for (std::size_t i = 0; i < expected.size(); ++i) check_close(got[i], expected[i], tolerance);
+  } else {
+    REQUIRE(got.is_number());
+    CAPTURE(got, expected);
+    CHECK(std::abs(got.get<double>() - expected.get<double>()) <= tolerance);
+  }
+}
+
+void check_term(const json& got, const json& expected) { check_close(got, expected, 1e-10 * largest(expected)); }
+
+json disks() {
+  return json::parse(
+      R"({"model": "SP", "inputs": {"dim": 2, "positions": [[0, 0], [0.6, 0.8]], "velocities": [[1, 2], [3, 5]],
+    "sigma": [1, 3], "mass": [1, 2], "eps_sp": 8}})");
+}
+
+json ball() {
+  return json::parse(
+      R"({"model": "SP", "inputs": {"dim": 3, "positions": [[1.02, 1.36, -0.4]], "sigma": [2], "eps_sp": 1,
+    "eps_w": 100, "hopper3d": {"W": 10, "w": 4}}})");
+}
+
+/// A vertex of the triangle 0.06 above the top edge of the square, at t = 0.6 from its vertex 2.
+json square_and_triangle(const std::string& model = "DP-smooth") {
+  return json::parse(R"({"model": ")" + model + R"(", "inputs": {
+    "vertices": [[[0, 0], [1, 0], [1, 1], [0, 1]], [[0.4, 1.06], [0.9, 1.6], [0.1, 1.7]]],
+    "velocities": [[[0, 0], [0, 0], [1, 0], [0, 2]], [[0.5, -0.5], [0, 0], [0, 0]]],
+    "a0": [1, 0.3], "l0": [1, 1], "shape_terms": false}})");
+}
+
+/// Over the lip at (1, 0) of a flat hopper, all its vertices off the lip: one over the hole, one over the base.
+json square_on_lip(const std::string& model) {
+  return json::parse(R"({"model": ")" + model + R"(", "inputs": {
+    "vertices": [[[0.5, 0.02], [1.5, 0.02], [1.5, 1.02], [0.5, 1.02]]], "a0": [1], "l0": [1], "delta": [0.1], "shape_terms": false,
+    "hopper": {"W": 10, "w": 2, "theta_deg": 90}}})");
+}
+
+json shapes() {
+  return json::parse(R"({"model": "DP", "inputs": {
+    "vertices": [[[0, 0], [1, 0], [1, 1], [0, 1]], [[10, 0], [13, 0], [10, 4]]],
+    "a0": [0.5, 5], "l0": [0.8, 4], "ka": 10, "kl": 3, "kb": 2}})");
+}
+
+std::string message(const json& document) {
+  try {
+    evaluate(document, "case.json");
+  } catch (const InputError& e) {
+    return e.what();
+  }
+  return "no error";
+}
+
+/// A file that is gone at the end of the test.
+class TemporaryFile {
+ public:
+  explicit TemporaryFile(const std::string& text)
+      : path_(std::filesystem::temp_directory_path() / ("pliant_case_" + std::to_string(getpid()) + ".json")) {
+    std::ofstream(path_) << text;
+  }
+  ~TemporaryFile() { std::filesystem::remove(path_); }
+  const std::filesystem::path& path() const { return path_; }
+
+ private:
+  std::filesystem::path path_;
+};
+
+std::string reading_message(const std::filesystem::path& file) {
+  try {
+    read_case(file);
+  } catch (const InputError& e) {
+    return e.what();
+  }
+  return "no error";
+}
+
+}  // namespace
+
+TEST_CASE("evaluate agrees with the reference configurations") {
+  const std::string name = GENERATE("sp2d_01_pair", "sp2d_05_flat_orifice", "sp3d_09_cluster", "dp_13_irregular16",
+                                    "dp_15_concave7", "dpr_17_pair", "dps_20_vertex_edge", "dps_24_concave_notch");
+  const json document = read_case(PLIANT_TEST_DATA "/evaluate/" + name + ".json");
+  const json expected = document.at("expected"), got = run(document);
+  CAPTURE(name);
+  CHECK(keys(got.at("energy")) == keys(expected.at("energy")));
+  CHECK(keys(got.at("force")) == keys(expected.at("force")));
+  REQUIRE(largest(expected) > 0);
+  for (const std::string part : {"energy", "force"})
+    for (const auto& item : expected.at(part).items()) {
+      CAPTURE(part, item.key());
+      check_term(got.at(part).at(item.key()), item.value());
+    }
+  if (expected.contains("area")) check_term(got.at("area"), expected.at("area"));
+}
+
+TEST_CASE("evaluate lists the terms that are active, soft particles") {
+  json document = disks();  // r = 1, σ_mn = 2
+  SECTION("only the contact") {
+    document["inputs"].update(
+        json{{"mu", 0}, {"zeta", nullptr}, {"gravity", {0, 0}}, {"hopper", nullptr}, {"hopper3d", nullptr}});
+    const json got = run(document);
+    CHECK(keys(got) == std::set<std::string>{"energy", "force"});
+    CHECK(keys(got["energy"]) == std::set<std::string>{"pair"});
+    CHECK(keys(got["force"]) == std::set<std::string>{"pair", "total"});
+    check_term(got.at("energy").at("pair"), 1.0);
+    check_term(got.at("force").at("pair"), {{-1.2, -1.6}, {1.2, 1.6}});
+    check_term(got.at("force").at("total"), got.at("force").at("pair"));
+  }
+  SECTION("all") {
+    document["inputs"].update(json{{"mu", 0.5}, {"zeta", 2}, {"gravity", {0.5, -1}}});
+    const json got = run(document);
+    CHECK(keys(got["energy"]) == std::set<std::string>{"pair", "gravity"});
+    CHECK(keys(got["force"]) == std::set<std::string>{"pair", "gravity", "drag", "friction", "total"});
+    check_term(got.at("energy").at("gravity"), -2 * (0.5 * 0.6 - 0.8));
+    check_term(got.at("force").at("gravity"), {{0.5, -1}, {1, -2}});
+    check_term(got.at("force").at("drag"), {{-2, -4}, {-6, -10}});
+    check_term(got.at("force").at("friction"), {{1, 1.5}, {-1, -1.5}});
+    check_term(got.at("force").at("total"), {{-1.7, -5.1}, {-4.8, -11.9}});
+  }
+  SECTION("velocities that are null are zero") {
+    document["inputs"].update(json{{"mu", 0.5}, {"zeta", 2}, {"velocities", nullptr}});
+    const json got = run(document);
+    CHECK(largest(got.at("force").at("drag")) == 0);
+    CHECK(largest(got.at("force").at("friction")) == 0);
+  }
+  SECTION("no contact: the term is there, with zeros") {
+    document["inputs"]["positions"][1] = {3, 0};
+    const json got = run(document);
+    CHECK(got.at("energy").at("pair") == 0.0);
+    CHECK(largest(got.at("force").at("pair")) == 0);
+  }
+  SECTION("masses that are left out come from rho") {
+    document["inputs"].erase("mass");
+    document["inputs"].update(json{{"rho", 2}, {"gravity", {0, -1}}});
+    check_term(run(document).at("force").at("gravity"), {{0, -M_PI / 2}, {0, -M_PI * 9 / 2}});
+  }
+}
+
+TEST_CASE("evaluate counts both walls in an interior corner") {
+  const json document =
+      json::parse(R"({"model": "SP", "inputs": {"dim": 2, "positions": [[4.7, 4.1]], "sigma": [1], "eps_sp": 1,
+    "hopper": {"W": 10, "w": 2, "theta_deg": 45}}})");  // corner at (5, 4); 0.3 from the upright wall, 0.4/√2 from the
+                                                        // sloped one
+  const json got = run(document);
+  const double s = 1 - 0.4 * std::sqrt(2), slope = 2e4 * s / std::sqrt(2);
+  CHECK(keys(got["energy"]) == std::set<std::string>{"pair", "wall"});
+  check_term(got.at("energy").at("wall"), 800 + 5000 * s * s);
+  check_term(got.at("force").at("wall"), {{-8000 - slope, slope}});
+}
+
+TEST_CASE("evaluate turns a ball round the circular lip of a cylinder") {
+  json document = ball();  // ρ = 1.7, 0.5 from the lip at ρ = 2, z = 0
+  json got = run(document);
+  CHECK(keys(got["energy"]) == std::set<std::string>{"pair", "wall"});
+  check_term(got.at("energy").at("wall"), 12.5);
+  check_term(got.at("force").at("wall"), {{-18, -24, -40}});
+
+  document["inputs"]["gravity"] = {0, 0, -1};
+  check_term(run(document).at("force").at("gravity"), {{0, 0, -M_PI * 8 / 6}});
+
+  document["inputs"]["positions"] = {{3, 0, 0.25}};  // over the flat base
+  got = run(document);
+  check_term(got.at("energy").at("wall"), 50 * 0.75 * 0.75);
+  check_term(got.at("force").at("wall"), {{0, 0, 75}});
+}
+
+TEST_CASE("evaluate rubs a vertex on an edge at either point") {
+  json document = square_and_triangle();
+  document["inputs"]["mu"] = 3;
+  const json vertex{{{0, 0}, {0, 0}, {-1.5, -1.5}, {0, 0}}, {{1.5, 1.5}, {0, 0}, {0, 0}}};
+  const json contact{{{0, 0}, {0, 0}, {0.12, -2.04}, {0.18, -3.06}}, {{-0.3, 5.1}, {0, 0}, {0, 0}}};
+  check_term(run(document).at("force").at("friction"), vertex);
+  document["inputs"]["friction_point"] = "vertex";
+  check_term(run(document).at("force").at("friction"), vertex);
+  document["inputs"]["friction_point"] = "contact";
+  const json got = run(document);
+  check_term(got.at("force").at("friction"), contact);
+  CHECK(keys(got["energy"]) == std::set<std::string>{"contact"});
+}
+
+TEST_CASE("evaluate has the contact of smooth particles, with defaults for the width and the energy") {
+  const json got = run(square_and_triangle());  // δ = 0.1 l0 = 0.1, ε_c = 1e4, d = 0.06
+  check_term(got.at("energy").at("contact"), 5000 * 0.16);
+  check_term(got.at("force").at("contact"), {{{0, 0}, {0, 0}, {0, -16000}, {0, -24000}}, {{0, 40000}, {0, 0}, {0, 0}}});
+  check_term(got.at("area"), {1, (0.5 * 0.64 + 0.3 * 0.54) / 2});
+}
+
+TEST_CASE("evaluate puts rough particles on a wall") {
+  json document =
+      json::parse(R"({"model": "DP-rough", "inputs": {"vertices": [[[3, 0.05], [4, 0.05], [4, 1.05], [3, 1.05]]],
+    "a0": [1], "l0": [1], "delta": [0.2], "rho": 2, "gravity": [0, -1], "ka": 10, "kl": 0, "kb": 2, "eps_c": 100,
+    "hopper": {"W": 10, "w": 2, "theta_deg": 90}}})");
+  const json got = run(document);
+  CHECK(keys(got["energy"]) == std::set<std::string>{"area", "bending", "contact", "wall", "gravity"});
+  check_term(got.at("energy").at("wall"), 2500);
+  check_term(got.at("force").at("wall"), {{{0, 5e4}, {0, 5e4}, {0, 0}, {0, 0}}});
+  check_term(got.at("energy").at("gravity"), 1.1);
+  check_term(got.at("force").at("gravity"), {{{0, -0.5}, {0, -0.5}, {0, -0.5}, {0, -0.5}}});
+  check_term(got.at("energy").at("bending"), 2);
+  CHECK(got.at("energy").at("contact") == 0.0);
+
+  document["inputs"]["mass"] = {4};
+  check_term(run(document).at("energy").at("gravity"), 2.2);
+}
+
+TEST_CASE("evaluate lets lips feel edges on request") {
+  const std::string model = GENERATE("DP-rough", "DP-smooth");
+  json document = square_on_lip(model);
+  const json literal = run(document);
+  CHECK(keys(literal["force"]) == std::set<std::string>{"contact", "wall", "total"});
+  check_term(literal.at("energy").at("wall"), 1800);
+  document["inputs"]["lip_contact"] = "literal";
+  CHECK(run(document) == literal);
+  document["inputs"]["lip_contact"] = "edge";
+  const json edge = run(document);
+  CHECK(keys(edge["energy"]) == std::set<std::string>{"contact", "wall", "lip"});
+  check_term(edge.at("energy").at("lip"), 1800);
+  check_term(edge.at("force").at("lip"), {{{0, 6e4}, {0, 6e4}, {0, 0}, {0, 0}}});
+  check_term(edge.at("force").at("total"), {{{0, 6e4}, {0, 18e4}, {0, 0}, {0, 0}}});
+}
+
+TEST_CASE("evaluate shares the drag of a polygon among its vertices") {
+  json document = square_and_triangle();
+  document["inputs"]["zeta"] = 12;
+  check_term(run(document).at("force").at("drag"), {{{0, 0}, {0, 0}, {-3, 0}, {0, -6}}, {{-2, 2}, {0, 0}, {0, 0}}});
+}
+
+TEST_CASE("evaluate gives shape energies per particle") {
+  json document = shapes();
+  const json area{1.25, 5}, perimeter{0.96, 9}, bending{2 * 8 / (8 * 0.64), 2 * 8.8 / 96};
+  const json got = run(document);
+  CHECK(keys(got) == std::set<std::string>{"area", "energy", "force"});
+  CHECK(keys(got["energy"]) == std::set<std::string>{"area", "perimeter", "bending"});
+  CHECK(keys(got["force"]) == std::set<std::string>{"area", "perimeter", "bending", "total"});
+  check_term(got["area"], {1, 6});
+  check_term(got.at("energy").at("area"), area);
+  check_term(got.at("energy").at("perimeter"), perimeter);
+  check_term(got.at("energy").at("bending"), bending);
+  check_term(got.at("force").at("area"),
+             {{{2.5, 2.5}, {-2.5, 2.5}, {-2.5, -2.5}, {2.5, -2.5}}, {{20, 15}, {-20, 0}, {0, -15}}});
+
+  document["model"] = GENERATE("DP-rough", "DP-smooth");
+  CHECK(run(document).at("energy").at("area") == got.at("energy").at("area"));
+  document["inputs"]["kl"] = 0;
+  CHECK(keys(run(document)["energy"]) == std::set<std::string>{"area", "bending", "contact"});
+  document["inputs"]["shape_terms"] = false;
+  CHECK(keys(run(document)["energy"]) == std::set<std::string>{"contact"});
+  for (const char* key : {"ka", "kl", "kb"}) document["inputs"].erase(key);
+  CHECK(keys(run(document)["energy"]) == std::set<std::string>{"contact"});
+}
+
+TEST_CASE("evaluate takes the fields that it does not use, and null for keys of other models") {
+  json document = disks();
+  const json plain = run(document);
+  document.update(json{{"name", "a"}, {"note", "b"}, {"expected", {{"energy", nullptr}}}});
+  document["inputs"].update(json{{"kb", nullptr}, {"vertices", nullptr}});
+  CHECK(run(document) == plain);
+}
+
+TEST_CASE("evaluate names what is wrong with a document") {
+  struct Case {
+    json document;
+    std::string where;  // JSON pointer; "" keeps the document
+    json value;         // discarded: the key is removed
+    std::string message;
+  };
+  const json missing(json::value_t::discarded);
+  const double inf = std::numeric_limits<double>::infinity();
+  const std::vector<Case> cases{
+      // document
+      {json::array(), "", {}, "case.json is [], but must be an object"},
+      {disks(), "/models", "SP", "case.json: models is not a known key; did you mean model?"},
+      {disks(), "/model", missing, "case.json: model is missing"},
+      {disks(), "/model", 3, "case.json: model is 3, but must be a text"},
+      {disks(), "/model", "bubble", "case.json: model is \"bubble\", but this version has SP, DP, DP-rough, DP-smooth"},
+      {disks(), "/inputs", missing, "case.json: inputs is missing"},
+      {disks(), "/inputs", 1, "case.json: inputs is 1, but must be an object"},
+      // keys
+      {disks(), "/inputs/sigmas", 1, "inputs.sigmas is not a known key; did you mean sigma?"},
+      {disks(), "/inputs/frobnicate", nullptr, "inputs.frobnicate is not a known key; known are velocities, "},
+      {disks(), "/inputs/eps_c", 1, "inputs.eps_c means nothing to model SP"},
+      {shapes(), "/inputs/gravity", {0, -1}, "inputs.gravity means nothing to model DP;"},
+      {disks(), "/inputs/dim", missing, "inputs.dim is missing"},
+      {disks(), "/inputs/positions", nullptr, "inputs.positions is missing"},
+      {disks(), "/inputs/sigma", missing, "inputs.sigma is missing"},
+      {disks(), "/inputs/eps_sp", missing, "inputs.eps_sp is missing"},
+      {shapes(), "/inputs/vertices", missing, "inputs.vertices is missing"},
+      {shapes(), "/inputs/a0", missing, "inputs.a0 is missing"},
+      {shapes(), "/inputs/l0", missing, "inputs.l0 is missing"},
+      {shapes(), "/inputs/ka", missing, "inputs.ka is missing"},
+      {shapes(), "/inputs/kl", missing, "inputs.kl is missing"},
+      {shapes(), "/inputs/kb", missing, "inputs.kb is missing"},
+      // types and values
+      {disks(), "/inputs/dim", 4, "inputs.dim is 4, but must be 2 or 3"},
+      {disks(), "/inputs/dim", 2.5, "inputs.dim is 2.5, but must be 2 or 3"},
+      {square_and_triangle(), "/inputs/dim", 3, "inputs.dim must be 2 for polygons"},
+      {disks(), "/inputs/mu", "x", "inputs.mu is \"x\", but must be a number"},
+      {disks(), "/inputs/mu", true, "inputs.mu is true, but must be a number"},
+      {disks(), "/inputs/mu", inf, "inputs.mu is inf, but must be a finite number"},
+      {disks(), "/inputs/zeta", std::nan(""), "inputs.zeta is nan, but must be a finite number"},
+      {disks(), "/inputs/positions/1/0", 1e200, "inputs.positions[1][0] is 1e+200, but numbers must be within"},
+      {disks(), "/inputs/mu", -1, "inputs.mu is -1, but must not be negative"},
+      {disks(), "/inputs/zeta", -1, "inputs.zeta is -1, but must not be negative"},
+      {disks(), "/inputs/eps_sp", -1, "inputs.eps_sp is -1, but must not be negative"},
+      {disks(), "/inputs/eps_w", -1, "inputs.eps_w is -1, but must not be negative"},
+      {disks(), "/inputs/rho", 0, "inputs.rho is 0, but must be positive"},
+      {disks(), "/inputs/sigma/1", 0, "inputs.sigma[1] is 0, but must be positive"},
+      {disks(), "/inputs/mass/0", -2, "inputs.mass[0] is -2, but must be positive"},
+      {disks(), "/inputs/sigma", 1, "inputs.sigma is 1, but must be an array"},
+      {shapes(), "/inputs/a0/0", 0, "inputs.a0[0] is 0, but must be positive"},
+      {shapes(), "/inputs/l0/1", -1, "inputs.l0[1] is -1, but must be positive"},
+      {shapes(), "/inputs/ka", -1, "inputs.ka is -1, but must not be negative"},
+      {shapes(), "/inputs/kl", -1, "inputs.kl is -1, but must not be negative"},
+      {shapes(), "/inputs/kb", -1, "inputs.kb is -1, but must not be negative"},
+      {square_and_triangle(), "/inputs/delta", {1, 0}, "inputs.delta[1] is 0, but must be positive"},
+      {square_and_triangle(), "/inputs/eps_c", -1, "inputs.eps_c is -1, but must not be negative"},
+      {square_and_triangle(), "/inputs/mass", {0, 1}, "inputs.mass[0] is 0, but must be positive"},
+      {square_and_triangle(), "/inputs/shape_terms", 0, "inputs.shape_terms is 0, but must be true or false"},
+      {square_and_triangle(), "/inputs/friction_point", "edge",
+       "inputs.friction_point is \"edge\", but this version has vertex, contact"},
+      {square_and_triangle(), "/inputs/lip_contact", 1, "inputs.lip_contact is 1, but must be a text"},
+      {square_and_triangle(), "/inputs/lip_contact", "no",
+       "inputs.lip_contact is \"no\", but this version has literal, edge"},
+      // lengths
+      {disks(), "/inputs/positions", json::array(), "inputs.positions is empty"},
+      {disks(),
+       "/inputs/positions/0",
+       {1, 2, 3},
+       "inputs.positions[0] has 3 entries, but must have 2, one per coordinate"},
+      {disks(), "/inputs/positions/0", 1, "inputs.positions[0] is 1, but must be an array"},
+      {disks(), "/inputs/sigma", {1, 1, 1}, "inputs.sigma has 3 entries, but must have 2, one per particle"},
+      {disks(), "/inputs/mass", {1}, "inputs.mass has 1 entries, but must have 2, one per particle"},
+      {disks(), "/inputs/velocities", {{1, 2}}, "inputs.velocities has 1 entries, but must have 2, one per particle"},
+      {disks(), "/inputs/velocities/1", {1}, "inputs.velocities[1] has 1 entries, but must have 2, one per coordinate"},
+      {disks(), "/inputs/gravity", {0, 0, -1}, "inputs.gravity has 3 entries, but must have 2, one per coordinate"},
+      {ball(), "/inputs/positions/0", {1, 2}, "inputs.positions[0] has 2 entries, but must have 3, one per coordinate"},
+      {shapes(), "/inputs/a0", {1}, "inputs.a0 has 1 entries, but must have 2, one per particle"},
+      {shapes(), "/inputs/l0", {1, 2, 3}, "inputs.l0 has 3 entries, but must have 2, one per particle"},
+      {square_and_triangle(), "/inputs/delta", {1}, "inputs.delta has 1 entries, but must have 2, one per particle"},
+      {square_and_triangle(), "/inputs/mass", {1}, "inputs.mass has 1 entries, but must have 2, one per particle"},
+      {square_and_triangle(),
+       "/inputs/velocities/1",
+       {{0, 0}},
+       "inputs.velocities[1] has 1 entries, but must have 3, one per vertex"},
+      // hoppers
+      {disks(), "/inputs/hopper", 5, "inputs.hopper is 5, but must be an object"},
+      {disks(), "/inputs/hopper", {{"W", 9}, {"w", 3}}, "inputs.hopper.theta_deg is missing"},
+      {disks(),
+       "/inputs/hopper",
+       {{"W", 9}, {"w", 3}, {"theta", 90}},
+       "inputs.hopper.theta is not a known key; did you mean theta_deg?"},
+      {disks(),
+       "/inputs/hopper",
+       {{"W", 9}, {"w", 9}, {"theta_deg", 90}},
+       "inputs.hopper.w is 9, but must be less than W = 9"},
+      {disks(),
+       "/inputs/hopper",
+       {{"W", 9}, {"w", 0}, {"theta_deg", 90}},
+       "inputs.hopper.w is 0, but must be positive"},
+      {disks(),
+       "/inputs/hopper",
+       {{"W", -9}, {"w", 3}, {"theta_deg", 90}},
+       "inputs.hopper.W is -9, but must be positive"},
+      {disks(),
+       "/inputs/hopper",
+       {{"W", 9}, {"w", 3}, {"theta_deg", 91}},
+       "inputs.hopper.theta_deg is 91, but must be at most 90"},
+      {disks(),
+       "/inputs/hopper",
+       {{"W", 9}, {"w", 3}, {"theta_deg", 0}},
+       "inputs.hopper.theta_deg is 0, but must be positive"},
+      {disks(), "/inputs/hopper3d", {{"W", 9}, {"w", 3}}, "inputs.hopper3d is for another dimension than 2"},
+      {ball(),
+       "/inputs/hopper",
+       {{"W", 9}, {"w", 3}, {"theta_deg", 90}},
+       "inputs.hopper is for another dimension than 3"},
+      {ball(), "/inputs/hopper3d/theta_deg", 90, "inputs.hopper3d.theta_deg is not a known key"},
+      // outlines
+      {shapes(),
+       "/inputs/vertices/1",
+       {{0, 0}, {1, 0}},
+       "inputs.vertices[1] has 2 vertices, but a polygon needs at least 3"},
+      {shapes(),
+       "/inputs/vertices/1",
+       {{0, 0}, {0, 4}, {3, 0}},
+       "inputs.vertices[1] has the signed area -6; give the vertices counter-clockwise"},
+      {shapes(), "/inputs/vertices/1", {{0, 0}, {1, 0}, {2, 0}}, "inputs.vertices[1] has the signed area 0"},
+      {shapes(),
+       "/inputs/vertices/0",
+       {{0, 0}, {2, 2}, {2, 0}, {0, 1}},
+       "inputs.vertices[0] is an outline that meets itself"},
+      {shapes(), "/inputs/vertices/1/2", {13, 0}, "inputs.vertices[1][1] and the next vertex are the same point"},
+      {shapes(), "/inputs/vertices/1/2", {10, 0}, "inputs.vertices[1][2] and the next vertex are the same point"},
+      // no direction
+      {disks(), "/inputs/positions/1", {0, 0}, "inputs.positions[1] is at no distance from inputs.positions[0]"},
+      {disks(),
+       "/inputs/hopper",
+       {{"W", 1.2}, {"w", 1}, {"theta_deg", 90}},
+       "inputs.positions[1] is at no distance from a wall"},
+      {square_and_triangle("DP-rough"),
+       "/inputs/vertices/1/0",
+       {0, 1},
+       "inputs.vertices[1][0] is at no distance from inputs.vertices[0][3]"},
+      {square_and_triangle(),
+       "/inputs/vertices/1/0",
+       {0.5, 1},
+       "inputs.vertices[1][0] is at no distance from the edge from inputs.vertices[0][2]"},
+      {square_and_triangle(), "/inputs/vertices/1/0", {0.4, 0.98}, "inputs.vertices[1][0] lies inside particle 0"},
+      {square_and_triangle(), "/inputs/vertices/1/0", {0.4, 0.5}, "inputs.vertices[1][0] lies inside particle 0"},
+  };
+  for (const Case& c : cases) {
+    json document = c.document;
+    if (c.value.is_discarded()) {
+      const json::json_pointer pointer(c.where);
+      document[pointer.parent_pointer()].erase(pointer.back());
+    } else if (!c.where.empty()) {
+      document[json::json_pointer(c.where)] = c.value;
+    }
+    if (!c.document.is_array()) REQUIRE(message(c.document) == "no error");
+    CAPTURE(c.where, c.value.dump());
+    CHECK_THAT(message(document), Catch::StartsWith("case.json") && Catch::Contains(c.message));
+  }
+}
+
+TEST_CASE("evaluate refuses an edge that lies on a lip only where lips feel edges") {
+  json document = square_on_lip("DP-rough");
+  document["inputs"]["vertices"] = {{{0.5, -0.5}, {1.5, 0.5}, {0.5, 1.5}}};
+  CHECK(message(document) == "no error");
+  document["inputs"]["lip_contact"] = "edge";
+  CHECK_THAT(message(document), Catch::Contains("a lip of inputs.hopper lies on the edge from inputs.vertices[0][0]"));
+}
+
+TEST_CASE("evaluate refuses results beyond the range of numbers") {
+  json document = shapes();
+  document["inputs"]["ka"] = 1e100;
+  document["inputs"]["vertices"][1] = {{0, 0}, {1e90, 0}, {0, 1e90}};
+  CHECK_THROWS_AS(evaluate(document, "case.json"), NumericalError);
+  CHECK_THROWS_WITH(evaluate(document, "case.json"), Catch::StartsWith("case.json: the energy \"area\" is beyond"));
+}
+
+TEST_CASE("to_text writes 17 significant digits") {
+  const ordered_json value{
+      {"energy", {{"pair", 0.1}}}, {"force", {{"pair", {{1.0 / 3, -2.5}, {1e-300, 6e22}}}}}, {"none", json::object()}};
+  CHECK(to_text(value) ==
+        "{\n  \"energy\": {\n    \"pair\": 0.10000000000000001\n  },\n  \"force\": {\n    \"pair\": [\n"
+        "      [0.33333333333333331, -2.5],\n      [1e-300, 6e+22]\n    ]\n  },\n  \"none\": {}\n}\n");
+  const ordered_json result = evaluate(square_and_triangle(), "case.json");
+  CHECK(ordered_json::parse(to_text(result)) == result);
+}
+
+TEST_CASE("read_case names the file and the place of an error") {
+  const std::filesystem::path folder = std::filesystem::temp_directory_path();
+  CHECK(reading_message(folder / "pliant_no_such_case.json") ==
+        (folder / "pliant_no_such_case.json").string() + ": there is no such file");
+  CHECK(reading_message(folder) == folder.string() + " is a folder; give a case file");
+
+  const auto parse_message = [](const std::string& text) {
+    const TemporaryFile file(text);
+    const std::string full = reading_message(file.path());
+    REQUIRE_THAT(full, Catch::StartsWith(file.path().string() + ": "));
+    return full.substr(file.path().string().size() + 2);
+  };
+  CHECK_THAT(parse_message("{\n  \"mu\": }"),
+             Catch::Contains("line 2, column 9") && Catch::Contains("(after key \"mu\")"));
+  CHECK_THAT(parse_message("{\"a\": 1, \"zeta\": NaN}"),
+             Catch::Contains("line 1, column 18") && Catch::Contains("\"zeta\""));
+  CHECK_THAT(parse_message("{\"a\": 1, \"eps_w\": 1e999}"), Catch::Contains("1e999") && Catch::Contains("\"eps_w\""));
+  CHECK_THAT(parse_message(""), Catch::Contains("line 1, column 1"));
+  CHECK_THAT(parse_message("{} x"), Catch::Contains("line 1, column 4"));
+
+  const TemporaryFile good("{\"mu\": 1}");
+  CHECK(read_case(good.path()) == json{{"mu", 1}});
+  if (geteuid() != 0) {  // root reads everything
+    std::filesystem::permissions(good.path(), std::filesystem::perms::none);
+    CHECK_THAT(reading_message(good.path()), Catch::Contains("cannot be read"));
+  }
+}
