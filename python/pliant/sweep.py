@@ -26,14 +26,16 @@ def _row(run):
     for name, entry in run.summary.items():
         if isinstance(entry, dict) and "value" in entry:
             row[name], row[name + "_error"] = run.measured(name)
+        elif isinstance(entry, (int, float)):
+            row.setdefault(name, entry)
     for name in ("Q", "Q_error"):
         row.setdefault(name, float("nan"))
     return row
 
 
 def sweep_table(runs):
-    """DataFrame, one row per run: run, scenario, model, dim, status, every parameter, and each measured quantity X as
-    the columns X and X_error. `runs` are Run objects or paths."""
+    """DataFrame, one row per run: run, scenario, model, dim, status, every parameter, the counters of the
+    summary, and each measured quantity X as the columns X and X_error. `runs` are Run objects or paths."""
     runs = list(runs)
     if runs and not isinstance(runs[0], Run):
         runs = load_runs(runs)

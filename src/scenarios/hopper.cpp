@@ -55,14 +55,14 @@ class HopperRun {
   HopperRun(const HopperOptions& p, const Options& options, const std::optional<Checkpoint>& checkpoint)
       : p_(p),
         options_(options),
-        system_(
-            make_particles(p.model, D, draw_diameters(p.sizes, p.count(), static_cast<std::uint64_t>(p.seed)), p.shape),
-            p.hopper.walls<D>(), make_force_field<D>(p.model, p.model_parameters(), down<D>()),
-            neighbour_needs(p.model), *p.skin),
+        system_(make_particles(p.model, D, draw_diameters(p.sizes, p.particles, static_cast<std::uint64_t>(p.seed)),
+                               p.shape),
+                p.hopper.walls<D>(), make_force_field<D>(p.model, p.model_parameters(), down<D>()),
+                neighbour_needs(p.model), *p.skin),
         control_(p.checkpoint_interval, p.max_wall_time),
         clog_(p.clog_time, p.clog_speed),
-        counted_(p.count(), 0),
-        reinserted_(p.count(), 0),
+        counted_(p.particles, 0),
+        reinserted_(p.particles, 0),
         state_(system_.topology().points(), D) {
     for (const Real sigma : system_.topology().sigma) largest_ = std::max(largest_, sigma);
     const CriticalStep critical = system_.field().critical_step(system_.topology());
@@ -74,27 +74,23 @@ class HopperRun {
 
   ExitCode run() {
     options_.check_consumed();
+    if (restarted_ && p_.t_end < state_.t - dt_ / 2)
+      throw InputError("-t_end {}: the checkpoint in {} is at t = {:.6g} already; give a later end", p_.t_end,
+                       p_.output, state_.t);
+    check_fit(system_.topology(), p_.hopper);
     StopSignals signals;
     writer_.emplace(restarted_ ? RunWriter::append(p_.output, system_.topology(), restored_samples_, restored_frames_)
                                : RunWriter::create(p_.output, manifest(), system_.topology(), geometry()));
     checkpoints_.emplace(p_.output);
     writer_->write_axis("profile_height", profile_heights());
     announce();
-    if (!restarted_) {
-      const Packing packing =
-          pack<D>(system_.topology(), p_.hopper,
-                  {*p_.pack_fraction, p_.pack_tolerance, static_cast<std::uint64_t>(p_.seed)}, state_.x().data());
-      fmt::print(
-          "packed to a fraction of {:.3f}, height {:.1f}, in {} iterations of FIRE ({}); largest overlap {:.1e}\n",
-          packing.fraction, packing.height, packing.iterations, packing.reason, packing.max_overlap);
-      packing_iterations_ = packing.iterations;
-      sample(state_);
-      frame(state_);
-    }
-    cpu_at_start_ = control_.cpu_seconds();
     try {
+      if (!restarted_) prepare();
+      cpu_at_start_ = control_.cpu_seconds();
+      started_at_ = state_.t;
       integrator_->run(system_, state_, p_.t_end, fresh_, [this](State& s) { return after_step(s); });
       control_.end_progress();
+      complete();
     } catch (const Error& error) {
       control_.end_progress();
       fail(error);
@@ -108,6 +104,26 @@ class HopperRun {
       integrator_ = std::make_unique<FixedStepVerlet>(dt_);
     else
       integrator_ = std::make_unique<TsIntegrator>(TsOptions{.dt = dt_});
+  }
+
+  /// The start of a new run.
+  void prepare() {
+    const Packing packing =
+        pack<D>(system_.topology(), p_.hopper,
+                {*p_.pack_fraction, p_.pack_tolerance, static_cast<std::uint64_t>(p_.seed)}, state_.x().data());
+    fmt::print("packed to a fraction of {:.3f}, height {:.1f}, in {} iterations of FIRE ({}); largest overlap {:.1e}\n",
+               packing.fraction, packing.height, packing.iterations, packing.reason, packing.max_overlap);
+    packing_iterations_ = packing.iterations;
+    sample(state_);
+    frame(state_);
+  }
+
+  /// What the end of a run adds, unless it was stopped.
+  void complete() {
+    if (outcome_ == Outcome::stopped) return;
+    if (outcome_ == Outcome::done) save(state_, false);  // for a restart to a later end
+    if (last_sample_at_ < state_.t) sample(state_);
+    if (last_frame_at_ < state_.t) frame(state_);
   }
 
   // After every accepted step
@@ -163,6 +179,7 @@ class HopperRun {
 
   void sample(const State& s) {
     while (next_sample_ * p_.sample_interval * (1 - 1e-12) <= s.t) ++next_sample_;
+    last_sample_at_ = s.t;
     last_sample_ = take_sample<D>(system_, s, p_.hopper, flow_, s.step > 0 ? integrator_->statistics().last_dt : dt_);
     writer_->add_sample(last_sample_.row);
     check(s);
@@ -194,6 +211,7 @@ class HopperRun {
 
   void frame(const State& s) {
     while (next_frame_ * p_.frame_interval * (1 - 1e-12) <= s.t) ++next_frame_;
+    last_frame_at_ = s.t;
     writer_->write_frame(FrameData<D>(system_, s).frame);
   }
 
@@ -208,6 +226,7 @@ class HopperRun {
     c.reals["flow_area"] = {flow_.area};
     c.reals["clog_quiet_since"] = {clog_.state().quiet_since};
     c.reals["next_dt"] = {next_dt()};
+    c.reals["last_output"] = {last_sample_at_, last_frame_at_};
     c.reals["cpu_seconds"] = {total_cpu()};
     c.integers["active"] = {system_.topology().active.begin(), system_.topology().active.end()};
     c.integers["counted"] = counted_;
@@ -239,6 +258,8 @@ class HopperRun {
     flow_.area = c.reals.at("flow_area").at(0);
     const auto& n = c.integers.at("counters");
     flow_.crossed = n.at(0);
+    last_sample_at_ = c.reals.at("last_output").at(0);
+    last_frame_at_ = c.reals.at("last_output").at(1);
     clog_.restore({c.reals.at("clog_quiet_since").at(0), n.at(1)});
     next_sample_ = n.at(2);
     next_frame_ = n.at(3);
@@ -352,7 +373,7 @@ class HopperRun {
 
   [[noreturn]] void fail(const Error& error) {
     std::string message = error.what();
-    if (error.code() == ExitCode::numerical_failure)
+    if (error.code() == ExitCode::numerical_failure && state_.step > 0)
       message += fmt::format(
           "; t = {:.6g}, step {}, dt = {:.3g}, dt/dt_critical = {:.2f}, largest overlap {:.3f} between particles {} "
           "and {}",
@@ -361,7 +382,7 @@ class HopperRun {
     try {
       if (error.code() == ExitCode::numerical_failure) {
         const bool finite = std::all_of(state_.x().begin(), state_.x().end(), [](Real a) { return std::isfinite(a); });
-        if (finite) frame(state_);
+        if (finite && writer_->frames() > 0) frame(state_);  // none yet: the particles have no places
         writer_->flush();
       }
       nlohmann::ordered_json s = summary("failed");
@@ -374,27 +395,22 @@ class HopperRun {
   }
 
   ExitCode finish() {
-    if (outcome_ != Outcome::stopped) {
-      if (state_.t > 0) sample_last();
-      frame(state_);
-    }
     writer_->flush();
     nlohmann::ordered_json s = summary(to_string(outcome_));
     if (outcome_ == Outcome::stopped) {
       fmt::print("stopped at t = {:.6g} t0 with a checkpoint; run the same command again to go on\n", state_.t);
     } else {
-      const nlohmann::ordered_json measured = evaluate_series(writer_->read_series(), p_, system_.topology());
+      nlohmann::ordered_json measured = evaluate_series(writer_->read_series(), p_, system_.topology());
+      // A clog is no flow, whatever came out before it: fits leave such a run out.
+      if (outcome_ == Outcome::clogged)
+        for (const char* name : {"Q", "Q_corrected"})
+          if (measured.contains(name)) measured[name].update({{"value", 0}, {"error", nullptr}});
       for (const auto& [name, value] : measured.items()) s[name] = value;
       report(measured);
     }
     write_summary(p_.output, s);
     writer_->close();
     return outcome_ == Outcome::stopped ? ExitCode::stopped : ExitCode::done;
-  }
-
-  /// The end of a run is a sample too, unless the last step was one.
-  void sample_last() {
-    if (writer_->samples() == 0 || last_sample_.row.front().values.front() < state_.t) sample(state_);
   }
 
   void report(const nlohmann::ordered_json& measured) const {
@@ -442,6 +458,7 @@ class HopperRun {
   std::vector<std::int64_t> counted_,
       reinserted_;  ///< per particle: has crossed since it was last put back; times put back
   std::int64_t next_sample_ = 0, next_frame_ = 0, packing_iterations_ = 0;
+  Real last_sample_at_ = -1, last_frame_at_ = -1;  ///< times
   State state_;
 
   Real largest_ = 0, critical_step_ = 0, dt_ = 0;
@@ -470,6 +487,9 @@ ExitCode run_hopper(HopperOptions& p, Options& options) {
   std::optional<Checkpoint> checkpoint;
   // The same command again goes on with a run that was stopped.
   const bool again = p.restart.empty() && stored_status(p.output) == "stopped";
+  if (!p.restart.empty() && options.given("output") &&
+      fs::weakly_canonical(p.output) != fs::weakly_canonical(p.restart))
+    throw InputError("-output {}: -restart {} goes on in its own folder; leave -output out", p.output, p.restart);
   if (again || !p.restart.empty()) {
     const fs::path folder = again ? p.output : p.restart;
     NewestCheckpoint newest = read_newest_checkpoint(folder);

@@ -49,11 +49,7 @@ void HopperOptions::bind(Options& o) {
 
   o.group("Particles");
   o.bind("n", particles,
-         {.help = "number of particles",
-          .min = 1,
-          .max = 1e8,
-          .automatic = "1600 in 2D, 6400 in 3D",
-          .on_restart = fixed});
+         {.help = "number of particles; 0: 1600 in 2D, 6400 in 3D", .min = 0, .max = 1e8, .on_restart = fixed});
   o.bind("seed", seed, {.help = "seed of all random numbers", .min = 0, .on_restart = fixed});
   o.bind(
       "size_distribution", sizes.kind,
@@ -159,8 +155,7 @@ void HopperOptions::resolve() {
   if (dim == 3 && model != ModelKind::sp)
     throw InputError("-dim 3 with -model {}: deformable particles are two-dimensional; use -model sp or -dim 2",
                      to_string(model));
-  if (!particles) particles = dim == 2 ? 1600 : 6400;
-  if (*particles != std::floor(*particles)) throw InputError("-n {}: must be a whole number", *particles);
+  if (particles == 0) particles = dim == 2 ? 1600 : 6400;
   if (!wall_distance) wall_distance = dim == 2 ? 50 : 25;
   hopper.wall_distance = *wall_distance;
   hopper.check();

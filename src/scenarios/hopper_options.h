@@ -20,7 +20,7 @@ enum class LipRule { edge, literal };
 struct HopperOptions {
   ModelKind model = ModelKind::sp;
   Index dim = 2;
-  std::optional<Real> particles;  ///< a count; Real so that it can be absent
+  Index particles = 0;  ///< 0: automatic
   std::int64_t seed = 1;
   SizeDistribution sizes;
   PolygonShape shape;
@@ -48,7 +48,6 @@ struct HopperOptions {
   /// Fills in automatic values and checks what options have to do with each other. Errors: InputError.
   void resolve();
 
-  Index count() const { return static_cast<Index>(*particles); }
   ModelParameters model_parameters() const;
 };
 

@@ -52,8 +52,16 @@ void random_place(const Hopper& hopper, Real height, Real radius, std::uint64_t 
 
 }  // namespace
 
+void check_fit(const Topology& topology, const Hopper& hopper) {
+  for (Index m = 0; m < topology.particles(); ++m)
+    if (const Real width = 2 * outer_radius(topology, m); width >= hopper.wall_distance)
+      throw InputError("particle {} is {:.3g} sigma_avg wide, the hopper only {:.3g}; raise -hopper_wall_distance", m,
+                       width, hopper.wall_distance);
+}
+
 template <int D>
 Packing pack(const Topology& topology, const Hopper& hopper, const PackingParameters& p, Real* x) {
+  check_fit(topology, hopper);
   const Index n = topology.particles();
   Topology disks;
   disks.dim = D;
@@ -92,7 +100,7 @@ Packing pack(const Topology& topology, const Hopper& hopper, const PackingParame
     system.field().for_each_contact(system.view(centres.data(), nullptr), [&](const Contact<D>& c) {
       packing.max_overlap = std::max(packing.max_overlap, c.overlap);
     });
-    if (result.stop == FireStop::energy) break;
+    if (result.energy <= options.energy_tolerance) break;
     if (packing.fraction < 0.5 * p.fraction)
       throw NumericalError(
           "packing {} particles: overlaps up to {:.2g} remain at a fraction of {:.2g} ({}); is the hopper wide enough "

@@ -1,0 +1,257 @@
+// What a force evaluation, a list rebuild and a Verlet step cost per point, in hoppers that are in dense flow. Times
+// are CPU seconds per point (a soft particle or a vertex) in the column per_point.
+#include <benchmark/benchmark.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <pliant/base/errors.h>
+#include <pliant/model/polygon.h>
+#include <pliant/scenarios/hopper_options.h>
+#include <pliant/scenarios/reinsertion.h>
+#include <pliant/ts/particle_system.h>
+#include <pliant/ts/verlet.h>
+
+namespace pliant {
+namespace {
+
+/// A hopper and for how long it flows before anything is measured.
+struct Case {
+  std::string name;
+  HopperOptions options;
+  Real flow_time;  ///< in t0
+};
+
+std::vector<Case> cases() {
+  const auto make = [](std::string name, ModelKind model, Index dim, Real flow_time, auto&&... set) {
+    Case c{std::move(name), {}, flow_time};
+    c.options.model = model;
+    c.options.dim = dim;
+    (set(c.options), ...);
+    c.options.resolve();
+    return c;
+  };
+  const auto soft = [](HopperOptions& o) { o.mu = 10 * std::sqrt(10.0), o.hopper.orifice = 10; };
+  const auto deformable = [=](HopperOptions& o) {
+    soft(o);
+    o.particles = 400, o.wall_distance = 25;
+  };
+  return {make("sp_2d", ModelKind::sp, 2, 15, soft), make("sp_3d", ModelKind::sp, 3, 8, soft),
+          make("rough", ModelKind::rough, 2, 3, deformable),
+          make("smooth", ModelKind::smooth, 2, 2, deformable, [](HopperOptions& o) { o.e_c = o.e_w = 1e3; })};
+}
+
+Real mean_diameter(const Topology& topology) {
+  Real sum = 0;
+  for (const Real d : topology.diameter) sum += d;
+  return sum / topology.points();
+}
+
+template <int D>
+class Flow {
+ public:
+  explicit Flow(const Case& c) : options_(c.options), flow_time_(c.flow_time), system_(make_system(sizes())) {}
+
+  /// Names of the terms that are switched on.
+  std::vector<std::string> terms() const {
+    ParticleSystem<D> one = make_system({1});
+    std::vector<Real> x(one.size()), v(one.size());
+    const Real centre[3] = {0, 0, 0};
+    place_particle(one.topology(), 0, centre, 0, x.data());
+    std::vector<std::string> names;
+    for (const TermReport& report : one.field().report(one.view(x.data(), v.data()))) names.push_back(report.name);
+    return names;
+  }
+
+  /// Packs and flows at the first call; the same state at every call.
+  const State& state() {
+    if (!state_) prepare();
+    return *state_;
+  }
+  StateView<D> view() { return system().view(state().x().data(), state().v().data()); }
+  ParticleSystem<D>& system() {
+    state();
+    return system_;
+  }
+  const HopperOptions& options() const { return options_; }
+
+  Real critical_step() const { return system_.field().critical_step(system_.topology()).least(); }
+
+ private:
+  std::vector<Real> sizes() const {
+    return draw_diameters(options_.sizes, options_.particles, static_cast<std::uint64_t>(options_.seed));
+  }
+
+  ParticleSystem<D> make_system(const std::vector<Real>& diameters) const {
+    Vec<D> down = Vec<D>::Zero();
+    down[D - 1] = -1;
+    return {make_particles(options_.model, D, diameters, options_.shape), options_.hopper.walls<D>(),
+            make_force_field<D>(options_.model, options_.model_parameters(), down), neighbour_needs(options_.model),
+            *options_.skin};
+  }
+
+  void prepare() {
+    const Topology& topology = system_.topology();
+    State s(topology.points(), D);
+    pack<D>(topology, options_.hopper, {*options_.pack_fraction, options_.pack_tolerance, 1}, s.x().data());
+    FixedStepVerlet verlet(0.4 * critical_step());
+    std::uint64_t put_back = 0;
+    verlet.run(system_, s, flow_time_, true, [&](State& now) {
+      if (now.step % 200 != 0) return AfterStep::proceed;
+      AfterStep after = AfterStep::proceed;
+      for (Index m = 0; m < topology.particles(); ++m) {
+        if (mean_of_points<D>(now.x().data(), topology, m)[D - 1] > -3) continue;
+        reinsert<D>(topology, options_.hopper, system_.walls(), options_.model == ModelKind::smooth, 1, m, put_back++,
+                    now);
+        after = AfterStep::changed;
+      }
+      return after;
+    });
+    state_ = std::move(s);
+  }
+
+  HopperOptions options_;
+  Real flow_time_;
+  ParticleSystem<D> system_;
+  std::optional<State> state_;
+};
+
+template <int D>
+void set_cost(benchmark::State& bench, Flow<D>& flow, int steps = 1) {
+  bench.counters["per_point"] =
+      benchmark::Counter(static_cast<double>(steps) * flow.system().topology().points(),
+                         benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
+}
+
+/// Registers "<case>/<what>", which times body(flow, view).
+template <int D, class Body>
+void time_kernel(const std::string& name, const std::shared_ptr<Flow<D>>& flow, Body body) {
+  benchmark::RegisterBenchmark(name.c_str(), [flow, body](benchmark::State& bench) mutable {
+    const StateView<D> view = flow->view();
+    for (auto _ : bench) {
+      body(*flow, view);
+      benchmark::ClobberMemory();
+    }
+    set_cost(bench, *flow);
+  });
+}
+
+template <int D>
+void register_forces(const std::string& name, const std::shared_ptr<Flow<D>>& flow) {
+  const auto out = std::make_shared<std::vector<Real>>();
+  const auto force = [out](const StateView<D>& s) {
+    out->resize(static_cast<std::size_t>(s.topology.points()) * D);
+    return out->data();
+  };
+  for (const std::string& term : flow->terms())
+    time_kernel(name + "/force/" + term, flow,
+                [=](Flow<D>& f, const StateView<D>& s) { f.system().field().force_of(term, s, force(s)); });
+  benchmark::RegisterBenchmark((name + "/force/all").c_str(), [=](benchmark::State& bench) {
+    const StateView<D> s = flow->view();
+    for (auto _ : bench) {
+      flow->system().field().forces(s, force(s));
+      benchmark::ClobberMemory();
+    }
+    set_cost(bench, *flow);
+    const double points = s.topology.points();
+    double touching = 0;
+    flow->system().field().for_each_contact(s, [&](const Contact<D>&) { ++touching; });
+    bench.counters["listed_per_point"] = static_cast<double>(s.neighbours.size()) / points;
+    bench.counters["contacts_per_point"] = touching / points;
+  });
+}
+
+template <int D>
+void register_lists(const std::string& name, const std::shared_ptr<Flow<D>>& flow) {
+  const NeighbourNeeds needs = neighbour_needs(flow->options().model);
+  const Real skin = *flow->options().skin;
+  const auto cloud = [](const StateView<D>& s) {
+    const Topology& t = s.topology;
+    return PointCloud{s.x, t.diameter, t.particle, t.next, t.active};
+  };
+  const auto build = [=](const StateView<D>& s, CellGrid<D>& grid) {
+    const PointCloud points = cloud(s);
+    grid.build(s.x, points.size(), mean_diameter(s.topology) + skin, [&](Index i) { return points.uses(i); });
+  };
+  const auto grid = std::make_shared<CellGrid<D>>();
+  const auto pairs = std::make_shared<std::vector<Pair>>();
+
+  time_kernel(name + "/list/check", flow,
+              [](Flow<D>& f, const StateView<D>& s) { f.system().neighbours().ensure(s.topology, s.walls, s.x); });
+  time_kernel(name + "/list/grid", flow, [=](Flow<D>&, const StateView<D>& s) { build(s, *grid); });
+  // The searches use the grid of their first call.
+  const auto search = [&](const char* what, auto find) {
+    time_kernel(name + "/list/" + what, flow, [=, built = false](Flow<D>&, const StateView<D>& s) mutable {
+      if (!built) build(s, *grid);
+      built = true;
+      find(cloud(s), s.walls);
+    });
+  };
+  if (needs.point_pairs)
+    search("points", [=](const PointCloud& c, const Walls<D>&) { find_point_pairs<D>(c, *grid, skin, *pairs); });
+  if (needs.walls)
+    search("walls", [=](const PointCloud& c, const Walls<D>& walls) { find_wall_pairs<D>(c, walls, skin, *pairs); });
+  if constexpr (D == 2) {
+    if (needs.vertex_edges)
+      search("vertex_edges",
+             [=](const PointCloud& c, const Walls<2>&) { find_vertex_edge_pairs(c, *grid, skin, *pairs); });
+    if (needs.lips)
+      search("lips", [=](const PointCloud& c, const Walls<2>& walls) { find_lip_pairs(c, walls, skin, *pairs); });
+  }
+  time_kernel(name + "/list/all", flow,
+              [](Flow<D>& f, const StateView<D>& s) { f.system().neighbours().rebuild(s.topology, s.walls, s.x); });
+}
+
+/// Steps of the length that a run takes by itself, from the prepared state on, with what they need of list rebuilds.
+template <int D>
+void register_verlet(const std::string& name, const std::shared_ptr<Flow<D>>& flow) {
+  benchmark::RegisterBenchmark((name + "/verlet_step").c_str(), [flow](benchmark::State& bench) {
+    constexpr int steps = 2000;
+    ParticleSystem<D>& system = flow->system();
+    const Real dt = std::min(1e-3, 0.2 * flow->critical_step());
+    const std::int64_t before = system.neighbours().rebuilds();
+    for (auto _ : bench) {
+      bench.PauseTiming();
+      State s = flow->state();
+      bench.ResumeTiming();
+      FixedStepVerlet(dt).run(system, s, s.t + steps * dt, true, nullptr);
+    }
+    set_cost(bench, *flow, steps);
+    const double taken = static_cast<double>(bench.iterations()) * steps;
+    bench.counters["rebuilds_per_1000_steps"] =
+        1000 * static_cast<double>(system.neighbours().rebuilds() - before) / taken;
+  });
+}
+
+template <int D>
+void register_case(const Case& c) {
+  const auto flow = std::make_shared<Flow<D>>(c);
+  register_forces(c.name, flow);
+  register_lists(c.name, flow);
+  register_verlet(c.name, flow);
+}
+
+}  // namespace
+}  // namespace pliant
+
+int main(int argc, char** argv) {
+  benchmark::Initialize(&argc, argv);
+  if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 2;
+  try {
+    for (const pliant::Case& c : pliant::cases())
+      if (c.options.dim == 2)
+        pliant::register_case<2>(c);
+      else
+        pliant::register_case<3>(c);
+    benchmark::RunSpecifiedBenchmarks();
+  } catch (const pliant::Error& error) {
+    fmt::print(stderr, "pliant_kernels: error: {}\n", error.what());
+    return static_cast<int>(error.code());
+  }
+}

@@ -1,0 +1,53 @@
+#!/usr/bin/env bash
+# Hopper flows of soft, rough and smooth particles: installs what is missing, builds, runs each model at several orifice
+# widths, fits the flow rates and leaves pictures and a movie in demo/, which it makes anew each time.
+source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
+
+"$root/scripts/setup.sh"
+"$root/scripts/build.sh"
+
+cd "$root"
+plots=python/plots
+rm -rf demo
+
+# Moderate stiffnesses and few vertices, for steps of some 4e-4 t0: minutes instead of hours. All systems share them;
+# what dissipates is either the drag of a fluid around the particles, or the friction between them.
+common="-n 320 -hopper_wall_distance 20 -e_sp 100 -e_c 300 -e_w 300 -k_a 1000 -n_vertices 12 -edge_width 0.3"
+drag="-zeta 0.316227766"
+friction="-mu 1"
+declare -A options=(
+  [rough-friction]="-model rough $common $friction -t_end 100"
+  [smooth-drag]="-model smooth $common $drag -t_end 60 -dt 4e-4"
+  [soft-friction]="-model sp $common $friction -t_end 200"
+  [soft-drag]="-model sp $common $drag -t_end 200"
+)
+systems=(rough-friction smooth-drag soft-friction soft-drag) # the slow ones first: no core ends with a long run
+
+run() {  # folder, options …: one line when it is done, the program's message when it fails
+  local folder=$1 log=$1.log result
+  shift
+  mkdir -p "$(dirname "$folder")"
+  if ! "$build/apps/pliant" hopper "$@" -output "$folder" >"$log" 2>&1; then
+    tail -n 1 "$log" >&2
+    return 255 # xargs stops
+  fi
+  result=$(grep -E '^(Q =|clogged)' "$log" | tail -n 1)
+  say "  ${folder#demo/}: $result"
+}
+export -f run say
+export build
+
+say "Running five orifice widths of each system on $cores core(s); a few minutes:"
+{
+  for system in "${systems[@]}"; do
+    for width in 3 4 5 6 8; do
+      say "demo/$system/w$width ${options[$system]} -hopper_width $width -frame_interval 30"
+    done
+  done
+  say "demo/film ${options[smooth-drag]} -hopper_width 4 -t_end 20 -frame_interval 0.1"
+} | xargs -P "$cores" -L 1 bash -c 'run "$@"' run
+
+say "Drawing:"
+$plots/snapshot.py --panels demo/{smooth-drag,rough-friction,soft-drag}/w6 -o demo/flow.png
+$plots/movie.py demo/film -o demo/flow.mp4
+$plots/beverloo.py "${systems[@]/#/demo/}" -o demo/beverloo.png

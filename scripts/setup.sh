@@ -1,0 +1,57 @@
+#!/usr/bin/env bash
+# Installs what Pliant needs and this machine lacks (Debian 12: by apt-get, as root or with sudo).
+source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
+
+packages=(
+  g++ cmake ninja-build pkg-config
+  petsc-dev libopenmpi-dev libhdf5-openmpi-dev libyaml-dev libeigen3-dev libfmt-dev nlohmann-json3-dev catch2
+  python3 python3-numpy python3-scipy python3-matplotlib python3-pandas python3-h5py python3-lmfit
+  python3-uncertainties python3-pytest ffmpeg
+)
+if [[ ${CI:-} == true ]]; then
+  packages+=(clang-format)
+fi
+
+installed() { dpkg-query -W -f='${db:Status-Status}\n' "$1" 2>/dev/null | grep -qx installed; }
+
+# Without apt-get nothing can be installed from here, but the tools may be there under other names.
+check_tools() {
+  local missing=() tool module
+  for tool in c++ cmake ninja pkg-config mpicc ffmpeg; do
+    command -v "$tool" >/dev/null || missing+=("$tool")
+  done
+  for module in PETSc yaml-0.1; do
+    pkg-config --exists "$module" 2>/dev/null || missing+=("pkg-config:$module")
+  done
+  for module in numpy scipy matplotlib pandas h5py lmfit pytest; do
+    python3 -c "import $module" 2>/dev/null || missing+=("python3:$module")
+  done
+  say "This is not Debian or a relative of it. Pliant needs, by their Debian names:"
+  say "  ${packages[*]}"
+  ((${#missing[@]} == 0)) || die "not found: ${missing[*]}; install them and run this again"
+  say "The tools are there; going on."
+}
+
+if ! command -v apt-get >/dev/null || ! command -v dpkg-query >/dev/null; then
+  check_tools
+  exit 0
+fi
+
+missing=()
+for package in "${packages[@]}"; do
+  installed "$package" || missing+=("$package")
+done
+if ((${#missing[@]} == 0)); then
+  exit 0
+fi
+
+as_root=()
+if ((EUID != 0)); then
+  command -v sudo >/dev/null || die "missing packages: ${missing[*]}; install them as root (there is no sudo here)"
+  as_root=(sudo)
+fi
+apt() { "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -qq -o Dpkg::Use-Pty=0 "$@" </dev/null; }
+say "Installing with apt-get: ${missing[*]}"
+apt update
+apt install -y --no-install-recommends "${missing[@]}" >/dev/null
+say "Installed."

@@ -1,0 +1,106 @@
+"""Runs the program as a user does: as a process, judged by what it prints, returns and writes."""
+
+import json
+import os
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+
+# Open MPI otherwise starts a daemon with every run, which takes longer than most runs here.
+os.environ.setdefault("OMPI_MCA_ess_singleton_isolated", "1")
+
+PROGRAM = os.environ.get("PLIANT_PROGRAM", "pliant")
+# A small hopper that flows at once: 60 particles, a few milliseconds per t0.
+SMALL = {"n": 60, "hopper_wall_distance": 8, "hopper_width": 3, "zeta": 0.3, "mu": 0.5, "pack_fraction": 0.8,
+         "t_end": 6, "frame_interval": 0.5, "sample_interval": 0.1}
+
+
+def arguments(options):
+    return [text for name, value in options.items() for text in (f"-{name}", str(value))]
+
+
+def start(*command, **options):
+    """The program as a child process, its output in pipes."""
+    return subprocess.Popen([PROGRAM, *map(str, command), *arguments(options)], text=True, stdout=subprocess.PIPE,
+                            stderr=subprocess.PIPE)
+
+
+def pliant(*command, **options):
+    """Runs the program to its end."""
+    return subprocess.run([PROGRAM, *map(str, command), *arguments(options)], text=True, capture_output=True,
+                          timeout=60)
+
+
+def hopper(folder, **options):
+    """Runs the small hopper with some options changed; the run must succeed."""
+    result = pliant("hopper", output=folder, **{**SMALL, **options})
+    assert result.returncode == 0, result.stderr
+    return Results(folder)
+
+
+class Results:
+    """What a run has written, read with nothing but h5py."""
+
+    def __init__(self, folder):
+        folder = Path(folder)
+        self.frames, self.series, self.topology = [], {}, {}
+        with h5py.File(folder / "run.h5") as file:
+            for name in sorted(file["frames"]):
+                frame = {}
+                file["frames"][name].visititems(
+                    lambda path, item: frame.update({path: item[()]}) if isinstance(item, h5py.Dataset) else None)
+                frame.update(file["frames"][name].attrs)
+                self.frames.append(frame)
+            self.series = {name: file["series"][name][()] for name in file["series"]}
+            self.topology = {name: item[()] for name, item in file["topology"].items() if isinstance(item, h5py.Dataset)}
+            self.geometry = {"segments": file["geometry/segments"][()], **file["geometry"].attrs}
+        summary = folder / "summary.json"
+        self.summary = json.loads(summary.read_text()) if summary.exists() else None
+
+    def column(self, name):
+        """[frames, …] of a dataset of every frame."""
+        return np.array([frame[name] for frame in self.frames])
+
+    def counters(self):
+        """Everything in the summary that does not depend on the clock or on how the run was stopped."""
+        clock = ("cpu_seconds", "wall_seconds", "particle_steps_per_second", "ns_per_particle_step",
+                 "ns_per_vertex_step", "parameters")
+        return {name: value for name, value in self.summary.items() if name not in clock}
+
+
+def same(a, b):
+    """Whether two datasets are equal bit for bit."""
+    a, b = np.asarray(a), np.asarray(b)
+    return a.shape == b.shape and a.tobytes() == b.tobytes()
+
+
+def assert_same_runs(a, b):
+    assert len(a.frames) == len(b.frames)
+    for n, (one, other) in enumerate(zip(a.frames, b.frames)):
+        assert one.keys() == other.keys()
+        for name in one:
+            assert same(one[name], other[name]), f"frame {n}: {name}"
+    assert a.series.keys() == b.series.keys()
+    for name in a.series:
+        assert same(a.series[name], b.series[name]), f"series {name}"
+    assert a.counters() == b.counters()
+
+
+def wait_for(condition, process=None, seconds=20):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "waited too long"
+        assert process is None or process.poll() is None, f"ended too early: {process.communicate()}"
+        time.sleep(0.01)
+
+
+def end(process, how=signal.SIGTERM):
+    """Sends a signal; exit code, standard output, standard error."""
+    process.send_signal(how)
+    output, errors = process.communicate(timeout=30)
+    return process.returncode, output, errors

@@ -1,0 +1,160 @@
+"""Whatever is wrong with the input: one line that says so, exit 2 (4 for the output), and nothing written."""
+
+import json
+import os
+import shutil
+import subprocess
+
+import pytest
+from conftest import PROGRAM, SMALL, arguments, hopper, pliant
+
+
+def assert_refused(result, *words, code=2):
+    assert result.returncode == code, result.stderr
+    lines = result.stderr.splitlines()
+    assert len(lines) == 1 and lines[0].startswith("pliant: error: "), result.stderr
+    assert "internal" not in lines[0]
+    for word in words:
+        assert word in lines[0]
+
+
+OPTIONS = {
+    "unknown": (["-frobnicate", "3"], ["-frobnicate", "-help"]),
+    "misspelt": (["-hopper_widht", "3"], ["-hopper_widht", "did you mean -hopper_width?"]),
+    "misspelt_choice": (["-model", "rouhg"], ["-model rouhg", "did you mean rough?"]),
+    "misspelt_ts": (["-integrator", "ts", "-ts_rtoll", "1e-3"], ["-ts_rtoll", "-ts_rtol"]),
+    "unused_ts": (["-integrator", "verlet", "-ts_rtol", "1e-3"], ["-ts_rtol"]),
+    "unknown_ts_type": (["-integrator", "ts", "-ts_type", "rkk"], ["-ts_type rkk"]),
+    "implicit_ts_type": (["-integrator", "ts", "-ts_type", "bdf"], ["-ts_type bdf"]),
+    "negative": (["-hopper_width", "-1"], ["-hopper_width -1", "greater than 0"]),
+    "zero": (["-hopper_width", "0"], ["-hopper_width 0", "greater than 0"]),
+    "w_not_below_W": (["-hopper_width", "8"], ["8", "-hopper_wall_distance"]),
+    "nan": (["-hopper_width", "nan"], ["-hopper_width nan", "not a finite number"]),
+    "infinite": (["-t_end", "inf"], ["-t_end inf", "not a finite number"]),
+    "no_number": (["-zeta", "much"], ["-zeta much"]),
+    "no_value": (["-zeta"], ["-zeta", "needs a value"]),
+    "fraction_of_a_particle": (["-n", "10.5"], ["-n 10.5", "not an integer"]),
+    "negative_count": (["-n", "-1"], ["-n -1", "at least 0"]),
+    "polygons_in_3d": (["-dim", "3", "-model", "rough"], ["-dim 3", "-model rough"]),
+    "steep": (["-hopper_angle", "91"], ["-hopper_angle 91", "degrees"]),
+    "wide_sizes": (["-size_distribution", "normal", "-size_deviation", "0.4"], ["-size_deviation 0.4"]),
+    "rounder_than_regular": (["-model", "rough", "-shape_parameter", "1"], ["-shape_parameter 1", "1.013"]),
+    "wider_than_hopper": (["-hopper_wall_distance", "1.1", "-hopper_width", "0.5"], ["1.17", "-hopper_wall_distance"]),
+    "missing_file": (["-options_file", "absent.yaml"], ["absent.yaml"]),
+    "folder_as_file": (["-options_file", "/"], ["/", "folder"]),
+    "restart_from_nothing": (["-restart", "absent"], ["absent", "checkpoint"]),
+    "stray_word": (["surprise"], ["surprise"]),
+}
+
+
+@pytest.mark.parametrize("name", OPTIONS)
+def test_bad_option(name, tmp_path):
+    extra, words = OPTIONS[name]
+    output = [] if "-restart" in extra else ["-output", tmp_path / "run"]
+    assert_refused(pliant("hopper", *arguments(SMALL), *output, *extra), *words)
+    assert list(tmp_path.iterdir()) == []
+
+
+YAML = {
+    "broken": ("hopper:\n  width: [3\n", ["bad.yaml"]),
+    "tab": ("hopper:\n\twidth: 3\n", ["bad.yaml"]),
+    "unknown": ("hopper:\n  widht: 3\n", ["hopper_widht", "did you mean -hopper_width?", "bad.yaml:2"]),
+    "value": ("t_end: soon\n", ["t_end", "bad.yaml"]),
+}
+
+
+@pytest.mark.parametrize("name", YAML)
+def test_bad_options_file(name, tmp_path):
+    text, words = YAML[name]
+    (tmp_path / "bad.yaml").write_text(text)
+    assert_refused(pliant("hopper", options_file=tmp_path / "bad.yaml", output=tmp_path / "run"), *words)
+    assert not (tmp_path / "run").exists()
+
+
+def test_options_file_and_command_line(tmp_path):
+    (tmp_path / "run.yaml").write_text("hopper:\n  width: 2.5\n  wall_distance: 6\nn: 20\nt_end: 0.1\n")
+    result = pliant("hopper", options_file=tmp_path / "run.yaml", n=30, output=tmp_path / "run")
+    assert result.returncode == 0, result.stderr
+    parameters = json.loads((tmp_path / "run/summary.json").read_text())["parameters"]
+    assert parameters["hopper_width"]["value"] == 2.5 and parameters["n"]["value"] == 30
+
+
+def test_no_scenario():
+    assert_refused(pliant(), "no scenario", "-help")
+
+
+def test_unknown_scenario():
+    assert_refused(pliant("hoper"), "unknown scenario 'hoper'", "did you mean 'hopper'?")
+
+
+def test_output_folder_that_is_a_file(tmp_path):
+    (tmp_path / "run").write_text("mine")
+    assert_refused(pliant("hopper", output=tmp_path / "run", **SMALL), str(tmp_path / "run"), code=4)
+    assert (tmp_path / "run").read_text() == "mine"
+
+
+@pytest.mark.parametrize("folder", ["file/run", "/proc/pliant-run"])
+def test_output_folder_that_cannot_be_made(folder, tmp_path):
+    (tmp_path / "file").write_text("mine")
+    assert_refused(pliant("hopper", output=tmp_path / folder, **SMALL), folder, "-output", code=4)
+
+
+def test_output_folder_that_holds_a_run(tmp_path):
+    hopper(tmp_path / "run", t_end=0.1)
+    before = {path.name: path.read_bytes() for path in (tmp_path / "run").iterdir()}
+    assert_refused(pliant("hopper", output=tmp_path / "run", **SMALL), "holds a run already", "-restart", "-output")
+    assert {path.name: path.read_bytes() for path in (tmp_path / "run").iterdir()} == before
+
+
+def test_restart_from_a_folder_without_checkpoint(tmp_path):
+    (tmp_path / "run").mkdir()
+    assert_refused(pliant("hopper", restart=tmp_path / "run"), str(tmp_path / "run"), "checkpoint")
+    assert list((tmp_path / "run").iterdir()) == []
+
+
+@pytest.mark.skipif(shutil.which("mpiexec") is None, reason="no mpiexec")
+def test_more_than_one_rank(tmp_path):
+    environment = {**os.environ, "OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
+    result = subprocess.run(["mpiexec", "--oversubscribe", "-n", "2", PROGRAM, "hopper", "-output", tmp_path / "run",
+                             *arguments(SMALL)], text=True, capture_output=True, env=environment, timeout=60)
+    assert result.returncode == 2, result.stderr
+    assert any(line.startswith("pliant: error: ") and "rank" in line for line in result.stderr.splitlines())
+    assert not (tmp_path / "run").exists()
+
+
+SQUARE = [[0, 0], [1, 0], [1, 1], [0, 1]]
+CASES = {
+    "missing": (None, ["case.json", "no such file"]),
+    "broken": ("{\"model\": \"DP\", \"inputs\": {", ["case.json"]),
+    "no_model": ({"inputs": {}}, ["model"]),
+    "self_intersecting": ({"vertices": [[[0, 0], [1, 1], [1, 0], [0, 1]]]}, ["inputs.vertices[0]", "meets itself"]),
+    "concave_that_touches_itself": ({"vertices": [[[0, 0], [2, 0], [2, 2], [1, 0], [0, 2]]]},
+                                    ["inputs.vertices[0]", "meets itself"]),
+    "clockwise": ({"vertices": [SQUARE[::-1]]}, ["inputs.vertices[0]", "counter-clockwise"]),
+    "two_vertices": ({"vertices": [SQUARE[:2]]}, ["inputs.vertices[0]", "at least 3"]),
+    "edge_without_length": ({"vertices": [[SQUARE[0], *SQUARE]]}, ["inputs.vertices[0][0]", "length"]),
+    "misspelt_key": ({"vertices": [SQUARE], "k_a": 1}, ["k_a", "ka"]),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_bad_case(name, tmp_path):
+    case, words = CASES[name]
+    file = tmp_path / "case.json"
+    if isinstance(case, dict) and "vertices" in case:
+        case = {"model": "DP", "inputs": {"a0": [1], "l0": [1], "ka": 1, "kl": 1, "kb": 1, **case}}
+    if case is not None:
+        file.write_text(case if isinstance(case, str) else json.dumps(case))
+    assert_refused(pliant("evaluate", file), *words)
+
+
+def test_case_without_faults(tmp_path):
+    file = tmp_path / "case.json"
+    file.write_text(json.dumps({"model": "DP", "inputs": {"vertices": [SQUARE], "a0": [1], "l0": [1], "ka": 1, "kl": 1,
+                                                          "kb": 0}}))
+    result = pliant("evaluate", file)
+    assert result.returncode == 0 and json.loads(result.stdout)["area"] == pytest.approx(1)
+
+
+def test_evaluate_needs_one_file():
+    assert_refused(pliant("evaluate"), "usage: pliant evaluate")

@@ -1,0 +1,166 @@
+"""What comes out of a run, against what can be counted or weighed in its frames."""
+
+import numpy as np
+import pytest
+from conftest import SMALL, hopper
+
+
+def crossings(results):
+    """Centres that go below the orifice line, each once until it is put back, and their areas, up to every frame."""
+    heights, area = results.column("centres")[:, :, -1], results.topology["a0"]
+    counted = np.zeros(len(area), bool)
+    count, total = [0], [0.0]
+    for before, now in zip(heights[:-1], heights[1:]):
+        counted[now > before + 2] = False  # put back
+        new = ~counted & (now < 0)
+        counted |= new
+        count.append(count[-1] + new.sum())
+        total.append(total[-1] + area[new].sum())
+    return np.array(count), np.array(total)
+
+
+@pytest.mark.parametrize("options", [{}, {"hopper_angle": 45, "n": 80}, {"model": "rough", "n": 40, "hopper_wall_distance": 6, "t_end": 5},
+                                     {"dim": 3, "n": 120, "hopper_wall_distance": 5, "pack_fraction": 0.5}],
+                         ids=["flat", "sloped", "rough", "3d"])
+def test_crossings_are_counted_once(options, tmp_path):
+    results = hopper(tmp_path / "run", **{**options, "frame_interval": 0.02, "sample_interval": 0.02})
+    time = results.series["time"]
+    assert len(results.frames) == len(time)
+    np.testing.assert_allclose(results.column("time"), time, atol=1e-12)
+    count, area = crossings(results)
+    assert count[-1] > 10
+    assert np.array_equal(results.series["crossed_count"], count)
+    np.testing.assert_allclose(results.series["crossed_area"], area, rtol=1e-12)
+    assert results.summary["crossed_count"] == count[-1]
+
+    # Continuous flow: all stay, each above the line or on its way down.
+    assert results.column("active").all()
+    heights = results.column("centres")[:, :, -1]
+    assert heights.min() > -2 * results.topology["sigma"].max() - 0.05
+    assert np.array_equal(results.series["in_hopper"], (heights > 0).sum(axis=1))
+    assert (np.diff(heights, axis=0) > 2).sum() > 5  # were put back
+
+
+def test_discharge_runs_empty(tmp_path):
+    results = hopper(tmp_path / "run", flow="discharge", hopper_angle=45, t_end=60, frame_interval=0.05,
+                     sample_interval=0.05)
+    n = SMALL["n"]
+    assert results.summary["status"] == "empty" and results.summary["t"] < 60
+    assert results.summary["left_in_hopper"] == 0 and results.summary["crossed_count"] == n
+    left = results.series["in_hopper"]
+    assert left[0] == n and left[-1] == 0 and (np.diff(left) <= 0).all()
+    assert np.array_equal(n - left, results.series["crossed_count"])
+    np.testing.assert_allclose(results.series["crossed_area"][-1], results.topology["a0"].sum(), rtol=1e-12)
+    assert results.summary["total_time"]["value"] == pytest.approx(results.series["time"][-1], abs=0.06)
+    assert results.summary["c0"]["value"] > 0
+
+    # Who has left stays where it left, still.
+    active, positions, velocities = (results.column(name) for name in ("active", "positions", "velocities"))
+    assert (np.diff(active.astype(int), axis=0) <= 0).all()
+    gone = active[:-1] == 0
+    assert gone.any()
+    assert np.array_equal(positions[1:][gone], positions[:-1][gone])
+    assert not velocities[:-1][gone].any()
+    assert (positions[:-1][gone][:, 1] < -2 * results.topology["sigma"].max()).all()
+    assert not np.isin(np.flatnonzero(active[-2] == 0), results.frames[-2]["contacts/particles"]).any()
+
+
+def test_discharge_over_a_flat_bottom_ends_at_rest(tmp_path):
+    results = hopper(tmp_path / "run", flow="discharge", zeta=1, t_end=200)
+    assert results.summary["status"] == "clogged" and results.summary["t"] < 200
+    assert results.summary["left_in_hopper"] == results.series["in_hopper"][-1] > 0
+    assert results.summary["total_time"]["value"] is None
+
+
+def test_narrow_orifice_clogs(tmp_path):
+    results = hopper(tmp_path / "run", hopper_width=0.7, zeta=1, clog_time=3, t_end=200)
+    assert results.summary["status"] == "clogged"
+    assert results.summary["t"] < 200 and results.summary["Q"]["value"] == 0
+    quiet = results.series["time"] >= results.summary["t"] - 3
+    assert (results.series["max_speed"][quiet][1:] < 1e-3).all()
+    assert np.ptp(results.series["crossed_count"][quiet]) == 0
+
+
+def test_a_clog_after_some_flow_is_no_flow(tmp_path):
+    # Particles leave before the arch stands: a flow rate, but not one that a fit may use.
+    for seed in range(3, 12):
+        results = hopper(tmp_path / str(seed), hopper_width=1.6, zeta=1, clog_time=1, t_end=200, seed=seed,
+                         frame_interval=50)
+        if results.summary["status"] == "clogged" and results.summary["crossed_count"] >= 15:
+            break
+    else:
+        pytest.fail("no run flowed and clogged")
+    assert results.summary["Q"] == {"value": 0, "error": None, "unit": "sigma_avg^2/t0"}
+    assert results.summary["Q_corrected"]["value"] == 0
+
+
+@pytest.fixture(scope="module", params=["sp", "rough", "sp_3d"])
+def settled(request, tmp_path_factory):
+    """A pile on a floor with a hole too small for anything."""
+    options = {"sp": {}, "rough": {"model": "rough", "n": 16, "hopper_wall_distance": 5, "t_end": 20},
+               "sp_3d": {"dim": 3, "n": 60, "hopper_wall_distance": 4, "pack_fraction": 0.5}}[request.param]
+    folder = tmp_path_factory.mktemp("settled") / "run"
+    return hopper(folder, **{"hopper_width": 0.05, "zeta": 1, "mu": 0.5, "t_end": 60, "clog_time": 1000,
+                             "frame_interval": 5, **options})
+
+
+def total_weight(results):
+    return results.topology["mass"].sum()
+
+
+def test_the_floor_carries_the_weight(settled):
+    last = settled.frames[-1]
+    assert settled.summary["status"] == "done" and settled.series["max_speed"][-1] < 0.02
+    segments = settled.geometry["segments"]
+    floor = np.abs(segments[:, 1] - segments[:, 3]) < 1e-12
+    carried = -last["wall_force"][floor, -1].sum()
+    walls = -last["wall_force"][~floor, -1].sum()
+    assert carried + walls == pytest.approx(total_weight(settled), rel=0.01)
+    assert abs(walls) < 1e-9  # upright and without friction
+    # Elastic contact forces between particles and walls push apart.
+    assert (last["contacts/overlap"] > 0).all()
+    assert (np.einsum("cd,cd->c", last["contacts/force"], last["contacts/normal"]) > 0).all()
+
+
+def test_contacts_of_a_settled_pile(settled):
+    last, n, dim = settled.frames[-1], len(settled.topology["a0"]), settled.frames[0]["centres"].shape[1]
+    pairs = {tuple(sorted(pair)) for pair in last["contacts/particles"].tolist()}
+    touching = 2 * len(pairs) / n
+    assert settled.series["contact_pairs"][-1] == len(pairs)
+    # Isostatic packings have 2d contacts a particle, with walls; this one is small, with a free surface.
+    assert 0.4 * 2 * dim < touching < 1.2 * 2 * dim
+    counts = np.bincount(last["contacts/particles"].ravel(), minlength=n)
+    assert np.array_equal(counts, last["contact_count"])
+
+
+def test_energy_falls_under_drag(settled):
+    mass, dim = settled.topology["mass"], settled.frames[0]["centres"].shape[1]
+    heights = np.array([(frame["centres"][:, dim - 1] * mass).sum() for frame in settled.frames])
+    time = settled.series["time"]
+    at_frames = [np.flatnonzero(time >= frame["time"] - 1e-9)[0] for frame in settled.frames]
+    energy = (settled.series["kinetic_energy"] + settled.series["potential_energy"])[at_frames] + heights
+    assert energy[0] - energy[-1] > 1
+    assert (np.diff(energy) < 1e-6).all()
+
+
+def test_overlap_of_one_particle_at_rest(tmp_path):
+    """Its weight against the floor's linear spring: 2 E_w/sigma (1 - 2d/sigma) = m."""
+    results = hopper(tmp_path / "run", n=1, hopper_wall_distance=3, hopper_width=0.05, pack_fraction=0.3, zeta=2, t_end=60,
+                     e_w=500, size_distribution="mono", clog_time=1000)
+    height = results.frames[-1]["centres"][0, 1]
+    assert 1 - 2 * height == pytest.approx(np.pi / 4 / (2 * 500), rel=1e-3)
+
+
+def test_free_fall_with_drag(tmp_path):
+    """Before it touches anything: m v' = -m - zeta v."""
+    results = hopper(tmp_path / "run", n=1, hopper_wall_distance=3, hopper_width=2.5, pack_fraction=0.2, zeta=0.5, mu=0,
+                     t_end=0.6, size_distribution="mono", flow="discharge", dt=1e-4, frame_interval=0.1)
+    rate = 0.5 / (np.pi / 4)
+    first = results.frames[0]["centres"][0]
+    for frame in results.frames:
+        t = frame["time"]
+        if frame["wall_force"].any():
+            break
+        fall = (t - (1 - np.exp(-rate * t)) / rate) / rate
+        assert frame["centres"][0, 1] == pytest.approx(first[1] - fall, abs=1e-6)
+    assert t > 0.25

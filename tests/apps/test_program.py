@@ -1,0 +1,72 @@
+"""What the program says about itself, and where it says it."""
+
+import os
+import pty
+import re
+import subprocess
+
+import pytest
+from conftest import PROGRAM, SMALL, arguments, hopper, pliant
+
+FIXED_OPTIONS = ("model dim n n_vertices seed hopper_width hopper_angle hopper_wall_distance e_sp e_w e_c k_a k_l k_b mu "
+                 "zeta integrator dt t_end output restart checkpoint_interval frame_interval max_wall_time").split()
+FIXED_SUMMARY = "Q steps force_evaluations cpu_seconds ns_per_particle_step ns_per_vertex_step status".split()
+
+
+def test_help_lists_every_option_that_scripts_rely_on():
+    result = pliant("hopper", "-help")
+    assert result.returncode == 0 and result.stderr == ""
+    listed = set(re.findall(r"^\s*-(\w+)", result.stdout, re.M))
+    assert set(FIXED_OPTIONS) <= listed
+    for choice in ("sp", "rough", "smooth", "verlet", "ts"):
+        assert choice in result.stdout
+
+
+@pytest.mark.parametrize("command", [["-help"], ["--help"], ["-h"], ["evaluate", "-help"]])
+def test_help_of_the_program(command):
+    result = pliant(*command)
+    assert result.returncode == 0 and result.stderr == "" and result.stdout.startswith("usage: pliant")
+
+
+@pytest.mark.parametrize("command", [["-version"], ["--version"], ["hopper", "-version"]])
+def test_version(command):
+    result = pliant(*command)
+    assert result.returncode == 0 and result.stderr == ""
+    assert re.search(r"\d+\.\d+\.\d+", result.stdout) and "PETSc" in result.stdout
+
+
+def test_help_needs_no_valid_options_and_writes_nothing(tmp_path):
+    assert pliant("hopper", "-help", hopper_width=-1, output=tmp_path / "run").returncode == 0
+    assert not (tmp_path / "run").exists()
+
+
+def test_summary_has_the_names_that_scripts_rely_on(tmp_path):
+    soft = hopper(tmp_path / "soft", t_end=1).summary
+    assert set(FIXED_SUMMARY) <= set(soft)
+    assert soft["status"] == "done" and soft["steps"] == 1000 and soft["force_evaluations"] >= 1000
+    assert set(soft["Q"]) == {"value", "error", "unit"} and soft["Q"]["unit"] == "sigma_avg^2/t0"
+    assert soft["cpu_seconds"] > 0 and soft["ns_per_vertex_step"] is None
+    assert soft["ns_per_particle_step"] == pytest.approx(1e9 * soft["cpu_seconds"] / (1000 * 60), rel=1e-6)
+    rough = hopper(tmp_path / "rough", model="rough", n=20, t_end=0.05).summary
+    assert rough["ns_per_vertex_step"] == pytest.approx(rough["ns_per_particle_step"] / 16, rel=1e-6)
+
+
+def test_quiet_in_a_pipe(tmp_path):
+    result = pliant("hopper", output=tmp_path / "run", **{**SMALL, "n": 400, "t_end": 60})
+    assert result.returncode == 0 and result.stderr == ""
+    assert "\r" not in result.stdout and "\x1b" not in result.stdout
+
+
+def test_progress_on_a_terminal(tmp_path):
+    ours, theirs = pty.openpty()
+    command = [PROGRAM, "hopper", "-output", tmp_path / "run", *arguments({**SMALL, "t_end": 1e6, "max_wall_time": 1.5})]
+    child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=theirs)
+    os.close(theirs)
+    child.communicate(timeout=30)
+    text = os.read(ours, 100000).decode()
+    os.close(ours)
+    assert child.returncode == 75
+    lines = [line for line in text.split("\r") if line.strip()]
+    assert 1 <= len(lines) <= 4
+    assert re.search(r"t \d+\.\d+/1e\+06 t0 .*ETA .*dt/dt_c 0\.\d+ .*max overlap 0\.\d+ .*crossed \d+", lines[-1])
+    assert text.endswith("\n")

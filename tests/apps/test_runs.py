@@ -1,0 +1,178 @@
+"""The same run is the same run: twice, stopped and continued, killed, written more or less often."""
+
+import json
+import signal
+import time
+
+import h5py
+import numpy as np
+import pytest
+from conftest import SMALL, Results, assert_same_runs, end, hopper, pliant, same, start, wait_for
+
+# What each takes is short, and long enough to be interrupted several times.
+POLYGONS = {"n": 20, "hopper_wall_distance": 6, "hopper_width": 2.5, "frame_interval": 0.1, "sample_interval": 0.02}
+KINDS = {
+    "soft": {"t_end": 500, "frame_interval": 20, "sample_interval": 1},
+    "soft_3d": {"dim": 3, "n": 80, "hopper_wall_distance": 5, "hopper_width": 2.5, "pack_fraction": 0.5, "t_end": 200,
+                "frame_interval": 20, "sample_interval": 1},
+    "rough": {**POLYGONS, "model": "rough", "t_end": 5},
+    "smooth": {**POLYGONS, "model": "smooth", "t_end": 0.7},
+    "discharge": {"flow": "discharge", "hopper_angle": 45, "n": 400, "hopper_wall_distance": 16, "t_end": 400,
+                  "frame_interval": 5, "sample_interval": 0.5},
+}
+
+
+@pytest.mark.parametrize("kind", ["soft", "rough", "smooth"])
+def test_same_seed_same_run(kind, tmp_path):
+    options = {**KINDS[kind], "t_end": 0.1 if kind == "smooth" else 0.5 if kind == "rough" else 20}
+    one, two = hopper(tmp_path / "one", **options), hopper(tmp_path / "two", **options)
+    assert_same_runs(one, two)
+    other = hopper(tmp_path / "other", **options, seed=2)
+    assert not same(one.frames[0]["positions"], other.frames[0]["positions"])
+    assert not same(one.topology["sigma"], other.topology["sigma"])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_stopped_and_continued(kind, tmp_path):
+    """Stopped again and again by its wall time, until it is done."""
+    whole = hopper(tmp_path / "whole", **KINDS[kind])
+    assert whole.counters()["crossed_count"] > 0 or kind == "smooth"
+    command = {**SMALL, **KINDS[kind], "output": tmp_path / "parts", "max_wall_time": whole.summary["wall_seconds"] / 4}
+    stops, codes = 0, [75]
+    while codes[-1] == 75:
+        result = pliant("hopper", **command)
+        codes.append(result.returncode)
+        assert result.returncode in (0, 75), result.stderr
+        assert result.stderr == ""
+        if codes[-1] == 75:
+            stops += 1
+            summary = json.loads((tmp_path / "parts/summary.json").read_text())
+            assert summary["status"] == "stopped" and "run the same command again" in result.stdout
+            assert stops < 100
+    assert stops >= 1
+    assert_same_runs(whole, Results(tmp_path / "parts"))
+
+
+def test_termination_asks_for_a_checkpoint(tmp_path):
+    options = {**SMALL, **KINDS["soft"]}
+    whole = hopper(tmp_path / "whole", **options)
+    child = start("hopper", output=tmp_path / "parts", **options)
+    wait_for((tmp_path / "parts/run.xdmf").exists, child)
+    time.sleep(0.05)
+    code, output, errors = end(child, signal.SIGTERM)
+    assert code == 75 and errors == "" and "stopped at t =" in output
+    assert 0 < json.loads((tmp_path / "parts/summary.json").read_text())["t"] < options["t_end"]
+    result = pliant("hopper", output=tmp_path / "parts", **options)
+    assert result.returncode == 0 and "continuing at t =" in result.stdout
+    assert_same_runs(whole, Results(tmp_path / "parts"))
+
+
+@pytest.mark.parametrize("kind", ["soft", "rough"])
+def test_killed_and_restarted(kind, tmp_path):
+    options = {**SMALL, **KINDS[kind]}
+    options["t_end"] *= 2
+    whole = hopper(tmp_path / "whole", **options)
+    child = start("hopper", output=tmp_path / "parts", checkpoint_interval=0.2, **options)
+    wait_for((tmp_path / "parts/checkpoint-a.h5").exists, child)
+    time.sleep(0.05)
+    code, _, _ = end(child, signal.SIGKILL)
+    assert code == -signal.SIGKILL
+
+    killed = Results(tmp_path / "parts")  # reads every dataset of every frame
+    assert len(killed.frames) > 1
+    for frame, reference in zip(killed.frames, whole.frames):
+        assert frame.keys() == reference.keys()
+        assert all(same(frame[name], reference[name]) for name in frame)
+
+    # The same command would overwrite it or begin anew: it says what to do instead.
+    again = pliant("hopper", output=tmp_path / "parts", **options)
+    assert again.returncode == 2 and "-restart" in again.stderr
+    result = pliant("hopper", restart=tmp_path / "parts")
+    assert result.returncode == 0, result.stderr
+    assert_same_runs(whole, Results(tmp_path / "parts"))
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("finished") / "run"
+    hopper(folder, t_end=4)
+    return folder
+
+
+def test_a_finished_run_goes_on(finished, tmp_path):
+    result = pliant("hopper", restart=finished, t_end=6)
+    assert result.returncode == 0, result.stderr
+    assert_same_runs(hopper(tmp_path / "whole", t_end=6), Results(finished))
+
+
+@pytest.mark.parametrize("name, value", [("zeta", 0.4), ("e_sp", 50), ("seed", 7), ("n", 61), ("hopper_width", 3.5),
+                                         ("model", "rough"), ("dt", 2e-3), ("integrator", "ts"), ("dim", 3)])
+def test_a_restart_cannot_change_the_physics(name, value, finished):
+    before = {path.name: path.read_bytes() for path in finished.iterdir()}
+    result = pliant("hopper", **{"restart": finished, "t_end": 9, name: value})
+    assert result.returncode == 2 and len(result.stderr.splitlines()) == 1
+    assert f"-{name} {value}" in result.stderr and "a restart cannot change it" in result.stderr
+    assert {path.name: path.read_bytes() for path in finished.iterdir()} == before
+
+
+@pytest.mark.parametrize("extra, words", [({"t_end": 1}, ["-t_end 1", "checkpoint"]),
+                                          ({"t_end": 9, "output": "elsewhere"}, ["-output elsewhere", "-restart"])])
+def test_a_restart_that_makes_no_sense(extra, words, finished):
+    before = {path.name: path.read_bytes() for path in finished.iterdir()}
+    result = pliant("hopper", restart=finished, **extra)
+    assert result.returncode == 2 and len(result.stderr.splitlines()) == 1, result.stdout
+    assert all(word in result.stderr for word in words), result.stderr
+    assert {path.name: path.read_bytes() for path in finished.iterdir()} == before
+
+
+@pytest.mark.parametrize("options", [{}, {"model": "rough", "n": 20, "t_end": 1.5},
+                                     {"flow": "discharge", "hopper_angle": 45, "t_end": 6},
+                                     {"integrator": "ts", "ts_rtol": 1e-5, "t_end": 3}],
+                         ids=["soft", "rough", "discharge", "ts"])
+def test_output_does_not_change_the_trajectory(options, tmp_path):
+    rare = hopper(tmp_path / "rare", **{**options, "frame_interval": 100, "sample_interval": 50})
+    often = hopper(tmp_path / "often", **{**options, "frame_interval": 0.013, "sample_interval": 0.0071})
+    assert len(rare.frames) == 2 and len(often.frames) > 100
+    for name in ("positions", "velocities", "active"):
+        assert same(rare.frames[-1][name], often.frames[-1][name])
+    for name in ("steps", "force_evaluations", "crossed_count"):
+        assert rare.summary[name] == often.summary[name]
+
+
+def test_fixed_steps_by_either_path(tmp_path):
+    """-integrator verlet and -integrator ts -ts_type verlet: the same operations, with particles put back."""
+    options = {"dt": 4e-3, "t_end": 4, "frame_interval": 0.5}
+    plain = hopper(tmp_path / "plain", **options)
+    del options["dt"]
+    by_ts = hopper(tmp_path / "ts", integrator="ts", ts_type="verlet", ts_dt=4e-3, **options)
+    assert plain.summary["integrator"] == "verlet" and by_ts.summary["integrator"] == "ts:verlet"
+    assert plain.summary["steps"] == by_ts.summary["steps"] == 1000
+    heights = plain.column("centres")[:, :, 1]
+    assert (np.diff(heights, axis=0) > 3).sum() >= 3  # put back
+    assert plain.summary["crossed_count"] == by_ts.summary["crossed_count"] > 3
+    np.testing.assert_allclose(by_ts.column("positions"), plain.column("positions"), rtol=0, atol=1e-10)
+    np.testing.assert_allclose(by_ts.column("velocities"), plain.column("velocities"), rtol=0, atol=1e-9)
+
+
+def test_error_control_agrees_with_small_fixed_steps(tmp_path):
+    # Without friction, which sets in with a jump: only then do the methods have their order.
+    fixed = hopper(tmp_path / "fixed", dt=5e-5, t_end=0.5, mu=0)
+    adaptive = hopper(tmp_path / "adaptive", integrator="ts", ts_type="rk", ts_rk_type="5dp", ts_rtol=1e-10,
+                      ts_atol=1e-10, ts_max_reject=100, t_end=0.5, mu=0)
+    assert adaptive.summary["integrator"] == "ts:rk 5dp"
+    moved = fixed.frames[-1]["positions"] - fixed.frames[0]["positions"]
+    assert np.abs(moved).max() > 0.05
+    np.testing.assert_allclose(adaptive.frames[-1]["positions"], fixed.frames[-1]["positions"], rtol=0, atol=1e-6)
+
+
+def test_a_frame_is_readable_while_the_run_goes_on(tmp_path, monkeypatch):
+    monkeypatch.setenv("HDF5_USE_FILE_LOCKING", "FALSE")
+    child = start("hopper", output=tmp_path / "run", **{**SMALL, "t_end": 1e6, "frame_interval": 50})
+    try:
+        wait_for((tmp_path / "run/run.xdmf").exists, child)
+        time.sleep(0.3)
+        with h5py.File(tmp_path / "run/run.h5", locking=False) as file:
+            assert "positions" in file["frames/000000"]
+    finally:
+        code, _, _ = end(child)
+    assert code == 75
