@@ -248,7 +248,7 @@ class HopperRun {
     checkpoints_->write(c);
   }
 
-  void load(const Checkpoint& c) {
+  void load(const Checkpoint& c) try {
     state_ = c.state;
     counted_ = c.integers.at("counted");
     reinserted_ = c.integers.at("reinserted");
@@ -274,6 +274,9 @@ class HopperRun {
     const auto& reference = c.reals.at("list_reference");
     if (!reference.empty()) system_.neighbours().rebuild(system_.topology(), system_.walls(), reference.data());
     restarted_ = true;
+  } catch (const std::out_of_range&) {
+    throw InputError("{}: the checkpoint lacks what this version needs; go on with the version that wrote it",
+                     p_.output);
   }
 
   Real next_dt() const {

@@ -101,6 +101,7 @@ void TsIntegrator::configure() {
   petsc_check(TSCreate(PETSC_COMM_SELF, ts_.out()));
   petsc_check(TSSetProblemType(ts_, TS_NONLINEAR));
   petsc_check(TSSetMaxSteps(ts_, PETSC_MAX_INT));
+  petsc_check(TSSetMaxStepRejections(ts_, 100));  // PETSc's 10 are too few for the onset of a stiff contact
   petsc_check(TSSetTimeStep(ts_, options_.dt));
   petsc_check(TSSetTolerances(ts_, options_.atol_x, nullptr, options_.rtol, nullptr));
 

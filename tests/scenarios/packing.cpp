@@ -105,8 +105,12 @@ TEST_CASE("polygons are packed by the disks around them", "[packing]") {
 }
 
 TEST_CASE("a packing is a function of the seed", "[packing]") {
-  const auto positions = [](std::uint64_t seed) {
-    return Packed<2>(ModelKind::rough, 20, {.wall_distance = 6, .orifice = 2}, {.seed = seed}).x;
+  const ModelKind kind = GENERATE(ModelKind::sp, ModelKind::rough);
+  const Topology topology = make_particles(kind, 2, draw_diameters({}, 20, 1), {});
+  const auto positions = [&](std::uint64_t seed) {
+    std::vector<Real> x(2 * topology.points());
+    pack<2>(topology, {.wall_distance = 6, .orifice = 2}, {.seed = seed}, x.data());
+    return x;
   };
   CHECK(positions(4) == positions(4));
   CHECK(positions(4) != positions(5));
