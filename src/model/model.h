@@ -186,33 +186,36 @@ class Model final : public ForceField<D> {
 
   template <class T>
   static void add_forces(const T& term, const StateView<D>& s, Real* f) {
-    if constexpr (EnergyTerm<T, D>) {
-      Scatter<D, -1> scatter{f};
-      for_each_touching(term, s, [&](Index e) { term.add_gradient(s, e, scatter); });
-    } else {
+    const Index n = term.size(s);
+    if constexpr (!EnergyTerm<T, D>) {
       Scatter<D, 1> scatter{f};
-      for_each_touching(term, s, [&](Index e) { term.add_force(s, e, scatter); });
+      if constexpr (requires { term.touches(s, n); })
+        for_each_touching(term, s, [&](Index e) { term.add_force(s, e, scatter); });
+      else
+        for (Index e = 0; e < n; ++e) term.add_force(s, e, scatter);
+    } else {
+      Scatter<D, -1> scatter{f};
+      if constexpr (requires { term.touches(s, n); })
+        for_each_touching(term, s, [&](Index e) { term.add_gradient(s, e, scatter); });
+      else
+        for (Index e = 0; e < n; ++e) term.add_gradient(s, e, scatter);
     }
   }
 
-  /// Visits the elements of a term in order, of a contact term only those that touch: sieved block by block without a
-  /// branch, because whether a listed pair touches is a toss-up that no processor predicts.
+  /// Visits the elements of a contact term that touch, in order: sieved block by block without a branch, because
+  /// whether a listed pair touches is a toss-up that no processor predicts.
   template <class T, class Visit>
   static void for_each_touching(const T& term, const StateView<D>& s, Visit&& visit) {
     const Index n = term.size(s);
-    if constexpr (requires { term.touches(s, Index()); }) {
-      std::array<Index, 256> touching;
-      for (Index first = 0; first < n; first += touching.size()) {
-        const Index last = std::min<Index>(n, first + touching.size());
-        std::size_t count = 0;
-        for (Index e = first; e < last; ++e) {
-          touching[count] = e;
-          count += term.touches(s, e);
-        }
-        for (std::size_t k = 0; k < count; ++k) visit(touching[k]);
+    std::array<Index, 256> touching;
+    for (Index first = 0; first < n; first += touching.size()) {
+      const Index last = std::min<Index>(n, first + touching.size());
+      std::size_t count = 0;
+      for (Index e = first; e < last; ++e) {
+        touching[count] = e;
+        count += term.touches(s, e);
       }
-    } else {
-      for (Index e = 0; e < n; ++e) visit(e);
+      for (std::size_t k = 0; k < count; ++k) visit(touching[k]);
     }
   }
 
