@@ -375,7 +375,7 @@ void Options::from_json(const Json& stored) {
         assign(*option, old, option->source);
         if (value(*option) != now)
           throw InputError("-{} {}: the stored run has {}, and a restart cannot change it", name, plain(now),
-                           plain(old));
+                           old.is_null() ? std::string("an automatic value") : plain(old));
       }
     } else if (!is_petsc(name)) {
       throw InputError("stored options: -{} is unknown to this version; continue with the version that wrote them",
