@@ -29,7 +29,6 @@ struct Topology {
   Index points() const { return offset.back(); }
   Index points_of(Index m) const { return offset[m + 1] - offset[m]; }
   bool deformable() const { return points() > particles(); }
-  bool point_active(Index i) const { return active[particle[i]] != 0; }
 
   /// Appends a soft particle of diameter sigma and the given mass.
   void add_soft(Real sigma_m, Real mass_m);

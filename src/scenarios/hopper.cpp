@@ -126,8 +126,7 @@ class HopperRun {
     if (last_frame_at_ < state_.t) frame(state_);
   }
 
-  // After every accepted step
-  // ---------------------------------------------------------------------------------------------------
+  // --- After every accepted step
 
   AfterStep after_step(State& s) {
     bool changed = follow_particles(s);
@@ -215,8 +214,7 @@ class HopperRun {
     writer_->write_frame(FrameData<D>(system_, s).frame);
   }
 
-  // Checkpoints
-  // -----------------------------------------------------------------------------------------------------------------
+  // --- Checkpoints
 
   void save(const State& s, bool changed) {
     writer_->flush();
@@ -284,8 +282,7 @@ class HopperRun {
     return ts != nullptr ? ts->next_dt() : dt_;
   }
 
-  // Texts, summary
-  // --------------------------------------------------------------------------------------------------------------
+  // --- Texts, summary
 
   IntegratorStatistics statistics() const {
     IntegratorStatistics s = integrator_->statistics();

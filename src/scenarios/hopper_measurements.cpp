@@ -71,7 +71,6 @@ Sample<D> take_sample(ParticleSystem<D>& system, const State& state, const Hoppe
   Sample<D> sample;
   Real kinetic = 0, weight_energy = 0, top = 0;
   for (Index i = 0; i < topology.points(); ++i) {
-    if (!topology.point_active(i)) continue;
     kinetic += topology.mass[i] / 2 * view.velocity(i).squaredNorm();
     weight_energy += topology.mass[i] * view.position(i)[D - 1];
   }
@@ -98,11 +97,7 @@ Sample<D> take_sample(ParticleSystem<D>& system, const State& state, const Hoppe
   std::vector<Real> momentum(heights.size()), weight(heights.size()), buffer;
   add_axis_profile<D>(heights, 1, centres.position, centres.velocity, topology.active, momentum, weight);
 
-  // Energies count active particles only; the weight of inactive ones is in the total, so it is not taken from there.
-  Real potential = 0;
-  potential = system.field().energy(view) - weight_energy;
-  for (Index i = 0; i < topology.points(); ++i)
-    if (!topology.point_active(i)) potential -= topology.mass[i] * view.position(i)[D - 1];
+  const Real potential = system.field().energy(view) - weight_energy;
 
   sample.row = {
       {"time", state.t},
