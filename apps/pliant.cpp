@@ -1,6 +1,7 @@
 // The program: picks a scenario, nothing else.
 #include <fmt/format.h>
 
+#include <chrono>
 #include <cstdio>
 #include <string>
 #include <vector>
@@ -9,6 +10,7 @@
 #include <pliant/base/nearest.h>
 #include <pliant/base/options.h>
 #include <pliant/base/petsc.h>
+#include <pliant/base/ranks.h>
 #include <pliant/base/version.h>
 #include <pliant/scenarios/evaluate.h>
 #include <pliant/scenarios/hopper.h>
@@ -17,6 +19,7 @@ namespace {
 
 using pliant::ExitCode;
 using pliant::InputError;
+using pliant::Ranks;
 using Arguments = std::vector<std::string>;
 
 constexpr const char* usage =
@@ -29,23 +32,27 @@ constexpr const char* usage =
     "pliant SCENARIO -help   options of a scenario\n"
     "pliant -version         version and build\n";
 
-ExitCode hopper(const Arguments& arguments) {
+void say(const Ranks& ranks, const std::string& text) {
+  if (ranks.root()) fmt::print("{}", text);
+}
+
+ExitCode hopper(const Arguments& arguments, const Ranks& ranks) {
   pliant::HopperOptions parameters;
   pliant::Options options;
   parameters.bind(options);
   if (arguments == Arguments{"-help_markdown"}) {  // what docs/options.md is made from
-    fmt::print("{}", options.markdown());
+    say(ranks, options.markdown());
     return ExitCode::done;
   }
   switch (options.parse(arguments)) {
     case pliant::Options::Request::help:
-      fmt::print("usage: pliant hopper [-option value ...]\n\n{}", options.help());
+      say(ranks, "usage: pliant hopper [-option value ...]\n\n" + options.help());
       break;
     case pliant::Options::Request::version:
-      fmt::print("{}", pliant::build_info().text());
+      say(ranks, pliant::build_info().text());
       break;
     case pliant::Options::Request::run:
-      return pliant::run_hopper(parameters, options);
+      return pliant::run_hopper(parameters, options, ranks);
   }
   return ExitCode::done;
 }
@@ -61,15 +68,21 @@ ExitCode evaluate(const Arguments& arguments) {
   return ExitCode::done;
 }
 
-ExitCode run(const std::string& scenario, const Arguments& arguments) {
-  if (scenario == "hopper") return hopper(arguments);
-  if (scenario == "evaluate") return evaluate(arguments);
+ExitCode run(const std::string& scenario, const Arguments& arguments, const Ranks& ranks) {
+  if (scenario == "hopper") return hopper(arguments, ranks);
+  if (scenario == "evaluate") {
+    ExitCode code = ExitCode::done;
+    ranks.together([&] {
+      if (ranks.root()) code = evaluate(arguments);
+    });
+    return code;
+  }
   if (scenario == "-help" || scenario == "--help" || scenario == "-h") {
-    fmt::print("{}", usage);
+    say(ranks, usage);
     return ExitCode::done;
   }
   if (scenario == "-version" || scenario == "--version") {
-    fmt::print("{}", pliant::build_info().text());
+    say(ranks, pliant::build_info().text());
     return ExitCode::done;
   }
   const std::vector<std::string> scenarios{"hopper", "evaluate"};
@@ -78,19 +91,32 @@ ExitCode run(const std::string& scenario, const Arguments& arguments) {
                    near ? fmt::format(", did you mean '{}'?", *near) : std::string());
 }
 
+/// Says what went wrong, once. Errors that all ranks share end the program in order; one that only some of the ranks
+/// have leaves the others waiting, and ends them too.
+int complain(const Ranks& ranks, const std::string& message, ExitCode code) {
+  const bool shared = ranks.meet(std::chrono::seconds(2));
+  if (ranks.root() || !shared) fmt::print(stderr, "pliant: error: {}\n", message);
+  if (!shared) MPI_Abort(ranks.comm(), static_cast<int>(code));
+  return static_cast<int>(code);
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   const Arguments arguments(argv + std::min(argc, 2), argv + argc);
   try {
-    if (argc < 2) throw InputError("no scenario given; pliant -help lists them");
     pliant::PetscSession petsc;
-    return static_cast<int>(run(argv[1], arguments));
+    const Ranks ranks(PETSC_COMM_WORLD);
+    try {
+      if (argc < 2) throw InputError("no scenario given; pliant -help lists them");
+      return static_cast<int>(run(argv[1], arguments, ranks));
+    } catch (const pliant::Error& error) {
+      return complain(ranks, error.what(), error.code());
+    } catch (const std::exception& error) {
+      return complain(ranks, fmt::format("internal: {}", error.what()), ExitCode::numerical_failure);
+    }
   } catch (const pliant::Error& error) {
     fmt::print(stderr, "pliant: error: {}\n", error.what());
     return static_cast<int>(error.code());
-  } catch (const std::exception& error) {
-    fmt::print(stderr, "pliant: internal error: {}\n", error.what());
-    return static_cast<int>(ExitCode::numerical_failure);
   }
 }

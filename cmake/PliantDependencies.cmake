@@ -1,5 +1,6 @@
 # Everything Pliant links to; shared by the build tree and, through the package config, by programs that use an installed Pliant.
 find_package(MPI REQUIRED COMPONENTS C CXX)
+find_package(OpenMP REQUIRED COMPONENTS CXX)
 find_package(PkgConfig REQUIRED)
 pkg_check_modules(PETSC REQUIRED IMPORTED_TARGET PETSc>=3.18)
 pkg_check_modules(YAML REQUIRED IMPORTED_TARGET yaml-0.1)  # what PETSc reads YAML with

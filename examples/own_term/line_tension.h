@@ -18,9 +18,9 @@ struct LineTension {
 
   Real gamma;
 
+  static constexpr pliant::Elements elements = pliant::Elements::points;
   static std::string_view name() { return "line_tension"; }
   bool enabled(const View&) const { return gamma > 0; }
-  Index size(const View& s) const { return s.topology.points(); }
   static Index particle(const View& s, Index i) { return s.topology.particle[i]; }
 
   Real energy(const View& s, Index i) const { return gamma * edge(s, i).norm(); }

@@ -29,12 +29,6 @@ PetscSession::PetscSession() {
     owner_ = true;
   }
   (void)PetscPushErrorHandler(keep_message, nullptr);
-  PetscMPIInt size = 1;
-  MPI_Comm_size(PETSC_COMM_WORLD, &size);
-  if (size > 1) {
-    end_session(owner_);
-    throw InputError("started on {} MPI ranks, but this version runs on one; start without mpiexec", size);
-  }
   if (owner_) (void)PetscOptionsClear(nullptr);  // PETSc has read PETSC_OPTIONS and .petscrc, in spite of "NoArguments"
 }
 

@@ -29,12 +29,16 @@ struct PointCloud {
   bool uses(Index i) const { return used[group[i]] != 0; }
 };
 
-/// Pairs with |r_i − r_j| < (δ_i + δ_j)/2 + skin. The larger point looks for the smaller ones (ties: the lower index),
-/// in a range that depends on its own size only, so that size ratios of 1:10 stay cheap. Sorted by the larger point.
-template <int D>
-void find_point_pairs(const PointCloud& cloud, const CellGrid<D>& grid, Real skin, std::vector<Pair>& pairs) {
-  pairs.clear();
-  for (Index i = 0; i < cloud.size(); ++i) {
+/// The searches below go through the points first … last−1 and call found(…) for what they see, in an order that
+/// depends on the points and the grid only.
+
+/// Pairs with |r_i − r_j| < (δ_i + δ_j)/2 + skin, i from the range: found(i, j, (δ_i + δ_j)/2). The larger point looks
+/// for the smaller ones (ties: the lower index), in a range that depends on its own size only, so that size ratios of
+/// 1:10 stay cheap.
+template <int D, class Found>
+void find_point_pairs(const PointCloud& cloud, const CellGrid<D>& grid, Real skin, Index first, Index last,
+                      Found&& found) {
+  for (Index i = first; i < last; ++i) {
     if (!cloud.uses(i)) continue;
     const Vec<D> r = point<D>(cloud.x, i);
     const Real di = cloud.diameter[i];
@@ -42,48 +46,47 @@ void find_point_pairs(const PointCloud& cloud, const CellGrid<D>& grid, Real ski
     grid.for_each_in_box(r - range, r + range, [&](Index j) {
       const Real dj = cloud.diameter[j];
       if (dj > di || (dj == di && j <= i) || cloud.group[i] == cloud.group[j]) return;
-      if ((point<D>(cloud.x, j) - r).squaredNorm() < square((di + dj) / 2 + skin)) pairs.push_back({i, j});
+      if ((point<D>(cloud.x, j) - r).squaredNorm() < square((di + dj) / 2 + skin)) found(i, j, (di + dj) / 2);
     });
   }
 }
 
-/// Vertex–edge pairs of different polygons with distance < (δ_m + δ_n)/2 + skin; sorted by edge.
-inline void find_vertex_edge_pairs(const PointCloud& cloud, const CellGrid<2>& grid, Real skin,
-                                   std::vector<Pair>& pairs) {
-  pairs.clear();
-  Real widest = 0;
-  for (const Real d : cloud.diameter) widest = std::max(widest, d);
-  for (Index i = 0; i < cloud.size(); ++i) {
+/// Vertices j of other polygons with distance < (δ_i + δ_j)/2 + skin from edge i, whose first vertex is from the range:
+/// found(j, i, (δ_i + δ_j)/2). widest: the largest diameter of the cloud.
+template <class Found>
+void find_vertex_edge_pairs(const PointCloud& cloud, const CellGrid<2>& grid, Real skin, Real widest, Index first,
+                            Index last, Found&& found) {
+  for (Index i = first; i < last; ++i) {
     if (!cloud.uses(i)) continue;
     const Vec<2> a = point<2>(cloud.x, i), b = point<2>(cloud.x, cloud.next[i]);
     const Vec<2> range = Vec<2>::Constant((cloud.diameter[i] + widest) / 2 + skin);
     grid.for_each_in_box(a.cwiseMin(b) - range, a.cwiseMax(b) + range, [&](Index j) {
       if (cloud.group[i] == cloud.group[j]) return;
-      const Real reach = (cloud.diameter[i] + cloud.diameter[j]) / 2 + skin;
-      if (segment_foot(point<2>(cloud.x, j), a, b).d2 < square(reach)) pairs.push_back({j, i});
+      const Real contact = (cloud.diameter[i] + cloud.diameter[j]) / 2;
+      if (segment_foot(point<2>(cloud.x, j), a, b).d2 < square(contact + skin)) found(j, i, contact);
     });
   }
 }
 
-/// Point–wall pairs with distance < δ/2 + skin.
-template <int D>
-void find_wall_pairs(const PointCloud& cloud, const Walls<D>& walls, Real skin, std::vector<Pair>& pairs) {
-  pairs.clear();
-  for (Index i = 0; i < cloud.size(); ++i) {
+/// Points of the range with distance < δ/2 + skin from a wall: found(point, wall).
+template <int D, class Found>
+void find_wall_pairs(const PointCloud& cloud, const Walls<D>& walls, Real skin, Index first, Index last,
+                     Found&& found) {
+  for (Index i = first; i < last; ++i) {
     if (!cloud.uses(i)) continue;
     for (Index s = 0; s < walls.size(); ++s)
-      if (walls.distance(point<D>(cloud.x, i), s) < cloud.diameter[i] / 2 + skin) pairs.push_back({i, s});
+      if (walls.distance(point<D>(cloud.x, i), s) < cloud.diameter[i] / 2 + skin) found(i, s);
   }
 }
 
-/// Lip–edge pairs with distance < δ/2 + skin.
-inline void find_lip_pairs(const PointCloud& cloud, const Walls<2>& walls, Real skin, std::vector<Pair>& pairs) {
-  pairs.clear();
-  for (Index i = 0; i < cloud.size(); ++i) {
+/// Edges, with their first vertex from the range, with distance < δ/2 + skin from a lip: found(lip, first vertex).
+template <class Found>
+void find_lip_pairs(const PointCloud& cloud, const Walls<2>& walls, Real skin, Index first, Index last, Found&& found) {
+  for (Index i = first; i < last; ++i) {
     if (!cloud.uses(i)) continue;
     const Vec<2> a = point<2>(cloud.x, i), b = point<2>(cloud.x, cloud.next[i]);
     for (Index l = 0; l < static_cast<Index>(walls.lips().size()); ++l)
-      if (segment_foot(walls.lips()[l], a, b).d2 < square(cloud.diameter[i] / 2 + skin)) pairs.push_back({l, i});
+      if (segment_foot(walls.lips()[l], a, b).d2 < square(cloud.diameter[i] / 2 + skin)) found(l, i);
   }
 }
 

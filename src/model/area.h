@@ -12,9 +12,9 @@ namespace pliant {
 struct Area {
   Real k_a;
 
+  static constexpr Elements elements = Elements::particles;
   static std::string_view name() { return "area"; }
   bool enabled(const StateView<2>&) const { return k_a > 0; }
-  Index size(const StateView<2>& s) const { return s.topology.particles(); }
   static Index particle(const StateView<2>&, Index m) { return m; }
 
   Real energy(const StateView<2>& s, Index m) const {

@@ -1,15 +1,10 @@
 #include <pliant/model/catalogue.h>
 
 #include <pliant/base/errors.h>
-#include <pliant/model/area.h>
-#include <pliant/model/bending.h>
 #include <pliant/model/drag.h>
-#include <pliant/model/edge_contact.h>
+#include <pliant/model/fused_terms.h>
 #include <pliant/model/gravity.h>
 #include <pliant/model/lip_contact.h>
-#include <pliant/model/pair_contact.h>
-#include <pliant/model/pair_friction.h>
-#include <pliant/model/perimeter.h>
 #include <pliant/model/wall_contact.h>
 
 namespace pliant {
@@ -18,6 +13,12 @@ namespace {
 template <int D, class... Terms>
 std::unique_ptr<ForceField<D>> model(Terms... terms) {
   return std::make_unique<Model<D, Terms...>>(std::move(terms)...);
+}
+
+/// Terms whose forces the kernel computes in one pass.
+template <class Kernel, class... Terms>
+Fused<Kernel, Terms...> fused(Terms... terms) {
+  return Fused<Kernel, Terms...>(std::move(terms)...);
 }
 
 }  // namespace
@@ -53,25 +54,23 @@ NeighbourNeeds neighbour_needs(ModelKind kind) {
 template <int D>
 std::unique_ptr<ForceField<D>> make_force_field(ModelKind kind, const ModelParameters& p, const Vec<D>& gravity) {
   if (kind == ModelKind::sp)
-    return model<D>(PairContact<D>{p.epsilon, "pair"}, WallContact<D>{p.epsilon_wall}, Gravity<D>{gravity},
-                    Drag<D>{p.zeta}, PairFriction<D>{p.mu});
+    return model<D>(fused<PairKernel>(PairContact<D>{p.epsilon, "pair"}, PairFriction<D>{p.mu}),
+                    WallContact<D>{p.epsilon_wall}, Gravity<D>{gravity}, Drag<D>{p.zeta});
   if constexpr (D == 2) {
-    const Area area{p.k_a};
-    const Perimeter perimeter{p.k_l};
-    const Bending bending{p.k_b};
+    const auto shape = fused<ShapeKernel>(Area{p.k_a}, Perimeter{p.k_l}, Bending{p.k_b});
     const WallContact<2> wall{p.epsilon_wall};
     const LipContact lip{p.epsilon_wall, p.lip_edges};
     const Gravity<2> weight{gravity};
     const Drag<2> drag{p.zeta};
     switch (kind) {
       case ModelKind::rough:
-        return model<2>(area, perimeter, bending, PairContact<2>{p.epsilon, "contact"}, wall, lip, weight, drag,
-                        PairFriction<2>{p.mu});
+        return model<2>(shape, fused<PairKernel>(PairContact<2>{p.epsilon, "contact"}, PairFriction<2>{p.mu}), wall,
+                        lip, weight, drag);
       case ModelKind::smooth:
-        return model<2>(area, perimeter, bending, EdgeContact{p.epsilon}, wall, lip, weight, drag,
-                        EdgeFriction{p.mu, p.friction_point});
+        return model<2>(shape, fused<EdgeKernel>(EdgeContact{p.epsilon}, EdgeFriction{p.mu, p.friction_point}), wall,
+                        lip, weight, drag);
       default:
-        return model<2>(area, perimeter, bending, weight, drag);
+        return model<2>(shape, weight, drag);
     }
   }
   throw InputError("model {} exists in 2D only; use -dim 2 or -model sp", to_string(kind));

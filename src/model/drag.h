@@ -11,9 +11,9 @@ template <int D>
 struct Drag {
   Real zeta;
 
+  static constexpr Elements elements = Elements::points;
   static std::string_view name() { return "drag"; }
   bool enabled(const StateView<D>&) const { return zeta > 0; }
-  Index size(const StateView<D>& s) const { return s.topology.points(); }
   Real power(const StateView<D>& s, Index i) const { return coefficient(s.topology, i) * s.velocity(i).squaredNorm(); }
   template <class F>
   void add_force(const StateView<D>& s, Index i, F& force) const {

@@ -19,9 +19,9 @@ namespace pliant {
 struct EdgeContact {
   Real epsilon;
 
+  static constexpr Elements elements = Elements::vertex_edges;
   static std::string_view name() { return "contact"; }
   bool enabled(const StateView<2>&) const { return true; }
-  Index size(const StateView<2>& s) const { return static_cast<Index>(s.neighbours.vertex_edges.size()); }
 
   Real energy(const StateView<2>& s, Index e) const {
     const auto [p, a, b, v] = element(s, e);

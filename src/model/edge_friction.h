@@ -22,9 +22,9 @@ struct EdgeFriction {
   Real mu;
   FrictionPoint where = FrictionPoint::contact;
 
+  static constexpr Elements elements = Elements::vertex_edges;
   static std::string_view name() { return "friction"; }
   bool enabled(const StateView<2>&) const { return mu > 0; }
-  Index size(const StateView<2>& s) const { return static_cast<Index>(s.neighbours.vertex_edges.size()); }
 
   Real power(const StateView<2>& s, Index e) const {
     const std::optional<Rubbing> r = rubbing(s, e);

@@ -10,9 +10,9 @@ template <int D>
 struct Gravity {
   Vec<D> g = Vec<D>::Zero();  ///< acceleration in units of g
 
+  static constexpr Elements elements = Elements::points;
   static std::string_view name() { return "gravity"; }
   bool enabled(const StateView<D>&) const { return !g.isZero(0); }
-  Index size(const StateView<D>& s) const { return s.topology.points(); }
   Real energy(const StateView<D>& s, Index i) const { return -s.topology.mass[i] * g.dot(s.position(i)); }
   template <class G>
   void add_gradient(const StateView<D>& s, Index i, G& grad) const {

@@ -15,9 +15,9 @@ struct LipContact {
   Real epsilon;
   bool with_edges = true;  ///< false: as printed, only vertices feel lips
 
+  static constexpr Elements elements = Elements::lips;
   static std::string_view name() { return "lip"; }
   bool enabled(const StateView<2>& s) const { return with_edges && !s.walls.lips().empty(); }
-  Index size(const StateView<2>& s) const { return static_cast<Index>(s.neighbours.lips.size()); }
 
   Real energy(const StateView<2>& s, Index e) const {
     const auto [q, a, b, v] = element(s, e);

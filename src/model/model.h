@@ -5,6 +5,7 @@
 #include <array>
 #include <functional>
 #include <memory>
+#include <numeric>
 #include <string>
 #include <tuple>
 #include <vector>
@@ -30,7 +31,9 @@ struct CriticalStep {
   Real least() const { return std::min(elastic, damping); }
 };
 
-/// Energies and forces of a configuration. One virtual call per evaluation, none per element.
+/// Energies and forces of a configuration. One virtual call per evaluation, none per element. Arrays of forces have the
+/// length of all points; only the own points are written. Sums are over the rank's share: what lies inside its chunks,
+/// and across borders what the particle with the lower id belongs to; over all ranks every element counts once.
 template <int D>
 class ForceField {
  public:
@@ -38,11 +41,13 @@ class ForceField {
 
   /// Total force, written to f [points · D].
   virtual void forces(const StateView<D>& s, Real* f) const = 0;
+  /// The same, divided by the masses: 0 for inactive particles.
+  virtual void accelerations(const StateView<D>& s, Real* a) const = 0;
   /// Total energy; with f, the forces of the energy terms alone are written there.
   virtual Real energy(const StateView<D>& s, Real* f = nullptr) const = 0;
   /// Dissipated power, ≥ 0.
   virtual Real power(const StateView<D>& s) const = 0;
-  /// Each active term by itself, in the order of the model's list.
+  /// Each active term by itself, in the order of the model's list; forces by the terms' plain element loops.
   virtual std::vector<TermReport> report(const StateView<D>& s) const = 0;
   /// Force of the term called `name` alone, written to f [points · D]; zero if the model has no such term.
   virtual void force_of(std::string_view name, const StateView<D>& s, Real* f) const = 0;
@@ -57,95 +62,121 @@ class ForceField {
   virtual CriticalStep critical_step(const Topology& topology) const = 0;
 };
 
-template <int D, class... Terms>
+/// Terms whose forces one vectorised kernel computes in one pass:
+/// Kernel::add_forces(s, chunk, f, terms…) adds their forces on the points of a chunk; where Kernel::fast() is false
+/// the plain loops are used. Everything else, energies and reports among it, goes through the terms' element functions,
+/// which are the kernel's reference in the tests.
+template <class Kernel, class... Terms>
+struct Fused {
+  std::tuple<Terms...> terms;
+  explicit Fused(Terms... t) : terms(std::move(t)...) {}
+};
+
+template <class T>
+inline constexpr bool is_fused = false;
+template <class Kernel, class... Terms>
+inline constexpr bool is_fused<Fused<Kernel, Terms...>> = true;
+
+template <class T, int D>
+concept ModelPart = is_fused<T> || EnergyTerm<T, D> || DissipationTerm<T, D>;
+
+template <int D, class... Parts>
 class Model final : public ForceField<D> {
-  static_assert(((EnergyTerm<Terms, D> || DissipationTerm<Terms, D>)&&...), "a term lacks a function: see term.h");
+  static_assert((ModelPart<Parts, D> && ...), "a term lacks a function: see term.h");
 
  public:
-  explicit Model(Terms... terms) : terms_(std::move(terms)...) {}
+  explicit Model(Parts... parts) : parts_(std::move(parts)...) {}
 
   void forces(const StateView<D>& s, Real* f) const override {
-    zero(s, f);
-    for_each_enabled(s, [&](const auto& term) { add_forces(term, s, f); });
+    for_each_chunk(s, [&](Index chunk) { add_total(s, chunk, f); });
+  }
+
+  void accelerations(const StateView<D>& s, Real* a) const override {
+    const Real* inverse_mass = s.topology.inverse_mass.data();
+    for_each_chunk(s, [&](Index chunk) {
+      add_total(s, chunk, a);
+      const Range own = s.neighbours.points(chunk);
+      for (Index i = own.first; i < own.last; ++i) point<D>(a, i) *= inverse_mass[i];
+    });
   }
 
   Real energy(const StateView<D>& s, Real* f) const override {
-    if (f != nullptr) zero(s, f);
-    Real sum = 0;
-    for_each_energy(s, [&](const auto& term) {
-      const Index n = term.size(s);
-      for (Index e = 0; e < n; ++e) sum += term.energy(s, e);
-      if (f != nullptr) add_forces(term, s, f);
+    bool dissipative = false;
+    for_each_dissipation(s, [&](const auto&) { dissipative = true; });
+    return sum_over_chunks(s, [&](Index chunk) {
+      Real sum = 0;
+      if (f != nullptr && dissipative) zero(s, chunk, f);
+      for_each_energy(s, [&](const auto& term) {
+        for_each_element(term, s, chunk, [&](Index e) { sum += term.energy(s, e); });
+        if (f != nullptr && dissipative) add_forces(term, s, chunk, f);
+      });
+      if (f != nullptr && !dissipative) add_total(s, chunk, f);
+      return sum;
     });
-    return sum;
   }
 
   Real power(const StateView<D>& s) const override {
-    Real sum = 0;
-    for_each_dissipation(s, [&](const auto& term) {
-      const Index n = term.size(s);
-      for (Index e = 0; e < n; ++e) sum += term.power(s, e);
+    return sum_over_chunks(s, [&](Index chunk) {
+      Real sum = 0;
+      for_each_dissipation(
+          s, [&](const auto& term) { for_each_element(term, s, chunk, [&](Index e) { sum += term.power(s, e); }); });
+      return sum;
     });
-    return sum;
   }
 
   std::vector<TermReport> report(const StateView<D>& s) const override {
     std::vector<TermReport> reports;
     for_each_enabled(s, [&](const auto& term) {
-      TermReport r{std::string(term.name()), EnergyTerm<std::decay_t<decltype(term)>, D>, 0,
+      using Term = std::decay_t<decltype(term)>;
+      TermReport r{std::string(term.name()), EnergyTerm<Term, D>, 0,
                    std::vector<Real>(static_cast<std::size_t>(s.topology.points()) * D)};
-      if constexpr (EnergyTerm<std::decay_t<decltype(term)>, D>) {
-        const Index n = term.size(s);
-        for (Index e = 0; e < n; ++e) r.energy += term.energy(s, e);
+      if constexpr (EnergyTerm<Term, D>) {
+        for_each_element(term, s, [&](Index e) { r.energy += term.energy(s, e); });
         if constexpr (requires { term.particle(s, Index()); }) {
           r.particle_energy.resize(s.topology.particles());
-          for (Index e = 0; e < n; ++e) r.particle_energy[term.particle(s, e)] += term.energy(s, e);
+          for_each_element(term, s, [&](Index e) { r.particle_energy[term.particle(s, e)] += term.energy(s, e); });
         }
       }
-      add_forces(term, s, r.force.data());
+      for (Index c = 0; c < s.neighbours.chunks(); ++c) add_forces(term, s, c, r.force.data());
       reports.push_back(std::move(r));
     });
     return reports;
   }
 
   void force_of(std::string_view name, const StateView<D>& s, Real* f) const override {
-    zero(s, f);
-    for_each_enabled(s, [&](const auto& term) {
-      if (term.name() == name) add_forces(term, s, f);
+    for_each_chunk(s, [&](Index chunk) {
+      zero(s, chunk, f);
+      for_each_enabled(s, [&](const auto& term) {
+        if (term.name() == name) add_forces(term, s, chunk, f);
+      });
     });
   }
 
   void hessian(const StateView<D>& s, BlockSink<D>& h) const override {
-    for_each_energy(s, [&](const auto& term) {
-      const Index n = term.size(s);
-      for (Index e = 0; e < n; ++e) term.add_hessian(s, e, h);
-    });
+    for_each_energy(s,
+                    [&](const auto& term) { for_each_element(term, s, [&](Index e) { term.add_hessian(s, e, h); }); });
   }
 
   void damping(const StateView<D>& s, BlockSink<D>& h) const override {
-    for_each_dissipation(s, [&](const auto& term) {
-      const Index n = term.size(s);
-      for (Index e = 0; e < n; ++e) term.add_dforce_dv(s, e, h);
-    });
+    for_each_dissipation(
+        s, [&](const auto& term) { for_each_element(term, s, [&](Index e) { term.add_dforce_dv(s, e, h); }); });
   }
 
   void for_each_contact(const StateView<D>& s, const std::function<void(const Contact<D>&)>& visit) const override {
     for_each_enabled(s, [&](const auto& term) {
       if constexpr (ContactTerm<std::decay_t<decltype(term)>, D>) {
         Contact<D> contact;
-        const Index n = term.size(s);
-        for (Index e = 0; e < n; ++e)
+        for_each_element(term, s, [&](Index e) {
           if (term.contact(s, e, contact)) visit(contact);
+        });
       }
     });
   }
 
   void add_wall_forces(const StateView<D>& s, Real* f) const override {
     for_each_enabled(s, [&](const auto& term) {
-      if constexpr (requires { term.wall(s, Index()); }) {
-        const Index n = term.size(s);
-        for (Index e = 0; e < n; ++e) point<D>(f, term.wall(s, e)) -= term.force(s, e);
-      }
+      if constexpr (requires { term.wall(s, Index()); })
+        for_each_element(term, s, [&](Index e) { point<D>(f, term.wall(s, e)) -= term.force(s, e); });
     });
   }
 
@@ -162,8 +193,17 @@ class Model final : public ForceField<D> {
 
  private:
   template <class Visit>
+  void for_each_part(Visit&& visit) const {
+    std::apply([&](const auto&... part) { (visit(part), ...); }, parts_);
+  }
+  template <class Visit>
   void for_each_term(Visit&& visit) const {
-    std::apply([&](const auto&... term) { (visit(term), ...); }, terms_);
+    for_each_part([&](const auto& part) {
+      if constexpr (is_fused<std::decay_t<decltype(part)>>)
+        std::apply([&](const auto&... term) { (visit(term), ...); }, part.terms);
+      else
+        visit(part);
+    });
   }
   template <class Visit>
   void for_each_enabled(const StateView<D>& s, Visit&& visit) const {
@@ -184,46 +224,81 @@ class Model final : public ForceField<D> {
     });
   }
 
-  template <class T>
-  static void add_forces(const T& term, const StateView<D>& s, Real* f) {
-    const Index n = term.size(s);
-    if constexpr (!EnergyTerm<T, D>) {
-      Scatter<D, 1> scatter{f};
-      if constexpr (requires { term.touches(s, n); })
-        for_each_touching(term, s, [&](Index e) { term.add_force(s, e, scatter); });
-      else
-        for (Index e = 0; e < n; ++e) term.add_force(s, e, scatter);
-    } else {
-      Scatter<D, -1> scatter{f};
-      if constexpr (requires { term.touches(s, n); })
-        for_each_touching(term, s, [&](Index e) { term.add_gradient(s, e, scatter); });
-      else
-        for (Index e = 0; e < n; ++e) term.add_gradient(s, e, scatter);
-    }
+  /// The chunks write to their own points only, so that threads can share them out in any way.
+  template <class Visit>
+  static void for_each_chunk(const StateView<D>& s, Visit&& visit) {
+    const Index chunks = s.neighbours.chunks();
+#pragma omp parallel for schedule(dynamic, 1) if (chunks > 1)
+    for (Index c = 0; c < chunks; ++c) visit(c);
   }
 
-  /// Visits the elements of a contact term that touch, in order: sieved block by block without a branch, because
-  /// whether a listed pair touches is a toss-up that no processor predicts.
+  /// Σ value(chunk), in the same order for any number of threads.
+  template <class Value>
+  static Real sum_over_chunks(const StateView<D>& s, Value&& value) {
+    std::array<Real, Neighbours<D>::max_chunks> part;
+    for_each_chunk(s, [&](Index c) { part[c] = value(c); });
+    return std::accumulate(part.begin(), part.begin() + s.neighbours.chunks(), Real(0));
+  }
+
+  /// Calls visit(e) for the elements that count in a chunk.
   template <class T, class Visit>
-  static void for_each_touching(const T& term, const StateView<D>& s, Visit&& visit) {
-    const Index n = term.size(s);
-    std::array<Index, 256> touching;
-    for (Index first = 0; first < n; first += touching.size()) {
-      const Index last = std::min<Index>(n, first + touching.size());
-      std::size_t count = 0;
-      for (Index e = first; e < last; ++e) {
-        touching[count] = e;
-        count += term.touches(s, e);
-      }
-      for (std::size_t k = 0; k < count; ++k) visit(touching[k]);
+  static void for_each_element(const T&, const StateView<D>& s, Index chunk, Visit&& visit) {
+    const Range inside = s.neighbours.inside(T::elements, chunk), across = s.neighbours.across(T::elements, chunk);
+    for (Index e = inside.first; e < inside.last; ++e) visit(e);
+    if (across.size() == 0) return;
+    const Topology& topology = s.topology;
+    const Range own = s.neighbours.particles(chunk);
+    const PairList& list = T::elements == Elements::point_pairs ? s.neighbours.point_pairs : s.neighbours.vertex_edges;
+    for (Index e = across.first; e < across.last; ++e) {
+      const Index m = topology.particle[list[e].first], n = topology.particle[list[e].second];
+      if (own.contains(topology.id[m] < topology.id[n] ? m : n)) visit(e);
     }
   }
-
-  static void zero(const StateView<D>& s, Real* f) {
-    std::fill_n(f, static_cast<std::size_t>(s.topology.points()) * D, 0.0);
+  template <class T, class Visit>
+  static void for_each_element(const T& term, const StateView<D>& s, Visit&& visit) {
+    for (Index c = 0; c < s.neighbours.chunks(); ++c) for_each_element(term, s, c, visit);
   }
 
-  std::tuple<Terms...> terms_;
+  static void zero(const StateView<D>& s, Index chunk, Real* f) {
+    const Range own = s.neighbours.points(chunk);
+    std::fill(f + static_cast<std::size_t>(own.first) * D, f + static_cast<std::size_t>(own.last) * D, 0.0);
+  }
+
+  /// Zeroes and fills the forces of a chunk, by kernels where there are some.
+  void add_total(const StateView<D>& s, Index chunk, Real* f) const {
+    zero(s, chunk, f);
+    for_each_part([&](const auto& part) {
+      if constexpr (is_fused<std::decay_t<decltype(part)>>)
+        add_fused(part, s, chunk, f);
+      else if (part.enabled(s))
+        add_forces(part, s, chunk, f);
+    });
+  }
+
+  template <class Kernel, class... Terms>
+  static void add_fused(const Fused<Kernel, Terms...>& part, const StateView<D>& s, Index chunk, Real* f) {
+    if (Kernel::fast())
+      std::apply([&](const auto&... term) { Kernel::add_forces(s, chunk, f, term...); }, part.terms);
+    else
+      std::apply([&](const auto&... term) { ((term.enabled(s) ? add_forces(term, s, chunk, f) : void()), ...); },
+                 part.terms);
+  }
+
+  template <class T>
+  static void add_forces(const T& term, const StateView<D>& s, Index chunk, Real* f) {
+    constexpr int sign = EnergyTerm<T, D> ? -1 : 1;
+    const auto add = [&](Range range, auto scatter) {
+      for (Index e = range.first; e < range.last; ++e)
+        if constexpr (EnergyTerm<T, D>)
+          term.add_gradient(s, e, scatter);
+        else
+          term.add_force(s, e, scatter);
+    };
+    add(s.neighbours.inside(T::elements, chunk), Scatter<D, sign>{f});
+    add(s.neighbours.across(T::elements, chunk), Scatter<D, sign, true>{f, s.neighbours.points(chunk)});
+  }
+
+  std::tuple<Parts...> parts_;
 };
 
 }  // namespace pliant

@@ -5,44 +5,181 @@
 #include <pliant/base/errors.h>
 
 namespace pliant {
+namespace {
+
+// Points per chunk: enough that few pairs lie across its border, where forces are computed twice.
+template <int D>
+constexpr Index chunk_size = D == 2 ? 1000 : 4000;
+
+}  // namespace
 
 template <int D>
 bool Neighbours<D>::valid(const Real* x) const {
   if (reference_.empty()) return false;
   const Real limit = square(skin_ / 2);
   const Real* reference = reference_.data();
-  const std::size_t n = reference_.size() / D;
-  bool inside = true;
-  for (std::size_t i = 0; i < n; ++i) {
-    Real moved2 = 0;
-    for (int k = 0; k < D; ++k) moved2 += square(x[i * D + k] - reference[i * D + k]);
-    inside &= moved2 <= limit;  // false for NaN too
+  bool all_inside = true;
+#pragma omp parallel for reduction(&& : all_inside) if (chunks() > 1)
+  for (Index c = 0; c < chunks(); ++c) {
+    bool inside = true;
+    for (std::size_t i = chunk_point_[c]; i < static_cast<std::size_t>(chunk_point_[c + 1]); ++i) {
+      Real moved2 = 0;
+      for (int k = 0; k < D; ++k) moved2 += square(x[i * D + k] - reference[i * D + k]);
+      inside &= moved2 <= limit;  // false for NaN too
+    }
+    all_inside = all_inside && inside;
   }
-  return inside;
+  return all_inside;
+}
+
+template <int D>
+Range Neighbours<D>::inside(Elements elements, Index chunk) const {
+  switch (elements) {
+    case Elements::particles:
+      return particles(chunk);
+    case Elements::points:
+      return points(chunk);
+    case Elements::point_pairs:
+      return point_pairs.inside(chunk);
+    case Elements::vertex_edges:
+      return vertex_edges.inside(chunk);
+    case Elements::walls:
+      return walls.inside(chunk);
+    case Elements::lips:
+      return lips.inside(chunk);
+  }
+  return {};
+}
+
+template <int D>
+Range Neighbours<D>::across(Elements elements, Index chunk) const {
+  if (elements == Elements::point_pairs) return point_pairs.across(chunk);
+  if (elements == Elements::vertex_edges) return vertex_edges.across(chunk);
+  return {};
+}
+
+template <int D>
+void Neighbours<D>::divide(const Topology& topology) {
+  const Index n = topology.owned_points();
+  const Index chunks = std::clamp<Index>(n / chunk_size<D>, 1, max_chunks);
+  chunk_.assign(1, 0);
+  for (Index c = 1; c < chunks; ++c) {
+    // The first particle that begins at or after an equal share of the points.
+    const auto share = static_cast<Index>(static_cast<std::int64_t>(n) * c / chunks);
+    const auto at =
+        std::lower_bound(topology.offset.begin() + chunk_.back(), topology.offset.begin() + topology.owned(), share);
+    chunk_.push_back(static_cast<Index>(at - topology.offset.begin()));
+  }
+  chunk_.push_back(topology.owned());
+  chunk_point_.resize(chunk_.size());
+  for (std::size_t c = 0; c < chunk_.size(); ++c) chunk_point_[c] = topology.offset[chunk_[c]];
+}
+
+/// Chunk of point i; −1 for a ghost.
+template <int D>
+Index Neighbours<D>::chunk_of(Index i) const {
+  if (i >= chunk_point_.back()) return -1;
+  return static_cast<Index>(std::upper_bound(chunk_point_.begin(), chunk_point_.end(), i) - chunk_point_.begin()) - 1;
+}
+
+/// A list of pairs of points. search(first, last, found) goes through points and calls found(first, second, reach); of
+/// the pair, the point that the search started from is the first (searcher_first) or the second. Ghosts search too, for
+/// what own points do not find.
+template <int D>
+template <class Search>
+void Neighbours<D>::build(PairList& list, bool searcher_first, Index all_points, Search&& search) {
+  const Index n = chunks(), own = chunk_point_.back();
+  hauls_.resize(n + 1);
+#pragma omp parallel for schedule(dynamic, 1) if (n > 1)
+  for (Index c = 0; c <= n; ++c) {
+    const Range range = c < n ? points(c) : Range{own, all_points};
+    Haul& haul = hauls_[c];
+    haul.inside.clear();
+    haul.across.clear();
+    search(range.first, range.last, [&](Index first, Index second, Real reach) {
+      const Index other = searcher_first ? second : first;
+      if (c < n && range.contains(other))
+        haul.inside.push_back({{first, second}, reach});
+      else if (c < n || other < own)
+        haul.across.push_back({{first, second}, reach});
+    });
+    haul.found_across = haul.across.size();
+  }
+  for (Index c = 0; c <= n; ++c)
+    for (std::size_t k = 0; k < hauls_[c].found_across; ++k) {
+      Found copy = hauls_[c].across[k];
+      const Index target = chunk_of(searcher_first ? copy.pair.second : copy.pair.first);
+      if (target < 0) continue;
+      if (searcher_first) std::swap(copy.pair.first, copy.pair.second);
+      hauls_[target].across.push_back(copy);
+    }
+  list.start.assign(1, 0);
+  for (Index c = 0; c < n; ++c) {
+    list.start.push_back(list.start.back() + static_cast<Index>(hauls_[c].inside.size()));
+    list.start.push_back(list.start.back() + static_cast<Index>(hauls_[c].across.size()));
+  }
+  list.pairs.resize(list.start.back());
+  list.reach.resize(list.start.back());
+#pragma omp parallel for schedule(dynamic, 1) if (n > 1)
+  for (Index c = 0; c < n; ++c) {
+    Index e = list.start[2 * c];
+    for (const auto* part : {&hauls_[c].inside, &hauls_[c].across})
+      for (const Found& f : *part) {
+        list.pairs[e] = f.pair;
+        list.reach[e++] = f.reach;
+      }
+  }
+}
+
+/// A list of own points (or edges) and something that does not move: search(first, last, found(first, second)).
+template <int D>
+template <class Search>
+void Neighbours<D>::build_own(PairList& list, Search&& search) {
+  list.clear();
+  for (Index c = 0; c < chunks(); ++c) {
+    search(points(c).first, points(c).last, [&](Index first, Index second) { list.pairs.push_back({first, second}); });
+    list.start.insert(list.start.end(), 2, list.size());
+  }
 }
 
 template <int D>
 void Neighbours<D>::rebuild(const Topology& topology, const Walls<D>& wall, const Real* x) {
   const Index n = topology.points();
   for (std::size_t k = 0; k < static_cast<std::size_t>(n) * D; ++k)
-    if (!std::isfinite(x[k]))
+    if (!std::isfinite(x[k])) {
+      const Index m = topology.particle[k / D];
       throw NumericalError("position of point {} of particle {} is not finite; lower -dt or the stiffness",
-                           k / D - topology.offset[topology.particle[k / D]], topology.particle[k / D]);
+                           k / D - topology.offset[m], topology.id[m]);
+    }
 
+  divide(topology);
   const PointCloud cloud{x, topology.diameter, topology.particle, topology.next, topology.active};
+  Real mean = 0, widest = 0;
+  for (const Real d : topology.diameter) {
+    mean += d;
+    widest = std::max(widest, d);
+  }
   if (needs_.point_pairs || needs_.vertex_edges) {
     // Cells as wide as the mean reach of a point: a search then visits a few cells of a few points each.
-    Real mean = 0;
-    for (const Real d : topology.diameter) mean += d;
     grid_.build(x, n, mean / n + skin_, [&](Index i) { return cloud.uses(i); });
   }
-  if (needs_.point_pairs) find_point_pairs<D>(cloud, grid_, skin_, point_pairs);
-  if (needs_.walls) find_wall_pairs<D>(cloud, wall, skin_, walls);
+  if (needs_.point_pairs)
+    build(point_pairs, true, n,
+          [&](Index first, Index last, auto&& found) { find_point_pairs<D>(cloud, grid_, skin_, first, last, found); });
+  if (needs_.walls)
+    build_own(walls, [&](Index first, Index last, auto&& found) {
+      find_wall_pairs<D>(cloud, wall, skin_, first, last, found);
+    });
   if constexpr (D == 2) {
-    if (needs_.vertex_edges) find_vertex_edge_pairs(cloud, grid_, skin_, vertex_edges);
-    if (needs_.lips) find_lip_pairs(cloud, wall, skin_, lips);
+    if (needs_.vertex_edges)
+      build(vertex_edges, false, n, [&](Index first, Index last, auto&& found) {
+        find_vertex_edge_pairs(cloud, grid_, skin_, widest, first, last, found);
+      });
+    if (needs_.lips)
+      build_own(lips,
+                [&](Index first, Index last, auto&& found) { find_lip_pairs(cloud, wall, skin_, first, last, found); });
   }
-  reference_.assign(x, x + static_cast<std::size_t>(n) * D);
+  reference_.assign(x, x + static_cast<std::size_t>(topology.owned_points()) * D);
   ++rebuilds_;
 }
 

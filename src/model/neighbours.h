@@ -1,4 +1,4 @@
-// Neighbour lists of a run, with one rule for when they are stale.
+// Neighbour lists of a run, divided into chunks of particles, with one rule for when they are stale.
 #pragma once
 
 #include <cstdint>
@@ -17,19 +17,55 @@ struct NeighbourNeeds {
   bool lips = false;
 };
 
+/// What a term has one element of.
+enum class Elements { particles, points, point_pairs, vertex_edges, walls, lips };
+
+/// first … last−1.
+struct Range {
+  Index first = 0, last = 0;
+  Index size() const { return last - first; }
+  bool contains(Index i) const { return first <= i && i < last; }
+};
+
+/// A list whose pairs are grouped by chunk: those inside the chunk, then those across its border. A pair across a
+/// border is listed by the chunks on both sides, each of which works on its own points only.
+struct PairList {
+  std::vector<Pair> pairs;
+  std::vector<Real> reach;   ///< contact distance of each pair, (δ_i + δ_j)/2; empty for walls and lips
+  std::vector<Index> start;  ///< [2 chunks + 1]
+
+  Index size() const { return static_cast<Index>(pairs.size()); }
+  bool empty() const { return pairs.empty(); }
+  const Pair& operator[](Index e) const { return pairs[e]; }
+  auto begin() const { return pairs.begin(); }
+  auto end() const { return pairs.end(); }
+  Range inside(Index chunk) const { return {start[2 * chunk], start[2 * chunk + 1]}; }
+  Range across(Index chunk) const { return {start[2 * chunk + 1], start[2 * chunk + 2]}; }
+  void clear() { pairs.clear(), reach.clear(), start.assign(1, 0); }
+};
+
 /// Lists of everything closer than contact + skin at the reference positions. They hold every contact until some point
 /// has moved by skin/2 from there; `ensure` rebuilds them then, at whatever positions the forces are asked for, so that
 /// no step, stage or trial state ever sees a list that lacks a contact. A rebuilt list changes a force only by the
 /// order of its sum.
+///
+/// The rank's own particles are divided into chunks, the units of work of threads: runs of particles in storage order,
+/// of about the same number of points. What a chunk holds, and the order of its lists, depends on the configuration
+/// only, not on the number of threads. Ghosts belong to no chunk.
 template <int D>
 class Neighbours {
  public:
+  static constexpr Index max_chunks = 64;
+
   Neighbours(NeighbourNeeds needs, Real skin) : needs_(needs), skin_(skin) {}
 
-  std::vector<Pair> point_pairs;   ///< (larger point, smaller point)
-  std::vector<Pair> vertex_edges;  ///< (vertex, first vertex of the edge)
-  std::vector<Pair> walls;         ///< (point, wall)
-  std::vector<Pair> lips;          ///< (lip, first vertex of the edge)
+  PairList point_pairs;   ///< (point, point); across a border the chunk's own point comes first
+  PairList vertex_edges;  ///< (vertex, first vertex of the edge)
+  PairList walls;         ///< (point, wall)
+  PairList lips;          ///< (lip, first vertex of the edge)
+
+  /// Whether the lists hold every contact at x [points · D]; false for NaN.
+  bool valid(const Real* x) const;
 
   /// Makes the lists valid for positions x [points · D]. Errors: NumericalError for a position that is not finite.
   void ensure(const Topology& topology, const Walls<D>& wall, const Real* x) {
@@ -42,21 +78,46 @@ class Neighbours {
   /// After a change of the topology: the next `ensure` rebuilds.
   void invalidate() { reference_.clear(); }
 
-  /// Positions of the last rebuild, empty if there was none.
+  Index chunks() const { return static_cast<Index>(chunk_.size()) - 1; }
+  Range particles(Index chunk) const { return {chunk_[chunk], chunk_[chunk + 1]}; }
+  Range points(Index chunk) const { return {chunk_point_[chunk], chunk_point_[chunk + 1]}; }
+  Range inside(Elements elements, Index chunk) const;
+  Range across(Elements elements, Index chunk) const;
+
+  /// Positions of the own points at the last rebuild, empty if there was none.
   const std::vector<Real>& reference() const { return reference_; }
   std::int64_t rebuilds() const { return rebuilds_; }
   /// Entries in all lists: what one force evaluation visits.
-  std::size_t size() const { return point_pairs.size() + vertex_edges.size() + walls.size() + lips.size(); }
+  std::size_t size() const {
+    return static_cast<std::size_t>(point_pairs.size()) + vertex_edges.size() + walls.size() + lips.size();
+  }
   Real skin() const { return skin_; }
 
  private:
-  bool valid(const Real* x) const;
+  struct Found {
+    Pair pair;
+    Real reach;
+  };
+  /// What the search of one chunk has found.
+  struct Haul {
+    std::vector<Found> inside, across;
+    std::size_t found_across = 0;  ///< the first of across; other chunks have added the rest
+  };
+
+  void divide(const Topology& topology);
+  Index chunk_of(Index i) const;
+  template <class Search>
+  void build(PairList& list, bool searcher_first, Index all_points, Search&& search);
+  template <class Search>
+  void build_own(PairList& list, Search&& search);
 
   NeighbourNeeds needs_;
   Real skin_;
   std::vector<Real> reference_;
   std::int64_t rebuilds_ = 0;
+  std::vector<Index> chunk_{0}, chunk_point_{0};
   CellGrid<D> grid_;
+  std::vector<Haul> hauls_;
 };
 
 extern template class Neighbours<2>;

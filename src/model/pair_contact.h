@@ -13,15 +13,9 @@ struct PairContact {
   Real epsilon;
   std::string_view label;  ///< "pair" for soft particles, "contact" for vertices
 
+  static constexpr Elements elements = Elements::point_pairs;
   std::string_view name() const { return label; }
   bool enabled(const StateView<D>&) const { return true; }
-  Index size(const StateView<D>& s) const { return static_cast<Index>(s.neighbours.point_pairs.size()); }
-
-  /// For the sieve of model.h. In 2D, where more of the listed pairs touch, it costs more than it saves.
-  bool touches(const StateView<D>& s, Index e) const requires(D == 3) {
-    const auto [i, j] = s.neighbours.point_pairs[e];
-    return (s.position(i) - s.position(j)).squaredNorm() < square(law(s, i, j).delta);
-  }
 
   Real energy(const StateView<D>& s, Index e) const {
     const auto [i, j] = s.neighbours.point_pairs[e];

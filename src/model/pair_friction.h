@@ -12,14 +12,9 @@ template <int D>
 struct PairFriction {
   Real mu;
 
+  static constexpr Elements elements = Elements::point_pairs;
   static std::string_view name() { return "friction"; }
   bool enabled(const StateView<D>&) const { return mu > 0; }
-  Index size(const StateView<D>& s) const { return static_cast<Index>(s.neighbours.point_pairs.size()); }
-
-  bool touches(const StateView<D>& s, Index e) const requires(D == 3) {
-    const auto [i, j] = s.neighbours.point_pairs[e];
-    return touch(s, i, j);
-  }
 
   Real power(const StateView<D>& s, Index e) const {
     const auto [i, j] = s.neighbours.point_pairs[e];

@@ -10,9 +10,9 @@ namespace pliant {
 struct Perimeter {
   Real k_l;
 
+  static constexpr Elements elements = Elements::points;
   static std::string_view name() { return "perimeter"; }
   bool enabled(const StateView<2>&) const { return k_l > 0; }
-  Index size(const StateView<2>& s) const { return s.topology.points(); }
   static Index particle(const StateView<2>& s, Index i) { return s.topology.particle[i]; }
 
   Real energy(const StateView<2>& s, Index i) const {

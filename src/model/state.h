@@ -16,6 +16,13 @@ class State {
   State() = default;
   State(Index points, int dim) : y_(2 * static_cast<std::size_t>(points) * dim), a_(y_.size() / 2) {}
 
+  /// The same time and step with other points: x, v, a of one length.
+  void assign(std::span<const Real> x, std::span<const Real> v, std::span<const Real> a) {
+    y_.assign(x.begin(), x.end());
+    y_.insert(y_.end(), v.begin(), v.end());
+    a_.assign(a.begin(), a.end());
+  }
+
   Real t = 0;             ///< time in t0
   std::int64_t step = 0;  ///< accepted steps so far; a fixed step's time is t = step · dt
 

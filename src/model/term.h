@@ -25,12 +25,15 @@ struct StateView {
 };
 
 /// Adds Sign × (a vector for point i) to a global array [points · D]. Energy terms hand in gradients and get Sign = −1
-/// when forces are assembled: the one place where a gradient becomes a force.
-template <int D, int Sign>
+/// when forces are assembled: the one place where a gradient becomes a force. OwnOnly: only to points of a range, for
+/// elements across the border of a chunk.
+template <int D, int Sign, bool OwnOnly = false>
 struct Scatter {
   Real* out;
+  Range own = {};
   template <class V>
   void add(Index i, const V& vector) const {
+    if (OwnOnly && !own.contains(i)) return;
     if constexpr (Sign > 0)
       point<D>(out, i) += vector;
     else
@@ -56,12 +59,14 @@ struct Contact {
   Vec<D> force;         ///< elastic, on the first
 };
 
-/// An energy: U = Σ_e energy(s, e) over its elements.
+/// An energy: U = Σ_e energy(s, e) over its elements. An element may read everything, but its gradient is not zero only
+/// for the points it is made of: those of the particle to which a particle, a point (or an edge or corner that begins
+/// there) belongs, or those of a listed pair.
 template <class T, int D>
 concept EnergyTerm = requires(const T term, const StateView<D>& s, Index e, Scatter<D, 1>& g, BlockSink<D>& h) {
   { term.name() } -> std::convertible_to<std::string_view>;
   { term.enabled(s) } -> std::same_as<bool>;  // false: switched off, costs nothing
-  { term.size(s) } -> std::same_as<Index>;    // elements
+  { T::elements } -> std::convertible_to<Elements>;
   { term.energy(s, e) } -> std::same_as<Real>;
   term.add_gradient(s, e, g);                           // ∂U_e/∂x
   term.add_hessian(s, e, h);                            // ∂²U_e/∂x²
@@ -73,7 +78,7 @@ template <class T, int D>
 concept DissipationTerm = requires(const T term, const StateView<D>& s, Index e, Scatter<D, 1>& f, BlockSink<D>& h) {
   { term.name() } -> std::convertible_to<std::string_view>;
   { term.enabled(s) } -> std::same_as<bool>;
-  { term.size(s) } -> std::same_as<Index>;
+  { T::elements } -> std::convertible_to<Elements>;
   { term.power(s, e) } -> std::same_as<Real>;  // dissipated, ≥ 0
   term.add_force(s, e, f);
   term.add_dforce_dv(s, e, h);

@@ -4,18 +4,24 @@
 
 namespace pliant {
 
-void Topology::add_points(Index n, Real diameter_m, Real mass_m) {
+void Topology::connect_points(Index n) {
   const Index first = points(), m = particles();
   for (Index k = 0; k < n; ++k) {
     particle.push_back(m);
     next.push_back(first + (k + 1) % n);
     previous.push_back(first + (k + n - 1) % n);
-    diameter.push_back(diameter_m);
-    mass.push_back(mass_m / n);
-    inverse_mass.push_back(n / mass_m);
   }
   offset.push_back(first + n);
+}
+
+void Topology::add_points(Index n, Real diameter_m, Real mass_m) {
+  const Index m = particles();
+  connect_points(n);
+  diameter.insert(diameter.end(), n, diameter_m);
+  mass.insert(mass.end(), n, mass_m / n);
+  inverse_mass.insert(inverse_mass.end(), n, n / mass_m);
   active.push_back(1);
+  id.push_back(m);
 }
 
 void Topology::add_soft(Real sigma_m, Real mass_m) {
@@ -35,6 +41,54 @@ void Topology::add_polygon(Index n, Real a0_m, Real l0_m, Real delta_m, Real mas
 void Topology::deactivate(Index m) {
   active[m] = 0;
   for (Index i = offset[m]; i < offset[m + 1]; ++i) inverse_mass[i] = 0;
+}
+
+Topology Topology::select(std::span<const Index> which) const {
+  Topology t;
+  t.dim = dim;
+  for (const Index m : which) {
+    t.connect_points(points_of(m));
+    const auto points_to = [&](auto& to, const auto& from) {
+      to.insert(to.end(), from.begin() + offset[m], from.begin() + offset[m + 1]);
+    };
+    points_to(t.diameter, diameter);
+    points_to(t.mass, mass);
+    points_to(t.inverse_mass, inverse_mass);
+    t.sigma.push_back(sigma[m]);
+    t.a0.push_back(a0[m]);
+    t.l0.push_back(l0[m]);
+    t.active.push_back(active[m]);
+    t.id.push_back(id[m]);
+  }
+  return t;
+}
+
+void Topology::add_ghost(Index id_m, Index n, Real delta_m, Real sigma_m, Real a0_m, Real l0_m) {
+  add_points(n, delta_m, 1);  // nobody asks for the mass of a ghost
+  id.back() = id_m;
+  sigma.push_back(sigma_m);
+  a0.push_back(a0_m);
+  l0.push_back(l0_m);
+  ++ghosts;
+}
+
+void Topology::drop_ghosts() {
+  const std::size_t kept_points = owned_points(), kept = owned();
+  for (auto* a : {&particle, &next, &previous}) a->resize(kept_points);
+  for (auto* a : {&diameter, &mass, &inverse_mass}) a->resize(kept_points);
+  for (auto* a : {&sigma, &a0, &l0}) a->resize(kept);
+  offset.resize(kept + 1);
+  active.resize(kept);
+  id.resize(kept);
+  ghosts = 0;
+}
+
+void Topology::connect(const std::vector<Index>& points_of_each) {
+  offset.assign(1, 0);
+  particle.clear();
+  next.clear();
+  previous.clear();
+  for (const Index n : points_of_each) connect_points(n);
 }
 
 }  // namespace pliant

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include <pliant/base/types.h>
@@ -24,10 +25,15 @@ struct Topology {
   std::vector<Real> a0;            ///< [particles] rest area (2D) or volume (3D)
   std::vector<Real> l0;            ///< [particles] rest length of an edge; 0 for soft particles
   std::vector<std::uint8_t> active;  ///< [particles] 0: taken out of the run: touches nothing and does not move
+  std::vector<Index> id;  ///< [particles] the particle's number for the user; its place here changes as particles are
+                          ///< sorted in space and move between ranks
+  Index ghosts = 0;       ///< the last particles are copies of other ranks' particles
 
   Index particles() const { return static_cast<Index>(offset.size()) - 1; }
   Index points() const { return offset.back(); }
   Index points_of(Index m) const { return offset[m + 1] - offset[m]; }
+  Index owned() const { return particles() - ghosts; }  ///< particles of this rank: 0 … owned()−1
+  Index owned_points() const { return offset[owned()]; }
   bool deformable() const { return points() > particles(); }
 
   /// Appends a soft particle of diameter sigma and the given mass.
@@ -37,7 +43,17 @@ struct Topology {
   /// Takes particle m out of the run.
   void deactivate(Index m);
 
+  /// The particles `which` alone, in that order.
+  Topology select(std::span<const Index> which) const;
+
+  /// Appends a copy of another rank's particle.
+  void add_ghost(Index id_m, Index n, Real delta_m, Real sigma_m, Real a0_m, Real l0_m);
+  void drop_ghosts();
+  /// Builds offset, particle, next and previous anew for particles of these numbers of points.
+  void connect(const std::vector<Index>& points_of_each);
+
  private:
+  void connect_points(Index n);
   void add_points(Index n, Real diameter_m, Real mass_m);
 };
 

@@ -12,9 +12,9 @@ template <int D>
 struct WallContact {
   Real epsilon;
 
+  static constexpr Elements elements = Elements::walls;
   static std::string_view name() { return "wall"; }
   bool enabled(const StateView<D>& s) const { return s.walls.size() > 0; }
-  Index size(const StateView<D>& s) const { return static_cast<Index>(s.neighbours.walls.size()); }
 
   Real energy(const StateView<D>& s, Index e) const {
     const auto [i, wall] = s.neighbours.walls[e];

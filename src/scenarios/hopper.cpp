@@ -2,13 +2,16 @@
 
 #include <fmt/chrono.h>
 #include <fmt/format.h>
+#include <omp.h>
 
 #include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <memory>
+#include <numeric>
 
 #include <pliant/analysis/clog.h>
+#include <pliant/analysis/flow_precision.h>
 #include <pliant/base/version.h>
 #include <pliant/io/checkpoint.h>
 #include <pliant/io/summary.h>
@@ -25,11 +28,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-enum class Outcome { done, clogged, empty, stopped };
+enum class Outcome { done, precise, clogged, empty, stopped };
 
 std::string_view to_string(Outcome outcome) {
   switch (outcome) {
     case Outcome::done:
+    case Outcome::precise:
       return "done";
     case Outcome::clogged:
       return "clogged";
@@ -40,6 +44,9 @@ std::string_view to_string(Outcome outcome) {
   }
   return "";
 }
+
+/// Of a fraction; "?" where it is unknown.
+std::string percent(Real fraction) { return std::isnan(fraction) ? "?" : fmt::format("{:.2g}", 100 * fraction); }
 
 template <int D>
 Vec<D> down() {
@@ -52,43 +59,49 @@ Vec<D> down() {
 template <int D>
 class HopperRun {
  public:
-  HopperRun(const HopperOptions& p, const Options& options, const std::optional<Checkpoint>& checkpoint)
+  HopperRun(const HopperOptions& p, const Options& options, const Ranks& ranks,
+            const std::optional<Checkpoint>& checkpoint)
       : p_(p),
         options_(options),
-        system_(make_particles(p.model, D, draw_diameters(p.sizes, p.particles, static_cast<std::uint64_t>(p.seed)),
-                               p.shape),
-                p.hopper.walls<D>(), make_force_field<D>(p.model, p.model_parameters(), down<D>()),
-                neighbour_needs(p.model), *p.skin),
-        control_(p.checkpoint_interval, p.max_wall_time),
-        clog_(p.clog_time, p.clog_speed),
-        counted_(p.particles, 0),
-        reinserted_(p.particles, 0),
-        state_(system_.topology().points(), D) {
-    for (const Real sigma : system_.topology().sigma) largest_ = std::max(largest_, sigma);
-    const CriticalStep critical = system_.field().critical_step(system_.topology());
+        ranks_(ranks),
+        all_(make_particles(p.model, D, draw_diameters(p.sizes, p.particles, static_cast<std::uint64_t>(p.seed)),
+                            p.shape)),
+        system_(all_, p.hopper.walls<D>(), make_force_field<D>(p.model, p.model_parameters(), down<D>()),
+                neighbour_needs(p.model), *p.skin, ranks),
+        control_(p.checkpoint_interval, p.max_wall_time, ranks),
+        clog_(p.clog_time, p.clog_speed) {
+    for (const Real sigma : all_.sigma) largest_ = std::max(largest_, sigma);
+    const CriticalStep critical = system_.field().critical_step(all_);
     critical_step_ = critical.least();
     dt_ = p.dt.value_or(std::min({1e-3, 0.2 * critical.elastic, 0.5 * critical.damping}));
+    if (p.q_rtol > 0) precision_.emplace(p.q_rtol);
     if (checkpoint) load(*checkpoint);
     make_integrator();
   }
 
   ExitCode run() {
     options_.check_consumed();
-    if (restarted_ && p_.t_end < state_.t - dt_ / 2)
-      throw InputError("-t_end {}: the checkpoint in {} is at t = {:.6g} already; give a later end", p_.t_end,
+    if (restarted_ && *p_.t_end < state_.t - dt_ / 2)
+      throw InputError("-t_end {}: the checkpoint in {} is at t = {:.6g} already; give a later end", *p_.t_end,
                        p_.output, state_.t);
-    check_fit(system_.topology(), p_.hopper);
+    check_fit(all_, p_.hopper);
     StopSignals signals;
-    writer_.emplace(restarted_ ? RunWriter::append(p_.output, system_.topology(), restored_samples_, restored_frames_)
-                               : RunWriter::create(p_.output, manifest(), system_.topology(), geometry()));
-    checkpoints_.emplace(p_.output);
-    writer_->write_axis("profile_height", profile_heights());
-    announce();
+    on_root([&] {
+      writer_.emplace(restarted_ ? RunWriter::append(p_.output, all_, restored_samples_, restored_frames_)
+                                 : RunWriter::create(p_.output, manifest(), all_, geometry()));
+      checkpoints_.emplace(p_.output);
+      writer_->write_axis("profile_height", profile_heights());
+      announce();
+    });
     try {
-      if (!restarted_) prepare();
+      if (restarted_)
+        repeat_judgements();
+      else
+        prepare();
       cpu_at_start_ = control_.cpu_seconds();
       started_at_ = state_.t;
-      integrator_->run(system_, state_, p_.t_end, fresh_, [this](State& s) { return after_step(s); });
+      if (outcome_ == Outcome::done)
+        integrator_->run(system_, state_, *p_.t_end, fresh_, [this](State& s) { return after_step(s); });
       control_.end_progress();
       complete();
     } catch (const Error& error) {
@@ -103,19 +116,75 @@ class HopperRun {
     if (p_.integrator == IntegratorKind::verlet)
       integrator_ = std::make_unique<FixedStepVerlet>(dt_);
     else
-      integrator_ = std::make_unique<TsIntegrator>(TsOptions{.dt = dt_});
+      integrator_ = std::make_unique<TsIntegrator>(TsOptions{.dt = dt_}, ranks_.comm());
   }
 
-  /// The start of a new run.
+  /// Runs body() on the rank that writes and speaks; its errors are everybody's.
+  template <class Body>
+  void on_root(Body&& body) {
+    ranks_.together([&] {
+      if (ranks_.root()) body();
+    });
+  }
+
+  /// The start of a new run. Every rank packs all particles, which takes no longer than one rank would, and keeps its
+  /// own.
   void prepare() {
+    std::vector<Real> x(static_cast<std::size_t>(all_.points()) * D);
     const Packing packing =
-        pack<D>(system_.topology(), p_.hopper,
-                {*p_.pack_fraction, p_.pack_tolerance, static_cast<std::uint64_t>(p_.seed)}, state_.x().data());
-    fmt::print("packed to a fraction of {:.3f}, height {:.1f}, in {} iterations of FIRE ({}); largest overlap {:.1e}\n",
-               packing.fraction, packing.height, packing.iterations, packing.reason, packing.max_overlap);
+        pack<D>(all_, p_.hopper, {*p_.pack_fraction, p_.pack_tolerance, static_cast<std::uint64_t>(p_.seed)}, x.data());
+    if (ranks_.root())
+      fmt::print(
+          "packed to a fraction of {:.3f}, height {:.1f}, in {} iterations of FIRE ({}); largest overlap {:.1e}\n",
+          packing.fraction, packing.height, packing.iterations, packing.reason, packing.max_overlap);
     packing_iterations_ = packing.iterations;
+    std::vector<Index> mine;
+    for (Index m = ranks_.rank(); m < all_.particles(); m += ranks_.size()) mine.push_back(m);
+    take(mine);
+    state_ = State(system_.topology().points(), D);
+    for (Index k = 0; k < static_cast<Index>(mine.size()); ++k)
+      std::copy(x.begin() + static_cast<std::ptrdiff_t>(all_.offset[mine[k]]) * D,
+                x.begin() + static_cast<std::ptrdiff_t>(all_.offset[mine[k] + 1]) * D,
+                state_.x().begin() + static_cast<std::ptrdiff_t>(system_.topology().offset[k]) * D);
+    tidy(state_);
+    forget_others();
     sample(state_);
     frame(state_);
+  }
+
+  /// Only the root goes on to need all particles, for the writer and the evaluation at the end.
+  void forget_others() {
+    if (!ranks_.root()) all_ = Topology();
+  }
+
+  /// Makes the particles with these ids, in this order, the rank's own.
+  void take(std::span<const Index> ids) {
+    system_.keep(ids);
+    counted_.assign(ids.size(), 0);
+    reinserted_.assign(ids.size(), 0);
+  }
+
+  void tidy(State& s) {
+    const Migration migration = system_.tidy(s);
+    migration.move(counted_);
+    migration.move(reinserted_);
+  }
+
+  /// The rule for an early end is a function of the samples: a restart shows it the stored ones again. If the last one
+  /// would have ended the run, it has ended.
+  void repeat_judgements() {
+    if (!precision_) return;
+    on_root([&] { repeat_stored_judgements(); });
+    outcome_ = ranks_.broadcast(outcome_);
+  }
+
+  void repeat_stored_judgements() {
+    const Series series = writer_->read_series();
+    const auto column = [&](const char* name) -> const std::vector<Real>& { return series.at(name).values; };
+    const auto &time = column("time"), &crossed = column("crossed_count"), &area = column("crossed_area"),
+               &energy = column("kinetic_energy");
+    for (std::size_t i = 0; i < time.size(); ++i)
+      outcome_ = precision_->add(time[i], crossed[i], area[i], energy[i]) ? Outcome::precise : Outcome::done;
   }
 
   /// What the end of a run adds, unless it was stopped.
@@ -129,16 +198,21 @@ class HopperRun {
   // --- After every accepted step
 
   AfterStep after_step(State& s) {
-    bool changed = follow_particles(s);
+    // Before anything below builds lists, so that output changes no trajectory. TS methods lose their history by it.
+    const bool untidy = system_.crowded() || (p_.integrator == IntegratorKind::verlet && system_.untidy());
+    const bool changed = follow_particles(s), reordered = untidy && !changed;
+    if (reordered) tidy(s);
     if (s.t >= next_sample_ * p_.sample_interval * (1 - 1e-12)) sample(s);
     if (s.t >= next_frame_ * p_.frame_interval * (1 - 1e-12)) frame(s);
+    if (outcome_ == Outcome::precise) save(s, changed);  // for a restart that asks for more
     if (outcome_ == Outcome::done && control_.due()) {
       control_.progress([&] { return progress_line(s); });
       if (control_.stop()) outcome_ = Outcome::stopped;
       if (outcome_ == Outcome::stopped || control_.checkpoint_due()) save(s, changed);
     }
     if (outcome_ != Outcome::done) return AfterStep::stop;
-    return changed ? AfterStep::changed : AfterStep::proceed;
+    if (changed) return AfterStep::changed;
+    return reordered ? AfterStep::reordered : AfterStep::proceed;
   }
 
   /// Counts the particles that have crossed the orifice line; those 2 σ_l below are put back or, in a discharge, taken
@@ -149,10 +223,10 @@ class HopperRun {
     if (system_.neighbours().rebuilds() != watched_since_) {
       watched_since_ = system_.neighbours().rebuilds();
       watched_.clear();
-      for (Index m = 0; m < topology.particles(); ++m)
+      for (Index m = 0; m < topology.owned(); ++m)
         if (topology.active[m] && height(s, m) < *p_.skin) watched_.push_back(m);
     }
-    bool changed = false;
+    std::vector<Leaving> leaving;
     for (const Index m : watched_) {
       const Real h = height(s, m);
       if (!counted_[m] && h < 0) {
@@ -160,18 +234,27 @@ class HopperRun {
         ++flow_.crossed;
         flow_.area += topology.a0[m];
       }
-      if (h >= -2 * largest_ || !topology.active[m]) continue;
-      changed = true;
+      if (h < -2 * largest_ && topology.active[m])
+        leaving.push_back({topology.id[m], ranks_.rank(), m, reinserted_[m]});
+    }
+    if (!ranks_.any(!leaving.empty())) return false;
+    leaving = ranks_.all_gather(leaving);
+    std::sort(leaving.begin(), leaving.end(), [](const Leaving& a, const Leaving& b) { return a.id < b.id; });
+    for (const Leaving& l : leaving) {
+      const bool mine = l.rank == ranks_.rank();
       if (p_.flow == FlowKind::continuous) {
-        counted_[m] = 0;
-        reinsert<D>(topology, p_.hopper, system_.walls(), p_.model == ModelKind::smooth,
-                    static_cast<std::uint64_t>(p_.seed), m, static_cast<std::uint64_t>(reinserted_[m]++), s);
-      } else {
-        for (Index i = topology.offset[m]; i < topology.offset[m + 1]; ++i) point<D>(s.v().data(), i).setZero();
-        system_.deactivate(m);
+        reinsert<D>(ranks_, topology, p_.hopper, system_.walls(), p_.model == ModelKind::smooth,
+                    static_cast<std::uint64_t>(p_.seed), l, s);
+        if (!mine) continue;
+        counted_[l.particle] = 0;
+        ++reinserted_[l.particle];
+      } else if (mine) {
+        for (Index i = topology.offset[l.particle]; i < topology.offset[l.particle + 1]; ++i)
+          point<D>(s.v().data(), i).setZero();
+        system_.deactivate(l.particle);
       }
     }
-    return changed;
+    return true;
   }
 
   Real height(const State& s, Index m) const { return mean_of_points<D>(s.x().data(), system_.topology(), m)[D - 1]; }
@@ -180,82 +263,120 @@ class HopperRun {
     while (next_sample_ * p_.sample_interval * (1 - 1e-12) <= s.t) ++next_sample_;
     last_sample_at_ = s.t;
     last_sample_ = take_sample<D>(system_, s, p_.hopper, flow_, s.step > 0 ? integrator_->statistics().last_dt : dt_);
-    writer_->add_sample(last_sample_.row);
+    on_root([&] { writer_->add_sample(last_sample_.row); });
     check(s);
+    const FlowCount& crossed = last_sample_.crossed;
+    if (precision_ &&
+        precision_->add(s.t, static_cast<Real>(crossed.crossed), crossed.area, last_sample_.kinetic_energy))
+      outcome_ = Outcome::precise;
     if (p_.flow == FlowKind::discharge && last_sample_.in_hopper == 0) outcome_ = Outcome::empty;
-    if (clog_.update(s.t, flow_.crossed, last_sample_.in_hopper, last_sample_.max_speed)) outcome_ = Outcome::clogged;
+    if (clog_.update(s.t, crossed.crossed, last_sample_.in_hopper, last_sample_.max_speed)) outcome_ = Outcome::clogged;
+    outcome_ = ranks_.broadcast(outcome_);
   }
 
   /// Stops the run at what no later number could be trusted after.
   void check(const State& s) {
+    const StateView<D> view = system_.view(s.x().data(), s.v().data());
     const Topology& topology = system_.topology();
     const Real half = p_.hopper.wall_distance / 2;
-    for (Index m = 0; m < topology.particles(); ++m) {
-      const Vec<D> r = mean_of_points<D>(s.x().data(), topology, m), v = mean_of_points<D>(s.v().data(), topology, m);
-      if (!r.allFinite() || !v.allFinite())
-        throw NumericalError("particle {} has a position or velocity that is not finite", m);
-      const Real lateral = D == 2 ? std::abs(r[0]) : std::hypot(r[0], r[1]);
-      if (r[D - 1] > 0 && lateral > std::min(p_.hopper.half_width(r[D - 1]), half) + largest_)
-        throw NumericalError("particle {} has gone through a wall at ({:.3f}, {:.3f}), height {:.3f}", m, r[0],
-                             D == 2 ? 0 : r[1], r[D - 1]);
-    }
-    if constexpr (D == 2) {
-      if (!topology.deformable()) return;
-      if (const auto crossing = find_crossing(system_.view(s.x().data(), s.v().data())))
-        throw NumericalError("vertex {} of particle {} has crossed the outline of particle {}",
-                             crossing->vertex - topology.offset[crossing->particle], crossing->particle,
-                             crossing->other);
-    }
+    ranks_.together([&] {
+      for (Index m = 0; m < topology.owned(); ++m) {
+        const Vec<D> r = mean_of_points<D>(s.x().data(), topology, m), v = mean_of_points<D>(s.v().data(), topology, m);
+        if (!r.allFinite() || !v.allFinite())
+          throw NumericalError("particle {} has a position or velocity that is not finite", topology.id[m]);
+        const Real lateral = D == 2 ? std::abs(r[0]) : std::hypot(r[0], r[1]);
+        if (r[D - 1] > 0 && lateral > std::min(p_.hopper.half_width(r[D - 1]), half) + largest_)
+          throw NumericalError("particle {} has gone through a wall at ({:.3f}, {:.3f}), height {:.3f}", topology.id[m],
+                               r[0], D == 2 ? 0 : r[1], r[D - 1]);
+      }
+      if constexpr (D == 2) {
+        if (!topology.deformable()) return;
+        if (const auto crossing = find_crossing(view))
+          throw NumericalError("vertex {} of particle {} has crossed the outline of particle {}",
+                               crossing->vertex - topology.offset[crossing->particle], topology.id[crossing->particle],
+                               topology.id[crossing->other]);
+      }
+    });
   }
 
   void frame(const State& s) {
     while (next_frame_ * p_.frame_interval * (1 - 1e-12) <= s.t) ++next_frame_;
     last_frame_at_ = s.t;
-    writer_->write_frame(FrameData<D>(system_, s).frame);
+    const FrameData<D> data(system_, s);
+    on_root([&] { writer_->write_frame(data.frame); });
   }
 
   // --- Checkpoints
 
+  /// Everything per particle or point is stored in the order of the ranks, and within a rank in its own order.
   void save(const State& s, bool changed) {
-    writer_->flush();
+    const Topology& topology = system_.topology();
+    const auto own = [&](const auto& values) { return std::span(values).first(topology.owned()); };
     Checkpoint c;
-    c.state = s;
-    c.reals["list_reference"] = system_.neighbours().reference();
-    c.reals["flow_area"] = {flow_.area};
+    c.state.t = s.t;
+    c.state.step = s.step;
+    c.state.assign(ranks_.gather(s.x()), ranks_.gather(s.v()), ranks_.gather(s.a()));
+    c.reals["list_reference"] = ranks_.gather(system_.neighbours().reference());
+    c.reals["flow_area"] = {ranks_.sum(flow_.area)};
     c.reals["clog_quiet_since"] = {clog_.state().quiet_since};
     c.reals["next_dt"] = {next_dt()};
     c.reals["last_output"] = {last_sample_at_, last_frame_at_};
     c.reals["cpu_seconds"] = {total_cpu()};
-    c.integers["active"] = {system_.topology().active.begin(), system_.topology().active.end()};
-    c.integers["counted"] = counted_;
-    c.integers["reinserted"] = reinserted_;
+    const std::vector<Index> id = ranks_.gather(own(topology.id));
+    c.integers["id"] = {id.begin(), id.end()};
+    const std::vector<std::uint8_t> active = ranks_.gather(own(topology.active));
+    c.integers["active"] = {active.begin(), active.end()};
+    c.integers["counted"] = ranks_.gather(counted_);
+    c.integers["reinserted"] = ranks_.gather(reinserted_);
+    c.integers["rank_particles"] = ranks_.gather(std::vector<std::int64_t>{topology.owned()});
     const IntegratorStatistics total = statistics();
-    c.integers["counters"] = {flow_.crossed,
-                              clog_.state().crossed,
-                              next_sample_,
-                              next_frame_,
-                              static_cast<std::int64_t>(writer_->samples()),
-                              static_cast<std::int64_t>(writer_->frames()),
-                              total.steps,
-                              total.rejected,
-                              total.force_evaluations,
-                              packing_iterations_,
-                              changed ? 1 : 0};
-    c.strings["scenario"] = "hopper";
-    c.strings["options"] = options_.json().dump();
-    checkpoints_->write(c);
+    const std::int64_t crossed = ranks_.sum(flow_.crossed);
+    on_root([&] {
+      writer_->flush();
+      c.integers["counters"] = {crossed,
+                                clog_.state().crossed,
+                                next_sample_,
+                                next_frame_,
+                                static_cast<std::int64_t>(writer_->samples()),
+                                static_cast<std::int64_t>(writer_->frames()),
+                                total.steps,
+                                total.rejected,
+                                total.force_evaluations,
+                                packing_iterations_,
+                                changed ? 1 : 0,
+                                system_.rebuilds_since_tidy()};
+      c.strings["scenario"] = "hopper";
+      c.strings["options"] = options_.json().dump();
+      checkpoints_->write(c);
+    });
   }
 
   void load(const Checkpoint& c) try {
-    state_ = c.state;
-    counted_ = c.integers.at("counted");
-    reinserted_ = c.integers.at("reinserted");
-    const auto& active = c.integers.at("active");
+    const auto& ids = c.integers.at("id");
+    const auto [first, last] = own_share(c.integers.at("rank_particles"), static_cast<Index>(ids.size()));
+    std::size_t first_point = 0, points = 0;
+    std::vector<Index> mine;
+    for (Index k = 0; k < last; ++k) {
+      const Index m = static_cast<Index>(ids[k]);
+      (k < first ? first_point : points) += static_cast<std::size_t>(all_.points_of(m)) * D;
+      if (k >= first) mine.push_back(m);
+    }
+    take(mine);
+    const auto cut = [&](std::span<const Real> values) { return values.subspan(first_point, points); };
+    const auto per_particle = [&](const char* name) {
+      const auto& values = c.integers.at(name);
+      return std::vector<std::int64_t>(values.begin() + first, values.begin() + last);
+    };
+    state_.t = c.state.t;
+    state_.step = c.state.step;
+    state_.assign(cut(c.state.x()), cut(c.state.v()), cut(c.state.a()));
+    counted_ = per_particle("counted");
+    reinserted_ = per_particle("reinserted");
+    const std::vector<std::int64_t> active = per_particle("active");
     for (std::size_t m = 0; m < active.size(); ++m)
       if (active[m] == 0) system_.deactivate(static_cast<Index>(m));
-    flow_.area = c.reals.at("flow_area").at(0);
     const auto& n = c.integers.at("counters");
-    flow_.crossed = n.at(0);
+    if (ranks_.root()) flow_ = {n.at(0), c.reals.at("flow_area").at(0)};
     last_sample_at_ = c.reals.at("last_output").at(0);
     last_frame_at_ = c.reals.at("last_output").at(1);
     clog_.restore({c.reals.at("clog_quiet_since").at(0), n.at(1)});
@@ -270,11 +391,26 @@ class HopperRun {
     if (p_.integrator == IntegratorKind::ts) dt_ = c.reals.at("next_dt").at(0);
     // The lists of the stopped run: the order of their sums is part of the state.
     const auto& reference = c.reals.at("list_reference");
-    if (!reference.empty()) system_.neighbours().rebuild(system_.topology(), system_.walls(), reference.data());
+    if (!reference.empty()) system_.rebuild(cut(reference).data());
+    system_.set_rebuilds_since_tidy(n.at(11));
+    forget_others();
     restarted_ = true;
   } catch (const std::out_of_range&) {
     throw InputError("{}: the checkpoint lacks what this version needs; go on with the version that wrote it",
                      p_.output);
+  }
+
+  /// This rank's part of n stored particles: as it was, on as many ranks as before.
+  std::pair<Index, Index> own_share(const std::vector<std::int64_t>& stored, Index n) const {
+    const auto rank = static_cast<std::size_t>(ranks_.rank());
+    if (stored.size() == static_cast<std::size_t>(ranks_.size())) {
+      const std::int64_t first = std::accumulate(stored.begin(), stored.begin() + static_cast<std::ptrdiff_t>(rank), 0);
+      return {static_cast<Index>(first), static_cast<Index>(first + stored[rank])};
+    }
+    const auto share = [&](std::size_t r) {
+      return static_cast<Index>(static_cast<std::int64_t>(n) * static_cast<std::int64_t>(r) / ranks_.size());
+    };
+    return {share(rank), share(rank + 1)};
   }
 
   Real next_dt() const {
@@ -295,7 +431,7 @@ class HopperRun {
   Real total_cpu() const { return cpu_before_ + control_.cpu_seconds() - cpu_at_start_; }
 
   void announce() const {
-    const Topology& topology = system_.topology();
+    const Topology& topology = all_;
     fmt::print(
         "hopper: {} particles ({}, {}D{}), W = {}, w = {}, angle {}, {}\n", topology.particles(), to_string(p_.model),
         D, topology.deformable() ? fmt::format(", {} vertices each", p_.shape.vertices) : "", p_.hopper.wall_distance,
@@ -308,9 +444,13 @@ class HopperRun {
   std::string progress_line(const State& s) const {
     const Real wall = control_.wall_seconds(), done = s.t - started_at_, rate = done / wall;
     const Real steps = static_cast<Real>(integrator_->statistics().steps);
-    return fmt::format("t {:.2f}/{:g} t0  {:.3g} steps/s  ETA {}  dt/dt_c {:.2f}  max overlap {:.3f}  crossed {}", s.t,
-                       p_.t_end, steps / wall, duration_text((p_.t_end - s.t) / rate),
-                       integrator_->statistics().last_dt / critical_step_, last_sample_.max_overlap, flow_.crossed);
+    std::string line = fmt::format(
+        "t {:.2f}/{:g} t0  {:.3g} steps/s  ETA {}  dt/dt_c {:.2f}  max overlap {:.3f}  crossed {}", s.t, *p_.t_end,
+        steps / wall, duration_text((*p_.t_end - s.t) / rate), integrator_->statistics().last_dt / critical_step_,
+        last_sample_.max_overlap, last_sample_.crossed.crossed);
+    if (precision_)
+      line += fmt::format("  error of Q {} of {:g} %", percent(precision_->relative_error()), 100 * p_.q_rtol);
+    return line;
   }
 
   Manifest manifest() const {
@@ -340,8 +480,9 @@ class HopperRun {
     return g;
   }
 
+  /// Collective.
   nlohmann::ordered_json summary(std::string_view status) {
-    const Topology& topology = system_.topology();
+    const Topology& topology = all_;
     const IntegratorStatistics total = statistics();
     const Real cpu = total_cpu(), steps = static_cast<Real>(total.steps);
     nlohmann::ordered_json s;
@@ -350,10 +491,11 @@ class HopperRun {
     s["scenario"] = "hopper";
     s["model"] = to_string(p_.model);
     s["status"] = status;
+    if (status == "done") s["ended_by"] = outcome_ == Outcome::precise ? "q_rtol" : "t_end";
     s["parameters"] = options_.json();
     s["particles"] = topology.particles();
     s["t"] = state_.t;
-    s["crossed_count"] = flow_.crossed;
+    s["crossed_count"] = ranks_.sum(flow_.crossed);
     s["integrator"] = integrator_->name();
     s["dt"] = dt_;
     s["dt_critical"] = critical_step_;
@@ -382,12 +524,13 @@ class HopperRun {
     try {
       if (error.code() == ExitCode::numerical_failure) {
         const bool finite = std::all_of(state_.x().begin(), state_.x().end(), [](Real a) { return std::isfinite(a); });
-        if (finite && writer_->frames() > 0) frame(state_);  // none yet: the particles have no places
-        writer_->flush();
+        // Before the first frame the particles have no places.
+        if (ranks_.all(finite && (!ranks_.root() || writer_->frames() > 0))) frame(state_);
+        on_root([&] { writer_->flush(); });
       }
       nlohmann::ordered_json s = summary("failed");
       s["message"] = message;
-      write_summary(p_.output, s);
+      on_root([&] { write_summary(p_.output, s); });
     } catch (const Error& second) {
       message += fmt::format("; then {}", second.what());
     }
@@ -395,25 +538,41 @@ class HopperRun {
   }
 
   ExitCode finish() {
-    writer_->flush();
     nlohmann::ordered_json s = summary(to_string(outcome_));
+    on_root([&] { write_results(s); });
+    return outcome_ == Outcome::stopped ? ExitCode::stopped : ExitCode::done;
+  }
+
+  void write_results(nlohmann::ordered_json& s) {
+    writer_->flush();
     if (outcome_ == Outcome::stopped) {
       fmt::print("stopped at t = {:.6g} t0 with a checkpoint; run the same command again to go on\n", state_.t);
     } else {
-      nlohmann::ordered_json measured = evaluate_series(writer_->read_series(), p_, system_.topology());
+      nlohmann::ordered_json measured = evaluate_series(writer_->read_series(), p_, all_);
       // A clog is no flow, whatever came out before it: fits leave such a run out.
       if (outcome_ == Outcome::clogged)
         for (const char* name : {"Q", "Q_corrected"})
           if (measured.contains(name)) measured[name].update({{"value", 0}, {"error", nullptr}});
       for (const auto& [name, value] : measured.items()) s[name] = value;
-      report(measured);
+      report(measured, s["cpu_seconds"]);
+      if (precision_ && outcome_ == Outcome::done) warn_of_error(measured);
     }
     write_summary(p_.output, s);
     writer_->close();
-    return outcome_ == Outcome::stopped ? ExitCode::stopped : ExitCode::done;
   }
 
-  void report(const nlohmann::ordered_json& measured) const {
+  /// For a run that -t_end ended first.
+  void warn_of_error(const nlohmann::ordered_json& measured) const {
+    const bool known = measured.contains("Q") && !measured["Q"]["error"].is_null();
+    const Real error = known ? Real(measured["Q"]["error"]) / Real(measured["Q"]["value"]) : BlockAverage::unknown;
+    fmt::print(
+        stderr,
+        "pliant: warning: -t_end {:g} came before -hopper_q_rtol {:g} was certain: the error of Q is {} %; go on "
+        "with -restart {} -t_end LATER\n",
+        *p_.t_end, p_.q_rtol, percent(error), p_.output);
+  }
+
+  void report(const nlohmann::ordered_json& measured, Real cpu) const {
     const auto print = [&](const char* name, const char* text) {
       if (!measured.contains(name) || measured[name]["value"].is_null()) return;
       const Real value = measured[name]["value"];
@@ -424,6 +583,8 @@ class HopperRun {
     };
     if (outcome_ == Outcome::clogged)
       fmt::print("clogged: no crossing and no motion since t = {:.4g} t0\n", clog_.state().quiet_since);
+    if (outcome_ == Outcome::precise)
+      fmt::print("ended at t = {:.6g} t0: Q has the relative error that -hopper_q_rtol asks for\n", state_.t);
     if (measured.contains("steady_explanation")) fmt::print("{}\n", std::string(measured["steady_explanation"]));
     print("Q", "Q");
     print("Q_corrected", "Q'");
@@ -432,31 +593,28 @@ class HopperRun {
     print("c0", "c0");
     print("total_time", "total time");
     const IntegratorStatistics total = statistics();
-    fmt::print(
-        "{} steps, {} force evaluations, {:.2f} s CPU, {:.1f} ns per particle-step{}\n", total.steps,
-        total.force_evaluations, total_cpu(),
-        1e9 * total_cpu() /
-            (static_cast<Real>(std::max<std::int64_t>(total.steps, 1)) * system_.topology().particles()),
-        system_.topology().deformable()
-            ? fmt::format(", {:.1f} ns per vertex-step",
-                          1e9 * total_cpu() /
-                              (static_cast<Real>(std::max<std::int64_t>(total.steps, 1)) * system_.topology().points()))
-            : "");
+    const Real ns = 1e9 * cpu / static_cast<Real>(std::max<std::int64_t>(total.steps, 1));
+    fmt::print("{} steps, {} force evaluations, {:.2f} s CPU, {:.1f} ns per particle-step{}\n", total.steps,
+               total.force_evaluations, cpu, ns / all_.particles(),
+               all_.deformable() ? fmt::format(", {:.1f} ns per vertex-step", ns / all_.points()) : "");
   }
 
   const HopperOptions& p_;
   const Options& options_;
+  Ranks ranks_;
+  Topology all_;  ///< all particles by id; on the root only, once the particles are shared out
   ParticleSystem<D> system_;
   RunControl control_;
   ClogDetector clog_;
+  std::optional<FlowPrecision> precision_;
   std::unique_ptr<Integrator> integrator_;
-  std::optional<RunWriter> writer_;
-  std::optional<CheckpointWriter> checkpoints_;
+  std::optional<RunWriter> writer_;              ///< on the root
+  std::optional<CheckpointWriter> checkpoints_;  ///< on the root
 
   // State that a checkpoint keeps.
   FlowCount flow_;
   std::vector<std::int64_t> counted_,
-      reinserted_;  ///< per particle: has crossed since it was last put back; times put back
+      reinserted_;  ///< per own particle: has crossed since it was last put back; times put back
   std::int64_t next_sample_ = 0, next_frame_ = 0, packing_iterations_ = 0;
   Real last_sample_at_ = -1, last_frame_at_ = -1;  ///< times
   State state_;
@@ -483,7 +641,7 @@ std::string stored_status(const fs::path& folder) {
 
 }  // namespace
 
-ExitCode run_hopper(HopperOptions& p, Options& options) {
+ExitCode run_hopper(HopperOptions& p, Options& options, const Ranks& ranks) {
   std::optional<Checkpoint> checkpoint;
   // The same command again goes on with a run that was stopped.
   const bool again = p.restart.empty() && stored_status(p.output) == "stopped";
@@ -493,7 +651,7 @@ ExitCode run_hopper(HopperOptions& p, Options& options) {
   if (again || !p.restart.empty()) {
     const fs::path folder = again ? p.output : p.restart;
     NewestCheckpoint newest = read_newest_checkpoint(folder);
-    if (!newest.message.empty()) fmt::print(stderr, "pliant: warning: {}\n", newest.message);
+    if (!newest.message.empty() && ranks.root()) fmt::print(stderr, "pliant: warning: {}\n", newest.message);
     if (newest.checkpoint.strings["scenario"] != "hopper")
       throw InputError("{}: the checkpoint is of scenario '{}', not of hopper", folder.string(),
                        newest.checkpoint.strings["scenario"]);
@@ -501,8 +659,9 @@ ExitCode run_hopper(HopperOptions& p, Options& options) {
     checkpoint = std::move(newest.checkpoint);
   }
   p.resolve();
-  if (p.dim == 2) return HopperRun<2>(p, options, checkpoint).run();
-  return HopperRun<3>(p, options, checkpoint).run();
+  omp_set_num_threads(p.threads);
+  if (p.dim == 2) return HopperRun<2>(p, options, ranks, checkpoint).run();
+  return HopperRun<3>(p, options, ranks, checkpoint).run();
 }
 
 }  // namespace pliant

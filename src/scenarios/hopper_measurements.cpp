@@ -1,34 +1,34 @@
 #include <pliant/scenarios/hopper_measurements.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <tuple>
 
 #include <pliant/analysis/block_average.h>
 #include <pliant/analysis/discharge.h>
+#include <pliant/analysis/flow_precision.h>
 #include <pliant/analysis/profile.h>
 #include <pliant/analysis/region.h>
-#include <pliant/analysis/steady_state.h>
 #include <pliant/io/summary.h>
 #include <pliant/model/polygon.h>
 
 namespace pliant {
 namespace {
 
-/// Mean magnitude, over the particles above the orifice line, of the force of one term.
+/// Adds the magnitude of the force of one term on the particles above the orifice line.
 template <int D>
-Real mean_force(std::string_view term, const ParticleSystem<D>& system, const StateView<D>& view,
-                const std::vector<Real>& centres, std::vector<Real>& buffer) {
+Real sum_of_forces(std::string_view term, const ParticleSystem<D>& system, const StateView<D>& view,
+                   const std::vector<Real>& centres, std::vector<Real>& buffer) {
   const Topology& topology = system.topology();
   buffer.resize(static_cast<std::size_t>(topology.points()) * D);
   system.field().force_of(term, view, buffer.data());
   Real sum = 0;
-  Index count = 0;
-  for (Index m = 0; m < topology.particles(); ++m) {
+  for (Index m = 0; m < topology.owned(); ++m) {
     if (!topology.active[m] || !(point<D>(centres.data(), m)[D - 1] > 0)) continue;
     sum += (mean_of_points<D>(buffer.data(), topology, m) * topology.points_of(m)).norm();
-    ++count;
   }
-  return count > 0 ? sum / count : 0;
+  return sum;
 }
 
 /// The middle of the filling, away from the walls, the orifice and the free surface.
@@ -41,14 +41,64 @@ auto bulk_region(const Hopper& hopper, Real top) {
     return CylinderRegion{half, low, high};
 }
 
+/// A contact of a frame, the lower id first. Plain data, to be sent.
+template <int D>
+struct ContactRecord {
+  Index first, second;
+  Real overlap;
+  std::array<Real, D> position, normal, force;
+};
+
+/// Values per particle or point, gathered from all ranks into the order of the ids, on the root.
+class NaturalOrder {
+ public:
+  NaturalOrder(const Ranks& ranks, const Topology& topology) : ranks_(ranks), topology_(topology) {
+    std::vector<Index> points;
+    for (Index m = 0; m < topology.owned(); ++m) points.push_back(topology.points_of(m));
+    id_ = ranks.gather(std::span(topology.id).first(topology.owned()));
+    points_ = ranks.gather(points);
+    offset_.assign(id_.size() + 1, 0);
+    for (std::size_t k = 0; k < id_.size(); ++k) offset_[id_[k] + 1] = points_[k];
+    for (std::size_t m = 0; m < id_.size(); ++m) offset_[m + 1] += offset_[m];
+  }
+
+  /// values [owned particles · width]
+  template <class T>
+  std::vector<T> particles(std::span<const T> values, int width = 1) const {
+    const std::vector<T> all = ranks_.gather(values.first(static_cast<std::size_t>(topology_.owned()) * width));
+    std::vector<T> ordered(all.size());
+    for (std::size_t k = 0; k < id_.size(); ++k)
+      std::copy_n(&all[k * width], width, &ordered[static_cast<std::size_t>(id_[k]) * width]);
+    return ordered;
+  }
+  /// values [owned points · width]
+  std::vector<Real> points(std::span<const Real> values, int width) const {
+    const std::vector<Real> all =
+        ranks_.gather(values.first(static_cast<std::size_t>(topology_.owned_points()) * width));
+    std::vector<Real> ordered(all.size());
+    std::size_t from = 0;
+    for (std::size_t k = 0; k < id_.size(); ++k) {
+      const std::size_t count = static_cast<std::size_t>(points_[k]) * width;
+      std::copy_n(&all[from], count, &ordered[static_cast<std::size_t>(offset_[id_[k]]) * width]);
+      from += count;
+    }
+    return ordered;
+  }
+
+ private:
+  const Ranks& ranks_;
+  const Topology& topology_;
+  std::vector<Index> id_, points_, offset_;
+};
+
 }  // namespace
 
 template <int D>
 void Centres<D>::update(const Topology& topology, const State& state) {
-  const std::size_t n = static_cast<std::size_t>(topology.particles()) * D;
+  const std::size_t n = static_cast<std::size_t>(topology.owned()) * D;
   position.resize(n);
   velocity.resize(n);
-  for (Index m = 0; m < topology.particles(); ++m) {
+  for (Index m = 0; m < topology.owned(); ++m) {
     point<D>(position.data(), m) = mean_of_points<D>(state.x().data(), topology, m);
     point<D>(velocity.data(), m) = mean_of_points<D>(state.v().data(), topology, m);
   }
@@ -68,90 +118,149 @@ Sample<D> take_sample(ParticleSystem<D>& system, const State& state, const Hoppe
   Centres<D> centres;
   centres.update(topology, state);
 
+  const Ranks& ranks = system.ranks();
+  const auto active = std::span(topology.active).first(topology.owned());
+
   Sample<D> sample;
-  Real kinetic = 0, weight_energy = 0, top = 0;
-  for (Index i = 0; i < topology.points(); ++i) {
+  Real kinetic = 0, weight_energy = 0, top = 0, in_hopper = 0;
+  for (Index i = 0; i < topology.owned_points(); ++i) {
     kinetic += topology.mass[i] / 2 * view.velocity(i).squaredNorm();
     weight_energy += topology.mass[i] * view.position(i)[D - 1];
   }
-  for (Index m = 0; m < topology.particles(); ++m) {
+  for (Index m = 0; m < topology.owned(); ++m) {
     const Real height = point<D>(centres.position.data(), m)[D - 1];
-    if (!topology.active[m] || !(height > 0)) continue;
-    ++sample.in_hopper;
+    if (!active[m] || !(height > 0)) continue;
+    ++in_hopper;
     top = std::max(top, height);
     sample.max_speed = std::max(sample.max_speed, point<D>(centres.velocity.data(), m).norm());
   }
+  sample.max_speed = ranks.max(sample.max_speed);
+  top = ranks.max(top);
 
   std::vector<std::pair<Index, Index>> touching;
+  struct Deepest {
+    Real overlap;
+    Index first, second;
+  } deepest{0, -1, -1};
   system.field().for_each_contact(view, [&](const Contact<D>& c) {
-    touching.push_back(std::minmax(c.first, c.second));
-    if (c.overlap <= sample.max_overlap) return;
-    sample.max_overlap = c.overlap;
-    sample.first = c.first;
-    sample.second = c.second;
+    const auto [first, second] = std::minmax(topology.id[c.first], topology.id[c.second]);
+    touching.emplace_back(first, second);
+    if (c.overlap > deepest.overlap) deepest = {c.overlap, first, second};
   });
   std::sort(touching.begin(), touching.end());
   const auto pairs = std::unique(touching.begin(), touching.end()) - touching.begin();
+  for (const Deepest& d : ranks.all_gather(std::vector{deepest}))
+    if (d.overlap > sample.max_overlap) {
+      sample.max_overlap = d.overlap;
+      sample.first = d.first;
+      sample.second = d.second;
+    }
 
   const std::vector<Real> heights = profile_heights();
   std::vector<Real> momentum(heights.size()), weight(heights.size()), buffer;
-  add_axis_profile<D>(heights, 1, centres.position, centres.velocity, topology.active, momentum, weight);
+  add_axis_profile<D>(heights, 1, centres.position, centres.velocity, active, momentum, weight);
+  ranks.sum(momentum);
+  ranks.sum(weight);
 
-  const Real potential = system.field().energy(view) - weight_energy;
+  std::array sums{kinetic,
+                  system.field().energy(view) - weight_energy,
+                  in_hopper,
+                  static_cast<Real>(pairs),
+                  sum_of_forces<D>("drag", system, view, centres.position, buffer),
+                  sum_of_forces<D>("friction", system, view, centres.position, buffer),
+                  number_density<D>(orifice_region<D>(hopper.orifice), centres.position, active),
+                  packing_fraction<D>(bulk_region<D>(hopper, top), centres.position,
+                                      std::span(topology.a0).first(topology.owned()), active),
+                  static_cast<Real>(flow.crossed),
+                  flow.area};
+  ranks.sum(sums);
+  const auto [kinetic_energy, potential_energy, above, contact_pairs, drag, friction, density, fraction, crossed,
+              crossed_area] = sums;
+  sample.kinetic_energy = kinetic_energy;
+  sample.in_hopper = static_cast<Index>(above);
+  sample.crossed = {static_cast<std::int64_t>(crossed), crossed_area};
+  const Real each = above > 0 ? 1 / above : 0;
 
-  sample.row = {
-      {"time", state.t},
-      {"crossed_count", static_cast<Real>(flow.crossed)},
-      {"crossed_area", flow.area},
-      {"in_hopper", static_cast<Real>(sample.in_hopper)},
-      {"kinetic_energy", kinetic},
-      {"potential_energy", potential},
-      {"contact_pairs", static_cast<Real>(pairs)},
-      {"drag_force", mean_force<D>("drag", system, view, centres.position, buffer)},
-      {"friction_force", mean_force<D>("friction", system, view, centres.position, buffer)},
-      {"orifice_density", number_density<D>(orifice_region<D>(hopper.orifice), centres.position, topology.active)},
-      {"bulk_fraction",
-       packing_fraction<D>(bulk_region<D>(hopper, top), centres.position, topology.a0, topology.active)},
-      {"top_height", top},
-      {"max_speed", sample.max_speed},
-      {"max_overlap", sample.max_overlap},
-      {"dt", dt},
-      {"profile_momentum", std::span<const Real>(momentum)},
-      {"profile_weight", std::span<const Real>(weight)}};
+  sample.row = {{"time", state.t},
+                {"crossed_count", crossed},
+                {"crossed_area", crossed_area},
+                {"in_hopper", above},
+                {"kinetic_energy", kinetic_energy},
+                {"potential_energy", potential_energy},
+                {"contact_pairs", contact_pairs},
+                {"drag_force", drag * each},
+                {"friction_force", friction * each},
+                {"orifice_density", density},
+                {"bulk_fraction", fraction},
+                {"top_height", top},
+                {"max_speed", sample.max_speed},
+                {"max_overlap", sample.max_overlap},
+                {"dt", dt},
+                {"profile_momentum", std::span<const Real>(momentum)},
+                {"profile_weight", std::span<const Real>(weight)}};
   return sample;
 }
 
 template <int D>
 FrameData<D>::FrameData(ParticleSystem<D>& system, const State& state) {
-  const Topology& topology = system.topology();
   const StateView<D> view = system.view(state.x().data(), state.v().data());
-  centres_.update(topology, state);
-  contact_count_.assign(topology.particles(), 0);
-  wall_force_.assign(static_cast<std::size_t>(system.walls().size()) * D, 0);
-  system.field().add_wall_forces(view, wall_force_.data());
-  FrameContacts& contacts = frame.contacts;
+  const Topology& topology = system.topology();
+  const Ranks& ranks = system.ranks();
+  const NaturalOrder order(ranks, topology);
+
+  std::vector<ContactRecord<D>> contacts;
   system.field().for_each_contact(view, [&](const Contact<D>& c) {
-    ++contact_count_[c.first];
-    ++contact_count_[c.second];
-    contacts.particles.insert(contacts.particles.end(), {c.first, c.second});
+    const Index first = topology.id[c.first], second = topology.id[c.second];
+    const Real sign = first < second ? 1 : -1;
+    ContactRecord<D>& r = contacts.emplace_back();
+    r.first = std::min(first, second);
+    r.second = std::max(first, second);
+    r.overlap = c.overlap;
     for (int k = 0; k < D; ++k) {
-      contacts.position.push_back(c.position[k]);
-      contacts.normal.push_back(c.normal[k]);
-      contacts.force.push_back(c.force[k]);
+      r.position[k] = c.position[k];
+      r.normal[k] = sign * c.normal[k];
+      r.force[k] = sign * c.force[k];
     }
-    contacts.overlap.push_back(c.overlap);
   });
+  contacts = ranks.gather(contacts);
+  std::sort(contacts.begin(), contacts.end(), [](const auto& a, const auto& b) {
+    return std::tie(a.first, a.second, a.position) < std::tie(b.first, b.second, b.position);
+  });
+  Centres<D> centres;
+  centres.update(topology, state);
   if (topology.deformable())
-    for (Index m = 0; m < topology.particles(); ++m) {
+    for (Index m = 0; m < topology.owned(); ++m) {
       area_.push_back(polygon_area(state.x().data(), topology, m));
       perimeter_.push_back(polygon_perimeter(state.x().data(), topology, m));
     }
+  wall_force_.assign(static_cast<std::size_t>(system.walls().size()) * D, 0);
+  system.field().add_wall_forces(view, wall_force_.data());
+  ranks.sum(wall_force_);
+  positions_ = order.points(state.x(), D);
+  velocities_ = order.points(state.v(), D);
+  centres_ = order.particles<Real>(centres.position, D);
+  active_ = order.particles<std::uint8_t>(topology.active);
+  if (!area_.empty() || ranks.any(!area_.empty())) {
+    area_ = order.particles<Real>(area_);
+    perimeter_ = order.particles<Real>(perimeter_);
+  }
+  contact_count_.assign(active_.size(), 0);
+  for (const ContactRecord<D>& c : contacts) {
+    ++contact_count_[c.first];
+    ++contact_count_[c.second];
+    frame.contacts.particles.insert(frame.contacts.particles.end(), {c.first, c.second});
+    frame.contacts.position.insert(frame.contacts.position.end(), c.position.begin(), c.position.end());
+    frame.contacts.normal.insert(frame.contacts.normal.end(), c.normal.begin(), c.normal.end());
+    frame.contacts.force.insert(frame.contacts.force.end(), c.force.begin(), c.force.end());
+    frame.contacts.overlap.push_back(c.overlap);
+  }
+
   frame.time = state.t;
   frame.step = state.step;
-  frame.positions = state.x();
-  frame.velocities = state.v();
-  frame.centres = centres_.position;
-  frame.active = topology.active;
+  frame.positions = positions_;
+  frame.velocities = velocities_;
+  frame.centres = centres_;
+  frame.active = active_;
   frame.contact_count = contact_count_;
   frame.area = area_;
   frame.perimeter = perimeter_;
@@ -173,21 +282,18 @@ nlohmann::ordered_json evaluate_series(const Series& series, const HopperOptions
   }
   if (time.size() < 2) return result;
 
-  const std::vector<Real> rate = rate_series(time, column("crossed_area"));
-  const std::array<NamedSeries, 2> judged{NamedSeries{"flow rate", rate},
-                                          NamedSeries{"kinetic energy", column("kinetic_energy").subspan(1)}};
-  const SteadyState steady = steady_state(time.subspan(1), judged);
-  const std::size_t from = steady.index + 1, rows = time.size();
+  const SteadyFlow flow = steady_flow(time, column("crossed_area"), column("kinetic_energy"));
+  const FlowRate& q = flow.rate;
+  const std::size_t from = flow.from, rows = time.size();
   const auto average = [&](const char* name) { return block_average(column(name).subspan(from)); };
   const auto report = [&](const BlockAverage& b, std::string_view unit, Real factor = 1) {
     return quantity(b.mean * factor, b.error * factor, unit);
   };
 
-  const FlowRate q = flow_rate(time.subspan(from), column("crossed_area").subspan(from));
   const std::string rate_unit = "sigma_avg^" + d + "/t0";
-  result["steady"] = steady.steady;
+  result["steady"] = flow.steady.steady;
   result["steady_start"] = quantity(time[from], BlockAverage::unknown, "t0");
-  result["steady_explanation"] = steady.explanation;
+  result["steady_explanation"] = flow.steady.explanation;
   result["Q"] = quantity(q.value, q.error, rate_unit);
   result["Q_correlation_time"] = quantity(q.correlation_time, BlockAverage::unknown, "t0");
 

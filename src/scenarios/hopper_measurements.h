@@ -12,14 +12,14 @@
 
 namespace pliant {
 
-/// Centres of all particles, and their velocities: [particles · D].
+/// Centres of the own particles, and their velocities: [owned · D].
 template <int D>
 struct Centres {
   std::vector<Real> position, velocity;
   void update(const Topology& topology, const State& state);
 };
 
-/// Counters that a run keeps from its start.
+/// Counters that a run keeps from its start; each rank its share.
 struct FlowCount {
   std::int64_t crossed = 0;  ///< particles that have crossed the orifice line
   Real area = 0;             ///< their a0
@@ -29,20 +29,24 @@ struct FlowCount {
 template <int D>
 struct Sample {
   std::vector<SeriesValue> row;
+  FlowCount crossed;  ///< of all ranks
+  Real kinetic_energy = 0;
   Real max_speed = 0;  ///< above the orifice line
   Index in_hopper = 0;
   Real max_overlap = 0;
-  Index first = -1, second = -1;  ///< the particles of the largest overlap
+  Index first = -1, second = -1;  ///< ids of the particles of the largest overlap
 };
 
 /// Heights of the velocity profile on the axis, in σ_avg above the orifice [H Fig. 5].
 std::vector<Real> profile_heights();
 
+/// Of all ranks, the same on each. Collective.
 template <int D>
 Sample<D> take_sample(ParticleSystem<D>& system, const State& state, const Hopper& hopper, const FlowCount& flow,
                       Real dt);
 
-/// Owns the arrays of a frame that are made for it.
+/// A frame with particles and contacts in the order of their ids, on the root; empty elsewhere. Owns the arrays. The
+/// constructor is collective.
 template <int D>
 class FrameData {
  public:
@@ -50,13 +54,13 @@ class FrameData {
   Frame frame;
 
  private:
-  Centres<D> centres_;
+  std::vector<Real> positions_, velocities_, centres_, area_, perimeter_, wall_force_;
+  std::vector<std::uint8_t> active_;
   std::vector<Index> contact_count_;
-  std::vector<Real> area_, perimeter_, wall_force_;
 };
 
 /// Measured quantities of a finished run from its series, for summary.json: Q and the rest with errors, from the steady
-/// state on.
+/// state on. topology: all particles.
 nlohmann::ordered_json evaluate_series(const Series& series, const HopperOptions& options, const Topology& topology);
 
 }  // namespace pliant

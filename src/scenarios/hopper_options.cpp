@@ -126,7 +126,18 @@ void HopperOptions::bind(Options& o) {
           .min_open = true,
           .automatic = "0.2 of the elastic limit or 0.5 of the damping's, at most 1e-3",
           .on_restart = fixed});
-  o.bind("t_end", t_end, {.help = "end of the run", .unit = "t0", .min = 0});
+  o.bind("t_end", t_end,
+         {.help = "end of the run", .unit = "t0", .min = 0, .automatic = "100; 10000 with -hopper_q_rtol"});
+  o.bind("hopper_q_rtol", q_rtol,
+         {.help = "continuous flow: end before -t_end when Q has this relative standard error; 0: never",
+          .min = 0,
+          .max = 1,
+          .max_open = true});
+  o.bind("threads", threads,
+         {.help = "threads of this process (of each rank under mpiexec); results do not depend on their number",
+          .min = 1,
+          .max = 1024,
+          .on_restart = OnRestart::forget});
   o.bind("skin", skin,
          {.help = "margin of the neighbour lists",
           .unit = "sigma_avg",
@@ -164,6 +175,11 @@ void HopperOptions::resolve() {
   if (shape.shape_parameter > 0 && shape.shape_parameter < regular_shape_parameter(shape.vertices))
     throw InputError("-shape_parameter {}: no polygon of {} vertices has less than {:.6g}, the regular one's",
                      shape.shape_parameter, shape.vertices, regular_shape_parameter(shape.vertices));
+  if (q_rtol > 0 && flow != FlowKind::continuous)
+    throw InputError(
+        "-hopper_q_rtol {} with -flow discharge: only continuous flow has a steady rate; leave one of them out",
+        q_rtol);
+  if (!t_end) t_end = q_rtol > 0 ? 10000 : 100;
   if (!restart.empty()) output = restart;
 }
 

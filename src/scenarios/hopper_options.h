@@ -38,7 +38,9 @@ struct HopperOptions {
 
   IntegratorKind integrator = IntegratorKind::verlet;
   std::optional<Real> dt, skin;
-  Real t_end = 100;
+  Index threads = 1;
+  std::optional<Real> t_end;
+  Real q_rtol = 0;
 
   std::string output = "pliant-run", restart;
   Real frame_interval = 2, sample_interval = 0.2, checkpoint_interval = 300, max_wall_time = 0;

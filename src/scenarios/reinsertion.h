@@ -3,18 +3,27 @@
 
 #include <cstdint>
 
+#include <pliant/base/ranks.h>
 #include <pliant/geometry/hopper.h>
 #include <pliant/model/state.h>
 #include <pliant/model/topology.h>
 
 namespace pliant {
 
-/// Moves particle m, as it is shaped now, to a uniformly random lateral position, lowered until it touches the first
+/// A particle that has left. Plain data, to be sent.
+struct Leaving {
+  Index id;
+  int rank;            ///< its owner
+  Index particle;      ///< its place there
+  std::int64_t count;  ///< how often it has been put back before
+};
+
+/// Moves the particle, as it is shaped now, to a uniformly random lateral position, lowered until it touches the first
 /// particle above the orifice line, and gives all its points the velocity of that particle. Random numbers depend on
-/// (seed, m, count) only. smooth: outlines are circulo-lines; otherwise points are disks. Errors: NumericalError if
-/// there is no particle to put it on.
+/// (seed, id, count) only. smooth: outlines are circulo-lines; otherwise points are disks. It stays with its owner.
+/// Collective. Errors: NumericalError if there is no particle to put it on.
 template <int D>
-void reinsert(const Topology& topology, const Hopper& hopper, const Walls<D>& walls, bool smooth, std::uint64_t seed,
-              Index m, std::uint64_t count, State& state);
+void reinsert(const Ranks& ranks, const Topology& topology, const Hopper& hopper, const Walls<D>& walls, bool smooth,
+              std::uint64_t seed, const Leaving& leaving, State& state);
 
 }  // namespace pliant

@@ -42,15 +42,16 @@ StopSignals::~StopSignals() {
 
 bool StopSignals::requested() { return stop_requested != 0; }
 
-RunControl::RunControl(Real checkpoint_interval, Real max_wall_time)
-    : checkpoint_interval_(checkpoint_interval),
+RunControl::RunControl(Real checkpoint_interval, Real max_wall_time, Ranks ranks)
+    : ranks_(ranks),
+      checkpoint_interval_(checkpoint_interval),
       max_wall_time_(max_wall_time),
       start_(Clock::now()),
       last_look_(start_),
       last_checkpoint_(start_),
       last_progress_(start_),
       cpu_start_(process_cpu_seconds()),
-      terminal_(isatty(STDERR_FILENO) == 1) {}
+      terminal_(ranks.root() && isatty(STDERR_FILENO) == 1) {}
 
 Real RunControl::seconds_since(Clock::time_point t) const {
   return std::chrono::duration<Real>(Clock::now() - t).count();
@@ -62,23 +63,25 @@ bool RunControl::due() {
   const Real passed = seconds_since(last_look_);
   last_look_ = Clock::now();
   const Real factor = std::clamp(0.1 / std::max(passed, 1e-6), 0.5, 2.0);
-  steps_to_look_ = std::clamp(static_cast<int>(std::lround(steps_to_look_ * factor)), 1, 100000);
+  steps_to_look_ = ranks_.broadcast(std::clamp(static_cast<int>(std::lround(steps_to_look_ * factor)), 1, 100000));
   left_ = steps_to_look_;
   return true;
 }
 
 bool RunControl::stop() const {
-  return StopSignals::requested() || (max_wall_time_ > 0 && wall_seconds() > max_wall_time_);
+  return ranks_.any(StopSignals::requested() ||
+                    (ranks_.root() && max_wall_time_ > 0 && wall_seconds() > max_wall_time_));
 }
 
 bool RunControl::checkpoint_due() {
-  if (checkpoint_interval_ <= 0 || seconds_since(last_checkpoint_) < checkpoint_interval_) return false;
+  const bool due = checkpoint_interval_ > 0 && seconds_since(last_checkpoint_) >= checkpoint_interval_;
+  if (!ranks_.broadcast(due)) return false;
   last_checkpoint_ = Clock::now();
   return true;
 }
 
 Real RunControl::wall_seconds() const { return seconds_since(start_); }
-Real RunControl::cpu_seconds() const { return process_cpu_seconds() - cpu_start_; }
+Real RunControl::cpu_seconds() const { return ranks_.sum(process_cpu_seconds() - cpu_start_); }
 
 void RunControl::progress(const std::function<std::string()>& text) {
   if (!terminal_ || seconds_since(last_progress_) < 0.5) return;

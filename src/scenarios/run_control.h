@@ -6,7 +6,7 @@
 #include <functional>
 #include <string>
 
-#include <pliant/base/types.h>
+#include <pliant/base/ranks.h>
 
 namespace pliant {
 
@@ -21,18 +21,19 @@ class StopSignals {
   static bool requested();
 };
 
-/// Clock of a run. Ask often: it looks at the time only now and then.
+/// Clock of a run. Ask often: it looks at the time only now and then. On several ranks due() must be asked at the same
+/// steps; where it is true all ranks ask the collective functions. The root's clock counts.
 class RunControl {
  public:
   /// Wall seconds; 0 or less: never.
-  RunControl(Real checkpoint_interval, Real max_wall_time);
+  RunControl(Real checkpoint_interval, Real max_wall_time, Ranks ranks = Ranks());
 
-  /// Whether to look closer at this step: cheap, true once in a while.
+  /// Whether to look closer at this step: cheap, true once in a while, on all ranks.
   bool due();
-  bool stop() const;      ///< a signal came, or the wall time is used up
-  bool checkpoint_due();  ///< true once per interval
+  bool stop() const;      ///< a signal came, or the wall time is used up; collective
+  bool checkpoint_due();  ///< true once per interval; collective
   Real wall_seconds() const;
-  Real cpu_seconds() const;
+  Real cpu_seconds() const;  ///< of all ranks; collective
 
   /// Rewrites the progress line on a terminal (stderr), at most twice a second; silent in a pipe. `text` is made only
   /// when needed.
@@ -44,6 +45,7 @@ class RunControl {
   using Clock = std::chrono::steady_clock;
   Real seconds_since(Clock::time_point t) const;
 
+  Ranks ranks_;
   Real checkpoint_interval_, max_wall_time_;
   Clock::time_point start_, last_look_, last_checkpoint_, last_progress_;
   Real cpu_start_;

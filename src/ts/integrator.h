@@ -10,10 +10,11 @@
 
 namespace pliant {
 
-/// What a scenario wants after an accepted step: go on; go on from a state that it has changed (a discontinuity:
-/// multistep methods restart, first-same-as-last stages are dropped, a carried acceleration is evaluated anew); or
-/// stop.
-enum class AfterStep { proceed, changed, stop };
+/// What a scenario wants after an accepted step, the same on every rank: go on; go on with the same state in another
+/// order (particles were sorted or moved between ranks, the carried acceleration with them: the length of the state may
+/// have changed); go on from a state that it has changed (a discontinuity: multistep methods restart,
+/// first-same-as-last stages are dropped, a carried acceleration is evaluated anew); or stop.
+enum class AfterStep { proceed, reordered, changed, stop };
 
 /// Called after every accepted step with the state at its end.
 using StepObserver = std::function<AfterStep(State&)>;

@@ -21,7 +21,8 @@ struct TsIntegrator::Run {
   Real t_end;
   Real t_before;
   PetscInt rejected_before;
-  bool cut;  // the step about to be taken was shortened to match t_end
+  bool cut;        // the step about to be taken was shortened to match t_end
+  bool reordered;  // the observer has put the state in another order
 };
 
 namespace {
@@ -91,14 +92,16 @@ void check_positive(const char* name, Real value) {
 
 }  // namespace
 
-TsIntegrator::TsIntegrator(TsOptions options) : options_(std::move(options)) { configure(); }
+TsIntegrator::TsIntegrator(TsOptions options, MPI_Comm comm) : options_(std::move(options)), comm_(comm) {
+  configure();
+}
 
 void TsIntegrator::configure() {
   for (const char* name : program_options)
     if (has_option(name)) throw InputError("{} cannot be set here: the run sets it; leave the option out", name);
   petsc_check(ts_verlet_register());
   ts_ = PetscTs();
-  petsc_check(TSCreate(PETSC_COMM_SELF, ts_.out()));
+  petsc_check(TSCreate(comm_, ts_.out()));
   petsc_check(TSSetProblemType(ts_, TS_NONLINEAR));
   petsc_check(TSSetMaxSteps(ts_, PETSC_MAX_INT));
   petsc_check(TSSetMaxStepRejections(ts_, 100));  // PETSc's 10 are too few for the onset of a stiff contact
@@ -149,11 +152,11 @@ void TsIntegrator::configure() {
   if (dt_ == 0) dt_ = options_.dt;
 }
 
-void TsIntegrator::set_tolerances(std::size_t n) {
-  const auto make = [n](Real x, Real v) {
+void TsIntegrator::set_tolerances(::Vec y, std::size_t n) {
+  const auto make = [&](Real x, Real v) {
     PetscVec vec;
     PetscScalar* values = nullptr;
-    petsc_check(VecCreateSeq(PETSC_COMM_SELF, static_cast<PetscInt>(2 * n), vec.out()));
+    petsc_check(VecDuplicate(y, vec.out()));
     petsc_check(VecGetArrayWrite(vec, &values));
     std::fill_n(values, n, x);
     std::fill_n(values + n, n, v);
@@ -176,11 +179,13 @@ PetscErrorCode TsIntegrator::right_hand_side(TS, PetscReal t, ::Vec y, ::Vec ydo
     run.system.acceleration(t, in, in + n, out + n);
     ++run.integrator.statistics_.force_evaluations;
     const std::size_t bad = first_non_finite(out + n, n);
-    if (bad != n)
-      throw NumericalError(
-          "the acceleration of coordinate {} is {} at t = {}, in the step after t = {} (step {}); reduce the "
-          "tolerances or the step, or check the initial state",
-          bad, out[n + bad], t, run.state.t, run.state.step);
+    run.system.ranks().together([&] {
+      if (bad != n)
+        throw NumericalError(
+            "the acceleration of coordinate {} is {} at t = {}, in the step after t = {} (step {}); reduce the "
+            "tolerances or the step, or check the initial state",
+            bad, out[n + bad], t, run.state.t, run.state.step);
+    });
     petsc_check(VecRestoreArrayWrite(ydot, &out));
     petsc_check(VecRestoreArrayRead(y, &in));
   });
@@ -233,7 +238,8 @@ void TsIntegrator::accept_step(Run& run) {
 
   if (!run.observer) return;
   const AfterStep after = run.observer(run.state);
-  if (after == AfterStep::stop) petsc_check(TSSetConvergedReason(ts_, TS_CONVERGED_USER));
+  run.reordered = after == AfterStep::reordered;
+  if (after == AfterStep::stop || run.reordered) petsc_check(TSSetConvergedReason(ts_, TS_CONVERGED_USER));
   if (after == AfterStep::changed) {
     PetscScalar* values = nullptr;  // tells PETSc of the change, which was made behind its back
     petsc_check(VecGetArray(run.y, &values));
@@ -244,18 +250,25 @@ void TsIntegrator::accept_step(Run& run) {
 
 void TsIntegrator::run(SecondOrderSystem& system, State& state, Real t_end, bool /*fresh*/,
                        const StepObserver& observer) {
+  // A vector in another order, maybe of another length, is another vector to PETSc.
+  while (solve(system, state, t_end, observer)) {
+  }
+}
+
+bool TsIntegrator::solve(SecondOrderSystem& system, State& state, Real t_end, const StepObserver& observer) {
   const std::size_t n = state.size();
   if (system.size() != n)
     throw InputError("the state has {} coordinates, but the system has {}; build both from one topology", n,
                      system.size());
   if (!std::isfinite(t_end)) throw InputError("the end of the run is {}, but it must be finite", t_end);
-  if (t_end - state.t <= 4 * std::numeric_limits<Real>::epsilon() * std::abs(t_end)) return;
-  if (!reusable_ || (configured_size_ != 0 && configured_size_ != n)) configure();
+  if (t_end - state.t <= 4 * std::numeric_limits<Real>::epsilon() * std::abs(t_end)) return false;
+  const bool resized = system.ranks().any(configured_size_ != 0 && configured_size_ != n);
+  if (!reusable_ || resized) configure();
 
   PetscVec y;
-  petsc_check(VecCreateSeqWithArray(PETSC_COMM_SELF, 1, static_cast<PetscInt>(2 * n), state.y().data(), y.out()));
+  petsc_check(VecCreateMPIWithArray(comm_, 1, static_cast<PetscInt>(2 * n), PETSC_DECIDE, state.y().data(), y.out()));
   petsc_check(TSSetSolution(ts_, y));
-  if (configured_size_ != n) set_tolerances(n);
+  if (resized || configured_size_ == 0) set_tolerances(y, n);
   configured_size_ = n;
   // TS counts steps in 32 bits; its number matters for monitors only.
   const bool countable = state.step < std::numeric_limits<PetscInt>::max() / 2;
@@ -266,7 +279,7 @@ void TsIntegrator::run(SecondOrderSystem& system, State& state, Real t_end, bool
   petsc_check(TSSetMaxTime(ts_, t_end));
   petsc_check(TSRestartStep(ts_));
 
-  Run run{*this, system, state, observer, y, t_end, state.t, 0, dt_ >= t_end - state.t};
+  Run run{*this, system, state, observer, y, t_end, state.t, 0, dt_ >= t_end - state.t, false};
   if (step_number != 0) petsc_check(TSGetStepRejections(ts_, &run.rejected_before));  // else TSSolve zeroes them
   petsc_check(TSSetRHSFunction(ts_, nullptr, right_hand_side, &run));
   petsc_check(TSSetApplicationContext(ts_, &run));
@@ -295,6 +308,7 @@ void TsIntegrator::run(SecondOrderSystem& system, State& state, Real t_end, bool
     throw NumericalError("the limit of steps (-ts_max_steps) was reached at t = {} of {}; raise it or leave it out",
                          state.t, t_end);
   reusable_ = true;
+  return run.reordered;
 }
 
 std::string TsIntegrator::name() const {

@@ -32,7 +32,8 @@ class TsIntegrator : public Integrator {
   /// Reads all -ts_… options, so that unused options can be reported before any work starts.
   /// Errors: InputError for an unknown or implicit type, an option that PETSc refuses or that the program sets itself,
   /// an adaptive step without error estimate, a tolerance or step that is not positive.
-  explicit TsIntegrator(TsOptions options = {});
+  /// comm: of the ranks of the systems that it will integrate. Collective, as is run().
+  explicit TsIntegrator(TsOptions options = {}, MPI_Comm comm = PETSC_COMM_SELF);
 
   /// As Integrator::run. What the system or the observer throws arrives unchanged.
   /// Errors: InputError where the state does not fit the system; NumericalError, with the time, where an acceleration
@@ -48,12 +49,15 @@ class TsIntegrator : public Integrator {
   struct Run;  // what the callbacks see
 
   void configure();
-  void set_tolerances(std::size_t n);
+  void set_tolerances(::Vec y, std::size_t n);
+  /// Until t_end, a stop or a new order of the state; true for the last.
+  bool solve(SecondOrderSystem& system, State& state, Real t_end, const StepObserver& observer);
   static PetscErrorCode right_hand_side(TS ts, PetscReal t, ::Vec y, ::Vec ydot, void* context);
   static PetscErrorCode post_step(TS ts);
   void accept_step(Run& run);
 
   TsOptions options_;
+  MPI_Comm comm_;
   PetscTs ts_;
   bool adaptive_ = false;
   bool reusable_ = true;  // false after a failure: PETSc's objects may be in the middle of something

@@ -34,6 +34,8 @@ class FixedStepVerlet : public Integrator {
 
  private:
   void evaluate(SecondOrderSystem& system, State& state);
+  /// Throws on all ranks where the acceleration of one is not finite.
+  static void check(const SecondOrderSystem& system, const State& state, bool finite);
 
   Real dt_;
   std::vector<Real> v_predicted_;

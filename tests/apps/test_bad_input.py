@@ -1,9 +1,6 @@
 """Whatever is wrong with the input: one line that says so, exit 2 (4 for the output), and nothing written."""
 
 import json
-import os
-import shutil
-import subprocess
 
 import pytest
 from conftest import PROGRAM, SMALL, arguments, hopper, pliant
@@ -110,16 +107,6 @@ def test_restart_from_a_folder_without_checkpoint(tmp_path):
     (tmp_path / "run").mkdir()
     assert_refused(pliant("hopper", restart=tmp_path / "run"), str(tmp_path / "run"), "checkpoint")
     assert list((tmp_path / "run").iterdir()) == []
-
-
-@pytest.mark.skipif(shutil.which("mpiexec") is None, reason="no mpiexec")
-def test_more_than_one_rank(tmp_path):
-    environment = {**os.environ, "OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
-    result = subprocess.run(["mpiexec", "--oversubscribe", "-n", "2", PROGRAM, "hopper", "-output", tmp_path / "run",
-                             *arguments(SMALL)], text=True, capture_output=True, env=environment, timeout=60)
-    assert result.returncode == 2, result.stderr
-    assert any(line.startswith("pliant: error: ") and "rank" in line for line in result.stderr.splitlines())
-    assert not (tmp_path / "run").exists()
 
 
 SQUARE = [[0, 0], [1, 0], [1, 1], [0, 1]]

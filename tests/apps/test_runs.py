@@ -13,7 +13,7 @@ from conftest import SMALL, Results, assert_same_runs, end, hopper, pliant, same
 POLYGONS = {"n": 20, "hopper_wall_distance": 6, "hopper_width": 2.5, "frame_interval": 0.1, "sample_interval": 0.02}
 KINDS = {
     "soft": {"t_end": 500, "frame_interval": 20, "sample_interval": 1},
-    "soft_3d": {"dim": 3, "n": 80, "hopper_wall_distance": 5, "hopper_width": 2.5, "pack_fraction": 0.5, "t_end": 200,
+    "soft_3d": {"dim": 3, "n": 80, "hopper_wall_distance": 5, "hopper_width": 3.5, "pack_fraction": 0.5, "t_end": 200,
                 "frame_interval": 20, "sample_interval": 1},
     "rough": {**POLYGONS, "model": "rough", "t_end": 5},
     "smooth": {**POLYGONS, "model": "smooth", "t_end": 0.7},
@@ -178,3 +178,69 @@ def test_a_frame_is_readable_while_the_run_goes_on(tmp_path, monkeypatch):
     finally:
         code, _, _ = end(child)
     assert code == 75
+
+
+# --- -hopper_q_rtol: the run ends by itself
+
+PRECISE = {"t_end": 2000, "frame_interval": 20, "sample_interval": 0.2, "hopper_q_rtol": 0.03}
+
+
+def relative_error(run):
+    return run.summary["Q"]["error"] / run.summary["Q"]["value"]
+
+
+def test_ends_when_the_flow_rate_is_known(tmp_path):
+    run = hopper(tmp_path / "run", **PRECISE)
+    assert run.summary["status"] == "done" and run.summary["ended_by"] == "q_rtol"
+    assert 20 < run.summary["t"] < 1000
+    assert run.summary["steady"] and 0 < relative_error(run) <= 0.03
+    assert run.summary["t"] == run.series["time"][-1] == run.frames[-1]["time"]
+    longer = hopper(tmp_path / "longer", **{**PRECISE, "hopper_q_rtol": 0, "t_end": 10 * run.summary["t"]})
+    assert longer.summary["ended_by"] == "t_end"
+    difference = run.summary["Q"]["value"] - longer.summary["Q"]["value"]
+    assert abs(difference) < 4 * run.summary["Q"]["error"]
+    # The rule only looks: up to its end the run is the same.
+    rows = len(run.series["time"])
+    assert all(same(run.series[name], longer.series[name][:rows]) for name in run.series)
+
+
+def test_precise_run_killed_and_restarted(tmp_path):
+    options = {**SMALL, **PRECISE, "hopper_q_rtol": 0.012}
+    whole = hopper(tmp_path / "whole", **options)
+    assert whole.summary["ended_by"] == "q_rtol"
+    child = start("hopper", output=tmp_path / "parts", checkpoint_interval=0.05, **options)
+    wait_for((tmp_path / "parts/checkpoint-a.h5").exists, child)
+    assert end(child, signal.SIGKILL)[0] == -signal.SIGKILL
+    result = pliant("hopper", restart=tmp_path / "parts")
+    assert result.returncode == 0, result.stderr
+    assert_same_runs(whole, Results(tmp_path / "parts"))
+    # It has ended: once more is the same.
+    assert pliant("hopper", restart=tmp_path / "parts").returncode == 0
+    assert_same_runs(whole, Results(tmp_path / "parts"))
+
+
+def test_precise_run_goes_on_for_more(tmp_path):
+    hopper(tmp_path / "run", **{**PRECISE, "hopper_q_rtol": 0.05})
+    result = pliant("hopper", restart=tmp_path / "run", hopper_q_rtol=0.02)
+    assert result.returncode == 0 and result.stderr == ""
+    assert_same_runs(hopper(tmp_path / "whole", **{**PRECISE, "hopper_q_rtol": 0.02}), Results(tmp_path / "run"))
+
+
+def test_t_end_comes_first(tmp_path):
+    result = pliant("hopper", output=tmp_path / "run", **{**SMALL, **PRECISE, "hopper_q_rtol": 1e-3, "t_end": 50})
+    run = Results(tmp_path / "run")
+    assert result.returncode == 0 and run.summary["ended_by"] == "t_end" and run.summary["t"] == pytest.approx(50)
+    assert len(result.stderr.splitlines()) == 1 and "warning: -t_end 50" in result.stderr
+    assert f"error of Q is {100 * relative_error(run):.2g} %" in result.stderr
+
+
+def test_latest_end_unless_given(tmp_path):
+    asked = {name: value for name, value in {**SMALL, **PRECISE, "hopper_q_rtol": 0.1}.items() if name != "t_end"}
+    assert pliant("hopper", output=tmp_path / "run", **asked).returncode == 0
+    assert Results(tmp_path / "run").summary["parameters"]["t_end"]["value"] == 10000
+
+
+def test_a_discharge_has_no_steady_rate(tmp_path):
+    result = pliant("hopper", output=tmp_path / "run", **{**SMALL, "flow": "discharge", "hopper_q_rtol": 0.1})
+    assert result.returncode == 2 and len(result.stderr.splitlines()) == 1
+    assert "-hopper_q_rtol 0.1" in result.stderr and not (tmp_path / "run").exists()

@@ -69,6 +69,15 @@ void for_each_cloud(Body&& body) {
 
 constexpr Real skin = 0.15;
 
+/// Takes what a search finds; the contact distance, where there is one, must be that of the pair.
+template <class C>
+auto collect(const C& c, std::vector<Pair>& found) {
+  return [&](Index i, Index j, auto... reach) {
+    found.push_back({i, j});
+    if constexpr (sizeof...(reach) > 0) CHECK((... + reach) == c.reach(i, j));
+  };
+}
+
 }  // namespace
 
 TEMPLATE_TEST_CASE_SIG("point pairs: each once, as by brute force", "", ((int D), D), 2, 3) {
@@ -76,7 +85,9 @@ TEMPLATE_TEST_CASE_SIG("point pairs: each once, as by brute force", "", ((int D)
     for (const Index per_owner : {1, 4}) {
       const Cloud<D> c(random, 400 / per_owner, per_owner, sizes, spread);
       std::vector<Pair> found, expected;
-      find_point_pairs<D>(c.view(), c.grid(0.3), skin, found);
+      // In two parts, as threads do.
+      find_point_pairs<D>(c.view(), c.grid(0.3), skin, 0, 150, collect(c, found));
+      find_point_pairs<D>(c.view(), c.grid(0.3), skin, 150, c.size(), collect(c, found));
       for (Index i = 0; i < c.size(); ++i)
         for (Index j = 0; j < c.size(); ++j) {
           const bool first = c.diameter[i] > c.diameter[j] || (c.diameter[i] == c.diameter[j] && i < j);
@@ -94,7 +105,8 @@ TEST_CASE("vertex-edge pairs: each once, as by brute force") {
   for_each_cloud([](Random& random, Sizes sizes, Spread spread) {
     const Cloud<2> c(random, 80, 5, sizes, spread);
     std::vector<Pair> found, expected;
-    find_vertex_edge_pairs(c.view(), c.grid(0.3), skin, found);
+    const Real widest = *std::max_element(c.diameter.begin(), c.diameter.end());
+    find_vertex_edge_pairs(c.view(), c.grid(0.3), skin, widest, 0, c.size(), collect(c, found));
     for (Index j = 0; j < c.size(); ++j)
       for (Index i = 0; i < c.size(); ++i)
         if (c.group[i] != c.group[j] && c.used[c.group[i]] && c.used[c.group[j]] &&
@@ -112,7 +124,7 @@ TEST_CASE("wall and lip pairs: each once, as by brute force") {
   for_each_cloud([&](Random& random, Sizes sizes, Spread spread) {
     const auto check_walls = [&](const auto& walls, const auto& c) {
       std::vector<Pair> found, expected;
-      find_wall_pairs(c.view(), walls, skin, found);
+      find_wall_pairs(c.view(), walls, skin, 0, c.size(), collect(c, found));
       for (Index i = 0; i < c.size(); ++i)
         for (Index s = 0; s < walls.size(); ++s)
           if (c.used[c.group[i]] && walls.distance(c.at(i), s) < c.diameter[i] / 2 + skin) expected.push_back({i, s});
@@ -124,7 +136,7 @@ TEST_CASE("wall and lip pairs: each once, as by brute force") {
     check_walls(revolved, Cloud<3>(random, 400, 1, sizes, spread));
 
     std::vector<Pair> found, expected;
-    find_lip_pairs(rings.view(), flat, skin, found);
+    find_lip_pairs(rings.view(), flat, skin, 0, rings.size(), collect(rings, found));
     for (Index l = 0; l < 2; ++l)
       for (Index i = 0; i < rings.size(); ++i)
         if (rings.used[rings.group[i]] &&

@@ -36,8 +36,8 @@ struct Scene {
   }
 };
 
-bool contains(const std::vector<Pair>& sorted_pairs, const Pair& pair) {
-  return std::binary_search(sorted_pairs.begin(), sorted_pairs.end(), pair);
+bool contains(const PairList& sorted, const Pair& pair) {
+  return std::binary_search(sorted.begin(), sorted.end(), pair);
 }
 
 }  // namespace
@@ -54,7 +54,7 @@ TEST_CASE("a list holds every contact until something has moved by half the skin
     lists.ensure(t, scene.walls, y.data());
     REQUIRE(lists.rebuilds() == 1);
     for (auto* list : {&lists.point_pairs, &lists.vertex_edges, &lists.walls, &lists.lips})
-      std::sort(list->begin(), list->end());
+      std::sort(list->pairs.begin(), list->pairs.end());
     std::array<int, 4> contacts{};
     std::array<int, 4> missing{};
     const auto expect = [&](int kind, bool touching, bool listed) {
@@ -116,13 +116,13 @@ TEST_CASE("the same reference gives the same lists in the same order, whatever c
     const std::vector<Real> y = scene.moved(random, 0.3);
     used.rebuild(scene.topology, scene.walls, y.data());
   }
-  CHECK(used.point_pairs != fresh.point_pairs);
+  CHECK(used.point_pairs.pairs != fresh.point_pairs.pairs);
   used.rebuild(scene.topology, scene.walls, scene.x.data());
   CHECK(fresh.size() > 100);
-  CHECK(used.point_pairs == fresh.point_pairs);
-  CHECK(used.vertex_edges == fresh.vertex_edges);
-  CHECK(used.walls == fresh.walls);
-  CHECK(used.lips == fresh.lips);
+  CHECK(used.point_pairs.pairs == fresh.point_pairs.pairs);
+  CHECK(used.vertex_edges.pairs == fresh.vertex_edges.pairs);
+  CHECK(used.walls.pairs == fresh.walls.pairs);
+  CHECK(used.lips.pairs == fresh.lips.pairs);
 }
 
 TEST_CASE("only the lists that are needed are built") {
@@ -131,7 +131,7 @@ TEST_CASE("only the lists that are needed are built") {
   Neighbours<2> lists({.vertex_edges = true}, skin);
   lists.ensure(scene.topology, scene.walls, scene.x.data());
   CHECK(!lists.vertex_edges.empty());
-  CHECK(lists.size() == lists.vertex_edges.size());
+  CHECK(lists.size() == lists.vertex_edges.pairs.size());
 }
 
 TEST_CASE("a position that is not finite stops with the particle's name") {
@@ -186,11 +186,11 @@ TEST_CASE("a far outlier does not change what the others find") {
   for (Index i = scene.topology.offset[last]; i < scene.topology.points(); ++i) y[2 * i] += 1e8, y[2 * i + 1] -= 1e8;
   with_outlier.ensure(scene.topology, scene.walls, y.data());
   for (auto* list : {&lists, &with_outlier}) {
-    std::sort(list->point_pairs.begin(), list->point_pairs.end());
-    std::sort(list->vertex_edges.begin(), list->vertex_edges.end());
+    std::sort(list->point_pairs.pairs.begin(), list->point_pairs.pairs.end());
+    std::sort(list->vertex_edges.pairs.begin(), list->vertex_edges.pairs.end());
   }
-  CHECK(with_outlier.point_pairs == lists.point_pairs);
-  CHECK(with_outlier.vertex_edges == lists.vertex_edges);
+  CHECK(with_outlier.point_pairs.pairs == lists.point_pairs.pairs);
+  CHECK(with_outlier.vertex_edges.pairs == lists.vertex_edges.pairs);
 }
 
 TEST_CASE("lists of soft particles in 3D follow the same rule") {
@@ -209,7 +209,7 @@ TEST_CASE("lists of soft particles in 3D follow the same rule") {
   for (Index i = 0; i < 300; ++i) point<3>(y.data(), i) += 0.4999 * skin * random.unit<3>();
   lists.ensure(topology, walls, y.data());
   REQUIRE(lists.rebuilds() == 1);
-  std::sort(lists.point_pairs.begin(), lists.point_pairs.end());
+  std::sort(lists.point_pairs.pairs.begin(), lists.point_pairs.pairs.end());
   int touching = 0, missing = 0;
   for (Index i = 0; i < 300; ++i) {
     for (Index j = 0; j < i; ++j) {
@@ -221,7 +221,7 @@ TEST_CASE("lists of soft particles in 3D follow the same rule") {
     for (Index s = 0; s < walls.size(); ++s) {
       if (walls.distance(point<3>(y.data(), i), s) >= topology.sigma[i] / 2) continue;
       ++touching;
-      missing += std::find(lists.walls.begin(), lists.walls.end(), Pair{i, s}) == lists.walls.end();
+      missing += std::find(lists.walls.pairs.begin(), lists.walls.pairs.end(), Pair{i, s}) == lists.walls.end();
     }
   }
   CHECK(touching > 300);

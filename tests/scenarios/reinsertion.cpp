@@ -63,7 +63,8 @@ struct Flow {
   }
 
   void put_back(std::uint64_t count = 0, std::uint64_t seed = 1) {
-    reinsert<D>(topology, hopper, walls, kind == ModelKind::smooth, seed, fallen, count, state);
+    reinsert<D>(Ranks(), topology, hopper, walls, kind == ModelKind::smooth, seed,
+                {topology.id[fallen], 0, fallen, static_cast<std::int64_t>(count)}, state);
   }
 
   /// Distance of the rims of the fallen particle and n, by brute force.

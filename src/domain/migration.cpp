@@ -1,0 +1,89 @@
+#include <pliant/domain/migration.h>
+
+#include <algorithm>
+#include <limits>
+
+#include <pliant/domain/hilbert.h>
+#include <pliant/domain/partition.h>
+#include <pliant/model/polygon.h>
+
+namespace pliant {
+
+Migration::Migration(const Ranks& ranks, const Topology& topology, const std::vector<int>& destination,
+                     const std::vector<std::uint64_t>& key)
+    : ranks_(ranks), leaving_(ranks.size()), offset_(topology.offset) {
+  struct Traveller {
+    std::uint64_t key;
+    Index id, points;
+  };
+  std::vector<std::vector<Traveller>> parts(ranks.size());
+  for (Index m = 0; m < topology.owned(); ++m) {
+    leaving_[destination[m]].push_back(m);
+    parts[destination[m]].push_back({key[m], topology.id[m], topology.points_of(m)});
+  }
+  const std::vector<Traveller> arrived = ranks.exchange(parts);
+  arrived_offset_.assign(1, 0);
+  for (const Traveller& t : arrived) arrived_offset_.push_back(arrived_offset_.back() + t.points);
+  order_.resize(arrived.size());
+  std::iota(order_.begin(), order_.end(), 0);
+  std::sort(order_.begin(), order_.end(), [&](Index a, Index b) {
+    return arrived[a].key != arrived[b].key ? arrived[a].key < arrived[b].key : arrived[a].id < arrived[b].id;
+  });
+}
+
+void Migration::move(Topology& topology) const {
+  topology.drop_ghosts();
+  move_points(topology.diameter, 1);
+  move_points(topology.mass, 1);
+  move_points(topology.inverse_mass, 1);
+  move(topology.sigma);
+  move(topology.a0);
+  move(topology.l0);
+  move(topology.active);
+  move(topology.id);
+  std::vector<Index> points;
+  for (const Index k : order_) points.push_back(arrived_offset_[k + 1] - arrived_offset_[k]);
+  topology.connect(points);
+}
+
+void Migration::move(State& state, int dim) const {
+  std::vector<Real> x(state.x().begin(), state.x().end()), v(state.v().begin(), state.v().end()),
+      a(state.a().begin(), state.a().end());
+  move_points(x, dim);
+  move_points(v, dim);
+  move_points(a, dim);
+  state.assign(x, v, a);
+}
+
+template <int D>
+Migration plan_migration(const Ranks& ranks, const Topology& topology, const Real* x) {
+  constexpr int bits = 16;
+  const auto n = static_cast<std::size_t>(topology.owned());
+  std::vector<Real> centres(n * D), weights(n);
+  std::vector<Real> box(2 * D, -std::numeric_limits<Real>::max());  // −low, high
+  for (std::size_t m = 0; m < n; ++m) {
+    const Vec<D> centre = mean_of_points<D>(x, topology, static_cast<Index>(m));
+    point<D>(centres.data(), static_cast<Index>(m)) = centre;
+    weights[m] = topology.points_of(static_cast<Index>(m));
+    for (int k = 0; k < D; ++k) {
+      box[k] = std::max(box[k], -centre[k]);
+      box[D + k] = std::max(box[D + k], centre[k]);
+    }
+  }
+  ranks.max(box);
+  Real side = 0;
+  for (int k = 0; k < D; ++k) side = std::max(side, box[k] + box[D + k]);
+  const Real cells = side > 0 ? ((1 << bits) - 1) / side : 0;
+  std::vector<std::uint64_t> key(n);
+  for (std::size_t m = 0; m < n; ++m) {
+    std::array<std::uint32_t, D> cell;
+    for (int k = 0; k < D; ++k) cell[k] = static_cast<std::uint32_t>((centres[m * D + k] + box[k]) * cells);
+    key[m] = hilbert_key<D>(cell, bits);
+  }
+  return Migration(ranks, topology, bisect<D>(ranks, centres, weights), key);
+}
+
+template Migration plan_migration<2>(const Ranks&, const Topology&, const Real*);
+template Migration plan_migration<3>(const Ranks&, const Topology&, const Real*);
+
+}  // namespace pliant

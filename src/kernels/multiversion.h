@@ -1,0 +1,29 @@
+// Functions compiled for several instruction sets, of which the loader picks the best that the machine has.
+#pragma once
+
+// Thread sanitizer cannot start programs with resolvers of its own.
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_THREAD__)
+#define PLIANT_MULTIVERSION __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
+#else
+#define PLIANT_MULTIVERSION
+#endif
+
+namespace pliant::simd {
+
+/// Whether functions marked PLIANT_MULTIVERSION run on vectors of four numbers here. Without them they are correct, but
+/// slower than plain loops.
+inline bool fast() {
+#if defined(__AVX2__)
+  return true;
+#elif defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_THREAD__)
+  static const bool avx2 = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
+  return avx2;
+#else
+  return false;
+#endif
+}
+
+}  // namespace pliant::simd
+
+// Everything that such a function calls must become part of it.
+#define PLIANT_INLINE [[gnu::always_inline]] inline

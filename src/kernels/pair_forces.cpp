@@ -1,0 +1,163 @@
+#include <pliant/kernels/pair_forces.h>
+#include <pliant/kernels/simd.h>
+
+#include <array>
+
+namespace pliant {
+namespace {
+
+using simd::Mask4;
+using simd::Points2;
+using simd::Real2;
+using simd::Real4;
+
+/// Where the points of four pairs are in an array [points · D]. Kept in registers: the compiler cannot know that
+/// writing forces does not change the list.
+template <int D>
+struct Places {
+  std::ptrdiff_t first[4], second[4];
+
+  PLIANT_INLINE explicit Places(const Pair* pairs) {
+    for (int k = 0; k < 4; ++k) {
+      first[k] = std::ptrdiff_t(D) * pairs[k].first;
+      second[k] = std::ptrdiff_t(D) * pairs[k].second;
+    }
+  }
+};
+
+/// Vectors of four pairs, component by component.
+template <int D>
+using Vectors = std::array<Real4, D>;
+
+// a_first − a_second
+
+PLIANT_INLINE Vectors<2> differences(const Places<2>& at, const Real* a) {
+  Real2 u[4];
+  for (int k = 0; k < 4; ++k) u[k] = simd::load2(a + at.first[k]) - simd::load2(a + at.second[k]);
+  const Points2 p = simd::transpose(u[0], u[1], u[2], u[3]);
+  return {p.x, p.y};
+}
+
+PLIANT_INLINE Vectors<3> differences(const Places<3>& at, const Real* a) {
+  Real2 xy[4];
+  Real z[4];
+  for (int k = 0; k < 4; ++k) {
+    xy[k] = simd::load2(a + at.first[k]) - simd::load2(a + at.second[k]);
+    z[k] = a[at.first[k] + 2] - a[at.second[k] + 2];
+  }
+  const Points2 p = simd::transpose(xy[0], xy[1], xy[2], xy[3]);
+  return {p.x, p.y, Real4{z[0], z[1], z[2], z[3]}};
+}
+
+// Pair by pair, because several pairs of four may share a point.
+
+template <Sides sides>
+PLIANT_INLINE void scatter(const Places<2>& at, const Vectors<2>& force, Real* f) {
+  Real4 lanes02, lanes13;
+  simd::transpose(Points2{force[0], force[1]}, lanes02, lanes13);
+  const Real2 u[] = {simd::low(lanes02), simd::low(lanes13), simd::high(lanes02), simd::high(lanes13)};
+  for (int k = 0; k < 4; ++k) {
+    Real* const i = f + at.first[k];
+    simd::store2(i, simd::load2(i) + u[k]);
+    if constexpr (sides == Sides::both) {
+      Real* const j = f + at.second[k];
+      simd::store2(j, simd::load2(j) - u[k]);
+    }
+  }
+}
+
+template <Sides sides>
+PLIANT_INLINE void scatter(const Places<3>& at, const Vectors<3>& force, Real* f) {
+  Real4 lanes02, lanes13;
+  simd::transpose(Points2{force[0], force[1]}, lanes02, lanes13);
+  const Real2 xy[] = {simd::low(lanes02), simd::low(lanes13), simd::high(lanes02), simd::high(lanes13)};
+  for (int k = 0; k < 4; ++k) {
+    Real* const i = f + at.first[k];
+    simd::store2(i, simd::load2(i) + xy[k]);
+    i[2] += force[2][k];
+    if constexpr (sides == Sides::both) {
+      Real* const j = f + at.second[k];
+      simd::store2(j, simd::load2(j) - xy[k]);
+      j[2] -= force[2][k];
+    }
+  }
+}
+
+template <int D, bool friction, Sides sides>
+PLIANT_INLINE void add_four(const PairLaw& law, const Pair* pairs, Real4 reach, const Real* x, const Real* v, Real* f) {
+  const Places<D> at(pairs);
+  auto force = differences(at, x);
+  Real4 d2{};
+  for (const Real4& r : force) d2 += r * r;
+  const Mask4 touches = d2 < reach * reach;
+  const Real4 d = simd::sqrt(d2);
+  // ε/δ (1 − d/δ) / d with one division
+  const Real4 push = simd::where(touches & (d2 > 0), law.epsilon * (reach - d) / (reach * reach * d));
+  for (Real4& r : force) r *= push;
+  if constexpr (friction) {
+    const Real4 mu = simd::where(touches, simd::all(law.mu));
+    const auto u = differences(at, v);
+    for (std::size_t k = 0; k < u.size(); ++k) force[k] -= mu * u[k];
+  }
+  scatter<sides>(at, force, f);
+}
+
+template <int D, bool friction, Sides sides>
+PLIANT_INLINE void add_all(const PairLaw& law, std::span<const Pair> pairs, const Real* reach, const Real* x,
+                           const Real* v, Real* f) {
+  std::size_t e = 0;
+  for (; e + 4 <= pairs.size(); e += 4)
+    add_four<D, friction, sides>(law, pairs.data() + e, simd::load4(reach + e), x, v, f);
+  if (e == pairs.size()) return;
+  // The rest, filled up with pairs that never touch.
+  Pair rest[4];
+  Real4 rest_reach{};
+  for (std::size_t k = 0; k < 4; ++k) {
+    const bool listed = e + k < pairs.size();
+    rest[k] = listed ? pairs[e + k] : pairs.back();
+    rest_reach[k] = listed ? reach[e + k] : 0;
+  }
+  add_four<D, friction, sides>(law, rest, rest_reach, x, v, f);
+}
+
+template <int D>
+PLIANT_INLINE void add(const PairLaw& law, std::span<const Pair> pairs, const Real* reach, Sides sides, const Real* x,
+                       const Real* v, Real* f) {
+  if (law.mu == 0) {
+    if (sides == Sides::both)
+      add_all<D, false, Sides::both>(law, pairs, reach, x, v, f);
+    else
+      add_all<D, false, Sides::first>(law, pairs, reach, x, v, f);
+  } else {
+    if (sides == Sides::both)
+      add_all<D, true, Sides::both>(law, pairs, reach, x, v, f);
+    else
+      add_all<D, true, Sides::first>(law, pairs, reach, x, v, f);
+  }
+}
+
+PLIANT_MULTIVERSION void add_2d(const PairLaw& law, std::span<const Pair> pairs, const Real* reach, Sides sides,
+                                const Real* x, const Real* v, Real* f) {
+  add<2>(law, pairs, reach, sides, x, v, f);
+}
+PLIANT_MULTIVERSION void add_3d(const PairLaw& law, std::span<const Pair> pairs, const Real* reach, Sides sides,
+                                const Real* x, const Real* v, Real* f) {
+  add<3>(law, pairs, reach, sides, x, v, f);
+}
+
+}  // namespace
+
+template <int D>
+void add_pair_forces(const PairLaw& law, std::span<const Pair> pairs, const Real* reach, Sides sides, const Real* x,
+                     const Real* v, Real* f) {
+  if constexpr (D == 2)
+    add_2d(law, pairs, reach, sides, x, v, f);
+  else
+    add_3d(law, pairs, reach, sides, x, v, f);
+}
+template void add_pair_forces<2>(const PairLaw&, std::span<const Pair>, const Real*, Sides, const Real*, const Real*,
+                                 Real*);
+template void add_pair_forces<3>(const PairLaw&, std::span<const Pair>, const Real*, Sides, const Real*, const Real*,
+                                 Real*);
+
+}  // namespace pliant

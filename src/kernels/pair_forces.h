@@ -1,0 +1,31 @@
+// Contact and friction of point pairs in one pass: what PairContact and PairFriction say, four pairs at a time.
+#pragma once
+
+#include <span>
+
+#include <pliant/geometry/pair_search.h>
+
+namespace pliant {
+
+/// Stiffness ε of the contact and coefficient μ of the friction. With mu = 0 no velocity is read: v may be null.
+struct PairLaw {
+  Real epsilon, mu;
+};
+
+/// Which points of a pair receive its force. A pair that straddles two parts of a decomposition is listed in both of
+/// them, once from each side, and `second` is then only read.
+enum class Sides { both, first };
+
+/// Adds the forces of the listed pairs to f [points · D]: i = pair.first gets ε/δ (1 − d/δ) r/d − μ (v_i − v_j), where
+/// r = x_i − x_j and d = |r| < δ, and pair.second the opposite. Coincident points only rub. reach: δ of each pair
+/// [pairs]; x, v: [points · D], and f must not overlap them. The list may have any order; it is that of the sums.
+template <int D>
+void add_pair_forces(const PairLaw& law, std::span<const Pair> pairs, const Real* reach, Sides sides, const Real* x,
+                     const Real* v, Real* f);
+
+extern template void add_pair_forces<2>(const PairLaw&, std::span<const Pair>, const Real*, Sides, const Real*,
+                                        const Real*, Real*);
+extern template void add_pair_forces<3>(const PairLaw&, std::span<const Pair>, const Real*, Sides, const Real*,
+                                        const Real*, Real*);
+
+}  // namespace pliant

@@ -1,0 +1,274 @@
+#include <pliant/kernels/shape_forces.h>
+
+#include <cstddef>
+#include <utility>
+
+#include <pliant/kernels/simd.h>
+
+// As PLIANT_MULTIVERSION, but each instruction set gets a width of its own: GCC takes vectors that are wider than the
+// registers apart lane by lane, which is slower than none.
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
+#define PLIANT_WIDER_TARGETS
+#endif
+
+namespace pliant {
+namespace {
+
+typedef Real Real8 __attribute__((vector_size(8 * sizeof(Real))));
+
+template <int Width>
+struct OfWidth;
+template <>
+struct OfWidth<2> {
+  using Type = simd::Real2;
+};
+template <>
+struct OfWidth<4> {
+  using Type = simd::Real4;
+};
+template <>
+struct OfWidth<8> {
+  using Type = Real8;
+};
+template <int Width>
+using Lanes = typename OfWidth<Width>::Type;
+template <class V>
+inline constexpr int width = sizeof(V) / sizeof(Real);
+
+template <class V>
+PLIANT_INLINE V load(const Real* p) {
+  V a;
+  std::memcpy(&a, p, sizeof a);
+  return a;
+}
+template <class V>
+PLIANT_INLINE void add_to(Real* p, V a) {
+  a += load<V>(p);
+  std::memcpy(p, &a, sizeof a);
+}
+
+/// Lane k of the result is lane From(k) of a and b in succession.
+template <auto From, class V, int... K>
+PLIANT_INLINE V pick(V a, V b, std::integer_sequence<int, K...>) {
+  return __builtin_shufflevector(a, b, From(K)...);
+}
+template <auto From, class V>
+PLIANT_INLINE V pick(V a, V b) {
+  return pick<From>(a, b, std::make_integer_sequence<int, width<V>>());
+}
+/// What follows each lane of a, the first of b being the last.
+template <class V>
+PLIANT_INLINE V following(V a, V b) {
+  return pick<[](int k) { return k + 1; }>(a, b);
+}
+/// What precedes each lane of b, the last of a being the first.
+template <class V>
+PLIANT_INLINE V preceding(V a, V b) {
+  return pick<[](int k) { return width<V> - 1 + k; }>(a, b);
+}
+
+template <class V, class Half, int... K>
+PLIANT_INLINE V join(Half a, Half b, std::integer_sequence<int, K...>) {
+  return __builtin_shufflevector(a, b, K...);
+}
+/// As many points as V takes, from i on in a polygon of n vertices; goes round at most once.
+template <class V>
+PLIANT_INLINE V load_points(const Real* x, Index n, Index i) {
+  if constexpr (width<V> == 2) {
+    return load<V>(x + 2 * (i < n ? i : i - n));
+  } else {
+    using Half = Lanes<width<V> / 2>;
+    return join<V>(load_points<Half>(x, n, i), load_points<Half>(x, n, i + width<Half> / 2),
+                   std::make_integer_sequence<int, width<V>>());
+  }
+}
+/// Adds the first `count` points of a to f, not all of them.
+template <class V>
+PLIANT_INLINE void add_points(Real* f, V a, Index count) {
+  for (int k = 0; k < width<V> / 2; ++k)
+    if (k < count) add_to(f + 2 * k, simd::Real2{a[2 * k], a[2 * k + 1]});
+}
+
+/// As polygon_area, about the first vertex: of its terms r_i × r_{i+1} those of the first and the last edge vanish.
+template <class V>
+PLIANT_INLINE Real area(const Real* x, Index n) {
+  constexpr int terms = width<V> / 2;
+  static_assert(terms <= 2);
+  V origin, sum{};
+  for (int k = 0; k < width<V>; ++k) origin[k] = x[k % 2];
+  // Where the number of terms is odd the first edge's makes it even.
+  for (Index i = n % terms == 0 ? 1 : 0; i < n - 1; i += terms) {
+    const V r = load<V>(x + 2 * i) - origin, s = load<V>(x + 2 * i + 2) - origin;
+    sum += r * pick<[](int k) { return k ^ 1; }>(s, s);
+  }
+  Real twice = 0;
+  for (int k = 0; k < width<V>; k += 2) twice += sum[k] - sum[k + 1];
+  return twice / 2;
+}
+
+/// Edges in succession.
+template <class V>
+struct Edges {
+  V x{}, y{}, inverse{};  ///< the edge and 1/length
+  V ux{}, uy{};           ///< its direction
+
+  /// Member by member: GCC 12 copies the whole through general registers.
+  PLIANT_INLINE void become(const Edges& other) {
+    x = other.x;
+    y = other.y;
+    inverse = other.inverse;
+    ux = other.ux;
+    uy = other.uy;
+  }
+};
+
+/// Edges from i on in a polygon of n vertices; goes round at most once.
+template <bool Lengths, class V>
+PLIANT_INLINE void edges_from(const Real* x, Index n, Index i, Edges<V>& e) {
+  constexpr int half = width<V> / 2;
+  V a, b;
+  if (i + width<V> <= n) {
+    const Real *p = x + 2 * i, *q = p + width<V>;
+    const V last = load<V>(q);
+    a = load<V>(p + 2) - load<V>(p);
+    b = (i + width<V> < n ? load<V>(q + 2) : pick<[](int k) { return k + 2; }>(last, load<V>(x))) - last;
+  } else {
+    a = load_points<V>(x, n, i + 1) - load_points<V>(x, n, i);
+    b = load_points<V>(x, n, i + half + 1) - load_points<V>(x, n, i + half);
+  }
+  e.x = pick<[](int k) { return 2 * k; }>(a, b);
+  e.y = pick<[](int k) { return 2 * k + 1; }>(a, b);
+  if constexpr (Lengths) {
+    const V squared = e.x * e.x + e.y * e.y;
+    V length;
+    for (int k = 0; k < width<V>; ++k) length[k] = std::sqrt(squared[k]);
+    e.inverse = 1 / length;
+    e.ux = e.x * e.inverse;
+    e.uy = e.y * e.inverse;
+  }
+}
+
+/// What the forces on a polygon need besides its edges.
+struct Factors {
+  Real half_pressure, stiffness, stiffness_rest, bending;
+};
+
+/// What the last of some edges hand on to the next ones.
+template <class V>
+struct Carry {
+  V sine{}, bx{}, by{};
+};
+
+/// Forces on the first vertices of some edges. With e the edges and l̂ their directions, the force on vertex i is
+/// g_i − g_{i−1} of g = ∂U/∂e, and half the pressure times the quarter turns of both edges. Of the bending energy
+/// g_i = −c (s_i − s_{i−1})/l_i times the quarter turn of l̂_i, s_i = l̂_i × l̂_{i+1}: the same as the vectors
+/// (û·ŵ) û − ŵ of the element form, without their cancellation.
+template <bool Lengths, bool Bending, class V>
+PLIANT_INLINE void forces(const Factors& factors, const Edges<V>& e, V next_ux, V next_uy, Carry<V>& carry, V& low,
+                          V& high) {
+  V along{}, across{};  // g in units of e and of its quarter turn
+  if constexpr (Lengths) along = factors.stiffness - factors.stiffness_rest * e.inverse;
+  if constexpr (Bending) {
+    const V sine = e.ux * following(e.uy, next_uy) - e.uy * following(e.ux, next_ux);
+    across = -factors.bending * e.inverse * e.inverse * (sine - preceding(carry.sine, sine));
+    carry.sine = sine;
+  }
+  const V ahead = factors.half_pressure + across, behind = factors.half_pressure - across;
+  const V bx = -behind * e.y - along * e.x, by = behind * e.x - along * e.y;
+  const V fx = along * e.x - ahead * e.y + preceding(carry.bx, bx);
+  const V fy = along * e.y + ahead * e.x + preceding(carry.by, by);
+  carry.bx = bx;
+  carry.by = by;
+  constexpr int lanes = width<V>;
+  low = pick<[](int k) { return k / 2 + k % 2 * lanes; }>(fx, fy);
+  high = pick<[](int k) { return lanes / 2 + k / 2 + k % 2 * lanes; }>(fx, fy);
+}
+
+template <bool Lengths, bool Bending, class V>
+PLIANT_INLINE void add_polygon(const Factors& factors, const Real* x, Index n, Real* f) {
+  constexpr int lanes = width<V>;
+  Edges<V> e;
+  edges_from<Lengths>(x, n, 0, e);
+  const Real first_x = e.x[0], first_y = e.y[0], first_inverse = e.inverse[0], first_ux = e.ux[0], first_uy = e.uy[0];
+  Carry<V> carry;  // nothing for the first ones, which get it at the end
+  V low, high;
+  Index i = 0;
+  for (; i + lanes < n; i += lanes) {
+    Edges<V> next;
+    edges_from<Lengths>(x, n, i + lanes, next);
+    forces<Lengths, Bending>(factors, e, next.ux, next.uy, carry, low, high);
+    add_to(f + 2 * i, low);
+    add_to(f + 2 * i + lanes, high);
+    e.become(next);
+  }
+  forces<Lengths, Bending>(factors, e, first_ux + V{}, first_uy + V{}, carry, low, high);
+  if (i + lanes == n) {
+    add_to(f + 2 * i, low);
+    add_to(f + 2 * i + lanes, high);
+  } else {
+    add_points(f + 2 * i, low, n - i);
+    add_points(f + 2 * i + lanes, high, n - i - lanes / 2);
+  }
+  const Index end = n - 1 - i;
+  Real gx = 0, gy = 0;
+  if constexpr (Bending) {
+    const Real g = factors.bending * first_inverse * first_inverse * carry.sine[end];
+    gx = -g * first_y;
+    gy = g * first_x;
+  }
+  f[0] += carry.bx[end] + gx;
+  f[1] += carry.by[end] + gy;
+  f[2] -= gx;
+  f[3] -= gy;
+}
+
+template <class V>
+PLIANT_INLINE void add_polygon(const ShapeLaw& law, Real a0, Real l0, const Real* x, Index n, Real* f) {
+  const Real pressure = law.k_a != 0 ? law.k_a * (area<Lanes<(width<V> < 4 ? width<V> : 4)>>(x, n) - a0) : 0;
+  const Real stiffness = law.k_l * n;
+  if (law.k_b != 0)
+    add_polygon<true, true, V>({pressure / 2, stiffness, stiffness * l0, law.k_b / (n * l0 * l0)}, x, n, f);
+  else if (law.k_l != 0)
+    add_polygon<true, false, V>({pressure / 2, stiffness, stiffness * l0, 0}, x, n, f);
+  else if (law.k_a != 0)
+    add_polygon<false, false, V>({pressure / 2, 0, 0, 0}, x, n, f);
+}
+
+template <int Width>
+PLIANT_INLINE void add_particles(const ShapeLaw& law, const Index* offset, const Real* a0, const Real* l0, Index first,
+                                 Index last, const Real* x, Real* f) {
+  for (Index m = first; m < last; ++m) {
+    const Index n = offset[m + 1] - offset[m];
+    if (n < 3) continue;
+    const std::ptrdiff_t begin = 2 * static_cast<std::ptrdiff_t>(offset[m]);
+    if (Width == 8 && n >= 8)  // below, eight edges could go round more than once
+      add_polygon<Lanes<8>>(law, a0[m], l0[m], x + begin, n, f + begin);
+    else
+      add_polygon<Lanes<(Width < 4 ? Width : 4)>>(law, a0[m], l0[m], x + begin, n, f + begin);
+  }
+}
+
+#ifdef PLIANT_WIDER_TARGETS
+[[gnu::target("arch=x86-64-v4")]] void add_8(const ShapeLaw& law, const Index* offset, const Real* a0, const Real* l0,
+                                             Index first, Index last, const Real* x, Real* f) {
+  add_particles<8>(law, offset, a0, l0, first, last, x, f);
+}
+
+[[gnu::target("arch=x86-64-v3")]] void add_4(const ShapeLaw& law, const Index* offset, const Real* a0, const Real* l0,
+                                             Index first, Index last, const Real* x, Real* f) {
+  add_particles<4>(law, offset, a0, l0, first, last, x, f);
+}
+#endif
+
+}  // namespace
+
+void add_shape_forces(const ShapeLaw& law, const Index* offset, const Real* a0, const Real* l0, Index first, Index last,
+                      const Real* x, Real* f) {
+#ifdef PLIANT_WIDER_TARGETS
+  if (__builtin_cpu_supports("x86-64-v4")) return add_8(law, offset, a0, l0, first, last, x, f);
+  if (__builtin_cpu_supports("x86-64-v3")) return add_4(law, offset, a0, l0, first, last, x, f);
+#endif
+  add_particles<2>(law, offset, a0, l0, first, last, x, f);
+}
+
+}  // namespace pliant

@@ -1,0 +1,21 @@
+// Forces of the shape energy of deformable particles: all that changes a polygon's area, edges and corners, in one
+// pass.
+#pragma once
+
+#include <pliant/base/types.h>
+
+namespace pliant {
+
+/// U_m = k_a/2 (a − a0)² + k_l n/2 Σ (l_i − l0)² + k_b/(2 n l0²) Σ |l̂_i − l̂_{i+1}|² of a polygon of n vertices. A
+/// coefficient of zero switches its part off: nothing is computed for it.
+struct ShapeLaw {
+  Real k_a, k_l, k_b;
+};
+
+/// Adds the forces −∂U_m/∂r of particles first … last−1 to f. The points of particle m are offset[m] … offset[m+1]−1, a
+/// closed polygon in that order; particles of fewer than three points have no shape and are skipped. offset
+/// [particles + 1]; a0, l0 [particles]; x, f [points · 2]. A particle's forces do not depend on the other particles.
+void add_shape_forces(const ShapeLaw& law, const Index* offset, const Real* a0, const Real* l0, Index first, Index last,
+                      const Real* x, Real* f);
+
+}  // namespace pliant

@@ -1,0 +1,64 @@
+// Four doubles at a time, with the compiler's vector types: every target has them, and each function that asks for
+// PLIANT_MULTIVERSION is compiled for several instruction sets, of which the loader picks the best that the machine
+// has.
+#pragma once
+
+#include <cmath>
+#include <cstring>
+
+#include <pliant/base/types.h>
+#include <pliant/kernels/multiversion.h>
+
+namespace pliant::simd {
+
+typedef Real Real2 __attribute__((vector_size(2 * sizeof(Real))));
+typedef Real Real4 __attribute__((vector_size(4 * sizeof(Real))));
+typedef std::int64_t Mask4
+    __attribute__((vector_size(4 * sizeof(std::int64_t))));  ///< lanes of 0 or −1: of comparisons
+
+PLIANT_INLINE Real4 all(Real a) { return Real4{a, a, a, a}; }
+
+PLIANT_INLINE Real2 load2(const Real* p) {
+  Real2 a;
+  std::memcpy(&a, p, sizeof a);
+  return a;
+}
+PLIANT_INLINE void store2(Real* p, Real2 a) { std::memcpy(p, &a, sizeof a); }
+PLIANT_INLINE Real4 load4(const Real* p) {
+  Real4 a;
+  std::memcpy(&a, p, sizeof a);
+  return a;
+}
+PLIANT_INLINE void store4(Real* p, Real4 a) { std::memcpy(p, &a, sizeof a); }
+
+PLIANT_INLINE Real4 join(Real2 low, Real2 high) { return __builtin_shufflevector(low, high, 0, 1, 2, 3); }
+PLIANT_INLINE Real2 low(Real4 a) { return __builtin_shufflevector(a, a, 0, 1); }
+PLIANT_INLINE Real2 high(Real4 a) { return __builtin_shufflevector(a, a, 2, 3); }
+
+/// a where the mask is set, else b.
+PLIANT_INLINE Real4 select(Mask4 mask, Real4 a, Real4 b) { return mask ? a : b; }
+/// a where the mask is set, else 0.
+PLIANT_INLINE Real4 where(Mask4 mask, Real4 a) { return mask ? a : Real4{}; }
+PLIANT_INLINE Real4 min(Real4 a, Real4 b) { return a < b ? a : b; }
+PLIANT_INLINE Real4 max(Real4 a, Real4 b) { return a > b ? a : b; }
+PLIANT_INLINE Real4 sqrt(Real4 a) {
+  Real4 r;
+  for (int k = 0; k < 4; ++k) r[k] = std::sqrt(a[k]);
+  return r;
+}
+
+/// (x, y) of four points, lane by lane.
+struct Points2 {
+  Real4 x, y;
+};
+PLIANT_INLINE Points2 transpose(Real2 a, Real2 b, Real2 c, Real2 d) {
+  const Real4 ac = join(a, c), bd = join(b, d);
+  return {__builtin_shufflevector(ac, bd, 0, 4, 2, 6), __builtin_shufflevector(ac, bd, 1, 5, 3, 7)};
+}
+/// The inverse: (x, y) of lanes 0 and 2, and of lanes 1 and 3.
+PLIANT_INLINE void transpose(const Points2& p, Real4& lanes02, Real4& lanes13) {
+  lanes02 = __builtin_shufflevector(p.x, p.y, 0, 4, 2, 6);
+  lanes13 = __builtin_shufflevector(p.x, p.y, 1, 5, 3, 7);
+}
+
+}  // namespace pliant::simd

@@ -1,0 +1,62 @@
+// Which kernel works for which terms: what a kernel needs, taken from the terms and the lists.
+#pragma once
+
+#include <span>
+
+#include <pliant/kernels/edge_forces.h>
+#include <pliant/kernels/multiversion.h>
+#include <pliant/kernels/pair_forces.h>
+#include <pliant/kernels/shape_forces.h>
+#include <pliant/model/area.h>
+#include <pliant/model/bending.h>
+#include <pliant/model/edge_contact.h>
+#include <pliant/model/edge_friction.h>
+#include <pliant/model/model.h>
+#include <pliant/model/pair_contact.h>
+#include <pliant/model/pair_friction.h>
+#include <pliant/model/perimeter.h>
+
+namespace pliant {
+
+struct PairKernel {
+  static bool fast() { return simd::fast(); }
+  template <int D>
+  static void add_forces(const StateView<D>& s, Index chunk, Real* f, const PairContact<D>& contact,
+                         const PairFriction<D>& friction) {
+    const PairLaw law{contact.epsilon, friction.mu};
+    const PairList& list = s.neighbours.point_pairs;
+    const auto add = [&](Range range, Sides sides) {
+      add_pair_forces<D>(law, std::span(list.pairs).subspan(range.first, range.size()), list.reach.data() + range.first,
+                         sides, s.x, s.v, f);
+    };
+    add(list.inside(chunk), Sides::both);
+    add(list.across(chunk), Sides::first);
+  }
+};
+
+struct ShapeKernel {
+  static constexpr bool fast() { return true; }
+  static void add_forces(const StateView<2>& s, Index chunk, Real* f, const Area& area, const Perimeter& perimeter,
+                         const Bending& bending) {
+    const Range own = s.neighbours.particles(chunk);
+    const Topology& topology = s.topology;
+    add_shape_forces({area.k_a, perimeter.k_l, bending.k_b}, topology.offset.data(), topology.a0.data(),
+                     topology.l0.data(), own.first, own.last, s.x, f);
+  }
+};
+
+struct EdgeKernel {
+  static bool fast() { return simd::fast(); }
+  static void add_forces(const StateView<2>& s, Index chunk, Real* f, const EdgeContact& contact,
+                         const EdgeFriction& friction) {
+    const EdgeLaw law{contact.epsilon, friction.mu, friction.where == FrictionPoint::contact};
+    const PairList& list = s.neighbours.vertex_edges;
+    const Index* next = s.topology.next.data();
+    const auto pairs = [&](Range range) { return std::span(list.pairs).subspan(range.first, range.size()); };
+    const Range inside = list.inside(chunk), across = list.across(chunk), own = s.neighbours.points(chunk);
+    add_edge_forces(law, pairs(inside), list.reach.data() + inside.first, next, s.x, s.v, f);
+    add_edge_forces(law, pairs(across), list.reach.data() + across.first, next, own.first, own.last, s.x, s.v, f);
+  }
+};
+
+}  // namespace pliant
