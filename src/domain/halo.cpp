@@ -79,8 +79,11 @@ template <int D>
 void Halo<D>::settle(const Topology& topology, const Real* x) {
   Box<D> box;
   for (Index i = 0; i < topology.owned_points(); ++i) box.add(point<D>(x, i));
-  low_ = box.low;
-  high_ = box.high;
+  // A little more: who sits at the border has not left home by its first move.
+  Real margin = 0;
+  for (const Real d : topology.diameter) margin = std::max(margin, d);
+  low_ = box.low.array() - margin;
+  high_ = box.high.array() + margin;
 }
 
 template <int D>

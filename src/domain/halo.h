@@ -17,7 +17,7 @@ class Halo {
   explicit Halo(Ranks ranks);
   ~Halo();
 
-  /// Takes the box around the rank's particles as its home; x [owned points · D].
+  /// Takes the box around the rank's particles, and a diameter more, as its home; x [owned points · D].
   void settle(const Topology& topology, const Real* x);
 
   /// Replaces the ghosts at the end of the topology by the particles of other ranks that can come within a contact +

@@ -16,9 +16,9 @@ namespace pliant {
 template <int D>
 class CellGrid {
  public:
-  /// x: [n · D]. Only points with use(i) enter. Positions must be finite.
+  /// x: [n · D], diameter: [n]. Only points with use(i) enter. Positions must be finite.
   template <class Use>
-  void build(const Real* x, Index n, Real cell_size, Use&& use) {
+  void build(const Real* x, const Real* diameter, Index n, Real cell_size, Use&& use) {
     Vec<D> low = Vec<D>::Constant(std::numeric_limits<Real>::max()), high = -low;
     Index used = 0;
     for (Index i = 0; i < n; ++i) {
@@ -57,17 +57,53 @@ class CellGrid {
     cursor_.assign(start_.begin(), start_.end() - 1);
     for (Index i = 0; i < n; ++i)
       if (use(i)) items_[cursor_[cell_of_[i]]++] = i;
+    for (auto& coordinate : coordinate_) coordinate.resize(used);
+    radius_.resize(used);
+    for (Index k = 0; k < used; ++k) {
+      const Index i = items_[k];
+      for (int axis = 0; axis < D; ++axis) coordinate_[axis][k] = x[static_cast<std::size_t>(i) * D + axis];
+      radius_[k] = diameter[i] / 2;
+    }
   }
 
   /// Calls visit(j) for every point in the cells that meet the box low … high: by rows of cells, in ascending order
   /// within a cell.
   template <class Visit>
   void for_each_in_box(const Vec<D>& low, const Vec<D>& high, Visit&& visit) const {
+    for_each_row(low, high, [&](Index first, Index last) {
+      for (Index k = first; k < last; ++k) visit(items_[k]);
+    });
+  }
+
+  /// Calls visit(j) for every point in the cells that meet a box of half-width `range` round r, if its distance from r is
+  /// less than reach + its own radius. The distances are tested here, without branches, where the points of a row of
+  /// cells lie side by side.
+  template <class Visit>
+  void for_each_near(const Vec<D>& r, Real range, Real reach, Visit&& visit) const {
+    std::array<Index, 128> near;
+    const Vec<D> half = Vec<D>::Constant(range);
+    for_each_row(r - half, r + half, [&](Index first, Index last) {
+      for (; first < last; first += static_cast<Index>(near.size())) {
+        const Index end = std::min<Index>(last, first + static_cast<Index>(near.size()));
+        std::size_t count = 0;
+        for (Index k = first; k < end; ++k) {
+          Real d2 = 0;
+          for (int axis = 0; axis < D; ++axis) d2 += square(coordinate_[axis][k] - r[axis]);
+          near[count] = k;
+          count += d2 < square(reach + radius_[k]);
+        }
+        for (std::size_t k = 0; k < count; ++k) visit(items_[near[k]]);
+      }
+    });
+  }
+
+ private:
+  /// Calls visit(first, last) for the rows of cells that meet the box: ranges of places in items_.
+  template <class Visit>
+  void for_each_row(const Vec<D>& low, const Vec<D>& high, Visit&& visit) const {
     if (items_.empty()) return;
     const std::array<Index, D> first = cell_coordinates(low), last = cell_coordinates(high);
-    auto row = [&](Index base) {
-      for (Index k = start_[base + first[0]]; k < start_[base + last[0] + 1]; ++k) visit(items_[k]);
-    };
+    const auto row = [&](Index base) { visit(start_[base + first[0]], start_[base + last[0] + 1]); };
     for (Index cy = first[1]; cy <= last[1]; ++cy) {
       if constexpr (D == 2) {
         row(cy * count_[0]);
@@ -77,7 +113,6 @@ class CellGrid {
     }
   }
 
- private:
   std::array<Index, D> cell_coordinates(const Vec<D>& r) const {
     std::array<Index, D> c;
     for (int k = 0; k < D; ++k)
@@ -94,6 +129,8 @@ class CellGrid {
   Real inverse_size_ = 1;
   std::array<Index, D> count_{};
   std::vector<Index> start_, cursor_, items_, cell_of_;
+  std::array<std::vector<Real>, D> coordinate_;  ///< of items_, so that a search reads one stretch of memory per row
+  std::vector<Real> radius_;
 };
 
 }  // namespace pliant

@@ -42,11 +42,10 @@ void find_point_pairs(const PointCloud& cloud, const CellGrid<D>& grid, Real ski
     if (!cloud.uses(i)) continue;
     const Vec<D> r = point<D>(cloud.x, i);
     const Real di = cloud.diameter[i];
-    const Vec<D> range = Vec<D>::Constant(di + skin);
-    grid.for_each_in_box(r - range, r + range, [&](Index j) {
+    grid.for_each_near(r, di + skin, di / 2 + skin, [&](Index j) {
       const Real dj = cloud.diameter[j];
       if (dj > di || (dj == di && j <= i) || cloud.group[i] == cloud.group[j]) return;
-      if ((point<D>(cloud.x, j) - r).squaredNorm() < square((di + dj) / 2 + skin)) found(i, j, (di + dj) / 2);
+      found(i, j, (di + dj) / 2);
     });
   }
 }
@@ -59,8 +58,9 @@ void find_vertex_edge_pairs(const PointCloud& cloud, const CellGrid<2>& grid, Re
   for (Index i = first; i < last; ++i) {
     if (!cloud.uses(i)) continue;
     const Vec<2> a = point<2>(cloud.x, i), b = point<2>(cloud.x, cloud.next[i]);
-    const Vec<2> range = Vec<2>::Constant((cloud.diameter[i] + widest) / 2 + skin);
-    grid.for_each_in_box(a.cwiseMin(b) - range, a.cwiseMax(b) + range, [&](Index j) {
+    // Within reach of the edge is within half an edge more of its middle.
+    const Real reach = (b - a).norm() / 2 + cloud.diameter[i] / 2 + skin;
+    grid.for_each_near((a + b) / 2, reach + widest / 2, reach * (1 + 1e-12), [&](Index j) {
       if (cloud.group[i] == cloud.group[j]) return;
       const Real contact = (cloud.diameter[i] + cloud.diameter[j]) / 2;
       if (segment_foot(point<2>(cloud.x, j), a, b).d2 < square(contact + skin)) found(j, i, contact);

@@ -94,7 +94,7 @@ class Walls {
     if constexpr (D == 2)
       return r;
     else
-      return {std::hypot(r[0], r[1]), r[2]};
+      return {std::sqrt(square(r[0]) + square(r[1])), r[2]};
   }
 
   static Vec<2> offset(const Vec<2>& p, const WallSegment& wall) {

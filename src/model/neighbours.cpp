@@ -15,7 +15,7 @@ constexpr Index chunk_size = D == 2 ? 1000 : 4000;
 
 template <int D>
 bool Neighbours<D>::valid(const Real* x) const {
-  if (reference_.empty()) return false;
+  if (!built_) return false;
   const Real limit = square(skin_ / 2);
   const Real* reference = reference_.data();
   bool all_inside = true;
@@ -154,14 +154,15 @@ void Neighbours<D>::rebuild(const Topology& topology, const Walls<D>& wall, cons
 
   divide(topology);
   const PointCloud cloud{x, topology.diameter, topology.particle, topology.next, topology.active};
-  Real mean = 0, widest = 0;
+  Real mean = 0;
+  widest_ = 0;
   for (const Real d : topology.diameter) {
     mean += d;
-    widest = std::max(widest, d);
+    widest_ = std::max(widest_, d);
   }
   if (needs_.point_pairs || needs_.vertex_edges) {
     // Cells as wide as the mean reach of a point: a search then visits a few cells of a few points each.
-    grid_.build(x, n, mean / n + skin_, [&](Index i) { return cloud.uses(i); });
+    grid_.build(x, topology.diameter.data(), n, mean / n + skin_, [&](Index i) { return cloud.uses(i); });
   }
   if (needs_.point_pairs)
     build(point_pairs, true, n,
@@ -173,14 +174,146 @@ void Neighbours<D>::rebuild(const Topology& topology, const Walls<D>& wall, cons
   if constexpr (D == 2) {
     if (needs_.vertex_edges)
       build(vertex_edges, false, n, [&](Index first, Index last, auto&& found) {
-        find_vertex_edge_pairs(cloud, grid_, skin_, widest, first, last, found);
+        find_vertex_edge_pairs(cloud, grid_, skin_, widest_, first, last, found);
       });
     if (needs_.lips)
       build_own(lips,
                 [&](Index first, Index last, auto&& found) { find_lip_pairs(cloud, wall, skin_, first, last, found); });
   }
+  longest_ = 0;
+  if (needs_.vertex_edges)
+    for (Index i = 0; i < n; ++i)
+      longest_ = std::max(longest_, (point<D>(x, topology.next[i]) - point<D>(x, i)).squaredNorm());
+  longest_ = std::sqrt(longest_);
   reference_.assign(x, x + static_cast<std::size_t>(topology.owned_points()) * D);
+  relocated_.clear();
+  old_places_.clear();
+  places_.clear();
+  built_ = true;
   ++rebuilds_;
+}
+
+template <class Unwanted>
+void PairList::erase(Unwanted&& unwanted) {
+  Index kept = 0, e = 0;
+  for (std::size_t part = 1; part < start.size(); ++part) {
+    for (; e < start[part]; ++e) {
+      if (unwanted(pairs[e])) continue;
+      if (!reach.empty()) reach[kept] = reach[e];
+      pairs[kept++] = pairs[e];
+    }
+    start[part] = kept;
+  }
+  pairs.resize(kept);
+  if (!reach.empty()) reach.resize(kept);
+}
+
+void PairList::insert(Index chunk, bool across_border, const Pair& pair, Real contact) {
+  const std::size_t part = 2 * static_cast<std::size_t>(chunk) + (across_border ? 2 : 1);
+  pairs.insert(pairs.begin() + start[part], pair);
+  if (contact > 0) reach.insert(reach.begin() + start[part], contact);
+  for (std::size_t k = part; k < start.size(); ++k) ++start[k];
+}
+
+template <int D>
+void Neighbours<D>::relocate(const Topology& topology, const Walls<D>& wall, const Real* x, Index m) {
+  const Range own{topology.offset[m], topology.offset[m + 1]};
+  const auto begin = static_cast<std::ptrdiff_t>(own.first) * D, end = static_cast<std::ptrdiff_t>(own.last) * D;
+  relocated_.push_back(m);
+  old_places_.insert(old_places_.end(), reference_.begin() + begin, reference_.begin() + end);
+  places_.insert(places_.end(), x + begin, x + end);
+  std::copy(x + begin, x + end, reference_.begin() + begin);
+  for (PairList* list : {&point_pairs, &vertex_edges})
+    list->erase([&](const Pair& p) { return own.contains(p.first) || own.contains(p.second); });
+  walls.erase([&](const Pair& p) { return own.contains(p.first); });
+  lips.erase([&](const Pair& p) { return own.contains(p.second); });
+
+  // What lies near, by where the lists were built. The grid knows relocated particles at their old places only.
+  const Real* at = reference_.data();
+  const PointCloud cloud{at, topology.diameter, topology.particle, topology.next, topology.active};
+  const auto for_each_near = [&](const Vec<D>& low, const Vec<D>& high, auto&& visit) {
+    const auto visit_others = [&](Index j) {
+      if (topology.particle[j] != m && cloud.uses(j)) visit(j);
+    };
+    grid_.for_each_in_box(low, high, visit_others);
+    for (const Index n : relocated_)
+      for (Index j = topology.offset[n]; j < topology.offset[n + 1]; ++j) visit_others(j);
+  };
+  const Index home = chunk_of(own.first);
+  const auto add_near = [&](PairList& list, bool own_first) {
+    std::sort(near_.begin(), near_.end(), [](const Found& a, const Found& b) { return a.pair < b.pair; });
+    near_.erase(std::unique(near_.begin(), near_.end(), [](const Found& a, const Found& b) { return a.pair == b.pair; }),
+                near_.end());
+    for (const auto& [pair, contact] : near_) {
+      const Index away = chunk_of(own.contains(pair.first) ? pair.second : pair.first);
+      list.insert(home, away != home, pair, contact);
+      if (away != home) list.insert(away, true, own_first ? Pair{pair.second, pair.first} : pair, contact);
+    }
+    near_.clear();
+  };
+  const auto add_own = [&](PairList& list) {
+    return [&](Index a, Index b) { list.insert(home, false, {a, b}); };
+  };
+
+  if (needs_.point_pairs) {
+    for (Index i = own.first; i < own.last; ++i) {
+      const Vec<D> r = point<D>(at, i), range = Vec<D>::Constant((topology.diameter[i] + widest_) / 2 + skin_);
+      for_each_near(r - range, r + range, [&](Index j) {
+        const Real contact = (topology.diameter[i] + topology.diameter[j]) / 2;
+        if ((point<D>(at, j) - r).squaredNorm() < square(contact + skin_)) near_.push_back({{i, j}, contact});
+      });
+    }
+    add_near(point_pairs, true);
+  }
+  if (needs_.walls) find_wall_pairs<D>(cloud, wall, skin_, own.first, own.last, add_own(walls));
+  if constexpr (D == 2) {
+    if (needs_.vertex_edges) {
+      const auto test = [&](Index vertex, Index edge) {
+        const Real contact = (topology.diameter[vertex] + topology.diameter[edge]) / 2;
+        const SegmentFoot foot =
+            segment_foot(point<2>(at, vertex), point<2>(at, edge), point<2>(at, topology.next[edge]));
+        if (foot.d2 < square(contact + skin_)) near_.push_back({{vertex, edge}, contact});
+      };
+      for (Index i = own.first; i < own.last; ++i) {
+        const Vec<2> a = point<2>(at, i), b = point<2>(at, topology.next[i]);
+        // Edges are found by their first vertex, which is up to an edge away.
+        const Vec<2> range = Vec<2>::Constant((topology.diameter[i] + widest_) / 2 + skin_ + longest_);
+        for_each_near(a.cwiseMin(b) - range, a.cwiseMax(b) + range, [&](Index j) {
+          test(i, j);
+          test(j, i);
+        });
+      }
+      add_near(vertex_edges, false);
+    }
+    if (needs_.lips) find_lip_pairs(cloud, wall, skin_, own.first, own.last, add_own(lips));
+  }
+}
+
+template <int D>
+typename Neighbours<D>::History Neighbours<D>::history(const Topology& topology) const {
+  History history{reference_, relocated_, places_};
+  std::size_t end = old_places_.size();
+  for (std::size_t k = relocated_.size(); k-- > 0;) {
+    const Index first = topology.offset[relocated_[k]], last = topology.offset[relocated_[k] + 1];
+    const std::size_t count = static_cast<std::size_t>(last - first) * D;
+    end -= count;
+    std::copy_n(&old_places_[end], count, &history.reference[static_cast<std::size_t>(first) * D]);
+  }
+  return history;
+}
+
+template <int D>
+void Neighbours<D>::replay(const Topology& topology, const Walls<D>& wall, const History& history) {
+  rebuild(topology, wall, history.reference.data());
+  std::vector<Real> x = history.reference;
+  std::size_t from = 0;
+  for (const Index m : history.relocated) {
+    const Index first = topology.offset[m], last = topology.offset[m + 1];
+    const std::size_t count = static_cast<std::size_t>(last - first) * D;
+    std::copy_n(&history.places[from], count, &x[static_cast<std::size_t>(first) * D]);
+    from += count;
+    relocate(topology, wall, x.data(), m);
+  }
 }
 
 template class Neighbours<2>;

@@ -37,6 +37,11 @@ struct PairList {
   Index size() const { return static_cast<Index>(pairs.size()); }
   bool empty() const { return pairs.empty(); }
   const Pair& operator[](Index e) const { return pairs[e]; }
+  /// Drops all pairs for which unwanted(pair) is true.
+  template <class Unwanted>
+  void erase(Unwanted&& unwanted);
+  /// Adds a pair at the end of a chunk's part; a list without reaches takes none.
+  void insert(Index chunk, bool across_border, const Pair& pair, Real contact = 0);
   auto begin() const { return pairs.begin(); }
   auto end() const { return pairs.end(); }
   Range inside(Index chunk) const { return {start[2 * chunk], start[2 * chunk + 1]}; }
@@ -75,8 +80,25 @@ class Neighbours {
   /// Builds the lists from x, which becomes the reference: the same x gives the same lists, which a restart relies on.
   void rebuild(const Topology& topology, const Walls<D>& wall, const Real* x);
 
+  /// Lists particle m of this rank, which was put somewhere else, at its new place in x. Costs little, unlike a rebuild. The
+  /// lists must be valid for the other particles.
+  void relocate(const Topology& topology, const Walls<D>& wall, const Real* x, Index m);
+
   /// After a change of the topology: the next `ensure` rebuilds.
-  void invalidate() { reference_.clear(); }
+  void invalidate() {
+    built_ = false;
+    reference_.clear();
+  }
+
+  /// How the lists came about: positions of all points at the last rebuild, then particles that were relocated.
+  struct History {
+    std::vector<Real> reference;
+    std::vector<Index> relocated;
+    std::vector<Real> places;  ///< coordinates of the points of each
+  };
+  History history(const Topology& topology) const;
+  /// Builds the same lists, in the same order.
+  void replay(const Topology& topology, const Walls<D>& wall, const History& history);
 
   Index chunks() const { return static_cast<Index>(chunk_.size()) - 1; }
   Range particles(Index chunk) const { return {chunk_[chunk], chunk_[chunk + 1]}; }
@@ -84,14 +106,22 @@ class Neighbours {
   Range inside(Elements elements, Index chunk) const;
   Range across(Elements elements, Index chunk) const;
 
-  /// Positions of the own points at the last rebuild, empty if there was none.
+  /// Where the lists were built: positions of the own points at the last rebuild, of relocated ones where they were put;
+  /// empty if there are no lists.
   const std::vector<Real>& reference() const { return reference_; }
   std::int64_t rebuilds() const { return rebuilds_; }
+  /// Pairs of points, or of vertices and edges.
+  std::int64_t pairs() const { return static_cast<std::int64_t>(point_pairs.size()) + vertex_edges.size(); }
   /// Entries in all lists: what one force evaluation visits.
   std::size_t size() const {
     return static_cast<std::size_t>(point_pairs.size()) + vertex_edges.size() + walls.size() + lips.size();
   }
   Real skin() const { return skin_; }
+  /// For the next rebuild.
+  void set_skin(Real skin) {
+    skin_ = skin;
+    invalidate();
+  }
 
  private:
   struct Found {
@@ -113,11 +143,16 @@ class Neighbours {
 
   NeighbourNeeds needs_;
   Real skin_;
+  bool built_ = false;  ///< and not invalid; a rank without particles has no reference
   std::vector<Real> reference_;
   std::int64_t rebuilds_ = 0;
   std::vector<Index> chunk_{0}, chunk_point_{0};
+  Real widest_ = 0, longest_ = 0;  ///< diameter of a point, edge
   CellGrid<D> grid_;
   std::vector<Haul> hauls_;
+  std::vector<Index> relocated_;           ///< since the last rebuild
+  std::vector<Real> old_places_, places_;  ///< references of their points, before and after
+  std::vector<Found> near_;
 };
 
 extern template class Neighbours<2>;

@@ -67,7 +67,7 @@ class HopperRun {
         all_(make_particles(p.model, D, draw_diameters(p.sizes, p.particles, static_cast<std::uint64_t>(p.seed)),
                             p.shape)),
         system_(all_, p.hopper.walls<D>(), make_force_field<D>(p.model, p.model_parameters(), down<D>()),
-                neighbour_needs(p.model), *p.skin, ranks),
+                neighbour_needs(p.model), p.first_skin(), ranks),
         control_(p.checkpoint_interval, p.max_wall_time, ranks),
         clog_(p.clog_time, p.clog_speed) {
     for (const Real sigma : all_.sigma) largest_ = std::max(largest_, sigma);
@@ -75,6 +75,7 @@ class HopperRun {
     critical_step_ = critical.least();
     dt_ = p.dt.value_or(std::min({1e-3, 0.2 * critical.elastic, 0.5 * critical.damping}));
     if (p.q_rtol > 0) precision_.emplace(p.q_rtol);
+    if (!p.skin) system_.tune_skin();
     if (checkpoint) load(*checkpoint);
     make_integrator();
   }
@@ -224,7 +225,7 @@ class HopperRun {
       watched_since_ = system_.neighbours().rebuilds();
       watched_.clear();
       for (Index m = 0; m < topology.owned(); ++m)
-        if (topology.active[m] && height(s, m) < *p_.skin) watched_.push_back(m);
+        if (topology.active[m] && height(s, m) < system_.neighbours().skin()) watched_.push_back(m);
     }
     std::vector<Leaving> leaving;
     for (const Index m : watched_) {
@@ -246,6 +247,7 @@ class HopperRun {
         reinsert<D>(ranks_, topology, p_.hopper, system_.walls(), p_.model == ModelKind::smooth,
                     static_cast<std::uint64_t>(p_.seed), l, s);
         if (!mine) continue;
+        system_.relocate(s.x().data(), l.particle);
         counted_[l.particle] = 0;
         ++reinserted_[l.particle];
       } else if (mine) {
@@ -316,7 +318,11 @@ class HopperRun {
     c.state.t = s.t;
     c.state.step = s.step;
     c.state.assign(ranks_.gather(s.x()), ranks_.gather(s.v()), ranks_.gather(s.a()));
-    c.reals["list_reference"] = ranks_.gather(system_.neighbours().reference());
+    const typename Neighbours<D>::History lists = system_.neighbours().history(topology);
+    c.reals["list_reference"] = ranks_.gather(lists.reference);
+    c.reals["skin"] = {system_.neighbours().skin()};
+    c.reals["list_places"] = lists.places;  // none on several ranks
+    c.integers["list_relocated"] = {lists.relocated.begin(), lists.relocated.end()};
     c.reals["flow_area"] = {ranks_.sum(flow_.area)};
     c.reals["clog_quiet_since"] = {clog_.state().quiet_since};
     c.reals["next_dt"] = {next_dt()};
@@ -344,7 +350,9 @@ class HopperRun {
                                 total.force_evaluations,
                                 packing_iterations_,
                                 changed ? 1 : 0,
-                                system_.rebuilds_since_tidy()};
+                                system_.use().evaluations,
+                                system_.use().rebuilds,
+                                list_rebuilds()};
       c.strings["scenario"] = "hopper";
       c.strings["options"] = options_.json().dump();
       checkpoints_->write(c);
@@ -390,9 +398,17 @@ class HopperRun {
     cpu_before_ = c.reals.at("cpu_seconds").at(0);
     if (p_.integrator == IntegratorKind::ts) dt_ = c.reals.at("next_dt").at(0);
     // The lists of the stopped run: the order of their sums is part of the state.
-    const auto& reference = c.reals.at("list_reference");
-    if (!reference.empty()) system_.rebuild(cut(reference).data());
-    system_.set_rebuilds_since_tidy(n.at(11));
+    const auto &reference = c.reals.at("list_reference"), &places = c.reals.at("list_places");
+    const std::vector<Index> relocated(c.integers.at("list_relocated").begin(), c.integers.at("list_relocated").end());
+    system_.neighbours().set_skin(c.reals.at("skin").at(0));
+    if (!reference.empty()) {
+      if (ranks_.several())
+        system_.rebuild(cut(reference).data());
+      else
+        system_.neighbours().replay(system_.topology(), system_.walls(), {reference, relocated, places});
+    }
+    system_.set_use({n.at(11), n.at(12)});
+    rebuilds_before_ = n.at(13) - system_.neighbours().rebuilds();
     forget_others();
     restarted_ = true;
   } catch (const std::out_of_range&) {
@@ -427,6 +443,8 @@ class HopperRun {
     s.force_evaluations += before_.force_evaluations;
     return s;
   }
+
+  std::int64_t list_rebuilds() const { return rebuilds_before_ + system_.neighbours().rebuilds(); }
 
   Real total_cpu() const { return cpu_before_ + control_.cpu_seconds() - cpu_at_start_; }
 
@@ -502,6 +520,8 @@ class HopperRun {
     s["steps"] = total.steps;
     s["rejected_steps"] = total.rejected;
     s["force_evaluations"] = total.force_evaluations;
+    s["list_rebuilds"] = list_rebuilds();
+    s["skin"] = system_.neighbours().skin();
     s["packing_iterations"] = packing_iterations_;
     s["cpu_seconds"] = cpu;
     s["wall_seconds"] = control_.wall_seconds();
@@ -625,7 +645,7 @@ class HopperRun {
   IntegratorStatistics before_;  ///< of the runs before a restart
   Real cpu_before_ = 0, cpu_at_start_ = 0, started_at_ = 0;
   std::vector<Index> watched_;
-  std::int64_t watched_since_ = -1;
+  std::int64_t watched_since_ = -1, rebuilds_before_ = 0;
   Sample<D> last_sample_;
   Outcome outcome_ = Outcome::done;
 };

@@ -143,7 +143,7 @@ void HopperOptions::bind(Options& o) {
           .unit = "sigma_avg",
           .min = 0,
           .min_open = true,
-          .automatic = "0.3 (soft; 0.12 in 3D), 0.1 (rough), 0.06 (smooth)",
+          .automatic = "tuned to the motion during the run",
           .on_restart = fixed});
 
   o.group("Output");
@@ -171,7 +171,6 @@ void HopperOptions::resolve() {
   hopper.wall_distance = *wall_distance;
   hopper.check();
   if (!pack_fraction) pack_fraction = dim == 2 ? 0.84 : 0.64;
-  if (!skin) skin = dim == 3 ? 0.12 : model == ModelKind::sp ? 0.3 : model == ModelKind::rough ? 0.1 : 0.06;
   if (shape.shape_parameter > 0 && shape.shape_parameter < regular_shape_parameter(shape.vertices))
     throw InputError("-shape_parameter {}: no polygon of {} vertices has less than {:.6g}, the regular one's",
                      shape.shape_parameter, shape.vertices, regular_shape_parameter(shape.vertices));
@@ -181,6 +180,10 @@ void HopperOptions::resolve() {
         q_rtol);
   if (!t_end) t_end = q_rtol > 0 ? 10000 : 100;
   if (!restart.empty()) output = restart;
+}
+
+Real HopperOptions::first_skin() const {
+  return skin.value_or(dim == 3 ? 0.2 : model == ModelKind::sp ? 0.3 : model == ModelKind::rough ? 0.1 : 0.06);
 }
 
 ModelParameters HopperOptions::model_parameters() const {

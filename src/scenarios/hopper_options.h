@@ -51,6 +51,8 @@ struct HopperOptions {
   void resolve();
 
   ModelParameters model_parameters() const;
+  /// Margin of the neighbour lists at first; tuned from then on where the user gave none.
+  Real first_skin() const;
 };
 
 }  // namespace pliant

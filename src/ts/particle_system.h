@@ -1,13 +1,15 @@
 // Particles, walls, neighbour lists and forces as one equation of motion, on one rank or on several.
 #pragma once
 
+#include <array>
 #include <memory>
-#include <optional>
+#include <span>
 #include <utility>
 #include <vector>
 
 #include <pliant/domain/halo.h>
 #include <pliant/domain/migration.h>
+#include <pliant/domain/skin.h>
 #include <pliant/model/model.h>
 #include <pliant/ts/system.h>
 
@@ -32,7 +34,10 @@ class ParticleSystem final : public SecondOrderSystem {
   std::size_t size() const override { return static_cast<std::size_t>(topology_.owned_points()) * D; }
   const Ranks& ranks() const override { return ranks_; }
 
-  void acceleration(Real, const Real* x, const Real* v, Real* a) override { field_->accelerations(view(x, v), a); }
+  void acceleration(Real, const Real* x, const Real* v, Real* a) override {
+    ++use_.evaluations;
+    field_->accelerations(view(x, v), a);
+  }
 
   /// The configuration with neighbour lists that are valid for it, ghosts included. x, v [owned points · D]; v may be
   /// null where only energies are asked for.
@@ -73,25 +78,37 @@ class ParticleSystem final : public SecondOrderSystem {
   }
 
   /// Whether particles should be sorted again: it has been a number of list rebuilds. The same on every rank.
-  bool untidy() const { return neighbours_.rebuilds() >= tidy_at_ + rebuilds_to_sort; }
+  bool untidy() const { return use().rebuilds >= rebuilds_to_sort; }
   /// Whether many particles have gone far from their rank's place, which makes many ghosts. The same on every rank.
   bool crowded() const { return crowded_; }
 
   /// Sorts particles in space, moves them to the ranks where they belong and builds the lists. The caller applies the
   /// migration that is returned to whatever else it keeps per particle.
   Migration tidy(State& state) {
+    if (tune_skin_ && untidy()) neighbours_.set_skin(best_skin());
     const Migration migration = plan_migration<D>(ranks_, topology_, state.x().data());
     migration.move(topology_);
     migration.move(state, D);
     settled_ = crowded_ = false;
     rebuild(state.x().data());
-    tidy_at_ = neighbours_.rebuilds();
+    set_use({});
     return migration;
   }
 
-  /// List rebuilds since the last tidy(): part of what a restart needs.
-  std::int64_t rebuilds_since_tidy() const { return neighbours_.rebuilds() - tidy_at_; }
-  void set_rebuilds_since_tidy(std::int64_t count) { tidy_at_ = neighbours_.rebuilds() - count; }
+  /// Lets tidy() choose the skin from how the lists were used.
+  void tune_skin() { tune_skin_ = true; }
+
+  /// Since the last tidy(): part of what a restart needs.
+  ListUse use() const { return {use_.evaluations, neighbours_.rebuilds() - tidy_at_}; }
+  void set_use(const ListUse& use) {
+    use_ = use;
+    tidy_at_ = neighbours_.rebuilds() - use.rebuilds;
+  }
+
+  /// Own particle m was put somewhere else in x. Saves a rebuild of the lists on one rank; several rebuild. Not collective.
+  void relocate(const Real* x, Index m) {
+    if (!ranks_.several() && !neighbours_.reference().empty()) neighbours_.relocate(topology_, walls_, x, m);
+  }
 
   /// Takes own particle m out of the run. Not collective.
   void deactivate(Index m) {
@@ -107,7 +124,15 @@ class ParticleSystem final : public SecondOrderSystem {
   const Neighbours<D>& neighbours() const { return neighbours_; }
 
  private:
-  static constexpr std::int64_t rebuilds_to_sort = 32;
+  Real best_skin() const {
+    Real width = 0;
+    for (Index i = 0; i < topology_.owned_points(); ++i) width += topology_.diameter[i];
+    std::array sums{width, static_cast<Real>(topology_.owned_points()), static_cast<Real>(neighbours_.pairs())};
+    ranks_.sum(sums);
+    return pliant::best_skin(neighbours_.skin(), use(), D, sums[2] / sums[1], sums[0] / sums[1]);
+  }
+
+  static constexpr std::int64_t rebuilds_to_sort = 16;
   static constexpr Index many_strays = 32;
 
   Ranks ranks_;
@@ -117,7 +142,8 @@ class ParticleSystem final : public SecondOrderSystem {
   Neighbours<D> neighbours_;
   Halo<D> halo_;
   std::vector<Real> x_, v_;  ///< with ghosts; unused on one rank
-  bool settled_ = false, crowded_ = false;
+  bool settled_ = false, crowded_ = false, tune_skin_ = false;
+  ListUse use_;  ///< its evaluations count
   std::int64_t tidy_at_ = 0;
 };
 

@@ -97,7 +97,7 @@ def test_a_clog_after_some_flow_is_no_flow(tmp_path):
 @pytest.fixture(scope="module", params=["sp", "rough", "sp_3d"])
 def settled(request, tmp_path_factory):
     """A pile on a floor with a hole too small for anything."""
-    options = {"sp": {}, "rough": {"model": "rough", "n": 16, "hopper_wall_distance": 5, "t_end": 20},
+    options = {"sp": {}, "rough": {"model": "rough", "n": 16, "hopper_wall_distance": 5, "t_end": 20, "zeta": 5},
                "sp_3d": {"dim": 3, "n": 60, "hopper_wall_distance": 4, "pack_fraction": 0.5}}[request.param]
     folder = tmp_path_factory.mktemp("settled") / "run"
     return hopper(folder, **{"hopper_width": 0.05, "zeta": 1, "mu": 0.5, "t_end": 60, "clog_time": 1000,

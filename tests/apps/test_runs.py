@@ -142,13 +142,14 @@ def test_output_does_not_change_the_trajectory(options, tmp_path):
 
 
 def test_fixed_steps_by_either_path(tmp_path):
-    """-integrator verlet and -integrator ts -ts_type verlet: the same operations, with particles put back."""
-    options = {"dt": 4e-3, "t_end": 4, "frame_interval": 0.5}
+    """-integrator verlet and -integrator ts -ts_type verlet: the same operations, with particles put back. Later, sums in
+    another order (only the first sorts particles on the way) make chaos of it."""
+    options = {"dt": 4e-3, "t_end": 3, "frame_interval": 0.5}
     plain = hopper(tmp_path / "plain", **options)
     del options["dt"]
     by_ts = hopper(tmp_path / "ts", integrator="ts", ts_type="verlet", ts_dt=4e-3, **options)
     assert plain.summary["integrator"] == "verlet" and by_ts.summary["integrator"] == "ts:verlet"
-    assert plain.summary["steps"] == by_ts.summary["steps"] == 1000
+    assert plain.summary["steps"] == by_ts.summary["steps"] == 750
     heights = plain.column("centres")[:, :, 1]
     assert (np.diff(heights, axis=0) > 3).sum() >= 3  # put back
     assert plain.summary["crossed_count"] == by_ts.summary["crossed_count"] > 3
@@ -205,7 +206,7 @@ def test_ends_when_the_flow_rate_is_known(tmp_path):
 
 
 def test_precise_run_killed_and_restarted(tmp_path):
-    options = {**SMALL, **PRECISE, "hopper_q_rtol": 0.012}
+    options = {**SMALL, **PRECISE, "hopper_q_rtol": 0.02}
     whole = hopper(tmp_path / "whole", **options)
     assert whole.summary["ended_by"] == "q_rtol"
     child = start("hopper", output=tmp_path / "parts", checkpoint_interval=0.05, **options)

@@ -45,7 +45,7 @@ struct Cloud {
   Real reach(Index i, Index j) const { return (diameter[i] + diameter[j]) / 2; }
   CellGrid<D> grid(Real cell) const {
     CellGrid<D> g;
-    g.build(x.data(), size(), cell, [this](Index i) { return used[group[i]] != 0; });
+    g.build(x.data(), diameter.data(), size(), cell, [this](Index i) { return used[group[i]] != 0; });
     return g;
   }
 };

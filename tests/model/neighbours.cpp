@@ -227,3 +227,58 @@ TEST_CASE("lists of soft particles in 3D follow the same rule") {
   CHECK(touching > 300);
   CHECK(missing == 0);
 }
+
+TEST_CASE("a relocated particle is listed as a rebuild would, also twice and next to another one") {
+  Random random(7);
+  const Scene scene(random, 400);
+  const Topology& t = scene.topology;
+  Neighbours<2> lists(all_lists, skin), again(all_lists, skin);
+  lists.ensure(t, scene.walls, scene.x.data());
+  REQUIRE(lists.chunks() == 2);
+  std::vector<Real> x = scene.x;
+  const auto put = [&](Index m, const Vec<2>& shift) {
+    for (Index i = t.offset[m]; i < t.offset[m + 1]; ++i) point<2>(x.data(), i) += shift;
+    lists.relocate(t, scene.walls, x.data(), m);
+  };
+  const auto onto = [&](Index m, Index n) {  // touching it
+    put(m, point<2>(x.data(), t.offset[n]) - point<2>(x.data(), t.offset[m]) + Vec<2>(0.3, 0.2));
+  };
+  onto(17, 200);
+  onto(350, 17);
+  put(17, {0.01, 0});
+  onto(90, 3);
+  CHECK(lists.valid(x.data()));
+  CHECK(lists.rebuilds() == 1);
+  Neighbours<2> fresh(all_lists, skin);
+  fresh.ensure(t, scene.walls, x.data());
+  const auto sorted = [&](const PairList& list, Index chunk, bool across) {
+    const Range range = across ? list.across(chunk) : list.inside(chunk);
+    std::vector<std::pair<Pair, Real>> pairs;
+    for (Index e = range.first; e < range.last; ++e) {
+      Pair pair = list[e];
+      if (&list == &lists.point_pairs || &list == &fresh.point_pairs)
+        if (!across && pair.first > pair.second) std::swap(pair.first, pair.second);
+      pairs.emplace_back(pair, list.reach.empty() ? 0 : list.reach[e]);
+    }
+    std::sort(pairs.begin(), pairs.end());
+    return pairs;
+  };
+  const std::array members{&Neighbours<2>::point_pairs, &Neighbours<2>::vertex_edges, &Neighbours<2>::walls,
+                           &Neighbours<2>::lips};
+  Index across = 0;
+  for (const auto member : members)
+    for (Index c = 0; c < 2; ++c)
+      for (const bool border : {false, true}) {
+        CHECK(sorted(lists.*member, c, border) == sorted(fresh.*member, c, border));
+        across += border ? static_cast<Index>(sorted(fresh.*member, c, border).size()) : 0;
+      }
+  CHECK(across > 100);
+
+  again.replay(t, scene.walls, lists.history(t));
+  for (const auto member : members) {
+    CHECK((again.*member).pairs == (lists.*member).pairs);
+    CHECK((again.*member).reach == (lists.*member).reach);
+    CHECK((again.*member).start == (lists.*member).start);
+  }
+  CHECK(again.reference() == lists.reference());
+}

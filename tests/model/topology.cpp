@@ -51,3 +51,65 @@ TEST_CASE("a deactivated particle keeps its mass but does not accelerate") {
   }
   CHECK(topology.inverse_mass[0] == 0.5);
 }
+
+TEST_CASE("a selection of particles, in the order asked for") {
+  Topology topology;
+  topology.add_polygon(5, 0.3, 0.2, 0.05, 2);
+  topology.add_soft(1.2, 3);
+  topology.add_polygon(3, 0.5, 0.7, 0.1, 6);
+  topology.deactivate(1);
+  const Topology some = topology.select(std::vector<Index>{2, 1});
+  CHECK(some.dim == 2);
+  CHECK(some.id == std::vector<Index>{2, 1});
+  CHECK(some.offset == std::vector<Index>{0, 3, 4});
+  CHECK(some.particle == std::vector<Index>{0, 0, 0, 1});
+  CHECK(some.next == std::vector<Index>{1, 2, 0, 3});
+  CHECK(some.previous == std::vector<Index>{2, 0, 1, 3});
+  CHECK(some.diameter == std::vector<Real>{0.1, 0.1, 0.1, 1.2});
+  CHECK(some.mass == std::vector<Real>{2, 2, 2, 3});
+  CHECK(some.inverse_mass == std::vector<Real>{0.5, 0.5, 0.5, 0});
+  CHECK(some.sigma == std::vector<Real>{topology.sigma[2], 1.2});
+  CHECK(some.a0 == std::vector<Real>{0.5, topology.a0[1]});
+  CHECK(some.l0 == std::vector<Real>{0.7, 0});
+  CHECK(some.active == std::vector<std::uint8_t>{1, 0});
+  CHECK(topology.select({}).particles() == 0);
+}
+
+TEST_CASE("ghosts come after the own particles, and go without a trace") {
+  Topology topology;
+  topology.add_soft(1.2, 3);
+  topology.add_polygon(3, 0.5, 0.7, 0.1, 6);
+  const Topology before = topology;
+  for (int round = 0; round < 2; ++round) {
+    topology.add_ghost(17, 4, 0.3, 1.1, 0.9, 0.6);
+    topology.add_ghost(5, 1, 0.8, 0.8, 0.5, 0);
+    CHECK(topology.ghosts == 2);
+    CHECK(topology.particles() == 4);
+    CHECK(topology.points() == 9);
+    CHECK(topology.owned() == 2);
+    CHECK(topology.owned_points() == 4);
+    CHECK(topology.id == std::vector<Index>{0, 1, 17, 5});
+    CHECK(topology.offset == std::vector<Index>{0, 1, 4, 8, 9});
+    CHECK(topology.particle == std::vector<Index>{0, 1, 1, 1, 2, 2, 2, 2, 3});
+    CHECK(topology.next == std::vector<Index>{0, 2, 3, 1, 5, 6, 7, 4, 8});
+    CHECK(topology.diameter[7] == 0.3);
+    CHECK(topology.sigma[2] == 1.1);
+    CHECK(topology.a0[2] == 0.9);
+    CHECK(topology.l0[2] == 0.6);
+    CHECK(topology.active[3] == 1);
+    topology.drop_ghosts();
+    CHECK(topology.ghosts == 0);
+    CHECK(topology.offset == before.offset);
+    CHECK(topology.particle == before.particle);
+    CHECK(topology.next == before.next);
+    CHECK(topology.previous == before.previous);
+    CHECK(topology.diameter == before.diameter);
+    CHECK(topology.mass == before.mass);
+    CHECK(topology.inverse_mass == before.inverse_mass);
+    CHECK(topology.sigma == before.sigma);
+    CHECK(topology.a0 == before.a0);
+    CHECK(topology.l0 == before.l0);
+    CHECK(topology.active == before.active);
+    CHECK(topology.id == before.id);
+  }
+}

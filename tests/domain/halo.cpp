@@ -1,0 +1,223 @@
+// Ghosts against the truth: all ranks know all particles here.
+#include <petscsys.h>
+#include <catch2/catch.hpp>
+
+#include <map>
+
+#include <pliant/domain/halo.h>
+#include <pliant/domain/migration.h>
+
+#include "support/rows.h"
+
+using namespace pliant;
+using namespace pliant::test;
+
+namespace {
+
+constexpr Real skin = 0.1;
+
+/// Distance of two particles: of centres, or of vertices and outlines.
+template <int D>
+Real distance_of(const Configuration<D>& c, Index m, Index n) {
+  if constexpr (D == 2) {
+    if (c.topology.deformable()) {
+      const Polygon a = vertices_of(c, m), b = vertices_of(c, n);
+      Real least = std::numeric_limits<Real>::infinity();
+      for (const Vec<2>& r : a) least = std::min(least, outline_distance(r, b));
+      for (const Vec<2>& r : b) least = std::min(least, outline_distance(r, a));
+      return least;
+    }
+  }
+  return (c.position(m) - c.position(n)).norm();
+}
+
+/// A rank's share of a configuration: particles by `owner(id)`, and their ghosts.
+template <int D>
+struct Domain {
+  Configuration<D>& all;
+  const Ranks& ranks;
+  Topology topology;
+  Halo<D> halo;
+  std::vector<Real> x, v, local_x, local_v;
+
+  template <class Owner>
+  Domain(Configuration<D>& c, const Ranks& r, Owner&& owner) : all(c), ranks(r), halo(r) {
+    std::vector<Index> which;
+    for (Index m = 0; m < c.topology.particles(); ++m)
+      if (owner(m) == r.rank()) which.push_back(m);
+    topology = c.topology.select(which);
+    load();
+    halo.settle(topology, x.data());
+  }
+
+  /// Own coordinates as they are in the configuration.
+  void load() {
+    x.clear();
+    v.clear();
+    for (Index m = 0; m < topology.owned(); ++m)
+      for (Index k = all.topology.offset[topology.id[m]] * D; k < all.topology.offset[topology.id[m] + 1] * D; ++k) {
+        x.push_back(all.x[k]);
+        v.push_back(all.v[k]);
+      }
+  }
+
+  void build() {
+    load();
+    halo.build(topology, x.data(), skin);
+    update();
+  }
+  void update() {
+    load();
+    halo.update(x.data(), local_x);
+    halo.update(v.data(), local_v);
+  }
+
+  /// Whether own particles and ghosts are what they say, and what is within reach of an own one is there. Returns the
+  /// pairs that reach to another rank.
+  Index check() const {
+    const Topology &t = topology, &from = all.topology;
+    REQUIRE(local_x.size() == static_cast<std::size_t>(t.points()) * D);
+    REQUIRE(local_v.size() == local_x.size());
+    std::map<Index, Index> place;
+    int twice = 0, wrong = 0, missing = 0, pairs = 0;
+    for (Index m = 0; m < t.particles(); ++m) {
+      const Index origin = t.id[m];
+      twice += !place.emplace(origin, m).second;
+      wrong += t.points_of(m) != from.points_of(origin) || t.sigma[m] != from.sigma[origin] ||
+               t.a0[m] != from.a0[origin] || t.l0[m] != from.l0[origin] || t.active[m] != from.active[origin];
+      for (Index k = 0; k < t.points_of(m); ++k) {
+        const Index i = t.offset[m] + k, j = from.offset[origin] + k;
+        wrong += t.diameter[i] != from.diameter[j] || t.particle[i] != m ||
+                 t.next[i] - t.offset[m] != from.next[j] - from.offset[origin];
+        for (int d = 0; d < D; ++d)
+          wrong += local_x[i * D + d] != all.x[j * D + d] || local_v[i * D + d] != all.v[j * D + d];
+      }
+    }
+    for (Index m = 0; m < t.owned(); ++m) {
+      const Index id = t.id[m];
+      if (from.active[id] == 0) continue;
+      for (Index other = 0; other < from.particles(); ++other) {
+        if (other == id || from.active[other] == 0) continue;
+        const Index i = from.offset[id], j = from.offset[other];
+        const Vec<D> r = mean_of_points<D>(all.x.data(), from, id) - mean_of_points<D>(all.x.data(), from, other);
+        if (r.norm() > from.sigma[id] + from.sigma[other] + 1) continue;
+        if (distance_of(all, id, other) >= (from.diameter[i] + from.diameter[j]) / 2 + skin) continue;
+        const auto found = place.find(other);
+        missing += found == place.end();
+        pairs += found != place.end() && found->second >= t.owned();
+      }
+    }
+    CHECK(twice == 0);
+    CHECK(wrong == 0);
+    CHECK(missing == 0);
+    for (Index m = t.owned(); m < t.particles(); ++m) wrong += from.active[t.id[m]] == 0;
+    CHECK(wrong == 0);
+    return pairs;
+  }
+};
+
+template <int D>
+void check_halo(const Ranks& ranks, Random& random, Configuration<D> c) {
+  const Index n = c.topology.particles();
+  for (int k = 0; k < 9; ++k) c.topology.deactivate(random.below(n));
+  // Slabs from below.
+  const auto slab = [&](Index m) { return static_cast<int>(static_cast<std::int64_t>(m) * ranks.size() / n); };
+  const auto shift = [&](Index m, const Vec<D>& by) {
+    for (Index i = c.topology.offset[m]; i < c.topology.offset[m + 1]; ++i) point<D>(c.x.data(), i) += by;
+  };
+
+  SECTION("at home") {
+    Domain<D> domain(c, ranks, slab);
+    domain.build();
+    CHECK(domain.halo.strays() == 0);
+    const Index pairs = domain.check();
+    CHECK((pairs > 5) == ranks.several());
+    // Some ghosts, but no copy of everything.
+    if (ranks.several()) CHECK(domain.topology.ghosts > 5);
+    CHECK(domain.topology.ghosts < n / 4);
+    // The same again, with other positions for the same ghosts.
+    const Index ghosts = domain.topology.ghosts;
+    for (Real& a : c.x) a += random(-0.01, 0.01);
+    for (Real& a : c.v) a = random(-1, 1);
+    domain.update();
+    domain.check();
+    domain.build();
+    domain.check();
+    CHECK(domain.topology.ghosts == Approx(ghosts).epsilon(0.1));
+  }
+  SECTION("strays") {
+    Domain<D> domain(c, ranks, slab);
+    domain.build();
+    const Index ghosts = domain.topology.ghosts;
+    // From the middle of the first slab to the middle of the last, and out of everything.
+    Index stray = n / ranks.size() / 2, far = stray + 1;
+    while (c.topology.active[stray] == 0) ++stray;
+    while (c.topology.active[far] == 0 || far == stray) ++far;
+    Vec<D> middle = Vec<D>::Zero();
+    Index in_last = 0;
+    for (Index m = 0; m < n; ++m) {
+      if (slab(m) != ranks.size() - 1) continue;
+      middle += mean_of_points<D>(c.x.data(), c.topology, m);
+      ++in_last;
+    }
+    shift(stray, middle / in_last - mean_of_points<D>(c.x.data(), c.topology, stray));
+    shift(far, 50 * Vec<D>::Unit(D - 1));
+    domain.build();
+    domain.check();
+    CHECK(ranks.sum(std::int64_t(domain.halo.strays())) == (ranks.several() ? 2 : 1));
+    // A stray drags no slab along.
+    CHECK(domain.topology.ghosts < ghosts + 30);
+    // Back home.
+    shift(far, -50 * Vec<D>::Unit(D - 1));
+    domain.build();
+    domain.check();
+    CHECK(ranks.sum(std::int64_t(domain.halo.strays())) == (ranks.several() ? 1 : 0));
+  }
+  SECTION("all on the last rank") {
+    Domain<D> domain(c, ranks, [&](Index) { return ranks.size() - 1; });
+    domain.build();
+    domain.check();
+    CHECK(domain.topology.ghosts == 0);
+  }
+  SECTION("nothing on the first rank") {
+    Domain<D> domain(c, ranks, [&](Index m) { return ranks.several() ? std::max(1, slab(m)) : 0; });
+    domain.build();
+    domain.check();
+    if (ranks.several() && ranks.root()) CHECK(domain.topology.particles() == 0);
+  }
+  SECTION("mixed up: all have ghosts of nearly all") {
+    Domain<D> domain(c, ranks, [&](Index m) { return m % ranks.size(); });
+    domain.build();
+    CHECK((domain.check() > n / 4) == ranks.several());
+  }
+}
+
+}  // namespace
+
+TEST_CASE("what own soft particles can touch is there", "[ranks]") {
+  Random random(1);
+  check_halo(Ranks(PETSC_COMM_WORLD), random, soft_rows<2>(random, 12, 40));
+}
+
+TEST_CASE("what own spheres can touch is there", "[ranks]") {
+  Random random(2);
+  check_halo(Ranks(PETSC_COMM_WORLD), random, soft_rows<3>(random, 6, 24));
+}
+
+TEST_CASE("what own polygons can touch is there", "[ranks]") {
+  Random random(3);
+  check_halo(Ranks(PETSC_COMM_WORLD), random, polygon_rows(random, 10, 36));
+}
+
+TEST_CASE("sizes decide how far ghosts are looked for", "[ranks]") {
+  // A large particle reaches for small ones of another rank, wherever it is.
+  const Ranks ranks(PETSC_COMM_WORLD);
+  Configuration<2> c;
+  c.add_soft(10, {0, 0});
+  for (int k = 1; k < 40; ++k) c.add_soft(0.2, {4.9 + 0.01 * k, 0.3 * k - 6});
+  for (const int large_at : {0, ranks.size() - 1}) {
+    Domain<2> domain(c, ranks, [&](Index m) { return m == 0 ? large_at : ranks.size() - 1 - large_at; });
+    domain.build();
+    CHECK((domain.check() > 0) == (ranks.several() && (ranks.rank() == 0 || ranks.rank() == ranks.size() - 1)));
+  }
+}
