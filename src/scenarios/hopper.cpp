@@ -12,6 +12,7 @@
 
 #include <pliant/analysis/clog.h>
 #include <pliant/analysis/flow_precision.h>
+#include <pliant/base/log.h>
 #include <pliant/base/version.h>
 #include <pliant/io/checkpoint.h>
 #include <pliant/io/summary.h>
@@ -101,6 +102,7 @@ class HopperRun {
         prepare();
       cpu_at_start_ = control_.cpu_seconds();
       started_at_ = state_.t;
+      const LogScope log(LogStage::run);
       if (outcome_ == Outcome::done)
         integrator_->run(system_, state_, *p_.t_end, fresh_, [this](State& s) { return after_step(s); });
       control_.end_progress();
@@ -131,6 +133,7 @@ class HopperRun {
   /// The start of a new run. Every rank packs all particles, which takes no longer than one rank would, and keeps its
   /// own.
   void prepare() {
+    const LogScope log(LogStage::pack);
     std::vector<Real> x(static_cast<std::size_t>(all_.points()) * D);
     const Packing packing =
         pack<D>(all_, p_.hopper, {*p_.pack_fraction, p_.pack_tolerance, static_cast<std::uint64_t>(p_.seed)}, x.data());
@@ -239,6 +242,7 @@ class HopperRun {
         leaving.push_back({topology.id[m], ranks_.rank(), m, reinserted_[m]});
     }
     if (!ranks_.any(!leaving.empty())) return false;
+    const LogScope log(LogEvent::put_back);
     leaving = ranks_.all_gather(leaving);
     std::sort(leaving.begin(), leaving.end(), [](const Leaving& a, const Leaving& b) { return a.id < b.id; });
     for (const Leaving& l : leaving) {
@@ -262,6 +266,7 @@ class HopperRun {
   Real height(const State& s, Index m) const { return mean_of_points<D>(s.x().data(), system_.topology(), m)[D - 1]; }
 
   void sample(const State& s) {
+    const LogScope log(LogEvent::sample);
     while (next_sample_ * p_.sample_interval * (1 - 1e-12) <= s.t) ++next_sample_;
     last_sample_at_ = s.t;
     last_sample_ = take_sample<D>(system_, s, p_.hopper, flow_, s.step > 0 ? integrator_->statistics().last_dt : dt_);
@@ -302,6 +307,7 @@ class HopperRun {
   }
 
   void frame(const State& s) {
+    const LogScope log(LogEvent::frame);
     while (next_frame_ * p_.frame_interval * (1 - 1e-12) <= s.t) ++next_frame_;
     last_frame_at_ = s.t;
     const FrameData<D> data(system_, s);
@@ -312,6 +318,7 @@ class HopperRun {
 
   /// Everything per particle or point is stored in the order of the ranks, and within a rank in its own order.
   void save(const State& s, bool changed) {
+    const LogScope log(LogEvent::checkpoint);
     const Topology& topology = system_.topology();
     const auto own = [&](const auto& values) { return std::span(values).first(topology.owned()); };
     Checkpoint c;
@@ -680,6 +687,7 @@ ExitCode run_hopper(HopperOptions& p, Options& options, const Ranks& ranks) {
   }
   p.resolve();
   omp_set_num_threads(p.threads);
+  start_log();
   if (p.dim == 2) return HopperRun<2>(p, options, ranks, checkpoint).run();
   return HopperRun<3>(p, options, ranks, checkpoint).run();
 }

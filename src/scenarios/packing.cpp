@@ -91,13 +91,19 @@ Packing pack(const Topology& topology, const Hopper& hopper, const PackingParame
     ParticleSystem<D> system(disks, hopper.closed<D>(packing.height),
                              make_force_field<D>(ModelKind::sp, {.epsilon = 1, .epsilon_wall = 1}, Vec<D>::Zero()),
                              neighbour_needs(ModelKind::sp), 0.3);
+    State state(n, D);
+    std::copy(centres.begin(), centres.end(), state.x().begin());
+    system.tidy(state);  // sorted in space, searches and sums are fast
+    options.force = [&](const Real* r, Real* f) { system.field().forces(system.view(r, nullptr), f); };
     const FireResult result = fire(
-        centres, disks.mass, [&](const Real* r, Real* f) { return system.field().energy(system.view(r, nullptr), f); },
-        options);
+        state.x(), disks.mass,
+        [&](const Real* r, Real* f) { return system.field().energy(system.view(r, nullptr), f); }, options);
+    for (Index k = 0; k < n; ++k)
+      point<D>(centres.data(), system.topology().id[k]) = point<D>(std::as_const(state).x().data(), k);
     packing.iterations += result.iterations;
     packing.reason = result.reason;
     packing.max_overlap = 0;
-    system.field().for_each_contact(system.view(centres.data(), nullptr), [&](const Contact<D>& c) {
+    system.field().for_each_contact(system.view(state.x().data(), nullptr), [&](const Contact<D>& c) {
       packing.max_overlap = std::max(packing.max_overlap, c.overlap);
     });
     if (result.energy <= options.energy_tolerance) break;

@@ -46,7 +46,11 @@ FireResult fire(std::span<Real> x_in, std::span<const Real> mass, const EnergyAn
   FireResult result;
 
   while (true) {
-    result.energy = energy_and_force(x.data(), f.data());
+    const bool with_energy = !o.force || result.iterations % 10 == 0 || result.iterations == o.max_iterations;
+    if (with_energy)
+      result.energy = energy_and_force(x.data(), f.data());
+    else
+      o.force(x.data(), f.data());
     ++result.evaluations;
     const std::size_t bad = first_non_finite(f.data(), x_in.size());
     if (bad != x_in.size())
@@ -62,9 +66,11 @@ FireResult fire(std::span<Real> x_in, std::span<const Real> mass, const EnergyAn
       result.reason = std::move(reason);
       return result;
     };
-    if (result.max_force <= o.force_tolerance)
+    if (result.max_force <= o.force_tolerance) {
+      if (!with_energy) result.energy = energy_and_force(x.data(), f.data());
       return finish(FireStop::force, fmt::format("largest force {} within {}", result.max_force, o.force_tolerance));
-    if (result.energy <= o.energy_tolerance)
+    }
+    if (with_energy && result.energy <= o.energy_tolerance)
       return finish(FireStop::energy, fmt::format("energy {} within {}", result.energy, o.energy_tolerance));
     if (result.iterations == o.max_iterations)
       return finish(FireStop::iterations, fmt::format("limit of {} iterations reached with largest force {}",

@@ -21,6 +21,8 @@ struct FireOptions {
   Real force_tolerance = 1e-10;  ///< stop when no component of the force is larger; 0 switches the test off
   Real energy_tolerance = -std::numeric_limits<Real>::infinity();  ///< stop when the energy is this or less
   std::int64_t max_iterations = 100000;
+  /// Writes the force alone, where that is cheaper: the energy is then looked at in every tenth iteration only.
+  std::function<void(const Real* x, Real* f)> force = nullptr;
   Real max_move = 0;                       ///< longest move of a coordinate per iteration; 0: no limit
   int delay = 20;                          ///< downhill steps before dt grows
   Real grow = 1.1, shrink = 0.5;           ///< factors of dt downhill and uphill

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include <pliant/base/log.h>
 #include <pliant/domain/halo.h>
 #include <pliant/domain/migration.h>
 #include <pliant/domain/skin.h>
@@ -36,39 +37,28 @@ class ParticleSystem final : public SecondOrderSystem {
 
   void acceleration(Real, const Real* x, const Real* v, Real* a) override {
     ++use_.evaluations;
-    field_->accelerations(view(x, v), a);
+    const StateView<D> s = view(x, v);
+    const LogScope log(LogEvent::forces);
+    field_->accelerations(s, a);
   }
 
   /// The configuration with neighbour lists that are valid for it, ghosts included. x, v [owned points · D]; v may be
   /// null where only energies are asked for.
   StateView<D> view(const Real* x, const Real* v) {
-    if (!ranks_.several()) {
-      neighbours_.ensure(topology_, walls_, x);
-      return {x, v, topology_, neighbours_, walls_};
-    }
-    if (ranks_.any(!neighbours_.valid(x)))
-      rebuild(x);
-    else
-      halo_.update(x, x_);
+    const bool valid = ranks_.all(neighbours_.valid(x));
+    if (!valid) rebuild(x);
+    if (!ranks_.several()) return {x, v, topology_, neighbours_, walls_};
+    const LogScope log(LogEvent::halo);
+    if (valid) halo_.update(x, x_);
     if (v != nullptr) halo_.update(v, v_);
     return {x_.data(), v != nullptr ? v_.data() : nullptr, topology_, neighbours_, walls_};
   }
 
   /// Builds ghosts and lists from x, which becomes their reference.
   void rebuild(const Real* x) {
-    if (!ranks_.several()) {
-      neighbours_.rebuild(topology_, walls_, x);
-      return;
-    }
-    if (!settled_) {
-      halo_.settle(topology_, x);
-      settled_ = true;
-    }
-    halo_.build(topology_, x, neighbours_.skin());
-    halo_.update(x, x_);
-    ranks_.together([&] { neighbours_.rebuild(topology_, walls_, x_.data()); });
-    const Index strays = static_cast<Index>(ranks_.sum(static_cast<std::int64_t>(halo_.strays())));
-    crowded_ = strays > many_strays;
+    if (ranks_.several()) find_ghosts(x);
+    const LogScope log(LogEvent::lists);
+    ranks_.together([&] { neighbours_.rebuild(topology_, walls_, ranks_.several() ? x_.data() : x); });
   }
 
   /// Leaves this rank the particles `which` of those it has, in that order. Not collective.
@@ -85,6 +75,7 @@ class ParticleSystem final : public SecondOrderSystem {
   /// Sorts particles in space, moves them to the ranks where they belong and builds the lists. The caller applies the
   /// migration that is returned to whatever else it keeps per particle.
   Migration tidy(State& state) {
+    const LogScope log(LogEvent::sort);
     if (tune_skin_ && untidy()) neighbours_.set_skin(best_skin());
     const Migration migration = plan_migration<D>(ranks_, topology_, state.x().data());
     migration.move(topology_);
@@ -124,6 +115,17 @@ class ParticleSystem final : public SecondOrderSystem {
   const Neighbours<D>& neighbours() const { return neighbours_; }
 
  private:
+  void find_ghosts(const Real* x) {
+    const LogScope log(LogEvent::ghosts);
+    if (!settled_) {
+      halo_.settle(topology_, x);
+      settled_ = true;
+    }
+    halo_.build(topology_, x, neighbours_.skin());
+    halo_.update(x, x_);
+    crowded_ = ranks_.sum(static_cast<std::int64_t>(halo_.strays())) > many_strays;
+  }
+
   Real best_skin() const {
     Real width = 0;
     for (Index i = 0; i < topology_.owned_points(); ++i) width += topology_.diameter[i];
