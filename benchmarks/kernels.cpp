@@ -1,7 +1,9 @@
-// What a force evaluation, a list rebuild and a Verlet step cost per point, in hoppers that are in dense flow. Times
-// are CPU seconds per point (a soft particle or a vertex) in the column per_point.
+// What a force evaluation, a list rebuild and a Verlet step cost per point, in hoppers that are in dense flow, and what
+// an iteration of FIRE costs in their packing. Times are CPU seconds per point (a soft particle or a vertex) in the
+// column per_point.
 #include <benchmark/benchmark.h>
 #include <fmt/format.h>
+#include <omp.h>
 
 #include <algorithm>
 #include <cmath>
@@ -12,6 +14,7 @@
 #include <vector>
 
 #include <pliant/base/errors.h>
+#include <pliant/model/fused_terms.h>
 #include <pliant/model/polygon.h>
 #include <pliant/scenarios/hopper_options.h>
 #include <pliant/scenarios/reinsertion.h>
@@ -79,6 +82,7 @@ class Flow {
     state();
     return system_;
   }
+  const Topology& topology() const { return system_.topology(); }
   const HopperOptions& options() const { return options_; }
 
   Real critical_step() const { return system_.field().critical_step(system_.topology()).least(); }
@@ -93,26 +97,29 @@ class Flow {
     down[D - 1] = -1;
     return {make_particles(options_.model, D, diameters, options_.shape), options_.hopper.walls<D>(),
             make_force_field<D>(options_.model, options_.model_parameters(), down), neighbour_needs(options_.model),
-            *options_.skin};
+            options_.first_skin()};
   }
 
   void prepare() {
     const Topology& topology = system_.topology();
     State s(topology.points(), D);
     pack<D>(topology, options_.hopper, {*options_.pack_fraction, options_.pack_tolerance, 1}, s.x().data());
+    system_.tidy(s);
     FixedStepVerlet verlet(0.4 * critical_step());
-    std::uint64_t put_back = 0;
+    std::int64_t put_back = 0;
     verlet.run(system_, s, flow_time_, true, [&](State& now) {
       if (now.step % 200 != 0) return AfterStep::proceed;
       AfterStep after = AfterStep::proceed;
       for (Index m = 0; m < topology.particles(); ++m) {
         if (mean_of_points<D>(now.x().data(), topology, m)[D - 1] > -3) continue;
-        reinsert<D>(topology, options_.hopper, system_.walls(), options_.model == ModelKind::smooth, 1, m, put_back++,
-                    now);
+        reinsert<D>(Ranks(), topology, options_.hopper, system_.walls(), options_.model == ModelKind::smooth, 1,
+                    {topology.id[m], 0, m, put_back++}, now);
+        system_.relocate(now.x().data(), m);
         after = AfterStep::changed;
       }
       return after;
     });
+    system_.tidy(s);
     state_ = std::move(s);
   }
 
@@ -149,9 +156,27 @@ void register_forces(const std::string& name, const std::shared_ptr<Flow<D>>& fl
     out->resize(static_cast<std::size_t>(s.topology.points()) * D);
     return out->data();
   };
+  // The plain element loops of each term, then the kernels that runs use instead of some of them.
   for (const std::string& term : flow->terms())
     time_kernel(name + "/force/" + term, flow,
                 [=](Flow<D>& f, const StateView<D>& s) { f.system().field().force_of(term, s, force(s)); });
+  const auto time_fused = [&](const char* kernel, const auto& part) {
+    time_kernel(name + "/kernel/" + kernel, flow,
+                [=, field = std::make_shared<Model<D, std::decay_t<decltype(part)>>>(part)](
+                    Flow<D>&, const StateView<D>& s) { field->forces(s, force(s)); });
+  };
+  const ModelParameters p = flow->options().model_parameters();
+  if (flow->options().model != ModelKind::smooth)
+    time_fused("contact+friction", Fused<PairKernel, PairContact<D>, PairFriction<D>>(
+                                       PairContact<D>{p.epsilon, "contact"}, PairFriction<D>{p.mu}));
+  if constexpr (D == 2) {
+    if (flow->options().model == ModelKind::smooth)
+      time_fused("contact+friction", Fused<EdgeKernel, EdgeContact, EdgeFriction>(
+                                         EdgeContact{p.epsilon}, EdgeFriction{p.mu, p.friction_point}));
+    if (flow->options().model != ModelKind::sp)
+      time_fused("area+perimeter+bending",
+                 Fused<ShapeKernel, Area, Perimeter, Bending>(Area{p.k_a}, Perimeter{p.k_l}, Bending{p.k_b}));
+  }
   benchmark::RegisterBenchmark((name + "/force/all").c_str(), [=](benchmark::State& bench) {
     const StateView<D> s = flow->view();
     for (auto _ : bench) {
@@ -170,14 +195,15 @@ void register_forces(const std::string& name, const std::shared_ptr<Flow<D>>& fl
 template <int D>
 void register_lists(const std::string& name, const std::shared_ptr<Flow<D>>& flow) {
   const NeighbourNeeds needs = neighbour_needs(flow->options().model);
-  const Real skin = *flow->options().skin;
+  const Real skin = flow->options().first_skin();
   const auto cloud = [](const StateView<D>& s) {
     const Topology& t = s.topology;
     return PointCloud{s.x, t.diameter, t.particle, t.next, t.active};
   };
   const auto build = [=](const StateView<D>& s, CellGrid<D>& grid) {
     const PointCloud points = cloud(s);
-    grid.build(s.x, points.size(), mean_diameter(s.topology) + skin, [&](Index i) { return points.uses(i); });
+    grid.build(s.x, points.diameter.data(), points.size(), mean_diameter(s.topology) + skin,
+               [&](Index i) { return points.uses(i); });
   };
   const auto grid = std::make_shared<CellGrid<D>>();
   const auto pairs = std::make_shared<std::vector<Pair>>();
@@ -190,19 +216,28 @@ void register_lists(const std::string& name, const std::shared_ptr<Flow<D>>& flo
     time_kernel(name + "/list/" + what, flow, [=, built = false](Flow<D>&, const StateView<D>& s) mutable {
       if (!built) build(s, *grid);
       built = true;
-      find(cloud(s), s.walls);
+      pairs->clear();
+      find(cloud(s), s.walls, [&](Index first, Index second, auto...) { pairs->push_back({first, second}); });
     });
   };
   if (needs.point_pairs)
-    search("points", [=](const PointCloud& c, const Walls<D>&) { find_point_pairs<D>(c, *grid, skin, *pairs); });
+    search("points", [=](const PointCloud& c, const Walls<D>&, auto found) {
+      find_point_pairs<D>(c, *grid, skin, 0, c.size(), found);
+    });
   if (needs.walls)
-    search("walls", [=](const PointCloud& c, const Walls<D>& walls) { find_wall_pairs<D>(c, walls, skin, *pairs); });
+    search("walls", [=](const PointCloud& c, const Walls<D>& walls, auto found) {
+      find_wall_pairs<D>(c, walls, skin, 0, c.size(), found);
+    });
   if constexpr (D == 2) {
     if (needs.vertex_edges)
-      search("vertex_edges",
-             [=](const PointCloud& c, const Walls<2>&) { find_vertex_edge_pairs(c, *grid, skin, *pairs); });
+      search("vertex_edges", [=](const PointCloud& c, const Walls<2>&, auto found) {
+        find_vertex_edge_pairs(c, *grid, skin, *std::max_element(c.diameter.begin(), c.diameter.end()), 0, c.size(),
+                               found);
+      });
     if (needs.lips)
-      search("lips", [=](const PointCloud& c, const Walls<2>& walls) { find_lip_pairs(c, walls, skin, *pairs); });
+      search("lips", [=](const PointCloud& c, const Walls<2>& walls, auto found) {
+        find_lip_pairs(c, walls, skin, 0, c.size(), found);
+      });
   }
   time_kernel(name + "/list/all", flow,
               [](Flow<D>& f, const StateView<D>& s) { f.system().neighbours().rebuild(s.topology, s.walls, s.x); });
@@ -229,9 +264,27 @@ void register_verlet(const std::string& name, const std::shared_ptr<Flow<D>>& fl
   });
 }
 
+/// The packing that every run starts from; costs are per particle, also for polygons, whose outer disks are packed.
+template <int D>
+void register_fire(const std::string& name, const std::shared_ptr<Flow<D>>& flow) {
+  benchmark::RegisterBenchmark((name + "/fire").c_str(), [flow](benchmark::State& bench) {
+    const Topology& topology = flow->topology();
+    const HopperOptions& o = flow->options();
+    std::vector<Real> x(static_cast<std::size_t>(topology.points()) * D);
+    double iterations = 0;
+    for (auto _ : bench)
+      iterations += static_cast<double>(
+          pack<D>(topology, o.hopper, {*o.pack_fraction, o.pack_tolerance, 1}, x.data()).iterations);
+    bench.counters["per_point"] = benchmark::Counter(iterations * topology.particles(),
+                                                     benchmark::Counter::kIsRate | benchmark::Counter::kInvert);
+    bench.counters["fire_iterations"] = iterations / static_cast<double>(bench.iterations());
+  });
+}
+
 template <int D>
 void register_case(const Case& c) {
   const auto flow = std::make_shared<Flow<D>>(c);
+  register_fire(c.name, flow);
   register_forces(c.name, flow);
   register_lists(c.name, flow);
   register_verlet(c.name, flow);
@@ -241,6 +294,7 @@ void register_case(const Case& c) {
 }  // namespace pliant
 
 int main(int argc, char** argv) {
+  omp_set_num_threads(1);
   benchmark::Initialize(&argc, argv);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 2;
   try {
@@ -251,7 +305,7 @@ int main(int argc, char** argv) {
         pliant::register_case<3>(c);
     benchmark::RunSpecifiedBenchmarks();
   } catch (const pliant::Error& error) {
-    fmt::print(stderr, "pliant_kernels: error: {}\n", error.what());
+    fmt::print(stderr, "pliant_benchmarks: error: {}\n", error.what());
     return static_cast<int>(error.code());
   }
 }

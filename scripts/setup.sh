@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
 # Installs what Pliant needs and this machine lacks (Debian 12: by apt-get, as root or with sudo).
+#   scripts/setup.sh [--benchmarks]     --benchmarks: also what scripts/bench.sh needs
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 packages=(
@@ -11,6 +12,15 @@ packages=(
 if [[ ${CI:-} == true ]]; then
   packages+=(clang-format)
 fi
+benchmarks=no
+case ${1:-} in
+  "") ;;
+  --benchmarks)
+    benchmarks=yes
+    packages+=(libbenchmark-dev lammps util-linux)
+    ;;
+  *) die "unknown argument $1; usage: scripts/setup.sh [--benchmarks]" ;;
+esac
 
 installed() { dpkg-query -W -f='${db:Status-Status}\n' "$1" 2>/dev/null | grep -qx installed; }
 
@@ -23,6 +33,10 @@ check_tools() {
   for module in PETSc yaml-0.1; do
     pkg-config --exists "$module" 2>/dev/null || missing+=("pkg-config:$module")
   done
+  if [[ $benchmarks == yes ]]; then
+    command -v taskset >/dev/null || missing+=(taskset)
+    command -v lmp >/dev/null || say "lmp (LAMMPS) is not there: its rows will be left out."
+  fi
   for module in numpy scipy matplotlib pandas h5py lmfit pytest; do
     python3 -c "import $module" 2>/dev/null || missing+=("python3:$module")
   done

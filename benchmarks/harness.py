@@ -1,0 +1,203 @@
+"""Running programs and collecting what they cost: shared by the parts of the suite."""
+
+import csv
+import datetime
+import json
+import math
+import os
+import platform
+import re
+import shutil
+import signal
+import statistics
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+
+class BenchError(Exception):
+    """One line: what failed, and what it said."""
+
+
+class Unsupported(BenchError):
+    """Something that this machine or this program cannot run; the message is the reason."""
+
+
+@dataclass(frozen=True)
+class Finished:
+    """A process that has ended well."""
+
+    output: str
+    cpu: float      #: s, user and system, of all its threads
+    wall: float     #: s
+    peak_kb: int    #: largest resident set
+
+
+def run(command, timeout=7200, cwd=None, env=None):
+    """Runs a command to its end; raises BenchError if it fails or takes longer than `timeout` seconds."""
+    command = [str(word) for word in command]
+    with tempfile.TemporaryFile("w+") as output:
+        start = time.monotonic()
+        # A session of its own, so that what it started can be ended with it.
+        process = subprocess.Popen(command, stdout=output, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL, cwd=cwd,
+                                   env=env, start_new_session=True)
+        ended = threading.Event()
+        peak = _Peak(process.pid, ended)
+        alarm = threading.Timer(timeout, os.killpg, (process.pid, signal.SIGKILL))
+        peak.start()
+        alarm.start()
+        try:
+            _, status, usage = os.wait4(process.pid, 0)
+        except BaseException:
+            os.killpg(process.pid, signal.SIGKILL)
+            raise
+        finally:
+            wall = time.monotonic() - start
+            alarm.cancel()
+            ended.set()
+            peak.join()
+        process.returncode = os.waitstatus_to_exitcode(status)
+        output.seek(0)
+        text = output.read()
+    if process.returncode != 0:
+        lines = [line for line in text.splitlines() if line.strip()] or ["no message"]
+        said = next((line for line in lines if "error" in line.lower()), lines[-1])
+        if wall >= timeout:
+            said = f"stopped after {timeout:g} s"
+        raise BenchError(f"exit code {process.returncode}: {said.strip()} ({' '.join(command)})")
+    return Finished(text, usage.ru_utime + usage.ru_stime, wall, peak.kb)
+
+
+class _Peak(threading.Thread):
+    """Follows the largest resident set of a process. (That of wait4 counts this program, before the exec.)"""
+
+    def __init__(self, pid, ended):
+        super().__init__(daemon=True)
+        self.status, self.ended, self.kb = Path(f"/proc/{pid}/status"), ended, 0
+
+    def run(self):
+        while not self.ended.wait(0.02):
+            try:
+                found = re.search(r"VmHWM:\s+(\d+)", self.status.read_text())
+            except OSError:
+                return
+            if found:
+                self.kb = int(found[1])
+
+
+class Program:
+    """The pliant to be timed, and what it can do."""
+
+    def __init__(self, build, cpu):
+        self.path = build / "apps/pliant"
+        self.kernels = build / "benchmarks/pliant_benchmarks"
+        self.pin = ["taskset", "-c", str(cpu)]
+        if not self.path.is_file():
+            raise BenchError(f"{self.path} is not there; build it first (scripts/bench.sh does)")
+        self.version = [line for line in run([self.path, "-version"]).output.splitlines() if line]
+        self._help = run([self.path, "hopper", "-help"]).output
+
+    def has_option(self, name):
+        return f"  {name} " in self._help
+
+    def hopper(self, options, output, prefix=None):
+        """One run, on one core unless `prefix` says otherwise: (summary.json, Finished)."""
+        command = [*(self.pin if prefix is None else prefix), self.path, "hopper", *options.split(), "-output", output]
+        done = run(command)
+        return json.loads((output / "summary.json").read_text()), done
+
+    def restart(self, folder, t_end, options="", prefix=None):
+        command = [*(self.pin if prefix is None else prefix), self.path, "hopper", "-restart", folder, "-t_end",
+                   f"{t_end:.9g}", *options.split()]
+        done = run(command)
+        return json.loads((folder / "summary.json").read_text()), done
+
+    def about(self, label):
+        """What follows `label` in the output of -version, e.g. commit."""
+        for line in self.version:
+            if line.startswith(label + " "):
+                return line[len(label) + 1:]
+        return "unknown"
+
+
+def cpu_model():
+    for line in Path("/proc/cpuinfo").read_text().splitlines():
+        if line.startswith("model name"):
+            return line.split(":", 1)[1].strip()
+    return platform.processor() or "unknown"
+
+
+@dataclass(frozen=True)
+class Context:
+    """What all parts get."""
+
+    program: Program
+    scratch: Path        #: for runs; removed in the end
+    repetitions: int
+    quick: bool
+
+    @property
+    def origin(self):
+        """Columns that every row ends with."""
+        return {"repetitions": self.repetitions, "date": datetime.date.today().isoformat(),
+                "commit": self.program.about("commit"), "compiler": self.program.about("compiler"),
+                "machine": f"{cpu_model()}, {os.cpu_count()} cores"}
+
+    def folder(self, name):
+        """An empty place for a run."""
+        path = self.scratch / name
+        if path.exists():
+            shutil.rmtree(path)
+        return path
+
+
+def interleave(jobs, repetitions, label):
+    """{name: [results]} of jobs {name: callable}: all run once before any runs again, so that a disturbance of the
+    machine hits them alike. A job that raises Unsupported is left out altogether; its reason is in the second dict."""
+    results, reasons = {name: [] for name in jobs}, {}
+    for repetition in range(repetitions):
+        for name, job in jobs.items():
+            if name in reasons:
+                continue
+            shown = name if isinstance(name, str) else ", ".join(map(str, name))
+            say(f"{label}: {shown} ({repetition + 1}/{repetitions})")
+            try:
+                results[name].append(job(repetition))
+            except Unsupported as reason:
+                reasons[name] = str(reason)
+                del results[name]
+    return results, reasons
+
+
+def spread(values):
+    """Columns median, min, max."""
+    return {"median": statistics.median(values), "min": min(values), "max": max(values)}
+
+
+def say(text):
+    print(text, file=sys.stderr, flush=True)
+
+
+def rounded(value):
+    """Four significant digits for floats; everything else as it is."""
+    if isinstance(value, float):
+        return "" if math.isnan(value) else f"{value:.4g}"
+    return "" if value is None else str(value)
+
+
+def write_csv(path, rows):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    columns = list(dict.fromkeys(name for row in rows for name in row))
+    with path.open("w", newline="") as file:
+        writer = csv.DictWriter(file, columns, restval="", lineterminator="\n")
+        writer.writeheader()
+        writer.writerows({name: rounded(value) for name, value in row.items()} for row in rows)
+
+
+def read_csv(path):
+    with path.open(newline="") as file:
+        return list(csv.DictReader(row for row in file if not row.startswith("#")))

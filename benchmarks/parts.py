@@ -1,0 +1,349 @@
+"""The parts of the suite. Each runs its cases and returns its tables, {name: (rows of the CSV file, columns shown)},
+and notes on what it left out."""
+
+import json
+import math
+import os
+import re
+import shutil
+import statistics
+from pathlib import Path
+
+from harness import BenchError, Unsupported, interleave, read_csv, run, say, spread
+from lammps import peer as lammps
+
+FRICTION, DRAG = "-mu 31.6227766", "-zeta 0.316227766"
+QUIET = "-checkpoint_interval 0 -frame_interval 1e9"  # first and last frame only
+POLYGONS = "-n 400 -hopper_wall_distance 30"
+# The contacts of docs/validation.md: as printed for rough particles, softer for smooth ones.
+ROUGH = "-model rough -e_c 1e4 -e_w 1e4 -dt 1e-4"
+SMOOTH = "-model smooth -e_c 250 -e_w 250 -dt 7.5e-5"
+
+
+# ------------------------------------------------------------------------------------------------- targets and LAMMPS
+
+# Name, options of a dense flow, end of the run, target and stretch (ns), the case of LAMMPS that belongs to it.
+TARGETS = [
+    ("soft 2D, friction", f"-hopper_width 10 -dt 7e-4 {FRICTION}", 30, 25, 15, "2D, friction"),
+    ("soft 2D, drag", f"-hopper_width 10 -dt 1e-3 {DRAG}", 30, 25, 15, "2D, drag"),
+    ("soft 3D, friction", f"-dim 3 -hopper_width 10 -dt 7e-4 {FRICTION}", 8, 40, 25, "3D, friction"),
+    ("soft 3D, drag", f"-dim 3 -hopper_width 10 -dt 1e-3 {DRAG}", 8, 40, 25, "3D, drag"),
+    ("rough, friction", f"{ROUGH} {POLYGONS} -hopper_width 10 {FRICTION}", 6, 25, 15, None),
+    ("smooth, friction", f"{SMOOTH} {POLYGONS} -hopper_width 10 {FRICTION}", 6, 60, 35, None),
+]
+# Cases for both programs: options, end of the run, pair styles. A discharge in 2D, a closed pile in 3D: LAMMPS has no
+# re-insertion, and no region with a circular lip.
+PEER_DT, PEER_SAMPLE = 5e-4, 0.2
+PEERS = {
+    "2D, friction": (f"-flow discharge -hopper_width 5 {FRICTION}", 10, ("granular", "gran_hooke")),
+    "2D, drag": (f"-flow discharge -hopper_width 5 {DRAG}", 10, ("granular", "gran_hooke", "table")),
+    "3D, friction": (f"-dim 3 -hopper_width 0.01 {FRICTION}", 4, ("granular", "gran_hooke")),
+    "3D, drag": (f"-dim 3 -hopper_width 0.01 {DRAG}", 4, ("granular", "gran_hooke", "table")),
+}
+
+
+def targets(context):
+    shorter = 10 if context.quick else 1
+    jobs = {}
+
+    def flow(options, t_end):
+        def job(_):
+            return context.program.hopper(f"{options} -t_end {t_end / shorter:g} {QUIET}", context.folder("flow"))[0]
+        return job
+
+    def ours(case, options, t_end):
+        def job(_):
+            folder = context.folder(f"peer {case}".replace(", ", "-").replace(" ", "-"))
+            summary, _ = context.program.hopper(f"-model sp {options} -dt {PEER_DT} -t_end {t_end / shorter:g} "
+                                                f"-sample_interval {PEER_SAMPLE} {QUIET}", folder)
+            return lammps.reference(folder), summary["particles"], summary["steps"], folder
+        return job
+
+    def theirs(case, pair):
+        def job(repetition):
+            _, _, steps, folder = results_of[case][repetition]
+            return lammps.peer(folder, pair, steps, round(PEER_SAMPLE / PEER_DT), context.program.pin)
+        return job
+
+    results_of = {}
+
+    def remember(case, job):
+        def remembering(repetition):
+            result = job(repetition)
+            results_of.setdefault(case, []).append(result)
+            return result
+        return remembering
+
+    for name, options, t_end, *_ in TARGETS:
+        jobs[name] = flow(options, t_end)
+    for case, (options, t_end, pairs) in PEERS.items():
+        jobs[case, "Pliant"] = remember(case, ours(case, options, t_end))
+        for pair in pairs:
+            jobs[case, pair] = theirs(case, pair)
+    results, reasons = interleave(jobs, context.repetitions, "targets")
+
+    peer_rows, best = [], {}
+    for case, (options, _, pairs) in PEERS.items():
+        for pair in pairs:
+            if (case, pair) in reasons:
+                continue
+            reference = [r[0] for r in results[case, "Pliant"]]
+            _, particles, steps, _ = results[case, "Pliant"][0]
+            per = 1e9 / (particles * steps)
+            found = results[case, pair]
+            ns = spread([per * p.seconds for p in found])
+            ratio = statistics.median(p.seconds / r.seconds for p, r in zip(found, reference))
+            exact = pair in lammps.EXACT
+            peer_rows.append({
+                "case": case, "LAMMPS pair style": pair.replace("_", "/"), "exact": "yes" if exact else "nearly", **ns,
+                "Pliant": statistics.median(per * r.seconds for r in reference), "ratio": ratio,
+                "kinetic energy": f"{found[0].kinetic_energy:.4g}", "Pliant's": f"{reference[0].kinetic_energy:.4g}",
+                "height": f"{found[0].height:.4g}", "Pliant's height": f"{reference[0].height:.4g}",
+                "left": found[0].particles, "Pliant's left": reference[0].particles, **context.origin})
+            if exact and (case not in best or ns["median"] < best[case]["LAMMPS"]):
+                best[case] = {"LAMMPS": ns["median"], "Pliant there": peer_rows[-1]["Pliant"], "LAMMPS/Pliant": ratio}
+
+    rows = []
+    for name, options, _, target, stretch, case in TARGETS:
+        kind = "ns_per_vertex_step" if "-model" in options else "ns_per_particle_step"
+        ns = spread([summary[kind] for summary in results[name]])
+        rows.append({"case": name, **ns, "target": target, "stretch": stretch, "ratio": ns["median"] / target,
+                     **best.get(case, {}), "force evaluations": results[name][0]["force_evaluations"],
+                     "steps": results[name][0]["steps"], "options": options, **context.origin})
+    shown = ["case", "median", "min–max", "target", "stretch", "ratio", "LAMMPS", "Pliant there", "LAMMPS/Pliant"]
+    tables = {"targets": (rows, shown)}
+    if peer_rows:
+        tables["lammps"] = (peer_rows, ["case", "LAMMPS pair style", "exact", "median", "min–max", "Pliant", "ratio",
+                                        "kinetic energy", "Pliant's", "height", "Pliant's height"])
+    return tables, sorted(set(reasons.values()))
+
+
+# ------------------------------------------------------------------------------------------------ scaling and parallel
+
+def soft_system(points, dim):
+    """Options of N soft particles: from the published N on the hopper grows in width alone, so that the filling has the
+    same height, pressure and overlaps at every N; smaller hoppers keep their shape."""
+    if dim == 2:
+        width = 50 * (points / 1600 if points > 1600 else math.sqrt(points / 1600))
+        packed = "-pack_fraction 0.84"
+    else:
+        width = 25 * (math.sqrt(points / 6400) if points > 6400 else (points / 6400) ** (1 / 3))
+        packed = "-pack_fraction 0.63"
+    # Overlaps of about 1 % are there from the start on: contacts as in a flow, without waiting until it settles.
+    return f"-model sp -dim {dim} -n {points} -dt 7e-4 {packed} -pack_tolerance 0.01 {hopper(width)}", 7e-4
+
+
+def polygons(points, model):
+    particles = max(round(points / 16), 4)
+    width = 30 * (particles / 400 if particles > 400 else math.sqrt(particles / 400))
+    return f"{model} -n {particles} -pack_tolerance 1e-3 {hopper(width)}", float(model.split("-dt ")[1])
+
+
+def hopper(width):
+    return f"-hopper_wall_distance {width:.6g} -hopper_width {min(5, width / 4):.6g} -clog_time 1e9 {FRICTION}"
+
+
+SYSTEMS = {
+    "soft 2D": lambda points: soft_system(points, 2),
+    "soft 3D": lambda points: soft_system(points, 3),
+    "rough": lambda points: polygons(points, ROUGH),
+    "smooth": lambda points: polygons(points, SMOOTH),
+}
+SILENT = f"{QUIET} -sample_interval 1e9"
+FEW = 50  # steps of the part that is subtracted
+
+
+class Chain:
+    """A system that is packed once and then run on by restarts, each time first for a few and then for many steps: the
+    difference of the two is free of starting, reading and writing."""
+
+    def __init__(self, context, name, system, points, steps):
+        options, self.dt = SYSTEMS[system](points)
+        self.context, self.folder, self.steps = context, context.folder(name), steps
+        self.taken = 10
+        say(f"packing {system}, N = {points}")
+        summary, self.start = context.program.hopper(f"{options} -t_end {self.taken * self.dt:.9g} {SILENT}",
+                                                     self.folder)
+        self.points = summary["particles"] * (16 if system in ("rough", "smooth") else 1)
+
+    def copy(self, name):
+        """The same state, to be run on in another way."""
+        other = object.__new__(Chain)
+        other.__dict__.update(self.__dict__)
+        other.folder = self.context.folder(name)
+        shutil.copytree(self.folder, other.folder)
+        return other
+
+    def measure(self, what="cpu", options="", prefix=None):
+        """ns per point and step of the many steps."""
+        found = []
+        for steps in (FEW, FEW + self.steps):
+            self.taken += steps
+            found.append(self.context.program.restart(self.folder, self.taken * self.dt, options, prefix)[1])
+        difference = getattr(found[1], what) - getattr(found[0], what)
+        if difference <= 0:
+            raise Unsupported(f"{self.folder.name}: the machine was too busy to time {self.steps} steps")
+        return 1e9 * difference / (self.steps * self.points)
+
+
+def scaling(context):
+    sizes = [100, 1000, 10_000] + ([] if context.quick else [100_000, 1_000_000])
+    work = 2e6 if context.quick else 2e7  # point-steps
+    _, smallest = context.program.hopper(f"{SYSTEMS['soft 2D'](10)[0]} -t_end 10 {SILENT}", context.folder("smallest"))
+    chains, rows = {}, []
+    for system in SYSTEMS:
+        for points in sizes:
+            chains[system, points] = Chain(context, f"scaling-{system}-{points}".replace(" ", "-"), system, points,
+                                           max(200, round(work / points)))
+    jobs = {key: (lambda _, chain=chain: chain.measure()) for key, chain in chains.items()}
+    results, reasons = interleave(jobs, context.repetitions, "scaling")
+    for (system, points), ns in results.items():
+        chain, compared = chains[system, points], results.get((system, 10_000))
+        kb = (chain.start.peak_kb - smallest.peak_kb) / chain.points
+        rows.append({"case": system, "N": chain.points, **spread(ns),
+                     "ratio": statistics.median(ns) / statistics.median(compared) if compared else None,
+                     "kB per point": kb if points >= 10_000 else None,  # of fewer, the program itself is most
+                     "packing s": chain.start.cpu, "steps": chain.steps, **context.origin})
+        shutil.rmtree(chain.folder)
+    shown = ["case", "N", "median", "min–max", "ratio", "kB per point", "packing s"]
+    return {"scaling": (rows, shown)} if rows else {}, sorted(set(reasons.values()))
+
+
+def ranks_prefix(ranks):
+    mpiexec = shutil.which("mpiexec")
+    if mpiexec is None:
+        raise Unsupported("ranks: mpiexec is not installed")
+    root = ["--allow-run-as-root"] if os.geteuid() == 0 else []
+    return [mpiexec, *root, "--oversubscribe", "-n", ranks]
+
+
+def parallel(context):
+    points = 10_000 if context.quick else 100_000
+    program = context.program
+    modes = {"serial": ("", program.pin, 1)}
+    notes = []
+    if program.has_option("-threads"):
+        modes |= {f"{n} thread{'s' * (n > 1)}": (f"-threads {n}", [], n) for n in (1, 2)}
+    else:
+        notes.append("threads: the program has no option -threads")
+    try:
+        program.hopper(f"{SYSTEMS['soft 2D'](1600)[0]} -t_end 0.01 {SILENT}", context.folder("ranks"), ranks_prefix(2))
+        modes |= {f"{n} rank{'s' * (n > 1)}": ("", ranks_prefix(n), n) for n in (1, 2)}
+    except Unsupported as reason:
+        notes.append(str(reason))
+    except BenchError as error:
+        notes.append(f"ranks: the program does not run on two of them ({str(error).split(' (')[0]})")
+    if len(modes) == 1:
+        return {}, notes
+
+    jobs, chains = {}, {}
+    for system in SYSTEMS:
+        start = Chain(context, "parallel-start", system, points, 1000)
+        for mode, (options, prefix, _) in modes.items():
+            chain = start.copy(f"parallel-{system}-{mode}".replace(" ", "-"))
+            chains[system, mode] = chain
+
+            def job(_, chain=chain, mode=mode, options=options, prefix=prefix):
+                try:
+                    return chain.measure("wall", options, prefix)
+                except Unsupported:
+                    raise
+                except BenchError as error:
+                    if mode == "serial":
+                        raise
+                    raise Unsupported(f"{mode}: {error}") from None
+            jobs[system, mode] = job
+    results, reasons = interleave(jobs, context.repetitions, "parallel")
+    rows = []
+    for (system, mode), ns in results.items():
+        if (system, "serial") in reasons:
+            continue
+        # Each against the serial run of the same repetition.
+        gain = spread([serial / one for serial, one in zip(results[system, "serial"], ns)])
+        rows.append({"case": system, "N": chains[system, mode].points, "run as": mode, "workers": modes[mode][2],
+                     **spread(ns), "speed-up": gain["median"], "speed-up min": gain["min"],
+                     "speed-up max": gain["max"], **context.origin})
+    return ({"parallel": (rows, ["case", "N", "run as", "median", "min–max", "speed-up"])},
+            notes + sorted(set(reasons.values()))) if rows else ({}, notes + list(reasons.values()))
+
+
+# --------------------------------------------------------------------------------------------------------- flow rates
+
+FLOW_RTOL = 0.03
+FLOW = {
+    "soft, friction": f"-model sp -e_sp 100 -hopper_width 5 {FRICTION}",
+    "soft, drag": f"-model sp -e_sp 100 -hopper_width 5 {DRAG}",
+    "rough, friction": f"{ROUGH} {POLYGONS} -k_l 10 -k_b 0.1 -hopper_width 5 {FRICTION}",
+    "rough, drag": f"{ROUGH} {POLYGONS} -k_l 10 -k_b 0.1 -hopper_width 5 {DRAG}",
+    "smooth, friction": f"{SMOOTH} {POLYGONS} -k_l 10 -k_b 0.1 -hopper_width 5 {FRICTION}",
+    "smooth, drag": f"{SMOOTH} {POLYGONS} -k_l 10 -k_b 0.1 -hopper_width 5 {DRAG}",
+}
+
+
+def flow(context):
+    if not context.program.has_option("-hopper_q_rtol"):
+        return {}, ["flow: the program has no option -hopper_q_rtol"]
+    before = {row["case"]: row for row in read_csv(Path(__file__).parent / "before.csv")}
+    rtol, t_end = (0.2, 100) if context.quick else (FLOW_RTOL, 5000)
+    repetitions = min(context.repetitions, 3)  # when a run may stop depends on its seed
+
+    def job(name, options):
+        def one(repetition):
+            stop = f"-hopper_q_rtol {rtol} -t_end {t_end}"
+            summary, done = context.program.hopper(f"{options} -seed {repetition + 1} {stop} {QUIET}",
+                                                   context.folder("flow"))
+            return done.cpu, summary
+        return one
+
+    results, _ = interleave({name: job(name, options) for name, options in FLOW.items()}, repetitions, "flow")
+    rows, notes = [], []
+    for name, found in results.items():
+        cpu = spread([cpu for cpu, _ in found])
+        summary = found[0][1]
+        if not summary["Q"]["error"] or summary["Q"]["error"] > 1.001 * rtol * summary["Q"]["value"]:
+            notes.append(f"{name}: Q did not reach {100 * rtol:g} % until t = {t_end} t0")
+        earlier = float(before[name]["cpu_seconds"]) if name in before and not context.quick else None
+        rows.append({"case": name, **cpu, "before": earlier, "ratio": earlier / cpu["median"] if earlier else None,
+                     "Q": summary["Q"]["value"], "error": summary["Q"]["error"], "t": summary["t"],
+                     "Q before": before.get(name, {}).get("Q"), "options": FLOW[name],
+                     **context.origin, "repetitions": repetitions})
+    return {"flow": (rows, ["case", "median", "min–max", "before", "ratio", "Q", "error", "t", "Q before"])}, notes
+
+
+# ------------------------------------------------------------------------------------------------------------ kernels
+
+COUNTERS = {"listed_per_point": "listed pairs per point", "contacts_per_point": "touching pairs per point",
+            "rebuilds_per_1000_steps": "list rebuilds per 1000 steps", "fire_iterations": "iterations of FIRE"}
+
+
+def kernels(context):
+    program = context.program
+    if not program.kernels.is_file():
+        return {}, [f"kernels: {program.kernels.name} is not built (-DPLIANT_BUILD_BENCHMARKS=ON)"]
+    say("kernels")
+    done = run([*program.pin, program.kernels, "--benchmark_format=json",
+                f"--benchmark_repetitions={context.repetitions}", "--benchmark_enable_random_interleaving=true",
+                f"--benchmark_min_time={0.02 if context.quick else 0.1}"])
+    # What the library prints about the machine comes before the JSON.
+    repeated, counters = {}, {}
+    found = json.loads(re.search(r"^\{.*\}", done.output, re.S | re.M)[0])["benchmarks"]
+    for row in sorted(found, key=lambda row: row["family_index"]):
+        if row["run_type"] != "iteration":
+            continue
+        system, kernel = row["run_name"].split("/", 1)
+        repeated.setdefault((kernel, system), []).append(1e9 * row["per_point"])
+        for counter, label in COUNTERS.items():
+            if counter in row:
+                counters[label, system] = row[counter]
+    rows = [{"kernel": kernel, "case": system, **spread(ns), **context.origin}
+            for (kernel, system), ns in sorted(repeated.items())]
+    systems = list(dict.fromkeys(system for _, system in repeated))
+    text = {key: "{median:.2f} ({min:.2f}–{max:.2f})".format(**spread(ns)) for key, ns in repeated.items()}
+    shown = [{"kernel": kernel} | {system: text[kernel, system] for system in systems if (kernel, system) in text}
+             for kernel in sorted({kernel for kernel, _ in repeated})]
+    shown += [{"kernel": label} | {system: f"{counters[label, system]:.3g}" for system in systems
+                                   if (label, system) in counters} for label in COUNTERS.values()]
+    return {"kernels": (rows, ["kernel", *systems], [row for row in shown if len(row) > 1])}, []
+
+
+PARTS = {"targets": targets, "scaling": scaling, "parallel": parallel, "flow": flow, "kernels": kernels}

@@ -1,0 +1,94 @@
+"""Tables for the page and figures."""
+
+import re
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "python"))
+from pliant.plotting import COLORS, MARKERS, plt  # noqa: E402  (the folder of the package comes first)
+
+from harness import BenchError  # noqa: E402
+
+
+def cell(value):
+    if value is None or value != value:
+        return ""
+    return f"{value:.3g}" if isinstance(value, float) and abs(value) < 1000 else \
+        f"{value:.0f}" if isinstance(value, float) else str(value)
+
+
+def table(rows, columns):
+    lines = ["| " + " | ".join(columns) + " |", "|---" * len(columns) + "|"]
+    for row in rows:
+        row = dict(row)
+        if "min" in row:
+            row["min–max"] = f"{cell(row['min'])}–{cell(row['max'])}"
+        lines.append("| " + " | ".join(cell(row.get(column)) for column in columns) + " |")
+    return "\n".join(lines)
+
+
+def origin(row):
+    return (f"{row['date']}, commit {row['commit']}, {row['compiler']}, {row['machine']}; medians of "
+            f"{row['repetitions']} repetition{'s' * (row['repetitions'] > 1)}.")
+
+
+def block(name, contents, notes):
+    """What stands between the markers of `name`."""
+    rows, columns, *shown = contents
+    text = [table(shown[0] if shown else rows, columns), "", origin(rows[0])]
+    if name in FIGURES:
+        picture, caption, _ = FIGURES[name]
+        text += ["", f"![{caption}](images/{picture})"]
+    return "\n".join(text + [f"\nNote: {note}." for note in notes])
+
+
+def insert(page, blocks):
+    """Replaces what is between <!-- bench:begin NAME --> and <!-- bench:end NAME --> in the page."""
+    text = page.read_text()
+    for name, new in blocks.items():
+        marked = re.compile(rf"(<!-- bench:begin {name} -->\n).*?(<!-- bench:end {name} -->)", re.S)
+        if not marked.search(text):
+            raise BenchError(f"{page}: no markers for {name}")
+        text = marked.sub(lambda match: f"{match[1]}\n{new}\n\n{match[2]}", text)
+    page.write_text(text)
+
+
+def draw_scaling(rows, path):
+    figure, axes = plt.subplots(figsize=(4.8, 3.4), layout="constrained")
+    for i, case in enumerate(dict.fromkeys(row["case"] for row in rows)):
+        mine = [row for row in rows if row["case"] == case]
+        middle = [row["median"] for row in mine]
+        error = [[m - row["min"] for m, row in zip(middle, mine)], [row["max"] - m for m, row in zip(middle, mine)]]
+        axes.errorbar([row["N"] for row in mine], middle, error, color=COLORS[i], marker=MARKERS[i], capsize=2,
+                      label=case)
+    axes.set(xscale="log", ylim=(0, None), xlabel="particles or vertices", ylabel="ns per particle- or vertex-step")
+    axes.legend()
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path)
+    plt.close(figure)
+
+
+def draw_speedup(rows, path):
+    figure, axes = plt.subplots(figsize=(4.8, 3.4), layout="constrained")
+    most = max(row["workers"] for row in rows)
+    axes.plot([1, most], [1, most], color="0.6", linewidth=0.8, label="ideal")
+    cases = list(dict.fromkeys(row["case"] for row in rows))
+    for kind, style in (("thread", "-"), ("rank", "--")):
+        for i, case in enumerate(cases):
+            mine = [row for row in rows if row["case"] == case and kind in row["run as"]]
+            if mine:
+                axes.plot([row["workers"] for row in mine], [row["speed-up"] for row in mine], style, color=COLORS[i],
+                          marker=MARKERS[i], label=f"{case}, {kind}s")
+    axes.set(xlabel="threads or ranks", ylabel="speed-up over the serial run", ylim=(0, None),
+             xticks=range(1, most + 1))
+    axes.legend()
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path)
+    plt.close(figure)
+
+
+#: Table: file, caption, how it is drawn.
+FIGURES = {
+    "scaling": ("performance-scaling.png", "Cost of a step against the number of points", draw_scaling),
+    "parallel": ("performance-speedup.png", "Speed-up against threads and ranks", draw_speedup),
+}

@@ -1,0 +1,96 @@
+"""The parts of benchmarks/ that need no program to run."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
+
+import harness  # noqa: E402
+import report  # noqa: E402
+from lammps.data_file import data_file, pair_table  # noqa: E402
+
+from pliant import PliantError, Run  # noqa: E402
+
+
+def section(text, name, columns):
+    """[n, columns] numbers under a heading of a data file."""
+    lines = text.split(f"\n{name}", 1)[1].splitlines()[2:]
+    end = lines.index("") if "" in lines else len(lines)
+    rows = np.array([line.split() for line in lines[:end]], float)
+    assert rows.shape[1] == columns
+    return rows
+
+
+@pytest.mark.parametrize("name", ["soft", "soft3d"])
+def test_data_file_has_the_same_particles(name, request):
+    path, _ = request.getfixturevalue(name)
+    with Run(path) as run:
+        text = data_file(run, "sphere")
+        atoms, velocities = section(text, "Atoms", 7), section(text, "Velocities", 7)
+        frame, topology = run.frame(0), run.topology
+        assert np.allclose(atoms[:, 2], topology.sigma, rtol=1e-15)
+        # LAMMPS takes the volume of a sphere in 2D too.
+        assert np.allclose(atoms[:, 3] * np.pi / 6 * atoms[:, 2] ** 3, topology.mass, rtol=1e-12)
+        assert np.array_equal(atoms[:, 4:4 + run.dim], frame.positions)
+        assert np.array_equal(velocities[:, 1:1 + run.dim], frame.velocities)
+        assert np.array_equal(atoms[:, 1] == 2, topology.sigma > topology.sigma.mean())
+        masses = section(data_file(run, "atomic"), "Masses", 2)
+        assert np.allclose(masses[atoms[:, 1].astype(int) - 1, 1], topology.mass, rtol=1e-12)
+
+
+def test_data_file_refuses_polygons(rough):
+    with Run(rough[0]) as run, pytest.raises(PliantError, match="two diameters"):
+        data_file(run, "sphere")
+
+
+def test_pair_table_is_the_contact_law():
+    epsilon, diameters = 100, (0.8, 1.2)
+    text = pair_table(epsilon, diameters)
+    for name, sigma in (("small", 0.8), ("middle", 1.0), ("large", 1.2)):
+        rows = section("\n" + text, f"{name}\nN", 4)
+        r, energy, force = rows[:, 1:].T
+        assert force[-1] == 0 and r[-1] == pytest.approx(sigma)
+        assert np.allclose(force, epsilon / sigma * (1 - r / sigma), atol=1e-12)
+        assert np.allclose(-np.gradient(energy, r)[1:-1], force[1:-1], atol=1e-6 * epsilon)
+
+
+def test_insert_replaces_only_what_is_marked(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text("a\n<!-- bench:begin one -->\nold\n<!-- bench:end one -->\nb\n<!-- bench:begin two -->\nkept\n"
+                    "<!-- bench:end two -->\n")
+    for _ in range(2):
+        report.insert(page, {"one": r"new \1"})
+    text = page.read_text()
+    assert "old" not in text and text.count(r"new \1") == 1 and "kept" in text and text.startswith("a\n")
+    with pytest.raises(harness.BenchError, match="no markers for three"):
+        report.insert(page, {"three": ""})
+
+
+def test_run_reports_costs_and_failures():
+    done = harness.run([sys.executable, "-c", "import time; x = b'1' * 60_000_000; time.sleep(0.2); print('ended')"])
+    assert done.output == "ended\n" and done.wall > 0.2 > done.cpu - 0.5
+    assert 60_000 < done.peak_kb < 120_000
+    with pytest.raises(harness.BenchError, match="exit code 3: some error"):
+        harness.run(["sh", "-c", "echo some error; echo more; exit 3"])
+    with pytest.raises(harness.BenchError, match="stopped after 0.2 s"):
+        harness.run(["sh", "-c", "sleep 60 & sleep 60"], timeout=0.2)
+
+
+def test_interleave_leaves_out_what_is_unsupported():
+    calls = []
+
+    def job(name, result):
+        def one(repetition):
+            calls.append((name, repetition))
+            if isinstance(result, Exception):
+                raise result
+            return result
+        return one
+
+    jobs = {"a": job("a", 1), "b": job("b", harness.Unsupported("no b")), "c": job("c", 3)}
+    results, reasons = harness.interleave(jobs, 2, "test")
+    assert calls == [("a", 0), ("b", 0), ("c", 0), ("a", 1), ("c", 1)]
+    assert results == {"a": [1, 1], "c": [3, 3]} and reasons == {"b": "no b"}
