@@ -107,14 +107,17 @@ int main(int argc, char** argv) {
   try {
     pliant::PetscSession petsc;
     const Ranks ranks(PETSC_COMM_WORLD);
+    int code = 0;
     try {
       if (argc < 2) throw InputError("no scenario given; pliant -help lists them");
-      return static_cast<int>(run(argv[1], arguments, ranks));
+      code = static_cast<int>(run(argv[1], arguments, ranks));
     } catch (const pliant::Error& error) {
-      return complain(ranks, error.what(), error.code());
+      code = complain(ranks, error.what(), error.code());
     } catch (const std::exception& error) {
-      return complain(ranks, fmt::format("internal: {}", error.what()), ExitCode::numerical_failure);
+      code = complain(ranks, fmt::format("internal: {}", error.what()), ExitCode::numerical_failure);
     }
+    std::fflush(stdout);  // mpiexec kills the others as soon as one has left with a code
+    return code;
   } catch (const pliant::Error& error) {
     fmt::print(stderr, "pliant: error: {}\n", error.what());
     return static_cast<int>(error.code());

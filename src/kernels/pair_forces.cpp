@@ -106,8 +106,14 @@ template <int D, bool friction, Sides sides>
 PLIANT_INLINE void add_all(const PairLaw& law, std::span<const Pair> pairs, const Real* reach, const Real* x,
                            const Real* v, Real* f) {
   std::size_t e = 0;
-  for (; e + 4 <= pairs.size(); e += 4)
+  for (; e + 4 <= pairs.size(); e += 4) {
+    // Points come in the order of the list, but not in one that the hardware foresees. May lie beyond the arrays.
+    const std::ptrdiff_t soon = std::ptrdiff_t(D) * (pairs[e].first + 64);
+    __builtin_prefetch(x + soon);
+    __builtin_prefetch(f + soon, 1);
+    if constexpr (friction) __builtin_prefetch(v + soon);
     add_four<D, friction, sides>(law, pairs.data() + e, simd::load4(reach + e), x, v, f);
+  }
   if (e == pairs.size()) return;
   // The rest, filled up with pairs that never touch.
   Pair rest[4];

@@ -9,7 +9,7 @@ namespace {
 
 // Points per chunk: enough that few pairs lie across its border, where forces are computed twice.
 template <int D>
-constexpr Index chunk_size = D == 2 ? 1000 : 4000;
+constexpr Index chunk_size = D == 2 ? 1500 : 4000;
 
 }  // namespace
 

@@ -60,7 +60,7 @@ struct PairList {
 template <int D>
 class Neighbours {
  public:
-  static constexpr Index max_chunks = 64;
+  static constexpr Index max_chunks = 1024;
 
   Neighbours(NeighbourNeeds needs, Real skin) : needs_(needs), skin_(skin) {}
 

@@ -230,7 +230,7 @@ TEST_CASE("lists of soft particles in 3D follow the same rule") {
 
 TEST_CASE("a relocated particle is listed as a rebuild would, also twice and next to another one") {
   Random random(7);
-  const Scene scene(random, 400);
+  const Scene scene(random, 600);
   const Topology& t = scene.topology;
   Neighbours<2> lists(all_lists, skin), again(all_lists, skin);
   lists.ensure(t, scene.walls, scene.x.data());
