@@ -17,8 +17,8 @@ struct ListUse {
 /// The skin for which lists cost least, in the unit of width, from what the present one was used for. Per point and
 /// evaluation a list costs its pairs plus its share of a rebuild,
 ///   P(s) + R/k(s),  P ∝ (width + s)^dim,  k ∝ s evaluations between two rebuilds:
-/// whatever moves fastest decides, and it flies freely. R is what a rebuild costs, in visits of a pair. pairs: listed per
-/// point; width: mean contact diameter. Depends on counts only, so that a run does not depend on the clock.
+/// whatever moves fastest decides, and it flies freely. R is what a rebuild costs, in visits of a pair. pairs: listed
+/// per point; width: mean contact diameter. Depends on counts only, so that a run does not depend on the clock.
 inline Real best_skin(Real skin, const ListUse& use, int dim, Real pairs, Real width) {
   const Real rebuild_in_visits = dim == 2 ? 60 : 150;
   const Real interval = static_cast<Real>(use.evaluations) / static_cast<Real>(std::max<std::int64_t>(use.rebuilds, 1));

@@ -75,8 +75,8 @@ class CellGrid {
     });
   }
 
-  /// Calls visit(j) for every point in the cells that meet a box of half-width `range` round r, if its distance from r is
-  /// less than reach + its own radius. The distances are tested here, without branches, where the points of a row of
+  /// Calls visit(j) for every point in the cells that meet a box of half-width `range` round r, if its distance from r
+  /// is less than reach + its own radius. The distances are tested here, without branches, where the points of a row of
   /// cells lie side by side.
   template <class Visit>
   void for_each_near(const Vec<D>& r, Real range, Real reach, Visit&& visit) const {

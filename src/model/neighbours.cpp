@@ -242,8 +242,9 @@ void Neighbours<D>::relocate(const Topology& topology, const Walls<D>& wall, con
   const Index home = chunk_of(own.first);
   const auto add_near = [&](PairList& list, bool own_first) {
     std::sort(near_.begin(), near_.end(), [](const Found& a, const Found& b) { return a.pair < b.pair; });
-    near_.erase(std::unique(near_.begin(), near_.end(), [](const Found& a, const Found& b) { return a.pair == b.pair; }),
-                near_.end());
+    near_.erase(
+        std::unique(near_.begin(), near_.end(), [](const Found& a, const Found& b) { return a.pair == b.pair; }),
+        near_.end());
     for (const auto& [pair, contact] : near_) {
       const Index away = chunk_of(own.contains(pair.first) ? pair.second : pair.first);
       list.insert(home, away != home, pair, contact);
@@ -251,9 +252,7 @@ void Neighbours<D>::relocate(const Topology& topology, const Walls<D>& wall, con
     }
     near_.clear();
   };
-  const auto add_own = [&](PairList& list) {
-    return [&](Index a, Index b) { list.insert(home, false, {a, b}); };
-  };
+  const auto add_own = [&](PairList& list) { return [&](Index a, Index b) { list.insert(home, false, {a, b}); }; };
 
   if (needs_.point_pairs) {
     for (Index i = own.first; i < own.last; ++i) {

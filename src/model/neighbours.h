@@ -80,8 +80,8 @@ class Neighbours {
   /// Builds the lists from x, which becomes the reference: the same x gives the same lists, which a restart relies on.
   void rebuild(const Topology& topology, const Walls<D>& wall, const Real* x);
 
-  /// Lists particle m of this rank, which was put somewhere else, at its new place in x. Costs little, unlike a rebuild. The
-  /// lists must be valid for the other particles.
+  /// Lists particle m of this rank, which was put somewhere else, at its new place in x. Costs little, unlike a
+  /// rebuild. The lists must be valid for the other particles.
   void relocate(const Topology& topology, const Walls<D>& wall, const Real* x, Index m);
 
   /// After a change of the topology: the next `ensure` rebuilds.
@@ -106,8 +106,8 @@ class Neighbours {
   Range inside(Elements elements, Index chunk) const;
   Range across(Elements elements, Index chunk) const;
 
-  /// Where the lists were built: positions of the own points at the last rebuild, of relocated ones where they were put;
-  /// empty if there are no lists.
+  /// Where the lists were built: positions of the own points at the last rebuild, of relocated ones where they were
+  /// put; empty if there are no lists.
   const std::vector<Real>& reference() const { return reference_; }
   std::int64_t rebuilds() const { return rebuilds_; }
   /// Pairs of points, or of vertices and edges.

@@ -65,10 +65,11 @@ Packing pack(const Topology& topology, const Hopper& hopper, const PackingParame
   const Index n = topology.particles();
   Topology disks;
   disks.dim = D;
-  Real content = 0;
+  Real content = 0, largest = 0;
   for (Index m = 0; m < n; ++m) {
     disks.add_soft(2 * outer_radius(topology, m), 1);
     content += disks.a0.back();
+    largest = std::max(largest, disks.diameter.back());
   }
   Packing packing;
   std::vector<Real> centres(static_cast<std::size_t>(n) * D);
@@ -80,7 +81,8 @@ Packing pack(const Topology& topology, const Hopper& hopper, const PackingParame
   options.max_iterations = 2000;  // more are needed only at the edge of jamming, where raising the lid is quicker
   for (packing.fraction = p.fraction;; packing.fraction *= 0.98) {
     const Real before = packing.height;
-    packing.height = fill_height<D>(hopper, content / packing.fraction);
+    // A few particles lie side by side: none may be higher than the lid.
+    packing.height = std::max(fill_height<D>(hopper, content / packing.fraction), 1.001 * largest);
     for (Index m = 0; m < n; ++m) {
       Real* r = &centres[static_cast<std::size_t>(m) * D];
       if (before == 0)
@@ -113,6 +115,7 @@ Packing pack(const Topology& topology, const Hopper& hopper, const PackingParame
           "for them?",
           n, packing.max_overlap, packing.fraction, packing.reason);
   }
+  packing.fraction = std::min(packing.fraction, content / capacity<D>(hopper, packing.height));
   for (Index m = 0; m < n; ++m)
     place_particle(topology, m, &centres[static_cast<std::size_t>(m) * D],
                    2 * pi * rng::uniform(p.seed, stream::orientation, m), x);

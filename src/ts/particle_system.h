@@ -96,7 +96,8 @@ class ParticleSystem final : public SecondOrderSystem {
     tidy_at_ = neighbours_.rebuilds() - use.rebuilds;
   }
 
-  /// Own particle m was put somewhere else in x. Saves a rebuild of the lists on one rank; several rebuild. Not collective.
+  /// Own particle m was put somewhere else in x. Saves a rebuild of the lists on one rank; several rebuild. Not
+  /// collective.
   void relocate(const Real* x, Index m) {
     if (!ranks_.several() && !neighbours_.reference().empty()) neighbours_.relocate(topology_, walls_, x, m);
   }

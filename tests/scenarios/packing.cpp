@@ -122,6 +122,13 @@ TEST_CASE("a loose packing keeps the fraction that was asked for", "[packing]") 
   check<2>(packed, 50);
 }
 
+TEST_CASE("the lid is higher than the particles, however few they are", "[packing]") {
+  const Index n = GENERATE(1, 2, 3);
+  const Packed<2> packed(ModelKind::sp, n, {.wall_distance = 6, .orifice = 2});
+  CHECK(packed.packing.height > *std::max_element(packed.topology.sigma.begin(), packed.topology.sigma.end()));
+  check<2>(packed, n);
+}
+
 TEST_CASE("a particle wider than the hopper is refused", "[packing]") {
   CHECK_THROWS_AS(Packed<2>(ModelKind::sp, 6, {.wall_distance = 1.1, .orifice = 0.5}), InputError);
   CHECK_THROWS_WITH(Packed<2>(ModelKind::sp, 6, {.wall_distance = 1.1, .orifice = 0.5}),
