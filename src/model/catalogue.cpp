@@ -1,9 +1,7 @@
 #include <pliant/model/catalogue.h>
 
 #include <pliant/base/errors.h>
-#include <pliant/model/drag.h>
 #include <pliant/model/fused_terms.h>
-#include <pliant/model/gravity.h>
 #include <pliant/model/lip_contact.h>
 #include <pliant/model/wall_contact.h>
 
@@ -55,22 +53,21 @@ template <int D>
 std::unique_ptr<ForceField<D>> make_force_field(ModelKind kind, const ModelParameters& p, const Vec<D>& gravity) {
   if (kind == ModelKind::sp)
     return model<D>(fused<PairKernel>(PairContact<D>{p.epsilon, "pair"}, PairFriction<D>{p.mu}),
-                    WallContact<D>{p.epsilon_wall}, Gravity<D>{gravity}, Drag<D>{p.zeta});
+                    WallContact<D>{p.epsilon_wall}, fused<PointKernel>(Gravity<D>{gravity}, Drag<D>{p.zeta}));
   if constexpr (D == 2) {
     const auto shape = fused<ShapeKernel>(Area{p.k_a}, Perimeter{p.k_l}, Bending{p.k_b});
     const WallContact<2> wall{p.epsilon_wall};
     const LipContact lip{p.epsilon_wall, p.lip_edges};
-    const Gravity<2> weight{gravity};
-    const Drag<2> drag{p.zeta};
+    const auto outer = fused<PointKernel>(Gravity<2>{gravity}, Drag<2>{p.zeta});
     switch (kind) {
       case ModelKind::rough:
         return model<2>(shape, fused<PairKernel>(PairContact<2>{p.epsilon, "contact"}, PairFriction<2>{p.mu}), wall,
-                        lip, weight, drag);
+                        lip, outer);
       case ModelKind::smooth:
         return model<2>(shape, fused<EdgeKernel>(EdgeContact{p.epsilon}, EdgeFriction{p.mu, p.friction_point}), wall,
-                        lip, weight, drag);
+                        lip, outer);
       default:
-        return model<2>(shape, weight, drag);
+        return model<2>(shape, outer);
     }
   }
   throw InputError("model {} exists in 2D only; use -dim 2 or -model sp", to_string(kind));

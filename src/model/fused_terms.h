@@ -9,14 +9,38 @@
 #include <pliant/kernels/shape_forces.h>
 #include <pliant/model/area.h>
 #include <pliant/model/bending.h>
+#include <pliant/model/drag.h>
 #include <pliant/model/edge_contact.h>
 #include <pliant/model/edge_friction.h>
+#include <pliant/model/gravity.h>
 #include <pliant/model/model.h>
 #include <pliant/model/pair_contact.h>
 #include <pliant/model/pair_friction.h>
 #include <pliant/model/perimeter.h>
 
 namespace pliant {
+
+/// Weight and drag of all points in one pass.
+struct PointKernel {
+  static constexpr bool fast() { return true; }
+  template <int D>
+  static void add_forces(const StateView<D>& s, Index chunk, Real* f, const Gravity<D>& gravity, const Drag<D>& drag) {
+    const Topology& topology = s.topology;
+    const Vec<D> g = gravity.g;
+    const Range own = s.neighbours.particles(chunk);
+    if (!drag.enabled(s)) {
+      const Range points = s.neighbours.points(chunk);
+      if (gravity.enabled(s))
+        for (Index i = points.first; i < points.last; ++i) point<D>(f, i) += topology.mass[i] * g;
+      return;
+    }
+    for (Index m = own.first; m < own.last; ++m) {
+      const Real zeta = drag.zeta / topology.points_of(m);
+      for (Index i = topology.offset[m]; i < topology.offset[m + 1]; ++i)
+        point<D>(f, i) += topology.mass[i] * g - zeta * s.velocity(i);
+    }
+  }
+};
 
 struct PairKernel {
   static bool fast() { return simd::fast(); }
