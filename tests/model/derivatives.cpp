@@ -70,8 +70,13 @@ void check_boundary(const ForceField<D>& field, const Make<D>& make, Real h0) {
 
 Configuration<2> single_polygon(Random& random) {
   Configuration<2> c;
-  c.add_polygon(irregular_polygon(random, 3 + random.below(14), random(0.3, 1), {random(-5, 5), random(-5, 5)}), 0.1);
-  c.add_polygon(irregular_polygon(random, 3 + random.below(14), random(0.3, 1), {random(-5, 5), random(-5, 5)}), 0.1);
+  for (int k = 0; k < 2; ++k) {
+    // One by one: the order in which arguments are evaluated depends on the compiler.
+    const Vec<2> centre{random(-5, 5), random(-5, 5)};
+    const Real radius = random(0.3, 1);
+    const int n = 3 + random.below(14);
+    c.add_polygon(irregular_polygon(random, n, radius, centre), 0.1);
+  }
   return c;
 }
 
