@@ -188,7 +188,7 @@ class Chain:
 
 def scaling(context):
     sizes = [100, 1000, 10_000] + ([] if context.quick else [100_000, 1_000_000])
-    work = 2e6 if context.quick else 2e7  # point-steps
+    work = 2e6 if context.quick else 1e8  # point-steps
     _, smallest = context.program.hopper(f"{SYSTEMS['soft 2D'](10)[0]} -t_end 10 {SILENT}", context.folder("smallest"))
     chains, rows = {}, []
     for system in SYSTEMS:
@@ -238,7 +238,7 @@ def parallel(context):
 
     jobs, chains = {}, {}
     for system in SYSTEMS:
-        start = Chain(context, "parallel-start", system, points, 1000)
+        start = Chain(context, "parallel-start", system, points, 1000 if context.quick else 5000)
         for mode, (options, prefix, _) in modes.items():
             chain = start.copy(f"parallel-{system}-{mode}".replace(" ", "-"))
             chains[system, mode] = chain

@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# Builds the unit tests and the program with a checker, in a build folder of their own, and runs them. Fails on the first
-# program with a finding.
+# Builds the unit tests and the program with a checker, in a build folder of their own, and runs them.
+# Fails on the first program with a finding.
 #   scripts/sanitize.sh [address|thread|valgrind]
 #     address   (default) AddressSanitizer and UndefinedBehaviorSanitizer, by GCC
-#     thread    ThreadSanitizer, by clang and its OpenMP: GCC's OpenMP is not instrumented, so its barriers look like races
+#     thread    ThreadSanitizer, by clang and its OpenMP: GCC's OpenMP is not instrumented, its barriers are unseen
 #     valgrind  memcheck
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
