@@ -74,8 +74,7 @@ class HopperRun {
     for (const Real sigma : all_.sigma) largest_ = std::max(largest_, sigma);
     const CriticalStep critical = system_.field().critical_step(all_);
     critical_step_ = critical.least();
-    dt_ = p.dt.value_or(p.mu > 0 ? std::min({1e-3, 0.2 * critical.elastic, 0.5 * critical.damping})
-                                 : std::min({2e-3, 0.35 * critical.elastic, 0.5 * critical.damping}));
+    dt_ = p.dt.value_or(std::min({1e-3, 0.2 * critical.elastic, 0.5 * critical.damping}));
     if (p.q_rtol > 0) precision_.emplace(p.q_rtol);
     if (!p.skin) system_.tune_skin();
     if (checkpoint) load(*checkpoint);

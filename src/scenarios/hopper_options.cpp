@@ -124,7 +124,7 @@ void HopperOptions::bind(Options& o) {
           .unit = "t0",
           .min = 0,
           .min_open = true,
-          .automatic = "0.2 of the elastic limit, 0.35 without friction, or 0.5 of the damping's; at most 1e-3, 2e-3",
+          .automatic = "0.2 of the elastic limit or 0.5 of the damping's, at most 1e-3",
           .on_restart = fixed});
   o.bind("t_end", t_end,
          {.help = "end of the run", .unit = "t0", .min = 0, .automatic = "100; 10000 with -hopper_q_rtol"});
