@@ -3,8 +3,10 @@
 
 // Thread sanitizer cannot start programs with resolvers of its own.
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_THREAD__)
+#define PLIANT_HAS_VERSIONS 1
 #define PLIANT_MULTIVERSION __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
 #else
+#define PLIANT_HAS_VERSIONS 0
 #define PLIANT_MULTIVERSION
 #endif
 
@@ -15,7 +17,7 @@ namespace pliant::simd {
 inline bool fast() {
 #if defined(__AVX2__)
   return true;
-#elif defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_THREAD__)
+#elif PLIANT_HAS_VERSIONS
   static const bool avx2 = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
   return avx2;
 #else

@@ -1,6 +1,4 @@
-// Four doubles at a time, with the compiler's vector types: every target has them, and each function that asks for
-// PLIANT_MULTIVERSION is compiled for several instruction sets, of which the loader picks the best that the machine
-// has.
+// Four doubles at a time, with the compiler's vector types, which every target has.
 #pragma once
 
 #include <cmath>
