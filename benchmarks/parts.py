@@ -130,7 +130,7 @@ def soft_system(points, dim):
         width = 25 * (math.sqrt(points / 6400) if points > 6400 else (points / 6400) ** (1 / 3))
         packed = "-pack_fraction 0.63"
     # Overlaps of about 1 % are there from the start on: contacts as in a flow, without waiting until it settles.
-    return f"-model sp -dim {dim} -n {points} -dt 7e-4 {packed} -pack_tolerance 0.01 {hopper(width)}", 7e-4
+    return f"-model sp -dim {dim} -n {points} -dt 7e-4 {packed} -pack_tolerance 0.05 {hopper(width)}", 7e-4
 
 
 def polygons(points, model):

@@ -77,7 +77,6 @@ Packing pack(const Topology& topology, const Hopper& hopper, const PackingParame
   options.dt = 0.1;
   options.dt_max = 0.5;
   options.force_tolerance = 1e-2 * p.tolerance;
-  options.energy_tolerance = n * square(p.tolerance) / 2;
   options.max_iterations = 2000;  // more are needed only at the edge of jamming, where raising the lid is quicker
   for (packing.fraction = p.fraction;; packing.fraction *= 0.98) {
     const Real before = packing.height;
@@ -97,23 +96,25 @@ Packing pack(const Topology& topology, const Hopper& hopper, const PackingParame
     std::copy(centres.begin(), centres.end(), state.x().begin());
     system.tidy(state);  // sorted in space, searches and sums are fast
     options.force = [&](const Real* r, Real* f) { system.field().forces(system.view(r, nullptr), f); };
+    options.done = [&](const Real* r) {
+      packing.max_overlap = 0;
+      system.field().for_each_contact(system.view(r, nullptr), [&](const Contact<D>& c) {
+        packing.max_overlap = std::max(packing.max_overlap, c.overlap);
+      });
+      return packing.max_overlap <= p.tolerance;
+    };
     const FireResult result = fire(
         state.x(), disks.mass,
         [&](const Real* r, Real* f) { return system.field().energy(system.view(r, nullptr), f); }, options);
     for (Index k = 0; k < n; ++k)
       point<D>(centres.data(), system.topology().id[k]) = point<D>(std::as_const(state).x().data(), k);
     packing.iterations += result.iterations;
-    packing.reason = result.reason;
-    packing.max_overlap = 0;
-    system.field().for_each_contact(system.view(state.x().data(), nullptr), [&](const Contact<D>& c) {
-      packing.max_overlap = std::max(packing.max_overlap, c.overlap);
-    });
-    if (result.energy <= options.energy_tolerance) break;
+    if (options.done(state.x().data())) break;
     if (packing.fraction < 0.5 * p.fraction)
       throw NumericalError(
           "packing {} particles: overlaps up to {:.2g} remain at a fraction of {:.2g} ({}); is the hopper wide enough "
           "for them?",
-          n, packing.max_overlap, packing.fraction, packing.reason);
+          n, packing.max_overlap, packing.fraction, result.reason);
   }
   packing.fraction = std::min(packing.fraction, content / capacity<D>(hopper, packing.height));
   for (Index m = 0; m < n; ++m)

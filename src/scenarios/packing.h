@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstdint>
-#include <string>
 
 #include <pliant/geometry/hopper.h>
 #include <pliant/model/topology.h>
@@ -12,7 +11,7 @@ namespace pliant {
 struct PackingParameters {
   Real fraction =
       0.84;  ///< to start from: of the filled part of the hopper that the particles' outer disks (spheres) cover
-  Real tolerance = 1e-4;  ///< overlap, relative to a contact's range and as rms over the particles, that counts as none
+  Real tolerance = 1e-4;  ///< largest overlap, relative to a contact's range, that counts as none
   std::uint64_t seed = 1;
 };
 
@@ -20,7 +19,6 @@ struct Packing {
   Real fraction = 0;            ///< reached
   Real height = 0;              ///< of the lid, σ_avg
   std::int64_t iterations = 0;  ///< of FIRE
-  std::string reason;           ///< why the last FIRE stopped
   Real max_overlap = 0;         ///< largest 1 − r/σ_mn of the outer disks
 };
 

@@ -72,6 +72,7 @@ FireResult fire(std::span<Real> x_in, std::span<const Real> mass, const EnergyAn
     }
     if (with_energy && result.energy <= o.energy_tolerance)
       return finish(FireStop::energy, fmt::format("energy {} within {}", result.energy, o.energy_tolerance));
+    if (with_energy && o.done && o.done(x.data())) return finish(FireStop::done, "done");
     if (result.iterations == o.max_iterations)
       return finish(FireStop::iterations, fmt::format("limit of {} iterations reached with largest force {}",
                                                       o.max_iterations, result.max_force));

@@ -20,6 +20,7 @@ struct FireOptions {
   Real dt_min = 0;               ///< smallest step; 0: 0.02 dt
   Real force_tolerance = 1e-10;  ///< stop when no component of the force is larger; 0 switches the test off
   Real energy_tolerance = -std::numeric_limits<Real>::infinity();  ///< stop when the energy is this or less
+  std::function<bool(const Real* x)> done = nullptr;  ///< stop when it says so; asked with the energy
   std::int64_t max_iterations = 100000;
   /// Writes the force alone, where that is cheaper: the energy is then looked at in every tenth iteration only.
   std::function<void(const Real* x, Real* f)> force = nullptr;
@@ -29,10 +30,10 @@ struct FireOptions {
   Real alpha = 0.25, alpha_shrink = 0.99;  ///< mixing of the velocity with the direction of the force
 };
 
-enum class FireStop { force, energy, iterations };
+enum class FireStop { force, energy, done, iterations };
 
 struct FireResult {
-  bool converged = false;  ///< force or energy below its tolerance
+  bool converged = false;  ///< for another reason than the number of iterations
   FireStop stop = FireStop::iterations;
   std::string reason;  ///< the same in words
   std::int64_t iterations = 0;
