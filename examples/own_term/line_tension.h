@@ -47,7 +47,7 @@ struct LineTension {
   Real max_rate(const pliant::Topology& topology) const {
     Real fastest = 0;
     for (Index m = 0; m < topology.particles(); ++m)
-      fastest = std::max(fastest, 4 * gamma / (topology.l0[m] * topology.mass[topology.offset[m]]));
+      fastest = std::max(fastest, 4 * gamma / (topology.l0[m] * topology.mass(topology.offset[m])));
     return std::sqrt(fastest);
   }
 

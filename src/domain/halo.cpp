@@ -146,21 +146,25 @@ void Halo<D>::build(Topology& topology, const Real* x, Real skin) {
     }
   all_ = static_cast<std::size_t>(topology.points());
 
-  std::vector<PetscInt> leaves(roots.size());
-  for (std::size_t k = 0; k < leaves.size(); ++k) leaves[k] = static_cast<PetscInt>(own_ + k);
   if (!exchange_) exchange_ = std::make_unique<Exchange>();
   petsc_check(PetscSFCreate(ranks_.comm(), exchange_->sf.out()));
-  petsc_check(PetscSFSetGraph(exchange_->sf, static_cast<PetscInt>(own_), static_cast<PetscInt>(leaves.size()),
-                              leaves.data(), PETSC_COPY_VALUES, roots.data(), PETSC_COPY_VALUES));
+  petsc_check(PetscSFSetGraph(exchange_->sf, static_cast<PetscInt>(own_), static_cast<PetscInt>(roots.size()), nullptr,
+                              PETSC_COPY_VALUES, roots.data(), PETSC_COPY_VALUES));
   petsc_check(PetscSFSetUp(exchange_->sf));
 }
 
 template <int D>
 void Halo<D>::update(const Real* own, std::vector<Real>& local) const {
+  local.assign(own, own + own_ * D);
+  update(local);
+}
+
+template <int D>
+void Halo<D>::update(std::vector<Real>& local) const {
   local.resize(all_ * D);
-  petsc_check(PetscSFBcastBegin(exchange_->sf, exchange_->point, own, local.data(), MPI_REPLACE));
-  std::copy_n(own, own_ * D, local.data());
-  petsc_check(PetscSFBcastEnd(exchange_->sf, exchange_->point, own, local.data(), MPI_REPLACE));
+  Real* const ghosts = local.data() + own_ * D;
+  petsc_check(PetscSFBcastBegin(exchange_->sf, exchange_->point, local.data(), ghosts, MPI_REPLACE));
+  petsc_check(PetscSFBcastEnd(exchange_->sf, exchange_->point, local.data(), ghosts, MPI_REPLACE));
 }
 
 template class Halo<2>;

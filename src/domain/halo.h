@@ -26,6 +26,8 @@ class Halo {
 
   /// local [points · D] becomes own [owned points · D] and the same of the ghosts.
   void update(const Real* own, std::vector<Real>& local) const;
+  /// The same where local begins with the own points already.
+  void update(std::vector<Real>& local) const;
 
   /// Own particles that have left home, at the last build.
   Index strays() const { return strays_; }

@@ -34,8 +34,8 @@ Migration::Migration(const Ranks& ranks, const Topology& topology, const std::ve
 void Migration::move(Topology& topology) const {
   topology.drop_ghosts();
   move_points(topology.diameter, 1);
-  move_points(topology.mass, 1);
-  move_points(topology.inverse_mass, 1);
+  move(topology.point_mass);
+  move(topology.inverse_point_mass);
   move(topology.sigma);
   move(topology.a0);
   move(topology.l0);

@@ -19,16 +19,14 @@ Checkpoint read_checkpoint(const std::filesystem::path& path) {
   const auto file = hdf5::File::open_read(path);
   const auto group = file.open_group("state");
   Checkpoint checkpoint;
-  const auto y = group.read<double>("y");
-  const auto a = group.read<double>("a", {y.size() / 2});
-  checkpoint.state = State(static_cast<Index>(a.size()), 1);
-  std::copy(y.begin(), y.end(), checkpoint.state.y().begin());
-  std::copy(a.begin(), a.end(), checkpoint.state.a().begin());
+  const auto x = group.read<double>("x"), v = group.read<double>("v", {x.size()}),
+             a = group.read<double>("a", {x.size()});
+  checkpoint.state.assign(x, v, a);
   checkpoint.state.t = group.real_attribute("time");
   checkpoint.state.step = group.integer_attribute("step");
   checkpoint.strings = group.string_attributes();
   for (const std::string& name : group.links()) {
-    if (name == "y" || name == "a") continue;
+    if (name == "x" || name == "v" || name == "a") continue;
     if (group.holds_integers(name))
       checkpoint.integers[name] = group.read<std::int64_t>(name);
     else
@@ -83,7 +81,8 @@ void CheckpointWriter::write(const Checkpoint& checkpoint) {
   };
   group.set_attribute("time", checkpoint.state.t);
   group.set_attribute("step", checkpoint.state.step);
-  write("y", checkpoint.state.y());
+  write("x", checkpoint.state.x());
+  write("v", checkpoint.state.v());
   write("a", checkpoint.state.a());
   for (const auto& [name, values] : checkpoint.reals) write(name, values);
   for (const auto& [name, values] : checkpoint.integers) write(name, values);

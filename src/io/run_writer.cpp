@@ -68,7 +68,7 @@ void write_topology(File& file, const Topology& topology) {
   write("diameter", topology.diameter);
   std::vector<Real> mass(static_cast<std::size_t>(topology.particles()), 0);
   std::vector<Index> number(mass.size());
-  for (Index i = 0; i < topology.points(); ++i) mass[topology.particle[i]] += topology.mass[i];
+  for (Index i = 0; i < topology.points(); ++i) mass[topology.particle[i]] += topology.mass(i);
   for (Index m = 0; m < topology.particles(); ++m) number[m] = m;
   write("mass", mass);
   group.create_group("xdmf");
@@ -251,8 +251,8 @@ void RunWriter::write_xdmf_data(Group& group, const Frame& frame) const {
     Real mass = 0;
     for (auto i = static_cast<std::size_t>(topology_.offset[m]); i < static_cast<std::size_t>(topology_.offset[m + 1]);
          ++i) {
-      mass += topology_.mass[i];
-      for (std::size_t k = 0; k < dim; ++k) momentum[k] += topology_.mass[i] * frame.velocities[i * dim + k];
+      mass += topology_.mass(i);
+      for (std::size_t k = 0; k < dim; ++k) momentum[k] += topology_.mass(i) * frame.velocities[i * dim + k];
     }
     speed[m] = norm(momentum.data()) / mass;
   }

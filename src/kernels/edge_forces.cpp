@@ -161,7 +161,7 @@ PLIANT_INLINE Index write_bits(std::uint64_t bits, Index first, Index* list) {
 }
 
 template <Rubbing rubbing, class Out>
-PLIANT_INLINE void add_touching(const EdgeLaw& law, const Data& data, Index n, const Out& out) {
+PLIANT_INLINE void add_touching(const EdgeLaw& law, const Data& data, Index n, const Out& out, AheadBySteps* ahead) {
   constexpr Index word = 64, block = 16 * word;
   Index list[block + 7];  // pairs of a block that may touch
   for (Index first = 0; first < n; first += block) {
@@ -170,7 +170,10 @@ PLIANT_INLINE void add_touching(const EdgeLaw& law, const Data& data, Index n, c
     for (Index e = first; e < last; e += word) {
       const Index pairs = std::min(last - e, word), fours = pairs - pairs % 4;
       std::uint64_t found = 0;
-      for (Index k = 0; k < fours; k += 4) found |= std::uint64_t(sieve(data, e + k)) << k;
+      for (Index k = 0; k < fours; k += 4) {
+        found |= std::uint64_t(sieve(data, e + k)) << k;
+        if (ahead != nullptr) ahead->step();
+      }
       // The last few of all go unsieved: add_four looks itself.
       for (Index k = fours; k < pairs; ++k) found |= std::uint64_t(1) << k;
       count += write_bits(found, e, list + count);
@@ -181,28 +184,28 @@ PLIANT_INLINE void add_touching(const EdgeLaw& law, const Data& data, Index n, c
 }
 
 template <class Out>
-PLIANT_INLINE void add_all(const EdgeLaw& law, const Data& data, Index n, const Out& out) {
+PLIANT_INLINE void add_all(const EdgeLaw& law, const Data& data, Index n, const Out& out, AheadBySteps* ahead) {
   if (law.mu == 0)
-    add_touching<Rubbing::none>(law, data, n, out);
+    add_touching<Rubbing::none>(law, data, n, out, ahead);
   else if (law.at_contact)
-    add_touching<Rubbing::at_contact>(law, data, n, out);
+    add_touching<Rubbing::at_contact>(law, data, n, out, ahead);
   else
-    add_touching<Rubbing::at_vertex>(law, data, n, out);
+    add_touching<Rubbing::at_vertex>(law, data, n, out, ahead);
 }
 
 }  // namespace
 
 PLIANT_MULTIVERSION
 void add_edge_forces(const EdgeLaw& law, std::span<const Pair> pairs, const Real* reach, const Index* next,
-                     const Real* x, const Real* v, Real* f) {
-  add_all(law, {pairs.data(), reach, next, x, v}, static_cast<Index>(pairs.size()), Everything{f});
+                     const Real* x, const Real* v, Real* f, AheadBySteps* ahead) {
+  add_all(law, {pairs.data(), reach, next, x, v}, static_cast<Index>(pairs.size()), Everything{f}, ahead);
 }
 
 PLIANT_MULTIVERSION
 void add_edge_forces(const EdgeLaw& law, std::span<const Pair> pairs, const Real* reach, const Index* next,
                      Index own_first, Index own_last, const Real* x, const Real* v, Real* f) {
   add_all(law, {pairs.data(), reach, next, x, v}, static_cast<Index>(pairs.size()),
-          Range{f, own_first, static_cast<std::uint32_t>(own_last - own_first)});
+          Range{f, own_first, static_cast<std::uint32_t>(own_last - own_first)}, nullptr);
 }
 
 }  // namespace pliant

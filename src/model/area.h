@@ -46,7 +46,7 @@ struct Area {
     Real fastest = 0;
     for (Index m = 0; m < topology.particles(); ++m)
       fastest =
-          std::max(fastest, k_a * topology.points_of(m) * square(topology.l0[m]) / topology.mass[topology.offset[m]]);
+          std::max(fastest, k_a * topology.points_of(m) * square(topology.l0[m]) / topology.mass(topology.offset[m]));
     return std::sqrt(fastest);
   }
 };

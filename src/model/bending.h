@@ -54,7 +54,7 @@ struct Bending {
     for (Index m = 0; m < topology.particles(); ++m)
       fastest = std::max(
           fastest,
-          16 * k_b / (topology.points_of(m) * square(square(topology.l0[m])) * topology.mass[topology.offset[m]]));
+          16 * k_b / (topology.points_of(m) * square(square(topology.l0[m])) * topology.mass(topology.offset[m])));
     return std::sqrt(fastest);
   }
 

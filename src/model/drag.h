@@ -24,7 +24,7 @@ struct Drag {
   }
   Real max_damping(const Topology& topology) const {
     return zeta / smallest_over_points(
-                      topology, [&](Index i) { return topology.mass[i] * topology.points_of(topology.particle[i]); });
+                      topology, [&](Index i) { return topology.mass(i) * topology.points_of(topology.particle[i]); });
   }
 
  private:

@@ -93,7 +93,7 @@ struct EdgeContact {
   /// it.
   Real max_rate(const Topology& topology) const {
     return std::sqrt(4 * epsilon / smallest_over_points(topology, [&](Index i) {
-                       return square(topology.diameter[i]) * topology.mass[i];
+                       return square(topology.diameter[i]) * topology.mass(i);
                      }));
   }
 

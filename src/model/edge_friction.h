@@ -51,7 +51,7 @@ struct EdgeFriction {
   }
 
   Real max_damping(const Topology& topology) const {
-    return 4 * mu / smallest_over_points(topology, [&](Index i) { return topology.mass[i]; });
+    return 4 * mu / smallest_over_points(topology, [&](Index i) { return topology.mass(i); });
   }
 
  private:

@@ -1,11 +1,13 @@
 // Which kernel works for which terms: what a kernel needs, taken from the terms and the lists.
 #pragma once
 
+#include <optional>
 #include <span>
 
 #include <pliant/kernels/edge_forces.h>
 #include <pliant/kernels/multiversion.h>
 #include <pliant/kernels/pair_forces.h>
+#include <pliant/kernels/points.h>
 #include <pliant/kernels/shape_forces.h>
 #include <pliant/model/area.h>
 #include <pliant/model/bending.h>
@@ -20,24 +22,32 @@
 
 namespace pliant {
 
-/// Weight and drag of all points in one pass.
+/// What follows in a chunk, if anything, fetched in so many steps.
+template <int D>
+std::optional<AheadBySteps> ahead_of(const StateView<D>& s, Index chunk, Index steps) {
+  if (s.ahead.empty()) return std::nullopt;
+  const Range own = s.neighbours.points(chunk);
+  return AheadBySteps(s.ahead, std::ptrdiff_t(D) * own.first, std::ptrdiff_t(D) * own.last,
+                      static_cast<std::size_t>(steps));
+}
+
+/// Weight and drag of all points.
 struct PointKernel {
   static constexpr bool fast() { return true; }
+  static constexpr bool sets_forces = true;  ///< so that nothing needs to be zeroed
   template <int D>
-  static void add_forces(const StateView<D>& s, Index chunk, Real* f, const Gravity<D>& gravity, const Drag<D>& drag) {
-    const Topology& topology = s.topology;
-    const Vec<D> g = gravity.g;
+  static void set_forces(const StateView<D>& s, Index chunk, Real* f, const Gravity<D>& gravity, const Drag<D>&) {
     const Range own = s.neighbours.particles(chunk);
-    if (!drag.enabled(s)) {
-      const Range points = s.neighbours.points(chunk);
-      if (gravity.enabled(s))
-        for (Index i = points.first; i < points.last; ++i) point<D>(f, i) += topology.mass[i] * g;
-      return;
-    }
+    set_points<D>(s.topology.offset.data(), s.topology.point_mass.data(), own.first, own.last, gravity.g, f);
+  }
+  template <int D>
+  static void add_forces(const StateView<D>& s, Index chunk, Real* f, const Gravity<D>&, const Drag<D>& drag) {
+    if (!drag.enabled(s)) return;
+    const Topology& topology = s.topology;
+    const Range own = s.neighbours.particles(chunk);
     for (Index m = own.first; m < own.last; ++m) {
       const Real zeta = drag.zeta / topology.points_of(m);
-      for (Index i = topology.offset[m]; i < topology.offset[m + 1]; ++i)
-        point<D>(f, i) += topology.mass[i] * g - zeta * s.velocity(i);
+      for (Index i = topology.offset[m]; i < topology.offset[m + 1]; ++i) point<D>(f, i) -= zeta * s.velocity(i);
     }
   }
 };
@@ -49,12 +59,13 @@ struct PairKernel {
                          const PairFriction<D>& friction) {
     const PairLaw law{contact.epsilon, friction.mu};
     const PairList& list = s.neighbours.point_pairs;
-    const auto add = [&](Range range, Sides sides) {
+    std::optional<AheadBySteps> ahead = ahead_of<D>(s, chunk, list.inside(chunk).size() / 4);
+    const auto add = [&](Range range, Sides sides, AheadBySteps* fetch) {
       add_pair_forces<D>(law, std::span(list.pairs).subspan(range.first, range.size()), list.reach.data() + range.first,
-                         sides, s.x, s.v, f);
+                         sides, s.x, s.v, f, fetch);
     };
-    add(list.inside(chunk), Sides::both);
-    add(list.across(chunk), Sides::first);
+    add(list.inside(chunk), Sides::both, ahead ? &*ahead : nullptr);
+    add(list.across(chunk), Sides::first, nullptr);
   }
 };
 
@@ -65,7 +76,7 @@ struct ShapeKernel {
     const Range own = s.neighbours.particles(chunk);
     const Topology& topology = s.topology;
     add_shape_forces({area.k_a, perimeter.k_l, bending.k_b}, topology.offset.data(), topology.a0.data(),
-                     topology.l0.data(), own.first, own.last, s.x, f);
+                     topology.l0.data(), own.first, own.last, s.x, f, s.ahead.empty() ? Ahead() : Ahead(s.v));
   }
 };
 
@@ -78,7 +89,8 @@ struct EdgeKernel {
     const Index* next = s.topology.next.data();
     const auto pairs = [&](Range range) { return std::span(list.pairs).subspan(range.first, range.size()); };
     const Range inside = list.inside(chunk), across = list.across(chunk), own = s.neighbours.points(chunk);
-    add_edge_forces(law, pairs(inside), list.reach.data() + inside.first, next, s.x, s.v, f);
+    std::optional<AheadBySteps> ahead = ahead_of<2>(s, chunk, inside.size() / 4);
+    add_edge_forces(law, pairs(inside), list.reach.data() + inside.first, next, s.x, s.v, f, ahead ? &*ahead : nullptr);
     add_edge_forces(law, pairs(across), list.reach.data() + across.first, next, own.first, own.last, s.x, s.v, f);
   }
 };

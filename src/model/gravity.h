@@ -13,10 +13,10 @@ struct Gravity {
   static constexpr Elements elements = Elements::points;
   static std::string_view name() { return "gravity"; }
   bool enabled(const StateView<D>&) const { return !g.isZero(0); }
-  Real energy(const StateView<D>& s, Index i) const { return -s.topology.mass[i] * g.dot(s.position(i)); }
+  Real energy(const StateView<D>& s, Index i) const { return -s.topology.mass(i) * g.dot(s.position(i)); }
   template <class G>
   void add_gradient(const StateView<D>& s, Index i, G& grad) const {
-    grad.add(i, -s.topology.mass[i] * g);
+    grad.add(i, -s.topology.mass(i) * g);
   }
   void add_hessian(const StateView<D>&, Index, BlockSink<D>&) const {}
   Real max_rate(const Topology&) const { return 0; }

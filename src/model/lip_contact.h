@@ -62,7 +62,7 @@ struct LipContact {
     return with_edges
                ? std::sqrt(4 * epsilon /
                            smallest_over_points(
-                               topology, [&](Index i) { return square(topology.diameter[i]) * topology.mass[i]; }))
+                               topology, [&](Index i) { return square(topology.diameter[i]) * topology.mass(i); }))
                : 0;
   }
 

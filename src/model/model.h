@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <functional>
 #include <memory>
 #include <numeric>
@@ -10,6 +11,7 @@
 #include <tuple>
 #include <vector>
 
+#include <pliant/kernels/points.h>
 #include <pliant/model/term.h>
 
 namespace pliant {
@@ -41,8 +43,9 @@ class ForceField {
 
   /// Total force, written to f [points · D].
   virtual void forces(const StateView<D>& s, Real* f) const = 0;
-  /// The same, divided by the masses: 0 for inactive particles.
-  virtual void accelerations(const StateView<D>& s, Real* a) const = 0;
+  /// The same, divided by the masses: 0 for inactive particles. done(chunk), if given, is called when those of a chunk
+  /// are complete, by several threads at a time. Returns whether all are finite.
+  virtual bool accelerations(const StateView<D>& s, Real* a, const std::function<void(Index)>& done = {}) const = 0;
   /// Total energy; with f, the forces of the energy terms alone are written there.
   virtual Real energy(const StateView<D>& s, Real* f = nullptr) const = 0;
   /// Dissipated power, ≥ 0.
@@ -77,6 +80,14 @@ inline constexpr bool is_fused = false;
 template <class Kernel, class... Terms>
 inline constexpr bool is_fused<Fused<Kernel, Terms...>> = true;
 
+/// A kernel with sets_forces writes over what is in the force array, before the others add to it: Kernel::set_forces.
+template <class T>
+inline constexpr bool sets_forces = false;
+template <class Kernel, class... Terms>
+inline constexpr bool sets_forces<Fused<Kernel, Terms...>> = requires {
+  requires Kernel::sets_forces;
+};
+
 template <class T, int D>
 concept ModelPart = is_fused<T> || EnergyTerm<T, D> || DissipationTerm<T, D>;
 
@@ -91,13 +102,17 @@ class Model final : public ForceField<D> {
     for_each_chunk(s, [&](Index chunk) { add_total(s, chunk, f); });
   }
 
-  void accelerations(const StateView<D>& s, Real* a) const override {
-    const Real* inverse_mass = s.topology.inverse_mass.data();
+  bool accelerations(const StateView<D>& s, Real* a, const std::function<void(Index)>& done) const override {
+    const Topology& topology = s.topology;
+    std::atomic<bool> finite = true;
     for_each_chunk(s, [&](Index chunk) {
       add_total(s, chunk, a);
-      const Range own = s.neighbours.points(chunk);
-      for (Index i = own.first; i < own.last; ++i) point<D>(a, i) *= inverse_mass[i];
+      const Range own = s.neighbours.particles(chunk);
+      if (!scale_points<D>(topology.offset.data(), topology.inverse_point_mass.data(), own.first, own.last, a))
+        finite = false;
+      if (done) done(chunk);
     });
+    return finite;
   }
 
   Real energy(const StateView<D>& s, Real* f) const override {
@@ -264,9 +279,12 @@ class Model final : public ForceField<D> {
     std::fill(f + static_cast<std::size_t>(own.first) * D, f + static_cast<std::size_t>(own.last) * D, 0.0);
   }
 
-  /// Zeroes and fills the forces of a chunk, by kernels where there are some.
+  /// The forces of a chunk, by kernels where there are some.
   void add_total(const StateView<D>& s, Index chunk, Real* f) const {
-    zero(s, chunk, f);
+    if constexpr ((sets_forces<Parts> || ...))
+      for_each_part([&](const auto& part) { set_forces(part, s, chunk, f); });
+    else
+      zero(s, chunk, f);
     for_each_part([&](const auto& part) {
       if constexpr (is_fused<std::decay_t<decltype(part)>>)
         add_fused(part, s, chunk, f);
@@ -274,6 +292,14 @@ class Model final : public ForceField<D> {
         add_forces(part, s, chunk, f);
     });
   }
+
+  template <class Kernel, class... Terms>
+  static void set_forces(const Fused<Kernel, Terms...>& part, const StateView<D>& s, Index chunk, Real* f) {
+    if constexpr (sets_forces<Fused<Kernel, Terms...>>)
+      std::apply([&](const auto&... term) { Kernel::set_forces(s, chunk, f, term...); }, part.terms);
+  }
+  template <class T>
+  static void set_forces(const T&, const StateView<D>&, Index, Real*) {}
 
   template <class Kernel, class... Terms>
   static void add_fused(const Fused<Kernel, Terms...>& part, const StateView<D>& s, Index chunk, Real* f) {

@@ -3,6 +3,8 @@
 #include <cmath>
 
 #include <pliant/base/errors.h>
+#include <pliant/base/large_pages.h>
+#include <pliant/kernels/verlet.h>
 
 namespace pliant {
 namespace {
@@ -15,21 +17,17 @@ constexpr Index chunk_size = D == 2 ? 1500 : 4000;
 
 template <int D>
 bool Neighbours<D>::valid(const Real* x) const {
-  if (!built_) return false;
-  const Real limit = square(skin_ / 2);
-  const Real* reference = reference_.data();
-  bool all_inside = true;
-#pragma omp parallel for reduction(&& : all_inside) if (chunks() > 1)
-  for (Index c = 0; c < chunks(); ++c) {
-    bool inside = true;
-    for (std::size_t i = chunk_point_[c]; i < static_cast<std::size_t>(chunk_point_[c + 1]); ++i) {
-      Real moved2 = 0;
-      for (int k = 0; k < D; ++k) moved2 += square(x[i * D + k] - reference[i * D + k]);
-      inside &= moved2 <= limit;  // false for NaN too
-    }
-    all_inside = all_inside && inside;
-  }
-  return all_inside;
+  bool all = built_;
+#pragma omp parallel for reduction(&& : all) if (chunks() > 1)
+  for (Index c = 0; c < chunks(); ++c) all = all && valid(x, c);
+  return all;
+}
+
+template <int D>
+bool Neighbours<D>::valid(const Real* x, Index chunk) const {
+  const Range own = points(chunk);
+  const auto first = static_cast<std::size_t>(own.first) * D;
+  return built_ && all_within<D>(own.size(), skin_ / 2, x + first, reference_.data() + first);
 }
 
 template <int D>
@@ -118,8 +116,8 @@ void Neighbours<D>::build(PairList& list, bool searcher_first, Index all_points,
     list.start.push_back(list.start.back() + static_cast<Index>(hauls_[c].inside.size()));
     list.start.push_back(list.start.back() + static_cast<Index>(hauls_[c].across.size()));
   }
-  list.pairs.resize(list.start.back());
-  list.reach.resize(list.start.back());
+  resize_large(list.pairs, list.start.back());
+  resize_large(list.reach, list.start.back());
 #pragma omp parallel for schedule(dynamic, 1) if (n > 1)
   for (Index c = 0; c < n; ++c) {
     Index e = list.start[2 * c];
@@ -185,6 +183,7 @@ void Neighbours<D>::rebuild(const Topology& topology, const Walls<D>& wall, cons
     for (Index i = 0; i < n; ++i)
       longest_ = std::max(longest_, (point<D>(x, topology.next[i]) - point<D>(x, i)).squaredNorm());
   longest_ = std::sqrt(longest_);
+  resize_large(reference_, static_cast<std::size_t>(topology.owned_points()) * D);
   reference_.assign(x, x + static_cast<std::size_t>(topology.owned_points()) * D);
   relocated_.clear();
   old_places_.clear();

@@ -71,6 +71,8 @@ class Neighbours {
 
   /// Whether the lists hold every contact at x [points · D]; false for NaN.
   bool valid(const Real* x) const;
+  /// The same for the points of one chunk.
+  bool valid(const Real* x, Index chunk) const;
 
   /// Makes the lists valid for positions x [points · D]. Errors: NumericalError for a position that is not finite.
   void ensure(const Topology& topology, const Walls<D>& wall, const Real* x) {

@@ -69,7 +69,7 @@ struct PairContact {
   /// Two of the stiffest points against each other: ω² = 2 ε/(δ² m).
   Real max_rate(const Topology& topology) const {
     return std::sqrt(2 * epsilon / smallest_over_points(topology, [&](Index i) {
-                       return square(topology.diameter[i]) * topology.mass[i];
+                       return square(topology.diameter[i]) * topology.mass(i);
                      }));
   }
 

@@ -43,7 +43,7 @@ struct PairFriction {
   /// A point in a dense packing of soft particles rubs against about six others, a vertex against two.
   Real max_damping(const Topology& topology) const {
     const Real contacts = topology.deformable() ? 2 : 6;
-    return 2 * contacts * mu / smallest_over_points(topology, [&](Index i) { return topology.mass[i]; });
+    return 2 * contacts * mu / smallest_over_points(topology, [&](Index i) { return topology.mass(i); });
   }
 
  private:

@@ -46,7 +46,7 @@ struct Perimeter {
   Real max_rate(const Topology& topology) const {
     Real fastest = 0;
     for (Index m = 0; m < topology.particles(); ++m)
-      fastest = std::max(fastest, 4 * k_l * topology.points_of(m) / topology.mass[topology.offset[m]]);
+      fastest = std::max(fastest, 4 * k_l * topology.points_of(m) / topology.mass(topology.offset[m]));
     return std::sqrt(fastest);
   }
 

@@ -1,25 +1,26 @@
-// What moves: positions, velocities, accelerations and the time, in arrays that a PETSc Vec can wrap without a copy.
+// What moves: positions, velocities, accelerations and the time.
 #pragma once
 
 #include <cstdint>
 #include <span>
 #include <vector>
 
+#include <pliant/base/large_pages.h>
 #include <pliant/base/types.h>
 
 namespace pliant {
 
-/// One array y = [x; v] of 2 · dim · points numbers (x0 y0 [z0] x1 …), so that the first-order system of a PETSc TS and
-/// the second-order one of velocity Verlet share their memory.
+/// x, v, a of one length: dim · points numbers each (x0 y0 [z0] x1 …).
 class State {
  public:
   State() = default;
-  State(Index points, int dim) : y_(2 * static_cast<std::size_t>(points) * dim), a_(y_.size() / 2) {}
+  State(Index points, int dim) { resize(static_cast<std::size_t>(points) * dim); }
 
   /// The same time and step with other points: x, v, a of one length.
   void assign(std::span<const Real> x, std::span<const Real> v, std::span<const Real> a) {
-    y_.assign(x.begin(), x.end());
-    y_.insert(y_.end(), v.begin(), v.end());
+    resize(x.size());
+    x_.assign(x.begin(), x.end());
+    v_.assign(v.begin(), v.end());
     a_.assign(a.begin(), a.end());
   }
 
@@ -27,17 +28,22 @@ class State {
   std::int64_t step = 0;  ///< accepted steps so far; a fixed step's time is t = step · dt
 
   std::size_t size() const { return a_.size(); }  ///< length of x
-  std::span<Real> x() { return {y_.data(), size()}; }
-  std::span<Real> v() { return {y_.data() + size(), size()}; }
+  std::span<Real> x() { return {x_.data(), size()}; }
+  std::span<Real> v() { return v_; }
   std::span<Real> a() { return a_; }  ///< acceleration that the fixed-step path carries from step to step
-  std::span<Real> y() { return y_; }
-  std::span<const Real> x() const { return {y_.data(), size()}; }
-  std::span<const Real> v() const { return {y_.data() + size(), size()}; }
+  std::span<const Real> x() const { return {x_.data(), size()}; }
+  std::span<const Real> v() const { return v_; }
   std::span<const Real> a() const { return a_; }
-  std::span<const Real> y() const { return y_; }
+
+  /// Takes the positions in `next`, which may be longer, and leaves there the old ones: saves an integrator a copy.
+  void swap_x(std::vector<Real>& next) { x_.swap(next); }
 
  private:
-  std::vector<Real> y_, a_;
+  void resize(std::size_t n) {
+    for (auto* values : {&x_, &v_, &a_}) resize_large(*values, n);
+  }
+
+  std::vector<Real> x_, v_, a_;
 };
 
 }  // namespace pliant

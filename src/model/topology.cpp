@@ -18,8 +18,8 @@ void Topology::add_points(Index n, Real diameter_m, Real mass_m) {
   const Index m = particles();
   connect_points(n);
   diameter.insert(diameter.end(), n, diameter_m);
-  mass.insert(mass.end(), n, mass_m / n);
-  inverse_mass.insert(inverse_mass.end(), n, n / mass_m);
+  point_mass.push_back(mass_m / n);
+  inverse_point_mass.push_back(n / mass_m);
   active.push_back(1);
   id.push_back(m);
 }
@@ -40,7 +40,7 @@ void Topology::add_polygon(Index n, Real a0_m, Real l0_m, Real delta_m, Real mas
 
 void Topology::deactivate(Index m) {
   active[m] = 0;
-  for (Index i = offset[m]; i < offset[m + 1]; ++i) inverse_mass[i] = 0;
+  inverse_point_mass[m] = 0;
 }
 
 Topology Topology::select(std::span<const Index> which) const {
@@ -48,12 +48,9 @@ Topology Topology::select(std::span<const Index> which) const {
   t.dim = dim;
   for (const Index m : which) {
     t.connect_points(points_of(m));
-    const auto points_to = [&](auto& to, const auto& from) {
-      to.insert(to.end(), from.begin() + offset[m], from.begin() + offset[m + 1]);
-    };
-    points_to(t.diameter, diameter);
-    points_to(t.mass, mass);
-    points_to(t.inverse_mass, inverse_mass);
+    t.diameter.insert(t.diameter.end(), diameter.begin() + offset[m], diameter.begin() + offset[m + 1]);
+    t.point_mass.push_back(point_mass[m]);
+    t.inverse_point_mass.push_back(inverse_point_mass[m]);
     t.sigma.push_back(sigma[m]);
     t.a0.push_back(a0[m]);
     t.l0.push_back(l0[m]);
@@ -75,8 +72,8 @@ void Topology::add_ghost(Index id_m, Index n, Real delta_m, Real sigma_m, Real a
 void Topology::drop_ghosts() {
   const std::size_t kept_points = owned_points(), kept = owned();
   for (auto* a : {&particle, &next, &previous}) a->resize(kept_points);
-  for (auto* a : {&diameter, &mass, &inverse_mass}) a->resize(kept_points);
-  for (auto* a : {&sigma, &a0, &l0}) a->resize(kept);
+  diameter.resize(kept_points);
+  for (auto* a : {&point_mass, &inverse_point_mass, &sigma, &a0, &l0}) a->resize(kept);
   offset.resize(kept + 1);
   active.resize(kept);
   id.resize(kept);

@@ -17,14 +17,14 @@ struct Topology {
   std::vector<Index> offset{0};  ///< [particles + 1]
   std::vector<Index> particle;   ///< [points] owner
   std::vector<Index> next,
-      previous;                    ///< [points] cyclic neighbours in the polygon; a soft particle is its own neighbour
-  std::vector<Real> diameter;      ///< [points] contact diameter: σ_m (soft) or δ_m (deformable)
-  std::vector<Real> mass;          ///< [points]
-  std::vector<Real> inverse_mass;  ///< [points] 0 for the points of an inactive particle
-  std::vector<Real> sigma;         ///< [particles] diameter; of the disk of area a0 for a polygon
-  std::vector<Real> a0;            ///< [particles] rest area (2D) or volume (3D)
-  std::vector<Real> l0;            ///< [particles] rest length of an edge; 0 for soft particles
-  std::vector<std::uint8_t> active;  ///< [particles] 0: taken out of the run: touches nothing and does not move
+      previous;                  ///< [points] cyclic neighbours in the polygon; a soft particle is its own neighbour
+  std::vector<Real> diameter;    ///< [points] contact diameter: σ_m (soft) or δ_m (deformable)
+  std::vector<Real> point_mass;  ///< [particles] of each point; all points of a particle have the same
+  std::vector<Real> inverse_point_mass;  ///< [particles] 0 for an inactive particle
+  std::vector<Real> sigma;               ///< [particles] diameter; of the disk of area a0 for a polygon
+  std::vector<Real> a0;                  ///< [particles] rest area (2D) or volume (3D)
+  std::vector<Real> l0;                  ///< [particles] rest length of an edge; 0 for soft particles
+  std::vector<std::uint8_t> active;      ///< [particles] 0: taken out of the run: touches nothing and does not move
   std::vector<Index> id;  ///< [particles] the particle's number for the user; its place here changes as particles are
                           ///< sorted in space and move between ranks
   Index ghosts = 0;       ///< the last particles are copies of other ranks' particles
@@ -34,6 +34,8 @@ struct Topology {
   Index points_of(Index m) const { return offset[m + 1] - offset[m]; }
   Index owned() const { return particles() - ghosts; }  ///< particles of this rank: 0 … owned()−1
   Index owned_points() const { return offset[owned()]; }
+  Real mass(Index i) const { return point_mass[particle[i]]; }
+  Real inverse_mass(Index i) const { return inverse_point_mass[particle[i]]; }
   bool deformable() const { return points() > particles(); }
 
   /// Appends a soft particle of diameter sigma and the given mass.

@@ -48,7 +48,7 @@ struct WallContact {
   /// ω² = 4 ε_w/(δ² m).
   Real max_rate(const Topology& topology) const {
     return std::sqrt(4 * epsilon / smallest_over_points(topology, [&](Index i) {
-                       return square(topology.diameter[i]) * topology.mass[i];
+                       return square(topology.diameter[i]) * topology.mass(i);
                      }));
   }
 

@@ -138,9 +138,8 @@ class HopperRun {
     const Packing packing =
         pack<D>(all_, p_.hopper, {*p_.pack_fraction, p_.pack_tolerance, static_cast<std::uint64_t>(p_.seed)}, x.data());
     if (ranks_.root())
-      fmt::print(
-          "packed to a fraction of {:.3f}, height {:.1f}, in {} iterations of FIRE; largest overlap {:.1e}\n",
-          packing.fraction, packing.height, packing.iterations, packing.max_overlap);
+      fmt::print("packed to a fraction of {:.3f}, height {:.1f}, in {} iterations of FIRE; largest overlap {:.1e}\n",
+                 packing.fraction, packing.height, packing.iterations, packing.max_overlap);
     packing_iterations_ = packing.iterations;
     std::vector<Index> mine;
     for (Index m = ranks_.rank(); m < all_.particles(); m += ranks_.size()) mine.push_back(m);

@@ -124,8 +124,8 @@ Sample<D> take_sample(ParticleSystem<D>& system, const State& state, const Hoppe
   Sample<D> sample;
   Real kinetic = 0, weight_energy = 0, top = 0, in_hopper = 0;
   for (Index i = 0; i < topology.owned_points(); ++i) {
-    kinetic += topology.mass[i] / 2 * view.velocity(i).squaredNorm();
-    weight_energy += topology.mass[i] * view.position(i)[D - 1];
+    kinetic += topology.mass(i) / 2 * view.velocity(i).squaredNorm();
+    weight_energy += topology.mass(i) * view.position(i)[D - 1];
   }
   for (Index m = 0; m < topology.owned(); ++m) {
     const Real height = point<D>(centres.position.data(), m)[D - 1];

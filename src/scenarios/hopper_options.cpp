@@ -101,7 +101,10 @@ void HopperOptions::bind(Options& o) {
           .automatic = "0.84 in 2D, 0.64 in 3D",
           .on_restart = fixed});
   o.bind("pack_tolerance", pack_tolerance,
-         {.help = "largest relative overlap that counts as none in the start", .min = 1e-12, .max = 0.1, .on_restart = fixed});
+         {.help = "largest relative overlap that counts as none in the start",
+          .min = 1e-12,
+          .max = 0.1,
+          .on_restart = fixed});
   o.bind("clog_time", clog_time,
          {.help = "clogged when nothing crosses and all are slow for so long",
           .unit = "t0",

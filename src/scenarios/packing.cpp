@@ -50,6 +50,17 @@ void random_place(const Hopper& hopper, Real height, Real radius, std::uint64_t 
   }
 }
 
+/// Of disks among each other and with walls, relative to the distance of contact.
+template <int D>
+Real largest_overlap(ParticleSystem<D>& system, const Real* x) {
+  const StateView<D> s = system.view(x, nullptr);
+  Real largest = 0;
+  system.field().for_each_contact(s, [&](const Contact<D>& c) { largest = std::max(largest, c.overlap); });
+  for (const auto& [i, wall] : s.neighbours.walls)
+    largest = std::max(largest, 1 - 2 * s.walls.distance(s.position(i), wall) / s.topology.diameter[i]);
+  return largest;
+}
+
 }  // namespace
 
 void check_fit(const Topology& topology, const Hopper& hopper) {
@@ -97,14 +108,11 @@ Packing pack(const Topology& topology, const Hopper& hopper, const PackingParame
     system.tidy(state);  // sorted in space, searches and sums are fast
     options.force = [&](const Real* r, Real* f) { system.field().forces(system.view(r, nullptr), f); };
     options.done = [&](const Real* r) {
-      packing.max_overlap = 0;
-      system.field().for_each_contact(system.view(r, nullptr), [&](const Contact<D>& c) {
-        packing.max_overlap = std::max(packing.max_overlap, c.overlap);
-      });
+      packing.max_overlap = largest_overlap<D>(system, r);
       return packing.max_overlap <= p.tolerance;
     };
     const FireResult result = fire(
-        state.x(), disks.mass,
+        state.x(), disks.point_mass,
         [&](const Real* r, Real* f) { return system.field().energy(system.view(r, nullptr), f); }, options);
     for (Index k = 0; k < n; ++k)
       point<D>(centres.data(), system.topology().id[k]) = point<D>(std::as_const(state).x().data(), k);

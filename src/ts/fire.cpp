@@ -5,7 +5,7 @@
 #include <vector>
 
 #include <pliant/base/errors.h>
-#include <pliant/ts/finite.h>
+#include <pliant/kernels/finite.h>
 
 namespace pliant {
 namespace {

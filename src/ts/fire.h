@@ -20,7 +20,7 @@ struct FireOptions {
   Real dt_min = 0;               ///< smallest step; 0: 0.02 dt
   Real force_tolerance = 1e-10;  ///< stop when no component of the force is larger; 0 switches the test off
   Real energy_tolerance = -std::numeric_limits<Real>::infinity();  ///< stop when the energy is this or less
-  std::function<bool(const Real* x)> done = nullptr;  ///< stop when it says so; asked with the energy
+  std::function<bool(const Real* x)> done = nullptr;               ///< stop when it says so; asked with the energy
   std::int64_t max_iterations = 100000;
   /// Writes the force alone, where that is cheaper: the energy is then looked at in every tenth iteration only.
   std::function<void(const Real* x, Real* f)> force = nullptr;

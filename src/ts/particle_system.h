@@ -2,7 +2,9 @@
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <memory>
+#include <optional>
 #include <span>
 #include <utility>
 #include <vector>
@@ -42,6 +44,35 @@ class ParticleSystem final : public SecondOrderSystem {
     field_->accelerations(s, a);
   }
 
+  bool sweep(Real, std::vector<Real>& x, std::vector<Real>& v, Real* a, bool foreseen,
+             const Advance& advance) override {
+    ++use_.evaluations;
+    const bool known = foreseen && foreseen_;
+    if (!(known ? *foreseen_ : ranks_.all(neighbours_.valid(x.data())))) rebuild(x.data());
+    if (ranks_.several()) {
+      const LogScope log(LogEvent::halo);
+      halo_.update(x);
+      halo_.update(v);
+    }
+    Ahead ahead;
+    if (size() >= beyond_caches) {
+      ahead = advance.arrays;
+      ahead.add(neighbours_.reference().data());
+    }
+    const StateView<D> s{x.data(), v.data(), topology_, neighbours_, walls_, ahead};
+    const LogScope log(LogEvent::forces);
+    std::atomic<bool> valid = true;
+    const bool finite = field_->accelerations(s, a, [&](Index chunk) {
+      const Range points = neighbours_.points(chunk);
+      const auto first = static_cast<std::size_t>(points.first) * D, last = static_cast<std::size_t>(points.last) * D;
+      if (!neighbours_.valid(advance.step(first, last), chunk)) valid = false;
+    });
+    // Both in one message.
+    const int worst = ranks_.max(!finite ? 2 : !valid ? 1 : 0);
+    foreseen_ = worst == 0;
+    return worst < 2;
+  }
+
   /// The configuration with neighbour lists that are valid for it, ghosts included. x, v [owned points · D]; v may be
   /// null where only energies are asked for.
   StateView<D> view(const Real* x, const Real* v) {
@@ -56,6 +87,7 @@ class ParticleSystem final : public SecondOrderSystem {
 
   /// Builds ghosts and lists from x, which becomes their reference.
   void rebuild(const Real* x) {
+    foreseen_.reset();
     if (ranks_.several()) find_ghosts(x);
     const LogScope log(LogEvent::lists);
     ranks_.together([&] { neighbours_.rebuild(topology_, walls_, ranks_.several() ? x_.data() : x); });
@@ -64,7 +96,7 @@ class ParticleSystem final : public SecondOrderSystem {
   /// Leaves this rank the particles `which` of those it has, in that order. Not collective.
   void keep(std::span<const Index> which) {
     topology_ = topology_.select(which);
-    neighbours_.invalidate();
+    invalidate();
   }
 
   /// Whether particles should be sorted again: it has been a number of list rebuilds. The same on every rank.
@@ -99,13 +131,14 @@ class ParticleSystem final : public SecondOrderSystem {
   /// Own particle m was put somewhere else in x. Saves a rebuild of the lists on one rank; several rebuild. Not
   /// collective.
   void relocate(const Real* x, Index m) {
+    foreseen_.reset();
     if (!ranks_.several() && !neighbours_.reference().empty()) neighbours_.relocate(topology_, walls_, x, m);
   }
 
   /// Takes own particle m out of the run. Not collective.
   void deactivate(Index m) {
     topology_.deactivate(m);
-    neighbours_.invalidate();
+    invalidate();
   }
 
   /// Own particles, then ghosts.
@@ -116,6 +149,11 @@ class ParticleSystem final : public SecondOrderSystem {
   const Neighbours<D>& neighbours() const { return neighbours_; }
 
  private:
+  void invalidate() {
+    foreseen_.reset();
+    neighbours_.invalidate();
+  }
+
   void find_ghosts(const Real* x) {
     const LogScope log(LogEvent::ghosts);
     if (!settled_) {
@@ -137,6 +175,7 @@ class ParticleSystem final : public SecondOrderSystem {
 
   static constexpr std::int64_t rebuilds_to_sort = 16;
   static constexpr Index many_strays = 32;
+  static constexpr std::size_t beyond_caches = 1 << 18;  ///< coordinates, several arrays of which no cache holds
 
   Ranks ranks_;
   Topology topology_;
@@ -146,7 +185,8 @@ class ParticleSystem final : public SecondOrderSystem {
   Halo<D> halo_;
   std::vector<Real> x_, v_;  ///< with ghosts; unused on one rank
   bool settled_ = false, crowded_ = false, tune_skin_ = false;
-  ListUse use_;  ///< its evaluations count
+  std::optional<bool> foreseen_;  ///< whether the lists will hold in the next sweep
+  ListUse use_;                   ///< its evaluations count
   std::int64_t tidy_at_ = 0;
 };
 

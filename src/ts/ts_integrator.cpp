@@ -7,7 +7,7 @@
 #include <string_view>
 #include <vector>
 
-#include <pliant/ts/finite.h>
+#include <pliant/kernels/finite.h>
 #include <pliant/ts/ts_verlet.h>
 
 namespace pliant {
@@ -83,6 +83,22 @@ void check_input(PetscErrorCode code) {
   } catch (const NumericalError& error) {
     throw InputError("a -ts option was refused: {}", error.what());
   }
+}
+
+void copy_to(::Vec y, const State& state) {
+  PetscScalar* values = nullptr;
+  petsc_check(VecGetArrayWrite(y, &values));
+  std::copy(state.x().begin(), state.x().end(), values);
+  std::copy(state.v().begin(), state.v().end(), values + state.size());
+  petsc_check(VecRestoreArrayWrite(y, &values));
+}
+
+void copy_from(::Vec y, State& state) {
+  const PetscScalar* values = nullptr;
+  petsc_check(VecGetArrayRead(y, &values));
+  std::copy_n(values, state.size(), state.x().begin());
+  std::copy_n(values + state.size(), state.size(), state.v().begin());
+  petsc_check(VecRestoreArrayRead(y, &values));
 }
 
 void check_positive(const char* name, Real value) {
@@ -229,6 +245,7 @@ void TsIntegrator::accept_step(Run& run) {
     if (!run.cut) dt_ = grown_from_cut ? std::max(dt_, dt_next) : dt_next;
   }
   run.t_before = t;
+  copy_from(run.y, run.state);
   run.state.t = t;
   ++run.state.step;
   ++statistics_.steps;
@@ -241,9 +258,7 @@ void TsIntegrator::accept_step(Run& run) {
   run.reordered = after == AfterStep::reordered;
   if (after == AfterStep::stop || run.reordered) petsc_check(TSSetConvergedReason(ts_, TS_CONVERGED_USER));
   if (after == AfterStep::changed) {
-    PetscScalar* values = nullptr;  // tells PETSc of the change, which was made behind its back
-    petsc_check(VecGetArray(run.y, &values));
-    petsc_check(VecRestoreArray(run.y, &values));
+    copy_to(run.y, run.state);
     petsc_check(TSRestartStep(ts_));
   }
 }
@@ -266,7 +281,8 @@ bool TsIntegrator::solve(SecondOrderSystem& system, State& state, Real t_end, co
   if (!reusable_ || resized) configure();
 
   PetscVec y;
-  petsc_check(VecCreateMPIWithArray(comm_, 1, static_cast<PetscInt>(2 * n), PETSC_DECIDE, state.y().data(), y.out()));
+  petsc_check(VecCreateMPI(comm_, static_cast<PetscInt>(2 * n), PETSC_DECIDE, y.out()));
+  copy_to(y, state);
   petsc_check(TSSetSolution(ts_, y));
   if (resized || configured_size_ == 0) set_tolerances(y, n);
   configured_size_ = n;

@@ -4,47 +4,24 @@
 #include <cmath>
 
 #include <pliant/base/errors.h>
-#include <pliant/ts/finite.h>
+#include <pliant/base/large_pages.h>
+#include <pliant/kernels/verlet.h>
 
 namespace pliant {
 namespace {
 
-constexpr std::size_t worth_threads = 20000;  // coordinates: below, starting threads costs more than they save
+constexpr std::size_t block = 4096;  // coordinates, a share of a thread
 
-// v becomes v½, x becomes x', p the predicted velocity.
-void kick_drift(std::size_t n, Real h, Real* __restrict__ x, Real* __restrict__ v, const Real* __restrict__ a,
-                Real* __restrict__ p) {
-  const Real half = 0.5 * h;
-#pragma omp parallel for simd schedule(static) if (n >= worth_threads)
-  for (std::size_t i = 0; i < n; ++i) {
-    const Real v_half = v[i] + half * a[i];
-    v[i] = v_half;
-    x[i] += h * v_half;
-    p[i] = v_half + half * a[i];
-  }
-}
-
-bool kick(std::size_t n, Real half, Real* __restrict__ v, const Real* __restrict__ a) {
-  constexpr std::size_t block = 4096;
-  bool finite = true;
-#pragma omp parallel for reduction(&& : finite) schedule(static) if (n >= worth_threads)
-  for (std::size_t first = 0; first < n; first += block) {
-    const std::size_t last = std::min(n, first + block);
-    FiniteCheck check;
-    for (std::size_t i = first; i < last; ++i) {
-      v[i] += half * a[i];
-      check.add(a[i]);
-    }
-    finite = finite && check.all_finite();
-  }
-  return finite;
-}
-
-[[noreturn]] void throw_not_finite(const State& state) {
-  const std::size_t i = first_non_finite(state.a().data(), state.size());
-  throw NumericalError(
-      "the acceleration of coordinate {} is {} at t = {} (step {}); reduce dt or check the initial state", i,
-      state.a()[i], state.t, state.step);
+/// Throws on all ranks if `finite` is false, as it is on all ranks then.
+void check(const SecondOrderSystem& system, const State& state, bool finite) {
+  if (finite) return;
+  system.ranks().together([&] {
+    const std::size_t i = first_non_finite(state.a().data(), state.size());
+    if (i < state.size())
+      throw NumericalError(
+          "the acceleration of coordinate {} is {} at t = {} (step {}); reduce dt or check the initial state", i,
+          state.a()[i], state.t, state.step);
+  });
 }
 
 }  // namespace
@@ -53,17 +30,19 @@ FixedStepVerlet::FixedStepVerlet(Real dt) : dt_(dt) {
   if (!std::isfinite(dt) || dt <= 0) throw InputError("the time step is {}, but it must be positive and finite", dt);
 }
 
+void FixedStepVerlet::predict(const State& state) {
+  const std::size_t n = state.size();
+  resize_large(x_next_, n);
+  resize_large(v_next_, n);
+#pragma omp parallel for schedule(static) if (n > 4 * block)
+  for (std::size_t i = 0; i < n; i += block)
+    verlet_predict(std::min(block, n - i), dt_, &state.x()[i], &state.v()[i], &state.a()[i], &x_next_[i], &v_next_[i]);
+}
+
 void FixedStepVerlet::evaluate(SecondOrderSystem& system, State& state) {
   system.acceleration(state.t, state.x().data(), state.v().data(), state.a().data());
   ++statistics_.force_evaluations;
-  check(system, state, first_non_finite(state.a().data(), state.size()) == state.size());
-}
-
-void FixedStepVerlet::check(const SecondOrderSystem& system, const State& state, bool finite) {
-  if (!system.ranks().all(finite))
-    system.ranks().together([&] {
-      if (!finite) throw_not_finite(state);
-    });
+  check(system, state, system.ranks().all(first_non_finite(state.a().data(), state.size()) == state.size()));
 }
 
 void FixedStepVerlet::run(SecondOrderSystem& system, State& state, Real t_end, bool fresh,
@@ -79,19 +58,31 @@ void FixedStepVerlet::run(SecondOrderSystem& system, State& state, Real t_end, b
   const std::int64_t last = state.step + static_cast<std::int64_t>(steps);
   if (fresh) evaluate(system, state);
 
+  AfterStep after = AfterStep::changed;
   while (state.step < last) {
-    const std::size_t n = state.size();
-    v_predicted_.resize(n);
-    kick_drift(n, dt_, state.x().data(), state.v().data(), state.a().data(), v_predicted_.data());
+    const bool foreseen = after == AfterStep::proceed;
+    if (!foreseen) predict(state);
+    resize_large(v_, state.size());
+    const Real t = origin + static_cast<Real>(state.step + 1) * dt_;
+    // The step after this one is predicted chunk by chunk, over the positions that this one leaves behind.
+    const SecondOrderSystem::Advance advance{[&](std::size_t first, std::size_t end) -> const Real* {
+                                               if (first < end)
+                                                 verlet_complete(end - first, dt_, &x_next_[first], &state.v()[first],
+                                                                 &state.a()[first], &v_next_[first], &state.x()[first],
+                                                                 &v_[first]);
+                                               return state.x().data();
+                                             },
+                                             Ahead(state.v().data(), state.x().data(), v_.data())};
+    const bool finite = system.sweep(t, x_next_, v_next_, state.a().data(), foreseen, advance);
+    state.swap_x(x_next_);
+    v_next_.swap(v_);
     ++state.step;
-    state.t = origin + static_cast<Real>(state.step) * dt_;
-    system.acceleration(state.t, state.x().data(), v_predicted_.data(), state.a().data());
+    state.t = t;
     ++statistics_.force_evaluations;
-    check(system, state, kick(n, 0.5 * dt_, state.v().data(), state.a().data()));
+    check(system, state, finite);
     ++statistics_.steps;
     statistics_.last_dt = dt_;
-    if (!observer) continue;
-    const AfterStep after = observer(state);
+    after = observer ? observer(state) : AfterStep::proceed;
     if (after == AfterStep::stop) return;
     if (after == AfterStep::changed) evaluate(system, state);
   }

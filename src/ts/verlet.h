@@ -34,11 +34,11 @@ class FixedStepVerlet : public Integrator {
 
  private:
   void evaluate(SecondOrderSystem& system, State& state);
-  /// Throws on all ranks where the acceleration of one is not finite.
-  static void check(const SecondOrderSystem& system, const State& state, bool finite);
+  void predict(const State& state);
 
   Real dt_;
-  std::vector<Real> v_predicted_;
+  std::vector<Real> x_next_, v_next_;  ///< positions and predicted velocities at the end of the step; ghosts follow
+  std::vector<Real> v_;                ///< predicted velocities of the step after that
   IntegratorStatistics statistics_;
 };
 

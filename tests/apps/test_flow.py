@@ -19,7 +19,7 @@ def crossings(results):
     return np.array(count), np.array(total)
 
 
-@pytest.mark.parametrize("options", [{"n": 30, "hopper_wall_distance": 6, "t_end": 14}, {"hopper_angle": 45, "n": 80}, {"model": "rough", "n": 40, "hopper_wall_distance": 6, "t_end": 5},
+@pytest.mark.parametrize("options", [{"n": 30, "hopper_wall_distance": 6, "t_end": 20}, {"hopper_angle": 45, "n": 80}, {"model": "rough", "n": 40, "hopper_wall_distance": 6, "t_end": 5},
                                      {"dim": 3, "n": 120, "hopper_wall_distance": 5, "pack_fraction": 0.5}],
                          ids=["flat", "sloped", "rough", "3d"])
 def test_crossings_are_counted_once(options, tmp_path):

@@ -65,8 +65,8 @@ struct Share {
                payload[m] != 7 * origin || tags[m][0] != origin;
       for (Index k = 0; k < t.points_of(m); ++k) {
         const Index i = t.offset[m] + k, j = from.offset[origin] + k;
-        wrong += t.particle[i] != m || t.diameter[i] != from.diameter[j] || t.mass[i] != from.mass[j] ||
-                 t.inverse_mass[i] != from.inverse_mass[j] ||
+        wrong += t.particle[i] != m || t.diameter[i] != from.diameter[j] || t.mass(i) != from.mass(j) ||
+                 t.inverse_mass(i) != from.inverse_mass(j) ||
                  t.next[i] - t.offset[m] != from.next[j] - from.offset[origin] ||
                  t.previous[i] - t.offset[m] != from.previous[j] - from.offset[origin];
         for (int d = 0; d < D; ++d)

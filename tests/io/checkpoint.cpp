@@ -23,15 +23,15 @@ Checkpoint make_checkpoint(std::int64_t step, Index points = 50) {
   c.state.t = 0.1 * static_cast<double>(step);
   c.state.step = step;
   std::mt19937_64 random(static_cast<std::uint64_t>(step));
-  for (auto values : {c.state.y(), c.state.a()})
+  for (auto values : {c.state.x(), c.state.v(), c.state.a()})
     for (double& value : values) {
       const std::uint64_t bits = random();
       std::memcpy(&value, &bits, sizeof value);
     }
-  c.state.y()[0] = std::numeric_limits<double>::denorm_min();
-  c.state.y()[1] = -std::numeric_limits<double>::min() / 3;
-  c.state.y()[2] = -0.0;
-  c.state.y()[3] = std::numeric_limits<double>::quiet_NaN();
+  c.state.x()[0] = std::numeric_limits<double>::denorm_min();
+  c.state.x()[1] = -std::numeric_limits<double>::min() / 3;
+  c.state.x()[2] = -0.0;
+  c.state.x()[3] = std::numeric_limits<double>::quiet_NaN();
   c.reals["profile"] = {1.0 / 3, std::numeric_limits<double>::denorm_min()};
   c.reals["empty"] = {};
   c.integers["rows"] = {step, std::numeric_limits<std::int64_t>::min()};
@@ -47,9 +47,9 @@ bool same(const Checkpoint& a, const Checkpoint& b) {
   bool reals = a.reals.size() == b.reals.size();
   for (const auto& [name, values] : a.reals)
     reals = reals && b.reals.contains(name) && same_bits(values, b.reals.at(name));
-  return reals && same_bits(a.state.y(), b.state.y()) && same_bits(a.state.a(), b.state.a()) &&
-         same_bits({&a.state.t, 1}, {&b.state.t, 1}) && a.state.step == b.state.step && a.integers == b.integers &&
-         a.strings == b.strings;
+  return reals && same_bits(a.state.x(), b.state.x()) && same_bits(a.state.v(), b.state.v()) &&
+         same_bits(a.state.a(), b.state.a()) && same_bits({&a.state.t, 1}, {&b.state.t, 1}) &&
+         a.state.step == b.state.step && a.integers == b.integers && a.strings == b.strings;
 }
 
 void damage(const std::filesystem::path& path, const std::string& bytes) {
@@ -97,7 +97,7 @@ TEST_CASE("a damaged checkpoint falls back on the other and says so") {
   SECTION("one bit of the data") {
     damaged = whole;
     const auto expected = make_checkpoint(2);
-    const auto at = whole.find(std::string(reinterpret_cast<const char*>(&expected.state.y()[40]), 8));
+    const auto at = whole.find(std::string(reinterpret_cast<const char*>(&expected.state.x()[40]), 8));
     REQUIRE(at != whole.npos);
     damaged[at] ^= 4;
   }
@@ -125,7 +125,7 @@ TEST_CASE("names that cannot be told apart in a checkpoint are refused") {
   const ScratchFolder folder;
   CheckpointWriter writer(folder.path());
   auto c = make_checkpoint(1);
-  c.integers["y"] = {1};
+  c.integers["x"] = {1};
   CHECK_THROWS_AS(writer.write(c), std::invalid_argument);
   c = make_checkpoint(1);
   c.strings.emplace("step", "1");

@@ -81,7 +81,7 @@ Real fastest(const ForceField<D>& field, Configuration<D>& c) {
   MatrixXd h = functional(field, c).hessian(c.positions());
   for (Index i = 0; i < h.rows(); ++i)
     for (Index j = 0; j < h.cols(); ++j)
-      h(i, j) *= std::sqrt(c.topology.inverse_mass[i / D] * c.topology.inverse_mass[j / D]);
+      h(i, j) *= std::sqrt(c.topology.inverse_mass(i / D) * c.topology.inverse_mass(j / D));
   return std::sqrt(Eigen::SelfAdjointEigenSolver<MatrixXd>(h).eigenvalues().maxCoeff());
 }
 
@@ -168,7 +168,8 @@ TEST_CASE("critical steps belong to the fastest mode of the linearised motion") 
       Configuration<2> c;
       c.add_polygon({{0, 0}, {1, 0}, {1, 1}, {0, 1}}, 0.1);
       c.add_polygon(wedge({t, -0.0999}, {0, -1}), 0.1);
-      for (Index i = 0; i < c.topology.points(); ++i) c.topology.mass[i] = 0.1, c.topology.inverse_mass[i] = 10;
+      for (Index m = 0; m < c.topology.particles(); ++m)
+        c.topology.point_mass[m] = 0.1, c.topology.inverse_point_mass[m] = 10;
       const Real ratio = std::sqrt((1 + square(t) + square(1 - t)) / 4);
       CHECK(limit(*field, c) == Approx(ratio * frequency(*field, c)).epsilon(1e-3));
     }

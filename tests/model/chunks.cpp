@@ -303,7 +303,7 @@ void check_sums(Random& random, const Configuration<D>& c, ModelKind kind) {
 
   VectorXd accelerations(p.size()), expected = loops.forces, one(p.size()), sum = VectorXd::Zero(p.size());
   field->accelerations(s, accelerations.data());
-  for (Index i = 0; i < c.topology.points(); ++i) expected.segment<D>(i * D) *= c.topology.inverse_mass[i];
+  for (Index i = 0; i < c.topology.points(); ++i) expected.segment<D>(i * D) *= c.topology.inverse_mass(i);
   CHECK(near(accelerations, expected));
   Real reported = 0;
   for (const TermReport& r : field->report(s)) {

@@ -103,7 +103,7 @@ TEST_CASE("gravity pulls with the weight, at the centre of mass") {
   const VectorXd f = -u.gradient(c.positions());
   Real mass = 0, energy = 0;
   for (Index m = 0; m < c.topology.particles(); ++m) {
-    const Real particle = c.topology.mass[c.topology.offset[m]] * c.topology.points_of(m);
+    const Real particle = c.topology.mass(c.topology.offset[m]) * c.topology.points_of(m);
     mass += particle;
     energy -= particle * g.dot(mean_of_points<2>(c.x.data(), c.topology, m));
   }

@@ -102,10 +102,10 @@ TEST_CASE("particles have density 1", "[particles]") {
   for (Index m = 0; m < 2; ++m) {
     const Real area = pi * square(sigma[m]) / 4, volume = pi * std::pow(sigma[m], 3) / 6;
     CHECK(disks.a0[m] == Approx(area).epsilon(1e-14));
-    CHECK(disks.mass[m] == Approx(area).epsilon(1e-14));
+    CHECK(disks.mass(m) == Approx(area).epsilon(1e-14));
     CHECK(disks.diameter[m] == sigma[m]);
     CHECK(spheres.a0[m] == Approx(volume).epsilon(1e-14));
-    CHECK(spheres.mass[m] == Approx(volume).epsilon(1e-14));
+    CHECK(spheres.mass(m) == Approx(volume).epsilon(1e-14));
     for (const ModelKind kind : {ModelKind::rough, ModelKind::smooth}) {
       const Topology polygons = make_particles(kind, 2, sigma, shape);
       REQUIRE(polygons.points_of(m) == 16);
@@ -113,8 +113,8 @@ TEST_CASE("particles have density 1", "[particles]") {
       CHECK(polygons.sigma[m] == Approx(sigma[m]).epsilon(1e-14));
       Real mass = 0;
       for (Index i = polygons.offset[m]; i < polygons.offset[m + 1]; ++i) {
-        mass += polygons.mass[i];
-        CHECK(polygons.mass[i] == Approx(area / 16).epsilon(1e-14));
+        mass += polygons.mass(i);
+        CHECK(polygons.mass(i) == Approx(area / 16).epsilon(1e-14));
         CHECK(polygons.diameter[i] == Approx((kind == ModelKind::rough ? 1 : 0.1) * polygons.l0[m]).epsilon(1e-14));
       }
       CHECK(mass == Approx(area).epsilon(1e-13));

@@ -42,17 +42,15 @@ class Configuration {
   }
   /// Rest area and rest lengths differ from the actual ones, so that all shape terms are active.
   void add_polygon(const Polygon& vertices, Real delta) {
-    const Index n = static_cast<Index>(vertices.size()), first = topology.points();
+    const Index n = static_cast<Index>(vertices.size());
     topology.add_polygon(n, 1, 1, delta, 1);
     for (const Vec<2>& r : vertices) append(r);
     const Index m = topology.particles() - 1;
     const Real area = polygon_area(x.data(), topology, m);
     topology.a0[m] = 0.9 * area;
     topology.l0[m] = 0.85 * polygon_perimeter(x.data(), topology, m) / n;
-    for (Index i = first; i < first + n; ++i) {
-      topology.mass[i] = area / n;
-      topology.inverse_mass[i] = n / area;
-    }
+    topology.point_mass[m] = area / n;
+    topology.inverse_point_mass[m] = n / area;
   }
   void random_velocities(Random& random) {
     for (Real& a : v) a = random(-1, 1);

@@ -21,7 +21,7 @@ class ForceSystem final : public SecondOrderSystem {
     StateView<2> s = c_.view(x);
     s.v = v;
     field_.forces(s, a);
-    for (Index i = 0; i < c_.topology.points(); ++i) point<2>(a, i) *= c_.topology.inverse_mass[i];
+    for (Index i = 0; i < c_.topology.points(); ++i) point<2>(a, i) *= c_.topology.inverse_mass(i);
   }
 
  private:
@@ -45,10 +45,10 @@ Real energy_error(ModelKind kind, Real dt) {
   State state(c.topology.points(), 2);
   std::copy(c.x.begin(), c.x.end(), state.x().begin());
   for (Index i = 0; i < 16; ++i) point<2>(state.v().data(), i) = Vec<2>(0.1, -speed);
-  const Real mass = 16 * c.topology.mass[0];
+  const Real mass = 16 * c.topology.mass(0);
   const auto energy = [&] {
     Real kinetic = 0;
-    for (Index i = 0; i < 16; ++i) kinetic += c.topology.mass[i] / 2 * point<2>(state.v().data(), i).squaredNorm();
+    for (Index i = 0; i < 16; ++i) kinetic += c.topology.mass(i) / 2 * point<2>(state.v().data(), i).squaredNorm();
     return kinetic + field->energy(c.view(state.x().data()));
   };
   const auto wall_energy = [&] {

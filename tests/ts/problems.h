@@ -45,14 +45,21 @@ struct Problem {
   FunctionSystem system() const { return {n, function}; }
   State state() const {
     State s(static_cast<Index>(n), 1);
-    std::copy(start.begin(), start.end(), s.y().begin());
+    const auto half = start.begin() + static_cast<std::ptrdiff_t>(n);
+    std::copy(start.begin(), half, s.x().begin());
+    std::copy(half, start.end(), s.v().begin());
     return s;
   }
 };
 
-inline double error_of(const State& s, const Eigen::VectorXd& exact) {
-  return (Eigen::Map<const Eigen::VectorXd>(s.y().data(), exact.size()) - exact).norm();
+/// [x; v]
+inline Eigen::VectorXd y_of(const State& s) {
+  Eigen::VectorXd y(2 * static_cast<Eigen::Index>(s.size()));
+  std::copy(s.v().begin(), s.v().end(), std::copy(s.x().begin(), s.x().end(), y.begin()));
+  return y;
 }
+
+inline double error_of(const State& s, const Eigen::VectorXd& exact) { return (y_of(s) - exact).norm(); }
 
 /// Four masses in a chain with springs, non-symmetric damping by the neighbours' velocities, and a periodic drive:
 /// ẍ = −K x − C v + b cos(ω t), exact through the exponential of the autonomous system [x; v; cos; sin].
