@@ -6,6 +6,7 @@ import pandas as pd
 
 from .errors import RunError
 from .run import Run
+from .sweep_rows import number
 
 
 def load_runs(paths):
@@ -40,6 +41,34 @@ def sweep_table(runs):
     if runs and not isinstance(runs[0], Run):
         runs = load_runs(runs)
     return pd.DataFrame([_row(run) for run in runs])
+
+
+def _note_units(run, units):
+    for name, entry in (run.manifest["options"] | run.summary).items():
+        if isinstance(entry, dict) and entry.get("unit"):
+            for column in (name, name + "_error") if name in run.summary else (name,):
+                units.setdefault(column, []).append(entry["unit"])
+
+
+def results_tables(entries):
+    """Two DataFrames of a sweep. The first has one row per entry: row (its name), run (its folder), scenario, status,
+    message, the options of the table, and for those that are done all that `sweep_table` has. The second, column and
+    unit, has the units of the first. `entries` are (Row, folder, State)."""
+    rows, units = [], {}
+    for row, folder, state in entries:
+        line = {"row": row.id, "run": str(folder), "scenario": row.scenario, "status": state.status,
+                "message": state.message, **{name: number(value) for name, value in row.options.items()}}
+        if state.kind == "done":
+            try:
+                with Run(folder) as run:
+                    line |= _row(run)
+                    _note_units(run, units)
+            except RunError as error:  # one damaged file leaves the others as they are
+                line["message"] = str(error)
+        rows.append(line)
+    table = pd.DataFrame(rows)
+    lines = [(column, "; ".join(dict.fromkeys(units[column]))) for column in table.columns if column in units]
+    return table, pd.DataFrame(lines, columns=["column", "unit"])
 
 
 def load_table(path):

@@ -1,0 +1,207 @@
+"""pliant-sweep: runs a table of options, a row a run."""
+
+import argparse
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from .errors import OutputError, RunError
+from .sweep import results_tables
+from .sweep_jobs import STOPPED_CODE, RowFolder, Sweep, arguments, count_text, environment
+from .sweep_rows import is_number, read_rows
+
+FAILED_CODE = 3
+
+_DESCRIPTION = """Runs every row of a CSV table: columns are options of pliant without the dash, one run a row. Columns
+that are no options: scenario (default hopper), name, seeds (1-20 or 1,2,5: one run each). The same command goes on with
+runs that were stopped and skips those that are done. docs/sweeps.md has more."""
+
+_EPILOG = """examples:
+  pliant-sweep widths.csv -j 4
+  pliant-sweep widths.csv --status
+  pliant-sweep widths.csv --slurm && sbatch widths/slurm.sh
+
+exit codes: 0 all rows are done, 2 bad table, 3 rows failed, 4 output failed, 75 rows are left: run the same again"""
+
+
+def find_program(given):
+    """The pliant to run: `given`, or $PLIANT, or the one beside this command, of the build, or of the PATH."""
+    here = Path(sys.argv[0]).resolve().parent
+    if given or os.environ.get("PLIANT"):
+        candidates = [given or os.environ["PLIANT"]]
+    else:
+        candidates = [Path(sys.argv[0]).absolute().parent / "pliant", here.parent / "build/apps/pliant", "pliant"]
+    found = next(filter(None, (shutil.which(candidate) for candidate in candidates)), None)
+    if found is None:
+        raise RunError(f"{candidates[-1]}: there is no such program; name it with --program or in $PLIANT")
+    return str(Path(found).absolute())
+
+
+def _probes(rows):
+    """Rows with few options each that together hold every name, every text and the ends of every range of numbers."""
+    for scenario in dict.fromkeys(row.scenario for row in rows):
+        mine = [row for row in rows if row.scenario == scenario]
+        wanted = []  # per option the rows to look at
+        for name in dict.fromkeys(name for row in mine for name in row.options):
+            first = {row.options[name]: row for row in reversed(mine) if name in row.options}
+            numbers = sorted(filter(is_number, first), key=float)
+            fractions = [text for text in numbers if not float(text).is_integer()]
+            texts = [text for text in first if not is_number(text)]
+            wanted.append((name, [first[text] for text in
+                                  dict.fromkeys(numbers[:1] + numbers[-1:] + fractions[:1] + texts)]))
+        for i in range(max((len(found) for _, found in wanted), default=1)):
+            yield scenario, {name: found[i] for name, found in wanted if i < len(found)}, mine[0]
+
+
+def check_options(table, rows, program, base):
+    """Has the program check names and values of all options before anything runs; raises RunError with line and column.
+    The program reads all options before it finds that there is nothing to restart in an empty folder."""
+    with tempfile.TemporaryDirectory(prefix="pliant-sweep-") as empty:
+        for scenario, probe, first in _probes(rows):
+            options = arguments({name: row.options[name] for name, row in probe.items()}, base)
+            result = subprocess.run([program, scenario, *options, "-restart", empty], text=True, capture_output=True,
+                                    stdin=subprocess.DEVNULL, env=environment(OMP_NUM_THREADS="1"))
+            if empty in result.stderr:
+                continue
+            message = (result.stderr.strip().splitlines() or ["no message"])[-1].removeprefix("pliant: error: ")
+            named = re.search(r"-([A-Za-z]\w*)", message)
+            name = named[1] if named and named[1] in probe else None
+            row = probe.get(name, first)
+            column = name and ("seeds" if name == "seed" else name)
+            raise RunError(f"{table}, line {row.line}" + (f", column '{column}'" if column else "") + f": {message}")
+
+
+def write_results(output, folders):
+    """results.csv, one row per run, and units.csv, the units of its columns."""
+    entries = [(folder, folder.state()) for folder in folders]
+    results, units = results_tables([(folder.row, folder.path, state) for folder, state in entries])
+    for name, table in (("results.csv", results), ("units.csv", units)):
+        temporary = output / f".{name}.{os.getpid()}"
+        try:
+            table.to_csv(temporary, index=False)
+            temporary.replace(output / name)
+        except OSError as error:
+            raise OutputError(f"{output / name}: cannot be written ({error.strerror})") from None
+
+
+def _threads(rows):
+    return max(int(row.options.get("threads", 1)) for row in rows)
+
+
+def _row_command(table, output, program):
+    launcher = Path(sys.argv[0]).absolute()
+    return shlex.join([str(launcher), str(table.absolute()), "--output", str(output.absolute()), "--program", program])
+
+
+def write_slurm(table, output, program, rows):
+    """OUTPUT/slurm.sh: an array job with a task per row. Returns its path."""
+    script = output / "slurm.sh"
+    text = f"""#!/bin/sh
+# Runs the rows of {table.name}, a task each: sbatch slurm.sh. The same again goes on with rows that are left.
+#SBATCH --job-name={re.sub(r'[^A-Za-z0-9._-]', '_', table.stem)}
+#SBATCH --array=1-{len(rows)}
+#SBATCH --ntasks=1
+#SBATCH --cpus-per-task={_threads(rows)}
+#SBATCH --output="{output.absolute()}/slurm-%a.log"
+#SBATCH --signal=B:TERM@60
+exec {_row_command(table, output, program)} --row "$SLURM_ARRAY_TASK_ID"
+"""
+    try:
+        output.mkdir(parents=True, exist_ok=True)
+        script.write_text(text)
+        script.chmod(0o755)
+    except OSError as error:
+        raise OutputError(f"{script}: cannot be written ({error.strerror})") from None
+    return script
+
+
+def _parser():
+    parser = argparse.ArgumentParser(prog="pliant-sweep", description=_DESCRIPTION, epilog=_EPILOG,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("table", type=Path, metavar="TABLE.csv")
+    parser.add_argument("-o", "--output", type=Path, metavar="FOLDER",
+                        help="folder of the runs and of results.csv (default: the table's name without its ending)")
+    parser.add_argument("-j", "--jobs", type=int, metavar="N", help="runs at a time (default: one per core, or fewer if "
+                        "the table has the column threads)")
+    parser.add_argument("--program", metavar="FILE", help="the pliant to run (default: $PLIANT, or the one beside this "
+                        "command, of the build, or of the PATH)")
+    parser.add_argument("--retry", action="store_true", help="run rows again that have failed, from their checkpoint if "
+                        "there is one; what is left of others is deleted")
+    mode = parser.add_mutually_exclusive_group()
+    mode.add_argument("--status", action="store_true", help="only show what became of each row")
+    mode.add_argument("--merge", action="store_true", help="only write results.csv from the runs there are")
+    mode.add_argument("--row", type=int, metavar="N", help="run the Nth row only, and leave results.csv as it is")
+    mode.add_argument("--slurm", action="store_true", help="only write FOLDER/slurm.sh, an array job")
+    mode.add_argument("--parallel", action="store_true", help="only print the command line for GNU parallel")
+    return parser
+
+
+def _code(states):
+    kinds = {state.kind for state in states}
+    if kinds & {"stopped", "waiting", "running"}:
+        return STOPPED_CODE
+    return FAILED_CODE if "failed" in kinds else 0
+
+
+def _print_rows(folders, states, kinds=None):
+    for folder in folders:
+        state = states[folder.row.id]
+        if kinds is None or state.kind in kinds:
+            message = f": {state.message}" if state.message else ""
+            print(f"row {folder.row.number} ({folder.row.id}): {state.status}{message}")
+
+
+def main(arguments_=None):
+    """Runs the command; returns the exit code."""
+    parser = _parser()
+    given = parser.parse_args(arguments_)
+    if given.jobs is not None and given.jobs < 1:
+        parser.error(f"-j {given.jobs}: at least one")
+    rows = read_rows(given.table)
+    base = given.table.absolute().parent
+    output = given.output or given.table.with_suffix("")
+    if output.exists() and not output.is_dir():
+        raise OutputError(f"{output}: is no folder; name another with --output")
+    folders = [RowFolder(output, row, base) for row in rows]
+    if given.row is not None:
+        if not 1 <= given.row <= len(rows):
+            raise RunError(f"--row {given.row}: the table has the rows 1 … {len(rows)}")
+        folders = [folders[given.row - 1]]
+    for folder in folders:
+        folder.check()
+
+    if given.status:
+        states = {folder.row.id: folder.state() for folder in folders}
+        _print_rows(folders, states)
+        print(count_text(states.values()))
+        return _code(states.values())
+    if given.merge:
+        write_results(output, folders)
+        return 0
+
+    program = find_program(given.program)
+    if given.row is None:
+        check_options(given.table, rows, program, base)
+    if given.slurm:
+        print(f"sbatch {shlex.quote(str(write_slurm(given.table, output, program, rows)))}")
+        return 0
+    workers = 1 if given.row else given.jobs or max(len(os.sched_getaffinity(0)) // _threads(rows), 1)
+    if given.parallel:
+        # Its own patience is shorter than a checkpoint.
+        print(f"seq {len(rows)} | parallel -j {workers} --termseq TERM,60000,KILL,25 "
+              f"{_row_command(given.table, output, program)} --row {{}}")
+        return 0
+
+    states = Sweep(folders, program, workers, given.retry).run()
+    if given.row is None:
+        write_results(output, folders)
+        print(count_text(states.values()))
+        _print_rows(folders, states, ("failed",))
+        if _code(states.values()) == STOPPED_CODE:
+            print("run the same command again to go on")
+    return _code(states.values())

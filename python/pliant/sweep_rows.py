@@ -1,0 +1,153 @@
+"""The rows of a sweep: what a CSV table of options asks for, one run per row."""
+
+import csv
+import hashlib
+import math
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from .errors import RunError
+
+# Columns that are no options.
+_OWN = ("name", "scenario", "seeds")
+# Options that the sweep itself sets, or that make no run.
+_REFUSED = ("output", "restart", "help", "version")
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+_LONGEST_ID = 200  # file systems end at 255 bytes
+
+
+@dataclass(frozen=True)
+class Row:
+    """One run. Rows are equal runs if scenario and options are."""
+
+    number: int    #: 1, 2, … over the expanded table
+    line: int      #: of the table, for messages
+    scenario: str
+    options: dict  #: option name → value as text; numbers in one spelling
+    id: str        #: name of the run's folder
+
+
+def is_number(text):
+    return _NUMBER.fullmatch(text) is not None and math.isfinite(float(text))
+
+
+def canonical(text):
+    """One spelling per number, so that a spreadsheet that writes 4 for 4.0 makes no other row; other text as it is."""
+    text = text.strip()
+    if re.fullmatch(r"[+-]?\d+", text):
+        return str(int(text))
+    if not is_number(text):
+        return text
+    value = float(text)
+    return str(int(value)) if value.is_integer() and abs(value) < 1e15 else repr(value)
+
+
+def number(text):
+    """The value as int or float, or as text where it is no number."""
+    if not is_number(text):
+        return text
+    return int(text) if re.fullmatch(r"[+-]?\d+", text) else float(text)
+
+
+def expand_seeds(text):
+    """'1-20' or '1,2,5', or both mixed, as a list. Raises ValueError with what is wrong."""
+    seeds = []
+    for part in text.split(","):
+        found = re.fullmatch(r"\s*(\d+)\s*(?:-\s*(\d+)\s*)?", part)
+        if not found:
+            raise ValueError(f"'{part.strip()}' is neither a seed nor a range like 1-20")
+        first, last = int(found[1]), int(found[2] or found[1])
+        if last < first:
+            raise ValueError(f"the range {part.strip()} runs backwards")
+        if last - first > 100_000:
+            raise ValueError(f"the range {part.strip()} has more than 100000 seeds")
+        seeds.extend(range(first, last + 1))
+    repeated = next((s for s in seeds if seeds.count(s) > 1), None) if len(set(seeds)) < len(seeds) else None
+    if repeated is not None:
+        raise ValueError(f"seed {repeated} is there twice")
+    return seeds
+
+
+def _derived_id(scenario, options):
+    """A readable name that depends on nothing but the row's own options."""
+    order = sorted(options, key=lambda name: (name == "seed", name))
+    parts = ([] if scenario == "hopper" else [scenario]) + [f"{name}={options[name]}" for name in order]
+    exact = ",".join(parts) or "defaults"
+    clean = re.sub(r"[^A-Za-z0-9._+=,-]", "_", exact)
+    if clean == exact and len(exact) <= _LONGEST_ID:
+        return exact
+    return f"{clean[:_LONGEST_ID - 9]}-{hashlib.sha256(exact.encode()).hexdigest()[:8]}"
+
+
+def _lines(path):
+    """(line number, cells) of every row but comments and empty lines."""
+    try:
+        with open(path, newline="", encoding="utf-8-sig") as file:
+            reader = csv.reader(file, strict=True)
+            for cells in reader:
+                cells = [cell.strip() for cell in cells]
+                if any(cells) and not cells[0].startswith("#"):
+                    yield reader.line_num, cells
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise RunError(f"{path}: cannot be read as a table ({error})") from None
+
+
+def _check_header(path, columns):
+    if len(columns) == 1 and ";" in columns[0]:
+        raise RunError(f"{path}: columns are separated by commas, not by semicolons")
+    for i, column in enumerate(columns, 1):
+        where = f"{path}, column {i}"
+        if not column:
+            raise RunError(f"{where}: has no name")
+        if columns.count(column) > 1:
+            raise RunError(f"{where}: there are two columns '{column}'")
+        if column in _REFUSED:
+            raise RunError(f"{where}: '{column}' cannot be given in a table")
+        if not re.fullmatch(r"[A-Za-z]\w*", column):
+            raise RunError(f"{where}: '{column}' is no name of an option (write it without the dash)")
+
+
+def read_rows(path):
+    """List of Row from a CSV file: columns are names of options without the dash (empty cells: not given), and
+    `scenario` (default hopper), `name`, and `seeds`, which makes one row of each seed. Lines that begin with # are
+    comments. Raises RunError that names line and column."""
+    path = Path(path)
+    lines = _lines(path)
+    _, columns = next(lines, (0, []))
+    if not columns:
+        raise RunError(f"{path}: the table is empty (it needs a line with the names of the columns)")
+    _check_header(path, columns)
+
+    rows, lines_of = [], {}
+    for line, cells in lines:
+        where = f"{path}, line {line}"
+        if len(cells) > len(columns):
+            raise RunError(f"{where}: {len(cells)} cells for {len(columns)} columns (write lists in quotes: \"1,2,5\")")
+        given = {column: cell for column, cell in zip(columns, cells) if cell}
+        own = {column: given.pop(column) for column in _OWN if column in given}
+        scenario, name = own.get("scenario", "hopper"), own.get("name")
+        if not re.fullmatch(r"\w+", scenario):
+            raise RunError(f"{where}, column 'scenario': '{scenario}' is no name of a scenario")
+        if name is not None and not re.fullmatch(r"[A-Za-z0-9_][A-Za-z0-9._+=-]*", name):
+            raise RunError(f"{where}, column 'name': '{name}' cannot name a folder (letters, digits and . _ + = -)")
+        options = {column: canonical(cell) for column, cell in sorted(given.items())}
+        variants = [options]
+        if "seeds" in own:
+            if "seed" in options:
+                raise RunError(f"{where}: has a seed and seeds; leave one of them empty")
+            try:
+                variants = [options | {"seed": str(seed)} for seed in expand_seeds(own["seeds"])]
+            except ValueError as error:
+                raise RunError(f"{where}, column 'seeds': {error}") from None
+        for variant in variants:
+            row_id = _derived_id(scenario, variant) if name is None else name
+            if name is not None and "seeds" in own:
+                row_id += f",seed={variant['seed']}"
+            if row_id in lines_of:
+                raise RunError(f"{where}: the row '{row_id}' is there already, in line {lines_of[row_id]}")
+            lines_of[row_id] = line
+            rows.append(Row(len(rows) + 1, line, scenario, variant, row_id))
+    if not rows:
+        raise RunError(f"{path}: the table has no rows")
+    return rows

@@ -1,0 +1,68 @@
+#!/usr/bin/python3 -ISE
+"""Stands for pliant in the tests of sweeps: options, exit codes, signals, files, but no physics. -b is the wall time; -mode gate
+waits for the file "go" in its folder, meet for two others that run."""
+
+import glob
+import json
+import os
+import signal
+import sys
+import time
+
+KNOWN = ("a", "b", "mode", "seed", "threads", "options_file", "output", "restart")
+
+
+def fail(code, message):
+    print(f"pliant: error: {message}", file=sys.stderr)
+    sys.exit(code)
+
+
+if sys.argv[1] != "hopper":
+    fail(2, f"unknown scenario '{sys.argv[1]}'; pliant -help lists them")
+options = {name[1:]: value for name, value in zip(sys.argv[2::2], sys.argv[3::2])}
+for name, value in options.items():
+    if name not in KNOWN:
+        fail(2, f"unknown option -{name}; did you mean -a?")
+    if name in ("a", "b", "seed", "threads"):
+        try:
+            if float(value) < 0:
+                fail(2, f"-{name} {value}: must be at least 0")
+        except ValueError:
+            fail(2, f"-{name} {value}: not a finite number")
+folder = options.get("output") or options["restart"]
+at = 0.0
+if "restart" in options:
+    try:
+        with open(f"{folder}/checkpoint-a.h5") as file:
+            at = float(file.read())
+    except OSError:
+        fail(2, f"there is no checkpoint in {folder}; give -restart the -output folder of a run that wrote one")
+elif os.path.exists(f"{folder}/run.h5"):
+    fail(2, f"{folder} holds a run already")
+stop = []
+signal.signal(signal.SIGUSR1, lambda *_: stop.append(1))
+begun = time.monotonic()
+with open(f"{folder}/attempts", "a") as file:
+    print(f"{at} {os.environ['OMP_NUM_THREADS']}", file=file)
+open(f"{folder}/run.h5", "a").close()
+mode = options.get("mode", "good")
+if mode == "bad":
+    print("pliant: warning: something else", file=sys.stderr)
+    fail(3, "not finite")
+if mode == "die":
+    os.kill(os.getpid(), signal.SIGKILL)
+if mode == "silent":
+    sys.exit(0)
+while mode == "meet" and len(glob.glob(f"{folder}/../*/attempts")) < 3:
+    time.sleep(0.01)
+print("going on" if at else "starting", flush=True)
+while at < float(options.get("b", 0)) or (mode == "gate" and not os.path.exists(f"{folder}/go")):
+    time.sleep(0.01)
+    at += 0.01
+    if mode != "uncooperative" and stop:
+        with open(f"{folder}/checkpoint-a.h5", "w") as file:
+            file.write(str(at))
+        sys.exit(75)
+with open(f"{folder}/summary.json", "w") as file:
+    json.dump({"status": "done", "Q": {"value": 1.0, "error": 0.1, "unit": "m"},
+               "begun": begun, "ended": time.monotonic()}, file)

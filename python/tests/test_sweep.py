@@ -1,0 +1,424 @@
+"""Sweeps: tables into rows, rows into runs, stop and go on, locks, results. A small program stands for pliant."""
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from synthetic import write_run
+
+from pliant import PliantError, RunError, sweep_lock
+from pliant.sweep_command import main
+from pliant.sweep_jobs import RowFolder, State, Sweep, count_text, duration_text
+from pliant.sweep_lock import RowLock, Taken, owner
+from pliant.sweep_rows import canonical, expand_seeds, read_rows
+
+HERE = Path(__file__).resolve().parent
+COMMAND, PROGRAM = HERE.parent / "pliant-sweep", HERE / "fake_program.py"
+PATIENCE = 300  # s; the machine may have better things to do
+
+
+@pytest.fixture
+def table(tmp_path):
+    """A function that writes lines as the table of this test."""
+    def write(*lines):
+        path = tmp_path / "t.csv"
+        path.write_text("\n".join(lines) + "\n")
+        return path
+    return write
+
+
+def start(table, *arguments):
+    """pliant-sweep as a process of its own."""
+    return subprocess.Popen([sys.executable, COMMAND, table, "--program", PROGRAM, *map(str, arguments)], text=True,
+                            stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+
+
+@pytest.fixture
+def run(capsys, monkeypatch):
+    """A function that runs pliant-sweep to its end, which must have `code`, and returns its output."""
+    monkeypatch.setattr(sys, "argv", [str(COMMAND)])
+
+    def call(table, *arguments, code=0):
+        capsys.readouterr()
+        try:
+            result, error = main([str(table), "--program", str(PROGRAM), *map(str, arguments)]), ""
+        except PliantError as raised:
+            result, error = raised.exit_code, str(raised)
+        output = capsys.readouterr().out + error
+        assert result == code, output
+        return output
+    return call
+
+
+def sweep(table, workers=2, retry=False):
+    """The same within this process: {row id: State}."""
+    folders = [RowFolder(table.with_suffix(""), row, table.parent) for row in read_rows(table)]
+    for folder in folders:
+        folder.check()
+    return Sweep(folders, PROGRAM, workers, retry).run()
+
+
+def attempts(table, row):
+    """Where each attempt of a row has begun."""
+    path = table.with_suffix("") / row / "attempts"
+    return [float(line.split()[0]) for line in path.read_text().splitlines()] if path.exists() else []
+
+
+def wait_for(condition):
+    end = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < end, "waited too long"
+        time.sleep(0.01)
+
+
+# --- Tables
+
+def test_rows(table):
+    rows = read_rows(table("\ufeff# widths", "hopper_width,mu,scenario,seeds", "4.0,,,", "",
+                           '5,1e-5,hopper,"1-2,7"', "# no row", " 6 ,, channel,"))
+    assert [(r.number, r.line, r.scenario, r.id) for r in rows] == [
+        (1, 3, "hopper", "hopper_width=4"),
+        (2, 5, "hopper", "hopper_width=5,mu=1e-05,seed=1"),
+        (3, 5, "hopper", "hopper_width=5,mu=1e-05,seed=2"),
+        (4, 5, "hopper", "hopper_width=5,mu=1e-05,seed=7"),
+        (5, 7, "channel", "channel,hopper_width=6")]
+    assert rows[1].options == {"hopper_width": "5", "mu": "1e-05", "seed": "1"}
+
+
+def test_ids_depend_on_the_row_alone(table):
+    before = [r.id for r in read_rows(table("a,b", "1,2", "2,3"))]
+    after = [r.id for r in read_rows(table("seeds,b,mode,a", "1,9,,9", ",3,,2.0", ",2.00,,1e0"))]
+    assert after == ["a=9,b=9,seed=1", *reversed(before)]
+
+
+def test_ids_name_folders(table):
+    long = ",".join(["x" * 30] * 2)
+    rows = read_rows(table("options_file,mode", "../a b.yaml,", "../a_b.yaml,", f'x,"{long * 4}"', f'x,"{long * 4}y"', ","
+                           "good"))
+    ids = [r.id for r in rows]
+    assert len(set(ids)) == 5 and ids[4] == "mode=good"
+    assert all("/" not in i and " " not in i and len(i) <= 200 for i in ids)
+
+
+def test_names(table):
+    assert [r.id for r in read_rows(table("name,a,seeds", "x,1,1-2", "y,1,"))] == ["x,seed=1", "x,seed=2", "y"]
+
+
+@pytest.mark.parametrize("text, same", [("4.0", "4"), ("4", "4"), ("+4", "4"), ("1e4", "10000"), ("0.10", "0.1"),
+                                        ("31.6227766", "31.6227766"), ("9007199254740993", "9007199254740993"),
+                                        ("1e-5", "1e-05"), ("1_0", "1_0"), ("nan", "nan"), ("1e999", "1e999"),
+                                        ("sp", "sp"), (" rough ", "rough")])
+def test_one_spelling_per_number(text, same):
+    assert canonical(text) == same
+
+
+def test_seeds():
+    assert expand_seeds("1-3") == [1, 2, 3] and expand_seeds(" 1, 5 - 6,2") == [1, 5, 6, 2]
+
+
+@pytest.mark.parametrize("lines, message", [
+    ([], "the table is empty"),
+    (["a,b"], "no rows"),
+    (["a;b", "1;2"], "separated by commas"),
+    (["a,,b", "1,2,3"], "column 2: has no name"),
+    (["a,a", "1,2"], "two columns 'a'"),
+    (["a,-b", "1,2"], "column 2: '-b' is no name of an option"),
+    (["a,output", "1,2"], "column 2: 'output' cannot be given"),
+    (["a,seeds", "1,2,3"], r"line 2: 3 cells for 2 columns \(write lists in quotes"),
+    (["a,seeds", "1,x"], "line 2, column 'seeds': 'x' is neither"),
+    (["a,seeds", "1,3-1"], "line 2, column 'seeds': the range 3-1 runs backwards"),
+    (["a,seeds", '1,"1-3,2"'], "line 2, column 'seeds': seed 2 is there twice"),
+    (["a,seeds,seed", "1,2,3"], "line 2: has a seed and seeds"),
+    (["a,name", "1,x", "2,x"], "line 3: the row 'x' is there already, in line 2"),
+    (["a", "# c", "1", "1.0"], "line 4: the row 'a=1' is there already, in line 3"),
+    (["a,name", "1,../x"], "line 2, column 'name': '../x' cannot name a folder"),
+    (["a,scenario", "1,a b"], "line 2, column 'scenario': 'a b' is no name"),
+    (['a', '"1'], "cannot be read as a table"),
+])
+def test_bad_tables(table, lines, message):
+    with pytest.raises(RunError, match=message):
+        read_rows(table(*lines))
+
+
+def test_missing_table(tmp_path):
+    with pytest.raises(RunError, match="none.csv: cannot be read"):
+        read_rows(tmp_path / "none.csv")
+
+
+@pytest.mark.parametrize("lines, message", [
+    (["a,c", "1,", "1,2"], "line 3, column 'c': unknown option -c; did you mean -a?"),
+    (["a,b", "1,1", "-2,5", "7,2"], "line 3, column 'a': -a -2: must be at least 0"),
+    (["a,b", "1,1", "2,5", "3,x", "4,0"], "line 4, column 'b': -b x: not a finite number"),
+    (["a,scenario", "1,", "2,hoper"], "line 3: unknown scenario 'hoper'"),
+])
+def test_options_are_checked_before_anything_runs(table, lines, message, tmp_path, run):
+    path = table(*lines)
+    assert message in run(path, code=2)
+    assert not (tmp_path / "t").exists()
+
+
+# --- Runs
+
+def test_runs_and_skips(table, tmp_path, run):
+    path = table("a,seeds,threads", "1,1-3,", "2,1,3")
+    output = run(path, "-j", 2)
+    assert output.splitlines()[-1] == "done 4/4, running 0, failed 0, waiting 0"
+    assert all(attempts(path, f"a=1,seed={s}") == [0] for s in (1, 2, 3))
+    threads = [(tmp_path / "t" / row / "attempts").read_text().split()[1] for row in ("a=1,seed=1", "a=2,threads=3,seed=1")]
+    assert threads == ["1", "3"]
+    path = table("seeds,a,threads", "0,7,", "1-3,1.0,", "1,2,3")
+    assert "row 1 (a=7,seed=0): done" in run(path)
+    assert attempts(path, "a=1,seed=1") == [0] and attempts(path, "a=7,seed=0") == [0]
+    results = pd.read_csv(tmp_path / "t/results.csv")
+    assert list(results["row"]) == ["a=7,seed=0", "a=1,seed=1", "a=1,seed=2", "a=1,seed=3", "a=2,threads=3,seed=1"]
+
+
+def test_number_of_workers(table, tmp_path):
+    """Three at a time are enough for rows that wait for two others, and there are never more."""
+    path = table("a,b,mode", *(f"{i},0.1,meet" for i in range(6)))
+    sweep(path, workers=3)
+    times = [json.loads(file.read_text()) for file in tmp_path.glob("t/*/summary.json")]
+    assert len(times) == 6
+    assert max(sum(t["begun"] <= at["begun"] < t["ended"] for t in times) for at in times) == 3
+
+
+def test_other_options_are_an_error(table, run):
+    run(table("name,a,b", "x,1,", "y,1,"))
+    output = run(table("name,a,b", "x,2,0", "y,1,"), code=2)
+    assert "row 'x' (line 2) was run with other options: a was 1 and is 2; b was not given and is 0" in output
+
+
+def test_options_files_belong_to_the_options(table, tmp_path, run):
+    (tmp_path / "o.yaml").write_text("a: 1\n")
+    path = table("options_file", "o.yaml")
+    run(path)
+    run(path)
+    assert attempts(path, "options_file=o.yaml") == [0]
+    (tmp_path / "o.yaml").write_text("a: 2\n")
+    assert "the options file has changed" in run(path, code=2)
+    (tmp_path / "o.yaml").unlink()
+    assert "o.yaml cannot be read" in run(path, code=2)
+
+
+def test_foreign_runs_are_left_alone(table, tmp_path, run):
+    (tmp_path / "t/x").mkdir(parents=True)
+    (tmp_path / "t/x/run.h5").write_text("precious")
+    assert "holds a run that no sweep has made" in run(table("name,a", "x,1"), code=2)
+    assert (tmp_path / "t/x/run.h5").read_text() == "precious"
+
+
+def test_failed_rows_do_not_spoil_the_others(table, tmp_path, run):
+    path = table("name,mode", "w,bad", "x,", "y,die", "z,silent", "v,good")
+    output = run(path, "-j", 1, code=3)
+    failed = ["row 1 (w): failed: exit code 3: pliant: error: not finite", "row 3 (y): failed: killed by SIGKILL: no output",
+              "row 4 (z): failed: exit code 0 without a result: no output"]
+    assert output.splitlines()[-4:] == ["done 2/5, running 0, failed 3, waiting 0", *failed]
+    results = pd.read_csv(tmp_path / "t/results.csv", index_col="row")
+    assert list(results["status"]) == ["failed", "done", "failed", "failed", "done"]
+    assert results["message"]["w"] == "exit code 3: pliant: error: not finite"
+    # Only on request again, and then from the start, as there is no checkpoint.
+    run(path, code=3)
+    assert attempts(path, "w") == [0]
+    run(path, "--retry", code=3)
+    assert attempts(path, "w") == [0, 0] and attempts(path, "x") == [0]
+
+
+def test_failures_without_a_run_may_be_corrected(table, tmp_path):
+    path = table("name,a", "x,-1")
+    assert sweep(path)["x"].kind == "failed"  # as --row does, without the check of options
+    assert sweep(path)["x"] == State("failed", "failed", "exit code 2: pliant: error: -a -1: must be at least 0")
+    assert sweep(table("name,a", "x,1"))["x"].kind == "done"
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_stop_and_go_on(table, how, tmp_path, run):
+    path = table("name,mode", "x,gate", "y,gate", "z,")
+    process = start(path, "-j", 2)
+    wait_for(lambda: attempts(path, "x") and attempts(path, "y"))
+    process.send_signal(how)
+    process.send_signal(signal.SIGTERM)  # another one at once is the same request
+    output, errors = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 75 and errors == "", errors
+    assert "row 1 (x): stopped" in output and "run the same command again" in output
+    assert not attempts(path, "z")
+    assert "stopped 2, waiting 1" in run(path, "--status", code=75)
+    for name in "xy":
+        (tmp_path / "t" / name / "go").touch()
+    run(path)
+    begun = attempts(path, "x")
+    assert len(begun) == 2 and begun[0] == 0 and begun[1] > 0
+    assert attempts(path, "z") == [0]
+
+
+def test_later_signals_kill(table, tmp_path, run):
+    path, lock = table("name,b,mode", "x,1000,uncooperative"), tmp_path / "t/x/lock"
+    process = start(path)
+    wait_for(lambda: attempts(path, "x"))
+    begun = time.monotonic()
+    while owner(lock) and time.monotonic() - begun < PATIENCE:
+        process.send_signal(signal.SIGINT)
+        until = time.monotonic() + 2.5
+        while owner(lock) and time.monotonic() < until:
+            time.sleep(0.05)
+    assert time.monotonic() - begun > 2
+    process.communicate(timeout=PATIENCE)
+    assert process.returncode == 75
+    assert "stopped 1" in run(path, "--status", code=75)
+
+
+def test_a_killed_sweep_leaves_its_runs_locked(table, tmp_path, run):
+    path, folder = table("name,mode", "x,gate"), tmp_path / "t/x"
+    process = start(path)
+    wait_for(lambda: attempts(path, "x"))
+    process.kill()
+    process.communicate()
+    assert "running 1" in run(path, code=75)  # the run goes on by itself, and nobody begins it again
+    assert f"running: on {socket.gethostname()} process {process.pid}" in run(path, "--status", code=75)
+    (folder / "go").touch()
+    wait_for((folder / "summary.json").exists)
+    assert "done 1/1" in run(path)
+    assert attempts(path, "x") == [0]
+
+
+def test_killed_runs_begin_anew_without_a_checkpoint(table, tmp_path, run):
+    """What a machine that went down leaves: a record of the start, a broken run, an owner who is no more."""
+    path = table("name,a", "x,1", "y,1")
+    for name in "xy":
+        folder = tmp_path / "t" / name
+        folder.mkdir(parents=True)
+        (folder / "row.json").write_text(json.dumps({"run": {"scenario": "hopper", "options": {"a": "1"}}}))
+        (folder / "run.h5").write_text("broken")
+        (folder / "lock").write_text(f"{socket.gethostname()} process 1")
+    (tmp_path / "t/y/checkpoint-a.h5").write_text("0.5")
+    assert "stopped 2" in run(path, "--status", code=75)
+    run(path)
+    assert attempts(path, "x") == [0] and attempts(path, "y") == [0.5]
+    assert (tmp_path / "t/x/run.h5").read_text() == ""
+
+
+def test_one_row(table, tmp_path, run):
+    path = table("a,seeds", "1,1-3")
+    run(path, "--row", 2)
+    assert attempts(path, "a=1,seed=2") == [0] and not attempts(path, "a=1,seed=1")
+    assert not (tmp_path / "t/results.csv").exists()
+    assert "the table has the rows 1 … 3" in run(path, "--row", 4, code=2)
+    assert "the table has the rows 1 … 3" in run(path, "--row", 0, code=2)
+
+
+def test_status_changes_nothing(table, tmp_path, run):
+    assert "row 1 (a=1): waiting" in run(table("a", "1"), "--status", code=75)
+    assert not (tmp_path / "t").exists()
+
+
+def test_several_sweeps_share_the_rows(table, run):
+    path = table("a,seeds,b", "1,1-12,0.1")
+    processes = [start(path, "-j", 2) for _ in range(3)]
+    for process in processes:
+        process.communicate(timeout=PATIENCE)
+        assert process.returncode in (0, 75)
+    assert all(attempts(path, f"a=1,b=0.1,seed={s}") == [0] for s in range(1, 13))
+    assert "done 12/12" in run(path)
+
+
+def test_parallel_and_slurm_run_every_row(table, tmp_path, run):
+    path = table("a,seeds,threads", "1,1-3,2")
+    line = run(path, "--parallel", "-j", 3).strip()
+    assert line.startswith("seq 3 | parallel -j 3 --termseq TERM,60000,KILL,25 ") and line.endswith(" --row {}")
+    assert not (tmp_path / "t").exists()
+    assert run(path, "--slurm").strip() == f"sbatch {tmp_path}/t/slurm.sh"
+    script = (tmp_path / "t/slurm.sh").read_text()
+    assert "\n#SBATCH --array=1-3\n" in script and "\n#SBATCH --cpus-per-task=2\n" in script
+    for task in (1, 2, 3):
+        subprocess.run([tmp_path / "t/slurm.sh"], env=os.environ | {"SLURM_ARRAY_TASK_ID": str(task)}, check=True, cwd="/",
+                       capture_output=True)
+    assert "done 3/3" in run(path, "--status")
+
+
+def test_program_is_named(table, tmp_path, run):
+    output = run(table("a", "1"), "--program", tmp_path / "none", code=2)
+    assert "none: there is no such program; name it with --program" in output
+
+
+# --- Locks
+
+def test_lock(tmp_path):
+    path = tmp_path / "lock"
+    lock = RowLock(path)
+    assert owner(path) == f"{socket.gethostname()} process {os.getpid()}"
+    with pytest.raises(Taken, match=f"process {os.getpid()}"):
+        RowLock(path)
+    lock.close()
+    assert owner(path) is None
+    RowLock(path).close()
+
+
+def test_lock_is_inherited(tmp_path):
+    """It outlives the worker for as long as the run goes on, and no longer."""
+    lock = RowLock(tmp_path / "lock")
+    child = subprocess.Popen(["sleep", "60"], pass_fds=[lock.fd])
+    os.close(lock.fd)
+    assert owner(tmp_path / "lock")
+    child.kill()
+    child.wait()
+    assert owner(tmp_path / "lock") is None
+    RowLock(tmp_path / "lock").close()
+
+
+def test_locks_of_other_machines(tmp_path):
+    """Where the file system does not share locks, the age of the note decides."""
+    path = tmp_path / "lock"
+    path.write_text("elsewhere process 1")
+    assert owner(path) == "elsewhere process 1"
+    with pytest.raises(Taken, match="elsewhere"):
+        RowLock(path)
+    long_ago = time.time() - sweep_lock.STALE - 1
+    os.utime(path, (long_ago, long_ago))
+    assert owner(path) is None
+    RowLock(path).close()
+
+
+def test_sign_of_life(tmp_path, monkeypatch):
+    lock = RowLock(tmp_path / "lock")
+    os.utime(lock.fd, (1, 1))
+    lock.beat()
+    assert os.fstat(lock.fd).st_mtime == 1
+    monkeypatch.setattr(sweep_lock, "HEARTBEAT", 0)
+    lock.beat()
+    assert os.fstat(lock.fd).st_mtime == pytest.approx(time.time(), abs=60)
+    lock.close()
+
+
+# --- Results
+
+def test_results(table, tmp_path, run):
+    path = table("name,hopper_width", "x,4", "y,5", "z,6", "w,7")
+    for row in read_rows(path):
+        if row.id != "w":
+            write_run(tmp_path / "t" / row.id, w=float(row.options["hopper_width"]), n=20, frames=1, samples=10,
+                      status="clogged" if row.id == "y" else "done", Q=0.0 if row.id == "y" else 3.0)
+    for name in "xyz":
+        record = {"run": {"scenario": "hopper", "options": {"hopper_width": str("xyz".index(name) + 4)}}, "exit_code": 0}
+        (tmp_path / "t" / name / "row.json").write_text(json.dumps(record))
+    (tmp_path / "t/z/run.h5").write_text("damaged")
+    run(path, "--merge")
+    results = pd.read_csv(tmp_path / "t/results.csv", index_col="row")
+    assert list(results.index) == ["x", "y", "z", "w"]
+    assert list(results["status"]) == ["done", "clogged", "done", "waiting"]
+    assert list(results["hopper_width"]) == [4, 5, 6, 7]
+    assert results["Q"]["x"] == 3 and results["Q_error"]["x"] == 0.1 and results["Q"]["y"] == 0
+    assert results["Q"][["z", "w"]].isna().all() and "cannot be read" in results["message"]["z"]
+    units = pd.read_csv(tmp_path / "t/units.csv", index_col="column")["unit"]
+    assert units["Q"] == units["Q_error"] == "sigma_avg^2/t0" and units["hopper_width"] == "sigma_avg"
+
+
+def test_texts():
+    states = [State("done", "clogged"), State("failed", "failed", "x"), State("waiting", "waiting")]
+    assert count_text(states) == "done 1/3, running 0, failed 1, waiting 1"
+    assert [duration_text(s) for s in (5, 120, 3700)] == ["5 s", "2 min", "1 h 02 min"]
