@@ -9,7 +9,7 @@ install(DIRECTORY "${PROJECT_SOURCE_DIR}/src/" DESTINATION ${CMAKE_INSTALL_INCLU
 
 # The command finds the package beside the file that its link leads to. Links relative to the prefix can be moved.
 install(DIRECTORY "${PROJECT_SOURCE_DIR}/python/pliant" DESTINATION ${CMAKE_INSTALL_DATADIR}/pliant/python
-        FILES_MATCHING PATTERN "*.py")
+        FILES_MATCHING PATTERN "*.py" PATTERN __pycache__ EXCLUDE)
 install(PROGRAMS "${PROJECT_SOURCE_DIR}/python/pliant-sweep" DESTINATION ${CMAKE_INSTALL_DATADIR}/pliant/python)
 cmake_path(RELATIVE_PATH CMAKE_INSTALL_FULL_DATADIR BASE_DIRECTORY "${CMAKE_INSTALL_FULL_BINDIR}" OUTPUT_VARIABLE share)
 file(CREATE_LINK "${share}/pliant/python/pliant-sweep" "${PROJECT_BINARY_DIR}/pliant-sweep" SYMBOLIC)

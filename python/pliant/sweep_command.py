@@ -12,7 +12,7 @@ from pathlib import Path
 
 from .errors import OutputError, RunError
 from .sweep import results_tables
-from .sweep_jobs import STOPPED_CODE, RowFolder, Sweep, arguments, count_text, environment
+from .sweep_jobs import STOPPED_CODE, RowFolder, Sweep, arguments, count_text, environment, row_text
 from .sweep_rows import is_number, read_rows
 
 FAILED_CODE = 3
@@ -126,12 +126,12 @@ def _parser():
     parser.add_argument("table", type=Path, metavar="TABLE.csv")
     parser.add_argument("-o", "--output", type=Path, metavar="FOLDER",
                         help="folder of the runs and of results.csv (default: the table's name without its ending)")
-    parser.add_argument("-j", "--jobs", type=int, metavar="N", help="runs at a time (default: one per core, or fewer if "
-                        "the table has the column threads)")
+    parser.add_argument("-j", "--jobs", type=int, metavar="N", help="runs at a time (default: one per core, or "
+                        "fewer if the table has the column threads)")
     parser.add_argument("--program", metavar="FILE", help="the pliant to run (default: $PLIANT, or the one beside this "
                         "command, of the build, or of the PATH)")
-    parser.add_argument("--retry", action="store_true", help="run rows again that have failed, from their checkpoint if "
-                        "there is one; what is left of others is deleted")
+    parser.add_argument("--retry", action="store_true", help="run rows again that have failed, from their "
+                        "checkpoint if there is one; what is left of others is deleted")
     mode = parser.add_mutually_exclusive_group()
     mode.add_argument("--status", action="store_true", help="only show what became of each row")
     mode.add_argument("--merge", action="store_true", help="only write results.csv from the runs there are")
@@ -146,14 +146,6 @@ def _code(states):
     if kinds & {"stopped", "waiting", "running"}:
         return STOPPED_CODE
     return FAILED_CODE if "failed" in kinds else 0
-
-
-def _print_rows(folders, states, kinds=None):
-    for folder in folders:
-        state = states[folder.row.id]
-        if kinds is None or state.kind in kinds:
-            message = f": {state.message}" if state.message else ""
-            print(f"row {folder.row.number} ({folder.row.id}): {state.status}{message}")
 
 
 def main(arguments_=None):
@@ -177,7 +169,8 @@ def main(arguments_=None):
 
     if given.status:
         states = {folder.row.id: folder.state() for folder in folders}
-        _print_rows(folders, states)
+        for folder in folders:
+            print(row_text(folder.row, states[folder.row.id]))
         print(count_text(states.values()))
         return _code(states.values())
     if given.merge:
@@ -193,7 +186,7 @@ def main(arguments_=None):
     workers = 1 if given.row else given.jobs or max(len(os.sched_getaffinity(0)) // _threads(rows), 1)
     if given.parallel:
         # Its own patience is shorter than a checkpoint.
-        print(f"seq {len(rows)} | parallel -j {workers} --termseq TERM,60000,KILL,25 "
+        print(f"seq {len(rows)} | parallel -q -j {workers} --termseq TERM,60000,KILL,25 "
               f"{_row_command(given.table, output, program)} --row {{}}")
         return 0
 
@@ -201,7 +194,9 @@ def main(arguments_=None):
     if given.row is None:
         write_results(output, folders)
         print(count_text(states.values()))
-        _print_rows(folders, states, ("failed",))
+        for folder in folders:
+            if states[folder.row.id].kind == "failed":
+                print(row_text(folder.row, states[folder.row.id]))
         if _code(states.values()) == STOPPED_CODE:
             print("run the same command again to go on")
     return _code(states.values())

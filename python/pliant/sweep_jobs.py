@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import cached_property
 from pathlib import Path
 
 from .errors import OutputError, RunError
@@ -18,7 +19,7 @@ FINISHED = ("done", "clogged", "empty")
 STOPPED_CODE = 75
 # What ends a worker in order. Slurm, terminals and GNU parallel may send several at once; those are one request.
 _STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGUSR1)
-# How runs are asked to stop: not with what a batch system sends to all processes, as the second signal of one kind kills.
+# How runs are asked to stop: not with what batch systems send to all processes, as a second signal of one kind kills.
 _ASK = signal.SIGUSR1
 _RUN_FILES = ("run.h5", "run.xdmf", "summary.json", "checkpoint-a.h5", "checkpoint-b.h5")
 
@@ -59,6 +60,7 @@ class RowFolder:
         except OSError as error:
             raise OutputError(f"{self.path}/row.json: cannot be written ({error.strerror})") from None
 
+    @cached_property
     def _identity(self):
         """What must not change once there is a run: scenario, options, and what is in an options file."""
         identity = {"scenario": self.row.scenario, "options": self.row.options}
@@ -73,7 +75,7 @@ class RowFolder:
 
     def check(self):
         """Raises RunError if the folder holds a run with other options than the row's."""
-        now, before = self._identity(), self._json("row.json").get("run")
+        now, before = self._identity, self._json("row.json").get("run")
         if before == now or not (self.path / "run.h5").exists():
             return
         if before is None:
@@ -94,7 +96,7 @@ class RowFolder:
         if holder:
             return State("running", "running", f"on {holder}")
         record = self._json("row.json")
-        if record.get("run") != self._identity():  # never run; a failure that left no run may have been corrected
+        if record.get("run") != self._identity:  # never run; a failure that left no run may have been corrected
             return State("waiting", "waiting")
         code = record.get("exit_code")
         if code is None or code == STOPPED_CODE or -code in _STOP_SIGNALS:
@@ -108,14 +110,14 @@ class RowFolder:
         if not go_on:
             for name in _RUN_FILES:
                 (self.path / name).unlink(missing_ok=True)
-        self._write_record({"run": self._identity()})
+        self._write_record({"run": self._identity})
         command = [str(program), self.row.scenario, *arguments(self.row.options, self.base),
                    "-restart" if go_on else "-output", str(self.path)]
         return command, {"OMP_NUM_THREADS": self.row.options.get("threads", "1")}
 
     def end(self, code, log_start):
         """Writes down how an attempt has ended; its output begins at `log_start` of log.txt."""
-        record = {"run": self._identity(), "exit_code": code}
+        record = {"run": self._identity, "exit_code": code}
         if code == 0 and self._json("summary.json").get("status") not in FINISHED:
             record["exit_code"] = 1
         if record["exit_code"] != 0:
@@ -189,12 +191,14 @@ class Sweep:
     def run(self):
         """{row id: State} at the end. SIGINT, SIGTERM, SIGHUP and SIGUSR1 have the runs stop with checkpoints; a
         second signal, two seconds later, kills them."""
-        before = {s: signal.signal(s, self._on_signal) for s in _STOP_SIGNALS}
+        heard = [s for s in _STOP_SIGNALS if signal.getsignal(s) != signal.SIG_IGN]  # nohup ignores SIGHUP
+        before = {s: signal.signal(s, self._on_signal) for s in heard}
         try:
             self._run()
         finally:
             for job in self._jobs:  # only after an error in here
-                job.process.send_signal(_ASK)
+                if not job.asked:
+                    job.process.send_signal(_ASK)
             for s, handler in before.items():
                 signal.signal(s, handler)
         return self.states
@@ -212,13 +216,18 @@ class Sweep:
             state = self.states[folder.row.id] = folder.state()
             if state.kind in ("waiting", "stopped", "running") or (state.kind == "failed" and self._retry):
                 todo.append(folder)
+            elif len(self._folders) == 1:  # a task of an array says what it found
+                self._report(folder, state)
         todo.reverse()
         while self._jobs or (todo and self._stop_at is None):
             while todo and len(self._jobs) < self._workers and self._stop_at is None:
                 self._begin(todo.pop())
             for job in [job for job in self._jobs if job.ended()]:
                 self._jobs.remove(job)
-                self._report(job)
+                state = job.folder.state(mine=True)
+                if state.kind == "done":
+                    self._seconds.append(job.seconds)
+                self._report(job.folder, state)
             self._ask_to_stop()
             self._progress()
             if self._jobs:
@@ -233,12 +242,12 @@ class Sweep:
         try:
             lock = RowLock(folder.lock_path)
         except Taken as taken:
-            self.states[folder.row.id] = State("running", "running", f"on {taken}")
+            self._report(folder, State("running", "running", f"on {taken}"))
             return
         state = self.states[folder.row.id] = folder.state(mine=True)
         if state.kind == "done" or (state.kind == "failed" and not self._retry):  # another worker was here meanwhile
             lock.close()
-            return
+            return self._report(folder, state)
         try:
             self._jobs.append(_Job(folder, lock, self._program))
         except OSError as error:
@@ -248,14 +257,10 @@ class Sweep:
                 lock.close()
         self.states[folder.row.id] = State("running", "running")
 
-    def _report(self, job):
-        row = job.folder.row
-        state = self.states[row.id] = job.folder.state(mine=True)
-        if state.kind == "done":
-            self._seconds.append(job.seconds)
+    def _report(self, folder, state):
+        self.states[folder.row.id] = state
         self._clear_line()
-        message = f": {state.message}" if state.message else ""
-        print(f"row {row.number} ({row.id}): {state.status}{message}", flush=True)
+        print(row_text(folder.row, state), flush=True)
 
     def _ask_to_stop(self):
         if self._stop_at is None:
@@ -288,6 +293,11 @@ class Sweep:
     def _clear_line(self):
         if self._terminal:
             print("\r\033[K", end="", flush=True)
+
+
+def row_text(row, state):
+    """'row 3 (hopper_width=4): failed: exit code 3: …'."""
+    return f"row {row.number} ({row.id}): {state.status}" + (f": {state.message}" if state.message else "")
 
 
 def count_text(states):

@@ -1,6 +1,6 @@
 #!/usr/bin/python3 -ISE
-"""Stands for pliant in the tests of sweeps: options, exit codes, signals, files, but no physics. -b is the wall time; -mode gate
-waits for the file "go" in its folder, meet for two others that run."""
+"""Stands for pliant in the tests of sweeps: options, exit codes, signals, files, but no physics. -b is the wall time;
+-mode gate waits for the file "go" in its folder, -mode meet for two others that run."""
 
 import glob
 import json
@@ -46,6 +46,14 @@ with open(f"{folder}/attempts", "a") as file:
     print(f"{at} {os.environ['OMP_NUM_THREADS']}", file=file)
 open(f"{folder}/run.h5", "a").close()
 mode = options.get("mode", "good")
+
+
+def pause():
+    time.sleep(0.01)
+    if time.monotonic() - begun > 200:
+        fail(3, "waited too long")
+
+
 if mode == "bad":
     print("pliant: warning: something else", file=sys.stderr)
     fail(3, "not finite")
@@ -54,10 +62,10 @@ if mode == "die":
 if mode == "silent":
     sys.exit(0)
 while mode == "meet" and len(glob.glob(f"{folder}/../*/attempts")) < 3:
-    time.sleep(0.01)
+    pause()
 print("going on" if at else "starting", flush=True)
 while at < float(options.get("b", 0)) or (mode == "gate" and not os.path.exists(f"{folder}/go")):
-    time.sleep(0.01)
+    pause()
     at += 0.01
     if mode != "uncooperative" and stop:
         with open(f"{folder}/checkpoint-a.h5", "w") as file:

@@ -99,9 +99,8 @@ def test_ids_depend_on_the_row_alone(table):
 
 
 def test_ids_name_folders(table):
-    long = ",".join(["x" * 30] * 2)
-    rows = read_rows(table("options_file,mode", "../a b.yaml,", "../a_b.yaml,", f'x,"{long * 4}"', f'x,"{long * 4}y"', ","
-                           "good"))
+    long = ",".join(["x" * 60] * 4)
+    rows = read_rows(table("options_file,mode", "../a b.yaml,", "../a_b.yaml,", f'x,"{long}"', f'x,"{long}y"', ",good"))
     ids = [r.id for r in rows]
     assert len(set(ids)) == 5 and ids[4] == "mode=good"
     assert all("/" not in i and " " not in i and len(i) <= 200 for i in ids)
@@ -171,7 +170,8 @@ def test_runs_and_skips(table, tmp_path, run):
     output = run(path, "-j", 2)
     assert output.splitlines()[-1] == "done 4/4, running 0, failed 0, waiting 0"
     assert all(attempts(path, f"a=1,seed={s}") == [0] for s in (1, 2, 3))
-    threads = [(tmp_path / "t" / row / "attempts").read_text().split()[1] for row in ("a=1,seed=1", "a=2,threads=3,seed=1")]
+    threads = [(tmp_path / "t" / row / "attempts").read_text().split()[1]
+               for row in ("a=1,seed=1", "a=2,threads=3,seed=1")]
     assert threads == ["1", "3"]
     path = table("seeds,a,threads", "0,7,", "1-3,1.0,", "1,2,3")
     assert "row 1 (a=7,seed=0): done" in run(path)
@@ -217,7 +217,8 @@ def test_foreign_runs_are_left_alone(table, tmp_path, run):
 def test_failed_rows_do_not_spoil_the_others(table, tmp_path, run):
     path = table("name,mode", "w,bad", "x,", "y,die", "z,silent", "v,good")
     output = run(path, "-j", 1, code=3)
-    failed = ["row 1 (w): failed: exit code 3: pliant: error: not finite", "row 3 (y): failed: killed by SIGKILL: no output",
+    failed = ["row 1 (w): failed: exit code 3: pliant: error: not finite",
+              "row 3 (y): failed: killed by SIGKILL: no output",
               "row 4 (z): failed: exit code 0 without a result: no output"]
     assert output.splitlines()[-4:] == ["done 2/5, running 0, failed 3, waiting 0", *failed]
     results = pd.read_csv(tmp_path / "t/results.csv", index_col="row")
@@ -255,6 +256,17 @@ def test_stop_and_go_on(table, how, tmp_path, run):
     begun = attempts(path, "x")
     assert len(begun) == 2 and begun[0] == 0 and begun[1] > 0
     assert attempts(path, "z") == [0]
+
+
+def test_ignored_signals_stay_ignored(table, tmp_path):
+    path = table("name,mode", "x,gate")
+    process = subprocess.Popen(["nohup", sys.executable, COMMAND, path, "--program", PROGRAM], stdout=subprocess.PIPE,
+                               stderr=subprocess.STDOUT)
+    wait_for(lambda: attempts(path, "x"))
+    process.send_signal(signal.SIGHUP)
+    (tmp_path / "t/x/go").touch()
+    process.communicate(timeout=PATIENCE)
+    assert process.returncode == 0
 
 
 def test_later_signals_kill(table, tmp_path, run):
@@ -307,9 +319,25 @@ def test_one_row(table, tmp_path, run):
     path = table("a,seeds", "1,1-3")
     run(path, "--row", 2)
     assert attempts(path, "a=1,seed=2") == [0] and not attempts(path, "a=1,seed=1")
+    assert run(path, "--row", 2) == "row 2 (a=1,seed=2): done\n"
     assert not (tmp_path / "t/results.csv").exists()
     assert "the table has the rows 1 … 3" in run(path, "--row", 4, code=2)
     assert "the table has the rows 1 … 3" in run(path, "--row", 0, code=2)
+
+
+def test_progress_line(table):
+    path = table("name,mode", "x,", "y,bad", "z,gate", "w,")
+    leader, follower = os.openpty()
+    process = subprocess.Popen([sys.executable, COMMAND, path, "--program", PROGRAM, "-j", "1"], stdout=follower)
+    os.close(follower)
+    text = b""
+    while b"done 1/4, running 1, failed 1, waiting 1, ETA" not in text:
+        text += os.read(leader, 1000)
+    (path.with_suffix("") / "z/go").touch()
+    while b"done 3/4, running 0, failed 1, waiting 0" not in text:
+        text += os.read(leader, 1000)
+    assert process.wait(PATIENCE) == 3
+    os.close(leader)
 
 
 def test_status_changes_nothing(table, tmp_path, run):
@@ -330,14 +358,14 @@ def test_several_sweeps_share_the_rows(table, run):
 def test_parallel_and_slurm_run_every_row(table, tmp_path, run):
     path = table("a,seeds,threads", "1,1-3,2")
     line = run(path, "--parallel", "-j", 3).strip()
-    assert line.startswith("seq 3 | parallel -j 3 --termseq TERM,60000,KILL,25 ") and line.endswith(" --row {}")
+    assert line.startswith("seq 3 | parallel -q -j 3 --termseq TERM,60000,KILL,25 ") and line.endswith(" --row {}")
     assert not (tmp_path / "t").exists()
     assert run(path, "--slurm").strip() == f"sbatch {tmp_path}/t/slurm.sh"
     script = (tmp_path / "t/slurm.sh").read_text()
     assert "\n#SBATCH --array=1-3\n" in script and "\n#SBATCH --cpus-per-task=2\n" in script
     for task in (1, 2, 3):
-        subprocess.run([tmp_path / "t/slurm.sh"], env=os.environ | {"SLURM_ARRAY_TASK_ID": str(task)}, check=True, cwd="/",
-                       capture_output=True)
+        subprocess.run([tmp_path / "t/slurm.sh"], env=os.environ | {"SLURM_ARRAY_TASK_ID": str(task)}, check=True,
+                       cwd="/", capture_output=True)
     assert "done 3/3" in run(path, "--status")
 
 
@@ -403,9 +431,8 @@ def test_results(table, tmp_path, run):
         if row.id != "w":
             write_run(tmp_path / "t" / row.id, w=float(row.options["hopper_width"]), n=20, frames=1, samples=10,
                       status="clogged" if row.id == "y" else "done", Q=0.0 if row.id == "y" else 3.0)
-    for name in "xyz":
-        record = {"run": {"scenario": "hopper", "options": {"hopper_width": str("xyz".index(name) + 4)}}, "exit_code": 0}
-        (tmp_path / "t" / name / "row.json").write_text(json.dumps(record))
+            record = {"run": {"scenario": "hopper", "options": row.options}, "exit_code": 0}
+            (tmp_path / "t" / row.id / "row.json").write_text(json.dumps(record))
     (tmp_path / "t/z/run.h5").write_text("damaged")
     run(path, "--merge")
     results = pd.read_csv(tmp_path / "t/results.csv", index_col="row")

@@ -1,0 +1,61 @@
+"""pliant-sweep with the real program: two widths and two seeds, stopped once and merged."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from conftest import PROGRAM, SMALL, hopper, wait_for
+
+COMMAND = [sys.executable, Path(__file__).resolve().parents[2] / "python/pliant-sweep"]
+
+
+def start(*arguments):
+    return subprocess.Popen([*COMMAND, *map(str, arguments), "--program", PROGRAM], text=True, stdout=subprocess.PIPE,
+                            stderr=subprocess.STDOUT)
+
+
+def test_four_runs(tmp_path):
+    options = SMALL | {"t_end": 300, "frame_interval": 10, "sample_interval": 1}
+    del options["hopper_width"]
+    table = tmp_path / "widths.csv"
+    table.write_text(",".join(["name", *options, "hopper_width", "seeds"]) + "\n"
+                     + "".join(",".join([f"w{w}", *map(str, options.values()), str(w), "1-2"]) + "\n" for w in (2, 3)))
+    process = start(table, "-j", 2)
+    wait_for((tmp_path / "widths/w2,seed=2/run.xdmf").exists, process)
+    process.send_signal(signal.SIGTERM)
+    output, _ = process.communicate(timeout=60)
+    assert process.returncode == 75 and "stopped" in output, output
+    assert not (tmp_path / "widths/w3,seed=2").exists()
+
+    process = start(table, "-j", 2)
+    output, _ = process.communicate(timeout=60)
+    assert process.returncode == 0 and output.splitlines()[-1] == "done 4/4, running 0, failed 0, waiting 0", output
+    results = pd.read_csv(tmp_path / "widths/results.csv", index_col="row")
+    assert list(results.index) == ["w2,seed=1", "w2,seed=2", "w3,seed=1", "w3,seed=2"]
+    assert list(results["seed"]) == [1, 2, 1, 2] and list(results["hopper_width"]) == [2, 2, 3, 3]
+    assert (results["Q_error"] > 0).all()
+    # A stopped and continued row gives what one uninterrupted run gives.
+    alone = hopper(tmp_path / "alone", **options, hopper_width=2, seed=2).summary
+    assert results["Q"]["w2,seed=2"] == alone["Q"]["value"]
+    assert results["crossed_count"]["w2,seed=2"] == alone["crossed_count"]
+    units = pd.read_csv(tmp_path / "widths/units.csv", index_col="column")["unit"]
+    assert units["Q_error"] == alone["Q"]["unit"]
+
+
+@pytest.mark.parametrize("column, value, message", [
+    ("hopper_wdith", 3, "column 'hopper_wdith': unknown option -hopper_wdith; did you mean -hopper_width?"),
+    ("model", "spp", "column 'model': -model spp"),
+    ("size_fraction", 1.5, "column 'size_fraction': -size_fraction 1.5"),
+    ("n", 10.5, "column 'n': -n 10.5"),
+])
+def test_options_are_checked_first(tmp_path, column, value, message):
+    table = tmp_path / "t.csv"
+    table.write_text(f"hopper_width,{column}\n3,\n4,{value}\n")
+    process = start(table)
+    output, _ = process.communicate(timeout=60)
+    assert process.returncode == 2 and f"t.csv, line 3, {message}" in output, output
+    assert os.listdir(tmp_path) == ["t.csv"]
