@@ -9,10 +9,14 @@ add_library(pliant_warnings INTERFACE)
 target_compile_options(pliant_warnings INTERFACE -Wall -Wextra -Wshadow -Wnon-virtual-dtor -Woverloaded-virtual
                                                  $<$<BOOL:${PLIANT_WERROR}>:-Werror>)
 
-# pliant_folder(<name> DEPENDS <folders…> LINK <libraries…>): library pliant_<name>, exported as pliant::<name>.
+# pliant_folder(<name> DEPENDS <folders…> LINK <libraries…> PATH <path>): library pliant_<name>, exported as
+# pliant::<name>, from src/<path> (src/<name> unless given).
 function(pliant_folder name)
-  cmake_parse_arguments(ARG "" "" "DEPENDS;LINK" ${ARGN})
-  file(GLOB sources CONFIGURE_DEPENDS "${CMAKE_CURRENT_SOURCE_DIR}/${name}/*.cpp")
+  cmake_parse_arguments(ARG "" "PATH" "DEPENDS;LINK" ${ARGN})
+  if(NOT ARG_PATH)
+    set(ARG_PATH ${name})
+  endif()
+  file(GLOB sources CONFIGURE_DEPENDS "${CMAKE_CURRENT_SOURCE_DIR}/${ARG_PATH}/*.cpp")
   list(TRANSFORM ARG_DEPENDS PREPEND pliant_)
   if(sources)
     add_library(pliant_${name} STATIC ${sources})

@@ -1,0 +1,107 @@
+// What the TS types over SUNDIALS share: vectors, callbacks, solvers, errors.
+#pragma once
+
+#include <nvector/nvector_petsc.h>
+#include <petscts.h>
+#include <sundials/sundials_linearsolver.h>
+#include <sundials/sundials_nonlinearsolver.h>
+
+#include <memory>
+#include <string>
+#include <type_traits>
+
+namespace pliant::sundials {
+
+/// Deleter that calls a SUNDIALS function.
+template <auto free>
+struct Free {
+  template <class T>
+  void operator()(T* object) const {
+    free(object);
+  }
+};
+/// Owner of a SUNDIALS handle, which is a pointer: Owned<N_Vector, N_VDestroy>.
+template <class Handle, auto free>
+using Owned = std::unique_ptr<std::remove_pointer_t<Handle>, Free<free>>;
+
+inline void free_context(SUNContext context) { (void)SUNContext_Free(&context); }
+
+/// What an integrator tells the nonlinear solver about the system that it solves at the moment.
+struct ImplicitSystem {
+  realtype t;          ///< time of the stage
+  N_Vector predicted;  ///< the unknown is the correction to this state
+  realtype gamma;      ///< the system is y − γ f(t, y) = known
+};
+
+/// Link between a TS and a SUNDIALS integrator. A TS type derives its data from it, and stores it by
+/// `ts->data = static_cast<Link*>(data)`; the integrator gets it as user data (void* of a Link*).
+///
+/// Errors in callbacks: what SUNDIALS may recover from by a smaller step (TSFunctionDomainError, values that are not
+/// finite) is told to it. A PETSc error ends its step; the code is kept in `error` and comes out of `failed`.
+struct Link {
+  Link();
+  Link(const Link&) = delete;
+  Link& operator=(const Link&) = delete;
+  ~Link();
+
+  TS ts = nullptr;
+  PetscErrorCode error = 0;  ///< the first PETSc error in a callback of this step
+  std::string message;       ///< the last error message of SUNDIALS
+
+  // What SUNDIALS has from us; its integrator must go before these (Link::close).
+  Owned<SUNContext, free_context> context;
+  Owned<N_Vector, N_VDestroy> y;  ///< the solution; `wrap_solution` makes it the current ts->vec_sol
+  Owned<SUNMatrix, SUNMatDestroy> matrix;
+  Owned<SUNLinearSolver, SUNLinSolFree> linear;
+  Owned<SUNNonlinearSolver, SUNNonlinSolFree> nonlinear;
+
+  /// Context and y (with fused operations), by ts->vec_sol.
+  PetscErrorCode open(TS owner);
+  /// Frees all of the above.
+  void close();
+  PetscErrorCode wrap_solution();
+
+  /// `linear` and `matrix`: the KSP of the TS's SNES, to be used with `linear_system`. The operator is σI − J, from
+  /// TSSetRHSJacobian or TSSetIJacobian, which must have been given a matrix. implicit_part: only the Jacobian of the
+  /// implicit function, for a split right-hand side.
+  /// A solve ends at the tolerance that the integrator asks for (it replaces -ksp_atol), at the latest at -ksp_rtol.
+  PetscErrorCode use_ksp(PetscBool implicit_part = PETSC_FALSE);
+  /// `nonlinear`: the TS's SNES, with all its options. It stops by the integrator's own test. query tells about the
+  /// system being solved by the integrator `memory`; the TS type sets ts->ops->snesfunction = snes_function and
+  /// ts->ops->snesjacobian = snes_jacobian.
+  PetscErrorCode use_snes(ImplicitSystem (*query)(void* memory), PetscBool implicit_part = PETSC_FALSE);
+
+  /// For calls into SUNDIALS other than steps: flag < 0 becomes PETSC_ERR_LIB with SUNDIALS' message.
+  PetscErrorCode check(int flag) const;
+  /// For steps with flag < 0: returns the PETSc error of a callback, else sets ts->reason (TS_DIVERGED_…) and says why
+  /// by PetscInfo; a flag that is no failure of the step becomes PETSC_ERR_LIB. Flags as CVODE's and ARKODE's.
+  PetscErrorCode failed(int flag);
+
+  struct Implicit;
+  std::unique_ptr<Implicit> implicit;  ///< state of the solvers
+};
+
+/// The Link of a TS whose type derives from it.
+Link& link_of(TS ts);
+
+/// Return value of a callback: −1 for a PETSc error (kept in the link), 1 for what a smaller step may mend, 0.
+int outcome(Link& link, PetscErrorCode code, bool valid);
+
+/// f(t, y) by TSComputeRHSFunction: a CVRhsFn, ARKRhsFn.
+int right_hand_side(realtype t, N_Vector y, N_Vector ydot, void* link);
+
+/// Error weights 1/(rtol |y| + atol) by the tolerances of the TS, scalars or vectors: a CVEwtFn, ARKEwtFn.
+/// PETSc error PETSC_ERR_ARG_OUTOFRANGE where rtol |y| + atol is not positive.
+int error_weights(N_Vector y, N_Vector weights, void* link);
+
+/// Error handler of an integrator: keeps the message for `check` and `failed`, hands it to PetscInfo, prints nothing.
+void keep_message(int code, const char* module, const char* function, char* message, void* link);
+
+/// Body of a CVLsLinSysFn or ARKLsLinSysFn: assembles σI − J, σ = 1/γ, or with jok only moves the last one to the new
+/// σ.
+int linear_system(Link& link, realtype t, N_Vector y, booleantype jok, booleantype* jcur, realtype gamma);
+
+PetscErrorCode snes_function(SNES snes, ::Vec correction, ::Vec residual, TS ts);
+PetscErrorCode snes_jacobian(SNES snes, ::Vec correction, ::Mat a, ::Mat p, TS ts);
+
+}  // namespace pliant::sundials

@@ -1,0 +1,14 @@
+// SUNDIALS' integrators as PETSc TS types.
+#pragma once
+
+#include <petscts.h>
+
+namespace pliant {
+
+inline constexpr char ts_cvode[] = "cvode";
+
+/// Registers the TS types `cvode`; call it after PetscInitialize, as often as you like. What they do and their options:
+/// src/ts/sundials/README.md.
+PetscErrorCode sundials_register();
+
+}  // namespace pliant
