@@ -9,7 +9,8 @@ struct Link::Implicit {
   PetscBool implicit_part = PETSC_FALSE;
   PetscVec zero;  // ydot: the right-hand side does not see it
 
-  PetscReal shift = 0;  // σ of the matrix as it is; 0 before the first
+  PetscReal ksp_atol = 0;  // the user's
+  PetscReal shift = 0;     // σ of the matrix as it is; 0 before the first
   PetscInt linear_iterations = 0;
 
   ImplicitSystem (*query)(void* memory) = nullptr;
@@ -208,13 +209,22 @@ PetscErrorCode Link::open(TS owner) {
   error = 0;
   PetscCheck(SUNContext_Create(&comm, &made) == 0, comm, PETSC_ERR_LIB, "SUNDIALS could not make a context");
   context.reset(made);
-  y.reset(N_VMake_Petsc(ts->vec_sol, made));
-  PetscCheck(y, comm, PETSC_ERR_LIB, "SUNDIALS could not wrap the solution");
-  PetscCall(check(N_VEnableFusedOps_Petsc(y.get(), SUNTRUE)));
+  const Owned<N_Vector, N_VDestroy> like(N_VMake_Petsc(ts->vec_sol, made));
+  PetscCheck(like, comm, PETSC_ERR_LIB, "SUNDIALS could not wrap the solution");
+  PetscCall(check(N_VEnableFusedOps_Petsc(like.get(), SUNTRUE)));
+  y.reset(N_VClone(like.get()));
+  PetscCheck(y, comm, PETSC_ERR_MEM, "SUNDIALS could not clone the solution");
   PetscFunctionReturn(0);
 }
 
 void Link::close() {
+  if (nonlinear && nonlinear->content == this)
+    (void)SNESSetConvergenceTest(ts->snes, SNESConvergedDefault, nullptr, nullptr);
+  if (linear && linear->content == this) {
+    KSP ksp = nullptr;
+    (void)SNESGetKSP(ts->snes, &ksp);
+    (void)KSPSetTolerances(ksp, PETSC_DEFAULT, implicit->ksp_atol, PETSC_DEFAULT, PETSC_DEFAULT);
+  }
   nonlinear.reset();
   linear.reset();
   matrix.reset();
@@ -223,22 +233,28 @@ void Link::close() {
   context.reset();
 }
 
-PetscErrorCode Link::wrap_solution() {
-  PetscFunctionBegin;
-  N_VSetVector_Petsc(y.get(), ts->vec_sol);
-  PetscFunctionReturn(0);
-}
-
 PetscErrorCode Link::use_ksp(PetscBool implicit_part) {
   KSP ksp;
+  DM dm;
   ::Mat a, p;
+  TSIJacobian jacobian;
+  PetscBool matrix_free, operator_free;
   PetscFunctionBegin;
   PetscCall(operators(ts, &ksp, &a, &p));
+  PetscCall(TSGetDM(ts, &dm));
+  PetscCall(DMTSGetIJacobian(dm, &jacobian, nullptr));
+  PetscCall(SNESGetUseMatrixFree(ts->snes, &operator_free, &matrix_free));
+  PetscCheck(
+      !matrix_free && !operator_free && jacobian != TSComputeIJacobianDefaultColor, PetscObjectComm((PetscObject)ts),
+      PETSC_ERR_ARG_INCOMP,
+      "-snes_mf, -snes_mf_operator and -snes_fd_color work where SNES is the nonlinear solver; choose that, or a "
+      "matrix-free linear solver");
   PetscCheck(a && p, PetscObjectComm((PetscObject)ts), PETSC_ERR_ARG_WRONGSTATE,
              "The linear solver KSP needs a matrix; give one to TSSetRHSJacobian() or TSSetIJacobian(), or choose a "
              "matrix-free solver");
   implicit = std::make_unique<Implicit>();
   implicit->implicit_part = implicit_part;
+  PetscCall(KSPGetTolerances(ksp, nullptr, &implicit->ksp_atol, nullptr, nullptr));
   PetscCall(VecDuplicate(ts->vec_sol, implicit->zero.out()));
   PetscCall(VecZeroEntries(implicit->zero));
 
@@ -378,8 +394,10 @@ int linear_system(Link& link, realtype t, N_Vector y, booleantype jok, booleanty
 
 PetscErrorCode snes_function(SNES snes, ::Vec correction, ::Vec residual, TS ts) {
   Link& link = link_of(ts);
-  Link::Implicit& implicit = *link.implicit;
   PetscFunctionBegin;
+  PetscCheck(link.implicit && link.implicit->memory, PETSC_COMM_SELF, PETSC_ERR_ORDER,
+             "SNES has a function within steps only");
+  Link::Implicit& implicit = *link.implicit;
   N_VSetVector_Petsc(implicit.x.get(), correction);
   N_VSetVector_Petsc(implicit.f.get(), residual);
   const int flag = implicit.system(implicit.x.get(), implicit.f.get(), implicit.memory);
@@ -392,7 +410,7 @@ PetscErrorCode snes_function(SNES snes, ::Vec correction, ::Vec residual, TS ts)
 }
 
 PetscErrorCode snes_jacobian(SNES, ::Vec correction, ::Mat a, ::Mat p, TS ts) {
-  Link::Implicit& implicit = *link_of(ts).implicit;
+  Link::Implicit& implicit = *link_of(ts).implicit;  // SNES has asked for the function before
   const ImplicitSystem system = implicit.query(implicit.memory);
   PetscFunctionBegin;
   PetscCall(VecWAXPY(implicit.state, 1, vec(system.predicted), correction));

@@ -50,16 +50,15 @@ struct Link {
 
   // What SUNDIALS has from us; its integrator must go before these (Link::close).
   Owned<SUNContext, free_context> context;
-  Owned<N_Vector, N_VDestroy> y;  ///< the solution; `wrap_solution` makes it the current ts->vec_sol
+  Owned<N_Vector, N_VDestroy> y;  ///< work and output of the integrator; ts->vec_sol stays as accepted during a step
   Owned<SUNMatrix, SUNMatDestroy> matrix;
   Owned<SUNLinearSolver, SUNLinSolFree> linear;
   Owned<SUNNonlinearSolver, SUNNonlinSolFree> nonlinear;
 
-  /// Context and y (with fused operations), by ts->vec_sol.
+  /// Context and y (like ts->vec_sol, with fused operations, not set).
   PetscErrorCode open(TS owner);
-  /// Frees all of the above.
+  /// Frees all of the above; the TS's SNES gets back what was its own.
   void close();
-  PetscErrorCode wrap_solution();
 
   /// `linear` and `matrix`: the KSP of the TS's SNES, to be used with `linear_system`. The operator is σI − J, from
   /// TSSetRHSJacobian or TSSetIJacobian, which must have been given a matrix. implicit_part: only the Jacobian of the

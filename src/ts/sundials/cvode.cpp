@@ -1,0 +1,375 @@
+#include <cvode/cvode.h>
+#include <petsc/private/tsimpl.h>
+#include <pliant/base/petsc.h>
+#include <pliant/ts/sundials/common.h>
+#include <pliant/ts/sundials/cvode.h>
+#include <sunlinsol/sunlinsol_spgmr.h>
+#include <sunnonlinsol/sunnonlinsol_fixedpoint.h>
+#include <sunnonlinsol/sunnonlinsol_newton.h>
+
+#include <algorithm>
+#include <climits>
+
+namespace pliant::sundials {
+namespace {
+
+constexpr const char* types[] = {"adams", "bdf"};
+constexpr const char* nonlinear_solvers[] = {"fixedpoint", "newton", "snes"};
+constexpr const char* linear_solvers[] = {"ksp", "spgmr"};
+enum : PetscInt { adams, bdf };
+enum : PetscInt { fixedpoint, newton, snes };
+enum : PetscInt { ksp, spgmr };
+
+struct Counts {
+  long steps = 0, evaluations = 0, error_failures = 0, iterations = 0, failed_solves = 0, linear_iterations = 0;
+};
+
+void free_cvode(void* memory) { CVodeFree(&memory); }
+
+struct Cvode : Link {
+  // Options; PETSC_DECIDE where not set.
+  PetscInt type = bdf, max_order = PETSC_DECIDE, nonlinear_solver = PETSC_DECIDE, linear_solver = PETSC_DECIDE;
+  PetscInt anderson = 0;
+  PetscBool stab_limit = PETSC_FALSE;
+
+  PetscVec previous;         // solution at the start of the last step of the TS
+  PetscReal reached = 0;     // CVODE's time, at or ahead of the TS's
+  PetscReal left = 0;        // the TS's time after the last step
+  PetscObjectState state{};  // of the solution then
+  PetscObjectId id{};
+  bool started = false;
+  Counts last, total;  // CVODE's own since the last restart; all
+  std::unique_ptr<void, Free<free_cvode>> memory;
+};
+
+Cvode& data_of(TS ts) { return static_cast<Cvode&>(link_of(ts)); }
+
+PetscInt nonlinear_of(const Cvode& d) {
+  if (d.nonlinear_solver != PETSC_DECIDE) return d.nonlinear_solver;
+  return d.type == adams ? fixedpoint : newton;
+}
+
+// The KSP where it has a matrix with a Jacobian to work with.
+PetscErrorCode choose_linear(TS ts, PetscInt* choice) {
+  DM dm;
+  TSRHSJacobian rhs;
+  TSIJacobian implicit;
+  ::Mat p;
+  PetscFunctionBegin;
+  PetscCall(TSGetDM(ts, &dm));
+  PetscCall(DMTSGetRHSJacobian(dm, &rhs, nullptr));
+  PetscCall(DMTSGetIJacobian(dm, &implicit, nullptr));
+  PetscCall(SNESGetJacobian(ts->snes, nullptr, &p, nullptr, nullptr));
+  *choice = (rhs || implicit) && p ? ksp : spgmr;
+  PetscFunctionReturn(0);
+}
+
+ImplicitSystem implicit_system(void* memory) {
+  ImplicitSystem system{};
+  N_Vector y, f, zn1;
+  realtype rl1;
+  void* user;
+  (void)CVodeGetNonlinearSystemData(memory, &system.t, &system.predicted, &y, &f, &system.gamma, &rl1, &zn1, &user);
+  return system;
+}
+
+int cvode_linear_system(realtype t, N_Vector y, N_Vector, SUNMatrix, booleantype jok, booleantype* jcur, realtype gamma,
+                        void* link, N_Vector, N_Vector, N_Vector) {
+  return linear_system(*static_cast<Link*>(link), t, y, jok, jcur, gamma);
+}
+
+PetscErrorCode reset(TS ts) {
+  Cvode& d = data_of(ts);
+  PetscFunctionBegin;
+  d.memory.reset();
+  d.close();
+  d.previous = PetscVec();
+  d.started = false;
+  d.last = d.total = {};
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode set_up_solvers(TS ts, Cvode& d) {
+  void* memory = d.memory.get();
+  PetscInt linear = d.linear_solver;
+  PetscFunctionBegin;
+  switch (nonlinear_of(d)) {
+    case fixedpoint:
+      d.nonlinear.reset(SUNNonlinSol_FixedPoint(d.y.get(), static_cast<int>(d.anderson), d.context.get()));
+      break;
+    case newton:
+      d.nonlinear.reset(SUNNonlinSol_Newton(d.y.get(), d.context.get()));
+      break;
+    default:
+      PetscCall(d.use_snes(implicit_system));
+  }
+  PetscCheck(d.nonlinear, PETSC_COMM_SELF, PETSC_ERR_LIB, "SUNDIALS could not make a nonlinear solver");
+  PetscCall(d.check(CVodeSetNonlinearSolver(memory, d.nonlinear.get())));
+  if (nonlinear_of(d) != newton) PetscFunctionReturn(0);
+
+  if (linear == PETSC_DECIDE) PetscCall(choose_linear(ts, &linear));
+  if (linear == ksp) {
+    ts->usessnes = PETSC_TRUE;
+    PetscCall(d.use_ksp());
+  } else {
+    d.linear.reset(SUNLinSol_SPGMR(d.y.get(), SUN_PREC_NONE, 0, d.context.get()));
+    PetscCheck(d.linear, PETSC_COMM_SELF, PETSC_ERR_LIB, "SUNDIALS could not make a linear solver");
+  }
+  PetscCall(d.check(CVodeSetLinearSolver(memory, d.linear.get(), d.matrix.get())));
+  if (linear == ksp) PetscCall(d.check(CVodeSetLinSysFn(memory, cvode_linear_system)));
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode set_up(TS ts) {
+  Cvode& d = data_of(ts);
+  DM dm;
+  TSRHSFunction rhs;
+  TSIFunction implicit;
+  ::SNES unused;
+
+  PetscFunctionBegin;
+  PetscCall(TSGetDM(ts, &dm));
+  PetscCall(DMTSGetRHSFunction(dm, &rhs, nullptr));
+  PetscCall(DMTSGetIFunction(dm, &implicit, nullptr));
+  PetscCheck(rhs && !implicit, PetscObjectComm((PetscObject)ts), PETSC_ERR_ARG_WRONGSTATE,
+             "TS type cvode solves y' = f(t, y): give f by TSSetRHSFunction(), and nothing by TSSetIFunction()");
+  PetscCall(reset(ts));
+  PetscCall(d.open(ts));
+  PetscCall(TSGetSNES(ts, &unused));
+  PetscCall(VecDuplicate(ts->vec_sol, d.previous.out()));
+  PetscCall(VecCopy(ts->vec_sol, N_VGetVector_Petsc(d.y.get())));
+
+  d.memory.reset(CVodeCreate(d.type == adams ? CV_ADAMS : CV_BDF, d.context.get()));
+  void* memory = d.memory.get();
+  PetscCheck(memory, PETSC_COMM_SELF, PETSC_ERR_MEM, "SUNDIALS could not make an integrator");
+  PetscCall(d.check(CVodeSetErrHandlerFn(memory, keep_message, static_cast<Link*>(&d))));
+  PetscCall(d.check(CVodeInit(memory, right_hand_side, ts->ptime, d.y.get())));
+  PetscCall(d.check(CVodeSetUserData(memory, static_cast<Link*>(&d))));
+  PetscCall(d.check(CVodeWFtolerances(memory, error_weights)));
+  if (d.max_order != PETSC_DECIDE) PetscCall(d.check(CVodeSetMaxOrd(memory, static_cast<int>(d.max_order))));
+  if (d.stab_limit) PetscCall(d.check(CVodeSetStabLimDet(memory, SUNTRUE)));
+  PetscCall(d.check(CVodeSetMaxErrTestFails(memory, ts->max_reject < 0 ? INT_MAX : std::max(1, ts->max_reject))));
+  PetscCall(set_up_solvers(ts, d));
+  PetscFunctionReturn(0);
+}
+
+// Brings the counters of the TS and our own up to date.
+PetscErrorCode count(TS ts) {
+  Cvode& d = data_of(ts);
+  void* memory = d.memory.get();
+  Counts now;
+  PetscFunctionBegin;
+  PetscCall(d.check(CVodeGetNumSteps(memory, &now.steps)));
+  PetscCall(d.check(CVodeGetNumRhsEvals(memory, &now.evaluations)));
+  PetscCall(d.check(CVodeGetNumErrTestFails(memory, &now.error_failures)));
+  PetscCall(d.check(CVodeGetNonlinSolvStats(memory, &now.iterations, &now.failed_solves)));
+  if (d.linear && !d.matrix) PetscCall(d.check(CVodeGetNumLinIters(memory, &now.linear_iterations)));
+  for (long Counts::*which : {&Counts::steps, &Counts::evaluations, &Counts::error_failures, &Counts::iterations,
+                              &Counts::failed_solves, &Counts::linear_iterations})
+    d.total.*which += now.*which - d.last.*which;
+  ts->reject += static_cast<PetscInt>(now.error_failures - d.last.error_failures);
+  ts->snes_its += static_cast<PetscInt>(now.iterations - d.last.iterations);
+  ts->num_snes_failures += static_cast<PetscInt>(now.failed_solves - d.last.failed_solves);
+  ts->ksp_its += static_cast<PetscInt>(now.linear_iterations - d.last.linear_iterations);
+  d.last = now;
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode dense_output(Cvode& d, PetscReal t, ::Vec y) {
+  PetscFunctionBegin;
+  PetscCall(d.check(CVodeGetDky(d.memory.get(), t, 0, d.y.get())));
+  PetscCall(VecCopy(N_VGetVector_Petsc(d.y.get()), y));
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode remember(TS ts, PetscReal t) {
+  Cvode& d = data_of(ts);
+  PetscFunctionBegin;
+  d.left = t;
+  PetscCall(PetscObjectStateGet((PetscObject)ts->vec_sol, &d.state));
+  PetscCall(PetscObjectGetId((PetscObject)ts->vec_sol, &d.id));
+  PetscFunctionReturn(0);
+}
+
+// Whether CVODE's history is not that of the solution: after TSRestartStep, or where time or solution were set.
+PetscErrorCode must_restart(TS ts, bool& restart) {
+  Cvode& d = data_of(ts);
+  PetscObjectState state;
+  PetscObjectId id;
+  PetscBool equal = PETSC_TRUE;
+  PetscFunctionBegin;
+  restart = ts->steprestart || !d.started || ts->ptime != d.left;
+  if (restart) PetscFunctionReturn(0);
+  PetscCall(PetscObjectStateGet((PetscObject)ts->vec_sol, &state));
+  PetscCall(PetscObjectGetId((PetscObject)ts->vec_sol, &id));
+  if (state != d.state || id != d.id) {  // many a callback writes what was there before
+    PetscCall(d.check(CVodeGetDky(d.memory.get(), ts->ptime, 0, d.y.get())));
+    PetscCall(VecEqual(ts->vec_sol, N_VGetVector_Petsc(d.y.get()), &equal));
+  }
+  restart = !equal;
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode restart(TS ts) {
+  Cvode& d = data_of(ts);
+  PetscFunctionBegin;
+  PetscCall(VecCopy(ts->vec_sol, N_VGetVector_Petsc(d.y.get())));
+  PetscCall(d.check(CVodeReInit(d.memory.get(), ts->ptime, d.y.get())));
+  PetscCall(d.check(CVodeSetInitStep(d.memory.get(), ts->time_step)));
+  d.last = {};
+  d.reached = ts->ptime;
+  d.started = true;
+  PetscFunctionReturn(0);
+}
+
+// One step of CVODE from ts->ptime, into d.y; not beyond t_max.
+PetscErrorCode advance(TS ts, PetscReal t_max) {
+  Cvode& d = data_of(ts);
+  void* memory = d.memory.get();
+  PetscReal shortest, longest, t = ts->ptime;
+  PetscFunctionBegin;
+  PetscCall(TSAdaptGetStepLimits(ts->adapt, &shortest, &longest));
+  PetscCall(d.check(CVodeSetMinStep(memory, shortest)));
+  PetscCall(d.check(CVodeSetMaxStep(memory, longest)));
+  PetscCall(d.check(CVodeSetStopTime(memory, t_max)));
+  // CVODE wants to know the scale of time where it has to find the first step.
+  const PetscReal towards = ts->time_step > 0 ? ts->ptime + ts->time_step : std::min(t_max, ts->ptime + 1);
+  const int flag = CVode(memory, towards, d.y.get(), &t, CV_ONE_STEP);
+  PetscCall(count(ts));
+  if (flag < 0) {
+    d.started = false;
+    PetscCall(d.failed(flag));
+  }
+  d.reached = t;
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode step(TS ts) {
+  Cvode& d = data_of(ts);
+  const bool events = ts->event != nullptr && ts->event->status != TSEVENT_NONE;
+  const bool match = ts->exact_final_time == TS_EXACTFINALTIME_MATCHSTEP && ts->max_time > ts->ptime;
+  const PetscReal t_max = match ? ts->max_time : PETSC_MAX_REAL;
+  bool again;
+
+  PetscFunctionBegin;
+  PetscCall(TSPreStage(ts, ts->ptime));
+  PetscCall(must_restart(ts, again));
+  if (again) PetscCall(restart(ts));
+  const bool ahead = d.reached > ts->ptime;
+  if (!ahead) PetscCall(advance(ts, t_max));
+  if (ts->reason < 0) PetscFunctionReturn(0);
+
+  PetscReal t = std::min(d.reached, t_max);
+  if (ts->tspan != nullptr && ts->tspan->spanctr < ts->tspan->num_span_times)
+    t = std::min(t, ts->tspan->span_times[ts->tspan->spanctr]);
+  if (events) t = std::min(t, ts->ptime + ts->time_step);
+  // No steps of the size of rounding.
+  if (d.reached - t <= 10 * PETSC_MACHINE_EPSILON * PetscAbsReal(t)) t = d.reached;
+  if (ahead || t < d.reached) PetscCall(d.check(CVodeGetDky(d.memory.get(), t, 0, d.y.get())));
+  PetscCall(VecCopy(ts->vec_sol, d.previous));
+  PetscCall(VecCopy(N_VGetVector_Petsc(d.y.get()), ts->vec_sol));
+  PetscCall(TSPostStage(ts, t, 0, &ts->vec_sol));
+  ts->ptime = t;
+  // TSEvent sets its own steps while it looks for a zero.
+  if (!events) PetscCall(d.check(CVodeGetCurrentStep(d.memory.get(), &ts->time_step)));
+  PetscCall(remember(ts, t));
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode interpolate(TS ts, PetscReal t, ::Vec u) {
+  PetscFunctionBegin;
+  PetscCall(dense_output(data_of(ts), t, u));
+  PetscFunctionReturn(0);
+}
+
+// CVODE stays where it is: ahead.
+PetscErrorCode roll_back(TS ts) {
+  PetscFunctionBegin;
+  PetscCall(VecCopy(data_of(ts).previous, ts->vec_sol));
+  PetscCall(remember(ts, ts->ptime_prev));
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode destroy(TS ts) {
+  PetscFunctionBegin;
+  PetscCall(reset(ts));
+  delete &data_of(ts);
+  ts->data = nullptr;
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode set_from_options(TS ts, PetscOptionItems* PetscOptionsObject) {
+  Cvode& d = data_of(ts);
+  PetscFunctionBegin;
+  PetscOptionsHeadBegin(PetscOptionsObject, "CVODE: variable-order Adams and BDF methods");
+  PetscCall(PetscOptionsEList("-ts_cvode_type", "Multistep method: adams (not stiff) or bdf (stiff)", "", types, 2,
+                              types[d.type], &d.type, nullptr));
+  PetscCall(PetscOptionsRangeInt("-ts_cvode_max_order", "Highest order, up to 12 (adams) or 5 (bdf)", "", d.max_order,
+                                 &d.max_order, nullptr, 1, d.type == adams ? 12 : 5));
+  PetscCall(PetscOptionsEList(
+      "-ts_cvode_nonlinear", "Nonlinear solver: fixedpoint (the default for adams), newton (for bdf), or PETSc's snes",
+      "", nonlinear_solvers, 3, nonlinear_solvers[nonlinear_of(d)], &d.nonlinear_solver, nullptr));
+  PetscCall(PetscOptionsBoundedInt("-ts_cvode_anderson", "Vectors of Anderson acceleration of fixedpoint", "",
+                                   d.anderson, &d.anderson, nullptr, 0));
+  PetscCall(PetscOptionsEList(
+      "-ts_cvode_linear", "Linear solver of newton: PETSc's ksp (the default with a Jacobian), or matrix-free spgmr",
+      "", linear_solvers, 2, linear_solvers[std::max(d.linear_solver, 0)], &d.linear_solver, nullptr));
+  PetscCall(PetscOptionsBool("-ts_cvode_stab_limit", "Lower the order of bdf where it is not stable", "", d.stab_limit,
+                             &d.stab_limit, nullptr));
+  PetscOptionsHeadEnd();
+  ts->usessnes = nonlinear_of(d) == snes ? PETSC_TRUE : PETSC_FALSE;
+  if (d.memory) {  // set up for other options
+    PetscCall(reset(ts));
+    ts->setupcalled = PETSC_FALSE;
+  }
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode view(TS ts, PetscViewer viewer) {
+  Cvode& d = data_of(ts);
+  PetscBool ascii;
+  PetscFunctionBegin;
+  PetscCall(PetscObjectTypeCompare((PetscObject)viewer, PETSCVIEWERASCII, &ascii));
+  if (!ascii) PetscFunctionReturn(0);
+  PetscCall(PetscViewerASCIIPrintf(viewer, "CVODE %s, %s\n", types[d.type], nonlinear_solvers[nonlinear_of(d)]));
+  if (nonlinear_of(d) == newton && d.memory)
+    PetscCall(PetscViewerASCIIPrintf(viewer, "  linear solver: %s\n", linear_solvers[d.matrix ? ksp : spgmr]));
+  if (d.memory) {
+    const Counts& c = d.total;
+    int order = 0;
+    PetscReal last = 0, next = 0;
+    PetscCall(d.check(CVodeGetLastOrder(d.memory.get(), &order)));
+    PetscCall(d.check(CVodeGetLastStep(d.memory.get(), &last)));
+    PetscCall(d.check(CVodeGetCurrentStep(d.memory.get(), &next)));
+    PetscCall(PetscViewerASCIIPrintf(viewer, "  steps=%ld, right-hand sides=%ld, error test failures=%ld\n", c.steps,
+                                     c.evaluations, c.error_failures));
+    PetscCall(PetscViewerASCIIPrintf(viewer,
+                                     "  nonlinear iterations=%ld, failures=%ld; linear iterations=%" PetscInt_FMT
+                                     ", Jacobians=%" PetscInt_FMT "\n",
+                                     c.iterations, c.failed_solves, ts->ksp_its, ts->rhsjacs + ts->ijacs));
+    PetscCall(PetscViewerASCIIPrintf(viewer, "  last order=%d, last step=%g, next step=%g\n", order, (double)last,
+                                     (double)next));
+  }
+  PetscFunctionReturn(0);
+}
+
+}  // namespace
+
+PetscErrorCode cvode_create(TS ts) {
+  PetscFunctionBegin;
+  ts->data = static_cast<Link*>(new Cvode);
+  ts->ops->setup = set_up;
+  ts->ops->step = step;
+  ts->ops->interpolate = interpolate;
+  ts->ops->rollback = roll_back;
+  ts->ops->reset = reset;
+  ts->ops->destroy = destroy;
+  ts->ops->setfromoptions = set_from_options;
+  ts->ops->view = view;
+  ts->ops->snesfunction = snes_function;
+  ts->ops->snesjacobian = snes_jacobian;
+  ts->default_adapt_type = TSADAPTBASIC;  // not used, but for its limits of the step
+  PetscFunctionReturn(0);
+}
+
+}  // namespace pliant::sundials

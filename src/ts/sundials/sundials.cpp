@@ -1,0 +1,12 @@
+#include <pliant/ts/sundials/cvode.h>
+#include <pliant/ts/sundials/sundials.h>
+
+namespace pliant {
+
+PetscErrorCode sundials_register() {
+  PetscFunctionBegin;
+  PetscCall(TSRegister(ts_cvode, sundials::cvode_create));
+  PetscFunctionReturn(0);
+}
+
+}  // namespace pliant
