@@ -124,7 +124,8 @@ Link& link_of(SUNNonlinearSolver solver) { return *static_cast<Link*>(solver->co
 int solve_linear(SUNLinearSolver solver, SUNMatrix, N_Vector x, N_Vector b, realtype tolerance) {
   Link& link = link_of(solver);
   bool converged = false;
-  switch (outcome(link, solve(link, vec(x), vec(b), tolerance, converged), converged)) {
+  const PetscErrorCode code = solve(link, vec(x), vec(b), tolerance, converged);
+  switch (outcome(link, code, converged)) {
     case 0:
       return SUNLS_SUCCESS;
     case 1:
@@ -186,7 +187,8 @@ int solve_nonlinear(SUNNonlinearSolver solver, N_Vector, N_Vector correction, N_
   implicit.weights = weights;
   implicit.tolerance = tolerance;
   implicit.converged = false;
-  switch (outcome(link, solve_snes(link, vec(correction), implicit.converged), implicit.converged)) {
+  const PetscErrorCode code = solve_snes(link, vec(correction), implicit.converged);
+  switch (outcome(link, code, implicit.converged)) {
     case 0:
       return SUN_NLS_SUCCESS;
     case 1:

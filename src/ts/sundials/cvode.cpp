@@ -304,8 +304,10 @@ PetscErrorCode set_from_options(TS ts, PetscOptionItems* PetscOptionsObject) {
   PetscOptionsHeadBegin(PetscOptionsObject, "CVODE: variable-order Adams and BDF methods");
   PetscCall(PetscOptionsEList("-ts_cvode_type", "Multistep method: adams (not stiff) or bdf (stiff)", "", types, 2,
                               types[d.type], &d.type, nullptr));
-  PetscCall(PetscOptionsRangeInt("-ts_cvode_max_order", "Highest order, up to 12 (adams) or 5 (bdf)", "", d.max_order,
-                                 &d.max_order, nullptr, 1, d.type == adams ? 12 : 5));
+  const PetscInt highest = d.type == adams ? 12 : 5;
+  const PetscInt order = d.max_order == PETSC_DECIDE ? highest : std::min(d.max_order, highest);
+  PetscCall(PetscOptionsRangeInt("-ts_cvode_max_order", "Highest order, up to 12 (adams) or 5 (bdf)", "", order,
+                                 &d.max_order, nullptr, 1, highest));
   PetscCall(PetscOptionsEList(
       "-ts_cvode_nonlinear", "Nonlinear solver: fixedpoint (the default for adams), newton (for bdf), or PETSc's snes",
       "", nonlinear_solvers, 3, nonlinear_solvers[nonlinear_of(d)], &d.nonlinear_solver, nullptr));
