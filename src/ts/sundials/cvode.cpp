@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <climits>
+#include <cmath>
 
 namespace pliant::sundials {
 namespace {
@@ -210,12 +211,37 @@ PetscErrorCode must_restart(TS ts, bool& restart) {
   PetscFunctionReturn(0);
 }
 
+// First step of a restart, at order 1: CVODE's next step, of order q, was chosen for an error of the tolerance, so that
+// for a solution of one scale of time the step of order 1 with that error is shorter by tol^(1/2 − 1/(q + 1)).
+PetscErrorCode first_step(TS ts, PetscReal* h) {
+  Cvode& d = data_of(ts);
+  void* memory = d.memory.get();
+  ::Vec scaled = N_VGetVector_Petsc(d.y.get());
+  int order;
+  PetscInt n;
+  PetscReal next, norm;
+  PetscFunctionBegin;
+  *h = ts->time_step;
+  if (!d.started || ts->steps == 0 || d.last.steps == 0) PetscFunctionReturn(0);
+  PetscCall(d.check(CVodeGetCurrentStep(memory, &next)));
+  PetscCall(d.check(CVodeGetLastOrder(memory, &order)));
+  PetscCall(d.check(CVodeGetErrWeights(memory, d.y.get())));
+  PetscCall(VecPointwiseMult(scaled, scaled, ts->vec_sol));
+  PetscCall(VecNorm(scaled, NORM_2, &norm));
+  PetscCall(VecGetSize(scaled, &n));
+  norm = std::max(1., norm / std::sqrt(n));  // of the solution, in tolerances
+  *h = std::min(*h, next * std::pow(norm, 1. / (order + 1) - 0.5));
+  PetscFunctionReturn(0);
+}
+
 PetscErrorCode restart(TS ts) {
   Cvode& d = data_of(ts);
+  PetscReal h;
   PetscFunctionBegin;
+  PetscCall(first_step(ts, &h));
   PetscCall(VecCopy(ts->vec_sol, N_VGetVector_Petsc(d.y.get())));
   PetscCall(d.check(CVodeReInit(d.memory.get(), ts->ptime, d.y.get())));
-  PetscCall(d.check(CVodeSetInitStep(d.memory.get(), ts->time_step)));
+  PetscCall(d.check(CVodeSetInitStep(d.memory.get(), h)));
   d.last = {};
   d.reached = ts->ptime;
   d.started = true;
@@ -236,9 +262,13 @@ PetscErrorCode advance(TS ts, PetscReal t_max) {
   const PetscReal towards = ts->time_step > 0 ? ts->ptime + ts->time_step : std::min(t_max, ts->ptime + 1);
   const int flag = CVode(memory, towards, d.y.get(), &t, CV_ONE_STEP);
   PetscCall(count(ts));
-  if (flag < 0) {
+  if (flag < 0 || d.error != 0) {
     d.started = false;
     PetscCall(d.failed(flag));
+  } else if (t <= ts->ptime) {
+    d.started = false;
+    ts->reason = TS_DIVERGED_STEP_REJECTED;
+    PetscCall(PetscInfo(ts, "The step at t = %g is lost in rounding\n", (double)t));
   }
   d.reached = t;
   PetscFunctionReturn(0);
