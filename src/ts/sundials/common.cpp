@@ -45,14 +45,14 @@ void linear_sum(realtype a, N_Vector x, realtype b, N_Vector y, N_Vector z) {
   }
 }
 
-PetscErrorCode evaluate(Link& link, PetscReal t, ::Vec y, ::Vec f, bool& valid) {
+PetscErrorCode compute(Link& link, Compute* function, PetscReal t, ::Vec y, ::Vec f, bool& valid) {
   PetscBool inside = PETSC_TRUE;
   PetscReal norm;
   PetscFunctionBegin;
   valid = false;
   PetscCall(TSFunctionDomainError(link.ts, t, y, &inside));
   if (!inside) PetscFunctionReturn(0);
-  PetscCall(TSComputeRHSFunction(link.ts, t, y, f));
+  PetscCall(function(link.ts, t, y, f));
   PetscCall(VecNorm(f, NORM_1, &norm));  // the maximum norm may lose a NaN
   valid = !PetscIsInfOrNanReal(norm);
   PetscFunctionReturn(0);
@@ -389,12 +389,15 @@ int outcome(Link& link, PetscErrorCode code, bool valid) {
   return -1;
 }
 
-int right_hand_side(realtype t, N_Vector y, N_Vector ydot, void* link) {
-  Link& l = *static_cast<Link*>(link);
-  if (l.error != 0) return -1;  // some solvers of SUNDIALS try again
+int evaluate(Link& link, Compute* function, realtype t, N_Vector y, N_Vector f) {
+  if (link.error != 0) return -1;  // some solvers of SUNDIALS try again
   bool valid = false;
-  const PetscErrorCode code = evaluate(l, t, vec(y), vec(ydot), valid);
-  return outcome(l, code, valid);
+  const PetscErrorCode code = compute(link, function, t, vec(y), vec(f), valid);
+  return outcome(link, code, valid);
+}
+
+int right_hand_side(realtype t, N_Vector y, N_Vector ydot, void* link) {
+  return evaluate(*static_cast<Link*>(link), TSComputeRHSFunction, t, y, ydot);
 }
 
 int error_weights(N_Vector y, N_Vector weights, void* link) {

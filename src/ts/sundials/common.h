@@ -86,6 +86,12 @@ Link& link_of(TS ts);
 /// Return value of a callback: −1 for a PETSc error (kept in the link), 1 for what a smaller step may mend, 0.
 int outcome(Link& link, PetscErrorCode code, bool valid);
 
+/// Something like TSComputeRHSFunction.
+using Compute = PetscErrorCode(TS ts, PetscReal t, ::Vec y, ::Vec f);
+
+/// Body of a CVRhsFn or ARKRhsFn.
+int evaluate(Link& link, Compute* function, realtype t, N_Vector y, N_Vector f);
+
 /// f(t, y) by TSComputeRHSFunction: a CVRhsFn, ARKRhsFn.
 int right_hand_side(realtype t, N_Vector y, N_Vector ydot, void* link);
 
