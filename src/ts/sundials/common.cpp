@@ -256,6 +256,22 @@ void Link::close() {
   context.reset();
 }
 
+PetscErrorCode Link::has_jacobian(PetscBool* yes) const {
+  DM dm;
+  SNES snes;
+  TSRHSJacobian rhs;
+  TSIJacobian implicit_jacobian;
+  ::Mat p;
+  PetscFunctionBegin;
+  PetscCall(TSGetDM(ts, &dm));
+  PetscCall(DMTSGetRHSJacobian(dm, &rhs, nullptr));
+  PetscCall(DMTSGetIJacobian(dm, &implicit_jacobian, nullptr));
+  PetscCall(TSGetSNES(ts, &snes));
+  PetscCall(SNESGetJacobian(snes, nullptr, &p, nullptr, nullptr));
+  *yes = (rhs || implicit_jacobian) && p ? PETSC_TRUE : PETSC_FALSE;
+  PetscFunctionReturn(0);
+}
+
 PetscErrorCode Link::use_ksp(PetscBool implicit_part) {
   KSP ksp;
   DM dm;

@@ -60,6 +60,8 @@ struct Link {
   /// Frees all of the above; the TS's SNES gets back what was its own.
   void close();
 
+  /// Whether the KSP of the TS has a matrix and a function that makes it a Jacobian.
+  PetscErrorCode has_jacobian(PetscBool* yes) const;
   /// `linear` and `matrix`: the KSP of the TS's SNES, to be used with `linear_system`. The operator is σI − J, from
   /// TSSetRHSJacobian or TSSetIJacobian, which must have been given a matrix. implicit_part: only the Jacobian of the
   /// implicit function, for a split right-hand side.

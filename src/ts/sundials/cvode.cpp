@@ -50,21 +50,6 @@ PetscInt nonlinear_of(const Cvode& d) {
   return d.type == adams ? fixedpoint : newton;
 }
 
-// The KSP where it has a matrix with a Jacobian to work with.
-PetscErrorCode choose_linear(TS ts, PetscInt* choice) {
-  DM dm;
-  TSRHSJacobian rhs;
-  TSIJacobian implicit;
-  ::Mat p;
-  PetscFunctionBegin;
-  PetscCall(TSGetDM(ts, &dm));
-  PetscCall(DMTSGetRHSJacobian(dm, &rhs, nullptr));
-  PetscCall(DMTSGetIJacobian(dm, &implicit, nullptr));
-  PetscCall(SNESGetJacobian(ts->snes, nullptr, &p, nullptr, nullptr));
-  *choice = (rhs || implicit) && p ? ksp : spgmr;
-  PetscFunctionReturn(0);
-}
-
 ImplicitSystem implicit_system(void* memory) {
   ImplicitSystem system{};
   N_Vector y, f, zn1;
@@ -93,6 +78,7 @@ PetscErrorCode reset(TS ts) {
 PetscErrorCode set_up_solvers(TS ts, Cvode& d) {
   void* memory = d.memory.get();
   PetscInt linear = d.linear_solver;
+  PetscBool jacobian;
   PetscFunctionBegin;
   switch (nonlinear_of(d)) {
     case fixedpoint:
@@ -108,7 +94,10 @@ PetscErrorCode set_up_solvers(TS ts, Cvode& d) {
   PetscCall(d.check(CVodeSetNonlinearSolver(memory, d.nonlinear.get())));
   if (nonlinear_of(d) != newton) PetscFunctionReturn(0);
 
-  if (linear == PETSC_DECIDE) PetscCall(choose_linear(ts, &linear));
+  if (linear == PETSC_DECIDE) {
+    PetscCall(d.has_jacobian(&jacobian));
+    linear = jacobian ? ksp : spgmr;
+  }
   if (linear == ksp) {
     ts->usessnes = PETSC_TRUE;
     PetscCall(d.use_ksp());
