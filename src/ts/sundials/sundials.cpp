@@ -1,3 +1,4 @@
+#include <pliant/ts/sundials/arkode.h>
 #include <pliant/ts/sundials/cvode.h>
 #include <pliant/ts/sundials/sundials.h>
 
@@ -6,6 +7,7 @@ namespace pliant {
 PetscErrorCode sundials_register() {
   PetscFunctionBegin;
   PetscCall(TSRegister(ts_cvode, sundials::cvode_create));
+  PetscCall(TSRegister(ts_arkode, sundials::arkode_create));
   PetscFunctionReturn(0);
 }
 
