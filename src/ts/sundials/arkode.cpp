@@ -329,6 +329,7 @@ PetscErrorCode evolve(TS ts) {
     if (!invalid || d.fixed_steps() || rejected == ts->max_reject) {
       if (invalid) flag = ARK_REPTD_RHSFUNC_ERR;
       if (flag == ARK_INNERSTEP_FAIL) flag = ARK_ERR_FAILURE;
+      d.t_seen = std::numeric_limits<PetscReal>::quiet_NaN();
       PetscCall(d.failed(flag));
       PetscFunctionReturn(0);
     }

@@ -260,15 +260,17 @@ PetscErrorCode Link::has_jacobian(PetscBool* yes) const {
   DM dm;
   SNES snes;
   TSRHSJacobian rhs;
+  TSIFunction function;
   TSIJacobian implicit_jacobian;
   ::Mat p;
   PetscFunctionBegin;
   PetscCall(TSGetDM(ts, &dm));
   PetscCall(DMTSGetRHSJacobian(dm, &rhs, nullptr));
+  PetscCall(DMTSGetIFunction(dm, &function, nullptr));
   PetscCall(DMTSGetIJacobian(dm, &implicit_jacobian, nullptr));
   PetscCall(TSGetSNES(ts, &snes));
   PetscCall(SNESGetJacobian(snes, nullptr, &p, nullptr, nullptr));
-  *yes = (rhs || implicit_jacobian) && p ? PETSC_TRUE : PETSC_FALSE;
+  *yes = p && (implicit_jacobian || (rhs && !function)) ? PETSC_TRUE : PETSC_FALSE;
   PetscFunctionReturn(0);
 }
 
