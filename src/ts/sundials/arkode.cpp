@@ -315,7 +315,9 @@ PetscErrorCode evolve(TS ts) {
       PetscCall(
           d.check(d.stepper->stop_time(d.memory, span ? ts->tspan->span_times[ts->tspan->spanctr] : ts->max_time)));
     }
-    int flag = d.stepper->evolve(d.memory, t + h, d.y.get(), &t, ARK_ONE_STEP);
+    // ARKODE wants to know the scale of time where it has to find the first step.
+    const PetscReal towards = h > 0 ? t + h : std::min(ts->max_time, t + 1);
+    int flag = d.stepper->evolve(d.memory, towards, d.y.get(), &t, ARK_ONE_STEP);
     PetscCall(count(ts));
     if (flag >= 0 && t == ts->ptime) flag = ARK_TOO_CLOSE;  // the step is lost in rounding
     if (flag >= 0 && d.error == 0) {                        // some solvers of SUNDIALS try again after an error
@@ -357,7 +359,7 @@ PetscErrorCode step(TS ts) {
     if (ts->reason < 0) PetscFunctionReturn(0);
   }
 
-  const PetscReal t = ts->ptime + ts->time_step;
+  const PetscReal t = ts->time_step > 0 ? ts->ptime + ts->time_step : d.t_end;
   if (d.t_end - t <= 1e-10 * (d.t_end - ts->ptime)) {
     PetscCall(VecCopy(N_VGetVector_Petsc(d.y.get()), ts->vec_sol));
     ts->ptime = d.t_end;
