@@ -6,8 +6,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
-#include <cstdlib>
 #include <string>
 #include <vector>
 
@@ -298,28 +296,6 @@ PetscErrorCode heavy(TS, PetscReal, ::Vec y, ::Vec ydot, ::Vec f, void*) {
 Solver kepler() {
   const auto start = Kepler::exact(0);
   return {{start.begin(), start.end()}, Kepler::rhs, nullptr};
-}
-
-std::string tolerances(double tol) { return fmt::format(" -ts_rtol {} -ts_atol {} ", tol, tol); }
-
-std::string view(TS ts) {
-  char* text = nullptr;
-  std::size_t size = 0;
-  std::FILE* file = open_memstream(&text, &size);
-  PetscViewer viewer = nullptr;
-  petsc_check(PetscViewerASCIIOpenWithFILE(PETSC_COMM_SELF, file, &viewer));
-  petsc_check(TSView(ts, viewer));
-  petsc_check(PetscViewerDestroy(&viewer));
-  std::fclose(file);
-  std::string copy(text, size);
-  std::free(text);
-  return copy;
-}
-
-double number_after(const std::string& text, const std::string& name) {
-  const auto at = text.find(name + "=");
-  REQUIRE(at != std::string::npos);
-  return std::stod(text.substr(at + name.size() + 1));
 }
 
 }  // namespace

@@ -1,8 +1,6 @@
 // TS type cvode: against exact and reference solutions, and as a good citizen of TS.
 #include <catch2/catch.hpp>
 
-#include <cstdio>
-#include <cstdlib>
 #include <limits>
 
 #include "problems.h"
@@ -17,8 +15,6 @@ Solver kepler(TSRHSFunction rhs = Kepler::rhs, void* context = nullptr) {
   const auto start = Kepler::exact(0);
   return {{start.begin(), start.end()}, rhs, context};
 }
-
-std::string tolerances(double tol) { return fmt::format("-ts_rtol {} -ts_atol {} ", tol, tol); }
 
 // y' = f with calls counted, and things that go wrong.
 struct Decay {
@@ -52,26 +48,6 @@ double slope(const std::vector<double>& tolerance, const std::vector<double>& er
     x += a, y += b, xx += a * a, xy += a * b;
   }
   return (n * xy - x * y) / (n * xx - x * x);
-}
-
-std::string view(TS ts) {
-  char* text = nullptr;
-  std::size_t size = 0;
-  std::FILE* file = open_memstream(&text, &size);
-  PetscViewer viewer = nullptr;
-  petsc_check(PetscViewerASCIIOpenWithFILE(PETSC_COMM_SELF, file, &viewer));
-  petsc_check(TSView(ts, viewer));
-  petsc_check(PetscViewerDestroy(&viewer));
-  std::fclose(file);
-  std::string copy(text, size);
-  std::free(text);
-  return copy;
-}
-
-double number_after(const std::string& text, const std::string& name) {
-  const auto at = text.find(name + "=");
-  REQUIRE(at != std::string::npos);
-  return std::stod(text.substr(at + name.size() + 1));
 }
 
 }  // namespace

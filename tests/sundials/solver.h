@@ -1,7 +1,11 @@
 // A TS over a vector, set up by an options string.
 #pragma once
 
+#include <catch2/catch.hpp>
+
 #include <cmath>
+#include <cstdio>
+#include <cstdlib>
 #include <string>
 #include <vector>
 
@@ -115,6 +119,30 @@ double distance(const A& a, const B& b) {
     if (!(d <= worst)) worst = d;  // keeps a NaN
   }
   return worst;
+}
+
+inline std::string tolerances(double tol) { return fmt::format(" -ts_rtol {} -ts_atol {} ", tol, tol); }
+
+// What -ts_view prints.
+inline std::string view(TS ts) {
+  char* text = nullptr;
+  std::size_t size = 0;
+  std::FILE* file = open_memstream(&text, &size);
+  PetscViewer viewer = nullptr;
+  petsc_check(PetscViewerASCIIOpenWithFILE(PETSC_COMM_SELF, file, &viewer));
+  petsc_check(TSView(ts, viewer));
+  petsc_check(PetscViewerDestroy(&viewer));
+  std::fclose(file);
+  std::string copy(text, size);
+  std::free(text);
+  return copy;
+}
+
+// Of name=number in it.
+inline double number_after(const std::string& text, const std::string& name) {
+  const auto at = text.find(name + "=");
+  REQUIRE(at != std::string::npos);
+  return std::stod(text.substr(at + name.size() + 1));
 }
 
 }  // namespace problems
