@@ -87,7 +87,7 @@ void Halo<D>::settle(const Topology& topology, const Real* x) {
 }
 
 template <int D>
-void Halo<D>::build(Topology& topology, const Real* x, Real skin) {
+void Halo<D>::build(Topology& topology, const Real* x, Real margin) {
   topology.drop_ghosts();
   const Index n = topology.owned();
   Real widest = 0;
@@ -119,7 +119,7 @@ void Halo<D>::build(Topology& topology, const Real* x, Real skin) {
   for (Index m = 0; m < n; ++m) {
     if (topology.active[m] == 0) continue;
     const Index first = topology.offset[m];
-    const Real reach = (topology.diameter[first] + widest) / 2 + skin;
+    const Real reach = (topology.diameter[first] + widest) / 2 + margin;
     int last_rank = -1;  // the territories of a rank follow each other
     for (const Territory<D>& t : all) {
       if (t.rank == ranks_.rank() || t.rank == last_rank) continue;

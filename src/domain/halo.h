@@ -21,8 +21,8 @@ class Halo {
   void settle(const Topology& topology, const Real* x);
 
   /// Replaces the ghosts at the end of the topology by the particles of other ranks that can come within a contact +
-  /// skin of an own one. Needs settle() before. x [owned points · D].
-  void build(Topology& topology, const Real* x, Real skin);
+  /// margin of an own one. Needs settle() before. x [owned points · D].
+  void build(Topology& topology, const Real* x, Real margin);
 
   /// local [points · D] becomes own [owned points · D] and the same of the ghosts.
   void update(const Real* own, std::vector<Real>& local) const;

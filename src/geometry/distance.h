@@ -38,6 +38,14 @@ Mat<D> distance_curvature(const Vec<D>& n, Real d) {
   return d > 0 ? Mat<D>((Mat<D>::Identity() - n * n.transpose()) / d) : Mat<D>(Mat<D>::Zero());
 }
 
+/// Where a wall is nearest to a point: the distance d, the unit vector n from there to the point (∇d), and ∇²d.
+template <int D>
+struct WallFoot {
+  Real d;
+  Vec<D> n;
+  Mat<D> curvature;
+};
+
 /// First and second derivatives of the distance d(p, a, b) of p to the closed segment a–b, with respect to the points
 /// p, a, b. d is C¹; its Hessian jumps where the foot reaches an end.
 struct SegmentDistance {

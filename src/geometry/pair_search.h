@@ -11,7 +11,8 @@
 
 namespace pliant {
 
-/// Two things that may touch: point–point (i, j), vertex–edge (vertex, first vertex of the edge), point–wall, lip–edge.
+/// Two things that may touch: point–point (i, j), vertex–edge (vertex, first vertex of the edge), point–wall, lip–edge,
+/// point–solid.
 struct Pair {
   Index first, second;
   auto operator<=>(const Pair&) const = default;
@@ -76,6 +77,17 @@ void find_wall_pairs(const PointCloud& cloud, const Walls<D>& walls, Real skin, 
     if (!cloud.uses(i)) continue;
     for (Index s = 0; s < walls.size(); ++s)
       if (walls.distance(point<D>(cloud.x, i), s) < cloud.diameter[i] / 2 + skin) found(i, s);
+  }
+}
+
+/// Points of the range with distance < δ/2 + skin from a solid at time t: found(point, solid).
+template <int D, class Found>
+void find_solid_pairs(const PointCloud& cloud, std::span<const Solid<D>> solids, Real t, Real skin, Index first,
+                      Index last, Found&& found) {
+  for (Index i = first; i < last; ++i) {
+    if (!cloud.uses(i)) continue;
+    for (Index s = 0; s < static_cast<Index>(solids.size()); ++s)
+      if (solids[s].foot(point<D>(cloud.x, i), t).d < cloud.diameter[i] / 2 + skin) found(i, s);
   }
 }
 

@@ -1,5 +1,5 @@
-// Fixed walls: straight segments in the plane; in 3D the same segments are the meridian of a wall of revolution about
-// z.
+// Walls: straight segments in the plane, fixed; in 3D the same segments are the meridian of a wall of revolution about
+// z. And solids, which droplets meet.
 #pragma once
 
 #include <cmath>
@@ -7,7 +7,7 @@
 #include <vector>
 
 #include <pliant/base/errors.h>
-#include <pliant/geometry/distance.h>
+#include <pliant/geometry/solid.h>
 
 namespace pliant {
 
@@ -23,16 +23,9 @@ struct WallSegment {
   }
 };
 
-/// Where a wall is nearest to a point: the distance d, the unit vector n from there to the point (∇d), and ∇²d.
-template <int D>
-struct WallFoot {
-  Real d;
-  Vec<D> n;
-  Mat<D> curvature;
-};
-
-/// The walls of a run. Each segment counts separately in an interior corner, and its ends are round corners: the
-/// distance is to the closed segment, so that a particle turns round the lip of an orifice smoothly.
+/// The walls of a run: segments, which are numbered first, then solids. Each segment counts separately in an interior
+/// corner, and its ends are round corners: the distance is to the closed segment, so that a particle turns round the
+/// lip of an orifice smoothly.
 template <int D>
 class Walls {
   static_assert(D == 2 || D == 3);
@@ -42,10 +35,13 @@ class Walls {
   /// lips: free ends that point into the flow and can enter an edge between two vertices (2D).
   explicit Walls(std::vector<WallSegment> segments, std::vector<Vec<2>> lips = {})
       : segments_(std::move(segments)), lips_(std::move(lips)) {}
+  explicit Walls(std::vector<Solid<D>> solids) : solids_(std::move(solids)) {}
 
+  /// Segments.
   Index size() const { return static_cast<Index>(segments_.size()); }
   const std::vector<WallSegment>& segments() const { return segments_; }
   const std::vector<Vec<2>>& lips() const { return lips_; }
+  const std::vector<Solid<D>>& solids() const { return solids_; }
   /// The wall that ends in lip l.
   Index wall_of_lip(Index l) const {
     Index s = 0;
@@ -112,6 +108,7 @@ class Walls {
 
   std::vector<WallSegment> segments_;
   std::vector<Vec<2>> lips_;
+  std::vector<Solid<D>> solids_;
 };
 
 }  // namespace pliant

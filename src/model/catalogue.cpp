@@ -1,9 +1,12 @@
 #include <pliant/model/catalogue.h>
 
 #include <pliant/base/errors.h>
+#include <pliant/model/depletion.h>
 #include <pliant/model/fused_terms.h>
 #include <pliant/model/lip_contact.h>
 #include <pliant/model/wall_contact.h>
+#include <pliant/model/wall_depletion.h>
+#include <pliant/model/wall_repulsion.h>
 
 namespace pliant {
 namespace {
@@ -31,11 +34,13 @@ std::string_view to_string(ModelKind kind) {
       return "smooth";
     case ModelKind::shape:
       return "shape";
+    case ModelKind::bubble:
+      return "bubble";
   }
   return "";
 }
 
-NeighbourNeeds neighbour_needs(ModelKind kind) {
+NeighbourNeeds neighbour_needs(ModelKind kind, const ModelParameters& p) {
   switch (kind) {
     case ModelKind::sp:
       return {.point_pairs = true, .walls = true};
@@ -45,6 +50,8 @@ NeighbourNeeds neighbour_needs(ModelKind kind) {
       return {.vertex_edges = true, .walls = true, .lips = true};
     case ModelKind::shape:
       return {};
+    case ModelKind::bubble:
+      return {.point_pairs = true, .solids = true, .beyond = 2 * p.a_s};
   }
   return {};
 }
@@ -54,6 +61,11 @@ std::unique_ptr<ForceField<D>> make_force_field(ModelKind kind, const ModelParam
   if (kind == ModelKind::sp)
     return model<D>(fused<PairKernel>(PairContact<D>{p.epsilon, "pair"}, PairFriction<D>{p.mu}),
                     WallContact<D>{p.epsilon_wall}, fused<PointKernel>(Gravity<D>{gravity}, Drag<D>{p.zeta}));
+  if (kind == ModelKind::bubble) {
+    if (!(p.a_s > 0)) throw InputError("the radius a_s of the depletant is {}, but it must be positive", p.a_s);
+    return model<D>(BubbleContact<D>{{p.f0}}, Depletion<D>{{{p.phi_c, p.a_s}}, {p.f0}},
+                    WallRepulsion<D>{{p.f0 * p.mean_radius}}, WallDepletion<D>{{p.phi_c, p.a_s}}, Gravity<D>{gravity});
+  }
   if constexpr (D == 2) {
     const auto shape = fused<ShapeKernel>(Area{p.k_a}, Perimeter{p.k_l}, Bending{p.k_b});
     const WallContact<2> wall{p.epsilon_wall};

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
+#include <exception>
 #include <functional>
 #include <memory>
 #include <numeric>
@@ -59,7 +60,7 @@ class ForceField {
   /// ∂F/∂v of all dissipations.
   virtual void damping(const StateView<D>& s, BlockSink<D>& h) const = 0;
   virtual void for_each_contact(const StateView<D>& s, const std::function<void(const Contact<D>&)>& visit) const = 0;
-  /// Force on each wall by the points, added to f [walls · D].
+  /// Force on each wall by the points, added to f [(segments + solids) · D].
   virtual void add_wall_forces(const StateView<D>& s, Real* f) const = 0;
   /// Limits of stability of velocity Verlet.
   virtual CriticalStep critical_step(const Topology& topology) const = 0;
@@ -239,12 +240,26 @@ class Model final : public ForceField<D> {
     });
   }
 
-  /// The chunks write to their own points only, so that threads can share them out in any way.
+  /// The chunks write to their own points only, so that threads can share them out in any way. What an element throws
+  /// arrives; of several errors, that of the first chunk.
   template <class Visit>
   static void for_each_chunk(const StateView<D>& s, Visit&& visit) {
     const Index chunks = s.neighbours.chunks();
+    Index failed = chunks;
+    std::exception_ptr error;
 #pragma omp parallel for schedule(dynamic, 1) if (chunks > 1)
-    for (Index c = 0; c < chunks; ++c) visit(c);
+    for (Index c = 0; c < chunks; ++c) {
+      try {
+        visit(c);
+      } catch (...) {
+#pragma omp critical
+        if (c < failed) {
+          failed = c;
+          error = std::current_exception();
+        }
+      }
+    }
+    if (error) std::rethrow_exception(error);
   }
 
   /// Σ value(chunk), in the same order for any number of threads.

@@ -16,6 +16,13 @@ constexpr Index chunk_size = D == 2 ? 1500 : 4000;
 }  // namespace
 
 template <int D>
+bool Neighbours<D>::valid(const Walls<D>& wall, const Real* x, Real t) const {
+  for (const Solid<D>& solid : wall.solids())
+    if (!((solid.place_at(t) - solid.place_at(time_)).squaredNorm() <= square(skin_ / 2))) return false;
+  return valid(x);
+}
+
+template <int D>
 bool Neighbours<D>::valid(const Real* x) const {
   bool all = built_;
 #pragma omp parallel for reduction(&& : all) if (chunks() > 1)
@@ -45,6 +52,8 @@ Range Neighbours<D>::inside(Elements elements, Index chunk) const {
       return walls.inside(chunk);
     case Elements::lips:
       return lips.inside(chunk);
+    case Elements::solids:
+      return solids.inside(chunk);
   }
   return {};
 }
@@ -141,7 +150,7 @@ void Neighbours<D>::build_own(PairList& list, Search&& search) {
 }
 
 template <int D>
-void Neighbours<D>::rebuild(const Topology& topology, const Walls<D>& wall, const Real* x) {
+void Neighbours<D>::rebuild(const Topology& topology, const Walls<D>& wall, const Real* x, Real t) {
   const Index n = topology.points();
   for (std::size_t k = 0; k < static_cast<std::size_t>(n) * D; ++k)
     if (!std::isfinite(x[k])) {
@@ -151,6 +160,8 @@ void Neighbours<D>::rebuild(const Topology& topology, const Walls<D>& wall, cons
     }
 
   divide(topology);
+  time_ = t;
+  const Real margin = this->margin();
   const PointCloud cloud{x, topology.diameter, topology.particle, topology.next, topology.active};
   Real mean = 0;
   widest_ = 0;
@@ -160,23 +171,29 @@ void Neighbours<D>::rebuild(const Topology& topology, const Walls<D>& wall, cons
   }
   if (needs_.point_pairs || needs_.vertex_edges) {
     // Cells as wide as the mean reach of a point: a search then visits a few cells of a few points each.
-    grid_.build(x, topology.diameter.data(), n, mean / n + skin_, [&](Index i) { return cloud.uses(i); });
+    grid_.build(x, topology.diameter.data(), n, mean / n + margin, [&](Index i) { return cloud.uses(i); });
   }
   if (needs_.point_pairs)
-    build(point_pairs, true, n,
-          [&](Index first, Index last, auto&& found) { find_point_pairs<D>(cloud, grid_, skin_, first, last, found); });
+    build(point_pairs, true, n, [&](Index first, Index last, auto&& found) {
+      find_point_pairs<D>(cloud, grid_, margin, first, last, found);
+    });
   if (needs_.walls)
     build_own(walls, [&](Index first, Index last, auto&& found) {
-      find_wall_pairs<D>(cloud, wall, skin_, first, last, found);
+      find_wall_pairs<D>(cloud, wall, margin, first, last, found);
+    });
+  if (needs_.solids)
+    build_own(solids, [&](Index first, Index last, auto&& found) {
+      find_solid_pairs<D>(cloud, wall.solids(), t, margin, first, last, found);
     });
   if constexpr (D == 2) {
     if (needs_.vertex_edges)
       build(vertex_edges, false, n, [&](Index first, Index last, auto&& found) {
-        find_vertex_edge_pairs(cloud, grid_, skin_, widest_, first, last, found);
+        find_vertex_edge_pairs(cloud, grid_, margin, widest_, first, last, found);
       });
     if (needs_.lips)
-      build_own(lips,
-                [&](Index first, Index last, auto&& found) { find_lip_pairs(cloud, wall, skin_, first, last, found); });
+      build_own(lips, [&](Index first, Index last, auto&& found) {
+        find_lip_pairs(cloud, wall, margin, first, last, found);
+      });
   }
   longest_ = 0;
   if (needs_.vertex_edges)
@@ -226,9 +243,11 @@ void Neighbours<D>::relocate(const Topology& topology, const Walls<D>& wall, con
     list->erase([&](const Pair& p) { return own.contains(p.first) || own.contains(p.second); });
   walls.erase([&](const Pair& p) { return own.contains(p.first); });
   lips.erase([&](const Pair& p) { return own.contains(p.second); });
+  solids.erase([&](const Pair& p) { return own.contains(p.first); });
 
   // What lies near, by where the lists were built. The grid knows relocated particles at their old places only.
   const Real* at = reference_.data();
+  const Real margin = this->margin();
   const PointCloud cloud{at, topology.diameter, topology.particle, topology.next, topology.active};
   const auto for_each_near = [&](const Vec<D>& low, const Vec<D>& high, auto&& visit) {
     const auto visit_others = [&](Index j) {
@@ -255,27 +274,28 @@ void Neighbours<D>::relocate(const Topology& topology, const Walls<D>& wall, con
 
   if (needs_.point_pairs) {
     for (Index i = own.first; i < own.last; ++i) {
-      const Vec<D> r = point<D>(at, i), range = Vec<D>::Constant((topology.diameter[i] + widest_) / 2 + skin_);
+      const Vec<D> r = point<D>(at, i), range = Vec<D>::Constant((topology.diameter[i] + widest_) / 2 + margin);
       for_each_near(r - range, r + range, [&](Index j) {
         const Real contact = (topology.diameter[i] + topology.diameter[j]) / 2;
-        if ((point<D>(at, j) - r).squaredNorm() < square(contact + skin_)) near_.push_back({{i, j}, contact});
+        if ((point<D>(at, j) - r).squaredNorm() < square(contact + margin)) near_.push_back({{i, j}, contact});
       });
     }
     add_near(point_pairs, true);
   }
-  if (needs_.walls) find_wall_pairs<D>(cloud, wall, skin_, own.first, own.last, add_own(walls));
+  if (needs_.walls) find_wall_pairs<D>(cloud, wall, margin, own.first, own.last, add_own(walls));
+  if (needs_.solids) find_solid_pairs<D>(cloud, wall.solids(), time_, margin, own.first, own.last, add_own(solids));
   if constexpr (D == 2) {
     if (needs_.vertex_edges) {
       const auto test = [&](Index vertex, Index edge) {
         const Real contact = (topology.diameter[vertex] + topology.diameter[edge]) / 2;
         const SegmentFoot foot =
             segment_foot(point<2>(at, vertex), point<2>(at, edge), point<2>(at, topology.next[edge]));
-        if (foot.d2 < square(contact + skin_)) near_.push_back({{vertex, edge}, contact});
+        if (foot.d2 < square(contact + margin)) near_.push_back({{vertex, edge}, contact});
       };
       for (Index i = own.first; i < own.last; ++i) {
         const Vec<2> a = point<2>(at, i), b = point<2>(at, topology.next[i]);
         // Edges are found by their first vertex, which is up to an edge away.
-        const Vec<2> range = Vec<2>::Constant((topology.diameter[i] + widest_) / 2 + skin_ + longest_);
+        const Vec<2> range = Vec<2>::Constant((topology.diameter[i] + widest_) / 2 + margin + longest_);
         for_each_near(a.cwiseMin(b) - range, a.cwiseMax(b) + range, [&](Index j) {
           test(i, j);
           test(j, i);
@@ -283,13 +303,13 @@ void Neighbours<D>::relocate(const Topology& topology, const Walls<D>& wall, con
       }
       add_near(vertex_edges, false);
     }
-    if (needs_.lips) find_lip_pairs(cloud, wall, skin_, own.first, own.last, add_own(lips));
+    if (needs_.lips) find_lip_pairs(cloud, wall, margin, own.first, own.last, add_own(lips));
   }
 }
 
 template <int D>
 typename Neighbours<D>::History Neighbours<D>::history(const Topology& topology) const {
-  History history{reference_, relocated_, places_};
+  History history{reference_, relocated_, places_, time_};
   std::size_t end = old_places_.size();
   for (std::size_t k = relocated_.size(); k-- > 0;) {
     const Index first = topology.offset[relocated_[k]], last = topology.offset[relocated_[k] + 1];
@@ -302,7 +322,7 @@ typename Neighbours<D>::History Neighbours<D>::history(const Topology& topology)
 
 template <int D>
 void Neighbours<D>::replay(const Topology& topology, const Walls<D>& wall, const History& history) {
-  rebuild(topology, wall, history.reference.data());
+  rebuild(topology, wall, history.reference.data(), history.time);
   std::vector<Real> x = history.reference;
   std::size_t from = 0;
   for (const Index m : history.relocated) {

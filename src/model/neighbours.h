@@ -15,10 +15,12 @@ struct NeighbourNeeds {
   bool vertex_edges = false;
   bool walls = false;
   bool lips = false;
+  bool solids = false;
+  Real beyond = 0;  ///< range of forces beyond the contact distance, for points and for solids
 };
 
 /// What a term has one element of.
-enum class Elements { particles, points, point_pairs, vertex_edges, walls, lips };
+enum class Elements { particles, points, point_pairs, vertex_edges, walls, lips, solids };
 
 /// first … last−1.
 struct Range {
@@ -31,7 +33,7 @@ struct Range {
 /// border is listed by the chunks on both sides, each of which works on its own points only.
 struct PairList {
   std::vector<Pair> pairs;
-  std::vector<Real> reach;   ///< contact distance of each pair, (δ_i + δ_j)/2; empty for walls and lips
+  std::vector<Real> reach;   ///< contact distance of each pair, (δ_i + δ_j)/2; empty for walls, lips and solids
   std::vector<Index> start;  ///< [2 chunks + 1]
 
   Index size() const { return static_cast<Index>(pairs.size()); }
@@ -49,10 +51,10 @@ struct PairList {
   void clear() { pairs.clear(), reach.clear(), start.assign(1, 0); }
 };
 
-/// Lists of everything closer than contact + skin at the reference positions. They hold every contact until some point
-/// has moved by skin/2 from there; `ensure` rebuilds them then, at whatever positions the forces are asked for, so that
-/// no step, stage or trial state ever sees a list that lacks a contact. A rebuilt list changes a force only by the
-/// order of its sum.
+/// Lists of everything closer than the reach of its forces + skin at the reference positions. They hold all that is
+/// within reach until some point or solid has moved by skin/2 from there; `ensure` rebuilds them then, at whatever
+/// positions the forces are asked for, so that no step, stage or trial state ever sees a list that lacks a contact. A
+/// rebuilt list changes a force only by the order of its sum.
 ///
 /// The rank's own particles are divided into chunks, the units of work of threads: runs of particles in storage order,
 /// of about the same number of points. What a chunk holds, and the order of its lists, depends on the configuration
@@ -68,19 +70,24 @@ class Neighbours {
   PairList vertex_edges;  ///< (vertex, first vertex of the edge)
   PairList walls;         ///< (point, wall)
   PairList lips;          ///< (lip, first vertex of the edge)
+  PairList solids;        ///< (point, solid)
 
-  /// Whether the lists hold every contact at x [points · D]; false for NaN.
+  /// Whether the lists hold every contact at x [points · D] and time t; false for NaN. The solids may have moved, but
+  /// not have become others.
+  bool valid(const Walls<D>& wall, const Real* x, Real t = 0) const;
+  /// The same with solids at rest, for all points and for those of one chunk.
   bool valid(const Real* x) const;
-  /// The same for the points of one chunk.
   bool valid(const Real* x, Index chunk) const;
 
-  /// Makes the lists valid for positions x [points · D]. Errors: NumericalError for a position that is not finite.
-  void ensure(const Topology& topology, const Walls<D>& wall, const Real* x) {
-    if (!valid(x)) rebuild(topology, wall, x);
+  /// Makes the lists valid for positions x [points · D] at time t. Errors: NumericalError for a position that is not
+  /// finite.
+  void ensure(const Topology& topology, const Walls<D>& wall, const Real* x, Real t = 0) {
+    if (!valid(wall, x, t)) rebuild(topology, wall, x, t);
   }
 
-  /// Builds the lists from x, which becomes the reference: the same x gives the same lists, which a restart relies on.
-  void rebuild(const Topology& topology, const Walls<D>& wall, const Real* x);
+  /// Builds the lists from x at time t, which become the reference: the same x and t give the same lists, which a
+  /// restart relies on.
+  void rebuild(const Topology& topology, const Walls<D>& wall, const Real* x, Real t = 0);
 
   /// Lists particle m of this rank, which was put somewhere else, at its new place in x. Costs little, unlike a
   /// rebuild. The lists must be valid for the other particles.
@@ -97,6 +104,7 @@ class Neighbours {
     std::vector<Real> reference;
     std::vector<Index> relocated;
     std::vector<Real> places;  ///< coordinates of the points of each
+    Real time = 0;             ///< of the last rebuild; matters where solids move
   };
   History history(const Topology& topology) const;
   /// Builds the same lists, in the same order.
@@ -116,9 +124,12 @@ class Neighbours {
   std::int64_t pairs() const { return static_cast<std::int64_t>(point_pairs.size()) + vertex_edges.size(); }
   /// Entries in all lists: what one force evaluation visits.
   std::size_t size() const {
-    return static_cast<std::size_t>(point_pairs.size()) + vertex_edges.size() + walls.size() + lips.size();
+    return static_cast<std::size_t>(point_pairs.size()) + vertex_edges.size() + walls.size() + lips.size() +
+           solids.size();
   }
   Real skin() const { return skin_; }
+  /// How far beyond the contact distance the lists go.
+  Real margin() const { return needs_.beyond + skin_; }
   /// For the next rebuild.
   void set_skin(Real skin) {
     skin_ = skin;
@@ -147,6 +158,7 @@ class Neighbours {
   Real skin_;
   bool built_ = false;  ///< and not invalid; a rank without particles has no reference
   std::vector<Real> reference_;
+  Real time_ = 0;  ///< of the last rebuild
   std::int64_t rebuilds_ = 0;
   std::vector<Index> chunk_{0}, chunk_point_{0};
   Real widest_ = 0, longest_ = 0;  ///< diameter of a point, edge

@@ -21,6 +21,7 @@ struct StateView {
   const Neighbours<D>& neighbours;
   const Walls<D>& walls;
   Ahead ahead = {};  ///< what is gone through, in each chunk, after its forces; says nothing of the configuration
+  Real t = 0;        ///< time, for solids that move
 
   Vec<D> position(Index i) const { return point<D>(x, i); }
   Vec<D> velocity(Index i) const { return point<D>(v, i); }

@@ -10,12 +10,16 @@ namespace {
 
 using Keys = std::vector<std::string_view>;
 
-const std::array<std::string_view, 4> model_names{"SP", "DP", "DP-rough", "DP-smooth"};
-const std::array<ModelKind, 4> model_kinds{ModelKind::sp, ModelKind::shape, ModelKind::rough, ModelKind::smooth};
+const std::array<std::string_view, 5> model_names{"SP", "DP", "DP-rough", "DP-smooth", "bubble"};
+const std::array<ModelKind, 5> model_kinds{ModelKind::sp, ModelKind::shape, ModelKind::rough, ModelKind::smooth,
+                                           ModelKind::bubble};
 
 Keys keys_of(ModelKind kind) {
   const Keys polygon{"dim", "vertices", "a0", "l0", "ka", "kl", "kb"};
   if (kind == ModelKind::shape) return polygon;
+  if (kind == ModelKind::bubble)
+    return {"dim",    "positions", "R",   "f0",    "phi_c", "a_s",          "b",
+            "R_mean", "g",         "rho", "walls", "wedge", "wall_friction"};
   Keys keys{"velocities", "mass", "rho", "eps_w", "mu", "zeta", "gravity", "hopper"};
   const auto add = [&](const Keys& more) { keys.insert(keys.end(), more.begin(), more.end()); };
   if (kind == ModelKind::sp) {
@@ -75,6 +79,28 @@ void append(std::vector<Real>& out, const Vec<D>& r) {
   out.insert(out.end(), r.begin(), r.end());
 }
 
+template <int D>
+Walls<D> read_solids(const Field& inputs) {
+  std::vector<Solid<D>> solids;
+  if (const Field walls = inputs["walls"]; walls.present())
+    for (std::size_t k = 0; k < walls.size(); ++k) {
+      walls[k].check_keys(std::array<std::string_view, 3>{"point", "normal", "velocity"});
+      const Field normal = walls[k]["normal"], velocity = walls[k]["velocity"];
+      if (normal.vector<D>().norm() == 0) normal.fail("has no direction");
+      solids.push_back(Solid<D>::half_space(walls[k]["point"].vector<D>(), normal.vector<D>()));
+      if (velocity.present()) solids.back().velocity = velocity.vector<D>();
+    }
+  if (const Field wedge = inputs["wedge"]; wedge.present()) {
+    wedge.check_keys(std::array<std::string_view, 3>{"tip", "dir1", "dir2"});
+    try {
+      solids.push_back(Solid<D>::wedge(wedge["tip"].vector<D>(), wedge["dir1"].vector<D>(), wedge["dir2"].vector<D>()));
+    } catch (const InputError& error) {
+      wedge.fail("is no corner: {}", error.what());
+    }
+  }
+  return Walls<D>(std::move(solids));
+}
+
 void check_outline(const Field& vertices, const Configuration<2>& c, Index m) {
   const Real* x = c.x.data();
   const Index first = c.topology.offset[m];
@@ -120,6 +146,37 @@ Configuration<D> read_soft(const Field& inputs) {
 
 template Configuration<2> read_soft<2>(const Field&);
 template Configuration<3> read_soft<3>(const Field&);
+
+template <int D>
+Configuration<D> read_droplets(const Field& inputs) {
+  Configuration<D> c;
+  c.kind = ModelKind::bubble;
+  c.topology.dim = D;
+  const Field positions = inputs["positions"], radius = inputs["R"];
+  const std::size_t n = positions.size();
+  radius.check_size(n, "particle");
+  const Real rho = inputs["rho"].number_or(1, Sign::positive);
+  for (std::size_t m = 0; m < n; ++m) {
+    const Real r = radius[m].number(Sign::positive);
+    c.topology.add_soft(2 * r, rho * r * square(r));
+    append<D>(c.x, positions[m].vector<D>());
+  }
+  c.v.resize(c.x.size());
+  ModelParameters& p = c.parameters;
+  p.f0 = inputs["f0"].number_or(p.f0, Sign::not_negative);
+  p.phi_c = inputs["phi_c"].number_or(p.phi_c, Sign::not_negative);
+  p.a_s = inputs["a_s"].number_or(p.a_s, Sign::positive);
+  p.mean_radius = inputs["R_mean"].number_or(p.mean_radius, Sign::positive);
+  c.gravity = -inputs["g"].number_or(0) * Vec<D>::Unit(D - 1);
+  c.walls = read_solids<D>(inputs);
+  c.mobility.b = inputs["b"].number_or(c.mobility.b, Sign::positive);
+  c.mobility.beyond = 2 * p.a_s;
+  c.mobility.walls = inputs["wall_friction"].flag_or(false);
+  return c;
+}
+
+template Configuration<2> read_droplets<2>(const Field&);
+template Configuration<3> read_droplets<3>(const Field&);
 
 Configuration<2> read_polygons(const Field& inputs, ModelKind kind) {
   Configuration<2> c;

@@ -6,6 +6,7 @@
 #include <pliant/geometry/walls.h>
 #include <pliant/model/catalogue.h>
 #include <pliant/scenarios/field.h>
+#include <pliant/ts/mobility.h>
 
 namespace pliant {
 
@@ -14,6 +15,7 @@ template <int D>
 struct Configuration {
   ModelKind kind;
   ModelParameters parameters;
+  MobilityOptions mobility;  ///< of droplets
   Vec<D> gravity = Vec<D>::Zero();
   Walls<D> walls;
   Topology topology;
@@ -27,6 +29,10 @@ ModelKind read_model(const Field& model, const Field& inputs);
 /// Soft particles in D dimensions.
 template <int D>
 Configuration<D> read_soft(const Field& inputs);
+
+/// Droplets in D dimensions.
+template <int D>
+Configuration<D> read_droplets(const Field& inputs);
 
 /// Polygons: counter-clockwise, simple, every edge with a length.
 Configuration<2> read_polygons(const Field& inputs, ModelKind kind);

@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 #include <fstream>
+#include <numeric>
 
 namespace pliant {
 namespace {
@@ -85,6 +86,28 @@ ordered_json per_particle(const std::vector<Real>& values) {
   return values.size() == 1 ? ordered_json(values[0]) : ordered_json(values);
 }
 
+/// Neighbours of each droplet, and the velocities for these forces.
+template <int D>
+void add_motion(const Configuration<D>& c, const StateView<D>& s, const std::vector<Real>& force,
+                ordered_json& result) {
+  std::vector<std::vector<Index>> near(c.topology.particles());
+  for (Index e = 0; e < s.neighbours.point_pairs.size(); ++e) {
+    const auto [i, j] = s.neighbours.point_pairs[e];
+    if ((s.position(i) - s.position(j)).norm() >= s.neighbours.point_pairs.reach[e] + c.mobility.beyond) continue;
+    near[i].push_back(j);
+    near[j].push_back(i);
+  }
+  for (auto& list : near) std::sort(list.begin(), list.end());
+  result["neighbours"] = near;
+  std::vector<Real> velocity(force.size());
+  std::vector<Index> numbers(c.topology.points());
+  std::iota(numbers.begin(), numbers.end(), 0);
+  Mobility<D> mobility(c.mobility);
+  mobility.set_numbers(std::move(numbers));
+  mobility.solve(s, force.data(), velocity.data());
+  result["velocity"] = rows<D>(c.topology, velocity);
+}
+
 void check_finite(const std::vector<Real>& values, std::string_view term, const std::string& file) {
   if (!std::all_of(values.begin(), values.end(), [](Real a) { return std::isfinite(a); }))
     throw NumericalError("{}: {} is beyond the range of numbers; check the sizes and coefficients", file, term);
@@ -92,7 +115,7 @@ void check_finite(const std::vector<Real>& values, std::string_view term, const 
 
 template <int D>
 ordered_json results(const Configuration<D>& c, const std::string& file) {
-  Neighbours<D> neighbours(neighbour_needs(c.kind), 0);
+  Neighbours<D> neighbours(neighbour_needs(c.kind, c.parameters), 0);
   neighbours.rebuild(c.topology, c.walls, c.x.data());
   const StateView<D> s{c.x.data(), c.v.data(), c.topology, neighbours, c.walls};
   check_directions(s, c.parameters.lip_edges, file);
@@ -123,6 +146,7 @@ ordered_json results(const Configuration<D>& c, const std::string& file) {
   }
   result["energy"] = std::move(energy);
   result["force"] = std::move(force);
+  if (c.kind == ModelKind::bubble) add_motion(c, s, total, result);
   return result;
 }
 
@@ -186,6 +210,12 @@ ordered_json evaluate(const json& document, const std::string& file) {
     const Real dim = inputs["dim"].number();
     if (dim == 2) return results(read_soft<2>(inputs), file);
     if (dim == 3) return results(read_soft<3>(inputs), file);
+    inputs["dim"].fail("is {}, but must be 2 or 3", dim);
+  }
+  if (kind == ModelKind::bubble) {
+    const Real dim = inputs["dim"].number_or(2);
+    if (dim == 2) return results(read_droplets<2>(inputs), file);
+    if (dim == 3) return results(read_droplets<3>(inputs), file);
     inputs["dim"].fail("is {}, but must be 2 or 3", dim);
   }
   const Configuration<2> c = read_polygons(inputs, kind);

@@ -37,18 +37,18 @@ class ParticleSystem final : public SecondOrderSystem {
   std::size_t size() const override { return static_cast<std::size_t>(topology_.owned_points()) * D; }
   const Ranks& ranks() const override { return ranks_; }
 
-  void acceleration(Real, const Real* x, const Real* v, Real* a) override {
+  void acceleration(Real t, const Real* x, const Real* v, Real* a) override {
     ++use_.evaluations;
-    const StateView<D> s = view(x, v);
+    const StateView<D> s = view(x, v, t);
     const LogScope log(LogEvent::forces);
     field_->accelerations(s, a);
   }
 
-  bool sweep(Real, std::vector<Real>& x, std::vector<Real>& v, Real* a, bool foreseen,
+  bool sweep(Real t, std::vector<Real>& x, std::vector<Real>& v, Real* a, bool foreseen,
              const Advance& advance) override {
     ++use_.evaluations;
-    const bool known = foreseen && foreseen_;
-    if (!(known ? *foreseen_ : ranks_.all(neighbours_.valid(x.data())))) rebuild(x.data());
+    const bool known = foreseen && foreseen_ && walls_.solids().empty();  // solids move by themselves
+    if (!(known ? *foreseen_ : ranks_.all(neighbours_.valid(walls_, x.data(), t)))) rebuild(x.data(), t);
     if (ranks_.several()) {
       const LogScope log(LogEvent::halo);
       halo_.update(x);
@@ -59,7 +59,7 @@ class ParticleSystem final : public SecondOrderSystem {
       ahead = advance.arrays;
       ahead.add(neighbours_.reference().data());
     }
-    const StateView<D> s{x.data(), v.data(), topology_, neighbours_, walls_, ahead};
+    const StateView<D> s{x.data(), v.data(), topology_, neighbours_, walls_, ahead, t};
     const LogScope log(LogEvent::forces);
     std::atomic<bool> valid = true;
     const bool finite = field_->accelerations(s, a, [&](Index chunk) {
@@ -74,23 +74,37 @@ class ParticleSystem final : public SecondOrderSystem {
   }
 
   /// The configuration with neighbour lists that are valid for it, ghosts included. x, v [owned points · D]; v may be
-  /// null where only energies are asked for.
-  StateView<D> view(const Real* x, const Real* v) {
-    const bool valid = ranks_.all(neighbours_.valid(x));
-    if (!valid) rebuild(x);
-    if (!ranks_.several()) return {x, v, topology_, neighbours_, walls_};
+  /// null where only energies are asked for. t matters where solids move.
+  StateView<D> view(const Real* x, const Real* v, Real t = 0) {
+    const bool valid = ranks_.all(neighbours_.valid(walls_, x, t));
+    if (!valid) rebuild(x, t);
+    if (!ranks_.several()) return {x, v, topology_, neighbours_, walls_, {}, t};
     const LogScope log(LogEvent::halo);
     if (valid) halo_.update(x, x_);
     if (v != nullptr) halo_.update(v, v_);
-    return {x_.data(), v != nullptr ? v_.data() : nullptr, topology_, neighbours_, walls_};
+    return {x_.data(), v != nullptr ? v_.data() : nullptr, topology_, neighbours_, walls_, {}, t};
   }
 
   /// Builds ghosts and lists from x, which becomes their reference.
-  void rebuild(const Real* x) {
+  void rebuild(const Real* x, Real t = 0) {
     foreseen_.reset();
     if (ranks_.several()) find_ghosts(x);
     const LogScope log(LogEvent::lists);
-    ranks_.together([&] { neighbours_.rebuild(topology_, walls_, ranks_.several() ? x_.data() : x); });
+    ranks_.together([&] { neighbours_.rebuild(topology_, walls_, ranks_.several() ? x_.data() : x, t); });
+  }
+
+  /// Other walls: solids that get another velocity, or that come and go. The same on every rank.
+  void set_walls(Walls<D> walls) {
+    walls_ = std::move(walls);
+    neighbours_.invalidate();
+  }
+
+  /// What the owners have for each point [owned points · D], for all points: all [points · D]. The lists must be valid.
+  void share(const std::vector<Real>& own, std::vector<Real>& all) const {
+    if (ranks_.several())
+      halo_.update(own.data(), all);
+    else
+      all = own;
   }
 
   /// Leaves this rank the particles `which` of those it has, in that order. Not collective.
@@ -113,7 +127,7 @@ class ParticleSystem final : public SecondOrderSystem {
     migration.move(topology_);
     migration.move(state, D);
     settled_ = crowded_ = false;
-    rebuild(state.x().data());
+    rebuild(state.x().data(), state.t);
     set_use({});
     return migration;
   }
@@ -160,7 +174,7 @@ class ParticleSystem final : public SecondOrderSystem {
       halo_.settle(topology_, x);
       settled_ = true;
     }
-    halo_.build(topology_, x, neighbours_.skin());
+    halo_.build(topology_, x, neighbours_.margin());
     halo_.update(x, x_);
     crowded_ = ranks_.sum(static_cast<std::int64_t>(halo_.strays())) > many_strays;
   }

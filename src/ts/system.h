@@ -1,6 +1,7 @@
-// The equation of motion as an integrator sees it.
+// The equations of motion as an integrator sees them.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <functional>
 #include <vector>
@@ -11,17 +12,34 @@
 
 namespace pliant {
 
-/// ẍ = a(t, x, ẋ): a vector of `size()` coordinates on each rank. acceleration() and sweep() are collective.
-class SecondOrderSystem {
+/// ẏ = f(t, y) for what an integrator carries. rate() is collective.
+class FirstOrderSystem {
  public:
-  virtual ~SecondOrderSystem() = default;
+  virtual ~FirstOrderSystem() = default;
+  /// Coordinates x on this rank.
   virtual std::size_t size() const = 0;
+  /// Length of y on this rank: y = x here, so that ẋ = f(t, x), the motion without inertia.
+  virtual std::size_t unknowns() const { return size(); }
   virtual const Ranks& ranks() const {
     static const Ranks self;
     return self;
   }
+  /// Writes ydot[unknowns()]. May update internal caches (neighbour lists, first guesses), never y.
+  virtual void rate(Real t, const Real* y, Real* ydot) = 0;
+};
+
+/// ẍ = a(t, x, ẋ), which is a first-order system for y = [x; v]. acceleration() is collective.
+class SecondOrderSystem : public FirstOrderSystem {
+ public:
   /// Writes a[size()]. May update internal caches (neighbour lists), never x or v.
   virtual void acceleration(Real t, const Real* x, const Real* v, Real* a) = 0;
+
+  std::size_t unknowns() const final { return 2 * size(); }
+  void rate(Real t, const Real* y, Real* ydot) final {
+    const std::size_t n = size();
+    std::copy_n(y + n, n, ydot);
+    acceleration(t, y, y + n, ydot + n);
+  }
 
   /// What an integrator does with the coordinates first … last−1 once their accelerations are complete, while they are
   /// in the processor's cache; for different ranges by several threads at a time. Returns the positions that the next

@@ -14,7 +14,7 @@ namespace pliant {
 
 struct TsIntegrator::Run {
   TsIntegrator& integrator;
-  SecondOrderSystem& system;
+  FirstOrderSystem& system;
   State& state;
   const StepObserver& observer;
   ::Vec y;
@@ -85,11 +85,18 @@ void check_input(PetscErrorCode code) {
   }
 }
 
+// y is [x; v] or, for motion without inertia, x alone.
+std::size_t unknowns_in(::Vec y) {
+  PetscInt n = 0;
+  petsc_check(VecGetLocalSize(y, &n));
+  return static_cast<std::size_t>(n);
+}
+
 void copy_to(::Vec y, const State& state) {
   PetscScalar* values = nullptr;
   petsc_check(VecGetArrayWrite(y, &values));
   std::copy(state.x().begin(), state.x().end(), values);
-  std::copy(state.v().begin(), state.v().end(), values + state.size());
+  std::copy_n(state.v().begin(), unknowns_in(y) - state.size(), values + state.size());
   petsc_check(VecRestoreArrayWrite(y, &values));
 }
 
@@ -97,7 +104,7 @@ void copy_from(::Vec y, State& state) {
   const PetscScalar* values = nullptr;
   petsc_check(VecGetArrayRead(y, &values));
   std::copy_n(values, state.size(), state.x().begin());
-  std::copy_n(values + state.size(), state.size(), state.v().begin());
+  std::copy_n(values + state.size(), unknowns_in(y) - state.size(), state.v().begin());
   petsc_check(VecRestoreArrayRead(y, &values));
 }
 
@@ -168,14 +175,14 @@ void TsIntegrator::configure() {
   if (dt_ == 0) dt_ = options_.dt;
 }
 
-void TsIntegrator::set_tolerances(::Vec y, std::size_t n) {
+void TsIntegrator::set_tolerances(::Vec y, std::size_t n, std::size_t unknowns) {
   const auto make = [&](Real x, Real v) {
     PetscVec vec;
     PetscScalar* values = nullptr;
     petsc_check(VecDuplicate(y, vec.out()));
     petsc_check(VecGetArrayWrite(vec, &values));
     std::fill_n(values, n, x);
-    std::fill_n(values + n, n, v);
+    std::fill_n(values + n, unknowns - n, v);
     petsc_check(VecRestoreArrayWrite(vec, &values));
     return vec;
   };
@@ -186,21 +193,21 @@ void TsIntegrator::set_tolerances(::Vec y, std::size_t n) {
 PetscErrorCode TsIntegrator::right_hand_side(TS, PetscReal t, ::Vec y, ::Vec ydot, void* context) {
   return petsc_callback([&] {
     Run& run = *static_cast<Run*>(context);
-    const std::size_t n = run.system.size();
+    const std::size_t n = run.system.unknowns();
     const PetscScalar* in = nullptr;
     PetscScalar* out = nullptr;
     petsc_check(VecGetArrayRead(y, &in));
     petsc_check(VecGetArrayWrite(ydot, &out));
-    std::copy_n(in + n, n, out);
-    run.system.acceleration(t, in, in + n, out + n);
+    run.system.rate(t, in, out);
     ++run.integrator.statistics_.force_evaluations;
-    const std::size_t bad = first_non_finite(out + n, n);
+    const std::size_t bad = first_non_finite(out, n), coordinates = run.system.size();
     run.system.ranks().together([&] {
       if (bad != n)
         throw NumericalError(
-            "the acceleration of coordinate {} is {} at t = {}, in the step after t = {} (step {}); reduce the "
-            "tolerances or the step, or check the initial state",
-            bad, out[n + bad], t, run.state.t, run.state.step);
+            "the {} of coordinate {} is {} at t = {}, in the step after t = {} (step {}); reduce the tolerances or the "
+            "step, or check the initial state",
+            bad < coordinates ? "velocity" : "acceleration", bad % coordinates, out[bad], t, run.state.t,
+            run.state.step);
     });
     petsc_check(VecRestoreArrayWrite(ydot, &out));
     petsc_check(VecRestoreArrayRead(y, &in));
@@ -270,22 +277,30 @@ void TsIntegrator::run(SecondOrderSystem& system, State& state, Real t_end, bool
   }
 }
 
-bool TsIntegrator::solve(SecondOrderSystem& system, State& state, Real t_end, const StepObserver& observer) {
+void TsIntegrator::run(FirstOrderSystem& system, State& state, Real t_end, const StepObserver& observer) {
+  if (name() == fmt::format("ts:{}", ts_verlet))
+    throw InputError("-ts_type {} is for motion with inertia; use another explicit type, such as rk", ts_verlet);
+  while (solve(system, state, t_end, observer)) {
+  }
+}
+
+bool TsIntegrator::solve(FirstOrderSystem& system, State& state, Real t_end, const StepObserver& observer) {
   const std::size_t n = state.size();
   if (system.size() != n)
     throw InputError("the state has {} coordinates, but the system has {}; build both from one topology", n,
                      system.size());
   if (!std::isfinite(t_end)) throw InputError("the end of the run is {}, but it must be finite", t_end);
   if (t_end - state.t <= 4 * std::numeric_limits<Real>::epsilon() * std::abs(t_end)) return false;
-  const bool resized = system.ranks().any(configured_size_ != 0 && configured_size_ != n);
+  const std::size_t unknowns = system.unknowns();
+  const bool resized = system.ranks().any(configured_size_ != 0 && configured_size_ != unknowns);
   if (!reusable_ || resized) configure();
 
   PetscVec y;
-  petsc_check(VecCreateMPI(comm_, static_cast<PetscInt>(2 * n), PETSC_DECIDE, y.out()));
+  petsc_check(VecCreateMPI(comm_, static_cast<PetscInt>(unknowns), PETSC_DECIDE, y.out()));
   copy_to(y, state);
   petsc_check(TSSetSolution(ts_, y));
-  if (resized || configured_size_ == 0) set_tolerances(y, n);
-  configured_size_ = n;
+  if (resized || configured_size_ == 0) set_tolerances(y, n, unknowns);
+  configured_size_ = unknowns;
   // TS counts steps in 32 bits; its number matters for monitors only.
   const bool countable = state.step < std::numeric_limits<PetscInt>::max() / 2;
   const auto step_number = static_cast<PetscInt>(countable ? state.step : 0);

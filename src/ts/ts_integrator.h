@@ -1,4 +1,4 @@
-// Any explicit PETSc TS type as an integrator of ẍ = a(t, x, ẋ).
+// Any explicit PETSc TS type as an integrator of ẍ = a(t, x, ẋ) and of ẋ = f(t, x).
 #pragma once
 
 #include <string>
@@ -19,7 +19,8 @@ struct TsOptions {
   Real dt = 1e-3;      ///< -ts_dt, the first step, or the fixed one, in t0
 };
 
-/// Integrates y = [x; v] with ẏ = [v; a(t, x, v)] by PETSc TS in the memory of the state, without a copy.
+/// Integrates y = [x; v] with ẏ = [v; a(t, x, v)] by PETSc TS in the memory of the state, without a copy; motion
+/// without inertia as y = x with ẋ = f(t, x), which leaves State::v alone.
 ///
 /// Types: rk (all tables), ssp, euler, verlet, and any explicit type registered with TSRegister. The end of a run is
 /// matched exactly; the step that this cuts short does not become the first one of the next run. Every run starts
@@ -39,6 +40,9 @@ class TsIntegrator : public Integrator {
   /// Errors: InputError where the state does not fit the system; NumericalError, with the time, where an acceleration
   /// is not finite, a step is rejected too often, dt underflows, or -ts_max_steps is reached.
   void run(SecondOrderSystem& system, State& state, Real t_end, bool fresh, const StepObserver& observer) override;
+  /// The same for any first-order system, whose y are the first entries of State::y.
+  /// Errors: besides, InputError for -ts_type verlet where there are no velocities in y.
+  void run(FirstOrderSystem& system, State& state, Real t_end, const StepObserver& observer);
   const IntegratorStatistics& statistics() const override { return statistics_; }
   std::string name() const override;
 
@@ -49,9 +53,9 @@ class TsIntegrator : public Integrator {
   struct Run;  // what the callbacks see
 
   void configure();
-  void set_tolerances(::Vec y, std::size_t n);
+  void set_tolerances(::Vec y, std::size_t n, std::size_t unknowns);
   /// Until t_end, a stop or a new order of the state; true for the last.
-  bool solve(SecondOrderSystem& system, State& state, Real t_end, const StepObserver& observer);
+  bool solve(FirstOrderSystem& system, State& state, Real t_end, const StepObserver& observer);
   static PetscErrorCode right_hand_side(TS ts, PetscReal t, ::Vec y, ::Vec ydot, void* context);
   static PetscErrorCode post_step(TS ts);
   void accept_step(Run& run);

@@ -216,6 +216,8 @@ Index count(const StateView<D>& s) {
       return s.neighbours.walls.size();
     case Elements::lips:
       return s.neighbours.lips.size();
+    case Elements::solids:
+      return s.neighbours.solids.size();
   }
   return 0;
 }

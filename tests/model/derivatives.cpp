@@ -13,6 +13,7 @@
 #include <pliant/model/wall_contact.h>
 
 #include "support/configurations.h"
+#include "support/derivatives.h"
 
 using namespace pliant;
 using namespace pliant::test;
@@ -20,53 +21,6 @@ using namespace pliant::test;
 namespace {
 
 constexpr Real epsilon = 1e3;
-constexpr int repeats = 25;
-
-template <int D>
-using Make = std::function<Configuration<D>(Random&)>;
-
-/// Inside a region of smoothness. `h0` is small beside the distance to the region's boundary.
-template <int D>
-void check_smooth(const ForceField<D>& field, const Make<D>& make, Real h0, bool hessian_vanishes = false) {
-  for (int k = 0; k < repeats; ++k) {
-    Random random(k);
-    Configuration<D> c = make(random);
-    const Functional f = functional(field, c, epsilon);
-    const VectorXd x = c.positions(), p = random_direction(random, x.size());
-    INFO("state " << k);
-    // Not trivial: the term acts.
-    REQUIRE(f.energy(x) != 0);
-    REQUIRE(f.gradient(x).norm() > 0);
-    const MatrixXd hessian = f.hessian(x);
-    REQUIRE((hessian.norm() == 0) == hessian_vanishes);
-    CHECK(gradient_order(f, x, p, h0) > 1.9);
-    CHECK(hessian_order(f, x, p, h0) > 1.9);
-    CHECK((hessian - hessian.transpose()).norm() <= 1e-13 * hessian.norm());
-  }
-}
-
-/// On a boundary between regions: U is C¹ and its Hessian jumps.
-template <int D>
-void check_boundary(const ForceField<D>& field, const Make<D>& make, Real h0) {
-  for (int k = 0; k < repeats; ++k) {
-    Random random(k);
-    Configuration<D> c = make(random);
-    const Functional f = functional(field, c, epsilon);
-    const VectorXd x = c.positions(), p = random_direction(random, x.size());
-    INFO("state " << k);
-    // Still second order for the energy, and only first for the gradient on the side that the Hessian at x does not
-    // belong to.
-    CHECK(gradient_order(f, x, p, h0) > 1.9);
-    CHECK(gradient_order(f, x, -p, h0) > 1.9);
-    CHECK(hessian_order(f, x, p, h0) > 0.9);
-    CHECK(hessian_order(f, x, -p, h0) > 0.9);
-    const Sides sides = compare_sides(f, x, p, h0);
-    REQUIRE(sides.hessian_jump > 1e-3);  // not trivial: this is a boundary
-    CHECK(sides.gradient_jump_order > 0.9);
-    CHECK(sides.forward < 1e-6);
-    CHECK(sides.backward < 1e-6);
-  }
-}
 
 Configuration<2> single_polygon(Random& random) {
   Configuration<2> c;

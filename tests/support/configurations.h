@@ -52,6 +52,11 @@ class Configuration {
     topology.point_mass[m] = area / n;
     topology.inverse_point_mass[m] = n / area;
   }
+  /// A droplet, with the mass ρ R³ that its weight asks for.
+  void add_droplet(Real radius, const Vec<D>& centre) {
+    topology.add_soft(2 * radius, radius * square(radius));
+    append(centre);
+  }
   void random_velocities(Random& random) {
     for (Real& a : v) a = random(-1, 1);
   }
@@ -64,7 +69,7 @@ class Configuration {
     neighbours_->invalidate();
   }
 
-  static constexpr NeighbourNeeds everything{true, D == 2, true, D == 2};
+  static constexpr NeighbourNeeds everything{true, D == 2, true, D == 2, true, 0.1};
   // Behind a pointer so that a view survives a move of the configuration.
   std::unique_ptr<Neighbours<D>> neighbours_ = std::make_unique<Neighbours<D>>(everything, 0.02);
 };

@@ -1,0 +1,33 @@
+// Depletion attraction of droplets to solid walls and to their tips [T 2.8].
+#pragma once
+
+#include <pliant/model/droplet_walls.h>
+
+namespace pliant {
+
+/// U = −φ_c/(8 a_s³) V, V the volume that a sphere of radius R + a_s shares with all that is within a_s of the solid.
+/// At a plane V = π c² (3(R + a_s) − c)/3 with c = R + 2 a_s − h, h < R + 2 a_s, which is the printed force (π
+/// φ_c/8a_s³)(R + 2a_s − h)(R + h) towards the wall. At the tip of a wedge the same volume is smaller, and the force,
+/// its gradient, points to the solid (geometry/overlap.cpp). C¹ at the end of the range.
+struct WallDepletionLaw {
+  Real phi_c;
+  Real a_s;  ///< radius of the depletant
+
+  static constexpr std::string_view name = "wall_depletion";
+  /// At a wedge the centre must be outside the layer.
+  Real least_distance(bool flat) const { return flat ? 0 : a_s; }
+  template <int D>
+  Expansion<D> at(const Solid<D>& solid, const WallFoot<D>& foot, const Vec<D>& r, Real t, Real radius) const {
+    if (foot.d >= radius + 2 * a_s) return {};
+    const Real strength = phi_c / (8 * a_s * square(a_s));
+    const Expansion<D> v = layer_overlap<D>(solid, r, t, radius + a_s, a_s);
+    return {-strength * v.value, -strength * v.gradient, -strength * v.hessian};
+  }
+  /// It softens the repulsion.
+  static Real max_rate(const Topology&) { return 0; }
+};
+
+template <int D>
+using WallDepletion = DropletWalls<D, WallDepletionLaw>;
+
+}  // namespace pliant

@@ -1,0 +1,78 @@
+// Velocities of droplets without inertia, from the balance of forces with the viscous ones.
+#pragma once
+
+#include <memory>
+#include <span>
+#include <vector>
+
+#include <pliant/base/ranks.h>
+#include <pliant/model/term.h>
+
+namespace pliant {
+
+/// How the viscous coupling of neighbours is solved.
+enum class Coupling {
+  exact,   ///< B v = F/b
+  lagged,  ///< one sweep: v_i = (Σ_j v_j + F_i/b)/(N_i + 1) with the v_j of the evaluation before
+  mean     ///< the same with the mean of the v_j instead of their sum, as [T 2.9] prints it
+};
+
+struct MobilityOptions {
+  Real b = 1;          ///< viscosity: force per velocity
+  Real beyond = 0.1;   ///< droplets are neighbours at r < R_i + R_j + beyond: 2 a_s
+  bool walls = false;  ///< solids within R + beyond rub too, against their own velocity [T 4.1]
+  Coupling coupling = Coupling::exact;
+};
+
+/// Each droplet feels the drag −b v_i and, from every neighbour j, −b (v_i − v_j) [T 2.2, with the sign that the text
+/// describes, and 2.3]; forces and friction sum to zero [T 2.9]: B v = F/b (+ Σ v_wall), B = 1 + the graph Laplacian of
+/// the neighbours (+ 1 for each wall in range), symmetric and positive definite. Its entries jump when pairs come into
+/// range or leave it, and velocities with them.
+///
+/// PETSc solves it, one right-hand side per dimension, with CG and incomplete Cholesky (in blocks on several ranks) to
+/// a relative tolerance of 1e-12 unless -mobility_ksp_… and -mobility_pc_… say otherwise; -mobility_ksp_type preonly
+/// -mobility_pc_type cholesky is the direct solver, on one rank. The pattern is that of the lists.
+template <int D>
+class Mobility {
+ public:
+  /// Collective, as is solve(). Errors: InputError where b or the range is not positive.
+  explicit Mobility(const MobilityOptions& options, const Ranks& ranks = Ranks());
+  ~Mobility();
+  Mobility(Mobility&&) noexcept;
+  Mobility& operator=(Mobility&&) noexcept;
+
+  /// New lists: the pattern of B is made anew at the next solve(). numbers [points]: the row of each point in the whole
+  /// system, ghosts included.
+  void set_numbers(std::vector<Index> numbers);
+
+  /// Writes v [owned points · D] for these forces [points · D]; inactive particles rest. v comes with the velocities
+  /// before, from which the solver starts; with lagged coupling those of s.v count, ghosts included.
+  /// Errors: NumericalError where the solver fails.
+  void solve(const StateView<D>& s, const Real* force, Real* v);
+
+  const MobilityOptions& options() const { return options_; }
+  /// Iterations of the solver so far, all dimensions together.
+  std::int64_t iterations() const { return iterations_; }
+
+ private:
+  struct Solver;  // hides PETSc from those who include this
+
+  /// Calls visit(i, j, e) for each listed pair of an own point i, once from each side.
+  template <class Visit>
+  static void for_each_neighbour(const StateView<D>& s, Visit&& visit);
+  void find_coupling(const StateView<D>& s);
+
+  MobilityOptions options_;
+  Ranks ranks_;
+  std::vector<Index> numbers_;
+  std::vector<std::uint8_t> coupled_;  ///< [entries of for_each_neighbour] in range?
+  std::vector<Real> diagonal_;         ///< [owned points] of B
+  std::vector<Real> push_;             ///< [owned points · D] sum of the velocities of the walls in range
+  std::int64_t iterations_ = 0;
+  std::unique_ptr<Solver> solver_;
+};
+
+extern template class Mobility<2>;
+extern template class Mobility<3>;
+
+}  // namespace pliant
