@@ -36,7 +36,7 @@ class DrivenTurn final : public FirstOrderSystem {
 }  // namespace
 
 TEST_CASE("Runge–Kutta with fixed steps has its order without inertia") {
-  const auto [table, order] = GENERATE(table<std::string, double>({{"4", 4}, {"2a", 2}}));
+  const std::string table = GENERATE("4", "2a");
   const PetscOptionScope options("-ts_type rk -ts_rk_type " + table + " -ts_adapt_type none");
   require_order(
       "rk " + table,
@@ -50,7 +50,7 @@ TEST_CASE("Runge–Kutta with fixed steps has its order without inertia") {
         CHECK(integrator.statistics().force_evaluations == system.evaluations);
         return DrivenTurn::error(state);
       },
-      0.25, order, 1e-12, 1);
+      0.25, table == "4" ? 4 : 2, 1e-12, 1);
 }
 
 TEST_CASE("adaptive steps without inertia keep the tolerance, and events restart them") {
