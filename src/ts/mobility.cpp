@@ -29,11 +29,13 @@ Mobility<D>::Mobility(const MobilityOptions& options, const Ranks& ranks)
   PC pc = nullptr;
   petsc_check(KSPSetOptionsPrefix(ksp, "mobility_"));
   petsc_check(KSPSetType(ksp, KSPCG));
-  petsc_check(KSPSetInitialGuessNonzero(ksp, PETSC_TRUE));
   petsc_check(KSPSetTolerances(ksp, 1e-12, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
   petsc_check(KSPGetPC(ksp, &pc));
   petsc_check(PCSetType(pc, ranks.several() ? PCBJACOBI : PCICC));
   petsc_check(KSPSetFromOptions(ksp));
+  PetscBool direct = PETSC_FALSE;  // then PETSc refuses a guess
+  petsc_check(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(ksp), KSPPREONLY, &direct));
+  petsc_check(KSPSetInitialGuessNonzero(ksp, direct == PETSC_TRUE ? PETSC_FALSE : PETSC_TRUE));
 }
 
 template <int D>

@@ -118,6 +118,7 @@ TEST_CASE("names of the models") {
   CHECK(to_string(ModelKind::rough) == "rough");
   CHECK(to_string(ModelKind::smooth) == "smooth");
   CHECK(to_string(ModelKind::shape) == "shape");
+  CHECK(to_string(ModelKind::bubble) == "bubble");
 }
 
 TEST_CASE("deformable particles in 3D are refused") {

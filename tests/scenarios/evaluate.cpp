@@ -134,6 +134,53 @@ TEST_CASE("evaluate agrees with the reference configurations") {
   }
 }
 
+TEST_CASE("evaluate gives droplets at walls and tips their velocities") {
+  json document = json::parse(R"({"model": "bubble", "inputs": {"positions": [[0, 1.05]], "R": [1], "g": 0.02,
+    "walls": [{"point": [7, 0], "normal": [0, 2], "velocity": [0.3, 0]}]}})");
+  const double pull = 3.14159265358979 * 1e-4 / (8 * 1.25e-4) * 0.05 * 2.05;
+  SECTION("a wall") {
+    const json got = run(document);
+    CHECK(keys(got) == std::set<std::string>{"energy", "force", "neighbours", "velocity"});
+    CHECK(keys(got["force"]) ==
+          std::set<std::string>{"contact", "depletion", "wall_repulsion", "wall_depletion", "gravity", "total"});
+    check_close(got.at("force").at("total"), {{0, -pull - 0.02}}, 1e-14);
+    check_close(got.at("velocity"), {{0, -pull - 0.02}}, 1e-14);
+    CHECK(got.at("neighbours") == json{json::array()});
+  }
+  SECTION("a wall that rubs") {
+    document["inputs"]["wall_friction"] = true;
+    document["inputs"]["b"] = 4;
+    check_close(run(document).at("velocity"), {{0.15, (-pull - 0.02) / 8}}, 1e-14);
+  }
+  SECTION("a wedge, its tip out of reach and at the foot") {
+    document["inputs"]["walls"] = nullptr;
+    document["inputs"]["wedge"] = json{{"tip", {-2, 0}}, {"dir1", {3, 0}}, {"dir2", {1, -1}}};
+    check_close(run(document).at("force").at("wall_depletion"), {{0, -pull}}, 1e-13);
+    document["inputs"]["wedge"]["tip"] = {0, 0};
+    const double less = run(document).at("force").at("wall_depletion")[0][1];
+    CHECK(less < -0.3 * pull);
+    CHECK(less > -0.9 * pull);
+  }
+  SECTION("in space") {
+    document["inputs"].update(
+        json{{"dim", 3}, {"positions", {{0, 5, 1.05}}}, {"walls", {{{"point", {7, 0, 0}}, {"normal", {0, 0, 1}}}}}});
+    check_close(run(document).at("velocity"), {{0, 0, -pull - 0.02}}, 1e-14);
+  }
+  SECTION("errors name the key or the droplet") {
+    json& inputs = document["inputs"];
+    inputs["sigma"] = {1};
+    CHECK(message(document).find("inputs.sigma means nothing to model bubble") != std::string::npos);
+    inputs.erase("sigma");
+    inputs["wedge"] = json{{"tip", {-2, 0}}, {"dir1", {3, 0}}, {"dir2", {-1, 0}}};
+    CHECK(message(document).find("inputs.wedge") != std::string::npos);
+    inputs["wedge"] = nullptr;
+    inputs["walls"][0]["normal"] = {0, 0};
+    CHECK(message(document).find("inputs.walls[0].normal") != std::string::npos);
+    inputs["walls"][0]["normal"] = {0, -1};
+    CHECK_THROWS_WITH(run(document), Catch::Contains("droplet 0 has run into wall 0"));
+  }
+}
+
 TEST_CASE("evaluate lists the terms that are active, soft particles") {
   json document = disks();  // r = 1, σ_mn = 2
   SECTION("only the contact") {
