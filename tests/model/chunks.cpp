@@ -367,7 +367,7 @@ Computed<D> compute(const Configuration<D>& c, ModelKind kind) {
   field->accelerations(s, r.accelerations.data());
   r.energy = field->energy(s, r.energy_forces.data());
   r.power = field->power(s);
-  r.valid = lists.valid(c.x.data());
+  r.valid = lists.valid(c.walls, c.x.data());
   return r;
 }
 
@@ -434,10 +434,10 @@ TEST_CASE("one point that moves too far in any chunk makes the lists stale") {
     std::vector<Real> x = c.x;
     const Index i = lists.points(k).last - 1;
     x[2 * i] += 0.499 * skin;
-    CHECK(lists.valid(x.data()));
+    CHECK(lists.valid(c.walls, x.data()));
     x[2 * i] += 0.002 * skin;
-    CHECK(!lists.valid(x.data()));
+    CHECK(!lists.valid(c.walls, x.data()));
     x[2 * i] = std::numeric_limits<Real>::quiet_NaN();
-    CHECK(!lists.valid(x.data()));
+    CHECK(!lists.valid(c.walls, x.data()));
   }
 }

@@ -247,7 +247,7 @@ TEST_CASE("a relocated particle is listed as a rebuild would, also twice and nex
   onto(350, 17);
   put(17, {0.01, 0});
   onto(90, 3);
-  CHECK(lists.valid(x.data()));
+  CHECK(lists.valid(scene.walls, x.data()));
   CHECK(lists.rebuilds() == 1);
   Neighbours<2> fresh(all_lists, skin);
   fresh.ensure(t, scene.walls, x.data());
