@@ -360,7 +360,8 @@ TEST_CASE("evaluate names what is wrong with a document") {
       {disks(), "/models", "SP", "case.json: models is not a known key; did you mean model?"},
       {disks(), "/model", missing, "case.json: model is missing"},
       {disks(), "/model", 3, "case.json: model is 3, but must be a text"},
-      {disks(), "/model", "bubble", "case.json: model is \"bubble\", but this version has SP, DP, DP-rough, DP-smooth"},
+      {disks(), "/model", "disk",
+       "case.json: model is \"disk\", but this version has SP, DP, DP-rough, DP-smooth, bubble"},
       {disks(), "/inputs", missing, "case.json: inputs is missing"},
       {disks(), "/inputs", 1, "case.json: inputs is 1, but must be an object"},
       // keys
