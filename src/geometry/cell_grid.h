@@ -47,16 +47,16 @@ class CellGrid {
       count_[k] = static_cast<Index>(std::floor((high[k] - low[k]) * inverse_size_)) + 1;
       cells *= count_[k];
     }
-    start_.assign(static_cast<std::size_t>(cells) + 1, 0);
+    // While points are sorted in, start_[c + 1] is the next free place of cell c: in the end, where cell c + 1 begins.
+    start_.assign(static_cast<std::size_t>(cells) + 2, 0);
     for (Index i = 0; i < n; ++i) {
       if (!use(i)) continue;
       cell_of_[i] = cell_index(cell_coordinates(point<D>(x, i)));
-      ++start_[cell_of_[i] + 1];
+      ++start_[cell_of_[i] + 2];
     }
-    for (Index c = 0; c < cells; ++c) start_[c + 1] += start_[c];
-    cursor_.assign(start_.begin(), start_.end() - 1);
+    for (Index c = 0; c < cells; ++c) start_[c + 2] += start_[c + 1];
     for (Index i = 0; i < n; ++i)
-      if (use(i)) items_[cursor_[cell_of_[i]]++] = i;
+      if (use(i)) items_[start_[cell_of_[i] + 1]++] = i;
     for (auto& coordinate : coordinate_) coordinate.resize(used);
     radius_.resize(used);
     for (Index k = 0; k < used; ++k) {
@@ -128,7 +128,7 @@ class CellGrid {
   Vec<D> origin_;
   Real inverse_size_ = 1;
   std::array<Index, D> count_{};
-  std::vector<Index> start_, cursor_, items_, cell_of_;
+  std::vector<Index> start_, items_, cell_of_;
   std::array<std::vector<Real>, D> coordinate_;  ///< of items_, so that a search reads one stretch of memory per row
   std::vector<Real> radius_;
 };

@@ -1,6 +1,7 @@
 #include <pliant/model/neighbours.h>
 
 #include <cmath>
+#include <ranges>
 
 #include <pliant/base/errors.h>
 #include <pliant/base/large_pages.h>
@@ -96,46 +97,57 @@ template <int D>
 template <class Search>
 void Neighbours<D>::build(PairList& list, bool searcher_first, Index all_points, Search&& search) {
   const Index n = chunks(), own = chunk_point_.back();
-  hauls_.resize(n + 1);
-#pragma omp parallel for schedule(dynamic, 1) if (n > 1)
-  for (Index c = 0; c <= n; ++c) {
-    const Range range = c < n ? points(c) : Range{own, all_points};
-    Haul& haul = hauls_[c];
-    haul.inside.clear();
-    haul.across.clear();
-    search(range.first, range.last, [&](Index first, Index second, Real reach) {
-      const Index other = searcher_first ? second : first;
-      if (c < n && range.contains(other))
-        haul.inside.push_back({{first, second}, reach});
-      else if (c < n || other < own)
-        haul.across.push_back({{first, second}, reach});
-    });
-    haul.found_across = haul.across.size();
+  list.clear();
+  const auto make_room = [&](std::size_t size) {
+    list.pairs.reserve(size);
+    list.reach.reserve(size);
+  };
+  const auto append = [&](const std::vector<Found>& part) {
+    const auto pairs = std::views::transform(part, &Found::pair);
+    const auto reach = std::views::transform(part, &Found::reach);
+    list.pairs.insert(list.pairs.end(), pairs.begin(), pairs.end());
+    list.reach.insert(list.reach.end(), reach.begin(), reach.end());
+    list.start.push_back(list.size());
+  };
+  std::vector<std::vector<Found>> across(n + 1);
+#pragma omp parallel if (n > 1)
+  {
+    std::vector<Found> inside;
+#pragma omp for ordered schedule(dynamic, 1)
+    for (Index c = 0; c <= n; ++c) {
+      const Range range = c < n ? points(c) : Range{own, all_points};
+      inside.clear();
+      search(range.first, range.last, [&](Index first, Index second, Real reach) {
+        const Index other = searcher_first ? second : first;
+        if (c < n && range.contains(other))
+          inside.push_back({{first, second}, reach});
+        else if (c < n || other < own)
+          across[c].push_back({{first, second}, reach});
+      });
+#pragma omp ordered
+      if (c < n) {
+        // As much as it will be if the other chunks find as many, borders included: doubling would hold the list twice
+        // for a while, and memory that nobody touches costs nothing.
+        const std::size_t size = list.pairs.size() + inside.size();
+        if (size > list.pairs.capacity()) make_room(size + size * static_cast<std::size_t>(n - c) / (c + 1) + size / 4);
+        append(inside);
+      }
+    }
   }
+  std::vector<std::size_t> found;  // the rest will be what other chunks have found
+  for (const auto& part : across) found.push_back(part.size());
   for (Index c = 0; c <= n; ++c)
-    for (std::size_t k = 0; k < hauls_[c].found_across; ++k) {
-      Found copy = hauls_[c].across[k];
+    for (std::size_t k = 0; k < found[c]; ++k) {
+      Found copy = across[c][k];
       const Index target = chunk_of(searcher_first ? copy.pair.second : copy.pair.first);
       if (target < 0) continue;
       if (searcher_first) std::swap(copy.pair.first, copy.pair.second);
-      hauls_[target].across.push_back(copy);
+      across[target].push_back(copy);
     }
-  list.start.assign(1, 0);
-  for (Index c = 0; c < n; ++c) {
-    list.start.push_back(list.start.back() + static_cast<Index>(hauls_[c].inside.size()));
-    list.start.push_back(list.start.back() + static_cast<Index>(hauls_[c].across.size()));
-  }
-  resize_large(list.pairs, list.start.back());
-  resize_large(list.reach, list.start.back());
-#pragma omp parallel for schedule(dynamic, 1) if (n > 1)
-  for (Index c = 0; c < n; ++c) {
-    Index e = list.start[2 * c];
-    for (const auto* part : {&hauls_[c].inside, &hauls_[c].across})
-      for (const Found& f : *part) {
-        list.pairs[e] = f.pair;
-        list.reach[e++] = f.reach;
-      }
-  }
+  std::size_t size = list.pairs.size();
+  for (Index c = 0; c < n; ++c) size += across[c].size();
+  make_room(size);
+  for (Index c = 0; c < n; ++c) append(across[c]);
 }
 
 /// A list of own points (or edges) and something that does not move: search(first, last, found(first, second)).
@@ -145,8 +157,9 @@ void Neighbours<D>::build_own(PairList& list, Search&& search) {
   list.clear();
   for (Index c = 0; c < chunks(); ++c) {
     search(points(c).first, points(c).last, [&](Index first, Index second) { list.pairs.push_back({first, second}); });
-    list.start.insert(list.start.end(), 2, list.size());
+    list.start.push_back(list.size());
   }
+  list.start.insert(list.start.end(), chunks(), list.size());  // nothing across
 }
 
 template <int D>
@@ -225,7 +238,7 @@ void PairList::erase(Unwanted&& unwanted) {
 }
 
 void PairList::insert(Index chunk, bool across_border, const Pair& pair, Real contact) {
-  const std::size_t part = 2 * static_cast<std::size_t>(chunk) + (across_border ? 2 : 1);
+  const std::size_t part = static_cast<std::size_t>(across_border ? chunks() + chunk : chunk) + 1;
   pairs.insert(pairs.begin() + start[part], pair);
   if (contact > 0) reach.insert(reach.begin() + start[part], contact);
   for (std::size_t k = part; k < start.size(); ++k) ++start[k];

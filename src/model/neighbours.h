@@ -29,8 +29,8 @@ struct Range {
   bool contains(Index i) const { return first <= i && i < last; }
 };
 
-/// A list whose pairs are grouped by chunk: those inside the chunk, then those across its border. A pair across a
-/// border is listed by the chunks on both sides, each of which works on its own points only.
+/// A list whose pairs are grouped by chunk: first those inside each chunk, then those across the border of each. A pair
+/// across a border is listed by the chunks on both sides, each of which works on its own points only.
 struct PairList {
   std::vector<Pair> pairs;
   std::vector<Real> reach;   ///< contact distance of each pair, (δ_i + δ_j)/2; empty for walls, lips and solids
@@ -46,8 +46,9 @@ struct PairList {
   void insert(Index chunk, bool across_border, const Pair& pair, Real contact = 0);
   auto begin() const { return pairs.begin(); }
   auto end() const { return pairs.end(); }
-  Range inside(Index chunk) const { return {start[2 * chunk], start[2 * chunk + 1]}; }
-  Range across(Index chunk) const { return {start[2 * chunk + 1], start[2 * chunk + 2]}; }
+  Index chunks() const { return static_cast<Index>(start.size()) / 2; }
+  Range inside(Index chunk) const { return {start[chunk], start[chunk + 1]}; }
+  Range across(Index chunk) const { return inside(chunks() + chunk); }
   void clear() { pairs.clear(), reach.clear(), start.assign(1, 0); }
 };
 
@@ -141,12 +142,6 @@ class Neighbours {
     Pair pair;
     Real reach;
   };
-  /// What the search of one chunk has found.
-  struct Haul {
-    std::vector<Found> inside, across;
-    std::size_t found_across = 0;  ///< the first of across; other chunks have added the rest
-  };
-
   void divide(const Topology& topology);
   Index chunk_of(Index i) const;
   template <class Search>
@@ -163,7 +158,6 @@ class Neighbours {
   std::vector<Index> chunk_{0}, chunk_point_{0};
   Real widest_ = 0, longest_ = 0;  ///< diameter of a point, edge
   CellGrid<D> grid_;
-  std::vector<Haul> hauls_;
   std::vector<Index> relocated_;           ///< since the last rebuild
   std::vector<Real> old_places_, places_;  ///< references of their points, before and after
   std::vector<Found> near_;
