@@ -1,3 +1,4 @@
+#include <malloc.h>
 #include <pliant/base/petsc.h>
 
 namespace pliant {
@@ -11,6 +12,16 @@ PetscErrorCode keep_message(MPI_Comm, int, const char*, const char*, PetscErrorC
                             const char* message, void*) {
   if (type == PETSC_ERROR_INITIAL) last_message = message != nullptr ? message : "";
   return code;
+}
+
+/// SuperLU_DIST, which PETSc brings along, has malloc keep all memory that is freed: every temporary array would count
+/// from its first use to the end of the run. Large arrays go back again; small ones are kept, as that is quicker.
+void return_freed_memory() {
+#ifdef __GLIBC__
+  mallopt(M_MMAP_MAX, 65536);
+  mallopt(M_MMAP_THRESHOLD, 1 << 20);
+  mallopt(M_TRIM_THRESHOLD, 1 << 24);
+#endif
 }
 
 void end_session(bool owner) {
@@ -27,6 +38,7 @@ PetscSession::PetscSession() {
     if (PetscInitializeNoArguments() != 0)
       throw NumericalError("PETSc could not be started; it starts once per process, and MPI must work");
     owner_ = true;
+    return_freed_memory();
   }
   (void)PetscPushErrorHandler(keep_message, nullptr);
   if (owner_) (void)PetscOptionsClear(nullptr);  // PETSc has read PETSC_OPTIONS and .petscrc, in spite of "NoArguments"
