@@ -72,15 +72,19 @@ void check_fit(const Topology& topology, const Hopper& hopper) {
 
 template <int D>
 Packing pack(const Topology& topology, const Hopper& hopper, const PackingParameters& p, Real* x) {
+  constexpr Real mass = 1;
   check_fit(topology, hopper);
   const Index n = topology.particles();
-  Topology disks;
-  disks.dim = D;
+  const auto outer_disks = [&] {
+    Topology disks;
+    disks.dim = D;
+    for (Index m = 0; m < n; ++m) disks.add_soft(2 * outer_radius(topology, m), mass);
+    return disks;
+  };
   Real content = 0, largest = 0;
-  for (Index m = 0; m < n; ++m) {
-    disks.add_soft(2 * outer_radius(topology, m), 1);
-    content += disks.a0.back();
-    largest = std::max(largest, disks.diameter.back());
+  for (const Topology disks = outer_disks(); const Index m : disks.id) {
+    content += disks.a0[m];
+    largest = std::max(largest, disks.diameter[m]);
   }
   Packing packing;
   std::vector<Real> centres(static_cast<std::size_t>(n) * D);
@@ -96,28 +100,32 @@ Packing pack(const Topology& topology, const Hopper& hopper, const PackingParame
     for (Index m = 0; m < n; ++m) {
       Real* r = &centres[static_cast<std::size_t>(m) * D];
       if (before == 0)
-        random_place<D>(hopper, packing.height, disks.diameter[m] / 2, p.seed, m, r);
+        random_place<D>(hopper, packing.height, outer_radius(topology, m), p.seed, m, r);
       else
         r[D - 1] *= packing.height / before;
     }
-    ParticleSystem<D> system(disks, hopper.closed<D>(packing.height),
+    ParticleSystem<D> system(outer_disks(), hopper.closed<D>(packing.height),
                              make_force_field<D>(ModelKind::sp, {.epsilon = 1, .epsilon_wall = 1}, Vec<D>::Zero()),
                              neighbour_needs(ModelKind::sp), 0.3);
-    State state(n, D);
-    std::copy(centres.begin(), centres.end(), state.x().begin());
-    system.tidy(state);  // sorted in space, searches and sums are fast
+    {
+      State state(n, D);
+      std::copy(centres.begin(), centres.end(), state.x().begin());
+      system.tidy(state);  // sorted in space, searches and sums are fast
+      std::copy(state.x().begin(), state.x().end(), centres.begin());
+    }
     options.force = [&](const Real* r, Real* f) { system.field().forces(system.view(r, nullptr), f); };
     options.done = [&](const Real* r) {
       packing.max_overlap = largest_overlap<D>(system, r);
       return packing.max_overlap <= p.tolerance;
     };
     const FireResult result = fire(
-        state.x(), disks.point_mass,
+        centres, std::span(&mass, 1),
         [&](const Real* r, Real* f) { return system.field().energy(system.view(r, nullptr), f); }, options);
-    for (Index k = 0; k < n; ++k)
-      point<D>(centres.data(), system.topology().id[k]) = point<D>(std::as_const(state).x().data(), k);
     packing.iterations += result.iterations;
-    if (options.done(state.x().data())) break;
+    const bool done = options.done(centres.data());
+    const std::vector<Real> sorted = centres;
+    for (Index k = 0; k < n; ++k) point<D>(centres.data(), system.topology().id[k]) = point<D>(sorted.data(), k);
+    if (done) break;
     if (packing.fraction < 0.5 * p.fraction)
       throw NumericalError(
           "packing {} particles: overlaps up to {:.2g} remain at a fraction of {:.2g} ({}); is the hopper wide enough "

@@ -37,9 +37,12 @@ FireResult fire(std::span<Real> x_in, std::span<const Real> mass, const EnergyAn
   check(o, x_in.size(), mass);
   const auto n = static_cast<Eigen::Index>(x_in.size());
   Array x(x_in.data(), n);
-  Eigen::ArrayXd v = Eigen::ArrayXd::Zero(n), f(n), inverse_mass(n);
-  const Eigen::Index shared = mass.empty() ? 1 : n / static_cast<Eigen::Index>(mass.size());
-  for (Eigen::Index i = 0; i < n; ++i) inverse_mass[i] = 1 / mass[i / shared];
+  Eigen::ArrayXd v = Eigen::ArrayXd::Zero(n), f(n), inverse_mass;
+  if (mass.size() > 1) {
+    inverse_mass.resize(n);
+    const Eigen::Index shared = n / static_cast<Eigen::Index>(mass.size());
+    for (Eigen::Index i = 0; i < n; ++i) inverse_mass[i] = 1 / mass[i / shared];
+  }
   const Real dt_min = o.dt_min > 0 ? o.dt_min : 0.02 * o.dt;
   Real dt = o.dt, alpha = o.alpha;
   int downhill = 0;
@@ -92,7 +95,10 @@ FireResult fire(std::span<Real> x_in, std::span<const Real> mass, const EnergyAn
       x -= 0.5 * dt * v;
       v.setZero();
     }
-    v += dt * f * inverse_mass;
+    if (mass.size() > 1)
+      v += dt * f * inverse_mass;
+    else
+      v += dt / mass.front() * f;
     const Real f_norm = f.matrix().stableNorm();  // f·f underflows before f does
     v = (1 - alpha) * v + (alpha * v.matrix().norm() / f_norm) * f;
     const Real move = dt * v.abs().maxCoeff();

@@ -43,7 +43,8 @@ struct FireResult {
 };
 
 /// Minimises an energy over x[n], in place, from rest. mass[k] with n a multiple of k: n/k coordinates share a mass,
-/// e.g. one mass per point of dim coordinates.
+/// e.g. one mass per point of dim coordinates, or one for
+/// all, which takes no memory.
 ///
 /// Method: FIRE 2.0 (J. Guénolé et al., Comput. Mater. Sci. 175, 109584 (2020)) of E. Bitzek et al., Phys. Rev. Lett.
 /// 97, 170201 (2006): semi-implicit Euler, v ← (1 − α) v + α |v| f/|f|; uphill (f·v ≤ 0) it goes back half a step,
