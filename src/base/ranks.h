@@ -92,6 +92,11 @@ class Ranks {
     return gather(std::span<const T>(part));
   }
 
+  template <class T>
+  std::vector<T> gather(std::vector<T>&& part) const {
+    return several() ? gather(std::span<const T>(part)) : std::move(part);
+  }
+
   /// The ranks' parts one after the other, on every rank.
   template <class T>
   std::vector<T> all_gather(const std::vector<T>& part) const {

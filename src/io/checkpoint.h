@@ -4,31 +4,51 @@
 #include <cstdint>
 #include <filesystem>
 #include <map>
+#include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
-#include <pliant/model/state.h>
+#include <pliant/base/types.h>
+#include <pliant/io/hdf5.h>
 
 namespace pliant {
 
-/// The state, and what the scenario and the neighbour lists need to go on bit for bit, under names of their own.
+/// What a scenario needs to go on bit for bit, under names of its own.
 struct Checkpoint {
-  State state;
-  std::map<std::string, std::vector<double>> reals;  ///< not named "y" or "a"; no name that `integers` has too
+  Real t = 0;
+  std::int64_t step = 0;
+  std::map<std::string, std::vector<double>> reals;
   std::map<std::string, std::vector<std::int64_t>> integers;
-  std::map<std::string, std::string> strings;  ///< not named "time" or "step"
+  std::map<std::string, std::string> strings;
 };
 
-/// Writes checkpoint-a.h5 and checkpoint-b.h5 of a folder in turn, never over the newest one that can be read.
+/// Writes checkpoint-a.h5 and checkpoint-b.h5 of a folder in turn, never over the newest one that can be read. A
+/// checkpoint is begun, added to and finished: an array can be forgotten once it has been added.
 class CheckpointWriter {
  public:
   explicit CheckpointWriter(std::filesystem::path folder);
+
+  /// In memory; what was begun before and not finished is dropped.
+  void begin(Real t, std::int64_t step);
+  /// Arrays; no name twice.
+  template <std::ranges::contiguous_range Values>
+  void add(const std::string& name, const Values& values) {
+    check_new(name);
+    group_->write(name, values, {std::ranges::size(values)}, hdf5::Storage::checksum);
+  }
+  /// Not named "time" or "step".
+  void add_text(const std::string& name, const std::string& text);
   /// Writes atomically: on errors, and when the program is killed, the older checkpoints stay. Errors: OutputError.
-  void write(const Checkpoint& checkpoint);
+  void finish();
 
  private:
+  void check_new(const std::string& name) const;
+
   std::filesystem::path folder_;
   int next_ = 0;  ///< 0: a, 1: b
+  std::optional<hdf5::File> file_;
+  std::optional<hdf5::Group> group_;
 };
 
 struct NewestCheckpoint {

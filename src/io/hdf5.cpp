@@ -121,6 +121,9 @@ Id disk_access() {
 // Entries in a leaf of the list of a group from create_list().
 constexpr unsigned leaf_entries = 512;
 
+// Rows in a chunk with a checksum: HDF5 copies a chunk to add it.
+constexpr std::uint64_t chunk_rows = 1 << 14;
+
 /// For groups: few links, kept in the group's header.
 void keep_links_in_header(const Id& properties) {
   H5Pset_link_creation_order(properties.get(), H5P_CRT_ORDER_TRACKED);
@@ -149,6 +152,8 @@ Id creating_parents() {
 }
 
 }  // namespace
+
+std::uint64_t row_width(const Shape& shape) { return product(std::span(shape).subspan(1)); }
 
 std::string library_version() {
   unsigned major = 0, minor = 0, release = 0;
@@ -255,20 +260,28 @@ void Group::remove(const std::string& name) {
 
 // ---- datasets --------------------------------------------------------------------------------------------------
 
+Id Group::create_dataset(const std::string& name, Type type, const Shape& shape, Storage storage) {
+  const Quiet quiet;
+  const Id space(H5Screate_simple(static_cast<int>(shape.size()), dims(shape), nullptr));
+  const Id properties(H5Pcreate(H5P_DATASET_CREATE));
+  if (storage == Storage::checksum && product(shape) > 0) {
+    Shape chunk = shape;
+    chunk[0] = std::min(chunk[0], chunk_rows);
+    H5Pset_chunk(properties.get(), static_cast<int>(chunk.size()), dims(chunk));
+    H5Pset_fletcher32(properties.get());
+  }
+  Id dataset(H5Dcreate2(id_.get(), name.c_str(), native(type), space.get(), creating_parents().get(), properties.get(),
+                        H5P_DEFAULT));
+  if (!dataset.valid()) fail_write(name);
+  return dataset;
+}
+
 void Group::write_values(const std::string& name, Type type, const void* values, std::size_t count, const Shape& shape,
                          Storage storage) {
   if (product(shape) != count)
     throw std::invalid_argument(fmt::format("{}: {} values do not fill the shape {}", full(name), count, text(shape)));
+  const Id dataset = create_dataset(name, type, shape, storage);
   const Quiet quiet;
-  const Id space(H5Screate_simple(static_cast<int>(shape.size()), dims(shape), nullptr));
-  const Id properties(H5Pcreate(H5P_DATASET_CREATE));
-  if (storage == Storage::checksum && count > 0) {
-    H5Pset_chunk(properties.get(), static_cast<int>(shape.size()), dims(shape));
-    H5Pset_fletcher32(properties.get());
-  }
-  const Id dataset(H5Dcreate2(id_.get(), name.c_str(), native(type), space.get(), creating_parents().get(),
-                              properties.get(), H5P_DEFAULT));
-  if (!dataset.valid()) fail_write(name);
   if (count > 0 && H5Dwrite(dataset.get(), native(type), H5S_ALL, H5S_ALL, H5P_DEFAULT, values) < 0) fail_write(name);
 }
 
@@ -323,22 +336,28 @@ void Group::create_rows(const std::string& name, const Shape& row, std::uint64_t
 
 void Group::append_rows(const std::string& name, std::span<const double> values) {
   Shape whole = shape(name);
-  const std::uint64_t width = product(std::span(whole).subspan(1));
+  const std::uint64_t width = row_width(whole), first = whole[0];
   if (width == 0 || values.size() % width != 0)
     throw std::invalid_argument(fmt::format("{}: {} values are no rows of {}", full(name), values.size(), width));
-  Shape start(whole.size(), 0), added = whole;
-  start[0] = whole[0];
-  added[0] = values.size() / width;
-  whole[0] += added[0];
-
+  whole[0] += values.size() / width;
   const Quiet quiet;
   const Id dataset(H5Dopen2(id_.get(), name.c_str(), H5P_DEFAULT));
   if (!dataset.valid() || H5Dset_extent(dataset.get(), dims(whole)) < 0) fail_write(name);
+  write_rows(dataset, name, Type::real, values.data(), values.size(), first);
+}
+
+void Group::write_rows(const Id& dataset, const std::string& name, Type type, const void* values, std::size_t count,
+                       std::uint64_t first) {
+  const Quiet quiet;
   const Id space(H5Dget_space(dataset.get()));
-  const Id memory(H5Screate_simple(static_cast<int>(added.size()), dims(added), nullptr));
-  H5Sselect_hyperslab(space.get(), H5S_SELECT_SET, dims(start), nullptr, dims(added), nullptr);
-  if (H5Dwrite(dataset.get(), H5T_NATIVE_DOUBLE, memory.get(), space.get(), H5P_DEFAULT, values.data()) < 0)
-    fail_write(name);
+  Shape rows(static_cast<std::size_t>(H5Sget_simple_extent_ndims(space.get())));
+  H5Sget_simple_extent_dims(space.get(), reinterpret_cast<hsize_t*>(rows.data()), nullptr);
+  Shape start(rows.size(), 0);
+  start[0] = first;
+  rows[0] = count / row_width(rows);
+  const Id memory(H5Screate_simple(static_cast<int>(rows.size()), dims(rows), nullptr));
+  H5Sselect_hyperslab(space.get(), H5S_SELECT_SET, dims(start), nullptr, dims(rows), nullptr);
+  if (H5Dwrite(dataset.get(), native(type), memory.get(), space.get(), H5P_DEFAULT, values) < 0) fail_write(name);
 }
 
 void Group::truncate_rows(const std::string& name, std::uint64_t rows) {
@@ -544,13 +563,14 @@ void File::close() {
   if (!problem.empty()) throw OutputError("cannot write {}: {}; check free space and permissions", file_, problem);
 }
 
-std::string File::image() {
+std::string_view File::image() {
   flush();
   const Quiet quiet;
+  // HDF5 would copy the image; its driver for files in memory hands out where it is.
+  void* handle = nullptr;
   const ssize_t size = H5Fget_file_image(file_id_.get(), nullptr, 0);
-  std::string bytes(static_cast<std::size_t>(std::max<ssize_t>(size, 0)), '\0');
-  if (size < 0 || H5Fget_file_image(file_id_.get(), bytes.data(), bytes.size()) < 0) fail_write("");
-  return bytes;
+  if (size < 0 || H5Fget_vfd_handle(file_id_.get(), H5P_DEFAULT, &handle) < 0) fail_write("");
+  return {*static_cast<char**>(handle), static_cast<std::size_t>(size)};
 }
 
 }  // namespace pliant::hdf5

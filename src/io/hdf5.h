@@ -2,6 +2,7 @@
 // (writing) or an InputError (reading) that names the file, the object and the system's reason where HDF5 knows it.
 #pragma once
 
+#include <algorithm>
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
@@ -10,6 +11,7 @@
 #include <ranges>
 #include <span>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -33,8 +35,11 @@ constexpr Type type_of() {
   if constexpr (std::same_as<T, std::uint8_t>) return Type::uint8;
 }
 
-/// plain: contiguous. checksum: one chunk with a Fletcher-32 checksum, so that damage is found when it is read.
+/// plain: contiguous. checksum: in chunks with Fletcher-32 checksums, so that damage is found when it is read.
 enum class Storage { plain, checksum };
+
+/// Values in one row of the first dimension.
+std::uint64_t row_width(const Shape& shape);
 
 /// The HDF5 library's version, "1.10.8".
 std::string library_version();
@@ -88,6 +93,20 @@ class Group {
     write_values(name, type_of<std::ranges::range_value_t<Values>>(), std::ranges::data(values),
                  std::ranges::size(values), shape, storage);
   }
+  /// Writes a new dataset of values that are made as they are written, so that nobody has to hold them all: fill(first,
+  /// values) makes those from number `first` on, counted through all rows.
+  template <Element T, class Fill>
+  void write_made(const std::string& name, const Shape& shape, Fill&& fill) {
+    constexpr std::uint64_t at_a_time = 1 << 16;
+    const Id dataset = create_dataset(name, type_of<T>(), shape, Storage::plain);
+    const std::uint64_t width = row_width(shape), rows = std::max<std::uint64_t>(1, at_a_time / width);
+    std::vector<T> values;
+    for (std::uint64_t row = 0; row < shape.at(0); row += rows) {
+      values.resize(std::min(rows, shape[0] - row) * width);
+      fill(row * width, std::span<T>(values));
+      write_rows(dataset, name, type_of<T>(), values.data(), values.size(), row);
+    }
+  }
   /// Reads a whole dataset, converting numbers to T. Errors: also where the shape is not `expected` (if given), or
   /// where real numbers would be cut to integers.
   template <Element T>
@@ -138,8 +157,12 @@ class Group {
  private:
   std::string full(const std::string& name) const;
   [[noreturn]] void fail_read(const std::string& name) const;
+  Id create_dataset(const std::string& name, Type type, const Shape& shape, Storage storage);
   void write_values(const std::string& name, Type type, const void* values, std::size_t count, const Shape& shape,
                     Storage storage);
+  /// Writes whole rows from row `first` on.
+  void write_rows(const Id& dataset, const std::string& name, Type type, const void* values, std::size_t count,
+                  std::uint64_t first);
   Shape checked_shape(const std::string& name, const Shape& expected) const;
   void read_values(const std::string& name, Type type, void* values) const;
   void set_number(const std::string& name, Type type, const void* value);
@@ -171,8 +194,8 @@ class File : public Group {
   void reserve(std::uint64_t bytes);
   /// Flushes and closes; without it the destructor closes, and keeps silent about errors.
   void close();
-  /// The bytes of the file as they would be on disk.
-  std::string image();
+  /// The bytes of a file in memory as they would be on disk; they stay until the file is changed.
+  std::string_view image();
 
  private:
   File(Id file, std::string name, bool on_disk);

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <stdexcept>
 #include <utility>
@@ -76,6 +77,14 @@ void write_topology(File& file, const Topology& topology) {
   write("xdmf/connectivity", xdmf_particles(topology.offset));
 }
 
+template <class T>
+void write_strided(Group& group, const std::string& name, const Strided<T>& values, const hdf5::Shape& shape) {
+  const std::uint64_t width = hdf5::row_width(shape);
+  group.write_made<T>(name, shape, [&](std::uint64_t first, std::span<T> rows) {
+    for (std::size_t k = 0; k < rows.size(); k += width) std::copy_n(values[(first + k) / width], width, &rows[k]);
+  });
+}
+
 void write_geometry(File& file, const RunGeometry& geometry, int dim) {
   auto group = file.create_group("/geometry");
   const std::uint64_t walls = geometry.segments.size() / 4;
@@ -124,7 +133,12 @@ Series read_series_of(const File& file) {
 }  // namespace
 
 RunWriter::RunWriter(std::filesystem::path folder, File file, const Topology& topology, XdmfFile xdmf)
-    : folder_(std::move(folder)), file_(std::move(file)), topology_(topology), xdmf_(std::move(xdmf)) {
+    : folder_(std::move(folder)),
+      file_(std::move(file)),
+      dim_(topology.dim),
+      offset_(topology.offset),
+      a0_(topology.deformable() ? topology.a0 : std::vector<Real>()),
+      xdmf_(std::move(xdmf)) {
   walls_ = file_.shape("/geometry/segments").at(0);
 }
 
@@ -236,7 +250,7 @@ void RunWriter::write_samples() {
 }
 
 void RunWriter::write_xdmf_data(Group& group, const Frame& frame) const {
-  const auto dim = static_cast<std::size_t>(topology_.dim), n = static_cast<std::size_t>(topology_.particles());
+  const auto dim = static_cast<std::size_t>(dim_), n = offset_.size() - 1;
   group.link("/topology/xdmf/connectivity", "connectivity");
   group.link("/topology/xdmf/particle", "particle");
 
@@ -245,48 +259,44 @@ void RunWriter::write_xdmf_data(Group& group, const Frame& frame) const {
     for (std::size_t k = 0; k < dim; ++k) sum += square(a[k]);
     return std::sqrt(sum);
   };
-  std::vector<Real> speed(n), area_ratio(frame.area.begin(), frame.area.end());
-  for (std::size_t m = 0; m < n; ++m) {
-    std::vector<Real> momentum(dim, 0);
-    Real mass = 0;
-    for (auto i = static_cast<std::size_t>(topology_.offset[m]); i < static_cast<std::size_t>(topology_.offset[m + 1]);
-         ++i) {
-      mass += topology_.mass(i);
-      for (std::size_t k = 0; k < dim; ++k) momentum[k] += topology_.mass(i) * frame.velocities[i * dim + k];
+  group.write_made<Real>("speed", {n}, [&](std::uint64_t first, std::span<Real> speed) {
+    for (std::size_t m = first; m < first + speed.size(); ++m) {
+      std::array<Real, 3> sum{};  // the points of a particle have equal masses
+      for (Index i = offset_[m]; i < offset_[m + 1]; ++i)
+        for (std::size_t k = 0; k < dim; ++k) sum[k] += frame.velocities[static_cast<std::size_t>(i) * dim + k];
+      speed[m - first] = norm(sum.data()) / (offset_[m + 1] - offset_[m]);
     }
-    speed[m] = norm(momentum.data()) / mass;
-  }
-  group.write("speed", speed, {n});
-  for (std::size_t m = 0; m < area_ratio.size(); ++m) area_ratio[m] /= topology_.a0[m];
-  if (!area_ratio.empty()) group.write("area_ratio", area_ratio, {n});
+  });
+  if (!frame.area.empty())
+    group.write_made<Real>("area_ratio", {n}, [&](std::uint64_t first, std::span<Real> ratio) {
+      for (std::size_t k = 0; k < ratio.size(); ++k) ratio[k] = frame.area[first + k] / a0_[first + k];
+    });
 
   // A contact is a line between two centres, or from a centre to the place where it touches a wall.
   const FrameContacts& contacts = frame.contacts;
-  const std::size_t count = contacts.overlap.size();
-  std::vector<Real> ends, force(count);
-  ends.reserve(2 * count * dim);
-  for (std::size_t c = 0; c < count; ++c) {
-    for (const std::size_t side : {0, 1}) {
-      const Index m = contacts.particles[2 * c + side];
-      const Real* end = m < 0 ? &contacts.position[c * dim] : &frame.centres[static_cast<std::size_t>(m) * dim];
-      ends.insert(ends.end(), end, end + dim);
+  const std::uint64_t count = contacts.count;
+  group.write_made<Real>("contact_points", {2 * count, dim}, [&](std::uint64_t first, std::span<Real> ends) {
+    for (std::size_t k = 0; k < ends.size(); k += dim) {
+      const std::size_t end = (first + k) / dim, c = end / 2;
+      const Index m = contacts.particles[c][end % 2];
+      std::copy_n(m < 0 ? contacts.position[c] : &frame.centres[static_cast<std::size_t>(m) * dim], dim, &ends[k]);
     }
-    force[c] = norm(&contacts.force[c * dim]);
-  }
-  group.write("contact_points", ends, {2 * count, dim});
-  group.write("contact_connectivity", xdmf_lines(count), {4 * count});
-  group.write("contact_force", force, {count});
+  });
+  group.write_made<std::int32_t>("contact_connectivity", {4 * count},
+                                 [&](std::uint64_t first, std::span<std::int32_t> cells) {
+                                   for (std::size_t k = 0; k < cells.size(); ++k) cells[k] = xdmf_line(first + k);
+                                 });
+  group.write_made<Real>("contact_force", {count}, [&](std::uint64_t first, std::span<Real> force) {
+    for (std::size_t k = 0; k < force.size(); ++k) force[k] = norm(contacts.force[first + k]);
+  });
 }
 
 void RunWriter::write_frame(const Frame& frame) {
-  const auto dim = static_cast<std::uint64_t>(topology_.dim);
-  const auto n = static_cast<std::uint64_t>(topology_.particles()),
-             points = static_cast<std::uint64_t>(topology_.points());
+  const auto dim = static_cast<std::uint64_t>(dim_);
+  const auto n = static_cast<std::uint64_t>(offset_.size() - 1), points = static_cast<std::uint64_t>(offset_.back());
   const FrameContacts& contacts = frame.contacts;
-  const std::uint64_t count = contacts.overlap.size();
-  if (frame.velocities.size() != points * dim || frame.centres.size() != n * dim ||
-      contacts.particles.size() != 2 * count || contacts.position.size() != count * dim ||
-      contacts.force.size() != count * dim)
+  const std::uint64_t count = contacts.count;
+  if (frame.velocities.size() != points * dim || frame.centres.size() != n * dim)
     throw std::invalid_argument("run.h5: the arrays of a frame do not fit together");
 
   const std::uint64_t values = 2 * points * dim + n * (dim + 6) + walls_ * dim + count * (5 * dim + 6);
@@ -303,11 +313,11 @@ void RunWriter::write_frame(const Frame& frame) {
   if (!frame.perimeter.empty()) group.write("perimeter", frame.perimeter, {n});
   group.write("wall_force", frame.wall_force, {walls_, dim});
   auto list = group.create_group("contacts");
-  list.write("particles", contacts.particles, {count, 2});
-  list.write("position", contacts.position, {count, dim});
-  list.write("normal", contacts.normal, {count, dim});
-  list.write("overlap", contacts.overlap, {count});
-  list.write("force", contacts.force, {count, dim});
+  write_strided(list, "particles", contacts.particles, {count, 2});
+  write_strided(list, "position", contacts.position, {count, dim});
+  write_strided(list, "normal", contacts.normal, {count, dim});
+  write_strided(list, "overlap", contacts.overlap, {count});
+  write_strided(list, "force", contacts.force, {count, dim});
   auto xdmf = group.create_group("xdmf");
   write_xdmf_data(xdmf, frame);
 
@@ -319,7 +329,7 @@ void RunWriter::write_frame(const Frame& frame) {
   file_.flush();
   xdmf_.put(frames_, xdmf_grid({.name = name,
                                 .time = frame.time,
-                                .dim = topology_.dim,
+                                .dim = dim_,
                                 .particles = n,
                                 .points = points,
                                 .contacts = count,

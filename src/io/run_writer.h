@@ -31,12 +31,23 @@ struct RunGeometry {
   std::map<std::string, Real> attributes;  ///< "W", "w", "angle"
 };
 
-/// C contacts of a frame in D dimensions.
+/// Equally many numbers of each of some structures in an array; the first ones at `data`, others `stride` bytes apart.
+template <class T>
+struct Strided {
+  const T* data = nullptr;
+  std::size_t stride = 0;
+  const T* operator[](std::size_t k) const {
+    return reinterpret_cast<const T*>(reinterpret_cast<const char*>(data) + k * stride);
+  }
+};
+
+/// C contacts of a frame in D dimensions; the arrays are the caller's.
 struct FrameContacts {
-  std::vector<Index> particles;        ///< [C, 2]; the second is −1 for a wall
-  std::vector<Real> position, normal;  ///< [C, D]
-  std::vector<Real> overlap;           ///< [C]
-  std::vector<Real> force;             ///< [C, D], on the first particle
+  std::uint64_t count = 0;         ///< C
+  Strided<Index> particles;        ///< [C, 2]; the second is −1 for a wall
+  Strided<Real> position, normal;  ///< [C, D]
+  Strided<Real> overlap;           ///< [C]
+  Strided<Real> force;             ///< [C, D], on the first particle
 };
 
 /// One frame of N particles with P points in D dimensions; the arrays are the caller's.
@@ -72,8 +83,9 @@ using Series = std::map<std::string, SeriesColumn>;
 /// Everything in /series of folder/run.h5. Errors: InputError.
 Series read_series(const std::filesystem::path& folder);
 
-/// Writes the folder. After each frame both files are complete on disk for whoever reads them, and stay so if the
-/// program is killed. Errors of all members: OutputError; frames written before stay readable.
+/// Writes the folder. Of a frame nothing is copied as a whole. After each frame both files are complete on disk for
+/// whoever reads them, and stay so if the program is killed. Errors of all members: OutputError; frames written before
+/// stay readable.
 class RunWriter {
  public:
   /// Starts a run: creates the folder and its parents. Errors: InputError if the folder holds a run already;
@@ -121,7 +133,9 @@ class RunWriter {
 
   std::filesystem::path folder_;
   hdf5::File file_;
-  Topology topology_;
+  int dim_;
+  std::vector<Index> offset_;  ///< of the points of each particle
+  std::vector<Real> a0_;       ///< of each polygon; none of soft particles
   XdmfFile xdmf_;
   std::uint64_t walls_ = 0, frames_ = 0, samples_ = 0;
   std::vector<Column> columns_;

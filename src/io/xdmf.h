@@ -26,7 +26,8 @@ std::string xdmf_grid(const XdmfFrame& frame);
 
 /// Connectivity of particles in topology "Mixed": a polygon of its points, or a Polyvertex of its one point.
 std::vector<std::int32_t> xdmf_particles(const std::vector<Index>& offset);
-/// Connectivity of `count` lines over points 2i and 2i + 1.
+/// Value k of the connectivity of lines over points 2i and 2i + 1, and the first `count` lines' values.
+std::int32_t xdmf_line(std::uint64_t k);
 std::vector<std::int32_t> xdmf_lines(std::uint64_t count);
 
 /// The file, complete and valid XML after every call. Errors: OutputError.

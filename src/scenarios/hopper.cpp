@@ -60,24 +60,26 @@ Vec<D> down() {
 template <int D>
 class HopperRun {
  public:
-  HopperRun(const HopperOptions& p, const Options& options, const Ranks& ranks,
-            const std::optional<Checkpoint>& checkpoint)
+  HopperRun(const HopperOptions& p, const Options& options, const Ranks& ranks, std::optional<Checkpoint> checkpoint)
       : p_(p),
         options_(options),
         ranks_(ranks),
         all_(make_particles(p.model, D, draw_diameters(p.sizes, p.particles, static_cast<std::uint64_t>(p.seed)),
                             p.shape)),
-        system_(all_, p.hopper.walls<D>(), make_force_field<D>(p.model, p.model_parameters(), down<D>()),
+        system_({}, p.hopper.walls<D>(), make_force_field<D>(p.model, p.model_parameters(), down<D>()),
                 neighbour_needs(p.model), p.first_skin(), ranks),
         control_(p.checkpoint_interval, p.max_wall_time, ranks),
         clog_(p.clog_time, p.clog_speed) {
     for (const Real sigma : all_.sigma) largest_ = std::max(largest_, sigma);
+    for (const Real a0 : all_.a0) mean_size_ += a0 / all_.particles();
+    points_ = all_.points();
     const CriticalStep critical = system_.field().critical_step(all_);
     critical_step_ = critical.least();
     dt_ = p.dt.value_or(std::min({1e-3, 0.2 * critical.elastic, 0.5 * critical.damping}));
     if (p.q_rtol > 0) precision_.emplace(p.q_rtol);
     if (!p.skin) system_.tune_skin();
     if (checkpoint) load(*checkpoint);
+    checkpoint.reset();
     make_integrator();
   }
 
@@ -96,10 +98,12 @@ class HopperRun {
       announce();
     });
     try {
-      if (restarted_)
+      if (restarted_) {
+        all_ = Topology();
         repeat_judgements();
-      else
+      } else {
         prepare();
+      }
       cpu_at_start_ = control_.cpu_seconds();
       started_at_ = state_.t;
       const LogScope log(LogStage::run);
@@ -130,17 +134,29 @@ class HopperRun {
     });
   }
 
-  /// The start of a new run. Every rank packs all particles, which takes no longer than one rank would, and keeps its
-  /// own.
+  /// The start of a new run.
   void prepare() {
     const LogScope log(LogStage::pack);
-    std::vector<Real> x(static_cast<std::size_t>(all_.points()) * D);
+    share_out(packed());
+    tidy(state_);
+    sample(state_);
+    frame(state_);
+  }
+
+  /// Positions of all points. Every rank packs all particles, which takes no longer than one rank would.
+  std::vector<Real> packed() {
+    std::vector<Real> x(static_cast<std::size_t>(points_) * D);
     const Packing packing =
         pack<D>(all_, p_.hopper, {*p_.pack_fraction, p_.pack_tolerance, static_cast<std::uint64_t>(p_.seed)}, x.data());
     if (ranks_.root())
       fmt::print("packed to a fraction of {:.3f}, height {:.1f}, in {} iterations of FIRE; largest overlap {:.1e}\n",
                  packing.fraction, packing.height, packing.iterations, packing.max_overlap);
     packing_iterations_ = packing.iterations;
+    return x;
+  }
+
+  /// Leaves each rank its own particles, and nobody all of them.
+  void share_out(const std::vector<Real>& x) {
     std::vector<Index> mine;
     for (Index m = ranks_.rank(); m < all_.particles(); m += ranks_.size()) mine.push_back(m);
     take(mine);
@@ -149,20 +165,12 @@ class HopperRun {
       std::copy(x.begin() + static_cast<std::ptrdiff_t>(all_.offset[mine[k]]) * D,
                 x.begin() + static_cast<std::ptrdiff_t>(all_.offset[mine[k] + 1]) * D,
                 state_.x().begin() + static_cast<std::ptrdiff_t>(system_.topology().offset[k]) * D);
-    tidy(state_);
-    forget_others();
-    sample(state_);
-    frame(state_);
-  }
-
-  /// Only the root goes on to need all particles, for the writer and the evaluation at the end.
-  void forget_others() {
-    if (!ranks_.root()) all_ = Topology();
+    all_ = Topology();
   }
 
   /// Makes the particles with these ids, in this order, the rank's own.
   void take(std::span<const Index> ids) {
-    system_.keep(ids);
+    system_.take(all_.select(ids));
     counted_.assign(ids.size(), 0);
     reinserted_.assign(ids.size(), 0);
   }
@@ -319,49 +327,47 @@ class HopperRun {
   void save(const State& s, bool changed) {
     const LogScope log(LogEvent::checkpoint);
     const Topology& topology = system_.topology();
-    const auto own = [&](const auto& values) { return std::span(values).first(topology.owned()); };
-    Checkpoint c;
-    c.state.t = s.t;
-    c.state.step = s.step;
-    c.state.assign(ranks_.gather(s.x()), ranks_.gather(s.v()), ranks_.gather(s.a()));
-    const typename Neighbours<D>::History lists = system_.neighbours().history(topology);
-    c.reals["list_reference"] = ranks_.gather(lists.reference);
-    c.reals["skin"] = {system_.neighbours().skin()};
-    c.reals["list_places"] = lists.places;  // none on several ranks
-    c.integers["list_relocated"] = {lists.relocated.begin(), lists.relocated.end()};
-    c.reals["flow_area"] = {ranks_.sum(flow_.area)};
-    c.reals["clog_quiet_since"] = {clog_.state().quiet_since};
-    c.reals["next_dt"] = {next_dt()};
-    c.reals["last_output"] = {last_sample_at_, last_frame_at_};
-    c.reals["cpu_seconds"] = {total_cpu()};
-    const std::vector<Index> id = ranks_.gather(own(topology.id));
-    c.integers["id"] = {id.begin(), id.end()};
-    const std::vector<std::uint8_t> active = ranks_.gather(own(topology.active));
-    c.integers["active"] = {active.begin(), active.end()};
-    c.integers["counted"] = ranks_.gather(counted_);
-    c.integers["reinserted"] = ranks_.gather(reinserted_);
-    c.integers["rank_particles"] = ranks_.gather(std::vector<std::int64_t>{topology.owned()});
-    const IntegratorStatistics total = statistics();
-    const std::int64_t crossed = ranks_.sum(flow_.crossed);
     on_root([&] {
       writer_->flush();
-      c.integers["counters"] = {crossed,
-                                clog_.state().crossed,
-                                next_sample_,
-                                next_frame_,
-                                static_cast<std::int64_t>(writer_->samples()),
-                                static_cast<std::int64_t>(writer_->frames()),
-                                total.steps,
-                                total.rejected,
-                                total.force_evaluations,
-                                packing_iterations_,
-                                changed ? 1 : 0,
-                                system_.use().evaluations,
-                                system_.use().rebuilds,
-                                list_rebuilds()};
-      c.strings["scenario"] = "hopper";
-      c.strings["options"] = options_.json().dump();
-      checkpoints_->write(c);
+      checkpoints_->begin(s.t, s.step);
+    });
+    // One array at a time, so that they are not in memory once more.
+    const auto add = [&](const char* name, auto&& values) {
+      const auto all = ranks_.gather(std::forward<decltype(values)>(values));
+      on_root([&] { checkpoints_->add(name, all); });
+    };
+    const auto add_own = [&](const char* name, const auto& values) {
+      add(name, std::span(values).first(topology.owned()));
+    };
+    add("x", s.x());
+    add("v", s.v());
+    add("a", s.a());
+    {
+      typename Neighbours<D>::History lists = system_.neighbours().history(topology);
+      add("list_reference", std::move(lists.reference));
+      add("list_places", lists.places);  // none on several ranks
+      add("list_relocated", lists.relocated);
+    }
+    add_own("id", topology.id);
+    add_own("active", topology.active);
+    add("counted", counted_);
+    add("reinserted", reinserted_);
+    add("rank_particles", std::vector<std::int64_t>{topology.owned()});
+    const IntegratorStatistics total = statistics();
+    const std::int64_t crossed = ranks_.sum(flow_.crossed);
+    const Real crossed_area = ranks_.sum(flow_.area), cpu = total_cpu();
+    on_root([&] {
+      checkpoints_->add("numbers", std::array{crossed_area, clog_.state().quiet_since, last_sample_at_, last_frame_at_,
+                                              next_dt(), system_.neighbours().skin(), cpu});
+      checkpoints_->add(
+          "counters",
+          std::array{crossed, clog_.state().crossed, next_sample_, next_frame_,
+                     static_cast<std::int64_t>(writer_->samples()), static_cast<std::int64_t>(writer_->frames()),
+                     total.steps, total.rejected, total.force_evaluations, packing_iterations_, std::int64_t{changed},
+                     system_.use().evaluations, system_.use().rebuilds, list_rebuilds()});
+      checkpoints_->add_text("scenario", "hopper");
+      checkpoints_->add_text("options", options_.json().dump());
+      checkpoints_->finish();
     });
   }
 
@@ -377,23 +383,25 @@ class HopperRun {
     }
     take(mine);
     const auto cut = [&](std::span<const Real> values) { return values.subspan(first_point, points); };
-    const auto per_particle = [&, first = first, last = last](const char* name) {
+    const auto restore = [&, first = first, last = last](auto& own, const char* name) {
       const auto& values = c.integers.at(name);
-      return std::vector<std::int64_t>(values.begin() + first, values.begin() + last);
+      own.assign(values.begin() + first, values.begin() + last);
     };
-    state_.t = c.state.t;
-    state_.step = c.state.step;
-    state_.assign(cut(c.state.x()), cut(c.state.v()), cut(c.state.a()));
-    counted_ = per_particle("counted");
-    reinserted_ = per_particle("reinserted");
-    const std::vector<std::int64_t> active = per_particle("active");
+    state_.t = c.t;
+    state_.step = c.step;
+    state_.assign(cut(c.reals.at("x")), cut(c.reals.at("v")), cut(c.reals.at("a")));
+    restore(counted_, "counted");
+    restore(reinserted_, "reinserted");
+    std::vector<std::uint8_t> active;
+    restore(active, "active");
     for (std::size_t m = 0; m < active.size(); ++m)
       if (active[m] == 0) system_.deactivate(static_cast<Index>(m));
     const auto& n = c.integers.at("counters");
-    if (ranks_.root()) flow_ = {n.at(0), c.reals.at("flow_area").at(0)};
-    last_sample_at_ = c.reals.at("last_output").at(0);
-    last_frame_at_ = c.reals.at("last_output").at(1);
-    clog_.restore({c.reals.at("clog_quiet_since").at(0), n.at(1)});
+    const auto& numbers = c.reals.at("numbers");
+    if (ranks_.root()) flow_ = {n.at(0), numbers.at(0)};
+    clog_.restore({numbers.at(1), n.at(1)});
+    last_sample_at_ = numbers.at(2);
+    last_frame_at_ = numbers.at(3);
     next_sample_ = n.at(2);
     next_frame_ = n.at(3);
     restored_samples_ = static_cast<std::uint64_t>(n.at(4));
@@ -401,12 +409,12 @@ class HopperRun {
     before_ = {.steps = n.at(6), .rejected = n.at(7), .force_evaluations = n.at(8)};
     packing_iterations_ = n.at(9);
     fresh_ = n.at(10) != 0;
-    cpu_before_ = c.reals.at("cpu_seconds").at(0);
-    if (p_.integrator == IntegratorKind::ts) dt_ = c.reals.at("next_dt").at(0);
+    if (p_.integrator == IntegratorKind::ts) dt_ = numbers.at(4);
+    cpu_before_ = numbers.at(6);
     // The lists of the stopped run: the order of their sums is part of the state.
     const auto &reference = c.reals.at("list_reference"), &places = c.reals.at("list_places");
     const std::vector<Index> relocated(c.integers.at("list_relocated").begin(), c.integers.at("list_relocated").end());
-    system_.neighbours().set_skin(c.reals.at("skin").at(0));
+    system_.neighbours().set_skin(numbers.at(5));
     if (!reference.empty()) {
       if (ranks_.several())
         system_.rebuild(cut(reference).data());
@@ -415,7 +423,6 @@ class HopperRun {
     }
     system_.set_use({n.at(11), n.at(12)});
     rebuilds_before_ = n.at(13) - system_.neighbours().rebuilds();
-    forget_others();
     restarted_ = true;
   } catch (const std::out_of_range&) {
     throw InputError("{}: the checkpoint lacks what this version needs; go on with the version that wrote it",
@@ -455,11 +462,9 @@ class HopperRun {
   Real total_cpu() const { return cpu_before_ + control_.cpu_seconds() - cpu_at_start_; }
 
   void announce() const {
-    const Topology& topology = all_;
-    fmt::print(
-        "hopper: {} particles ({}, {}D{}), W = {}, w = {}, angle {}, {}\n", topology.particles(), to_string(p_.model),
-        D, topology.deformable() ? fmt::format(", {} vertices each", p_.shape.vertices) : "", p_.hopper.wall_distance,
-        p_.hopper.orifice, p_.hopper.angle, p_.flow == FlowKind::continuous ? "continuous flow" : "discharge");
+    fmt::print("hopper: {} particles ({}, {}D{}), W = {}, w = {}, angle {}, {}\n", p_.particles, to_string(p_.model), D,
+               deformable() ? fmt::format(", {} vertices each", p_.shape.vertices) : "", p_.hopper.wall_distance,
+               p_.hopper.orifice, p_.hopper.angle, p_.flow == FlowKind::continuous ? "continuous flow" : "discharge");
     fmt::print("{}: dt = {:.3g} t0, dt/dt_critical = {:.2f}; output in {}\n", integrator_->name(), dt_,
                dt_ / critical_step_, p_.output);
     if (restarted_) fmt::print("continuing at t = {:.6g} t0, step {}\n", state_.t, state_.step);
@@ -506,7 +511,6 @@ class HopperRun {
 
   /// Collective.
   nlohmann::ordered_json summary(std::string_view status) {
-    const Topology& topology = all_;
     const IntegratorStatistics total = statistics();
     const Real cpu = total_cpu(), steps = static_cast<Real>(total.steps);
     nlohmann::ordered_json s;
@@ -517,7 +521,7 @@ class HopperRun {
     s["status"] = status;
     if (status == "done") s["ended_by"] = outcome_ == Outcome::precise ? "q_rtol" : "t_end";
     s["parameters"] = options_.json();
-    s["particles"] = topology.particles();
+    s["particles"] = p_.particles;
     s["t"] = state_.t;
     s["crossed_count"] = ranks_.sum(flow_.crossed);
     s["integrator"] = integrator_->name();
@@ -531,11 +535,10 @@ class HopperRun {
     s["packing_iterations"] = packing_iterations_;
     s["cpu_seconds"] = cpu;
     s["wall_seconds"] = control_.wall_seconds();
-    s["particle_steps_per_second"] = steps * topology.particles() / cpu;
-    s["ns_per_particle_step"] =
-        steps > 0 ? nlohmann::ordered_json(1e9 * cpu / (steps * topology.particles())) : nullptr;
+    s["particle_steps_per_second"] = steps * p_.particles / cpu;
+    s["ns_per_particle_step"] = steps > 0 ? nlohmann::ordered_json(1e9 * cpu / (steps * p_.particles)) : nullptr;
     s["ns_per_vertex_step"] =
-        steps > 0 && topology.deformable() ? nlohmann::ordered_json(1e9 * cpu / (steps * topology.points())) : nullptr;
+        steps > 0 && deformable() ? nlohmann::ordered_json(1e9 * cpu / (steps * points_)) : nullptr;
     return s;
   }
 
@@ -574,7 +577,7 @@ class HopperRun {
     if (outcome_ == Outcome::stopped) {
       fmt::print("stopped at t = {:.6g} t0 with a checkpoint; run the same command again to go on\n", state_.t);
     } else {
-      nlohmann::ordered_json measured = evaluate_series(writer_->read_series(), p_, all_);
+      nlohmann::ordered_json measured = evaluate_series(writer_->read_series(), p_, mean_size_);
       // A clog is no flow, whatever came out before it: fits leave such a run out.
       if (outcome_ == Outcome::clogged)
         for (const char* name : {"Q", "Q_corrected"})
@@ -621,14 +624,16 @@ class HopperRun {
     const IntegratorStatistics total = statistics();
     const Real ns = 1e9 * cpu / static_cast<Real>(std::max<std::int64_t>(total.steps, 1));
     fmt::print("{} steps, {} force evaluations, {:.2f} s CPU, {:.1f} ns per particle-step{}\n", total.steps,
-               total.force_evaluations, cpu, ns / all_.particles(),
-               all_.deformable() ? fmt::format(", {:.1f} ns per vertex-step", ns / all_.points()) : "");
+               total.force_evaluations, cpu, ns / p_.particles,
+               deformable() ? fmt::format(", {:.1f} ns per vertex-step", ns / points_) : "");
   }
+
+  bool deformable() const { return p_.model != ModelKind::sp; }
 
   const HopperOptions& p_;
   const Options& options_;
   Ranks ranks_;
-  Topology all_;  ///< all particles by id; on the root only, once the particles are shared out
+  Topology all_;  ///< all particles by id; empty once they are shared out
   ParticleSystem<D> system_;
   RunControl control_;
   ClogDetector clog_;
@@ -639,13 +644,15 @@ class HopperRun {
 
   // State that a checkpoint keeps.
   FlowCount flow_;
-  std::vector<std::int64_t> counted_,
-      reinserted_;  ///< per own particle: has crossed since it was last put back; times put back
+  std::vector<std::uint8_t> counted_;  ///< per own particle: has crossed since it was last put back
+  std::vector<Index> reinserted_;      ///< times put back
   std::int64_t next_sample_ = 0, next_frame_ = 0, packing_iterations_ = 0;
   Real last_sample_at_ = -1, last_frame_at_ = -1;  ///< times
   State state_;
 
-  Real largest_ = 0, critical_step_ = 0, dt_ = 0;
+  Real largest_ = 0, mean_size_ = 0;  ///< diameter; a0
+  Index points_ = 0;                  ///< of all particles
+  Real critical_step_ = 0, dt_ = 0;
   bool restarted_ = false, fresh_ = true;
   std::uint64_t restored_samples_ = 0, restored_frames_ = 0;
   IntegratorStatistics before_;  ///< of the runs before a restart
@@ -687,8 +694,11 @@ ExitCode run_hopper(HopperOptions& p, Options& options, const Ranks& ranks) {
   p.resolve();
   omp_set_num_threads(p.threads);
   start_log();
-  if (p.dim == 2) return HopperRun<2>(p, options, ranks, checkpoint).run();
-  return HopperRun<3>(p, options, ranks, checkpoint).run();
+  const auto run = [&]<int D>() {
+    HopperRun<D> hopper(p, options, ranks, std::move(checkpoint));  // which drops it once it is read
+    return hopper.run();
+  };
+  return p.dim == 2 ? run.template operator()<2>() : run.template operator()<3>();
 }
 
 }  // namespace pliant

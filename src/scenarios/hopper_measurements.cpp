@@ -41,14 +41,6 @@ auto bulk_region(const Hopper& hopper, Real top) {
     return CylinderRegion{half, low, high};
 }
 
-/// A contact of a frame, the lower id first. Plain data, to be sent.
-template <int D>
-struct ContactRecord {
-  Index first, second;
-  Real overlap;
-  std::array<Real, D> position, normal, force;
-};
-
 /// Values per particle or point, gathered from all ranks into the order of the ids, on the root.
 class NaturalOrder {
  public:
@@ -206,15 +198,18 @@ FrameData<D>::FrameData(ParticleSystem<D>& system, const State& state) {
   const StateView<D> view = system.view(state.x().data(), state.v().data());
   const Topology& topology = system.topology();
   const Ranks& ranks = system.ranks();
-  const NaturalOrder order(ranks, topology);
+  wall_force_.assign(static_cast<std::size_t>(system.walls().size()) * D, 0);
+  system.field().add_wall_forces(view, wall_force_.data());
+  ranks.sum(wall_force_);
+  gather_particles(ranks, topology, state);
 
-  std::vector<ContactRecord<D>> contacts;
+  // Room for every pair that is listed: growing would copy, and memory that nobody touches costs nothing.
+  contacts_.reserve(static_cast<std::size_t>(system.neighbours().pairs()));
   system.field().for_each_contact(view, [&](const Contact<D>& c) {
     const Index first = topology.id[c.first], second = topology.id[c.second];
     const Real sign = first < second ? 1 : -1;
-    ContactRecord<D>& r = contacts.emplace_back();
-    r.first = std::min(first, second);
-    r.second = std::max(first, second);
+    ContactRecord<D>& r = contacts_.emplace_back();
+    r.particles = {std::min(first, second), std::max(first, second)};
     r.overlap = c.overlap;
     for (int k = 0; k < D; ++k) {
       r.position[k] = c.position[k];
@@ -222,52 +217,50 @@ FrameData<D>::FrameData(ParticleSystem<D>& system, const State& state) {
       r.force[k] = sign * c.force[k];
     }
   });
-  contacts = ranks.gather(contacts);
-  std::sort(contacts.begin(), contacts.end(), [](const auto& a, const auto& b) {
-    return std::tie(a.first, a.second, a.position) < std::tie(b.first, b.second, b.position);
+  contacts_ = ranks.gather(std::move(contacts_));
+  std::sort(contacts_.begin(), contacts_.end(), [](const auto& a, const auto& b) {
+    return std::tie(a.particles, a.position) < std::tie(b.particles, b.position);
   });
-  Centres<D> centres;
-  centres.update(topology, state);
-  if (topology.deformable())
-    for (Index m = 0; m < topology.owned(); ++m) {
-      area_.push_back(polygon_area(state.x().data(), topology, m));
-      perimeter_.push_back(polygon_perimeter(state.x().data(), topology, m));
-    }
-  wall_force_.assign(static_cast<std::size_t>(system.walls().size()) * D, 0);
-  system.field().add_wall_forces(view, wall_force_.data());
-  ranks.sum(wall_force_);
-  positions_ = order.points(state.x(), D);
-  velocities_ = order.points(state.v(), D);
-  centres_ = order.particles<Real>(centres.position, D);
-  active_ = order.particles<std::uint8_t>(topology.active);
-  if (!area_.empty() || ranks.any(!area_.empty())) {
-    area_ = order.particles<Real>(area_);
-    perimeter_ = order.particles<Real>(perimeter_);
-  }
   contact_count_.assign(active_.size(), 0);
-  for (const ContactRecord<D>& c : contacts) {
-    ++contact_count_[c.first];
-    ++contact_count_[c.second];
-    frame.contacts.particles.insert(frame.contacts.particles.end(), {c.first, c.second});
-    frame.contacts.position.insert(frame.contacts.position.end(), c.position.begin(), c.position.end());
-    frame.contacts.normal.insert(frame.contacts.normal.end(), c.normal.begin(), c.normal.end());
-    frame.contacts.force.insert(frame.contacts.force.end(), c.force.begin(), c.force.end());
-    frame.contacts.overlap.push_back(c.overlap);
-  }
+  for (const ContactRecord<D>& c : contacts_)
+    for (const Index m : c.particles) ++contact_count_[m];
 
   frame.time = state.t;
   frame.step = state.step;
   frame.positions = positions_;
   frame.velocities = velocities_;
-  frame.centres = centres_;
+  frame.centres = centres_.empty() ? positions_ : centres_;
   frame.active = active_;
   frame.contact_count = contact_count_;
   frame.area = area_;
   frame.perimeter = perimeter_;
   frame.wall_force = wall_force_;
+  if (contacts_.empty()) return;
+  const ContactRecord<D>& c = contacts_.front();
+  constexpr std::size_t stride = sizeof c;
+  frame.contacts = {contacts_.size(),          {c.particles.data(), stride}, {c.position.data(), stride},
+                    {c.normal.data(), stride}, {&c.overlap, stride},         {c.force.data(), stride}};
 }
 
-nlohmann::ordered_json evaluate_series(const Series& series, const HopperOptions& options, const Topology& topology) {
+template <int D>
+void FrameData<D>::gather_particles(const Ranks& ranks, const Topology& topology, const State& state) {
+  const NaturalOrder order(ranks, topology);
+  positions_ = order.points(state.x(), D);
+  velocities_ = order.points(state.v(), D);
+  active_ = order.particles<std::uint8_t>(topology.active);
+  if (!ranks.any(topology.deformable())) return;
+  Centres<D> centres;
+  centres.update(topology, state);
+  centres_ = order.particles<Real>(centres.position, D);
+  for (Index m = 0; m < topology.owned(); ++m) {
+    area_.push_back(polygon_area(state.x().data(), topology, m));
+    perimeter_.push_back(polygon_perimeter(state.x().data(), topology, m));
+  }
+  area_ = order.particles<Real>(area_);
+  perimeter_ = order.particles<Real>(perimeter_);
+}
+
+nlohmann::ordered_json evaluate_series(const Series& series, const HopperOptions& options, Real mean_size) {
   nlohmann::ordered_json result;
   const auto column = [&](const char* name) { return std::span<const Real>(series.at(name).values); };
   const std::span<const Real> time = column("time");
@@ -299,14 +292,12 @@ nlohmann::ordered_json evaluate_series(const Series& series, const HopperOptions
 
   // Q' = Q a_eff/a_avg, a_eff = 1/ρ_n in the region at the orifice [H App. B].
   const BlockAverage density = average("orifice_density");
-  Real a_avg = 0;
-  for (const Real a : topology.a0) a_avg += a / topology.particles();
-  const Real factor = 1 / (density.mean * a_avg);
+  const Real factor = 1 / (density.mean * mean_size);
   result["Q_corrected"] =
       quantity(q.value * factor, factor * std::hypot(q.error, q.value * density.error / density.mean), rate_unit);
   result["orifice_density"] = report(density, "sigma_avg^-" + d);
   result["bulk_fraction"] = report(average("bulk_fraction"), "");
-  result["contacts_per_particle"] = report(average("contact_pairs"), "", 2.0 / topology.particles());
+  result["contacts_per_particle"] = report(average("contact_pairs"), "", 2.0 / options.particles);
   result["top_height"] = report(average("top_height"), "sigma_avg");
   result["max_overlap"] = report(average("max_overlap"), "");
   if (options.mu > 0 && options.zeta > 0)

@@ -1,6 +1,7 @@
 // What a hopper run measures: samples, frames, and the evaluation at its end.
 #pragma once
 
+#include <array>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
@@ -45,22 +46,36 @@ template <int D>
 Sample<D> take_sample(ParticleSystem<D>& system, const State& state, const Hopper& hopper, const FlowCount& flow,
                       Real dt);
 
+/// A contact of a frame, the lower id first. Plain data, to be sent.
+template <int D>
+struct ContactRecord {
+  std::array<Index, 2> particles;
+  Real overlap;
+  std::array<Real, D> position, normal, force;
+};
+
 /// A frame with particles and contacts in the order of their ids, on the root; empty elsewhere. Owns the arrays. The
 /// constructor is collective.
 template <int D>
 class FrameData {
  public:
   FrameData(ParticleSystem<D>& system, const State& state);
+  FrameData(const FrameData&) = delete;
+  FrameData& operator=(const FrameData&) = delete;
   Frame frame;
 
  private:
-  std::vector<Real> positions_, velocities_, centres_, area_, perimeter_, wall_force_;
+  void gather_particles(const Ranks& ranks, const Topology& topology, const State& state);
+
+  std::vector<Real> positions_, velocities_, wall_force_;
+  std::vector<Real> centres_, area_, perimeter_;  ///< of polygons; the centre of a soft particle is its position
   std::vector<std::uint8_t> active_;
   std::vector<Index> contact_count_;
+  std::vector<ContactRecord<D>> contacts_;
 };
 
 /// Measured quantities of a finished run from its series, for summary.json: Q and the rest with errors, from the steady
-/// state on. topology: all particles.
-nlohmann::ordered_json evaluate_series(const Series& series, const HopperOptions& options, const Topology& topology);
+/// state on. mean_size: mean a0 of all particles.
+nlohmann::ordered_json evaluate_series(const Series& series, const HopperOptions& options, Real mean_size);
 
 }  // namespace pliant

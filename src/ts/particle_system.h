@@ -96,7 +96,7 @@ class ParticleSystem final : public SecondOrderSystem {
   /// Other walls: solids that get another velocity, or that come and go. The same on every rank.
   void set_walls(Walls<D> walls) {
     walls_ = std::move(walls);
-    neighbours_.invalidate();
+    invalidate();
   }
 
   /// What the owners have for each point [owned points · D], for all points: all [points · D]. The lists must be valid.
@@ -107,9 +107,9 @@ class ParticleSystem final : public SecondOrderSystem {
       all = own;
   }
 
-  /// Leaves this rank the particles `which` of those it has, in that order. Not collective.
-  void keep(std::span<const Index> which) {
-    topology_ = topology_.select(which);
+  /// Makes these the rank's own particles. Not collective.
+  void take(Topology own) {
+    topology_ = std::move(own);
     invalidate();
   }
 

@@ -154,16 +154,55 @@ TEST_CASE("HDF5 errors name file, object and reason, and print nothing") {
   CHECK(after == before);
 }
 
+TEST_CASE("HDF5 values that are made as they are written") {
+  const ScratchFolder folder;
+  const std::uint64_t width = GENERATE(1, 3), rows = GENERATE(0, 1, 70000);
+  const hdf5::Shape shape = width == 1 ? hdf5::Shape{rows} : hdf5::Shape{rows, width};
+  std::size_t most = 0, made = 0;
+  {
+    auto file = File::create(folder / "a.h5");
+    file.write_made<std::int32_t>("made", shape, [&](std::uint64_t first, std::span<std::int32_t> values) {
+      most = std::max(most, values.size());
+      made += values.size();
+      for (std::size_t k = 0; k < values.size(); ++k) values[k] = static_cast<std::int32_t>(3 * (first + k));
+    });
+  }
+  CHECK(made == rows * width);
+  CHECK(most <= 65536);
+  const auto values = File::open_read(folder / "a.h5").read<std::int32_t>("made", shape);
+  std::size_t wrong = 0;
+  for (std::size_t k = 0; k < values.size(); ++k) wrong += values[k] != static_cast<std::int32_t>(3 * k);
+  CHECK(wrong == 0);
+}
+
+TEST_CASE("the image of an HDF5 file in memory is a whole file") {
+  const ScratchFolder folder;
+  std::vector<double> values(100000);
+  for (std::size_t k = 0; k < values.size(); ++k) values[k] = 0.5 * static_cast<double>(k);
+  {
+    auto file = File::in_memory("a.h5");
+    file.write("first", values, {values.size()}, hdf5::Storage::checksum);
+    REQUIRE_FALSE(file.image().empty());
+    file.write("second", values, {values.size() / 2, 2});
+    std::ofstream(folder / "a.h5", std::ios::binary) << file.image();
+  }
+  CHECK(std::filesystem::file_size(folder / "a.h5") < 8 * 2 * values.size() + 300000);
+  const auto file = File::open_read(folder / "a.h5");
+  CHECK(file.read<double>("first") == values);
+  CHECK(file.read<double>("second") == values);
+}
+
 TEST_CASE("HDF5 checksums find damage") {
   const ScratchFolder folder;
-  std::vector<double> values(1000);
+  const std::size_t damaged = GENERATE(500, 19999);
+  std::vector<double> values(20000);
   for (std::size_t i = 0; i < values.size(); ++i) values[i] = 1.0 + static_cast<double>(i);
   {
     auto file = File::create(folder / "a.h5");
     file.write("x", values, {values.size()}, hdf5::Storage::checksum);
   }
   std::string bytes = contents(folder / "a.h5");
-  const double one = values[500];
+  const double one = values[damaged];
   const auto at = bytes.find(std::string(reinterpret_cast<const char*>(&one), sizeof one));
   REQUIRE(at != bytes.npos);
   bytes[at + 3] ^= 1;

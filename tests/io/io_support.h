@@ -111,12 +111,11 @@ struct FrameData {
     active.assign(n, 1);
     contact_count.assign(n, k);
     for (std::size_t c = 0; c < contacts; ++c)
-      list.particles.insert(list.particles.end(),
-                            {static_cast<Index>(c % n), c % 2 ? -1 : static_cast<Index>((c + 1) % n)});
-    fill(list.position, contacts * dim, 6);
-    fill(list.normal, contacts * dim, 7);
-    fill(list.overlap, contacts, 8);
-    fill(list.force, contacts * dim, 9);
+      particles.insert(particles.end(), {static_cast<Index>(c % n), c % 2 ? -1 : static_cast<Index>((c + 1) % n)});
+    fill(position, contacts * dim, 6);
+    fill(normal, contacts * dim, 7);
+    fill(overlap, contacts, 8);
+    fill(force, contacts * dim, 9);
   }
   Frame frame() const {
     return {.time = 0.1 * k_,
@@ -129,17 +128,28 @@ struct FrameData {
             .area = area,
             .perimeter = perimeter,
             .wall_force = wall_force,
-            .contacts = list};
+            .contacts = {.count = overlap.size(),
+                         .particles = rows(particles),
+                         .position = rows(position),
+                         .normal = rows(normal),
+                         .overlap = rows(overlap),
+                         .force = rows(force)}};
   }
 
   std::vector<Real> positions, velocities, centres, area, perimeter, wall_force;
   std::vector<std::uint8_t> active;
   std::vector<Index> contact_count;
-  FrameContacts list;
+  std::vector<Index> particles;  ///< of contacts, and what follows
+  std::vector<Real> position, normal, overlap, force;
 
  private:
   void fill(std::vector<Real>& values, std::size_t count, int kind) const {
     for (std::size_t i = 0; i < count; ++i) values.push_back(k_ + 0.1 * kind + 0.001 * static_cast<Real>(i) + 1e-6);
+  }
+  /// One row per contact.
+  template <class T>
+  Strided<T> rows(const std::vector<T>& values) const {
+    return {values.data(), overlap.empty() ? 0 : values.size() / overlap.size() * sizeof(T)};
   }
   int k_;
 };

@@ -87,11 +87,11 @@ TEST_CASE("a run holds what was written") {
   CHECK(frame.has("area") == polygons);
   CHECK(frame.has("perimeter") == polygons);
   if (polygons) CHECK(frame.read<Real>("perimeter", {n}) == data.perimeter);
-  CHECK(frame.read<Index>("contacts/particles", {5, 2}) == data.list.particles);
-  CHECK(frame.read<Real>("contacts/position", {5, d}) == data.list.position);
-  CHECK(frame.read<Real>("contacts/normal", {5, d}) == data.list.normal);
-  CHECK(frame.read<Real>("contacts/overlap", {5}) == data.list.overlap);
-  CHECK(frame.read<Real>("contacts/force", {5, d}) == data.list.force);
+  CHECK(frame.read<Index>("contacts/particles", {5, 2}) == data.particles);
+  CHECK(frame.read<Real>("contacts/position", {5, d}) == data.position);
+  CHECK(frame.read<Real>("contacts/normal", {5, d}) == data.normal);
+  CHECK(frame.read<Real>("contacts/overlap", {5}) == data.overlap);
+  CHECK(frame.read<Real>("contacts/force", {5, d}) == data.force);
 
   // Derived cell data, against a sum over the points of one particle.
   std::vector<double> mean(d, 0);
@@ -107,7 +107,7 @@ TEST_CASE("a run holds what was written") {
   CHECK(ends[0] == data.centres[0]);
   CHECK(ends[d] == data.centres[d]);
   CHECK(ends[2 * d] == data.centres[d]);
-  CHECK(ends[3 * d] == data.list.position[d]);
+  CHECK(ends[3 * d] == data.position[d]);
 }
 
 TEST_CASE("run.xdmf is valid after every frame and names only what is there") {

@@ -43,7 +43,7 @@ struct Twins {
     std::vector<Index> mine;
     for (Index m = 0; m < c.topology.particles(); ++m)
       if (owner(m) == ranks.rank()) mine.push_back(m);
-    shared.keep(mine);
+    shared.take(c.topology.select(mine));
     load();
   }
 
