@@ -219,7 +219,7 @@ FrameData<D>::FrameData(ParticleSystem<D>& system, const State& state) {
   });
   contacts_ = ranks.gather(std::move(contacts_));
   std::sort(contacts_.begin(), contacts_.end(), [](const auto& a, const auto& b) {
-    return std::tie(a.particles, a.position) < std::tie(b.particles, b.position);
+    return std::tie(a.particles[0], a.particles[1], a.position) < std::tie(b.particles[0], b.particles[1], b.position);
   });
   contact_count_.assign(active_.size(), 0);
   for (const ContactRecord<D>& c : contacts_)

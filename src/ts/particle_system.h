@@ -59,7 +59,7 @@ class ParticleSystem final : public SecondOrderSystem {
       ahead = advance.arrays;
       ahead.add(neighbours_.reference().data());
     }
-    const StateView<D> s{x.data(), v.data(), topology_, neighbours_, walls_, ahead, t};
+    const StateView<D> s{x.data(), v.data(), topology_, neighbours_, walls_, t, ahead};
     const LogScope log(LogEvent::forces);
     std::atomic<bool> valid = true;
     const bool finite = field_->accelerations(s, a, [&](Index chunk) {
@@ -78,11 +78,11 @@ class ParticleSystem final : public SecondOrderSystem {
   StateView<D> view(const Real* x, const Real* v, Real t = 0) {
     const bool valid = ranks_.all(neighbours_.valid(walls_, x, t));
     if (!valid) rebuild(x, t);
-    if (!ranks_.several()) return {x, v, topology_, neighbours_, walls_, {}, t};
+    if (!ranks_.several()) return {x, v, topology_, neighbours_, walls_, t};
     const LogScope log(LogEvent::halo);
     if (valid) halo_.update(x, x_);
     if (v != nullptr) halo_.update(v, v_);
-    return {x_.data(), v != nullptr ? v_.data() : nullptr, topology_, neighbours_, walls_, {}, t};
+    return {x_.data(), v != nullptr ? v_.data() : nullptr, topology_, neighbours_, walls_, t};
   }
 
   /// Builds ghosts and lists from x, which becomes their reference.

@@ -283,7 +283,7 @@ TEST_CASE("droplets on several ranks move as on one", "[ranks]") {
     std::vector<Index> mine;
     for (Index m = 0; m < c.topology.particles(); ++m)
       if (m * ranks.size() / c.topology.particles() == ranks.rank()) mine.push_back(m);
-    shared.particles().keep(mine);
+    shared.particles().take(shared.particles().topology().select(mine));
     State one(c.topology.points(), 2), state(static_cast<Index>(mine.size()), 2);
     std::copy(c.x.begin(), c.x.end(), one.x().begin());
     for (std::size_t k = 0; k < mine.size(); ++k) point<2>(state.x().data(), k) = c.position(mine[k]);
@@ -304,7 +304,8 @@ TEST_CASE("droplets on several ranks move as on one", "[ranks]") {
   for (Index m = 0; m < 2 * ranks.size(); ++m) c.add_droplet(1, {5.0 * m, 0});
   point<2>(c.x.data(), 1) = c.position(0);
   OverdampedSystem<2> system = system_of<2>(c, standard, ranks);
-  system.particles().keep(std::vector<Index>{2 * ranks.rank(), 2 * ranks.rank() + 1});
+  system.particles().take(
+      system.particles().topology().select(std::vector<Index>{2 * ranks.rank(), 2 * ranks.rank() + 1}));
   std::vector<Real> x, v(4);
   for (int k = 0; k < 4; ++k) x.push_back(c.x[4 * ranks.rank() + k]);
   CHECK_THROWS_WITH(system.rate(0, x.data(), v.data()), Catch::Contains("droplets 0 and 1"));
