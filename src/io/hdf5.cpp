@@ -285,6 +285,16 @@ void Group::write_values(const std::string& name, Type type, const void* values,
   if (count > 0 && H5Dwrite(dataset.get(), native(type), H5S_ALL, H5S_ALL, H5P_DEFAULT, values) < 0) fail_write(name);
 }
 
+void Group::write_fill_value(const std::string& name, Type type, const void* value, const Shape& shape) {
+  const Quiet quiet;
+  const Id space(H5Screate_simple(static_cast<int>(shape.size()), dims(shape), nullptr));
+  const Id properties(H5Pcreate(H5P_DATASET_CREATE));
+  H5Pset_fill_value(properties.get(), native(type), value);
+  const Id dataset(H5Dcreate2(id_.get(), name.c_str(), native(type), space.get(), creating_parents().get(),
+                              properties.get(), H5P_DEFAULT));
+  if (!dataset.valid()) fail_write(name);
+}
+
 Shape Group::shape(const std::string& name) const {
   const Quiet quiet;
   const Id dataset(H5Dopen2(id_.get(), name.c_str(), H5P_DEFAULT));

@@ -107,6 +107,11 @@ class Group {
       write_rows(dataset, name, type_of<T>(), values.data(), values.size(), row);
     }
   }
+  /// A new dataset of this value throughout: HDF5's fill value, so that it takes no space however long it is.
+  template <Element T>
+  void write_constant(const std::string& name, T value, const Shape& shape) {
+    write_fill_value(name, type_of<T>(), &value, shape);
+  }
   /// Reads a whole dataset, converting numbers to T. Errors: also where the shape is not `expected` (if given), or
   /// where real numbers would be cut to integers.
   template <Element T>
@@ -163,6 +168,7 @@ class Group {
   /// Writes whole rows from row `first` on.
   void write_rows(const Id& dataset, const std::string& name, Type type, const void* values, std::size_t count,
                   std::uint64_t first);
+  void write_fill_value(const std::string& name, Type type, const void* value, const Shape& shape);
   Shape checked_shape(const std::string& name, const Shape& expected) const;
   void read_values(const std::string& name, Type type, void* values) const;
   void set_number(const std::string& name, Type type, const void* value);

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 #include <utility>
 
@@ -59,6 +60,14 @@ void write_manifest(File& file, const Manifest& manifest) {
   group.set_attribute("options", manifest.options.dump());
 }
 
+/// What run.xdmf shows where cells have no such field. Creates the group `name`.
+void write_xdmf_constants(Group& parent, const std::string& name, std::uint64_t cells) {
+  auto group = parent.create_group(name);
+  group.write_constant("nan", std::numeric_limits<Real>::quiet_NaN(), {cells});
+  group.write_constant("minus_one", Index{-1}, {cells});
+  group.write_constant("one", std::uint8_t{1}, {cells});
+}
+
 void write_topology(File& file, const Topology& topology) {
   auto group = file.create_group("/topology");
   const auto write = [&](const std::string& name, const auto& values) { group.write(name, values, {values.size()}); };
@@ -72,7 +81,7 @@ void write_topology(File& file, const Topology& topology) {
   for (Index i = 0; i < topology.points(); ++i) mass[topology.particle[i]] += topology.mass(i);
   for (Index m = 0; m < topology.particles(); ++m) number[m] = m;
   write("mass", mass);
-  group.create_group("xdmf");
+  write_xdmf_constants(group, "xdmf", mass.size());
   write("xdmf/particle", number);
   write("xdmf/connectivity", xdmf_particles(topology.offset));
 }
@@ -92,7 +101,7 @@ void write_geometry(File& file, const RunGeometry& geometry, int dim) {
   group.set_attribute("kind", geometry.kind);
   for (const auto& [name, value] : geometry.attributes) group.set_attribute(name, value);
   if (dim == 2) {
-    group.create_group("xdmf");
+    write_xdmf_constants(group, "xdmf", walls);
     group.write("xdmf/points", geometry.segments, {2 * walls, 2});
     group.write("xdmf/connectivity", xdmf_lines(walls), {4 * walls});
   }
@@ -289,6 +298,7 @@ void RunWriter::write_xdmf_data(Group& group, const Frame& frame) const {
   group.write_made<Real>("contact_force", {count}, [&](std::uint64_t first, std::span<Real> force) {
     for (std::size_t k = 0; k < force.size(); ++k) force[k] = norm(contacts.force[first + k]);
   });
+  write_xdmf_constants(group, "contact_constants", count);
 }
 
 void RunWriter::write_frame(const Frame& frame) {

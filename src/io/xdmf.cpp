@@ -8,6 +8,7 @@
 #include <cerrno>
 #include <cstring>
 #include <fstream>
+#include <map>
 #include <stdexcept>
 #include <string_view>
 
@@ -48,9 +49,33 @@ std::string grid(std::string_view name, std::uint64_t cells, int dim, const std:
                      name, cells, connectivity, dim == 2 ? "XY" : "XYZ", points, attributes);
 }
 
-std::string attribute(std::string_view name, std::uint64_t cells, std::string_view type, const std::string& path) {
-  return fmt::format("          <Attribute Name=\"{}\" AttributeType=\"Scalar\" Center=\"Cell\">{}</Attribute>\n", name,
-                     data(type, std::to_string(cells), path));
+struct Field {
+  std::string_view name, type;
+  std::string_view constant;  ///< dataset for cells that have no such value
+};
+// ParaView colours a frame by a field only if all grids have it. Where it is NaN it shows the colour for NaN; active is
+// 1, so that who keeps what is active keeps walls and contacts.
+constexpr Field fields[] = {{"speed", real, "nan"},
+                            {"sigma", real, "nan"},
+                            {"particle", integer, "minus_one"},
+                            {"active", byte, "one"},
+                            {"contact_count", integer, "minus_one"},
+                            {"area_ratio", real, "nan"},
+                            {"force", real, "nan"},
+                            {"overlap", real, "nan"}};
+
+/// All fields of `cells` cells: the datasets `own`, by names of fields, and constants in `folder` for the others.
+std::string attributes(const XdmfFrame& frame, std::uint64_t cells, const std::map<std::string_view, std::string>& own,
+                       const std::string& folder) {
+  std::string text;
+  for (const Field& field : fields) {
+    if (field.name == "area_ratio" && !frame.polygons) continue;
+    const auto found = own.find(field.name);
+    const std::string path = found != own.end() ? found->second : fmt::format("{}/{}", folder, field.constant);
+    text += fmt::format("          <Attribute Name=\"{}\" AttributeType=\"Scalar\" Center=\"Cell\">{}</Attribute>\n",
+                        field.name, data(field.type, std::to_string(cells), path));
+  }
+  return text;
 }
 
 std::string lines(std::string_view name, std::uint64_t count, int dim, const std::string& connectivity,
@@ -63,23 +88,26 @@ std::string lines(std::string_view name, std::uint64_t count, int dim, const std
 
 std::string xdmf_grid(const XdmfFrame& frame) {
   const std::string group = "/frames/" + frame.name, own = group + "/xdmf";
-  const std::uint64_t n = frame.particles;
-  std::string cells = attribute("speed", n, real, own + "/speed") + attribute("sigma", n, real, "/topology/sigma") +
-                      attribute("particle", n, integer, own + "/particle") +
-                      attribute("active", n, byte, group + "/active") +
-                      attribute("contact_count", n, integer, group + "/contact_count");
-  if (frame.polygons) cells += attribute("area_ratio", n, real, own + "/area_ratio");
-
-  std::string grids =
-      grid("particles", n, frame.dim, data(integer, std::to_string(frame.connectivity), own + "/connectivity"),
-           data(real, fmt::format("{} {}", frame.points, frame.dim), group + "/positions"), cells);
+  std::string grids = grid("particles", frame.particles, frame.dim,
+                           data(integer, std::to_string(frame.connectivity), own + "/connectivity"),
+                           data(real, fmt::format("{} {}", frame.points, frame.dim), group + "/positions"),
+                           attributes(frame, frame.particles,
+                                      {{"speed", own + "/speed"},
+                                       {"sigma", "/topology/sigma"},
+                                       {"particle", own + "/particle"},
+                                       {"active", group + "/active"},
+                                       {"contact_count", group + "/contact_count"},
+                                       {"area_ratio", own + "/area_ratio"}},
+                                      "/topology/xdmf"));
   // The contacts come last, as a frame without them has no such grid: the numbers of the others stay.
   if (frame.walls > 0 && frame.dim == 2)
-    grids += lines("walls", frame.walls, frame.dim, "/geometry/xdmf/connectivity", "/geometry/xdmf/points", "");
+    grids += lines("walls", frame.walls, frame.dim, "/geometry/xdmf/connectivity", "/geometry/xdmf/points",
+                   attributes(frame, frame.walls, {}, "/geometry/xdmf"));
   if (frame.contacts > 0)
-    grids += lines("contacts", frame.contacts, frame.dim, own + "/contact_connectivity", own + "/contact_points",
-                   attribute("force", frame.contacts, real, own + "/contact_force") +
-                       attribute("overlap", frame.contacts, real, group + "/contacts/overlap"));
+    grids += lines(
+        "contacts", frame.contacts, frame.dim, own + "/contact_connectivity", own + "/contact_points",
+        attributes(frame, frame.contacts, {{"force", own + "/contact_force"}, {"overlap", group + "/contacts/overlap"}},
+                   own + "/contact_constants"));
   return fmt::format(R"(      <Grid Name="{}" GridType="Collection" CollectionType="Spatial">
         <Time Value="{}"/>
 {}      </Grid>

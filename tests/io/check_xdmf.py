@@ -2,7 +2,8 @@
 """Checks run.xdmf against run.h5: check_xdmf.py FOLDER prints "frames cells" or says what is wrong (exit 1).
 
 Every dataset that the XML names exists with the stated shape and type, connectivities decode to the stated number of
-cells over existing points, cell data has one value per cell, times increase. Exit 77: h5py is not installed.
+cells over existing points, cell data has one value per cell, times increase. All grids have the same cell data, with
+constants where a cell has no such value. Exit 77: h5py is not installed.
 """
 import os
 import sys
@@ -10,11 +11,16 @@ import xml.etree.ElementTree as ElementTree
 
 try:
     import h5py
+    import numpy
 except ImportError:
     sys.exit(77)
 
 KINDS = {("Float", "8"): "float64", ("Int", "4"): "int32", ("UChar", "1"): "uint8"}
 POLYVERTEX, POLYLINE, POLYGON = 1, 2, 3
+FIELDS = {"speed", "sigma", "particle", "active", "contact_count", "force", "overlap"}
+OF_CONTACTS = {"force", "overlap"}
+OWN = {"particles": FIELDS - OF_CONTACTS | {"area_ratio"}, "contacts": OF_CONTACTS, "walls": set()}
+CONSTANT = {"particle": -1, "contact_count": -1, "active": 1}  # NaN for the others
 
 
 def read(item, folder):
@@ -45,7 +51,7 @@ def cells(connectivity):
         values = values[2 + count:]
 
 
-def check_grid(grid, folder):
+def check_grid(grid, folder, fields):
     topology, geometry = grid.find("Topology"), grid.find("Geometry")
     assert topology.get("TopologyType") == "Mixed"
     points = read(geometry.find("DataItem"), folder)
@@ -55,14 +61,16 @@ def check_grid(grid, folder):
     assert all(0 <= i < len(points) for _, ids in found for i in ids), "point out of range"
     names = set()
     for attribute in grid.findall("Attribute"):
+        name = attribute.get("Name")
         assert attribute.get("Center") == "Cell" and attribute.get("AttributeType") == "Scalar"
-        assert len(read(attribute.find("DataItem"), folder)) == len(found), attribute.get("Name")
-        names.add(attribute.get("Name"))
-    needed = {"particles": {"speed", "sigma", "particle", "active", "contact_count"},
-              "contacts": {"force", "overlap"}, "walls": set()}[grid.get("Name")]
-    assert needed <= names, f"missing {needed - names}"
-    if found[0][0] == POLYGON:
-        assert "area_ratio" in names
+        values = read(attribute.find("DataItem"), folder)
+        assert len(values) == len(found), name
+        if name in OWN[grid.get("Name")]:
+            assert numpy.isfinite(values).all(), name
+        else:
+            assert numpy.array_equal(values, numpy.full(len(values), CONSTANT.get(name, numpy.nan)), equal_nan=True), name
+        names.add(name)
+    assert names == fields, f"{grid.get('Name')}: cell data {names} instead of {fields}"
     return len(found)
 
 
@@ -71,6 +79,9 @@ def check(folder):
     times = root.find("Domain/Grid")
     assert times.get("CollectionType") == "Temporal"
     previous, frames, count = None, 0, 0
+    with h5py.File(os.path.join(folder, "run.h5"), "r") as file:
+        polygons = (numpy.diff(file["topology/offset"]) > 1).any()
+    fields = FIELDS | {"area_ratio"} if polygons else FIELDS
     for frame in times.findall("Grid"):
         assert frame.get("CollectionType") == "Spatial"
         time = float(frame.find("Time").get("Value"))
@@ -78,7 +89,7 @@ def check(folder):
         with h5py.File(os.path.join(folder, "run.h5"), "r") as file:
             assert file["frames"][frame.get("Name")].attrs["time"] == time
         previous, frames = time, frames + 1
-        count += sum(check_grid(grid, folder) for grid in frame.findall("Grid"))
+        count += sum(check_grid(grid, folder, fields) for grid in frame.findall("Grid"))
     return frames, count
 
 

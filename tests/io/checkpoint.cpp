@@ -1,9 +1,11 @@
 #include <sys/resource.h>
 
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <cstring>
 #include <limits>
 #include <random>
+#include <span>
 
 #include <pliant/base/errors.h>
 #include <pliant/io/checkpoint.h>
@@ -42,7 +44,7 @@ Checkpoint make_checkpoint(std::int64_t step, std::size_t points = 50) {
 }
 
 bool same_bits(std::span<const double> a, std::span<const double> b) {
-  return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size_bytes()) == 0;
+  return std::ranges::equal(std::as_bytes(a), std::as_bytes(b));
 }
 
 bool same(const Checkpoint& a, const Checkpoint& b) {

@@ -1,6 +1,7 @@
 #include <hdf5.h>
 
 #include <catch2/catch.hpp>
+#include <cmath>
 #include <cstdint>
 #include <limits>
 
@@ -28,13 +29,17 @@ TEST_CASE("HDF5 datasets keep values, types and shapes") {
     file.write("bytes", bytes, {2});
     file.write("none", std::vector<double>{}, {0, 2});
     file.write("none_checked", std::vector<double>{}, {0}, hdf5::Storage::checksum);
+    file.write_constant("constant", std::int32_t{-1}, {1000000});
+    file.write_constant("no_number", std::numeric_limits<double>::quiet_NaN(), {2});
+    CHECK_THROWS_AS(file.write_constant("ints", std::int32_t{-1}, {3}), OutputError);
     CHECK_THROWS_AS(file.write("wrong", reals, {7}), std::invalid_argument);
     CHECK_THROWS_AS(file.write("ints", ints, {3}), OutputError);  // never over something
     file.close();
     CHECK_FALSE(file.is_open());
   }
   const auto file = File::open_read(folder / "a.h5");
-  CHECK(file.links() == std::vector<std::string>{"bytes", "ints", "longs", "none", "none_checked", "x"});
+  CHECK(file.links() ==
+        std::vector<std::string>{"bytes", "constant", "ints", "longs", "no_number", "none", "none_checked", "x"});
   const auto back = file.read<double>("/x/y/reals", {2, hdf5::any_length});
   REQUIRE(back.size() == reals.size());
   CHECK(std::memcmp(back.data(), reals.data(), 8 * reals.size()) == 0);
@@ -44,6 +49,9 @@ TEST_CASE("HDF5 datasets keep values, types and shapes") {
   CHECK(file.shape("none") == hdf5::Shape{0, 2});
   CHECK(file.read<double>("none").empty());
   CHECK(file.read<double>("none_checked").empty());
+  CHECK(file.read<std::int32_t>("constant") == std::vector<std::int32_t>(1000000, -1));
+  CHECK(std::isnan(file.read<double>("no_number", {2})[1]));
+  CHECK(std::filesystem::file_size(folder / "a.h5") < 100000);  // constants take no space
   CHECK(file.holds_integers("bytes"));
   CHECK_FALSE(file.holds_integers("x/y/reals"));
   // Conversions that lose nothing are made, others refused.

@@ -146,6 +146,7 @@ TEST_CASE("the check of run.xdmf finds mistakes") {
   };
   SECTION("shape") { replace("Dimensions=\"18 2\"", "Dimensions=\"17 2\""); }
   SECTION("path") { replace("xdmf/speed", "xdmf/sped"); }
+  SECTION("field that a grid lacks") { replace("Name=\"overlap\"", "Name=\"other\""); }
   SECTION("XML") { replace("</Xdmf>", ""); }
   SECTION("type") { replace("NumberType=\"UChar\" Precision=\"1\"", "NumberType=\"Int\" Precision=\"4\""); }
   CHECK_THAT(check_xdmf(scratch.path()), Contains(scratch.path().string()));
