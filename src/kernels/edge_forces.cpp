@@ -161,7 +161,7 @@ PLIANT_INLINE Index write_bits(std::uint64_t bits, Index first, Index* list) {
 }
 
 template <Rubbing rubbing, class Out>
-PLIANT_INLINE void add_touching(const EdgeLaw& law, const Data& data, Index n, const Out& out, AheadBySteps* ahead) {
+PLIANT_INLINE void add_touching(const EdgeLaw& law, const Data& data, Index n, const Out& out) {
   constexpr Index word = 64, block = 16 * word;
   Index list[block + 7];  // pairs of a block that may touch
   for (Index first = 0; first < n; first += block) {
@@ -170,10 +170,7 @@ PLIANT_INLINE void add_touching(const EdgeLaw& law, const Data& data, Index n, c
     for (Index e = first; e < last; e += word) {
       const Index pairs = std::min(last - e, word), fours = pairs - pairs % 4;
       std::uint64_t found = 0;
-      for (Index k = 0; k < fours; k += 4) {
-        found |= std::uint64_t(sieve(data, e + k)) << k;
-        if (ahead != nullptr) ahead->step();
-      }
+      for (Index k = 0; k < fours; k += 4) found |= std::uint64_t(sieve(data, e + k)) << k;
       // The last few of all go unsieved: add_four looks itself.
       for (Index k = fours; k < pairs; ++k) found |= std::uint64_t(1) << k;
       count += write_bits(found, e, list + count);
@@ -184,28 +181,28 @@ PLIANT_INLINE void add_touching(const EdgeLaw& law, const Data& data, Index n, c
 }
 
 template <class Out>
-PLIANT_INLINE void add_all(const EdgeLaw& law, const Data& data, Index n, const Out& out, AheadBySteps* ahead) {
+PLIANT_INLINE void add_all(const EdgeLaw& law, const Data& data, Index n, const Out& out) {
   if (law.mu == 0)
-    add_touching<Rubbing::none>(law, data, n, out, ahead);
+    add_touching<Rubbing::none>(law, data, n, out);
   else if (law.at_contact)
-    add_touching<Rubbing::at_contact>(law, data, n, out, ahead);
+    add_touching<Rubbing::at_contact>(law, data, n, out);
   else
-    add_touching<Rubbing::at_vertex>(law, data, n, out, ahead);
+    add_touching<Rubbing::at_vertex>(law, data, n, out);
 }
 
 }  // namespace
 
 PLIANT_MULTIVERSION
 void add_edge_forces(const EdgeLaw& law, std::span<const Pair> pairs, const Real* reach, const Index* next,
-                     const Real* x, const Real* v, Real* f, AheadBySteps* ahead) {
-  add_all(law, {pairs.data(), reach, next, x, v}, static_cast<Index>(pairs.size()), Everything{f}, ahead);
+                     const Real* x, const Real* v, Real* f) {
+  add_all(law, {pairs.data(), reach, next, x, v}, static_cast<Index>(pairs.size()), Everything{f});
 }
 
 PLIANT_MULTIVERSION
 void add_edge_forces(const EdgeLaw& law, std::span<const Pair> pairs, const Real* reach, const Index* next,
                      Index own_first, Index own_last, const Real* x, const Real* v, Real* f) {
   add_all(law, {pairs.data(), reach, next, x, v}, static_cast<Index>(pairs.size()),
-          Range{f, own_first, static_cast<std::uint32_t>(own_last - own_first)}, nullptr);
+          Range{f, own_first, static_cast<std::uint32_t>(own_last - own_first)});
 }
 
 }  // namespace pliant

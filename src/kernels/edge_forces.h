@@ -5,7 +5,6 @@
 
 #include <pliant/base/types.h>
 #include <pliant/geometry/pair_search.h>
-#include <pliant/kernels/ahead.h>
 
 namespace pliant {
 
@@ -20,7 +19,7 @@ struct EdgeLaw {
 /// is the cyclic successor; x, v and f are [points · 2]. Every pair that does not touch adds nothing, so lists may be
 /// as generous as they like; the order of the list is the order of the sums.
 void add_edge_forces(const EdgeLaw& law, std::span<const Pair> pairs, const Real* reach, const Index* next,
-                     const Real* x, const Real* v, Real* f, AheadBySteps* ahead = nullptr);
+                     const Real* x, const Real* v, Real* f);
 
 /// The same for a part of the points: only points own_first … own_last−1 receive forces, f is neither read nor written
 /// elsewhere.

@@ -104,7 +104,7 @@ PLIANT_INLINE void add_four(const PairLaw& law, const Pair* pairs, Real4 reach, 
 
 template <int D, bool friction, Sides sides>
 PLIANT_INLINE void add_all(const PairLaw& law, std::span<const Pair> pairs, const Real* reach, const Real* x,
-                           const Real* v, Real* f, AheadBySteps* ahead) {
+                           const Real* v, Real* f) {
   std::size_t e = 0;
   for (; e + 4 <= pairs.size(); e += 4) {
     // Points come in the order of the list, but not in one that the hardware foresees. May lie beyond the arrays.
@@ -112,7 +112,6 @@ PLIANT_INLINE void add_all(const PairLaw& law, std::span<const Pair> pairs, cons
     __builtin_prefetch(x + soon);
     __builtin_prefetch(f + soon, 1);
     if constexpr (friction) __builtin_prefetch(v + soon);
-    if (ahead != nullptr) ahead->step();
     add_four<D, friction, sides>(law, pairs.data() + e, simd::load4(reach + e), x, v, f);
   }
   if (e == pairs.size()) return;
@@ -129,42 +128,42 @@ PLIANT_INLINE void add_all(const PairLaw& law, std::span<const Pair> pairs, cons
 
 template <int D>
 PLIANT_INLINE void add(const PairLaw& law, std::span<const Pair> pairs, const Real* reach, Sides sides, const Real* x,
-                       const Real* v, Real* f, AheadBySteps* ahead) {
+                       const Real* v, Real* f) {
   if (law.mu == 0) {
     if (sides == Sides::both)
-      add_all<D, false, Sides::both>(law, pairs, reach, x, v, f, ahead);
+      add_all<D, false, Sides::both>(law, pairs, reach, x, v, f);
     else
-      add_all<D, false, Sides::first>(law, pairs, reach, x, v, f, ahead);
+      add_all<D, false, Sides::first>(law, pairs, reach, x, v, f);
   } else {
     if (sides == Sides::both)
-      add_all<D, true, Sides::both>(law, pairs, reach, x, v, f, ahead);
+      add_all<D, true, Sides::both>(law, pairs, reach, x, v, f);
     else
-      add_all<D, true, Sides::first>(law, pairs, reach, x, v, f, ahead);
+      add_all<D, true, Sides::first>(law, pairs, reach, x, v, f);
   }
 }
 
 PLIANT_MULTIVERSION void add_2d(const PairLaw& law, std::span<const Pair> pairs, const Real* reach, Sides sides,
-                                const Real* x, const Real* v, Real* f, AheadBySteps* ahead) {
-  add<2>(law, pairs, reach, sides, x, v, f, ahead);
+                                const Real* x, const Real* v, Real* f) {
+  add<2>(law, pairs, reach, sides, x, v, f);
 }
 PLIANT_MULTIVERSION void add_3d(const PairLaw& law, std::span<const Pair> pairs, const Real* reach, Sides sides,
-                                const Real* x, const Real* v, Real* f, AheadBySteps* ahead) {
-  add<3>(law, pairs, reach, sides, x, v, f, ahead);
+                                const Real* x, const Real* v, Real* f) {
+  add<3>(law, pairs, reach, sides, x, v, f);
 }
 
 }  // namespace
 
 template <int D>
 void add_pair_forces(const PairLaw& law, std::span<const Pair> pairs, const Real* reach, Sides sides, const Real* x,
-                     const Real* v, Real* f, AheadBySteps* ahead) {
+                     const Real* v, Real* f) {
   if constexpr (D == 2)
-    add_2d(law, pairs, reach, sides, x, v, f, ahead);
+    add_2d(law, pairs, reach, sides, x, v, f);
   else
-    add_3d(law, pairs, reach, sides, x, v, f, ahead);
+    add_3d(law, pairs, reach, sides, x, v, f);
 }
 template void add_pair_forces<2>(const PairLaw&, std::span<const Pair>, const Real*, Sides, const Real*, const Real*,
-                                 Real*, AheadBySteps*);
+                                 Real*);
 template void add_pair_forces<3>(const PairLaw&, std::span<const Pair>, const Real*, Sides, const Real*, const Real*,
-                                 Real*, AheadBySteps*);
+                                 Real*);
 
 }  // namespace pliant

@@ -4,7 +4,6 @@
 #include <span>
 
 #include <pliant/geometry/pair_search.h>
-#include <pliant/kernels/ahead.h>
 
 namespace pliant {
 
@@ -22,11 +21,11 @@ enum class Sides { both, first };
 /// [pairs]; x, v: [points · D], and f must not overlap them. The list may have any order; it is that of the sums.
 template <int D>
 void add_pair_forces(const PairLaw& law, std::span<const Pair> pairs, const Real* reach, Sides sides, const Real* x,
-                     const Real* v, Real* f, AheadBySteps* ahead = nullptr);
+                     const Real* v, Real* f);
 
 extern template void add_pair_forces<2>(const PairLaw&, std::span<const Pair>, const Real*, Sides, const Real*,
-                                        const Real*, Real*, AheadBySteps*);
+                                        const Real*, Real*);
 extern template void add_pair_forces<3>(const PairLaw&, std::span<const Pair>, const Real*, Sides, const Real*,
-                                        const Real*, Real*, AheadBySteps*);
+                                        const Real*, Real*);
 
 }  // namespace pliant

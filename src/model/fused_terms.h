@@ -1,7 +1,6 @@
 // Which kernel works for which terms: what a kernel needs, taken from the terms and the lists.
 #pragma once
 
-#include <optional>
 #include <span>
 
 #include <pliant/kernels/edge_forces.h>
@@ -21,15 +20,6 @@
 #include <pliant/model/perimeter.h>
 
 namespace pliant {
-
-/// What follows in a chunk, if anything, fetched in so many steps.
-template <int D>
-std::optional<AheadBySteps> ahead_of(const StateView<D>& s, Index chunk, Index steps) {
-  if (s.ahead.empty()) return std::nullopt;
-  const Range own = s.neighbours.points(chunk);
-  return AheadBySteps(s.ahead, std::ptrdiff_t(D) * own.first, std::ptrdiff_t(D) * own.last,
-                      static_cast<std::size_t>(steps));
-}
 
 /// Weight and drag of all points.
 struct PointKernel {
@@ -59,13 +49,12 @@ struct PairKernel {
                          const PairFriction<D>& friction) {
     const PairLaw law{contact.epsilon, friction.mu};
     const PairList& list = s.neighbours.point_pairs;
-    std::optional<AheadBySteps> ahead = ahead_of<D>(s, chunk, list.inside(chunk).size() / 4);
-    const auto add = [&](Range range, Sides sides, AheadBySteps* fetch) {
+    const auto add = [&](Range range, Sides sides) {
       add_pair_forces<D>(law, std::span(list.pairs).subspan(range.first, range.size()), list.reach.data() + range.first,
-                         sides, s.x, s.v, f, fetch);
+                         sides, s.x, s.v, f);
     };
-    add(list.inside(chunk), Sides::both, ahead ? &*ahead : nullptr);
-    add(list.across(chunk), Sides::first, nullptr);
+    add(list.inside(chunk), Sides::both);
+    add(list.across(chunk), Sides::first);
   }
 };
 
@@ -76,7 +65,7 @@ struct ShapeKernel {
     const Range own = s.neighbours.particles(chunk);
     const Topology& topology = s.topology;
     add_shape_forces({area.k_a, perimeter.k_l, bending.k_b}, topology.offset.data(), topology.a0.data(),
-                     topology.l0.data(), own.first, own.last, s.x, f, s.ahead.empty() ? Ahead() : Ahead(s.v));
+                     topology.l0.data(), own.first, own.last, s.x, f, s.ahead);
   }
 };
 
@@ -89,8 +78,7 @@ struct EdgeKernel {
     const Index* next = s.topology.next.data();
     const auto pairs = [&](Range range) { return std::span(list.pairs).subspan(range.first, range.size()); };
     const Range inside = list.inside(chunk), across = list.across(chunk), own = s.neighbours.points(chunk);
-    std::optional<AheadBySteps> ahead = ahead_of<2>(s, chunk, inside.size() / 4);
-    add_edge_forces(law, pairs(inside), list.reach.data() + inside.first, next, s.x, s.v, f, ahead ? &*ahead : nullptr);
+    add_edge_forces(law, pairs(inside), list.reach.data() + inside.first, next, s.x, s.v, f);
     add_edge_forces(law, pairs(across), list.reach.data() + across.first, next, own.first, own.last, s.x, s.v, f);
   }
 };

@@ -58,6 +58,7 @@ class ParticleSystem final : public SecondOrderSystem {
     if (size() >= beyond_caches) {
       ahead = advance.arrays;
       ahead.add(neighbours_.reference().data());
+      ahead.add(v.data());
     }
     const StateView<D> s{x.data(), v.data(), topology_, neighbours_, walls_, t, ahead};
     const LogScope log(LogEvent::forces);
@@ -189,7 +190,7 @@ class ParticleSystem final : public SecondOrderSystem {
 
   static constexpr std::int64_t rebuilds_to_sort = 16;
   static constexpr Index many_strays = 32;
-  static constexpr std::size_t beyond_caches = 1 << 18;  ///< coordinates, several arrays of which no cache holds
+  static constexpr std::size_t beyond_caches = 1 << 20;  ///< coordinates, several arrays of which no cache holds
 
   Ranks ranks_;
   Topology topology_;
