@@ -43,7 +43,7 @@ std::vector<Real> stretched() {
 
 struct DenseHessian final : BlockSink<2> {
   Eigen::MatrixXd matrix = Eigen::MatrixXd::Zero(2 * vertices, 2 * vertices);
-  void add(Index i, Index j, const Mat<2>& block) override { matrix.block<2, 2>(2 * i, 2 * j) += block; }
+  void add(Index i, Index j, const pliant::Mat<2>& block) override { matrix.block<2, 2>(2 * i, 2 * j) += block; }
 };
 
 /// Largest error of the forces against differences of the energy, and of the Hessian against differences of the forces,

@@ -20,9 +20,10 @@ using Json = nlohmann::json;
 constexpr std::array<std::string_view, 17> petsc_families{"ts_",  "snes_",   "ksp_",  "pc_",    "mat_",       "vec_",
                                                           "dm_",  "is_",     "sf_",   "tao_",   "mg_",        "sub_",
                                                           "npc_", "viewer_", "draw_", "inner_", "fieldsplit_"};
-// Read by PETSc when it ends, so that check_consumed sees them unused.
-constexpr std::array<std::string_view, 7> petsc_at_end{"log_view",     "memory_view", "options_view",   "options_left",
-                                                       "objects_dump", "citations",   "get_total_flops"};
+// Read by PETSc during the run or when it ends, so that check_consumed sees them unused.
+constexpr std::array<std::string_view, 9> petsc_later{
+    "log_view",  "memory_view",     "options_view",       "options_left",           "objects_dump",
+    "citations", "get_total_flops", "snes_test_jacobian", "snes_test_jacobian_view"};
 // What people mistype most; PETSc keeps no list of its options.
 constexpr std::array<std::string_view, 71> petsc_usual{"ts_type",
                                                        "ts_dt",
@@ -317,7 +318,7 @@ Options::Option* Options::find(const std::string& name) {
 
 bool Options::is_petsc(const std::string& name) const {
   const auto begins = [&](std::string_view prefix) { return name.starts_with(prefix); };
-  return name == "info" || contains(petsc_at_end, name) ||
+  return name == "info" || contains(petsc_later, name) ||
          std::any_of(petsc_families.begin(), petsc_families.end(), begins) ||
          std::any_of(prefixes_.begin(), prefixes_.end(), begins);
 }
@@ -394,7 +395,7 @@ void Options::check_consumed() const {
   petsc_check(PetscOptionsLeftRestore(nullptr, &count, &names, &values));
   for (const std::string& name : left) {
     const auto found = petsc_.find(name);
-    if (found == petsc_.end() || name == "info" || contains(petsc_at_end, name)) continue;
+    if (found == petsc_.end() || name == "info" || contains(petsc_later, name)) continue;
     const std::vector<std::string> usual(petsc_usual.begin(), petsc_usual.end());
     auto near = nearest(name, usual);
     if (near == name) near.reset();

@@ -50,6 +50,20 @@ struct EdgeFriction {
       for (int l = 0; l < 3; ++l) h.add(points[k], points[l], -mu * weight[k] * weight[l] * Mat<2>::Identity());
   }
 
+  /// The contact wanders along its edge, which changes the weights.
+  void add_dforce_dx(const StateView<2>& s, Index e, BlockSink<2>& h) const {
+    const std::optional<Rubbing> r = rubbing(s, e);
+    if (!r || r->t <= 0 || r->t >= 1) return;
+    const Vec<2> a = s.position(r->start), u = s.position(r->end) - a, w = s.position(r->vertex) - a;
+    const Vec<2> offset = w - r->t * u, v = slip(s, *r), dv_dt = s.velocity(r->start) - s.velocity(r->end);
+    const std::array<Index, 3> points{r->vertex, r->start, r->end};
+    const std::array<Real, 3> weight{1, -(1 - r->t), -r->t}, dw_dt{0, 1, -1};
+    const std::array<Vec<2>, 3> dt{u, -(1 - r->t) * u - offset, offset - r->t * u};  // times |u|²
+    for (int k = 0; k < 3; ++k)
+      for (int l = 0; l < 3; ++l)
+        h.add(points[k], points[l], -mu / u.squaredNorm() * (dw_dt[k] * v + weight[k] * dv_dt) * dt[l].transpose());
+  }
+
   Real max_damping(const Topology& topology) const {
     return 4 * mu / smallest_over_points(topology, [&](Index i) { return topology.mass(i); });
   }

@@ -34,6 +34,20 @@ struct CriticalStep {
   Real least() const { return std::min(elastic, damping); }
 };
 
+/// A choice of terms: all; those whose elements belong to one particle each, the shape energy of deformable particles;
+/// or all but these.
+enum class Part { all, shape, rest };
+
+/// Which points derivatives couple beside each point with itself.
+struct ElementCoupling {
+  bool particles = false;  ///< all points of a particle
+  bool point_pairs = false, vertex_edges = false;
+};
+/// Of ∂F/∂x and of ∂F/∂v.
+struct Couplings {
+  ElementCoupling x, v;
+};
+
 /// Energies and forces of a configuration. One virtual call per evaluation, none per element. Arrays of forces have the
 /// length of all points; only the own points are written. Sums are over the rank's share: what lies inside its chunks,
 /// and across borders what the particle with the lower id belongs to; over all ranks every element counts once.
@@ -47,6 +61,13 @@ class ForceField {
   /// The same, divided by the masses: 0 for inactive particles. done(chunk), if given, is called when those of a chunk
   /// are complete, by several threads at a time. Returns whether all are finite.
   virtual bool accelerations(const StateView<D>& s, Real* a, const std::function<void(Index)>& done = {}) const = 0;
+  /// The accelerations by a part of the terms, written to a [points · D].
+  virtual void part_accelerations(const StateView<D>& s, Part part, Real* a) const = 0;
+  /// ∂F/∂x and ∂F/∂v of a part of the terms: the rows of the rank's own points. Threads share out the rows: the sinks
+  /// are called for different rows at the same time.
+  virtual void derivatives(const StateView<D>& s, Part part, BlockSink<D>& df_dx, BlockSink<D>& df_dv) const = 0;
+  /// Where derivatives() can put blocks: what the terms read, touching or not.
+  virtual Couplings couplings(const StateView<D>& s, Part part) const = 0;
   /// Total energy; with f, the forces of the energy terms alone are written there.
   virtual Real energy(const StateView<D>& s, Real* f = nullptr) const = 0;
   /// Dissipated power, ≥ 0.
@@ -89,6 +110,19 @@ inline constexpr bool sets_forces<Fused<Kernel, Terms...>> = requires {
   requires Kernel::sets_forces;
 };
 
+/// Whether a term belongs to the shape energy.
+template <class T, int D>
+inline constexpr bool is_shape = requires(const T term, const StateView<D>& s) {
+  term.particle(s, Index());
+};
+template <int D, class Kernel, class... Terms>
+inline constexpr bool is_shape<Fused<Kernel, Terms...>, D> = (is_shape<Terms, D> && ...);
+
+template <class T, int D>
+constexpr bool belongs_to(Part part) {
+  return part == Part::all || is_shape<T, D> == (part == Part::shape);
+}
+
 template <class T, int D>
 concept ModelPart = is_fused<T> || EnergyTerm<T, D> || DissipationTerm<T, D>;
 
@@ -114,6 +148,56 @@ class Model final : public ForceField<D> {
       if (done) done(chunk);
     });
     return finite;
+  }
+
+  void part_accelerations(const StateView<D>& s, Part part, Real* a) const override {
+    for_each_chunk(s, [&](Index chunk) {
+      const auto visit = [&](auto&& add) {
+        for_each_part([&](const auto& terms) {
+          if (belongs_to<std::decay_t<decltype(terms)>, D>(part)) add(terms);
+        });
+      };
+      zero(s, chunk, a);
+      visit([&](const auto& terms) { set_forces(terms, s, chunk, a); });
+      visit([&](const auto& terms) { add_part(terms, s, chunk, a); });
+      const Range own = s.neighbours.particles(chunk);
+      scale_points<D>(s.topology.offset.data(), s.topology.inverse_point_mass.data(), own.first, own.last, a);
+    });
+  }
+
+  void derivatives(const StateView<D>& s, Part part, BlockSink<D>& df_dx, BlockSink<D>& df_dv) const override {
+    for_each_chunk(s, [&](Index chunk) {
+      const Range own = s.neighbours.points(chunk);
+      OwnRows elastic(df_dx, own, -1), moved(df_dx, own, 1), damping(df_dv, own, 1);
+      for_each_enabled(s, [&](const auto& term) {
+        using Term = std::decay_t<decltype(term)>;
+        if (!belongs_to<Term, D>(part)) return;
+        for (const Range range :
+             {s.neighbours.inside(Term::elements, chunk), s.neighbours.across(Term::elements, chunk)})
+          for (Index e = range.first; e < range.last; ++e)
+            if constexpr (EnergyTerm<Term, D>) {
+              term.add_hessian(s, e, elastic);
+            } else {
+              term.add_dforce_dv(s, e, damping);
+              if constexpr (moves<Term>) term.add_dforce_dx(s, e, moved);
+            }
+      });
+    });
+  }
+
+  Couplings couplings(const StateView<D>& s, Part part) const override {
+    Couplings all;
+    for_each_enabled(s, [&](const auto& term) {
+      using Term = std::decay_t<decltype(term)>;
+      if (!belongs_to<Term, D>(part)) return;
+      if constexpr (EnergyTerm<Term, D>) {
+        couple<Term>(all.x);
+      } else {
+        couple<Term>(all.v);
+        if constexpr (moves<Term>) couple<Term>(all.x);
+      }
+    });
+    return all;
   }
 
   Real energy(const StateView<D>& s, Real* f) const override {
@@ -300,12 +384,15 @@ class Model final : public ForceField<D> {
       for_each_part([&](const auto& part) { set_forces(part, s, chunk, f); });
     else
       zero(s, chunk, f);
-    for_each_part([&](const auto& part) {
-      if constexpr (is_fused<std::decay_t<decltype(part)>>)
-        add_fused(part, s, chunk, f);
-      else if (part.enabled(s))
-        add_forces(part, s, chunk, f);
-    });
+    for_each_part([&](const auto& part) { add_part(part, s, chunk, f); });
+  }
+
+  template <class P>
+  static void add_part(const P& part, const StateView<D>& s, Index chunk, Real* f) {
+    if constexpr (is_fused<P>)
+      add_fused(part, s, chunk, f);
+    else if (part.enabled(s))
+      add_forces(part, s, chunk, f);
   }
 
   template <class Kernel, class... Terms>
@@ -318,6 +405,7 @@ class Model final : public ForceField<D> {
 
   template <class Kernel, class... Terms>
   static void add_fused(const Fused<Kernel, Terms...>& part, const StateView<D>& s, Index chunk, Real* f) {
+    static_assert(((is_shape<Terms, D> == is_shape<Fused<Kernel, Terms...>, D>)&&...), "a kernel belongs to one part");
     if (Kernel::fast())
       std::apply([&](const auto&... term) { Kernel::add_forces(s, chunk, f, term...); }, part.terms);
     else
@@ -337,6 +425,43 @@ class Model final : public ForceField<D> {
     };
     add(s.neighbours.inside(T::elements, chunk), Scatter<D, sign>{f});
     add(s.neighbours.across(T::elements, chunk), Scatter<D, sign, true>{f, s.neighbours.points(chunk)});
+  }
+
+  /// Blocks in the rows of own points, times a sign.
+  struct OwnRows final : BlockSink<D> {
+    BlockSink<D>& to;
+    Range own;
+    Real sign;
+    OwnRows(BlockSink<D>& sink, Range rows, Real factor) : to(sink), own(rows), sign(factor) {}
+    void add(Index i, Index j, const Mat<D>& block) override {
+      if (own.contains(i)) to.add(i, j, sign * block);
+    }
+  };
+
+  /// Whether a dissipation has ∂F/∂x.
+  template <class T>
+  static constexpr bool moves = requires(const T term, const StateView<D>& s, BlockSink<D>& h) {
+    term.add_dforce_dx(s, Index(), h);
+  };
+
+  template <class T>
+  static void couple(ElementCoupling& c) {
+    switch (T::elements) {
+      case Elements::point_pairs:
+        c.point_pairs = true;
+        break;
+      case Elements::vertex_edges:
+        c.vertex_edges = true;
+        break;
+      case Elements::walls:
+      case Elements::solids:
+        break;
+      case Elements::points:
+        c.particles |= EnergyTerm<T, D>;
+        break;
+      default:
+        c.particles = true;
+    }
   }
 
   std::tuple<Parts...> parts_;

@@ -220,6 +220,7 @@ void Neighbours<D>::rebuild(const Topology& topology, const Walls<D>& wall, cons
   places_.clear();
   built_ = true;
   ++rebuilds_;
+  ++version_;
 }
 
 template <class Unwanted>
@@ -249,6 +250,7 @@ void Neighbours<D>::relocate(const Topology& topology, const Walls<D>& wall, con
   const Range own{topology.offset[m], topology.offset[m + 1]};
   const auto begin = static_cast<std::ptrdiff_t>(own.first) * D, end = static_cast<std::ptrdiff_t>(own.last) * D;
   relocated_.push_back(m);
+  ++version_;
   old_places_.insert(old_places_.end(), reference_.begin() + begin, reference_.begin() + end);
   places_.insert(places_.end(), x + begin, x + end);
   std::copy(x + begin, x + end, reference_.begin() + begin);

@@ -121,6 +121,8 @@ class Neighbours {
   /// put; empty if there are no lists.
   const std::vector<Real>& reference() const { return reference_; }
   std::int64_t rebuilds() const { return rebuilds_; }
+  /// Another number whenever the lists hold other pairs.
+  std::int64_t version() const { return version_; }
   /// Pairs of points, or of vertices and edges.
   std::int64_t pairs() const { return static_cast<std::int64_t>(point_pairs.size()) + vertex_edges.size(); }
   /// Entries in all lists: what one force evaluation visits.
@@ -154,7 +156,7 @@ class Neighbours {
   bool built_ = false;  ///< and not invalid; a rank without particles has no reference
   std::vector<Real> reference_;
   Real time_ = 0;  ///< of the last rebuild
-  std::int64_t rebuilds_ = 0;
+  std::int64_t rebuilds_ = 0, version_ = 0;
   std::vector<Index> chunk_{0}, chunk_point_{0};
   Real widest_ = 0, longest_ = 0;  ///< diameter of a point, edge
   CellGrid<D> grid_;

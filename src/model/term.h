@@ -76,7 +76,9 @@ concept EnergyTerm = requires(const T term, const StateView<D>& s, Index e, Scat
   { term.max_rate(s.topology) } -> std::same_as<Real>;  // upper estimate of the fastest frequency ω, in 1/t0
 };
 
-/// A dissipation: forces that depend on velocities and never feed energy in.
+/// A dissipation: forces that depend on velocities and never feed energy in. Where elements are points, each force is
+/// on that point alone and depends on its velocity alone. A term whose force also changes smoothly with x has
+/// add_dforce_dx(s, e, h) too.
 template <class T, int D>
 concept DissipationTerm = requires(const T term, const StateView<D>& s, Index e, Scatter<D, 1>& f, BlockSink<D>& h) {
   { term.name() } -> std::convertible_to<std::string_view>;

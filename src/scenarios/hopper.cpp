@@ -123,7 +123,8 @@ class HopperRun {
     if (p_.integrator == IntegratorKind::verlet)
       integrator_ = std::make_unique<FixedStepVerlet>(dt_);
     else
-      integrator_ = std::make_unique<TsIntegrator>(TsOptions{.dt = dt_}, ranks_.comm());
+      integrator_ = std::make_unique<TsIntegrator>(
+          TsOptions{.dt = dt_, .implicit = p_.implicit, .jacobian = p_.jacobian}, ranks_.comm());
   }
 
   /// Runs body() on the rank that writes and speaks; its errors are everybody's.
@@ -359,12 +360,12 @@ class HopperRun {
     on_root([&] {
       checkpoints_->add("numbers", std::array{crossed_area, clog_.state().quiet_since, last_sample_at_, last_frame_at_,
                                               next_dt(), system_.neighbours().skin(), cpu});
-      checkpoints_->add(
-          "counters",
-          std::array{crossed, clog_.state().crossed, next_sample_, next_frame_,
-                     static_cast<std::int64_t>(writer_->samples()), static_cast<std::int64_t>(writer_->frames()),
-                     total.steps, total.rejected, total.force_evaluations, packing_iterations_, std::int64_t{changed},
-                     system_.use().evaluations, system_.use().rebuilds, list_rebuilds()});
+      checkpoints_->add("counters", std::array{crossed, clog_.state().crossed, next_sample_, next_frame_,
+                                               static_cast<std::int64_t>(writer_->samples()),
+                                               static_cast<std::int64_t>(writer_->frames()), total.steps,
+                                               total.rejected, total.force_evaluations, packing_iterations_,
+                                               std::int64_t{changed}, system_.use().evaluations, system_.use().rebuilds,
+                                               list_rebuilds(), total.jacobian_evaluations, total.linear_iterations});
       checkpoints_->add_text("scenario", "hopper");
       checkpoints_->add_text("options", options_.json().dump());
       checkpoints_->finish();
@@ -406,7 +407,11 @@ class HopperRun {
     next_frame_ = n.at(3);
     restored_samples_ = static_cast<std::uint64_t>(n.at(4));
     restored_frames_ = static_cast<std::uint64_t>(n.at(5));
-    before_ = {.steps = n.at(6), .rejected = n.at(7), .force_evaluations = n.at(8)};
+    before_ = {.steps = n.at(6),
+               .rejected = n.at(7),
+               .force_evaluations = n.at(8),
+               .jacobian_evaluations = n.at(14),
+               .linear_iterations = n.at(15)};
     packing_iterations_ = n.at(9);
     fresh_ = n.at(10) != 0;
     if (p_.integrator == IntegratorKind::ts) dt_ = numbers.at(4);
@@ -454,6 +459,8 @@ class HopperRun {
     s.steps += before_.steps;
     s.rejected += before_.rejected;
     s.force_evaluations += before_.force_evaluations;
+    s.jacobian_evaluations += before_.jacobian_evaluations;
+    s.linear_iterations += before_.linear_iterations;
     return s;
   }
 
@@ -530,6 +537,8 @@ class HopperRun {
     s["steps"] = total.steps;
     s["rejected_steps"] = total.rejected;
     s["force_evaluations"] = total.force_evaluations;
+    s["jacobian_evaluations"] = total.jacobian_evaluations;
+    s["linear_iterations"] = total.linear_iterations;
     s["list_rebuilds"] = list_rebuilds();
     s["skin"] = system_.neighbours().skin();
     s["packing_iterations"] = packing_iterations_;

@@ -122,6 +122,13 @@ void HopperOptions::bind(Options& o) {
   o.bind("integrator", integrator, {{"verlet", IntegratorKind::verlet}, {"ts", IntegratorKind::ts}},
          {.help = "plain velocity Verlet with a fixed step, or PETSc TS (-ts_type, -ts_rtol, -ts_monitor, ...)",
           .on_restart = fixed});
+  o.bind("implicit", implicit, {{"all", Part::all}, {"shape", Part::shape}},
+         {.help = "what an implicit -ts_type solves for: all forces, or the shape energy alone and the rest explicitly "
+                  "(-ts_type arkimex)",
+          .on_restart = fixed});
+  o.bind("jacobian", jacobian, {{"assembled", JacobianKind::assembled}, {"matrix_free", JacobianKind::matrix_free}},
+         {.help = "an implicit -ts_type's Jacobian: a sparse matrix, or products by loops over the elements",
+          .on_restart = fixed});
   o.bind("dt", dt,
          {.help = "step of velocity Verlet, first step of an adaptive method",
           .unit = "t0",
@@ -177,6 +184,8 @@ void HopperOptions::resolve() {
   if (shape.shape_parameter > 0 && shape.shape_parameter < regular_shape_parameter(shape.vertices))
     throw InputError("-shape_parameter {}: no polygon of {} vertices has less than {:.6g}, the regular one's",
                      shape.shape_parameter, shape.vertices, regular_shape_parameter(shape.vertices));
+  if (integrator == IntegratorKind::verlet && implicit != Part::all)
+    throw InputError("-implicit shape with -integrator verlet, which is explicit; use -integrator ts -ts_type arkimex");
   if (q_rtol > 0 && flow != FlowKind::continuous)
     throw InputError(
         "-hopper_q_rtol {} with -flow discharge: only continuous flow has a steady rate; leave one of them out",

@@ -9,6 +9,7 @@
 #include <pliant/model/catalogue.h>
 #include <pliant/scenarios/packing.h>
 #include <pliant/scenarios/particles.h>
+#include <pliant/ts/jacobian.h>
 
 namespace pliant {
 
@@ -37,6 +38,8 @@ struct HopperOptions {
   Real pack_tolerance = 1e-4;
 
   IntegratorKind integrator = IntegratorKind::verlet;
+  Part implicit = Part::all;
+  JacobianKind jacobian = JacobianKind::assembled;
   std::optional<Real> dt, skin;
   Index threads = 1;
   std::optional<Real> t_end;

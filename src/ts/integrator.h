@@ -22,7 +22,9 @@ using StepObserver = std::function<AfterStep(State&)>;
 struct IntegratorStatistics {
   std::int64_t steps = 0;  ///< accepted
   std::int64_t rejected = 0;
-  std::int64_t force_evaluations = 0;
+  std::int64_t force_evaluations = 0;  ///< those of a part of the terms among them
+  std::int64_t jacobian_evaluations = 0;
+  std::int64_t linear_iterations = 0;
   Real last_dt = 0;  ///< in t0
 };
 

@@ -55,9 +55,9 @@ class OverdampedSystem final : public FirstOrderSystem {
     const std::vector<Index> counts = ranks().all_gather(std::vector<Index>{own});
     Index first = 0;
     for (int r = 0; r < ranks().rank(); ++r) first += counts[r];
-    std::vector<Real> mine(static_cast<std::size_t>(own) * D), all;
+    std::vector<Real> mine(static_cast<std::size_t>(own) * D), storage;
     for (Index i = 0; i < own; ++i) mine[static_cast<std::size_t>(i) * D] = first + i;
-    particles_.share(mine, all);
+    const Real* all = particles_.with_ghosts(mine.data(), storage);
     std::vector<Index> numbers(s.topology.points());
     for (std::size_t i = 0; i < numbers.size(); ++i) numbers[i] = static_cast<Index>(all[i * D]);
     mobility_.set_numbers(std::move(numbers));

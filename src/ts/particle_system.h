@@ -14,7 +14,7 @@
 #include <pliant/domain/migration.h>
 #include <pliant/domain/skin.h>
 #include <pliant/model/model.h>
-#include <pliant/ts/system.h>
+#include <pliant/ts/implicit_system.h>
 
 namespace pliant {
 
@@ -22,7 +22,7 @@ namespace pliant {
 /// zero. On several ranks each has a share of the particles, and copies (ghosts) of others' near them; all functions
 /// that take positions are collective then.
 template <int D>
-class ParticleSystem final : public SecondOrderSystem {
+class ParticleSystem final : public ImplicitSystem {
  public:
   /// topology: the rank's own particles. All particles of all ranks together have different ids.
   ParticleSystem(Topology topology, Walls<D> walls, std::unique_ptr<ForceField<D>> field, NeighbourNeeds needs,
@@ -74,6 +74,17 @@ class ParticleSystem final : public SecondOrderSystem {
     return worst < 2;
   }
 
+  void part_acceleration(Part part, Real t, const Real* x, const Real* v, Real* a) override {
+    ++use_.evaluations;
+    const StateView<D> s = view(x, v, t);
+    const LogScope log(LogEvent::forces);
+    field_->part_accelerations(s, part, a);
+  }
+
+  std::unique_ptr<Jacobian> jacobian(JacobianForm form, JacobianKind kind, Part part) override {
+    return make_jacobian(*this, form, kind, part);
+  }
+
   /// The configuration with neighbour lists that are valid for it, ghosts included. x, v [owned points · D]; v may be
   /// null where only energies are asked for. t matters where solids move.
   StateView<D> view(const Real* x, const Real* v, Real t = 0) {
@@ -84,6 +95,14 @@ class ParticleSystem final : public SecondOrderSystem {
     if (valid) halo_.update(x, x_);
     if (v != nullptr) halo_.update(v, v_);
     return {x_.data(), v != nullptr ? v_.data() : nullptr, topology_, neighbours_, walls_, t};
+  }
+
+  /// What the owners have for each point [owned points · D], for all points [points · D]; `storage` holds it on several
+  /// ranks. The lists must be valid. Collective.
+  const Real* with_ghosts(const Real* own, std::vector<Real>& storage) const {
+    if (!ranks_.several()) return own;
+    halo_.update(own, storage);
+    return storage.data();
   }
 
   /// Builds ghosts and lists from x, which becomes their reference.
@@ -98,14 +117,6 @@ class ParticleSystem final : public SecondOrderSystem {
   void set_walls(Walls<D> walls) {
     walls_ = std::move(walls);
     invalidate();
-  }
-
-  /// What the owners have for each point [owned points · D], for all points: all [points · D]. The lists must be valid.
-  void share(const std::vector<Real>& own, std::vector<Real>& all) const {
-    if (ranks_.several())
-      halo_.update(own.data(), all);
-    else
-      all = own;
   }
 
   /// Makes these the rank's own particles. Not collective.

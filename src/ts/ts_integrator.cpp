@@ -4,10 +4,13 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <span>
 #include <string_view>
 #include <vector>
 
 #include <pliant/kernels/finite.h>
+#include <pliant/ts/particle_pc.h>
+#include <pliant/ts/sundials/sundials.h>
 #include <pliant/ts/ts_verlet.h>
 
 namespace pliant {
@@ -15,24 +18,47 @@ namespace pliant {
 struct TsIntegrator::Run {
   TsIntegrator& integrator;
   FirstOrderSystem& system;
+  ImplicitSystem* implicit;  // the same, if it has derivatives
   State& state;
   const StepObserver& observer;
-  ::Vec y;
+  ::Vec y, v;  // v: of alpha2, whose y is x alone
   Real t_end;
   Real t_before;
   PetscInt rejected_before;
   bool cut;        // the step about to be taken was shortened to match t_end
   bool reordered;  // the observer has put the state in another order
+
+  /// The state to PETSc's vectors and back.
+  void load() const;
+  void store() const;
+  /// None without inertia, nor where they have a vector of their own.
+  std::span<Real> velocities_in_y() const {
+    return state.v().first(v == nullptr ? system.unknowns() - system.size() : 0);
+  }
+  /// Throws on all ranks where one of `rates`, those of the unknowns from `first` on, is not finite on one.
+  void check(std::span<const Real> rates, std::size_t first, Real t) const {
+    const std::size_t bad = first_non_finite(rates.data(), rates.size()), coordinates = system.size();
+    system.ranks().together([&] {
+      if (bad != rates.size())
+        throw NumericalError(
+            "the {} of coordinate {} is {} at t = {}, in the step after t = {} (step {}); reduce the tolerances or the "
+            "step, or check the initial state",
+            first + bad < coordinates ? "velocity" : "acceleration", (first + bad) % coordinates, rates[bad], t,
+            state.t, state.step);
+    });
+  }
 };
 
 namespace {
 
-// PETSc's types that solve for an IFunction or a Jacobian, need a split right-hand side, or carry more than y.
-constexpr std::array unsupported_types = {
-    "alpha", "alpha2", "arkimex", "basicsymplectic", "bdf",  "beuler", "cn",     "dirk", "discgrad", "eimex",
-    "glee",  "glle",   "irk",     "mimex",           "mprk", "pseudo", "radau5", "rosw", "sundials", "theta"};
+// PETSc's types that need another split than ours, no time, or more than y; two are not built.
+constexpr std::array unsupported_types = {"basicsymplectic", "dirk", "discgrad", "eimex",  "glee",    "glle", "irk",
+                                          "mimex",           "mprk", "pseudo",   "radau5", "sundials"};
+constexpr std::array explicit_types = {"euler", "rk", "ssp", ts_verlet};
+constexpr std::array implicit_types = {"alpha", "alpha2", "arkimex", "bdf", "beuler", "cn", "rosw", "theta"};
+constexpr std::array split_types = {"arkimex", "arkode"};
 // Explicit ones without an error estimate; rk has one where its table is an embedded pair.
-constexpr std::array fixed_types = {"euler", "ssp", ts_verlet};
+constexpr std::array fixed_types = {"euler", "ssp"};
 constexpr std::array program_options = {"-ts_max_time",  "-ts_final_time",       "-ts_init_time",
                                         "-ts_time_span", "-ts_exact_final_time", "-ts_rk_multirate"};
 
@@ -69,10 +95,8 @@ void check_type(const std::string& type) {
   const auto known = fmt::format(", {},", supported_types());
   if (known.find(fmt::format(" {},", type)) != std::string::npos) return;
   if (contains(unsupported_types, type))
-    throw InputError(
-        "-ts_type {} needs an implicit function, a Jacobian or a split right-hand side, which this problem does not "
-        "provide; use one of {}",
-        type, supported_types());
+    throw InputError("-ts_type {} is for problems of another form, or not built; use one of {}", type,
+                     supported_types());
   throw InputError("-ts_type {} is not known; use one of {}", type, supported_types());
 }
 
@@ -85,26 +109,19 @@ void check_input(PetscErrorCode code) {
   }
 }
 
-// y is [x; v] or, for motion without inertia, x alone.
-std::size_t unknowns_in(::Vec y) {
-  PetscInt n = 0;
-  petsc_check(VecGetLocalSize(y, &n));
-  return static_cast<std::size_t>(n);
-}
-
-void copy_to(::Vec y, const State& state) {
+void copy_to(::Vec y, std::span<const Real> first, std::span<const Real> rest) {
   PetscScalar* values = nullptr;
   petsc_check(VecGetArrayWrite(y, &values));
-  std::copy(state.x().begin(), state.x().end(), values);
-  std::copy_n(state.v().begin(), unknowns_in(y) - state.size(), values + state.size());
+  std::copy(first.begin(), first.end(), values);
+  std::copy(rest.begin(), rest.end(), values + first.size());
   petsc_check(VecRestoreArrayWrite(y, &values));
 }
 
-void copy_from(::Vec y, State& state) {
+void copy_from(::Vec y, std::span<Real> first, std::span<Real> rest) {
   const PetscScalar* values = nullptr;
   petsc_check(VecGetArrayRead(y, &values));
-  std::copy_n(values, state.size(), state.x().begin());
-  std::copy_n(values + state.size(), unknowns_in(y) - state.size(), state.v().begin());
+  std::copy_n(values, first.size(), first.begin());
+  std::copy_n(values + first.size(), rest.size(), rest.begin());
   petsc_check(VecRestoreArrayRead(y, &values));
 }
 
@@ -115,6 +132,16 @@ void check_positive(const char* name, Real value) {
 
 }  // namespace
 
+void TsIntegrator::Run::load() const {
+  copy_to(y, state.x(), velocities_in_y());
+  if (v != nullptr) copy_to(v, state.v(), {});
+}
+
+void TsIntegrator::Run::store() const {
+  copy_from(y, state.x(), velocities_in_y());
+  if (v != nullptr) copy_from(v, state.v(), {});
+}
+
 TsIntegrator::TsIntegrator(TsOptions options, MPI_Comm comm) : options_(std::move(options)), comm_(comm) {
   configure();
 }
@@ -123,6 +150,7 @@ void TsIntegrator::configure() {
   for (const char* name : program_options)
     if (has_option(name)) throw InputError("{} cannot be set here: the run sets it; leave the option out", name);
   petsc_check(ts_verlet_register());
+  petsc_check(sundials_register());
   ts_ = PetscTs();
   petsc_check(TSCreate(comm_, ts_.out()));
   petsc_check(TSSetProblemType(ts_, TS_NONLINEAR));
@@ -134,6 +162,8 @@ void TsIntegrator::configure() {
   const std::string type = string_option("-ts_type", options_.type);
   check_type(type);
   petsc_check(TSSetType(ts_, type.c_str()));
+  type_ = type;
+  configure_solvers();
   bool estimate = !contains(fixed_types, type);
   if (type == TSRK) {
     check_input(TSRKSetType(ts_, string_option("-ts_rk_type", options_.rk_type).c_str()));
@@ -175,6 +205,23 @@ void TsIntegrator::configure() {
   if (dt_ == 0) dt_ = options_.dt;
 }
 
+void TsIntegrator::configure_solvers() {
+  second_order_ = type_ == TSALPHA2;
+  if (options_.implicit != Part::all && !contains(split_types, type_))
+    throw InputError("-implicit shape splits the forces, which -ts_type {} cannot do; use -ts_type arkimex", type_);
+  if (contains(explicit_types, type_)) return;
+  petsc_check(particle_pc_register());
+  SNES snes = nullptr;
+  KSP ksp = nullptr;
+  PC pc = nullptr;
+  petsc_check(TSGetSNES(ts_, &snes));
+  petsc_check(SNESGetKSP(snes, &ksp));
+  petsc_check(KSPGetPC(ksp, &pc));
+  petsc_check(PCSetType(pc, particle_pc));
+  petsc_check(TSSetMaxSNESFailures(ts_, -1));  // rejections are limited
+  if (type_ == TSARKIMEX) petsc_check(TSARKIMEXSetFullyImplicit(ts_, PetscBool(options_.implicit == Part::all)));
+}
+
 void TsIntegrator::set_tolerances(::Vec y, std::size_t n, std::size_t unknowns) {
   const auto make = [&](Real x, Real v) {
     PetscVec vec;
@@ -190,27 +237,147 @@ void TsIntegrator::set_tolerances(::Vec y, std::size_t n, std::size_t unknowns) 
   petsc_check(TSSetTolerances(ts_, PETSC_DECIDE, absolute, PETSC_DECIDE, relative));
 }
 
+namespace {
+
+/// The arrays of vectors while they are read or written.
+class Read {
+ public:
+  explicit Read(::Vec vec) : vec_(vec) { petsc_check(VecGetArrayRead(vec, &data_)); }
+  ~Read() { (void)VecRestoreArrayRead(vec_, &data_); }
+  Read(const Read&) = delete;
+  Read& operator=(const Read&) = delete;
+  operator const Real*() const { return data_; }  // NOLINT: reads as the array it is
+
+ private:
+  ::Vec vec_;
+  const PetscScalar* data_ = nullptr;
+};
+class Write {
+ public:
+  explicit Write(::Vec vec) : vec_(vec) { petsc_check(VecGetArrayWrite(vec, &data_)); }
+  ~Write() { (void)VecRestoreArrayWrite(vec_, &data_); }
+  Write(const Write&) = delete;
+  Write& operator=(const Write&) = delete;
+  operator Real*() const { return data_; }  // NOLINT
+
+ private:
+  ::Vec vec_;
+  PetscScalar* data_ = nullptr;
+};
+
+}  // namespace
+
+void TsIntegrator::set_functions(Run& run) {
+  const bool implicit = contains(implicit_types, type_);
+  if (implicit && run.implicit == nullptr)
+    throw InputError("{} needs derivatives of the forces, which this system does not have; use -ts_type {}", name(),
+                     fmt::join(explicit_types, ", "));
+  if (!implicit || options_.implicit != Part::all) petsc_check(TSSetRHSFunction(ts_, nullptr, right_hand_side, &run));
+  if (contains(explicit_types, type_) || run.implicit == nullptr) return;
+  jacobian_ = run.implicit->jacobian(second_order_ ? JacobianForm::second_order : JacobianForm::first_order,
+                                     options_.jacobian, options_.implicit);
+  ::Mat a = jacobian_->matrix(), p = jacobian_->preconditioner();
+  if (second_order_) {
+    petsc_check(TSSetI2Function(ts_, nullptr, second_order_function, &run));
+    petsc_check(TSSetI2Jacobian(ts_, a, p, second_order_jacobian, &run));
+  } else if (implicit || options_.implicit != Part::all) {
+    petsc_check(TSSetIFunction(ts_, nullptr, implicit_function, &run));
+    petsc_check(TSSetIJacobian(ts_, a, p, implicit_jacobian, &run));
+  } else {
+    petsc_check(TSSetRHSJacobian(ts_, a, p, right_hand_side_jacobian, &run));
+  }
+}
+
 PetscErrorCode TsIntegrator::right_hand_side(TS, PetscReal t, ::Vec y, ::Vec ydot, void* context) {
   return petsc_callback([&] {
     Run& run = *static_cast<Run*>(context);
-    const std::size_t n = run.system.unknowns();
-    const PetscScalar* in = nullptr;
-    PetscScalar* out = nullptr;
-    petsc_check(VecGetArrayRead(y, &in));
-    petsc_check(VecGetArrayWrite(ydot, &out));
-    run.system.rate(t, in, out);
+    const std::size_t n = run.system.size(), unknowns = run.system.unknowns();
+    const Read in(y);
+    const Write out(ydot);
+    if (run.integrator.options_.implicit == Part::all) {
+      run.system.rate(t, in, out);
+    } else {
+      std::fill_n(+out, n, 0);
+      run.implicit->part_acceleration(Part::rest, t, in, in + n, out + n);
+    }
     ++run.integrator.statistics_.force_evaluations;
-    const std::size_t bad = first_non_finite(out, n), coordinates = run.system.size();
-    run.system.ranks().together([&] {
-      if (bad != n)
-        throw NumericalError(
-            "the {} of coordinate {} is {} at t = {}, in the step after t = {} (step {}); reduce the tolerances or the "
-            "step, or check the initial state",
-            bad < coordinates ? "velocity" : "acceleration", bad % coordinates, out[bad], t, run.state.t,
-            run.state.step);
-    });
-    petsc_check(VecRestoreArrayWrite(ydot, &out));
-    petsc_check(VecRestoreArrayRead(y, &in));
+    run.check({+out, unknowns}, 0, t);
+  });
+}
+
+void TsIntegrator::evaluate_implicit(Run& run, Real t, const Real* x, const Real* v, Real* a) {
+  const std::size_t n = run.system.size();
+  ++statistics_.force_evaluations;
+  try {
+    if (options_.implicit == Part::all)
+      run.implicit->acceleration(t, x, v, a);
+    else
+      run.implicit->part_acceleration(options_.implicit, t, x, v, a);
+    run.check({a, n}, n, t);
+  } catch (const Error& error) {
+    // Trial states of a solver may be anywhere. NaN makes the solver fail, and the step is tried again, shorter.
+    if (error.code() != ExitCode::numerical_failure) throw;
+    last_failure_ = error.what();
+    std::fill_n(a, n, std::numeric_limits<Real>::quiet_NaN());
+  }
+}
+
+PetscErrorCode TsIntegrator::implicit_function(TS, PetscReal t, ::Vec y, ::Vec ydot, ::Vec f, void* context) {
+  return petsc_callback([&] {
+    Run& run = *static_cast<Run*>(context);
+    const std::size_t n = run.system.size();
+    const Read in(y), rate(ydot);
+    const Write out(f);
+    run.integrator.evaluate_implicit(run, t, in, in + n, out + n);
+    for (std::size_t k = 0; k < n; ++k) {
+      out[k] = rate[k] - in[n + k];
+      out[n + k] = rate[n + k] - out[n + k];
+    }
+  });
+}
+
+PetscErrorCode TsIntegrator::second_order_function(TS, PetscReal t, ::Vec x, ::Vec v, ::Vec a, ::Vec f, void* context) {
+  return petsc_callback([&] {
+    Run& run = *static_cast<Run*>(context);
+    const Read positions(x), velocities(v), rate(a);
+    const Write out(f);
+    run.integrator.evaluate_implicit(run, t, positions, velocities, out);
+    for (std::size_t k = 0; k < run.system.size(); ++k) out[k] = rate[k] - out[k];
+  });
+}
+
+void TsIntegrator::update_jacobian(::Mat a, Real t, const Real* x, const Real* v, const JacobianWeights& weights) {
+  ++statistics_.jacobian_evaluations;
+  jacobian_->update(t, x, v, weights);
+  if (a == jacobian_->matrix()) return;
+  // -snes_mf_operator: a matrix of PETSc's.
+  petsc_check(MatAssemblyBegin(a, MAT_FINAL_ASSEMBLY));
+  petsc_check(MatAssemblyEnd(a, MAT_FINAL_ASSEMBLY));
+}
+
+PetscErrorCode TsIntegrator::right_hand_side_jacobian(TS, PetscReal t, ::Vec y, ::Mat a, ::Mat, void* context) {
+  return petsc_callback([&] {
+    Run& run = *static_cast<Run*>(context);
+    const Read in(y);
+    run.integrator.update_jacobian(a, t, in, in + run.system.size(), {0, 1, 1});
+  });
+}
+
+PetscErrorCode TsIntegrator::implicit_jacobian(TS, PetscReal t, ::Vec y, ::Vec, PetscReal shift, ::Mat a, ::Mat,
+                                               void* context) {
+  return petsc_callback([&] {
+    Run& run = *static_cast<Run*>(context);
+    const Read in(y);
+    run.integrator.update_jacobian(a, t, in, in + run.system.size(), {shift, -1, -1});
+  });
+}
+
+PetscErrorCode TsIntegrator::second_order_jacobian(TS, PetscReal t, ::Vec x, ::Vec v, ::Vec, PetscReal shift_v,
+                                                   PetscReal shift_a, ::Mat a, ::Mat, void* context) {
+  return petsc_callback([&] {
+    Run& run = *static_cast<Run*>(context);
+    const Read positions(x), velocities(v);
+    run.integrator.update_jacobian(a, t, positions, velocities, {shift_a, -1, -shift_v});
   });
 }
 
@@ -251,8 +418,10 @@ void TsIntegrator::accept_step(Run& run) {
     run.cut = !end && (dt_next == left || dt_next == left / 2);
     if (!run.cut) dt_ = grown_from_cut ? std::max(dt_, dt_next) : dt_next;
   }
+  // A solve has failed: what was shortened for it is a fixed step all the same.
+  if (!adaptive_ && !end && rejected != run.rejected_before) petsc_check(TSSetTimeStep(ts_, std::min(dt_, left)));
   run.t_before = t;
-  copy_from(run.y, run.state);
+  run.store();
   run.state.t = t;
   ++run.state.step;
   ++statistics_.steps;
@@ -265,7 +434,7 @@ void TsIntegrator::accept_step(Run& run) {
   run.reordered = after == AfterStep::reordered;
   if (after == AfterStep::stop || run.reordered) petsc_check(TSSetConvergedReason(ts_, TS_CONVERGED_USER));
   if (after == AfterStep::changed) {
-    copy_to(run.y, run.state);
+    run.load();
     petsc_check(TSRestartStep(ts_));
   }
 }
@@ -278,7 +447,7 @@ void TsIntegrator::run(SecondOrderSystem& system, State& state, Real t_end, bool
 }
 
 void TsIntegrator::run(FirstOrderSystem& system, State& state, Real t_end, const StepObserver& observer) {
-  if (name() == fmt::format("ts:{}", ts_verlet))
+  if (type_ == ts_verlet)
     throw InputError("-ts_type {} is for motion with inertia; use another explicit type, such as rk", ts_verlet);
   while (solve(system, state, t_end, observer)) {
   }
@@ -295,11 +464,15 @@ bool TsIntegrator::solve(FirstOrderSystem& system, State& state, Real t_end, con
   const bool resized = system.ranks().any(configured_size_ != 0 && configured_size_ != unknowns);
   if (!reusable_ || resized) configure();
 
-  PetscVec y;
-  petsc_check(VecCreateMPI(comm_, static_cast<PetscInt>(unknowns), PETSC_DECIDE, y.out()));
-  copy_to(y, state);
-  petsc_check(TSSetSolution(ts_, y));
-  if (resized || configured_size_ == 0) set_tolerances(y, n, unknowns);
+  PetscVec y, v;
+  petsc_check(VecCreateMPI(comm_, static_cast<PetscInt>(second_order_ ? n : unknowns), PETSC_DECIDE, y.out()));
+  if (second_order_) {
+    petsc_check(VecDuplicate(y, v.out()));
+    petsc_check(TS2SetSolution(ts_, y, v));
+  } else {
+    petsc_check(TSSetSolution(ts_, y));
+  }
+  if (resized || configured_size_ == 0) set_tolerances(y, n, second_order_ ? n : unknowns);
   configured_size_ = unknowns;
   // TS counts steps in 32 bits; its number matters for monitors only.
   const bool countable = state.step < std::numeric_limits<PetscInt>::max() / 2;
@@ -310,12 +483,31 @@ bool TsIntegrator::solve(FirstOrderSystem& system, State& state, Real t_end, con
   petsc_check(TSSetMaxTime(ts_, t_end));
   petsc_check(TSRestartStep(ts_));
 
-  Run run{*this, system, state, observer, y, t_end, state.t, 0, dt_ >= t_end - state.t, false};
-  if (step_number != 0) petsc_check(TSGetStepRejections(ts_, &run.rejected_before));  // else TSSolve zeroes them
-  petsc_check(TSSetRHSFunction(ts_, nullptr, right_hand_side, &run));
+  Run run{*this,
+          system,
+          dynamic_cast<ImplicitSystem*>(&system),
+          state,
+          observer,
+          y,
+          v,
+          t_end,
+          state.t,
+          0,
+          dt_ >= t_end - state.t,
+          false};
+  run.load();
+  PetscInt iterations_before = 0, iterations = 0;
+  if (step_number != 0) {  // else TSSolve zeroes them
+    petsc_check(TSGetStepRejections(ts_, &run.rejected_before));
+    petsc_check(TSGetKSPIterations(ts_, &iterations_before));
+  }
+  set_functions(run);
+  last_failure_.clear();
   petsc_check(TSSetApplicationContext(ts_, &run));
   reusable_ = false;
   const PetscErrorCode code = TSSolve(ts_, nullptr);
+  petsc_check(TSGetKSPIterations(ts_, &iterations));
+  statistics_.linear_iterations += iterations - iterations_before;
   if (code == PETSC_ERR_USER) petsc_check(code);  // thrown in a callback: arrives as it was
   try {
     petsc_check(code);
@@ -332,9 +524,9 @@ bool TsIntegrator::solve(FirstOrderSystem& system, State& state, Real t_end, con
   if (reason < 0)
     throw NumericalError(
         "{} failed in the step after t = {} (step {}): {}, {} rejections, dt down to {}; loosen the tolerances "
-        "(-ts_rtol, "
-        "-ts_atol), reduce -ts_dt or raise -ts_max_reject",
-        name(), state.t, state.step, TSConvergedReasons[reason], rejected - run.rejected_before, dt);
+        "(-ts_rtol, -ts_atol), reduce -ts_dt or raise -ts_max_reject{}",
+        name(), state.t, state.step, TSConvergedReasons[reason], rejected - run.rejected_before, dt,
+        last_failure_.empty() ? "" : fmt::format("; last failure in the solver: {}", last_failure_));
   if (reason == TS_CONVERGED_ITS)
     throw NumericalError("the limit of steps (-ts_max_steps) was reached at t = {} of {}; raise it or leave it out",
                          state.t, t_end);
@@ -343,9 +535,7 @@ bool TsIntegrator::solve(FirstOrderSystem& system, State& state, Real t_end, con
 }
 
 std::string TsIntegrator::name() const {
-  TSType type = nullptr;
-  petsc_check(TSGetType(ts_, &type));
-  if (std::string_view(type) != TSRK) return fmt::format("ts:{}", type);
+  if (type_ != TSRK) return fmt::format("ts:{}{}", type_, options_.implicit == Part::shape ? ", shape implicit" : "");
   TSRKType table = nullptr;
   petsc_check(TSRKGetType(ts_, &table));
   return fmt::format("ts:rk {}", table);

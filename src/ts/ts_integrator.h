@@ -1,9 +1,11 @@
-// Any explicit PETSc TS type as an integrator of ẍ = a(t, x, ẋ) and of ẋ = f(t, x).
+// A PETSc TS type as an integrator of ẍ = a(t, x, ẋ) and of ẋ = f(t, x).
 #pragma once
 
+#include <memory>
 #include <string>
 
 #include <pliant/base/petsc.h>
+#include <pliant/ts/implicit_system.h>
 #include <pliant/ts/integrator.h>
 
 namespace pliant {
@@ -17,12 +19,21 @@ struct TsOptions {
   Real atol_x = 1e-4;  ///< -ts_atol, absolute error of a position per step
   Real atol_v = 1e-4;  ///< -ts_atol, absolute error of a velocity per step
   Real dt = 1e-3;      ///< -ts_dt, the first step, or the fixed one, in t0
+  /// What an implicit type solves for: all, or the shape energy alone, the rest being explicit (IMEX).
+  Part implicit = Part::all;
+  JacobianKind jacobian = JacobianKind::assembled;
 };
 
 /// Integrates y = [x; v] with ẏ = [v; a(t, x, v)] by PETSc TS in the memory of the state, without a copy; motion
 /// without inertia as y = x with ẋ = f(t, x), which leaves State::v alone.
 ///
-/// Types: rk (all tables), ssp, euler, verlet, and any explicit type registered with TSRegister. The end of a run is
+/// Explicit types: rk (all tables), ssp, euler, verlet. Implicit ones, for an ImplicitSystem: alpha, alpha2, arkimex,
+/// beuler, bdf, cn, rosw, theta, which get an IFunction ẏ − [v; a] and its IJacobian; alpha2 gets ẍ − a = 0, with
+/// -ts_atol for positions and velocities. Other types registered with TSRegister get [v; a] as the right-hand side, and
+/// its Jacobian if there is one. With Part::shape (arkimex, arkode) the shape energy and ẋ = v are the IFunction, the
+/// rest is the right-hand side. Solvers are PETSc's:
+/// -snes_…, -ksp_…, -pc_…, by default Newton, GMRES and -pc_type particle. Where a solve fails, its step is tried
+/// again, shorter; a fixed step has its length again after that. The end of a run is
 /// matched exactly; the step that this cuts short does not become the first one of the next run. Every run starts
 /// afresh (first-same-as-last stages and step-size history of the run before are dropped), so `fresh` makes no
 /// difference, and a chain of runs differs from one long run within the tolerance. State::a is not used.
@@ -31,14 +42,15 @@ struct TsOptions {
 class TsIntegrator : public Integrator {
  public:
   /// Reads all -ts_… options, so that unused options can be reported before any work starts.
-  /// Errors: InputError for an unknown or implicit type, an option that PETSc refuses or that the program sets itself,
-  /// an adaptive step without error estimate, a tolerance or step that is not positive.
-  /// comm: of the ranks of the systems that it will integrate. Collective, as is run().
+  /// Errors: InputError for a type that is unknown or for other problems, a split that the type cannot do, an option
+  /// that PETSc refuses or that the program sets itself, an adaptive step without error estimate, a tolerance or step
+  /// that is not positive. comm: of the ranks of the systems that it will integrate. Collective, as is run().
   explicit TsIntegrator(TsOptions options = {}, MPI_Comm comm = PETSC_COMM_SELF);
 
   /// As Integrator::run. What the system or the observer throws arrives unchanged.
-  /// Errors: InputError where the state does not fit the system; NumericalError, with the time, where an acceleration
-  /// is not finite, a step is rejected too often, dt underflows, or -ts_max_steps is reached.
+  /// Errors: InputError where the state does not fit the system, or an implicit type's system is no ImplicitSystem;
+  /// NumericalError, with the time, where an acceleration is not finite (of an implicit type: again and again), a step
+  /// is rejected too often, dt underflows, or -ts_max_steps is reached.
   void run(SecondOrderSystem& system, State& state, Real t_end, bool fresh, const StepObserver& observer) override;
   /// The same for any first-order system, whose y are the first entries of State::y.
   /// Errors: besides, InputError for -ts_type verlet where there are no velocities in y.
@@ -53,20 +65,36 @@ class TsIntegrator : public Integrator {
   struct Run;  // what the callbacks see
 
   void configure();
+  void configure_solvers();
   void set_tolerances(::Vec y, std::size_t n, std::size_t unknowns);
   /// Until t_end, a stop or a new order of the state; true for the last.
   bool solve(FirstOrderSystem& system, State& state, Real t_end, const StepObserver& observer);
+  /// Tells PETSc the functions of the problem.
+  void set_functions(Run& run);
   static PetscErrorCode right_hand_side(TS ts, PetscReal t, ::Vec y, ::Vec ydot, void* context);
+  static PetscErrorCode right_hand_side_jacobian(TS ts, PetscReal t, ::Vec y, ::Mat a, ::Mat p, void* context);
+  static PetscErrorCode implicit_function(TS ts, PetscReal t, ::Vec y, ::Vec ydot, ::Vec f, void* context);
+  static PetscErrorCode implicit_jacobian(TS ts, PetscReal t, ::Vec y, ::Vec ydot, PetscReal shift, ::Mat a, ::Mat p,
+                                          void* context);
+  static PetscErrorCode second_order_function(TS ts, PetscReal t, ::Vec x, ::Vec v, ::Vec a, ::Vec f, void* context);
+  static PetscErrorCode second_order_jacobian(TS ts, PetscReal t, ::Vec x, ::Vec v, ::Vec acceleration,
+                                              PetscReal shift_v, PetscReal shift_a, ::Mat a, ::Mat p, void* context);
   static PetscErrorCode post_step(TS ts);
+  void evaluate_implicit(Run& run, Real t, const Real* x, const Real* v, Real* a);
+  void update_jacobian(::Mat a, Real t, const Real* x, const Real* v, const JacobianWeights& weights);
   void accept_step(Run& run);
 
   TsOptions options_;
   MPI_Comm comm_;
+  std::unique_ptr<Jacobian> jacobian_;  // of the system of the current run
   PetscTs ts_;
+  std::string type_;
   bool adaptive_ = false;
-  bool reusable_ = true;  // false after a failure: PETSc's objects may be in the middle of something
+  bool second_order_ = false;  // alpha2
+  bool reusable_ = true;       // false after a failure: PETSc's objects may be in the middle of something
   std::size_t configured_size_ = 0;
   Real dt_ = 0;
+  std::string last_failure_;  // of an evaluation in a solver
   IntegratorStatistics statistics_;
 };
 

@@ -16,9 +16,10 @@ inline constexpr char ts_verlet[] = "verlet";
 ///     v½ = v + a h/2,   x' = x + h v½,   a' = A(t + h, x', v + a h),   v' = v½ + a' h/2
 ///
 /// One evaluation per step: a is carried on, and dropped after TSRestartStep or TSRollBack. Order 2, symplectic where a
-/// does not depend on v, stable for a damping rate γ with γ h < 1. The step is fixed (TSADAPTNONE is the default; there
-/// is no error estimate). TSInterpolate is cubic Hermite in x and v. It has no options of its own. Errors (at set-up):
-/// no right-hand-side function, an IFunction, or an odd local length.
+/// does not depend on v, stable for a damping rate γ with γ h < 1. The step is fixed (TSADAPTNONE is the default); with
+/// -ts_adapt_type basic it is controlled by how much the acceleration changes in a step. TSInterpolate is cubic Hermite
+/// in x and v. It has no options of its own. Errors (at set-up): no right-hand-side function, an IFunction, or an odd
+/// local length.
 PetscErrorCode ts_verlet_register();
 
 }  // namespace pliant

@@ -22,7 +22,7 @@ OPTIONS = {
     "misspelt_ts": (["-integrator", "ts", "-ts_rtoll", "1e-3"], ["-ts_rtoll", "-ts_rtol"]),
     "unused_ts": (["-integrator", "verlet", "-ts_rtol", "1e-3"], ["-ts_rtol"]),
     "unknown_ts_type": (["-integrator", "ts", "-ts_type", "rkk"], ["-ts_type rkk"]),
-    "implicit_ts_type": (["-integrator", "ts", "-ts_type", "bdf"], ["-ts_type bdf"]),
+    "other_ts_type": (["-integrator", "ts", "-ts_type", "pseudo"], ["-ts_type pseudo"]),
     "negative": (["-hopper_width", "-1"], ["-hopper_width -1", "greater than 0"]),
     "zero": (["-hopper_width", "0"], ["-hopper_width 0", "greater than 0"]),
     "w_not_below_W": (["-hopper_width", "8"], ["8", "-hopper_wall_distance"]),

@@ -166,3 +166,31 @@ TEST_CASE("Verlet with linear damping alone is stable up to rate times step 1") 
   CHECK(after(0.98) < 1e-6);
   CHECK(after(1.02) > 1e6);
 }
+
+TEST_CASE("velocity Verlet with a controlled step: its error follows the tolerance") {
+  const Problem p = driven_chain();
+  const Real t_end = 3;
+  const Eigen::VectorXd exact = p.exact(0, p.start, t_end);
+  std::vector<Real> errors;
+  std::vector<std::int64_t> steps;
+  for (const Real tolerance : {1e-2, 1e-3, 1e-4, 1e-5}) {
+    const PetscOptionScope scope("-ts_type verlet -ts_adapt_type basic");
+    TsOptions o;
+    o.dt = 0.1, o.rtol = o.atol_x = o.atol_v = tolerance;
+    TsIntegrator ts(o);
+    FunctionSystem system = p.system();
+    State s = p.state();
+    ts.run(system, s, t_end, true, {});
+    errors.push_back(error_of(s, exact));
+    steps.push_back(ts.statistics().steps);
+    // A rejected step costs one evaluation, an accepted one another.
+    CHECK(ts.statistics().force_evaluations == 1 + ts.statistics().steps + ts.statistics().rejected);
+  }
+  // The estimate is of second order in the step, the error of the method too: both fall alike.
+  for (std::size_t k = 1; k < errors.size(); ++k) {
+    INFO(errors[k - 1] << " -> " << errors[k] << ", steps " << steps[k - 1] << " -> " << steps[k]);
+    CHECK(errors[k] < errors[k - 1] / 4);
+    CHECK(errors[k] > errors[k - 1] / 30);
+    CHECK(steps[k] > 2 * steps[k - 1]);
+  }
+}

@@ -3,129 +3,72 @@
 #include <petscsys.h>
 #include <catch2/catch.hpp>
 
-#include <pliant/model/catalogue.h>
-#include <pliant/ts/particle_system.h>
 #include <pliant/ts/ts_integrator.h>
 #include <pliant/ts/verlet.h>
 
 #include "problems.h"
-#include "support/rows.h"
+#include "twins.h"
 
 using namespace pliant;
 using namespace pliant::test;
 
 namespace {
 
-constexpr Real skin = 0.05;
-const ModelParameters parameters{
-    .epsilon = 100, .epsilon_wall = 200, .k_a = 20, .k_l = 3, .k_b = 0.02, .mu = 0.2, .zeta = 0.3};
-
+/// Everything that is asked of a system in a run.
 template <int D>
-ParticleSystem<D> system_of(const Configuration<D>& c, ModelKind kind, const Ranks& ranks) {
-  return ParticleSystem<D>(c.topology, c.walls,
-                           make_force_field<D>(kind, parameters, pliant::Vec<D>::LinSpaced(0.1, -1)),
-                           neighbour_needs(kind), skin, ranks);
+void compare(Twins<D>& twins) {
+  const Ranks& ranks = twins.ranks;
+  const Configuration<D>& c = twins.c;
+  ParticleSystem<D>&shared = twins.shared, &whole = twins.whole;
+  const State &state = twins.state, &whole_state = twins.whole_state;
+  REQUIRE(ranks.sum(static_cast<std::int64_t>(shared.topology().owned())) == c.topology.particles());
+  std::vector<Real> a(state.size()), b(whole_state.size());
+  shared.acceleration(0, state.x().data(), state.v().data(), a.data());
+  whole.acceleration(0, whole_state.x().data(), whole_state.v().data(), b.data());
+  Real largest = 0;
+  for (const Real one : b) largest = std::max(largest, std::abs(one));
+  CHECK(largest > 1);
+  CHECK(twins.difference(a, b) < 1e-12 * largest);
+
+  const StateView<D> s = shared.view(state.x().data(), state.v().data()),
+                     w = whole.view(whole_state.x().data(), whole_state.v().data());
+  std::vector<Real> f(s.topology.points() * D), g(w.topology.points() * D);
+  const Real energy = whole.field().energy(w, g.data());
+  CHECK(ranks.sum(shared.field().energy(s, f.data())) == Approx(energy).epsilon(1e-12));
+  CHECK(twins.difference(f, g) < 1e-12 * largest);
+  CHECK(ranks.sum(shared.field().power(s)) == Approx(whole.field().power(w)).epsilon(1e-12));
+  struct Touch {
+    Index first, second;
+    auto operator<=>(const Touch&) const = default;
+  };
+  const auto contacts = [](const ForceField<D>& field, const StateView<D>& view) {
+    std::vector<Touch> touching;
+    field.for_each_contact(view, [&](const Contact<D>& contact) {
+      const Index i = view.topology.id[contact.first], j = view.topology.id[contact.second];
+      touching.push_back({std::min(i, j), std::max(i, j)});
+    });
+    return touching;
+  };
+  std::vector<Touch> touching = contacts(shared.field(), s), expected = contacts(whole.field(), w);
+  touching = ranks.all_gather(touching);
+  std::sort(touching.begin(), touching.end());
+  std::sort(expected.begin(), expected.end());
+  CHECK(expected.size() > 100);
+  CHECK(touching == expected);
+  std::vector<Real> walls(s.walls.size() * D), all_walls(walls.size());
+  shared.field().add_wall_forces(s, walls.data());
+  whole.field().add_wall_forces(w, all_walls.data());
+  ranks.sum(walls);
+  for (std::size_t k = 0; k < walls.size(); ++k) CHECK(walls[k] == Approx(all_walls[k]).margin(1e-9));
+  // Each term by itself.
+  const std::vector<TermReport> parts = shared.field().report(s), all_parts = whole.field().report(w);
+  REQUIRE(parts.size() == all_parts.size());
+  for (std::size_t k = 0; k < parts.size(); ++k) {
+    INFO(parts[k].name);
+    CHECK(ranks.sum(parts[k].energy) == Approx(all_parts[k].energy).epsilon(1e-12).margin(1e-12));
+    CHECK(twins.difference(parts[k].force, all_parts[k].force) < 1e-11 * largest);
+  }
 }
-
-/// The particles of a configuration, ids in order, on one rank and shared out: every size()-th, or by `owner(id)`.
-template <int D>
-struct Twins {
-  Ranks ranks{PETSC_COMM_WORLD};
-  Configuration<D>& c;
-  ParticleSystem<D> whole, shared;
-  State whole_state, state;
-
-  Twins(Configuration<D>& configuration, ModelKind kind)
-      : Twins(configuration, kind, [this](Index m) { return m % ranks.size(); }) {}
-  template <class Owner>
-  Twins(Configuration<D>& configuration, ModelKind kind, Owner&& owner)
-      : c(configuration), whole(system_of<D>(c, kind, Ranks())), shared(system_of<D>(c, kind, ranks)) {
-    std::vector<Index> mine;
-    for (Index m = 0; m < c.topology.particles(); ++m)
-      if (owner(m) == ranks.rank()) mine.push_back(m);
-    shared.take(c.topology.select(mine));
-    load();
-  }
-
-  /// Both states as the configuration is.
-  void load() {
-    whole_state.assign(c.x, c.v, std::vector<Real>(c.x.size()));
-    std::vector<Real> x, v;
-    for (Index m = 0; m < shared.topology().owned(); ++m)
-      for (Index k = first(m); k < first(m) + D * shared.topology().points_of(m); ++k) {
-        x.push_back(c.x[k]);
-        v.push_back(c.v[k]);
-      }
-    state.assign(x, v, std::vector<Real>(x.size()));
-  }
-  /// Where the coordinates of own particle m begin in the whole.
-  Index first(Index m) const { return c.topology.offset[shared.topology().id[m]] * D; }
-
-  /// Largest difference between own coordinates and those of the whole, over all ranks; infinity for NaN.
-  Real difference(std::span<const Real> own, std::span<const Real> all) const {
-    Real most = 0;
-    const Topology& t = shared.topology();
-    for (Index m = 0; m < t.owned(); ++m)
-      for (Index k = 0; k < D * t.points_of(m); ++k) {
-        const Real d = std::abs(own[t.offset[m] * D + k] - all[first(m) + k]);
-        if (!(d <= most)) most = std::isnan(d) ? std::numeric_limits<Real>::infinity() : d;
-      }
-    return ranks.max(most);
-  }
-
-  /// Everything that is asked of a system in a run.
-  void compare() {
-    REQUIRE(ranks.sum(static_cast<std::int64_t>(shared.topology().owned())) == c.topology.particles());
-    std::vector<Real> a(state.size()), b(whole_state.size());
-    shared.acceleration(0, state.x().data(), state.v().data(), a.data());
-    whole.acceleration(0, whole_state.x().data(), whole_state.v().data(), b.data());
-    Real largest = 0;
-    for (const Real one : b) largest = std::max(largest, std::abs(one));
-    CHECK(largest > 1);
-    CHECK(difference(a, b) < 1e-12 * largest);
-
-    const StateView<D> s = shared.view(state.x().data(), state.v().data()),
-                       w = whole.view(whole_state.x().data(), whole_state.v().data());
-    std::vector<Real> f(s.topology.points() * D), g(w.topology.points() * D);
-    const Real energy = whole.field().energy(w, g.data());
-    CHECK(ranks.sum(shared.field().energy(s, f.data())) == Approx(energy).epsilon(1e-12));
-    CHECK(difference(f, g) < 1e-12 * largest);
-    CHECK(ranks.sum(shared.field().power(s)) == Approx(whole.field().power(w)).epsilon(1e-12));
-    struct Touch {
-      Index first, second;
-      auto operator<=>(const Touch&) const = default;
-    };
-    const auto contacts = [](const ForceField<D>& field, const StateView<D>& view) {
-      std::vector<Touch> touching;
-      field.for_each_contact(view, [&](const Contact<D>& contact) {
-        const Index i = view.topology.id[contact.first], j = view.topology.id[contact.second];
-        touching.push_back({std::min(i, j), std::max(i, j)});
-      });
-      return touching;
-    };
-    std::vector<Touch> touching = contacts(shared.field(), s), expected = contacts(whole.field(), w);
-    touching = ranks.all_gather(touching);
-    std::sort(touching.begin(), touching.end());
-    std::sort(expected.begin(), expected.end());
-    CHECK(expected.size() > 100);
-    CHECK(touching == expected);
-    std::vector<Real> walls(s.walls.size() * D), all_walls(walls.size());
-    shared.field().add_wall_forces(s, walls.data());
-    whole.field().add_wall_forces(w, all_walls.data());
-    ranks.sum(walls);
-    for (std::size_t k = 0; k < walls.size(); ++k) CHECK(walls[k] == Approx(all_walls[k]).margin(1e-9));
-    // Each term by itself.
-    const std::vector<TermReport> parts = shared.field().report(s), all_parts = whole.field().report(w);
-    REQUIRE(parts.size() == all_parts.size());
-    for (std::size_t k = 0; k < parts.size(); ++k) {
-      INFO(parts[k].name);
-      CHECK(ranks.sum(parts[k].energy) == Approx(all_parts[k].energy).epsilon(1e-12).margin(1e-12));
-      CHECK(difference(parts[k].force, all_parts[k].force) < 1e-11 * largest);
-    }
-  }
-
-  void tidy() { shared.tidy(state); }
-};
 
 template <int D>
 void check_system(Random& random, Configuration<D> c, ModelKind kind) {
@@ -133,9 +76,9 @@ void check_system(Random& random, Configuration<D> c, ModelKind kind) {
   const Index n = c.topology.particles();
   for (int k = 0; k < 7; ++k) c.topology.deactivate(random.below(n));
   Twins<D> twins(c, kind);
-  twins.compare();
+  compare(twins);
   twins.tidy();
-  twins.compare();
+  compare(twins);
   const Index ghosts = twins.shared.topology().ghosts;
   CHECK((twins.ranks.sum(static_cast<std::int64_t>(ghosts)) > 0) == twins.ranks.several());
   CHECK(ghosts < n / 2);
@@ -146,7 +89,7 @@ void check_system(Random& random, Configuration<D> c, ModelKind kind) {
     for (Real& a : c.x) a += random(-0.3, 0.3) * skin;
     for (Real& a : c.v) a = random(-1, 1);
     twins.load();
-    twins.compare();
+    compare(twins);
   }
   // One is put elsewhere.
   const auto shift = [&](Index m, const pliant::Vec<D>& by) {
@@ -155,7 +98,7 @@ void check_system(Random& random, Configuration<D> c, ModelKind kind) {
   const auto centre = [&](Index m) { return mean_of_points<D>(c.x.data(), c.topology, m); };
   shift(n / 7, centre(n - n / 5) - centre(n / 7) + 0.4 * pliant::Vec<D>::Unit(0));
   twins.load();
-  twins.compare();
+  compare(twins);
   CHECK(!twins.shared.crowded());
   // Many are: every third one changes places with the one that is opposite in the order.
   for (Index m = 0; m < n / 2; m += 3) {
@@ -164,10 +107,10 @@ void check_system(Random& random, Configuration<D> c, ModelKind kind) {
     shift(n - 1 - m, -by);
   }
   twins.load();
-  twins.compare();
+  compare(twins);
   CHECK(twins.shared.crowded() == twins.ranks.several());
   twins.tidy();
-  twins.compare();
+  compare(twins);
   CHECK(!twins.shared.crowded());
 }
 
@@ -229,18 +172,18 @@ TEST_CASE("ranks without a particle take part", "[ranks]") {
     Configuration<2> c = soft_rows<2>(random, 9, 18);
     const int last = Ranks(PETSC_COMM_WORLD).size() - 1;
     Twins<2> twins(c, ModelKind::sp, [&](Index m) { return all_on_last ? last : std::min(last, 1 + m % 2); });
-    twins.compare();
+    compare(twins);
     // Valid lists stay valid, which counts on every rank.
     const std::int64_t rebuilds = twins.shared.neighbours().rebuilds();
-    twins.compare();
+    compare(twins);
     CHECK(twins.shared.neighbours().rebuilds() == rebuilds);
     for (Real& a : c.x) a += random(-1, 1) * skin;
     twins.load();
-    twins.compare();
+    compare(twins);
     twins.tidy();
     if (twins.ranks.several()) CHECK(twins.shared.topology().owned() < c.topology.particles());
     CHECK(twins.shared.topology().owned() > 0);
-    twins.compare();
+    compare(twins);
   }
 }
 
