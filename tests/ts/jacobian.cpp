@@ -304,7 +304,7 @@ void check_ranks(Random& random, Configuration<D> c, ModelKind kind) {
 
 }  // namespace
 
-TEST_CASE("a Jacobian on ranks is the same Jacobian", "[ranks]") {
+TEST_CASE("a Jacobian on ranks is the same Jacobian") {
   Random random(9);
   check_ranks(random, soft_rows<2>(random, 8, 12), ModelKind::sp);
   check_ranks(random, soft_rows<3>(random, 5, 6), ModelKind::sp);
