@@ -109,6 +109,11 @@ class ParticleJacobian final : public Jacobian {
     petsc_check(MatCreate(comm, blocks_.out()));
     petsc_check(MatSetSizes(blocks_, n, n, PETSC_DETERMINE, PETSC_DETERMINE));
     petsc_check(MatSetType(blocks_, MATAIJ));
+    // Rows have no numbers before the first pattern otherwise.
+    PetscLayout rows = nullptr, columns = nullptr;
+    petsc_check(MatGetLayouts(blocks_, &rows, &columns));
+    petsc_check(PetscLayoutSetUp(rows));
+    petsc_check(PetscLayoutSetUp(columns));
     if (kind == JacobianKind::assembled) return;
     petsc_check(MatCreateShell(comm, n, n, PETSC_DETERMINE, PETSC_DETERMINE, this, shell_.out()));
     petsc_check(MatShellSetOperation(shell_, MATOP_MULT, reinterpret_cast<void (*)()>(multiply)));

@@ -272,11 +272,8 @@ void TsIntegrator::set_functions(Run& run) {
   if (implicit && run.implicit == nullptr)
     throw InputError("{} needs derivatives of the forces, which this system does not have; use -ts_type {}", name(),
                      fmt::join(explicit_types, ", "));
-  if (run.system.ranks().several() && (implicit || options_.implicit != Part::all))
-    throw InputError("{} works on one rank only so far; run it without mpiexec, or use -ts_type {}", name(),
-                     fmt::join(explicit_types, ", "));
   if (!implicit || options_.implicit != Part::all) petsc_check(TSSetRHSFunction(ts_, nullptr, right_hand_side, &run));
-  if (contains(explicit_types, type_) || run.implicit == nullptr || run.system.ranks().several()) return;
+  if (contains(explicit_types, type_) || run.implicit == nullptr) return;
   jacobian_ = run.implicit->jacobian(second_order_ ? JacobianForm::second_order : JacobianForm::first_order,
                                      options_.jacobian, options_.implicit);
   ::Mat a = jacobian_->matrix(), p = jacobian_->preconditioner();

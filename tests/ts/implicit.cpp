@@ -211,7 +211,7 @@ TEST_CASE("implicit methods refuse what they cannot do") {
   CHECK(TsIntegrator({.implicit = Part::shape}).name() == "ts:arkimex, shape implicit");
 }
 
-TEST_CASE("implicit runs on ranks are the same runs") {
+TEST_CASE("implicit runs on ranks are the same runs", "[ranks]") {
   Random random(4);
   for (const char* options :
        {"-ts_type alpha2 -snes_rtol 1e-11", "-ts_type beuler -snes_rtol 1e-11", "-ts_type bdf -snes_mf_operator"}) {

@@ -277,6 +277,7 @@ void check_ranks(Random& random, Configuration<D> c, ModelKind kind) {
       for (const JacobianKind how : {assembled, matrix_free}) {
         const auto whole = twins.whole.jacobian(form, how, Part::all),
                    shared = twins.shared.jacobian(form, how, Part::all);
+        CAPTURE(tidy, form == first_order, how == assembled);
         const JacobianWeights weights{40, -1, form == first_order ? -1.0 : -0.5};
         whole->update(0, twins.whole_state.x().data(), twins.whole_state.v().data(), weights);
         shared->update(0, twins.state.x().data(), twins.state.v().data(), weights);
@@ -304,7 +305,7 @@ void check_ranks(Random& random, Configuration<D> c, ModelKind kind) {
 
 }  // namespace
 
-TEST_CASE("a Jacobian on ranks is the same Jacobian") {
+TEST_CASE("a Jacobian on ranks is the same Jacobian", "[ranks]") {
   Random random(9);
   check_ranks(random, soft_rows<2>(random, 8, 12), ModelKind::sp);
   check_ranks(random, soft_rows<3>(random, 5, 6), ModelKind::sp);
