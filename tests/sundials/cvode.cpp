@@ -147,6 +147,40 @@ TEST_CASE("Anderson acceleration lets fixedpoint converge") {
   CHECK(calls[1] < calls[0]);
 }
 
+TEST_CASE("a solution that one rank alone changes", "[ranks]") {
+  DM dm = nullptr;
+  petsc_check(Brusselator::dm_create(PETSC_COMM_WORLD, 16, &dm));
+  PetscMPIInt rank;
+  MPI_Comm_rank(PETSC_COMM_WORLD, &rank);
+  const auto decay = [](TS, PetscReal, Vec y, Vec f, void*) {
+    petsc_check(VecCopy(y, f));
+    petsc_check(VecScale(f, -1));
+    return PetscErrorCode(0);
+  };
+  Solver s(dm, decay, nullptr);
+  petsc_check(VecSet(s.y, 1));
+  petsc_check(TSSetPostStep(s.ts, [](TS ts) {
+    Vec y;
+    PetscScalar* values;
+    PetscInt step;
+    PetscMPIInt here;
+    MPI_Comm_rank(PETSC_COMM_WORLD, &here);
+    petsc_check(TSGetStepNumber(ts, &step));
+    if (step != 5 || here != 0) return PetscErrorCode(0);
+    petsc_check(TSGetSolution(ts, &y));
+    petsc_check(VecGetArray(y, &values));
+    values[0] *= 2;
+    petsc_check(VecRestoreArray(y, &values));
+    return PetscErrorCode(0);
+  }));
+  s.configure("-ts_type cvode -ts_cvode_type adams -ts_dt 1e-3 " + tolerances(1e-8));
+  CHECK(s.solve(1) == TS_CONVERGED_TIME);
+  const std::vector<double> y = s.values();
+  CHECK(y[0] == Approx((rank == 0 ? 2 : 1) * std::exp(-1)).epsilon(1e-6));
+  CHECK(y[1] == Approx(std::exp(-1)).epsilon(1e-6));
+  petsc_check(DMDestroy(&dm));
+}
+
 TEST_CASE("the Brusselator on all ranks agrees with rk 5dp", "[ranks]") {
   DM dm = nullptr;
   petsc_check(Brusselator::dm_create(PETSC_COMM_WORLD, 64, &dm));

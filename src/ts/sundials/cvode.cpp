@@ -181,22 +181,25 @@ PetscErrorCode remember(TS ts, PetscReal t) {
   PetscFunctionReturn(0);
 }
 
-// Whether CVODE's history is not that of the solution: after TSRestartStep, or where time or solution were set.
+// Whether CVODE's history is not that of the solution: after TSRestartStep, or where time or solution were set, on any
+// rank.
 PetscErrorCode must_restart(TS ts, bool& restart) {
   Cvode& d = data_of(ts);
   PetscObjectState state;
   PetscObjectId id;
-  PetscBool equal = PETSC_TRUE;
+  PetscBool here[2], any[2], equal;
   PetscFunctionBegin;
-  restart = ts->steprestart || !d.started || ts->ptime != d.left;
-  if (restart) PetscFunctionReturn(0);
   PetscCall(PetscObjectStateGet((PetscObject)ts->vec_sol, &state));
   PetscCall(PetscObjectGetId((PetscObject)ts->vec_sol, &id));
-  if (state != d.state || id != d.id) {  // many a callback writes what was there before
+  here[0] = ts->steprestart || !d.started || ts->ptime != d.left ? PETSC_TRUE : PETSC_FALSE;
+  here[1] = state != d.state || id != d.id ? PETSC_TRUE : PETSC_FALSE;
+  PetscCall(MPIU_Allreduce(here, any, 2, MPIU_BOOL, MPI_LOR, PetscObjectComm((PetscObject)ts)));
+  restart = any[0];
+  if (!restart && any[1]) {  // many a callback writes what was there before
     PetscCall(d.check(CVodeGetDky(d.memory.get(), ts->ptime, 0, d.y.get())));
     PetscCall(VecEqual(ts->vec_sol, N_VGetVector_Petsc(d.y.get()), &equal));
+    restart = !equal;
   }
-  restart = !equal;
   PetscFunctionReturn(0);
 }
 
