@@ -14,6 +14,8 @@ PLIANT_INLINE Prediction predict(Real h, Real x, Real v, Real a) {
   return {x + h * v_half, v_half + 0.5 * h * a};
 }
 
+PLIANT_INLINE Real complete(Real h, Real v, Real a, Real v_predicted) { return 0.5 * (v + v_predicted) + 0.5 * h * a; }
+
 template <int D>
 PLIANT_INLINE bool within(std::size_t points, Real limit, const Real* __restrict__ x, const Real* __restrict__ r) {
   const Real limit2 = limit * limit;
@@ -35,9 +37,9 @@ PLIANT_MULTIVERSION bool within_3d(std::size_t points, Real limit, const Real* x
 
 }  // namespace
 
-PLIANT_MULTIVERSION void verlet_predict(std::size_t n, Real h, const Real* __restrict__ x, const Real* __restrict__ v,
-                                        const Real* __restrict__ a, Real* __restrict__ x_next,
-                                        Real* __restrict__ v_next) {
+PLIANT_MULTIVERSION void verlet_predict(std::size_t n, Real h, const Real* x, const Real* __restrict__ v,
+                                        const Real* __restrict__ a, Real* x_next, Real* __restrict__ v_next) {
+#pragma GCC ivdep
   for (std::size_t i = 0; i < n; ++i) {
     const Prediction p = predict(h, x[i], v[i], a[i]);
     x_next[i] = p.x;
@@ -49,11 +51,16 @@ PLIANT_MULTIVERSION void verlet_complete(std::size_t n, Real h, const Real* __re
                                          const Real* __restrict__ a, const Real* __restrict__ v_predicted,
                                          Real* __restrict__ x_next, Real* __restrict__ v_next) {
   for (std::size_t i = 0; i < n; ++i) {
-    v[i] = 0.5 * (v[i] + v_predicted[i]) + 0.5 * h * a[i];
+    v[i] = complete(h, v[i], a[i], v_predicted[i]);
     const Prediction p = predict(h, x[i], v[i], a[i]);
     x_next[i] = p.x;
     v_next[i] = p.v;
   }
+}
+
+PLIANT_MULTIVERSION void verlet_complete(std::size_t n, Real h, Real* __restrict__ v, const Real* __restrict__ a,
+                                         const Real* __restrict__ v_predicted) {
+  for (std::size_t i = 0; i < n; ++i) v[i] = complete(h, v[i], a[i], v_predicted[i]);
 }
 
 template <int D>

@@ -41,6 +41,10 @@ class SecondOrderSystem : public FirstOrderSystem {
     acceleration(t, y, y + n, ydot + n);
   }
 
+  /// Whether sweep() is worth its second arrays of positions and velocities, compared to acceleration() and passes over
+  /// all coordinates.
+  virtual bool one_pass() const { return false; }
+
   /// What an integrator does with the coordinates first … last−1 once their accelerations are complete, while they are
   /// in the processor's cache; for different ranges by several threads at a time. Returns the positions that the next
   /// sweep will be asked for, complete in that range.

@@ -35,6 +35,9 @@ class FixedStepVerlet : public Integrator {
  private:
   void evaluate(SecondOrderSystem& system, State& state);
   void predict(const State& state);
+  /// Steps to time t; return whether the accelerations are finite. Both give the same bits.
+  bool sweep(SecondOrderSystem& system, State& state, Real t, bool foreseen);
+  bool pass_by_pass(SecondOrderSystem& system, State& state, Real t);
 
   Real dt_;
   std::vector<Real> x_next_, v_next_;  ///< positions and predicted velocities at the end of the step; ghosts follow

@@ -35,6 +35,12 @@ TEST_CASE("one pass completes a step and predicts the next") {
       CHECK(predicted[i] == Approx(v[i] + h * a[i]).margin(1e-15));
       CHECK(v_next[i] == Approx(v[i] + h / 2 * (a[i] + a_next[i])).margin(1e-15));
     }
+    auto in_place = x, predicted_in_place = v, v_alone = v;
+    verlet_predict(n, h, in_place.data(), v.data(), a.data(), in_place.data(), predicted_in_place.data());
+    CHECK(in_place == x_next);
+    CHECK(predicted_in_place == predicted);
+    verlet_complete(n, h, v_alone.data(), a_next.data(), predicted.data());
+    CHECK(v_alone == v_next);
     // A restart predicts anew.
     verlet_predict(n, h, x_next.data(), v_next.data(), a_next.data(), x_again.data(), predicted_again.data());
     CHECK(x_again == x_after);
