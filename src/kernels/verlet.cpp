@@ -1,5 +1,7 @@
 #include <pliant/kernels/verlet.h>
 
+#include <cmath>
+
 #include <pliant/kernels/multiversion.h>
 
 namespace pliant {
@@ -61,6 +63,20 @@ PLIANT_MULTIVERSION void verlet_complete(std::size_t n, Real h, const Real* __re
 PLIANT_MULTIVERSION void verlet_complete(std::size_t n, Real h, Real* __restrict__ v, const Real* __restrict__ a,
                                          const Real* __restrict__ v_predicted) {
   for (std::size_t i = 0; i < n; ++i) v[i] = complete(h, v[i], a[i], v_predicted[i]);
+}
+
+PLIANT_MULTIVERSION WeightedSquares weighted_squares(std::size_t n, Real factor, const Real* f, const Real* f_old,
+                                                     const Real* y, const Real* y_old, const Real* absolute,
+                                                     const Real* relative) {
+  Real sum = 0, largest = 0;
+#pragma omp simd reduction(+ : sum) reduction(max : largest)
+  for (std::size_t i = 0; i < n; ++i) {
+    const Real a = std::abs(y[i]), b = std::abs(y_old[i]);
+    const Real error = factor * (f[i] - f_old[i]) / (absolute[i] + relative[i] * (a > b ? a : b));
+    sum += error * error;
+    largest = largest > error * error ? largest : error * error;
+  }
+  return {sum, largest};
 }
 
 template <int D>

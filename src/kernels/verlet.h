@@ -19,6 +19,14 @@ void verlet_complete(std::size_t n, Real h, const Real* x, Real* v, const Real* 
 /// The same without the next step.
 void verlet_complete(std::size_t n, Real h, Real* v, const Real* a, const Real* v_predicted);
 
+/// Sum and largest of the squares of h_i/tol_i, with tol = absolute + relative · max(|y|, |y_old|) and h_i = factor ·
+/// (f_i − f_old_i): the error that a method sees in how much f changes within a step. Arrays [n].
+struct WeightedSquares {
+  Real sum = 0, largest = 0;
+};
+WeightedSquares weighted_squares(std::size_t n, Real factor, const Real* f, const Real* f_old, const Real* y,
+                                 const Real* y_old, const Real* absolute, const Real* relative);
+
 /// Whether no point has moved by more than `limit` from its reference; false for NaN. x, reference [points · D].
 template <int D>
 bool all_within(std::size_t points, Real limit, const Real* x, const Real* reference);

@@ -48,6 +48,27 @@ TEST_CASE("one pass completes a step and predicts the next") {
   }
 }
 
+TEST_CASE("errors are weighed by the tolerances") {
+  Random random(3);
+  for (const std::size_t n : {0, 1, 3, 8, 17, 1000}) {
+    const auto f = numbers(random, n), f_old = numbers(random, n), y = numbers(random, n), y_old = numbers(random, n);
+    std::vector<Real> absolute(n), relative(n);
+    Real sum = 0, largest = 0;
+    for (std::size_t i = 0; i < n; ++i) {
+      absolute[i] = random(0.1, 1);
+      relative[i] = random(0, 1);
+      const Real error =
+          0.3 * (f[i] - f_old[i]) / (absolute[i] + relative[i] * std::max(std::abs(y[i]), std::abs(y_old[i])));
+      sum += error * error;
+      largest = std::max(largest, error * error);
+    }
+    const WeightedSquares squares =
+        weighted_squares(n, 0.3, f.data(), f_old.data(), y.data(), y_old.data(), absolute.data(), relative.data());
+    CHECK(squares.sum == Approx(sum).margin(1e-15));
+    CHECK(squares.largest == Approx(largest).margin(1e-15));
+  }
+}
+
 TEMPLATE_TEST_CASE_SIG("points that have left their places are seen", "", ((int D), D), 2, 3) {
   Random random(2);
   for (const std::size_t n : {0, 1, 5, 64, 101}) {
