@@ -345,6 +345,14 @@ def test_status_changes_nothing(table, tmp_path, run):
     assert not (tmp_path / "t").exists()
 
 
+def test_a_reader_that_goes_away(table):
+    process = subprocess.Popen([COMMAND, table("a,seeds", "1,1-20000"), "--status", "--program", PROGRAM],
+                               stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    assert process.stdout.readline().startswith(b"row 1 ")
+    process.stdout.close()
+    assert process.stderr.read() == b"" and process.wait(PATIENCE) == 141
+
+
 def test_several_sweeps_share_the_rows(table, run):
     path = table("a,seeds,b", "1,1-12,0.1")
     processes = [start(path, "-j", 2) for _ in range(3)]
