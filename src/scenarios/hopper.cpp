@@ -1,33 +1,27 @@
 #include <pliant/scenarios/hopper.h>
 
-#include <fmt/chrono.h>
 #include <fmt/format.h>
 #include <omp.h>
 
 #include <cmath>
-#include <filesystem>
-#include <fstream>
 #include <memory>
 #include <numeric>
 
 #include <pliant/analysis/clog.h>
 #include <pliant/analysis/flow_precision.h>
 #include <pliant/base/log.h>
-#include <pliant/base/version.h>
-#include <pliant/io/checkpoint.h>
 #include <pliant/io/summary.h>
 #include <pliant/model/crossing.h>
 #include <pliant/model/polygon.h>
 #include <pliant/scenarios/hopper_measurements.h>
 #include <pliant/scenarios/reinsertion.h>
 #include <pliant/scenarios/run_control.h>
+#include <pliant/scenarios/run_folder.h>
 #include <pliant/ts/ts_integrator.h>
 #include <pliant/ts/verlet.h>
 
 namespace pliant {
 namespace {
-
-namespace fs = std::filesystem;
 
 enum class Outcome { done, precise, clogged, empty, stopped };
 
@@ -92,7 +86,9 @@ class HopperRun {
     StopSignals signals;
     on_root([&] {
       writer_.emplace(restarted_ ? RunWriter::append(p_.output, all_, restored_samples_, restored_frames_)
-                                 : RunWriter::create(p_.output, manifest(), all_, geometry()));
+                                 : RunWriter::create(p_.output,
+                                                     make_manifest("hopper", to_string(p_.model), D, p_.seed, options_),
+                                                     all_, geometry()));
       checkpoints_.emplace(p_.output);
       writer_->write_axis("profile_height", profile_heights());
       announce();
@@ -489,21 +485,6 @@ class HopperRun {
     return line;
   }
 
-  Manifest manifest() const {
-    const BuildInfo build = build_info();
-    Manifest m;
-    m.version = build.version;
-    m.build = build.build();
-    m.petsc_version = build.petsc;
-    m.scenario = "hopper";
-    m.model = to_string(p_.model);
-    m.created = fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(std::time(nullptr)));
-    m.dim = D;
-    m.seed = p_.seed;
-    m.options = options_.json();
-    return m;
-  }
-
   RunGeometry geometry() const {
     RunGeometry g;
     g.kind = D == 2 ? "hopper2d" : "hopper3d";
@@ -520,14 +501,8 @@ class HopperRun {
   nlohmann::ordered_json summary(std::string_view status) {
     const IntegratorStatistics total = statistics();
     const Real cpu = total_cpu(), steps = static_cast<Real>(total.steps);
-    nlohmann::ordered_json s;
-    s["program"] = "pliant";
-    s["version"] = build_info().version;
-    s["scenario"] = "hopper";
-    s["model"] = to_string(p_.model);
-    s["status"] = status;
-    if (status == "done") s["ended_by"] = outcome_ == Outcome::precise ? "q_rtol" : "t_end";
-    s["parameters"] = options_.json();
+    nlohmann::ordered_json s = summary_head("hopper", to_string(p_.model), status,
+                                            outcome_ == Outcome::precise ? "q_rtol" : "t_end", options_);
     s["particles"] = p_.particles;
     s["t"] = state_.t;
     s["crossed_count"] = ranks_.sum(flow_.crossed);
@@ -672,34 +647,10 @@ class HopperRun {
   Outcome outcome_ = Outcome::done;
 };
 
-/// Status in the summary of a run's folder; empty if there is none that can be read.
-std::string stored_status(const fs::path& folder) {
-  std::ifstream file(folder / "summary.json");
-  const nlohmann::json summary = nlohmann::json::parse(file, nullptr, false);
-  return summary.is_object() && summary.contains("status") && summary["status"].is_string()
-             ? std::string(summary["status"])
-             : "";
-}
-
 }  // namespace
 
 ExitCode run_hopper(HopperOptions& p, Options& options, const Ranks& ranks) {
-  std::optional<Checkpoint> checkpoint;
-  // The same command again goes on with a run that was stopped.
-  const bool again = p.restart.empty() && stored_status(p.output) == "stopped";
-  if (!p.restart.empty() && options.given("output") &&
-      fs::weakly_canonical(p.output) != fs::weakly_canonical(p.restart))
-    throw InputError("-output {}: -restart {} goes on in its own folder; leave -output out", p.output, p.restart);
-  if (again || !p.restart.empty()) {
-    const fs::path folder = again ? p.output : p.restart;
-    NewestCheckpoint newest = read_newest_checkpoint(folder);
-    if (!newest.message.empty() && ranks.root()) fmt::print(stderr, "pliant: warning: {}\n", newest.message);
-    if (newest.checkpoint.strings["scenario"] != "hopper")
-      throw InputError("{}: the checkpoint is of scenario '{}', not of hopper", folder.string(),
-                       newest.checkpoint.strings["scenario"]);
-    options.from_json(nlohmann::json::parse(newest.checkpoint.strings["options"]));
-    checkpoint = std::move(newest.checkpoint);
-  }
+  std::optional<Checkpoint> checkpoint = checkpoint_to_continue("hopper", p, options, ranks);
   p.resolve();
   omp_set_num_threads(p.threads);
   start_log();

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <optional>
-#include <string>
 
 #include <pliant/base/options.h>
 #include <pliant/geometry/hopper.h>
@@ -10,6 +9,7 @@
 #include <pliant/scenarios/packing.h>
 #include <pliant/scenarios/particles.h>
 #include <pliant/ts/jacobian.h>
+#include <pliant/scenarios/run_options.h>
 
 namespace pliant {
 
@@ -18,7 +18,7 @@ enum class FlowKind { continuous, discharge };
 enum class LipRule { edge, literal };
 
 /// As given by the user; `resolve` fills in what is automatic. Units: σ_avg = g = ρ = 1, times in t0.
-struct HopperOptions {
+struct HopperOptions : RunOptions {
   ModelKind model = ModelKind::sp;
   Index dim = 2;
   Index particles = 0;  ///< 0: automatic
@@ -45,8 +45,6 @@ struct HopperOptions {
   std::optional<Real> t_end;
   Real q_rtol = 0;
 
-  std::string output = "pliant-run", restart;
-  Real frame_interval = 2, sample_interval = 0.2, checkpoint_interval = 300, max_wall_time = 0;
   Real clog_time = 10, clog_speed = 1e-3;
 
   void bind(Options& options);

@@ -1,0 +1,28 @@
+// What the folder of a run says of it, whatever the scenario: whether it goes on, and who made it.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include <pliant/base/ranks.h>
+#include <pliant/io/checkpoint.h>
+#include <pliant/io/run_writer.h>
+#include <pliant/scenarios/run_options.h>
+
+namespace pliant {
+
+/// The checkpoint that a run goes on with: that of -restart, or of a run that was stopped in the same folder, as the
+/// same command again goes on with it. `options`, to which `p` is bound, gets the stored values. Errors: InputError
+/// where -output contradicts -restart, or the checkpoint is another scenario's.
+std::optional<Checkpoint> checkpoint_to_continue(std::string_view scenario, const RunOptions& p, Options& options,
+                                                 const Ranks& ranks);
+
+Manifest make_manifest(std::string_view scenario, std::string_view model, int dim, std::int64_t seed,
+                       const Options& options);
+
+/// The head of summary.json.
+nlohmann::ordered_json summary_head(std::string_view scenario, std::string_view model, std::string_view status,
+                                    std::string_view ended_by, const Options& options);
+
+}  // namespace pliant

@@ -1,0 +1,19 @@
+// Options that the runs of all scenarios share: where they write, how often, and when they stop.
+#pragma once
+
+#include <string>
+
+#include <pliant/base/options.h>
+
+namespace pliant {
+
+struct RunOptions {
+  std::string output = "pliant-run", restart;
+  Real frame_interval = 2, sample_interval = 0.2, checkpoint_interval = 300, max_wall_time = 0;
+
+ protected:
+  /// The group "Output".
+  void bind_output(Options& options);
+};
+
+}  // namespace pliant
