@@ -121,6 +121,7 @@ std::vector<std::string> grids_of(const File& file, const Topology& topology, st
     frame.walls = walls;
     frame.connectivity = group.shape("xdmf/connectivity").at(0);
     frame.polygons = group.has("area");
+    frame.moving_walls = group.has("wall_segments");
     grids.push_back(xdmf_grid(frame));
   }
   if (grids.size() < frames)
@@ -177,7 +178,7 @@ RunWriter RunWriter::create(const std::filesystem::path& folder, const Manifest&
 }
 
 RunWriter RunWriter::append(const std::filesystem::path& folder, const Topology& topology, std::uint64_t series_rows,
-                            std::uint64_t frames) {
+                            std::uint64_t frames, std::uint64_t event_rows) {
   auto file = File::open_write(folder / "run.h5");
   if (file.read<Index>("/topology/offset") != topology.offset ||
       file.open_group("/manifest").integer_attribute("dim") != topology.dim)
@@ -186,21 +187,12 @@ RunWriter RunWriter::append(const std::filesystem::path& folder, const Topology&
   const auto walls = file.shape("/geometry/segments").at(0);
   XdmfFile xdmf(folder / "run.xdmf", grids_of(file, topology, walls, frames));
 
-  std::vector<Column> columns;
-  auto group = file.open_group("/series");
-  for (const std::string& name : group.links()) {
-    const auto shape = group.shape(name);
-    group.truncate_rows(name, series_rows);
-    columns.push_back({name, shape.size() > 1 ? shape[1] : 1, shape.size() > 1, {}});
-  }
-  if (columns.empty() && series_rows > 0)
-    throw InputError("{} holds no series, but the checkpoint knows of {} samples; is it the file of another run?",
-                     file.name(), series_rows);
+  Table samples = Table::stored(file, "/series", series_rows), events = Table::stored(file, "/events", event_rows);
   file.flush();
   RunWriter writer(folder, std::move(file), topology, std::move(xdmf));
   writer.frames_ = frames;
-  writer.samples_ = series_rows;
-  writer.columns_ = std::move(columns);
+  writer.samples_ = std::move(samples);
+  writer.events_ = std::move(events);
   return writer;
 }
 
@@ -221,41 +213,62 @@ void RunWriter::write_axis(const std::string& name, std::span<const Real> values
   group.write(name, values, {values.size()});
 }
 
-void RunWriter::add_sample(std::span<const SeriesValue> sample) {
-  if (columns_.empty()) {
-    for (const auto& value : sample) columns_.push_back({value.name, value.values.size(), value.is_row, {}});
+RunWriter::Table RunWriter::Table::stored(File& file, const std::string& name, std::uint64_t rows) {
+  Table table{name, rows};
+  if (file.has(name)) {
+    auto group = file.open_group(name);
+    for (const std::string& column : group.links()) {
+      const auto shape = group.shape(column);
+      group.truncate_rows(column, rows);
+      table.columns.push_back({column, shape.size() > 1 ? shape[1] : 1, shape.size() > 1, {}});
+    }
+  }
+  if (table.columns.empty() && rows > 0)
+    throw InputError("{} has nothing in {}, but the checkpoint knows of {} rows; is it the file of another run?",
+                     file.name(), name, rows);
+  return table;
+}
+
+void RunWriter::Table::add(std::span<const SeriesValue> row) {
+  if (columns.empty()) {
+    for (const auto& value : row) columns.push_back({value.name, value.values.size(), value.is_row, {}});
   }
   const auto column_of = [&](const SeriesValue& value) {
-    const auto at =
-        std::find_if(columns_.begin(), columns_.end(), [&](const Column& c) { return c.name == value.name; });
-    if (at == columns_.end() || at->is_row != value.is_row || at->width != value.values.size())
-      throw std::invalid_argument("series " + value.name + ": not as in the first sample");
+    const auto at = std::find_if(columns.begin(), columns.end(), [&](const Column& c) { return c.name == value.name; });
+    if (at == columns.end() || at->is_row != value.is_row || at->width != value.values.size())
+      throw std::invalid_argument(group + "/" + value.name + ": not as in the first row");
     return at;
   };
-  if (sample.size() != columns_.size()) throw std::invalid_argument("series: not the columns of the first sample");
-  for (const auto& value : sample) column_of(value);
-  for (const auto& value : sample) {
+  if (row.size() != columns.size()) throw std::invalid_argument(group + ": not the columns of the first row");
+  for (const auto& value : row) column_of(value);
+  for (const auto& value : row) {
     auto& kept = column_of(value)->kept;
     kept.insert(kept.end(), value.values.begin(), value.values.end());
   }
-  ++samples_;
+  ++rows;
 }
 
-std::uint64_t RunWriter::kept_bytes() const {
+std::uint64_t RunWriter::Table::kept_bytes() const {
   std::uint64_t sum = 0;
-  for (const Column& c : columns_) sum += bytes(c.kept) + (chunk_values + c.width) * sizeof(Real);
+  for (const Column& c : columns) sum += bytes(c.kept) + (chunk_values + c.width) * sizeof(Real);
   return sum;
 }
 
-void RunWriter::write_samples() {
-  auto group = file_.open_group("/series");
-  for (Column& c : columns_) {
-    if (!group.has(c.name))
-      group.create_rows(c.name, c.is_row ? hdf5::Shape{c.width} : hdf5::Shape{},
-                        std::max<std::uint64_t>(1, chunk_values / c.width));
-    if (!c.kept.empty()) group.append_rows(c.name, c.kept);
+void RunWriter::Table::write(File& file) {
+  if (columns.empty()) return;
+  auto list = file.has(group) ? file.open_group(group) : file.create_group(group);
+  for (Column& c : columns) {
+    if (!list.has(c.name))
+      list.create_rows(c.name, c.is_row ? hdf5::Shape{c.width} : hdf5::Shape{},
+                       std::max<std::uint64_t>(1, chunk_values / c.width));
+    if (!c.kept.empty()) list.append_rows(c.name, c.kept);
     c.kept.clear();
   }
+}
+
+void RunWriter::write_tables() {
+  samples_.write(file_);
+  events_.write(file_);
 }
 
 void RunWriter::write_xdmf_data(Group& group, const Frame& frame) const {
@@ -309,7 +322,7 @@ void RunWriter::write_frame(const Frame& frame) {
   if (frame.velocities.size() != points * dim || frame.centres.size() != n * dim)
     throw std::invalid_argument("run.h5: the arrays of a frame do not fit together");
 
-  const std::uint64_t values = 2 * points * dim + n * (dim + 6) + walls_ * dim + count * (5 * dim + 6);
+  const std::uint64_t values = 2 * points * dim + n * (dim + 6) + walls_ * (dim + 8) + count * (5 * dim + 6);
   file_.reserve(metadata_bytes + values * sizeof(Real) + kept_bytes());
   auto group = file_.create_unlinked_group();
   group.set_attribute("time", frame.time);
@@ -322,6 +335,7 @@ void RunWriter::write_frame(const Frame& frame) {
   if (!frame.area.empty()) group.write("area", frame.area, {n});
   if (!frame.perimeter.empty()) group.write("perimeter", frame.perimeter, {n});
   group.write("wall_force", frame.wall_force, {walls_, dim});
+  if (!frame.wall_segments.empty()) group.write("wall_segments", frame.wall_segments, {walls_, 4});
   auto list = group.create_group("contacts");
   write_strided(list, "particles", contacts.particles, {count, 2});
   write_strided(list, "position", contacts.position, {count, dim});
@@ -329,13 +343,14 @@ void RunWriter::write_frame(const Frame& frame) {
   write_strided(list, "overlap", contacts.overlap, {count});
   write_strided(list, "force", contacts.force, {count, dim});
   auto xdmf = group.create_group("xdmf");
+  if (!frame.wall_segments.empty()) xdmf.write("wall_points", frame.wall_segments, {2 * walls_, 2});
   write_xdmf_data(xdmf, frame);
 
   // First all that is new, then what points to it: a kill within a flush should find little in between.
   file_.flush();
   const std::string name = frame_name(frames_);
   file_.open_group("/frames").link(group, name);
-  write_samples();
+  write_tables();
   file_.flush();
   xdmf_.put(frames_, xdmf_grid({.name = name,
                                 .time = frame.time,
@@ -345,13 +360,14 @@ void RunWriter::write_frame(const Frame& frame) {
                                 .contacts = count,
                                 .walls = walls_,
                                 .connectivity = points + 2 * n,
-                                .polygons = !frame.area.empty()}));
+                                .polygons = !frame.area.empty(),
+                                .moving_walls = !frame.wall_segments.empty()}));
   ++frames_;
 }
 
 void RunWriter::flush() {
   file_.reserve(metadata_bytes + kept_bytes());
-  write_samples();
+  write_tables();
   file_.flush();
 }
 

@@ -26,8 +26,8 @@ struct Manifest {
 };
 
 struct RunGeometry {
-  std::string kind;                        ///< "hopper2d", "hopper3d"
-  std::vector<Real> segments;              ///< [S, 4]
+  std::string kind;                        ///< "hopper2d", "hopper3d", "raft", "wedge"
+  std::vector<Real> segments;              ///< [S, 4] of the walls, in their order, at the start
   std::map<std::string, Real> attributes;  ///< "W", "w", "angle"
 };
 
@@ -60,6 +60,7 @@ struct Frame {
   std::span<const Index> contact_count;         ///< [N]
   std::span<const Real> area, perimeter;        ///< [N], or empty
   std::span<const Real> wall_force;             ///< [S, D]
+  std::span<const Real> wall_segments = {};  ///< [S, 4] where the walls are now, or empty: as in the geometry
   FrameContacts contacts;
 };
 
@@ -92,11 +93,11 @@ class RunWriter {
   /// OutputError.
   static RunWriter create(const std::filesystem::path& folder, const Manifest& manifest, const Topology& topology,
                           const RunGeometry& geometry);
-  /// Goes on with the run in the folder from a checkpoint that knew of `series_rows` samples and `frames` frames. Later
-  /// samples are dropped; later frames stay until they are written again. Errors: InputError if the folder holds no
-  /// run, less than that, or other particles.
+  /// Goes on with the run in the folder from a checkpoint that knew of `series_rows` samples, `frames` frames and
+  /// `event_rows` events. Later samples and events are dropped; later frames stay until they are written again. Errors:
+  /// InputError if the folder holds no run, less than that, or other particles.
   static RunWriter append(const std::filesystem::path& folder, const Topology& topology, std::uint64_t series_rows,
-                          std::uint64_t frames);
+                          std::uint64_t frames, std::uint64_t event_rows = 0);
   RunWriter(RunWriter&&) noexcept = default;
   RunWriter& operator=(RunWriter&&) = delete;
   /// Closes; silent about errors, unlike close().
@@ -105,7 +106,9 @@ class RunWriter {
   /// Writes /series_axes/name, or leaves it if it is there (after a restart).
   void write_axis(const std::string& name, std::span<const Real> values);
   /// Keeps one row of every series until the next frame or flush(). The first sample names the columns for the run.
-  void add_sample(std::span<const SeriesValue> sample);
+  void add_sample(std::span<const SeriesValue> sample) { samples_.add(sample); }
+  /// The same for /events, of which a run may have none.
+  void add_event(std::span<const SeriesValue> event) { events_.add(event); }
   /// Writes the next frame and the samples before it, and flushes.
   void write_frame(const Frame& frame);
   /// Writes the samples kept so far; needed before a checkpoint that counts them.
@@ -114,21 +117,34 @@ class RunWriter {
 
   /// What is in the file, after flush().
   Series read_series();
-  std::uint64_t frames() const { return frames_; }    ///< number of the next frame
-  std::uint64_t samples() const { return samples_; }  ///< rows, those kept included
+  std::uint64_t frames() const { return frames_; }         ///< number of the next frame
+  std::uint64_t samples() const { return samples_.rows; }  ///< those kept included
+  std::uint64_t events() const { return events_.rows; }    ///< those kept included
   const std::filesystem::path& folder() const { return folder_; }
 
  private:
-  struct Column {
-    std::string name;
-    std::uint64_t width;
-    bool is_row;
-    std::vector<Real> kept;
+  /// Rows of a group of datasets that grow together.
+  struct Table {
+    struct Column {
+      std::string name;
+      std::uint64_t width;
+      bool is_row;
+      std::vector<Real> kept;
+    };
+    std::string group;
+    std::uint64_t rows = 0;
+    std::vector<Column> columns = {};
+
+    /// The table in the file, cut to its first `rows`.
+    static Table stored(hdf5::File& file, const std::string& group, std::uint64_t rows);
+    void add(std::span<const SeriesValue> row);
+    std::uint64_t kept_bytes() const;
+    void write(hdf5::File& file);
   };
 
   RunWriter(std::filesystem::path folder, hdf5::File file, const Topology& topology, XdmfFile xdmf);
-  void write_samples();
-  std::uint64_t kept_bytes() const;
+  std::uint64_t kept_bytes() const { return samples_.kept_bytes() + events_.kept_bytes(); }
+  void write_tables();
   void write_xdmf_data(hdf5::Group& group, const Frame& frame) const;
 
   std::filesystem::path folder_;
@@ -137,8 +153,8 @@ class RunWriter {
   std::vector<Index> offset_;  ///< of the points of each particle
   std::vector<Real> a0_;       ///< of each polygon; none of soft particles
   XdmfFile xdmf_;
-  std::uint64_t walls_ = 0, frames_ = 0, samples_ = 0;
-  std::vector<Column> columns_;
+  std::uint64_t walls_ = 0, frames_ = 0;
+  Table samples_{"/series"}, events_{"/events"};
 };
 
 }  // namespace pliant

@@ -101,7 +101,8 @@ std::string xdmf_grid(const XdmfFrame& frame) {
                                       "/topology/xdmf"));
   // The contacts come last, as a frame without them has no such grid: the numbers of the others stay.
   if (frame.walls > 0 && frame.dim == 2)
-    grids += lines("walls", frame.walls, frame.dim, "/geometry/xdmf/connectivity", "/geometry/xdmf/points",
+    grids += lines("walls", frame.walls, frame.dim, "/geometry/xdmf/connectivity",
+                   frame.moving_walls ? own + "/wall_points" : "/geometry/xdmf/points",
                    attributes(frame, frame.walls, {}, "/geometry/xdmf"));
   if (frame.contacts > 0)
     grids += lines(

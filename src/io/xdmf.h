@@ -19,6 +19,7 @@ struct XdmfFrame {
   std::uint64_t particles = 0, points = 0, contacts = 0, walls = 0;
   std::uint64_t connectivity = 0;  ///< length of the particles' connectivity
   bool polygons = false;           ///< whether there are areas
+  bool moving_walls = false;       ///< whether the frame has places of its own for the walls
 };
 
 /// The <Grid> element of one frame.

@@ -173,6 +173,54 @@ TEST_CASE("series rows are kept until a frame, a flush or the end") {
   CHECK(series.at("dt").values[1500] == 750);
 }
 
+TEST_CASE("events are rows of their own, and a restart cuts them") {
+  const ScratchFolder scratch;
+  const auto topology = small_topology(false);
+  const auto add_event = [](RunWriter& writer, double a) {
+    const std::vector<Real> pair{a, a + 1};
+    writer.add_event(std::vector<SeriesValue>{{"time", a}, {"particles", pair}});
+  };
+  {
+    auto writer = new_run(scratch.path(), topology);
+    add_sample(writer, 0);
+    for (int k = 0; k < 5; ++k) add_event(writer, k);
+    CHECK(writer.events() == 5);
+    CHECK(writer.samples() == 1);
+    writer.write_frame(FrameData(topology, 0, 0).frame());
+    add_event(writer, 5);
+  }
+  const auto pairs = [&] { return File::open_read(scratch / "run.h5").read<Real>("/events/particles"); };
+  CHECK(pairs() == std::vector<Real>{0, 1, 1, 2, 2, 3, 3, 4, 4, 5, 5, 6});
+  {
+    auto writer = RunWriter::append(scratch.path(), topology, 1, 1, 2);
+    CHECK(writer.events() == 2);
+    add_event(writer, 7);
+  }
+  CHECK(pairs() == std::vector<Real>{0, 1, 1, 2, 7, 8});
+  CHECK(read_series(scratch.path()).at("time").rows == 1);
+  CHECK_THROWS_AS(RunWriter::append(scratch.path(), topology, 1, 1, 4), InputError);
+}
+
+TEST_CASE("walls that move are drawn where they are") {
+  const ScratchFolder scratch;
+  const auto topology = small_topology(false);
+  const std::vector<Real> walls{0, 0, 1, 1, 2, 0.5, 3, 1.5};
+  {
+    auto writer = new_run(scratch.path(), topology);
+    const FrameData data(topology, 0, 2);
+    Frame frame = data.frame();
+    frame.wall_segments = walls;
+    writer.write_frame(frame);
+  }
+  CHECK(File::open_read(scratch / "run.h5").read<Real>("/frames/000000/wall_segments", {2, 4}) == walls);
+  CHECK(contents(scratch / "run.xdmf").find("/frames/000000/xdmf/wall_points") != std::string::npos);
+  CHECK(check_xdmf(scratch.path()) == "1 8");
+  {
+    auto writer = RunWriter::append(scratch.path(), topology, 0, 1);  // writes run.xdmf anew
+    CHECK(contents(scratch / "run.xdmf").find("/frames/000000/xdmf/wall_points") != std::string::npos);
+  }
+}
+
 TEST_CASE("a sample with other columns than the first is refused whole") {
   const ScratchFolder scratch;
   auto writer = new_run(scratch.path(), small_topology(false));
