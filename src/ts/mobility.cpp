@@ -65,6 +65,16 @@ void Mobility<D>::for_each_neighbour(const StateView<D>& s, Visit&& visit) {
   }
 }
 
+template <int D>
+template <class Visit>
+void Mobility<D>::for_each_wall(const StateView<D>& s, Visit&& visit) const {
+  if (!options_.walls) return;
+  for (const auto [i, k] : s.neighbours.solids) {
+    const Solid<D>& wall = s.walls.solids()[k];
+    if (wall.foot(s.position(i), s.t).d < s.topology.diameter[i] / 2 + options_.beyond) visit(i, wall);
+  }
+}
+
 /// Which listed pairs and walls are in range.
 template <int D>
 void Mobility<D>::find_coupling(const StateView<D>& s) {
@@ -73,18 +83,25 @@ void Mobility<D>::find_coupling(const StateView<D>& s) {
   diagonal_.assign(n, 1);
   push_.assign(n * D, 0);
   for_each_neighbour(s, [&](Index i, Index j, Index e) {
-    const Real range = s.neighbours.point_pairs.reach[e] + options_.beyond;
-    const bool near = (s.position(i) - s.position(j)).squaredNorm() < square(range);
+    const bool near = in_range(s, i, j, e);
     coupled_.push_back(near);
     diagonal_[i] += near;
   });
-  if (!options_.walls) return;
-  for (const auto [i, k] : s.neighbours.solids) {
-    const Solid<D>& wall = s.walls.solids()[k];
-    if (wall.foot(s.position(i), s.t).d >= s.topology.diameter[i] / 2 + options_.beyond) continue;
+  for_each_wall(s, [&](Index i, const Solid<D>& wall) {
     diagonal_[i] += 1;
     point<D>(push_.data(), i) += wall.velocity;
-  }
+  });
+}
+
+template <int D>
+Real Mobility<D>::power(const StateView<D>& s) const {
+  Real sum = 0;
+  for (Index i = 0; i < s.topology.owned_points(); ++i) sum += s.velocity(i).squaredNorm();
+  for_each_neighbour(s, [&](Index i, Index j, Index e) {
+    if (in_range(s, i, j, e)) sum += (s.velocity(i) - s.velocity(j)).squaredNorm() / 2;
+  });
+  for_each_wall(s, [&](Index i, const Solid<D>& wall) { sum += (s.velocity(i) - wall.velocity).squaredNorm(); });
+  return options_.b * sum;
 }
 
 template <int D>

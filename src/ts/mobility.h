@@ -50,6 +50,11 @@ class Mobility {
   /// Errors: NumericalError where the solver fails.
   void solve(const StateView<D>& s, const Real* force, Real* v);
 
+  /// Power that drag and friction dissipate at s.v: b (Σ v_i² + Σ_pairs |v_i − v_j|² + Σ_walls |v_i − v_wall|²), of the
+  /// own points; a pair across ranks counts half on each. With the exact coupling it equals the power of the forces
+  /// (and of the walls' friction).
+  Real power(const StateView<D>& s) const;
+
   const MobilityOptions& options() const { return options_; }
   /// Iterations of the solver so far, all dimensions together.
   std::int64_t iterations() const { return iterations_; }
@@ -60,6 +65,13 @@ class Mobility {
   /// Calls visit(i, j, e) for each listed pair of an own point i, once from each side.
   template <class Visit>
   static void for_each_neighbour(const StateView<D>& s, Visit&& visit);
+  bool in_range(const StateView<D>& s, Index i, Index j, Index e) const {
+    const Real range = s.neighbours.point_pairs.reach[e] + options_.beyond;
+    return (s.position(i) - s.position(j)).squaredNorm() < square(range);
+  }
+  /// Calls visit(i, wall) for each wall in range of an own point i.
+  template <class Visit>
+  void for_each_wall(const StateView<D>& s, Visit&& visit) const;
   void find_coupling(const StateView<D>& s);
 
   MobilityOptions options_;

@@ -209,6 +209,7 @@ TEST_CASE("what the energy loses is dissipated") {
     };
     const Real h = 1e-4;
     CHECK((energy(moved(-h)) - energy(moved(h))) / (2 * h) == Approx(power).epsilon(1e-6));
+    CHECK(system.mobility().power(system.particles().view(x.data(), v.data(), s.t)) == Approx(power).epsilon(1e-12));
     const Real now = energy(x);
     CHECK(now < last);
     last = now;
@@ -216,6 +217,32 @@ TEST_CASE("what the energy loses is dissipated") {
     return AfterStep::proceed;
   });
   CHECK(checked == 50);
+}
+
+TEST_CASE("walls that rub take their part of the power") {
+  const PetscOptionScope none("");
+  Random random(6);
+  Configuration<2> c = heap<2>(random, 6, 5);
+  OverdampedSystem<2> system = system_of<2>(c, {.b = 1.5, .beyond = beyond, .walls = true});
+  std::vector<Real> v(c.x.size());
+  const Real t = 0.2;
+  system.rate(t, c.x.data(), v.data());
+  // Forces and the friction of walls, which drives, feed in what is dissipated: v·F + Σ b (v_wall − v)·v_wall.
+  const StateView<2> s = system.particles().view(c.x.data(), v.data(), t);
+  std::vector<Real> f(c.x.size());
+  system.particles().field().forces(s, f.data());
+  Real power = 0;
+  int rubbing = 0;
+  for (Index i = 0; i < c.topology.points(); ++i) {
+    power += point<2>(f.data(), i).dot(s.velocity(i));
+    for (const Solid<2>& wall : c.walls.solids())
+      if (wall.foot(s.position(i), t).d < c.topology.diameter[i] / 2 + beyond) {
+        power += 1.5 * (wall.velocity - s.velocity(i)).dot(wall.velocity);
+        ++rubbing;
+      }
+  }
+  CHECK(rubbing > 5);
+  CHECK(system.mobility().power(s) == Approx(power).epsilon(1e-9));
 }
 
 TEST_CASE("two droplets come to rest at their distance, at the rate 2 k1/(3 b)") {
