@@ -1,0 +1,52 @@
+#include <pliant/model/droplet_rest.h>
+
+#include <cmath>
+
+#include <pliant/base/errors.h>
+#include <pliant/model/depletion.h>
+#include <pliant/model/wall_depletion.h>
+#include <pliant/model/wall_repulsion.h>
+
+namespace pliant {
+namespace {
+
+/// The energy's minimum between `near`, where droplets must repel, and `touch`, by bisection to rounding.
+template <class Law>
+DropletRest rest(Real near, Real touch, const ModelParameters& p, Law&& law) {
+  if (!(law(near).slope < 0))
+    throw InputError("droplets do not rest: the attraction phi_c = {} outweighs the contact force f0 = {}; lower phi_c",
+                     p.phi_c, p.f0);
+  Real low = near, high = touch;
+  while (true) {
+    const Real middle = low + (high - low) / 2;
+    if (middle <= low || middle >= high) break;
+    (law(middle).slope < 0 ? low : high) = middle;
+  }
+  const Radial u = law(low);
+  return {low, u.curvature, -u.value};
+}
+
+}  // namespace
+
+DropletRest droplets_at_rest(const ModelParameters& p, Real a, Real b) {
+  const BubbleContactLaw contact{p.f0};
+  const DepletionLaw depletion{p.phi_c, p.a_s};
+  return rest(std::max(std::abs(a - b), (a + b) / 2), a + b, p, [&](Real r) {
+    const Radial u = contact.at(r, a, b), w = depletion.at(r, a, b);
+    return Radial{u.value + w.value, u.slope + w.slope, u.curvature + w.curvature};
+  });
+}
+
+DropletRest droplet_at_wall(const ModelParameters& p, Real radius) {
+  const WallRepulsionLaw repulsion{p.f0 * p.mean_radius};
+  const WallDepletionLaw depletion{p.phi_c, p.a_s};
+  const auto wall = Solid<2>::half_space({0, 0}, {0, 1});
+  return rest(radius / 2, radius, p, [&](Real h) {
+    const Vec<2> r(0, h);
+    const WallFoot<2> foot = wall.foot(r, 0);
+    const Expansion<2> u = repulsion.at(wall, foot, r, 0, radius), w = depletion.at(wall, foot, r, 0, radius);
+    return Radial{u.value + w.value, u.gradient[1] + w.gradient[1], u.hessian(1, 1) + w.hessian(1, 1)};
+  });
+}
+
+}  // namespace pliant
