@@ -11,7 +11,6 @@
 namespace pliant {
 namespace {
 
-/// Random order that depends on (seed, stream) only.
 std::vector<Index> shuffled(Index n, std::uint64_t seed) {
   std::vector<Real> key(n);
   for (Index i = 0; i < n; ++i) key[i] = rng::uniform(seed, stream::size_order, i);
@@ -20,6 +19,14 @@ std::vector<Index> shuffled(Index n, std::uint64_t seed) {
   std::sort(order.begin(), order.end(),
             [&](Index a, Index b) { return key[a] < key[b] || (key[a] == key[b] && a < b); });
   return order;
+}
+
+/// A standard normal number for particle m, drawn again where it is beyond ±3.
+Real cut_normal(Index m, std::uint64_t seed) {
+  for (std::uint64_t attempt = 0;; ++attempt) {
+    const Real z = rng::normal(seed, stream::sizes, (static_cast<std::uint64_t>(m) << 16) + attempt);
+    if (std::abs(z) <= 3) return z;
+  }
 }
 
 Real circumradius(Index n, Real area) { return std::sqrt(2 * area / (n * std::sin(2 * pi / n))); }
@@ -39,14 +46,17 @@ std::vector<Real> draw_diameters(const SizeDistribution& distribution, Index n, 
   if (1 - 3 * distribution.deviation < 0.1)
     throw InputError("-size_deviation {}: diameters down to {} would occur; use at most 0.3", distribution.deviation,
                      1 - 3 * distribution.deviation);
-  for (Index m = 0; m < n; ++m)
-    for (std::uint64_t attempt = 0;; ++attempt) {
-      const Real z = rng::normal(seed, stream::sizes, (static_cast<std::uint64_t>(m) << 16) + attempt);
-      if (std::abs(z) > 3) continue;
-      sigma[m] = 1 + distribution.deviation * z;
-      break;
-    }
+  for (Index m = 0; m < n; ++m) sigma[m] = 1 + distribution.deviation * cut_normal(m, seed);
   return sigma;
+}
+
+std::vector<Real> draw_radii(const RadiusDistribution& distribution, Index n, std::uint64_t seed) {
+  std::vector<Real> radius(n);
+  const auto small = static_cast<Index>(std::lround(distribution.small_fraction * n));
+  const std::vector<Index> order = shuffled(n, seed);
+  for (Index k = 0; k < n; ++k) radius[order[k]] = k < small ? distribution.small : 1;
+  for (Index m = 0; m < n; ++m) radius[m] *= 1 + distribution.deviation * cut_normal(m, seed);
+  return radius;
 }
 
 Real regular_shape_parameter(Index vertices) { return vertices / pi * std::tan(pi / vertices); }

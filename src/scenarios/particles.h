@@ -22,6 +22,16 @@ struct SizeDistribution {
 /// again. Errors: InputError if a normal diameter could be less than 0.1.
 std::vector<Real> draw_diameters(const SizeDistribution& distribution, Index n, std::uint64_t seed);
 
+/// Distribution of the radii of droplets, in units of that of a large one.
+struct RadiusDistribution {
+  Real deviation = 0;       ///< δ: standard deviation over mean, of each kind
+  Real small_fraction = 0;  ///< φ: fraction of small ones, by number [T 2.38]
+  Real small = 0.765;       ///< mean radius of a small one
+};
+
+/// n radii; small droplets are in random places. Deviations beyond ±3 δ are drawn again.
+std::vector<Real> draw_radii(const RadiusDistribution& distribution, Index n, std::uint64_t seed);
+
 /// What a deformable particle is made of.
 struct PolygonShape {
   Index vertices = 16;

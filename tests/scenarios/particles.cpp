@@ -82,6 +82,25 @@ TEST_CASE("normal diameters have their mean and deviation and are cut at three d
   CHECK(draw_diameters(d, 4, 1) == std::vector<Real>(4, 1.0));
 }
 
+TEST_CASE("radii of droplets: two kinds, each spread about its mean", "[particles]") {
+  const Index n = 4000;
+  const std::vector<Real> sharp = draw_radii({.small_fraction = 0.3, .small = 0.765}, n, 5);
+  CHECK(std::count(sharp.begin(), sharp.end(), 0.765) == 1200);
+  CHECK(std::count(sharp.begin(), sharp.end(), 1.0) == 2800);
+  CHECK(std::count(sharp.begin(), sharp.begin() + n / 2, 0.765) == Approx(600).margin(80));  // in random places
+  const std::vector<Real> spread = draw_radii({.deviation = 0.02, .small_fraction = 0.3, .small = 0.765}, n, 5);
+  Real sum = 0, squares = 0;
+  for (Index m = 0; m < n; ++m) {
+    const Real z = (spread[m] / sharp[m] - 1) / 0.02;
+    CHECK(std::abs(z) <= 3);
+    sum += z;
+    squares += z * z;
+  }
+  CHECK(sum / n == Approx(0).margin(4 / std::sqrt(Real(n))));
+  CHECK(squares / n == Approx(0.973).margin(0.1));  // cut at three deviations
+  CHECK(draw_radii({.deviation = 0.02}, 10, 1) != draw_radii({.deviation = 0.02}, 10, 2));
+}
+
 TEST_CASE("diameters are a function of the seed", "[particles]") {
   for (const char* kind : {"bidisperse", "normal"}) {
     SizeDistribution d;

@@ -1,0 +1,336 @@
+#include <pliant/scenarios/droplet_run.h>
+
+#include <fmt/format.h>
+#include <omp.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include <pliant/base/log.h>
+#include <pliant/io/summary.h>
+#include <pliant/scenarios/hopper_measurements.h>
+#include <pliant/scenarios/run_folder.h>
+
+namespace pliant {
+namespace {
+
+const Ranks& one_rank(const Ranks& ranks, const std::string& scenario) {
+  if (ranks.several())
+    throw InputError("{} runs on one rank, not on {}: it has few droplets; run several of them side by side instead",
+                     scenario, ranks.size());
+  return ranks;
+}
+
+OverdampedSystem<2> make_system(const DropletOptions& p, DropletSetup& setup) {
+  const ModelParameters model = p.model_parameters();
+  MobilityOptions mobility = p.mobility_options();
+  mobility.walls = setup.walls_rub;
+  return {std::move(setup.droplets),
+          std::move(setup.walls),
+          make_force_field<2>(ModelKind::bubble, model, setup.gravity),
+          neighbour_needs(ModelKind::bubble, model),
+          p.skin,
+          mobility};
+}
+
+}  // namespace
+
+void DropletSystem::rate(Real t, const Real* y, Real* ydot) {
+  droplets_.rate(t, y, ydot);
+  ParticleSystem<2>& particles = droplets_.particles();
+  const StateView<2> s = particles.view(y, ydot, t);
+  const std::vector<Solid<2>>& walls = s.walls.solids();
+  wall_force_.assign(2 * walls.size(), 0);
+  particles.field().add_wall_forces(s, wall_force_.data());
+  Real work = 0;
+  for (std::size_t k = 0; k < walls.size(); ++k)
+    work -= point<2>(wall_force_.data(), static_cast<Index>(k)).dot(walls[k].velocity);
+  ydot[droplets_.size()] = work;
+  ydot[droplets_.size() + 1] = droplets_.mobility().power(s);
+}
+
+DropletRun::DropletRun(const DropletOptions& p, const Options& options, const Ranks& ranks, DropletSetup setup)
+    : p_(p),
+      options_(options),
+      scenario_(setup.scenario),
+      overdamped_(make_system(p, setup)),
+      system_(overdamped_),
+      control_(p.checkpoint_interval, p.max_wall_time, one_rank(ranks, scenario_)),
+      dt_(p.dt) {
+  omp_set_num_threads(1);
+}
+
+ExitCode DropletRun::run(const std::optional<Checkpoint>& checkpoint) {
+  if (checkpoint) restore(*checkpoint);
+  // Forces need a higher accuracy than flow: a stiffness of 10 makes 1e-5 of a position 1e-4 of a force.
+  integrator_.emplace(TsOptions{.rk_type = "3bs", .atol_x = 1e-6, .dt = dt_});
+  options_.check_consumed();
+  if (checkpoint && last_time() < state_.t)
+    throw InputError("the run is at t = {:.6g} already, after its end at {:.6g}; give a later -t_end", state_.t,
+                     last_time());
+  StopSignals signals;
+  RunGeometry shape = geometry();
+  shape.segments = wall_segments(0);
+  const Topology& topology = particles().topology();
+  writer_.emplace(
+      checkpoint
+          ? RunWriter::append(p_.output, topology, restored_samples_, restored_frames_, restored_events_)
+          : RunWriter::create(p_.output, make_manifest(scenario_, "bubble", 2, p_.seed, options_), topology, shape));
+  checkpoints_.emplace(p_.output);
+  fmt::print("{}\n{}: dt = {:.3g} t0; output in {}\n", title(), integrator_->name(), dt_, p_.output);
+  if (checkpoint) fmt::print("continuing at t = {:.6g} t0, step {}\n", state_.t, state_.step);
+  nlohmann::ordered_json s;
+  try {
+    if (!checkpoint) begin();
+    cpu_at_start_ = control_.cpu_seconds();
+    started_at_ = state_.t;
+    const LogScope log(LogStage::run);
+    integrator_->run(static_cast<FirstOrderSystem&>(system_), state_, last_time(),
+                     [this](State&) { return after_step(); });
+    control_.end_progress();
+    if (!stopped_) complete();
+    s = summary(stopped_ ? "stopped" : "done");
+    if (!stopped_) conclude(s);
+    writer_->flush();
+    write_summary(p_.output, s);
+    writer_->close();
+  } catch (const Error& error) {
+    control_.end_progress();
+    fail(error);
+  }
+  if (stopped_)
+    fmt::print("stopped at t = {:.6g} t0 with a checkpoint; run the same command again to go on\n", state_.t);
+  else
+    fmt::print("ended by {} at t = {:.6g} t0; error of the energy budget {:.1e}\n", ended_by_, state_.t, budget_error_);
+  const IntegratorStatistics total = statistics();
+  fmt::print("{} steps, {} force evaluations, {:.2f} s CPU\n", total.steps, total.force_evaluations,
+             Real(s["cpu_seconds"]));
+  return stopped_ ? ExitCode::stopped : ExitCode::done;
+}
+
+void DropletRun::begin() {
+  const std::vector<Real> x = start();
+  state_ = State(droplets() + 1, 2);
+  std::copy(x.begin(), x.end(), state_.x().begin());
+  start_energy_ = energy();
+  sample();
+  frame();
+}
+
+/// What the end of a run adds, unless it was stopped.
+void DropletRun::complete() {
+  if (ended_by_.empty()) ended_by_ = "t_end";
+  if (last_sample_at_ < state_.t) sample();
+  if (last_frame_at_ < state_.t) frame();
+  store();  // for a restart to a later end
+}
+
+AfterStep DropletRun::after_step() {
+  const bool changed = follow();
+  if (state_.t >= next_sample_ * p_.sample_interval * (1 - 1e-12)) sample();
+  if (state_.t >= next_frame_ * p_.frame_interval * (1 - 1e-12)) frame();
+  if (!ended_by_.empty()) return AfterStep::stop;
+  if (control_.due()) {
+    control_.progress([&] {
+      const Real rate = (state_.t - started_at_) / control_.wall_seconds();
+      return fmt::format("t {:.6g}/{:.6g} t0  dt {:.3g}  ETA {}  {}", state_.t, last_time(),
+                         integrator_->statistics().last_dt, duration_text((last_time() - state_.t) / rate), progress());
+    });
+    stopped_ = control_.stop();
+    if (stopped_ || control_.checkpoint_due()) store();
+  }
+  if (stopped_) return AfterStep::stop;
+  return changed ? AfterStep::changed : AfterStep::proceed;
+}
+
+void DropletRun::sample() {
+  const LogScope log(LogEvent::sample);
+  while (next_sample_ * p_.sample_interval * (1 - 1e-12) <= state_.t) ++next_sample_;
+  last_sample_at_ = state_.t;
+  find_velocities();
+  const StateView<2> s = view();
+  Real bonds = 0, tense = 0;
+  particles().field().for_each_contact(s, [&](const Contact<2>& c) {
+    ++bonds;
+    tense += c.force.dot(c.normal) < 0;
+  });
+  const Real total = particles().field().energy(s);
+  budget_error_ = total - start_energy_ - work() + dissipated() + withdrawn_;
+  std::vector<SeriesValue> row{
+      {"time", state_.t},         {"dt", state_.step > 0 ? integrator_->statistics().last_dt : dt_},
+      {"max_speed", max_speed()}, {"bonds", bonds},
+      {"tense_bonds", tense},     {"energy", total}};
+  // Terms that are switched off, or have no walls, are not reported: each has its column all the same.
+  std::array<std::pair<const char*, Real>, 5> energies{
+      {{"contact", 0}, {"depletion", 0}, {"wall_repulsion", 0}, {"wall_depletion", 0}, {"gravity", 0}}};
+  for (const TermReport& term : particles().field().report(s))
+    for (auto& [name, value] : energies)
+      if (term.name == name) value = term.energy;
+  for (const auto& [name, value] : energies) row.emplace_back(fmt::format("{}_energy", name), value);
+  row.emplace_back("work", work());
+  row.emplace_back("dissipated", dissipated());
+  row.emplace_back("withdrawn", withdrawn_);
+  row.emplace_back("budget_error", budget_error_);
+  measure(row);
+  writer_->add_sample(row);
+}
+
+void DropletRun::frame() {
+  const LogScope log(LogEvent::frame);
+  while (next_frame_ * p_.frame_interval * (1 - 1e-12) <= state_.t) ++next_frame_;
+  last_frame_at_ = state_.t;
+  find_velocities();
+  write_frame();
+}
+
+void DropletRun::write_frame() {
+  FrameData<2> data(particles(), state_);
+  const std::vector<Real> walls = wall_segments(state_.t);
+  data.frame.wall_segments = walls;
+  writer_->write_frame(data.frame);
+}
+
+std::vector<Real> DropletRun::wall_forces() {
+  std::vector<Real> force(2 * particles().walls().solids().size());
+  particles().field().add_wall_forces(view(), force.data());
+  return force;
+}
+
+void DropletRun::find_velocities() {
+  // The integrator's first guess stays its own, so that output changes no trajectory.
+  std::vector<Real> guess = overdamped_.last();
+  overdamped_.rate(state_.t, state_.x().data(), state_.v().data());
+  if (!guess.empty()) overdamped_.set_last(std::move(guess));
+}
+
+Real DropletRun::max_speed() const {
+  Real speed = 0;
+  for (Index m = 0; m < droplets(); ++m) speed = std::max(speed, velocity(m).norm());
+  return speed;
+}
+
+Real DropletRun::energy() { return particles().field().energy(view()); }
+
+template <class Change>
+void DropletRun::outside_budget(Change&& change) {
+  const Real before = energy();
+  change();
+  withdrawn_ += before - energy();
+}
+
+void DropletRun::set_walls(Walls<2> walls) {
+  outside_budget([&] { particles().set_walls(std::move(walls)); });
+}
+
+void DropletRun::deactivate(Index m) {
+  outside_budget([&] { particles().deactivate(m); });
+}
+
+void DropletRun::store() {
+  const LogScope log(LogEvent::checkpoint);
+  writer_->flush();
+  CheckpointWriter& c = *checkpoints_;
+  c.begin(state_.t, state_.step);
+  c.add("x", state_.x());
+  c.add("last_velocity", overdamped_.last());
+  c.add("active", particles().topology().active);
+  const Neighbours<2>::History lists = particles().neighbours().history(particles().topology());
+  c.add("list_reference", lists.reference);
+  const IntegratorStatistics total = statistics();
+  c.add("numbers", std::array{last_sample_at_, last_frame_at_, integrator_->next_dt(), total_cpu(), start_energy_,
+                              withdrawn_, lists.time});
+  c.add("counters", std::array{next_sample_, next_frame_, static_cast<std::int64_t>(writer_->samples()),
+                               static_cast<std::int64_t>(writer_->frames()),
+                               static_cast<std::int64_t>(writer_->events()), total.steps, total.rejected,
+                               total.force_evaluations, rebuilds_before_ + particles().neighbours().rebuilds()});
+  c.add_text("scenario", scenario_);
+  c.add_text("options", options_.json().dump());
+  save(c);
+  c.finish();
+}
+
+void DropletRun::restore(const Checkpoint& c) try {
+  state_ = State(droplets() + 1, 2);
+  const auto& x = c.reals.at("x");
+  if (x.size() != state_.size()) throw std::out_of_range("x");
+  std::copy(x.begin(), x.end(), state_.x().begin());
+  state_.t = c.t;
+  state_.step = c.step;
+  load(c);
+  const auto& active = c.integers.at("active");
+  for (Index m = 0; m < droplets(); ++m)
+    if (active.at(m) == 0) particles().deactivate(m);
+  overdamped_.set_last(c.reals.at("last_velocity"));
+  const auto& numbers = c.reals.at("numbers");
+  last_sample_at_ = numbers.at(0);
+  last_frame_at_ = numbers.at(1);
+  dt_ = numbers.at(2);
+  cpu_before_ = numbers.at(3);
+  start_energy_ = numbers.at(4);
+  withdrawn_ = numbers.at(5);
+  const auto& n = c.integers.at("counters");
+  next_sample_ = n.at(0);
+  next_frame_ = n.at(1);
+  restored_samples_ = static_cast<std::uint64_t>(n.at(2));
+  restored_frames_ = static_cast<std::uint64_t>(n.at(3));
+  restored_events_ = static_cast<std::uint64_t>(n.at(4));
+  before_ = {.steps = n.at(5), .rejected = n.at(6), .force_evaluations = n.at(7)};
+  // The lists of the stopped run: the order of their sums is part of the state.
+  const auto& reference = c.reals.at("list_reference");
+  if (!reference.empty())
+    particles().neighbours().replay(particles().topology(), particles().walls(), {reference, {}, {}, numbers.at(6)});
+  rebuilds_before_ = n.at(8) - particles().neighbours().rebuilds();
+} catch (const std::out_of_range&) {
+  throw InputError("{}: the checkpoint lacks what this version needs; go on with the version that wrote it", p_.output);
+}
+
+IntegratorStatistics DropletRun::statistics() const {
+  IntegratorStatistics s = integrator_->statistics();
+  s.steps += before_.steps;
+  s.rejected += before_.rejected;
+  s.force_evaluations += before_.force_evaluations;
+  return s;
+}
+
+nlohmann::ordered_json DropletRun::summary(std::string_view status) {
+  const IntegratorStatistics total = statistics();
+  nlohmann::ordered_json s = summary_head(scenario_, "bubble", status, ended_by_, options_);
+  s["particles"] = droplets();
+  s["t"] = state_.t;
+  s["integrator"] = integrator_->name();
+  s["dt"] = p_.dt;
+  s["steps"] = total.steps;
+  s["rejected_steps"] = total.rejected;
+  s["force_evaluations"] = total.force_evaluations;
+  s["list_rebuilds"] = rebuilds_before_ + particles().neighbours().rebuilds();
+  s["cpu_seconds"] = total_cpu();
+  s["wall_seconds"] = control_.wall_seconds();
+  if (state_.size() == 0) return s;  // an error before the start
+  s["work"] = work();
+  s["dissipated"] = dissipated();
+  s["budget_error"] = budget_error_;
+  return s;
+}
+
+void DropletRun::fail(const Error& error) {
+  std::string message = error.what();
+  if (error.code() == ExitCode::numerical_failure && state_.step > 0)
+    message +=
+        fmt::format("; t = {:.6g}, step {}, dt = {:.3g}", state_.t, state_.step, integrator_->statistics().last_dt);
+  try {
+    if (error.code() == ExitCode::numerical_failure) {
+      // With the velocities found last: where droplets have run into each other there are no others.
+      if (writer_->frames() > 0 && last_frame_at_ < state_.t) write_frame();
+      writer_->flush();
+    }
+    nlohmann::ordered_json s = summary("failed");
+    s["message"] = message;
+    write_summary(p_.output, s);
+  } catch (const Error& second) {
+    message += fmt::format("; then {}", second.what());
+  }
+  throw Error(error.code(), message);
+}
+
+}  // namespace pliant

@@ -1,0 +1,145 @@
+// What the runs of droplets have in common, from the start to the summary.
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <pliant/io/checkpoint.h>
+#include <pliant/io/run_writer.h>
+#include <pliant/model/state.h>
+#include <pliant/scenarios/droplet_options.h>
+#include <pliant/scenarios/run_control.h>
+#include <pliant/ts/overdamped.h>
+#include <pliant/ts/ts_integrator.h>
+
+namespace pliant {
+
+/// Droplets in motion, with two more unknowns: the work that the walls have done on them and the energy that drag and
+/// friction have dissipated. So both are as exact as the positions, and their error is controlled with them. Walls that
+/// move must not rub.
+class DropletSystem final : public FirstOrderSystem {
+ public:
+  explicit DropletSystem(OverdampedSystem<2>& droplets) : droplets_(droplets) {}
+
+  std::size_t size() const override { return droplets_.size() + 2; }
+  const Ranks& ranks() const override { return droplets_.ranks(); }
+  void rate(Real t, const Real* y, Real* ydot) override;
+
+ private:
+  OverdampedSystem<2>& droplets_;
+  std::vector<Real> wall_force_;
+};
+
+/// What a scenario starts from.
+struct DropletSetup {
+  std::string scenario;
+  Topology droplets;
+  Walls<2> walls;
+  Vec<2> gravity = Vec<2>::Zero();
+  bool walls_rub = false;  ///< MobilityOptions::walls
+};
+
+/// A run of droplets in the plane, on one rank: integration, samples, frames, checkpoints, restart, stop requests,
+/// summary, energy budget. A scenario derives from it and says what is its own. Places in memory are the droplets'
+/// numbers.
+class DropletRun {
+ public:
+  /// Errors: InputError on several ranks.
+  DropletRun(const DropletOptions& p, const Options& options, const Ranks& ranks, DropletSetup setup);
+  virtual ~DropletRun() = default;
+  DropletRun(const DropletRun&) = delete;
+  DropletRun& operator=(const DropletRun&) = delete;
+
+  /// New, or from the checkpoint. Returns and throws as run_hopper does.
+  ExitCode run(const std::optional<Checkpoint>& checkpoint);
+
+ protected:
+  // What a scenario says.
+  virtual std::string title() const = 0;  ///< a line for the start of the run
+  virtual Real last_time() const = 0;     ///< the run ends there at the latest
+  /// Positions at the start [2 · droplets].
+  virtual std::vector<Real> start() = 0;
+  /// Kind and attributes for run.h5; the segments come from wall_segments().
+  virtual RunGeometry geometry() const = 0;
+  /// x1 y1 x2 y2 of each wall, as it is drawn at time t.
+  virtual std::vector<Real> wall_segments(Real t) const = 0;
+  /// After every accepted step. May call finish(), frame(), set_walls() and deactivate(), and returns whether it has
+  /// changed the state.
+  virtual bool follow() = 0;
+  /// Columns that it adds to a sample; energies and forces are those of `reports`.
+  virtual void measure(std::vector<SeriesValue>& row) = 0;
+  virtual std::string progress() const = 0;  ///< for the progress line
+  virtual void save(CheckpointWriter& checkpoint) const = 0;
+  virtual void load(const Checkpoint& checkpoint) = 0;  ///< called before lists are built: may set walls
+  /// Adds results to the summary of a run that was not stopped.
+  virtual void conclude(nlohmann::ordered_json& summary) = 0;
+
+  // What it can use.
+  const State& state() const { return state_; }
+  Index droplets() const { return particles().topology().particles(); }
+  Real radius(Index m) const { return particles().topology().diameter[m] / 2; }
+  Vec<2> position(Index m) const { return point<2>(state_.x().data(), m); }
+  /// Found at samples and frames.
+  Vec<2> velocity(Index m) const { return point<2>(state_.v().data(), m); }
+  ParticleSystem<2>& particles() { return overdamped_.particles(); }
+  const ParticleSystem<2>& particles() const { return overdamped_.particles(); }
+  /// The present configuration, with valid lists.
+  StateView<2> view() { return particles().view(state_.x().data(), state_.v().data(), state_.t); }
+  /// Force on each wall [2 · walls].
+  std::vector<Real> wall_forces();
+  /// Velocities of the present configuration: velocity() and max_speed() until the next step.
+  void find_velocities();
+  Real max_speed() const;
+  Real energy();  ///< of the present configuration, that of the weight included
+
+  void finish(std::string_view ended_by) { ended_by_ = ended_by; }
+  void frame();
+  /// A row of /events in run.h5, always of the same columns.
+  void add_event(const std::vector<SeriesValue>& row) { writer_->add_event(row); }
+  /// Changes that take energy out of the budget, or bring some in.
+  void set_walls(Walls<2> walls);
+  void deactivate(Index m);
+
+ private:
+  void begin();
+  void complete();
+  AfterStep after_step();
+  void sample();
+  void write_frame();
+  void store();
+  void restore(const Checkpoint& checkpoint);
+  template <class Change>
+  void outside_budget(Change&& change);
+  IntegratorStatistics statistics() const;
+  Real total_cpu() const { return cpu_before_ + control_.cpu_seconds() - cpu_at_start_; }
+  Real work() const { return state_.x()[2 * droplets()]; }
+  Real dissipated() const { return state_.x()[2 * droplets() + 1]; }
+  nlohmann::ordered_json summary(std::string_view status);
+  [[noreturn]] void fail(const Error& error);
+
+  const DropletOptions& p_;
+  const Options& options_;
+  std::string scenario_;
+  OverdampedSystem<2> overdamped_;
+  DropletSystem system_;
+  RunControl control_;
+  std::optional<TsIntegrator> integrator_;
+  std::optional<RunWriter> writer_;
+  std::optional<CheckpointWriter> checkpoints_;
+
+  State state_;                            ///< of the droplets, then work and dissipation
+  Real start_energy_ = 0, withdrawn_ = 0;  ///< withdrawn: what changes took out of the energy
+  Real budget_error_ = 0;                  ///< of the last sample
+  std::int64_t next_sample_ = 0, next_frame_ = 0, rebuilds_before_ = 0;
+  Real last_sample_at_ = -1, last_frame_at_ = -1, dt_ = 0;
+  IntegratorStatistics before_;  ///< of the runs before a restart
+  Real cpu_before_ = 0, cpu_at_start_ = 0, started_at_ = 0;
+  std::uint64_t restored_samples_ = 0, restored_frames_ = 0, restored_events_ = 0;
+  std::string ended_by_;
+  bool stopped_ = false;
+};
+
+}  // namespace pliant
