@@ -14,6 +14,7 @@
 #include <pliant/base/version.h>
 #include <pliant/scenarios/evaluate.h>
 #include <pliant/scenarios/hopper.h>
+#include <pliant/scenarios/raft.h>
 
 namespace {
 
@@ -27,6 +28,7 @@ constexpr const char* usage =
     "\n"
     "scenarios:\n"
     "  hopper              gravity-driven flow through an orifice\n"
+    "  raft                droplets between two walls that compress them or pull them apart\n"
     "  evaluate CASE.json  energies and forces of one configuration\n"
     "\n"
     "pliant SCENARIO -help   options of a scenario\n"
@@ -36,8 +38,11 @@ void say(const Ranks& ranks, const std::string& text) {
   if (ranks.root()) fmt::print("{}", text);
 }
 
-ExitCode hopper(const Arguments& arguments, const Ranks& ranks) {
-  pliant::HopperOptions parameters;
+/// A scenario that is run by options.
+template <class Parameters>
+ExitCode simulate(const char* scenario, ExitCode (*start)(Parameters&, pliant::Options&, const Ranks&),
+                  const Arguments& arguments, const Ranks& ranks) {
+  Parameters parameters;
   pliant::Options options;
   parameters.bind(options);
   if (arguments == Arguments{"-help_markdown"}) {  // what docs/options.md is made from
@@ -46,13 +51,13 @@ ExitCode hopper(const Arguments& arguments, const Ranks& ranks) {
   }
   switch (options.parse(arguments)) {
     case pliant::Options::Request::help:
-      say(ranks, "usage: pliant hopper [-option value ...]\n\n" + options.help());
+      say(ranks, fmt::format("usage: pliant {} [-option value ...]\n\n", scenario) + options.help());
       break;
     case pliant::Options::Request::version:
       say(ranks, pliant::build_info().text());
       break;
     case pliant::Options::Request::run:
-      return pliant::run_hopper(parameters, options, ranks);
+      return start(parameters, options, ranks);
   }
   return ExitCode::done;
 }
@@ -69,7 +74,8 @@ ExitCode evaluate(const Arguments& arguments) {
 }
 
 ExitCode run(const std::string& scenario, const Arguments& arguments, const Ranks& ranks) {
-  if (scenario == "hopper") return hopper(arguments, ranks);
+  if (scenario == "hopper") return simulate("hopper", pliant::run_hopper, arguments, ranks);
+  if (scenario == "raft") return simulate("raft", pliant::run_raft, arguments, ranks);
   if (scenario == "evaluate") {
     ExitCode code = ExitCode::done;
     ranks.together([&] {
@@ -85,7 +91,7 @@ ExitCode run(const std::string& scenario, const Arguments& arguments, const Rank
     say(ranks, pliant::build_info().text());
     return ExitCode::done;
   }
-  const std::vector<std::string> scenarios{"hopper", "evaluate"};
+  const std::vector<std::string> scenarios{"hopper", "raft", "evaluate"};
   const auto near = pliant::nearest(scenario, scenarios);
   throw InputError("unknown scenario '{}'{}; pliant -help lists them", scenario,
                    near ? fmt::format(", did you mean '{}'?", *near) : std::string());

@@ -1,0 +1,138 @@
+"""The scenario raft: three droplets against theory, energy budget, restart, extension, bad input."""
+
+import json
+import sys
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from conftest import Results, assert_same_runs, pliant
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "python"))
+
+from pliant import Run, raft as analysis  # noqa: E402
+
+# Two droplets at the fixed wall, one at the other; ten times as fast as in the thesis.
+THREE = {"rows": 2, "columns": 2, "n": 3, "delta": 0, "v_wall": 1e-3, "sample_interval": 0.5, "frame_interval": 200,
+         "end_distance": 3.55}
+RK4 = {"ts_type": "rk", "ts_rk_type": 4, "ts_adapt_type": "none", "dt": 0.1}
+
+
+def compress(folder, **options):
+    result = pliant("raft", output=folder, **{**THREE, **options})
+    assert result.returncode == 0, result.stderr
+    return Results(folder)
+
+
+def test_three_droplets(tmp_path):
+    run = compress(tmp_path / "run")
+    curve = analysis.Compression.of(Run(tmp_path / "run"))
+    # Springs in series and a bond across [T 2.30]; faster walls add friction, which lowers neither by much.
+    slope, _ = curve.stiffness_at_zero()
+    assert slope == pytest.approx(3.15, rel=0.02)
+    assert curve.force.max() == pytest.approx(0.110, abs=0.002)
+    assert curve.distance[curve.force.argmax()] == pytest.approx(3.68, abs=0.02)
+    # Attraction pulls the walls in, before and after.
+    assert curve.force.min() < -0.05
+    # At rest on both sides the forces on the walls differ by the drag alone.
+    assert np.abs(run.series["fixed_wall_force"] - run.series["moving_wall_force"]).max() < 0.02
+    with h5py.File(tmp_path / "run/run.h5") as file:
+        events = {name: values[()] for name, values in file["events"].items()}
+    broken = events["broken"] == 1
+    assert broken.sum() == run.summary["broken"] == 1
+    assert sorted(events["particles"][broken][0]) == [0, 1]
+    assert events["wall_distance"][broken][0] == pytest.approx(curve.distance[curve.force.argmax()], abs=0.1)
+
+
+@pytest.mark.parametrize("options, closed", [({}, 1e-6), ({"ts_atol": 1e-8}, 1e-8), (RK4, 1e-6)])
+def test_energy_budget(options, closed, tmp_path):
+    """Work of the walls = stored + dissipated, to the integrator's error."""
+    run = compress(tmp_path / "run", rows=3, columns=3, n=0, delta=0.01, end_distance=4.6, v_wall=2e-3, **options)
+    series = run.series
+    assert series["work"][-1] - series["dissipated"][-1] == pytest.approx(series["energy"][-1] - series["energy"][0],
+                                                                         abs=closed)
+    assert np.abs(series["budget_error"]).max() < closed
+    assert series["dissipated"][-1] > 1e-3 and np.all(np.diff(series["dissipated"]) > 0)
+    parts = sum(series[f"{name}_energy"] for name in ("contact", "depletion", "wall_repulsion", "wall_depletion",
+                                                      "gravity"))
+    assert parts == pytest.approx(series["energy"], abs=1e-13)
+
+
+def test_lagged_velocities_do_not_close_the_budget(tmp_path):
+    run = compress(tmp_path / "run", mobility="lagged", **RK4)
+    assert np.abs(run.series["budget_error"]).max() > 1e-6
+
+
+def test_stopped_and_continued(tmp_path):
+    options = {**RK4, "rows": 3, "columns": 4, "n": 0, "end_distance": 5.0, "v_wall": 5e-4, "frame_interval": 100}
+    whole = compress(tmp_path / "whole", **options)
+    command = {**THREE, **options, "output": tmp_path / "parts", "max_wall_time": whole.summary["wall_seconds"] / 4}
+    codes = [75]
+    while codes[-1] == 75 and len(codes) < 100:
+        codes.append(pliant("raft", **command).returncode)
+    assert codes[-1] == 0 and len(codes) > 2
+    assert_same_runs(whole, Results(tmp_path / "parts"))
+    with h5py.File(tmp_path / "whole/run.h5") as one, h5py.File(tmp_path / "parts/run.h5") as other:
+        assert len(one["events/time"]) > 0
+        for name in one["events"]:
+            assert np.array_equal(one["events"][name][()], other["events"][name][()])
+
+
+def test_extension_breaks_the_raft(tmp_path):
+    run = compress(tmp_path / "run", motion="extension", rows=3, columns=3, n=0, v_wall=2e-3, end_distance=6.5)
+    force = run.series["moving_wall_force"]
+    # At rest at first, but for the spread of the radii; then tension, until it is torn.
+    assert abs(force[0]) < 1e-3 and force.min() < -0.05 and abs(force[-1]) < 1e-3
+    assert run.series["rows"][0] == 3 and run.series["rows"][-1] == 0
+    assert run.summary["ended_by"] == "end_distance"
+    assert np.abs(run.series["budget_error"]).max() < 1e-6
+
+
+def test_walls_move_and_tilt(tmp_path):
+    run = compress(tmp_path / "run", tilt=1, end_distance=3.6)
+    first, last = run.frames[0]["wall_segments"], run.frames[-1]["wall_segments"]
+    assert np.array_equal(first[0, [0, 2]], [0, 0])
+    lean = (first[1, 0] - first[1, 2]) / (first[1, 3] - first[1, 1])
+    assert lean == pytest.approx(np.tan(np.radians(1)))
+    assert (first[1, [0, 2]] - last[1, [0, 2]]).mean() == pytest.approx(1e-3 * run.summary["t"])
+
+
+def test_count_of_rows_and_end(tmp_path):
+    run = compress(tmp_path / "run", rows=4, columns=3, n=0, delta=1e-3, v_wall=1e-2, rows_end=2, end_distance=1e9,
+                   motion="extension", t_end=5)
+    assert run.summary["ended_by"] == "t_end" and run.series["rows"][0] == 4
+
+
+@pytest.mark.parametrize("options, message", [
+    ({"n": 5}, "-n 5: a hexagonal raft of 2 rows and 2 columns has 4 droplets, or 3"),
+    ({"v_wall": 0}, "v_wall"),
+    ({"end_distance": 9}, "apart at the start"),
+    ({"phi_c": 1, "end_distance": 1}, "lower phi_c"),
+    ({"integrator": "verlet"}, "integrator"),
+    ({"ts_type": "verlet"}, "motion with inertia"),
+    ({"mobility_ksp_typo": 1}, "mobility_ksp_typo"),
+    ({"hopper_width": 3}, "hopper_width"),
+    ({"start_distance": 1, "end_distance": 0.5}, "have run into"),
+])
+def test_bad_input(options, message, tmp_path):
+    result = pliant("raft", **{**THREE, "output": tmp_path / "run", **options})
+    assert result.returncode in (2, 3) and message in result.stderr
+    assert result.stderr.count("\n") == 1
+
+
+def test_wrong_scenario_of_a_checkpoint(tmp_path):
+    compress(tmp_path / "run", end_distance=3.8)
+    result = pliant("hopper", restart=tmp_path / "run")
+    assert result.returncode == 2 and "is of scenario 'raft', not of hopper" in result.stderr
+
+
+def test_later_end(tmp_path):
+    """A run that is done goes on to a later end, as one run would."""
+    whole = compress(tmp_path / "whole", end_distance=3.70, **RK4)
+    compress(tmp_path / "parts", end_distance=3.70, t_end=50, **RK4)
+    result = pliant("raft", restart=tmp_path / "parts", t_end=1e6)
+    assert result.returncode == 0, result.stderr
+    parts = Results(tmp_path / "parts")
+    assert np.allclose(whole.frames[-1]["positions"], parts.frames[-1]["positions"], atol=1e-9)
+    assert json.loads((tmp_path / "parts/summary.json").read_text())["ended_by"] == "end_distance"
