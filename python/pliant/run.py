@@ -143,6 +143,11 @@ class Frame:
         return self._read("wall_force", "walls")
 
     @cached_property
+    def wall_segments(self):
+        """[S, 4] x1 y1 x2 y2 of the walls at the frame's time."""
+        return self._group["wall_segments"][()] if "wall_segments" in self._group else self._run.geometry.segments
+
+    @cached_property
     def particle_velocities(self):
         """[N, D] mean velocity of each particle's points, which have equal masses."""
         offset = self._run.topology.offset

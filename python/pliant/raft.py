@@ -1,0 +1,154 @@
+"""What a compressed raft shows: force peaks, row reductions, stiffness, competing fractures.
+
+The rules (docs/raft.md explains them):
+
+- Force F: the mean of the forces on both walls, positive where the raft pushes. D: their distance.
+- A peak is one of scipy.signal.find_peaks(F) with a prominence of at least 0.1 sqrt(2 k1 E1), the force that breaks one
+  bond through one spring [T 2.31]; a negative peak is one of -F. k1 and E1 are the model's, from summary.json.
+- p rows rest at D_p = 2 h_eq + (p-1) (sqrt(3)/2) d_eq. The reduction from p to p-1 rows is what happens at
+  D_p >= D > D_(p-1). Its F_max is the highest force there, its F_min the lowest one after that.
+- k_eq: slope of the straight line through the samples on the last rise before F_max, from F = 0 to F_max/2.
+- A reduction is competing if the raft that it leaves is not whole: if at no time between D_(p-1) + 0.1 and D_(p-1) - 0.02
+  it has more than N - p' + (p' - 1)(2 N/p' - 1) - 4 bonds, p' = p - 1: those of a hexagonal raft of p' rows, but for 4
+  that the ends of its rows may lack. Reductions to one row do not count.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from scipy.optimize import curve_fit
+from scipy.signal import find_peaks
+
+from .errors import RunError
+
+#: Least prominence of a peak over sqrt(2 k1 E1).
+PROMINENCE = 0.1
+#: Bonds that the ends of the rows of a whole raft may lack.
+LOOSE_ENDS = 4
+
+
+def ideal_bonds(n, rows):
+    """Bonds of a hexagonal raft of n droplets in rows of n/rows each."""
+    return n - rows + (rows - 1) * (2 * n / rows - 1)
+
+
+def predicted_peak(n, rows, k1, E1):
+    """F_max of the reduction from `rows` rows [T 2.37]."""
+    return 2 * n * np.sqrt(k1 * E1 / (rows**3 + rows**2))
+
+
+def excess_fractures(phi, peak):
+    """Fractures beyond those of one size, for a fraction phi of small droplets [T 2.39]."""
+    return 2 * peak * np.sqrt(phi * (1 - phi))
+
+
+@dataclass
+class Compression:
+    """The force curve of a run of scenario raft; raises RunError if it is none."""
+
+    distance: np.ndarray  #: [T] of the walls, falling
+    force: np.ndarray     #: [T]
+    bonds: np.ndarray     #: [T]
+    n: int                #: droplets
+    rows: int             #: at the start
+    d_eq: float
+    h_eq: float
+    k1: float
+    E1: float
+
+    @classmethod
+    def of(cls, run):
+        if run.manifest.get("scenario") != "raft":
+            raise RunError(f"{run.path}: a run of scenario {run.manifest.get('scenario')}, not of raft")
+        if "d_eq" not in run.summary:
+            raise RunError(f"{run.path}: the run has not ended (its summary.json has no d_eq)")
+        s = run.series
+        model = {name: float(run.summary[name]) for name in ("d_eq", "h_eq", "k1", "E1")}
+        return cls(s["wall_distance"].to_numpy(), ((s["fixed_wall_force"] + s["moving_wall_force"]) / 2).to_numpy(),
+                   s["bonds"].to_numpy(), run.topology.particles, int(run.parameters["rows"]), **model)
+
+    def rest_distance(self, rows):
+        """D_p, at which so many rows rest between the walls."""
+        return 2 * self.h_eq + (rows - 1) * np.sqrt(3) / 2 * self.d_eq
+
+    @property
+    def prominence(self):
+        return PROMINENCE * np.sqrt(2 * self.k1 * self.E1)
+
+    def peaks(self, sign=1):
+        """Numbers of the samples at the peaks, or with sign = -1 at the negative ones."""
+        return find_peaks(sign * self.force, prominence=self.prominence)[0]
+
+    def rise(self, top):
+        """Slice of the samples of the last rise before sample `top`, from F = 0 to half of F[top]."""
+        below = np.flatnonzero(self.force[:top] <= 0)
+        first = below[-1] if len(below) else 0
+        half = first + int(np.argmax(self.force[first:top + 1] >= self.force[top] / 2))
+        return slice(first, half + 1)
+
+    def slope(self, samples):
+        """(k, its standard error) of F against -D in a slice of samples; NaN for fewer than three."""
+        x, y = -self.distance[samples], self.force[samples]
+        if len(x) < 3:
+            return np.nan, np.nan
+        (slope, _), covariance = np.polyfit(x, y, 1, cov="unscaled")
+        residual = y - np.polyval(np.polyfit(x, y, 1), x)
+        return slope, float(np.sqrt(covariance[0, 0] * (residual @ residual) / (len(x) - 2)))
+
+    def stiffness_at_zero(self, reach=0.1):
+        """Slope of F where it first rises through 0 for good, from the samples with |F| < reach · (first F_max)."""
+        reductions = self.reductions()
+        if not len(reductions):
+            return np.nan, np.nan
+        top = int(reductions["sample"].iloc[0])
+        zero = self.rise(top).start
+        near = np.abs(self.force) < reach * self.force[top]
+        first, last = zero, zero
+        while first > 0 and near[first - 1]:
+            first -= 1
+        while last < top and near[last + 1]:
+            last += 1
+        return self.slope(slice(first, last + 1))
+
+    def reductions(self):
+        """DataFrame, one row per reduction that the run has completed: rows (p), columns (N/p), x = q/(p+1), k_eq,
+        k_error, F_max, F_min, distance (at F_max), sample (its number), peaks, missing_bonds, competing."""
+        rows = []
+        peaks = self.peaks()
+        for p in range(self.rows, 1, -1):
+            start, end = self.rest_distance(p), self.rest_distance(p - 1)
+            inside = np.flatnonzero((self.distance <= start) & (self.distance > end))
+            if not len(inside) or self.distance[-1] > end + 0.01:
+                continue
+            top = inside[np.argmax(self.force[inside])]
+            k, error = self.slope(self.rise(top))
+            settled = (self.distance <= end + 0.1) & (self.distance >= end - 0.02)
+            missing = ideal_bonds(self.n, p - 1) - self.bonds[settled].max(initial=0)
+            rows.append({"rows": p, "columns": self.n / p, "x": self.n / p / (p + 1), "k_eq": k, "k_error": error,
+                         "F_max": self.force[top], "F_min": self.force[top:inside[-1] + 1].min(),
+                         "distance": self.distance[top], "sample": top,
+                         "peaks": int(np.isin(peaks, inside).sum()), "missing_bonds": missing,
+                         "competing": bool(missing > LOOSE_ENDS) if p > 2 else None})
+        return pd.DataFrame(rows)
+
+
+def fit_k1(reductions):
+    """(k1, its standard error) from k_eq = k1 q/(p+1) [T 2.32], a line through the origin."""
+    known = reductions[np.isfinite(reductions["k_eq"])]
+    if len(known) < 2:
+        return np.nan, np.nan
+    (k1,), covariance = curve_fit(lambda x, k: k * x, known["x"].to_numpy(), known["k_eq"].to_numpy(), p0=[5.0])
+    return k1, float(np.sqrt(covariance[0, 0]))
+
+
+def fit_excess(phi, excess):
+    """(peak, its standard error) of excess_fractures through numbers of excess fractures."""
+    (peak,), covariance = curve_fit(excess_fractures, np.asarray(phi, float), np.asarray(excess, float), p0=[1.0])
+    return peak, float(np.sqrt(covariance[0, 0]))
+
+
+def competing_fraction(reductions):
+    """(fraction of the reductions that compete, their number); those to one row do not count."""
+    counted = reductions["competing"].dropna() if len(reductions) else reductions
+    return (float(counted.astype(float).mean()), len(counted)) if len(counted) else (np.nan, 0)

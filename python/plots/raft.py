@@ -1,0 +1,54 @@
+#!/usr/bin/python3
+"""Force on the walls of compressed rafts against their distance, with peaks, slopes and reductions; prints a table."""
+
+import sys
+from pathlib import Path
+
+# In place of this folder, whose profile.py would hide the standard library's.
+sys.path[0] = str(Path(__file__).resolve().parents[1])
+
+import matplotlib.pyplot as plt
+
+from pliant import load_runs, plotting, raft, script
+
+
+def main():
+    parser = script.parser(__doc__, "raft.py runs/raft -o force.png", "force.png")
+    parser.add_argument("run", nargs="+", help="run folder")
+    arguments = parser.parse_args()
+    script.check_output(arguments.output)
+    runs = load_runs(arguments.run)
+
+    figure, axes = plt.subplots(figsize=(7.0, 4.2), layout="constrained")
+    labels = plotting.run_labels(runs)
+    for run, label, color in zip(runs, labels, plotting.COLORS * len(runs)):
+        curve = raft.Compression.of(run)
+        axes.plot(curve.distance, curve.force, color=color, lw=0.9, label=label)
+        for sign, marker in ((1, "^"), (-1, "v")):
+            at = curve.peaks(sign)
+            axes.plot(curve.distance[at], curve.force[at], marker, color=color, ms=4)
+        table = curve.reductions()
+        k1, error = raft.fit_k1(table) if len(table) else (float("nan"), float("nan"))
+        for row in table.itertuples():
+            rise = curve.rise(row.sample)
+            x = curve.distance[[rise.start, rise.stop - 1]]
+            axes.plot(x, curve.force[rise.start] + row.k_eq * (x[0] - x), color="black", lw=1.6)
+        fraction, count = raft.competing_fraction(table)
+        print(f"{run.path}: slope at F = 0 {script.with_error(*curve.stiffness_at_zero())}, "
+              f"{len(curve.peaks())} peaks, {len(curve.peaks(-1))} negative ones, "
+              f"k1 = {script.with_error(k1, error)} from k_eq, competing {fraction:.2f} of {count}")
+        print(script.markdown(
+            ["rows", "q/(p+1)", "k_eq", "F_max", "F_min", "distance", "peaks", "missing bonds", "competing"],
+            [[r.rows, f"{r.x:.3f}", script.with_error(r.k_eq, r.k_error), f"{r.F_max:.4f}", f"{r.F_min:.4f}",
+              f"{r.distance:.4f}", r.peaks, f"{r.missing_bonds:.1f}",
+              "–" if r.competing is None else "yes" if r.competing else "no"] for r in table.itertuples()]))
+    axes.axhline(0, color="0.6", lw=0.6, zorder=0)
+    axes.set(xlabel=r"distance of the walls  $D/\langle R\rangle$", ylabel="force on the walls  $F$")
+    axes.invert_xaxis()
+    if len(runs) > 1:
+        axes.legend()
+    plotting.save(figure, arguments.output)
+
+
+if __name__ == "__main__":
+    script.run(main)

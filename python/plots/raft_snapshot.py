@@ -1,0 +1,62 @@
+#!/usr/bin/python3
+"""Draws frames of a raft with its bonds: blue under tension, red under compression, the stronger the wider."""
+
+import sys
+from pathlib import Path
+
+# In place of this folder, whose profile.py would hide the standard library's.
+sys.path[0] = str(Path(__file__).resolve().parents[1])
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.collections import EllipseCollection, LineCollection
+
+from pliant import Run, plotting, script
+
+TENSION, COMPRESSION = plotting.COLORS[0], "#CC2020"
+
+
+def draw(axes, run, frame, largest, box):
+    """One frame; `largest` is the force of the widest line."""
+    size = run.topology.sigma[frame.active]
+    centres = frame.centres[frame.active]
+    axes.add_collection(EllipseCollection(size, size, np.zeros(len(size)), units="xy", offsets=centres,
+                                          offset_transform=axes.transData, facecolors=plotting.PALE,
+                                          edgecolors="0.65", linewidths=0.5, zorder=1))
+    bonds = frame.contacts
+    ends = np.stack([frame.centres[bonds["particle_1"]], frame.centres[bonds["particle_2"]]], axis=1)
+    # The force on the first droplet, along the normal towards it: a push is positive.
+    push = (bonds[["fx", "fy"]].to_numpy() * bonds[["nx", "ny"]].to_numpy()).sum(1)
+    axes.add_collection(LineCollection(ends, colors=np.where(push < 0, TENSION, COMPRESSION),
+                                       linewidths=0.4 + 3 * np.minimum(np.abs(push) / largest, 1), zorder=2))
+    axes.add_collection(LineCollection(frame.wall_segments.reshape(-1, 2, 2), colors=plotting.WALL, linewidths=2.5))
+    axes.set(xlim=box[:2], ylim=box[2:], aspect="equal", title=f"$t = {frame.time:.4g}$")
+    axes.axis("off")
+
+
+def main():
+    parser = script.parser(__doc__, "raft_snapshot.py runs/raft --frames 0 10 20 -o raft.png", "raft.png")
+    parser.add_argument("run", help="run folder of scenario raft")
+    parser.add_argument("--frames", type=int, nargs="+", default=[-1], metavar="K",
+                        help="frame numbers, negative from the end (default: -1)")
+    arguments = parser.parse_args()
+    script.check_output(arguments.output)
+    run = Run(arguments.run)
+    frames = [run.frame(k) for k in arguments.frames]
+    largest = max(np.abs(frame.contacts["force"]).max() if len(frame.contacts) else 0 for frame in frames) or 1
+    corners = np.concatenate([frame.wall_segments.reshape(-1, 2) for frame in frames])
+    box = (corners[:, 0].min() - 0.3, corners[:, 0].max() + 0.3, corners[:, 1].min(), corners[:, 1].max())
+    height = 5.0
+    width = max(2.4, height * (box[1] - box[0]) / (box[3] - box[2]))
+    figure, axes = plt.subplots(1, len(frames), figsize=(width * len(frames), height), squeeze=False,
+                                layout="constrained")
+    for ax, frame in zip(axes[0], frames):
+        draw(ax, run, frame, largest, box)
+    figure.legend(handles=[plt.Line2D([], [], color=c, lw=3, label=label)
+                           for c, label in ((TENSION, "tension"), (COMPRESSION, "compression"))],
+                  loc="outside lower center", ncols=2)
+    plotting.save(figure, arguments.output)
+
+
+if __name__ == "__main__":
+    script.run(main)
