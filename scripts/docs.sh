@@ -14,7 +14,8 @@ page=$root/docs/options.md
 [[ -x $program ]] || die "$program is not there; build it first (scripts/build.sh), or name another program"
 
 reference=$("$program" hopper -help_markdown)
-text="<!-- Made by scripts/docs.sh from the program; edit the options in src/scenarios/hopper_options.cpp instead. -->
+raft=$("$program" raft -help_markdown)
+text="<!-- Made by scripts/docs.sh from the program; edit the options in src/scenarios/*_options.cpp instead. -->
 
 # Options of \`pliant hopper\`
 
@@ -27,7 +28,14 @@ Options come from the command line (\`-name value\`) and from files (\`-options_
 order, then the command line; the last setting of an option wins. \`-help\` and \`-version\` print and stop. Options that
 begin like PETSc's own (\`-ts_…\`, \`-log_view\`, …) go to PETSc; one that nothing reads is an error.
 
-$reference"
+$reference
+
+# Options of \`pliant raft\`
+
+Units: ⟨R⟩ (R), the radius of a large droplet, and the unit of force F in which f0 is given; b = 1, t0 = b⟨R⟩/F. Options that
+begin with \`-mobility_ksp_\` and \`-mobility_pc_\` go to the solver for the velocities.
+
+$raft"
 
 if [[ $check == no ]]; then
   printf '%s\n' "$text" >"$page"

@@ -1,0 +1,84 @@
+"""The analysis of rafts, on force curves with known peaks, slopes and reductions."""
+
+import numpy as np
+import pytest
+
+from pliant import RunError, raft
+
+D_EQ, H_EQ, K1, E1 = 2.0, 1.0, 4.7, 0.0017
+
+
+def curve(rows=4, n=20, missing=None, k=None, top=0.2, noise=0.0, extra_peak=False):
+    """F rises from rest at D_p with slope k(p) up to `top`, falls to -0.1 just before D_(p-1), and comes back to 0."""
+    rest = [2 * H_EQ + (p - 1) * np.sqrt(3) / 2 * D_EQ for p in range(rows + 1)]
+    k = k or (lambda p: K1 * n / p / (p + 1))
+    distance, force, bonds = [], [], []
+    for p in range(rows, 1, -1):
+        knots = [(rest[p], 0), (rest[p] - top / k(p), top), (rest[p] - top / k(p) - 0.05, 0.0),
+                 (rest[p - 1] + 0.1, 0), (rest[p - 1] + 0.05, -0.1), (rest[p - 1] + 1e-9, -1e-9)]
+        if extra_peak:
+            knots[3:3] = [(rest[p] - 0.8, 0), (rest[p] - 0.85, 0.06), (rest[p] - 0.9, 0)]
+        x, y = np.array(knots).T
+        at = np.linspace(x[0], x[-1], 20001)[:-1]
+        distance.append(at)
+        force.append(np.interp(-at, -x, y))
+        whole = raft.ideal_bonds(n, p - 1) - (missing or {}).get(p, 0)
+        bonds.append(np.where(at < rest[p - 1] + 0.06, whole, whole - 8))
+    distance.append(rest[1] - np.linspace(0, 0.05, 100))
+    force.append(np.linspace(0, 0.4, 100))
+    bonds.append(np.full(100, n - 1 - (missing or {}).get(2, 0)))
+    force = np.concatenate(force) + noise * np.random.default_rng(1).normal(size=sum(map(len, force)))
+    return raft.Compression(np.concatenate(distance), force, np.concatenate(bonds), n, rows, D_EQ, H_EQ, K1, E1)
+
+
+def test_reductions():
+    table = curve().reductions()
+    assert list(table["rows"]) == [4, 3, 2]
+    assert table["k_eq"].to_numpy() == pytest.approx([K1 * 20 / p / (p + 1) for p in (4, 3, 2)], rel=1e-3)
+    assert table["F_max"].to_numpy() == pytest.approx([0.2] * 3, abs=1e-3)
+    assert table["F_min"].to_numpy() == pytest.approx([-0.1] * 3, abs=1e-3)
+    assert list(table["peaks"]) == [1, 1, 1]
+    k1, error = raft.fit_k1(table)
+    assert k1 == pytest.approx(K1, rel=1e-3) and error < 0.01
+    assert curve().stiffness_at_zero()[0] == pytest.approx(K1 * 20 / 4 / 5, rel=1e-3)
+
+
+def test_noise_makes_no_peaks_and_small_events_do():
+    assert len(curve(noise=5e-4).peaks()) == len(curve().peaks()) == 3
+    assert len(curve().peaks(-1)) == 3
+    assert list(curve(extra_peak=True).reductions()["peaks"]) == [2, 2, 2]
+
+
+def test_noise_and_the_slope():
+    table = curve(noise=1e-3).reductions()
+    for row in table.itertuples():
+        assert row.k_eq == pytest.approx(K1 * row.x, abs=4 * row.k_error)
+        assert 0 < row.k_error < 0.05 * row.k_eq
+
+
+def test_competing_fractures():
+    table = curve(missing={4: 6, 3: 3, 2: 9}).reductions()
+    assert list(table["competing"]) == [True, False, None]
+    assert list(table["missing_bonds"]) == pytest.approx([6, 3, 9])
+    assert raft.competing_fraction(table) == (0.5, 2)
+
+
+def test_a_run_that_ends_early_has_fewer_reductions():
+    whole = curve()
+    cut = np.searchsorted(-whole.distance, -(whole.rest_distance(3) - 0.3))
+    part = raft.Compression(whole.distance[:cut], whole.force[:cut], whole.bonds[:cut], 20, 4, D_EQ, H_EQ, K1, E1)
+    assert list(part.reductions()["rows"]) == [4]
+
+
+def test_laws():
+    assert raft.ideal_bonds(20, 4) == 4 * 4 + 3 * 9  # 4 rows of 5
+    assert raft.ideal_bonds(7, 1) == 6
+    assert raft.predicted_peak(20, 4, 4.7, 0.0017) == pytest.approx(40 * np.sqrt(4.7 * 0.0017 / 80))
+    phi = np.array([0.1, 0.25, 0.5, 0.9])
+    assert raft.fit_excess(phi, raft.excess_fractures(phi, 7.5))[0] == pytest.approx(7.5)
+
+
+def test_other_runs_are_refused(soft):
+    from pliant import Run
+    with pytest.raises(RunError, match="of scenario hopper, not of raft"):
+        raft.Compression.of(Run(soft[0]))
