@@ -52,9 +52,9 @@ def main():
                                 layout="constrained")
     for ax, frame in zip(axes[0], frames):
         draw(ax, run, frame, largest, box)
-    figure.legend(handles=[plt.Line2D([], [], color=c, lw=3, label=label)
-                           for c, label in ((TENSION, "tension"), (COMPRESSION, "compression"))],
-                  loc="outside lower center", ncols=2)
+    axes[0, -1].legend(handles=[plt.Line2D([], [], color=c, lw=3, label=label)
+                                for c, label in ((TENSION, "tension"), (COMPRESSION, "compression"))],
+                       loc="upper left", bbox_to_anchor=(1, 1))
     plotting.save(figure, arguments.output)
 
 

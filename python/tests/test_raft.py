@@ -1,9 +1,13 @@
 """The analysis of rafts, on force curves with known peaks, slopes and reductions."""
 
+import json
+
+import h5py
 import numpy as np
 import pytest
+from test_plots import assert_picture, call  # noqa: F401  (call is a fixture)
 
-from pliant import RunError, raft
+from pliant import Run, RunError, raft
 
 D_EQ, H_EQ, K1, E1 = 2.0, 1.0, 4.7, 0.0017
 
@@ -78,7 +82,76 @@ def test_laws():
     assert raft.fit_excess(phi, raft.excess_fractures(phi, 7.5))[0] == pytest.approx(7.5)
 
 
+def write_raft(path, seed=1, **options):
+    """A run folder with the force curve above and one frame of 4 rows of 5 droplets under random bond forces."""
+    options = {"rows": 4, "columns": 5, "small_fraction": 0.0, "small_radius": 0.765, "delta": 0.0, "tilt": 0.0,
+               "seed": seed, **options}
+    parameters = {name: {"value": value, "unit": "", "source": "default"} for name, value in options.items()}
+    path.mkdir(parents=True)
+    c = curve(n=20, extra_peak=options["small_fraction"] > 0)
+    rng = np.random.default_rng(seed)
+    row, column = np.divmod(np.arange(20), 5)
+    centres = np.c_[1.5 + row * np.sqrt(3), 2.0 * column + row % 2]
+    pairs = np.array([(i, j) for i in range(20) for j in range(i) if np.linalg.norm(centres[i] - centres[j]) < 2.01])
+    normal = (centres[pairs[:, 0]] - centres[pairs[:, 1]]) / 2
+    with h5py.File(path / "run.h5", "w") as file:
+        file.create_group("manifest").attrs.update({"scenario": "raft", "model": "bubble", "dim": 2,
+                                                    "options": json.dumps(parameters)})
+        for name, data in {"offset": np.arange(21, dtype=np.int32), "sigma": np.full(20, 2.0), "a0": np.full(20, np.pi),
+                           "l0": np.zeros(20), "mass": np.ones(20), "diameter": np.full(20, 2.0)}.items():
+            file[f"topology/{name}"] = data
+        file["geometry/segments"] = np.zeros((2, 4))
+        file["geometry"].attrs["kind"] = "raft"
+        for name, data in {"time": 1e4 * (c.distance[0] - c.distance), "wall_distance": c.distance,
+                           "fixed_wall_force": c.force, "moving_wall_force": c.force, "bonds": c.bonds}.items():
+            file[f"series/{name}"] = data
+        frame = file.create_group("frames/000000")
+        frame.attrs.update({"time": 0.0, "step": 0})
+        frame.update({"positions": centres, "velocities": 0 * centres, "centres": centres,
+                      "active": np.ones(20, np.uint8), "contact_count": np.zeros(20, np.int32),
+                      "wall_segments": [[0.5, -2, 0.5, 11], [7.7, -2, 7.7, 11]]})
+        for name, data in {"particles": pairs, "position": centres[pairs].mean(1), "normal": normal,
+                           "overlap": np.zeros(len(pairs)), "force": normal * rng.normal(size=(len(pairs), 1))}.items():
+            frame[f"contacts/{name}"] = data
+    (path / "summary.json").write_text(json.dumps({"status": "done", "d_eq": D_EQ, "h_eq": H_EQ, "k1": K1, "E1": E1,
+                                                   "parameters": parameters}))
+    return path
+
+
+def test_force_figure(call, tmp_path):  # noqa: F811
+    text = call("raft.py", write_raft(tmp_path / "run"), "-o", tmp_path / "a.png")
+    assert_picture(tmp_path / "a.png", colors=20)
+    assert "3 peaks, 3 negative ones" in text and "competing 0.00 of 2" in text
+    assert [line.split("|")[1].strip() for line in text.splitlines() if line.startswith("| ")] == ["rows", "4", "3", "2"]
+
+
+def test_snapshot_of_bonds(call, tmp_path):  # noqa: F811
+    import matplotlib.image
+    call("raft_snapshot.py", write_raft(tmp_path / "run"), "--frames", 0, "-o", tmp_path / "a.png")
+    assert_picture(tmp_path / "a.png")
+    red, _, blue = np.moveaxis(matplotlib.image.imread(tmp_path / "a.png")[..., :3], -1, 0)
+    assert (red - blue > 0.4).sum() > 100 and (blue - red > 0.4).sum() > 100
+
+
+def test_scaling_figure(call, tmp_path):  # noqa: F811
+    text = call("raft_scaling.py", write_raft(tmp_path / "run"), "-o", tmp_path / "a.png")
+    assert_picture(tmp_path / "a.png", colors=20)
+    assert "from 3 reductions of 1 runs" in text
+
+
+@pytest.mark.parametrize("figure", ["phi", "delta", "size", "aspect", "tilt"])
+def test_figures_of_fractures(figure, call, tmp_path):  # noqa: F811
+    for seed in (1, 2):
+        write_raft(tmp_path / f"runs/a{seed}", seed)
+        write_raft(tmp_path / f"runs/b{seed}", seed, small_fraction=0.25)
+    text = call("raft_fractures.py", figure, tmp_path / "runs", "-o", tmp_path / "a.png")
+    assert_picture(tmp_path / "a.png", colors=10)
+    assert text.count("| 2 ") == 2  # two settings of two seeds
+    if figure == "phi":
+        # three excess peaks at phi = 1/4: a maximum of 3/(2 sqrt(3/16))
+        assert "peak of the excess 3.46" in text
+
+
 def test_other_runs_are_refused(soft):
-    from pliant import Run
     with pytest.raises(RunError, match="of scenario hopper, not of raft"):
         raft.Compression.of(Run(soft[0]))
