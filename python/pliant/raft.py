@@ -3,8 +3,8 @@
 The rules (docs/raft.md explains them):
 
 - Force F: the mean of the forces on both walls, positive where the raft pushes. D: their distance.
-- A peak is one of scipy.signal.find_peaks(F) with a prominence of at least 0.1 sqrt(2 k1 E1), the force that breaks one
-  bond through one spring [T 2.31]; a negative peak is one of -F. k1 and E1 are the model's, from summary.json.
+- A peak is one of scipy.signal.find_peaks(F) with a height and a prominence of at least 0.1 sqrt(2 k1 E1), the force that
+  breaks one bond through one spring [T 2.31]; a negative peak is one of -F. k1 and E1 are the model's, from summary.json.
 - p rows rest at D_p = 2 h_eq + (p-1) (sqrt(3)/2) d_eq. The reduction from p to p-1 rows is what happens at
   D_p >= D > D_(p-1). Its F_max is the highest force there, its F_min the lowest one after that.
 - k_eq: slope of the straight line through the samples on the last rise before F_max, from F = 0 to F_max/2.
@@ -22,8 +22,8 @@ from scipy.signal import find_peaks
 
 from .errors import RunError
 
-#: Least prominence of a peak over sqrt(2 k1 E1).
-PROMINENCE = 0.1
+#: Least height and prominence of a peak over sqrt(2 k1 E1).
+LEAST_PEAK = 0.1
 #: Bonds that the ends of the rows of a whole raft may lack.
 LOOSE_ENDS = 4
 
@@ -72,13 +72,10 @@ class Compression:
         """D_p, at which so many rows rest between the walls."""
         return 2 * self.h_eq + (rows - 1) * np.sqrt(3) / 2 * self.d_eq
 
-    @property
-    def prominence(self):
-        return PROMINENCE * np.sqrt(2 * self.k1 * self.E1)
-
     def peaks(self, sign=1):
         """Numbers of the samples at the peaks, or with sign = -1 at the negative ones."""
-        return find_peaks(sign * self.force, prominence=self.prominence)[0]
+        least = LEAST_PEAK * np.sqrt(2 * self.k1 * self.E1)
+        return find_peaks(sign * self.force, height=least, prominence=least)[0]
 
     def rise(self, top):
         """Slice of the samples of the last rise before sample `top`, from F = 0 to half of F[top]."""

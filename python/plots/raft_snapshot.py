@@ -30,7 +30,7 @@ def draw(axes, run, frame, largest, box):
     axes.add_collection(LineCollection(ends, colors=np.where(push < 0, TENSION, COMPRESSION),
                                        linewidths=0.4 + 3 * np.minimum(np.abs(push) / largest, 1), zorder=2))
     axes.add_collection(LineCollection(frame.wall_segments.reshape(-1, 2, 2), colors=plotting.WALL, linewidths=2.5))
-    axes.set(xlim=box[:2], ylim=box[2:], aspect="equal", title=f"$t = {frame.time:.4g}$")
+    axes.set(xlim=box[:2], ylim=box[2:], aspect="equal", title=f"$t = {frame.time:.0f}$")
     axes.axis("off")
 
 

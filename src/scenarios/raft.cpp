@@ -69,7 +69,7 @@ struct Raft {
   explicit Raft(const RaftOptions& p)
       : pair(droplets_at_rest(p.model_parameters(), 1, 1)),
         wall(droplet_at_wall(p.model_parameters(), 1)),
-        radii(draw_radii(p.radii, p.n, static_cast<std::uint64_t>(p.seed))),
+        radii(draw_radii(p.radii, p.droplets(), static_cast<std::uint64_t>(p.seed))),
         places(raft_places(p, radii, pair.distance)) {
     const bool compression = p.motion == WallMotion::compression;
     slope = std::tan(p.tilt * pi / 180);
@@ -119,8 +119,9 @@ class RaftRun final : public DropletRun {
  protected:
   std::string title() const override {
     return fmt::format("raft: {} droplets, {} rows, {} columns, {}; walls from {:.4g} to {:.4g} R apart at {:g} R/t0",
-                       p_.n, p_.rows, p_.columns, p_.lattice == RaftLattice::hexagonal ? "hexagonal" : "disordered",
-                       raft_.start, raft_.end, std::abs(raft_.velocity));
+                       p_.droplets(), p_.rows, p_.columns,
+                       p_.lattice == RaftLattice::hexagonal ? "hexagonal" : "disordered", raft_.start, raft_.end,
+                       std::abs(raft_.velocity));
   }
 
   Real last_time() const override { return std::min(p_.t_end.value_or(time_of_end()), time_of_end()); }

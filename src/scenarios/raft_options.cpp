@@ -62,8 +62,7 @@ void RaftOptions::bind(Options& o) {
 void RaftOptions::resolve() {
   if (!restart.empty()) output = restart;
   const Index full = rows * columns, alternate = full - rows / 2;
-  if (n == 0) n = full;
-  if (lattice == RaftLattice::hexagonal && n != full && (n != alternate || columns == 1))
+  if (lattice == RaftLattice::hexagonal && droplets() != full && (droplets() != alternate || columns == 1))
     throw InputError(
         "-n {}: a hexagonal raft of {} rows and {} columns has {} droplets{}; leave -n out or change them", n, rows,
         columns, full,

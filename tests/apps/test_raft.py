@@ -13,7 +13,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "python"))
 
 from pliant import Run, raft as analysis  # noqa: E402
 
-# Two droplets at the fixed wall, one at the other; ten times as fast as in the thesis.
+# Two droplets at the fixed wall, one at the other; mostly ten times as fast as in the thesis.
 THREE = {"rows": 2, "columns": 2, "n": 3, "delta": 0, "v_wall": 1e-3, "sample_interval": 0.5, "frame_interval": 200,
          "end_distance": 3.55}
 RK4 = {"ts_type": "rk", "ts_rk_type": 4, "ts_adapt_type": "none", "dt": 0.1}
@@ -26,28 +26,31 @@ def compress(folder, **options):
 
 
 def test_three_droplets(tmp_path):
-    run = compress(tmp_path / "run")
+    """[T Fig. 2.3] at the thesis' speed."""
+    run = compress(tmp_path / "run", v_wall=1e-4, end_distance=1.99, sample_interval=5, frame_interval=2000)
     curve = analysis.Compression.of(Run(tmp_path / "run"))
-    # Springs in series and a bond across [T 2.30]; faster walls add friction, which lowers neither by much.
+    # Springs in series and a bond across: 3.152 [T 2.30].
     slope, _ = curve.stiffness_at_zero()
-    assert slope == pytest.approx(3.15, rel=0.02)
-    assert curve.force.max() == pytest.approx(0.110, abs=0.002)
-    assert curve.distance[curve.force.argmax()] == pytest.approx(3.68, abs=0.02)
-    # Attraction pulls the walls in, before and after.
-    assert curve.force.min() < -0.05
-    # At rest on both sides the forces on the walls differ by the drag alone.
-    assert np.abs(run.series["fixed_wall_force"] - run.series["moving_wall_force"]).max() < 0.02
+    assert slope == pytest.approx(3.152, rel=0.003)
+    peak = curve.force.argmax()
+    assert curve.force[peak] == pytest.approx(0.110, abs=0.002)
+    assert curve.distance[peak] == pytest.approx(3.677, abs=0.002)
+    # Attraction pulls the walls in before; at rest the forces on them differ by the droplets' drag alone.
+    assert curve.force[:peak].min() < -0.07
+    assert np.median(np.abs(run.series["fixed_wall_force"] - run.series["moving_wall_force"])) < 3e-4
+    (reduction,) = curve.reductions().itertuples()
+    assert reduction.rows == 2 and reduction.sample == peak and reduction.missing_bonds == 0
     with h5py.File(tmp_path / "run/run.h5") as file:
         events = {name: values[()] for name, values in file["events"].items()}
     broken = events["broken"] == 1
     assert broken.sum() == run.summary["broken"] == 1
     assert sorted(events["particles"][broken][0]) == [0, 1]
-    assert events["wall_distance"][broken][0] == pytest.approx(curve.distance[curve.force.argmax()], abs=0.1)
+    assert events["wall_distance"][broken][0] == pytest.approx(3.6725, abs=0.001)
 
 
-@pytest.mark.parametrize("options, closed", [({}, 1e-6), ({"ts_atol": 1e-8}, 1e-8), (RK4, 1e-6)])
+@pytest.mark.parametrize("options, closed", [({}, 3e-7), ({"ts_atol": 1e-6}, 3e-5), ({"ts_atol": 1e-10}, 3e-9), (RK4, 1e-5)])
 def test_energy_budget(options, closed, tmp_path):
-    """Work of the walls = stored + dissipated, to the integrator's error."""
+    """Work of the walls = stored + dissipated, to the integrator's error: some ten times the tolerance of a step."""
     run = compress(tmp_path / "run", rows=3, columns=3, n=0, delta=0.01, end_distance=4.6, v_wall=2e-3, **options)
     series = run.series
     assert series["work"][-1] - series["dissipated"][-1] == pytest.approx(series["energy"][-1] - series["energy"][0],
@@ -70,8 +73,9 @@ def test_stopped_and_continued(tmp_path):
     command = {**THREE, **options, "output": tmp_path / "parts", "max_wall_time": whole.summary["wall_seconds"] / 4}
     codes = [75]
     while codes[-1] == 75 and len(codes) < 100:
-        codes.append(pliant("raft", **command).returncode)
-    assert codes[-1] == 0 and len(codes) > 2
+        result = pliant("raft", **command)
+        codes.append(result.returncode)
+    assert codes[-1] == 0 and len(codes) > 2, result.stderr
     assert_same_runs(whole, Results(tmp_path / "parts"))
     with h5py.File(tmp_path / "whole/run.h5") as one, h5py.File(tmp_path / "parts/run.h5") as other:
         assert len(one["events/time"]) > 0
@@ -82,8 +86,9 @@ def test_stopped_and_continued(tmp_path):
 def test_extension_breaks_the_raft(tmp_path):
     run = compress(tmp_path / "run", motion="extension", rows=3, columns=3, n=0, v_wall=2e-3, end_distance=6.5)
     force = run.series["moving_wall_force"]
-    # At rest at first, but for the spread of the radii; then tension, until it is torn.
-    assert abs(force[0]) < 1e-3 and force.min() < -0.05 and abs(force[-1]) < 1e-3
+    # At rest at first; then tension, until it is torn, and the drag of the droplets that stay at the moving wall.
+    assert abs(force[0]) < 1e-9 and force.min() < -0.1
+    assert force[-1] == pytest.approx(-2e-3 * run.series["moving_wall_bonds"][-1], rel=0.01)
     assert run.series["rows"][0] == 3 and run.series["rows"][-1] == 0
     assert run.summary["ended_by"] == "end_distance"
     assert np.abs(run.series["budget_error"]).max() < 1e-6
@@ -113,7 +118,7 @@ def test_count_of_rows_and_end(tmp_path):
     ({"ts_type": "verlet"}, "motion with inertia"),
     ({"mobility_ksp_typo": 1}, "mobility_ksp_typo"),
     ({"hopper_width": 3}, "hopper_width"),
-    ({"start_distance": 1, "end_distance": 0.5}, "have run into"),
+    ({"start_distance": 1, "end_distance": 0.5}, "has run into wall 0"),
 ])
 def test_bad_input(options, message, tmp_path):
     result = pliant("raft", **{**THREE, "output": tmp_path / "run", **options})

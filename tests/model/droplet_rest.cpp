@@ -14,11 +14,11 @@ using namespace pliant::test;
 TEST_CASE("droplets rest where the thesis says") {
   const ModelParameters standard;
   const DropletRest pair = droplets_at_rest(standard, 1, 1), wall = droplet_at_wall(standard, 1);
-  CHECK(pair.distance == Approx(1.993).margin(5e-4));   // [T 2.16]
-  CHECK(pair.stiffness == Approx(4.69).margin(5e-3));   // [T 2.18]
-  CHECK(pair.energy == Approx(0.00173).margin(5e-6));   // [T 2.23]
-  CHECK(wall.stiffness == Approx(9.54).margin(5e-3));   // [T 2.24] prints 9.57, from an expansion
-  CHECK(wall.energy == Approx(0.00340).margin(2e-5));   // [T 2.25]
+  CHECK(pair.distance == Approx(1.993).margin(5e-4));  // [T 2.16]
+  CHECK(pair.stiffness == Approx(4.69).margin(5e-3));  // [T 2.18]
+  CHECK(pair.energy == Approx(0.00173).margin(5e-6));  // [T 2.23]
+  CHECK(wall.stiffness == Approx(9.54).margin(5e-3));  // [T 2.24] prints 9.57, from an expansion
+  CHECK(wall.energy == Approx(0.00340).margin(2e-5));  // [T 2.25]
 }
 
 TEST_CASE("rest is a minimum of the model's energy") {

@@ -33,7 +33,7 @@ TEST_CASE("a hexagonal raft has p rows of q droplets") {
   p.rows = 5;
   p.columns = 4;
   p.resolve();
-  REQUIRE(p.n == 20);
+  REQUIRE(p.droplets() == 20);
   const Real d = 1.99;
   const std::vector<Real> radii(20, 1), x = raft_places(p, radii, d);
   REQUIRE(x.size() == 40);
@@ -68,7 +68,7 @@ TEST_CASE("a disordered raft is dense and has no overlaps") {
   p.lattice = RaftLattice::disordered;
   p.radii = {.deviation = 1e-3, .small_fraction = 0.5, .small = 0.765};
   p.resolve();
-  const std::vector<Real> radii = draw_radii(p.radii, p.n, 3), x = raft_places(p, radii, 1.99);
+  const std::vector<Real> radii = draw_radii(p.radii, p.droplets(), 3), x = raft_places(p, radii, 1.99);
   CHECK(pairs_within(x, radii, 1.99, 1 - 1e-6).empty());
   // Each but the first touches at least one before it, most two.
   CHECK(pairs_within(x, radii, 1.99, 1 + 1e-6).size() >= 60);

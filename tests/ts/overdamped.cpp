@@ -146,6 +146,20 @@ TEST_CASE("the solver starts from the velocities before") {
   CHECK(system.last() == again);
 }
 
+TEST_CASE("velocities before that are far from those now do no harm") {
+  const PetscOptionScope none("");
+  Configuration<2> c;
+  for (const Real x : {0.0, 2.05, 4.1, 6.15}) c.add_droplet(1, {x, 0});
+  const Real force = GENERATE(0.0, 1e-14);
+  OverdampedSystem<2> system(c.topology, {},
+                             make_force_field<2>(ModelKind::bubble, {.phi_c = 0}, pliant::Vec<2>(0, force)),
+                             neighbour_needs(ModelKind::bubble), 0.2, standard);
+  std::vector<Real> v(8);
+  system.set_last({1, 2, -3, 4, 5, -6, 7, 8});
+  system.rate(0, c.x.data(), v.data());
+  for (Index i = 0; i < 4; ++i) CHECK(v[2 * i + 1] == Approx(force * c.topology.mass(i)).epsilon(1e-9).margin(1e-40));
+}
+
 TEST_CASE("the lagged form tends to the balance, the printed mean does not") {
   const PetscOptionScope none("");
   Random random(4);
