@@ -146,8 +146,10 @@ def arguments(options, base):
 
 
 def environment(**changes):
-    # Open MPI otherwise starts a daemon beside every process that mpiexec has not started.
-    return {"OMPI_MCA_ess_singleton_isolated": "1"} | os.environ | changes
+    # Open MPI otherwise starts a daemon beside every process that mpiexec has not started; without one, workers would
+    # share a session folder, and one removes what another is about to use.
+    alone = {"OMPI_MCA_ess_singleton_isolated": "1", "OMPI_MCA_orte_create_session_dirs": "0"}
+    return alone | os.environ | changes
 
 
 class _Job:

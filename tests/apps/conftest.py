@@ -11,8 +11,11 @@ import h5py
 import numpy as np
 
 
-# Open MPI otherwise starts a daemon with every run, which takes longer than most runs here.
-os.environ.setdefault("OMPI_MCA_ess_singleton_isolated", "1")
+# Open MPI otherwise starts a daemon with every run, which takes longer than most runs here; without one, programs that
+# run at the same time would share a session folder, and one removes what another is about to use.
+WITHOUT_MPIEXEC = {"OMPI_MCA_ess_singleton_isolated": "1", "OMPI_MCA_orte_create_session_dirs": "0"}
+for _name, _value in WITHOUT_MPIEXEC.items():
+    os.environ.setdefault(_name, _value)
 
 PROGRAM = os.environ.get("PLIANT_PROGRAM", "pliant")
 # A small hopper that flows at once: 60 particles, a few milliseconds per t0.

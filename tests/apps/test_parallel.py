@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import PROGRAM, SMALL, Results, arguments, assert_same_runs, hopper, pliant, wait_for
+from conftest import (PROGRAM, SMALL, WITHOUT_MPIEXEC, Results, arguments, assert_same_runs, hopper, pliant,
+                      wait_for)
 
 needs_mpi = pytest.mark.skipif(shutil.which("mpiexec") is None, reason="no mpiexec")
 CASES = Path(__file__).parent.parent / "data/evaluate"
@@ -28,11 +29,11 @@ KINDS = {
 
 def mpi_environment():
     """Open MPI: as root, with more ranks than free cores, and without a second's wait for the others where one rank ends
-    with a code; the setting for runs without mpiexec stays out."""
+    with a code; the settings for runs without mpiexec stay out."""
     names = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
              "OMPI_MCA_rmaps_base_oversubscribe": "1", "OMPI_MCA_mpi_yield_when_idle": "1",
              "OMPI_MCA_odls_base_sigkill_timeout": "0"}
-    return {name: value for name, value in os.environ.items() if name != "OMPI_MCA_ess_singleton_isolated"} | names
+    return {name: value for name, value in os.environ.items() if name not in WITHOUT_MPIEXEC} | names
 
 
 def start_ranks(ranks, *command, **options):
