@@ -7,6 +7,8 @@ The rules (docs/raft.md explains them):
   breaks one bond through one spring [T 2.31]; a negative peak is one of -F. k1 and E1 are the model's, from summary.json.
 - p rows rest at D_p = 2 h_eq + (p-1) (sqrt(3)/2) d_eq. The reduction from p to p-1 rows is what happens at
   D_p >= D > D_(p-1). Its F_max is the highest force there, its F_min the lowest one after that.
+- The stiffness at zero is the slope of the straight line through the samples with |F| < F_1/10 around the last F = 0 before
+  the first peak, F_1; at least three samples.
 - k_eq: slope of the straight line through the samples on the last rise before F_max, from F = 0 to F_max/2.
 - A reduction is competing if the raft that it leaves is not whole: if at no time between D_(p-1) + 0.1 and D_(p-1) - 0.02
   it has more than N - p' + (p' - 1)(2 N/p' - 1) - 4 bonds, p' = p - 1: those of a hexagonal raft of p' rows, but for 4
@@ -31,11 +33,6 @@ LOOSE_ENDS = 4
 def ideal_bonds(n, rows):
     """Bonds of a hexagonal raft of n droplets in rows of n/rows each."""
     return n - rows + (rows - 1) * (2 * n / rows - 1)
-
-
-def predicted_peak(n, rows, k1, E1):
-    """F_max of the reduction from `rows` rows [T 2.37]."""
-    return 2 * n * np.sqrt(k1 * E1 / (rows**3 + rows**2))
 
 
 def excess_fractures(phi, peak):
@@ -94,19 +91,18 @@ class Compression:
         return slope, float(np.sqrt(covariance[0, 0] * (residual @ residual) / (len(x) - 2)))
 
     def stiffness_at_zero(self, reach=0.1):
-        """Slope of F where it first rises through 0 for good, from the samples with |F| < reach · (first F_max)."""
-        reductions = self.reductions()
-        if not len(reductions):
+        """(Slope, its standard error) of F at the last F = 0 before the first peak, from the samples around it with
+        |F| < reach · peak, at least three; NaN without a peak."""
+        peaks = self.peaks()
+        if not len(peaks):
             return np.nan, np.nan
-        top = int(reductions["sample"].iloc[0])
+        top = peaks[0]
         zero = self.rise(top).start
-        near = np.abs(self.force) < reach * self.force[top]
-        first, last = zero, zero
-        while first > 0 and near[first - 1]:
-            first -= 1
-        while last < top and near[last + 1]:
-            last += 1
-        return self.slope(slice(first, last + 1))
+        far = np.abs(self.force[:top + 1]) >= reach * self.force[top]
+        before = np.flatnonzero(far[:zero])
+        first = max(min(before[-1] + 1, zero - 1), 0) if len(before) else 0
+        end = zero + 1 + int(np.argmax(far[zero + 1:]))
+        return self.slope(slice(first, max(end, first + 3)))
 
     def reductions(self):
         """DataFrame, one row per reduction that the run has completed: rows (p), columns (N/p), x = q/(p+1), k_eq,

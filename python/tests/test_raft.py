@@ -60,6 +60,23 @@ def test_noise_and_the_slope():
         assert 0 < row.k_error < 0.05 * row.k_eq
 
 
+@pytest.mark.parametrize("stride", [1, 100, 200])
+def test_stiffness_at_zero(stride):
+    """With few samples, too, and of a run that ends after the first peak."""
+    whole = curve()
+    until = int(np.argmax(whole.distance < whole.rest_distance(4) - 0.4))
+    distance, force, bonds = (a[:until:stride] for a in (whole.distance, whole.force, whole.bonds))
+    part = raft.Compression(distance, force, bonds, 20, 4, D_EQ, H_EQ, K1, E1)
+    assert not len(part.reductions())
+    assert part.stiffness_at_zero()[0] == pytest.approx(K1 * 20 / 4 / 5, rel=1e-3)
+
+
+def test_no_stiffness_without_a_peak():
+    rising = np.linspace(-0.05, 0.2, 50)
+    part = raft.Compression(5 - rising, rising, np.full(50, 30), 20, 4, D_EQ, H_EQ, K1, E1)
+    assert np.isnan(part.stiffness_at_zero()).all()
+
+
 def test_competing_fractures():
     table = curve(missing={4: 6, 3: 3, 2: 9}).reductions()
     assert list(table["competing"]) == [True, False, None]
@@ -77,7 +94,6 @@ def test_a_run_that_ends_early_has_fewer_reductions():
 def test_laws():
     assert raft.ideal_bonds(20, 4) == 4 * 4 + 3 * 9  # 4 rows of 5
     assert raft.ideal_bonds(7, 1) == 6
-    assert raft.predicted_peak(20, 4, 4.7, 0.0017) == pytest.approx(40 * np.sqrt(4.7 * 0.0017 / 80))
     phi = np.array([0.1, 0.25, 0.5, 0.9])
     assert raft.fit_excess(phi, raft.excess_fractures(phi, 7.5))[0] == pytest.approx(7.5)
 
