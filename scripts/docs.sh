@@ -13,7 +13,7 @@ program=${1:-$build/apps/pliant}
 page=$root/docs/options.md
 [[ -x $program ]] || die "$program is not there; build it first (scripts/build.sh), or name another program"
 
-reference=$("$program" hopper -help_markdown)
+hopper=$("$program" hopper -help_markdown)
 raft=$("$program" raft -help_markdown)
 text="<!-- Made by scripts/docs.sh from the program; edit the options in src/scenarios/*_options.cpp instead. -->
 
@@ -28,7 +28,7 @@ Options come from the command line (\`-name value\`) and from files (\`-options_
 order, then the command line; the last setting of an option wins. \`-help\` and \`-version\` print and stop. Options that
 begin like PETSc's own (\`-ts_…\`, \`-log_view\`, …) go to PETSc; one that nothing reads is an error.
 
-$reference
+$hopper
 
 # Options of \`pliant raft\`
 
