@@ -204,8 +204,9 @@ def test_a_signal_to_one_rank_stops_all(tmp_path):
     ("hopper", {"zetta": 1}, 2, "zetta"),
     ("hopper", {**SMALL, "output": "{folder}/file/run"}, 4, "file/run"),
     ("hopper", {"restart": "{folder}/nothing"}, 2, "nothing"),
+    ("raft", {"output": "{folder}/run"}, 2, "one rank"),
     ("evaluate nothing.json", {}, 2, "nothing.json"),
-], ids=["option", "output", "restart", "case"])
+], ids=["option", "output", "restart", "raft", "case"])
 def test_errors_end_all_ranks(command, options, code, word, tmp_path):
     (tmp_path / "file").write_text("")
     asked = {name: value.format(folder=tmp_path) if isinstance(value, str) else value

@@ -7,7 +7,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from conftest import Results, assert_same_runs, pliant
+from conftest import Results, assert_same_runs, end, pliant, start, wait_for
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "python"))
 
@@ -16,6 +16,7 @@ from pliant import Run, raft as analysis  # noqa: E402
 # Two droplets at the fixed wall, one at the other; mostly ten times as fast as in the thesis.
 THREE = {"rows": 2, "columns": 2, "n": 3, "delta": 0, "v_wall": 1e-3, "sample_interval": 0.5, "frame_interval": 200,
          "end_distance": 3.55}
+LONGER = {"rows": 3, "columns": 4, "n": 0, "end_distance": 5.0, "v_wall": 5e-4, "frame_interval": 100}
 RK4 = {"ts_type": "rk", "ts_rk_type": 4, "ts_adapt_type": "none", "dt": 0.1}
 
 
@@ -48,9 +49,13 @@ def test_three_droplets(tmp_path):
     assert events["wall_distance"][broken][0] == pytest.approx(3.6725, abs=0.001)
 
 
-@pytest.mark.parametrize("options, closed", [({}, 3e-7), ({"ts_atol": 1e-6}, 3e-5), ({"ts_atol": 1e-10}, 3e-9), (RK4, 1e-5)])
-def test_energy_budget(options, closed, tmp_path):
-    """Work of the walls = stored + dissipated, to the integrator's error: some ten times the tolerance of a step."""
+@pytest.mark.parametrize("options, tolerance", [({}, 1e-8), ({"ts_atol": 1e-6}, 1e-6), ({"ts_atol": 1e-10}, 1e-10),
+                                                (RK4, 4e-7)])
+def test_energy_budget(options, tolerance, tmp_path):
+    """Work of the walls = stored + dissipated, to the integrator's error. Work and dissipation keep the error of every
+    step, at most the tolerance, which few steps reach: those at which bonds break. Thirty of them are allowed. RK4 does
+    not look: there it is the velocities' jump of v_wall in the middle of a step, b v_wall² dt."""
+    closed = 30 * tolerance
     run = compress(tmp_path / "run", rows=3, columns=3, n=0, delta=0.01, end_distance=4.6, v_wall=2e-3, **options)
     series = run.series
     assert series["work"][-1] - series["dissipated"][-1] == pytest.approx(series["energy"][-1] - series["energy"][0],
@@ -68,7 +73,8 @@ def test_lagged_velocities_do_not_close_the_budget(tmp_path):
 
 
 def test_stopped_and_continued(tmp_path):
-    options = {**RK4, "rows": 3, "columns": 4, "n": 0, "end_distance": 5.0, "v_wall": 5e-4, "frame_interval": 100}
+    """With fixed steps bit for bit."""
+    options = {**LONGER, **RK4}
     whole = compress(tmp_path / "whole", **options)
     command = {**THREE, **options, "output": tmp_path / "parts", "max_wall_time": whole.summary["wall_seconds"] / 4}
     codes = [75]
@@ -83,10 +89,31 @@ def test_stopped_and_continued(tmp_path):
             assert np.array_equal(one["events"][name][()], other["events"][name][()])
 
 
+def test_stopped_by_a_signal_and_continued(tmp_path):
+    """With steps that adapt themselves within the tolerance: 1e-8 for a position, with the same allowance as for the energy
+    budget. Radii differ, as how a symmetric raft breaks depends on the last bit."""
+    options = {**LONGER, "delta": 0.01}
+    whole = compress(tmp_path / "whole", **options)
+    command = {**THREE, **options, "output": tmp_path / "parts"}
+    process = start("raft", **command)
+    wait_for((tmp_path / "parts/run.h5").exists, process)
+    code, _, errors = end(process)
+    assert code == 75, errors
+    result = pliant("raft", **command, max_wall_time=whole.summary["wall_seconds"] / 2)
+    assert result.returncode in (0, 75) and "continuing at t" in result.stdout, result.stderr
+    if result.returncode == 75:
+        result = pliant("raft", **command)
+        assert result.returncode == 0 and "continuing at t" in result.stdout, result.stderr
+    parts = Results(tmp_path / "parts")
+    for name in ("time", "work", "dissipated", "energy", "broken", "formed", "wall_distance"):
+        assert parts.series[name][-1] == pytest.approx(whole.series[name][-1], abs=3e-7), name
+    assert np.allclose(whole.frames[-1]["positions"], parts.frames[-1]["positions"], rtol=0, atol=3e-7)
+
+
 def test_extension_breaks_the_raft(tmp_path):
     run = compress(tmp_path / "run", motion="extension", rows=3, columns=3, n=0, v_wall=2e-3, end_distance=6.5)
     force = run.series["moving_wall_force"]
-    # At rest at first; then tension, until it is torn, and the drag of the droplets that stay at the moving wall.
+    # At rest at first; then tension, until it is torn. What is left is the drag of the droplets that the wall takes along.
     assert abs(force[0]) < 1e-9 and force.min() < -0.1
     assert force[-1] == pytest.approx(-2e-3 * run.series["moving_wall_bonds"][-1], rel=0.01)
     assert run.series["rows"][0] == 3 and run.series["rows"][-1] == 0
