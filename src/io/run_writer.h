@@ -60,7 +60,7 @@ struct Frame {
   std::span<const Index> contact_count;         ///< [N]
   std::span<const Real> area, perimeter;        ///< [N], or empty
   std::span<const Real> wall_force;             ///< [S, D]
-  std::span<const Real> wall_segments = {};  ///< [S, 4] where the walls are now, or empty: as in the geometry
+  std::span<const Real> wall_segments = {};     ///< [S, 4] where the walls are now, or empty: as in the geometry
   FrameContacts contacts;
 };
 

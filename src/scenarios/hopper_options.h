@@ -8,8 +8,8 @@
 #include <pliant/model/catalogue.h>
 #include <pliant/scenarios/packing.h>
 #include <pliant/scenarios/particles.h>
-#include <pliant/ts/jacobian.h>
 #include <pliant/scenarios/run_options.h>
+#include <pliant/ts/jacobian.h>
 
 namespace pliant {
 

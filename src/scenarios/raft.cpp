@@ -143,6 +143,7 @@ class RaftRun final : public DropletRun {
   }
 
   std::vector<Real> wall_segments(Real t) const override {
+    // Before the run there is no state; the height is that of the places all the same.
     const std::span<const Real> x = t > 0 ? state().x().first(2 * raft_.radii.size()) : std::span(raft_.places);
     Real half = 2;
     for (std::size_t k = 1; k < x.size(); k += 2) half = std::max(half, std::abs(x[k]) + 2);
@@ -162,7 +163,7 @@ class RaftRun final : public DropletRun {
   }
 
   void measure(std::vector<SeriesValue>& row) override {
-    if (state().step == 0) bonds_ = find_bonds();
+    if (state().step == 0) bonds_ = find_bonds();  // those at the start are no events
     const StateView<2> s = view();
     const std::vector<Real> force = wall_forces();
     std::array<Real, 2> push{};
