@@ -28,11 +28,12 @@ Mobility<D>::Mobility(const MobilityOptions& options, const Ranks& ranks)
   KSP ksp = solver_->ksp;
   PC pc = nullptr;
   petsc_check(KSPSetOptionsPrefix(ksp, "mobility_"));
-  petsc_check(KSPSetType(ksp, KSPCG));
+  // The neighbours stay the same for many evaluations, and a factor of B with them.
+  petsc_check(KSPSetType(ksp, ranks.several() ? KSPCG : KSPPREONLY));
   // Forces may be as good as nothing beside the velocities before: no divergence.
   petsc_check(KSPSetTolerances(ksp, 1e-12, PETSC_DEFAULT, 1e100, PETSC_DEFAULT));
   petsc_check(KSPGetPC(ksp, &pc));
-  petsc_check(PCSetType(pc, ranks.several() ? PCBJACOBI : PCICC));
+  petsc_check(PCSetType(pc, ranks.several() ? PCBJACOBI : PCCHOLESKY));
   petsc_check(KSPSetFromOptions(ksp));
   PetscBool direct = PETSC_FALSE;  // then PETSc refuses a guess
   petsc_check(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(ksp), KSPPREONLY, &direct));

@@ -29,9 +29,10 @@ struct MobilityOptions {
 /// the neighbours (+ 1 for each wall in range), symmetric and positive definite. Its entries jump when pairs come into
 /// range or leave it, and velocities with them.
 ///
-/// PETSc solves it, one right-hand side per dimension, with CG and incomplete Cholesky (in blocks on several ranks) to
-/// a relative tolerance of 1e-12 unless -mobility_ksp_… and -mobility_pc_… say otherwise; -mobility_ksp_type preonly
-/// -mobility_pc_type cholesky is the direct solver, on one rank. The pattern is that of the lists.
+/// PETSc solves it, one right-hand side per dimension: on one rank by sparse Cholesky factors, made anew where
+/// neighbours have changed; on several by CG, preconditioned by incomplete Cholesky in blocks, to a relative tolerance
+/// of 1e-12. -mobility_ksp_… and -mobility_pc_… choose others, -mobility_ksp_type cg -mobility_pc_type icc for example.
+/// The pattern is that of the lists.
 template <int D>
 class Mobility {
  public:
@@ -46,7 +47,7 @@ class Mobility {
   void set_numbers(std::vector<Index> numbers);
 
   /// Writes v [owned points · D] for these forces [points · D]; inactive particles rest. v comes with the velocities
-  /// before, from which the solver starts; with lagged coupling those of s.v count, ghosts included.
+  /// before, from which an iterative solver starts; with lagged coupling those of s.v count, ghosts included.
   /// Errors: NumericalError where the solver fails.
   void solve(const StateView<D>& s, const Real* force, Real* v);
 
