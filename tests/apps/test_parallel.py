@@ -204,9 +204,8 @@ def test_a_signal_to_one_rank_stops_all(tmp_path):
     ("hopper", {"zetta": 1}, 2, "zetta"),
     ("hopper", {**SMALL, "output": "{folder}/file/run"}, 4, "file/run"),
     ("hopper", {"restart": "{folder}/nothing"}, 2, "nothing"),
-    ("raft", {"output": "{folder}/run"}, 2, "one rank"),
     ("evaluate nothing.json", {}, 2, "nothing.json"),
-], ids=["option", "output", "restart", "raft", "case"])
+], ids=["option", "output", "restart", "case"])
 def test_errors_end_all_ranks(command, options, code, word, tmp_path):
     (tmp_path / "file").write_text("")
     asked = {name: value.format(folder=tmp_path) if isinstance(value, str) else value
@@ -216,6 +215,13 @@ def test_errors_end_all_ranks(command, options, code, word, tmp_path):
     assert len(complaints(result)) == 1 and word in complaints(result)[0]
     one = pliant(*command.split(), **asked)
     assert one.returncode == code and complaints(one) == complaints(result)
+
+
+@needs_mpi
+def test_rafts_are_for_one_rank(tmp_path):
+    result = on_ranks(2, "raft", output=tmp_path / "run")
+    assert result.returncode == 2 and not (tmp_path / "run").exists()
+    assert len(complaints(result)) == 1 and "one rank" in complaints(result)[0]
 
 
 @needs_mpi
