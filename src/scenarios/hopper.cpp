@@ -8,6 +8,7 @@
 #include <numeric>
 
 #include <pliant/analysis/clog.h>
+#include <pliant/analysis/crossing.h>
 #include <pliant/analysis/flow_precision.h>
 #include <pliant/base/log.h>
 #include <pliant/io/summary.h>
@@ -85,10 +86,10 @@ class HopperRun {
     check_fit(all_, p_.hopper);
     StopSignals signals;
     on_root([&] {
-      writer_.emplace(restarted_ ? RunWriter::append(p_.output, all_, restored_samples_, restored_frames_)
-                                 : RunWriter::create(p_.output,
-                                                     make_manifest("hopper", to_string(p_.model), D, p_.seed, options_),
-                                                     all_, geometry()));
+      writer_.emplace(
+          restarted_ ? RunWriter::append(p_.output, all_, restored_samples_, restored_frames_, restored_events_)
+                     : RunWriter::create(p_.output, make_manifest("hopper", to_string(p_.model), D, p_.seed, options_),
+                                         all_, geometry()));
       checkpoints_.emplace(p_.output);
       writer_->write_axis("profile_height", profile_heights());
       announce();
@@ -102,6 +103,7 @@ class HopperRun {
       }
       cpu_at_start_ = control_.cpu_seconds();
       started_at_ = state_.t;
+      see_all();
       const LogScope log(LogStage::run);
       if (outcome_ == Outcome::done)
         integrator_->run(system_, state_, *p_.t_end, fresh_, [this](State& s) { return after_step(s); });
@@ -170,12 +172,18 @@ class HopperRun {
     system_.take(all_.select(ids));
     counted_.assign(ids.size(), 0);
     reinserted_.assign(ids.size(), 0);
+    seen_.assign(ids.size(), {});
+  }
+
+  void see_all() {
+    for (Index m = 0; m < system_.topology().owned(); ++m) seen_[m] = sight(state_, m);
   }
 
   void tidy(State& s) {
     const Migration migration = system_.tidy(s);
     migration.move(counted_);
     migration.move(reinserted_);
+    migration.move(seen_);
   }
 
   /// The rule for an early end is a function of the samples: a restart shows it the stored ones again. If the last one
@@ -236,12 +244,15 @@ class HopperRun {
     }
     std::vector<Leaving> leaving;
     for (const Index m : watched_) {
-      const Real h = height(s, m);
+      const Sighting<D> now = sight(s, m);
+      const Real h = now.x[D - 1];
       if (!counted_[m] && h < 0) {
         counted_[m] = 1;
         ++flow_.crossed;
         flow_.area += topology.a0[m];
+        crossings_.push_back({topology.id[m], on_the_line(seen_[m], now)});
       }
+      seen_[m] = now;
       if (h < -2 * largest_ && topology.active[m])
         leaving.push_back({topology.id[m], ranks_.rank(), m, reinserted_[m]});
     }
@@ -269,8 +280,30 @@ class HopperRun {
 
   Real height(const State& s, Index m) const { return mean_of_points<D>(s.x().data(), system_.topology(), m)[D - 1]; }
 
+  Sighting<D> sight(const State& s, Index m) const {
+    Sighting<D> now{s.t, {}, {}};
+    const Vec<D> x = mean_of_points<D>(s.x().data(), system_.topology(), m),
+                 v = mean_of_points<D>(s.v().data(), system_.topology(), m);
+    std::copy(x.begin(), x.end(), now.x.begin());
+    std::copy(v.begin(), v.end(), now.v.begin());
+    return now;
+  }
+
+  /// Crossings of all ranks since the last call become events.
+  void record_crossings() {
+    std::vector<Crossing> all = ranks_.all_gather(std::exchange(crossings_, {}));
+    std::sort(all.begin(), all.end(),
+              [](const Crossing& a, const Crossing& b) { return std::pair(a.at.t, a.id) < std::pair(b.at.t, b.id); });
+    on_root([&] {
+      for (const Crossing& c : all)
+        writer_->add_event(std::array<SeriesValue, 4>{
+            {{"time", c.at.t}, {"particle", static_cast<Real>(c.id)}, {"position", c.at.x}, {"velocity", c.at.v}}});
+    });
+  }
+
   void sample(const State& s) {
     const LogScope log(LogEvent::sample);
+    record_crossings();
     while (next_sample_ * p_.sample_interval * (1 - 1e-12) <= s.t) ++next_sample_;
     last_sample_at_ = s.t;
     last_sample_ = take_sample<D>(system_, s, p_.hopper, flow_, s.step > 0 ? integrator_->statistics().last_dt : dt_);
@@ -323,6 +356,7 @@ class HopperRun {
   /// Everything per particle or point is stored in the order of the ranks, and within a rank in its own order.
   void save(const State& s, bool changed) {
     const LogScope log(LogEvent::checkpoint);
+    record_crossings();
     const Topology& topology = system_.topology();
     on_root([&] {
       writer_->flush();
@@ -356,12 +390,13 @@ class HopperRun {
     on_root([&] {
       checkpoints_->add("numbers", std::array{crossed_area, clog_.state().quiet_since, last_sample_at_, last_frame_at_,
                                               next_dt(), system_.neighbours().skin(), cpu});
-      checkpoints_->add("counters", std::array{crossed, clog_.state().crossed, next_sample_, next_frame_,
-                                               static_cast<std::int64_t>(writer_->samples()),
-                                               static_cast<std::int64_t>(writer_->frames()), total.steps,
-                                               total.rejected, total.force_evaluations, packing_iterations_,
-                                               std::int64_t{changed}, system_.use().evaluations, system_.use().rebuilds,
-                                               list_rebuilds(), total.jacobian_evaluations, total.linear_iterations});
+      checkpoints_->add(
+          "counters",
+          std::array{crossed, clog_.state().crossed, next_sample_, next_frame_,
+                     static_cast<std::int64_t>(writer_->samples()), static_cast<std::int64_t>(writer_->frames()),
+                     total.steps, total.rejected, total.force_evaluations, packing_iterations_, std::int64_t{changed},
+                     system_.use().evaluations, system_.use().rebuilds, list_rebuilds(), total.jacobian_evaluations,
+                     total.linear_iterations, static_cast<std::int64_t>(writer_->events())});
       checkpoints_->add_text("scenario", "hopper");
       checkpoints_->add_text("options", options_.json().dump());
       checkpoints_->finish();
@@ -403,6 +438,7 @@ class HopperRun {
     next_frame_ = n.at(3);
     restored_samples_ = static_cast<std::uint64_t>(n.at(4));
     restored_frames_ = static_cast<std::uint64_t>(n.at(5));
+    restored_events_ = static_cast<std::uint64_t>(n.at(16));
     before_ = {.steps = n.at(6),
                .rejected = n.at(7),
                .force_evaluations = n.at(8),
@@ -630,6 +666,12 @@ class HopperRun {
   FlowCount flow_;
   std::vector<std::uint8_t> counted_;  ///< per own particle: has crossed since it was last put back
   std::vector<Index> reinserted_;      ///< times put back
+  std::vector<Sighting<D>> seen_;      ///< last sight of each; kept up to date for those that are watched
+  struct Crossing {
+    Index id;
+    Sighting<D> at;
+  };
+  std::vector<Crossing> crossings_;  ///< not recorded yet
   std::int64_t next_sample_ = 0, next_frame_ = 0, packing_iterations_ = 0;
   Real last_sample_at_ = -1, last_frame_at_ = -1;  ///< times
   State state_;
@@ -638,7 +680,7 @@ class HopperRun {
   Index points_ = 0;                  ///< of all particles
   Real critical_step_ = 0, dt_ = 0;
   bool restarted_ = false, fresh_ = true;
-  std::uint64_t restored_samples_ = 0, restored_frames_ = 0;
+  std::uint64_t restored_samples_ = 0, restored_frames_ = 0, restored_events_ = 0;
   IntegratorStatistics before_;  ///< of the runs before a restart
   Real cpu_before_ = 0, cpu_at_start_ = 0, started_at_ = 0;
   std::vector<Index> watched_;

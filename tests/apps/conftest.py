@@ -51,7 +51,7 @@ class Results:
 
     def __init__(self, folder):
         folder = Path(folder)
-        self.frames, self.series, self.topology = [], {}, {}
+        self.frames, self.series, self.events, self.topology = [], {}, {}, {}
         with h5py.File(folder / "run.h5") as file:
             for name in sorted(file["frames"]):
                 frame = {}
@@ -60,6 +60,7 @@ class Results:
                 frame.update(file["frames"][name].attrs)
                 self.frames.append(frame)
             self.series = {name: file["series"][name][()] for name in file["series"]}
+            self.events = {name: item[()] for name, item in file.get("events", {}).items()}
             self.topology = {name: item[()] for name, item in file["topology"].items() if isinstance(item, h5py.Dataset)}
             self.geometry = {"segments": file["geometry/segments"][()], **file["geometry"].attrs}
         summary = folder / "summary.json"
@@ -91,6 +92,9 @@ def assert_same_runs(a, b):
     assert a.series.keys() == b.series.keys()
     for name in a.series:
         assert same(a.series[name], b.series[name]), f"series {name}"
+    assert a.events.keys() == b.events.keys()
+    for name in a.events:
+        assert same(a.events[name], b.events[name]), f"events {name}"
     assert a.counters() == b.counters()
 
 

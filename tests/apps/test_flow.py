@@ -33,12 +33,30 @@ def test_crossings_are_counted_once(options, tmp_path):
     np.testing.assert_allclose(results.series["crossed_area"], area, rtol=1e-12)
     assert results.summary["crossed_count"] == count[-1]
 
+    # Each crossing is an event, on the line and between the samples that count it.
+    events = results.events
+    assert (np.diff(events["time"]) >= 0).all()
+    assert np.array_equal(np.searchsorted(events["time"], time, side="right"), count)
+    assert np.abs(events["position"][:, -1]).max() < 1e-12 and (events["velocity"][:, -1] < 0).all()
+    assert results.topology["a0"][events["particle"].astype(int)].sum() == pytest.approx(area[-1], rel=1e-12)
+
     # Continuous flow: all stay, each above the line or on its way down.
     assert results.column("active").all()
     heights = results.column("centres")[:, :, -1]
     assert heights.min() > -2 * results.topology["sigma"].max() - 0.05
     assert np.array_equal(results.series["in_hopper"], (heights > 0).sum(axis=1))
     assert (np.diff(heights, axis=0) > 2).sum() > 5  # were put back
+
+
+def test_crossings_are_located_in_time(tmp_path):
+    """Steps of 0.02 t0 and of 5e-4 t0 see the first particles, which fall freely, cross at the same time."""
+    options = {"hopper_wall_distance": 6, "zeta": 0, "t_end": 1.5, "integrator": "ts", "ts_type": "rk", "ts_rk_type": "5dp"}
+    coarse = hopper(tmp_path / "coarse", **options, ts_rtol=1e-6, ts_atol=1e-6, sample_interval=1)
+    fine = hopper(tmp_path / "fine", **options, ts_rtol=1e-9, ts_atol=1e-9, sample_interval=1)
+    assert coarse.summary["steps"] < 0.6 * fine.summary["steps"]
+    assert len(fine.events["time"]) >= 2
+    for name in fine.events:
+        np.testing.assert_allclose(coarse.events[name], fine.events[name], rtol=0, atol=1e-4)
 
 
 def test_discharge_runs_empty(tmp_path):

@@ -78,6 +78,9 @@ def assert_near_runs(a, b, tolerance=1e-9):
     assert a.series.keys() == b.series.keys()
     for name in a.series:
         np.testing.assert_allclose(b.series[name], a.series[name], rtol=1e-8, atol=100 * tolerance, err_msg=name)
+    assert a.events.keys() == b.events.keys()
+    for name in a.events:
+        np.testing.assert_allclose(b.events[name], a.events[name], rtol=0, atol=100 * tolerance, err_msg=name)
     assert a.summary.keys() == b.summary.keys()
     for name in ("status", "particles", "t", "steps", "crossed_count", "packing_iterations", "integrator", "dt"):
         assert a.summary[name] == b.summary[name], name
