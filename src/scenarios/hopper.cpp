@@ -70,7 +70,7 @@ class HopperRun {
     points_ = all_.points();
     const CriticalStep critical = system_.field().critical_step(all_);
     critical_step_ = critical.least();
-    dt_ = p.dt.value_or(std::min({1e-3, 0.2 * critical.elastic, 0.5 * critical.damping}));
+    dt_ = p.dt.value_or(std::min({1e-3, p.elastic_fraction() * critical.elastic, 0.5 * critical.damping}));
     if (p.q_rtol > 0) precision_.emplace(p.q_rtol);
     if (!p.skin) system_.tune_skin();
     if (checkpoint) load(*checkpoint);

@@ -134,7 +134,8 @@ void HopperOptions::bind(Options& o) {
           .unit = "t0",
           .min = 0,
           .min_open = true,
-          .automatic = "0.2 of the elastic limit or 0.5 of the damping's, at most 1e-3",
+          .automatic = "0.35 of the elastic limit with friction, 0.4 with drag alone, 0.2 with neither; 0.5 of the "
+                       "damping's; at most 1e-3",
           .on_restart = fixed});
   o.bind("t_end", t_end,
          {.help = "end of the run", .unit = "t0", .min = 0, .automatic = "100; 10000 with -hopper_q_rtol"});
@@ -180,6 +181,8 @@ void HopperOptions::resolve() {
   if (!t_end) t_end = q_rtol > 0 ? 10000 : 100;
   if (!restart.empty()) output = restart;
 }
+
+Real HopperOptions::elastic_fraction() const { return mu > 0 ? 0.35 : zeta > 0 ? 0.4 : 0.2; }
 
 Real HopperOptions::first_skin() const {
   return skin.value_or(dim == 3 ? 0.2 : model == ModelKind::sp ? 0.3 : model == ModelKind::rough ? 0.1 : 0.06);

@@ -52,6 +52,9 @@ struct HopperOptions : RunOptions {
   void resolve();
 
   ModelParameters model_parameters() const;
+  /// Standard step over the limit that elastic forces set: as long as flow rates, energies and contacts are those of
+  /// shorter ones, and piles come to rest (docs/steps.md). Without dissipation nothing carries off the heat of longer steps.
+  Real elastic_fraction() const;
   /// Margin of the neighbour lists at first; tuned from then on where the user gave none.
   Real first_skin() const;
 };
