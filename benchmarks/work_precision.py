@@ -1,0 +1,224 @@
+#!/usr/bin/python3
+"""Work against precision of integrators; `scripts/work-precision.sh` builds what it needs and calls it.
+
+Writes FOLDER/performance-data/work-precision-*.csv, FOLDER/images/work-precision-*.png and the tables of
+FOLDER/integrators.md."""
+
+import argparse
+import json
+import math
+import os
+import shutil
+import sys
+from itertools import pairwise
+from pathlib import Path
+
+from harness import BenchError, Context, Program, run, say, write_csv
+from report import COLORS, MARKERS, cell, insert, origin, plt, table
+
+ROOT = Path(__file__).resolve().parents[1]
+#: Errors at which methods are compared, in those of the standard run: the fixed step that runs take by themselves.
+TARGETS = {"10 e₀": 10, "e₀": 1, "e₀/10": 0.1, "e₀/100": 0.01, "e₀/1000": 0.001}
+ERRORS = {"error": "rms error of positions / σ_avg", "energy_error": "largest error of the energy / energy of the fall",
+          "statistics": "relative error of the mean energy"}
+DASHED = ("implicit", "imex", "bdf", "rosw", "alpha", "mri")  # words in the names of methods that solve equations
+
+
+def parse(text):
+    """{problem: rows} of the program's output; what MPI says between the lines is left out."""
+    problems = {}
+    for line in text.splitlines():
+        if line.startswith("{"):
+            row = json.loads(line)
+            problems.setdefault(row["problem"], []).append(row)
+    if not problems:
+        raise BenchError("pliant_work_precision printed no results")
+    return problems
+
+
+def add_ratios(rows):
+    """Costs over those of the standard run, which is returned."""
+    standard = next((row for row in rows if row["standard"]), {})
+    if "cpu" not in standard:
+        raise BenchError(f"{rows[0]['problem']}: no standard run: {standard.get('failure', 'it is not in the output')}")
+    for row in rows:
+        if "cpu" in row:
+            row["CPU ratio"] = row["cpu"] / standard["cpu"]
+            row["evaluation ratio"] = row["evaluations"] / standard["evaluations"]
+    return standard
+
+
+def methods_of(rows):
+    return [name for name in dict.fromkeys(row["method"] for row in rows) if name != "reference"]
+
+
+def front(rows, cost, error):
+    """The runs of a method that nothing cheaper beats, from cheap to dear."""
+    best = []
+    for row in sorted((row for row in rows if row.get(cost) is not None), key=lambda row: row[cost]):
+        if row.get(error) is not None and (not best or row[error] < best[-1][error]):
+            best.append(row)
+    return best
+
+
+def cost_at(rows, target, cost, error="error"):
+    """What a method costs if it is to leave no more than an error, between its runs by the line through them in
+    logarithms; None if it was never that good."""
+    best = front(rows, cost, error)
+    if not best or best[-1][error] > target:
+        return None
+    if best[0][error] <= target:
+        return best[0][cost]
+    dear, cheap = next((b, a) for a, b in pairwise(best) if b[error] <= target)
+    low = max(dear[error], 1e-300)
+    part = math.log(cheap[error] / target) / math.log(cheap[error] / low)
+    return cheap[cost] * (dear[cost] / cheap[cost]) ** part
+
+
+def comparison(rows, standard, error="error"):
+    """A row per method: CPU time and, in brackets, force evaluations for each target, over the standard run's."""
+    result = []
+    for method in methods_of(rows):
+        mine = [row for row in rows if row["method"] == method]
+        shown = {"method": method}
+        for name, factor in TARGETS.items():
+            cpu, evaluations = (cost_at(mine, factor * standard[error], key, error)
+                                for key in ("CPU ratio", "evaluation ratio"))
+            shown[name] = "–" if cpu is None else f"{cell(cpu)} ({cell(evaluations)})"
+        result.append(shown)
+    return result
+
+
+def statistics(rows):
+    """A row per method: its cheapest run whose mean energy is as good as those of runs with the standard step and
+    shorter ones, which differ by chance."""
+    main = methods_of(rows)[0]
+    longest = next(row["value"] for row in rows if row["standard"])
+    scatter = max(row["error"] for row in rows if row["method"] == main and "error" in row and row["value"] <= longest)
+    result = []
+    for method in methods_of(rows):
+        good = [row for row in rows if row["method"] == method and row.get("error", math.inf) <= scatter]
+        shown = {"method": method, "CPU": "–"}
+        if good:
+            best = min(good, key=lambda row: row["cpu"])
+            shown |= {"CPU": best["CPU ratio"], "evaluations": best["evaluation ratio"],
+                      best["control"]: best["value"], "energy": f"{best['mean_energy']:.5g}",
+                      "contacts": best["contacts"]}
+        result.append(shown)
+    return result, scatter
+
+
+def winners(rows, standard, error="error"):
+    """The cheapest method for each target, and what the standard method costs there."""
+    methods, shown = methods_of(rows), {}
+    for name, factor in TARGETS.items():
+        cost = {method: cost_at([row for row in rows if row["method"] == method], factor * standard[error],
+                                "CPU ratio", error) for method in methods}
+        cost = {method: value for method, value in cost.items() if value is not None}
+        if not cost:
+            shown[name] = "none"
+            continue
+        best = min(cost, key=cost.get)
+        own = cost.get(methods[0])
+        shown[name] = best + (f" {cell(cost[best] / own)}" if own and best != methods[0] else "")
+    return shown
+
+
+def failures(rows):
+    """One sentence on each way in which runs ended early; none if all went well."""
+    slow, failed = {}, {}
+    for row in rows:
+        if "failure" in row:
+            (slow if row["failure"].startswith("stopped at") else failed).setdefault(row["method"], []).append(
+                f"{row['value']:.2g}")
+    text = ""
+    for what, found in (("Stopped for taking too long", slow), ("Failed", failed)):
+        if found:
+            text += f"{what}: " + "; ".join(f"{method} ({', '.join(v)})" for method, v in found.items()) + ". "
+    return text.strip()
+
+
+def draw(rows, error, label, path):
+    figure, (left, right) = plt.subplots(1, 2, figsize=(8.6, 3.6), sharey=True, layout="constrained")
+    for i, method in enumerate(methods_of(rows)):
+        mine = [row for row in rows if row["method"] == method and row.get(error)]
+        style = "--" if any(word in method for word in DASHED) else "-"
+        for axes, cost in ((left, "CPU ratio"), (right, "evaluation ratio")):
+            axes.plot([row[cost] for row in mine], [row[error] for row in mine], style, color=COLORS[i % len(COLORS)],
+                      marker=MARKERS[i % len(MARKERS)], markersize=4, linewidth=1.1, label=method,
+                      fillstyle="full" if i < len(COLORS) else "none")
+    left.set(xscale="log", yscale="log", xlabel="CPU time / that of the standard run", ylabel=label)
+    right.set(xscale="log", xlabel="force evaluations / those of the standard run")
+    right.legend(loc="center left", bbox_to_anchor=(1, 0.5))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path)
+    plt.close(figure)
+
+
+def report(problem, rows, standard, images):
+    """What stands between the markers of a problem; draws its figures."""
+    errors = [error for error in ("error", "energy_error") if error in standard]
+    text = []
+    for error in errors:
+        if "mean_energy" in standard:
+            shown, scatter = statistics(rows)
+            columns = ["method", "CPU", "evaluations", "dt", "tolerance", "energy", "contacts"]
+            label = ERRORS["statistics"]
+            text.append(f"Mean energies of the runs with the standard step and shorter ones differ by up to "
+                        f"{scatter:.1g} from the reference. The cheapest runs that are as good:")
+        else:
+            shown, columns, label = comparison(rows, standard, error), ["method", *TARGETS], ERRORS[error]
+            text.append(f"CPU time (force evaluations in brackets) over those of the standard run; {label}, "
+                        f"e₀ = {standard[error]:.2g}:")
+        name = f"work-precision-{problem}{'-energy' * (error == 'energy_error')}.png"
+        draw(rows, error, label, images / name)
+        text += ["", table(shown, columns), "", f"![{problem}: {label}](images/{name})", ""]
+    trusted = next((row["error"] for row in rows if row["method"] == "reference" and "error" in row), None)
+    trust = "" if trusted is None else f"Two references differ by {trusted:.1g}. "
+    text.append(f"{trust}Standard run: {standard['method']}, dt = {standard['value']:.2g}, {standard['evaluations']} "
+                f"evaluations, {standard['cpu']:.2g} s. {failures(rows)}".strip())
+    return "\n".join([*text, "", origin(standard)])
+
+
+def main():
+    parser = argparse.ArgumentParser(prog="work-precision.sh", description=__doc__.splitlines()[0])
+    parser.add_argument("--build", type=Path, default=ROOT / "build", help="build folder (default: build)")
+    parser.add_argument("--quick", action="store_true",
+                        help="small, to test the study itself; writes to BUILD/work-precision unless --output is given")
+    parser.add_argument("--output", type=Path, metavar="FOLDER", help="default: docs")
+    parser.add_argument("--cpu", type=int, default=max(os.sched_getaffinity(0)), help="core to run on")
+    args = parser.parse_args()
+    output = args.output or (args.build / "work-precision" if args.quick else ROOT / "docs")
+    page = output / "integrators.md"
+    try:
+        program = Program(args.build, args.cpu)
+        study = args.build / "benchmarks/pliant_work_precision"
+        if not study.is_file():
+            raise BenchError(f"{study} is not there; build it first (scripts/work-precision.sh does)")
+        output.mkdir(parents=True, exist_ok=True)
+        if not page.exists():
+            shutil.copy(ROOT / "docs/integrators.md", page)
+        say("; ".join(program.version))
+        done = run([*program.pin, "nice", "-n", "19", study, *["--quick"] * args.quick])
+        say(f"{done.cpu:.0f} s of CPU, {done.wall:.0f} s")
+        best, blocks = [], {}
+        for problem, rows in parse(done.output).items():
+            source = Context(program, output, rows[0]["repetitions"], args.quick).origin
+            rows = [row | source for row in rows]
+            standard = add_ratios(rows)
+            write_csv(output / "performance-data" / f"work-precision-{problem}.csv", rows)
+            blocks[f"work-precision-{problem}"] = report(problem, rows, standard, output / "images")
+            if "mean_energy" not in standard:
+                best.append({"problem": problem, "e₀": f"{standard['error']:.1g}"} | {
+                    f"error {name}": text for name, text in winners(rows, standard).items()})
+        blocks["work-precision"] = table(best, list(best[0])) + "\n\n" + origin(standard)
+        insert(page, blocks)
+        say(f"written to {output}")
+    except BenchError as error:
+        print(f"work_precision.py: error: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,100 @@
+"""The table and the figures of the work–precision study, from made-up results."""
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
+
+import harness  # noqa: E402
+import work_precision as wp  # noqa: E402
+
+ORIGIN = {"repetitions": 3, "date": "today", "commit": "c", "compiler": "g++", "machine": "m"}
+
+
+def made(method, value, cpu, error, **other):
+    return {"problem": "p", "method": method, "options": "", "control": "dt", "value": value, "standard": False,
+            "cpu": cpu, "error": error, "evaluations": round(100 * cpu), "steps": 10, **other, **ORIGIN}
+
+
+@pytest.fixture
+def rows():
+    """Of order 2; of order 4 but dear; never good; never through."""
+    return [made("reference", 1e-11, 1000, 1e-12),
+            *[made("two", h, 2 / h, 1e-4 * h**2, standard=h == 1) for h in (4, 2, 1, 0.5, 0.25)],
+            *[made("four", h, 16 / h, 1e-4 * h**4) for h in (2, 1, 0.5, 0.25)],
+            made("poor", 1, 8, 1e-2), made("poor", 0.5, 16, 2e-2),
+            {"problem": "p", "method": "none", "options": "", "control": "dt", "value": 1, "standard": False,
+             "failure": "stopped at 3 % of the time after 2 s of CPU", **ORIGIN},
+            {"problem": "p", "method": "none", "options": "", "control": "dt", "value": 0.1, "standard": False,
+             "failure": "the acceleration of coordinate 1 is nan", **ORIGIN}]
+
+
+def test_parse_leaves_out_what_is_no_row():
+    lines = [json.dumps({"problem": name, "method": "m"}) for name in ("a", "b", "a")]
+    found = wp.parse("\n".join(["MPI says hello", *lines, ""]))
+    assert {name: len(rows) for name, rows in found.items()} == {"a": 2, "b": 1}
+    with pytest.raises(harness.BenchError, match="no results"):
+        wp.parse("MPI says hello\n")
+
+
+def test_ratios_need_the_standard_run(rows):
+    standard = wp.add_ratios(rows)
+    assert standard["value"] == 1 and standard["CPU ratio"] == standard["evaluation ratio"] == 1
+    with pytest.raises(harness.BenchError, match="p: no standard run"):
+        wp.add_ratios([row for row in rows if not row["standard"]])
+    with pytest.raises(harness.BenchError, match="no standard run: too long"):
+        wp.add_ratios([{"problem": "p", "standard": True, "failure": "too long"}])
+
+
+def test_cost_follows_the_order_of_the_method(rows):
+    wp.add_ratios(rows)
+    of = {name: [row for row in rows if row["method"] == name] for name in wp.methods_of(rows)}
+    # Costs ∝ 1/h and errors ∝ h^p are lines in logarithms, which the interpolation meets: cost ∝ error^(−1/p).
+    for error in (3e-4, 1e-4, 3e-5, 1e-5):
+        assert wp.cost_at(of["two"], error, "CPU ratio") == pytest.approx((error / 1e-4) ** -0.5)
+        assert wp.cost_at(of["four"], error, "CPU ratio") == pytest.approx(8 * (error / 1e-4) ** -0.25)
+    # Looser than the loosest run: that one. Better than the best: never.
+    assert wp.cost_at(of["two"], 1, "CPU ratio") == pytest.approx(0.25)
+    assert wp.cost_at(of["two"], 1e-6, "CPU ratio") is None
+    # The dearer run of `poor` is the worse one and does not count; a run that failed has no cost.
+    assert wp.cost_at(of["poor"], 1e-2, "CPU ratio") == pytest.approx(4)
+    assert wp.cost_at(of["none"], 1, "CPU ratio") is None
+
+
+def test_comparison_and_winners(rows):
+    standard = wp.add_ratios(rows)
+    shown = {row["method"]: row for row in wp.comparison(rows, standard)}
+    assert list(shown) == ["two", "four", "poor", "none"]
+    assert shown["two"]["e₀"] == "1 (1)" and shown["two"]["e₀/1000"] == "–"
+    assert shown["four"]["e₀/100"].startswith("25.3") and shown["none"]["10 e₀"] == "–"
+    best = wp.winners(rows, standard)
+    assert best["e₀"] == "two" and best["e₀/1000"] == "none"
+    assert best["e₀/100"] == "four"  # where `two` was never measured there is no ratio to it
+    four_is_cheap = [row | {"CPU ratio": row["CPU ratio"] / 16} if row["method"] == "four" else row for row in rows
+                     if "CPU ratio" in row]
+    assert wp.winners(four_is_cheap, standard)["e₀"] == "four 0.5"
+
+
+def test_statistics_take_what_is_within_the_scatter(rows):
+    rows = [row | {"mean_energy": 10, "contacts": 3} for row in rows]
+    wp.add_ratios(rows)
+    shown, scatter = wp.statistics(rows)
+    assert scatter == pytest.approx(1e-4)
+    found = {row["method"]: row["CPU"] for row in shown}
+    assert found == {"two": 1, "four": 8, "poor": "–", "none": "–"}
+
+
+def test_failures_say_which_runs(rows):
+    assert wp.failures(rows) == "Stopped for taking too long: none (1). Failed: none (0.1)."
+    assert wp.failures(rows[:5]) == ""
+
+
+def test_report_has_a_table_and_a_figure(rows, tmp_path):
+    text = wp.report("p", rows, wp.add_ratios(rows), tmp_path / "images")
+    assert "e₀ = 0.0001" in text and "| two | 0.316 (0.316) | 1 (1) |" in text
+    assert "Two references differ by 1e-12" in text and "commit c" in text
+    assert "(images/work-precision-p.png)" in text
+    assert (tmp_path / "images/work-precision-p.png").read_bytes().startswith(b"\x89PNG")
