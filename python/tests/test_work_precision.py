@@ -4,6 +4,8 @@ import json
 import sys
 from pathlib import Path
 
+import h5py
+import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
@@ -98,3 +100,65 @@ def test_report_has_a_table_and_a_figure(rows, tmp_path):
     assert "Two references differ by 1e-12" in text and "commit c" in text
     assert "(images/work-precision-p.png)" in text
     assert (tmp_path / "images/work-precision-p.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_flow_averages_over_seeds_and_names_failures(monkeypatch, tmp_path):
+    class FakeProgram:
+        def hopper(self, options, folder):
+            assert "-t_end 0" in options
+            return {"dt_critical": 1e-4}, None
+
+    def fake_run(context, model, method, seed, t_start, t_end, dt_critical):
+        assert dt_critical == 1e-4
+        row = {"problem": f"flow, {model}", "seed": seed, "options": str(method)}
+        if method == "broken":
+            return row | {"failure": "exit code 3: nan"}, None
+        cost = 1 / method
+        # Every sample of a seed is the same: the mean is known, and the error is that of 5 + 5 + 5 blocks.
+        return row | {"cpu": cost, "evaluations": 100 * cost, "rejected": 25 * cost * (method != 0.2)}, {
+            name: np.full(50, 10.0 + seed) for name in wp.FLOW_COLUMNS}
+
+    monkeypatch.setattr(wp, "flow_run", fake_run)
+    monkeypatch.setattr(wp, "FLOW_METHODS", {"first": 0.2, "longer": 0.4, "none": "broken"})
+    shown, rows = wp.flow(harness.Context(FakeProgram(), tmp_path, 1, False), "smooth")
+    assert len(rows) == 9 and rows[0]["method"] == "first" and rows[-1]["failure"] == "exit code 3: nan"
+    first, longer, none = shown
+    assert first["CPU"] == 1 and longer["CPU"] == pytest.approx(0.5)
+    assert longer["rejected"] == "25 %" and first["rejected"] == "0 %"
+    # Blocks of 11, 12, 13, five each: their standard deviation over √15.
+    assert first["kinetic energy"] == wp.with_error(12, (10 / 14 / 15) ** 0.5) == "12.00 ± 0.22"
+    assert none == {"run as": "none", "CPU": "exit code 3: nan"}
+
+
+def test_flow_run_measures_after_the_start(tmp_path):
+    class FakeProgram:
+        ended_by, fails = "t_end", False
+
+        def hopper(self, options, folder):
+            if self.fails:
+                raise harness.BenchError("exit code 3: the acceleration of coordinate 0 is nan")
+            assert "-dt 5e-06" in options and "-seed 7" in options
+            folder.mkdir(parents=True)
+            with h5py.File(folder / "run.h5", "w") as file:
+                file.create_group("manifest")
+                t = np.linspace(0, 3, 61)
+                series = {"time": t, "kinetic_energy": np.where(t > 1, 5.0, 99.0), "potential_energy": t, "max_overlap": t,
+                          "contact_pairs": np.full(61, 30), "crossed_area": 4 * t}
+                for name, values in series.items():
+                    file[f"series/{name}"] = values
+            return {"ended_by": self.ended_by, "t": 3.0, "particles": 60, "cpu_seconds": 2.0, "force_evaluations": 100,
+                    "rejected_steps": 3}, None
+
+    context = harness.Context(FakeProgram(), tmp_path, 1, False)
+    row, series = wp.flow_run(context, "smooth", 0.5, 7, 1, 3, 1e-5)
+    assert (row["cpu"], row["evaluations"], row["rejected"]) == (2.0, 100, 3)
+    assert set(series) == set(wp.FLOW_COLUMNS) and len(series["flow"]) == 40
+    assert (series["kinetic_energy"] == 5).all() and (series["contact_pairs"] == 1).all()
+    assert series["flow"] == pytest.approx(np.full(40, 4.0))
+
+    context.program.ended_by = "max_wall_time"
+    row, series = wp.flow_run(context, "smooth", 0.5, 7, 1, 3, 1e-5)
+    assert series is None and row["failure"] == "ended at t = 3: max_wall_time"
+    context.program.fails = True
+    row, series = wp.flow_run(context, "smooth", 0.5, 7, 1, 3, 1e-5)
+    assert series is None and "coordinate 0 is nan" in row["failure"]
