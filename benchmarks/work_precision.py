@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from harness import BenchError, Context, Program, run, say, write_csv
+from harness import BenchError, Context, Program, read_csv, run, say, write_csv
 from report import COLORS, MARKERS, cell, insert, origin, plt, table
 
 from pliant import Run  # report.py knows where it is
@@ -29,12 +29,14 @@ ERRORS = {"error": "rms error of positions / σ_avg", "energy_error": "largest e
           "statistics": "relative error of the mean energy"}
 DASHED = ("implicit", "imex", "bdf", "rosw", "alpha", "mri")  # words in the names of methods that solve equations
 
+PROBLEMS = ["smooth-drag", "smooth", "rough", "droplets", "bounce", "settling", "settled"]
+FLOWS = {"flow-rough": "rough", "flow-smooth": "smooth"}
 #: Dense flow with drag, whole runs: rows of (name, dt/dt_critical or options).
 FLOW = ("-n 60 -hopper_wall_distance 8 -hopper_width 4 -mu 0 -zeta 0.316 -sample_interval 0.05 -frame_interval 1000 "
         "-max_wall_time 200 -model")
 CONTROLLED = "-integrator ts -ts_type verlet -ts_adapt_type basic -ts_adapt_dt_max 0.02"
 FLOW_METHODS = {"verlet, 0.2": 0.2, "verlet, 0.35": 0.35, "verlet, 0.5": 0.5, "verlet, 0.7": 0.7,
-                **{f"controlled verlet, {e}": f"{CONTROLLED} -ts_rtol {e} -ts_atol {e}" for e in ("1e-2", "1e-3")},
+                **{f"controlled verlet, {e}": f"{CONTROLLED} -ts_rtol {e} -ts_atol {e}" for e in ("1e-2", "3e-3", "1e-3")},
                 "rk 3bs, 1e-3": "-integrator ts -ts_rk_type 3bs -ts_adapt_dt_max 0.02 -ts_rtol 1e-3 -ts_atol 1e-3"}
 FLOW_COLUMNS = {"kinetic_energy": "kinetic energy", "potential_energy": "potential energy",
                 "contact_pairs": "contacts", "flow": "Q", "max_overlap": "largest overlap"}
@@ -158,6 +160,8 @@ def draw(rows, error, label, path):
     figure, (left, right) = plt.subplots(1, 2, figsize=(8.6, 3.6), sharey=True, layout="constrained")
     for i, method in enumerate(methods_of(rows)):
         mine = [row for row in rows if row["method"] == method and row.get(error)]
+        if not mine:
+            continue
         style = "--" if any(word in method for word in DASHED) else "-"
         for axes, cost in ((left, "CPU ratio"), (right, "evaluation ratio")):
             axes.plot([row[cost] for row in mine], [row[error] for row in mine], style, color=COLORS[i % len(COLORS)],
@@ -220,7 +224,7 @@ def flow_run(context, model, method, seed, t_start, t_end, dt_critical):
 def flow(context, model):
     """Means over time and seeds for each way to integrate, with standard errors from blocks; and the rows of all
     runs. The first way is the unit of costs."""
-    seeds, t_start, t_end = ([1], 1, 3) if context.quick else ([1, 2, 3], 2, 12)
+    seeds, t_start, t_end = ([1], 1, 3) if context.quick else ([1, 2], 2, 8)
     program, rows, shown, standard = context.program, [], [], None
     probe, _ = program.hopper(f"{FLOW} {model} -t_end 0", context.folder("probe"))
     for name, method in FLOW_METHODS.items():
@@ -250,9 +254,55 @@ def with_error(value, error):
     return f"{value:.{digits}f} ± {error:.{digits}f}"
 
 
+def read_rows(path):
+    """Rows of a CSV file with numbers where there are any; empty fields are left out."""
+    def value(text):
+        try:
+            return float(text)
+        except ValueError:
+            return {"True": True, "False": False}.get(text, text)
+    return [{name: value(text) for name, text in row.items() if text != ""} for row in read_csv(path)]
+
+
+def overview(folder):
+    """The cheapest methods of all problems whose results are in `folder`."""
+    best, last = [], None
+    for problem in PROBLEMS:
+        path = folder / f"work-precision-{problem}.csv"
+        if problem == "settled" or not path.is_file():
+            continue
+        rows = read_rows(path)
+        standard = last = add_ratios(rows)
+        best.append({"problem": problem, "e₀": f"{standard['error']:.1g}"} | {
+            f"error {name}": text for name, text in winners(rows, standard).items()})
+    return table(best, list(best[0])) + "\n\n" + origin(last | {"repetitions": int(last["repetitions"])}) if best else ""
+
+
+def study(context, problem, output):
+    """Runs a problem and writes its rows and figures; returns what stands between its markers."""
+    program = context.program
+    done = run([*program.pin, program.path.parents[1] / "benchmarks/pliant_work_precision", problem,
+                *["--quick"] * context.quick])
+    say(f"{problem}: {done.cpu:.0f} s of CPU, {done.wall:.0f} s")
+    rows = parse(done.output)[problem]
+    rows = [row | Context(program, context.scratch, row["repetitions"], context.quick).origin for row in rows]
+    standard = add_ratios(rows)
+    write_csv(output / "performance-data" / f"work-precision-{problem}.csv", rows)
+    return report(problem, rows, standard, output / "images")
+
+
+def flow_study(context, model, output):
+    shown, rows = flow(context, model)
+    rows = [row | context.origin for row in rows]
+    write_csv(output / "performance-data" / f"work-precision-flow-{model}.csv", rows)
+    return table(shown, ["run as", "CPU", "evaluations", "rejected", *FLOW_COLUMNS.values()]) + "\n\n" + origin(rows[0])
+
+
 def main():
     parser = argparse.ArgumentParser(prog="work-precision.sh", description=__doc__.splitlines()[0])
     parser.add_argument("--build", type=Path, default=ROOT / "build", help="build folder (default: build)")
+    parser.add_argument("--only", action="append", choices=[*PROBLEMS, *FLOWS], metavar="PROBLEM",
+                        help=f"one of {', '.join([*PROBLEMS, *FLOWS])}; may be repeated (default: all)")
     parser.add_argument("--quick", action="store_true",
                         help="small, to test the study itself; writes to BUILD/work-precision unless --output is given")
     parser.add_argument("--output", type=Path, metavar="FOLDER", help="default: docs")
@@ -262,35 +312,21 @@ def main():
     page = output / "integrators.md"
     try:
         program = Program(args.build, args.cpu)
-        study = args.build / "benchmarks/pliant_work_precision"
-        if not study.is_file():
-            raise BenchError(f"{study} is not there; build it first (scripts/work-precision.sh does)")
         output.mkdir(parents=True, exist_ok=True)
         if not page.exists():
             shutil.copy(ROOT / "docs/integrators.md", page)
         say("; ".join(program.version))
-        done = run([*program.pin, study, *["--quick"] * args.quick])
-        say(f"{done.cpu:.0f} s of CPU, {done.wall:.0f} s")
-        best, blocks = [], {}
-        for problem, rows in parse(done.output).items():
-            source = Context(program, output, rows[0]["repetitions"], args.quick).origin
-            rows = [row | source for row in rows]
-            standard = add_ratios(rows)
-            write_csv(output / "performance-data" / f"work-precision-{problem}.csv", rows)
-            blocks[f"work-precision-{problem}"] = report(problem, rows, standard, output / "images")
-            if "mean_energy" not in standard:
-                best.append({"problem": problem, "e₀": f"{standard['error']:.1g}"} | {
-                    f"error {name}": text for name, text in winners(rows, standard).items()})
-        blocks["work-precision"] = table(best, list(best[0])) + "\n\n" + origin(standard)
-        insert(page, blocks)
         with tempfile.TemporaryDirectory(prefix="pliant-work-precision-") as scratch:
             context = Context(program, Path(scratch), 1, args.quick)
-            for model in ("rough", "smooth"):
-                shown, rows = flow(context, model)
-                rows = [row | context.origin for row in rows]
-                write_csv(output / "performance-data" / f"work-precision-flow-{model}.csv", rows)
-                columns = ["run as", "CPU", "evaluations", "rejected", *FLOW_COLUMNS.values()]
-                insert(page, {f"work-precision-flow-{model}": table(shown, columns) + "\n\n" + origin(rows[0])})
+            for name in args.only or [*PROBLEMS, *FLOWS]:
+                # Each part is written when it is done: what comes after it may fail.
+                try:
+                    text = study(context, name, output) if name in PROBLEMS else flow_study(context, FLOWS[name], output)
+                except BenchError as reason:
+                    say(f"{name}: {reason}")
+                    text = f"Not measured: {reason}."
+                insert(page, {f"work-precision-{name}": text})
+        insert(page, {"work-precision": overview(output / "performance-data")})
         say(f"written to {output}")
     except BenchError as error:
         print(f"work_precision.py: error: {error}", file=sys.stderr)

@@ -121,12 +121,12 @@ def test_flow_averages_over_seeds_and_names_failures(monkeypatch, tmp_path):
     monkeypatch.setattr(wp, "flow_run", fake_run)
     monkeypatch.setattr(wp, "FLOW_METHODS", {"first": 0.2, "longer": 0.4, "none": "broken"})
     shown, rows = wp.flow(harness.Context(FakeProgram(), tmp_path, 1, False), "smooth")
-    assert len(rows) == 9 and rows[0]["method"] == "first" and rows[-1]["failure"] == "exit code 3: nan"
+    assert len(rows) == 6 and rows[0]["method"] == "first" and rows[-1]["failure"] == "exit code 3: nan"
     first, longer, none = shown
     assert first["CPU"] == 1 and longer["CPU"] == pytest.approx(0.5)
     assert longer["rejected"] == "25 %" and first["rejected"] == "0 %"
-    # Blocks of 11, 12, 13, five each: their standard deviation over √15.
-    assert first["kinetic energy"] == wp.with_error(12, (10 / 14 / 15) ** 0.5) == "12.00 ± 0.22"
+    # Blocks of 11 and 12, five each: their standard deviation over √10.
+    assert first["kinetic energy"] == wp.with_error(11.5, (2.5 / 9 / 10) ** 0.5) == "11.50 ± 0.17"
     assert none == {"run as": "none", "CPU": "exit code 3: nan"}
 
 
@@ -162,3 +162,12 @@ def test_flow_run_measures_after_the_start(tmp_path):
     context.program.fails = True
     row, series = wp.flow_run(context, "smooth", 0.5, 7, 1, 3, 1e-5)
     assert series is None and "coordinate 0 is nan" in row["failure"]
+
+
+def test_overview_reads_what_was_written(rows, tmp_path):
+    harness.write_csv(tmp_path / "work-precision-rough.csv", rows)
+    text = wp.overview(tmp_path)
+    assert "| rough | 0.0001 |" in text and text.count("\n| ") == 1 and "medians of 3 repetitions" in text
+    found = wp.read_rows(tmp_path / "work-precision-rough.csv")
+    assert found[3]["standard"] is True and found[3]["error"] == 1e-4 and "cpu" not in found[-1]
+    assert wp.overview(tmp_path / "nothing") == ""
