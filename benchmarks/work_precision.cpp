@@ -267,7 +267,7 @@ void study(const Problem<System>& problem, const Effort& effort) {
           cpu.push_back(sum / runs);
         }
         o.cpu = median(cpu);
-        if (standard) limit = std::max(0.05, 10 * o.cpu);
+        if (standard) limit = std::max(0.2, 10 * o.cpu);
         succeeded = true;
         print(method, value, standard, results(o, error));
       } catch (const Error& failure) {
