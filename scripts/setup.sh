@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Installs what Pliant needs and this machine lacks (Debian 12: by apt-get, as root or with sudo).
-#   scripts/setup.sh [--benchmarks]     --benchmarks: also what scripts/bench.sh needs
+#   scripts/setup.sh [--benchmarks]     --benchmarks: also what scripts/bench.sh and work-precision.sh need
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 packages=(
