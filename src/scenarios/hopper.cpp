@@ -117,12 +117,21 @@ class HopperRun {
   }
 
  private:
+  /// No point falls farther in it than a quarter of the narrowest one, whatever the height that it has come from.
+  Real longest_dt() const {
+    const Real narrowest = *std::min_element(all_.diameter.begin(), all_.diameter.end()),
+               area = std::accumulate(all_.a0.begin(), all_.a0.end(), 0.0),
+               height = area / (*p_.pack_fraction * std::pow(p_.hopper.wall_distance / 2, D - 1));
+    return narrowest / 4 / std::sqrt(2 * height);
+  }
+
   void make_integrator() {
     if (p_.integrator == IntegratorKind::verlet)
       integrator_ = std::make_unique<FixedStepVerlet>(dt_);
     else
       integrator_ = std::make_unique<TsIntegrator>(
-          TsOptions{.dt = dt_, .implicit = p_.implicit, .jacobian = p_.jacobian}, ranks_.comm());
+          TsOptions{.dt = dt_, .longest_dt = longest_dt(), .implicit = p_.implicit, .jacobian = p_.jacobian},
+          ranks_.comm());
   }
 
   /// Runs body() on the rank that writes and speaks; its errors are everybody's.

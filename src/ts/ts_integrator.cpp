@@ -165,20 +165,19 @@ void TsIntegrator::configure() {
   type_ = type;
   configure_solvers();
   bool estimate = !contains(fixed_types, type);
+  TSAdapt adapt = nullptr;
+  petsc_check(TSGetAdapt(ts_, &adapt));
   if (type == TSRK) {
     check_input(TSRKSetType(ts_, string_option("-ts_rk_type", options_.rk_type).c_str()));
     const PetscReal* embedded = nullptr;
     petsc_check(TSRKGetTableau(ts_, nullptr, nullptr, nullptr, nullptr, &embedded, nullptr, nullptr, nullptr));
     estimate = embedded != nullptr;
-    TSAdapt adapt = nullptr;
-    petsc_check(TSGetAdapt(ts_, &adapt));
     if (estimate) check_input(TSAdaptSetType(adapt, options_.adapt.c_str()));
   }
+  if (std::isfinite(options_.longest_dt)) petsc_check(TSAdaptSetStepLimits(adapt, PETSC_DEFAULT, options_.longest_dt));
   check_input(TSSetFromOptions(ts_));
 
-  TSAdapt adapt = nullptr;
   TSAdaptType adapt_type = nullptr;
-  petsc_check(TSGetAdapt(ts_, &adapt));
   petsc_check(TSAdaptGetType(adapt, &adapt_type));
   adaptive_ = adapt_type != nullptr && std::string_view(adapt_type) != TSADAPTNONE;
   if (adaptive_ && !estimate)

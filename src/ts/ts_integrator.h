@@ -19,6 +19,9 @@ struct TsOptions {
   Real atol_x = 1e-4;  ///< -ts_atol, absolute error of a position per step
   Real atol_v = 1e-4;  ///< -ts_atol, absolute error of a velocity per step
   Real dt = 1e-3;      ///< -ts_dt, the first step, or the fixed one, in t0
+  /// -ts_adapt_dt_max, of a controlled step: free flight has no error that would shorten a step before it jumps over an
+  /// obstacle.
+  Real longest_dt = std::numeric_limits<Real>::infinity();
   /// What an implicit type solves for: all, or the shape energy alone, the rest being explicit (IMEX).
   Part implicit = Part::all;
   JacobianKind jacobian = JacobianKind::assembled;

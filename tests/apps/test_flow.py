@@ -59,6 +59,16 @@ def test_crossings_are_located_in_time(tmp_path):
         np.testing.assert_allclose(coarse.events[name], fine.events[name], rtol=0, atol=1e-4)
 
 
+@pytest.mark.parametrize("method", [{"ts_type": "rosw"}, {"ts_type": "cvode"}, {"ts_type": "rk", "ts_rk_type": "3bs"},
+                                    {"ts_type": "verlet", "ts_adapt_type": "basic"}], ids=lambda m: m["ts_type"])
+def test_controlled_steps_do_not_jump_through_the_floor(method, tmp_path):
+    """Two particles fall freely, without an error to shorten the steps, onto the floor beside the orifice."""
+    results = hopper(tmp_path / "run", n=2, hopper_wall_distance=20, hopper_width=2.5, pack_fraction=0.02, seed=3, mu=0, zeta=0,
+                     t_end=8, flow="discharge", integrator="ts", **method)
+    assert results.summary["crossed_count"] == 0
+    assert (results.frames[-1]["centres"][:, 1] > 0.3).all() and results.frames[0]["centres"][:, 1].max() > 2
+
+
 def test_discharge_runs_empty(tmp_path):
     results = hopper(tmp_path / "run", flow="discharge", hopper_angle=45, t_end=60, frame_interval=0.05,
                      sample_interval=0.05)
