@@ -18,6 +18,7 @@
 #include <pliant/scenarios/reinsertion.h>
 #include <pliant/scenarios/run_control.h>
 #include <pliant/scenarios/run_folder.h>
+#include <pliant/ts/drag_limit.h>
 #include <pliant/ts/ts_integrator.h>
 #include <pliant/ts/verlet.h>
 
@@ -71,6 +72,15 @@ class HopperRun {
     const CriticalStep critical = system_.field().critical_step(all_);
     critical_step_ = critical.least();
     dt_ = p.dt.value_or(std::min({1e-3, p.elastic_fraction() * critical.elastic, 0.5 * critical.damping}));
+    if (p.dynamics == Dynamics::overdamped) {
+      drag_limit_.emplace(system_, p.zeta);
+      // The stiffest spring, k/m = (2/dt)², relaxes at the rate k/ζ.
+      Real heaviest = 0;
+      for (Index m = 0; m < all_.particles(); ++m)
+        heaviest = std::max(heaviest, all_.point_mass[m] * all_.points_of(m));
+      critical_step_ = critical.elastic * critical.elastic * p.zeta / (2 * heaviest);
+      dt_ = p.dt.value_or(std::min(1e-3, 0.2 * critical_step_));
+    }
     if (p.q_rtol > 0) precision_.emplace(p.q_rtol);
     if (!p.skin) system_.tune_skin();
     if (checkpoint) load(*checkpoint);
@@ -105,8 +115,7 @@ class HopperRun {
       started_at_ = state_.t;
       see_all();
       const LogScope log(LogStage::run);
-      if (outcome_ == Outcome::done)
-        integrator_->run(system_, state_, *p_.t_end, fresh_, [this](State& s) { return after_step(s); });
+      if (outcome_ == Outcome::done) integrate();
       control_.end_progress();
       complete();
     } catch (const Error& error) {
@@ -123,6 +132,17 @@ class HopperRun {
                area = std::accumulate(all_.a0.begin(), all_.a0.end(), 0.0),
                height = area / (*p_.pack_fraction * std::pow(p_.hopper.wall_distance / 2, D - 1));
     return narrowest / 4 / std::sqrt(2 * height);
+  }
+
+  void integrate() {
+    if (!drag_limit_) {
+      integrator_->run(system_, state_, *p_.t_end, fresh_, [this](State& s) { return after_step(s); });
+      return;
+    }
+    dynamic_cast<TsIntegrator&>(*integrator_).run(*drag_limit_, state_, *p_.t_end, [this](State& s) {
+      drag_limit_->rate(s.t, s.x().data(), s.v().data());
+      return after_step(s);
+    });
   }
 
   void make_integrator() {
@@ -667,6 +687,7 @@ class HopperRun {
   RunControl control_;
   ClogDetector clog_;
   std::optional<FlowPrecision> precision_;
+  std::optional<DragLimit<D>> drag_limit_;  ///< where there is no inertia
   std::unique_ptr<Integrator> integrator_;
   std::optional<RunWriter> writer_;              ///< on the root
   std::optional<CheckpointWriter> checkpoints_;  ///< on the root

@@ -119,6 +119,10 @@ void HopperOptions::bind(Options& o) {
           .on_restart = fixed});
 
   o.group("Integration");
+  o.bind(
+      "dynamics", dynamics, {{"inertial", Dynamics::inertial}, {"overdamped", Dynamics::overdamped}},
+      {.help = "Newton's equations, or their limit of strong drag, velocity = force/drag coefficient (-integrator ts)",
+       .on_restart = fixed});
   o.bind("integrator", integrator, {{"verlet", IntegratorKind::verlet}, {"ts", IntegratorKind::ts}},
          {.help = "plain velocity Verlet with a fixed step, or PETSc TS (-ts_type, -ts_rtol, -ts_monitor, ...)",
           .on_restart = fixed});
@@ -174,6 +178,15 @@ void HopperOptions::resolve() {
                      shape.shape_parameter, shape.vertices, regular_shape_parameter(shape.vertices));
   if (integrator == IntegratorKind::verlet && implicit != Part::all)
     throw InputError("-implicit shape with -integrator verlet, which is explicit; use -integrator ts -ts_type arkimex");
+  if (dynamics == Dynamics::overdamped) {
+    if (integrator != IntegratorKind::ts)
+      throw InputError("-dynamics overdamped with -integrator verlet, which needs inertia; use -integrator ts");
+    if (!(zeta > 0) || mu > 0)
+      throw InputError(
+          "-dynamics overdamped with -zeta {} and -mu {}: velocities come from drag alone, which must be "
+          "positive; use -zeta 1 -mu 0",
+          zeta, mu);
+  }
   if (q_rtol > 0 && flow != FlowKind::continuous)
     throw InputError(
         "-hopper_q_rtol {} with -flow discharge: only continuous flow has a steady rate; leave one of them out",

@@ -13,6 +13,8 @@
 
 namespace pliant {
 
+/// Newton's equations, or their limit of strong drag.
+enum class Dynamics { inertial, overdamped };
 enum class IntegratorKind { verlet, ts };
 enum class FlowKind { continuous, discharge };
 enum class LipRule { edge, literal };
@@ -37,6 +39,7 @@ struct HopperOptions : RunOptions {
   std::optional<Real> pack_fraction;
   Real pack_tolerance = 1e-4;
 
+  Dynamics dynamics = Dynamics::inertial;
   IntegratorKind integrator = IntegratorKind::verlet;
   Part implicit = Part::all;
   JacobianKind jacobian = JacobianKind::assembled;
@@ -53,7 +56,8 @@ struct HopperOptions : RunOptions {
 
   ModelParameters model_parameters() const;
   /// Standard step over the limit that elastic forces set: as long as flow rates, energies and contacts are those of
-  /// shorter ones, and piles come to rest (docs/steps.md). Without dissipation nothing carries off the heat of longer steps.
+  /// shorter ones, and piles come to rest (docs/steps.md). Without dissipation nothing carries off the heat of longer
+  /// steps.
   Real elastic_fraction() const;
   /// Margin of the neighbour lists at first; tuned from then on where the user gave none.
   Real first_skin() const;

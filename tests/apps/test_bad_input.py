@@ -23,6 +23,8 @@ OPTIONS = {
     "unused_ts": (["-integrator", "verlet", "-ts_rtol", "1e-3"], ["-ts_rtol"]),
     "unknown_ts_type": (["-integrator", "ts", "-ts_type", "rkk"], ["-ts_type rkk"]),
     "other_ts_type": (["-integrator", "ts", "-ts_type", "pseudo"], ["-ts_type pseudo"]),
+    "overdamped_verlet": (["-dynamics", "overdamped"], ["-dynamics overdamped", "-integrator ts"]),
+    "overdamped_friction": (["-dynamics", "overdamped", "-integrator", "ts"], ["-mu 0.5"]),
     "negative": (["-hopper_width", "-1"], ["-hopper_width -1", "greater than 0"]),
     "zero": (["-hopper_width", "0"], ["-hopper_width 0", "greater than 0"]),
     "w_not_below_W": (["-hopper_width", "8"], ["8", "-hopper_wall_distance"]),

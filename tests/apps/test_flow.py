@@ -69,6 +69,18 @@ def test_controlled_steps_do_not_jump_through_the_floor(method, tmp_path):
     assert (results.frames[-1]["centres"][:, 1] > 0.3).all() and results.frames[0]["centres"][:, 1].max() > 2
 
 
+def test_without_inertia_as_in_strong_drag(tmp_path):
+    options = {"zeta": 30, "mu": 0, "t_end": 8, "integrator": "ts", "ts_rtol": 1e-6, "ts_atol": 1e-6}
+    heavy = hopper(tmp_path / "heavy", **options)
+    light = hopper(tmp_path / "light", **options, dynamics="overdamped")
+    moved = light.frames[-1]["positions"] - light.frames[0]["positions"]
+    assert np.abs(moved).max() > 0.2  # g t/zeta
+    np.testing.assert_allclose(light.frames[-1]["positions"], heavy.frames[-1]["positions"], rtol=0, atol=5e-3)
+    # Their velocities are those of the balance, in the last frame too.
+    np.testing.assert_allclose(light.frames[-1]["velocities"], heavy.frames[-1]["velocities"], rtol=0, atol=3e-3)
+    assert np.abs(light.frames[-1]["velocities"]).max() > 0.02
+
+
 def test_discharge_runs_empty(tmp_path):
     results = hopper(tmp_path / "run", flow="discharge", hopper_angle=45, t_end=60, frame_interval=0.05,
                      sample_interval=0.05)
