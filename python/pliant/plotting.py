@@ -249,4 +249,12 @@ def run_labels(runs):
     if len({r.model for r in runs}) > 1:
         differ.insert(0, "model")
     labels = [group_label(row, differ) for row in rows]
-    return labels if len(set(labels)) == len(runs) else [r.name for r in runs]
+    return labels if len(set(labels)) == len(runs) else name_labels(runs)
+
+
+def name_labels(runs):
+    """The folders' names, without the parts between commas that are the same in all (pliant-sweep names its runs by
+    their options)."""
+    parts = [r.name.split(",") for r in runs]
+    common = set.intersection(*map(set, parts))
+    return [", ".join(p for p in name if p not in common) or run.name for name, run in zip(parts, runs)]

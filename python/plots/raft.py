@@ -20,7 +20,7 @@ def main():
     runs = load_runs(arguments.run)
 
     figure, axes = plt.subplots(figsize=(7.0, 4.2), layout="constrained")
-    labels = [run.name for run in runs]
+    labels = plotting.name_labels(runs)
     for run, label, color in zip(runs, labels, plotting.COLORS * len(runs)):
         curve = raft.Compression.of(run)
         axes.plot(curve.distance, curve.force, color=color, lw=0.9, label=label)

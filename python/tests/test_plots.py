@@ -5,6 +5,7 @@ import runpy
 import shutil
 import subprocess
 import sys
+import types
 from pathlib import Path
 
 import h5py
@@ -210,3 +211,12 @@ def test_force_lines(rough, monkeypatch):
     assert force[joined] == pytest.approx(3 * contacts["force"].iloc[0])
     at_wall = (lines[:, 1, 0] == run.geometry.W / 2) & (lines[:, 0] == frame.centres[-1]).all(1)
     assert force[at_wall] == pytest.approx(0.5)
+
+
+def test_runs_of_a_sweep_are_called_by_what_differs():
+    def labels(*names):
+        return plotting.name_labels([types.SimpleNamespace(name=name) for name in names])
+
+    assert labels("a=1,b=2,seed=1", "a=1,b=3,seed=1") == ["b=2", "b=3"]
+    assert labels("a=1,seed=1", "a=1,dt=0.1,seed=1") == ["a=1,seed=1", "dt=0.1"]
+    assert labels("one") == ["one"]
