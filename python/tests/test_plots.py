@@ -1,6 +1,8 @@
 """The scripts run without a display and draw something; their errors are one line."""
 
+import json
 import os
+import re
 import runpy
 import shutil
 import subprocess
@@ -9,11 +11,13 @@ import types
 from pathlib import Path
 
 import h5py
+import matplotlib.colors
 import matplotlib.image
 import numpy as np
 import pandas as pd
 import pytest
 from synthetic import write_run
+from test_clog import made_table
 
 from pliant import Run, plotting
 
@@ -49,7 +53,8 @@ def assert_picture(path, colors=100):
 
 
 def test_every_figure_has_its_script():
-    assert set(SCRIPTS) >= {"beverloo.py", "forces.py", "movie.py", "profile.py", "series.py", "snapshot.py"}
+    assert set(SCRIPTS) >= {"beverloo.py", "clog.py", "clog_collapse.py", "clog_snapshot.py",
+                            "forces.py", "movie.py", "profile.py", "series.py", "snapshot.py"}
 
 
 @pytest.mark.parametrize("name", SCRIPTS)
@@ -113,6 +118,49 @@ def test_beverloo_from_a_table_with_few_points(call, tmp_path):
     assert_picture(tmp_path / "a.png", colors=20)
     text = call("beverloo.py", tmp_path / "sweep.csv", "--beta", 1.5, "-o", tmp_path / "a.png")
     assert "too few" not in text
+
+
+@pytest.fixture(scope="module")
+def clogs(tmp_path_factory):
+    """results.csv of runs whose clogs follow [T 4.17, 4.19], w* from 4.4 d on, and of some that g empties."""
+    table = made_table(seeds=60, widths=np.arange(2, 11, 0.5))
+    gravity = pd.concat([table[table["hopper_width"] == 3].assign(g=g) for g in (0.02, 0.04)])
+    gravity.loc[gravity["g"] == 0.04, "status"] = "empty"
+    path = tmp_path_factory.mktemp("clogs") / "results.csv"
+    pd.concat([table, gravity]).to_csv(path, index=False)
+    return path
+
+
+def test_clog(clogs, call, tmp_path):
+    text = call("clog.py", clogs, "-o", tmp_path / "a.png")
+    assert_picture(tmp_path / "a.png")
+    assert float(re.search(r"below delta = ([0-9.]+)", text)[1]) == pytest.approx(0.8, abs=0.03)
+    assert text.count("does not pass one half") == 0 and "a step" in text
+
+
+def test_clog_collapse(clogs, call, tmp_path):
+    text = call("clog_collapse.py", clogs, "-o", tmp_path / "a.png")
+    assert_picture(tmp_path / "a.png")
+    assert float(re.search(r"max\(delta, ([0-9.]+)\)", text)[1]) == pytest.approx(0.8, abs=0.03)
+    text = call("clog_collapse.py", clogs, "--delta-crit", 0.5, "-o", tmp_path / "a.png")
+    assert "max(delta, 0.500)" in text
+
+
+def test_clog_snapshot(tmp_path, call):
+    path, _ = write_run(tmp_path / "run")
+    summary = json.loads((path / "summary.json").read_text())
+    kinds = {name: list(range(k, 150, 4)) for k, name in enumerate(("arch", "attached", "rest"))}
+    (path / "summary.json").write_text(json.dumps(summary | kinds))
+    call("clog_snapshot.py", path, "-o", tmp_path / "a.png")
+    assert_picture(tmp_path / "a.png")
+    pixels = matplotlib.image.imread(tmp_path / "a.png")[..., :3]
+    for color in ("#0072B2", "#D55E00", "#F0E442"):
+        assert (np.abs(pixels - matplotlib.colors.to_rgb(color)).max(-1) < 0.01).sum() > 500
+
+
+def test_clog_snapshot_needs_a_clog(soft, tmp_path):
+    result = run_script("clog_snapshot.py", soft[0], "-o", tmp_path / "a.png")
+    assert result.returncode == 2 and "no arch in" in result.stderr and result.stderr.count("\n") == 1
 
 
 @pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="needs ffmpeg")

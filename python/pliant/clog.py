@@ -1,0 +1,232 @@
+"""Statistics of clogs over many runs: probabilities with binomial errors, sigmoids, the cohesive length and the collapse
+of thesis chapter 4 ([T n] are its equations).
+
+Lengths: w/d is the orifice in mean diameters, as the option -hopper_width; w, delta and delta* are in mean radii.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import lmfit
+import numpy as np
+import pandas as pd
+from scipy.stats import binomtest
+
+from .errors import RunError
+from .sweep import sweep_table
+
+COLUMNS = ("hopper_width", "g", "phi_c", "n", "status", "avalanche_size", "capillary_length")
+ENDED = ("clogged", "empty")
+CONFIDENCE = 0.95       # of the binomial intervals
+AVALANCHE_LIMIT = 0.75  # larger mean avalanches, as a fraction of the droplets, are cut by their number [T 4.3]
+
+
+def load_clogs(paths):
+    """One table of runs that ended clogged or empty, from CSV files (pliant-sweep's results.csv) and run folders, and
+    the number of rows left out because they have not ended or have failed."""
+    tables = []
+    for path in map(Path, paths):
+        try:
+            tables.append(pd.read_csv(path, comment="#") if path.is_file() else sweep_table([path]))
+        except (OSError, ValueError) as error:
+            raise RunError(f"{path}: cannot be read as a table ({str(error).strip().splitlines()[0]})") from None
+        if "status" not in tables[-1]:
+            raise RunError(f"{path}: the table has no column 'status' (not one of pliant-sweep?)")
+    table = pd.concat(tables, ignore_index=True)
+    ended = table[table["status"].isin(ENDED)]
+    if ended.empty:
+        raise RunError(f"{paths[0]}: no run has ended clogged or empty yet")
+    for column in COLUMNS:
+        if column not in ended or ended[column].isna().any():
+            raise RunError(f"{paths[0]}: column '{column}' is missing or incomplete (not runs of the scenario clog?)")
+    return ended.reset_index(drop=True), len(table) - len(ended)
+
+
+def binomial_interval(clogged, runs):
+    """(low, high): Wilson's interval of a probability that has shown itself in `clogged` of `runs` runs."""
+    interval = binomtest(int(clogged), int(runs)).proportion_ci(CONFIDENCE, method="wilson")
+    return interval.low, interval.high
+
+
+def clog_points(table):
+    """One row per point (n, phi_c, g, hopper_width): runs, clogged, P, P_low, P_high, delta, s, s_error, sorted.
+
+    s is the mean of the avalanche size over all runs, those that ran empty included, with its standard error over the
+    runs (NaN for one run).
+    """
+    rows = []
+    for (n, phi_c, g, width), group in table.groupby(["n", "phi_c", "g", "hopper_width"]):
+        runs, clogged = len(group), int((group["status"] == "clogged").sum())
+        low, high = binomial_interval(clogged, runs)
+        s = group["avalanche_size"].to_numpy(float)
+        rows.append({"n": int(n), "phi_c": phi_c, "g": g, "hopper_width": width, "runs": runs, "clogged": clogged,
+                     "P": clogged / runs, "P_low": low, "P_high": high, "delta": group["capillary_length"].mean(),
+                     "s": s.mean(), "s_error": s.std(ddof=1) / np.sqrt(runs) if runs > 1 else np.nan})
+    return pd.DataFrame(rows)
+
+
+def sigmoid(x, x0, alpha):
+    """1/(1 + exp((x - x0)/alpha)) [T 4.8, 4.11]."""
+    return 1 / (1 + np.exp(np.clip((np.asarray(x, float) - x0) / alpha, -500, 500)))
+
+
+@dataclass(frozen=True)
+class SigmoidFit:
+    """Where the probability is one half, and the width of the transition, with one standard error each."""
+
+    x0: float
+    x0_error: float
+    alpha: float        #: NaN where the data only say that it is narrow
+    alpha_error: float
+    note: str
+
+    def __call__(self, x):
+        return sigmoid(x, self.x0, self.alpha if np.isfinite(self.alpha) else 1e-9)
+
+
+def fit_sigmoid(x, clogged, runs):
+    """The sigmoid of the largest binomial likelihood: `clogged` [n] of `runs` [n] at x [n], probability falling with x.
+
+    lmfit minimises the sum of squares of the deviance residuals, which is the likelihood's logarithm. Where a single step
+    fits all data (all clogged up to some x, none beyond) the width has no lower bound: x0 is the middle of the gap with
+    half the gap as its error. Raises RunError without points on both sides of one half.
+    """
+    order = np.argsort(np.asarray(x, float), kind="stable")
+    x, k, n = (np.asarray(values, float)[order] for values in (x, clogged, runs))
+    p = k / n
+    if not (p.max(initial=0) > 0.5 > p.min(initial=1)):
+        raise RunError("the probability of a clog does not pass one half in the range of the data")
+    if np.all((k == 0) | (k == n)) and np.all(np.diff(p) <= 0):
+        below, above = x[k == n].max(), x[k == 0].min()
+        return SigmoidFit((below + above) / 2, (above - below) / 2, np.nan, np.nan, "a step: its width is not resolved")
+
+    def residual(parameters):
+        q = np.clip(sigmoid(x, parameters["x0"].value, parameters["alpha"].value), 1e-12, 1 - 1e-12)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            deviance = np.where(k > 0, k * np.log(p / q), 0) + np.where(k < n, (n - k) * np.log((1 - p) / (1 - q)), 0)
+        return np.sign(p - q) * np.sqrt(2 * np.maximum(deviance, 0))
+
+    span = x[-1] - x[0]
+    starts = []
+    for alpha in (0.03, 0.1, 0.3):
+        parameters = lmfit.Parameters()
+        parameters.add("x0", np.interp(0.5, np.maximum.accumulate(p[::-1]), x[::-1]))
+        parameters.add("alpha", alpha * span, min=1e-4 * span, max=10 * span)
+        starts.append(lmfit.minimize(residual, parameters, scale_covar=False))
+    best = min(starts, key=lambda result: result.chisqr)
+    errors = [np.nan if best.params[name].stderr is None else best.params[name].stderr for name in ("x0", "alpha")]
+    return SigmoidFit(best.params["x0"].value, errors[0], best.params["alpha"].value, errors[1], "")
+
+
+def fit_sigmoids(points, along):
+    """One row per curve of points against `along` (g or hopper_width), the other one held: n, phi_c, the held column,
+    delta (of the middle of the transition), x0 … alpha_error, note, fit, data. A curve that cannot be fitted has
+    fit = None and the reason as its note; values of the held column with a single point are no curves."""
+    held = {"g": "hopper_width", "hopper_width": "g"}[along]
+    rows = []
+    for (n, phi_c, value), data in points.groupby(["n", "phi_c", held]):
+        if len(data) < 2:
+            continue
+        row = {"n": n, "phi_c": phi_c, held: value, "delta": data["delta"].mean(), "fit": None, "data": data}
+        try:
+            fit = fit_sigmoid(data[along], data["clogged"], data["runs"])
+            row.update(vars(fit), fit=fit)
+        except RunError as error:
+            row["note"] = str(error)
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+@dataclass(frozen=True)
+class Regimes:
+    """w*/d = low for delta < delta_crit and slope·delta beyond [T 4.12, 4.13], with one standard error each."""
+
+    low: float
+    low_error: float
+    slope: float
+    slope_error: float
+
+    @property
+    def delta_crit(self):
+        """Where the two meet; delta* of the regime of low cohesion."""
+        return self.low / self.slope
+
+    def __call__(self, delta):
+        return np.maximum(self.low, self.slope * np.asarray(delta, float))
+
+    def effective(self, delta):
+        """delta* [T 4.12]."""
+        return np.maximum(delta, self.delta_crit)
+
+
+def fit_regimes(delta, w_star, error):
+    """The constant and the line through the origin that together fit w*/d [n] best (least squares with weights 1/error;
+    equal ones if none is known), over all ways to cut the points in two by delta. Errors are scaled by the scatter
+    where that is larger. Raises RunError for less than two points on either side."""
+    order = np.argsort(np.asarray(delta, float), kind="stable")
+    delta, w, error = (np.asarray(values, float)[order] for values in (delta, w_star, error))
+    if len(delta) < 4:
+        raise RunError(f"{len(delta)} values of w* are too few for two regimes (at least 4)")
+    known = np.isfinite(error) & (error > 0)
+    error = np.where(known, error, np.median(error[known])) if known.any() else np.ones_like(w)
+    best = None
+    for cut in range(2, len(delta) - 1):
+        # Linear in both: each regime has one parameter, the factor of its shape.
+        shape = np.where(np.arange(len(delta)) < cut, 1.0, delta)
+        factors, variances = [], []
+        for part in (slice(None, cut), slice(cut, None)):
+            a, y = shape[part] / error[part], w[part] / error[part]
+            factors.append(a @ y / (a @ a))
+            variances.append(1 / (a @ a))
+        fitted = np.where(np.arange(len(delta)) < cut, factors[0], factors[1] * delta)
+        chi2 = (((w - fitted) / error) ** 2).sum()
+        if best is None or chi2 < best[0]:
+            best = chi2, factors, variances
+    chi2, factors, variances = best
+    scale = chi2 / max(len(delta) - 2, 1)
+    scale = max(scale, 1.0) if known.any() else scale
+    errors = np.sqrt(np.array(variances) * scale)
+    return Regimes(float(factors[0]), float(errors[0]), float(factors[1]), float(errors[1]))
+
+
+def avalanche_law(x, A, B):
+    """Mean avalanche size exp(B x²)/A - 1 [T 4.17]."""
+    return np.exp(B * np.asarray(x, float) ** 2) / A - 1
+
+
+def clog_law(x, A, B, n):
+    """Probability 1 - exp(-n/<s>) that n droplets clog, <s> the mean avalanche size: [T 4.19]. [T 4.20] leaves out the
+    -1 of <s>, which makes a difference only where <s> is small and everything clogs."""
+    s = avalanche_law(x, A, B)
+    with np.errstate(divide="ignore"):
+        return np.where(s > 0, -np.expm1(-n / np.maximum(s, 1e-300)), 1.0)
+
+
+@dataclass(frozen=True)
+class AvalancheFit:
+    """A and B of [T 4.17] with one standard error each."""
+
+    A: float
+    A_error: float
+    B: float
+    B_error: float
+    points: int
+    chi2_reduced: float
+
+
+def fit_avalanches(x, s, s_error, n):
+    """ln(<s> + 1) = -ln A + B x² [T 4.18] by lmfit, weighted by the errors of s; points with <s> below
+    AVALANCHE_LIMIT·n alone. x [k] = w/delta*, s and s_error [k], n [k] droplets. Raises RunError for less than three."""
+    x, s, s_error, n = (np.asarray(values, float) for values in (x, s, s_error, n))
+    use = (s < AVALANCHE_LIMIT * n) & np.isfinite(s_error)
+    if len(np.unique(x[use])) < 3:
+        raise RunError(f"{use.sum()} mean avalanches below {AVALANCHE_LIMIT:g} of the droplets are too few to fit "
+                       "(at least 3, at different w/delta*, each with several runs)")
+    # An avalanche of a few runs that happen to agree has an error too: at least that of one droplet more or less.
+    weight = (s[use] + 1) / np.maximum(s_error[use], 1.0)
+    model = lmfit.Model(lambda x2, log_A, B: -log_A + B * x2, independent_vars=["x2"])
+    result = model.fit(np.log1p(s[use]), x2=x[use] ** 2, log_A=-2.0, B=0.03, weights=weight)
+    log_A, B = result.params["log_A"], result.params["B"]
+    A = float(np.exp(log_A.value))
+    error = np.nan if log_A.stderr is None else A * log_A.stderr
+    return AvalancheFit(A, error, B.value, np.nan if B.stderr is None else B.stderr, int(use.sum()), result.redchi)

@@ -1,0 +1,89 @@
+#!/usr/bin/python3
+"""Probability of a clog against gravity and against the width of the exit, with sigmoids, and where they reach 1/2."""
+
+import sys
+from pathlib import Path
+
+# In place of this folder, whose profile.py would hide the standard library's.
+sys.path[0] = str(Path(__file__).resolve().parents[1])
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from pliant import RunError
+from pliant import clog, plotting, script
+
+
+def draw_curves(axes, fits, along):
+    """One curve per row of `fits`: points with binomial intervals, and the sigmoid."""
+    for i, row in enumerate(fits.itertuples()):
+        color, marker = plotting.COLORS[i % len(plotting.COLORS)], plotting.MARKERS[i % len(plotting.MARKERS)]
+        x, P, low, high = (row.data[c].to_numpy(float) for c in (along, "P", "P_low", "P_high"))
+        axes.errorbar(x, P, [P - low, high - P], fmt=marker, color=color, capsize=2.5, elinewidth=1,
+                      markeredgecolor="white", markeredgewidth=0.4, zorder=3, label=rf"$\phi_c$ = {row.phi_c:g}")
+        if row.fit is not None:
+            grid = np.linspace(x.min(), x.max(), 400)
+            axes.plot(grid, row.fit(grid), color=color, lw=1.3)
+    axes.set(ylabel=r"$P_{clog}$", ylim=(-0.04, 1.04), xlabel={"g": "$g$", "hopper_width": "$w/d$"}[along])
+    axes.legend()
+
+
+def draw_middles(axes, fits, x, labels):
+    known = fits[fits["fit"].notna()]
+    axes.errorbar(known[x], known["x0"], known["x0_error"].fillna(0), fmt="o", capsize=2.5, color=plotting.COLORS[0],
+                  zorder=3)
+    axes.set(xlabel=labels[0], ylabel=labels[1])
+
+
+def print_fits(fits, along):
+    name = {"g": "g_0", "hopper_width": "w*/d"}[along]
+    rows = [(f"{row.n:g}", f"{row.phi_c:g}", f"{row.delta:.3f}", len(row.data), row.data["runs"].sum(),
+             *((script.with_error(row.x0, row.x0_error), script.with_error(row.alpha, row.alpha_error))
+               if row.fit is not None else ("–", "–")), row.note) for row in fits.itertuples()]
+    print(script.markdown(["N", "phi_c", "delta", "points", "runs", name, "alpha", "note"], rows), end="\n\n")
+
+
+def main():
+    parser = script.parser(__doc__, "clog.py validation/clog/width/results.csv validation/clog/gravity/results.csv",
+                           "clog.png")
+    parser.add_argument("table", nargs="+", help="results.csv of pliant-sweep, or run folders")
+    arguments = parser.parse_args()
+    script.check_output(arguments.output)
+
+    table, left_out = clog.load_clogs(arguments.table)
+    points = clog.clog_points(table)
+    if left_out:
+        print(f"{left_out} rows left out: not ended, or failed\n")
+    print(script.markdown(
+        ["N", "phi_c", "g", "w/d", "delta", "runs", "clogged", "P_clog", f"{100 * clog.CONFIDENCE:g} % interval", "s"],
+        [(f"{p.n}", f"{p.phi_c:g}", f"{p.g:g}", f"{p.hopper_width:g}", f"{p.delta:.3f}", p.runs, p.clogged, f"{p.P:.2f}",
+          f"{p.P_low:.2f} … {p.P_high:.2f}", script.with_error(p.s, p.s_error)) for p in points.itertuples()]), end="\n\n")
+    curves = {along: fits for along in ("g", "hopper_width") if len(fits := clog.fit_sigmoids(points, along))}
+    if not curves:
+        raise RunError("all runs have one g and one width: no curve to draw (add rows to the table)")
+
+    figure, axes = plt.subplots(len(curves), 2, figsize=(9.2, 3.8 * len(curves)), squeeze=False, layout="constrained")
+    for (left, right), (along, fits) in zip(axes, curves.items()):
+        print_fits(fits, along)
+        draw_curves(left, fits, along)
+        if along == "g":
+            draw_middles(right, fits, "phi_c", (r"$\phi_c$", "$g_0$"))
+            continue
+        draw_middles(right, fits, "delta", (r"$\delta/\langle R\rangle$", "$w^*/d$"))
+        known = fits[fits["fit"].notna()]
+        try:
+            regimes = clog.fit_regimes(known["delta"], known["x0"], known["x0_error"])
+        except RunError as error:
+            print(f"{error}\n")
+            continue
+        print(f"w*/d = {script.with_error(regimes.low, regimes.low_error)} below delta = {regimes.delta_crit:.3f}, "
+              f"({script.with_error(regimes.slope, regimes.slope_error)}) delta beyond\n")
+        grid = np.linspace(0, known["delta"].max() * 1.05, 200)
+        right.plot(grid, regimes(grid), "--", color="0.4", lw=1.1,
+                   label=rf"{regimes.low:.3g} and {regimes.slope:.3g} $\delta$")
+        right.legend()
+    plotting.save(figure, arguments.output)
+
+
+if __name__ == "__main__":
+    script.run(main)
