@@ -12,6 +12,7 @@
 #include <pliant/base/petsc.h>
 #include <pliant/base/ranks.h>
 #include <pliant/base/version.h>
+#include <pliant/scenarios/clog.h>
 #include <pliant/scenarios/evaluate.h>
 #include <pliant/scenarios/hopper.h>
 #include <pliant/scenarios/raft.h>
@@ -29,6 +30,7 @@ constexpr const char* usage =
     "scenarios:\n"
     "  hopper              gravity-driven flow through an orifice\n"
     "  raft                droplets between two walls that compress them or pull them apart\n"
+    "  clog                droplets that attract each other leave a hopper, or clog it\n"
     "  evaluate CASE.json  energies and forces of one configuration\n"
     "\n"
     "pliant SCENARIO -help   options of a scenario\n"
@@ -76,6 +78,7 @@ ExitCode evaluate(const Arguments& arguments) {
 ExitCode run(const std::string& scenario, const Arguments& arguments, const Ranks& ranks) {
   if (scenario == "hopper") return simulate("hopper", pliant::run_hopper, arguments, ranks);
   if (scenario == "raft") return simulate("raft", pliant::run_raft, arguments, ranks);
+  if (scenario == "clog") return simulate("clog", pliant::run_clog, arguments, ranks);
   if (scenario == "evaluate") {
     ExitCode code = ExitCode::done;
     ranks.together([&] {
@@ -91,7 +94,7 @@ ExitCode run(const std::string& scenario, const Arguments& arguments, const Rank
     say(ranks, pliant::build_info().text());
     return ExitCode::done;
   }
-  const std::vector<std::string> scenarios{"hopper", "raft", "evaluate"};
+  const std::vector<std::string> scenarios{"hopper", "raft", "clog", "evaluate"};
   const auto near = pliant::nearest(scenario, scenarios);
   throw InputError("unknown scenario '{}'{}; pliant -help lists them", scenario,
                    near ? fmt::format(", did you mean '{}'?", *near) : std::string());

@@ -15,6 +15,7 @@ page=$root/docs/options.md
 
 hopper=$("$program" hopper -help_markdown)
 raft=$("$program" raft -help_markdown)
+clog=$("$program" clog -help_markdown)
 text="<!-- Made by scripts/docs.sh from the program; edit the options in src/scenarios/*_options.cpp instead. -->
 
 # Options of \`pliant hopper\`
@@ -35,7 +36,13 @@ $hopper
 Units: ⟨R⟩ (R), the radius of a large droplet, and the unit of force F in which f0 is given; b = 1, t0 = b⟨R⟩/F. Options that
 begin with \`-mobility_ksp_\` and \`-mobility_pc_\` go to the solver for the velocities.
 
-$raft"
+$raft
+
+# Options of \`pliant clog\`
+
+Units are those of rafts, with ⟨R⟩ the mean radius and ρ = 1.
+
+$clog"
 
 if [[ $check == no ]]; then
   printf '%s\n' "$text" >"$page"

@@ -54,6 +54,7 @@ DropletRun::DropletRun(const DropletOptions& p, const Options& options, const Ra
     : p_(p),
       options_(options),
       scenario_(setup.scenario),
+      integration_(setup.integration),
       overdamped_(make_system(p, setup)),
       system_(overdamped_),
       control_(p.checkpoint_interval, p.max_wall_time, one_rank(ranks, scenario_)),
@@ -63,8 +64,8 @@ DropletRun::DropletRun(const DropletOptions& p, const Options& options, const Ra
 
 ExitCode DropletRun::run(const std::optional<Checkpoint>& checkpoint) {
   if (checkpoint) restore(*checkpoint);
-  // Most steps are as long as stability allows: a low order takes the fewest evaluations, a small error costs nothing.
-  integrator_.emplace(TsOptions{.rk_type = "3bs", .atol_x = 1e-8, .dt = dt_});
+  integration_.dt = dt_;
+  integrator_.emplace(integration_);
   options_.check_consumed();
   if (checkpoint && last_time() < state_.t)
     throw InputError("the run is at t = {:.6g} already, after its end at {:.6g}; give a later -t_end", state_.t,

@@ -40,6 +40,8 @@ struct DropletSetup {
   Walls<2> walls;
   Vec<2> gravity = Vec<2>::Zero();
   bool walls_rub = false;  ///< MobilityOptions::walls
+  /// Most steps are as long as stability allows: a low order takes the fewest evaluations, a small error costs nothing.
+  TsOptions integration = {.rk_type = "3bs", .atol_x = 1e-8};
 };
 
 /// A run of droplets in the plane, on one rank: integration, samples, frames, checkpoints, restart, stop requests,
@@ -123,6 +125,7 @@ class DropletRun {
   const DropletOptions& p_;
   const Options& options_;
   std::string scenario_;
+  TsOptions integration_;
   OverdampedSystem<2> overdamped_;
   DropletSystem system_;
   RunControl control_;

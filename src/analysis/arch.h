@@ -1,0 +1,38 @@
+// The arch that clogs a hopper, and what every droplet is in the clog [T Fig. 4.1a].
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include <pliant/base/types.h>
+
+namespace pliant {
+
+/// Which of some droplets hold on to which, and to the two walls beside the exit.
+struct ClogLinks {
+  std::vector<std::pair<Index, Index>> pairs;
+  std::vector<Index> left, right;  ///< droplets linked to the left and to the right wall
+};
+
+/// The lowest chain of linked droplets from the left wall to the right one, in that order; empty if there is none. Of
+/// all chains it is one whose highest droplet is as low as can be, of these one with the fewest droplets, and of these
+/// the one with the lowest sum of heights. position [N · 2], y up.
+std::vector<Index> lowest_chain(std::span<const Real> position, const ClogLinks& links);
+
+/// Colours of [T Fig. 4.1a], as numbers in files.
+enum class ClogRole : std::uint8_t {
+  gone,     ///< has left
+  rest,     ///< above the arch (blue)
+  arch,     ///< (red)
+  attached  ///< below the arch, held by cohesion alone (yellow)
+};
+
+/// What each droplet is, [N], for this arch, which may be empty: then all are `rest`. A droplet is below the arch if
+/// the upright line from its centre meets the line through the arch's centres an odd number of times; that line goes on
+/// level beyond its ends.
+std::vector<ClogRole> clog_roles(std::span<const Real> position, std::span<const std::uint8_t> active,
+                                 std::span<const Index> arch);
+
+}  // namespace pliant
