@@ -50,7 +50,7 @@ class ClogRun final : public DropletRun {
                     .walls = make_walls(p, 0),
                     .gravity = {0, -p.g},
                     .walls_rub = p.wall_friction,
-                    .integration = {.rk_type = "4"}}),
+                    .integration = {.type = "ssp"}}),
         p_(p),
         radii_(std::move(radii)),
         delta_(capillary_length(p.model_parameters(), p.g)) {}
@@ -130,7 +130,7 @@ class ClogRun final : public DropletRun {
   }
 
  private:
-  static constexpr std::int64_t check_every = 16, minimum_every = 512;  ///< steps; a search costs as much as some 50
+  static constexpr std::int64_t check_every = 16, minimum_every = 256;  ///< steps; a search costs as much as some 60
   static constexpr Real slow = 0.01;  ///< of a falling droplet's speed: no need to search before
   static constexpr Real near = 0.01;  ///< a minimum: much less than the range of the attraction
   static constexpr Real far_below = -1e6;

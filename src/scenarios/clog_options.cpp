@@ -6,9 +6,9 @@ namespace pliant {
 
 ClogOptions::ClogOptions() {
   radii.deviation = 0.01;
-  frame_interval = 200;
-  sample_interval = 20;
-  dt = 0.2;
+  frame_interval = 500;
+  sample_interval = 50;
+  dt = 0.7;
   t_end = 1e6;
 }
 

@@ -41,11 +41,13 @@ void DropletSystem::rate(Real t, const Real* y, Real* ydot) {
   ParticleSystem<2>& particles = droplets_.particles();
   const StateView<2> s = particles.view(y, ydot, t);
   const std::vector<Solid<2>>& walls = s.walls.solids();
-  wall_force_.assign(2 * walls.size(), 0);
-  particles.field().add_wall_forces(s, wall_force_.data());
   Real work = 0;
-  for (std::size_t k = 0; k < walls.size(); ++k)
-    work -= point<2>(wall_force_.data(), static_cast<Index>(k)).dot(walls[k].velocity);
+  if (std::any_of(walls.begin(), walls.end(), [](const Solid<2>& w) { return w.velocity != Vec<2>::Zero(); })) {
+    wall_force_.assign(2 * walls.size(), 0);
+    particles.field().add_wall_forces(s, wall_force_.data());
+    for (std::size_t k = 0; k < walls.size(); ++k)
+      work -= point<2>(wall_force_.data(), static_cast<Index>(k)).dot(walls[k].velocity);
+  }
   ydot[droplets_.size()] = work;
   ydot[droplets_.size() + 1] = droplets_.mobility().power(s);
 }
