@@ -33,6 +33,7 @@ def draw_middles(axes, fits, x, labels):
     axes.errorbar(known[x], known["x0"], known["x0_error"].fillna(0), fmt="o", capsize=2.5, color=plotting.COLORS[0],
                   zorder=3)
     axes.set(xlabel=labels[0], ylabel=labels[1])
+    axes.ticklabel_format(axis="x", scilimits=(-3, 3), useMathText=True)
 
 
 def print_fits(fits, along):

@@ -8,6 +8,7 @@ from pathlib import Path
 sys.path[0] = str(Path(__file__).resolve().parents[1])
 
 import numpy as np
+from matplotlib.collections import LineCollection
 
 from pliant import Run, RunError
 from pliant import plotting, script
@@ -37,7 +38,8 @@ def main():
     axes[0].set(xlabel=r"$x/\langle R\rangle$", ylabel=r"$y/\langle R\rangle$")
     axes[0].set_title(f"$w/d$ = {run.parameters['hopper_width']:g},  {run.summary.get('status', '')} after "
                       f"{run.measured('avalanche_size')[0]:g} droplets")
-    plotting.draw_walls(axes[0], run)
+    axes[0].add_collection(LineCollection(frame.wall_segments.reshape(-1, 2, 2), colors=plotting.WALL, linewidths=3.5,
+                                          capstyle="round", zorder=1))
     for name, color in COLORS.items():
         axes[0].plot([], [], "o", color=color, label={"rest": "the rest"}.get(name, name))
     axes[0].legend(loc="lower right")
