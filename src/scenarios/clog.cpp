@@ -146,8 +146,9 @@ class ClogRun final : public DropletRun {
     find_velocities();
     const Real speed = max_speed();
     if (speed < p_.clog_speed) return true;
-    return p_.rest == RestRule::minimum && state().step % minimum_every == 0 && speed < slow * p_.g / p_.b &&
-           next_to_minimum<2>(particles(), places(), state().t, near);
+    if (p_.rest == RestRule::speed || state().step % minimum_every != 0 || speed >= slow * p_.g / p_.b) return false;
+    // Droplets that hang below the exit, barely in the range of the walls, can take forever.
+    return (opened_ >= 0 && above() == 0) || next_to_minimum<2>(particles(), places(), state().t, near);
   }
   Index above() const {
     Index count = 0;

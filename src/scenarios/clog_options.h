@@ -7,7 +7,7 @@ namespace pliant {
 
 /// When droplets count as resting.
 enum class RestRule {
-  minimum,  ///< also when they are next to a minimum of the energy
+  minimum,  ///< also when they are next to a minimum of the energy, or hang below an exit that has let all others pass
   speed     ///< when they are slow, and not before
 };
 

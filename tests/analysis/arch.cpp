@@ -36,7 +36,7 @@ struct Clog : Heap {
     const Index half_left = add(-2, 2.6), half_right = add(2, 2.6);
     arch = {left, half_left, middle, half_right, right};
     for (const Real px : {-5., -3., -1., 1., 3., 5.}) above.push_back(add(px, 4.8));
-    hanging = {add(0.3, 1.2), add(0.4, -0.8)};
+    hanging = {add(0.8, 1), add(0.4, -0.8)};
     link(2.95);
     links.left = {left, above.front()};
     links.right = {right, above.back()};
