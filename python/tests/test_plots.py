@@ -25,6 +25,12 @@ PLOTS = Path(__file__).resolve().parents[1] / "plots"
 SCRIPTS = sorted(p.name for p in PLOTS.glob("*.py"))
 
 
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_scripts_can_be_called_by_name(name):
+    assert os.access(PLOTS / name, os.X_OK)
+
+
 def run_script(name, *arguments, **options):
     environment = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "PYTHONPATH")}
     return subprocess.run([sys.executable, str(PLOTS / name), *map(str, arguments)], capture_output=True, text=True,
