@@ -25,7 +25,6 @@ PLOTS = Path(__file__).resolve().parents[1] / "plots"
 SCRIPTS = sorted(p.name for p in PLOTS.glob("*.py"))
 
 
-
 @pytest.mark.parametrize("name", SCRIPTS)
 def test_scripts_can_be_called_by_name(name):
     assert os.access(PLOTS / name, os.X_OK)
