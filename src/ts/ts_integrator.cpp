@@ -55,6 +55,8 @@ namespace {
 constexpr std::array unsupported_types = {"basicsymplectic", "dirk", "discgrad", "eimex",  "glee",    "glle", "irk",
                                           "mimex",           "mprk", "pseudo",   "radau5", "sundials"};
 constexpr std::array explicit_types = {"euler", "rk", "ssp", ts_verlet};
+// Repeat a first step that fails at the same length, over and over.
+constexpr std::array stubborn_types = {"alpha", "alpha2"};
 constexpr std::array implicit_types = {"alpha", "alpha2", "arkimex", "bdf", "beuler", "cn", "rosw", "theta"};
 constexpr std::array split_types = {"arkimex", "arkode"};
 // Explicit ones without an error estimate; rk has one where its table is an embedded pair.
@@ -164,6 +166,7 @@ void TsIntegrator::configure() {
   petsc_check(TSSetType(ts_, type.c_str()));
   type_ = type;
   configure_solvers();
+  if (contains(stubborn_types, type)) petsc_check(TSSetMaxStepRejections(ts_, 10));
   bool estimate = !contains(fixed_types, type);
   TSAdapt adapt = nullptr;
   petsc_check(TSGetAdapt(ts_, &adapt));
@@ -418,7 +421,9 @@ void TsIntegrator::accept_step(Run& run) {
     if (!run.cut) dt_ = grown_from_cut ? std::max(dt_, dt_next) : dt_next;
   }
   // A solve has failed: what was shortened for it is a fixed step all the same.
-  if (!adaptive_ && !end && rejected != run.rejected_before) petsc_check(TSSetTimeStep(ts_, std::min(dt_, left)));
+  if (!adaptive_ && !end && (rejected != run.rejected_before || shortened_ > 0))
+    petsc_check(TSSetTimeStep(ts_, std::min(dt_, left)));
+  shortened_ = 0;
   run.t_before = t;
   run.store();
   run.state.t = t;
@@ -478,7 +483,7 @@ bool TsIntegrator::solve(FirstOrderSystem& system, State& state, Real t_end, con
   const auto step_number = static_cast<PetscInt>(countable ? state.step : 0);
   petsc_check(TSSetStepNumber(ts_, step_number));
   petsc_check(TSSetTime(ts_, state.t));
-  petsc_check(TSSetTimeStep(ts_, dt_));
+  petsc_check(TSSetTimeStep(ts_, std::ldexp(dt_, -2 * shortened_)));
   petsc_check(TSSetMaxTime(ts_, t_end));
   petsc_check(TSRestartStep(ts_));
 
@@ -520,6 +525,11 @@ bool TsIntegrator::solve(FirstOrderSystem& system, State& state, Real t_end, con
   petsc_check(TSGetStepRejections(ts_, &rejected));
   petsc_check(TSGetTimeStep(ts_, &dt));
   statistics_.rejected += rejected - run.rejected_before;
+  if (reason == TS_DIVERGED_STEP_REJECTED && contains(stubborn_types, type_) && shortened_ < most_shortened) {
+    ++shortened_;
+    return true;
+  }
+  shortened_ = 0;
   if (reason < 0)
     throw NumericalError(
         "{} failed in the step after t = {} (step {}): {}, {} rejections, dt down to {}; loosen the tolerances "

@@ -41,7 +41,7 @@ struct TsOptions {
 /// afresh (first-same-as-last stages and step-size history of the run before are dropped), so `fresh` makes no
 /// difference, and a chain of runs differs from one long run within the tolerance. State::a is not used.
 ///
-/// After a failure x and v are those of the step that failed, t is the end of the last accepted step.
+/// After a failure the state is that of the last accepted step.
 class TsIntegrator : public Integrator {
  public:
   /// Reads all -ts_… options, so that unused options can be reported before any work starts.
@@ -95,6 +95,8 @@ class TsIntegrator : public Integrator {
   bool adaptive_ = false;
   bool second_order_ = false;  // alpha2
   bool reusable_ = true;       // false after a failure: PETSc's objects may be in the middle of something
+  static constexpr int most_shortened = 8;
+  int shortened_ = 0;  // times that the first step has been divided by four
   std::size_t configured_size_ = 0;
   Real dt_ = 0;
   std::string last_failure_;  // of an evaluation in a solver
