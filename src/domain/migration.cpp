@@ -48,11 +48,11 @@ void Migration::move(Topology& topology) const {
 
 void Migration::move(State& state, int dim) const {
   std::vector<Real> x(state.x().begin(), state.x().end()), v(state.v().begin(), state.v().end()),
-      a(state.a().begin(), state.a().end());
+      predicted(state.predicted().begin(), state.predicted().end());
   move_points(x, dim);
   move_points(v, dim);
-  move_points(a, dim);
-  state.assign(x, v, a);
+  move_points(predicted, dim);
+  state.assign(x, v, predicted);
 }
 
 template <int D>

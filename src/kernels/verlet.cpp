@@ -1,68 +1,79 @@
 #include <pliant/kernels/verlet.h>
 
 #include <cmath>
+#include <limits>
 
 #include <pliant/kernels/multiversion.h>
 
 namespace pliant {
 namespace {
 
-struct Prediction {
-  Real x, v;
-};
-
-PLIANT_INLINE Prediction predict(Real h, Real x, Real v, Real a) {
-  const Real v_half = v + 0.5 * h * a;
-  return {x + h * v_half, v_half + 0.5 * h * a};
-}
-
-PLIANT_INLINE Real complete(Real h, Real v, Real a, Real v_predicted) { return 0.5 * (v + v_predicted) + 0.5 * h * a; }
+// One formula for each, so that all passes give the same bits.
+PLIANT_INLINE Real drifted(Real h, Real x, Real v, Real predicted) { return x + 0.5 * h * (v + predicted); }
+PLIANT_INLINE Real foreseen(Real h, Real v, Real a) { return v + h * a; }
+PLIANT_INLINE Real kicked(Real h, Real v, Real a, Real predicted) { return 0.5 * (v + predicted) + 0.5 * h * a; }
 
 template <int D>
-PLIANT_INLINE bool within(std::size_t points, Real limit, const Real* __restrict__ x, const Real* __restrict__ r) {
-  const Real limit2 = limit * limit;
-  std::int64_t outside = 0;  // not bool: as wide as the numbers, which vectorises
+PLIANT_INLINE Real farthest2(std::size_t points, const Real* __restrict__ x, const Real* __restrict__ r) {
+  Real largest = 0;
+  std::int64_t unknown = 0;  // not bool: as wide as the numbers, which vectorises
+#pragma omp simd reduction(max : largest) reduction(| : unknown)
   for (std::size_t i = 0; i < points; ++i) {
     Real moved2 = 0;
     for (int k = 0; k < D; ++k) moved2 += (x[i * D + k] - r[i * D + k]) * (x[i * D + k] - r[i * D + k]);
-    outside |= moved2 <= limit2 ? 0 : 1;
+    largest = largest > moved2 ? largest : moved2;
+    unknown |= moved2 == moved2 ? 0 : 1;
   }
-  return outside == 0;
+  return unknown == 0 ? largest : std::numeric_limits<Real>::infinity();
 }
 
-PLIANT_MULTIVERSION bool within_2d(std::size_t points, Real limit, const Real* x, const Real* reference) {
-  return within<2>(points, limit, x, reference);
+PLIANT_MULTIVERSION Real farthest2_2d(std::size_t points, const Real* x, const Real* reference) {
+  return farthest2<2>(points, x, reference);
 }
-PLIANT_MULTIVERSION bool within_3d(std::size_t points, Real limit, const Real* x, const Real* reference) {
-  return within<3>(points, limit, x, reference);
+PLIANT_MULTIVERSION Real farthest2_3d(std::size_t points, const Real* x, const Real* reference) {
+  return farthest2<3>(points, x, reference);
 }
 
 }  // namespace
 
-PLIANT_MULTIVERSION void verlet_predict(std::size_t n, Real h, const Real* x, const Real* __restrict__ v,
-                                        const Real* __restrict__ a, Real* x_next, Real* __restrict__ v_next) {
-#pragma GCC ivdep
+PLIANT_MULTIVERSION void verlet_predict(std::size_t n, Real h, const Real* v, const Real* a,
+                                        Real* __restrict__ predicted) {
+  for (std::size_t i = 0; i < n; ++i) predicted[i] = foreseen(h, v[i], a[i]);
+}
+
+PLIANT_MULTIVERSION Real verlet_drift(std::size_t n, Real h, const Real* x, const Real* __restrict__ v,
+                                      const Real* __restrict__ predicted, Real* x_next) {
+  Real largest = 0;
+#pragma omp simd reduction(max : largest)
   for (std::size_t i = 0; i < n; ++i) {
-    const Prediction p = predict(h, x[i], v[i], a[i]);
-    x_next[i] = p.x;
-    v_next[i] = p.v;
+    const Real next = drifted(h, x[i], v[i], predicted[i]), change = std::abs(next - x[i]);
+    x_next[i] = next;
+    largest = largest > change ? largest : change;
+  }
+  return largest;
+}
+
+PLIANT_MULTIVERSION void verlet_kick(std::size_t n, Real h, Real* __restrict__ v, const Real* __restrict__ a,
+                                     Real* __restrict__ predicted) {
+  for (std::size_t i = 0; i < n; ++i) {
+    v[i] = kicked(h, v[i], a[i], predicted[i]);
+    predicted[i] = foreseen(h, v[i], a[i]);
   }
 }
 
-PLIANT_MULTIVERSION void verlet_complete(std::size_t n, Real h, const Real* __restrict__ x, Real* __restrict__ v,
-                                         const Real* __restrict__ a, const Real* __restrict__ v_predicted,
-                                         Real* __restrict__ x_next, Real* __restrict__ v_next) {
+PLIANT_MULTIVERSION Real verlet_kick_drift(std::size_t n, Real h, const Real* __restrict__ x, Real* __restrict__ v,
+                                           const Real* __restrict__ a, const Real* __restrict__ predicted,
+                                           Real* __restrict__ x_next, Real* __restrict__ predicted_next) {
+  Real largest = 0;
+#pragma omp simd reduction(max : largest)
   for (std::size_t i = 0; i < n; ++i) {
-    v[i] = complete(h, v[i], a[i], v_predicted[i]);
-    const Prediction p = predict(h, x[i], v[i], a[i]);
-    x_next[i] = p.x;
-    v_next[i] = p.v;
+    v[i] = kicked(h, v[i], a[i], predicted[i]);
+    predicted_next[i] = foreseen(h, v[i], a[i]);
+    x_next[i] = drifted(h, x[i], v[i], predicted_next[i]);
+    const Real change = std::abs(x_next[i] - x[i]);
+    largest = largest > change ? largest : change;
   }
-}
-
-PLIANT_MULTIVERSION void verlet_complete(std::size_t n, Real h, Real* __restrict__ v, const Real* __restrict__ a,
-                                         const Real* __restrict__ v_predicted) {
-  for (std::size_t i = 0; i < n; ++i) v[i] = complete(h, v[i], a[i], v_predicted[i]);
+  return largest;
 }
 
 PLIANT_MULTIVERSION WeightedSquares weighted_squares(std::size_t n, Real factor, const Real* f, const Real* f_old,
@@ -80,11 +91,11 @@ PLIANT_MULTIVERSION WeightedSquares weighted_squares(std::size_t n, Real factor,
 }
 
 template <int D>
-bool all_within(std::size_t points, Real limit, const Real* x, const Real* reference) {
-  return D == 2 ? within_2d(points, limit, x, reference) : within_3d(points, limit, x, reference);
+Real farthest(std::size_t points, const Real* x, const Real* reference) {
+  return std::sqrt(D == 2 ? farthest2_2d(points, x, reference) : farthest2_3d(points, x, reference));
 }
 
-template bool all_within<2>(std::size_t, Real, const Real*, const Real*);
-template bool all_within<3>(std::size_t, Real, const Real*, const Real*);
+template Real farthest<2>(std::size_t, const Real*, const Real*);
+template Real farthest<3>(std::size_t, const Real*, const Real*);
 
 }  // namespace pliant

@@ -1,9 +1,12 @@
 // The model: a compile-time list of terms. The only element loops of the code base are here.
 #pragma once
 
+#include <omp.h>
+
 #include <algorithm>
 #include <array>
 #include <atomic>
+#include <cstdint>
 #include <exception>
 #include <functional>
 #include <memory>
@@ -58,9 +61,12 @@ class ForceField {
 
   /// Total force, written to f [points · D].
   virtual void forces(const StateView<D>& s, Real* f) const = 0;
-  /// The same, divided by the masses: 0 for inactive particles. done(chunk), if given, is called when those of a chunk
-  /// are complete, by several threads at a time. Returns whether all are finite.
-  virtual bool accelerations(const StateView<D>& s, Real* a, const std::function<void(Index)>& done = {}) const = 0;
+  /// The same, divided by the masses: 0 for inactive particles. Returns whether all are finite.
+  virtual bool accelerations(const StateView<D>& s, Real* a) const = 0;
+  /// Accelerations that nobody keeps: done(chunk, a) gets those of the points of a chunk, numbered as in an array of
+  /// all points, and is called by several threads at a time. They are made in `room`, which gets as large as needed.
+  virtual bool accelerations(const StateView<D>& s, std::vector<Real>& room,
+                             const std::function<void(Index, const Real*)>& done) const = 0;
   /// The accelerations by a part of the terms, written to a [points · D].
   virtual void part_accelerations(const StateView<D>& s, Part part, Real* a) const = 0;
   /// ∂F/∂x and ∂F/∂v of a part of the terms: the rows of the rank's own points. Threads share out the rows: the sinks
@@ -137,15 +143,28 @@ class Model final : public ForceField<D> {
     for_each_chunk(s, [&](Index chunk) { add_total(s, chunk, f); });
   }
 
-  bool accelerations(const StateView<D>& s, Real* a, const std::function<void(Index)>& done) const override {
-    const Topology& topology = s.topology;
+  bool accelerations(const StateView<D>& s, Real* a) const override {
     std::atomic<bool> finite = true;
     for_each_chunk(s, [&](Index chunk) {
-      add_total(s, chunk, a);
-      const Range own = s.neighbours.particles(chunk);
-      if (!scale_points<D>(topology.offset.data(), topology.inverse_point_mass.data(), own.first, own.last, a))
-        finite = false;
-      if (done) done(chunk);
+      if (!set_accelerations(s, chunk, a)) finite = false;
+    });
+    return finite;
+  }
+
+  bool accelerations(const StateView<D>& s, std::vector<Real>& room,
+                     const std::function<void(Index, const Real*)>& done) const override {
+    Index most = 0;
+    for (Index c = 0; c < s.neighbours.chunks(); ++c) most = std::max(most, s.neighbours.points(c).size());
+    const std::size_t share = (static_cast<std::size_t>(most) * D + per_page) / per_page * per_page;
+    room.resize(share * omp_get_max_threads());
+    std::atomic<bool> finite = true;
+    for_each_chunk(s, [&](Index chunk) {
+      // Where an array of all points would begin.
+      const auto before = static_cast<std::uintptr_t>(s.neighbours.points(chunk).first) * D * sizeof(Real);
+      Real* const mine = room.data() + share * omp_get_thread_num();
+      Real* const a = reinterpret_cast<Real*>(reinterpret_cast<std::uintptr_t>(mine) - before);
+      if (!set_accelerations(s, chunk, a)) finite = false;
+      done(chunk, a);
     });
     return finite;
   }
@@ -378,6 +397,13 @@ class Model final : public ForceField<D> {
     std::fill(f + static_cast<std::size_t>(own.first) * D, f + static_cast<std::size_t>(own.last) * D, 0.0);
   }
 
+  /// The accelerations of a chunk; returns whether they are finite.
+  bool set_accelerations(const StateView<D>& s, Index chunk, Real* a) const {
+    add_total(s, chunk, a);
+    const Range own = s.neighbours.particles(chunk);
+    return scale_points<D>(s.topology.offset.data(), s.topology.inverse_point_mass.data(), own.first, own.last, a);
+  }
+
   /// The forces of a chunk, by kernels where there are some.
   void add_total(const StateView<D>& s, Index chunk, Real* f) const {
     if constexpr ((sets_forces<Parts> || ...))
@@ -463,6 +489,8 @@ class Model final : public ForceField<D> {
         c.particles = true;
     }
   }
+
+  static constexpr std::size_t per_page = 512;  ///< coordinates: threads write to pages of their own
 
   std::tuple<Parts...> parts_;
 };

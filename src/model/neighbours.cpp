@@ -1,6 +1,8 @@
 #include <pliant/model/neighbours.h>
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 #include <ranges>
 
 #include <pliant/base/errors.h>
@@ -17,25 +19,17 @@ constexpr Index chunk_size = D == 2 ? 1500 : 4000;
 }  // namespace
 
 template <int D>
-bool Neighbours<D>::valid(const Walls<D>& wall, const Real* x, Real t) const {
+Real Neighbours<D>::farthest(const Walls<D>& wall, const Real* x, Real t) const {
+  Real moved = built_ ? 0 : std::numeric_limits<Real>::infinity();
   for (const Solid<D>& solid : wall.solids())
-    if (!((solid.place_at(t) - solid.place_at(time_)).squaredNorm() <= square(skin_ / 2))) return false;
-  return valid(x);
-}
-
-template <int D>
-bool Neighbours<D>::valid(const Real* x) const {
-  bool all = built_;
-#pragma omp parallel for reduction(&& : all) if (chunks() > 1)
-  for (Index c = 0; c < chunks(); ++c) all = all && valid(x, c);
-  return all;
-}
-
-template <int D>
-bool Neighbours<D>::valid(const Real* x, Index chunk) const {
-  const Range own = points(chunk);
-  const auto first = static_cast<std::size_t>(own.first) * D;
-  return built_ && all_within<D>(own.size(), skin_ / 2, x + first, reference_.data() + first);
+    moved = std::max(moved, (solid.place_at(t) - solid.place_at(time_)).norm());
+#pragma omp parallel for reduction(max : moved) if (chunks() > 1)
+  for (Index c = 0; c < chunks(); ++c) {
+    const Range own = points(c);
+    const auto first = static_cast<std::size_t>(own.first) * D;
+    if (built_) moved = std::max(moved, pliant::farthest<D>(own.size(), x + first, reference_.data() + first));
+  }
+  return moved;
 }
 
 template <int D>

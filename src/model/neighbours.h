@@ -73,12 +73,12 @@ class Neighbours {
   PairList lips;          ///< (lip, first vertex of the edge)
   PairList solids;        ///< (point, solid)
 
-  /// Whether the lists hold every contact at x [points · D] and time t; false for NaN. The solids may have moved, but
-  /// not have become others.
-  bool valid(const Walls<D>& wall, const Real* x, Real t = 0) const;
-  /// The same with solids at rest, for all points and for those of one chunk.
-  bool valid(const Real* x) const;
-  bool valid(const Real* x, Index chunk) const;
+  /// How far the point or solid has moved that has moved farthest from where it was when the lists were built; infinite
+  /// for NaN, and where there are no lists. x [points · D]. Solids may have moved, but not have become others.
+  Real farthest(const Walls<D>& wall, const Real* x, Real t = 0) const;
+  /// Up to where the lists hold every contact.
+  Real limit() const { return skin_ / 2; }
+  bool valid(const Walls<D>& wall, const Real* x, Real t = 0) const { return farthest(wall, x, t) <= limit(); }
 
   /// Makes the lists valid for positions x [points · D] at time t. Errors: NumericalError for a position that is not
   /// finite.

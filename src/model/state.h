@@ -1,4 +1,4 @@
-// What moves: positions, velocities, accelerations and the time.
+// What moves: positions, velocities and the time.
 #pragma once
 
 #include <cstdint>
@@ -10,40 +10,41 @@
 
 namespace pliant {
 
-/// x, v, a of one length: dim · points numbers each (x0 y0 [z0] x1 …).
+/// x, v, predicted of one length: dim · points numbers each (x0 y0 [z0] x1 …).
 class State {
  public:
   State() = default;
   State(Index points, int dim) { resize(static_cast<std::size_t>(points) * dim); }
 
-  /// The same time and step with other points: x, v, a of one length.
-  void assign(std::span<const Real> x, std::span<const Real> v, std::span<const Real> a) {
+  /// The same time and step with other points: arrays of one length.
+  void assign(std::span<const Real> x, std::span<const Real> v, std::span<const Real> predicted) {
     resize(x.size());
     x_.assign(x.begin(), x.end());
     v_.assign(v.begin(), v.end());
-    a_.assign(a.begin(), a.end());
+    predicted_.assign(predicted.begin(), predicted.end());
   }
 
   Real t = 0;             ///< time in t0
   std::int64_t step = 0;  ///< accepted steps so far; a fixed step's time is t = step · dt
 
-  std::size_t size() const { return a_.size(); }  ///< length of x
+  std::size_t size() const { return v_.size(); }  ///< length of x
   std::span<Real> x() { return {x_.data(), size()}; }
   std::span<Real> v() { return v_; }
-  std::span<Real> a() { return a_; }  ///< acceleration that the fixed-step path carries from step to step
+  std::span<Real> predicted() { return {predicted_.data(), size()}; }  ///< velocities that FixedStepVerlet foresees
   std::span<const Real> x() const { return {x_.data(), size()}; }
   std::span<const Real> v() const { return v_; }
-  std::span<const Real> a() const { return a_; }
+  std::span<const Real> predicted() const { return {predicted_.data(), size()}; }
 
-  /// Takes the positions in `next`, which may be longer, and leaves there the old ones: saves an integrator a copy.
+  /// Take numbers that may be more, and leave the old ones there: save an integrator copies.
   void swap_x(std::vector<Real>& next) { x_.swap(next); }
+  void swap_predicted(std::vector<Real>& next) { predicted_.swap(next); }
 
  private:
   void resize(std::size_t n) {
-    for (auto* values : {&x_, &v_, &a_}) resize_large(*values, n);
+    for (auto* values : {&x_, &v_, &predicted_}) resize_large(*values, n);
   }
 
-  std::vector<Real> x_, v_, a_;
+  std::vector<Real> x_, v_, predicted_;
 };
 
 }  // namespace pliant

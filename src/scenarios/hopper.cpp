@@ -401,7 +401,7 @@ class HopperRun {
     };
     add("x", s.x());
     add("v", s.v());
-    add("a", s.a());
+    add("predicted", s.predicted());
     {
       typename Neighbours<D>::History lists = system_.neighbours().history(topology);
       add("list_reference", std::move(lists.reference));
@@ -450,7 +450,7 @@ class HopperRun {
     };
     state_.t = c.t;
     state_.step = c.step;
-    state_.assign(cut(c.reals.at("x")), cut(c.reals.at("v")), cut(c.reals.at("a")));
+    state_.assign(cut(c.reals.at("x")), cut(c.reals.at("v")), cut(c.reals.at("predicted")));
     restore(counted_, "counted");
     restore(reinserted_, "reinserted");
     std::vector<std::uint8_t> active;

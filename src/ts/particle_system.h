@@ -1,8 +1,10 @@
 // Particles, walls, neighbour lists and forces as one equation of motion, on one rank or on several.
 #pragma once
 
+#include <algorithm>
 #include <array>
-#include <atomic>
+#include <cmath>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <span>
@@ -39,20 +41,20 @@ class ParticleSystem final : public ImplicitSystem {
 
   void acceleration(Real t, const Real* x, const Real* v, Real* a) override {
     ++use_.evaluations;
-    const StateView<D> s = view(x, v, t);
+    const StateView<D> s = view_after(std::exchange(change_, {}), x, v, t);
     const LogScope log(LogEvent::forces);
     field_->accelerations(s, a);
   }
+
+  void moved_by(Real change) override { change_ = change; }
 
   /// For polygons, whose shapes are half of the work, and on ranks, where it takes one message less. Spheres have long
   /// lists, which more arrays push out of the caches.
   bool one_pass() const override { return ranks_.several() || topology_.points() != topology_.particles(); }
 
-  bool sweep(Real t, std::vector<Real>& x, std::vector<Real>& v, Real* a, bool foreseen,
-             const Advance& advance) override {
+  bool sweep(Real t, std::vector<Real>& x, std::vector<Real>& v, const Advance& advance) override {
     ++use_.evaluations;
-    const bool known = foreseen && foreseen_ && walls_.solids().empty();  // solids move by themselves
-    if (!(known ? *foreseen_ : ranks_.all(neighbours_.valid(walls_, x.data(), t)))) rebuild(x.data(), t);
+    if (!hold(std::exchange(change_, {}), x.data(), t)) rebuild(x.data(), t);
     if (ranks_.several()) {
       const LogScope log(LogEvent::halo);
       halo_.update(x);
@@ -61,21 +63,21 @@ class ParticleSystem final : public ImplicitSystem {
     Ahead ahead;
     if (size() >= beyond_caches) {
       ahead = advance.arrays;
-      ahead.add(neighbours_.reference().data());
       ahead.add(v.data());
     }
     const StateView<D> s{x.data(), v.data(), topology_, neighbours_, walls_, t, ahead};
     const LogScope log(LogEvent::forces);
-    std::atomic<bool> valid = true;
-    const bool finite = field_->accelerations(s, a, [&](Index chunk) {
+    std::array<Real, Neighbours<D>::max_chunks> change;
+    const bool finite = field_->accelerations(s, room_, [&](Index chunk, const Real* a) {
       const Range points = neighbours_.points(chunk);
-      const auto first = static_cast<std::size_t>(points.first) * D, last = static_cast<std::size_t>(points.last) * D;
-      if (!neighbours_.valid(advance.step(first, last), chunk)) valid = false;
+      change[chunk] =
+          advance.step(static_cast<std::size_t>(points.first) * D, static_cast<std::size_t>(points.last) * D, a);
     });
     // Both in one message.
-    const int worst = ranks_.max(!finite ? 2 : !valid ? 1 : 0);
-    foreseen_ = worst == 0;
-    return worst < 2;
+    const Real largest = *std::max_element(change.begin(), change.begin() + neighbours_.chunks());
+    constexpr Real not_finite = std::numeric_limits<Real>::infinity();
+    change_ = ranks_.max(finite ? largest : not_finite);
+    return change_ != not_finite;
   }
 
   void part_acceleration(Part part, Real t, const Real* x, const Real* v, Real* a) override {
@@ -92,13 +94,8 @@ class ParticleSystem final : public ImplicitSystem {
   /// The configuration with neighbour lists that are valid for it, ghosts included. x, v [owned points · D]; v may be
   /// null where only energies are asked for. t matters where solids move.
   StateView<D> view(const Real* x, const Real* v, Real t = 0) {
-    const bool valid = ranks_.all(neighbours_.valid(walls_, x, t));
-    if (!valid) rebuild(x, t);
-    if (!ranks_.several()) return {x, v, topology_, neighbours_, walls_, t};
-    const LogScope log(LogEvent::halo);
-    if (valid) halo_.update(x, x_);
-    if (v != nullptr) halo_.update(v, v_);
-    return {x_.data(), v != nullptr ? v_.data() : nullptr, topology_, neighbours_, walls_, t};
+    change_.reset();  // wherever x is
+    return view_after({}, x, v, t);
   }
 
   /// What the owners have for each point [owned points · D], for all points [points · D]; `storage` holds it on several
@@ -111,7 +108,7 @@ class ParticleSystem final : public ImplicitSystem {
 
   /// Builds ghosts and lists from x, which becomes their reference.
   void rebuild(const Real* x, Real t = 0) {
-    foreseen_.reset();
+    travel_ = 0;
     if (ranks_.several()) find_ghosts(x);
     const LogScope log(LogEvent::lists);
     ranks_.together([&] { neighbours_.rebuild(topology_, walls_, ranks_.several() ? x_.data() : x, t); });
@@ -161,7 +158,7 @@ class ParticleSystem final : public ImplicitSystem {
   /// Own particle m was put somewhere else in x. Saves a rebuild of the lists on one rank; several rebuild. Not
   /// collective.
   void relocate(const Real* x, Index m) {
-    foreseen_.reset();
+    change_.reset();
     if (!ranks_.several() && !neighbours_.reference().empty()) neighbours_.relocate(topology_, walls_, x, m);
   }
 
@@ -180,8 +177,30 @@ class ParticleSystem final : public ImplicitSystem {
 
  private:
   void invalidate() {
-    foreseen_.reset();
+    change_.reset();
     neighbours_.invalidate();
+  }
+
+  /// Whether the lists hold at x, where coordinates have changed by at most `change`, if that is known. The positions
+  /// are looked at only when enough such changes have come together. The same on every rank.
+  bool hold(std::optional<Real> change, const Real* x, Real t) {
+    const Real limit = neighbours_.limit();
+    if (change && walls_.solids().empty()) {  // solids move by themselves
+      travel_ += std::sqrt(Real(D)) * *change;
+      if (travel_ <= limit * (1 - 1e-12)) return true;
+    }
+    travel_ = ranks_.max(neighbours_.farthest(walls_, x, t));
+    return travel_ <= limit;
+  }
+
+  StateView<D> view_after(std::optional<Real> change, const Real* x, const Real* v, Real t) {
+    const bool valid = hold(change, x, t);
+    if (!valid) rebuild(x, t);
+    if (!ranks_.several()) return {x, v, topology_, neighbours_, walls_, t};
+    const LogScope log(LogEvent::halo);
+    if (valid) halo_.update(x, x_);
+    if (v != nullptr) halo_.update(v, v_);
+    return {x_.data(), v != nullptr ? v_.data() : nullptr, topology_, neighbours_, walls_, t};
   }
 
   void find_ghosts(const Real* x) {
@@ -215,8 +234,10 @@ class ParticleSystem final : public ImplicitSystem {
   Halo<D> halo_;
   std::vector<Real> x_, v_;  ///< with ghosts; unused on one rank
   bool settled_ = false, crowded_ = false, tune_skin_ = false;
-  std::optional<bool> foreseen_;  ///< whether the lists will hold in the next sweep
-  ListUse use_;                   ///< its evaluations count
+  Real travel_ = 0;             ///< the farthest that a point can have gone since the lists were built
+  std::optional<Real> change_;  ///< by how much coordinates will have changed at most in the next evaluation
+  std::vector<Real> room_;      ///< for the accelerations of a sweep
+  ListUse use_;                 ///< its evaluations count
   std::int64_t tidy_at_ = 0;
 };
 

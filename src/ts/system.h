@@ -45,22 +45,27 @@ class SecondOrderSystem : public FirstOrderSystem {
   /// all coordinates.
   virtual bool one_pass() const { return false; }
 
+  /// Says that at the next call of acceleration() or sweep() no coordinate will have changed by more than this, on any
+  /// rank, since the last call. Saves a system looking for itself whether what it keeps still holds.
+  virtual void moved_by(Real /*change*/) {}
+
   /// What an integrator does with the coordinates first … last−1 once their accelerations are complete, while they are
-  /// in the processor's cache; for different ranges by several threads at a time. Returns the positions that the next
-  /// sweep will be asked for, complete in that range.
+  /// in the processor's cache; for different ranges by several threads at a time. a is numbered as an array of all
+  /// coordinates, but holds these. Returns by how much a coordinate will have changed at most when the next sweep is
+  /// asked for.
   struct Advance {
-    std::function<const Real*(std::size_t first, std::size_t last)> step;
+    std::function<Real(std::size_t first, std::size_t last, const Real* a)> step;
     Ahead arrays;  ///< coordinates that it reads or writes, beside those of the sweep
   };
 
-  /// As acceleration(), with `advance.step` called once for every coordinate. x and v hold own coordinates and may get
-  /// longer: on several ranks those of ghosts follow, which saves a copy. foreseen: x is what advance returned in the
-  /// last sweep, and nothing has changed it since. Returns whether all accelerations on all ranks are finite.
-  virtual bool sweep(Real t, std::vector<Real>& x, std::vector<Real>& v, Real* a, bool /*foreseen*/,
-                     const Advance& advance) {
-    acceleration(t, x.data(), v.data(), a);
-    advance.step(0, size());
-    return ranks().all(first_non_finite(a, size()) == size());
+  /// As acceleration(), with `advance.step` called once for every coordinate, for accelerations that nobody keeps. x
+  /// and v hold own coordinates and may get longer: on several ranks those of ghosts follow, which saves a copy.
+  /// Returns whether all accelerations on all ranks are finite.
+  virtual bool sweep(Real t, std::vector<Real>& x, std::vector<Real>& v, const Advance& advance) {
+    std::vector<Real> a(size());
+    acceleration(t, x.data(), v.data(), a.data());
+    moved_by(ranks().max(advance.step(0, size(), a.data())));
+    return ranks().all(first_non_finite(a.data(), size()) == size());
   }
 };
 

@@ -12,22 +12,25 @@ namespace {
 
 constexpr std::size_t block = 4096;  // coordinates, a share of a thread
 
-/// work(first, length) for shares of n coordinates, by all threads where there are many.
+/// work(first, length) for shares of n coordinates, by all threads where there are many. Returns the largest result.
 template <class Work>
-void for_blocks(std::size_t n, Work&& work) {
-#pragma omp parallel for schedule(static) if (n > 4 * block)
-  for (std::size_t i = 0; i < n; i += block) work(i, std::min(block, n - i));
+Real for_blocks(std::size_t n, Work&& work) {
+  Real largest = 0;
+#pragma omp parallel for schedule(static) reduction(max : largest) if (n > 4 * block)
+  for (std::size_t i = 0; i < n; i += block) largest = std::max(largest, work(i, std::min(block, n - i)));
+  return largest;
 }
 
 /// Throws on all ranks if `finite` is false, as it is on all ranks then.
 void check(const SecondOrderSystem& system, const State& state, bool finite) {
   if (finite) return;
   system.ranks().together([&] {
-    const std::size_t i = first_non_finite(state.a().data(), state.size());
+    // What is not finite in an acceleration is not in the prediction either.
+    const std::size_t i = first_non_finite(state.predicted().data(), state.size());
     if (i < state.size())
       throw NumericalError(
           "the acceleration of coordinate {} is {} at t = {} (step {}); reduce dt or check the initial state", i,
-          state.a()[i], state.t, state.step);
+          state.predicted()[i], state.t, state.step);
   });
 }
 
@@ -37,47 +40,51 @@ FixedStepVerlet::FixedStepVerlet(Real dt) : dt_(dt) {
   if (!std::isfinite(dt) || dt <= 0) throw InputError("the time step is {}, but it must be positive and finite", dt);
 }
 
-void FixedStepVerlet::predict(const State& state) {
-  const std::size_t n = state.size();
-  resize_large(x_next_, n);
-  resize_large(v_next_, n);
-  for_blocks(n, [&](std::size_t i, std::size_t m) {
-    verlet_predict(m, dt_, &state.x()[i], &state.v()[i], &state.a()[i], &x_next_[i], &v_next_[i]);
-  });
-}
-
 void FixedStepVerlet::evaluate(SecondOrderSystem& system, State& state) {
-  system.acceleration(state.t, state.x().data(), state.v().data(), state.a().data());
+  resize_large(a_, state.size());
+  system.acceleration(state.t, state.x().data(), state.v().data(), a_.data());
   ++statistics_.force_evaluations;
-  check(system, state, system.ranks().all(first_non_finite(state.a().data(), state.size()) == state.size()));
+  verlet_predict(state.size(), dt_, state.v().data(), a_.data(), state.predicted().data());
+  check(system, state, system.ranks().all(first_non_finite(a_.data(), state.size()) == state.size()));
 }
 
 bool FixedStepVerlet::sweep(SecondOrderSystem& system, State& state, Real t, bool foreseen) {
-  if (!foreseen) predict(state);
-  resize_large(v_, state.size());
-  // The step after this one is predicted chunk by chunk, over the positions that this one leaves behind.
-  const SecondOrderSystem::Advance advance{[&](std::size_t first, std::size_t end) -> const Real* {
-                                             if (first < end)
-                                               verlet_complete(end - first, dt_, &x_next_[first], &state.v()[first],
-                                                               &state.a()[first], &v_next_[first], &state.x()[first],
-                                                               &v_[first]);
-                                             return state.x().data();
+  const std::size_t n = state.size();
+  resize_large(predicted_, n);
+  state.swap_predicted(predicted_);
+  if (!foreseen) {
+    resize_large(x_next_, n);
+    for_blocks(n, [&](std::size_t i, std::size_t m) {
+      return verlet_drift(m, dt_, &state.x()[i], &state.v()[i], &predicted_[i], &x_next_[i]);
+    });
+  }
+  // Chunk by chunk, over what this step leaves behind: the positions and the prediction for the one after it.
+  Real *const x = state.x().data(), *const v = state.v().data(), *const p = state.predicted().data();
+  const SecondOrderSystem::Advance advance{[=, this](std::size_t first, std::size_t end, const Real* a) -> Real {
+                                             if (first == end) return 0;
+                                             return verlet_kick_drift(end - first, dt_, &x_next_[first], v + first,
+                                                                      a + first, &predicted_[first], x + first,
+                                                                      p + first);
                                            },
-                                           Ahead(state.v().data(), state.x().data(), v_.data())};
-  const bool finite = system.sweep(t, x_next_, v_next_, state.a().data(), foreseen, advance);
+                                           Ahead(v, x, p)};
+  const bool finite = system.sweep(t, x_next_, predicted_, advance);
   state.swap_x(x_next_);
-  v_next_.swap(v_);
   return finite;
 }
 
 bool FixedStepVerlet::pass_by_pass(SecondOrderSystem& system, State& state, Real t) {
   const std::size_t n = state.size();
-  resize_large(v_next_, n);
-  Real *const x = state.x().data(), *const v = state.v().data(), *const a = state.a().data(), *const p = v_next_.data();
-  for_blocks(n,
-             [=, h = dt_](std::size_t i, std::size_t m) { verlet_predict(m, h, x + i, v + i, a + i, x + i, p + i); });
+  resize_large(a_, n);
+  Real *const x = state.x().data(), *const v = state.v().data(), *const p = state.predicted().data(),
+              *const a = a_.data();
+  const Real change = for_blocks(
+      n, [=, h = dt_](std::size_t i, std::size_t m) { return verlet_drift(m, h, x + i, v + i, p + i, x + i); });
+  system.moved_by(system.ranks().max(change));
   system.acceleration(t, x, p, a);
-  for_blocks(n, [=, h = dt_](std::size_t i, std::size_t m) { verlet_complete(m, h, v + i, a + i, p + i); });
+  for_blocks(n, [=, h = dt_](std::size_t i, std::size_t m) -> Real {
+    verlet_kick(m, h, v + i, a + i, p + i);
+    return 0;
+  });
   return system.ranks().all(first_non_finite(a, n) == n);
 }
 

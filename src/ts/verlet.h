@@ -9,39 +9,39 @@ namespace pliant {
 
 /// Velocity Verlet for forces that depend on the velocity, one force evaluation per step of length h:
 ///
-///     v½ = v + a h/2,   x' = x + h v½,   a' = A(t + h, x', v + a h),   v' = v½ + a' h/2
+///     p = v + a h,   v½ = (v + p)/2,   x' = x + h v½,   a' = A(t + h, x', p),   v' = v½ + a' h/2
 ///
-/// The predictor v + a h that the force sees keeps order 2 under damping and for any A(t, x, v); where A does not
+/// The predictor p that the force sees keeps order 2 under damping and for any A(t, x, v); where A does not
 /// depend on v this is the symplectic velocity Verlet (M. P. Allen, D. J. Tildesley, Computer Simulation of Liquids,
 /// 2017, section 3.2). A linear damping a = −γ v alone is stable for γ h < 1.
 ///
-/// Times are t = step · dt, counted by integers, so that a restart from (step, x, v, a) with fresh = false continues
-/// bit for bit. Where state.t is not step · dt at the start of a run (dt was changed), the difference is kept as an
-/// offset. The carried a has seen the predicted velocity, so it is part of the state: evaluating it anew differs by
-/// O(h²).
+/// Accelerations are used up where they are made; p is what is carried. Times are t = step · dt, counted by integers,
+/// so that a restart from (step, x, v, p) with fresh = false continues bit for bit. Where state.t is not step · dt at
+/// the start of a run (dt was changed, which needs fresh), the difference is kept as an offset. The a within p has seen
+/// the prediction before, so p is part of the state: finding it anew differs by O(h³).
 class FixedStepVerlet : public Integrator {
  public:
   /// dt in t0. Errors: InputError unless dt is positive and finite.
   explicit FixedStepVerlet(Real dt);
 
-  /// As Integrator::run. After the observer has `changed` the state, state.a is evaluated anew before the next step
-  /// (also after the last one). A state saved inside an observer call that changes it has an outdated a: start it with
-  /// fresh. Errors: InputError where the state does not fit the system; NumericalError, which names the coordinate,
-  /// where an acceleration is not finite.
+  /// As Integrator::run. After the observer has `changed` the state, the prediction is made anew before the next step
+  /// (also after the last one). A state saved inside an observer call that changes it has an outdated one: start it
+  /// with fresh. Errors: InputError where the state does not fit the system; NumericalError, which names the
+  /// coordinate, where an acceleration is not finite.
   void run(SecondOrderSystem& system, State& state, Real t_end, bool fresh, const StepObserver& observer) override;
   const IntegratorStatistics& statistics() const override { return statistics_; }
   std::string name() const override { return "verlet"; }
 
  private:
+  /// Predicts anew, from the accelerations at x and v.
   void evaluate(SecondOrderSystem& system, State& state);
-  void predict(const State& state);
   /// Steps to time t; return whether the accelerations are finite. Both give the same bits.
   bool sweep(SecondOrderSystem& system, State& state, Real t, bool foreseen);
   bool pass_by_pass(SecondOrderSystem& system, State& state, Real t);
 
   Real dt_;
-  std::vector<Real> x_next_, v_next_;  ///< positions and predicted velocities at the end of the step; ghosts follow
-  std::vector<Real> v_;                ///< predicted velocities of the step after that
+  std::vector<Real> a_;                   ///< pass by pass
+  std::vector<Real> x_next_, predicted_;  ///< in one pass: at the end of the step; ghosts follow
   IntegratorStatistics statistics_;
 };
 

@@ -71,7 +71,7 @@ struct Share {
                  t.previous[i] - t.offset[m] != from.previous[j] - from.offset[origin];
         for (int d = 0; d < D; ++d)
           wrong += state.x()[i * D + d] != all.x[j * D + d] || state.v()[i * D + d] != all.v[j * D + d] ||
-                   state.a()[i * D + d] != 10 * all.x[j * D + d];
+                   state.predicted()[i * D + d] != 10 * all.x[j * D + d];
       }
     }
     CHECK(wrong == 0);
