@@ -12,9 +12,13 @@
 namespace pliant {
 namespace {
 
-// Points per chunk: enough that few pairs lie across its border, where forces are computed twice.
+/// Points per chunk: enough that few pairs lie across its border, where forces are computed twice, and more where the
+/// other sides of the borders are not in the caches, but so few that threads can share out the chunks of n points.
 template <int D>
-constexpr Index chunk_size = D == 2 ? 1500 : 4000;
+Index chunk_size(Index n) {
+  constexpr Index least = D == 2 ? 1500 : 4000, most = D == 2 ? 6000 : 4000, shares = 32;
+  return std::clamp(n / shares, least, most);
+}
 
 }  // namespace
 
@@ -63,7 +67,7 @@ Range Neighbours<D>::across(Elements elements, Index chunk) const {
 template <int D>
 void Neighbours<D>::divide(const Topology& topology) {
   const Index n = topology.owned_points();
-  const Index chunks = std::clamp<Index>(n / chunk_size<D>, 1, max_chunks);
+  const Index chunks = std::clamp<Index>(n / chunk_size<D>(n), 1, max_chunks);
   chunk_.assign(1, 0);
   for (Index c = 1; c < chunks; ++c) {
     // The first particle that begins at or after an equal share of the points.
