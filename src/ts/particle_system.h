@@ -117,13 +117,13 @@ class ParticleSystem final : public ImplicitSystem {
   /// Other walls: solids that get another velocity, or that come and go. The same on every rank.
   void set_walls(Walls<D> walls) {
     walls_ = std::move(walls);
-    invalidate();
+    neighbours_.invalidate();
   }
 
   /// Makes these the rank's own particles. Not collective.
   void take(Topology own) {
     topology_ = std::move(own);
-    invalidate();
+    neighbours_.invalidate();
   }
 
   /// Whether particles should be sorted again: it has been a number of list rebuilds. The same on every rank.
@@ -158,14 +158,13 @@ class ParticleSystem final : public ImplicitSystem {
   /// Own particle m was put somewhere else in x. Saves a rebuild of the lists on one rank; several rebuild. Not
   /// collective.
   void relocate(const Real* x, Index m) {
-    change_.reset();
     if (!ranks_.several() && !neighbours_.reference().empty()) neighbours_.relocate(topology_, walls_, x, m);
   }
 
   /// Takes own particle m out of the run. Not collective.
   void deactivate(Index m) {
     topology_.deactivate(m);
-    invalidate();
+    neighbours_.invalidate();
   }
 
   /// Own particles, then ghosts.
@@ -176,11 +175,6 @@ class ParticleSystem final : public ImplicitSystem {
   const Neighbours<D>& neighbours() const { return neighbours_; }
 
  private:
-  void invalidate() {
-    change_.reset();
-    neighbours_.invalidate();
-  }
-
   /// Whether the lists hold at x, where coordinates have changed by at most `change`, if that is known. The positions
   /// are looked at only when enough such changes have come together. The same on every rank.
   bool hold(std::optional<Real> change, const Real* x, Real t) {

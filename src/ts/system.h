@@ -46,7 +46,8 @@ class SecondOrderSystem : public FirstOrderSystem {
   virtual bool one_pass() const { return false; }
 
   /// Says that at the next call of acceleration() or sweep() no coordinate will have changed by more than this, on any
-  /// rank, since the last call. Saves a system looking for itself whether what it keeps still holds.
+  /// rank, since the last call: saves a system looking for itself whether what it keeps still holds. Infinity where
+  /// anything else may have changed since. The same on all ranks.
   virtual void moved_by(Real /*change*/) {}
 
   /// What an integrator does with the coordinates first … last−1 once their accelerations are complete, while they are

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include <pliant/base/errors.h>
 #include <pliant/base/large_pages.h>
@@ -42,6 +43,7 @@ FixedStepVerlet::FixedStepVerlet(Real dt) : dt_(dt) {
 
 void FixedStepVerlet::evaluate(SecondOrderSystem& system, State& state) {
   resize_large(a_, state.size());
+  system.moved_by(std::numeric_limits<Real>::infinity());
   system.acceleration(state.t, state.x().data(), state.v().data(), a_.data());
   ++statistics_.force_evaluations;
   verlet_predict(state.size(), dt_, state.v().data(), a_.data(), state.predicted().data());
@@ -99,6 +101,7 @@ void FixedStepVerlet::run(SecondOrderSystem& system, State& state, Real t_end, b
                      dt_);
   const Real origin = state.t - static_cast<Real>(state.step) * dt_;  // exactly 0 where t = step · dt
   const std::int64_t last = state.step + static_cast<std::int64_t>(steps);
+  system.moved_by(std::numeric_limits<Real>::infinity());
   if (fresh) evaluate(system, state);
 
   AfterStep after = AfterStep::changed;

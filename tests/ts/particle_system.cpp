@@ -1,6 +1,7 @@
 // Particles on several ranks against the same particles on one. Run on one rank with all tests of the folder, on
 // several by those with the tag.
 #include <petscsys.h>
+#include <algorithm>
 #include <catch2/catch.hpp>
 
 #include <pliant/ts/ts_integrator.h>
@@ -156,6 +157,51 @@ TEST_CASE("a run on ranks is the same run", "[ranks]") {
   verlet(soft_rows<3>(random, 6, 12), ModelKind::sp, 1e-3);
   verlet(polygon_rows(random, 7, 14), ModelKind::rough, 3e-4);
   verlet(polygon_rows(random, 7, 14), ModelKind::smooth, 3e-4);
+}
+
+TEST_CASE("one rank's particle is put elsewhere", "[ranks]") {
+  Random random(6);
+  const auto run = [&]<int dim>(Configuration<dim> c, ModelKind kind, Real dt) {
+    Twins<dim> twins(c, kind);
+    twins.tidy();
+    const auto put = [](ParticleSystem<dim>& system, State& s) {
+      if (s.step % 40 != 0) return AfterStep::proceed;
+      const Topology& t = system.topology();
+      for (Index m = 0; m < t.owned(); ++m) {
+        if (t.id[m] != static_cast<Index>(s.step / 40)) continue;
+        for (Index i = t.offset[m]; i < t.offset[m + 1]; ++i) s.x()[(i + 1) * dim - 1] += 40;
+        system.relocate(s.x().data(), m);
+      }
+      return AfterStep::changed;
+    };
+    FixedStepVerlet one(dt), many(dt);
+    one.run(twins.whole, twins.whole_state, 300 * dt, true, [&](State& s) { return put(twins.whole, s); });
+    many.run(twins.shared, twins.state, 300 * dt, true, [&](State& s) { return put(twins.shared, s); });
+    CHECK(twins.difference(twins.state.x(), twins.whole_state.x()) < 1e-9);
+    CHECK(twins.difference(twins.state.x(), c.x) > 30);
+  };
+  run(soft_rows<2>(random, 12, 24), ModelKind::sp, 1e-3);
+  run(polygon_rows(random, 7, 14), ModelKind::rough, 3e-4);
+}
+
+TEST_CASE("lists are compared when something may have gone far, and rebuilt as if always", "[ranks]") {
+  Random random(7);
+  const auto run = [&]<int dim>(Configuration<dim> c, ModelKind kind, Real dt) {
+    Twins<dim> twins(c, kind), always(c, kind);
+    FixedStepVerlet verlet(dt), looking(dt);
+    verlet.run(twins.shared, twins.state, 300 * dt, true, {});
+    looking.run(always.shared, always.state, 300 * dt, true, [&](State& s) {
+      always.shared.view(s.x().data(), s.v().data(), s.t);  // what was known of the motion is forgotten
+      return AfterStep::proceed;
+    });
+    CHECK(twins.shared.neighbours().rebuilds() >= 3);
+    CHECK(twins.shared.neighbours().rebuilds() == always.shared.neighbours().rebuilds());
+    CHECK(std::ranges::equal(twins.state.x(), always.state.x()));
+    CHECK(std::ranges::equal(twins.state.v(), always.state.v()));
+  };
+  run(soft_rows<2>(random, 12, 24), ModelKind::sp, 1e-3);
+  run(soft_rows<3>(random, 6, 12), ModelKind::sp, 1e-3);
+  run(polygon_rows(random, 7, 14), ModelKind::smooth, 3e-4);
 }
 
 TEST_CASE("a run by PETSc TS on ranks is the same run", "[ranks]") {
