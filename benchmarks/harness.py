@@ -1,5 +1,6 @@
-"""Running programs and collecting what they cost: shared by the parts of the suite."""
+"""Command lines, running programs and collecting what they cost: shared by the suite and the study of integrators."""
 
+import argparse
 import csv
 import datetime
 import json
@@ -17,6 +18,8 @@ import threading
 import time
 from dataclasses import dataclass
 from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
 
 
 class BenchError(Exception):
@@ -153,6 +156,40 @@ class Context:
         if path.exists():
             shutil.rmtree(path)
         return path
+
+
+def parser(name, description, part, parts, quick_folder):
+    """An ArgumentParser for --build, --only (a `part`, one of `parts`), --quick, --output and --cpu. `quick_folder` is
+    the one in the build folder that --quick writes to."""
+    result = argparse.ArgumentParser(prog=f"{name}.sh", description=description)
+    result.add_argument("--build", type=Path, default=ROOT / "build", help="build folder (default: build)")
+    result.add_argument("--only", action="append", choices=list(parts), metavar=part,
+                        help=f"one of {', '.join(parts)}; may be repeated (default: all)")
+    result.add_argument("--quick", action="store_true", help="small and short, to test this itself; writes to "
+                                                             f"BUILD/{quick_folder} unless --output is given")
+    result.add_argument("--output", type=Path, metavar="FOLDER", help="default: docs")
+    result.add_argument("--cpu", type=int, default=max(os.sched_getaffinity(0)), help="core of the serial runs")
+    result.set_defaults(quick_folder=quick_folder)
+    return result
+
+
+def measure(arguments, repetitions, page, work):
+    """Calls work(context, path of `page` in the folder of output), the page being a copy of that in docs at first, and
+    returns the exit code; a BenchError becomes one line on stderr."""
+    output = arguments.output or (arguments.build / arguments.quick_folder if arguments.quick else ROOT / "docs")
+    try:
+        program = Program(arguments.build, arguments.cpu)
+        output.mkdir(parents=True, exist_ok=True)
+        if not (output / page).exists():
+            shutil.copy(ROOT / "docs" / page, output)
+        say("; ".join(program.version))
+        with tempfile.TemporaryDirectory(prefix="pliant-bench-") as scratch:
+            work(Context(program, Path(scratch), repetitions, arguments.quick), output / page)
+        say(f"written to {output}")
+    except BenchError as error:
+        print(f"{Path(sys.argv[0]).name}: error: {error}", file=sys.stderr)
+        return 1
+    return 0
 
 
 def interleave(jobs, repetitions, label):

@@ -53,6 +53,12 @@ def insert(page, blocks):
     page.write_text(text)
 
 
+def save(figure, path):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path)
+    plt.close(figure)
+
+
 def draw_scaling(rows, path):
     figure, axes = plt.subplots(figsize=(4.8, 3.4), layout="constrained")
     for i, case in enumerate(dict.fromkeys(row["case"] for row in rows)):
@@ -63,9 +69,7 @@ def draw_scaling(rows, path):
                       label=case)
     axes.set(xscale="log", ylim=(0, None), xlabel="particles or vertices", ylabel="ns per particle- or vertex-step")
     axes.legend()
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path)
-    plt.close(figure)
+    save(figure, path)
 
 
 def draw_speedup(rows, path):
@@ -82,9 +86,7 @@ def draw_speedup(rows, path):
     axes.set(xlabel="threads or ranks", ylabel="speed-up over the serial run", ylim=(0, None),
              xticks=range(1, most + 1))
     axes.legend()
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path)
-    plt.close(figure)
+    save(figure, path)
 
 
 #: Table: file, caption, how it is drawn.

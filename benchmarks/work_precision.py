@@ -4,25 +4,19 @@
 Writes FOLDER/performance-data/work-precision-*.csv, FOLDER/images/work-precision-*.png and the tables of
 FOLDER/integrators.md."""
 
-import argparse
 import json
 import math
-import os
-import shutil
 import sys
-import tempfile
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 
-from harness import BenchError, Context, Program, read_csv, run, say, write_csv
-from report import COLORS, MARKERS, cell, insert, origin, plt, table
+from harness import BenchError, Context, measure, parser, read_csv, run, say, write_csv
+from report import COLORS, MARKERS, cell, insert, origin, plt, save, table
 
 from pliant import Run  # report.py knows where it is
 from pliant.statistics import block_ratio
 
-ROOT = Path(__file__).resolve().parents[1]
 #: Errors at which methods are compared, in those of the standard run: the fixed step that runs take by themselves.
 TARGETS = {"10 e₀": 10, "e₀": 1, "e₀/10": 0.1, "e₀/100": 0.01, "e₀/1000": 0.001}
 ERRORS = {"error": "rms error of positions / σ_avg", "energy_error": "largest error of the energy / energy of the fall",
@@ -170,9 +164,7 @@ def draw(rows, error, label, path):
     left.set(xscale="log", yscale="log", xlabel="CPU time / that of the standard run", ylabel=label)
     right.set(xscale="log", xlabel="force evaluations / those of the standard run")
     right.legend(loc="center left", bbox_to_anchor=(1, 0.5))
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path)
-    plt.close(figure)
+    save(figure, path)
 
 
 def report(problem, rows, standard, images):
@@ -298,40 +290,23 @@ def flow_study(context, model, output):
     return table(shown, ["run as", "CPU", "evaluations", "rejected", *FLOW_COLUMNS.values()]) + "\n\n" + origin(rows[0])
 
 
+def study_all(context, page, names):
+    for name in names:
+        # Each part is written when it is done: what comes after it may fail.
+        try:
+            text = (study(context, name, page.parent) if name in PROBLEMS else
+                    flow_study(context, FLOWS[name], page.parent))
+        except BenchError as reason:
+            say(f"{name}: {reason}")
+            text = f"Not measured: {reason}."
+        insert(page, {f"work-precision-{name}": text})
+    insert(page, {"work-precision": overview(page.parent / "performance-data")})
+
+
 def main():
-    parser = argparse.ArgumentParser(prog="work-precision.sh", description=__doc__.splitlines()[0])
-    parser.add_argument("--build", type=Path, default=ROOT / "build", help="build folder (default: build)")
-    parser.add_argument("--only", action="append", choices=[*PROBLEMS, *FLOWS], metavar="PROBLEM",
-                        help=f"one of {', '.join([*PROBLEMS, *FLOWS])}; may be repeated (default: all)")
-    parser.add_argument("--quick", action="store_true",
-                        help="small, to test the study itself; writes to BUILD/work-precision unless --output is given")
-    parser.add_argument("--output", type=Path, metavar="FOLDER", help="default: docs")
-    parser.add_argument("--cpu", type=int, default=max(os.sched_getaffinity(0)), help="core to run on")
-    args = parser.parse_args()
-    output = args.output or (args.build / "work-precision" if args.quick else ROOT / "docs")
-    page = output / "integrators.md"
-    try:
-        program = Program(args.build, args.cpu)
-        output.mkdir(parents=True, exist_ok=True)
-        if not page.exists():
-            shutil.copy(ROOT / "docs/integrators.md", page)
-        say("; ".join(program.version))
-        with tempfile.TemporaryDirectory(prefix="pliant-work-precision-") as scratch:
-            context = Context(program, Path(scratch), 1, args.quick)
-            for name in args.only or [*PROBLEMS, *FLOWS]:
-                # Each part is written when it is done: what comes after it may fail.
-                try:
-                    text = study(context, name, output) if name in PROBLEMS else flow_study(context, FLOWS[name], output)
-                except BenchError as reason:
-                    say(f"{name}: {reason}")
-                    text = f"Not measured: {reason}."
-                insert(page, {f"work-precision-{name}": text})
-        insert(page, {"work-precision": overview(output / "performance-data")})
-        say(f"written to {output}")
-    except BenchError as error:
-        print(f"work_precision.py: error: {error}", file=sys.stderr)
-        return 1
-    return 0
+    names = [*PROBLEMS, *FLOWS]
+    args = parser("work-precision", __doc__.splitlines()[0], "PROBLEM", names, "work-precision").parse_args()
+    return measure(args, 1, "integrators.md", lambda context, page: study_all(context, page, args.only or names))
 
 
 if __name__ == "__main__":

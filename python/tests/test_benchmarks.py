@@ -79,6 +79,28 @@ def test_run_reports_costs_and_failures():
         harness.run(["sh", "-c", "sleep 60 & sleep 60"], timeout=0.2)
 
 
+def test_measure_writes_beside_the_docs(tmp_path, capsys):
+    arguments = harness.parser("it", "", "PART", ["one", "two"], "small").parse_args(
+        ["--build", str(tmp_path), "--quick", "--only", "two"])
+    assert arguments.only == ["two"]
+    assert harness.measure(arguments, 1, "performance.md", None) == 1
+    assert "error:" in (said := capsys.readouterr().err) and "build it first" in said and said.count("\n") == 1
+    (tmp_path / "apps").mkdir()
+    program = tmp_path / "apps/pliant"
+    program.write_text("#!/bin/sh\necho commit abc\n")
+    program.chmod(0o755)
+    seen = []
+
+    def work(context, page):
+        seen.append((context.origin["commit"], context.quick, context.scratch.is_dir(), page.stat().st_size > 0, page))
+        page.write_text("mine")
+
+    for _ in range(2):
+        assert harness.measure(arguments, 3, "performance.md", work) == 0
+    page = tmp_path / "small/performance.md"
+    assert seen == [("abc", True, True, True, page)] * 2 and page.read_text() == "mine"
+
+
 def test_interleave_leaves_out_what_is_unsupported():
     calls = []
 
