@@ -11,6 +11,7 @@ import pandas as pd
 from scipy.optimize import leastsq
 
 from .errors import RunError
+from .fits import fitted
 
 K_MIN = 0.0                # an orifice is not narrower than nothing
 BETA_RANGE = (0.05, 5.0)   # wide enough for every exponent in 2D and 3D; beyond, k and beta run away together
@@ -43,7 +44,7 @@ class BeverlooFit:
     beta_error: float
     points: int
     chi2_reduced: float  #: NaN without degrees of freedom or without errors of Q
-    notes: tuple
+    note: str            #: remarks; empty without any
 
     def __call__(self, w):
         return beverloo(w, self.C, self.k, self.beta)
@@ -180,7 +181,7 @@ def fit_beverloo(w, Q, error=None, beta=None, k=None, resamples=400, seed=1):
         low, high = np.quantile(refits, [0.158655, 0.841345], axis=0)
         errors = (high - low) / 2
     chi2 = result.chisqr / freedom if freedom > 0 and error is not None else np.nan
-    return BeverlooFit(*(float(x) for pair in zip(best, errors) for x in pair), len(w), float(chi2), tuple(notes))
+    return BeverlooFit(*(float(x) for pair in zip(best, errors) for x in pair), len(w), float(chi2), "; ".join(notes))
 
 
 def fit_groups(table, by, beta=None, **options):
@@ -192,14 +193,9 @@ def fit_groups(table, by, beta=None, **options):
     rows = []
     for key, group in table.groupby(list(by), dropna=False, sort=True):
         row = dict(zip(by, key if isinstance(key, tuple) else (key,)))
-        try:
-            fit = fit_beverloo(group["hopper_width"], group["Q"], group["Q_error"],
-                               beta=beta, **options)
-            row.update({name: value for name, value in vars(fit).items() if name != "notes"},
-                       note="; ".join(fit.notes), fit=fit)
-        except RunError as error:
-            row.update(points=int((group["Q"] > 0).sum()), note=str(error), fit=None)
-        rows.append(row)
+        row["points"] = int((group["Q"] > 0).sum())
+        data = (group[name] for name in ("hopper_width", "Q", "Q_error"))
+        rows.append(row | fitted(fit_beverloo, *data, beta=beta, **options))
     return pd.DataFrame(rows)
 
 

@@ -13,6 +13,7 @@ import pandas as pd
 from scipy.stats import binomtest
 
 from .errors import RunError
+from .fits import fitted
 from .sweep import sweep_table
 
 COLUMNS = ("hopper_width", "g", "phi_c", "n", "status", "avalanche_size", "capillary_length")
@@ -127,13 +128,8 @@ def fit_sigmoids(points, along):
     for (n, phi_c, value), data in points.groupby(["n", "phi_c", held]):
         if len(data) < 2:
             continue
-        row = {"n": n, "phi_c": phi_c, held: value, "delta": data["delta"].mean(), "fit": None, "data": data}
-        try:
-            fit = fit_sigmoid(data[along], data["clogged"], data["runs"])
-            row.update(vars(fit), fit=fit)
-        except RunError as error:
-            row["note"] = str(error)
-        rows.append(row)
+        rows.append({"n": n, "phi_c": phi_c, held: value, "delta": data["delta"].mean(), "data": data}
+                    | fitted(fit_sigmoid, data[along], data["clogged"], data["runs"]))
     return pd.DataFrame(rows)
 
 

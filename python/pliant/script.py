@@ -20,6 +20,17 @@ def parser(description, example, output):
     return result
 
 
+def arguments(parser):
+    """The arguments of this call. Raises OutputError, before any work, if --output cannot be written."""
+    result = parser.parse_args()
+    path = result.output
+    if not path.parent.is_dir():
+        raise OutputError(f"{path}: the folder {path.parent} does not exist")
+    if path.is_dir():
+        raise OutputError(f"{path}: is a folder (name a file)")
+    return result
+
+
 def run(main):
     """Calls main() and exits; a PliantError becomes one line on stderr and its exit code."""
     try:
@@ -32,14 +43,6 @@ def run(main):
     except BrokenPipeError:  # the reader, as in `| head`, has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(141)
-
-
-def check_output(path):
-    """Raises OutputError before any work if `path` cannot be written."""
-    if not path.parent.is_dir():
-        raise OutputError(f"{path}: the folder {path.parent} does not exist")
-    if path.is_dir():
-        raise OutputError(f"{path}: is a folder (name a file)")
 
 
 def with_error(value, error):

@@ -49,7 +49,7 @@ def print_tables(table, fits, labels):
             if fit is not None:
                 rows.append((label + kind, fit.points, *(script.with_error(getattr(fit, n), getattr(fit, n + "_error"))
                                                          for n in ("C", "k", "beta")),
-                             script.with_error(fit.chi2_reduced, None), "; ".join(fit.notes)))
+                             script.with_error(fit.chi2_reduced, None), fit.note))
             elif not kind:
                 rows.append((label, fit_row.points, "–", "–", "–", "–", fit_row.note))
     print(script.markdown(["group", "points", "C [sigma_avg^d/t0]", "k", "beta", "chi2/dof", "note"], rows))
@@ -67,8 +67,7 @@ def main():
     parser.add_argument("--beta", type=float, help="hold the exponent fixed (default: fitted)")
     parser.add_argument("--reference", type=exponent, default="auto", metavar="auto|none|EXPONENT",
                         help="exponent of the reference line; auto: d - 1/2 for friction only, d - 3/2 for drag only")
-    arguments = parser.parse_args()
-    script.check_output(arguments.output)
+    arguments = script.arguments(parser)
 
     table = read(arguments.run)
     by = ["model", "dim", "mu", "zeta"] + [c for c in PHYSICS if c in table and table[c].nunique() > 1]

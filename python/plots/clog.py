@@ -48,8 +48,7 @@ def main():
     parser = script.parser(__doc__, "clog.py validation/clog/width/results.csv validation/clog/gravity/results.csv",
                            "clog.png")
     parser.add_argument("table", nargs="+", help="results.csv of pliant-sweep, or run folders")
-    arguments = parser.parse_args()
-    script.check_output(arguments.output)
+    arguments = script.arguments(parser)
 
     table, left_out = clog.load_clogs(arguments.table)
     points = clog.clog_points(table)

@@ -30,8 +30,7 @@ def main():
     parser.add_argument("table", nargs="+", help="results.csv of pliant-sweep, or run folders")
     parser.add_argument("--delta-crit", type=float,
                         help="delta below which cohesion does not count, in mean radii (default: from w*/d in the table)")
-    arguments = parser.parse_args()
-    script.check_output(arguments.output)
+    arguments = script.arguments(parser)
 
     table, _ = clog.load_clogs(arguments.table)
     points = clog.clog_points(table)

@@ -29,8 +29,7 @@ def colors(run):
 def main():
     parser = script.parser(__doc__, "clog_snapshot.py runs/clog -o clog.png", "clog_snapshot.png")
     parser.add_argument("run", help="run folder")
-    arguments = parser.parse_args()
-    script.check_output(arguments.output)
+    arguments = script.arguments(parser)
     run = Run(arguments.run)
     painted = colors(run)
     frame = run.frame(-1)

@@ -24,8 +24,7 @@ def main():
     parser.add_argument("--every", type=int, default=1, help="use every n-th frame (default: 1)")
     parser.add_argument("--color", choices=QUANTITIES, default="speed", help="what the colour shows (default: speed)")
     parser.add_argument("--dpi", type=float, default=130, help="resolution (default: 130)")
-    arguments = parser.parse_args()
-    script.check_output(arguments.output)
+    arguments = script.arguments(parser)
     for name in ("fps", "every", "dpi"):
         if not getattr(arguments, name) > 0:
             raise RunError(f"--{name} is {getattr(arguments, name)}: it must be positive")

@@ -21,8 +21,7 @@ def main():
     parser.add_argument("--start", type=float, metavar="T0",
                         help="first time used (default: steady_start of summary.json, else the second half)")
     parser.add_argument("--blocks", type=int, default=10, help="blocks for the error (default: 10)")
-    arguments = parser.parse_args()
-    script.check_output(arguments.output)
+    arguments = script.arguments(parser)
     if arguments.blocks < 2:
         raise RunError(f"--blocks is {arguments.blocks}: at least 2")
     runs = sorted(load_runs(arguments.run), key=lambda run: run.geometry.w)

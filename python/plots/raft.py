@@ -15,8 +15,7 @@ from pliant import load_runs, plotting, raft, script
 def main():
     parser = script.parser(__doc__, "raft.py runs/raft -o force.png", "force.png")
     parser.add_argument("run", nargs="+", help="run folder")
-    arguments = parser.parse_args()
-    script.check_output(arguments.output)
+    arguments = script.arguments(parser)
     runs = load_runs(arguments.run)
 
     figure, axes = plt.subplots(figsize=(7.0, 4.2), layout="constrained")

@@ -50,8 +50,7 @@ def main():
     parser = script.parser(__doc__, "raft_fractures.py size runs/square-* -o competing.png", "raft_fractures.png")
     parser.add_argument("figure", choices=FIGURES, help="what to draw")
     parser.add_argument("run", nargs="+", help="run folders, or folders of runs")
-    arguments = parser.parse_args()
-    script.check_output(arguments.output)
+    arguments = script.arguments(parser)
     x, x_label, y, y_label = FIGURES[arguments.figure]
     data = table(load_runs(arguments.run))
     settings = list(dict.fromkeys([x, "n", "rows", "phi", "delta", "tilt"]))

@@ -17,8 +17,7 @@ from pliant import RunError, load_runs, plotting, raft, script
 def main():
     parser = script.parser(__doc__, "raft_scaling.py runs/raft-* -o scaling.png", "raft_scaling.png")
     parser.add_argument("run", nargs="+", help="run folders, or folders of runs")
-    arguments = parser.parse_args()
-    script.check_output(arguments.output)
+    arguments = script.arguments(parser)
     curves = [raft.Compression.of(run) for run in load_runs(arguments.run)]
     tables = [c.reductions().assign(n=c.n) for c in curves]
     all_of_them = pd.concat([t for t in tables if len(t)], ignore_index=True) if any(map(len, tables)) else None

@@ -39,8 +39,7 @@ def main():
     parser.add_argument("run", help="run folder of scenario raft")
     parser.add_argument("--frames", type=int, nargs="+", default=[-1], metavar="K",
                         help="frame numbers, negative from the end (default: -1)")
-    arguments = parser.parse_args()
-    script.check_output(arguments.output)
+    arguments = script.arguments(parser)
     run = Run(arguments.run)
     frames = [run.frame(k) for k in arguments.frames]
     largest = max(np.abs(frame.contacts["force"]).max() if len(frame.contacts) else 0 for frame in frames) or 1

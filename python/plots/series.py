@@ -24,8 +24,7 @@ def main():
     parser = script.parser(__doc__, "series.py runs/hopper -o series.png", "series.png")
     parser.add_argument("run", help="run folder")
     parser.add_argument("--bins", type=int, default=60, help="pieces of the flow rate's average (default: 60)")
-    arguments = parser.parse_args()
-    script.check_output(arguments.output)
+    arguments = script.arguments(parser)
     run = Run(arguments.run)
     series, d = run.series, run.dim
     if arguments.bins < 1:

@@ -20,8 +20,7 @@ def main():
     parser.add_argument("--frame", type=int, default=-1, help="frame number, negative from the end (default: -1)")
     parser.add_argument("--color", choices=QUANTITIES, default="speed", help="what the colour shows (default: speed)")
     parser.add_argument("--max-height", type=float, help="cut the view at this height, in sigma_avg")
-    arguments = parser.parse_args()
-    script.check_output(arguments.output)
+    arguments = script.arguments(parser)
     runs = load_runs(arguments.run)
     if len(runs) > 1 and not arguments.panels:
         raise RunError(f"{len(runs)} runs given (add --panels to draw them side by side)")
