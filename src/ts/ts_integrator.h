@@ -27,8 +27,8 @@ struct TsOptions {
   JacobianKind jacobian = JacobianKind::assembled;
 };
 
-/// Integrates y = [x; v] with ẏ = [v; a(t, x, v)] by PETSc TS in the memory of the state, without a copy; motion
-/// without inertia as y = x with ẋ = f(t, x), which leaves State::v alone.
+/// Integrates y = [x; v] with ẏ = [v; a(t, x, v)] by PETSc TS; motion without inertia as y = x with ẋ = f(t, x), which
+/// leaves State::v alone. PETSc has vectors of its own: each accepted step is copied to the state.
 ///
 /// Explicit types: rk (all tables), ssp, euler, verlet. Implicit ones, for an ImplicitSystem: alpha, alpha2, arkimex,
 /// beuler, bdf, cn, rosw, theta, which get an IFunction ẏ − [v; a] and its IJacobian; alpha2 gets ẍ − a = 0, with
