@@ -139,8 +139,12 @@ class HopperRun {
       integrator_->run(system_, state_, *p_.t_end, fresh_, [this](State& s) { return after_step(s); });
       return;
     }
-    dynamic_cast<TsIntegrator&>(*integrator_).run(*drag_limit_, state_, *p_.t_end, [this](State& s) {
-      drag_limit_->rate(s.t, s.x().data(), s.v().data());
+    auto& ts = dynamic_cast<TsIntegrator&>(*integrator_);
+    ts.run(*drag_limit_, state_, *p_.t_end, [&](State& s) {
+      if (ts.first_same_as_last())
+        std::ranges::copy(drag_limit_->last(), s.v().begin());
+      else
+        drag_limit_->rate(s.t, s.x().data(), s.v().data());
       return after_step(s);
     });
   }

@@ -1,6 +1,7 @@
 // Particles in a drag so strong that inertia does not matter.
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include <pliant/ts/particle_system.h>
@@ -27,12 +28,16 @@ class DragLimit final : public FirstOrderSystem {
     particles_.field().accelerations(s, v);
     for (Index i = 0; i < s.topology.owned_points(); ++i)
       point<D>(v, i) *= s.topology.mass(i) * s.topology.points_of(s.topology.particle[i]) / zeta_;
+    last_.assign(v, v + size());
   }
+
+  /// The velocities of the last evaluation.
+  std::span<const Real> last() const { return last_; }
 
  private:
   ParticleSystem<D>& particles_;
   Real zeta_;
-  std::vector<Real> at_rest_;
+  std::vector<Real> at_rest_, last_;
 };
 
 }  // namespace pliant

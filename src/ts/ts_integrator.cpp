@@ -173,7 +173,9 @@ void TsIntegrator::configure() {
   if (type == TSRK) {
     check_input(TSRKSetType(ts_, string_option("-ts_rk_type", options_.rk_type).c_str()));
     const PetscReal* embedded = nullptr;
-    petsc_check(TSRKGetTableau(ts_, nullptr, nullptr, nullptr, nullptr, &embedded, nullptr, nullptr, nullptr));
+    PetscBool same = PETSC_FALSE;
+    petsc_check(TSRKGetTableau(ts_, nullptr, nullptr, nullptr, nullptr, &embedded, nullptr, nullptr, &same));
+    first_same_as_last_ = same == PETSC_TRUE;
     estimate = embedded != nullptr;
     if (estimate) check_input(TSAdaptSetType(adapt, options_.adapt.c_str()));
   }

@@ -61,6 +61,10 @@ class TsIntegrator : public Integrator {
   const IntegratorStatistics& statistics() const override { return statistics_; }
   std::string name() const override;
 
+  /// Whether the last evaluation of every step is at its end, so that an observer who wants the rates need not
+  /// evaluate.
+  bool first_same_as_last() const { return first_same_as_last_; }
+
   /// The step that the next run starts with, in t0: save it for a restart (TsOptions::dt).
   Real next_dt() const { return dt_; }
 
@@ -93,6 +97,7 @@ class TsIntegrator : public Integrator {
   PetscTs ts_;
   std::string type_;
   bool adaptive_ = false;
+  bool first_same_as_last_ = false;
   bool second_order_ = false;  // alpha2
   bool reusable_ = true;       // false after a failure: PETSc's objects may be in the middle of something
   static constexpr int most_shortened = 8;

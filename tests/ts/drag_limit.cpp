@@ -65,3 +65,31 @@ TEST_CASE("motion with inertia tends to that without as the drag grows") {
   CHECK(more < 0.02);
   CHECK(some / more > 3);
 }
+
+TEST_CASE("the last evaluation of a step is at its end where a method says so") {
+  const auto [name, same] =
+      GENERATE(table<std::string, bool>({{"3bs", true}, {"5dp", true}, {"5f", false}, {"4", false}}));
+  const PetscOptionScope options("-ts_rtol 1e-5 -ts_atol 1e-5 -ts_type rk -ts_rk_type " + name);
+  Random random(3);
+  Configuration<2> c = polygon_rows(random, 3, 6);
+  ParticleSystem<2> system = system_of<2>(c, ModelKind::rough, Ranks(), with_drag(50));
+  DragLimit<2> limit(system, 50);
+  State state(c.topology.points(), 2);
+  std::copy(c.x.begin(), c.x.end(), state.x().begin());
+  TsIntegrator integrator({.dt = 1e-3});
+  CHECK(integrator.first_same_as_last() == same);
+  Real most = 0;
+  integrator.run(limit, state, 0.1, [&](State& s) {
+    const std::vector<Real> last(limit.last().begin(), limit.last().end());
+    limit.rate(s.t, s.x().data(), s.v().data());
+    Real fastest = 0, difference = 0;
+    for (std::size_t i = 0; i < last.size(); ++i) {
+      fastest = std::max(fastest, std::abs(s.v()[i]));
+      difference = std::max(difference, std::abs(last[i] - s.v()[i]));
+    }
+    most = std::max(most, difference / fastest);
+    return AfterStep::proceed;
+  });
+  CHECK(integrator.statistics().steps > 5);
+  CHECK((most < 1e-10) == same);
+}
