@@ -7,6 +7,7 @@ import os
 import re
 import shutil
 import statistics
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from harness import BenchError, Unsupported, interleave, read_csv, run, say, spread
@@ -153,9 +154,12 @@ SILENT = f"{QUIET} -sample_interval 1e9"
 FEW = 50  # steps of the part that is subtracted
 
 
+SETTLED = 2.0  # t0: by then the filling is dense, at any N
+
+
 class Chain:
-    """A system that is packed once and then run on by restarts, each time first for a few and then for many steps: the
-    difference of the two is free of starting, reading and writing."""
+    """A system that is packed, runs until it is dense, and is run on by restarts, each time first for a few and then
+    for many steps: the difference of the two is free of starting, reading and writing."""
 
     def __init__(self, context, name, system, points, steps):
         options, self.dt = SYSTEMS[system](points)
@@ -165,6 +169,9 @@ class Chain:
         summary, self.start = context.program.hopper(f"{options} -t_end {self.taken * self.dt:.9g} {SILENT}",
                                                      self.folder)
         self.points = summary["particles"] * (16 if system in ("rough", "smooth") else 1)
+        if not context.quick:
+            self.taken = round(SETTLED / self.dt)
+            context.program.restart(self.folder, self.taken * self.dt)
 
     def copy(self, name):
         """The same state, to be run on in another way."""
@@ -217,11 +224,23 @@ def ranks_prefix(ranks):
     return [mpiexec, *root, "--oversubscribe", "-n", ranks]
 
 
+def side_by_side(chain, cores):
+    """Wall time per point and step of two copies at the same time, one on each core: what two cores can give at most."""
+    chains = [chain, chain.copy(f"{chain.folder.name}-twin")]
+    with ThreadPoolExecutor(2) as pool:
+        ns = list(pool.map(lambda one, core: one.measure("wall", "", ["taskset", "-c", core]), chains, cores))
+    shutil.rmtree(chains[1].folder)
+    return statistics.mean(ns) / 2
+
+
 def parallel(context):
     points = 10_000 if context.quick else 100_000
     program = context.program
     modes = {"serial": ("", program.pin, 1)}
     notes = []
+    cores = sorted(os.sched_getaffinity(0))[-2:]
+    if len(cores) == 2:
+        modes["2 serial runs"] = ("", None, 2)
     if program.has_option("-threads"):
         modes |= {f"{n} thread{'s' * (n > 1)}": (f"-threads {n}", [], n) for n in (1, 2)}
     else:
@@ -245,6 +264,8 @@ def parallel(context):
 
             def job(_, chain=chain, mode=mode, options=options, prefix=prefix):
                 try:
+                    if prefix is None:
+                        return side_by_side(chain, cores)
                     return chain.measure("wall", options, prefix)
                 except Unsupported:
                     raise

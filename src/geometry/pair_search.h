@@ -2,6 +2,7 @@
 // the sizes.
 #pragma once
 
+#include <algorithm>
 #include <span>
 #include <vector>
 
@@ -69,15 +70,46 @@ void find_vertex_edge_pairs(const PointCloud& cloud, const CellGrid<2>& grid, Re
   }
 }
 
+/// Goes through points that stand side by side in memory, and as a rule in space, by blocks. near(centre, radius, k)
+/// says whether obstacle k of n comes near a ball around the points of a block and their successors; visit(i, k) is
+/// called for each point i of the block that is in use then, obstacles in ascending order. A ball holds half the
+/// largest diameter and the skin too.
+template <int D, class Near, class Visit>
+void for_each_near_obstacle(const PointCloud& cloud, Real skin, Index first, Index last, Index n, Near&& near,
+                            Visit&& visit) {
+  constexpr Index block = 64;
+  std::vector<Index> obstacles;
+  for (; first < last; first += block) {
+    const Index end = std::min<Index>(last, first + block);
+    Vec<D> low = point<D>(cloud.x, first), high = low;
+    Real widest = 0;
+    for (Index i = first; i < end; ++i)
+      for (const Index j : {i, cloud.next[i]}) {
+        low = low.cwiseMin(point<D>(cloud.x, j));
+        high = high.cwiseMax(point<D>(cloud.x, j));
+        widest = std::max(widest, cloud.diameter[j]);
+      }
+    const Real radius = ((high - low).norm() + widest) / 2 + skin;
+    obstacles.clear();
+    for (Index k = 0; k < n; ++k)
+      if (near((low + high) / 2, radius * (1 + 1e-12), k)) obstacles.push_back(k);
+    if (obstacles.empty()) continue;
+    for (Index i = first; i < end; ++i)
+      if (cloud.uses(i))
+        for (const Index k : obstacles) visit(i, k);
+  }
+}
+
 /// Points of the range with distance < δ/2 + skin from a wall: found(point, wall).
 template <int D, class Found>
 void find_wall_pairs(const PointCloud& cloud, const Walls<D>& walls, Real skin, Index first, Index last,
                      Found&& found) {
-  for (Index i = first; i < last; ++i) {
-    if (!cloud.uses(i)) continue;
-    for (Index s = 0; s < walls.size(); ++s)
-      if (walls.distance(point<D>(cloud.x, i), s) < cloud.diameter[i] / 2 + skin) found(i, s);
-  }
+  for_each_near_obstacle<D>(
+      cloud, skin, first, last, walls.size(),
+      [&](const Vec<D>& centre, Real radius, Index s) { return walls.distance(centre, s) < radius; },
+      [&](Index i, Index s) {
+        if (walls.distance(point<D>(cloud.x, i), s) < cloud.diameter[i] / 2 + skin) found(i, s);
+      });
 }
 
 /// Points of the range with distance < δ/2 + skin from a solid at time t: found(point, solid).
@@ -94,12 +126,14 @@ void find_solid_pairs(const PointCloud& cloud, std::span<const Solid<D>> solids,
 /// Edges, with their first vertex from the range, with distance < δ/2 + skin from a lip: found(lip, first vertex).
 template <class Found>
 void find_lip_pairs(const PointCloud& cloud, const Walls<2>& walls, Real skin, Index first, Index last, Found&& found) {
-  for (Index i = first; i < last; ++i) {
-    if (!cloud.uses(i)) continue;
-    const Vec<2> a = point<2>(cloud.x, i), b = point<2>(cloud.x, cloud.next[i]);
-    for (Index l = 0; l < static_cast<Index>(walls.lips().size()); ++l)
-      if (segment_foot(walls.lips()[l], a, b).d2 < square(cloud.diameter[i] / 2 + skin)) found(l, i);
-  }
+  const std::vector<Vec<2>>& lips = walls.lips();
+  for_each_near_obstacle<2>(
+      cloud, skin, first, last, static_cast<Index>(lips.size()),
+      [&](const Vec<2>& centre, Real radius, Index l) { return (lips[l] - centre).norm() < radius; },
+      [&](Index i, Index l) {
+        const Vec<2> a = point<2>(cloud.x, i), b = point<2>(cloud.x, cloud.next[i]);
+        if (segment_foot(lips[l], a, b).d2 < square(cloud.diameter[i] / 2 + skin)) found(l, i);
+      });
 }
 
 }  // namespace pliant
