@@ -83,6 +83,9 @@ def draw_speedup(rows, path):
             if mine:
                 axes.plot([row["workers"] for row in mine], [row["speed-up"] for row in mine], style, color=COLORS[i],
                           marker=MARKERS[i], label=f"{case}, {kind}s")
+    copies = [row["speed-up"] for row in rows if row["run as"] == "2 serial runs"]
+    if copies:
+        axes.axhspan(min(copies), max(copies), color="0.9", label="2 serial runs at once")
     axes.set(xlabel="threads or ranks", ylabel="speed-up over the serial run", ylim=(0, None),
              xticks=range(1, most + 1))
     axes.legend()
