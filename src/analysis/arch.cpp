@@ -3,21 +3,20 @@
 #include <algorithm>
 #include <limits>
 
+#include <pliant/analysis/graph.h>
+
 namespace pliant {
 namespace {
 
 constexpr Index none = -1;
 
-/// Droplets and their links as a graph.
-struct Graph {
-  std::vector<std::vector<Index>> neighbours;
+/// Droplets, their links, and which of them are at a wall.
+struct Heap {
+  Graph graph;
   std::vector<std::uint8_t> left, right;
 
-  Graph(std::size_t n, const ClogLinks& links) : neighbours(n), left(n), right(n) {
-    for (const auto& [i, j] : links.pairs) {
-      neighbours[i].push_back(j);
-      neighbours[j].push_back(i);
-    }
+  Heap(std::size_t n, const ClogLinks& links)
+      : graph(make_graph(static_cast<Index>(n), links.pairs)), left(n), right(n) {
     for (const Index i : links.left) left[i] = 1;
     for (const Index i : links.right) right[i] = 1;
   }
@@ -25,7 +24,7 @@ struct Graph {
 
 /// The chain with the fewest droplets among those with allowed[i], of equal ones the one with the lowest sum of
 /// heights: breadth first, one length after the other.
-std::vector<Index> shortest_chain(const Graph& graph, const std::vector<Real>& height,
+std::vector<Index> shortest_chain(const Heap& heap, const std::vector<Real>& height,
                                   const std::vector<std::uint8_t>& allowed) {
   const auto n = static_cast<Index>(height.size());
   std::vector<Index> before(n, none);
@@ -33,7 +32,7 @@ std::vector<Index> shortest_chain(const Graph& graph, const std::vector<Real>& h
   std::vector<std::uint8_t> reached(n);
   std::vector<Index> front;
   for (Index i = 0; i < n; ++i)
-    if (allowed[i] && graph.left[i]) {
+    if (allowed[i] && heap.left[i]) {
       sum[i] = height[i];
       front.push_back(i);
     }
@@ -41,7 +40,7 @@ std::vector<Index> shortest_chain(const Graph& graph, const std::vector<Real>& h
     for (const Index i : front) reached[i] = 1;
     Index last = none;
     for (const Index i : front)
-      if (graph.right[i] && (last == none || sum[i] < sum[last])) last = i;
+      if (heap.right[i] && (last == none || sum[i] < sum[last])) last = i;
     if (last != none) {
       std::vector<Index> chain;
       for (Index i = last; i != none; i = before[i]) chain.push_back(i);
@@ -50,7 +49,7 @@ std::vector<Index> shortest_chain(const Graph& graph, const std::vector<Real>& h
     }
     std::vector<Index> next;
     for (const Index i : front)
-      for (const Index j : graph.neighbours[i]) {
+      for (const Index j : heap.graph[i]) {
         if (!allowed[j] || reached[j] || sum[i] + height[j] >= sum[j]) continue;
         if (before[j] == none) next.push_back(j);
         before[j] = i;
@@ -65,13 +64,13 @@ std::vector<Index> shortest_chain(const Graph& graph, const std::vector<Real>& h
 
 std::vector<Index> lowest_chain(std::span<const Real> position, const ClogLinks& links) {
   const std::size_t n = position.size() / 2;
-  const Graph graph(n, links);
+  const Heap heap(n, links);
   std::vector<Real> height(n);
   for (std::size_t i = 0; i < n; ++i) height[i] = position[2 * i + 1];
   const auto chain_below = [&](Real limit) {
     std::vector<std::uint8_t> allowed(n);
     for (std::size_t i = 0; i < n; ++i) allowed[i] = height[i] <= limit;
-    return shortest_chain(graph, height, allowed);
+    return shortest_chain(heap, height, allowed);
   };
   std::vector<Real> limits = height;
   std::sort(limits.begin(), limits.end());

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include <pliant/analysis/arch.h>
+#include <pliant/analysis/graph.h>
 #include <pliant/base/errors.h>
 #include <pliant/base/log.h>
 #include <pliant/base/rng.h>
@@ -103,7 +104,7 @@ class ClogRun final : public DropletRun {
 
   void load(const Checkpoint& c) override {
     opened_ = c.reals.at("opened").at(0);
-    if (opened_ >= 0) particles().set_walls(make_walls(p_, far_below));
+    if (opened_ >= 0) put_walls(make_walls(p_, far_below));
   }
 
   void conclude(nlohmann::ordered_json& s) override {
@@ -185,24 +186,12 @@ class ClogRun final : public DropletRun {
       if (active(m) && position(m)[1] < taken_out_below) low.push_back(m);
     if (low.empty()) return false;
     const ClogLinks bonds = links(false);
-    std::vector<std::vector<Index>> neighbours(droplets());
-    for (const auto& [i, j] : bonds.pairs) {
-      neighbours[i].push_back(j);
-      neighbours[j].push_back(i);
-    }
-    std::vector<Index> held = bonds.left;  // grows along the bonds
-    held.insert(held.end(), bonds.right.begin(), bonds.right.end());
+    std::vector<Index> anchors = bonds.left;
+    anchors.insert(anchors.end(), bonds.right.begin(), bonds.right.end());
     for (Index m = 0; m < droplets(); ++m)
-      if (active(m) && position(m)[1] > 0) held.push_back(m);
-    std::vector<std::uint8_t> is_held(droplets());
-    for (const Index m : held) is_held[m] = 1;
-    for (std::size_t k = 0; k < held.size(); ++k)
-      for (const Index j : neighbours[held[k]])
-        if (!is_held[j]) {
-          is_held[j] = 1;
-          held.push_back(j);
-        }
-    std::erase_if(low, [&](Index m) { return is_held[m] != 0; });
+      if (active(m) && position(m)[1] > 0) anchors.push_back(m);
+    const std::vector<Index> held = links_from(anchors, make_graph(droplets(), bonds.pairs));
+    std::erase_if(low, [&](Index m) { return held[m] >= 0; });
     for (const Index m : low) deactivate(m);
     return !low.empty();
   }

@@ -8,7 +8,7 @@
 
 namespace pliant {
 
-/// As run_hopper. Errors: also InputError on several ranks.
+/// As run_hopper.
 ExitCode run_clog(ClogOptions& p, Options& options, const Ranks& ranks);
 
 /// Random places without overlap [2 · n] for droplets of these radii in the wedge above the closed exit, whose middle

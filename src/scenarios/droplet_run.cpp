@@ -15,23 +15,16 @@
 namespace pliant {
 namespace {
 
-const Ranks& one_rank(const Ranks& ranks, const std::string& scenario) {
-  if (ranks.several())
-    throw InputError("{} runs on one rank, not on {}: it has few droplets; run several of them side by side instead",
-                     scenario, ranks.size());
-  return ranks;
+std::unique_ptr<ForceField<2>> make_field(const DropletOptions& p, const DropletSetup& setup) {
+  return make_force_field<2>(ModelKind::bubble, p.model_parameters(), setup.gravity);
 }
 
-OverdampedSystem<2> make_system(const DropletOptions& p, DropletSetup& setup) {
-  const ModelParameters model = p.model_parameters();
+NeighbourNeeds needs(const DropletOptions& p) { return neighbour_needs(ModelKind::bubble, p.model_parameters()); }
+
+OverdampedSystem<2> make_system(const DropletOptions& p, const DropletSetup& setup, const Ranks& ranks) {
   MobilityOptions mobility = p.mobility_options();
   mobility.walls = setup.walls_rub;
-  return {std::move(setup.droplets),
-          std::move(setup.walls),
-          make_force_field<2>(ModelKind::bubble, model, setup.gravity),
-          neighbour_needs(ModelKind::bubble, model),
-          p.skin,
-          mobility};
+  return {setup.droplets, setup.walls, make_field(p, setup), needs(p), p.skin, mobility, ranks};
 }
 
 }  // namespace
@@ -48,26 +41,29 @@ void DropletSystem::rate(Real t, const Real* y, Real* ydot) {
     for (std::size_t k = 0; k < walls.size(); ++k)
       work -= point<2>(wall_force_.data(), static_cast<Index>(k)).dot(walls[k].velocity);
   }
-  ydot[droplets_.size()] = work;
-  ydot[droplets_.size() + 1] = droplets_.mobility().power(s);
+  std::array rates{work, droplets_.mobility().power(s)};
+  ranks().sum(rates);
+  if (ranks().root()) std::copy(rates.begin(), rates.end(), ydot + droplets_.size());
 }
 
 DropletRun::DropletRun(const DropletOptions& p, const Options& options, const Ranks& ranks, DropletSetup setup)
     : p_(p),
       options_(options),
       scenario_(setup.scenario),
+      ranks_(ranks),
       integration_(setup.integration),
-      overdamped_(make_system(p, setup)),
+      overdamped_(make_system(p, setup, ranks)),
       system_(overdamped_),
-      control_(p.checkpoint_interval, p.max_wall_time, one_rank(ranks, scenario_)),
+      control_(p.checkpoint_interval, p.max_wall_time, ranks),
       dt_(p.dt) {
   omp_set_num_threads(1);
+  if (ranks.several()) whole_.emplace(setup.droplets, setup.walls, make_field(p, setup), needs(p), p.skin);
 }
 
 ExitCode DropletRun::run(const std::optional<Checkpoint>& checkpoint) {
   if (checkpoint) restore(*checkpoint);
   integration_.dt = dt_;
-  integrator_.emplace(integration_);
+  integrator_.emplace(integration_, ranks_.comm());
   options_.check_consumed();
   if (checkpoint && last_time() < state_.t)
     throw InputError("the run is at t = {:.6g} already, after its end at {:.6g}; give a later -t_end", state_.t,
@@ -76,49 +72,108 @@ ExitCode DropletRun::run(const std::optional<Checkpoint>& checkpoint) {
   RunGeometry shape = geometry();
   shape.segments = wall_segments(0);
   const Topology& topology = particles().topology();
-  writer_.emplace(
-      checkpoint
-          ? RunWriter::append(p_.output, topology, restored_samples_, restored_frames_, restored_events_)
-          : RunWriter::create(p_.output, make_manifest(scenario_, "bubble", 2, p_.seed, options_), topology, shape));
-  checkpoints_.emplace(p_.output);
-  fmt::print("{}\n{}: dt = {:.3g} t0; output in {}\n", title(), integrator_->name(), dt_, p_.output);
-  if (checkpoint) fmt::print("continuing at t = {:.6g} t0, step {}\n", state_.t, state_.step);
+  on_root([&] {
+    writer_.emplace(
+        checkpoint
+            ? RunWriter::append(p_.output, topology, restored_samples_, restored_frames_, restored_events_)
+            : RunWriter::create(p_.output, make_manifest(scenario_, "bubble", 2, p_.seed, options_), topology, shape));
+    checkpoints_.emplace(p_.output);
+    fmt::print("{}\n{}: dt = {:.3g} t0; output in {}\n", title(), integrator_->name(), dt_, p_.output);
+    if (checkpoint) fmt::print("continuing at t = {:.6g} t0, step {}\n", state_.t, state_.step);
+  });
   nlohmann::ordered_json s;
   try {
     if (!checkpoint) begin();
     cpu_at_start_ = control_.cpu_seconds();
     started_at_ = state_.t;
     const LogScope log(LogStage::run);
-    integrator_->run(static_cast<FirstOrderSystem&>(system_), state_, last_time(),
+    integrator_->run(static_cast<FirstOrderSystem&>(system_), moving(), last_time(),
                      [this](State&) { return after_step(); });
     control_.end_progress();
     if (!stopped_) complete();
     s = summary(stopped_ ? "stopped" : "done");
     if (!stopped_) conclude(s);
-    writer_->flush();
-    write_summary(p_.output, s);
-    writer_->close();
+    on_root([&] {
+      writer_->flush();
+      write_summary(p_.output, s);
+      writer_->close();
+    });
   } catch (const Error& error) {
     control_.end_progress();
     fail(error);
   }
+  if (ranks_.root()) report(s["cpu_seconds"]);
+  return stopped_ ? ExitCode::stopped : ExitCode::done;
+}
+
+void DropletRun::report(Real cpu) const {
   if (stopped_)
     fmt::print("stopped at t = {:.6g} t0 with a checkpoint; run the same command again to go on\n", state_.t);
   else
     fmt::print("ended by {} at t = {:.6g} t0; error of the energy budget {:.1e}\n", ended_by_, state_.t, budget_error_);
   const IntegratorStatistics total = statistics();
-  fmt::print("{} steps, {} force evaluations, {:.2f} s CPU\n", total.steps, total.force_evaluations,
-             Real(s["cpu_seconds"]));
-  return stopped_ ? ExitCode::stopped : ExitCode::done;
+  fmt::print("{} steps, {} force evaluations, {:.2f} s CPU\n", total.steps, total.force_evaluations, cpu);
+}
+
+/// Runs body() on the rank that writes; its errors are everybody's.
+template <class Body>
+void DropletRun::on_root(Body&& body) {
+  ranks_.together([&] {
+    if (ranks_.root()) body();
+  });
 }
 
 void DropletRun::begin() {
   const std::vector<Real> x = start();
   state_ = State(droplets() + 1, 2);
   std::copy(x.begin(), x.end(), state_.x().begin());
+  share_out();
   start_energy_ = energy();
   sample();
   frame();
+}
+
+/// Gives every rank of several its droplets.
+void DropletRun::share_out() {
+  if (!whole_) return;
+  std::vector<Index> mine;
+  for (Index m = ranks_.rank(); m < droplets(); m += ranks_.size()) mine.push_back(m);
+  overdamped_.particles().take(whole_->topology().select(mine));
+  take_part();
+  tidy();
+}
+
+/// Moves droplets to the ranks where they belong now.
+void DropletRun::tidy() {
+  overdamped_.tidy(own_);
+  take_part();
+}
+
+void DropletRun::take_part() {
+  const Topology& topology = overdamped_.particles().topology();
+  std::vector<Index> mine(topology.id.begin(), topology.id.begin() + topology.owned());
+  if (ranks_.root()) mine.push_back(droplets());
+  numbers_ = ranks_.all_gather(mine);
+  own_ = State(static_cast<Index>(mine.size()), 2);
+  own_.t = state_.t;
+  own_.step = state_.step;
+  for (std::size_t k = 0; k < mine.size(); ++k)
+    point<2>(own_.x().data(), static_cast<Index>(k)) = point<2>(state_.x().data(), mine[k]);
+}
+
+/// [2 · droplets], in the order of the numbers, to [2 · own droplets].
+std::vector<Real> DropletRun::own_part(std::span<const Real> all) const {
+  const Topology& topology = overdamped_.particles().topology();
+  std::vector<Real> own(overdamped_.size());
+  for (Index k = 0; k < topology.owned(); ++k) point<2>(own.data(), k) = point<2>(all.data(), topology.id[k]);
+  return own;
+}
+
+/// What is like own_.x() on the ranks, to what is like state_.x(). Collective.
+void DropletRun::gather(std::span<const Real> own, std::span<Real> all) const {
+  const std::vector<Real> parts = ranks_.all_gather(std::vector<Real>(own.begin(), own.end()));
+  for (std::size_t k = 0; k < numbers_.size(); ++k)
+    point<2>(all.data(), numbers_[k]) = point<2>(parts.data(), static_cast<Index>(k));
 }
 
 /// What the end of a run adds, unless it was stopped.
@@ -130,7 +185,13 @@ void DropletRun::complete() {
 }
 
 AfterStep DropletRun::after_step() {
-  const bool changed = follow();
+  if (whole_) {
+    state_.t = own_.t;
+    state_.step = own_.step;
+    gather(own_.x(), state_.x());
+  }
+  const bool changed = follow(), reordered = !changed && overdamped_.particles().crowded();
+  if (reordered) tidy();
   if (state_.t >= next_sample_ * p_.sample_interval * (1 - 1e-12)) sample();
   if (state_.t >= next_frame_ * p_.frame_interval * (1 - 1e-12)) frame();
   if (!ended_by_.empty()) return AfterStep::stop;
@@ -144,7 +205,8 @@ AfterStep DropletRun::after_step() {
     if (stopped_ || control_.checkpoint_due()) store();
   }
   if (stopped_) return AfterStep::stop;
-  return changed ? AfterStep::changed : AfterStep::proceed;
+  if (changed) return AfterStep::changed;
+  return reordered ? AfterStep::reordered : AfterStep::proceed;
 }
 
 void DropletRun::sample() {
@@ -176,7 +238,7 @@ void DropletRun::sample() {
   row.emplace_back("withdrawn", withdrawn_);
   row.emplace_back("budget_error", budget_error_);
   measure(row);
-  writer_->add_sample(row);
+  on_root([&] { writer_->add_sample(row); });
 }
 
 void DropletRun::frame() {
@@ -191,7 +253,11 @@ void DropletRun::write_frame() {
   FrameData<2> data(particles(), state_);
   const std::vector<Real> walls = wall_segments(state_.t);
   data.frame.wall_segments = walls;
-  writer_->write_frame(data.frame);
+  on_root([&] { writer_->write_frame(data.frame); });
+}
+
+void DropletRun::add_event(const std::vector<SeriesValue>& row) {
+  on_root([&] { writer_->add_event(row); });
 }
 
 std::vector<Real> DropletRun::wall_forces() {
@@ -203,8 +269,10 @@ std::vector<Real> DropletRun::wall_forces() {
 void DropletRun::find_velocities() {
   // The integrator's first guess stays its own, so that output changes no trajectory.
   std::vector<Real> guess = overdamped_.last();
-  overdamped_.rate(state_.t, state_.x().data(), state_.v().data());
+  State& s = moving();
+  overdamped_.rate(s.t, s.x().data(), s.v().data());
   if (!guess.empty()) overdamped_.set_last(std::move(guess));
+  if (whole_) gather(s.v(), state_.v());
 }
 
 Real DropletRun::max_speed() const {
@@ -222,35 +290,55 @@ void DropletRun::outside_budget(Change&& change) {
   withdrawn_ += before - energy();
 }
 
-void DropletRun::set_walls(Walls<2> walls) {
-  outside_budget([&] { particles().set_walls(std::move(walls)); });
+void DropletRun::set_walls(const Walls<2>& walls) {
+  outside_budget([&] { put_walls(walls); });
+}
+
+void DropletRun::put_walls(const Walls<2>& walls) {
+  overdamped_.particles().set_walls(walls);
+  if (whole_) whole_->set_walls(walls);
 }
 
 void DropletRun::deactivate(Index m) {
   outside_budget([&] { particles().deactivate(m); });
+  if (!whole_) return;
+  const Topology& topology = overdamped_.particles().topology();
+  for (Index k = 0; k < topology.owned(); ++k)
+    if (topology.id[k] == m) overdamped_.particles().deactivate(k);
 }
 
 void DropletRun::store() {
   const LogScope log(LogEvent::checkpoint);
-  writer_->flush();
-  CheckpointWriter& c = *checkpoints_;
-  c.begin(state_.t, state_.step);
-  c.add("x", state_.x());
-  c.add("last_velocity", overdamped_.last());
-  c.add("active", particles().topology().active);
-  const Neighbours<2>::History lists = particles().neighbours().history(particles().topology());
-  c.add("list_reference", lists.reference);
-  const IntegratorStatistics total = statistics();
-  c.add("numbers", std::array{last_sample_at_, last_frame_at_, integrator_->next_dt(), total_cpu(), start_energy_,
-                              withdrawn_, lists.time});
-  c.add("counters", std::array{next_sample_, next_frame_, static_cast<std::int64_t>(writer_->samples()),
-                               static_cast<std::int64_t>(writer_->frames()),
-                               static_cast<std::int64_t>(writer_->events()), total.steps, total.rejected,
-                               total.force_evaluations, rebuilds_before_ + particles().neighbours().rebuilds()});
-  c.add_text("scenario", scenario_);
-  c.add_text("options", options_.json().dump());
-  save(c);
-  c.finish();
+  std::vector<Real> last = overdamped_.last();
+  if (whole_) {
+    last.resize(own_.size());
+    std::vector<Real> all(state_.size());
+    gather(last, all);
+    all.resize(2 * static_cast<std::size_t>(droplets()));
+    last = std::move(all);
+  }
+  const Real cpu = total_cpu();
+  on_root([&] {
+    writer_->flush();
+    CheckpointWriter& c = *checkpoints_;
+    c.begin(state_.t, state_.step);
+    c.add("x", state_.x());
+    c.add("last_velocity", last);
+    c.add("active", particles().topology().active);
+    const Neighbours<2>::History lists = particles().neighbours().history(particles().topology());
+    c.add("list_reference", lists.reference);
+    const IntegratorStatistics total = statistics();
+    c.add("numbers", std::array{last_sample_at_, last_frame_at_, integrator_->next_dt(), cpu, start_energy_, withdrawn_,
+                                lists.time});
+    c.add("counters",
+          std::array{next_sample_, next_frame_, static_cast<std::int64_t>(writer_->samples()),
+                     static_cast<std::int64_t>(writer_->frames()), static_cast<std::int64_t>(writer_->events()),
+                     total.steps, total.rejected, total.force_evaluations, list_rebuilds()});
+    c.add_text("scenario", scenario_);
+    c.add_text("options", options_.json().dump());
+    save(c);
+    c.finish();
+  });
 }
 
 void DropletRun::restore(const Checkpoint& c) try {
@@ -264,7 +352,10 @@ void DropletRun::restore(const Checkpoint& c) try {
   const auto& active = c.integers.at("active");
   for (Index m = 0; m < droplets(); ++m)
     if (active.at(m) == 0) particles().deactivate(m);
-  overdamped_.set_last(c.reals.at("last_velocity"));
+  share_out();
+  const auto& last = c.reals.at("last_velocity");
+  if (last.size() != 2 * static_cast<std::size_t>(droplets())) throw std::out_of_range("last_velocity");
+  overdamped_.set_last(own_part(last));
   const auto& numbers = c.reals.at("numbers");
   last_sample_at_ = numbers.at(0);
   last_frame_at_ = numbers.at(1);
@@ -283,9 +374,13 @@ void DropletRun::restore(const Checkpoint& c) try {
   const auto& reference = c.reals.at("list_reference");
   if (!reference.empty())
     particles().neighbours().replay(particles().topology(), particles().walls(), {reference, {}, {}, numbers.at(6)});
-  rebuilds_before_ = n.at(8) - particles().neighbours().rebuilds();
+  rebuilds_before_ = n.at(8) - list_rebuilds();
 } catch (const std::out_of_range&) {
   throw InputError("{}: the checkpoint lacks what this version needs; go on with the version that wrote it", p_.output);
+}
+
+std::int64_t DropletRun::list_rebuilds() const {
+  return rebuilds_before_ + overdamped_.particles().neighbours().rebuilds();
 }
 
 IntegratorStatistics DropletRun::statistics() const {
@@ -296,6 +391,7 @@ IntegratorStatistics DropletRun::statistics() const {
   return s;
 }
 
+/// Collective.
 nlohmann::ordered_json DropletRun::summary(std::string_view status) {
   const IntegratorStatistics total = statistics();
   nlohmann::ordered_json s = summary_head(scenario_, "bubble", status, ended_by_, options_);
@@ -306,7 +402,7 @@ nlohmann::ordered_json DropletRun::summary(std::string_view status) {
   s["steps"] = total.steps;
   s["rejected_steps"] = total.rejected;
   s["force_evaluations"] = total.force_evaluations;
-  s["list_rebuilds"] = rebuilds_before_ + particles().neighbours().rebuilds();
+  s["list_rebuilds"] = list_rebuilds();
   s["cpu_seconds"] = total_cpu();
   s["wall_seconds"] = control_.wall_seconds();
   if (state_.size() == 0) return s;  // an error before the start
@@ -324,12 +420,12 @@ void DropletRun::fail(const Error& error) {
   try {
     if (error.code() == ExitCode::numerical_failure) {
       // With the velocities found last: where droplets have run into each other there are no others.
-      if (writer_->frames() > 0 && last_frame_at_ < state_.t) write_frame();
-      writer_->flush();
+      if (last_frame_at_ >= 0 && last_frame_at_ < state_.t) write_frame();
+      on_root([&] { writer_->flush(); });
     }
     nlohmann::ordered_json s = summary("failed");
     s["message"] = message;
-    write_summary(p_.output, s);
+    on_root([&] { write_summary(p_.output, s); });
   } catch (const Error& second) {
     message += fmt::format("; then {}", second.what());
   }

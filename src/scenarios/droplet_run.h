@@ -3,10 +3,12 @@
 
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include <pliant/base/ranks.h>
 #include <pliant/io/checkpoint.h>
 #include <pliant/io/run_writer.h>
 #include <pliant/model/state.h>
@@ -17,14 +19,14 @@
 
 namespace pliant {
 
-/// Droplets in motion, with two more unknowns: the work that the walls have done on them and the energy that drag and
-/// friction have dissipated. So both are as exact as the positions, and their error is controlled with them. Walls that
-/// move must not rub.
+/// Droplets in motion, with two more unknowns, on the root: the work that the walls have done on them and the energy
+/// that drag and friction have dissipated. So both are as exact as the positions, and their error is controlled with
+/// them. Walls that move must not rub.
 class DropletSystem final : public FirstOrderSystem {
  public:
   explicit DropletSystem(OverdampedSystem<2>& droplets) : droplets_(droplets) {}
 
-  std::size_t size() const override { return droplets_.size() + 2; }
+  std::size_t size() const override { return droplets_.size() + (ranks().root() ? 2 : 0); }
   const Ranks& ranks() const override { return droplets_.ranks(); }
   void rate(Real t, const Real* y, Real* ydot) override;
 
@@ -44,12 +46,12 @@ struct DropletSetup {
   TsOptions integration = {.rk_type = "3bs", .atol_x = 1e-8};
 };
 
-/// A run of droplets in the plane, on one rank: integration, samples, frames, checkpoints, restart, stop requests,
-/// summary, energy budget. A scenario derives from it and says what is its own. Places in memory are the droplets'
-/// numbers.
+/// A run of droplets in the plane: integration, samples, frames, checkpoints, restart, stop requests, summary, energy
+/// budget. A scenario derives from it and says what is its own. Ranks share forces and the viscous solve. All the rest
+/// sees all droplets, at the places of their numbers, on every rank: each does the same with the same numbers, so that
+/// all decide alike. One of them writes.
 class DropletRun {
  public:
-  /// Errors: InputError on several ranks.
   DropletRun(const DropletOptions& p, const Options& options, const Ranks& ranks, DropletSetup setup);
   virtual ~DropletRun() = default;
   DropletRun(const DropletRun&) = delete;
@@ -75,19 +77,20 @@ class DropletRun {
   virtual void measure(std::vector<SeriesValue>& row) = 0;
   virtual std::string progress() const = 0;  ///< for the progress line
   virtual void save(CheckpointWriter& checkpoint) const = 0;
-  virtual void load(const Checkpoint& checkpoint) = 0;  ///< called before lists are built: may set walls
+  virtual void load(const Checkpoint& checkpoint) = 0;  ///< called before lists are built: may put_walls()
   /// Adds results to the summary of a run that was not stopped.
   virtual void conclude(nlohmann::ordered_json& summary) = 0;
 
-  // What it can use.
+  // What it can use. The same on every rank.
   const State& state() const { return state_; }
   Index droplets() const { return particles().topology().particles(); }
   Real radius(Index m) const { return particles().topology().diameter[m] / 2; }
   Vec<2> position(Index m) const { return point<2>(state_.x().data(), m); }
   /// Found at samples and frames.
   Vec<2> velocity(Index m) const { return point<2>(state_.v().data(), m); }
-  ParticleSystem<2>& particles() { return overdamped_.particles(); }
-  const ParticleSystem<2>& particles() const { return overdamped_.particles(); }
+  /// All of them.
+  ParticleSystem<2>& particles() { return whole_ ? *whole_ : overdamped_.particles(); }
+  const ParticleSystem<2>& particles() const { return whole_ ? *whole_ : overdamped_.particles(); }
   /// The present configuration, with valid lists.
   StateView<2> view() { return particles().view(state_.x().data(), state_.v().data(), state_.t); }
   /// Force on each wall [2 · walls].
@@ -100,15 +103,24 @@ class DropletRun {
   void finish(std::string_view ended_by) { ended_by_ = ended_by; }
   void frame();
   /// A row of /events in run.h5, always of the same columns.
-  void add_event(const std::vector<SeriesValue>& row) { writer_->add_event(row); }
+  void add_event(const std::vector<SeriesValue>& row);
   /// Changes that take energy out of the budget, or bring some in.
-  void set_walls(Walls<2> walls);
+  void set_walls(const Walls<2>& walls);
   void deactivate(Index m);
+  void put_walls(const Walls<2>& walls);  ///< without looking at the energy
 
  private:
   void begin();
   void complete();
   AfterStep after_step();
+  void share_out();
+  void tidy();
+  void take_part();
+  std::vector<Real> own_part(std::span<const Real> all) const;
+  void gather(std::span<const Real> own, std::span<Real> all) const;
+  State& moving() { return whole_ ? own_ : state_; }
+  template <class Body>
+  void on_root(Body&& body);
   void sample();
   void write_frame();
   void store();
@@ -116,6 +128,8 @@ class DropletRun {
   template <class Change>
   void outside_budget(Change&& change);
   IntegratorStatistics statistics() const;
+  std::int64_t list_rebuilds() const;
+  void report(Real cpu) const;
   Real total_cpu() const { return cpu_before_ + control_.cpu_seconds() - cpu_at_start_; }
   Real work() const { return state_.x()[2 * droplets()]; }
   Real dissipated() const { return state_.x()[2 * droplets() + 1]; }
@@ -125,15 +139,20 @@ class DropletRun {
   const DropletOptions& p_;
   const Options& options_;
   std::string scenario_;
+  Ranks ranks_;
   TsOptions integration_;
-  OverdampedSystem<2> overdamped_;
+  OverdampedSystem<2> overdamped_;          ///< this rank's droplets
+  std::optional<ParticleSystem<2>> whole_;  ///< all droplets, on several ranks
   DropletSystem system_;
   RunControl control_;
   std::optional<TsIntegrator> integrator_;
-  std::optional<RunWriter> writer_;
-  std::optional<CheckpointWriter> checkpoints_;
+  std::optional<RunWriter> writer_;              ///< on the root
+  std::optional<CheckpointWriter> checkpoints_;  ///< on the root
 
-  State state_;                            ///< of the droplets, then work and dissipation
+  State state_;  ///< of the droplets, then work and dissipation
+  State own_;    ///< this rank's part, on several ranks: what the integrator moves
+  std::vector<Index>
+      numbers_;  ///< of what the ranks have one after the other; work and dissipation follow the droplets
   Real start_energy_ = 0, withdrawn_ = 0;  ///< withdrawn: what changes took out of the energy
   Real budget_error_ = 0;                  ///< of the last sample
   std::int64_t next_sample_ = 0, next_frame_ = 0, rebuilds_before_ = 0;

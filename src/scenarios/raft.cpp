@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include <pliant/analysis/graph.h>
 #include <pliant/base/errors.h>
 #include <pliant/base/log.h>
 #include <pliant/model/droplet_rest.h>
@@ -261,22 +262,10 @@ std::vector<Real> raft_places(const RaftOptions& p, const std::vector<Real>& rad
 
 Index count_rows(Index droplets, const std::vector<Bond>& bonds, const std::vector<Index>& at_first,
                  const std::vector<Index>& at_second) {
-  std::vector<std::vector<Index>> neighbours(droplets);
-  for (const auto [i, j] : bonds) {
-    neighbours[i].push_back(j);
-    neighbours[j].push_back(i);
-  }
-  std::vector<Index> chain(droplets), queue = at_second;  // breadth first
-  for (const Index i : at_second) chain[i] = 1;
-  for (std::size_t k = 0; k < queue.size(); ++k)
-    for (const Index j : neighbours[queue[k]])
-      if (chain[j] == 0) {
-        chain[j] = chain[queue[k]] + 1;
-        queue.push_back(j);
-      }
+  const std::vector<Index> links = links_from(at_second, make_graph(droplets, bonds));
   std::vector<Index> lengths;
   for (const Index i : at_first)
-    if (chain[i] > 0) lengths.push_back(chain[i]);
+    if (links[i] >= 0) lengths.push_back(links[i] + 1);
   if (lengths.empty()) return 0;
   const auto middle = lengths.begin() + static_cast<std::ptrdiff_t>(lengths.size() / 2);
   std::nth_element(lengths.begin(), middle, lengths.end());

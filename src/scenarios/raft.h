@@ -9,7 +9,7 @@
 
 namespace pliant {
 
-/// As run_hopper. Errors: also InputError on several ranks.
+/// As run_hopper.
 ExitCode run_raft(RaftOptions& p, Options& options, const Ranks& ranks);
 
 /// Places of the droplets of these radii [2 · n], around the origin, rows perpendicular to x: where large droplets of a

@@ -44,6 +44,13 @@ class OverdampedSystem final : public FirstOrderSystem {
   const std::vector<Real>& last() const { return last_; }
   void set_last(std::vector<Real> v) { last_ = std::move(v); }
 
+  /// As ParticleSystem::tidy; the velocities found last move too. Entries of the state behind the points are lost.
+  void tidy(State& state) {
+    const bool known = ranks().any(!last_.empty());
+    const Migration migration = particles_.tidy(state);
+    if (known) migration.move_points(last_, D);
+  }
+
   ParticleSystem<D>& particles() { return particles_; }
   const ParticleSystem<D>& particles() const { return particles_; }
   const Mobility<D>& mobility() const { return mobility_; }
