@@ -417,18 +417,25 @@ void DropletRun::fail(const Error& error) {
   if (error.code() == ExitCode::numerical_failure && state_.step > 0)
     message +=
         fmt::format("; t = {:.6g}, step {}, dt = {:.3g}", state_.t, state_.step, integrator_->statistics().last_dt);
-  try {
-    if (error.code() == ExitCode::numerical_failure) {
+  const auto attempt = [&](const auto& output) {
+    try {
+      output();
+    } catch (const Error& second) {
+      // A configuration that has no forces has no frame.
+      if (second.code() != ExitCode::numerical_failure) message += fmt::format("; then {}", second.what());
+    }
+  };
+  if (error.code() == ExitCode::numerical_failure)
+    attempt([&] {
       // With the velocities found last: where droplets have run into each other there are no others.
       if (last_frame_at_ >= 0 && last_frame_at_ < state_.t) write_frame();
       on_root([&] { writer_->flush(); });
-    }
+    });
+  attempt([&] {
     nlohmann::ordered_json s = summary("failed");
     s["message"] = message;
     on_root([&] { write_summary(p_.output, s); });
-  } catch (const Error& second) {
-    message += fmt::format("; then {}", second.what());
-  }
+  });
   throw Error(error.code(), message);
 }
 
