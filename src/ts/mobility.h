@@ -29,10 +29,10 @@ struct MobilityOptions {
 /// the neighbours (+ 1 for each wall in range), symmetric and positive definite. Its entries jump when pairs come into
 /// range or leave it, and velocities with them.
 ///
-/// PETSc solves it, one right-hand side per dimension: on one rank by sparse Cholesky factors, made anew where
-/// neighbours have changed; on several by CG, preconditioned by incomplete Cholesky in blocks, to a relative tolerance
-/// of 1e-12. -mobility_ksp_… and -mobility_pc_… choose others, -mobility_ksp_type cg -mobility_pc_type icc for example.
-/// The pattern is that of the lists.
+/// PETSc solves it, one right-hand side per dimension, by sparse Cholesky factors, made anew where neighbours have
+/// changed; on several ranks each has those of the whole system. -mobility_ksp_… and -mobility_pc_… choose others:
+/// -mobility_ksp_type cg with -mobility_pc_type icc (on several ranks bjacobi) iterates to a relative tolerance of
+/// 1e-12. The pattern is that of the lists.
 template <int D>
 class Mobility {
  public:

@@ -324,7 +324,9 @@ TEST_CASE("options of the mobility that make no sense are refused") {
 }
 
 TEST_CASE("droplets on several ranks move as on one", "[ranks]") {
-  const PetscOptionScope options("-ts_type rk -ts_rk_type 4 -ts_adapt_type none -ts_dt 0.1");
+  const bool iterate = GENERATE(false, true);
+  const PetscOptionScope options(std::string("-ts_type rk -ts_rk_type 4 -ts_adapt_type none -ts_dt 0.1") +
+                                 (iterate ? " -mobility_ksp_type cg -mobility_pc_type bjacobi" : ""));
   const Ranks ranks(PETSC_COMM_WORLD);
   for (const Coupling coupling : {Coupling::exact, Coupling::lagged}) {
     Random random(6);
@@ -357,6 +359,7 @@ TEST_CASE("droplets on several ranks move as on one", "[ranks]") {
     }
     CHECK(ranks.max(difference) < 1e-10);
     CHECK(ranks.max(moved) > 0.01);
+    CHECK((shared.mobility().iterations() > 10 * 120) == (iterate && coupling == Coupling::exact));
   }
   // An error on one rank is an error on all.
   Configuration<2> c;
