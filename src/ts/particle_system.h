@@ -46,7 +46,7 @@ class ParticleSystem final : public ImplicitSystem {
     field_->accelerations(s, a);
   }
 
-  void moved_by(Real change) override { change_ = change; }
+  void moved_by(Real change) override { change_ = change_.value_or(0) + change; }
 
   /// For polygons, whose shapes are half of the work, and on ranks, where it takes one message less. Spheres have long
   /// lists, which more arrays push out of the caches.
@@ -228,10 +228,12 @@ class ParticleSystem final : public ImplicitSystem {
   Halo<D> halo_;
   std::vector<Real> x_, v_;  ///< with ghosts; unused on one rank
   bool settled_ = false, crowded_ = false, tune_skin_ = false;
-  Real travel_ = 0;             ///< the farthest that a point can have gone since the lists were built
-  std::optional<Real> change_;  ///< by how much coordinates will have changed at most in the next evaluation
-  std::vector<Real> room_;      ///< for the accelerations of a sweep
-  ListUse use_;                 ///< its evaluations count
+  /// The farthest that a point can have gone since the lists were built. Not known if others built them.
+  Real travel_ = std::numeric_limits<Real>::infinity();
+  std::optional<Real>
+      change_;  ///< by how much coordinates have changed at most since the last evaluation, as far as is known
+  std::vector<Real> room_;  ///< for the accelerations of a sweep
+  ListUse use_;             ///< its evaluations count
   std::int64_t tidy_at_ = 0;
 };
 

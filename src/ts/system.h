@@ -45,9 +45,9 @@ class SecondOrderSystem : public FirstOrderSystem {
   /// all coordinates.
   virtual bool one_pass() const { return false; }
 
-  /// Says that at the next call of acceleration() or sweep() no coordinate will have changed by more than this, on any
-  /// rank, since the last call: saves a system looking for itself whether what it keeps still holds. Infinity where
-  /// anything else may have changed since. The same on all ranks.
+  /// Says that until the next call of acceleration() or sweep() no coordinate changes by more than this, on any rank,
+  /// beside what it has said since the last call: saves a system looking for itself whether what it keeps still holds.
+  /// Infinity where anything else may change. The same on all ranks.
   virtual void moved_by(Real /*change*/) {}
 
   /// What an integrator does with the coordinates first … last−1 once their accelerations are complete, while they are

@@ -30,10 +30,10 @@ Verlet& data_of(TS ts) { return *static_cast<Verlet*>(ts->data); }
 /// next_step is set, else nothing has changed but ts->time_step.
 PetscErrorCode attempt(TS ts, PetscReal* next_step, PetscBool* accept) {
   Verlet& d = data_of(ts);
-  const PetscReal h = ts->time_step, half = 0.5 * h;
+  const PetscReal h = ts->time_step;
   PetscInt n;
   PetscScalar *y, *p;
-  const PetscScalar *f, *f_old, *p_read;
+  const PetscScalar *f, *f_old;
 
   PetscFunctionBegin;
   PetscCall(VecGetLocalSize(ts->vec_sol, &n));
@@ -42,11 +42,8 @@ PetscErrorCode attempt(TS ts, PetscReal* next_step, PetscBool* accept) {
   PetscCall(VecGetArrayRead(d.f_old, &f_old));
   PetscCall(VecGetArray(ts->vec_sol, &y));
   PetscCall(VecGetArrayWrite(d.predicted, &p));
-  for (PetscInt i = 0; i < n; ++i) {
-    const PetscScalar v_half = y[n + i] + half * f_old[n + i];
-    p[i] = y[i] + h * v_half;
-    p[n + i] = v_half + half * f_old[n + i];
-  }
+  verlet_predict(n, h, y + n, f_old + n, p + n);
+  verlet_drift(n, h, y, y + n, p + n, p);
   PetscCall(VecRestoreArrayWrite(d.predicted, &p));
   PetscCall(VecRestoreArray(ts->vec_sol, &y));
   PetscCall(VecRestoreArrayRead(d.f_old, &f_old));
@@ -58,18 +55,14 @@ PetscErrorCode attempt(TS ts, PetscReal* next_step, PetscBool* accept) {
 
   // The solution changes only here, so that it is the last accepted one if an evaluation fails.
   PetscCall(VecCopy(ts->vec_sol, d.y_old));
-  PetscCall(VecGetArrayRead(d.f_old, &f_old));
   PetscCall(VecGetArrayRead(d.f, &f));
-  PetscCall(VecGetArrayRead(d.predicted, &p_read));
+  PetscCall(VecGetArray(d.predicted, &p));
   PetscCall(VecGetArray(ts->vec_sol, &y));
-  for (PetscInt i = 0; i < n; ++i) {
-    y[i] = p_read[i];
-    y[n + i] = (y[n + i] + half * f_old[n + i]) + half * f[n + i];
-  }
+  std::copy_n(p, n, y);
+  verlet_kick(n, h, y + n, f + n, p + n);
   PetscCall(VecRestoreArray(ts->vec_sol, &y));
-  PetscCall(VecRestoreArrayRead(d.predicted, &p_read));
+  PetscCall(VecRestoreArray(d.predicted, &p));
   PetscCall(VecRestoreArrayRead(d.f, &f));
-  PetscCall(VecRestoreArrayRead(d.f_old, &f_old));
 
   PetscCall(TSAdaptChoose(ts->adapt, ts, h, NULL, next_step, accept));
   if (!*accept) {
