@@ -161,10 +161,27 @@ void Halo<D>::update(const Real* own, std::vector<Real>& local) const {
 
 template <int D>
 void Halo<D>::update(std::vector<Real>& local) const {
+  begin(local);
+  end(local);
+}
+
+template <int D>
+void Halo<D>::update(std::vector<Real>& local, std::vector<Real>& other) const {
+  begin(local);
+  begin(other);
+  end(local);
+  end(other);
+}
+
+template <int D>
+void Halo<D>::begin(std::vector<Real>& local) const {
   local.resize(all_ * D);
-  Real* const ghosts = local.data() + own_ * D;
-  petsc_check(PetscSFBcastBegin(exchange_->sf, exchange_->point, local.data(), ghosts, MPI_REPLACE));
-  petsc_check(PetscSFBcastEnd(exchange_->sf, exchange_->point, local.data(), ghosts, MPI_REPLACE));
+  petsc_check(PetscSFBcastBegin(exchange_->sf, exchange_->point, local.data(), local.data() + own_ * D, MPI_REPLACE));
+}
+
+template <int D>
+void Halo<D>::end(std::vector<Real>& local) const {
+  petsc_check(PetscSFBcastEnd(exchange_->sf, exchange_->point, local.data(), local.data() + own_ * D, MPI_REPLACE));
 }
 
 template class Halo<2>;

@@ -26,14 +26,18 @@ class Halo {
 
   /// local [points · D] becomes own [owned points · D] and the same of the ghosts.
   void update(const Real* own, std::vector<Real>& local) const;
-  /// The same where local begins with the own points already.
+  /// The same where local begins with the own points already; of two arrays at the same time.
   void update(std::vector<Real>& local) const;
+  void update(std::vector<Real>& local, std::vector<Real>& other) const;
 
   /// Own particles that have left home, at the last build.
   Index strays() const { return strays_; }
 
  private:
   struct Exchange;
+
+  void begin(std::vector<Real>& local) const;
+  void end(std::vector<Real>& local) const;
 
   Ranks ranks_;
   Vec<D> low_ = Vec<D>::Zero(), high_ = Vec<D>::Zero();  ///< home

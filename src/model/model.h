@@ -155,7 +155,8 @@ class Model final : public ForceField<D> {
                      const std::function<void(Index, const Real*)>& done) const override {
     Index most = 0;
     for (Index c = 0; c < s.neighbours.chunks(); ++c) most = std::max(most, s.neighbours.points(c).size());
-    const std::size_t share = (static_cast<std::size_t>(most) * D + per_page) / per_page * per_page;
+    // A page between them: kernels fetch ahead, to write.
+    const std::size_t share = (static_cast<std::size_t>(most) * D / per_page + 2) * per_page;
     room.resize(share * omp_get_max_threads());
     std::atomic<bool> finite = true;
     for_each_chunk(s, [&](Index chunk) {

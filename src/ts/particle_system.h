@@ -57,8 +57,7 @@ class ParticleSystem final : public ImplicitSystem {
     if (!hold(std::exchange(change_, {}), x.data(), t)) rebuild(x.data(), t);
     if (ranks_.several()) {
       const LogScope log(LogEvent::halo);
-      halo_.update(x);
-      halo_.update(v);
+      halo_.update(x, v);
     }
     Ahead ahead;
     if (size() >= beyond_caches) {
