@@ -22,6 +22,19 @@ Real for_blocks(std::size_t n, Work&& work) {
   return largest;
 }
 
+/// What a run says of the motion holds within it: neither before nor after is anything known.
+class WithinRun {
+ public:
+  explicit WithinRun(SecondOrderSystem& system) : system_(system) { forget(); }
+  ~WithinRun() { forget(); }
+  WithinRun(const WithinRun&) = delete;
+  WithinRun& operator=(const WithinRun&) = delete;
+
+ private:
+  void forget() { system_.moved_by(std::numeric_limits<Real>::infinity()); }
+  SecondOrderSystem& system_;
+};
+
 /// Throws on all ranks if `finite` is false, as it is on all ranks then.
 void check(const SecondOrderSystem& system, const State& state, bool finite) {
   if (finite) return;
@@ -101,7 +114,7 @@ void FixedStepVerlet::run(SecondOrderSystem& system, State& state, Real t_end, b
                      dt_);
   const Real origin = state.t - static_cast<Real>(state.step) * dt_;  // exactly 0 where t = step · dt
   const std::int64_t last = state.step + static_cast<std::int64_t>(steps);
-  system.moved_by(std::numeric_limits<Real>::infinity());
+  const WithinRun within(system);
   if (fresh) evaluate(system, state);
 
   AfterStep after = AfterStep::changed;

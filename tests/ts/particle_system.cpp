@@ -198,6 +198,12 @@ TEST_CASE("lists are compared when something may have gone far, and rebuilt as i
     CHECK(twins.shared.neighbours().rebuilds() == always.shared.neighbours().rebuilds());
     CHECK(std::ranges::equal(twins.state.x(), always.state.x()));
     CHECK(std::ranges::equal(twins.state.v(), always.state.v()));
+    // Who asks after the run may ask for anything.
+    const std::int64_t rebuilds = twins.shared.neighbours().rebuilds();
+    std::vector<Real> x(twins.state.x().begin(), twins.state.x().end()), a(x.size());
+    for (Real& coordinate : x) coordinate += 2 * skin;
+    twins.shared.acceleration(twins.state.t, x.data(), twins.state.v().data(), a.data());
+    CHECK(twins.shared.neighbours().rebuilds() == rebuilds + 1);
   };
   run(soft_rows<2>(random, 12, 24), ModelKind::sp, 1e-3);
   run(soft_rows<3>(random, 6, 12), ModelKind::sp, 1e-3);
