@@ -257,7 +257,7 @@ def parallel(context):
 
     jobs, chains = {}, {}
     for system in SYSTEMS:
-        start = Chain(context, "parallel-start", system, points, 1000 if context.quick else 5000)
+        start = Chain(context, "parallel-start", system, points, 1000 if context.quick else 1500)
         for mode, (options, prefix, _) in modes.items():
             chain = start.copy(f"parallel-{system}-{mode}".replace(" ", "-"))
             chains[system, mode] = chain
