@@ -7,6 +7,7 @@
 
 #include <pliant/base/errors.h>
 #include <pliant/base/large_pages.h>
+#include <pliant/kernels/finite.h>
 #include <pliant/kernels/verlet.h>
 
 namespace pliant {
@@ -152,23 +153,28 @@ void Neighbours<D>::build(PairList& list, bool searcher_first, Index all_points,
 template <int D>
 template <class Search>
 void Neighbours<D>::build_own(PairList& list, Search&& search) {
+  const Index n = chunks();
+  std::vector<std::vector<Pair>> parts(n);
+#pragma omp parallel for schedule(dynamic, 1) if (n > 1)
+  for (Index c = 0; c < n; ++c)
+    search(points(c).first, points(c).last, [&](Index first, Index second) { parts[c].push_back({first, second}); });
   list.clear();
-  for (Index c = 0; c < chunks(); ++c) {
-    search(points(c).first, points(c).last, [&](Index first, Index second) { list.pairs.push_back({first, second}); });
+  for (const std::vector<Pair>& part : parts) {
+    list.pairs.insert(list.pairs.end(), part.begin(), part.end());
     list.start.push_back(list.size());
   }
-  list.start.insert(list.start.end(), chunks(), list.size());  // nothing across
+  list.start.insert(list.start.end(), n, list.size());  // nothing across
 }
 
 template <int D>
 void Neighbours<D>::rebuild(const Topology& topology, const Walls<D>& wall, const Real* x, Real t) {
   const Index n = topology.points();
-  for (std::size_t k = 0; k < static_cast<std::size_t>(n) * D; ++k)
-    if (!std::isfinite(x[k])) {
-      const Index m = topology.particle[k / D];
-      throw NumericalError("position of point {} of particle {} is not finite; lower -dt or the stiffness",
-                           k / D - topology.offset[m], topology.id[m]);
-    }
+  const std::size_t coordinates = static_cast<std::size_t>(n) * D;
+  if (const std::size_t bad = first_non_finite(x, coordinates); bad < coordinates) {
+    const Index m = topology.particle[bad / D];
+    throw NumericalError("position of point {} of particle {} is not finite; lower -dt or the stiffness",
+                         bad / D - topology.offset[m], topology.id[m]);
+  }
 
   divide(topology);
   time_ = t;
@@ -206,11 +212,13 @@ void Neighbours<D>::rebuild(const Topology& topology, const Walls<D>& wall, cons
         find_lip_pairs(cloud, wall, margin, first, last, found);
       });
   }
-  longest_ = 0;
-  if (needs_.vertex_edges)
+  Real longest = 0;  // squared
+  if (needs_.vertex_edges) {
+#pragma omp parallel for reduction(max : longest) if (chunks() > 1)
     for (Index i = 0; i < n; ++i)
-      longest_ = std::max(longest_, (point<D>(x, topology.next[i]) - point<D>(x, i)).squaredNorm());
-  longest_ = std::sqrt(longest_);
+      longest = std::max(longest, (point<D>(x, topology.next[i]) - point<D>(x, i)).squaredNorm());
+  }
+  longest_ = std::sqrt(longest);
   resize_large(reference_, static_cast<std::size_t>(topology.owned_points()) * D);
   reference_.assign(x, x + static_cast<std::size_t>(topology.owned_points()) * D);
   relocated_.clear();
