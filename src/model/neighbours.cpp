@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <ranges>
 
 #include <pliant/base/errors.h>
 #include <pliant/base/large_pages.h>
@@ -102,10 +101,10 @@ void Neighbours<D>::build(PairList& list, bool searcher_first, Index all_points,
     list.reach.reserve(size);
   };
   const auto append = [&](const std::vector<Found>& part) {
-    const auto pairs = std::views::transform(part, &Found::pair);
-    const auto reach = std::views::transform(part, &Found::reach);
-    list.pairs.insert(list.pairs.end(), pairs.begin(), pairs.end());
-    list.reach.insert(list.reach.end(), reach.begin(), reach.end());
+    for (const Found& found : part) {
+      list.pairs.push_back(found.pair);
+      list.reach.push_back(found.reach);
+    }
     list.start.push_back(list.size());
   };
   std::vector<std::vector<Found>> across(n + 1);
