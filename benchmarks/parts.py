@@ -279,8 +279,7 @@ def parallel(context):
     for (system, mode), ns in results.items():
         if (system, "serial") in reasons:
             continue
-        # Each against the serial run of the same repetition; and the fastest against the fastest, which no neighbour on
-        # the host has disturbed.
+        # Each against the serial run of the same repetition; and the fastest, which were disturbed least.
         serial = results[system, "serial"]
         gain = spread([a / b for a, b in zip(serial, ns)])
         rows.append({"case": system, "N": chains[system, mode].points, "run as": mode, "workers": modes[mode][2],
