@@ -156,11 +156,6 @@ void Halo<D>::build(Topology& topology, const Real* x, Real margin) {
 template <int D>
 void Halo<D>::update(const Real* own, std::vector<Real>& local) const {
   local.assign(own, own + own_ * D);
-  update(local);
-}
-
-template <int D>
-void Halo<D>::update(std::vector<Real>& local) const {
   begin(local);
   end(local);
 }

@@ -26,8 +26,7 @@ class Halo {
 
   /// local [points · D] becomes own [owned points · D] and the same of the ghosts.
   void update(const Real* own, std::vector<Real>& local) const;
-  /// The same where local begins with the own points already; of two arrays at the same time.
-  void update(std::vector<Real>& local) const;
+  /// The same where local begins with the own points already, and of two arrays at the same time.
   void update(std::vector<Real>& local, std::vector<Real>& other) const;
 
   /// Own particles that have left home, at the last build.
