@@ -110,30 +110,39 @@ class Ranks {
     return all;
   }
 
-  /// parts[r] goes to rank r; what arrives comes in the order of the senders, `received` entries from each.
+  /// The first count[0] values go to the root, the next count[1] to rank 1, and so on; what arrives comes in the order
+  /// of the senders, `received` entries from each.
   template <class T>
-  std::vector<T> exchange(const std::vector<std::vector<T>>& parts, std::vector<int>* received = nullptr) const {
+  std::vector<T> exchange(std::vector<T>&& values, const std::vector<std::size_t>& count,
+                          std::vector<int>* received = nullptr) const {
     static_assert(std::is_trivially_copyable_v<T>);
-    std::vector<T> packed;
-    std::vector<int> send_count(size_), send_start(size_), count(size_), start(size_);
-    for (int r = 0; r < size_; ++r) {
-      send_count[r] = bytes<T>(parts[r].size());
-      packed.insert(packed.end(), parts[r].begin(), parts[r].end());
-    }
-    place<T>(send_count, send_start);
     if (!several()) {
-      if (received != nullptr) received->assign(1, static_cast<int>(packed.size()));
-      return packed;
+      if (received != nullptr) received->assign(1, static_cast<int>(values.size()));
+      return std::move(values);
     }
-    MPI_Alltoall(send_count.data(), 1, MPI_INT, count.data(), 1, MPI_INT, comm_);
-    std::vector<T> all(place<T>(count, start));
-    MPI_Alltoallv(packed.data(), send_count.data(), send_start.data(), MPI_BYTE, all.data(), count.data(), start.data(),
-                  MPI_BYTE, comm_);
+    std::vector<int> send_count(size_), send_start(size_), receive_count(size_), start(size_);
+    for (int r = 0; r < size_; ++r) send_count[r] = bytes<T>(count[r]);
+    place<T>(send_count, send_start);
+    MPI_Alltoall(send_count.data(), 1, MPI_INT, receive_count.data(), 1, MPI_INT, comm_);
+    std::vector<T> all(place<T>(receive_count, start));
+    MPI_Alltoallv(values.data(), send_count.data(), send_start.data(), MPI_BYTE, all.data(), receive_count.data(),
+                  start.data(), MPI_BYTE, comm_);
     if (received != nullptr) {
       received->resize(size_);
-      for (int r = 0; r < size_; ++r) (*received)[r] = count[r] / static_cast<int>(sizeof(T));
+      for (int r = 0; r < size_; ++r) (*received)[r] = receive_count[r] / static_cast<int>(sizeof(T));
     }
     return all;
+  }
+  /// The same for parts[r] that goes to rank r.
+  template <class T>
+  std::vector<T> exchange(const std::vector<std::vector<T>>& parts, std::vector<int>* received = nullptr) const {
+    std::vector<T> packed;
+    std::vector<std::size_t> count;
+    for (const std::vector<T>& part : parts) {
+      packed.insert(packed.end(), part.begin(), part.end());
+      count.push_back(part.size());
+    }
+    return exchange(std::move(packed), count, received);
   }
 
   /// Runs body() on every rank that calls it; if it throws on any of them, all throw the error of the first of these.

@@ -143,6 +143,24 @@ Id new_file() {
   return properties;
 }
 
+[[noreturn]] void fail_to_write(const std::string& path, const std::string& file) {
+  const std::string why = reason();
+  throw OutputError("cannot write {} of {}: {}; check free space and permissions", path, file, why);
+}
+
+/// Writes rows `first` to `first + rows` of a dataset; false on errors.
+bool write_rows(const Id& dataset, Type type, std::uint64_t first, std::uint64_t rows, const void* values) {
+  const Id space(H5Dget_space(dataset.get()));
+  Shape count(static_cast<std::size_t>(H5Sget_simple_extent_ndims(space.get())));
+  H5Sget_simple_extent_dims(space.get(), reinterpret_cast<hsize_t*>(count.data()), nullptr);
+  Shape start(count.size(), 0);
+  start[0] = first;
+  count[0] = rows;
+  const Id memory(H5Screate_simple(static_cast<int>(count.size()), dims(count), nullptr));
+  H5Sselect_hyperslab(space.get(), H5S_SELECT_SET, dims(start), nullptr, dims(count), nullptr);
+  return H5Dwrite(dataset.get(), native(type), memory.get(), space.get(), H5P_DEFAULT, values) >= 0;
+}
+
 /// Creates the groups that a name goes through, as `mkdir -p` does.
 Id creating_parents() {
   Id properties(H5Pcreate(H5P_LINK_CREATE));
@@ -152,6 +170,8 @@ Id creating_parents() {
 }
 
 }  // namespace
+
+std::size_t size_of(Type type) { return H5Tget_size(native(type)); }
 
 std::uint64_t row_width(const Shape& shape) { return product(std::span(shape).subspan(1)); }
 
@@ -184,10 +204,7 @@ void Group::fail_read(const std::string& name) const {
   throw InputError("cannot read {} of {}: {}; is the file whole, and written by this version?", full(name), file_, why);
 }
 
-void Group::fail_write(const std::string& name) const {
-  const std::string why = reason();
-  throw OutputError("cannot write {} of {}: {}; check free space and permissions", full(name), file_, why);
-}
+void Group::fail_write(const std::string& name) const { fail_to_write(full(name), file_); }
 
 Group Group::create_group(const std::string& name) {
   const Quiet quiet;
@@ -260,39 +277,52 @@ void Group::remove(const std::string& name) {
 
 // ---- datasets --------------------------------------------------------------------------------------------------
 
-Id Group::create_dataset(const std::string& name, Type type, const Shape& shape, Storage storage) {
+Id Group::create_dataset(const std::string& name, Type type, const Shape& shape, const Id& properties) {
   const Quiet quiet;
   const Id space(H5Screate_simple(static_cast<int>(shape.size()), dims(shape), nullptr));
-  const Id properties(H5Pcreate(H5P_DATASET_CREATE));
-  if (storage == Storage::checksum && product(shape) > 0) {
-    Shape chunk = shape;
-    chunk[0] = std::min(chunk[0], chunk_rows);
-    H5Pset_chunk(properties.get(), static_cast<int>(chunk.size()), dims(chunk));
-    H5Pset_fletcher32(properties.get());
-  }
   Id dataset(H5Dcreate2(id_.get(), name.c_str(), native(type), space.get(), creating_parents().get(), properties.get(),
                         H5P_DEFAULT));
   if (!dataset.valid()) fail_write(name);
   return dataset;
 }
 
+Dataset Group::create_dataset(const std::string& name, Type type, const Shape& shape) {
+  const Id properties(H5Pcreate(H5P_DATASET_CREATE));
+  H5Pset_alloc_time(properties.get(), H5D_ALLOC_TIME_EARLY);
+  H5Pset_fill_time(properties.get(), H5D_FILL_TIME_NEVER);
+  return {create_dataset(name, type, shape, properties), type, file_, full(name)};
+}
+
+void Dataset::write(std::uint64_t first, std::uint64_t rows, const void* values) {
+  const Quiet quiet;
+  if (rows > 0 && !write_rows(id_, type_, first, rows, values)) fail_to_write(path_, file_);
+}
+
+std::uint64_t Dataset::address() const {
+  const haddr_t address = H5Dget_offset(id_.get());
+  return address == HADDR_UNDEF ? 0 : address;
+}
+
 void Group::write_values(const std::string& name, Type type, const void* values, std::size_t count, const Shape& shape,
                          Storage storage) {
   if (product(shape) != count)
     throw std::invalid_argument(fmt::format("{}: {} values do not fill the shape {}", full(name), count, text(shape)));
-  const Id dataset = create_dataset(name, type, shape, storage);
+  const Id properties(H5Pcreate(H5P_DATASET_CREATE));
+  if (storage == Storage::checksum && count > 0) {
+    Shape chunk = shape;
+    chunk[0] = std::min(chunk[0], chunk_rows);
+    H5Pset_chunk(properties.get(), static_cast<int>(chunk.size()), dims(chunk));
+    H5Pset_fletcher32(properties.get());
+  }
+  const Id dataset = create_dataset(name, type, shape, properties);
   const Quiet quiet;
   if (count > 0 && H5Dwrite(dataset.get(), native(type), H5S_ALL, H5S_ALL, H5P_DEFAULT, values) < 0) fail_write(name);
 }
 
 void Group::write_fill_value(const std::string& name, Type type, const void* value, const Shape& shape) {
-  const Quiet quiet;
-  const Id space(H5Screate_simple(static_cast<int>(shape.size()), dims(shape), nullptr));
   const Id properties(H5Pcreate(H5P_DATASET_CREATE));
   H5Pset_fill_value(properties.get(), native(type), value);
-  const Id dataset(H5Dcreate2(id_.get(), name.c_str(), native(type), space.get(), creating_parents().get(),
-                              properties.get(), H5P_DEFAULT));
-  if (!dataset.valid()) fail_write(name);
+  create_dataset(name, type, shape, properties);
 }
 
 Shape Group::shape(const std::string& name) const {
@@ -352,22 +382,9 @@ void Group::append_rows(const std::string& name, std::span<const double> values)
   whole[0] += values.size() / width;
   const Quiet quiet;
   const Id dataset(H5Dopen2(id_.get(), name.c_str(), H5P_DEFAULT));
-  if (!dataset.valid() || H5Dset_extent(dataset.get(), dims(whole)) < 0) fail_write(name);
-  write_rows(dataset, name, Type::real, values.data(), values.size(), first);
-}
-
-void Group::write_rows(const Id& dataset, const std::string& name, Type type, const void* values, std::size_t count,
-                       std::uint64_t first) {
-  const Quiet quiet;
-  const Id space(H5Dget_space(dataset.get()));
-  Shape rows(static_cast<std::size_t>(H5Sget_simple_extent_ndims(space.get())));
-  H5Sget_simple_extent_dims(space.get(), reinterpret_cast<hsize_t*>(rows.data()), nullptr);
-  Shape start(rows.size(), 0);
-  start[0] = first;
-  rows[0] = count / row_width(rows);
-  const Id memory(H5Screate_simple(static_cast<int>(rows.size()), dims(rows), nullptr));
-  H5Sselect_hyperslab(space.get(), H5S_SELECT_SET, dims(start), nullptr, dims(rows), nullptr);
-  if (H5Dwrite(dataset.get(), native(type), memory.get(), space.get(), H5P_DEFAULT, values) < 0) fail_write(name);
+  if (!dataset.valid() || H5Dset_extent(dataset.get(), dims(whole)) < 0 ||
+      !write_rows(dataset, Type::real, first, whole[0] - first, values.data()))
+    fail_write(name);
 }
 
 void Group::truncate_rows(const std::string& name, std::uint64_t rows) {

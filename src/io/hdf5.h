@@ -2,7 +2,6 @@
 // (writing) or an InputError (reading) that names the file, the object and the system's reason where HDF5 knows it.
 #pragma once
 
-#include <algorithm>
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
@@ -26,6 +25,9 @@ concept Element = std::same_as<T, double> || std::same_as<T, std::int32_t> || st
     std::same_as<T, std::uint8_t>;
 
 enum class Type { real, int32, int64, uint8 };
+
+/// Bytes of a value, in memory and in files that this machine writes.
+std::size_t size_of(Type type);
 
 template <Element T>
 constexpr Type type_of() {
@@ -65,6 +67,25 @@ class Id {
   std::int64_t id_ = -1;
 };
 
+/// A contiguous dataset whose rows are written piece by piece. Errors of all members: OutputError.
+class Dataset {
+ public:
+  /// Writes `rows` whole rows of values of the dataset's type, from row `first` on.
+  void write(std::uint64_t first, std::uint64_t rows, const void* values);
+  /// Where its values begin in the file, row after row as in memory: for ranks that write them past HDF5. 0 if it has
+  /// none.
+  std::uint64_t address() const;
+
+ private:
+  friend class Group;
+  Dataset(Id id, Type type, std::string file, std::string path)
+      : id_(std::move(id)), type_(type), file_(std::move(file)), path_(std::move(path)) {}
+
+  Id id_;
+  Type type_;
+  std::string file_, path_;  ///< for messages
+};
+
 /// A group of a file. Names are paths relative to it, or absolute; missing groups on the way are created. A file that
 /// is closed closes its groups too. All members: OutputError where writing fails, InputError where reading does.
 class Group {
@@ -93,20 +114,8 @@ class Group {
     write_values(name, type_of<std::ranges::range_value_t<Values>>(), std::ranges::data(values),
                  std::ranges::size(values), shape, storage);
   }
-  /// Writes a new dataset of values that are made as they are written, so that nobody has to hold them all: fill(first,
-  /// values) makes those from number `first` on, counted through all rows.
-  template <Element T, class Fill>
-  void write_made(const std::string& name, const Shape& shape, Fill&& fill) {
-    constexpr std::uint64_t at_a_time = 1 << 16;
-    const Id dataset = create_dataset(name, type_of<T>(), shape, Storage::plain);
-    const std::uint64_t width = row_width(shape), rows = std::max<std::uint64_t>(1, at_a_time / width);
-    std::vector<T> values;
-    for (std::uint64_t row = 0; row < shape.at(0); row += rows) {
-      values.resize(std::min(rows, shape[0] - row) * width);
-      fill(row * width, std::span<T>(values));
-      write_rows(dataset, name, type_of<T>(), values.data(), values.size(), row);
-    }
-  }
+  /// A new dataset that has its place in the file already, for rows that are written piece by piece.
+  Dataset create_dataset(const std::string& name, Type type, const Shape& shape);
   /// A new dataset of this value throughout: HDF5's fill value, so that it takes no space however long it is.
   template <Element T>
   void write_constant(const std::string& name, T value, const Shape& shape) {
@@ -162,12 +171,9 @@ class Group {
  private:
   std::string full(const std::string& name) const;
   [[noreturn]] void fail_read(const std::string& name) const;
-  Id create_dataset(const std::string& name, Type type, const Shape& shape, Storage storage);
+  Id create_dataset(const std::string& name, Type type, const Shape& shape, const Id& properties);
   void write_values(const std::string& name, Type type, const void* values, std::size_t count, const Shape& shape,
                     Storage storage);
-  /// Writes whole rows from row `first` on.
-  void write_rows(const Id& dataset, const std::string& name, Type type, const void* values, std::size_t count,
-                  std::uint64_t first);
   void write_fill_value(const std::string& name, Type type, const void* value, const Shape& shape);
   Shape checked_shape(const std::string& name, const Shape& expected) const;
   void read_values(const std::string& name, Type type, void* values) const;

@@ -4,12 +4,13 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
+#include <cstddef>
 #include <limits>
 #include <stdexcept>
 #include <utility>
 
 #include <pliant/base/errors.h>
+#include <pliant/io/shared_file.h>
 
 namespace pliant {
 namespace {
@@ -20,6 +21,7 @@ using hdf5::Group;
 // Room for HDF5's own structures of one frame or of the head of a file; generous, as it is given back.
 constexpr std::uint64_t metadata_bytes = 256 * 1024;
 constexpr std::uint64_t chunk_values = 512;
+constexpr const char* run_name = "run.h5";
 
 std::string frame_name(std::uint64_t n) { return fmt::format("{:06}", n); }
 
@@ -29,7 +31,7 @@ std::uint64_t bytes(const std::vector<T>& values) {
 }
 
 void refuse_existing_run(const std::filesystem::path& folder) {
-  for (const char* name : {"run.h5", "checkpoint-a.h5", "checkpoint-b.h5"}) {
+  for (const char* name : {run_name, "checkpoint-a.h5", "checkpoint-b.h5"}) {
     std::error_code ignored;
     if (std::filesystem::exists(folder / name, ignored))
       throw InputError("{} holds a run already ({}); go on with it by -restart {}, or choose another -output",
@@ -86,14 +88,6 @@ void write_topology(File& file, const Topology& topology) {
   write("xdmf/connectivity", xdmf_particles(topology.offset));
 }
 
-template <class T>
-void write_strided(Group& group, const std::string& name, const Strided<T>& values, const hdf5::Shape& shape) {
-  const std::uint64_t width = hdf5::row_width(shape);
-  group.write_made<T>(name, shape, [&](std::uint64_t first, std::span<T> rows) {
-    for (std::size_t k = 0; k < rows.size(); k += width) std::copy_n(values[(first + k) / width], width, &rows[k]);
-  });
-}
-
 void write_geometry(File& file, const RunGeometry& geometry, int dim) {
   auto group = file.create_group("/geometry");
   const std::uint64_t walls = geometry.segments.size() / 4;
@@ -142,58 +136,65 @@ Series read_series_of(const File& file) {
 
 }  // namespace
 
-RunWriter::RunWriter(std::filesystem::path folder, File file, const Topology& topology, XdmfFile xdmf)
-    : folder_(std::move(folder)),
-      file_(std::move(file)),
-      dim_(topology.dim),
-      offset_(topology.offset),
-      a0_(topology.deformable() ? topology.a0 : std::vector<Real>()),
-      xdmf_(std::move(xdmf)) {
-  walls_ = file_.shape("/geometry/segments").at(0);
+template <class Body>
+void RunWriter::on_root(Body&& body) {
+  ranks_.together([&] {
+    if (ranks_.root()) body();
+  });
 }
 
 RunWriter RunWriter::create(const std::filesystem::path& folder, const Manifest& manifest, const Topology& topology,
-                            const RunGeometry& geometry) {
+                            const RunGeometry& geometry, const Ranks& ranks) {
+  RunWriter writer(folder, ranks, topology.dim);
+  writer.on_root([&] { writer.start(manifest, topology, geometry); });
+  return writer;
+}
+
+void RunWriter::start(const Manifest& manifest, const Topology& topology, const RunGeometry& geometry) {
   if (geometry.segments.size() % 4 != 0) throw std::invalid_argument("run.h5: a wall segment is four numbers");
-  create_folder(folder);
-  refuse_existing_run(folder);
-  const auto path = folder / "run.h5";
-  auto file = File::create(path);
+  create_folder(folder_);
+  refuse_existing_run(folder_);
+  const auto path = folder_ / run_name;
+  file_.emplace(File::create(path));
   try {
-    file.reserve(metadata_bytes + 8 * (bytes(topology.offset) + bytes(topology.diameter) + bytes(geometry.segments)));
-    write_manifest(file, manifest);
-    write_topology(file, topology);
-    write_geometry(file, geometry, topology.dim);
-    file.create_list("/frames");
-    file.create_group("/series");
-    file.create_group("/series_axes");
-    file.flush();
-    return RunWriter(folder, std::move(file), topology, XdmfFile(folder / "run.xdmf", {}));
+    file_->reserve(metadata_bytes + 8 * (bytes(topology.offset) + bytes(topology.diameter) + bytes(geometry.segments)));
+    write_manifest(*file_, manifest);
+    write_topology(*file_, topology);
+    write_geometry(*file_, geometry, topology.dim);
+    file_->create_list("/frames");
+    file_->create_group("/series");
+    file_->create_group("/series_axes");
+    file_->flush();
+    xdmf_.emplace(folder_ / "run.xdmf", std::vector<std::string>());
   } catch (...) {
     // A torso would make the next attempt refuse the folder.
+    file_.reset();
     std::error_code ignored;
     std::filesystem::remove(path, ignored);
     throw;
   }
+  walls_ = geometry.segments.size() / 4;
 }
 
 RunWriter RunWriter::append(const std::filesystem::path& folder, const Topology& topology, std::uint64_t series_rows,
-                            std::uint64_t frames, std::uint64_t event_rows) {
-  auto file = File::open_write(folder / "run.h5");
-  if (file.read<Index>("/topology/offset") != topology.offset ||
-      file.open_group("/manifest").integer_attribute("dim") != topology.dim)
-    throw InputError("{} holds other particles than the checkpoint; restart from the folder of the same run",
-                     file.name());
-  const auto walls = file.shape("/geometry/segments").at(0);
-  XdmfFile xdmf(folder / "run.xdmf", grids_of(file, topology, walls, frames));
-
-  Table samples = Table::stored(file, "/series", series_rows), events = Table::stored(file, "/events", event_rows);
-  file.flush();
-  RunWriter writer(folder, std::move(file), topology, std::move(xdmf));
+                            std::uint64_t frames, std::uint64_t event_rows, const Ranks& ranks) {
+  RunWriter writer(folder, ranks, topology.dim);
   writer.frames_ = frames;
-  writer.samples_ = std::move(samples);
-  writer.events_ = std::move(events);
+  writer.on_root([&] { writer.go_on(topology, series_rows, event_rows); });
   return writer;
+}
+
+void RunWriter::go_on(const Topology& topology, std::uint64_t series_rows, std::uint64_t event_rows) {
+  file_.emplace(File::open_write(folder_ / run_name));
+  if (file_->read<Index>("/topology/offset") != topology.offset ||
+      file_->open_group("/manifest").integer_attribute("dim") != dim_)
+    throw InputError("{} holds other particles than the checkpoint; restart from the folder of the same run",
+                     file_->name());
+  walls_ = file_->shape("/geometry/segments").at(0);
+  xdmf_.emplace(folder_ / "run.xdmf", grids_of(*file_, topology, walls_, frames_));
+  samples_ = Table::stored(*file_, "/series", series_rows);
+  events_ = Table::stored(*file_, "/events", event_rows);
+  file_->flush();
 }
 
 RunWriter::~RunWriter() {
@@ -205,7 +206,7 @@ RunWriter::~RunWriter() {
 }
 
 void RunWriter::write_axis(const std::string& name, std::span<const Real> values) {
-  auto group = file_.open_group("/series_axes");
+  auto group = file_->open_group("/series_axes");
   if (group.has(name)) {
     group.read<Real>(name, {values.size()});
     return;
@@ -267,121 +268,105 @@ void RunWriter::Table::write(File& file) {
 }
 
 void RunWriter::write_tables() {
-  samples_.write(file_);
-  events_.write(file_);
-}
-
-void RunWriter::write_xdmf_data(Group& group, const Frame& frame) const {
-  const auto dim = static_cast<std::size_t>(dim_), n = offset_.size() - 1;
-  group.link("/topology/xdmf/connectivity", "connectivity");
-  group.link("/topology/xdmf/particle", "particle");
-
-  const auto norm = [&](const Real* a) {
-    Real sum = 0;
-    for (std::size_t k = 0; k < dim; ++k) sum += square(a[k]);
-    return std::sqrt(sum);
-  };
-  group.write_made<Real>("speed", {n}, [&](std::uint64_t first, std::span<Real> speed) {
-    for (std::size_t m = first; m < first + speed.size(); ++m) {
-      std::array<Real, 3> sum{};  // the points of a particle have equal masses
-      for (Index i = offset_[m]; i < offset_[m + 1]; ++i)
-        for (std::size_t k = 0; k < dim; ++k) sum[k] += frame.velocities[static_cast<std::size_t>(i) * dim + k];
-      speed[m - first] = norm(sum.data()) / (offset_[m + 1] - offset_[m]);
-    }
-  });
-  if (!frame.area.empty())
-    group.write_made<Real>("area_ratio", {n}, [&](std::uint64_t first, std::span<Real> ratio) {
-      for (std::size_t k = 0; k < ratio.size(); ++k) ratio[k] = frame.area[first + k] / a0_[first + k];
-    });
-
-  // A contact is a line between two centres, or from a centre to the place where it touches a wall.
-  const FrameContacts& contacts = frame.contacts;
-  const std::uint64_t count = contacts.count;
-  group.write_made<Real>("contact_points", {2 * count, dim}, [&](std::uint64_t first, std::span<Real> ends) {
-    for (std::size_t k = 0; k < ends.size(); k += dim) {
-      const std::size_t end = (first + k) / dim, c = end / 2;
-      const Index m = contacts.particles[c][end % 2];
-      std::copy_n(m < 0 ? contacts.position[c] : &frame.centres[static_cast<std::size_t>(m) * dim], dim, &ends[k]);
-    }
-  });
-  group.write_made<std::int32_t>("contact_connectivity", {4 * count},
-                                 [&](std::uint64_t first, std::span<std::int32_t> cells) {
-                                   for (std::size_t k = 0; k < cells.size(); ++k) cells[k] = xdmf_line(first + k);
-                                 });
-  group.write_made<Real>("contact_force", {count}, [&](std::uint64_t first, std::span<Real> force) {
-    for (std::size_t k = 0; k < force.size(); ++k) force[k] = norm(contacts.force[first + k]);
-  });
-  write_xdmf_constants(group, "contact_constants", count);
+  samples_.write(*file_);
+  events_.write(*file_);
 }
 
 void RunWriter::write_frame(const Frame& frame) {
+  const FrameLayout layout(frame, dim_, ranks_);
   const auto dim = static_cast<std::uint64_t>(dim_);
-  const auto n = static_cast<std::uint64_t>(offset_.size() - 1), points = static_cast<std::uint64_t>(offset_.back());
-  const FrameContacts& contacts = frame.contacts;
-  const std::uint64_t count = contacts.count;
-  if (frame.velocities.size() != points * dim || frame.centres.size() != n * dim)
-    throw std::invalid_argument("run.h5: the arrays of a frame do not fit together");
-
-  const std::uint64_t values = 2 * points * dim + n * (dim + 6) + walls_ * (dim + 8) + count * (5 * dim + 6);
-  file_.reserve(metadata_bytes + values * sizeof(Real) + kept_bytes());
-  auto group = file_.create_unlinked_group();
-  group.set_attribute("time", frame.time);
-  group.set_attribute("step", frame.step);
-  group.write("positions", frame.positions, {points, dim});
-  group.write("velocities", frame.velocities, {points, dim});
-  group.write("centres", frame.centres, {n, dim});
-  group.write("active", frame.active, {n});
-  group.write("contact_count", frame.contact_count, {n});
-  if (!frame.area.empty()) group.write("area", frame.area, {n});
-  if (!frame.perimeter.empty()) group.write("perimeter", frame.perimeter, {n});
-  group.write("wall_force", frame.wall_force, {walls_, dim});
-  if (!frame.wall_segments.empty()) group.write("wall_segments", frame.wall_segments, {walls_, 4});
-  auto list = group.create_group("contacts");
-  write_strided(list, "particles", contacts.particles, {count, 2});
-  write_strided(list, "position", contacts.position, {count, dim});
-  write_strided(list, "normal", contacts.normal, {count, dim});
-  write_strided(list, "overlap", contacts.overlap, {count});
-  write_strided(list, "force", contacts.force, {count, dim});
-  auto xdmf = group.create_group("xdmf");
-  if (!frame.wall_segments.empty()) xdmf.write("wall_points", frame.wall_segments, {2 * walls_, 2});
-  write_xdmf_data(xdmf, frame);
-
-  // First all that is new, then what points to it: a kill within a flush should find little in between.
-  file_.flush();
-  const std::string name = frame_name(frames_);
-  file_.open_group("/frames").link(group, name);
-  write_tables();
-  file_.flush();
-  xdmf_.put(frames_, xdmf_grid({.name = name,
-                                .time = frame.time,
-                                .dim = dim_,
-                                .particles = n,
-                                .points = points,
-                                .contacts = count,
-                                .walls = walls_,
-                                .connectivity = points + 2 * n,
-                                .polygons = !frame.area.empty(),
-                                .moving_walls = !frame.wall_segments.empty()}));
+  std::optional<Group> group;
+  std::vector<hdf5::Dataset> datasets;
+  on_root([&] {
+    std::uint64_t size = metadata_bytes + kept_bytes() + walls_ * (dim + 8) * sizeof(Real);
+    for (const FrameArray& a : layout.arrays) size += a.shape[0] * a.row_bytes();
+    file_->reserve(size);
+    group.emplace(file_->create_unlinked_group());
+    group->set_attribute("time", frame.time);
+    group->set_attribute("step", frame.step);
+    group->create_group("contacts");
+    group->write("wall_force", frame.wall_force, {walls_, dim});
+    auto xdmf = group->create_group("xdmf");
+    xdmf.link("/topology/xdmf/connectivity", "connectivity");
+    xdmf.link("/topology/xdmf/particle", "particle");
+    write_xdmf_constants(xdmf, "contact_constants", layout.contacts);
+    if (!frame.wall_segments.empty()) {
+      group->write("wall_segments", frame.wall_segments, {walls_, 4});
+      xdmf.write("wall_points", frame.wall_segments, {2 * walls_, 2});
+    }
+    for (const FrameArray& a : layout.arrays) datasets.push_back(group->create_dataset(a.name, a.type, a.shape));
+  });
+  write_arrays(layout.arrays, datasets);
+  on_root([&] {
+    // First all that is new, then what points to it: a kill within a flush should find little in between.
+    file_->flush();
+    const std::string name = frame_name(frames_);
+    file_->open_group("/frames").link(*group, name);
+    write_tables();
+    file_->flush();
+    xdmf_->put(frames_, xdmf_grid({.name = name,
+                                   .time = frame.time,
+                                   .dim = dim_,
+                                   .particles = layout.particles,
+                                   .points = layout.points,
+                                   .contacts = layout.contacts,
+                                   .walls = walls_,
+                                   .connectivity = layout.points + 2 * layout.particles,
+                                   .polygons = layout.polygons,
+                                   .moving_walls = !frame.wall_segments.empty()}));
+  });
   ++frames_;
 }
 
+void RunWriter::write_arrays(const std::vector<FrameArray>& arrays, std::vector<hdf5::Dataset>& datasets) {
+  // In pieces, so that nobody has to hold them once more.
+  constexpr std::uint64_t piece_bytes = 1 << 19;
+  std::vector<std::byte> piece;
+  const auto write = [&](const auto& put) {
+    for (std::size_t k = 0; k < arrays.size(); ++k) {
+      const FrameArray& a = arrays[k];
+      const std::uint64_t at_once = std::max<std::uint64_t>(1, piece_bytes / a.row_bytes());
+      for (std::uint64_t row = 0; row < a.rows; row += at_once) {
+        const std::uint64_t count = std::min(at_once, a.rows - row);
+        piece.resize(count * a.row_bytes());
+        a.make(row, count, piece.data());
+        put(k, row, count);
+      }
+    }
+  };
+  if (!ranks_.several()) {
+    write([&](std::size_t k, std::uint64_t row, std::uint64_t count) { datasets[k].write(row, count, piece.data()); });
+    return;
+  }
+  std::vector<std::uint64_t> address;
+  for (const hdf5::Dataset& d : datasets) address.push_back(d.address());
+  ranks_.broadcast(address);
+  SharedFile file(ranks_, folder_ / run_name);
+  ranks_.together([&] {
+    write([&](std::size_t k, std::uint64_t row, std::uint64_t) {
+      file.write(address[k] + (arrays[k].first + row) * arrays[k].row_bytes(), piece);
+    });
+  });
+  file.sync();
+}
+
 void RunWriter::flush() {
-  file_.reserve(metadata_bytes + kept_bytes());
+  file_->reserve(metadata_bytes + kept_bytes());
   write_tables();
-  file_.flush();
+  file_->flush();
 }
 
 void RunWriter::close() {
-  if (!file_.is_open()) return;
+  if (!file_ || !file_->is_open()) return;
   flush();
-  file_.close();
+  file_->close();
 }
 
 Series RunWriter::read_series() {
   flush();
-  return read_series_of(file_);
+  return read_series_of(*file_);
 }
 
-Series read_series(const std::filesystem::path& folder) { return read_series_of(File::open_read(folder / "run.h5")); }
+Series read_series(const std::filesystem::path& folder) { return read_series_of(File::open_read(folder / run_name)); }
 
 }  // namespace pliant

@@ -6,11 +6,14 @@
 #include <filesystem>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
+#include <pliant/base/ranks.h>
 #include <pliant/base/types.h>
+#include <pliant/io/frame.h>
 #include <pliant/io/hdf5.h>
 #include <pliant/io/xdmf.h>
 #include <pliant/model/topology.h>
@@ -29,39 +32,6 @@ struct RunGeometry {
   std::string kind;                        ///< "hopper2d", "hopper3d", "raft", "wedge"
   std::vector<Real> segments;              ///< [S, 4] of the walls, in their order, at the start
   std::map<std::string, Real> attributes;  ///< "W", "w", "angle"
-};
-
-/// Equally many numbers of each of some structures in an array; the first ones at `data`, others `stride` bytes apart.
-template <class T>
-struct Strided {
-  const T* data = nullptr;
-  std::size_t stride = 0;
-  const T* operator[](std::size_t k) const {
-    return reinterpret_cast<const T*>(reinterpret_cast<const char*>(data) + k * stride);
-  }
-};
-
-/// C contacts of a frame in D dimensions; the arrays are the caller's.
-struct FrameContacts {
-  std::uint64_t count = 0;         ///< C
-  Strided<Index> particles;        ///< [C, 2]; the second is −1 for a wall
-  Strided<Real> position, normal;  ///< [C, D]
-  Strided<Real> overlap;           ///< [C]
-  Strided<Real> force;             ///< [C, D], on the first particle
-};
-
-/// One frame of N particles with P points in D dimensions; the arrays are the caller's.
-struct Frame {
-  Real time = 0;  ///< t0
-  std::int64_t step = 0;
-  std::span<const Real> positions, velocities;  ///< [P, D]
-  std::span<const Real> centres;                ///< [N, D]
-  std::span<const std::uint8_t> active;         ///< [N]
-  std::span<const Index> contact_count;         ///< [N]
-  std::span<const Real> area, perimeter;        ///< [N], or empty
-  std::span<const Real> wall_force;             ///< [S, D]
-  std::span<const Real> wall_segments = {};     ///< [S, 4] where the walls are now, or empty: as in the geometry
-  FrameContacts contacts;
 };
 
 /// One number or one row of numbers of a sample.
@@ -87,17 +57,21 @@ Series read_series(const std::filesystem::path& folder);
 /// Writes the folder. Of a frame nothing is copied as a whole. After each frame both files are complete on disk for
 /// whoever reads them, and stay so if the program is killed. Errors of all members: OutputError; frames written before
 /// stay readable.
+///
+/// On several ranks each has a writer. create, append and write_frame are collective, and the error of one rank is
+/// everybody's; other members but frames() are for the root alone. The root speaks HDF5 and lays a frame out in the
+/// file; the arrays are then written by all ranks.
 class RunWriter {
  public:
   /// Starts a run: creates the folder and its parents. Errors: InputError if the folder holds a run already;
   /// OutputError.
   static RunWriter create(const std::filesystem::path& folder, const Manifest& manifest, const Topology& topology,
-                          const RunGeometry& geometry);
+                          const RunGeometry& geometry, const Ranks& ranks = Ranks());
   /// Goes on with the run in the folder from a checkpoint that knew of `series_rows` samples, `frames` frames and
   /// `event_rows` events. Later samples and events are dropped; later frames stay until they are written again. Errors:
   /// InputError if the folder holds no run, less than that, or other particles.
   static RunWriter append(const std::filesystem::path& folder, const Topology& topology, std::uint64_t series_rows,
-                          std::uint64_t frames, std::uint64_t event_rows = 0);
+                          std::uint64_t frames, std::uint64_t event_rows = 0, const Ranks& ranks = Ranks());
   RunWriter(RunWriter&&) noexcept = default;
   RunWriter& operator=(RunWriter&&) = delete;
   /// Closes; silent about errors, unlike close().
@@ -142,17 +116,20 @@ class RunWriter {
     void write(hdf5::File& file);
   };
 
-  RunWriter(std::filesystem::path folder, hdf5::File file, const Topology& topology, XdmfFile xdmf);
+  RunWriter(std::filesystem::path folder, const Ranks& ranks, int dim) : folder_(folder), ranks_(ranks), dim_(dim) {}
+  void start(const Manifest& manifest, const Topology& topology, const RunGeometry& geometry);
+  void go_on(const Topology& topology, std::uint64_t series_rows, std::uint64_t event_rows);
+  template <class Body>
+  void on_root(Body&& body);
   std::uint64_t kept_bytes() const { return samples_.kept_bytes() + events_.kept_bytes(); }
   void write_tables();
-  void write_xdmf_data(hdf5::Group& group, const Frame& frame) const;
+  void write_arrays(const std::vector<FrameArray>& arrays, std::vector<hdf5::Dataset>& datasets);
 
   std::filesystem::path folder_;
-  hdf5::File file_;
+  Ranks ranks_;
   int dim_;
-  std::vector<Index> offset_;  ///< of the points of each particle
-  std::vector<Real> a0_;       ///< of each polygon; none of soft particles
-  XdmfFile xdmf_;
+  std::optional<hdf5::File> file_;  ///< on the root
+  std::optional<XdmfFile> xdmf_;    ///< on the root
   std::uint64_t walls_ = 0, frames_ = 0;
   Table samples_{"/series"}, events_{"/events"};
 };

@@ -9,7 +9,7 @@
 
 #include <pliant/base/log.h>
 #include <pliant/io/summary.h>
-#include <pliant/scenarios/hopper_measurements.h>
+#include <pliant/scenarios/frame_data.h>
 #include <pliant/scenarios/run_folder.h>
 
 namespace pliant {

@@ -14,6 +14,7 @@
 #include <pliant/io/summary.h>
 #include <pliant/model/crossing.h>
 #include <pliant/model/polygon.h>
+#include <pliant/scenarios/frame_data.h>
 #include <pliant/scenarios/hopper_measurements.h>
 #include <pliant/scenarios/reinsertion.h>
 #include <pliant/scenarios/run_control.h>
@@ -95,11 +96,11 @@ class HopperRun {
                        p_.output, state_.t);
     check_fit(all_, p_.hopper);
     StopSignals signals;
+    writer_.emplace(
+        restarted_ ? RunWriter::append(p_.output, all_, restored_samples_, restored_frames_, restored_events_, ranks_)
+                   : RunWriter::create(p_.output, make_manifest("hopper", to_string(p_.model), D, p_.seed, options_),
+                                       all_, geometry(), ranks_));
     on_root([&] {
-      writer_.emplace(
-          restarted_ ? RunWriter::append(p_.output, all_, restored_samples_, restored_frames_, restored_events_)
-                     : RunWriter::create(p_.output, make_manifest("hopper", to_string(p_.model), D, p_.seed, options_),
-                                         all_, geometry()));
       checkpoints_.emplace(p_.output);
       writer_->write_axis("profile_height", profile_heights());
       announce();
@@ -380,8 +381,7 @@ class HopperRun {
     const LogScope log(LogEvent::frame);
     while (next_frame_ * p_.frame_interval * (1 - 1e-12) <= s.t) ++next_frame_;
     last_frame_at_ = s.t;
-    const FrameData<D> data(system_, s);
-    on_root([&] { writer_->write_frame(data.frame); });
+    writer_->write_frame(FrameData<D>(system_, s).frame);
   }
 
   // --- Checkpoints
@@ -607,7 +607,7 @@ class HopperRun {
       if (error.code() == ExitCode::numerical_failure) {
         const bool finite = std::all_of(state_.x().begin(), state_.x().end(), [](Real a) { return std::isfinite(a); });
         // Before the first frame the particles have no places.
-        if (ranks_.all(finite && (!ranks_.root() || writer_->frames() > 0))) frame(state_);
+        if (ranks_.all(finite && writer_->frames() > 0)) frame(state_);
         on_root([&] { writer_->flush(); });
       }
       nlohmann::ordered_json s = summary("failed");
@@ -693,7 +693,7 @@ class HopperRun {
   std::optional<FlowPrecision> precision_;
   std::optional<DragLimit<D>> drag_limit_;  ///< where there is no inertia
   std::unique_ptr<Integrator> integrator_;
-  std::optional<RunWriter> writer_;              ///< on the root
+  std::optional<RunWriter> writer_;
   std::optional<CheckpointWriter> checkpoints_;  ///< on the root
 
   // State that a checkpoint keeps.

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <tuple>
 
 #include <pliant/analysis/block_average.h>
 #include <pliant/analysis/discharge.h>
@@ -12,6 +11,7 @@
 #include <pliant/analysis/region.h>
 #include <pliant/io/summary.h>
 #include <pliant/model/polygon.h>
+#include <pliant/scenarios/frame_data.h>
 
 namespace pliant {
 namespace {
@@ -41,60 +41,7 @@ auto bulk_region(const Hopper& hopper, Real top) {
     return CylinderRegion{half, low, high};
 }
 
-/// Values per particle or point, gathered from all ranks into the order of the ids, on the root.
-class NaturalOrder {
- public:
-  NaturalOrder(const Ranks& ranks, const Topology& topology) : ranks_(ranks), topology_(topology) {
-    std::vector<Index> points;
-    for (Index m = 0; m < topology.owned(); ++m) points.push_back(topology.points_of(m));
-    id_ = ranks.gather(std::span(topology.id).first(topology.owned()));
-    points_ = ranks.gather(points);
-    offset_.assign(id_.size() + 1, 0);
-    for (std::size_t k = 0; k < id_.size(); ++k) offset_[id_[k] + 1] = points_[k];
-    for (std::size_t m = 0; m < id_.size(); ++m) offset_[m + 1] += offset_[m];
-  }
-
-  /// values [owned particles · width]
-  template <class T>
-  std::vector<T> particles(std::span<const T> values, int width = 1) const {
-    const std::vector<T> all = ranks_.gather(values.first(static_cast<std::size_t>(topology_.owned()) * width));
-    std::vector<T> ordered(all.size());
-    for (std::size_t k = 0; k < id_.size(); ++k)
-      std::copy_n(&all[k * width], width, &ordered[static_cast<std::size_t>(id_[k]) * width]);
-    return ordered;
-  }
-  /// values [owned points · width]
-  std::vector<Real> points(std::span<const Real> values, int width) const {
-    const std::vector<Real> all =
-        ranks_.gather(values.first(static_cast<std::size_t>(topology_.owned_points()) * width));
-    std::vector<Real> ordered(all.size());
-    std::size_t from = 0;
-    for (std::size_t k = 0; k < id_.size(); ++k) {
-      const std::size_t count = static_cast<std::size_t>(points_[k]) * width;
-      std::copy_n(&all[from], count, &ordered[static_cast<std::size_t>(offset_[id_[k]]) * width]);
-      from += count;
-    }
-    return ordered;
-  }
-
- private:
-  const Ranks& ranks_;
-  const Topology& topology_;
-  std::vector<Index> id_, points_, offset_;
-};
-
 }  // namespace
-
-template <int D>
-void Centres<D>::update(const Topology& topology, const State& state) {
-  const std::size_t n = static_cast<std::size_t>(topology.owned()) * D;
-  position.resize(n);
-  velocity.resize(n);
-  for (Index m = 0; m < topology.owned(); ++m) {
-    point<D>(position.data(), m) = mean_of_points<D>(state.x().data(), topology, m);
-    point<D>(velocity.data(), m) = mean_of_points<D>(state.v().data(), topology, m);
-  }
-}
 
 std::vector<Real> profile_heights() {
   std::vector<Real> heights(61);
@@ -193,73 +140,6 @@ Sample<D> take_sample(ParticleSystem<D>& system, const State& state, const Hoppe
   return sample;
 }
 
-template <int D>
-FrameData<D>::FrameData(ParticleSystem<D>& system, const State& state) {
-  const StateView<D> view = system.view(state.x().data(), state.v().data(), state.t);
-  const Topology& topology = system.topology();
-  const Ranks& ranks = system.ranks();
-  wall_force_.assign((static_cast<std::size_t>(system.walls().size()) + system.walls().solids().size()) * D, 0);
-  system.field().add_wall_forces(view, wall_force_.data());
-  ranks.sum(wall_force_);
-  gather_particles(ranks, topology, state);
-
-  // Room for every pair that is listed: growing would copy, and memory that nobody touches costs nothing.
-  contacts_.reserve(static_cast<std::size_t>(system.neighbours().pairs()));
-  system.field().for_each_contact(view, [&](const Contact<D>& c) {
-    const Index first = topology.id[c.first], second = topology.id[c.second];
-    const Real sign = first < second ? 1 : -1;
-    ContactRecord<D>& r = contacts_.emplace_back();
-    r.particles = {std::min(first, second), std::max(first, second)};
-    r.overlap = c.overlap;
-    for (int k = 0; k < D; ++k) {
-      r.position[k] = c.position[k];
-      r.normal[k] = sign * c.normal[k];
-      r.force[k] = sign * c.force[k];
-    }
-  });
-  contacts_ = ranks.gather(std::move(contacts_));
-  std::sort(contacts_.begin(), contacts_.end(), [](const auto& a, const auto& b) {
-    return std::tie(a.particles[0], a.particles[1], a.position) < std::tie(b.particles[0], b.particles[1], b.position);
-  });
-  contact_count_.assign(active_.size(), 0);
-  for (const ContactRecord<D>& c : contacts_)
-    for (const Index m : c.particles) ++contact_count_[m];
-
-  frame.time = state.t;
-  frame.step = state.step;
-  frame.positions = positions_;
-  frame.velocities = velocities_;
-  frame.centres = centres_.empty() ? positions_ : centres_;
-  frame.active = active_;
-  frame.contact_count = contact_count_;
-  frame.area = area_;
-  frame.perimeter = perimeter_;
-  frame.wall_force = wall_force_;
-  if (contacts_.empty()) return;
-  const ContactRecord<D>& c = contacts_.front();
-  constexpr std::size_t stride = sizeof c;
-  frame.contacts = {contacts_.size(),          {c.particles.data(), stride}, {c.position.data(), stride},
-                    {c.normal.data(), stride}, {&c.overlap, stride},         {c.force.data(), stride}};
-}
-
-template <int D>
-void FrameData<D>::gather_particles(const Ranks& ranks, const Topology& topology, const State& state) {
-  const NaturalOrder order(ranks, topology);
-  positions_ = order.points(state.x(), D);
-  velocities_ = order.points(state.v(), D);
-  active_ = order.particles<std::uint8_t>(topology.active);
-  if (!ranks.any(topology.deformable())) return;
-  Centres<D> centres;
-  centres.update(topology, state);
-  centres_ = order.particles<Real>(centres.position, D);
-  for (Index m = 0; m < topology.owned(); ++m) {
-    area_.push_back(polygon_area(state.x().data(), topology, m));
-    perimeter_.push_back(polygon_perimeter(state.x().data(), topology, m));
-  }
-  area_ = order.particles<Real>(area_);
-  perimeter_ = order.particles<Real>(perimeter_);
-}
-
 nlohmann::ordered_json evaluate_series(const Series& series, const HopperOptions& options, Real mean_size) {
   nlohmann::ordered_json result;
   const auto column = [&](const char* name) { return std::span<const Real>(series.at(name).values); };
@@ -312,11 +192,7 @@ nlohmann::ordered_json evaluate_series(const Series& series, const HopperOptions
   return result;
 }
 
-template struct Centres<2>;
-template struct Centres<3>;
 template Sample<2> take_sample(ParticleSystem<2>&, const State&, const Hopper&, const FlowCount&, Real);
 template Sample<3> take_sample(ParticleSystem<3>&, const State&, const Hopper&, const FlowCount&, Real);
-template class FrameData<2>;
-template class FrameData<3>;
 
 }  // namespace pliant

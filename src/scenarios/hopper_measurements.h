@@ -1,7 +1,7 @@
-// What a hopper run measures: samples, frames, and the evaluation at its end.
+// What a hopper run measures: samples, and the evaluation at its end.
 #pragma once
 
-#include <array>
+#include <cstdint>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
@@ -12,13 +12,6 @@
 #include <pliant/ts/particle_system.h>
 
 namespace pliant {
-
-/// Centres of the own particles, and their velocities: [owned · D].
-template <int D>
-struct Centres {
-  std::vector<Real> position, velocity;
-  void update(const Topology& topology, const State& state);
-};
 
 /// Counters that a run keeps from its start; each rank its share.
 struct FlowCount {
@@ -45,34 +38,6 @@ std::vector<Real> profile_heights();
 template <int D>
 Sample<D> take_sample(ParticleSystem<D>& system, const State& state, const Hopper& hopper, const FlowCount& flow,
                       Real dt);
-
-/// A contact of a frame, the lower id first. Plain data, to be sent.
-template <int D>
-struct ContactRecord {
-  std::array<Index, 2> particles;
-  Real overlap;
-  std::array<Real, D> position, normal, force;
-};
-
-/// A frame with particles and contacts in the order of their ids, on the root; empty elsewhere. Owns the arrays. The
-/// constructor is collective.
-template <int D>
-class FrameData {
- public:
-  FrameData(ParticleSystem<D>& system, const State& state);
-  FrameData(const FrameData&) = delete;
-  FrameData& operator=(const FrameData&) = delete;
-  Frame frame;
-
- private:
-  void gather_particles(const Ranks& ranks, const Topology& topology, const State& state);
-
-  std::vector<Real> positions_, velocities_, wall_force_;
-  std::vector<Real> centres_, area_, perimeter_;  ///< of polygons; the centre of a soft particle is its position
-  std::vector<std::uint8_t> active_;
-  std::vector<Index> contact_count_;
-  std::vector<ContactRecord<D>> contacts_;
-};
 
 /// Measured quantities of a finished run from its series, for summary.json: Q and the rest with errors, from the steady
 /// state on. mean_size: mean a0 of all particles.

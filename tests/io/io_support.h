@@ -100,7 +100,8 @@ inline RunGeometry small_geometry() {
 
 /// The numbers of frame k, all different.
 struct FrameData {
-  FrameData(const Topology& topology, int k, std::size_t contacts) : k_(k) {
+  FrameData(const Topology& topology, int k, std::size_t contacts)
+      : offset(topology.offset), a0(topology.deformable() ? topology.a0 : std::vector<Real>()), k_(k) {
     const auto points = static_cast<std::size_t>(topology.points()), n = static_cast<std::size_t>(topology.particles());
     const auto dim = static_cast<std::size_t>(topology.dim);
     fill(positions, points * dim, 0);
@@ -116,15 +117,18 @@ struct FrameData {
     fill(normal, contacts * dim, 7);
     fill(overlap, contacts, 8);
     fill(force, contacts * dim, 9);
+    fill(ends, 2 * contacts * dim, 10);
   }
   Frame frame() const {
     return {.time = 0.1 * k_,
             .step = 10 * k_,
+            .offset = offset,
             .positions = positions,
             .velocities = velocities,
             .centres = centres,
             .active = active,
             .contact_count = contact_count,
+            .a0 = a0,
             .area = area,
             .perimeter = perimeter,
             .wall_force = wall_force,
@@ -132,15 +136,17 @@ struct FrameData {
                          .particles = rows(particles),
                          .position = rows(position),
                          .normal = rows(normal),
+                         .ends = rows(ends),
                          .overlap = rows(overlap),
                          .force = rows(force)}};
   }
 
-  std::vector<Real> positions, velocities, centres, area, perimeter, wall_force;
+  std::vector<Index> offset;
+  std::vector<Real> a0, positions, velocities, centres, area, perimeter, wall_force;
   std::vector<std::uint8_t> active;
   std::vector<Index> contact_count;
   std::vector<Index> particles;  ///< of contacts, and what follows
-  std::vector<Real> position, normal, overlap, force;
+  std::vector<Real> position, normal, overlap, force, ends;
 
  private:
   void fill(std::vector<Real>& values, std::size_t count, int kind) const {

@@ -102,12 +102,10 @@ TEST_CASE("a run holds what was written") {
   for (const double v : mean) speed += v * v;
   CHECK(frame.read<Real>("xdmf/speed", {n})[2] == Approx(std::sqrt(speed)));
   if (polygons) CHECK(frame.read<Real>("xdmf/area_ratio", {n})[2] == Approx(data.area[2] / 3.0));
-  // Contact 0 joins the centres of 0 and 1; contact 1 goes from the centre of 1 to a wall.
-  const auto ends = frame.read<Real>("xdmf/contact_points", {10, d});
-  CHECK(ends[0] == data.centres[0]);
-  CHECK(ends[d] == data.centres[d]);
-  CHECK(ends[2 * d] == data.centres[d]);
-  CHECK(ends[3 * d] == data.position[d]);
+  CHECK(frame.read<Real>("xdmf/contact_points", {10, d}) == data.ends);
+  const auto force = frame.read<Real>("xdmf/contact_force", {5});
+  CHECK(force[4] == Approx(Eigen::Map<const Eigen::VectorXd>(&data.force[4 * d], dim).norm()));
+  CHECK(frame.read<std::int32_t>("xdmf/contact_connectivity", {20})[19] == 9);
 }
 
 TEST_CASE("run.xdmf is valid after every frame and names only what is there") {

@@ -1,0 +1,38 @@
+// One file for all ranks: what the root has laid out in it is filled in by everybody, through MPI-IO.
+#pragma once
+
+#include <mpi.h>
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <span>
+#include <string>
+
+#include <pliant/base/ranks.h>
+
+namespace pliant {
+
+/// A file that exists, opened by all ranks, each of which writes where the others do not. Constructor, destructor and
+/// sync() are collective. Errors of all members: OutputError.
+class SharedFile {
+ public:
+  SharedFile(const Ranks& ranks, const std::filesystem::path& path);
+  ~SharedFile();
+  SharedFile(const SharedFile&) = delete;
+  SharedFile& operator=(const SharedFile&) = delete;
+
+  /// This rank alone; errors are its own.
+  void write(std::uint64_t address, std::span<const std::byte> bytes);
+  /// What was written is on disk, and seen by all.
+  void sync();
+
+ private:
+  void check(int code) const;
+
+  const Ranks& ranks_;
+  std::string name_;  ///< for messages
+  MPI_File file_ = MPI_FILE_NULL;
+};
+
+}  // namespace pliant
