@@ -27,15 +27,16 @@ def table(rows, columns):
     return "\n".join(lines)
 
 
-def origin(row):
+def origin(rows):
+    row, counts = rows[0], sorted({row["repetitions"] for row in rows})
     return (f"{row['date']}, commit {row['commit']}, {row['compiler']}, {row['machine']}; medians of "
-            f"{row['repetitions']} repetition{'s' * (row['repetitions'] > 1)}.")
+            f"{' or '.join(map(str, counts))} repetition{'s' * (counts[-1] > 1)}.")
 
 
 def block(name, contents, notes):
     """What stands between the markers of `name`."""
     rows, columns, *shown = contents
-    text = [table(shown[0] if shown else rows, columns), "", origin(rows[0])]
+    text = [table(shown[0] if shown else rows, columns), "", origin(rows)]
     if name in FIGURES:
         picture, caption, _ = FIGURES[name]
         text += ["", f"![{caption}](images/{picture})"]

@@ -6,9 +6,39 @@
 #include <cmath>
 #include <vector>
 
+#include <pliant/base/multiversion.h>
 #include <pliant/base/types.h>
 
 namespace pliant {
+
+/// The rows of cells that meet a box, as ranges of places in the order of the cells.
+template <int D>
+struct CellRows {
+  const Index* start;          ///< of each cell
+  std::array<Index, D> count;  ///< cells of the grid
+  std::array<Index, D> first, last;
+
+  template <class Visit>
+  PLIANT_INLINE void for_each(Visit&& visit) const {
+    const auto row = [&](Index base) { visit(start[base + first[0]], start[base + last[0] + 1]); };
+    for (Index cy = first[1]; cy <= last[1]; ++cy) {
+      if constexpr (D == 2) {
+        row(cy * count[0]);
+      } else {
+        for (Index cz = first[2]; cz <= last[2]; ++cz) row((cz * count[1] + cy) * count[0]);
+      }
+    }
+  }
+};
+
+/// Numbers that are read at once in a search, also past the last point.
+inline constexpr std::size_t lanes = 4;
+
+/// Places in the rows of points, given by coordinates and radii, whose distance from r is less than reach + radius, in
+/// their order; returns how many. near has room for all of the rows and `lanes` more.
+template <int D>
+Index find_near(const CellRows<D>& rows, const std::array<std::vector<Real>, D>& coordinate, const Real* radius,
+                const Vec<D>& r, Real reach, Index* near);
 
 /// Grid over the points it was built from. The number of cells stays below a few per point (cells grow for sparse
 /// clouds), so that a far outlier costs neither memory nor time. Queries visit whole cells: the caller tests the
@@ -57,8 +87,8 @@ class CellGrid {
     for (Index c = 0; c < cells; ++c) start_[c + 2] += start_[c + 1];
     for (Index i = 0; i < n; ++i)
       if (use(i)) items_[start_[cell_of_[i] + 1]++] = i;
-    for (auto& coordinate : coordinate_) coordinate.resize(used);
-    radius_.resize(used);
+    for (auto& coordinate : coordinate_) coordinate.resize(used + lanes);
+    radius_.resize(used + lanes);
     for (Index k = 0; k < used; ++k) {
       const Index i = items_[k];
       for (int axis = 0; axis < D; ++axis) coordinate_[axis][k] = x[static_cast<std::size_t>(i) * D + axis];
@@ -70,47 +100,30 @@ class CellGrid {
   /// within a cell.
   template <class Visit>
   void for_each_in_box(const Vec<D>& low, const Vec<D>& high, Visit&& visit) const {
-    for_each_row(low, high, [&](Index first, Index last) {
+    if (items_.empty()) return;
+    rows_of(low, high).for_each([&](Index first, Index last) {
       for (Index k = first; k < last; ++k) visit(items_[k]);
     });
   }
 
   /// Calls visit(j) for every point in the cells that meet a box of half-width `range` round r, if its distance from r
-  /// is less than reach + its own radius. The distances are tested here, without branches, where the points of a row of
-  /// cells lie side by side.
+  /// is less than reach + its own radius. The distances are tested here, on vectors, where the points of a row of cells
+  /// lie side by side. near: room to be used again.
   template <class Visit>
-  void for_each_near(const Vec<D>& r, Real range, Real reach, Visit&& visit) const {
-    std::array<Index, 128> near;
+  void for_each_near(const Vec<D>& r, Real range, Real reach, std::vector<Index>& near, Visit&& visit) const {
+    if (items_.empty()) return;
     const Vec<D> half = Vec<D>::Constant(range);
-    for_each_row(r - half, r + half, [&](Index first, Index last) {
-      for (; first < last; first += static_cast<Index>(near.size())) {
-        const Index end = std::min<Index>(last, first + static_cast<Index>(near.size()));
-        std::size_t count = 0;
-        for (Index k = first; k < end; ++k) {
-          Real d2 = 0;
-          for (int axis = 0; axis < D; ++axis) d2 += square(coordinate_[axis][k] - r[axis]);
-          near[count] = k;
-          count += d2 < square(reach + radius_[k]);
-        }
-        for (std::size_t k = 0; k < count; ++k) visit(items_[near[k]]);
-      }
-    });
+    const CellRows<D> rows = rows_of(r - half, r + half);
+    std::size_t candidates = 0;
+    rows.for_each([&](Index first, Index last) { candidates += static_cast<std::size_t>(last - first); });
+    if (near.size() < candidates + lanes) near.resize(candidates + lanes);
+    const Index found = find_near<D>(rows, coordinate_, radius_.data(), r, reach, near.data());
+    for (Index k = 0; k < found; ++k) visit(items_[near[k]]);
   }
 
  private:
-  /// Calls visit(first, last) for the rows of cells that meet the box: ranges of places in items_.
-  template <class Visit>
-  void for_each_row(const Vec<D>& low, const Vec<D>& high, Visit&& visit) const {
-    if (items_.empty()) return;
-    const std::array<Index, D> first = cell_coordinates(low), last = cell_coordinates(high);
-    const auto row = [&](Index base) { visit(start_[base + first[0]], start_[base + last[0] + 1]); };
-    for (Index cy = first[1]; cy <= last[1]; ++cy) {
-      if constexpr (D == 2) {
-        row(cy * count_[0]);
-      } else {
-        for (Index cz = first[2]; cz <= last[2]; ++cz) row((cz * count_[1] + cy) * count_[0]);
-      }
-    }
+  CellRows<D> rows_of(const Vec<D>& low, const Vec<D>& high) const {
+    return {start_.data(), count_, cell_coordinates(low), cell_coordinates(high)};
   }
 
   std::array<Index, D> cell_coordinates(const Vec<D>& r) const {
@@ -129,7 +142,8 @@ class CellGrid {
   Real inverse_size_ = 1;
   std::array<Index, D> count_{};
   std::vector<Index> start_, items_, cell_of_;
-  std::array<std::vector<Real>, D> coordinate_;  ///< of items_, so that a search reads one stretch of memory per row
+  // Of items_, so that a search reads one stretch of memory per row; longer by what vectors read past the last one.
+  std::array<std::vector<Real>, D> coordinate_;
   std::vector<Real> radius_;
 };
 

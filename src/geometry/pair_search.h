@@ -40,11 +40,12 @@ struct PointCloud {
 template <int D, class Found>
 void find_point_pairs(const PointCloud& cloud, const CellGrid<D>& grid, Real skin, Index first, Index last,
                       Found&& found) {
+  std::vector<Index> near;
   for (Index i = first; i < last; ++i) {
     if (!cloud.uses(i)) continue;
     const Vec<D> r = point<D>(cloud.x, i);
     const Real di = cloud.diameter[i];
-    grid.for_each_near(r, di + skin, di / 2 + skin, [&](Index j) {
+    grid.for_each_near(r, di + skin, di / 2 + skin, near, [&](Index j) {
       const Real dj = cloud.diameter[j];
       if (dj > di || (dj == di && j <= i) || cloud.group[i] == cloud.group[j]) return;
       found(i, j, (di + dj) / 2);
@@ -57,12 +58,13 @@ void find_point_pairs(const PointCloud& cloud, const CellGrid<D>& grid, Real ski
 template <class Found>
 void find_vertex_edge_pairs(const PointCloud& cloud, const CellGrid<2>& grid, Real skin, Real widest, Index first,
                             Index last, Found&& found) {
+  std::vector<Index> near;
   for (Index i = first; i < last; ++i) {
     if (!cloud.uses(i)) continue;
     const Vec<2> a = point<2>(cloud.x, i), b = point<2>(cloud.x, cloud.next[i]);
     // Within reach of the edge is within half an edge more of its middle.
     const Real reach = (b - a).norm() / 2 + cloud.diameter[i] / 2 + skin;
-    grid.for_each_near((a + b) / 2, reach + widest / 2, reach * (1 + 1e-12), [&](Index j) {
+    grid.for_each_near((a + b) / 2, reach + widest / 2, reach * (1 + 1e-12), near, [&](Index j) {
       if (cloud.group[i] == cloud.group[j]) return;
       const Real contact = (cloud.diameter[i] + cloud.diameter[j]) / 2;
       if (segment_foot(point<2>(cloud.x, j), a, b).d2 < square(contact + skin)) found(j, i, contact);

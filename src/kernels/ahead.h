@@ -4,8 +4,8 @@
 #include <array>
 #include <cstddef>
 
+#include <pliant/base/multiversion.h>
 #include <pliant/base/types.h>
-#include <pliant/kernels/multiversion.h>
 
 namespace pliant {
 

@@ -4,7 +4,7 @@
 #include <bit>
 #include <limits>
 
-#include <pliant/kernels/simd.h>
+#include <pliant/base/simd.h>
 
 namespace pliant {
 namespace {

@@ -1,5 +1,5 @@
+#include <pliant/base/simd.h>
 #include <pliant/kernels/pair_forces.h>
-#include <pliant/kernels/simd.h>
 
 #include <array>
 

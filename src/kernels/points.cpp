@@ -1,7 +1,7 @@
 #include <pliant/kernels/points.h>
 
+#include <pliant/base/multiversion.h>
 #include <pliant/kernels/finite.h>
-#include <pliant/kernels/multiversion.h>
 
 namespace pliant {
 namespace {

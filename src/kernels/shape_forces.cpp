@@ -3,7 +3,7 @@
 #include <cstddef>
 #include <utility>
 
-#include <pliant/kernels/simd.h>
+#include <pliant/base/simd.h>
 
 // As PLIANT_MULTIVERSION, but each instruction set gets a width of its own: GCC takes vectors that are wider than the
 // registers apart lane by lane, which is slower than none.

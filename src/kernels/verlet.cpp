@@ -3,7 +3,7 @@
 #include <cmath>
 #include <limits>
 
-#include <pliant/kernels/multiversion.h>
+#include <pliant/base/multiversion.h>
 
 namespace pliant {
 namespace {

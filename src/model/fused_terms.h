@@ -3,8 +3,8 @@
 
 #include <span>
 
+#include <pliant/base/multiversion.h>
 #include <pliant/kernels/edge_forces.h>
-#include <pliant/kernels/multiversion.h>
 #include <pliant/kernels/pair_forces.h>
 #include <pliant/kernels/points.h>
 #include <pliant/kernels/shape_forces.h>

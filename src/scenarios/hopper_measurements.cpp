@@ -86,8 +86,10 @@ Sample<D> take_sample(ParticleSystem<D>& system, const State& state, const Hoppe
     touching.emplace_back(first, second);
     if (c.overlap > deepest.overlap) deepest = {c.overlap, first, second};
   });
-  std::sort(touching.begin(), touching.end());
-  const auto pairs = std::unique(touching.begin(), touching.end()) - touching.begin();
+  if (topology.deformable()) {  // polygons may touch in several places
+    std::sort(touching.begin(), touching.end());
+    touching.erase(std::unique(touching.begin(), touching.end()), touching.end());
+  }
   for (const Deepest& d : ranks.all_gather(std::vector{deepest}))
     if (d.overlap > sample.max_overlap) {
       sample.max_overlap = d.overlap;
@@ -104,7 +106,7 @@ Sample<D> take_sample(ParticleSystem<D>& system, const State& state, const Hoppe
   std::array sums{kinetic,
                   system.field().energy(view) - weight_energy,
                   in_hopper,
-                  static_cast<Real>(pairs),
+                  static_cast<Real>(touching.size()),
                   sum_of_forces<D>("drag", system, view, centres.position, buffer),
                   sum_of_forces<D>("friction", system, view, centres.position, buffer),
                   number_density<D>(orifice_region<D>(hopper.orifice), centres.position, active),

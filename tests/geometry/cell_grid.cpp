@@ -89,8 +89,8 @@ TEMPLATE_TEST_CASE_SIG("a grid finds what is near, by the sizes of the points", 
     for (int trial = 0; trial < 20; ++trial) {
       const Vec<D> r = 5 * random.unit<D>();
       const Real reach = random(0.1, 4);
-      std::vector<Index> found, expected;
-      grid.for_each_near(r, reach + 1, reach, [&](Index i) { found.push_back(i); });
+      std::vector<Index> found, expected, room;
+      grid.for_each_near(r, reach + 1, reach, room, [&](Index i) { found.push_back(i); });
       for (Index i = 0; i < n; ++i)
         if ((point<D>(x.data(), i) - r).norm() < reach + diameter[i] / 2) expected.push_back(i);
       std::sort(found.begin(), found.end());
