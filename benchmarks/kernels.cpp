@@ -169,6 +169,7 @@ void register_forces(const std::string& name, const std::shared_ptr<Flow<D>>& fl
   if (flow->options().model != ModelKind::smooth)
     time_fused("contact+friction", Fused<PairKernel, PairContact<D>, PairFriction<D>>(
                                        PairContact<D>{p.epsilon, "contact"}, PairFriction<D>{p.mu}));
+  time_fused("wall", Fused<WallKernel, WallContact<D>>(WallContact<D>{p.epsilon_wall}));
   if constexpr (D == 2) {
     if (flow->options().model == ModelKind::smooth)
       time_fused("contact+friction", Fused<EdgeKernel, EdgeContact, EdgeFriction>(

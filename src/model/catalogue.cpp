@@ -4,7 +4,6 @@
 #include <pliant/model/depletion.h>
 #include <pliant/model/fused_terms.h>
 #include <pliant/model/lip_contact.h>
-#include <pliant/model/wall_contact.h>
 #include <pliant/model/wall_depletion.h>
 #include <pliant/model/wall_repulsion.h>
 
@@ -60,7 +59,8 @@ template <int D>
 std::unique_ptr<ForceField<D>> make_force_field(ModelKind kind, const ModelParameters& p, const Vec<D>& gravity) {
   if (kind == ModelKind::sp)
     return model<D>(fused<PairKernel>(PairContact<D>{p.epsilon, "pair"}, PairFriction<D>{p.mu}),
-                    WallContact<D>{p.epsilon_wall}, fused<PointKernel>(Gravity<D>{gravity}, Drag<D>{p.zeta}));
+                    fused<WallKernel>(WallContact<D>{p.epsilon_wall}),
+                    fused<PointKernel>(Gravity<D>{gravity}, Drag<D>{p.zeta}));
   if (kind == ModelKind::bubble) {
     if (!(p.a_s > 0)) throw InputError("the radius a_s of the depletant is {}, but it must be positive", p.a_s);
     return model<D>(BubbleContact<D>{{p.f0}}, Depletion<D>{{{p.phi_c, p.a_s}}, {p.f0}},
@@ -68,7 +68,7 @@ std::unique_ptr<ForceField<D>> make_force_field(ModelKind kind, const ModelParam
   }
   if constexpr (D == 2) {
     const auto shape = fused<ShapeKernel>(Area{p.k_a}, Perimeter{p.k_l}, Bending{p.k_b});
-    const WallContact<2> wall{p.epsilon_wall};
+    const auto wall = fused<WallKernel>(WallContact<2>{p.epsilon_wall});
     const LipContact lip{p.epsilon_wall, p.lip_edges};
     const auto outer = fused<PointKernel>(Gravity<2>{gravity}, Drag<2>{p.zeta});
     switch (kind) {

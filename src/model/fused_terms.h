@@ -8,6 +8,7 @@
 #include <pliant/kernels/pair_forces.h>
 #include <pliant/kernels/points.h>
 #include <pliant/kernels/shape_forces.h>
+#include <pliant/kernels/wall_forces.h>
 #include <pliant/model/area.h>
 #include <pliant/model/bending.h>
 #include <pliant/model/drag.h>
@@ -18,6 +19,7 @@
 #include <pliant/model/pair_contact.h>
 #include <pliant/model/pair_friction.h>
 #include <pliant/model/perimeter.h>
+#include <pliant/model/wall_contact.h>
 
 namespace pliant {
 
@@ -55,6 +57,17 @@ struct PairKernel {
     };
     add(list.inside(chunk), Sides::both);
     add(list.across(chunk), Sides::first);
+  }
+};
+
+struct WallKernel {
+  static bool fast() { return simd::fast(); }
+  template <int D>
+  static void add_forces(const StateView<D>& s, Index chunk, Real* f, const WallContact<D>& contact) {
+    const PairList& list = s.neighbours.walls;
+    const Range own = list.inside(chunk);
+    add_wall_forces<D>(contact.epsilon, std::span(list.pairs).subspan(own.first, own.size()), s.walls.segments(),
+                       s.topology.diameter.data(), s.x, f);
   }
 };
 

@@ -1,0 +1,23 @@
+// Contact of points with walls: what WallContact says, four points at a time.
+#pragma once
+
+#include <span>
+
+#include <pliant/geometry/pair_search.h>
+#include <pliant/geometry/walls.h>
+
+namespace pliant {
+
+/// Adds ε/δ (1 − d/δ) n to f [points · D] for each listed (point, wall): d the distance of the point from the wall, n
+/// the direction from there, d < δ, half the point's diameter. Points on a wall feel nothing. diameter: [points]; x:
+/// [points · D], and f must not overlap it. The list may have any order; it is that of the sums.
+template <int D>
+void add_wall_forces(Real epsilon, std::span<const Pair> pairs, std::span<const WallSegment> walls,
+                     const Real* diameter, const Real* x, Real* f);
+
+extern template void add_wall_forces<2>(Real, std::span<const Pair>, std::span<const WallSegment>, const Real*,
+                                        const Real*, Real*);
+extern template void add_wall_forces<3>(Real, std::span<const Pair>, std::span<const WallSegment>, const Real*,
+                                        const Real*, Real*);
+
+}  // namespace pliant
