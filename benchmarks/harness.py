@@ -98,6 +98,7 @@ class Program:
     def __init__(self, build, cpu):
         self.path = build / "apps/pliant"
         self.kernels = build / "benchmarks/pliant_benchmarks"
+        self.speedup = build / "benchmarks/pliant_speedup"
         self.pin = ["taskset", "-c", str(cpu)]
         if not self.path.is_file():
             raise BenchError(f"{self.path} is not there; build it first (scripts/bench.sh does)")
@@ -107,16 +108,13 @@ class Program:
     def has_option(self, name):
         return f"  {name} " in self._help
 
-    def hopper(self, options, output, prefix=None):
-        """One run, on one core unless `prefix` says otherwise: (summary.json, Finished)."""
-        command = [*(self.pin if prefix is None else prefix), self.path, "hopper", *options.split(), "-output", output]
-        done = run(command)
+    def hopper(self, options, output):
+        """One run, on one core: (summary.json, Finished)."""
+        done = run([*self.pin, self.path, "hopper", *options.split(), "-output", output])
         return json.loads((output / "summary.json").read_text()), done
 
-    def restart(self, folder, t_end, options="", prefix=None):
-        command = [*(self.pin if prefix is None else prefix), self.path, "hopper", "-restart", folder, "-t_end",
-                   f"{t_end:.9g}", *options.split()]
-        done = run(command)
+    def restart(self, folder, t_end):
+        done = run([*self.pin, self.path, "hopper", "-restart", folder, "-t_end", f"{t_end:.9g}"])
         return json.loads((folder / "summary.json").read_text()), done
 
     def about(self, label):

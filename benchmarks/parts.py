@@ -8,10 +8,9 @@ import random
 import re
 import shutil
 import statistics
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from harness import BenchError, Unsupported, interleave, read_csv, run, say, spread
+from harness import Unsupported, interleave, read_csv, run, say, spread
 from lammps import peer as lammps
 
 FRICTION, DRAG = "-mu 31.6227766", "-zeta 0.316227766"
@@ -174,21 +173,13 @@ class Chain:
             self.taken = round(SETTLED / self.dt)
             context.program.restart(self.folder, self.taken * self.dt)
 
-    def copy(self, name):
-        """The same state, to be run on in another way."""
-        other = object.__new__(Chain)
-        other.__dict__.update(self.__dict__)
-        other.folder = self.context.folder(name)
-        shutil.copytree(self.folder, other.folder)
-        return other
-
-    def measure(self, what="cpu", options="", prefix=None):
-        """ns per point and step of the many steps."""
+    def measure(self):
+        """CPU time of the many steps, in ns per point and step."""
         found = []
         for steps in (FEW, FEW + self.steps):
             self.taken += steps
-            found.append(self.context.program.restart(self.folder, self.taken * self.dt, options, prefix)[1])
-        difference = getattr(found[1], what) - getattr(found[0], what)
+            found.append(self.context.program.restart(self.folder, self.taken * self.dt)[1])
+        difference = found[1].cpu - found[0].cpu
         if difference <= 0:
             raise Unsupported(f"{self.folder.name}: the machine was too busy to time {self.steps} steps")
         return 1e9 * difference / (self.steps * self.points)
@@ -219,23 +210,9 @@ def scaling(context):
 
 def ranks_prefix(ranks):
     mpiexec = shutil.which("mpiexec")
-    if mpiexec is None:
-        raise Unsupported("ranks: mpiexec is not installed")
     root = ["--allow-run-as-root"] if os.geteuid() == 0 else []
-    return [mpiexec, *root, "--oversubscribe", "-n", ranks]
-
-
-def side_by_side(chain, cores):
-    """Wall time per point and step of two copies at the same time, one on each core: what two cores can give at most."""
-    chains = [chain, chain.copy(f"{chain.folder.name}-twin")]
-    with ThreadPoolExecutor(2) as pool:
-        ns = list(pool.map(lambda one, core: one.measure("wall", "", ["taskset", "-c", core]), chains, cores))
-    shutil.rmtree(chains[1].folder)
-    return statistics.mean(ns) / 2
-
-
-# Ratios of two runs scatter by a third, and the aim is about vertices: they are timed that much more often.
-POLYGON_RUNS = 8
+    # Not bound to cores: the threads of one rank use those of the others while these sleep.
+    return [mpiexec, *root, "--bind-to", "none", "-n", ranks]
 
 
 def interval_of_median(values, samples=2000):
@@ -246,64 +223,36 @@ def interval_of_median(values, samples=2000):
 
 
 def parallel(context):
-    points = 10_000 if context.quick else 100_000
-    program = context.program
-    modes = {"serial": ("", program.pin, 1)}
-    notes = []
-    cores = sorted(os.sched_getaffinity(0))[-2:]
-    if len(cores) == 2:
-        modes["2 serial runs"] = ("", None, 2)
-    if program.has_option("-threads"):
-        modes |= {f"{n} thread{'s' * (n > 1)}": (f"-threads {n}", [], n) for n in (1, 2)}
-    else:
-        notes.append("threads: the program has no option -threads")
-    try:
-        program.hopper(f"{SYSTEMS['soft 2D'](1600)[0]} -t_end 0.01 {SILENT}", context.folder("ranks"), ranks_prefix(2))
-        modes |= {f"{n} rank{'s' * (n > 1)}": ("", ranks_prefix(n), n) for n in (1, 2)}
-    except Unsupported as reason:
-        notes.append(str(reason))
-    except BenchError as error:
-        notes.append(f"ranks: the program does not run on two of them ({str(error).split(' (')[0]})")
-    if len(modes) == 1:
-        return {}, notes
-
-    results, reasons, chains = {}, {}, {}
-    for system in SYSTEMS:
-        jobs = {}
-        start = Chain(context, "parallel-start", system, points, 1000 if context.quick else 1500)
-        for mode, (options, prefix, _) in modes.items():
-            chain = start.copy(f"parallel-{system}-{mode}".replace(" ", "-"))
-            chains[system, mode] = chain
-
-            def job(_, chain=chain, mode=mode, options=options, prefix=prefix):
-                try:
-                    if prefix is None:
-                        return side_by_side(chain, cores)
-                    return chain.measure("wall", options, prefix)
-                except Unsupported:
-                    raise
-                except BenchError as error:
-                    if mode == "serial":
-                        raise
-                    raise Unsupported(f"{mode}: {error}") from None
-            jobs[system, mode] = job
-        more = POLYGON_RUNS if system in ("rough", "smooth") and not context.quick else 1
-        for found, new in zip((results, reasons), interleave(jobs, more * context.repetitions, "parallel")):
-            found.update(new)
+    if not context.program.speedup.is_file():
+        return {}, [f"parallel: {context.program.speedup.name} is not built (-DPLIANT_BUILD_BENCHMARKS=ON)"]
+    points, cycles = (10_000, 2) if context.quick else (100_000, 8 * context.repetitions)
+    cores = len(os.sched_getaffinity(0))
+    workers = [n for n in (2, 4, 8, 16, 32, 64) if n <= cores]
+    if not workers:
+        return {}, ["parallel: there is only one core"]
+    if shutil.which("mpiexec") is None:
+        return {}, ["parallel: mpiexec is not installed"]
     rows = []
-    for (system, mode), ns in results.items():
-        if (system, "serial") in reasons:
-            continue
-        # Each against the serial run of the same repetition; and the fastest, which were disturbed least.
-        serial = results[system, "serial"]
-        ratios = [a / b for a, b in zip(serial, ns)]
-        low, high = interval_of_median(ratios)
-        rows.append({"case": system, "N": chains[system, mode].points, "run as": mode, "workers": modes[mode][2],
-                     **spread(ns), "speed-up": statistics.median(ratios), "5 %": low, "95 %": high,
-                     "of the least": min(serial) / min(ns), **context.origin, "repetitions": len(ns)})
-    return ({"parallel": (rows, ["case", "run as", "repetitions", "median", "min–max", "speed-up", "5 %", "95 %",
-                                 "of the least"])},
-            notes + sorted(set(reasons.values()))) if rows else ({}, notes + list(reasons.values()))
+    for system in SYSTEMS:
+        chain = Chain(context, "parallel", system, points, FEW)
+        for n in workers:
+            say(f"parallel: {system} on {n}")
+            command = [*ranks_prefix(n), context.program.speedup, chain.folder,
+                       400 if system in ("rough", "smooth") else 200, cycles]
+            found = json.loads(run(command, env=os.environ | {"OMP_NUM_THREADS": "1"}).output.strip().splitlines()[-1])
+            serial = found.pop("serial")
+            row = {"case": system, "N": chain.points}
+            if n == workers[0]:
+                rows.append({**row, "run as": "serial", "workers": 1, **spread(serial), "speed-up": 1.0})
+            for kind, ns in found.items():
+                ratios = [a / b for a, b in zip(serial, ns)]
+                low, high = interval_of_median(ratios)
+                rows.append({**row, "run as": f"{n} {kind}", "workers": n, **spread(ns),
+                             "speed-up": statistics.median(ratios), "5 %": low, "95 %": high,
+                             "of the means": statistics.mean(serial) / statistics.mean(ns)})
+        shutil.rmtree(chain.folder)
+    rows = [{**row, **context.origin, "repetitions": cycles} for row in rows]
+    return {"parallel": (rows, ["case", "run as", "median", "min–max", "speed-up", "5 %", "95 %", "of the means"])}, []
 
 
 # --------------------------------------------------------------------------------------------------------- flow rates

@@ -78,15 +78,14 @@ def draw_speedup(rows, path):
     most = max(row["workers"] for row in rows)
     axes.plot([1, most], [1, most], color="0.6", linewidth=0.8, label="ideal")
     cases = list(dict.fromkeys(row["case"] for row in rows))
-    for kind, style in (("thread", "-"), ("rank", "--")):
+    for kind, style in (("threads", "-"), ("ranks", "--")):
         for i, case in enumerate(cases):
-            mine = [row for row in rows if row["case"] == case and kind in row["run as"]]
-            if mine:
-                axes.plot([row["workers"] for row in mine], [row["speed-up"] for row in mine], style, color=COLORS[i],
-                          marker=MARKERS[i], label=f"{case}, {kind}s")
-    copies = [row["speed-up"] for row in rows if row["run as"] == "2 serial runs"]
-    if copies:
-        axes.axhspan(min(copies), max(copies), color="0.9", label="2 serial runs at once")
+            mine = [row for row in rows if row["case"] == case and row["run as"].endswith(kind)]
+            middle = [row["speed-up"] for row in mine]
+            error = [[m - row["5 %"] for m, row in zip(middle, mine)], [row["95 %"] - m for m, row in zip(middle, mine)]]
+            line = axes.plot([1] + [row["workers"] for row in mine], [1] + middle, style, color=COLORS[i],
+                             marker=MARKERS[i], label=f"{case}, {kind}")[0]
+            axes.errorbar([row["workers"] for row in mine], middle, error, fmt="none", color=line.get_color(), capsize=2)
     axes.set(xlabel="threads or ranks", ylabel="speed-up over the serial run", ylim=(0, None),
              xticks=range(1, most + 1))
     axes.legend()

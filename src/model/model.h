@@ -349,10 +349,10 @@ class Model final : public ForceField<D> {
   template <class Visit>
   static void for_each_chunk(const StateView<D>& s, Visit&& visit) {
     const Index chunks = s.neighbours.chunks();
+    if (chunks == 1) return visit(0);
     Index failed = chunks;
     std::exception_ptr error;
-#pragma omp parallel for schedule(dynamic, 1) if (chunks > 1)
-    for (Index c = 0; c < chunks; ++c) {
+    const auto attempt = [&](Index c) {
       try {
         visit(c);
       } catch (...) {
@@ -361,6 +361,17 @@ class Model final : public ForceField<D> {
           failed = c;
           error = std::current_exception();
         }
+      }
+    };
+    // Each thread has a share of its own, the same in every step, so that its caches know it; then it helps the others.
+    std::array<Taken, most_shares> taken;
+#pragma omp parallel
+    {
+      const Index shares = std::min<Index>(omp_get_num_threads(), most_shares);
+      for (Index k = 0; k < shares; ++k) {
+        const Index share = (omp_get_thread_num() + k) % shares, first = chunks * share / shares,
+                    last = chunks * (share + 1) / shares;
+        for (Index c = first + taken[share].count++; c < last; c = first + taken[share].count++) attempt(c);
       }
     }
     if (error) std::rethrow_exception(error);
@@ -491,6 +502,10 @@ class Model final : public ForceField<D> {
     }
   }
 
+  static constexpr Index most_shares = 64;
+  struct alignas(64) Taken {
+    std::atomic<Index> count = 0;
+  };
   static constexpr std::size_t per_page = 512;  ///< coordinates: threads write to pages of their own
 
   std::tuple<Parts...> parts_;

@@ -1,0 +1,157 @@
+// What threads and ranks gain: a run that is stored in a folder is gone on with in turns of some steps by one process,
+// by its threads, by copies on all ranks at the same time, and by the ranks together. Turns follow each other within a
+// second, so that a machine whose speed changes disturbs them alike.
+//
+//     mpiexec -n 2 pliant_speedup FOLDER STEPS CYCLES
+//
+// prints a line of JSON: for each way of running, the wall time of each cycle's turn in ns per point and step.
+#include <fmt/format.h>
+#include <omp.h>
+
+#include <chrono>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include <pliant/base/petsc.h>
+#include <pliant/scenarios/hopper_options.h>
+#include <pliant/scenarios/particles.h>
+#include <pliant/scenarios/run_folder.h>
+#include <pliant/ts/particle_system.h>
+#include <pliant/ts/verlet.h>
+
+namespace pliant {
+namespace {
+
+constexpr int warm_up = 20;  // steps before each turn, until caches hold the system whose turn it is
+
+/// A hopper's particles without what a run does beside moving them: particles that leave fall on.
+template <int D>
+class System {
+ public:
+  /// Each rank begins with an equal share, and gets those that lie together.
+  System(const HopperOptions& p, const Checkpoint& c, const Ranks& ranks)
+      : particles_({}, p.hopper.walls<D>(), make_force_field<D>(p.model, p.model_parameters(), -Vec<D>::Unit(D - 1)),
+                   neighbour_needs(p.model), p.first_skin(), ranks),
+        dt_(*p.dt),
+        verlet_(dt_) {
+    const Topology all =
+        make_particles(p.model, D, draw_diameters(p.sizes, p.particles, static_cast<std::uint64_t>(p.seed)), p.shape);
+    const auto &ids = c.integers.at("id"), &stored = c.integers.at("rank_particles");
+    if (stored.size() != 1) throw InputError("the run has been stored by {} ranks; use one", stored.size());
+    const auto& x = c.reals.at("x");
+    const auto& v = c.reals.at("v");
+    std::vector<Index> mine;
+    std::vector<Real> own_x, own_v;
+    std::size_t at = 0;
+    for (std::size_t k = 0; k < ids.size(); ++k) {
+      const auto m = static_cast<Index>(ids[k]);
+      const std::size_t end = at + static_cast<std::size_t>(all.points_of(m)) * D;
+      if (static_cast<int>(k * ranks.size() / ids.size()) == ranks.rank()) {
+        mine.push_back(m);
+        own_x.insert(own_x.end(), x.begin() + at, x.begin() + end);
+        own_v.insert(own_v.end(), v.begin() + at, v.begin() + end);
+      }
+      at = end;
+    }
+    particles_.take(all.select(mine));
+    particles_.tune_skin();
+    particles_.neighbours().set_skin(c.reals.at("numbers").at(5));
+    state_ = State(particles_.topology().points(), D);
+    state_.assign(own_x, own_v, own_v);
+    particles_.tidy(state_);
+  }
+
+  /// Seconds of `steps` steps.
+  double run(int steps) {
+    move(warm_up);
+    const auto start = std::chrono::steady_clock::now();
+    move(steps);
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  }
+
+ private:
+  void move(int steps) {
+    const Real end = static_cast<Real>(state_.step + steps) * dt_;
+    verlet_.run(particles_, state_, end, fresh_, [&](State& s) {
+      if (!particles_.untidy()) return AfterStep::proceed;
+      particles_.tidy(s);
+      return AfterStep::reordered;
+    });
+    fresh_ = false;
+  }
+
+  ParticleSystem<D> particles_;
+  Real dt_;
+  FixedStepVerlet verlet_;
+  State state_;
+  bool fresh_ = true;
+};
+
+/// Runs body on one rank, while the others sleep.
+template <class Body>
+double alone(const Ranks& ranks, int on, Body&& body) {
+  const double seconds = ranks.rank() == on ? body() : 0;
+  ranks.meet(std::chrono::hours(1));
+  return ranks.max(seconds);
+}
+
+template <int D>
+void measure(const HopperOptions& p, const Checkpoint& checkpoint, const Ranks& ranks, int steps, int cycles) {
+  System<D> own(p, checkpoint, Ranks()), shared(p, checkpoint, ranks);
+  const double per = 1e9 / (static_cast<double>(checkpoint.reals.at("x").size()) / D * steps);
+  const int workers = ranks.size();
+  nlohmann::ordered_json result;
+  for (int cycle = -1; cycle < cycles; ++cycle) {
+    // The mean over the cores: they differ.
+    double serial = 0;
+    for (int rank = 0; rank < workers; ++rank) serial += alone(ranks, rank, [&] { return own.run(steps); }) / workers;
+    const double threads = alone(ranks, 0, [&] {
+      omp_set_num_threads(workers);
+      const double seconds = own.run(steps);
+      omp_set_num_threads(1);
+      return seconds;
+    });
+    ranks.max(0);  // all at once
+    const double copies = ranks.sum(own.run(steps)) / workers / workers;
+    ranks.max(0);
+    const double together = ranks.max(shared.run(steps));
+    if (cycle < 0) continue;
+    result["serial"].push_back(per * serial);
+    result["threads"].push_back(per * threads);
+    result["serial runs"].push_back(per * copies);
+    result["ranks"].push_back(per * together);
+  }
+  if (ranks.root()) fmt::print("{}\n", result.dump());
+}
+
+void run(const std::vector<std::string>& arguments, const Ranks& ranks) {
+  if (arguments.size() != 3) throw InputError("usage: mpiexec -n N pliant_speedup FOLDER STEPS CYCLES");
+  HopperOptions p;
+  Options options;
+  p.bind(options);
+  options.parse({"-restart", arguments[0]});
+  const auto checkpoint = checkpoint_to_continue("hopper", p, options, ranks);
+  p.resolve();
+  omp_set_num_threads(1);
+  const int steps = std::stoi(arguments[1]), cycles = std::stoi(arguments[2]);
+  if (p.dim == 2)
+    measure<2>(p, *checkpoint, ranks, steps, cycles);
+  else
+    measure<3>(p, *checkpoint, ranks, steps, cycles);
+}
+
+}  // namespace
+}  // namespace pliant
+
+int main(int argc, char** argv) {
+  pliant::PetscSession petsc;
+  try {
+    pliant::run({argv + 1, argv + argc}, pliant::Ranks(PETSC_COMM_WORLD));
+    return 0;
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "pliant_speedup: error: %s\n", error.what());
+    MPI_Abort(PETSC_COMM_WORLD, 1);  // the others may be waiting
+  }
+}
