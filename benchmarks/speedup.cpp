@@ -15,6 +15,7 @@
 #include <vector>
 
 #include <pliant/base/petsc.h>
+#include <pliant/model/polygon.h>
 #include <pliant/scenarios/hopper_options.h>
 #include <pliant/scenarios/particles.h>
 #include <pliant/scenarios/run_folder.h>
@@ -26,7 +27,7 @@ namespace {
 
 constexpr int warm_up = 20;  // steps before each turn, until caches hold the system whose turn it is
 
-/// A hopper's particles without what a run does beside moving them: particles that leave fall on.
+/// A hopper's particles without what a run does beside moving them; those that have left are taken out between turns.
 template <int D>
 class System {
  public:
@@ -65,6 +66,9 @@ class System {
 
   /// Seconds of `steps` steps.
   double run(int steps) {
+    const Topology& topology = particles_.topology();
+    for (Index m = 0; m < topology.owned(); ++m)
+      if (topology.active[m] && mean_of_points<D>(state_.x().data(), topology, m)[D - 1] < -3) particles_.deactivate(m);
     move(warm_up);
     const auto start = std::chrono::steady_clock::now();
     move(steps);
