@@ -22,26 +22,27 @@ def test_four_runs(tmp_path):
     options = SMALL | {"t_end": 300, "frame_interval": 10, "sample_interval": 1}
     del options["hopper_width"]
     table = tmp_path / "widths.csv"
+    # Wide enough not to clog.
     table.write_text(",".join(["name", *options, "hopper_width", "seeds"]) + "\n"
-                     + "".join(",".join([f"w{w}", *map(str, options.values()), str(w), "1-2"]) + "\n" for w in (2, 3)))
+                     + "".join(",".join([f"w{w}", *map(str, options.values()), str(w), "1-2"]) + "\n" for w in (3, 4)))
     process = start(table, "-j", 2)
-    wait_for((tmp_path / "widths/w2,seed=2/run.xdmf").exists, process)
+    wait_for((tmp_path / "widths/w3,seed=2/run.xdmf").exists, process)
     process.send_signal(signal.SIGTERM)
     output, _ = process.communicate(timeout=60)
     assert process.returncode == 75 and "stopped" in output, output
-    assert not (tmp_path / "widths/w3,seed=2").exists()
+    assert not (tmp_path / "widths/w4,seed=2").exists()
 
     process = start(table, "-j", 2)
     output, _ = process.communicate(timeout=60)
     assert process.returncode == 0 and output.splitlines()[-1] == "done 4/4, running 0, failed 0, waiting 0", output
     results = pd.read_csv(tmp_path / "widths/results.csv", index_col="row")
-    assert list(results.index) == ["w2,seed=1", "w2,seed=2", "w3,seed=1", "w3,seed=2"]
-    assert list(results["seed"]) == [1, 2, 1, 2] and list(results["hopper_width"]) == [2, 2, 3, 3]
+    assert list(results.index) == ["w3,seed=1", "w3,seed=2", "w4,seed=1", "w4,seed=2"]
+    assert list(results["seed"]) == [1, 2, 1, 2] and list(results["hopper_width"]) == [3, 3, 4, 4]
     assert (results["Q_error"] > 0).all()
     # A stopped and continued row gives what one uninterrupted run gives.
-    alone = hopper(tmp_path / "alone", **options, hopper_width=2, seed=2).summary
-    assert results["Q"]["w2,seed=2"] == alone["Q"]["value"]
-    assert results["crossed_count"]["w2,seed=2"] == alone["crossed_count"]
+    alone = hopper(tmp_path / "alone", **options, hopper_width=3, seed=2).summary
+    assert results["Q"]["w3,seed=2"] == alone["Q"]["value"]
+    assert results["crossed_count"]["w3,seed=2"] == alone["crossed_count"]
     units = pd.read_csv(tmp_path / "widths/units.csv", index_col="column")["unit"]
     assert units["Q_error"] == alone["Q"]["unit"]
 
