@@ -27,16 +27,15 @@ def table(rows, columns):
     return "\n".join(lines)
 
 
-def origin(rows):
-    row, counts = rows[0], sorted({row["repetitions"] for row in rows})
+def origin(row):
     return (f"{row['date']}, commit {row['commit']}, {row['compiler']}, {row['machine']}; medians of "
-            f"{' or '.join(map(str, counts))} repetition{'s' * (counts[-1] > 1)}.")
+            f"{row['repetitions']} repetition{'s' * (row['repetitions'] > 1)}.")
 
 
 def block(name, contents, notes):
     """What stands between the markers of `name`."""
     rows, columns, *shown = contents
-    text = [table(shown[0] if shown else rows, columns), "", origin(rows)]
+    text = [table(shown[0] if shown else rows, columns), "", origin(rows[0])]
     if name in FIGURES:
         picture, caption, _ = FIGURES[name]
         text += ["", f"![{caption}](images/{picture})"]
