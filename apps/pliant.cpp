@@ -81,9 +81,7 @@ ExitCode run(const std::string& scenario, const Arguments& arguments, const Rank
   if (scenario == "clog") return simulate("clog", pliant::run_clog, arguments, ranks);
   if (scenario == "evaluate") {
     ExitCode code = ExitCode::done;
-    ranks.together([&] {
-      if (ranks.root()) code = evaluate(arguments);
-    });
+    ranks.on_root([&] { code = evaluate(arguments); });
     return code;
   }
   if (scenario == "-help" || scenario == "--help" || scenario == "-h") {

@@ -166,6 +166,14 @@ class Ranks {
     throw Error(code, std::string(text.begin(), text.end()));
   }
 
+  /// Runs body() on the root; its error is everybody's.
+  template <class Body>
+  void on_root(Body&& body) const {
+    together([&] {
+      if (root()) body();
+    });
+  }
+
  private:
   template <class T>
   static int bytes(std::size_t count) {

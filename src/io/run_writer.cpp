@@ -136,17 +136,10 @@ Series read_series_of(const File& file) {
 
 }  // namespace
 
-template <class Body>
-void RunWriter::on_root(Body&& body) {
-  ranks_.together([&] {
-    if (ranks_.root()) body();
-  });
-}
-
 RunWriter RunWriter::create(const std::filesystem::path& folder, const Manifest& manifest, const Topology& topology,
                             const RunGeometry& geometry, const Ranks& ranks) {
   RunWriter writer(folder, ranks, topology.dim);
-  writer.on_root([&] { writer.start(manifest, topology, geometry); });
+  ranks.on_root([&] { writer.start(manifest, topology, geometry); });
   return writer;
 }
 
@@ -180,7 +173,7 @@ RunWriter RunWriter::append(const std::filesystem::path& folder, const Topology&
                             std::uint64_t frames, std::uint64_t event_rows, const Ranks& ranks) {
   RunWriter writer(folder, ranks, topology.dim);
   writer.frames_ = frames;
-  writer.on_root([&] { writer.go_on(topology, series_rows, event_rows); });
+  ranks.on_root([&] { writer.go_on(topology, series_rows, event_rows); });
   return writer;
 }
 
@@ -277,7 +270,7 @@ void RunWriter::write_frame(const Frame& frame) {
   const auto dim = static_cast<std::uint64_t>(dim_);
   std::optional<Group> group;
   std::vector<hdf5::Dataset> datasets;
-  on_root([&] {
+  ranks_.on_root([&] {
     std::uint64_t size = metadata_bytes + kept_bytes() + walls_ * (dim + 8) * sizeof(Real);
     for (const FrameArray& a : layout.arrays) size += a.shape[0] * a.row_bytes();
     file_->reserve(size);
@@ -297,7 +290,7 @@ void RunWriter::write_frame(const Frame& frame) {
     for (const FrameArray& a : layout.arrays) datasets.push_back(group->create_dataset(a.name, a.type, a.shape));
   });
   write_arrays(layout.arrays, datasets);
-  on_root([&] {
+  ranks_.on_root([&] {
     // First all that is new, then what points to it: a kill within a flush should find little in between.
     file_->flush();
     const std::string name = frame_name(frames_);

@@ -119,8 +119,6 @@ class RunWriter {
   RunWriter(std::filesystem::path folder, const Ranks& ranks, int dim) : folder_(folder), ranks_(ranks), dim_(dim) {}
   void start(const Manifest& manifest, const Topology& topology, const RunGeometry& geometry);
   void go_on(const Topology& topology, std::uint64_t series_rows, std::uint64_t event_rows);
-  template <class Body>
-  void on_root(Body&& body);
   std::uint64_t kept_bytes() const { return samples_.kept_bytes() + events_.kept_bytes(); }
   void write_tables();
   void write_arrays(const std::vector<FrameArray>& arrays, std::vector<hdf5::Dataset>& datasets);

@@ -1,7 +1,6 @@
 #include <pliant/base/simd.h>
 #include <pliant/kernels/pair_forces.h>
-
-#include <array>
+#include <pliant/kernels/scatter.h>
 
 namespace pliant {
 namespace {
@@ -25,10 +24,6 @@ struct Places {
   }
 };
 
-/// Vectors of four pairs, component by component.
-template <int D>
-using Vectors = std::array<Real4, D>;
-
 // a_first − a_second
 
 PLIANT_INLINE Vectors<2> differences(const Places<2>& at, const Real* a) {
@@ -49,40 +44,6 @@ PLIANT_INLINE Vectors<3> differences(const Places<3>& at, const Real* a) {
   return {p.x, p.y, Real4{z[0], z[1], z[2], z[3]}};
 }
 
-// Pair by pair, because several pairs of four may share a point.
-
-template <Sides sides>
-PLIANT_INLINE void scatter(const Places<2>& at, const Vectors<2>& force, Real* f) {
-  Real4 lanes02, lanes13;
-  simd::transpose(Points2{force[0], force[1]}, lanes02, lanes13);
-  const Real2 u[] = {simd::low(lanes02), simd::low(lanes13), simd::high(lanes02), simd::high(lanes13)};
-  for (int k = 0; k < 4; ++k) {
-    Real* const i = f + at.first[k];
-    simd::store2(i, simd::load2(i) + u[k]);
-    if constexpr (sides == Sides::both) {
-      Real* const j = f + at.second[k];
-      simd::store2(j, simd::load2(j) - u[k]);
-    }
-  }
-}
-
-template <Sides sides>
-PLIANT_INLINE void scatter(const Places<3>& at, const Vectors<3>& force, Real* f) {
-  Real4 lanes02, lanes13;
-  simd::transpose(Points2{force[0], force[1]}, lanes02, lanes13);
-  const Real2 xy[] = {simd::low(lanes02), simd::low(lanes13), simd::high(lanes02), simd::high(lanes13)};
-  for (int k = 0; k < 4; ++k) {
-    Real* const i = f + at.first[k];
-    simd::store2(i, simd::load2(i) + xy[k]);
-    i[2] += force[2][k];
-    if constexpr (sides == Sides::both) {
-      Real* const j = f + at.second[k];
-      simd::store2(j, simd::load2(j) - xy[k]);
-      j[2] -= force[2][k];
-    }
-  }
-}
-
 template <int D, bool friction, Sides sides>
 PLIANT_INLINE void add_four(const PairLaw& law, const Pair* pairs, Real4 reach, const Real* x, const Real* v, Real* f) {
   const Places<D> at(pairs);
@@ -99,7 +60,7 @@ PLIANT_INLINE void add_four(const PairLaw& law, const Pair* pairs, Real4 reach, 
     const auto u = differences(at, v);
     for (std::size_t k = 0; k < u.size(); ++k) force[k] -= mu * u[k];
   }
-  scatter<sides>(at, force, f);
+  scatter<D>(at.first, force, f, sides == Sides::both ? at.second : nullptr);
 }
 
 template <int D, bool friction, Sides sides>

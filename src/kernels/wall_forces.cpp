@@ -1,14 +1,11 @@
-#include <pliant/base/simd.h>
+#include <pliant/kernels/scatter.h>
 #include <pliant/kernels/wall_forces.h>
-
-#include <array>
 
 namespace pliant {
 namespace {
 
 using simd::Mask4;
 using simd::Points2;
-using simd::Real2;
 using simd::Real4;
 
 /// A vector of the plane at `of(k)` of four things.
@@ -47,20 +44,11 @@ PLIANT_INLINE void add_four(Real epsilon, const Pair* pairs, const WallSegment* 
   // ε/δ (1 − d/δ) / d with one division
   const Real4 push = simd::where(touches, epsilon * (reach - d) / (reach * reach * d));
   if constexpr (D == 2) {
-    Real4 lanes02, lanes13;
-    simd::transpose(Points2{push * q.x, push * q.y}, lanes02, lanes13);
-    const Real2 force[] = {simd::low(lanes02), simd::low(lanes13), simd::high(lanes02), simd::high(lanes13)};
-    for (int k = 0; k < 4; ++k) simd::store2(f + at[k], simd::load2(f + at[k]) + force[k]);
+    scatter<2>(at, {push * q.x, push * q.y}, f);
   } else {
     // On the axis there is no radial direction.
-    const Real4 radial = simd::where(p.x > 0, push * q.x / p.x), axial = push * q.y;
-    Real4 lanes02, lanes13;
-    simd::transpose(Points2{radial * xy.x, radial * xy.y}, lanes02, lanes13);
-    const Real2 force[] = {simd::low(lanes02), simd::low(lanes13), simd::high(lanes02), simd::high(lanes13)};
-    for (int k = 0; k < 4; ++k) {
-      simd::store2(f + at[k], simd::load2(f + at[k]) + force[k]);
-      f[at[k] + 2] += axial[k];
-    }
+    const Real4 radial = simd::where(p.x > 0, push * q.x / p.x);
+    scatter<3>(at, {radial * xy.x, radial * xy.y, push * q.y}, f);
   }
 }
 

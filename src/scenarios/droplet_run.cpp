@@ -72,7 +72,7 @@ ExitCode DropletRun::run(const std::optional<Checkpoint>& checkpoint) {
   RunGeometry shape = geometry();
   shape.segments = wall_segments(0);
   const Topology& topology = particles().topology();
-  on_root([&] {
+  ranks_.on_root([&] {
     writer_.emplace(
         checkpoint
             ? RunWriter::append(p_.output, topology, restored_samples_, restored_frames_, restored_events_)
@@ -93,7 +93,7 @@ ExitCode DropletRun::run(const std::optional<Checkpoint>& checkpoint) {
     if (!stopped_) complete();
     s = summary(stopped_ ? "stopped" : "done");
     if (!stopped_) conclude(s);
-    on_root([&] {
+    ranks_.on_root([&] {
       writer_->flush();
       write_summary(p_.output, s);
       writer_->close();
@@ -113,14 +113,6 @@ void DropletRun::report(Real cpu) const {
     fmt::print("ended by {} at t = {:.6g} t0; error of the energy budget {:.1e}\n", ended_by_, state_.t, budget_error_);
   const IntegratorStatistics total = statistics();
   fmt::print("{} steps, {} force evaluations, {:.2f} s CPU\n", total.steps, total.force_evaluations, cpu);
-}
-
-/// Runs body() on the rank that writes; its errors are everybody's.
-template <class Body>
-void DropletRun::on_root(Body&& body) {
-  ranks_.together([&] {
-    if (ranks_.root()) body();
-  });
 }
 
 void DropletRun::begin() {
@@ -238,7 +230,7 @@ void DropletRun::sample() {
   row.emplace_back("withdrawn", withdrawn_);
   row.emplace_back("budget_error", budget_error_);
   measure(row);
-  on_root([&] { writer_->add_sample(row); });
+  ranks_.on_root([&] { writer_->add_sample(row); });
 }
 
 void DropletRun::frame() {
@@ -253,11 +245,11 @@ void DropletRun::write_frame() {
   FrameData<2> data(particles(), state_);
   const std::vector<Real> walls = wall_segments(state_.t);
   data.frame.wall_segments = walls;
-  on_root([&] { writer_->write_frame(data.frame); });
+  ranks_.on_root([&] { writer_->write_frame(data.frame); });
 }
 
 void DropletRun::add_event(const std::vector<SeriesValue>& row) {
-  on_root([&] { writer_->add_event(row); });
+  ranks_.on_root([&] { writer_->add_event(row); });
 }
 
 std::vector<Real> DropletRun::wall_forces() {
@@ -318,7 +310,7 @@ void DropletRun::store() {
     last = std::move(all);
   }
   const Real cpu = total_cpu();
-  on_root([&] {
+  ranks_.on_root([&] {
     writer_->flush();
     CheckpointWriter& c = *checkpoints_;
     c.begin(state_.t, state_.step);
@@ -429,12 +421,12 @@ void DropletRun::fail(const Error& error) {
     attempt([&] {
       // With the velocities found last: where droplets have run into each other there are no others.
       if (last_frame_at_ >= 0 && last_frame_at_ < state_.t) write_frame();
-      on_root([&] { writer_->flush(); });
+      ranks_.on_root([&] { writer_->flush(); });
     });
   attempt([&] {
     nlohmann::ordered_json s = summary("failed");
     s["message"] = message;
-    on_root([&] { write_summary(p_.output, s); });
+    ranks_.on_root([&] { write_summary(p_.output, s); });
   });
   throw Error(error.code(), message);
 }

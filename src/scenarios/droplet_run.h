@@ -119,8 +119,6 @@ class DropletRun {
   std::vector<Real> own_part(std::span<const Real> all) const;
   void gather(std::span<const Real> own, std::span<Real> all) const;
   State& moving() { return whole_ ? own_ : state_; }
-  template <class Body>
-  void on_root(Body&& body);
   void sample();
   void write_frame();
   void store();

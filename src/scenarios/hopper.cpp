@@ -100,7 +100,7 @@ class HopperRun {
         restarted_ ? RunWriter::append(p_.output, all_, restored_samples_, restored_frames_, restored_events_, ranks_)
                    : RunWriter::create(p_.output, make_manifest("hopper", to_string(p_.model), D, p_.seed, options_),
                                        all_, geometry(), ranks_));
-    on_root([&] {
+    ranks_.on_root([&] {
       checkpoints_.emplace(p_.output);
       writer_->write_axis("profile_height", profile_heights());
       announce();
@@ -157,14 +157,6 @@ class HopperRun {
       integrator_ = std::make_unique<TsIntegrator>(
           TsOptions{.dt = dt_, .longest_dt = longest_dt(), .implicit = p_.implicit, .jacobian = p_.jacobian},
           ranks_.comm());
-  }
-
-  /// Runs body() on the rank that writes and speaks; its errors are everybody's.
-  template <class Body>
-  void on_root(Body&& body) {
-    ranks_.together([&] {
-      if (ranks_.root()) body();
-    });
   }
 
   /// The start of a new run.
@@ -224,7 +216,7 @@ class HopperRun {
   /// would have ended the run, it has ended.
   void repeat_judgements() {
     if (!precision_) return;
-    on_root([&] { repeat_stored_judgements(); });
+    ranks_.on_root([&] { repeat_stored_judgements(); });
     outcome_ = ranks_.broadcast(outcome_);
   }
 
@@ -328,7 +320,7 @@ class HopperRun {
     std::vector<Crossing> all = ranks_.all_gather(std::exchange(crossings_, {}));
     std::sort(all.begin(), all.end(),
               [](const Crossing& a, const Crossing& b) { return std::pair(a.at.t, a.id) < std::pair(b.at.t, b.id); });
-    on_root([&] {
+    ranks_.on_root([&] {
       for (const Crossing& c : all)
         writer_->add_event(std::array<SeriesValue, 4>{
             {{"time", c.at.t}, {"particle", static_cast<Real>(c.id)}, {"position", c.at.x}, {"velocity", c.at.v}}});
@@ -341,7 +333,7 @@ class HopperRun {
     while (next_sample_ * p_.sample_interval * (1 - 1e-12) <= s.t) ++next_sample_;
     last_sample_at_ = s.t;
     last_sample_ = take_sample<D>(system_, s, p_.hopper, flow_, s.step > 0 ? integrator_->statistics().last_dt : dt_);
-    on_root([&] { writer_->add_sample(last_sample_.row); });
+    ranks_.on_root([&] { writer_->add_sample(last_sample_.row); });
     check(s);
     const FlowCount& crossed = last_sample_.crossed;
     if (precision_ &&
@@ -391,14 +383,14 @@ class HopperRun {
     const LogScope log(LogEvent::checkpoint);
     record_crossings();
     const Topology& topology = system_.topology();
-    on_root([&] {
+    ranks_.on_root([&] {
       writer_->flush();
       checkpoints_->begin(s.t, s.step);
     });
     // One array at a time, so that they are not in memory once more.
     const auto add = [&](const char* name, auto&& values) {
       const auto all = ranks_.gather(std::forward<decltype(values)>(values));
-      on_root([&] { checkpoints_->add(name, all); });
+      ranks_.on_root([&] { checkpoints_->add(name, all); });
     };
     const auto add_own = [&](const char* name, const auto& values) {
       add(name, std::span(values).first(topology.owned()));
@@ -420,7 +412,7 @@ class HopperRun {
     const IntegratorStatistics total = statistics();
     const std::int64_t crossed = ranks_.sum(flow_.crossed);
     const Real crossed_area = ranks_.sum(flow_.area), cpu = total_cpu();
-    on_root([&] {
+    ranks_.on_root([&] {
       checkpoints_->add("numbers", std::array{crossed_area, clog_.state().quiet_since, last_sample_at_, last_frame_at_,
                                               next_dt(), system_.neighbours().skin(), cpu});
       checkpoints_->add(
@@ -608,11 +600,11 @@ class HopperRun {
         const bool finite = std::all_of(state_.x().begin(), state_.x().end(), [](Real a) { return std::isfinite(a); });
         // Before the first frame the particles have no places.
         if (ranks_.all(finite && writer_->frames() > 0)) frame(state_);
-        on_root([&] { writer_->flush(); });
+        ranks_.on_root([&] { writer_->flush(); });
       }
       nlohmann::ordered_json s = summary("failed");
       s["message"] = message;
-      on_root([&] { write_summary(p_.output, s); });
+      ranks_.on_root([&] { write_summary(p_.output, s); });
     } catch (const Error& second) {
       message += fmt::format("; then {}", second.what());
     }
@@ -621,7 +613,7 @@ class HopperRun {
 
   ExitCode finish() {
     nlohmann::ordered_json s = summary(to_string(outcome_));
-    on_root([&] { write_results(s); });
+    ranks_.on_root([&] { write_results(s); });
     return outcome_ == Outcome::stopped ? ExitCode::stopped : ExitCode::done;
   }
 

@@ -171,6 +171,8 @@ def test_contacts_of_a_settled_pile(settled):
     assert 0.4 * 2 * dim < touching < 1.2 * 2 * dim
     counts = np.bincount(last["contacts/particles"].ravel(), minlength=n)
     assert np.array_equal(counts, last["contact_count"])
+    # A contact is drawn from centre to centre.
+    assert np.array_equal(last["xdmf/contact_points"], last["centres"][last["contacts/particles"].ravel()])
 
 
 def test_energy_falls_under_drag(settled):
