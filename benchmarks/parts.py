@@ -4,14 +4,15 @@ and notes on what it left out."""
 import json
 import math
 import os
-import random
 import re
 import shutil
 import statistics
 from pathlib import Path
 
+import numpy as np
 from harness import Unsupported, interleave, read_csv, run, say, spread
 from lammps import peer as lammps
+from scipy.stats import bootstrap
 
 FRICTION, DRAG = "-mu 31.6227766", "-zeta 0.316227766"
 QUIET = "-checkpoint_interval 0 -frame_interval 1e9"  # first and last frame only
@@ -187,11 +188,12 @@ class Chain:
 
 def scaling(context):
     sizes = [100, 1000, 10_000] + ([] if context.quick else [100_000, 1_000_000])
+    beyond = {} if context.quick else {"rough": [4_000_000]}  # of one system: a quarter of an hour until it is dense
     work = 2e6 if context.quick else 1e8  # point-steps
     _, smallest = context.program.hopper(f"{SYSTEMS['soft 2D'](10)[0]} -t_end 10 {SILENT}", context.folder("smallest"))
     chains, rows = {}, []
     for system in SYSTEMS:
-        for points in sizes:
+        for points in sizes + beyond.get(system, []):
             chains[system, points] = Chain(context, f"scaling-{system}-{points}".replace(" ", "-"), system, points,
                                            max(200, round(work / points)))
     jobs = {key: (lambda _, chain=chain: chain.measure()) for key, chain in chains.items()}
@@ -215,11 +217,9 @@ def ranks_prefix(ranks):
     return [mpiexec, *root, "--bind-to", "none", "-n", ranks]
 
 
-def interval_of_median(values, samples=2000):
+def interval_of_median(values):
     """5 and 95 % of the medians of resampled values."""
-    draw = random.Random(1)
-    medians = sorted(statistics.median(draw.choices(values, k=len(values))) for _ in range(samples))
-    return medians[samples // 20], medians[-samples // 20 - 1]
+    return bootstrap((values,), np.median, confidence_level=0.9, method="percentile", random_state=1).confidence_interval
 
 
 def parallel(context):
