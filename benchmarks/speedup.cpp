@@ -19,6 +19,7 @@
 #include <pliant/scenarios/hopper_options.h>
 #include <pliant/scenarios/particles.h>
 #include <pliant/scenarios/run_folder.h>
+#include <pliant/scenarios/stored_particles.h>
 #include <pliant/ts/particle_system.h>
 #include <pliant/ts/verlet.h>
 
@@ -39,28 +40,12 @@ class System {
         verlet_(dt_) {
     const Topology all =
         make_particles(p.model, D, draw_diameters(p.sizes, p.particles, static_cast<std::uint64_t>(p.seed)), p.shape);
-    const auto &ids = c.integers.at("id"), &stored = c.integers.at("rank_particles");
-    if (stored.size() != 1) throw InputError("the run has been stored by {} ranks; use one", stored.size());
-    const auto& x = c.reals.at("x");
-    const auto& v = c.reals.at("v");
-    std::vector<Index> mine;
-    std::vector<Real> own_x, own_v;
-    std::size_t at = 0;
-    for (std::size_t k = 0; k < ids.size(); ++k) {
-      const auto m = static_cast<Index>(ids[k]);
-      const std::size_t end = at + static_cast<std::size_t>(all.points_of(m)) * D;
-      if (static_cast<int>(k * ranks.size() / ids.size()) == ranks.rank()) {
-        mine.push_back(m);
-        own_x.insert(own_x.end(), x.begin() + at, x.begin() + end);
-        own_v.insert(own_v.end(), v.begin() + at, v.begin() + end);
-      }
-      at = end;
-    }
-    particles_.take(all.select(mine));
+    const StoredParticles stored(c, all, D, ranks);
+    particles_.take(all.select(stored.ids()));
     particles_.tune_skin();
-    particles_.neighbours().set_skin(c.reals.at("numbers").at(5));
-    state_ = State(particles_.topology().points(), D);
-    state_.assign(own_x, own_v, own_v);
+    particles_.neighbours().set_skin(c.reals.at("numbers").at(stored_skin));
+    const auto x = stored.points(c.reals.at("x")), v = stored.points(c.reals.at("v"));
+    state_.assign(x, v, v);
     particles_.tidy(state_);
   }
 

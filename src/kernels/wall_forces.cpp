@@ -1,3 +1,4 @@
+#include <pliant/base/simd.h>
 #include <pliant/kernels/scatter.h>
 #include <pliant/kernels/wall_forces.h>
 

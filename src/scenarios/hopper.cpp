@@ -19,6 +19,7 @@
 #include <pliant/scenarios/reinsertion.h>
 #include <pliant/scenarios/run_control.h>
 #include <pliant/scenarios/run_folder.h>
+#include <pliant/scenarios/stored_particles.h>
 #include <pliant/ts/drag_limit.h>
 #include <pliant/ts/ts_integrator.h>
 #include <pliant/ts/verlet.h>
@@ -429,24 +430,16 @@ class HopperRun {
   }
 
   void load(const Checkpoint& c) try {
-    const auto& ids = c.integers.at("id");
-    const auto [first, last] = own_share(c.integers.at("rank_particles"), static_cast<Index>(ids.size()));
-    std::size_t first_point = 0, points = 0;
-    std::vector<Index> mine;
-    for (Index k = 0; k < last; ++k) {
-      const Index m = static_cast<Index>(ids[k]);
-      (k < first ? first_point : points) += static_cast<std::size_t>(all_.points_of(m)) * D;
-      if (k >= first) mine.push_back(m);
-    }
-    take(mine);
-    const auto cut = [&](std::span<const Real> values) { return values.subspan(first_point, points); };
-    const auto restore = [&, first = first, last = last](auto& own, const char* name) {
-      const auto& values = c.integers.at(name);
-      own.assign(values.begin() + first, values.begin() + last);
+    const StoredParticles stored(c, all_, D, ranks_);
+    take(stored.ids());
+    const auto restore = [&](auto& own, const char* name) {
+      const auto values = stored.particles(c.integers.at(name));
+      own.assign(values.begin(), values.end());
     };
     state_.t = c.t;
     state_.step = c.step;
-    state_.assign(cut(c.reals.at("x")), cut(c.reals.at("v")), cut(c.reals.at("predicted")));
+    state_.assign(stored.points(c.reals.at("x")), stored.points(c.reals.at("v")),
+                  stored.points(c.reals.at("predicted")));
     restore(counted_, "counted");
     restore(reinserted_, "reinserted");
     std::vector<std::uint8_t> active;
@@ -476,10 +469,10 @@ class HopperRun {
     // The lists of the stopped run: the order of their sums is part of the state.
     const auto &reference = c.reals.at("list_reference"), &places = c.reals.at("list_places");
     const std::vector<Index> relocated(c.integers.at("list_relocated").begin(), c.integers.at("list_relocated").end());
-    system_.neighbours().set_skin(numbers.at(5));
+    system_.neighbours().set_skin(numbers.at(stored_skin));
     if (!reference.empty()) {
       if (ranks_.several())
-        system_.rebuild(cut(reference).data());
+        system_.rebuild(stored.points(reference).data());
       else
         system_.neighbours().replay(system_.topology(), system_.walls(), {reference, relocated, places});
     }
@@ -489,19 +482,6 @@ class HopperRun {
   } catch (const std::out_of_range&) {
     throw InputError("{}: the checkpoint lacks what this version needs; go on with the version that wrote it",
                      p_.output);
-  }
-
-  /// This rank's part of n stored particles: as it was, on as many ranks as before.
-  std::pair<Index, Index> own_share(const std::vector<std::int64_t>& stored, Index n) const {
-    const auto rank = static_cast<std::size_t>(ranks_.rank());
-    if (stored.size() == static_cast<std::size_t>(ranks_.size())) {
-      const std::int64_t first = std::accumulate(stored.begin(), stored.begin() + static_cast<std::ptrdiff_t>(rank), 0);
-      return {static_cast<Index>(first), static_cast<Index>(first + stored[rank])};
-    }
-    const auto share = [&](std::size_t r) {
-      return static_cast<Index>(static_cast<std::int64_t>(n) * static_cast<std::int64_t>(r) / ranks_.size());
-    };
-    return {share(rank), share(rank + 1)};
   }
 
   Real next_dt() const {
