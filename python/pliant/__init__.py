@@ -7,6 +7,10 @@
 Units are those of the program: lengths in sigma_avg, times in t0 = sqrt(sigma_avg/g), density 1.
 """
 
+from . import requirements
+
+requirements.check()
+
 from .errors import OutputError, PliantError, RunError
 from .run import Frame, Frames, Geometry, Profile, Run, Topology
 from .sweep import load_runs, load_table, sweep_table

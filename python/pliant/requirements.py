@@ -1,0 +1,25 @@
+"""What the scripts beside this package need of the Python that runs them."""
+
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+_SWEEP = ("numpy", "pandas", "h5py", "uncertainties")
+_PLOTS = (*_SWEEP, "scipy", "matplotlib", "lmfit")
+_SYSTEM = "/usr/bin/python3"
+
+
+def check():
+    """Where one of our scripts runs under a Python without what it needs, as one that comes first in the PATH: says so
+    in one line and exits with 2. Programs of others that import pliant get Python's own error."""
+    script = Path(getattr(sys.modules["__main__"], "__file__", "")).resolve()
+    if Path(__file__).resolve().parents[1] not in script.parents[:2]:
+        return
+    missing = [name for name in (_PLOTS if script.parent.name == "plots" else _SWEEP) if find_spec(name) is None]
+    if not missing:
+        return
+    packages = " ".join(f"python3-{name}" for name in missing)
+    other = f"run it with {_SYSTEM}, or " if sys.prefix != "/usr" else ""
+    print(f"{script.name}: error: {sys.executable or 'this Python'} has no {', '.join(missing)}; {other}install Debian's "
+          f"{packages} (scripts/setup.sh)", file=sys.stderr)
+    sys.exit(2)
