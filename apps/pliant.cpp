@@ -2,10 +2,10 @@
 #include <fmt/format.h>
 
 #include <chrono>
-#include <cstdio>
 #include <string>
 #include <vector>
 
+#include <pliant/base/console.h>
 #include <pliant/base/errors.h>
 #include <pliant/base/nearest.h>
 #include <pliant/base/options.h>
@@ -36,8 +36,8 @@ constexpr const char* usage =
     "pliant SCENARIO -help   options of a scenario\n"
     "pliant -version         version and build\n";
 
-void say(const Ranks& ranks, const std::string& text) {
-  if (ranks.root()) fmt::print("{}", text);
+void answer(const Ranks& ranks, const std::string& text) {
+  ranks.on_root([&] { pliant::print_result(text); });
 }
 
 /// A scenario that is run by options.
@@ -48,15 +48,15 @@ ExitCode simulate(const char* scenario, ExitCode (*start)(Parameters&, pliant::O
   pliant::Options options;
   parameters.bind(options);
   if (arguments == Arguments{"-help_markdown"}) {  // what docs/options.md is made from
-    say(ranks, options.markdown());
+    answer(ranks, options.markdown());
     return ExitCode::done;
   }
   switch (options.parse(arguments)) {
     case pliant::Options::Request::help:
-      say(ranks, fmt::format("usage: pliant {} [-option value ...]\n\n", scenario) + options.help());
+      answer(ranks, fmt::format("usage: pliant {} [-option value ...]\n\n", scenario) + options.help());
       break;
     case pliant::Options::Request::version:
-      say(ranks, pliant::build_info().text());
+      answer(ranks, pliant::build_info().text());
       break;
     case pliant::Options::Request::run:
       return start(parameters, options, ranks);
@@ -64,15 +64,16 @@ ExitCode simulate(const char* scenario, ExitCode (*start)(Parameters&, pliant::O
   return ExitCode::done;
 }
 
-ExitCode evaluate(const Arguments& arguments) {
-  if (arguments.size() != 1 || arguments[0] == "-help") {
-    const char* text = "usage: pliant evaluate CASE.json (docs/evaluate.md describes the file)";
-    if (arguments.size() != 1) throw InputError("{}", text);
-    fmt::print("{}\n", text);
-    return ExitCode::done;
+void evaluate(const Arguments& arguments) {
+  const std::string usage_here = "usage: pliant evaluate CASE.json (docs/evaluate.md describes the file)";
+  if (arguments == Arguments{"-help"} || arguments == Arguments{"--help"}) {
+    pliant::print_result(usage_here + "\n");
+    return;
   }
-  fmt::print("{}\n", pliant::to_text(pliant::evaluate(pliant::read_case(arguments[0]), arguments[0])));
-  return ExitCode::done;
+  if (arguments.size() != 1) throw InputError("{}", usage_here);
+  const std::string& file = arguments[0];
+  if (file.starts_with('-')) throw InputError("unknown option {}; {}", file, usage_here);
+  pliant::print_result(pliant::to_text(pliant::evaluate(pliant::read_case(file), file)) + "\n");
 }
 
 ExitCode run(const std::string& scenario, const Arguments& arguments, const Ranks& ranks) {
@@ -80,16 +81,15 @@ ExitCode run(const std::string& scenario, const Arguments& arguments, const Rank
   if (scenario == "raft") return simulate("raft", pliant::run_raft, arguments, ranks);
   if (scenario == "clog") return simulate("clog", pliant::run_clog, arguments, ranks);
   if (scenario == "evaluate") {
-    ExitCode code = ExitCode::done;
-    ranks.on_root([&] { code = evaluate(arguments); });
-    return code;
+    ranks.on_root([&] { evaluate(arguments); });
+    return ExitCode::done;
   }
   if (scenario == "-help" || scenario == "--help" || scenario == "-h") {
-    say(ranks, usage);
+    answer(ranks, usage);
     return ExitCode::done;
   }
   if (scenario == "-version" || scenario == "--version") {
-    say(ranks, pliant::build_info().text());
+    answer(ranks, pliant::build_info().text());
     return ExitCode::done;
   }
   const std::vector<std::string> scenarios{"hopper", "raft", "clog", "evaluate"};
@@ -100,9 +100,9 @@ ExitCode run(const std::string& scenario, const Arguments& arguments, const Rank
 
 /// Says what went wrong, once. Errors that all ranks share end the program in order; one that only some of the ranks
 /// have leaves the others waiting, and ends them too.
-int complain(const Ranks& ranks, const std::string& message, ExitCode code) {
+int fail(const Ranks& ranks, const std::string& message, ExitCode code) {
   const bool shared = ranks.meet(std::chrono::seconds(2));
-  if (ranks.root() || !shared) fmt::print(stderr, "pliant: error: {}\n", message);
+  if (ranks.root() || !shared) pliant::complain(fmt::format("pliant: error: {}\n", message));
   if (!shared) MPI_Abort(ranks.comm(), static_cast<int>(code));
   return static_cast<int>(code);
 }
@@ -110,6 +110,7 @@ int complain(const Ranks& ranks, const std::string& message, ExitCode code) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  pliant::guard_standard_streams();
   const Arguments arguments(argv + std::min(argc, 2), argv + argc);
   try {
     pliant::PetscSession petsc;
@@ -119,14 +120,13 @@ int main(int argc, char** argv) {
       if (argc < 2) throw InputError("no scenario given; pliant -help lists them");
       code = static_cast<int>(run(argv[1], arguments, ranks));
     } catch (const pliant::Error& error) {
-      code = complain(ranks, error.what(), error.code());
+      code = fail(ranks, error.what(), error.code());
     } catch (const std::exception& error) {
-      code = complain(ranks, fmt::format("internal: {}", error.what()), ExitCode::numerical_failure);
+      code = fail(ranks, fmt::format("internal: {}", error.what()), ExitCode::numerical_failure);
     }
-    std::fflush(stdout);  // mpiexec kills the others as soon as one has left with a code
     return code;
   } catch (const pliant::Error& error) {
-    fmt::print(stderr, "pliant: error: {}\n", error.what());
+    pliant::complain(fmt::format("pliant: error: {}\n", error.what()));
     return static_cast<int>(error.code());
   }
 }

@@ -30,6 +30,34 @@ std::size_t typing_errors(std::string_view a, std::string_view b) {
   return d[a.size()][b.size()];
 }
 
+enum class Abbreviates { name, later_word, nothing };
+
+// A single letter abbreviates words that are longer: w is width, not the w of e_w.
+Abbreviates what_begins_with(const std::string& part, const std::string& name) {
+  if (name.starts_with(part)) return Abbreviates::name;
+  const std::string word = "_" + part;
+  for (auto at = name.find(word); at != name.npos; at = name.find(word, at + 1)) {
+    const std::size_t end = at + word.size();
+    if (part.size() > 1 || (end < name.size() && name[end] != '_')) return Abbreviates::later_word;
+  }
+  return Abbreviates::nothing;
+}
+
+// The only candidate that begins with the part, else the only one that has a later word which does. Of several that a
+// single letter abbreviates the first of the shortest.
+const std::string* abbreviated(const std::string& part, std::span<const std::string> candidates) {
+  for (const Abbreviates what : {Abbreviates::name, Abbreviates::later_word}) {
+    const std::string* found = nullptr;
+    std::size_t count = 0;
+    for (const std::string& candidate : candidates) {
+      if (what_begins_with(part, lower(candidate)) != what) continue;
+      if (count++ == 0 || candidate.size() < found->size()) found = &candidate;
+    }
+    if (count == 1 || (count > 1 && part.size() == 1)) return found;
+  }
+  return nullptr;
+}
+
 }  // namespace
 
 std::optional<std::string> nearest(std::string_view name, std::span<const std::string> candidates) {
@@ -37,6 +65,8 @@ std::optional<std::string> nearest(std::string_view name, std::span<const std::s
   if (name.empty() || name.size() > longest) return {};
   const std::string wanted = lower(name);
 
+  if (const auto* whole = abbreviated(wanted, candidates)) return *whole;
+  if (wanted.size() == 1) return {};  // an error would be the whole of it
   const std::string* best = nullptr;
   std::size_t best_errors = std::max<std::size_t>(1, std::min<std::size_t>(3, wanted.size() / 3)) + 1;
   for (const auto& candidate : candidates) {
@@ -45,15 +75,7 @@ std::optional<std::string> nearest(std::string_view name, std::span<const std::s
       best_errors = errors;
     }
   }
-  if (best != nullptr) return *best;
-
-  const auto is_part = [&](const std::string& candidate) {
-    const std::string whole = lower(candidate);
-    return wanted.size() > 1 && (whole.starts_with(wanted + "_") || whole.ends_with("_" + wanted));
-  };
-  const auto first = std::find_if(candidates.begin(), candidates.end(), is_part);
-  if (first == candidates.end() || std::any_of(first + 1, candidates.end(), is_part)) return {};
-  return *first;
+  return best != nullptr ? std::optional(*best) : std::nullopt;
 }
 
 }  // namespace pliant

@@ -112,6 +112,11 @@ std::string did_you_mean(const std::optional<std::string>& name) {
   return name ? fmt::format("; did you mean {}?", *name) : "";
 }
 
+// Whether a help text has the symbol of a quantity: "width w of the orifice".
+bool has_word(const std::string& help, const std::string& symbol) {
+  return symbol != "a" && (' ' + help + ' ').find(' ' + symbol + ' ') != std::string::npos;
+}
+
 std::string_view without_plus(std::string_view text) {
   return text.size() > 1 && text[0] == '+' && text[1] != '-' ? text.substr(1) : text;
 }
@@ -335,7 +340,10 @@ void Options::refuse_unknown(const Setting& setting) const {
   std::vector<std::string> names(reserved.begin(), reserved.end());
   for (const Option& option : options_) names.push_back(option.name);
   names.insert(names.end(), petsc_usual.begin(), petsc_usual.end());
-  const auto near = nearest(setting.name, names);
+  const auto has_symbol = [&](const Option& option) { return has_word(option.spec.help, setting.name); };
+  const auto named =
+      setting.name.size() == 1 ? std::find_if(options_.begin(), options_.end(), has_symbol) : options_.end();
+  const auto near = named != options_.end() ? std::optional(named->name) : nearest(setting.name, names);
   throw InputError("unknown option -{}{}; {}", setting.name, where,
                    near ? fmt::format("did you mean -{}?", *near) : "-help lists all options");
 }

@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 
+#include <pliant/base/console.h>
 #include <pliant/base/log.h>
 #include <pliant/io/summary.h>
 #include <pliant/scenarios/frame_data.h>
@@ -78,8 +79,8 @@ ExitCode DropletRun::run(const std::optional<Checkpoint>& checkpoint) {
             ? RunWriter::append(p_.output, topology, restored_samples_, restored_frames_, restored_events_)
             : RunWriter::create(p_.output, make_manifest(scenario_, "bubble", 2, p_.seed, options_), topology, shape));
     checkpoints_.emplace(p_.output);
-    fmt::print("{}\n{}: dt = {:.3g} t0; output in {}\n", title(), integrator_->name(), dt_, p_.output);
-    if (checkpoint) fmt::print("continuing at t = {:.6g} t0, step {}\n", state_.t, state_.step);
+    say("{}\n{}: dt = {:.3g} t0; output in {}\n", title(), integrator_->name(), dt_, p_.output);
+    if (checkpoint) say("continuing at t = {:.6g} t0, step {}\n", state_.t, state_.step);
   });
   nlohmann::ordered_json s;
   try {
@@ -108,11 +109,11 @@ ExitCode DropletRun::run(const std::optional<Checkpoint>& checkpoint) {
 
 void DropletRun::report(Real cpu) const {
   if (stopped_)
-    fmt::print("stopped at t = {:.6g} t0 with a checkpoint; run the same command again to go on\n", state_.t);
+    say("stopped at t = {:.6g} t0 with a checkpoint; run the same command again to go on\n", state_.t);
   else
-    fmt::print("ended by {} at t = {:.6g} t0; error of the energy budget {:.1e}\n", ended_by_, state_.t, budget_error_);
+    say("ended by {} at t = {:.6g} t0; error of the energy budget {:.1e}\n", ended_by_, state_.t, budget_error_);
   const IntegratorStatistics total = statistics();
-  fmt::print("{} steps, {} force evaluations, {:.2f} s CPU\n", total.steps, total.force_evaluations, cpu);
+  say("{} steps, {} force evaluations, {:.2f} s CPU\n", total.steps, total.force_evaluations, cpu);
 }
 
 void DropletRun::begin() {

@@ -10,6 +10,7 @@
 #include <pliant/analysis/clog.h>
 #include <pliant/analysis/crossing.h>
 #include <pliant/analysis/flow_precision.h>
+#include <pliant/base/console.h>
 #include <pliant/base/log.h>
 #include <pliant/io/summary.h>
 #include <pliant/model/crossing.h>
@@ -175,8 +176,8 @@ class HopperRun {
     const Packing packing =
         pack<D>(all_, p_.hopper, {*p_.pack_fraction, p_.pack_tolerance, static_cast<std::uint64_t>(p_.seed)}, x.data());
     if (ranks_.root())
-      fmt::print("packed to a fraction of {:.3f}, height {:.1f}, in {} iterations of FIRE; largest overlap {:.1e}\n",
-                 packing.fraction, packing.height, packing.iterations, packing.max_overlap);
+      say("packed to a fraction of {:.3f}, height {:.1f}, in {} iterations of FIRE; largest overlap {:.1e}\n",
+          packing.fraction, packing.height, packing.iterations, packing.max_overlap);
     packing_iterations_ = packing.iterations;
     return x;
   }
@@ -506,12 +507,12 @@ class HopperRun {
   Real total_cpu() const { return cpu_before_ + control_.cpu_seconds() - cpu_at_start_; }
 
   void announce() const {
-    fmt::print("hopper: {} particles ({}, {}D{}), W = {}, w = {}, angle {}, {}\n", p_.particles, to_string(p_.model), D,
-               deformable() ? fmt::format(", {} vertices each", p_.shape.vertices) : "", p_.hopper.wall_distance,
-               p_.hopper.orifice, p_.hopper.angle, p_.flow == FlowKind::continuous ? "continuous flow" : "discharge");
-    fmt::print("{}: dt = {:.3g} t0, dt/dt_critical = {:.2f}; output in {}\n", integrator_->name(), dt_,
-               dt_ / critical_step_, p_.output);
-    if (restarted_) fmt::print("continuing at t = {:.6g} t0, step {}\n", state_.t, state_.step);
+    say("hopper: {} particles ({}, {}D{}), W = {}, w = {}, angle {}, {}\n", p_.particles, to_string(p_.model), D,
+        deformable() ? fmt::format(", {} vertices each", p_.shape.vertices) : "", p_.hopper.wall_distance,
+        p_.hopper.orifice, p_.hopper.angle, p_.flow == FlowKind::continuous ? "continuous flow" : "discharge");
+    say("{}: dt = {:.3g} t0, dt/dt_critical = {:.2f}; output in {}\n", integrator_->name(), dt_, dt_ / critical_step_,
+        p_.output);
+    if (restarted_) say("continuing at t = {:.6g} t0, step {}\n", state_.t, state_.step);
   }
 
   std::string progress_line(const State& s) const {
@@ -600,7 +601,7 @@ class HopperRun {
   void write_results(nlohmann::ordered_json& s) {
     writer_->flush();
     if (outcome_ == Outcome::stopped) {
-      fmt::print("stopped at t = {:.6g} t0 with a checkpoint; run the same command again to go on\n", state_.t);
+      say("stopped at t = {:.6g} t0 with a checkpoint; run the same command again to go on\n", state_.t);
     } else {
       nlohmann::ordered_json measured = evaluate_series(writer_->read_series(), p_, mean_size_);
       // A clog is no flow, whatever came out before it: fits leave such a run out.
@@ -619,10 +620,9 @@ class HopperRun {
   void warn_of_error(const nlohmann::ordered_json& measured) const {
     const bool known = measured.contains("Q") && !measured["Q"]["error"].is_null();
     const Real error = known ? Real(measured["Q"]["error"]) / Real(measured["Q"]["value"]) : BlockAverage::unknown;
-    fmt::print(
-        stderr,
-        "pliant: warning: -t_end {:g} came before -hopper_q_rtol {:g} was certain: the error of Q is {} %; go on "
-        "with -restart {} -t_end LATER\n",
+    warn(
+        "-t_end {:g} came before -hopper_q_rtol {:g} was certain: the error of Q is {} %; go on "
+        "with -restart {} -t_end LATER",
         *p_.t_end, p_.q_rtol, percent(error), p_.output);
   }
 
@@ -630,16 +630,15 @@ class HopperRun {
     const auto print = [&](const char* name, const char* text) {
       if (!measured.contains(name) || measured[name]["value"].is_null()) return;
       const Real value = measured[name]["value"];
-      fmt::print(
-          "{} = {:.5g} ± {} {}\n", text, value,
+      say("{} = {:.5g} ± {} {}\n", text, value,
           measured[name]["error"].is_null() ? std::string("?") : fmt::format("{:.2g}", Real(measured[name]["error"])),
           std::string(measured[name]["unit"]));
     };
     if (outcome_ == Outcome::clogged)
-      fmt::print("clogged: no crossing and no motion since t = {:.4g} t0\n", clog_.state().quiet_since);
+      say("clogged: no crossing and no motion since t = {:.4g} t0\n", clog_.state().quiet_since);
     if (outcome_ == Outcome::precise)
-      fmt::print("ended at t = {:.6g} t0: Q has the relative error that -hopper_q_rtol asks for\n", state_.t);
-    if (measured.contains("steady_explanation")) fmt::print("{}\n", std::string(measured["steady_explanation"]));
+      say("ended at t = {:.6g} t0: Q has the relative error that -hopper_q_rtol asks for\n", state_.t);
+    if (measured.contains("steady_explanation")) say("{}\n", std::string(measured["steady_explanation"]));
     print("Q", "Q");
     print("Q_corrected", "Q'");
     print("contacts_per_particle", "contacts per particle");
@@ -648,9 +647,9 @@ class HopperRun {
     print("total_time", "total time");
     const IntegratorStatistics total = statistics();
     const Real ns = 1e9 * cpu / static_cast<Real>(std::max<std::int64_t>(total.steps, 1));
-    fmt::print("{} steps, {} force evaluations, {:.2f} s CPU, {:.1f} ns per particle-step{}\n", total.steps,
-               total.force_evaluations, cpu, ns / p_.particles,
-               deformable() ? fmt::format(", {:.1f} ns per vertex-step", ns / points_) : "");
+    say("{} steps, {} force evaluations, {:.2f} s CPU, {:.1f} ns per particle-step{}\n", total.steps,
+        total.force_evaluations, cpu, ns / p_.particles,
+        deformable() ? fmt::format(", {:.1f} ns per vertex-step", ns / points_) : "");
   }
 
   bool deformable() const { return p_.model != ModelKind::sp; }

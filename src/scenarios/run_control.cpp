@@ -7,8 +7,9 @@
 #include <array>
 #include <cmath>
 #include <csignal>
-#include <cstdio>
 #include <ctime>
+
+#include <pliant/base/console.h>
 
 namespace pliant {
 namespace {
@@ -86,13 +87,12 @@ Real RunControl::cpu_seconds() const { return ranks_.sum(process_cpu_seconds() -
 void RunControl::progress(const std::function<std::string()>& text) {
   if (!terminal_ || seconds_since(last_progress_) < 0.5) return;
   last_progress_ = Clock::now();
-  fmt::print(stderr, "\r{}\x1b[K", text());
-  std::fflush(stderr);
+  complain(fmt::format("\r{}\x1b[K", text()));
   line_open_ = true;
 }
 
 void RunControl::end_progress() {
-  if (line_open_) fmt::print(stderr, "\n");
+  if (line_open_) complain("\n");
   line_open_ = false;
 }
 

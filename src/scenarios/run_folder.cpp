@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include <pliant/base/console.h>
 #include <pliant/base/version.h>
 
 namespace pliant {
@@ -34,7 +35,7 @@ std::optional<Checkpoint> checkpoint_to_continue(std::string_view scenario, cons
   if (!again && p.restart.empty()) return {};
   const fs::path folder = again ? p.output : p.restart;
   NewestCheckpoint newest = read_newest_checkpoint(folder);
-  if (!newest.message.empty() && ranks.root()) fmt::print(stderr, "pliant: warning: {}\n", newest.message);
+  if (!newest.message.empty() && ranks.root()) warn("{}", newest.message);
   if (newest.checkpoint.strings["scenario"] != scenario)
     throw InputError("{}: the checkpoint is of scenario '{}', not of {}", folder.string(),
                      newest.checkpoint.strings["scenario"], scenario);

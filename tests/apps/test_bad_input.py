@@ -1,9 +1,11 @@
 """Whatever is wrong with the input: one line that says so, exit 2 (4 for the output), and nothing written."""
 
 import json
+import subprocess
+from pathlib import Path
 
 import pytest
-from conftest import PROGRAM, SMALL, arguments, hopper, pliant
+from conftest import PROGRAM, SMALL, Results, arguments, hopper, pliant
 
 
 def assert_refused(result, *words, code=2):
@@ -42,6 +44,8 @@ OPTIONS = {
     "missing_file": (["-options_file", "absent.yaml"], ["absent.yaml"]),
     "folder_as_file": (["-options_file", "/"], ["/", "folder"]),
     "restart_from_nothing": (["-restart", "absent"], ["absent", "checkpoint"]),
+    "help_by_a_letter": (["-h"], ["unknown option -h", "did you mean -help?"]),
+    "width_by_a_letter": (["-w", "3"], ["unknown option -w", "did you mean -hopper_width?"]),
     "stray_word": (["surprise"], ["surprise"]),
 }
 
@@ -147,3 +151,41 @@ def test_case_without_faults(tmp_path):
 
 def test_evaluate_needs_one_file():
     assert_refused(pliant("evaluate"), "usage: pliant evaluate")
+
+
+def run_into(path, *command, stream="stdout"):
+    """The program with a stream of its own into a file; code and the other stream."""
+    other = {"stdout": "stderr", "stderr": "stdout"}[stream]
+    with open(path, "w") as file:
+        result = subprocess.run([PROGRAM, *map(str, command)], text=True, timeout=60,
+                                **{stream: file, other: subprocess.PIPE})
+    return result.returncode, getattr(result, other)
+
+
+CASE = Path(__file__).resolve().parents[1] / "data/evaluate/sp2d_01_pair.json"
+
+
+@pytest.mark.parametrize("command", [["evaluate", CASE], ["-help"], ["-version"], ["hopper", "-help"],
+                                     ["raft", "-version"], ["evaluate", "-help"]], ids=lambda c: " ".join(map(str, c)))
+def test_a_result_that_cannot_be_written(command):
+    code, errors = run_into("/dev/full", *command)
+    assert code == 4 and errors == "pliant: error: standard output cannot be written: No space left on device\n"
+
+
+@pytest.mark.parametrize("redirection", [">/dev/full", ">&-"])
+def test_a_run_goes_on_without_its_output(redirection, tmp_path):
+    options = " ".join(arguments({**SMALL, "t_end": 0.2}))
+    result = subprocess.run(f"{PROGRAM} hopper {options} -output {tmp_path}/run {redirection}", shell=True, text=True,
+                            stderr=subprocess.PIPE, timeout=60)
+    assert result.returncode == 0 and len(result.stderr.splitlines()) == 1, result.stderr
+    assert result.stderr.startswith("pliant: warning: standard output cannot be written: ")
+    assert Results(tmp_path / "run").summary["status"] == "done"
+
+
+def test_errors_that_cannot_be_written():
+    assert run_into("/dev/full", "hopper", "-n", "x", stream="stderr") == (2, "")
+
+
+def test_evaluate_tells_its_usage():
+    assert pliant("evaluate", "-help").stdout.startswith("usage: pliant evaluate CASE.json")
+    assert_refused(pliant("evaluate", "-h"), "unknown option -h", "usage: pliant evaluate CASE.json")

@@ -18,3 +18,21 @@ TEST_CASE("nearest finds the name that was meant, and only that") {
   CHECK_FALSE(nearest("", names));
   CHECK_FALSE(nearest(std::string(100000, 'x'), names));
 }
+
+TEST_CASE("nearest takes a beginning before typing errors, and a single letter for a word") {
+  const std::vector<std::string> names{"help",    "n",     "e_w",           "hopper_wall_distance", "hopper_width",
+                                       "t_end",   "ts_dt", "max_wall_time", "pack_fraction",        "phi_c",
+                                       "ts_rtol", "k_a",   "output"};
+  CHECK(nearest("h", names) == "help");
+  CHECK(nearest("w", names) == "hopper_width");
+  CHECK(nearest("N", names) == "n");
+  CHECK(nearest("t", names) == "t_end");
+  CHECK(nearest("p", names) == "phi_c");
+  CHECK(nearest("k", names) == "k_a");
+  CHECK(nearest("out", names) == "output");
+  CHECK(nearest("pack", names) == "pack_fraction");
+  CHECK(nearest("rtol", names) == "ts_rtol");
+  CHECK(nearest("ts_d", names) == "ts_dt");
+  CHECK_FALSE(nearest("z", names));
+  CHECK_FALSE(nearest("hopper_w", names));  // begins two
+}

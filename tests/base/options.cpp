@@ -177,6 +177,9 @@ TEST_CASE("unknown options are refused with the nearest name") {
   CHECK(complaint({"-hoper_width", "3"}) == "unknown option -hoper_width; did you mean -hopper_width?");
   CHECK(complaint({"-Hopper_width", "3"}) == "unknown option -Hopper_width; did you mean -hopper_width?");
   CHECK(complaint({"-temperature", "3"}) == "unknown option -temperature; -help lists all options");
+  CHECK(complaint({"-w", "3"}) == "unknown option -w; did you mean -hopper_width?");  // as its help has it
+  CHECK(complaint({"-h"}) == "unknown option -h; did you mean -help?");
+  CHECK(complaint({"-z"}) == "unknown option -z; -help lists all options");
   CHECK(complaint({"-hopper_width=3"}) == "unknown option -hopper_width=3; write -hopper_width 3");
   CHECK(complaint({"-TS_type", "rk"}) == "unknown option -TS_type; did you mean -ts_type?");
   CHECK_THAT(complaint({"-malloc_debug"}), StartsWith("unknown option -malloc_debug"));  // PETSc would read it too late

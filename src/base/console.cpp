@@ -1,0 +1,47 @@
+#include <fcntl.h>
+#include <pliant/base/console.h>
+#include <pliant/base/errors.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+
+namespace pliant {
+namespace {
+
+/// Returns 0 or the errno of what failed.
+int write_out(std::string_view text) {
+  errno = 0;
+  if (std::fwrite(text.data(), 1, text.size(), stdout) == text.size() && std::fflush(stdout) == 0) return 0;
+  return errno != 0 ? errno : EIO;
+}
+
+}  // namespace
+
+void guard_standard_streams() {
+  for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO})
+    if (::fcntl(stream, F_GETFD) < 0 && errno == EBADF)
+      (void)::open("/dev/null", stream == STDIN_FILENO ? O_WRONLY : O_RDONLY);  // the lowest free number is this one
+}
+
+void print_result(std::string_view text) {
+  if (const int error = write_out(text); error != 0)
+    throw OutputError("standard output cannot be written: {}", std::strerror(error));
+}
+
+void complain(std::string_view text) noexcept {
+  (void)std::fwrite(text.data(), 1, text.size(), stderr);
+  (void)std::fflush(stderr);
+}
+
+void say_text(std::string_view text) noexcept {
+  static bool lost = false;
+  if (lost) return;
+  if (const int error = write_out(text); error != 0) {
+    lost = true;
+    warn("standard output cannot be written: {}; the run goes on, its results are in its folder", std::strerror(error));
+  }
+}
+
+}  // namespace pliant

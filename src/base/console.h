@@ -1,0 +1,35 @@
+// What the program says: results, which must arrive, and remarks beside the results in a run's folder, which need not.
+#pragma once
+
+#include <fmt/format.h>
+
+#include <string>
+#include <string_view>
+#include <utility>
+
+namespace pliant {
+
+/// Puts /dev/null in the place of standard streams that are closed: the next file that the program opens would get
+/// their number, and what is printed. Writing to one of them still fails. To be called first in main.
+void guard_standard_streams();
+
+/// Prints a result to the standard output. Errors: OutputError if it has not arrived there.
+void print_result(std::string_view text);
+
+/// Prints `text` to the standard error; where that fails there is nobody left to tell.
+void complain(std::string_view text) noexcept;
+
+/// Prints a remark of a run to the standard output. The first one that cannot be written is a warning; the run goes on.
+void say_text(std::string_view text) noexcept;
+template <class... Args>
+void say(fmt::format_string<Args...> text, Args&&... args) {
+  say_text(fmt::format(text, std::forward<Args>(args)...));
+}
+
+/// A line "pliant: warning: …" on the standard error.
+template <class... Args>
+void warn(fmt::format_string<Args...> text, Args&&... args) {
+  complain(fmt::format("pliant: warning: {}\n", fmt::format(text, std::forward<Args>(args)...)));
+}
+
+}  // namespace pliant
