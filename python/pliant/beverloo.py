@@ -1,6 +1,7 @@
-"""Fits of the flow rate: the Beverloo law Q = C (w/sigma_avg - k)^beta, and the discharge law dN/dt = -c0 sqrt(N).
+"""Fits of the flow rate: the Beverloo law Q = C (w/sigma_avg - k)^beta.
 
-The exponents that dissipation selects are beta = d - 1/2 (kinetic friction only) and d - 3/2 (drag only).
+The published exponents are beta = d - 1/2 (kinetic friction only) and d - 3/2 (drag only); docs/validation.md has what the
+program gives.
 """
 
 from dataclasses import dataclass
@@ -24,7 +25,7 @@ def beverloo(w, C, k, beta):
 
 
 def published_exponent(dim, mu, zeta):
-    """d - 1/2 for friction only, d - 3/2 for drag only, None where both (or none) act."""
+    """Of [H]: d - 1/2 for friction only, d - 3/2 for drag only, None where both (or none) act."""
     if mu > 0 and zeta == 0:
         return dim - 0.5
     if zeta > 0 and mu == 0:
@@ -197,40 +198,3 @@ def fit_groups(table, by, beta=None, **options):
         data = (group[name] for name in ("hopper_width", "Q", "Q_error"))
         rows.append(row | fitted(fit_beverloo, *data, beta=beta, **options))
     return pd.DataFrame(rows)
-
-
-@dataclass(frozen=True)
-class DischargeFit:
-    """dN/dt = -c0 sqrt(N), solved by sqrt(N) = sqrt(N0) - c0 (t - t_first)/2."""
-
-    c0: float
-    c0_error: float
-    N0: float
-    first: float  #: time of the first sample used
-    last: float   #: time of the last sample used
-
-    def __call__(self, t):
-        return np.maximum(np.sqrt(self.N0) - 0.5 * self.c0 * (np.asarray(t, float) - self.first), 0.0) ** 2
-
-
-def fit_discharge(time, count, skip_first=0, skip_last=0, blocks=8):
-    """c0 of a hopper that empties, from the number left `count` [T] at `time` [T] (t0).
-
-    The first `skip_first` and last `skip_last` particles are transients and are left out. Residuals of neighbouring
-    samples are correlated (a particle that left stays out), so the error is not that of the straight line: it is the
-    standard error of the slopes over `blocks` consecutive pieces. Raises RunError with fewer than 2 samples per piece.
-    """
-    time, count = np.asarray(time, float), np.asarray(count, float)
-    if time.shape != count.shape or time.ndim != 1:
-        raise RunError(f"time and count differ in length ({time.shape}, {count.shape})")
-    use = (count <= (count.max() if len(count) else 0) - skip_first) & (count >= max(skip_last, 1))
-    t, root = time[use], np.sqrt(count[use])
-    if len(t) < 2 * blocks:
-        raise RunError(f"{len(t)} samples between the first {skip_first} and the last {skip_last} particles are too "
-                       f"few (at least {2 * blocks})")
-    line = lmfit.models.LinearModel()
-    whole = line.fit(root, x=t - t[0], params=line.guess(root, x=t - t[0]))
-    edges = np.linspace(0, len(t) - 1, blocks + 1).astype(int)
-    slopes = np.diff(root[edges]) / np.diff(t[edges])
-    error = 2 * slopes.std(ddof=1) / np.sqrt(blocks)
-    return DischargeFit(-2 * whole.best_values["slope"], float(error), whole.best_values["intercept"] ** 2, t[0], t[-1])

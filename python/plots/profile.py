@@ -61,14 +61,15 @@ def main():
 
 
 def at_orifice(axis, runs, curves, colors):
-    """The velocity at h = 0 against w, with the slopes that friction (1/2) and drag (-1/2) select."""
+    """The velocity at h = 0 against w, with the published slopes for friction (1/2) and drag (-1/2)."""
     w = np.array([run.geometry.w for run in runs])
     value, error = np.array([[np.interp(0, h, v), np.interp(0, h, e)] for h, v, e in curves]).T
     for x, v, e, color in zip(w, value, error, colors):
         axis.errorbar(x, v, e, fmt="o", color=color, capsize=2.5, zorder=3)
     middle = np.exp(np.log(w).mean()), np.exp(np.log(np.abs(value[value != 0])).mean()) if (value != 0).any() else 1.0
     line = np.geomspace(w.min() / 1.1, w.max() * 1.1, 20)
-    for power, style, label in ((0.5, "--", r"$w^{1/2}$ (friction)"), (-0.5, ":", r"$w^{-1/2}$ (drag)")):
+    for power, style, label in ((0.5, "--", r"$w^{1/2}$ (published, friction)"),
+                                (-0.5, ":", r"$w^{-1/2}$ (published, drag)")):
         axis.plot(line, middle[1] * (line / middle[0]) ** power, style, color="0.45", lw=1.1, label=label, zorder=1)
     axis.set(xlabel=r"orifice width  $w/\sigma_{avg}$", ylabel=r"$v_g$ at the orifice  [$\sigma_{avg}/t_0$]",
              ylim=(min(0, (value - error).min() * 1.1), None))

@@ -6,7 +6,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from pliant import RunError
-from pliant.beverloo import beverloo, fit_beverloo, fit_discharge, fit_groups, published_exponent
+from pliant.beverloo import beverloo, fit_beverloo, fit_groups, published_exponent
 from pliant.statistics import block_ratio
 
 W = np.array([3.0, 4.0, 5.0, 6.5, 8.0, 10.0])
@@ -110,29 +110,6 @@ def test_groups():
 def test_published_exponents():
     assert [published_exponent(d, *c) for d in (2, 3) for c in ((1, 0), (0, 1), (1, 1), (0, 0))] == \
         [1.5, 0.5, None, None, 2.5, 1.5, None, None]
-
-
-def test_discharge():
-    t = np.linspace(0, 100, 400)
-    N = (np.sqrt(1600) - 0.5 * 0.5 * t) ** 2
-    fit = fit_discharge(t, N, skip_first=100, skip_last=100)
-    assert_allclose([fit.c0, fit.c0_error], [0.5, 0], atol=1e-10)
-    assert fit.first > 0 and fit(t[200]) == pytest.approx(N[200])
-    with pytest.raises(RunError, match="too few"):
-        fit_discharge(t[:5], N[:5])
-
-
-def test_discharge_error():
-    """A Poisson discharge, whose deviations add up: the error of the straight line would be several times too small."""
-    rng = np.random.default_rng(5)
-    pulls = []
-    for _ in range(200):
-        N = [1600]
-        while len(N) < 500 and N[-1] > 100:
-            N.append(N[-1] - rng.poisson(0.5 * np.sqrt(N[-1]) * 0.2))
-        fit = fit_discharge(0.2 * np.arange(len(N)), N, skip_first=100, skip_last=100, blocks=10)
-        pulls.append((fit.c0 - 0.5) / fit.c0_error)
-    assert 0.55 < (np.abs(pulls) < 1).mean() < 0.80
 
 
 def test_block_error_of_correlated_samples():

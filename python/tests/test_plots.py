@@ -101,6 +101,44 @@ def test_profile_of_several_runs(sweep, call, tmp_path):
     assert_picture(tmp_path / "a.png")
 
 
+def write_discharge(path, c0=0.5, residue=45, ended=True):
+    """A run whose N(t) follows the law exactly, and its summary."""
+    path, _ = write_run(path, extra={"flow": ("discharge", "")}, frames=1, summary=ended)
+    time = np.arange(0, 400, 0.2)
+    with h5py.File(path / "run.h5", "a") as file:
+        del file["series"]
+        file["series/time"] = time
+        file["series/in_hopper"] = residue + np.maximum(np.sqrt(1600) - c0 * time / 2, 0) ** 2
+    if ended:
+        fit = {"c0": {"value": c0, "error": 0.01, "unit": "1/t0"}, "c0_residue": residue, "left_in_hopper": residue}
+        fit |= {f"c0_{name}": {"value": value, "error": None} for name, value in (
+            ("start", 20), ("end", 100), ("start_count", (40 - c0 * 10) ** 2), ("chi2_per_dof", 0.3))}
+        summary = json.loads((path / "summary.json").read_text())
+        (path / "summary.json").write_text(json.dumps(summary | fit))
+    return path
+
+
+def test_discharge(call, tmp_path, monkeypatch):
+    run = write_discharge(tmp_path / "run")
+    text = call("discharge.py", run, "-o", tmp_path / "a.png")
+    assert_picture(tmp_path / "a.png", colors=30)
+    assert [cell.strip() for cell in text.splitlines()[2].split("|")[2:-1]] == \
+        ["0.500 ± 0.010", "20 … 100", "0.3", "45", "45"]
+    monkeypatch.setattr(sys, "path", ["", *sys.path])
+    script = runpy.run_path(str(PLOTS / "discharge.py"))
+    series, law = Run(run).series, script["Law"].of(Run(run))
+    np.testing.assert_allclose(law(series["time"]), series["in_hopper"], rtol=1e-12)
+    _, c0 = script["local_c0"](series["time"].to_numpy(), series["in_hopper"].to_numpy(), law.residue)
+    assert len(c0) == 20
+    np.testing.assert_allclose(c0[:-1], 0.5, rtol=1e-9)  # the last step ends with the flow, between two samples
+
+
+def test_discharge_that_goes_on(call, tmp_path):
+    text = call("discharge.py", write_discharge(tmp_path / "run", ended=False), "-o", tmp_path / "a.png")
+    assert_picture(tmp_path / "a.png", colors=30)
+    assert [cell.strip() for cell in text.splitlines()[2].split("|")[2:-1]] == ["–", "–", "–", "–", "45"]
+
+
 def test_beverloo(sweep, call, tmp_path):
     text = call("beverloo.py", sweep, "-o", tmp_path / "a.png")
     assert_picture(tmp_path / "a.png")
@@ -200,6 +238,7 @@ def test_errors_are_one_line(soft, call, capsys, monkeypatch, tmp_path):
     assert "soft particles have no area" in message(2, "snapshot.py", soft[0], "--color", "area", "-o", out)
     assert "does not exist" in message(4, "series.py", soft[0], "-o", tmp_path / "no/a.png")
     assert "not supported" in message(4, "series.py", soft[0], "-o", tmp_path / "a.xyz")
+    assert "not a discharge" in message(2, "discharge.py", soft[0], "-o", out)
     monkeypatch.setenv("PATH", str(tmp_path))
     assert "ffmpeg is not installed" in message(4, "movie.py", soft[0], "-o", tmp_path / "a.mp4")
     assert not out.exists()

@@ -1,5 +1,7 @@
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <optional>
 #include <vector>
 
 #include <pliant/analysis/discharge.h>
@@ -10,6 +12,7 @@ namespace {
 
 constexpr std::size_t parts = 10;
 constexpr std::size_t min_samples = 3;
+constexpr Real first_part = 0.2, last_part = 0.2;  // of the particles, not fitted
 
 void check(std::span<const Real> time, std::span<const std::int64_t> count) {
   if (time.size() != count.size())
@@ -22,46 +25,58 @@ void check(std::span<const Real> time, std::span<const std::int64_t> count) {
   }
 }
 
-/// Regression of sqrt(count) on time.
+/// First sample with at most n particles.
+std::size_t first_at_most(std::span<const std::int64_t> count, Real n) {
+  return static_cast<std::size_t>(
+      std::ranges::find_if(count, [n](std::int64_t c) { return static_cast<Real>(c) <= n; }) - count.begin());
+}
+
+/// First sample after the last change of the count.
+std::size_t last_change(std::span<const std::int64_t> count) {
+  std::size_t i = count.size() - 1;
+  while (i > 0 && count[i - 1] == count.back()) --i;
+  return i;
+}
+
+std::int64_t residue(std::span<const Real> time, std::span<const std::int64_t> count, std::size_t stop) {
+  const std::int64_t first = count.front(), last = count.back();
+  if (4 * last > first) return 0;
+  const std::size_t tenth = first_at_most(count, static_cast<Real>(last) + 0.1 * static_cast<Real>(first - last));
+  return 4 * (time[stop] - time[tenth]) > time[stop] - time.front() ? last : 0;
+}
+
 struct Line {
   Real slope = 0;
-  Real rounding_error = 0;  ///< of the slope, from rounding each count
+  Real start = 0;  ///< at the first time
 };
 
-Line regression(std::span<const Real> time, std::span<const std::int64_t> count) {
+/// Regression of root on time.
+Line regression(std::span<const Real> time, std::span<const Real> root) {
   const Real n = static_cast<Real>(time.size());
   Real mean_t = 0, mean_s = 0;
   for (std::size_t i = 0; i < time.size(); ++i) {
     mean_t += time[i] / n;
-    mean_s += std::sqrt(static_cast<Real>(count[i])) / n;
+    mean_s += root[i] / n;
   }
-  Real tt = 0, ts = 0, rounding = 0;
+  Real tt = 0, ts = 0;
   for (std::size_t i = 0; i < time.size(); ++i) {
-    const Real t = time[i] - mean_t;
-    tt += t * t;
-    ts += t * (std::sqrt(static_cast<Real>(count[i])) - mean_s);
-    rounding += t * t / (48 * static_cast<Real>(count[i]));
+    tt += square(time[i] - mean_t);
+    ts += (time[i] - mean_t) * (root[i] - mean_s);
   }
-  return {ts / tt, std::sqrt(rounding) / tt};
+  return {ts / tt, mean_s - ts / tt * (mean_t - time.front())};
 }
 
-/// Standard error of the mean slope of equal parts of the time; NaN if a part has too few samples.
-Real slope_error(std::span<const Real> time, std::span<const std::int64_t> count) {
-  std::vector<Real> slopes;
-  auto first = time.begin();
-  for (std::size_t p = 1; p <= parts; ++p) {
+/// Where each of the equal parts of the time begins, and the end; none if a part has too few samples.
+std::optional<std::array<std::size_t, parts + 1>> cut(std::span<const Real> time) {
+  std::array<std::size_t, parts + 1> edges{};
+  edges[parts] = time.size();
+  for (std::size_t p = 1; p < parts; ++p) {
     const Real edge = std::lerp(time.front(), time.back(), static_cast<Real>(p) / parts);
-    const auto last = p == parts ? time.end() : std::lower_bound(first, time.end(), edge);
-    const auto samples = static_cast<std::size_t>(last - first);
-    if (samples < min_samples) return DischargeFit::unknown;
-    const auto offset = static_cast<std::size_t>(first - time.begin());
-    slopes.push_back(regression(time.subspan(offset, samples), count.subspan(offset, samples)).slope);
-    first = last;
+    edges[p] = static_cast<std::size_t>(std::ranges::lower_bound(time, edge) - time.begin());
   }
-  Real mean = 0, squares = 0;
-  for (const Real slope : slopes) mean += slope / parts;
-  for (const Real slope : slopes) squares += square(slope - mean);
-  return std::sqrt(squares / (parts * (parts - 1)));
+  for (std::size_t p = 0; p < parts; ++p)
+    if (edges[p + 1] < edges[p] + min_samples) return std::nullopt;
+  return edges;
 }
 
 }  // namespace
@@ -70,26 +85,44 @@ DischargeFit fit_discharge(std::span<const Real> time, std::span<const std::int6
   check(time, count);
   DischargeFit fit;
   if (count.empty()) return fit;
-  const auto empty = std::ranges::find(count, 0);
-  if (empty != count.end()) fit.total_time = time[static_cast<std::size_t>(empty - count.begin())] - time.front();
+  if (const std::size_t empty = first_at_most(count, 0); empty < count.size())
+    fit.total_time = time[empty] - time.front();
 
-  fit.excluded = count.front() < 1000 ? (count.front() + 9) / 10 : 100;
-  const auto begin = std::ranges::find_if(count, [&](std::int64_t n) { return n <= count.front() - fit.excluded; });
-  auto end = std::find_if(begin, count.end(), [&](std::int64_t n) { return n < fit.excluded; });
-  // Nothing leaves any more: the flat tail is a clog, not part of the law.
-  if (end == count.end())
-    while (end - begin > 1 && *(end - 2) == *(end - 1)) --end;
-  fit.begin = static_cast<std::size_t>(begin - count.begin());
-  fit.end = static_cast<std::size_t>(end - count.begin());
-  const std::size_t samples = fit.end - fit.begin;
-  if (samples < min_samples) return fit;
+  // What follows the last departure is no part of the law.
+  const std::size_t stop = last_change(count);
+  fit.residue = residue(time, count, stop);
+  const Real left_behind = static_cast<Real>(fit.residue), all = static_cast<Real>(count.front()) - left_behind;
+  fit.begin = first_at_most(count, left_behind + (1 - first_part) * all);
+  fit.end = std::min(first_at_most(count, left_behind + last_part * all), stop + 1);
+  if (fit.end < fit.begin + min_samples) {
+    fit.end = fit.begin;
+    return fit;
+  }
 
-  const auto t = time.subspan(fit.begin, samples);
-  const auto n = count.subspan(fit.begin, samples);
-  const Line line = regression(t, n);
+  const auto t = time.subspan(fit.begin, fit.end - fit.begin);
+  const auto n = count.subspan(fit.begin, t.size());
+  std::vector<Real> root(t.size());
+  std::ranges::transform(n, root.begin(),
+                         [&](std::int64_t c) { return std::sqrt(static_cast<Real>(c) - left_behind); });
+  const Line line = regression(t, root);
   fit.c0 = -2 * line.slope;
-  fit.rounding_error = 2 * line.rounding_error;
-  fit.error = 2 * slope_error(t, n);
+  fit.start_count = square(line.start);
+
+  const auto edges = cut(t);
+  if (!edges) return fit;
+  const auto law = [&](std::size_t i) { return square(line.start + line.slope * (t[i] - t.front())); };
+  std::array<Real, parts> slopes{};
+  Real chi2 = 0, mean = 0, squares = 0;
+  for (std::size_t p = 0; p < parts; ++p) {
+    const std::size_t from = (*edges)[p], to = (*edges)[p + 1], next = std::min(to, t.size() - 1);
+    slopes[p] = regression(t.subspan(from, to - from), std::span(root).subspan(from, to - from)).slope;
+    mean += slopes[p] / parts;
+    const Real expected = law(from) - law(next);
+    chi2 += square(static_cast<Real>(n[from] - n[next]) - expected) / expected;
+  }
+  for (const Real slope : slopes) squares += square(slope - mean);
+  fit.error = 2 * std::sqrt(squares / (parts * (parts - 1)));
+  fit.chi2_per_dof = chi2 / (parts - 2);
   return fit;
 }
 

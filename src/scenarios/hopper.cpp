@@ -643,8 +643,7 @@ class HopperRun {
     print("Q_corrected", "Q'");
     print("contacts_per_particle", "contacts per particle");
     print("drag_friction_ratio", "drag/friction");
-    print("c0", "c0");
-    print("total_time", "total time");
+    if (measured.contains("c0")) fmt::print("{}\n", discharge_text(measured));
     const IntegratorStatistics total = statistics();
     const Real ns = 1e9 * cpu / static_cast<Real>(std::max<std::int64_t>(total.steps, 1));
     say("{} steps, {} force evaluations, {:.2f} s CPU, {:.1f} ns per particle-step{}\n", total.steps,

@@ -4,6 +4,8 @@
 #include <array>
 #include <cmath>
 
+#include <fmt/format.h>
+
 #include <pliant/analysis/block_average.h>
 #include <pliant/analysis/discharge.h>
 #include <pliant/analysis/flow_precision.h>
@@ -150,8 +152,17 @@ nlohmann::ordered_json evaluate_series(const Series& series, const HopperOptions
   if (options.flow == FlowKind::discharge) {
     const std::span<const Real> in_hopper = column("in_hopper");
     const DischargeFit fit = fit_discharge(time, std::vector<std::int64_t>(in_hopper.begin(), in_hopper.end()));
+    const auto without_error = [](Real value, std::string_view unit) {
+      return quantity(value, DischargeFit::unknown, unit);
+    };
+    const bool fitted = std::isfinite(fit.c0);
     result["c0"] = quantity(fit.c0, fit.error, "1/t0");
-    result["total_time"] = quantity(fit.total_time, BlockAverage::unknown, "t0");
+    result["c0_chi2_per_dof"] = without_error(fit.chi2_per_dof, "");
+    result["c0_start"] = without_error(fitted ? time[fit.begin] : DischargeFit::unknown, "t0");
+    result["c0_end"] = without_error(fitted ? time[fit.end - 1] : DischargeFit::unknown, "t0");
+    result["c0_start_count"] = without_error(fit.start_count, "");
+    result["c0_residue"] = fit.residue;
+    result["total_time"] = without_error(fit.total_time, "t0");
     result["left_in_hopper"] = in_hopper.empty() ? 0 : in_hopper.back();
     return result;
   }
@@ -192,6 +203,27 @@ nlohmann::ordered_json evaluate_series(const Series& series, const HopperOptions
       axis_profile(rows_of("profile_momentum"), rows_of("profile_weight"), heights);
   result["orifice_velocity"] = report(profile.front(), "sigma_avg/t0");
   return result;
+}
+
+std::string discharge_text(const nlohmann::ordered_json& measured) {
+  const auto number = [&](const char* name, const char* part = "value") {
+    const nlohmann::ordered_json& entry = measured.at(name).at(part);
+    return entry.is_null() ? DischargeFit::unknown : Real(entry);
+  };
+  std::string text = fmt::format("particles left: {}", Index(measured.at("left_in_hopper")));
+  if (const Real total = number("total_time"); !std::isnan(total))
+    text += fmt::format(", empty after {:.5g} t0", total);
+  text += "\nc0 ";
+  if (std::isnan(number("c0"))) return text + "unknown: fewer than 3 samples while the middle of the particles left";
+  const Real error = number("c0", "error"), chi2 = number("c0_chi2_per_dof");
+  const Index residue = measured.at("c0_residue");
+  text += fmt::format(
+      "= {:.4g} {} 1/t0 in dN/dt = -c0 sqrt(N{}), fitted from t = {:.4g} to {:.4g} t0", number("c0"),
+      std::isnan(error) ? "(no error: fewer than 3 samples in a tenth of the fit)" : fmt::format("± {:.2g}", error),
+      residue > 0 ? fmt::format(" - {}", residue) : "", number("c0_start"), number("c0_end"));
+  if (!std::isnan(chi2))
+    text += fmt::format(", chi^2/dof {:.2g}{}", chi2, chi2 > 1.5 ? ": the law does not hold there" : "");
+  return text;
 }
 
 template Sample<2> take_sample(ParticleSystem<2>&, const State&, const Hopper&, const FlowCount&, Real);

@@ -43,4 +43,7 @@ Sample<D> take_sample(ParticleSystem<D>& system, const State& state, const Hoppe
 /// state on. mean_size: mean a0 of all particles.
 nlohmann::ordered_json evaluate_series(const Series& series, const HopperOptions& options, Real mean_size);
 
+/// Two lines about a discharge, for the screen, from what evaluate_series returned.
+std::string discharge_text(const nlohmann::ordered_json& measured);
+
 }  // namespace pliant

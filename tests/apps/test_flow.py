@@ -81,6 +81,18 @@ def test_without_inertia_as_in_strong_drag(tmp_path):
     assert np.abs(light.frames[-1]["velocities"]).max() > 0.02
 
 
+def c0_of_the_series(results, residue):
+    """By a straight line through sqrt(N - N_res) over the range that the summary names, which is that of docs/hopper.md."""
+    summary, time, left = results.summary, results.series["time"], results.series["in_hopper"] - residue
+    start, end = summary["c0_start"]["value"], summary["c0_end"]["value"]
+    assert start == time[np.argmax(left <= 0.8 * left[0])] and end == time[np.argmax(left <= 0.2 * left[0]) - 1]
+    fitted = (time >= start) & (time <= end)
+    slope, root = np.polyfit(time[fitted] - start, np.sqrt(left[fitted]), 1)
+    assert summary["c0_residue"] == residue
+    assert summary["c0_start_count"]["value"] == pytest.approx(root**2, rel=1e-6)
+    return -2 * slope
+
+
 def test_discharge_runs_empty(tmp_path):
     results = hopper(tmp_path / "run", flow="discharge", hopper_angle=45, t_end=60, frame_interval=0.05,
                      sample_interval=0.05)
@@ -92,8 +104,9 @@ def test_discharge_runs_empty(tmp_path):
     assert np.array_equal(n - left, results.series["crossed_count"])
     np.testing.assert_allclose(results.series["crossed_area"][-1], results.topology["a0"].sum(), rtol=1e-12)
     assert results.summary["total_time"]["value"] == pytest.approx(results.series["time"][-1], abs=0.06)
-    assert results.summary["c0"]["value"] > 0
-
+    assert results.summary["c0"]["value"] == pytest.approx(c0_of_the_series(results, residue=0), rel=1e-6)
+    assert results.summary["c0"]["value"] == pytest.approx(0.525, rel=0.1)
+    assert 0 < results.summary["c0"]["error"] < 0.2 and 0 < results.summary["c0_chi2_per_dof"]["value"] < 2
     # Who has left stays where it left, still.
     active, positions, velocities = (results.column(name) for name in ("active", "positions", "velocities"))
     assert (np.diff(active.astype(int), axis=0) <= 0).all()
@@ -110,6 +123,10 @@ def test_discharge_over_a_flat_bottom_ends_at_rest(tmp_path):
     assert results.summary["status"] == "clogged" and results.summary["t"] < 200
     assert results.summary["left_in_hopper"] == results.series["in_hopper"][-1] > 0
     assert results.summary["total_time"]["value"] is None
+    # The law is that of the particles that do not stay on the bottom.
+    c0 = c0_of_the_series(results, residue=results.summary["left_in_hopper"])
+    assert results.summary["c0"]["value"] == pytest.approx(c0, rel=1e-6)
+    assert c0 == pytest.approx(0.244, rel=0.1)
 
 
 def test_narrow_orifice_clogs(tmp_path):
