@@ -43,8 +43,8 @@ class System {
     const StoredParticles stored(c, all, D, ranks);
     particles_.take(all.select(stored.ids()));
     particles_.tune_skin();
-    particles_.neighbours().set_skin(c.reals.at("numbers").at(stored_skin));
-    const auto x = stored.points(c.reals.at("x")), v = stored.points(c.reals.at("v"));
+    particles_.neighbours().set_skin(c.real("skin", 0));
+    const auto x = stored.points("x"), v = stored.points("v");
     state_.assign(x, v, v);
     particles_.tidy(state_);
   }
@@ -121,14 +121,17 @@ void run(const std::vector<std::string>& arguments, const Ranks& ranks) {
   Options options;
   p.bind(options);
   options.parse({"-restart", arguments[0]});
-  const auto checkpoint = checkpoint_to_continue("hopper", p, options, ranks);
-  p.resolve();
+  Checkpoint checkpoint;
+  make_run("hopper", p, options, ranks, [&](std::optional<Checkpoint> stored) {
+    p.resolve();
+    checkpoint = std::move(stored.value());
+  });
   omp_set_num_threads(1);
   const int steps = std::stoi(arguments[1]), cycles = std::stoi(arguments[2]);
   if (p.dim == 2)
-    measure<2>(p, *checkpoint, ranks, steps, cycles);
+    measure<2>(p, checkpoint, ranks, steps, cycles);
   else
-    measure<3>(p, *checkpoint, ranks, steps, cycles);
+    measure<3>(p, checkpoint, ranks, steps, cycles);
 }
 
 }  // namespace

@@ -5,7 +5,7 @@ source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 packages=(
   g++ cmake ninja-build pkg-config
-  petsc-dev libsundials-dev libopenmpi-dev libhdf5-openmpi-dev libyaml-dev libeigen3-dev libfmt-dev nlohmann-json3-dev catch2
+  petsc-dev libsundials-dev libopenmpi-dev libhdf5-openmpi-dev zlib1g-dev libyaml-dev libeigen3-dev libfmt-dev nlohmann-json3-dev catch2
   python3 python3-numpy python3-scipy python3-matplotlib python3-pandas python3-h5py python3-lmfit
   python3-uncertainties python3-pytest ffmpeg
 )

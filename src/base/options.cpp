@@ -253,16 +253,20 @@ Options::Request Options::parse(const std::vector<std::string>& arguments) {
   std::move(from_arguments.begin(), from_arguments.end(), std::back_inserter(settings));
   for (const Setting& setting : settings) refuse_unknown(setting);
 
+  given_.clear();
+  for (Setting& setting : settings) given_[setting.name] = std::move(setting);
+  reset();
+  return request;
+}
+
+void Options::reset() {
   petsc_check(PetscOptionsClear(nullptr));
   petsc_.clear();
   for (Option& option : options_) assign(option, option.default_value, "default");
-  std::map<std::string, Setting> effective;
-  for (Setting& setting : settings) effective[setting.name] = std::move(setting);
-  for (const auto& [name, setting] : effective) {
+  for (const auto& [name, setting] : given_) {
     if (Option* option = find(name)) assign(*option, setting);
     insert_petsc(setting);
   }
-  return request;
 }
 
 // Sets the bound variable from the text that the user gave.
@@ -383,8 +387,8 @@ void Options::from_json(const Json& stored) {
         const Json now = value(*option);
         assign(*option, old, option->source);
         if (value(*option) != now)
-          throw InputError("-{} {}: the stored run has {}, and a restart cannot change it", name, plain(now),
-                           old.is_null() ? std::string("an automatic value") : plain(old));
+          throw RestartConflict("-{} {}: the stored run has {}, and a restart cannot change it", name, plain(now),
+                                old.is_null() ? std::string("an automatic value") : plain(old));
       }
     } else if (!is_petsc(name)) {
       throw InputError("stored options: -{} is unknown to this version; continue with the version that wrote them",

@@ -13,6 +13,7 @@
 #include <variant>
 #include <vector>
 
+#include <pliant/base/errors.h>
 #include <pliant/base/options_source.h>
 #include <pliant/base/types.h>
 
@@ -36,6 +37,11 @@ struct OptionSpec {
   std::vector<std::string> choices = {};  ///< empty: any text
   std::string automatic = {};  ///< what an empty std::optional means, for the help ("0.1 of the shortest time")
   OnRestart on_restart = OnRestart::keep;
+};
+
+/// The user asks for something else than the stored run has.
+struct RestartConflict : InputError {
+  using InputError::InputError;
 };
 
 /// Registry of the program's options.
@@ -77,8 +83,12 @@ class Options {
   Request parse(const std::vector<std::string>& arguments);
 
   /// Fills in what `json()` of an earlier run holds and neither files nor command line have set, after `parse`.
-  /// Errors: InputError for an unknown name, a bad value, or a setting that differs from an OnRestart::fixed one.
+  /// Errors: InputError for an unknown name or a bad value, RestartConflict for a setting that differs from an
+  /// OnRestart::fixed one.
   void from_json(const nlohmann::json& stored);
+
+  /// Goes back to what `parse` has set: forgets what `from_json` has, also where it failed half-way.
+  void reset();
 
   /// Call after PETSc's objects have been configured. Errors: InputError for a PETSc option that none of them has read.
   void check_consumed() const;
@@ -126,6 +136,7 @@ class Options {
   std::string group_ = "General";
   std::vector<Option> options_;
   std::vector<std::string> prefixes_;
+  std::map<std::string, Setting> given_;  // what the user has set
   std::map<std::string, Setting> petsc_;  // options that PETSc's objects read
 };
 

@@ -17,17 +17,18 @@ namespace {
 }
 
 /// Returns 0 or the errno of what failed.
-int write_and_sync(const std::string& name, std::string_view bytes) {
+int write_and_sync(const std::string& name, std::initializer_list<std::string_view> parts) {
   const int file = ::open(name.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
   if (file < 0) return errno;
   int error = 0;
-  while (error == 0 && !bytes.empty()) {
-    const ssize_t written = ::write(file, bytes.data(), bytes.size());
-    if (written >= 0)
-      bytes.remove_prefix(static_cast<std::size_t>(written));
-    else if (errno != EINTR)
-      error = errno;
-  }
+  for (std::string_view bytes : parts)
+    while (error == 0 && !bytes.empty()) {
+      const ssize_t written = ::write(file, bytes.data(), bytes.size());
+      if (written >= 0)
+        bytes.remove_prefix(static_cast<std::size_t>(written));
+      else if (errno != EINTR)
+        error = errno;
+    }
   if (error == 0 && ::fsync(file) != 0) error = errno;
   if (::close(file) != 0 && error == 0) error = errno;
   return error;
@@ -35,9 +36,9 @@ int write_and_sync(const std::string& name, std::string_view bytes) {
 
 }  // namespace
 
-void write_file_atomically(const std::filesystem::path& path, std::string_view bytes) {
+void write_file_atomically(const std::filesystem::path& path, std::initializer_list<std::string_view> parts) {
   const std::string temporary = path.string() + ".tmp";
-  int error = write_and_sync(temporary, bytes);
+  int error = write_and_sync(temporary, parts);
   if (error == 0 && std::rename(temporary.c_str(), path.c_str()) != 0) error = errno;
   if (error != 0) {
     ::unlink(temporary.c_str());

@@ -1,66 +1,125 @@
 #include <pliant/io/checkpoint.h>
+#include <zlib.h>
 
+#include <algorithm>
 #include <array>
+#include <cmath>
+#include <cstring>
+#include <fstream>
 #include <stdexcept>
-#include <utility>
+#include <string_view>
 
-#include <pliant/base/errors.h>
 #include <pliant/io/atomic_file.h>
 
 namespace pliant {
 namespace {
 
+namespace fs = std::filesystem;
+
 constexpr std::array names{"checkpoint-a.h5", "checkpoint-b.h5"};
 
-/// Reads the whole file; take(name, values) gets each array, the checkpoint the rest.
-template <class Take>
-void read(const std::filesystem::path& path, Checkpoint& checkpoint, Take&& take) {
-  const auto file = hdf5::File::open_read(path);
-  const auto group = file.open_group("state");
-  checkpoint.t = group.real_attribute("time");
-  checkpoint.step = group.integer_attribute("step");
-  checkpoint.strings = group.string_attributes();
-  for (const std::string& name : group.links()) {
-    if (group.holds_integers(name))
-      take(name, group.read<std::int64_t>(name));
-    else
-      take(name, group.read<double>(name));
-  }
+// A file is a head, which HDF5 skips as a "user block", and an HDF5 file. The head is a line of text, filled up with
+// zeros, that follows from the bytes behind it: it differs as soon as a bit of the file does.
+constexpr int format = 2;
+constexpr std::size_t head_size = 512;
+constexpr std::string_view title = "pliant checkpoint, format ";
+constexpr std::string_view hdf5_signature = "\x89HDF";
+
+std::string make_head(std::uint64_t bytes, std::uint32_t crc) {
+  std::string head =
+      fmt::format("{}{}; {} bytes from byte {} on with the CRC-32 {:08x}\n", title, format, bytes, head_size, crc);
+  head.resize(head_size, '\0');
+  return head;
 }
 
-struct Found {
-  int index = -1;  ///< of the file; −1: none can be read
-  std::vector<std::string> problems;
-};
+/// CRC-32 as of gzip, going on from that of the bytes before.
+std::uint32_t crc32_of(std::string_view bytes, std::uint32_t before = 0) {
+  return static_cast<std::uint32_t>(
+      ::crc32_z(before, reinterpret_cast<const unsigned char*>(bytes.data()), bytes.size()));
+}
 
-/// Checks both files; the later file wins where the steps are equal.
-Found find_newest(const std::filesystem::path& folder) {
-  Found found;
-  std::pair<std::int64_t, std::filesystem::file_time_type> newest;
-  for (int i = 0; i < 2; ++i) {
-    const auto path = folder / names[i];
-    std::error_code error;
-    const auto time = std::filesystem::last_write_time(path, error);
-    if (error) continue;
-    try {
-      Checkpoint checkpoint;
-      read(path, checkpoint, [](const auto&...) {});
-      const std::pair rank(checkpoint.step, time);
-      if (found.index >= 0 && rank < newest) continue;
-      found.index = i;
-      newest = rank;
-    } catch (const Error& problem) {
-      found.problems.emplace_back(problem.what());
-    }
-  }
-  return found;
+/// Throws InputError unless the head fits the rest of the file.
+void verify(const fs::path& path) {
+  const auto refuse = [&](std::string_view why) { throw InputError("{} {}", path.string(), why); };
+  std::ifstream file(path, std::ios::binary);
+  if (!file) refuse("cannot be opened; check its permissions");
+  std::vector<char> buffer(1 << 16);
+  const auto read = [&](std::size_t most) {
+    file.read(buffer.data(), static_cast<std::streamsize>(most));
+    if (file.bad()) refuse("cannot be read");
+    return std::string_view(buffer.data(), static_cast<std::size_t>(file.gcount()));
+  };
+  const std::string head(read(head_size));
+  if (head.starts_with(hdf5_signature))
+    refuse("is of format 1, which this version does not read; go on with the version that wrote it");
+  if (!head.starts_with(title)) refuse("is no checkpoint, or damaged");
+  const std::string_view number = std::string_view(head).substr(title.size(), head.find(';') - title.size());
+  if (number != std::to_string(format))
+    refuse(fmt::format("is of format {:.20}, and this version reads format {}; go on with the version that wrote it",
+                       number, format));
+  std::uint64_t bytes = 0;
+  std::uint32_t crc = 0;
+  for (std::string_view part; !(part = read(buffer.size())).empty(); bytes += part.size()) crc = crc32_of(part, crc);
+  if (head != make_head(bytes, crc)) refuse("is damaged: it does not have the length and the checksum that it had");
+}
+
+hdf5::Group open_state(const hdf5::File& file) { return file.open_group("state"); }
+
+/// One of the maps of a checkpoint.
+template <class Map>
+const auto& entry(const Checkpoint& c, const Map& map, const std::string& name, const char* kind) {
+  const auto found = map.find(name);
+  if (found == map.end()) c.refuse("it has no {} named {}", kind, name);
+  return found->second;
+}
+
+template <class T>
+const std::vector<T>& checked(const Checkpoint& c, const std::map<std::string, std::vector<T>>& arrays,
+                              const std::string& name, std::size_t length, T least, T most) {
+  const std::vector<T>& values = entry(c, arrays, name, std::is_same_v<T, double> ? "real numbers" : "integers");
+  if (values.size() != length) c.refuse("{} has {} values instead of {}", name, values.size(), length);
+  const auto wrong =
+      std::find_if(values.begin(), values.end(), [&](T value) { return !(least <= value && value <= most); });
+  if (wrong == values.end()) return values;
+  const std::string which = length == 1 ? name : fmt::format("{}[{}]", name, wrong - values.begin());
+  if constexpr (std::is_same_v<T, double>)
+    if (!std::isfinite(*wrong)) c.refuse("{} = {} is not finite", which, *wrong);
+  c.refuse("{} = {} is not in the range {} … {}", which, *wrong, least, most);
 }
 
 }  // namespace
 
-CheckpointWriter::CheckpointWriter(std::filesystem::path folder) : folder_(std::move(folder)) {
-  next_ = find_newest(folder_).index == 0 ? 1 : 0;
+// ---- checked entries -------------------------------------------------------------------------------------------
+
+Real Checkpoint::real(const std::string& name, Real least, Real most) const {
+  return checked(*this, reals, name, 1, least, most).front();
 }
+
+std::int64_t Checkpoint::integer(const std::string& name, std::int64_t least, std::int64_t most) const {
+  return checked(*this, integers, name, 1, least, most).front();
+}
+
+const std::vector<double>& Checkpoint::real_array(const std::string& name, std::size_t length, Real least,
+                                                  Real most) const {
+  return checked(*this, reals, name, length, least, most);
+}
+
+const std::vector<std::int64_t>& Checkpoint::integer_array(const std::string& name, std::size_t length,
+                                                           std::int64_t least, std::int64_t most) const {
+  return checked(*this, integers, name, length, least, most);
+}
+
+std::size_t Checkpoint::length(const std::string& name) const {
+  if (const auto found = integers.find(name); found != integers.end()) return found->second.size();
+  return entry(*this, reals, name, "array").size();
+}
+
+const std::string& Checkpoint::text(const std::string& name) const { return entry(*this, strings, name, "text"); }
+
+// ---- writing ---------------------------------------------------------------------------------------------------
+
+CheckpointWriter::CheckpointWriter(fs::path folder, const fs::path& newest)
+    : folder_(std::move(folder)), next_(newest.filename() == names[0] ? 1 : 0) {}
 
 void CheckpointWriter::begin(Real t, std::int64_t step) {
   // In memory, so that a full disk cannot leave HDF5 with a file that it can neither write nor close.
@@ -85,31 +144,66 @@ void CheckpointWriter::finish() {
   group_.reset();
   hdf5::File file = *std::move(file_);
   file_.reset();
-  write_file_atomically(folder_ / names[next_], file.image());
+  const std::string_view image = file.image();
+  write_file_atomically(folder_ / names[next_], {make_head(image.size(), crc32_of(image)), image});
   next_ = 1 - next_;
 }
 
-NewestCheckpoint read_newest_checkpoint(const std::filesystem::path& folder) {
-  const Found found = find_newest(folder);
-  if (found.index < 0 && found.problems.empty())
+// ---- reading ---------------------------------------------------------------------------------------------------
+
+StoredCheckpoints find_checkpoints(const fs::path& folder) {
+  StoredCheckpoints stored;
+  struct Whole {
+    std::int64_t step;
+    fs::file_time_type time;
+    fs::path path;
+  };
+  std::vector<Whole> whole;
+  for (const char* name : names) {
+    const fs::path path = folder / name;
+    std::error_code error;
+    const auto time = fs::last_write_time(path, error);
+    if (error) continue;
+    try {
+      verify(path);
+      whole.push_back({open_state(hdf5::File::open_read(path)).integer_attribute("step"), time, path});
+    } catch (const Error& problem) {
+      stored.problems.emplace_back(problem.what());
+    }
+  }
+  // Where the steps are equal the later file comes first.
+  std::stable_sort(whole.begin(), whole.end(), [](const Whole& a, const Whole& b) {
+    return std::pair(a.step, a.time) > std::pair(b.step, b.time);
+  });
+  for (Whole& w : whole) stored.files.push_back(std::move(w.path));
+  if (stored.files.empty() && stored.problems.empty())
     throw InputError("there is no checkpoint in {}; give -restart the -output folder of a run that wrote one",
                      folder.string());
-  if (found.index < 0)
-    throw InputError("no checkpoint in {} can be read ({}); start the run again", folder.string(),
-                     found.problems.front());
-  const auto path = folder / names[found.index];
-  NewestCheckpoint newest{{}, path.string(), ""};
-  Checkpoint& checkpoint = newest.checkpoint;
-  read(path, checkpoint, [&]<class T>(const std::string& name, std::vector<T> values) {
-    if constexpr (std::is_same_v<T, double>)
-      checkpoint.reals[name] = std::move(values);
+  return stored;
+}
+
+Checkpoint read_checkpoint(const fs::path& path) {
+  Checkpoint c;
+  c.file = path.string();
+  const auto file = hdf5::File::open_read(path);
+  const auto group = open_state(file);
+  c.t = group.real_attribute("time");
+  c.step = group.integer_attribute("step");
+  if (!(c.t >= 0) || !std::isfinite(c.t) || c.step < 0)
+    c.refuse("it is of time {} and step {}, which no run comes to", c.t, c.step);
+  c.strings = group.string_attributes();
+  const auto bytes = static_cast<double>(fs::file_size(path));
+  for (const std::string& name : group.links()) {
+    double values = 1;
+    for (const std::uint64_t length : group.shape(name)) values *= static_cast<double>(length);
+    if (values > bytes)
+      c.refuse("{} says that it has {:.3g} values, more than there are bytes in the file", name, values);
+    if (group.holds_integers(name))
+      c.integers[name] = group.read<std::int64_t>(name);
     else
-      checkpoint.integers[name] = std::move(values);
-  });
-  if (!found.problems.empty())
-    newest.message =
-        found.problems.front() + "; going on from " + newest.file + " (step " + std::to_string(checkpoint.step) + ")";
-  return newest;
+      c.reals[name] = group.read<double>(name);
+  }
+  return c;
 }
 
 }  // namespace pliant

@@ -411,10 +411,15 @@ Id new_attribute(hid_t object, const std::string& name, hid_t type) {
   return Id(H5Acreate2(object, name.c_str(), type, space.get(), H5P_DEFAULT, H5P_DEFAULT));
 }
 
+/// Whether there is such an attribute, of one value.
+bool is_single(const Id& attribute) {
+  return attribute.valid() && H5Sget_simple_extent_npoints(Id(H5Aget_space(attribute.get())).get()) == 1;
+}
+
 /// Nothing if it is no string of variable length, or cannot be read.
 std::optional<std::string> read_string(hid_t object, const std::string& name) {
   const Id attribute(H5Aopen(object, name.c_str(), H5P_DEFAULT));
-  if (!attribute.valid()) return {};
+  if (!is_single(attribute)) return {};
   const Id type(H5Aget_type(attribute.get()));
   if (H5Tis_variable_str(type.get()) <= 0) return {};
   char* value = nullptr;
@@ -446,7 +451,7 @@ void Group::set_attribute(const std::string& name, std::int64_t value) { set_num
 void Group::read_number(const std::string& name, Type type, void* value) const {
   const Quiet quiet;
   const Id attribute(H5Aopen(id_.get(), name.c_str(), H5P_DEFAULT));
-  if (!attribute.valid() || H5Aread(attribute.get(), native(type), value) < 0) fail_read("attribute " + name);
+  if (!is_single(attribute) || H5Aread(attribute.get(), native(type), value) < 0) fail_read("attribute " + name);
 }
 
 double Group::real_attribute(const std::string& name) const {

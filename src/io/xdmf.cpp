@@ -144,7 +144,7 @@ XdmfFile::XdmfFile(std::filesystem::path path, const std::vector<std::string>& g
     text += one;
   }
   end_ = text.size();
-  write_file_atomically(path_, text.append(footer));
+  write_file_atomically(path_, {text, footer});
 }
 
 void XdmfFile::put(std::size_t index, const std::string& grid) {
@@ -157,7 +157,7 @@ void XdmfFile::put(std::size_t index, const std::string& grid) {
     std::string text(starts_[index], '\0');
     if (!std::ifstream(path_, std::ios::binary).read(text.data(), static_cast<std::streamsize>(text.size())))
       throw OutputError("cannot read {} back; was it changed while the run was going?", path_.string());
-    write_file_atomically(path_, (text += grid).append(footer));
+    write_file_atomically(path_, {text, grid, footer});
     starts_.resize(index + 1);
     end_ = starts_[index];
   }

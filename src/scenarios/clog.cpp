@@ -100,10 +100,10 @@ class ClogRun final : public DropletRun {
     return opened_ < 0 ? "settling" : fmt::format("{} of {} left", droplets() - active(), droplets());
   }
 
-  void save(CheckpointWriter& c) const override { c.add("opened", std::array{opened_}); }
+  void save(CheckpointWriter& c) const override { c.add("opened_at", opened_); }
 
   void load(const Checkpoint& c) override {
-    opened_ = c.reals.at("opened").at(0);
+    opened_ = c.real("opened_at", -1, c.t);
     if (opened_ >= 0) put_walls(make_walls(p_, far_below));
   }
 
@@ -241,11 +241,16 @@ Real capillary_length(const ModelParameters& p, Real g) {
 }
 
 ExitCode run_clog(ClogOptions& p, Options& options, const Ranks& ranks) {
-  const std::optional<Checkpoint> checkpoint = checkpoint_to_continue("clog", p, options, ranks);
-  p.resolve();
   start_log();
-  ClogRun clog(p, options, ranks, draw_radii(p.radii, p.n, static_cast<std::uint64_t>(p.seed)));
-  return clog.run(checkpoint);
+  std::optional<ClogRun> clog;
+  make_run("clog", p, options, ranks, [&](const std::optional<Checkpoint>& checkpoint) {
+    p.resolve();
+    // Before so many are made.
+    if (checkpoint) checkpoint->integer_array("active", static_cast<std::size_t>(p.n));
+    clog.emplace(p, options, ranks, draw_radii(p.radii, p.n, static_cast<std::uint64_t>(p.seed)));
+    if (checkpoint) clog->restore(*checkpoint);
+  });
+  return clog->run();
 }
 
 }  // namespace pliant

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 
 #include <pliant/base/console.h>
 #include <pliant/base/log.h>
@@ -56,17 +57,19 @@ DropletRun::DropletRun(const DropletOptions& p, const Options& options, const Ra
       overdamped_(make_system(p, setup, ranks)),
       system_(overdamped_),
       control_(p.checkpoint_interval, p.max_wall_time, ranks),
+      sampling_(p.sample_interval),
+      framing_(p.frame_interval),
       dt_(p.dt) {
   omp_set_num_threads(1);
   if (ranks.several()) whole_.emplace(setup.droplets, setup.walls, make_field(p, setup), needs(p), p.skin);
 }
 
-ExitCode DropletRun::run(const std::optional<Checkpoint>& checkpoint) {
-  if (checkpoint) restore(*checkpoint);
+ExitCode DropletRun::run() {
+  const bool restarted = !restarted_from_.empty();
   integration_.dt = dt_;
   integrator_.emplace(integration_, ranks_.comm());
   options_.check_consumed();
-  if (checkpoint && last_time() < state_.t)
+  if (restarted && last_time() < state_.t)
     throw InputError("the run is at t = {:.6g} already, after its end at {:.6g}; give a later -t_end", state_.t,
                      last_time());
   StopSignals signals;
@@ -75,16 +78,16 @@ ExitCode DropletRun::run(const std::optional<Checkpoint>& checkpoint) {
   const Topology& topology = particles().topology();
   ranks_.on_root([&] {
     writer_.emplace(
-        checkpoint
+        restarted
             ? RunWriter::append(p_.output, topology, restored_samples_, restored_frames_, restored_events_)
             : RunWriter::create(p_.output, make_manifest(scenario_, "bubble", 2, p_.seed, options_), topology, shape));
-    checkpoints_.emplace(p_.output);
+    checkpoints_.emplace(p_.output, restarted_from_);
     say("{}\n{}: dt = {:.3g} t0; output in {}\n", title(), integrator_->name(), dt_, p_.output);
-    if (checkpoint) say("continuing at t = {:.6g} t0, step {}\n", state_.t, state_.step);
+    if (restarted) say("continuing at t = {:.6g} t0, step {}\n", state_.t, state_.step);
   });
   nlohmann::ordered_json s;
   try {
-    if (!checkpoint) begin();
+    if (!restarted) begin();
     cpu_at_start_ = control_.cpu_seconds();
     started_at_ = state_.t;
     const LogScope log(LogStage::run);
@@ -172,8 +175,8 @@ void DropletRun::gather(std::span<const Real> own, std::span<Real> all) const {
 /// What the end of a run adds, unless it was stopped.
 void DropletRun::complete() {
   if (ended_by_.empty()) ended_by_ = "t_end";
-  if (last_sample_at_ < state_.t) sample();
-  if (last_frame_at_ < state_.t) frame();
+  if (!sampling_.done_at(state_.t)) sample();
+  if (!framing_.done_at(state_.t)) frame();
   store();  // for a restart to a later end
 }
 
@@ -185,8 +188,8 @@ AfterStep DropletRun::after_step() {
   }
   const bool changed = follow(), reordered = !changed && overdamped_.particles().crowded();
   if (reordered) tidy();
-  if (state_.t >= next_sample_ * p_.sample_interval * (1 - 1e-12)) sample();
-  if (state_.t >= next_frame_ * p_.frame_interval * (1 - 1e-12)) frame();
+  if (sampling_.due(state_.t)) sample();
+  if (framing_.due(state_.t)) frame();
   if (!ended_by_.empty()) return AfterStep::stop;
   if (control_.due()) {
     control_.progress([&] {
@@ -204,8 +207,7 @@ AfterStep DropletRun::after_step() {
 
 void DropletRun::sample() {
   const LogScope log(LogEvent::sample);
-  while (next_sample_ * p_.sample_interval * (1 - 1e-12) <= state_.t) ++next_sample_;
-  last_sample_at_ = state_.t;
+  sampling_.done(state_.t);
   find_velocities();
   const StateView<2> s = view();
   Real bonds = 0, tense = 0;
@@ -236,8 +238,7 @@ void DropletRun::sample() {
 
 void DropletRun::frame() {
   const LogScope log(LogEvent::frame);
-  while (next_frame_ * p_.frame_interval * (1 - 1e-12) <= state_.t) ++next_frame_;
-  last_frame_at_ = state_.t;
+  framing_.done(state_.t);
   find_velocities();
   write_frame();
 }
@@ -321,12 +322,19 @@ void DropletRun::store() {
     const Neighbours<2>::History lists = particles().neighbours().history(particles().topology());
     c.add("list_reference", lists.reference);
     const IntegratorStatistics total = statistics();
-    c.add("numbers", std::array{last_sample_at_, last_frame_at_, integrator_->next_dt(), cpu, start_energy_, withdrawn_,
-                                lists.time});
-    c.add("counters",
-          std::array{next_sample_, next_frame_, static_cast<std::int64_t>(writer_->samples()),
-                     static_cast<std::int64_t>(writer_->frames()), static_cast<std::int64_t>(writer_->events()),
-                     total.steps, total.rejected, total.force_evaluations, list_rebuilds()});
+    c.add("list_time", lists.time);
+    c.add("list_rebuilds", list_rebuilds());
+    sampling_.save(c, "last_sample_at");
+    framing_.save(c, "last_frame_at");
+    c.add("samples", writer_->samples());
+    c.add("frames", writer_->frames());
+    c.add("events", writer_->events());
+    c.add("dt", integrator_->next_dt());
+    c.add("start_energy", start_energy_);
+    c.add("withdrawn", withdrawn_);
+    c.add("rejected_steps", total.rejected);
+    c.add("force_evaluations", total.force_evaluations);
+    c.add("cpu_seconds", cpu);
     c.add_text("scenario", scenario_);
     c.add_text("options", options_.json().dump());
     save(c);
@@ -334,42 +342,41 @@ void DropletRun::store() {
   });
 }
 
-void DropletRun::restore(const Checkpoint& c) try {
+void DropletRun::restore(const Checkpoint& c) {
+  constexpr Real far = 1e9;  ///< no droplet comes there
+  const auto n = static_cast<std::size_t>(droplets());
   state_ = State(droplets() + 1, 2);
-  const auto& x = c.reals.at("x");
-  if (x.size() != state_.size()) throw std::out_of_range("x");
-  std::copy(x.begin(), x.end(), state_.x().begin());
+  std::ranges::copy(c.real_array("x", state_.size(), -far, far), state_.x().begin());
   state_.t = c.t;
   state_.step = c.step;
   load(c);
-  const auto& active = c.integers.at("active");
+  const auto& active = c.integer_array("active", n, 0, 1);
   for (Index m = 0; m < droplets(); ++m)
-    if (active.at(m) == 0) particles().deactivate(m);
+    if (active[m] == 0) particles().deactivate(m);
   share_out();
-  const auto& last = c.reals.at("last_velocity");
-  if (last.size() != 2 * static_cast<std::size_t>(droplets())) throw std::out_of_range("last_velocity");
-  overdamped_.set_last(own_part(last));
-  const auto& numbers = c.reals.at("numbers");
-  last_sample_at_ = numbers.at(0);
-  last_frame_at_ = numbers.at(1);
-  dt_ = numbers.at(2);
-  cpu_before_ = numbers.at(3);
-  start_energy_ = numbers.at(4);
-  withdrawn_ = numbers.at(5);
-  const auto& n = c.integers.at("counters");
-  next_sample_ = n.at(0);
-  next_frame_ = n.at(1);
-  restored_samples_ = static_cast<std::uint64_t>(n.at(2));
-  restored_frames_ = static_cast<std::uint64_t>(n.at(3));
-  restored_events_ = static_cast<std::uint64_t>(n.at(4));
-  before_ = {.steps = n.at(5), .rejected = n.at(6), .force_evaluations = n.at(7)};
+  overdamped_.set_last(own_part(c.real_array("last_velocity", 2 * n)));
+  sampling_.load(c, "last_sample_at");
+  framing_.load(c, "last_frame_at");
+  restored_samples_ = static_cast<std::uint64_t>(c.integer("samples", 1));
+  restored_frames_ = static_cast<std::uint64_t>(c.integer("frames", 1));
+  restored_events_ = static_cast<std::uint64_t>(c.integer("events"));
+  dt_ = c.real("dt", std::numeric_limits<Real>::min(), std::max(dt_, last_time()));
+  start_energy_ = c.real("start_energy");
+  withdrawn_ = c.real("withdrawn");
+  before_ = {
+      .steps = c.step, .rejected = c.integer("rejected_steps"), .force_evaluations = c.integer("force_evaluations")};
+  cpu_before_ = c.real("cpu_seconds", 0);
   // The lists of the stopped run: the order of their sums is part of the state.
-  const auto& reference = c.reals.at("list_reference");
+  const auto& reference = c.real_array("list_reference", c.length("list_reference") == 0 ? 0 : 2 * n, -far, far);
+  const Real list_time = c.real("list_time", 0, c.t);
+  for (std::size_t i = 0; i < reference.size(); ++i)
+    if (!(std::abs(state_.x()[i] - reference[i]) <= p_.skin / 2 + 2 * radius(static_cast<Index>(i / 2))))
+      c.refuse("x[{}] = {} is farther from list_reference[{}] = {} than a droplet goes before lists are built anew", i,
+               state_.x()[i], i, reference[i]);
   if (!reference.empty())
-    particles().neighbours().replay(particles().topology(), particles().walls(), {reference, {}, {}, numbers.at(6)});
-  rebuilds_before_ = n.at(8) - list_rebuilds();
-} catch (const std::out_of_range&) {
-  throw InputError("{}: the checkpoint lacks what this version needs; go on with the version that wrote it", p_.output);
+    particles().neighbours().replay(particles().topology(), particles().walls(), {reference, {}, {}, list_time});
+  rebuilds_before_ = c.integer("list_rebuilds") - list_rebuilds();
+  restarted_from_ = c.file;
 }
 
 std::int64_t DropletRun::list_rebuilds() const {
@@ -421,7 +428,7 @@ void DropletRun::fail(const Error& error) {
   if (error.code() == ExitCode::numerical_failure)
     attempt([&] {
       // With the velocities found last: where droplets have run into each other there are no others.
-      if (last_frame_at_ >= 0 && last_frame_at_ < state_.t) write_frame();
+      if (framing_.done_at(0) && !framing_.done_at(state_.t)) write_frame();
       ranks_.on_root([&] { writer_->flush(); });
     });
   attempt([&] {

@@ -14,6 +14,7 @@
 #include <pliant/model/state.h>
 #include <pliant/scenarios/droplet_options.h>
 #include <pliant/scenarios/run_control.h>
+#include <pliant/scenarios/schedule.h>
 #include <pliant/ts/overdamped.h>
 #include <pliant/ts/ts_integrator.h>
 
@@ -57,8 +58,10 @@ class DropletRun {
   DropletRun(const DropletRun&) = delete;
   DropletRun& operator=(const DropletRun&) = delete;
 
-  /// New, or from the checkpoint. Returns and throws as run_hopper does.
-  ExitCode run(const std::optional<Checkpoint>& checkpoint);
+  /// Before run(): goes on from there. All that is read is checked before it is used. Errors: InputError.
+  void restore(const Checkpoint& checkpoint);
+  /// Returns and throws as run_hopper does.
+  ExitCode run();
 
  protected:
   // What a scenario says.
@@ -122,7 +125,6 @@ class DropletRun {
   void sample();
   void write_frame();
   void store();
-  void restore(const Checkpoint& checkpoint);
   template <class Change>
   void outside_budget(Change&& change);
   IntegratorStatistics statistics() const;
@@ -153,11 +155,13 @@ class DropletRun {
       numbers_;  ///< of what the ranks have one after the other; work and dissipation follow the droplets
   Real start_energy_ = 0, withdrawn_ = 0;  ///< withdrawn: what changes took out of the energy
   Real budget_error_ = 0;                  ///< of the last sample
-  std::int64_t next_sample_ = 0, next_frame_ = 0, rebuilds_before_ = 0;
-  Real last_sample_at_ = -1, last_frame_at_ = -1, dt_ = 0;
+  Schedule sampling_, framing_;
+  std::int64_t rebuilds_before_ = 0;
+  Real dt_ = 0;
   IntegratorStatistics before_;  ///< of the runs before a restart
   Real cpu_before_ = 0, cpu_at_start_ = 0, started_at_ = 0;
   std::uint64_t restored_samples_ = 0, restored_frames_ = 0, restored_events_ = 0;
+  std::string restarted_from_;  ///< file of the checkpoint
   std::string ended_by_;
   bool stopped_ = false;
 };

@@ -3,7 +3,10 @@
 #include <fmt/format.h>
 #include <omp.h>
 
+#include <algorithm>
 #include <cmath>
+#include <functional>
+#include <limits>
 #include <memory>
 #include <numeric>
 
@@ -20,6 +23,7 @@
 #include <pliant/scenarios/reinsertion.h>
 #include <pliant/scenarios/run_control.h>
 #include <pliant/scenarios/run_folder.h>
+#include <pliant/scenarios/schedule.h>
 #include <pliant/scenarios/stored_particles.h>
 #include <pliant/ts/drag_limit.h>
 #include <pliant/ts/ts_integrator.h>
@@ -68,7 +72,9 @@ class HopperRun {
         system_({}, p.hopper.walls<D>(), make_force_field<D>(p.model, p.model_parameters(), down<D>()),
                 neighbour_needs(p.model), p.first_skin(), ranks),
         control_(p.checkpoint_interval, p.max_wall_time, ranks),
-        clog_(p.clog_time, p.clog_speed) {
+        clog_(p.clog_time, p.clog_speed),
+        sampling_(p.sample_interval),
+        framing_(p.frame_interval) {
     for (const Real sigma : all_.sigma) largest_ = std::max(largest_, sigma);
     for (const Real a0 : all_.a0) mean_size_ += a0 / all_.particles();
     points_ = all_.points();
@@ -93,22 +99,22 @@ class HopperRun {
 
   ExitCode run() {
     options_.check_consumed();
-    if (restarted_ && *p_.t_end < state_.t - dt_ / 2)
+    if (restarted() && *p_.t_end < state_.t - dt_ / 2)
       throw InputError("-t_end {}: the checkpoint in {} is at t = {:.6g} already; give a later end", *p_.t_end,
                        p_.output, state_.t);
     check_fit(all_, p_.hopper);
     StopSignals signals;
     writer_.emplace(
-        restarted_ ? RunWriter::append(p_.output, all_, restored_samples_, restored_frames_, restored_events_, ranks_)
-                   : RunWriter::create(p_.output, make_manifest("hopper", to_string(p_.model), D, p_.seed, options_),
-                                       all_, geometry(), ranks_));
+        restarted() ? RunWriter::append(p_.output, all_, restored_samples_, restored_frames_, restored_events_, ranks_)
+                    : RunWriter::create(p_.output, make_manifest("hopper", to_string(p_.model), D, p_.seed, options_),
+                                        all_, geometry(), ranks_));
     ranks_.on_root([&] {
-      checkpoints_.emplace(p_.output);
+      checkpoints_.emplace(p_.output, restarted_from_);
       writer_->write_axis("profile_height", profile_heights());
       announce();
     });
     try {
-      if (restarted_) {
+      if (restarted()) {
         all_ = Topology();
         repeat_judgements();
       } else {
@@ -235,8 +241,8 @@ class HopperRun {
   void complete() {
     if (outcome_ == Outcome::stopped) return;
     if (outcome_ == Outcome::done) save(state_, false);  // for a restart to a later end
-    if (last_sample_at_ < state_.t) sample(state_);
-    if (last_frame_at_ < state_.t) frame(state_);
+    if (!sampling_.done_at(state_.t)) sample(state_);
+    if (!framing_.done_at(state_.t)) frame(state_);
   }
 
   // --- After every accepted step
@@ -246,8 +252,8 @@ class HopperRun {
     const bool untidy = system_.crowded() || (p_.integrator == IntegratorKind::verlet && system_.untidy());
     const bool changed = follow_particles(s), reordered = untidy && !changed;
     if (reordered) tidy(s);
-    if (s.t >= next_sample_ * p_.sample_interval * (1 - 1e-12)) sample(s);
-    if (s.t >= next_frame_ * p_.frame_interval * (1 - 1e-12)) frame(s);
+    if (sampling_.due(s.t)) sample(s);
+    if (framing_.due(s.t)) frame(s);
     if (outcome_ == Outcome::precise) save(s, changed);  // for a restart that asks for more
     if (outcome_ == Outcome::done && control_.due()) {
       control_.progress([&] { return progress_line(s); });
@@ -332,8 +338,7 @@ class HopperRun {
   void sample(const State& s) {
     const LogScope log(LogEvent::sample);
     record_crossings();
-    while (next_sample_ * p_.sample_interval * (1 - 1e-12) <= s.t) ++next_sample_;
-    last_sample_at_ = s.t;
+    sampling_.done(s.t);
     last_sample_ = take_sample<D>(system_, s, p_.hopper, flow_, s.step > 0 ? integrator_->statistics().last_dt : dt_);
     ranks_.on_root([&] { writer_->add_sample(last_sample_.row); });
     check(s);
@@ -373,8 +378,7 @@ class HopperRun {
 
   void frame(const State& s) {
     const LogScope log(LogEvent::frame);
-    while (next_frame_ * p_.frame_interval * (1 - 1e-12) <= s.t) ++next_frame_;
-    last_frame_at_ = s.t;
+    framing_.done(s.t);
     writer_->write_frame(FrameData<D>(system_, s).frame);
   }
 
@@ -402,6 +406,8 @@ class HopperRun {
     add("predicted", s.predicted());
     {
       typename Neighbours<D>::History lists = system_.neighbours().history(topology);
+      // Ranks whose particles have just left have no lists: the others' are no good either.
+      if (!ranks_.all(lists.reference.size() == s.size())) lists = {};
       add("list_reference", std::move(lists.reference));
       add("list_places", lists.places);  // none on several ranks
       add("list_relocated", lists.relocated);
@@ -415,74 +421,93 @@ class HopperRun {
     const std::int64_t crossed = ranks_.sum(flow_.crossed);
     const Real crossed_area = ranks_.sum(flow_.area), cpu = total_cpu();
     ranks_.on_root([&] {
-      checkpoints_->add("numbers", std::array{crossed_area, clog_.state().quiet_since, last_sample_at_, last_frame_at_,
-                                              next_dt(), system_.neighbours().skin(), cpu});
-      checkpoints_->add(
-          "counters",
-          std::array{crossed, clog_.state().crossed, next_sample_, next_frame_,
-                     static_cast<std::int64_t>(writer_->samples()), static_cast<std::int64_t>(writer_->frames()),
-                     total.steps, total.rejected, total.force_evaluations, packing_iterations_, std::int64_t{changed},
-                     system_.use().evaluations, system_.use().rebuilds, list_rebuilds(), total.jacobian_evaluations,
-                     total.linear_iterations, static_cast<std::int64_t>(writer_->events())});
-      checkpoints_->add_text("scenario", "hopper");
-      checkpoints_->add_text("options", options_.json().dump());
-      checkpoints_->finish();
+      CheckpointWriter& c = *checkpoints_;
+      sampling_.save(c, "last_sample_at");
+      framing_.save(c, "last_frame_at");
+      c.add("samples", writer_->samples());
+      c.add("frames", writer_->frames());
+      c.add("events", writer_->events());
+      c.add("crossed", crossed);
+      c.add("crossed_area", crossed_area);
+      const ClogDetector::State& clog = clog_.state();
+      c.add("quiet_since", std::isnan(clog.quiet_since) ? -1 : clog.quiet_since);
+      c.add("crossed_before_quiet", clog.crossed);
+      c.add("changed", std::int64_t{changed});
+      c.add("dt", next_dt());
+      c.add("skin", system_.neighbours().skin());
+      c.add("evaluations_since_sort", system_.use().evaluations);
+      c.add("list_rebuilds_since_sort", system_.use().rebuilds);
+      c.add("list_rebuilds", list_rebuilds());
+      c.add("packing_iterations", packing_iterations_);
+      c.add("rejected_steps", total.rejected);
+      c.add("force_evaluations", total.force_evaluations);
+      c.add("jacobian_evaluations", total.jacobian_evaluations);
+      c.add("linear_iterations", total.linear_iterations);
+      c.add("cpu_seconds", cpu);
+      c.add_text("scenario", "hopper");
+      c.add_text("options", options_.json().dump());
+      c.finish();
     });
   }
 
-  void load(const Checkpoint& c) try {
+  /// All that is read is checked before it is used.
+  void load(const Checkpoint& c) {
     const StoredParticles stored(c, all_, D, ranks_);
     take(stored.ids());
-    const auto restore = [&](auto& own, const char* name) {
-      const auto values = stored.particles(c.integers.at(name));
+    const std::int64_t crossed = c.integer("crossed");
+    const auto restore = [&](auto& own, const char* name, std::int64_t least, std::int64_t most) {
+      const auto values = stored.particles(name, least, most);
       own.assign(values.begin(), values.end());
     };
-    state_.t = c.t;
-    state_.step = c.step;
-    state_.assign(stored.points(c.reals.at("x")), stored.points(c.reals.at("v")),
-                  stored.points(c.reals.at("predicted")));
-    restore(counted_, "counted");
-    restore(reinserted_, "reinserted");
+    restore(counted_, "counted", 0, 1);
+    restore(reinserted_, "reinserted", 0, crossed);
     std::vector<std::uint8_t> active;
-    restore(active, "active");
+    restore(active, "active", p_.flow == FlowKind::continuous ? 1 : 0, 1);
     for (std::size_t m = 0; m < active.size(); ++m)
       if (active[m] == 0) system_.deactivate(static_cast<Index>(m));
-    const auto& n = c.integers.at("counters");
-    const auto& numbers = c.reals.at("numbers");
-    if (ranks_.root()) flow_ = {n.at(0), numbers.at(0)};
-    clog_.restore({numbers.at(1), n.at(1)});
-    last_sample_at_ = numbers.at(2);
-    last_frame_at_ = numbers.at(3);
-    next_sample_ = n.at(2);
-    next_frame_ = n.at(3);
-    restored_samples_ = static_cast<std::uint64_t>(n.at(4));
-    restored_frames_ = static_cast<std::uint64_t>(n.at(5));
-    restored_events_ = static_cast<std::uint64_t>(n.at(16));
-    before_ = {.steps = n.at(6),
-               .rejected = n.at(7),
-               .force_evaluations = n.at(8),
-               .jacobian_evaluations = n.at(14),
-               .linear_iterations = n.at(15)};
-    packing_iterations_ = n.at(9);
-    fresh_ = n.at(10) != 0;
-    if (p_.integrator == IntegratorKind::ts) dt_ = numbers.at(4);
-    cpu_before_ = numbers.at(6);
+
+    state_.t = c.t;
+    state_.step = c.step;
+    sampling_.load(c, "last_sample_at");
+    framing_.load(c, "last_frame_at");
+    // A particle that moves by some diameters in a step has gone through others.
+    const Real dt = c.real("dt", std::numeric_limits<Real>::min(), std::max(dt_, *p_.t_end));
+    if (p_.integrator == IntegratorKind::ts) dt_ = dt;
+    const Real fastest = 10 * largest_ / dt_;
+    state_.assign(stored.points("x"), stored.points("v", fastest), stored.points("predicted", fastest));
+    const Real area = static_cast<Real>(crossed) * *std::max_element(all_.a0.begin(), all_.a0.end());
+    const Real crossed_area = c.real("crossed_area", 0, area * (1 + 1e-9));
+    if (ranks_.root()) flow_ = {crossed, crossed_area};
+    const Real quiet_since = c.real("quiet_since", -1, c.t);
+    clog_.restore({quiet_since < 0 ? NAN : quiet_since, c.integer("crossed_before_quiet", -1, crossed)});
+    restored_samples_ = static_cast<std::uint64_t>(c.integer("samples", 1));
+    restored_frames_ = static_cast<std::uint64_t>(c.integer("frames", 1));
+    restored_events_ = static_cast<std::uint64_t>(c.integer("events", crossed, crossed));
+    before_ = {.steps = c.step,
+               .rejected = c.integer("rejected_steps"),
+               .force_evaluations = c.integer("force_evaluations"),
+               .jacobian_evaluations = c.integer("jacobian_evaluations"),
+               .linear_iterations = c.integer("linear_iterations")};
+    packing_iterations_ = c.integer("packing_iterations");
+    fresh_ = c.flag("changed");
+    cpu_before_ = c.real("cpu_seconds", 0);
     // The lists of the stopped run: the order of their sums is part of the state.
-    const auto &reference = c.reals.at("list_reference"), &places = c.reals.at("list_places");
-    const std::vector<Index> relocated(c.integers.at("list_relocated").begin(), c.integers.at("list_relocated").end());
-    system_.neighbours().set_skin(numbers.at(stored_skin));
+    const Real widest = std::max(p_.first_skin(), *std::max_element(all_.diameter.begin(), all_.diameter.end()));
+    const Real skin = c.real("skin", p_.skin.value_or(std::numeric_limits<Real>::min()), p_.skin.value_or(widest));
+    const auto [reference, relocated, places] = stored.lists(skin / 2 + largest_);
+    const std::int64_t rebuilds = c.integer("list_rebuilds"),
+                       since_sort = c.integer("list_rebuilds_since_sort", 0, rebuilds),
+                       evaluations = c.integer("evaluations_since_sort");
+    system_.neighbours().set_skin(skin);
     if (!reference.empty()) {
       if (ranks_.several())
-        system_.rebuild(stored.points(reference).data());
+        system_.rebuild(stored.own_points(reference).data());
       else
         system_.neighbours().replay(system_.topology(), system_.walls(), {reference, relocated, places});
     }
-    system_.set_use({n.at(11), n.at(12)});
-    rebuilds_before_ = n.at(13) - system_.neighbours().rebuilds();
-    restarted_ = true;
-  } catch (const std::out_of_range&) {
-    throw InputError("{}: the checkpoint lacks what this version needs; go on with the version that wrote it",
-                     p_.output);
+    system_.set_use({evaluations, since_sort});
+    rebuilds_before_ = rebuilds - system_.neighbours().rebuilds();
+    restarted_from_ = c.file;
   }
 
   Real next_dt() const {
@@ -512,7 +537,7 @@ class HopperRun {
         p_.hopper.orifice, p_.hopper.angle, p_.flow == FlowKind::continuous ? "continuous flow" : "discharge");
     say("{}: dt = {:.3g} t0, dt/dt_critical = {:.2f}; output in {}\n", integrator_->name(), dt_, dt_ / critical_step_,
         p_.output);
-    if (restarted_) say("continuing at t = {:.6g} t0, step {}\n", state_.t, state_.step);
+    if (restarted()) say("continuing at t = {:.6g} t0, step {}\n", state_.t, state_.step);
   }
 
   std::string progress_line(const State& s) const {
@@ -652,6 +677,7 @@ class HopperRun {
   }
 
   bool deformable() const { return p_.model != ModelKind::sp; }
+  bool restarted() const { return !restarted_from_.empty(); }
 
   const HopperOptions& p_;
   const Options& options_;
@@ -676,14 +702,15 @@ class HopperRun {
     Sighting<D> at;
   };
   std::vector<Crossing> crossings_;  ///< not recorded yet
-  std::int64_t next_sample_ = 0, next_frame_ = 0, packing_iterations_ = 0;
-  Real last_sample_at_ = -1, last_frame_at_ = -1;  ///< times
+  Schedule sampling_, framing_;
+  std::int64_t packing_iterations_ = 0;
   State state_;
 
   Real largest_ = 0, mean_size_ = 0;  ///< diameter; a0
   Index points_ = 0;                  ///< of all particles
   Real critical_step_ = 0, dt_ = 0;
-  bool restarted_ = false, fresh_ = true;
+  std::string restarted_from_;  ///< file of the checkpoint
+  bool fresh_ = true;
   std::uint64_t restored_samples_ = 0, restored_frames_ = 0, restored_events_ = 0;
   IntegratorStatistics before_;  ///< of the runs before a restart
   Real cpu_before_ = 0, cpu_at_start_ = 0, started_at_ = 0;
@@ -693,18 +720,31 @@ class HopperRun {
   Outcome outcome_ = Outcome::done;
 };
 
+/// Whether it holds the particles that the options ask for, before they are made.
+void check_size(const Checkpoint& c, const HopperOptions& p) {
+  const auto n = static_cast<std::size_t>(p.particles),
+             points = p.model == ModelKind::sp ? n : n * static_cast<std::size_t>(p.shape.vertices);
+  c.integer_array("id", n);
+  c.real_array("x", points * static_cast<std::size_t>(p.dim));
+}
+
 }  // namespace
 
 ExitCode run_hopper(HopperOptions& p, Options& options, const Ranks& ranks) {
-  std::optional<Checkpoint> checkpoint = checkpoint_to_continue("hopper", p, options, ranks);
-  p.resolve();
-  omp_set_num_threads(p.threads);
   start_log();
-  const auto run = [&]<int D>() {
-    HopperRun<D> hopper(p, options, ranks, std::move(checkpoint));  // which drops it once it is read
-    return hopper.run();
-  };
-  return p.dim == 2 ? run.template operator()<2>() : run.template operator()<3>();
+  std::function<ExitCode()> run;
+  make_run("hopper", p, options, ranks, [&](std::optional<Checkpoint> checkpoint) {
+    p.resolve();
+    if (checkpoint) check_size(*checkpoint, p);
+    omp_set_num_threads(p.threads);
+    const auto make = [&]<int D>() {
+      // The checkpoint is dropped once it is read.
+      const auto hopper = std::make_shared<HopperRun<D>>(p, options, ranks, std::move(checkpoint));
+      run = [hopper] { return hopper->run(); };
+    };
+    p.dim == 2 ? make.template operator()<2>() : make.template operator()<3>();
+  });
+  return run();
 }
 
 }  // namespace pliant

@@ -191,16 +191,23 @@ class RaftRun final : public DropletRun {
     std::vector<Index> pairs;
     for (const Bond& b : bonds_) pairs.insert(pairs.end(), b.begin(), b.end());
     c.add("bonds", pairs);
-    c.add("bond_counts", std::array{broken_, formed_});
+    c.add("broken", broken_);
+    c.add("formed", formed_);
   }
 
   void load(const Checkpoint& c) override {
-    const auto& pairs = c.integers.at("bonds");
-    for (std::size_t k = 0; k + 1 < pairs.size(); k += 2)
-      bonds_.push_back({static_cast<Index>(pairs[k]), static_cast<Index>(pairs[k + 1])});
-    const auto& counts = c.integers.at("bond_counts");
-    broken_ = counts.at(0);
-    formed_ = counts.at(1);
+    const std::size_t numbers = c.length("bonds");
+    const auto& pairs = c.integer_array("bonds", numbers - numbers % 2, 0, droplets() - 1);
+    for (std::size_t k = 0; k < numbers; k += 2) {
+      const Bond bond{static_cast<Index>(pairs[k]), static_cast<Index>(pairs[k + 1])};
+      if (bond[0] >= bond[1] || (k > 0 && bond <= bonds_.back()))
+        c.refuse("bonds: {} – {} is out of order", bond[0], bond[1]);
+      bonds_.push_back(bond);
+    }
+    // Each is an event.
+    const std::int64_t events = c.integer("events");
+    broken_ = c.integer("broken", 0, events);
+    formed_ = c.integer("formed", events - broken_, events - broken_);
   }
 
   void conclude(nlohmann::ordered_json& s) override {
@@ -273,11 +280,16 @@ Index count_rows(Index droplets, const std::vector<Bond>& bonds, const std::vect
 }
 
 ExitCode run_raft(RaftOptions& p, Options& options, const Ranks& ranks) {
-  const std::optional<Checkpoint> checkpoint = checkpoint_to_continue("raft", p, options, ranks);
-  p.resolve();
   start_log();
-  RaftRun raft(p, options, ranks, Raft(p));
-  return raft.run(checkpoint);
+  std::optional<RaftRun> raft;
+  make_run("raft", p, options, ranks, [&](const std::optional<Checkpoint>& checkpoint) {
+    p.resolve();
+    // Before so many are made.
+    if (checkpoint) checkpoint->integer_array("active", static_cast<std::size_t>(p.droplets()));
+    raft.emplace(p, options, ranks, Raft(p));
+    if (checkpoint) raft->restore(*checkpoint);
+  });
+  return raft->run();
 }
 
 }  // namespace pliant

@@ -3,9 +3,12 @@
 #include <fmt/chrono.h>
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <ctime>
 #include <filesystem>
 #include <fstream>
+#include <utility>
+#include <vector>
 
 #include <pliant/base/console.h>
 #include <pliant/base/version.h>
@@ -24,23 +27,71 @@ std::string stored_status(const fs::path& folder) {
              : "";
 }
 
+/// The root's paths, on all ranks.
+std::vector<std::string> shared_names(const Ranks& ranks, const std::vector<fs::path>& paths) {
+  std::vector<char> text;
+  for (const fs::path& path : paths) {
+    const std::string name = path.string() + '\0';
+    text.insert(text.end(), name.begin(), name.end());
+  }
+  ranks.broadcast(text);
+  std::vector<std::string> names;
+  for (auto at = text.begin(); at != text.end(); at += static_cast<std::ptrdiff_t>(names.back().size()) + 1)
+    names.emplace_back(&*at);
+  return names;
+}
+
+/// Gives `options` what the checkpoint has stored.
+void take_options(std::string_view scenario, const Checkpoint& checkpoint, Options& options) {
+  if (const std::string& own = checkpoint.text("scenario"); own != scenario)
+    throw InputError("{}: the checkpoint is of scenario '{}', not of {}",
+                     fs::path(checkpoint.file).parent_path().string(), own, scenario);
+  const nlohmann::json stored = nlohmann::json::parse(checkpoint.text("options"), nullptr, false);
+  try {
+    options.from_json(stored);
+  } catch (const RestartConflict&) {
+    throw;
+  } catch (const Error& error) {
+    checkpoint.refuse("{}", error.what());
+  }
+}
+
 }  // namespace
 
-std::optional<Checkpoint> checkpoint_to_continue(std::string_view scenario, const RunOptions& p, Options& options,
-                                                 const Ranks& ranks) {
+void make_run(std::string_view scenario, const RunOptions& p, Options& options, const Ranks& ranks,
+              const std::function<void(std::optional<Checkpoint>)>& make) {
   const bool again = p.restart.empty() && stored_status(p.output) == "stopped";
   if (!p.restart.empty() && options.given("output") &&
       fs::weakly_canonical(p.output) != fs::weakly_canonical(p.restart))
     throw InputError("-output {}: -restart {} goes on in its own folder; leave -output out", p.output, p.restart);
-  if (!again && p.restart.empty()) return {};
+  if (!again && p.restart.empty()) return make({});
   const fs::path folder = again ? p.output : p.restart;
-  NewestCheckpoint newest = read_newest_checkpoint(folder);
-  if (!newest.message.empty() && ranks.root()) warn("{}", newest.message);
-  if (newest.checkpoint.strings["scenario"] != scenario)
-    throw InputError("{}: the checkpoint is of scenario '{}', not of {}", folder.string(),
-                     newest.checkpoint.strings["scenario"], scenario);
-  options.from_json(nlohmann::json::parse(newest.checkpoint.strings["options"]));
-  return std::move(newest.checkpoint);
+  StoredCheckpoints stored;
+  ranks.on_root([&] { stored = find_checkpoints(folder); });
+  std::vector<std::string> problems = std::move(stored.problems);
+  for (const std::string& file : shared_names(ranks, stored.files)) {
+    std::string problem;
+    try {
+      std::optional<Checkpoint> checkpoint;
+      ranks.together([&] { checkpoint = read_checkpoint(file); });
+      const std::int64_t step = checkpoint->step;
+      take_options(scenario, *checkpoint, options);
+      make(std::move(checkpoint));
+      if (!problems.empty() && ranks.root())
+        warn("{}; going on from {} (step {})", fmt::join(problems, "; "), file, step);
+      return;
+    } catch (const RestartConflict&) {
+      throw;
+    } catch (const Error& error) {
+      problem = error.what();
+    } catch (const std::exception& error) {
+      problem = fmt::format("{} cannot be used: {}", file, error.what());
+    }
+    // What the user asks for can be as wrong with both.
+    if (std::find(problems.begin(), problems.end(), problem) == problems.end()) problems.push_back(problem);
+    options.reset();
+  }
+  ranks.on_root([&] { throw InputError("{}", fmt::join(problems, "; ")); });
 }
 
 Manifest make_manifest(std::string_view scenario, std::string_view model, int dim, std::int64_t seed,

@@ -1,6 +1,7 @@
 // What the folder of a run says of it, whatever the scenario: whether it goes on, and who made it.
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -12,11 +13,13 @@
 
 namespace pliant {
 
-/// The checkpoint that a run goes on with: that of -restart, or of a run that was stopped in the same folder, as the
-/// same command again goes on with it. `options`, to which `p` is bound, gets the stored values. Errors: InputError
-/// where -output contradicts -restart, or the checkpoint is another scenario's.
-std::optional<Checkpoint> checkpoint_to_continue(std::string_view scenario, const RunOptions& p, Options& options,
-                                                 const Ranks& ranks);
+/// Makes a run that is new, or goes on from a checkpoint: that of -restart, or of a run that was stopped in the same
+/// folder, as the same command again goes on with it. `options`, to which `p` is bound, gets the stored values before
+/// `make` gets the checkpoint. If `make` or anything before it fails with the newer of two checkpoints, a warning says
+/// why, and the older one is tried: `make` must check all that it reads, and change nothing that lasts before it has.
+/// Collective. Errors: InputError where -output contradicts -restart, or no checkpoint can be used.
+void make_run(std::string_view scenario, const RunOptions& p, Options& options, const Ranks& ranks,
+              const std::function<void(std::optional<Checkpoint>)>& make);
 
 Manifest make_manifest(std::string_view scenario, std::string_view model, int dim, std::int64_t seed,
                        const Options& options);

@@ -1,5 +1,6 @@
 #include <pliant/scenarios/stored_particles.h>
 
+#include <cmath>
 #include <cstdint>
 #include <numeric>
 #include <utility>
@@ -8,29 +9,66 @@ namespace pliant {
 namespace {
 
 /// First and last of this rank's part of n particles, where `stored` were on each rank.
-std::pair<Index, Index> own_share(const std::vector<std::int64_t>& stored, Index n, const Ranks& ranks) {
-  const auto rank = static_cast<std::size_t>(ranks.rank());
-  if (stored.size() == static_cast<std::size_t>(ranks.size())) {
-    const std::int64_t first = std::accumulate(stored.begin(), stored.begin() + static_cast<std::ptrdiff_t>(rank), 0);
-    return {static_cast<Index>(first), static_cast<Index>(first + stored[rank])};
+std::pair<std::size_t, std::size_t> own_share(const std::vector<std::int64_t>& stored, std::size_t n,
+                                              const Ranks& ranks) {
+  const auto rank = static_cast<std::size_t>(ranks.rank()), size = static_cast<std::size_t>(ranks.size());
+  if (stored.size() == size) {
+    const auto first = static_cast<std::size_t>(
+        std::accumulate(stored.begin(), stored.begin() + static_cast<std::ptrdiff_t>(rank), std::int64_t{0}));
+    return {first, first + static_cast<std::size_t>(stored[rank])};
   }
-  const auto share = [&](std::size_t r) {
-    return static_cast<Index>(static_cast<std::int64_t>(n) * static_cast<std::int64_t>(r) / ranks.size());
-  };
-  return {share(rank), share(rank + 1)};
+  return {n * rank / size, n * (rank + 1) / size};
 }
 
 }  // namespace
 
-StoredParticles::StoredParticles(const Checkpoint& checkpoint, const Topology& all, int dim, const Ranks& ranks) {
-  const auto& ids = checkpoint.integers.at("id");
-  const auto [first, last] = own_share(checkpoint.integers.at("rank_particles"), static_cast<Index>(ids.size()), ranks);
-  first_ = static_cast<std::size_t>(first);
-  for (Index k = 0; k < last; ++k) {
-    const Index m = static_cast<Index>(ids[k]);
-    (k < first ? first_coordinate_ : coordinates_) += static_cast<std::size_t>(all.points_of(m)) * dim;
-    if (k >= first) ids_.push_back(m);
+StoredParticles::StoredParticles(const Checkpoint& checkpoint, const Topology& all, int dim, const Ranks& ranks)
+    : checkpoint_(checkpoint), all_(all), dim_(static_cast<std::size_t>(dim)) {
+  const auto n = static_cast<std::size_t>(all.particles());
+  const auto& ids = checkpoint.integer_array("id", n, 0, all.particles() - 1);
+  std::vector<bool> there(n);
+  for (const std::int64_t id : ids) {
+    if (there[static_cast<std::size_t>(id)]) checkpoint.refuse("id: {} is there twice", id);
+    there[static_cast<std::size_t>(id)] = true;
   }
+  all_ids_.assign(ids.begin(), ids.end());
+  const auto& on_each =
+      checkpoint.integer_array("rank_particles", checkpoint.length("rank_particles"), 0, all.particles());
+  if (const auto sum = std::accumulate(on_each.begin(), on_each.end(), std::int64_t{0}); sum != all.particles())
+    checkpoint.refuse("rank_particles: {} in all instead of {}", sum, n);
+  const auto [first, last] = own_share(on_each, n, ranks);
+  first_ = first;
+  count_ = last - first;
+  for (std::size_t k = 0; k < last; ++k)
+    (k < first ? first_coordinate_ : own_coordinates_) += points_of(static_cast<Index>(k)) * dim_;
+}
+
+StoredParticles::Lists StoredParticles::lists(Real reach) const {
+  const Checkpoint& c = checkpoint_;
+  const std::size_t n = all_ids_.size(), listed = c.length("list_reference") == 0 ? 0 : coordinates();
+  const auto& relocated =
+      c.integer_array("list_relocated", c.length("list_relocated"), 0, static_cast<std::int64_t>(n) - 1);
+  Lists lists{c.real_array("list_reference", listed, -far, far),
+              {relocated.begin(), relocated.end()}, [&]() -> auto& {std::size_t numbers = 0;
+  for (const std::int64_t k : relocated) numbers += points_of(static_cast<Index>(k)) * dim_;
+  return c.real_array("list_places", numbers, -far, far);
+}
+()
+};  // namespace pliant
+if (listed == 0) {
+  if (!relocated.empty()) c.refuse("list_relocated: there are no lists");
+  return lists;
+}
+std::vector<bool> elsewhere(n);
+for (const std::int64_t k : relocated) elsewhere[static_cast<std::size_t>(k)] = true;
+const auto& x = c.real_array("x", coordinates(), -far, far);
+std::size_t i = 0;
+for (std::size_t k = 0; k < n; ++k)
+  for (const std::size_t end = i + points_of(static_cast<Index>(k)) * dim_; i < end; ++i)
+    if (!elsewhere[k] && std::abs(x[i] - lists.reference[i]) > reach)
+      c.refuse("x[{}] = {} is farther from list_reference[{}] = {} than a point goes before lists are built anew", i,
+               x[i], i, lists.reference[i]);
+return lists;
 }
 
 }  // namespace pliant

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <span>
+#include <string>
 #include <vector>
 
 #include <pliant/base/ranks.h>
@@ -11,30 +12,48 @@
 
 namespace pliant {
 
-/// Place of the lists' skin in the array "numbers" of a hopper's checkpoint.
-inline constexpr std::size_t stored_skin = 5;
-
-/// This rank's part: as it was, on as many ranks as before; otherwise an equal one.
+/// This rank's part: as it was, on as many ranks as before; otherwise an equal one. All ranks check all of an array, so
+/// that they agree on whether it is good. Errors: InputError, as of Checkpoint.
 class StoredParticles {
  public:
-  /// `all`: the particles of the run, in the order of their ids. Errors: std::out_of_range if the checkpoint lacks an
-  /// array.
+  /// No point of a run comes farther from the orifice.
+  static constexpr Real far = 1e9;
+
+  /// `all`: the particles of the run, in the order of their ids.
   StoredParticles(const Checkpoint& checkpoint, const Topology& all, int dim, const Ranks& ranks);
 
-  std::span<const Index> ids() const { return ids_; }
-  /// values [particles of all ranks]
-  template <class T>
-  std::span<const T> particles(const std::vector<T>& values) const {
-    return std::span(values).subspan(first_, ids_.size());
+  std::span<const Index> ids() const { return {all_ids_.data() + first_, count_}; }
+  /// This rank's part of an array of one number, least … most, for each particle.
+  std::span<const std::int64_t> particles(const std::string& name, std::int64_t least, std::int64_t most) const {
+    return std::span(checkpoint_.integer_array(name, all_ids_.size(), least, most)).subspan(first_, count_);
   }
-  /// values [points of all ranks · dim]
-  std::span<const Real> points(const std::vector<Real>& values) const {
-    return std::span(values).subspan(first_coordinate_, coordinates_);
+  /// The same of `dim` numbers, −most … most, for each point.
+  std::span<const Real> points(const std::string& name, Real most = far) const {
+    return own_points(checkpoint_.real_array(name, coordinates(), -most, most));
   }
 
+  std::span<const Real> own_points(const std::vector<Real>& all) const {
+    return std::span(all).subspan(first_coordinate_, own_coordinates_);
+  }
+
+  /// How the lists of the stopped run came about, of all particles; without a reference if there were no lists. Checks
+  /// that no point has gone farther from there than `reach`.
+  struct Lists {
+    const std::vector<Real>& reference;
+    std::vector<Index> relocated;
+    const std::vector<Real>& places;
+  };
+  Lists lists(Real reach) const;
+
  private:
-  std::vector<Index> ids_;
-  std::size_t first_ = 0, first_coordinate_ = 0, coordinates_ = 0;
+  std::size_t points_of(Index k) const { return static_cast<std::size_t>(all_.points_of(all_ids_[k])); }
+  std::size_t coordinates() const { return static_cast<std::size_t>(all_.points()) * dim_; }
+
+  const Checkpoint& checkpoint_;
+  const Topology& all_;
+  std::size_t dim_;
+  std::vector<Index> all_ids_;  ///< in the order of the arrays
+  std::size_t first_ = 0, count_ = 0, first_coordinate_ = 0, own_coordinates_ = 0;
 };
 
 }  // namespace pliant

@@ -371,8 +371,23 @@ TEST_CASE("json tells value, unit and source, and gives a restart the same optio
     q.parse({"-hopper_width", "1e-1"});
     CHECK_NOTHROW(q.options.from_json(stored));
     q.parse({"-hopper_width", "0.2"});
-    CHECK_THROWS_MATCHES(q.options.from_json(stored), InputError,
+    CHECK_THROWS_MATCHES(q.options.from_json(stored), RestartConflict,
                          Message("-hopper_width 0.2: the stored run has 0.1, and a restart cannot change it"));
+  }
+  SECTION("what was stored is forgotten again") {
+    Program q;
+    q.parse({"-n", "5", "-ts_type", "rk"});
+    const auto before = q.options.json();
+    auto half = stored;
+    half["zzz"] = 1;  // fails, after others have been set
+    CHECK_THROWS_AS(q.options.from_json(half), InputError);
+    CHECK(q.options.json() != before);
+    q.options.reset();
+    CHECK(q.options.json() == before);
+    CHECK(q.n == 5);
+    CHECK(q.width == Program().width);
+    CHECK(petsc_value("-ts_rtol") == "not set");
+    CHECK(petsc_value("-ts_type") == "rk");
   }
   SECTION("damaged or foreign stored options are refused") {
     Program q;

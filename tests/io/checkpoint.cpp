@@ -1,8 +1,11 @@
 #include <sys/resource.h>
+#include <zlib.h>
 
 #include <algorithm>
 #include <catch2/catch.hpp>
+#include <cmath>
 #include <cstring>
+#include <fstream>
 #include <limits>
 #include <random>
 #include <span>
@@ -71,33 +74,70 @@ void damage(const std::filesystem::path& path, const std::string& bytes) {
   std::ofstream(path, std::ios::binary) << bytes;
 }
 
+Checkpoint newest(const std::filesystem::path& folder) { return read_checkpoint(find_checkpoints(folder).files.at(0)); }
+
+/// As someone who edits a checkpoint would: the HDF5 file behind the head is changed, and the checksum made to fit.
+template <class Edit>
+void edit(const std::filesystem::path& path, Edit&& change) {
+  {
+    auto file = hdf5::File::open_write(path);
+    auto state = file.open_group("state");
+    change(state);
+  }
+  std::string bytes = contents(path);
+  const std::string image = bytes.substr(512);
+  const auto crc = ::crc32_z(0, reinterpret_cast<const unsigned char*>(image.data()), image.size());
+  std::string head =
+      fmt::format("pliant checkpoint, format 2; {} bytes from byte 512 on with the CRC-32 {:08x}\n", image.size(), crc);
+  head.resize(512, '\0');
+  damage(path, head + image);
+}
+
 }  // namespace
 
 TEST_CASE("a checkpoint comes back bit for bit") {
   const ScratchFolder folder;
   write(folder.path(), make_checkpoint(3));
-  const auto found = read_newest_checkpoint(folder.path());
-  CHECK(same(found.checkpoint, make_checkpoint(3)));
-  CHECK_FALSE(same(found.checkpoint, make_checkpoint(4)));
-  CHECK(found.message.empty());
+  CHECK(find_checkpoints(folder.path()).problems.empty());
+  CHECK(same(newest(folder.path()), make_checkpoint(3)));
+  CHECK_FALSE(same(newest(folder.path()), make_checkpoint(4)));
+}
+
+TEST_CASE("a checkpoint begins with a line that says what it is") {
+  const ScratchFolder folder;
+  write(folder.path(), make_checkpoint(3));
+  const std::string file = contents(folder / "checkpoint-a.h5"), image = file.substr(512);
+  const auto crc = ::crc32_z(0, reinterpret_cast<const unsigned char*>(image.data()), image.size());
+  CHECK(file.starts_with(fmt::format("pliant checkpoint, format 2; {} bytes from byte 512 on with the CRC-32 {:08x}\n",
+                                     image.size(), crc)));
 }
 
 TEST_CASE("checkpoints take turns, across restarts too") {
   const ScratchFolder folder;
-  const auto file_of_newest = [&] {
-    return std::filesystem::path(read_newest_checkpoint(folder.path()).file).filename().string();
-  };
+  std::filesystem::path going_on_from;
   for (std::int64_t step = 1; step <= 4; ++step) {
-    CheckpointWriter writer(folder.path());  // as after a restart
+    CheckpointWriter writer(folder.path(), going_on_from);
     write(writer, make_checkpoint(2 * step - 1));
-    CHECK(file_of_newest() == "checkpoint-a.h5");
+    CHECK(find_checkpoints(folder.path()).files[0] == folder / "checkpoint-a.h5");
     write(writer, make_checkpoint(2 * step));
-    CHECK(file_of_newest() == "checkpoint-b.h5");
-    CHECK(read_newest_checkpoint(folder.path()).checkpoint.step == 2 * step);
+    CHECK(find_checkpoints(folder.path()).files[0] == folder / "checkpoint-b.h5");
+    CHECK(newest(folder.path()).step == 2 * step);
+    going_on_from = folder / "checkpoint-b.h5";
   }
 }
 
-TEST_CASE("a damaged checkpoint falls back on the other and says so") {
+TEST_CASE("the checkpoint that a run goes on from is the last to be overwritten") {
+  const ScratchFolder folder;
+  CheckpointWriter writer(folder.path());
+  write(writer, make_checkpoint(1));
+  write(writer, make_checkpoint(2));
+  CheckpointWriter again(folder.path(), folder / "checkpoint-a.h5");  // the other one was no good
+  write(again, make_checkpoint(3));
+  CHECK(read_checkpoint(folder / "checkpoint-a.h5").step == 1);
+  CHECK(read_checkpoint(folder / "checkpoint-b.h5").step == 3);
+}
+
+TEST_CASE("a damaged checkpoint is told from a whole one") {
   const ScratchFolder folder;
   CheckpointWriter writer(folder.path());
   write(writer, make_checkpoint(1));
@@ -117,22 +157,130 @@ TEST_CASE("a damaged checkpoint falls back on the other and says so") {
     damaged[at] ^= 4;
   }
   damage(folder / "checkpoint-b.h5", damaged);
-  const auto found = read_newest_checkpoint(folder.path());
-  CHECK(same(found.checkpoint, make_checkpoint(1)));
-  CHECK_THAT(found.message, Contains("checkpoint-b.h5") && Contains("checkpoint-a.h5"));
-
-  // The next one replaces the damaged file, not the last good one.
-  write(folder.path(), make_checkpoint(5));
-  damage(folder / "checkpoint-b.h5", damaged);
-  CHECK(same(read_newest_checkpoint(folder.path()).checkpoint, make_checkpoint(1)));
+  StoredCheckpoints found = find_checkpoints(folder.path());
+  REQUIRE(found.files.size() == 1);
+  CHECK(same(read_checkpoint(found.files[0]), make_checkpoint(1)));
+  REQUIRE(found.problems.size() == 1);
+  CHECK_THAT(found.problems[0], Contains("checkpoint-b.h5") && Contains("damaged"));
 
   damage(folder / "checkpoint-a.h5", whole.substr(0, 100));
-  CHECK_THAT(message_of<InputError>([&] { read_newest_checkpoint(folder.path()); }), Contains("can be read"));
+  found = find_checkpoints(folder.path());
+  CHECK(found.files.empty());
+  CHECK(found.problems.size() == 2);
+}
+
+TEST_CASE("no bit of a checkpoint can change and no byte get lost without notice") {
+  const ScratchFolder folder;
+  write(folder.path(), make_checkpoint(2, 4));
+  const auto path = folder / "checkpoint-a.h5";
+  const auto size = static_cast<long>(std::filesystem::file_size(path));
+  const auto noticed = [&] { return find_checkpoints(folder.path()).files.empty(); };
+  REQUIRE_FALSE(noticed());
+  std::fstream file(path, std::ios::in | std::ios::out | std::ios::binary);
+  long missed = 0;
+  const auto flip = [&](long at, int bit) {
+    file.seekg(at);
+    const char byte = static_cast<char>(file.peek() ^ (1 << bit));
+    file.seekp(at);
+    file.put(byte).flush();
+  };
+  for (long at = 0; at < size; ++at)
+    for (int bit = static_cast<int>(at % 8); bit < 8; bit += at < 600 ? 1 : 8) {
+      flip(at, bit);
+      missed += !noticed();
+      flip(at, bit);
+    }
+  CHECK(missed == 0);
+  REQUIRE_FALSE(noticed());
+  for (long length = size - 1; length >= 0; --length) {
+    std::filesystem::resize_file(path, static_cast<std::uintmax_t>(length));
+    missed += !noticed();
+  }
+  CHECK(missed == 0);
+}
+
+TEST_CASE("checkpoints of other formats are refused by their format") {
+  const ScratchFolder folder;
+  write(folder.path(), make_checkpoint(1));
+  const std::string now = contents(folder / "checkpoint-a.h5");
+  const auto problem = [&] { return find_checkpoints(folder.path()).problems.at(0); };
+  damage(folder / "checkpoint-a.h5", now.substr(512));  // without a head
+  CHECK_THAT(problem(), Contains("is of format 1") && Contains("the version that wrote it"));
+  std::string later = now;
+  later.replace(later.find("format 2"), 8, "format 3");
+  damage(folder / "checkpoint-a.h5", later);
+  CHECK_THAT(problem(), Contains("is of format 3, and this version reads format 2"));
+  damage(folder / "checkpoint-a.h5", "a text");
+  CHECK_THAT(problem(), Contains("is no checkpoint"));
+}
+
+TEST_CASE("entries of a checkpoint are checked") {
+  Checkpoint c;
+  c.file = "there/checkpoint-a.h5";
+  c.reals = {{"x", {1, 2, -3}}, {"nan", {1, NAN}}, {"dt", {0.5}}, {"infinite", {INFINITY}}};
+  c.integers = {{"id", {2, 0, 1}}, {"on", {1}}, {"two", {2}}};
+  c.strings = {{"scenario", "raft"}};
+  CHECK(c.real("dt", 0, 1) == 0.5);
+  CHECK(c.integer("two") == 2);
+  CHECK(c.flag("on"));
+  CHECK(c.real_array("x", 3).at(2) == -3);
+  CHECK(c.integer_array("id", 3, 0, 2).at(0) == 2);
+  CHECK(c.length("x") == 3);
+  CHECK(c.length("id") == 3);
+  CHECK(c.text("scenario") == "raft");
+  const auto refused = [](auto&& read) { return message_of<InputError>(read); };
+  CHECK_THAT(refused([&] { c.real("skin"); }), Contains("there/checkpoint-a.h5") && Contains("skin"));
+  CHECK_THAT(refused([&] { c.real("two"); }), Contains("no real numbers named two"));
+  CHECK_THAT(refused([&] { c.integer("dt"); }), Contains("no integers named dt"));
+  CHECK_THAT(refused([&] { c.text("dt"); }), Contains("no text named dt"));
+  CHECK_THAT(refused([&] { c.length("y"); }), Contains("no array named y"));
+  CHECK_THAT(refused([&] { c.real("x"); }), Contains("x has 3 values instead of 1"));
+  CHECK_THAT(refused([&] { c.real("dt", 0.6, 1); }), Contains("dt = 0.5 is not in the range 0.6 … 1"));
+  CHECK_THAT(refused([&] { c.real("infinite"); }), Contains("infinite = inf is not finite"));
+  CHECK_THAT(refused([&] { c.flag("two"); }), Contains("two = 2 is not in the range 0 … 1"));
+  CHECK_THAT(refused([&] { c.real_array("nan", 2); }), Contains("nan[1] = nan is not finite"));
+  CHECK_THAT(refused([&] { c.real_array("x", 3, -2); }), Contains("x[2] = -3"));
+  CHECK_THAT(refused([&] { c.real_array("x", 4); }), Contains("x has 3 values instead of 4"));
+  CHECK_THAT(refused([&] { c.integer_array("id", 3, 1); }), Contains("id[1] = 0 is not in the range"));
+}
+
+TEST_CASE("an edited checkpoint whose checksum fits is read with care") {
+  const ScratchFolder folder;
+  write(folder.path(), make_checkpoint(1));
+  const auto path = folder / "checkpoint-a.h5";
+  const auto refused = [&] { return message_of<InputError>([&] { newest(folder.path()); }); };
+  const auto replace = [&](auto&& change) { edit(path, [&](hdf5::Group& state) { change(state); }); };
+  SECTION("nothing changed") {
+    replace([](hdf5::Group&) {});
+    CHECK(same(newest(folder.path()), make_checkpoint(1)));
+  }
+  SECTION("a time that is none") {
+    replace([](hdf5::Group& state) { state.set_attribute("time", std::nan("")); });
+    CHECK_THAT(refused(), Contains("time nan"));
+  }
+  SECTION("a step that is none") {
+    replace([](hdf5::Group& state) { state.set_attribute("step", std::int64_t{-1}); });
+    CHECK_THAT(refused(), Contains("step -1"));
+  }
+  SECTION("an array longer than the file") {
+    replace([](hdf5::Group& state) {
+      state.remove("rows");
+      state.write_constant("rows", std::int64_t{1}, {1'000'000'000'000});
+    });
+    CHECK_THAT(refused(), Contains("rows says that it has 1e+12 values"));
+  }
+  SECTION("a group in place of an array") {
+    replace([](hdf5::Group& state) {
+      state.remove("rows");
+      state.create_group("rows");
+    });
+    CHECK_THAT(refused(), Contains("rows"));
+  }
 }
 
 TEST_CASE("no checkpoint: the message says what to do") {
   const ScratchFolder folder;
-  CHECK_THAT(message_of<InputError>([&] { read_newest_checkpoint(folder / "none"); }),
+  CHECK_THAT(message_of<InputError>([&] { find_checkpoints(folder / "none"); }),
              Contains("none") && Contains("-restart"));
 }
 
@@ -160,7 +308,7 @@ TEST_CASE("a checkpoint that cannot be written leaves the older ones") {
     return text.find("File too large") != text.npos ? 0 : 1;
   });
   CHECK(status == 0);
-  CHECK(read_newest_checkpoint(folder.path()).checkpoint.step == 2);
+  CHECK(newest(folder.path()).step == 2);
   CHECK(std::distance(std::filesystem::directory_iterator(folder.path()), {}) == 2);  // no temporary file stays
 }
 
@@ -179,8 +327,8 @@ TEST_CASE("a run killed while it writes checkpoints can always be restarted") {
     int status = 0;
     REQUIRE(::waitpid(child, &status, 0) == child);
     REQUIRE(WIFSIGNALED(status));
-    const auto found = read_newest_checkpoint(folder.path());
-    CHECK(found.message.empty());
-    CHECK(same(found.checkpoint, make_checkpoint(found.checkpoint.step, 20000)));
+    CHECK(find_checkpoints(folder.path()).problems.empty());
+    const Checkpoint found = newest(folder.path());
+    CHECK(same(found, make_checkpoint(found.step, 20000)));
   }
 }
