@@ -124,6 +124,7 @@ int main(int argc, char** argv) {
     } catch (const std::exception& error) {
       code = fail(ranks, fmt::format("internal: {}", error.what()), ExitCode::numerical_failure);
     }
+    petsc.end();
     return code;
   } catch (const pliant::Error& error) {
     pliant::complain(fmt::format("pliant: error: {}\n", error.what()));

@@ -16,16 +16,23 @@ namespace {
 using Json = nlohmann::json;
 
 // Families of PETSc's options, by prefix. Not here: what PETSc reads only while it starts (malloc_, fp_trap, on_error_
-// …).
-constexpr std::array<std::string_view, 17> petsc_families{"ts_",  "snes_",   "ksp_",  "pc_",    "mat_",       "vec_",
-                                                          "dm_",  "is_",     "sf_",   "tao_",   "mg_",        "sub_",
-                                                          "npc_", "viewer_", "draw_", "inner_", "fieldsplit_"};
-// Read by PETSc during the run or when it ends, so that check_consumed sees them unused.
-constexpr std::array<std::string_view, 9> petsc_later{
-    "log_view",  "memory_view",     "options_view",       "options_left",           "objects_dump",
-    "citations", "get_total_flops", "snes_test_jacobian", "snes_test_jacobian_view"};
+// …), and what draws in windows.
+constexpr std::array<std::string_view, 16> petsc_families{"ts_",  "snes_",   "ksp_",   "pc_",        "mat_", "vec_",
+                                                          "dm_",  "is_",     "sf_",    "tao_",       "mg_",  "sub_",
+                                                          "npc_", "viewer_", "inner_", "fieldsplit_"};
+// Flags that PETSc reads during the run or when it ends, so that check_consumed sees them unused. It would say only at
+// the end what it thinks of a value.
+constexpr std::array<std::string_view, 6> petsc_flags{"memory_view", "options_view",    "options_left",
+                                                      "citations",   "get_total_flops", "info"};
+// The same with a value or without.
+constexpr std::array<std::string_view, 3> petsc_later{"log_view", "snes_test_jacobian", "snes_test_jacobian_view"};
+// Ends of names of options that PETSc would ignore without a value.
+constexpr std::array<std::string_view, 19> petsc_valued{"_type",       "_rtol",      "_atol",   "_stol",   "_divtol",
+                                                        "_dt",         "_dt_min",    "_dt_max", "_max_it", "_max_steps",
+                                                        "_max_reject", "_max_funcs", "_clip",   "_safety", "_order",
+                                                        "_restart",    "_levels",    "_radius", "_theta"};
 // What people mistype most; PETSc keeps no list of its options.
-constexpr std::array<std::string_view, 71> petsc_usual{"ts_type",
+constexpr std::array<std::string_view, 70> petsc_usual{"ts_type",
                                                        "ts_dt",
                                                        "ts_max_time",
                                                        "ts_max_steps",
@@ -93,7 +100,6 @@ constexpr std::array<std::string_view, 71> petsc_usual{"ts_type",
                                                        "memory_view",
                                                        "options_view",
                                                        "options_left",
-                                                       "objects_dump",
                                                        "citations",
                                                        "get_total_flops"};
 // Handled before everything else.
@@ -189,6 +195,28 @@ Number checked(const Setting& setting, Number a, const OptionSpec& spec) {
     bad_value(setting, fmt::format("must be {}{}", range_of(spec),
                                    spec.unit.empty() ? "" : fmt::format(" (unit {})", spec.unit)));
   return a;
+}
+
+// What PETSc would ignore, or complain of in the end.
+void check_petsc(const Setting& setting) {
+  const auto ends = [&](std::string_view end) { return setting.name.ends_with(end); };
+  if (!setting.value && std::any_of(petsc_valued.begin(), petsc_valued.end(), ends))
+    bad_value(setting, "needs a value");
+  if (!setting.value) return;
+  if (contains(petsc_flags, setting.name)) bad_value(setting, "takes no value here");
+  if (setting.value->starts_with("draw")) bad_value(setting, "a run has no windows to draw in");
+}
+
+// Whether -log_view can be written where it says; PETSc looks only when all is done.
+void check_log_view(const Setting& setting) {
+  PetscViewer viewer = nullptr;
+  try {
+    petsc_check(PetscOptionsGetViewer(PETSC_COMM_WORLD, nullptr, nullptr, "-log_view", &viewer, nullptr, nullptr));
+  } catch (const Error& error) {
+    petsc_check(PetscOptionsClearValue(nullptr, "-log_view"));
+    bad_value(setting, error.what());
+  }
+  petsc_check(PetscViewerDestroy(&viewer));
 }
 
 std::string plain(const Json& value) { return value.is_string() ? value.get<std::string>() : value.dump(); }
@@ -327,7 +355,8 @@ Options::Option* Options::find(const std::string& name) {
 
 bool Options::is_petsc(const std::string& name) const {
   const auto begins = [&](std::string_view prefix) { return name.starts_with(prefix); };
-  return name == "info" || contains(petsc_later, name) ||
+  if (name.find("_lg") != name.npos || name.find("draw") != name.npos) return false;  // a run has no windows
+  return contains(petsc_flags, name) || contains(petsc_later, name) ||
          std::any_of(petsc_families.begin(), petsc_families.end(), begins) ||
          std::any_of(prefixes_.begin(), prefixes_.end(), begins);
 }
@@ -355,6 +384,7 @@ void Options::refuse_unknown(const Setting& setting) const {
 // Everything goes into the PETSc database (where -options_view shows it); what is ours counts as used.
 void Options::insert_petsc(const Setting& setting) {
   const std::string name = "-" + setting.name;
+  if (find(setting.name) == nullptr) check_petsc(setting);
   petsc_check(PetscOptionsSetValue(nullptr, name.c_str(), setting.value ? setting.value->c_str() : nullptr));
   if (find(setting.name) != nullptr) {
     PetscBool used = PETSC_FALSE;
@@ -363,10 +393,12 @@ void Options::insert_petsc(const Setting& setting) {
   }
   petsc_[setting.name] = setting;
   // PETSc reads these while it starts, which is over.
-  if (setting.name == "log_view") petsc_check(PetscLogDefaultBegin());
+  if (setting.name == "log_view") {
+    check_log_view(setting);
+    petsc_check(PetscLogDefaultBegin());
+  }
   if (setting.name == "memory_view") petsc_check(PetscMemorySetGetMaximumUsage());
   if (setting.name == "info") {
-    if (setting.value) bad_value(setting, "takes no value here");
     petsc_check(PetscInfoSetFile(nullptr, "w"));  // to the standard output
     petsc_check(PetscInfoAllow(PETSC_TRUE));
   }
@@ -407,7 +439,7 @@ void Options::check_consumed() const {
   petsc_check(PetscOptionsLeftRestore(nullptr, &count, &names, &values));
   for (const std::string& name : left) {
     const auto found = petsc_.find(name);
-    if (found == petsc_.end() || name == "info" || contains(petsc_later, name)) continue;
+    if (found == petsc_.end() || contains(petsc_flags, name) || contains(petsc_later, name)) continue;
     const std::vector<std::string> usual(petsc_usual.begin(), petsc_usual.end());
     auto near = nearest(name, usual);
     if (near == name) near.reset();

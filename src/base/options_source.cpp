@@ -1,13 +1,10 @@
 #include <pliant/base/errors.h>
 #include <pliant/base/options_source.h>
+#include <pliant/base/text.h>
 #include <yaml.h>
 
 #include <algorithm>
 #include <cctype>
-#include <cerrno>
-#include <cstring>
-#include <filesystem>
-#include <fstream>
 #include <iterator>
 #include <map>
 
@@ -38,7 +35,7 @@ std::vector<Setting> settings_from(const std::vector<Token>& tokens, const std::
   std::vector<Setting> settings;
   for (std::size_t i = 0; i < tokens.size(); ++i) {
     if (!is_name(tokens[i]))
-      throw InputError("'{}' ({}) belongs to no option; options are written -name value", tokens[i].text,
+      throw InputError("'{}' ({}) belongs to no option; options are written -name value", printable(tokens[i].text),
                        place(source, tokens[i].line));
     Setting setting{tokens[i].text.substr(tokens[i].text.starts_with("--") ? 2 : 1), {}, source, tokens[i].line};
     if (i + 1 < tokens.size() && !is_name(tokens[i + 1])) setting.value = tokens[++i].text;
@@ -48,17 +45,28 @@ std::vector<Setting> settings_from(const std::vector<Token>& tokens, const std::
 }
 
 std::string read_whole(const std::string& file) {
-  std::error_code ignored;
-  if (std::filesystem::is_directory(file, ignored))
-    throw InputError("options file {}: is a folder; name a file in it", file);
-  errno = 0;
-  std::ifstream in(file, std::ios::binary);
-  if (!in) throw InputError("options file {}: cannot be opened: {}", file, std::strerror(errno));
-  std::string text{std::istreambuf_iterator<char>(in), {}};
-  if (in.bad()) throw InputError("options file {}: cannot be read: {}", file, std::strerror(errno));
+  constexpr std::size_t largest = 1 << 16;  // a line for every option there is takes a tenth of it
+  std::string text = read_text_file(file, largest, "options file");
   if (text.find('\0') != std::string::npos)
     throw InputError("options file {}: is not a text file (it contains zero bytes)", file);
+  constexpr std::string_view byte_order_mark = "\xef\xbb\xbf";
+  if (text.starts_with(byte_order_mark)) text.erase(0, byte_order_mark.size());
   return text;
+}
+
+// Refuses what no option has, before anybody repeats it in a message or a file.
+std::vector<Setting> checked(std::vector<Setting> settings) {
+  constexpr std::size_t longest_name = 100, longest_value = 4096;
+  for (const Setting& setting : settings) {
+    if (setting.name.size() > longest_name || !is_plain_text(setting.name))
+      throw InputError("unknown option {}; -help lists all options", setting.text());
+    if (!setting.value) continue;
+    if (!is_plain_text(*setting.value))
+      throw InputError("{}: is not plain text; it must be UTF-8 without control characters", setting.text());
+    if (setting.value->size() > longest_value)
+      throw InputError("{}: is too long; {} bytes are the most", setting.text(), longest_value);
+  }
+  return settings;
 }
 
 std::vector<Token> tokens_of(const std::string& text, const std::string& file) {
@@ -130,10 +138,13 @@ class YamlReader {
     for (auto* pair = node.data.mapping.pairs.start; pair < node.data.mapping.pairs.top; ++pair) {
       const yaml_node_t& key = *yaml_document_get_node(&document, pair->key);
       const yaml_node_t& value = *yaml_document_get_node(&document, pair->value);
+      constexpr int most = 1000;  // aliases of aliases may stand for more than there is time to read
+      if (++keys_ > most) fail(key, fmt::format("the file has more than {} keys, aliases written out", most));
       if (key.type != YAML_SCALAR_NODE) fail(key, "a key must be a plain name");
       const std::string word = scalar(key);
       if (word.empty()) fail(key, "a key is empty");
-      if (word == "<<" || word.starts_with("$$")) fail(key, fmt::format("the key {} is not supported", word));
+      if (word == "<<" || word.starts_with("$$"))
+        fail(key, fmt::format("the key {} is not supported", printable(word)));
       const std::string name = prefix + word;
       if (value.type == YAML_MAPPING_NODE) {
         read_mapping(document, value, name + "_", depth + 1);
@@ -191,24 +202,29 @@ class YamlReader {
   const std::string& file_;
   yaml_parser_t parser_{};
   std::vector<Setting> settings_;
+  int keys_ = 0;
 };
 
 }  // namespace
 
 std::string Setting::text() const {
-  return fmt::format("-{}{}{}", name, value ? " " + *value : "", line > 0 ? " (" + place(source, line) + ")" : "");
+  std::string result = fmt::format("-{}", printable(name));
+  if (value) result.append(1, ' ').append(printable(*value));
+  if (line > 0) result += fmt::format(" ({})", place(source, line));
+  return result;
 }
 
 std::vector<Setting> read_arguments(const std::vector<std::string>& arguments) {
   std::vector<Token> tokens;
   for (const auto& argument : arguments) tokens.push_back({argument, 0, false});
-  return settings_from(tokens, "command line");
+  return checked(settings_from(tokens, "command line"));
 }
 
 std::vector<Setting> read_options_file(const std::string& file) {
   const std::string text = read_whole(file);
   const bool yaml = file.ends_with(".yaml") || file.ends_with(".yml");
-  std::vector<Setting> settings = yaml ? YamlReader(text, file).read() : settings_from(tokens_of(text, file), file);
+  std::vector<Setting> settings =
+      checked(yaml ? YamlReader(text, file).read() : settings_from(tokens_of(text, file), file));
   std::map<std::string, int> lines;
   for (const auto& setting : settings) {
     if (setting.name == "options_file")

@@ -20,13 +20,13 @@ struct Setting {
 
 /// Settings in the order of the arguments (without the program's name). What follows a name is its value unless it is a
 /// name itself: a dash and a letter, so that -1 and -inf are values. `--name` is read as `-name`. Errors: InputError
-/// for an argument that belongs to no option.
+/// for an argument that belongs to no option, and here and below for a name or value that is no plain text or too long.
 std::vector<Setting> read_arguments(const std::vector<std::string>& arguments);
 
 /// Settings of an options file: YAML if its name ends in .yaml or .yml (nested keys join with `_`, lists of plain
 /// values with `,`), else the text format of PETSc (`-name value`, `#` starts a comment, quotes keep blanks). Errors:
-/// InputError naming file and line if it cannot be read, is malformed, gives an option twice, or names another options
-/// file.
+/// InputError naming file and line if it cannot be read, is larger than 64 KiB, is malformed, has more than 1000 keys
+/// (as aliases of aliases do) or 20 levels, gives an option twice, or names another options file.
 std::vector<Setting> read_options_file(const std::string& file);
 
 }  // namespace pliant

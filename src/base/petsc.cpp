@@ -6,12 +6,25 @@ namespace {
 
 // A PETSc error handler has one context for the process; the last error is kept per thread instead.
 thread_local std::string last_message;
+thread_local bool last_in_options;  // it has come out of a function that reads options
 thread_local std::exception_ptr last_exception;
 
-PetscErrorCode keep_message(MPI_Comm, int, const char*, const char*, PetscErrorCode code, PetscErrorType type,
+PetscErrorCode keep_message(MPI_Comm, int, const char* function, const char*, PetscErrorCode code, PetscErrorType type,
                             const char* message, void*) {
-  if (type == PETSC_ERROR_INITIAL) last_message = message != nullptr ? message : "";
+  if (type == PETSC_ERROR_INITIAL) {
+    last_message = message != nullptr ? message : "";
+    if (const auto line_end = last_message.find('\n'); line_end != std::string::npos) last_message.erase(line_end);
+    last_in_options = false;
+  }
+  // Every function that the error passes through is named. Orderings of matrices are chosen by options alone.
+  const std::string_view name = function != nullptr ? function : "";
+  if (name.find("Options") != name.npos || name == "MatGetOrdering") last_in_options = true;
   return code;
+}
+
+bool is_users(PetscErrorCode code) {
+  return last_in_options || code == PETSC_ERR_ARG_UNKNOWN_TYPE || code == PETSC_ERR_MISSING_FACTOR ||
+         code == PETSC_ERR_USER_INPUT;
 }
 
 /// SuperLU_DIST, which PETSc brings along, has malloc keep all memory that is freed: every temporary array would count
@@ -22,11 +35,6 @@ void return_freed_memory() {
   mallopt(M_MMAP_THRESHOLD, 1 << 20);
   mallopt(M_TRIM_THRESHOLD, 1 << 24);
 #endif
-}
-
-void end_session(bool owner) {
-  (void)PetscPopErrorHandler();
-  if (owner) (void)PetscFinalize();
 }
 
 }  // namespace
@@ -44,7 +52,19 @@ PetscSession::PetscSession() {
   if (owner_) (void)PetscOptionsClear(nullptr);  // PETSc has read PETSC_OPTIONS and .petscrc, in spite of "NoArguments"
 }
 
-PetscSession::~PetscSession() { end_session(owner_); }
+void PetscSession::end() {
+  if (!std::exchange(open_, false)) return;
+  const PetscErrorCode code = owner_ ? PetscFinalize() : 0;
+  (void)PetscPopErrorHandler();
+  if (code != 0) throw OutputError("what PETSc prints at the end could not be written: {}", last_message);
+}
+
+PetscSession::~PetscSession() {
+  try {
+    end();
+  } catch (const OutputError&) {  // an error is on its way already
+  }
+}
 
 PetscErrorCode petsc_store_exception(std::exception_ptr error) noexcept {
   last_exception = std::move(error);
@@ -59,6 +79,8 @@ void petsc_check(PetscErrorCode code) {
   if (code == PETSC_ERR_USER && exception) std::rethrow_exception(exception);
   const char* meaning = nullptr;
   (void)PetscErrorMessage(code, &meaning, nullptr);
+  if (code == PETSC_ERR_FILE_OPEN || code == PETSC_ERR_FILE_WRITE) throw OutputError("PETSc: {}", message);
+  if (is_users(code)) throw InputError("PETSc refuses one of its options: {}", message);
   throw NumericalError("PETSc error {} ({}): {}", static_cast<int>(code), meaning != nullptr ? meaning : "unknown",
                        message.empty() ? "no message" : message);
 }

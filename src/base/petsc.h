@@ -22,11 +22,17 @@ class PetscSession {
   PetscSession(const PetscSession&) = delete;
   PetscSession& operator=(const PetscSession&) = delete;
 
+  /// Ends the session before its object. Errors: OutputError if PETSc could not write what it writes at its end
+  /// (-log_view and others).
+  void end();
+
  private:
+  bool open_ = true;
   bool owner_ = false;  // of PETSc's life
 };
 
-/// If code is not zero: throws what a callback stored with `petsc_callback`, else a NumericalError with PETSc's
+/// If code is not zero: throws what a callback stored with `petsc_callback`; else an InputError where PETSc could not
+/// follow an option, an OutputError where it could not open a file, and otherwise a NumericalError, with PETSc's
 /// message.
 void petsc_check(PetscErrorCode code);
 

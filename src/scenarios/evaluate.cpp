@@ -1,3 +1,4 @@
+#include <pliant/base/text.h>
 #include <pliant/model/crossing.h>
 #include <pliant/model/polygon.h>
 #include <pliant/scenarios/case_input.h>
@@ -6,8 +7,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <fstream>
 #include <numeric>
+#include <set>
 
 namespace pliant {
 namespace {
@@ -179,25 +180,30 @@ void write(const ordered_json& value, const std::string& indent, std::string& ou
 
 }  // namespace
 
-json read_case(const std::filesystem::path& file) {
-  std::error_code error;
-  const auto status = std::filesystem::status(file, error);
-  if (!std::filesystem::exists(status)) throw InputError("{}: there is no such file", file.string());
-  if (std::filesystem::is_directory(status)) throw InputError("{} is a folder; give a case file", file.string());
-  std::ifstream in(file, std::ios::binary);
-  if (!in) throw InputError("{} cannot be read; check its permissions", file.string());
+json read_case(const std::string& file) {
+  constexpr std::size_t largest = 64 << 20;
+  constexpr int deepest = 64;
+  const std::string text = read_text_file(file, largest, "case file");
   std::string last_key;
-  const auto remember = [&](int, json::parse_event_t event, json& parsed) {
-    if (event == json::parse_event_t::key) last_key = parsed.get<std::string>();
+  std::vector<std::set<std::string>> keys;  // of the objects that are open
+  const auto look = [&](int depth, json::parse_event_t event, json& parsed) {
+    if (depth > deepest) throw InputError("{}: is nested deeper than {} levels", file, deepest);
+    if (event == json::parse_event_t::object_start) keys.emplace_back();
+    if (event == json::parse_event_t::object_end) keys.pop_back();
+    if (event == json::parse_event_t::key) {
+      last_key = parsed.get<std::string>();
+      if (!keys.back().insert(last_key).second)
+        throw InputError("{}: the key \"{}\" is there twice in one object", file, printable(last_key));
+    }
     return true;
   };
   try {
-    return json::parse(in, remember);
+    return json::parse(text, look);
   } catch (const json::exception& e) {
-    const std::string_view text = e.what();  // "[json.exception.kind.id] what and where"
-    const auto start = text.find("] ");
-    throw InputError("{}: {}{}", file.string(), text.substr(start == text.npos ? 0 : start + 2),
-                     last_key.empty() ? "" : fmt::format(" (after key \"{}\")", last_key));
+    const std::string_view what = e.what();  // "[json.exception.kind.id] what and where"
+    const auto start = what.find("] ");
+    throw InputError("{}: {}{}", file, printable(what.substr(start == what.npos ? 0 : start + 2)),
+                     last_key.empty() ? "" : fmt::format(" (after key \"{}\")", printable(last_key)));
   }
 }
 

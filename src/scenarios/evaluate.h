@@ -1,14 +1,14 @@
 // Energies and forces of one configuration, to check it by hand or to couple another program.
 #pragma once
 
-#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
 
 namespace pliant {
 
-/// Reads a case file. Errors: InputError that names the file, and for bad JSON the place and the last key before it.
-nlohmann::json read_case(const std::filesystem::path& file);
+/// Reads a case file. Errors: InputError that names the file, and for bad JSON the place and the last key before it;
+/// also for more than 64 MiB or 64 levels, or a key that is twice in an object.
+nlohmann::json read_case(const std::string& file);
 
 /// Energies and forces of the configuration in `document` = {"model", "inputs", and "name", "note", "expected", which
 /// count for nothing}. Models: "SP" (soft particles, 2D and 3D), "DP" (shape energies only), "DP-rough",

@@ -61,8 +61,9 @@ constexpr std::array implicit_types = {"alpha", "alpha2", "arkimex", "bdf", "beu
 constexpr std::array split_types = {"arkimex", "arkode"};
 // Explicit ones without an error estimate; rk has one where its table is an embedded pair.
 constexpr std::array fixed_types = {"euler", "ssp"};
-constexpr std::array program_options = {"-ts_max_time",  "-ts_final_time",       "-ts_init_time",
-                                        "-ts_time_span", "-ts_exact_final_time", "-ts_rk_multirate"};
+constexpr std::array program_options = {"-ts_max_time",       "-ts_final_time",       "-ts_init_time",
+                                        "-ts_time_span",      "-ts_exact_final_time", "-ts_rk_multirate",
+                                        "-ts_save_trajectory"};
 
 bool contains(const auto& names, std::string_view name) {
   return std::find(names.begin(), names.end(), name) != names.end();
@@ -100,15 +101,6 @@ void check_type(const std::string& type) {
     throw InputError("-ts_type {} is for problems of another form, or not built; use one of {}", type,
                      supported_types());
   throw InputError("-ts_type {} is not known; use one of {}", type, supported_types());
-}
-
-// While options are read, a PETSc error is the user's.
-void check_input(PetscErrorCode code) {
-  try {
-    petsc_check(code);
-  } catch (const NumericalError& error) {
-    throw InputError("a -ts option was refused: {}", error.what());
-  }
 }
 
 void copy_to(::Vec y, std::span<const Real> first, std::span<const Real> rest) {
@@ -150,7 +142,7 @@ TsIntegrator::TsIntegrator(TsOptions options, MPI_Comm comm) : options_(std::mov
 
 void TsIntegrator::configure() {
   for (const char* name : program_options)
-    if (has_option(name)) throw InputError("{} cannot be set here: the run sets it; leave the option out", name);
+    if (has_option(name)) throw InputError("{} cannot be set here: the run decides it; leave the option out", name);
   petsc_check(ts_verlet_register());
   petsc_check(sundials_register());
   ts_ = PetscTs();
@@ -171,16 +163,16 @@ void TsIntegrator::configure() {
   TSAdapt adapt = nullptr;
   petsc_check(TSGetAdapt(ts_, &adapt));
   if (type == TSRK) {
-    check_input(TSRKSetType(ts_, string_option("-ts_rk_type", options_.rk_type).c_str()));
+    petsc_check(TSRKSetType(ts_, string_option("-ts_rk_type", options_.rk_type).c_str()));
     const PetscReal* embedded = nullptr;
     PetscBool same = PETSC_FALSE;
     petsc_check(TSRKGetTableau(ts_, nullptr, nullptr, nullptr, nullptr, &embedded, nullptr, nullptr, &same));
     first_same_as_last_ = same == PETSC_TRUE;
     estimate = embedded != nullptr;
-    if (estimate) check_input(TSAdaptSetType(adapt, options_.adapt.c_str()));
+    if (estimate) petsc_check(TSAdaptSetType(adapt, options_.adapt.c_str()));
   }
   if (std::isfinite(options_.longest_dt)) petsc_check(TSAdaptSetStepLimits(adapt, PETSC_DEFAULT, options_.longest_dt));
-  check_input(TSSetFromOptions(ts_));
+  petsc_check(TSSetFromOptions(ts_));
 
   TSAdaptType adapt_type = nullptr;
   petsc_check(TSAdaptGetType(adapt, &adapt_type));

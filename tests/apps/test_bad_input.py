@@ -17,6 +17,11 @@ def assert_refused(result, *words, code=2):
         assert word in lines[0]
 
 
+def run_program(*command):
+    """As `pliant`, of texts, bytes and paths."""
+    return subprocess.run([PROGRAM, *command], text=True, errors="surrogateescape", capture_output=True, timeout=60)
+
+
 OPTIONS = {
     "unknown": (["-frobnicate", "3"], ["-frobnicate", "-help"]),
     "misspelt": (["-hopper_widht", "3"], ["-hopper_widht", "did you mean -hopper_width?"]),
@@ -46,6 +51,10 @@ OPTIONS = {
     "restart_from_nothing": (["-restart", "absent"], ["absent", "checkpoint"]),
     "help_by_a_letter": (["-h"], ["unknown option -h", "did you mean -help?"]),
     "width_by_a_letter": (["-w", "3"], ["unknown option -w", "did you mean -hopper_width?"]),
+    "not_text": (["-output", b"caf\xe9"], ["-output caf\\xe9", "UTF-8"]),
+    "newline": (["-options_file", "a\nb"], ["-options_file a\\x0ab"]),
+    "long_value": (["-output", "x" * 5000], ["too long", "(5000 bytes)"]),
+    "endless_file": (["-options_file", "/dev/zero"], ["/dev/zero", "too large"]),
     "stray_word": (["surprise"], ["surprise"]),
 }
 
@@ -54,8 +63,42 @@ OPTIONS = {
 def test_bad_option(name, tmp_path):
     extra, words = OPTIONS[name]
     output = [] if "-restart" in extra else ["-output", tmp_path / "run"]
-    assert_refused(pliant("hopper", *arguments(SMALL), *output, *extra), *words)
+    assert_refused(run_program("hopper", *arguments(SMALL), *output, *extra), *words)
     assert list(tmp_path.iterdir()) == []
+
+
+RAFT = ["raft", "-rows", "3", "-columns", "3", "-t_end", "5"]
+PETSC = {
+    "mobility_type": (["-mobility_ksp_type", "x"], ["PETSc", "KSP type x"]),
+    "mobility_preconditioner": (["-mobility_pc_type", "x"], ["PETSc", "PC type x"]),
+    "mobility_view": (["-mobility_ksp_view", "nonsense"], ["PETSc", "viewer nonsense"]),
+    "mobility_package": (["-mobility_pc_factor_mat_solver_type", "x"], ["PETSc", "solver type x"]),
+    "mobility_ordering": (["-mobility_pc_factor_mat_ordering_type", "x"], ["PETSc", "type: x"]),
+    "memory_view": (["-memory_view", "1e-3"], ["-memory_view 1e-3", "takes no value"]),
+    "options_view": (["-options_view", "x"], ["-options_view x", "takes no value"]),
+    "options_left": (["-options_left", "x"], ["-options_left x", "takes no value"]),
+    "citations": (["-citations", "/nonexistent/x"], ["-citations /nonexistent/x", "takes no value"]),
+    "info": (["-info", "1"], ["-info 1", "takes no value"]),
+    "log_view": (["-log_view", "1e-3"], ["-log_view 1e-3", "viewer 1e-3"]),
+    "log_view_format": (["-log_view", ":/dev/null:nonsense"], ["-log_view :/dev/null:nonsense"]),
+    "log_view_file": (["-log_view", ":/nonexistent/x"], ["-log_view :/nonexistent/x"]),
+    "windows": (["-ts_monitor_lg_timestep"], ["unknown option -ts_monitor_lg_timestep"]),
+    "drawing": (["-ts_monitor", "draw"], ["-ts_monitor draw", "windows"]),
+    "trajectory": (["-ts_save_trajectory"], ["-ts_save_trajectory"]),
+    "dump": (["-objects_dump"], ["unknown option -objects_dump"]),
+    "debugger": (["-start_in_debugger"], ["unknown option -start_in_debugger"]),
+    "abort": (["-on_error_abort"], ["unknown option -on_error_abort"]),
+    "rk_type": (["-ts_rk_type", "x"], ["PETSc", "'x'"]),
+    "number": (["-ts_rtol", "1e-3x"], ["PETSc", "1e-3x"]),
+    "without_number": (["-ts_atol"], ["-ts_atol", "needs a value"]),
+    "without_type": (["-ts_type", "-ts_monitor"], ["-ts_type", "needs a value"]),
+}
+
+
+@pytest.mark.parametrize("name", PETSC)
+def test_bad_petsc_option(name, tmp_path):
+    extra, words = PETSC[name]
+    assert_refused(run_program(*RAFT, "-output", tmp_path / "run", *extra), *words)
 
 
 YAML = {
@@ -63,6 +106,16 @@ YAML = {
     "tab": ("hopper:\n\twidth: 3\n", ["bad.yaml"]),
     "unknown": ("hopper:\n  widht: 3\n", ["hopper_widht", "did you mean -hopper_width?", "bad.yaml:2"]),
     "value": ("t_end: soon\n", ["t_end", "bad.yaml"]),
+    "large": ("n: 5 #" + "x" * 70000, ["bad.yaml", "too large"]),
+    "alias_bomb": ("a0: &a0 {x: 1, y: 1}\n" + "".join(
+        f"a{i + 1}: &a{i + 1} {{{', '.join(f'k{k}: *a{i}' for k in range(9))}}}\n" for i in range(12)),
+        ["bad.yaml", "aliases"]),
+    "empty_alias_bomb": ("a0: &a0 {}\n" + "".join(
+        f"a{i + 1}: &a{i + 1} {{{', '.join(f'k{k}: *a{i}' for k in range(9))}}}\n" for i in range(12)),
+        ["bad.yaml", "aliases"]),
+    "deep": ("".join(f"{' ' * i}a:\n" for i in range(100)), ["bad.yaml", "deeper"]),
+    "deep_list": ("a: " + "[" * 30000, ["bad.yaml"]),
+    "newline_in_value": ("output: |\n  a\n  b\n", ["bad.yaml:1", "control characters"]),
 }
 
 
@@ -117,7 +170,7 @@ def test_restart_from_a_folder_without_checkpoint(tmp_path):
 
 SQUARE = [[0, 0], [1, 0], [1, 1], [0, 1]]
 CASES = {
-    "missing": (None, ["case.json", "no such file"]),
+    "missing": (None, ["case.json", "No such file"]),
     "broken": ("{\"model\": \"DP\", \"inputs\": {", ["case.json"]),
     "no_model": ({"inputs": {}}, ["model"]),
     "self_intersecting": ({"vertices": [[[0, 0], [1, 1], [1, 0], [0, 1]]]}, ["inputs.vertices[0]", "meets itself"]),
@@ -126,6 +179,11 @@ CASES = {
     "clockwise": ({"vertices": [SQUARE[::-1]]}, ["inputs.vertices[0]", "counter-clockwise"]),
     "two_vertices": ({"vertices": [SQUARE[:2]]}, ["inputs.vertices[0]", "at least 3"]),
     "edge_without_length": ({"vertices": [[SQUARE[0], *SQUARE]]}, ["inputs.vertices[0][0]", "length"]),
+    "deep": ("[" * 100000, ["case.json", "nested deeper"]),
+    "deep_and_closed": ("{\"model\":" + "[" * 100000 + "]" * 100000 + "}", ["case.json", "nested deeper"]),
+    "deep_unknown": ("{\"note\":" + "[" * 70 + "]" * 70 + "}", ["case.json", "nested deeper"]),
+    "key_twice": ("{\"model\": \"SP\", \"inputs\": {\"dim\": 2, \"mu\": 1, \"mu\": 2}}", ["case.json", "\"mu\"", "twice"]),
+    "not_json": ("\u2028\x1b[31m" * 1000, ["case.json"]),
     "misspelt_key": ({"vertices": [SQUARE], "k_a": 1}, ["k_a", "ka"]),
 }
 
@@ -139,6 +197,10 @@ def test_bad_case(name, tmp_path):
     if case is not None:
         file.write_text(case if isinstance(case, str) else json.dumps(case))
     assert_refused(pliant("evaluate", file), *words)
+
+
+def test_endless_case():
+    assert_refused(pliant("evaluate", "/dev/zero"), "/dev/zero", "too large")
 
 
 def test_case_without_faults(tmp_path):

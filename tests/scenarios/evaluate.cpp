@@ -539,9 +539,10 @@ TEST_CASE("to_text writes 17 significant digits") {
 
 TEST_CASE("read_case names the file and the place of an error") {
   const std::filesystem::path folder = std::filesystem::temp_directory_path();
-  CHECK(reading_message(folder / "pliant_no_such_case.json") ==
-        (folder / "pliant_no_such_case.json").string() + ": there is no such file");
-  CHECK(reading_message(folder) == folder.string() + " is a folder; give a case file");
+  CHECK(reading_message(folder / "pliant_no_such_case.json") == "case file " +
+                                                                    (folder / "pliant_no_such_case.json").string() +
+                                                                    ": cannot be opened: No such file or directory");
+  CHECK(reading_message(folder) == "case file " + folder.string() + ": is a folder; name a file in it");
 
   const auto parse_message = [](const std::string& text) {
     const TemporaryFile file(text);
@@ -557,10 +558,13 @@ TEST_CASE("read_case names the file and the place of an error") {
   CHECK_THAT(parse_message(""), Catch::Contains("line 1, column 1"));
   CHECK_THAT(parse_message("{} x"), Catch::Contains("line 1, column 4"));
 
+  CHECK_THAT(parse_message(std::string(100, '[')), Catch::Contains("nested deeper than 64"));
+  CHECK_THAT(parse_message("{\"a\": {\"mu\": 1}, \"mu\": 1, \"mu\": 1}"), Catch::Contains("\"mu\" is there twice"));
+
   const TemporaryFile good("{\"mu\": 1}");
   CHECK(read_case(good.path()) == json{{"mu", 1}});
   if (geteuid() != 0) {  // root reads everything
     std::filesystem::permissions(good.path(), std::filesystem::perms::none);
-    CHECK_THAT(reading_message(good.path()), Catch::Contains("cannot be read"));
+    CHECK_THAT(reading_message(good.path()), Catch::Contains("cannot be opened"));
   }
 }

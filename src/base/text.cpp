@@ -1,0 +1,84 @@
+#include <fmt/format.h>
+#include <pliant/base/errors.h>
+#include <pliant/base/text.h>
+
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+
+namespace pliant {
+namespace {
+
+// Length of the character that the text begins with; 0 if that is no UTF-8, or a control character.
+std::size_t plain_character(std::string_view text) {
+  const auto byte = [&](std::size_t i) -> unsigned {
+    return i < text.size() ? static_cast<unsigned char>(text[i]) : 0;
+  };
+  const unsigned first = byte(0);
+  if (first < 0x80) return first >= 0x20 && first != 0x7f ? 1 : 0;
+  const std::size_t length = first >= 0xf0 ? 4 : first >= 0xe0 ? 3 : 2;
+  if (first < 0xc2 || first > 0xf4) return 0;
+  for (std::size_t i = 1; i < length; ++i)
+    if ((byte(i) & 0xc0) != 0x80) return 0;
+  const bool overlong = (first == 0xe0 && byte(1) < 0xa0) || (first == 0xf0 && byte(1) < 0x90);
+  const bool surrogate = first == 0xed && byte(1) > 0x9f, too_large = first == 0xf4 && byte(1) > 0x8f;
+  const bool control = first == 0xc2 && byte(1) < 0xa0;
+  return overlong || surrogate || too_large || control ? 0 : length;
+}
+
+std::string escaped(std::string_view text) {
+  std::string result;
+  while (!text.empty()) {
+    const std::size_t length = plain_character(text);
+    if (length == 0)
+      result += fmt::format("\\x{:02x}", static_cast<unsigned char>(text[0]));
+    else
+      result += text.substr(0, length);
+    text.remove_prefix(std::max<std::size_t>(length, 1));
+  }
+  return result;
+}
+
+}  // namespace
+
+bool is_plain_text(std::string_view text) {
+  while (!text.empty()) {
+    const std::size_t length = plain_character(text);
+    if (length == 0) return false;
+    text.remove_prefix(length);
+  }
+  return true;
+}
+
+std::string printable(std::string_view text) {
+  constexpr std::size_t longest = 300, end = 50;
+  if (text.size() <= longest) return escaped(text);
+  return fmt::format("{} … {} ({} bytes)", escaped(text.substr(0, end)), escaped(text.substr(text.size() - end)),
+                     text.size());
+}
+
+std::string read_text_file(const std::string& file, std::size_t limit, std::string_view what) {
+  const std::string name = printable(file);
+  std::error_code ignored;
+  if (std::filesystem::is_directory(file, ignored))
+    throw InputError("{} {}: is a folder; name a file in it", what, name);
+  errno = 0;
+  std::ifstream in(file, std::ios::binary);
+  if (!in) throw InputError("{} {}: cannot be opened: {}", what, name, std::strerror(errno));
+  std::string text;
+  constexpr std::size_t piece = 1 << 16;
+  while (in && text.size() <= limit) {
+    const std::size_t before = text.size();
+    text.resize(before + piece);
+    in.read(text.data() + before, piece);
+    text.resize(before + static_cast<std::size_t>(in.gcount()));
+  }
+  if (in.bad()) throw InputError("{} {}: cannot be read: {}", what, name, std::strerror(errno));
+  if (text.size() > limit)
+    throw InputError("{} {}: is too large; {} bytes are the most that is read", what, name, limit);
+  return text;
+}
+
+}  // namespace pliant

@@ -1,0 +1,20 @@
+// Text from outside: files within a limit, and what of it can be shown.
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <string_view>
+
+namespace pliant {
+
+/// Whether it is UTF-8 without control characters.
+bool is_plain_text(std::string_view text);
+
+/// The text for a message of one line: what is no plain text as \xNN, the middle of a long one left out.
+std::string printable(std::string_view text);
+
+/// The whole of a file or pipe that is called `what` in messages ("options file"). Errors: InputError if it is a
+/// folder, cannot be read, or has more than `limit` bytes.
+std::string read_text_file(const std::string& file, std::size_t limit, std::string_view what);
+
+}  // namespace pliant
