@@ -4,22 +4,25 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <csignal>
 #include <cstdio>
 #include <cstring>
 
 namespace pliant {
 namespace {
 
-/// Returns 0 or the errno of what failed.
+/// Returns 0 or the errno of what failed. EPIPE, whose reader wants no more, is no failure.
 int write_out(std::string_view text) {
   errno = 0;
   if (std::fwrite(text.data(), 1, text.size(), stdout) == text.size() && std::fflush(stdout) == 0) return 0;
+  if (errno == EPIPE) return 0;
   return errno != 0 ? errno : EIO;
 }
 
 }  // namespace
 
 void guard_standard_streams() {
+  std::signal(SIGPIPE, SIG_IGN);
   for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO})
     if (::fcntl(stream, F_GETFD) < 0 && errno == EBADF)
       (void)::open("/dev/null", stream == STDIN_FILENO ? O_WRONLY : O_RDONLY);  // the lowest free number is this one

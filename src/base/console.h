@@ -10,16 +10,19 @@
 namespace pliant {
 
 /// Puts /dev/null in the place of standard streams that are closed: the next file that the program opens would get
-/// their number, and what is printed. Writing to one of them still fails. To be called first in main.
+/// their number, and what is printed. Writing to one of them still fails. Has SIGPIPE ignored: a reader that has gone
+/// ends no run. To be called first in main.
 void guard_standard_streams();
 
-/// Prints a result to the standard output. Errors: OutputError if it has not arrived there.
+/// Prints a result to the standard output. Errors: OutputError if it has not arrived there, unless its reader has gone
+/// (`| head`).
 void print_result(std::string_view text);
 
 /// Prints `text` to the standard error; where that fails there is nobody left to tell.
 void complain(std::string_view text) noexcept;
 
-/// Prints a remark of a run to the standard output. The first one that cannot be written is a warning; the run goes on.
+/// Prints a remark of a run to the standard output. The first one that cannot be written is a warning, unless its
+/// reader has gone; the run goes on.
 void say_text(std::string_view text) noexcept;
 template <class... Args>
 void say(fmt::format_string<Args...> text, Args&&... args) {

@@ -43,13 +43,17 @@ PetscSession::PetscSession() {
   PetscBool running = PETSC_FALSE;
   (void)PetscInitialized(&running);
   if (running == PETSC_FALSE) {
-    if (PetscInitializeNoArguments() != 0)
+    // PETSc's own signal handlers would print a page and end the program at SIGHUP, SIGTERM and others.
+    static char name[] = "pliant", no_handlers[] = "-no_signal_handler";
+    static char *names[] = {name, no_handlers, nullptr}, **arguments = names;
+    static int count = 2;
+    if (PetscInitialize(&count, &arguments, nullptr, nullptr) != 0)
       throw NumericalError("PETSc could not be started; it starts once per process, and MPI must work");
     owner_ = true;
     return_freed_memory();
   }
   (void)PetscPushErrorHandler(keep_message, nullptr);
-  if (owner_) (void)PetscOptionsClear(nullptr);  // PETSc has read PETSC_OPTIONS and .petscrc, in spite of "NoArguments"
+  if (owner_) (void)PetscOptionsClear(nullptr);  // PETSc has read PETSC_OPTIONS and .petscrc, too
 }
 
 void PetscSession::end() {

@@ -102,6 +102,9 @@ class HopperRun {
     if (restarted() && *p_.t_end < state_.t - dt_ / 2)
       throw InputError("-t_end {}: the checkpoint in {} is at t = {:.6g} already; give a later end", *p_.t_end,
                        p_.output, state_.t);
+    if (p_.integrator == IntegratorKind::verlet && !((*p_.t_end - state_.t) / dt_ < FixedStepVerlet::most_steps))
+      throw InputError("-t_end {:g}: with dt = {:.3g} t0 these are more steps than can be counted; give an earlier end",
+                       *p_.t_end, dt_);
     check_fit(all_, p_.hopper);
     StopSignals signals;
     writer_.emplace(
@@ -668,7 +671,7 @@ class HopperRun {
     print("Q_corrected", "Q'");
     print("contacts_per_particle", "contacts per particle");
     print("drag_friction_ratio", "drag/friction");
-    if (measured.contains("c0")) fmt::print("{}\n", discharge_text(measured));
+    if (measured.contains("c0")) say("{}\n", discharge_text(measured));
     const IntegratorStatistics total = statistics();
     const Real ns = 1e9 * cpu / static_cast<Real>(std::max<std::int64_t>(total.steps, 1));
     say("{} steps, {} force evaluations, {:.2f} s CPU, {:.1f} ns per particle-step{}\n", total.steps,

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cmath>
 #include <csignal>
 #include <ctime>
@@ -14,34 +15,48 @@
 namespace pliant {
 namespace {
 
-constexpr std::array signals{SIGINT, SIGTERM, SIGUSR1, SIGXCPU};
+constexpr std::array signals{SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGUSR1, SIGXCPU};
+/// One request may come as several signals: to the process and to its group, or forwarded.
+constexpr std::int64_t nanoseconds_of_one_request = 2'000'000'000;
 
 // A signal handler can reach nothing but static storage.
-volatile std::sig_atomic_t stop_requested = 0;
+std::atomic<std::int64_t> requested_at = 0;  // 0: not at all
+static_assert(std::atomic<std::int64_t>::is_always_lock_free);
+
+std::int64_t nanoseconds(clockid_t clock) {
+  timespec t{};
+  clock_gettime(clock, &t);
+  return t.tv_sec * std::int64_t{1'000'000'000} + t.tv_nsec;
+}
 
 void on_signal(int signal) {
-  stop_requested = 1;
+  const std::int64_t now = nanoseconds(CLOCK_MONOTONIC);
+  std::int64_t first = 0;
+  if (requested_at.compare_exchange_strong(first, now) || now - first < nanoseconds_of_one_request) return;
+  if (signal == SIGXCPU) return;  // the system repeats it every second
   std::signal(signal, SIG_DFL);
+  std::raise(signal);
 }
 
-Real process_cpu_seconds() {
-  timespec t{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
-  return static_cast<Real>(t.tv_sec) + 1e-9 * static_cast<Real>(t.tv_nsec);
-}
+Real process_cpu_seconds() { return 1e-9 * static_cast<Real>(nanoseconds(CLOCK_PROCESS_CPUTIME_ID)); }
 
 }  // namespace
 
 StopSignals::StopSignals() {
-  stop_requested = 0;
-  for (const int s : signals) std::signal(s, on_signal);
+  requested_at = 0;
+  for (const int s : signals)
+    // nohup ignores it.
+    if (std::signal(s, on_signal) == SIG_IGN && s == SIGHUP) std::signal(s, SIG_IGN);
 }
 
 StopSignals::~StopSignals() {
-  for (const int s : signals) std::signal(s, SIG_DFL);
+  // A second signal right after the first must not change how a stopped program ends.
+  if (requested()) return;
+  for (const int s : signals)
+    if (std::signal(s, SIG_DFL) == SIG_IGN) std::signal(s, SIG_IGN);
 }
 
-bool StopSignals::requested() { return stop_requested != 0; }
+bool StopSignals::requested() { return requested_at != 0; }
 
 RunControl::RunControl(Real checkpoint_interval, Real max_wall_time, Ranks ranks)
     : ranks_(ranks),

@@ -10,8 +10,9 @@
 
 namespace pliant {
 
-/// From construction to destruction SIGINT, SIGTERM, SIGUSR1 and SIGXCPU ask the run to stop instead of killing it; a
-/// second one kills.
+/// From construction to destruction SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGUSR1 and SIGXCPU ask the run to stop instead
+/// of killing it; another one that comes more than two seconds after the first kills (not SIGXCPU). So it stays after
+/// destruction if a signal has come. SIGHUP stays ignored where it is (nohup).
 class StopSignals {
  public:
   StopSignals();

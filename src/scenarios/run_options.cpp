@@ -8,9 +8,17 @@ void RunOptions::bind_output(Options& o) {
   o.bind("output", output, {.help = "folder of the run", .on_restart = OnRestart::forget});
   o.bind("restart", restart, {.help = "folder of a run to continue, in place", .on_restart = OnRestart::forget});
   o.bind("frame_interval", frame_interval,
-         {.help = "time between frames", .unit = "t0", .min = 0, .min_open = true, .on_restart = fixed});
+         {.help = "time between frames; less than a step: every step",
+          .unit = "t0",
+          .min = 0,
+          .min_open = true,
+          .on_restart = fixed});
   o.bind("sample_interval", sample_interval,
-         {.help = "time between samples of the series", .unit = "t0", .min = 0, .min_open = true, .on_restart = fixed});
+         {.help = "time between samples of the series; less than a step: every step",
+          .unit = "t0",
+          .min = 0,
+          .min_open = true,
+          .on_restart = fixed});
   o.bind("checkpoint_interval", checkpoint_interval,
          {.help = "wall time between checkpoints; 0: only when stopped", .unit = "s", .min = 0});
   o.bind("max_wall_time", max_wall_time,

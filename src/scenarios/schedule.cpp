@@ -5,16 +5,21 @@
 namespace pliant {
 
 void Schedule::done(Real t) {
+  constexpr Real countable = 1e15;
   last_ = t;
-  next_ = std::max(next_, static_cast<std::int64_t>(t / interval_));
-  while (due(t)) ++next_;
+  // The quotient is right to rounding; the rest decides by the same comparison as due(). Beyond counting, whatever the
+  // interval, every step is due.
+  const Real quotient = std::min(t / interval_, countable);
+  next_ = std::max(next_, static_cast<std::int64_t>(quotient));
+  if (quotient < countable)
+    while (due(t)) ++next_;
 }
 
 void Schedule::load(const Checkpoint& c, const std::string& name) {
   const Real last = c.real(name, 0, c.t);
-  if (c.t / interval_ > 1e15) c.refuse("time = {} is beyond counting in intervals of {}", c.t, interval_);
   done(last);
-  if (due(c.t)) c.refuse("{} = {}, but by the time {} another one was due at {}", name, last, c.t, time_of(next_));
+  if (last < c.t && due(c.t))
+    c.refuse("{} = {}, but by the time {} another one was due at {}", name, last, c.t, time_of(next_));
 }
 
 }  // namespace pliant

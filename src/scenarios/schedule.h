@@ -8,12 +8,14 @@
 
 namespace pliant {
 
+/// An interval that is shorter than the steps makes every step due.
 class Schedule {
  public:
+  /// Positive, of any size.
   explicit Schedule(Real interval) : interval_(interval) {}
 
   bool due(Real t) const { return t >= time_of(next_); }
-  /// It is done at time t, due or not.
+  /// It is done at time t >= 0, due or not. Takes no longer where it has been due many times since.
   void done(Real t);
   bool done_at(Real t) const { return last_ >= t; }
 

@@ -109,7 +109,7 @@ void FixedStepVerlet::run(SecondOrderSystem& system, State& state, Real t_end, b
     throw InputError("the state has {} coordinates, but the system has {}; build both from one topology", state.size(),
                      system.size());
   const Real steps = std::round((t_end - state.t) / dt_);
-  if (!(steps < 9e15))
+  if (!(steps < most_steps))
     throw InputError("a run from t = {} to {} with dt = {} has too many steps to count; enlarge dt", state.t, t_end,
                      dt_);
   const Real origin = state.t - static_cast<Real>(state.step) * dt_;  // exactly 0 where t = step · dt

@@ -21,6 +21,9 @@ namespace pliant {
 /// the prediction before, so p is part of the state: finding it anew differs by O(h³).
 class FixedStepVerlet : public Integrator {
  public:
+  /// In one run: what a Real can count.
+  static constexpr Real most_steps = 9e15;
+
   /// dt in t0. Errors: InputError unless dt is positive and finite.
   explicit FixedStepVerlet(Real dt);
 
