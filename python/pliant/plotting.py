@@ -39,12 +39,16 @@ def save(figure, path):
 
 # ---- what a particle's colour can mean -------------------------------------------------------------------------------
 
+def length_unit(run):
+    return r"\langle R\rangle" if run.droplets else r"\sigma_{avg}"
+
+
 def _speed(run, frame):
     return frame.speeds
 
 
 def _contacts(run, frame):
-    return frame.contact_count.astype(float)
+    return frame.touching.astype(float)
 
 
 def _size(run, frame):
@@ -59,20 +63,20 @@ def _shape(run, frame):
     return frame.perimeter**2 / (4 * np.pi * frame.area)
 
 
-#: name → (values [N] of a frame, label, colour map)
+#: name → (values [N] of a frame, label of a run, colour map)
 QUANTITIES = {
-    "speed": (_speed, r"speed  $|v|$  [$\sigma_{avg}/t_0$]", "viridis"),
-    "area": (_area, r"area change  $a/a_0 - 1$  [%]", "cividis"),
-    "shape": (_shape, r"shape  $\mathcal{A} = p^2/4\pi a$", "magma"),
-    "contacts": (_contacts, "touching particles", "viridis"),
-    "size": (_size, r"diameter  $\sigma/\sigma_{avg}$", "cividis"),
+    "speed": (_speed, lambda run: rf"speed  $|v|$  [${length_unit(run)}/t_0$]", "viridis"),
+    "area": (_area, lambda run: r"area change  $a/a_0 - 1$  [%]", "cividis"),
+    "shape": (_shape, lambda run: r"shape  $\mathcal{A} = p^2/4\pi a$", "magma"),
+    "contacts": (_contacts, lambda run: "bound droplets" if run.droplets else "touching particles", "viridis"),
+    "size": (_size, lambda run: rf"diameter  $\sigma/{length_unit(run)}$", "cividis"),
 }
 
 
 def particle_values(run, frame, quantity):
     """[N] values of a quantity of QUANTITIES; RunError if the model has none (areas of soft particles)."""
     if quantity in ("area", "shape") and not run.topology.deformable:
-        raise RunError(f"{run.path}: soft particles have no {quantity} of their own "
+        raise RunError(f"{run.path}: {model_name(run)} have no {quantity} of their own "
                        "(colour by speed, contacts or size)")
     return QUANTITIES[quantity][0](run, frame)
 
@@ -103,9 +107,9 @@ def color_scale(quantity, samples):
     return cmap, Normalize(low, high), {(0, 0): "neither", (0, 1): "max", (1, 0): "min", (1, 1): "both"}[below, above]
 
 
-def add_color_bar(figure, axes, quantity, cmap, norm, extend, **options):
-    """The colour bar of a quantity, with ticks on the values that occur if they are few."""
-    bar = figure.colorbar(plt.cm.ScalarMappable(norm, cmap), ax=axes, extend=extend, label=QUANTITIES[quantity][1],
+def add_color_bar(figure, axes, run, quantity, cmap, norm, extend, **options):
+    """The colour bar of a quantity of `run`, with ticks on the values that occur if they are few."""
+    bar = figure.colorbar(plt.cm.ScalarMappable(norm, cmap), ax=axes, extend=extend, label=QUANTITIES[quantity][1](run),
                           **({"aspect": 30, "pad": 0.02, "fraction": 0.05} | options))
     if isinstance(norm, BoundaryNorm):
         edges = np.asarray(norm.boundaries)
@@ -128,10 +132,13 @@ def visible(run, frame):
     return shown
 
 
-def wall_lines(run, top=None):
-    """[S, 2, 2] ends of the walls in the plane of view; upright walls reach up to `top` (None: to their upper end, or
-    to their lower one if they have no end). In 3D both halves of the cut through the axis."""
-    lines = run.geometry.segments.reshape(-1, 2, 2).copy()
+def wall_lines(run, frame, top=None):
+    """[S, 2, 2] ends, in the plane of view, of the walls at the frame's time. Of a hopper upright walls reach up to
+    `top` (None: to their upper end, or to their lower one if they have no end); in 3D both halves of the cut through
+    the axis. Walls that are gone, as the opened lid of a clog, are left out."""
+    lines = frame.wall_segments.reshape(-1, 2, 2).copy()
+    if run.droplets:
+        return lines[(lines[:, 0] != lines[:, 1]).any(1)]
     for line in lines:
         bottom = int(np.argmin(np.where(np.isfinite(line[:, 1]), line[:, 1], np.inf)))
         lower, upper = line[bottom], line[1 - bottom]
@@ -143,31 +150,35 @@ def wall_lines(run, top=None):
 
 
 def view(run, frames):
-    """(x0, x1, y0, y1) that holds the walls' width, the orifice and all active particles of the frames."""
-    margin = 0.6
-    walls = wall_lines(run).reshape(-1, 2)
+    """(x0, x1, y0, y1) that holds the walls' width, the orifice and all active particles of the frames; of droplets the
+    whole walls."""
+    margin = max(0.6, 0.55 * run.topology.sigma.max(initial=0))
+    walls = np.concatenate([wall_lines(run, frame).reshape(-1, 2) for frame in frames])
     centres = np.concatenate([frame.centres[visible(run, frame)][:, [0, -1]] for frame in frames])
     if not len(walls) and not len(centres):
         raise RunError(f"{run.path}: neither walls nor particles to draw")
     x = np.concatenate([walls[:, 0], centres[:, 0]])
-    # Upright walls may reach far above the filling: above it they do not count.
-    y = np.concatenate([centres[:, 1], walls[:, 1] if not len(centres) else [walls[:, 1].min(initial=np.inf)]])
+    # Upright walls of a hopper may reach far above the filling: above it they do not count.
+    whole = run.droplets or not len(centres)
+    y = np.concatenate([centres[:, 1], walls[:, 1] if whole else [walls[:, 1].min(initial=np.inf)]])
     y = y[np.isfinite(y)]
     return x.min() - margin, x.max() + margin, y.min() - 2 * margin, y.max() + 2 * margin
 
 
-def set_view(axes, box):
-    axes.set(xlim=box[:2], ylim=box[2:], aspect="equal", xlabel=r"$x/\sigma_{avg}$")
+def set_view(axes, run, box):
+    axes.set(xlim=box[:2], ylim=box[2:], aspect="equal", xlabel=rf"$x/{length_unit(run)}$")
     axes.spines[["left", "bottom"]].set_visible(False)  # they would look like walls
     axes.tick_params(direction="out", color="0.5")
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10], integer=True))
+    spans = np.array([box[1] - box[0], box[3] - box[2]])
+    for axis, span in zip((axes.xaxis, axes.yaxis), spans):
+        ticks = int(np.clip(np.ceil(9 * span / spans.max()), 1, 6))  # few on the short side of a slim picture
+        axis.set_major_locator(MaxNLocator(ticks, steps=[1, 2, 5, 10], integer=True))
 
 
-def draw_walls(axes, run):
-    """The walls as thick lines, upright ones prolonged to the top of the view."""
-    lines = wall_lines(run, axes.get_ylim()[1])
-    axes.add_collection(LineCollection(lines, colors=WALL, linewidths=3.5, capstyle="round", zorder=1))
+def draw_walls(axes, run, frame):
+    """The walls at the frame's time as thick lines, upright ones of a hopper prolonged to the top of the view."""
+    lines = wall_lines(run, frame, axes.get_ylim()[1])
+    return axes.add_collection(LineCollection(lines, colors=WALL, linewidths=3.5, capstyle="round", zorder=1))
 
 
 def _points_per_unit(axes):
@@ -207,7 +218,7 @@ def draw_particles(axes, run, frame, colors, edge_shade=0.78, scale=None):
 
 
 def panel_figure(runs, boxes, height=4.6):
-    """Figure and axes for one drawing per view box, side by side at a common height of the panels."""
+    """Figure and axes for one drawing per run and view box, side by side at a common height of the panels."""
     shapes = [(b[1] - b[0]) / (b[3] - b[2]) for b in boxes]
     width = height * sum(shapes)
     if width > 15:
@@ -215,18 +226,28 @@ def panel_figure(runs, boxes, height=4.6):
     size = width + 0.75 * len(boxes) + 0.9, height + 0.75  # room for labels and the colour bar
     figure, axes = plt.subplots(1, len(boxes), figsize=size, squeeze=False, layout="constrained",
                                 gridspec_kw={"width_ratios": shapes})
-    for ax, box in zip(axes[0], boxes):
-        set_view(ax, box)
-    axes[0, 0].set_ylabel(r"$z/\sigma_{avg}$" if runs[0].dim == 3 else r"$y/\sigma_{avg}$")
+    for ax, run, box in zip(axes[0], runs, boxes):
+        set_view(ax, run, box)
+    axes[0, 0].set_ylabel(rf"${'z' if runs[0].dim == 3 else 'y'}/{length_unit(runs[0])}$")
     return figure, axes[0]
 
 
 # ---- naming runs -----------------------------------------------------------------------------------------------------
 
-MODEL_NAMES = {"sp": "soft particles", "rough": "rough polygons", "smooth": "smooth polygons"}
+MODEL_NAMES = {"sp": "soft particles", "rough": "rough polygons", "smooth": "smooth polygons", "bubble": "droplets"}
 SYMBOLS = {"hopper_width": r"w/\sigma_{avg}", "mu": r"\mu/\mu_0", "zeta": r"\zeta/\zeta_0", "e_sp": "E_{sp}",
            "e_c": "E_c", "e_w": "E_w", "k_a": "K_a", "k_l": "K_l", "k_b": "K_b", "n": "N", "hopper_angle": r"\theta_w",
            "hopper_wall_distance": r"W/\sigma_{avg}", "dim": "d"}
+
+
+def model_name(run):
+    return MODEL_NAMES.get(run.model, run.model)
+
+
+def time_label(frame, digits=None):
+    """'$t = 12.5 t0$'; `digits` after the point, for a row of frames."""
+    digits = digits if digits is not None else max(0, 3 - len(f"{abs(frame.time):.0f}"))
+    return rf"$t = {frame.time:.{digits}f}\ t_0$"
 
 
 def parameter_label(name, value):

@@ -80,9 +80,9 @@ class Profile:
     momentum: np.ndarray  #: [T, H] sum of v_i phi
     weight: np.ndarray    #: [T, H] sum of phi
 
-    def after(self, start):
-        """The samples from time `start` on."""
-        keep = self.time >= start
+    def between(self, start, end=np.inf):
+        """The samples from time `start` to `end`."""
+        keep = (self.time >= start) & (self.time <= end)
         return Profile(self.time[keep], self.height, self.momentum[keep], self.weight[keep])
 
 
@@ -124,8 +124,15 @@ class Frame:
 
     @cached_property
     def contact_count(self):
-        """[N] touching particles."""
+        """[N] contacts of each particle with others; pairs of vertices, and of vertex and edge, count one each."""
         return self._read("contact_count")
+
+    @cached_property
+    def touching(self):
+        """[N] other particles that touch each one (droplets: that are bound to it), however many vertices touch."""
+        pairs = self.contacts[["particle_1", "particle_2"]].to_numpy()
+        pairs = np.unique(np.sort(pairs[(pairs >= 0).all(1)], axis=1), axis=0)
+        return np.bincount(pairs.ravel(), minlength=self._run.topology.particles)
 
     @cached_property
     def area(self):
@@ -144,7 +151,7 @@ class Frame:
 
     @cached_property
     def wall_segments(self):
-        """[S, 4] x1 y1 x2 y2 of the walls at the frame's time."""
+        """[S, 4] x1 y1 x2 y2 of the walls at the frame's time; a lid that has been opened has no length."""
         return self._group["wall_segments"][()] if "wall_segments" in self._group else self._run.geometry.segments
 
     @cached_property
@@ -277,8 +284,17 @@ class Run:
                 for name, entry in self.manifest["options"].items()}
 
     @property
+    def scenario(self):
+        return self.manifest.get("scenario", "")
+
+    @property
     def model(self):
         return self.manifest.get("model", "")
+
+    @property
+    def droplets(self):
+        """True if lengths are in <R> and forces in the unit of f0, not in sigma_avg and rho g sigma_avg^D."""
+        return self.model == "bubble"
 
     @property
     def dim(self):

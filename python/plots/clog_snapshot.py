@@ -9,7 +9,6 @@ sys.path[0] = str(Path(__file__).resolve().parents[1])
 import pliant  # first: it says what this Python lacks
 
 import numpy as np
-from matplotlib.collections import LineCollection
 
 from pliant import Run, RunError
 from pliant import plotting, script
@@ -20,7 +19,7 @@ COLORS = {"arch": "#D55E00", "attached": "#F0E442", "rest": "#0072B2"}  # [T Fig
 def colors(run):
     """[N] colour of each droplet at the end of the run."""
     if "arch" not in run.summary:
-        raise RunError(f"{run.path}: no arch in its summary.json (not a run of the scenario clog, or it has not ended)")
+        raise RunError(f"{run.path}: no arch in its summary.json (it has not ended: raft_snapshot.py draws its frames)")
     result = np.full(run.topology.particles, "none", dtype=object)
     for name, color in COLORS.items():
         result[run.summary[name]] = color
@@ -31,15 +30,13 @@ def main():
     parser = script.parser(__doc__, "clog_snapshot.py runs/clog -o clog.png", "clog_snapshot.png")
     parser.add_argument("run", help="run folder")
     arguments = script.arguments(parser)
-    run = Run(arguments.run)
+    run = script.of_scenario(Run(arguments.run), "clog")
     painted = colors(run)
     frame = run.frame(-1)
     figure, axes = plotting.panel_figure([run], [plotting.view(run, [frame])], height=5.2)
-    axes[0].set(xlabel=r"$x/\langle R\rangle$", ylabel=r"$y/\langle R\rangle$")
     axes[0].set_title(f"$w/d$ = {run.parameters['hopper_width']:g},  {run.summary.get('status', '')} after "
                       f"{run.measured('avalanche_size')[0]:g} droplets")
-    axes[0].add_collection(LineCollection(frame.wall_segments.reshape(-1, 2, 2), colors=plotting.WALL, linewidths=3.5,
-                                          capstyle="round", zorder=1))
+    plotting.draw_walls(axes[0], run, frame)
     for name, color in COLORS.items():
         axes[0].plot([], [], "o", color=color, label={"rest": "the rest"}.get(name, name))
     axes[0].legend(loc="lower right")

@@ -6,6 +6,7 @@ from pathlib import Path
 
 # In place of this folder, whose profile.py would hide the standard library's.
 sys.path[0] = str(Path(__file__).resolve().parents[1])
+import pliant  # first: it says what this Python lacks
 
 from dataclasses import dataclass
 
@@ -14,6 +15,7 @@ import numpy as np
 
 from pliant import RunError, load_runs
 from pliant import plotting, script
+from pliant.flow import is_discharge
 
 STEPS = 20  # of equal numbers of particles, for the local c0
 
@@ -52,9 +54,8 @@ def local_c0(time, left, residue):
 
 
 def check(run):
-    if run.manifest.get("scenario") != "hopper" or run.parameters.get("flow") != "discharge":
-        raise RunError(f"{run.path}: not a discharge, but a run of scenario {run.manifest.get('scenario')} with "
-                       f"flow {run.parameters.get('flow', 'of its own')} (series.py draws its time series)")
+    if not is_discharge(script.of_scenario(run, "hopper")):
+        raise RunError(f"{run.path}: continuous flow, not a discharge (series.py draws its time series)")
     if len(run.series) < 2:
         raise RunError(f"{run.path}: {len(run.series)} samples are too few for N(t) (let it run longer)")
 

@@ -50,7 +50,7 @@ def main():
     parser.add_argument("--frame", type=int, default=-1, help="frame number, negative from the end (default: -1)")
     parser.add_argument("--max-height", type=float, help="cut the view at this height, in sigma_avg")
     arguments = script.arguments(parser)
-    run = Run(arguments.run)
+    run = script.of_scenario(Run(arguments.run), "hopper")
     frame = run.frame(arguments.frame)
     lines, force = pair_forces(run, frame)
     if not len(force):
@@ -60,8 +60,8 @@ def main():
     if arguments.max_height is not None:
         box = (*box[:3], max(min(box[3], arguments.max_height), box[2] + 1))
     figure, (ax,) = plotting.panel_figure([run], [box])
-    ax.set_title(f"{plotting.MODEL_NAMES.get(run.model, run.model)},  $t = {frame.time:.4g}\\ t_0$")
-    plotting.draw_walls(ax, run)
+    ax.set_title(f"{plotting.model_name(run)},  {plotting.time_label(frame)}")
+    plotting.draw_walls(ax, run, frame)
     # The lightest part of the map would vanish on the pale particles.
     cmap = ListedColormap(plt.get_cmap("magma_r")(np.linspace(0.2, 0.95, 256)))
     top = np.quantile(force, 0.99)

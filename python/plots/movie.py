@@ -1,5 +1,8 @@
 #!/usr/bin/python3
-"""Makes an mp4 movie of the frames of a run; needs ffmpeg."""
+"""Makes an mp4 movie of the frames of a run; needs ffmpeg.
+
+It lasts 8 s if the run has fewer than 200 frames, else it shows 25 frames a second. For a smoother one let the run write
+more frames (-frame_interval)."""
 
 import sys
 from pathlib import Path
@@ -17,17 +20,37 @@ from pliant import OutputError, Run, RunError
 from pliant import plotting, script
 from pliant.plotting import QUANTITIES
 
+FPS, MOST_FPS = 25, 100  # frames per second
+LEAST_DURATION = 8       # seconds, of a movie whose rate is not asked for
+
+
+def frames_per_second(frames, fps=None, speed=None):
+    """(frames per second, speed as text) of a movie, by one of the two or by LEAST_DURATION and FPS."""
+    span = frames[-1].time - frames[0].time
+    if fps is None and speed is not None:
+        if not span > 0:
+            raise RunError("--speed: the run has one frame, there is no time between frames (leave --speed out)")
+        fps = speed * (len(frames) - 1) / span
+        if fps > MOST_FPS:
+            raise RunError(f"--speed {speed:g} needs {fps:.0f} frames per second, at most {MOST_FPS} can be shown "
+                           f"(add --every {int(np.ceil(fps / MOST_FPS))})")
+    elif fps is None:
+        fps = float(np.clip(len(frames) / LEAST_DURATION, 1, FPS))
+    return fps, f"{len(frames) / fps:.1f} s" + (f" at {fps * span / (len(frames) - 1):.3g} t0/s" if span > 0 else "")
+
 
 def main():
-    parser = script.parser(__doc__, "movie.py runs/hopper --fps 25 --color speed -o hopper.mp4", "movie.mp4")
+    parser = script.parser(__doc__, "movie.py runs/hopper --speed 5 --color speed -o hopper.mp4", "movie.mp4")
     parser.add_argument("run", help="run folder")
-    parser.add_argument("--fps", type=float, default=25, help="frames per second (default: 25)")
+    rate = parser.add_mutually_exclusive_group()
+    rate.add_argument("--fps", type=float, help="frames per second")
+    rate.add_argument("--speed", type=float, metavar="T0", help="time of the run, in t0, per second of the movie")
     parser.add_argument("--every", type=int, default=1, help="use every n-th frame (default: 1)")
     parser.add_argument("--color", choices=QUANTITIES, default="speed", help="what the colour shows (default: speed)")
     parser.add_argument("--dpi", type=float, default=130, help="resolution (default: 130)")
     arguments = script.arguments(parser)
-    for name in ("fps", "every", "dpi"):
-        if not getattr(arguments, name) > 0:
+    for name in ("fps", "speed", "every", "dpi"):
+        if getattr(arguments, name) is not None and not getattr(arguments, name) > 0:
             raise RunError(f"--{name} is {getattr(arguments, name)}: it must be positive")
     if not FFMpegWriter.isAvailable():
         raise OutputError("ffmpeg is not installed (Debian: apt install ffmpeg); "
@@ -36,6 +59,7 @@ def main():
     frames = run.frames[:: arguments.every]
     if not frames:
         run.frame(0)  # says why there are none
+    fps, lasts = frames_per_second(frames, arguments.fps, arguments.speed)
 
     # One scale and one view for the whole movie, from a dozen frames spread over it.
     sample = frames[:: max(len(frames) // 12, 1)] + [frames[-1]]
@@ -43,8 +67,8 @@ def main():
         arguments.color, [plotting.particle_values(run, f, arguments.color)[f.active] for f in sample])
     box = plotting.view(run, sample)
     figure, (ax,) = plotting.panel_figure([run], [box])
-    plotting.draw_walls(ax, run)
-    plotting.add_color_bar(figure, ax, arguments.color, cmap, norm, extend)
+    walls = plotting.draw_walls(ax, run, frames[0])
+    plotting.add_color_bar(figure, ax, run, arguments.color, cmap, norm, extend)
     title = ax.set_title("t")
     figure.set_dpi(arguments.dpi)
     # yuv420p wants even numbers of pixels; half a pixel more is safe against rounding down.
@@ -52,24 +76,27 @@ def main():
                             for size in figure.get_size_inches()])
     artist, scale = plotting.draw_particles(ax, run, frames[0], cmap(norm(
         plotting.particle_values(run, frames[0], arguments.color))))
+    digits = 2 if frames[-1].time < 1e4 else 0
     figure.set_layout_engine("none")  # the layout stays as it is: nothing may jump between frames
 
-    writer = FFMpegWriter(fps=arguments.fps, codec="libx264",
+    writer = FFMpegWriter(fps=fps, codec="libx264",
                           extra_args=["-pix_fmt", "yuv420p", "-crf", "20", "-movflags", "+faststart"])
     try:
         with writer.saving(figure, str(arguments.output), arguments.dpi):
             for i, frame in enumerate(frames):
                 artist.remove()
+                walls.remove()
+                walls = plotting.draw_walls(ax, run, frame)
                 colors = cmap(norm(plotting.particle_values(run, frame, arguments.color)))
                 artist, _ = plotting.draw_particles(ax, run, frame, colors, scale=scale)
-                title.set_text(f"{plotting.MODEL_NAMES.get(run.model, run.model)},  $t = {frame.time:.2f}\\ t_0$")
+                title.set_text(f"{plotting.model_name(run)},  {plotting.time_label(frame, digits)}")
                 writer.grab_frame()
                 if sys.stderr.isatty() or i + 1 == len(frames):
                     print(f"\rframe {i + 1} of {len(frames)}", end="", file=sys.stderr, flush=True)
             print(file=sys.stderr)
     except (OSError, subprocess.CalledProcessError) as error:
         raise OutputError(f"{arguments.output}: ffmpeg could not write it ({str(error).splitlines()[0]})") from None
-    print(f"wrote {arguments.output}")
+    print(f"wrote {arguments.output}: {len(frames)} frames, {lasts}")
 
 
 if __name__ == "__main__":

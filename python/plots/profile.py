@@ -1,5 +1,8 @@
 #!/usr/bin/python3
-"""Velocity on the axis against the height above the orifice, averaged over the steady state, with its block error."""
+"""Velocity on the axis against the height above the orifice, averaged over the steady state, with its block error.
+
+It ends with the filling, where the number density on the axis falls below 0.8 of its largest value: above, particles that
+were put back fall freely. Of a run that has clogged, or emptied, only the time of the flow counts."""
 
 import sys
 from pathlib import Path
@@ -13,6 +16,7 @@ import numpy as np
 
 from pliant import RunError, load_runs
 from pliant import plotting, script
+from pliant.flow import filling_top, flowing
 from pliant.statistics import block_ratio
 
 
@@ -20,24 +24,30 @@ def main():
     parser = script.parser(__doc__, "profile.py runs/w3 runs/w5 runs/w8 -o profile.png", "profile.png")
     parser.add_argument("run", nargs="+", help="run folders")
     parser.add_argument("--start", type=float, metavar="T0",
-                        help="first time used (default: steady_start of summary.json, else the second half)")
+                        help="first time used (default: steady_start of summary.json, else the second half of "
+                             "the flow; of a discharge, from when 20 %% of those that left had left until 80 %% had)")
     parser.add_argument("--blocks", type=int, default=10, help="blocks for the error (default: 10)")
     arguments = script.arguments(parser)
     if arguments.blocks < 2:
         raise RunError(f"--blocks is {arguments.blocks}: at least 2")
-    runs = sorted(load_runs(arguments.run), key=lambda run: run.geometry.w)
+    runs = load_runs(arguments.run)
+    for run in runs:
+        script.of_scenario(run, "hopper")
+    runs.sort(key=lambda run: run.geometry.w)
 
     curves = []
     for run in runs:
-        start = arguments.start if arguments.start is not None else run.steady_start
-        if start is None:
-            start = run.profile.time.mean()
-            print(f"{run.path}: no steady_start in summary.json, averaging from t = {start:g} t0", file=sys.stderr)
-        steady = run.profile.after(start)
-        if len(steady.time) < arguments.blocks:
-            raise RunError(f"{run.path}: {len(steady.time)} samples after t = {start:g} t0 are fewer than "
+        start, end, remark = flowing(run, arguments.start)
+        used = run.profile.between(start, end)
+        if len(used.time) < arguments.blocks:
+            raise RunError(f"{run.path}: {len(used.time)} samples from t = {start:g} to {end:g} t0 are fewer than "
                            f"{arguments.blocks} blocks")
-        curves.append((steady.height, *block_ratio(steady.momentum, steady.weight, arguments.blocks)))
+        top = filling_top(used)
+        print(f"{run.path}: averaged from t = {start:g} to {end:g} t0{f' ({remark})' if remark else ''}, "
+              f"up to the top of the filling at h = {top:g}")
+        filled = used.height <= top
+        curves.append((used.height[filled],
+                       *block_ratio(used.momentum[:, filled], used.weight[:, filled], arguments.blocks)))
 
     several = len({run.geometry.w for run in runs}) > 1
     figure, axes = plt.subplots(1, 1 + several, figsize=(5.0 + 3.6 * several, 3.9), layout="constrained", squeeze=False,

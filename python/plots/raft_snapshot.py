@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Draws frames of a raft with its bonds: blue under tension, red under compression, the stronger the wider."""
+"""Draws frames of a raft, or of a clog, with its bonds: blue under tension, red under compression, the stronger the wider."""
 
 import sys
 from pathlib import Path
@@ -30,18 +30,18 @@ def draw(axes, run, frame, largest, box):
     push = (bonds[["fx", "fy"]].to_numpy() * bonds[["nx", "ny"]].to_numpy()).sum(1)
     axes.add_collection(LineCollection(ends, colors=np.where(push < 0, TENSION, COMPRESSION),
                                        linewidths=0.4 + 3 * np.minimum(np.abs(push) / largest, 1), zorder=2))
-    axes.add_collection(LineCollection(frame.wall_segments.reshape(-1, 2, 2), colors=plotting.WALL, linewidths=2.5))
-    axes.set(xlim=box[:2], ylim=box[2:], aspect="equal", title=f"$t = {frame.time:.0f}$")
+    axes.add_collection(LineCollection(plotting.wall_lines(run, frame), colors=plotting.WALL, linewidths=2.5))
+    axes.set(xlim=box[:2], ylim=box[2:], aspect="equal", title=plotting.time_label(frame))
     axes.axis("off")
 
 
 def main():
     parser = script.parser(__doc__, "raft_snapshot.py runs/raft --frames 0 10 20 -o raft.png", "raft.png")
-    parser.add_argument("run", help="run folder of scenario raft")
+    parser.add_argument("run", help="run folder of scenario raft or clog")
     parser.add_argument("--frames", type=int, nargs="+", default=[-1], metavar="K",
                         help="frame numbers, negative from the end (default: -1)")
     arguments = script.arguments(parser)
-    run = Run(arguments.run)
+    run = script.of_scenario(Run(arguments.run), "raft", "clog")
     frames = [run.frame(k) for k in arguments.frames]
     largest = max(np.abs(frame.contacts["force"]).max() if len(frame.contacts) else 0 for frame in frames) or 1
     corners = np.concatenate([frame.wall_segments.reshape(-1, 2) for frame in frames])

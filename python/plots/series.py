@@ -1,5 +1,7 @@
 #!/usr/bin/python3
-"""Time series of a run: crossed area, flow rate, kinetic energy, contacts, height of the filling."""
+"""Time series of a hopper: crossed area, flow rate, kinetic energy, contacts, height of the filling.
+
+Grey: the flow has ended. The flow rate is drawn in pieces of the time before that."""
 
 import sys
 from pathlib import Path
@@ -13,6 +15,7 @@ import numpy as np
 
 from pliant import Run, RunError
 from pliant import plotting, script
+from pliant.flow import flow_end
 
 
 def flow_rate(time, crossed, bins):
@@ -26,7 +29,7 @@ def main():
     parser.add_argument("run", help="run folder")
     parser.add_argument("--bins", type=int, default=60, help="pieces of the flow rate's average (default: 60)")
     arguments = script.arguments(parser)
-    run = Run(arguments.run)
+    run = script.of_scenario(Run(arguments.run), "hopper")
     series, d = run.series, run.dim
     if arguments.bins < 1:
         raise RunError(f"--bins is {arguments.bins}: at least 1")
@@ -40,32 +43,43 @@ def main():
     missing = [name for name, _ in panels if name and name not in series]
     if missing:
         raise RunError(f"{run.path}: /series has no {', '.join(missing)}")
+    time, crossed = series["time"].to_numpy(), series["crossed_area"].to_numpy()
+    ended = flow_end(series)
+    flow = slice(None) if ended is None else time <= ended
+    # Of a clog Q is 0 by definition: no average of what came out before.
+    averaged = run.steady_start if ended is None else None
 
     figure, axes = plt.subplots(len(panels), 1, figsize=(7.0, 7.6), sharex=True, layout="constrained")
     for i, (axis, (name, label)) in enumerate(zip(axes, panels)):
         color = plotting.COLORS[i]
         if name:
-            axis.plot(series["time"], series[name], color=color, lw=1)
-        else:
-            bins = min(arguments.bins, len(series) - 1)
-            edges, rate = flow_rate(series["time"].to_numpy(), series["crossed_area"].to_numpy(), bins)
+            axis.plot(time, series[name], color=color, lw=1)
+        elif np.count_nonzero(time[flow]) > 0:
+            edges, rate = flow_rate(time[flow], crossed[flow], min(arguments.bins, len(time[flow]) - 1))
             axis.stairs(rate, edges, baseline=None, color=color, lw=1.1)
             Q, error = run.measured("Q")
-            if np.isfinite(Q):
-                start = run.steady_start if run.steady_start is not None else edges[0]
-                axis.plot([start, edges[-1]], [Q, Q], color="black", lw=1.1,
+            if averaged is not None and np.isfinite(Q):
+                axis.plot([averaged, time[-1]], [Q, Q], color="black", lw=1.1,
                           label=f"$Q$ = {script.with_error(Q, error)}")
                 if np.isfinite(error):
-                    axis.fill_between([start, edges[-1]], Q - error, Q + error, color="black", alpha=0.2, lw=0)
+                    axis.fill_between([averaged, time[-1]], Q - error, Q + error, color="black", alpha=0.2, lw=0)
                 axis.legend(loc="lower right")
             axis.set_ylim(min(0, rate.min() * 1.05), None)
         axis.set_ylabel(label)
-        if run.steady_start is not None:
-            axis.axvline(run.steady_start, color="0.4", lw=1, ls="--")
-    if run.steady_start is not None:
-        axes[0].annotate("steady state", (run.steady_start, 1), xycoords=("data", "axes fraction"), xytext=(4, -2),
-                         textcoords="offset points", va="top", color="0.3", fontsize=8.5)
-    axes[-1].set(xlabel=r"time  $t/t_0$", xlim=(series["time"].iloc[0], series["time"].iloc[-1]))
+        if averaged is not None:
+            axis.axvline(averaged, color="0.4", lw=1, ls="--")
+        if ended is not None:
+            axis.axvspan(ended, time[-1], color="0.92", lw=0, zorder=0)
+    mark, text = (averaged, "steady state" if run.summary.get("steady") else "averaged, not steady") \
+        if ended is None else (ended, f"no flow ({run.summary.get('status', 'unfinished')})")
+    if mark is not None:
+        late = mark > 0.7 * time[-1] + 0.3 * time[0]  # then to the left of the mark
+        axes[0].annotate(text, (mark, 0), xycoords=("data", "axes fraction"), xytext=(-4 if late else 4, 3),
+                         textcoords="offset points", va="bottom", ha="right" if late else "left", color="0.3",
+                         fontsize=8.5)
+    if ended is not None:
+        print(f"{run.path}: the flow ended at t = {ended:g} t0, the run at t = {time[-1]:g} t0")
+    axes[-1].set(xlabel=r"time  $t/t_0$", xlim=(time[0], time[-1]))
     figure.align_ylabels(axes)
     plotting.save(figure, arguments.output)
 

@@ -20,11 +20,13 @@ def main():
     parser.add_argument("--panels", action="store_true", help="draw several runs side by side")
     parser.add_argument("--frame", type=int, default=-1, help="frame number, negative from the end (default: -1)")
     parser.add_argument("--color", choices=QUANTITIES, default="speed", help="what the colour shows (default: speed)")
-    parser.add_argument("--max-height", type=float, help="cut the view at this height, in sigma_avg")
+    parser.add_argument("--max-height", type=float, help="cut the view at this height, in the unit of the axis")
     arguments = script.arguments(parser)
     runs = load_runs(arguments.run)
     if len(runs) > 1 and not arguments.panels:
         raise RunError(f"{len(runs)} runs given (add --panels to draw them side by side)")
+    if len({run.droplets for run in runs}) > 1:
+        raise RunError("hoppers and droplets have other units: draw them in pictures of their own")
 
     frames = [run.frame(arguments.frame) for run in runs]
     boxes = [plotting.view(run, [frame]) for run, frame in zip(runs, frames)]
@@ -34,11 +36,11 @@ def main():
     cmap, norm, extend = plotting.color_scale(arguments.color, [v[f.active] for v, f in zip(values, frames)])
 
     figure, axes = plotting.panel_figure(runs, boxes)
-    labels = plotting.run_labels(runs) if len(runs) > 1 else [plotting.MODEL_NAMES.get(runs[0].model, runs[0].model)]
+    labels = plotting.run_labels(runs) if len(runs) > 1 else [plotting.model_name(runs[0])]
     for ax, run, frame, label in zip(axes, runs, frames, labels):
-        ax.set_title(f"{label},  $t = {frame.time:.4g}\\ t_0$")
-        plotting.draw_walls(ax, run)
-    plotting.add_color_bar(figure, list(axes), arguments.color, cmap, norm, extend)
+        ax.set_title(f"{label},  {plotting.time_label(frame)}")
+        plotting.draw_walls(ax, run, frame)
+    plotting.add_color_bar(figure, list(axes), runs[0], arguments.color, cmap, norm, extend)
     for ax, run, frame, value in zip(axes, runs, frames, values):
         plotting.draw_particles(ax, run, frame, cmap(norm(value)))
     plotting.save(figure, arguments.output)

@@ -19,7 +19,7 @@ import pytest
 from synthetic import write_run
 from test_clog import made_table
 
-from pliant import Run, plotting
+from pliant import Run, RunError, plotting
 
 PLOTS = Path(__file__).resolve().parents[1] / "plots"
 SCRIPTS = sorted(p.name for p in PLOTS.glob("*.py"))
@@ -75,6 +75,110 @@ def test_snapshot(model, color, request, call, tmp_path):
     out = tmp_path / "a.png"
     call("snapshot.py", request.getfixturevalue(model)[0], "--color", color, "--frame", 1, "-o", out)
     assert_picture(out)
+
+
+@pytest.fixture
+def drawn(call, monkeypatch, tmp_path):
+    """Runs a script in this process; returns the figure that it would have saved, and what it printed."""
+
+    def run(name, *arguments):
+        figures = []
+        monkeypatch.setattr(plotting, "save", lambda figure, path: figures.append(figure))
+        text = call(name, *arguments, "-o", tmp_path / "unused.png")
+        return figures[0], text
+
+    return run
+
+
+LID = [[-3, 0, 3, 0], [-3, 0, -3, 0], [-3, 0, -3, 0]]  # opened after the first frame
+
+
+def write_droplets(path, scenario):
+    """A run of droplets. Of a raft the second wall moves, at 1 per frame; of a clog the lid is opened."""
+    path, _ = write_run(path, n=20, samples=0)
+    with h5py.File(path / "run.h5", "a") as file:
+        file["manifest"].attrs.update({"scenario": scenario, "model": "bubble"})
+        for i, name in enumerate(file["frames"]):
+            walls = ([[0, -9, 0, 9], [14 - i, -9, 14 - i, 9]] if scenario == "raft" else
+                     [[-3, 0, -9, 9], [3, 0, 9, 9], LID[i]])
+            file[f"frames/{name}/wall_segments"] = np.array(walls, float)
+            file[f"frames/{name}"].attrs["time"] = 2e4 * i
+        del file["geometry/segments"]
+        file["geometry/segments"] = file["frames/000000/wall_segments"][()]
+    return path
+
+
+def walls_of(axes):
+    """[S, 2, 2] of the picture: the lines in the walls' colour."""
+    wall = matplotlib.colors.to_rgba(plotting.WALL)
+    collections = [c for c in axes.collections if isinstance(c, plotting.LineCollection) and
+                   np.allclose(c.get_colors()[0], wall)]
+    assert len(collections) == 1
+    return np.array(collections[0].get_segments())
+
+
+def test_pictures_of_droplets_have_their_walls_and_units(drawn, tmp_path):
+    raft, clog = write_droplets(tmp_path / "raft", "raft"), write_droplets(tmp_path / "clog", "clog")
+    for script in ("snapshot.py", "raft_snapshot.py"):
+        option = "--frame" if script == "snapshot.py" else "--frames"
+        for i in range(3):
+            figure, _ = drawn(script, raft, option, i)
+            np.testing.assert_array_equal(walls_of(figure.axes[0])[:, :, 0], [[0, 0], [14 - i, 14 - i]])
+        assert "40000" in figure.axes[0].get_title()
+        assert len(walls_of(drawn(script, clog, option, 0)[0].axes[0])) == 3
+        assert len(walls_of(drawn(script, clog, option, 1)[0].axes[0])) == 2  # the lid is gone
+    figure, _ = drawn("snapshot.py", raft, "--color", "speed")
+    labels = [text() for a in figure.axes for text in (a.get_xlabel, a.get_ylabel, a.get_title)]
+    assert sum("langle R" in label for label in labels) == 3 and not any("sigma" in label for label in labels)
+    assert "droplets" in figure.axes[0].get_title()
+
+
+def test_scripts_send_away_runs_that_they_cannot_draw(soft, call, capsys, tmp_path):
+    def message(name, run):
+        with pytest.raises(SystemExit) as stop:
+            call(name, run, "-o", tmp_path / "a.png")
+        text = capsys.readouterr().err
+        assert stop.value.code == 2 and text.count("\n") == 1
+        return text
+
+    raft, clog = write_droplets(tmp_path / "raft", "raft"), write_droplets(tmp_path / "clog", "clog")
+    for name in ("forces.py", "series.py", "profile.py", "discharge.py"):
+        assert "scenario raft, not of hopper (raft.py, raft_snapshot.py" in message(name, raft)
+        assert "scenario clog, not of hopper (clog_snapshot.py" in message(name, clog)
+    assert "scenario hopper, not of raft or clog (snapshot.py" in message("raft_snapshot.py", soft[0])
+    assert "scenario raft, not of clog" in message("clog_snapshot.py", raft)
+    with pytest.raises(SystemExit):
+        call("snapshot.py", raft, soft[0], "--panels", "-o", tmp_path / "a.png")
+    assert "other units" in capsys.readouterr().err
+
+
+def test_profile_ends_with_the_filling_and_with_the_flow(drawn, tmp_path):
+    path, truth = write_run(tmp_path / "run", status="clogged")
+    with h5py.File(path / "run.h5", "a") as file:
+        height, time = file["series_axes/profile_height"][()], file["series/time"][()]
+        weight = np.where(height <= 12, 1.0, 0.3) * np.ones((len(time), 1))
+        file["series/profile_weight"][...] = weight
+        file["series/profile_momentum"][...] = weight * np.where(height <= 12, 1, 5) * (time <= 40)[:, None]
+        file["series/crossed_count"][...] = np.minimum(np.arange(len(time)), 80)  # the last at t = 40
+    figure, text = drawn("profile.py", path)
+    curve = next(line for line in figure.axes[0].lines if len(line.get_xdata()) > 2)
+    assert curve.get_xdata()[-1] == 12
+    np.testing.assert_allclose(curve.get_ydata(), 1, rtol=1e-12)
+    assert "t = 20 to 40 t0 (the flow ended at t = 40 t0), up to the top of the filling at h = 12" in text
+
+
+def test_series_shows_where_the_flow_ended(soft, drawn, tmp_path):
+    figure, text = drawn("series.py", soft[0])
+    assert text == "" and figure.axes[0].texts and len(figure.axes[1].lines) == 2  # Q, and where its average begins
+    path, _ = write_run(tmp_path / "run", status="clogged", Q=0.0)
+    with h5py.File(path / "run.h5", "a") as file:
+        for name in ("crossed_count", "crossed_area"):
+            file[f"series/{name}"][...] = np.minimum(np.arange(200), 80)
+    figure, text = drawn("series.py", path)
+    assert "the flow ended at t = 40 t0" in text and "no flow (clogged)" == figure.axes[0].texts[0].get_text()
+    rate, edges, _ = figure.axes[1].patches[0].get_data()
+    assert edges[-1] == 40 and not figure.axes[1].lines  # neither an average of flow nor one of rest
+    np.testing.assert_allclose(rate, 2)
 
 
 def test_snapshot_panels(soft, rough, smooth, call, tmp_path):
@@ -191,6 +295,8 @@ def test_clog_collapse(clogs, call, tmp_path):
 
 def test_clog_snapshot(tmp_path, call):
     path, _ = write_run(tmp_path / "run")
+    with h5py.File(path / "run.h5", "a") as file:
+        file["manifest"].attrs.update({"scenario": "clog", "model": "bubble"})
     summary = json.loads((path / "summary.json").read_text())
     kinds = {name: list(range(k, 150, 4)) for k, name in enumerate(("arch", "attached", "rest"))}
     (path / "summary.json").write_text(json.dumps(summary | kinds))
@@ -201,9 +307,29 @@ def test_clog_snapshot(tmp_path, call):
         assert (np.abs(pixels - matplotlib.colors.to_rgb(color)).max(-1) < 0.01).sum() > 500
 
 
-def test_clog_snapshot_needs_a_clog(soft, tmp_path):
-    result = run_script("clog_snapshot.py", soft[0], "-o", tmp_path / "a.png")
+def test_clog_snapshot_needs_the_end(tmp_path):
+    result = run_script("clog_snapshot.py", write_droplets(tmp_path / "run", "clog"), "-o", tmp_path / "a.png")
     assert result.returncode == 2 and "no arch in" in result.stderr and result.stderr.count("\n") == 1
+
+
+@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="needs ffmpeg")
+def test_a_movie_lasts(rough, call, monkeypatch, tmp_path):
+    def seconds(*arguments):
+        text = call("movie.py", rough[0], "--dpi", 60, *arguments, "-o", tmp_path / "a.mp4")
+        probe = subprocess.run(["ffprobe", "-v", "error", "-show_entries", "format=duration", "-of", "csv=p=0",
+                                tmp_path / "a.mp4"], capture_output=True, text=True)
+        assert re.search(r"3 frames, ([0-9.]+) s at", text)[1] == f"{float(probe.stdout):.1f}"
+        return float(probe.stdout)
+
+    assert seconds() == pytest.approx(3)  # at least one frame a second
+    assert seconds("--speed", 0.25) == pytest.approx(6)  # 1 t0 in two intervals, and the last frame as long as another
+    monkeypatch.setattr(sys, "path", ["", *sys.path])
+    frames_per_second = runpy.run_path(str(PLOTS / "movie.py"))["frames_per_second"]
+    frames = [types.SimpleNamespace(time=0.5 * i) for i in range(41)]
+    assert frames_per_second(frames) == (pytest.approx(41 / 8), "8.0 s at 2.56 t0/s")
+    assert frames_per_second(frames * 10)[0] == 25
+    with pytest.raises(RunError, match="add --every 2"):
+        frames_per_second(frames, speed=60)
 
 
 @pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="needs ffmpeg")
@@ -257,7 +383,7 @@ def test_particles_are_painted_in_their_true_size(model, tmp_path):
     run = Run(path)
     frame, topology = run.frames[0], run.topology
     figure, axes = plotting.plt.subplots(figsize=(6, 6))
-    plotting.set_view(axes, (-4, 4, -5, 3))
+    plotting.set_view(axes, run, (-4, 4, -5, 3))
     axes.set_axis_off()
     plotting.draw_particles(axes, run, frame, "black")
     (x0, y0), (x1, y1) = axes.transData.transform([(-4, -5), (4, 3)]) * 2  # saved at twice the figure's dpi
@@ -275,12 +401,12 @@ def test_upright_walls_without_end(tmp_path):
     """The upper end of an endless wall may come as infinity, or as NaN where zero was multiplied with it."""
     path, _ = write_run(tmp_path / "run", angle=60)
     before = Run(path)
-    expected, box = plotting.wall_lines(before, 30.0), plotting.view(before, [before.frames[0]])
+    expected, box = plotting.wall_lines(before, before.frames[0], 30.0), plotting.view(before, [before.frames[0]])
     before.close()
     with h5py.File(path / "run.h5", "a") as file:
         file["geometry/segments"][1::2, 2:] = [np.nan, np.inf]
     run = Run(path)
-    np.testing.assert_array_equal(plotting.wall_lines(run, 30.0), expected)
+    np.testing.assert_array_equal(plotting.wall_lines(run, run.frames[0], 30.0), expected)
     assert plotting.view(run, [run.frames[0]]) == box
     assert run.geometry.orifice_height == 0
 

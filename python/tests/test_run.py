@@ -7,6 +7,7 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+import pandas as pd
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from synthetic import VERTICES, write_run
@@ -73,6 +74,19 @@ def test_polygons(rough):
     expected = frame.velocities.reshape(-1, VERTICES, 2).mean(1)
     assert_allclose(frame.particle_velocities, expected)
     assert_allclose(frame.speeds, np.hypot(*expected.T))
+
+
+def test_touching_particles_count_once(rough):
+    """Whatever the number of vertices in contact; `contact_count` has those of the file."""
+    frame = Run(rough[0]).frames[0]
+    once = frame.touching
+    pairs = frame.contacts.query("particle_2 >= 0")
+    assert once.sum() == 2 * len(pairs) and once[pairs["particle_1"].iloc[0]] > 0
+    again = pairs.iloc[:1].copy()
+    again[["particle_1", "particle_2"]] = again[["particle_2", "particle_1"]].to_numpy()
+    more = Run(rough[0]).frames[0]
+    more.contacts = pd.concat([frame.contacts, pairs.iloc[:1], again], ignore_index=True)
+    assert_array_equal(more.touching, once)
 
 
 def test_soft_particles_have_no_area(soft):

@@ -1,0 +1,55 @@
+"""When a hopper flowed, and how high its filling stood on the axis: what averages of a run may use."""
+
+import numpy as np
+
+from .errors import RunError
+
+QUIET = 10          # mean times between crossings without one, after which the flow counts as ended
+DISCHARGE = 0.2     # of the particles that left a discharge: the first and the last of them are no part of an average
+FILLED = 0.8        # of the largest number density on the axis; less above it is not the filling
+
+
+def is_discharge(run):
+    return run.scenario == "hopper" and run.parameters.get("flow") == "discharge"
+
+
+def flow_end(series):
+    """Time of the last crossing if the flow ended with it, None if it went on to the end of the series, or never began.
+
+    It ended if nothing has crossed since for QUIET times as long as crossings were apart on average.
+    """
+    time, crossed = series["time"].to_numpy(), series["crossed_count"].to_numpy()
+    if not len(time) or crossed[-1] <= crossed[0]:
+        return None
+    last = int(np.argmax(crossed >= crossed[-1]))
+    apart = (time[last] - time[0]) / (crossed[-1] - crossed[0])
+    return float(time[last]) if time[-1] - time[last] > QUIET * apart else None
+
+
+def flowing(run, start=None):
+    """(start, end, remark) of the time to average over; the remark is None where it is the steady state that
+    summary.json names. `start` overrules the first. Raises RunError if the run has not flowed."""
+    series = run.series
+    time, crossed = series["time"].to_numpy(), series["crossed_count"].to_numpy()
+    if not len(time) or crossed[-1] <= crossed[0]:
+        raise RunError(f"{run.path}: nothing has crossed the orifice: no flow to average over")
+    ended = flow_end(series)
+    end = float(time[-1]) if ended is None else ended
+    if is_discharge(run) and start is None:
+        left = crossed[-1] - crossed[0]
+        start, end = (float(time[np.argmax(crossed >= crossed[0] + share * left)]) for share in (DISCHARGE, 1 - DISCHARGE))
+        return start, end, "a discharge is never steady"
+    remark = None if ended is None else f"the flow ended at t = {end:g} t0"
+    if start is not None:
+        return start, end, remark
+    # A steady state of a run whose flow has ended would be that of the rest.
+    if ended is None and run.steady_start is not None:
+        return run.steady_start, end, None if run.summary.get("steady", True) else "not steady"
+    return (float(time[0]) + end) / 2, end, remark or "no steady state in summary.json"
+
+
+def filling_top(profile):
+    """Largest height of the axis profile that lies in the filling: the highest one whose number density is at least
+    FILLED of the largest. Above it the particles that were put back fall freely."""
+    density = profile.weight.mean(0)
+    return float(profile.height[np.flatnonzero(density >= FILLED * density.max())[-1]])

@@ -1,0 +1,70 @@
+"""Averages leave out what is no flow and no filling."""
+
+import json
+
+import h5py
+import numpy as np
+import pandas as pd
+import pytest
+from synthetic import write_run
+
+from pliant import Run, RunError
+from pliant.flow import filling_top, flow_end, flowing
+
+
+def series(crossed, interval=0.5):
+    return pd.DataFrame({"time": interval * np.arange(len(crossed)), "crossed_count": np.asarray(crossed, float)})
+
+
+def with_crossings(path, crossed, **options):
+    """A run whose counts of crossings are these, every 0.5 t0."""
+    path, _ = write_run(path, samples=len(crossed), **options)
+    with h5py.File(path / "run.h5", "a") as file:
+        file["series/crossed_count"][...] = crossed
+    return path
+
+
+def test_flow_end():
+    flow = np.arange(200)
+    assert flow_end(series(flow)) is None
+    assert flow_end(series(np.r_[flow, np.full(8, 199)])) is None  # a pause
+    assert flow_end(series(np.r_[flow, np.full(30, 199)])) == pytest.approx(199 * 0.5)
+    assert flow_end(series(np.zeros(50))) is None and flow_end(series([])) is None
+
+
+def test_the_dead_part_is_left_out(tmp_path):
+    path = with_crossings(tmp_path / "clogged", np.minimum(np.arange(400), 100), status="clogged")
+    summary = json.loads((path / "summary.json").read_text())
+    summary["steady_start"]["value"] = 150  # of the rest: long after the last crossing at 50
+    (path / "summary.json").write_text(json.dumps(summary))
+    run = Run(path)
+    assert flowing(run) == (25, 50, "the flow ended at t = 50 t0")
+    assert flowing(run, 10) == (10, 50, "the flow ended at t = 50 t0")
+    assert len(run.profile.between(25, 50).time) == 51
+
+
+def test_steady_flow_and_runs_that_go_on(tmp_path):
+    assert flowing(Run(with_crossings(tmp_path / "done", np.arange(200)))) == (20, 99.5, None)
+    start, end, remark = flowing(Run(with_crossings(tmp_path / "on", np.arange(201), summary=False)))
+    assert (start, end) == (50, 100) and "no steady state" in remark
+
+
+def test_a_discharge(tmp_path):
+    left = np.r_[2 * np.arange(100), np.full(300, 200)]
+    start, end, remark = flowing(Run(with_crossings(tmp_path / "run", left, extra={"flow": ("discharge", "")})))
+    assert (start, end) == (10, 40) and "discharge" in remark
+
+
+def test_without_flow(tmp_path):
+    with pytest.raises(RunError, match="nothing has crossed"):
+        flowing(Run(with_crossings(tmp_path / "run", np.zeros(50))))
+
+
+def test_the_filling_ends_below_the_free_fall(tmp_path):
+    path, _ = write_run(tmp_path / "run")
+    with h5py.File(path / "run.h5", "a") as file:
+        height = file["series_axes/profile_height"][()]
+        # Thin at the orifice, dense, and a few that fall above h = 12.
+        density = np.where(height < 1, 0.5, np.where(height <= 12, 1.0, 0.3)) * np.ones((200, 1))
+        file["series/profile_weight"][...] = density
+    assert filling_top(Run(path).profile) == 12
