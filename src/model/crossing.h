@@ -11,7 +11,19 @@ struct Crossing {
   Index vertex, particle, other;  ///< vertex (a point) of particle, inside other
 };
 
-/// First vertex, by index, that lies inside the polygon of a neighbour. Needs valid neighbour lists.
+/// First vertex, by index, that lies inside the polygon of a neighbour. Needs neighbour lists, which limit how deep
+/// inside a vertex can be to be found: it is listed with an edge, or with a vertex, of the polygon.
 std::optional<Crossing> find_crossing(const StateView<2>& s);
+
+/// What a look at all outlines shows. Distances in σ_avg, of vertices to the outlines of other particles.
+struct OutlineLook {
+  std::optional<Crossing> crossing;  ///< first vertex, by index, that lies inside another polygon, up to `depth`
+  Real gap;                          ///< no distance is smaller
+  Real depth;                        ///< a vertex that is less deep inside a polygon is found
+};
+
+/// Needs lists that are valid. Costs about as much as the contact forces of the listed pairs. Threads share out the
+/// pairs; what is found does not depend on their number.
+OutlineLook look_at_outlines(const StateView<2>& s);
 
 }  // namespace pliant

@@ -16,8 +16,8 @@
 #include <pliant/base/console.h>
 #include <pliant/base/log.h>
 #include <pliant/io/summary.h>
-#include <pliant/model/crossing.h>
 #include <pliant/model/polygon.h>
+#include <pliant/scenarios/crossing_watch.h>
 #include <pliant/scenarios/frame_data.h>
 #include <pliant/scenarios/hopper_measurements.h>
 #include <pliant/scenarios/reinsertion.h>
@@ -125,6 +125,7 @@ class HopperRun {
       }
       cpu_at_start_ = control_.cpu_seconds();
       started_at_ = state_.t;
+      if (restarted()) watch([&](ParticleSystem<2>& system) { outlines_.start(system, state_); });
       see_all();
       const LogScope log(LogStage::run);
       if (outcome_ == Outcome::done) integrate();
@@ -175,6 +176,7 @@ class HopperRun {
     const LogScope log(LogStage::pack);
     share_out(packed());
     tidy(state_);
+    watch([&](ParticleSystem<2>& system) { outlines_.start(system, state_); });
     sample(state_);
     frame(state_);
   }
@@ -251,10 +253,12 @@ class HopperRun {
   // --- After every accepted step
 
   AfterStep after_step(State& s) {
+    watch([&](ParticleSystem<2>& system) { outlines_.after_step(system, s); });
     // Before anything below builds lists, so that output changes no trajectory. TS methods lose their history by it.
     const bool untidy = system_.crowded() || (p_.integrator == IntegratorKind::verlet && system_.untidy());
     const bool changed = follow_particles(s), reordered = untidy && !changed;
     if (reordered) tidy(s);
+    if (changed || reordered) watch([&](ParticleSystem<2>& system) { outlines_.after_change(system, s); });
     if (sampling_.due(s.t)) sample(s);
     if (framing_.due(s.t)) frame(s);
     if (outcome_ == Outcome::precise) save(s, changed);  // for a restart that asks for more
@@ -356,7 +360,6 @@ class HopperRun {
 
   /// Stops the run at what no later number could be trusted after.
   void check(const State& s) {
-    const StateView<D> view = system_.view(s.x().data(), s.v().data());
     const Topology& topology = system_.topology();
     const Real half = p_.hopper.wall_distance / 2;
     ranks_.together([&] {
@@ -369,14 +372,14 @@ class HopperRun {
           throw NumericalError("particle {} has gone through a wall at ({:.3f}, {:.3f}), height {:.3f}", topology.id[m],
                                r[0], D == 2 ? 0 : r[1], r[D - 1]);
       }
-      if constexpr (D == 2) {
-        if (!topology.deformable()) return;
-        if (const auto crossing = find_crossing(view))
-          throw NumericalError("vertex {} of particle {} has crossed the outline of particle {}",
-                               crossing->vertex - topology.offset[crossing->particle], topology.id[crossing->particle],
-                               topology.id[crossing->other]);
-      }
     });
+  }
+
+  /// visit(system) where there are outlines that can be crossed.
+  template <class Visit>
+  void watch(Visit&& visit) {
+    if constexpr (D == 2)
+      if (deformable()) visit(system_);
   }
 
   void frame(const State& s) {
@@ -717,6 +720,7 @@ class HopperRun {
   std::uint64_t restored_samples_ = 0, restored_frames_ = 0, restored_events_ = 0;
   IntegratorStatistics before_;  ///< of the runs before a restart
   Real cpu_before_ = 0, cpu_at_start_ = 0, started_at_ = 0;
+  CrossingWatch outlines_;
   std::vector<Index> watched_;
   std::int64_t watched_since_ = -1, rebuilds_before_ = 0;
   Sample<D> last_sample_;

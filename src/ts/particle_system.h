@@ -41,7 +41,7 @@ class ParticleSystem final : public ImplicitSystem {
 
   void acceleration(Real t, const Real* x, const Real* v, Real* a) override {
     ++use_.evaluations;
-    const StateView<D> s = view_after(std::exchange(change_, {}), x, v, t);
+    const StateView<D> s = view_after(next_change(), x, v, t);
     const LogScope log(LogEvent::forces);
     field_->accelerations(s, a);
   }
@@ -54,7 +54,7 @@ class ParticleSystem final : public ImplicitSystem {
 
   bool sweep(Real t, std::vector<Real>& x, std::vector<Real>& v, const Advance& advance) override {
     ++use_.evaluations;
-    if (!hold(std::exchange(change_, {}), x.data(), t)) rebuild(x.data(), t);
+    if (!hold(next_change(), x.data(), t)) rebuild(x.data(), t);
     if (ranks_.several()) {
       const LogScope log(LogEvent::halo);
       halo_.update(x, v);
@@ -94,8 +94,15 @@ class ParticleSystem final : public ImplicitSystem {
   /// null where only energies are asked for. t matters where solids move.
   StateView<D> view(const Real* x, const Real* v, Real t = 0) {
     change_.reset();  // wherever x is
+    path_ = std::numeric_limits<Real>::infinity();
     return view_after({}, x, v, t);
   }
+
+  /// An upper bound of how far any point has gone since start_path(), up to the last acceleration or sweep; infinite
+  /// after a view, and where the integrator does not say how far points move. The same on every rank.
+  Real path() const { return path_; }
+  /// Counts from here on, where no point is farther than `gone` from where its path begins.
+  void start_path(Real gone = 0) { path_ = gone; }
 
   /// What the owners have for each point [owned points · D], for all points [points · D]; `storage` holds it on several
   /// ranks. The lists must be valid. Collective.
@@ -174,6 +181,13 @@ class ParticleSystem final : public ImplicitSystem {
   const Neighbours<D>& neighbours() const { return neighbours_; }
 
  private:
+  /// By how much coordinates have changed at most since the last evaluation, as far as is known.
+  std::optional<Real> next_change() {
+    const std::optional<Real> change = std::exchange(change_, {});
+    path_ += std::sqrt(Real(D)) * change.value_or(std::numeric_limits<Real>::infinity());
+    return change;
+  }
+
   /// Whether the lists hold at x, where coordinates have changed by at most `change`, if that is known. The positions
   /// are looked at only when enough such changes have come together. The same on every rank.
   bool hold(std::optional<Real> change, const Real* x, Real t) {
@@ -229,6 +243,7 @@ class ParticleSystem final : public ImplicitSystem {
   bool settled_ = false, crowded_ = false, tune_skin_ = false;
   /// The farthest that a point can have gone since the lists were built. Not known if others built them.
   Real travel_ = std::numeric_limits<Real>::infinity();
+  Real path_ = std::numeric_limits<Real>::infinity();
   std::optional<Real>
       change_;  ///< by how much coordinates have changed at most since the last evaluation, as far as is known
   std::vector<Real> room_;  ///< for the accelerations of a sweep

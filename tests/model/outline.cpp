@@ -230,3 +230,30 @@ TEST_CASE("a vertex that has crossed an outline is found and named") {
   CHECK(found->particle == 1);
   CHECK(found->other == 0);
 }
+
+TEST_CASE("the gap between outlines is the smallest distance of a vertex, as far as the lists know") {
+  for (const bool rough : {false, true}) {
+    int listed = 0;
+    for (int k = 0; k < 200; ++k) {
+      INFO((rough ? "rough" : "smooth") << ", state " << k);
+      Random random(k);
+      const Real delta = rough ? 0.5 : 0.1, near = random(0.01, 0.15);
+      Configuration<2> c;
+      c.add_polygon(regular_polygon(6, 0.5, Vec<2>::Zero(), random(0, 1)), delta);
+      Vec<2> tip = 2 * random.unit<2>();
+      while (outline_distance(tip, vertices_of(c, 0)) > near) tip *= 0.999;
+      c.add_polygon(wedge(tip, tip.normalized()), delta);
+      Neighbours<2> neighbours(neighbour_needs(rough ? ModelKind::rough : ModelKind::smooth), 0.02);
+      neighbours.rebuild(c.topology, c.walls, c.x.data());
+      const OutlineLook seen = look_at_outlines({c.x.data(), nullptr, c.topology, neighbours, c.walls});
+      Real least = seen.depth;
+      for (const Index m : {0, 1})
+        for (const Vec<2>& r : vertices_of(c, m)) least = std::min(least, outline_distance(r, vertices_of(c, 1 - m)));
+      CHECK(!seen.crossing);
+      CHECK(seen.gap == Approx(least).epsilon(1e-12));
+      CHECK(seen.depth > 0.09);
+      listed += seen.gap < seen.depth;
+    }
+    CHECK(listed > 50);
+  }
+}

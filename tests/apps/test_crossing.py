@@ -1,0 +1,66 @@
+"""Vertices that cross outlines: nothing is sampled, framed or kept as a checkpoint from then on."""
+
+import re
+
+import h5py
+import numpy as np
+import pytest
+from conftest import SMALL, Results, pliant
+from test_parallel import complaints, needs_mpi, on_ranks
+
+# Contacts so soft that the weight of a few particles presses vertices through outlines.
+SOFT = {**SMALL, "model": "smooth", "n_vertices": 12, "e_c": 0.02, "e_w": 50, "mu": 0, "t_end": 3,
+        "sample_interval": 10, "frame_interval": 0.05}
+
+
+def inside(p, polygon):
+    a, b = polygon, np.roll(polygon, -1, axis=0)
+    across = (a[:, 1] > p[1]) != (b[:, 1] > p[1])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        left = p[0] < a[:, 0] + (p[1] - a[:, 1]) / (b[:, 1] - a[:, 1]) * (b[:, 0] - a[:, 0])
+    return bool(np.count_nonzero(across & left) % 2)
+
+
+def crossed(frame, vertices=12):
+    """Whether a vertex of the frame lies inside another polygon."""
+    outlines = frame["positions"].reshape(-1, vertices, 2)
+    centres = outlines.mean(axis=1)
+    for m, outline in enumerate(outlines):
+        for n in np.flatnonzero(np.linalg.norm(centres - centres[m], axis=1) < 1.4):
+            if n != m and any(inside(p, outlines[n]) for p in outline):
+                return True
+    return False
+
+
+def check_stopped(folder, result):
+    assert result.returncode == 3, result.stderr
+    message = complaints(result)[0]
+    assert "has crossed the outline" in message and "-e_c" in message
+    t = float(re.search(r"t = ([\d.]+)", message).group(1))
+    assert t < 2.5  # long before the next sample
+    run = Results(folder)
+    assert list(run.series["time"]) == [0]
+    *good, last = run.frames
+    assert len(good) > 5 and not any(crossed(frame) for frame in good)
+    assert last["time"] == pytest.approx(t, rel=1e-5) and crossed(last)
+    assert np.max(run.events.get("time", []), initial=0) <= t
+    for checkpoint in folder.glob("checkpoint-*.h5"):
+        with h5py.File(checkpoint) as file:
+            assert file["state"].attrs["time"] < t
+    return message
+
+
+def test_a_crossing_stops_the_run_before_anything_is_written(tmp_path):
+    result = pliant("hopper", output=tmp_path / "run", checkpoint_interval=0.01, **SOFT)
+    message = check_stopped(tmp_path / "run", result)
+    assert (tmp_path / "run/checkpoint-a.h5").exists()
+    # The same step, however often samples are taken.
+    often = pliant("hopper", output=tmp_path / "often", **{**SOFT, "sample_interval": 0.01})
+    assert complaints(often)[0].split(", largest")[0] == message.split(", largest")[0]
+
+
+@needs_mpi
+def test_a_crossing_on_ranks(tmp_path):
+    result = on_ranks(2, "hopper", output=tmp_path / "run", **SOFT)
+    check_stopped(tmp_path / "run", result)
+    assert len(complaints(result)) == 1
