@@ -14,7 +14,8 @@ from scipy.stats import binomtest
 
 from .errors import RunError
 from .fits import fitted
-from .sweep import sweep_table
+from .scenarios import of_scenario
+from .sweep import load_runs, sweep_table
 
 COLUMNS = ("hopper_width", "g", "phi_c", "n", "status", "avalanche_size", "capillary_length")
 ENDED = ("clogged", "empty")
@@ -28,7 +29,8 @@ def load_clogs(paths):
     tables = []
     for path in map(Path, paths):
         try:
-            tables.append(pd.read_csv(path, comment="#") if path.is_file() else sweep_table([path]))
+            tables.append(pd.read_csv(path, comment="#") if path.is_file() else
+                          sweep_table([of_scenario(run, "clog") for run in load_runs([path])]))
         except (OSError, ValueError) as error:
             raise RunError(f"{path}: cannot be read as a table ({str(error).strip().splitlines()[0]})") from None
         if "status" not in tables[-1]:

@@ -263,14 +263,15 @@ def group_label(row, columns):
 
 
 def run_labels(runs):
-    """A label per run from what differs between them: model, width, mu, zeta …; the folder names if nothing does."""
+    """A label per run from what differs between them: model, width, mu, zeta …; the folder names if nothing
+    does, or more than fits a legend."""
     columns = ["hopper_width", "mu", "zeta", *[c for c in SYMBOLS if c not in ("hopper_width", "mu", "zeta")]]
     rows = [{"model": r.model, "hopper_width": r.geometry.w, **r.parameters} for r in runs]
     differ = [c for c in columns if len({row.get(c) for row in rows}) > 1 and all(c in row for row in rows)]
     if len({r.model for r in runs}) > 1:
         differ.insert(0, "model")
     labels = [group_label(row, differ) for row in rows]
-    return labels if len(set(labels)) == len(runs) else name_labels(runs)
+    return labels if len(set(labels)) == len(runs) and len(differ) <= 4 else name_labels(runs)
 
 
 def name_labels(runs):

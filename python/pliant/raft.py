@@ -23,6 +23,7 @@ from scipy.optimize import curve_fit
 from scipy.signal import find_peaks
 
 from .errors import RunError
+from .scenarios import of_scenario
 
 #: Least height and prominence of a peak over sqrt(2 k1 E1).
 LEAST_PEAK = 0.1
@@ -56,9 +57,7 @@ class Compression:
 
     @classmethod
     def of(cls, run):
-        if run.manifest.get("scenario") != "raft":
-            raise RunError(f"{run.path}: a run of scenario {run.manifest.get('scenario')}, not of raft")
-        if "d_eq" not in run.summary:
+        if "d_eq" not in of_scenario(run, "raft").summary:
             raise RunError(f"{run.path}: the run has not ended (its summary.json has no d_eq)")
         s = run.series
         model = {name: float(run.summary[name]) for name in ("d_eq", "h_eq", "k1", "E1")}

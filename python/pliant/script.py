@@ -8,12 +8,7 @@ from pathlib import Path
 import numpy as np
 from uncertainties import ufloat
 
-from .errors import OutputError, PliantError, RunError
-
-#: The scripts that draw a run of a scenario.
-DRAWN_BY = {"hopper": "snapshot.py, movie.py, forces.py, series.py, profile.py and discharge.py",
-            "raft": "raft.py, raft_snapshot.py, snapshot.py and movie.py",
-            "clog": "clog_snapshot.py, raft_snapshot.py, snapshot.py and movie.py"}
+from .errors import OutputError, PliantError
 
 
 def parser(description, example, output):
@@ -48,14 +43,6 @@ def run(main):
     except BrokenPipeError:  # the reader, as in `| head`, has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(141)
-
-
-def of_scenario(run, *scenarios):
-    """The run; RunError, with the scripts that draw it, if it is not of one of these scenarios."""
-    if run.scenario not in scenarios:
-        others = f" ({DRAWN_BY[run.scenario]} draw it)" if run.scenario in DRAWN_BY else ""
-        raise RunError(f"{run.path}: a run of scenario {run.scenario or 'unknown'}, not of {' or '.join(scenarios)}{others}")
-    return run
 
 
 def with_error(value, error):

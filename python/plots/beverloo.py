@@ -14,8 +14,9 @@ import pandas as pd
 from matplotlib.container import ErrorbarContainer
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from pliant import RunError, load_table, sweep_table
+from pliant import RunError, load_runs, load_table, sweep_table
 from pliant import beverloo, plotting, script
+from pliant.scenarios import of_scenario
 
 # Parameters that make another group when they differ, besides the model, mu and zeta.
 PHYSICS = ["e_sp", "k_a", "k_l", "k_b", "e_c", "e_w", "n", "hopper_angle", "hopper_wall_distance"]
@@ -27,14 +28,12 @@ def read(paths):
     tables = [load_table(p) for p in paths if Path(p).is_file()]
     folders = [p for p in paths if not Path(p).is_file()]
     if folders:
-        tables.append(sweep_table(folders))
-        if "hopper_width" not in tables[-1]:
-            raise RunError(f"{folders[0]}: no hopper_width among its parameters (not a hopper?)")
+        tables.append(sweep_table([of_scenario(run, "hopper") for run in load_runs(folders)]))
     table = pd.concat(tables, ignore_index=True)
     for column, value in (("model", ""), ("dim", 2), ("mu", 0.0), ("zeta", 0.0)):
         table[column] = table[column].fillna(value) if column in table else value
     if not table["Q"].notna().any():
-        raise RunError("none of the runs has a flow rate Q in its summary.json (unfinished?)")
+        raise RunError("none of the runs has a flow rate Q in its summary.json (not ended yet, or discharges, which discharge.py draws?)")
     return table
 
 

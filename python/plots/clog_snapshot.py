@@ -12,6 +12,7 @@ import numpy as np
 
 from pliant import Run, RunError
 from pliant import plotting, script
+from pliant.scenarios import of_scenario
 
 COLORS = {"arch": "#D55E00", "attached": "#F0E442", "rest": "#0072B2"}  # [T Fig. 4.1a]
 
@@ -30,7 +31,7 @@ def main():
     parser = script.parser(__doc__, "clog_snapshot.py runs/clog -o clog.png", "clog_snapshot.png")
     parser.add_argument("run", help="run folder")
     arguments = script.arguments(parser)
-    run = script.of_scenario(Run(arguments.run), "clog")
+    run = of_scenario(Run(arguments.run), "clog")
     painted = colors(run)
     frame = run.frame(-1)
     figure, axes = plotting.panel_figure([run], [plotting.view(run, [frame])], height=5.2)

@@ -16,6 +16,7 @@ import numpy as np
 from pliant import RunError, load_runs
 from pliant import plotting, script
 from pliant.flow import is_discharge
+from pliant.scenarios import of_scenario
 
 STEPS = 20  # of equal numbers of particles, for the local c0
 
@@ -54,7 +55,7 @@ def local_c0(time, left, residue):
 
 
 def check(run):
-    if not is_discharge(script.of_scenario(run, "hopper")):
+    if not is_discharge(of_scenario(run, "hopper")):
         raise RunError(f"{run.path}: continuous flow, not a discharge (series.py draws its time series)")
     if len(run.series) < 2:
         raise RunError(f"{run.path}: {len(run.series)} samples are too few for N(t) (let it run longer)")

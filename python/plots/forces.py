@@ -15,6 +15,7 @@ from matplotlib.colors import ListedColormap, Normalize
 
 from pliant import Run, RunError
 from pliant import plotting, script
+from pliant.scenarios import of_scenario
 
 
 def pair_forces(run, frame):
@@ -50,7 +51,7 @@ def main():
     parser.add_argument("--frame", type=int, default=-1, help="frame number, negative from the end (default: -1)")
     parser.add_argument("--max-height", type=float, help="cut the view at this height, in sigma_avg")
     arguments = script.arguments(parser)
-    run = script.of_scenario(Run(arguments.run), "hopper")
+    run = of_scenario(Run(arguments.run), "hopper")
     frame = run.frame(arguments.frame)
     lines, force = pair_forces(run, frame)
     if not len(force):

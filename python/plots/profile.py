@@ -17,6 +17,7 @@ import numpy as np
 from pliant import RunError, load_runs
 from pliant import plotting, script
 from pliant.flow import filling_top, flowing
+from pliant.scenarios import of_scenario
 from pliant.statistics import block_ratio
 
 
@@ -32,7 +33,7 @@ def main():
         raise RunError(f"--blocks is {arguments.blocks}: at least 2")
     runs = load_runs(arguments.run)
     for run in runs:
-        script.of_scenario(run, "hopper")
+        of_scenario(run, "hopper")
     runs.sort(key=lambda run: run.geometry.w)
 
     curves = []
@@ -78,12 +79,11 @@ def at_orifice(axis, runs, curves, colors):
         axis.errorbar(x, v, e, fmt="o", color=color, capsize=2.5, zorder=3)
     middle = np.exp(np.log(w).mean()), np.exp(np.log(np.abs(value[value != 0])).mean()) if (value != 0).any() else 1.0
     line = np.geomspace(w.min() / 1.1, w.max() * 1.1, 20)
-    for power, style, label in ((0.5, "--", r"$w^{1/2}$ (published, friction)"),
-                                (-0.5, ":", r"$w^{-1/2}$ (published, drag)")):
+    for power, style, label in ((0.5, "--", r"$w^{1/2}$ (friction)"), (-0.5, ":", r"$w^{-1/2}$ (drag)")):
         axis.plot(line, middle[1] * (line / middle[0]) ** power, style, color="0.45", lw=1.1, label=label, zorder=1)
     axis.set(xlabel=r"orifice width  $w/\sigma_{avg}$", ylabel=r"$v_g$ at the orifice  [$\sigma_{avg}/t_0$]",
              ylim=(min(0, (value - error).min() * 1.1), None))
-    axis.legend()
+    axis.legend(title="published slopes")
 
 
 if __name__ == "__main__":

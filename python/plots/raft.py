@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Force on the walls of compressed rafts against their distance, with peaks, slopes and reductions; prints a table."""
+"""Force on the walls of rafts against their distance, with peaks, slopes and reductions of rows; prints a table."""
 
 import sys
 from pathlib import Path
@@ -44,7 +44,8 @@ def main():
               "–" if r.competing is None else "yes" if r.competing else "no"] for r in table.itertuples()]))
     axes.axhline(0, color="0.6", lw=0.6, zorder=0)
     axes.set(xlabel=r"distance of the walls  $D/\langle R\rangle$", ylabel="force on the walls  $F$")
-    axes.invert_xaxis()
+    if curve.distance[-1] < curve.distance[0]:
+        axes.invert_xaxis()  # time runs to the right
     if len(runs) > 1:
         axes.legend()
     plotting.save(figure, arguments.output)

@@ -13,6 +13,7 @@ import numpy as np
 from matplotlib.collections import EllipseCollection, LineCollection
 
 from pliant import Run, plotting, script
+from pliant.scenarios import of_scenario
 
 TENSION, COMPRESSION = plotting.COLORS[0], "#CC2020"
 
@@ -41,7 +42,7 @@ def main():
     parser.add_argument("--frames", type=int, nargs="+", default=[-1], metavar="K",
                         help="frame numbers, negative from the end (default: -1)")
     arguments = script.arguments(parser)
-    run = script.of_scenario(Run(arguments.run), "raft", "clog")
+    run = of_scenario(Run(arguments.run), "raft", "clog")
     frames = [run.frame(k) for k in arguments.frames]
     largest = max(np.abs(frame.contacts["force"]).max() if len(frame.contacts) else 0 for frame in frames) or 1
     corners = np.concatenate([frame.wall_segments.reshape(-1, 2) for frame in frames])

@@ -16,6 +16,7 @@ import numpy as np
 from pliant import Run, RunError
 from pliant import plotting, script
 from pliant.flow import flow_end
+from pliant.scenarios import of_scenario
 
 
 def flow_rate(time, crossed, bins):
@@ -29,7 +30,7 @@ def main():
     parser.add_argument("run", help="run folder")
     parser.add_argument("--bins", type=int, default=60, help="pieces of the flow rate's average (default: 60)")
     arguments = script.arguments(parser)
-    run = script.of_scenario(Run(arguments.run), "hopper")
+    run = of_scenario(Run(arguments.run), "hopper")
     series, d = run.series, run.dim
     if arguments.bins < 1:
         raise RunError(f"--bins is {arguments.bins}: at least 1")

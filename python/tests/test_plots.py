@@ -142,11 +142,14 @@ def test_scripts_send_away_runs_that_they_cannot_draw(soft, call, capsys, tmp_pa
         return text
 
     raft, clog = write_droplets(tmp_path / "raft", "raft"), write_droplets(tmp_path / "clog", "clog")
-    for name in ("forces.py", "series.py", "profile.py", "discharge.py"):
+    for name in ("forces.py", "series.py", "profile.py", "discharge.py", "beverloo.py"):
         assert "scenario raft, not of hopper (raft.py, raft_snapshot.py" in message(name, raft)
         assert "scenario clog, not of hopper (clog_snapshot.py" in message(name, clog)
     assert "scenario hopper, not of raft or clog (snapshot.py" in message("raft_snapshot.py", soft[0])
-    assert "scenario raft, not of clog" in message("clog_snapshot.py", raft)
+    for name in ("clog_snapshot.py", "clog.py", "clog_collapse.py"):
+        assert "scenario raft, not of clog" in message(name, raft)
+    for name in ("raft.py", "raft_scaling.py"):
+        assert "scenario hopper, not of raft (snapshot.py" in message(name, soft[0])
     with pytest.raises(SystemExit):
         call("snapshot.py", raft, soft[0], "--panels", "-o", tmp_path / "a.png")
     assert "other units" in capsys.readouterr().err
