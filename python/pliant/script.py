@@ -31,18 +31,52 @@ def arguments(parser):
     return result
 
 
-def run(main):
-    """Calls main() and exits; a PliantError becomes one line on stderr and its exit code."""
+def _say(kind, message):
+    print(f"{Path(sys.argv[0]).name}: {kind}: {message}", file=sys.stderr)
+
+
+def _drop_output():
+    """Whatever is printed from now on, or waits to be written, is lost without another error."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def remark(text):
+    """Prints a line of something that goes on, results elsewhere, where nobody can read it."""
     try:
-        main()
+        print(text, flush=True)
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        _drop_output()
+        _say("warning", f"standard output cannot be written: {error.strerror}; going on")
+
+
+def run(main):
+    """Calls main() and exits; a PliantError becomes one line on stderr and its exit code, and so does output that does
+    not arrive."""
+    code = 0
+    try:
+        try:
+            main()
+        except SystemExit as end:
+            code = end.code
+        if sys.stdout is not None:
+            sys.stdout.flush()
     except PliantError as error:
-        print(f"{Path(sys.argv[0]).name}: error: {error}", file=sys.stderr)
-        sys.exit(error.exit_code)
+        _say("error", error)
+        code = error.exit_code
     except KeyboardInterrupt:
-        sys.exit(130)
+        code = 130
     except BrokenPipeError:  # the reader, as in `| head`, has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(141)
+        _drop_output()
+        code = 141
+    except OSError as error:
+        if error.filename is not None:
+            raise
+        _drop_output()
+        _say("error", f"standard output cannot be written: {error.strerror}")
+        code = OutputError.exit_code
+    sys.exit(code)
 
 
 def with_error(value, error):

@@ -8,9 +8,12 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import unicodedata
 from pathlib import Path
 
 from .errors import OutputError, RunError
+from .files import write_atomically
+from .script import remark
 from .sweep import results_tables
 from .sweep_jobs import STOPPED_CODE, RowFolder, Sweep, arguments, count_text, environment, row_text
 from .sweep_rows import is_number, read_rows
@@ -81,12 +84,7 @@ def write_results(output, folders):
     entries = [(folder, folder.state()) for folder in folders]
     results, units = results_tables([(folder.row, folder.path, state) for folder, state in entries])
     for name, table in (("results.csv", results), ("units.csv", units)):
-        temporary = output / f".{name}.{os.getpid()}"
-        try:
-            table.to_csv(temporary, index=False)
-            temporary.replace(output / name)
-        except OSError as error:
-            raise OutputError(f"{output / name}: cannot be written ({error.strerror})") from None
+        write_atomically(output / name, table.to_csv(index=False))
 
 
 def _threads(rows):
@@ -101,6 +99,8 @@ def _row_command(table, output, program):
 def write_slurm(table, output, program, rows):
     """OUTPUT/slurm.sh: an array job with a task per row. Returns its path."""
     script = output / "slurm.sh"
+    for found in re.findall(r'["\\%]', str(output.absolute())):
+        raise RunError(f"{output}: Slurm cannot name a folder with {found} in it; choose another with --output")
     text = f"""#!/bin/sh
 # Runs the rows of {table.name}, a task each: sbatch slurm.sh. The same again goes on with rows that are left.
 #SBATCH --job-name={re.sub(r'[^A-Za-z0-9._-]', '_', table.stem)}
@@ -113,10 +113,9 @@ exec {_row_command(table, output, program)} --row "$SLURM_ARRAY_TASK_ID"
 """
     try:
         output.mkdir(parents=True, exist_ok=True)
-        script.write_text(text)
-        script.chmod(0o755)
     except OSError as error:
-        raise OutputError(f"{script}: cannot be written ({error.strerror})") from None
+        raise OutputError(f"{output}: cannot be made ({error.strerror})") from None
+    write_atomically(script, text, 0o777)
     return script
 
 
@@ -154,6 +153,9 @@ def main(arguments_=None):
     given = parser.parse_args(arguments_)
     if given.jobs is not None and given.jobs < 1:
         parser.error(f"-j {given.jobs}: at least one")
+    for path in (given.table, given.output or given.table):
+        if any(unicodedata.category(c) in ("Cc", "Cs") for c in str(path)):
+            raise RunError(f"{ascii(str(path))}: a name here must be UTF-8 without control characters; rename it")
     rows = read_rows(given.table)
     base = given.table.absolute().parent
     output = given.output or given.table.with_suffix("")
@@ -190,13 +192,13 @@ def main(arguments_=None):
               f"{_row_command(given.table, output, program)} --row {{}}")
         return 0
 
-    states = Sweep(folders, program, workers, given.retry).run()
+    states = Sweep(folders, program, workers, given.retry, patient=given.row is None).run()
     if given.row is None:
         write_results(output, folders)
-        print(count_text(states.values()))
+        remark(count_text(states.values()))
         for folder in folders:
             if states[folder.row.id].kind == "failed":
-                print(row_text(folder.row, states[folder.row.id]))
+                remark(row_text(folder.row, states[folder.row.id]))
         if _code(states.values()) == STOPPED_CODE:
-            print("run the same command again to go on")
+            remark("run the same command again to go on")
     return _code(states.values())

@@ -1,5 +1,6 @@
 """Runs the rows of a sweep: what became of each, one process per row, stop and go on."""
 
+import ctypes
 import dataclasses
 import hashlib
 import json
@@ -12,6 +13,8 @@ from functools import cached_property
 from pathlib import Path
 
 from .errors import OutputError, RunError
+from .files import no_links, write_atomically
+from .script import remark
 from .sweep_lock import RowLock, Taken, owner
 
 #: `status` in summary.json of runs that have nothing left to do.
@@ -21,6 +24,8 @@ STOPPED_CODE = 75
 _STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGUSR1)
 # How runs are asked to stop: not with what batch systems send to all processes, as a second signal of one kind kills.
 _ASK = signal.SIGUSR1
+_LIBC = ctypes.CDLL(None, use_errno=True)
+_PR_SET_PDEATHSIG = 1
 _RUN_FILES = ("run.h5", "run.xdmf", "summary.json", "checkpoint-a.h5", "checkpoint-b.h5")
 
 
@@ -53,12 +58,7 @@ class RowFolder:
         return value if isinstance(value, dict) else {}
 
     def _write_record(self, record):
-        temporary = self.path / "row.json.new"
-        try:
-            temporary.write_text(json.dumps(record, indent=1) + "\n")
-            temporary.replace(self.path / "row.json")
-        except OSError as error:
-            raise OutputError(f"{self.path}/row.json: cannot be written ({error.strerror})") from None
+        write_atomically(self.path / "row.json", json.dumps(record, indent=1) + "\n")
 
     @cached_property
     def _identity(self):
@@ -101,7 +101,7 @@ class RowFolder:
         code = record.get("exit_code")
         if code is None or code == STOPPED_CODE or -code in _STOP_SIGNALS:
             return State("stopped", "stopped")
-        return State("failed", "failed", record["message"])
+        return State("failed", "failed", record.get("message", "summary.json is gone"))
 
     def start(self, program):
         """(command, changes of the environment) of the next attempt; the lock must be held. Goes on from a checkpoint
@@ -152,6 +152,16 @@ def environment(**changes):
     return alone | os.environ | changes
 
 
+def _stop_with(parent):
+    """A function for the child of the process `parent` to call: when that one ends, however it does, the run is asked to
+    stop."""
+    def call():
+        _LIBC.prctl(_PR_SET_PDEATHSIG, int(_ASK), 0, 0, 0)
+        if os.getppid() != parent:  # has ended before
+            os._exit(STOPPED_CODE)
+    return call
+
+
 class _Job:
     """A row that runs here."""
 
@@ -160,11 +170,13 @@ class _Job:
         self.asked = self.killed = False
         self.started = time.monotonic()
         command, needs = folder.start(program)
-        with open(folder.log_path, "ab") as log:
+        with open(folder.log_path, "ab", opener=no_links) as log:
             self._log_start = log.tell()
             # A session of its own: Ctrl-C must reach the sweep alone, which then asks every run once.
             self.process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
-                                            env=environment(**needs), pass_fds=[lock.fd], start_new_session=True)
+                                            env=environment(**needs), pass_fds=[lock.fd], start_new_session=True,
+                                            preexec_fn=_stop_with(os.getpid()))
+        lock.name(self.process.pid)
 
     @property
     def seconds(self):
@@ -181,12 +193,14 @@ class _Job:
 
 
 class Sweep:
-    """Runs rows with a number of workers until none is left or a signal comes."""
+    """Runs rows with a number of workers until none is left or a signal comes. A patient one waits for rows that others
+    run, such as those that a killed sweep has left."""
 
-    def __init__(self, folders, program, workers, retry=False):
-        self._folders, self._program, self._workers, self._retry = folders, program, workers, retry
+    def __init__(self, folders, program, workers, retry=False, patient=True):
+        self._folders, self._program, self._workers = folders, program, workers
+        self._retry, self._patient = retry, patient
         self._terminal = sys.stdout.isatty()
-        self._jobs, self._seconds = [], []
+        self._jobs, self._seconds, self._taken = [], [], []
         self._stop_at, self._kill, self._shown_at = None, False, 0.0
         self.states = {}
 
@@ -221,7 +235,10 @@ class Sweep:
             elif len(self._folders) == 1:  # a task of an array says what it found
                 self._report(folder, state)
         todo.reverse()
-        while self._jobs or (todo and self._stop_at is None):
+        while self._jobs or ((todo or self._taken) and self._stop_at is None):
+            free = [folder for folder in self._taken if owner(folder.lock_path) is None]
+            self._taken = [folder for folder in self._taken if folder not in free]
+            todo.extend(free)
             while todo and len(self._jobs) < self._workers and self._stop_at is None:
                 self._begin(todo.pop())
             for job in [job for job in self._jobs if job.ended()]:
@@ -232,7 +249,7 @@ class Sweep:
                 self._report(job.folder, state)
             self._ask_to_stop()
             self._progress()
-            if self._jobs:
+            if self._jobs or self._taken:
                 time.sleep(0.05)
         self._clear_line()
 
@@ -245,6 +262,8 @@ class Sweep:
             lock = RowLock(folder.lock_path)
         except Taken as taken:
             self._report(folder, State("running", "running", f"on {taken}"))
+            if self._patient:
+                self._taken.append(folder)
             return
         state = self.states[folder.row.id] = folder.state(mine=True)
         if state.kind == "done" or (state.kind == "failed" and not self._retry):  # another worker was here meanwhile
@@ -262,7 +281,7 @@ class Sweep:
     def _report(self, folder, state):
         self.states[folder.row.id] = state
         self._clear_line()
-        print(row_text(folder.row, state), flush=True)
+        remark(row_text(folder.row, state))
 
     def _ask_to_stop(self):
         if self._stop_at is None:

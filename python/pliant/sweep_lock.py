@@ -7,6 +7,7 @@ import socket
 import time
 
 from .errors import OutputError
+from .files import no_links
 
 HEARTBEAT = 30  #: s between signs of life of an owner
 STALE = 300     #: s without one after which an owner on another machine counts as dead
@@ -33,7 +34,7 @@ class RowLock:
     def __init__(self, path):
         self._path = path
         try:
-            self.fd = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+            self.fd = no_links(path, os.O_RDWR | os.O_CREAT)
         except OSError as error:
             raise OutputError(f"{path}: cannot be written ({error.strerror})") from None
         try:
@@ -41,8 +42,7 @@ class RowLock:
             note = self._note()
             if note and _elsewhere(note, self.fd):
                 raise Taken(note)
-            os.ftruncate(self.fd, 0)
-            os.pwrite(self.fd, f"{socket.gethostname()} process {os.getpid()}".encode(), 0)
+            self.name(os.getpid())
         except BaseException:
             os.close(self.fd)
             raise
@@ -61,6 +61,11 @@ class RowLock:
 
     def _note(self):
         return os.pread(self.fd, 200, 0).decode(errors="replace").strip()
+
+    def name(self, pid):
+        """Writes down which process has the row."""
+        os.ftruncate(self.fd, 0)
+        os.pwrite(self.fd, f"{socket.gethostname()} process {pid}".encode(), 0)
 
     def beat(self):
         """A sign of life now and then; call it often."""

@@ -13,7 +13,9 @@ from .errors import RunError
 _OWN = ("name", "scenario", "seeds")
 # Options that the sweep itself sets, or that make no run.
 _REFUSED = ("output", "restart", "help", "version")
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+_INTEGER = re.compile(r"[+-]?[0-9]+")
+_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
+_LONGEST_NUMBER = 100  # characters
 _LONGEST_ID = 200  # file systems end at 255 bytes
 
 
@@ -35,7 +37,9 @@ def is_number(text):
 def canonical(text):
     """One spelling per number, so that a spreadsheet that writes 4 for 4.0 makes no other row; other text as it is."""
     text = text.strip()
-    if re.fullmatch(r"[+-]?\d+", text):
+    if _NUMBER.fullmatch(text) and len(text) > _LONGEST_NUMBER:
+        raise ValueError(f"a number of {len(text)} characters; {_LONGEST_NUMBER} are the most")
+    if _INTEGER.fullmatch(text):
         return str(int(text))
     if not is_number(text):
         return text
@@ -47,16 +51,16 @@ def number(text):
     """The value as int or float, or as text where it is no number."""
     if not is_number(text):
         return text
-    return int(text) if re.fullmatch(r"[+-]?\d+", text) else float(text)
+    return int(text) if _INTEGER.fullmatch(text) else float(text)
 
 
 def expand_seeds(text):
     """'1-20' or '1,2,5', or both mixed, as a list. Raises ValueError with what is wrong."""
     seeds = []
     for part in text.split(","):
-        found = re.fullmatch(r"\s*(\d+)\s*(?:-\s*(\d+)\s*)?", part)
+        found = re.fullmatch(r"\s*([0-9]{1,19})\s*(?:-\s*([0-9]{1,19})\s*)?", part)
         if not found:
-            raise ValueError(f"'{part.strip()}' is neither a seed nor a range like 1-20")
+            raise ValueError(f"'{part.strip()[:50]}' is neither a seed nor a range like 1-20")
         first, last = int(found[1]), int(found[2] or found[1])
         if last < first:
             raise ValueError(f"the range {part.strip()} runs backwards")
@@ -104,7 +108,7 @@ def _check_header(path, columns):
             raise RunError(f"{where}: there are two columns '{column}'")
         if column in _REFUSED:
             raise RunError(f"{where}: '{column}' cannot be given in a table")
-        if not re.fullmatch(r"[A-Za-z]\w*", column):
+        if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", column):
             raise RunError(f"{where}: '{column}' is no name of an option (write it without the dash)")
 
 
@@ -127,11 +131,16 @@ def read_rows(path):
         given = {column: cell for column, cell in zip(columns, cells) if cell}
         own = {column: given.pop(column) for column in _OWN if column in given}
         scenario, name = own.get("scenario", "hopper"), own.get("name")
-        if not re.fullmatch(r"\w+", scenario):
+        if not re.fullmatch(r"[A-Za-z0-9_]+", scenario):
             raise RunError(f"{where}, column 'scenario': '{scenario}' is no name of a scenario")
         if name is not None and not re.fullmatch(r"[A-Za-z0-9_][A-Za-z0-9._+=-]*", name):
             raise RunError(f"{where}, column 'name': '{name}' cannot name a folder (letters, digits and . _ + = -)")
-        options = {column: canonical(cell) for column, cell in sorted(given.items())}
+        options = {}
+        for column, cell in sorted(given.items()):
+            try:
+                options[column] = canonical(cell)
+            except ValueError as error:
+                raise RunError(f"{where}, column '{column}': {error}") from None
         variants = [options]
         if "seeds" in own:
             if "seed" in options:

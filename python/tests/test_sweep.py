@@ -113,7 +113,7 @@ def test_names(table):
 @pytest.mark.parametrize("text, same", [("4.0", "4"), ("4", "4"), ("+4", "4"), ("1e4", "10000"), ("0.10", "0.1"),
                                         ("31.6227766", "31.6227766"), ("9007199254740993", "9007199254740993"),
                                         ("1e-5", "1e-05"), ("1_0", "1_0"), ("nan", "nan"), ("1e999", "1e999"),
-                                        ("sp", "sp"), (" rough ", "rough")])
+                                        ("sp", "sp"), (" rough ", "rough"), ("\u0663", "\u0663")])
 def test_one_spelling_per_number(text, same):
     assert canonical(text) == same
 
@@ -137,6 +137,11 @@ def test_seeds():
     (["a,seeds,seed", "1,2,3"], "line 2: has a seed and seeds"),
     (["a,name", "1,x", "2,x"], "line 3: the row 'x' is there already, in line 2"),
     (["a", "# c", "1", "1.0"], "line 4: the row 'a=1' is there already, in line 3"),
+    (["a", "9" * 5000], "line 2, column 'a': a number of 5000 characters"),
+    (["a", "1." + "0" * 5000], "line 2, column 'a': a number of 5002 characters"),
+    (["a,seeds", "1," + "9" * 5000], "line 2, column 'seeds': '9+' is neither"),
+    (["\u0663a", "1"], "is no name of an option"),
+    (["a\u0663", "1"], "is no name of an option"),
     (["a,name", "1,../x"], "line 2, column 'name': '../x' cannot name a folder"),
     (["a,scenario", "1,a b"], "line 2, column 'scenario': 'a b' is no name"),
     (['a', '"1'], "cannot be read as a table"),
@@ -285,18 +290,88 @@ def test_later_signals_kill(table, tmp_path, run):
     assert "stopped 1" in run(path, "--status", code=75)
 
 
-def test_a_killed_sweep_leaves_its_runs_locked(table, tmp_path, run):
-    path, folder = table("name,mode", "x,gate"), tmp_path / "t/x"
-    process = start(path)
+def test_runs_of_a_killed_sweep_stop(table, tmp_path, run):
+    path, folder = table("name,mode", "x,gate", "y,gate"), tmp_path / "t/x"
+    process = start(path, "-j", 2)
+    wait_for(lambda: attempts(path, "x") and attempts(path, "y"))
+    process.kill()
+    process.communicate()
+    wait_for(lambda: not owner(folder / "lock") and not owner(tmp_path / "t/y/lock"))
+    assert (folder / "checkpoint-a.h5").exists() and "stopped 2" in run(path, "--status", code=75)
+    for name in "xy":
+        (tmp_path / "t" / name / "go").touch()
+    assert "done 2/2" in run(path)
+    begun = attempts(path, "x")
+    assert len(begun) == 2 and begun[1] > 0
+
+
+def test_a_sweep_waits_for_runs_that_go_on(table, tmp_path, run):
+    """Those of a killed sweep that do not stop at once: nobody begins them again, and they count when they are done."""
+    path, lock = table("name,b,mode", "x,4,uncooperative", "y,0,"), tmp_path / "t/x/lock"
+    process = start(path, "-j", 1)
     wait_for(lambda: attempts(path, "x"))
     process.kill()
     process.communicate()
-    assert "running 1" in run(path, code=75)  # the run goes on by itself, and nobody begins it again
-    assert f"running: on {socket.gethostname()} process {process.pid}" in run(path, "--status", code=75)
-    (folder / "go").touch()
-    wait_for((folder / "summary.json").exists)
-    assert "done 1/1" in run(path)
-    assert attempts(path, "x") == [0]
+    holder = int(owner(lock).split()[-1])
+    assert holder != process.pid
+    os.kill(holder, 0)  # the run, which is alive
+    output = run(path)
+    assert f"row 1 (x): running: on {socket.gethostname()} process {holder}" in output and "done 2/2" in output
+    assert attempts(path, "x") == [0] and attempts(path, "y") == [0]
+
+
+def test_a_row_does_not_wait(table, tmp_path, run):
+    path = table("name,b,mode", "x,1000,gate")
+    process = start(path)
+    wait_for(lambda: attempts(path, "x"))
+    assert "running: on" in run(path, "--row", 1, code=75)
+    (tmp_path / "t/x/go").touch()
+    process.send_signal(signal.SIGTERM)
+    process.communicate(timeout=PATIENCE)
+
+
+@pytest.mark.parametrize("arguments, code", [(["--status"], 4), (["--parallel"], 4), (["--help"], 4), ([], 0)])
+def test_output_that_cannot_be_written(table, tmp_path, arguments, code):
+    path = table("name", "x", "y")
+    with open("/dev/full", "w") as full:
+        result = subprocess.run([sys.executable, COMMAND, path, "--program", PROGRAM, *arguments], text=True, stdout=full,
+                                stderr=subprocess.PIPE)
+    assert result.returncode == code, result.stderr
+    lines = result.stderr.splitlines()
+    assert len(lines) == 1 and "standard output cannot be written: No space left" in lines[0], result.stderr
+    assert arguments or len(pd.read_csv(tmp_path / "t/results.csv")) == 2
+
+
+def test_links_are_not_followed(table, tmp_path, run):
+    path, folder = table("name", "x"), tmp_path / "t/x"
+    folder.mkdir(parents=True)
+    precious = tmp_path / "precious"
+    precious.write_text("mine")
+    for link in ("row.json", "../results.csv", "../slurm.sh"):
+        (folder / link).symlink_to(precious)
+    run(path)
+    run(path, "--slurm")
+    assert precious.read_text() == "mine"
+    for link in ("log.txt", "lock"):
+        (tmp_path / "t" / link).mkdir()
+        (tmp_path / "t" / link / link).symlink_to(precious)
+        assert link in run(table("name", link), code=4)
+    assert precious.read_text() == "mine"
+
+
+def test_names_run_no_commands(table, tmp_path, run):
+    bad = tmp_path / "a\ntouch pwned\n.csv"
+    bad.write_text("name\nx\n")
+    assert "control characters" in run(bad, "--slurm", code=2)
+    assert "cannot name a folder" in run(table("name", "x"), "--slurm", "--output", tmp_path / 'a"b', code=2)
+    assert list(tmp_path.glob("*/slurm.sh")) == []
+
+
+def test_a_result_that_is_gone(table, tmp_path, run):
+    path = table("name", "x")
+    run(path)
+    (tmp_path / "t/x/summary.json").unlink()
+    assert "failed: summary.json is gone" in run(path, "--status", code=3)
 
 
 def test_killed_runs_begin_anew_without_a_checkpoint(table, tmp_path, run):

@@ -1,0 +1,73 @@
+#!/usr/bin/env bash
+# Feeds the readers of case files and of options files with mutated input, under AddressSanitizer and
+# UndefinedBehaviorSanitizer, both at once; needs clang-14 and libclang-rt-14-dev, and what scripts/build.sh has built.
+# A crash, a hang or too much memory fails, and leaves the input in build/fuzz/.
+#   scripts/fuzz.sh [SECONDS] [CORPUS]     SECONDS: for each (default 15); CORPUS: folder that keeps what was found
+source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
+
+seconds=${1:-15}
+build=${PLIANT_BUILD:-$build}
+work=$build/fuzz
+corpus=${2:-$work/corpus}
+harnesses=(evaluate options)
+
+if ! command -v clang++-14 >/dev/null || ! compgen -G "/usr/lib/llvm-14/lib/clang/*/lib/linux/libclang_rt.fuzzer-*" >/dev/null; then
+  [[ ${CI:-} == true ]] && die "clang-14 and libclang-rt-14-dev are missing"
+  say "clang-14 or libclang-rt-14-dev is missing: nothing is fuzzed"
+  exit 77
+fi
+[[ -e $build/src/libpliant_scenarios.a ]] || die "$build has no libraries; run scripts/build.sh first"
+mkdir -p "$work"
+
+# The readers are instrumented; all else comes from the ordinary build.
+declare -A instrumented=(
+  [evaluate]="src/scenarios/evaluate.cpp src/scenarios/case_input.cpp src/scenarios/field.cpp src/base/text.cpp"
+  [options]="src/base/options.cpp src/base/options_source.cpp src/base/nearest.cpp src/base/text.cpp"
+)
+declare -A seeds=([evaluate]="tests/data/evaluate/*.json" [options]="examples/*.yaml")
+declare -A words=(
+  [evaluate]="grep -oh '\"[A-Za-z0-9_-]\+\"' src/scenarios/case_input.cpp src/scenarios/evaluate.cpp"
+  [options]="$build/apps/pliant hopper -help | sed -n 's/^  -\([a-z_0-9]*\) .*/\"\1\"/p'"
+)
+as_system() { sed 's/-I/-isystem /g' <<<"$*"; }
+flags=(-std=c++20 -O1 -g1 -w -DFMT_SHARED -fno-omit-frame-pointer
+  -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=undefined -fno-sanitize=function,vptr
+  -I"$build/include" -I"$build/version" -isystem /usr/include/eigen3
+  $(as_system "$(pkg-config --cflags PETSc yaml-0.1)" "$(mpicxx --showme:compile)"))
+libraries=()
+for name in scenarios analysis io ts sundials domain model kernels geometry base; do
+  libraries+=("$build/src/libpliant_$name.a")
+done
+packages=($(pkg-config --libs PETSc yaml-0.1 fmt) $(mpicxx --showme:link) -lgomp)
+
+# As one process, without a network: what Open MPI would load for that is not ours to check. It leaks what it loads.
+export OMPI_MCA_btl=self OMPI_MCA_ess_singleton_isolated=1 OMP_NUM_THREADS=1
+export ASAN_OPTIONS=detect_leaks=0:allocator_may_return_null=1 UBSAN_OPTIONS=print_stacktrace=1
+
+fuzz() {  # harness
+  local folder=$corpus/$1
+  mkdir -p "$folder" "$work/$1-files"
+  cp ${seeds[$1]} "$folder"
+  eval "${words[$1]}" | sort -u >"$work/$1.dict"
+  clang++-14 "${flags[@]}" "tests/fuzz/$1.cpp" ${instrumented[$1]} "${libraries[@]}" "${packages[@]}" -o "$work/$1"
+  # What options name, like a log, is written here.
+  (cd "$work/$1-files" && TMPDIR=$work/$1-files "$work/$1" -max_total_time="$seconds" -timeout=25 -rss_limit_mb=2048 -max_len=4096 \
+    -dict="$work/$1.dict" -artifact_prefix="$work/$1-" -print_final_stats=1 -close_fd_mask=1 "$folder") >"$work/$1.log" 2>&1
+}
+
+cd "$root"
+declare -A process
+for harness in "${harnesses[@]}"; do
+  fuzz "$harness" &
+  process[$harness]=$!
+done
+failed=()
+for harness in "${harnesses[@]}"; do
+  if wait "${process[$harness]}"; then
+    say "$harness: $(sed -n 's/^stat::number_of_executed_units: *//p' "$work/$harness.log") inputs, nothing found"
+  else
+    tail -n 40 "$work/$harness.log" >&2
+    failed+=("$harness")
+  fi
+done
+((${#failed[@]} == 0)) || die "${failed[*]}: see above; the input is in $work/"
