@@ -1,8 +1,10 @@
 """What comes out of a run, against what can be counted or weighed in its frames."""
 
+import re
+
 import numpy as np
 import pytest
-from conftest import SMALL, hopper
+from conftest import SMALL, Results, hopper, pliant
 
 
 def crossings(results):
@@ -119,7 +121,8 @@ def test_discharge_runs_empty(tmp_path):
 
 
 def test_discharge_over_a_flat_bottom_ends_at_rest(tmp_path):
-    results = hopper(tmp_path / "run", flow="discharge", zeta=1, t_end=200)
+    text = pliant("hopper", output=tmp_path / "run", **{**SMALL, "flow": "discharge", "zeta": 1, "t_end": 200}).stdout
+    results = Results(tmp_path / "run")
     assert results.summary["status"] == "clogged" and results.summary["t"] < 200
     assert results.summary["left_in_hopper"] == results.series["in_hopper"][-1] > 0
     assert results.summary["total_time"]["value"] is None
@@ -127,6 +130,9 @@ def test_discharge_over_a_flat_bottom_ends_at_rest(tmp_path):
     c0 = c0_of_the_series(results, residue=results.summary["left_in_hopper"])
     assert results.summary["c0"]["value"] == pytest.approx(c0, rel=1e-6)
     assert c0 == pytest.approx(0.244, rel=0.1)
+    left = results.summary["left_in_hopper"]
+    assert f"particles left: {left:g}\n" in text
+    assert re.search(rf"^c0 = {c0:.4g} ± [0-9.]+ 1/t0 in dN/dt = -c0 sqrt\(N - {left:g}\), fitted from t = ", text, re.M)
 
 
 def test_narrow_orifice_clogs(tmp_path):
