@@ -104,6 +104,10 @@ class ClogRun final : public DropletRun {
 
   void load(const Checkpoint& c) override {
     opened_ = c.real("opened_at", -1, c.t);
+    const auto& inside = c.integer_array("active", static_cast<std::size_t>(droplets()));
+    for (Index m = 0; m < droplets(); ++m)
+      if (opened_ < 0 && (position(m)[1] <= 0 || inside[m] == 0))
+        c.refuse("opened_at = {}: droplet {} is out already", opened_, m);
     if (opened_ >= 0) put_walls(make_walls(p_, far_below));
   }
 

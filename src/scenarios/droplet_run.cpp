@@ -319,7 +319,11 @@ void DropletRun::store() {
     c.add("x", state_.x());
     c.add("last_velocity", last);
     c.add("active", particles().topology().active);
-    const Neighbours<2>::History lists = particles().neighbours().history(particles().topology());
+    // Lists that do not hold are going to be built anew.
+    const Neighbours<2>& neighbours = particles().neighbours();
+    Neighbours<2>::History lists;
+    if (neighbours.valid(particles().walls(), state_.x().data(), state_.t))
+      lists = neighbours.history(particles().topology());
     c.add("list_reference", lists.reference);
     const IntegratorStatistics total = statistics();
     c.add("list_time", lists.time);
@@ -363,14 +367,15 @@ void DropletRun::restore(const Checkpoint& c) {
   dt_ = c.real("dt", std::numeric_limits<Real>::min(), std::max(dt_, last_time()));
   start_energy_ = c.real("start_energy");
   withdrawn_ = c.real("withdrawn");
-  before_ = {
-      .steps = c.step, .rejected = c.integer("rejected_steps"), .force_evaluations = c.integer("force_evaluations")};
+  before_ = {.steps = c.step,
+             .rejected = c.integer("rejected_steps"),
+             .force_evaluations = c.integer("force_evaluations", c.step)};
   cpu_before_ = c.real("cpu_seconds", 0);
   // The lists of the stopped run: the order of their sums is part of the state.
   const auto& reference = c.real_array("list_reference", c.length("list_reference") == 0 ? 0 : 2 * n, -far, far);
   const Real list_time = c.real("list_time", 0, c.t);
   for (std::size_t i = 0; i < reference.size(); ++i)
-    if (!(std::abs(state_.x()[i] - reference[i]) <= p_.skin / 2 + 2 * radius(static_cast<Index>(i / 2))))
+    if (!(std::abs(state_.x()[i] - reference[i]) <= p_.skin / 2 * (1 + 1e-9)))
       c.refuse("x[{}] = {} is farther from list_reference[{}] = {} than a droplet goes before lists are built anew", i,
                state_.x()[i], i, reference[i]);
   if (!reference.empty())

@@ -412,8 +412,8 @@ class HopperRun {
     add("predicted", s.predicted());
     {
       typename Neighbours<D>::History lists = system_.neighbours().history(topology);
-      // Ranks whose particles have just left have no lists: the others' are no good either.
-      if (!ranks_.all(lists.reference.size() == s.size())) lists = {};
+      // Lists that do not hold are going to be built anew. Ranks whose particles have just left have none.
+      if (!ranks_.all(s.size() == 0 || system_.neighbours().valid(system_.walls(), s.x().data()))) lists = {};
       add("list_reference", std::move(lists.reference));
       add("list_places", lists.places);  // none on several ranks
       add("list_relocated", lists.relocated);
@@ -491,7 +491,7 @@ class HopperRun {
     restored_events_ = static_cast<std::uint64_t>(c.integer("events", crossed, crossed));
     before_ = {.steps = c.step,
                .rejected = c.integer("rejected_steps"),
-               .force_evaluations = c.integer("force_evaluations"),
+               .force_evaluations = c.integer("force_evaluations", c.step),
                .jacobian_evaluations = c.integer("jacobian_evaluations"),
                .linear_iterations = c.integer("linear_iterations")};
     packing_iterations_ = c.integer("packing_iterations");
@@ -500,7 +500,7 @@ class HopperRun {
     // The lists of the stopped run: the order of their sums is part of the state.
     const Real widest = std::max(p_.first_skin(), *std::max_element(all_.diameter.begin(), all_.diameter.end()));
     const Real skin = c.real("skin", p_.skin.value_or(std::numeric_limits<Real>::min()), p_.skin.value_or(widest));
-    const auto [reference, relocated, places] = stored.lists(skin / 2 + largest_);
+    const auto [reference, relocated, places] = stored.lists(skin / 2 * (1 + 1e-9));
     const std::int64_t rebuilds = c.integer("list_rebuilds"),
                        since_sort = c.integer("list_rebuilds_since_sort", 0, rebuilds),
                        evaluations = c.integer("evaluations_since_sort");

@@ -188,26 +188,16 @@ class RaftRun final : public DropletRun {
   }
 
   void save(CheckpointWriter& c) const override {
-    std::vector<Index> pairs;
-    for (const Bond& b : bonds_) pairs.insert(pairs.end(), b.begin(), b.end());
-    c.add("bonds", pairs);
     c.add("broken", broken_);
     c.add("formed", formed_);
   }
 
   void load(const Checkpoint& c) override {
-    const std::size_t numbers = c.length("bonds");
-    const auto& pairs = c.integer_array("bonds", numbers - numbers % 2, 0, droplets() - 1);
-    for (std::size_t k = 0; k < numbers; k += 2) {
-      const Bond bond{static_cast<Index>(pairs[k]), static_cast<Index>(pairs[k + 1])};
-      if (bond[0] >= bond[1] || (k > 0 && bond <= bonds_.back()))
-        c.refuse("bonds: {} – {} is out of order", bond[0], bond[1]);
-      bonds_.push_back(bond);
-    }
     // Each is an event.
     const std::int64_t events = c.integer("events");
     broken_ = c.integer("broken", 0, events);
     formed_ = c.integer("formed", events - broken_, events - broken_);
+    bonds_ = find_bonds();
   }
 
   void conclude(nlohmann::ordered_json& s) override {

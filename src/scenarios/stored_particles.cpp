@@ -1,5 +1,6 @@
 #include <pliant/scenarios/stored_particles.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <numeric>
@@ -45,30 +46,28 @@ StoredParticles::StoredParticles(const Checkpoint& checkpoint, const Topology& a
 
 StoredParticles::Lists StoredParticles::lists(Real reach) const {
   const Checkpoint& c = checkpoint_;
-  const std::size_t n = all_ids_.size(), listed = c.length("list_reference") == 0 ? 0 : coordinates();
-  const auto& relocated =
-      c.integer_array("list_relocated", c.length("list_relocated"), 0, static_cast<std::int64_t>(n) - 1);
-  Lists lists{c.real_array("list_reference", listed, -far, far),
-              {relocated.begin(), relocated.end()}, [&]() -> auto& {std::size_t numbers = 0;
-  for (const std::int64_t k : relocated) numbers += points_of(static_cast<Index>(k)) * dim_;
-  return c.real_array("list_places", numbers, -far, far);
-}
-()
-};  // namespace pliant
-if (listed == 0) {
-  if (!relocated.empty()) c.refuse("list_relocated: there are no lists");
+  const std::size_t n = all_ids_.size(), listed = c.length("list_reference") == 0 ? 0 : coordinates(),
+                    moved = listed == 0 ? 0 : c.length("list_relocated");
+  const auto& relocated = c.integer_array("list_relocated", moved, 0, static_cast<std::int64_t>(n) - 1);
+  std::vector<std::size_t> start{0};  // of each particle's coordinates
+  for (std::size_t k = 0; k < n; ++k) start.push_back(start[k] + points_of(static_cast<Index>(k)) * dim_);
+  const auto count = [&](std::int64_t k) { return start[static_cast<std::size_t>(k) + 1] - start[k]; };
+  std::size_t numbers = 0;
+  for (const std::int64_t k : relocated) numbers += count(k);
+  const Lists lists{c.real_array("list_reference", listed, -far, far),
+                    {relocated.begin(), relocated.end()},
+                    c.real_array("list_places", numbers, -far, far)};
+  std::vector<Real> place = lists.reference;
+  std::size_t from = 0;
+  for (const std::int64_t k : relocated) {
+    std::copy_n(&lists.places[from], count(k), &place[start[k]]);
+    from += count(k);
+  }
+  const auto& x = c.real_array("x", coordinates(), -far, far);
+  for (std::size_t i = 0; i < place.size(); ++i)
+    if (std::abs(x[i] - place[i]) > reach)
+      c.refuse("x[{}] = {} is farther from the place {} where it was listed than lists hold", i, x[i], place[i]);
   return lists;
-}
-std::vector<bool> elsewhere(n);
-for (const std::int64_t k : relocated) elsewhere[static_cast<std::size_t>(k)] = true;
-const auto& x = c.real_array("x", coordinates(), -far, far);
-std::size_t i = 0;
-for (std::size_t k = 0; k < n; ++k)
-  for (const std::size_t end = i + points_of(static_cast<Index>(k)) * dim_; i < end; ++i)
-    if (!elsewhere[k] && std::abs(x[i] - lists.reference[i]) > reach)
-      c.refuse("x[{}] = {} is farther from list_reference[{}] = {} than a point goes before lists are built anew", i,
-               x[i], i, lists.reference[i]);
-return lists;
 }
 
 }  // namespace pliant

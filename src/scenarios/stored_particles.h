@@ -37,7 +37,7 @@ class StoredParticles {
   }
 
   /// How the lists of the stopped run came about, of all particles; without a reference if there were no lists. Checks
-  /// that no point has gone farther from there than `reach`.
+  /// that no point has gone farther from there, in any direction, than `reach`.
   struct Lists {
     const std::vector<Real>& reference;
     std::vector<Index> relocated;

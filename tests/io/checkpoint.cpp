@@ -1,5 +1,4 @@
 #include <sys/resource.h>
-#include <zlib.h>
 
 #include <algorithm>
 #include <catch2/catch.hpp>
@@ -14,6 +13,7 @@
 #include <pliant/io/checkpoint.h>
 
 #include "io/io_support.h"
+#include "support/edit_checkpoint.h"
 
 using namespace pliant;
 using namespace pliant::test;
@@ -76,23 +76,6 @@ void damage(const std::filesystem::path& path, const std::string& bytes) {
 
 Checkpoint newest(const std::filesystem::path& folder) { return read_checkpoint(find_checkpoints(folder).files.at(0)); }
 
-/// As someone who edits a checkpoint would: the HDF5 file behind the head is changed, and the checksum made to fit.
-template <class Edit>
-void edit(const std::filesystem::path& path, Edit&& change) {
-  {
-    auto file = hdf5::File::open_write(path);
-    auto state = file.open_group("state");
-    change(state);
-  }
-  std::string bytes = contents(path);
-  const std::string image = bytes.substr(512);
-  const auto crc = ::crc32_z(0, reinterpret_cast<const unsigned char*>(image.data()), image.size());
-  std::string head =
-      fmt::format("pliant checkpoint, format 2; {} bytes from byte 512 on with the CRC-32 {:08x}\n", image.size(), crc);
-  head.resize(512, '\0');
-  damage(path, head + image);
-}
-
 }  // namespace
 
 TEST_CASE("a checkpoint comes back bit for bit") {
@@ -107,9 +90,7 @@ TEST_CASE("a checkpoint begins with a line that says what it is") {
   const ScratchFolder folder;
   write(folder.path(), make_checkpoint(3));
   const std::string file = contents(folder / "checkpoint-a.h5"), image = file.substr(512);
-  const auto crc = ::crc32_z(0, reinterpret_cast<const unsigned char*>(image.data()), image.size());
-  CHECK(file.starts_with(fmt::format("pliant checkpoint, format 2; {} bytes from byte 512 on with the CRC-32 {:08x}\n",
-                                     image.size(), crc)));
+  CHECK(file == checkpoint_head(image) + image);
 }
 
 TEST_CASE("checkpoints take turns, across restarts too") {
@@ -249,28 +230,27 @@ TEST_CASE("an edited checkpoint whose checksum fits is read with care") {
   write(folder.path(), make_checkpoint(1));
   const auto path = folder / "checkpoint-a.h5";
   const auto refused = [&] { return message_of<InputError>([&] { newest(folder.path()); }); };
-  const auto replace = [&](auto&& change) { edit(path, [&](hdf5::Group& state) { change(state); }); };
   SECTION("nothing changed") {
-    replace([](hdf5::Group&) {});
+    edit_checkpoint(path, [](hdf5::Group&) {});
     CHECK(same(newest(folder.path()), make_checkpoint(1)));
   }
   SECTION("a time that is none") {
-    replace([](hdf5::Group& state) { state.set_attribute("time", std::nan("")); });
+    edit_checkpoint(path, [](hdf5::Group& state) { state.set_attribute("time", std::nan("")); });
     CHECK_THAT(refused(), Contains("time nan"));
   }
   SECTION("a step that is none") {
-    replace([](hdf5::Group& state) { state.set_attribute("step", std::int64_t{-1}); });
+    edit_checkpoint(path, [](hdf5::Group& state) { state.set_attribute("step", std::int64_t{-1}); });
     CHECK_THAT(refused(), Contains("step -1"));
   }
   SECTION("an array longer than the file") {
-    replace([](hdf5::Group& state) {
+    edit_checkpoint(path, [](hdf5::Group& state) {
       state.remove("rows");
       state.write_constant("rows", std::int64_t{1}, {1'000'000'000'000});
     });
     CHECK_THAT(refused(), Contains("rows says that it has 1e+12 values"));
   }
   SECTION("a group in place of an array") {
-    replace([](hdf5::Group& state) {
+    edit_checkpoint(path, [](hdf5::Group& state) {
       state.remove("rows");
       state.create_group("rows");
     });
