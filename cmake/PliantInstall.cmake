@@ -1,4 +1,5 @@
-# cmake --install: headers, libraries, the program, and a package config so that find_package(pliant) works.
+# cmake --install: headers, libraries, the program, its Python scripts, documentation and examples, and a package config
+# so that find_package(pliant) works.
 include(CMakePackageConfigHelpers)
 
 get_property(libraries GLOBAL PROPERTY PLIANT_LIBRARIES)
@@ -7,13 +8,27 @@ install(TARGETS pliant RUNTIME)
 install(EXPORT pliantTargets NAMESPACE pliant:: DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/pliant)
 install(DIRECTORY "${PROJECT_SOURCE_DIR}/src/" DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/pliant FILES_MATCHING PATTERN "*.h")
 
-# The command finds the package beside the file that its link leads to. Links relative to the prefix can be moved.
-install(DIRECTORY "${PROJECT_SOURCE_DIR}/python/pliant" DESTINATION ${CMAKE_INSTALL_DATADIR}/pliant/python
+# Commands find the package beside the file that their link leads to. Links relative to the prefix can be moved.
+set(share "${CMAKE_INSTALL_DATADIR}/pliant")
+set(commands pliant-sweep pliant-plot)
+install(DIRECTORY "${PROJECT_SOURCE_DIR}/python/pliant" DESTINATION ${share}/python
         FILES_MATCHING PATTERN "*.py" PATTERN __pycache__ EXCLUDE)
-install(PROGRAMS "${PROJECT_SOURCE_DIR}/python/pliant-sweep" DESTINATION ${CMAKE_INSTALL_DATADIR}/pliant/python)
-cmake_path(RELATIVE_PATH CMAKE_INSTALL_FULL_DATADIR BASE_DIRECTORY "${CMAKE_INSTALL_FULL_BINDIR}" OUTPUT_VARIABLE share)
-file(CREATE_LINK "${share}/pliant/python/pliant-sweep" "${PROJECT_BINARY_DIR}/pliant-sweep" SYMBOLIC)
-install(FILES "${PROJECT_BINARY_DIR}/pliant-sweep" TYPE BIN)
+file(GLOB plots CONFIGURE_DEPENDS "${PROJECT_SOURCE_DIR}/python/plots/*.py")
+install(PROGRAMS ${plots} DESTINATION ${share}/python/plots)
+cmake_path(RELATIVE_PATH CMAKE_INSTALL_FULL_DATADIR BASE_DIRECTORY "${CMAKE_INSTALL_FULL_BINDIR}" OUTPUT_VARIABLE data)
+foreach(command ${commands})
+  install(PROGRAMS "${PROJECT_SOURCE_DIR}/python/${command}" DESTINATION ${share}/python)
+  file(CREATE_LINK "${data}/pliant/python/${command}" "${PROJECT_BINARY_DIR}/${command}" SYMBOLIC)
+  install(FILES "${PROJECT_BINARY_DIR}/${command}" TYPE BIN)
+endforeach()
+
+# Pages lie to each other as in the sources, so that their links hold.
+install(FILES README.md ARCHITECTURE.md LICENSE CITATION.cff TYPE DOC)
+install(DIRECTORY docs TYPE DOC)
+install(DIRECTORY examples/ DESTINATION ${share}/examples FILES_MATCHING PATTERN "*.yaml" PATTERN "*.csv")
+foreach(program own_term bouncing_polygon)
+  install(DIRECTORY examples/${program} DESTINATION ${share}/examples)
+endforeach()
 
 configure_package_config_file("${PROJECT_SOURCE_DIR}/cmake/pliantConfig.cmake.in" "${PROJECT_BINARY_DIR}/pliantConfig.cmake"
                               INSTALL_DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/pliant)

@@ -1,5 +1,5 @@
-# cmake -D BUILD=… -D WORK=… -D GENERATOR=… -D EXAMPLE=… -P install.cmake: installs the build into WORK/prefix, moves
-# that elsewhere, as packagers do, then configures, builds and runs an example program against it.
+# cmake -D BUILD=… -D WORK=… -D GENERATOR=… -P install.cmake: installs the build into WORK/prefix, moves that elsewhere, as
+# packagers do, then uses what is there: the program, an example, figures, documentation, and the package.
 function(run)
   execute_process(COMMAND ${ARGN} COMMAND_ERROR_IS_FATAL ANY)
 endfunction()
@@ -7,14 +7,46 @@ endfunction()
 file(REMOVE_RECURSE "${WORK}")
 run("${CMAKE_COMMAND}" --install "${BUILD}" --prefix "${WORK}/prefix")
 file(RENAME "${WORK}/prefix" "${WORK}/moved")
-run("${WORK}/moved/bin/pliant" -version)
+set(bin "${WORK}/moved/bin")
+set(share "${WORK}/moved/share/pliant")
+run("${bin}/pliant" -version)
+run("${bin}/pliant" hopper -options_file "${share}/examples/hopper_soft_drag.yaml" -n 60 -hopper_wall_distance 8
+    -hopper_width 3 -t_end 1 -output "${WORK}/run")
+foreach(page README.md LICENSE docs/options.md docs/images/flow.png)
+  if(NOT EXISTS "${WORK}/moved/share/doc/pliant/${page}")
+    message(FATAL_ERROR "${page} is not installed")
+  endif()
+endforeach()
+
 if(EXISTS /usr/bin/python3)
   file(WRITE "${WORK}/sweep.csv" "n,hopper_wall_distance,hopper_width,t_end\n60,8,3,0.1\n")
-  run("${WORK}/moved/bin/pliant-sweep" "${WORK}/sweep.csv")
+  run("${bin}/pliant-sweep" "${WORK}/sweep.csv")
+  run("${bin}/pliant-plot" series "${WORK}/run" -o "${WORK}/series.png")
+  run("${share}/python/plots/snapshot.py" "${WORK}/run" -o "${WORK}/snapshot.png")
+  foreach(figure series snapshot)
+    if(NOT EXISTS "${WORK}/${figure}.png")
+      message(FATAL_ERROR "${figure}.png was not drawn")
+    endif()
+  endforeach()
 endif()
 
-cmake_path(GET EXAMPLE FILENAME program)
-run("${CMAKE_COMMAND}" -S "${EXAMPLE}" -B "${WORK}/build" -G "${GENERATOR}" -D CMAKE_BUILD_TYPE=Release
-    -D "CMAKE_PREFIX_PATH=${WORK}/moved")
+# A program is optimised unless it asks for something else, and is told if it is not.
+unset(ENV{CMAKE_BUILD_TYPE})
+set(package -G "${GENERATOR}" -D "CMAKE_PREFIX_PATH=${WORK}/moved")
+run("${CMAKE_COMMAND}" -S "${share}/examples/own_term" -B "${WORK}/build" ${package})
+file(STRINGS "${WORK}/build/CMakeCache.txt" type REGEX "^CMAKE_BUILD_TYPE:")
+if(NOT type STREQUAL "CMAKE_BUILD_TYPE:STRING=Release")
+  message(FATAL_ERROR "own_term is built as '${type}'")
+endif()
 run("${CMAKE_COMMAND}" --build "${WORK}/build")
-run("${WORK}/build/${program}")
+run("${WORK}/build/own_term")
+
+file(WRITE "${WORK}/user/CMakeLists.txt" "cmake_minimum_required(VERSION 3.25)\nproject(user LANGUAGES CXX)\nfind_package(pliant REQUIRED)\n")
+foreach(type "" Debug)
+  execute_process(COMMAND "${CMAKE_COMMAND}" -S "${WORK}/user" -B "${WORK}/user/build" ${package} -D "CMAKE_BUILD_TYPE=${type}"
+                  ERROR_VARIABLE told COMMAND_ERROR_IS_FATAL ANY)
+  string(FIND "${told}" "user has no build type" at)
+  if((at EQUAL -1) EQUAL (type STREQUAL ""))
+    message(FATAL_ERROR "build type '${type}': configuring says ${told}")
+  endif()
+endforeach()
