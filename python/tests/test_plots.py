@@ -38,12 +38,16 @@ def run_script(name, *arguments, **options):
 
 @pytest.fixture
 def call(monkeypatch, capsys):
-    """Runs a script in this process, which saves its imports; returns what it printed."""
+    """Runs a script in this process, which saves its imports; returns what it printed. SystemExit if it fails."""
 
     def run(name, *arguments):
         monkeypatch.setattr(sys, "argv", [name, *map(str, arguments)])
         monkeypatch.setattr(sys, "path", ["", *sys.path])
-        runpy.run_path(str(PLOTS / name), run_name="__main__")
+        try:
+            runpy.run_path(str(PLOTS / name), run_name="__main__")
+        except SystemExit as stop:
+            if stop.code:
+                raise
         return capsys.readouterr().out
 
     return run
