@@ -13,6 +13,7 @@ namespace pliant {
 /// What `block_average` finds. A number that the series does not support is NaN.
 struct BlockAverage {
   static constexpr Real unknown = std::numeric_limits<Real>::quiet_NaN();
+  static constexpr std::size_t least_samples = 64;  ///< for an error
 
   Real mean = unknown;            ///< of all samples
   Real error = unknown;           ///< one standard error of the mean; NaN unless `plateau`

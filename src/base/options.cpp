@@ -431,7 +431,7 @@ void Options::from_json(const Json& stored) {
   }
 }
 
-void Options::check_consumed() const {
+void Options::check_consumed(std::string_view solvers) const {
   PetscInt count = 0;
   char **names = nullptr, **values = nullptr;
   petsc_check(PetscOptionsLeftGet(nullptr, &count, &names, &values));
@@ -443,9 +443,11 @@ void Options::check_consumed() const {
     const std::vector<std::string> usual(petsc_usual.begin(), petsc_usual.end());
     auto near = nearest(name, usual);
     if (near == name) near.reset();
-    throw InputError(
-        "option {} was not used by anything{}", found->second.text(),
-        near ? fmt::format("; did you mean -{}?", *near) : "; it is misspelt, or the chosen solver does not read it");
+    const bool of_solver = std::ranges::any_of(petsc_families, [&](auto prefix) { return name.starts_with(prefix); });
+    throw InputError("option {} was not used by anything; {}", found->second.text(),
+                     near                            ? fmt::format("did you mean -{}?", *near)
+                     : of_solver && !solvers.empty() ? std::string(solvers)
+                                                     : "it is misspelt, or the chosen solver does not read it");
   }
 }
 

@@ -90,8 +90,9 @@ class Options {
   /// Goes back to what `parse` has set: forgets what `from_json` has, also where it failed half-way.
   void reset();
 
-  /// Call after PETSc's objects have been configured. Errors: InputError for a PETSc option that none of them has read.
-  void check_consumed() const;
+  /// Call after PETSc's objects have been configured. Errors: InputError for a PETSc option that none of them has read;
+  /// `solvers` is then the cure, unless it is misspelt.
+  void check_consumed(std::string_view solvers = {}) const;
 
   /// Whether the user (or a restart) has set the option, and from where: "default", "command line", "restart" or the
   /// file.

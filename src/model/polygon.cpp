@@ -5,6 +5,8 @@ namespace {
 
 Real cross(const Vec<2>& a, const Vec<2>& b) { return a[0] * b[1] - a[1] * b[0]; }
 
+}  // namespace
+
 bool segments_meet(const Vec<2>& a, const Vec<2>& b, const Vec<2>& c, const Vec<2>& d) {
   const Real c_side = cross(b - a, c - a), d_side = cross(b - a, d - a);
   const Real a_side = cross(d - c, a - c), b_side = cross(d - c, b - c);
@@ -15,8 +17,6 @@ bool segments_meet(const Vec<2>& a, const Vec<2>& b, const Vec<2>& c, const Vec<
   };
   return on(c_side, a, b, c) || on(d_side, a, b, d) || on(a_side, c, d, a) || on(b_side, c, d, b);
 }
-
-}  // namespace
 
 bool self_intersects(const Real* x, const Topology& topology, Index m) {
   const Index first = topology.offset[m], n = topology.points_of(m);

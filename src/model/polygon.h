@@ -51,6 +51,9 @@ inline bool inside_polygon(const Real* x, const Topology& topology, Index m, con
   return inside;
 }
 
+/// Whether the closed segments from a to b and from c to d have a point in common.
+bool segments_meet(const Vec<2>& a, const Vec<2>& b, const Vec<2>& c, const Vec<2>& d);
+
 /// Whether two edges of polygon m that share no vertex meet.
 bool self_intersects(const Real* x, const Topology& topology, Index m);
 

@@ -69,6 +69,9 @@ ExitCode DropletRun::run() {
   integration_.dt = dt_;
   integrator_.emplace(integration_, ranks_.comm());
   options_.check_consumed();
+  if (!restarted && options_.given("dt") && last_time() > 0 && dt_ > last_time())
+    throw InputError("-dt {:g} is longer than the run, {:g} t0; shorten the step or give a later -t_end", dt_,
+                     last_time());
   if (restarted && last_time() < state_.t)
     throw InputError("the run is at t = {:.6g} already, after its end at {:.6g}; give a later -t_end", state_.t,
                      last_time());

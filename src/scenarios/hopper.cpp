@@ -20,6 +20,7 @@
 #include <pliant/scenarios/crossing_watch.h>
 #include <pliant/scenarios/frame_data.h>
 #include <pliant/scenarios/hopper_measurements.h>
+#include <pliant/scenarios/passage.h>
 #include <pliant/scenarios/reinsertion.h>
 #include <pliant/scenarios/run_control.h>
 #include <pliant/scenarios/run_folder.h>
@@ -47,6 +48,16 @@ std::string_view to_string(Outcome outcome) {
       return "stopped";
   }
   return "";
+}
+
+/// As one word of a shell's command line.
+std::string shell_word(const std::string& text) {
+  if (text.find_first_not_of("ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789_./+-=,:@%") ==
+      std::string::npos)
+    return text;
+  std::string word = "'";
+  for (const char c : text) word += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return word + "'";
 }
 
 /// Of a fraction; "?" where it is unknown.
@@ -78,15 +89,21 @@ class HopperRun {
     for (const Real sigma : all_.sigma) largest_ = std::max(largest_, sigma);
     for (const Real a0 : all_.a0) mean_size_ += a0 / all_.particles();
     points_ = all_.points();
+    top_ = std::accumulate(all_.a0.begin(), all_.a0.end(), 0.0) /
+           (*p.pack_fraction * std::pow(p.hopper.wall_distance / 2, D - 1));
     const CriticalStep critical = system_.field().critical_step(all_);
     critical_step_ = critical.least();
-    dt_ = p.dt.value_or(std::min({1e-3, p.elastic_fraction() * critical.elastic, 0.5 * critical.damping}));
+    Real lightest = std::numeric_limits<Real>::infinity(), heaviest = 0;
+    for (Index m = 0; m < all_.particles(); ++m) {
+      const Real mass = all_.point_mass[m] * all_.points_of(m);
+      lightest = std::min(lightest, mass);
+      heaviest = std::max(heaviest, mass);
+    }
+    dt_ = p.dt.value_or(
+        std::min({1e-3, p.elastic_fraction(critical.elastic, lightest) * critical.elastic, 0.5 * critical.damping}));
     if (p.dynamics == Dynamics::overdamped) {
       drag_limit_.emplace(system_, p.zeta);
       // The stiffest spring, k/m = (2/dt)², relaxes at the rate k/ζ.
-      Real heaviest = 0;
-      for (Index m = 0; m < all_.particles(); ++m)
-        heaviest = std::max(heaviest, all_.point_mass[m] * all_.points_of(m));
       critical_step_ = critical.elastic * critical.elastic * p.zeta / (2 * heaviest);
       dt_ = p.dt.value_or(std::min(1e-3, 0.2 * critical_step_));
     }
@@ -98,7 +115,9 @@ class HopperRun {
   }
 
   ExitCode run() {
-    options_.check_consumed();
+    options_.check_consumed(
+        p_.integrator == IntegratorKind::verlet ? "-integrator verlet does not read it; add -integrator ts" : "");
+    check_step();
     if (restarted() && *p_.t_end < state_.t - dt_ / 2)
       throw InputError("-t_end {}: the checkpoint in {} is at t = {:.6g} already; give a later end", *p_.t_end,
                        p_.output, state_.t);
@@ -141,10 +160,7 @@ class HopperRun {
  private:
   /// No point falls farther in it than a quarter of the narrowest one, whatever the height that it has come from.
   Real longest_dt() const {
-    const Real narrowest = *std::min_element(all_.diameter.begin(), all_.diameter.end()),
-               area = std::accumulate(all_.a0.begin(), all_.a0.end(), 0.0),
-               height = area / (*p_.pack_fraction * std::pow(p_.hopper.wall_distance / 2, D - 1));
-    return narrowest / 4 / std::sqrt(2 * height);
+    return *std::min_element(all_.diameter.begin(), all_.diameter.end()) / 4 / std::sqrt(2 * top_);
   }
 
   void integrate() {
@@ -273,8 +289,8 @@ class HopperRun {
   }
 
   /// Counts the particles that have crossed the orifice line; those 2 σ_l below are put back or, in a discharge, taken
-  /// out. Nothing moves more than skin/2 between two list rebuilds, so only particles that were near enough at the last
-  /// one are looked at.
+  /// out. Errors: NumericalError where one has crossed the line beside the orifice. Nothing moves more than skin/2
+  /// between two list rebuilds, so only particles that were near enough at the last one are looked at.
   bool follow_particles(State& s) {
     const Topology& topology = system_.topology();
     if (system_.neighbours().rebuilds() != watched_since_) {
@@ -284,20 +300,33 @@ class HopperRun {
         if (topology.active[m] && height(s, m) < system_.neighbours().skin()) watched_.push_back(m);
     }
     std::vector<Leaving> leaving;
+    std::optional<Crossing> astray;
     for (const Index m : watched_) {
       const Sighting<D> now = sight(s, m);
       const Real h = now.x[D - 1];
-      if (!counted_[m] && h < 0) {
-        counted_[m] = 1;
-        ++flow_.crossed;
-        flow_.area += topology.a0[m];
-        crossings_.push_back({topology.id[m], on_the_line(seen_[m], now)});
+      const bool below = h < 0;
+      if (below != (seen_[m].x[D - 1] < 0)) {
+        const Crossing crossing{topology.id[m], below ? on_the_line(seen_[m], now) : now};
+        if (!passage(s).through_orifice(m, crossing.at.x)) {
+          astray = crossing;
+        } else if (below && !counted_[m]) {
+          counted_[m] = 1;
+          ++flow_.crossed;
+          flow_.area += topology.a0[m];
+          crossings_.push_back(crossing);
+        }
       }
       seen_[m] = now;
       if (h < -2 * largest_ && topology.active[m])
         leaving.push_back({topology.id[m], ranks_.rank(), m, reinserted_[m]});
     }
-    if (!ranks_.any(!leaving.empty())) return false;
+    enum { nobody, some_leave, one_astray };
+    const int event = ranks_.max(astray ? one_astray : !leaving.empty() ? some_leave : nobody);
+    if (event == nobody) return false;
+    if (event == one_astray)
+      ranks_.together([&] {
+        if (astray) throw through_wall(astray->id, astray->at.x, "crossed the orifice line outside the orifice");
+      });
     const LogScope log(LogEvent::put_back);
     leaving = ranks_.all_gather(leaving);
     std::sort(leaving.begin(), leaving.end(), [](const Leaving& a, const Leaving& b) { return a.id < b.id; });
@@ -308,6 +337,7 @@ class HopperRun {
                     static_cast<std::uint64_t>(p_.seed), l, s);
         if (!mine) continue;
         system_.relocate(s.x().data(), l.particle);
+        seen_[l.particle] = sight(s, l.particle);
         counted_[l.particle] = 0;
         ++reinserted_[l.particle];
       } else if (mine) {
@@ -320,6 +350,16 @@ class HopperRun {
   }
 
   Real height(const State& s, Index m) const { return mean_of_points<D>(s.x().data(), system_.topology(), m)[D - 1]; }
+
+  Passage<D> passage(const State& s) const {
+    return {s.x().data(), system_.topology(), p_.hopper, system_.walls(), p_.lip_contact == LipRule::edge};
+  }
+
+  NumericalError through_wall(Index id, const std::array<Real, D>& at, std::string_view how) const {
+    return NumericalError(
+        "particle {} has {}, at ({:.3f}): it went through a wall; stiffen the walls (-e_w, now {:g}) or {}", id, how,
+        fmt::join(at, ", "), p_.e_w, shorten());
+  }
 
   Sighting<D> sight(const State& s, Index m) const {
     Sighting<D> now{s.t, {}, {}};
@@ -347,8 +387,8 @@ class HopperRun {
     record_crossings();
     sampling_.done(s.t);
     last_sample_ = take_sample<D>(system_, s, p_.hopper, flow_, s.step > 0 ? integrator_->statistics().last_dt : dt_);
-    ranks_.on_root([&] { writer_->add_sample(last_sample_.row); });
     check(s);
+    ranks_.on_root([&] { writer_->add_sample(last_sample_.row); });
     const FlowCount& crossed = last_sample_.crossed;
     if (precision_ &&
         precision_->add(s.t, static_cast<Real>(crossed.crossed), crossed.area, last_sample_.kinetic_energy))
@@ -361,16 +401,19 @@ class HopperRun {
   /// Stops the run at what no later number could be trusted after.
   void check(const State& s) {
     const Topology& topology = system_.topology();
-    const Real half = p_.hopper.wall_distance / 2;
+    const Passage<D> places = passage(s);
     ranks_.together([&] {
       for (Index m = 0; m < topology.owned(); ++m) {
         const Vec<D> r = mean_of_points<D>(s.x().data(), topology, m), v = mean_of_points<D>(s.v().data(), topology, m);
         if (!r.allFinite() || !v.allFinite())
           throw NumericalError("particle {} has a position or velocity that is not finite", topology.id[m]);
-        const Real lateral = D == 2 ? std::abs(r[0]) : std::hypot(r[0], r[1]);
-        if (r[D - 1] > 0 && lateral > std::min(p_.hopper.half_width(r[D - 1]), half) + largest_)
-          throw NumericalError("particle {} has gone through a wall at ({:.3f}, {:.3f}), height {:.3f}", topology.id[m],
-                               r[0], D == 2 ? 0 : r[1], r[D - 1]);
+        if (topology.active[m] && places.through_wall(m))
+          throw through_wall(topology.id[m], sight(s, m).x, "left the hopper");
+        if (const Real roof = 10 * (top_ + p_.hopper.slope_height() + largest_); r[D - 1] > roof)
+          throw NumericalError(
+              "particle {} was thrown to a height of {:.3g} sigma_avg, beyond {:.3g}, ten times that of the start: the "
+              "step makes energy; {}",
+              topology.id[m], r[D - 1], roof, shorten());
       }
     });
   }
@@ -477,8 +520,7 @@ class HopperRun {
     sampling_.load(c, "last_sample_at");
     framing_.load(c, "last_frame_at");
     // A particle that moves by some diameters in a step has gone through others.
-    const Real dt = c.real("dt", std::numeric_limits<Real>::min(), std::max(dt_, *p_.t_end));
-    if (p_.integrator == IntegratorKind::ts) dt_ = dt;
+    dt_ = c.real("dt", std::numeric_limits<Real>::min(), std::max(dt_, *p_.t_end));
     const Real fastest = 10 * largest_ / dt_;
     state_.assign(stored.points("x"), stored.points("v", fastest), stored.points("predicted", fastest));
     const Real area = static_cast<Real>(crossed) * *std::max_element(all_.a0.begin(), all_.a0.end());
@@ -514,6 +556,37 @@ class HopperRun {
     system_.set_use({evaluations, since_sort});
     rebuilds_before_ = rebuilds - system_.neighbours().rebuilds();
     restarted_from_ = c.file;
+  }
+
+  /// Whether the step is fixed and its method explicit: then it can be too long.
+  bool explicit_fixed_step() const {
+    const auto* ts = dynamic_cast<const TsIntegrator*>(integrator_.get());
+    return ts == nullptr || ts->explicit_fixed_step();
+  }
+
+  /// What to do about too long a step.
+  std::string shorten() const {
+    return explicit_fixed_step() ? fmt::format("shorten the step (-dt, now {:.3g})", next_dt())
+                                 : "lower the tolerances (-ts_rtol, -ts_atol) or the step (-dt)";
+  }
+
+  /// Errors: InputError for a step that makes energy from nothing, or that is longer than the run.
+  void check_step() const {
+    const Real dt = next_dt(), ratio = dt / critical_step_;
+    if (!restarted() && *p_.t_end > 0 && dt > *p_.t_end)
+      throw InputError("-dt {:g} is longer than the run, -t_end {:g}; shorten the step or give a later end", dt,
+                       *p_.t_end);
+    if (!explicit_fixed_step()) return;
+    if (ratio > 1 && !p_.allow_unstable_dt)
+      throw InputError(
+          "-dt {:g} is {:.3g} times the limit of stability, {:.3g} t0: the step would make energy; shorten it, "
+          "leave it out, or see what happens with -allow_unstable_dt",
+          dt, ratio, critical_step_);
+    if (ratio > max_safe_ratio * (1 + 1e-9) && ranks_.root())
+      warn(
+          "-dt {:g} is {:.2f} of the limit of stability, {:.3g} t0: above {:g} contacts that open and close heat; "
+          "compare with half the step",
+          dt, ratio, critical_step_, max_safe_ratio);
   }
 
   Real next_dt() const {
@@ -601,12 +674,17 @@ class HopperRun {
 
   [[noreturn]] void fail(const Error& error) {
     std::string message = error.what();
+    const Real ratio = next_dt() / critical_step_;
+    if (error.code() == ExitCode::numerical_failure && explicit_fixed_step() && ratio > max_safe_ratio * (1 + 1e-9))
+      message = fmt::format("-dt {:g} is {} the limit of stability: shorten it first; {}", next_dt(),
+                            ratio > 1 ? fmt::format("{:.3g} times", ratio) : fmt::format("{:.2f} of", ratio), message);
     if (error.code() == ExitCode::numerical_failure && state_.step > 0)
-      message += fmt::format(
-          "; t = {:.6g}, step {}, dt = {:.3g}, dt/dt_critical = {:.2f}, largest overlap {:.3f} between particles {} "
-          "and {}",
-          state_.t, state_.step, dt_, dt_ / critical_step_, last_sample_.max_overlap, last_sample_.first,
-          last_sample_.second);
+      message += fmt::format("; t = {:.6g}, step {}, dt = {:.3g}, dt/dt_critical = {:.2f}{}", state_.t, state_.step,
+                             dt_, dt_ / critical_step_,
+                             last_sample_.first < 0
+                                 ? std::string()
+                                 : fmt::format(", largest overlap {:.3f} between particles {} and {}",
+                                               last_sample_.max_overlap, last_sample_.first, last_sample_.second));
     try {
       if (error.code() == ExitCode::numerical_failure) {
         const bool finite = std::all_of(state_.x().begin(), state_.x().end(), [](Real a) { return std::isfinite(a); });
@@ -634,13 +712,18 @@ class HopperRun {
     if (outcome_ == Outcome::stopped) {
       say("stopped at t = {:.6g} t0 with a checkpoint; run the same command again to go on\n", state_.t);
     } else {
-      nlohmann::ordered_json measured = evaluate_series(writer_->read_series(), p_, mean_size_);
+      const Series series = writer_->read_series();
+      nlohmann::ordered_json measured = evaluate_series(series, p_, mean_size_);
       // A clog is no flow, whatever came out before it: fits leave such a run out.
       if (outcome_ == Outcome::clogged)
         for (const char* name : {"Q", "Q_corrected"})
           if (measured.contains(name)) measured[name].update({{"value", 0}, {"error", nullptr}});
+      // What comes after it is no flow.
+      if (outcome_ == Outcome::clogged || p_.flow == FlowKind::discharge)
+        measured["flow_ended"] = quantity(last_crossing(series), BlockAverage::unknown, "t0");
       for (const auto& [name, value] : measured.items()) s[name] = value;
       report(measured, s["cpu_seconds"]);
+      warn_of_overlap(series);
       if (precision_ && outcome_ == Outcome::done) warn_of_error(measured);
     }
     write_summary(p_.output, s);
@@ -651,25 +734,47 @@ class HopperRun {
   void warn_of_error(const nlohmann::ordered_json& measured) const {
     const bool known = measured.contains("Q") && !measured["Q"]["error"].is_null();
     const Real error = known ? Real(measured["Q"]["error"]) / Real(measured["Q"]["value"]) : BlockAverage::unknown;
-    warn(
-        "-t_end {:g} came before -hopper_q_rtol {:g} was certain: the error of Q is {} %; go on "
-        "with -restart {} -t_end LATER",
-        *p_.t_end, p_.q_rtol, percent(error), p_.output);
+    warn("-t_end {:g} came before -hopper_q_rtol {:g} was certain: the error of Q is {} %; go on with {}", *p_.t_end,
+         p_.q_rtol, percent(error), command_to_go_on());
+  }
+
+  /// Centres that meet pass through each other.
+  void warn_of_overlap(const Series& series) const {
+    const Real deepest = std::ranges::max(series.at("max_overlap").values);
+    if (deepest > 0.95)
+      warn("particles overlapped by {:.3g} of their contact distance: they pass through each other; raise {}, now {:g}",
+           deepest, deformable() ? "-e_c" : "-e_sp", deformable() ? p_.e_c : p_.e_sp);
+  }
+
+  /// To twice the time, and as many samples as an error needs.
+  std::string command_to_go_on() const {
+    const Real later = 2 * std::max(state_.t, 64 * p_.sample_interval);
+    return fmt::format("pliant hopper -restart {} -t_end {:.3g}", shell_word(p_.output), later);
   }
 
   void report(const nlohmann::ordered_json& measured, Real cpu) const {
+    const bool few = measured.contains("steady_samples") && measured["steady_samples"] <= BlockAverage::least_samples;
+    const std::string no_error =
+        outcome_ == Outcome::clogged                            ? "clogged"
+        : measured.contains("Q") && measured["Q"]["value"] == 0 ? "no error: nothing has crossed"
+        : few ? fmt::format("no error: fewer than {} steady samples", BlockAverage::least_samples)
+              : "no error: it drifts, or its correlations are too long for the run";
     const auto print = [&](const char* name, const char* text) {
       if (!measured.contains(name) || measured[name]["value"].is_null()) return;
       const Real value = measured[name]["value"];
-      say("{} = {:.5g} ± {} {}\n", text, value,
-          measured[name]["error"].is_null() ? std::string("?") : fmt::format("{:.2g}", Real(measured[name]["error"])),
-          std::string(measured[name]["unit"]));
+      const std::string unit = measured[name]["unit"], space = unit.empty() ? "" : " ";
+      if (measured[name]["error"].is_null())
+        say("{} = {:.3g}{}{} ({})\n", text, value, space, unit, no_error);
+      else
+        say("{} = {:.5g} ± {:.2g}{}{}\n", text, value, Real(measured[name]["error"]), space, unit);
     };
     if (outcome_ == Outcome::clogged)
       say("clogged: no crossing and no motion since t = {:.4g} t0\n", clog_.state().quiet_since);
     if (outcome_ == Outcome::precise)
       say("ended at t = {:.6g} t0: Q has the relative error that -hopper_q_rtol asks for\n", state_.t);
     if (measured.contains("steady_explanation")) say("{}\n", std::string(measured["steady_explanation"]));
+    if (outcome_ == Outcome::done && measured.contains("steady") && !measured["steady"])
+      say("to run longer: {}\n", command_to_go_on());
     print("Q", "Q");
     print("Q_corrected", "Q'");
     print("contacts_per_particle", "contacts per particle");
@@ -684,6 +789,9 @@ class HopperRun {
 
   bool deformable() const { return p_.model != ModelKind::sp; }
   bool restarted() const { return !restarted_from_.empty(); }
+
+  /// dt/dt_critical from which on docs/steps.md finds that flows heat.
+  static constexpr Real max_safe_ratio = 0.5;
 
   const HopperOptions& p_;
   const Options& options_;
@@ -713,6 +821,7 @@ class HopperRun {
   State state_;
 
   Real largest_ = 0, mean_size_ = 0;  ///< diameter; a0
+  Real top_ = 0;                      ///< of the filling of a flat hopper at the start; not less than it is
   Index points_ = 0;                  ///< of all particles
   Real critical_step_ = 0, dt_ = 0;
   std::string restarted_from_;  ///< file of the checkpoint

@@ -144,6 +144,12 @@ Sample<D> take_sample(ParticleSystem<D>& system, const State& state, const Hoppe
   return sample;
 }
 
+Real last_crossing(const Series& series) {
+  const std::vector<Real>& crossed = series.at("crossed_count").values;
+  const auto last = std::lower_bound(crossed.begin(), crossed.end(), crossed.back());
+  return series.at("time").values[static_cast<std::size_t>(last - crossed.begin())];
+}
+
 nlohmann::ordered_json evaluate_series(const Series& series, const HopperOptions& options, Real mean_size) {
   nlohmann::ordered_json result;
   const auto column = [&](const char* name) { return std::span<const Real>(series.at(name).values); };
@@ -180,6 +186,7 @@ nlohmann::ordered_json evaluate_series(const Series& series, const HopperOptions
   result["steady"] = flow.steady.steady;
   result["steady_start"] = quantity(time[from], BlockAverage::unknown, "t0");
   result["steady_explanation"] = flow.steady.explanation;
+  result["steady_samples"] = rows - from;
   result["Q"] = quantity(q.value, q.error, rate_unit);
   result["Q_correlation_time"] = quantity(q.correlation_time, BlockAverage::unknown, "t0");
 

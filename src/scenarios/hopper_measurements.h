@@ -39,6 +39,9 @@ template <int D>
 Sample<D> take_sample(ParticleSystem<D>& system, const State& state, const Hopper& hopper, const FlowCount& flow,
                       Real dt);
 
+/// Time of the last sample that has counted a crossing; of the first one where none has.
+Real last_crossing(const Series& series);
+
 /// Measured quantities of a finished run from its series, for summary.json: Q and the rest with errors, from the steady
 /// state on. mean_size: mean a0 of all particles.
 nlohmann::ordered_json evaluate_series(const Series& series, const HopperOptions& options, Real mean_size);

@@ -138,9 +138,10 @@ void HopperOptions::bind(Options& o) {
           .unit = "t0",
           .min = 0,
           .min_open = true,
-          .automatic = "0.35 of the elastic limit with friction, 0.4 with drag alone, 0.2 with neither; 0.5 of the "
-                       "damping's; at most 1e-3",
+          .automatic = "0.35 of the elastic limit with friction, 0.4 with drag alone, 0.2 with neither, less where a "
+                       "discharge must come to rest; 0.5 of the damping's; at most 1e-3",
           .on_restart = fixed});
+  o.bind("allow_unstable_dt", allow_unstable_dt, {.help = "go on where a fixed -dt is above the limit of stability"});
   o.bind("t_end", t_end,
          {.help = "end of the run", .unit = "t0", .min = 0, .automatic = "100; 10000 with -hopper_q_rtol"});
   o.bind("hopper_q_rtol", q_rtol,
@@ -195,7 +196,14 @@ void HopperOptions::resolve() {
   if (!restart.empty()) output = restart;
 }
 
-Real HopperOptions::elastic_fraction() const { return mu > 0 ? 0.35 : zeta > 0 ? 0.4 : 0.2; }
+Real HopperOptions::elastic_fraction(Real elastic, Real lightest) const {
+  const Real flowing = mu > 0 ? 0.35 : zeta > 0 ? 0.4 : 0.2;
+  if (flow != FlowKind::discharge || zeta == 0) return flowing;
+  if (model != ModelKind::sp) return 0.2;
+  // A bounce on a wall changes the energy of a particle by a part of (dt/elastic)², up or down, as steps happen to meet
+  // the touch. Drag must take more: at least its rate times the length of the shortest bounce, that is about elastic.
+  return std::min(flowing, std::max(0.05, 2 * std::sqrt(zeta / lightest * elastic)));
+}
 
 Real HopperOptions::first_skin() const {
   return skin.value_or(dim == 3 ? 0.2 : model == ModelKind::sp ? 0.3 : model == ModelKind::rough ? 0.1 : 0.06);

@@ -44,6 +44,7 @@ struct HopperOptions : RunOptions {
   Part implicit = Part::all;
   JacobianKind jacobian = JacobianKind::assembled;
   std::optional<Real> dt, skin;
+  bool allow_unstable_dt = false;
   Index threads = 1;
   std::optional<Real> t_end;
   Real q_rtol = 0;
@@ -55,10 +56,10 @@ struct HopperOptions : RunOptions {
   void resolve();
 
   ModelParameters model_parameters() const;
-  /// Standard step over the limit that elastic forces set: as long as flow rates, energies and contacts are those of
-  /// shorter ones, and piles come to rest (docs/steps.md). Without dissipation nothing carries off the heat of longer
-  /// steps.
-  Real elastic_fraction() const;
+  /// Standard step over `elastic`, the limit that elastic forces set: as long as flow rates, energies and contacts are
+  /// those of shorter ones, and what a discharge leaves comes to rest (docs/steps.md). Without dissipation nothing
+  /// carries off the heat of longer steps. lightest: mass of a particle.
+  Real elastic_fraction(Real elastic, Real lightest) const;
   /// Margin of the neighbour lists at first; tuned from then on where the user gave none.
   Real first_skin() const;
 };

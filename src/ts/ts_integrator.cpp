@@ -537,6 +537,8 @@ bool TsIntegrator::solve(FirstOrderSystem& system, State& state, Real t_end, con
   return run.reordered;
 }
 
+bool TsIntegrator::explicit_fixed_step() const { return !adaptive_ && contains(explicit_types, type_); }
+
 std::string TsIntegrator::name() const {
   if (type_ != TSRK) return fmt::format("ts:{}{}", type_, options_.implicit == Part::shape ? ", shape implicit" : "");
   TSRKType table = nullptr;

@@ -65,6 +65,9 @@ class TsIntegrator : public Integrator {
   /// evaluate.
   bool first_same_as_last() const { return first_same_as_last_; }
 
+  /// Whether no error estimate shortens the step, and no solve makes a long one stable.
+  bool explicit_fixed_step() const;
+
   /// The step that the next run starts with, in t0: save it for a restart (TsOptions::dt).
   Real next_dt() const { return dt_; }
 

@@ -28,6 +28,13 @@ OPTIONS = {
     "misspelt_choice": (["-model", "rouhg"], ["-model rouhg", "did you mean rough?"]),
     "misspelt_ts": (["-integrator", "ts", "-ts_rtoll", "1e-3"], ["-ts_rtoll", "-ts_rtol"]),
     "unused_ts": (["-integrator", "verlet", "-ts_rtol", "1e-3"], ["-ts_rtol"]),
+    "ts_without_ts": (["-ts_type", "cvode"], ["-ts_type cvode", "-integrator ts"]),
+    "step_too_long": (["-dt", "7e-3"], ["-dt 0.007 is 1.14 times", "0.00615", "-allow_unstable_dt"]),
+    "step_too_long_for_friction": (["-mu", "1e3", "-dt", "1e-3"], ["-dt 0.001 is 22 times", "-allow_unstable_dt"]),
+    "step_too_long_for_ts": (["-integrator", "ts", "-ts_type", "euler", "-dt", "7e-3"], ["-dt 0.007 is 1.14 times"]),
+    "step_longer_than_the_run": (["-dt", "1e300"], ["-dt 1e+300 is longer than the run, -t_end 6"]),
+    "first_step_longer_than_the_run": (["-integrator", "ts", "-dt", "7"], ["-dt 7 is longer than the run"]),
+    "run_shorter_than_the_step": (["-t_end", "1e-4"], ["-dt 0.001 is longer than the run, -t_end 0.0001"]),
     "unknown_ts_type": (["-integrator", "ts", "-ts_type", "rkk"], ["-ts_type rkk"]),
     "other_ts_type": (["-integrator", "ts", "-ts_type", "pseudo"], ["-ts_type pseudo"]),
     "overdamped_verlet": (["-dynamics", "overdamped"], ["-dynamics overdamped", "-integrator ts"]),
@@ -99,6 +106,45 @@ PETSC = {
 def test_bad_petsc_option(name, tmp_path):
     extra, words = PETSC[name]
     assert_refused(run_program(*RAFT, "-output", tmp_path / "run", *extra), *words)
+
+
+@pytest.mark.parametrize("scenario, end", [("raft", {}), ("clog", {"t_end": 10})])
+def test_droplets_step_longer_than_the_run(scenario, end, tmp_path):
+    result = pliant(scenario, output=tmp_path / "run", dt=1e300, **end)
+    assert_refused(result, "-dt 1e+300 is longer than the run")
+    assert list(tmp_path.iterdir()) == []
+
+
+def warnings(**options):
+    result = pliant("hopper", **{**SMALL, "t_end": 0.1, **options})
+    return result.returncode, result.stderr
+
+
+def test_long_steps_are_warned_of(tmp_path):
+    code, text = warnings(dt=3.5e-3, mu=0, output=tmp_path / "long")
+    assert code == 0 and "warning: -dt 0.0035 is 0.57 of the limit of stability" in text and len(text.splitlines()) == 1
+    assert warnings(dt=3e-3, mu=0, output=tmp_path / "shorter") == (0, "")
+    code, text = warnings(dt=7e-3, mu=0, output=tmp_path / "allowed", allow_unstable_dt="true")
+    assert code == 0 and "is 1.14 of the limit" in text
+
+
+@pytest.mark.parametrize("options", [{}, {"mu": 1e3}, {"mu": 0, "zeta": 1e3}, {"mu": 0, "zeta": 0}, {"e_w": 1e7}, {"model": "rough", "n": 20},
+                                     {"mu": 0, "flow": "discharge"}, {"integrator": "ts"}, {"integrator": "ts", "dt": 0.05}])
+def test_the_standard_step_is_not_warned_of(options, tmp_path):
+    assert warnings(output=tmp_path / "run", **{"t_end": 0.1, **options}) == (0, "")
+
+
+def test_particles_that_pass_through_each_other_are_warned_of(tmp_path):
+    code, text = warnings(mu=0, e_sp=1e-3, t_end=4, output=tmp_path / "run")
+    assert code == 0 and "they pass through each other; raise -e_sp, now 0.001" in text
+    assert warnings(mu=0, e_sp=20, t_end=4, output=tmp_path / "soft") == (0, "")
+
+
+def test_advice_of_a_failure_names_a_long_step_first(tmp_path):
+    result = pliant("hopper", output=tmp_path / "run", **{**SMALL, "mu": 0, "dt": 0.02, "t_end": 100}, allow_unstable_dt="true")
+    assert result.returncode == 3
+    error = result.stderr.splitlines()[-1]
+    assert error.startswith("pliant: error: -dt 0.02 is 3.25 times the limit of stability: shorten it first; "), error
 
 
 YAML = {

@@ -50,6 +50,65 @@ def test_crossings_are_counted_once(options, tmp_path):
     assert (np.diff(heights, axis=0) > 2).sum() > 5  # were put back
 
 
+SOFT_WALLS = {"mu": 0, "zeta": 0.3, "e_w": 1, "t_end": 20}
+PIERCED = {
+    "flat": {"n": 300, "hopper_wall_distance": 16},
+    "sloped": {"n": 100, "hopper_wall_distance": 10, "hopper_angle": 30},
+    "3d": {"dim": 3, "n": 200, "hopper_wall_distance": 5, "hopper_width": 2, "pack_fraction": 0.5},
+    "discharge": {"n": 300, "hopper_wall_distance": 16, "flow": "discharge"},
+    "ts": {"n": 300, "hopper_wall_distance": 16, "integrator": "ts"},
+    "rough": {"model": "rough", "n": 60, "e_w": 0.02, "n_vertices": 8},
+    "smooth": {"model": "smooth", "n": 60, "e_w": 0.02, "n_vertices": 8, "e_c": 100, "dt": 5e-4},
+}
+
+
+def outside(results, centres):
+    """Whether centres lie above the orifice line and beyond the walls."""
+    w, wall, angle = (results.geometry[name] for name in ("w", "W", "angle"))
+    lateral, height = np.linalg.norm(centres[..., :-1], axis=-1), centres[..., -1]
+    half = np.where(height <= 0, np.inf, np.minimum(wall / 2, w / 2 + height * np.tan(np.radians(angle)))) \
+        if angle < 90 else np.full(height.shape, wall / 2)
+    return (height > 0) & (lateral > half + 1e-9)
+
+
+@pytest.mark.parametrize("name", PIERCED)
+def test_what_goes_through_a_wall_ends_the_run(name, tmp_path):
+    """Walls too weak for the weight on them: an error with the cure, and nothing of it in the counts."""
+    options = {**SMALL, **SOFT_WALLS, **PIERCED[name], "sample_interval": 0.02, "frame_interval": 0.02}
+    result = pliant("hopper", output=tmp_path / "run", **options)
+    assert result.returncode == 3, result.stderr
+    for word in ("went through a wall", "-e_w, now", "-ts_rtol" if name == "ts" else "-dt, now"):
+        assert word in result.stderr
+    results = Results(tmp_path / "run")
+    assert results.summary["status"] == "failed" and "Q" not in results.summary
+    # What was counted came through the orifice.
+    dim = options.get("dim", 2)
+    time, who, position = (results.events.get(name, np.zeros((0,) + shape)) for name, shape in
+                           [("time", ()), ("particle", ()), ("position", (dim,))])
+    if options.get("model", "sp") == "sp":
+        assert (np.linalg.norm(position[:, :-1], axis=1) <= results.geometry["w"] / 2).all()
+    # Samples were taken with all particles in place: in the frames beside them, the last one left out.
+    assert len(results.frames) >= len(results.series["time"]) > 2
+    for frame in results.frames[:-1]:
+        assert not outside(results, frame["centres"]).any()
+        assert set(np.flatnonzero(frame["centres"][:, -1] < 0)) <= set(who[time <= frame["time"]])
+
+
+SQUEEZED = {"n": 20, "hopper_wall_distance": 6, "zeta": 0.316, "e_c": 250, "e_w": 250, "k_a": 200, "k_l": 0.5, "k_b": 0.001, "mu": 0}
+
+
+@pytest.mark.parametrize("options, crossed, beyond", [
+    ({**SQUEEZED, "model": "smooth", "hopper_width": 1.2, "t_end": 6, "seed": 1}, 4, True),
+    ({**SQUEEZED, "model": "rough", "n": 30, "hopper_width": 2, "k_l": 10, "t_end": 20, "seed": 2}, 10, False),
+    ({**SQUEEZED, "model": "rough", "n": 30, "hopper_width": 1.3, "k_l": 10, "zeta": 1, "t_end": 20, "seed": 1}, 3, False),
+], ids=["smooth", "rough", "narrow"])
+def test_soft_polygons_may_hang_over_the_lips(options, crossed, beyond, tmp_path):
+    """Their means may cross the line beside the orifice, and count."""
+    results = hopper(tmp_path / "run", **options, sample_interval=0.02)
+    assert results.summary["crossed_count"] == len(results.events["time"]) >= crossed
+    assert (np.abs(results.events["position"][:, 0]).max() > options["hopper_width"] / 2) == beyond
+
+
 def test_crossings_are_located_in_time(tmp_path):
     """Steps of 0.02 t0 and of 5e-4 t0 see the first particles, which fall freely, cross at the same time."""
     options = {"hopper_wall_distance": 6, "zeta": 0, "t_end": 1.5, "integrator": "ts", "ts_type": "rk", "ts_rk_type": "5dp"}
@@ -135,10 +194,25 @@ def test_discharge_over_a_flat_bottom_ends_at_rest(tmp_path):
     assert re.search(rf"^c0 = {c0:.4g} ± [0-9.]+ 1/t0 in dN/dt = -c0 sqrt\(N - {left:g}\), fitted from t = ", text, re.M)
 
 
+@pytest.mark.parametrize("options", [
+    {"dim": 3, "n": 300, "pack_fraction": 0.64}, {"dim": 3, "n": 300, "pack_fraction": 0.64, "zeta": 0.1},
+    {"n": 200, "hopper_wall_distance": 16, "zeta": 0.1}, {"n": 50, "model": "rough", "e_c": 1000, "e_w": 1000, "k_a": 2000},
+], ids=["3d", "3d_weak_drag", "2d_weak_drag", "rough"])
+def test_what_a_discharge_leaves_comes_to_rest(options, tmp_path):
+    """At the default step: single particles on the floor bounced for ever at longer ones."""
+    results = hopper(tmp_path / "run", **{"flow": "discharge", "hopper_wall_distance": 8, "mu": 0, "zeta": 0.3, "t_end": 400,
+                                          "frame_interval": 100, "sample_interval": 0.2, "pack_fraction": 0.84, "seed": 1, **options})
+    assert results.summary["status"] == "clogged" and results.summary["left_in_hopper"] > 0
+    last = results.summary["flow_ended"]["value"]
+    time, crossed = results.series["time"], results.series["crossed_count"]
+    assert last == time[np.flatnonzero(crossed == crossed[-1])[0]] and last < results.summary["t"] - 9.9
+
+
 def test_narrow_orifice_clogs(tmp_path):
     results = hopper(tmp_path / "run", hopper_width=0.7, zeta=1, clog_time=3, t_end=200)
     assert results.summary["status"] == "clogged"
     assert results.summary["t"] < 200 and results.summary["Q"]["value"] == 0
+    assert 0 <= results.summary["flow_ended"]["value"] <= results.summary["t"] - 3
     quiet = results.series["time"] >= results.summary["t"] - 3
     assert (results.series["max_speed"][quiet][1:] < 1e-3).all()
     assert np.ptp(results.series["crossed_count"][quiet]) == 0

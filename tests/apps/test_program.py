@@ -3,6 +3,7 @@
 import os
 import pty
 import re
+import shlex
 import subprocess
 
 import pytest
@@ -55,6 +56,18 @@ def test_quiet_in_a_pipe(tmp_path):
     result = pliant("hopper", output=tmp_path / "run", **{**SMALL, "n": 400, "t_end": 60})
     assert result.returncode == 0 and result.stderr == ""
     assert "\r" not in result.stdout and "\x1b" not in result.stdout
+
+
+def test_a_short_run_says_why_it_has_no_errors_and_how_to_go_on(tmp_path):
+    folder = tmp_path / "a run"
+    result = pliant("hopper", output=folder, **{**SMALL, "t_end": 3})
+    assert result.returncode == 0 and "?" not in result.stdout
+    assert re.search(r"^Q' = [\d.]+ sigma_avg\^2/t0 \(no error: fewer than 64 steady samples\)$", result.stdout, re.M)
+    command = shlex.split(re.search(r"^to run longer: (.*)$", result.stdout, re.M)[1])
+    assert command == ["pliant", "hopper", "-restart", str(folder), "-t_end", "12.8"]
+    longer = subprocess.run([PROGRAM, *command[1:]], text=True, capture_output=True, timeout=60)
+    assert longer.returncode == 0 and "continuing at t = 3 t0" in longer.stdout
+    assert "fewer than" not in longer.stdout
 
 
 def test_progress_on_a_terminal(tmp_path):

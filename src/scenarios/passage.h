@@ -1,0 +1,36 @@
+// Whether particles are where walls let them be: looked at before they are counted or measured.
+#pragma once
+
+#include <optional>
+#include <span>
+
+#include <pliant/geometry/hopper.h>
+#include <pliant/model/topology.h>
+
+namespace pliant {
+
+/// A particle in a hopper. x [points · D].
+template <int D>
+struct Passage {
+  const Real* x;
+  const Topology& topology;
+  const Hopper& hopper;
+  const Walls<D>& walls;
+  bool lip_edges = true;  ///< lips feel the edges of polygons; without, they enter them without harm
+
+  /// Whether walls have been pierced: the outline of polygon m meets a wall, or, of a sphere, the centre is above the
+  /// orifice line and farther out than the wall. Of polygons without lip_edges, that of a vertex.
+  bool through_wall(Index m) const;
+
+  /// Whether particle m, which has come to the other side of the orifice line at `place`, went through the orifice: the
+  /// place is within it; of a polygon, the outline meets the orifice and no wall.
+  bool through_orifice(Index m, std::span<const Real, D> place) const;
+
+ private:
+  bool outside(const Real* r) const;
+};
+
+/// Whether an edge of polygon m meets the wall. x [points · 2].
+bool outline_meets(const Real* x, const Topology& topology, Index m, const WallSegment& wall);
+
+}  // namespace pliant
