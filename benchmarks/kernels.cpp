@@ -96,8 +96,8 @@ class Flow {
     Vec<D> down = Vec<D>::Zero();
     down[D - 1] = -1;
     return {make_particles(options_.model, D, diameters, options_.shape), options_.hopper.walls<D>(),
-            make_force_field<D>(options_.model, options_.model_parameters(), down), neighbour_needs(options_.model),
-            options_.first_skin()};
+            make_force_field<D>(options_.model, options_.model_parameters(), down),
+            neighbour_needs(options_.model, options_.model_parameters()), options_.first_skin()};
   }
 
   void prepare() {
@@ -195,7 +195,7 @@ void register_forces(const std::string& name, const std::shared_ptr<Flow<D>>& fl
 
 template <int D>
 void register_lists(const std::string& name, const std::shared_ptr<Flow<D>>& flow) {
-  const NeighbourNeeds needs = neighbour_needs(flow->options().model);
+  const NeighbourNeeds needs = neighbour_needs(flow->options().model, flow->options().model_parameters());
   const Real skin = flow->options().first_skin();
   const auto cloud = [](const StateView<D>& s) {
     const Topology& t = s.topology;
@@ -232,8 +232,8 @@ void register_lists(const std::string& name, const std::shared_ptr<Flow<D>>& flo
   if constexpr (D == 2) {
     if (needs.vertex_edges)
       search("vertex_edges", [=](const PointCloud& c, const Walls<2>&, auto found) {
-        find_vertex_edge_pairs(c, *grid, skin, *std::max_element(c.diameter.begin(), c.diameter.end()), 0, c.size(),
-                               found);
+        find_vertex_edge_pairs(c, *grid, needs.edges, skin, *std::max_element(c.diameter.begin(), c.diameter.end()), 0,
+                               c.size(), found);
       });
     if (needs.lips)
       search("lips", [=](const PointCloud& c, const Walls<2>& walls, auto found) {

@@ -35,7 +35,7 @@ class System {
   /// Each rank begins with an equal share, and gets those that lie together.
   System(const HopperOptions& p, const Checkpoint& c, const Ranks& ranks)
       : particles_({}, p.hopper.walls<D>(), make_force_field<D>(p.model, p.model_parameters(), -Vec<D>::Unit(D - 1)),
-                   neighbour_needs(p.model), p.first_skin(), ranks),
+                   neighbour_needs(p.model, p.model_parameters()), p.first_skin(), ranks),
         dt_(*p.dt),
         verlet_(dt_) {
     const Topology all =

@@ -53,20 +53,28 @@ void find_point_pairs(const PointCloud& cloud, const CellGrid<D>& grid, Real ski
   }
 }
 
-/// Vertices j of other polygons with distance < (δ_i + δ_j)/2 + skin from edge i, whose first vertex is from the range:
-/// found(j, i, (δ_i + δ_j)/2). widest: the largest diameter of the cloud.
+/// How wide the edges of polygons are: as their vertices are, or not at all.
+enum class Edges { wide, bare };
+
+/// Distance at which a vertex touches an edge, from the contact diameters of the two polygons.
+inline Real vertex_edge_reach(Edges edges, Real vertex, Real edge) {
+  return (edges == Edges::wide ? vertex + edge : vertex) / 2;
+}
+
+/// Vertices j of other polygons within their reach + skin of edge i, whose first vertex is from the range:
+/// found(j, i, reach). widest: the largest diameter of the cloud.
 template <class Found>
-void find_vertex_edge_pairs(const PointCloud& cloud, const CellGrid<2>& grid, Real skin, Real widest, Index first,
-                            Index last, Found&& found) {
+void find_vertex_edge_pairs(const PointCloud& cloud, const CellGrid<2>& grid, Edges edges, Real skin, Real widest,
+                            Index first, Index last, Found&& found) {
   std::vector<Index> near;
   for (Index i = first; i < last; ++i) {
     if (!cloud.uses(i)) continue;
     const Vec<2> a = point<2>(cloud.x, i), b = point<2>(cloud.x, cloud.next[i]);
     // Within reach of the edge is within half an edge more of its middle.
-    const Real reach = (b - a).norm() / 2 + cloud.diameter[i] / 2 + skin;
+    const Real reach = (b - a).norm() / 2 + vertex_edge_reach(edges, 0, cloud.diameter[i]) + skin;
     grid.for_each_near((a + b) / 2, reach + widest / 2, reach * (1 + 1e-12), near, [&](Index j) {
       if (cloud.group[i] == cloud.group[j]) return;
-      const Real contact = (cloud.diameter[i] + cloud.diameter[j]) / 2;
+      const Real contact = vertex_edge_reach(edges, cloud.diameter[j], cloud.diameter[i]);
       if (segment_foot(point<2>(cloud.x, j), a, b).d2 < square(contact + skin)) found(j, i, contact);
     });
   }

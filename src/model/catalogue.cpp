@@ -44,7 +44,7 @@ NeighbourNeeds neighbour_needs(ModelKind kind, const ModelParameters& p) {
     case ModelKind::sp:
       return {.point_pairs = true, .walls = true};
     case ModelKind::rough:
-      return {.point_pairs = true, .walls = true, .lips = true};
+      return {.point_pairs = true, .vertex_edges = p.rough_edges, .walls = true, .lips = true, .edges = Edges::bare};
     case ModelKind::smooth:
       return {.vertex_edges = true, .walls = true, .lips = true};
     case ModelKind::shape:
@@ -73,8 +73,10 @@ std::unique_ptr<ForceField<D>> make_force_field(ModelKind kind, const ModelParam
     const auto outer = fused<PointKernel>(Gravity<2>{gravity}, Drag<2>{p.zeta});
     switch (kind) {
       case ModelKind::rough:
-        return model<2>(shape, fused<PairKernel>(PairContact<2>{p.epsilon, "contact"}, PairFriction<2>{p.mu}), wall,
-                        lip, outer);
+        // The edges are as stiff as two disks that touch: ε/4 over half the distance.
+        return model<2>(shape, fused<PairKernel>(PairContact<2>{p.epsilon, "contact"}, PairFriction<2>{p.mu}),
+                        fused<EdgeKernel>(EdgeContact{p.epsilon / 4, Edges::bare, p.rough_edges}, EdgeFriction{0}),
+                        wall, lip, outer);
       case ModelKind::smooth:
         return model<2>(shape, fused<EdgeKernel>(EdgeContact{p.epsilon}, EdgeFriction{p.mu, p.friction_point}), wall,
                         lip, outer);

@@ -27,7 +27,8 @@ struct ModelParameters {
   Real k_a = 0, k_l = 0, k_b = 0;
   Real mu = 0, zeta = 0;
   FrictionPoint friction_point = FrictionPoint::contact;
-  bool lip_edges = true;  ///< lips feel edges too
+  bool lip_edges = true;    ///< lips feel edges too
+  bool rough_edges = true;  ///< vertices of rough particles feel edges too
   // Droplets
   Real f0 = 10;          ///< contact force
   Real phi_c = 1e-4;     ///< depletion energy

@@ -1,4 +1,5 @@
-// Contact between smooth deformable particles, whose edges are circulo-lines [H App. A].
+// Contact between the vertices and the edges of deformable particles: smooth ones [H App. A], and rough ones whose
+// edges are stretched.
 #pragma once
 
 #include <pliant/model/contact_law.h>
@@ -8,9 +9,9 @@
 namespace pliant {
 
 /// A vertex j of one polygon against the outline of another:
-///   U_j = Σ_i [V(dist(j, closed edge i)) − V(dist(j, vertex i))], V(d) = ε/2 (1 − d/δ_mn)² Θ(1 − d/δ_mn), δ_mn = (δ_m
-///   + δ_n)/2
-/// with δ the width of an edge. The subtraction removes the double count where two edges share a vertex, so that U_j
+///   U_j = Σ_i [V(dist(j, closed edge i)) − V(dist(j, vertex i))], V(d) = ε/2 (1 − d/r)² Θ(1 − d/r)
+/// with the range r = (δ_m + δ_n)/2 of circulo-lines of width δ (smooth), or r = δ_n/2 of the disk of vertex j and an
+/// edge without width (rough). The subtraction removes the double count where two edges share a vertex, so that U_j
 /// equals V of the distance to the outline outside a convex corner and is C¹ everywhere; the distance rule of [H App.
 /// A] alone jumps where the foot of the perpendicular leaves an edge. Both directions count. The gradient goes to the
 /// vertex and to both ends of the edge: linear and angular momentum of the contact are conserved. The distance is
@@ -18,10 +19,12 @@ namespace pliant {
 /// and edges.
 struct EdgeContact {
   Real epsilon;
+  Edges edges = Edges::wide;
+  bool on = true;
 
   static constexpr Elements elements = Elements::vertex_edges;
-  static std::string_view name() { return "contact"; }
-  bool enabled(const StateView<2>&) const { return true; }
+  std::string_view name() const { return edges == Edges::wide ? "contact" : "edge"; }
+  bool enabled(const StateView<2>&) const { return on; }
 
   Real energy(const StateView<2>& s, Index e) const {
     const auto [p, a, b, v] = element(s, e);
@@ -82,18 +85,21 @@ struct EdgeContact {
     c.first = topology.particle[p];
     c.second = topology.particle[a];
     c.normal = direction<2>(foot.offset, d);
-    c.position = s.position(p) - topology.diameter[p] / (topology.diameter[p] + topology.diameter[a]) * foot.offset;
+    c.position = s.position(p) - topology.diameter[p] / (2 * v.delta) * foot.offset;
     c.overlap = 1 - d / v.delta;
     c.reach = v.delta;
     c.force = -v.slope(d) * c.normal;
     return true;
   }
 
-  /// Worst case: vertex against vertex, which both directions count, ω² = 4 ε/(δ² m); a vertex on an edge has half of
-  /// it.
+  /// Worst case: vertex against vertex, which both directions count, ω² = 4 ε/(r² m). Bare edges: a vertex in the
+  /// middle of one, 3/2 ε/(r² m); the disks of vertices keep these farther apart.
   Real max_rate(const Topology& topology) const {
-    return std::sqrt(4 * epsilon / smallest_over_points(topology, [&](Index i) {
-                       return square(topology.diameter[i]) * topology.mass(i);
+    if (!on) return 0;
+    const Real worst = edges == Edges::wide ? 4 : 1.5;
+    return std::sqrt(worst * epsilon / smallest_over_points(topology, [&](Index i) {
+                       const Real delta = topology.diameter[i];
+                       return square(vertex_edge_reach(edges, delta, delta)) * topology.mass(i);
                      }));
   }
 
@@ -104,7 +110,8 @@ struct EdgeContact {
   };
   Element element(const StateView<2>& s, Index e) const {
     const auto [p, a] = s.neighbours.vertex_edges[e];
-    return {p, a, s.topology.next[a], {epsilon, (s.topology.diameter[p] + s.topology.diameter[a]) / 2}};
+    const Real reach = vertex_edge_reach(edges, s.topology.diameter[p], s.topology.diameter[a]);
+    return {p, a, s.topology.next[a], {epsilon, reach}};
   }
 };
 

@@ -86,6 +86,7 @@ struct EdgeKernel {
   static bool fast() { return simd::fast(); }
   static void add_forces(const StateView<2>& s, Index chunk, Real* f, const EdgeContact& contact,
                          const EdgeFriction& friction) {
+    if (!contact.enabled(s)) return;
     const EdgeLaw law{contact.epsilon, friction.mu, friction.where == FrictionPoint::contact};
     const PairList& list = s.neighbours.vertex_edges;
     const Index* next = s.topology.next.data();

@@ -204,7 +204,7 @@ void Neighbours<D>::rebuild(const Topology& topology, const Walls<D>& wall, cons
   if constexpr (D == 2) {
     if (needs_.vertex_edges)
       build(vertex_edges, false, n, [&](Index first, Index last, auto&& found) {
-        find_vertex_edge_pairs(cloud, grid_, margin, widest_, first, last, found);
+        find_vertex_edge_pairs(cloud, grid_, needs_.edges, margin, widest_, first, last, found);
       });
     if (needs_.lips)
       build_own(lips, [&](Index first, Index last, auto&& found) {
@@ -307,7 +307,7 @@ void Neighbours<D>::relocate(const Topology& topology, const Walls<D>& wall, con
   if constexpr (D == 2) {
     if (needs_.vertex_edges) {
       const auto test = [&](Index vertex, Index edge) {
-        const Real contact = (topology.diameter[vertex] + topology.diameter[edge]) / 2;
+        const Real contact = vertex_edge_reach(needs_.edges, topology.diameter[vertex], topology.diameter[edge]);
         const SegmentFoot foot =
             segment_foot(point<2>(at, vertex), point<2>(at, edge), point<2>(at, topology.next[edge]));
         if (foot.d2 < square(contact + margin)) near_.push_back({{vertex, edge}, contact});

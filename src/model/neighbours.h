@@ -16,7 +16,8 @@ struct NeighbourNeeds {
   bool walls = false;
   bool lips = false;
   bool solids = false;
-  Real beyond = 0;  ///< range of forces beyond the contact distance, for points and for solids
+  Real beyond = 0;            ///< range of forces beyond the contact distance, for points and for solids
+  Edges edges = Edges::wide;  ///< in vertex–edge contacts
 };
 
 /// What a term has one element of.
@@ -33,7 +34,7 @@ struct Range {
 /// across a border is listed by the chunks on both sides, each of which works on its own points only.
 struct PairList {
   std::vector<Pair> pairs;
-  std::vector<Real> reach;   ///< contact distance of each pair, (δ_i + δ_j)/2; empty for walls, lips and solids
+  std::vector<Real> reach;   ///< contact distance of each pair; empty for walls, lips and solids
   std::vector<Index> start;  ///< [2 chunks + 1]
 
   Index size() const { return static_cast<Index>(pairs.size()); }
@@ -123,8 +124,8 @@ class Neighbours {
   std::int64_t rebuilds() const { return rebuilds_; }
   /// Another number whenever the lists hold other pairs.
   std::int64_t version() const { return version_; }
-  /// Pairs of points, or of vertices and edges.
-  std::int64_t pairs() const { return static_cast<std::int64_t>(point_pairs.size()) + vertex_edges.size(); }
+  /// Pairs of points; of vertices and edges where points meet none.
+  std::int64_t pairs() const { return needs_.point_pairs ? point_pairs.size() : vertex_edges.size(); }
   /// Entries in all lists: what one force evaluation visits.
   std::size_t size() const {
     return static_cast<std::size_t>(point_pairs.size()) + vertex_edges.size() + walls.size() + lips.size() +

@@ -81,7 +81,7 @@ class HopperRun {
         all_(make_particles(p.model, D, draw_diameters(p.sizes, p.particles, static_cast<std::uint64_t>(p.seed)),
                             p.shape)),
         system_({}, p.hopper.walls<D>(), make_force_field<D>(p.model, p.model_parameters(), down<D>()),
-                neighbour_needs(p.model), p.first_skin(), ranks),
+                neighbour_needs(p.model, p.model_parameters()), p.first_skin(), ranks),
         control_(p.checkpoint_interval, p.max_wall_time, ranks),
         clog_(p.clog_time, p.clog_speed),
         sampling_(p.sample_interval),

@@ -43,9 +43,11 @@ void HopperOptions::bind(Options& o) {
       {.help =
            "smooth particles: friction acts against the velocity at the contact, or of the edge's first vertex [H 12]",
        .on_restart = fixed});
-  o.bind("lip_contact", lip_contact, {{"edge", LipRule::edge}, {"literal", LipRule::literal}},
+  o.bind("lip_contact", lip_contact, {{"edge", ContactRule::edge}, {"literal", ContactRule::literal}},
          {.help = "deformable particles: the lips of the orifice touch edges too, or vertices only [H 10]",
           .on_restart = fixed});
+  o.bind("rough_contact", rough_contact, {{"edge", ContactRule::edge}, {"literal", ContactRule::literal}},
+         {.help = "rough particles: vertices touch stretched edges too, or vertices only [H 9]", .on_restart = fixed});
 
   o.group("Particles");
   o.bind("n", particles,
@@ -218,7 +220,8 @@ ModelParameters HopperOptions::model_parameters() const {
           .mu = mu,
           .zeta = zeta,
           .friction_point = friction_point,
-          .lip_edges = lip_contact == LipRule::edge};
+          .lip_edges = lip_contact == ContactRule::edge,
+          .rough_edges = rough_contact == ContactRule::edge};
 }
 
 }  // namespace pliant

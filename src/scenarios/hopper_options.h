@@ -17,7 +17,8 @@ namespace pliant {
 enum class Dynamics { inertial, overdamped };
 enum class IntegratorKind { verlet, ts };
 enum class FlowKind { continuous, discharge };
-enum class LipRule { edge, literal };
+/// What vertices and lips touch: edges as well, or vertices only, as [H] prints it.
+enum class ContactRule { edge, literal };
 
 /// As given by the user; `resolve` fills in what is automatic. Units: σ_avg = g = ρ = 1, times in t0.
 struct HopperOptions : RunOptions {
@@ -31,7 +32,7 @@ struct HopperOptions : RunOptions {
   Real e_sp = 100, e_w = 1e4, e_c = 1e4, k_a = 2e4, k_l = 10, k_b = 0.1;
   Real mu = 0, zeta = 0;
   FrictionPoint friction_point = FrictionPoint::contact;
-  LipRule lip_contact = LipRule::edge;
+  ContactRule lip_contact = ContactRule::edge, rough_contact = ContactRule::edge;
 
   Hopper hopper;
   std::optional<Real> wall_distance;
