@@ -165,6 +165,61 @@ void Neighbours<D>::build_own(PairList& list, Search&& search) {
   list.start.insert(list.start.end(), n, list.size());  // nothing across
 }
 
+/// Vertices and bare edges, from the pairs of points: a vertex within reach of an edge is listed with the end that is
+/// nearer to it. For edges that are too long for that there is the search.
+template <int D>
+void Neighbours<D>::build_from_points(const Topology& topology, const PointCloud& cloud) requires(D == 2) {
+  const Index n = chunks();
+  const Real margin = this->margin(), narrowest = *std::min_element(topology.diameter.begin(), topology.diameter.end());
+  const auto at = [&](Index i) { return point<2>(cloud.x, i); };
+  const auto d2 = [&](Index i, Index j) { return (at(i) - at(j)).squaredNorm(); };
+  // Of a vertex within δ_j/2 + margin of the edge, the nearer end is within (δ_i + δ_j)/2 + margin up to this length.
+  const auto is_long = [&](Real length2, Real diameter) {
+    return length2 > (1 - 1e-9) * diameter * (2 * narrowest + diameter + 4 * margin);
+  };
+  std::vector<std::vector<Found>> inside(n), across(n);
+#pragma omp parallel for schedule(dynamic, 1) if (n > 1)
+  for (Index c = 0; c < n; ++c) {
+    const auto add_edges = [&](const Range& range, std::vector<Found>& found) {
+      const auto add = [&](Index vertex, Index edge) {
+        if (is_long(d2(edge, topology.next[edge]), topology.diameter[edge])) return;
+        const Real reach = vertex_edge_reach(Edges::bare, topology.diameter[vertex], topology.diameter[edge]);
+        if (segment_foot(at(vertex), at(edge), at(topology.next[edge])).d2 < square(reach + margin))
+          found.push_back({{vertex, edge}, reach});
+      };
+      const auto add_both = [&](Index vertex, Index end) {
+        const Real near = d2(vertex, end);
+        if (near <= d2(vertex, topology.next[end])) add(vertex, end);
+        if (near < d2(vertex, topology.previous[end])) add(vertex, topology.previous[end]);
+      };
+      for (Index e = range.first; e < range.last; ++e) {
+        add_both(point_pairs[e].first, point_pairs[e].second);
+        add_both(point_pairs[e].second, point_pairs[e].first);
+      }
+    };
+    add_edges(point_pairs.inside(c), inside[c]);
+    add_edges(point_pairs.across(c), across[c]);
+  }
+  if (is_long(square(longest_), narrowest))
+    for (Index i = 0; i < topology.points(); ++i) {
+      if (!is_long(d2(i, topology.next[i]), topology.diameter[i])) continue;
+      find_vertex_edge_pairs(cloud, grid_, Edges::bare, margin, widest_, i, i + 1, [&](Index j, Index, Real reach) {
+        const Index home = chunk_of(i), away = chunk_of(j);
+        if (home >= 0) (home == away ? inside : across)[home].push_back({{j, i}, reach});
+        if (away >= 0 && away != home) across[away].push_back({{j, i}, reach});
+      });
+    }
+  vertex_edges.clear();
+  for (auto* parts : {&inside, &across})
+    for (const std::vector<Found>& part : *parts) {
+      for (const Found& found : part) {
+        vertex_edges.pairs.push_back(found.pair);
+        vertex_edges.reach.push_back(found.reach);
+      }
+      vertex_edges.start.push_back(vertex_edges.size());
+    }
+}
+
 template <int D>
 void Neighbours<D>::rebuild(const Topology& topology, const Walls<D>& wall, const Real* x, Real t) {
   const Index n = topology.points();
@@ -185,6 +240,13 @@ void Neighbours<D>::rebuild(const Topology& topology, const Walls<D>& wall, cons
     mean += d;
     widest_ = std::max(widest_, d);
   }
+  Real longest = 0;  // squared
+  if (needs_.vertex_edges) {
+#pragma omp parallel for reduction(max : longest) if (chunks() > 1)
+    for (Index i = 0; i < n; ++i)
+      longest = std::max(longest, (point<D>(x, topology.next[i]) - point<D>(x, i)).squaredNorm());
+  }
+  longest_ = std::sqrt(longest);
   if (needs_.point_pairs || needs_.vertex_edges) {
     // Cells as wide as the mean reach of a point: a search then visits a few cells of a few points each.
     grid_.build(x, topology.diameter.data(), n, mean / n + margin, [&](Index i) { return cloud.uses(i); });
@@ -202,7 +264,9 @@ void Neighbours<D>::rebuild(const Topology& topology, const Walls<D>& wall, cons
       find_solid_pairs<D>(cloud, wall.solids(), t, margin, first, last, found);
     });
   if constexpr (D == 2) {
-    if (needs_.vertex_edges)
+    if (needs_.vertex_edges && needs_.point_pairs && needs_.edges == Edges::bare)
+      build_from_points(topology, cloud);
+    else if (needs_.vertex_edges)
       build(vertex_edges, false, n, [&](Index first, Index last, auto&& found) {
         find_vertex_edge_pairs(cloud, grid_, needs_.edges, margin, widest_, first, last, found);
       });
@@ -211,13 +275,6 @@ void Neighbours<D>::rebuild(const Topology& topology, const Walls<D>& wall, cons
         find_lip_pairs(cloud, wall, margin, first, last, found);
       });
   }
-  Real longest = 0;  // squared
-  if (needs_.vertex_edges) {
-#pragma omp parallel for reduction(max : longest) if (chunks() > 1)
-    for (Index i = 0; i < n; ++i)
-      longest = std::max(longest, (point<D>(x, topology.next[i]) - point<D>(x, i)).squaredNorm());
-  }
-  longest_ = std::sqrt(longest);
   resize_large(reference_, static_cast<std::size_t>(topology.owned_points()) * D);
   reference_.assign(x, x + static_cast<std::size_t>(topology.owned_points()) * D);
   relocated_.clear();

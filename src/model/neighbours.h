@@ -149,6 +149,7 @@ class Neighbours {
   Index chunk_of(Index i) const;
   template <class Search>
   void build(PairList& list, bool searcher_first, Index all_points, Search&& search);
+  void build_from_points(const Topology& topology, const PointCloud& cloud) requires(D == 2);
   template <class Search>
   void build_own(PairList& list, Search&& search);
 

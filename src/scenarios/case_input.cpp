@@ -27,6 +27,7 @@ Keys keys_of(ModelKind kind) {
   } else {
     add(polygon);
     add({"delta", "eps_c", "shape_terms", "friction_point", "lip_contact"});
+    if (kind == ModelKind::rough) add({"rough_contact"});
   }
   return keys;
 }
@@ -213,11 +214,12 @@ Configuration<2> read_polygons(const Field& inputs, ModelKind kind) {
     p.k_b = inputs["kb"].number(Sign::not_negative);
   }
   p.epsilon = inputs["eps_c"].number_or(1e4, Sign::not_negative);
-  const std::array<std::string_view, 2> rubbing{"vertex", "contact"}, lips{"literal", "edge"};
-  const Field friction = inputs["friction_point"], lip = inputs["lip_contact"];
+  const std::array<std::string_view, 2> rubbing{"vertex", "contact"}, rule{"literal", "edge"};
+  const Field friction = inputs["friction_point"], lip = inputs["lip_contact"], rough = inputs["rough_contact"];
   p.friction_point =
       friction.present() && friction.choice(rubbing) == 1 ? FrictionPoint::contact : FrictionPoint::vertex;
-  p.lip_edges = lip.present() && lip.choice(lips) == 1;
+  p.lip_edges = lip.present() && lip.choice(rule) == 1;
+  p.rough_edges = rough.present() && rough.choice(rule) == 1;
   read_surroundings(inputs, c);
   return c;
 }

@@ -47,7 +47,7 @@ void check_directions(const StateView<D>& s, bool lip_edges, const std::string& 
   }
 }
 
-/// Distances to an outline are unsigned: inside it the force of a smooth contact would pull further in.
+/// Distances to an outline are unsigned: inside it the force of a contact with an edge would pull further in.
 void check_crossing(const Configuration<2>& c, const std::string& file) {
   // A point inside an outline of length L is at most L/2π from it (a disk of that radius fits in): the list has an edge
   // of every polygon that a vertex can lie in.
@@ -58,9 +58,9 @@ void check_crossing(const Configuration<2>& c, const std::string& file) {
   neighbours.rebuild(c.topology, c.walls, c.x.data());
   const auto crossing = find_crossing({c.x.data(), c.v.data(), c.topology, neighbours, c.walls});
   if (crossing)
-    throw InputError(
-        "{}: inputs.vertices[{}][{}] lies inside particle {}, where contacts of smooth particles have no meaning", file,
-        crossing->particle, crossing->vertex - c.topology.offset[crossing->particle], crossing->other);
+    throw InputError("{}: inputs.vertices[{}][{}] lies inside particle {}, where contacts with edges have no meaning",
+                     file, crossing->particle, crossing->vertex - c.topology.offset[crossing->particle],
+                     crossing->other);
 }
 
 /// Per-point vectors in the layout of the positions; per-vertex ones grouped by particle.
@@ -225,7 +225,7 @@ ordered_json evaluate(const json& document, const std::string& file) {
     inputs["dim"].fail("is {}, but must be 2 or 3", dim);
   }
   const Configuration<2> c = read_polygons(inputs, kind);
-  if (kind == ModelKind::smooth) check_crossing(c, file);
+  if (kind == ModelKind::smooth || (kind == ModelKind::rough && c.parameters.rough_edges)) check_crossing(c, file);
   return results(c, file);
 }
 

@@ -22,7 +22,8 @@ nlohmann::json read_case(const std::string& file);
 ///   DP         vertices (counter-clockwise, one array per particle), a0, l0, ka, kl, kb
 ///   DP-rough, DP-smooth: as DP and delta (else l0, or 0.1 l0 for smooth), mass (else rho a0), rho, eps_c (else
 ///              1e4), shape_terms (false: no shape energies, ka, kl and kb are not needed), friction_point "vertex"
-///              (else) or "contact" (smooth), lip_contact "literal" (else) or "edge"
+///              (else) or "contact" (smooth), lip_contact "literal" (else) or "edge"; DP-rough: rough_contact
+///              "literal" (else) or "edge"
 ///   SP, DP-rough, DP-smooth: velocities (else 0), eps_w (else 1e4), mu, zeta, gravity (else none), hopper {W, w,
 ///              theta_deg} in 2D
 ///   bubble     dim (else 2), positions, R, f0, phi_c, a_s, b, R_mean (else 10, 1e-4, 0.05, 1, 1), g (else 0),
@@ -34,8 +35,8 @@ nlohmann::json read_case(const std::string& file);
 /// also have "neighbours", those of each, and "velocity", which balances the forces.
 ///
 /// Errors: InputError that names the key for whatever is wrong with the document, for outlines that are clockwise or
-/// meet themselves, points on top of each other or of a wall (no direction for the force), a vertex inside a smooth
-/// particle. NumericalError if a result overflows.
+/// meet themselves, points on top of each other or of a wall (no direction for the force), a vertex inside a particle
+/// whose edges it touches. NumericalError if a result overflows.
 nlohmann::ordered_json evaluate(const nlohmann::json& document, const std::string& file);
 
 /// JSON text with 17 significant digits: a number per line, or a row of numbers.

@@ -303,3 +303,30 @@ def test_free_fall_with_drag(tmp_path):
         fall = (t - (1 - np.exp(-rate * t)) / rate) / rate
         assert frame["centres"][0, 1] == pytest.approx(first[1] - fall, abs=1e-6)
     assert t > 0.25
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_no_vertex_slips_through_a_stretched_edge(seed, tmp_path):
+    """Perimeters so soft that edges open under the weight: vertices alone are no outline."""
+    options = {**SMALL, "model": "rough", "mu": 3, "zeta": 0, "k_l": 1, "seed": seed, "t_end": 4}
+    result = pliant("hopper", output=tmp_path / "literal", rough_contact="literal", **options)
+    assert result.returncode == 3 and "has crossed the outline of particle" in result.stderr
+    results = hopper(tmp_path / "edge", **options)
+    assert results.summary["t"] == pytest.approx(4, abs=1e-3)
+
+    # No vertex inside another polygon, by the even-odd rule.
+    offset, x = results.topology["offset"], results.column("positions")
+    owner = np.repeat(np.arange(len(offset) - 1), np.diff(offset))
+    stretched = 0
+    for positions in x:
+        for m, (first, last) in enumerate(zip(offset[:-1], offset[1:])):
+            a = positions[first:last]
+            b = np.roll(a, -1, axis=0)
+            edges = np.linalg.norm(b - a, axis=1)
+            stretched += (edges > 1.5 * results.topology["l0"][m]).sum()
+            r = positions[owner != m][:, None]
+            spans = (a[:, 1] > r[..., 1]) != (b[:, 1] > r[..., 1])
+            with np.errstate(divide="ignore", invalid="ignore"):
+                left = r[..., 0] < a[:, 0] + (r[..., 1] - a[:, 1]) / (b[:, 1] - a[:, 1]) * (b[:, 0] - a[:, 0])
+            assert not ((spans & left).sum(axis=1) % 2).any()
+    assert stretched > 0

@@ -71,10 +71,11 @@ constexpr Real skin = 0.15;
 
 /// Takes what a search finds; the contact distance, where there is one, must be that of the pair.
 template <class C>
-auto collect(const C& c, std::vector<Pair>& found) {
-  return [&](Index i, Index j, auto... reach) {
+auto collect(const C& c, std::vector<Pair>& found, Edges edges = Edges::wide) {
+  return [&c, &found, edges](Index i, Index j, auto... reach) {
     found.push_back({i, j});
-    if constexpr (sizeof...(reach) > 0) CHECK((... + reach) == c.reach(i, j));
+    if constexpr (sizeof...(reach) > 0)
+      CHECK((... + reach) == (edges == Edges::wide ? c.reach(i, j) : c.diameter[i] / 2));
   };
 }
 
@@ -102,15 +103,17 @@ TEMPLATE_TEST_CASE_SIG("point pairs: each once, as by brute force", "", ((int D)
 }
 
 TEST_CASE("vertex-edge pairs: each once, as by brute force") {
-  for_each_cloud([](Random& random, Sizes sizes, Spread spread) {
+  const Edges edges = GENERATE(Edges::wide, Edges::bare);
+  for_each_cloud([&](Random& random, Sizes sizes, Spread spread) {
     const Cloud<2> c(random, 80, 5, sizes, spread);
     std::vector<Pair> found, expected;
     const Real widest = *std::max_element(c.diameter.begin(), c.diameter.end());
-    find_vertex_edge_pairs(c.view(), c.grid(0.3), skin, widest, 0, c.size(), collect(c, found));
+    find_vertex_edge_pairs(c.view(), c.grid(0.3), edges, skin, widest, 0, c.size(), collect(c, found, edges));
     for (Index j = 0; j < c.size(); ++j)
       for (Index i = 0; i < c.size(); ++i)
         if (c.group[i] != c.group[j] && c.used[c.group[i]] && c.used[c.group[j]] &&
-            std::sqrt(segment_foot(c.at(j), c.at(i), c.at(c.next[i])).d2) < c.reach(i, j) + skin)
+            std::sqrt(segment_foot(c.at(j), c.at(i), c.at(c.next[i])).d2) <
+                (edges == Edges::wide ? c.reach(i, j) : c.diameter[j] / 2) + skin)
           expected.push_back({j, i});
     REQUIRE(expected.size() > 10);
     CHECK(sorted(found) == expected);

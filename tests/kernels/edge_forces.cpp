@@ -16,6 +16,7 @@ namespace {
 
 /// Polygons with velocities and a list of pairs.
 struct Outlines {
+  Edges edges = Edges::wide;
   Topology topology;
   std::vector<Real> x, v, reach;
   std::vector<Pair> pairs;
@@ -27,7 +28,7 @@ struct Outlines {
   }
   void list(Index p, Index a) {
     pairs.push_back({p, a});
-    reach.push_back((topology.diameter[p] + topology.diameter[a]) / 2);
+    reach.push_back(vertex_edge_reach(edges, topology.diameter[p], topology.diameter[a]));
   }
   SegmentFoot foot(Index p, Index a) const {
     return segment_foot(point<2>(x.data(), p), point<2>(x.data(), a), point<2>(x.data(), topology.next[a]));
@@ -63,7 +64,7 @@ std::vector<Real> element_forces(const EdgeLaw& law, const Outlines& o, Index n)
   neighbours.vertex_edges.pairs = o.pairs;
   const Walls<2> walls({}, {});
   const StateView<2> s{o.x.data(), o.v.data(), o.topology, neighbours, walls};
-  const EdgeContact contact{law.epsilon};
+  const EdgeContact contact{law.epsilon, o.edges};
   const EdgeFriction friction{law.mu, law.at_contact ? FrictionPoint::contact : FrictionPoint::vertex};
   std::vector<Real> f(o.x.size());
   Scatter<2, -1> minus{f.data()};
@@ -96,8 +97,8 @@ Real error(const EdgeLaw& law, const Outlines& o, Index n) {
 
 /// Small polygons, also with notches and of different widths, at random places of a box, which they fill so that they
 /// touch and cross in every way; all pairs of vertices and edges of different ones, sorted by edge.
-Outlines crowd(Random& random, int polygons, Real box) {
-  Outlines o;
+Outlines crowd(Random& random, int polygons, Real box, Edges edges = Edges::wide) {
+  Outlines o{edges};
   for (int m = 0; m < polygons; ++m) {
     const Vec<2> centre(random(0, box), random(0, box));
     const int n = 3 + random.below(6);
@@ -171,6 +172,22 @@ TEST_CASE("edge forces equal those of the element forms") {
   CHECK(ways.at_end_carried > 1000);
   CHECK(ways.at_end_passed_on > 300);
   CHECK(ways.near_start > 1000);
+}
+
+TEST_CASE("edge forces of bare edges equal those of the element forms") {
+  Ways ways;
+  for (int k = 0; k < 30; ++k) {
+    INFO("state " << k);
+    Random random(k);
+    const Outlines o = crowd(random, 2 + random.below(25), k % 3 == 0 ? 0.8 : 3, Edges::bare);
+    ways.count(o);
+    CHECK(error({1e3, 0, true}, o, static_cast<Index>(o.pairs.size())) < 1e-12);
+  }
+  CHECK(ways.apart > 5000);
+  CHECK(ways.inside > 2000);
+  CHECK(ways.at_start > 200);
+  CHECK(ways.at_end_carried > 200);
+  CHECK(ways.near_start > 200);
 }
 
 TEST_CASE("edge forces at corners, on edges and at the end of the reach") {

@@ -74,7 +74,8 @@ Neighbours<D> brute_force(const Configuration<D>& c, ModelKind kind) {
         all.point_pairs.pairs.push_back({i, j});
       if constexpr (D == 2) {
         if (needs.vertex_edges && (c.position(j) - r).squaredNorm() < 9 &&  // edges are shorter than that
-            segment_foot(c.position(j), r, c.position(t.next[i])).d2 < square(reach))
+            segment_foot(c.position(j), r, c.position(t.next[i])).d2 <
+                square(vertex_edge_reach(needs.edges, t.diameter[j], t.diameter[i]) + skin))
           all.vertex_edges.pairs.push_back({j, i});
       }
     }
@@ -88,7 +89,7 @@ Pair ordered(const Pair& p, bool symmetric) { return symmetric && p.first < p.se
 /// Every pair is inside one chunk, or across the border of two; there by the rule for who comes first.
 template <int D>
 void check_pairs(const Neighbours<D>& lists, const PairList& list, std::vector<Pair> expected, const Topology& t,
-                 bool points) {
+                 bool points, Edges edges = Edges::wide) {
   struct Entry {
     Pair pair;
     Index chunk;
@@ -110,7 +111,7 @@ void check_pairs(const Neighbours<D>& lists, const PairList& list, std::vector<P
     }
   }
   for (Index e = 0; e < list.size(); ++e)
-    wrong[3] += list.reach[e] != (t.diameter[list[e].first] + t.diameter[list[e].second]) / 2;
+    wrong[3] += list.reach[e] != vertex_edge_reach(edges, t.diameter[list[e].first], t.diameter[list[e].second]);
   CHECK(wrong == std::array<int, 4>{});
   CHECK(static_cast<Index>(entries.size()) == list.size());
 
@@ -149,10 +150,10 @@ void check_lists(const Configuration<D>& c, ModelKind kind) {
     points = lists.points(k).last;
   }
   CHECK(particles == c.topology.particles());
-  if (kind == ModelKind::smooth)
-    check_pairs(lists, lists.vertex_edges, all.vertex_edges.pairs, c.topology, false);
-  else
-    check_pairs(lists, lists.point_pairs, all.point_pairs.pairs, c.topology, true);
+  const NeighbourNeeds needs = neighbour_needs(kind);
+  if (needs.vertex_edges)
+    check_pairs(lists, lists.vertex_edges, all.vertex_edges.pairs, c.topology, false, needs.edges);
+  if (needs.point_pairs) check_pairs(lists, lists.point_pairs, all.point_pairs.pairs, c.topology, true);
   CHECK(lists.walls.pairs == all.walls.pairs);
   CHECK(lists.walls.size() > 20);
   CHECK(lists.lips.pairs == all.lips.pairs);
@@ -269,8 +270,8 @@ Results<D> by_loops(const StateView<D>& s, const VectorXd& p, ModelKind kind, co
     const Bending bending{a.k_b};
     const LipContact lip{a.epsilon_wall, a.lip_edges};
     if (kind == ModelKind::rough)
-      return by_loops(s, p, area, perimeter, bending, PairContact<2>{a.epsilon, "contact"}, PairFriction<2>{a.mu}, wall,
-                      lip, weight, drag);
+      return by_loops(s, p, area, perimeter, bending, PairContact<2>{a.epsilon, "contact"}, PairFriction<2>{a.mu},
+                      EdgeContact{a.epsilon / 4, Edges::bare}, wall, lip, weight, drag);
     return by_loops(s, p, area, perimeter, bending, EdgeContact{a.epsilon}, EdgeFriction{a.mu, a.friction_point}, wall,
                     lip, weight, drag);
   }
@@ -344,7 +345,7 @@ void check_momentum(const Configuration<D>& c, ModelKind kind) {
 template <int D>
 struct Computed {
   std::vector<Pair> point_pairs, vertex_edges, walls, lips;
-  std::vector<Real> reach, forces, accelerations, energy_forces;
+  std::vector<Real> reach, edge_reach, forces, accelerations, energy_forces;
   Real energy = 0, power = 0;
   bool valid = false;
   bool operator==(const Computed&) const = default;
@@ -360,7 +361,8 @@ Computed<D> compute(const Configuration<D>& c, ModelKind kind) {
   r.vertex_edges = lists.vertex_edges.pairs;
   r.walls = lists.walls.pairs;
   r.lips = lists.lips.pairs;
-  r.reach = kind == ModelKind::smooth ? lists.vertex_edges.reach : lists.point_pairs.reach;
+  r.reach = lists.point_pairs.reach;
+  r.edge_reach = lists.vertex_edges.reach;
   r.forces.resize(c.x.size());
   r.accelerations = r.energy_forces = r.forces;
   field->forces(s, r.forces.data());

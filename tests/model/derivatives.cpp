@@ -89,6 +89,18 @@ TEST_CASE("derivatives of the edge contact") {
   });
 }
 
+TEST_CASE("derivatives of the contact with bare edges") {
+  const auto field = alone<2>(EdgeContact{epsilon, Edges::bare});
+  for_each_place(interior_places, [&](Place place) {
+    check_smooth<2>(
+        *field, [&](Random& r) { return touching_bare_polygons(r, place); }, 1e-6);
+  });
+  for_each_place(boundary_places, [&](Place place) {
+    check_boundary<2>(
+        *field, [&](Random& r) { return touching_bare_polygons(r, place); }, 1e-6);
+  });
+}
+
 TEST_CASE("derivatives of the wall contact") {
   const auto field2 = alone<2>(WallContact<2>{epsilon});
   const auto field3 = alone<3>(WallContact<3>{epsilon});
@@ -139,7 +151,7 @@ TEST_CASE("derivatives of the models") {
   SECTION("bulk") {
     check_smooth<2>(*shape, single_polygon, 1e-4);
     check_smooth<2>(
-        *rough, [](Random& r) { return crowd_of_polygons(r, 0.3); }, 1e-5);
+        *rough, [](Random& r) { return crowd_of_polygons(r, 0.3).with_bare_edges(); }, 1e-5);
     check_smooth<2>(
         *smooth, [](Random& r) { return crowd_of_polygons(r, smooth_width); }, 1e-6);
     check_smooth<2>(
@@ -154,13 +166,13 @@ TEST_CASE("derivatives of the models") {
       check_smooth<3>(
           *soft3, [&](Random& r) { return soft_at_wall<3>(r, 90, place); }, 1e-5);
       check_smooth<2>(
-          *rough, [&](Random& r) { return polygon_at_wall(r, 45, place, 0.3); }, 1e-6);
+          *rough, [&](Random& r) { return polygon_at_wall(r, 45, place, 0.3).with_bare_edges(); }, 1e-6);
       check_smooth<2>(
           *smooth, [&](Random& r) { return polygon_at_wall(r, 90, place, smooth_width); }, 1e-6);
     });
     for_each_place(interior_lip_places, [&](LipPlace place) {
       check_smooth<2>(
-          *rough, [&](Random& r) { return polygon_at_lip(r, 90, place, 0.3); }, 1e-6);
+          *rough, [&](Random& r) { return polygon_at_lip(r, 90, place, 0.3).with_bare_edges(); }, 1e-6);
       check_smooth<2>(
           *smooth, [&](Random& r) { return polygon_at_lip(r, 45, place, smooth_width); }, 1e-6);
     });
@@ -176,7 +188,7 @@ TEST_CASE("derivatives of the models") {
     });
     for_each_place(boundary_wall_places, [&](WallPlace place) {
       check_boundary<2>(
-          *rough, [&](Random& r) { return polygon_at_wall(r, 45, place, 0.3); }, 1e-6);
+          *rough, [&](Random& r) { return polygon_at_wall(r, 45, place, 0.3).with_bare_edges(); }, 1e-6);
     });
   }
 }

@@ -83,10 +83,12 @@ TEST_CASE("energies do not see a shift or a rotation; forces turn along and cons
     }
     check_invariant(*alone<2>(PairContact<2>{1e3, "pair"}), soft_cluster<2>(random), random);
     check_invariant(*alone<3>(PairContact<3>{1e3, "pair"}), soft_cluster<3>(random), random);
-    for (const Place place : interior_places)
+    for (const Place place : interior_places) {
       check_invariant(*alone<2>(EdgeContact{1e3}), touching_polygons(random, place), random);
-    check_invariant(*make_force_field<2>(ModelKind::rough, parameters, Vec<2>::Zero()), crowd_of_polygons(random, 0.3),
-                    random);
+      check_invariant(*alone<2>(EdgeContact{1e3, Edges::bare}), touching_bare_polygons(random, place), random);
+    }
+    check_invariant(*make_force_field<2>(ModelKind::rough, parameters, Vec<2>::Zero()),
+                    crowd_of_polygons(random, 0.3).with_bare_edges(), random);
     check_invariant(*make_force_field<2>(ModelKind::smooth, parameters, Vec<2>::Zero()),
                     crowd_of_polygons(random, smooth_width), random);
     check_invariant(*make_force_field<2>(ModelKind::sp, parameters, Vec<2>::Zero()), soft_cluster<2>(random), random);

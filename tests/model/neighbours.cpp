@@ -13,7 +13,8 @@ using namespace pliant::test;
 namespace {
 
 constexpr Real skin = 0.1;
-constexpr NeighbourNeeds all_lists{true, true, true, true};
+constexpr NeighbourNeeds all_lists{true, true, true, true},
+    bare_lists{.point_pairs = true, .vertex_edges = true, .walls = true, .lips = true, .edges = Edges::bare};
 
 /// Polygons strewn over the orifice of a hopper, overlapping at will.
 struct Scene {
@@ -43,11 +44,12 @@ bool contains(const PairList& sorted, const Pair& pair) {
 }  // namespace
 
 TEST_CASE("a list holds every contact until something has moved by half the skin") {
+  const NeighbourNeeds needs = GENERATE(all_lists, bare_lists);
   for (int seed = 0; seed < 10; ++seed) {
     Random random(seed);
     const Scene scene(random);
     const Topology& t = scene.topology;
-    Neighbours<2> lists(all_lists, skin);
+    Neighbours<2> lists(needs, skin);
     lists.ensure(t, scene.walls, scene.x.data());
     // The farthest that keeps the list.
     const std::vector<Real> y = scene.moved(random, 0.4999 * skin);
@@ -68,7 +70,8 @@ TEST_CASE("a list holds every contact until something has moved by half the skin
         const Vec<2> q = point<2>(y.data(), j);
         const Real reach = (t.diameter[i] + t.diameter[j]) / 2;
         expect(0, (r - q).norm() < reach, contains(lists.point_pairs, {i, j}) || contains(lists.point_pairs, {j, i}));
-        expect(1, segment_foot(q, r, next).d2 < square(reach), contains(lists.vertex_edges, {j, i}));
+        const Real on_edge = needs.edges == Edges::wide ? reach : t.diameter[j] / 2;
+        expect(1, segment_foot(q, r, next).d2 < square(on_edge), contains(lists.vertex_edges, {j, i}));
       }
       for (Index s = 0; s < scene.walls.size(); ++s)
         expect(2, scene.walls.distance(r, s) < t.diameter[i] / 2, contains(lists.walls, {i, s}));
@@ -81,6 +84,53 @@ TEST_CASE("a list holds every contact until something has moved by half the skin
     CHECK(contacts[2] > 2);
     CHECK(missing == std::array<int, 4>{});
   }
+}
+
+TEST_CASE("bare edges are listed once with each vertex within their reach, long ones and short ones") {
+  // Edges of 0.2 … 6 diameters. At a skin of 0 nearly all are too long to be found from the pairs of points.
+  for (const Real margin : {0.0, skin, 0.5})
+    for (int seed = 0; seed < 5; ++seed) {
+      INFO("skin " << margin << ", seed " << seed);
+      Random random(seed);
+      const Scene scene(random, 600);
+      const Topology& t = scene.topology;
+      Neighbours<2> lists(bare_lists, margin);
+      lists.rebuild(t, scene.walls, scene.x.data());
+      REQUIRE(lists.chunks() == 2);
+      std::vector<Pair> expected, inside, across[2];
+      int from_points = 0, beyond_points = 0;
+      for (Index i = 0; i < t.points(); ++i)
+        for (Index j = 0; j < t.points(); ++j) {
+          const Vec<2> a = point<2>(scene.x.data(), i), b = point<2>(scene.x.data(), t.next[i]),
+                       r = point<2>(scene.x.data(), j);
+          if (t.particle[i] == t.particle[j] || segment_foot(r, a, b).d2 >= square(t.diameter[j] / 2 + margin))
+            continue;
+          expected.push_back({j, i});
+          const Real nearer = std::min((r - a).norm(), (r - b).norm());
+          ++(nearer < (t.diameter[i] + t.diameter[j]) / 2 + margin ? from_points : beyond_points);
+        }
+      REQUIRE(from_points > 50);
+      if (margin < 0.2) REQUIRE(beyond_points > 50);
+      bool reaches = true;
+      for (Index e = 0; e < lists.vertex_edges.size(); ++e)
+        reaches &= lists.vertex_edges.reach[e] == t.diameter[lists.vertex_edges[e].first] / 2;
+      CHECK(reaches);
+      for (Index c = 0; c < 2; ++c) {
+        const Range in = lists.vertex_edges.inside(c), out = lists.vertex_edges.across(c), own = lists.points(c);
+        for (Index e = in.first; e < in.last; ++e) {
+          inside.push_back(lists.vertex_edges[e]);
+          CHECK((own.contains(inside.back().first) && own.contains(inside.back().second)));
+        }
+        for (Index e = out.first; e < out.last; ++e) across[c].push_back(lists.vertex_edges[e]);
+        std::sort(across[c].begin(), across[c].end());
+      }
+      REQUIRE(across[0].size() > 5);
+      CHECK(across[0] == across[1]);
+      inside.insert(inside.end(), across[0].begin(), across[0].end());
+      std::sort(inside.begin(), inside.end());
+      std::sort(expected.begin(), expected.end());
+      CHECK(inside == expected);
+    }
 }
 
 TEST_CASE("one point that has moved by more than half the skin rebuilds the lists") {
@@ -229,10 +279,11 @@ TEST_CASE("lists of soft particles in 3D follow the same rule") {
 }
 
 TEST_CASE("a relocated particle is listed as a rebuild would, also twice and next to another one") {
+  const NeighbourNeeds needs = GENERATE(all_lists, bare_lists);
   Random random(7);
   const Scene scene(random, 600);
   const Topology& t = scene.topology;
-  Neighbours<2> lists(all_lists, skin), again(all_lists, skin);
+  Neighbours<2> lists(needs, skin), again(needs, skin);
   lists.ensure(t, scene.walls, scene.x.data());
   REQUIRE(lists.chunks() == 2);
   std::vector<Real> x = scene.x;
@@ -249,7 +300,7 @@ TEST_CASE("a relocated particle is listed as a rebuild would, also twice and nex
   onto(90, 3);
   CHECK(lists.valid(scene.walls, x.data()));
   CHECK(lists.rebuilds() == 1);
-  Neighbours<2> fresh(all_lists, skin);
+  Neighbours<2> fresh(needs, skin);
   fresh.ensure(t, scene.walls, x.data());
   const auto sorted = [&](const PairList& list, Index chunk, bool across) {
     const Range range = across ? list.across(chunk) : list.inside(chunk);

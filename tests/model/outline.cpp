@@ -179,6 +179,40 @@ TEST_CASE("without the lip term a lip enters an edge unnoticed") {
   CHECK(make_force_field<2>(ModelKind::smooth, p, Vec<2>::Zero())->energy(c.view()) == 0);
 }
 
+TEST_CASE("a vertex enters a stretched edge of a rough particle unnoticed, but for the edge contact") {
+  // A vertex goes straight through the middle of an edge of a 16-gon, whose vertices are disks of an edge's rest
+  // length.
+  const ModelParameters p{.epsilon = epsilon, .epsilon_wall = 0};
+  ModelParameters literal = p;
+  literal.rough_edges = false;
+  const auto closed = make_force_field<2>(ModelKind::rough, p, Vec<2>::Zero()),
+             open = make_force_field<2>(ModelKind::rough, literal, Vec<2>::Zero());
+  for (const Real other : {0.3, 1.0, 1.7})  // diameter of the vertex over that of the edge
+    for (const Real stretch : {1.0, 1.7, 2.5}) {
+      INFO("stretch " << stretch << ", other " << other);
+      const Polygon outline = regular_polygon(16, 1, {0, 0}, -pi / 2 - pi / 16);
+      const Real length = (outline[1] - outline[0]).norm(), rest = length / stretch, width = other * rest;
+      REQUIRE(outward(outline, 0)[1] == Approx(-1));
+      const Real bottom = outline[0][1];
+      // Where its disk touches those of both ends, as far as they reach that far.
+      const Real touch = std::sqrt(std::max(0.0, square((rest + width) / 2) - square(length / 2)));
+      if (stretch == 1) CHECK(touch > width / 2);  // at rest the disks of the ends are nearer
+      Real highest = 0;
+      for (Real d = 1.5 * touch + 0.6 * width; d > 0; d -= 0.002 * width) {
+        Configuration<2> c;
+        c.add_polygon(outline, rest);
+        c.add_polygon(wedge({0, bottom - d}, {0, -1}), width);
+        c = std::move(c).with_bare_edges();
+        const Real with = closed->energy(c.view()), without = open->energy(c.view());
+        if (d >= width / 2) CHECK(with == without);
+        if (stretch > 1 + other) CHECK(without == 0);      // the hole
+        highest = std::max(highest, with - without);
+      }
+      // The vertex would have to be pushed by half of ε/(δ/2).
+      CHECK(highest == Approx(epsilon / 8).epsilon(0.02));
+    }
+}
+
 TEST_CASE("each place of an outline carries the contact of a vertex once") {
   const auto contact = alone<2>(EdgeContact{epsilon});
   const auto friction = alone<2>(EdgeFriction{1});

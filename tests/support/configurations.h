@@ -57,6 +57,13 @@ class Configuration {
     topology.add_soft(2 * radius, radius * square(radius));
     append(centre);
   }
+  /// Lists for contacts with bare edges, which rough particles have.
+  Configuration with_bare_edges() && {
+    NeighbourNeeds needs = everything;
+    needs.edges = Edges::bare;
+    neighbours_ = std::make_unique<Neighbours<D>>(needs, list_skin);
+    return std::move(*this);
+  }
   void random_velocities(Random& random) {
     for (Real& a : v) a = random(-1, 1);
   }
@@ -70,8 +77,9 @@ class Configuration {
   }
 
   static constexpr NeighbourNeeds everything{true, D == 2, true, D == 2, true, 0.1};
+  static constexpr Real list_skin = 0.02;
   // Behind a pointer so that a view survives a move of the configuration.
-  std::unique_ptr<Neighbours<D>> neighbours_ = std::make_unique<Neighbours<D>>(everything, 0.02);
+  std::unique_ptr<Neighbours<D>> neighbours_ = std::make_unique<Neighbours<D>>(everything, list_skin);
 };
 
 /// A few terms, mostly one, as a model by themselves.
@@ -193,6 +201,13 @@ inline Configuration<2> touching_polygons(Random& random, Place place, Real delt
   c.add_polygon(wedge(tip, away), delta);
   c.random_velocities(random);
   return c;
+}
+
+/// The same with bare edges and the same range of the contact: half the diameter of a vertex.
+inline Configuration<2> touching_bare_polygons(Random& random, Place place) {
+  Configuration<2> c = touching_polygons(random, place);
+  for (Real& delta : c.topology.diameter) delta *= 2;
+  return std::move(c).with_bare_edges();
 }
 
 /// Particles of very different shape and size, each pressed against an earlier one.
