@@ -20,13 +20,13 @@ Real squared_distance(const StateView<2>& s, Index vertex, Index edge) {
 }
 
 /// Up to this distance of a vertex from an outline, the lists hold the pair, within its reach. For pairs of vertices
-/// and edges that is the least reach of all; of vertices, one that is within reach of neither end of an edge may be
-/// nearer to its middle.
+/// and edges that is the least reach of all, which is half a diameter where edges are bare (points have a list too,
+/// then); of vertices, one that is within reach of neither end of an edge may be nearer to its middle.
 Real sure_distance(const StateView<2>& s) {
   const Topology& topology = s.topology;
   if (topology.points() == 0) return std::numeric_limits<Real>::infinity();
   const Real least = *std::min_element(topology.diameter.begin(), topology.diameter.end());
-  if (!s.neighbours.vertex_edges.start.empty()) return least;
+  if (!s.neighbours.vertex_edges.start.empty()) return s.neighbours.point_pairs.start.empty() ? least : least / 2;
   Real d2 = std::numeric_limits<Real>::infinity();
 #pragma omp parallel for reduction(min : d2) if (s.neighbours.chunks() > 1)
   for (Index i = 0; i < topology.points(); ++i)
@@ -77,6 +77,7 @@ OutlineLook look_at_outlines(const StateView<2>& s) {
       [&](Index e, std::optional<Crossing>& found) {
         test(s, edges[e].first, topology.particle[edges[e].second], found);
       });
+  if (!edges.start.empty()) return seen;
   const auto to_both_edges = [&](Index i, Index j) {
     return std::min(squared_distance(s, i, topology.previous[j]), squared_distance(s, i, j));
   };

@@ -305,10 +305,9 @@ def test_free_fall_with_drag(tmp_path):
     assert t > 0.25
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_no_vertex_slips_through_a_stretched_edge(seed, tmp_path):
+def test_no_vertex_slips_through_a_stretched_edge(tmp_path):
     """Perimeters so soft that edges open under the weight: vertices alone are no outline."""
-    options = {**SMALL, "model": "rough", "mu": 3, "zeta": 0, "k_l": 1, "seed": seed, "t_end": 4}
+    options = {**SMALL, "model": "rough", "mu": 3, "zeta": 0, "k_l": 1, "seed": 2, "t_end": 4}
     result = pliant("hopper", output=tmp_path / "literal", rough_contact="literal", **options)
     assert result.returncode == 3 and "has crossed the outline of particle" in result.stderr
     results = hopper(tmp_path / "edge", **options)

@@ -98,7 +98,8 @@ Real error(const EdgeLaw& law, const Outlines& o, Index n) {
 /// Small polygons, also with notches and of different widths, at random places of a box, which they fill so that they
 /// touch and cross in every way; all pairs of vertices and edges of different ones, sorted by edge.
 Outlines crowd(Random& random, int polygons, Real box, Edges edges = Edges::wide) {
-  Outlines o{edges};
+  Outlines o;
+  o.edges = edges;
   for (int m = 0; m < polygons; ++m) {
     const Vec<2> centre(random(0, box), random(0, box));
     const int n = 3 + random.below(6);

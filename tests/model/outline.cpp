@@ -204,12 +204,13 @@ TEST_CASE("a vertex enters a stretched edge of a rough particle unnoticed, but f
         c.add_polygon(wedge({0, bottom - d}, {0, -1}), width);
         c = std::move(c).with_bare_edges();
         const Real with = closed->energy(c.view()), without = open->energy(c.view());
-        if (d >= width / 2) CHECK(with == without);
-        if (stretch > 1 + other) CHECK(without == 0);      // the hole
+        if (d > 0.501 * width) CHECK(with == without);
+        if (stretch > 1 + other) CHECK(without == 0);  // the hole
         highest = std::max(highest, with - without);
       }
-      // The vertex would have to be pushed by half of ε/(δ/2).
-      CHECK(highest == Approx(epsilon / 8).epsilon(0.02));
+      // V at a distance of 0, and a little of the ends' disks against the edges beside the vertex.
+      CHECK(highest > 0.99 * epsilon / 8);
+      CHECK(highest < 1.05 * epsilon / 8);
     }
 }
 

@@ -307,6 +307,32 @@ TEST_CASE("evaluate lets lips feel edges on request") {
   check_term(edge.at("force").at("total"), {{{0, 6e4}, {0, 18e4}, {0, 0}, {0, 0}}});
 }
 
+TEST_CASE("evaluate lets vertices of rough particles feel edges on request") {
+  json document = square_and_triangle();
+  document["model"] = "DP-rough";
+  document["inputs"]["delta"] = {0.2, 0.2};  // a disk of radius 0.1 above the edge, at 0.06
+  document["inputs"]["eps_c"] = 4e4;
+  const json literal = run(document);
+  CHECK(keys(literal["force"]) == std::set<std::string>{"contact", "total"});
+  CHECK(literal.at("energy").at("contact") == 0.0);
+  document["inputs"]["rough_contact"] = "literal";
+  CHECK(run(document) == literal);
+  document["inputs"]["rough_contact"] = "edge";
+  const json edge = run(document);
+  CHECK(keys(edge["energy"]) == std::set<std::string>{"contact", "edge"});
+  check_term(edge.at("energy").at("edge"), 5000 * 0.16);
+  const json force{{{0, 0}, {0, 0}, {0, -16000}, {0, -24000}}, {{0, 40000}, {0, 0}, {0, 0}}};
+  check_term(edge.at("force").at("edge"), force);
+  check_term(edge.at("force").at("total"), force);
+  // Inside, the force would pull further in; vertices alone do not see it.
+  document["inputs"]["vertices"][1][0] = {0.4, 0.98};
+  CHECK_THAT(message(document), Catch::Contains("inputs.vertices[1][0] lies inside particle 0"));
+  document["inputs"]["rough_contact"] = "literal";
+  CHECK(message(document) == "no error");
+  document["model"] = "DP-smooth";
+  CHECK_THAT(message(document), Catch::Contains("inputs.rough_contact means nothing to model DP-smooth"));
+}
+
 TEST_CASE("evaluate shares the drag of a polygon among its vertices") {
   json document = square_and_triangle();
   document["inputs"]["zeta"] = 12;
