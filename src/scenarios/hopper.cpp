@@ -352,7 +352,7 @@ class HopperRun {
   Real height(const State& s, Index m) const { return mean_of_points<D>(s.x().data(), system_.topology(), m)[D - 1]; }
 
   Passage<D> passage(const State& s) const {
-    return {s.x().data(), system_.topology(), p_.hopper, system_.walls(), p_.lip_contact == LipRule::edge};
+    return {s.x().data(), system_.topology(), p_.hopper, system_.walls(), p_.lip_contact == ContactRule::edge};
   }
 
   NumericalError through_wall(Index id, const std::array<Real, D>& at, std::string_view how) const {
