@@ -419,8 +419,10 @@ void Options::from_json(const Json& stored) {
         const Json now = value(*option);
         assign(*option, old, option->source);
         if (value(*option) != now)
-          throw RestartConflict("-{} {}: the stored run has {}, and a restart cannot change it", name, plain(now),
-                                old.is_null() ? std::string("an automatic value") : plain(old));
+          throw RestartConflict(
+              "-{} {}: the stored run has {}, and a restart cannot change it; leave it out, or start a new run in "
+              "another folder",
+              name, plain(now), old.is_null() ? std::string("an automatic value") : plain(old));
       }
     } else if (!is_petsc(name)) {
       throw InputError("stored options: -{} is unknown to this version; continue with the version that wrote them",

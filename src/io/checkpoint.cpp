@@ -151,6 +151,13 @@ void CheckpointWriter::finish() {
 
 // ---- reading ---------------------------------------------------------------------------------------------------
 
+bool has_checkpoint(const fs::path& folder) {
+  return std::any_of(names.begin(), names.end(), [&](const char* name) {
+    std::error_code ignored;
+    return fs::exists(folder / name, ignored);
+  });
+}
+
 StoredCheckpoints find_checkpoints(const fs::path& folder) {
   StoredCheckpoints stored;
   struct Whole {
@@ -177,8 +184,9 @@ StoredCheckpoints find_checkpoints(const fs::path& folder) {
   });
   for (Whole& w : whole) stored.files.push_back(std::move(w.path));
   if (stored.files.empty() && stored.problems.empty())
-    throw InputError("there is no checkpoint in {}; give -restart the -output folder of a run that wrote one",
-                     folder.string());
+    throw InputError(
+        "there is no checkpoint in {}; give -restart the folder of a run that has one, or start one by -output",
+        folder.string());
   return stored;
 }
 

@@ -92,6 +92,9 @@ struct StoredCheckpoints {
   std::vector<std::string> problems;         ///< what is wrong with the others
 };
 
+/// Whether there is a file of such a name, good or bad.
+bool has_checkpoint(const std::filesystem::path& folder);
+
 /// Looks for the checkpoints of a folder and compares them with their checksums. Errors: InputError if there is no file
 /// of such a name.
 StoredCheckpoints find_checkpoints(const std::filesystem::path& folder);

@@ -537,6 +537,13 @@ File File::open(const std::filesystem::path& path, bool writable) {
 File File::open_read(const std::filesystem::path& path) { return open(path, false); }
 File File::open_write(const std::filesystem::path& path) { return open(path, true); }
 
+void File::rename(const std::filesystem::path& path) {
+  std::error_code error;
+  std::filesystem::rename(file_, path, error);
+  if (error) throw OutputError("cannot create {}: {}; check permissions", path.string(), error.message());
+  file_ = path.string();
+}
+
 void File::flush() {
   const Quiet quiet;
   extend();

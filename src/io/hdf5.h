@@ -199,6 +199,8 @@ class File : public Group {
 
   bool is_open() const { return file_id_.valid(); }
   const std::string& name() const { return file_; }
+  /// Gives the file on disk another name. Groups opened before have the old one in their messages. Errors: OutputError.
+  void rename(const std::filesystem::path& path);
   /// Makes everything written so far readable by others, and by anyone after this process is killed.
   void flush();
   /// Sets aside disk space for `bytes` beyond the end of the file. What is reserved before a flush cannot fail half-way

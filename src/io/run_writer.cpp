@@ -10,6 +10,7 @@
 #include <utility>
 
 #include <pliant/base/errors.h>
+#include <pliant/io/folder_lock.h>
 #include <pliant/io/shared_file.h>
 
 namespace pliant {
@@ -34,17 +35,8 @@ void refuse_existing_run(const std::filesystem::path& folder) {
   for (const char* name : {run_name, "checkpoint-a.h5", "checkpoint-b.h5"}) {
     std::error_code ignored;
     if (std::filesystem::exists(folder / name, ignored))
-      throw InputError("{} holds a run already ({}); go on with it by -restart {}, or choose another -output",
-                       folder.string(), name, folder.string());
+      throw InputError("{} holds a run already ({}); choose another folder", folder.string(), name);
   }
-}
-
-void create_folder(const std::filesystem::path& folder) {
-  std::error_code error;
-  std::filesystem::create_directories(folder, error);
-  if (!error && !std::filesystem::is_directory(folder)) error = std::make_error_code(std::errc::not_a_directory);
-  if (error)
-    throw OutputError("cannot create the folder {}: {}; choose another -output", folder.string(), error.message());
 }
 
 void write_manifest(File& file, const Manifest& manifest) {
@@ -147,8 +139,11 @@ void RunWriter::start(const Manifest& manifest, const Topology& topology, const 
   if (geometry.segments.size() % 4 != 0) throw std::invalid_argument("run.h5: a wall segment is four numbers");
   create_folder(folder_);
   refuse_existing_run(folder_);
-  const auto path = folder_ / run_name;
-  file_.emplace(File::create(path));
+  // It gets its name when it can be read, so that a kill leaves no torso that cannot.
+  const auto path = folder_ / run_name, begun = folder_ / "run.h5.new";
+  std::error_code ignored;
+  std::filesystem::remove(begun, ignored);
+  file_.emplace(File::create(begun));
   try {
     file_->reserve(metadata_bytes + 8 * (bytes(topology.offset) + bytes(topology.diameter) + bytes(geometry.segments)));
     write_manifest(*file_, manifest);
@@ -158,11 +153,12 @@ void RunWriter::start(const Manifest& manifest, const Topology& topology, const 
     file_->create_group("/series");
     file_->create_group("/series_axes");
     file_->flush();
+    file_->rename(path);
     xdmf_.emplace(folder_ / "run.xdmf", std::vector<std::string>());
   } catch (...) {
     // A torso would make the next attempt refuse the folder.
     file_.reset();
-    std::error_code ignored;
+    std::filesystem::remove(begun, ignored);
     std::filesystem::remove(path, ignored);
     throw;
   }
@@ -358,6 +354,10 @@ void RunWriter::close() {
 Series RunWriter::read_series() {
   flush();
   return read_series_of(*file_);
+}
+
+std::size_t count_frames(const std::filesystem::path& folder) {
+  return File::open_read(folder / run_name).open_group("/frames").links().size();
 }
 
 Series read_series(const std::filesystem::path& folder) { return read_series_of(File::open_read(folder / run_name)); }

@@ -53,6 +53,8 @@ using Series = std::map<std::string, SeriesColumn>;
 
 /// Everything in /series of folder/run.h5. Errors: InputError.
 Series read_series(const std::filesystem::path& folder);
+/// In folder/run.h5. Errors: InputError.
+std::size_t count_frames(const std::filesystem::path& folder);
 
 /// Writes the folder. Of a frame nothing is copied as a whole. After each frame both files are complete on disk for
 /// whoever reads them, and stay so if the program is killed. Errors of all members: OutputError; frames written before

@@ -246,8 +246,9 @@ Real capillary_length(const ModelParameters& p, Real g) {
 
 ExitCode run_clog(ClogOptions& p, Options& options, const Ranks& ranks) {
   start_log();
+  FolderLock lock;  // held until the run has closed its files
   std::optional<ClogRun> clog;
-  make_run("clog", p, options, ranks, [&](const std::optional<Checkpoint>& checkpoint) {
+  make_run("clog", p, options, ranks, lock, [&](const std::optional<Checkpoint>& checkpoint) {
     p.resolve();
     // Before so many are made.
     if (checkpoint) checkpoint->integer_array("active", static_cast<std::size_t>(p.n));

@@ -90,7 +90,8 @@ ExitCode DropletRun::run() {
   });
   nlohmann::ordered_json s;
   try {
-    if (!restarted) begin();
+    if (!restarted) prepare();
+    begin();
     cpu_at_start_ = control_.cpu_seconds();
     started_at_ = state_.t;
     const LogScope log(LogStage::run);
@@ -122,14 +123,20 @@ void DropletRun::report(Real cpu) const {
   say("{} steps, {} force evaluations, {:.2f} s CPU\n", total.steps, total.force_evaluations, cpu);
 }
 
-void DropletRun::begin() {
+void DropletRun::prepare() {
   const std::vector<Real> x = start();
   state_ = State(droplets() + 1, 2);
   std::copy(x.begin(), x.end(), state_.x().begin());
   share_out();
   start_energy_ = energy();
-  sample();
-  frame();
+  cpu_at_start_ = control_.cpu_seconds();
+  store();  // whenever the run is killed, there is something to go on from
+}
+
+/// The first sample and frame.
+void DropletRun::begin() {
+  if (!sampling_.done_at(0)) sample();
+  if (!framing_.done_at(0)) frame();
 }
 
 /// Gives every rank of several its droplets.
@@ -307,7 +314,7 @@ void DropletRun::deactivate(Index m) {
 void DropletRun::store() {
   const LogScope log(LogEvent::checkpoint);
   std::vector<Real> last = overdamped_.last();
-  if (whole_) {
+  if (whole_ && ranks_.any(!last.empty())) {
     last.resize(own_.size());
     std::vector<Real> all(state_.size());
     gather(last, all);
@@ -361,11 +368,12 @@ void DropletRun::restore(const Checkpoint& c) {
   for (Index m = 0; m < droplets(); ++m)
     if (active[m] == 0) particles().deactivate(m);
   share_out();
-  overdamped_.set_last(own_part(c.real_array("last_velocity", 2 * n)));
+  // None before the first sample.
+  if (c.step > 0 || c.length("last_velocity") > 0) overdamped_.set_last(own_part(c.real_array("last_velocity", 2 * n)));
   sampling_.load(c, "last_sample_at");
   framing_.load(c, "last_frame_at");
-  restored_samples_ = static_cast<std::uint64_t>(c.integer("samples", 1));
-  restored_frames_ = static_cast<std::uint64_t>(c.integer("frames", 1));
+  restored_samples_ = static_cast<std::uint64_t>(c.integer("samples"));
+  restored_frames_ = static_cast<std::uint64_t>(c.integer("frames"));
   restored_events_ = static_cast<std::uint64_t>(c.integer("events"));
   dt_ = c.real("dt", std::numeric_limits<Real>::min(), std::max(dt_, last_time()));
   start_energy_ = c.real("start_energy");

@@ -113,6 +113,7 @@ class DropletRun {
   void put_walls(const Walls<2>& walls);  ///< without looking at the energy
 
  private:
+  void prepare();
   void begin();
   void complete();
   AfterStep after_step();

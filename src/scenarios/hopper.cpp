@@ -142,9 +142,10 @@ class HopperRun {
       } else {
         prepare();
       }
+      watch([&](ParticleSystem<2>& system) { outlines_.start(system, state_); });
+      begin();
       cpu_at_start_ = control_.cpu_seconds();
       started_at_ = state_.t;
-      if (restarted()) watch([&](ParticleSystem<2>& system) { outlines_.start(system, state_); });
       see_all();
       const LogScope log(LogStage::run);
       if (outcome_ == Outcome::done) integrate();
@@ -192,9 +193,14 @@ class HopperRun {
     const LogScope log(LogStage::pack);
     share_out(packed());
     tidy(state_);
-    watch([&](ParticleSystem<2>& system) { outlines_.start(system, state_); });
-    sample(state_);
-    frame(state_);
+    cpu_at_start_ = control_.cpu_seconds();
+    save(state_, true);  // whenever the run is killed, there is something to go on from
+  }
+
+  /// The first sample and frame.
+  void begin() {
+    if (!sampling_.done_at(0)) sample(state_);
+    if (!framing_.done_at(0)) frame(state_);
   }
 
   /// Positions of all points. Every rank packs all particles, which takes no longer than one rank would.
@@ -244,7 +250,7 @@ class HopperRun {
   /// The rule for an early end is a function of the samples: a restart shows it the stored ones again. If the last one
   /// would have ended the run, it has ended.
   void repeat_judgements() {
-    if (!precision_) return;
+    if (!precision_ || restored_samples_ == 0) return;
     ranks_.on_root([&] { repeat_stored_judgements(); });
     outcome_ = ranks_.broadcast(outcome_);
   }
@@ -528,8 +534,8 @@ class HopperRun {
     if (ranks_.root()) flow_ = {crossed, crossed_area};
     const Real quiet_since = c.real("quiet_since", -1, c.t);
     clog_.restore({quiet_since < 0 ? NAN : quiet_since, c.integer("crossed_before_quiet", -1, crossed)});
-    restored_samples_ = static_cast<std::uint64_t>(c.integer("samples", 1));
-    restored_frames_ = static_cast<std::uint64_t>(c.integer("frames", 1));
+    restored_samples_ = static_cast<std::uint64_t>(c.integer("samples"));
+    restored_frames_ = static_cast<std::uint64_t>(c.integer("frames"));
     restored_events_ = static_cast<std::uint64_t>(c.integer("events", crossed, crossed));
     before_ = {.steps = c.step,
                .rejected = c.integer("rejected_steps"),
@@ -848,8 +854,9 @@ void check_size(const Checkpoint& c, const HopperOptions& p) {
 
 ExitCode run_hopper(HopperOptions& p, Options& options, const Ranks& ranks) {
   start_log();
+  FolderLock lock;  // held until the run has closed its files
   std::function<ExitCode()> run;
-  make_run("hopper", p, options, ranks, [&](std::optional<Checkpoint> checkpoint) {
+  make_run("hopper", p, options, ranks, lock, [&](std::optional<Checkpoint> checkpoint) {
     p.resolve();
     if (checkpoint) check_size(*checkpoint, p);
     omp_set_num_threads(p.threads);

@@ -271,8 +271,9 @@ Index count_rows(Index droplets, const std::vector<Bond>& bonds, const std::vect
 
 ExitCode run_raft(RaftOptions& p, Options& options, const Ranks& ranks) {
   start_log();
+  FolderLock lock;  // held until the run has closed its files
   std::optional<RaftRun> raft;
-  make_run("raft", p, options, ranks, [&](const std::optional<Checkpoint>& checkpoint) {
+  make_run("raft", p, options, ranks, lock, [&](const std::optional<Checkpoint>& checkpoint) {
     p.resolve();
     // Before so many are made.
     if (checkpoint) checkpoint->integer_array("active", static_cast<std::size_t>(p.droplets()));

@@ -20,7 +20,7 @@ void RunOptions::bind_output(Options& o) {
           .min_open = true,
           .on_restart = fixed});
   o.bind("checkpoint_interval", checkpoint_interval,
-         {.help = "wall time between checkpoints; 0: only when stopped", .unit = "s", .min = 0});
+         {.help = "wall time between checkpoints; 0: only at the start and when stopped", .unit = "s", .min = 0});
   o.bind("max_wall_time", max_wall_time,
          {.help = "stop with a checkpoint after so long; 0: no limit",
           .unit = "s",

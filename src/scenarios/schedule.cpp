@@ -16,7 +16,8 @@ void Schedule::done(Real t) {
 }
 
 void Schedule::load(const Checkpoint& c, const std::string& name) {
-  const Real last = c.real(name, 0, c.t);
+  const Real last = c.real(name, c.step == 0 ? -1 : 0, c.t);
+  if (last < 0) return;  // not yet
   done(last);
   if (last < c.t && due(c.t))
     c.refuse("{} = {}, but by the time {} another one was due at {}", name, last, c.t, time_of(next_));

@@ -204,7 +204,7 @@ def test_output_folder_that_cannot_be_made(folder, tmp_path):
 def test_output_folder_that_holds_a_run(tmp_path):
     hopper(tmp_path / "run", t_end=0.1)
     before = {path.name: path.read_bytes() for path in (tmp_path / "run").iterdir()}
-    assert_refused(pliant("hopper", output=tmp_path / "run", **SMALL), "holds a run already", "-restart", "-output")
+    assert_refused(pliant("hopper", output=tmp_path / "run", **SMALL), "holds a run that is finished (done)", "-restart", "-output")
     assert {path.name: path.read_bytes() for path in (tmp_path / "run").iterdir()} == before
 
 

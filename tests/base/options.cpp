@@ -372,7 +372,8 @@ TEST_CASE("json tells value, unit and source, and gives a restart the same optio
     CHECK_NOTHROW(q.options.from_json(stored));
     q.parse({"-hopper_width", "0.2"});
     CHECK_THROWS_MATCHES(q.options.from_json(stored), RestartConflict,
-                         Message("-hopper_width 0.2: the stored run has 0.1, and a restart cannot change it"));
+                         Message("-hopper_width 0.2: the stored run has 0.1, and a restart cannot change it; leave it "
+                                 "out, or start a new run in another folder"));
   }
   SECTION("what was stored is forgotten again") {
     Program q;

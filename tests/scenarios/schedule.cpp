@@ -67,6 +67,7 @@ TEST_CASE("a schedule goes on where it was", "[schedule]") {
   const auto loaded = [](Real interval, Real last, Real t) {
     Checkpoint c;
     c.t = t;
+    c.step = t > 0 ? 1 : 0;
     c.reals["last"] = {last};
     Schedule schedule(interval);
     schedule.load(c, "last");
@@ -77,6 +78,8 @@ TEST_CASE("a schedule goes on where it was", "[schedule]") {
   CHECK(!schedule.due(0.79));
   CHECK(schedule.due(0.8));
   CHECK(loaded(1e-300, 0.7, 0.7).due(0.71));
+  CHECK(loaded(0.1, -1, 0).due(0));
+  CHECK_THROWS_AS(loaded(0.1, -1, 0.05), InputError);
   CHECK_THROWS_AS(loaded(0.1, 0.7, 0.85), InputError);
   CHECK_THROWS_AS(loaded(1e-300, 0.7, 0.71), InputError);
 }

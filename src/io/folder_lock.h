@@ -1,0 +1,44 @@
+// One process at a time writes into the folder of a run.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace pliant {
+
+/// Creates a folder and its parents. Errors: OutputError.
+void create_folder(const std::filesystem::path& folder);
+
+/// Holds run.lock in a folder from construction to destruction. The lock is the system's (flock) and ends with the
+/// process, however that ends; the file says who holds it, and a file that was left behind locks nothing. Folders on a
+/// file system without locks are used without: see warning().
+class FolderLock {
+ public:
+  FolderLock() = default;  ///< of no folder
+  /// Makes the folder and its parents where they are missing. Errors: InputError that names process and host if another
+  /// one holds the lock; OutputError if the folder or the file cannot be made.
+  explicit FolderLock(const std::filesystem::path& folder);
+  FolderLock(FolderLock&& other) noexcept { swap(other); }
+  FolderLock& operator=(FolderLock&& other) noexcept {
+    FolderLock(std::move(other)).swap(*this);
+    return *this;
+  }
+  /// Removes the file, and of the folders that it has made those that are still empty.
+  ~FolderLock();
+
+  /// Empty, or that there is no lock, for the user to see.
+  const std::string& warning() const { return warning_; }
+
+ private:
+  void swap(FolderLock& other) noexcept;
+  void acquire();
+
+  std::filesystem::path folder_, file_;
+  std::vector<std::filesystem::path> made_;  ///< the innermost first
+  int descriptor_ = -1;
+  std::string warning_;
+};
+
+}  // namespace pliant

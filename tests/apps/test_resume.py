@@ -1,0 +1,293 @@
+"""Whatever has become of a run: the same command goes on with it, or says what to do, and what it says works."""
+
+import json
+import os
+import random
+import re
+import shlex
+import signal
+import subprocess
+import time
+
+import pytest
+from conftest import PROGRAM, SMALL, Results, arguments, assert_same_runs, end, pliant, start, wait_for
+from test_parallel import children, complaints, needs_mpi, on_ranks, start_ranks
+
+RUNS = {
+    "hopper": {**SMALL, "t_end": 300, "frame_interval": 20, "sample_interval": 1},
+    # Fixed steps: a controlled method differs within its tolerance once it is interrupted.
+    "raft": {"delta": 0.05, "rows": 4, "columns": 5, "v_wall": 2e-3, "end_distance": 4, "frame_interval": 100,
+             "sample_interval": 5, "ts_type": "rk", "ts_rk_type": 4, "ts_adapt_type": "none", "dt": 0.2},
+    "clog": {"n": 60, "seed": 3, "g": 0.05, "frame_interval": 50, "sample_interval": 5, "ts_type": "rk",
+             "ts_rk_type": 4, "ts_adapt_type": "none", "dt": 0.2, "t_end": 2000},
+}
+
+
+def content(folder):
+    """The lock of a killed run may go."""
+    return {path.name: path.read_bytes() for path in folder.iterdir() if path.name != "run.lock"}
+
+
+def refused(scenario, folder, **options):
+    """The one line with which a command is refused, that must leave the folder as it is."""
+    before = content(folder)
+    result = pliant(scenario, **options)
+    assert result.returncode == 2 and result.stdout == "" and len(result.stderr.splitlines()) == 1, result
+    assert content(folder) == before
+    return result.stderr
+
+
+def advice(message, pattern, **values):
+    """The options that a message advises, with what is in capitals filled in."""
+    text = re.search(pattern, message)[0]
+    for name, value in values.items():
+        text = text.replace(name, str(value))
+    return shlex.split(text)
+
+
+def kill(child, seconds):
+    """Kills it after a time; whether it had not ended."""
+    try:
+        child.wait(timeout=seconds)
+    except subprocess.TimeoutExpired:
+        child.kill()
+    output, errors = child.communicate()
+    assert child.returncode in (0, -signal.SIGKILL), errors
+    return child.returncode != 0
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """Runs that nothing has interrupted, each made once, and what they took."""
+    runs = {}
+
+    def run(scenario):
+        if scenario not in runs:
+            folder = tmp_path_factory.mktemp("whole") / scenario
+            started = time.monotonic()
+            result = pliant(scenario, output=folder, **RUNS[scenario])
+            assert result.returncode == 0, result.stderr
+            runs[scenario] = Results(folder), time.monotonic() - started
+        return runs[scenario]
+
+    return run
+
+
+@pytest.mark.parametrize("scenario", RUNS)
+def test_killed_at_any_moment(scenario, whole, tmp_path):
+    """The same command again and again, killed each time but the last."""
+    reference, seconds = whole(scenario)
+    chance, kills = random.Random(scenario), 0
+    for _ in range(4):
+        child = start(scenario, output=tmp_path / "run", checkpoint_interval=0.05, **RUNS[scenario])
+        kills += kill(child, seconds * chance.uniform(0.05, 0.6))
+        if child.returncode == 0:
+            break
+    assert kills >= 1
+    if child.returncode != 0:
+        result = pliant(scenario, output=tmp_path / "run", **RUNS[scenario])
+        assert result.returncode == 0 and result.stderr == "", result.stderr
+    assert_same_runs(reference, Results(tmp_path / "run"))
+
+
+@pytest.mark.parametrize("scenario", RUNS)
+def test_killed_before_the_first_timed_checkpoint(scenario, whole, tmp_path):
+    reference, seconds = whole(scenario)
+    child = start(scenario, output=tmp_path / "run", **RUNS[scenario])
+    wait_for((tmp_path / "run/checkpoint-a.h5").exists, child)
+    assert kill(child, seconds / 10)
+    result = pliant(scenario, output=tmp_path / "run", **RUNS[scenario])
+    assert result.returncode == 0 and result.stderr == ""
+    assert "its run was killed" in result.stdout and "continuing at t = 0 t0, step 0" in result.stdout
+    assert_same_runs(reference, Results(tmp_path / "run"))
+
+
+def test_an_adaptive_run_killed_before_its_first_step(tmp_path):
+    """Nothing of the integrator is lost there."""
+    options = {**SMALL, "integrator": "ts", "ts_rtol": 1e-5, "t_end": 4}
+    assert pliant("hopper", output=tmp_path / "whole", **options).returncode == 0
+    child = start("hopper", output=tmp_path / "run", **{**options, "t_end": 1e5})
+    wait_for((tmp_path / "run/checkpoint-a.h5").exists, child)
+    end(child, signal.SIGKILL)
+    assert pliant("hopper", output=tmp_path / "run", **options).returncode == 0
+    whole, run = Results(tmp_path / "whole"), Results(tmp_path / "run")
+    assert_same_runs(whole, run)
+
+
+def test_killed_while_it_packs(tmp_path):
+    options = {**SMALL, "n": 20000, "hopper_wall_distance": 100, "t_end": 0.01}
+    child = start("hopper", output=tmp_path / "run", **options)
+    wait_for((tmp_path / "run/run.h5").exists, child)
+    end(child, signal.SIGKILL)
+    assert not list((tmp_path / "run").glob("checkpoint*"))
+    message = pliant("hopper", restart=tmp_path / "run")
+    assert message.returncode == 2 and "there is no checkpoint" in message.stderr
+    # What it advises: to start by -output, here with other options even.
+    options["seed"] = 2
+    result = pliant("hopper", output=tmp_path / "run", **options)
+    assert result.returncode == 0 and result.stdout.count("starts anew") == 1 and result.stderr == ""
+    assert pliant("hopper", output=tmp_path / "whole", **options).returncode == 0
+    assert_same_runs(Results(tmp_path / "whole"), Results(tmp_path / "run"))
+
+
+def test_killed_while_run_h5_is_begun(tmp_path):
+    """It has its name only when it can be read."""
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run/run.h5.new").write_text("half of something")
+    assert pliant("hopper", output=tmp_path / "run", **{**SMALL, "t_end": 1}).returncode == 0
+    assert not (tmp_path / "run/run.h5.new").exists()
+
+
+@pytest.fixture
+def killed(tmp_path):
+    """A folder and the options of a run that has been killed."""
+    options = {**RUNS["hopper"], "t_end": 1e6}
+    child = start("hopper", output=tmp_path / "run", checkpoint_interval=0.05, **options)
+    wait_for((tmp_path / "run/checkpoint-b.h5").exists, child)
+    end(child, signal.SIGKILL)
+    return tmp_path / "run", options
+
+
+def test_a_killed_run_with_other_options(killed):
+    folder, options = killed
+    message = refused("hopper", folder, output=folder, **{**options, "zeta": 0.4})
+    assert "-zeta 0.4: the stored run has 0.3" in message
+    del options["zeta"]  # it says: leave it out
+    result = pliant("hopper", output=folder, max_wall_time=0.1, **options)
+    assert result.returncode == 75 and "continuing at t =" in result.stdout
+    # Another end is no other run.
+    t = Results(folder).summary["t"]
+    assert pliant("hopper", output=folder, **{**options, "t_end": t + 1}).returncode == 0
+
+
+def test_frames_are_never_deleted(killed):
+    folder, options = killed
+    for checkpoint in folder.glob("checkpoint*"):
+        checkpoint.unlink()
+    message = refused("hopper", folder, output=folder, **options)
+    assert re.search(r"holds [1-9]\d* frames", message) and "choose another -output" in message
+
+
+def test_a_killed_run_whose_checkpoints_are_damaged(killed):
+    folder, options = killed
+    for checkpoint in folder.glob("checkpoint*"):
+        checkpoint.write_text("nonsense")
+    message = refused("hopper", folder, output=folder, **options)
+    assert "with another -output" in message
+    assert pliant("hopper", output=folder.parent / "other", **{**options, "t_end": 1}).returncode == 0
+
+
+@pytest.mark.parametrize("scenario, options, longer", [
+    ("hopper", {**SMALL, "t_end": 2}, {"t_end": 3}), ("raft", {"t_end": 20}, {"t_end": 30}),
+    ("clog", {"n": 20, "t_end": 20}, {"t_end": 30})])
+def test_a_run_that_is_finished(scenario, options, longer, tmp_path):
+    folder = tmp_path / "run"
+    assert pliant(scenario, output=folder, **options).returncode == 0
+    message = refused(scenario, folder, output=folder, **options)
+    assert "finished (done)" in message
+    result = pliant(scenario, *advice(message, r"-restart \S+ -t_end LATER", LATER=longer["t_end"]))
+    assert result.returncode == 0, result.stderr
+    assert Results(folder).summary["t"] >= longer["t_end"]
+    assert "choose another -output" in message
+    assert pliant(scenario, output=tmp_path / "other", **options).returncode == 0
+
+
+def test_a_run_that_its_precision_has_ended(tmp_path):
+    options = {**SMALL, "t_end": 2000, "frame_interval": 20, "sample_interval": 0.2, "hopper_q_rtol": 0.05}
+    assert pliant("hopper", output=tmp_path / "run", **options).returncode == 0
+    message = refused("hopper", tmp_path / "run", output=tmp_path / "run", **options)
+    words = advice(message, r"-restart \S+ -hopper_q_rtol LESS", LESS=0.03)
+    t = Results(tmp_path / "run").summary["t"]
+    assert pliant("hopper", *words).returncode == 0
+    assert Results(tmp_path / "run").summary["t"] > t
+
+
+def test_a_run_that_cannot_be_extended(tmp_path):
+    options = {"rows": 3, "columns": 3, "delta": 0.01, "v_wall": 2e-2, "end_distance": 5}
+    assert pliant("raft", output=tmp_path / "run", **options).returncode == 0
+    message = refused("raft", tmp_path / "run", output=tmp_path / "run", **options)
+    assert "finished" in message and "-restart" not in message and "choose another -output" in message
+
+
+def test_a_run_that_failed(tmp_path):
+    options = {**SMALL, "dt": 0.02, "t_end": 100}
+    failed = pliant("hopper", output=tmp_path / "run", **options)
+    assert failed.returncode == 3
+    message = refused("hopper", tmp_path / "run", output=tmp_path / "run", **options)
+    assert "holds a run that failed" in message and "dt/dt_critical" in message
+    # It goes on as it says, and comes to the same end.
+    again = pliant("hopper", *advice(message, r"-restart [^,\s]+"))
+    assert again.returncode == 3 and again.stderr == failed.stderr and "continuing at t =" in again.stdout
+    assert pliant("hopper", output=tmp_path / "other", **{**options, "dt": 1e-3, "t_end": 1}).returncode == 0
+
+
+def test_a_start_that_failed_is_no_obstacle(tmp_path):
+    """Droplets that lie upon each other have no forces, and there is no frame."""
+    options = {"rows": 3, "columns": 3, "start_distance": 1, "end_distance": 0.5}
+    failed = pliant("raft", output=tmp_path / "run", **options)
+    assert failed.returncode == 3 and Results(tmp_path / "run").frames == []
+    result = pliant("raft", output=tmp_path / "run", **{**options, "start_distance": 6, "end_distance": 5.9})
+    assert result.returncode == 0 and "starts anew" in result.stdout, result.stderr
+
+
+# --- Two at once
+
+@pytest.mark.parametrize("hdf5_locks", ["TRUE", "FALSE"])
+@pytest.mark.parametrize("how", ["output", "restart"])
+def test_a_folder_that_is_in_use(how, hdf5_locks, tmp_path, monkeypatch):
+    monkeypatch.setenv("HDF5_USE_FILE_LOCKING", hdf5_locks)
+    folder, options = tmp_path / "run", {**SMALL, "t_end": 1e6, "frame_interval": 1e5}
+    child = start("hopper", output=folder, **options)
+    wait_for((folder / "run.xdmf").exists, child)
+    time.sleep(0.2)
+    other = pliant("hopper", **({"restart": folder} if how == "restart" else {**options, "output": folder}))
+    assert other.returncode == 2 and len(other.stderr.splitlines()) == 1, other
+    pid = int(re.search(r"in use by process (\d+) on host " + re.escape(os.uname().nodename), other.stderr)[1])
+    assert pid == child.pid
+    os.kill(pid, signal.SIGTERM)  # it says: by kill
+    output, errors = child.communicate(timeout=30)
+    assert child.returncode == 75 and errors == ""
+    assert not (folder / "run.lock").exists()
+    t = Results(folder).summary["t"]
+    assert pliant("hopper", **{"restart": folder, "t_end": t + 1}).returncode == 0
+
+
+def test_one_of_two_continuations(killed, monkeypatch):
+    monkeypatch.setenv("HDF5_USE_FILE_LOCKING", "FALSE")
+    folder, options = killed
+    assert (folder / "run.lock").exists()  # of the killed one: no obstacle
+    options["t_end"] = 1e6
+    two = [start("hopper", output=folder, max_wall_time=2, **options) for _ in range(2)]
+    for child in two:
+        child.communicate(timeout=30)
+    assert sorted(child.returncode for child in two) == [2, 75]
+
+
+def test_a_run_is_read_while_it_is_locked(tmp_path):
+    child = start("hopper", output=tmp_path / "run", **{**SMALL, "t_end": 1e6, "frame_interval": 1e5})
+    wait_for((tmp_path / "run/run.xdmf").exists, child)
+    code = "import sys; from pliant import Run; print(len(Run(sys.argv[1]).frames))"
+    python = os.path.join(os.path.dirname(__file__), "../../python")
+    reader = subprocess.run(["/usr/bin/python3", "-B", "-c", code, tmp_path / "run"], text=True, capture_output=True,
+                            env=os.environ | {"PYTHONPATH": python})
+    assert end(child)[0] == 75
+    assert reader.stdout == "1\n", reader.stderr
+
+
+# --- Ranks
+
+@needs_mpi
+def test_ranks_that_were_killed_go_on(tmp_path):
+    options = {**SMALL, "t_end": 1e6, "frame_interval": 1e3, "sample_interval": 10}
+    child = start_ranks(2, "hopper", output=tmp_path / "run", **options)
+    wait_for((tmp_path / "run/run.xdmf").exists, child)
+    time.sleep(0.5)
+    other = on_ranks(2, "hopper", output=tmp_path / "run", **options)
+    assert other.returncode == 2 and len(complaints(other)) == 1 and "is in use by process" in complaints(other)[0]
+    for rank in children(child):
+        os.kill(rank, signal.SIGKILL)
+    child.communicate(timeout=30)
+    result = on_ranks(2, "hopper", output=tmp_path / "run", **{**options, "t_end": 1})
+    assert result.returncode == 0 and result.stdout.count("its run was killed") == 1, result.stderr
+    again = on_ranks(2, "hopper", output=tmp_path / "run", **{**options, "t_end": 1})
+    assert again.returncode == 2 and len(complaints(again)) == 1 and "finished (done)" in complaints(again)[0]
