@@ -156,7 +156,7 @@ def test_bad_input(options, message, tmp_path):
 def test_wrong_scenario_of_a_checkpoint(tmp_path):
     compress(tmp_path / "run", end_distance=3.8)
     result = pliant("hopper", restart=tmp_path / "run")
-    assert result.returncode == 2 and "is of scenario 'raft', not of hopper" in result.stderr
+    assert result.returncode == 2 and "holds a run of scenario 'raft', not of hopper" in result.stderr
 
 
 def test_later_end(tmp_path):
