@@ -372,8 +372,8 @@ void DropletRun::restore(const Checkpoint& c) {
   if (c.step > 0 || c.length("last_velocity") > 0) overdamped_.set_last(own_part(c.real_array("last_velocity", 2 * n)));
   sampling_.load(c, "last_sample_at");
   framing_.load(c, "last_frame_at");
-  restored_samples_ = static_cast<std::uint64_t>(c.integer("samples"));
-  restored_frames_ = static_cast<std::uint64_t>(c.integer("frames"));
+  restored_samples_ = static_cast<std::uint64_t>(c.integer("samples", sampling_.done_at(0) ? 1 : 0));
+  restored_frames_ = static_cast<std::uint64_t>(c.integer("frames", framing_.done_at(0) ? 1 : 0));
   restored_events_ = static_cast<std::uint64_t>(c.integer("events"));
   dt_ = c.real("dt", std::numeric_limits<Real>::min(), std::max(dt_, last_time()));
   start_energy_ = c.real("start_energy");

@@ -534,8 +534,8 @@ class HopperRun {
     if (ranks_.root()) flow_ = {crossed, crossed_area};
     const Real quiet_since = c.real("quiet_since", -1, c.t);
     clog_.restore({quiet_since < 0 ? NAN : quiet_since, c.integer("crossed_before_quiet", -1, crossed)});
-    restored_samples_ = static_cast<std::uint64_t>(c.integer("samples"));
-    restored_frames_ = static_cast<std::uint64_t>(c.integer("frames"));
+    restored_samples_ = static_cast<std::uint64_t>(c.integer("samples", sampling_.done_at(0) ? 1 : 0));
+    restored_frames_ = static_cast<std::uint64_t>(c.integer("frames", framing_.done_at(0) ? 1 : 0));
     restored_events_ = static_cast<std::uint64_t>(c.integer("events", crossed, crossed));
     before_ = {.steps = c.step,
                .rejected = c.integer("rejected_steps"),
