@@ -165,7 +165,7 @@ def test_a_checkpoint_without_a_head(run):
 def test_what_the_user_asks_for_is_no_fault_of_a_checkpoint(run):
     result = pliant("hopper", restart=run, hopper_width=5)
     assert result.returncode == 2
-    assert result.stderr == "pliant: error: -hopper_width 5.0: the stored run has 3.0, and a restart cannot change it; "
-                             "leave it out, or start a new run in another folder\n"
+    assert result.stderr == ("pliant: error: -hopper_width 5.0: the stored run has 3.0, and a restart cannot change it; "
+                             "leave it out, or start a new run in another folder\n")
     result = pliant("hopper", restart=run, implicit="shape")
     assert result.returncode == 2 and result.stderr.count("-implicit shape") == 1
