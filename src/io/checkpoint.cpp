@@ -84,6 +84,8 @@ const std::vector<T>& checked(const Checkpoint& c, const std::map<std::string, s
   const std::string which = length == 1 ? name : fmt::format("{}[{}]", name, wrong - values.begin());
   if constexpr (std::is_same_v<T, double>)
     if (!std::isfinite(*wrong)) c.refuse("{} = {} is not finite", which, *wrong);
+  if (least == most) c.refuse("{} = {} instead of {}", which, *wrong, least);
+  if (most == std::numeric_limits<T>::max()) c.refuse("{} = {} is less than {}", which, *wrong, least);
   c.refuse("{} = {} is not in the range {} … {}", which, *wrong, least, most);
 }
 

@@ -222,7 +222,8 @@ TEST_CASE("entries of a checkpoint are checked") {
   CHECK_THAT(refused([&] { c.real_array("nan", 2); }), Contains("nan[1] = nan is not finite"));
   CHECK_THAT(refused([&] { c.real_array("x", 3, -2); }), Contains("x[2] = -3"));
   CHECK_THAT(refused([&] { c.real_array("x", 4); }), Contains("x has 3 values instead of 4"));
-  CHECK_THAT(refused([&] { c.integer_array("id", 3, 1); }), Contains("id[1] = 0 is not in the range"));
+  CHECK_THAT(refused([&] { c.integer_array("id", 3, 1); }), Contains("id[1] = 0 is less than 1"));
+  CHECK_THAT(refused([&] { c.integer("two", 3, 3); }), Contains("two = 2 instead of 3"));
 }
 
 TEST_CASE("an edited checkpoint whose checksum fits is read with care") {
