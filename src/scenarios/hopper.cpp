@@ -730,6 +730,7 @@ class HopperRun {
       for (const auto& [name, value] : measured.items()) s[name] = value;
       report(measured, s["cpu_seconds"]);
       warn_of_overlap(series);
+      if (outcome_ == Outcome::done) warn_of_standstill(series);
       if (precision_ && outcome_ == Outcome::done) warn_of_error(measured);
     }
     write_summary(p_.output, s);
@@ -742,6 +743,16 @@ class HopperRun {
     const Real error = known ? Real(measured["Q"]["error"]) / Real(measured["Q"]["value"]) : BlockAverage::unknown;
     warn("-t_end {:g} came before -hopper_q_rtol {:g} was certain: the error of Q is {} %; go on with {}", *p_.t_end,
          p_.q_rtol, percent(error), command_to_go_on());
+  }
+
+  /// For a run whose flow has ended without a clog: what is left may bounce where too little carries off its energy.
+  void warn_of_standstill(const Series& series) const {
+    const Real last = last_crossing(series), since = state_.t - last;
+    if (last_sample_.in_hopper > 0 && since >= p_.clog_time && since > 0.2 * state_.t)
+      warn(
+          "nothing has crossed since t = {:.4g} t0, but particles move at up to {:.2g} sigma_avg/t0, above -clog_speed "
+          "{:g}: not counted as clogged, and averages have that time in them",
+          last, last_sample_.max_speed, p_.clog_speed);
   }
 
   /// Centres that meet pass through each other.

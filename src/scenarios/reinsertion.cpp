@@ -169,7 +169,7 @@ void reinsert(const Ranks& ranks, const Topology& topology, const Hopper& hopper
   }
   throw NumericalError(
       "no place to put particle {} back after it left the hopper: {} particles are above the orifice; use more "
-      "particles (-n), a narrower hopper, or -flow discharge",
+      "particles (-n), a narrower hopper (-hopper_wall_distance) or orifice (-hopper_width), or -flow discharge",
       leaving.id, ranks.sum(static_cast<std::int64_t>(bulk.size())));
 }
 

@@ -140,6 +140,13 @@ def test_particles_that_pass_through_each_other_are_warned_of(tmp_path):
     assert warnings(mu=0, e_sp=20, t_end=4, output=tmp_path / "soft") == (0, "")
 
 
+def test_a_flow_that_has_ended_without_a_clog_is_warned_of(tmp_path):
+    """Without drag a ball on the floor bounces for ever."""
+    code, text = warnings(n=1, hopper_width=0.1, mu=0, zeta=0, flow="discharge", t_end=20, output=tmp_path / "run")
+    assert code == 0 and "warning: nothing has crossed since t = 0 t0" in text and "above -clog_speed 0.001" in text
+    assert warnings(n=1, hopper_width=0.1, mu=0, zeta=1, flow="discharge", t_end=100, output=tmp_path / "drag") == (0, "")
+
+
 def test_advice_of_a_failure_names_a_long_step_first(tmp_path):
     result = pliant("hopper", output=tmp_path / "run", **{**SMALL, "mu": 0, "dt": 0.02, "t_end": 100}, allow_unstable_dt="true")
     assert result.returncode == 3
