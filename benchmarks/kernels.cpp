@@ -172,7 +172,7 @@ void register_forces(const std::string& name, const std::shared_ptr<Flow<D>>& fl
   time_fused("wall", Fused<WallKernel, WallContact<D>>(WallContact<D>{p.epsilon_wall}));
   if constexpr (D == 2) {
     if (flow->options().model == ModelKind::smooth)
-      time_fused("contact+friction", Fused<EdgeKernel, EdgeContact, EdgeFriction>(
+      time_fused("contact+friction", Fused<EdgeKernel, EdgeContact<>, EdgeFriction>(
                                          EdgeContact{p.epsilon}, EdgeFriction{p.mu, p.friction_point}));
     if (flow->options().model != ModelKind::sp)
       time_fused("area+perimeter+bending",

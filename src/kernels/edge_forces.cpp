@@ -89,13 +89,13 @@ PLIANT_INLINE unsigned sieve(const Data& data, Index e) {
 }
 
 /// −V'(d)/d where the mask is set; 0 at d = 0, where the force has no direction.
+template <class Law>
 PLIANT_INLINE Real4 push(Real epsilon, Mask4 mask, Real4 d2, Real4 delta) {
-  const Real4 d = sqrt(d2);
-  return where(mask & (d2 > 0), epsilon * (delta - d) / (delta * delta * d));
+  return where(mask & (d2 > 0), Law::push(epsilon, delta, sqrt(d2)));
 }
 
 /// Forces of the pairs list[0 … 3], of which the first `count` exist.
-template <Rubbing rubbing, class Out>
+template <class Law, Rubbing rubbing, class Out>
 PLIANT_INLINE void add_four(const EdgeLaw& law, const Data& data, const Index* list, Index count, const Out& out) {
   Index p[4], a[4], b[4];
   Real4 delta;
@@ -114,8 +114,8 @@ PLIANT_INLINE void add_four(const EdgeLaw& law, const Data& data, const Index* l
   const Mask4 touching = (Mask4{0, 1, 2, 3} < static_cast<std::int64_t>(count)) & (d2 < delta2);
 
   const Mask4 beyond_start = touching & (t > 0);  // at t = 0 the two parts of the contact cancel
-  Points2 on_edge = push(law.epsilon, beyond_start, d2, delta) * offset;
-  Points2 on_start = push(law.epsilon, beyond_start & (ww < delta2), ww, delta) * w;
+  Points2 on_edge = push<Law>(law.epsilon, beyond_start, d2, delta) * offset;
+  Points2 on_start = push<Law>(law.epsilon, beyond_start & (ww < delta2), ww, delta) * w;
 
   if constexpr (rubbing == Rubbing::at_vertex) {
     const Points2 slip = gather(data.v, p) - gather(data.v, a);
@@ -160,7 +160,7 @@ PLIANT_INLINE Index write_bits(std::uint64_t bits, Index first, Index* list) {
   return count;
 }
 
-template <Rubbing rubbing, class Out>
+template <class Law, Rubbing rubbing, class Out>
 PLIANT_INLINE void add_touching(const EdgeLaw& law, const Data& data, Index n, const Out& out) {
   constexpr Index word = 64, block = 16 * word;
   Index list[block + 7];  // pairs of a block that may touch
@@ -176,18 +176,26 @@ PLIANT_INLINE void add_touching(const EdgeLaw& law, const Data& data, Index n, c
       count += write_bits(found, e, list + count);
     }
     std::fill_n(list + count, 3, 0);  // some pair, for lanes that do not count
-    for (Index k = 0; k < count; k += 4) add_four<rubbing>(law, data, list + k, count - k, out);
+    for (Index k = 0; k < count; k += 4) add_four<Law, rubbing>(law, data, list + k, count - k, out);
   }
+}
+
+template <class Law, class Out>
+PLIANT_INLINE void add_by_law(const EdgeLaw& law, const Data& data, Index n, const Out& out) {
+  if (law.mu == 0)
+    add_touching<Law, Rubbing::none>(law, data, n, out);
+  else if (law.at_contact)
+    add_touching<Law, Rubbing::at_contact>(law, data, n, out);
+  else
+    add_touching<Law, Rubbing::at_vertex>(law, data, n, out);
 }
 
 template <class Out>
 PLIANT_INLINE void add_all(const EdgeLaw& law, const Data& data, Index n, const Out& out) {
-  if (law.mu == 0)
-    add_touching<Rubbing::none>(law, data, n, out);
-  else if (law.at_contact)
-    add_touching<Rubbing::at_contact>(law, data, n, out);
+  if (law.contact == ContactLaw::barrier)
+    add_by_law<BarrierOverlap>(law, data, n, out);
   else
-    add_touching<Rubbing::at_vertex>(law, data, n, out);
+    add_by_law<HarmonicOverlap>(law, data, n, out);
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 
 #include <pliant/base/types.h>
 #include <pliant/geometry/pair_search.h>
+#include <pliant/kernels/contact_law.h>
 
 namespace pliant {
 
@@ -13,6 +14,7 @@ struct EdgeLaw {
   Real epsilon;     ///< energy scale of a contact, ε
   Real mu;          ///< friction coefficient; 0: velocities are not read and may be null
   bool at_contact;  ///< friction acts at the point of the contact; false: at the edge's first vertex
+  ContactLaw contact = ContactLaw::harmonic;
 };
 
 /// Adds the forces of all pairs to f. pairs[n] is (vertex, first vertex of the edge), reach[n] its δ_mn; next [points]

@@ -15,7 +15,7 @@ PLIANT_INLINE Points2 gather(Of&& of) {
   return simd::transpose(simd::load2(of(0)), simd::load2(of(1)), simd::load2(of(2)), simd::load2(of(3)));
 }
 
-template <int D>
+template <int D, class Law>
 PLIANT_INLINE void add_four(Real epsilon, const Pair* pairs, const WallSegment* walls, Real4 reach, const Real* x,
                             Real* f) {
   std::ptrdiff_t at[4];
@@ -42,8 +42,7 @@ PLIANT_INLINE void add_four(Real epsilon, const Pair* pairs, const WallSegment* 
   const Real4 d2 = q.x * q.x + q.y * q.y;
   const Real4 d = simd::sqrt(d2);
   const Mask4 touches = (d < reach) & (d2 > 0);
-  // ε/δ (1 − d/δ) / d with one division
-  const Real4 push = simd::where(touches, epsilon * (reach - d) / (reach * reach * d));
+  const Real4 push = simd::where(touches, Law::push(epsilon, reach, d));
   if constexpr (D == 2) {
     scatter<2>(at, {push * q.x, push * q.y}, f);
   } else {
@@ -53,7 +52,7 @@ PLIANT_INLINE void add_four(Real epsilon, const Pair* pairs, const WallSegment* 
   }
 }
 
-template <int D>
+template <int D, class Law>
 PLIANT_INLINE void add_all(Real epsilon, std::span<const Pair> pairs, const WallSegment* walls, const Real* diameter,
                            const Real* x, Real* f) {
   std::size_t e = 0;
@@ -61,7 +60,7 @@ PLIANT_INLINE void add_all(Real epsilon, std::span<const Pair> pairs, const Wall
     const Pair* const four = pairs.data() + e;
     const Real4 reach{diameter[four[0].first], diameter[four[1].first], diameter[four[2].first],
                       diameter[four[3].first]};
-    add_four<D>(epsilon, four, walls, 0.5 * reach, x, f);
+    add_four<D, Law>(epsilon, four, walls, 0.5 * reach, x, f);
   }
   if (e == pairs.size()) return;
   // The rest, filled up with points that touch nothing.
@@ -72,31 +71,40 @@ PLIANT_INLINE void add_all(Real epsilon, std::span<const Pair> pairs, const Wall
     rest[k] = listed ? pairs[e + k] : pairs.back();
     reach[k] = listed ? diameter[rest[k].first] / 2 : 0;
   }
-  add_four<D>(epsilon, rest, walls, reach, x, f);
+  add_four<D, Law>(epsilon, rest, walls, reach, x, f);
+}
+
+template <int D>
+PLIANT_INLINE void add(Real epsilon, std::span<const Pair> pairs, const WallSegment* walls, const Real* diameter,
+                       const Real* x, Real* f, ContactLaw law) {
+  if (law == ContactLaw::barrier)
+    add_all<D, BarrierOverlap>(epsilon, pairs, walls, diameter, x, f);
+  else
+    add_all<D, HarmonicOverlap>(epsilon, pairs, walls, diameter, x, f);
 }
 
 PLIANT_MULTIVERSION void add_2d(Real epsilon, std::span<const Pair> pairs, const WallSegment* walls,
-                                const Real* diameter, const Real* x, Real* f) {
-  add_all<2>(epsilon, pairs, walls, diameter, x, f);
+                                const Real* diameter, const Real* x, Real* f, ContactLaw law) {
+  add<2>(epsilon, pairs, walls, diameter, x, f, law);
 }
 PLIANT_MULTIVERSION void add_3d(Real epsilon, std::span<const Pair> pairs, const WallSegment* walls,
-                                const Real* diameter, const Real* x, Real* f) {
-  add_all<3>(epsilon, pairs, walls, diameter, x, f);
+                                const Real* diameter, const Real* x, Real* f, ContactLaw law) {
+  add<3>(epsilon, pairs, walls, diameter, x, f, law);
 }
 
 }  // namespace
 
 template <int D>
 void add_wall_forces(Real epsilon, std::span<const Pair> pairs, std::span<const WallSegment> walls,
-                     const Real* diameter, const Real* x, Real* f) {
+                     const Real* diameter, const Real* x, Real* f, ContactLaw law) {
   if constexpr (D == 2)
-    add_2d(epsilon, pairs, walls.data(), diameter, x, f);
+    add_2d(epsilon, pairs, walls.data(), diameter, x, f, law);
   else
-    add_3d(epsilon, pairs, walls.data(), diameter, x, f);
+    add_3d(epsilon, pairs, walls.data(), diameter, x, f, law);
 }
 template void add_wall_forces<2>(Real, std::span<const Pair>, std::span<const WallSegment>, const Real*, const Real*,
-                                 Real*);
+                                 Real*, ContactLaw);
 template void add_wall_forces<3>(Real, std::span<const Pair>, std::span<const WallSegment>, const Real*, const Real*,
-                                 Real*);
+                                 Real*, ContactLaw);
 
 }  // namespace pliant

@@ -57,6 +57,10 @@ NeighbourNeeds neighbour_needs(ModelKind kind, const ModelParameters& p) {
 
 template <int D>
 std::unique_ptr<ForceField<D>> make_force_field(ModelKind kind, const ModelParameters& p, const Vec<D>& gravity) {
+  if (p.law != ContactLaw::harmonic && kind != ModelKind::smooth)
+    throw InputError(
+        "the barrier is a contact law of smooth particles, but the model is {}; leave it out or use smooth",
+        to_string(kind));
   if (kind == ModelKind::sp)
     return model<D>(fused<PairKernel>(PairContact<D>{p.epsilon, "pair"}, PairFriction<D>{p.mu}),
                     fused<WallKernel>(WallContact<D>{p.epsilon_wall}),
@@ -78,8 +82,11 @@ std::unique_ptr<ForceField<D>> make_force_field(ModelKind kind, const ModelParam
                         fused<EdgeKernel>(EdgeContact{p.epsilon / 4, Edges::bare, p.rough_edges}, EdgeFriction{0}),
                         wall, lip, outer);
       case ModelKind::smooth:
-        return model<2>(shape, fused<EdgeKernel>(EdgeContact{p.epsilon}, EdgeFriction{p.mu, p.friction_point}), wall,
-                        lip, outer);
+        return with_law(p.law, [&]<class Law>(Law) {
+          return model<2>(shape, fused<EdgeKernel>(EdgeContact<Law>{p.epsilon}, EdgeFriction{p.mu, p.friction_point}),
+                          fused<WallKernel>(WallContact<2, Law>{p.epsilon_wall}),
+                          LipContact<Law>{p.epsilon_wall, p.lip_edges}, outer);
+        });
       default:
         return model<2>(shape, outer);
     }

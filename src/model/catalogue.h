@@ -4,6 +4,7 @@
 #include <memory>
 #include <string_view>
 
+#include <pliant/kernels/contact_law.h>
 #include <pliant/model/edge_friction.h>
 #include <pliant/model/model.h>
 
@@ -22,8 +23,9 @@ std::string_view to_string(ModelKind kind);
 /// Coefficients of the terms, in units of σ_avg = g = ρ = 1, those of droplets in units of ⟨R⟩ = b = 1. A zero switches
 /// its term off.
 struct ModelParameters {
-  Real epsilon = 100;       ///< contact energy: E_sp or E_c
-  Real epsilon_wall = 1e4;  ///< E_w
+  Real epsilon = 100;                     ///< contact energy: E_sp or E_c
+  Real epsilon_wall = 1e4;                ///< E_w
+  ContactLaw law = ContactLaw::harmonic;  ///< of smooth particles' contacts with each other, walls and lips
   Real k_a = 0, k_l = 0, k_b = 0;
   Real mu = 0, zeta = 0;
   FrictionPoint friction_point = FrictionPoint::contact;
@@ -40,7 +42,8 @@ struct ModelParameters {
 NeighbourNeeds neighbour_needs(ModelKind kind, const ModelParameters& p = {});
 
 /// The weight of a droplet is ρ g R³ [T 4.6]: give it the mass ρ R³.
-/// Errors: InputError for a deformable model in 3D, or where a_s is not positive for droplets.
+/// Errors: InputError for a deformable model in 3D, for a contact law that the model does not have, or where a_s is not
+/// positive for droplets.
 template <int D>
 std::unique_ptr<ForceField<D>> make_force_field(ModelKind kind, const ModelParameters& p, const Vec<D>& gravity);
 

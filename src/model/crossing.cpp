@@ -35,23 +35,32 @@ Real sure_distance(const StateView<2>& s) {
   return std::sqrt(std::max(d2, Real(0)));
 }
 
-/// distance2(e) is the least squared distance of what pair e of a list stands for; inside(e, found) tests it.
-template <class Distance, class Inside>
-void look(const PairList& list, OutlineLook& seen, Distance&& distance2, Inside&& inside) {
-  Real d2 = square(seen.gap);
+/// One kind of contact in a look: what pair e stands for has the squared distance distance2(e), touches within reach(e)
+/// and is described by approach(e, d/reach); inside(e, found) tests pairs that touch. share: 2 where only one of
+/// the two moves, else 1.
+template <class Distance, class Reach, class Describe, class Inside>
+void look(const PairList& list, Real least, Real share, OutlineLook& seen, Distance&& distance2, Reach&& reach,
+          Describe&& approach, Inside&& inside) {
+  Real gap = seen.gap;
 #pragma omp parallel if (list.chunks() > 1)
   {
     std::optional<Crossing> found;
-#pragma omp for reduction(min : d2)
+    std::optional<Approach> closest;
+#pragma omp for reduction(min : gap)
     for (Index e = 0; e < list.size(); ++e) {
-      const Real near = distance2(e);
-      d2 = std::min(d2, near);
-      if (near < square(list.reach[e])) inside(e, found);
+      const Real d = std::sqrt(distance2(e)), range = reach(e);
+      gap = std::min(gap, share * (d - least * range));
+      if (!(d < range)) continue;
+      inside(e, found);
+      if (d < least * range && (!closest || d < closest->distance * range)) closest = approach(e, d / range);
     }
 #pragma omp critical
-    if (found && (!seen.crossing || found->vertex < seen.crossing->vertex)) seen.crossing = found;
+    {
+      if (found && (!seen.crossing || found->vertex < seen.crossing->vertex)) seen.crossing = found;
+      if (closest && (!seen.closest || closest->distance < seen.closest->distance)) seen.closest = closest;
+    }
   }
-  seen.gap = std::sqrt(d2);
+  seen.gap = gap;
 }
 
 }  // namespace
@@ -67,13 +76,18 @@ std::optional<Crossing> find_crossing(const StateView<2>& s) {
   return found;
 }
 
-OutlineLook look_at_outlines(const StateView<2>& s) {
+OutlineLook look_at_outlines(const StateView<2>& s, const LeastDistances& least) {
   const Topology& topology = s.topology;
-  const PairList &edges = s.neighbours.vertex_edges, &points = s.neighbours.point_pairs;
+  const PairList &edges = s.neighbours.vertex_edges, &points = s.neighbours.point_pairs, &walls = s.neighbours.walls,
+                 &lips = s.neighbours.lips;
   const Real sure = sure_distance(s);
-  OutlineLook seen{std::nullopt, sure, sure};
+  OutlineLook seen{std::nullopt, sure * (1 - std::max(least.outlines, least.walls)), sure, std::nullopt};
   look(
-      edges, seen, [&](Index e) { return squared_distance(s, edges[e].first, edges[e].second); },
+      edges, least.outlines, 1, seen, [&](Index e) { return squared_distance(s, edges[e].first, edges[e].second); },
+      [&](Index e) { return edges.reach[e]; },
+      [&](Index e, Real d) {
+        return Approach{edges[e].first, topology.particle[edges[e].second], d};
+      },
       [&](Index e, std::optional<Crossing>& found) {
         test(s, edges[e].first, topology.particle[edges[e].second], found);
       });
@@ -82,15 +96,40 @@ OutlineLook look_at_outlines(const StateView<2>& s) {
     return std::min(squared_distance(s, i, topology.previous[j]), squared_distance(s, i, j));
   };
   look(
-      points, seen,
+      points, least.outlines, 1, seen,
       [&](Index e) {
         return std::min(to_both_edges(points[e].first, points[e].second),
                         to_both_edges(points[e].second, points[e].first));
+      },
+      [&](Index e) { return points.reach[e]; },
+      [&](Index e, Real d) {
+        return Approach{points[e].first, topology.particle[points[e].second], d};
       },
       [&](Index e, std::optional<Crossing>& found) {
         test(s, points[e].first, topology.particle[points[e].second], found);
         test(s, points[e].second, topology.particle[points[e].first], found);
       });
+  if (!(least.walls > 0)) return seen;
+  const auto nothing = [](Index, std::optional<Crossing>&) {};
+  look(
+      walls, least.walls, 2, seen,
+      [&](Index e) { return square(s.walls.distance(s.position(walls[e].first), walls[e].second)); },
+      [&](Index e) { return topology.diameter[walls[e].first] / 2; },
+      [&](Index e, Real d) {
+        return Approach{walls[e].first, -1, d};
+      },
+      nothing);
+  look(
+      lips, least.walls, 2, seen,
+      [&](Index e) {
+        const Index a = lips[e].second;
+        return segment_foot(s.walls.lips()[lips[e].first], s.position(a), s.position(topology.next[a])).d2;
+      },
+      [&](Index e) { return topology.diameter[lips[e].second] / 2; },
+      [&](Index e, Real d) {
+        return Approach{lips[e].second, -1, d};
+      },
+      nothing);
   return seen;
 }
 

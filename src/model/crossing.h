@@ -15,15 +15,29 @@ struct Crossing {
 /// inside a vertex can be to be found: it is listed with an edge, or with a vertex, of the polygon.
 std::optional<Crossing> find_crossing(const StateView<2>& s);
 
+/// A vertex near the outline of another particle, or near a wall; a lip near an edge.
+struct Approach {
+  Index vertex;   ///< a point; the first one of the edge
+  Index other;    ///< particle; −1: wall
+  Real distance;  ///< over the contact distance
+};
+
+/// Distances over the contact distance below which contacts are too near.
+struct LeastDistances {
+  Real outlines = 0;  ///< of vertices from outlines
+  Real walls = 0;     ///< of vertices from walls, and of edges from lips; 0: not looked for
+};
+
 /// What a look at all outlines shows. Distances in σ_avg, of vertices to the outlines of other particles.
 struct OutlineLook {
   std::optional<Crossing> crossing;  ///< first vertex, by index, that lies inside another polygon, up to `depth`
-  Real gap;                          ///< no distance is smaller
-  Real depth;                        ///< a vertex that is less deep inside a polygon is found
+  Real gap;    ///< how far points can go until a contact gets too near, or an outline is met: half of this
+  Real depth;  ///< a vertex that is less deep inside a polygon is found
+  std::optional<Approach> closest;  ///< of contacts that are too near
 };
 
 /// Needs lists that are valid. Costs about as much as the contact forces of the listed pairs. Threads share out the
 /// pairs; what is found does not depend on their number.
-OutlineLook look_at_outlines(const StateView<2>& s);
+OutlineLook look_at_outlines(const StateView<2>& s, const LeastDistances& least = {});
 
 }  // namespace pliant

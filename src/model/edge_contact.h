@@ -2,21 +2,24 @@
 // edges are stretched.
 #pragma once
 
-#include <pliant/model/contact_law.h>
+#include <pliant/kernels/contact_law.h>
 #include <pliant/model/outline.h>
 #include <pliant/model/term.h>
 
 namespace pliant {
 
 /// A vertex j of one polygon against the outline of another:
-///   U_j = Σ_i [V(dist(j, closed edge i)) − V(dist(j, vertex i))], V(d) = ε/2 (1 − d/r)² Θ(1 − d/r)
-/// with the range r = (δ_m + δ_n)/2 of circulo-lines of width δ (smooth), or r = δ_n/2 of the disk of vertex j and an
-/// edge without width (rough). The subtraction removes the double count where two edges share a vertex, so that U_j
-/// equals V of the distance to the outline outside a convex corner and is C¹ everywhere; the distance rule of [H App.
-/// A] alone jumps where the foot of the perpendicular leaves an edge. Both directions count. The gradient goes to the
-/// vertex and to both ends of the edge: linear and angular momentum of the contact are conserved. The distance is
-/// unsigned: a vertex that has crossed an outline is an error state (crossing.h). Elements: neighbour list of vertices
-/// and edges.
+///   U_j = Σ_i [V(dist(j, closed edge i)) − V(dist(j, vertex i))]
+/// with V by one of the laws in contact_law.h and the range r = (δ_m + δ_n)/2 of circulo-lines of width δ (smooth), or
+/// r = δ_n/2 of the disk of vertex j and an edge without width (rough). The subtraction removes the double count where
+/// two edges share a vertex, so that U_j equals V of the distance to the outline outside a convex corner and is C¹
+/// everywhere; the distance rule of [H App. A] alone jumps where the foot of the perpendicular leaves an edge. Both
+/// directions count. The gradient goes to the vertex and to both ends of the edge: linear and angular momentum of the
+/// contact are conserved. The distance is unsigned: a vertex that has crossed an outline is an error state
+/// (crossing.h). With a C² law the second derivatives jump only where the nearest place changes from an edge to a
+/// corner. Each bracket is at least 0, so with a law that is unbounded U_j is too, wherever j comes near the outline.
+/// Elements: neighbour list of vertices and edges.
+template <class Law = HarmonicOverlap>
 struct EdgeContact {
   Real epsilon;
   Edges edges = Edges::wide;
@@ -92,12 +95,12 @@ struct EdgeContact {
     return true;
   }
 
-  /// Worst case: vertex against vertex, which both directions count, ω² = 4 ε/(r² m). Bare edges: a vertex in the
-  /// middle of one, 3/2 ε/(r² m); the disks of vertices keep these farther apart.
+  /// Worst case: vertex against vertex, which both directions count, ω² = 4 V''/m. Bare edges: a vertex in the
+  /// middle of one, 3/2 V''/m; the disks of vertices keep these farther apart.
   Real max_rate(const Topology& topology) const {
     if (!on) return 0;
     const Real worst = edges == Edges::wide ? 4 : 1.5;
-    return std::sqrt(worst * epsilon / smallest_over_points(topology, [&](Index i) {
+    return std::sqrt(worst * Law::stiffness * epsilon / smallest_over_points(topology, [&](Index i) {
                        const Real delta = topology.diameter[i];
                        return square(vertex_edge_reach(edges, delta, delta)) * topology.mass(i);
                      }));
@@ -106,7 +109,7 @@ struct EdgeContact {
  private:
   struct Element {
     Index vertex, start, end;
-    HarmonicOverlap law;
+    Law law;
   };
   Element element(const StateView<2>& s, Index e) const {
     const auto [p, a] = s.neighbours.vertex_edges[e];
@@ -114,5 +117,8 @@ struct EdgeContact {
     return {p, a, s.topology.next[a], {epsilon, reach}};
   }
 };
+
+template <class... More>
+EdgeContact(Real, More...) -> EdgeContact<>;
 
 }  // namespace pliant

@@ -62,12 +62,12 @@ struct PairKernel {
 
 struct WallKernel {
   static bool fast() { return simd::fast(); }
-  template <int D>
-  static void add_forces(const StateView<D>& s, Index chunk, Real* f, const WallContact<D>& contact) {
+  template <int D, class Law>
+  static void add_forces(const StateView<D>& s, Index chunk, Real* f, const WallContact<D, Law>& contact) {
     const PairList& list = s.neighbours.walls;
     const Range own = list.inside(chunk);
     add_wall_forces<D>(contact.epsilon, std::span(list.pairs).subspan(own.first, own.size()), s.walls.segments(),
-                       s.topology.diameter.data(), s.x, f);
+                       s.topology.diameter.data(), s.x, f, Law::kind);
   }
 };
 
@@ -84,10 +84,11 @@ struct ShapeKernel {
 
 struct EdgeKernel {
   static bool fast() { return simd::fast(); }
-  static void add_forces(const StateView<2>& s, Index chunk, Real* f, const EdgeContact& contact,
+  template <class Law>
+  static void add_forces(const StateView<2>& s, Index chunk, Real* f, const EdgeContact<Law>& contact,
                          const EdgeFriction& friction) {
     if (!contact.enabled(s)) return;
-    const EdgeLaw law{contact.epsilon, friction.mu, friction.where == FrictionPoint::contact};
+    const EdgeLaw law{contact.epsilon, friction.mu, friction.where == FrictionPoint::contact, Law::kind};
     const PairList& list = s.neighbours.vertex_edges;
     const Index* next = s.topology.next.data();
     const auto pairs = [&](Range range) { return std::span(list.pairs).subspan(range.first, range.size()); };

@@ -2,15 +2,16 @@
 // out.
 #pragma once
 
-#include <pliant/model/contact_law.h>
+#include <pliant/kernels/contact_law.h>
 #include <pliant/model/term.h>
 
 namespace pliant {
 
 /// Without it a lip enters an edge between two vertices. For a lip q and a polygon with edges (i, i+1):
-///   U_q = Σ_i [V(dist(q, closed edge i)) − V(|q − r_i|) − V(|q − r_{i+1}|)], V as for walls: ε_w/2 (1 − 2d/δ)² Θ.
+///   U_q = Σ_i [V(dist(q, closed edge i)) − V(|q − r_i|) − V(|q − r_{i+1}|)], V as for walls.
 /// Each vertex feels the lip already as a point near the wall's end, V(|q − r_i|); with that, the sum is V of the
 /// distance to the outline, counted once, and C¹. Elements: neighbour list of lips and edges.
+template <class Law = HarmonicOverlap>
 struct LipContact {
   Real epsilon;
   bool with_edges = true;  ///< false: as printed, only vertices feel lips
@@ -60,7 +61,7 @@ struct LipContact {
 
   Real max_rate(const Topology& topology) const {
     return with_edges
-               ? std::sqrt(4 * epsilon /
+               ? std::sqrt(4 * Law::stiffness * epsilon /
                            smallest_over_points(
                                topology, [&](Index i) { return square(topology.diameter[i]) * topology.mass(i); }))
                : 0;
@@ -70,7 +71,7 @@ struct LipContact {
   struct Element {
     Vec<2> lip;
     Index start, end;
-    HarmonicOverlap law;
+    Law law;
   };
   Element element(const StateView<2>& s, Index e) const {
     const auto [lip, a] = s.neighbours.lips[e];
@@ -83,14 +84,17 @@ struct LipContact {
     const SegmentFoot foot = segment_foot(q, ra, rb);
     if (foot.d2 >= square(v.delta)) return {Vec<2>::Zero(), Vec<2>::Zero()};
     const Real d = std::sqrt(foot.d2);
-    const Vec<2> push = v.slope(d) * direction<2>(foot.offset, d);
-    return {(1 - foot.t) * push + vertex_gradient(v, ra - q), foot.t * push + vertex_gradient(v, rb - q)};
+    const Vec<2> push = gradient(v, foot.offset, d);
+    return {(1 - foot.t) * push + gradient(v, ra - q, (ra - q).norm()),
+            foot.t * push + gradient(v, rb - q, (rb - q).norm())};
   }
 
-  static Vec<2> vertex_gradient(const HarmonicOverlap& v, const Vec<2>& r) {
-    const Real d = r.norm();
-    return v.slope(d) * direction<2>(r, d);
+  static Vec<2> gradient(const Law& v, const Vec<2>& r, Real d) {
+    return d > 0 ? Vec<2>(v.slope(d) * direction<2>(r, d)) : Vec<2>(Vec<2>::Zero());  // a law may be infinite there
   }
 };
+
+template <class... More>
+LipContact(Real, More...) -> LipContact<>;
 
 }  // namespace pliant

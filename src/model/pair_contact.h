@@ -1,7 +1,7 @@
 // Contact between points of different particles: soft particles [H 2] and rough deformable ones [H 9].
 #pragma once
 
-#include <pliant/model/contact_law.h>
+#include <pliant/kernels/contact_law.h>
 #include <pliant/model/term.h>
 
 namespace pliant {

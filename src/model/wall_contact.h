@@ -1,14 +1,15 @@
 // Contact of points with walls [H 3, 10].
 #pragma once
 
-#include <pliant/model/contact_law.h>
+#include <pliant/kernels/contact_law.h>
 #include <pliant/model/term.h>
 
 namespace pliant {
 
-/// U = Σ ε_w/2 (1 − 2 d_w/δ)² Θ(1 − 2 d_w/δ), d_w the distance of the point to the wall, δ its contact diameter: V(d)
-/// with range δ/2. C¹. Elements: neighbour list of points and walls.
-template <int D>
+/// U = Σ V(d_w), d_w the distance of the point to the wall and V of range δ/2, δ the point's contact diameter, by one
+/// of the laws in contact_law.h; harmonic: ε_w/2 (1 − 2 d_w/δ)² Θ(1 − 2 d_w/δ). Elements: neighbour list of points and
+/// walls.
+template <int D, class Law = HarmonicOverlap>
 struct WallContact {
   Real epsilon;
 
@@ -29,7 +30,7 @@ struct WallContact {
   void add_hessian(const StateView<D>& s, Index e, BlockSink<D>& h) const {
     const auto [i, wall] = s.neighbours.walls[e];
     const WallFoot<D> foot = s.walls.foot(s.position(i), wall);
-    const HarmonicOverlap v = law(s, i);
+    const Law v = law(s, i);
     if (!v.touches(foot.d)) return;
     h.add(i, i, v.curvature(foot.d) * foot.n * foot.n.transpose() + v.slope(foot.d) * foot.curvature);
   }
@@ -40,20 +41,20 @@ struct WallContact {
     Real d;
     Vec<D> n;
     s.walls.nearest(s.position(i), wall, d, n);
-    return -law(s, i).slope(d) * n;
+    return d > 0 ? Vec<D>(-law(s, i).slope(d) * n) : Vec<D>(Vec<D>::Zero());  // a law may be infinite there
   }
 
   Index wall(const StateView<D>& s, Index e) const { return s.neighbours.walls[e].second; }
 
-  /// ω² = 4 ε_w/(δ² m).
+  /// ω² = V''/m, with the harmonic law 4 ε_w/(δ² m).
   Real max_rate(const Topology& topology) const {
-    return std::sqrt(4 * epsilon / smallest_over_points(topology, [&](Index i) {
+    return std::sqrt(4 * Law::stiffness * epsilon / smallest_over_points(topology, [&](Index i) {
                        return square(topology.diameter[i]) * topology.mass(i);
                      }));
   }
 
  private:
-  HarmonicOverlap law(const StateView<D>& s, Index i) const { return {epsilon, s.topology.diameter[i] / 2}; }
+  Law law(const StateView<D>& s, Index i) const { return {epsilon, s.topology.diameter[i] / 2}; }
 };
 
 }  // namespace pliant

@@ -28,6 +28,7 @@ Keys keys_of(ModelKind kind) {
     add(polygon);
     add({"delta", "eps_c", "shape_terms", "friction_point", "lip_contact"});
     if (kind == ModelKind::rough) add({"rough_contact"});
+    if (kind == ModelKind::smooth) add({"contact_law"});
   }
   return keys;
 }
@@ -214,8 +215,11 @@ Configuration<2> read_polygons(const Field& inputs, ModelKind kind) {
     p.k_b = inputs["kb"].number(Sign::not_negative);
   }
   p.epsilon = inputs["eps_c"].number_or(1e4, Sign::not_negative);
-  const std::array<std::string_view, 2> rubbing{"vertex", "contact"}, rule{"literal", "edge"};
-  const Field friction = inputs["friction_point"], lip = inputs["lip_contact"], rough = inputs["rough_contact"];
+  const std::array<std::string_view, 2> rubbing{"vertex", "contact"}, rule{"literal", "edge"},
+      laws{"harmonic", "barrier"};
+  const Field friction = inputs["friction_point"], lip = inputs["lip_contact"], rough = inputs["rough_contact"],
+              law = inputs["contact_law"];
+  if (law.present() && law.choice(laws) == 1) p.law = ContactLaw::barrier;
   p.friction_point =
       friction.present() && friction.choice(rubbing) == 1 ? FrictionPoint::contact : FrictionPoint::vertex;
   p.lip_edges = lip.present() && lip.choice(rule) == 1;

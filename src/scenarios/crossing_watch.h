@@ -4,6 +4,7 @@
 #include <limits>
 #include <vector>
 
+#include <pliant/model/crossing.h>
 #include <pliant/model/state.h>
 #include <pliant/ts/particle_system.h>
 
@@ -16,6 +17,10 @@ namespace pliant {
 /// All functions are collective. Errors: NumericalError on all ranks, which names the vertex.
 class CrossingWatch {
  public:
+  CrossingWatch() = default;
+  /// Finds contacts too that are nearer than `least`, where a barrier is too stiff for the fixed step dt.
+  CrossingWatch(const LeastDistances& least, Real dt) : least_(least), dt_(dt) {}
+
   /// Before the first step. Finds vertices however deep inside they are.
   void start(ParticleSystem<2>& system, const State& s) { look(system, s, std::numeric_limits<Real>::infinity()); }
   /// After every step.
@@ -23,11 +28,18 @@ class CrossingWatch {
   /// After particles were put somewhere else or into another order.
   void after_change(ParticleSystem<2>& system, const State& s) { look(system, s, 0); }
 
+  /// Whether x [own points · 2], which a step tries, has no vertex inside another particle and no point that has gone
+  /// farther than σ_avg since the last look.
+  bool admits(ParticleSystem<2>& system, const Real* x) const;
+
  private:
   /// No vertex can be deeper inside than `deepest`.
   void look(ParticleSystem<2>& system, const State& s, Real deepest);
+  Real farthest_from_reference(const ParticleSystem<2>& system, const Real* x) const;
 
-  Real gap_ = 0;                 ///< smallest distance of a vertex from an outline at the last look
+  LeastDistances least_;
+  Real dt_ = 0;
+  Real gap_ = 0;  ///< how far vertices and outlines were from each other, or from `least`, at the last look
   std::vector<Real> reference_;  ///< positions of the own points then
 };
 

@@ -16,7 +16,9 @@
 #include <pliant/base/console.h>
 #include <pliant/base/log.h>
 #include <pliant/io/summary.h>
+#include <pliant/model/edge_contact.h>
 #include <pliant/model/polygon.h>
+#include <pliant/model/wall_contact.h>
 #include <pliant/scenarios/crossing_watch.h>
 #include <pliant/scenarios/frame_data.h>
 #include <pliant/scenarios/hopper_measurements.h>
@@ -183,9 +185,33 @@ class HopperRun {
     if (p_.integrator == IntegratorKind::verlet)
       integrator_ = std::make_unique<FixedStepVerlet>(dt_);
     else
-      integrator_ = std::make_unique<TsIntegrator>(
-          TsOptions{.dt = dt_, .longest_dt = longest_dt(), .implicit = p_.implicit, .jacobian = p_.jacobian},
-          ranks_.comm());
+      integrator_ = std::make_unique<TsIntegrator>(TsOptions{.dt = dt_,
+                                                             .longest_dt = longest_dt(),
+                                                             .implicit = p_.implicit,
+                                                             .jacobian = p_.jacobian,
+                                                             .admissible = admissible()},
+                                                   ranks_.comm());
+    if constexpr (D == 2) {
+      const auto* ts = dynamic_cast<const TsIntegrator*>(integrator_.get());
+      if (p_.contact_law == ContactLaw::barrier && (ts == nullptr || ts->explicit_fixed_step()))
+        outlines_ = CrossingWatch(least_distances(), dt_);
+    }
+  }
+
+  /// Where the fixed step is the critical one of a barrier.
+  LeastDistances least_distances() const {
+    // The rate is that at stiff_distance and goes as 1/d; without inertia it is the square that counts.
+    const Real step = drag_limit_ ? system_.field().critical_step(all_).elastic * std::sqrt(dt_ / critical_step_) : dt_,
+               factor = BarrierOverlap::stiff_distance * step / 2;
+    return {factor * EdgeContact<BarrierOverlap>{p_.e_c}.max_rate(all_),
+            factor * WallContact<2, BarrierOverlap>{p_.e_w}.max_rate(all_)};
+  }
+
+  /// A barrier has no meaning inside an outline.
+  std::function<bool(const Real*)> admissible() {
+    if constexpr (D == 2)
+      if (p_.contact_law == ContactLaw::barrier) return [this](const Real* x) { return outlines_.admits(system_, x); };
+    return {};
   }
 
   /// The start of a new run.

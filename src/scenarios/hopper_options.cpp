@@ -30,6 +30,10 @@ void HopperOptions::bind(Options& o) {
           .min = 0,
           .min_open = true,
           .on_restart = fixed});
+  o.bind("contact_law", contact_law, {{"harmonic", ContactLaw::harmonic}, {"barrier", ContactLaw::barrier}},
+         {.help = "smooth particles: contacts are linear springs, or grow without bound before an outline or a wall is "
+                  "reached",
+          .on_restart = fixed});
   o.bind("k_a", k_a, {.help = "area stiffness K_a", .unit = "rho g/sigma_avg", .min = 0, .on_restart = fixed});
   o.bind("k_l", k_l, {.help = "perimeter stiffness K_l", .unit = "rho g sigma_avg", .min = 0, .on_restart = fixed});
   o.bind("k_b", k_b, {.help = "bending stiffness K_b", .unit = "rho g sigma_avg^5", .min = 0, .on_restart = fixed});
@@ -171,6 +175,10 @@ void HopperOptions::resolve() {
   if (dim == 3 && model != ModelKind::sp)
     throw InputError("-dim 3 with -model {}: deformable particles are two-dimensional; use -model sp or -dim 2",
                      to_string(model));
+  if (contact_law == ContactLaw::barrier && model != ModelKind::smooth)
+    throw InputError(
+        "-contact_law barrier with -model {}: only smooth particles have it; use -model smooth or harmonic",
+        to_string(model));
   if (particles == 0) particles = dim == 2 ? 1600 : 6400;
   if (!wall_distance) wall_distance = dim == 2 ? 50 : 25;
   hopper.wall_distance = *wall_distance;
@@ -214,6 +222,7 @@ Real HopperOptions::first_skin() const {
 ModelParameters HopperOptions::model_parameters() const {
   return {.epsilon = model == ModelKind::sp ? e_sp : e_c,
           .epsilon_wall = e_w,
+          .law = contact_law,
           .k_a = k_a,
           .k_l = k_l,
           .k_b = k_b,

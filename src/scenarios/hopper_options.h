@@ -30,6 +30,7 @@ struct HopperOptions : RunOptions {
   PolygonShape shape;
 
   Real e_sp = 100, e_w = 1e4, e_c = 1e4, k_a = 2e4, k_l = 10, k_b = 0.1;
+  ContactLaw contact_law = ContactLaw::harmonic;
   Real mu = 0, zeta = 0;
   FrictionPoint friction_point = FrictionPoint::contact;
   ContactRule lip_contact = ContactRule::edge, rough_contact = ContactRule::edge;

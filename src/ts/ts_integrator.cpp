@@ -196,6 +196,7 @@ void TsIntegrator::configure() {
   petsc_check(TSSetExactFinalTime(ts_, TS_EXACTFINALTIME_MATCHSTEP));
   petsc_check(TSSetErrorIfStepFails(ts_, PETSC_FALSE));  // run() reports the reason
   petsc_check(TSSetPostStep(ts_, post_step));
+  if (options_.admissible) petsc_check(TSSetFunctionDomainError(ts_, function_domain));
   configured_size_ = 0;
   reusable_ = true;
   if (dt_ == 0) dt_ = options_.dt;
@@ -374,6 +375,15 @@ PetscErrorCode TsIntegrator::second_order_jacobian(TS, PetscReal t, ::Vec x, ::V
     Run& run = *static_cast<Run*>(context);
     const Read positions(x), velocities(v);
     run.integrator.update_jacobian(a, t, positions, velocities, {shift_a, -1, -shift_v});
+  });
+}
+
+PetscErrorCode TsIntegrator::function_domain(TS ts, PetscReal, ::Vec y, PetscBool* inside) {
+  return petsc_callback([&] {
+    void* context = nullptr;
+    petsc_check(TSGetApplicationContext(ts, &context));
+    const Read in(y);
+    *inside = PetscBool(static_cast<Run*>(context)->integrator.options_.admissible(in));
   });
 }
 

@@ -25,6 +25,9 @@ struct TsOptions {
   /// What an implicit type solves for: all, or the shape energy alone, the rest being explicit (IMEX).
   Part implicit = Part::all;
   JacobianKind jacobian = JacobianKind::assembled;
+  /// Says of positions that a step tries whether forces mean anything there; a step that goes where they do not is
+  /// rejected and tried again, shorter. Collective. Empty: they do everywhere.
+  std::function<bool(const Real* x)> admissible = {};
 };
 
 /// Integrates y = [x; v] with ẏ = [v; a(t, x, v)] by PETSc TS; motion without inertia as y = x with ẋ = f(t, x), which
@@ -89,6 +92,7 @@ class TsIntegrator : public Integrator {
   static PetscErrorCode second_order_function(TS ts, PetscReal t, ::Vec x, ::Vec v, ::Vec a, ::Vec f, void* context);
   static PetscErrorCode second_order_jacobian(TS ts, PetscReal t, ::Vec x, ::Vec v, ::Vec acceleration,
                                               PetscReal shift_v, PetscReal shift_a, ::Mat a, ::Mat p, void* context);
+  static PetscErrorCode function_domain(TS ts, PetscReal t, ::Vec y, PetscBool* inside);
   static PetscErrorCode post_step(TS ts);
   void evaluate_implicit(Run& run, Real t, const Real* x, const Real* v, Real* a);
   void update_jacobian(::Mat a, Real t, const Real* x, const Real* v, const JacobianWeights& weights);

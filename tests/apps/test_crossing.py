@@ -64,3 +64,46 @@ def test_a_crossing_on_ranks(tmp_path):
     result = on_ranks(2, "hopper", output=tmp_path / "run", **SOFT)
     check_stopped(tmp_path / "run", result)
     assert len(complaints(result)) == 1
+
+
+def test_the_barrier_keeps_vertices_out(tmp_path):
+    options = {**SOFT, "e_c": 0.05, "contact_law": "barrier", "dt": 1e-4, "t_end": 1.5}
+    harmonic = pliant("hopper", output=tmp_path / "harmonic", **{**options, "contact_law": "harmonic"})
+    assert harmonic.returncode == 3 and "has crossed the outline" in harmonic.stderr
+    result = pliant("hopper", output=tmp_path / "run", **options)
+    assert result.returncode == 0, result.stderr
+    run = Results(tmp_path / "run")
+    assert len(run.frames) == 31 and not any(crossed(frame) for frame in run.frames)
+    assert run.summary["dt"] < run.summary["dt_critical"]
+
+
+def test_a_barrier_that_outgrows_the_step_stops_the_run(tmp_path):
+    options = {**SOFT, "contact_law": "barrier", "e_c": 0.01}
+    result = pliant("hopper", output=tmp_path / "run", **options)
+    assert result.returncode == 3
+    message = complaints(result)[0]
+    found = re.search(r"has come to ([\d.]+) of the contact distance of particle \d+, .* use -dt (\S+) or less", message)
+    assert found, message
+    run = Results(tmp_path / "run")
+    assert float(found.group(2)) < run.summary["dt"]
+    assert not any(crossed(frame) for frame in run.frames)  # pressed, but not through
+
+
+def test_controlled_steps_do_not_jump_over_a_barrier(tmp_path):
+    """Without inertia a trial step that crosses an outline meets weak forces: error control alone lets it pass."""
+    options = {**SOFT, "e_c": 250, "e_w": 250, "zeta": 3, "dynamics": "overdamped", "integrator": "ts", "t_end": 0.1,
+               "sample_interval": 0.02, "frame_interval": 0.02}
+    harmonic = pliant("hopper", output=tmp_path / "harmonic", **options)
+    assert harmonic.returncode == 3 and "has crossed the outline" in harmonic.stderr
+    result = pliant("hopper", output=tmp_path / "run", contact_law="barrier", **options)
+    assert result.returncode == 0, result.stderr
+    run = Results(tmp_path / "run")
+    assert not any(crossed(frame) for frame in run.frames)
+    assert run.summary["rejected_steps"] > 0
+
+
+@pytest.mark.parametrize("model", ["sp", "rough"])
+def test_models_without_a_barrier(tmp_path, model):
+    result = pliant("hopper", output=tmp_path / "run", model=model, contact_law="barrier")
+    assert result.returncode == 2 and f"-contact_law barrier with -model {model}" in result.stderr
+    assert not (tmp_path / "run").exists()

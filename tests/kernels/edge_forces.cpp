@@ -56,7 +56,13 @@ struct Ways {
   }
 };
 
-const EdgeLaw laws[] = {{1e3, 0, true}, {1e3, 20, true}, {1e3, 20, false}, {0, 20, true}};
+const EdgeLaw laws[] = {{1e3, 0, true},
+                        {1e3, 20, true},
+                        {1e3, 20, false},
+                        {0, 20, true},
+                        {1e3, 0, true, ContactLaw::barrier},
+                        {1e3, 20, true, ContactLaw::barrier},
+                        {1e3, 20, false, ContactLaw::barrier}};
 
 /// Forces of the first n pairs by the element forms.
 std::vector<Real> element_forces(const EdgeLaw& law, const Outlines& o, Index n) {
@@ -64,12 +70,14 @@ std::vector<Real> element_forces(const EdgeLaw& law, const Outlines& o, Index n)
   neighbours.vertex_edges.pairs = o.pairs;
   const Walls<2> walls({}, {});
   const StateView<2> s{o.x.data(), o.v.data(), o.topology, neighbours, walls};
-  const EdgeContact contact{law.epsilon, o.edges};
   const EdgeFriction friction{law.mu, law.at_contact ? FrictionPoint::contact : FrictionPoint::vertex};
   std::vector<Real> f(o.x.size());
   Scatter<2, -1> minus{f.data()};
   Scatter<2, 1> plus{f.data()};
-  for (Index e = 0; e < n; ++e) contact.add_gradient(s, e, minus);
+  with_law(law.contact, [&]<class Law>(Law) {
+    const EdgeContact<Law> contact{law.epsilon, o.edges};
+    for (Index e = 0; e < n; ++e) contact.add_gradient(s, e, minus);
+  });
   for (Index e = 0; e < n && law.mu > 0; ++e) friction.add_force(s, e, plus);
   return f;
 }

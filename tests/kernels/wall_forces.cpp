@@ -43,20 +43,22 @@ struct Room {
     topology.add_soft(random(0.4, 1.5), 1);
     x.insert(x.end(), r.data(), r.data() + D);
   }
-  std::vector<Real> forces(Real epsilon, std::size_t n) const {
+  std::vector<Real> forces(Real epsilon, std::size_t n, ContactLaw law) const {
     std::vector<Real> f(x.size(), 0.25);  // what is there stays
     const std::vector<Pair> list(pairs.begin(), pairs.begin() + static_cast<std::ptrdiff_t>(n));
-    add_wall_forces<D>(epsilon, list, walls.segments(), topology.diameter.data(), x.data(), f.data());
+    add_wall_forces<D>(epsilon, list, walls.segments(), topology.diameter.data(), x.data(), f.data(), law);
     return f;
   }
-  std::vector<Real> element_forces(Real epsilon, std::size_t n) const {
+  std::vector<Real> element_forces(Real epsilon, std::size_t n, ContactLaw law) const {
     Neighbours<D> neighbours({}, 0);
     neighbours.walls.pairs = pairs;
     const StateView<D> s{x.data(), nullptr, topology, neighbours, walls};
-    const WallContact<D> contact{epsilon};
     std::vector<Real> f(x.size(), 0.25);
     Scatter<D, -1> minus{f.data()};
-    for (std::size_t e = 0; e < n; ++e) contact.add_gradient(s, static_cast<Index>(e), minus);
+    with_law(law, [&]<class Law>(Law) {
+      const WallContact<D, Law> contact{epsilon};
+      for (std::size_t e = 0; e < n; ++e) contact.add_gradient(s, static_cast<Index>(e), minus);
+    });
     return f;
   }
 };
@@ -65,17 +67,18 @@ struct Room {
 
 TEMPLATE_TEST_CASE_SIG("wall forces are those of the element form", "", ((int D), D), 2, 3) {
   Random random(11 + D);
+  const ContactLaw law = GENERATE(ContactLaw::harmonic, ContactLaw::barrier);
   for (int trial = 0; trial < 10; ++trial) {
     const Room<D> room(random);
     const std::size_t all = room.pairs.size();
-    const std::vector<Real> whole = room.element_forces(1e3, all);
+    const std::vector<Real> whole = room.element_forces(1e3, all, law);
     const Real scale = *std::max_element(whole.begin(), whole.end());
     REQUIRE(scale > 100);
     REQUIRE(std::count(whole.begin(), whole.end(), 0.25) > 0);
     for (const std::size_t n : {std::size_t{0}, std::size_t{1}, std::size_t{2}, std::size_t{3}, std::size_t{4},
                                 std::size_t{5}, std::size_t{30}, all - 1, all}) {
       CAPTURE(trial, n);
-      const std::vector<Real> f = room.forces(1e3, n), expected = room.element_forces(1e3, n);
+      const std::vector<Real> f = room.forces(1e3, n, law), expected = room.element_forces(1e3, n, law);
       for (std::size_t k = 0; k < f.size(); ++k) {
         CAPTURE(k);
         CHECK(f[k] == Approx(expected[k]).epsilon(0).margin(1e-12 * scale));

@@ -333,6 +333,25 @@ TEST_CASE("evaluate lets vertices of rough particles feel edges on request") {
   CHECK_THAT(message(document), Catch::Contains("inputs.rough_contact means nothing to model DP-smooth"));
 }
 
+TEST_CASE("evaluate has the contact law of smooth particles") {
+  json document = square_and_triangle();  // 0.06 of 0.1: an overlap of 0.4
+  check_term(run(document).at("energy").at("contact"), 1e4 / 2 * 0.16);
+  document["inputs"]["contact_law"] = "harmonic";
+  check_term(run(document).at("energy").at("contact"), 1e4 / 2 * 0.16);
+  document["inputs"]["contact_law"] = "barrier";
+  const Real c = 0.01, x = 0.4;
+  const json got = run(document);
+  check_term(got.at("energy").at("contact"), 1e4 * ((c * c * std::log(1 + x / c) - std::log(1 - x)) / (1 + c) - x));
+  const Real f = 1e5 * x * x / ((x + c) * (1 - x));
+  check_term(got.at("force").at("contact"), {{{0, 0}, {0, 0}, {0, -0.4 * f}, {0, -0.6 * f}}, {{0, f}, {0, 0}, {0, 0}}});
+  document["inputs"]["contact_law"] = "hertz";
+  CHECK(message(document) == "case.json: inputs.contact_law is \"hertz\", but this version has harmonic, barrier");
+  document = square_and_triangle("DP-rough");
+  document["inputs"]["contact_law"] = "barrier";
+  CHECK(message(document) ==
+        "case.json: inputs.contact_law means nothing to model DP-rough; remove it or set it to null");
+}
+
 TEST_CASE("evaluate shares the drag of a polygon among its vertices") {
   json document = square_and_triangle();
   document["inputs"]["zeta"] = 12;

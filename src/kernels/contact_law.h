@@ -1,0 +1,83 @@
+// Laws of contacts: energy V and its derivatives as functions of a distance d and a range δ. Terms and kernels are
+// products of a law and a stencil, which knows the distance.
+#pragma once
+
+#include <cmath>
+#include <string_view>
+
+#include <pliant/base/multiversion.h>
+#include <pliant/base/types.h>
+
+namespace pliant {
+
+enum class ContactLaw { harmonic, barrier };
+
+/// V(d) = ε/2 (1 − d/δ)² for d < δ, else 0 [H 2, 3, 9, 10]. C¹: V'' jumps from 0 to ε/δ² at touch. Finite at d = 0:
+/// a force of ε/δ pushes a point onto what it touches.
+/// Units: ε in ρgσ_avg^(D+1), lengths in σ_avg.
+struct HarmonicOverlap {
+  static constexpr ContactLaw kind = ContactLaw::harmonic;
+  static constexpr Real stiffness = 1;  ///< largest V'' δ²/ε
+
+  Real epsilon, delta;
+
+  bool touches(Real d) const { return d < delta; }
+  Real value(Real d) const { return touches(d) ? epsilon / 2 * square(1 - d / delta) : 0; }
+  Real slope(Real d) const { return touches(d) ? -epsilon / delta * (1 - d / delta) : 0; }
+  Real curvature(Real d) const { return touches(d) ? epsilon / square(delta) : 0; }
+
+  /// −V'(d)/d for 0 < d < δ, of numbers or vectors of them.
+  template <class T>
+  PLIANT_INLINE static T push(Real epsilon, T delta, T d) {
+    return epsilon * (delta - d) / (delta * delta * d);
+  }
+};
+
+/// Grows without bound as d → 0, so that no force keeps a point from turning back. With x = 1 − d/δ and c = 0.01:
+///   V(d) = ε [c² ln(1 + x/c) − ln(1 − x)]/(1 + c) − ε x for 0 < d < δ, 0 beyond, ∞ at d = 0
+///   −V'(d) = (ε/δ) x²/((x + c)(1 − x)),   V''(d) = (ε/δ²) [1/(1 − x)² − c²/(x + c)²]/(1 + c)
+/// C²: V'' grows from 0 at touch, reaches 3/4 ε/δ² at an overlap x = c and follows the harmonic law from there on to
+/// overlaps of some 0.1, beyond which it grows as 1/(1 − x)² = (δ/d)². Without c it is the logarithm of [T 2.7].
+/// Units: as for the harmonic law.
+struct BarrierOverlap {
+  static constexpr ContactLaw kind = ContactLaw::barrier;
+  static constexpr Real onset = 0.01;  ///< c
+  /// V'' δ²/ε at an overlap of 1/2; it has no largest value.
+  static constexpr Real stiffness = (4 - square(onset / (0.5 + onset))) / (1 + onset);
+  static constexpr Real stiff_distance = 0.5;  ///< d/δ there; V'' goes as the inverse square of d
+
+  Real epsilon, delta;
+
+  bool touches(Real d) const { return d < delta; }
+  Real value(Real d) const {
+    if (!touches(d)) return 0;
+    const Real x = 1 - d / delta;
+    return epsilon * ((square(onset) * std::log1p(x / onset) - std::log(d / delta)) / (1 + onset) - x);
+  }
+  Real slope(Real d) const {
+    if (!touches(d)) return 0;
+    const Real x = 1 - d / delta;
+    return -epsilon * square(x) / ((x + onset) * d);
+  }
+  Real curvature(Real d) const {
+    if (!touches(d)) return 0;
+    const Real x = 1 - d / delta;
+    return epsilon * (1 / square(d) - square(onset / ((x + onset) * delta))) / (1 + onset);
+  }
+
+  /// −V'(d)/d for 0 < d < δ, of numbers or vectors of them.
+  template <class T>
+  PLIANT_INLINE static T push(Real epsilon, T delta, T d) {
+    const T x = delta - d;
+    return epsilon * x * x / (delta * (x + onset * delta) * d * d);
+  }
+};
+
+/// visit(law) for one of the types above, by its kind; its members have no values.
+template <class Visit>
+decltype(auto) with_law(ContactLaw law, Visit&& visit) {
+  if (law == ContactLaw::barrier) return visit(BarrierOverlap{});
+  return visit(HarmonicOverlap{});
+}
+
+}  // namespace pliant

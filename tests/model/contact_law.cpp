@@ -1,0 +1,183 @@
+// The laws of contacts: derivatives, smoothness, bounds.
+#include <catch2/catch.hpp>
+
+#include <pliant/model/catalogue.h>
+#include <pliant/model/crossing.h>
+#include <pliant/model/edge_contact.h>
+#include <pliant/model/lip_contact.h>
+#include <pliant/model/wall_contact.h>
+
+#include "support/configurations.h"
+#include "support/derivatives.h"
+
+using namespace pliant;
+using namespace pliant::test;
+
+namespace {
+
+constexpr Real epsilon = 1e3, delta = 0.1;
+
+}  // namespace
+
+TEMPLATE_TEST_CASE("derivatives of a law", "", HarmonicOverlap, BarrierOverlap) {
+  const TestType v{epsilon, delta};
+  for (Real s = 0.01; s < 1.2; s += 0.0173) {
+    INFO("d/range " << s);
+    const Real d = s * delta, h = 1e-4 * d;
+    if (std::abs(d - delta) < 2 * h) continue;
+    const auto difference = [&](auto&& f) {
+      return (8 * (f(d + h) - f(d - h)) - f(d + 2 * h) + f(d - 2 * h)) / (12 * h);
+    };
+    CHECK(v.slope(d) == Approx(difference([&](Real r) { return v.value(r); })).epsilon(1e-7).margin(1e-7));
+    CHECK(v.curvature(d) == Approx(difference([&](Real r) { return v.slope(r); })).epsilon(1e-7).margin(1e-4));
+    CHECK(v.touches(d) == (s < 1));
+    CHECK((v.value(d) > 0) == (s < 1));
+    if (s < 1) CHECK(TestType::push(epsilon, delta, d) == Approx(-v.slope(d) / d).epsilon(1e-12));
+  }
+}
+
+TEST_CASE("the barrier is C2 at touch, where the harmonic law is C1") {
+  const HarmonicOverlap spring{epsilon, delta};
+  const BarrierOverlap barrier{epsilon, delta};
+  const Real stiff = epsilon / square(delta);
+  for (const Real x : {1e-4, 1e-6, 1e-8}) {
+    const Real d = delta * (1 - x);
+    CHECK(spring.curvature(d) == stiff);
+    CHECK(barrier.curvature(d) / stiff == Approx(2 * x / BarrierOverlap::onset).epsilon(0.02));
+    CHECK(-barrier.slope(d) * delta / epsilon == Approx(square(x) / BarrierOverlap::onset).epsilon(0.02));
+  }
+  CHECK(barrier.curvature(delta) == 0);
+}
+
+TEST_CASE("the barrier follows the harmonic law at small overlaps and grows without bound") {
+  const HarmonicOverlap spring{epsilon, delta};
+  const BarrierOverlap barrier{epsilon, delta};
+  for (const Real x : {0.03, 0.05, 0.1, 0.15}) {
+    const Real d = delta * (1 - x);
+    CHECK(barrier.slope(d) / spring.slope(d) == Approx(1).margin(0.25));
+    CHECK(barrier.curvature(d) / spring.curvature(d) == Approx(1.1).margin(0.3));
+  }
+  CHECK(barrier.curvature(delta * BarrierOverlap::stiff_distance) * square(delta) / epsilon ==
+        Approx(BarrierOverlap::stiffness));
+  Real before = barrier.value(0.1 * delta);
+  for (int k = 2; k < 12; ++k) {
+    const Real s = std::pow(10, -k);
+    CHECK(barrier.value(s * delta) - before > 2 * epsilon);  // ln 10 each
+    CHECK(-barrier.slope(s * delta) > 0.85 * epsilon / (s * delta));
+    before = barrier.value(s * delta);
+  }
+  CHECK(spring.value(0) < epsilon);
+  CHECK(std::isinf(barrier.value(0)));
+}
+
+TEST_CASE("derivatives of contacts with the barrier") {
+  const auto edge = alone<2>(EdgeContact<BarrierOverlap>{epsilon});
+  for (const Place place : interior_places) {
+    INFO("place " << static_cast<int>(place));
+    check_smooth<2>(
+        *edge, [&](Random& r) { return touching_polygons(r, place); }, 1e-6);
+  }
+  // Where the nearest place changes from an edge to a corner, distances are C1.
+  for (const Place place : {Place::edge_end, Place::notch_edge_end}) {
+    INFO("place " << static_cast<int>(place));
+    check_boundary<2>(
+        *edge, [&](Random& r) { return touching_polygons(r, place); }, 1e-6);
+  }
+  const auto wall = alone<2>(WallContact<2, BarrierOverlap>{epsilon});
+  for (const WallPlace place : interior_wall_places) {
+    INFO("wall, place " << static_cast<int>(place));
+    check_smooth<2>(
+        *wall, [&](Random& r) { return polygon_at_wall(r, 45, place, smooth_width); }, 1e-6);
+  }
+  const auto lip = alone<2>(LipContact<BarrierOverlap>{epsilon});
+  for (const LipPlace place : {LipPlace::edge, LipPlace::notch}) {
+    INFO("lip, place " << static_cast<int>(place));
+    check_smooth<2>(
+        *lip, [&](Random& r) { return polygon_at_lip(r, 45, place, smooth_width); }, 1e-6);
+  }
+}
+
+TEST_CASE("second derivatives of the barrier do not jump at touch") {
+  const auto jump = [](const ForceField<2>& field, Configuration<2>& c, const VectorXd& p, Real h) {
+    const Functional f = functional(field, c);
+    const VectorXd x = c.positions();
+    return (f.hessian(x + h * p) - f.hessian(x - h * p)).norm();
+  };
+  for (const Place place : {Place::edge_onset, Place::corner_onset})
+    for (int k = 0; k < 20; ++k) {
+      INFO("place " << static_cast<int>(place) << ", state " << k);
+      Random random(k);
+      Configuration<2> c = touching_polygons(random, place);
+      const VectorXd p = random_direction(random, c.positions().size());
+      const auto smooth = alone<2>(EdgeContact<BarrierOverlap>{epsilon}), kinked = alone<2>(EdgeContact{epsilon});
+      REQUIRE(jump(*smooth, c, p, 1e-5) > 0);
+      CHECK(jump(*smooth, c, p, 1e-7) < 0.02 * jump(*smooth, c, p, 1e-5));
+      CHECK(jump(*kinked, c, p, 1e-7) > 0.9 * jump(*kinked, c, p, 1e-5));
+    }
+}
+
+TEST_CASE("no load presses a vertex through the barrier of an outline or a wall") {
+  // A wedge above the top edge of a square, and above the floor.
+  const auto tip_force = [](const ForceField<2>& field, bool at_wall, Real d) {
+    Configuration<2> c;
+    if (at_wall) c.walls = test_hopper(90).walls<2>();
+    c.add_polygon({{3, -1}, {4, -1}, {4, at_wall ? -0.5 : 0}, {3, at_wall ? -0.5 : 0}}, delta);
+    c.add_polygon(wedge({3.4, d}, {0, 1}), delta);
+    std::vector<Real> f(c.x.size());
+    field.forces(c.view(), f.data());
+    return f[2 * 4 + 1];
+  };
+  for (const bool at_wall : {false, true}) {
+    ModelParameters p{.epsilon = epsilon, .epsilon_wall = epsilon};
+    const auto spring = make_force_field<2>(ModelKind::smooth, p, Vec<2>(0, 0));
+    p.law = ContactLaw::barrier;
+    const auto barrier = make_force_field<2>(ModelKind::smooth, p, Vec<2>(0, 0));
+    const Real range = at_wall ? delta / 2 : delta;
+    Real before = range;
+    for (Real load = 0.1 * epsilon / range; load < 1e9 * epsilon / range; load *= 10) {
+      INFO("load " << load);
+      // The spring gives way; the barrier balances each load, ever nearer.
+      if (load > epsilon / range) CHECK(tip_force(*spring, at_wall, 1e-12) < load);
+      Real near = 0, far = range;
+      for (int k = 0; k < 200; ++k)
+        (tip_force(*barrier, at_wall, (near + far) / 2) > load ? near : far) = (near + far) / 2;
+      CHECK(near > 0);
+      CHECK(far < before);
+      before = far;
+    }
+  }
+}
+
+TEST_CASE("the barrier is refused by models that do not have it") {
+  for (const ModelKind kind : {ModelKind::sp, ModelKind::rough, ModelKind::bubble})
+    CHECK_THROWS_AS(make_force_field<2>(kind, {.law = ContactLaw::barrier}, Vec<2>(0, -1)), InputError);
+}
+
+TEST_CASE("a look finds contacts that are too near: of edges, of walls and of lips") {
+  Configuration<2> c;
+  c.walls = test_hopper(90).walls<2>();
+  c.add_polygon({{3, 0.02}, {4, 0.03}, {4, 1}, {3, 1}}, 0.1);
+  c.add_polygon(wedge({3.5, 1.04}, {0, 1}), 0.1);
+  OutlineLook seen = look_at_outlines(c.view(), {0.3, 0.3});
+  CHECK(!seen.closest);
+  CHECK(seen.gap == Approx(0.01));  // 0.04 − 0.3 · 0.1 at the edge, 2 (0.02 − 0.3 · 0.05) at the wall
+  seen = look_at_outlines(c.view(), {0.45, 0.45});
+  REQUIRE(seen.closest);
+  CHECK(seen.closest->other == -1);
+  CHECK(seen.closest->vertex == 0);
+  CHECK(seen.closest->distance == Approx(0.4));
+  c.x[1] = 0.5;
+  seen = look_at_outlines(c.view(), {0.45, 0.45});
+  REQUIRE(seen.closest);
+  CHECK(seen.closest->vertex == 4);
+  CHECK(seen.closest->other == 0);
+  CHECK(seen.closest->distance == Approx(0.4));
+
+  Configuration<2> lip;
+  lip.walls = test_hopper(90).walls<2>();  // a lip at (1.5, 0)
+  lip.add_polygon({{1.48, -1}, {1.48, 1}, {1, 1}, {1, -1}}, 0.1);
+  seen = look_at_outlines(lip.view(), {0.45, 0.45});
+  REQUIRE(seen.closest);
+  CHECK(seen.closest->other == -1);
+  CHECK(seen.closest->distance == Approx(0.4));
+}
