@@ -339,10 +339,10 @@ TEST_CASE("evaluate has the contact law of smooth particles") {
   document["inputs"]["contact_law"] = "harmonic";
   check_term(run(document).at("energy").at("contact"), 1e4 / 2 * 0.16);
   document["inputs"]["contact_law"] = "barrier";
-  const Real c = 0.01, x = 0.4;
+  const double c = 0.01, x = 0.4;
   const json got = run(document);
   check_term(got.at("energy").at("contact"), 1e4 * ((c * c * std::log(1 + x / c) - std::log(1 - x)) / (1 + c) - x));
-  const Real f = 1e5 * x * x / ((x + c) * (1 - x));
+  const double f = 1e5 * x * x / ((x + c) * (1 - x));
   check_term(got.at("force").at("contact"), {{{0, 0}, {0, 0}, {0, -0.4 * f}, {0, -0.6 * f}}, {{0, f}, {0, 0}, {0, 0}}});
   document["inputs"]["contact_law"] = "hertz";
   CHECK(message(document) == "case.json: inputs.contact_law is \"hertz\", but this version has harmonic, barrier");
