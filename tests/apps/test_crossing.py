@@ -91,7 +91,7 @@ def test_a_barrier_that_outgrows_the_step_stops_the_run(tmp_path):
 
 def test_controlled_steps_do_not_jump_over_a_barrier(tmp_path):
     """Without inertia a trial step that crosses an outline meets weak forces: error control alone lets it pass."""
-    options = {**SOFT, "e_c": 250, "e_w": 250, "zeta": 3, "dynamics": "overdamped", "integrator": "ts", "t_end": 0.1,
+    options = {**SOFT, "e_c": 250, "e_w": 250, "zeta": 3, "dynamics": "overdamped", "integrator": "ts", "t_end": 0.04,
                "sample_interval": 0.02, "frame_interval": 0.02}
     harmonic = pliant("hopper", output=tmp_path / "harmonic", **options)
     assert harmonic.returncode == 3 and "has crossed the outline" in harmonic.stderr
