@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <chrono>
+#include <csignal>
 #include <string>
 #include <vector>
 
@@ -111,6 +112,7 @@ int fail(const Ranks& ranks, const std::string& message, ExitCode code) {
 
 int main(int argc, char** argv) {
   pliant::guard_standard_streams();
+  std::signal(SIGXFSZ, SIG_IGN);  // a write beyond the limit on files fails, and is reported, instead of killing
   const Arguments arguments(argv + std::min(argc, 2), argv + argc);
   try {
     pliant::PetscSession petsc;

@@ -10,4 +10,4 @@ find_package(fmt REQUIRED)
 find_package(nlohmann_json REQUIRED)
 set(HDF5_PREFER_PARALLEL ON)
 find_package(HDF5 REQUIRED COMPONENTS C)
-find_package(ZLIB REQUIRED)  # checksums of checkpoints; HDF5 needs it too
+find_package(ZLIB REQUIRED)  # checksums of run.h5 and checkpoints; HDF5 needs it too

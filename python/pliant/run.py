@@ -11,8 +11,9 @@ import numpy as np
 import pandas as pd
 
 from .errors import RunError
+from .run_file import check_strings, checked, open_run_file
 
-# A run that is killed while it writes a frame leaves a group without all of these: such a frame does not exist.
+# Without all of these a frame is not whole.
 _FRAME_DATASETS = ("positions", "velocities", "centres", "active", "contact_count")
 
 
@@ -100,7 +101,7 @@ class Frame:
     def _read(self, name, needed_by="every frame"):
         if name not in self._group:
             raise RunError(f"{self._run.path}: frame {self.name} has no '{name}' (it is written for {needed_by})")
-        return self._group[name][()]
+        return self._run.read(self._group[name])
 
     @cached_property
     def positions(self):
@@ -152,7 +153,7 @@ class Frame:
     @cached_property
     def wall_segments(self):
         """[S, 4] x1 y1 x2 y2 of the walls at the frame's time; a lid that has been opened has no length."""
-        return self._group["wall_segments"][()] if "wall_segments" in self._group else self._run.geometry.segments
+        return self._read("wall_segments") if "wall_segments" in self._group else self._run.geometry.segments
 
     @cached_property
     def particle_velocities(self):
@@ -180,13 +181,14 @@ class Frame:
         if "contacts" not in self._group:
             raise RunError(f"{self._run.path}: frame {self.name} has no contacts")
         group = self._group["contacts"]
-        pairs = group["particles"][()].reshape(-1, 2)
-        force = group["force"][()].reshape(-1, len(axes))
+        arrays = {name: self._run.read(group[name]) for name in ("particles", "force", "position", "normal", "overlap")}
+        pairs = arrays["particles"].reshape(-1, 2)
+        force = arrays["force"].reshape(-1, len(axes))
         columns = {"particle_1": pairs[:, 0], "particle_2": pairs[:, 1]}
-        for prefix, values in (("", group["position"][()]), ("n", group["normal"][()])):
-            values = values.reshape(-1, len(axes))
+        for prefix, name in (("", "position"), ("n", "normal")):
+            values = arrays[name].reshape(-1, len(axes))
             columns.update({prefix + axis: values[:, i] for i, axis in enumerate(axes)})
-        columns["overlap"] = group["overlap"][()]
+        columns["overlap"] = arrays["overlap"]
         columns.update({"f" + axis: force[:, i] for i, axis in enumerate(axes)})
         columns["force"] = np.linalg.norm(force, axis=1)
         return pd.DataFrame(columns)
@@ -198,7 +200,19 @@ class Frames(Sequence):
     def __init__(self, run, group):
         self._run, self._group = run, group
         names = sorted((n for n in group if n.isdigit()), key=int) if group is not None else []
-        self._names = [n for n in names if all(d in group[n] for d in _FRAME_DATASETS)]
+        self._names = [n for n in names if self._whole(n)]
+
+    def _whole(self, name):
+        try:
+            return all(d in self._group[name] for d in _FRAME_DATASETS)
+        except (KeyError, OSError, RuntimeError):
+            return True  # damaged: who asks for it is told
+
+    def _open(self, name):
+        try:
+            return self._group[name]
+        except (KeyError, OSError, RuntimeError) as error:
+            raise RunError(f"{self._run.path}: frame {name} is damaged ({str(error).splitlines()[0]})") from None
 
     def __len__(self):
         return len(self._names)
@@ -213,7 +227,7 @@ class Frames(Sequence):
         except IndexError:
             # An IndexError ends a for loop, as Sequence asks; Run.frame() is what speaks to users.
             raise IndexError(f"frame {index} of {len(self)}") from None
-        return Frame(self._run, name, self._group[name])
+        return Frame(self._run, name, self._open(name))
 
     def __iter__(self):
         return (self[i] for i in range(len(self)))
@@ -221,7 +235,7 @@ class Frames(Sequence):
     @cached_property
     def times(self):
         """[frames] times in t0."""
-        return np.array([_plain(self._group[n].attrs.get("time", np.nan)) for n in self._names], dtype=float)
+        return np.array([_plain(self._open(n).attrs.get("time", np.nan)) for n in self._names], dtype=float)
 
 
 class Run:
@@ -237,8 +251,7 @@ class Run:
         if not h5.is_file():
             raise RunError(f"{self.path}: not a run (it has no run.h5)")
         try:
-            # No lock: a run that is still being written may be read up to its last frame.
-            self._file = h5py.File(h5, "r", locking=False)
+            self._file = open_run_file(h5)
         except OSError as error:
             raise RunError(f"{h5}: cannot be read as HDF5 ({str(error).splitlines()[0]})") from None
         if "manifest" not in self._file:
@@ -262,6 +275,13 @@ class Run:
             raise RunError(f"{self.path}: run.h5 has no /{name}")
         return self._file[name]
 
+    def read(self, dataset):
+        """All values of a dataset of run.h5; RunError if it is damaged."""
+        try:
+            return checked(dataset)
+        except OSError as error:
+            raise RunError(f"{self.path}: {dataset.name} is damaged ({str(error).splitlines()[0]})") from None
+
     @property
     def name(self):
         """The folder's own name."""
@@ -270,6 +290,7 @@ class Run:
     @cached_property
     def manifest(self):
         """Attributes of /manifest, with `options` decoded."""
+        check_strings(self._file["manifest"])
         manifest = {key: _plain(value) for key, value in self._file["manifest"].attrs.items()}
         try:
             manifest["options"] = json.loads(manifest.get("options", "{}"))
@@ -327,14 +348,15 @@ class Run:
     @cached_property
     def topology(self):
         group = self._group("topology")
-        return Topology(**{name: group[name][()] for name in Topology.__dataclass_fields__})
+        return Topology(**{name: self.read(group[name]) for name in Topology.__dataclass_fields__})
 
     @cached_property
     def geometry(self):
         group = self._group("geometry")
         attrs = {key: _plain(value) for key, value in group.attrs.items()}
         lengths = {k: float(attrs.get(k, np.nan)) for k in ("W", "w", "angle")}
-        return Geometry(group["segments"][()].reshape(-1, 4), **lengths, kind=attrs.get("kind", ""))
+        check_strings(group)
+        return Geometry(self.read(group["segments"]).reshape(-1, 4), **lengths, kind=attrs.get("kind", ""))
 
     @cached_property
     def frames(self):
@@ -352,10 +374,10 @@ class Run:
     @cached_property
     def _series_arrays(self):
         group = self._group("series")
-        arrays = {name: data for name, data in group.items() if isinstance(data, h5py.Dataset)}
+        arrays = {name: self.read(data) for name, data in group.items() if isinstance(data, h5py.Dataset)}
         if "time" not in arrays:
             raise RunError(f"{self.path}: /series has no time")
-        rows = min(len(data) for data in arrays.values())  # a killed run may have begun a row
+        rows = min(len(data) for data in arrays.values())
         return {name: data[:rows] for name, data in arrays.items()}
 
     @cached_property
@@ -371,7 +393,7 @@ class Run:
         arrays = self._series_arrays
         if "profile_momentum" not in arrays or "series_axes" not in self._file:
             raise RunError(f"{self.path}: the run has no axis profile")
-        return Profile(arrays["time"], self._file["series_axes/profile_height"][()], arrays["profile_momentum"],
+        return Profile(arrays["time"], self.read(self._file["series_axes/profile_height"]), arrays["profile_momentum"],
                        arrays["profile_weight"])
 
     @property

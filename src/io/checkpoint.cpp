@@ -1,5 +1,4 @@
 #include <pliant/io/checkpoint.h>
-#include <zlib.h>
 
 #include <algorithm>
 #include <array>
@@ -10,6 +9,7 @@
 #include <string_view>
 
 #include <pliant/io/atomic_file.h>
+#include <pliant/io/crc32.h>
 
 namespace pliant {
 namespace {
@@ -30,12 +30,6 @@ std::string make_head(std::uint64_t bytes, std::uint32_t crc) {
       fmt::format("{}{}; {} bytes from byte {} on with the CRC-32 {:08x}\n", title, format, bytes, head_size, crc);
   head.resize(head_size, '\0');
   return head;
-}
-
-/// CRC-32 as of gzip, going on from that of the bytes before.
-std::uint32_t crc32_of(std::string_view bytes, std::uint32_t before = 0) {
-  return static_cast<std::uint32_t>(
-      ::crc32_z(before, reinterpret_cast<const unsigned char*>(bytes.data()), bytes.size()));
 }
 
 /// Throws InputError unless the head fits the rest of the file.
@@ -59,7 +53,8 @@ void verify(const fs::path& path) {
                        number, format));
   std::uint64_t bytes = 0;
   std::uint32_t crc = 0;
-  for (std::string_view part; !(part = read(buffer.size())).empty(); bytes += part.size()) crc = crc32_of(part, crc);
+  for (std::string_view part; !(part = read(buffer.size())).empty(); bytes += part.size())
+    crc = crc32_of(std::as_bytes(std::span(part)), crc);
   if (head != make_head(bytes, crc)) refuse("is damaged: it does not have the length and the checksum that it had");
 }
 
@@ -147,7 +142,8 @@ void CheckpointWriter::finish() {
   hdf5::File file = *std::move(file_);
   file_.reset();
   const std::string_view image = file.image();
-  write_file_atomically(folder_ / names[next_], {make_head(image.size(), crc32_of(image)), image});
+  write_file_atomically(folder_ / names[next_],
+                        {make_head(image.size(), crc32_of(std::as_bytes(std::span(image)))), image});
   next_ = 1 - next_;
 }
 

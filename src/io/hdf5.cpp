@@ -1,14 +1,10 @@
+#include <pliant/io/crc32.h>
 #include <pliant/io/hdf5.h>
+#include <pliant/io/hdf5_driver.h>
 
-#include <fcntl.h>
 #include <hdf5.h>
-#include <sys/resource.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <cstring>
 #include <numeric>
 #include <optional>
 #include <stdexcept>
@@ -102,32 +98,26 @@ Id string_type() {
 
 Id file_access() {
   Id access(H5Pcreate(H5P_FILE_ACCESS));
-  // Closing the file closes what is open in it; file systems that know no locks are used without.
+  // Closing the file closes what is open in it.
   H5Pset_fclose_degree(access.get(), H5F_CLOSE_STRONG);
-  H5Pset_file_locking(access.get(), true, true);
+  // The format of 1.8 has checksums of its own for nearly all but the values; that of 1.10 would lock readers out of
+  // the file of a run that was killed.
+  H5Pset_libver_bounds(access.get(), H5F_LIBVER_V18, H5F_LIBVER_LATEST);
   return access;
 }
 
-/// HDF5 would set aside blocks at the end of the file for small objects, and cut them off later; a process killed
-/// between the cut and the writing of the file's new end would leave a file that is shorter than it says, which nobody
-/// can open.
-Id disk_access() {
+Id disk_access(JournaledFile& disk) {
   Id access = file_access();
-  H5Pset_meta_block_size(access.get(), 0);
-  H5Pset_small_data_block_size(access.get(), 0);
+  use_journaled_file(access.get(), disk);
   return access;
 }
 
-// Entries in a leaf of the list of a group from create_list().
-constexpr unsigned leaf_entries = 512;
-
-// Rows in a chunk with a checksum: HDF5 copies a chunk to add it.
-constexpr std::uint64_t chunk_rows = 1 << 14;
+constexpr const char* crc32_name = "crc32";
 
 /// For groups: few links, kept in the group's header.
 void keep_links_in_header(const Id& properties) {
-  H5Pset_link_creation_order(properties.get(), H5P_CRT_ORDER_TRACKED);
   H5Pset_link_phase_change(properties.get(), 64, 32);
+  H5Pset_est_link_info(properties.get(), 16, 14);
 }
 
 Id few_links() {
@@ -138,8 +128,14 @@ Id few_links() {
 
 Id new_file() {
   Id properties(H5Pcreate(H5P_FILE_CREATE));
-  H5Pset_sym_k(properties.get(), 0, leaf_entries / 2);
   keep_links_in_header(properties);
+  return properties;
+}
+
+/// Space is never used twice: ranks write past HDF5 to addresses that must be new.
+Id new_file_on_disk() {
+  Id properties = new_file();
+  H5Pset_file_space_strategy(properties.get(), H5F_FSPACE_STRATEGY_NONE, false, 1);
   return properties;
 }
 
@@ -148,17 +144,50 @@ Id new_file() {
   throw OutputError("cannot write {} of {}: {}; check free space and permissions", path, file, why);
 }
 
-/// Writes rows `first` to `first + rows` of a dataset; false on errors.
-bool write_rows(const Id& dataset, Type type, std::uint64_t first, std::uint64_t rows, const void* values) {
+Shape shape_of(const Id& dataset) {
   const Id space(H5Dget_space(dataset.get()));
-  Shape count(static_cast<std::size_t>(H5Sget_simple_extent_ndims(space.get())));
-  H5Sget_simple_extent_dims(space.get(), reinterpret_cast<hsize_t*>(count.data()), nullptr);
-  Shape start(count.size(), 0);
+  Shape shape(static_cast<std::size_t>(std::max(0, H5Sget_simple_extent_ndims(space.get()))));
+  H5Sget_simple_extent_dims(space.get(), reinterpret_cast<hsize_t*>(shape.data()), nullptr);
+  return shape;
+}
+
+/// Memory and file spaces of rows `first` to `first + rows` of a dataset.
+std::pair<Id, Id> select_rows(const Id& dataset, std::uint64_t first, std::uint64_t rows) {
+  Id space(H5Dget_space(dataset.get()));
+  Shape count = shape_of(dataset), start(count.size(), 0);
   start[0] = first;
   count[0] = rows;
-  const Id memory(H5Screate_simple(static_cast<int>(count.size()), dims(count), nullptr));
+  Id memory(H5Screate_simple(static_cast<int>(count.size()), dims(count), nullptr));
   H5Sselect_hyperslab(space.get(), H5S_SELECT_SET, dims(start), nullptr, dims(count), nullptr);
+  return {std::move(memory), std::move(space)};
+}
+
+/// False on errors.
+bool write_rows(const Id& dataset, Type type, std::uint64_t first, std::uint64_t rows, const void* values) {
+  const auto [memory, space] = select_rows(dataset, first, rows);
   return H5Dwrite(dataset.get(), native(type), memory.get(), space.get(), H5P_DEFAULT, values) >= 0;
+}
+
+/// CRC-32 of the first `rows` rows as they are in the file, and of all; nothing if they cannot be read.
+std::optional<std::pair<std::uint32_t, std::uint32_t>> crc32_of_rows(const Id& dataset, std::uint64_t rows) {
+  constexpr std::uint64_t piece_bytes = 1 << 20;
+  const Shape shape = shape_of(dataset);
+  if (shape.empty()) return {};
+  const Id type(H5Dget_type(dataset.get()));
+  const std::uint64_t row_bytes = row_width(shape) * H5Tget_size(type.get());
+  if (row_bytes == 0) return std::pair{0u, 0u};
+  const std::uint64_t at_once = std::max<std::uint64_t>(1, piece_bytes / row_bytes);
+  std::vector<std::byte> piece;
+  std::uint32_t of_first = 0, of_all = 0;
+  for (std::uint64_t row = 0, count = 0; row < shape[0]; row += count) {
+    count = std::min(at_once, (row < rows ? std::min(rows, shape[0]) : shape[0]) - row);
+    piece.resize(count * row_bytes);
+    const auto [memory, space] = select_rows(dataset, row, count);
+    if (H5Dread(dataset.get(), type.get(), memory.get(), space.get(), H5P_DEFAULT, piece.data()) < 0) return {};
+    of_all = crc32_of(piece, of_all);
+    if (row + count <= rows) of_first = of_all;
+  }
+  return std::pair{of_first, of_all};
 }
 
 /// Creates the groups that a name goes through, as `mkdir -p` does.
@@ -213,15 +242,6 @@ Group Group::create_group(const std::string& name) {
   return {std::move(group), file_, full(name)};
 }
 
-Group Group::create_list(const std::string& name) {
-  const Quiet quiet;
-  const Id properties(H5Pcreate(H5P_GROUP_CREATE));
-  H5Pset_local_heap_size_hint(properties.get(), 16 * leaf_entries);
-  Id group(H5Gcreate2(id_.get(), name.c_str(), creating_parents().get(), properties.get(), H5P_DEFAULT));
-  if (!group.valid()) fail_write(name);
-  return {std::move(group), file_, full(name)};
-}
-
 Group Group::open_group(const std::string& name) const {
   const Quiet quiet;
   Id group(H5Gopen2(id_.get(), name.c_str(), H5P_DEFAULT));
@@ -246,6 +266,11 @@ void Group::link(const std::string& existing, const std::string& name) {
   const Quiet quiet;
   if (H5Lcreate_hard(id_.get(), existing.c_str(), id_.get(), name.c_str(), creating_parents().get(), H5P_DEFAULT) < 0)
     fail_write(name);
+}
+
+bool Group::has_group(const std::string& name) const {
+  const Quiet quiet;
+  return has(name) && Id(H5Gopen2(id_.get(), name.c_str(), H5P_DEFAULT)).valid();
 }
 
 bool Group::has(const std::string& name) const {
@@ -277,6 +302,18 @@ void Group::remove(const std::string& name) {
 
 // ---- datasets --------------------------------------------------------------------------------------------------
 
+namespace {
+
+/// The attribute with the CRC-32 of a dataset; invalid on errors.
+Id new_crc32(const Id& dataset, std::uint32_t value) {
+  const Id space(H5Screate(H5S_SCALAR));
+  Id attribute(H5Acreate2(dataset.get(), crc32_name, H5T_NATIVE_UINT32, space.get(), H5P_DEFAULT, H5P_DEFAULT));
+  if (attribute.valid() && H5Awrite(attribute.get(), H5T_NATIVE_UINT32, &value) < 0) return {};
+  return attribute;
+}
+
+}  // namespace
+
 Id Group::create_dataset(const std::string& name, Type type, const Shape& shape, const Id& properties) {
   const Quiet quiet;
   const Id space(H5Screate_simple(static_cast<int>(shape.size()), dims(shape), nullptr));
@@ -298,6 +335,11 @@ void Dataset::write(std::uint64_t first, std::uint64_t rows, const void* values)
   if (rows > 0 && !write_rows(id_, type_, first, rows, values)) fail_to_write(path_, file_);
 }
 
+void Dataset::set_crc32(std::uint32_t value) {
+  const Quiet quiet;
+  if (!new_crc32(id_, value).valid()) fail_to_write(path_, file_);
+}
+
 std::uint64_t Dataset::address() const {
   const haddr_t address = H5Dget_offset(id_.get());
   return address == HADDR_UNDEF ? 0 : address;
@@ -308,15 +350,12 @@ void Group::write_values(const std::string& name, Type type, const void* values,
   if (product(shape) != count)
     throw std::invalid_argument(fmt::format("{}: {} values do not fill the shape {}", full(name), count, text(shape)));
   const Id properties(H5Pcreate(H5P_DATASET_CREATE));
-  if (storage == Storage::checksum && count > 0) {
-    Shape chunk = shape;
-    chunk[0] = std::min(chunk[0], chunk_rows);
-    H5Pset_chunk(properties.get(), static_cast<int>(chunk.size()), dims(chunk));
-    H5Pset_fletcher32(properties.get());
-  }
   const Id dataset = create_dataset(name, type, shape, properties);
   const Quiet quiet;
   if (count > 0 && H5Dwrite(dataset.get(), native(type), H5S_ALL, H5S_ALL, H5P_DEFAULT, values) < 0) fail_write(name);
+  if (storage != Storage::crc32) return;
+  const std::uint32_t sum = crc32_of({static_cast<const std::byte*>(values), count * size_of(type)});
+  if (!new_crc32(dataset, sum).valid()) fail_write(name);
 }
 
 void Group::write_fill_value(const std::string& name, Type type, const void* value, const Shape& shape) {
@@ -329,12 +368,7 @@ Shape Group::shape(const std::string& name) const {
   const Quiet quiet;
   const Id dataset(H5Dopen2(id_.get(), name.c_str(), H5P_DEFAULT));
   if (!dataset.valid()) fail_read(name);
-  const Id space(H5Dget_space(dataset.get()));
-  const int rank = H5Sget_simple_extent_ndims(space.get());
-  if (rank < 0) fail_read(name);
-  Shape shape(static_cast<std::size_t>(rank));
-  if (H5Sget_simple_extent_dims(space.get(), reinterpret_cast<hsize_t*>(shape.data()), nullptr) < 0) fail_read(name);
-  return shape;
+  return shape_of(dataset);
 }
 
 Shape Group::checked_shape(const std::string& name, const Shape& expected) const {
@@ -362,41 +396,76 @@ void Group::read_values(const std::string& name, Type type, void* values) const 
     fail_read(name);
 }
 
-void Group::create_rows(const std::string& name, const Shape& row, std::uint64_t rows_per_chunk) {
+void Group::check(const std::string& name) const {
+  const Quiet quiet;
+  const Id dataset(H5Dopen2(id_.get(), name.c_str(), H5P_DEFAULT));
+  if (!dataset.valid()) fail_read(name);
+  check(name, dataset, 0);
+}
+
+/// CRC-32 of the first `rows` rows of a dataset that is whole.
+std::uint32_t Group::check(const std::string& name, const Id& dataset, std::uint64_t rows) const {
+  const Id attribute(H5Aopen(dataset.get(), crc32_name, H5P_DEFAULT));
+  std::uint32_t stored = 0;
+  if (!attribute.valid() || H5Aread(attribute.get(), H5T_NATIVE_UINT32, &stored) < 0)
+    throw InputError("{} of {} has no checksum that can be read; is the file whole, and written by this version?",
+                     full(name), file_);
+  const auto found = crc32_of_rows(dataset, rows);
+  if (!found) fail_read(name);
+  if (found->second != stored)
+    throw InputError("{} of {} is damaged: its values have the CRC-32 {:08x} instead of {:08x}", full(name), file_,
+                     found->second, stored);
+  return found->first;
+}
+
+Rows Group::create_rows(const std::string& name, const Shape& row, std::uint64_t rows_per_chunk) {
   const Quiet quiet;
   Shape first{0}, most{H5S_UNLIMITED}, chunk{rows_per_chunk};
   for (Shape* shape : {&first, &most, &chunk}) shape->insert(shape->end(), row.begin(), row.end());
   const Id space(H5Screate_simple(static_cast<int>(first.size()), dims(first), dims(most)));
   const Id properties(H5Pcreate(H5P_DATASET_CREATE));
   H5Pset_chunk(properties.get(), static_cast<int>(chunk.size()), dims(chunk));
-  const Id dataset(H5Dcreate2(id_.get(), name.c_str(), H5T_NATIVE_DOUBLE, space.get(), creating_parents().get(),
-                              properties.get(), H5P_DEFAULT));
+  Id dataset(H5Dcreate2(id_.get(), name.c_str(), H5T_NATIVE_DOUBLE, space.get(), creating_parents().get(),
+                        properties.get(), H5P_DEFAULT));
   if (!dataset.valid()) fail_write(name);
+  Rows rows(std::move(dataset), first, file_, full(name));
+  rows.attribute_ = new_crc32(rows.dataset_, 0);
+  if (!rows.attribute_.valid()) fail_write(name);
+  return rows;
 }
 
-void Group::append_rows(const std::string& name, std::span<const double> values) {
-  Shape whole = shape(name);
-  const std::uint64_t width = row_width(whole), first = whole[0];
-  if (width == 0 || values.size() % width != 0)
-    throw std::invalid_argument(fmt::format("{}: {} values are no rows of {}", full(name), values.size(), width));
-  whole[0] += values.size() / width;
-  const Quiet quiet;
-  const Id dataset(H5Dopen2(id_.get(), name.c_str(), H5P_DEFAULT));
-  if (!dataset.valid() || H5Dset_extent(dataset.get(), dims(whole)) < 0 ||
-      !write_rows(dataset, Type::real, first, whole[0] - first, values.data()))
-    fail_write(name);
-}
-
-void Group::truncate_rows(const std::string& name, std::uint64_t rows) {
+Rows Group::open_rows(const std::string& name, std::uint64_t rows) {
   Shape whole = shape(name);
   if (whole.empty() || whole[0] < rows)
     throw InputError("{} of {} has the shape {} and so cannot be cut to {} rows; is it the file of another run?",
                      full(name), file_, text(whole), rows);
-  if (whole[0] == rows) return;
-  whole[0] = rows;
   const Quiet quiet;
-  const Id dataset(H5Dopen2(id_.get(), name.c_str(), H5P_DEFAULT));
-  if (!dataset.valid() || H5Dset_extent(dataset.get(), dims(whole)) < 0) fail_write(name);
+  Id dataset(H5Dopen2(id_.get(), name.c_str(), H5P_DEFAULT));
+  if (!dataset.valid()) fail_read(name);
+  const std::uint32_t sum = check(name, dataset, rows);
+  const bool longer = whole[0] > rows;
+  whole[0] = rows;
+  Rows opened(std::move(dataset), whole, file_, full(name));
+  opened.crc32_ = sum;
+  opened.attribute_ = Id(H5Aopen(opened.dataset_.get(), crc32_name, H5P_DEFAULT));
+  if (longer && (H5Dset_extent(opened.dataset_.get(), dims(whole)) < 0 ||
+                 H5Awrite(opened.attribute_.get(), H5T_NATIVE_UINT32, &sum) < 0))
+    fail_write(name);
+  return opened;
+}
+
+void Rows::append(std::span<const double> values) {
+  const std::uint64_t width = row_width(shape_), first = shape_[0];
+  if (width == 0 || values.size() % width != 0)
+    throw std::invalid_argument(fmt::format("{}: {} values are no rows of {}", path_, values.size(), width));
+  const std::uint64_t count = values.size() / width;
+  shape_[0] += count;
+  crc32_ = crc32_of(std::as_bytes(values), crc32_);
+  const Quiet quiet;
+  if (H5Dset_extent(dataset_.get(), dims(shape_)) < 0 ||
+      !write_rows(dataset_, Type::real, first, count, values.data()) ||
+      H5Awrite(attribute_.get(), H5T_NATIVE_UINT32, &crc32_) < 0)
+    fail_to_write(path_, file_);
 }
 
 // ---- attributes ------------------------------------------------------------------------------------------------
@@ -487,10 +556,45 @@ std::map<std::string, std::string> Group::string_attributes() const {
   return values;
 }
 
+namespace {
+
+std::uint32_t crc32_of_strings(const Group& group) {
+  std::uint32_t sum = 0;
+  for (const auto& [name, value] : group.string_attributes()) {
+    const std::string text = name + '\0' + value + '\0';
+    sum = crc32_of(std::as_bytes(std::span(text)), sum);
+  }
+  return sum;
+}
+
+}  // namespace
+
+void Group::seal() { set_attribute(crc32_name, std::int64_t{crc32_of_strings(*this)}); }
+
+void Group::check_seal() const {
+  if (integer_attribute(crc32_name) != crc32_of_strings(*this))
+    throw InputError("the attributes of {} of {} are damaged: their checksum does not fit", full(""), file_);
+}
+
+std::vector<std::string> Group::datasets() const {
+  const Quiet quiet;
+  std::vector<std::string> names;
+  const auto visit = [](hid_t group, const char* name, const H5O_info_t* object, void* list) -> herr_t {
+    if (object->type != H5O_TYPE_DATASET || object->rc > 1) return 0;
+    const Id dataset(H5Dopen2(group, name, H5P_DEFAULT));
+    if (!dataset.valid()) return -1;
+    if (H5Dget_storage_size(dataset.get()) > 0) static_cast<std::vector<std::string>*>(list)->emplace_back(name);
+    return 0;
+  };
+  if (H5Ovisit2(id_.get(), H5_INDEX_NAME, H5_ITER_NATIVE, visit, &names, H5O_INFO_BASIC) < 0) fail_read("");
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
 // ---- files -----------------------------------------------------------------------------------------------------
 
-File::File(Id file, std::string name, bool on_disk)
-    : Group({}, std::move(name), "/"), on_disk_(on_disk), file_id_(std::move(file)) {
+File::File(Id file, std::string name, std::unique_ptr<JournaledFile> disk)
+    : Group({}, std::move(name), "/"), disk_(std::move(disk)), file_id_(std::move(file)) {
   id_ = Id(H5Gopen2(file_id_.get(), "/", H5P_DEFAULT));
 }
 
@@ -504,11 +608,10 @@ File::~File() {
 
 File File::create(const std::filesystem::path& path) {
   const Quiet quiet;
-  Id file(H5Fcreate(path.c_str(), H5F_ACC_EXCL, new_file().get(), disk_access().get()));
-  if (!file.valid())
-    throw OutputError("cannot create {}: {}; check permissions and free space, or choose another folder", path.string(),
-                      reason());
-  return {std::move(file), path.string(), true};
+  auto disk = std::make_unique<JournaledFile>(JournaledFile::create(path));
+  Id file(H5Fcreate(path.c_str(), H5F_ACC_EXCL, new_file_on_disk().get(), disk_access(*disk).get()));
+  if (!file.valid()) throw OutputError("cannot create {}: {}", path.string(), reason());
+  return {std::move(file), path.string(), std::move(disk)};
 }
 
 File File::in_memory(const std::string& name) {
@@ -517,89 +620,53 @@ File File::in_memory(const std::string& name) {
   H5Pset_fapl_core(access.get(), std::size_t{1} << 20, false);
   Id file(H5Fcreate(name.c_str(), H5F_ACC_TRUNC, new_file().get(), access.get()));
   if (!file.valid()) throw OutputError("cannot prepare {} in memory: {}", name, reason());
-  return {std::move(file), name, false};
+  return {std::move(file), name, nullptr};
 }
 
-File File::open(const std::filesystem::path& path, bool writable) {
+File File::open(JournaledFile opened, const std::filesystem::path& path, bool writable) {
   const Quiet quiet;
-  // HDF5's own message for a missing file is hard to tell from that for a damaged one.
-  if (std::error_code ignored; !std::filesystem::exists(path, ignored))
-    throw InputError("there is no file {}; check the name", path.string());
-  if (writable && ::access(path.c_str(), W_OK) != 0)
-    throw OutputError("cannot write {}: {}; check its permissions", path.string(), std::strerror(errno));
-  Id file(H5Fopen(path.c_str(), writable ? H5F_ACC_RDWR : H5F_ACC_RDONLY, disk_access().get()));
-  if (!file.valid())
+  auto disk = std::make_unique<JournaledFile>(std::move(opened));
+  Id id(H5Fopen(path.c_str(), writable ? H5F_ACC_RDWR : H5F_ACC_RDONLY, disk_access(*disk).get()));
+  if (!id.valid())
     throw InputError("cannot open {}: {}; is it a whole HDF5 file that no other program uses?", path.string(),
                      reason());
-  return {std::move(file), path.string(), true};
+  if (writable) disk->cut(allocated_end(id.get()));
+  File file(std::move(id), path.string(), std::move(disk));
+  file.writable_ = writable;
+  return file;
 }
 
-File File::open_read(const std::filesystem::path& path) { return open(path, false); }
-File File::open_write(const std::filesystem::path& path) { return open(path, true); }
+File File::open_read(const std::filesystem::path& path) { return open(JournaledFile::open_read(path), path, false); }
+File File::open_write(const std::filesystem::path& path) { return open(JournaledFile::open_write(path), path, true); }
 
 void File::rename(const std::filesystem::path& path) {
-  std::error_code error;
-  std::filesystem::rename(file_, path, error);
-  if (error) throw OutputError("cannot create {}: {}; check permissions", path.string(), error.message());
+  disk_->rename(path);
   file_ = path.string();
 }
 
 void File::flush() {
   const Quiet quiet;
-  extend();
   if (H5Fflush(file_id_.get(), H5F_SCOPE_GLOBAL) < 0) fail_write("");
+  if (disk_) disk_->commit(allocated_end(file_id_.get()));
 }
 
-void File::extend() {
-  const int file = descriptor();
-  hsize_t end = 0;
-  struct stat found {};
-  if (file >= 0 && H5Fget_filesize(file_id_.get(), &end) >= 0 && ::fstat(file, &found) == 0 &&
-      static_cast<hsize_t>(found.st_size) < end)
-    (void)!::ftruncate(file, static_cast<off_t>(end));  // where it fails, the flush does too
-}
-
-int File::descriptor() const {
-  void* handle = nullptr;
-  if (!on_disk_ || H5Fget_vfd_handle(file_id_.get(), H5P_DEFAULT, &handle) < 0) return -1;
-  return *static_cast<int*>(handle);
-}
-
-void File::reserve(std::uint64_t bytes) {
-  const Quiet quiet;
-  hsize_t end = 0;
-  const int file = descriptor();
-  if (file < 0 || H5Fget_filesize(file_id_.get(), &end) < 0) return;
-  int error = 0;
-  // The size stays as it is: HDF5 would cut the file back in every flush, which is slow.
-  if (rlimit limit{}; ::getrlimit(RLIMIT_FSIZE, &limit) == 0 && limit.rlim_cur < end + bytes)
-    error = EFBIG;
-  else
-    do {
-      error =
-          ::fallocate(file, FALLOC_FL_KEEP_SIZE, static_cast<off_t>(end), static_cast<off_t>(bytes)) == 0 ? 0 : errno;
-    } while (error == EINTR);
-  if (error == 0 || error == EOPNOTSUPP || error == ENOSYS) return;  // not every file system can
-  throw OutputError("cannot write {}: {}; free at least {} kB and restart from the last checkpoint", file_,
-                    std::strerror(error), bytes / 1024 + 1);
-}
+void File::sync() { disk_->sync(); }
 
 void File::close() {
   if (!file_id_.valid()) return;
-  const Quiet quiet;
-  unsigned intent = H5F_ACC_RDONLY;
-  H5Fget_intent(file_id_.get(), &intent);
-  std::string problem;
-  if (intent != H5F_ACC_RDONLY && on_disk_) {
-    hsize_t end = 0;
-    if (H5Fflush(file_id_.get(), H5F_SCOPE_GLOBAL) < 0)
-      problem = reason();
-    else if (const int file = descriptor(); file >= 0 && H5Fget_filesize(file_id_.get(), &end) >= 0)
-      (void)!::ftruncate(file, static_cast<off_t>(end));  // gives back what reserve() took and nobody used
+  const auto leave = [&] {
+    const Quiet quiet;
+    id_ = Id();
+    file_id_ = Id();
+    disk_.reset();
+  };
+  try {
+    if (writable_) flush();
+  } catch (...) {
+    leave();
+    throw;
   }
-  id_ = Id();
-  file_id_ = Id();
-  if (!problem.empty()) throw OutputError("cannot write {}: {}; check free space and permissions", file_, problem);
+  leave();
 }
 
 std::string_view File::image() {

@@ -7,12 +7,15 @@
 #include <cstdint>
 #include <filesystem>
 #include <map>
+#include <memory>
 #include <ranges>
 #include <span>
 #include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
+
+#include <pliant/io/journaled_file.h>
 
 namespace pliant::hdf5 {
 
@@ -37,8 +40,8 @@ constexpr Type type_of() {
   if constexpr (std::same_as<T, std::uint8_t>) return Type::uint8;
 }
 
-/// plain: contiguous. checksum: in chunks with Fletcher-32 checksums, so that damage is found when it is read.
-enum class Storage { plain, checksum };
+/// crc32: with the CRC-32 of the values, as they are in the file, in the attribute "crc32", for Group::check().
+enum class Storage { plain, crc32 };
 
 /// Values in one row of the first dimension.
 std::uint64_t row_width(const Shape& shape);
@@ -75,6 +78,8 @@ class Dataset {
   /// Where its values begin in the file, row after row as in memory: for ranks that write them past HDF5. 0 if it has
   /// none.
   std::uint64_t address() const;
+  /// Keeps the CRC-32 of all its values for Group::check().
+  void set_crc32(std::uint32_t value);
 
  private:
   friend class Group;
@@ -86,13 +91,29 @@ class Dataset {
   std::string file_, path_;  ///< for messages
 };
 
+/// A dataset [rows, …row] of doubles that grows along its first dimension and keeps its CRC-32.
+class Rows {
+ public:
+  /// Appends values.size() / (product of row) rows. Errors: OutputError.
+  void append(std::span<const double> values);
+  std::uint64_t rows() const { return shape_[0]; }
+
+ private:
+  friend class Group;
+  Rows(Id dataset, Shape shape, std::string file, std::string path)
+      : dataset_(std::move(dataset)), shape_(std::move(shape)), file_(std::move(file)), path_(std::move(path)) {}
+
+  Id dataset_, attribute_;
+  Shape shape_;
+  std::uint32_t crc32_ = 0;
+  std::string file_, path_;  ///< for messages
+};
+
 /// A group of a file. Names are paths relative to it, or absolute; missing groups on the way are created. A file that
 /// is closed closes its groups too. All members: OutputError where writing fails, InputError where reading does.
 class Group {
  public:
   Group create_group(const std::string& name);
-  /// A group for many links, in which a new link mostly changes two blocks in place: least harm from a kill in a flush.
-  Group create_list(const std::string& name);
   Group open_group(const std::string& name) const;
   /// A group without a name, which vanishes unless link() names it: readers see what it holds whole or not at all.
   Group create_unlinked_group();
@@ -102,6 +123,7 @@ class Group {
   void link(const std::string& existing, const std::string& name);
 
   bool has(const std::string& name) const;
+  bool has_group(const std::string& name) const;
   /// Names in this group, sorted.
   std::vector<std::string> links() const;
   void remove(const std::string& name);
@@ -140,14 +162,19 @@ class Group {
   /// Whether the dataset holds integers.
   bool holds_integers(const std::string& name) const;
 
-  /// Creates a dataset [0, …row] of doubles that grows along its first dimension; row = {} makes rows of one number.
-  void create_rows(const std::string& name, const Shape& row, std::uint64_t rows_per_chunk);
-  /// Appends values.size() / (product of row) rows.
-  void append_rows(const std::string& name, std::span<const double> values);
-  /// Drops all rows but the first `rows`. Errors: InputError if there are fewer.
-  void truncate_rows(const std::string& name, std::uint64_t rows);
+  /// Reads the dataset and compares its values with their CRC-32. Errors: InputError if they differ, or it has none.
+  void check(const std::string& name) const;
 
-  /// Attributes; a new value replaces the old one.
+  /// Creates a dataset [0, …row]; row = {} makes rows of one number.
+  Rows create_rows(const std::string& name, const Shape& row, std::uint64_t rows_per_chunk);
+  /// Opens such a dataset, which is checked, and cuts it to its first `rows` rows. Errors: InputError if there are
+  /// fewer.
+  Rows open_rows(const std::string& name, std::uint64_t rows);
+
+  /// Attributes; a new value replaces the old one. HDF5 has no checksums for strings: seal() keeps the CRC-32 of all
+  /// strings of the group, check_seal() compares. Errors of check_seal(): InputError.
+  void seal();
+  void check_seal() const;
   void set_attribute(const std::string& name, const std::string& value);
   void set_attribute(const std::string& name, double value);
   void set_attribute(const std::string& name, std::int64_t value);
@@ -156,6 +183,9 @@ class Group {
   std::int64_t integer_attribute(const std::string& name) const;
   /// All attributes that are strings.
   std::map<std::string, std::string> string_attributes() const;
+  /// Names of all datasets below that have values of their own in the file, as paths relative to the group; not those
+  /// that have a second name.
+  std::vector<std::string> datasets() const;
 
  protected:
   [[noreturn]] void fail_write(const std::string& name) const;
@@ -177,6 +207,7 @@ class Group {
   void write_fill_value(const std::string& name, Type type, const void* value, const Shape& shape);
   Shape checked_shape(const std::string& name, const Shape& expected) const;
   void read_values(const std::string& name, Type type, void* values) const;
+  std::uint32_t check(const std::string& name, const Id& dataset, std::uint64_t rows) const;
   void set_number(const std::string& name, Type type, const void* value);
   void read_number(const std::string& name, Type type, void* value) const;
 };
@@ -201,24 +232,24 @@ class File : public Group {
   const std::string& name() const { return file_; }
   /// Gives the file on disk another name. Groups opened before have the old one in their messages. Errors: OutputError.
   void rename(const std::filesystem::path& path);
-  /// Makes everything written so far readable by others, and by anyone after this process is killed.
+  /// Commits everything written so far: whoever opens the file after this process is killed finds it, or more. Errors:
+  /// OutputError; the file stays as it was after the last flush, and the next one tries again.
   void flush();
-  /// Sets aside disk space for `bytes` beyond the end of the file. What is reserved before a flush cannot fail half-way
-  /// and leave a damaged file. Does nothing where the file system cannot. Errors: OutputError; the file is as it was.
-  void reserve(std::uint64_t bytes);
+  /// What was flushed survives a loss of power too.
+  void sync();
+  /// Addresses (Dataset::address()) below were there at the last flush: nobody may write there past HDF5.
+  std::uint64_t committed() const { return disk_->committed(); }
   /// Flushes and closes; without it the destructor closes, and keeps silent about errors.
   void close();
   /// The bytes of a file in memory as they would be on disk; they stay until the file is changed.
   std::string_view image();
 
  private:
-  File(Id file, std::string name, bool on_disk);
-  static File open(const std::filesystem::path& path, bool writable);
-  int descriptor() const;
-  /// Makes the file as long as its head is going to state: HDF5 refuses a file that is shorter.
-  void extend();
+  File(Id file, std::string name, std::unique_ptr<JournaledFile> disk);
+  static File open(JournaledFile disk, const std::filesystem::path& path, bool writable);
 
-  bool on_disk_;
+  std::unique_ptr<JournaledFile> disk_;  ///< none: in memory
+  bool writable_ = true;
   Id file_id_;
 };
 

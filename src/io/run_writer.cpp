@@ -10,6 +10,7 @@
 #include <utility>
 
 #include <pliant/base/errors.h>
+#include <pliant/io/crc32.h>
 #include <pliant/io/folder_lock.h>
 #include <pliant/io/shared_file.h>
 
@@ -18,18 +19,12 @@ namespace {
 
 using hdf5::File;
 using hdf5::Group;
+using hdf5::Storage;
 
-// Room for HDF5's own structures of one frame or of the head of a file; generous, as it is given back.
-constexpr std::uint64_t metadata_bytes = 256 * 1024;
 constexpr std::uint64_t chunk_values = 512;
 constexpr const char* run_name = "run.h5";
 
 std::string frame_name(std::uint64_t n) { return fmt::format("{:06}", n); }
-
-template <class T>
-std::uint64_t bytes(const std::vector<T>& values) {
-  return values.size() * sizeof(T);
-}
 
 void refuse_existing_run(const std::filesystem::path& folder) {
   for (const char* name : {run_name, "checkpoint-a.h5", "checkpoint-b.h5"}) {
@@ -52,6 +47,7 @@ void write_manifest(File& file, const Manifest& manifest) {
   group.set_attribute("seed", manifest.seed);
   group.set_attribute("created", manifest.created);
   group.set_attribute("options", manifest.options.dump());
+  group.seal();
 }
 
 /// What run.xdmf shows where cells have no such field. Creates the group `name`.
@@ -64,7 +60,9 @@ void write_xdmf_constants(Group& parent, const std::string& name, std::uint64_t 
 
 void write_topology(File& file, const Topology& topology) {
   auto group = file.create_group("/topology");
-  const auto write = [&](const std::string& name, const auto& values) { group.write(name, values, {values.size()}); };
+  const auto write = [&](const std::string& name, const auto& values) {
+    group.write(name, values, {values.size()}, Storage::crc32);
+  };
   write("offset", topology.offset);
   write("sigma", topology.sigma);
   write("a0", topology.a0);
@@ -83,38 +81,57 @@ void write_topology(File& file, const Topology& topology) {
 void write_geometry(File& file, const RunGeometry& geometry, int dim) {
   auto group = file.create_group("/geometry");
   const std::uint64_t walls = geometry.segments.size() / 4;
-  group.write("segments", geometry.segments, {walls, 4});
+  group.write("segments", geometry.segments, {walls, 4}, Storage::crc32);
   group.set_attribute("kind", geometry.kind);
+  group.seal();
   for (const auto& [name, value] : geometry.attributes) group.set_attribute(name, value);
   if (dim == 2) {
     write_xdmf_constants(group, "xdmf", walls);
-    group.write("xdmf/points", geometry.segments, {2 * walls, 2});
-    group.write("xdmf/connectivity", xdmf_lines(walls), {4 * walls});
+    group.write("xdmf/points", geometry.segments, {2 * walls, 2}, Storage::crc32);
+    group.write("xdmf/connectivity", xdmf_lines(walls), {4 * walls}, Storage::crc32);
   }
 }
 
-/// XML of the frames that a run of `walls` segments and these particles has written before.
+/// XML of a frame that a run of `walls` segments and these particles has written before.
+std::string grid_of(const Group& group, const std::string& name, const Topology& topology, std::uint64_t walls) {
+  XdmfFrame frame{.name = name, .time = group.real_attribute("time"), .dim = topology.dim};
+  frame.particles = static_cast<std::uint64_t>(topology.particles());
+  frame.points = static_cast<std::uint64_t>(topology.points());
+  frame.contacts = group.shape("contacts/overlap").at(0);
+  frame.walls = walls;
+  frame.connectivity = group.shape("xdmf/connectivity").at(0);
+  frame.polygons = group.has("area");
+  frame.moving_walls = group.has("wall_segments");
+  return xdmf_grid(frame);
+}
+
+/// Of all frames, in their order; empty for those that are too damaged.
 std::vector<std::string> grids_of(const File& file, const Topology& topology, std::uint64_t walls,
                                   std::uint64_t frames) {
   std::vector<std::string> grids;
   const auto list = file.open_group("/frames");
   for (std::uint64_t n = 0; list.has(frame_name(n)); ++n) {
-    const auto group = list.open_group(frame_name(n));
-    XdmfFrame frame{.name = frame_name(n), .time = group.real_attribute("time"), .dim = topology.dim};
-    frame.particles = static_cast<std::uint64_t>(topology.particles());
-    frame.points = static_cast<std::uint64_t>(topology.points());
-    frame.contacts = group.shape("contacts/overlap").at(0);
-    frame.walls = walls;
-    frame.connectivity = group.shape("xdmf/connectivity").at(0);
-    frame.polygons = group.has("area");
-    frame.moving_walls = group.has("wall_segments");
-    grids.push_back(xdmf_grid(frame));
+    try {
+      grids.push_back(grid_of(list.open_group(frame_name(n)), frame_name(n), topology, walls));
+    } catch (const InputError& error) {
+      if (n >= frames)
+        throw InputError(
+            "{}; the run cannot write this frame again: bring the file back from a copy, or start the run again",
+            error.what());
+      grids.emplace_back();
+    }
   }
   if (grids.size() < frames)
     throw InputError("{} holds {} frames, but the checkpoint knows of {}; is it the file of another run?", file.name(),
                      grids.size(), frames);
   return grids;
 }
+
+/// A rank's part of a dataset.
+struct Share {
+  std::uint32_t crc32 = 0;
+  std::uint64_t bytes = 0;
+};
 
 Series read_series_of(const File& file) {
   Series series;
@@ -145,11 +162,10 @@ void RunWriter::start(const Manifest& manifest, const Topology& topology, const 
   std::filesystem::remove(begun, ignored);
   file_.emplace(File::create(begun));
   try {
-    file_->reserve(metadata_bytes + 8 * (bytes(topology.offset) + bytes(topology.diameter) + bytes(geometry.segments)));
     write_manifest(*file_, manifest);
     write_topology(*file_, topology);
     write_geometry(*file_, geometry, topology.dim);
-    file_->create_list("/frames");
+    file_->create_group("/frames");
     file_->create_group("/series");
     file_->create_group("/series_axes");
     file_->flush();
@@ -179,11 +195,35 @@ void RunWriter::go_on(const Topology& topology, std::uint64_t series_rows, std::
       file_->open_group("/manifest").integer_attribute("dim") != dim_)
     throw InputError("{} holds other particles than the checkpoint; restart from the folder of the same run",
                      file_->name());
+  for (const char* group : {"/manifest", "/geometry"}) file_->open_group(group).check_seal();
+  for (const char* group : {"/topology", "/geometry", "/series_axes"})
+    for (const std::string& name : file_->open_group(group).datasets()) file_->open_group(group).check(name);
+  for (const char* linked : {"connectivity", "particle"}) file_->open_group("/topology/xdmf").check(linked);
   walls_ = file_->shape("/geometry/segments").at(0);
+  check_frames();
   xdmf_.emplace(folder_ / "run.xdmf", grids_of(*file_, topology, walls_, frames_));
   samples_ = Table::stored(*file_, "/series", series_rows);
   events_ = Table::stored(*file_, "/events", event_rows);
   file_->flush();
+}
+
+/// Of the frames that the checkpoint knew of.
+void RunWriter::check_frames() {
+  const auto list = file_->open_group("/frames");
+  for (std::uint64_t n = 0; n < frames_ && list.has(frame_name(n)); ++n) {
+    try {
+      const auto frame = list.open_group(frame_name(n));
+      for (const std::string& name : frame.datasets()) {
+        try {
+          frame.check(name);
+        } catch (const InputError& error) {
+          damage_.emplace_back(error.what());
+        }
+      }
+    } catch (const InputError& error) {
+      damage_.emplace_back(error.what());
+    }
+  }
 }
 
 RunWriter::~RunWriter() {
@@ -200,7 +240,7 @@ void RunWriter::write_axis(const std::string& name, std::span<const Real> values
     group.read<Real>(name, {values.size()});
     return;
   }
-  group.write(name, values, {values.size()});
+  group.write(name, values, {values.size()}, Storage::crc32);
 }
 
 RunWriter::Table RunWriter::Table::stored(File& file, const std::string& name, std::uint64_t rows) {
@@ -209,8 +249,8 @@ RunWriter::Table RunWriter::Table::stored(File& file, const std::string& name, s
     auto group = file.open_group(name);
     for (const std::string& column : group.links()) {
       const auto shape = group.shape(column);
-      group.truncate_rows(column, rows);
-      table.columns.push_back({column, shape.size() > 1 ? shape[1] : 1, shape.size() > 1, {}});
+      table.columns.push_back(
+          {column, shape.size() > 1 ? shape[1] : 1, shape.size() > 1, group.open_rows(column, rows)});
     }
   }
   if (table.columns.empty() && rows > 0)
@@ -221,7 +261,7 @@ RunWriter::Table RunWriter::Table::stored(File& file, const std::string& name, s
 
 void RunWriter::Table::add(std::span<const SeriesValue> row) {
   if (columns.empty()) {
-    for (const auto& value : row) columns.push_back({value.name, value.values.size(), value.is_row, {}});
+    for (const auto& value : row) columns.push_back({value.name, value.values.size(), value.is_row});
   }
   const auto column_of = [&](const SeriesValue& value) {
     const auto at = std::find_if(columns.begin(), columns.end(), [&](const Column& c) { return c.name == value.name; });
@@ -238,20 +278,12 @@ void RunWriter::Table::add(std::span<const SeriesValue> row) {
   ++rows;
 }
 
-std::uint64_t RunWriter::Table::kept_bytes() const {
-  std::uint64_t sum = 0;
-  for (const Column& c : columns) sum += bytes(c.kept) + (chunk_values + c.width) * sizeof(Real);
-  return sum;
-}
-
 void RunWriter::Table::write(File& file) {
-  if (columns.empty()) return;
-  auto list = file.has(group) ? file.open_group(group) : file.create_group(group);
   for (Column& c : columns) {
-    if (!list.has(c.name))
-      list.create_rows(c.name, c.is_row ? hdf5::Shape{c.width} : hdf5::Shape{},
-                       std::max<std::uint64_t>(1, chunk_values / c.width));
-    if (!c.kept.empty()) list.append_rows(c.name, c.kept);
+    if (!c.stored)
+      c.stored.emplace(file.create_rows(group + "/" + c.name, c.is_row ? hdf5::Shape{c.width} : hdf5::Shape{},
+                                        std::max<std::uint64_t>(1, chunk_values / c.width)));
+    if (!c.kept.empty()) c.stored->append(c.kept);
     c.kept.clear();
   }
 }
@@ -267,28 +299,27 @@ void RunWriter::write_frame(const Frame& frame) {
   std::optional<Group> group;
   std::vector<hdf5::Dataset> datasets;
   ranks_.on_root([&] {
-    std::uint64_t size = metadata_bytes + kept_bytes() + walls_ * (dim + 8) * sizeof(Real);
-    for (const FrameArray& a : layout.arrays) size += a.shape[0] * a.row_bytes();
-    file_->reserve(size);
     group.emplace(file_->create_unlinked_group());
     group->set_attribute("time", frame.time);
     group->set_attribute("step", frame.step);
     group->create_group("contacts");
-    group->write("wall_force", frame.wall_force, {walls_, dim});
+    group->write("wall_force", frame.wall_force, {walls_, dim}, Storage::crc32);
     auto xdmf = group->create_group("xdmf");
     xdmf.link("/topology/xdmf/connectivity", "connectivity");
     xdmf.link("/topology/xdmf/particle", "particle");
     write_xdmf_constants(xdmf, "contact_constants", layout.contacts);
     if (!frame.wall_segments.empty()) {
-      group->write("wall_segments", frame.wall_segments, {walls_, 4});
-      xdmf.write("wall_points", frame.wall_segments, {2 * walls_, 2});
+      group->write("wall_segments", frame.wall_segments, {walls_, 4}, Storage::crc32);
+      xdmf.write("wall_points", frame.wall_segments, {2 * walls_, 2}, Storage::crc32);
     }
-    for (const FrameArray& a : layout.arrays) datasets.push_back(group->create_dataset(a.name, a.type, a.shape));
+    for (const FrameArray& a : layout.arrays) {
+      datasets.push_back(group->create_dataset(a.name, a.type, a.shape));
+      if (const auto at = datasets.back().address(); at != 0 && at < file_->committed())
+        throw std::logic_error("run.h5: a new dataset lies where the last flush has put something");
+    }
   });
   write_arrays(layout.arrays, datasets);
   ranks_.on_root([&] {
-    // First all that is new, then what points to it: a kill within a flush should find little in between.
-    file_->flush();
     const std::string name = frame_name(frames_);
     file_->open_group("/frames").link(*group, name);
     write_tables();
@@ -311,6 +342,7 @@ void RunWriter::write_arrays(const std::vector<FrameArray>& arrays, std::vector<
   // In pieces, so that nobody has to hold them once more.
   constexpr std::uint64_t piece_bytes = 1 << 19;
   std::vector<std::byte> piece;
+  std::vector<Share> shares(arrays.size());
   const auto write = [&](const auto& put) {
     for (std::size_t k = 0; k < arrays.size(); ++k) {
       const FrameArray& a = arrays[k];
@@ -319,30 +351,44 @@ void RunWriter::write_arrays(const std::vector<FrameArray>& arrays, std::vector<
         const std::uint64_t count = std::min(at_once, a.rows - row);
         piece.resize(count * a.row_bytes());
         a.make(row, count, piece.data());
+        shares[k] = {crc32_of(piece, shares[k].crc32), shares[k].bytes + piece.size()};
         put(k, row, count);
       }
     }
   };
   if (!ranks_.several()) {
     write([&](std::size_t k, std::uint64_t row, std::uint64_t count) { datasets[k].write(row, count, piece.data()); });
-    return;
-  }
-  std::vector<std::uint64_t> address;
-  for (const hdf5::Dataset& d : datasets) address.push_back(d.address());
-  ranks_.broadcast(address);
-  SharedFile file(ranks_, folder_ / run_name);
-  ranks_.together([&] {
-    write([&](std::size_t k, std::uint64_t row, std::uint64_t) {
-      file.write(address[k] + (arrays[k].first + row) * arrays[k].row_bytes(), piece);
+  } else {
+    std::vector<std::uint64_t> address;
+    for (const hdf5::Dataset& d : datasets) address.push_back(d.address());
+    ranks_.broadcast(address);
+    SharedFile file(ranks_, folder_ / run_name);
+    ranks_.together([&] {
+      write([&](std::size_t k, std::uint64_t row, std::uint64_t) {
+        file.write(address[k] + (arrays[k].first + row) * arrays[k].row_bytes(), piece);
+      });
     });
+    file.sync();
+  }
+  const std::vector<Share> all = ranks_.gather(shares);
+  ranks_.on_root([&] {
+    for (std::size_t k = 0; k < datasets.size(); ++k) {
+      std::uint32_t sum = 0;
+      for (std::size_t share = k; share < all.size(); share += datasets.size())
+        sum = crc32_joined(sum, all[share].crc32, all[share].bytes);
+      datasets[k].set_crc32(sum);
+    }
   });
-  file.sync();
 }
 
 void RunWriter::flush() {
-  file_->reserve(metadata_bytes + kept_bytes());
   write_tables();
   file_->flush();
+}
+
+void RunWriter::sync() {
+  flush();
+  file_->sync();
 }
 
 void RunWriter::close() {

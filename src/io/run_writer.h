@@ -56,9 +56,8 @@ Series read_series(const std::filesystem::path& folder);
 /// In folder/run.h5. Errors: InputError.
 std::size_t count_frames(const std::filesystem::path& folder);
 
-/// Writes the folder. Of a frame nothing is copied as a whole. After each frame both files are complete on disk for
-/// whoever reads them, and stay so if the program is killed. Errors of all members: OutputError; frames written before
-/// stay readable.
+/// Writes the folder. Of a frame nothing is copied as a whole. What a frame or flush() has written is there whenever
+/// the program is killed. Errors of all members: OutputError; what was there at the last frame or flush() stays.
 ///
 /// On several ranks each has a writer. create, append and write_frame are collective, and the error of one rank is
 /// everybody's; other members but frames() are for the root alone. The root speaks HDF5 and lays a frame out in the
@@ -70,8 +69,9 @@ class RunWriter {
   static RunWriter create(const std::filesystem::path& folder, const Manifest& manifest, const Topology& topology,
                           const RunGeometry& geometry, const Ranks& ranks = Ranks());
   /// Goes on with the run in the folder from a checkpoint that knew of `series_rows` samples, `frames` frames and
-  /// `event_rows` events. Later samples and events are dropped; later frames stay until they are written again. Errors:
-  /// InputError if the folder holds no run, less than that, or other particles.
+  /// `event_rows` events. Later samples and events are dropped; later frames stay until they are written again. All
+  /// that the checkpoint knew of is compared with its checksums. Errors: InputError if the folder holds no run, less
+  /// than that, other particles, or if anything but frames is damaged.
   static RunWriter append(const std::filesystem::path& folder, const Topology& topology, std::uint64_t series_rows,
                           std::uint64_t frames, std::uint64_t event_rows = 0, const Ranks& ranks = Ranks());
   RunWriter(RunWriter&&) noexcept = default;
@@ -87,8 +87,10 @@ class RunWriter {
   void add_event(std::span<const SeriesValue> event) { events_.add(event); }
   /// Writes the next frame and the samples before it, and flushes.
   void write_frame(const Frame& frame);
-  /// Writes the samples kept so far; needed before a checkpoint that counts them.
+  /// Writes the samples kept so far.
   void flush();
+  /// The same, so that it survives a loss of power too: for a checkpoint that counts on it.
+  void sync();
   void close();
 
   /// What is in the file, after flush().
@@ -97,6 +99,8 @@ class RunWriter {
   std::uint64_t samples() const { return samples_.rows; }  ///< those kept included
   std::uint64_t events() const { return events_.rows; }    ///< those kept included
   const std::filesystem::path& folder() const { return folder_; }
+  /// What append() found damaged in frames, one message each; these frames stay as they are.
+  const std::vector<std::string>& damage() const { return damage_; }
 
  private:
   /// Rows of a group of datasets that grow together.
@@ -105,7 +109,8 @@ class RunWriter {
       std::string name;
       std::uint64_t width;
       bool is_row;
-      std::vector<Real> kept;
+      std::optional<hdf5::Rows> stored = {};  ///< once there is a row in the file
+      std::vector<Real> kept = {};
     };
     std::string group;
     std::uint64_t rows = 0;
@@ -114,14 +119,13 @@ class RunWriter {
     /// The table in the file, cut to its first `rows`.
     static Table stored(hdf5::File& file, const std::string& group, std::uint64_t rows);
     void add(std::span<const SeriesValue> row);
-    std::uint64_t kept_bytes() const;
     void write(hdf5::File& file);
   };
 
   RunWriter(std::filesystem::path folder, const Ranks& ranks, int dim) : folder_(folder), ranks_(ranks), dim_(dim) {}
   void start(const Manifest& manifest, const Topology& topology, const RunGeometry& geometry);
   void go_on(const Topology& topology, std::uint64_t series_rows, std::uint64_t event_rows);
-  std::uint64_t kept_bytes() const { return samples_.kept_bytes() + events_.kept_bytes(); }
+  void check_frames();
   void write_tables();
   void write_arrays(const std::vector<FrameArray>& arrays, std::vector<hdf5::Dataset>& datasets);
 
@@ -132,6 +136,7 @@ class RunWriter {
   std::optional<XdmfFile> xdmf_;    ///< on the root
   std::uint64_t walls_ = 0, frames_ = 0;
   Table samples_{"/series"}, events_{"/events"};
+  std::vector<std::string> damage_;
 };
 
 }  // namespace pliant

@@ -84,6 +84,7 @@ ExitCode DropletRun::run() {
         restarted
             ? RunWriter::append(p_.output, topology, restored_samples_, restored_frames_, restored_events_)
             : RunWriter::create(p_.output, make_manifest(scenario_, "bubble", 2, p_.seed, options_), topology, shape));
+    for (const std::string& message : writer_->damage()) warn("{}", message);
     checkpoints_.emplace(p_.output, restarted_from_);
     say("{}\n{}: dt = {:.3g} t0; output in {}\n", title(), integrator_->name(), dt_, p_.output);
     if (restarted) say("continuing at t = {:.6g} t0, step {}\n", state_.t, state_.step);
@@ -323,7 +324,7 @@ void DropletRun::store() {
   }
   const Real cpu = total_cpu();
   ranks_.on_root([&] {
-    writer_->flush();
+    writer_->sync();
     CheckpointWriter& c = *checkpoints_;
     c.begin(state_.t, state_.step);
     c.add("x", state_.x());

@@ -133,6 +133,7 @@ class HopperRun {
                     : RunWriter::create(p_.output, make_manifest("hopper", to_string(p_.model), D, p_.seed, options_),
                                         all_, geometry(), ranks_));
     ranks_.on_root([&] {
+      for (const std::string& message : writer_->damage()) warn("{}", message);
       checkpoints_.emplace(p_.output, restarted_from_);
       writer_->write_axis("profile_height", profile_heights());
       announce();
@@ -471,7 +472,7 @@ class HopperRun {
     record_crossings();
     const Topology& topology = system_.topology();
     ranks_.on_root([&] {
-      writer_->flush();
+      writer_->sync();
       checkpoints_->begin(s.t, s.step);
     });
     // One array at a time, so that they are not in memory once more.

@@ -1,12 +1,16 @@
 #include <hdf5.h>
+#include <zlib.h>
 
+#include <array>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <cstdint>
 #include <limits>
 #include <numeric>
+#include <span>
 
 #include <pliant/base/errors.h>
+#include <pliant/io/crc32.h>
 #include <pliant/io/hdf5.h>
 
 #include "io/io_support.h"
@@ -25,11 +29,11 @@ TEST_CASE("HDF5 datasets keep values, types and shapes") {
   {
     auto file = File::create(folder / "a.h5");
     file.write("x/y/reals", reals, {2, 3});
-    file.write("ints", ints, {3}, hdf5::Storage::checksum);
+    file.write("ints", ints, {3}, hdf5::Storage::crc32);
     file.write("longs", longs, {2});
     file.write("bytes", bytes, {2});
     file.write("none", std::vector<double>{}, {0, 2});
-    file.write("none_checked", std::vector<double>{}, {0}, hdf5::Storage::checksum);
+    file.write("none_checked", std::vector<double>{}, {0}, hdf5::Storage::crc32);
     file.write_constant("constant", std::int32_t{-1}, {1000000});
     file.write_constant("no_number", std::numeric_limits<double>::quiet_NaN(), {2});
     CHECK_THROWS_AS(file.write_constant("ints", std::int32_t{-1}, {3}), OutputError);
@@ -83,22 +87,40 @@ TEST_CASE("HDF5 attributes keep numbers and text") {
   CHECK_THROWS_AS(group.real_attribute("missing"), InputError);
 }
 
-TEST_CASE("HDF5 rows are appended and cut") {
+TEST_CASE("HDF5 rows are appended, cut and checked") {
   const ScratchFolder folder;
-  auto file = File::create(folder / "a.h5");
-  file.create_rows("scalar", {}, 4);
-  file.create_rows("profile", {3}, 2);
-  for (int i = 0; i < 7; ++i) {
-    file.append_rows("scalar", std::vector<double>{1.0 * i});
-    file.append_rows("profile", std::vector<double>{1.0 * i, 2.0 * i, 3.0 * i});
+  {
+    auto file = File::create(folder / "a.h5");
+    auto scalar = file.create_rows("scalar", {}, 4), profile = file.create_rows("profile", {3}, 2);
+    for (int i = 0; i < 7; ++i) {
+      scalar.append(std::vector<double>{1.0 * i});
+      profile.append(std::vector<double>{1.0 * i, 2.0 * i, 3.0 * i});
+    }
+    CHECK(file.shape("scalar") == hdf5::Shape{7});
+    CHECK(file.read<double>("profile", {7, 3})[20] == 18);
+    CHECK_THROWS_AS(profile.append(std::vector<double>{1, 2}), std::invalid_argument);
   }
-  CHECK(file.shape("scalar") == hdf5::Shape{7});
-  CHECK(file.read<double>("profile", {7, 3})[20] == 18);
-  CHECK_THROWS_AS(file.append_rows("profile", std::vector<double>{1, 2}), std::invalid_argument);
-  file.truncate_rows("scalar", 5);
-  file.append_rows("scalar", std::vector<double>{50, 60});
+  {
+    auto file = File::open_write(folder / "a.h5");
+    auto scalar = file.open_rows("scalar", 5);
+    CHECK(scalar.rows() == 5);
+    scalar.append(std::vector<double>{50, 60});
+    CHECK(file.open_rows("profile", 0).rows() == 0);
+    CHECK_THROWS_AS(file.open_rows("scalar", 8), InputError);
+  }
+  const auto file = File::open_read(folder / "a.h5");
   CHECK(file.read<double>("scalar") == std::vector<double>{0, 1, 2, 3, 4, 50, 60});
-  CHECK_THROWS_AS(file.truncate_rows("scalar", 8), InputError);
+  CHECK(file.shape("profile") == hdf5::Shape{0, 3});
+  for (const char* name : {"scalar", "profile"}) CHECK_NOTHROW(file.check(name));
+  // Rows and pieces have the checksum that anybody would compute.
+  std::uint32_t stored = 0;
+  const hid_t id = H5Fopen((folder / "a.h5").c_str(), H5F_ACC_RDONLY, H5P_DEFAULT),
+              attribute = H5Aopen_by_name(id, "scalar", "crc32", H5P_DEFAULT, H5P_DEFAULT);
+  H5Aread(attribute, H5T_NATIVE_UINT32, &stored);
+  H5Aclose(attribute);
+  H5Fclose(id);
+  const std::vector<double> values{0, 1, 2, 3, 4, 50, 60};
+  CHECK(stored == crc32(0, reinterpret_cast<const Bytef*>(values.data()), 56));
 }
 
 TEST_CASE("HDF5 links: groups appear when they are linked") {
@@ -197,7 +219,7 @@ TEST_CASE("the image of an HDF5 file in memory is a whole file") {
   for (std::size_t k = 0; k < values.size(); ++k) values[k] = 0.5 * static_cast<double>(k);
   {
     auto file = File::in_memory("a.h5");
-    file.write("first", values, {values.size()}, hdf5::Storage::checksum);
+    file.write("first", values, {values.size()}, hdf5::Storage::crc32);
     REQUIRE_FALSE(file.image().empty());
     file.write("second", values, {values.size() / 2, 2});
     std::ofstream(folder / "a.h5", std::ios::binary) << file.image();
@@ -215,7 +237,8 @@ TEST_CASE("HDF5 checksums find damage") {
   for (std::size_t i = 0; i < values.size(); ++i) values[i] = 1.0 + static_cast<double>(i);
   {
     auto file = File::create(folder / "a.h5");
-    file.write("x", values, {values.size()}, hdf5::Storage::checksum);
+    file.write("x", values, {values.size()}, hdf5::Storage::crc32);
+    file.check("x");
   }
   std::string bytes = contents(folder / "a.h5");
   const double one = values[damaged];
@@ -223,5 +246,42 @@ TEST_CASE("HDF5 checksums find damage") {
   REQUIRE(at != bytes.npos);
   bytes[at + 3] ^= 1;
   std::ofstream(folder / "a.h5", std::ios::binary) << bytes;
-  CHECK_THROWS_AS(File::open_read(folder / "a.h5").read<double>("x"), InputError);
+  const auto file = File::open_read(folder / "a.h5");
+  CHECK_THAT(message_of<InputError>([&] { file.check("x"); }), Contains("/x") && Contains("CRC-32"));
+}
+
+TEST_CASE("HDF5: what can be checked") {
+  const ScratchFolder folder;
+  {
+    auto file = File::create(folder / "a.h5");
+    auto group = file.create_group("g");
+    group.set_attribute("text", std::string("all is well"));
+    group.set_attribute("number", 1.5);
+    group.seal();
+    group.set_attribute("number", 2.5);
+    group.write("below/x", std::vector<double>{1, 2}, {2}, hdf5::Storage::crc32);
+    group.write("plain", std::vector<double>{1, 2}, {2});
+    group.write("empty", std::vector<double>{}, {0}, hdf5::Storage::crc32);
+    group.write_constant("constant", 1.0, {7});
+    group.write("linked", std::vector<double>{1, 2}, {2}, hdf5::Storage::crc32);
+    group.link("/g/linked", "again");
+    auto pieces = group.create_dataset("pieces", hdf5::Type::int32, {3});
+    const std::array<std::int32_t, 3> values{1, 2, 3};
+    pieces.write(0, 3, values.data());
+    pieces.set_crc32(crc32_of(std::as_bytes(std::span(values))));
+    CHECK(crc32_joined(crc32_of(std::as_bytes(std::span(values).first(1))),
+                       crc32_of(std::as_bytes(std::span(values).last(2))),
+                       8) == crc32_of(std::as_bytes(std::span(values))));
+    CHECK(group.datasets() == std::vector<std::string>{"below/x", "pieces", "plain"});
+    for (const char* name : {"below/x", "pieces", "empty", "linked", "again"}) CHECK_NOTHROW(group.check(name));
+    CHECK_THAT(message_of<InputError>([&] { group.check("plain"); }), Contains("/g/plain") && Contains("no checksum"));
+  }
+  CHECK_NOTHROW(File::open_read(folder / "a.h5").open_group("g").check_seal());
+  std::string bytes = contents(folder / "a.h5");
+  const auto at = bytes.find("all is well");
+  REQUIRE(at != bytes.npos);
+  bytes[at] = 'A';
+  std::ofstream(folder / "a.h5", std::ios::binary) << bytes;
+  CHECK_THAT(message_of<InputError>([&] { File::open_read(folder / "a.h5").open_group("g").check_seal(); }),
+             Contains("/g") && Contains("checksum"));
 }

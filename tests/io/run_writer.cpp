@@ -1,3 +1,4 @@
+#include <fmt/format.h>
 #include <sys/resource.h>
 
 #include <catch2/catch.hpp>
@@ -377,4 +378,155 @@ TEST_CASE("a full disk stops the run and keeps the frames before") {
           FrameData(topology, k, 0).positions);
   CHECK(static_cast<int>(read_series(scratch.path()).at("time").rows) >= frames);
   CHECK_THAT(check_xdmf(scratch.path()), Catch::Matchers::StartsWith(std::to_string(frames) + " "));
+}
+
+namespace {
+
+void change_byte(const std::filesystem::path& path, std::size_t at, int bit = 0) {
+  std::fstream file(path, std::ios::in | std::ios::out | std::ios::binary);
+  file.seekg(static_cast<std::streamoff>(at));
+  const char changed = static_cast<char>(file.get() ^ (1 << bit));
+  file.seekp(static_cast<std::streamoff>(at));
+  file.put(changed);
+}
+
+/// Place of the bytes of a value in the file, or of the text number `n`.
+template <class T>
+std::size_t place_of(const std::filesystem::path& path, const T& value) {
+  const std::string bytes = contents(path);
+  const auto at = bytes.find(std::string(reinterpret_cast<const char*>(&value), sizeof value));
+  REQUIRE(at != bytes.npos);
+  return at;
+}
+std::size_t place_of_text(const std::filesystem::path& path, const std::string& text, int n) {
+  const std::string bytes = contents(path);
+  std::size_t at = bytes.find(text);
+  for (; n > 0; --n) at = bytes.find(text, at + 1);
+  REQUIRE(at != bytes.npos);
+  return at;
+}
+
+/// All that can be read of a run, as text.
+std::string everything(const std::filesystem::path& folder) {
+  const auto file = File::open_read(folder / "run.h5");
+  std::string text;
+  const auto add = [&](const hdf5::Group& group, const std::string& name) {
+    text += name;
+    for (const double value : group.read<double>(name)) text += fmt::format(" {}", value);
+  };
+  for (const char* name : {"topology", "geometry", "series_axes", "series"}) {
+    const auto group = file.open_group(name);
+    for (const std::string& dataset : group.datasets()) add(group, dataset);
+  }
+  for (const char* name : {"manifest", "geometry"})
+    for (const auto& [key, value] : file.open_group(name).string_attributes()) text += key + value;
+  for (const std::string& name : file.open_group("frames").links()) {
+    const auto frame = file.open_group("frames/" + name);
+    text += fmt::format("{} {} {}", name, frame.real_attribute("time"), frame.integer_attribute("step"));
+    for (const std::string& dataset : frame.datasets()) add(frame, dataset);
+    add(frame, "xdmf/connectivity");
+  }
+  return text;
+}
+
+}  // namespace
+
+TEST_CASE("a restart says what is damaged, and goes on where only frames are") {
+  const ScratchFolder scratch;
+  const auto path = scratch / "run.h5";
+  const auto topology = small_topology(true);
+  {
+    auto writer = new_run(scratch.path(), topology);
+    writer.write_axis("profile_height", std::vector<Real>{7.25, 2, 3});
+    for (int k = 0; k < 3; ++k) {
+      add_sample(writer, k + 0.125);
+      writer.write_frame(FrameData(topology, k, 2).frame());
+    }
+  }
+  const auto refused = [&] {
+    return message_of<InputError>([&] { RunWriter::append(scratch.path(), topology, 3, 3); });
+  };
+  REQUIRE(RunWriter::append(scratch.path(), topology, 3, 3).damage().empty());
+  SECTION("values of a frame") {
+    change_byte(path, place_of(path, FrameData(topology, 1, 2).centres[3]));
+    {
+      auto writer = RunWriter::append(scratch.path(), topology, 3, 3);
+      REQUIRE(writer.damage().size() == 1);
+      CHECK_THAT(writer.damage()[0], Contains("/frames/000001/centres") && Contains("run.h5"));
+      writer.write_frame(FrameData(topology, 3, 2).frame());
+    }
+    // Nobody asks for it before the run comes to it again.
+    CHECK(RunWriter::append(scratch.path(), topology, 3, 1).damage().empty());
+    CHECK(check_xdmf(scratch.path()) == "4 32");
+  }
+  SECTION("the head of a frame") {
+    change_byte(path, place_of_text(path, "wall_force", 1));
+    {
+      auto writer = RunWriter::append(scratch.path(), topology, 3, 3);
+      REQUIRE(writer.damage().size() == 1);
+      CHECK_THAT(writer.damage()[0], Contains("/frames/000001"));
+    }
+    // HDF5 cannot take it out of its list.
+    CHECK_THAT(message_of<InputError>([&] { RunWriter::append(scratch.path(), topology, 3, 1); }),
+               Contains("/frames/000001") && Contains("cannot write this frame again"));
+  }
+  SECTION("a series") {
+    change_byte(path, place_of(path, 0.5 * 1.125));
+    CHECK_THAT(refused(), Contains("/series/dt") && Contains("damaged"));
+  }
+  SECTION("an axis") {
+    change_byte(path, place_of(path, 7.25));
+    CHECK_THAT(refused(), Contains("/series_axes/profile_height"));
+  }
+  SECTION("the manifest") {
+    change_byte(path, place_of_text(path, "sigma_avg", 0));
+    CHECK_THAT(refused(), Contains("/manifest"));
+  }
+}
+
+TEST_CASE("a flipped bit is noticed, or changes nothing that can be read") {
+  const ScratchFolder scratch;
+  const auto topology = small_topology(true);
+  {
+    auto writer = new_run(scratch / "run", topology);
+    writer.write_axis("profile_height", std::vector<Real>{1, 2, 3});
+    for (int k = 0; k < 4; ++k) {
+      for (int i = 0; i < 20; ++i) add_sample(writer, k + 0.01 * i);
+      writer.write_frame(FrameData(topology, k, 30).frame());
+    }
+  }
+  const std::string whole = everything(scratch / "run");
+  const auto size = std::filesystem::file_size(scratch / "run/run.h5");
+  std::filesystem::create_directory(scratch / "copy");
+  int noticed = 0;
+  constexpr int flips = 200;
+  for (int k = 0; k < flips; ++k) {
+    const auto path = scratch / "copy/run.h5";
+    std::filesystem::copy(scratch / "run/run.h5", path, std::filesystem::copy_options::overwrite_existing);
+    change_byte(path, (static_cast<std::uint64_t>(k) * 7919 * 104729) % size, k % 8);
+    const int status = in_child([&] {
+      try {
+        if (!RunWriter::append(scratch / "copy", topology, 80, 4).damage().empty()) return 1;
+      } catch (const InputError&) {
+        return 1;
+      }
+      return everything(scratch / "copy") == whole ? 0 : 2;
+    });
+    CAPTURE(k);
+    CHECK(WIFEXITED(status));
+    CHECK(WEXITSTATUS(status) < 2);
+    noticed += WEXITSTATUS(status) == 1;
+  }
+  WARN(noticed << " of " << flips << " flips were noticed");
+  CHECK(noticed > flips / 4);
+}
+
+TEST_CASE("a run whose file is removed ends") {
+  const ScratchFolder scratch;
+  const auto topology = small_topology(true);
+  auto writer = new_run(scratch.path(), topology);
+  writer.write_frame(FrameData(topology, 0, 2).frame());
+  std::filesystem::remove(scratch / "run.h5");
+  const FrameData next(topology, 1, 2);
+  CHECK_THAT(message_of<OutputError>([&] { writer.write_frame(next.frame()); }), Contains("run.h5 was removed"));
 }

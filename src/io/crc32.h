@@ -1,0 +1,15 @@
+// CRC-32 as of gzip, kept with the datasets of run.h5 and with checkpoints.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+namespace pliant {
+
+/// Of `bytes` after others that have the checksum `before`.
+std::uint32_t crc32_of(std::span<const std::byte> bytes, std::uint32_t before = 0);
+/// Of some bytes followed by `size` others.
+std::uint32_t crc32_joined(std::uint32_t first, std::uint32_t second, std::uint64_t size);
+
+}  // namespace pliant

@@ -1,0 +1,90 @@
+// A file that changes by transactions: whenever the program dies, it holds what the last commit promised, or what the
+// next one was about to. Knows nothing of what is in it.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace pliant {
+
+/// Bytes at addresses, no two for the same; neighbours are joined.
+class Extents {
+ public:
+  /// Replaces what was there.
+  void put(std::uint64_t address, std::span<const std::byte> bytes);
+  /// Copies what it holds of the addresses from `address` on to `bytes`; the others stay.
+  void overlay(std::uint64_t address, std::span<std::byte> bytes) const;
+  bool intersects(std::uint64_t address, std::uint64_t size) const;
+  bool empty() const { return blocks_.empty(); }
+  std::uint64_t end() const { return blocks_.empty() ? 0 : blocks_.rbegin()->first + blocks_.rbegin()->second.size(); }
+  void clear() { blocks_.clear(); }
+  using Blocks = std::map<std::uint64_t, std::vector<std::byte>>;  ///< by address
+  const Blocks& blocks() const { return blocks_; }
+
+ private:
+  Blocks blocks_;
+};
+
+/// What was written beyond the end of the last commit goes to the file; nothing that was promised refers to it. Changes
+/// of what was there before are kept in memory. A commit appends them to the file as a journal, makes them, and cuts
+/// the journal off. Whoever opens the file makes the changes of a whole journal again, and ignores a torn one.
+///
+/// The journal, at the end of the file; integers are little-endian:
+///   for each change: address, size (uint64), the bytes;
+///   address of the journal, number of changes (uint64), CRC-32 of all before (uint64), "PLIANTJ1".
+///
+/// Writes never fail: what the disk has no room for is kept in memory, and the next commit tries again.
+class JournaledFile {
+ public:
+  /// Errors: OutputError if the file exists or cannot be created.
+  static JournaledFile create(const std::filesystem::path& path);
+  /// Changes nothing, not even where there is a journal. Errors: InputError if the file is missing or locked.
+  static JournaledFile open_read(const std::filesystem::path& path);
+  /// Errors: InputError if the file is missing or locked; OutputError if it cannot be written.
+  static JournaledFile open_write(const std::filesystem::path& path);
+  JournaledFile(JournaledFile&& other) noexcept;
+  JournaledFile& operator=(JournaledFile&&) = delete;
+  ~JournaledFile();  ///< takes back what was not committed
+
+  void write(std::uint64_t address, std::span<const std::byte> bytes);
+  /// Bytes that were never written are 0. Errors: InputError if the system cannot read.
+  void read(std::uint64_t address, std::span<std::byte> bytes) const;
+  /// Address behind the last byte written.
+  std::uint64_t end() const;
+  /// Addresses below were promised by the last commit: nobody may write there but write().
+  std::uint64_t committed() const { return committed_; }
+  /// Cuts a file that was opened for writing, and not changed yet, to `end`: what follows was never promised.
+  void cut(std::uint64_t end);
+  /// From here on the file holds all that was written, up to `end` ≥ committed(). Errors: OutputError if it cannot be
+  /// written, or was removed; it holds what it did at the last commit, or is left with a whole journal.
+  void commit(std::uint64_t end);
+  /// Errors: OutputError.
+  void rename(const std::filesystem::path& path);
+  /// What was committed survives a loss of power. Errors: OutputError.
+  void sync();
+
+ private:
+  JournaledFile(const std::filesystem::path& path, int flags);
+  void read_journal();
+  std::vector<std::byte> journal(std::uint64_t end) const;
+  void check_place() const;
+  void write_through(const Extents& extents);
+  void write_through(std::uint64_t address, std::span<const std::byte> bytes);
+  void truncate(std::uint64_t size);
+  std::uint64_t size() const;
+
+  std::string name_;
+  int file_ = -1;
+  bool writable_ = false;
+  bool promised_ = false;  ///< there is a whole journal, which is for the next who opens the file
+  std::uint64_t committed_ = 0;
+  std::uint64_t size_ = 0;  ///< of the file on disk, journal left out
+  Extents changes_, tail_;  ///< not in the file yet: below committed_, and beyond
+};
+
+}  // namespace pliant
