@@ -317,6 +317,7 @@ void Options::assign(Option& option, const Setting& setting) {
                       [&](bool* target) { *target = parse_bool(setting); },
                       [&](std::string* target) {
                         if (!spec.choices.empty()) parse_choice(setting, spec.choices);
+                        if (setting.value->empty() && setting.source != "default") bad_value(setting, "is empty");
                         *target = *setting.value;
                       },
                       [&](const Enumeration& target) { target.set(parse_choice(setting, spec.choices)); }},

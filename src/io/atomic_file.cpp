@@ -4,8 +4,10 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <chrono>
 #include <cstdio>
 #include <cstring>
+#include <random>
 #include <string>
 
 namespace pliant {
@@ -18,7 +20,7 @@ namespace {
 
 /// Returns 0 or the errno of what failed.
 int write_and_sync(const std::string& name, std::initializer_list<std::string_view> parts) {
-  const int file = ::open(name.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+  const int file = ::open(name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666);
   if (file < 0) return errno;
   int error = 0;
   for (std::string_view bytes : parts)
@@ -34,10 +36,25 @@ int write_and_sync(const std::string& name, std::initializer_list<std::string_vi
   return error;
 }
 
+/// Removes what killed processes have left of earlier attempts. Nobody still writes to what is so old.
+void remove_leftovers(const std::filesystem::path& folder, const std::string& name) {
+  namespace fs = std::filesystem;
+  const auto now = fs::file_time_type::clock::now();
+  std::error_code ignored;
+  for (fs::directory_iterator entry(folder, ignored), end; entry != end; entry.increment(ignored)) {
+    const std::string file = entry->path().filename().string();
+    if (!file.starts_with(name + ".") || !file.ends_with(".tmp")) continue;
+    const auto written = entry->is_symlink(ignored) ? fs::file_time_type::min() : entry->last_write_time(ignored);
+    if (now - std::chrono::minutes(10) > written) fs::remove(entry->path(), ignored);
+  }
+}
+
 }  // namespace
 
 void write_file_atomically(const std::filesystem::path& path, std::initializer_list<std::string_view> parts) {
-  const std::string temporary = path.string() + ".tmp";
+  const std::filesystem::path folder = path.has_parent_path() ? path.parent_path() : ".";
+  remove_leftovers(folder, path.filename().string());
+  const std::string temporary = fmt::format("{}.{:08x}.tmp", path.string(), std::random_device()());
   int error = write_and_sync(temporary, parts);
   if (error == 0 && std::rename(temporary.c_str(), path.c_str()) != 0) error = errno;
   if (error != 0) {
@@ -45,7 +62,6 @@ void write_file_atomically(const std::filesystem::path& path, std::initializer_l
     fail(path, error);
   }
   // Some file systems cannot sync a folder; the content itself is safe by then.
-  const std::string folder = path.has_parent_path() ? path.parent_path().string() : ".";
   if (const int directory = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC); directory >= 0) {
     (void)::fsync(directory);
     ::close(directory);

@@ -149,6 +149,19 @@ TEST_CASE("integers are integral and fit") {
   CHECK(complaint({"-n", "0"}) == "-n 0: must be at least 1");
 }
 
+TEST_CASE("texts are not empty, and plain") {
+  CHECK(complaint({"-output", ""}) == "-output : is empty");
+  CHECK(complaint({"-output", "caf\xc3\xa9"}) == "no error");
+  for (const char* bad :
+       {"caf\xe9", "a\nb", "\x7f", "\xc0\x80", "\xed\xa0\x80", "\xf4\x90\x80\x80", "\xc2\x85", "\xe2\x82"})
+    CHECK_THAT(complaint({"-output", bad}), Contains("is not plain text"));
+  CHECK(complaint({"-output", "a\x1b[31m"}) ==
+        "-output a\\x1b[31m: is not plain text; it must be UTF-8 without control characters");
+  CHECK_THAT(complaint({"-output", std::string(4097, 'x')}), Contains("(4097 bytes): is too long"));
+  CHECK_THAT(complaint({"-" + std::string(200, 'x')}), StartsWith("unknown option -xxx"));
+  CHECK_THAT(complaint({"-energy", std::string(5000, '1')}), Contains("is too long"));
+}
+
 TEST_CASE("yes and no are understood in their usual spellings") {
   Program p;
   for (const char* yes : {"true", "yes", "on", "1", "True", "YES"}) {
@@ -294,6 +307,10 @@ TEST_CASE("faults in options files name the file and the line") {
   CHECK(from("a.txt", "-n 5\n-n 6\n") == "options file a.txt:2: n is given twice, first in line 1");
   CHECK(from("a.txt", "-n 5\n-output 'x\n'") == "options file a.txt:2: a quote is not closed in its line");
   CHECK_THAT(from("a.txt", "n: 5\n"), Contains("belongs to no option"));
+  CHECK(from("a.yaml", "\xef\xbb\xbfn: 5\r\nenergy: 1\r\n") == "no error");  // as Windows writes them
+  CHECK(from("a.txt", "\xef\xbb\xbf-n 5\r\n-energy 1\r\n") == "no error");
+  CHECK_THAT(from("a.yaml", "n: 5\n#" + std::string(1 << 16, 'x')), Contains("too large"));
+  CHECK_THAT(from("a.yaml", "a: &a {x: 1}\nb: [" + std::string(2000, '[')), Contains("malformed"));
   CHECK(from("a.yml", "") == "no error");
   CHECK(from("a.yaml", "# nothing yet\n") == "no error");
   CHECK(from("a.txt", "") == "no error");
