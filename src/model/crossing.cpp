@@ -91,24 +91,25 @@ OutlineLook look_at_outlines(const StateView<2>& s, const LeastDistances& least)
       [&](Index e, std::optional<Crossing>& found) {
         test(s, edges[e].first, topology.particle[edges[e].second], found);
       });
-  if (!edges.start.empty()) return seen;
-  const auto to_both_edges = [&](Index i, Index j) {
-    return std::min(squared_distance(s, i, topology.previous[j]), squared_distance(s, i, j));
-  };
-  look(
-      points, least.outlines, 1, seen,
-      [&](Index e) {
-        return std::min(to_both_edges(points[e].first, points[e].second),
-                        to_both_edges(points[e].second, points[e].first));
-      },
-      [&](Index e) { return points.reach[e]; },
-      [&](Index e, Real d) {
-        return Approach{points[e].first, topology.particle[points[e].second], d};
-      },
-      [&](Index e, std::optional<Crossing>& found) {
-        test(s, points[e].first, topology.particle[points[e].second], found);
-        test(s, points[e].second, topology.particle[points[e].first], found);
-      });
+  if (edges.start.empty()) {
+    const auto to_both_edges = [&](Index i, Index j) {
+      return std::min(squared_distance(s, i, topology.previous[j]), squared_distance(s, i, j));
+    };
+    look(
+        points, least.outlines, 1, seen,
+        [&](Index e) {
+          return std::min(to_both_edges(points[e].first, points[e].second),
+                          to_both_edges(points[e].second, points[e].first));
+        },
+        [&](Index e) { return points.reach[e]; },
+        [&](Index e, Real d) {
+          return Approach{points[e].first, topology.particle[points[e].second], d};
+        },
+        [&](Index e, std::optional<Crossing>& found) {
+          test(s, points[e].first, topology.particle[points[e].second], found);
+          test(s, points[e].second, topology.particle[points[e].first], found);
+        });
+  }
   if (!(least.walls > 0)) return seen;
   const auto nothing = [](Index, std::optional<Crossing>&) {};
   look(
