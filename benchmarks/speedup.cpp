@@ -122,7 +122,8 @@ void run(const std::vector<std::string>& arguments, const Ranks& ranks) {
   p.bind(options);
   options.parse({"-restart", arguments[0]});
   Checkpoint checkpoint;
-  make_run("hopper", p, options, ranks, [&](std::optional<Checkpoint> stored) {
+  FolderLock lock;
+  make_run("hopper", p, options, ranks, lock, [&](std::optional<Checkpoint> stored) {
     p.resolve();
     checkpoint = std::move(stored.value());
   });
