@@ -36,7 +36,7 @@ class System {
   System(const HopperOptions& p, const Checkpoint& c, const Ranks& ranks)
       : particles_({}, p.hopper.walls<D>(), make_force_field<D>(p.model, p.model_parameters(), -Vec<D>::Unit(D - 1)),
                    neighbour_needs(p.model, p.model_parameters()), p.first_skin(), ranks),
-        dt_(*p.dt),
+        dt_(c.real("dt", 0)),
         verlet_(dt_) {
     const Topology all =
         make_particles(p.model, D, draw_diameters(p.sizes, p.particles, static_cast<std::uint64_t>(p.seed)), p.shape);
