@@ -80,7 +80,8 @@ const std::vector<T>& checked(const Checkpoint& c, const std::map<std::string, s
   if constexpr (std::is_same_v<T, double>)
     if (!std::isfinite(*wrong)) c.refuse("{} = {} is not finite", which, *wrong);
   if (least == most) c.refuse("{} = {} instead of {}", which, *wrong, least);
-  if (most == std::numeric_limits<T>::max()) c.refuse("{} = {} is less than {}", which, *wrong, least);
+  if (most == (std::is_same_v<T, double> ? T(Checkpoint::any) : T(Checkpoint::any_count)))
+    c.refuse("{} = {} is less than {}", which, *wrong, least);
   c.refuse("{} = {} is not in the range {} … {}", which, *wrong, least, most);
 }
 

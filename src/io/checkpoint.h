@@ -23,7 +23,7 @@ namespace pliant {
 /// that names the file, the entry and its value.
 struct Checkpoint {
   static constexpr Real any = std::numeric_limits<Real>::max();
-  static constexpr std::int64_t any_count = std::numeric_limits<std::int64_t>::max();
+  static constexpr std::int64_t any_count = 9'007'199'254'740'992;  ///< 2^53: sums of counts do not overflow
 
   /// A finite number, least … most.
   Real real(const std::string& name, Real least = -any, Real most = any) const;
