@@ -59,7 +59,8 @@ DropletRun::DropletRun(const DropletOptions& p, const Options& options, const Ra
       control_(p.checkpoint_interval, p.max_wall_time, ranks),
       sampling_(p.sample_interval),
       framing_(p.frame_interval),
-      dt_(p.dt) {
+      dt_(p.dt),
+      last_dt_(p.dt) {
   omp_set_num_threads(1);
   if (ranks.several()) whole_.emplace(setup.droplets, setup.walls, make_field(p, setup), needs(p), p.skin);
 }
@@ -205,8 +206,8 @@ AfterStep DropletRun::after_step() {
   if (control_.due()) {
     control_.progress([&] {
       const Real rate = (state_.t - started_at_) / control_.wall_seconds();
-      return fmt::format("t {:.6g}/{:.6g} t0  dt {:.3g}  ETA {}  {}", state_.t, last_time(),
-                         integrator_->statistics().last_dt, duration_text((last_time() - state_.t) / rate), progress());
+      return fmt::format("t {:.6g}/{:.6g} t0  dt {:.3g}  ETA {}  {}", state_.t, last_time(), last_dt(),
+                         duration_text((last_time() - state_.t) / rate), progress());
     });
     stopped_ = control_.stop();
     if (stopped_ || control_.checkpoint_due()) store();
@@ -228,10 +229,8 @@ void DropletRun::sample() {
   });
   const Real total = particles().field().energy(s);
   budget_error_ = total - start_energy_ - work() + dissipated() + withdrawn_;
-  std::vector<SeriesValue> row{
-      {"time", state_.t},         {"dt", state_.step > 0 ? integrator_->statistics().last_dt : dt_},
-      {"max_speed", max_speed()}, {"bonds", bonds},
-      {"tense_bonds", tense},     {"energy", total}};
+  std::vector<SeriesValue> row{{"time", state_.t}, {"dt", last_dt()},      {"max_speed", max_speed()},
+                               {"bonds", bonds},   {"tense_bonds", tense}, {"energy", total}};
   // Terms that are switched off, or have no walls, are not reported: each has its column all the same.
   std::array<std::pair<const char*, Real>, 5> energies{
       {{"contact", 0}, {"depletion", 0}, {"wall_repulsion", 0}, {"wall_depletion", 0}, {"gravity", 0}}};
@@ -312,6 +311,11 @@ void DropletRun::deactivate(Index m) {
     if (topology.id[k] == m) overdamped_.particles().deactivate(k);
 }
 
+Real DropletRun::last_dt() const {
+  const IntegratorStatistics& taken = integrator_->statistics();
+  return taken.steps > 0 ? taken.last_dt : last_dt_;
+}
+
 void DropletRun::store() {
   const LogScope log(LogEvent::checkpoint);
   std::vector<Real> last = overdamped_.last();
@@ -345,6 +349,7 @@ void DropletRun::store() {
     c.add("frames", writer_->frames());
     c.add("events", writer_->events());
     c.add("dt", integrator_->next_dt());
+    c.add("last_dt", last_dt());
     c.add("start_energy", start_energy_);
     c.add("withdrawn", withdrawn_);
     c.add("rejected_steps", total.rejected);
@@ -377,6 +382,7 @@ void DropletRun::restore(const Checkpoint& c) {
   restored_frames_ = static_cast<std::uint64_t>(c.integer("frames", framing_.done_at(0) ? 1 : 0));
   restored_events_ = static_cast<std::uint64_t>(c.integer("events"));
   dt_ = c.real("dt", std::numeric_limits<Real>::min(), std::max(dt_, last_time()));
+  last_dt_ = c.real("last_dt", std::numeric_limits<Real>::min(), std::max(last_dt_, last_time()));
   start_energy_ = c.real("start_energy");
   withdrawn_ = c.real("withdrawn");
   before_ = {.steps = c.step,
@@ -432,8 +438,7 @@ nlohmann::ordered_json DropletRun::summary(std::string_view status) {
 void DropletRun::fail(const Error& error) {
   std::string message = error.what();
   if (error.code() == ExitCode::numerical_failure && state_.step > 0)
-    message +=
-        fmt::format("; t = {:.6g}, step {}, dt = {:.3g}", state_.t, state_.step, integrator_->statistics().last_dt);
+    message += fmt::format("; t = {:.6g}, step {}, dt = {:.3g}", state_.t, state_.step, last_dt());
   const auto attempt = [&](const auto& output) {
     try {
       output();

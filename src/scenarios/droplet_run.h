@@ -129,6 +129,7 @@ class DropletRun {
   template <class Change>
   void outside_budget(Change&& change);
   IntegratorStatistics statistics() const;
+  Real last_dt() const;  ///< also where a restart has not taken a step yet; before the first the one to come
   std::int64_t list_rebuilds() const;
   void report(Real cpu) const;
   Real total_cpu() const { return cpu_before_ + control_.cpu_seconds() - cpu_at_start_; }
@@ -158,7 +159,7 @@ class DropletRun {
   Real budget_error_ = 0;                  ///< of the last sample
   Schedule sampling_, framing_;
   std::int64_t rebuilds_before_ = 0;
-  Real dt_ = 0;
+  Real dt_ = 0, last_dt_ = 0;    ///< before the first step of this process
   IntegratorStatistics before_;  ///< of the runs before a restart
   Real cpu_before_ = 0, cpu_at_start_ = 0, started_at_ = 0;
   std::uint64_t restored_samples_ = 0, restored_frames_ = 0, restored_events_ = 0;

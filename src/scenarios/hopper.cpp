@@ -111,6 +111,7 @@ class HopperRun {
     }
     if (p.q_rtol > 0) precision_.emplace(p.q_rtol);
     if (!p.skin) system_.tune_skin();
+    last_dt_ = dt_;
     if (checkpoint) load(*checkpoint);
     checkpoint.reset();
     make_integrator();
@@ -419,7 +420,7 @@ class HopperRun {
     const LogScope log(LogEvent::sample);
     record_crossings();
     sampling_.done(s.t);
-    last_sample_ = take_sample<D>(system_, s, p_.hopper, flow_, s.step > 0 ? integrator_->statistics().last_dt : dt_);
+    last_sample_ = take_sample<D>(system_, s, p_.hopper, flow_, last_dt());
     check(s);
     ranks_.on_root([&] { writer_->add_sample(last_sample_.row); });
     const FlowCount& crossed = last_sample_.crossed;
@@ -516,6 +517,7 @@ class HopperRun {
       c.add("crossed_before_quiet", clog.crossed);
       c.add("changed", std::int64_t{changed});
       c.add("dt", next_dt());
+      c.add("last_dt", last_dt());
       c.add("skin", system_.neighbours().skin());
       c.add("evaluations_since_sort", system_.use().evaluations);
       c.add("list_rebuilds_since_sort", system_.use().rebuilds);
@@ -554,6 +556,7 @@ class HopperRun {
     framing_.load(c, "last_frame_at");
     // A particle that moves by some diameters in a step has gone through others.
     dt_ = c.real("dt", std::numeric_limits<Real>::min(), std::max(dt_, *p_.t_end));
+    last_dt_ = c.real("last_dt", std::numeric_limits<Real>::min(), std::max(dt_, *p_.t_end));
     const Real fastest = 10 * largest_ / dt_;
     state_.assign(stored.points("x"), stored.points("v", fastest), stored.points("predicted", fastest));
     const Real area = static_cast<Real>(crossed) * *std::max_element(all_.a0.begin(), all_.a0.end());
@@ -627,6 +630,12 @@ class HopperRun {
     return ts != nullptr ? ts->next_dt() : dt_;
   }
 
+  /// Of the last step, also where a restart has not taken one yet; before the first the one to come.
+  Real last_dt() const {
+    const IntegratorStatistics& taken = integrator_->statistics();
+    return taken.steps > 0 ? taken.last_dt : last_dt_;
+  }
+
   // --- Texts, summary
 
   IntegratorStatistics statistics() const {
@@ -655,10 +664,10 @@ class HopperRun {
   std::string progress_line(const State& s) const {
     const Real wall = control_.wall_seconds(), done = s.t - started_at_, rate = done / wall;
     const Real steps = static_cast<Real>(integrator_->statistics().steps);
-    std::string line = fmt::format(
-        "t {:.2f}/{:g} t0  {:.3g} steps/s  ETA {}  dt/dt_c {:.2f}  max overlap {:.3f}  crossed {}", s.t, *p_.t_end,
-        steps / wall, duration_text((*p_.t_end - s.t) / rate), integrator_->statistics().last_dt / critical_step_,
-        last_sample_.max_overlap, last_sample_.crossed.crossed);
+    std::string line =
+        fmt::format("t {:.2f}/{:g} t0  {:.3g} steps/s  ETA {}  dt/dt_c {:.2f}  max overlap {:.3f}  crossed {}", s.t,
+                    *p_.t_end, steps / wall, duration_text((*p_.t_end - s.t) / rate), last_dt() / critical_step_,
+                    last_sample_.max_overlap, last_sample_.crossed.crossed);
     if (precision_)
       line += fmt::format("  error of Q {} of {:g} %", percent(precision_->relative_error()), 100 * p_.q_rtol);
     return line;
@@ -868,6 +877,7 @@ class HopperRun {
   Real top_ = 0;                      ///< of the filling of a flat hopper at the start; not less than it is
   Index points_ = 0;                  ///< of all particles
   Real critical_step_ = 0, dt_ = 0;
+  Real last_dt_ = 0;            ///< before the first step of this process
   std::string restarted_from_;  ///< file of the checkpoint
   bool fresh_ = true;
   std::uint64_t restored_samples_ = 0, restored_frames_ = 0, restored_events_ = 0;

@@ -104,6 +104,14 @@ def test_a_finished_run_goes_on(finished, tmp_path):
     assert_same_runs(hopper(tmp_path / "whole", t_end=6), Results(finished))
 
 
+def test_what_follows_the_last_checkpoint_is_written_again(tmp_path):
+    """As after a kill between it and the last sample."""
+    before = hopper(tmp_path / "run", t_end=1.23)
+    result = pliant("hopper", restart=tmp_path / "run")
+    assert result.returncode == 0, result.stderr
+    assert_same_runs(before, Results(tmp_path / "run"))
+
+
 @pytest.mark.parametrize("name, value", [("zeta", 0.4), ("e_sp", 50), ("seed", 7), ("n", 61), ("hopper_width", 3.5),
                                          ("model", "rough"), ("dt", 2e-3), ("integrator", "ts"), ("dim", 3)])
 def test_a_restart_cannot_change_the_physics(name, value, finished):
