@@ -13,10 +13,10 @@
 #include <pliant/base/petsc.h>
 #include <pliant/base/ranks.h>
 #include <pliant/base/version.h>
-#include <pliant/scenarios/clog.h>
-#include <pliant/scenarios/evaluate.h>
-#include <pliant/scenarios/hopper.h>
-#include <pliant/scenarios/raft.h>
+#include <pliant/scenarios/clog/clog.h>
+#include <pliant/scenarios/evaluate/evaluate.h>
+#include <pliant/scenarios/hopper/hopper.h>
+#include <pliant/scenarios/raft/raft.h>
 
 namespace {
 

@@ -16,9 +16,9 @@
 #include <pliant/base/errors.h>
 #include <pliant/model/fused_terms.h>
 #include <pliant/model/polygon.h>
-#include <pliant/scenarios/hopper_options.h>
-#include <pliant/scenarios/reinsertion.h>
-#include <pliant/ts/particle_system.h>
+#include <pliant/scenarios/hopper/options.h>
+#include <pliant/setup/reinsertion.h>
+#include <pliant/system/particle_system.h>
 #include <pliant/ts/verlet.h>
 
 namespace pliant {

@@ -16,11 +16,11 @@
 
 #include <pliant/base/petsc.h>
 #include <pliant/model/polygon.h>
-#include <pliant/scenarios/hopper_options.h>
-#include <pliant/scenarios/particles.h>
-#include <pliant/scenarios/run_folder.h>
-#include <pliant/scenarios/stored_particles.h>
-#include <pliant/ts/particle_system.h>
+#include <pliant/run/folder.h>
+#include <pliant/run/stored_particles.h>
+#include <pliant/scenarios/hopper/options.h>
+#include <pliant/setup/particles.h>
+#include <pliant/system/particle_system.h>
 #include <pliant/ts/verlet.h>
 
 namespace pliant {

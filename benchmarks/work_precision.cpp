@@ -18,8 +18,8 @@
 #include <pliant/base/petsc.h>
 #include <pliant/base/rng.h>
 #include <pliant/model/polygon.h>
-#include <pliant/scenarios/hopper_options.h>
-#include <pliant/ts/overdamped.h>
+#include <pliant/scenarios/hopper/options.h>
+#include <pliant/system/overdamped.h>
 #include <pliant/ts/ts_integrator.h>
 #include <pliant/ts/verlet.h>
 

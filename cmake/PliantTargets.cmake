@@ -9,14 +9,18 @@ add_library(pliant_warnings INTERFACE)
 target_compile_options(pliant_warnings INTERFACE -Wall -Wextra -Wshadow -Wnon-virtual-dtor -Woverloaded-virtual
                                                  $<$<BOOL:${PLIANT_WERROR}>:-Werror>)
 
-# pliant_folder(<name> DEPENDS <folders…> LINK <libraries…> PATH <path>): library pliant_<name>, exported as
-# pliant::<name>, from src/<path> (src/<name> unless given).
+# pliant_folder(<name> DEPENDS <folders…> LINK <libraries…> PATH <path> RECURSE): library pliant_<name>, exported as
+# pliant::<name>, from src/<path> (src/<name> unless given), RECURSE: and the folders in it.
 function(pliant_folder name)
-  cmake_parse_arguments(ARG "" "PATH" "DEPENDS;LINK" ${ARGN})
+  cmake_parse_arguments(ARG "RECURSE" "PATH" "DEPENDS;LINK" ${ARGN})
   if(NOT ARG_PATH)
     set(ARG_PATH ${name})
   endif()
-  file(GLOB sources CONFIGURE_DEPENDS "${CMAKE_CURRENT_SOURCE_DIR}/${ARG_PATH}/*.cpp")
+  set(glob GLOB)
+  if(ARG_RECURSE)
+    set(glob GLOB_RECURSE)
+  endif()
+  file(${glob} sources CONFIGURE_DEPENDS "${CMAKE_CURRENT_SOURCE_DIR}/${ARG_PATH}/*.cpp")
   list(TRANSFORM ARG_DEPENDS PREPEND pliant_)
   if(sources)
     add_library(pliant_${name} STATIC ${sources})

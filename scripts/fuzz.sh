@@ -21,12 +21,12 @@ mkdir -p "$work"
 
 # The readers are instrumented; all else comes from the ordinary build.
 declare -A instrumented=(
-  [evaluate]="src/scenarios/evaluate.cpp src/scenarios/case_input.cpp src/scenarios/field.cpp src/base/text.cpp"
+  [evaluate]="src/scenarios/evaluate/evaluate.cpp src/scenarios/evaluate/case_input.cpp src/scenarios/evaluate/field.cpp src/base/text.cpp"
   [options]="src/base/options.cpp src/base/options_source.cpp src/base/nearest.cpp src/base/text.cpp"
 )
 declare -A seeds=([evaluate]="tests/data/evaluate/*.json" [options]="examples/*.yaml")
 declare -A words=(
-  [evaluate]="grep -oh '\"[A-Za-z0-9_-]\+\"' src/scenarios/case_input.cpp src/scenarios/evaluate.cpp"
+  [evaluate]="grep -oh '\"[A-Za-z0-9_-]\+\"' src/scenarios/evaluate/case_input.cpp src/scenarios/evaluate/evaluate.cpp"
   [options]="$build/apps/pliant hopper -help | sed -n 's/^  -\([a-z_0-9]*\) .*/\"\1\"/p'"
 )
 as_system() { sed 's/-I/-isystem /g' <<<"$*"; }

@@ -8,7 +8,7 @@ source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 kind=${1:-address}
 build=$root/build-$kind
-names=(base geometry kernels model domain ts io analysis scenarios)
+names=(base geometry kernels model domain system ts io analysis setup run scenarios)
 flags="-fno-omit-frame-pointer"
 no_false_alarms=-Wno-maybe-uninitialized  # with -O1 GCC warns of its own headers, and of vectors that are set lane by lane
 compilers=()

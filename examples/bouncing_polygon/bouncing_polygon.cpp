@@ -8,8 +8,8 @@
 #include <pliant/base/petsc.h>
 #include <pliant/model/catalogue.h>
 #include <pliant/model/polygon.h>
-#include <pliant/scenarios/particles.h>
-#include <pliant/ts/particle_system.h>
+#include <pliant/setup/particles.h>
+#include <pliant/system/particle_system.h>
 #include <pliant/ts/ts_integrator.h>
 #include <pliant/ts/verlet.h>
 

@@ -9,8 +9,8 @@
 #include <pliant/base/errors.h>
 #include <pliant/model/area.h>
 #include <pliant/model/polygon.h>
-#include <pliant/ts/fire.h>
-#include <pliant/ts/particle_system.h>
+#include <pliant/system/fire.h>
+#include <pliant/system/particle_system.h>
 
 #include "line_tension.h"
 

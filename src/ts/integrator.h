@@ -6,7 +6,7 @@
 #include <string>
 
 #include <pliant/model/state.h>
-#include <pliant/ts/system.h>
+#include <pliant/system/equation.h>
 
 namespace pliant {
 

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include <pliant/kernels/finite.h>
-#include <pliant/ts/particle_pc.h>
+#include <pliant/system/particle_pc.h>
 #include <pliant/ts/sundials/sundials.h>
 #include <pliant/ts/ts_verlet.h>
 

@@ -5,7 +5,7 @@
 #include <string>
 
 #include <pliant/base/petsc.h>
-#include <pliant/ts/implicit_system.h>
+#include <pliant/system/implicit_system.h>
 #include <pliant/ts/integrator.h>
 
 namespace pliant {

@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include <pliant/scenarios/evaluate.h>
+#include <pliant/scenarios/evaluate/evaluate.h>
 
 namespace {
 

@@ -1,7 +1,7 @@
 // Options files, YAML and text: read or refused, never a crash; what is read survives the way through a checkpoint.
 #include "fuzz.h"
 
-#include <pliant/scenarios/hopper_options.h>
+#include <pliant/scenarios/hopper/options.h>
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   for (const char* name : {"options.yaml", "options.txt"}) {

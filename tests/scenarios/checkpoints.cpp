@@ -15,9 +15,9 @@
 
 #include <pliant/base/errors.h>
 #include <pliant/io/checkpoint.h>
-#include <pliant/scenarios/clog.h>
-#include <pliant/scenarios/hopper.h>
-#include <pliant/scenarios/raft.h>
+#include <pliant/scenarios/clog/clog.h>
+#include <pliant/scenarios/hopper/hopper.h>
+#include <pliant/scenarios/raft/raft.h>
 
 #include "io/io_support.h"
 #include "support/edit_checkpoint.h"

@@ -1,7 +1,7 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 
-#include <pliant/scenarios/clog.h>
+#include <pliant/scenarios/clog/clog.h>
 
 using namespace pliant;
 

@@ -7,7 +7,7 @@
 #include <set>
 
 #include <pliant/base/errors.h>
-#include <pliant/scenarios/evaluate.h>
+#include <pliant/scenarios/evaluate/evaluate.h>
 
 using namespace pliant;
 using nlohmann::json;

@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include <pliant/model/polygon.h>
-#include <pliant/scenarios/passage.h>
+#include <pliant/scenarios/hopper/passage.h>
 
 namespace {
 

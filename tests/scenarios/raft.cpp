@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include <pliant/base/errors.h>
-#include <pliant/scenarios/raft.h>
+#include <pliant/scenarios/raft/raft.h>
 
 using namespace pliant;
 

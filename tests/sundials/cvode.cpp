@@ -3,8 +3,8 @@
 
 #include <limits>
 
-#include "problems.h"
 #include "solver.h"
+#include "support/problems.h"
 
 using namespace problems;
 using Catch::Matchers::Contains;

@@ -3,8 +3,8 @@
 
 #include <pliant/ts/ts_integrator.h>
 
-#include "problems.h"
 #include "support/order.h"
+#include "support/problems.h"
 
 using namespace pliant;
 using namespace pliant::test;

@@ -4,9 +4,9 @@
 #include <pliant/ts/ts_integrator.h>
 #include <pliant/ts/verlet.h>
 
-#include "problems.h"
 #include "support/order.h"
-#include "twins.h"
+#include "support/problems.h"
+#include "support/twins.h"
 
 using namespace pliant;
 using namespace pliant::test;

@@ -13,7 +13,7 @@
 #include <pliant/ts/ts_verlet.h>
 #include <pliant/ts/verlet.h>
 
-#include "problems.h"
+#include "support/problems.h"
 
 using namespace pliant;
 using namespace pliant::test;

@@ -5,7 +5,7 @@
 #include <pliant/ts/verlet.h>
 #include <catch2/catch.hpp>
 
-#include "problems.h"
+#include "support/problems.h"
 
 using namespace pliant;
 using namespace pliant::test;

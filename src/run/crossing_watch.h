@@ -1,0 +1,46 @@
+// Looks for vertices that have crossed an outline, as often as one can have.
+#pragma once
+
+#include <limits>
+#include <vector>
+
+#include <pliant/model/crossing.h>
+#include <pliant/model/state.h>
+#include <pliant/system/particle_system.h>
+
+namespace pliant {
+
+/// Finds a vertex inside the outline of another particle in the very state in which it is there, as if it looked after
+/// every step: a vertex and an outline that are a distance apart cannot have met before both together have gone that
+/// far. So it remembers the smallest distance, and looks again only when twice the longest way of any point has used it
+/// up, which takes tens to hundreds of steps. A vertex that enters and leaves within a single step is not seen.
+/// All functions are collective. Errors: NumericalError on all ranks, which names the vertex.
+class CrossingWatch {
+ public:
+  CrossingWatch() = default;
+  /// Finds contacts too that are nearer than `least`, where a barrier is too stiff for the fixed step dt.
+  CrossingWatch(const LeastDistances& least, Real dt) : least_(least), dt_(dt) {}
+
+  /// Before the first step. Finds vertices however deep inside they are.
+  void start(ParticleSystem<2>& system, const State& s) { look(system, s, std::numeric_limits<Real>::infinity()); }
+  /// After every step.
+  void after_step(ParticleSystem<2>& system, const State& s);
+  /// After particles were put somewhere else or into another order.
+  void after_change(ParticleSystem<2>& system, const State& s) { look(system, s, 0); }
+
+  /// Whether x [own points · 2], which a step tries, has no vertex inside another particle and no point that has gone
+  /// farther than σ_avg since the last look.
+  bool admits(ParticleSystem<2>& system, const Real* x) const;
+
+ private:
+  /// No vertex can be deeper inside than `deepest`.
+  void look(ParticleSystem<2>& system, const State& s, Real deepest);
+  Real farthest_from_reference(const ParticleSystem<2>& system, const Real* x) const;
+
+  LeastDistances least_;
+  Real dt_ = 0;
+  Real gap_ = 0;  ///< how far vertices and outlines were from each other, or from `least`, at the last look
+  std::vector<Real> reference_;  ///< positions of the own points then
+};
+
+}  // namespace pliant

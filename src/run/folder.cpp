@@ -1,0 +1,171 @@
+#include <pliant/run/folder.h>
+
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <ctime>
+#include <filesystem>
+#include <fstream>
+#include <utility>
+#include <vector>
+
+#include <pliant/base/console.h>
+#include <pliant/base/version.h>
+
+namespace pliant {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// A text of the summary of a run's folder; empty if there is none that can be read.
+std::string stored_text(const fs::path& folder, const std::string& name) {
+  std::ifstream file(folder / "summary.json");
+  const nlohmann::json summary = nlohmann::json::parse(file, nullptr, false);
+  return summary.is_object() && summary.contains(name) && summary[name].is_string() ? std::string(summary[name]) : "";
+}
+
+[[noreturn]] void refuse_ended(const fs::path& folder, const std::string& status, bool checkpoint) {
+  const std::string name = folder.string(), ended_by = stored_text(folder, "ended_by");
+  std::string extend;
+  if (status == "failed")
+    throw InputError(
+        "{} holds a run that failed ({}); go on from its last checkpoint by -restart {}, or choose another "
+        "-output",
+        name, stored_text(folder, "message"), name);
+  if (checkpoint && ended_by == "t_end") extend = fmt::format("extend it by -restart {} -t_end LATER, or ", name);
+  if (checkpoint && ended_by == "q_rtol")
+    extend = fmt::format("extend it by -restart {} -hopper_q_rtol LESS, or ", name);
+  throw InputError("{} holds a run that is finished ({}); {}choose another -output", name, status, extend);
+}
+
+/// What a command finds in its folder: room for a new run, or one to go on with.
+enum class Found { nothing, stopped, killed };
+
+/// Looks into the folder of -output. Errors: InputError where no run can start or go on.
+Found look_into(const fs::path& folder) {
+  std::error_code error;
+  const bool checkpoint = has_checkpoint(folder);
+  if (!checkpoint && !fs::exists(folder / "run.h5", error)) return Found::nothing;
+  const std::string status = stored_text(folder, "status");
+  const bool ended = !status.empty() && status != "stopped";
+  if (ended && (checkpoint || status != "failed")) refuse_ended(folder, status, checkpoint);
+  if (checkpoint) return status == "stopped" ? Found::stopped : Found::killed;
+  if (const std::size_t frames = count_frames(folder); frames > 0)
+    throw InputError("{} holds {} frames of a run without a checkpoint to go on from; choose another -output",
+                     folder.string(), frames);
+  say("{}: its run ended before it had a checkpoint or a frame, and starts anew\n", folder.string());
+  for (const char* name : {"run.h5", "run.xdmf", "summary.json"})
+    if (fs::remove(folder / name, error); error)
+      throw OutputError("cannot remove {}: {}; choose another -output", (folder / name).string(), error.message());
+  return Found::nothing;
+}
+
+/// The root's paths, on all ranks.
+std::vector<std::string> shared_names(const Ranks& ranks, const std::vector<fs::path>& paths) {
+  std::vector<char> text;
+  for (const fs::path& path : paths) {
+    const std::string name = path.string() + '\0';
+    text.insert(text.end(), name.begin(), name.end());
+  }
+  ranks.broadcast(text);
+  std::vector<std::string> names;
+  for (auto at = text.begin(); at != text.end(); at += static_cast<std::ptrdiff_t>(names.back().size()) + 1)
+    names.emplace_back(&*at);
+  return names;
+}
+
+/// Gives `options` what the checkpoint has stored.
+void take_options(std::string_view scenario, const Checkpoint& checkpoint, Options& options) {
+  if (const std::string& own = checkpoint.text("scenario"); own != scenario)
+    throw InputError("{} holds a run of scenario '{}', not of {}; choose another folder",
+                     fs::path(checkpoint.file).parent_path().string(), own, scenario);
+  const nlohmann::json stored = nlohmann::json::parse(checkpoint.text("options"), nullptr, false);
+  try {
+    options.from_json(stored);
+  } catch (const RestartConflict&) {
+    throw;
+  } catch (const Error& error) {
+    checkpoint.refuse("{}", error.what());
+  }
+}
+
+}  // namespace
+
+void make_run(std::string_view scenario, const RunOptions& p, Options& options, const Ranks& ranks, FolderLock& lock,
+              const std::function<void(std::optional<Checkpoint>)>& make) {
+  if (!p.restart.empty() && options.given("output") &&
+      fs::weakly_canonical(p.output) != fs::weakly_canonical(p.restart))
+    throw InputError("-output {}: -restart {} goes on in its own folder; leave -output out", p.output, p.restart);
+  const bool restart = !p.restart.empty();
+  const fs::path folder = restart ? p.restart : p.output;
+  Found found = Found::stopped;
+  StoredCheckpoints stored;
+  ranks.on_root([&] {
+    if (std::error_code none; !restart || fs::is_directory(folder, none)) lock = FolderLock(folder);
+    if (!lock.warning().empty()) warn("{}", lock.warning());
+    if (!restart) found = look_into(folder);
+    if (found != Found::nothing) stored = find_checkpoints(folder);
+  });
+  if (ranks.broadcast(found) == Found::nothing) return make({});
+  std::vector<std::string> problems = std::move(stored.problems);
+  for (const std::string& file : shared_names(ranks, stored.files)) {
+    std::string problem;
+    try {
+      std::optional<Checkpoint> checkpoint;
+      ranks.together([&] { checkpoint = read_checkpoint(file); });
+      const std::int64_t step = checkpoint->step;
+      take_options(scenario, *checkpoint, options);
+      make(std::move(checkpoint));
+      if (found == Found::killed && ranks.root())
+        say("{}: its run was killed, and goes on from its last checkpoint\n", folder.string());
+      if (!problems.empty() && ranks.root())
+        warn("{}; going on from {} (step {})", fmt::join(problems, "; "), file, step);
+      return;
+    } catch (const RestartConflict&) {
+      throw;
+    } catch (const Error& error) {
+      problem = error.what();
+    } catch (const std::exception& error) {
+      problem = fmt::format("{} cannot be used: {}", file, error.what());
+    }
+    // What the user asks for can be as wrong with both.
+    if (std::find(problems.begin(), problems.end(), problem) == problems.end()) problems.push_back(problem);
+    options.reset();
+  }
+  ranks.on_root([&] {
+    throw InputError("{}{}", fmt::join(problems, "; "),
+                     stored.files.empty() ? "; without a checkpoint start again, with another -output" : "");
+  });
+}
+
+Manifest make_manifest(std::string_view scenario, std::string_view model, int dim, std::int64_t seed,
+                       const Options& options) {
+  const BuildInfo build = build_info();
+  Manifest m;
+  m.version = build.version;
+  m.build = build.build();
+  m.petsc_version = build.petsc;
+  m.scenario = scenario;
+  m.model = model;
+  m.created = fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(std::time(nullptr)));
+  m.dim = dim;
+  m.seed = seed;
+  m.options = options.json();
+  return m;
+}
+
+nlohmann::ordered_json summary_head(std::string_view scenario, std::string_view model, std::string_view status,
+                                    std::string_view ended_by, const Options& options) {
+  nlohmann::ordered_json s;
+  s["program"] = "pliant";
+  s["version"] = build_info().version;
+  s["scenario"] = scenario;
+  s["model"] = model;
+  s["status"] = status;
+  if (status == "done") s["ended_by"] = ended_by;
+  s["parameters"] = options.json();
+  return s;
+}
+
+}  // namespace pliant

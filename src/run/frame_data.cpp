@@ -1,0 +1,227 @@
+#include <pliant/run/frame_data.h>
+
+#include <algorithm>
+#include <numeric>
+#include <span>
+#include <tuple>
+#include <utility>
+
+#include <pliant/model/polygon.h>
+
+namespace pliant {
+namespace {
+
+/// Equal shares of the ids 0 … total − 1, one after the other.
+class IdShares {
+ public:
+  IdShares(const Ranks& ranks, const Topology& topology)
+      : total_(ranks.sum(std::int64_t{topology.owned()})), ranks_(ranks.size()) {}
+  std::size_t rank_of(Index id) const { return static_cast<std::size_t>(id * ranks_ / total_); }
+  Index first(int rank) const { return static_cast<Index>((rank * total_ + ranks_ - 1) / ranks_); }
+
+ private:
+  std::int64_t total_, ranks_;
+};
+
+/// Values per particle or point, moved to the rank that has their ids' share, into the order of the ids.
+class NaturalOrder {
+ public:
+  NaturalOrder(const Ranks& ranks, const IdShares& shares, const Topology& topology)
+      : ranks_(ranks), topology_(topology), particles_(ranks.size(), 0), points_(ranks.size(), 0) {
+    leaving_ = sorted(std::span(topology.id).first(topology.owned()));
+    std::vector<Index> id;
+    for (const Index m : leaving_) {
+      const std::size_t rank = shares.rank_of(topology.id[m]);
+      ++particles_[rank];
+      points_[rank] += topology.points_of(m);
+      id.push_back(topology.id[m]);
+      arrived_points_.push_back(topology.points_of(m));
+    }
+    arrived_ = sorted(ranks.exchange(std::move(id), particles_));
+    arrived_points_ = ranks.exchange(std::move(arrived_points_), particles_);
+  }
+
+  /// [particles + 1]
+  std::vector<Index> offset() const {
+    std::vector<Index> offset{0};
+    for (const Index k : arrived_) offset.push_back(offset.back() + arrived_points_[k]);
+    return offset;
+  }
+  /// values [owned particles · width]
+  template <class T>
+  std::vector<T> particles(std::span<const T> values, int width = 1) const {
+    return moved(
+        values, particles_, width, [&](Index m) { return m; }, [](Index) { return 1; });
+  }
+  /// values [owned points · width]
+  std::vector<Real> points(std::span<const Real> values, int width) const {
+    return moved(
+        values, points_, width, [&](Index m) { return topology_.offset[m]; },
+        [&](Index k) { return arrived_points_[k]; });
+  }
+
+ private:
+  /// Numbers of the values in increasing order of these.
+  static std::vector<Index> sorted(std::span<const Index> values) {
+    std::vector<Index> order(values.size());
+    std::iota(order.begin(), order.end(), 0);
+    std::sort(order.begin(), order.end(), [&](Index a, Index b) { return values[a] < values[b]; });
+    return order;
+  }
+
+  /// `count` rows for each rank: those of particle m from first(m) to first(m + 1); the k-th to arrive has length(k).
+  template <class T, class First, class Length>
+  std::vector<T> moved(std::span<const T> values, std::vector<std::size_t> count, int width, First first,
+                       Length length) const {
+    std::vector<T> packed;
+    packed.reserve(static_cast<std::size_t>(first(topology_.owned())) * width);
+    for (const Index m : leaving_) {
+      const auto part = values.subspan(static_cast<std::size_t>(first(m)) * width,
+                                       static_cast<std::size_t>(first(m + 1) - first(m)) * width);
+      packed.insert(packed.end(), part.begin(), part.end());
+    }
+    if (!ranks_.several()) return packed;
+    for (std::size_t& c : count) c *= width;
+    const std::vector<T> all = ranks_.exchange(std::move(packed), count);
+    std::vector<std::size_t> start{0};
+    for (std::size_t k = 0; k < arrived_.size(); ++k)
+      start.push_back(start.back() + static_cast<std::size_t>(length(static_cast<Index>(k))) * width);
+    std::vector<T> ordered;
+    ordered.reserve(all.size());
+    for (const Index k : arrived_)
+      ordered.insert(ordered.end(), all.begin() + static_cast<std::ptrdiff_t>(start[k]),
+                     all.begin() + static_cast<std::ptrdiff_t>(start[k + 1]));
+    return ordered;
+  }
+
+  const Ranks& ranks_;
+  const Topology& topology_;
+  std::vector<Index> leaving_;                   ///< own particles, by id
+  std::vector<std::size_t> particles_, points_;  ///< that go to each rank
+  std::vector<Index> arrived_;                   ///< numbers of those that came, by id
+  std::vector<Index> arrived_points_;            ///< of those that came, as they came
+};
+
+/// Moves contacts to the rank that has the share of their first particle, in order. Returns the number of contacts of
+/// each particle of this rank's share.
+template <int D>
+std::vector<Index> share_contacts(std::vector<ContactRecord<D>>& contacts, const Ranks& ranks, const IdShares& shares) {
+  const auto sort = [&] {
+    std::sort(contacts.begin(), contacts.end(), [](const auto& a, const auto& b) {
+      return std::tie(a.particles[0], a.particles[1], a.position) <
+             std::tie(b.particles[0], b.particles[1], b.position);
+    });
+  };
+  sort();
+  std::vector<std::size_t> count(ranks.size(), 0), second_count(ranks.size(), 0);
+  std::vector<Index> second;
+  for (const ContactRecord<D>& c : contacts) {
+    ++count[shares.rank_of(c.particles[0])];
+    ++second_count[shares.rank_of(c.particles[1])];
+    second.push_back(c.particles[1]);
+  }
+  std::sort(second.begin(), second.end());
+  second = ranks.exchange(std::move(second), second_count);
+  contacts = ranks.exchange(std::move(contacts), count);
+  if (ranks.several()) sort();
+
+  const Index first = shares.first(ranks.rank());
+  std::vector<Index> contacts_of(static_cast<std::size_t>(shares.first(ranks.rank() + 1) - first), 0);
+  for (const ContactRecord<D>& c : contacts) ++contacts_of[c.particles[0] - first];
+  for (const Index id : second) ++contacts_of[id - first];
+  return contacts_of;
+}
+
+}  // namespace
+
+template <int D>
+void Centres<D>::update(const Topology& topology, const State& state) {
+  const std::size_t n = static_cast<std::size_t>(topology.owned()) * D;
+  position.resize(n);
+  velocity.resize(n);
+  for (Index m = 0; m < topology.owned(); ++m) {
+    point<D>(position.data(), m) = mean_of_points<D>(state.x().data(), topology, m);
+    point<D>(velocity.data(), m) = mean_of_points<D>(state.v().data(), topology, m);
+  }
+}
+
+template <int D>
+FrameData<D>::FrameData(ParticleSystem<D>& system, const State& state) {
+  const StateView<D> view = system.view(state.x().data(), state.v().data(), state.t);
+  const Topology& topology = system.topology();
+  const Ranks& ranks = system.ranks();
+  wall_force_.assign((static_cast<std::size_t>(system.walls().size()) + system.walls().solids().size()) * D, 0);
+  system.field().add_wall_forces(view, wall_force_.data());
+  ranks.sum(wall_force_);
+
+  const IdShares shares(ranks, topology);
+  const NaturalOrder order(ranks, shares, topology);
+  offset_ = order.offset();
+  positions_ = order.points(state.x(), D);
+  velocities_ = order.points(state.v(), D);
+  active_ = order.particles<std::uint8_t>(std::span(topology.active).first(topology.owned()));
+  if (ranks.any(topology.deformable())) {
+    Centres<D> centres;
+    centres.update(topology, state);
+    centres_ = order.particles<Real>(centres.position, D);
+    a0_ = order.particles<Real>(std::span(topology.a0).first(topology.owned()));
+    std::vector<Real> area, perimeter;
+    for (Index m = 0; m < topology.owned(); ++m) {
+      area.push_back(polygon_area(state.x().data(), topology, m));
+      perimeter.push_back(polygon_perimeter(state.x().data(), topology, m));
+    }
+    area_ = order.particles<Real>(area);
+    perimeter_ = order.particles<Real>(perimeter);
+  }
+  find_contacts(system, view);
+  contact_count_ = share_contacts(contacts_, ranks, shares);
+
+  frame.time = state.t;
+  frame.step = state.step;
+  frame.offset = offset_;
+  frame.positions = positions_;
+  frame.velocities = velocities_;
+  frame.centres = centres_.empty() ? positions_ : centres_;
+  frame.active = active_;
+  frame.contact_count = contact_count_;
+  frame.a0 = a0_;
+  frame.area = area_;
+  frame.perimeter = perimeter_;
+  frame.wall_force = wall_force_;
+  if (contacts_.empty()) return;
+  const ContactRecord<D>& c = contacts_.front();
+  constexpr std::size_t stride = sizeof c;
+  frame.contacts = {contacts_.size(),          {c.particles.data(), stride}, {c.position.data(), stride},
+                    {c.normal.data(), stride}, {c.ends[0].data(), stride},   {&c.overlap, stride},
+                    {c.force.data(), stride}};
+}
+
+template <int D>
+void FrameData<D>::find_contacts(ParticleSystem<D>& system, const StateView<D>& view) {
+  const Topology& topology = system.topology();
+  // Room for every pair that is listed: growing would copy, and memory that nobody touches costs nothing.
+  contacts_.reserve(static_cast<std::size_t>(system.neighbours().pairs()));
+  system.field().for_each_contact(view, [&](const Contact<D>& c) {
+    const bool in_order = topology.id[c.first] < topology.id[c.second];
+    const Index first = in_order ? c.first : c.second, second = in_order ? c.second : c.first;
+    const Real sign = in_order ? 1 : -1;
+    const Vec<D> from = mean_of_points<D>(view.x, topology, first), to = mean_of_points<D>(view.x, topology, second);
+    ContactRecord<D>& r = contacts_.emplace_back();
+    r.particles = {topology.id[first], topology.id[second]};
+    r.overlap = c.overlap;
+    for (int k = 0; k < D; ++k) {
+      r.position[k] = c.position[k];
+      r.normal[k] = sign * c.normal[k];
+      r.force[k] = sign * c.force[k];
+      r.ends[0][k] = from[k];
+      r.ends[1][k] = to[k];
+    }
+  });
+}
+
+template struct Centres<2>;
+template struct Centres<3>;
+template class FrameData<2>;
+template class FrameData<3>;
+
+}  // namespace pliant

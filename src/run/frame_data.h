@@ -1,0 +1,50 @@
+// Frames of a system of particles.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include <pliant/io/frame.h>
+#include <pliant/model/state.h>
+#include <pliant/system/particle_system.h>
+
+namespace pliant {
+
+/// Centres of the own particles, and their velocities: [owned · D].
+template <int D>
+struct Centres {
+  std::vector<Real> position, velocity;
+  void update(const Topology& topology, const State& state);
+};
+
+/// A contact of a frame, the lower id first. Plain data, to be sent.
+template <int D>
+struct ContactRecord {
+  std::array<Index, 2> particles;
+  Real overlap;
+  std::array<Real, D> position, normal, force;
+  std::array<std::array<Real, D>, 2> ends;
+};
+
+/// A frame with particles and contacts in the order of their ids: each rank has an equal share of the ids, the root the
+/// first. Owns the arrays. The constructor is collective.
+template <int D>
+class FrameData {
+ public:
+  FrameData(ParticleSystem<D>& system, const State& state);
+  FrameData(const FrameData&) = delete;
+  FrameData& operator=(const FrameData&) = delete;
+  Frame frame;
+
+ private:
+  void find_contacts(ParticleSystem<D>& system, const StateView<D>& view);
+
+  std::vector<Real> positions_, velocities_, wall_force_;
+  std::vector<Real> centres_, a0_, area_, perimeter_;  ///< of polygons; the centre of a soft particle is its position
+  std::vector<std::uint8_t> active_;
+  std::vector<Index> offset_, contact_count_;
+  std::vector<ContactRecord<D>> contacts_;
+};
+
+}  // namespace pliant

@@ -1,0 +1,122 @@
+#include <pliant/run/run_control.h>
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cmath>
+#include <csignal>
+#include <ctime>
+
+#include <pliant/base/console.h>
+
+namespace pliant {
+namespace {
+
+constexpr std::array signals{SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGUSR1, SIGXCPU};
+/// One request may come as several signals: to the process and to its group, or forwarded.
+constexpr std::int64_t nanoseconds_of_one_request = 2'000'000'000;
+
+// A signal handler can reach nothing but static storage.
+std::atomic<std::int64_t> requested_at = 0;  // 0: not at all
+static_assert(std::atomic<std::int64_t>::is_always_lock_free);
+
+std::int64_t nanoseconds(clockid_t clock) {
+  timespec t{};
+  clock_gettime(clock, &t);
+  return t.tv_sec * std::int64_t{1'000'000'000} + t.tv_nsec;
+}
+
+void on_signal(int signal) {
+  const std::int64_t now = nanoseconds(CLOCK_MONOTONIC);
+  std::int64_t first = 0;
+  if (requested_at.compare_exchange_strong(first, now) || now - first < nanoseconds_of_one_request) return;
+  if (signal == SIGXCPU) return;  // the system repeats it every second
+  std::signal(signal, SIG_DFL);
+  std::raise(signal);
+}
+
+Real process_cpu_seconds() { return 1e-9 * static_cast<Real>(nanoseconds(CLOCK_PROCESS_CPUTIME_ID)); }
+
+}  // namespace
+
+StopSignals::StopSignals() {
+  requested_at = 0;
+  for (const int s : signals)
+    // nohup ignores it.
+    if (std::signal(s, on_signal) == SIG_IGN && s == SIGHUP) std::signal(s, SIG_IGN);
+}
+
+StopSignals::~StopSignals() {
+  // A second signal right after the first must not change how a stopped program ends.
+  if (requested()) return;
+  for (const int s : signals)
+    if (std::signal(s, SIG_DFL) == SIG_IGN) std::signal(s, SIG_IGN);
+}
+
+bool StopSignals::requested() { return requested_at != 0; }
+
+RunControl::RunControl(Real checkpoint_interval, Real max_wall_time, Ranks ranks)
+    : ranks_(ranks),
+      checkpoint_interval_(checkpoint_interval),
+      max_wall_time_(max_wall_time),
+      start_(Clock::now()),
+      last_look_(start_),
+      last_checkpoint_(start_),
+      last_progress_(start_),
+      cpu_start_(process_cpu_seconds()),
+      terminal_(ranks.root() && isatty(STDERR_FILENO) == 1) {}
+
+Real RunControl::seconds_since(Clock::time_point t) const {
+  return std::chrono::duration<Real>(Clock::now() - t).count();
+}
+
+bool RunControl::due() {
+  if (--left_ > 0) return false;
+  // Aim at ten looks a second, whatever a step costs.
+  const Real passed = seconds_since(last_look_);
+  last_look_ = Clock::now();
+  const Real factor = std::clamp(0.1 / std::max(passed, 1e-6), 0.5, 2.0);
+  steps_to_look_ = ranks_.broadcast(std::clamp(static_cast<int>(std::lround(steps_to_look_ * factor)), 1, 100000));
+  left_ = steps_to_look_;
+  return true;
+}
+
+bool RunControl::stop() const {
+  return ranks_.any(StopSignals::requested() ||
+                    (ranks_.root() && max_wall_time_ > 0 && wall_seconds() > max_wall_time_));
+}
+
+bool RunControl::checkpoint_due() {
+  const bool due = checkpoint_interval_ > 0 && seconds_since(last_checkpoint_) >= checkpoint_interval_;
+  if (!ranks_.broadcast(due)) return false;
+  last_checkpoint_ = Clock::now();
+  return true;
+}
+
+Real RunControl::wall_seconds() const { return seconds_since(start_); }
+Real RunControl::cpu_seconds() const { return ranks_.sum(process_cpu_seconds() - cpu_start_); }
+
+void RunControl::progress(const std::function<std::string()>& text) {
+  if (!terminal_ || seconds_since(last_progress_) < 0.5) return;
+  last_progress_ = Clock::now();
+  complain(fmt::format("\r{}\x1b[K", text()));
+  line_open_ = true;
+}
+
+void RunControl::end_progress() {
+  if (line_open_) complain("\n");
+  line_open_ = false;
+}
+
+std::string duration_text(Real seconds) {
+  if (!std::isfinite(seconds)) return "?";
+  const auto s = static_cast<std::int64_t>(seconds + 0.5);
+  if (s < 60) return fmt::format("{} s", s);
+  if (s < 3600) return fmt::format("{} min {:02} s", s / 60, s % 60);
+  return fmt::format("{} h {:02} min", s / 3600, s / 60 % 60);
+}
+
+}  // namespace pliant

@@ -1,0 +1,54 @@
+#include <pliant/scenarios/clog/options.h>
+
+#include <pliant/base/errors.h>
+
+namespace pliant {
+
+ClogOptions::ClogOptions() {
+  radii.deviation = 0.01;
+  frame_interval = 500;
+  sample_interval = 50;
+  dt = 0.7;
+  t_end = 1e6;
+}
+
+void ClogOptions::bind(Options& o) {
+  constexpr auto fixed = OnRestart::fixed;
+  bind_model(o);
+  o.bind("g", g,
+         {.help = "gravity: a droplet weighs g R^3", .unit = "F/R^3", .min = 0, .min_open = true, .on_restart = fixed});
+  o.bind("wall_friction", wall_friction,
+         {.help = "walls in range rub, like a droplet at rest [T 4.1]", .on_restart = fixed});
+
+  o.group("Droplets");
+  o.bind("n", n, {.help = "number of droplets", .min = 1, .max = 1e5, .on_restart = fixed});
+  bind_droplets(o);
+  o.bind("fill_fraction", fill_fraction,
+         {.help = "fraction of the area that the droplets cover where they start to fall",
+          .min = 0.01,
+          .max = 0.5,
+          .on_restart = fixed});
+
+  o.group("Hopper");
+  o.bind("hopper_width", width,
+         {.help = "width w of the exit", .unit = "2 R", .min = 0, .min_open = true, .on_restart = fixed});
+  o.bind("hopper_angle", angle,
+         {.help = "angle of the walls to gravity", .unit = "degrees", .min = 10, .max = 80, .on_restart = fixed});
+  o.bind("clog_speed", clog_speed,
+         {.help = "the droplets rest when all are slower", .unit = "R/t0", .min = 0, .min_open = true});
+  o.bind(
+      "rest", rest, {{"minimum", RestRule::minimum}, {"speed", RestRule::speed}},
+      {.help = "they rest also when they are certain to relax into a minimum next to them, or by -clog_speed alone"});
+
+  bind_integration(o, "");
+  bind_output(o);
+}
+
+void ClogOptions::resolve() {
+  if (clog_speed >= g / b)
+    throw InputError("-clog_speed {}: a droplet by itself falls at g/b = {} only; give a smaller speed", clog_speed,
+                     g / b);
+  if (!restart.empty()) output = restart;
+}
+
+}  // namespace pliant

@@ -1,0 +1,34 @@
+// Options of the scenario `clog`.
+#pragma once
+
+#include <pliant/scenarios/droplets/options.h>
+
+namespace pliant {
+
+/// When droplets count as resting.
+enum class RestRule {
+  minimum,  ///< also when they are next to a minimum of the energy, or hang below an exit that has let all others pass
+  speed     ///< when they are slow, and not before
+};
+
+/// Units as in DropletOptions: ⟨R⟩ = b = ρ = 1.
+struct ClogOptions : DropletOptions {
+  ClogOptions();
+
+  Index n = 190;
+  Real width = 3;   ///< of the exit, in mean diameters
+  Real angle = 45;  ///< of the walls to gravity, degrees
+  Real g = 0.01;
+  bool wall_friction = true;
+  Real fill_fraction = 0.4;
+  Real clog_speed = 1e-12;
+  RestRule rest = RestRule::minimum;
+
+  void bind(Options& options);
+  /// Errors: InputError.
+  void resolve();
+
+  Real half_width() const { return width; }  ///< of the exit, in ⟨R⟩
+};
+
+}  // namespace pliant

@@ -1,0 +1,55 @@
+#include <pliant/scenarios/droplets/options.h>
+
+namespace pliant {
+namespace {
+
+constexpr auto fixed = OnRestart::fixed;
+
+}  // namespace
+
+void DropletOptions::bind_model(Options& o) {
+  o.group("Model");
+  o.bind("phi_c", phi_c, {.help = "depletion energy phi_c", .unit = "F R", .min = 0, .max = 1, .on_restart = fixed});
+  o.bind(
+      "a_s", a_s,
+      {.help = "radius a_s of the depletant", .unit = "R", .min = 0, .max = 1, .min_open = true, .on_restart = fixed});
+  o.bind("f0", f0, {.help = "contact force f0", .unit = "F", .min = 0, .min_open = true, .on_restart = fixed});
+  o.bind("b", b,
+         {.help = "viscosity b of drag and of friction between neighbours",
+          .unit = "F t0/R",
+          .min = 0,
+          .min_open = true,
+          .on_restart = fixed});
+  o.bind("mobility", mobility, {{"exact", Coupling::exact}, {"lagged", Coupling::lagged}, {"mean", Coupling::mean}},
+         {.help = "velocities from the balance of forces, or from one sweep with the neighbours' velocities before "
+                  "(their sum, or their mean as printed) [T 2.9]",
+          .on_restart = fixed});
+  o.accept_petsc_prefix("mobility_ksp_");
+  o.accept_petsc_prefix("mobility_pc_");
+}
+
+void DropletOptions::bind_droplets(Options& o) {
+  o.bind("delta", radii.deviation,
+         {.help = "polydispersity: standard deviation of the radius over its mean",
+          .min = 0,
+          .max = 0.3,
+          .on_restart = fixed});
+  o.bind("seed", seed, {.help = "seed of all random numbers", .min = 0, .on_restart = fixed});
+}
+
+void DropletOptions::bind_integration(Options& o, const std::string& automatic_end) {
+  o.group("Integration");
+  o.bind("integrator", integrator, {{"ts", DropletIntegrator::ts}},
+         {.help = "PETSc TS (-ts_type, -ts_rk_type, -ts_atol, -ts_monitor, ...)", .on_restart = fixed});
+  o.bind("dt", dt,
+         {.help = "first step of an adaptive method, or the fixed step",
+          .unit = "t0",
+          .min = 0,
+          .min_open = true,
+          .on_restart = fixed});
+  o.bind("t_end", t_end, {.help = "end of the run", .unit = "t0", .min = 0, .automatic = automatic_end});
+  o.bind("skin", skin,
+         {.help = "margin of the neighbour lists", .unit = "R", .min = 0, .min_open = true, .on_restart = fixed});
+}
+
+}  // namespace pliant

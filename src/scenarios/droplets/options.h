@@ -1,0 +1,35 @@
+// Options that the scenarios of droplets share.
+#pragma once
+
+#include <optional>
+
+#include <pliant/model/catalogue.h>
+#include <pliant/run/options.h>
+#include <pliant/setup/particles.h>
+#include <pliant/system/mobility.h>
+
+namespace pliant {
+
+enum class DropletIntegrator { ts };
+
+/// Units: ⟨R⟩ = b = 1, so that forces are in those of f0 and times in t0 = b ⟨R⟩/force. A scenario sets its own
+/// defaults before it binds.
+struct DropletOptions : RunOptions {
+  Real phi_c = 1e-4, a_s = 0.05, f0 = 10, b = 1;
+  Coupling mobility = Coupling::exact;
+  RadiusDistribution radii;
+  std::int64_t seed = 1;
+  DropletIntegrator integrator = DropletIntegrator::ts;
+  Real dt = 0.1, skin = 0.3;
+  std::optional<Real> t_end;
+
+  ModelParameters model_parameters() const { return {.f0 = f0, .phi_c = phi_c, .a_s = a_s}; }
+  MobilityOptions mobility_options() const { return {.b = b, .beyond = 2 * a_s, .coupling = mobility}; }
+
+ protected:
+  void bind_model(Options& options);     ///< the group "Model"
+  void bind_droplets(Options& options);  ///< `radii.deviation` and `seed`, for a group that the scenario has begun
+  void bind_integration(Options& options, const std::string& automatic_end);  ///< the group "Integration"
+};
+
+}  // namespace pliant

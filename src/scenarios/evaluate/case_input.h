@@ -1,0 +1,40 @@
+// Reads the configuration that `pliant evaluate` computes.
+#pragma once
+
+#include <vector>
+
+#include <pliant/geometry/walls.h>
+#include <pliant/model/catalogue.h>
+#include <pliant/scenarios/evaluate/field.h>
+#include <pliant/system/mobility.h>
+
+namespace pliant {
+
+/// A configuration of particles and what acts on them.
+template <int D>
+struct Configuration {
+  ModelKind kind;
+  ModelParameters parameters;
+  MobilityOptions mobility;  ///< of droplets
+  Vec<D> gravity = Vec<D>::Zero();
+  Walls<D> walls;
+  Topology topology;
+  std::vector<Real> x, v;
+};
+
+/// The model that the field names. The keys of `inputs` must belong to it; a key of another model may stand there as
+/// null. Errors, here and below: InputError that names the key.
+ModelKind read_model(const Field& model, const Field& inputs);
+
+/// Soft particles in D dimensions.
+template <int D>
+Configuration<D> read_soft(const Field& inputs);
+
+/// Droplets in D dimensions.
+template <int D>
+Configuration<D> read_droplets(const Field& inputs);
+
+/// Polygons: counter-clockwise, simple, every edge with a length.
+Configuration<2> read_polygons(const Field& inputs, ModelKind kind);
+
+}  // namespace pliant

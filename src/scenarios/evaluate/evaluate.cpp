@@ -1,0 +1,238 @@
+#include <pliant/base/text.h>
+#include <pliant/model/crossing.h>
+#include <pliant/model/polygon.h>
+#include <pliant/scenarios/evaluate/case_input.h>
+#include <pliant/scenarios/evaluate/evaluate.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numeric>
+#include <set>
+
+namespace pliant {
+namespace {
+
+using nlohmann::json;
+using nlohmann::ordered_json;
+
+/// Refuses places where a force has no direction, which a run never reaches.
+template <int D>
+void check_directions(const StateView<D>& s, bool lip_edges, const std::string& file) {
+  const Topology& topology = s.topology;
+  const auto named = [&](Index i) {
+    const Index m = topology.particle[i];
+    if (!topology.deformable()) return fmt::format("inputs.positions[{}]", m);
+    return fmt::format("inputs.vertices[{}][{}]", m, i - topology.offset[m]);
+  };
+  const auto refuse = [&](Index i, const std::string& place) {
+    throw InputError("{}: {} is at no distance from {}, where the force has no direction; move it", file, named(i),
+                     place);
+  };
+  for (const auto [i, j] : s.neighbours.point_pairs)
+    if ((s.position(i) - s.position(j)).squaredNorm() == 0) refuse(std::max(i, j), named(std::min(i, j)));
+  for (const auto [i, wall] : s.neighbours.walls)
+    if (s.walls.distance(s.position(i), wall) == 0) refuse(i, "a wall of the hopper");
+  if constexpr (D == 2) {
+    const auto on_edge = [&](const Vec<2>& r, Index a) {
+      return segment_foot(r, s.position(a), s.position(topology.next[a])).d2 == 0;
+    };
+    for (const auto [i, a] : s.neighbours.vertex_edges)
+      if (on_edge(s.position(i), a)) refuse(i, "the edge from " + named(a));
+    for (const auto [lip, a] : s.neighbours.lips)
+      if (lip_edges && on_edge(s.walls.lips()[lip], a))
+        throw InputError(
+            "{}: a lip of inputs.hopper lies on the edge from {}, where the force has no direction; move it", file,
+            named(a));
+  }
+}
+
+/// Distances to an outline are unsigned: inside it the force of a contact with an edge would pull further in.
+void check_crossing(const Configuration<2>& c, const std::string& file) {
+  // A point inside an outline of length L is at most L/2π from it (a disk of that radius fits in): the list has an edge
+  // of every polygon that a vertex can lie in.
+  Real longest = 0;
+  for (Index m = 0; m < c.topology.particles(); ++m)
+    longest = std::max(longest, polygon_perimeter(c.x.data(), c.topology, m));
+  Neighbours<2> neighbours({.vertex_edges = true}, longest / (2 * pi));
+  neighbours.rebuild(c.topology, c.walls, c.x.data());
+  const auto crossing = find_crossing({c.x.data(), c.v.data(), c.topology, neighbours, c.walls});
+  if (crossing)
+    throw InputError("{}: inputs.vertices[{}][{}] lies inside particle {}, where contacts with edges have no meaning",
+                     file, crossing->particle, crossing->vertex - c.topology.offset[crossing->particle],
+                     crossing->other);
+}
+
+/// Per-point vectors in the layout of the positions; per-vertex ones grouped by particle.
+template <int D>
+ordered_json rows(const Topology& topology, const std::vector<Real>& f) {
+  const auto row = [&](Index i) {
+    const auto r = point<D>(f.data(), i);
+    return ordered_json(std::vector<Real>(r.begin(), r.end()));
+  };
+  ordered_json all = ordered_json::array();
+  for (Index m = 0; m < topology.particles(); ++m) {
+    if (!topology.deformable()) {
+      all.push_back(row(m));
+      continue;
+    }
+    ordered_json outline = ordered_json::array();
+    for (Index i = topology.offset[m]; i < topology.offset[m + 1]; ++i) outline.push_back(row(i));
+    all.push_back(std::move(outline));
+  }
+  return all;
+}
+
+ordered_json per_particle(const std::vector<Real>& values) {
+  return values.size() == 1 ? ordered_json(values[0]) : ordered_json(values);
+}
+
+/// Neighbours of each droplet, and the velocities for these forces.
+template <int D>
+void add_motion(const Configuration<D>& c, const StateView<D>& s, const std::vector<Real>& force,
+                ordered_json& result) {
+  std::vector<std::vector<Index>> near(c.topology.particles());
+  for (Index e = 0; e < s.neighbours.point_pairs.size(); ++e) {
+    const auto [i, j] = s.neighbours.point_pairs[e];
+    if ((s.position(i) - s.position(j)).norm() >= s.neighbours.point_pairs.reach[e] + c.mobility.beyond) continue;
+    near[i].push_back(j);
+    near[j].push_back(i);
+  }
+  for (auto& list : near) std::sort(list.begin(), list.end());
+  result["neighbours"] = near;
+  std::vector<Real> velocity(force.size());
+  std::vector<Index> numbers(c.topology.points());
+  std::iota(numbers.begin(), numbers.end(), 0);
+  Mobility<D> mobility(c.mobility);
+  mobility.set_numbers(std::move(numbers));
+  mobility.solve(s, force.data(), velocity.data());
+  result["velocity"] = rows<D>(c.topology, velocity);
+}
+
+void check_finite(const std::vector<Real>& values, std::string_view term, const std::string& file) {
+  if (!std::all_of(values.begin(), values.end(), [](Real a) { return std::isfinite(a); }))
+    throw NumericalError("{}: {} is beyond the range of numbers; check the sizes and coefficients", file, term);
+}
+
+template <int D>
+ordered_json results(const Configuration<D>& c, const std::string& file) {
+  Neighbours<D> neighbours(neighbour_needs(c.kind, c.parameters), 0);
+  neighbours.rebuild(c.topology, c.walls, c.x.data());
+  const StateView<D> s{c.x.data(), c.v.data(), c.topology, neighbours, c.walls};
+  check_directions(s, c.parameters.lip_edges, file);
+  const auto model = make_force_field<D>(c.kind, c.parameters, c.gravity);
+
+  ordered_json energy = ordered_json::object(), force = ordered_json::object();
+  for (const TermReport& term : model->report(s)) {
+    if (term.is_energy) {
+      check_finite({term.energy}, fmt::format("the energy \"{}\"", term.name), file);
+      energy[term.name] = term.particle_energy.empty() ? ordered_json(term.energy) : per_particle(term.particle_energy);
+    }
+    check_finite(term.force, fmt::format("the force \"{}\"", term.name), file);
+    force[term.name] = rows<D>(c.topology, term.force);
+  }
+  std::vector<Real> total(c.x.size());
+  model->forces(s, total.data());
+  check_finite(total, "the total force", file);
+  force["total"] = rows<D>(c.topology, total);
+
+  ordered_json result = ordered_json::object();
+  if constexpr (D == 2) {
+    if (c.topology.deformable()) {
+      std::vector<Real> areas;
+      for (Index m = 0; m < c.topology.particles(); ++m) areas.push_back(polygon_area(s.x, c.topology, m));
+      check_finite(areas, "the area", file);
+      result["area"] = per_particle(areas);
+    }
+  }
+  result["energy"] = std::move(energy);
+  result["force"] = std::move(force);
+  if (c.kind == ModelKind::bubble) add_motion(c, s, total, result);
+  return result;
+}
+
+void write(const ordered_json& value, const std::string& indent, std::string& out) {
+  const auto list = [&](char open, char close, bool lines, auto&& item) {
+    const std::string inner = indent + "  ";
+    out += open;
+    bool first = true;
+    for (auto it = value.begin(); it != value.end(); ++it, first = false) {
+      if (!first) out += lines ? "," : ", ";
+      if (lines) out += "\n" + inner;
+      item(it, inner);
+    }
+    if (lines && !first) out += "\n" + indent;
+    out += close;
+  };
+  if (value.is_object()) {
+    list('{', '}', true, [&](auto it, const std::string& inner) {
+      out += ordered_json(it.key()).dump() + ": ";
+      write(*it, inner, out);
+    });
+  } else if (value.is_array()) {
+    const bool nested =
+        std::any_of(value.begin(), value.end(), [](const ordered_json& a) { return a.is_structured(); });
+    list('[', ']', nested, [&](auto it, const std::string& inner) { write(*it, inner, out); });
+  } else {
+    out += value.is_number_float() ? fmt::format("{:.17g}", value.get<Real>()) : value.dump();
+  }
+}
+
+}  // namespace
+
+json read_case(const std::string& file) {
+  constexpr std::size_t largest = 64 << 20;
+  constexpr int deepest = 64;
+  const std::string text = read_text_file(file, largest, "case file");
+  std::string last_key;
+  std::vector<std::set<std::string>> keys;  // of the objects that are open
+  const auto look = [&](int depth, json::parse_event_t event, json& parsed) {
+    if (depth > deepest) throw InputError("{}: is nested deeper than {} levels", file, deepest);
+    if (event == json::parse_event_t::object_start) keys.emplace_back();
+    if (event == json::parse_event_t::object_end) keys.pop_back();
+    if (event == json::parse_event_t::key) {
+      last_key = parsed.get<std::string>();
+      if (!keys.back().insert(last_key).second)
+        throw InputError("{}: the key \"{}\" is there twice in one object", file, printable(last_key));
+    }
+    return true;
+  };
+  try {
+    return json::parse(text, look);
+  } catch (const json::exception& e) {
+    const std::string_view what = e.what();  // "[json.exception.kind.id] what and where"
+    const auto start = what.find("] ");
+    throw InputError("{}: {}{}", file, printable(what.substr(start == what.npos ? 0 : start + 2)),
+                     last_key.empty() ? "" : fmt::format(" (after key \"{}\")", printable(last_key)));
+  }
+}
+
+ordered_json evaluate(const json& document, const std::string& file) {
+  const Field root(document, file);
+  root.check_keys(std::array<std::string_view, 5>{"name", "model", "note", "inputs", "expected"});
+  const Field inputs = root["inputs"];
+  const ModelKind kind = read_model(root["model"], inputs);
+  if (kind == ModelKind::sp) {
+    const Real dim = inputs["dim"].number();
+    if (dim == 2) return results(read_soft<2>(inputs), file);
+    if (dim == 3) return results(read_soft<3>(inputs), file);
+    inputs["dim"].fail("is {}, but must be 2 or 3", dim);
+  }
+  if (kind == ModelKind::bubble) {
+    const Real dim = inputs["dim"].number_or(2);
+    if (dim == 2) return results(read_droplets<2>(inputs), file);
+    if (dim == 3) return results(read_droplets<3>(inputs), file);
+    inputs["dim"].fail("is {}, but must be 2 or 3", dim);
+  }
+  const Configuration<2> c = read_polygons(inputs, kind);
+  if (kind == ModelKind::smooth || (kind == ModelKind::rough && c.parameters.rough_edges)) check_crossing(c, file);
+  return results(c, file);
+}
+
+std::string to_text(const ordered_json& value) {
+  std::string out;
+  write(value, "", out);
+  return out + "\n";
+}
+
+}  // namespace pliant

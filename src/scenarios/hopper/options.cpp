@@ -1,0 +1,236 @@
+#include <pliant/scenarios/hopper/options.h>
+
+#include <cmath>
+
+#include <pliant/base/errors.h>
+
+namespace pliant {
+
+void HopperOptions::bind(Options& o) {
+  constexpr auto fixed = OnRestart::fixed;
+  o.group("Model");
+  o.bind("model", model, {{"sp", ModelKind::sp}, {"rough", ModelKind::rough}, {"smooth", ModelKind::smooth}},
+         {.help = "soft particles, or deformable particles with rough or smooth outlines", .on_restart = fixed});
+  o.bind("dim", dim, {.help = "dimension; 3 for soft particles only", .min = 2, .max = 3, .on_restart = fixed});
+  o.bind("e_sp", e_sp,
+         {.help = "contact energy E_sp of soft particles",
+          .unit = "rho g sigma_avg^(d+1)",
+          .min = 0,
+          .min_open = true,
+          .on_restart = fixed});
+  o.bind("e_c", e_c,
+         {.help = "contact energy E_c of deformable particles",
+          .unit = "rho g sigma_avg^3",
+          .min = 0,
+          .min_open = true,
+          .on_restart = fixed});
+  o.bind("e_w", e_w,
+         {.help = "wall contact energy E_w",
+          .unit = "rho g sigma_avg^(d+1)",
+          .min = 0,
+          .min_open = true,
+          .on_restart = fixed});
+  o.bind("contact_law", contact_law, {{"harmonic", ContactLaw::harmonic}, {"barrier", ContactLaw::barrier}},
+         {.help = "smooth particles: contacts are linear springs, or grow without bound before an outline or a wall is "
+                  "reached",
+          .on_restart = fixed});
+  o.bind("k_a", k_a, {.help = "area stiffness K_a", .unit = "rho g/sigma_avg", .min = 0, .on_restart = fixed});
+  o.bind("k_l", k_l, {.help = "perimeter stiffness K_l", .unit = "rho g sigma_avg", .min = 0, .on_restart = fixed});
+  o.bind("k_b", k_b, {.help = "bending stiffness K_b", .unit = "rho g sigma_avg^5", .min = 0, .on_restart = fixed});
+  o.bind(
+      "mu", mu,
+      {.help = "kinetic friction coefficient mu", .unit = "rho sigma_avg^(d-1) g t0", .min = 0, .on_restart = fixed});
+  o.bind("zeta", zeta,
+         {.help = "drag coefficient zeta", .unit = "rho sigma_avg^(d-1) g t0", .min = 0, .on_restart = fixed});
+  o.bind(
+      "friction_point", friction_point, {{"contact", FrictionPoint::contact}, {"vertex", FrictionPoint::vertex}},
+      {.help =
+           "smooth particles: friction acts against the velocity at the contact, or of the edge's first vertex [H 12]",
+       .on_restart = fixed});
+  o.bind("lip_contact", lip_contact, {{"edge", ContactRule::edge}, {"literal", ContactRule::literal}},
+         {.help = "deformable particles: the lips of the orifice touch edges too, or vertices only [H 10]",
+          .on_restart = fixed});
+  o.bind("rough_contact", rough_contact, {{"edge", ContactRule::edge}, {"literal", ContactRule::literal}},
+         {.help = "rough particles: vertices touch stretched edges too, or vertices only [H 9]", .on_restart = fixed});
+
+  o.group("Particles");
+  o.bind("n", particles,
+         {.help = "number of particles; 0: 1600 in 2D, 6400 in 3D", .min = 0, .max = 1e8, .on_restart = fixed});
+  o.bind("seed", seed, {.help = "seed of all random numbers", .min = 0, .on_restart = fixed});
+  o.bind(
+      "size_distribution", sizes.kind,
+      {.help = "distribution of diameters, mean 1", .choices = {"bidisperse", "normal", "mono"}, .on_restart = fixed});
+  o.bind("size_ratio", sizes.ratio,
+         {.help = "bidisperse: large over small diameter", .min = 1, .max = 10, .on_restart = fixed});
+  o.bind("size_fraction", sizes.fraction,
+         {.help = "bidisperse: fraction of large particles by number", .min = 0, .max = 1, .on_restart = fixed});
+  o.bind("size_deviation", sizes.deviation,
+         {.help = "normal: standard deviation of the diameter",
+          .unit = "sigma_avg",
+          .min = 0,
+          .max = 0.3,
+          .on_restart = fixed});
+  o.bind("n_vertices", shape.vertices,
+         {.help = "vertices of a deformable particle", .min = 3, .max = 10000, .on_restart = fixed});
+  o.bind("shape_parameter", shape.shape_parameter,
+         {.help = "A0 = perimeter^2/(4 pi area) at rest; 0: regular polygon", .min = 0, .on_restart = fixed});
+  o.bind("edge_width", shape.edge_width,
+         {.help = "smooth particles: width of an edge over its rest length",
+          .min = 0,
+          .max = 1,
+          .min_open = true,
+          .on_restart = fixed});
+
+  o.group("Hopper");
+  o.bind("hopper_width", hopper.orifice,
+         {.help = "width w of the orifice", .unit = "sigma_avg", .min = 0, .min_open = true, .on_restart = fixed});
+  o.bind("hopper_angle", hopper.angle,
+         {.help = "angle of the sloped walls to gravity; 90: flat bottom",
+          .unit = "degrees",
+          .min = 10,
+          .max = 90,
+          .on_restart = fixed});
+  o.bind("hopper_wall_distance", wall_distance,
+         {.help = "distance W of the upright walls (3D: diameter)",
+          .unit = "sigma_avg",
+          .min = 0,
+          .min_open = true,
+          .automatic = "50 in 2D, 25 in 3D",
+          .on_restart = fixed});
+  o.bind("flow", flow, {{"continuous", FlowKind::continuous}, {"discharge", FlowKind::discharge}},
+         {.help = "put particles back at the top, or let the hopper run empty", .on_restart = fixed});
+  o.bind("pack_fraction", pack_fraction,
+         {.help = "packing fraction to start from, of the particles' outer disks (spheres)",
+          .min = 0,
+          .max = 0.9,
+          .min_open = true,
+          .automatic = "0.84 in 2D, 0.64 in 3D",
+          .on_restart = fixed});
+  o.bind("pack_tolerance", pack_tolerance,
+         {.help = "largest relative overlap that counts as none in the start",
+          .min = 1e-12,
+          .max = 0.1,
+          .on_restart = fixed});
+  o.bind("clog_time", clog_time,
+         {.help = "clogged when nothing crosses and all are slow for so long",
+          .unit = "t0",
+          .min = 0,
+          .min_open = true,
+          .on_restart = fixed});
+  o.bind("clog_speed", clog_speed,
+         {.help = "speed below which a particle is slow",
+          .unit = "sigma_avg/t0",
+          .min = 0,
+          .min_open = true,
+          .on_restart = fixed});
+
+  o.group("Integration");
+  o.bind(
+      "dynamics", dynamics, {{"inertial", Dynamics::inertial}, {"overdamped", Dynamics::overdamped}},
+      {.help = "Newton's equations, or their limit of strong drag, velocity = force/drag coefficient (-integrator ts)",
+       .on_restart = fixed});
+  o.bind("integrator", integrator, {{"verlet", IntegratorKind::verlet}, {"ts", IntegratorKind::ts}},
+         {.help = "plain velocity Verlet with a fixed step, or PETSc TS (-ts_type, -ts_rtol, -ts_monitor, ...)",
+          .on_restart = fixed});
+  o.bind("implicit", implicit, {{"all", Part::all}, {"shape", Part::shape}},
+         {.help = "what an implicit -ts_type solves for: all forces, or the shape energy alone and the rest explicitly "
+                  "(-ts_type arkimex)",
+          .on_restart = fixed});
+  o.bind("jacobian", jacobian, {{"assembled", JacobianKind::assembled}, {"matrix_free", JacobianKind::matrix_free}},
+         {.help = "an implicit -ts_type's Jacobian: a sparse matrix, or products by loops over the elements",
+          .on_restart = fixed});
+  o.bind("dt", dt,
+         {.help = "step of velocity Verlet, first step of an adaptive method",
+          .unit = "t0",
+          .min = 0,
+          .min_open = true,
+          .automatic = "0.35 of the elastic limit with friction, 0.4 with drag alone, 0.2 with neither, less where a "
+                       "discharge must come to rest; 0.5 of the damping's; at most 1e-3",
+          .on_restart = fixed});
+  o.bind("allow_unstable_dt", allow_unstable_dt, {.help = "go on where a fixed -dt is above the limit of stability"});
+  o.bind("t_end", t_end,
+         {.help = "end of the run", .unit = "t0", .min = 0, .automatic = "100; 10000 with -hopper_q_rtol"});
+  o.bind("hopper_q_rtol", q_rtol,
+         {.help = "continuous flow: end before -t_end when Q has this relative standard error; 0: never",
+          .min = 0,
+          .max = 1,
+          .max_open = true});
+  o.bind("threads", threads,
+         {.help = "threads of this process (of each rank under mpiexec); results do not depend on their number",
+          .min = 1,
+          .max = 1024,
+          .on_restart = OnRestart::forget});
+  o.bind("skin", skin,
+         {.help = "margin of the neighbour lists",
+          .unit = "sigma_avg",
+          .min = 0,
+          .min_open = true,
+          .automatic = "tuned to the motion during the run",
+          .on_restart = fixed});
+
+  bind_output(o);
+}
+
+void HopperOptions::resolve() {
+  if (dim == 3 && model != ModelKind::sp)
+    throw InputError("-dim 3 with -model {}: deformable particles are two-dimensional; use -model sp or -dim 2",
+                     to_string(model));
+  if (contact_law == ContactLaw::barrier && model != ModelKind::smooth)
+    throw InputError(
+        "-contact_law barrier with -model {}: only smooth particles have it; use -model smooth or harmonic",
+        to_string(model));
+  if (particles == 0) particles = dim == 2 ? 1600 : 6400;
+  if (!wall_distance) wall_distance = dim == 2 ? 50 : 25;
+  hopper.wall_distance = *wall_distance;
+  hopper.check();
+  if (!pack_fraction) pack_fraction = dim == 2 ? 0.84 : 0.64;
+  if (shape.shape_parameter > 0 && shape.shape_parameter < regular_shape_parameter(shape.vertices))
+    throw InputError("-shape_parameter {}: no polygon of {} vertices has less than {:.6g}, the regular one's",
+                     shape.shape_parameter, shape.vertices, regular_shape_parameter(shape.vertices));
+  if (integrator == IntegratorKind::verlet && implicit != Part::all)
+    throw InputError("-implicit shape with -integrator verlet, which is explicit; use -integrator ts -ts_type arkimex");
+  if (dynamics == Dynamics::overdamped) {
+    if (integrator != IntegratorKind::ts)
+      throw InputError("-dynamics overdamped with -integrator verlet, which needs inertia; use -integrator ts");
+    if (!(zeta > 0) || mu > 0)
+      throw InputError(
+          "-dynamics overdamped with -zeta {} and -mu {}: velocities come from drag alone, which must be "
+          "positive; use -zeta 1 -mu 0",
+          zeta, mu);
+  }
+  if (q_rtol > 0 && flow != FlowKind::continuous)
+    throw InputError(
+        "-hopper_q_rtol {} with -flow discharge: only continuous flow has a steady rate; leave one of them out",
+        q_rtol);
+  if (!t_end) t_end = q_rtol > 0 ? 10000 : 100;
+  if (!restart.empty()) output = restart;
+}
+
+Real HopperOptions::elastic_fraction(Real elastic, Real lightest) const {
+  const Real flowing = mu > 0 ? 0.35 : zeta > 0 ? 0.4 : 0.2;
+  if (flow != FlowKind::discharge || zeta == 0) return flowing;
+  if (model != ModelKind::sp) return 0.2;
+  // A bounce on a wall changes the energy of a particle by a part of (dt/elastic)², up or down, as steps happen to meet
+  // the touch. Drag must take more: at least its rate times the length of the shortest bounce, that is about elastic.
+  return std::min(flowing, std::max(0.05, 2 * std::sqrt(zeta / lightest * elastic)));
+}
+
+Real HopperOptions::first_skin() const {
+  return skin.value_or(dim == 3 ? 0.2 : model == ModelKind::sp ? 0.3 : model == ModelKind::rough ? 0.1 : 0.06);
+}
+
+ModelParameters HopperOptions::model_parameters() const {
+  return {.epsilon = model == ModelKind::sp ? e_sp : e_c,
+          .epsilon_wall = e_w,
+          .law = contact_law,
+          .k_a = k_a,
+          .k_l = k_l,
+          .k_b = k_b,
+          .mu = mu,
+          .zeta = zeta,
+          .friction_point = friction_point,
+          .lip_edges = lip_contact == ContactRule::edge,
+          .rough_edges = rough_contact == ContactRule::edge};
+}
+
+}  // namespace pliant

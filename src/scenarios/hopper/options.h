@@ -1,0 +1,69 @@
+// Options of the scenario `hopper`.
+#pragma once
+
+#include <optional>
+
+#include <pliant/base/options.h>
+#include <pliant/geometry/hopper.h>
+#include <pliant/model/catalogue.h>
+#include <pliant/run/options.h>
+#include <pliant/setup/packing.h>
+#include <pliant/setup/particles.h>
+#include <pliant/system/jacobian.h>
+
+namespace pliant {
+
+/// Newton's equations, or their limit of strong drag.
+enum class Dynamics { inertial, overdamped };
+enum class IntegratorKind { verlet, ts };
+enum class FlowKind { continuous, discharge };
+/// What vertices and lips touch: edges as well, or vertices only, as [H] prints it.
+enum class ContactRule { edge, literal };
+
+/// As given by the user; `resolve` fills in what is automatic. Units: σ_avg = g = ρ = 1, times in t0.
+struct HopperOptions : RunOptions {
+  ModelKind model = ModelKind::sp;
+  Index dim = 2;
+  Index particles = 0;  ///< 0: automatic
+  std::int64_t seed = 1;
+  SizeDistribution sizes;
+  PolygonShape shape;
+
+  Real e_sp = 100, e_w = 1e4, e_c = 1e4, k_a = 2e4, k_l = 10, k_b = 0.1;
+  ContactLaw contact_law = ContactLaw::harmonic;
+  Real mu = 0, zeta = 0;
+  FrictionPoint friction_point = FrictionPoint::contact;
+  ContactRule lip_contact = ContactRule::edge, rough_contact = ContactRule::edge;
+
+  Hopper hopper;
+  std::optional<Real> wall_distance;
+  FlowKind flow = FlowKind::continuous;
+  std::optional<Real> pack_fraction;
+  Real pack_tolerance = 1e-4;
+
+  Dynamics dynamics = Dynamics::inertial;
+  IntegratorKind integrator = IntegratorKind::verlet;
+  Part implicit = Part::all;
+  JacobianKind jacobian = JacobianKind::assembled;
+  std::optional<Real> dt, skin;
+  bool allow_unstable_dt = false;
+  Index threads = 1;
+  std::optional<Real> t_end;
+  Real q_rtol = 0;
+
+  Real clog_time = 10, clog_speed = 1e-3;
+
+  void bind(Options& options);
+  /// Fills in automatic values and checks what options have to do with each other. Errors: InputError.
+  void resolve();
+
+  ModelParameters model_parameters() const;
+  /// Standard step over `elastic`, the limit that elastic forces set: as long as flow rates, energies and contacts are
+  /// those of shorter ones, and what a discharge leaves comes to rest (docs/steps.md). Without dissipation nothing
+  /// carries off the heat of longer steps. lightest: mass of a particle.
+  Real elastic_fraction(Real elastic, Real lightest) const;
+  /// Margin of the neighbour lists at first; tuned from then on where the user gave none.
+  Real first_skin() const;
+};
+
+}  // namespace pliant

@@ -1,0 +1,72 @@
+#include <pliant/scenarios/raft/options.h>
+
+#include <pliant/base/errors.h>
+
+namespace pliant {
+
+RaftOptions::RaftOptions() {
+  radii.deviation = 1.25e-3;
+  sample_interval = 10;
+  frame_interval = 1000;
+}
+
+void RaftOptions::bind(Options& o) {
+  constexpr auto fixed = OnRestart::fixed;
+  bind_model(o);
+
+  o.group("Raft");
+  o.bind("rows", rows, {.help = "rows p, parallel to the walls", .min = 1, .max = 10000, .on_restart = fixed});
+  o.bind("columns", columns, {.help = "columns q: droplets of a row", .min = 1, .max = 10000, .on_restart = fixed});
+  o.bind("n", n,
+         {.help = "number of droplets; 0: p q. With p q - floor(p/2) every second row of a hexagonal raft has one less",
+          .min = 0,
+          .max = 1e6,
+          .on_restart = fixed});
+  o.bind("lattice", lattice, {{"hexagonal", RaftLattice::hexagonal}, {"disordered", RaftLattice::disordered}},
+         {.help = "start: a hexagonal raft, or one that grows droplet by droplet in a strip of p rows",
+          .on_restart = fixed});
+  bind_droplets(o);
+  o.bind("small_fraction", radii.small_fraction,
+         {.help = "fraction phi of small droplets, by number", .min = 0, .max = 1, .on_restart = fixed});
+  o.bind("small_radius", radii.small,
+         {.help = "radius of a small droplet", .unit = "R", .min = 0.1, .max = 1, .on_restart = fixed});
+
+  o.group("Walls");
+  o.bind("motion", motion, {{"compression", WallMotion::compression}, {"extension", WallMotion::extension}},
+         {.help = "the moving wall approaches, or recedes from a raft that rests at both walls", .on_restart = fixed});
+  o.bind("v_wall", v_wall,
+         {.help = "speed of the moving wall", .unit = "R/t0", .min = 0, .min_open = true, .on_restart = fixed});
+  o.bind(
+      "tilt", tilt,
+      {.help = "angle of the moving wall to the other", .unit = "degrees", .min = -20, .max = 20, .on_restart = fixed});
+  o.bind("start_distance", start_distance,
+         {.help = "distance of the walls at the start, on the raft's axis",
+          .unit = "R",
+          .min = 0,
+          .min_open = true,
+          .automatic = "compression: just without attraction; extension: at rest",
+          .on_restart = fixed});
+  o.bind("rows_end", rows_end,
+         {.help = "compression ends at the distance at which so many rows would rest", .min = 1, .max = 10000});
+  o.bind("end_distance", end_distance,
+         {.help = "distance of the walls at the end",
+          .unit = "R",
+          .min = 0,
+          .min_open = true,
+          .automatic = "compression: that of -rows_end; extension: 2 more than at the start"});
+
+  bind_integration(o, "at the distance of the end");
+  bind_output(o);
+}
+
+void RaftOptions::resolve() {
+  if (!restart.empty()) output = restart;
+  const Index full = rows * columns, alternate = full - rows / 2;
+  if (lattice == RaftLattice::hexagonal && droplets() != full && (droplets() != alternate || columns == 1))
+    throw InputError(
+        "-n {}: a hexagonal raft of {} rows and {} columns has {} droplets{}; leave -n out or change them", n, rows,
+        columns, full,
+        columns > 1 && rows > 1 ? fmt::format(", or {} with every second row one shorter", alternate) : "");
+}
+
+}  // namespace pliant

@@ -1,0 +1,25 @@
+// The scenario `raft`: a raft of droplets between two walls, compressed or pulled apart until it breaks [T 2].
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include <pliant/base/ranks.h>
+#include <pliant/scenarios/raft/options.h>
+
+namespace pliant {
+
+/// As run_hopper.
+ExitCode run_raft(RaftOptions& p, Options& options, const Ranks& ranks);
+
+/// Places of the droplets of these radii [2 · n], around the origin, rows perpendicular to x: where large droplets of a
+/// hexagonal raft rest, `spacing` apart; or disordered: each droplet in contact with two before it, as near to the axis
+/// as there is room, in a strip as wide as p rows.
+std::vector<Real> raft_places(const RaftOptions& p, const std::vector<Real>& radii, Real spacing);
+
+/// Rows of a raft, whatever its order: from each droplet at the first wall, the number of droplets in the shortest
+/// chain of bonds to the other wall; the median of these, or 0 where no chain reaches. bonds: pairs of droplets.
+Index count_rows(Index droplets, const std::vector<std::array<Index, 2>>& bonds, const std::vector<Index>& at_first,
+                 const std::vector<Index>& at_second);
+
+}  // namespace pliant

@@ -1,0 +1,181 @@
+#include <pliant/setup/reinsertion.h>
+
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include <pliant/base/rng.h>
+#include <pliant/model/polygon.h>
+#include <pliant/setup/streams.h>
+
+namespace pliant {
+namespace {
+
+/// Farthest point of particle m from its centre, and half its diameter.
+template <int D>
+Real reach(const Topology& topology, const Real* x, Index m, const Vec<D>& centre) {
+  Real far2 = 0;
+  for (Index i = topology.offset[m]; i < topology.offset[m + 1]; ++i)
+    far2 = std::max(far2, (point<D>(x, i) - centre).squaredNorm());
+  return std::sqrt(far2) + topology.diameter[topology.offset[m]] / 2;
+}
+
+/// The points of the particle that is put back, where it left.
+template <int D>
+struct Outline {
+  std::vector<Real> x;  ///< [points · D]
+  Real diameter;
+  Index size() const { return static_cast<Index>(x.size()) / D; }
+};
+
+/// Distance between the rims of two polygons, the first shifted by `shift`; negative where they overlap.
+Real gap(const Outline<2>& outline, const Vec<2>& shift, const Topology& topology, const Real* x, Index n,
+         bool smooth) {
+  Real least2 = std::numeric_limits<Real>::infinity();
+  for (Index i = 0; i < outline.size(); ++i) {
+    const Vec<2> r = point<2>(outline.x.data(), i) + shift,
+                 next = point<2>(outline.x.data(), (i + 1) % outline.size()) + shift;
+    for (Index j = topology.offset[n]; j < topology.offset[n + 1]; ++j) {
+      const Vec<2> a = point<2>(x, j);
+      if (!smooth) {
+        least2 = std::min(least2, (r - a).squaredNorm());
+        continue;
+      }
+      least2 = std::min(least2, segment_foot(r, a, point<2>(x, topology.next[j])).d2);
+      least2 = std::min(least2, segment_foot(a, r, next).d2);
+    }
+  }
+  return std::sqrt(least2) - (outline.diameter + topology.diameter[topology.offset[n]]) / 2;
+}
+
+template <int D>
+Vec<D> random_lateral(Real radius, std::uint64_t seed, Index m, std::uint64_t draw) {
+  const auto next = [&](std::uint64_t k) {
+    return rng::uniform(seed, stream::reinsertion, (static_cast<std::uint64_t>(m) << 40) + 2 * draw + k);
+  };
+  Vec<D> r = Vec<D>::Zero();
+  if constexpr (D == 2) {
+    r[0] = radius * (2 * next(0) - 1);
+  } else {
+    const Real rho = radius * std::sqrt(next(0)), phi = 2 * pi * next(1);
+    r[0] = rho * std::cos(phi);
+    r[1] = rho * std::sin(phi);
+  }
+  return r;
+}
+
+}  // namespace
+
+template <int D>
+void reinsert(const Ranks& ranks, const Topology& topology, const Hopper& hopper, const Walls<D>& walls, bool smooth,
+              std::uint64_t seed, const Leaving& leaving, State& state) {
+  constexpr int up = D - 1;
+  constexpr std::uint64_t attempts = 64;
+  Real* x = state.x().data();
+  Real* v = state.v().data();
+  const bool mine = leaving.rank == ranks.rank();
+  const Index m = mine ? leaving.particle : -1;
+
+  struct Shape {
+    std::array<Real, D> centre;
+    Real radius, diameter;
+  } shape{};
+  Outline<D> outline;
+  if (mine) {
+    const Vec<D> r = mean_of_points<D>(x, topology, m);
+    std::copy_n(r.data(), D, shape.centre.begin());
+    shape.radius = reach<D>(topology, x, m, r);
+    shape.diameter = topology.diameter[topology.offset[m]];
+    outline.x.assign(x + static_cast<std::size_t>(topology.offset[m]) * D,
+                     x + static_cast<std::size_t>(topology.offset[m + 1]) * D);
+  }
+  shape = ranks.broadcast(shape, leaving.rank);
+  ranks.broadcast(outline.x, leaving.rank);
+  outline.diameter = shape.diameter;
+  const Vec<D> centre = point<D>(shape.centre.data(), 0);
+  const Real radius = shape.radius;
+
+  struct Candidate {
+    Index particle;
+    Vec<D> centre;
+    Real radius;
+  };
+  std::vector<Candidate> bulk;  // of this rank
+  for (Index n = 0; n < topology.owned(); ++n) {
+    if (n == m || !topology.active[n]) continue;
+    const Vec<D> r = mean_of_points<D>(x, topology, n);
+    if (r[up] > 0) bulk.push_back({n, r, reach<D>(topology, x, n, r)});
+  }
+
+  for (std::uint64_t attempt = 0; attempt < attempts; ++attempt) {
+    Vec<D> target = random_lateral<D>(hopper.wall_distance / 2 - radius, seed, leaving.id,
+                                      static_cast<std::uint64_t>(leaving.count) * attempts + attempt);
+    // Lower the circle around the particle onto the circles around the others.
+    Index touched = -1;
+    Real top = 0;
+    std::vector<Index> column;
+    target[up] = 0;
+    for (const Candidate& c : bulk) {
+      const Vec<D> lateral = c.centre - target;
+      const Real d2 = lateral.squaredNorm() - square(lateral[up]), contact2 = square(radius + c.radius);
+      if (d2 >= contact2) continue;
+      column.push_back(c.particle);
+      const Real height = c.centre[up] + std::sqrt(contact2 - d2);
+      if (height > top) {
+        top = height;
+        touched = c.particle;
+      }
+    }
+    target[up] = ranks.max(top);
+    if (target[up] <= 0) continue;
+    bool first_touch = top == target[up];
+    if constexpr (D == 2) {
+      if (outline.size() > 1) {
+        // Polygons have room left inside their circles: go on by the clearance, which never overshoots, until they
+        // touch.
+        for (int k = 0; k < 200; ++k) {
+          Real near = std::numeric_limits<Real>::infinity();
+          for (const Index n : column) {
+            const Real g = gap(outline, target - centre, topology, x, n, smooth);
+            if (g < near) {
+              near = g;
+              touched = n;
+            }
+          }
+          const Real clearance = ranks.min(near);
+          first_touch = near == clearance;
+          if (clearance < 1e-6 * radius) break;
+          target[up] -= clearance;
+        }
+      }
+    }
+    bool free = true;
+    for (Index s = 0; s < walls.size(); ++s) free = free && walls.distance(target, s) >= radius * (1 - 1e-9);
+    if (!free) continue;
+
+    const int below = ranks.size() - ranks.max(first_touch ? ranks.size() - ranks.rank() : 0);
+    std::array<Real, D> velocity{};
+    if (below == ranks.rank()) {
+      const Vec<D> mean = mean_of_points<D>(v, topology, touched);
+      std::copy_n(mean.data(), D, velocity.begin());
+    }
+    velocity = ranks.broadcast(velocity, below);
+    if (mine)
+      for (Index i = topology.offset[m]; i < topology.offset[m + 1]; ++i) {
+        point<D>(x, i) += target - centre;
+        point<D>(v, i) = point<D>(velocity.data(), 0);
+      }
+    return;
+  }
+  throw NumericalError(
+      "no place to put particle {} back after it left the hopper: {} particles are above the orifice; use more "
+      "particles (-n), a narrower hopper (-hopper_wall_distance) or orifice (-hopper_width), or -flow discharge",
+      leaving.id, ranks.sum(static_cast<std::int64_t>(bulk.size())));
+}
+
+template void reinsert<2>(const Ranks&, const Topology&, const Hopper&, const Walls<2>&, bool, std::uint64_t,
+                          const Leaving&, State&);
+template void reinsert<3>(const Ranks&, const Topology&, const Hopper&, const Walls<3>&, bool, std::uint64_t,
+                          const Leaving&, State&);
+
+}  // namespace pliant

@@ -1,0 +1,19 @@
+// What implicit and split methods ask of a system beyond its acceleration.
+#pragma once
+
+#include <memory>
+
+#include <pliant/system/equation.h>
+#include <pliant/system/jacobian.h>
+
+namespace pliant {
+
+/// A system with derivatives, whose acceleration is a sum of parts.
+class ImplicitSystem : public SecondOrderSystem {
+ public:
+  /// As acceleration(), by a part of the terms.
+  virtual void part_acceleration(Part part, Real t, const Real* x, const Real* v, Real* a) = 0;
+  virtual std::unique_ptr<Jacobian> jacobian(JacobianForm form, JacobianKind kind, Part part) = 0;
+};
+
+}  // namespace pliant

@@ -1,0 +1,199 @@
+#include <pliant/system/mobility.h>
+
+#include <petscksp.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include <pliant/base/petsc.h>
+
+namespace pliant {
+
+template <int D>
+struct Mobility<D>::Solver {
+  Handle<KSP, KSPDestroy> ksp;
+  PetscMat matrix;
+  PetscVec right, solution;
+  std::vector<PetscScalar> values;
+  bool patterned = false;  ///< the matrix has the pattern of the present lists
+};
+
+template <int D>
+Mobility<D>::Mobility(const MobilityOptions& options, const Ranks& ranks)
+    : options_(options), ranks_(ranks), solver_(std::make_unique<Solver>()) {
+  if (!(options.b > 0)) throw InputError("the viscosity b is {}, but it must be positive", options.b);
+  if (!(options.beyond > 0))
+    throw InputError("the range of neighbours beyond contact is {}, but it must be positive", options.beyond);
+  petsc_check(KSPCreate(ranks.comm(), solver_->ksp.out()));
+  KSP ksp = solver_->ksp;
+  PC pc = nullptr;
+  petsc_check(KSPSetOptionsPrefix(ksp, "mobility_"));
+  // The neighbours stay the same for many evaluations, and a factor of B with them. On several ranks each has one: an
+  // iterative solver sends some ten times as many messages, which up to 10⁴ droplets take longer than all the rest.
+  petsc_check(KSPSetType(ksp, KSPPREONLY));
+  // Forces may be as good as nothing beside the velocities before: no divergence.
+  petsc_check(KSPSetTolerances(ksp, 1e-12, PETSC_DEFAULT, 1e100, PETSC_DEFAULT));
+  petsc_check(KSPGetPC(ksp, &pc));
+  petsc_check(PCSetType(pc, ranks.several() ? PCREDUNDANT : PCCHOLESKY));
+  if (ranks.several()) {
+    KSP each = nullptr;
+    petsc_check(PCRedundantGetKSP(pc, &each));
+    petsc_check(KSPGetPC(each, &pc));
+    petsc_check(PCSetType(pc, PCCHOLESKY));
+  }
+  petsc_check(KSPSetFromOptions(ksp));
+  PetscBool direct = PETSC_FALSE;  // then PETSc refuses a guess
+  petsc_check(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(ksp), KSPPREONLY, &direct));
+  petsc_check(KSPSetInitialGuessNonzero(ksp, direct == PETSC_TRUE ? PETSC_FALSE : PETSC_TRUE));
+}
+
+template <int D>
+Mobility<D>::~Mobility() = default;
+template <int D>
+Mobility<D>::Mobility(Mobility&&) noexcept = default;
+template <int D>
+Mobility<D>& Mobility<D>::operator=(Mobility&&) noexcept = default;
+
+template <int D>
+void Mobility<D>::set_numbers(std::vector<Index> numbers) {
+  numbers_ = std::move(numbers);
+  solver_->patterned = false;
+}
+
+template <int D>
+template <class Visit>
+void Mobility<D>::for_each_neighbour(const StateView<D>& s, Visit&& visit) {
+  const PairList& list = s.neighbours.point_pairs;
+  for (Index c = 0; c < s.neighbours.chunks(); ++c) {
+    const Range inside = list.inside(c), across = list.across(c);
+    for (Index e = inside.first; e < inside.last; ++e) {
+      visit(list[e].first, list[e].second, e);
+      visit(list[e].second, list[e].first, e);
+    }
+    for (Index e = across.first; e < across.last; ++e) visit(list[e].first, list[e].second, e);
+  }
+}
+
+template <int D>
+template <class Visit>
+void Mobility<D>::for_each_wall(const StateView<D>& s, Visit&& visit) const {
+  if (!options_.walls) return;
+  for (const auto [i, k] : s.neighbours.solids) {
+    const Solid<D>& wall = s.walls.solids()[k];
+    if (wall.foot(s.position(i), s.t).d < s.topology.diameter[i] / 2 + options_.beyond) visit(i, wall);
+  }
+}
+
+/// Which listed pairs and walls are in range.
+template <int D>
+void Mobility<D>::find_coupling(const StateView<D>& s) {
+  const auto n = static_cast<std::size_t>(s.topology.owned_points());
+  coupled_.clear();
+  diagonal_.assign(n, 1);
+  push_.assign(n * D, 0);
+  for_each_neighbour(s, [&](Index i, Index j, Index e) {
+    const bool near = in_range(s, i, j, e);
+    coupled_.push_back(near);
+    diagonal_[i] += near;
+  });
+  for_each_wall(s, [&](Index i, const Solid<D>& wall) {
+    diagonal_[i] += 1;
+    point<D>(push_.data(), i) += wall.velocity;
+  });
+}
+
+template <int D>
+Real Mobility<D>::power(const StateView<D>& s) const {
+  Real sum = 0;
+  for (Index i = 0; i < s.topology.owned_points(); ++i) sum += s.velocity(i).squaredNorm();
+  for_each_neighbour(s, [&](Index i, Index j, Index e) {
+    if (in_range(s, i, j, e)) sum += (s.velocity(i) - s.velocity(j)).squaredNorm() / 2;
+  });
+  for_each_wall(s, [&](Index i, const Solid<D>& wall) { sum += (s.velocity(i) - wall.velocity).squaredNorm(); });
+  return options_.b * sum;
+}
+
+template <int D>
+void Mobility<D>::solve(const StateView<D>& s, const Real* force, Real* v) {
+  const Topology& topology = s.topology;
+  const Index n = topology.owned_points();
+  const std::vector<std::uint8_t> coupled_before = coupled_;
+  const std::vector<Real> diagonal_before = diagonal_;
+  find_coupling(s);
+  const auto load = [&](Index i) -> Vec<D> {
+    if (topology.inverse_mass(i) == 0) return Vec<D>::Zero();
+    return point<D>(force, i) / options_.b + point<D>(push_.data(), i);
+  };
+
+  if (options_.coupling != Coupling::exact) {
+    std::vector<Real> sum(static_cast<std::size_t>(n) * D);
+    std::vector<Index> neighbours(n);
+    std::size_t entry = 0;
+    for_each_neighbour(s, [&](Index i, Index j, Index) {
+      if (coupled_[entry++] == 0) return;
+      point<D>(sum.data(), i) += s.velocity(j);
+      ++neighbours[i];
+    });
+    for (Index i = 0; i < n; ++i) {
+      const Real weight = options_.coupling == Coupling::mean ? std::max<Index>(neighbours[i], 1) : 1;
+      point<D>(v, i) = (point<D>(sum.data(), i) / weight + load(i)) / diagonal_[i];
+    }
+    return;
+  }
+
+  Solver& solver = *solver_;
+  const bool same = solver.patterned && coupled_ == coupled_before && diagonal_ == diagonal_before;
+  if (!solver.patterned) {
+    std::vector<PetscInt> row(numbers_.begin(), numbers_.begin() + n), column = row;
+    for_each_neighbour(s, [&](Index i, Index j, Index) {
+      row.push_back(numbers_[i]);
+      column.push_back(numbers_[j]);
+    });
+    petsc_check(MatCreate(ranks_.comm(), solver.matrix.out()));
+    petsc_check(MatSetSizes(solver.matrix, n, n, PETSC_DETERMINE, PETSC_DETERMINE));
+    petsc_check(MatSetType(solver.matrix, MATAIJ));
+    petsc_check(MatSetPreallocationCOO(solver.matrix, static_cast<PetscCount>(row.size()), row.data(), column.data()));
+    petsc_check(MatSetOption(solver.matrix, MAT_SPD, PETSC_TRUE));
+    petsc_check(MatCreateVecs(solver.matrix, solver.solution.out(), solver.right.out()));
+    petsc_check(KSPReset(solver.ksp));
+    petsc_check(KSPSetOperators(solver.ksp, solver.matrix, solver.matrix));
+    solver.patterned = true;
+  }
+  if (ranks_.any(!same)) {
+    solver.values.assign(diagonal_.begin(), diagonal_.end());
+    for (const std::uint8_t near : coupled_) solver.values.push_back(near != 0 ? -1 : 0);
+    petsc_check(MatSetValuesCOO(solver.matrix, solver.values.data(), INSERT_VALUES));
+  }
+
+  for (int k = 0; k < D; ++k) {
+    PetscScalar *right = nullptr, *guess = nullptr;
+    petsc_check(VecGetArrayWrite(solver.right, &right));
+    petsc_check(VecGetArrayWrite(solver.solution, &guess));
+    for (Index i = 0; i < n; ++i) {
+      right[i] = load(i)[k];
+      guess[i] = v[static_cast<std::size_t>(i) * D + k];
+    }
+    petsc_check(VecRestoreArrayWrite(solver.right, &right));
+    petsc_check(VecRestoreArrayWrite(solver.solution, &guess));
+    petsc_check(KSPSolve(solver.ksp, solver.right, solver.solution));
+    KSPConvergedReason reason = KSP_CONVERGED_ITERATING;
+    PetscInt iterations = 0;
+    petsc_check(KSPGetConvergedReason(solver.ksp, &reason));
+    petsc_check(KSPGetIterationNumber(solver.ksp, &iterations));
+    iterations_ += iterations;
+    if (reason < 0)
+      throw NumericalError(
+          "the velocities of the droplets were not found at t = {}: {} after {} iterations; check the initial state or "
+          "the -mobility_ksp_… options",
+          s.t, KSPConvergedReasons[reason], iterations);
+    const PetscScalar* found = nullptr;
+    petsc_check(VecGetArrayRead(solver.solution, &found));
+    for (Index i = 0; i < n; ++i) v[static_cast<std::size_t>(i) * D + k] = found[i];
+    petsc_check(VecRestoreArrayRead(solver.solution, &found));
+  }
+}
+
+template class Mobility<2>;
+template class Mobility<3>;
+
+}  // namespace pliant

@@ -1,0 +1,254 @@
+// Particles, walls, neighbour lists and forces as one equation of motion, on one rank or on several.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include <pliant/base/log.h>
+#include <pliant/domain/halo.h>
+#include <pliant/domain/migration.h>
+#include <pliant/domain/skin.h>
+#include <pliant/model/model.h>
+#include <pliant/system/implicit_system.h>
+
+namespace pliant {
+
+/// M r̈ = F(r, ṙ) for the points of a topology [H 7, 13]. Inactive particles keep their positions: their inverse mass is
+/// zero. On several ranks each has a share of the particles, and copies (ghosts) of others' near them; all functions
+/// that take positions are collective then.
+template <int D>
+class ParticleSystem final : public ImplicitSystem {
+ public:
+  /// topology: the rank's own particles. All particles of all ranks together have different ids.
+  ParticleSystem(Topology topology, Walls<D> walls, std::unique_ptr<ForceField<D>> field, NeighbourNeeds needs,
+                 Real skin, Ranks ranks = Ranks())
+      : ranks_(ranks),
+        topology_(std::move(topology)),
+        walls_(std::move(walls)),
+        field_(std::move(field)),
+        neighbours_(needs, skin),
+        halo_(ranks) {}
+
+  std::size_t size() const override { return static_cast<std::size_t>(topology_.owned_points()) * D; }
+  const Ranks& ranks() const override { return ranks_; }
+
+  void acceleration(Real t, const Real* x, const Real* v, Real* a) override {
+    ++use_.evaluations;
+    const StateView<D> s = view_after(next_change(), x, v, t);
+    const LogScope log(LogEvent::forces);
+    field_->accelerations(s, a);
+  }
+
+  void moved_by(Real change) override { change_ = change_.value_or(0) + change; }
+
+  /// For polygons, whose shapes are half of the work, and on ranks, where it takes one message less. Spheres have long
+  /// lists, which more arrays push out of the caches.
+  bool one_pass() const override { return ranks_.several() || topology_.points() != topology_.particles(); }
+
+  bool sweep(Real t, std::vector<Real>& x, std::vector<Real>& v, const Advance& advance) override {
+    ++use_.evaluations;
+    if (!hold(next_change(), x.data(), t)) rebuild(x.data(), t);
+    if (ranks_.several()) {
+      const LogScope log(LogEvent::halo);
+      halo_.update(x, v);
+    }
+    Ahead ahead;
+    if (size() >= beyond_caches) {
+      ahead = advance.arrays;
+      ahead.add(v.data());
+    }
+    const StateView<D> s{x.data(), v.data(), topology_, neighbours_, walls_, t, ahead};
+    const LogScope log(LogEvent::forces);
+    std::array<Real, Neighbours<D>::max_chunks> change;
+    const bool finite = field_->accelerations(s, room_, [&](Index chunk, const Real* a) {
+      const Range points = neighbours_.points(chunk);
+      change[chunk] =
+          advance.step(static_cast<std::size_t>(points.first) * D, static_cast<std::size_t>(points.last) * D, a);
+    });
+    // Both in one message.
+    const Real largest = *std::max_element(change.begin(), change.begin() + neighbours_.chunks());
+    constexpr Real not_finite = std::numeric_limits<Real>::infinity();
+    change_ = ranks_.max(finite ? largest : not_finite);
+    return change_ != not_finite;
+  }
+
+  void part_acceleration(Part part, Real t, const Real* x, const Real* v, Real* a) override {
+    ++use_.evaluations;
+    const StateView<D> s = view(x, v, t);
+    const LogScope log(LogEvent::forces);
+    field_->part_accelerations(s, part, a);
+  }
+
+  std::unique_ptr<Jacobian> jacobian(JacobianForm form, JacobianKind kind, Part part) override {
+    return make_jacobian(*this, form, kind, part);
+  }
+
+  /// The configuration with neighbour lists that are valid for it, ghosts included. x, v [owned points · D]; v may be
+  /// null where only energies are asked for. t matters where solids move.
+  StateView<D> view(const Real* x, const Real* v, Real t = 0) {
+    change_.reset();  // wherever x is
+    path_ = std::numeric_limits<Real>::infinity();
+    return view_after({}, x, v, t);
+  }
+
+  /// An upper bound of how far any point has gone since start_path(), up to the last acceleration or sweep; infinite
+  /// after a view, and where the integrator does not say how far points move. The same on every rank.
+  Real path() const { return path_; }
+  /// Counts from here on, where no point is farther than `gone` from where its path begins.
+  void start_path(Real gone = 0) { path_ = gone; }
+
+  /// What the owners have for each point [owned points · D], for all points [points · D]; `storage` holds it on several
+  /// ranks. The lists must be valid. Collective.
+  const Real* with_ghosts(const Real* own, std::vector<Real>& storage) const {
+    if (!ranks_.several()) return own;
+    halo_.update(own, storage);
+    return storage.data();
+  }
+
+  /// Builds ghosts and lists from x, which becomes their reference.
+  void rebuild(const Real* x, Real t = 0) {
+    travel_ = 0;
+    if (ranks_.several()) find_ghosts(x);
+    const LogScope log(LogEvent::lists);
+    ranks_.together([&] { neighbours_.rebuild(topology_, walls_, ranks_.several() ? x_.data() : x, t); });
+  }
+
+  /// Other walls: solids that get another velocity, or that come and go. The same on every rank.
+  void set_walls(Walls<D> walls) {
+    walls_ = std::move(walls);
+    neighbours_.invalidate();
+  }
+
+  /// Makes these the rank's own particles. Not collective.
+  void take(Topology own) {
+    topology_ = std::move(own);
+    neighbours_.invalidate();
+  }
+
+  /// Whether particles should be sorted again: it has been a number of list rebuilds. The same on every rank.
+  bool untidy() const { return use().rebuilds >= rebuilds_to_sort; }
+  /// Whether many particles have gone far from their rank's place, which makes many ghosts. The same on every rank.
+  bool crowded() const { return crowded_; }
+
+  /// Sorts particles in space, moves them to the ranks where they belong and builds the lists. The caller applies the
+  /// migration that is returned to whatever else it keeps per particle.
+  Migration tidy(State& state) {
+    const LogScope log(LogEvent::sort);
+    if (tune_skin_ && untidy()) neighbours_.set_skin(best_skin());
+    const Migration migration = plan_migration<D>(ranks_, topology_, state.x().data());
+    migration.move(topology_);
+    migration.move(state, D);
+    settled_ = crowded_ = false;
+    rebuild(state.x().data(), state.t);
+    set_use({});
+    return migration;
+  }
+
+  /// Lets tidy() choose the skin from how the lists were used.
+  void tune_skin() { tune_skin_ = true; }
+
+  /// Since the last tidy(): part of what a restart needs.
+  ListUse use() const { return {use_.evaluations, neighbours_.rebuilds() - tidy_at_}; }
+  void set_use(const ListUse& use) {
+    use_ = use;
+    tidy_at_ = neighbours_.rebuilds() - use.rebuilds;
+  }
+
+  /// Own particle m was put somewhere else in x. Saves a rebuild of the lists on one rank; several rebuild. Not
+  /// collective.
+  void relocate(const Real* x, Index m) {
+    if (!ranks_.several() && !neighbours_.reference().empty()) neighbours_.relocate(topology_, walls_, x, m);
+  }
+
+  /// Takes own particle m out of the run. Not collective.
+  void deactivate(Index m) {
+    topology_.deactivate(m);
+    neighbours_.invalidate();
+  }
+
+  /// Own particles, then ghosts.
+  const Topology& topology() const { return topology_; }
+  const Walls<D>& walls() const { return walls_; }
+  const ForceField<D>& field() const { return *field_; }
+  Neighbours<D>& neighbours() { return neighbours_; }
+  const Neighbours<D>& neighbours() const { return neighbours_; }
+
+ private:
+  /// By how much coordinates have changed at most since the last evaluation, as far as is known.
+  std::optional<Real> next_change() {
+    const std::optional<Real> change = std::exchange(change_, {});
+    path_ += std::sqrt(Real(D)) * change.value_or(std::numeric_limits<Real>::infinity());
+    return change;
+  }
+
+  /// Whether the lists hold at x, where coordinates have changed by at most `change`, if that is known. The positions
+  /// are looked at only when enough such changes have come together. The same on every rank.
+  bool hold(std::optional<Real> change, const Real* x, Real t) {
+    const Real limit = neighbours_.limit();
+    if (change && walls_.solids().empty()) {  // solids move by themselves
+      travel_ += std::sqrt(Real(D)) * *change;
+      if (travel_ <= limit * (1 - 1e-12)) return true;
+    }
+    travel_ = ranks_.max(neighbours_.farthest(walls_, x, t));
+    return travel_ <= limit;
+  }
+
+  StateView<D> view_after(std::optional<Real> change, const Real* x, const Real* v, Real t) {
+    const bool valid = hold(change, x, t);
+    if (!valid) rebuild(x, t);
+    if (!ranks_.several()) return {x, v, topology_, neighbours_, walls_, t};
+    const LogScope log(LogEvent::halo);
+    if (valid) halo_.update(x, x_);
+    if (v != nullptr) halo_.update(v, v_);
+    return {x_.data(), v != nullptr ? v_.data() : nullptr, topology_, neighbours_, walls_, t};
+  }
+
+  void find_ghosts(const Real* x) {
+    const LogScope log(LogEvent::ghosts);
+    if (!settled_) {
+      halo_.settle(topology_, x);
+      settled_ = true;
+    }
+    halo_.build(topology_, x, neighbours_.margin());
+    halo_.update(x, x_);
+    crowded_ = ranks_.sum(static_cast<std::int64_t>(halo_.strays())) > many_strays;
+  }
+
+  Real best_skin() const {
+    Real width = 0;
+    for (Index i = 0; i < topology_.owned_points(); ++i) width += topology_.diameter[i];
+    std::array sums{width, static_cast<Real>(topology_.owned_points()), static_cast<Real>(neighbours_.pairs())};
+    ranks_.sum(sums);
+    return pliant::best_skin(neighbours_.skin(), use(), D, sums[2] / sums[1], sums[0] / sums[1]);
+  }
+
+  static constexpr std::int64_t rebuilds_to_sort = 16;
+  static constexpr Index many_strays = 32;
+  static constexpr std::size_t beyond_caches = 1 << 20;  ///< coordinates, several arrays of which no cache holds
+
+  Ranks ranks_;
+  Topology topology_;
+  Walls<D> walls_;
+  std::unique_ptr<ForceField<D>> field_;
+  Neighbours<D> neighbours_;
+  Halo<D> halo_;
+  std::vector<Real> x_, v_;  ///< with ghosts; unused on one rank
+  bool settled_ = false, crowded_ = false, tune_skin_ = false;
+  /// The farthest that a point can have gone since the lists were built. Not known if others built them.
+  Real travel_ = std::numeric_limits<Real>::infinity();
+  Real path_ = std::numeric_limits<Real>::infinity();
+  std::optional<Real>
+      change_;  ///< by how much coordinates have changed at most since the last evaluation, as far as is known
+  std::vector<Real> room_;  ///< for the accelerations of a sweep
+  ListUse use_;             ///< its evaluations count
+  std::int64_t tidy_at_ = 0;
+};
+
+}  // namespace pliant

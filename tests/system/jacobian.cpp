@@ -1,0 +1,314 @@
+// Jacobians against finite differences, against each other and against those on one rank; the preconditioner.
+#include <pliant/system/jacobian.h>
+#include <pliant/system/particle_pc.h>
+#include <catch2/catch.hpp>
+
+#include "support/problems.h"
+#include "support/twins.h"
+
+using namespace pliant;
+using namespace pliant::test;
+
+namespace {
+
+constexpr auto first_order = JacobianForm::first_order, second_order = JacobianForm::second_order;
+constexpr auto assembled = JacobianKind::assembled, matrix_free = JacobianKind::matrix_free;
+
+VectorXd product(::Mat matrix, const VectorXd& w) {
+  PetscVec in, out;
+  petsc_check(MatCreateVecs(matrix, in.out(), out.out()));
+  PetscScalar* values = nullptr;
+  petsc_check(VecGetArray(in, &values));
+  std::copy(w.begin(), w.end(), values);
+  petsc_check(VecRestoreArray(in, &values));
+  petsc_check(MatMult(matrix, in, out));
+  petsc_check(VecGetArray(out, &values));
+  const VectorXd result = Eigen::Map<VectorXd>(values, w.size());
+  petsc_check(VecRestoreArray(out, &values));
+  return result;
+}
+
+/// M⁻¹ w by the preconditioner alone.
+VectorXd precondition(::Mat matrix, const VectorXd& w) {
+  petsc_check(particle_pc_register());
+  Handle<PC, PCDestroy> pc;
+  petsc_check(PCCreate(PetscObjectComm(reinterpret_cast<PetscObject>(matrix)), pc.out()));
+  petsc_check(PCSetType(pc, particle_pc));
+  petsc_check(PCSetOperators(pc, matrix, matrix));
+  PetscVec in, out;
+  petsc_check(MatCreateVecs(matrix, in.out(), out.out()));
+  PetscScalar* values = nullptr;
+  petsc_check(VecGetArray(in, &values));
+  std::copy(w.begin(), w.end(), values);
+  petsc_check(VecRestoreArray(in, &values));
+  petsc_check(PCSetUp(pc));
+  petsc_check(PCApply(pc, in, out));
+  petsc_check(VecGetArray(out, &values));
+  const VectorXd result = Eigen::Map<VectorXd>(values, w.size());
+  petsc_check(VecRestoreArray(out, &values));
+  return result;
+}
+
+VectorXd random_vector(Random& random, std::size_t n) { return random_direction(random, static_cast<Index>(n)); }
+
+/// Calls check(system, y, part) for systems with every term, and the parts of their forces.
+template <class Check>
+void for_all_systems(Random& random, Check&& check) {
+  const auto both = [&](const auto& c, ModelKind kind, FrictionPoint where = FrictionPoint::contact) {
+    ModelParameters p = parameters;
+    p.friction_point = where;
+    auto system = system_of(c, kind, Ranks(), p);
+    VectorXd y(2 * c.x.size());
+    y << Eigen::Map<const VectorXd>(c.x.data(), c.x.size()), Eigen::Map<const VectorXd>(c.v.data(), c.v.size());
+    for (const Part part : {Part::all, Part::shape, Part::rest}) {
+      if (kind == ModelKind::sp && part == Part::shape) continue;
+      INFO(to_string(kind) << ", part " << static_cast<int>(part));
+      check(system, y, part);
+    }
+  };
+  both(soft_rows<2>(random, 5, 5), ModelKind::sp);
+  both(soft_rows<3>(random, 4, 2), ModelKind::sp);
+  both(polygon_rows(random, 3, 3), ModelKind::rough);
+  both(polygon_rows(random, 3, 3), ModelKind::smooth);
+  both(polygon_rows(random, 3, 3), ModelKind::smooth, FrictionPoint::vertex);
+}
+
+/// [v; a] of a part of the forces.
+VectorXd rate(ImplicitSystem& system, Part part, const VectorXd& y) {
+  const auto n = static_cast<Index>(system.size());
+  VectorXd result(2 * n);
+  result.head(n) = y.tail(n);
+  if (part == Part::all)
+    system.acceleration(0, y.data(), y.data() + n, result.data() + n);
+  else
+    system.part_acceleration(part, 0, y.data(), y.data() + n, result.data() + n);
+  return result;
+}
+
+}  // namespace
+
+TEST_CASE("the assembled Jacobian is the derivative of the right-hand side") {
+  Random random(1);
+  for_all_systems(random, [&](auto& system, const VectorXd& y, Part part) {
+    const auto n = static_cast<Index>(system.size());
+    const auto jacobian = system.jacobian(first_order, assembled, part);
+    jacobian->update(0, y.data(), y.data() + n, {0, 1, 1});
+    for (int k = 0; k < 6; ++k) {
+      VectorXd w = random_vector(random, 2 * n);
+      if (k == 0) w.tail(n).setZero();
+      if (k == 1) w.head(n).setZero();
+      // Along a random direction kinks are farther than this step; rounding is some 1e-16 · 1e3/h.
+      constexpr Real h = 1e-6;
+      const VectorXd expected = (rate(system, part, y + h * w) - rate(system, part, y - h * w)) / (2 * h);
+      REQUIRE(expected.norm() > 0.01);
+      CHECK((product(jacobian->matrix(), w) - expected).norm() < 1e-6 * (1 + expected.norm()));
+    }
+  });
+}
+
+TEST_CASE("parts of the acceleration sum up to all of it") {
+  Random random(2);
+  for_all_systems(random, [&](auto& system, const VectorXd& y, Part part) {
+    const Index n = static_cast<Index>(system.size());
+    const VectorXd all = rate(system, Part::all, y).tail(n), shape = rate(system, Part::shape, y).tail(n),
+                   rest = rate(system, Part::rest, y).tail(n);
+    CHECK((shape + rest - all).cwiseAbs().maxCoeff() <= 1e-13 * (shape.cwiseAbs() + rest.cwiseAbs()).maxCoeff());
+    if (part == Part::shape) CHECK(shape.norm() > 1);
+    CHECK(rest.norm() > 1);
+  });
+}
+
+TEST_CASE("assembled and matrix-free Jacobians are one operator, scaled and shifted too") {
+  Random random(3);
+  for_all_systems(random, [&](auto& system, const VectorXd& y, Part part) {
+    const auto n = static_cast<Index>(system.size());
+    for (const JacobianForm form : {first_order, second_order}) {
+      const auto one = system.jacobian(form, assembled, part), other = system.jacobian(form, matrix_free, part);
+      for (const auto& jacobian : {one.get(), other.get()}) {
+        jacobian->update(0, y.data(), y.data() + n, {0.7, -1.3, form == first_order ? -1.3 : 0.4});
+        petsc_check(MatScale(jacobian->matrix(), 0.5));
+        petsc_check(MatShift(jacobian->matrix(), 2));
+      }
+      const auto compare = [&] {
+        const VectorXd w = random_vector(random, form == first_order ? 2 * n : n);
+        const VectorXd expected = product(one->matrix(), w);
+        CHECK((product(other->matrix(), w) - expected).norm() < 1e-12 * expected.norm());
+      };
+      compare();
+      // An update forgets what PETSc has scaled.
+      for (const auto& jacobian : {one.get(), other.get()}) jacobian->update(0, y.data(), y.data() + n, {3, -1, -2});
+      compare();
+    }
+  });
+}
+
+TEST_CASE("the second-order form is the first-order one with the velocities eliminated") {
+  Random random(4);
+  for_all_systems(random, [&](auto& system, const VectorXd& y, Part part) {
+    const auto n = static_cast<Index>(system.size());
+    constexpr Real sigma = 7;
+    const auto first = system.jacobian(first_order, assembled, part),
+               second = system.jacobian(second_order, assembled, part);
+    first->update(0, y.data(), y.data() + n, {sigma, -1, -1});
+    second->update(0, y.data(), y.data() + n, {sigma * sigma, -1, -sigma});
+    VectorXd w(2 * n);
+    w.head(n) = random_vector(random, n);
+    w.tail(n) = sigma * w.head(n);
+    const VectorXd both = product(first->matrix(), w), one = product(second->matrix(), w.head(n));
+    CHECK(both.head(n).norm() < 1e-14 * w.norm());
+    CHECK((both.tail(n) - one).norm() < 1e-12 * one.norm());
+  });
+}
+
+TEST_CASE("the pattern is that of the lists and follows them") {
+  Random random(5);
+  Configuration<2> c = polygon_rows(random, 3, 3);
+  auto system = system_of(c, ModelKind::smooth);
+  const auto n = static_cast<Index>(system.size());
+  const auto jacobian = system.jacobian(first_order, assembled, Part::all);
+  const auto update = [&] {
+    jacobian->update(0, c.x.data(), c.v.data(), {5, -1, -1});
+    PetscObjectState state = 0;
+    petsc_check(MatGetNonzeroState(jacobian->matrix(), &state));
+    return state;
+  };
+  const auto check = [&] {
+    const auto fresh = system.jacobian(first_order, assembled, Part::all);
+    fresh->update(0, c.x.data(), c.v.data(), {5, -1, -1});
+    const VectorXd w = random_vector(random, 2 * n), expected = product(fresh->matrix(), w);
+    CHECK((product(jacobian->matrix(), w) - expected).norm() <= 1e-14 * expected.norm());
+  };
+  const PetscObjectState before = update();
+  check();
+  // Lists are valid still: the same pattern, whatever touches.
+  for (Real& a : c.x) a += random(-0.2, 0.2) * skin;
+  const std::int64_t rebuilds = system.neighbours().rebuilds();
+  CHECK(update() == before);
+  CHECK(system.neighbours().rebuilds() == rebuilds);
+  check();
+  // One particle goes to the other side.
+  for (Index i = c.topology.offset[4]; i < c.topology.offset[5]; ++i) point<2>(c.x.data(), i) += pliant::Vec<2>(1.2, 3);
+  CHECK(update() != before);
+  CHECK(system.neighbours().rebuilds() > rebuilds);
+  check();
+}
+
+TEST_CASE("the Jacobian follows a particle that was put elsewhere without a rebuild") {
+  Random random(6);
+  Configuration<2> c = soft_rows<2>(random, 5, 5);
+  auto system = system_of(c, ModelKind::sp);
+  const auto jacobian = system.jacobian(second_order, assembled, Part::all);
+  jacobian->update(0, c.x.data(), c.v.data(), {0, 1, 1});
+  const std::int64_t rebuilds = system.neighbours().rebuilds();
+  point<2>(c.x.data(), 3) = point<2>(c.x.data(), 21) + pliant::Vec<2>(0.3, 0.5);
+  system.relocate(c.x.data(), 3);
+  jacobian->update(0, c.x.data(), c.v.data(), {0, 1, 1});
+  CHECK(system.neighbours().rebuilds() == rebuilds);
+  const auto free = system.jacobian(second_order, matrix_free, Part::all);
+  free->update(0, c.x.data(), c.v.data(), {0, 1, 1});
+  const VectorXd w = random_vector(random, c.x.size()), expected = product(free->matrix(), w);
+  CHECK((product(jacobian->matrix(), w) - expected).norm() < 1e-12 * expected.norm());
+}
+
+TEST_CASE("the preconditioner solves exactly for a particle that touches nothing") {
+  Random random(7);
+  for (const bool compressed : {false, true}) {
+    Configuration<2> c;
+    c.add_polygon(regular_polygon(9, 0.5, {0, 3}), 0.2);
+    c.add_polygon(regular_polygon(4, 0.5, {3, 4}), 0.2);
+    if (compressed) c.topology.a0[0] *= 4, c.topology.l0[0] *= 2;  // edges that push buckle
+    c.random_velocities(random);
+    auto system = system_of(c, ModelKind::rough);
+    const auto n = static_cast<Index>(system.size());
+    const Real sigma = 2;
+    for (const JacobianForm form : {first_order, second_order}) {
+      const bool first = form == first_order;
+      const auto jacobian = system.jacobian(form, assembled, Part::all);
+      jacobian->update(0, c.x.data(), c.v.data(),
+                       first ? JacobianWeights{sigma, -1, -1} : JacobianWeights{sigma * sigma, -1, -sigma});
+      if (!first) {
+        MatrixXd dense(n, n);
+        for (Index k = 0; k < n; ++k) dense.col(k) = product(jacobian->matrix(), VectorXd::Unit(n, k));
+        const Real least = Eigen::SelfAdjointEigenSolver<MatrixXd>((dense + dense.transpose()) / 2).eigenvalues()[0];
+        REQUIRE(dense.allFinite());
+        CHECK((least < 0) == compressed);  // Cholesky for one, LU for the other
+      }
+      petsc_check(MatScale(jacobian->matrix(), -0.3));  // 1 − γJ and the like
+      const VectorXd w = random_vector(random, first ? 2 * n : n);
+      CHECK((precondition(jacobian->matrix(), product(jacobian->matrix(), w)) - w).norm() < 1e-10);
+    }
+    // A matrix that nobody has prepared is refused.
+    PetscMat other;
+    petsc_check(MatCreateSeqAIJ(PETSC_COMM_SELF, n, n, 1, nullptr, other.out()));
+    petsc_check(MatAssemblyBegin(other, MAT_FINAL_ASSEMBLY));
+    petsc_check(MatAssemblyEnd(other, MAT_FINAL_ASSEMBLY));
+    CHECK_THROWS_WITH(precondition(other, VectorXd::Ones(n)), Catch::Contains("-pc_type particle"));
+  }
+}
+
+TEST_CASE("the blocks behind a matrix-free Jacobian are those of the assembled one") {
+  Random random(8);
+  for_all_systems(random, [&](auto& system, const VectorXd& y, Part part) {
+    const auto n = static_cast<Index>(system.size());
+    const auto one = system.jacobian(first_order, assembled, part),
+               other = system.jacobian(first_order, matrix_free, part);
+    for (const auto& jacobian : {one.get(), other.get()}) jacobian->update(0, y.data(), y.data() + n, {9, -1, -1});
+    const VectorXd w = random_vector(random, 2 * n), expected = precondition(one->preconditioner(), w);
+    CHECK((precondition(other->preconditioner(), w) - expected).norm() < 1e-11 * expected.norm());
+    MatInfo all, blocks;
+    petsc_check(MatGetInfo(one->preconditioner(), MAT_LOCAL, &all));
+    petsc_check(MatGetInfo(other->preconditioner(), MAT_LOCAL, &blocks));
+    if (part == Part::shape)
+      CHECK(blocks.nz_used == all.nz_used);  // nothing couples particles
+    else
+      CHECK(blocks.nz_used < all.nz_used);
+  });
+}
+
+namespace {
+
+template <int D>
+void check_ranks(Random& random, Configuration<D> c, ModelKind kind) {
+  INFO(to_string(kind) << ", " << D << "D");
+  Twins<D> twins(c, kind);
+  for (const bool tidy : {false, true}) {
+    if (tidy) twins.tidy();
+    for (const JacobianForm form : {first_order, second_order})
+      for (const JacobianKind how : {assembled, matrix_free}) {
+        const auto whole = twins.whole.jacobian(form, how, Part::all),
+                   shared = twins.shared.jacobian(form, how, Part::all);
+        CAPTURE(tidy, form == first_order, how == assembled);
+        const JacobianWeights weights{40, -1, form == first_order ? -1.0 : -0.5};
+        whole->update(0, twins.whole_state.x().data(), twins.whole_state.v().data(), weights);
+        shared->update(0, twins.state.x().data(), twins.state.v().data(), weights);
+        const std::size_t n = twins.whole_state.size(), own = twins.state.size(), parts = form == first_order ? 2 : 1;
+        const VectorXd w = random_vector(random, parts * n);
+        // The same vector, as it is shared out.
+        VectorXd mine(parts * own);
+        const Topology& t = twins.shared.topology();
+        for (std::size_t part = 0; part < parts; ++part)
+          for (Index m = 0; m < t.owned(); ++m)
+            std::copy_n(w.data() + part * n + twins.first(m), D * t.points_of(m),
+                        mine.data() + part * own + t.offset[m] * D);
+        const auto compare = [&](const VectorXd& result, const VectorXd& expected) {
+          for (std::size_t part = 0; part < parts; ++part)
+            CHECK(twins.difference(std::span(result.data() + part * own, own),
+                                   std::span(expected.data() + part * n, n)) < 1e-12 * expected.cwiseAbs().maxCoeff());
+        };
+        const VectorXd expected = product(whole->matrix(), w);
+        CHECK(expected.norm() > 10 * w.norm());
+        compare(product(shared->matrix(), mine), expected);
+        compare(precondition(shared->preconditioner(), mine), precondition(whole->preconditioner(), w));
+      }
+  }
+}
+
+}  // namespace
+
+TEST_CASE("a Jacobian on ranks is the same Jacobian", "[ranks]") {
+  Random random(9);
+  check_ranks(random, soft_rows<2>(random, 8, 12), ModelKind::sp);
+  check_ranks(random, soft_rows<3>(random, 5, 6), ModelKind::sp);
+  check_ranks(random, polygon_rows(random, 5, 9), ModelKind::rough);
+  check_ranks(random, polygon_rows(random, 5, 9), ModelKind::smooth);
+}
