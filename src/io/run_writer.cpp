@@ -121,10 +121,30 @@ std::vector<std::string> grids_of(const File& file, const Topology& topology, st
       grids.emplace_back();
     }
   }
-  if (grids.size() < frames)
-    throw InputError("{} holds {} frames, but the checkpoint knows of {}; is it the file of another run?", file.name(),
-                     grids.size(), frames);
   return grids;
+}
+
+void check_counts(const File& file, const RunCounts& needed, std::string_view source) {
+  const auto check = [&](std::uint64_t found, std::string_view what, std::uint64_t count) {
+    if (found < count) throw InputError("{} has {} {}, but {} counts on {}", file.name(), found, what, source, count);
+  };
+  /// Of the shortest column.
+  const auto rows = [&](const std::string& table) {
+    if (!file.has(table)) return std::uint64_t{0};
+    const auto group = file.open_group(table);
+    std::optional<std::uint64_t> least;
+    for (const std::string& column : group.links()) {
+      const hdf5::Shape shape = group.shape(column);
+      least = std::min(least.value_or(-1), shape.empty() ? 0 : shape[0]);
+    }
+    return least.value_or(0);
+  };
+  const auto list = file.open_group("/frames");
+  std::uint64_t frames = 0;
+  while (frames < needed.frames && list.has(frame_name(frames))) ++frames;
+  check(frames, "frames", needed.frames);
+  check(rows("/series"), "rows of /series", needed.samples);
+  check(rows("/events"), "rows of /events", needed.events);
 }
 
 /// A rank's part of a dataset.
@@ -195,6 +215,7 @@ void RunWriter::go_on(const Topology& topology, std::uint64_t series_rows, std::
       file_->open_group("/manifest").integer_attribute("dim") != dim_)
     throw InputError("{} holds other particles than the checkpoint; restart from the folder of the same run",
                      file_->name());
+  check_counts(*file_, {series_rows, frames_, event_rows}, "the checkpoint");
   for (const char* group : {"/manifest", "/geometry"}) file_->open_group(group).check_seal();
   for (const char* group : {"/topology", "/geometry", "/series_axes"})
     for (const std::string& name : file_->open_group(group).datasets()) file_->open_group(group).check(name);
@@ -253,9 +274,6 @@ RunWriter::Table RunWriter::Table::stored(File& file, const std::string& name, s
           {column, shape.size() > 1 ? shape[1] : 1, shape.size() > 1, group.open_rows(column, rows)});
     }
   }
-  if (table.columns.empty() && rows > 0)
-    throw InputError("{} has nothing in {}, but the checkpoint knows of {} rows; is it the file of another run?",
-                     file.name(), name, rows);
   return table;
 }
 
@@ -404,6 +422,10 @@ Series RunWriter::read_series() {
 
 std::size_t count_frames(const std::filesystem::path& folder) {
   return File::open_read(folder / run_name).open_group("/frames").links().size();
+}
+
+void check_counts(const std::filesystem::path& folder, const RunCounts& needed, std::string_view source) {
+  check_counts(File::open_read(folder / run_name), needed, source);
 }
 
 Series read_series(const std::filesystem::path& folder) { return read_series_of(File::open_read(folder / run_name)); }

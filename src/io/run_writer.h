@@ -9,6 +9,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <pliant/base/ranks.h>
@@ -55,6 +56,14 @@ using Series = std::map<std::string, SeriesColumn>;
 Series read_series(const std::filesystem::path& folder);
 /// In folder/run.h5. Errors: InputError.
 std::size_t count_frames(const std::filesystem::path& folder);
+
+/// How much of a run a checkpoint counts on.
+struct RunCounts {
+  std::uint64_t samples = 0, frames = 0, events = 0;
+};
+/// Errors: InputError if folder/run.h5 cannot be read, or has less than that; `source` says in the message whose count
+/// it is.
+void check_counts(const std::filesystem::path& folder, const RunCounts& needed, std::string_view source);
 
 /// Writes the folder. Of a frame nothing is copied as a whole. What a frame or flush() has written is there whenever
 /// the program is killed. Errors of all members: OutputError; what was there at the last frame or flush() stays.

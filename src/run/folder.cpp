@@ -90,6 +90,11 @@ void take_options(std::string_view scenario, const Checkpoint& checkpoint, Optio
   }
 }
 
+RunCounts counts_of(const Checkpoint& c) {
+  const auto count = [&](const char* name) { return static_cast<std::uint64_t>(c.integer(name)); };
+  return {count("samples"), count("frames"), count("events")};
+}
+
 }  // namespace
 
 void make_run(std::string_view scenario, const RunOptions& p, Options& options, const Ranks& ranks, FolderLock& lock,
@@ -109,6 +114,7 @@ void make_run(std::string_view scenario, const RunOptions& p, Options& options, 
   });
   if (ranks.broadcast(found) == Found::nothing) return make({});
   std::vector<std::string> problems = std::move(stored.problems);
+  bool fits = true;  // run.h5 to the checkpoint; the root knows
   for (const std::string& file : shared_names(ranks, stored.files)) {
     std::string problem;
     try {
@@ -116,6 +122,12 @@ void make_run(std::string_view scenario, const RunOptions& p, Options& options, 
       ranks.together([&] { checkpoint = read_checkpoint(file); });
       const std::int64_t step = checkpoint->step;
       take_options(scenario, *checkpoint, options);
+      ranks.on_root([&] {
+        const RunCounts counts = counts_of(*checkpoint);
+        fits = false;
+        check_counts(folder, counts, file);
+        fits = true;
+      });
       make(std::move(checkpoint));
       if (found == Found::killed && ranks.root())
         say("{}: its run was killed, and goes on from its last checkpoint\n", folder.string());
@@ -135,7 +147,9 @@ void make_run(std::string_view scenario, const RunOptions& p, Options& options, 
   }
   ranks.on_root([&] {
     throw InputError("{}{}", fmt::join(problems, "; "),
-                     stored.files.empty() ? "; without a checkpoint start again, with another -output" : "");
+                     stored.files.empty() ? "; without a checkpoint start again, with another -output"
+                     : fits               ? ""
+                            : "; end what uses run.h5, bring it back from a copy, or start again with another -output");
   });
 }
 

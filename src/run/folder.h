@@ -18,9 +18,10 @@ namespace pliant {
 /// the same folder, as the same command again goes on with it. What was killed before it had a checkpoint or a frame is
 /// removed. `lock` becomes that of the folder, on the root: keep it as long as the run writes. `options`, to which `p`
 /// is bound, gets the stored values before `make` gets the checkpoint. If `make` or anything before it fails with the
-/// newer of two checkpoints, a warning says why, and the older one is tried: `make` must check all that it reads, and
-/// change nothing that lasts before it has. Collective. Errors: InputError where -output contradicts -restart, another
-/// process uses the folder, it holds a run that has ended, or no checkpoint can be used; OutputError.
+/// newer of two checkpoints, or run.h5 has less than it counts on, a warning says why, and the older one is tried:
+/// `make` must check all that it reads, and change nothing that lasts before it has. Collective. Errors: InputError
+/// where -output contradicts -restart, another process uses the folder, it holds a run that has ended, or no checkpoint
+/// can be used; OutputError.
 void make_run(std::string_view scenario, const RunOptions& p, Options& options, const Ranks& ranks, FolderLock& lock,
               const std::function<void(std::optional<Checkpoint>)>& make);
 

@@ -16,10 +16,11 @@ LAST = {"t_end": 1.5}
 
 @pytest.fixture(scope="module")
 def two(tmp_path_factory):
-    """A run with checkpoints at t = 0.5 (a) and t = 1 (b)."""
+    """A run with checkpoints at t = 0.5 (a) and t = 1 (b); beside it what it was before: "start.h5", "half.h5"."""
     folder = tmp_path_factory.mktemp("two") / "run"
     hopper(folder, t_end=0)  # one for its start, one for its end
-    for end in (0.5, 1):
+    for end, before in ((0.5, "start.h5"), (1, "half.h5")):
+        shutil.copy(folder / "run.h5", folder.parent / before)
         result = pliant("hopper", restart=folder, t_end=end)
         assert result.returncode == 0, result.stderr
     return folder
@@ -67,6 +68,12 @@ def set_options(change):
     return edit_text
 
 
+def set_events(count):
+    def change(state):
+        state["events"][...] = state["crossed"][...] = count
+    return change
+
+
 def flip(path, at, bit=0):
     data = bytearray(path.read_bytes())
     data[at] ^= 1 << bit
@@ -112,6 +119,9 @@ WRONG = {
     "option": (set_options(lambda text: text.replace('"zeta":{', '"zetta":{')), "-zetta is unknown"),
     "size": (set_options(lambda text: text.replace('"value":60}', '"value":60000000}')), "id has 60 values"),
     "removed": (lambda state: state.pop("v"), "no real numbers named v"),
+    "samples": (set_value("samples", 1000), "rows of /series"),
+    "frames": (set_value("frames", 1000), "frames"),
+    "events": (set_events(1000), "rows of /events"),
 }
 
 
@@ -169,3 +179,64 @@ def test_what_the_user_asks_for_is_no_fault_of_a_checkpoint(run):
                              "leave it out, or start a new run in another folder\n")
     result = pliant("hopper", restart=run, implicit="shape")
     assert result.returncode == 2 and result.stderr.count("-implicit shape") == 1
+
+
+def test_an_older_run_file(run, two, from_older):
+    """Put back from a copy that was made before the last checkpoint."""
+    shutil.copy(two.parent / "half.h5", run / "run.h5")
+    result = pliant("hopper", restart=run, **LAST)
+    assert result.returncode == 0 and result.stderr.count("\n") == 1, result.stderr
+    assert "run.h5 has 2 frames" in result.stderr and "checkpoint-b.h5 counts on 3" in result.stderr
+    assert "going on from" in result.stderr and "checkpoint-a.h5 (step 500)" in result.stderr
+    assert_same_runs(Results(run), from_older)
+
+
+def cut(path):
+    path.write_bytes(path.read_bytes()[:-1000])
+
+
+@pytest.mark.parametrize("ranks", [1, pytest.param(2, marks=needs_mpi)])
+@pytest.mark.parametrize("how", ["older", "cut", "missing"])
+def test_a_run_file_that_fits_no_checkpoint(how, ranks, run, two):
+    path = run / "run.h5"
+    shutil.copy(two.parent / "start.h5", path)
+    {"older": lambda _: None, "cut": cut, "missing": lambda path: path.unlink()}[how](path)
+    before = {file.name: file.read_bytes() for file in run.iterdir()}
+    result = on_ranks(ranks, "hopper", restart=run, **LAST) if ranks > 1 else pliant("hopper", restart=run, **LAST)
+    assert result.returncode == 2, result.stderr
+    (complaint,) = complaints(result)
+    assert "run.h5" in complaint and "bring it back from a copy, or start again with another -output" in complaint
+    for name in ("checkpoint-a.h5", "checkpoint-b.h5"):
+        assert (name in complaint) == (how == "older")
+    assert {file.name: file.read_bytes() for file in run.iterdir()} == before
+
+
+@needs_mpi
+def test_an_older_run_file_on_ranks(run, two, from_older):
+    shutil.copy(two.parent / "half.h5", run / "run.h5")
+    result = on_ranks(2, "hopper", restart=run, **LAST)
+    assert result.returncode == 0, result.stderr
+    (complaint,) = complaints(result)
+    assert "checkpoint-b.h5 counts on 3" in complaint and "checkpoint-a.h5 (step 500)" in complaint
+    assert np.allclose(Results(run).frames[-1]["positions"], from_older.frames[-1]["positions"], rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("scenario, options", [
+    ("raft", {"rows": 3, "columns": 3, "delta": 0.05, "v_wall": 1e-3, "sample_interval": 5}),
+    ("clog", {"n": 8, "g": 0.1, "phi_c": 3e-4, "sample_interval": 5})])
+def test_droplets_with_a_checkpoint_that_counts_too_much(scenario, options, tmp_path):
+    run = tmp_path / "run"
+    assert pliant(scenario, output=run, t_end=20, **options).returncode == 0
+    assert pliant(scenario, restart=run, t_end=40).returncode == 0
+    newer = max(run.glob("checkpoint-*.h5"), key=step_of)
+    edit(newer, set_value("samples", 1000))
+    result = pliant(scenario, restart=run, t_end=60)
+    assert result.returncode == 0 and result.stderr.count("\n") == 1, result.stderr
+    assert f"{newer.name} counts on 1000" in result.stderr and "going on from" in result.stderr
+    times = Results(run).series["time"]
+    assert times[-1] == 60 and (np.diff(times) > 0).all()
+
+
+def step_of(checkpoint):
+    with h5py.File(checkpoint) as file:
+        return file["state"].attrs["step"]
