@@ -3,6 +3,10 @@ set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 build=$root/build
 cores=$(env -u OMP_NUM_THREADS -u OMP_THREAD_LIMIT nproc)  # builds use all, however many threads runs may
+werror=OFF  # warnings as errors: in CI
+if [[ ${CI:-} == true ]]; then
+  werror=ON
+fi
 
 say() { printf '%s\n' "$*"; }
 die() {

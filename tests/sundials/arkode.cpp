@@ -11,7 +11,7 @@
 
 #include "solver.h"
 #include "support/order.h"
-#include "support/problems.h"
+#include "problems.h"
 
 using namespace pliant;
 using namespace pliant::test;

@@ -4,7 +4,7 @@
 #include <limits>
 
 #include "solver.h"
-#include "support/problems.h"
+#include "problems.h"
 
 using namespace problems;
 using Catch::Matchers::Contains;
