@@ -9,9 +9,9 @@
 #include <string>
 #include <vector>
 
+#include "problems.h"
 #include "solver.h"
 #include "support/order.h"
-#include "problems.h"
 
 using namespace pliant;
 using namespace pliant::test;

@@ -3,8 +3,8 @@
 
 #include <limits>
 
-#include "solver.h"
 #include "problems.h"
+#include "solver.h"
 
 using namespace problems;
 using Catch::Matchers::Contains;
