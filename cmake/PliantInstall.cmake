@@ -23,7 +23,7 @@ foreach(command ${commands})
 endforeach()
 
 # Pages lie to each other as in the sources, so that their links hold.
-install(FILES README.md ARCHITECTURE.md LICENSE CITATION.cff TYPE DOC)
+install(FILES README.md ARCHITECTURE.md CHANGELOG.md CONTRIBUTING.md LICENSE CITATION.cff TYPE DOC)
 install(DIRECTORY docs TYPE DOC)
 install(DIRECTORY examples/ DESTINATION ${share}/examples FILES_MATCHING PATTERN "*.yaml" PATTERN "*.csv")
 foreach(program own_term bouncing_polygon)
