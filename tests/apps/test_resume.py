@@ -209,6 +209,63 @@ def test_a_run_that_cannot_be_extended(tmp_path):
     assert "finished" in message and "-restart" not in message and "choose another -output" in message
 
 
+CLOG = {"n": 14, "g": 0.1, "hopper_width": 1.25, "phi_c": 3e-4, "dt": 0.2}
+RAFT = {"rows": 3, "columns": 3, "delta": 0.05, "v_wall": 2e-2, "end_distance": 4}
+ENDED = {"clogged": ("clog", CLOG), "empty": ("clog", {**CLOG, "hopper_width": 4, "phi_c": 0}),
+         "clog until t_end": ("clog", {**CLOG, "t_end": 33}), "end_distance": ("raft", RAFT),
+         "raft until t_end": ("raft", {**RAFT, "t_end": 33})}
+
+
+@pytest.mark.parametrize("name", ENDED)
+def test_the_end_of_droplets_is_not_passed(name, tmp_path):
+    """With the same end there is nothing left to do; only the summary is written anew, as after a kill before it."""
+    scenario, options = ENDED[name]
+    folder = tmp_path / "run"
+    assert pliant(scenario, output=folder, **options).returncode == 0
+    before, files = Results(folder), content(folder)
+    (folder / "summary.json").unlink()
+    for how in ({"restart": folder}, {"output": folder, **options}):
+        result = pliant(scenario, **how)
+        assert result.returncode == 0 and result.stderr == "", result.stderr
+        assert "has ended there already" in result.stdout
+        assert_same_runs(before, Results(folder))
+        after = content(folder)
+        assert {file for file in files if files[file] != after[file]} <= {"summary.json"}
+        (folder / "summary.json").unlink()
+
+
+@needs_mpi
+def test_the_end_of_droplets_is_not_passed_on_ranks(tmp_path):
+    folder = tmp_path / "run"
+    assert on_ranks(2, "clog", output=folder, **CLOG).returncode == 0
+    before = Results(folder)
+    result = on_ranks(2, "clog", restart=folder)
+    assert result.returncode == 0 and result.stdout.count("has ended there already") == 1, result.stderr
+    assert_same_runs(before, Results(folder))
+
+
+@pytest.mark.parametrize("scenario, options, change", [("clog", CLOG, {"clog_speed": 1e-7, "rest": "speed"}),
+                                                       ("raft", RAFT, {"end_distance": 3.9})])
+def test_droplets_go_on_to_another_end(scenario, options, change, tmp_path):
+    assert pliant(scenario, output=tmp_path / "run", **options).returncode == 0
+    before = Results(tmp_path / "run").summary
+    result = pliant(scenario, restart=tmp_path / "run", **change)
+    assert result.returncode == 0 and "already" not in result.stdout, result.stderr
+    after = Results(tmp_path / "run").summary
+    assert after["t"] > before["t"] and after["status"] == before["status"]
+
+
+def test_a_clog_is_judged_where_it_would_have_been(tmp_path):
+    """A run that -t_end ended at rest, between two looks at it, ends with the next look."""
+    options = {**CLOG, "rest": "speed"}
+    assert pliant("clog", output=tmp_path / "whole", **options).returncode == 0
+    whole = Results(tmp_path / "whole").summary
+    assert pliant("clog", output=tmp_path / "run", **options, t_end=whole["t"] - 0.3).returncode == 0
+    assert pliant("clog", restart=tmp_path / "run", t_end=1e6).returncode == 0
+    summary = Results(tmp_path / "run").summary
+    assert summary["status"] == whole["status"] == "clogged" and summary["steps"] == whole["steps"]
+
+
 def test_a_run_that_failed(tmp_path):
     """Steps that are too long drive droplets into each other."""
     options = {"rows": 3, "columns": 3, "delta": 0.01, "end_distance": 4, "v_wall": 2e-2, "frame_interval": 20,

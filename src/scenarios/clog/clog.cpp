@@ -78,16 +78,21 @@ class ClogRun final : public DropletRun {
   bool follow() override {
     if (state().step % check_every != 0) return false;
     const bool changed = opened_ >= 0 && take_out();
-    if (active() > 0 && !at_rest()) return changed;
-    if (opened_ < 0) {
-      opened_ = state().t;
-      frame();
-      set_walls(make_walls(p_, far_below));
-      return true;
+    if (opened_ >= 0) {
+      judge_end();
+      return changed;
     }
+    if (!at_rest()) return changed;
+    opened_ = state().t;
+    frame();
+    set_walls(make_walls(p_, far_below));
+    return true;
+  }
+
+  void judge_end() override {
+    if (opened_ < 0 || (active() > 0 && !at_rest())) return;
     arch_ = find_arch();
     finish(arch_.empty() ? "empty" : "clogged");
-    return changed;
   }
 
   void measure(std::vector<SeriesValue>& row) override {

@@ -97,10 +97,13 @@ ExitCode DropletRun::run() {
     cpu_at_start_ = control_.cpu_seconds();
     started_at_ = state_.t;
     const LogScope log(LogStage::run);
-    integrator_->run(static_cast<FirstOrderSystem&>(system_), moving(), last_time(),
-                     [this](State&) { return after_step(); });
+    if (had_ended_) judge_end();
+    if (ended_by_.empty())
+      integrator_->run(static_cast<FirstOrderSystem&>(system_), moving(), last_time(),
+                       [this](State&) { return after_step(); });
     control_.end_progress();
     if (!stopped_) complete();
+    if (!sampled_) take_sample();  // the summary has results of the last one
     s = summary(stopped_ ? "stopped" : "done");
     if (!stopped_) conclude(s);
     ranks_.on_root([&] {
@@ -120,7 +123,9 @@ void DropletRun::report(Real cpu) const {
   if (stopped_)
     say("stopped at t = {:.6g} t0 with a checkpoint; run the same command again to go on\n", state_.t);
   else
-    say("ended by {} at t = {:.6g} t0; error of the energy budget {:.1e}\n", ended_by_, state_.t, budget_error_);
+    say("{} by {} at t = {:.6g} t0; error of the energy budget {:.1e}\n",
+        integrator_->statistics().steps > 0 || state_.step == 0 ? "ended" : "it has ended there already,", ended_by_,
+        state_.t, budget_error_);
   const IntegratorStatistics total = statistics();
   say("{} steps, {} force evaluations, {:.2f} s CPU\n", total.steps, total.force_evaluations, cpu);
 }
@@ -186,10 +191,10 @@ void DropletRun::gather(std::span<const Real> own, std::span<Real> all) const {
 
 /// What the end of a run adds, unless it was stopped.
 void DropletRun::complete() {
-  if (ended_by_.empty()) ended_by_ = "t_end";
   if (!sampling_.done_at(state_.t)) sample();
   if (!framing_.done_at(state_.t)) frame();
-  store();  // for a restart to a later end
+  if (integrator_->statistics().steps > 0) store();  // for a restart to a later end
+  if (ended_by_.empty()) ended_by_ = "t_end";
 }
 
 AfterStep DropletRun::after_step() {
@@ -220,6 +225,12 @@ AfterStep DropletRun::after_step() {
 void DropletRun::sample() {
   const LogScope log(LogEvent::sample);
   sampling_.done(state_.t);
+  const std::vector<SeriesValue> row = take_sample();
+  ranks_.on_root([&] { writer_->add_sample(row); });
+}
+
+std::vector<SeriesValue> DropletRun::take_sample() {
+  sampled_ = true;
   find_velocities();
   const StateView<2> s = view();
   Real bonds = 0, tense = 0;
@@ -243,7 +254,7 @@ void DropletRun::sample() {
   row.emplace_back("withdrawn", withdrawn_);
   row.emplace_back("budget_error", budget_error_);
   measure(row);
-  ranks_.on_root([&] { writer_->add_sample(row); });
+  return row;
 }
 
 void DropletRun::frame() {
@@ -352,6 +363,7 @@ void DropletRun::store() {
     c.add("last_dt", last_dt());
     c.add("start_energy", start_energy_);
     c.add("withdrawn", withdrawn_);
+    c.add("ended", !ended_by_.empty());
     c.add("rejected_steps", total.rejected);
     c.add("force_evaluations", total.force_evaluations);
     c.add("cpu_seconds", cpu);
@@ -385,6 +397,7 @@ void DropletRun::restore(const Checkpoint& c) {
   last_dt_ = c.real("last_dt", std::numeric_limits<Real>::min(), std::max(last_dt_, last_time()));
   start_energy_ = c.real("start_energy");
   withdrawn_ = c.real("withdrawn");
+  had_ended_ = c.flag("ended");
   before_ = {.steps = c.step,
              .rejected = c.integer("rejected_steps"),
              .force_evaluations = c.integer("force_evaluations", c.step)};

@@ -76,6 +76,9 @@ class DropletRun {
   /// After every accepted step. May call finish(), frame(), set_walls() and deactivate(), and returns whether it has
   /// changed the state.
   virtual bool follow() = 0;
+  /// Calls finish() if the run ends in the present configuration. For a restart from a run that had ended: its end may
+  /// have been given anew.
+  virtual void judge_end() = 0;
   /// Columns that it adds to a sample; energies and forces are those of `reports`.
   virtual void measure(std::vector<SeriesValue>& row) = 0;
   virtual std::string progress() const = 0;  ///< for the progress line
@@ -116,6 +119,7 @@ class DropletRun {
   void prepare();
   void begin();
   void complete();
+  std::vector<SeriesValue> take_sample();
   AfterStep after_step();
   void share_out();
   void tidy();
@@ -164,8 +168,9 @@ class DropletRun {
   Real cpu_before_ = 0, cpu_at_start_ = 0, started_at_ = 0;
   std::uint64_t restored_samples_ = 0, restored_frames_ = 0, restored_events_ = 0;
   std::string restarted_from_;  ///< file of the checkpoint
+  bool had_ended_ = false;      ///< not by -t_end: the run that a restart goes on from
   std::string ended_by_;
-  bool stopped_ = false;
+  bool sampled_ = false, stopped_ = false;
 };
 
 }  // namespace pliant

@@ -159,8 +159,12 @@ class RaftRun final : public DropletRun {
       record(now, bonds_, false);
       bonds_ = std::move(now);
     }
-    if (state().t >= time_of_end()) finish(p_.end_distance ? "end_distance" : "rows_end");
+    judge_end();
     return false;
+  }
+
+  void judge_end() override {
+    if (state().t >= time_of_end()) finish(p_.end_distance ? "end_distance" : "rows_end");
   }
 
   void measure(std::vector<SeriesValue>& row) override {
