@@ -11,10 +11,6 @@ struct Crossing {
   Index vertex, particle, other;  ///< vertex (a point) of particle, inside other
 };
 
-/// First vertex, by index, that lies inside the polygon of a neighbour. Needs neighbour lists, which limit how deep
-/// inside a vertex can be to be found: it is listed with an edge, or with a vertex, of the polygon.
-std::optional<Crossing> find_crossing(const StateView<2>& s);
-
 /// A vertex near the outline of another particle, or near a wall; a lip near an edge.
 struct Approach {
   Index vertex;   ///< a point; the first one of the edge
@@ -36,8 +32,12 @@ struct OutlineLook {
   std::optional<Approach> closest;  ///< of contacts that are too near
 };
 
-/// Needs lists that are valid. Costs about as much as the contact forces of the listed pairs. Threads share out the
-/// pairs; what is found does not depend on their number.
-OutlineLook look_at_outlines(const StateView<2>& s, const LeastDistances& least = {});
+/// Needs lists that are valid. Finds vertices that are up to `deepest` inside, if not deeper. Costs about as much as
+/// the contact forces of the listed pairs; where the lists have no vertices and edges, or do not hold pairs that are as
+/// deep, as much as a rebuild of the lists. Threads share out the pairs; what is found does not depend on their number.
+OutlineLook look_at_outlines(const StateView<2>& s, const LeastDistances& least = {}, Real deepest = 0);
+
+/// First vertex, by index, that lies inside the polygon of another particle, however deep.
+std::optional<Crossing> find_crossing(const StateView<2>& s);
 
 }  // namespace pliant

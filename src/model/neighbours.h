@@ -68,6 +68,8 @@ class Neighbours {
 
   Neighbours(NeighbourNeeds needs, Real skin) : needs_(needs), skin_(skin) {}
 
+  const NeighbourNeeds& needs() const { return needs_; }
+
   PairList point_pairs;   ///< (point, point); across a border the chunk's own point comes first
   PairList vertex_edges;  ///< (vertex, first vertex of the edge)
   PairList walls;         ///< (point, wall)

@@ -6,29 +6,18 @@
 
 #include <pliant/kernels/verlet.h>
 #include <pliant/model/crossing.h>
-#include <pliant/model/polygon.h>
 
 namespace pliant {
 namespace {
 
-/// Vertices inside polygons, however deep.
-std::optional<Crossing> search_all(const StateView<2>& s) {
-  // A point inside an outline of length L is at most L/2π from it: a disk of that radius fits in.
-  Real longest = 0;
-  for (Index m = 0; m < s.topology.particles(); ++m) longest = std::max(longest, polygon_perimeter(s.x, s.topology, m));
-  Neighbours<2> neighbours({.vertex_edges = true}, longest / (2 * pi));
-  neighbours.rebuild(s.topology, s.walls, s.x);
-  return find_crossing({s.x, nullptr, s.topology, neighbours, s.walls});
+/// Another law that keeps vertices out.
+std::string_view cure(const NeighbourNeeds& needs, bool barrier) {
+  if (needs.edges == Edges::bare) return needs.vertex_edges ? "" : ", or -rough_contact edge";
+  return barrier ? "" : ", or -contact_law barrier";
 }
 
-/// What is seen, vertices inside polygons as deep as they can be among it.
-OutlineLook look_everywhere(const StateView<2>& s, const LeastDistances& least, Real deepest) {
-  OutlineLook seen = look_at_outlines(s, least);
-  if (deepest >= seen.depth) seen.crossing = search_all(s);
-  return seen;
-}
-
-void check(const OutlineLook& seen, const Topology& topology, const LeastDistances& least, Real dt) {
+void check(const OutlineLook& seen, const StateView<2>& s, const LeastDistances& least, Real dt) {
+  const Topology& topology = s.topology;
   const auto named = [&](Index vertex) {
     const Index m = topology.particle[vertex];
     return fmt::format("vertex {} of particle {}", vertex - topology.offset[m], topology.id[m]);
@@ -36,7 +25,7 @@ void check(const OutlineLook& seen, const Topology& topology, const LeastDistanc
   if (seen.crossing)
     throw NumericalError("{} has crossed the outline of particle {}; a smaller -dt or a larger -e_c keeps it out{}",
                          named(seen.crossing->vertex), topology.id[seen.crossing->other],
-                         dt > 0 ? "" : ", or -contact_law barrier");
+                         cure(s.neighbours.needs(), dt > 0));
   if (!seen.closest) return;
   const bool wall = seen.closest->other < 0;
   throw NumericalError(
@@ -69,15 +58,15 @@ bool CrossingWatch::admits(ParticleSystem<2>& system, const Real* x) const {
   if (!(moved < 1)) return false;
   const StateView<2> view = system.view(x, nullptr);
   bool crossed = false;
-  system.ranks().together([&] { crossed = look_everywhere(view, {}, 2 * moved - gap_).crossing.has_value(); });
+  system.ranks().together([&] { crossed = look_at_outlines(view, {}, 2 * moved - gap_).crossing.has_value(); });
   return !system.ranks().any(crossed);
 }
 
 void CrossingWatch::look(ParticleSystem<2>& system, const State& s, Real deepest) {
   const StateView<2> view = system.view(s.x().data(), s.v().data(), s.t);
   system.ranks().together([&] {
-    const OutlineLook seen = look_everywhere(view, least_, deepest);
-    check(seen, system.topology(), least_, dt_);
+    const OutlineLook seen = look_at_outlines(view, least_, deepest);
+    check(seen, view, least_, dt_);
     gap_ = seen.gap;
   });
   gap_ = system.ranks().min(gap_);

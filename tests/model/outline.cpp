@@ -266,29 +266,63 @@ TEST_CASE("a vertex that has crossed an outline is found and named") {
   CHECK(found->other == 0);
 }
 
-TEST_CASE("the gap between outlines is the smallest distance of a vertex, as far as the lists know") {
-  for (const bool rough : {false, true}) {
-    int listed = 0;
+TEST_CASE("the gap between outlines is the smallest distance of a vertex, up to the depth of the look") {
+  struct Case {
+    const char* name;
+    ModelKind kind;
+    Real delta;
+    bool rough_edges = true;
+  };
+  // Edges are 0.5 long. Without a list of vertices and edges, too, where points have none with the middle of an edge.
+  for (const Case& look :
+       {Case{"smooth", ModelKind::smooth, 0.1}, Case{"rough", ModelKind::rough, 0.5},
+        Case{"literal", ModelKind::rough, 0.5, false}, Case{"literal, long edges", ModelKind::rough, 0.2, false}}) {
+    int near_enough = 0;
     for (int k = 0; k < 200; ++k) {
-      INFO((rough ? "rough" : "smooth") << ", state " << k);
+      INFO(look.name << ", state " << k);
       Random random(k);
-      const Real delta = rough ? 0.5 : 0.1, near = random(0.01, 0.15);
+      const Real near = random(0.01, 0.15);
       Configuration<2> c;
-      c.add_polygon(regular_polygon(6, 0.5, Vec<2>::Zero(), random(0, 1)), delta);
+      c.add_polygon(regular_polygon(6, 0.5, Vec<2>::Zero(), random(0, 1)), look.delta);
       Vec<2> tip = 2 * random.unit<2>();
       while (outline_distance(tip, vertices_of(c, 0)) > near) tip *= 0.999;
-      c.add_polygon(wedge(tip, tip.normalized()), delta);
-      Neighbours<2> neighbours(neighbour_needs(rough ? ModelKind::rough : ModelKind::smooth), 0.02);
+      c.add_polygon(wedge(tip, tip.normalized()), look.delta);
+      Neighbours<2> neighbours(neighbour_needs(look.kind, {.rough_edges = look.rough_edges}), 0.02);
       neighbours.rebuild(c.topology, c.walls, c.x.data());
-      const OutlineLook seen = look_at_outlines({c.x.data(), nullptr, c.topology, neighbours, c.walls});
-      Real least = seen.depth;
+      const StateView<2> view{c.x.data(), nullptr, c.topology, neighbours, c.walls};
+      Real least = std::numeric_limits<Real>::infinity();
       for (const Index m : {0, 1})
         for (const Vec<2>& r : vertices_of(c, m)) least = std::min(least, outline_distance(r, vertices_of(c, 1 - m)));
-      CHECK(!seen.crossing);
-      CHECK(seen.gap == Approx(least).epsilon(1e-12));
-      CHECK(seen.depth > 0.09);
-      listed += seen.gap < seen.depth;
+      for (const Real deepest : {0.0, 0.3}) {
+        const OutlineLook seen = look_at_outlines(view, {}, deepest);
+        CHECK(!seen.crossing);
+        CHECK(seen.gap == Approx(std::min(seen.depth, least)).epsilon(1e-12));
+        CHECK(seen.depth > std::max(0.09, deepest));
+        near_enough += deepest == 0 && least < seen.depth;
+      }
     }
-    CHECK(listed > 50);
+    CHECK(near_enough > 50);
   }
+}
+
+TEST_CASE("a vertex inside an outline is found as deep as is asked for") {
+  for (const bool rough : {false, true})
+    for (const Real depth : {0.04, 0.2}) {
+      INFO((rough ? "rough" : "smooth") << ", " << depth);
+      Configuration<2> c;
+      const Real radius = std::sqrt(0.75);  // of the circle in the hexagon
+      c.add_polygon(regular_polygon(6, 1), 0.1);
+      c.add_polygon(wedge({0, radius - depth}, {0, 1}), 0.1);
+      Neighbours<2> neighbours(neighbour_needs(rough ? ModelKind::rough : ModelKind::smooth, {.rough_edges = false}),
+                               0.02);
+      neighbours.rebuild(c.topology, c.walls, c.x.data());
+      const StateView<2> view{c.x.data(), nullptr, c.topology, neighbours, c.walls};
+      const OutlineLook shallow = look_at_outlines(view);
+      CHECK(shallow.crossing.has_value() == (depth < shallow.depth));
+      const OutlineLook deep = look_at_outlines(view, {}, depth);
+      REQUIRE(deep.crossing);
+      CHECK(deep.crossing->vertex == 6);
+      CHECK(deep.crossing->other == 0);
+      CHECK(find_crossing(view));
+    }
 }

@@ -49,14 +49,8 @@ void check_directions(const StateView<D>& s, bool lip_edges, const std::string& 
 
 /// Distances to an outline are unsigned: inside it the force of a contact with an edge would pull further in.
 void check_crossing(const Configuration<2>& c, const std::string& file) {
-  // A point inside an outline of length L is at most L/2π from it (a disk of that radius fits in): the list has an edge
-  // of every polygon that a vertex can lie in.
-  Real longest = 0;
-  for (Index m = 0; m < c.topology.particles(); ++m)
-    longest = std::max(longest, polygon_perimeter(c.x.data(), c.topology, m));
-  Neighbours<2> neighbours({.vertex_edges = true}, longest / (2 * pi));
-  neighbours.rebuild(c.topology, c.walls, c.x.data());
-  const auto crossing = find_crossing({c.x.data(), c.v.data(), c.topology, neighbours, c.walls});
+  const Neighbours<2> none({}, 0);
+  const auto crossing = find_crossing({c.x.data(), c.v.data(), c.topology, none, c.walls});
   if (crossing)
     throw InputError("{}: inputs.vertices[{}][{}] lies inside particle {}, where contacts with edges have no meaning",
                      file, crossing->particle, crossing->vertex - c.topology.offset[crossing->particle],
