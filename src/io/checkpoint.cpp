@@ -68,6 +68,10 @@ const auto& entry(const Checkpoint& c, const Map& map, const std::string& name, 
   return found->second;
 }
 
+/// The bound that is none.
+constexpr double unbounded(double) { return Checkpoint::any; }
+constexpr std::int64_t unbounded(std::int64_t) { return Checkpoint::any_count; }
+
 template <class T>
 const std::vector<T>& checked(const Checkpoint& c, const std::map<std::string, std::vector<T>>& arrays,
                               const std::string& name, std::size_t length, T least, T most) {
@@ -80,8 +84,7 @@ const std::vector<T>& checked(const Checkpoint& c, const std::map<std::string, s
   if constexpr (std::is_same_v<T, double>)
     if (!std::isfinite(*wrong)) c.refuse("{} = {} is not finite", which, *wrong);
   if (least == most) c.refuse("{} = {} instead of {}", which, *wrong, least);
-  if (most == (std::is_same_v<T, double> ? T(Checkpoint::any) : T(Checkpoint::any_count)))
-    c.refuse("{} = {} is less than {}", which, *wrong, least);
+  if (most == unbounded(most)) c.refuse("{} = {} is less than {}", which, *wrong, least);
   c.refuse("{} = {} is not in the range {} … {}", which, *wrong, least, most);
 }
 

@@ -5,12 +5,14 @@
 #include <hdf5.h>
 
 #include <algorithm>
+#include <mutex>
 #include <numeric>
 #include <optional>
 #include <stdexcept>
 #include <string_view>
 
 #include <pliant/base/errors.h>
+#include <pliant/base/petsc.h>
 
 namespace pliant::hdf5 {
 namespace {
@@ -96,7 +98,20 @@ Id string_type() {
   return type;
 }
 
+/// HDF5 1.10 loses the memory of an object's header that fails its checksum. It complains about that ("infinite loop
+/// closing library") when MPI ends, and so with PETSc.
+void keep_quiet_at_end() {
+  static std::once_flag once;
+  std::call_once(once, [] {
+    petsc_check(PetscRegisterFinalize([]() -> PetscErrorCode {
+      H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
+      return 0;
+    }));
+  });
+}
+
 Id file_access() {
+  keep_quiet_at_end();
   Id access(H5Pcreate(H5P_FILE_ACCESS));
   // Closing the file closes what is open in it.
   H5Pset_fclose_degree(access.get(), H5F_CLOSE_STRONG);
