@@ -18,17 +18,21 @@ def fail(code, message):
 
 
 if sys.argv[1] != "hopper":
-    fail(2, f"unknown scenario '{sys.argv[1]}'; pliant -help lists them")
+    fail(2, f"unknown scenario '{sys.argv[1]}', did you mean 'hopper'?; pliant -help lists them")
 options = {name[1:]: value for name, value in zip(sys.argv[2::2], sys.argv[3::2])}
 for name, value in options.items():
     if name not in KNOWN:
         fail(2, f"unknown option -{name}; did you mean -a?")
     if name in ("a", "b", "seed", "threads"):
+        integer = name in ("seed", "threads")
         try:
-            if float(value) < 0:
-                fail(2, f"-{name} {value}: must be at least 0")
+            number = int(value) if integer else float(value)
         except ValueError:
-            fail(2, f"-{name} {value}: not a finite number")
+            fail(2, f"-{name} {value}: not {'an integer' if integer else 'a finite number'}")
+        if name == "threads" and not 1 <= number <= 1024:
+            fail(2, f"-{name} {value}: must be at least 1 and at most 1024")
+        if number < 0:
+            fail(2, f"-{name} {value}: must be at least 0")
 folder = options.get("output") or options["restart"]
 at = 0.0
 if "restart" in options:
@@ -36,9 +40,12 @@ if "restart" in options:
         with open(f"{folder}/checkpoint-a.h5") as file:
             at = float(file.read())
     except OSError:
-        fail(2, f"there is no checkpoint in {folder}; give -restart the -output folder of a run that wrote one")
+        fail(2, f"there is no checkpoint in {folder}; give -restart the folder of a run that has one, or start one by "
+                "-output")
+elif os.path.exists(f"{folder}/summary.json"):
+    fail(2, f"{folder} holds a run that is finished (done); choose another -output")
 elif os.path.exists(f"{folder}/run.h5"):
-    fail(2, f"{folder} holds a run already")
+    fail(2, f"{folder} holds 1 frames of a run without a checkpoint to go on from; choose another -output")
 stop = []
 signal.signal(signal.SIGUSR1, lambda *_: stop.append(1))
 begun = time.monotonic()

@@ -1,6 +1,8 @@
 """pliant-sweep with the real program: two widths and two seeds, stopped once and merged."""
 
 import os
+import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -45,6 +47,32 @@ def test_four_runs(tmp_path):
     assert results["crossed_count"]["w3,seed=2"] == alone["crossed_count"]
     units = pd.read_csv(tmp_path / "widths/units.csv", index_col="column")["unit"]
     assert units["Q_error"] == alone["Q"]["unit"]
+
+
+FAKE = Path(__file__).resolve().parents[2] / "python/tests/fake_program.py"
+
+
+@pytest.mark.parametrize("arguments", [
+    ["hoper"], ["hopper", "-zetaa", 1], ["hopper", "-zeta", -1], ["hopper", "-zeta", "x"], ["hopper", "-seed", -1],
+    ["hopper", "-seed", 1.5], ["hopper", "-threads", 0], ["hopper", "-restart", "empty"], ["hopper", "-output", "done"],
+    ["hopper", "-output", "frames"]], ids=lambda a: " ".join(map(str, a)))
+def test_the_stand_in_speaks_as_the_program(arguments, tmp_path, monkeypatch):
+    """python/tests/fake_program.py, which has -a for -zeta and no units."""
+    monkeypatch.chdir(tmp_path)
+    Path("empty").mkdir()
+    hopper("frames", t_end=0)
+    shutil.copytree("frames", "done")
+    (Path("frames") / "summary.json").unlink()
+    for checkpoint in Path().glob("*/checkpoint-*.h5"):
+        checkpoint.unlink()
+
+    def said(program, names):
+        words = [re.sub(r"^-zeta", f"-{names['zeta']}", str(word)) for word in arguments]
+        result = subprocess.run([program, *words], text=True, capture_output=True)
+        assert result.returncode == 2
+        return re.sub(r" \(unit .*\)$", "", result.stderr).replace(f"-{names['zeta']}", "-zeta")
+
+    assert said(FAKE, {"zeta": "a"}) == said(PROGRAM, {"zeta": "zeta"})
 
 
 @pytest.mark.parametrize("column, value, message", [
