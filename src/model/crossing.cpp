@@ -116,4 +116,27 @@ std::optional<Crossing> find_crossing(const StateView<2>& s) {
   return look_at_outlines(s, {}, std::numeric_limits<Real>::infinity()).crossing;
 }
 
+bool meets(const Vec<2>& a, const Vec<2>& b, const WallSegment& wall) {
+  // A wall without end counts as far up as the segment.
+  const Real reach = std::max({Real(0), (a - wall.origin).dot(wall.direction), (b - wall.origin).dot(wall.direction)});
+  return segments_meet(a, b, wall.origin, wall.origin + std::min(reach, wall.length) * wall.direction);
+}
+
+bool outline_meets(const Real* x, const Topology& topology, Index m, const WallSegment& wall) {
+  // Most polygons lie on one side of the wall's line, or beyond its ends.
+  constexpr Real far = std::numeric_limits<Real>::infinity();
+  const Vec<2> normal(-wall.direction[1], wall.direction[0]);
+  Vec<2> low(far, far), high(-far, -far);
+  for (Index i = topology.offset[m]; i < topology.offset[m + 1]; ++i) {
+    const Vec<2> r = point<2>(x, i) - wall.origin, place(r.dot(wall.direction), r.dot(normal));
+    low = low.cwiseMin(place);
+    high = high.cwiseMax(place);
+  }
+  const Real rounding = 1e-9 * (1 + high.cwiseAbs().maxCoeff());
+  if (low[1] > rounding || high[1] < -rounding || high[0] < -rounding || low[0] > wall.length + rounding) return false;
+  for (Index i = topology.offset[m]; i < topology.offset[m + 1]; ++i)
+    if (meets(point<2>(x, i), point<2>(x, topology.next[i]), wall)) return true;
+  return false;
+}
+
 }  // namespace pliant

@@ -1,4 +1,5 @@
-// Detects vertices that have crossed the outline of another particle: an error state of the deformable models.
+// Detects vertices that have crossed the outline of another particle, and outlines that meet walls: error states of the
+// deformable models.
 #pragma once
 
 #include <optional>
@@ -39,5 +40,11 @@ OutlineLook look_at_outlines(const StateView<2>& s, const LeastDistances& least 
 
 /// First vertex, by index, that lies inside the polygon of another particle, however deep.
 std::optional<Crossing> find_crossing(const StateView<2>& s);
+
+/// Whether the closed segment from a to b meets the wall.
+bool meets(const Vec<2>& a, const Vec<2>& b, const WallSegment& wall);
+
+/// Whether an edge of polygon m meets the wall. x [points · 2].
+bool outline_meets(const Real* x, const Topology& topology, Index m, const WallSegment& wall);
 
 }  // namespace pliant

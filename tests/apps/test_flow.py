@@ -94,6 +94,28 @@ def test_what_goes_through_a_wall_ends_the_run(name, tmp_path):
         assert set(np.flatnonzero(frame["centres"][:, -1] < 0)) <= set(who[time <= frame["time"]])
 
 
+@pytest.mark.parametrize("model, e_w", [("rough", 0.5), ("rough", 1000), ("smooth", 100)])
+def test_a_lip_in_an_outline_ends_the_run(model, e_w, tmp_path):
+    """Where lips touch vertices only, they go through edges however stiff they are."""
+    options = {**SMALL, "model": model, "n_vertices": 12, "e_c": 100, "e_w": e_w, "dt": 1e-4, "t_end": 4, "seed": 2, "frame_interval": 0.02,
+               "sample_interval": 0.02, "lip_contact": "literal"}
+    result = pliant("hopper", output=tmp_path / "run", **options)
+    assert result.returncode == 3, result.stderr
+    assert "went through a wall" in result.stderr and "use -lip_contact edge" in result.stderr
+    *frames, last = Results(tmp_path / "run").frames
+    assert lip_within(last, 1.5, 12) and not any(lip_within(frame, 1.5, 12) for frame in frames)
+
+
+def lip_within(frame, half, vertices):
+    """Whether a lip of the orifice lies inside a polygon, by the even-odd rule."""
+    a = frame["positions"].reshape(-1, vertices, 2)
+    b = np.roll(a, -1, axis=1)
+    spans = (a[..., 1] > 0) != (b[..., 1] > 0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        at = a[..., 0] - a[..., 1] / (b[..., 1] - a[..., 1]) * (b[..., 0] - a[..., 0])
+    return any(((spans & (at > lip)).sum(axis=1) % 2).any() for lip in (-half, half))
+
+
 SQUEEZED = {"n": 20, "hopper_wall_distance": 6, "zeta": 0.316, "e_c": 250, "e_w": 250, "k_a": 200, "k_l": 0.5, "k_b": 0.001, "mu": 0}
 
 

@@ -385,14 +385,13 @@ class HopperRun {
 
   Real height(const State& s, Index m) const { return mean_of_points<D>(s.x().data(), system_.topology(), m)[D - 1]; }
 
-  Passage<D> passage(const State& s) const {
-    return {s.x().data(), system_.topology(), p_.hopper, system_.walls(), p_.lip_contact == ContactRule::edge};
-  }
+  Passage<D> passage(const State& s) const { return {s.x().data(), system_.topology(), p_.hopper, system_.walls()}; }
 
   NumericalError through_wall(Index id, const std::array<Real, D>& at, std::string_view how) const {
+    const bool enters = deformable() && p_.lip_contact == ContactRule::literal;
     return NumericalError(
-        "particle {} has {}, at ({:.3f}): it went through a wall; stiffen the walls (-e_w, now {:g}) or {}", id, how,
-        fmt::join(at, ", "), p_.e_w, shorten());
+        "particle {} has {}, at ({:.3f}): it went through a wall; {}stiffen the walls (-e_w, now {:g}) or {}", id, how,
+        fmt::join(at, ", "), enters ? "use -lip_contact edge, as lips enter edges without, " : "", p_.e_w, shorten());
   }
 
   Sighting<D> sight(const State& s, Index m) const {

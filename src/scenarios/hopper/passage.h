@@ -16,10 +16,9 @@ struct Passage {
   const Topology& topology;
   const Hopper& hopper;
   const Walls<D>& walls;
-  bool lip_edges = true;  ///< lips feel the edges of polygons; without, they enter them without harm
 
   /// Whether walls have been pierced: the outline of polygon m meets a wall, or, of a sphere, the centre is above the
-  /// orifice line and farther out than the wall. Of polygons without lip_edges, that of a vertex.
+  /// orifice line and farther out than the wall.
   bool through_wall(Index m) const;
 
   /// Whether particle m, which has come to the other side of the orifice line at `place`, went through the orifice: the
@@ -29,8 +28,5 @@ struct Passage {
  private:
   bool outside(const Real* r) const;
 };
-
-/// Whether an edge of polygon m meets the wall. x [points · 2].
-bool outline_meets(const Real* x, const Topology& topology, Index m, const WallSegment& wall);
 
 }  // namespace pliant
