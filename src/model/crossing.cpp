@@ -88,7 +88,7 @@ OutlineLook look_at_outlines(const StateView<2>& s, const LeastDistances& least,
       [&](Index e, std::optional<Crossing>& found) {
         test(s, edges[e].first, topology.particle[edges[e].second], found);
       });
-  if (!(least.walls > 0)) return seen;
+  if (least.walls < 0) return seen;
   const auto nothing = [](Index, std::optional<Crossing>&) {};
   look(
       walls, least.walls, 2, 0, seen,

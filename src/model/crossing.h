@@ -22,7 +22,7 @@ struct Approach {
 /// Distances over the contact distance below which contacts are too near.
 struct LeastDistances {
   Real outlines = 0;  ///< of vertices from outlines
-  Real walls = 0;     ///< of vertices from walls, and of edges from lips; 0: not looked for
+  Real walls = -1;    ///< of vertices from walls, and of edges from lips; negative: not looked for
 };
 
 /// What a look at all outlines shows. Distances in σ_avg, of vertices to the outlines of other particles.

@@ -37,6 +37,18 @@ void check(const OutlineLook& seen, const StateView<2>& s, const LeastDistances&
       dt * seen.closest->distance / (wall ? least.walls : least.outlines) / 2, wall ? "-e_w" : "-e_c");
 }
 
+/// Whether an own polygon meets a wall, or has gone through one all at once since it was at `before` [own points · 2].
+bool through_wall(const StateView<2>& s, const Real* before) {
+  const Topology& topology = s.topology;
+  for (Index m = 0; m < topology.owned(); ++m) {
+    if (topology.active[m] == 0) continue;
+    const Index i = topology.offset[m];
+    for (const WallSegment& wall : s.walls.segments())
+      if (outline_meets(s.x, topology, m, wall) || meets(point<2>(before, i), s.position(i), wall)) return true;
+  }
+  return false;
+}
+
 }  // namespace
 
 Real CrossingWatch::farthest_from_reference(const ParticleSystem<2>& system, const Real* x) const {
@@ -58,7 +70,10 @@ bool CrossingWatch::admits(ParticleSystem<2>& system, const Real* x) const {
   if (!(moved < 1)) return false;
   const StateView<2> view = system.view(x, nullptr);
   bool crossed = false;
-  system.ranks().together([&] { crossed = look_at_outlines(view, {}, 2 * moved - gap_).crossing.has_value(); });
+  system.ranks().together([&] {
+    crossed = look_at_outlines(view, {}, 2 * moved - gap_).crossing.has_value() ||
+              (least_.walls >= 0 && through_wall(view, reference_.data()));
+  });
   return !system.ranks().any(crossed);
 }
 

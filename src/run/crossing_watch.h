@@ -18,7 +18,8 @@ namespace pliant {
 class CrossingWatch {
  public:
   CrossingWatch() = default;
-  /// Finds contacts too that are nearer than `least`, where a barrier is too stiff for the fixed step dt.
+  /// Finds contacts too that are nearer than `least`, where a barrier is too stiff for the fixed step dt; with
+  /// controlled steps none is, and dt is 0. Walls that are looked for count in admits().
   CrossingWatch(const LeastDistances& least, Real dt) : least_(least), dt_(dt) {}
 
   /// Before the first step. Finds vertices however deep inside they are.
@@ -28,8 +29,8 @@ class CrossingWatch {
   /// After particles were put somewhere else or into another order.
   void after_change(ParticleSystem<2>& system, const State& s) { look(system, s, 0); }
 
-  /// Whether x [own points · 2], which a step tries, has no vertex inside another particle and no point that has gone
-  /// farther than σ_avg since the last look.
+  /// Whether x [own points · 2], which a step tries, has no vertex inside another particle, no particle that meets a
+  /// wall or has gone through one, and no point that has gone farther than σ_avg since the last look.
   bool admits(ParticleSystem<2>& system, const Real* x) const;
 
  private:

@@ -5,7 +5,7 @@ import re
 import h5py
 import numpy as np
 import pytest
-from conftest import SMALL, Results, pliant
+from conftest import SMALL, Results, hopper, pliant
 from test_parallel import complaints, needs_mpi, on_ranks
 
 # Contacts so soft that the weight of a few particles presses vertices through outlines.
@@ -100,6 +100,22 @@ def test_controlled_steps_do_not_jump_over_a_barrier(tmp_path):
     run = Results(tmp_path / "run")
     assert not any(crossed(frame) for frame in run.frames)
     assert run.summary["rejected_steps"] > 0
+
+
+@pytest.mark.parametrize("e_w", [0.5, 50])
+def test_controlled_steps_do_not_jump_through_walls(tmp_path, e_w):
+    """A step that would is refused and tried again, shorter."""
+    results = hopper(tmp_path / "run", **{**SOFT, "contact_law": "barrier", "e_c": 250, "e_w": e_w, "zeta": 3, "dynamics": "overdamped",
+                                          "integrator": "ts", "t_end": 0.12, "sample_interval": 0.02, "frame_interval": 0.02})
+    assert results.summary["status"] == "done" and results.summary["rejected_steps"] > 0
+    w, half = results.geometry["w"] / 2, results.geometry["W"] / 2
+    for x in results.column("positions"):
+        a, b = x.reshape(-1, 12, 2), np.roll(x.reshape(-1, 12, 2), -1, axis=1)
+        assert np.abs(x[:, 0]).max() < half
+        down = (a[..., 1] > 0) != (b[..., 1] > 0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            at = a[..., 0] - a[..., 1] / (b[..., 1] - a[..., 1]) * (b[..., 0] - a[..., 0])
+        assert (np.abs(at[down]) < w).all()
 
 
 @pytest.mark.parametrize("model", ["sp", "rough"])

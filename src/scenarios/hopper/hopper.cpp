@@ -195,8 +195,10 @@ class HopperRun {
                                                    ranks_.comm());
     if constexpr (D == 2) {
       const auto* ts = dynamic_cast<const TsIntegrator*>(integrator_.get());
-      if (p_.contact_law == ContactLaw::barrier && (ts == nullptr || ts->explicit_fixed_step()))
-        outlines_ = CrossingWatch(least_distances(), dt_);
+      if (p_.contact_law == ContactLaw::barrier)
+        outlines_ = ts == nullptr || ts->explicit_fixed_step()
+                        ? CrossingWatch(least_distances(), dt_)
+                        : CrossingWatch({.walls = p_.lip_contact == ContactRule::edge ? 0.0 : -1.0}, 0);
     }
   }
 
@@ -209,7 +211,7 @@ class HopperRun {
             factor * WallContact<2, BarrierOverlap>{p_.e_w}.max_rate(all_)};
   }
 
-  /// A barrier has no meaning inside an outline.
+  /// A barrier has no meaning inside an outline or beyond a wall.
   std::function<bool(const Real*)> admissible() {
     if constexpr (D == 2)
       if (p_.contact_law == ContactLaw::barrier) return [this](const Real* x) { return outlines_.admits(system_, x); };
