@@ -3,6 +3,7 @@
 
 #include <catch2/catch.hpp>
 
+#include <cmath>
 #include <functional>
 
 #include "configurations.h"
@@ -36,6 +37,10 @@ void check_smooth(const ForceField<D>& field, const Make<D>& make, Real h0, bool
   }
 }
 
+/// The smaller of two orders. On one side of a boundary there may be nothing to see; NaN where there is nothing on
+/// both.
+inline Real least_seen(Real a, Real b) { return std::fmin(a, b); }
+
 /// On a boundary between regions: U is C¹ and its Hessian jumps.
 template <int D>
 void check_boundary(const ForceField<D>& field, const Make<D>& make, Real h0, Real parts = 1e3) {
@@ -47,10 +52,8 @@ void check_boundary(const ForceField<D>& field, const Make<D>& make, Real h0, Re
     INFO("state " << k);
     // Still second order for the energy, and only first for the gradient on the side that the Hessian at x does not
     // belong to.
-    CHECK(gradient_order(f, x, p, h0) > 1.9);
-    CHECK(gradient_order(f, x, -p, h0) > 1.9);
-    CHECK(hessian_order(f, x, p, h0) > 0.9);
-    CHECK(hessian_order(f, x, -p, h0) > 0.9);
+    CHECK(least_seen(gradient_order(f, x, p, h0), gradient_order(f, x, -p, h0)) > 1.9);
+    CHECK(least_seen(hessian_order(f, x, p, h0), hessian_order(f, x, -p, h0)) > 0.9);
     const Sides sides = compare_sides(f, x, p, h0);
     REQUIRE(sides.hessian_jump > 1e-3);  // not trivial: this is a boundary
     CHECK(sides.gradient_jump_order > 0.9);

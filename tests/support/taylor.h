@@ -25,16 +25,19 @@ struct Functional {
   Real parts = 0;  ///< size of energies that may cancel in the sum: their rounding stays
 };
 
-/// Slope of log(error) against log(h) over the errors above `floor` (rounding). Infinity where at most one of them is
-/// above: the error vanishes identically.
-inline Real observed_order(const std::vector<Real>& h, const std::vector<Real>& error, Real floor = 0) {
+/// Slope of log(error) against log(h) over the errors above `floor` (rounding). Where at most one of them is above:
+/// infinity if an error of a thousandth in what is `tested`, the term of lower order at the first h, would have been;
+/// otherwise nothing could be seen: NaN, which is above no order.
+inline Real observed_order(const std::vector<Real>& h, const std::vector<Real>& error, Real floor = 0,
+                           Real tested = 0) {
   OrderFit fit;
   for (std::size_t k = 0; k < h.size(); ++k)
     if (!(error[k] <= floor)) {
       fit.steps.push_back(h[k]);
       fit.errors.push_back(error[k]);
     }
-  return fit.errors.size() < 2 ? std::numeric_limits<Real>::infinity() : fit.slope();
+  if (fit.errors.size() >= 2) return fit.slope();
+  return tested > 1e3 * floor ? std::numeric_limits<Real>::infinity() : std::numeric_limits<Real>::quiet_NaN();
 }
 
 /// Steps h0, h0/2, h0/4, …
@@ -62,17 +65,19 @@ inline Real gradient_order(const Functional& f, const VectorXd& x, const VectorX
   const std::vector<Real> h = halvings(h0, 5);
   std::vector<Real> error;
   for (const Real step : h) error.push_back(std::abs(f.energy(x + step * p) - u - step * g.dot(p)));
-  return observed_order(h, error, energy_rounding(f, x, p, h0));
+  return observed_order(h, error, energy_rounding(f, x, p, h0), h0 * std::abs(g.dot(p)));
 }
 
-/// Order of |g(x + h p) − g(x) − h H p|: 2 where H is Lipschitz, 1 where H jumps at x (or is wrong).
+/// Order of |g(x + h p) − g(x) − h H p|: 2 where H is Lipschitz, 1 where H jumps at x (or is wrong). Where H = 0 it is
+/// the gradient that must not change.
 inline Real hessian_order(const Functional& f, const VectorXd& x, const VectorXd& p, Real h0) {
   const VectorXd g = f.gradient(x);
   const MatrixXd hessian = f.hessian(x);
   const std::vector<Real> h = halvings(h0, 5);
   std::vector<Real> error;
   for (const Real step : h) error.push_back((f.gradient(x + step * p) - g - step * (hessian * p)).norm());
-  return observed_order(h, error, gradient_rounding(f, x, p, h0));
+  return observed_order(h, error, gradient_rounding(f, x, p, h0),
+                        hessian.norm() > 0 ? h0 * (hessian * p).norm() : g.norm());
 }
 
 /// What the two sides of x along p say about the derivatives.
