@@ -50,9 +50,9 @@ Real gap(const Outline<2>& outline, const Vec<2>& shift, const Topology& topolog
 
 template <int D>
 Vec<D> random_lateral(Real radius, std::uint64_t seed, Index m, std::uint64_t draw) {
-  const auto next = [&](std::uint64_t k) {
-    return rng::uniform(seed, stream::reinsertion, (static_cast<std::uint64_t>(m) << 40) + 2 * draw + k);
-  };
+  // The counter has room for the lower 24 bits of the id.
+  const auto id = static_cast<std::uint64_t>(m), own = stream::reinsertion + (id >> 24 << 32);
+  const auto next = [&](std::uint64_t k) { return rng::uniform(seed, own, (id << 40) + 2 * draw + k); };
   Vec<D> r = Vec<D>::Zero();
   if constexpr (D == 2) {
     r[0] = radius * (2 * next(0) - 1);

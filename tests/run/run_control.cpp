@@ -5,6 +5,7 @@
 #include <catch2/catch.hpp>
 #include <csignal>
 #include <functional>
+#include <limits>
 
 #include <pliant/run/run_control.h>
 
@@ -76,4 +77,51 @@ TEST_CASE("nohup", "[signals]") {
           }
           std::raise(SIGHUP);
         }) == survived);
+}
+
+TEST_CASE("when a run is asked to stop", "[control]") {
+  CHECK_FALSE(RunControl(0, 0).stop());  // no limit
+  CHECK_FALSE(RunControl(0, 1e9).stop());
+  const RunControl short_one(0, 1e-9);
+  while (!(short_one.wall_seconds() > 1e-9)) {
+  }
+  CHECK(short_one.stop());
+  CHECK(end_of([] {
+          const RunControl control(0, 0);
+          const StopSignals signals;
+          if (control.stop()) _exit(1);
+          std::raise(SIGUSR1);
+          if (!control.stop()) _exit(2);
+        }) == survived);
+}
+
+TEST_CASE("when a checkpoint is due", "[control]") {
+  RunControl never(0, 0), late(1e9, 0), at_once(1e-9, 0);
+  while (!(at_once.wall_seconds() > 1e-9)) {
+  }
+  CHECK_FALSE(never.checkpoint_due());
+  CHECK_FALSE(late.checkpoint_due());
+  CHECK(at_once.checkpoint_due());
+}
+
+TEST_CASE("a run looks at the clock at once, then ever more seldom where steps are short", "[control]") {
+  RunControl control(0, 0);
+  CHECK(control.due());
+  int looks = 0;
+  constexpr int steps = 1000000;
+  for (int k = 0; k < steps; ++k) looks += control.due() ? 1 : 0;
+  CHECK(looks >= steps / 100000);
+  CHECK(looks < steps / 10);
+  CHECK(control.wall_seconds() >= 0);
+  CHECK(control.cpu_seconds() >= 0);
+}
+
+TEST_CASE("durations as text", "[control]") {
+  CHECK(duration_text(0.4) == "0 s");
+  CHECK(duration_text(59.4) == "59 s");
+  CHECK(duration_text(59.6) == "1 min 00 s");
+  CHECK(duration_text(754) == "12 min 34 s");
+  CHECK(duration_text(3600) == "1 h 00 min");
+  CHECK(duration_text(100 * 3600 + 61) == "100 h 01 min");
+  CHECK(duration_text(std::numeric_limits<Real>::infinity()) == "?");
 }

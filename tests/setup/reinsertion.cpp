@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include <pliant/base/errors.h>
+#include <pliant/base/rng.h>
 #include <pliant/model/polygon.h>
 #include <pliant/setup/packing.h>
 #include <pliant/setup/particles.h>
@@ -177,6 +178,25 @@ TEST_CASE("where a particle is put back depends on seed, particle and count only
     if (topology.particle[i] == start.fallen) continue;
     CHECK(point<2>(reference.data(), i) == start.at(i));
   }
+}
+
+TEST_CASE("particles with large ids have random numbers of their own", "[reinsertion]") {
+  const Flow<2> start(ModelKind::sp, 30, flat);
+  const auto lateral = [&](Index id) {
+    Flow<2> flow = start;
+    flow.topology.id[flow.fallen] = id;
+    flow.put_back(3, 8);
+    return flow.centre(flow.fallen)[0];
+  };
+  // As it has always been below 2^24: stream 5, two numbers for each of 64 attempts.
+  const Real range = flat.wall_distance / 2 - start.topology.diameter[start.fallen] / 2;
+  for (const Index id : {5, 12345, (1 << 24) - 1})
+    CHECK(lateral(id) == Approx(range * (2 * rng::uniform(8, 5, (std::uint64_t(id) << 40) + 2 * 64 * 3) - 1)));
+  std::vector<Real> places;
+  for (const Index high : {0, 1, 2, 64, 127})
+    for (const Index low : {0, 1, 5}) places.push_back(lateral((high << 24) + low));
+  std::sort(places.begin(), places.end());
+  CHECK(std::adjacent_find(places.begin(), places.end()) == places.end());
 }
 
 TEST_CASE("particles that are out of the run or below the orifice are no place to be put on", "[reinsertion]") {

@@ -1,0 +1,119 @@
+// What a frame says of a few particles whose contacts are known by hand.
+#include <catch2/catch.hpp>
+
+#include <memory>
+#include <vector>
+
+#include <pliant/model/catalogue.h>
+#include <pliant/run/frame_data.h>
+
+#include "support/configurations.h"
+
+using namespace pliant;
+using namespace pliant::test;
+
+namespace {
+
+using pliant::Vec;  // PETSc has one, too
+
+template <int D>
+struct Scene {
+  explicit Scene(ModelKind kind, Walls<D> walls = {}) : kind_(kind), walls_(std::move(walls)) {}
+
+  /// With contacts of energy 100 E, those with walls of energy 1.
+  FrameData<D> frame() {
+    const ModelParameters p{.epsilon = 100, .epsilon_wall = 1};
+    system = std::make_unique<ParticleSystem<D>>(c.topology, walls_, make_force_field<D>(kind_, p, Vec<D>::Zero()),
+                                                 neighbour_needs(kind_, p), 0.1);
+    State state(c.topology.points(), D);
+    std::copy(c.x.begin(), c.x.end(), state.x().begin());
+    std::copy(c.v.begin(), c.v.end(), state.v().begin());
+    state.t = 2.5;
+    state.step = 40;
+    return FrameData<D>(*system, state);
+  }
+
+  Configuration<D> c;
+  std::unique_ptr<ParticleSystem<D>> system;
+
+ private:
+  ModelKind kind_;
+  Walls<D> walls_;
+};
+
+std::vector<Real> listed(std::span<const Real> values) { return {values.begin(), values.end()}; }
+std::vector<Index> listed(std::span<const Index> values) { return {values.begin(), values.end()}; }
+
+}  // namespace
+
+TEST_CASE("a frame has particles and contacts in the order of the ids", "[frame]") {
+  Scene<2> scene(ModelKind::sp, Walls<2>({WallSegment::between({-10, 0}, {10, 0})}));
+  // In memory: 2, 0, 1. Particles 0 and 2 touch by a tenth of their diameter, 1 presses on the wall.
+  scene.c.add_soft(1, {0, 5});
+  scene.c.add_soft(1, {0.9, 5});
+  scene.c.add_soft(1, {-3, 0.4});
+  scene.c.topology.id = {2, 0, 1};
+  scene.c.v = {2, 2.5, 0, 0.5, 1, 1.5};
+  const auto data = scene.frame();
+  const Frame& f = data.frame;
+  CHECK(f.time == 2.5);
+  CHECK(f.step == 40);
+  CHECK(listed(f.offset) == std::vector<Index>{0, 1, 2, 3});
+  CHECK(listed(f.positions) == std::vector<Real>{0.9, 5, -3, 0.4, 0, 5});
+  CHECK(listed(f.velocities) == std::vector<Real>{0, 0.5, 1, 1.5, 2, 2.5});
+  CHECK(listed(f.centres) == listed(f.positions));
+  CHECK(f.area.empty());
+  CHECK(listed(f.contact_count) == std::vector<Index>{1, 0, 1});
+  // V = E/2 (1 − 2d/σ)² at d = 0.4: force E 0.2 · 2/σ, downwards on the wall.
+  REQUIRE(f.wall_force.size() == 2);
+  CHECK(f.wall_force[0] == Approx(0).margin(1e-15));
+  CHECK(f.wall_force[1] == Approx(-0.4));
+  // V = E/2 (1 − r/δ)² at r = 0.9: force 100 · 0.1, on particle 0 away from 2.
+  REQUIRE(f.contacts.count == 1);
+  const Index* particles = f.contacts.particles[0];
+  CHECK(particles[0] == 0);
+  CHECK(particles[1] == 2);
+  CHECK(*f.contacts.overlap[0] == Approx(0.1));
+  CHECK(f.contacts.normal[0][0] == Approx(1));
+  CHECK(f.contacts.normal[0][1] == Approx(0).margin(1e-15));
+  CHECK(f.contacts.force[0][0] == Approx(10));
+  CHECK(f.contacts.force[0][1] == Approx(0).margin(1e-13));
+  CHECK(f.contacts.position[0][0] == Approx(0.45));
+  CHECK(std::vector<Real>(f.contacts.ends[0], f.contacts.ends[0] + 4) == std::vector<Real>{0.9, 5, 0, 5});
+}
+
+TEST_CASE("a frame of spheres", "[frame]") {
+  Scene<3> scene(ModelKind::sp);
+  scene.c.add_soft(1, {0, 0, 0});
+  scene.c.add_soft(2, {0, 0, 1.2});
+  scene.c.add_soft(1, {0, 0.75, 0});
+  const auto data = scene.frame();
+  CHECK(listed(data.frame.contact_count) == std::vector<Index>{2, 2, 2});
+  REQUIRE(data.frame.contacts.count == 3);
+  CHECK(*data.frame.contacts.overlap[0] == Approx(0.2));   // 0 and 1
+  CHECK(*data.frame.contacts.overlap[1] == Approx(0.25));  // 0 and 2
+  CHECK(data.frame.contacts.normal[1][1] == Approx(-1));
+  CHECK(data.frame.contacts.force[1][1] == Approx(-25));
+}
+
+TEST_CASE("a frame of polygons has their centres, areas and perimeters, and who has left", "[frame]") {
+  Scene<2> scene(ModelKind::rough);
+  scene.c.add_polygon(regular_polygon(4, 0.5), 0.1);
+  scene.c.add_polygon({{5, 0}, {8, 0}, {5, 4}}, 0.1);
+  scene.c.topology.id = {1, 0};
+  scene.c.v.assign(scene.c.x.size(), 1);
+  scene.c.topology.deactivate(0);
+  const auto data = scene.frame();
+  const Frame& f = data.frame;
+  CHECK(listed(f.offset) == std::vector<Index>{0, 3, 7});
+  CHECK(f.positions[2] == 8);
+  CHECK(f.centres[0] == Approx(6));
+  CHECK(f.centres[1] == Approx(4.0 / 3));
+  CHECK(std::vector<std::uint8_t>(f.active.begin(), f.active.end()) == std::vector<std::uint8_t>{1, 0});
+  CHECK(f.area[0] == Approx(6));
+  CHECK(f.perimeter[0] == Approx(12));
+  CHECK(f.area[1] == Approx(0.5));
+  CHECK(f.perimeter[1] == Approx(4 * std::sqrt(0.5)));
+  CHECK(f.a0[0] == Approx(0.9 * 6));
+  CHECK(f.contacts.count == 0);
+}
