@@ -12,14 +12,15 @@ rm -rf demo
 
 # Moderate stiffnesses and few vertices, for steps of 2e-4 to 1e-3 t0: minutes instead of hours. All systems share them;
 # what dissipates is either the drag of a fluid around the particles, or the friction between them.
-common="-n 320 -hopper_wall_distance 20 -e_sp 100 -e_c 500 -e_w 500 -k_a 1000 -k_l 100 -n_vertices 12 -edge_width 0.3"
+common="-n 320 -hopper_wall_distance 20 -e_w 500"
+polygons="$common -e_c 500 -k_a 1000 -k_l 100 -n_vertices 12"
 drag="-zeta 0.316227766"
 friction="-mu 1"
 declare -A options=(
-  [rough-friction]="-model rough $common $friction -t_end 80"
-  [smooth-drag]="-model smooth $common $drag -t_end 40 -dt 2.5e-4"
-  [soft-friction]="-model sp $common $friction -t_end 200"
-  [soft-drag]="-model sp $common $drag -t_end 200"
+  [rough-friction]="-model rough $polygons $friction -t_end 80"
+  [smooth-drag]="-model smooth $polygons -edge_width 0.3 $drag -t_end 40 -dt 2.5e-4"
+  [soft-friction]="-model sp $common -e_sp 100 $friction -t_end 200"
+  [soft-drag]="-model sp $common -e_sp 100 $drag -t_end 200"
 )
 systems=(rough-friction smooth-drag soft-friction soft-drag) # the slow ones first: no core ends with a long run
 

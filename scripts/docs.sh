@@ -26,7 +26,8 @@ value out of range ends the program with exit code 2 before any work is done. Un
 
 Options come from the command line (\`-name value\`) and from files (\`-options_file FILE\`, may be repeated): YAML
 (\`.yaml\`, \`.yml\`), where nested keys join with \`_\`, or plain lines of \`-name value\`. The files are read in their
-order, then the command line; the last setting of an option wins. \`-help\` and \`-version\` print and stop. Options that
+order, then the command line; the last setting of an option wins. An option that the model or method of the run does not
+read (\`-k_a\` with \`-model sp\`) is an error. \`-help\` and \`-version\` print and stop. Options that
 begin like PETSc's own (\`-ts_…\`, \`-log_view\`, …) go to PETSc; one that nothing reads is an error, and so are those
 that draw in windows, take a debugger or save trajectories. An options file has at most 64 KiB, 1000 keys (aliases
 written out) and 20 levels; a value has at most 4096 bytes and is UTF-8 without control characters, a name of a folder too.

@@ -907,6 +907,7 @@ ExitCode run_hopper(HopperOptions& p, Options& options, const Ranks& ranks) {
   std::function<ExitCode()> run;
   make_run("hopper", p, options, ranks, lock, [&](std::optional<Checkpoint> checkpoint) {
     p.resolve();
+    if (!checkpoint) p.refuse_unread(options);
     if (checkpoint) check_size(*checkpoint, p);
     omp_set_num_threads(p.threads);
     const auto make = [&]<int D>() {

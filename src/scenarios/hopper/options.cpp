@@ -1,6 +1,8 @@
 #include <pliant/scenarios/hopper/options.h>
 
 #include <cmath>
+#include <initializer_list>
+#include <string>
 
 #include <pliant/base/errors.h>
 
@@ -204,6 +206,28 @@ void HopperOptions::resolve() {
         q_rtol);
   if (!t_end) t_end = q_rtol > 0 ? 10000 : 100;
   if (!restart.empty()) output = restart;
+}
+
+void HopperOptions::refuse_unread(const Options& options) const {
+  const bool sp = model == ModelKind::sp, rough = model == ModelKind::rough, smooth = model == ModelKind::smooth;
+  const std::string this_model = "-model " + std::string(to_string(model));
+  const auto refuse = [&](std::initializer_list<const char*> names, bool read, const std::string& unread_by,
+                          const char* read_by) {
+    if (read) return;
+    for (const char* name : names)
+      if (options.given(name))
+        throw InputError("-{} ({}) with {}, which does not read it; leave it out, or use {}", name,
+                         options.source(name), unread_by, read_by);
+  };
+  refuse({"e_sp"}, sp, this_model, "-model sp");
+  refuse({"e_c", "k_a", "k_l", "k_b", "n_vertices", "shape_parameter", "lip_contact"}, !sp, this_model,
+         "-model rough or smooth");
+  refuse({"rough_contact"}, rough, this_model, "-model rough");
+  refuse({"edge_width", "friction_point"}, smooth, this_model, "-model smooth");
+  const std::string these_sizes = "-size_distribution " + sizes.kind;
+  refuse({"size_ratio", "size_fraction"}, sizes.kind == "bidisperse", these_sizes, "-size_distribution bidisperse");
+  refuse({"size_deviation"}, sizes.kind == "normal", these_sizes, "-size_distribution normal");
+  refuse({"jacobian"}, integrator == IntegratorKind::ts, "-integrator verlet", "-integrator ts");
 }
 
 Real HopperOptions::elastic_fraction(Real elastic, Real lightest) const {

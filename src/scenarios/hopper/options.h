@@ -56,6 +56,9 @@ struct HopperOptions : RunOptions {
   void bind(Options& options);
   /// Fills in automatic values and checks what options have to do with each other. Errors: InputError.
   void resolve();
+  /// Errors: InputError for an option that the user has given, though the model, or whatever else the run uses, does
+  /// not read it.
+  void refuse_unread(const Options& options) const;
 
   ModelParameters model_parameters() const;
   /// Standard step over `elastic`, the limit that elastic forces set: as long as flow rates, energies and contacts are
