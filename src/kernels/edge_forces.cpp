@@ -70,9 +70,9 @@ PLIANT_INLINE Points2 gather(const Real* from, const Index* i) {
   return transpose(at(from, i[0]), at(from, i[1]), at(from, i[2]), at(from, i[3]));
 }
 
-/// Bit k: whether pair e + k may touch. Passes a few too many, never too few: with c = w·u held between 0 and u·u,
-/// d² u·u = w·w u·u − c (2 w·u − c), which needs no division.
-PLIANT_INLINE unsigned sieve(const Data& data, Index e) {
+/// Bit k: whether the vertex of pair e + k may be within delta[k] of the edge. Passes a few too many, never too few:
+/// with c = w·u held between 0 and u·u, d² u·u = w·w u·u − c (2 w·u − c), which needs no division.
+PLIANT_INLINE unsigned sieve(const Data& data, Index e, Real4 delta) {
   Real4 u[2], w[2];
   for (int k = 0; k < 2; ++k) {
     const auto [p, a] = data.pairs[e + k];
@@ -83,7 +83,7 @@ PLIANT_INLINE unsigned sieve(const Data& data, Index e) {
   }
   const Points2 us = columns(u[0], u[1]), ws = columns(w[0], w[1]);
   const Real4 uu = dot(us, us), ww = dot(ws, ws), wu = dot(ws, us);
-  const Real4 delta = load4(data.reach + e), c = max(min(wu, uu), Real4{});
+  const Real4 c = max(min(wu, uu), Real4{});
   constexpr Real rounding = 64 * std::numeric_limits<Real>::epsilon();
   return bits(((1 - rounding) * ww - delta * delta) * uu <= c * (2 * wu - c));
 }
@@ -170,7 +170,7 @@ PLIANT_INLINE void add_touching(const EdgeLaw& law, const Data& data, Index n, c
     for (Index e = first; e < last; e += word) {
       const Index pairs = std::min(last - e, word), fours = pairs - pairs % 4;
       std::uint64_t found = 0;
-      for (Index k = 0; k < fours; k += 4) found |= std::uint64_t(sieve(data, e + k)) << k;
+      for (Index k = 0; k < fours; k += 4) found |= std::uint64_t(sieve(data, e + k, load4(data.reach + e + k))) << k;
       // The last few of all go unsieved: add_four looks itself.
       for (Index k = fours; k < pairs; ++k) found |= std::uint64_t(1) << k;
       count += write_bits(found, e, list + count);
@@ -211,6 +211,22 @@ void add_edge_forces(const EdgeLaw& law, std::span<const Pair> pairs, const Real
                      Index own_first, Index own_last, const Real* x, const Real* v, Real* f) {
   add_all(law, {pairs.data(), reach, next, x, v}, static_cast<Index>(pairs.size()),
           Range{f, own_first, static_cast<std::uint32_t>(own_last - own_first)});
+}
+
+PLIANT_MULTIVERSION
+void add_near_pairs(std::span<const Pair> pairs, const Real* reach, Real range, const Index* next, const Real* x,
+                    std::vector<Pair>& near, std::vector<Real>& near_reach) {
+  const Data data{pairs.data(), reach, next, x, nullptr};
+  const auto n = static_cast<Index>(pairs.size());
+  for (Index e = 0; e < n; e += 4) {
+    const Index left = std::min<Index>(n - e, 4);  // the last few of all go unsieved
+    for (unsigned found = left == 4 ? sieve(data, e, load4(reach + e) + all(range)) : (1u << left) - 1; found != 0;
+         found &= found - 1) {
+      const Index k = e + std::countr_zero(found);
+      near.push_back(pairs[k]);
+      near_reach.push_back(reach[k]);
+    }
+  }
 }
 
 }  // namespace pliant

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <span>
+#include <vector>
 
 #include <pliant/base/types.h>
 #include <pliant/geometry/pair_search.h>
@@ -27,5 +28,10 @@ void add_edge_forces(const EdgeLaw& law, std::span<const Pair> pairs, const Real
 /// elsewhere.
 void add_edge_forces(const EdgeLaw& law, std::span<const Pair> pairs, const Real* reach, const Index* next,
                      Index own_first, Index own_last, const Real* x, const Real* v, Real* f);
+
+/// Adds to `near` and `near_reach` the pairs, in their order, whose vertex is within reach[n] + range of the edge, and
+/// none or a few of the others.
+void add_near_pairs(std::span<const Pair> pairs, const Real* reach, Real range, const Index* next, const Real* x,
+                    std::vector<Pair>& near, std::vector<Real>& near_reach);
 
 }  // namespace pliant

@@ -89,7 +89,7 @@ struct EdgeKernel {
                          const EdgeFriction& friction) {
     if (!contact.enabled(s)) return;
     const EdgeLaw law{contact.epsilon, friction.mu, friction.where == FrictionPoint::contact, Law::kind};
-    const PairList& list = s.neighbours.vertex_edges;
+    const PairList& list = s.neighbours.near_edges();
     const Index* next = s.topology.next.data();
     const auto pairs = [&](Range range) { return std::span(list.pairs).subspan(range.first, range.size()); };
     const Range inside = list.inside(chunk), across = list.across(chunk), own = s.neighbours.points(chunk);

@@ -6,6 +6,7 @@
 
 #include <pliant/base/errors.h>
 #include <pliant/base/large_pages.h>
+#include <pliant/kernels/edge_forces.h>
 #include <pliant/kernels/finite.h>
 #include <pliant/kernels/verlet.h>
 
@@ -231,6 +232,7 @@ void Neighbours<D>::rebuild(const Topology& topology, const Walls<D>& wall, cons
   }
 
   divide(topology);
+  widen();
   time_ = t;
   const Real margin = this->margin();
   const PointCloud cloud{x, topology.diameter, topology.particle, topology.next, topology.active};
@@ -285,6 +287,18 @@ void Neighbours<D>::rebuild(const Topology& topology, const Walls<D>& wall, cons
   ++version_;
 }
 
+template <int D>
+void Neighbours<D>::narrow(const Topology& topology, const Real* x, Real range) requires(D == 2) {
+  near_edges_.clear();
+  for (std::size_t part = 1; part < vertex_edges.start.size(); ++part) {
+    const Index first = vertex_edges.start[part - 1], last = vertex_edges.start[part];
+    add_near_pairs(std::span(vertex_edges.pairs).subspan(first, last - first), vertex_edges.reach.data() + first, range,
+                   topology.next.data(), x, near_edges_.pairs, near_edges_.reach);
+    near_edges_.start.push_back(near_edges_.size());
+  }
+  narrowed_ = true;
+}
+
 template <class Unwanted>
 void PairList::erase(Unwanted&& unwanted) {
   Index kept = 0, e = 0;
@@ -312,6 +326,7 @@ void Neighbours<D>::relocate(const Topology& topology, const Walls<D>& wall, con
   const Range own{topology.offset[m], topology.offset[m + 1]};
   const auto begin = static_cast<std::ptrdiff_t>(own.first) * D, end = static_cast<std::ptrdiff_t>(own.last) * D;
   relocated_.push_back(m);
+  widen();
   ++version_;
   old_places_.insert(old_places_.end(), reference_.begin() + begin, reference_.begin() + end);
   places_.insert(places_.end(), x + begin, x + end);

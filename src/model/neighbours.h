@@ -76,6 +76,13 @@ class Neighbours {
   PairList lips;          ///< (lip, first vertex of the edge)
   PairList solids;        ///< (point, solid)
 
+  /// Those of vertex_edges that can touch, in their order: all, or since narrow() those that could touch before points
+  /// have gone range/2 from where they were then. What is left out adds nothing to a force.
+  const PairList& near_edges() const { return narrowed_ ? near_edges_ : vertex_edges; }
+  void narrow(const Topology& topology, const Real* x, Real range) requires(D == 2);
+  void widen() { narrowed_ = false; }
+  bool narrowed() const { return narrowed_; }
+
   /// How far the point or solid has moved that has moved farthest from where it was when the lists were built; infinite
   /// for NaN, and where there are no lists. x [points · D]. Solids may have moved, but not have become others.
   Real farthest(const Walls<D>& wall, const Real* x, Real t = 0) const;
@@ -100,6 +107,7 @@ class Neighbours {
   /// After a change of the topology: the next `ensure` rebuilds.
   void invalidate() {
     built_ = false;
+    widen();
     reference_.clear();
   }
 
@@ -157,6 +165,8 @@ class Neighbours {
 
   NeighbourNeeds needs_;
   Real skin_;
+  PairList near_edges_;
+  bool narrowed_ = false;
   bool built_ = false;  ///< and not invalid; a rank without particles has no reference
   std::vector<Real> reference_;
   Real time_ = 0;  ///< of the last rebuild

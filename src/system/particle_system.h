@@ -54,11 +54,13 @@ class ParticleSystem final : public ImplicitSystem {
 
   bool sweep(Real t, std::vector<Real>& x, std::vector<Real>& v, const Advance& advance) override {
     ++use_.evaluations;
-    if (!hold(next_change(), x.data(), t)) rebuild(x.data(), t);
+    const std::optional<Real> since = next_change();
+    if (!hold(since, x.data(), t)) rebuild(x.data(), t);
     if (ranks_.several()) {
       const LogScope log(LogEvent::halo);
       halo_.update(x, v);
     }
+    narrow(since, x.data());
     Ahead ahead;
     if (size() >= beyond_caches) {
       ahead = advance.arrays;
@@ -200,9 +202,23 @@ class ParticleSystem final : public ImplicitSystem {
     return travel_ <= limit;
   }
 
+  /// Narrows the list of vertices and edges, of which few touch, again and again at x [points · D], where coordinates
+  /// have changed by at most `change`, if that is known.
+  void narrow(std::optional<Real> change, const Real* x) {
+    if constexpr (D == 2) {
+      if (neighbours_.vertex_edges.empty()) return;
+      const Real range = neighbours_.skin() / 2;
+      gone_ += std::sqrt(Real(D)) * change.value_or(std::numeric_limits<Real>::infinity());
+      if (neighbours_.narrowed() && 2 * gone_ < range * (1 - 1e-9)) return;
+      neighbours_.narrow(topology_, x, range);
+      gone_ = 0;
+    }
+  }
+
   StateView<D> view_after(std::optional<Real> change, const Real* x, const Real* v, Real t) {
     const bool valid = hold(change, x, t);
     if (!valid) rebuild(x, t);
+    neighbours_.widen();
     if (!ranks_.several()) return {x, v, topology_, neighbours_, walls_, t};
     const LogScope log(LogEvent::halo);
     if (valid) halo_.update(x, x_);
@@ -245,7 +261,8 @@ class ParticleSystem final : public ImplicitSystem {
   Real travel_ = std::numeric_limits<Real>::infinity();
   Real path_ = std::numeric_limits<Real>::infinity();
   std::optional<Real>
-      change_;  ///< by how much coordinates have changed at most since the last evaluation, as far as is known
+      change_;     ///< by how much coordinates have changed at most since the last evaluation, as far as is known
+  Real gone_ = 0;  ///< the farthest that a point can have gone since the list was narrowed
   std::vector<Real> room_;  ///< for the accelerations of a sweep
   ListUse use_;             ///< its evaluations count
   std::int64_t tidy_at_ = 0;

@@ -3,6 +3,7 @@
 #include <catch2/catch.hpp>
 
 #include <pliant/geometry/hopper.h>
+#include <pliant/model/catalogue.h>
 #include <pliant/model/neighbours.h>
 
 #include "support/configurations.h"
@@ -42,6 +43,64 @@ bool contains(const PairList& sorted, const Pair& pair) {
 }
 
 }  // namespace
+
+TEST_CASE("a narrowed list holds every contact until something has moved by half its range") {
+  const NeighbourNeeds needs = GENERATE(all_lists, bare_lists);
+  const auto field = make_force_field<2>(needs.edges == Edges::bare ? ModelKind::rough : ModelKind::smooth,
+                                         {.epsilon = 1, .epsilon_wall = 1, .mu = 0.3}, Vec<2>::Zero());
+  constexpr Real range = skin / 2;
+  int entered = 0;
+  for (int seed = 0; seed < 10; ++seed) {
+    Random random(seed);
+    const Scene scene(random);
+    const Topology& t = scene.topology;
+    Neighbours<2> lists(needs, skin);
+    lists.ensure(t, scene.walls, scene.x.data());
+    const PairList& all = lists.vertex_edges;
+    REQUIRE(lists.near_edges().pairs == all.pairs);
+    lists.narrow(t, scene.x.data(), range);
+    const PairList& near = lists.near_edges();
+    REQUIRE(near.size() > 0);
+    REQUIRE(near.size() < 0.9 * all.size());
+    REQUIRE(near.start.size() == all.start.size());
+
+    const std::vector<Real> y = scene.moved(random, 0.4999 * range);
+    const auto distance = [&](const std::vector<Real>& x, const Pair& p) {
+      const Vec<2> a = point<2>(x.data(), p.second), b = point<2>(x.data(), t.next[p.second]);
+      return std::sqrt(segment_foot(point<2>(x.data(), p.first), a, b).d2);
+    };
+    // Each part of the list in the same order, with no contact left out.
+    for (std::size_t part = 1; part < all.start.size(); ++part) {
+      Index k = near.start[part - 1];
+      for (Index e = all.start[part - 1]; e < all.start[part]; ++e) {
+        const bool kept = k < near.start[part] && near[k] == all[e];
+        if (kept) REQUIRE(near.reach[k++] == all.reach[e]);
+        if (distance(y, all[e]) >= all.reach[e]) continue;
+        REQUIRE(kept);
+        entered += distance(scene.x, all[e]) >= all.reach[e];
+      }
+      REQUIRE(k == near.start[part]);
+    }
+    // The forces to the last bit.
+    const std::vector<Real> v = scene.moved(random, 1);
+    std::vector<Real> with(y.size()), without(y.size());
+    const StateView<2> view{y.data(), v.data(), t, lists, scene.walls};
+    field->forces(view, with.data());
+    lists.widen();
+    REQUIRE(lists.near_edges().pairs == all.pairs);
+    field->forces(view, without.data());
+    CHECK(with == without);
+
+    // Another list is not narrow.
+    lists.narrow(t, y.data(), range);
+    lists.relocate(t, scene.walls, y.data(), 3);
+    CHECK(!lists.narrowed());
+    lists.narrow(t, y.data(), range);
+    lists.rebuild(t, scene.walls, y.data());
+    CHECK(!lists.narrowed());
+  }
+  CHECK(entered > 50);
+}
 
 TEST_CASE("a list holds every contact until something has moved by half the skin") {
   const NeighbourNeeds needs = GENERATE(all_lists, bare_lists);
