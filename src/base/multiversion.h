@@ -1,8 +1,8 @@
 // Functions compiled for several instruction sets, of which the loader picks the best that the machine has.
 #pragma once
-
-// Thread sanitizer cannot start programs with resolvers of its own.
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_THREAD__)
+// Not under thread sanitizer, which cannot start programs with resolvers, nor where a test wants PLIANT_ONE_VERSION.
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_THREAD__) && \
+    !defined(PLIANT_ONE_VERSION)
 #define PLIANT_HAS_VERSIONS 1
 #define PLIANT_MULTIVERSION __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
 #else

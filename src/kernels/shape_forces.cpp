@@ -7,7 +7,7 @@
 
 // As PLIANT_MULTIVERSION, but each instruction set gets a width of its own: GCC takes vectors that are wider than the
 // registers apart lane by lane, which is slower than none.
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(PLIANT_ONE_VERSION)
 #define PLIANT_WIDER_TARGETS
 #endif
 
@@ -249,6 +249,15 @@ PLIANT_INLINE void add_particles(const ShapeLaw& law, const Index* offset, const
   }
 }
 
+/// Of the target that all of this file is compiled for.
+#if defined(__AVX512F__)
+constexpr int own_width = 8;
+#elif defined(__AVX2__)
+constexpr int own_width = 4;
+#else
+constexpr int own_width = 2;
+#endif
+
 #ifdef PLIANT_WIDER_TARGETS
 [[gnu::target("arch=x86-64-v4")]] void add_8(const ShapeLaw& law, const Index* offset, const Real* a0, const Real* l0,
                                              Index first, Index last, const Real* x, Real* f, const Ahead& ahead) {
@@ -269,7 +278,7 @@ void add_shape_forces(const ShapeLaw& law, const Index* offset, const Real* a0, 
   if (__builtin_cpu_supports("x86-64-v4")) return add_8(law, offset, a0, l0, first, last, x, f, ahead);
   if (__builtin_cpu_supports("x86-64-v3")) return add_4(law, offset, a0, l0, first, last, x, f, ahead);
 #endif
-  add_particles<2>(law, offset, a0, l0, first, last, x, f, ahead);
+  add_particles<own_width>(law, offset, a0, l0, first, last, x, f, ahead);
 }
 
 }  // namespace pliant
