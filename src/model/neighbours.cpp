@@ -201,15 +201,16 @@ void Neighbours<D>::build_from_points(const Topology& topology, const PointCloud
     add_edges(point_pairs.inside(c), inside[c]);
     add_edges(point_pairs.across(c), across[c]);
   }
-  if (is_long(square(longest_), narrowest))
-    for (Index i = 0; i < topology.points(); ++i) {
-      if (!is_long(d2(i, topology.next[i]), topology.diameter[i])) continue;
-      find_vertex_edge_pairs(cloud, grid_, Edges::bare, margin, widest_, i, i + 1, [&](Index j, Index, Real reach) {
-        const Index home = chunk_of(i), away = chunk_of(j);
-        if (home >= 0) (home == away ? inside : across)[home].push_back({{j, i}, reach});
-        if (away >= 0 && away != home) across[away].push_back({{j, i}, reach});
-      });
-    }
+  if constexpr (D == 2)  // Clang 14 compiles this for D = 3 too, whatever is required.
+    if (is_long(square(longest_), narrowest))
+      for (Index i = 0; i < topology.points(); ++i) {
+        if (!is_long(d2(i, topology.next[i]), topology.diameter[i])) continue;
+        find_vertex_edge_pairs(cloud, grid_, Edges::bare, margin, widest_, i, i + 1, [&](Index j, Index, Real reach) {
+          const Index home = chunk_of(i), away = chunk_of(j);
+          if (home >= 0) (home == away ? inside : across)[home].push_back({{j, i}, reach});
+          if (away >= 0 && away != home) across[away].push_back({{j, i}, reach});
+        });
+      }
   vertex_edges.clear();
   for (auto* parts : {&inside, &across})
     for (const std::vector<Found>& part : *parts) {
