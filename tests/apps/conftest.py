@@ -2,6 +2,7 @@
 
 import json
 import os
+import resource
 import signal
 import subprocess
 import time
@@ -18,6 +19,8 @@ for _name, _value in WITHOUT_MPIEXEC.items():
     os.environ.setdefault(_name, _value)
 
 PROGRAM = os.environ.get("PLIANT_PROGRAM", "pliant")
+# Seconds after which something hangs, even on a machine with much else to do.
+HANGS = 300
 # A small hopper that flows at once: 60 particles, a few milliseconds per t0.
 SMALL = {"n": 60, "hopper_wall_distance": 8, "hopper_width": 3, "zeta": 0.3, "mu": 0.5, "pack_fraction": 0.8,
          "t_end": 6, "frame_interval": 0.5, "sample_interval": 0.1}
@@ -36,7 +39,36 @@ def start(*command, **options):
 def pliant(*command, **options):
     """Runs the program to its end."""
     return subprocess.run([PROGRAM, *map(str, command), *arguments(options)], text=True, capture_output=True,
-                          timeout=60)
+                          timeout=HANGS)
+
+
+def cpu_seconds_of_children():
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def killed_after(cpu_seconds, *command, **options):
+    """Runs the program; the system kills it once it has used so much CPU time, however busy the machine is, by a signal that
+    it does not know. Whether it had not ended before."""
+    child = subprocess.Popen([PROGRAM, *map(str, command), *arguments(options)], text=True, stdout=subprocess.PIPE,
+                             stderr=subprocess.PIPE, preexec_fn=lambda: signal.setitimer(signal.ITIMER_PROF, cpu_seconds))
+    _, errors = child.communicate(timeout=HANGS)
+    assert child.returncode in (0, -signal.SIGPROF), errors
+    return child.returncode != 0
+
+
+def stopped_until_done(*command, **options):
+    """The same command until it is done, with three times the wall time of the last one, so that it is stopped several times
+    on any machine. The number of stops."""
+    wall_time, stops = 1e-3, 0
+    while True:
+        result = pliant(*command, **options, max_wall_time=wall_time)
+        assert result.returncode in (0, 75) and result.stderr == "", result.stderr
+        if result.returncode == 0:
+            return stops
+        assert "run the same command again" in result.stdout
+        assert json.loads((Path(options["output"]) / "summary.json").read_text())["status"] == "stopped"
+        wall_time, stops = 3 * wall_time, stops + 1
 
 
 def hopper(folder, **options):
@@ -98,8 +130,8 @@ def assert_same_runs(a, b):
     assert a.counters() == b.counters()
 
 
-def wait_for(condition, process=None, seconds=20):
-    end = time.monotonic() + seconds
+def wait_for(condition, process=None):
+    end = time.monotonic() + HANGS
     while not condition():
         assert time.monotonic() < end, "waited too long"
         assert process is None or process.poll() is None, f"ended too early: {process.communicate()}"
@@ -109,5 +141,5 @@ def wait_for(condition, process=None, seconds=20):
 def end(process, how=signal.SIGTERM):
     """Sends a signal; exit code, standard output, standard error."""
     process.send_signal(how)
-    output, errors = process.communicate(timeout=30)
+    output, errors = process.communicate(timeout=HANGS)
     return process.returncode, output, errors

@@ -5,7 +5,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from conftest import PROGRAM, SMALL, Results, arguments, hopper, pliant
+from conftest import HANGS, PROGRAM, SMALL, Results, arguments, hopper, pliant
 
 
 def assert_refused(result, *words, code=2):
@@ -19,7 +19,7 @@ def assert_refused(result, *words, code=2):
 
 def run_program(*command):
     """As `pliant`, of texts, bytes and paths."""
-    return subprocess.run([PROGRAM, *command], text=True, errors="surrogateescape", capture_output=True, timeout=60)
+    return subprocess.run([PROGRAM, *command], text=True, errors="surrogateescape", capture_output=True, timeout=HANGS)
 
 
 OPTIONS = {
@@ -277,7 +277,7 @@ def run_into(path, *command, stream="stdout"):
     """The program with a stream of its own into a file; code and the other stream."""
     other = {"stdout": "stderr", "stderr": "stdout"}[stream]
     with open(path, "w") as file:
-        result = subprocess.run([PROGRAM, *map(str, command)], text=True, timeout=60,
+        result = subprocess.run([PROGRAM, *map(str, command)], text=True, timeout=HANGS,
                                 **{stream: file, other: subprocess.PIPE})
     return result.returncode, getattr(result, other)
 
@@ -296,7 +296,7 @@ def test_a_result_that_cannot_be_written(command):
 def test_a_run_goes_on_without_its_output(redirection, tmp_path):
     options = " ".join(arguments({**SMALL, "t_end": 0.2}))
     result = subprocess.run(f"{PROGRAM} hopper {options} -output {tmp_path}/run {redirection}", shell=True, text=True,
-                            stderr=subprocess.PIPE, timeout=60)
+                            stderr=subprocess.PIPE, timeout=HANGS)
     assert result.returncode == 0 and len(result.stderr.splitlines()) == 1, result.stderr
     assert result.stderr.startswith("pliant: warning: standard output cannot be written: ")
     assert Results(tmp_path / "run").summary["status"] == "done"

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import h5py
 import pytest
-from conftest import PROGRAM, SMALL, Results, arguments, assert_same_runs, pliant, same, start, wait_for
+from conftest import HANGS, PROGRAM, SMALL, Results, arguments, assert_same_runs, pliant, same, start, wait_for
 from test_parallel import mpi_environment, needs_mpi
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "python"))
@@ -37,7 +37,7 @@ def on_disk(folder, *command, environment=None, **settings):
     """Runs a command whose files below `folder` are on the disk for tests."""
     assert Path(DISK).exists(), f"{DISK}: build the tests"
     settings = {f"PLIANT_DISK_{name.upper()}": str(value) for name, value in settings.items()}
-    return subprocess.run(command, text=True, capture_output=True, timeout=120, env={
+    return subprocess.run(command, text=True, capture_output=True, timeout=HANGS, env={
         **(environment or os.environ), **settings, "PLIANT_DISK_FOLDER": str(folder), "LD_PRELOAD": DISK})
 
 
@@ -193,7 +193,7 @@ class Replay:
             self.write(files, folder)
             command = [*launcher, PROGRAM, self.command, *arguments({"restart": folder, **options})]
             environment = mpi_environment() if launcher else os.environ
-            return folder, subprocess.run(command, text=True, capture_output=True, timeout=120, env=environment)
+            return folder, subprocess.run(command, text=True, capture_output=True, timeout=HANGS, env=environment)
 
         with ThreadPoolExecutor(2) as pool:
             for folder, result in pool.map(go_on, enumerate(states)):
@@ -239,7 +239,7 @@ def test_removed_file(tmp_path):
     child = start("hopper", output=tmp_path / "run", **{**SMALL, "t_end": 1e5, "frame_interval": 1})
     wait_for((tmp_path / "run/run.xdmf").exists, child)
     (tmp_path / "run/run.h5").unlink()
-    _, errors = child.communicate(timeout=60)
+    _, errors = child.communicate(timeout=HANGS)
     assert child.returncode == 4 and "run.h5 was removed" in errors
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import (PROGRAM, SMALL, WITHOUT_MPIEXEC, Results, arguments, assert_same_runs, hopper, pliant,
+from conftest import (HANGS, PROGRAM, SMALL, WITHOUT_MPIEXEC, Results, arguments, assert_same_runs, hopper, pliant,
                       wait_for)
 
 needs_mpi = pytest.mark.skipif(shutil.which("mpiexec") is None, reason="no mpiexec")
@@ -45,7 +45,7 @@ def on_ranks(ranks, *command, **options):
     """Runs the program under mpiexec to its end; one that hangs is killed."""
     child = start_ranks(ranks, *command, **options)
     try:
-        output, errors = child.communicate(timeout=60)
+        output, errors = child.communicate(timeout=HANGS)
     except subprocess.TimeoutExpired:
         child.terminate()
         child.communicate()
@@ -324,7 +324,7 @@ def test_a_signal_to_one_rank_stops_all(tmp_path):
     wait_for((tmp_path / "run/run.xdmf").exists, child)
     time.sleep(0.1)
     os.kill(children(child)[-1], signal.SIGTERM)
-    output, _ = child.communicate(timeout=20)
+    output, _ = child.communicate(timeout=HANGS)
     assert child.returncode == 75 and output.count("stopped at t =") == 1
     summary = json.loads((tmp_path / "run/summary.json").read_text())
     assert summary["status"] == "stopped" and summary["t"] > 0

@@ -7,7 +7,7 @@ import shlex
 import subprocess
 
 import pytest
-from conftest import PROGRAM, SMALL, arguments, hopper, pliant
+from conftest import HANGS, PROGRAM, SMALL, arguments, hopper, pliant
 
 FIXED_OPTIONS = ("model dim n n_vertices seed hopper_width hopper_angle hopper_wall_distance e_sp e_w e_c k_a k_l k_b mu "
                  "zeta integrator dt t_end output restart checkpoint_interval frame_interval max_wall_time").split()
@@ -65,7 +65,7 @@ def test_a_short_run_says_why_it_has_no_errors_and_how_to_go_on(tmp_path):
     assert re.search(r"^Q' = [\d.]+ sigma_avg\^2/t0 \(no error: fewer than 64 steady samples\)$", result.stdout, re.M)
     command = shlex.split(re.search(r"^to run longer: (.*)$", result.stdout, re.M)[1])
     assert command == ["pliant", "hopper", "-restart", str(folder), "-t_end", "12.8"]
-    longer = subprocess.run([PROGRAM, *command[1:]], text=True, capture_output=True, timeout=60)
+    longer = subprocess.run([PROGRAM, *command[1:]], text=True, capture_output=True, timeout=HANGS)
     assert longer.returncode == 0 and "continuing at t = 3 t0" in longer.stdout
     assert "fewer than" not in longer.stdout
 
@@ -75,7 +75,7 @@ def test_progress_on_a_terminal(tmp_path):
     command = [PROGRAM, "hopper", "-output", tmp_path / "run", *arguments({**SMALL, "t_end": 1e6, "max_wall_time": 1.5})]
     child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=theirs)
     os.close(theirs)
-    child.communicate(timeout=30)
+    child.communicate(timeout=HANGS)
     text = os.read(ours, 100000).decode()
     os.close(ours)
     assert child.returncode == 75

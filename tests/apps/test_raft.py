@@ -1,13 +1,14 @@
 """The scenario raft: three droplets against theory, energy budget, restart, extension, bad input."""
 
 import json
+import shutil
 import sys
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
-from conftest import Results, assert_same_runs, end, pliant, start, wait_for
+from conftest import Results, assert_same_runs, end, pliant, start, stopped_until_done, wait_for
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "python"))
 
@@ -76,12 +77,7 @@ def test_stopped_and_continued(tmp_path):
     """With fixed steps bit for bit."""
     options = {**LONGER, **RK4}
     whole = compress(tmp_path / "whole", **options)
-    command = {**THREE, **options, "output": tmp_path / "parts", "max_wall_time": whole.summary["wall_seconds"] / 4}
-    codes = [75]
-    while codes[-1] == 75 and len(codes) < 100:
-        result = pliant("raft", **command)
-        codes.append(result.returncode)
-    assert codes[-1] == 0 and len(codes) > 2, result.stderr
+    assert stopped_until_done("raft", **{**THREE, **options, "output": tmp_path / "parts"}) > 1
     assert_same_runs(whole, Results(tmp_path / "parts"))
     with h5py.File(tmp_path / "whole/run.h5") as one, h5py.File(tmp_path / "parts/run.h5") as other:
         assert len(one["events/time"]) > 0
@@ -95,9 +91,13 @@ def test_stopped_by_a_signal_and_continued(tmp_path):
     options = {**LONGER, "delta": 0.01}
     whole = compress(tmp_path / "whole", **options)
     command = {**THREE, **options, "output": tmp_path / "parts"}
-    process = start("raft", **command)
-    wait_for((tmp_path / "parts/run.h5").exists, process)
-    code, _, errors = end(process)
+    for _ in range(20):  # the run is short: on a busy machine the signal may come too late
+        process = start("raft", **command)
+        wait_for((tmp_path / "parts/run.h5").exists, process)
+        code, _, errors = end(process)
+        if code != 0:
+            break
+        shutil.rmtree(tmp_path / "parts")
     assert code == 75, errors
     result = pliant("raft", **command, max_wall_time=whole.summary["wall_seconds"] / 2)
     assert result.returncode in (0, 75) and "continuing at t" in result.stdout, result.stderr

@@ -9,7 +9,7 @@ import time
 
 import pytest
 import test_parallel
-from conftest import PROGRAM, SMALL, Results, arguments, assert_same_runs, end, hopper, pliant, start, wait_for
+from conftest import HANGS, PROGRAM, SMALL, Results, arguments, assert_same_runs, end, hopper, pliant, start, wait_for
 from test_parallel import children, mpi_environment, needs_mpi, on_ranks, start_ranks
 
 LONG = {**SMALL, "t_end": 1e6, "frame_interval": 1000, "sample_interval": 1}
@@ -26,7 +26,7 @@ def running(child, folder):
 def finished(child):
     """What it has printed; one that hangs is killed."""
     try:
-        return child.communicate(timeout=30)
+        return child.communicate(timeout=HANGS)
     except subprocess.TimeoutExpired:
         child.kill()
         raise
@@ -101,10 +101,10 @@ def test_output_that_nobody_reads(how, tmp_path):
         child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         child.stdout.close()
         child.stderr.close()
-        assert child.wait(timeout=30) == 0
+        assert child.wait(timeout=HANGS) == 0
     else:
         where = ">&- 2>&-" if how == "closed" else ">/dev/full 2>/dev/full"
-        assert subprocess.run(["bash", "-c", f'exec "$0" "$@" {where}', *command], timeout=30).returncode == 0
+        assert subprocess.run(["bash", "-c", f'exec "$0" "$@" {where}', *command], timeout=HANGS).returncode == 0
     assert_same_runs(whole, Results(tmp_path / "run"))
 
 
@@ -114,7 +114,7 @@ def test_a_stopped_run_that_nobody_reads(tmp_path):
     child.stdout.close()
     child.stderr.close()
     child.terminate()
-    assert child.wait(timeout=30) == 75
+    assert child.wait(timeout=HANGS) == 75
     assert_stopped(tmp_path / "run")
 
 
@@ -123,7 +123,7 @@ def test_what_petsc_prints_and_nobody_reads(extra, tmp_path):
     command = [PROGRAM, "hopper", "-output", tmp_path / "run", *arguments({**SMALL, "t_end": 3, "integrator": "ts"})]
     child = subprocess.Popen([*command, extra], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     child.stdout.close()
-    assert (child.stderr.read(), child.wait(timeout=30)) == ("", 0)
+    assert (child.stderr.read(), child.wait(timeout=HANGS)) == ("", 0)
 
 
 def test_help_into_a_pipe_that_ends():

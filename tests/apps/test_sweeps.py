@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from conftest import PROGRAM, SMALL, hopper, wait_for
+from conftest import HANGS, PROGRAM, SMALL, hopper, wait_for
 
 COMMAND = [sys.executable, Path(__file__).resolve().parents[2] / "python/pliant-sweep"]
 
@@ -27,15 +27,15 @@ def test_four_runs(tmp_path):
     # Wide enough not to clog.
     table.write_text(",".join(["name", *options, "hopper_width", "seeds"]) + "\n"
                      + "".join(",".join([f"w{w}", *map(str, options.values()), str(w), "1-2"]) + "\n" for w in (3, 4)))
-    process = start(table, "-j", 2)
-    wait_for((tmp_path / "widths/w3,seed=2/run.xdmf").exists, process)
+    process = start(table, "-j", 1)
+    wait_for((tmp_path / "widths/w3,seed=1/run.xdmf").exists, process)
     process.send_signal(signal.SIGTERM)
-    output, _ = process.communicate(timeout=60)
+    output, _ = process.communicate(timeout=HANGS)
     assert process.returncode == 75 and "stopped" in output, output
     assert not (tmp_path / "widths/w4,seed=2").exists()
 
     process = start(table, "-j", 2)
-    output, _ = process.communicate(timeout=60)
+    output, _ = process.communicate(timeout=HANGS)
     assert process.returncode == 0 and output.splitlines()[-1] == "done 4/4, running 0, failed 0, waiting 0", output
     results = pd.read_csv(tmp_path / "widths/results.csv", index_col="row")
     assert list(results.index) == ["w3,seed=1", "w3,seed=2", "w4,seed=1", "w4,seed=2"]
@@ -85,6 +85,6 @@ def test_options_are_checked_first(tmp_path, column, value, message):
     table = tmp_path / "t.csv"
     table.write_text(f"hopper_width,{column}\n3,\n4,{value}\n")
     process = start(table)
-    output, _ = process.communicate(timeout=60)
+    output, _ = process.communicate(timeout=HANGS)
     assert process.returncode == 2 and f"t.csv, line 3, {message}" in output, output
     assert os.listdir(tmp_path) == ["t.csv"]

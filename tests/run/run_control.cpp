@@ -6,6 +6,7 @@
 #include <csignal>
 #include <functional>
 #include <limits>
+#include <vector>
 
 #include <pliant/run/run_control.h>
 
@@ -15,40 +16,55 @@ namespace {
 
 constexpr int survived = 42;
 
-/// How a process ends that does this: by a signal, or `survived`.
-int end_of(const std::function<void()>& body) {
+/// A process that does this.
+pid_t start(const std::function<void()>& body) {
   const pid_t child = fork();
   if (child == 0) {
     for (const int signal : {SIGINT, SIGTERM, SIGHUP}) std::signal(signal, SIG_DFL);  // not the test program's own
     body();
     _exit(survived);
   }
+  return child;
+}
+
+/// How it ends: by a signal, or `survived`.
+int end_of(pid_t child) {
   int status = 0;
   REQUIRE(waitpid(child, &status, 0) == child);
   return WIFSIGNALED(status) ? WTERMSIG(status) : WEXITSTATUS(status);
 }
 
+int end_of(const std::function<void()>& body) { return end_of(start(body)); }
+
 }  // namespace
 
 TEST_CASE("a signal asks, another one kills once it is no echo of the first", "[signals]") {
-  const auto twice = [](int first, int second, useconds_t between) {
-    return end_of([=] {
+  struct Twice {
+    int first, second;
+    useconds_t between;
+    int expected;
+  };
+  std::vector<Twice> cases{{SIGTERM, SIGTERM, 2'100'000, SIGTERM},
+                           {SIGHUP, SIGINT, 2'100'000, SIGINT},
+                           {SIGXCPU, SIGXCPU, 2'100'000, survived}};  // the system's own repetition
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGUSR1, SIGXCPU}) {
+    cases.push_back({signal, signal, 0, survived});
+    cases.push_back({signal, SIGTERM, 100'000, survived});
+  }
+  std::vector<pid_t> children;  // they sleep at the same time
+  for (const Twice& twice : cases)
+    children.push_back(start([&] {
       const StopSignals signals;
       if (StopSignals::requested()) _exit(1);
-      std::raise(first);
+      std::raise(twice.first);
       if (!StopSignals::requested()) _exit(2);
-      usleep(between);
-      std::raise(second);
-    });
-  };
-  for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGUSR1, SIGXCPU}) {
-    INFO(signal);
-    CHECK(twice(signal, signal, 0) == survived);
-    CHECK(twice(signal, SIGTERM, 500'000) == survived);
+      usleep(twice.between);
+      std::raise(twice.second);
+    }));
+  for (std::size_t i = 0; i < cases.size(); ++i) {
+    INFO(cases[i].first << ' ' << cases[i].second << ' ' << cases[i].between);
+    CHECK(end_of(children[i]) == cases[i].expected);
   }
-  CHECK(twice(SIGTERM, SIGTERM, 2'100'000) == SIGTERM);
-  CHECK(twice(SIGHUP, SIGINT, 2'100'000) == SIGINT);
-  CHECK(twice(SIGXCPU, SIGXCPU, 2'100'000) == survived);  // the system's own repetition
 }
 
 TEST_CASE("signals after a run", "[signals]") {
