@@ -175,19 +175,23 @@ def test_mpiexec_returns_75(how, tmp_path):
 
 
 @needs_mpi
-@pytest.mark.parametrize("name", ["TERM", "HUP", "INT"])
-def test_mpiexec_that_is_told_to_end(name, tmp_path, monkeypatch):
-    """Open MPI's own exit code is 1, whatever the ranks return; it sends them SIGTERM and some time later SIGKILL."""
-    environment = mpi_environment() | {"OMPI_MCA_odls_base_sigkill_timeout": "2"}
+def test_mpiexec_that_is_told_to_end(tmp_path, monkeypatch):
+    """Open MPI's own exit code is 1, whatever the ranks return; it sends them SIGTERM and some time later SIGKILL. It waits
+    for as long in any case, so that the three wait together."""
+    environment = mpi_environment() | {"OMPI_MCA_odls_base_sigkill_timeout": "5"}
     monkeypatch.setattr(test_parallel, "mpi_environment", lambda: environment)
-    child = start_ranks(2, "hopper", output=tmp_path / "run", **LONG)
-    running(child, tmp_path / "run")
-    child.send_signal(signal.Signals[f"SIG{name}"])
-    output, _ = finished(child)
-    assert child.returncode == 1 and output.count("stopped at t =") == 1
-    assert_stopped(tmp_path / "run")
-    result = on_two("hopper", output=tmp_path / "run", **{**LONG, "max_wall_time": 0.1})
-    assert result.returncode == 75 and "continuing at t =" in result.stdout, result.stderr
+    names = ("TERM", "HUP", "INT")
+    children = [start_ranks(2, "hopper", output=tmp_path / name, **LONG) for name in names]
+    for name, child in zip(names, children):
+        running(child, tmp_path / name)
+    for name, child in zip(names, children):
+        child.send_signal(signal.Signals[f"SIG{name}"])
+    for name, child in zip(names, children):
+        output, _ = finished(child)
+        assert child.returncode == 1 and output.count("stopped at t =") == 1
+        assert_stopped(tmp_path / name)
+        result = on_two("hopper", output=tmp_path / name, **{**LONG, "max_wall_time": 0.1})
+        assert result.returncode == 75 and "continuing at t =" in result.stdout, result.stderr
 
 
 # --- Intervals of any length
