@@ -324,7 +324,7 @@ def test_a_run_is_read_while_it_is_locked(tmp_path):
 def test_ranks_that_were_killed_go_on(tmp_path):
     options = {**SMALL, "t_end": 1e6, "frame_interval": 1e3, "sample_interval": 10}
     child = start_ranks(2, "hopper", output=tmp_path / "run", **options)
-    wait_for((tmp_path / "run/run.xdmf").exists, child)
+    wait_for((tmp_path / "run/checkpoint-a.h5").exists, child)
     other = on_ranks(2, "hopper", output=tmp_path / "run", **options)
     assert other.returncode == 2 and len(complaints(other)) == 1 and "is in use by process" in complaints(other)[0]
     for rank in children(child):
