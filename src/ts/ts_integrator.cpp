@@ -549,6 +549,63 @@ bool TsIntegrator::solve(FirstOrderSystem& system, State& state, Real t_end, con
 
 bool TsIntegrator::explicit_fixed_step() const { return !adaptive_ && contains(explicit_types, type_); }
 
+namespace {
+
+PetscErrorCode decay(::TS, PetscReal, ::Vec y, ::Vec ydot, void*) {
+  PetscFunctionBeginUser;
+  PetscCall(VecAXPBY(ydot, -1, 0, y));
+  PetscFunctionReturn(0);
+}
+
+}  // namespace
+
+Real TsIntegrator::stability_limit() const {
+  if (!contains(explicit_types, type_) || type_ == ts_verlet) return std::numeric_limits<Real>::infinity();
+  Handle<::TS, TSDestroy> ts;
+  Handle<::Vec, VecDestroy> y;
+  petsc_check(VecCreateSeq(PETSC_COMM_SELF, 1, y.out()));
+  petsc_check(TSCreate(PETSC_COMM_SELF, ts.out()));
+  petsc_check(TSSetType(ts, type_.c_str()));
+  if (type_ == TSRK) {
+    TSRKType table = nullptr;
+    petsc_check(TSRKGetType(ts_, &table));
+    petsc_check(TSRKSetType(ts, table));
+  } else if (type_ == TSSSP) {
+    TSSSPType method = nullptr;
+    PetscInt stages = 0;
+    petsc_check(TSSSPGetType(ts_, &method));
+    petsc_check(TSSSPGetNumStages(ts_, &stages));
+    petsc_check(TSSSPSetType(ts, method));
+    petsc_check(TSSSPSetNumStages(ts, stages));
+  }
+  TSAdapt adapt = nullptr;
+  petsc_check(TSGetAdapt(ts, &adapt));
+  petsc_check(TSAdaptSetType(adapt, TSADAPTNONE));
+  petsc_check(TSSetRHSFunction(ts, nullptr, decay, nullptr));
+  petsc_check(TSSetMaxSteps(ts, 1));
+  petsc_check(TSSetExactFinalTime(ts, TS_EXACTFINALTIME_STEPOVER));
+  petsc_check(TSSetSolution(ts, y));
+  const auto decays = [&](Real step) {
+    petsc_check(VecSet(y, 1));
+    petsc_check(TSSetTime(ts, 0));
+    petsc_check(TSSetStepNumber(ts, 0));
+    petsc_check(TSSetTimeStep(ts, step));
+    petsc_check(TSRestartStep(ts));
+    petsc_check(TSStep(ts));
+    PetscReal left = 0;
+    petsc_check(VecNorm(y, NORM_INFINITY, &left));
+    return left <= 1;
+  };
+  constexpr Real look = 1.0 / 16;
+  Real low = look, high = 2 * look;
+  for (; decays(high); high += look) low = high;
+  for (int k = 0; k < 40; ++k) {
+    const Real middle = (low + high) / 2;
+    (decays(middle) ? low : high) = middle;
+  }
+  return low;
+}
+
 std::string TsIntegrator::name() const {
   if (type_ != TSRK) return fmt::format("ts:{}{}", type_, options_.implicit == Part::shape ? ", shape implicit" : "");
   TSRKType table = nullptr;

@@ -70,6 +70,9 @@ class TsIntegrator : public Integrator {
 
   /// Whether no error estimate shortens the step, and no solve makes a long one stable.
   bool explicit_fixed_step() const;
+  /// For rk, ssp and euler: the longest step, times the rate, at which what decays at a fixed rate still does. Others:
+  /// infinite.
+  Real stability_limit() const;
 
   /// The step that the next run starts with, in t0: save it for a restart (TsOptions::dt).
   Real next_dt() const { return dt_; }

@@ -155,7 +155,7 @@ def test_a_discharge_that_empties(tmp_path):
 
 # --- Droplets
 
-RK4 = {"ts_type": "rk", "ts_rk_type": 4, "ts_adapt_type": "none", "dt": 0.2}
+RK4 = {"ts_type": "rk", "ts_rk_type": 4, "ts_adapt_type": "none", "dt": 0.1}
 # Fixed steps, as controlled ones feel the last bit; sizes differ, as how a symmetric raft breaks depends on it too.
 RAFT = {"rows": 3, "columns": 3, "delta": 0.01, "end_distance": 4, "v_wall": 2e-2, "sample_interval": 2,
         "frame_interval": 20, **RK4}
@@ -275,13 +275,14 @@ def test_a_clog_stopped_and_continued_on_ranks(clog, tmp_path):
 
 
 @needs_mpi
-@pytest.mark.parametrize("options, frames", [({"dt": 2}, True), ({"start_distance": 1, "end_distance": 0.5}, False)],
+@pytest.mark.parametrize("options, frames", [({"dt": 2, "allow_unstable_dt": "yes"}, True), ({"start_distance": 1, "end_distance": 0.5}, False)],
                          ids=["later", "at_once"])
 def test_droplets_that_fail(options, frames, tmp_path):
     result = on_ranks(2, "raft", output=tmp_path / "run", **{**RAFT, **options})
-    assert result.returncode == 3 and len(complaints(result)) == 1, result.stderr
+    (error,) = [line for line in complaints(result) if "warning" not in line]
+    assert result.returncode == 3, result.stderr
     run = Results(tmp_path / "run")
-    assert "droplet" in complaints(result)[0] and run.summary["message"] in complaints(result)[0]
+    assert "droplet" in error and run.summary["message"] in error
     assert run.summary["status"] == "failed" and bool(run.frames) == frames
 
 

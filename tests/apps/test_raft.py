@@ -153,6 +153,61 @@ def test_bad_input(options, message, tmp_path):
     assert result.stderr.count("\n") == 1
 
 
+# Limits: that of the method, over f0/b, the rate at which the walls push a droplet back.
+METHODS = {"euler": ({"ts_type": "euler"}, 0.2), "rk4": ({"ts_type": "rk", "ts_rk_type": 4}, 0.2785),
+           "3bs": ({"ts_type": "rk", "ts_rk_type": "3bs"}, 0.2513), "ssp": ({"ts_type": "ssp"}, 0.83379)}
+# Two droplets at rest between walls: those hold them, both together, with 95 % of that.
+RESTING = {"rows": 2, "columns": 1, "delta": 0, "motion": "extension", "v_wall": 1e-6, "t_end": 400,
+           "ts_adapt_type": "none"}
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_the_limit_of_stability(method, tmp_path):
+    """Just below it droplets rest; just above they shake."""
+    options, limit = METHODS[method]
+    speed = {}
+    for factor in (0.95, 1.15):
+        result = pliant("raft", output=tmp_path / f"{factor}", **RESTING, **options, dt=factor * limit,
+                        allow_unstable_dt="yes")
+        assert result.returncode == 0 and f"is {factor:.2f} of the limit" in result.stderr, result.stderr
+        speed[factor] = Results(tmp_path / f"{factor}").series["max_speed"][-1]
+    assert speed[0.95] < 1e-5 and speed[1.15] > 1e-4
+
+
+def test_the_limit_of_a_single_row(tmp_path):
+    """A droplet between two walls comes back twice as fast."""
+    alone = {**RESTING, "rows": 1, "ts_type": "euler"}
+    refused = pliant("raft", output=tmp_path / "refused", **alone, dt=0.101)
+    assert refused.returncode == 2 and "-dt 0.101 is 1.01 times" in refused.stderr
+    assert pliant("raft", output=tmp_path / "stable", **alone, dt=0.095).returncode == 0
+    assert Results(tmp_path / "stable").series["max_speed"][-1] < 1e-5
+    shaking = pliant("raft", output=tmp_path / "shaking", **alone, dt=0.115, allow_unstable_dt="yes")
+    assert shaking.returncode == 3 or Results(tmp_path / "shaking").series["max_speed"][-1] > 1e-3
+
+
+@pytest.mark.parametrize("scenario, method, limit, options", [
+    *(("raft", method, METHODS[method][1], RESTING) for method in METHODS),
+    # A wall that rubs halves the rate of a droplet against it; that of pairs is as high.
+    ("clog", "ssp", 1.66758, {"n": 3, "delta": 0, "t_end": 5}),
+    ("clog", "ssp", 0.83379, {"n": 3, "delta": 0, "t_end": 5, "wall_friction": "no"})])
+def test_steps_that_are_too_long(scenario, method, limit, options, tmp_path):
+    options = {**options, **METHODS[method][0]}
+    run = lambda factor: pliant(scenario, output=tmp_path / str(factor), **{**options, "t_end": 5, "dt": factor * limit})
+    refused, warned, quiet = run(1.01), run(0.7), run(0.49)
+    assert refused.returncode == 2 and refused.stderr.count("\n") == 1 and not (tmp_path / "1.01").exists()
+    for words in (f"-dt {1.01 * limit:g}", "1.01 times the limit of stability", "-allow_unstable_dt"):
+        assert words in refused.stderr
+    assert warned.returncode == 0 and warned.stderr.count("\n") == 1
+    assert "0.70 of the limit of stability" in warned.stderr and "half the step" in warned.stderr
+    assert quiet.returncode == 0 and quiet.stderr == ""
+
+
+@pytest.mark.parametrize("options", [{}, {"ts_type": "beuler", "dt": 1}, {"dt": 1}])
+def test_controlled_and_implicit_steps_have_no_limit(options, tmp_path):
+    result = pliant("raft", output=tmp_path / "run", **{**RESTING, "ts_adapt_type": "basic", "t_end": 20}, **options)
+    assert "limit of stability" not in result.stderr
+
+
 def test_wrong_scenario_of_a_checkpoint(tmp_path):
     compress(tmp_path / "run", end_distance=3.8)
     result = pliant("hopper", restart=tmp_path / "run")

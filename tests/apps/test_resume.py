@@ -17,7 +17,7 @@ RUNS = {
     "hopper": {**SMALL, "t_end": 300, "frame_interval": 20, "sample_interval": 1},
     # Fixed steps: a controlled method differs within its tolerance once it is interrupted.
     "raft": {"delta": 0.05, "rows": 4, "columns": 5, "v_wall": 2e-3, "end_distance": 4, "frame_interval": 100,
-             "sample_interval": 5, "ts_type": "rk", "ts_rk_type": 4, "ts_adapt_type": "none", "dt": 0.2},
+             "sample_interval": 5, "ts_type": "rk", "ts_rk_type": 4, "ts_adapt_type": "none", "dt": 0.1},
     "clog": {"n": 60, "seed": 3, "g": 0.05, "frame_interval": 50, "sample_interval": 5, "ts_type": "rk",
              "ts_rk_type": 4, "ts_adapt_type": "none", "dt": 0.2, "t_end": 2000},
 }
@@ -254,7 +254,8 @@ def test_a_clog_is_judged_where_it_would_have_been(tmp_path):
 def test_a_run_that_failed(tmp_path):
     """Steps that are too long drive droplets into each other."""
     options = {"rows": 3, "columns": 3, "delta": 0.01, "end_distance": 4, "v_wall": 2e-2, "frame_interval": 20,
-               "ts_type": "rk", "ts_rk_type": 4, "ts_adapt_type": "none", "dt": 2}
+               "ts_type": "rk", "ts_rk_type": 4, "ts_adapt_type": "none", "dt": 2,
+               "allow_unstable_dt": "yes"}
     failed = pliant("raft", output=tmp_path / "run", **options)
     assert failed.returncode == 3 and Results(tmp_path / "run").frames
     message = refused("raft", tmp_path / "run", output=tmp_path / "run", **options)
@@ -262,7 +263,7 @@ def test_a_run_that_failed(tmp_path):
     # It goes on as it says, and comes to the same end.
     again = pliant("raft", *advice(message, r"-restart [^,\s]+"))
     assert again.returncode == 3 and again.stderr == failed.stderr and "continuing at t =" in again.stdout
-    assert pliant("raft", output=tmp_path / "other", **{**options, "dt": 0.2}).returncode == 0
+    assert pliant("raft", output=tmp_path / "other", **{**options, "dt": 0.1}).returncode == 0
 
 
 def test_a_start_that_failed_is_no_obstacle(tmp_path):

@@ -96,3 +96,16 @@ TEST_CASE("errors of motion without inertia") {
     CHECK_THROWS_WITH(integrator.run(system, state, 1, {}), Catch::Contains("the velocity of coordinate 1 is nan"));
   }
 }
+
+TEST_CASE("limits of stability of explicit methods on the real axis") {
+  const auto limit = [](const std::string& options) {
+    const PetscOptionScope scope(options + " -ts_adapt_type none");
+    return TsIntegrator().stability_limit();
+  };
+  CHECK(limit("-ts_type euler") == Approx(2));
+  CHECK(limit("-ts_type rk -ts_rk_type 2a") == Approx(2));
+  CHECK(limit("-ts_type rk -ts_rk_type 3bs") == Approx(2.5127453266));
+  CHECK(limit("-ts_type rk -ts_rk_type 4") == Approx(2.7852935634));
+  CHECK(limit("-ts_type ssp") == Approx(4 + 4 * std::pow(1.5, 0.2)));
+  CHECK(limit("-ts_type ssp -ts_ssp_nstages 9") == Approx(8 + 8 * std::pow(1.25, 1.0 / 9)));
+}

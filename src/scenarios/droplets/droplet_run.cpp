@@ -29,6 +29,16 @@ OverdampedSystem<2> make_system(const DropletOptions& p, const DropletSetup& set
   return {setup.droplets, setup.walls, make_field(p, setup), needs(p), p.skin, mobility, ranks};
 }
 
+/// The fastest decay of what contacts hold, at touch: of a droplet against a wall by itself, or of droplets against
+/// each other, whose friction grows with their number as the stiffness does.
+Real fastest_rate(const DropletOptions& p, const DropletSetup& setup) {
+  const std::vector<Real>& diameter = setup.droplets.diameter;
+  const Real least = *std::min_element(diameter.begin(), diameter.end()) / 2, walls = setup.walls_at_once;
+  const Real pairs = p.f0 / (2 * least),
+             wall = walls * p.f0 * p.model_parameters().mean_radius / square(least) / (setup.walls_rub ? 1 + walls : 1);
+  return std::max(pairs, wall) / p.b;
+}
+
 }  // namespace
 
 void DropletSystem::rate(Real t, const Real* y, Real* ydot) {
@@ -54,6 +64,7 @@ DropletRun::DropletRun(const DropletOptions& p, const Options& options, const Ra
       scenario_(setup.scenario),
       ranks_(ranks),
       integration_(setup.integration),
+      fastest_rate_(fastest_rate(p, setup)),
       overdamped_(make_system(p, setup, ranks)),
       system_(overdamped_),
       control_(p.checkpoint_interval, p.max_wall_time, ranks),
@@ -70,6 +81,7 @@ ExitCode DropletRun::run() {
   integration_.dt = dt_;
   integrator_.emplace(integration_, ranks_.comm());
   options_.check_consumed();
+  check_step();
   if (!restarted && options_.given("dt") && last_time() > 0 && dt_ > last_time())
     throw InputError("-dt {:g} is longer than the run, {:g} t0; shorten the step or give a later -t_end", dt_,
                      last_time());
@@ -117,6 +129,23 @@ ExitCode DropletRun::run() {
   }
   if (ranks_.root()) report(s["cpu_seconds"]);
   return stopped_ ? ExitCode::stopped : ExitCode::done;
+}
+
+/// Errors: InputError for a fixed step at which droplets shake.
+void DropletRun::check_step() const {
+  if (!integrator_->explicit_fixed_step()) return;
+  constexpr Real max_safe_ratio = 0.5;
+  const Real dt = integrator_->next_dt(), limit = integrator_->stability_limit() / fastest_rate_, ratio = dt / limit;
+  if (ratio > 1 && !p_.allow_unstable_dt)
+    throw InputError(
+        "-dt {:g} is {:.3g} times the limit of stability, {:.3g} t0: droplets would shake; shorten it, leave it out, "
+        "or see what happens with -allow_unstable_dt",
+        dt, ratio, limit);
+  if (ratio > max_safe_ratio * (1 + 1e-9) && ranks_.root())
+    warn(
+        "-dt {:g} is {:.2f} of the limit of stability, {:.3g} t0, which is an estimate for light loads: above {:g} "
+        "compare with half the step",
+        dt, ratio, limit, max_safe_ratio);
 }
 
 void DropletRun::report(Real cpu) const {

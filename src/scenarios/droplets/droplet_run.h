@@ -43,6 +43,7 @@ struct DropletSetup {
   Walls<2> walls;
   Vec<2> gravity = Vec<2>::Zero();
   bool walls_rub = false;  ///< MobilityOptions::walls
+  int walls_at_once = 1;   ///< that push a droplet along one line
   /// Most steps are as long as stability allows: a low order takes the fewest evaluations, a small error costs nothing.
   TsOptions integration = {.rk_type = "3bs", .atol_x = 1e-8};
 };
@@ -116,6 +117,7 @@ class DropletRun {
   void put_walls(const Walls<2>& walls);  ///< without looking at the energy
 
  private:
+  void check_step() const;
   void prepare();
   void begin();
   void complete();
@@ -147,6 +149,7 @@ class DropletRun {
   std::string scenario_;
   Ranks ranks_;
   TsOptions integration_;
+  Real fastest_rate_;
   OverdampedSystem<2> overdamped_;          ///< this rank's droplets
   std::optional<ParticleSystem<2>> whole_;  ///< all droplets, on several ranks
   DropletSystem system_;

@@ -22,6 +22,7 @@ struct DropletOptions : RunOptions {
   DropletIntegrator integrator = DropletIntegrator::ts;
   Real dt = 0.1, skin = 0.3;
   std::optional<Real> t_end;
+  bool allow_unstable_dt = false;
 
   ModelParameters model_parameters() const { return {.f0 = f0, .phi_c = phi_c, .a_s = a_s}; }
   MobilityOptions mobility_options() const { return {.b = b, .beyond = 2 * a_s, .coupling = mobility}; }

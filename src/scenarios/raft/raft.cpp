@@ -115,7 +115,13 @@ struct Raft {
 class RaftRun final : public DropletRun {
  public:
   RaftRun(const RaftOptions& p, const Options& options, const Ranks& ranks, Raft raft)
-      : DropletRun(p, options, ranks, {"raft", raft.droplets(), raft.walls()}), p_(p), raft_(std::move(raft)) {}
+      : DropletRun(p, options, ranks,
+                   {.scenario = "raft",
+                    .droplets = raft.droplets(),
+                    .walls = raft.walls(),
+                    .walls_at_once = p.rows == 1 ? 2 : 1}),
+        p_(p),
+        raft_(std::move(raft)) {}
 
  protected:
   std::string title() const override {
