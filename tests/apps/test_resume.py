@@ -1,6 +1,5 @@
 """Whatever has become of a run: the same command goes on with it, or says what to do, and what it says works."""
 
-import json
 import os
 import random
 import re
@@ -9,8 +8,8 @@ import signal
 import subprocess
 
 import pytest
-from conftest import (HANGS, PROGRAM, SMALL, Results, arguments, assert_same_runs, cpu_seconds_of_children, end,
-                      killed_after, pliant, start, wait_for)
+from conftest import (HANGS, SMALL, Results, assert_same_runs, cpu_seconds_of_children, end, killed_after, pliant,
+                      start, wait_for)
 from test_parallel import children, complaints, needs_mpi, on_ranks, start_ranks
 
 RUNS = {
