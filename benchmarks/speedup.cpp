@@ -10,6 +10,7 @@
 
 #include <chrono>
 #include <cstdio>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
@@ -17,10 +18,10 @@
 #include <pliant/base/petsc.h>
 #include <pliant/model/polygon.h>
 #include <pliant/run/folder.h>
+#include <pliant/run/simulation.h>
 #include <pliant/run/stored_particles.h>
 #include <pliant/scenarios/hopper/options.h>
 #include <pliant/setup/particles.h>
-#include <pliant/system/particle_system.h>
 #include <pliant/ts/verlet.h>
 
 namespace pliant {
@@ -34,26 +35,28 @@ class System {
  public:
   /// Each rank begins with an equal share, and gets those that lie together.
   System(const HopperOptions& p, const Checkpoint& c, const Ranks& ranks)
-      : particles_({}, p.hopper.walls<D>(), make_force_field<D>(p.model, p.model_parameters(), -Vec<D>::Unit(D - 1)),
-                   neighbour_needs(p.model, p.model_parameters()), p.first_skin(), ranks),
-        dt_(c.real("dt", 0)),
-        verlet_(dt_) {
-    const Topology all =
-        make_particles(p.model, D, draw_diameters(p.sizes, p.particles, static_cast<std::uint64_t>(p.seed)), p.shape);
-    const StoredParticles stored(c, all, D, ranks);
-    particles_.take(all.select(stored.ids()));
-    particles_.tune_skin();
-    particles_.neighbours().set_skin(c.real("skin", 0));
-    const auto x = stored.points("x"), v = stored.points("v");
-    state_.assign(x, v, v);
-    particles_.tidy(state_);
+      : simulation_(make_particles(p.model, D, draw_diameters(p.sizes, p.particles, static_cast<std::uint64_t>(p.seed)),
+                                   p.shape),
+                    ParticleSystem<D>({}, p.hopper.walls<D>(),
+                                      make_force_field<D>(p.model, p.model_parameters(), -Vec<D>::Unit(D - 1)),
+                                      neighbour_needs(p.model, p.model_parameters()), p.first_skin(), ranks),
+                    Sorting::regularly),
+        dt_(c.real("dt", 0)) {
+    const StoredParticles stored(c, simulation_.all(), D, ranks);
+    simulation_.take(stored.ids());
+    simulation_.particles().tune_skin();
+    simulation_.particles().neighbours().set_skin(c.real("skin", 0));
+    simulation_.state().assign(stored.points("x"), stored.points("v"));
+    simulation_.set_integrator(std::make_unique<FixedStepVerlet>(dt_));
+    simulation_.sort();
   }
 
   /// Seconds of `steps` steps.
   double run(int steps) {
-    const Topology& topology = particles_.topology();
+    const Topology& topology = simulation_.topology();
+    const Real* x = simulation_.state().x().data();
     for (Index m = 0; m < topology.owned(); ++m)
-      if (topology.active[m] && mean_of_points<D>(state_.x().data(), topology, m)[D - 1] < -3) particles_.deactivate(m);
+      if (topology.active[m] && mean_of_points<D>(x, topology, m)[D - 1] < -3) simulation_.particles().deactivate(m);
     move(warm_up);
     const auto start = std::chrono::steady_clock::now();
     move(steps);
@@ -62,20 +65,16 @@ class System {
 
  private:
   void move(int steps) {
-    const Real end = static_cast<Real>(state_.step + steps) * dt_;
-    verlet_.run(particles_, state_, end, fresh_, [&](State& s) {
-      if (!particles_.untidy()) return AfterStep::proceed;
-      particles_.tidy(s);
+    const Real end = static_cast<Real>(simulation_.state().step + steps) * dt_;
+    simulation_.advance(end, [&](State&) {
+      if (!simulation_.particles().untidy()) return AfterStep::proceed;
+      simulation_.sort();
       return AfterStep::reordered;
     });
-    fresh_ = false;
   }
 
-  ParticleSystem<D> particles_;
+  Simulation<D> simulation_;
   Real dt_;
-  FixedStepVerlet verlet_;
-  State state_;
-  bool fresh_ = true;
 };
 
 /// Runs body on one rank, while the others sleep.

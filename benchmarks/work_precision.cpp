@@ -19,6 +19,7 @@
 #include <pliant/base/rng.h>
 #include <pliant/model/polygon.h>
 #include <pliant/scenarios/hopper/options.h>
+#include <pliant/system/neighbour_drag.h>
 #include <pliant/system/overdamped.h>
 #include <pliant/ts/ts_integrator.h>
 #include <pliant/ts/verlet.h>
@@ -402,8 +403,9 @@ Problem<OverdampedSystem<2>> droplets(bool quick) {
           .make =
               [=] {
                 return std::make_unique<OverdampedSystem<2>>(
-                    topology, Walls<2>(walls), make_force_field<2>(ModelKind::bubble, {}, {0, 0}),
-                    neighbour_needs(ModelKind::bubble), skin, MobilityOptions{});
+                    ParticleSystem<2>(topology, Walls<2>(walls), make_force_field<2>(ModelKind::bubble, {}, {0, 0}),
+                                      neighbour_needs(ModelKind::bubble), skin),
+                    std::make_unique<NeighbourDrag<2>>(NeighbourDragOptions{}));
               },
           .start = std::move(start),
           .t_end = quick ? 20.0 : 100.0,

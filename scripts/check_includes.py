@@ -29,7 +29,7 @@ USES = {
     "scenarios/hopper": ["run"],
     "scenarios/raft": ["scenarios/droplets"],
     "scenarios/clog": ["scenarios/droplets"],
-    "scenarios/evaluate": ["system"],
+    "scenarios/evaluate": ["run"],
     "apps": ["scenarios/hopper", "scenarios/raft", "scenarios/clog", "scenarios/evaluate"],
 }
 INCLUDE = re.compile(r'\s*#\s*include\s*(?:<pliant/([^>]+)>|(".*"))')

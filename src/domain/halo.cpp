@@ -74,6 +74,10 @@ Halo<D>::Halo(Ranks ranks) : ranks_(ranks) {}
 
 template <int D>
 Halo<D>::~Halo() = default;
+template <int D>
+Halo<D>::Halo(Halo&&) noexcept = default;
+template <int D>
+Halo<D>& Halo<D>::operator=(Halo&&) noexcept = default;
 
 template <int D>
 void Halo<D>::settle(const Topology& topology, const Real* x) {

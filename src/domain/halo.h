@@ -16,6 +16,8 @@ class Halo {
  public:
   explicit Halo(Ranks ranks);
   ~Halo();
+  Halo(Halo&&) noexcept;
+  Halo& operator=(Halo&&) noexcept;
 
   /// Takes the box around the rank's particles, and a diameter more, as its home; x [owned points · D].
   void settle(const Topology& topology, const Real* x);

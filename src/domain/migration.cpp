@@ -47,12 +47,10 @@ void Migration::move(Topology& topology) const {
 }
 
 void Migration::move(State& state, int dim) const {
-  std::vector<Real> x(state.x().begin(), state.x().end()), v(state.v().begin(), state.v().end()),
-      predicted(state.predicted().begin(), state.predicted().end());
+  std::vector<Real> x(state.x().begin(), state.x().end()), v(state.v().begin(), state.v().end());
   move_points(x, dim);
   move_points(v, dim);
-  move_points(predicted, dim);
-  state.assign(x, v, predicted);
+  state.assign(x, v);
 }
 
 template <int D>

@@ -9,6 +9,9 @@ namespace pliant {
 
 struct RunOptions {
   std::string output = "pliant-run", restart;
+  std::int64_t seed = 1;
+  Index threads = 1;  ///< of this process
+  bool allow_unstable_dt = false;
   Real frame_interval = 2, sample_interval = 0.2, checkpoint_interval = 300, max_wall_time = 0;
 
  protected:

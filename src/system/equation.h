@@ -18,8 +18,10 @@ class FirstOrderSystem {
   virtual ~FirstOrderSystem() = default;
   /// Coordinates x on this rank.
   virtual std::size_t size() const = 0;
-  /// Length of y on this rank: y = x here, so that ẋ = f(t, x), the motion without inertia.
+  /// Length of y on this rank: y = x here, so that ẋ = f(t, x), the motion without inertia. What is more than x is v
+  /// (has_velocities), or what is integrated beside the coordinates (State::extra).
   virtual std::size_t unknowns() const { return size(); }
+  virtual bool has_velocities() const { return false; }
   virtual const Ranks& ranks() const {
     static const Ranks self;
     return self;
@@ -35,6 +37,7 @@ class SecondOrderSystem : public FirstOrderSystem {
   virtual void acceleration(Real t, const Real* x, const Real* v, Real* a) = 0;
 
   std::size_t unknowns() const final { return 2 * size(); }
+  bool has_velocities() const final { return true; }
   void rate(Real t, const Real* y, Real* ydot) final {
     const std::size_t n = size();
     std::copy_n(y + n, n, ydot);

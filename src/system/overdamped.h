@@ -1,7 +1,10 @@
-// Droplets that move without inertia, as one equation of motion, on one rank or on several.
+// Particles that move without inertia, as one equation of motion, on one rank or on several.
 #pragma once
 
 #include <algorithm>
+#include <functional>
+#include <memory>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -10,50 +13,65 @@
 
 namespace pliant {
 
-/// ẋ = v(t, x), where the forces of a model and the viscous ones of a mobility balance [T 2.9, 4.1]. Everything else is
-/// up to the system of particles within: lists, ranks, walls, sorting.
+/// A number that is integrated with the positions, so that it is as exact as they are and its error is controlled with
+/// theirs.
+template <int D>
+struct IntegratedQuantity {
+  std::string name;
+  /// This rank's share of its rate, at the velocities s.v.
+  std::function<Real(const ForceField<D>& field, const StateView<D>& s)> rate;
+};
+
+/// ẋ = v(t, x), where the forces of a model and drag balance [T 2.9, 4.1]. Everything else is up to the system of
+/// particles within: lists, ranks, walls, sorting. The integrated quantities follow the coordinates, on the root
+/// (State::extra).
 template <int D>
 class OverdampedSystem final : public FirstOrderSystem {
  public:
-  /// Arguments of a ParticleSystem, and the mobility's, whose range should be that of the model's attraction, within
-  /// that of the lists (NeighbourNeeds::beyond). Errors: InputError where it is not.
-  OverdampedSystem(Topology topology, Walls<D> walls, std::unique_ptr<ForceField<D>> field, NeighbourNeeds needs,
-                   Real skin, const MobilityOptions& mobility, const Ranks& ranks = Ranks())
-      : particles_(std::move(topology), std::move(walls), std::move(field), needs, skin, ranks),
-        mobility_(mobility, ranks) {
-    if (!(mobility.beyond <= needs.beyond))
-      throw InputError("droplets are neighbours up to {} beyond contact, but the lists go to {} only", mobility.beyond,
-                       needs.beyond);
+  /// Errors: InputError where the mobility's range is beyond that of the lists (NeighbourNeeds::beyond).
+  OverdampedSystem(ParticleSystem<D> particles, std::unique_ptr<Mobility<D>> mobility,
+                   std::vector<IntegratedQuantity<D>> quantities = {})
+      : particles_(std::move(particles)), mobility_(std::move(mobility)), quantities_(std::move(quantities)) {
+    if (const Real listed = particles_.neighbours().needs().beyond; !(mobility_->beyond() <= listed))
+      throw InputError("droplets are neighbours up to {} beyond contact, but the lists go to {} only",
+                       mobility_->beyond(), listed);
   }
 
   std::size_t size() const override { return particles_.size(); }
+  std::size_t unknowns() const override { return size() + (ranks().root() ? quantities_.size() : 0); }
   const Ranks& ranks() const override { return particles_.ranks(); }
 
-  /// Errors: NumericalError where droplets or walls have run into each other, with their numbers.
-  void rate(Real t, const Real* x, Real* v) override {
+  /// Errors: NumericalError where particles or walls have run into each other, with their numbers.
+  void rate(Real t, const Real* y, Real* ydot) override {
     last_.resize(size());
-    const StateView<D> s = particles_.view(x, last_.data(), t);
+    const StateView<D> s = particles_.view(y, last_.data(), t);
     if (particles_.neighbours().rebuilds() != numbered_) number(s);
-    force_.resize(static_cast<std::size_t>(s.topology.points()) * D);
-    ranks().together([&] { particles_.field().forces(s, force_.data()); });
-    mobility_.solve(s, force_.data(), last_.data());
-    std::copy(last_.begin(), last_.end(), v);
+    mobility_->find_velocities(particles_.field(), s, last_.data());
+    std::copy(last_.begin(), last_.end(), ydot);
+    if (quantities_.empty()) return;
+    const StateView<D> moving = particles_.view(y, ydot, t);
+    std::vector<Real> rates;
+    for (const IntegratedQuantity<D>& q : quantities_) rates.push_back(q.rate(particles_.field(), moving));
+    ranks().sum(rates);
+    if (ranks().root()) std::copy(rates.begin(), rates.end(), ydot + size());
   }
 
   /// Velocities that rate() found last, with which the next solve starts: save them for a restart that is bit for bit.
   const std::vector<Real>& last() const { return last_; }
   void set_last(std::vector<Real> v) { last_ = std::move(v); }
 
-  /// As ParticleSystem::tidy; the velocities found last move too. Entries of the state behind the points are lost.
-  void tidy(State& state) {
+  /// As ParticleSystem::tidy; the velocities found last move too.
+  Migration tidy(State& state) {
     const bool known = ranks().any(!last_.empty());
-    const Migration migration = particles_.tidy(state);
+    Migration migration = particles_.tidy(state);
     if (known) migration.move_points(last_, D);
+    return migration;
   }
 
   ParticleSystem<D>& particles() { return particles_; }
   const ParticleSystem<D>& particles() const { return particles_; }
-  const Mobility<D>& mobility() const { return mobility_; }
+  const Mobility<D>& mobility() const { return *mobility_; }
+  const std::vector<IntegratedQuantity<D>>& quantities() const { return quantities_; }
 
  private:
   /// Rows of the whole system: the ranks' own points one after the other.
@@ -67,13 +85,14 @@ class OverdampedSystem final : public FirstOrderSystem {
     const Real* all = particles_.with_ghosts(mine.data(), storage);
     std::vector<Index> numbers(s.topology.points());
     for (std::size_t i = 0; i < numbers.size(); ++i) numbers[i] = static_cast<Index>(all[i * D]);
-    mobility_.set_numbers(std::move(numbers));
+    mobility_->set_numbers(std::move(numbers));
     numbered_ = particles_.neighbours().rebuilds();
   }
 
   ParticleSystem<D> particles_;
-  Mobility<D> mobility_;
-  std::vector<Real> last_, force_;
+  std::unique_ptr<Mobility<D>> mobility_;
+  std::vector<IntegratedQuantity<D>> quantities_;
+  std::vector<Real> last_;
   std::int64_t numbered_ = -1;
 };
 

@@ -3,7 +3,9 @@
 
 #include <cstdint>
 #include <functional>
+#include <span>
 #include <string>
+#include <vector>
 
 #include <pliant/model/state.h>
 #include <pliant/system/equation.h>
@@ -35,8 +37,24 @@ class Integrator {
   /// steps. With `fresh` the accelerations in the state are not valid yet (a new run, not a restart). Errors:
   /// NumericalError where a step fails or dt underflows.
   virtual void run(SecondOrderSystem& system, State& state, Real t_end, bool fresh, const StepObserver& observer) = 0;
+  /// The same for a first-order system, whose unknowns are State::x and State::extra; State::v is left alone. Errors:
+  /// besides, InputError where the method needs velocities.
+  virtual void run(FirstOrderSystem& system, State& state, Real t_end, const StepObserver& observer) = 0;
   virtual const IntegratorStatistics& statistics() const = 0;
   virtual std::string name() const = 0;  ///< "verlet", or "ts:" and the TS type
+
+  /// The step that the next run starts with, in t0: save it for a restart.
+  virtual Real next_dt() const = 0;
+  /// Whether no error estimate shortens the step, and no solve makes a long one stable.
+  virtual bool explicit_fixed_step() const = 0;
+  /// Whether the last evaluation of every step is at its end, so that an observer who wants the rates need not
+  /// evaluate.
+  virtual bool first_same_as_last() const = 0;
+  /// What it carries from step to step for each coordinate, or nothing: an observer that puts the state into another
+  /// order does the same with it, and a restart that is bit for bit needs it.
+  virtual bool carries() const { return false; }
+  virtual std::span<const Real> carried() const { return {}; }
+  virtual void set_carried(std::span<const Real> /*values*/) {}
 };
 
 }  // namespace pliant

@@ -31,20 +31,24 @@ struct TsIntegrator::Run {
   /// The state to PETSc's vectors and back.
   void load() const;
   void store() const;
-  /// None without inertia, nor where they have a vector of their own.
-  std::span<Real> velocities_in_y() const {
-    return state.v().first(v == nullptr ? system.unknowns() - system.size() : 0);
+  /// What follows the coordinates in y. Nothing where velocities have a vector of their own.
+  std::span<Real> behind_coordinates() const {
+    if (!system.has_velocities()) return state.extra;
+    return state.v().first(v == nullptr ? system.size() : 0);
   }
   /// Throws on all ranks where one of `rates`, those of the unknowns from `first` on, is not finite on one.
   void check(std::span<const Real> rates, std::size_t first, Real t) const {
     const std::size_t bad = first_non_finite(rates.data(), rates.size()), coordinates = system.size();
     system.ranks().together([&] {
-      if (bad != rates.size())
-        throw NumericalError(
-            "the {} of coordinate {} is {} at t = {}, in the step after t = {} (step {}); reduce the tolerances or the "
-            "step, or check the initial state",
-            first + bad < coordinates ? "velocity" : "acceleration", (first + bad) % coordinates, rates[bad], t,
-            state.t, state.step);
+      if (bad == rates.size()) return;
+      if (first + bad >= coordinates && !system.has_velocities())
+        throw NumericalError("the rate of unknown {} beside the coordinates is {} at t = {}, in the step after t = {}",
+                             first + bad - coordinates, rates[bad], t, state.t);
+      throw NumericalError(
+          "the {} of coordinate {} is {} at t = {}, in the step after t = {} (step {}); reduce the tolerances or the "
+          "step, or check the initial state",
+          first + bad < coordinates ? "velocity" : "acceleration", (first + bad) % coordinates, rates[bad], t, state.t,
+          state.step);
     });
   }
 };
@@ -127,12 +131,12 @@ void check_positive(const char* name, Real value) {
 }  // namespace
 
 void TsIntegrator::Run::load() const {
-  copy_to(y, state.x(), velocities_in_y());
+  copy_to(y, state.x(), behind_coordinates());
   if (v != nullptr) copy_to(v, state.v(), {});
 }
 
 void TsIntegrator::Run::store() const {
-  copy_from(y, state.x(), velocities_in_y());
+  copy_from(y, state.x(), behind_coordinates());
   if (v != nullptr) copy_from(v, state.v(), {});
 }
 
@@ -466,6 +470,9 @@ bool TsIntegrator::solve(FirstOrderSystem& system, State& state, Real t_end, con
   if (system.size() != n)
     throw InputError("the state has {} coordinates, but the system has {}; build both from one topology", n,
                      system.size());
+  if (!system.has_velocities() && n + state.extra.size() != system.unknowns())
+    throw InputError("the state has {} unknowns beside the coordinates, but the system has {}", state.extra.size(),
+                     system.unknowns() - n);
   if (!std::isfinite(t_end)) throw InputError("the end of the run is {}, but it must be finite", t_end);
   if (t_end - state.t <= 4 * std::numeric_limits<Real>::epsilon() * std::abs(t_end)) return false;
   const std::size_t unknowns = system.unknowns();
@@ -480,7 +487,8 @@ bool TsIntegrator::solve(FirstOrderSystem& system, State& state, Real t_end, con
   } else {
     petsc_check(TSSetSolution(ts_, y));
   }
-  if (resized || configured_size_ == 0) set_tolerances(y, n, second_order_ ? n : unknowns);
+  if (resized || configured_size_ == 0)
+    set_tolerances(y, system.has_velocities() ? n : unknowns, second_order_ ? n : unknowns);
   configured_size_ = unknowns;
   // TS counts steps in 32 bits; its number matters for monitors only.
   const bool countable = state.step < std::numeric_limits<PetscInt>::max() / 2;

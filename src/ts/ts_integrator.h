@@ -31,7 +31,8 @@ struct TsOptions {
 };
 
 /// Integrates y = [x; v] with ẏ = [v; a(t, x, v)] by PETSc TS; motion without inertia as y = x with ẋ = f(t, x), which
-/// leaves State::v alone. PETSc has vectors of its own: each accepted step is copied to the state.
+/// leaves State::v alone; unknowns beside the coordinates have their tolerances. PETSc has vectors of its own: each
+/// accepted step is copied to the state.
 ///
 /// Explicit types: rk (all tables), ssp, euler, verlet. Implicit ones, for an ImplicitSystem: alpha, alpha2, arkimex,
 /// beuler, bdf, cn, rosw, theta, which get an IFunction ẏ − [v; a] and its IJacobian; alpha2 gets ẍ − a = 0, with
@@ -42,7 +43,7 @@ struct TsOptions {
 /// again, shorter; a fixed step has its length again after that. The end of a run is
 /// matched exactly; the step that this cuts short does not become the first one of the next run. Every run starts
 /// afresh (first-same-as-last stages and step-size history of the run before are dropped), so `fresh` makes no
-/// difference, and a chain of runs differs from one long run within the tolerance. State::a is not used.
+/// difference, and a chain of runs differs from one long run within the tolerance.
 ///
 /// After a failure the state is that of the last accepted step.
 class TsIntegrator : public Integrator {
@@ -58,24 +59,16 @@ class TsIntegrator : public Integrator {
   /// NumericalError, with the time, where an acceleration is not finite (of an implicit type: again and again), a step
   /// is rejected too often, dt underflows, or -ts_max_steps is reached.
   void run(SecondOrderSystem& system, State& state, Real t_end, bool fresh, const StepObserver& observer) override;
-  /// The same for any first-order system, whose y are the first entries of State::y.
-  /// Errors: besides, InputError for -ts_type verlet where there are no velocities in y.
-  void run(FirstOrderSystem& system, State& state, Real t_end, const StepObserver& observer);
+  void run(FirstOrderSystem& system, State& state, Real t_end, const StepObserver& observer) override;
   const IntegratorStatistics& statistics() const override { return statistics_; }
   std::string name() const override;
 
-  /// Whether the last evaluation of every step is at its end, so that an observer who wants the rates need not
-  /// evaluate.
-  bool first_same_as_last() const { return first_same_as_last_; }
-
-  /// Whether no error estimate shortens the step, and no solve makes a long one stable.
-  bool explicit_fixed_step() const;
+  bool first_same_as_last() const override { return first_same_as_last_; }
+  bool explicit_fixed_step() const override;
+  Real next_dt() const override { return dt_; }
   /// For rk, ssp and euler: the longest step, times the rate, at which what decays at a fixed rate still does. Others:
   /// infinite.
   Real stability_limit() const;
-
-  /// The step that the next run starts with, in t0: save it for a restart (TsOptions::dt).
-  Real next_dt() const { return dt_; }
 
  private:
   struct Run;  // what the callbacks see

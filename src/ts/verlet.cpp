@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <span>
 
 #include <pliant/base/errors.h>
 #include <pliant/base/large_pages.h>
@@ -36,15 +37,15 @@ class WithinRun {
 };
 
 /// Throws on all ranks if `finite` is false, as it is on all ranks then.
-void check(const SecondOrderSystem& system, const State& state, bool finite) {
+void check(const SecondOrderSystem& system, const State& state, std::span<const Real> predicted, bool finite) {
   if (finite) return;
   system.ranks().together([&] {
     // What is not finite in an acceleration is not in the prediction either.
-    const std::size_t i = first_non_finite(state.predicted().data(), state.size());
-    if (i < state.size())
+    const std::size_t i = first_non_finite(predicted.data(), predicted.size());
+    if (i < predicted.size())
       throw NumericalError(
           "the acceleration of coordinate {} is {} at t = {} (step {}); reduce dt or check the initial state", i,
-          state.predicted()[i], state.t, state.step);
+          predicted[i], state.t, state.step);
   });
 }
 
@@ -56,33 +57,38 @@ FixedStepVerlet::FixedStepVerlet(Real dt) : dt_(dt) {
 
 void FixedStepVerlet::evaluate(SecondOrderSystem& system, State& state) {
   resize_large(a_, state.size());
+  resize_large(predicted_, state.size());
   system.moved_by(std::numeric_limits<Real>::infinity());
   system.acceleration(state.t, state.x().data(), state.v().data(), a_.data());
   ++statistics_.force_evaluations;
-  verlet_predict(state.size(), dt_, state.v().data(), a_.data(), state.predicted().data());
-  check(system, state, system.ranks().all(first_non_finite(a_.data(), state.size()) == state.size()));
+  verlet_predict(state.size(), dt_, state.v().data(), a_.data(), predicted_.data());
+  check(system, state, predicted_, system.ranks().all(first_non_finite(a_.data(), state.size()) == state.size()));
+}
+
+void FixedStepVerlet::run(FirstOrderSystem&, State&, Real, const StepObserver&) {
+  throw InputError("-integrator verlet is for motion with inertia; use -integrator ts");
 }
 
 bool FixedStepVerlet::sweep(SecondOrderSystem& system, State& state, Real t, bool foreseen) {
   const std::size_t n = state.size();
-  resize_large(predicted_, n);
-  state.swap_predicted(predicted_);
+  resize_large(last_predicted_, n);
+  predicted_.swap(last_predicted_);
   if (!foreseen) {
     resize_large(x_next_, n);
     for_blocks(n, [&](std::size_t i, std::size_t m) {
-      return verlet_drift(m, dt_, &state.x()[i], &state.v()[i], &predicted_[i], &x_next_[i]);
+      return verlet_drift(m, dt_, &state.x()[i], &state.v()[i], &last_predicted_[i], &x_next_[i]);
     });
   }
   // Chunk by chunk, over what this step leaves behind: the positions and the prediction for the one after it.
-  Real *const x = state.x().data(), *const v = state.v().data(), *const p = state.predicted().data();
+  Real *const x = state.x().data(), *const v = state.v().data(), *const p = predicted_.data();
   const SecondOrderSystem::Advance advance{[=, this](std::size_t first, std::size_t end, const Real* a) -> Real {
                                              if (first == end) return 0;
                                              return verlet_kick_drift(end - first, dt_, &x_next_[first], v + first,
-                                                                      a + first, &predicted_[first], x + first,
+                                                                      a + first, &last_predicted_[first], x + first,
                                                                       p + first);
                                            },
                                            Ahead(v, x, p)};
-  const bool finite = system.sweep(t, x_next_, predicted_, advance);
+  const bool finite = system.sweep(t, x_next_, last_predicted_, advance);
   state.swap_x(x_next_);
   return finite;
 }
@@ -90,8 +96,7 @@ bool FixedStepVerlet::sweep(SecondOrderSystem& system, State& state, Real t, boo
 bool FixedStepVerlet::pass_by_pass(SecondOrderSystem& system, State& state, Real t) {
   const std::size_t n = state.size();
   resize_large(a_, n);
-  Real *const x = state.x().data(), *const v = state.v().data(), *const p = state.predicted().data(),
-              *const a = a_.data();
+  Real *const x = state.x().data(), *const v = state.v().data(), *const p = predicted_.data(), *const a = a_.data();
   const Real change = for_blocks(
       n, [=, h = dt_](std::size_t i, std::size_t m) { return verlet_drift(m, h, x + i, v + i, p + i, x + i); });
   system.moved_by(system.ranks().max(change));
@@ -114,6 +119,9 @@ void FixedStepVerlet::run(SecondOrderSystem& system, State& state, Real t_end, b
                      dt_);
   const Real origin = state.t - static_cast<Real>(state.step) * dt_;  // exactly 0 where t = step · dt
   const std::int64_t last = state.step + static_cast<std::int64_t>(steps);
+  if (!fresh && predicted_.size() != state.size())
+    throw InputError("{} velocities are predicted for a state of {} coordinates; begin afresh", predicted_.size(),
+                     state.size());
   const WithinRun within(system);
   if (fresh) evaluate(system, state);
 
@@ -125,7 +133,7 @@ void FixedStepVerlet::run(SecondOrderSystem& system, State& state, Real t_end, b
     ++state.step;
     state.t = t;
     ++statistics_.force_evaluations;
-    check(system, state, finite);
+    check(system, state, predicted_, finite);
     ++statistics_.steps;
     statistics_.last_dt = dt_;
     after = observer ? observer(state) : AfterStep::proceed;

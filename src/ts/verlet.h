@@ -1,8 +1,11 @@
 // Velocity Verlet with a fixed step as a plain loop: the cheapest path for dense flow.
 #pragma once
 
+#include <algorithm>
+#include <span>
 #include <vector>
 
+#include <pliant/base/large_pages.h>
 #include <pliant/ts/integrator.h>
 
 namespace pliant {
@@ -32,8 +35,19 @@ class FixedStepVerlet : public Integrator {
   /// with fresh. Errors: InputError where the state does not fit the system; NumericalError, which names the
   /// coordinate, where an acceleration is not finite.
   void run(SecondOrderSystem& system, State& state, Real t_end, bool fresh, const StepObserver& observer) override;
+  void run(FirstOrderSystem& system, State& state, Real t_end, const StepObserver& observer) override;
   const IntegratorStatistics& statistics() const override { return statistics_; }
   std::string name() const override { return "verlet"; }
+  Real next_dt() const override { return dt_; }
+  bool explicit_fixed_step() const override { return true; }
+  bool first_same_as_last() const override { return false; }
+  /// The predicted velocities p.
+  bool carries() const override { return true; }
+  std::span<const Real> carried() const override { return predicted_; }
+  void set_carried(std::span<const Real> values) override {
+    resize_large(predicted_, values.size());
+    std::copy(values.begin(), values.end(), predicted_.begin());
+  }
 
  private:
   /// Predicts anew, from the accelerations at x and v.
@@ -43,8 +57,9 @@ class FixedStepVerlet : public Integrator {
   bool pass_by_pass(SecondOrderSystem& system, State& state, Real t);
 
   Real dt_;
-  std::vector<Real> a_;                   ///< pass by pass
-  std::vector<Real> x_next_, predicted_;  ///< in one pass: at the end of the step; ghosts follow
+  std::vector<Real> predicted_;                ///< p for the step to come
+  std::vector<Real> a_;                        ///< pass by pass
+  std::vector<Real> x_next_, last_predicted_;  ///< in one pass: at the end of the step; ghosts follow
   IntegratorStatistics statistics_;
 };
 

@@ -202,19 +202,17 @@ ENDED = {"clogged": ("clog", CLOG), "empty": ("clog", {**CLOG, "hopper_width": 4
 
 @pytest.mark.parametrize("name", ENDED)
 def test_the_end_of_droplets_is_not_passed(name, tmp_path):
-    """With the same end there is nothing left to do; only the summary is written anew, as after a kill before it."""
+    """With the same end no step is left to take; what follows the last checkpoint is written anew, as after a kill."""
     scenario, options = ENDED[name]
     folder = tmp_path / "run"
     assert pliant(scenario, output=folder, **options).returncode == 0
-    before, files = Results(folder), content(folder)
+    before = Results(folder)
     (folder / "summary.json").unlink()
     for how in ({"restart": folder}, {"output": folder, **options}):
         result = pliant(scenario, **how)
         assert result.returncode == 0 and result.stderr == "", result.stderr
         assert "has ended there already" in result.stdout
         assert_same_runs(before, Results(folder))
-        after = content(folder)
-        assert {file for file in files if files[file] != after[file]} <= {"summary.json"}
         (folder / "summary.json").unlink()
 
 

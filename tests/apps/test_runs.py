@@ -165,7 +165,8 @@ def test_a_frame_is_readable_while_the_run_goes_on(tmp_path, monkeypatch):
     monkeypatch.setenv("HDF5_USE_FILE_LOCKING", "FALSE")
     child = start("hopper", output=tmp_path / "run", **{**SMALL, "t_end": 1e6, "frame_interval": 50})
     try:
-        wait_for((tmp_path / "run/run.xdmf").exists, child)
+        xdmf = tmp_path / "run/run.xdmf"
+        wait_for(lambda: xdmf.exists() and "000000" in xdmf.read_text(), child)
         with h5py.File(tmp_path / "run/run.h5", locking=False) as file:
             assert "positions" in file["frames/000000"]
     finally:

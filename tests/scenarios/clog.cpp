@@ -12,7 +12,7 @@ Real smallest_gap(const ClogOptions& p, const std::vector<Real>& radii, const st
   const Real angle = p.angle * pi / 180;
   Real gap = 1e9;
   for (std::size_t i = 0; i < radii.size(); ++i) {
-    const Vec<2> r = point<2>(x.data(), static_cast<Index>(i));
+    const pliant::Vec<2> r = point<2>(x.data(), static_cast<Index>(i));
     const Real to_wall = (p.half_width() - std::abs(r[0])) * std::cos(angle) + r[1] * std::sin(angle);
     gap = std::min({gap, r[1] - radii[i], to_wall - radii[i]});
     for (std::size_t j = 0; j < i; ++j)

@@ -3,6 +3,7 @@
 
 #include <pliant/model/catalogue.h>
 #include <pliant/system/particle_system.h>
+#include <pliant/ts/integrator.h>
 
 #include "support/rows.h"
 
@@ -41,14 +42,14 @@ struct Twins {
 
   /// Both states as the configuration is.
   void load() {
-    whole_state.assign(c.x, c.v, std::vector<Real>(c.x.size()));
+    whole_state.assign(c.x, c.v);
     std::vector<Real> x, v;
     for (Index m = 0; m < shared.topology().owned(); ++m)
       for (Index k = first(m); k < first(m) + D * shared.topology().points_of(m); ++k) {
         x.push_back(c.x[k]);
         v.push_back(c.v[k]);
       }
-    state.assign(x, v, std::vector<Real>(x.size()));
+    state.assign(x, v);
   }
   /// Where the coordinates of own particle m begin in the whole.
   Index first(Index m) const { return c.topology.offset[shared.topology().id[m]] * D; }
@@ -66,6 +67,14 @@ struct Twins {
   }
 
   void tidy() { shared.tidy(state); }
+  /// With what its integrator carries.
+  void tidy(Integrator& integrator) {
+    std::vector<Real> carried(integrator.carried().begin(), integrator.carried().end());
+    const Migration migration = shared.tidy(state);
+    if (!integrator.carries()) return;
+    migration.move_points(carried, D);
+    integrator.set_carried(carried);
+  }
 };
 
 }  // namespace pliant::test

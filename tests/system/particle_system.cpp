@@ -124,7 +124,7 @@ void check_run(Configuration<D> c, ModelKind kind, Integrator& one, Integrator& 
   one.run(twins.whole, twins.whole_state, t_end, true, {});
   many.run(twins.shared, twins.state, t_end, true, [&](State& s) {
     if (s.step % period != 0) return AfterStep::proceed;
-    twins.shared.tidy(s);
+    twins.tidy(many);
     return AfterStep::reordered;
   });
   CHECK(twins.state.t == twins.whole_state.t);
@@ -247,7 +247,7 @@ TEST_CASE("fewer particles than ranks", "[ranks]") {
   one.run(twins.whole, twins.whole_state, 1, true, {});
   many.run(twins.shared, twins.state, 1, true, [&](State& s) {
     if (s.step % 10 != 0) return AfterStep::proceed;
-    twins.shared.tidy(s);
+    twins.tidy(many);
     return AfterStep::reordered;
   });
   CHECK(twins.state.step == 100);

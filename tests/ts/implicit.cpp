@@ -25,7 +25,7 @@ Configuration<2> swinging() {
 
 State state_of(const auto& c) {
   State s;
-  s.assign(c.x, c.v, std::vector<Real>(c.x.size()));
+  s.assign(c.x, c.v);
   return s;
 }
 

@@ -59,13 +59,14 @@ TEST_CASE("a restart of the plain path continues bit for bit") {
     });
     CHECK(s.step == k);
     CHECK(saved.t == static_cast<Real>(k) * h);
+    second.set_carried(first.carried());
     second.run(system, saved, t_end, false, {});
     CHECK(second.statistics().force_evaluations == 200 - k);
     CHECK(saved.step == 200);
     CHECK(saved.t == whole.t);
     CHECK(same_bits(saved.x(), whole.x()));
     CHECK(same_bits(saved.v(), whole.v()));
-    CHECK(same_bits(saved.predicted(), whole.predicted()));
+    CHECK(same_bits(second.carried(), verlet.carried()));
   }
   // The carried prediction matters: its acceleration has seen a predicted velocity.
   State s = p.state();
@@ -171,7 +172,7 @@ TEST_CASE("after a change the plain path carries the prediction of the changed s
   });
   std::vector<Real> a(4);
   system.acceleration(s.t, s.x().data(), s.v().data(), a.data());
-  for (std::size_t i = 0; i < 4; ++i) CHECK(s.predicted()[i] == Approx(s.v()[i] + 0.01 * a[i]).epsilon(1e-14));
+  for (std::size_t i = 0; i < 4; ++i) CHECK(verlet.carried()[i] == Approx(s.v()[i] + 0.01 * a[i]).epsilon(1e-14));
 }
 
 TEST_CASE("the observer sees accepted states and stops a run") {

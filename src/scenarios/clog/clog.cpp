@@ -9,13 +9,11 @@
 #include <pliant/analysis/arch.h>
 #include <pliant/analysis/graph.h>
 #include <pliant/base/errors.h>
-#include <pliant/base/log.h>
 #include <pliant/base/rng.h>
 #include <pliant/io/summary.h>
 #include <pliant/model/depletion.h>
 #include <pliant/model/droplet_rest.h>
-#include <pliant/run/folder.h>
-#include <pliant/scenarios/droplets/droplet_run.h>
+#include <pliant/scenarios/droplets/protocol.h>
 #include <pliant/setup/streams.h>
 #include <pliant/system/minimum.h>
 
@@ -42,21 +40,11 @@ Walls<2> make_walls(const ClogOptions& p, Real lid) {
                                         Solid<2>::half_space({0, lid}, {0, 1})});
 }
 
-class ClogRun final : public DropletRun {
+class ClogProtocol final : public DropletProtocol {
  public:
-  ClogRun(const ClogOptions& p, const Options& options, const Ranks& ranks, std::vector<Real> radii)
-      : DropletRun(p, options, ranks,
-                   {.scenario = "clog",
-                    .droplets = make_droplets(radii),
-                    .walls = make_walls(p, 0),
-                    .gravity = {0, -p.g},
-                    .walls_rub = p.wall_friction,
-                    .integration = {.type = "ssp"}}),
-        p_(p),
-        radii_(std::move(radii)),
-        delta_(capillary_length(p.model_parameters(), p.g)) {}
+  ClogProtocol(const ClogOptions& p, const Ranks& ranks)
+      : ClogProtocol(p, ranks, draw_radii(p.radii, p.n, static_cast<std::uint64_t>(p.seed))) {}
 
- protected:
   std::string title() const override {
     return fmt::format("clog: {} droplets, w/d = {:g}, angle {:g}, g = {:g}, phi_c = {:g}, capillary length {:.4g} R",
                        p_.n, p_.width, p_.angle, p_.g, p_.phi_c, delta_);
@@ -64,27 +52,29 @@ class ClogRun final : public DropletRun {
 
   Real last_time() const override { return *p_.t_end; }
   std::vector<Real> start() override { return fill_wedge(p_, radii_); }
-  RunGeometry geometry() const override { return {"wedge", {}, {{"w", 2 * p_.half_width()}, {"angle", p_.angle}}}; }
+  RunGeometry geometry() const override {
+    return {"wedge", drawn_walls(0), {{"w", 2 * p_.half_width()}, {"angle", p_.angle}}};
+  }
 
   /// The walls up to the topmost droplet, and the lid while it is there.
-  std::vector<Real> wall_segments(Real) const override {
+  std::vector<Real> drawn_walls(Real) const override {
     Real top = 2;
-    if (state().size() > 0)
+    if (all_state().size() > 0)
       for (Index m = 0; m < droplets(); ++m) top = std::max(top, position(m)[1] + 2);
     const Real tip = p_.half_width(), far = tip + top * right_wall(p_)[0] / right_wall(p_)[1];
     return {-tip, 0, -far, top, tip, 0, far, top, -tip, 0, opened_ < 0 ? tip : -tip, 0};
   }
 
-  bool follow() override {
-    if (state().step % check_every != 0) return false;
+  bool follow_droplets() override {
+    if (all_state().step % check_every != 0) return false;
     const bool changed = opened_ >= 0 && take_out();
     if (opened_ >= 0) {
       judge_end();
       return changed;
     }
     if (!at_rest()) return changed;
-    opened_ = state().t;
-    frame();
+    opened_ = all_state().t;
+    run().write_frame();
     set_walls(make_walls(p_, far_below));
     return true;
   }
@@ -92,7 +82,7 @@ class ClogRun final : public DropletRun {
   void judge_end() override {
     if (opened_ < 0 || (active() > 0 && !at_rest())) return;
     arch_ = find_arch();
-    finish(arch_.empty() ? "empty" : "clogged");
+    run().end(arch_.empty() ? "empty" : "clogged");
   }
 
   void measure(std::vector<SeriesValue>& row) override {
@@ -105,9 +95,9 @@ class ClogRun final : public DropletRun {
     return opened_ < 0 ? "settling" : fmt::format("{} of {} left", droplets() - active(), droplets());
   }
 
-  void save(CheckpointWriter& c) const override { c.add("opened_at", opened_); }
+  void save_more(SharedCheckpoint& c) const override { c.add("opened_at", opened_); }
 
-  void load(const Checkpoint& c) override {
+  void load_more(const Checkpoint& c) override {
     opened_ = c.real("opened_at", -1, c.t);
     const auto& inside = c.integer_array("active", static_cast<std::size_t>(droplets()));
     for (Index m = 0; m < droplets(); ++m)
@@ -116,18 +106,14 @@ class ClogRun final : public DropletRun {
     if (opened_ >= 0) put_walls(make_walls(p_, far_below));
   }
 
-  void conclude(nlohmann::ordered_json& s) override {
-    const bool ended = s["ended_by"] != "t_end";
-    if (ended) {
-      s["status"] = s["ended_by"];
-      s.erase("ended_by");
-    }
+  void conclude_more(nlohmann::ordered_json& s) override {
+    const bool ended = s["status"] != "done";
     s["capillary_length"] = quantity(delta_, NAN, "R");
     s["w_over_capillary_length"] = quantity(2 * p_.half_width() / delta_, NAN, "");
     s["opened_at"] = opened_ < 0 ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(opened_);
     if (!ended) return;
     s["avalanche_size"] = quantity(droplets() - active(), NAN, "");
-    const std::vector<ClogRole> roles = clog_roles(places(), particles().topology().active, arch_);
+    const std::vector<ClogRole> roles = clog_roles(places(), all_droplets().active, arch_);
     const auto all = [&](ClogRole role) {
       std::vector<Index> which;
       for (Index m = 0; m < droplets(); ++m)
@@ -140,25 +126,36 @@ class ClogRun final : public DropletRun {
   }
 
  private:
+  ClogProtocol(const ClogOptions& p, const Ranks& ranks, std::vector<Real> radii)
+      : DropletProtocol(p, ranks,
+                        {.droplets = make_droplets(radii),
+                         .walls = make_walls(p, 0),
+                         .gravity = {0, -p.g},
+                         .walls_rub = p.wall_friction,
+                         .integration = {.type = "ssp"}}),
+        p_(p),
+        radii_(std::move(radii)),
+        delta_(capillary_length(p.model_parameters(), p.g)) {}
+
   static constexpr std::int64_t check_every = 16, minimum_every = 256;  ///< steps; a search costs as much as some 60
   static constexpr Real slow = 0.01;  ///< of a falling droplet's speed: no need to search before
   static constexpr Real near = 0.01;  ///< a minimum: much less than the range of the attraction
   static constexpr Real far_below = -1e6;
   static constexpr Real taken_out_below = -4;  ///< two diameters below the exit
 
-  std::span<const Real> places() const { return state().x().first(2 * static_cast<std::size_t>(droplets())); }
-  bool active(Index m) const { return particles().topology().active[m] != 0; }
+  std::span<const Real> places() const { return all_state().x().first(2 * static_cast<std::size_t>(droplets())); }
+  bool active(Index m) const { return all_droplets().active[m] != 0; }
   Index active() const {
-    const auto& a = particles().topology().active;
+    const auto& a = all_droplets().active;
     return static_cast<Index>(std::count(a.begin(), a.end(), 1));
   }
   bool at_rest() {
-    find_velocities();
     const Real speed = max_speed();
     if (speed < p_.clog_speed) return true;
-    if (p_.rest == RestRule::speed || state().step % minimum_every != 0 || speed >= slow * p_.g / p_.b) return false;
+    if (p_.rest == RestRule::speed || all_state().step % minimum_every != 0 || speed >= slow * p_.g / p_.b)
+      return false;
     // Droplets that hang below the exit, barely in the range of the walls, can take forever.
-    return (opened_ >= 0 && above() == 0) || next_to_minimum<2>(particles(), places(), state().t, near);
+    return (opened_ >= 0 && above() == 0) || next_to_minimum<2>(all_particles(), places(), all_state().t, near);
   }
   Index above() const {
     Index count = 0;
@@ -171,7 +168,7 @@ class ClogRun final : public DropletRun {
   ClogLinks links(bool pushing) {
     ClogLinks found;
     const StateView<2> s = view();
-    particles().field().for_each_contact(s, [&](const Contact<2>& c) {
+    all_particles().field().for_each_contact(s, [&](const Contact<2>& c) {
       if (!pushing || c.force.dot(c.normal) > 1e-3 * p_.g) found.pairs.emplace_back(c.first, c.second);
     });
     for (const auto [i, k] : s.neighbours.solids) {
@@ -249,18 +246,15 @@ Real capillary_length(const ModelParameters& p, Real g) {
   return std::sqrt(force / (pi * g));
 }
 
-ExitCode run_clog(ClogOptions& p, Options& options, const Ranks& ranks) {
-  start_log();
-  FolderLock lock;  // held until the run has closed its files
-  std::optional<ClogRun> clog;
-  make_run("clog", p, options, ranks, lock, [&](const std::optional<Checkpoint>& checkpoint) {
-    p.resolve();
-    // Before so many are made.
-    if (checkpoint) checkpoint->integer_array("active", static_cast<std::size_t>(p.n));
-    clog.emplace(p, options, ranks, draw_radii(p.radii, p.n, static_cast<std::uint64_t>(p.seed)));
-    if (checkpoint) clog->restore(*checkpoint);
-  });
-  return clog->run();
+Scenario clog_scenario() {
+  return option_scenario<ClogOptions>(
+      "clog", "droplets that attract each other leave a hopper, or clog it",
+      [](const ClogOptions& p, const Options& options, const Ranks& ranks, std::optional<Checkpoint> checkpoint) {
+        // Before so many are made.
+        if (checkpoint) checkpoint->integer_array("active", static_cast<std::size_t>(p.n));
+        return std::make_unique<Run<2>>("clog", p, options, ranks, std::make_unique<ClogProtocol>(p, ranks),
+                                        std::move(checkpoint));
+      });
 }
 
 }  // namespace pliant

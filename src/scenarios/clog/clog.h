@@ -3,13 +3,12 @@
 
 #include <vector>
 
-#include <pliant/base/ranks.h>
+#include <pliant/run/scenario.h>
 #include <pliant/scenarios/clog/options.h>
 
 namespace pliant {
 
-/// As run_hopper.
-ExitCode run_clog(ClogOptions& p, Options& options, const Ranks& ranks);
+Scenario clog_scenario();
 
 /// Random places without overlap [2 · n] for droplets of these radii in the wedge above the closed exit, whose middle
 /// is the origin, up to the height where they cover -fill_fraction of it (or as much higher as they need).

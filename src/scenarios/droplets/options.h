@@ -6,7 +6,7 @@
 #include <pliant/model/catalogue.h>
 #include <pliant/run/options.h>
 #include <pliant/setup/particles.h>
-#include <pliant/system/mobility.h>
+#include <pliant/system/neighbour_drag.h>
 
 namespace pliant {
 
@@ -18,14 +18,12 @@ struct DropletOptions : RunOptions {
   Real phi_c = 1e-4, a_s = 0.05, f0 = 10, b = 1;
   Coupling mobility = Coupling::exact;
   RadiusDistribution radii;
-  std::int64_t seed = 1;
   DropletIntegrator integrator = DropletIntegrator::ts;
   Real dt = 0.1, skin = 0.3;
   std::optional<Real> t_end;
-  bool allow_unstable_dt = false;
 
   ModelParameters model_parameters() const { return {.f0 = f0, .phi_c = phi_c, .a_s = a_s}; }
-  MobilityOptions mobility_options() const { return {.b = b, .beyond = 2 * a_s, .coupling = mobility}; }
+  NeighbourDragOptions drag_options() const { return {.b = b, .beyond = 2 * a_s, .coupling = mobility}; }
 
  protected:
   void bind_model(Options& options);     ///< the group "Model"

@@ -6,7 +6,7 @@
 #include <pliant/geometry/walls.h>
 #include <pliant/model/catalogue.h>
 #include <pliant/scenarios/evaluate/field.h>
-#include <pliant/system/mobility.h>
+#include <pliant/system/neighbour_drag.h>
 
 namespace pliant {
 
@@ -15,7 +15,7 @@ template <int D>
 struct Configuration {
   ModelKind kind;
   ModelParameters parameters;
-  MobilityOptions mobility;  ///< of droplets
+  NeighbourDragOptions mobility;  ///< of droplets
   Vec<D> gravity = Vec<D>::Zero();
   Walls<D> walls;
   Topology topology;

@@ -1,3 +1,4 @@
+#include <pliant/base/console.h>
 #include <pliant/base/text.h>
 #include <pliant/model/crossing.h>
 #include <pliant/model/polygon.h>
@@ -97,7 +98,7 @@ void add_motion(const Configuration<D>& c, const StateView<D>& s, const std::vec
   std::vector<Real> velocity(force.size());
   std::vector<Index> numbers(c.topology.points());
   std::iota(numbers.begin(), numbers.end(), 0);
-  Mobility<D> mobility(c.mobility);
+  NeighbourDrag<D> mobility(c.mobility);
   mobility.set_numbers(std::move(numbers));
   mobility.solve(s, force.data(), velocity.data());
   result["velocity"] = rows<D>(c.topology, velocity);
@@ -227,6 +228,25 @@ std::string to_text(const ordered_json& value) {
   std::string out;
   write(value, "", out);
   return out + "\n";
+}
+
+Scenario evaluate_scenario() {
+  Scenario s{.name = "evaluate",
+             .help = "energies and forces of one configuration",
+             .arguments = "CASE.json",
+             .run = [](const Arguments& arguments, const Ranks& ranks) {
+               const std::string usage = "usage: pliant evaluate CASE.json (docs/evaluate.md describes the file)";
+               ranks.on_root([&] {
+                 if (arguments == Arguments{"-help"} || arguments == Arguments{"--help"})
+                   return print_result(usage + "\n");
+                 if (arguments.size() != 1) throw InputError("{}", usage);
+                 const std::string& file = arguments[0];
+                 if (file.starts_with('-')) throw InputError("unknown option {}; {}", file, usage);
+                 print_result(to_text(evaluate(read_case(file), file)) + "\n");
+               });
+               return ExitCode::done;
+             }};
+  return s;
 }
 
 }  // namespace pliant

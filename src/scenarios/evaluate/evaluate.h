@@ -4,7 +4,11 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include <pliant/run/scenario.h>
+
 namespace pliant {
+
+Scenario evaluate_scenario();
 
 /// Reads a case file. Errors: InputError that names the file, and for bad JSON the place and the last key before it;
 /// also for more than 64 MiB or 64 levels, or a key that is twice in an object.

@@ -25,7 +25,6 @@ struct HopperOptions : RunOptions {
   ModelKind model = ModelKind::sp;
   Index dim = 2;
   Index particles = 0;  ///< 0: automatic
-  std::int64_t seed = 1;
   SizeDistribution sizes;
   PolygonShape shape;
 
@@ -46,8 +45,6 @@ struct HopperOptions : RunOptions {
   Part implicit = Part::all;
   JacobianKind jacobian = JacobianKind::assembled;
   std::optional<Real> dt, skin;
-  bool allow_unstable_dt = false;
-  Index threads = 1;
   std::optional<Real> t_end;
   Real q_rtol = 0;
 

@@ -7,10 +7,8 @@
 
 #include <pliant/analysis/graph.h>
 #include <pliant/base/errors.h>
-#include <pliant/base/log.h>
 #include <pliant/model/droplet_rest.h>
-#include <pliant/run/folder.h>
-#include <pliant/scenarios/droplets/droplet_run.h>
+#include <pliant/scenarios/droplets/protocol.h>
 
 namespace pliant {
 namespace {
@@ -112,18 +110,10 @@ struct Raft {
   Real shift;                 ///< of the places, from the fixed wall
 };
 
-class RaftRun final : public DropletRun {
+class RaftProtocol final : public DropletProtocol {
  public:
-  RaftRun(const RaftOptions& p, const Options& options, const Ranks& ranks, Raft raft)
-      : DropletRun(p, options, ranks,
-                   {.scenario = "raft",
-                    .droplets = raft.droplets(),
-                    .walls = raft.walls(),
-                    .walls_at_once = p.rows == 1 ? 2 : 1}),
-        p_(p),
-        raft_(std::move(raft)) {}
+  RaftProtocol(const RaftOptions& p, const Ranks& ranks) : RaftProtocol(p, ranks, Raft(p)) {}
 
- protected:
   std::string title() const override {
     return fmt::format("raft: {} droplets, {} rows, {} columns, {}; walls from {:.4g} to {:.4g} R apart at {:g} R/t0",
                        p_.droplets(), p_.rows, p_.columns,
@@ -133,6 +123,11 @@ class RaftRun final : public DropletRun {
 
   Real last_time() const override { return std::min(p_.t_end.value_or(time_of_end()), time_of_end()); }
 
+  std::string end_at_last_time() const override {
+    if (p_.t_end && *p_.t_end < time_of_end()) return "t_end";
+    return p_.end_distance ? "end_distance" : "rows_end";
+  }
+
   std::vector<Real> start() override {
     std::vector<Real> x = raft_.places;
     for (std::size_t k = 0; k < x.size(); k += 2) x[k] += raft_.shift;
@@ -141,7 +136,7 @@ class RaftRun final : public DropletRun {
 
   RunGeometry geometry() const override {
     return {"raft",
-            {},
+            drawn_walls(0),
             {{"rows", p_.rows},
              {"columns", p_.columns},
              {"tilt", p_.tilt},
@@ -149,32 +144,27 @@ class RaftRun final : public DropletRun {
              {"start_distance", raft_.start}}};
   }
 
-  std::vector<Real> wall_segments(Real t) const override {
+  std::vector<Real> drawn_walls(Real t) const override {
     // Before the run there is no state; the height is that of the places all the same.
-    const std::span<const Real> x = t > 0 ? state().x().first(2 * raft_.radii.size()) : std::span(raft_.places);
+    const std::span<const Real> x = t > 0 ? all_state().x().first(2 * raft_.radii.size()) : std::span(raft_.places);
     Real half = 2;
     for (std::size_t k = 1; k < x.size(); k += 2) half = std::max(half, std::abs(x[k]) + 2);
     const Real d = distance(t), lean = raft_.slope * half;
     return {0, -half, 0, half, d + lean, -half, d - lean, half};
   }
 
-  bool follow() override {
+  bool follow_droplets() override {
     std::vector<Bond> now = find_bonds();
     if (now != bonds_) {
       record(bonds_, now, true);
       record(now, bonds_, false);
       bonds_ = std::move(now);
     }
-    judge_end();
     return false;
   }
 
-  void judge_end() override {
-    if (state().t >= time_of_end()) finish(p_.end_distance ? "end_distance" : "rows_end");
-  }
-
   void measure(std::vector<SeriesValue>& row) override {
-    if (state().step == 0) bonds_ = find_bonds();  // those at the start are no events
+    if (all_state().step == 0) bonds_ = find_bonds();  // those at the start are no events
     const StateView<2> s = view();
     const std::vector<Real> force = wall_forces();
     std::array<Real, 2> push{};
@@ -183,7 +173,7 @@ class RaftRun final : public DropletRun {
     for (const auto [i, k] : s.neighbours.solids)
       if (s.walls.solids()[k].foot(s.position(i), s.t).d < radius(i) + 2 * p_.a_s) at[k].push_back(i);
     rows_ = count_rows(droplets(), bonds_, at[0], at[1]);
-    row.insert(row.end(), {{"wall_distance", distance(state().t)},
+    row.insert(row.end(), {{"wall_distance", distance(all_state().t)},
                            {"fixed_wall_force", push[0]},
                            {"moving_wall_force", push[1]},
                            {"fixed_wall_bonds", static_cast<Real>(at[0].size())},
@@ -194,15 +184,15 @@ class RaftRun final : public DropletRun {
   }
 
   std::string progress() const override {
-    return fmt::format("walls {:.3f} R apart  rows {}  broken {}", distance(state().t), rows_, broken_);
+    return fmt::format("walls {:.3f} R apart  rows {}  broken {}", distance(all_state().t), rows_, broken_);
   }
 
-  void save(CheckpointWriter& c) const override {
+  void save_more(SharedCheckpoint& c) const override {
     c.add("broken", broken_);
     c.add("formed", formed_);
   }
 
-  void load(const Checkpoint& c) override {
+  void load_more(const Checkpoint& c) override {
     // Each is an event.
     const std::int64_t events = c.integer("events");
     broken_ = c.integer("broken", 0, events);
@@ -210,8 +200,8 @@ class RaftRun final : public DropletRun {
     bonds_ = find_bonds();
   }
 
-  void conclude(nlohmann::ordered_json& s) override {
-    s["wall_distance"] = distance(state().t);
+  void conclude_more(nlohmann::ordered_json& s) override {
+    s["wall_distance"] = distance(all_state().t);
     s["start_distance"] = raft_.start;
     s["rows"] = rows_;
     s["broken"] = broken_;
@@ -225,13 +215,19 @@ class RaftRun final : public DropletRun {
   }
 
  private:
+  RaftProtocol(const RaftOptions& p, const Ranks& ranks, Raft raft)
+      : DropletProtocol(p, ranks,
+                        {.droplets = raft.droplets(), .walls = raft.walls(), .walls_at_once = p.rows == 1 ? 2 : 1}),
+        p_(p),
+        raft_(std::move(raft)) {}
+
   Real distance(Real t) const { return raft_.start + raft_.velocity * t; }
   Real time_of_end() const { return (raft_.end - raft_.start) / raft_.velocity; }
 
   /// Pairs in the range of the attraction, sorted.
   std::vector<Bond> find_bonds() {
     std::vector<Bond> bonds;
-    particles().field().for_each_contact(view(), [&](const Contact<2>& c) {
+    all_particles().field().for_each_contact(view(), [&](const Contact<2>& c) {
       bonds.push_back({std::min(c.first, c.second), std::max(c.first, c.second)});
     });
     std::sort(bonds.begin(), bonds.end());
@@ -246,11 +242,11 @@ class RaftRun final : public DropletRun {
     for (const auto [i, j] : only) {
       const Vec<2> middle = (position(i) + position(j)) / 2;
       const std::array<Real, 2> pair{static_cast<Real>(i), static_cast<Real>(j)}, place{middle[0], middle[1]};
-      add_event({{"time", state().t},
-                 {"wall_distance", distance(state().t)},
-                 {"broken", Real(broken)},
-                 {"particles", pair},
-                 {"position", place}});
+      run().add_event({{"time", all_state().t},
+                       {"wall_distance", distance(all_state().t)},
+                       {"broken", Real(broken)},
+                       {"particles", pair},
+                       {"position", place}});
     }
   }
 
@@ -279,18 +275,15 @@ Index count_rows(Index droplets, const std::vector<Bond>& bonds, const std::vect
   return *middle;
 }
 
-ExitCode run_raft(RaftOptions& p, Options& options, const Ranks& ranks) {
-  start_log();
-  FolderLock lock;  // held until the run has closed its files
-  std::optional<RaftRun> raft;
-  make_run("raft", p, options, ranks, lock, [&](const std::optional<Checkpoint>& checkpoint) {
-    p.resolve();
-    // Before so many are made.
-    if (checkpoint) checkpoint->integer_array("active", static_cast<std::size_t>(p.droplets()));
-    raft.emplace(p, options, ranks, Raft(p));
-    if (checkpoint) raft->restore(*checkpoint);
-  });
-  return raft->run();
+Scenario raft_scenario() {
+  return option_scenario<RaftOptions>(
+      "raft", "droplets between two walls that compress them or pull them apart",
+      [](const RaftOptions& p, const Options& options, const Ranks& ranks, std::optional<Checkpoint> checkpoint) {
+        // Before so many are made.
+        if (checkpoint) checkpoint->integer_array("active", static_cast<std::size_t>(p.droplets()));
+        return std::make_unique<Run<2>>("raft", p, options, ranks, std::make_unique<RaftProtocol>(p, ranks),
+                                        std::move(checkpoint));
+      });
 }
 
 }  // namespace pliant

@@ -4,13 +4,12 @@
 #include <array>
 #include <vector>
 
-#include <pliant/base/ranks.h>
+#include <pliant/run/scenario.h>
 #include <pliant/scenarios/raft/options.h>
 
 namespace pliant {
 
-/// As run_hopper.
-ExitCode run_raft(RaftOptions& p, Options& options, const Ranks& ranks);
+Scenario raft_scenario();
 
 /// Places of the droplets of these radii [2 · n], around the origin, rows perpendicular to x: where large droplets of a
 /// hexagonal raft rest, `spacing` apart; or disordered: each droplet in contact with two before it, as near to the axis

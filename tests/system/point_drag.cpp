@@ -1,7 +1,8 @@
-#include <pliant/system/drag_limit.h>
+#include <pliant/system/point_drag.h>
 
 #include <catch2/catch.hpp>
 
+#include <pliant/system/overdamped.h>
 #include <pliant/ts/ts_integrator.h>
 
 #include "support/problems.h"
@@ -21,20 +22,28 @@ ModelParameters with_drag(Real zeta) {
 
 const std::string tight = "-ts_type rk -ts_rk_type 5dp -ts_rtol 1e-10 -ts_atol 1e-10";
 
+OverdampedSystem<2> limit_of(const Configuration<2>& c, Real zeta) {
+  return {system_of<2>(c, ModelKind::rough, Ranks(), with_drag(zeta)), std::make_unique<PointDrag<2>>(zeta)};
+}
+
 }  // namespace
 
 TEST_CASE("without inertia velocities are forces over the drag coefficients") {
   Random random(1);
   Configuration<2> c = polygon_rows(random, 4, 6);
-  ParticleSystem<2> system = system_of<2>(c, ModelKind::rough, Ranks(), with_drag(7));
-  DragLimit<2> limit(system, 7);
+  OverdampedSystem<2> limit = limit_of(c, 7);
+  ParticleSystem<2>& system = limit.particles();
   std::vector<Real> v(c.x.size()), force(c.x.size());
   limit.rate(0, c.x.data(), v.data());
   system.field().energy(system.view(c.x.data(), nullptr), force.data());
   for (Index i = 0; i < c.topology.points(); ++i)
     for (int k = 0; k < 2; ++k)
       CHECK(v[2 * i + k] == Approx(force[2 * i + k] * c.topology.points_of(c.topology.particle[i]) / 7).margin(1e-12));
-  CHECK_THROWS_AS(DragLimit<2>(system, 0), InputError);
+  CHECK_THROWS_AS(PointDrag<2>(0), InputError);
+  // What drag dissipates is what the forces give.
+  Real given = 0;
+  for (std::size_t k = 0; k < v.size(); ++k) given += force[k] * v[k];
+  CHECK(limit.mobility().power(system.view(c.x.data(), v.data())) == Approx(given).epsilon(1e-12));
 }
 
 TEST_CASE("motion with inertia tends to that without as the drag grows") {
@@ -44,9 +53,8 @@ TEST_CASE("motion with inertia tends to that without as the drag grows") {
     Random random(2);
     Configuration<2> c = polygon_rows(random, 3, 6);
     const Real end = 0.005 * zeta;
-    ParticleSystem<2> heavy = system_of<2>(c, ModelKind::rough, Ranks(), with_drag(zeta)),
-                      light = system_of<2>(c, ModelKind::rough, Ranks(), with_drag(zeta));
-    DragLimit<2> limit(light, zeta);
+    ParticleSystem<2> heavy = system_of<2>(c, ModelKind::rough, Ranks(), with_drag(zeta));
+    OverdampedSystem<2> limit = limit_of(c, zeta);
     State with(c.topology.points(), 2), without(c.topology.points(), 2);
     std::copy(c.x.begin(), c.x.end(), with.x().begin());
     std::copy(c.x.begin(), c.x.end(), without.x().begin());
@@ -72,8 +80,7 @@ TEST_CASE("the last evaluation of a step is at its end where a method says so") 
   const PetscOptionScope options("-ts_rtol 1e-5 -ts_atol 1e-5 -ts_type rk -ts_rk_type " + name);
   Random random(3);
   Configuration<2> c = polygon_rows(random, 3, 6);
-  ParticleSystem<2> system = system_of<2>(c, ModelKind::rough, Ranks(), with_drag(50));
-  DragLimit<2> limit(system, 50);
+  OverdampedSystem<2> limit = limit_of(c, 50);
   State state(c.topology.points(), 2);
   std::copy(c.x.begin(), c.x.end(), state.x().begin());
   TsIntegrator integrator({.dt = 1e-3});

@@ -1,4 +1,4 @@
-#include <pliant/system/mobility.h>
+#include <pliant/system/neighbour_drag.h>
 
 #include <petscksp.h>
 
@@ -10,7 +10,7 @@
 namespace pliant {
 
 template <int D>
-struct Mobility<D>::Solver {
+struct NeighbourDrag<D>::Solver {
   Handle<KSP, KSPDestroy> ksp;
   PetscMat matrix;
   PetscVec right, solution;
@@ -19,7 +19,7 @@ struct Mobility<D>::Solver {
 };
 
 template <int D>
-Mobility<D>::Mobility(const MobilityOptions& options, const Ranks& ranks)
+NeighbourDrag<D>::NeighbourDrag(const NeighbourDragOptions& options, const Ranks& ranks)
     : options_(options), ranks_(ranks), solver_(std::make_unique<Solver>()) {
   if (!(options.b > 0)) throw InputError("the viscosity b is {}, but it must be positive", options.b);
   if (!(options.beyond > 0))
@@ -48,21 +48,17 @@ Mobility<D>::Mobility(const MobilityOptions& options, const Ranks& ranks)
 }
 
 template <int D>
-Mobility<D>::~Mobility() = default;
-template <int D>
-Mobility<D>::Mobility(Mobility&&) noexcept = default;
-template <int D>
-Mobility<D>& Mobility<D>::operator=(Mobility&&) noexcept = default;
+NeighbourDrag<D>::~NeighbourDrag() = default;
 
 template <int D>
-void Mobility<D>::set_numbers(std::vector<Index> numbers) {
+void NeighbourDrag<D>::set_numbers(std::vector<Index> numbers) {
   numbers_ = std::move(numbers);
   solver_->patterned = false;
 }
 
 template <int D>
 template <class Visit>
-void Mobility<D>::for_each_neighbour(const StateView<D>& s, Visit&& visit) {
+void NeighbourDrag<D>::for_each_neighbour(const StateView<D>& s, Visit&& visit) {
   const PairList& list = s.neighbours.point_pairs;
   for (Index c = 0; c < s.neighbours.chunks(); ++c) {
     const Range inside = list.inside(c), across = list.across(c);
@@ -76,7 +72,7 @@ void Mobility<D>::for_each_neighbour(const StateView<D>& s, Visit&& visit) {
 
 template <int D>
 template <class Visit>
-void Mobility<D>::for_each_wall(const StateView<D>& s, Visit&& visit) const {
+void NeighbourDrag<D>::for_each_wall(const StateView<D>& s, Visit&& visit) const {
   if (!options_.walls) return;
   for (const auto [i, k] : s.neighbours.solids) {
     const Solid<D>& wall = s.walls.solids()[k];
@@ -86,7 +82,7 @@ void Mobility<D>::for_each_wall(const StateView<D>& s, Visit&& visit) const {
 
 /// Which listed pairs and walls are in range.
 template <int D>
-void Mobility<D>::find_coupling(const StateView<D>& s) {
+void NeighbourDrag<D>::find_coupling(const StateView<D>& s) {
   const auto n = static_cast<std::size_t>(s.topology.owned_points());
   coupled_.clear();
   diagonal_.assign(n, 1);
@@ -103,7 +99,7 @@ void Mobility<D>::find_coupling(const StateView<D>& s) {
 }
 
 template <int D>
-Real Mobility<D>::power(const StateView<D>& s) const {
+Real NeighbourDrag<D>::power(const StateView<D>& s) const {
   Real sum = 0;
   for (Index i = 0; i < s.topology.owned_points(); ++i) sum += s.velocity(i).squaredNorm();
   for_each_neighbour(s, [&](Index i, Index j, Index e) {
@@ -114,7 +110,14 @@ Real Mobility<D>::power(const StateView<D>& s) const {
 }
 
 template <int D>
-void Mobility<D>::solve(const StateView<D>& s, const Real* force, Real* v) {
+void NeighbourDrag<D>::find_velocities(const ForceField<D>& field, const StateView<D>& s, Real* v) {
+  force_.resize(static_cast<std::size_t>(s.topology.points()) * D);
+  ranks_.together([&] { field.forces(s, force_.data()); });
+  solve(s, force_.data(), v);
+}
+
+template <int D>
+void NeighbourDrag<D>::solve(const StateView<D>& s, const Real* force, Real* v) {
   const Topology& topology = s.topology;
   const Index n = topology.owned_points();
   const std::vector<std::uint8_t> coupled_before = coupled_;
@@ -193,7 +196,7 @@ void Mobility<D>::solve(const StateView<D>& s, const Real* force, Real* v) {
   }
 }
 
-template class Mobility<2>;
-template class Mobility<3>;
+template class NeighbourDrag<2>;
+template class NeighbourDrag<3>;
 
 }  // namespace pliant

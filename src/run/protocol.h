@@ -1,0 +1,129 @@
+// What a scenario says of its run; the rest is in run.h.
+#pragma once
+
+#include <limits>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <pliant/io/checkpoint.h>
+#include <pliant/io/run_writer.h>
+#include <pliant/run/shared_checkpoint.h>
+#include <pliant/run/simulation.h>
+#include <pliant/run/stored_particles.h>
+
+namespace pliant {
+
+/// What a protocol can ask its run for.
+class RunAccess {
+ public:
+  virtual ~RunAccess() = default;
+  /// The run ends after this step. status: "done", "clogged", …; by: which option or condition ended a run that is
+  /// done. The first call counts.
+  virtual void end(std::string status, std::string by = {}) = 0;
+  /// A frame of the present state. Collective.
+  virtual void write_frame() = 0;
+  /// A row of /events in run.h5, always of the same columns; the root's counts.
+  virtual void add_event(const std::vector<SeriesValue>& row) = 0;
+  /// Length of the last step, also where a restart has not taken one yet; before the first that to come.
+  virtual Real last_dt() const = 0;
+  /// The command that goes on with the run.
+  virtual std::string restart_command() const = 0;
+};
+
+/// A scenario's half of a run. All functions are called on every rank alike, and may be collective, unless they say
+/// otherwise.
+template <int D>
+class Protocol {
+ public:
+  explicit Protocol(std::unique_ptr<Simulation<D>> simulation) : simulation_(std::move(simulation)) {}
+  virtual ~Protocol() = default;
+  Protocol(const Protocol&) = delete;
+  Protocol& operator=(const Protocol&) = delete;
+
+  Simulation<D>& simulation() { return *simulation_; }
+  const Simulation<D>& simulation() const { return *simulation_; }
+  void attach(RunAccess& run) { run_ = &run; }
+
+  // --- Before the run
+
+  virtual std::string title() const = 0;  ///< a line for the start of the run
+  virtual std::string model() const = 0;
+  virtual Real last_time() const = 0;  ///< the run ends there at the latest
+  virtual std::string end_at_last_time() const { return "t_end"; }
+  virtual Real first_dt() const = 0;
+  /// The longest stable step of an explicit method with a fixed step, in t0.
+  virtual Real critical_step() const { return std::numeric_limits<Real>::infinity(); }
+  /// Margin of the neighbour lists, where the user has chosen it.
+  virtual std::optional<Real> fixed_skin() const { return {}; }
+  /// dt: first_dt(), or where a restart left off.
+  virtual std::unique_ptr<Integrator> make_integrator(Real dt) = 0;
+  /// Kind, attributes and walls at the start, for run.h5.
+  virtual RunGeometry geometry() const = 0;
+  /// Axes of series, for run.h5: written at the start. On the root.
+  virtual void write_axes(RunWriter& /*writer*/) const {}
+  /// Says what options nobody has read; throws what else makes no sense, before anything is written.
+  virtual std::string unread_options_advice() const { return {}; }
+  virtual void check() const {}
+
+  /// Positions at the start [points · D], by id, of all particles on every rank.
+  virtual std::vector<Real> start() = 0;
+  /// The rank's particles are new, at the start and in a restart: what is kept per particle begins anew.
+  virtual void placed() {}
+  /// A new run's particles are where they start.
+  virtual void started() {}
+  /// A restart sees the samples of the run so far. On the root; what it decides by end() counts on all ranks.
+  virtual void repeat(const Series& /*series*/) {}
+  /// The state is complete, new or restored; steps follow.
+  virtual void ready() {}
+  /// A restart goes on from where end() was called: calls it again if the run still ends there, as options may be
+  /// others.
+  virtual void judge_end() {}
+
+  // --- During the run
+
+  /// After every accepted step. Returns whether it has changed the state. May call end(), write_frame() and
+  /// add_event().
+  virtual bool follow() { return false; }
+  /// Particles were sorted: what is kept per particle moves with them.
+  virtual void sorted(const Migration& /*migration*/) {}
+  /// Before a sample and a checkpoint: events that are still kept go to add_event().
+  virtual void record_events() {}
+  /// A row of /series. May call end(). Errors: NumericalError where no later number could be trusted.
+  virtual std::vector<SeriesValue> sample() = 0;
+  /// x1 y1 x2 y2 of each wall at this time, where they are not always as in the geometry.
+  virtual std::vector<Real> wall_segments() { return {}; }
+  virtual std::string progress() const { return {}; }
+  /// Under names of its own.
+  virtual void save(SharedCheckpoint& /*checkpoint*/) const {}
+  /// The particles and the state are there, lists are not. Checks all that it reads. Errors: InputError, as of
+  /// Checkpoint.
+  virtual void load(const Checkpoint& /*checkpoint*/, const StoredParticles& /*stored*/) {}
+  /// For the message of a failure: what may help to find its cause; empty or beginning with "; ".
+  virtual std::string failure_details() const { return {}; }
+
+  // --- After a run that was not stopped
+
+  /// Adds results to the summary.
+  virtual void conclude(nlohmann::ordered_json& /*summary*/) {}
+  /// Adds what follows from the series, and says what the run has found. On the root.
+  virtual void report(const Series& /*series*/, nlohmann::ordered_json& /*summary*/) {}
+
+ protected:
+  RunAccess& run() const { return *run_; }
+  State& state() { return simulation_->state(); }
+  const State& state() const { return simulation_->state(); }
+  ParticleSystem<D>& particles() { return simulation_->particles(); }
+  const ParticleSystem<D>& particles() const { return simulation_->particles(); }
+  const Topology& topology() const { return simulation_->topology(); }
+  const Ranks& ranks() const { return simulation_->ranks(); }
+
+ private:
+  std::unique_ptr<Simulation<D>> simulation_;
+  RunAccess* run_ = nullptr;
+};
+
+}  // namespace pliant

@@ -1,0 +1,525 @@
+#include <pliant/run/run.h>
+
+#include <fmt/format.h>
+#include <omp.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include <pliant/base/console.h>
+#include <pliant/base/log.h>
+#include <pliant/io/summary.h>
+#include <pliant/run/folder.h>
+#include <pliant/run/frame_data.h>
+
+namespace pliant {
+namespace {
+
+/// dt/dt_critical from which on docs/steps.md finds that flows heat.
+constexpr Real max_safe_ratio = 0.5 * (1 + 1e-9);
+
+constexpr Real smallest = std::numeric_limits<Real>::min();
+
+/// As one word of a shell's command line.
+std::string shell_word(const std::string& text) {
+  if (text.find_first_not_of("ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789_./+-=,:@%") ==
+      std::string::npos)
+    return text;
+  std::string word = "'";
+  for (const char c : text) word += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return word + "'";
+}
+
+}  // namespace
+
+template <int D>
+Run<D>::Run(std::string scenario, const RunOptions& p, const Options& options, const Ranks& ranks,
+            std::unique_ptr<Protocol<D>> protocol, std::optional<Checkpoint> checkpoint)
+    : scenario_(std::move(scenario)),
+      p_(p),
+      options_(options),
+      ranks_(ranks),
+      protocol_(std::move(protocol)),
+      control_(p.checkpoint_interval, p.max_wall_time, ranks),
+      sampling_(p.sample_interval),
+      framing_(p.frame_interval),
+      particles_(simulation().all().particles()),
+      points_(simulation().all().points()),
+      dt_(protocol_->first_dt()),
+      last_dt_(dt_) {
+  protocol_->attach(*this);
+  if (checkpoint)
+    load(*checkpoint);
+  else
+    simulation().set_integrator(protocol_->make_integrator(dt_));
+}
+
+template <int D>
+ExitCode Run<D>::run() {
+  omp_set_num_threads(p_.threads);
+  options_.check_consumed(protocol_->unread_options_advice());
+  check();
+  StopSignals signals;
+  const Topology& all = simulation().all();
+  writer_.emplace(restarted()
+                      ? RunWriter::append(p_.output, all, restored_samples_, restored_frames_, restored_events_, ranks_)
+                      : RunWriter::create(p_.output, make_manifest(scenario_, protocol_->model(), D, p_.seed, options_),
+                                          all, protocol_->geometry(), ranks_));
+  ranks_.on_root([&] {
+    for (const std::string& message : writer_->damage()) warn("{}", message);
+    checkpoints_.emplace(p_.output, restarted_from_);
+    protocol_->write_axes(*writer_);
+    announce();
+  });
+  try {
+    if (restarted())
+      repeat();
+    else
+      prepare();
+    simulation().forget_all();
+    protocol_->ready();
+    if (had_ended_ && !ended()) protocol_->judge_end();
+    if (!sampling_.done_at(0)) sample();
+    if (!framing_.done_at(0)) frame();
+    cpu_at_start_ = control_.cpu_seconds();
+    started_at_ = state().t;
+    {
+      const LogScope log(LogStage::run);
+      if (!ended()) simulation().advance(protocol_->last_time(), [this](State&) { return after_step(); });
+      control_.end_progress();
+      if (!stopped()) complete();
+    }
+    return finish();
+  } catch (const Error& error) {
+    control_.end_progress();
+    fail(error);
+  }
+}
+
+// --- Before the first step
+
+template <int D>
+void Run<D>::check() {
+  check_step();
+  protocol_->check();
+  const Real end = protocol_->last_time();
+  if (restarted() && end < state().t - dt_ / 2)
+    throw InputError("{}: the checkpoint in {} is at t = {:.6g} already; give a later end", end_text(), p_.output,
+                     state().t);
+}
+
+/// When the run ends, as the user gave it.
+template <int D>
+std::string Run<D>::end_text() const {
+  const Real end = protocol_->last_time();
+  return options_.given("t_end") ? fmt::format("-t_end {:g}", end) : fmt::format("{:g} t0", end);
+}
+
+/// Errors: InputError for a step that makes energy from nothing, or that is longer than the run.
+template <int D>
+void Run<D>::check_step() const {
+  const Real dt = integrator().next_dt(), end = protocol_->last_time(), critical = protocol_->critical_step(),
+             ratio = dt / critical;
+  if (!restarted() && end > 0 && dt > end && (integrator().explicit_fixed_step() || options_.given("dt")))
+    throw InputError("-dt {:g} is longer than the run, {}; shorten the step or give a later end", dt, end_text());
+  if (!integrator().explicit_fixed_step()) return;
+  if (ratio > 1 && !p_.allow_unstable_dt)
+    throw InputError(
+        "-dt {:g} is {:.3g} times the limit of stability, {:.3g} t0: the step would make energy; shorten it, leave it "
+        "out, or see what happens with -allow_unstable_dt",
+        dt, ratio, critical);
+  if (ratio > max_safe_ratio && ranks_.root())
+    warn(
+        "-dt {:g} is {:.2f} of the limit of stability, {:.3g} t0: above {:g} contacts that open and close heat; "
+        "compare with half the step",
+        dt, ratio, critical, 0.5);
+}
+
+template <int D>
+void Run<D>::announce() const {
+  say("{}\n{}: dt = {:.3g} t0", protocol_->title(), integrator().name(), dt_);
+  if (const Real critical = protocol_->critical_step(); std::isfinite(critical))
+    say(", dt/dt_critical = {:.2f}", dt_ / critical);
+  say("; output in {}\n", p_.output);
+  if (restarted()) say("continuing at t = {:.6g} t0, step {}\n", state().t, state().step);
+}
+
+/// The start of a new run.
+template <int D>
+void Run<D>::prepare() {
+  const LogScope log(LogStage::pack);
+  simulation().place(protocol_->start());
+  protocol_->placed();
+  protocol_->started();
+  cpu_at_start_ = control_.cpu_seconds();
+  save(true);  // whenever the run is killed, there is something to go on from
+}
+
+/// What ends a run early is a function of its samples: those of the run so far may have ended it.
+template <int D>
+void Run<D>::repeat() {
+  if (restored_samples_ == 0) return;
+  ranks_.on_root([&] { protocol_->repeat(writer_->read_series()); });
+  std::vector<char> by(ended_by_.begin(), ended_by_.end());
+  ranks_.broadcast(by);
+  if (!ranks_.root() && !by.empty()) end("done", std::string(by.begin(), by.end()));
+}
+
+// --- After every accepted step
+
+template <int D>
+AfterStep Run<D>::after_step() {
+  // Before anything below builds lists, so that output changes no trajectory. TS methods lose their history by it.
+  const bool changed = protocol_->follow(), sorted = !changed && simulation().wants_sorting();
+  if (sorted) protocol_->sorted(simulation().sort());
+  if (sampling_.due(state().t)) sample();
+  if (framing_.due(state().t)) frame();
+  if (ended()) save(changed);  // for a restart that asks for more
+  if (!ended() && control_.due()) {
+    control_.progress([&] { return progress(); });
+    if (control_.stop()) end("stopped", {});
+    if (stopped() || control_.checkpoint_due()) save(changed);
+  }
+  if (ended()) {
+    if (changed) simulation().changed();
+    return AfterStep::stop;
+  }
+  if (changed) return AfterStep::changed;
+  return sorted ? AfterStep::reordered : AfterStep::proceed;
+}
+
+template <int D>
+void Run<D>::end(std::string status, std::string by) {
+  if (ended()) return;
+  status_ = std::move(status);
+  ended_by_ = std::move(by);
+}
+
+/// What the end of a run adds, unless it was stopped.
+template <int D>
+void Run<D>::complete() {
+  if (!ended()) {
+    // Without what is written only because the run ends here: for a restart to a later end.
+    if (took_steps() || !restarted()) save(false);
+    end("done", protocol_->end_at_last_time());
+  }
+  if (!sampling_.done_at(state().t)) sample();
+  if (!framing_.done_at(state().t)) frame();
+  if (!sampled_) take_sample();  // the summary has results of the last one
+}
+
+template <int D>
+std::vector<SeriesValue> Run<D>::take_sample() {
+  simulation().find_velocities();
+  sampled_ = true;
+  return protocol_->sample();
+}
+
+template <int D>
+void Run<D>::sample() {
+  const LogScope log(LogEvent::sample);
+  protocol_->record_events();
+  sampling_.done(state().t);
+  const std::vector<SeriesValue> row = take_sample();
+  ranks_.on_root([&] { writer_->add_sample(row); });
+}
+
+template <int D>
+void Run<D>::frame() {
+  simulation().find_velocities();
+  write_frame();
+}
+
+template <int D>
+void Run<D>::write_frame() {
+  const LogScope log(LogEvent::frame);
+  framing_.done(state().t);
+  FrameData<D> data(simulation().particles(), state());
+  const std::vector<Real> walls = protocol_->wall_segments();
+  data.frame.wall_segments = walls;
+  writer_->write_frame(data.frame);
+}
+
+template <int D>
+void Run<D>::add_event(const std::vector<SeriesValue>& row) {
+  ranks_.on_root([&] { writer_->add_event(row); });
+}
+
+template <int D>
+Real Run<D>::last_dt() const {
+  const IntegratorStatistics& taken = integrator().statistics();
+  return taken.steps > 0 ? taken.last_dt : last_dt_;
+}
+
+// --- Checkpoints
+
+/// Everything per particle or point is stored in the order of the ranks, and within a rank in its own order.
+template <int D>
+void Run<D>::save(bool changed) {
+  const LogScope log(LogEvent::checkpoint);
+  protocol_->record_events();
+  const State& s = state();
+  ParticleSystem<D>& particles = simulation().particles();
+  const Topology& topology = particles.topology();
+  ranks_.on_root([&] {
+    writer_->sync();
+    checkpoints_->begin(s.t, s.step);
+  });
+  SharedCheckpoint c(checkpoints_ ? &*checkpoints_ : nullptr, ranks_);
+  // One array at a time, so that they are not in memory once more.
+  c.add_parts("x", s.x());
+  c.add_parts("v", s.v());
+  c.add("extra", s.extra);
+  const bool carries = integrator().carries() && !changed;
+  c.add_parts("carried", carries ? integrator().carried() : std::span<const Real>());
+  const OverdampedSystem<D>* const overdamped = simulation().overdamped();
+  c.add_parts("last_velocity", overdamped != nullptr && overdamped->mobility().remembers()
+                                   ? std::span<const Real>(overdamped->last())
+                                   : std::span<const Real>());
+  {
+    typename Neighbours<D>::History lists = particles.neighbours().history(topology);
+    // Lists that do not hold are going to be built anew. Ranks whose particles have just left have none.
+    if (!ranks_.all(s.size() == 0 || particles.neighbours().valid(particles.walls(), s.x().data(), s.t))) lists = {};
+    c.add_parts("list_reference", std::move(lists.reference));
+    c.add_parts("list_places", lists.places);  // none on several ranks
+    c.add_parts("list_relocated", lists.relocated);
+    c.add("list_time", lists.time);
+  }
+  c.add_parts("id", std::span(topology.id).first(topology.owned()));
+  c.add_parts("active", std::span(topology.active).first(topology.owned()));
+  c.add_parts("rank_particles", std::vector<std::int64_t>{topology.owned()});
+  const IntegratorStatistics total = statistics();
+  const Real cpu = total_cpu();
+  ranks_.on_root([&] {
+    sampling_.save(*checkpoints_, "last_sample_at");
+    framing_.save(*checkpoints_, "last_frame_at");
+    checkpoints_->add("samples", writer_->samples());
+    checkpoints_->add("frames", writer_->frames());
+    checkpoints_->add("events", writer_->events());
+  });
+  c.add("changed", std::int64_t{changed});
+  c.add("ended", std::int64_t{ended() && !stopped()});
+  c.add("dt", integrator().next_dt());
+  c.add("last_dt", last_dt());
+  c.add("skin", particles.neighbours().skin());
+  c.add("evaluations_since_sort", particles.use().evaluations);
+  c.add("list_rebuilds_since_sort", particles.use().rebuilds);
+  c.add("list_rebuilds", list_rebuilds());
+  c.add("rejected_steps", total.rejected);
+  c.add("force_evaluations", total.force_evaluations);
+  c.add("jacobian_evaluations", total.jacobian_evaluations);
+  c.add("linear_iterations", total.linear_iterations);
+  c.add("cpu_seconds", cpu);
+  c.add_text("scenario", scenario_);
+  c.add_text("options", options_.json().dump());
+  protocol_->save(c);
+  ranks_.on_root([&] { checkpoints_->finish(); });
+}
+
+/// All that is read is checked before it is used.
+template <int D>
+void Run<D>::load(const Checkpoint& c) {
+  const Topology& all = simulation().all();
+  ParticleSystem<D>& particles = simulation().particles();
+  State& s = state();
+  const StoredParticles stored(c, all, D, ranks_);
+  simulation().take(stored.ids());
+  const auto active = stored.particles("active", 0, 1);
+  for (std::size_t m = 0; m < active.size(); ++m)
+    if (active[m] == 0) particles.deactivate(static_cast<Index>(m));
+
+  s.t = c.t;
+  s.step = c.step;
+  sampling_.load(c, "last_sample_at");
+  framing_.load(c, "last_frame_at");
+  const Real longest = std::max(dt_, protocol_->last_time());
+  dt_ = c.real("dt", smallest, longest);
+  last_dt_ = c.real("last_dt", smallest, longest);
+  // A particle that moves by some diameters in a step has gone through others.
+  const Real widest = *std::max_element(all.diameter.begin(), all.diameter.end()),
+             fastest = 10 * *std::max_element(all.sigma.begin(), all.sigma.end()) / dt_;
+  const bool inertia = simulation().overdamped() == nullptr;
+  s.assign(stored.points("x"), stored.points("v", inertia ? fastest : Checkpoint::any));
+  if (OverdampedSystem<D>* const overdamped = simulation().overdamped()) {
+    const auto& extra = c.real_array("extra", overdamped->quantities().size());
+    if (ranks_.root()) s.extra = extra;
+    // None before the first evaluation.
+    if (c.length("last_velocity") > 0 || (overdamped->mobility().remembers() && c.step > 0)) {
+      const auto last = stored.points("last_velocity", Checkpoint::any);
+      overdamped->set_last({last.begin(), last.end()});
+    }
+  }
+  restored_samples_ = static_cast<std::uint64_t>(c.integer("samples", sampling_.done_at(0) ? 1 : 0));
+  restored_frames_ = static_cast<std::uint64_t>(c.integer("frames", framing_.done_at(0) ? 1 : 0));
+  restored_events_ = static_cast<std::uint64_t>(c.integer("events"));
+  before_ = {.steps = c.step,
+             .rejected = c.integer("rejected_steps"),
+             .force_evaluations = c.integer("force_evaluations", c.step),
+             .jacobian_evaluations = c.integer("jacobian_evaluations"),
+             .linear_iterations = c.integer("linear_iterations")};
+  cpu_before_ = c.real("cpu_seconds", 0);
+  had_ended_ = c.flag("ended");
+  protocol_->placed();
+  protocol_->load(c, stored);
+
+  const bool fresh = c.flag("changed");
+  simulation().set_integrator(protocol_->make_integrator(dt_));
+  if (simulation().integrator().carries() && !fresh) {
+    simulation().integrator().set_carried(stored.points("carried", fastest));
+    simulation().restored();
+  }
+  // The lists of the stopped run: the order of their sums is part of the state.
+  const std::optional<Real> fixed = protocol_->fixed_skin();
+  const Real skin = c.real("skin", fixed.value_or(smallest),
+                           fixed.value_or(std::max(particles.neighbours().skin(), widest))),
+             list_time = c.real("list_time", 0, c.t);
+  const auto [reference, relocated, places] = stored.lists(skin / 2 * (1 + 1e-9));
+  const std::int64_t rebuilds = c.integer("list_rebuilds"),
+                     since_sort = c.integer("list_rebuilds_since_sort", 0, rebuilds),
+                     evaluations = c.integer("evaluations_since_sort");
+  particles.neighbours().set_skin(skin);
+  if (!reference.empty()) {
+    if (ranks_.several())
+      particles.rebuild(stored.own_points(reference).data(), list_time);
+    else
+      particles.neighbours().replay(particles.topology(), particles.walls(), {reference, relocated, places, list_time});
+  }
+  particles.set_use({evaluations, since_sort});
+  rebuilds_before_ = rebuilds - particles.neighbours().rebuilds();
+  restarted_from_ = c.file;
+}
+
+// --- Texts, summary
+
+template <int D>
+IntegratorStatistics Run<D>::statistics() const {
+  IntegratorStatistics s = integrator().statistics();
+  s.steps += before_.steps;
+  s.rejected += before_.rejected;
+  s.force_evaluations += before_.force_evaluations;
+  s.jacobian_evaluations += before_.jacobian_evaluations;
+  s.linear_iterations += before_.linear_iterations;
+  return s;
+}
+
+template <int D>
+std::string Run<D>::progress() const {
+  const State& s = state();
+  const Real wall = control_.wall_seconds(), end = protocol_->last_time(), rate = (s.t - started_at_) / wall,
+             critical = protocol_->critical_step(), steps = static_cast<Real>(integrator().statistics().steps);
+  std::string line = fmt::format("t {:.6g}/{:.6g} t0  {:.3g} steps/s  ETA {}  ", s.t, end, steps / wall,
+                                 duration_text((end - s.t) / rate));
+  line += std::isfinite(critical) ? fmt::format("dt/dt_c {:.2f}", last_dt() / critical)
+                                  : fmt::format("dt {:.3g}", last_dt());
+  if (const std::string more = protocol_->progress(); !more.empty()) line += "  " + more;
+  return line;
+}
+
+template <int D>
+std::string Run<D>::restart_command() const {
+  return fmt::format("pliant {} -restart {}", scenario_, shell_word(p_.output));
+}
+
+/// Collective.
+template <int D>
+nlohmann::ordered_json Run<D>::summary() {
+  const IntegratorStatistics total = statistics();
+  const Real cpu = total_cpu(), steps = static_cast<Real>(total.steps);
+  const bool deformable = points_ != particles_;
+  nlohmann::ordered_json s =
+      summary_head(scenario_, protocol_->model(), status_, ended_by_.empty() ? "t_end" : ended_by_, options_);
+  s["particles"] = particles_;
+  s["t"] = state().t;
+  s["integrator"] = integrator().name();
+  s["dt"] = protocol_->first_dt();
+  if (const Real critical = protocol_->critical_step(); std::isfinite(critical)) s["dt_critical"] = critical;
+  s["steps"] = total.steps;
+  s["rejected_steps"] = total.rejected;
+  s["force_evaluations"] = total.force_evaluations;
+  s["jacobian_evaluations"] = total.jacobian_evaluations;
+  s["linear_iterations"] = total.linear_iterations;
+  s["list_rebuilds"] = list_rebuilds();
+  s["skin"] = simulation().particles().neighbours().skin();
+  s["cpu_seconds"] = cpu;
+  s["wall_seconds"] = control_.wall_seconds();
+  s["particle_steps_per_second"] = steps * particles_ / cpu;
+  s["ns_per_particle_step"] = steps > 0 ? nlohmann::ordered_json(1e9 * cpu / (steps * particles_)) : nullptr;
+  s["ns_per_vertex_step"] = steps > 0 && deformable ? nlohmann::ordered_json(1e9 * cpu / (steps * points_)) : nullptr;
+  return s;
+}
+
+template <int D>
+ExitCode Run<D>::finish() {
+  nlohmann::ordered_json s = summary();
+  if (!stopped()) protocol_->conclude(s);
+  ranks_.on_root([&] {
+    writer_->flush();
+    if (stopped()) {
+      say("stopped at t = {:.6g} t0 with a checkpoint; run the same command again to go on\n", state().t);
+    } else {
+      if (restarted() && !took_steps()) say("the run has ended there already\n");
+      protocol_->report(writer_->read_series(), s);
+      const IntegratorStatistics total = statistics();
+      const Real ns = 1e9 * Real(s["cpu_seconds"]) / static_cast<Real>(std::max<std::int64_t>(total.steps, 1));
+      say("{} steps, {} force evaluations, {:.2f} s CPU, {:.1f} ns per particle-step{}\n", total.steps,
+          total.force_evaluations, Real(s["cpu_seconds"]), ns / particles_,
+          points_ != particles_ ? fmt::format(", {:.1f} ns per vertex-step", ns / points_) : "");
+    }
+    write_summary(p_.output, s);
+    writer_->close();
+  });
+  return stopped() ? ExitCode::stopped : ExitCode::done;
+}
+
+/// Where the step is what has most likely made a run fail.
+template <int D>
+std::string Run<D>::advice() const {
+  const Real dt = integrator().next_dt(), ratio = dt / protocol_->critical_step();
+  if (!integrator().explicit_fixed_step() || !(ratio > max_safe_ratio)) return {};
+  return fmt::format("-dt {:g} is {} the limit of stability: shorten it first; ", dt,
+                     ratio > 1 ? fmt::format("{:.3g} times", ratio) : fmt::format("{:.2f} of", ratio));
+}
+
+template <int D>
+void Run<D>::fail(const Error& error) {
+  const bool numerical = error.code() == ExitCode::numerical_failure;
+  std::string message = error.what();
+  if (numerical) message = advice() + message;
+  if (numerical && state().step > 0) {
+    message += fmt::format("; t = {:.6g}, step {}, dt = {:.3g}", state().t, state().step, last_dt());
+    if (const Real critical = protocol_->critical_step(); std::isfinite(critical))
+      message += fmt::format(", dt/dt_critical = {:.2f}", last_dt() / critical);
+    message += protocol_->failure_details();
+  }
+  const auto attempt = [&](const auto& output) {
+    try {
+      output();
+    } catch (const Error& second) {
+      // A configuration that has no forces has no frame.
+      if (second.code() != ExitCode::numerical_failure) message += fmt::format("; then {}", second.what());
+    }
+  };
+  if (numerical)
+    attempt([&] {
+      const auto& x = state().x();
+      const bool finite = std::all_of(x.begin(), x.end(), [](Real a) { return std::isfinite(a); });
+      // Before the first frame the particles have no places. With the velocities found last: where droplets have run
+      // into each other there are no others.
+      if (ranks_.all(finite && writer_->frames() > 0 && !framing_.done_at(state().t))) write_frame();
+      ranks_.on_root([&] { writer_->flush(); });
+    });
+  attempt([&] {
+    status_ = "failed";
+    nlohmann::ordered_json s = summary();
+    s["message"] = message;
+    ranks_.on_root([&] { write_summary(p_.output, s); });
+  });
+  throw Error(error.code(), message);
+}
+
+template class Run<2>;
+template class Run<3>;
+
+}  // namespace pliant

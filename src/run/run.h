@@ -1,0 +1,107 @@
+// A run from start to summary, whatever the scenario.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <pliant/base/options.h>
+#include <pliant/io/run_writer.h>
+#include <pliant/run/options.h>
+#include <pliant/run/protocol.h>
+#include <pliant/run/run_control.h>
+#include <pliant/run/schedule.h>
+
+namespace pliant {
+
+/// What make_run makes.
+class AnyRun {
+ public:
+  virtual ~AnyRun() = default;
+  /// Runs to the end, or until it is stopped. Collective. Errors: InputError, OutputError, NumericalError after a frame
+  /// of the last state and a summary.
+  virtual ExitCode run() = 0;
+};
+
+/// A simulation, a protocol and a folder: schedules of samples, frames and checkpoints, restart, stop requests, the
+/// progress line, the frame and the summary after a failure, statistics over restarts.
+template <int D>
+class Run final : public AnyRun, private RunAccess {
+ public:
+  /// checkpoint: what the run goes on from. All that is read from it is checked before it is used. Errors: InputError.
+  Run(std::string scenario, const RunOptions& p, const Options& options, const Ranks& ranks,
+      std::unique_ptr<Protocol<D>> protocol, std::optional<Checkpoint> checkpoint);
+
+  ExitCode run() override;
+
+ private:
+  void end(std::string status, std::string by) override;
+  void write_frame() override;
+  void add_event(const std::vector<SeriesValue>& row) override;
+  Real last_dt() const override;
+  std::string restart_command() const override;
+
+  Simulation<D>& simulation() { return protocol_->simulation(); }
+  const Simulation<D>& simulation() const { return protocol_->simulation(); }
+  State& state() { return simulation().state(); }
+  const State& state() const { return simulation().state(); }
+  const Integrator& integrator() const { return simulation().integrator(); }
+  bool restarted() const { return !restarted_from_.empty(); }
+  bool ended() const { return !status_.empty(); }
+  bool stopped() const { return status_ == "stopped"; }
+  bool took_steps() const { return integrator().statistics().steps > 0; }
+
+  void load(const Checkpoint& checkpoint);
+  void check();
+  void check_step() const;
+  std::string end_text() const;
+  void announce() const;
+  void prepare();
+  void repeat();
+  AfterStep after_step();
+  void complete();
+  std::vector<SeriesValue> take_sample();
+  void sample();
+  void frame();
+  void save(bool changed);
+  ExitCode finish();
+  std::string progress() const;
+  nlohmann::ordered_json summary();
+  [[noreturn]] void fail(const Error& error);
+  std::string advice() const;
+  IntegratorStatistics statistics() const;
+  std::int64_t list_rebuilds() const { return rebuilds_before_ + simulation().particles().neighbours().rebuilds(); }
+  Real total_cpu() const { return cpu_before_ + control_.cpu_seconds() - cpu_at_start_; }
+
+  const std::string scenario_;
+  const RunOptions& p_;
+  const Options& options_;
+  Ranks ranks_;
+  std::unique_ptr<Protocol<D>> protocol_;
+  RunControl control_;
+  std::optional<RunWriter> writer_;
+  std::optional<CheckpointWriter> checkpoints_;  ///< on the root
+  Schedule sampling_, framing_;
+
+  Index particles_, points_;     ///< of all ranks
+  Real dt_, last_dt_;            ///< the first step of this process; the last one before it
+  std::string restarted_from_;   ///< file of the checkpoint
+  IntegratorStatistics before_;  ///< of the runs before a restart
+  std::int64_t rebuilds_before_ = 0;
+  Real cpu_before_ = 0, cpu_at_start_ = 0, started_at_ = 0;
+  std::uint64_t restored_samples_ = 0, restored_frames_ = 0, restored_events_ = 0;
+  std::string status_, ended_by_;  ///< empty while the run goes on
+  bool had_ended_ = false;         ///< by its protocol: the run that a restart goes on from
+  bool sampled_ = false;           ///< in this process
+};
+
+extern template class Run<2>;
+extern template class Run<3>;
+
+}  // namespace pliant

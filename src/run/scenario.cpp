@@ -1,0 +1,114 @@
+#include <pliant/run/scenario.h>
+
+#include <algorithm>
+#include <chrono>
+#include <csignal>
+#include <filesystem>
+
+#include <pliant/base/console.h>
+#include <pliant/base/errors.h>
+#include <pliant/base/log.h>
+#include <pliant/base/nearest.h>
+#include <pliant/base/petsc.h>
+#include <pliant/base/version.h>
+#include <pliant/run/folder.h>
+
+namespace pliant {
+namespace {
+
+void answer(const Ranks& ranks, const std::string& text) {
+  ranks.on_root([&] { print_result(text); });
+}
+
+std::string usage(const std::string& program, const std::vector<Scenario>& scenarios) {
+  std::string text = fmt::format("usage: {} SCENARIO [-option value ...]\n\nscenarios:\n", program);
+  for (const Scenario& s : scenarios)
+    text += fmt::format("  {:<18}  {}\n", s.bind ? s.name : s.name + " " + s.arguments, s.help);
+  return text +
+         fmt::format("\n{0} SCENARIO -help   options of a scenario\n{0} -version         version and build\n", program);
+}
+
+ExitCode run(const std::string& program, const std::vector<Scenario>& scenarios, const std::string& name,
+             const Arguments& arguments, const Ranks& ranks) {
+  for (const Scenario& s : scenarios)
+    if (s.name == name) return s.run(arguments, ranks);
+  if (name == "-help" || name == "--help" || name == "-h") {
+    answer(ranks, usage(program, scenarios));
+    return ExitCode::done;
+  }
+  if (name == "-version" || name == "--version") {
+    answer(ranks, build_info().text());
+    return ExitCode::done;
+  }
+  std::vector<std::string> names;
+  for (const Scenario& s : scenarios) names.push_back(s.name);
+  const auto near = nearest(name, names);
+  throw InputError("unknown scenario '{}'{}; {} -help lists them", name,
+                   near ? fmt::format(", did you mean '{}'?", *near) : std::string(), program);
+}
+
+/// Says what went wrong, once. Errors that all ranks share end the program in order; one that only some of the ranks
+/// have leaves the others waiting, and ends them too.
+int fail(const std::string& program, const Ranks& ranks, const std::string& message, ExitCode code) {
+  const bool shared = ranks.meet(std::chrono::seconds(2));
+  if (ranks.root() || !shared) complain(fmt::format("{}: error: {}\n", program, message));
+  if (!shared) MPI_Abort(ranks.comm(), static_cast<int>(code));
+  return static_cast<int>(code);
+}
+
+}  // namespace
+
+ExitCode run_by_options(const std::string& scenario, const RunOptions& p, Options& options, const Ranks& ranks,
+                        const std::function<std::unique_ptr<AnyRun>(std::optional<Checkpoint>)>& make) {
+  start_log();
+  FolderLock lock;  // held until the run has closed its files
+  std::unique_ptr<AnyRun> run;
+  make_run(scenario, p, options, ranks, lock,
+           [&](std::optional<Checkpoint> checkpoint) { run = make(std::move(checkpoint)); });
+  return run->run();
+}
+
+bool parse_arguments(const std::string& scenario, Options& options, const Arguments& arguments, const Ranks& ranks) {
+  if (arguments == Arguments{"-help_markdown"}) {  // what docs/options.md is made from
+    answer(ranks, options.markdown());
+    return false;
+  }
+  switch (options.parse(arguments)) {
+    case Options::Request::help:
+      answer(ranks, fmt::format("usage: pliant {} [-option value ...]\n\n", scenario) + options.help());
+      return false;
+    case Options::Request::version:
+      answer(ranks, build_info().text());
+      return false;
+    case Options::Request::run:
+      break;
+  }
+  return true;
+}
+
+int run_program(int argc, char** argv, const std::vector<Scenario>& scenarios) {
+  guard_standard_streams();
+  std::signal(SIGXFSZ, SIG_IGN);  // a write beyond the limit on files fails, and is reported, instead of killing
+  const std::string program = argc > 0 ? std::filesystem::path(argv[0]).filename().string() : "pliant";
+  const Arguments arguments(argv + std::min(argc, 2), argv + argc);
+  try {
+    PetscSession petsc;
+    const Ranks ranks(PETSC_COMM_WORLD);
+    int code = 0;
+    try {
+      if (argc < 2) throw InputError("no scenario given; {} -help lists them", program);
+      code = static_cast<int>(run(program, scenarios, argv[1], arguments, ranks));
+    } catch (const Error& error) {
+      code = fail(program, ranks, error.what(), error.code());
+    } catch (const std::exception& error) {
+      code = fail(program, ranks, fmt::format("internal: {}", error.what()), ExitCode::numerical_failure);
+    }
+    petsc.end();
+    return code;
+  } catch (const Error& error) {
+    complain(fmt::format("{}: error: {}\n", program, error.what()));
+    return static_cast<int>(error.code());
+  }
+}
+
+}  // namespace pliant

@@ -1,0 +1,72 @@
+// What the program can run: a table of scenarios.
+#pragma once
+
+#include <fmt/format.h>
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <pliant/base/options.h>
+#include <pliant/base/ranks.h>
+#include <pliant/io/checkpoint.h>
+#include <pliant/run/options.h>
+#include <pliant/run/run.h>
+
+namespace pliant {
+
+using Arguments = std::vector<std::string>;
+
+/// An entry of the table.
+struct Scenario {
+  std::string name, help;
+  std::string arguments = "[-option value ...]";  ///< as the usage shows them
+  /// Runs it with the arguments after its name. Collective. Errors are the same on all ranks.
+  std::function<ExitCode(const Arguments& arguments, const Ranks& ranks)> run;
+  /// Binds its options, to describe them; empty without options.
+  std::function<void(Options& options)> bind = {};
+};
+
+/// Makes a run, new or from a checkpoint, all of which it checks. p is resolved. Errors: InputError.
+template <class Parameters>
+using MakeRun = std::function<std::unique_ptr<AnyRun>(const Parameters& p, const Options& options, const Ranks& ranks,
+                                                      std::optional<Checkpoint> checkpoint)>;
+
+/// Runs a scenario of this name, new or continued, and writes its folder. p: bound to `options`, which are stored with
+/// the run. Returns done, or stopped where a checkpoint was written and the same command goes on. Errors: InputError
+/// before any work; NumericalError and OutputError with what was written so far intact. Collective.
+ExitCode run_by_options(const std::string& scenario, const RunOptions& p, Options& options, const Ranks& ranks,
+                        const std::function<std::unique_ptr<AnyRun>(std::optional<Checkpoint>)>& make);
+
+/// -help, -version or -help_markdown is answered; otherwise true: to be run.
+bool parse_arguments(const std::string& scenario, Options& options, const Arguments& arguments, const Ranks& ranks);
+
+/// A scenario that is described by options. Parameters: a RunOptions with bind(Options&), which is called first, and
+/// resolve(), which fills in what is automatic and throws InputError for what does not fit together.
+template <class Parameters>
+Scenario option_scenario(std::string name, std::string help, MakeRun<Parameters> make) {
+  Scenario s{.name = name, .help = std::move(help), .run = {}};
+  s.bind = [](Options& options) {
+    Parameters p;
+    p.bind(options);
+  };
+  s.run = [name = std::move(name), make = std::move(make)](const Arguments& arguments, const Ranks& ranks) {
+    Parameters p;
+    Options options;
+    p.bind(options);
+    if (!parse_arguments(name, options, arguments, ranks)) return ExitCode::done;
+    return run_by_options(name, p, options, ranks, [&](std::optional<Checkpoint> checkpoint) {
+      p.resolve();
+      return make(p, options, ranks, std::move(checkpoint));
+    });
+  };
+  return s;
+}
+
+/// main() of a program with these scenarios: the command line, exit codes and messages of pliant.
+int run_program(int argc, char** argv, const std::vector<Scenario>& scenarios);
+
+}  // namespace pliant

@@ -1,0 +1,178 @@
+#include <pliant/scenarios/droplets/protocol.h>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+
+#include <pliant/base/console.h>
+#include <pliant/system/neighbour_drag.h>
+
+namespace pliant {
+namespace {
+
+enum { work, dissipated };  // integrated quantities
+
+ParticleSystem<2> make_particles(const DropletOptions& p, const DropletSetup& setup, Topology droplets,
+                                 const Ranks& ranks) {
+  return {std::move(droplets),
+          setup.walls,
+          make_force_field<2>(ModelKind::bubble, p.model_parameters(), setup.gravity),
+          neighbour_needs(ModelKind::bubble, p.model_parameters()),
+          p.skin,
+          ranks};
+}
+
+/// Of the walls that move, on the droplets.
+Real power_of_walls(const ForceField<2>& field, const StateView<2>& s) {
+  const std::vector<Solid<2>>& walls = s.walls.solids();
+  Real power = 0;
+  if (std::any_of(walls.begin(), walls.end(), [](const Solid<2>& w) { return w.velocity != Vec<2>::Zero(); })) {
+    std::vector<Real> force(2 * walls.size());
+    field.add_wall_forces(s, force.data());
+    for (std::size_t k = 0; k < walls.size(); ++k)
+      power -= point<2>(force.data(), static_cast<Index>(k)).dot(walls[k].velocity);
+  }
+  return power;
+}
+
+std::unique_ptr<Simulation<2>> make_simulation(const DropletOptions& p, const DropletSetup& setup, const Ranks& ranks) {
+  NeighbourDragOptions drag = p.drag_options();
+  drag.walls = setup.walls_rub;
+  auto mobility = std::make_unique<NeighbourDrag<2>>(drag, ranks);
+  const NeighbourDrag<2>& friction = *mobility;
+  std::vector<IntegratedQuantity<2>> quantities(2);
+  quantities[work] = {"work", power_of_walls};
+  quantities[dissipated] = {"dissipated",
+                            [&friction](const ForceField<2>&, const StateView<2>& s) { return friction.power(s); }};
+  return std::make_unique<Simulation<2>>(
+      setup.droplets,
+      OverdampedSystem<2>(make_particles(p, setup, {}, ranks), std::move(mobility), std::move(quantities)),
+      Sorting::never);
+}
+
+/// The fastest decay of what contacts hold, at touch: of a droplet against a wall by itself, or of droplets against
+/// each other, whose friction grows with their number as the stiffness does.
+Real fastest_rate(const DropletOptions& p, const DropletSetup& setup) {
+  const std::vector<Real>& diameter = setup.droplets.diameter;
+  const Real least = *std::min_element(diameter.begin(), diameter.end()) / 2, walls = setup.walls_at_once;
+  const Real pairs = p.f0 / (2 * least),
+             wall = walls * p.f0 * p.model_parameters().mean_radius / square(least) / (setup.walls_rub ? 1 + walls : 1);
+  return std::max(pairs, wall) / p.b;
+}
+
+}  // namespace
+
+DropletProtocol::DropletProtocol(const DropletOptions& p, const Ranks& ranks, DropletSetup setup)
+    : Protocol<2>(make_simulation(p, setup, ranks)),
+      p_(p),
+      integration_(setup.integration),
+      fastest_rate_(fastest_rate(p, setup)),
+      whole_(simulation(),
+             ranks.several() ? std::optional(make_particles(p, setup, setup.droplets, Ranks())) : std::nullopt) {}
+
+std::unique_ptr<Integrator> DropletProtocol::make_integrator(Real dt) {
+  integration_.dt = dt;
+  auto integrator = std::make_unique<TsIntegrator>(integration_, ranks().comm());
+  if (integrator->explicit_fixed_step()) critical_step_ = integrator->stability_limit() / fastest_rate_;
+  return integrator;
+}
+
+void DropletProtocol::started() {
+  whole_.update();
+  start_energy_ = energy();
+}
+
+bool DropletProtocol::follow() {
+  whole_.update();
+  return follow_droplets();
+}
+
+std::vector<SeriesValue> DropletProtocol::sample() {
+  const Real speed = max_speed();
+  const StateView<2> s = view();
+  const ForceField<2>& field = all_particles().field();
+  Real bonds = 0, tense = 0;
+  field.for_each_contact(s, [&](const Contact<2>& c) {
+    ++bonds;
+    tense += c.force.dot(c.normal) < 0;
+  });
+  const Real total = field.energy(s);
+  budget_error_ = total - start_energy_ - integrated(work) + integrated(dissipated) + withdrawn_;
+  std::vector<SeriesValue> row{{"time", s.t},    {"dt", run().last_dt()}, {"max_speed", speed},
+                               {"bonds", bonds}, {"tense_bonds", tense},  {"energy", total}};
+  // Terms that are switched off, or have no walls, are not reported: each has its column all the same.
+  std::array<std::pair<const char*, Real>, 5> energies{
+      {{"contact", 0}, {"depletion", 0}, {"wall_repulsion", 0}, {"wall_depletion", 0}, {"gravity", 0}}};
+  for (const TermReport& term : field.report(s))
+    for (auto& [name, value] : energies)
+      if (term.name == name) value = term.energy;
+  for (const auto& [name, value] : energies) row.emplace_back(fmt::format("{}_energy", name), value);
+  row.emplace_back("work", integrated(work));
+  row.emplace_back("dissipated", integrated(dissipated));
+  row.emplace_back("withdrawn", withdrawn_);
+  row.emplace_back("budget_error", budget_error_);
+  measure(row);
+  return row;
+}
+
+std::vector<Real> DropletProtocol::wall_forces() {
+  std::vector<Real> force(2 * all_particles().walls().solids().size());
+  all_particles().field().add_wall_forces(view(), force.data());
+  return force;
+}
+
+Real DropletProtocol::max_speed() {
+  simulation().find_velocities();
+  whole_.update_velocities();
+  Real speed = 0;
+  for (Index m = 0; m < droplets(); ++m) speed = std::max(speed, point<2>(all_state().v().data(), m).norm());
+  return speed;
+}
+
+Real DropletProtocol::energy() { return all_particles().field().energy(view()); }
+
+template <class Change>
+void DropletProtocol::outside_budget(Change&& change) {
+  const Real before = energy();
+  change();
+  simulation().forget_velocities();
+  withdrawn_ += before - energy();
+}
+
+void DropletProtocol::set_walls(const Walls<2>& walls) {
+  outside_budget([&] { put_walls(walls); });
+}
+
+void DropletProtocol::put_walls(const Walls<2>& walls) { whole_.set_walls(walls); }
+
+void DropletProtocol::deactivate(Index m) {
+  outside_budget([&] { whole_.deactivate(m); });
+}
+
+void DropletProtocol::save(SharedCheckpoint& c) const {
+  c.add("start_energy", start_energy_);
+  c.add("withdrawn", withdrawn_);
+  save_more(c);
+}
+
+void DropletProtocol::load(const Checkpoint& c, const StoredParticles&) {
+  whole_.restore();
+  start_energy_ = c.real("start_energy");
+  withdrawn_ = c.real("withdrawn");
+  load_more(c);
+}
+
+void DropletProtocol::conclude(nlohmann::ordered_json& s) {
+  s["work"] = integrated(work);
+  s["dissipated"] = integrated(dissipated);
+  s["budget_error"] = budget_error_;
+  conclude_more(s);
+}
+
+void DropletProtocol::report(const Series&, nlohmann::ordered_json& s) {
+  const std::string by = s.contains("ended_by") ? s["ended_by"] : s["status"];
+  say("ended by {} at t = {:.6g} t0; error of the energy budget {:.1e}\n", by, Real(s["t"]), budget_error_);
+}
+
+}  // namespace pliant

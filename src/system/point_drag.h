@@ -1,0 +1,47 @@
+// Particles in a drag so strong that inertia does not matter.
+#pragma once
+
+#include <utility>
+#include <vector>
+
+#include <pliant/system/mobility.h>
+
+namespace pliant {
+
+/// v = F/ζ_i with the drag coefficient ζ_i = ζ/n of each of a particle's n points: what ẍ = (F − ζ_i ẋ)/m tends to
+/// where m/ζ_i is shorter than all other times. Forces that depend on velocities do not count.
+template <int D>
+class PointDrag final : public Mobility<D> {
+ public:
+  /// Errors: InputError unless ζ is positive.
+  explicit PointDrag(Real zeta) : zeta_(zeta) {
+    if (!(zeta > 0))
+      throw InputError("the drag coefficient is {}, but motion without inertia needs a positive one", zeta);
+  }
+
+  void find_velocities(const ForceField<D>& field, const StateView<D>& s, Real* v) override {
+    at_rest_.assign(static_cast<std::size_t>(s.topology.points()) * D, 0);
+    StateView<D> still = s;
+    still.v = at_rest_.data();
+    field.accelerations(still, v);
+    for (Index i = 0; i < s.topology.owned_points(); ++i)
+      point<D>(v, i) *= s.topology.mass(i) * s.topology.points_of(s.topology.particle[i]) / zeta_;
+  }
+
+  Real power(const StateView<D>& s) const override {
+    Real sum = 0;
+    for (Index i = 0; i < s.topology.owned_points(); ++i)
+      sum += s.velocity(i).squaredNorm() / s.topology.points_of(s.topology.particle[i]);
+    return zeta_ * sum;
+  }
+
+  bool remembers() const override { return false; }
+  Real beyond() const override { return 0; }
+  void set_numbers(std::vector<Index> /*numbers*/) override {}
+
+ private:
+  Real zeta_;
+  std::vector<Real> at_rest_;
+};
+
+}  // namespace pliant
