@@ -16,7 +16,7 @@ page=$root/docs/options.md
 hopper=$("$program" hopper -help_markdown)
 raft=$("$program" raft -help_markdown)
 clog=$("$program" clog -help_markdown)
-text="<!-- Made by scripts/docs.sh from the program; edit the options in src/scenarios/*_options.cpp instead. -->
+text="<!-- Made by scripts/docs.sh from the program; edit the options in src/scenarios/*/options.cpp instead. -->
 
 # Options of \`pliant hopper\`
 
