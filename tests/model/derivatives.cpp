@@ -85,7 +85,7 @@ TEST_CASE("derivatives of the edge contact") {
   });
   for_each_place(boundary_places, [&](Place place) {
     check_boundary<2>(
-        *field, [&](Random& r) { return touching_polygons(r, place); }, 1e-6);
+        *field, [&](Random& r) { return touching_polygons(r, place); }, 1e-5);
   });
 }
 
@@ -97,7 +97,7 @@ TEST_CASE("derivatives of the contact with bare edges") {
   });
   for_each_place(boundary_places, [&](Place place) {
     check_boundary<2>(
-        *field, [&](Random& r) { return touching_bare_polygons(r, place); }, 1e-6);
+        *field, [&](Random& r) { return touching_bare_polygons(r, place); }, 1e-5);
   });
 }
 
