@@ -144,7 +144,7 @@ TEST_CASE("a settling pile has the same energy by implicit methods as by Verlet"
   Configuration<2> polygons;
   for (const Real height : {0.7, 1.9, 3.1})
     polygons.add_polygon(regular_polygon(8, 0.45, {random(-0.1, 0.1), height}, random(0, 1)), 0.15);
-  polygons = on_closed_floor(std::move(polygons), 2);
+  polygons = on_closed_floor(std::move(polygons), 1.3);
   check(polygons, ModelKind::rough, 0.01, {"-ts_type bdf -ts_adapt_type none", "-ts_type alpha2 -ts_alpha_radius 0.5"},
         Part::all);
   check(polygons, ModelKind::smooth, 5e-4, {"-ts_type arkimex -ts_adapt_type none"}, Part::shape);
