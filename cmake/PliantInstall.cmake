@@ -26,7 +26,7 @@ endforeach()
 install(FILES README.md ARCHITECTURE.md CHANGELOG.md CONTRIBUTING.md LICENSE CITATION.cff TYPE DOC)
 install(DIRECTORY docs TYPE DOC)
 install(DIRECTORY examples/ DESTINATION ${share}/examples FILES_MATCHING PATTERN "*.yaml" PATTERN "*.csv")
-foreach(program own_term bouncing_polygon)
+foreach(program own_term own_scenario bouncing_polygon)
   install(DIRECTORY examples/${program} DESTINATION ${share}/examples)
 endforeach()
 

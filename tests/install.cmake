@@ -41,6 +41,18 @@ endif()
 run("${CMAKE_COMMAND}" --build "${WORK}/build")
 run("${WORK}/build/own_term")
 
+# A scenario outside the tree: run, then continued to a later end.
+run("${CMAKE_COMMAND}" -S "${share}/examples/own_scenario" -B "${WORK}/build-scenario" ${package})
+run("${CMAKE_COMMAND}" --build "${WORK}/build-scenario")
+run("${WORK}/build-scenario/own_scenario" shaken_box -n 20 -t_end 0.2 -output "${WORK}/box")
+run("${WORK}/build-scenario/own_scenario" shaken_box -restart "${WORK}/box" -t_end 0.4)
+file(READ "${WORK}/box/summary.json" summary)
+string(JSON t GET "${summary}" t)
+string(JSON scenario GET "${summary}" scenario)
+if(NOT scenario STREQUAL shaken_box OR t LESS 0.4)
+  message(FATAL_ERROR "own_scenario: the summary has scenario ${scenario}, t = ${t}")
+endif()
+
 file(WRITE "${WORK}/user/CMakeLists.txt" "cmake_minimum_required(VERSION 3.25)\nproject(user LANGUAGES CXX)\nfind_package(pliant REQUIRED)\n")
 foreach(type "" Debug)
   execute_process(COMMAND "${CMAKE_COMMAND}" -S "${WORK}/user" -B "${WORK}/user/build" ${package} -D "CMAKE_BUILD_TYPE=${type}"

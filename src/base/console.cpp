@@ -19,7 +19,16 @@ int write_out(std::string_view text) {
   return errno != 0 ? errno : EIO;
 }
 
+std::string& name_of_program() {
+  static std::string name = "pliant";
+  return name;
+}
+
 }  // namespace
+
+void set_program_name(std::string name) { name_of_program() = std::move(name); }
+
+const std::string& program_name() { return name_of_program(); }
 
 void guard_standard_streams() {
   std::signal(SIGPIPE, SIG_IGN);

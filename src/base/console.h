@@ -14,6 +14,10 @@ namespace pliant {
 /// ends no run. To be called first in main.
 void guard_standard_streams();
 
+/// Under which the program speaks to its users: "pliant" until a program of another name sets its own.
+void set_program_name(std::string name);
+const std::string& program_name();
+
 /// Prints a result to the standard output. Errors: OutputError if it has not arrived there, unless its reader has gone
 /// (`| head`).
 void print_result(std::string_view text);
@@ -29,10 +33,10 @@ void say(fmt::format_string<Args...> text, Args&&... args) {
   say_text(fmt::format(text, std::forward<Args>(args)...));
 }
 
-/// A line "pliant: warning: …" on the standard error.
+/// A line "PROGRAM: warning: …" on the standard error.
 template <class... Args>
 void warn(fmt::format_string<Args...> text, Args&&... args) {
-  complain(fmt::format("pliant: warning: {}\n", fmt::format(text, std::forward<Args>(args)...)));
+  complain(fmt::format("{}: warning: {}\n", program_name(), fmt::format(text, std::forward<Args>(args)...)));
 }
 
 }  // namespace pliant

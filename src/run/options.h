@@ -14,6 +14,9 @@ struct RunOptions {
   bool allow_unstable_dt = false;
   Real frame_interval = 2, sample_interval = 0.2, checkpoint_interval = 300, max_wall_time = 0;
 
+  /// Nothing is automatic: a scenario that has more to do has a resolve() of its own.
+  void resolve() {}
+
  protected:
   /// The group "Output".
   void bind_output(Options& options);

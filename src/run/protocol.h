@@ -39,6 +39,8 @@ class RunAccess {
 template <int D>
 class Protocol {
  public:
+  static constexpr int dim = D;
+
   explicit Protocol(std::unique_ptr<Simulation<D>> simulation) : simulation_(std::move(simulation)) {}
   virtual ~Protocol() = default;
   Protocol(const Protocol&) = delete;

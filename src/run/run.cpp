@@ -419,7 +419,7 @@ std::string Run<D>::progress() const {
 
 template <int D>
 std::string Run<D>::restart_command() const {
-  return fmt::format("pliant {} -restart {}", scenario_, shell_word(p_.output));
+  return fmt::format("{} {} -restart {}", shell_word(program_name()), scenario_, shell_word(p_.output));
 }
 
 /// Collective.

@@ -20,7 +20,8 @@ void answer(const Ranks& ranks, const std::string& text) {
   ranks.on_root([&] { print_result(text); });
 }
 
-std::string usage(const std::string& program, const std::vector<Scenario>& scenarios) {
+std::string usage(const std::vector<Scenario>& scenarios) {
+  const std::string& program = program_name();
   std::string text = fmt::format("usage: {} SCENARIO [-option value ...]\n\nscenarios:\n", program);
   for (const Scenario& s : scenarios)
     text += fmt::format("  {:<18}  {}\n", s.bind ? s.name : s.name + " " + s.arguments, s.help);
@@ -28,12 +29,12 @@ std::string usage(const std::string& program, const std::vector<Scenario>& scena
          fmt::format("\n{0} SCENARIO -help   options of a scenario\n{0} -version         version and build\n", program);
 }
 
-ExitCode run(const std::string& program, const std::vector<Scenario>& scenarios, const std::string& name,
-             const Arguments& arguments, const Ranks& ranks) {
+ExitCode run(const std::vector<Scenario>& scenarios, const std::string& name, const Arguments& arguments,
+             const Ranks& ranks) {
   for (const Scenario& s : scenarios)
     if (s.name == name) return s.run(arguments, ranks);
   if (name == "-help" || name == "--help" || name == "-h") {
-    answer(ranks, usage(program, scenarios));
+    answer(ranks, usage(scenarios));
     return ExitCode::done;
   }
   if (name == "-version" || name == "--version") {
@@ -44,14 +45,14 @@ ExitCode run(const std::string& program, const std::vector<Scenario>& scenarios,
   for (const Scenario& s : scenarios) names.push_back(s.name);
   const auto near = nearest(name, names);
   throw InputError("unknown scenario '{}'{}; {} -help lists them", name,
-                   near ? fmt::format(", did you mean '{}'?", *near) : std::string(), program);
+                   near ? fmt::format(", did you mean '{}'?", *near) : std::string(), program_name());
 }
 
 /// Says what went wrong, once. Errors that all ranks share end the program in order; one that only some of the ranks
 /// have leaves the others waiting, and ends them too.
-int fail(const std::string& program, const Ranks& ranks, const std::string& message, ExitCode code) {
+int fail(const Ranks& ranks, const std::string& message, ExitCode code) {
   const bool shared = ranks.meet(std::chrono::seconds(2));
-  if (ranks.root() || !shared) complain(fmt::format("{}: error: {}\n", program, message));
+  if (ranks.root() || !shared) complain(fmt::format("{}: error: {}\n", program_name(), message));
   if (!shared) MPI_Abort(ranks.comm(), static_cast<int>(code));
   return static_cast<int>(code);
 }
@@ -75,7 +76,7 @@ bool parse_arguments(const std::string& scenario, Options& options, const Argume
   }
   switch (options.parse(arguments)) {
     case Options::Request::help:
-      answer(ranks, fmt::format("usage: pliant {} [-option value ...]\n\n", scenario) + options.help());
+      answer(ranks, fmt::format("usage: {} {} [-option value ...]\n\n", program_name(), scenario) + options.help());
       return false;
     case Options::Request::version:
       answer(ranks, build_info().text());
@@ -89,24 +90,24 @@ bool parse_arguments(const std::string& scenario, Options& options, const Argume
 int run_program(int argc, char** argv, const std::vector<Scenario>& scenarios) {
   guard_standard_streams();
   std::signal(SIGXFSZ, SIG_IGN);  // a write beyond the limit on files fails, and is reported, instead of killing
-  const std::string program = argc > 0 ? std::filesystem::path(argv[0]).filename().string() : "pliant";
+  if (argc > 0) set_program_name(std::filesystem::path(argv[0]).filename().string());
   const Arguments arguments(argv + std::min(argc, 2), argv + argc);
   try {
     PetscSession petsc;
     const Ranks ranks(PETSC_COMM_WORLD);
     int code = 0;
     try {
-      if (argc < 2) throw InputError("no scenario given; {} -help lists them", program);
-      code = static_cast<int>(run(program, scenarios, argv[1], arguments, ranks));
+      if (argc < 2) throw InputError("no scenario given; {} -help lists them", program_name());
+      code = static_cast<int>(run(scenarios, argv[1], arguments, ranks));
     } catch (const Error& error) {
-      code = fail(program, ranks, error.what(), error.code());
+      code = fail(ranks, error.what(), error.code());
     } catch (const std::exception& error) {
-      code = fail(program, ranks, fmt::format("internal: {}", error.what()), ExitCode::numerical_failure);
+      code = fail(ranks, fmt::format("internal: {}", error.what()), ExitCode::numerical_failure);
     }
     petsc.end();
     return code;
   } catch (const Error& error) {
-    complain(fmt::format("{}: error: {}\n", program, error.what()));
+    complain(fmt::format("{}: error: {}\n", program_name(), error.what()));
     return static_cast<int>(error.code());
   }
 }

@@ -45,7 +45,8 @@ ExitCode run_by_options(const std::string& scenario, const RunOptions& p, Option
 bool parse_arguments(const std::string& scenario, Options& options, const Arguments& arguments, const Ranks& ranks);
 
 /// A scenario that is described by options. Parameters: a RunOptions with bind(Options&), which is called first, and
-/// resolve(), which fills in what is automatic and throws InputError for what does not fit together.
+/// resolve(), which fills in what is automatic and throws InputError for what does not fit together. The run's messages
+/// speak of -dt and -t_end: both must be among the options.
 template <class Parameters>
 Scenario option_scenario(std::string name, std::string help, MakeRun<Parameters> make) {
   Scenario s{.name = name, .help = std::move(help), .run = {}};
@@ -59,11 +60,23 @@ Scenario option_scenario(std::string name, std::string help, MakeRun<Parameters>
     p.bind(options);
     if (!parse_arguments(name, options, arguments, ranks)) return ExitCode::done;
     return run_by_options(name, p, options, ranks, [&](std::optional<Checkpoint> checkpoint) {
+      if (!p.restart.empty()) p.output = p.restart;
       p.resolve();
       return make(p, options, ranks, std::move(checkpoint));
     });
   };
   return s;
+}
+
+/// The same for an Own that is a Protocol and is made from the parameters, which outlive it, and the ranks.
+template <class Parameters, class Own>
+Scenario option_scenario(const std::string& name, std::string help) {
+  return option_scenario<Parameters>(
+      name, std::move(help),
+      [name](const Parameters& p, const Options& options, const Ranks& ranks, std::optional<Checkpoint> checkpoint) {
+        return std::make_unique<Run<Own::dim>>(name, p, options, ranks, std::make_unique<Own>(p, ranks),
+                                               std::move(checkpoint));
+      });
 }
 
 /// main() of a program with these scenarios: the command line, exit codes and messages of pliant.

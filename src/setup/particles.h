@@ -50,7 +50,7 @@ Topology make_particles(ModelKind kind, int dim, const std::vector<Real>& diamet
 Real outer_radius(const Topology& topology, Index m);
 
 /// Writes the regular polygon of particle m, of area a0, around `centre` with its first vertex at `angle`; a soft
-/// particle's centre.
+/// particle's centre. x: of all points [points · D].
 void place_particle(const Topology& topology, Index m, const Real* centre, Real angle, Real* x);
 
 }  // namespace pliant

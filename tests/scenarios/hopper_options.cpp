@@ -44,7 +44,6 @@ TEST_CASE("automatic values of a hopper", "[options]") {
   CHECK(resolved({"-n", "12", "-hopper_wall_distance", "9", "-pack_fraction", "0.5"}).particles == 12);
   CHECK(resolved({"-hopper_wall_distance", "9"}).hopper.wall_distance == 9);
   CHECK(resolved({"-pack_fraction", "0.5"}).pack_fraction == 0.5);
-  CHECK(resolved({"-restart", "there"}).output == "there");
 }
 
 TEST_CASE("standard steps and skins", "[options]") {

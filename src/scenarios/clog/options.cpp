@@ -48,7 +48,6 @@ void ClogOptions::resolve() {
   if (clog_speed >= g / b)
     throw InputError("-clog_speed {}: a droplet by itself falls at g/b = {} only; give a smaller speed", clog_speed,
                      g / b);
-  if (!restart.empty()) output = restart;
 }
 
 }  // namespace pliant

@@ -205,7 +205,6 @@ void HopperOptions::resolve() {
         "-hopper_q_rtol {} with -flow discharge: only continuous flow has a steady rate; leave one of them out",
         q_rtol);
   if (!t_end) t_end = q_rtol > 0 ? 10000 : 100;
-  if (!restart.empty()) output = restart;
 }
 
 void HopperOptions::refuse_unread(const Options& options) const {

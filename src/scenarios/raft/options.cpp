@@ -60,7 +60,6 @@ void RaftOptions::bind(Options& o) {
 }
 
 void RaftOptions::resolve() {
-  if (!restart.empty()) output = restart;
   const Index full = rows * columns, alternate = full - rows / 2;
   if (lattice == RaftLattice::hexagonal && droplets() != full && (droplets() != alternate || columns == 1))
     throw InputError(
