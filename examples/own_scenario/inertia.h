@@ -36,3 +36,13 @@ struct Inertia {
  private:
   Real weight(const View& s, Index i) const { return s.topology.mass(i) * floor.acceleration(s.t); }
 };
+
+/// Its forces with one sine for all points of a chunk: the plain loop takes one for each, which is most of a step.
+struct InertiaKernel {
+  static constexpr bool fast() { return true; }
+  static void add_forces(const pliant::StateView<2>& s, pliant::Index chunk, pliant::Real* f, const Inertia& inertia) {
+    const pliant::Real a = inertia.floor.acceleration(s.t);
+    const pliant::Range own = s.neighbours.points(chunk);
+    for (pliant::Index i = own.first; i < own.last; ++i) f[2 * i + 1] -= s.topology.mass(i) * a;
+  }
+};

@@ -12,7 +12,6 @@
 #include "inertia.h"
 
 namespace {
-
 using namespace pliant;
 
 struct Parameters : RunOptions {
@@ -46,9 +45,10 @@ std::unique_ptr<Simulation<2>> make_simulation(const Parameters& p, const Ranks&
   using Pairs = Fused<PairKernel, PairContact<2>, PairFriction<2>>;
   using Edge = Fused<EdgeKernel, EdgeContact<>, EdgeFriction>;
   using Outer = Fused<PointKernel, Gravity<2>, Drag<2>>;
-  auto field = std::make_unique<Model<2, Shape, Pairs, Edge, WallContact<2>, Outer, Inertia>>(
+  auto field = std::make_unique<Model<2, Shape, Pairs, Edge, WallContact<2>, Outer, Fused<InertiaKernel, Inertia>>>(
       Shape(Area{2e4}, Perimeter{10}, Bending{0.1}), Pairs({p.e_c, "contact"}, {0}),
-      Edge({p.e_c / 4, Edges::bare}, {0}), WallContact<2>{1e4}, Outer({{0, -1}}, {p.zeta}), Inertia{p.floor});
+      Edge({p.e_c / 4, Edges::bare}, {0}), WallContact<2>{1e4}, Outer({{0, -1}}, {p.zeta}),
+      Fused<InertiaKernel, Inertia>({p.floor}));
   const pliant::Vec<2> left(0, 0), right(p.width(), 0), up(0, 1);
   Walls<2> walls({WallSegment::between(left, right), WallSegment::ray(left, up), WallSegment::ray(right, up)});
   return std::make_unique<Simulation<2>>(
