@@ -3,14 +3,16 @@
 #pragma once
 
 #include <cmath>
+#include <cstddef>
 #include <string_view>
+#include <type_traits>
 
 #include <pliant/base/multiversion.h>
 #include <pliant/base/types.h>
 
 namespace pliant {
 
-enum class ContactLaw { harmonic, barrier };
+enum class ContactLaw { harmonic, hertz, barrier };
 
 /// V(d) = ε/2 (1 − d/δ)² for d < δ, else 0 [H 2, 3, 9, 10]. C¹: V'' jumps from 0 to ε/δ² at touch. Finite at d = 0:
 /// a force of ε/δ pushes a point onto what it touches.
@@ -30,6 +32,48 @@ struct HarmonicOverlap {
   template <class T>
   PLIANT_INLINE static T push(Real epsilon, T delta, T d) {
     return epsilon * (delta - d) / (delta * delta * d);
+  }
+};
+
+/// V(d) = 2/5 ε (1 − d/δ)^(5/2) for d < δ, else 0: elastic spheres that touch at one place [H. Hertz, J. reine angew.
+/// Math. 92, 156 (1881)]; in the plane a convention of the field. With x = 1 − d/δ: −V'(d) = (ε/δ) x^(3/2), V''(d) =
+/// 3/2 (ε/δ²) √x. C², with V'' = 0 at touch, where its slope is infinite; softer than the harmonic law up to an overlap
+/// of 4/9. Finite at d = 0. Units: as for the harmonic law.
+struct HertzOverlap {
+  static constexpr ContactLaw kind = ContactLaw::hertz;
+  static constexpr Real stiffness = 1.5;  ///< largest V'' δ²/ε, at d = 0
+
+  Real epsilon, delta;
+
+  bool touches(Real d) const { return d < delta; }
+  Real value(Real d) const {
+    if (!touches(d)) return 0;
+    const Real x = 1 - d / delta;
+    return 0.4 * epsilon * square(x) * std::sqrt(x);
+  }
+  Real slope(Real d) const {
+    if (!touches(d)) return 0;
+    const Real x = 1 - d / delta;
+    return -epsilon / delta * x * std::sqrt(x);
+  }
+  Real curvature(Real d) const { return touches(d) ? 1.5 * epsilon / square(delta) * std::sqrt(1 - d / delta) : 0; }
+
+  /// −V'(d)/d for 0 < d < δ, of numbers or vectors of them; not a number beyond.
+  template <class T>
+  PLIANT_INLINE static T push(Real epsilon, T delta, T d) {
+    const T x = (delta - d) / delta;
+    return epsilon * x * root(x) / (delta * d);
+  }
+
+ private:
+  template <class T>
+  PLIANT_INLINE static T root(T x) {
+    if constexpr (std::is_arithmetic_v<T>) {
+      return std::sqrt(x);
+    } else {
+      for (std::size_t k = 0; k < sizeof(T) / sizeof(Real); ++k) x[k] = std::sqrt(x[k]);
+      return x;
+    }
   }
 };
 
@@ -77,6 +121,7 @@ struct BarrierOverlap {
 template <class Visit>
 decltype(auto) with_law(ContactLaw law, Visit&& visit) {
   if (law == ContactLaw::barrier) return visit(BarrierOverlap{});
+  if (law == ContactLaw::hertz) return visit(HertzOverlap{});
   return visit(HarmonicOverlap{});
 }
 

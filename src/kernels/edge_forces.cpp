@@ -194,6 +194,8 @@ template <class Out>
 PLIANT_INLINE void add_all(const EdgeLaw& law, const Data& data, Index n, const Out& out) {
   if (law.contact == ContactLaw::barrier)
     add_by_law<BarrierOverlap>(law, data, n, out);
+  else if (law.contact == ContactLaw::hertz)
+    add_by_law<HertzOverlap>(law, data, n, out);
   else
     add_by_law<HarmonicOverlap>(law, data, n, out);
 }

@@ -44,7 +44,7 @@ PLIANT_INLINE Vectors<3> differences(const Places<3>& at, const Real* a) {
   return {p.x, p.y, Real4{z[0], z[1], z[2], z[3]}};
 }
 
-template <int D, bool friction, Sides sides>
+template <int D, class Law, bool friction, Sides sides>
 PLIANT_INLINE void add_four(const PairLaw& law, const Pair* pairs, Real4 reach, const Real* x, const Real* v, Real* f) {
   const Places<D> at(pairs);
   auto force = differences(at, x);
@@ -52,8 +52,7 @@ PLIANT_INLINE void add_four(const PairLaw& law, const Pair* pairs, Real4 reach, 
   for (const Real4& r : force) d2 += r * r;
   const Mask4 touches = d2 < reach * reach;
   const Real4 d = simd::sqrt(d2);
-  // ε/δ (1 − d/δ) / d with one division
-  const Real4 push = simd::where(touches & (d2 > 0), law.epsilon * (reach - d) / (reach * reach * d));
+  const Real4 push = simd::where(touches & (d2 > 0), Law::push(law.epsilon, reach, d));
   for (Real4& r : force) r *= push;
   if constexpr (friction) {
     const Real4 mu = simd::where(touches, simd::all(law.mu));
@@ -63,7 +62,7 @@ PLIANT_INLINE void add_four(const PairLaw& law, const Pair* pairs, Real4 reach, 
   scatter<D>(at.first, force, f, sides == Sides::both ? at.second : nullptr);
 }
 
-template <int D, bool friction, Sides sides>
+template <int D, class Law, bool friction, Sides sides>
 PLIANT_INLINE void add_all(const PairLaw& law, std::span<const Pair> pairs, const Real* reach, const Real* x,
                            const Real* v, Real* f) {
   std::size_t e = 0;
@@ -73,7 +72,7 @@ PLIANT_INLINE void add_all(const PairLaw& law, std::span<const Pair> pairs, cons
     __builtin_prefetch(x + soon);
     __builtin_prefetch(f + soon, 1);
     if constexpr (friction) __builtin_prefetch(v + soon);
-    add_four<D, friction, sides>(law, pairs.data() + e, simd::load4(reach + e), x, v, f);
+    add_four<D, Law, friction, sides>(law, pairs.data() + e, simd::load4(reach + e), x, v, f);
   }
   if (e == pairs.size()) return;
   // The rest, filled up with pairs that never touch.
@@ -84,23 +83,32 @@ PLIANT_INLINE void add_all(const PairLaw& law, std::span<const Pair> pairs, cons
     rest[k] = listed ? pairs[e + k] : pairs.back();
     rest_reach[k] = listed ? reach[e + k] : 0;
   }
-  add_four<D, friction, sides>(law, rest, rest_reach, x, v, f);
+  add_four<D, Law, friction, sides>(law, rest, rest_reach, x, v, f);
+}
+
+template <int D, class Law>
+PLIANT_INLINE void add_by_law(const PairLaw& law, std::span<const Pair> pairs, const Real* reach, Sides sides,
+                              const Real* x, const Real* v, Real* f) {
+  if (law.mu == 0) {
+    if (sides == Sides::both)
+      add_all<D, Law, false, Sides::both>(law, pairs, reach, x, v, f);
+    else
+      add_all<D, Law, false, Sides::first>(law, pairs, reach, x, v, f);
+  } else {
+    if (sides == Sides::both)
+      add_all<D, Law, true, Sides::both>(law, pairs, reach, x, v, f);
+    else
+      add_all<D, Law, true, Sides::first>(law, pairs, reach, x, v, f);
+  }
 }
 
 template <int D>
 PLIANT_INLINE void add(const PairLaw& law, std::span<const Pair> pairs, const Real* reach, Sides sides, const Real* x,
                        const Real* v, Real* f) {
-  if (law.mu == 0) {
-    if (sides == Sides::both)
-      add_all<D, false, Sides::both>(law, pairs, reach, x, v, f);
-    else
-      add_all<D, false, Sides::first>(law, pairs, reach, x, v, f);
-  } else {
-    if (sides == Sides::both)
-      add_all<D, true, Sides::both>(law, pairs, reach, x, v, f);
-    else
-      add_all<D, true, Sides::first>(law, pairs, reach, x, v, f);
-  }
+  if (law.contact == ContactLaw::hertz)
+    add_by_law<D, HertzOverlap>(law, pairs, reach, sides, x, v, f);
+  else
+    add_by_law<D, HarmonicOverlap>(law, pairs, reach, sides, x, v, f);
 }
 
 PLIANT_MULTIVERSION void add_2d(const PairLaw& law, std::span<const Pair> pairs, const Real* reach, Sides sides,

@@ -4,19 +4,21 @@
 #include <span>
 
 #include <pliant/geometry/pair_search.h>
+#include <pliant/kernels/contact_law.h>
 
 namespace pliant {
 
 /// Stiffness ε of the contact and coefficient μ of the friction. With mu = 0 no velocity is read: v may be null.
 struct PairLaw {
   Real epsilon, mu;
+  ContactLaw contact = ContactLaw::harmonic;
 };
 
 /// Which points of a pair receive its force. A pair that straddles two parts of a decomposition is listed in both of
 /// them, once from each side, and `second` is then only read.
 enum class Sides { both, first };
 
-/// Adds the forces of the listed pairs to f [points · D]: i = pair.first gets ε/δ (1 − d/δ) r/d − μ (v_i − v_j), where
+/// Adds the forces of the listed pairs to f [points · D]: i = pair.first gets −V'(d) r/d − μ (v_i − v_j), where
 /// r = x_i − x_j and d = |r| < δ, and pair.second the opposite. Coincident points only rub. reach: δ of each pair
 /// [pairs]; x, v: [points · D], and f must not overlap them. The list may have any order; it is that of the sums.
 template <int D>

@@ -79,6 +79,8 @@ PLIANT_INLINE void add(Real epsilon, std::span<const Pair> pairs, const WallSegm
                        const Real* x, Real* f, ContactLaw law) {
   if (law == ContactLaw::barrier)
     add_all<D, BarrierOverlap>(epsilon, pairs, walls, diameter, x, f);
+  else if (law == ContactLaw::hertz)
+    add_all<D, HertzOverlap>(epsilon, pairs, walls, diameter, x, f);
   else
     add_all<D, HarmonicOverlap>(epsilon, pairs, walls, diameter, x, f);
 }

@@ -21,7 +21,38 @@ Fused<Kernel, Terms...> fused(Terms... terms) {
   return Fused<Kernel, Terms...>(std::move(terms)...);
 }
 
+template <int D, class Law = HarmonicOverlap>
+std::unique_ptr<ForceField<D>> soft(const ModelParameters& p, const Vec<D>& gravity) {
+  return model<D>(fused<PairKernel>(PairContact<D, Law>{p.epsilon, "pair"}, PairFriction<D>{p.mu}),
+                  fused<WallKernel>(WallContact<D, Law>{p.epsilon_wall}),
+                  fused<PointKernel>(Gravity<D>{gravity}, Drag<D>{p.zeta}));
+}
+
 }  // namespace
+
+std::string_view to_string(ContactLaw law) {
+  switch (law) {
+    case ContactLaw::harmonic:
+      return "harmonic";
+    case ContactLaw::hertz:
+      return "hertz";
+    case ContactLaw::barrier:
+      return "barrier";
+  }
+  return "";
+}
+
+bool has_law(ModelKind kind, ContactLaw law) {
+  switch (law) {
+    case ContactLaw::harmonic:
+      return true;
+    case ContactLaw::hertz:
+      return kind == ModelKind::sp || kind == ModelKind::smooth;
+    case ContactLaw::barrier:
+      return kind == ModelKind::smooth;
+  }
+  return false;
+}
 
 std::string_view to_string(ModelKind kind) {
   switch (kind) {
@@ -57,14 +88,11 @@ NeighbourNeeds neighbour_needs(ModelKind kind, const ModelParameters& p) {
 
 template <int D>
 std::unique_ptr<ForceField<D>> make_force_field(ModelKind kind, const ModelParameters& p, const Vec<D>& gravity) {
-  if (p.law != ContactLaw::harmonic && kind != ModelKind::smooth)
-    throw InputError(
-        "the barrier is a contact law of smooth particles, but the model is {}; leave it out or use smooth",
-        to_string(kind));
+  if (!has_law(kind, p.law))
+    throw InputError("the model {} does not have the contact law {}; leave it out or use harmonic", to_string(kind),
+                     to_string(p.law));
   if (kind == ModelKind::sp)
-    return model<D>(fused<PairKernel>(PairContact<D>{p.epsilon, "pair"}, PairFriction<D>{p.mu}),
-                    fused<WallKernel>(WallContact<D>{p.epsilon_wall}),
-                    fused<PointKernel>(Gravity<D>{gravity}, Drag<D>{p.zeta}));
+    return p.law == ContactLaw::hertz ? soft<D, HertzOverlap>(p, gravity) : soft<D>(p, gravity);
   if (kind == ModelKind::bubble) {
     if (!(p.a_s > 0)) throw InputError("the radius a_s of the depletant is {}, but it must be positive", p.a_s);
     return model<D>(BubbleContact<D>{{p.f0}}, Depletion<D>{{{p.phi_c, p.a_s}}, {p.f0}},

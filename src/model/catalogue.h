@@ -25,7 +25,7 @@ std::string_view to_string(ModelKind kind);
 struct ModelParameters {
   Real epsilon = 100;                     ///< contact energy: E_sp or E_c
   Real epsilon_wall = 1e4;                ///< E_w
-  ContactLaw law = ContactLaw::harmonic;  ///< of smooth particles' contacts with each other, walls and lips
+  ContactLaw law = ContactLaw::harmonic;  ///< of contacts with each other, walls and lips
   Real k_a = 0, k_l = 0, k_b = 0;
   Real mu = 0, zeta = 0;
   FrictionPoint friction_point = FrictionPoint::contact;
@@ -37,6 +37,10 @@ struct ModelParameters {
   Real a_s = 0.05;       ///< radius of the depletant
   Real mean_radius = 1;  ///< ⟨R⟩ in the repulsion of walls
 };
+
+std::string_view to_string(ContactLaw law);
+/// Whether a model's contacts can follow a law.
+bool has_law(ModelKind kind, ContactLaw law);
 
 /// Which lists the model reads.
 NeighbourNeeds neighbour_needs(ModelKind kind, const ModelParameters& p = {});

@@ -46,10 +46,11 @@ struct PointKernel {
 
 struct PairKernel {
   static bool fast() { return simd::fast(); }
-  template <int D>
-  static void add_forces(const StateView<D>& s, Index chunk, Real* f, const PairContact<D>& contact,
+  template <int D, class Law>
+  static void add_forces(const StateView<D>& s, Index chunk, Real* f, const PairContact<D, Law>& contact,
                          const PairFriction<D>& friction) {
-    const PairLaw law{contact.epsilon, friction.mu};
+    static_assert(Law::kind != ContactLaw::barrier, "add_pair_forces has no barrier");
+    const PairLaw law{contact.epsilon, friction.mu, Law::kind};
     const PairList& list = s.neighbours.point_pairs;
     const auto add = [&](Range range, Sides sides) {
       add_pair_forces<D>(law, std::span(list.pairs).subspan(range.first, range.size()), list.reach.data() + range.first,

@@ -6,9 +6,10 @@
 
 namespace pliant {
 
-/// U = Σ_pairs ε/2 (1 − r/δ_mn)² Θ(1 − r/δ_mn), δ_mn = (δ_m + δ_n)/2 the mean of the contact diameters, r the distance
-/// of the points. Force on the first point: ε/δ_mn (1 − r/δ_mn) r̂. C¹. Elements: neighbour list of points.
-template <int D>
+/// U = Σ_pairs V(r), r the distance of the points and V of range δ_mn = (δ_m + δ_n)/2, the mean of the contact
+/// diameters, by one of the laws in contact_law.h; harmonic: ε/2 (1 − r/δ_mn)² Θ(1 − r/δ_mn), with the force
+/// ε/δ_mn (1 − r/δ_mn) r̂ on the first point. Elements: neighbour list of points.
+template <int D, class Law = HarmonicOverlap>
 struct PairContact {
   Real epsilon;
   std::string_view label;  ///< "pair" for soft particles, "contact" for vertices
@@ -26,7 +27,7 @@ struct PairContact {
   void add_gradient(const StateView<D>& s, Index e, G& grad) const {
     const auto [i, j] = s.neighbours.point_pairs[e];
     const Vec<D> r = s.position(i) - s.position(j);
-    const HarmonicOverlap v = law(s, i, j);
+    const Law v = law(s, i, j);
     const Real d2 = r.squaredNorm();
     if (d2 >= square(v.delta) || d2 == 0) return;
     const Real d = std::sqrt(d2);
@@ -39,7 +40,7 @@ struct PairContact {
     const auto [i, j] = s.neighbours.point_pairs[e];
     const Vec<D> r = s.position(i) - s.position(j);
     const Real d = r.norm();
-    const HarmonicOverlap v = law(s, i, j);
+    const Law v = law(s, i, j);
     if (!v.touches(d)) return;
     const Vec<D> n = direction<D>(r, d);
     const Mat<D> block = v.curvature(d) * n * n.transpose() + v.slope(d) * distance_curvature<D>(n, d);
@@ -53,7 +54,7 @@ struct PairContact {
     const auto [i, j] = s.neighbours.point_pairs[e];
     const Vec<D> r = s.position(i) - s.position(j);
     const Real d = r.norm();
-    const HarmonicOverlap v = law(s, i, j);
+    const Law v = law(s, i, j);
     if (!v.touches(d)) return false;
     const Topology& topology = s.topology;
     c.first = topology.particle[i];
@@ -66,15 +67,15 @@ struct PairContact {
     return true;
   }
 
-  /// Two of the stiffest points against each other: ω² = 2 ε/(δ² m).
+  /// Two of the stiffest points against each other: ω² = 2 V''/m, with the harmonic law 2 ε/(δ² m).
   Real max_rate(const Topology& topology) const {
-    return std::sqrt(2 * epsilon / smallest_over_points(topology, [&](Index i) {
+    return std::sqrt(2 * Law::stiffness * epsilon / smallest_over_points(topology, [&](Index i) {
                        return square(topology.diameter[i]) * topology.mass(i);
                      }));
   }
 
  private:
-  HarmonicOverlap law(const StateView<D>& s, Index i, Index j) const {
+  Law law(const StateView<D>& s, Index i, Index j) const {
     return {epsilon, (s.topology.diameter[i] + s.topology.diameter[j]) / 2};
   }
 };

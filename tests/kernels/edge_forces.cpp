@@ -60,6 +60,8 @@ const EdgeLaw laws[] = {{1e3, 0, true},
                         {1e3, 20, true},
                         {1e3, 20, false},
                         {0, 20, true},
+                        {1e3, 0, true, ContactLaw::hertz},
+                        {1e3, 20, true, ContactLaw::hertz},
                         {1e3, 0, true, ContactLaw::barrier},
                         {1e3, 20, true, ContactLaw::barrier},
                         {1e3, 20, false, ContactLaw::barrier}};

@@ -62,15 +62,20 @@ std::vector<Real> element_forces(const PairLaw& law, const Cloud<D>& c, Sides si
   neighbours.point_pairs.pairs = c.pairs;
   const Walls<D> walls({}, {});
   const StateView<D> s{c.x.data(), c.v.data(), c.topology, neighbours, walls};
-  const PairContact<D> contact{law.epsilon, "pair"};
   const PairFriction<D> friction{law.mu};
   std::vector<Real> f(c.x.size());
   Scatter<D, -1> minus{f.data()};
   Scatter<D, 1> plus{f.data()};
   FirstOnly<D, -1> minus_first{minus};
   FirstOnly<D, 1> plus_first{plus};
-  for (Index e = 0; e < n; ++e)
-    sides == Sides::both ? contact.add_gradient(s, e, minus) : contact.add_gradient(s, e, minus_first);
+  const auto add_contacts = [&](const auto& contact) {
+    for (Index e = 0; e < n; ++e)
+      sides == Sides::both ? contact.add_gradient(s, e, minus) : contact.add_gradient(s, e, minus_first);
+  };
+  if (law.contact == ContactLaw::hertz)
+    add_contacts(PairContact<D, HertzOverlap>{law.epsilon, "pair"});
+  else
+    add_contacts(PairContact<D>{law.epsilon, "pair"});
   for (Index e = 0; e < n && friction.enabled(s); ++e)
     sides == Sides::both ? friction.add_force(s, e, plus) : friction.add_force(s, e, plus_first);
   return f;
@@ -115,7 +120,7 @@ void shuffle(Cloud<D>& c, Random& random) {
   }
 }
 
-const PairLaw laws[] = {{1e3, 0}, {1e3, 20}, {0, 20}};
+const PairLaw laws[] = {{1e3, 0}, {1e3, 20}, {0, 20}, {1e3, 0, ContactLaw::hertz}, {1e3, 20, ContactLaw::hertz}};
 
 }  // namespace
 

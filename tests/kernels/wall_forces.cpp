@@ -67,7 +67,7 @@ struct Room {
 
 TEMPLATE_TEST_CASE_SIG("wall forces are those of the element form", "", ((int D), D), 2, 3) {
   Random random(11 + D);
-  const ContactLaw law = GENERATE(ContactLaw::harmonic, ContactLaw::barrier);
+  const ContactLaw law = GENERATE(ContactLaw::harmonic, ContactLaw::hertz, ContactLaw::barrier);
   for (int trial = 0; trial < 10; ++trial) {
     const Room<D> room(random);
     const std::size_t all = room.pairs.size();

@@ -19,7 +19,7 @@ constexpr Real epsilon = 1e3, delta = 0.1;
 
 }  // namespace
 
-TEMPLATE_TEST_CASE("derivatives of a law", "", HarmonicOverlap, BarrierOverlap) {
+TEMPLATE_TEST_CASE("derivatives of a law", "", HarmonicOverlap, HertzOverlap, BarrierOverlap) {
   const TestType v{epsilon, delta};
   for (Real s = 0.01; s < 1.2; s += 0.0173) {
     INFO("d/range " << s);
@@ -148,7 +148,18 @@ TEST_CASE("no load presses a vertex through the barrier of an outline or a wall"
   }
 }
 
-TEST_CASE("the barrier is refused by models that do not have it") {
+TEST_CASE("Hertz' contact goes with the power 3/2 of the overlap") {
+  const HertzOverlap v{epsilon, delta};
+  CHECK(v.value(0.75 * delta) == Approx(0.4 * epsilon / 32));
+  CHECK(v.slope(0.75 * delta) == Approx(-epsilon / delta / 8));
+  CHECK(v.curvature(0.75 * delta) == Approx(0.75 * epsilon / square(delta)));
+  CHECK(v.curvature(delta) == 0);  // C2
+  CHECK(v.curvature(1e-9 * delta) == Approx(HertzOverlap::stiffness * epsilon / square(delta)));
+}
+
+TEST_CASE("a law is refused by models that do not have it") {
+  for (const ModelKind kind : {ModelKind::rough, ModelKind::bubble})
+    CHECK_THROWS_AS(make_force_field<2>(kind, {.law = ContactLaw::hertz}, Vec<2>(0, -1)), InputError);
   for (const ModelKind kind : {ModelKind::sp, ModelKind::rough, ModelKind::bubble})
     CHECK_THROWS_AS(make_force_field<2>(kind, {.law = ContactLaw::barrier}, Vec<2>(0, -1)), InputError);
 }

@@ -75,6 +75,10 @@ TEST_CASE("derivatives of the pair contact") {
       *field3, [](Random& r) { return soft_cluster<3>(r); }, 1e-5);
   check_boundary<2>(*field2, touching_soft<2>, 1e-4);
   check_boundary<3>(*field3, touching_soft<3>, 1e-4);
+  check_smooth<2>(
+      *alone<2>(PairContact<2, HertzOverlap>{epsilon, "pair"}), [](Random& r) { return soft_cluster<2>(r); }, 1e-5);
+  check_smooth<3>(
+      *alone<3>(PairContact<3, HertzOverlap>{epsilon, "pair"}), [](Random& r) { return soft_cluster<3>(r); }, 1e-5);
 }
 
 TEST_CASE("derivatives of the edge contact") {

@@ -345,7 +345,10 @@ TEST_CASE("evaluate has the contact law of smooth particles") {
   const double f = 1e5 * x * x / ((x + c) * (1 - x));
   check_term(got.at("force").at("contact"), {{{0, 0}, {0, 0}, {0, -0.4 * f}, {0, -0.6 * f}}, {{0, f}, {0, 0}, {0, 0}}});
   document["inputs"]["contact_law"] = "hertz";
-  CHECK(message(document) == "case.json: inputs.contact_law is \"hertz\", but this version has harmonic, barrier");
+  check_term(run(document).at("energy").at("contact"), 1e4 * 0.4 * std::pow(x, 2.5));
+  document["inputs"]["contact_law"] = "cubic";
+  CHECK(message(document) ==
+        "case.json: inputs.contact_law is \"cubic\", but this version has harmonic, hertz, barrier");
   document = square_and_triangle("DP-rough");
   document["inputs"]["contact_law"] = "barrier";
   CHECK(message(document) ==

@@ -23,7 +23,7 @@ Keys keys_of(ModelKind kind) {
   Keys keys{"velocities", "mass", "rho", "eps_w", "mu", "zeta", "gravity", "hopper"};
   const auto add = [&](const Keys& more) { keys.insert(keys.end(), more.begin(), more.end()); };
   if (kind == ModelKind::sp) {
-    add({"dim", "positions", "sigma", "eps_sp", "hopper3d"});
+    add({"dim", "positions", "sigma", "eps_sp", "hopper3d", "contact_law"});
   } else {
     add(polygon);
     add({"delta", "eps_c", "shape_terms", "friction_point", "lip_contact"});
@@ -31,6 +31,14 @@ Keys keys_of(ModelKind kind) {
     if (kind == ModelKind::smooth) add({"contact_law"});
   }
   return keys;
+}
+
+/// One of these.
+ContactLaw contact_law(const Field& inputs, std::initializer_list<std::string_view> names) {
+  const Field law = inputs["contact_law"];
+  const std::vector<std::string_view> laws(names);
+  const std::string_view name = law.present() ? laws[law.choice(laws)] : "harmonic";
+  return name == "hertz" ? ContactLaw::hertz : name == "barrier" ? ContactLaw::barrier : ContactLaw::harmonic;
 }
 
 /// A key of another model may stand there as null.
@@ -142,6 +150,7 @@ Configuration<D> read_soft(const Field& inputs) {
     append<D>(c.v, velocities.present() ? velocities[m].vector<D>() : Vec<D>(Vec<D>::Zero()));
   }
   c.parameters.epsilon = inputs["eps_sp"].number(Sign::not_negative);
+  c.parameters.law = contact_law(inputs, {"harmonic", "hertz"});
   read_surroundings(inputs, c);
   return c;
 }
@@ -215,11 +224,9 @@ Configuration<2> read_polygons(const Field& inputs, ModelKind kind) {
     p.k_b = inputs["kb"].number(Sign::not_negative);
   }
   p.epsilon = inputs["eps_c"].number_or(1e4, Sign::not_negative);
-  const std::array<std::string_view, 2> rubbing{"vertex", "contact"}, rule{"literal", "edge"},
-      laws{"harmonic", "barrier"};
-  const Field friction = inputs["friction_point"], lip = inputs["lip_contact"], rough = inputs["rough_contact"],
-              law = inputs["contact_law"];
-  if (law.present() && law.choice(laws) == 1) p.law = ContactLaw::barrier;
+  const std::array<std::string_view, 2> rubbing{"vertex", "contact"}, rule{"literal", "edge"};
+  const Field friction = inputs["friction_point"], lip = inputs["lip_contact"], rough = inputs["rough_contact"];
+  p.law = contact_law(inputs, {"harmonic", "hertz", "barrier"});
   p.friction_point =
       friction.present() && friction.choice(rubbing) == 1 ? FrictionPoint::contact : FrictionPoint::vertex;
   p.lip_edges = lip.present() && lip.choice(rule) == 1;

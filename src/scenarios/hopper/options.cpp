@@ -32,9 +32,10 @@ void HopperOptions::bind(Options& o) {
           .min = 0,
           .min_open = true,
           .on_restart = fixed});
-  o.bind("contact_law", contact_law, {{"harmonic", ContactLaw::harmonic}, {"barrier", ContactLaw::barrier}},
-         {.help = "smooth particles: contacts are linear springs, or grow without bound before an outline or a wall is "
-                  "reached",
+  o.bind("contact_law", contact_law,
+         {{"harmonic", ContactLaw::harmonic}, {"hertz", ContactLaw::hertz}, {"barrier", ContactLaw::barrier}},
+         {.help = "contacts are linear springs, or Hertz' (soft and smooth particles), or grow without bound before an "
+                  "outline or a wall is reached (smooth particles)",
           .on_restart = fixed});
   o.bind("k_a", k_a, {.help = "area stiffness K_a", .unit = "rho g/sigma_avg", .min = 0, .on_restart = fixed});
   o.bind("k_l", k_l, {.help = "perimeter stiffness K_l", .unit = "rho g sigma_avg", .min = 0, .on_restart = fixed});
@@ -177,10 +178,9 @@ void HopperOptions::resolve() {
   if (dim == 3 && model != ModelKind::sp)
     throw InputError("-dim 3 with -model {}: deformable particles are two-dimensional; use -model sp or -dim 2",
                      to_string(model));
-  if (contact_law == ContactLaw::barrier && model != ModelKind::smooth)
-    throw InputError(
-        "-contact_law barrier with -model {}: only smooth particles have it; use -model smooth or harmonic",
-        to_string(model));
+  if (!has_law(model, contact_law))
+    throw InputError("-contact_law {} with -model {}: only {} has it; use that, or harmonic", to_string(contact_law),
+                     to_string(model), contact_law == ContactLaw::hertz ? "-model sp or smooth" : "-model smooth");
   if (particles == 0) particles = dim == 2 ? 1600 : 6400;
   if (!wall_distance) wall_distance = dim == 2 ? 50 : 25;
   hopper.wall_distance = *wall_distance;
