@@ -35,7 +35,7 @@ flags=(-std=c++20 -O1 -g1 -w -DFMT_SHARED -fno-omit-frame-pointer
   -I"$build/include" -I"$build/version" -isystem /usr/include/eigen3
   $(as_system "$(pkg-config --cflags PETSc yaml-0.1)" "$(mpicxx --showme:compile)"))
 libraries=()
-for name in scenarios analysis io ts sundials domain model kernels geometry base; do
+for name in scenarios run analysis io ts sundials setup system domain model kernels geometry base; do
   libraries+=("$build/src/libpliant_$name.a")
 done
 packages=($(pkg-config --libs PETSc yaml-0.1 fmt) $(mpicxx --showme:link) -lgomp)
