@@ -66,7 +66,7 @@ def test_killed_at_any_moment(scenario, whole, tmp_path):
     """The same command again and again, killed each time but the last."""
     reference, seconds = whole(scenario)
     chance, kills = random.Random(scenario), 0
-    while kills < 4 and killed_after(seconds * chance.uniform(0.05, 0.6), scenario, output=tmp_path / "run",
+    while kills < 4 and killed_after(seconds * chance.uniform(0.05, 0.5), scenario, output=tmp_path / "run",
                                      checkpoint_interval=0.02, **RUNS[scenario]):
         kills += 1
     assert kills >= 1
@@ -79,7 +79,7 @@ def test_killed_at_any_moment(scenario, whole, tmp_path):
 @pytest.mark.parametrize("scenario", RUNS)
 def test_killed_before_the_first_timed_checkpoint(scenario, whole, tmp_path):
     reference, seconds = whole(scenario)
-    assert killed_after(0.6 * seconds, scenario, output=tmp_path / "run", **RUNS[scenario])
+    assert killed_after(0.4 * seconds, scenario, output=tmp_path / "run", **RUNS[scenario])
     result = pliant(scenario, output=tmp_path / "run", **RUNS[scenario])
     assert result.returncode == 0 and result.stderr == ""
     assert "its run was killed" in result.stdout and "continuing at t = 0 t0, step 0" in result.stdout
