@@ -24,7 +24,7 @@ std::string usage(const std::vector<Scenario>& scenarios) {
   const std::string& program = program_name();
   std::string text = fmt::format("usage: {} SCENARIO [-option value ...]\n\nscenarios:\n", program);
   for (const Scenario& s : scenarios)
-    text += fmt::format("  {:<18}  {}\n", s.bind ? s.name : s.name + " " + s.arguments, s.help);
+    text += fmt::format("  {:<18}  {}\n", s.arguments.empty() ? s.name : s.name + " " + s.arguments, s.help);
   return text +
          fmt::format("\n{0} SCENARIO -help   options of a scenario\n{0} -version         version and build\n", program);
 }

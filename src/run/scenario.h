@@ -23,11 +23,9 @@ using Arguments = std::vector<std::string>;
 /// An entry of the table.
 struct Scenario {
   std::string name, help;
-  std::string arguments = "[-option value ...]";  ///< as the usage shows them
+  std::string arguments = {};  ///< beside options, as the list of scenarios shows them
   /// Runs it with the arguments after its name. Collective. Errors are the same on all ranks.
   std::function<ExitCode(const Arguments& arguments, const Ranks& ranks)> run;
-  /// Binds its options, to describe them; empty without options.
-  std::function<void(Options& options)> bind = {};
 };
 
 /// Makes a run, new or from a checkpoint, all of which it checks. p is resolved. Errors: InputError.
@@ -50,10 +48,6 @@ bool parse_arguments(const std::string& scenario, Options& options, const Argume
 template <class Parameters>
 Scenario option_scenario(std::string name, std::string help, MakeRun<Parameters> make) {
   Scenario s{.name = name, .help = std::move(help), .run = {}};
-  s.bind = [](Options& options) {
-    Parameters p;
-    p.bind(options);
-  };
   s.run = [name = std::move(name), make = std::move(make)](const Arguments& arguments, const Ranks& ranks) {
     Parameters p;
     Options options;
