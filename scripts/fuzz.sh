@@ -21,7 +21,7 @@ mkdir -p "$work"
 
 # The readers are instrumented; all else comes from the ordinary build.
 declare -A instrumented=(
-  [evaluate]="src/scenarios/evaluate/evaluate.cpp src/scenarios/evaluate/case_input.cpp src/scenarios/evaluate/field.cpp src/base/text.cpp"
+  [evaluate]="src/scenarios/evaluate/evaluate.cpp src/scenarios/evaluate/case_input.cpp src/scenarios/evaluate/case_value.cpp src/base/text.cpp"
   [options]="src/base/options.cpp src/base/options_source.cpp src/base/nearest.cpp src/base/text.cpp"
 )
 declare -A seeds=([evaluate]="tests/data/evaluate/*.json" [options]="examples/*.yaml")

@@ -80,7 +80,7 @@ template <int D>
 Halo<D>& Halo<D>::operator=(Halo&&) noexcept = default;
 
 template <int D>
-void Halo<D>::settle(const Topology& topology, const Real* x) {
+void Halo<D>::set_home(const Topology& topology, const Real* x) {
   Box<D> box;
   for (Index i = 0; i < topology.owned_points(); ++i) box.add(point<D>(x, i));
   // A little more: who sits at the border has not left home by its first move.

@@ -20,10 +20,10 @@ class Halo {
   Halo& operator=(Halo&&) noexcept;
 
   /// Takes the box around the rank's particles, and a diameter more, as its home; x [owned points · D].
-  void settle(const Topology& topology, const Real* x);
+  void set_home(const Topology& topology, const Real* x);
 
   /// Replaces the ghosts at the end of the topology by the particles of other ranks that can come within a contact +
-  /// margin of an own one. Needs settle() before. x [owned points · D].
+  /// margin of an own one. Needs set_home() before. x [owned points · D].
   void build(Topology& topology, const Real* x, Real margin);
 
   /// local [points · D] becomes own [owned points · D] and the same of the ghosts.

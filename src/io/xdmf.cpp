@@ -49,26 +49,26 @@ std::string grid(std::string_view name, std::uint64_t cells, int dim, const std:
                      name, cells, connectivity, dim == 2 ? "XY" : "XYZ", points, attributes);
 }
 
-struct Field {
+struct CaseValue {
   std::string_view name, type;
   std::string_view constant;  ///< dataset for cells that have no such value
 };
 // ParaView colours a frame by a field only if all grids have it. Where it is NaN it shows the colour for NaN; active is
 // 1, so that who keeps what is active keeps walls and contacts.
-constexpr Field fields[] = {{"speed", real, "nan"},
-                            {"sigma", real, "nan"},
-                            {"particle", integer, "minus_one"},
-                            {"active", byte, "one"},
-                            {"contact_count", integer, "minus_one"},
-                            {"area_ratio", real, "nan"},
-                            {"force", real, "nan"},
-                            {"overlap", real, "nan"}};
+constexpr CaseValue fields[] = {{"speed", real, "nan"},
+                                {"sigma", real, "nan"},
+                                {"particle", integer, "minus_one"},
+                                {"active", byte, "one"},
+                                {"contact_count", integer, "minus_one"},
+                                {"area_ratio", real, "nan"},
+                                {"force", real, "nan"},
+                                {"overlap", real, "nan"}};
 
 /// All fields of `cells` cells: the datasets `own`, by names of fields, and constants in `folder` for the others.
 std::string attributes(const XdmfFrame& frame, std::uint64_t cells, const std::map<std::string_view, std::string>& own,
                        const std::string& folder) {
   std::string text;
-  for (const Field& field : fields) {
+  for (const CaseValue& field : fields) {
     if (field.name == "area_ratio" && !frame.polygons) continue;
     const auto found = own.find(field.name);
     const std::string path = found != own.end() ? found->second : fmt::format("{}/{}", folder, field.constant);

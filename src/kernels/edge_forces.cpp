@@ -43,7 +43,7 @@ struct Everything {
 
 /// Receives the forces on a range of points. What falls outside goes to a place of its own: whether a point of a pair
 /// across the boundary belongs to the range is a toss-up.
-struct Range {
+struct OwnPoints {
   Real* f;
   Index first;
   std::uint32_t count;
@@ -212,7 +212,7 @@ PLIANT_MULTIVERSION
 void add_edge_forces(const EdgeLaw& law, std::span<const Pair> pairs, const Real* reach, const Index* next,
                      Index own_first, Index own_last, const Real* x, const Real* v, Real* f) {
   add_all(law, {pairs.data(), reach, next, x, v}, static_cast<Index>(pairs.size()),
-          Range{f, own_first, static_cast<std::uint32_t>(own_last - own_first)});
+          OwnPoints{f, own_first, static_cast<std::uint32_t>(own_last - own_first)});
 }
 
 PLIANT_MULTIVERSION

@@ -236,11 +236,11 @@ PLIANT_INLINE void add_polygon(const ShapeLaw& law, Real a0, Real l0, const Real
 
 template <int Width>
 PLIANT_INLINE void add_particles(const ShapeLaw& law, const Index* offset, const Real* a0, const Real* l0, Index first,
-                                 Index last, const Real* x, Real* f, const Ahead& ahead) {
+                                 Index last, const Real* x, Real* f, const Prefetch& prefetch) {
   for (Index m = first; m < last; ++m) {
     const Index n = offset[m + 1] - offset[m];
     const std::ptrdiff_t begin = 2 * static_cast<std::ptrdiff_t>(offset[m]);
-    ahead.fetch(begin, begin + 2 * n);
+    prefetch.fetch(begin, begin + 2 * n);
     if (n < 3) continue;
     if (Width == 8 && n >= 8)  // below, eight edges could go round more than once
       add_polygon<Lanes<8>>(law, a0[m], l0[m], x + begin, n, f + begin);
@@ -260,25 +260,27 @@ constexpr int own_width = 2;
 
 #ifdef PLIANT_WIDER_TARGETS
 [[gnu::target("arch=x86-64-v4")]] void add_8(const ShapeLaw& law, const Index* offset, const Real* a0, const Real* l0,
-                                             Index first, Index last, const Real* x, Real* f, const Ahead& ahead) {
-  add_particles<8>(law, offset, a0, l0, first, last, x, f, ahead);
+                                             Index first, Index last, const Real* x, Real* f,
+                                             const Prefetch& prefetch) {
+  add_particles<8>(law, offset, a0, l0, first, last, x, f, prefetch);
 }
 
 [[gnu::target("arch=x86-64-v3")]] void add_4(const ShapeLaw& law, const Index* offset, const Real* a0, const Real* l0,
-                                             Index first, Index last, const Real* x, Real* f, const Ahead& ahead) {
-  add_particles<4>(law, offset, a0, l0, first, last, x, f, ahead);
+                                             Index first, Index last, const Real* x, Real* f,
+                                             const Prefetch& prefetch) {
+  add_particles<4>(law, offset, a0, l0, first, last, x, f, prefetch);
 }
 #endif
 
 }  // namespace
 
 void add_shape_forces(const ShapeLaw& law, const Index* offset, const Real* a0, const Real* l0, Index first, Index last,
-                      const Real* x, Real* f, const Ahead& ahead) {
+                      const Real* x, Real* f, const Prefetch& prefetch) {
 #ifdef PLIANT_WIDER_TARGETS
-  if (__builtin_cpu_supports("x86-64-v4")) return add_8(law, offset, a0, l0, first, last, x, f, ahead);
-  if (__builtin_cpu_supports("x86-64-v3")) return add_4(law, offset, a0, l0, first, last, x, f, ahead);
+  if (__builtin_cpu_supports("x86-64-v4")) return add_8(law, offset, a0, l0, first, last, x, f, prefetch);
+  if (__builtin_cpu_supports("x86-64-v3")) return add_4(law, offset, a0, l0, first, last, x, f, prefetch);
 #endif
-  add_particles<own_width>(law, offset, a0, l0, first, last, x, f, ahead);
+  add_particles<own_width>(law, offset, a0, l0, first, last, x, f, prefetch);
 }
 
 }  // namespace pliant

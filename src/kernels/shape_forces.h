@@ -3,7 +3,7 @@
 #pragma once
 
 #include <pliant/base/types.h>
-#include <pliant/kernels/ahead.h>
+#include <pliant/kernels/prefetch.h>
 
 namespace pliant {
 
@@ -16,8 +16,8 @@ struct ShapeLaw {
 /// Adds the forces −∂U_m/∂r of particles first … last−1 to f. The points of particle m are offset[m] … offset[m+1]−1, a
 /// closed polygon in that order; particles of fewer than three points have no shape and are skipped. offset
 /// [particles + 1]; a0, l0 [particles]; x, f [points · 2]. A particle's forces do not depend on the other particles.
-/// Of the arrays ahead, the points of these particles are fetched.
+/// Of the arrays to prefetch, the points of these particles are fetched.
 void add_shape_forces(const ShapeLaw& law, const Index* offset, const Real* a0, const Real* l0, Index first, Index last,
-                      const Real* x, Real* f, const Ahead& ahead = {});
+                      const Real* x, Real* f, const Prefetch& prefetch = {});
 
 }  // namespace pliant

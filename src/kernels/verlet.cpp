@@ -10,7 +10,7 @@ namespace {
 
 // One formula for each, so that all passes give the same bits.
 PLIANT_INLINE Real drifted(Real h, Real x, Real v, Real predicted) { return x + 0.5 * h * (v + predicted); }
-PLIANT_INLINE Real foreseen(Real h, Real v, Real a) { return v + h * a; }
+PLIANT_INLINE Real predict(Real h, Real v, Real a) { return v + h * a; }
 PLIANT_INLINE Real kicked(Real h, Real v, Real a, Real predicted) { return 0.5 * (v + predicted) + 0.5 * h * a; }
 
 template <int D>
@@ -38,7 +38,7 @@ PLIANT_MULTIVERSION Real farthest2_3d(std::size_t points, const Real* x, const R
 
 PLIANT_MULTIVERSION void verlet_predict(std::size_t n, Real h, const Real* v, const Real* a,
                                         Real* __restrict__ predicted) {
-  for (std::size_t i = 0; i < n; ++i) predicted[i] = foreseen(h, v[i], a[i]);
+  for (std::size_t i = 0; i < n; ++i) predicted[i] = predict(h, v[i], a[i]);
 }
 
 PLIANT_MULTIVERSION Real verlet_drift(std::size_t n, Real h, const Real* x, const Real* __restrict__ v,
@@ -57,7 +57,7 @@ PLIANT_MULTIVERSION void verlet_kick(std::size_t n, Real h, Real* __restrict__ v
                                      Real* __restrict__ predicted) {
   for (std::size_t i = 0; i < n; ++i) {
     v[i] = kicked(h, v[i], a[i], predicted[i]);
-    predicted[i] = foreseen(h, v[i], a[i]);
+    predicted[i] = predict(h, v[i], a[i]);
   }
 }
 
@@ -68,7 +68,7 @@ PLIANT_MULTIVERSION Real verlet_kick_drift(std::size_t n, Real h, const Real* __
 #pragma omp simd reduction(max : largest)
   for (std::size_t i = 0; i < n; ++i) {
     v[i] = kicked(h, v[i], a[i], predicted[i]);
-    predicted_next[i] = foreseen(h, v[i], a[i]);
+    predicted_next[i] = predict(h, v[i], a[i]);
     x_next[i] = drifted(h, x[i], v[i], predicted_next[i]);
     const Real change = std::abs(x_next[i] - x[i]);
     largest = largest > change ? largest : change;

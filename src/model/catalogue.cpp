@@ -81,7 +81,7 @@ NeighbourNeeds neighbour_needs(ModelKind kind, const ModelParameters& p) {
     case ModelKind::shape:
       return {};
     case ModelKind::bubble:
-      return {.point_pairs = true, .solids = true, .beyond = 2 * p.a_s};
+      return {.point_pairs = true, .solids = true, .beyond_contact = 2 * p.a_s};
   }
   return {};
 }

@@ -79,7 +79,7 @@ struct ShapeKernel {
     const Range own = s.neighbours.particles(chunk);
     const Topology& topology = s.topology;
     add_shape_forces({area.k_a, perimeter.k_l, bending.k_b}, topology.offset.data(), topology.a0.data(),
-                     topology.l0.data(), own.first, own.last, s.x, f, s.ahead);
+                     topology.l0.data(), own.first, own.last, s.x, f, s.prefetch);
   }
 };
 

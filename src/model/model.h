@@ -39,7 +39,7 @@ struct CriticalStep {
 
 /// A choice of terms: all; those whose elements belong to one particle each, the shape energy of deformable particles;
 /// or all but these.
-enum class Part { all, shape, rest };
+enum class TermGroup { all, shape, rest };
 
 /// Which points derivatives couple beside each point with itself.
 struct ElementCoupling {
@@ -64,16 +64,16 @@ class ForceField {
   /// The same, divided by the masses: 0 for inactive particles. Returns whether all are finite.
   virtual bool accelerations(const StateView<D>& s, Real* a) const = 0;
   /// Accelerations that nobody keeps: done(chunk, a) gets those of the points of a chunk, numbered as in an array of
-  /// all points, and is called by several threads at a time. They are made in `room`, which gets as large as needed.
-  virtual bool accelerations(const StateView<D>& s, std::vector<Real>& room,
+  /// all points, and is called by several threads at a time. They are made in `scratch`, which gets as large as needed.
+  virtual bool accelerations(const StateView<D>& s, std::vector<Real>& scratch,
                              const std::function<void(Index, const Real*)>& done) const = 0;
   /// The accelerations by a part of the terms, written to a [points · D].
-  virtual void part_accelerations(const StateView<D>& s, Part part, Real* a) const = 0;
+  virtual void group_accelerations(const StateView<D>& s, TermGroup group, Real* a) const = 0;
   /// ∂F/∂x and ∂F/∂v of a part of the terms: the rows of the rank's own points. Threads share out the rows: the sinks
   /// are called for different rows at the same time.
-  virtual void derivatives(const StateView<D>& s, Part part, BlockSink<D>& df_dx, BlockSink<D>& df_dv) const = 0;
+  virtual void derivatives(const StateView<D>& s, TermGroup group, BlockSink<D>& df_dx, BlockSink<D>& df_dv) const = 0;
   /// Where derivatives() can put blocks: what the terms read, touching or not.
-  virtual Couplings couplings(const StateView<D>& s, Part part) const = 0;
+  virtual Couplings couplings(const StateView<D>& s, TermGroup group) const = 0;
   /// Total energy; with f, the forces of the energy terms alone are written there.
   virtual Real energy(const StateView<D>& s, Real* f = nullptr) const = 0;
   /// Dissipated power, ≥ 0.
@@ -125,8 +125,8 @@ template <int D, class Kernel, class... Terms>
 inline constexpr bool is_shape<Fused<Kernel, Terms...>, D> = (is_shape<Terms, D> && ...);
 
 template <class T, int D>
-constexpr bool belongs_to(Part part) {
-  return part == Part::all || is_shape<T, D> == (part == Part::shape);
+constexpr bool belongs_to(TermGroup group) {
+  return group == TermGroup::all || is_shape<T, D> == (group == TermGroup::shape);
 }
 
 template <class T, int D>
@@ -151,18 +151,18 @@ class Model final : public ForceField<D> {
     return finite;
   }
 
-  bool accelerations(const StateView<D>& s, std::vector<Real>& room,
+  bool accelerations(const StateView<D>& s, std::vector<Real>& scratch,
                      const std::function<void(Index, const Real*)>& done) const override {
     Index most = 0;
     for (Index c = 0; c < s.neighbours.chunks(); ++c) most = std::max(most, s.neighbours.points(c).size());
     // A page between them: kernels fetch ahead, to write.
     const std::size_t share = (static_cast<std::size_t>(most) * D / per_page + 2) * per_page;
-    room.resize(share * omp_get_max_threads());
+    scratch.resize(share * omp_get_max_threads());
     std::atomic<bool> finite = true;
     for_each_chunk(s, [&](Index chunk) {
       // Where an array of all points would begin.
       const auto before = static_cast<std::uintptr_t>(s.neighbours.points(chunk).first) * D * sizeof(Real);
-      Real* const mine = room.data() + share * omp_get_thread_num();
+      Real* const mine = scratch.data() + share * omp_get_thread_num();
       Real* const a = reinterpret_cast<Real*>(reinterpret_cast<std::uintptr_t>(mine) - before);
       if (!set_accelerations(s, chunk, a)) finite = false;
       done(chunk, a);
@@ -170,11 +170,11 @@ class Model final : public ForceField<D> {
     return finite;
   }
 
-  void part_accelerations(const StateView<D>& s, Part part, Real* a) const override {
+  void group_accelerations(const StateView<D>& s, TermGroup group, Real* a) const override {
     for_each_chunk(s, [&](Index chunk) {
       const auto visit = [&](auto&& add) {
         for_each_part([&](const auto& terms) {
-          if (belongs_to<std::decay_t<decltype(terms)>, D>(part)) add(terms);
+          if (belongs_to<std::decay_t<decltype(terms)>, D>(group)) add(terms);
         });
       };
       zero(s, chunk, a);
@@ -185,13 +185,13 @@ class Model final : public ForceField<D> {
     });
   }
 
-  void derivatives(const StateView<D>& s, Part part, BlockSink<D>& df_dx, BlockSink<D>& df_dv) const override {
+  void derivatives(const StateView<D>& s, TermGroup group, BlockSink<D>& df_dx, BlockSink<D>& df_dv) const override {
     for_each_chunk(s, [&](Index chunk) {
       const Range own = s.neighbours.points(chunk);
       OwnRows elastic(df_dx, own, -1), moved(df_dx, own, 1), damping(df_dv, own, 1);
       for_each_enabled(s, [&](const auto& term) {
         using Term = std::decay_t<decltype(term)>;
-        if (!belongs_to<Term, D>(part)) return;
+        if (!belongs_to<Term, D>(group)) return;
         for (const Range range :
              {s.neighbours.inside(Term::elements, chunk), s.neighbours.across(Term::elements, chunk)})
           for (Index e = range.first; e < range.last; ++e)
@@ -199,22 +199,22 @@ class Model final : public ForceField<D> {
               term.add_hessian(s, e, elastic);
             } else {
               term.add_dforce_dv(s, e, damping);
-              if constexpr (moves<Term>) term.add_dforce_dx(s, e, moved);
+              if constexpr (depends_on_x<Term>) term.add_dforce_dx(s, e, moved);
             }
       });
     });
   }
 
-  Couplings couplings(const StateView<D>& s, Part part) const override {
+  Couplings couplings(const StateView<D>& s, TermGroup group) const override {
     Couplings all;
     for_each_enabled(s, [&](const auto& term) {
       using Term = std::decay_t<decltype(term)>;
-      if (!belongs_to<Term, D>(part)) return;
+      if (!belongs_to<Term, D>(group)) return;
       if constexpr (EnergyTerm<Term, D>) {
         couple<Term>(all.x);
       } else {
         couple<Term>(all.v);
-        if constexpr (moves<Term>) couple<Term>(all.x);
+        if constexpr (depends_on_x<Term>) couple<Term>(all.x);
       }
     });
     return all;
@@ -478,7 +478,7 @@ class Model final : public ForceField<D> {
 
   /// Whether a dissipation has ∂F/∂x.
   template <class T>
-  static constexpr bool moves = requires(const T term, const StateView<D>& s, BlockSink<D>& h) {
+  static constexpr bool depends_on_x = requires(const T term, const StateView<D>& s, BlockSink<D>& h) {
     term.add_dforce_dx(s, Index(), h);
   };
 

@@ -280,7 +280,7 @@ void Neighbours<D>::rebuild(const Topology& topology, const Walls<D>& wall, cons
   }
   resize_large(reference_, static_cast<std::size_t>(topology.owned_points()) * D);
   reference_.assign(x, x + static_cast<std::size_t>(topology.owned_points()) * D);
-  relocated_.clear();
+  relisted_.clear();
   old_places_.clear();
   places_.clear();
   built_ = true;
@@ -323,10 +323,10 @@ void PairList::insert(Index chunk, bool across_border, const Pair& pair, Real co
 }
 
 template <int D>
-void Neighbours<D>::relocate(const Topology& topology, const Walls<D>& wall, const Real* x, Index m) {
+void Neighbours<D>::relist(const Topology& topology, const Walls<D>& wall, const Real* x, Index m) {
   const Range own{topology.offset[m], topology.offset[m + 1]};
   const auto begin = static_cast<std::ptrdiff_t>(own.first) * D, end = static_cast<std::ptrdiff_t>(own.last) * D;
-  relocated_.push_back(m);
+  relisted_.push_back(m);
   widen();
   ++version_;
   old_places_.insert(old_places_.end(), reference_.begin() + begin, reference_.begin() + end);
@@ -338,7 +338,7 @@ void Neighbours<D>::relocate(const Topology& topology, const Walls<D>& wall, con
   lips.erase([&](const Pair& p) { return own.contains(p.second); });
   solids.erase([&](const Pair& p) { return own.contains(p.first); });
 
-  // What lies near, by where the lists were built. The grid knows relocated particles at their old places only.
+  // What lies near, by where the lists were built. The grid knows relisted particles at their old places only.
   const Real* at = reference_.data();
   const Real margin = this->margin();
   const PointCloud cloud{at, topology.diameter, topology.particle, topology.next, topology.active};
@@ -347,7 +347,7 @@ void Neighbours<D>::relocate(const Topology& topology, const Walls<D>& wall, con
       if (topology.particle[j] != m && cloud.uses(j)) visit(j);
     };
     grid_.for_each_in_box(low, high, visit_others);
-    for (const Index n : relocated_)
+    for (const Index n : relisted_)
       for (Index j = topology.offset[n]; j < topology.offset[n + 1]; ++j) visit_others(j);
   };
   const Index home = chunk_of(own.first);
@@ -402,10 +402,10 @@ void Neighbours<D>::relocate(const Topology& topology, const Walls<D>& wall, con
 
 template <int D>
 typename Neighbours<D>::History Neighbours<D>::history(const Topology& topology) const {
-  History history{reference_, relocated_, places_, time_};
+  History history{reference_, relisted_, places_, time_};
   std::size_t end = old_places_.size();
-  for (std::size_t k = relocated_.size(); k-- > 0;) {
-    const Index first = topology.offset[relocated_[k]], last = topology.offset[relocated_[k] + 1];
+  for (std::size_t k = relisted_.size(); k-- > 0;) {
+    const Index first = topology.offset[relisted_[k]], last = topology.offset[relisted_[k] + 1];
     const std::size_t count = static_cast<std::size_t>(last - first) * D;
     end -= count;
     std::copy_n(&old_places_[end], count, &history.reference[static_cast<std::size_t>(first) * D]);
@@ -418,12 +418,12 @@ void Neighbours<D>::replay(const Topology& topology, const Walls<D>& wall, const
   rebuild(topology, wall, history.reference.data(), history.time);
   std::vector<Real> x = history.reference;
   std::size_t from = 0;
-  for (const Index m : history.relocated) {
+  for (const Index m : history.relisted) {
     const Index first = topology.offset[m], last = topology.offset[m + 1];
     const std::size_t count = static_cast<std::size_t>(last - first) * D;
     std::copy_n(&history.places[from], count, &x[static_cast<std::size_t>(first) * D]);
     from += count;
-    relocate(topology, wall, x.data(), m);
+    relist(topology, wall, x.data(), m);
   }
 }
 

@@ -16,7 +16,7 @@ struct NeighbourNeeds {
   bool walls = false;
   bool lips = false;
   bool solids = false;
-  Real beyond = 0;            ///< range of forces beyond the contact distance, for points and for solids
+  Real beyond_contact = 0;    ///< range of forces beyond the contact distance, for points and for solids
   Edges edges = Edges::wide;  ///< in vertex–edge contacts
 };
 
@@ -102,7 +102,7 @@ class Neighbours {
 
   /// Lists particle m of this rank, which was put somewhere else, at its new place in x. Costs little, unlike a
   /// rebuild. The lists must be valid for the other particles.
-  void relocate(const Topology& topology, const Walls<D>& wall, const Real* x, Index m);
+  void relist(const Topology& topology, const Walls<D>& wall, const Real* x, Index m);
 
   /// After a change of the topology: the next `ensure` rebuilds.
   void invalidate() {
@@ -111,10 +111,10 @@ class Neighbours {
     reference_.clear();
   }
 
-  /// How the lists came about: positions of all points at the last rebuild, then particles that were relocated.
+  /// How the lists came about: positions of all points at the last rebuild, then particles that were relisted.
   struct History {
     std::vector<Real> reference;
-    std::vector<Index> relocated;
+    std::vector<Index> relisted;
     std::vector<Real> places;  ///< coordinates of the points of each
     Real time = 0;             ///< of the last rebuild; matters where solids move
   };
@@ -128,7 +128,7 @@ class Neighbours {
   Range inside(Elements elements, Index chunk) const;
   Range across(Elements elements, Index chunk) const;
 
-  /// Where the lists were built: positions of the own points at the last rebuild, of relocated ones where they were
+  /// Where the lists were built: positions of the own points at the last rebuild, of relisted ones where they were
   /// put; empty if there are no lists.
   const std::vector<Real>& reference() const { return reference_; }
   std::int64_t rebuilds() const { return rebuilds_; }
@@ -143,7 +143,7 @@ class Neighbours {
   }
   Real skin() const { return skin_; }
   /// How far beyond the contact distance the lists go.
-  Real margin() const { return needs_.beyond + skin_; }
+  Real margin() const { return needs_.beyond_contact + skin_; }
   /// For the next rebuild.
   void set_skin(Real skin) {
     skin_ = skin;
@@ -174,7 +174,7 @@ class Neighbours {
   std::vector<Index> chunk_{0}, chunk_point_{0};
   Real widest_ = 0, longest_ = 0;  ///< diameter of a point, edge
   CellGrid<D> grid_;
-  std::vector<Index> relocated_;           ///< since the last rebuild
+  std::vector<Index> relisted_;            ///< since the last rebuild
   std::vector<Real> old_places_, places_;  ///< references of their points, before and after
   std::vector<Found> near_;
 };

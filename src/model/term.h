@@ -6,7 +6,7 @@
 
 #include <pliant/base/types.h>
 #include <pliant/geometry/walls.h>
-#include <pliant/kernels/ahead.h>
+#include <pliant/kernels/prefetch.h>
 #include <pliant/model/neighbours.h>
 #include <pliant/model/topology.h>
 
@@ -20,8 +20,8 @@ struct StateView {
   const Topology& topology;
   const Neighbours<D>& neighbours;
   const Walls<D>& walls;
-  Real t = 0;        ///< time, for solids that move
-  Ahead ahead = {};  ///< what is gone through, in each chunk, after its forces; says nothing of the configuration
+  Real t = 0;              ///< time, for solids that move
+  Prefetch prefetch = {};  ///< what is gone through, in each chunk, after its forces; says nothing of the configuration
 
   Vec<D> position(Index i) const { return point<D>(x, i); }
   Vec<D> velocity(Index i) const { return point<D>(v, i); }

@@ -284,7 +284,7 @@ void Run<D>::save(bool changed) {
     if (!ranks_.all(s.size() == 0 || particles.neighbours().valid(particles.walls(), s.x().data(), s.t))) lists = {};
     c.add_parts("list_reference", std::move(lists.reference));
     c.add_parts("list_places", lists.places);  // none on several ranks
-    c.add_parts("list_relocated", lists.relocated);
+    c.add_parts("list_relisted", lists.relisted);
     c.add("list_time", lists.time);
   }
   c.add_parts("id", std::span(topology.id).first(topology.owned()));
@@ -375,7 +375,7 @@ void Run<D>::load(const Checkpoint& c) {
   const Real skin = c.real("skin", fixed.value_or(smallest),
                            fixed.value_or(std::max(particles.neighbours().skin(), widest))),
              list_time = c.real("list_time", 0, c.t);
-  const auto [reference, relocated, places] = stored.lists(skin / 2 * (1 + 1e-9));
+  const auto [reference, relisted, places] = stored.lists(skin / 2 * (1 + 1e-9));
   const std::int64_t rebuilds = c.integer("list_rebuilds"),
                      since_sort = c.integer("list_rebuilds_since_sort", 0, rebuilds),
                      evaluations = c.integer("evaluations_since_sort");
@@ -384,7 +384,7 @@ void Run<D>::load(const Checkpoint& c) {
     if (ranks_.several())
       particles.rebuild(stored.own_points(reference).data(), list_time);
     else
-      particles.neighbours().replay(particles.topology(), particles.walls(), {reference, relocated, places, list_time});
+      particles.neighbours().replay(particles.topology(), particles.walls(), {reference, relisted, places, list_time});
   }
   particles.set_use({evaluations, since_sort});
   rebuilds_before_ = rebuilds - particles.neighbours().rebuilds();

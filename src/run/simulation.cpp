@@ -64,12 +64,12 @@ void Simulation<D>::find_velocities() {
 
 template <int D>
 bool Simulation<D>::wants_sorting() const {
-  return particles().crowded() || (sorting_ == Sorting::regularly && particles().untidy());
+  return particles().migration_due() || (sorting_ == Sorting::regularly && particles().sort_due());
 }
 
 template <int D>
 Migration Simulation<D>::sort() {
-  Migration migration = overdamped() ? overdamped()->tidy(state_) : particles().tidy(state_);
+  Migration migration = overdamped() ? overdamped()->sort(state_) : particles().sort(state_);
   if (!fresh_ && integrator_->carries()) {
     std::vector<Real> carried(integrator_->carried().begin(), integrator_->carried().end());
     migration.move_points(carried, D);

@@ -62,7 +62,7 @@ class Simulation {
   /// per particle. Collective.
   Migration sort();
   /// Own particle m was put somewhere else in the state; as ParticleSystem.
-  void relocate(Index m) { particles().relocate(state_.x().data(), m); }
+  void relist(Index m) { particles().relist(state_.x().data(), m); }
 
   ParticleSystem<D>& particles() {
     return overdamped() ? overdamped()->particles() : std::get<ParticleSystem<D>>(system_);

@@ -47,19 +47,19 @@ StoredParticles::StoredParticles(const Checkpoint& checkpoint, const Topology& a
 StoredParticles::Lists StoredParticles::lists(Real reach) const {
   const Checkpoint& c = checkpoint_;
   const std::size_t n = all_ids_.size(), listed = c.length("list_reference") == 0 ? 0 : coordinates(),
-                    moved = listed == 0 ? 0 : c.length("list_relocated");
-  const auto& relocated = c.integer_array("list_relocated", moved, 0, static_cast<std::int64_t>(n) - 1);
+                    moved = listed == 0 ? 0 : c.length("list_relisted");
+  const auto& relisted = c.integer_array("list_relisted", moved, 0, static_cast<std::int64_t>(n) - 1);
   std::vector<std::size_t> start{0};  // of each particle's coordinates
   for (std::size_t k = 0; k < n; ++k) start.push_back(start[k] + points_of(static_cast<Index>(k)) * dim_);
   const auto count = [&](std::int64_t k) { return start[static_cast<std::size_t>(k) + 1] - start[k]; };
   std::size_t numbers = 0;
-  for (const std::int64_t k : relocated) numbers += count(k);
+  for (const std::int64_t k : relisted) numbers += count(k);
   const Lists lists{c.real_array("list_reference", listed, -far, far),
-                    {relocated.begin(), relocated.end()},
+                    {relisted.begin(), relisted.end()},
                     c.real_array("list_places", numbers, -far, far)};
   std::vector<Real> place = lists.reference;
   std::size_t from = 0;
-  for (const std::int64_t k : relocated) {
+  for (const std::int64_t k : relisted) {
     std::copy_n(&lists.places[from], count(k), &place[start[k]]);
     from += count(k);
   }

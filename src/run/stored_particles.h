@@ -40,7 +40,7 @@ class StoredParticles {
   /// that no point has gone farther from there, in any direction, than `reach`.
   struct Lists {
     const std::vector<Real>& reference;
-    std::vector<Index> relocated;
+    std::vector<Index> relisted;
     const std::vector<Real>& places;
   };
   Lists lists(Real reach) const;

@@ -110,7 +110,7 @@ Packing pack(const Topology& topology, const Hopper& hopper, const PackingParame
     {
       State state(n, D);
       std::copy(centres.begin(), centres.end(), state.x().begin());
-      system.tidy(state);  // sorted in space, searches and sums are fast
+      system.sort(state);  // sorted in space, searches and sums are fast
       std::copy(state.x().begin(), state.x().end(), centres.begin());
     }
     options.force = [&](const Real* r, Real* f) { system.field().forces(system.view(r, nullptr), f); };

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include <pliant/base/ranks.h>
-#include <pliant/kernels/ahead.h>
 #include <pliant/kernels/finite.h>
+#include <pliant/kernels/prefetch.h>
 
 namespace pliant {
 
@@ -44,28 +44,28 @@ class SecondOrderSystem : public FirstOrderSystem {
     acceleration(t, y, y + n, ydot + n);
   }
 
-  /// Whether sweep() is worth its second arrays of positions and velocities, compared to acceleration() and passes over
-  /// all coordinates.
-  virtual bool one_pass() const { return false; }
+  /// Whether fused_step() is worth its second arrays of positions and velocities, compared to acceleration() and passes
+  /// over all coordinates.
+  virtual bool fuses_step() const { return false; }
 
-  /// Says that until the next call of acceleration() or sweep() no coordinate changes by more than this, on any rank,
-  /// beside what it has said since the last call: saves a system looking for itself whether what it keeps still holds.
-  /// Infinity where anything else may change. The same on all ranks.
+  /// Says that until the next call of acceleration() or fused_step() no coordinate changes by more than this, on any
+  /// rank, beside what it has said since the last call: saves a system looking for itself whether what it keeps still
+  /// holds. Infinity where anything else may change. The same on all ranks.
   virtual void moved_by(Real /*change*/) {}
 
   /// What an integrator does with the coordinates first … last−1 once their accelerations are complete, while they are
   /// in the processor's cache; for different ranges by several threads at a time. a is numbered as an array of all
-  /// coordinates, but holds these. Returns by how much a coordinate will have changed at most when the next sweep is
-  /// asked for.
+  /// coordinates, but holds these. Returns by how much a coordinate will have changed at most when the next fused step
+  /// is asked for.
   struct Advance {
     std::function<Real(std::size_t first, std::size_t last, const Real* a)> step;
-    Ahead arrays;  ///< coordinates that it reads or writes, beside those of the sweep
+    Prefetch arrays;  ///< coordinates that it reads or writes, beside those of the fused step
   };
 
   /// As acceleration(), with `advance.step` called once for every coordinate, for accelerations that nobody keeps. x
   /// and v hold own coordinates and may get longer: on several ranks those of ghosts follow, which saves a copy.
   /// Returns whether all accelerations on all ranks are finite.
-  virtual bool sweep(Real t, std::vector<Real>& x, std::vector<Real>& v, const Advance& advance) {
+  virtual bool fused_step(Real t, std::vector<Real>& x, std::vector<Real>& v, const Advance& advance) {
     std::vector<Real> a(size());
     acceleration(t, x.data(), v.data(), a.data());
     moved_by(ranks().max(advance.step(0, size(), a.data())));

@@ -102,8 +102,8 @@ struct Multiply final : BlockSink<D> {
 template <int D>
 class ParticleJacobian final : public Jacobian {
  public:
-  ParticleJacobian(ParticleSystem<D>& system, JacobianForm form, JacobianKind kind, Part part)
-      : system_(system), form_(form), kind_(kind), part_(part) {
+  ParticleJacobian(ParticleSystem<D>& system, JacobianForm form, JacobianKind kind, TermGroup group)
+      : system_(system), form_(form), kind_(kind), group_(group) {
     const auto n = static_cast<PetscInt>(system.size() * (form == JacobianForm::first_order ? 2 : 1));
     const MPI_Comm comm = system.ranks().comm();
     petsc_check(MatCreate(comm, blocks_.out()));
@@ -129,7 +129,7 @@ class ParticleJacobian final : public Jacobian {
     Real* const dx = values_.data() + lead;
     Real* const dv = dx + static_cast<std::size_t>(x_.blocks()) * D * D;
     Fill<D> fill_x(x_, dx, kind_ == JacobianKind::matrix_free), fill_v(v_, dv, kind_ == JacobianKind::matrix_free);
-    system_.field().derivatives(s, part_, fill_x, fill_v);
+    system_.field().derivatives(s, group_, fill_x, fill_v);
     scale(s.topology, x_, weights.x, dx);
     scale(s.topology, v_, weights.v, dv);
     if (first_order()) {
@@ -152,7 +152,7 @@ class ParticleJacobian final : public Jacobian {
   bool first_order() const { return form_ == JacobianForm::first_order; }
 
   void set_pattern(const StateView<D>& s) {
-    const Couplings couplings = system_.field().couplings(s, part_);
+    const Couplings couplings = system_.field().couplings(s, group_);
     x_.build(s, couplings.x, kind_ == JacobianKind::matrix_free);
     v_.build(s, couplings.v, kind_ == JacobianKind::matrix_free);
     version_ = s.neighbours.version();
@@ -227,7 +227,7 @@ class ParticleJacobian final : public Jacobian {
     std::fill_n(out_v, n, 0);
     Multiply<D> by_x(weights_.x, system_.with_ghosts(w, w_x_), out_v),
         by_v(weights_.v, first_order() ? system_.with_ghosts(w_v, w_v_) : by_x.w, out_v);
-    system_.field().derivatives(s, part_, by_x, by_v);
+    system_.field().derivatives(s, group_, by_x, by_v);
     for (Index i = 0; i < s.topology.owned_points(); ++i) point<D>(out_v, i) *= s.topology.inverse_mass(i);
     for (std::size_t k = 0; k < n; ++k) out_v[k] += weights_.identity * w_v[k];
     if (first_order())
@@ -237,7 +237,7 @@ class ParticleJacobian final : public Jacobian {
   ParticleSystem<D>& system_;
   JacobianForm form_;
   JacobianKind kind_;
-  Part part_;
+  TermGroup group_;
   JacobianWeights weights_{};
   std::int64_t version_ = -1;  ///< of the lists behind the pattern
   BlockPattern x_, v_;
@@ -250,11 +250,12 @@ class ParticleJacobian final : public Jacobian {
 }  // namespace
 
 template <int D>
-std::unique_ptr<Jacobian> make_jacobian(ParticleSystem<D>& system, JacobianForm form, JacobianKind kind, Part part) {
-  return std::make_unique<ParticleJacobian<D>>(system, form, kind, part);
+std::unique_ptr<Jacobian> make_jacobian(ParticleSystem<D>& system, JacobianForm form, JacobianKind kind,
+                                        TermGroup group) {
+  return std::make_unique<ParticleJacobian<D>>(system, form, kind, group);
 }
 
-template std::unique_ptr<Jacobian> make_jacobian(ParticleSystem<2>&, JacobianForm, JacobianKind, Part);
-template std::unique_ptr<Jacobian> make_jacobian(ParticleSystem<3>&, JacobianForm, JacobianKind, Part);
+template std::unique_ptr<Jacobian> make_jacobian(ParticleSystem<2>&, JacobianForm, JacobianKind, TermGroup);
+template std::unique_ptr<Jacobian> make_jacobian(ParticleSystem<3>&, JacobianForm, JacobianKind, TermGroup);
 
 }  // namespace pliant

@@ -23,7 +23,7 @@ struct JacobianWeights {
   Real identity, x, v;
 };
 
-/// With A = ∂a/∂x and B = ∂a/∂v of a part of the terms of a system, the operator is
+/// With A = ∂a/∂x and B = ∂a/∂v of a group of the terms of a system, the operator is
 ///
 ///     first order:   identity · 1 + x · [[0, 1], [A, 0]] + v · [[0, 0], [0, B]]    for [x; v], rank by rank
 ///     second order:  identity · 1 + x · A + v · B
@@ -48,6 +48,7 @@ class Jacobian {
 
 /// Refers to the system, which must outlive it.
 template <int D>
-std::unique_ptr<Jacobian> make_jacobian(ParticleSystem<D>& system, JacobianForm form, JacobianKind kind, Part part);
+std::unique_ptr<Jacobian> make_jacobian(ParticleSystem<D>& system, JacobianForm form, JacobianKind kind,
+                                        TermGroup group);
 
 }  // namespace pliant

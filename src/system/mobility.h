@@ -19,7 +19,7 @@ class Mobility {
   /// Whether the velocities before enter, if only as a first guess: then they belong to what a restart needs.
   virtual bool remembers() const = 0;
   /// Pairs of particles up to so far beyond contact must be listed.
-  virtual Real beyond() const = 0;
+  virtual Real beyond_contact() const = 0;
   /// New lists. numbers [points]: the row of each point in the whole system, ghosts included.
   virtual void set_numbers(std::vector<Index> numbers) = 0;
 };

@@ -22,8 +22,8 @@ template <int D>
 NeighbourDrag<D>::NeighbourDrag(const NeighbourDragOptions& options, const Ranks& ranks)
     : options_(options), ranks_(ranks), solver_(std::make_unique<Solver>()) {
   if (!(options.b > 0)) throw InputError("the viscosity b is {}, but it must be positive", options.b);
-  if (!(options.beyond > 0))
-    throw InputError("the range of neighbours beyond contact is {}, but it must be positive", options.beyond);
+  if (!(options.beyond_contact > 0))
+    throw InputError("the range of neighbours beyond contact is {}, but it must be positive", options.beyond_contact);
   petsc_check(KSPCreate(ranks.comm(), solver_->ksp.out()));
   KSP ksp = solver_->ksp;
   PC pc = nullptr;
@@ -76,7 +76,7 @@ void NeighbourDrag<D>::for_each_wall(const StateView<D>& s, Visit&& visit) const
   if (!options_.walls) return;
   for (const auto [i, k] : s.neighbours.solids) {
     const Solid<D>& wall = s.walls.solids()[k];
-    if (wall.foot(s.position(i), s.t).d < s.topology.diameter[i] / 2 + options_.beyond) visit(i, wall);
+    if (wall.foot(s.position(i), s.t).d < s.topology.diameter[i] / 2 + options_.beyond_contact) visit(i, wall);
   }
 }
 

@@ -13,14 +13,14 @@ namespace pliant {
 /// How the viscous coupling of neighbours is solved.
 enum class Coupling {
   exact,   ///< B v = F/b
-  lagged,  ///< one sweep: v_i = (Σ_j v_j + F_i/b)/(N_i + 1) with the v_j of the evaluation before
+  lagged,  ///< one iteration: v_i = (Σ_j v_j + F_i/b)/(N_i + 1) with the v_j of the evaluation before
   mean     ///< the same with the mean of the v_j instead of their sum, as [T 2.9] prints it
 };
 
 struct NeighbourDragOptions {
-  Real b = 1;          ///< viscosity: force per velocity
-  Real beyond = 0.1;   ///< droplets are neighbours at r < R_i + R_j + beyond: 2 a_s
-  bool walls = false;  ///< solids within R + beyond rub too, against their own velocity [T 4.1]
+  Real b = 1;                 ///< viscosity: force per velocity
+  Real beyond_contact = 0.1;  ///< droplets are neighbours at r < R_i + R_j + beyond_contact: 2 a_s
+  bool walls = false;         ///< solids within R + beyond_contact rub too, against their own velocity [T 4.1]
   Coupling coupling = Coupling::exact;
 };
 
@@ -57,7 +57,7 @@ class NeighbourDrag final : public Mobility<D> {
   Real power(const StateView<D>& s) const override;
 
   bool remembers() const override { return true; }
-  Real beyond() const override { return options_.beyond; }
+  Real beyond_contact() const override { return options_.beyond_contact; }
 
   const NeighbourDragOptions& options() const { return options_; }
   /// Iterations of the solver so far, all dimensions together.
@@ -70,7 +70,7 @@ class NeighbourDrag final : public Mobility<D> {
   template <class Visit>
   static void for_each_neighbour(const StateView<D>& s, Visit&& visit);
   bool in_range(const StateView<D>& s, Index i, Index j, Index e) const {
-    const Real range = s.neighbours.point_pairs.reach[e] + options_.beyond;
+    const Real range = s.neighbours.point_pairs.reach[e] + options_.beyond_contact;
     return (s.position(i) - s.position(j)).squaredNorm() < square(range);
   }
   /// Calls visit(i, wall) for each wall in range of an own point i.

@@ -28,13 +28,13 @@ struct IntegratedQuantity {
 template <int D>
 class OverdampedSystem final : public FirstOrderSystem {
  public:
-  /// Errors: InputError where the mobility's range is beyond that of the lists (NeighbourNeeds::beyond).
+  /// Errors: InputError where the mobility's range is beyond that of the lists (NeighbourNeeds::beyond_contact).
   OverdampedSystem(ParticleSystem<D> particles, std::unique_ptr<Mobility<D>> mobility,
                    std::vector<IntegratedQuantity<D>> quantities = {})
       : particles_(std::move(particles)), mobility_(std::move(mobility)), quantities_(std::move(quantities)) {
-    if (const Real listed = particles_.neighbours().needs().beyond; !(mobility_->beyond() <= listed))
+    if (const Real listed = particles_.neighbours().needs().beyond_contact; !(mobility_->beyond_contact() <= listed))
       throw InputError("droplets are neighbours up to {} beyond contact, but the lists go to {} only",
-                       mobility_->beyond(), listed);
+                       mobility_->beyond_contact(), listed);
   }
 
   std::size_t size() const override { return particles_.size(); }
@@ -60,10 +60,10 @@ class OverdampedSystem final : public FirstOrderSystem {
   const std::vector<Real>& last() const { return last_; }
   void set_last(std::vector<Real> v) { last_ = std::move(v); }
 
-  /// As ParticleSystem::tidy; the velocities found last move too.
-  Migration tidy(State& state) {
+  /// As ParticleSystem::sort; the velocities found last move too.
+  Migration sort(State& state) {
     const bool known = ranks().any(!last_.empty());
-    Migration migration = particles_.tidy(state);
+    Migration migration = particles_.sort(state);
     if (known) migration.move_points(last_, D);
     return migration;
   }

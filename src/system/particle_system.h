@@ -50,9 +50,9 @@ class ParticleSystem final : public ImplicitSystem {
 
   /// For polygons, whose shapes are half of the work, and on ranks, where it takes one message less. Spheres have long
   /// lists, which more arrays push out of the caches.
-  bool one_pass() const override { return ranks_.several() || topology_.points() != topology_.particles(); }
+  bool fuses_step() const override { return ranks_.several() || topology_.points() != topology_.particles(); }
 
-  bool sweep(Real t, std::vector<Real>& x, std::vector<Real>& v, const Advance& advance) override {
+  bool fused_step(Real t, std::vector<Real>& x, std::vector<Real>& v, const Advance& advance) override {
     ++use_.evaluations;
     const std::optional<Real> since = next_change();
     if (!hold(since, x.data(), t)) rebuild(x.data(), t);
@@ -61,15 +61,15 @@ class ParticleSystem final : public ImplicitSystem {
       halo_.update(x, v);
     }
     narrow(since, x.data());
-    Ahead ahead;
+    Prefetch prefetch;
     if (size() >= beyond_caches) {
-      ahead = advance.arrays;
-      ahead.add(v.data());
+      prefetch = advance.arrays;
+      prefetch.add(v.data());
     }
-    const StateView<D> s{x.data(), v.data(), topology_, neighbours_, walls_, t, ahead};
+    const StateView<D> s{x.data(), v.data(), topology_, neighbours_, walls_, t, prefetch};
     const LogScope log(LogEvent::forces);
     std::array<Real, Neighbours<D>::max_chunks> change;
-    const bool finite = field_->accelerations(s, room_, [&](Index chunk, const Real* a) {
+    const bool finite = field_->accelerations(s, scratch_, [&](Index chunk, const Real* a) {
       const Range points = neighbours_.points(chunk);
       change[chunk] =
           advance.step(static_cast<std::size_t>(points.first) * D, static_cast<std::size_t>(points.last) * D, a);
@@ -81,15 +81,15 @@ class ParticleSystem final : public ImplicitSystem {
     return change_ != not_finite;
   }
 
-  void part_acceleration(Part part, Real t, const Real* x, const Real* v, Real* a) override {
+  void group_acceleration(TermGroup group, Real t, const Real* x, const Real* v, Real* a) override {
     ++use_.evaluations;
     const StateView<D> s = view(x, v, t);
     const LogScope log(LogEvent::forces);
-    field_->part_accelerations(s, part, a);
+    field_->group_accelerations(s, group, a);
   }
 
-  std::unique_ptr<Jacobian> jacobian(JacobianForm form, JacobianKind kind, Part part) override {
-    return make_jacobian(*this, form, kind, part);
+  std::unique_ptr<Jacobian> jacobian(JacobianForm form, JacobianKind kind, TermGroup group) override {
+    return make_jacobian(*this, form, kind, group);
   }
 
   /// The configuration with neighbour lists that are valid for it, ghosts included. x, v [owned points · D]; v may be
@@ -100,8 +100,8 @@ class ParticleSystem final : public ImplicitSystem {
     return view_after({}, x, v, t);
   }
 
-  /// An upper bound of how far any point has gone since start_path(), up to the last acceleration or sweep; infinite
-  /// after a view, and where the integrator does not say how far points move. The same on every rank.
+  /// An upper bound of how far any point has gone since start_path(), up to the last acceleration or fused step;
+  /// infinite after a view, and where the integrator does not say how far points move. The same on every rank.
   Real path() const { return path_; }
   /// Counts from here on, where no point is farther than `gone` from where its path begins.
   void start_path(Real gone = 0) { path_ = gone; }
@@ -135,38 +135,38 @@ class ParticleSystem final : public ImplicitSystem {
   }
 
   /// Whether particles should be sorted again: it has been a number of list rebuilds. The same on every rank.
-  bool untidy() const { return use().rebuilds >= rebuilds_to_sort; }
+  bool sort_due() const { return use().rebuilds >= rebuilds_to_sort; }
   /// Whether many particles have gone far from their rank's place, which makes many ghosts. The same on every rank.
-  bool crowded() const { return crowded_; }
+  bool migration_due() const { return migration_due_; }
 
   /// Sorts particles in space, moves them to the ranks where they belong and builds the lists. The caller applies the
   /// migration that is returned to whatever else it keeps per particle.
-  Migration tidy(State& state) {
+  Migration sort(State& state) {
     const LogScope log(LogEvent::sort);
-    if (tune_skin_ && untidy()) neighbours_.set_skin(best_skin());
+    if (tune_skin_ && sort_due()) neighbours_.set_skin(best_skin());
     const Migration migration = plan_migration<D>(ranks_, topology_, state.x().data());
     migration.move(topology_);
     migration.move(state, D);
-    settled_ = crowded_ = false;
+    home_is_set_ = migration_due_ = false;
     rebuild(state.x().data(), state.t);
     set_use({});
     return migration;
   }
 
-  /// Lets tidy() choose the skin from how the lists were used.
+  /// Lets sort() choose the skin from how the lists were used.
   void tune_skin() { tune_skin_ = true; }
 
-  /// Since the last tidy(): part of what a restart needs.
-  ListUse use() const { return {use_.evaluations, neighbours_.rebuilds() - tidy_at_}; }
+  /// Since the last sort(): part of what a restart needs.
+  ListUse use() const { return {use_.evaluations, neighbours_.rebuilds() - sorted_at_}; }
   void set_use(const ListUse& use) {
     use_ = use;
-    tidy_at_ = neighbours_.rebuilds() - use.rebuilds;
+    sorted_at_ = neighbours_.rebuilds() - use.rebuilds;
   }
 
   /// Own particle m was put somewhere else in x. Saves a rebuild of the lists on one rank; several rebuild. Not
   /// collective.
-  void relocate(const Real* x, Index m) {
-    if (!ranks_.several() && !neighbours_.reference().empty()) neighbours_.relocate(topology_, walls_, x, m);
+  void relist(const Real* x, Index m) {
+    if (!ranks_.several() && !neighbours_.reference().empty()) neighbours_.relist(topology_, walls_, x, m);
   }
 
   /// Takes own particle m out of the run. Not collective.
@@ -228,13 +228,13 @@ class ParticleSystem final : public ImplicitSystem {
 
   void find_ghosts(const Real* x) {
     const LogScope log(LogEvent::ghosts);
-    if (!settled_) {
-      halo_.settle(topology_, x);
-      settled_ = true;
+    if (!home_is_set_) {
+      halo_.set_home(topology_, x);
+      home_is_set_ = true;
     }
     halo_.build(topology_, x, neighbours_.margin());
     halo_.update(x, x_);
-    crowded_ = ranks_.sum(static_cast<std::int64_t>(halo_.strays())) > many_strays;
+    migration_due_ = ranks_.sum(static_cast<std::int64_t>(halo_.strays())) > many_strays;
   }
 
   Real best_skin() const {
@@ -256,16 +256,16 @@ class ParticleSystem final : public ImplicitSystem {
   Neighbours<D> neighbours_;
   Halo<D> halo_;
   std::vector<Real> x_, v_;  ///< with ghosts; unused on one rank
-  bool settled_ = false, crowded_ = false, tune_skin_ = false;
+  bool home_is_set_ = false, migration_due_ = false, tune_skin_ = false;
   /// The farthest that a point can have gone since the lists were built. Not known if others built them.
   Real travel_ = std::numeric_limits<Real>::infinity();
   Real path_ = std::numeric_limits<Real>::infinity();
   std::optional<Real>
       change_;     ///< by how much coordinates have changed at most since the last evaluation, as far as is known
   Real gone_ = 0;  ///< the farthest that a point can have gone since the list was narrowed
-  std::vector<Real> room_;  ///< for the accelerations of a sweep
-  ListUse use_;             ///< its evaluations count
-  std::int64_t tidy_at_ = 0;
+  std::vector<Real> scratch_;  ///< for the accelerations of a fused step
+  ListUse use_;                ///< its evaluations count
+  std::int64_t sorted_at_ = 0;
 };
 
 }  // namespace pliant

@@ -36,7 +36,7 @@ class PointDrag final : public Mobility<D> {
   }
 
   bool remembers() const override { return false; }
-  Real beyond() const override { return 0; }
+  Real beyond_contact() const override { return 0; }
   void set_numbers(std::vector<Index> /*numbers*/) override {}
 
  private:

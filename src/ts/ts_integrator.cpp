@@ -208,7 +208,7 @@ void TsIntegrator::configure() {
 
 void TsIntegrator::configure_solvers() {
   second_order_ = type_ == TSALPHA2;
-  if (options_.implicit != Part::all && !contains(split_types, type_))
+  if (options_.implicit != TermGroup::all && !contains(split_types, type_))
     throw InputError("-implicit shape splits the forces, which -ts_type {} cannot do; use -ts_type arkimex", type_);
   if (contains(explicit_types, type_)) return;
   petsc_check(particle_pc_register());
@@ -220,7 +220,7 @@ void TsIntegrator::configure_solvers() {
   petsc_check(KSPGetPC(ksp, &pc));
   petsc_check(PCSetType(pc, particle_pc));
   petsc_check(TSSetMaxSNESFailures(ts_, -1));  // rejections are limited
-  if (type_ == TSARKIMEX) petsc_check(TSARKIMEXSetFullyImplicit(ts_, PetscBool(options_.implicit == Part::all)));
+  if (type_ == TSARKIMEX) petsc_check(TSARKIMEXSetFullyImplicit(ts_, PetscBool(options_.implicit == TermGroup::all)));
 }
 
 void TsIntegrator::set_tolerances(::Vec y, std::size_t n, std::size_t unknowns) {
@@ -273,7 +273,8 @@ void TsIntegrator::set_functions(Run& run) {
   if (implicit && run.implicit == nullptr)
     throw InputError("{} needs derivatives of the forces, which this system does not have; use -ts_type {}", name(),
                      fmt::join(explicit_types, ", "));
-  if (!implicit || options_.implicit != Part::all) petsc_check(TSSetRHSFunction(ts_, nullptr, right_hand_side, &run));
+  if (!implicit || options_.implicit != TermGroup::all)
+    petsc_check(TSSetRHSFunction(ts_, nullptr, right_hand_side, &run));
   if (contains(explicit_types, type_) || run.implicit == nullptr) return;
   jacobian_ = run.implicit->jacobian(second_order_ ? JacobianForm::second_order : JacobianForm::first_order,
                                      options_.jacobian, options_.implicit);
@@ -281,7 +282,7 @@ void TsIntegrator::set_functions(Run& run) {
   if (second_order_) {
     petsc_check(TSSetI2Function(ts_, nullptr, second_order_function, &run));
     petsc_check(TSSetI2Jacobian(ts_, a, p, second_order_jacobian, &run));
-  } else if (implicit || options_.implicit != Part::all) {
+  } else if (implicit || options_.implicit != TermGroup::all) {
     petsc_check(TSSetIFunction(ts_, nullptr, implicit_function, &run));
     petsc_check(TSSetIJacobian(ts_, a, p, implicit_jacobian, &run));
   } else {
@@ -295,11 +296,11 @@ PetscErrorCode TsIntegrator::right_hand_side(TS, PetscReal t, ::Vec y, ::Vec ydo
     const std::size_t n = run.system.size(), unknowns = run.system.unknowns();
     const Read in(y);
     const Write out(ydot);
-    if (run.integrator.options_.implicit == Part::all) {
+    if (run.integrator.options_.implicit == TermGroup::all) {
       run.system.rate(t, in, out);
     } else {
       std::fill_n(+out, n, 0);
-      run.implicit->part_acceleration(Part::rest, t, in, in + n, out + n);
+      run.implicit->group_acceleration(TermGroup::rest, t, in, in + n, out + n);
     }
     ++run.integrator.statistics_.force_evaluations;
     run.check({+out, unknowns}, 0, t);
@@ -310,10 +311,10 @@ void TsIntegrator::evaluate_implicit(Run& run, Real t, const Real* x, const Real
   const std::size_t n = run.system.size();
   ++statistics_.force_evaluations;
   try {
-    if (options_.implicit == Part::all)
+    if (options_.implicit == TermGroup::all)
       run.implicit->acceleration(t, x, v, a);
     else
-      run.implicit->part_acceleration(options_.implicit, t, x, v, a);
+      run.implicit->group_acceleration(options_.implicit, t, x, v, a);
     run.check({a, n}, n, t);
   } catch (const Error& error) {
     // Trial states of a solver may be anywhere. NaN makes the solver fail, and the step is tried again, shorter.
@@ -615,7 +616,8 @@ Real TsIntegrator::stability_limit() const {
 }
 
 std::string TsIntegrator::name() const {
-  if (type_ != TSRK) return fmt::format("ts:{}{}", type_, options_.implicit == Part::shape ? ", shape implicit" : "");
+  if (type_ != TSRK)
+    return fmt::format("ts:{}{}", type_, options_.implicit == TermGroup::shape ? ", shape implicit" : "");
   TSRKType table = nullptr;
   petsc_check(TSRKGetType(ts_, &table));
   return fmt::format("ts:rk {}", table);

@@ -23,7 +23,7 @@ struct TsOptions {
   /// obstacle.
   Real longest_dt = std::numeric_limits<Real>::infinity();
   /// What an implicit type solves for: all, or the shape energy alone, the rest being explicit (IMEX).
-  Part implicit = Part::all;
+  TermGroup implicit = TermGroup::all;
   JacobianKind jacobian = JacobianKind::assembled;
   /// Says of positions that a step tries whether forces mean anything there; a step that goes where they do not is
   /// rejected and tried again, shorter. Collective. Empty: they do everywhere.
@@ -37,13 +37,12 @@ struct TsOptions {
 /// Explicit types: rk (all tables), ssp, euler, verlet. Implicit ones, for an ImplicitSystem: alpha, alpha2, arkimex,
 /// beuler, bdf, cn, rosw, theta, which get an IFunction ẏ − [v; a] and its IJacobian; alpha2 gets ẍ − a = 0, with
 /// -ts_atol for positions and velocities. Other types registered with TSRegister get [v; a] as the right-hand side, and
-/// its Jacobian if there is one. With Part::shape (arkimex, arkode) the shape energy and ẋ = v are the IFunction, the
-/// rest is the right-hand side. Solvers are PETSc's:
-/// -snes_…, -ksp_…, -pc_…, by default Newton, GMRES and -pc_type particle. Where a solve fails, its step is tried
-/// again, shorter; a fixed step has its length again after that. The end of a run is
-/// matched exactly; the step that this cuts short does not become the first one of the next run. Every run starts
-/// afresh (first-same-as-last stages and step-size history of the run before are dropped), so `fresh` makes no
-/// difference, and a chain of runs differs from one long run within the tolerance.
+/// its Jacobian if there is one. With TermGroup::shape (arkimex, arkode) the shape energy and ẋ = v are the IFunction,
+/// the rest is the right-hand side. Solvers are PETSc's: -snes_…, -ksp_…, -pc_…, by default Newton, GMRES and -pc_type
+/// particle. Where a solve fails, its step is tried again, shorter; a fixed step has its length again after that. The
+/// end of a run is matched exactly; the step that this cuts short does not become the first one of the next run. Every
+/// run starts afresh (first-same-as-last stages and step-size history of the run before are dropped), so `fresh` makes
+/// no difference, and a chain of runs differs from one long run within the tolerance.
 ///
 /// After a failure the state is that of the last accepted step.
 class TsIntegrator : public Integrator {

@@ -69,11 +69,11 @@ void FixedStepVerlet::run(FirstOrderSystem&, State&, Real, const StepObserver&) 
   throw InputError("-integrator verlet is for motion with inertia; use -integrator ts");
 }
 
-bool FixedStepVerlet::sweep(SecondOrderSystem& system, State& state, Real t, bool foreseen) {
+bool FixedStepVerlet::fused_step(SecondOrderSystem& system, State& state, Real t, bool predicted) {
   const std::size_t n = state.size();
   resize_large(last_predicted_, n);
   predicted_.swap(last_predicted_);
-  if (!foreseen) {
+  if (!predicted) {
     resize_large(x_next_, n);
     for_blocks(n, [&](std::size_t i, std::size_t m) {
       return verlet_drift(m, dt_, &state.x()[i], &state.v()[i], &last_predicted_[i], &x_next_[i]);
@@ -87,8 +87,8 @@ bool FixedStepVerlet::sweep(SecondOrderSystem& system, State& state, Real t, boo
                                                                       a + first, &last_predicted_[first], x + first,
                                                                       p + first);
                                            },
-                                           Ahead(v, x, p)};
-  const bool finite = system.sweep(t, x_next_, last_predicted_, advance);
+                                           Prefetch(v, x, p)};
+  const bool finite = system.fused_step(t, x_next_, last_predicted_, advance);
   state.swap_x(x_next_);
   return finite;
 }
@@ -128,8 +128,8 @@ void FixedStepVerlet::run(SecondOrderSystem& system, State& state, Real t_end, b
   AfterStep after = AfterStep::changed;
   while (state.step < last) {
     const Real t = origin + static_cast<Real>(state.step + 1) * dt_;
-    const bool finite =
-        system.one_pass() ? sweep(system, state, t, after == AfterStep::proceed) : pass_by_pass(system, state, t);
+    const bool finite = system.fuses_step() ? fused_step(system, state, t, after == AfterStep::proceed)
+                                            : pass_by_pass(system, state, t);
     ++state.step;
     state.t = t;
     ++statistics_.force_evaluations;

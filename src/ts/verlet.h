@@ -53,7 +53,7 @@ class FixedStepVerlet : public Integrator {
   /// Predicts anew, from the accelerations at x and v.
   void evaluate(SecondOrderSystem& system, State& state);
   /// Steps to time t; return whether the accelerations are finite. Both give the same bits.
-  bool sweep(SecondOrderSystem& system, State& state, Real t, bool foreseen);
+  bool fused_step(SecondOrderSystem& system, State& state, Real t, bool predicted);
   bool pass_by_pass(SecondOrderSystem& system, State& state, Real t);
 
   Real dt_;

@@ -47,7 +47,7 @@ struct Domain {
       if (owner(m) == r.rank()) which.push_back(m);
     topology = c.topology.select(which);
     load();
-    halo.settle(topology, x.data());
+    halo.set_home(topology, x.data());
   }
 
   /// Own coordinates as they are in the configuration.

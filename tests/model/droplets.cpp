@@ -304,7 +304,7 @@ TEST_CASE("a depletant without a size is refused") {
 TEST_CASE("no pair or wall within the attraction's range is ever missing from the lists") {
   Random random(6);
   const NeighbourNeeds needs = neighbour_needs(ModelKind::bubble);
-  CHECK(needs.beyond == 2 * a_s);
+  CHECK(needs.beyond_contact == 2 * a_s);
   Configuration<2> c;
   for (int k = 0; k < 80; ++k) c.add_droplet(random(0.3, 1.2), {random(-8, 8), random(-8, 8)});
   Solid<2> moving = Solid<2>::half_space({-8, 0}, {1, 0.2});

@@ -93,7 +93,7 @@ TEST_CASE("a narrowed list holds every contact until something has moved by half
 
     // Another list is not narrow.
     lists.narrow(t, y.data(), range);
-    lists.relocate(t, scene.walls, y.data(), 3);
+    lists.relist(t, scene.walls, y.data(), 3);
     CHECK(!lists.narrowed());
     lists.narrow(t, y.data(), range);
     lists.rebuild(t, scene.walls, y.data());
@@ -337,7 +337,7 @@ TEST_CASE("lists of soft particles in 3D follow the same rule") {
   CHECK(missing == 0);
 }
 
-TEST_CASE("a relocated particle is listed as a rebuild would, also twice and next to another one") {
+TEST_CASE("a relisted particle is listed as a rebuild would, also twice and next to another one") {
   const NeighbourNeeds needs = GENERATE(all_lists, bare_lists);
   Random random(7);
   const Scene scene(random, 600);
@@ -348,7 +348,7 @@ TEST_CASE("a relocated particle is listed as a rebuild would, also twice and nex
   std::vector<Real> x = scene.x;
   const auto put = [&](Index m, const Vec<2>& shift) {
     for (Index i = t.offset[m]; i < t.offset[m + 1]; ++i) point<2>(x.data(), i) += shift;
-    lists.relocate(t, scene.walls, x.data(), m);
+    lists.relist(t, scene.walls, x.data(), m);
   };
   const auto onto = [&](Index m, Index n) {  // touching it
     put(m, point<2>(x.data(), t.offset[n]) - point<2>(x.data(), t.offset[m]) + Vec<2>(0.3, 0.2));

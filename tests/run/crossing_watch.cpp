@@ -116,6 +116,6 @@ TEST_CASE("what was put somewhere else is looked at there") {
   CrossingWatch watch;
   watch.start(*f.system, f.state);
   for (Index i = 6; i < 10; ++i) f.state.x()[2 * i + 1] += 0.6;
-  f.system->relocate(f.state.x().data(), 1);
+  f.system->relist(f.state.x().data(), 1);
   CHECK_THROWS_AS(watch.after_change(*f.system, f.state), NumericalError);
 }

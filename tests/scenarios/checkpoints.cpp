@@ -284,7 +284,7 @@ TEST_CASE("a hopper does not go on from a checkpoint that is wrong") {
       "-zeta", "0.1", "-e_w",   "1000"};
   if (model == "rough") arguments.insert(arguments.end(), {"-n_vertices", "8", "-e_c", "1000"});
   StoppedRun stopped("hopper", arguments, model == "sp" ? 3 : 6, [](const Checkpoint& c) {
-    return !c.integers.at("list_relocated").empty() && c.integer("events") > 0;
+    return !c.integers.at("list_relisted").empty() && c.integer("events") > 0;
   });
   check_all(stopped);
 }

@@ -66,11 +66,11 @@ struct Twins {
     return ranks.max(most);
   }
 
-  void tidy() { shared.tidy(state); }
+  void sort() { shared.sort(state); }
   /// With what its integrator carries.
-  void tidy(Integrator& integrator) {
+  void sort(Integrator& integrator) {
     std::vector<Real> carried(integrator.carried().begin(), integrator.carried().end());
-    const Migration migration = shared.tidy(state);
+    const Migration migration = shared.sort(state);
     if (!integrator.carries()) return;
     migration.move_points(carried, D);
     integrator.set_carried(carried);

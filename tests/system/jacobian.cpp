@@ -60,8 +60,8 @@ void for_all_systems(Random& random, Check&& check) {
     auto system = system_of(c, kind, Ranks(), p);
     VectorXd y(2 * c.x.size());
     y << Eigen::Map<const VectorXd>(c.x.data(), c.x.size()), Eigen::Map<const VectorXd>(c.v.data(), c.v.size());
-    for (const Part part : {Part::all, Part::shape, Part::rest}) {
-      if (kind == ModelKind::sp && part == Part::shape) continue;
+    for (const TermGroup part : {TermGroup::all, TermGroup::shape, TermGroup::rest}) {
+      if (kind == ModelKind::sp && part == TermGroup::shape) continue;
       INFO(to_string(kind) << ", part " << static_cast<int>(part));
       check(system, y, part);
     }
@@ -74,14 +74,14 @@ void for_all_systems(Random& random, Check&& check) {
 }
 
 /// [v; a] of a part of the forces.
-VectorXd rate(ImplicitSystem& system, Part part, const VectorXd& y) {
+VectorXd rate(ImplicitSystem& system, TermGroup part, const VectorXd& y) {
   const auto n = static_cast<Index>(system.size());
   VectorXd result(2 * n);
   result.head(n) = y.tail(n);
-  if (part == Part::all)
+  if (part == TermGroup::all)
     system.acceleration(0, y.data(), y.data() + n, result.data() + n);
   else
-    system.part_acceleration(part, 0, y.data(), y.data() + n, result.data() + n);
+    system.group_acceleration(part, 0, y.data(), y.data() + n, result.data() + n);
   return result;
 }
 
@@ -89,7 +89,7 @@ VectorXd rate(ImplicitSystem& system, Part part, const VectorXd& y) {
 
 TEST_CASE("the assembled Jacobian is the derivative of the right-hand side") {
   Random random(1);
-  for_all_systems(random, [&](auto& system, const VectorXd& y, Part part) {
+  for_all_systems(random, [&](auto& system, const VectorXd& y, TermGroup part) {
     const auto n = static_cast<Index>(system.size());
     const auto jacobian = system.jacobian(first_order, assembled, part);
     jacobian->update(0, y.data(), y.data() + n, {0, 1, 1});
@@ -108,19 +108,19 @@ TEST_CASE("the assembled Jacobian is the derivative of the right-hand side") {
 
 TEST_CASE("parts of the acceleration sum up to all of it") {
   Random random(2);
-  for_all_systems(random, [&](auto& system, const VectorXd& y, Part part) {
+  for_all_systems(random, [&](auto& system, const VectorXd& y, TermGroup part) {
     const Index n = static_cast<Index>(system.size());
-    const VectorXd all = rate(system, Part::all, y).tail(n), shape = rate(system, Part::shape, y).tail(n),
-                   rest = rate(system, Part::rest, y).tail(n);
+    const VectorXd all = rate(system, TermGroup::all, y).tail(n), shape = rate(system, TermGroup::shape, y).tail(n),
+                   rest = rate(system, TermGroup::rest, y).tail(n);
     CHECK((shape + rest - all).cwiseAbs().maxCoeff() <= 1e-13 * (shape.cwiseAbs() + rest.cwiseAbs()).maxCoeff());
-    if (part == Part::shape) CHECK(shape.norm() > 1);
+    if (part == TermGroup::shape) CHECK(shape.norm() > 1);
     CHECK(rest.norm() > 1);
   });
 }
 
 TEST_CASE("assembled and matrix-free Jacobians are one operator, scaled and shifted too") {
   Random random(3);
-  for_all_systems(random, [&](auto& system, const VectorXd& y, Part part) {
+  for_all_systems(random, [&](auto& system, const VectorXd& y, TermGroup part) {
     const auto n = static_cast<Index>(system.size());
     for (const JacobianForm form : {first_order, second_order}) {
       const auto one = system.jacobian(form, assembled, part), other = system.jacobian(form, matrix_free, part);
@@ -144,7 +144,7 @@ TEST_CASE("assembled and matrix-free Jacobians are one operator, scaled and shif
 
 TEST_CASE("the second-order form is the first-order one with the velocities eliminated") {
   Random random(4);
-  for_all_systems(random, [&](auto& system, const VectorXd& y, Part part) {
+  for_all_systems(random, [&](auto& system, const VectorXd& y, TermGroup part) {
     const auto n = static_cast<Index>(system.size());
     constexpr Real sigma = 7;
     const auto first = system.jacobian(first_order, assembled, part),
@@ -165,7 +165,7 @@ TEST_CASE("the pattern is that of the lists and follows them") {
   Configuration<2> c = polygon_rows(random, 3, 3);
   auto system = system_of(c, ModelKind::smooth);
   const auto n = static_cast<Index>(system.size());
-  const auto jacobian = system.jacobian(first_order, assembled, Part::all);
+  const auto jacobian = system.jacobian(first_order, assembled, TermGroup::all);
   const auto update = [&] {
     jacobian->update(0, c.x.data(), c.v.data(), {5, -1, -1});
     PetscObjectState state = 0;
@@ -173,7 +173,7 @@ TEST_CASE("the pattern is that of the lists and follows them") {
     return state;
   };
   const auto check = [&] {
-    const auto fresh = system.jacobian(first_order, assembled, Part::all);
+    const auto fresh = system.jacobian(first_order, assembled, TermGroup::all);
     fresh->update(0, c.x.data(), c.v.data(), {5, -1, -1});
     const VectorXd w = random_vector(random, 2 * n), expected = product(fresh->matrix(), w);
     CHECK((product(jacobian->matrix(), w) - expected).norm() <= 1e-14 * expected.norm());
@@ -197,14 +197,14 @@ TEST_CASE("the Jacobian follows a particle that was put elsewhere without a rebu
   Random random(6);
   Configuration<2> c = soft_rows<2>(random, 5, 5);
   auto system = system_of(c, ModelKind::sp);
-  const auto jacobian = system.jacobian(second_order, assembled, Part::all);
+  const auto jacobian = system.jacobian(second_order, assembled, TermGroup::all);
   jacobian->update(0, c.x.data(), c.v.data(), {0, 1, 1});
   const std::int64_t rebuilds = system.neighbours().rebuilds();
   point<2>(c.x.data(), 3) = point<2>(c.x.data(), 21) + pliant::Vec<2>(0.3, 0.5);
-  system.relocate(c.x.data(), 3);
+  system.relist(c.x.data(), 3);
   jacobian->update(0, c.x.data(), c.v.data(), {0, 1, 1});
   CHECK(system.neighbours().rebuilds() == rebuilds);
-  const auto free = system.jacobian(second_order, matrix_free, Part::all);
+  const auto free = system.jacobian(second_order, matrix_free, TermGroup::all);
   free->update(0, c.x.data(), c.v.data(), {0, 1, 1});
   const VectorXd w = random_vector(random, c.x.size()), expected = product(free->matrix(), w);
   CHECK((product(jacobian->matrix(), w) - expected).norm() < 1e-12 * expected.norm());
@@ -223,7 +223,7 @@ TEST_CASE("the preconditioner solves exactly for a particle that touches nothing
     const Real sigma = 2;
     for (const JacobianForm form : {first_order, second_order}) {
       const bool first = form == first_order;
-      const auto jacobian = system.jacobian(form, assembled, Part::all);
+      const auto jacobian = system.jacobian(form, assembled, TermGroup::all);
       jacobian->update(0, c.x.data(), c.v.data(),
                        first ? JacobianWeights{sigma, -1, -1} : JacobianWeights{sigma * sigma, -1, -sigma});
       if (!first) {
@@ -248,7 +248,7 @@ TEST_CASE("the preconditioner solves exactly for a particle that touches nothing
 
 TEST_CASE("the blocks behind a matrix-free Jacobian are those of the assembled one") {
   Random random(8);
-  for_all_systems(random, [&](auto& system, const VectorXd& y, Part part) {
+  for_all_systems(random, [&](auto& system, const VectorXd& y, TermGroup part) {
     const auto n = static_cast<Index>(system.size());
     const auto one = system.jacobian(first_order, assembled, part),
                other = system.jacobian(first_order, matrix_free, part);
@@ -258,7 +258,7 @@ TEST_CASE("the blocks behind a matrix-free Jacobian are those of the assembled o
     MatInfo all, blocks;
     petsc_check(MatGetInfo(one->preconditioner(), MAT_LOCAL, &all));
     petsc_check(MatGetInfo(other->preconditioner(), MAT_LOCAL, &blocks));
-    if (part == Part::shape)
+    if (part == TermGroup::shape)
       CHECK(blocks.nz_used == all.nz_used);  // nothing couples particles
     else
       CHECK(blocks.nz_used < all.nz_used);
@@ -271,13 +271,13 @@ template <int D>
 void check_ranks(Random& random, Configuration<D> c, ModelKind kind) {
   INFO(to_string(kind) << ", " << D << "D");
   Twins<D> twins(c, kind);
-  for (const bool tidy : {false, true}) {
-    if (tidy) twins.tidy();
+  for (const bool sort : {false, true}) {
+    if (sort) twins.sort();
     for (const JacobianForm form : {first_order, second_order})
       for (const JacobianKind how : {assembled, matrix_free}) {
-        const auto whole = twins.whole.jacobian(form, how, Part::all),
-                   shared = twins.shared.jacobian(form, how, Part::all);
-        CAPTURE(tidy, form == first_order, how == assembled);
+        const auto whole = twins.whole.jacobian(form, how, TermGroup::all),
+                   shared = twins.shared.jacobian(form, how, TermGroup::all);
+        CAPTURE(sort, form == first_order, how == assembled);
         const JacobianWeights weights{40, -1, form == first_order ? -1.0 : -0.5};
         whole->update(0, twins.whole_state.x().data(), twins.whole_state.v().data(), weights);
         shared->update(0, twins.state.x().data(), twins.state.v().data(), weights);

@@ -20,7 +20,7 @@ using namespace pliant::test;
 namespace {
 
 constexpr Real beyond = 0.1;  // 2 a_s
-const NeighbourDragOptions standard{.b = 1, .beyond = beyond};
+const NeighbourDragOptions standard{.b = 1, .beyond_contact = beyond};
 
 /// Droplets of radii 0.9 … 1.1 on a grid of side 2.05, displaced at random: some overlap, some are bound, some are
 /// free; on a wall that moves away along its normal and at the tip of a wedge.
@@ -132,8 +132,8 @@ constexpr const char* iterative = "-mobility_ksp_type cg -mobility_pc_type icc";
 TEST_CASE("velocities balance the forces: against a dense solve") {
   const PetscOptionScope none("");
   for (const bool walls : {false, true}) {
-    check_velocities<2>({.b = 1, .beyond = beyond, .walls = walls});
-    check_velocities<3>({.b = 2.5, .beyond = beyond, .walls = walls});
+    check_velocities<2>({.b = 1, .beyond_contact = beyond, .walls = walls});
+    check_velocities<3>({.b = 2.5, .beyond_contact = beyond, .walls = walls});
   }
 }
 
@@ -180,10 +180,10 @@ TEST_CASE("the lagged form tends to the balance, the printed mean does not") {
   MatrixXd b, load;
   std::vector<Real> v(c.x.size());
   const auto settle = [&](Coupling coupling) {
-    OverdampedSystem<2> system = system_of<2>(c, {.beyond = beyond, .coupling = coupling});
+    OverdampedSystem<2> system = system_of<2>(c, {.beyond_contact = beyond, .coupling = coupling});
     dense<2>(c, system.particles().field(), standard, 0, b, load);
     system.rate(0, c.x.data(), v.data());
-    // The first sweep knows no velocities.
+    // The first iteration knows no velocities.
     const MatrixXd first = b.diagonal().cwiseInverse().asDiagonal() * load;
     CHECK((rows_of<2>(v) - first).norm() < 1e-14);
     for (int k = 0; k < 400; ++k) system.rate(0, c.x.data(), v.data());
@@ -252,7 +252,7 @@ TEST_CASE("walls that rub take their part of the power") {
   Configuration<2> c = heap<2>(random, 12, 3);
   c.x[0] = -0.05;  // in range of the tip, whatever its radius
   c.x[1] = 0;
-  OverdampedSystem<2> system = system_of<2>(c, {.b = 1.5, .beyond = beyond, .walls = true});
+  OverdampedSystem<2> system = system_of<2>(c, {.b = 1.5, .beyond_contact = beyond, .walls = true});
   std::vector<Real> v(c.x.size());
   const Real t = 0.2;
   system.rate(t, c.x.data(), v.data());
@@ -314,7 +314,7 @@ TEST_CASE("a wall that moves drags droplets along") {
         ParticleSystem<2>(c.topology, Walls<2>(std::vector{wall}),
                           make_force_field<2>(ModelKind::bubble, {.phi_c = 0}, pliant::Vec<2>::Zero()),
                           neighbour_needs(ModelKind::bubble), 0.2),
-        std::make_unique<NeighbourDrag<2>>(NeighbourDragOptions{.beyond = beyond, .walls = walls}));
+        std::make_unique<NeighbourDrag<2>>(NeighbourDragOptions{.beyond_contact = beyond, .walls = walls}));
     std::vector<Real> v(2);
     system.rate(t, c.x.data(), v.data());
     return v;
@@ -330,9 +330,9 @@ TEST_CASE("options of the mobility that make no sense are refused") {
   const PetscOptionScope none("");
   Configuration<2> c;
   c.add_droplet(1, {0, 0});
-  CHECK_THROWS_AS(system_of<2>(c, {.b = 0, .beyond = beyond}), InputError);
-  CHECK_THROWS_AS(system_of<2>(c, {.beyond = 0}), InputError);
-  CHECK_THROWS_WITH(system_of<2>(c, {.beyond = 0.2}), Catch::Contains("lists"));
+  CHECK_THROWS_AS(system_of<2>(c, {.b = 0, .beyond_contact = beyond}), InputError);
+  CHECK_THROWS_AS(system_of<2>(c, {.beyond_contact = 0}), InputError);
+  CHECK_THROWS_WITH(system_of<2>(c, {.beyond_contact = 0.2}), Catch::Contains("lists"));
 }
 
 TEST_CASE("droplets on several ranks move as on one", "[ranks]") {
@@ -343,7 +343,7 @@ TEST_CASE("droplets on several ranks move as on one", "[ranks]") {
   for (const Coupling coupling : {Coupling::exact, Coupling::lagged}) {
     Random random(6);
     Configuration<2> c = heap<2>(random, 12, 10);
-    const NeighbourDragOptions mobility{.beyond = beyond, .walls = true, .coupling = coupling};
+    const NeighbourDragOptions mobility{.beyond_contact = beyond, .walls = true, .coupling = coupling};
     OverdampedSystem<2> whole = system_of<2>(c, mobility), shared = system_of<2>(c, mobility, ranks);
     std::vector<Index> mine;
     for (Index m = 0; m < c.topology.particles(); ++m)
@@ -357,7 +357,7 @@ TEST_CASE("droplets on several ranks move as on one", "[ranks]") {
     // Half-way, droplets go where they belong; lagged velocities go with them.
     together.run(shared, state, 3, [&](State& s) {
       if (s.step != 15) return AfterStep::proceed;
-      shared.tidy(s);
+      shared.sort(s);
       return AfterStep::reordered;
     });
     const Topology& topology = shared.particles().topology();

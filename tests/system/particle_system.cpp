@@ -78,12 +78,12 @@ void check_system(Random& random, Configuration<D> c, ModelKind kind) {
   for (int k = 0; k < 7; ++k) c.topology.deactivate(random.below(n));
   Twins<D> twins(c, kind);
   compare(twins);
-  twins.tidy();
+  twins.sort();
   compare(twins);
   const Index ghosts = twins.shared.topology().ghosts;
   CHECK((twins.ranks.sum(static_cast<std::int64_t>(ghosts)) > 0) == twins.ranks.several());
   CHECK(ghosts < n / 2);
-  CHECK(!twins.shared.crowded());
+  CHECK(!twins.shared.migration_due());
 
   // A bit, which the lists still hold, and again, which they do not.
   for (int k = 0; k < 4; ++k) {
@@ -100,7 +100,7 @@ void check_system(Random& random, Configuration<D> c, ModelKind kind) {
   shift(n / 7, centre(n - n / 5) - centre(n / 7) + 0.4 * pliant::Vec<D>::Unit(0));
   twins.load();
   compare(twins);
-  CHECK(!twins.shared.crowded());
+  CHECK(!twins.shared.migration_due());
   // Many are: every third one changes places with the one that is opposite in the order.
   for (Index m = 0; m < n / 2; m += 3) {
     const pliant::Vec<D> by = centre(n - 1 - m) - centre(m);
@@ -109,10 +109,10 @@ void check_system(Random& random, Configuration<D> c, ModelKind kind) {
   }
   twins.load();
   compare(twins);
-  CHECK(twins.shared.crowded() == twins.ranks.several());
-  twins.tidy();
+  CHECK(twins.shared.migration_due() == twins.ranks.several());
+  twins.sort();
   compare(twins);
-  CHECK(!twins.shared.crowded());
+  CHECK(!twins.shared.migration_due());
 }
 
 /// Runs both, the shared one sorted anew every `period` steps.
@@ -120,11 +120,11 @@ template <int D>
 void check_run(Configuration<D> c, ModelKind kind, Integrator& one, Integrator& many, Real t_end, int period) {
   INFO(to_string(kind) << ", " << D << "D, " << one.name());
   Twins<D> twins(c, kind);
-  twins.tidy();
+  twins.sort();
   one.run(twins.whole, twins.whole_state, t_end, true, {});
   many.run(twins.shared, twins.state, t_end, true, [&](State& s) {
     if (s.step % period != 0) return AfterStep::proceed;
-    twins.tidy(many);
+    twins.sort(many);
     return AfterStep::reordered;
   });
   CHECK(twins.state.t == twins.whole_state.t);
@@ -163,14 +163,14 @@ TEST_CASE("one rank's particle is put elsewhere", "[ranks]") {
   Random random(6);
   const auto run = [&]<int dim>(Configuration<dim> c, ModelKind kind, Real dt) {
     Twins<dim> twins(c, kind);
-    twins.tidy();
+    twins.sort();
     const auto put = [](ParticleSystem<dim>& system, State& s) {
       if (s.step % 40 != 0) return AfterStep::proceed;
       const Topology& t = system.topology();
       for (Index m = 0; m < t.owned(); ++m) {
         if (t.id[m] != static_cast<Index>(s.step / 40)) continue;
         for (Index i = t.offset[m]; i < t.offset[m + 1]; ++i) s.x()[(i + 1) * dim - 1] += 40;
-        system.relocate(s.x().data(), m);
+        system.relist(s.x().data(), m);
       }
       return AfterStep::changed;
     };
@@ -232,7 +232,7 @@ TEST_CASE("ranks without a particle take part", "[ranks]") {
     for (Real& a : c.x) a += random(-1, 1) * skin;
     twins.load();
     compare(twins);
-    twins.tidy();
+    twins.sort();
     if (twins.ranks.several()) CHECK(twins.shared.topology().owned() < c.topology.particles());
     CHECK(twins.shared.topology().owned() > 0);
     compare(twins);
@@ -247,7 +247,7 @@ TEST_CASE("fewer particles than ranks", "[ranks]") {
   one.run(twins.whole, twins.whole_state, 1, true, {});
   many.run(twins.shared, twins.state, 1, true, [&](State& s) {
     if (s.step % 10 != 0) return AfterStep::proceed;
-    twins.tidy(many);
+    twins.sort(many);
     return AfterStep::reordered;
   });
   CHECK(twins.state.step == 100);
@@ -259,7 +259,7 @@ TEST_CASE("what goes wrong on one rank stops all", "[ranks]") {
   Random random(5);
   Configuration<2> c = soft_rows<2>(random, 9, 18);
   Twins<2> twins(c, ModelKind::sp);
-  twins.tidy();
+  twins.sort();
   // The root's first particle, whichever that is.
   const Index id = twins.ranks.broadcast(twins.ranks.root() ? twins.shared.topology().id[0] : 0);
   if (twins.ranks.root()) twins.state.x()[1] = std::numeric_limits<Real>::quiet_NaN();

@@ -84,7 +84,7 @@ TEST_CASE("implicit types converge at their order") {
     Real h;
     TsOptions o = {};
   };
-  const TsOptions split{.implicit = Part::shape}, free{.jacobian = JacobianKind::matrix_free};
+  const TsOptions split{.implicit = TermGroup::shape}, free{.jacobian = JacobianKind::matrix_free};
   static const VectorXd exact = end_of("-ts_type rk -ts_rk_type 8vr", t_end / 400, {});
   for (const Method& method :
        {Method{"-ts_type beuler", 1, 2.5e-3}, Method{"-ts_type cn", 2, 0.02}, Method{"-ts_type cn", 2, 0.02, free},
@@ -126,7 +126,7 @@ TEST_CASE("a settling pile has the same energy by implicit methods as by Verlet"
   Random random(2);
   // Polygons may come to rest on another edge, and a bounce more or less changes the mean by ten per cent.
   const auto check = [&](const auto& c, ModelKind kind, Real dt, std::initializer_list<const char*> methods,
-                         Part part) {
+                         TermGroup part) {
     FixedStepVerlet verlet(5e-4);
     const Real expected = mean_energy(c, kind, verlet);
     for (const char* options : methods) {
@@ -140,14 +140,14 @@ TEST_CASE("a settling pile has the same energy by implicit methods as by Verlet"
   check(disks, ModelKind::sp, 0.01,
         {"-ts_type bdf -ts_adapt_type none", "-ts_type cn", "-ts_type alpha2", "-ts_type rosw -ts_adapt_type none",
          "-ts_type beuler -snes_mf_operator", "-ts_type arkimex -ts_adapt_type none"},
-        Part::all);
+        TermGroup::all);
   Configuration<2> polygons;
   for (const Real height : {0.7, 1.9, 3.1})
     polygons.add_polygon(regular_polygon(8, 0.45, {random(-0.1, 0.1), height}, random(0, 1)), 0.15);
   polygons = on_closed_floor(std::move(polygons), 1.3);
   check(polygons, ModelKind::rough, 0.01, {"-ts_type bdf -ts_adapt_type none", "-ts_type alpha2 -ts_alpha_radius 0.5"},
-        Part::all);
-  check(polygons, ModelKind::smooth, 5e-4, {"-ts_type arkimex -ts_adapt_type none"}, Part::shape);
+        TermGroup::all);
+  check(polygons, ModelKind::smooth, 5e-4, {"-ts_type arkimex -ts_adapt_type none"}, TermGroup::shape);
 }
 
 TEST_CASE("a solve that fails makes the step shorter, a fixed step only for once") {
@@ -205,10 +205,10 @@ TEST_CASE("implicit methods refuse what they cannot do") {
     TsIntegrator ts;
     CHECK_THROWS_AS(ts.run(system, s, 1, true, {}), InputError);
     CHECK_THROWS_WITH(ts.run(system, s, 1, true, {}), Contains("bdf") && Contains("derivatives"));
-    CHECK_THROWS_WITH(TsIntegrator({.implicit = Part::shape}), Contains("-implicit shape") && Contains("bdf"));
+    CHECK_THROWS_WITH(TsIntegrator({.implicit = TermGroup::shape}), Contains("-implicit shape") && Contains("bdf"));
   }
   const PetscOptionScope scope("-ts_type arkimex");
-  CHECK(TsIntegrator({.implicit = Part::shape}).name() == "ts:arkimex, shape implicit");
+  CHECK(TsIntegrator({.implicit = TermGroup::shape}).name() == "ts:arkimex, shape implicit");
 }
 
 TEST_CASE("implicit runs on ranks are the same runs", "[ranks]") {
@@ -219,17 +219,17 @@ TEST_CASE("implicit runs on ranks are the same runs", "[ranks]") {
     const PetscOptionScope scope(std::string(options) + " -ts_adapt_type none -snes_stol 0 -ksp_rtol 1e-10");
     Configuration<2> c = polygon_rows(random, 3, 6);
     Twins<2> twins(c, ModelKind::rough);
-    twins.tidy();
+    twins.sort();
     TsIntegrator one({.dt = 5e-3}), many({.dt = 5e-3}, PETSC_COMM_WORLD);
-    const auto observer = [](auto&& tidy) {
-      return [tidy](State& s) {
+    const auto observer = [](auto&& sort) {
+      return [sort](State& s) {
         if (s.step != 12) return AfterStep::proceed;
-        tidy(s);
+        sort(s);
         return AfterStep::reordered;
       };
     };
     one.run(twins.whole, twins.whole_state, 0.1, true, observer([](State&) {}));
-    many.run(twins.shared, twins.state, 0.1, true, observer([&](State& s) { twins.shared.tidy(s); }));
+    many.run(twins.shared, twins.state, 0.1, true, observer([&](State& s) { twins.shared.sort(s); }));
     CHECK(twins.state.step == twins.whole_state.step);
     CHECK(twins.state.step >= 20);
     CHECK(twins.difference(twins.state.x(), twins.whole_state.x()) < 1e-7);

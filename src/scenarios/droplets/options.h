@@ -23,7 +23,7 @@ struct DropletOptions : RunOptions {
   std::optional<Real> t_end;
 
   ModelParameters model_parameters() const { return {.f0 = f0, .phi_c = phi_c, .a_s = a_s}; }
-  NeighbourDragOptions drag_options() const { return {.b = b, .beyond = 2 * a_s, .coupling = mobility}; }
+  NeighbourDragOptions drag_options() const { return {.b = b, .beyond_contact = 2 * a_s, .coupling = mobility}; }
 
  protected:
   void bind_model(Options& options);     ///< the group "Model"

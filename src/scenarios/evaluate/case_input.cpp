@@ -34,15 +34,15 @@ Keys keys_of(ModelKind kind) {
 }
 
 /// One of these.
-ContactLaw contact_law(const Field& inputs, std::initializer_list<std::string_view> names) {
-  const Field law = inputs["contact_law"];
+ContactLaw contact_law(const CaseValue& inputs, std::initializer_list<std::string_view> names) {
+  const CaseValue law = inputs["contact_law"];
   const std::vector<std::string_view> laws(names);
   const std::string_view name = law.present() ? laws[law.choice(laws)] : "harmonic";
   return name == "hertz" ? ContactLaw::hertz : name == "barrier" ? ContactLaw::barrier : ContactLaw::harmonic;
 }
 
 /// A key of another model may stand there as null.
-void check_keys(const Field& inputs, std::size_t model) {
+void check_keys(const CaseValue& inputs, std::size_t model) {
   Keys all;
   for (const ModelKind kind : model_kinds)
     for (const std::string_view key : keys_of(kind))
@@ -55,8 +55,8 @@ void check_keys(const Field& inputs, std::size_t model) {
 }
 
 template <int D>
-Walls<D> read_walls(const Field& inputs) {
-  const Field hopper = inputs[D == 2 ? "hopper" : "hopper3d"], other = inputs[D == 2 ? "hopper3d" : "hopper"];
+Walls<D> read_walls(const CaseValue& inputs) {
+  const CaseValue hopper = inputs[D == 2 ? "hopper" : "hopper3d"], other = inputs[D == 2 ? "hopper3d" : "hopper"];
   if (other.present()) other.fail("is for another dimension than {}", D);
   if (!hopper.present()) return {};
   Keys keys{"W", "w"};
@@ -76,11 +76,11 @@ Walls<D> read_walls(const Field& inputs) {
 
 /// What all models with contacts share.
 template <int D>
-void read_surroundings(const Field& inputs, Configuration<D>& c) {
+void read_surroundings(const CaseValue& inputs, EvaluatedCase<D>& c) {
   c.parameters.epsilon_wall = inputs["eps_w"].number_or(c.parameters.epsilon_wall, Sign::not_negative);
   c.parameters.mu = inputs["mu"].number_or(0, Sign::not_negative);
   c.parameters.zeta = inputs["zeta"].number_or(0, Sign::not_negative);
-  if (const Field gravity = inputs["gravity"]; gravity.present()) c.gravity = gravity.vector<D>();
+  if (const CaseValue gravity = inputs["gravity"]; gravity.present()) c.gravity = gravity.vector<D>();
   c.walls = read_walls<D>(inputs);
 }
 
@@ -90,17 +90,17 @@ void append(std::vector<Real>& out, const Vec<D>& r) {
 }
 
 template <int D>
-Walls<D> read_solids(const Field& inputs) {
+Walls<D> read_solids(const CaseValue& inputs) {
   std::vector<Solid<D>> solids;
-  if (const Field walls = inputs["walls"]; walls.present())
+  if (const CaseValue walls = inputs["walls"]; walls.present())
     for (std::size_t k = 0; k < walls.size(); ++k) {
       walls[k].check_keys(std::array<std::string_view, 3>{"point", "normal", "velocity"});
-      const Field normal = walls[k]["normal"], velocity = walls[k]["velocity"];
+      const CaseValue normal = walls[k]["normal"], velocity = walls[k]["velocity"];
       if (normal.vector<D>().norm() == 0) normal.fail("has no direction");
       solids.push_back(Solid<D>::half_space(walls[k]["point"].vector<D>(), normal.vector<D>()));
       if (velocity.present()) solids.back().velocity = velocity.vector<D>();
     }
-  if (const Field wedge = inputs["wedge"]; wedge.present()) {
+  if (const CaseValue wedge = inputs["wedge"]; wedge.present()) {
     wedge.check_keys(std::array<std::string_view, 3>{"tip", "dir1", "dir2"});
     try {
       solids.push_back(Solid<D>::wedge(wedge["tip"].vector<D>(), wedge["dir1"].vector<D>(), wedge["dir2"].vector<D>()));
@@ -111,7 +111,7 @@ Walls<D> read_solids(const Field& inputs) {
   return Walls<D>(std::move(solids));
 }
 
-void check_outline(const Field& vertices, const Configuration<2>& c, Index m) {
+void check_outline(const CaseValue& vertices, const EvaluatedCase<2>& c, Index m) {
   const Real* x = c.x.data();
   const Index first = c.topology.offset[m];
   for (Index i = first; i < c.topology.offset[m + 1]; ++i)
@@ -124,19 +124,19 @@ void check_outline(const Field& vertices, const Configuration<2>& c, Index m) {
 
 }  // namespace
 
-ModelKind read_model(const Field& model, const Field& inputs) {
+ModelKind read_model(const CaseValue& model, const CaseValue& inputs) {
   const std::size_t i = model.choice(model_names);
   check_keys(inputs, i);
   return model_kinds[i];
 }
 
 template <int D>
-Configuration<D> read_soft(const Field& inputs) {
-  Configuration<D> c;
+EvaluatedCase<D> read_soft(const CaseValue& inputs) {
+  EvaluatedCase<D> c;
   c.kind = ModelKind::sp;
   c.topology.dim = D;
-  const Field positions = inputs["positions"], velocities = inputs["velocities"], sigma = inputs["sigma"],
-              mass = inputs["mass"];
+  const CaseValue positions = inputs["positions"], velocities = inputs["velocities"], sigma = inputs["sigma"],
+                  mass = inputs["mass"];
   const std::size_t n = positions.size();
   sigma.check_size(n, "particle");
   if (mass.present()) mass.check_size(n, "particle");
@@ -155,15 +155,15 @@ Configuration<D> read_soft(const Field& inputs) {
   return c;
 }
 
-template Configuration<2> read_soft<2>(const Field&);
-template Configuration<3> read_soft<3>(const Field&);
+template EvaluatedCase<2> read_soft<2>(const CaseValue&);
+template EvaluatedCase<3> read_soft<3>(const CaseValue&);
 
 template <int D>
-Configuration<D> read_droplets(const Field& inputs) {
-  Configuration<D> c;
+EvaluatedCase<D> read_droplets(const CaseValue& inputs) {
+  EvaluatedCase<D> c;
   c.kind = ModelKind::bubble;
   c.topology.dim = D;
-  const Field positions = inputs["positions"], radius = inputs["R"];
+  const CaseValue positions = inputs["positions"], radius = inputs["R"];
   const std::size_t n = positions.size();
   radius.check_size(n, "particle");
   const Real rho = inputs["rho"].number_or(1, Sign::positive);
@@ -181,25 +181,25 @@ Configuration<D> read_droplets(const Field& inputs) {
   c.gravity = -inputs["g"].number_or(0) * Vec<D>::Unit(D - 1);
   c.walls = read_solids<D>(inputs);
   c.mobility.b = inputs["b"].number_or(c.mobility.b, Sign::positive);
-  c.mobility.beyond = 2 * p.a_s;
+  c.mobility.beyond_contact = 2 * p.a_s;
   c.mobility.walls = inputs["wall_friction"].flag_or(false);
   return c;
 }
 
-template Configuration<2> read_droplets<2>(const Field&);
-template Configuration<3> read_droplets<3>(const Field&);
+template EvaluatedCase<2> read_droplets<2>(const CaseValue&);
+template EvaluatedCase<3> read_droplets<3>(const CaseValue&);
 
-Configuration<2> read_polygons(const Field& inputs, ModelKind kind) {
-  Configuration<2> c;
+EvaluatedCase<2> read_polygons(const CaseValue& inputs, ModelKind kind) {
+  EvaluatedCase<2> c;
   c.kind = kind;
   ModelParameters& p = c.parameters;
-  if (const Field dim = inputs["dim"]; dim.number_or(2) != 2) dim.fail("must be 2 for polygons");
+  if (const CaseValue dim = inputs["dim"]; dim.number_or(2) != 2) dim.fail("must be 2 for polygons");
 
-  const Field vertices = inputs["vertices"], velocities = inputs["velocities"];
-  const Field a0 = inputs["a0"], l0 = inputs["l0"], delta = inputs["delta"], mass = inputs["mass"];
+  const CaseValue vertices = inputs["vertices"], velocities = inputs["velocities"];
+  const CaseValue a0 = inputs["a0"], l0 = inputs["l0"], delta = inputs["delta"], mass = inputs["mass"];
   const std::size_t n = vertices.size();
-  for (const Field* required : {&a0, &l0}) required->check_size(n, "particle");
-  for (const Field* optional : {&delta, &mass, &velocities})
+  for (const CaseValue* required : {&a0, &l0}) required->check_size(n, "particle");
+  for (const CaseValue* optional : {&delta, &mass, &velocities})
     if (optional->present()) optional->check_size(n, "particle");
   const Real rho = inputs["rho"].number_or(1, Sign::positive);
   const Real width = kind == ModelKind::smooth ? 0.1 : 1;  // δ/l0 of [H 9, App. A]
@@ -225,7 +225,7 @@ Configuration<2> read_polygons(const Field& inputs, ModelKind kind) {
   }
   p.epsilon = inputs["eps_c"].number_or(1e4, Sign::not_negative);
   const std::array<std::string_view, 2> rubbing{"vertex", "contact"}, rule{"literal", "edge"};
-  const Field friction = inputs["friction_point"], lip = inputs["lip_contact"], rough = inputs["rough_contact"];
+  const CaseValue friction = inputs["friction_point"], lip = inputs["lip_contact"], rough = inputs["rough_contact"];
   p.law = contact_law(inputs, {"harmonic", "hertz", "barrier"});
   p.friction_point =
       friction.present() && friction.choice(rubbing) == 1 ? FrictionPoint::contact : FrictionPoint::vertex;

@@ -5,14 +5,14 @@
 
 #include <pliant/geometry/walls.h>
 #include <pliant/model/catalogue.h>
-#include <pliant/scenarios/evaluate/field.h>
+#include <pliant/scenarios/evaluate/case_value.h>
 #include <pliant/system/neighbour_drag.h>
 
 namespace pliant {
 
 /// A configuration of particles and what acts on them.
 template <int D>
-struct Configuration {
+struct EvaluatedCase {
   ModelKind kind;
   ModelParameters parameters;
   NeighbourDragOptions mobility;  ///< of droplets
@@ -24,17 +24,17 @@ struct Configuration {
 
 /// The model that the field names. The keys of `inputs` must belong to it; a key of another model may stand there as
 /// null. Errors, here and below: InputError that names the key.
-ModelKind read_model(const Field& model, const Field& inputs);
+ModelKind read_model(const CaseValue& model, const CaseValue& inputs);
 
 /// Soft particles in D dimensions.
 template <int D>
-Configuration<D> read_soft(const Field& inputs);
+EvaluatedCase<D> read_soft(const CaseValue& inputs);
 
 /// Droplets in D dimensions.
 template <int D>
-Configuration<D> read_droplets(const Field& inputs);
+EvaluatedCase<D> read_droplets(const CaseValue& inputs);
 
 /// Polygons: counter-clockwise, simple, every edge with a length.
-Configuration<2> read_polygons(const Field& inputs, ModelKind kind);
+EvaluatedCase<2> read_polygons(const CaseValue& inputs, ModelKind kind);
 
 }  // namespace pliant

@@ -49,7 +49,7 @@ void check_directions(const StateView<D>& s, bool lip_edges, const std::string& 
 }
 
 /// Distances to an outline are unsigned: inside it the force of a contact with an edge would pull further in.
-void check_crossing(const Configuration<2>& c, const std::string& file) {
+void check_crossing(const EvaluatedCase<2>& c, const std::string& file) {
   const Neighbours<2> none({}, 0);
   const auto crossing = find_crossing({c.x.data(), c.v.data(), c.topology, none, c.walls});
   if (crossing)
@@ -84,12 +84,13 @@ ordered_json per_particle(const std::vector<Real>& values) {
 
 /// Neighbours of each droplet, and the velocities for these forces.
 template <int D>
-void add_motion(const Configuration<D>& c, const StateView<D>& s, const std::vector<Real>& force,
+void add_motion(const EvaluatedCase<D>& c, const StateView<D>& s, const std::vector<Real>& force,
                 ordered_json& result) {
   std::vector<std::vector<Index>> near(c.topology.particles());
   for (Index e = 0; e < s.neighbours.point_pairs.size(); ++e) {
     const auto [i, j] = s.neighbours.point_pairs[e];
-    if ((s.position(i) - s.position(j)).norm() >= s.neighbours.point_pairs.reach[e] + c.mobility.beyond) continue;
+    if ((s.position(i) - s.position(j)).norm() >= s.neighbours.point_pairs.reach[e] + c.mobility.beyond_contact)
+      continue;
     near[i].push_back(j);
     near[j].push_back(i);
   }
@@ -110,7 +111,7 @@ void check_finite(const std::vector<Real>& values, std::string_view term, const 
 }
 
 template <int D>
-ordered_json results(const Configuration<D>& c, const std::string& file) {
+ordered_json results(const EvaluatedCase<D>& c, const std::string& file) {
   Neighbours<D> neighbours(neighbour_needs(c.kind, c.parameters), 0);
   neighbours.rebuild(c.topology, c.walls, c.x.data());
   const StateView<D> s{c.x.data(), c.v.data(), c.topology, neighbours, c.walls};
@@ -203,9 +204,9 @@ json read_case(const std::string& file) {
 }
 
 ordered_json evaluate(const json& document, const std::string& file) {
-  const Field root(document, file);
+  const CaseValue root(document, file);
   root.check_keys(std::array<std::string_view, 5>{"name", "model", "note", "inputs", "expected"});
-  const Field inputs = root["inputs"];
+  const CaseValue inputs = root["inputs"];
   const ModelKind kind = read_model(root["model"], inputs);
   if (kind == ModelKind::sp) {
     const Real dim = inputs["dim"].number();
@@ -219,7 +220,7 @@ ordered_json evaluate(const json& document, const std::string& file) {
     if (dim == 3) return results(read_droplets<3>(inputs), file);
     inputs["dim"].fail("is {}, but must be 2 or 3", dim);
   }
-  const Configuration<2> c = read_polygons(inputs, kind);
+  const EvaluatedCase<2> c = read_polygons(inputs, kind);
   if (kind == ModelKind::smooth || (kind == ModelKind::rough && c.parameters.rough_edges)) check_crossing(c, file);
   return results(c, file);
 }

@@ -212,10 +212,11 @@ class HopperProtocol final : public Protocol<D> {
 
   /// Crossings of all ranks since the last call become events.
   void record_events() override {
-    std::vector<Crossing> all = ranks().all_gather(std::exchange(crossings_, {}));
-    std::sort(all.begin(), all.end(),
-              [](const Crossing& a, const Crossing& b) { return std::pair(a.at.t, a.id) < std::pair(b.at.t, b.id); });
-    for (const Crossing& c : all)
+    std::vector<OrificeCrossing> all = ranks().all_gather(std::exchange(crossings_, {}));
+    std::sort(all.begin(), all.end(), [](const OrificeCrossing& a, const OrificeCrossing& b) {
+      return std::pair(a.at.t, a.id) < std::pair(b.at.t, b.id);
+    });
+    for (const OrificeCrossing& c : all)
       run().add_event(
           {{"time", c.at.t}, {"particle", static_cast<Real>(c.id)}, {"position", c.at.x}, {"velocity", c.at.v}});
   }
@@ -341,13 +342,13 @@ class HopperProtocol final : public Protocol<D> {
         if (own.active[m] && height(m) < particles().neighbours().skin()) watched_.push_back(m);
     }
     std::vector<Leaving> leaving;
-    std::optional<Crossing> astray;
+    std::optional<OrificeCrossing> astray;
     for (const Index m : watched_) {
       const Sighting<D> now = sight(m);
       const Real h = now.x[D - 1];
       const bool below = h < 0;
       if (below != (seen_[m].x[D - 1] < 0)) {
-        const Crossing crossing{own.id[m], below ? on_the_line(seen_[m], now) : now};
+        const OrificeCrossing crossing{own.id[m], below ? on_the_line(seen_[m], now) : now};
         if (!passage().through_orifice(m, crossing.at.x)) {
           astray = crossing;
         } else if (below && !counted_[m]) {
@@ -376,7 +377,7 @@ class HopperProtocol final : public Protocol<D> {
         reinsert<D>(ranks(), own, p_.hopper, particles().walls(), p_.model == ModelKind::smooth,
                     static_cast<std::uint64_t>(p_.seed), l, s);
         if (!mine) continue;
-        this->simulation().relocate(l.particle);
+        this->simulation().relist(l.particle);
         seen_[l.particle] = sight(l.particle);
         counted_[l.particle] = 0;
         ++reinserted_[l.particle];
@@ -515,11 +516,11 @@ class HopperProtocol final : public Protocol<D> {
   std::vector<std::uint8_t> counted_;  ///< per own particle: has crossed since it was last put back
   std::vector<Index> reinserted_;      ///< times put back
   std::vector<Sighting<D>> seen_;      ///< last sight of each; kept up to date for those that are watched
-  struct Crossing {
+  struct OrificeCrossing {
     Index id;
     Sighting<D> at;
   };
-  std::vector<Crossing> crossings_;  ///< not recorded yet
+  std::vector<OrificeCrossing> crossings_;  ///< not recorded yet
   std::int64_t packing_iterations_ = 0;
 
   Real largest_ = 0, mean_size_ = 0;     ///< diameter; a0

@@ -135,7 +135,7 @@ void HopperOptions::bind(Options& o) {
   o.bind("integrator", integrator, {{"verlet", IntegratorKind::verlet}, {"ts", IntegratorKind::ts}},
          {.help = "plain velocity Verlet with a fixed step, or PETSc TS (-ts_type, -ts_rtol, -ts_monitor, ...)",
           .on_restart = fixed});
-  o.bind("implicit", implicit, {{"all", Part::all}, {"shape", Part::shape}},
+  o.bind("implicit", implicit, {{"all", TermGroup::all}, {"shape", TermGroup::shape}},
          {.help = "what an implicit -ts_type solves for: all forces, or the shape energy alone and the rest explicitly "
                   "(-ts_type arkimex)",
           .on_restart = fixed});
@@ -189,7 +189,7 @@ void HopperOptions::resolve() {
   if (shape.shape_parameter > 0 && shape.shape_parameter < regular_shape_parameter(shape.vertices))
     throw InputError("-shape_parameter {}: no polygon of {} vertices has less than {:.6g}, the regular one's",
                      shape.shape_parameter, shape.vertices, regular_shape_parameter(shape.vertices));
-  if (integrator == IntegratorKind::verlet && implicit != Part::all)
+  if (integrator == IntegratorKind::verlet && implicit != TermGroup::all)
     throw InputError("-implicit shape with -integrator verlet, which is explicit; use -integrator ts -ts_type arkimex");
   if (dynamics == Dynamics::overdamped) {
     if (integrator != IntegratorKind::ts)

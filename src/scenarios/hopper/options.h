@@ -42,7 +42,7 @@ struct HopperOptions : RunOptions {
 
   Dynamics dynamics = Dynamics::inertial;
   IntegratorKind integrator = IntegratorKind::verlet;
-  Part implicit = Part::all;
+  TermGroup implicit = TermGroup::all;
   JacobianKind jacobian = JacobianKind::assembled;
   std::optional<Real> dt, skin;
   std::optional<Real> t_end;

@@ -11,11 +11,11 @@ namespace pliant {
 
 /// Up to five arrays of coordinates that will be gone through once a kernel is done with a chunk. A large system does
 /// not fit into the caches; what is asked for in a loop that computes arrives while it does.
-class Ahead {
+class Prefetch {
  public:
-  Ahead() = default;
+  Prefetch() = default;
   template <class... Arrays>
-  explicit Ahead(const Arrays*... arrays) : arrays_{{arrays...}}, count_(sizeof...(arrays)) {}
+  explicit Prefetch(const Arrays*... arrays) : arrays_{{arrays...}}, count_(sizeof...(arrays)) {}
 
   void add(const Real* array) { arrays_[count_++] = array; }
 

@@ -20,18 +20,18 @@ enum class Sign { any, not_negative, positive };
 /// View of a JSON value with its path ("case.json: inputs.hopper.w"); the value must outlive it. A key that is null or
 /// missing gives an absent field: asking it for a value is an InputError, asking it for one with a fallback gives the
 /// fallback. All errors are InputErrors.
-class Field {
+class CaseValue {
  public:
   /// The whole of the document that is called `file` in messages.
-  Field(const nlohmann::json& document, std::string file) : value_(&document), path_(std::move(file)) {}
+  CaseValue(const nlohmann::json& document, std::string file) : value_(&document), path_(std::move(file)) {}
 
   bool present() const { return value_ != nullptr && !value_->is_null(); }
   const std::string& path() const { return path_; }
 
   /// Child of an object.
-  Field operator[](std::string_view key) const;
+  CaseValue operator[](std::string_view key) const;
   /// Element of an array.
-  Field operator[](std::size_t i) const;
+  CaseValue operator[](std::size_t i) const;
   /// Keys of an object.
   std::vector<std::string> keys() const;
   /// Errors: a key that is not in `known`, with the nearest one that is.
@@ -63,7 +63,7 @@ class Field {
   }
 
  private:
-  Field(const nlohmann::json* value, std::string path, bool root)
+  CaseValue(const nlohmann::json* value, std::string path, bool root)
       : value_(value), path_(std::move(path)), root_(root) {}
 
   const nlohmann::json& require(nlohmann::json::value_t type, std::string_view what) const;

@@ -1,5 +1,5 @@
 #include <pliant/base/nearest.h>
-#include <pliant/scenarios/evaluate/field.h>
+#include <pliant/scenarios/evaluate/case_value.h>
 
 #include <algorithm>
 #include <cmath>
@@ -8,39 +8,40 @@ namespace pliant {
 
 using nlohmann::json;
 
-void Field::check_present() const {
+void CaseValue::check_present() const {
   if (!present()) fail("is missing");
 }
 
-std::string Field::shown() const {
+std::string CaseValue::shown() const {
   constexpr std::size_t longest = 40;
   const std::string text = value_->dump(-1, ' ', true, json::error_handler_t::replace);
   return text.size() > longest ? text.substr(0, longest) + "…" : text;
 }
 
-const json& Field::require(json::value_t type, std::string_view what) const {
+const json& CaseValue::require(json::value_t type, std::string_view what) const {
   check_present();
   if (value_->type() != type) fail("is {}, but must be {}", shown(), what);
   return *value_;
 }
 
-Field Field::operator[](std::string_view key) const {
+CaseValue CaseValue::operator[](std::string_view key) const {
   const json& object = require(json::value_t::object, "an object");
   const auto child = object.find(key);
-  return Field(child == object.end() ? nullptr : &*child, fmt::format("{}{}{}", path_, root_ ? ": " : ".", key), false);
+  return CaseValue(child == object.end() ? nullptr : &*child, fmt::format("{}{}{}", path_, root_ ? ": " : ".", key),
+                   false);
 }
 
-Field Field::operator[](std::size_t i) const {
-  return Field(&require(json::value_t::array, "an array").at(i), fmt::format("{}[{}]", path_, i), false);
+CaseValue CaseValue::operator[](std::size_t i) const {
+  return CaseValue(&require(json::value_t::array, "an array").at(i), fmt::format("{}[{}]", path_, i), false);
 }
 
-std::vector<std::string> Field::keys() const {
+std::vector<std::string> CaseValue::keys() const {
   std::vector<std::string> names;
   for (const auto& item : require(json::value_t::object, "an object").items()) names.push_back(item.key());
   return names;
 }
 
-void Field::check_keys(std::span<const std::string_view> known) const {
+void CaseValue::check_keys(std::span<const std::string_view> known) const {
   const std::vector<std::string> candidates(known.begin(), known.end());
   for (const std::string& key : keys()) {
     if (std::find(known.begin(), known.end(), key) != known.end()) continue;
@@ -50,18 +51,18 @@ void Field::check_keys(std::span<const std::string_view> known) const {
   }
 }
 
-std::size_t Field::size() const {
+std::size_t CaseValue::size() const {
   const std::size_t count = require(json::value_t::array, "an array").size();
   if (count == 0) fail("is empty");
   return count;
 }
 
-void Field::check_size(std::size_t count, std::string_view what) const {
+void CaseValue::check_size(std::size_t count, std::string_view what) const {
   if (const std::size_t length = require(json::value_t::array, "an array").size(); length != count)
     fail("has {} entries, but must have {}, one per {}", length, count, what);
 }
 
-Real Field::number(Sign sign) const {
+Real CaseValue::number(Sign sign) const {
   constexpr Real largest = 1e100, smallest = 1 / largest;
   check_present();
   if (!value_->is_number()) fail("is {}, but must be a number", shown());
@@ -73,15 +74,15 @@ Real Field::number(Sign sign) const {
   return value;
 }
 
-bool Field::flag_or(bool fallback) const {
+bool CaseValue::flag_or(bool fallback) const {
   return present() ? require(json::value_t::boolean, "true or false").get<bool>() : fallback;
 }
 
-const std::string& Field::text() const {
+const std::string& CaseValue::text() const {
   return require(json::value_t::string, "a text").get_ref<const std::string&>();
 }
 
-std::size_t Field::choice(std::span<const std::string_view> choices) const {
+std::size_t CaseValue::choice(std::span<const std::string_view> choices) const {
   const auto found = std::find(choices.begin(), choices.end(), text());
   if (found == choices.end()) fail("is {}, but this version has {}", shown(), fmt::join(choices, ", "));
   return static_cast<std::size_t>(found - choices.begin());
