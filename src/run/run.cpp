@@ -18,7 +18,8 @@ namespace pliant {
 namespace {
 
 /// dt/dt_critical from which on docs/steps.md finds that flows heat.
-constexpr Real max_safe_ratio = 0.5 * (1 + 1e-9);
+constexpr Real max_safe_ratio = 0.5;
+bool heats(Real ratio) { return ratio > max_safe_ratio * (1 + 1e-9); }
 
 constexpr Real smallest = std::numeric_limits<Real>::min();
 
@@ -130,11 +131,11 @@ void Run<D>::check_step() const {
         "-dt {:g} is {:.3g} times the limit of stability, {:.3g} t0: the step would make energy; shorten it, leave it "
         "out, or see what happens with -allow_unstable_dt",
         dt, ratio, critical);
-  if (ratio > max_safe_ratio && ranks_.root())
+  if (heats(ratio) && ranks_.root())
     warn(
         "-dt {:g} is {:.2f} of the limit of stability, {:.3g} t0: above {:g} contacts that open and close heat; "
         "compare with half the step",
-        dt, ratio, critical, 0.5);
+        dt, ratio, critical, max_safe_ratio);
 }
 
 template <int D>
@@ -477,7 +478,7 @@ ExitCode Run<D>::finish() {
 template <int D>
 std::string Run<D>::advice() const {
   const Real dt = integrator().next_dt(), ratio = dt / protocol_->critical_step();
-  if (!integrator().explicit_fixed_step() || !(ratio > max_safe_ratio)) return {};
+  if (!integrator().explicit_fixed_step() || !heats(ratio)) return {};
   return fmt::format("-dt {:g} is {} the limit of stability: shorten it first; ", dt,
                      ratio > 1 ? fmt::format("{:.3g} times", ratio) : fmt::format("{:.2f} of", ratio));
 }

@@ -23,6 +23,7 @@ void Simulation<D>::place(std::span<const Real> x) {
 template <int D>
 void Simulation<D>::take(std::span<const Index> ids) {
   particles().take(all_.select(ids));
+  ++arrangement_;
 }
 
 template <int D>
@@ -69,6 +70,7 @@ bool Simulation<D>::wants_sorting() const {
 
 template <int D>
 Migration Simulation<D>::sort() {
+  ++arrangement_;
   Migration migration = overdamped() ? overdamped()->sort(state_) : particles().sort(state_);
   if (!fresh_ && integrator_->carries()) {
     std::vector<Real> carried(integrator_->carried().begin(), integrator_->carried().end());

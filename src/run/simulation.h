@@ -1,6 +1,7 @@
 // Particles in motion: equations, state and integrator.
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <span>
 #include <utility>
@@ -61,6 +62,8 @@ class Simulation {
   /// Sorts particles in space, on the ranks where they belong. The caller applies what is returned to whatever it keeps
   /// per particle. Collective.
   Migration sort();
+  /// Another number whenever the rank has other particles, or has them in another order.
+  std::int64_t arrangement() const { return arrangement_; }
   /// Own particle m was put somewhere else in the state; as ParticleSystem.
   void relist(Index m) { particles().relist(state_.x().data(), m); }
 
@@ -89,6 +92,7 @@ class Simulation {
   std::unique_ptr<Integrator> integrator_;
   State state_;
   std::int64_t velocities_of_ = -1;  ///< the step for which they were found
+  std::int64_t arrangement_ = 0;
   bool fresh_ = true;                ///< nothing that the integrator carries belongs to the state
 };
 

@@ -7,13 +7,16 @@ namespace pliant {
 
 /// [own points · D] of the ranks to [points · D] of all, on every rank.
 template <int D>
-void Whole<D>::gather(std::span<const Real> own, std::span<Real> all) const {
+void Whole<D>::gather(std::span<const Real> own, std::span<Real> all) {
   const Ranks& ranks = simulation_.ranks();
   const Topology &part = simulation_.topology(), &whole = copy_->topology();
-  const std::vector<Index> ids = ranks.all_gather(std::vector<Index>(part.id.begin(), part.id.begin() + part.owned()));
+  if (arrangement_ != simulation_.arrangement()) {
+    ids_ = ranks.all_gather(std::vector<Index>(part.id.begin(), part.id.begin() + part.owned()));
+    arrangement_ = simulation_.arrangement();
+  }
   const std::vector<Real> values = ranks.all_gather(std::vector<Real>(own.begin(), own.end()));
   auto from = values.begin();
-  for (const Index id : ids) {
+  for (const Index id : ids_) {
     const auto count = static_cast<std::ptrdiff_t>(whole.points_of(id)) * D;
     std::copy_n(from, count, all.begin() + static_cast<std::ptrdiff_t>(whole.offset[id]) * D);
     from += count;

@@ -1,6 +1,7 @@
 // All particles on every rank, for protocols that look at all of them after every step.
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <span>
 #include <utility>
@@ -40,11 +41,13 @@ class Whole {
   void deactivate(Index m);
 
  private:
-  void gather(std::span<const Real> own, std::span<Real> all) const;
+  void gather(std::span<const Real> own, std::span<Real> all);
 
   Simulation<D>& simulation_;
   std::optional<ParticleSystem<D>> copy_;
   State copy_state_;
+  std::vector<Index> ids_;         ///< of all ranks, in the order of their particles
+  std::int64_t arrangement_ = -1;  ///< of the simulation, to which they belong
 };
 
 extern template class Whole<2>;
