@@ -93,7 +93,7 @@ class Simulation {
   State state_;
   std::int64_t velocities_of_ = -1;  ///< the step for which they were found
   std::int64_t arrangement_ = 0;
-  bool fresh_ = true;                ///< nothing that the integrator carries belongs to the state
+  bool fresh_ = true;  ///< nothing that the integrator carries belongs to the state
 };
 
 extern template class Simulation<2>;
