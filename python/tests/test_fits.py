@@ -25,13 +25,13 @@ def test_exact_data(law):
     assert fixed.beta == law[2] and fixed.beta_error == 0 and 0 < fixed.k_error < fit.k_error
 
 
-def _pulls(law, w, beta, trials=200):
+def _pulls(law, w, beta, trials=100):
     rng = np.random.default_rng(7)
     Q = beverloo(w, *law)
     error = 0.02 * Q
     pulls = []
     for seed in range(trials):
-        fit = fit_beverloo(w, rng.normal(Q, error), error, beta=beta, resamples=60, seed=seed)
+        fit = fit_beverloo(w, rng.normal(Q, error), error, beta=beta, resamples=50, seed=seed)
         pulls.append([(fit.C - law[0]) / fit.C_error, (fit.k - law[1]) / fit.k_error,
                       (fit.beta - law[2]) / (fit.beta_error or np.nan)])
     return np.array(pulls)

@@ -2,7 +2,6 @@
 
 import json
 import os
-import shutil
 import signal
 import subprocess
 import time
@@ -13,7 +12,7 @@ import pytest
 from conftest import (HANGS, PROGRAM, SMALL, WITHOUT_MPIEXEC, Results, arguments, assert_same_runs, hopper, pliant,
                       wait_for)
 
-needs_mpi = pytest.mark.skipif(shutil.which("mpiexec") is None, reason="no mpiexec")
+needs_mpi = pytest.mark.ranks
 CASES = Path(__file__).parent.parent / "data/evaluate"
 POLYGONS = {"n": 20, "hopper_wall_distance": 6, "hopper_width": 2.5, "frame_interval": 0.05, "sample_interval": 0.02}
 # Short enough that rounding has not grown to anything.

@@ -20,7 +20,7 @@ PACKING = {**SMALL, "n": 20000, "hopper_wall_distance": 100, "t_end": 1e6}
 def running(child, folder):
     """Waits until the run is on its way."""
     wait_for((folder / "run.xdmf").exists, child)
-    time.sleep(0.2)
+    time.sleep(0.05)
 
 
 def finished(child):
@@ -138,7 +138,7 @@ def test_a_closed_terminal(tmp_path):
     if pid == 0:
         os.execv(PROGRAM, [PROGRAM, "hopper", "-output", str(tmp_path / "run"), *arguments(LONG)])
     wait_for((tmp_path / "run/run.xdmf").exists)
-    time.sleep(1)
+    time.sleep(0.1)
     os.close(terminal)
     ended = [0, 0]
 
@@ -179,9 +179,10 @@ def test_mpiexec_that_is_told_to_end(tmp_path, monkeypatch):
     """Open MPI's own exit code is 1, whatever the ranks return; it sends them SIGTERM and some time later SIGKILL. It waits
     for as long in any case, so that the three wait together."""
     environment = mpi_environment() | {"OMPI_MCA_odls_base_sigkill_timeout": "5"}
-    monkeypatch.setattr(test_parallel, "mpi_environment", lambda: environment)
     names = ("TERM", "HUP", "INT")
-    children = [start_ranks(2, "hopper", output=tmp_path / name, **LONG) for name in names]
+    with monkeypatch.context() as patient:
+        patient.setattr(test_parallel, "mpi_environment", lambda: environment)
+        children = [start_ranks(2, "hopper", output=tmp_path / name, **LONG) for name in names]
     for name, child in zip(names, children):
         running(child, tmp_path / name)
     for name, child in zip(names, children):
