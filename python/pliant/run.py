@@ -98,6 +98,13 @@ class Frame:
     def __repr__(self):
         return f"<Frame {self.name} at t = {self.time:g} t0>"
 
+    def attribute(self, name, needed_by="every frame"):
+        """The value of an attribute that only some scenarios write; RunError, with `needed_by`, where it is missing."""
+        if name not in self._group.attrs:
+            raise RunError(f"{self._run.path}: frame {self.name} has no attribute '{name}' (it is written for "
+                           f"{needed_by})")
+        return _plain(self._group.attrs[name])
+
     def _read(self, name, needed_by="every frame"):
         if name not in self._group:
             raise RunError(f"{self._run.path}: frame {self.name} has no '{name}' (it is written for {needed_by})")
@@ -122,6 +129,11 @@ class Frame:
     def active(self):
         """[N] bool; False once a particle has left the run."""
         return self._read("active").astype(bool)
+
+    @cached_property
+    def angles(self):
+        """[N] angles in radians, of particles that spin; None where the frame has none."""
+        return self._read("angles") if "angles" in self._group else None
 
     @cached_property
     def contact_count(self):
