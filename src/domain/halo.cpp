@@ -2,57 +2,105 @@
 
 #include <petscsf.h>
 
+#include <algorithm>
+#include <cmath>
 #include <limits>
+#include <map>
 
 #include <pliant/base/petsc.h>
 
 namespace pliant {
 namespace {
 
+constexpr Real far = std::numeric_limits<Real>::max();
+
+/// The smallest upright box around some points.
 template <int D>
-struct Box {
-  Vec<D> low = Vec<D>::Constant(std::numeric_limits<Real>::max()), high = -low;
+struct Bounds {
+  Vec<D> low = Vec<D>::Constant(far), high = -low;
 
   void add(const Vec<D>& r) {
     low = low.cwiseMin(r);
     high = high.cwiseMax(r);
   }
-  void add(const Box& other) {
+  void add(const Bounds& other) {
     low = low.cwiseMin(other.low);
     high = high.cwiseMax(other.high);
   }
-  bool meets(const Box& other, Real distance) const {
+  bool meets(const Bounds& other, Real distance) const {
     return ((low - other.high).array() <= distance).all() && ((other.low - high).array() <= distance).all();
+  }
+  Bounds shifted(const Vec<D>& by) const {
+    Bounds b = *this;
+    b.low += by;
+    b.high += by;
+    return b;
   }
 };
 
-/// Box of a rank's particles at home, or of one that has left home. Plain data, to be sent.
+/// Bounds of a rank's particles at home, of those that are there but for some box lengths, or of one that has left
+/// home. Plain data, to be sent.
 template <int D>
 struct Territory {
   std::array<Real, D> low, high;
   int rank;
+
+  Territory() = default;
+  Territory(const Bounds<D>& bounds, int of_rank) : rank(of_rank) {
+    std::copy_n(bounds.low.data(), D, low.begin());
+    std::copy_n(bounds.high.data(), D, high.begin());
+  }
+  Bounds<D> bounds() const {
+    Bounds<D> b;
+    std::copy_n(low.begin(), D, b.low.data());
+    std::copy_n(high.begin(), D, b.high.data());
+    return b;
+  }
 };
 
-/// What another rank must know of a particle beside its positions.
+/// What the receiver must know of a particle beside its positions.
 struct Ghost {
   Index id, points, first_point;
   Real diameter, sigma, a0, l0;
+  Image image;
 };
 
-template <int D>
-Box<D> box_of(const Topology& topology, const Real* x, Index m) {
-  Box<D> box;
-  for (Index i = topology.offset[m]; i < topology.offset[m + 1]; ++i) box.add(point<D>(x, i));
-  return box;
+/// −1, 0 or 1, the opposite for the opposite image.
+int side_of(const Image& n) {
+  const int below = n < Image{} ? 1 : 0, above = Image{} < n ? 1 : 0;
+  return above - below;
 }
 
 template <int D>
-Territory<D> territory(const Box<D>& box, int rank) {
-  Territory<D> t;
-  std::copy_n(box.low.data(), D, t.low.begin());
-  std::copy_n(box.high.data(), D, t.high.begin());
-  t.rank = rank;
-  return t;
+Bounds<D> bounds_of(const Topology& topology, const Real* x, Index m) {
+  Bounds<D> bounds;
+  for (Index i = topology.offset[m]; i < topology.offset[m + 1]; ++i) bounds.add(point<D>(x, i));
+  return bounds;
+}
+
+/// The images n of what lies within `bounds` that come within reach of `others`: first … last in each direction.
+/// Returns whether there are any. Errors: NumericalError where there are very many.
+template <int D>
+bool find_images(const Box<D>& box, const Bounds<D>& bounds, const Bounds<D>& others, Real reach, Image& first,
+                 Image& last) {
+  constexpr Real most = 1000;
+  first = last = {};
+  for (int k = 0; k < D; ++k) {
+    const Real below = others.low[k] - bounds.high[k], above = bounds.low[k] - others.high[k];
+    if (!box.periodic(k)) {
+      if (!(below <= reach && above <= reach)) return false;
+      continue;
+    }
+    const Real from = std::ceil((below - reach) / box.length()[k]), to = std::floor((reach - above) / box.length()[k]);
+    if (!(from <= to)) return false;
+    if (!(to - from < most))
+      throw NumericalError(
+          "what lies between {} and {} has more than {} images in reach; is the box of length {} right?", bounds.low[k],
+          bounds.high[k], most, box.length()[k]);
+    first[k] = static_cast<std::int64_t>(from);
+    last[k] = static_cast<std::int64_t>(to);
+  }
+  return true;
 }
 
 }  // namespace
@@ -70,7 +118,7 @@ struct Halo<D>::Exchange {
 };
 
 template <int D>
-Halo<D>::Halo(Ranks ranks) : ranks_(ranks) {}
+Halo<D>::Halo(Ranks ranks, const Box<D>& box) : ranks_(ranks), box_(box) {}
 
 template <int D>
 Halo<D>::~Halo() = default;
@@ -81,13 +129,21 @@ Halo<D>& Halo<D>::operator=(Halo&&) noexcept = default;
 
 template <int D>
 void Halo<D>::set_home(const Topology& topology, const Real* x) {
-  Box<D> box;
-  for (Index i = 0; i < topology.owned_points(); ++i) box.add(point<D>(x, i));
+  Bounds<D> home;
+  if (ranks_.several() || box_.open()) {
+    for (Index i = 0; i < topology.owned_points(); ++i) home.add(point<D>(x, i));
+  } else {
+    // The same whenever lists are built from the same positions, which a restart relies on.
+    for (int k = 0; k < D; ++k) {
+      home.low[k] = box_.periodic(k) ? box_.origin()[k] : -far;
+      home.high[k] = box_.periodic(k) ? box_.origin()[k] + box_.length()[k] : far;
+    }
+  }
   // A little more: who sits at the border has not left home by its first move.
   Real margin = 0;
   for (const Real d : topology.diameter) margin = std::max(margin, d);
-  low_ = box.low.array() - margin;
-  high_ = box.high.array() + margin;
+  low_ = home.low.array() - margin;
+  high_ = home.high.array() + margin;
 }
 
 template <int D>
@@ -99,56 +155,84 @@ void Halo<D>::build(Topology& topology, const Real* x, Real margin) {
   widest = ranks_.max(widest);
 
   // Who is where.
-  Box<D> home;
+  Bounds<D> home;
   home.low = low_;
   home.high = high_;
-  std::vector<Box<D>> boxes(n);
-  Box<D> at_home;
+  std::vector<Bounds<D>> bounds(n);
+  Bounds<D> at_home;
+  std::map<Image, Bounds<D>> across;  // at home but for these box lengths
   std::vector<Territory<D>> mine;
-  strays_ = 0;
+  bool any_at_home = false;
   for (Index m = 0; m < n; ++m) {
-    boxes[m] = box_of<D>(topology, x, m);
-    if (home.meets(boxes[m], 0)) {
-      at_home.add(boxes[m]);
+    const Bounds<D>& b = bounds[m] = bounds_of<D>(topology, x, m);
+    if (home.meets(b, 0)) {
+      at_home.add(b);
+      any_at_home = true;
+    } else if (const Image image = box_.image_of((b.low + b.high) / 2);
+               image != Image{} && home.meets(b.shifted(-box_.shift(image)), 0)) {
+      across[image].add(b);
     } else {
-      mine.push_back(territory<D>(boxes[m], ranks_.rank()));
-      ++strays_;
+      mine.emplace_back(b, ranks_.rank());
     }
   }
-  if (strays_ < n) mine.push_back(territory<D>(at_home, ranks_.rank()));
+  for (const auto& [image, b] : across) mine.emplace_back(b, ranks_.rank());
+  strays_ = static_cast<Index>(mine.size());
+  if (any_at_home) mine.emplace_back(at_home, ranks_.rank());
   const std::vector<Territory<D>> all = ranks_.all_gather(mine);
 
   // Who needs which of mine.
   std::vector<std::vector<Ghost>> parts(ranks_.size());
-  for (Index m = 0; m < n; ++m) {
-    if (topology.active[m] == 0) continue;
-    const Index first = topology.offset[m];
-    const Real reach = (topology.diameter[first] + widest) / 2 + margin;
-    int last_rank = -1;  // the territories of a rank follow each other
-    for (const Territory<D>& t : all) {
-      if (t.rank == ranks_.rank() || t.rank == last_rank) continue;
-      Box<D> box;
-      std::copy_n(t.low.begin(), D, box.low.data());
-      std::copy_n(t.high.begin(), D, box.high.data());
-      if (!box.meets(boxes[m], reach)) continue;
-      last_rank = t.rank;
-      parts[t.rank].push_back({topology.id[m], topology.points_of(m), first, topology.diameter[first],
-                               topology.sigma[m], topology.a0[m], topology.l0[m]});
+  const auto find = [&] {
+    std::vector<Image> found;  // for a rank, whose territories follow each other
+    for (Index m = 0; m < n; ++m) {
+      if (topology.active[m] == 0) continue;
+      const Index begin = topology.offset[m];
+      const Real reach = (topology.diameter[begin] + widest) / 2 + margin;
+      int last_rank = -1;
+      for (const Territory<D>& t : all) {
+        if (t.rank != last_rank) found.clear();
+        last_rank = t.rank;
+        if (box_.open() && (t.rank == ranks_.rank() || !found.empty())) continue;
+        Image first, last;
+        if (!find_images(box_, bounds[m], t.bounds(), reach, first, last)) continue;
+        Image image;
+        for (image[0] = first[0]; image[0] <= last[0]; ++image[0])
+          for (image[1] = first[1]; image[1] <= last[1]; ++image[1])
+            for (image[2] = first[2]; image[2] <= last[2]; ++image[2]) {
+              if (t.rank == ranks_.rank() && image == Image{}) continue;
+              if (std::find(found.begin(), found.end(), image) != found.end()) continue;
+              found.push_back(image);
+              parts[t.rank].push_back({topology.id[m], topology.points_of(m), begin, topology.diameter[begin],
+                                       topology.sigma[m], topology.a0[m], topology.l0[m], image});
+            }
+      }
     }
-  }
+  };
+  if (box_.open())
+    find();
+  else
+    ranks_.together(find);
   std::vector<int> received;
   const std::vector<Ghost> ghosts = ranks_.exchange(parts, &received);
 
   own_ = static_cast<std::size_t>(topology.points());
+  copies_.clear();
+  shifted_.clear();
   std::vector<PetscSFNode> roots;
   std::size_t next = 0;
   for (int r = 0; r < ranks_.size(); ++r)
     for (int k = 0; k < received[r]; ++k) {
       const Ghost& g = ghosts[next++];
-      topology.add_ghost(g.id, g.points, g.diameter, g.sigma, g.a0, g.l0);
-      for (Index i = 0; i < g.points; ++i) roots.push_back({r, g.first_point + i});
+      const auto first = static_cast<std::size_t>(topology.points()), count = static_cast<std::size_t>(g.points);
+      topology.add_ghost(g.id, g.points, g.diameter, g.sigma, g.a0, g.l0, side_of(g.image));
+      if (ranks_.several())
+        for (Index i = 0; i < g.points; ++i) roots.push_back({r, g.first_point + i});
+      else
+        copies_.push_back({static_cast<std::size_t>(g.first_point), first, count});
+      if (g.image != Image{}) shifted_.push_back({first, first + count, box_.shift(g.image)});
     }
   all_ = static_cast<std::size_t>(topology.points());
+  if (!ranks_.several()) return;
 
   if (!exchange_) exchange_ = std::make_unique<Exchange>();
   petsc_check(PetscSFCreate(ranks_.comm(), exchange_->sf.out()));
@@ -165,22 +249,40 @@ void Halo<D>::update(const Real* own, std::vector<Real>& local) const {
 }
 
 template <int D>
-void Halo<D>::update(std::vector<Real>& local, std::vector<Real>& other) const {
-  begin(local);
-  begin(other);
-  end(local);
-  end(other);
+void Halo<D>::update_positions(const Real* x, std::vector<Real>& local) const {
+  update(x, local);
+  shift_images(local);
+}
+
+template <int D>
+void Halo<D>::update(std::vector<Real>& x, std::vector<Real>& v) const {
+  begin(x);
+  begin(v);
+  end(x);
+  end(v);
+  shift_images(x);
 }
 
 template <int D>
 void Halo<D>::begin(std::vector<Real>& local) const {
   local.resize(all_ * D);
+  if (!exchange_) {
+    for (const Copy& c : copies_) std::copy_n(&local[c.from * D], c.count * D, &local[c.to * D]);
+    return;
+  }
   petsc_check(PetscSFBcastBegin(exchange_->sf, exchange_->point, local.data(), local.data() + own_ * D, MPI_REPLACE));
 }
 
 template <int D>
 void Halo<D>::end(std::vector<Real>& local) const {
+  if (!exchange_) return;
   petsc_check(PetscSFBcastEnd(exchange_->sf, exchange_->point, local.data(), local.data() + own_ * D, MPI_REPLACE));
+}
+
+template <int D>
+void Halo<D>::shift_images(std::vector<Real>& x) const {
+  for (const Shifted& s : shifted_)
+    for (std::size_t i = s.first; i < s.last; ++i) point<D>(x.data(), static_cast<Index>(i)) += s.by;
 }
 
 template class Halo<2>;

@@ -1,50 +1,68 @@
-// Ghosts: copies of other ranks' particles that own ones can touch.
+// Ghosts: copies of particles that own ones can touch, from other ranks and across the borders of a periodic box.
 #pragma once
 
 #include <memory>
 #include <vector>
 
 #include <pliant/base/ranks.h>
+#include <pliant/geometry/box.h>
 #include <pliant/model/topology.h>
 
 namespace pliant {
 
-/// Finds ghosts and keeps their positions and velocities up to date. Whole particles are copied. All functions but
-/// strays() are collective.
+/// Finds ghosts and keeps their positions and velocities up to date. Whole particles are copied. In a periodic box a
+/// ghost may be an image, of an own particle too: at the position of its owner plus box lengths. Particles may lie
+/// anywhere: which images are needed follows from where they are. All functions but strays() are collective.
 template <int D>
 class Halo {
  public:
-  explicit Halo(Ranks ranks);
+  explicit Halo(Ranks ranks, const Box<D>& box = {});
   ~Halo();
   Halo(Halo&&) noexcept;
   Halo& operator=(Halo&&) noexcept;
 
-  /// Takes the box around the rank's particles, and a diameter more, as its home; x [owned points · D].
+  /// Takes the box around the rank's particles, and a diameter more, as its home; on one rank the periodic box itself,
+  /// whatever x is. x [owned points · D].
   void set_home(const Topology& topology, const Real* x);
 
-  /// Replaces the ghosts at the end of the topology by the particles of other ranks that can come within a contact +
-  /// margin of an own one. Needs set_home() before. x [owned points · D].
+  /// Replaces the ghosts at the end of the topology by the particles, and images of particles, that can come within a
+  /// contact + margin of an own one. Needs set_home() before. x [owned points · D]. Errors: NumericalError for a particle
+  /// that is many box lengths wide.
   void build(Topology& topology, const Real* x, Real margin);
 
-  /// local [points · D] becomes own [owned points · D] and the same of the ghosts.
+  /// local [points · D] becomes own [owned points · D] and the same of the ghosts' owners.
   void update(const Real* own, std::vector<Real>& local) const;
-  /// The same where local begins with the own points already, and of two arrays at the same time.
-  void update(std::vector<Real>& local, std::vector<Real>& other) const;
+  /// The same of positions: those of images are shifted.
+  void update_positions(const Real* x, std::vector<Real>& local) const;
+  /// Positions and velocities at the same time, where x and v begin with the own points already.
+  void update(std::vector<Real>& x, std::vector<Real>& v) const;
 
-  /// Own particles that have left home, at the last build.
+  /// How many particles have left home, at the last build; those by about the same box lengths count once.
   Index strays() const { return strays_; }
 
  private:
   struct Exchange;
+  /// Points of a ghost.
+  struct Copy {
+    std::size_t from, to, count;
+  };
+  struct Shifted {
+    std::size_t first, last;
+    Vec<D> by;
+  };
 
   void begin(std::vector<Real>& local) const;
   void end(std::vector<Real>& local) const;
+  void shift_images(std::vector<Real>& x) const;
 
   Ranks ranks_;
+  Box<D> box_;
   Vec<D> low_ = Vec<D>::Zero(), high_ = Vec<D>::Zero();  ///< home
   Index strays_ = 0;
   std::size_t own_ = 0, all_ = 0;       ///< points
-  std::unique_ptr<Exchange> exchange_;  ///< hides PETSc from those who include this
+  std::vector<Copy> copies_;            ///< on one rank
+  std::unique_ptr<Exchange> exchange_;  ///< on several; hides PETSc from those who include this
+  std::vector<Shifted> shifted_;        ///< images
 };
 
 }  // namespace pliant

@@ -1,7 +1,6 @@
 // The space that particles live in: open, or periodic in any of its directions.
 #pragma once
 
-#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
@@ -50,7 +49,8 @@ class Box {
       if (periodic(k)) by[k] = static_cast<Real>(n[k]) * length_[k];
     return by;
   }
-  /// Of which image of the box r is in: r − shift(image_of(r)) is in the box itself, up to rounding.
+  /// In which image of the box r is: r − shift(image_of(r)) is in the box itself, up to rounding. None for what is not
+  /// finite.
   Image image_of(const Vec<D>& r) const {
     return in_lengths(r - origin_, [](Real a) { return std::floor(a); });
   }
@@ -65,8 +65,10 @@ class Box {
   Image in_lengths(const Vec<D>& r, Round&& round) const {
     constexpr Real most = 9e15;  // beyond, numbers of box lengths are not exact
     Image n{};
-    for (int k = 0; k < D; ++k)
-      if (periodic(k)) n[k] = static_cast<std::int64_t>(std::clamp(round(r[k] / length_[k]), -most, most));
+    for (int k = 0; k < D; ++k) {
+      const Real lengths = periodic(k) ? round(r[k] / length_[k]) : 0;
+      if (std::abs(lengths) < most) n[k] = static_cast<std::int64_t>(lengths);
+    }
     return n;
   }
 

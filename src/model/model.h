@@ -53,7 +53,7 @@ struct Couplings {
 
 /// Energies and forces of a configuration. One virtual call per evaluation, none per element. Arrays of forces have the
 /// length of all points; only the own points are written. Sums are over the rank's share: what lies inside its chunks,
-/// and across borders what the particle with the lower id belongs to; over all ranks every element counts once.
+/// and across borders what counts for an own particle (Topology::counts_for); over all ranks every element counts once.
 template <int D>
 class ForceField {
  public:
@@ -396,7 +396,7 @@ class Model final : public ForceField<D> {
     const PairList& list = T::elements == Elements::point_pairs ? s.neighbours.point_pairs : s.neighbours.vertex_edges;
     for (Index e = across.first; e < across.last; ++e) {
       const Index m = topology.particle[list[e].first], n = topology.particle[list[e].second];
-      if (own.contains(topology.id[m] < topology.id[n] ? m : n)) visit(e);
+      if (own.contains(topology.counts_for(m, n))) visit(e);
     }
   }
   template <class T, class Visit>

@@ -60,12 +60,13 @@ Topology Topology::select(std::span<const Index> which) const {
   return t;
 }
 
-void Topology::add_ghost(Index id_m, Index n, Real delta_m, Real sigma_m, Real a0_m, Real l0_m) {
+void Topology::add_ghost(Index id_m, Index n, Real delta_m, Real sigma_m, Real a0_m, Real l0_m, int side) {
   add_points(n, delta_m, 1);  // nobody asks for the mass of a ghost
   id.back() = id_m;
   sigma.push_back(sigma_m);
   a0.push_back(a0_m);
   l0.push_back(l0_m);
+  ghost_side.push_back(static_cast<std::int8_t>(side));
   ++ghosts;
 }
 
@@ -77,6 +78,7 @@ void Topology::drop_ghosts() {
   offset.resize(kept + 1);
   active.resize(kept);
   id.resize(kept);
+  ghost_side.clear();
   ghosts = 0;
 }
 

@@ -1,6 +1,7 @@
 // What does not move: which points make which particle, their sizes and masses.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -27,7 +28,8 @@ struct Topology {
   std::vector<std::uint8_t> active;      ///< [particles] 0: taken out of the run: touches nothing and does not move
   std::vector<Index> id;  ///< [particles] the particle's number for the user; its place here changes as particles are
                           ///< sorted in space and move between ranks
-  Index ghosts = 0;       ///< the last particles are copies of other ranks' particles
+  Index ghosts = 0;       ///< the last particles are copies: of other ranks' particles, and images of any in a box
+  std::vector<std::int8_t> ghost_side;  ///< [ghosts] 1 or −1 for images on opposite sides of a particle, 0 for no image
 
   Index particles() const { return static_cast<Index>(offset.size()) - 1; }
   Index points() const { return offset.back(); }
@@ -37,6 +39,13 @@ struct Topology {
   Real mass(Index i) const { return point_mass[particle[i]]; }
   Real inverse_mass(Index i) const { return inverse_point_mass[particle[i]]; }
   bool deformable() const { return points() > particles(); }
+  /// Which of particles m and n what they share is counted for: of different ones the lower id. A particle that meets
+  /// images of itself meets each on one side and as the opposite image on the other: one of the two counts.
+  Index counts_for(Index m, Index n) const {
+    if (id[m] != id[n]) return id[m] < id[n] ? m : n;
+    const auto [own, ghost] = std::minmax(m, n);
+    return ghost_side[ghost - owned()] > 0 ? own : ghost;
+  }
 
   /// Appends a soft particle of diameter sigma and the given mass.
   void add_soft(Real sigma_m, Real mass_m);
@@ -48,8 +57,8 @@ struct Topology {
   /// The particles `which` alone, in that order.
   Topology select(std::span<const Index> which) const;
 
-  /// Appends a copy of another rank's particle.
-  void add_ghost(Index id_m, Index n, Real delta_m, Real sigma_m, Real a0_m, Real l0_m);
+  /// Appends a copy of a particle.
+  void add_ghost(Index id_m, Index n, Real delta_m, Real sigma_m, Real a0_m, Real l0_m, int side = 0);
   void drop_ghosts();
   /// Builds offset, particle, next and previous anew for particles of these numbers of points.
   void connect(const std::vector<Index>& points_of_each);

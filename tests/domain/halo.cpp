@@ -41,7 +41,7 @@ struct Domain {
   std::vector<Real> x, v, local_x, local_v;
 
   template <class Owner>
-  Domain(Configuration<D>& c, const Ranks& r, Owner&& owner) : all(c), ranks(r), halo(r) {
+  Domain(Configuration<D>& c, const Ranks& r, Owner&& owner, const Box<D>& box = {}) : all(c), ranks(r), halo(r, box) {
     std::vector<Index> which;
     for (Index m = 0; m < c.topology.particles(); ++m)
       if (owner(m) == r.rank()) which.push_back(m);
@@ -68,7 +68,7 @@ struct Domain {
   }
   void update() {
     load();
-    halo.update(x.data(), local_x);
+    halo.update_positions(x.data(), local_x);
     halo.update(v.data(), local_v);
   }
 
@@ -192,6 +192,103 @@ void check_halo(const Ranks& ranks, Random& random, Configuration<D> c) {
   }
 }
 
+/// Particle m of a configuration, as an image.
+template <int D>
+Configuration<D> with_image(const Configuration<D>& c, Index m, const Vec<D>& by) {
+  Configuration<D> two;
+  two.topology = c.topology;
+  two.x = c.x;
+  for (Index i = c.topology.offset[m]; i < c.topology.offset[m + 1]; ++i) point<D>(two.x.data(), i) += by;
+  return two;
+}
+
+/// Whether ghosts are images or copies of what they say, none of them twice, and whether all that is within reach of an
+/// own particle is there.
+template <int D>
+void check_images(const Domain<D>& domain, const Box<D>& box) {
+  const Topology &t = domain.topology, &from = domain.all.topology;
+  const Configuration<D>& all = domain.all;
+  std::map<std::pair<Index, Image>, Index> place;
+  int twice = 0, wrong = 0, missing = 0, found = 0;
+  for (Index m = 0; m < t.particles(); ++m) {
+    const Index id = t.id[m];
+    const Vec<D> by = point<D>(domain.local_x.data(), t.offset[m]) - all.position(from.offset[id]);
+    Image n{};
+    for (int k = 0; k < D; ++k)
+      if (box.periodic(k)) n[k] = std::lround(by[k] / box.length()[k]);
+    twice += !place.emplace(std::pair(id, n), m).second;
+    wrong += m < t.owned() && n != Image{};
+    if (m >= t.owned()) {
+      const int side = n < Image{} ? -1 : Image{} < n ? 1 : 0;
+      wrong += t.ghost_side[m - t.owned()] != side || (n == Image{} && !domain.ranks.several());
+    }
+    for (Index k = 0; k < t.points_of(m); ++k) {
+      const Index i = t.offset[m] + k, j = from.offset[id] + k;
+      wrong += (point<D>(domain.local_x.data(), i) - all.position(j) - box.shift(n)).norm() > 1e-12 ||
+               point<D>(domain.local_v.data(), i) != point<D>(all.v.data(), j);
+    }
+  }
+  Image most{};
+  for (int k = 0; k < D; ++k) most[k] = box.periodic(k) ? static_cast<std::int64_t>(8 / box.length()[k]) + 4 : 0;
+  for (Index m = 0; m < t.owned(); ++m)
+    for (Index other = 0; other < from.particles(); ++other) {
+      const Index i = from.offset[t.id[m]], j = from.offset[other];
+      Image n;
+      for (n[0] = -most[0]; n[0] <= most[0]; ++n[0])
+        for (n[1] = -most[1]; n[1] <= most[1]; ++n[1])
+          for (n[2] = -most[2]; n[2] <= most[2]; ++n[2]) {
+            if (other == t.id[m] && n == Image{}) continue;
+            const Vec<D> r = all.position(i) - all.position(j) - box.shift(n);
+            if (r.norm() > from.sigma[t.id[m]] + from.sigma[other] + 1) continue;
+            Real d = r.norm();
+            if constexpr (D == 2) {
+              if (from.deformable()) {
+                const Configuration<2> shifted = with_image<2>(all, other, box.shift(n));
+                if (other != t.id[m])
+                  d = distance_of<2>(shifted, t.id[m], other);
+                else
+                  d = std::min(outline_distance(shifted.position(j), vertices_of(all, t.id[m])), r.norm());
+              }
+            }
+            if (d >= (from.diameter[i] + from.diameter[j]) / 2 + skin) continue;
+            ++found;
+            missing += !place.contains({other, n});
+          }
+    }
+  CHECK(twice == 0);
+  CHECK(wrong == 0);
+  CHECK(missing == 0);
+  CHECK((t.owned() == 0 || found > 0));
+}
+
+/// A few particles in boxes of these lengths; then moved by box lengths, and all together by any way.
+template <int D>
+void check_box(Random& random, Configuration<D> c, const Vec<D>& length) {
+  const Ranks ranks(PETSC_COMM_WORLD);
+  const Box<D> box(Vec<D>::Constant(-0.3), length);
+  Domain<D> domain(
+      c, ranks, [&](Index m) { return m % ranks.size(); }, box);
+  const auto check = [&] {
+    domain.build();
+    check_images(domain, box);
+    // The same ghosts at other positions.
+    for (Real& a : c.x) a += random(-0.01, 0.01);
+    domain.update();
+    check_images(domain, box);
+  };
+  check();
+  for (Index m = 0; m < c.topology.particles(); m += 2) {
+    const Vec<D> by = box.shift({random.below(5) - 2, random.below(5) - 2, random.below(5) - 2});
+    for (Index i = c.topology.offset[m]; i < c.topology.offset[m + 1]; ++i) point<D>(c.x.data(), i) += by;
+  }
+  check();
+  for (Index i = 0; i < c.topology.points(); ++i) point<D>(c.x.data(), i) += Vec<D>::LinSpaced(0.7, -1.3);
+  check();
+  domain.load();
+  domain.halo.set_home(domain.topology, domain.x.data());
+  check();
+}
+
 }  // namespace
 
 TEST_CASE("what own soft particles can touch is there", "[ranks]") {
@@ -220,4 +317,43 @@ TEST_CASE("sizes decide how far ghosts are looked for", "[ranks]") {
     domain.build();
     CHECK((domain.check() > 0) == (ranks.several() && (ranks.rank() == 0 || ranks.rank() == ranks.size() - 1)));
   }
+}
+
+TEST_CASE("what own particles can touch across the borders of a box is there", "[ranks]") {
+  Random random(4);
+  constexpr Real open = Box<2>::infinite;
+  for (const Vec<2>& length : {Vec<2>(5, 5), Vec<2>(5, open), Vec<2>(open, 4), Vec<2>(1.7, 0.6), Vec<2>(0.4, open)}) {
+    check_box<2>(random, soft_rows<2>(random, 4, 4), length);
+    check_box<2>(random, polygon_rows(random, 3, 2), length);
+  }
+  for (const Vec<3>& length : {Vec<3>(3, 3, 3), Vec<3>(0.8, open, 1.5)})
+    check_box<3>(random, soft_rows<3>(random, 4, 1), length);
+}
+
+TEST_CASE("particles that have gone far in a box are at home", "[ranks]") {
+  Random random(5);
+  const Ranks ranks(PETSC_COMM_WORLD);
+  Configuration<2> c = soft_rows<2>(random, 8, 12);
+  const Box<2> box({-3.8, 0}, {7.6, 11.4});
+  const Index n = c.topology.particles();
+  Domain<2> domain(
+      c, ranks, [&](Index m) { return static_cast<int>(m * ranks.size() / n); }, box);
+  domain.build();
+  check_images(domain, box);
+  const Index ghosts = domain.topology.ghosts;
+  CHECK(domain.halo.strays() == 0);
+  for (Index i = 0; i < n; ++i) point<2>(c.x.data(), i) += box.shift({i % 2, -3, 0});
+  domain.build();
+  check_images(domain, box);
+  CHECK(domain.halo.strays() == 2);
+  CHECK(ghosts > 5);
+  CHECK(domain.topology.ghosts < n + 2 * ghosts);
+}
+
+TEST_CASE("a particle that has lost its shape has no end of images") {
+  Configuration<2> c;
+  c.add_polygon({{0, 0}, {1, 0}, {1e6, 1}}, 0.1);
+  Halo<2> halo(Ranks(), Box<2>({0, 0}, {2, 2}));
+  halo.set_home(c.topology, c.x.data());
+  CHECK_THROWS_WITH(halo.build(c.topology, c.x.data(), skin), Catch::Contains("images"));
 }
