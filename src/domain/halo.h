@@ -26,8 +26,8 @@ class Halo {
   void set_home(const Topology& topology, const Real* x);
 
   /// Replaces the ghosts at the end of the topology by the particles, and images of particles, that can come within a
-  /// contact + margin of an own one. Needs set_home() before. x [owned points · D]. Errors: NumericalError for a particle
-  /// that is many box lengths wide.
+  /// contact + margin of an own one. Needs set_home() before. x [owned points · D]. Errors: NumericalError for a
+  /// particle that is many box lengths wide.
   void build(Topology& topology, const Real* x, Real margin);
 
   /// local [points · D] becomes own [owned points · D] and the same of the ghosts' owners.

@@ -79,6 +79,7 @@ FrameLayout::FrameLayout(const Frame& frame, int dimensions, const Ranks& ranks)
   arrays.push_back(stored("velocities", point, dim, frame.velocities));
   arrays.push_back(stored("centres", particle, dim, frame.centres));
   arrays.push_back(stored("active", particle, 1, frame.active));
+  if (ranks.any(!frame.images.empty())) arrays.push_back(stored("images", particle, dim, frame.images));
   arrays.push_back(stored("contact_count", particle, 1, frame.contact_count));
   arrays.push_back(stored("contacts/particles", contact, 2, frame.contacts.particles));
   arrays.push_back(stored("contacts/position", contact, dim, frame.contacts.position));

@@ -43,10 +43,12 @@ struct Frame {
   std::span<const Real> positions, velocities;  ///< [P, D]
   std::span<const Real> centres;                ///< [N, D]
   std::span<const std::uint8_t> active;         ///< [N]
-  std::span<const Index> contact_count;         ///< [N]
-  std::span<const Real> a0, area, perimeter;    ///< [N] of polygons, or empty
-  std::span<const Real> wall_force;             ///< [S, D]
-  std::span<const Real> wall_segments = {};     ///< [S, 4] where the walls are now, or empty: as in the geometry
+  std::span<const std::int64_t> images =
+      {};                                ///< [N, D] box lengths that particles were put back; on every rank or none
+  std::span<const Index> contact_count;  ///< [N]
+  std::span<const Real> a0, area, perimeter;  ///< [N] of polygons, or empty
+  std::span<const Real> wall_force;           ///< [S, D]
+  std::span<const Real> wall_segments = {};   ///< [S, 4] where the walls are now, or empty: as in the geometry
   FrameContacts contacts;
 };
 

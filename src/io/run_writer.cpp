@@ -85,6 +85,7 @@ void write_geometry(File& file, const RunGeometry& geometry, int dim) {
   group.set_attribute("kind", geometry.kind);
   group.seal();
   for (const auto& [name, value] : geometry.attributes) group.set_attribute(name, value);
+  if (!geometry.box.empty()) group.write("box", geometry.box, {2, static_cast<std::uint64_t>(dim)}, Storage::crc32);
   if (dim == 2) {
     write_xdmf_constants(group, "xdmf", walls);
     group.write("xdmf/points", geometry.segments, {2 * walls, 2}, Storage::crc32);

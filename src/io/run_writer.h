@@ -33,6 +33,7 @@ struct RunGeometry {
   std::string kind;                        ///< "hopper2d", "hopper3d", "raft", "wedge"
   std::vector<Real> segments;              ///< [S, 4] of the walls, in their order, at the start
   std::map<std::string, Real> attributes;  ///< "W", "w", "angle"
+  std::vector<Real> box = {};  ///< [2, D] of a periodic box: origin and lengths, infinite in open directions
 };
 
 /// One number or one row of numbers of a sample.

@@ -171,7 +171,9 @@ void Neighbours<D>::build_own(PairList& list, Search&& search) {
 template <int D>
 void Neighbours<D>::build_from_points(const Topology& topology, const PointCloud& cloud) requires(D == 2) {
   const Index n = chunks();
-  const Real margin = this->margin(), narrowest = *std::min_element(topology.diameter.begin(), topology.diameter.end());
+  const Real margin = this->margin();
+  Real narrowest = std::numeric_limits<Real>::infinity();
+  for (const Real d : topology.diameter) narrowest = std::min(narrowest, d);
   const auto at = [&](Index i) { return point<2>(cloud.x, i); };
   const auto d2 = [&](Index i, Index j) { return (at(i) - at(j)).squaredNorm(); };
   // Of a vertex within δ_j/2 + margin of the edge, the nearer end is within (δ_i + δ_j)/2 + margin up to this length.

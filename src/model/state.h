@@ -7,6 +7,7 @@
 
 #include <pliant/base/large_pages.h>
 #include <pliant/base/types.h>
+#include <pliant/geometry/box.h>
 
 namespace pliant {
 
@@ -35,6 +36,9 @@ class State {
   /// Takes numbers that may be more, and leaves the old ones there: saves an integrator a copy.
   void swap_x(std::vector<Real>& next) { x_.swap(next); }
 
+  /// [particles] by how many lengths of the periodic box each was put back: x + lengths is where it would be otherwise.
+  /// Empty: none was.
+  std::vector<Image> images;
   std::vector<Real> extra;  ///< unknowns beside the coordinates that a first-order system has on this rank
 
  private:

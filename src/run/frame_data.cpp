@@ -157,12 +157,22 @@ FrameData<D>::FrameData(ParticleSystem<D>& system, const State& state) {
   const IdShares shares(ranks, topology);
   const NaturalOrder order(ranks, shares, topology);
   offset_ = order.offset();
-  positions_ = order.points(state.x(), D);
+  State wrapped;
+  if (!system.box().open()) {
+    wrapped.assign(state.x(), state.v());
+    wrapped.images = state.images;
+    system.wrap(wrapped);
+    std::vector<std::int64_t> images;
+    for (const Image& image : wrapped.images) images.insert(images.end(), image.begin(), image.begin() + D);
+    images_ = order.particles<std::int64_t>(images, D);
+  }
+  const State& shown = system.box().open() ? state : wrapped;
+  positions_ = order.points(shown.x(), D);
   velocities_ = order.points(state.v(), D);
   active_ = order.particles<std::uint8_t>(std::span(topology.active).first(topology.owned()));
   if (ranks.any(topology.deformable())) {
     Centres<D> centres;
-    centres.update(topology, state);
+    centres.update(topology, shown);
     centres_ = order.particles<Real>(centres.position, D);
     a0_ = order.particles<Real>(std::span(topology.a0).first(topology.owned()));
     std::vector<Real> area, perimeter;
@@ -183,6 +193,7 @@ FrameData<D>::FrameData(ParticleSystem<D>& system, const State& state) {
   frame.velocities = velocities_;
   frame.centres = centres_.empty() ? positions_ : centres_;
   frame.active = active_;
+  frame.images = images_;
   frame.contact_count = contact_count_;
   frame.a0 = a0_;
   frame.area = area_;
@@ -209,12 +220,13 @@ void FrameData<D>::find_contacts(ParticleSystem<D>& system, const StateView<D>& 
     ContactRecord<D>& r = contacts_.emplace_back();
     r.particles = {topology.id[first], topology.id[second]};
     r.overlap = c.overlap;
+    const Vec<D> shift = system.box().shift(system.box().image_of(from));  // to where the first is drawn
     for (int k = 0; k < D; ++k) {
-      r.position[k] = c.position[k];
+      r.position[k] = c.position[k] - shift[k];
       r.normal[k] = sign * c.normal[k];
       r.force[k] = sign * c.force[k];
-      r.ends[0][k] = from[k];
-      r.ends[1][k] = to[k];
+      r.ends[0][k] = from[k] - shift[k];
+      r.ends[1][k] = to[k] - shift[k];
     }
   });
 }

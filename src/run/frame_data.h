@@ -28,7 +28,8 @@ struct ContactRecord {
 };
 
 /// A frame with particles and contacts in the order of their ids: each rank has an equal share of the ids, the root the
-/// first. Owns the arrays. The constructor is collective.
+/// first. In a periodic box particles are where their centres are in it, whole, and contacts at the first particle.
+/// Owns the arrays. The constructor is collective.
 template <int D>
 class FrameData {
  public:
@@ -43,6 +44,7 @@ class FrameData {
   std::vector<Real> positions_, velocities_, wall_force_;
   std::vector<Real> centres_, a0_, area_, perimeter_;  ///< of polygons; the centre of a soft particle is its position
   std::vector<std::uint8_t> active_;
+  std::vector<std::int64_t> images_;  ///< in a periodic box
   std::vector<Index> offset_, contact_count_;
   std::vector<ContactRecord<D>> contacts_;
 };

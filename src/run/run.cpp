@@ -64,10 +64,14 @@ ExitCode Run<D>::run() {
   check();
   StopSignals signals;
   const Topology& all = simulation().all();
+  RunGeometry geometry = protocol_->geometry();
+  if (const Box<D>& box = simulation().particles().box(); !box.open())
+    for (const Vec<D>& row : {box.origin(), box.length()})
+      geometry.box.insert(geometry.box.end(), row.begin(), row.end());
   writer_.emplace(restarted()
                       ? RunWriter::append(p_.output, all, restored_samples_, restored_frames_, restored_events_, ranks_)
                       : RunWriter::create(p_.output, make_manifest(scenario_, protocol_->model(), D, p_.seed, options_),
-                                          all, protocol_->geometry(), ranks_));
+                                          all, geometry, ranks_));
   ranks_.on_root([&] {
     for (const std::string& message : writer_->damage()) warn("{}", message);
     checkpoints_.emplace(p_.output, restarted_from_);
@@ -272,6 +276,12 @@ void Run<D>::save(bool changed) {
   // One array at a time, so that they are not in memory once more.
   c.add_parts("x", s.x());
   c.add_parts("v", s.v());
+  if (!particles.box().open()) {
+    std::vector<std::int64_t> images;
+    for (const Image& image : s.images) images.insert(images.end(), image.begin(), image.end());
+    images.resize(3 * static_cast<std::size_t>(topology.owned()));
+    c.add_parts("images", std::move(images));
+  }
   c.add("extra", s.extra);
   const bool carries = integrator().carries() && !changed;
   c.add_parts("carried", carries ? integrator().carried() : std::span<const Real>());
@@ -284,7 +294,7 @@ void Run<D>::save(bool changed) {
     // Lists that do not hold are going to be built anew. Ranks whose particles have just left have none.
     if (!ranks_.all(s.size() == 0 || particles.neighbours().valid(particles.walls(), s.x().data(), s.t))) lists = {};
     c.add_parts("list_reference", std::move(lists.reference));
-    c.add_parts("list_places", lists.places);  // none on several ranks
+    c.add_parts("list_places", lists.places);  // none where there are ghosts
     c.add_parts("list_relisted", lists.relisted);
     c.add("list_time", lists.time);
   }
@@ -343,6 +353,7 @@ void Run<D>::load(const Checkpoint& c) {
              fastest = 10 * *std::max_element(all.sigma.begin(), all.sigma.end()) / dt_;
   const bool inertia = simulation().overdamped() == nullptr;
   s.assign(stored.points("x"), stored.points("v", inertia ? fastest : Checkpoint::any));
+  if (!particles.box().open()) s.images = stored.images("images");
   if (OverdampedSystem<D>* const overdamped = simulation().overdamped()) {
     const auto& extra = c.real_array("extra", overdamped->quantities().size());
     if (ranks_.root()) s.extra = extra;
@@ -382,7 +393,7 @@ void Run<D>::load(const Checkpoint& c) {
                      evaluations = c.integer("evaluations_since_sort");
   particles.neighbours().set_skin(skin);
   if (!reference.empty()) {
-    if (ranks_.several())
+    if (particles.has_ghosts())
       particles.rebuild(stored.own_points(reference).data(), list_time);
     else
       particles.neighbours().replay(particles.topology(), particles.walls(), {reference, relisted, places, list_time});

@@ -65,7 +65,8 @@ void Simulation<D>::find_velocities() {
 
 template <int D>
 bool Simulation<D>::wants_sorting() const {
-  return particles().migration_due() || (sorting_ == Sorting::regularly && particles().sort_due());
+  const bool keeps_order = sorting_ == Sorting::never && !ranks().several();
+  return (particles().migration_due() && !keeps_order) || (sorting_ == Sorting::regularly && particles().sort_due());
 }
 
 template <int D>

@@ -13,8 +13,9 @@
 
 namespace pliant {
 
-/// When particles are sorted in space, which keeps what is near in space near in memory. On several ranks they always
-/// are at the start, and when too many have gone far from their rank's place.
+/// When particles are sorted in space, which keeps what is near in space near in memory, and puts those that have left
+/// a periodic box back. On several ranks they always are at the start, and when too many have gone far from their
+/// rank's place; in a periodic box when they are spread over many images of it, unless never.
 enum class Sorting {
   never,     ///< on one rank particles stay in the order of their ids
   at_start,  ///< and never again, as a method that remembers steps would forget them

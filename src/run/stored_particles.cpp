@@ -44,6 +44,14 @@ StoredParticles::StoredParticles(const Checkpoint& checkpoint, const Topology& a
     (k < first ? first_coordinate_ : own_coordinates_) += points_of(static_cast<Index>(k)) * dim_;
 }
 
+std::vector<Image> StoredParticles::images(const std::string& name) const {
+  const auto& all = checkpoint_.integer_array(name, 3 * all_ids_.size(), -Checkpoint::any_count, Checkpoint::any_count);
+  std::vector<Image> own(count_);
+  for (std::size_t m = 0; m < count_; ++m)
+    std::copy_n(all.begin() + static_cast<std::ptrdiff_t>(3 * (first_ + m)), 3, own[m].begin());
+  return own;
+}
+
 StoredParticles::Lists StoredParticles::lists(Real reach) const {
   const Checkpoint& c = checkpoint_;
   const std::size_t n = all_ids_.size(), listed = c.length("list_reference") == 0 ? 0 : coordinates(),

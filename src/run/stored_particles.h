@@ -7,6 +7,7 @@
 #include <vector>
 
 #include <pliant/base/ranks.h>
+#include <pliant/geometry/box.h>
 #include <pliant/io/checkpoint.h>
 #include <pliant/model/topology.h>
 
@@ -27,6 +28,8 @@ class StoredParticles {
   std::span<const std::int64_t> particles(const std::string& name, std::int64_t least, std::int64_t most) const {
     return std::span(checkpoint_.integer_array(name, all_ids_.size(), least, most)).subspan(first_, count_);
   }
+  /// The same of three numbers for each particle.
+  std::vector<Image> images(const std::string& name) const;
   /// The same of `dim` numbers, −most … most, for each point.
   std::span<const Real> points(const std::string& name, Real most = far) const {
     return own_points(checkpoint_.real_array(name, coordinates(), -most, most));

@@ -14,7 +14,7 @@ namespace {
 /// Where a matrix of D × D blocks has entries: rows of the own points, columns of these and of ghosts.
 class BlockPattern {
  public:
-  /// within: blocks that couple particles are left out.
+  /// within: blocks that couple different particles are left out.
   template <int D>
   void build(const StateView<D>& s, const ElementCoupling& coupling, bool within) {
     const Index own = s.topology.owned_points();
@@ -53,7 +53,7 @@ class BlockPattern {
     const Topology& topology = s.topology;
     const Index own = topology.owned_points();
     const auto couple = [&](Index i, Index j) {
-      if (i < own && !(within && topology.particle[i] != topology.particle[j])) visit(i, j);
+      if (i < own && !(within && topology.id[topology.particle[i]] != topology.id[topology.particle[j]])) visit(i, j);
     };
     for (Index i = 0; i < own; ++i) {
       const Index m = topology.particle[i];

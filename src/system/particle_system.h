@@ -15,26 +15,33 @@
 #include <pliant/domain/halo.h>
 #include <pliant/domain/migration.h>
 #include <pliant/domain/skin.h>
+#include <pliant/geometry/walls_in_box.h>
 #include <pliant/model/model.h>
+#include <pliant/model/polygon.h>
 #include <pliant/system/implicit_system.h>
 
 namespace pliant {
 
 /// M r̈ = F(r, ṙ) for the points of a topology [H 7, 13]. Inactive particles keep their positions: their inverse mass is
 /// zero. On several ranks each has a share of the particles, and copies (ghosts) of others' near them; all functions
-/// that take positions are collective then.
+/// that take positions are collective then. In a periodic box images of particles are ghosts too, so that nothing else
+/// knows of the box. Positions may lie anywhere; sort() puts them back into the box.
 template <int D>
 class ParticleSystem final : public ImplicitSystem {
  public:
-  /// topology: the rank's own particles. All particles of all ranks together have different ids.
+  /// topology: the rank's own particles. All particles of all ranks together have different ids. Errors: InputError for
+  /// walls that the box cannot have.
   ParticleSystem(Topology topology, Walls<D> walls, std::unique_ptr<ForceField<D>> field, NeighbourNeeds needs,
-                 Real skin, Ranks ranks = Ranks())
+                 Real skin, Ranks ranks = Ranks(), const Box<D>& box = {})
       : ranks_(ranks),
+        box_(box),
         topology_(std::move(topology)),
         walls_(std::move(walls)),
         field_(std::move(field)),
         neighbours_(needs, skin),
-        halo_(ranks) {}
+        halo_(ranks, box) {
+    check_walls(box_, walls_);
+  }
 
   std::size_t size() const override { return static_cast<std::size_t>(topology_.owned_points()) * D; }
   const Ranks& ranks() const override { return ranks_; }
@@ -48,15 +55,15 @@ class ParticleSystem final : public ImplicitSystem {
 
   void moved_by(Real change) override { change_ = change_.value_or(0) + change; }
 
-  /// For polygons, whose shapes are half of the work, and on ranks, where it takes one message less. Spheres have long
-  /// lists, which more arrays push out of the caches.
-  bool fuses_step() const override { return ranks_.several() || topology_.points() != topology_.particles(); }
+  /// For polygons, whose shapes are half of the work, and with ghosts, where it takes one message less. Spheres have
+  /// long lists, which more arrays push out of the caches.
+  bool fuses_step() const override { return has_ghosts() || topology_.points() != topology_.particles(); }
 
   bool fused_step(Real t, std::vector<Real>& x, std::vector<Real>& v, const Advance& advance) override {
     ++use_.evaluations;
     const std::optional<Real> since = next_change();
     if (!hold(since, x.data(), t)) rebuild(x.data(), t);
-    if (ranks_.several()) {
+    if (has_ghosts()) {
       const LogScope log(LogEvent::halo);
       halo_.update(x, v);
     }
@@ -106,10 +113,12 @@ class ParticleSystem final : public ImplicitSystem {
   /// Counts from here on, where no point is farther than `gone` from where its path begins.
   void start_path(Real gone = 0) { path_ = gone; }
 
-  /// What the owners have for each point [owned points · D], for all points [points · D]; `storage` holds it on several
-  /// ranks. The lists must be valid. Collective.
+  /// Whether there may be ghosts: on several ranks, and in a periodic box.
+  bool has_ghosts() const { return ranks_.several() || !box_.open(); }
+  /// What the owners have for each point [owned points · D], for all points [points · D]; `storage` holds it where
+  /// there are ghosts. Not for positions, as those of images are others. The lists must be valid. Collective.
   const Real* with_ghosts(const Real* own, std::vector<Real>& storage) const {
-    if (!ranks_.several()) return own;
+    if (!has_ghosts()) return own;
     halo_.update(own, storage);
     return storage.data();
   }
@@ -117,13 +126,15 @@ class ParticleSystem final : public ImplicitSystem {
   /// Builds ghosts and lists from x, which becomes their reference.
   void rebuild(const Real* x, Real t = 0) {
     travel_ = 0;
-    if (ranks_.several()) find_ghosts(x);
+    if (has_ghosts()) find_ghosts(x);
     const LogScope log(LogEvent::lists);
-    ranks_.together([&] { neighbours_.rebuild(topology_, walls_, ranks_.several() ? x_.data() : x, t); });
+    ranks_.together([&] { neighbours_.rebuild(topology_, walls_, has_ghosts() ? x_.data() : x, t); });
   }
 
-  /// Other walls: solids that get another velocity, or that come and go. The same on every rank.
+  /// Other walls: solids that get another velocity, or that come and go. The same on every rank. Errors: InputError for
+  /// walls that the box cannot have.
   void set_walls(Walls<D> walls) {
+    check_walls(box_, walls);
     walls_ = std::move(walls);
     neighbours_.invalidate();
   }
@@ -139,18 +150,33 @@ class ParticleSystem final : public ImplicitSystem {
   /// Whether many particles have gone far from their rank's place, which makes many ghosts. The same on every rank.
   bool migration_due() const { return migration_due_; }
 
-  /// Sorts particles in space, moves them to the ranks where they belong and builds the lists. The caller applies the
-  /// migration that is returned to whatever else it keeps per particle.
+  /// Sorts particles in space, moves them to the ranks where they belong and builds the lists; in a periodic box, puts
+  /// those that have left it back first. The caller applies the migration that is returned to whatever else it keeps
+  /// per particle.
   Migration sort(State& state) {
     const LogScope log(LogEvent::sort);
     if (tune_skin_ && sort_due()) neighbours_.set_skin(best_skin());
+    if (!box_.open()) wrap(state);
     const Migration migration = plan_migration<D>(ranks_, topology_, state.x().data());
     migration.move(topology_);
     migration.move(state, D);
+    if (!box_.open()) migration.move(state.images);
     home_is_set_ = migration_due_ = false;
     rebuild(state.x().data(), state.t);
     set_use({});
     return migration;
+  }
+
+  /// Puts own particles whose centres have left the periodic box back into it, and counts the box lengths.
+  void wrap(State& state) const {
+    state.images.resize(static_cast<std::size_t>(topology_.owned()));
+    for (Index m = 0; m < topology_.owned(); ++m) {
+      const Image image = box_.image_of(mean_of_points<D>(state.x().data(), topology_, m));
+      if (image == Image{}) continue;
+      const Vec<D> shift = box_.shift(image);
+      for (Index i = topology_.offset[m]; i < topology_.offset[m + 1]; ++i) point<D>(state.x().data(), i) -= shift;
+      for (int k = 0; k < D; ++k) state.images[m][k] += image[k];
+    }
   }
 
   /// Lets sort() choose the skin from how the lists were used.
@@ -163,10 +189,10 @@ class ParticleSystem final : public ImplicitSystem {
     sorted_at_ = neighbours_.rebuilds() - use.rebuilds;
   }
 
-  /// Own particle m was put somewhere else in x. Saves a rebuild of the lists on one rank; several rebuild. Not
+  /// Own particle m was put somewhere else in x. Saves a rebuild of the lists where there are no ghosts. Not
   /// collective.
   void relist(const Real* x, Index m) {
-    if (!ranks_.several() && !neighbours_.reference().empty()) neighbours_.relist(topology_, walls_, x, m);
+    if (!has_ghosts() && !neighbours_.reference().empty()) neighbours_.relist(topology_, walls_, x, m);
   }
 
   /// Takes own particle m out of the run. Not collective.
@@ -177,6 +203,7 @@ class ParticleSystem final : public ImplicitSystem {
 
   /// Own particles, then ghosts.
   const Topology& topology() const { return topology_; }
+  const Box<D>& box() const { return box_; }
   const Walls<D>& walls() const { return walls_; }
   const ForceField<D>& field() const { return *field_; }
   Neighbours<D>& neighbours() { return neighbours_; }
@@ -219,9 +246,9 @@ class ParticleSystem final : public ImplicitSystem {
     const bool valid = hold(change, x, t);
     if (!valid) rebuild(x, t);
     neighbours_.widen();
-    if (!ranks_.several()) return {x, v, topology_, neighbours_, walls_, t};
+    if (!has_ghosts()) return {x, v, topology_, neighbours_, walls_, t};
     const LogScope log(LogEvent::halo);
-    if (valid) halo_.update(x, x_);
+    if (valid) halo_.update_positions(x, x_);
     if (v != nullptr) halo_.update(v, v_);
     return {x_.data(), v != nullptr ? v_.data() : nullptr, topology_, neighbours_, walls_, t};
   }
@@ -233,7 +260,7 @@ class ParticleSystem final : public ImplicitSystem {
       home_is_set_ = true;
     }
     halo_.build(topology_, x, neighbours_.margin());
-    halo_.update(x, x_);
+    halo_.update_positions(x, x_);
     migration_due_ = ranks_.sum(static_cast<std::int64_t>(halo_.strays())) > many_strays;
   }
 
@@ -250,12 +277,13 @@ class ParticleSystem final : public ImplicitSystem {
   static constexpr std::size_t beyond_caches = 1 << 20;  ///< coordinates, several arrays of which no cache holds
 
   Ranks ranks_;
+  Box<D> box_;
   Topology topology_;
   Walls<D> walls_;
   std::unique_ptr<ForceField<D>> field_;
   Neighbours<D> neighbours_;
   Halo<D> halo_;
-  std::vector<Real> x_, v_;  ///< with ghosts; unused on one rank
+  std::vector<Real> x_, v_;  ///< with ghosts; unused where there are none
   bool home_is_set_ = false, migration_due_ = false, tune_skin_ = false;
   /// The farthest that a point can have gone since the lists were built. Not known if others built them.
   Real travel_ = std::numeric_limits<Real>::infinity();

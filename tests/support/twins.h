@@ -15,9 +15,10 @@ inline const ModelParameters parameters{
 
 template <int D>
 ParticleSystem<D> system_of(const Configuration<D>& c, ModelKind kind, const Ranks& ranks = Ranks(),
-                            const ModelParameters& p = parameters) {
-  return ParticleSystem<D>(c.topology, c.walls, make_force_field<D>(kind, p, pliant::Vec<D>::LinSpaced(0.1, -1)),
-                           neighbour_needs(kind), skin, ranks);
+                            const ModelParameters& p = parameters, const Box<D>& box = {},
+                            const pliant::Vec<D>& gravity = pliant::Vec<D>::LinSpaced(0.1, -1)) {
+  return ParticleSystem<D>(c.topology, c.walls, make_force_field<D>(kind, p, gravity), neighbour_needs(kind, p), skin,
+                           ranks, box);
 }
 
 /// The particles of a configuration, ids in order, on one rank and shared out: every size()-th, or by `owner(id)`.
