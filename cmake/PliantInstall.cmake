@@ -10,7 +10,7 @@ install(DIRECTORY "${PROJECT_SOURCE_DIR}/src/" DESTINATION ${CMAKE_INSTALL_INCLU
 
 # Commands find the package beside the file that their link leads to. Links relative to the prefix can be moved.
 set(share "${CMAKE_INSTALL_DATADIR}/pliant")
-set(commands pliant-sweep pliant-plot)
+set(commands pliant-sweep pliant-plot pliant-analyse)
 install(DIRECTORY "${PROJECT_SOURCE_DIR}/python/pliant" DESTINATION ${share}/python
         FILES_MATCHING PATTERN "*.py" PATTERN __pycache__ EXCLUDE)
 file(GLOB plots CONFIGURE_DEPENDS "${PROJECT_SOURCE_DIR}/python/plots/*.py")

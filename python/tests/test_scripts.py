@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 PYTHON = Path(__file__).resolve().parents[1]
-SCRIPTS = sorted(PYTHON.glob("plots/*.py")) + [PYTHON / "pliant-sweep"]
+SCRIPTS = sorted(PYTHON.glob("plots/*.py")) + [PYTHON / "pliant-sweep", PYTHON / "pliant-analyse"]
 
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.name)

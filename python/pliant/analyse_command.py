@@ -1,0 +1,171 @@
+"""pliant-analyse: what is measured from frames after a run, and from tables of tracked data."""
+
+import argparse
+import json
+import math
+import types
+import typing
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+
+from . import channel, tracks
+from .errors import OutputError, RunError
+from .files import write_atomically
+from .script import markdown, with_error
+
+_DESCRIPTION = """Non-affine motion of disks that are pushed through a channel: mean displacement field, non-affine
+displacement, D2_min, strain clock and rotation. Reads run folders and CSV tables with the columns frame, particle, x, y, r
+and, if they are there, angle, push, time, plunger_travel. docs/channel-analysis.md has the formulas."""
+
+_EPILOG = """examples:
+  pliant-analyse channel runs/bidisperse                          # writes runs/bidisperse/analysis.json
+  pliant-analyse channel tracks.csv --scale 0.0254 --flip-y       # writes tracks.analysis.json
+  pliant-analyse channel runs/T* --field pooled                   # one file per run
+
+exit codes: 0 done, 2 bad input, 4 output failed"""
+
+RESULT = "analysis.json"
+
+
+def result_path(path):
+    """Where the analysis of a run folder or a table is written."""
+    path = Path(path)
+    return path / RESULT if path.is_dir() else path.with_name(f"{path.stem}.{RESULT}")
+
+
+def load_result(path):
+    """The analysis of a run folder, of a table, or in a .json file, with NaN for null. Raises RunError."""
+    path = Path(path)
+    if not path.exists():
+        raise RunError(f"{path}: no such file or folder")
+    file = path if path.suffix == ".json" else result_path(path)
+    if not file.is_file():
+        raise RunError(f"{path}: there is no {file.name}; write it by pliant-analyse channel {path}")
+
+    def known(value):
+        if isinstance(value, dict):
+            return {key: known(entry) for key, entry in value.items()}
+        if isinstance(value, list):
+            return [known(entry) for entry in value]
+        return math.nan if value is None else value
+
+    try:
+        result = json.loads(file.read_text())
+    except (OSError, ValueError) as error:
+        raise RunError(f"{file}: cannot be read as JSON ({str(error).splitlines()[0]})") from None
+    if not isinstance(result, dict) or result.get("analysis") != "channel":
+        raise RunError(f"{file}: not an analysis of a channel (write it by pliant-analyse channel)")
+    choices = result.pop("choices")  # there null means: not used
+    return known(result) | {"choices": choices}
+
+
+def _plain(value):
+    """The same with null for what JSON has no number for."""
+    if isinstance(value, dict):
+        return {key: _plain(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def _number_type(annotation):
+    """int or float of `int`, `float | None` …"""
+    if isinstance(annotation, types.UnionType):
+        annotation = next(t for t in typing.get_args(annotation) if t is not type(None))
+    return annotation
+
+
+def _add_choices(parser):
+    group = parser.add_argument_group("choices (all are in the result)")
+    for f in fields(channel.Choices):
+        unit = f" [{f.metadata['unit']}]" if f.metadata["unit"] else ""
+        shown = " ".join(f"{v:g}" for v in f.default) if isinstance(f.default, tuple) else f.default
+        text = f.metadata["help"] + unit + (f" (default: {shown})" if f.default is not None else "")
+        options = {"default": f.default, "help": text.replace("%", "%%")}
+        if "choices" in f.metadata:
+            options["choices"] = f.metadata["choices"]
+        elif "numbers" in f.metadata:
+            options |= {"nargs": len(f.metadata["numbers"]), "type": float, "metavar": f.metadata["numbers"]}
+        else:
+            options |= {"type": _number_type(f.type), "metavar": "N" if _number_type(f.type) is int else "X"}
+        group.add_argument("--" + f.name.replace("_", "-"), **options)
+
+
+def _parser():
+    parser = argparse.ArgumentParser(prog="pliant-analyse", description=_DESCRIPTION, epilog=_EPILOG,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    kinds = parser.add_subparsers(dest="kind", required=True, metavar="KIND")
+    one = kinds.add_parser("channel", help="disks that are pushed through a channel", description=_DESCRIPTION,
+                           epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter)
+    one.add_argument("path", nargs="+", type=Path, metavar="DIR|TABLE.csv", help="run folders or tables")
+    one.add_argument("-o", "--output", type=Path, metavar="FILE", help=f"file to write, of a single path (default: "
+                     f"DIR/{RESULT}, TABLE.{RESULT})")
+    _add_choices(one)
+    table = one.add_argument_group("tables")
+    table.add_argument("--scale", type=float, default=1.0, metavar="X", help="cm per unit of x, y and r (default: 1)")
+    table.add_argument("--origin", type=float, nargs=2, default=(0.0, 0.0), metavar=("X", "Y"),
+                       help="outer corner of the channel, in the table's units (default: 0 0)")
+    table.add_argument("--flip-y", action="store_true", help="y points down, as in pictures")
+    table.add_argument("--fps", type=float, default=6.0, metavar="X",
+                       help="frames per second, without the column time (default: 6)")
+    table.add_argument("--plunger-speed", type=float, default=0.22, metavar="X",
+                       help="cm/s, without the column plunger_travel (default: 0.22)")
+    table.add_argument("--frames-per-push", type=int, metavar="N",
+                       help="push = frame // N, without the column push (default: one push)")
+    table.add_argument("--angle-unit", choices=sorted(tracks.ANGLE_UNITS), default="radians")
+    one.add_argument("--angle-period", type=float, default=2 * np.pi, metavar="RAD",
+                     help="angles are known up to a multiple of this; pi for a rectangle's (default: 2 pi)")
+    return parser
+
+
+def _table_options(given):
+    for name in ("scale", "fps", "plunger_speed", "angle_period"):
+        value = getattr(given, name)
+        if not (math.isfinite(value) and value > 0):
+            raise RunError(f"--{name.replace('_', '-')} {value:g}: must be more than 0")
+    if given.frames_per_push is not None and given.frames_per_push < 2:
+        raise RunError(f"--frames-per-push {given.frames_per_push}: at least 2")
+    if not np.isfinite(given.origin).all():
+        raise RunError("--origin: needs two numbers")
+    return {name: getattr(given, name) for name in ("scale", "origin", "flip_y", "fps", "plunger_speed",
+                                                    "frames_per_push", "angle_unit", "angle_period")}
+
+
+def _print_summary(path, result):
+    rows = [(name, unit, *(with_error(result[name][region]["value"], result[name][region]["error"])
+                           for region in channel.REGIONS))
+            for name, unit in (("dr_na", "<R>"), ("d2_min_sum", "<R>^2"), ("d2_min_per_neighbour", "<R>^2"),
+                               ("exponent_dr_na", ""), ("exponent_d2_min", ""), ("rotation", "rad"),
+                               ("rotation_turns", "turns"))]
+    print(f"{path}: {result['pushes']} pushes, {result['frames']} frames, {result['disks']} disks, <R> = "
+          f"{result['mean_radius']:.4g} cm, delta = {result['polydispersity']:.3f}; displacements over "
+          f"{result['interval']['travel']:.4g} cm of travel ({result['interval']['time']:.4g} s)\n")
+    print(markdown(["quantity", "unit", *channel.REGIONS], rows), end="\n\n")
+
+
+def main(arguments=None):
+    given = _parser().parse_args(arguments)
+    if given.output is not None and len(given.path) > 1:
+        raise RunError("--output names one file; leave it out with more than one run or table")
+    outputs = [given.output or result_path(path) for path in given.path]
+    for output in outputs:
+        if output.is_dir():
+            raise OutputError(f"{output}: is a folder (name a file)")
+        if given.output and not output.parent.is_dir():
+            raise OutputError(f"{output}: the folder {output.parent} does not exist")
+    chosen = {f.name: getattr(given, f.name) for f in fields(channel.Choices)}
+    chosen = {name: tuple(value) if isinstance(value, list) else value for name, value in chosen.items()}
+    choices, options = channel.Choices(**chosen), _table_options(given)
+    runs = [tracks.load(path, **options) for path in given.path]
+    results = channel.analyse(runs, choices)
+    for path, output, result in zip(given.path, outputs, results):
+        result["choices"] |= {"angle_period": options["angle_period"]}
+        if path.is_file():
+            result["choices"]["table"] = options
+        write_atomically(output, json.dumps(_plain(result), indent=1) + "\n")
+        _print_summary(path, result)
+        print(f"wrote {output}")

@@ -1,0 +1,111 @@
+"""pliant-analyse as a user starts it, and what it writes."""
+
+import json
+import subprocess
+import sys
+from dataclasses import fields
+from pathlib import Path
+
+import pytest
+from synthetic_channel import channel_tracks, tracks_table, write_channel_run
+
+from pliant import OutputError, RunError, analyse_command, channel
+
+COMMAND = Path(__file__).resolve().parents[1] / "pliant-analyse"
+QUICK = ["--interval", "1", "--skip-pushes", "1", "--intervals", "0.2", "1.4", "4", "--clock-intervals", "4"]
+
+# Names that scripts and papers rely on.
+FIXED = ("dr_na", "d2_min_sum", "d2_min_per_neighbour", "exponent_dr_na", "exponent_d2_min", "rotation")
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A folder with the run `run` and its table `tracks.csv`."""
+    folder = tmp_path_factory.mktemp("channel")
+    tracks = channel_tracks()
+    write_channel_run(folder / "run", tracks)
+    tracks_table(tracks).to_csv(folder / "tracks.csv", index=False, float_format="%.17g")
+    return folder
+
+
+def headline(path):
+    result = analyse_command.load_result(path)
+    return [result[name][region][part] for name in FIXED for region in ("all", "centre") for part in ("value", "error")]
+
+
+def test_it_writes_the_fixed_names(made):
+    result = subprocess.run([sys.executable, COMMAND, "channel", made / "run", *QUICK], capture_output=True, text=True)
+    assert result.returncode == 0, result.stderr
+    assert f"wrote {made / 'run/analysis.json'}" in result.stdout and "| dr_na " in result.stdout
+    written = json.loads((made / "run/analysis.json").read_text())
+    for name in FIXED:
+        assert written[name].keys() == {"all", "centre"}
+        for entry in written[name].values():
+            assert entry.keys() == {"value", "error"} and entry["value"] > 0 and entry["error"] > 0, name
+    assert written["d2_min_sum"]["all"]["value"] == pytest.approx(15 * written["d2_min_per_neighbour"]["all"]["value"])
+    assert {f.name for f in fields(channel.Choices)} < written["choices"].keys()
+    assert written["choices"]["interval"] == 1 and written["choices"]["skip_pushes"] == 1
+    assert written["units"]["length"] == "cm" and written["pushes"] == 3
+    assert written["interval"] == {"travel": pytest.approx(1), "time": pytest.approx(1 / 0.22)}
+
+
+def test_a_table_gives_the_same_as_its_run(made, capsys):
+    analyse_command.main(["channel", str(made / "run"), str(made / "tracks.csv"), *QUICK])
+    assert f"wrote {made / 'tracks.analysis.json'}" in capsys.readouterr().out
+    assert headline(made / "tracks.csv") == pytest.approx(headline(made / "run"), rel=1e-9)
+    assert analyse_command.load_result(made / "tracks.csv")["choices"]["table"]["fps"] == 6
+
+
+def test_pixels(made, tmp_path):
+    """Another scale, origin and direction of y, angles in degrees: the same numbers."""
+    tracks = tracks_table(channel_tracks())
+    pixels = tracks.assign(x=100 + 40 * tracks["x"], y=1600 - 40 * tracks["y"], r=40 * tracks["r"],
+                           angle=-57.29577951308232 * tracks["angle"])
+    pixels.to_csv(tmp_path / "pixels.csv", index=False, float_format="%.17g")
+    for path, more in ((made / "tracks.csv", []), (tmp_path / "pixels.csv", [
+            "--scale", "0.025", "--origin", "100", "1600", "--flip-y", "--angle-unit", "degrees"])):
+        analyse_command.main(["channel", str(path), *QUICK, "-o", str(tmp_path / f"{path.stem}.json"), *more])
+    assert headline(tmp_path / "pixels.json") == pytest.approx(headline(tmp_path / "tracks.json"), rel=1e-6)
+
+
+def test_without_pushes_to_compare_there_is_no_error_bar(made, tmp_path):
+    analyse_command.main(["channel", str(made / "run"), *QUICK, "--skip-pushes", "3", "-o", str(tmp_path / "one.json")])
+    written = json.loads((tmp_path / "one.json").read_text())
+    assert written["dr_na"]["all"]["value"] > 0 and written["dr_na"]["all"]["error"] is None
+
+
+def test_errors(made, tmp_path):
+    def failure(*arguments, error=RunError):
+        with pytest.raises(error) as caught:
+            analyse_command.main(["channel", *map(str, arguments)])
+        assert "\n" not in str(caught.value)
+        return str(caught.value)
+
+    run = made / "run"
+    assert "no such folder" in failure(tmp_path / "nothing")
+    assert "is not a multiple" in failure(run)
+    assert "--fps 0: must be more than 0" in failure(run, "--fps", 0)
+    assert "--df0 -1" in failure(run, "--df0", -1)
+    assert "names one file" in failure(run, run, "-o", "x.json")
+    assert "does not exist" in failure(run, "-o", tmp_path / "no/x.json", error=OutputError)
+    assert "is a folder" in failure(run, "-o", tmp_path, error=OutputError)
+    (tmp_path / "a.csv").write_text("")
+    assert "cannot be read as a table" in failure(tmp_path / "a.csv")
+    (tmp_path / "b.csv").write_text("frame,x,y,r\n1,2,3,4\n")
+    assert "no column 'particle'" in failure(tmp_path / "b.csv")
+    with pytest.raises(SystemExit) as stop:
+        analyse_command.main(["channel", str(run), "--average", "mean"])
+    assert stop.value.code == 2
+    result = subprocess.run([sys.executable, COMMAND, "channel", tmp_path], capture_output=True, text=True)
+    assert result.returncode == 2 and result.stderr.startswith("pliant-analyse: error: ") and "run.h5" in result.stderr
+
+
+def test_results_that_are_not_there(tmp_path, made):
+    with pytest.raises(RunError, match="pliant-analyse channel"):
+        analyse_command.load_result(tmp_path)
+    (tmp_path / "x.json").write_text("{}")
+    with pytest.raises(RunError, match="not an analysis"):
+        analyse_command.load_result(tmp_path / "x.json")
+    (tmp_path / "x.json").write_text("{")
+    with pytest.raises(RunError, match="JSON"):
+        analyse_command.load_result(tmp_path / "x.json")
