@@ -27,7 +27,7 @@ declare -A instrumented=(
 declare -A seeds=([evaluate]="tests/data/evaluate/*.json" [options]="examples/*.yaml")
 declare -A words=(
   [evaluate]="grep -oh '\"[A-Za-z0-9_-]\+\"' src/scenarios/evaluate/case_input.cpp src/scenarios/evaluate/evaluate.cpp"
-  [options]="$build/apps/pliant hopper -help | sed -n 's/^  -\([a-z_0-9]*\) .*/\"\1\"/p'"
+  [options]="$build/apps/pliant -help_markdown | sed -n 's/^| \`-\([a-z_0-9]*\)\` .*/\"\1\"/p'"
 )
 as_system() { sed 's/-I/-isystem /g' <<<"$*"; }
 flags=(-std=c++20 -O1 -g1 -w -DFMT_SHARED -fno-omit-frame-pointer

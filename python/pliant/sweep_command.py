@@ -21,8 +21,8 @@ from .sweep_rows import is_number, read_rows
 FAILED_CODE = 3
 
 _DESCRIPTION = """Runs every row of a CSV table: columns are options of pliant without the dash, one run a row. Columns
-that are no options: scenario (default hopper), name, seeds (1-20 or 1,2,5: one run each). The same command goes on with
-runs that were stopped and skips those that are done. docs/sweeps.md has more."""
+that are no options: scenario (default: the program's first, hopper), name, seeds (1-20 or 1,2,5: one run each). The same
+command goes on with runs that were stopped and skips those that are done. docs/sweeps.md has more."""
 
 _EPILOG = """examples:
   pliant-sweep widths.csv -j 4
@@ -43,6 +43,22 @@ def find_program(given):
     if found is None:
         raise RunError(f"{candidates[-1]}: there is no such program; name it with --program or in $PLIANT")
     return str(Path(found).absolute())
+
+
+def first_scenario(program):
+    """The scenario of rows that name none."""
+    result = subprocess.run([program, "-scenarios"], text=True, capture_output=True, stdin=subprocess.DEVNULL,
+                            env=environment(OMP_NUM_THREADS="1"))
+    names = result.stdout.split()
+    if result.returncode != 0 or not names:
+        raise RunError(f"{program} -scenarios lists no scenarios: is it a pliant? " + _error(result))
+    return names[0]
+
+
+def _error(result):
+    """The last line of an error, without the program's name."""
+    line = (result.stderr.strip().splitlines() or ["no message"])[-1]
+    return re.sub(r"^[^:]*: error: ", "", line)
 
 
 def _probes(rows):
@@ -71,7 +87,7 @@ def check_options(table, rows, program, base):
                                     stdin=subprocess.DEVNULL, env=environment(OMP_NUM_THREADS="1"))
             if empty in result.stderr:
                 continue
-            message = (result.stderr.strip().splitlines() or ["no message"])[-1].removeprefix("pliant: error: ")
+            message = _error(result)
             named = re.search(r"-([A-Za-z]\w*)", message)
             name = named[1] if named and named[1] in probe else None
             row = probe.get(name, first)
@@ -156,7 +172,8 @@ def main(arguments_=None):
     for path in (given.table, given.output or given.table):
         if any(unicodedata.category(c) in ("Cc", "Cs") for c in str(path)):
             raise RunError(f"{ascii(str(path))}: a name here must be UTF-8 without control characters; rename it")
-    rows = read_rows(given.table)
+    program = find_program(given.program)
+    rows = read_rows(given.table, first_scenario(program))
     base = given.table.absolute().parent
     output = given.output or given.table.with_suffix("")
     if output.exists() and not output.is_dir():
@@ -179,7 +196,6 @@ def main(arguments_=None):
         write_results(output, folders)
         return 0
 
-    program = find_program(given.program)
     if given.row is None:
         check_options(given.table, rows, program, base)
     if given.slurm:

@@ -73,10 +73,10 @@ def expand_seeds(text):
     return seeds
 
 
-def _derived_id(scenario, options):
+def _derived_id(scenario, default, options):
     """A readable name that depends on nothing but the row's own options."""
     order = sorted(options, key=lambda name: (name == "seed", name))
-    parts = ([] if scenario == "hopper" else [scenario]) + [f"{name}={options[name]}" for name in order]
+    parts = ([] if scenario == default else [scenario]) + [f"{name}={options[name]}" for name in order]
     exact = ",".join(parts) or "defaults"
     clean = re.sub(r"[^A-Za-z0-9._+=,-]", "_", exact)
     if clean == exact and len(exact) <= _LONGEST_ID:
@@ -112,11 +112,11 @@ def _check_header(path, columns):
             raise RunError(f"{where}: '{column}' is no name of an option (write it without the dash)")
 
 
-def read_rows(path):
+def read_rows(path, scenario):
     """List of Row from a CSV file: columns are names of options without the dash (empty cells: not given), and
-    `scenario` (default hopper), `name`, and `seeds`, which makes one row of each seed. Lines that begin with # are
-    comments. Raises RunError that names line and column."""
-    path = Path(path)
+    `scenario` (that of the rows that name none), `name`, and `seeds`, which makes one row of each seed. Lines that begin
+    with # are comments. Raises RunError that names line and column."""
+    path, default = Path(path), scenario
     lines = _lines(path)
     _, columns = next(lines, (0, []))
     if not columns:
@@ -130,7 +130,7 @@ def read_rows(path):
             raise RunError(f"{where}: {len(cells)} cells for {len(columns)} columns (write lists in quotes: \"1,2,5\")")
         given = {column: cell for column, cell in zip(columns, cells) if cell}
         own = {column: given.pop(column) for column in _OWN if column in given}
-        scenario, name = own.get("scenario", "hopper"), own.get("name")
+        scenario, name = own.get("scenario", default), own.get("name")
         if not re.fullmatch(r"[A-Za-z0-9_]+", scenario):
             raise RunError(f"{where}, column 'scenario': '{scenario}' is no name of a scenario")
         if name is not None and not re.fullmatch(r"[A-Za-z0-9_][A-Za-z0-9._+=-]*", name):
@@ -150,7 +150,7 @@ def read_rows(path):
             except ValueError as error:
                 raise RunError(f"{where}, column 'seeds': {error}") from None
         for variant in variants:
-            row_id = _derived_id(scenario, variant) if name is None else name
+            row_id = _derived_id(scenario, default, variant) if name is None else name
             if name is not None and "seeds" in own:
                 row_id += f",seed={variant['seed']}"
             if row_id in lines_of:

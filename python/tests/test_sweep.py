@@ -34,6 +34,10 @@ def table(tmp_path):
     return write
 
 
+def rows_of(table):
+    return read_rows(table, "hopper")
+
+
 def start(table, *arguments):
     """pliant-sweep as a process of its own."""
     return subprocess.Popen([sys.executable, COMMAND, table, "--program", PROGRAM, *map(str, arguments)], text=True,
@@ -59,7 +63,7 @@ def run(capsys, monkeypatch):
 
 def sweep(table, workers=2, retry=False):
     """The same within this process: {row id: State}."""
-    folders = [RowFolder(table.with_suffix(""), row, table.parent) for row in read_rows(table)]
+    folders = [RowFolder(table.with_suffix(""), row, table.parent) for row in rows_of(table)]
     for folder in folders:
         folder.check()
     return Sweep(folders, PROGRAM, workers, retry).run()
@@ -81,7 +85,7 @@ def wait_for(condition):
 # --- Tables
 
 def test_rows(table):
-    rows = read_rows(table("\ufeff# widths", "hopper_width,mu,scenario,seeds", "4.0,,,", "",
+    rows = rows_of(table("\ufeff# widths", "hopper_width,mu,scenario,seeds", "4.0,,,", "",
                            '5,1e-5,hopper,"1-2,7"', "# no row", " 6 ,, channel,"))
     assert [(r.number, r.line, r.scenario, r.id) for r in rows] == [
         (1, 3, "hopper", "hopper_width=4"),
@@ -93,21 +97,21 @@ def test_rows(table):
 
 
 def test_ids_depend_on_the_row_alone(table):
-    before = [r.id for r in read_rows(table("a,b", "1,2", "2,3"))]
-    after = [r.id for r in read_rows(table("seeds,b,mode,a", "1,9,,9", ",3,,2.0", ",2.00,,1e0"))]
+    before = [r.id for r in rows_of(table("a,b", "1,2", "2,3"))]
+    after = [r.id for r in rows_of(table("seeds,b,mode,a", "1,9,,9", ",3,,2.0", ",2.00,,1e0"))]
     assert after == ["a=9,b=9,seed=1", *reversed(before)]
 
 
 def test_ids_name_folders(table):
     long = ",".join(["x" * 60] * 4)
-    rows = read_rows(table("options_file,mode", "../a b.yaml,", "../a_b.yaml,", f'x,"{long}"', f'x,"{long}y"', ",good"))
+    rows = rows_of(table("options_file,mode", "../a b.yaml,", "../a_b.yaml,", f'x,"{long}"', f'x,"{long}y"', ",good"))
     ids = [r.id for r in rows]
     assert len(set(ids)) == 5 and ids[4] == "mode=good"
     assert all("/" not in i and " " not in i and len(i) <= 200 for i in ids)
 
 
 def test_names(table):
-    assert [r.id for r in read_rows(table("name,a,seeds", "x,1,1-2", "y,1,"))] == ["x,seed=1", "x,seed=2", "y"]
+    assert [r.id for r in rows_of(table("name,a,seeds", "x,1,1-2", "y,1,"))] == ["x,seed=1", "x,seed=2", "y"]
 
 
 @pytest.mark.parametrize("text, same", [("4.0", "4"), ("4", "4"), ("+4", "4"), ("1e4", "10000"), ("0.10", "0.1"),
@@ -148,12 +152,12 @@ def test_seeds():
 ])
 def test_bad_tables(table, lines, message):
     with pytest.raises(RunError, match=message):
-        read_rows(table(*lines))
+        rows_of(table(*lines))
 
 
 def test_missing_table(tmp_path):
     with pytest.raises(RunError, match="none.csv: cannot be read"):
-        read_rows(tmp_path / "none.csv")
+        rows_of(tmp_path / "none.csv")
 
 
 @pytest.mark.parametrize("lines, message", [
@@ -510,7 +514,7 @@ def test_sign_of_life(tmp_path, monkeypatch):
 
 def test_results(table, tmp_path, run):
     path = table("name,hopper_width", "x,4", "y,5", "z,6", "w,7")
-    for row in read_rows(path):
+    for row in rows_of(path):
         if row.id != "w":
             write_run(tmp_path / "t" / row.id, w=float(row.options["hopper_width"]), n=20, frames=1, samples=10,
                       status="clogged" if row.id == "y" else "done", Q=0.0 if row.id == "y" else 3.0)

@@ -162,6 +162,7 @@ Manifest make_manifest(std::string_view scenario, std::string_view model, int di
   m.petsc_version = build.petsc;
   m.scenario = scenario;
   m.model = model;
+  m.program = program_name();
   m.created = fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(std::time(nullptr)));
   m.dim = dim;
   m.seed = seed;
@@ -172,7 +173,7 @@ Manifest make_manifest(std::string_view scenario, std::string_view model, int di
 nlohmann::ordered_json summary_head(std::string_view scenario, std::string_view model, std::string_view status,
                                     std::string_view ended_by, const Options& options) {
   nlohmann::ordered_json s;
-  s["program"] = "pliant";
+  s["program"] = program_name();
   s["version"] = build_info().version;
   s["scenario"] = scenario;
   s["model"] = model;

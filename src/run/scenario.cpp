@@ -16,6 +16,8 @@
 namespace pliant {
 namespace {
 
+const char* const reference = "-help_markdown";
+
 void answer(const Ranks& ranks, const std::string& text) {
   ranks.on_root([&] { print_result(text); });
 }
@@ -25,8 +27,28 @@ std::string usage(const std::vector<Scenario>& scenarios) {
   std::string text = fmt::format("usage: {} SCENARIO [-option value ...]\n\nscenarios:\n", program);
   for (const Scenario& s : scenarios)
     text += fmt::format("  {:<18}  {}\n", s.arguments.empty() ? s.name : s.name + " " + s.arguments, s.help);
-  return text +
-         fmt::format("\n{0} SCENARIO -help   options of a scenario\n{0} -version         version and build\n", program);
+  return text + fmt::format(
+                    "\n{0} SCENARIO -help   options of a scenario\n{0} -version         version and build\n"
+                    "{0} -scenarios       names of the scenarios that have options, for scripts\n",
+                    program);
+}
+
+/// The names that pliant-sweep knows, the one that it takes by default first.
+std::string names_of(const std::vector<Scenario>& scenarios) {
+  std::string text;
+  for (const Scenario& s : scenarios)
+    if (s.arguments.empty()) text += s.name + "\n";
+  return text;
+}
+
+/// What docs/options.md is made from.
+void print_reference(const std::vector<Scenario>& scenarios, const Ranks& ranks) {
+  for (const Scenario& s : scenarios) {
+    if (!s.arguments.empty()) continue;
+    answer(ranks, fmt::format("\n# Options of `{} {}`\n\n{}{}", program_name(), s.name, s.units,
+                              s.units.empty() ? "" : "\n\n"));
+    s.run({reference}, ranks);
+  }
 }
 
 ExitCode run(const std::vector<Scenario>& scenarios, const std::string& name, const Arguments& arguments,
@@ -39,6 +61,14 @@ ExitCode run(const std::vector<Scenario>& scenarios, const std::string& name, co
   }
   if (name == "-version" || name == "--version") {
     answer(ranks, build_info().text());
+    return ExitCode::done;
+  }
+  if (name == "-scenarios") {
+    answer(ranks, names_of(scenarios));
+    return ExitCode::done;
+  }
+  if (name == reference) {
+    print_reference(scenarios, ranks);
     return ExitCode::done;
   }
   std::vector<std::string> names;
@@ -70,7 +100,7 @@ ExitCode run_by_options(const std::string& scenario, const RunOptions& p, Option
 }
 
 bool parse_arguments(const std::string& scenario, Options& options, const Arguments& arguments, const Ranks& ranks) {
-  if (arguments == Arguments{"-help_markdown"}) {  // what docs/options.md is made from
+  if (arguments == Arguments{reference}) {
     answer(ranks, options.markdown());
     return false;
   }

@@ -23,7 +23,8 @@ using Arguments = std::vector<std::string>;
 /// An entry of the table.
 struct Scenario {
   std::string name, help;
-  std::string arguments = {};  ///< beside options, as the list of scenarios shows them
+  std::string arguments = {};  ///< where these are no options: as the list of scenarios shows them
+  std::string units = {};      ///< of the options, in a sentence for the reference
   /// Runs it with the arguments after its name. Collective. Errors are the same on all ranks.
   std::function<ExitCode(const Arguments& arguments, const Ranks& ranks)> run;
 };

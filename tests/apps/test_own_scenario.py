@@ -1,5 +1,6 @@
 """A program of a user's own, with a scenario of its own: examples/own_scenario."""
 
+import csv
 import json
 import os
 import subprocess
@@ -11,7 +12,8 @@ import pytest
 from conftest import HANGS, Results, arguments, assert_same_runs
 
 PROGRAM = os.environ.get("PLIANT_OWN_SCENARIO")
-PLOT = Path(__file__).resolve().parents[2] / "python" / "pliant-plot"
+ROOT = Path(__file__).resolve().parents[2]
+PLOT = ROOT / "python" / "pliant-plot"
 BOX = {"n": 20, "t_end": 1, "sample_interval": 0.1, "frame_interval": 0.25}
 
 pytestmark = pytest.mark.skipif(not PROGRAM, reason="PLIANT_OWN_SCENARIO does not name the program")
@@ -72,6 +74,37 @@ def test_messages_name_this_program(tmp_path):
     assert result.returncode == 2 and result.stderr.startswith("own_scenario: error: ") and "-t_end LATER" in result.stderr
     unstable = own("shaken_box", output=tmp_path / "hot", n=20, dt=2e-4, t_end=1e-3)
     assert unstable.returncode == 0 and unstable.stderr.startswith("own_scenario: warning: -dt 0.0002 is 0.6")
+
+
+def test_the_page_of_its_options_is_made_by_the_same_script(tmp_path):
+    def docs(*arguments):
+        return subprocess.run([ROOT / "scripts/docs.sh", *arguments, PROGRAM, tmp_path / "options.md"], text=True,
+                              capture_output=True, timeout=HANGS)
+
+    written = docs()
+    assert written.returncode == 0, written.stderr
+    text = (tmp_path / "options.md").read_text()
+    assert "# Options of `own_scenario shaken_box`\n" in text and "\n| `-amplitude` | real |" in text
+    assert "hopper" not in text
+    assert docs("--check").returncode == 0
+    (tmp_path / "options.md").write_text(text.replace("-amplitude", "-height"))
+    assert docs("--check").returncode == 1
+
+
+def test_a_sweep_needs_no_name_of_the_scenario(tmp_path):
+    def sweep(*lines):
+        (tmp_path / "t.csv").write_text("\n".join(lines) + "\n")
+        return subprocess.run([sys.executable, ROOT / "python/pliant-sweep", tmp_path / "t.csv", "--program", PROGRAM], text=True,
+                              capture_output=True, timeout=HANGS)
+
+    refused = sweep("ampliude", "0.1")
+    assert refused.returncode == 2 and "line 2, column 'ampliude': unknown option -ampliude; did you mean" in refused.stderr
+    done = sweep("n,amplitude,t_end", "5,0.1,0.01", "5,0.2,0.01")
+    assert done.returncode == 0 and "done 2/2" in done.stdout, done.stderr
+    with open(tmp_path / "t/results.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["scenario"] for row in rows] == ["shaken_box"] * 2
+    assert [row["row"] for row in rows] == ["amplitude=0.1,n=5,t_end=0.01", "amplitude=0.2,n=5,t_end=0.01"]
 
 
 def test_figures_are_drawn_or_refused_by_name(tmp_path):

@@ -5,9 +5,11 @@ import pty
 import re
 import shlex
 import subprocess
+from pathlib import Path
 
+import h5py
 import pytest
-from conftest import HANGS, PROGRAM, SMALL, arguments, hopper, pliant
+from conftest import HANGS, PROGRAM, SMALL, Results, arguments, hopper, pliant
 
 FIXED_OPTIONS = ("model dim n n_vertices seed hopper_width hopper_angle hopper_wall_distance e_sp e_w e_c k_a k_l k_b mu "
                  "zeta integrator dt t_end output restart checkpoint_interval frame_interval max_wall_time").split()
@@ -34,6 +36,24 @@ def test_version(command):
     result = pliant(*command)
     assert result.returncode == 0 and result.stderr == ""
     assert re.search(r"\d+\.\d+\.\d+", result.stdout) and "PETSc" in result.stdout
+
+
+def test_scenarios_for_scripts():
+    result = pliant("-scenarios")
+    assert result.returncode == 0 and result.stdout == "hopper\nraft\nclog\n"
+
+
+def test_a_program_of_another_name(tmp_path):
+    """It speaks, and signs its files, by the name that it has."""
+    program = tmp_path / "grains"
+    program.symlink_to(Path(PROGRAM).resolve())
+    usage = subprocess.run([program, "evaluate"], text=True, capture_output=True, timeout=HANGS)
+    assert usage.returncode == 2 and usage.stderr.startswith("grains: error: usage: grains evaluate CASE.json")
+    command = [program, "hopper", "-output", tmp_path / "run", *arguments({**SMALL, "t_end": 0})]
+    assert subprocess.run(command, capture_output=True, timeout=HANGS).returncode == 0
+    assert Results(tmp_path / "run").summary["program"] == "grains"
+    with h5py.File(tmp_path / "run/run.h5") as file:
+        assert file["manifest"].attrs["program"] == "grains"
 
 
 def test_help_needs_no_valid_options_and_writes_nothing(tmp_path):

@@ -247,7 +247,7 @@ Real capillary_length(const ModelParameters& p, Real g) {
 }
 
 Scenario clog_scenario() {
-  return option_scenario<ClogOptions>(
+  Scenario s = option_scenario<ClogOptions>(
       "clog", "droplets that attract each other leave a hopper, or clog it",
       [](const ClogOptions& p, const Options& options, const Ranks& ranks, std::optional<Checkpoint> checkpoint) {
         // Before so many are made.
@@ -255,6 +255,8 @@ Scenario clog_scenario() {
         return std::make_unique<Run<2>>("clog", p, options, ranks, std::make_unique<ClogProtocol>(p, ranks),
                                         std::move(checkpoint));
       });
+  s.units = "Units: as of rafts, with ⟨R⟩ the mean radius of the droplets and ρ = 1.";
+  return s;
 }
 
 }  // namespace pliant

@@ -236,7 +236,8 @@ Scenario evaluate_scenario() {
              .help = "energies and forces of one configuration",
              .arguments = "CASE.json",
              .run = [](const Arguments& arguments, const Ranks& ranks) {
-               const std::string usage = "usage: pliant evaluate CASE.json (docs/evaluate.md describes the file)";
+               const std::string usage =
+                   fmt::format("usage: {} evaluate CASE.json (docs/evaluate.md describes the file)", program_name());
                ranks.on_root([&] {
                  if (arguments == Arguments{"-help"} || arguments == Arguments{"--help"})
                    return print_result(usage + "\n");

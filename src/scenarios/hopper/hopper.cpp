@@ -554,7 +554,7 @@ std::unique_ptr<AnyRun> make(const HopperOptions& p, const Options& options, con
 }  // namespace
 
 Scenario hopper_scenario() {
-  return option_scenario<HopperOptions>(
+  Scenario s = option_scenario<HopperOptions>(
       "hopper", "gravity-driven flow through an orifice",
       [](const HopperOptions& p, const Options& options, const Ranks& ranks, std::optional<Checkpoint> checkpoint) {
         if (checkpoint)
@@ -564,6 +564,8 @@ Scenario hopper_scenario() {
         return p.dim == 2 ? make<2>(p, options, ranks, std::move(checkpoint))
                           : make<3>(p, options, ranks, std::move(checkpoint));
       });
+  s.units = "Units: σ_avg = g = ρ = 1, t0 = sqrt(σ_avg/g).";
+  return s;
 }
 
 }  // namespace pliant

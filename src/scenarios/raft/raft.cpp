@@ -276,7 +276,7 @@ Index count_rows(Index droplets, const std::vector<Bond>& bonds, const std::vect
 }
 
 Scenario raft_scenario() {
-  return option_scenario<RaftOptions>(
+  Scenario s = option_scenario<RaftOptions>(
       "raft", "droplets between two walls that compress them or pull them apart",
       [](const RaftOptions& p, const Options& options, const Ranks& ranks, std::optional<Checkpoint> checkpoint) {
         // Before so many are made.
@@ -284,6 +284,11 @@ Scenario raft_scenario() {
         return std::make_unique<Run<2>>("raft", p, options, ranks, std::make_unique<RaftProtocol>(p, ranks),
                                         std::move(checkpoint));
       });
+  s.units =
+      "Units: ⟨R⟩ (R), the radius of a large droplet, and the unit of force F in which f0 is given; b = 1, t0 = "
+      "b⟨R⟩/F. "
+      "Options that begin with `-mobility_ksp_` and `-mobility_pc_` go to the solver for the velocities.";
+  return s;
 }
 
 }  // namespace pliant
