@@ -96,8 +96,7 @@ class Flow {
     Vec<D> down = Vec<D>::Zero();
     down[D - 1] = -1;
     return {make_particles(options_.model, D, diameters, options_.shape), options_.hopper.walls<D>(),
-            make_force_field<D>(options_.model, options_.model_parameters(), down),
-            neighbour_needs(options_.model, options_.model_parameters()), options_.first_skin()};
+            make_force_field<D>(options_.model, options_.model_parameters(), down), options_.first_skin()};
   }
 
   void prepare() {
@@ -195,7 +194,7 @@ void register_forces(const std::string& name, const std::shared_ptr<Flow<D>>& fl
 
 template <int D>
 void register_lists(const std::string& name, const std::shared_ptr<Flow<D>>& flow) {
-  const NeighbourNeeds needs = neighbour_needs(flow->options().model, flow->options().model_parameters());
+  const NeighbourNeeds needs = flow->system().neighbours().needs();
   const Real skin = flow->options().first_skin();
   const auto cloud = [](const StateView<D>& s) {
     const Topology& t = s.topology;

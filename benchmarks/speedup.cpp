@@ -39,7 +39,7 @@ class System {
                                    p.shape),
                     ParticleSystem<D>({}, p.hopper.walls<D>(),
                                       make_force_field<D>(p.model, p.model_parameters(), -Vec<D>::Unit(D - 1)),
-                                      neighbour_needs(p.model, p.model_parameters()), p.first_skin(), ranks),
+                                      p.first_skin(), ranks),
                     Sorting::regularly),
         dt_(c.real("dt", 0)) {
     const StoredParticles stored(c, simulation_.all(), D, ranks);

@@ -291,9 +291,9 @@ Real own_step(const ParticleSystem<2>& system) {
 Problem<ParticleSystem<2>> bounce() {
   const ModelParameters parameters{.epsilon_wall = 200, .k_a = 300, .k_l = 20, .k_b = 0.1};
   const auto make = [=] {
-    return std::make_unique<ParticleSystem<2>>(
-        make_particles(ModelKind::rough, 2, {1.0}, {}), Walls<2>({WallSegment::between({-5, 0}, {5, 0})}),
-        make_force_field<2>(ModelKind::rough, parameters, {0, -1}), neighbour_needs(ModelKind::rough), 0.1);
+    return std::make_unique<ParticleSystem<2>>(make_particles(ModelKind::rough, 2, {1.0}, {}),
+                                               Walls<2>({WallSegment::between({-5, 0}, {5, 0})}),
+                                               make_force_field<2>(ModelKind::rough, parameters, {0, -1}), 0.1);
   };
   const auto system = make();
   const Topology& topology = system->topology();
@@ -320,8 +320,8 @@ Problem<ParticleSystem<2>> prepared(const std::string& name, const HopperOptions
                                            WallSegment::ray({-half, 0}, {0, 1}), WallSegment::ray({half, 0}, {0, 1})})
                                : o.hopper.walls<2>();
   const auto make = [=](const Topology& topology, Real skin) {
-    return std::make_unique<ParticleSystem<2>>(
-        topology, walls, make_force_field<2>(o.model, o.model_parameters(), {0, -1}), neighbour_needs(o.model), skin);
+    return std::make_unique<ParticleSystem<2>>(topology, walls,
+                                               make_force_field<2>(o.model, o.model_parameters(), {0, -1}), skin);
   };
   const auto system =
       make(make_particles(o.model, 2, draw_diameters(o.sizes, o.particles, 1), o.shape), o.first_skin());
@@ -399,18 +399,18 @@ Problem<OverdampedSystem<2>> droplets(bool quick) {
                               Solid<2>::half_space({width, 0}, {-1, 0}), Solid<2>::half_space({0, height}, {0, -1})};
   walls.back().velocity = {0, -speed};
   constexpr Real skin = 0.3;
-  return {.name = "droplets",
-          .make =
-              [=] {
-                return std::make_unique<OverdampedSystem<2>>(
-                    ParticleSystem<2>(topology, Walls<2>(walls), make_force_field<2>(ModelKind::bubble, {}, {0, 0}),
-                                      neighbour_needs(ModelKind::bubble), skin),
-                    std::make_unique<NeighbourDrag<2>>(NeighbourDragOptions{}));
-              },
-          .start = std::move(start),
-          .t_end = quick ? 20.0 : 100.0,
-          .step = 0.1,
-          .methods = without_inertia};
+  return {
+      .name = "droplets",
+      .make =
+          [=] {
+            return std::make_unique<OverdampedSystem<2>>(
+                ParticleSystem<2>(topology, Walls<2>(walls), make_force_field<2>(ModelKind::bubble, {}, {0, 0}), skin),
+                std::make_unique<NeighbourDrag<2>>(NeighbourDragOptions{}));
+          },
+      .start = std::move(start),
+      .t_end = quick ? 20.0 : 100.0,
+      .step = 0.1,
+      .methods = without_inertia};
 }
 
 void run_all(const Effort& effort) {

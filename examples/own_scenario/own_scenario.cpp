@@ -51,10 +51,9 @@ std::unique_ptr<Simulation<2>> make_simulation(const Parameters& p, const Ranks&
       Fused<InertiaKernel, Inertia>({p.floor}));
   const pliant::Vec<2> left(0, 0), right(p.width(), 0), up(0, 1);
   Walls<2> walls({WallSegment::between(left, right), WallSegment::ray(left, up), WallSegment::ray(right, up)});
-  return std::make_unique<Simulation<2>>(
-      make_particles(ModelKind::rough, 2, draw_diameters({}, p.n, p.seed), p.shape),
-      ParticleSystem<2>({}, std::move(walls), std::move(field), neighbour_needs(ModelKind::rough), 0.1, ranks),
-      Sorting::regularly);
+  return std::make_unique<Simulation<2>>(make_particles(ModelKind::rough, 2, draw_diameters({}, p.n, p.seed), p.shape),
+                                         ParticleSystem<2>({}, std::move(walls), std::move(field), 0.1, ranks),
+                                         Sorting::regularly);
 }
 
 /// Walls cannot move, so all is seen from the box, frames too: in the laboratory `floor` adds to every height. The

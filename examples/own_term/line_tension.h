@@ -9,7 +9,7 @@
 
 /// U = γ Σ_i l_i, l_i the length of edge i; γ in ρ g σ_avg². Its gradient pulls both ends of an edge together with the
 /// constant force γ. Unlike the perimeter term it has no rest length: with the area term it makes circles, inside which
-/// the pressure is γ/R (Laplace). Smooth while l_i > 0. Elements: edges, named by their first vertex.
+/// the pressure is γ/R (Laplace). Smooth while l_i > 0. Elements: edges.
 struct LineTension {
   using Real = pliant::Real;
   using Index = pliant::Index;
@@ -18,7 +18,7 @@ struct LineTension {
 
   Real gamma;
 
-  static constexpr pliant::Elements elements = pliant::Elements::points;
+  static constexpr pliant::Elements elements = pliant::Elements::edges;
   static std::string_view name() { return "line_tension"; }
   bool enabled(const View&) const { return gamma > 0; }
   static Index particle(const View& s, Index i) { return s.topology.particle[i]; }

@@ -27,7 +27,7 @@ ParticleSystem<2> droplet() {
   const Real a0 = pi / 4, l0 = pi / vertices, delta = 0.1 * l0, mass = a0;
   topology.add_polygon(vertices, a0, l0, delta, mass);
   auto model = std::make_unique<Model<2, Area, LineTension>>(Area{area_stiffness}, LineTension{tension});
-  return ParticleSystem<2>(topology, Walls<2>(), std::move(model), NeighbourNeeds{}, 0.1);
+  return ParticleSystem<2>(topology, Walls<2>(), std::move(model), 0.1);
 }
 
 /// An ellipse, twice as long as wide, with unequal edges.

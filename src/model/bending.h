@@ -8,12 +8,11 @@
 namespace pliant {
 
 /// U = Σ_i k_b/(2 Nv) |(l̂_i − l̂_{i+1})/l0|², l̂ the unit edge vectors. Smooth while all edges have a length.
-/// With c = k_b/(2 Nv l0²) and û, ŵ the two directions U_i = 2c (1 − û·ŵ). Elements: pairs of edges that meet, named by
-/// the first vertex.
+/// With c = k_b/(2 Nv l0²) and û, ŵ the two directions U_i = 2c (1 − û·ŵ). Elements: corners.
 struct Bending {
   Real k_b;
 
-  static constexpr Elements elements = Elements::points;
+  static constexpr Elements elements = Elements::corners;
   static std::string_view name() { return "bending"; }
   bool enabled(const StateView<2>&) const { return k_b > 0; }
   static Index particle(const StateView<2>& s, Index i) { return s.topology.particle[i]; }

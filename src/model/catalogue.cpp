@@ -70,22 +70,6 @@ std::string_view to_string(ModelKind kind) {
   return "";
 }
 
-NeighbourNeeds neighbour_needs(ModelKind kind, const ModelParameters& p) {
-  switch (kind) {
-    case ModelKind::sp:
-      return {.point_pairs = true, .walls = true};
-    case ModelKind::rough:
-      return {.point_pairs = true, .vertex_edges = p.rough_edges, .walls = true, .lips = true, .edges = Edges::bare};
-    case ModelKind::smooth:
-      return {.vertex_edges = true, .walls = true, .lips = true};
-    case ModelKind::shape:
-      return {};
-    case ModelKind::bubble:
-      return {.point_pairs = true, .solids = true, .beyond_contact = 2 * p.a_s};
-  }
-  return {};
-}
-
 template <int D>
 std::unique_ptr<ForceField<D>> make_force_field(ModelKind kind, const ModelParameters& p, const Vec<D>& gravity) {
   if (!has_law(kind, p.law))

@@ -42,9 +42,6 @@ std::string_view to_string(ContactLaw law);
 /// Whether a model's contacts can follow a law.
 bool has_law(ModelKind kind, ContactLaw law);
 
-/// Which lists the model reads.
-NeighbourNeeds neighbour_needs(ModelKind kind, const ModelParameters& p = {});
-
 /// The weight of a droplet is ρ g R³ [T 4.6]: give it the mass ρ R³.
 /// Errors: InputError for a deformable model in 3D, for a contact law that the model does not have, or where a_s is not
 /// positive for droplets.

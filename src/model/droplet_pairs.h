@@ -8,8 +8,8 @@
 namespace pliant {
 
 /// U = Σ_pairs Law(r; R_i, R_j), r the distance of the centres, R half the contact diameters. A law has a name, a range
-/// beyond R_i + R_j, its value with two derivatives, and max_rate. Elements: neighbour list of points, which must reach
-/// as far as the law. Errors: NumericalError where one droplet has swallowed another, r ≤ |R_i − R_j|.
+/// beyond R_i + R_j, its value with two derivatives, and max_rate. Elements: neighbour list of points. Errors:
+/// NumericalError where one droplet has swallowed another, r ≤ |R_i − R_j|.
 template <int D, class Law>
 struct DropletPairs {
   Law law;
@@ -17,6 +17,7 @@ struct DropletPairs {
   static constexpr Elements elements = Elements::point_pairs;
   static std::string_view name() { return Law::name; }
   bool enabled(const StateView<D>&) const { return true; }
+  Real range() const { return law.range(); }
 
   Real energy(const StateView<D>& s, Index e) const {
     Real r;

@@ -8,9 +8,9 @@
 namespace pliant {
 
 /// U = Σ Law(r − solid; R) over droplets and solids, R half the contact diameter, the solids at their places at the
-/// view's time. A law has a name, the value with two derivatives, the distance that a droplet's centre must keep from a
-/// solid, and max_rate. Elements: neighbour list of points and solids. Errors: NumericalError where a droplet is
-/// nearer.
+/// view's time. A law has a name, a range beyond R, the value with two derivatives, the distance that a droplet's
+/// centre must keep from a solid, and max_rate. Elements: neighbour list of points and solids. Errors: NumericalError
+/// where a droplet is nearer.
 template <int D, class Law>
 struct DropletWalls {
   Law law;
@@ -18,6 +18,7 @@ struct DropletWalls {
   static constexpr Elements elements = Elements::solids;
   static std::string_view name() { return Law::name; }
   bool enabled(const StateView<D>& s) const { return !s.walls.solids().empty(); }
+  Real range() const { return law.range(); }
 
   Real energy(const StateView<D>& s, Index e) const { return at(s, e).value; }
 

@@ -28,6 +28,7 @@ struct EdgeContact {
   static constexpr Elements elements = Elements::vertex_edges;
   std::string_view name() const { return edges == Edges::wide ? "contact" : "edge"; }
   bool enabled(const StateView<2>&) const { return on; }
+  bool off() const { return !on; }
 
   Real energy(const StateView<2>& s, Index e) const {
     const auto [p, a, b, v] = element(s, e);

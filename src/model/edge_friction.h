@@ -24,7 +24,8 @@ struct EdgeFriction {
 
   static constexpr Elements elements = Elements::vertex_edges;
   static std::string_view name() { return "friction"; }
-  bool enabled(const StateView<2>&) const { return mu > 0; }
+  bool enabled(const StateView<2>&) const { return !off(); }
+  bool off() const { return !(mu > 0); }
 
   Real power(const StateView<2>& s, Index e) const {
     const std::optional<Rubbing> r = rubbing(s, e);

@@ -11,6 +11,8 @@
 #include <functional>
 #include <memory>
 #include <numeric>
+#include <optional>
+#include <stdexcept>
 #include <string>
 #include <tuple>
 #include <vector>
@@ -43,8 +45,18 @@ enum class TermGroup { all, shape, rest };
 
 /// Which points derivatives couple beside each point with itself.
 struct ElementCoupling {
-  bool particles = false;  ///< all points of a particle
-  bool point_pairs = false, vertex_edges = false;
+  bool particles = false;                      ///< all points of a particle
+  std::array<bool, element_kinds> stencils{};  ///< for each kind: the points of an element
+
+  template <Elements E>
+  void add(ElementKind<E>) {
+    particles |= ElementKind<E>::couples == Couples::particle;
+    stencils[static_cast<std::size_t>(E)] |= ElementKind<E>::couples == Couples::stencil;
+  }
+  template <Elements E>
+  bool has(ElementKind<E>) const {
+    return stencils[static_cast<std::size_t>(E)];
+  }
 };
 /// Of ∂F/∂x and of ∂F/∂v.
 struct Couplings {
@@ -58,6 +70,9 @@ template <int D>
 class ForceField {
  public:
   virtual ~ForceField() = default;
+
+  /// The lists that the terms read. Errors: std::logic_error where they ask for different edges.
+  virtual NeighbourNeeds needs() const = 0;
 
   /// Total force, written to f [points · D].
   virtual void forces(const StateView<D>& s, Real* f) const = 0;
@@ -139,6 +154,25 @@ class Model final : public ForceField<D> {
  public:
   explicit Model(Parts... parts) : parts_(std::move(parts)...) {}
 
+  NeighbourNeeds needs() const override {
+    NeighbourNeeds needs;
+    std::optional<Edges> edges;
+    for_each_term([&](const auto& term) {
+      using Term = std::decay_t<decltype(term)>;
+      using Kind = KindOf<Term>;
+      if constexpr (Kind::listed) needs.*Kind::need |= !is_off(term);
+      if constexpr (requires { term.range(); }) needs.beyond_contact = std::max(needs.beyond_contact, term.range());
+      if constexpr (Term::elements == Elements::vertex_edges) {
+        const std::optional<Edges> own = edges_of(term);
+        if (edges && own && *edges != *own)
+          throw std::logic_error("terms of one model ask for wide and for bare edges, but there is one list of them");
+        if (own) edges = own;
+      }
+    });
+    needs.edges = edges.value_or(Edges::wide);
+    return needs;
+  }
+
   void forces(const StateView<D>& s, Real* f) const override {
     for_each_chunk(s, [&](Index chunk) { add_total(s, chunk, f); });
   }
@@ -192,8 +226,7 @@ class Model final : public ForceField<D> {
       for_each_enabled(s, [&](const auto& term) {
         using Term = std::decay_t<decltype(term)>;
         if (!belongs_to<Term, D>(group)) return;
-        for (const Range range :
-             {s.neighbours.inside(Term::elements, chunk), s.neighbours.across(Term::elements, chunk)})
+        for (const Range range : {inside<Term>(s, chunk), across<Term>(s, chunk)})
           for (Index e = range.first; e < range.last; ++e)
             if constexpr (EnergyTerm<Term, D>) {
               term.add_hessian(s, e, elastic);
@@ -211,10 +244,10 @@ class Model final : public ForceField<D> {
       using Term = std::decay_t<decltype(term)>;
       if (!belongs_to<Term, D>(group)) return;
       if constexpr (EnergyTerm<Term, D>) {
-        couple<Term>(all.x);
+        all.x.add(KindOf<Term>());
       } else {
-        couple<Term>(all.v);
-        if constexpr (depends_on_x<Term>) couple<Term>(all.x);
+        all.v.add(KindOf<Term>());
+        if constexpr (depends_on_x<Term>) all.x.add(KindOf<Term>());
       }
     });
     return all;
@@ -385,18 +418,50 @@ class Model final : public ForceField<D> {
     return std::accumulate(part.begin(), part.begin() + s.neighbours.chunks(), Real(0));
   }
 
+  template <class T>
+  using KindOf = ElementKind<T::elements>;
+  template <class T>
+  static bool is_off(const T& term) {
+    if constexpr (requires { term.off(); })
+      return term.off();
+    else
+      return false;
+  }
+  /// Nothing where a term asks for none.
+  template <class T>
+  static std::optional<Edges> edges_of(const T& term) {
+    if constexpr (requires { term.edges; })
+      return term.edges;
+    else
+      return is_off(term) ? std::nullopt : std::optional(Edges::wide);
+  }
+
+  /// The elements of a chunk, and those across its border.
+  template <class T>
+  static Range inside(const StateView<D>& s, Index chunk) {
+    return KindOf<T>::inside(s.neighbours, chunk);
+  }
+  template <class T>
+  static Range across(const StateView<D>& s, Index chunk) {
+    if constexpr (KindOf<T>::paired)
+      return (s.neighbours.*KindOf<T>::list).across(chunk);
+    else
+      return {};
+  }
+
   /// Calls visit(e) for the elements that count in a chunk.
   template <class T, class Visit>
   static void for_each_element(const T&, const StateView<D>& s, Index chunk, Visit&& visit) {
-    const Range inside = s.neighbours.inside(T::elements, chunk), across = s.neighbours.across(T::elements, chunk);
-    for (Index e = inside.first; e < inside.last; ++e) visit(e);
-    if (across.size() == 0) return;
-    const Topology& topology = s.topology;
-    const Range own = s.neighbours.particles(chunk);
-    const PairList& list = T::elements == Elements::point_pairs ? s.neighbours.point_pairs : s.neighbours.vertex_edges;
-    for (Index e = across.first; e < across.last; ++e) {
-      const Index m = topology.particle[list[e].first], n = topology.particle[list[e].second];
-      if (own.contains(topology.counts_for(m, n))) visit(e);
+    const Range all = inside<T>(s, chunk);
+    for (Index e = all.first; e < all.last; ++e) visit(e);
+    if constexpr (KindOf<T>::paired) {
+      const Topology& topology = s.topology;
+      const Range own = s.neighbours.particles(chunk), border = across<T>(s, chunk);
+      const PairList& list = s.neighbours.*KindOf<T>::list;
+      for (Index e = border.first; e < border.last; ++e) {
+        const Index m = topology.particle[list[e].first], n = topology.particle[list[e].second];
+        if (own.contains(topology.counts_for(m, n))) visit(e);
+      }
     }
   }
   template <class T, class Visit>
@@ -461,8 +526,8 @@ class Model final : public ForceField<D> {
         else
           term.add_force(s, e, scatter);
     };
-    add(s.neighbours.inside(T::elements, chunk), Scatter<D, sign>{f});
-    add(s.neighbours.across(T::elements, chunk), Scatter<D, sign, true>{f, s.neighbours.points(chunk)});
+    add(inside<T>(s, chunk), Scatter<D, sign>{f});
+    if constexpr (KindOf<T>::paired) add(across<T>(s, chunk), Scatter<D, sign, true>{f, s.neighbours.points(chunk)});
   }
 
   /// Blocks in the rows of own points, times a sign.
@@ -481,26 +546,6 @@ class Model final : public ForceField<D> {
   static constexpr bool depends_on_x = requires(const T term, const StateView<D>& s, BlockSink<D>& h) {
     term.add_dforce_dx(s, Index(), h);
   };
-
-  template <class T>
-  static void couple(ElementCoupling& c) {
-    switch (T::elements) {
-      case Elements::point_pairs:
-        c.point_pairs = true;
-        break;
-      case Elements::vertex_edges:
-        c.vertex_edges = true;
-        break;
-      case Elements::walls:
-      case Elements::solids:
-        break;
-      case Elements::points:
-        c.particles |= EnergyTerm<T, D>;
-        break;
-      default:
-        c.particles = true;
-    }
-  }
 
   static constexpr Index most_shares = 64;
   struct alignas(64) Taken {

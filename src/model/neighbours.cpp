@@ -38,34 +38,6 @@ Real Neighbours<D>::farthest(const Walls<D>& wall, const Real* x, Real t) const 
 }
 
 template <int D>
-Range Neighbours<D>::inside(Elements elements, Index chunk) const {
-  switch (elements) {
-    case Elements::particles:
-      return particles(chunk);
-    case Elements::points:
-      return points(chunk);
-    case Elements::point_pairs:
-      return point_pairs.inside(chunk);
-    case Elements::vertex_edges:
-      return vertex_edges.inside(chunk);
-    case Elements::walls:
-      return walls.inside(chunk);
-    case Elements::lips:
-      return lips.inside(chunk);
-    case Elements::solids:
-      return solids.inside(chunk);
-  }
-  return {};
-}
-
-template <int D>
-Range Neighbours<D>::across(Elements elements, Index chunk) const {
-  if (elements == Elements::point_pairs) return point_pairs.across(chunk);
-  if (elements == Elements::vertex_edges) return vertex_edges.across(chunk);
-  return {};
-}
-
-template <int D>
 void Neighbours<D>::divide(const Topology& topology) {
   const Index n = topology.owned_points();
   const Index chunks = std::clamp<Index>(n / chunk_size<D>(n), 1, max_chunks);
@@ -89,12 +61,24 @@ Index Neighbours<D>::chunk_of(Index i) const {
   return static_cast<Index>(std::upper_bound(chunk_point_.begin(), chunk_point_.end(), i) - chunk_point_.begin()) - 1;
 }
 
-/// A list of pairs of points. search(first, last, found) goes through points and calls found(first, second, reach); of
-/// the pair, the point that the search started from is the first (searcher_first) or the second. Ghosts search too, for
-/// what own points do not find.
 template <int D>
-template <class Search>
-void Neighbours<D>::build(PairList& list, bool searcher_first, Index all_points, Search&& search) {
+SearchSpace<D> Neighbours<D>::search_space(const Topology& topology, const Walls<D>& wall, const Real* x) const {
+  return {{x, topology.diameter, topology.particle, topology.next, topology.active},
+          grid_,
+          wall,
+          time_,
+          margin(),
+          needs_.edges,
+          widest_,
+          longest_};
+}
+
+/// Of a pair of particles, the one that the search started from is the first where a kind is symmetric, else the
+/// second. Ghosts search too, for what own points do not find.
+template <int D>
+template <class Kind>
+void Neighbours<D>::build_pairs(const SearchSpace<D>& space) {
+  PairList& list = this->*Kind::list;
   const Index n = chunks(), own = chunk_point_.back();
   list.clear();
   const auto make_room = [&](std::size_t size) {
@@ -114,10 +98,10 @@ void Neighbours<D>::build(PairList& list, bool searcher_first, Index all_points,
     std::vector<Found> inside;
 #pragma omp for ordered schedule(dynamic, 1)
     for (Index c = 0; c <= n; ++c) {
-      const Range range = c < n ? points(c) : Range{own, all_points};
+      const Range range = c < n ? points(c) : Range{own, space.cloud.size()};
       inside.clear();
-      search(range.first, range.last, [&](Index first, Index second, Real reach) {
-        const Index other = searcher_first ? second : first;
+      Kind::search(space, range.first, range.last, [&](Index first, Index second, Real reach) {
+        const Index other = Kind::symmetric ? second : first;
         if (c < n && range.contains(other))
           inside.push_back({{first, second}, reach});
         else if (c < n || other < own)
@@ -138,9 +122,9 @@ void Neighbours<D>::build(PairList& list, bool searcher_first, Index all_points,
   for (Index c = 0; c <= n; ++c)
     for (std::size_t k = 0; k < found[c]; ++k) {
       Found copy = across[c][k];
-      const Index target = chunk_of(searcher_first ? copy.pair.second : copy.pair.first);
+      const Index target = chunk_of(Kind::symmetric ? copy.pair.second : copy.pair.first);
       if (target < 0) continue;
-      if (searcher_first) std::swap(copy.pair.first, copy.pair.second);
+      if (Kind::symmetric) std::swap(copy.pair.first, copy.pair.second);
       across[target].push_back(copy);
     }
   std::size_t size = list.pairs.size();
@@ -149,15 +133,18 @@ void Neighbours<D>::build(PairList& list, bool searcher_first, Index all_points,
   for (Index c = 0; c < n; ++c) append(across[c]);
 }
 
-/// A list of own points (or edges) and something that does not move: search(first, last, found(first, second)).
+/// Own points, or edges, and something else than a particle.
 template <int D>
-template <class Search>
-void Neighbours<D>::build_own(PairList& list, Search&& search) {
+template <class Kind>
+void Neighbours<D>::build_own(const SearchSpace<D>& space) {
   const Index n = chunks();
   std::vector<std::vector<Pair>> parts(n);
 #pragma omp parallel for schedule(dynamic, 1) if (n > 1)
   for (Index c = 0; c < n; ++c)
-    search(points(c).first, points(c).last, [&](Index first, Index second) { parts[c].push_back({first, second}); });
+    Kind::search(space, points(c).first, points(c).last, [&](Index first, Index second) {
+      parts[c].push_back({first, second});
+    });
+  PairList& list = this->*Kind::list;
   list.clear();
   for (const std::vector<Pair>& part : parts) {
     list.pairs.insert(list.pairs.end(), part.begin(), part.end());
@@ -237,8 +224,6 @@ void Neighbours<D>::rebuild(const Topology& topology, const Walls<D>& wall, cons
   divide(topology);
   widen();
   time_ = t;
-  const Real margin = this->margin();
-  const PointCloud cloud{x, topology.diameter, topology.particle, topology.next, topology.active};
   Real mean = 0;
   widest_ = 0;
   for (const Real d : topology.diameter) {
@@ -252,34 +237,20 @@ void Neighbours<D>::rebuild(const Topology& topology, const Walls<D>& wall, cons
       longest = std::max(longest, (point<D>(x, topology.next[i]) - point<D>(x, i)).squaredNorm());
   }
   longest_ = std::sqrt(longest);
+  const SearchSpace<D> space = search_space(topology, wall, x);
   if (needs_.point_pairs || needs_.vertex_edges) {
     // Cells as wide as the mean reach of a point: a search then visits a few cells of a few points each.
-    grid_.build(x, topology.diameter.data(), n, mean / n + margin, [&](Index i) { return cloud.uses(i); });
+    grid_.build(x, topology.diameter.data(), n, mean / n + margin(), [&](Index i) { return space.cloud.uses(i); });
   }
-  if (needs_.point_pairs)
-    build(point_pairs, true, n, [&](Index first, Index last, auto&& found) {
-      find_point_pairs<D>(cloud, grid_, margin, first, last, found);
-    });
-  if (needs_.walls)
-    build_own(walls, [&](Index first, Index last, auto&& found) {
-      find_wall_pairs<D>(cloud, wall, margin, first, last, found);
-    });
-  if (needs_.solids)
-    build_own(solids, [&](Index first, Index last, auto&& found) {
-      find_solid_pairs<D>(cloud, wall.solids(), t, margin, first, last, found);
-    });
-  if constexpr (D == 2) {
-    if (needs_.vertex_edges && needs_.point_pairs && needs_.edges == Edges::bare)
-      build_from_points(topology, cloud);
-    else if (needs_.vertex_edges)
-      build(vertex_edges, false, n, [&](Index first, Index last, auto&& found) {
-        find_vertex_edge_pairs(cloud, grid_, needs_.edges, margin, widest_, first, last, found);
-      });
-    if (needs_.lips)
-      build_own(lips, [&](Index first, Index last, auto&& found) {
-        find_lip_pairs(cloud, wall, margin, first, last, found);
-      });
-  }
+  for_each_list([&]<class Kind>(Kind) {
+    if (!(needs_.*Kind::need)) return;
+    if constexpr (std::is_same_v<Kind, ElementKind<Elements::vertex_edges>>)
+      if (needs_.point_pairs && needs_.edges == Edges::bare) return build_from_points(topology, space.cloud);
+    if constexpr (Kind::paired)
+      build_pairs<Kind>(space);
+    else
+      build_own<Kind>(space);
+  });
   resize_large(reference_, static_cast<std::size_t>(topology.owned_points()) * D);
   reference_.assign(x, x + static_cast<std::size_t>(topology.owned_points()) * D);
   relisted_.clear();
@@ -334,72 +305,45 @@ void Neighbours<D>::relist(const Topology& topology, const Walls<D>& wall, const
   old_places_.insert(old_places_.end(), reference_.begin() + begin, reference_.begin() + end);
   places_.insert(places_.end(), x + begin, x + end);
   std::copy(x + begin, x + end, reference_.begin() + begin);
-  for (PairList* list : {&point_pairs, &vertex_edges})
-    list->erase([&](const Pair& p) { return own.contains(p.first) || own.contains(p.second); });
-  walls.erase([&](const Pair& p) { return own.contains(p.first); });
-  lips.erase([&](const Pair& p) { return own.contains(p.second); });
-  solids.erase([&](const Pair& p) { return own.contains(p.first); });
-
   // What lies near, by where the lists were built. The grid knows relisted particles at their old places only.
-  const Real* at = reference_.data();
-  const Real margin = this->margin();
-  const PointCloud cloud{at, topology.diameter, topology.particle, topology.next, topology.active};
+  const SearchSpace<D> space = search_space(topology, wall, reference_.data());
   const auto for_each_near = [&](const Vec<D>& low, const Vec<D>& high, auto&& visit) {
     const auto visit_others = [&](Index j) {
-      if (topology.particle[j] != m && cloud.uses(j)) visit(j);
+      if (topology.particle[j] != m && space.cloud.uses(j)) visit(j);
     };
     grid_.for_each_in_box(low, high, visit_others);
     for (const Index n : relisted_)
       for (Index j = topology.offset[n]; j < topology.offset[n + 1]; ++j) visit_others(j);
   };
   const Index home = chunk_of(own.first);
-  const auto add_near = [&](PairList& list, bool own_first) {
-    std::sort(near_.begin(), near_.end(), [](const Found& a, const Found& b) { return a.pair < b.pair; });
-    near_.erase(
-        std::unique(near_.begin(), near_.end(), [](const Found& a, const Found& b) { return a.pair == b.pair; }),
-        near_.end());
-    for (const auto& [pair, contact] : near_) {
-      const Index away = chunk_of(own.contains(pair.first) ? pair.second : pair.first);
-      list.insert(home, away != home, pair, contact);
-      if (away != home) list.insert(away, true, own_first ? Pair{pair.second, pair.first} : pair, contact);
-    }
-    near_.clear();
-  };
-  const auto add_own = [&](PairList& list) { return [&](Index a, Index b) { list.insert(home, false, {a, b}); }; };
-
-  if (needs_.point_pairs) {
-    for (Index i = own.first; i < own.last; ++i) {
-      const Vec<D> r = point<D>(at, i), range = Vec<D>::Constant((topology.diameter[i] + widest_) / 2 + margin);
-      for_each_near(r - range, r + range, [&](Index j) {
-        const Real contact = (topology.diameter[i] + topology.diameter[j]) / 2;
-        if ((point<D>(at, j) - r).squaredNorm() < square(contact + margin)) near_.push_back({{i, j}, contact});
-      });
-    }
-    add_near(point_pairs, true);
-  }
-  if (needs_.walls) find_wall_pairs<D>(cloud, wall, margin, own.first, own.last, add_own(walls));
-  if (needs_.solids) find_solid_pairs<D>(cloud, wall.solids(), time_, margin, own.first, own.last, add_own(solids));
-  if constexpr (D == 2) {
-    if (needs_.vertex_edges) {
-      const auto test = [&](Index vertex, Index edge) {
-        const Real contact = vertex_edge_reach(needs_.edges, topology.diameter[vertex], topology.diameter[edge]);
-        const SegmentFoot foot =
-            segment_foot(point<2>(at, vertex), point<2>(at, edge), point<2>(at, topology.next[edge]));
-        if (foot.d2 < square(contact + margin)) near_.push_back({{vertex, edge}, contact});
-      };
+  for_each_list([&]<class Kind>(Kind) {
+    PairList& list = this->*Kind::list;
+    list.erase([&](const Pair& pair) {
+      const auto points = Kind::stencil(topology, pair);
+      return std::any_of(points.begin(), points.end(), [&](Index i) { return own.contains(i); });
+    });
+    if (!(needs_.*Kind::need)) return;
+    if constexpr (!Kind::paired) {
+      Kind::search(space, own.first, own.last, [&](Index a, Index b) { list.insert(home, false, {a, b}); });
+    } else {
+      near_.clear();
       for (Index i = own.first; i < own.last; ++i) {
-        const Vec<2> a = point<2>(at, i), b = point<2>(at, topology.next[i]);
-        // Edges are found by their first vertex, which is up to an edge away.
-        const Vec<2> range = Vec<2>::Constant((topology.diameter[i] + widest_) / 2 + margin + longest_);
-        for_each_near(a.cwiseMin(b) - range, a.cwiseMax(b) + range, [&](Index j) {
-          test(i, j);
-          test(j, i);
+        const auto [low, high] = Kind::near(space, i);
+        for_each_near(low, high, [&](Index j) {
+          Kind::test(space, i, j, [&](Index a, Index b, Real contact) { near_.push_back({{a, b}, contact}); });
         });
       }
-      add_near(vertex_edges, false);
+      std::sort(near_.begin(), near_.end(), [](const Found& a, const Found& b) { return a.pair < b.pair; });
+      near_.erase(
+          std::unique(near_.begin(), near_.end(), [](const Found& a, const Found& b) { return a.pair == b.pair; }),
+          near_.end());
+      for (const auto& [pair, contact] : near_) {
+        const Index away = chunk_of(own.contains(pair.first) ? pair.second : pair.first);
+        list.insert(home, away != home, pair, contact);
+        if (away != home) list.insert(away, true, Kind::symmetric ? Pair{pair.second, pair.first} : pair, contact);
+      }
     }
-    if (needs_.lips) find_lip_pairs(cloud, wall, margin, own.first, own.last, add_own(lips));
-  }
+  });
 }
 
 template <int D>

@@ -4,54 +4,9 @@
 #include <cstdint>
 #include <vector>
 
-#include <pliant/geometry/pair_search.h>
-#include <pliant/model/topology.h>
+#include <pliant/model/elements.h>
 
 namespace pliant {
-
-/// Which lists a model needs.
-struct NeighbourNeeds {
-  bool point_pairs = false;
-  bool vertex_edges = false;
-  bool walls = false;
-  bool lips = false;
-  bool solids = false;
-  Real beyond_contact = 0;    ///< range of forces beyond the contact distance, for points and for solids
-  Edges edges = Edges::wide;  ///< in vertex–edge contacts
-};
-
-/// What a term has one element of.
-enum class Elements { particles, points, point_pairs, vertex_edges, walls, lips, solids };
-
-/// first … last−1.
-struct Range {
-  Index first = 0, last = 0;
-  Index size() const { return last - first; }
-  bool contains(Index i) const { return first <= i && i < last; }
-};
-
-/// A list whose pairs are grouped by chunk: first those inside each chunk, then those across the border of each. A pair
-/// across a border is listed by the chunks on both sides, each of which works on its own points only.
-struct PairList {
-  std::vector<Pair> pairs;
-  std::vector<Real> reach;   ///< contact distance of each pair; empty for walls, lips and solids
-  std::vector<Index> start;  ///< [2 chunks + 1]
-
-  Index size() const { return static_cast<Index>(pairs.size()); }
-  bool empty() const { return pairs.empty(); }
-  const Pair& operator[](Index e) const { return pairs[e]; }
-  /// Drops all pairs for which unwanted(pair) is true.
-  template <class Unwanted>
-  void erase(Unwanted&& unwanted);
-  /// Adds a pair at the end of a chunk's part; a list without reaches takes none.
-  void insert(Index chunk, bool across_border, const Pair& pair, Real contact = 0);
-  auto begin() const { return pairs.begin(); }
-  auto end() const { return pairs.end(); }
-  Index chunks() const { return static_cast<Index>(start.size()) / 2; }
-  Range inside(Index chunk) const { return {start[chunk], start[chunk + 1]}; }
-  Range across(Index chunk) const { return inside(chunks() + chunk); }
-  void clear() { pairs.clear(), reach.clear(), start.assign(1, 0); }
-};
 
 /// Lists of everything closer than the reach of its forces + skin at the reference positions. They hold all that is
 /// within reach until some point or solid has moved by skin/2 from there; `ensure` rebuilds them then, at whatever
@@ -62,19 +17,13 @@ struct PairList {
 /// of about the same number of points. What a chunk holds, and the order of its lists, depends on the configuration
 /// only, not on the number of threads. Ghosts belong to no chunk.
 template <int D>
-class Neighbours {
+class Neighbours : public NeighbourLists {
  public:
   static constexpr Index max_chunks = 1024;
 
   Neighbours(NeighbourNeeds needs, Real skin) : needs_(needs), skin_(skin) {}
 
   const NeighbourNeeds& needs() const { return needs_; }
-
-  PairList point_pairs;   ///< (point, point); across a border the chunk's own point comes first
-  PairList vertex_edges;  ///< (vertex, first vertex of the edge)
-  PairList walls;         ///< (point, wall)
-  PairList lips;          ///< (lip, first vertex of the edge)
-  PairList solids;        ///< (point, solid)
 
   /// Those of vertex_edges that can touch, in their order: all, or since narrow() those that could touch before points
   /// have gone range/2 from where they were then. What is left out adds nothing to a force.
@@ -125,8 +74,6 @@ class Neighbours {
   Index chunks() const { return static_cast<Index>(chunk_.size()) - 1; }
   Range particles(Index chunk) const { return {chunk_[chunk], chunk_[chunk + 1]}; }
   Range points(Index chunk) const { return {chunk_point_[chunk], chunk_point_[chunk + 1]}; }
-  Range inside(Elements elements, Index chunk) const;
-  Range across(Elements elements, Index chunk) const;
 
   /// Where the lists were built: positions of the own points at the last rebuild, of relisted ones where they were
   /// put; empty if there are no lists.
@@ -138,8 +85,9 @@ class Neighbours {
   std::int64_t pairs() const { return needs_.point_pairs ? point_pairs.size() : vertex_edges.size(); }
   /// Entries in all lists: what one force evaluation visits.
   std::size_t size() const {
-    return static_cast<std::size_t>(point_pairs.size()) + vertex_edges.size() + walls.size() + lips.size() +
-           solids.size();
+    std::size_t sum = 0;
+    for_each_list([&]<class Kind>(Kind) { sum += (this->*Kind::list).pairs.size(); });
+    return sum;
   }
   Real skin() const { return skin_; }
   /// How far beyond the contact distance the lists go.
@@ -157,11 +105,20 @@ class Neighbours {
   };
   void divide(const Topology& topology);
   Index chunk_of(Index i) const;
-  template <class Search>
-  void build(PairList& list, bool searcher_first, Index all_points, Search&& search);
+  /// Calls visit(kind) for the kinds that are found by a search.
+  template <class Visit>
+  static void for_each_list(Visit&& visit) {
+    for_each_kind([&]<class Kind>(Kind kind) {
+      if constexpr (Kind::listed)
+        if constexpr (Kind::template in<D>) visit(kind);
+    });
+  }
+  SearchSpace<D> search_space(const Topology& topology, const Walls<D>& wall, const Real* x) const;
+  template <class Kind>
+  void build_pairs(const SearchSpace<D>& space);
+  template <class Kind>
+  void build_own(const SearchSpace<D>& space);
   void build_from_points(const Topology& topology, const PointCloud& cloud) requires(D == 2);
-  template <class Search>
-  void build_own(PairList& list, Search&& search);
 
   NeighbourNeeds needs_;
   Real skin_;

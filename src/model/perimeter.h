@@ -5,12 +5,11 @@
 
 namespace pliant {
 
-/// U = Σ_i k_l Nv/2 (l_i − l0)², l_i the length of edge i. Smooth while l_i > 0. Elements: edges, named by their first
-/// vertex.
+/// U = Σ_i k_l Nv/2 (l_i − l0)², l_i the length of edge i. Smooth while l_i > 0. Elements: edges.
 struct Perimeter {
   Real k_l;
 
-  static constexpr Elements elements = Elements::points;
+  static constexpr Elements elements = Elements::edges;
   static std::string_view name() { return "perimeter"; }
   bool enabled(const StateView<2>&) const { return k_l > 0; }
   static Index particle(const StateView<2>& s, Index i) { return s.topology.particle[i]; }

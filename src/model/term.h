@@ -63,27 +63,29 @@ struct Contact {
 };
 
 /// An energy: U = Σ_e energy(s, e) over its elements. An element may read everything, but its gradient is not zero only
-/// for the points it is made of: those of the particle to which a particle, a point (or an edge or corner that begins
-/// there) belongs, or those of a listed pair.
+/// for the points it is made of, the stencil of its kind (elements.h). A model has the lists that its terms' kinds
+/// need. A term over listed elements may also have
+///   off()    whether its coefficients switch it off for good: it needs no list then
+///   range()  how far beyond the contact distance it reaches
+///   edges    whether its edges are wide (as without it) or bare, also where it is off
 template <class T, int D>
 concept EnergyTerm = requires(const T term, const StateView<D>& s, Index e, Scatter<D, 1>& g, BlockSink<D>& h) {
   { term.name() } -> std::convertible_to<std::string_view>;
   { term.enabled(s) } -> std::same_as<bool>;  // false: switched off, costs nothing
-  { T::elements } -> std::convertible_to<Elements>;
+  requires ElementsIn<T::elements, D>;
   { term.energy(s, e) } -> std::same_as<Real>;
   term.add_gradient(s, e, g);                           // ∂U_e/∂x
   term.add_hessian(s, e, h);                            // ∂²U_e/∂x²
   { term.max_rate(s.topology) } -> std::same_as<Real>;  // upper estimate of the fastest frequency ω, in 1/t0
 };
 
-/// A dissipation: forces that depend on velocities and never feed energy in. Where elements are points, each force is
-/// on that point alone and depends on its velocity alone. A term whose force also changes smoothly with x has
-/// add_dforce_dx(s, e, h) too.
+/// A dissipation: forces on the points of the stencil that depend on their velocities and never feed energy in. A term
+/// whose force also changes smoothly with x has add_dforce_dx(s, e, h) too.
 template <class T, int D>
 concept DissipationTerm = requires(const T term, const StateView<D>& s, Index e, Scatter<D, 1>& f, BlockSink<D>& h) {
   { term.name() } -> std::convertible_to<std::string_view>;
   { term.enabled(s) } -> std::same_as<bool>;
-  { T::elements } -> std::convertible_to<Elements>;
+  requires ElementsIn<T::elements, D>;
   { term.power(s, e) } -> std::same_as<Real>;  // dissipated, ≥ 0
   term.add_force(s, e, f);
   term.add_dforce_dv(s, e, h);

@@ -14,6 +14,7 @@ struct WallDepletionLaw {
   Real a_s;  ///< radius of the depletant
 
   static constexpr std::string_view name = "wall_depletion";
+  Real range() const { return 2 * a_s; }
   /// At a wedge the centre must be outside the layer.
   Real least_distance(bool flat) const { return flat ? 0 : a_s; }
   template <int D>

@@ -12,6 +12,7 @@ struct WallRepulsionLaw {
   Real f0_mean_radius;  ///< f0 ⟨R⟩
 
   static constexpr std::string_view name = "wall_repulsion";
+  static Real range() { return 0; }
   static Real least_distance(bool) { return 0; }
   template <int D>
   Expansion<D> at(const Solid<D>&, const WallFoot<D>& foot, const Vec<D>&, Real, Real radius) const {

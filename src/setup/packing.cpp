@@ -106,7 +106,7 @@ Packing pack(const Topology& topology, const Hopper& hopper, const PackingParame
     }
     ParticleSystem<D> system(outer_disks(), hopper.closed<D>(packing.height),
                              make_force_field<D>(ModelKind::sp, {.epsilon = 1, .epsilon_wall = 1}, Vec<D>::Zero()),
-                             neighbour_needs(ModelKind::sp), 0.3);
+                             0.3);
     {
       State state(n, D);
       std::copy(centres.begin(), centres.end(), state.x().begin());

@@ -60,14 +60,15 @@ class BlockPattern {
       const Range with = coupling.particles ? Range{topology.offset[m], topology.offset[m + 1]} : Range{i, i + 1};
       for (Index j = with.first; j < with.last; ++j) visit(i, j);
     }
-    if (coupling.point_pairs)
-      for (const auto& [i, j] : s.neighbours.point_pairs) couple(i, j), couple(j, i);
-    if (coupling.vertex_edges)
-      for (const auto& [p, a] : s.neighbours.vertex_edges) {
-        const std::array points{p, a, topology.next[a]};
-        for (const Index i : points)
-          for (const Index j : points) couple(i, j);
-      }
+    for_each_kind([&]<class Kind>(Kind) {
+      if constexpr (Kind::couples == Couples::stencil)
+        if (coupling.has(Kind()))
+          for (const Pair& pair : s.neighbours.*Kind::list) {
+            const auto points = Kind::stencil(topology, pair);
+            for (const Index i : points)
+              for (const Index j : points) couple(i, j);
+          }
+    });
   }
 
   std::vector<Index> start_{0}, column_;

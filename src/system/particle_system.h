@@ -31,14 +31,14 @@ class ParticleSystem final : public ImplicitSystem {
  public:
   /// topology: the rank's own particles. All particles of all ranks together have different ids. Errors: InputError for
   /// walls that the box cannot have.
-  ParticleSystem(Topology topology, Walls<D> walls, std::unique_ptr<ForceField<D>> field, NeighbourNeeds needs,
-                 Real skin, Ranks ranks = Ranks(), const Box<D>& box = {})
+  ParticleSystem(Topology topology, Walls<D> walls, std::unique_ptr<ForceField<D>> field, Real skin,
+                 Ranks ranks = Ranks(), const Box<D>& box = {})
       : ranks_(ranks),
         box_(box),
         topology_(std::move(topology)),
         walls_(std::move(walls)),
         field_(std::move(field)),
-        neighbours_(needs, skin),
+        neighbours_(field_->needs(), skin),
         halo_(ranks, box) {
     check_walls(box_, walls_);
   }

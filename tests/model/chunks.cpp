@@ -45,7 +45,7 @@ Configuration<3> spheres(Random& random) { return with_ids<3>(random, soft_rows<
 
 template <int D>
 Neighbours<D> lists_of(const Configuration<D>& c, ModelKind kind) {
-  Neighbours<D> lists(neighbour_needs(kind), skin);
+  Neighbours<D> lists(needs_of<D>(kind), skin);
   lists.rebuild(c.topology, c.walls, c.x.data());
   return lists;
 }
@@ -53,7 +53,7 @@ Neighbours<D> lists_of(const Configuration<D>& c, ModelKind kind) {
 /// The lists, each pair once, by comparing everything with everything; without chunks.
 template <int D>
 Neighbours<D> brute_force(const Configuration<D>& c, ModelKind kind) {
-  const NeighbourNeeds needs = neighbour_needs(kind);
+  const NeighbourNeeds needs = needs_of<D>(kind);
   Neighbours<D> all(needs, skin);
   const Topology& t = c.topology;
   for (Index i = 0; i < t.points(); ++i) {
@@ -150,7 +150,7 @@ void check_lists(const Configuration<D>& c, ModelKind kind) {
     points = lists.points(k).last;
   }
   CHECK(particles == c.topology.particles());
-  const NeighbourNeeds needs = neighbour_needs(kind);
+  const NeighbourNeeds needs = needs_of<D>(kind);
   if (needs.vertex_edges)
     check_pairs(lists, lists.vertex_edges, all.vertex_edges.pairs, c.topology, false, needs.edges);
   if (needs.point_pairs) check_pairs(lists, lists.point_pairs, all.point_pairs.pairs, c.topology, true);
@@ -204,23 +204,11 @@ Results<D> by_model(const ForceField<D>& field, const StateView<D>& s, const Vec
 
 template <class T, int D>
 Index count(const StateView<D>& s) {
-  switch (T::elements) {
-    case Elements::particles:
-      return s.topology.particles();
-    case Elements::points:
-      return s.topology.points();
-    case Elements::point_pairs:
-      return s.neighbours.point_pairs.size();
-    case Elements::vertex_edges:
-      return s.neighbours.vertex_edges.size();
-    case Elements::walls:
-      return s.neighbours.walls.size();
-    case Elements::lips:
-      return s.neighbours.lips.size();
-    case Elements::solids:
-      return s.neighbours.solids.size();
-  }
-  return 0;
+  using Kind = ElementKind<T::elements>;
+  if constexpr (Kind::listed)
+    return (s.neighbours.*Kind::list).size();
+  else
+    return T::elements == Elements::particles ? s.topology.particles() : s.topology.points();
 }
 
 /// The same by loops over all elements; the lists of s hold every pair once.

@@ -27,7 +27,7 @@ TEST_CASE("rest is a minimum of the model's energy") {
   const auto check = [&](const DropletRest& rest, auto&& configuration) {
     const auto energy = [&](Real at) {
       const Configuration<2> c = configuration(at);
-      Neighbours<2> lists(neighbour_needs(ModelKind::bubble, p), 0.1);
+      Neighbours<2> lists(field->needs(), 0.1);
       lists.rebuild(c.topology, c.walls, c.x.data());
       return field->energy({c.x.data(), nullptr, c.topology, lists, c.walls});
     };

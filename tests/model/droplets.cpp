@@ -303,7 +303,7 @@ TEST_CASE("a depletant without a size is refused") {
 
 TEST_CASE("no pair or wall within the attraction's range is ever missing from the lists") {
   Random random(6);
-  const NeighbourNeeds needs = neighbour_needs(ModelKind::bubble);
+  const NeighbourNeeds needs = needs_of<2>(ModelKind::bubble);
   CHECK(needs.beyond_contact == 2 * a_s);
   Configuration<2> c;
   for (int k = 0; k < 80; ++k) c.add_droplet(random(0.3, 1.2), {random(-8, 8), random(-8, 8)});

@@ -287,7 +287,7 @@ TEST_CASE("the gap between outlines is the smallest distance of a vertex, up to 
       Vec<2> tip = 2 * random.unit<2>();
       while (outline_distance(tip, vertices_of(c, 0)) > near) tip *= 0.999;
       c.add_polygon(wedge(tip, tip.normalized()), look.delta);
-      Neighbours<2> neighbours(neighbour_needs(look.kind, {.rough_edges = look.rough_edges}), 0.02);
+      Neighbours<2> neighbours(needs_of<2>(look.kind, {.rough_edges = look.rough_edges}), 0.02);
       neighbours.rebuild(c.topology, c.walls, c.x.data());
       const StateView<2> view{c.x.data(), nullptr, c.topology, neighbours, c.walls};
       Real least = std::numeric_limits<Real>::infinity();
@@ -313,8 +313,7 @@ TEST_CASE("a vertex inside an outline is found as deep as is asked for") {
       const Real radius = std::sqrt(0.75);  // of the circle in the hexagon
       c.add_polygon(regular_polygon(6, 1), 0.1);
       c.add_polygon(wedge({0, radius - depth}, {0, 1}), 0.1);
-      Neighbours<2> neighbours(neighbour_needs(rough ? ModelKind::rough : ModelKind::smooth, {.rough_edges = false}),
-                               0.02);
+      Neighbours<2> neighbours(needs_of<2>(rough ? ModelKind::rough : ModelKind::smooth, {.rough_edges = false}), 0.02);
       neighbours.rebuild(c.topology, c.walls, c.x.data());
       const StateView<2> view{c.x.data(), nullptr, c.topology, neighbours, c.walls};
       const OutlineLook shallow = look_at_outlines(view);

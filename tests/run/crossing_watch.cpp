@@ -20,8 +20,8 @@ struct Flight {
     const Real delta = kind == ModelKind::smooth ? 0.1 : 0.5;
     c.add_polygon(regular_polygon(6, 0.5), delta);
     c.add_polygon(wedge({0.5 - depth, -0.6}, {1, 0}), delta);
-    system = std::make_unique<ParticleSystem<2>>(c.topology, Walls<2>(), std::make_unique<Model<2>>(),
-                                                 neighbour_needs(kind), 0.06);
+    system = std::make_unique<ParticleSystem<2>>(
+        c.topology, Walls<2>(), make_force_field<2>(kind, {.epsilon = 0}, pliant::Vec<2>::Zero()), 0.06);
     state = State(c.topology.points(), 2);
     std::copy(c.x.begin(), c.x.end(), state.x().begin());
     for (Index i = 6; i < 10; ++i) point<2>(state.v().data(), i) = pliant::Vec<2>(0, speed);

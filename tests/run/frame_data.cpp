@@ -23,8 +23,8 @@ struct Scene {
   /// With contacts of energy 100 E, those with walls of energy 1.
   FrameData<D> frame() {
     const ModelParameters p{.epsilon = 100, .epsilon_wall = 1};
-    system = std::make_unique<ParticleSystem<D>>(c.topology, walls_, make_force_field<D>(kind_, p, Vec<D>::Zero()),
-                                                 neighbour_needs(kind_, p), 0.1);
+    system =
+        std::make_unique<ParticleSystem<D>>(c.topology, walls_, make_force_field<D>(kind_, p, Vec<D>::Zero()), 0.1);
     State state(c.topology.points(), D);
     std::copy(c.x.begin(), c.x.end(), state.x().begin());
     std::copy(c.v.begin(), c.v.end(), state.v().begin());

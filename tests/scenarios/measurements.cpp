@@ -24,8 +24,7 @@ constexpr Real zeta = 0.5, mu = 0.3;
 template <int D>
 Sample<D> sample_of(Configuration<D>& c, ModelKind kind) {
   const ModelParameters p{.epsilon = 100, .mu = mu, .zeta = zeta};
-  ParticleSystem<D> system(c.topology, hopper.walls<D>(), make_force_field<D>(kind, p, -Vec<D>::Unit(D - 1)),
-                           neighbour_needs(kind, p), 0.1);
+  ParticleSystem<D> system(c.topology, hopper.walls<D>(), make_force_field<D>(kind, p, -Vec<D>::Unit(D - 1)), 0.1);
   State state(c.topology.points(), D);
   std::copy(c.x.begin(), c.x.end(), state.x().begin());
   std::copy(c.v.begin(), c.v.end(), state.v().begin());

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include <pliant/geometry/hopper.h>
-#include <pliant/model/model.h>
+#include <pliant/model/catalogue.h>
 #include <pliant/model/polygon.h>
 
 #include "random.h"
@@ -81,6 +81,12 @@ class Configuration {
   // Behind a pointer so that a view survives a move of the configuration.
   std::unique_ptr<Neighbours<D>> neighbours_ = std::make_unique<Neighbours<D>>(everything, list_skin);
 };
+
+/// The lists that a model needs.
+template <int D>
+NeighbourNeeds needs_of(ModelKind kind, const ModelParameters& p = {}) {
+  return make_force_field<D>(kind, p, Vec<D>::Zero())->needs();
+}
 
 /// A few terms, mostly one, as a model by themselves.
 template <int D, class... Term>

@@ -14,8 +14,7 @@ ParticleSystem<2> valley(Index droplets) {
   const Walls<2> walls(
       std::vector<Solid<2>>{Solid<2>::half_space({0, 0}, {1, 1}), Solid<2>::half_space({0, 0}, {-1, 1})});
   const ModelParameters p{.phi_c = 0};
-  return {std::move(t), walls, make_force_field<2>(ModelKind::bubble, p, {0, -0.1}),
-          neighbour_needs(ModelKind::bubble, p), 0.3};
+  return {std::move(t), walls, make_force_field<2>(ModelKind::bubble, p, {0, -0.1}), 0.3};
 }
 
 /// Height of one droplet at rest, or of the lower of two: each wall carries load/√2 = 10 (1/h − 1), h = y/√2.

@@ -52,7 +52,7 @@ OverdampedSystem<D> system_of(const Configuration<D>& c, const NeighbourDragOpti
   return {
       ParticleSystem<D>(c.topology, c.walls,
                         make_force_field<D>(ModelKind::bubble, {}, pliant::Vec<D>(-0.01 * pliant::Vec<D>::Unit(D - 1))),
-                        neighbour_needs(ModelKind::bubble), 0.2, ranks),
+                        0.2, ranks),
       std::make_unique<NeighbourDrag<D>>(mobility, ranks)};
 }
 
@@ -66,7 +66,7 @@ template <int D>
 void dense(const Configuration<D>& c, const ForceField<D>& field, const NeighbourDragOptions& mobility, Real t,
            MatrixXd& b, MatrixXd& load) {
   const Index n = c.topology.points();
-  Neighbours<D> lists(neighbour_needs(ModelKind::bubble), 0.3);
+  Neighbours<D> lists(field.needs(), 0.3);
   lists.rebuild(c.topology, c.walls, c.x.data(), t);
   std::vector<Real> f(c.x.size());
   field.forces({c.x.data(), nullptr, c.topology, lists, c.walls, t}, f.data());
@@ -163,7 +163,7 @@ TEST_CASE("velocities before that are far from those now do no harm") {
   const Real force = GENERATE(0.0, 1e-14);
   OverdampedSystem<2> system(
       ParticleSystem<2>(c.topology, {}, make_force_field<2>(ModelKind::bubble, {.phi_c = 0}, pliant::Vec<2>(0, force)),
-                        neighbour_needs(ModelKind::bubble), 0.2),
+                        0.2),
       std::make_unique<NeighbourDrag<2>>(standard));
   std::vector<Real> v(8);
   system.set_last({1, 2, -3, 4, 5, -6, 7, 8});
@@ -285,8 +285,7 @@ TEST_CASE("two droplets come to rest at their distance, at the rate 2 k1/(3 b)")
   c.add_droplet(1, {0, 0});
   c.add_droplet(1, {1.99, 0});
   OverdampedSystem<2> system(
-      ParticleSystem<2>(c.topology, {}, make_force_field<2>(ModelKind::bubble, {}, pliant::Vec<2>::Zero()),
-                        neighbour_needs(ModelKind::bubble), 0.2),
+      ParticleSystem<2>(c.topology, {}, make_force_field<2>(ModelKind::bubble, {}, pliant::Vec<2>::Zero()), 0.2),
       std::make_unique<NeighbourDrag<2>>(standard));
   TsIntegrator integrator;
   State state(2, 2);
@@ -312,8 +311,7 @@ TEST_CASE("a wall that moves drags droplets along") {
   const auto velocity = [&](Real t, bool walls) {
     OverdampedSystem<2> system(
         ParticleSystem<2>(c.topology, Walls<2>(std::vector{wall}),
-                          make_force_field<2>(ModelKind::bubble, {.phi_c = 0}, pliant::Vec<2>::Zero()),
-                          neighbour_needs(ModelKind::bubble), 0.2),
+                          make_force_field<2>(ModelKind::bubble, {.phi_c = 0}, pliant::Vec<2>::Zero()), 0.2),
         std::make_unique<NeighbourDrag<2>>(NeighbourDragOptions{.beyond_contact = beyond, .walls = walls}));
     std::vector<Real> v(2);
     system.rate(t, c.x.data(), v.data());

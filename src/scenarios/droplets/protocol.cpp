@@ -15,12 +15,8 @@ enum { work, dissipated };  // integrated quantities
 
 ParticleSystem<2> make_particles(const DropletOptions& p, const DropletSetup& setup, Topology droplets,
                                  const Ranks& ranks) {
-  return {std::move(droplets),
-          setup.walls,
-          make_force_field<2>(ModelKind::bubble, p.model_parameters(), setup.gravity),
-          neighbour_needs(ModelKind::bubble, p.model_parameters()),
-          p.skin,
-          ranks};
+  return {std::move(droplets), setup.walls, make_force_field<2>(ModelKind::bubble, p.model_parameters(), setup.gravity),
+          p.skin, ranks};
 }
 
 /// Of the walls that move, on the droplets.

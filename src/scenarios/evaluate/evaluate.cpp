@@ -112,11 +112,11 @@ void check_finite(const std::vector<Real>& values, std::string_view term, const 
 
 template <int D>
 ordered_json results(const EvaluatedCase<D>& c, const std::string& file) {
-  Neighbours<D> neighbours(neighbour_needs(c.kind, c.parameters), 0);
+  const auto model = make_force_field<D>(c.kind, c.parameters, c.gravity);
+  Neighbours<D> neighbours(model->needs(), 0);
   neighbours.rebuild(c.topology, c.walls, c.x.data());
   const StateView<D> s{c.x.data(), c.v.data(), c.topology, neighbours, c.walls};
   check_directions(s, c.parameters.lip_edges, file);
-  const auto model = make_force_field<D>(c.kind, c.parameters, c.gravity);
 
   ordered_json energy = ordered_json::object(), force = ordered_json::object();
   for (const TermReport& term : model->report(s)) {

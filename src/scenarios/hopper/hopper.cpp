@@ -43,7 +43,7 @@ Vec<D> down() {
 template <int D>
 std::unique_ptr<Simulation<D>> make_simulation(const HopperOptions& p, const Ranks& ranks) {
   ParticleSystem<D> particles({}, p.hopper.walls<D>(), make_force_field<D>(p.model, p.model_parameters(), down<D>()),
-                              neighbour_needs(p.model, p.model_parameters()), p.first_skin(), ranks);
+                              p.first_skin(), ranks);
   if (!p.skin) particles.tune_skin();
   Topology all =
       make_particles(p.model, D, draw_diameters(p.sizes, p.particles, static_cast<std::uint64_t>(p.seed)), p.shape);

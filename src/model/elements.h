@@ -1,0 +1,259 @@
+// The kinds of element that terms can have, as a table. An entry says what an element is made of, which elements belong
+// to a chunk, how they are found, and which blocks of second derivatives they fill.
+#pragma once
+
+#include <array>
+#include <ranges>
+#include <utility>
+#include <vector>
+
+#include <pliant/geometry/pair_search.h>
+#include <pliant/model/topology.h>
+
+namespace pliant {
+
+/// What a term has one element of. A new kind is an enumerator before the last one, an entry below, and where it is
+/// found by a search its list in NeighbourLists and NeighbourNeeds.
+enum class Elements {
+  particles,
+  points,
+  edges,         ///< of an outline, named by their first vertex
+  corners,       ///< two edges that meet, named by the first vertex of the first one
+  point_pairs,   ///< points of two particles
+  vertex_edges,  ///< a vertex and an edge of another particle
+  walls,         ///< a point and a wall
+  lips,          ///< a lip and an edge
+  solids         ///< a point and a solid
+};
+inline constexpr std::size_t element_kinds = static_cast<std::size_t>(Elements::solids) + 1;
+
+/// first … last−1.
+struct Range {
+  Index first = 0, last = 0;
+  Index size() const { return last - first; }
+  bool contains(Index i) const { return first <= i && i < last; }
+};
+
+/// A list whose pairs are grouped by chunk: first those inside each chunk, then those across the border of each. A pair
+/// across a border is listed by the chunks on both sides, each of which works on its own points only.
+struct PairList {
+  std::vector<Pair> pairs;
+  std::vector<Real> reach;   ///< contact distance of each pair; empty for walls, lips and solids
+  std::vector<Index> start;  ///< [2 chunks + 1]
+
+  Index size() const { return static_cast<Index>(pairs.size()); }
+  bool empty() const { return pairs.empty(); }
+  const Pair& operator[](Index e) const { return pairs[e]; }
+  /// Drops all pairs for which unwanted(pair) is true.
+  template <class Unwanted>
+  void erase(Unwanted&& unwanted);
+  /// Adds a pair at the end of a chunk's part; a list without reaches takes none.
+  void insert(Index chunk, bool across_border, const Pair& pair, Real contact = 0);
+  auto begin() const { return pairs.begin(); }
+  auto end() const { return pairs.end(); }
+  Index chunks() const { return static_cast<Index>(start.size()) / 2; }
+  Range inside(Index chunk) const { return {start[chunk], start[chunk + 1]}; }
+  Range across(Index chunk) const { return inside(chunks() + chunk); }
+  void clear() { pairs.clear(), reach.clear(), start.assign(1, 0); }
+};
+
+/// The elements that searches find.
+struct NeighbourLists {
+  PairList point_pairs;   ///< (point, point); across a border the chunk's own point comes first
+  PairList vertex_edges;  ///< (vertex, first vertex of the edge)
+  PairList walls;         ///< (point, wall)
+  PairList lips;          ///< (lip, first vertex of the edge)
+  PairList solids;        ///< (point, solid)
+};
+
+/// Which lists a model needs.
+struct NeighbourNeeds {
+  bool point_pairs = false;
+  bool vertex_edges = false;
+  bool walls = false;
+  bool lips = false;
+  bool solids = false;
+  Real beyond_contact = 0;    ///< range of forces beyond the contact distance, for points and for solids
+  Edges edges = Edges::wide;  ///< in vertex–edge contacts
+  bool operator==(const NeighbourNeeds&) const = default;
+};
+
+/// What searches look at.
+template <int D>
+struct SearchSpace {
+  PointCloud cloud;
+  const CellGrid<D>& grid;
+  const Walls<D>& walls;
+  Real t;                ///< for solids that move
+  Real margin;           ///< how far beyond the contact distance
+  Edges edges;           ///< in vertex–edge contacts
+  Real widest, longest;  ///< diameter of a point, edge
+};
+
+/// Which blocks of second derivatives an element fills beside those of each point with itself.
+enum class Couples {
+  nothing,
+  particle,  ///< all of its particle, which preconditioners take as a whole
+  stencil    ///< those of its points
+};
+
+/// The entry of a kind. It has
+///   in<D>                             whether there are such elements in D dimensions
+///   couples                           see Couples
+///   inside(lists, chunk)              the elements of a chunk
+///   stencil(topology, element)        ids of the points that an element is made of
+///   listed                            whether it is found by a search; then element is a Pair, else its index
+/// and where it is listed
+///   list, need                        the members of NeighbourLists and NeighbourNeeds
+///   paired                            of two particles, which may belong to two chunks
+///   search(space, first, last, found) calls found(pair) for points, or edges that begin there, first … last−1
+/// and where it is paired, for a particle that is listed anew,
+///   symmetric                         (i, j) is (j, i)
+///   near(space, i)                    a box with all points that point i, or the edge i, can have an element with
+///   test(space, i, j, found)          calls found for the elements of points i and j
+template <Elements E>
+struct ElementKind;
+
+/// Whether terms in D dimensions can have such elements.
+template <Elements E, int D>
+concept ElementsIn = static_cast<std::size_t>(E) < element_kinds&& ElementKind<E>::template in<D>;
+
+/// Calls visit(ElementKind<…>()) for all kinds.
+template <class Visit>
+void for_each_kind(Visit&& visit) {
+  [&]<std::size_t... k>(std::index_sequence<k...>) { (visit(ElementKind<static_cast<Elements>(k)>()), ...); }
+  (std::make_index_sequence<element_kinds>());
+}
+
+/// Base of entries that need no list.
+struct OfOneParticle {
+  template <int D>
+  static constexpr bool in = true;
+  static constexpr bool listed = false, paired = false;
+  static constexpr Couples couples = Couples::particle;
+  template <class Lists>
+  static Range inside(const Lists& lists, Index chunk) {
+    return lists.points(chunk);
+  }
+};
+
+/// Base of entries with a list.
+template <PairList NeighbourLists::*List, bool NeighbourNeeds::*Need, bool Paired>
+struct Listed {
+  template <int D>
+  static constexpr bool in = true;
+  static constexpr bool listed = true, paired = Paired;
+  static constexpr Couples couples = Paired ? Couples::stencil : Couples::nothing;
+  static constexpr PairList NeighbourLists::*list = List;
+  static constexpr bool NeighbourNeeds::*need = Need;
+  static Range inside(const NeighbourLists& lists, Index chunk) { return (lists.*List).inside(chunk); }
+};
+
+template <>
+struct ElementKind<Elements::particles> : OfOneParticle {
+  template <class Lists>
+  static Range inside(const Lists& lists, Index chunk) {
+    return lists.particles(chunk);
+  }
+  static auto stencil(const Topology& t, Index m) { return std::views::iota(t.offset[m], t.offset[m + 1]); }
+};
+
+template <>
+struct ElementKind<Elements::points> : OfOneParticle {
+  static constexpr Couples couples = Couples::nothing;
+  static std::array<Index, 1> stencil(const Topology&, Index i) { return {i}; }
+};
+
+template <>
+struct ElementKind<Elements::edges> : OfOneParticle {
+  static std::array<Index, 2> stencil(const Topology& t, Index i) { return {i, t.next[i]}; }
+};
+
+template <>
+struct ElementKind<Elements::corners> : OfOneParticle {
+  static std::array<Index, 3> stencil(const Topology& t, Index i) { return {i, t.next[i], t.next[t.next[i]]}; }
+};
+
+template <>
+struct ElementKind<Elements::point_pairs> : Listed<&NeighbourLists::point_pairs, &NeighbourNeeds::point_pairs, true> {
+  static constexpr bool symmetric = true;
+  static std::array<Index, 2> stencil(const Topology&, const Pair& p) { return {p.first, p.second}; }
+  template <int D, class Found>
+  static void search(const SearchSpace<D>& s, Index first, Index last, Found&& found) {
+    find_point_pairs<D>(s.cloud, s.grid, s.margin, first, last, found);
+  }
+  template <int D>
+  static std::pair<Vec<D>, Vec<D>> near(const SearchSpace<D>& s, Index i) {
+    const Vec<D> r = point<D>(s.cloud.x, i);
+    const Vec<D> range = Vec<D>::Constant((s.cloud.diameter[i] + s.widest) / 2 + s.margin);
+    return {r - range, r + range};
+  }
+  template <int D, class Found>
+  static void test(const SearchSpace<D>& s, Index i, Index j, Found&& found) {
+    const Real contact = (s.cloud.diameter[i] + s.cloud.diameter[j]) / 2;
+    if ((point<D>(s.cloud.x, j) - point<D>(s.cloud.x, i)).squaredNorm() < square(contact + s.margin))
+      found(i, j, contact);
+  }
+};
+
+template <>
+struct ElementKind<Elements::vertex_edges>
+    : Listed<&NeighbourLists::vertex_edges, &NeighbourNeeds::vertex_edges, true> {
+  template <int D>
+  static constexpr bool in = D == 2;
+  static constexpr bool symmetric = false;
+  static std::array<Index, 3> stencil(const Topology& t, const Pair& p) {
+    return {p.first, p.second, t.next[p.second]};
+  }
+  template <class Found>
+  static void search(const SearchSpace<2>& s, Index first, Index last, Found&& found) {
+    find_vertex_edge_pairs(s.cloud, s.grid, s.edges, s.margin, s.widest, first, last, found);
+  }
+  static std::pair<Vec<2>, Vec<2>> near(const SearchSpace<2>& s, Index i) {
+    const Vec<2> a = point<2>(s.cloud.x, i), b = point<2>(s.cloud.x, s.cloud.next[i]);
+    // Edges are found by their first vertex, which is up to an edge away.
+    const Vec<2> range = Vec<2>::Constant((s.cloud.diameter[i] + s.widest) / 2 + s.margin + s.longest);
+    return {a.cwiseMin(b) - range, a.cwiseMax(b) + range};
+  }
+  template <class Found>
+  static void test(const SearchSpace<2>& s, Index i, Index j, Found&& found) {
+    for (const auto& [vertex, edge] : {Pair{i, j}, Pair{j, i}}) {
+      const Real contact = vertex_edge_reach(s.edges, s.cloud.diameter[vertex], s.cloud.diameter[edge]);
+      const SegmentFoot foot =
+          segment_foot(point<2>(s.cloud.x, vertex), point<2>(s.cloud.x, edge), point<2>(s.cloud.x, s.cloud.next[edge]));
+      if (foot.d2 < square(contact + s.margin)) found(vertex, edge, contact);
+    }
+  }
+};
+
+template <>
+struct ElementKind<Elements::walls> : Listed<&NeighbourLists::walls, &NeighbourNeeds::walls, false> {
+  static std::array<Index, 1> stencil(const Topology&, const Pair& p) { return {p.first}; }
+  template <int D, class Found>
+  static void search(const SearchSpace<D>& s, Index first, Index last, Found&& found) {
+    find_wall_pairs<D>(s.cloud, s.walls, s.margin, first, last, found);
+  }
+};
+
+template <>
+struct ElementKind<Elements::lips> : Listed<&NeighbourLists::lips, &NeighbourNeeds::lips, false> {
+  template <int D>
+  static constexpr bool in = D == 2;
+  static constexpr Couples couples = Couples::particle;
+  static std::array<Index, 2> stencil(const Topology& t, const Pair& p) { return {p.second, t.next[p.second]}; }
+  template <class Found>
+  static void search(const SearchSpace<2>& s, Index first, Index last, Found&& found) {
+    find_lip_pairs(s.cloud, s.walls, s.margin, first, last, found);
+  }
+};
+
+template <>
+struct ElementKind<Elements::solids> : Listed<&NeighbourLists::solids, &NeighbourNeeds::solids, false> {
+  static std::array<Index, 1> stencil(const Topology&, const Pair& p) { return {p.first}; }
+  template <int D, class Found>
+  static void search(const SearchSpace<D>& s, Index first, Index last, Found&& found) {
+    find_solid_pairs<D>(s.cloud, s.walls.solids(), s.t, s.margin, first, last, found);
+  }
+};
+
+}  // namespace pliant
