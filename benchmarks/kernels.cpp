@@ -103,7 +103,7 @@ class Flow {
     const Topology& topology = system_.topology();
     State s(topology.points(), D);
     pack<D>(topology, options_.hopper, {*options_.pack_fraction, options_.pack_tolerance, 1}, s.x().data());
-    system_.tidy(s);
+    system_.sort(s);
     FixedStepVerlet verlet(0.4 * critical_step());
     std::int64_t put_back = 0;
     verlet.run(system_, s, flow_time_, true, [&](State& now) {
@@ -113,12 +113,12 @@ class Flow {
         if (mean_of_points<D>(now.x().data(), topology, m)[D - 1] > -3) continue;
         reinsert<D>(Ranks(), topology, options_.hopper, system_.walls(), options_.model == ModelKind::smooth, 1,
                     {topology.id[m], 0, m, put_back++}, now);
-        system_.relocate(now.x().data(), m);
+        system_.relist(now.x().data(), m);
         after = AfterStep::changed;
       }
       return after;
     });
-    system_.tidy(s);
+    system_.sort(s);
     state_ = std::move(s);
   }
 

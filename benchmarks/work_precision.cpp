@@ -33,7 +33,7 @@ struct Method {
   std::string name;
   std::string options;  ///< of PETSc; empty: the plain loop of velocity Verlet
   Control control;
-  Part implicit = Part::all;
+  TermGroup implicit = TermGroup::all;
 };
 
 const std::vector<Method> with_inertia = {
@@ -52,9 +52,9 @@ const std::vector<Method> with_inertia = {
 };
 /// For deformable particles: the shape by itself.
 const std::vector<Method> split = {
-    {"imex", "-ts_type arkode -ts_arkode_type imex", Control::tolerance, Part::shape},
-    {"arkimex", "-ts_type arkimex", Control::tolerance, Part::shape},
-    {"mri", "-ts_type arkode -ts_arkode_type mri", Control::step, Part::shape},
+    {"imex", "-ts_type arkode -ts_arkode_type imex", Control::tolerance, TermGroup::shape},
+    {"arkimex", "-ts_type arkimex", Control::tolerance, TermGroup::shape},
+    {"mri", "-ts_type arkode -ts_arkode_type mri", Control::step, TermGroup::shape},
 };
 const std::vector<Method> without_inertia = {
     {"rk 4", "-ts_type rk -ts_rk_type 4", Control::step},
@@ -328,11 +328,11 @@ Problem<ParticleSystem<2>> prepared(const std::string& name, const HopperOptions
   State s(system->topology().points(), 2);
   pack<2>(system->topology(), o.hopper, {*o.pack_fraction, o.pack_tolerance, 1}, s.x().data());
   system->tune_skin();
-  system->tidy(s);
+  system->sort(s);
   const Real step = own_step(*system);
   FixedStepVerlet(2 * step).run(*system, s, t, true, [&](State& now) {
-    if (!system->untidy()) return AfterStep::proceed;
-    system->tidy(now);
+    if (!system->unsorted()) return AfterStep::proceed;
+    system->sort(now);
     return AfterStep::reordered;
   });
   s.step = 0;
