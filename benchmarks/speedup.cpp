@@ -67,7 +67,7 @@ class System {
   void move(int steps) {
     const Real end = static_cast<Real>(simulation_.state().step + steps) * dt_;
     simulation_.advance(end, [&](State&) {
-      if (!simulation_.particles().unsorted()) return AfterStep::proceed;
+      if (!simulation_.particles().sort_due()) return AfterStep::proceed;
       simulation_.sort();
       return AfterStep::reordered;
     });

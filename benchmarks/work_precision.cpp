@@ -331,7 +331,7 @@ Problem<ParticleSystem<2>> prepared(const std::string& name, const HopperOptions
   system->sort(s);
   const Real step = own_step(*system);
   FixedStepVerlet(2 * step).run(*system, s, t, true, [&](State& now) {
-    if (!system->unsorted()) return AfterStep::proceed;
+    if (!system->sort_due()) return AfterStep::proceed;
     system->sort(now);
     return AfterStep::reordered;
   });

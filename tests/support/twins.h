@@ -17,8 +17,7 @@ template <int D>
 ParticleSystem<D> system_of(const Configuration<D>& c, ModelKind kind, const Ranks& ranks = Ranks(),
                             const ModelParameters& p = parameters, const Box<D>& box = {},
                             const pliant::Vec<D>& gravity = pliant::Vec<D>::LinSpaced(0.1, -1)) {
-  return ParticleSystem<D>(c.topology, c.walls, make_force_field<D>(kind, p, gravity), skin,
-                           ranks, box);
+  return ParticleSystem<D>(c.topology, c.walls, make_force_field<D>(kind, p, gravity), skin, ranks, box);
 }
 
 /// The particles of a configuration, ids in order, on one rank and shared out: every size()-th, or by `owner(id)`.
