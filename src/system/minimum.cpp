@@ -1,32 +1,23 @@
 #include <pliant/system/minimum.h>
 
 #include <Eigen/Cholesky>
-#include <vector>
 
 namespace pliant {
 namespace {
 
-/// Rows and columns of inactive points stay those of the unit matrix, and images of points are these points.
+/// Rows and columns of inactive points stay those of the unit matrix.
 template <int D>
 struct DenseHessian final : BlockSink<D> {
-  explicit DenseHessian(const ParticleSystem<D>& system) : topology(system.topology()) {
-    const Index n = topology.owned_points();
-    matrix.setZero(n * D, n * D);
-    for (Index i = 0; i < n; ++i)
-      if (topology.inverse_mass(i) == 0) matrix.template block<D, D>(i * D, i * D).setIdentity();
-    std::vector<Real> numbers(system.size());
-    for (Index i = 0; i < n; ++i) numbers[static_cast<std::size_t>(i) * D] = i;
-    std::vector<Real> storage;
-    const Real* all = system.with_ghosts(numbers.data(), storage);
-    for (Index i = 0; i < topology.points(); ++i) owner.push_back(static_cast<Index>(point<D>(all, i)[0]));
+  explicit DenseHessian(const Topology& t) : topology(t), matrix(t.points() * D, t.points() * D) {
+    matrix.setZero();
+    for (Index i = 0; i < t.points(); ++i)
+      if (t.inverse_mass(i) == 0) matrix.template block<D, D>(i * D, i * D).setIdentity();
   }
   void add(Index i, Index j, const Mat<D>& block) override {
-    const Index k = owner[i], l = owner[j];
-    if (topology.inverse_mass(k) != 0 && topology.inverse_mass(l) != 0)
-      matrix.template block<D, D>(k * D, l * D) += block;
+    if (topology.inverse_mass(i) != 0 && topology.inverse_mass(j) != 0)
+      matrix.template block<D, D>(i * D, j * D) += block;
   }
   const Topology& topology;
-  std::vector<Index> owner;  ///< [points] own ones
   Eigen::MatrixXd matrix;
 };
 
@@ -36,15 +27,16 @@ template <int D>
 bool next_to_minimum(ParticleSystem<D>& system, std::span<const Real> x, Real t, Real reach) {
   constexpr int most_steps = 20;
   constexpr Real converged = 1e-6;  // of the reach, by a method of second order
+  if (!system.box().open()) return false;
   const Topology& topology = system.topology();
   const Eigen::Map<const Eigen::VectorXd> start(x.data(), static_cast<Eigen::Index>(x.size()));
   Eigen::VectorXd at = start, force(at.size());
   for (int step = 0; step < most_steps; ++step) {
     const StateView<D> s = system.view(at.data(), nullptr, t);
     system.field().energy(s, force.data());
-    for (Index i = 0; i < topology.owned_points(); ++i)
+    for (Index i = 0; i < topology.points(); ++i)
       if (topology.inverse_mass(i) == 0) force.template segment<D>(i * D).setZero();
-    DenseHessian<D> hessian(system);
+    DenseHessian<D> hessian(topology);
     system.field().hessian(s, hessian);
     const Eigen::LLT<Eigen::MatrixXd> factors(hessian.matrix);
     if (factors.info() != Eigen::Success) return false;

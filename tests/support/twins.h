@@ -28,11 +28,14 @@ struct Twins {
   ParticleSystem<D> whole, shared;
   State whole_state, state;
 
-  Twins(Configuration<D>& configuration, ModelKind kind)
-      : Twins(configuration, kind, [this](Index m) { return m % ranks.size(); }) {}
+  Twins(Configuration<D>& configuration, ModelKind kind, const Box<D>& box = {})
+      : Twins(
+            configuration, kind, [this](Index m) { return m % ranks.size(); }, box) {}
   template <class Owner>
-  Twins(Configuration<D>& configuration, ModelKind kind, Owner&& owner)
-      : c(configuration), whole(system_of<D>(c, kind, Ranks())), shared(system_of<D>(c, kind, ranks)) {
+  Twins(Configuration<D>& configuration, ModelKind kind, Owner&& owner, const Box<D>& box = {})
+      : c(configuration),
+        whole(system_of<D>(c, kind, Ranks(), parameters, box)),
+        shared(system_of<D>(c, kind, ranks, parameters, box)) {
     std::vector<Index> mine;
     for (Index m = 0; m < c.topology.particles(); ++m)
       if (owner(m) == ranks.rank()) mine.push_back(m);

@@ -54,10 +54,11 @@ VectorXd random_vector(Random& random, std::size_t n) { return random_direction(
 /// Calls check(system, y, part) for systems with every term, and the parts of their forces.
 template <class Check>
 void for_all_systems(Random& random, Check&& check) {
-  const auto both = [&](const auto& c, ModelKind kind, FrictionPoint where = FrictionPoint::contact) {
+  const auto both = [&]<int D>(const Configuration<D>& c, ModelKind kind, FrictionPoint where = FrictionPoint::contact,
+                               const Box<D>& box = {}) {
     ModelParameters p = parameters;
     p.friction_point = where;
-    auto system = system_of(c, kind, Ranks(), p);
+    auto system = system_of<D>(c, kind, Ranks(), p, box);
     VectorXd y(2 * c.x.size());
     y << Eigen::Map<const VectorXd>(c.x.data(), c.x.size()), Eigen::Map<const VectorXd>(c.v.data(), c.v.size());
     for (const TermGroup part : {TermGroup::all, TermGroup::shape, TermGroup::rest}) {
@@ -71,6 +72,20 @@ void for_all_systems(Random& random, Check&& check) {
   both(polygon_rows(random, 3, 3), ModelKind::rough);
   both(polygon_rows(random, 3, 3), ModelKind::smooth);
   both(polygon_rows(random, 3, 3), ModelKind::smooth, FrictionPoint::vertex);
+  // Periodic; in the smaller boxes particles touch several images, and images of their own.
+  const auto boxed = [&]<int D>(Configuration<D> c, ModelKind kind, const pliant::Vec<D>& length) {
+    INFO("box " << length.transpose());
+    c.walls = {};
+    both(c, kind, FrictionPoint::contact, Box<D>(pliant::Vec<D>::Constant(-0.4), length));
+  };
+  constexpr Real infinite = Box<2>::infinite;
+  boxed(soft_rows<2>(random, 4, 4), ModelKind::sp, pliant::Vec<2>(3.8, infinite));
+  boxed(soft_rows<2>(random, 4, 1), ModelKind::sp, pliant::Vec<2>(1.2, 0.7));
+  boxed(soft_cluster<3>(random, 4), ModelKind::sp, pliant::Vec<3>(0.9, 1.1, 0.8));
+  boxed(polygon_rows(random, 3, 3), ModelKind::rough, pliant::Vec<2>(3.15, 3.15));
+  boxed(polygon_rows(random, 3, 1), ModelKind::rough, pliant::Vec<2>(infinite, 0.95));
+  boxed(polygon_rows(random, 3, 3), ModelKind::smooth, pliant::Vec<2>(infinite, 3.15));
+  boxed(polygon_rows(random, 3, 1), ModelKind::smooth, pliant::Vec<2>(2.1, 0.9));
 }
 
 /// [v; a] of a part of the forces.
@@ -268,9 +283,10 @@ TEST_CASE("the blocks behind a matrix-free Jacobian are those of the assembled o
 namespace {
 
 template <int D>
-void check_ranks(Random& random, Configuration<D> c, ModelKind kind) {
+void check_ranks(Random& random, Configuration<D> c, ModelKind kind, const Box<D>& box = {}) {
   INFO(to_string(kind) << ", " << D << "D");
-  Twins<D> twins(c, kind);
+  if (!box.open()) c.walls = {};
+  Twins<D> twins(c, kind, box);
   for (const bool sort : {false, true}) {
     if (sort) twins.sort();
     for (const JacobianForm form : {first_order, second_order})
@@ -311,4 +327,6 @@ TEST_CASE("a Jacobian on ranks is the same Jacobian", "[ranks]") {
   check_ranks(random, soft_rows<3>(random, 5, 6), ModelKind::sp);
   check_ranks(random, polygon_rows(random, 5, 9), ModelKind::rough);
   check_ranks(random, polygon_rows(random, 5, 9), ModelKind::smooth);
+  check_ranks(random, soft_rows<2>(random, 6, 6), ModelKind::sp, Box<2>({-2, 0}, {1.1, 5.7}));
+  check_ranks(random, polygon_rows(random, 4, 4), ModelKind::smooth, Box<2>({-2.1, 0}, {4.2, 4.2}));
 }

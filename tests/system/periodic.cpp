@@ -6,8 +6,8 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
 
-#include <pliant/system/minimum.h>
 #include <pliant/system/neighbour_drag.h>
+#include <pliant/system/overdamped.h>
 #include <pliant/system/point_drag.h>
 #include <pliant/ts/ts_integrator.h>
 #include <pliant/ts/verlet.h>
@@ -31,10 +31,15 @@ struct Cell {
   ModelParameters p = parameters;
 };
 
+/// Particles that have their first point, once it is shifted, between low and high.
 template <int D>
-void append(Configuration<D>& to, const Configuration<D>& from, const pliant::Vec<D>& shift) {
+void append(Configuration<D>& to, const Configuration<D>& from, const pliant::Vec<D>& shift,
+            const pliant::Vec<D>& low = pliant::Vec<D>::Constant(-infinite),
+            const pliant::Vec<D>& high = pliant::Vec<D>::Constant(infinite)) {
   const Topology& t = from.topology;
   for (Index m = 0; m < t.particles(); ++m) {
+    const pliant::Vec<D> r = from.position(t.offset[m]) + shift;
+    if (!((r - low).minCoeff() >= 0 && (high - r).minCoeff() >= 0)) continue;
     const Index first = t.offset[m], points = t.points_of(m);
     if (points == 1) {
       to.add_soft(t.sigma[m], from.position(first) + shift);
@@ -59,21 +64,22 @@ Configuration<D> copies(const Cell<D>& cell, bool with_middle) {
   Configuration<D> all;
   all.walls = cell.c.walls;
   if (with_middle) append<D>(all, cell.c, pliant::Vec<D>::Zero());
-  Image most{};
-  for (int k = 0; k < D; ++k) {
-    if (!cell.box.periodic(k)) continue;
-    Real low = infinite, high = -infinite;
-    for (Index i = 0; i < cell.c.topology.points(); ++i) {
-      low = std::min(low, cell.c.position(i)[k]);
-      high = std::max(high, cell.c.position(i)[k]);
-    }
-    most[k] = static_cast<std::int64_t>((high - low + 2) / cell.box.length()[k]) + 1;
+  constexpr Real reach = 3;  // of particles that touch, and a rest of them
+  pliant::Vec<D> low = pliant::Vec<D>::Constant(infinite), high = -low;
+  for (Index i = 0; i < cell.c.topology.points(); ++i) {
+    low = low.cwiseMin(cell.c.position(i));
+    high = high.cwiseMax(cell.c.position(i));
   }
+  low.array() -= reach;
+  high.array() += reach;
+  Image most{};
+  for (int k = 0; k < D; ++k)
+    if (cell.box.periodic(k)) most[k] = static_cast<std::int64_t>((high - low)[k] / cell.box.length()[k]) + 1;
   Image n;
   for (n[0] = -most[0]; n[0] <= most[0]; ++n[0])
     for (n[1] = -most[1]; n[1] <= most[1]; ++n[1])
       for (n[2] = -most[2]; n[2] <= most[2]; ++n[2])
-        if (n != Image{}) append<D>(all, cell.c, cell.box.shift(n));
+        if (n != Image{}) append<D>(all, cell.c, cell.box.shift(n), low, high);
   return all;
 }
 
@@ -257,4 +263,330 @@ TEST_CASE("forces in a box do not depend on where particles are written down", "
     compare(from_box(cell, ranks), before, false);
     compare(from_box(cell, ranks, true), before, false);
   });
+}
+
+namespace {
+
+/// Where particles would be without a box, by id.
+template <int D>
+std::vector<Real> unwrapped(const ParticleSystem<D>& system, const State& s) {
+  const Topology& t = system.topology();
+  std::vector<Real> x(s.size());
+  std::vector<Index> offset(t.owned() + 1, 0);
+  for (Index m = 0; m < t.owned(); ++m) offset[t.id[m] + 1] = t.points_of(m);
+  for (std::size_t m = 1; m < offset.size(); ++m) offset[m] += offset[m - 1];
+  for (Index m = 0; m < t.owned(); ++m) {
+    const pliant::Vec<D> shift = s.images.empty() ? pliant::Vec<D>::Zero() : system.box().shift(s.images[m]);
+    for (Index k = 0; k < t.points_of(m); ++k)
+      point<D>(x.data(), offset[t.id[m]] + k) = point<D>(s.x().data(), t.offset[m] + k) + shift;
+  }
+  return x;
+}
+
+Real largest_difference(const std::vector<Real>& a, const std::vector<Real>& b) {
+  REQUIRE(a.size() == b.size());
+  Real most = 0;
+  for (std::size_t k = 0; k < a.size(); ++k) most = std::max(most, std::abs(a[k] - b[k]));
+  return most;
+}
+
+template <int D>
+State state_of(const Configuration<D>& c) {
+  State s;
+  s.assign(c.x, c.v);
+  return s;
+}
+
+/// Σ m v.
+template <int D>
+pliant::Vec<D> momentum(const Topology& t, const State& s) {
+  pliant::Vec<D> sum = pliant::Vec<D>::Zero();
+  for (Index i = 0; i < t.owned_points(); ++i) sum += t.mass(i) * point<D>(s.v().data(), i);
+  return sum;
+}
+
+template <int D>
+Real total_energy(ParticleSystem<D>& system, const State& s) {
+  Real sum = system.field().energy(system.view(s.x().data(), s.v().data()));
+  const Topology& t = system.topology();
+  for (Index i = 0; i < t.owned_points(); ++i) sum += t.mass(i) / 2 * point<D>(s.v().data(), i).squaredNorm();
+  return sum;
+}
+
+/// Sorts every `period` steps, with what the integrator carries.
+template <int D>
+StepObserver sorted_every(ParticleSystem<D>& system, Integrator& integrator, int period) {
+  return [&system, &integrator, period](State& s) {
+    if (s.step % period != 0) return AfterStep::proceed;
+    std::vector<Real> carried(integrator.carried().begin(), integrator.carried().end());
+    const Migration migration = system.sort(s);
+    if (integrator.carries()) {
+      migration.move_points(carried, D);
+      integrator.set_carried(carried);
+    }
+    return AfterStep::reordered;
+  };
+}
+
+/// Without weight, drag and friction.
+template <int D>
+ParticleSystem<D> isolated(const Cell<D>& cell, Real mu = 0) {
+  ModelParameters p = cell.p;
+  p.mu = mu;
+  p.zeta = 0;
+  return system_of<D>(cell.c, cell.kind, Ranks(), p, cell.box, pliant::Vec<D>::Zero());
+}
+
+Cell<2> gas(Random& random) { return {free(soft_rows<2>(random, 4, 4)), Box<2>({0, 0}, {4.6, 4.6}), ModelKind::sp}; }
+
+}  // namespace
+
+TEST_CASE("a periodic gas conserves momentum and energy", "[periodic]") {
+  Random random(3);
+  const auto check = [&]<int D>(Cell<D> cell, Real dt) {
+    INFO(to_string(cell.kind) << ", " << D << "D");
+    for (Real& v : cell.c.v) v *= 3;
+    for (const Real mu : {0.0, 0.3}) {
+      auto system = isolated(cell, mu);
+      State s = state_of(cell.c);
+      const pliant::Vec<D> before = momentum<D>(system.topology(), s);
+      const Real energy = total_energy(system, s);
+      FixedStepVerlet verlet(dt);
+      verlet.run(system, s, 1500 * dt, true, sorted_every(system, verlet, 100));
+      CHECK((momentum<D>(system.topology(), s) - before).norm() < 1e-10);
+      CHECK(before.norm() > 0.1);
+      if (mu == 0)
+        CHECK(total_energy(system, s) == Approx(energy).epsilon(2e-3));
+      else
+        CHECK(total_energy(system, s) < 0.98 * energy);
+      Index crossed = 0;
+      for (const Image& n : s.images) crossed += n != Image{} ? 1 : 0;
+      CHECK(crossed > 0);
+    }
+  };
+  check(gas(random), 2e-3);
+  check(Cell<3>{free(soft_rows<3>(random, 4, 1)), Box<3>({0, 0, 0}, {3.8, 3.9, 1.4}), ModelKind::sp}, 2e-3);
+  check(Cell<2>{free(polygon_rows(random, 3, 3)), Box<2>({0, 0}, {3.3, 3.4}), ModelKind::rough}, 4e-4);
+  check(Cell<2>{free(polygon_rows(random, 3, 3)), Box<2>({0, 0}, {3.3, 3.4}), ModelKind::smooth}, 4e-4);
+}
+
+TEST_CASE("a run in a box is the same where particles are put back and where they are not", "[periodic]") {
+  Random random(4);
+  const auto check = [&]<int D>(Cell<D> cell, Integrator& one, Integrator& other, Real t_end) {
+    INFO(to_string(cell.kind) << ", " << one.name());
+    for (Real& v : cell.c.v) v = 2 * v + 3;  // far across the borders
+    auto still = isolated(cell, 0.1), sorted = isolated(cell, 0.1);
+    State a = state_of(cell.c), b = a;
+    sorted.sort(b);
+    CHECK(largest_difference(unwrapped(sorted, b), cell.c.x) < 1e-12);
+    one.run(still, a, t_end, true, {});
+    other.run(sorted, b, t_end, true, sorted_every(sorted, other, 25));
+    CHECK(one.statistics().steps == other.statistics().steps);
+    const std::vector<Real> x = unwrapped(still, a), y = unwrapped(sorted, b);
+    CHECK(largest_difference(x, y) < 1e-8);
+    CHECK(largest_difference(x, cell.c.x) > 1);
+    CHECK(largest_difference({b.x().begin(), b.x().end()}, y) > 1);
+    for (Index m = 0; m < sorted.topology().owned(); ++m) {
+      const pliant::Vec<D> centre = mean_of_points<D>(b.x().data(), sorted.topology(), m) - cell.box.origin();
+      CHECK((centre.minCoeff() > -0.5 && (centre - cell.box.length()).maxCoeff() < 0.5));
+    }
+  };
+  {
+    FixedStepVerlet one(1e-3), other(1e-3);
+    check(gas(random), one, other, 0.5);
+  }
+  {
+    FixedStepVerlet one(4e-4), other(4e-4);
+    check(Cell<2>{free(polygon_rows(random, 3, 3)), Box<2>({0, 0}, {3.3, 3.4}), ModelKind::rough}, one, other, 0.4);
+  }
+  const PetscOptionScope scope("-ts_type rk -ts_adapt_type none");
+  TsIntegrator one({.dt = 2e-3}), other({.dt = 2e-3});
+  check(gas(random), one, other, 0.5);
+}
+
+TEST_CASE("a run in a box on ranks is the same run", "[ranks][periodic]") {
+  Random random(5);
+  const auto check = [&]<int D>(Configuration<D> c, ModelKind kind, const Box<D>& box, Real dt) {
+    INFO(to_string(kind) << ", " << D << "D");
+    c.walls = {};
+    for (Real& v : c.v) v = 2 * v + 2;
+    Twins<D> twins(c, kind, box);
+    twins.sort();
+    FixedStepVerlet one(dt), many(dt);
+    one.run(twins.whole, twins.whole_state, 300 * dt, true, {});
+    many.run(twins.shared, twins.state, 300 * dt, true, [&](State& s) {
+      if (s.step % 37 != 0) return AfterStep::proceed;
+      twins.sort(many);
+      return AfterStep::reordered;
+    });
+    // Where they would be without a box.
+    std::vector<Real> x(twins.state.x().begin(), twins.state.x().end());
+    const Topology& t = twins.shared.topology();
+    for (Index m = 0; m < t.owned(); ++m)
+      for (Index i = t.offset[m]; i < t.offset[m + 1]; ++i) point<D>(x.data(), i) += box.shift(twins.state.images[m]);
+    CHECK(twins.difference(x, twins.whole_state.x()) < 1e-9);
+    CHECK(twins.difference(twins.state.v(), twins.whole_state.v()) < 1e-8);
+    CHECK(twins.difference(x, c.x) > 0.2);
+    CHECK(twins.whole.neighbours().rebuilds() >= 3);
+  };
+  check(soft_rows<2>(random, 10, 10), ModelKind::sp, Box<2>({0, 0}, {9.5, 9.5}), 1e-3);
+  check(soft_rows<3>(random, 5, 4), ModelKind::sp, Box<3>({0, 0, 0}, {4.75, infinite, 3.8}), 1e-3);
+  check(polygon_rows(random, 5, 5), ModelKind::smooth, Box<2>({0, 0}, {5.25, 5.25}), 3e-4);
+  check(polygon_rows(random, 5, 5), ModelKind::rough, Box<2>({0, 0}, {5.25, infinite}), 3e-4);
+}
+
+TEST_CASE("forces across the borders do not depend on the number of threads", "[periodic]") {
+  Random random(6);
+  const Cell<2> cell{free(soft_rows<2>(random, 70, 70)), Box<2>({-33.25, 0}, {66.5, 66.5}), ModelKind::sp};
+  auto system = system_of(cell);
+  const auto evaluate = [&](int threads) {
+    const int before = omp_get_max_threads();
+    omp_set_num_threads(threads);
+    system.rebuild(cell.c.x.data());
+    Result<2> result = look<2>(system, cell.c.x, cell.c.v, cell.c.x.size());
+    omp_set_num_threads(before);
+    return result;
+  };
+  const Result<2> one = evaluate(1), three = evaluate(3);
+  REQUIRE(system.neighbours().chunks() > 2);
+  CHECK(system.topology().ghosts > 250);
+  CHECK(system.topology().ghosts < 400);
+  CHECK(one.force == three.force);
+  CHECK(one.energy == three.energy);
+  compare(one, from_copies(cell));
+}
+
+TEST_CASE("a channel that is periodic along its walls flows as fast as its drag allows", "[periodic]") {
+  // m dv/dt = m g − ζ v for each particle; what they do to each other and to the walls cancels along the channel.
+  Random random(7);
+  const Real floor = -0.4, lid = 3, zeta = 0.8, g = 1.5;
+  for (const ModelKind kind : {ModelKind::sp, ModelKind::rough}) {
+    Configuration<2> c = free(kind == ModelKind::sp ? soft_rows<2>(random, 4, 3) : polygon_rows(random, 3, 2));
+    Real total = 0;
+    for (Index i = 0; i < c.topology.points(); ++i) total += c.topology.mass(i);
+    for (Index m = 0; m < c.topology.particles(); ++m) {  // all of one mass, so that all have one terminal velocity
+      const Real mass = total / c.topology.particles() / c.topology.points_of(m);
+      c.topology.point_mass[m] = mass;
+      c.topology.inverse_point_mass[m] = 1 / mass;
+    }
+    constexpr Real far = 1e6;
+    c.walls =
+        Walls<2>({WallSegment::between({-far, floor}, {far, floor}), WallSegment::between({-far, lid}, {far, lid})});
+    ModelParameters p = parameters;
+    p.zeta = zeta;
+    p.mu = 0.3;
+    auto system = system_of<2>(c, kind, Ranks(), p, Box<2>({0, 0}, {4, infinite}), {g, 0});
+    State s = state_of(c);
+    FixedStepVerlet verlet(kind == ModelKind::sp ? 2e-3 : 5e-4);
+    const pliant::Vec<2> start = momentum<2>(system.topology(), s);
+    const Real t = kind == ModelKind::sp ? 10 : 2, rate = zeta * c.topology.particles() / total,
+               end = g / rate + (start[0] / total - g / rate) * std::exp(-rate * t);
+    verlet.run(system, s, t, true, sorted_every(system, verlet, 200));
+    const pliant::Vec<2> mean = momentum<2>(system.topology(), s) / total;
+    CHECK(mean[0] == Approx(end).epsilon(1e-3));
+    for (Index i = 0; i < system.topology().owned_points(); ++i)
+      CHECK((point<2>(s.x().data(), i)[1] > floor && point<2>(s.x().data(), i)[1] < lid));
+  }
+}
+
+TEST_CASE("a box refuses walls that its images do not share", "[periodic]") {
+  const auto make = [](std::vector<WallSegment> walls, const Box<2>& box) {
+    Configuration<2> c;
+    c.add_soft(1, {0, 1});
+    c.walls = Walls<2>(std::move(walls));
+    return system_of<2>(c, ModelKind::sp, Ranks(), parameters, box);
+  };
+  const Box<2> box({0, 0}, {4, infinite});
+  CHECK_NOTHROW(make({WallSegment::between({-1e5, 0}, {1e5, 0})}, box));
+  CHECK_NOTHROW(make({WallSegment::between({0, 0}, {4, 0})}, {}));
+  CHECK_THROWS_WITH(make({WallSegment::between({0, 0}, {4, 0})}, box), Catch::Contains("wall 0"));
+  CHECK_THROWS_WITH(make({WallSegment::between({-1e5, 0}, {1e5, 1})}, box), Catch::Contains("wall 0"));
+  CHECK_THROWS_WITH(make({WallSegment::between({-1e5, 0}, {1e5, 0})}, Box<2>({0, 0}, {4, 4})),
+                    Catch::Contains("periodic in direction 1"));
+  Configuration<3> c;
+  c.add_soft(1, {0, 0, 1});
+  const auto make_3d = [&](const Walls<3>& walls, const Box<3>& in) {
+    c.walls = walls;
+    return system_of<3>(c, ModelKind::sp, Ranks(), parameters, in);
+  };
+  const Walls<3> plane({WallSegment::ray({0, 0}, {1, 0})}), tube({WallSegment::between({3, -1e5}, {3, 1e5})});
+  CHECK_NOTHROW(make_3d(plane, Box<3>({0, 0, 0}, {4, 4, infinite})));
+  CHECK_THROWS_AS(make_3d(plane, Box<3>({0, 0, 0}, {4, 4, 4})), InputError);
+  CHECK_NOTHROW(make_3d(tube, Box<3>({0, 0, 0}, {infinite, infinite, 4})));
+  CHECK_THROWS_AS(make_3d(tube, Box<3>({0, 0, 0}, {4, infinite, infinite})), InputError);
+  const Walls<3> behind(std::vector{Solid<3>::half_space({0, 0, 0}, {0, 0, 1})});
+  CHECK_NOTHROW(make_3d(behind, Box<3>({0, 0, 0}, {4, 4, infinite})));
+  CHECK_THROWS_AS(make_3d(behind, Box<3>({0, 0, 0}, {infinite, infinite, 4})), InputError);
+}
+
+TEST_CASE("motion without inertia in a box", "[periodic]") {
+  const PetscOptionScope scope("-ts_type rk -ts_adapt_type none");
+  Random random(8);
+  SECTION("points") {
+    const Cell<2> cell = gas(random);
+    OverdampedSystem<2> system(system_of(cell), std::make_unique<PointDrag<2>>(2.0));
+    std::vector<Real> v(cell.c.x.size());
+    system.rate(0, cell.c.x.data(), v.data());
+    const Result<2> expected = from_copies(cell);
+    for (std::size_t k = 0; k < v.size(); ++k) CHECK(v[k] == Approx(expected.elastic[k] / 2).margin(1e-10));
+  }
+  SECTION("droplets") {
+    // B v = F/b, where each neighbour within range counts, images too.
+    for (const pliant::Vec<2>& length : {pliant::Vec<2>(5.85, 5.85), pliant::Vec<2>(1.96, 5.85)}) {
+      const bool tiny = length[0] < 2;
+      const Cell<2> cell{droplet_rows<2>(random, tiny ? 1 : 3, 3), Box<2>({0, 0}, length), ModelKind::bubble};
+      constexpr Real beyond = 0.1, b = 1.5;
+      NeighbourDragOptions options{.b = b};
+      REQUIRE(options.beyond_contact == beyond);
+      OverdampedSystem<2> system(system_of(cell), std::make_unique<NeighbourDrag<2>>(options));
+      std::vector<Real> v(cell.c.x.size());
+      system.rate(0, cell.c.x.data(), v.data());
+      const Index n = cell.c.topology.points();
+      const VectorXd force = from_copies(cell).elastic;
+      Index neighbours = 0;
+      for (Index i = 0; i < n; ++i) {
+        pliant::Vec<2> sum = point<2>(v.data(), i);
+        for (Index j = 0; j < n; ++j)
+          for (const Index k : {-1, 0, 1})
+            for (const Index l : {-1, 0, 1}) {
+              if (j == i && k == 0 && l == 0) continue;
+              const pliant::Vec<2> r = cell.c.position(j) + cell.box.shift({k, l, 0}) - cell.c.position(i);
+              if (r.norm() >= (cell.c.topology.diameter[i] + cell.c.topology.diameter[j]) / 2 + beyond) continue;
+              sum += point<2>(v.data(), i) - point<2>(v.data(), j);
+              ++neighbours;
+            }
+        CHECK((sum - point<2>(force.data(), i) / b).norm() < 1e-10);
+      }
+      CHECK(neighbours > 2 * n);
+      const StateView<2> s = system.particles().view(cell.c.x.data(), v.data());
+      CHECK(system.mobility().power(s) == Approx(force.dot(Eigen::Map<const VectorXd>(v.data(), 2 * n))));
+    }
+  }
+}
+
+TEST_CASE("lists in a box come out the same when they are built again from where they were built", "[periodic]") {
+  Random random(9);
+  const auto check = [&](const Cell<2>& cell, Real dt) {
+    auto system = isolated(cell, 0.1), again = isolated(cell, 0.1);
+    State s = state_of(cell.c);
+    for (Real& v : s.v()) v = 2 * v + 1;
+    FixedStepVerlet verlet(dt), other(dt);
+    verlet.run(system, s, 120 * dt, true, sorted_every(system, verlet, 50));
+    // As a restart does it.
+    again.take(system.topology().select([&] {
+      std::vector<Index> all(system.topology().owned());
+      for (Index m = 0; m < system.topology().owned(); ++m) all[m] = m;
+      return all;
+    }()));
+    again.rebuild(system.neighbours().reference().data());
+    State t = s;
+    other.set_carried(verlet.carried());
+    verlet.run(system, s, 200 * dt, false, {});
+    other.run(again, t, 200 * dt, false, {});
+    CHECK(system.neighbours().rebuilds() > 4);
+    CHECK(std::ranges::equal(s.x(), t.x()));
+    CHECK(std::ranges::equal(s.v(), t.v()));
+  };
+  check(gas(random), 1e-3);
+  check(Cell<2>{free(polygon_rows(random, 3, 3)), Box<2>({0, 0}, {3.3, 3.4}), ModelKind::rough}, 4e-4);
 }
