@@ -57,6 +57,8 @@ class Choices:
     df0: float = _choice(0.1, "strain of a tick of the strain clock", above=0)
     clock_max: float = _choice(3.74, "longest interval of the strain clock; cells that need more are left out", "cm",
                                above=0)
+    clock_tolerance: float = _choice(0.5, "cells whose strain differs from df0 by a larger part of it are left out",
+                                     above=0)
     clock_intervals: int = _choice(40, "most intervals that the strain clock chooses from", least=2)
 
     def __post_init__(self):
@@ -390,7 +392,9 @@ def _analyse_together(runs, choices):
     which = nonaffine.strain_clock(ticks, strains, choices.df0)
     clock = np.where(which >= 0, ticks[which], np.nan)
     clock_strain = np.where(which >= 0, np.take_along_axis(strains, np.maximum(which, 0)[None], 0)[0], np.nan)
-    clock[clock > choices.clock_max * (1 + 1e-9)] = np.nan
+    with np.errstate(invalid="ignore"):
+        clock[(clock > choices.clock_max * (1 + 1e-9)) |
+              (np.abs(clock_strain - choices.df0) > choices.clock_tolerance * choices.df0)] = np.nan
     clock_strain[np.isnan(clock)] = np.nan
     return [_result(a, interval, intervals, field_of, clock, clock_strain) for a in analyses]
 
@@ -423,17 +427,53 @@ def _result(a, interval, intervals, field_of, clock, clock_strain):
     return result
 
 
+def _prepared(run, choices):
+    """The pushes to analyse, with the plunger at the end of the x axis."""
+    run = run.without(choices.skip_pushes).oriented(choices.mirror)
+    fewest = min(len(push.radius) for push in run.pushes)
+    if choices.within is None and fewest <= choices.neighbours:
+        raise RunError(f"{run.source}: a push has {fewest} disks, too few for {choices.neighbours} neighbours "
+                       "(--neighbours)")
+    return run
+
+
+def snapshot(run, choices, number=None, travel=None):
+    """One displacement of every disk, in cm: a dict of `push`, `travel` (where it begins), `position` [n, 2], `radius`
+    [n], `shift` [n, 2], `mean` [n, 2] (the run's own field), `dr_na`, `d2_min_sum`, `d2_min_per_neighbour` [n] and
+    `neighbours` (list of n arrays of indices among these n). number: of the push (None: the last); travel: of the
+    plunger at the start (None: the middle one). Raises RunError."""
+    run = _prepared(run, choices)
+    a = _Analysis(run, Grid.over([push.position for push in run.pushes], choices.cell), choices)
+    interval = a.multiple(choices.interval)
+    mean_field = Field.of(a.grid, a.moments(interval), choices.min_count)
+    numbers = [push.number for push in run.pushes]
+    if number is not None and number not in numbers:
+        raise RunError(f"{run.source}: no push {number} (there are {', '.join(map(str, numbers))})")
+    index = numbers.index(number) if number is not None else len(numbers) - 1
+    push, sample = run.pushes[index], a.sample(index, interval)
+    if sample is None:
+        raise RunError(f"{run.source}: push {push.number} has no two frames {interval:g} cm of travel apart")
+    starts = push.travel[sample.before]
+    m = len(starts) // 2 if travel is None else int(np.argmin(np.abs(starts - travel)))
+    values = a.values(index, sample, mean_field)
+    inside = np.nonzero(sample.chosen)[0] == m
+    disks = np.flatnonzero(sample.chosen[m])
+    order = np.full(len(push.radius), -1)
+    order[disks] = np.arange(len(disks))
+    nearest, used = (part[m] for part in a.neighbours(index, sample))
+    return {"push": push.number, "travel": float(starts[m]), "interval": float(interval),
+            "position": sample.start[inside], "radius": push.radius[disks], "shift": sample.shift[inside],
+            "mean": mean_field.at(sample.start[inside], sample.cell[inside], choices.interpolation),
+            **{name: values[name][inside] for name in CURVES},
+            "neighbours": [order[nearest[d][used[d]]] for d in disks]}
+
+
 def analyse(runs, choices=Choices()):
     """A dict per run, as analysis.json has it but with NaN for what is not known. runs: list of Tracks.
 
     Raises RunError where the tracks do not hold what the choices ask for."""
     if choices.field == "pooled" and len(runs) < 2:
         raise RunError("--field pooled needs at least two runs")
-    runs = [run.without(choices.skip_pushes).oriented(choices.mirror) for run in runs]
-    for run in runs:
-        fewest = min(len(push.radius) for push in run.pushes)
-        if choices.within is None and fewest <= choices.neighbours:
-            raise RunError(f"{run.source}: a push has {fewest} disks, too few for {choices.neighbours} neighbours "
-                           "(--neighbours)")
+    runs = [_prepared(run, choices) for run in runs]
     groups = [runs] if choices.field == "pooled" else [[run] for run in runs]
     return [result for group in groups for result in _analyse_together(group, choices)]

@@ -15,7 +15,8 @@ def channel_flow(place):
     """[..., 2] displacement per travel of the plunger at the end of the x arm: plug flow in the arms, a stagnation
     point in the corner between them. Without divergence."""
     x, y = place[..., 0], place[..., 1]
-    return np.stack([-np.clip(x / CHANNEL_WIDTH, 0, 1), np.clip(y / CHANNEL_WIDTH, 0, 1)], -1)
+    flow = np.stack([-np.clip(x / CHANNEL_WIDTH, 0, 1), np.clip(y / CHANNEL_WIDTH, 0, 1)], -1)
+    return np.where(np.stack([y > CHANNEL_WIDTH, x > CHANNEL_WIDTH], -1), 0.0, flow)
 
 
 def channel_tracks(pushes=4, frames=12, disks=120, noise=0.03, seed=1, spacing=0.2):

@@ -1,0 +1,82 @@
+"""What the figures of the analysis of a channel share: results by name, labels, maps of cells."""
+
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+
+from .analyse_command import load_result
+from .channel import Choices
+from .errors import RunError
+
+R = r"\langle R\rangle"
+LABELS = {"displacement": rf"$|\Delta r|/{R}$", "dr_na": rf"$\Delta r_{{NA}}/{R}$",
+          "d2_min_per_neighbour": rf"$D^2_{{min}}/{R}^2$ per neighbour", "d2_min_sum": rf"$D^2_{{min}}/{R}^2$ (sum)",
+          "rotation": r"$|\Delta\theta|$  [rad]"}
+
+
+def add_arguments(parser, many=True):
+    parser.add_argument("path", nargs="+" if many else 1, metavar="DIR|TABLE.csv|FILE.json",
+                        help="what pliant-analyse channel has analysed")
+    parser.add_argument("--sum", action="store_true", help="D2_min as the sum over neighbours, not per neighbour")
+
+
+def d2(arguments):
+    return "d2_min_sum" if arguments.sum else "d2_min_per_neighbour"
+
+
+def results(paths):
+    """[(name, result)]: names are those of the folders or files."""
+    return [(Path(path).resolve().name.removesuffix(".json").removesuffix(".csv"), load_result(path)) for path in paths]
+
+
+def choices_of(result):
+    """The Choices that a result was made with."""
+    names = {f.name for f in fields(Choices)}
+    return Choices(**{name: tuple(value) if isinstance(value, list) else value
+                      for name, value in result["choices"].items() if name in names})
+
+
+def interval_text(result):
+    return rf"$\Delta t$ = {result['interval']['time']:.3g} s ({result['interval']['travel']:.3g} cm of travel)"
+
+
+def cell_map(axes, result, name, **options):
+    """Draws a column of the result's cells as a map; returns the mesh."""
+    cells, width = result["cells"], result["choices"]["cell"]
+    at = [np.rint(np.asarray(cells[k]) / width - 0.5).astype(int) for k in "xy"]
+    if not len(at[0]):
+        raise RunError(f"{result['source']}: no cell has enough samples (see min_count of the analysis)")
+    low = [a.min() for a in at]
+    grid = np.full([np.ptp(a) + 1 for a in at], np.nan)
+    grid[at[0] - low[0], at[1] - low[1]] = cells[name]
+    edges = [(l + np.arange(n + 1)) * width for l, n in zip(low, grid.shape)]
+    mesh = axes.pcolormesh(*edges, grid.T, rasterized=True, **options)
+    axes.set(aspect="equal", xlabel="$x$  [cm]", ylabel="$y$  [cm]")
+    return mesh
+
+
+def draw_square(axes, result):
+    """The central square of the averages."""
+    side = result["choices"]["centre"]
+    axes.plot([0, side, side, 0, 0], [0, 0, side, side, 0], "--", color="0.35", lw=0.9)
+
+
+def entries(rows, name, region):
+    """(values, errors, 0 for none) of a quantity in rows of a result."""
+    value, error = (np.array([row[name][region][part] for row in rows], float) for part in ("value", "error"))
+    return value, np.nan_to_num(error)
+
+
+def by_polydispersity(named, pick):
+    """Rows delta, value, error, runs, sorted by delta: runs of one size distribution, which differ in their start, are one
+    point with the standard error of their scatter. pick(result) → {"value", "error"}."""
+    groups = {}
+    for _, result in named:
+        groups.setdefault(round(result["polydispersity"], 3), []).append(pick(result))
+    rows = []
+    for delta, found in sorted(groups.items()):
+        values = np.array([entry["value"] for entry in found])
+        error = found[0]["error"] if len(found) == 1 else values.std(ddof=1) / np.sqrt(len(found))
+        rows.append((delta, values.mean(), error, len(found)))
+    return np.array(rows, float).T

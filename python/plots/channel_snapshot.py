@@ -1,0 +1,78 @@
+#!/usr/bin/python3
+"""Displacement, non-affine displacement, D2_min and two neighbourhoods of disks in a channel at one time."""
+
+import sys
+from pathlib import Path
+
+# In place of this folder, whose profile.py would hide the standard library's.
+sys.path[0] = str(Path(__file__).resolve().parents[1])
+import pliant  # first: it says what this Python lacks
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from matplotlib.collections import EllipseCollection
+
+from pliant import channel, plotting, script, tracks
+from pliant import channel_figures as figures
+
+
+def draw_disks(axes, shot, values, colors):
+    """Disks coloured by values [n]; returns what a colour bar shows."""
+    size = 2 * shot["radius"]
+    disks = EllipseCollection(size, size, np.zeros(len(size)), units="xy", offsets=shot["position"],
+                              offset_transform=axes.transData, cmap=colors, edgecolors="0.3", linewidths=0.4)
+    disks.set_array(values)
+    disks.cmap.set_bad("0.85")
+    axes.add_collection(disks)
+    low, high = (shot["position"] - shot["radius"][:, None]).min(0), (shot["position"] + shot["radius"][:, None]).max(0)
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="$x$  [cm]", ylabel="$y$  [cm]")
+    return disks
+
+
+def draw_neighbours(axes, shot):
+    """The neighbours of a largest and of a smallest disk."""
+    draw_disks(axes, shot, np.zeros(len(shot["radius"])), "Greys")
+    for disk, color, size in ((int(np.argmax(shot["radius"])), plotting.COLORS[4], "largest"),
+                              (int(np.argmin(shot["radius"])), plotting.COLORS[5], "smallest")):
+        for i, face in [(n, color) for n in shot["neighbours"][disk]] + [(disk, plotting.COLORS[3])]:
+            axes.add_patch(plt.Circle(shot["position"][i], shot["radius"][i], facecolor=face, edgecolor="0.3", lw=0.4))
+        axes.plot([], [], "o", color=color, label=f"neighbours of a {size} disk")
+    axes.legend(loc="upper right")
+
+
+def main():
+    parser = script.parser(__doc__, "channel_snapshot.py runs/T4 --push 4 -o snapshot.png", "channel_snapshot.png")
+    figures.add_arguments(parser, many=False)
+    parser.add_argument("--push", type=int, metavar="N", help="push (default: the last)")
+    parser.add_argument("--travel", type=float, metavar="X",
+                        help="travel of the plunger at the start of the displacements, in cm (default: in the middle)")
+    arguments = script.arguments(parser)
+    (_, result), = figures.results(arguments.path)
+    given = result["choices"]
+    choices = figures.choices_of(result)
+    run = tracks.load(arguments.path[0], **({"angle_period": given["angle_period"]} | given.get("table", {})))
+    shot = channel.snapshot(run, choices, arguments.push, arguments.travel)
+
+    figure, panels = plt.subplots(2, 2, figsize=(11, 9.2), layout="constrained")
+    mean_radius, d2 = result["mean_radius"], figures.d2(arguments)
+    left_over = shot["shift"] - shot["mean"]
+    for axes, values, name, arrows, colors in (
+            (panels[0, 0], np.hypot(*shot["shift"].T) / mean_radius, "displacement", shot["shift"], "viridis_r"),
+            (panels[0, 1], shot["dr_na"] / mean_radius, "dr_na", left_over, "magma_r"),
+            (panels[1, 0], shot[d2] / mean_radius**2, d2, None, "cividis_r")):
+        disks = draw_disks(axes, shot, np.ma.masked_invalid(values), colors)
+        known = values[np.isfinite(values)]
+        disks.set_clim(0, np.quantile(known, 0.98) if len(known) else 1)
+        if arrows is not None:
+            axes.quiver(*shot["position"].T, *arrows.T, angles="xy", scale_units="xy", scale=1, width=0.003,
+                        color="black")
+        figure.colorbar(disks, ax=axes, label=figures.LABELS[name], extend="max")
+    draw_neighbours(panels[1, 1], shot)
+    end = shot["travel"] + shot["interval"]
+    panels[0, 0].set_title(f"push {shot['push']}, from {shot['travel']:.3g} to {end:.3g} cm")
+    plotting.save(figure, arguments.output)
+
+
+if __name__ == "__main__":
+    script.run(main)
