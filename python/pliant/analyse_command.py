@@ -95,12 +95,8 @@ def _add_choices(parser):
         group.add_argument("--" + f.name.replace("_", "-"), **options)
 
 
-def _parser():
-    parser = argparse.ArgumentParser(prog="pliant-analyse", description=_DESCRIPTION, epilog=_EPILOG,
-                                     formatter_class=argparse.RawDescriptionHelpFormatter)
-    kinds = parser.add_subparsers(dest="kind", required=True, metavar="KIND")
-    one = kinds.add_parser("channel", help="disks that are pushed through a channel", description=_DESCRIPTION,
-                           epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter)
+def channel_options(one):
+    """Adds the options of `pliant-analyse channel` to a parser."""
     one.add_argument("path", nargs="+", type=Path, metavar="DIR|TABLE.csv", help="run folders or tables")
     one.add_argument("-o", "--output", type=Path, metavar="FILE", help=f"file to write, of a single path (default: "
                      f"DIR/{RESULT}, TABLE.{RESULT})")
@@ -119,6 +115,13 @@ def _parser():
     table.add_argument("--angle-unit", choices=sorted(tracks.ANGLE_UNITS), default="radians")
     one.add_argument("--angle-period", type=float, default=2 * np.pi, metavar="RAD",
                      help="angles are known up to a multiple of this; pi for a rectangle's (default: 2 pi)")
+
+
+def _parser():
+    looks = {"description": _DESCRIPTION, "epilog": _EPILOG, "formatter_class": argparse.RawDescriptionHelpFormatter}
+    parser = argparse.ArgumentParser(prog="pliant-analyse", **looks)
+    kinds = parser.add_subparsers(dest="kind", required=True, metavar="KIND")
+    channel_options(kinds.add_parser("channel", help="disks that are pushed through a channel", **looks))
     return parser
 
 

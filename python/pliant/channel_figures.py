@@ -69,8 +69,8 @@ def entries(rows, name, region):
 
 
 def by_polydispersity(named, pick):
-    """Rows delta, value, error, runs, sorted by delta: runs of one size distribution, which differ in their start, are one
-    point with the standard error of their scatter. pick(result) → {"value", "error"}."""
+    """Rows delta, value, error, runs, sorted by delta: runs of one size distribution, which differ in their start, are
+    one point with the standard error of their scatter. pick(result) → {"value", "error"}."""
     groups = {}
     for _, result in named:
         groups.setdefault(round(result["polydispersity"], 3), []).append(pick(result))

@@ -16,7 +16,7 @@ from pliant import plotting, script
 
 
 def main():
-    parser = script.parser(__doc__, "channel_histogram.py runs/C1 runs/C2 runs/C3 -o sizes.png", "channel_histogram.png")
+    parser = script.parser(__doc__, "channel_histogram.py runs/C1 runs/C2 runs/C3 -o C.png", "channel_histogram.png")
     figures.add_arguments(parser)
     arguments = script.arguments(parser)
     named = figures.results(arguments.path)

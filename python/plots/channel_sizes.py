@@ -9,7 +9,6 @@ sys.path[0] = str(Path(__file__).resolve().parents[1])
 import pliant  # first: it says what this Python lacks
 
 import matplotlib.pyplot as plt
-import numpy as np
 
 from pliant import channel_figures as figures
 from pliant import plotting, script

@@ -36,7 +36,7 @@ def channel_tracks(pushes=4, frames=12, disks=120, noise=0.03, seed=1, spacing=0
             places.append(places[-1] + spacing * channel_flow(places[-1]) + walk)
             angle.append(angle[-1] + noise * rng.normal(size=disks))
         step = np.arange(frames)
-        push = Push(number, step + 100 * number, 10.0 * number + step * spacing / 0.22, step * spacing,
+        push = Push(number, step + frames * number, 10.0 * number + step * spacing / 0.22, step * spacing,
                     np.array(places), radius, np.arange(disks), np.array(angle))
         result.append(push.mirrored() if number % 2 else push)
     return Tracks("synthetic", tuple(result))

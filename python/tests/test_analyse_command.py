@@ -1,5 +1,6 @@
 """pliant-analyse as a user starts it, and what it writes."""
 
+import argparse
 import json
 import subprocess
 import sys
@@ -98,6 +99,15 @@ def test_errors(made, tmp_path):
     assert stop.value.code == 2
     result = subprocess.run([sys.executable, COMMAND, "channel", tmp_path], capture_output=True, text=True)
     assert result.returncode == 2 and result.stderr.startswith("pliant-analyse: error: ") and "run.h5" in result.stderr
+
+
+def test_the_page_has_every_option():
+    page = (COMMAND.parents[1] / "docs/channel-analysis.md").read_text()
+    parser = argparse.ArgumentParser(add_help=False)
+    analyse_command.channel_options(parser)
+    options = [action.option_strings[-1] for action in parser._actions if action.option_strings]
+    assert len(options) > 30
+    assert [name for name in options if f"`{name}" not in page] == []
 
 
 def test_results_that_are_not_there(tmp_path, made):
