@@ -5,7 +5,8 @@ from .errors import RunError
 #: The scripts that draw a run of a scenario.
 DRAWN_BY = {"hopper": "snapshot.py, movie.py, forces.py, series.py, profile.py and discharge.py",
             "raft": "raft.py, raft_snapshot.py, snapshot.py and movie.py",
-            "clog": "clog_snapshot.py, raft_snapshot.py, snapshot.py and movie.py"}
+            "clog": "clog_snapshot.py, raft_snapshot.py, snapshot.py and movie.py",
+            "channel": "the channel_ scripts"}
 
 
 def of_scenario(run, *scenarios):

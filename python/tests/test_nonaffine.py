@@ -172,6 +172,11 @@ def test_strain_clock_is_exact_where_strain_is_homogeneous():
     # A cell whose clock would have to run longer than allowed does not count.
     late = analysed(strained(), stride=99, df0=3 * norm, clock_max=2.0, min_count=3)
     assert np.isnan(late["cells"]["clock"]).all() and np.isnan(late["clock"]["d2_min_sum"]["all"]["value"])
+    # Nor does one whose strain is nowhere near: five frames give a quarter of this.
+    for tolerance, clock in ((0.5, np.nan), (0.8, 5.0)):
+        far = analysed(strained(), stride=99, df0=20 * norm, clock_max=5.0, clock_tolerance=tolerance, min_count=3,
+                       clock_intervals=5)
+        assert_allclose(far["cells"]["clock"], clock)
 
 
 def test_the_clock_takes_the_nearest_strain():
@@ -356,6 +361,12 @@ def test_distances_by_hand():
     # Every other disk is the one that moves: the large one too, near the small ones.
     assert sum(large["dr_na"]["all"]["count"]) == (gap[np.arange(144) != 66] < 4).sum()
     assert max(small["dr_na"]["all"]["value"]) * result["mean_radius"] < 0.1 - mean
+    # In the centre are the disks that move there, wherever the large one is.
+    result = analysed(made([place, place + jump[:, None] * [0, 1]], radius), cell=6.5, centre=6.5, distance_bin=1.0,
+                      distance_max=4.0, distance_stride=1)
+    inside = (place < 6.5).all(1) & (np.arange(144) != 66)
+    large = result["distances"]["sizes"][1]["dr_na"]
+    assert sum(large["centre"]["count"]) == (gap[inside] < 4).sum() < sum(large["all"]["count"])
 
 
 def test_size_classes():
