@@ -16,7 +16,8 @@ from .nonaffine import Field, Grid, exponent, jackknife
 
 REGIONS = ("all", "centre")
 #: What is averaged: name → power of <R> that it is divided by.
-QUANTITIES = {"displacement": 1, "dr_na": 1, "d2_min_sum": 2, "d2_min_per_neighbour": 2, "rotation": 0}
+QUANTITIES = {"displacement": 1, "dr_na": 1, "d2_min_sum": 2, "d2_min_per_neighbour": 2, "rotation": 0,
+              "neighbours": 0}
 CURVES = ("dr_na", "d2_min_sum", "d2_min_per_neighbour")  # against the distance from a disk
 
 
@@ -188,7 +189,7 @@ class _Analysis:
                                               *self.neighbours(index, sample))
         total, number = total[sample.chosen], number[sample.chosen]
         result = {"displacement": np.hypot(*sample.shift.T), "dr_na": np.hypot(*(sample.shift - mean).T),
-                  "d2_min_sum": total, "d2_min_per_neighbour": total / np.maximum(number, 1)}
+                  "d2_min_sum": total, "d2_min_per_neighbour": total / np.maximum(number, 1), "neighbours": number}
         if push.angle is not None:
             result["rotation"] = np.abs(push.angle[sample.after] - push.angle[sample.before])[sample.chosen]
         return result
@@ -340,6 +341,7 @@ class _Analysis:
         centres = self.grid.centres
         table = {"x": centres[:, 0], "y": centres[:, 1], "count": mean_field.count, "mean_x": mean_field.mean[:, 0],
                  "mean_y": mean_field.mean[:, 1], "strain": mean_field.strain,
+                 **{f"strain_{i}{j}": mean_field.gradient[:, "xy".index(i), "xy".index(j)] for i in "xy" for j in "xy"},
                  "centre": self.region["centre"].astype(int), "clock": clock, "clock_strain": clock_strain}
         for prefix, source in (("", sums), ("clock_", clock_sums)):
             for name in QUANTITIES:

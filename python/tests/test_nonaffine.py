@@ -103,7 +103,7 @@ def test_neighbours_and_missing_disks_against_a_slow_reference(within):
     position = rng.uniform(0, 12, (40, 2)) + np.cumsum(rng.normal(0, 0.1, (4, 40, 2)), 0)
     position[rng.random((4, 40)) < 0.15] = np.nan
     result = analysed(made(position, radius), neighbours=6, within=within, average="particle")
-    d2, per = [], []
+    d2, per, number = [], [], []
     for t in range(3):
         for i in range(40):
             both = [j for j in range(40) if np.isfinite(position[[t, t + 1], j]).all()]
@@ -111,6 +111,7 @@ def test_neighbours_and_missing_disks_against_a_slow_reference(within):
                 continue
             gap = {j: np.hypot(*(position[t, j] - position[t, i])) - radius[i] - radius[j] for j in both if j != i}
             near = [j for j in sorted(gap, key=gap.get)[:6]] if within is None else [j for j in gap if gap[j] <= within]
+            number.append(len(near))
             if len(near) >= 3:
                 d2.append(lstsq_d2(position[t, near] - position[t, i], position[t + 1, near] - position[t + 1, i]))
                 per.append(d2[-1] / len(near))
@@ -119,6 +120,7 @@ def test_neighbours_and_missing_disks_against_a_slow_reference(within):
     assert_allclose(result["mean_radius"], mean)
     assert_allclose(result["d2_min_sum"]["all"]["value"], np.mean(d2) / mean**2)
     assert_allclose(result["d2_min_per_neighbour"]["all"]["value"], np.mean(per) / mean**2)
+    assert_allclose(result["neighbours"]["all"]["value"], np.mean(number))
     if within is None:
         assert_allclose(np.array(d2), 6 * np.array(per))
 
@@ -168,6 +170,8 @@ def test_strain_clock_is_exact_where_strain_is_homogeneous():
     assert_allclose(cells["clock"], 3.0, rtol=1e-9)
     assert_allclose(cells["clock_strain"], 3 * norm, rtol=1e-9)
     assert_allclose(cells["strain"], norm, rtol=1e-9)
+    tensor = [[cells["strain_xx"], cells["strain_xy"]], [cells["strain_yx"], cells["strain_yy"]]]
+    assert_allclose(tensor, np.broadcast_to(GRADIENT[..., None], (2, 2, len(cells["x"]))), rtol=1e-9)
     assert result["clock"]["d2_min_sum"]["all"]["value"] < 1e-20 and result["clock"]["dr_na"]["all"]["value"] < 1e-11
     # A cell whose clock would have to run longer than allowed does not count.
     late = analysed(strained(), stride=99, df0=3 * norm, clock_max=2.0, min_count=3)
