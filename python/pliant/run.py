@@ -65,11 +65,20 @@ class Geometry:
     w: float              #: width of the orifice
     angle: float          #: degrees
     kind: str             #: hopper2d or hopper3d
+    box: np.ndarray | None = None  #: [2, D] of a periodic box: origin and lengths, infinite in open directions
 
     @property
     def orifice_height(self):
         """Height of the orifice line: that of the lips, which are the lowest ends of the walls."""
         return float(np.nanmin(self.segments[:, [1, 3]])) if len(self.segments) else 0.0
+
+    def nearest_image(self, difference):
+        """The shortest of the periodic images of vectors [..., D]; in an open box the vectors themselves."""
+        difference = np.asarray(difference, dtype=float)
+        if self.box is None:
+            return difference
+        period = np.where(np.isfinite(self.box[1]), self.box[1], 0.0)
+        return difference - period * np.round(difference / self.box[1])
 
 
 @dataclass(frozen=True)
@@ -126,6 +135,21 @@ class Frame:
         return self._read("centres")
 
     @cached_property
+    def images(self):
+        """[N, D] by how many lengths of a periodic box each particle was put back into it; zeros in an open box."""
+        if self._run.geometry.box is None:
+            return np.zeros(self.centres.shape, dtype=np.int64)
+        return self._read("images", "periodic boxes")
+
+    @cached_property
+    def unwrapped_centres(self):
+        """[N, D] where the centres would be if a periodic box did not put them back: for displacements."""
+        box = self._run.geometry.box
+        if box is None:
+            return self.centres
+        return self.centres + self.images * np.where(np.isfinite(box[1]), box[1], 0.0)
+
+    @cached_property
     def active(self):
         """[N] bool; False once a particle has left the run."""
         return self._read("active").astype(bool)
@@ -144,7 +168,7 @@ class Frame:
     def touching(self):
         """[N] other particles that touch each one (droplets: that are bound to it), however many vertices touch."""
         pairs = self.contacts[["particle_1", "particle_2"]].to_numpy()
-        pairs = np.unique(np.sort(pairs[(pairs >= 0).all(1)], axis=1), axis=0)
+        pairs = np.unique(np.sort(pairs[(pairs >= 0).all(1) & (pairs[:, 0] != pairs[:, 1])], axis=1), axis=0)
         return np.bincount(pairs.ravel(), minlength=self._run.topology.particles)
 
     @cached_property
@@ -368,7 +392,8 @@ class Run:
         attrs = {key: _plain(value) for key, value in group.attrs.items()}
         lengths = {k: float(attrs.get(k, np.nan)) for k in ("W", "w", "angle")}
         check_strings(group)
-        return Geometry(self.read(group["segments"]).reshape(-1, 4), **lengths, kind=attrs.get("kind", ""))
+        box = self.read(group["box"]).reshape(2, -1) if "box" in group else None
+        return Geometry(self.read(group["segments"]).reshape(-1, 4), **lengths, kind=attrs.get("kind", ""), box=box)
 
     @cached_property
     def frames(self):

@@ -36,7 +36,7 @@ def pair_forces(run, frame):
     contact = total[list(axes)].to_numpy()
     force = np.linalg.norm(total[[f"f{a}" for a in axes]].to_numpy(), axis=1)
     ends = [np.where((index < 0)[:, None], contact, frame.centres[index]) for index in (first, second)]
-    lines = np.stack(ends, axis=1)
+    lines = np.stack([ends[0], ends[0] + run.geometry.nearest_image(ends[1] - ends[0])], axis=1)
     if run.dim == 3:  # a slice of one diameter to either side of the axis
         inside = (np.abs(lines[:, :, 1]) < 1).all(axis=1)
         lines, force = lines[inside], force[inside]

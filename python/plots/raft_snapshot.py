@@ -26,7 +26,8 @@ def draw(axes, run, frame, largest, box):
                                           offset_transform=axes.transData, facecolors=plotting.PALE,
                                           edgecolors="0.65", linewidths=0.5, zorder=1))
     bonds = frame.contacts
-    ends = np.stack([frame.centres[bonds["particle_1"]], frame.centres[bonds["particle_2"]]], axis=1)
+    first, second = (frame.centres[bonds[p]] for p in ("particle_1", "particle_2"))
+    ends = np.stack([first, first + run.geometry.nearest_image(second - first)], axis=1)
     # The force on the first droplet, along the normal towards it: a push is positive.
     push = (bonds[["fx", "fy"]].to_numpy() * bonds[["nx", "ny"]].to_numpy()).sum(1)
     axes.add_collection(LineCollection(ends, colors=np.where(push < 0, TENSION, COMPRESSION),

@@ -76,6 +76,28 @@ def test_polygons(rough):
     assert_allclose(frame.speeds, np.hypot(*expected.T))
 
 
+def test_an_open_box_has_no_images(soft):
+    run = Run(soft[0])
+    frame = run.frames[0]
+    assert run.geometry.box is None
+    assert not frame.images.any() and frame.images.shape == frame.centres.shape
+    assert_array_equal(frame.unwrapped_centres, frame.centres)
+    assert_array_equal(run.geometry.nearest_image([[30.0, -50.0]]), [[30.0, -50.0]])
+
+
+def test_a_periodic_box(tmp_path):
+    write_run(tmp_path / "run", n=20)
+    with h5py.File(tmp_path / "run" / "run.h5", "a") as file:
+        file["geometry/box"] = [[-7.0, 0.0], [14.0, np.inf]]
+        file["frames/000000/images"] = np.tile([[2, 0]], (20, 1))
+    run = Run(tmp_path / "run")
+    assert_allclose(run.geometry.nearest_image([[9.0, 50.0], [-8.0, -3.0]]), [[-5.0, 50.0], [6.0, -3.0]])
+    frame = run.frames[0]
+    assert_allclose(frame.unwrapped_centres, frame.centres + [28.0, 0.0])
+    with pytest.raises(RunError, match="no 'images'"):
+        run.frames[1].images
+
+
 def test_touching_particles_count_once(rough):
     """Whatever the number of vertices in contact; `contact_count` has those of the file."""
     frame = Run(rough[0]).frames[0]

@@ -23,8 +23,8 @@ struct Scene {
   /// With contacts of energy 100 E, those with walls of energy 1.
   FrameData<D> frame() {
     const ModelParameters p{.epsilon = 100, .epsilon_wall = 1};
-    system =
-        std::make_unique<ParticleSystem<D>>(c.topology, walls_, make_force_field<D>(kind_, p, Vec<D>::Zero()), 0.1);
+    system = std::make_unique<ParticleSystem<D>>(c.topology, walls_, make_force_field<D>(kind_, p, Vec<D>::Zero()), 0.1,
+                                                 Ranks(), box);
     State state(c.topology.points(), D);
     std::copy(c.x.begin(), c.x.end(), state.x().begin());
     std::copy(c.v.begin(), c.v.end(), state.v().begin());
@@ -34,6 +34,7 @@ struct Scene {
   }
 
   Configuration<D> c;
+  Box<D> box;
   std::unique_ptr<ParticleSystem<D>> system;
 
  private:
@@ -116,4 +117,50 @@ TEST_CASE("a frame of polygons has their centres, areas and perimeters, and who 
   CHECK(f.perimeter[1] == Approx(4 * std::sqrt(0.5)));
   CHECK(f.a0[0] == Approx(0.9 * 6));
   CHECK(f.contacts.count == 0);
+}
+
+TEST_CASE("a frame of a periodic box has particles inside and contacts across its borders", "[frame]") {
+  Scene<2> scene(ModelKind::sp);
+  constexpr Real infinite = Box<2>::infinite;
+  scene.box = Box<2>({0, 0}, {10, infinite});
+  scene.c.add_soft(1, {20.3, 5});  // two box lengths on
+  scene.c.add_soft(1, {-0.6, 5});  // touches it by a tenth
+  scene.c.add_soft(1, {5, -7});    // nothing wraps it along y
+  const auto data = scene.frame();
+  const Frame& f = data.frame;
+  const std::vector<Real> x = listed(f.positions);
+  CHECK(x[0] == Approx(0.3));
+  CHECK(x[2] == Approx(9.4));
+  CHECK((x[4] == 5 && x[5] == -7));
+  CHECK(std::vector<std::int64_t>(f.images.begin(), f.images.end()) == std::vector<std::int64_t>{2, 0, -1, 0, 0, 0});
+  REQUIRE(f.contacts.count == 1);
+  CHECK(listed(f.contact_count) == std::vector<Index>{1, 1, 0});
+  CHECK(f.contacts.normal[0][0] == Approx(1));
+  CHECK(f.contacts.force[0][0] == Approx(10));
+  CHECK(f.contacts.position[0][0] == Approx(-0.15));
+  // Drawn from the first to the nearest image of the second.
+  CHECK(f.contacts.ends[0][0] == Approx(0.3));
+  CHECK(f.contacts.ends[0][2] == Approx(-0.6));
+}
+
+TEST_CASE("a particle that touches its own image has one contact, with two sides", "[frame]") {
+  Scene<2> scene(ModelKind::sp);
+  scene.box = Box<2>({0, 0}, {0.8, 5});
+  scene.c.add_soft(1, {0.5, 0.5});
+  const auto data = scene.frame();
+  REQUIRE(data.frame.contacts.count == 1);
+  CHECK(data.frame.contacts.particles[0][0] == data.frame.contacts.particles[0][1]);
+  CHECK(listed(data.frame.contact_count) == std::vector<Index>{2});
+  CHECK(std::abs(data.frame.contacts.force[0][0]) == Approx(20));
+}
+
+TEST_CASE("a polygon across the border of a box is drawn whole, where its centre is", "[frame]") {
+  Scene<2> scene(ModelKind::rough);
+  scene.box = Box<2>({0, 0}, {4, 4});
+  scene.c.add_polygon(regular_polygon(4, 0.5, {-0.2, 1}), 0.1);
+  const auto data = scene.frame();
+  CHECK(data.frame.positions[0] == Approx(4.3));
+  CHECK(data.frame.centres[0] == Approx(3.8));
+  CHECK(data.frame.images[0] == -1);
+  CHECK(data.frame.area[0] == Approx(0.5));
 }

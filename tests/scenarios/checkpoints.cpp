@@ -1,12 +1,9 @@
 // Restarts from checkpoints of which one entry is wrong, while the checksum fits.
-#include <fcntl.h>
 #include <hdf5.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
-#include <cstdio>
 #include <functional>
 #include <limits>
 #include <map>
@@ -21,6 +18,7 @@
 
 #include "io/io_support.h"
 #include "support/edit_checkpoint.h"
+#include "support/silence.h"
 
 using namespace pliant;
 using namespace pliant::test;
@@ -30,32 +28,6 @@ namespace fs = std::filesystem;
 namespace {
 
 using Change = std::function<void(const fs::path&)>;  // of a checkpoint, whose checksum is made to fit afterwards
-
-/// What a run prints is no matter here.
-class Silence {
- public:
-  Silence() {
-    std::fflush(stdout);
-    const int nowhere = ::open("/dev/null", O_WRONLY);
-    for (const int stream : {1, 2}) {
-      saved_[stream] = ::dup(stream);
-      ::dup2(nowhere, stream);
-    }
-    ::close(nowhere);
-  }
-  ~Silence() {
-    std::fflush(stdout);
-    for (const int stream : {1, 2}) {
-      ::dup2(saved_[stream], stream);
-      ::close(saved_[stream]);
-    }
-  }
-  Silence(const Silence&) = delete;
-  Silence& operator=(const Silence&) = delete;
-
- private:
-  int saved_[3];
-};
 
 void run(const std::string& scenario, const Arguments& arguments) {
   const Silence silence;

@@ -1,0 +1,142 @@
+// A run in a periodic box: what it writes, and that a restart goes on bit for bit.
+#include <catch2/catch.hpp>
+
+#include <algorithm>
+#include <filesystem>
+#include <map>
+
+#include <pliant/model/catalogue.h>
+#include <pliant/run/scenario.h>
+#include <pliant/ts/verlet.h>
+
+#include "io/io_support.h"
+#include "support/silence.h"
+
+using namespace pliant;
+using namespace pliant::test;
+
+namespace {
+
+constexpr Index columns = 6;
+constexpr Real length = 5.9;
+
+struct GasOptions final : RunOptions {
+  Real t_end = 1, dt = 2e-3;
+  void bind(Options& o) {
+    o.bind("dt", dt, {.help = "step", .unit = "t0", .min = 1e-9});
+    o.bind("t_end", t_end, {.help = "end of the run", .unit = "t0", .min = 0});
+    bind_output(o);
+  }
+};
+
+/// Soft particles in a square that is periodic both ways, with friction; fast, so that they go round it.
+class Gas final : public Protocol<2> {
+ public:
+  Gas(const GasOptions& p, const Ranks& ranks) : Protocol<2>(make(ranks)), p_(p) {}
+
+  std::string title() const override { return "gas"; }
+  std::string model() const override { return "sp"; }
+  Real last_time() const override { return p_.t_end; }
+  Real first_dt() const override { return p_.dt; }
+  std::unique_ptr<Integrator> make_integrator(Real dt) override { return std::make_unique<FixedStepVerlet>(dt); }
+  RunGeometry geometry() const override { return {"box", {}, {}}; }
+  std::vector<Real> start() override {
+    std::vector<Real> x;
+    for (Index k = 0; k < columns * columns; ++k)
+      for (const Index n : {k % columns, k / columns}) x.push_back((n + 0.5) * length / columns);
+    return x;
+  }
+  void started() override {
+    for (Index m = 0; m < topology().owned(); ++m)
+      point<2>(state().v().data(), m) =
+          pliant::Vec<2>(3 + std::sin(topology().id[m]), std::cos(1.7 * topology().id[m]));
+  }
+  std::vector<SeriesValue> sample() override {
+    Real sum = 0;
+    for (Index i = 0; i < topology().owned_points(); ++i)
+      sum += topology().mass(i) / 2 * point<2>(state().v().data(), i).squaredNorm();
+    return {{"time", state().t}, {"dt", run().last_dt()}, {"kinetic_energy", ranks().sum(sum)}};
+  }
+
+ private:
+  static std::unique_ptr<Simulation<2>> make(const Ranks& ranks) {
+    Topology t;
+    for (Index k = 0; k < columns * columns; ++k) t.add_soft(0.9 + 0.05 * (k % 5), 1);
+    return std::make_unique<Simulation<2>>(
+        t,
+        ParticleSystem<2>({}, {},
+                          make_force_field<2>(ModelKind::sp, {.epsilon = 50, .mu = 0.1}, pliant::Vec<2>::Zero()), 0.1,
+                          ranks, Box<2>({0, 0}, {length, length})),
+        Sorting::regularly);
+  }
+  const GasOptions& p_;
+};
+
+void run(Arguments arguments) {
+  const Silence silence;
+  arguments.insert(arguments.end(), {"-frame_interval", "0.25", "-sample_interval", "0.1"});
+  REQUIRE(option_scenario<GasOptions, Gas>("gas", "a gas").run(arguments, Ranks()) == ExitCode::done);
+}
+
+/// All numbers of all frames and samples.
+std::map<std::string, std::vector<Real>> results(const std::filesystem::path& folder) {
+  std::map<std::string, std::vector<Real>> all;
+  const auto file = hdf5::File::open_read(folder / "run.h5");
+  for (const std::string& n : file.open_group("/frames").links())
+    for (const char* name : {"positions", "velocities", "images", "contacts/force", "xdmf/contact_points"})
+      all[n + "/" + name] = file.read<Real>("/frames/" + n + "/" + name);
+  all["kinetic_energy"] = file.read<Real>("/series/kinetic_energy");
+  return all;
+}
+
+}  // namespace
+
+TEST_CASE("a run in a periodic box writes the box and how often particles have gone round it", "[periodic]") {
+  const ScratchFolder scratch;
+  const std::string folder = scratch / "run";
+  run({"-output", folder, "-t_end", "1.5"});
+  const auto file = hdf5::File::open_read(scratch / "run/run.h5");
+  CHECK(file.read<Real>("/geometry/box") == std::vector<Real>{0, 0, length, length});
+  const auto all = results(folder);
+  const std::vector<Real>&x = all.at("000006/positions"), &images = all.at("000006/images"),
+        &before = all.at("000005/positions"), &images_before = all.at("000005/images");
+  CHECK(std::ranges::min(x) >= 0);
+  CHECK(std::ranges::max(x) <= length);
+  CHECK(std::ranges::max(images) >= 1);
+  // Nobody is faster than 6, wherever the border is.
+  Real farthest = 0, wrapped = 0;
+  for (std::size_t k = 0; k < x.size(); ++k) {
+    farthest = std::max(farthest, std::abs(x[k] + length * images[k] - before[k] - length * images_before[k]));
+    wrapped = std::max(wrapped, std::abs(x[k] - before[k]));
+  }
+  CHECK(farthest < 1.5);
+  CHECK(wrapped > 3);
+  // Contacts are drawn to the nearest image.
+  const std::vector<Real>& ends = all.at("000006/xdmf/contact_points");
+  REQUIRE(ends.size() >= 4);
+  for (std::size_t k = 0; k < ends.size(); k += 4)
+    CHECK((pliant::Vec<2>(ends[k], ends[k + 1]) - pliant::Vec<2>(ends[k + 2], ends[k + 3])).norm() < 1.1);
+}
+
+TEST_CASE("a restart in a periodic box is bit for bit", "[periodic]") {
+  const ScratchFolder scratch;
+  run({"-output", scratch / "whole", "-t_end", "1.5"});
+  run({"-output", scratch / "parts", "-t_end", "0.7"});
+  run({"-restart", scratch / "parts", "-t_end", "1.1"});
+  run({"-restart", scratch / "parts", "-t_end", "1.5"});
+  const auto whole = results(scratch / "whole"), parts = results(scratch / "parts");
+  // Ends have frames and samples of their own: by what both have.
+  CHECK(whole.at("000002/positions") == parts.at("000002/positions"));
+  const auto last = [](const auto& all, const std::string& name) {
+    std::string newest;
+    for (const auto& [key, values] : all)
+      if (key.ends_with(name)) newest = std::max(newest, key);
+    return all.at(newest);
+  };
+  for (const char* name : {"/positions", "/velocities", "/images", "/contacts/force"}) {
+    INFO(name);
+    CHECK(last(whole, name) == last(parts, name));
+  }
+  CHECK(std::ranges::max(last(whole, "/images")) >= 1);
+  CHECK(whole.at("kinetic_energy").back() == parts.at("kinetic_energy").back());
+}
