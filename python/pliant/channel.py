@@ -102,14 +102,14 @@ class _Sums:
 
 @dataclass(frozen=True)
 class _Sample:
-    """Displacements of one push over one interval: [S] each but for the frames [M]."""
+    """Displacements of one push over one interval: [S] each, sorted by frame and disk."""
 
-    before: np.ndarray
+    before: np.ndarray   #: frames, as indices into the push
     after: np.ndarray
-    chosen: np.ndarray   #: [M, N] bool: which disk of which pair of frames; the samples in this order
+    disk: np.ndarray     #: likewise
     start: np.ndarray    #: [S, 2]
     shift: np.ndarray    #: [S, 2]
-    cell: np.ndarray     #: [S]
+    cell: np.ndarray
 
 
 class _Analysis:
@@ -151,18 +151,14 @@ class _Analysis:
         """Samples of push `index`; None if there are none. `cells` [cells] bool: only those that begin there."""
         push = self.run.pushes[index]
         before, after = self.pairs(push, interval)
-        chosen = push.present[before] & push.present[after]
-        if not chosen.any():
-            return None
-        start = push.position[before][chosen]
+        pair, disk = np.nonzero(push.present[before] & push.present[after])
+        before, after = before[pair], after[pair]
+        start = push.position[before, disk]
         cell = self.grid.cell(start)
         if cells is not None:
             keep = cells[cell]
-            if not keep.any():
-                return None
-            chosen[chosen] = keep
-            start, cell = start[keep], cell[keep]
-        return _Sample(before, after, chosen, start, push.position[after][chosen] - start, cell)
+            before, after, disk, start, cell = (part[keep] for part in (before, after, disk, start, cell))
+        return _Sample(before, after, disk, start, push.position[after, disk] - start, cell) if len(disk) else None
 
     def moments(self, interval):
         """[12, cells], summed over the pushes."""
@@ -171,27 +167,22 @@ class _Analysis:
                    np.zeros((12, self.grid.cells)))
 
     def neighbours(self, index, sample):
-        """Neighbours in the frames `before`, of those disks that are still there in the frames `after`."""
-        push, choices = self.run.pushes[index], self.choices
-        rest = choices.neighbours, choices.within
-        if not push.present.all():
-            there = push.present[sample.before] & push.present[sample.after]
-            return nonaffine.neighbours(push.position[sample.before], push.radius, there, *rest)
+        """As Neighbourhoods.of: [S, K] each."""
         if index not in self._neighbours:
-            self._neighbours[index] = nonaffine.neighbours(push.position, push.radius, push.present, *rest)
-        return tuple(part[sample.before] for part in self._neighbours[index])
+            push, choices = self.run.pushes[index], self.choices
+            self._neighbours[index] = nonaffine.Neighbourhoods(push.position, push.radius, push.present,
+                                                               choices.neighbours, choices.within)
+        return self._neighbours[index].of(sample.before, sample.after, sample.disk)
 
     def values(self, index, sample, mean_field):
         """Quantities of the samples, in cm and rad: name → [S]."""
-        push = self.run.pushes[index]
+        push, frames = self.run.pushes[index], (sample.before, sample.after, sample.disk)
         mean = mean_field.at(sample.start, sample.cell, self.choices.interpolation)
-        total, number = nonaffine.push_d2_min(push.position, sample.before, sample.after,
-                                              *self.neighbours(index, sample))
-        total, number = total[sample.chosen], number[sample.chosen]
+        total, number = nonaffine.push_d2_min(push.position, *frames, *self.neighbours(index, sample))
         result = {"displacement": np.hypot(*sample.shift.T), "dr_na": np.hypot(*(sample.shift - mean).T),
                   "d2_min_sum": total, "d2_min_per_neighbour": total / np.maximum(number, 1), "neighbours": number}
         if push.angle is not None:
-            result["rotation"] = np.abs(push.angle[sample.after] - push.angle[sample.before])[sample.chosen]
+            result["rotation"] = np.abs(push.angle[sample.after, sample.disk] - push.angle[sample.before, sample.disk])
         return result
 
     def sums(self, interval_of_cell, field_of):
@@ -203,8 +194,7 @@ class _Analysis:
             mean_field = field_of(interval)
             for i in range(len(self.run.pushes)):
                 if sample := self.sample(i, interval, None if cells.all() else cells):
-                    size = np.broadcast_to(self.size[i], sample.chosen.shape)[sample.chosen]
-                    result.add(i, size, sample.cell, self.values(i, sample, mean_field))
+                    result.add(i, self.size[i][sample.disk], sample.cell, self.values(i, sample, mean_field))
         return result
 
     # ---- averages
@@ -285,12 +275,13 @@ class _Analysis:
             if not (sample := self.sample(i, interval)):
                 continue
             values = self.values(i, sample, mean_field)
-            row = np.zeros(sample.chosen.shape, int)  # of each disk in each pair of frames among the samples
-            row[sample.chosen] = np.arange(len(sample.cell))
-            frames = np.arange(0, len(sample.before), choices.distance_stride)
+            # Which sample a disk is that begins a displacement in a frame; -1 if it is in none.
+            row = np.full(push.present.shape, -1)
+            row[sample.before, sample.disk] = np.arange(len(sample.disk))
+            frames = np.unique(sample.before)[::choices.distance_stride]
             for part in nonaffine.chunks(len(frames), len(push.radius)):
                 at = frames[part]
-                distance = nonaffine.surface_distances(push.position[sample.before[at]], push.radius, sample.chosen[at])
+                distance = nonaffine.surface_distances(push.position[at], push.radius, row[at] >= 0)
                 m, disk, near = np.nonzero(distance < bins * choices.distance_bin)
                 # A little overlap counts as touching.
                 bin_ = np.maximum((distance[m, disk, near] / choices.distance_bin).astype(int), 0)
@@ -455,19 +446,17 @@ def snapshot(run, choices, number=None, travel=None):
     push, sample = run.pushes[index], a.sample(index, interval)
     if sample is None:
         raise RunError(f"{run.source}: push {push.number} has no two frames {interval:g} cm of travel apart")
-    starts = push.travel[sample.before]
-    m = len(starts) // 2 if travel is None else int(np.argmin(np.abs(starts - travel)))
-    values = a.values(index, sample, mean_field)
-    inside = np.nonzero(sample.chosen)[0] == m
-    disks = np.flatnonzero(sample.chosen[m])
+    frames = np.unique(sample.before)
+    frame = frames[len(frames) // 2 if travel is None else np.argmin(np.abs(push.travel[frames] - travel))]
+    here = sample.before == frame
+    disks, values, (nearest, used) = sample.disk[here], a.values(index, sample, mean_field), a.neighbours(index, sample)
     order = np.full(len(push.radius), -1)
     order[disks] = np.arange(len(disks))
-    nearest, used = (part[m] for part in a.neighbours(index, sample))
-    return {"push": push.number, "travel": float(starts[m]), "interval": float(interval),
-            "position": sample.start[inside], "radius": push.radius[disks], "shift": sample.shift[inside],
-            "mean": mean_field.at(sample.start[inside], sample.cell[inside], choices.interpolation),
-            **{name: values[name][inside] for name in CURVES},
-            "neighbours": [order[nearest[d][used[d]]] for d in disks]}
+    return {"push": push.number, "travel": float(push.travel[frame]), "interval": float(interval),
+            "position": sample.start[here], "radius": push.radius[disks], "shift": sample.shift[here],
+            "mean": mean_field.at(sample.start[here], sample.cell[here], choices.interpolation),
+            **{name: values[name][here] for name in CURVES},
+            "neighbours": [order[near[mask]] for near, mask in zip(nearest[here], used[here])]}
 
 
 def analyse(runs, choices=Choices()):

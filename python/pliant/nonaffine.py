@@ -64,8 +64,8 @@ def chunks(frames, particles):
 
 
 def neighbours(position, radius, present, count=15, within=None):
-    """([M, N, K] indices, [M, N, K] bool: is a neighbour) of the `count` disks nearest by surface distance, or of all
-    within the surface distance `within`. Equal distances are decided by the order of the disks."""
+    """([M, N, K] indices, [M, N, K] bool: is a neighbour) of the `count` disks nearest by surface distance, the nearest
+    first, or of all within the surface distance `within`. Equal distances are decided by the order of the disks."""
     frames, particles = present.shape
     found = []
     for part in chunks(frames, particles):
@@ -74,6 +74,8 @@ def neighbours(position, radius, present, count=15, within=None):
         wanted = min(wanted, particles - 1)
         nearest = np.argpartition(distance, max(wanted - 1, 0), axis=-1)[..., :wanted]
         size = np.take_along_axis(distance, nearest, axis=-1)
+        order = np.argsort(size, axis=-1)
+        nearest, size = (np.take_along_axis(values, order, axis=-1) for values in (nearest, size))
         found.append((nearest, np.isfinite(size) if within is None else size <= within))
     width = max((index.shape[-1] for index, _ in found), default=0)
     index = np.zeros((frames, particles, width), np.int32)
@@ -82,6 +84,39 @@ def neighbours(position, radius, present, count=15, within=None):
         index[part, :, :nearest.shape[-1]] = nearest
         used[part, :, :nearest.shape[-1]] = mask
     return index, used
+
+
+class Neighbourhoods:
+    """Neighbours of the disks of one push, found once for all intervals: those of a displacement are the nearest of the
+    disks that are there at its end too."""
+
+    def __init__(self, position, radius, present, count=15, within=None):
+        """position [F, N, 2], radius [N], present [F, N]; the rest as `neighbours`."""
+        self.position, self.radius, self.present, self.count, self.within = position, radius, present, count, within
+        # Some to spare for those that are missing at the end.
+        spare = 1 if present.all() else 2
+        self.index, self.used = neighbours(position, radius, present, spare * count, within)
+
+    def of(self, before, after, disk):
+        """([S, K], [S, K] bool) as `neighbours`, of `disk` [S] from the frames `before` [S] to `after` [S]."""
+        index, used = self.index[before, disk], self.used[before, disk]
+        if self.present.all():
+            return index, used
+        used &= self.present[after[:, None], index]
+        if self.within is not None:
+            return index, used
+        short = np.flatnonzero(~used[:, :self.count].all(1))
+        order = np.argsort(~used[short], axis=1, kind="stable")
+        index[short], used[short] = (np.take_along_axis(values[short], order, 1) for values in (index, used))
+        index, used = index[:, :self.count], used[:, :self.count].copy()
+        # Where even those to spare are too few: all disks of these frames.
+        short = short[~used[short].all(1)]
+        pairs, at = np.unique(np.stack([before[short], after[short]], 1), axis=0, return_inverse=True)
+        if len(pairs):
+            there = self.present[pairs[:, 0]] & self.present[pairs[:, 1]]
+            every, known = neighbours(self.position[pairs[:, 0]], self.radius, there, self.count)
+            index[short], used[short] = every[at, disk[short]], known[at, disk[short]]
+        return index, used
 
 
 # ---- D2_min ----------------------------------------------------------------------------------------------------------
@@ -130,18 +165,18 @@ def d2_min(before, after, used=None):
     return np.where(number >= FEWEST_NEIGHBOURS, total, np.nan), number
 
 
-def push_d2_min(position, before, after, index, used):
-    """(D2_min [M, N], neighbours [M, N]) of all disks from the frames `before` [M] to `after` [M]; position [F, N, 2],
-    index and used [M, N, K] as of `neighbours`."""
-    frames, particles, width = index.shape
-    total, number = np.full((frames, particles), np.nan), np.zeros((frames, particles), int)
+def push_d2_min(position, before, after, disk, index, used):
+    """(D2_min [S], neighbours [S]) of `disk` [S] from the frames `before` [S] to `after` [S] of a push; position [F, N,
+    2], index and used [S, K] as of `Neighbourhoods`."""
+    particles = position.shape[1]
+    total, number = np.full(len(disk), np.nan), np.zeros(len(disk), int)
     places = np.ascontiguousarray(position, float).view(complex).ravel()  # one gather for both coordinates
-    step = max(1, _CHUNK // (64 * max(particles * width, 1)))
-    for part in (slice(i, i + step) for i in range(0, frames, step)):
+    step = max(1, _CHUNK // (64 * max(index.shape[1], 1)))
+    for part in (slice(i, i + step) for i in range(0, len(disk), step)):
         def relative(frame):
-            first = particles * frame[part, None]
-            place = places[(first + np.arange(particles))][..., None]
-            return (places.take(index[part] + first[..., None]) - place).view(float).reshape(*index[part].shape, 2)
+            first = particles * frame[part]
+            place = places.take(index[part] + first[:, None]) - places.take(first + disk[part])[:, None]
+            return place.view(float).reshape(*place.shape, 2)
 
         with np.errstate(invalid="ignore"):  # disks that are missing
             total[part], number[part] = d2_min(relative(before), relative(after), used[part])
