@@ -119,3 +119,20 @@ TEST_CASE("what was put somewhere else is looked at there") {
   f.system->relist(f.state.x().data(), 1);
   CHECK_THROWS_AS(watch.after_change(*f.system, f.state), NumericalError);
 }
+
+TEST_CASE("a vertex inside the image of a particle is found", "[periodic]") {
+  Configuration<2> c;
+  c.add_polygon(regular_polygon(6, 0.5), 0.1);
+  c.add_polygon(wedge({3.1, 0.05}, {1, 0}), 0.1);  // 0.1 in the hexagon's image
+  State state(c.topology.points(), 2);
+  std::copy(c.x.begin(), c.x.end(), state.x().begin());
+  for (const Real length : {Box<2>::infinite, 3.0}) {
+    ParticleSystem<2> system(c.topology, {}, make_force_field<2>(ModelKind::smooth, {}, pliant::Vec<2>::Zero()), 0.06,
+                             Ranks(), Box<2>({0, 0}, {length, Box<2>::infinite}));
+    CrossingWatch watch;
+    if (length == 3)
+      CHECK_THROWS_WITH(watch.start(system, state), Catch::Contains("has crossed the outline of particle"));
+    else
+      CHECK_NOTHROW(watch.start(system, state));
+  }
+}

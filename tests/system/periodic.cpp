@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
 
+#include <pliant/system/fire.h>
 #include <pliant/system/neighbour_drag.h>
 #include <pliant/system/overdamped.h>
 #include <pliant/system/point_drag.h>
@@ -517,6 +518,25 @@ TEST_CASE("a box refuses walls that its images do not share", "[periodic]") {
   const Walls<3> behind(std::vector{Solid<3>::half_space({0, 0, 0}, {0, 0, 1})});
   CHECK_NOTHROW(make_3d(behind, Box<3>({0, 0, 0}, {4, 4, infinite})));
   CHECK_THROWS_AS(make_3d(behind, Box<3>({0, 0, 0}, {infinite, infinite, 4})), InputError);
+}
+
+TEST_CASE("energy is minimised in a box", "[periodic]") {
+  Random random(10);
+  for (const Real length : {4.6, 3.6}) {  // loose, and pressed together
+    const Cell<2> cell{free(soft_rows<2>(random, 4, 4)), Box<2>({0, 0}, {length, length}), ModelKind::sp};
+    auto system = isolated(cell);
+    std::vector<Real> x = cell.c.x;
+    const Real mass = 1;
+    FireOptions options;
+    options.dt_max = 0.1;
+    options.force_tolerance = 1e-6;
+    const FireResult result = fire(
+        x, std::span(&mass, 1),
+        [&](const Real* r, Real* f) { return system.field().energy(system.view(r, nullptr), f); }, options);
+    CHECK(result.converged);
+    CHECK((result.energy > 0.1) == (length < 4));
+    CHECK(result.energy < system.field().energy(system.view(cell.c.x.data(), nullptr)));
+  }
 }
 
 TEST_CASE("motion without inertia in a box", "[periodic]") {
