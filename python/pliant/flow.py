@@ -50,6 +50,6 @@ def flowing(run, start=None):
 
 def filling_top(profile):
     """Largest height of the axis profile that lies in the filling: the highest one whose number density is at least
-    FILLED of the largest. Above it the particles that were put back fall freely."""
+    FILLED of the largest. Above it the reinserted particles fall freely."""
     density = profile.weight.mean(0)
     return float(profile.height[np.flatnonzero(density >= FILLED * density.max())[-1]])

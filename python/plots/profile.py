@@ -2,7 +2,7 @@
 """Velocity on the axis against the height above the orifice, averaged over the steady state, with its block error.
 
 It ends with the filling, where the number density on the axis falls below 0.8 of its largest value: above, particles that
-were put back fall freely. Of a run that has clogged, or emptied, only the time of the flow counts."""
+were reinserted fall freely. Of a run that has clogged, or emptied, only the time of the flow counts."""
 
 import sys
 from pathlib import Path

@@ -22,7 +22,7 @@ void RunOptions::bind_output(Options& o) {
   o.bind("checkpoint_interval", checkpoint_interval,
          {.help = "wall time between checkpoints; 0: only at the start and when stopped", .unit = "s", .min = 0});
   o.bind("max_wall_time", max_wall_time,
-         {.help = "stop with a checkpoint after so long; 0: no limit",
+         {.help = "wall-time limit: writes a checkpoint and stops; 0: no limit",
           .unit = "s",
           .min = 0,
           .on_restart = OnRestart::forget});

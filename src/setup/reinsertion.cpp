@@ -20,7 +20,7 @@ Real reach(const Topology& topology, const Real* x, Index m, const Vec<D>& centr
   return std::sqrt(far2) + topology.diameter[topology.offset[m]] / 2;
 }
 
-/// The points of the particle that is put back, where it left.
+/// The points of the particle that is reinserted, where it left.
 template <int D>
 struct Outline {
   std::vector<Real> x;  ///< [points · D]

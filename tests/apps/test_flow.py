@@ -8,12 +8,12 @@ from conftest import SMALL, Results, hopper, pliant
 
 
 def crossings(results):
-    """Centres that go below the orifice line, each once until it is put back, and their areas, up to every frame."""
+    """Centres that go below the orifice line, each once until it is reinserted, and their areas, up to every frame."""
     heights, area = results.column("centres")[:, :, -1], results.topology["a0"]
     counted = np.zeros(len(area), bool)
     count, total = [0], [0.0]
     for before, now in zip(heights[:-1], heights[1:]):
-        counted[now > before + 2] = False  # put back
+        counted[now > before + 2] = False  # reinserted
         new = ~counted & (now < 0)
         counted |= new
         count.append(count[-1] + new.sum())
@@ -47,7 +47,7 @@ def test_crossings_are_counted_once(options, tmp_path):
     heights = results.column("centres")[:, :, -1]
     assert heights.min() > -2 * results.topology["sigma"].max() - 0.05
     assert np.array_equal(results.series["in_hopper"], (heights > 0).sum(axis=1))
-    assert (np.diff(heights, axis=0) > 2).sum() > 5  # were put back
+    assert (np.diff(heights, axis=0) > 2).sum() > 5  # were reinserted
 
 
 SOFT_WALLS = {"mu": 0, "zeta": 0.3, "e_w": 1, "t_end": 20}

@@ -27,7 +27,7 @@ def test_implicit_runs(tmp_path, method):
 
 def test_alpha2_goes_on_after_friction_sets_in(tmp_path):
     """Where friction jumps within a step there may be no solution; PETSc tries a first step with the same length again
-    and again, and every particle that is put back makes a first step."""
+    and again, and every particle that is reinserted makes a first step."""
     run = hopper(tmp_path / "run", n=200, hopper_wall_distance=16, hopper_width=5, mu=10, zeta=0, t_end=8, seed=2,
                  pack_fraction=0.84, dt=0.01, integrator="ts", ts_type="alpha2", ts_adapt_type="none")
     assert run.summary["t"] == 8 and 800 < run.summary["steps"] < 850

@@ -132,7 +132,7 @@ def test_ranks_give_the_same_run(kind, ranks, serial, tmp_path):
     moved = one.frames[-1]["centres"] - one.frames[0]["centres"]
     assert np.abs(moved).max() > (0.001 if kind == "smooth" else 0.05)
     if kind == "soft":
-        assert (np.diff(one.column("centres")[:, :, -1], axis=0) > 2).any()  # put back
+        assert (np.diff(one.column("centres")[:, :, -1], axis=0) > 2).any()  # reinserted
     if kind == "discharge":
         assert not one.frames[-1]["active"].all()
 

@@ -135,7 +135,7 @@ def test_output_does_not_change_the_trajectory(options, tmp_path):
 
 
 def test_fixed_steps_by_either_path(tmp_path):
-    """-integrator verlet and -integrator ts -ts_type verlet: the same steps, with particles put back. After t = 1.5 rounding
+    """-integrator verlet and -integrator ts -ts_type verlet: the same steps, with particles reinserted. After t = 1.5 rounding
     and sums in another order (only the first sorts particles on the way) grow a hundredfold every 0.1 t0."""
     options = {"dt": 4e-3, "t_end": 3, "frame_interval": 0.5}
     plain = hopper(tmp_path / "plain", **options)
@@ -144,7 +144,7 @@ def test_fixed_steps_by_either_path(tmp_path):
     assert plain.summary["integrator"] == "verlet" and by_ts.summary["integrator"] == "ts:verlet"
     assert plain.summary["steps"] == by_ts.summary["steps"] == 750
     heights = plain.column("centres")[:, :, 1]
-    assert (np.diff(heights, axis=0) > 3).sum() >= 3  # put back
+    assert (np.diff(heights, axis=0) > 3).sum() >= 3  # reinserted
     assert plain.summary["crossed_count"] == by_ts.summary["crossed_count"] > 3
     for name, tolerance in {"positions": 1e-10, "velocities": 1e-9}.items():
         np.testing.assert_allclose(by_ts.column(name)[:4], plain.column(name)[:4], rtol=0, atol=tolerance)

@@ -18,7 +18,7 @@ void ClogOptions::bind(Options& o) {
   o.bind("g", g,
          {.help = "gravity: a droplet weighs g R^3", .unit = "F/R^3", .min = 0, .min_open = true, .on_restart = fixed});
   o.bind("wall_friction", wall_friction,
-         {.help = "walls in range rub, like a droplet at rest [T 4.1]", .on_restart = fixed});
+         {.help = "walls exert viscous friction, like a static neighbour [T 4.1]", .on_restart = fixed});
 
   o.group("Droplets");
   o.bind("n", n, {.help = "number of droplets", .min = 1, .max = 1e5, .on_restart = fixed});
@@ -36,9 +36,8 @@ void ClogOptions::bind(Options& o) {
          {.help = "angle of the walls to gravity", .unit = "degrees", .min = 10, .max = 80, .on_restart = fixed});
   o.bind("clog_speed", clog_speed,
          {.help = "the droplets rest when all are slower", .unit = "R/t0", .min = 0, .min_open = true});
-  o.bind(
-      "rest", rest, {{"minimum", RestRule::minimum}, {"speed", RestRule::speed}},
-      {.help = "they rest also when they are certain to relax into a minimum next to them, or by -clog_speed alone"});
+  o.bind("rest", rest, {{"minimum", RestRule::minimum}, {"speed", RestRule::speed}},
+         {.help = "rest test: convergence to a nearby energy minimum too, or -clog_speed alone"});
 
   bind_integration(o, "");
   bind_output(o);

@@ -20,10 +20,11 @@ void DropletOptions::bind_model(Options& o) {
           .min = 0,
           .min_open = true,
           .on_restart = fixed});
-  o.bind("mobility", mobility, {{"exact", Coupling::exact}, {"lagged", Coupling::lagged}, {"mean", Coupling::mean}},
-         {.help = "velocities from the balance of forces, or from one iteration with the neighbours' velocities before "
-                  "(their sum, or their mean as printed) [T 2.9]",
-          .on_restart = fixed});
+  o.bind(
+      "mobility", mobility, {{"exact", Coupling::exact}, {"lagged", Coupling::lagged}, {"mean", Coupling::mean}},
+      {.help = "velocities; exact: force balance; lagged, mean: previous velocities of the neighbours (their sum, or "
+               "their mean as printed) [T 2.9]",
+       .on_restart = fixed});
   o.accept_petsc_prefix("mobility_ksp_");
   o.accept_petsc_prefix("mobility_pc_");
 }

@@ -329,9 +329,9 @@ class HopperProtocol final : public Protocol<D> {
   }
   bool ended_as(std::string_view status) const { return status_ == status; }
 
-  /// Counts the particles that have crossed the orifice line; those 2 σ_l below are put back or, in a discharge, taken
-  /// out. Errors: NumericalError where one has crossed the line beside the orifice. Nothing moves more than skin/2
-  /// between two list rebuilds, so only particles that were near enough at the last one are looked at.
+  /// Counts the particles that have crossed the orifice line; those 2 σ_l below are reinserted or, in a discharge,
+  /// taken out. Errors: NumericalError where one has crossed the line beside the orifice. Nothing moves more than
+  /// skin/2 between two list rebuilds, so only particles that were near enough at the last one are looked at.
   bool follow_particles() {
     const Topology& own = topology();
     State& s = state();
@@ -513,8 +513,8 @@ class HopperProtocol final : public Protocol<D> {
 
   // State that a checkpoint keeps.
   FlowCount flow_;
-  std::vector<std::uint8_t> counted_;  ///< per own particle: has crossed since it was last put back
-  std::vector<Index> reinserted_;      ///< times put back
+  std::vector<std::uint8_t> counted_;  ///< per own particle: has crossed since it was last reinserted
+  std::vector<Index> reinserted_;      ///< times reinserted
   std::vector<Sighting<D>> seen_;      ///< last sight of each; kept up to date for those that are watched
   struct OrificeCrossing {
     Index id;

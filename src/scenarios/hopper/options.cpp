@@ -101,7 +101,7 @@ void HopperOptions::bind(Options& o) {
           .automatic = "50 in 2D, 25 in 3D",
           .on_restart = fixed});
   o.bind("flow", flow, {{"continuous", FlowKind::continuous}, {"discharge", FlowKind::discharge}},
-         {.help = "put particles back at the top, or let the hopper run empty", .on_restart = fixed});
+         {.help = "reinsert particles at the top, or let the hopper run empty", .on_restart = fixed});
   o.bind("pack_fraction", pack_fraction,
          {.help = "packing fraction to start from, of the particles' outer disks (spheres)",
           .min = 0,
@@ -110,12 +110,9 @@ void HopperOptions::bind(Options& o) {
           .automatic = "0.84 in 2D, 0.64 in 3D",
           .on_restart = fixed});
   o.bind("pack_tolerance", pack_tolerance,
-         {.help = "largest relative overlap that counts as none in the start",
-          .min = 1e-12,
-          .max = 0.1,
-          .on_restart = fixed});
+         {.help = "overlap tolerance of the initial packing, relative", .min = 1e-12, .max = 0.1, .on_restart = fixed});
   o.bind("clog_time", clog_time,
-         {.help = "clogged when nothing crosses and all are slow for so long",
+         {.help = "quiet time before a run counts as clogged: no crossing, all particles slow",
           .unit = "t0",
           .min = 0,
           .min_open = true,
