@@ -27,13 +27,13 @@ void add_face(const Vec<2>& p, const Vec<2>& along, const Vec<2>& out, Real radi
 
 /// Nodes and weights of tanh–sinh quadrature over −1 … 1, which does not mind singular ends.
 struct Quadrature {
-  static constexpr int n = 65;
+  static constexpr int half = 32, n = 2 * half + 1;
   std::array<Real, n> node, weight;
 
   Quadrature() {
     constexpr Real h = 0.1;
     for (int k = 0; k < n; ++k) {
-      const Real t = (k - n / 2) * h, s = pi / 2 * std::sinh(t);
+      const Real t = (k - half) * h, s = pi / 2 * std::sinh(t);
       node[k] = std::tanh(s);
       weight[k] = h * pi / 2 * std::cosh(t) / square(std::cosh(s));
     }

@@ -16,7 +16,7 @@ namespace pliant {
 /// point–solid.
 struct Pair {
   Index first, second;
-  auto operator<=>(const Pair&) const = default;
+  auto operator<=>(const Pair&) const = default;  // NOLINT(modernize-use-nullptr): mistakes <=> for a comparison with 0
 };
 
 /// What the searches know of the points: spans over the topology's arrays.

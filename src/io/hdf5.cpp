@@ -387,7 +387,7 @@ Shape Group::shape(const std::string& name) const {
 }
 
 Shape Group::checked_shape(const std::string& name, const Shape& expected) const {
-  const Shape found = shape(name);
+  Shape found = shape(name);
   const auto fits = [](std::uint64_t a, std::uint64_t b) { return b == any_length || a == b; };
   if (!std::equal(found.begin(), found.end(), expected.begin(), expected.end(), fits))
     throw InputError("{} of {} has the shape {} instead of {}; is it the file of another run?", full(name), file_,
@@ -576,7 +576,10 @@ namespace {
 std::uint32_t crc32_of_strings(const Group& group) {
   std::uint32_t sum = 0;
   for (const auto& [name, value] : group.string_attributes()) {
-    const std::string text = name + '\0' + value + '\0';
+    std::string text = name;
+    text += '\0';
+    text += value;
+    text += '\0';
     sum = crc32_of(std::as_bytes(std::span(text)), sum);
   }
   return sum;

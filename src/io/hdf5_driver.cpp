@@ -82,7 +82,7 @@ H5FD_class_t make_class() {
   c.name = "pliant_journaled";
   c.maxaddr = static_cast<haddr_t>(std::numeric_limits<std::int64_t>::max());
   c.fc_degree = H5F_CLOSE_STRONG;
-  c.fapl_size = sizeof(JournaledFile*);
+  c.fapl_size = sizeof(JournaledFile*);  // NOLINT(bugprone-sizeof-expression): a pointer is what it holds
   c.open = open_file;
   c.close = close_file;
   c.query = query;

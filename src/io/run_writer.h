@@ -131,7 +131,7 @@ class RunWriter {
     void add(std::span<const SeriesValue> row);
     void write(hdf5::File& file);
   };
-
+  // NOLINTNEXTLINE(performance-unnecessary-value-param): once per run
   RunWriter(std::filesystem::path folder, const Ranks& ranks, int dim) : folder_(folder), ranks_(ranks), dim_(dim) {}
   void start(const Manifest& manifest, const Topology& topology, const RunGeometry& geometry);
   void go_on(const Topology& topology, std::uint64_t series_rows, std::uint64_t event_rows);

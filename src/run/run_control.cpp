@@ -113,7 +113,7 @@ void RunControl::end_progress() {
 
 std::string duration_text(Real seconds) {
   if (!std::isfinite(seconds)) return "?";
-  const auto s = static_cast<std::int64_t>(seconds + 0.5);
+  const auto s = std::llround(seconds);
   if (s < 60) return fmt::format("{} s", s);
   if (s < 3600) return fmt::format("{} min {:02} s", s / 60, s % 60);
   return fmt::format("{} h {:02} min", s / 3600, s / 60 % 60);

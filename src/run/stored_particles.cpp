@@ -62,9 +62,9 @@ StoredParticles::Lists StoredParticles::lists(Real reach) const {
   const auto count = [&](std::int64_t k) { return start[static_cast<std::size_t>(k) + 1] - start[k]; };
   std::size_t numbers = 0;
   for (const std::int64_t k : relisted) numbers += count(k);
-  const Lists lists{c.real_array("list_reference", listed, -far, far),
-                    {relisted.begin(), relisted.end()},
-                    c.real_array("list_places", numbers, -far, far)};
+  Lists lists{c.real_array("list_reference", listed, -far, far),
+              {relisted.begin(), relisted.end()},
+              c.real_array("list_places", numbers, -far, far)};
   std::vector<Real> place = lists.reference;
   std::size_t from = 0;
   for (const std::int64_t k : relisted) {

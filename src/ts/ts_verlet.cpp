@@ -64,7 +64,7 @@ PetscErrorCode attempt(TS ts, PetscReal* next_step, PetscBool* accept) {
   PetscCall(VecRestoreArray(d.predicted, &p));
   PetscCall(VecRestoreArrayRead(d.f, &f));
 
-  PetscCall(TSAdaptChoose(ts->adapt, ts, h, NULL, next_step, accept));
+  PetscCall(TSAdaptChoose(ts->adapt, ts, h, nullptr, next_step, accept));
   if (!*accept) {
     PetscCall(VecCopy(d.y_old, ts->vec_sol));
     ts->time_step = *next_step;
@@ -213,7 +213,7 @@ PetscErrorCode set_up(TS ts) {
   PetscFunctionBegin;
   PetscCall(TSCheckImplicitTerm(ts));
   PetscCall(TSGetDM(ts, &dm));
-  PetscCall(DMTSGetRHSFunction(dm, &rhs, NULL));
+  PetscCall(DMTSGetRHSFunction(dm, &rhs, nullptr));
   PetscCheck(rhs, PetscObjectComm((PetscObject)ts), PETSC_ERR_ARG_WRONGSTATE,
              "TS type verlet needs a right-hand side; call TSSetRHSFunction() with [v; a]");
   PetscCall(VecGetLocalSize(ts->vec_sol, &n));

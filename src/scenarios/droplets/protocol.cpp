@@ -59,7 +59,7 @@ Real fastest_rate(const DropletOptions& p, const DropletSetup& setup) {
 
 }  // namespace
 
-DropletProtocol::DropletProtocol(const DropletOptions& p, const Ranks& ranks, DropletSetup setup)
+DropletProtocol::DropletProtocol(const DropletOptions& p, const Ranks& ranks, const DropletSetup& setup)
     : Protocol<2>(make_simulation(p, setup, ranks)),
       p_(p),
       integration_(setup.integration),

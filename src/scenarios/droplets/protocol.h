@@ -47,7 +47,7 @@ class DropletProtocol : public Protocol<2> {
   void report(const Series& series, nlohmann::ordered_json& summary) final;
 
  protected:
-  DropletProtocol(const DropletOptions& p, const Ranks& ranks, DropletSetup setup);
+  DropletProtocol(const DropletOptions& p, const Ranks& ranks, const DropletSetup& setup);
 
   // What a scenario says beside what a protocol must.
   /// As it is drawn at time t, before the start at 0: x1 y1 x2 y2 of each wall.

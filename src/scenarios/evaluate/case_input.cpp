@@ -15,7 +15,7 @@ const std::array<ModelKind, 5> model_kinds{ModelKind::sp, ModelKind::shape, Mode
                                            ModelKind::bubble};
 
 Keys keys_of(ModelKind kind) {
-  const Keys polygon{"dim", "vertices", "a0", "l0", "ka", "kl", "kb"};
+  Keys polygon{"dim", "vertices", "a0", "l0", "ka", "kl", "kb"};
   if (kind == ModelKind::shape) return polygon;
   if (kind == ModelKind::bubble)
     return {"dim",    "positions", "R",   "f0",    "phi_c", "a_s",          "b",
