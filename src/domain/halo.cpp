@@ -115,6 +115,8 @@ struct Halo<D>::Exchange {
     MPI_Type_commit(&point);
   }
   ~Exchange() { MPI_Type_free(&point); }
+  /// Of `width` numbers: those of a position, or of an angle.
+  MPI_Datatype type(int width) const { return width == D ? point : MPIU_REAL; }
 };
 
 template <int D>
@@ -255,6 +257,13 @@ void Halo<D>::update_positions(const Real* x, std::vector<Real>& local) const {
 }
 
 template <int D>
+void Halo<D>::update_rotations(const Real* own, std::vector<Real>& local) const {
+  local.assign(own, own + own_ * rotations<D>);
+  begin(local, rotations<D>);
+  end(local, rotations<D>);
+}
+
+template <int D>
 void Halo<D>::update(std::vector<Real>& x, std::vector<Real>& v) const {
   begin(x);
   begin(v);
@@ -264,19 +273,22 @@ void Halo<D>::update(std::vector<Real>& x, std::vector<Real>& v) const {
 }
 
 template <int D>
-void Halo<D>::begin(std::vector<Real>& local) const {
-  local.resize(all_ * D);
+void Halo<D>::begin(std::vector<Real>& local, int width) const {
+  const auto w = static_cast<std::size_t>(width);
+  local.resize(all_ * w);
   if (!exchange_) {
-    for (const Copy& c : copies_) std::copy_n(&local[c.from * D], c.count * D, &local[c.to * D]);
+    for (const Copy& c : copies_) std::copy_n(&local[c.from * w], c.count * w, &local[c.to * w]);
     return;
   }
-  petsc_check(PetscSFBcastBegin(exchange_->sf, exchange_->point, local.data(), local.data() + own_ * D, MPI_REPLACE));
+  petsc_check(
+      PetscSFBcastBegin(exchange_->sf, exchange_->type(width), local.data(), local.data() + own_ * w, MPI_REPLACE));
 }
 
 template <int D>
-void Halo<D>::end(std::vector<Real>& local) const {
+void Halo<D>::end(std::vector<Real>& local, int width) const {
   if (!exchange_) return;
-  petsc_check(PetscSFBcastEnd(exchange_->sf, exchange_->point, local.data(), local.data() + own_ * D, MPI_REPLACE));
+  petsc_check(PetscSFBcastEnd(exchange_->sf, exchange_->type(width), local.data(),
+                              local.data() + own_ * static_cast<std::size_t>(width), MPI_REPLACE));
 }
 
 template <int D>

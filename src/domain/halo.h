@@ -6,6 +6,7 @@
 
 #include <pliant/base/ranks.h>
 #include <pliant/geometry/box.h>
+#include <pliant/geometry/rotation.h>
 #include <pliant/model/topology.h>
 
 namespace pliant {
@@ -34,6 +35,8 @@ class Halo {
   void update(const Real* own, std::vector<Real>& local) const;
   /// The same of positions: those of images are shifted.
   void update_positions(const Real* x, std::vector<Real>& local) const;
+  /// The same of angles or spins: own [owned points · rotations].
+  void update_rotations(const Real* own, std::vector<Real>& local) const;
   /// Positions and velocities at the same time, where x and v begin with the own points already.
   void update(std::vector<Real>& x, std::vector<Real>& v) const;
 
@@ -51,8 +54,8 @@ class Halo {
     Vec<D> by;
   };
 
-  void begin(std::vector<Real>& local) const;
-  void end(std::vector<Real>& local) const;
+  void begin(std::vector<Real>& local, int width = D) const;
+  void end(std::vector<Real>& local, int width = D) const;
   void shift_images(std::vector<Real>& x) const;
 
   Ranks ranks_;

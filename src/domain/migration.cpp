@@ -11,7 +11,7 @@ namespace pliant {
 
 Migration::Migration(const Ranks& ranks, const Topology& topology, const std::vector<int>& destination,
                      const std::vector<std::uint64_t>& key)
-    : ranks_(ranks), leaving_(ranks.size()), offset_(topology.offset) {
+    : ranks_(ranks), leaving_(ranks.size()), destination_(destination), offset_(topology.offset) {
   struct Traveller {
     std::uint64_t key;
     Index id, points;
@@ -36,6 +36,8 @@ void Migration::move(Topology& topology) const {
   move_points(topology.diameter, 1);
   move(topology.point_mass);
   move(topology.inverse_point_mass);
+  move(topology.inertia);
+  move(topology.inverse_inertia);
   move(topology.sigma);
   move(topology.a0);
   move(topology.l0);
@@ -46,10 +48,21 @@ void Migration::move(Topology& topology) const {
   topology.connect(points);
 }
 
-void Migration::move(State& state, int dim) const {
+void Migration::move_coordinates(std::vector<Real>& values, const Coordinates& per_point) const {
+  if (per_point.angles == 0) return move_points(values, per_point.positions);
+  const auto split =
+      values.begin() + static_cast<std::ptrdiff_t>(values.size()) / per_point.all() * per_point.positions;
+  std::vector<Real> angles(split, values.end());
+  values.erase(split, values.end());
+  move_points(values, per_point.positions);
+  move_points(angles, per_point.angles);
+  values.insert(values.end(), angles.begin(), angles.end());
+}
+
+void Migration::move(State& state, const Coordinates& per_point) const {
   std::vector<Real> x(state.x().begin(), state.x().end()), v(state.v().begin(), state.v().end());
-  move_points(x, dim);
-  move_points(v, dim);
+  move_coordinates(x, per_point);
+  move_coordinates(v, per_point);
   state.assign(x, v);
 }
 

@@ -46,12 +46,27 @@ class Migration {
                     arrived.begin() + static_cast<std::size_t>(arrived_offset_[k + 1]) * width);
   }
 
+  /// values [own coordinates]: of the positions of all points, then of their angles.
+  void move_coordinates(std::vector<Real>& values, const Coordinates& per_point) const;
   void move(Topology& topology) const;
-  void move(State& state, int dim) const;
+  void move(State& state, const Coordinates& per_point) const;
+
+  /// Rows that belong to particles: rows [of · width], the k-th goes where own particle of[k] goes. Returns those that
+  /// arrive, in no particular order.
+  template <class T>
+  std::vector<T> send(const std::vector<T>& rows, int width, const std::vector<Index>& of) const {
+    std::vector<std::vector<T>> parts(leaving_.size());
+    for (std::size_t k = 0; k < of.size(); ++k)
+      parts[destination_[of[k]]].insert(parts[destination_[of[k]]].end(),
+                                        rows.begin() + static_cast<std::ptrdiff_t>(k) * width,
+                                        rows.begin() + static_cast<std::ptrdiff_t>(k + 1) * width);
+    return ranks_.exchange(parts);
+  }
 
  private:
   Ranks ranks_;
   std::vector<std::vector<Index>> leaving_;  ///< [ranks]: own particles in the order in which they are sent
+  std::vector<int> destination_;             ///< [own particles]
   std::vector<Index> offset_;                ///< of the points before
   std::vector<Index> order_;                 ///< particle m of the new order is the order_[m]-th that arrived
   std::vector<Index> arrived_offset_;        ///< of their points

@@ -78,6 +78,11 @@ FrameLayout::FrameLayout(const Frame& frame, int dimensions, const Ranks& ranks)
   arrays.push_back(stored("positions", point, dim, frame.positions));
   arrays.push_back(stored("velocities", point, dim, frame.velocities));
   arrays.push_back(stored("centres", particle, dim, frame.centres));
+  if (ranks.any(!frame.angles.empty())) {
+    const std::uint64_t width = dim == 2 ? 1 : 3;
+    arrays.push_back(stored("angles", particle, width, frame.angles));
+    arrays.push_back(stored("spins", particle, width, frame.spins));
+  }
   arrays.push_back(stored("active", particle, 1, frame.active));
   if (ranks.any(!frame.images.empty())) arrays.push_back(stored("images", particle, dim, frame.images));
   arrays.push_back(stored("contact_count", particle, 1, frame.contact_count));

@@ -46,9 +46,10 @@ struct Frame {
   std::span<const std::int64_t> images =
       {};                                ///< [N, D] box lengths that particles were put back; on every rank or none
   std::span<const Index> contact_count;  ///< [N]
-  std::span<const Real> a0, area, perimeter;  ///< [N] of polygons, or empty
-  std::span<const Real> wall_force;           ///< [S, D]
-  std::span<const Real> wall_segments = {};   ///< [S, 4] where the walls are now, or empty: as in the geometry
+  std::span<const Real> a0, area, perimeter;      ///< [N] of polygons, or empty
+  std::span<const Real> wall_force;               ///< [S, D]
+  std::span<const Real> angles = {}, spins = {};  ///< [N, 1 or 3] where particles rotate, or empty
+  std::span<const Real> wall_segments = {};       ///< [S, 4] where the walls are now, or empty: as in the geometry
   FrameContacts contacts;
 };
 

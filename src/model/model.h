@@ -17,6 +17,8 @@
 #include <tuple>
 #include <vector>
 
+#include <pliant/base/errors.h>
+#include <pliant/kernels/finite.h>
 #include <pliant/kernels/points.h>
 #include <pliant/model/term.h>
 
@@ -64,7 +66,8 @@ struct Couplings {
 };
 
 /// Energies and forces of a configuration. One virtual call per evaluation, none per element. Arrays of forces have the
-/// length of all points; only the own points are written. Sums are over the rank's share: what lies inside its chunks,
+/// length of all points; only the own points are written. Where particles rotate, torques on the own points follow the
+/// forces on the own points [points · (D + rotations)]. Sums are over the rank's share: what lies inside its chunks,
 /// and across borders what counts for an own particle (Topology::counts_for); over all ranks every element counts once.
 template <int D>
 class ForceField {
@@ -106,6 +109,13 @@ class ForceField {
   virtual void add_wall_forces(const StateView<D>& s, Real* f) const = 0;
   /// Limits of stability of velocity Verlet.
   virtual CriticalStep critical_step(const Topology& topology) const = 0;
+
+  /// Whether a term has torques, so that particles have angles and spins.
+  virtual bool rotates() const = 0;
+  /// What the terms keep of contacts.
+  virtual std::vector<HistoryNeeds> history_needs() const = 0;
+  /// All contacts of s, the state at the end of an accepted step of length h, are advanced.
+  virtual void advance(const StateView<D>& s, Real h, ContactHistory& history) const = 0;
 };
 
 /// Terms whose forces one vectorised kernel computes in one pass:
@@ -145,7 +155,7 @@ constexpr bool belongs_to(TermGroup group) {
 }
 
 template <class T, int D>
-concept ModelPart = is_fused<T> || EnergyTerm<T, D> || DissipationTerm<T, D>;
+concept ModelPart = is_fused<T> || EnergyTerm<T, D> || DissipationTerm<T, D> || HistoryTerm<T, D>;
 
 template <int D, class... Parts>
 class Model final : public ForceField<D> {
@@ -189,6 +199,7 @@ class Model final : public ForceField<D> {
                      const std::function<void(Index, const Real*)>& done) const override {
     Index most = 0;
     for (Index c = 0; c < s.neighbours.chunks(); ++c) most = std::max(most, s.neighbours.points(c).size());
+    if constexpr (torques) throw std::logic_error("torques are not made chunk by chunk");
     // A page between them: kernels fetch ahead, to write.
     const std::size_t share = (static_cast<std::size_t>(most) * D / per_page + 2) * per_page;
     scratch.resize(share * omp_get_max_threads());
@@ -214,8 +225,7 @@ class Model final : public ForceField<D> {
       zero(s, chunk, a);
       visit([&](const auto& terms) { set_forces(terms, s, chunk, a); });
       visit([&](const auto& terms) { add_part(terms, s, chunk, a); });
-      const Range own = s.neighbours.particles(chunk);
-      scale_points<D>(s.topology.offset.data(), s.topology.inverse_point_mass.data(), own.first, own.last, a);
+      divide_by_masses(s, chunk, a);
     });
   }
 
@@ -226,9 +236,11 @@ class Model final : public ForceField<D> {
       for_each_enabled(s, [&](const auto& term) {
         using Term = std::decay_t<decltype(term)>;
         if (!belongs_to<Term, D>(group)) return;
+        require_derivatives(term);
         for (const Range range : {inside<Term>(s, chunk), across<Term>(s, chunk)})
           for (Index e = range.first; e < range.last; ++e)
-            if constexpr (EnergyTerm<Term, D>) {
+            if constexpr (!has_derivatives<Term>) {
+            } else if constexpr (EnergyTerm<Term, D>) {
               term.add_hessian(s, e, elastic);
             } else {
               term.add_dforce_dv(s, e, damping);
@@ -256,12 +268,16 @@ class Model final : public ForceField<D> {
   Real energy(const StateView<D>& s, Real* f) const override {
     bool dissipative = false;
     for_each_dissipation(s, [&](const auto&) { dissipative = true; });
+    for_each_history(s, [&](const auto&, const auto&) { dissipative = true; });
     return sum_over_chunks(s, [&](Index chunk) {
       Real sum = 0;
       if (f != nullptr && dissipative) zero(s, chunk, f);
       for_each_energy(s, [&](const auto& term) {
         for_each_element(term, s, chunk, [&](Index e) { sum += term.energy(s, e); });
         if (f != nullptr && dissipative) add_forces(term, s, chunk, f);
+      });
+      for_each_history(s, [&](const auto& term, const auto& past) {
+        for_each_element(term, s, chunk, [&](Index e) { sum += term.energy(s, e, past(e)); });
       });
       if (f != nullptr && !dissipative) add_total(s, chunk, f);
       return sum;
@@ -273,6 +289,9 @@ class Model final : public ForceField<D> {
       Real sum = 0;
       for_each_dissipation(
           s, [&](const auto& term) { for_each_element(term, s, chunk, [&](Index e) { sum += term.power(s, e); }); });
+      for_each_history(s, [&](const auto& term, const auto& past) {
+        for_each_element(term, s, chunk, [&](Index e) { sum += term.power(s, e, past(e)); });
+      });
       return sum;
     });
   }
@@ -282,13 +301,16 @@ class Model final : public ForceField<D> {
     for_each_enabled(s, [&](const auto& term) {
       using Term = std::decay_t<decltype(term)>;
       TermReport r{std::string(term.name()), EnergyTerm<Term, D>, 0,
-                   std::vector<Real>(static_cast<std::size_t>(s.topology.points()) * D)};
+                   std::vector<Real>(static_cast<std::size_t>(s.topology.points()) * (torques ? D + rotations<D> : D))};
       if constexpr (EnergyTerm<Term, D>) {
         for_each_element(term, s, [&](Index e) { r.energy += term.energy(s, e); });
         if constexpr (requires { term.particle(s, Index()); }) {
           r.particle_energy.resize(s.topology.particles());
           for_each_element(term, s, [&](Index e) { r.particle_energy[term.particle(s, e)] += term.energy(s, e); });
         }
+      } else if constexpr (HistoryTerm<Term, D>) {
+        const Past past(s, term);
+        for_each_element(term, s, [&](Index e) { r.energy += term.energy(s, e, past(e)); });
       }
       for (Index c = 0; c < s.neighbours.chunks(); ++c) add_forces(term, s, c, r.force.data());
       reports.push_back(std::move(r));
@@ -306,13 +328,19 @@ class Model final : public ForceField<D> {
   }
 
   void hessian(const StateView<D>& s, BlockSink<D>& h) const override {
-    for_each_energy(s,
-                    [&](const auto& term) { for_each_element(term, s, [&](Index e) { term.add_hessian(s, e, h); }); });
+    for_each_energy(s, [&](const auto& term) {
+      require_derivatives(term);
+      if constexpr (has_derivatives<std::decay_t<decltype(term)>>)
+        for_each_element(term, s, [&](Index e) { term.add_hessian(s, e, h); });
+    });
   }
 
   void damping(const StateView<D>& s, BlockSink<D>& h) const override {
-    for_each_dissipation(
-        s, [&](const auto& term) { for_each_element(term, s, [&](Index e) { term.add_dforce_dv(s, e, h); }); });
+    for_each_dissipation(s, [&](const auto& term) {
+      require_derivatives(term);
+      if constexpr (has_derivatives<std::decay_t<decltype(term)>>)
+        for_each_element(term, s, [&](Index e) { term.add_dforce_dv(s, e, h); });
+    });
   }
 
   void for_each_contact(const StateView<D>& s, const std::function<void(const Contact<D>&)>& visit) const override {
@@ -336,15 +364,69 @@ class Model final : public ForceField<D> {
   CriticalStep critical_step(const Topology& topology) const override {
     CriticalStep step;
     for_each_term([&](const auto& term) {
-      if constexpr (EnergyTerm<std::decay_t<decltype(term)>, D>)
+      using Term = std::decay_t<decltype(term)>;
+      if constexpr (EnergyTerm<Term, D> || HistoryTerm<Term, D>)
         step.elastic = std::min(step.elastic, 2 / term.max_rate(topology));
-      else
+      if constexpr (DissipationTerm<Term, D> || HistoryTerm<Term, D>)
         step.damping = std::min(step.damping, 1 / term.max_damping(topology));
     });
     return step;
   }
 
+  bool rotates() const override { return torques; }
+
+  std::vector<HistoryNeeds> history_needs() const override {
+    std::vector<HistoryNeeds> all;
+    for_each_term([&](const auto& term) {
+      using Term = std::decay_t<decltype(term)>;
+      if constexpr (HistoryTerm<Term, D>) all.push_back({std::string(term.name()), Term::elements, Term::history});
+    });
+    return all;
+  }
+
+  void advance(const StateView<D>& s, Real h, ContactHistory& history) const override {
+    for_each_chunk(s, [&](Index chunk) {
+      for_each_enabled(s, [&](const auto& term) {
+        using Term = std::decay_t<decltype(term)>;
+        if constexpr (HistoryTerm<Term, D>) {
+          ContactTable& table = history.of(term.name());
+          for (const Range range : {inside<Term>(s, chunk), across<Term>(s, chunk)})
+            for (Index e = range.first; e < range.last; ++e)
+              table.advance(e,
+                            [&](bool known, std::span<Real> numbers) { return term.advance(s, e, h, known, numbers); });
+        }
+      });
+    });
+  }
+
  private:
+  template <class T>
+  struct Torques : std::bool_constant<has_torque<T>> {};
+  template <class Kernel, class... Terms>
+  struct Torques<Fused<Kernel, Terms...>> : std::bool_constant<(has_torque<Terms> || ...)> {};
+  /// Whether particles rotate.
+  static constexpr bool torques = (Torques<Parts>::value || ...);
+
+  template <class T>
+  static constexpr bool has_derivatives = !has_torque<T> && !HistoryTerm<T, D>;
+  template <class T>
+  static void require_derivatives(const T& term) {
+    if constexpr (!has_derivatives<T>)
+      throw InputError("the term {} has no second derivatives; use an explicit integrator", term.name());
+  }
+
+  /// What is known of each element of a term.
+  struct Past {
+    const ContactTable* table = nullptr;
+    template <class T>
+    Past(const StateView<D>& s, const T& term) {
+      if (s.history != nullptr) table = &s.history->of(term.name());
+    }
+    std::span<const Real> operator()(Index e) const {
+      return table != nullptr ? table->past(e) : std::span<const Real>();
+    }
+  };
+
   template <class Visit>
   void for_each_part(Visit&& visit) const {
     std::apply([&](const auto&... part) { (visit(part), ...); }, parts_);
@@ -374,6 +456,14 @@ class Model final : public ForceField<D> {
   void for_each_dissipation(const StateView<D>& s, Visit&& visit) const {
     for_each_enabled(s, [&](const auto& term) {
       if constexpr (DissipationTerm<std::decay_t<decltype(term)>, D>) visit(term);
+    });
+  }
+
+  /// visit(term, past)
+  template <class Visit>
+  void for_each_history(const StateView<D>& s, Visit&& visit) const {
+    for_each_enabled(s, [&](const auto& term) {
+      if constexpr (HistoryTerm<std::decay_t<decltype(term)>, D>) visit(term, Past(s, term));
     });
   }
 
@@ -472,21 +562,47 @@ class Model final : public ForceField<D> {
   static void zero(const StateView<D>& s, Index chunk, Real* f) {
     const Range own = s.neighbours.points(chunk);
     std::fill(f + static_cast<std::size_t>(own.first) * D, f + static_cast<std::size_t>(own.last) * D, 0.0);
+    if constexpr (torques) zero_torques(s, chunk, f);
+  }
+  /// Where torques are in an array of forces.
+  static Real* torques_in(const StateView<D>& s, Real* f) {
+    return f + static_cast<std::size_t>(s.topology.owned_points()) * D;
+  }
+  static void zero_torques(const StateView<D>& s, Index chunk, Real* f) {
+    const Range own = s.neighbours.points(chunk);
+    std::fill_n(torques_in(s, f) + static_cast<std::size_t>(own.first) * rotations<D>,
+                static_cast<std::size_t>(own.size()) * rotations<D>, 0.0);
   }
 
   /// The accelerations of a chunk; returns whether they are finite.
   bool set_accelerations(const StateView<D>& s, Index chunk, Real* a) const {
     add_total(s, chunk, a);
+    return divide_by_masses(s, chunk, a);
+  }
+
+  /// Forces of a chunk to accelerations, torques with them; returns whether they are finite.
+  static bool divide_by_masses(const StateView<D>& s, Index chunk, Real* a) {
+    const Topology& topology = s.topology;
     const Range own = s.neighbours.particles(chunk);
-    return scale_points<D>(s.topology.offset.data(), s.topology.inverse_point_mass.data(), own.first, own.last, a);
+    bool finite = scale_points<D>(topology.offset.data(), topology.inverse_point_mass.data(), own.first, own.last, a);
+    if constexpr (torques) {
+      FiniteCheck check;
+      Real* alpha = torques_in(s, a) + static_cast<std::size_t>(own.first) * rotations<D>;
+      for (Index m = own.first; m < own.last; ++m)  // of one point each
+        for (int k = 0; k < rotations<D>; ++k) check.add(*alpha++ *= topology.inverse_inertia[m]);
+      finite = finite && check.all_finite();
+    }
+    return finite;
   }
 
   /// The forces of a chunk, by kernels where there are some.
   void add_total(const StateView<D>& s, Index chunk, Real* f) const {
-    if constexpr ((sets_forces<Parts> || ...))
+    if constexpr ((sets_forces<Parts> || ...)) {
       for_each_part([&](const auto& part) { set_forces(part, s, chunk, f); });
-    else
+      if constexpr (torques) zero_torques(s, chunk, f);
+    } else {
       zero(s, chunk, f);
+    }
     for_each_part([&](const auto& part) { add_part(part, s, chunk, f); });
   }
 
@@ -520,14 +636,21 @@ class Model final : public ForceField<D> {
   static void add_forces(const T& term, const StateView<D>& s, Index chunk, Real* f) {
     constexpr int sign = EnergyTerm<T, D> ? -1 : 1;
     const auto add = [&](Range range, auto scatter) {
-      for (Index e = range.first; e < range.last; ++e)
-        if constexpr (EnergyTerm<T, D>)
-          term.add_gradient(s, e, scatter);
-        else
-          term.add_force(s, e, scatter);
+      if constexpr (HistoryTerm<T, D>) {
+        const Past past(s, term);
+        for (Index e = range.first; e < range.last; ++e) term.add_force(s, e, past(e), scatter);
+      } else {
+        for (Index e = range.first; e < range.last; ++e)
+          if constexpr (EnergyTerm<T, D>)
+            term.add_gradient(s, e, scatter);
+          else
+            term.add_force(s, e, scatter);
+      }
     };
-    add(inside<T>(s, chunk), Scatter<D, sign>{f});
-    if constexpr (KindOf<T>::paired) add(across<T>(s, chunk), Scatter<D, sign, true>{f, s.neighbours.points(chunk)});
+    Real* const turn = has_torque<T> ? torques_in(s, f) : nullptr;
+    add(inside<T>(s, chunk), Scatter<D, sign>{f, {}, turn});
+    if constexpr (KindOf<T>::paired)
+      add(across<T>(s, chunk), Scatter<D, sign, true>{f, s.neighbours.points(chunk), turn});
   }
 
   /// Blocks in the rows of own points, times a sign.

@@ -11,7 +11,15 @@
 
 namespace pliant {
 
-/// x and v of one length: dim · points numbers each (x0 y0 [z0] x1 …).
+/// Numbers per point among the coordinates of a system: those of the positions of all points come first, then those of
+/// their angles, where particles rotate.
+struct Coordinates {
+  int positions, angles = 0;
+  int all() const { return positions + angles; }
+};
+
+/// x and v of one length: dim · points numbers each (x0 y0 [z0] x1 …), and behind them angles and spins where particles
+/// rotate.
 class State {
  public:
   State() = default;

@@ -5,8 +5,10 @@
 #include <string_view>
 
 #include <pliant/base/types.h>
+#include <pliant/geometry/rotation.h>
 #include <pliant/geometry/walls.h>
 #include <pliant/kernels/prefetch.h>
+#include <pliant/model/contact_history.h>
 #include <pliant/model/neighbours.h>
 #include <pliant/model/topology.h>
 
@@ -23,8 +25,25 @@ struct StateView {
   Real t = 0;              ///< time, for solids that move
   Prefetch prefetch = {};  ///< what is gone through, in each chunk, after its forces; says nothing of the configuration
 
+  const Real* angles = nullptr;             ///< [points · rotations], where the model rotates
+  const Real* spins = nullptr;              ///< [points · rotations]; may be null as v may
+  const ContactHistory* history = nullptr;  ///< null: nothing is known of any contact
+
   Vec<D> position(Index i) const { return point<D>(x, i); }
   Vec<D> velocity(Index i) const { return point<D>(v, i); }
+  /// In the plane how far the particle has turned; in space the integral of its spin, which is an orientation only
+  /// while the axis stays the same.
+  Rotation<D> angle(Index i) const { return rotation<D>(angles, i); }
+  Rotation<D> spin(Index i) const { return rotation<D>(spins, i); }
+  /// Of point i, with its rotation.
+  Real kinetic_energy(Index i) const {
+    const Real moving = topology.mass(i) / 2 * velocity(i).squaredNorm();
+    if (spins == nullptr) return moving;
+    if constexpr (D == 2)
+      return moving + topology.inertia[topology.particle[i]] / 2 * square(spins[i]);
+    else
+      return moving + topology.inertia[topology.particle[i]] / 2 * point<3>(spins, i).squaredNorm();
+  }
 };
 
 /// Adds Sign × (a vector for point i) to a global array [points · D]. Energy terms hand in gradients and get Sign = −1
@@ -34,6 +53,7 @@ template <int D, int Sign, bool OwnOnly = false>
 struct Scatter {
   Real* out;
   Range own = {};
+  Real* torques = nullptr;  ///< [own points · rotations], for terms that rotate
   template <class V>
   void add(Index i, const V& vector) const {
     if (OwnOnly && !own.contains(i)) return;
@@ -42,6 +62,17 @@ struct Scatter {
     else
       point<D>(out, i) -= vector;
   }
+  /// The same of a torque, or of an energy's derivative by an angle.
+  void add_torque(Index i, const Rotation<D>& t) const {
+    if (OwnOnly && !own.contains(i)) return;
+    add_rotation<D>(torques, i, Rotation<D>(Real(Sign) * t));
+  }
+};
+
+/// Whether a term has torques, on particles of one point: `static constexpr bool rotates = true`.
+template <class T>
+inline constexpr bool has_torque = requires {
+  requires T::rotates;
 };
 
 /// Receives D × D blocks of a Hessian (or of ∂F/∂v) for points i and j.
@@ -62,6 +93,9 @@ struct Contact {
   Vec<D> force;         ///< elastic, on the first
 };
 
+/// Second derivatives are asked of terms without torques alone. A model with torques or with contact history is
+/// integrated by explicit methods.
+///
 /// An energy: U = Σ_e energy(s, e) over its elements. An element may read everything, but its gradient is not zero only
 /// for the points it is made of, the stencil of its kind (elements.h). A model has the lists that its terms' kinds
 /// need. A term over listed elements may also have
@@ -75,8 +109,10 @@ concept EnergyTerm = requires(const T term, const StateView<D>& s, Index e, Scat
   requires ElementsIn<T::elements, D>;
   { term.energy(s, e) } -> std::same_as<Real>;
   term.add_gradient(s, e, g);                           // ∂U_e/∂x
-  term.add_hessian(s, e, h);                            // ∂²U_e/∂x²
   { term.max_rate(s.topology) } -> std::same_as<Real>;  // upper estimate of the fastest frequency ω, in 1/t0
+  requires has_torque<T> || requires {
+    term.add_hessian(s, e, h);  // ∂²U_e/∂x²
+  };
 };
 
 /// A dissipation: forces on the points of the stencil that depend on their velocities and never feed energy in. A term
@@ -88,9 +124,39 @@ concept DissipationTerm = requires(const T term, const StateView<D>& s, Index e,
   requires ElementsIn<T::elements, D>;
   { term.power(s, e) } -> std::same_as<Real>;  // dissipated, ≥ 0
   term.add_force(s, e, f);
-  term.add_dforce_dv(s, e, h);
   { term.max_damping(s.topology) } -> std::same_as<Real>;  // upper estimate of the fastest decay rate, in 1/t0
+  requires has_torque<T> || requires { term.add_dforce_dv(s, e, h); };
 };
+
+/// A force between touching pairs, or of walls or solids, that depends on what happened since they touched: on
+/// T::history numbers that are kept for each contact (ContactHistory). Within a step a force follows from the numbers
+/// at its begin, `past`, and from the state, as at every stage of a method; it has none yet of a contact that began
+/// within the step. At the end of an accepted step the numbers are advanced. A force should not change by that: what
+/// the integrator carries to the next step was made before. So a tangential spring keeps where it is relaxed, as a
+/// place on the surfaces; forces follow from how far these have moved from there, by positions and angles, up to the
+/// limit of friction, and what is advanced is the place, where it has slid. A pair is listed in any order, on both
+/// sides of a border: numbers must not depend on it (in_order). Positions jump by box lengths when particles are put
+/// back into a periodic box; positions of a listed pair relative to each other do not.
+template <class T, int D>
+concept HistoryTerm = requires(const T term, const StateView<D>& s, Index e, Real h, bool known,
+                               std::span<const Real> past, std::span<Real> numbers, Scatter<D, 1>& f) {
+  { term.name() } -> std::convertible_to<std::string_view>;  // of no other term with history
+  { term.enabled(s) } -> std::same_as<bool>;
+  { T::elements } -> std::convertible_to<Elements>;
+  { T::history } -> std::convertible_to<int>;
+  term.add_force(s, e, past, f);
+  { term.energy(s, e, past) } -> std::same_as<Real>;                // that is stored
+  { term.power(s, e, past) } -> std::same_as<Real>;                 // dissipated at present, ≥ 0
+  { term.advance(s, e, h, known, numbers) } -> std::same_as<bool>;  // over a step of length h; see ContactTable
+  { term.max_rate(s.topology) } -> std::same_as<Real>;
+  { term.max_damping(s.topology) } -> std::same_as<Real>;
+};
+
+/// A pair of points, that of the particle with the lower id first.
+inline Pair in_order(const Topology& topology, const Pair& pair) {
+  const auto id = [&](Index i) { return topology.id[topology.particle[i]]; };
+  return id(pair.first) < id(pair.second) ? pair : Pair{pair.second, pair.first};
+}
 
 /// A term that makes contacts which the output shows.
 template <class T, int D>

@@ -20,6 +20,8 @@ void Topology::add_points(Index n, Real diameter_m, Real mass_m) {
   diameter.insert(diameter.end(), n, diameter_m);
   point_mass.push_back(mass_m / n);
   inverse_point_mass.push_back(n / mass_m);
+  inertia.push_back(0);
+  inverse_inertia.push_back(0);
   active.push_back(1);
   id.push_back(m);
 }
@@ -29,6 +31,7 @@ void Topology::add_soft(Real sigma_m, Real mass_m) {
   sigma.push_back(sigma_m);
   a0.push_back(dim == 2 ? pi * square(sigma_m) / 4 : pi * sigma_m * square(sigma_m) / 6);
   l0.push_back(0);
+  set_inertia(particles() - 1, mass_m * square(sigma_m) / (dim == 2 ? 8 : 10));
 }
 
 void Topology::add_polygon(Index n, Real a0_m, Real l0_m, Real delta_m, Real mass_m) {
@@ -38,9 +41,15 @@ void Topology::add_polygon(Index n, Real a0_m, Real l0_m, Real delta_m, Real mas
   l0.push_back(l0_m);
 }
 
+void Topology::set_inertia(Index m, Real value) {
+  inertia[m] = value;
+  inverse_inertia[m] = active[m] != 0 ? 1 / value : 0;
+}
+
 void Topology::deactivate(Index m) {
   active[m] = 0;
   inverse_point_mass[m] = 0;
+  inverse_inertia[m] = 0;
 }
 
 Topology Topology::select(std::span<const Index> which) const {
@@ -51,6 +60,8 @@ Topology Topology::select(std::span<const Index> which) const {
     t.diameter.insert(t.diameter.end(), diameter.begin() + offset[m], diameter.begin() + offset[m + 1]);
     t.point_mass.push_back(point_mass[m]);
     t.inverse_point_mass.push_back(inverse_point_mass[m]);
+    t.inertia.push_back(inertia[m]);
+    t.inverse_inertia.push_back(inverse_inertia[m]);
     t.sigma.push_back(sigma[m]);
     t.a0.push_back(a0[m]);
     t.l0.push_back(l0[m]);
@@ -74,7 +85,7 @@ void Topology::drop_ghosts() {
   const std::size_t kept_points = owned_points(), kept = owned();
   for (auto* a : {&particle, &next, &previous}) a->resize(kept_points);
   diameter.resize(kept_points);
-  for (auto* a : {&point_mass, &inverse_point_mass, &sigma, &a0, &l0}) a->resize(kept);
+  for (auto* a : {&point_mass, &inverse_point_mass, &inertia, &inverse_inertia, &sigma, &a0, &l0}) a->resize(kept);
   offset.resize(kept + 1);
   active.resize(kept);
   id.resize(kept);

@@ -22,6 +22,8 @@ struct Topology {
   std::vector<Real> diameter;    ///< [points] contact diameter: σ_m (soft) or δ_m (deformable)
   std::vector<Real> point_mass;  ///< [particles] of each point; all points of a particle have the same
   std::vector<Real> inverse_point_mass;  ///< [particles] 0 for an inactive particle
+  std::vector<Real> inertia;             ///< [particles] moment of inertia of the only point; 0 where there are more
+  std::vector<Real> inverse_inertia;     ///< [particles] 0 for an inactive particle, and for one of several points
   std::vector<Real> sigma;               ///< [particles] diameter; of the disk of area a0 for a polygon
   std::vector<Real> a0;                  ///< [particles] rest area (2D) or volume (3D)
   std::vector<Real> l0;                  ///< [particles] rest length of an edge; 0 for soft particles
@@ -47,10 +49,12 @@ struct Topology {
     return ghost_side[ghost - owned()] > 0 ? own : ghost;
   }
 
-  /// Appends a soft particle of diameter sigma and the given mass.
+  /// Appends a soft particle of diameter sigma and the given mass: a disk or a ball, as its moment of inertia is.
   void add_soft(Real sigma_m, Real mass_m);
   /// Appends a polygon of n vertices; delta is the diameter of a vertex or the width of an edge.
   void add_polygon(Index n, Real a0_m, Real l0_m, Real delta_m, Real mass_m);
+  /// Other moment of inertia, in ρ σ_avg^(dim+2), of a particle of one point.
+  void set_inertia(Index m, Real value);
   /// Takes particle m out of the run.
   void deactivate(Index m);
 

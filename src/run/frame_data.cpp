@@ -169,6 +169,10 @@ FrameData<D>::FrameData(ParticleSystem<D>& system, const State& state) {
   const State& shown = system.box().open() ? state : wrapped;
   positions_ = order.points(shown.x(), D);
   velocities_ = order.points(state.v(), D);
+  if (const int width = system.coordinates().angles; width > 0) {
+    angles_ = order.points(system.rotations_in(state.x()), width);
+    spins_ = order.points(system.rotations_in(state.v()), width);
+  }
   active_ = order.particles<std::uint8_t>(std::span(topology.active).first(topology.owned()));
   if (ranks.any(topology.deformable())) {
     Centres<D> centres;
@@ -191,6 +195,8 @@ FrameData<D>::FrameData(ParticleSystem<D>& system, const State& state) {
   frame.offset = offset_;
   frame.positions = positions_;
   frame.velocities = velocities_;
+  frame.angles = angles_;
+  frame.spins = spins_;
   frame.centres = centres_.empty() ? positions_ : centres_;
   frame.active = active_;
   frame.images = images_;

@@ -41,7 +41,7 @@ class FrameData {
  private:
   void find_contacts(ParticleSystem<D>& system, const StateView<D>& view);
 
-  std::vector<Real> positions_, velocities_, wall_force_;
+  std::vector<Real> positions_, velocities_, angles_, spins_, wall_force_;
   std::vector<Real> centres_, a0_, area_, perimeter_;  ///< of polygons; the centre of a soft particle is its position
   std::vector<std::uint8_t> active_;
   std::vector<std::int64_t> images_;  ///< in a periodic box

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <utility>
 
@@ -274,8 +275,15 @@ void Run<D>::save(bool changed) {
   });
   SharedCheckpoint c(checkpoints_ ? &*checkpoints_ : nullptr, ranks_);
   // One array at a time, so that they are not in memory once more.
-  c.add_parts("x", s.x());
-  c.add_parts("v", s.v());
+  const bool rotates = particles.coordinates().angles > 0;
+  const auto add_coordinates = [&](const std::string& name, const std::string& of_angles,
+                                   std::span<const Real> values) {
+    const std::size_t positions = std::min(values.size(), particles.positions_in(s.x()).size());  // or nothing
+    c.add_parts(name, values.first(positions));
+    if (rotates) c.add_parts(of_angles, values.subspan(positions));
+  };
+  add_coordinates("x", "angle", s.x());
+  add_coordinates("v", "spin", s.v());
   if (!particles.box().open()) {
     std::vector<std::int64_t> images;
     for (const Image& image : s.images) images.insert(images.end(), image.begin(), image.end());
@@ -284,7 +292,7 @@ void Run<D>::save(bool changed) {
   }
   c.add("extra", s.extra);
   const bool carries = integrator().carries() && !changed;
-  c.add_parts("carried", carries ? integrator().carried() : std::span<const Real>());
+  add_coordinates("carried", "carried_spin", carries ? integrator().carried() : std::span<const Real>());
   const OverdampedSystem<D>* const overdamped = simulation().overdamped();
   c.add_parts("last_velocity", overdamped != nullptr && overdamped->mobility().remembers()
                                    ? std::span<const Real>(overdamped->last())
@@ -298,6 +306,7 @@ void Run<D>::save(bool changed) {
     c.add_parts("list_relisted", lists.relisted);
     c.add("list_time", lists.time);
   }
+  save_history(particles.history(), topology, c);
   c.add_parts("id", std::span(topology.id).first(topology.owned()));
   c.add_parts("active", std::span(topology.active).first(topology.owned()));
   c.add_parts("rank_particles", std::vector<std::int64_t>{topology.owned()});
@@ -352,7 +361,17 @@ void Run<D>::load(const Checkpoint& c) {
   const Real widest = *std::max_element(all.diameter.begin(), all.diameter.end()),
              fastest = 10 * *std::max_element(all.sigma.begin(), all.sigma.end()) / dt_;
   const bool inertia = simulation().overdamped() == nullptr;
-  s.assign(stored.points("x"), stored.points("v", inertia ? fastest : Checkpoint::any));
+  const Coordinates per_point = particles.coordinates();
+  const auto coordinates = [&](const std::string& name, const std::string& of_angles, Real most) {
+    const auto positions = stored.points(name, most);
+    std::vector<Real> values(positions.begin(), positions.end());
+    if (per_point.angles > 0)
+      std::ranges::copy(stored.rotations(of_angles, per_point.angles), std::back_inserter(values));
+    return values;
+  };
+  s.assign(coordinates("x", "angle", StoredParticles::far),
+           coordinates("v", "spin", inertia ? fastest : Checkpoint::any));
+  stored.load_history(particles);
   if (!particles.box().open()) s.images = stored.images("images");
   if (OverdampedSystem<D>* const overdamped = simulation().overdamped()) {
     const auto& extra = c.real_array("extra", overdamped->quantities().size());
@@ -379,7 +398,7 @@ void Run<D>::load(const Checkpoint& c) {
   const bool fresh = c.flag("changed");
   simulation().set_integrator(protocol_->make_integrator(dt_));
   if (simulation().integrator().carries() && !fresh) {
-    simulation().integrator().set_carried(stored.points("carried", fastest));
+    simulation().integrator().set_carried(coordinates("carried", "carried_spin", fastest));
     simulation().restored();
   }
   // The lists of the stopped run: the order of their sums is part of the state.

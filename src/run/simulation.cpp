@@ -9,7 +9,7 @@ void Simulation<D>::place(std::span<const Real> x) {
   std::vector<Index> mine;
   for (Index m = ranks().rank(); m < all_.particles(); m += ranks().size()) mine.push_back(m);
   take(mine);
-  state_ = State(topology().points(), D);
+  state_ = State(topology().points(), particles().coordinates().all());
   if (overdamped() && ranks().root()) state_.extra.assign(overdamped()->quantities().size(), 0);
   for (std::size_t k = 0; k < mine.size(); ++k)
     std::copy(x.begin() + static_cast<std::ptrdiff_t>(all_.offset[mine[k]]) * D,
@@ -75,7 +75,7 @@ Migration Simulation<D>::sort() {
   Migration migration = overdamped() ? overdamped()->sort(state_) : particles().sort(state_);
   if (!fresh_ && integrator_->carries()) {
     std::vector<Real> carried(integrator_->carried().begin(), integrator_->carried().end());
-    migration.move_points(carried, D);
+    migration.move_coordinates(carried, particles().coordinates());
     integrator_->set_carried(carried);
   }
   return migration;

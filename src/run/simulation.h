@@ -78,6 +78,11 @@ class Simulation {
   Integrator& integrator() { return *integrator_; }
   const Integrator& integrator() const { return *integrator_; }
   State& state() { return state_; }
+  /// Of the own particles [own · rotations], where the model has torques; else empty.
+  std::span<Real> angles() { return particles().rotations_in(state_.x()); }
+  std::span<Real> spins() { return particles().rotations_in(state_.v()); }
+  std::span<const Real> angles() const { return particles().rotations_in(state_.x()); }
+  std::span<const Real> spins() const { return particles().rotations_in(state_.v()); }
   const State& state() const { return state_; }
   /// All particles by id; empty after forget_all().
   const Topology& all() const { return all_; }

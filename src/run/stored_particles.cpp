@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <iterator>
 #include <numeric>
+#include <unordered_set>
 #include <utility>
 
 namespace pliant {
@@ -20,6 +22,12 @@ std::pair<std::size_t, std::size_t> own_share(const std::vector<std::int64_t>& s
   }
   return {n * rank / size, n * (rank + 1) / size};
 }
+
+/// Under which names the contacts of a term are stored: pairs of ids, or an id and the number of a wall; their numbers.
+std::string contacts_of(const HistoryNeeds& term) { return "contacts_of_" + term.name; }
+std::string history_of(const HistoryNeeds& term) { return "history_of_" + term.name; }
+
+constexpr std::int64_t history_format = 1;
 
 }  // namespace
 
@@ -77,5 +85,63 @@ StoredParticles::Lists StoredParticles::lists(Real reach) const {
       c.refuse("x[{}] = {} is farther from the place {} where it was listed than lists hold", i, x[i], place[i]);
   return lists;
 }
+
+void save_history(const ContactHistory& history, const Topology& topology, SharedCheckpoint& checkpoint) {
+  if (history.empty()) return;
+  checkpoint.add("history_format", history_format);
+  const std::unordered_set<Index> own(topology.id.begin(), topology.id.begin() + topology.owned());
+  for (const ContactTable& table : history.tables()) {
+    const StoredContacts here = table.contacts();
+    std::vector<std::int64_t> keys;
+    std::vector<Real> values;
+    for (std::size_t k = 0; k < here.keys.size(); ++k) {
+      if (!own.contains(here.keys[k].first)) continue;  // another rank has it too
+      keys.push_back(here.keys[k].first);
+      keys.push_back(here.keys[k].second);
+      std::ranges::copy(here.row(k, table.needs().width), std::back_inserter(values));
+    }
+    checkpoint.add_parts(contacts_of(table.needs()), std::move(keys));
+    checkpoint.add_parts(history_of(table.needs()), std::move(values));
+  }
+}
+
+template <int D>
+void StoredParticles::load_history(ParticleSystem<D>& system) const {
+  if (system.history().empty()) return;
+  const Checkpoint& c = checkpoint_;
+  (void)c.integer("history_format", history_format, history_format);
+  const std::unordered_set<Index> own(ids().begin(), ids().end());
+  for (const ContactTable& table : system.history().tables()) {
+    const HistoryNeeds& term = table.needs();
+    const std::string name = contacts_of(term);
+    const auto particles = static_cast<std::int64_t>(all_ids_.size());
+    const std::int64_t others = table.pairs() ? particles
+                                : term.elements == Elements::walls
+                                    ? system.walls().size()
+                                    : static_cast<std::int64_t>(system.walls().solids().size());
+    const std::size_t count = c.length(name) / 2;
+    const auto& numbers = c.integer_array(name, 2 * count, 0, std::max(particles, others) - 1);
+    const auto& values = c.real_array(history_of(term), count * static_cast<std::size_t>(term.width));
+    const StoredContacts stored{{}, values};
+    StoredContacts mine;
+    std::vector<ContactKey> keys;
+    for (std::size_t k = 0; k < count; ++k) {
+      const std::int64_t first = numbers[2 * k], second = numbers[2 * k + 1];
+      if (first >= particles || second >= others || (table.pairs() && first >= second))
+        c.refuse("{}: ({}, {}) is no contact of {} particles and {} walls, the lower id first", name, first, second,
+                 particles, table.pairs() ? 0 : others);
+      keys.push_back({static_cast<Index>(first), static_cast<Index>(second)});
+      if (own.contains(keys.back().first) || (table.pairs() && own.contains(keys.back().second)))
+        mine.add(keys.back(), stored.row(k, term.width));
+    }
+    std::sort(keys.begin(), keys.end());
+    if (const auto twice = std::adjacent_find(keys.begin(), keys.end()); twice != keys.end())
+      c.refuse("{}: ({}, {}) is there twice", name, twice->first, twice->second);
+    system.history().set(term.name, std::move(mine));
+  }
+}
+
+template void StoredParticles::load_history(ParticleSystem<2>&) const;
+template void StoredParticles::load_history(ParticleSystem<3>&) const;
 
 }  // namespace pliant

@@ -10,6 +10,8 @@
 #include <pliant/geometry/box.h>
 #include <pliant/io/checkpoint.h>
 #include <pliant/model/topology.h>
+#include <pliant/run/shared_checkpoint.h>
+#include <pliant/system/particle_system.h>
 
 namespace pliant {
 
@@ -35,6 +37,15 @@ class StoredParticles {
     return own_points(checkpoint_.real_array(name, coordinates(), -most, most));
   }
 
+  /// The same of `width` numbers for each particle.
+  std::span<const Real> rotations(const std::string& name, int width) const {
+    const auto w = static_cast<std::size_t>(width);
+    return std::span(checkpoint_.real_array(name, all_ids_.size() * w)).subspan(first_ * w, count_ * w);
+  }
+  /// Contacts as save_history() has stored them, of the system, which has these particles.
+  template <int D>
+  void load_history(ParticleSystem<D>& system) const;
+
   std::span<const Real> own_points(const std::vector<Real>& all) const {
     return std::span(all).subspan(first_coordinate_, own_coordinates_);
   }
@@ -58,5 +69,8 @@ class StoredParticles {
   std::vector<Index> all_ids_;  ///< in the order of the arrays
   std::size_t first_ = 0, count_ = 0, first_coordinate_ = 0, own_coordinates_ = 0;
 };
+
+/// What terms keep of contacts, each contact once. Collective.
+void save_history(const ContactHistory& history, const Topology& topology, SharedCheckpoint& checkpoint);
 
 }  // namespace pliant

@@ -5,7 +5,7 @@
 
 namespace pliant {
 
-/// [own points · D] of the ranks to [points · D] of all, on every rank.
+/// Coordinates or velocities of the ranks' own particles to those of all, on every rank.
 template <int D>
 void Whole<D>::gather(std::span<const Real> own, std::span<Real> all) {
   const Ranks& ranks = simulation_.ranks();
@@ -14,13 +14,19 @@ void Whole<D>::gather(std::span<const Real> own, std::span<Real> all) {
     ids_ = ranks.all_gather(std::vector<Index>(part.id.begin(), part.id.begin() + part.owned()));
     arrangement_ = simulation_.arrangement();
   }
-  const std::vector<Real> values = ranks.all_gather(std::vector<Real>(own.begin(), own.end()));
-  auto from = values.begin();
-  for (const Index id : ids_) {
-    const auto count = static_cast<std::ptrdiff_t>(whole.points_of(id)) * D;
-    std::copy_n(from, count, all.begin() + static_cast<std::ptrdiff_t>(whole.offset[id]) * D);
-    from += count;
-  }
+  const auto put = [&](std::span<const Real> own_values, std::span<Real> all_values, int width) {
+    const std::vector<Real> values = ranks.all_gather(std::vector<Real>(own_values.begin(), own_values.end()));
+    auto from = values.begin();
+    for (const Index id : ids_) {
+      const auto count = static_cast<std::ptrdiff_t>(whole.points_of(id)) * width;
+      std::copy_n(from, count, all_values.begin() + static_cast<std::ptrdiff_t>(whole.offset[id]) * width);
+      from += count;
+    }
+  };
+  const ParticleSystem<D>& particles = simulation_.particles();
+  put(particles.positions_in(own), copy_->positions_in(all), D);
+  if (const int width = particles.coordinates().angles; width > 0)
+    put(particles.rotations_in(own), copy_->rotations_in(all), width);
 }
 
 template <int D>
@@ -40,6 +46,11 @@ void Whole<D>::update() {
   copy_state_.t = simulation_.state().t;
   copy_state_.step = simulation_.state().step;
   gather(simulation_.state().x(), copy_state_.x());
+  for (const ContactTable& table : std::as_const(simulation_).particles().history().tables()) {
+    const StoredContacts own = table.contacts();
+    const Ranks& ranks = simulation_.ranks();
+    copy_->history().set(table.needs().name, {ranks.all_gather(own.keys), ranks.all_gather(own.values)});
+  }
 }
 
 template <int D>

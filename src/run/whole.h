@@ -19,7 +19,7 @@ class Whole {
   /// copy: particles, walls and forces as those of the simulation, on several ranks.
   Whole(Simulation<D>& simulation, std::optional<ParticleSystem<D>> copy)
       : simulation_(simulation), copy_(std::move(copy)) {
-    if (copy_) copy_state_ = State(copy_->topology().points(), D);
+    if (copy_) copy_state_ = State(copy_->topology().points(), copy_->coordinates().all());
   }
 
   /// After a restart: update(), and which particles are active. Collective.

@@ -32,6 +32,9 @@ class OverdampedSystem final : public FirstOrderSystem {
   OverdampedSystem(ParticleSystem<D> particles, std::unique_ptr<Mobility<D>> mobility,
                    std::vector<IntegratedQuantity<D>> quantities = {})
       : particles_(std::move(particles)), mobility_(std::move(mobility)), quantities_(std::move(quantities)) {
+    if (particles_.rotates_or_remembers())
+      throw InputError(
+          "particles without inertia have no spins, and their contacts no history; use a model with inertia");
     if (const Real listed = particles_.neighbours().needs().beyond_contact; !(mobility_->beyond_contact() <= listed))
       throw InputError("droplets are neighbours up to {} beyond contact, but the lists go to {} only",
                        mobility_->beyond_contact(), listed);

@@ -8,6 +8,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <unordered_map>
 #include <utility>
 #include <vector>
 
@@ -39,11 +40,25 @@ class ParticleSystem final : public ImplicitSystem {
         walls_(std::move(walls)),
         field_(std::move(field)),
         neighbours_(field_->needs(), skin),
-        halo_(ranks, box) {
+        halo_(ranks, box),
+        history_(field_->history_needs()) {
     check_walls(box_, walls_);
+    check_points();
   }
 
-  std::size_t size() const override { return static_cast<std::size_t>(topology_.owned_points()) * D; }
+  std::size_t size() const override { return static_cast<std::size_t>(topology_.owned_points()) * coordinates().all(); }
+  /// Per point: with angles if the model has torques.
+  Coordinates coordinates() const { return {D, field_->rotates() ? rotations<D> : 0}; }
+  /// The positions or velocities [own points · D] of coordinates or velocities [size()].
+  template <class T>
+  std::span<T> positions_in(std::span<T> values) const {
+    return values.first(static_cast<std::size_t>(topology_.owned_points()) * D);
+  }
+  /// The angles or spins [own points · rotations] of coordinates or velocities [size()]; none if nothing rotates.
+  template <class T>
+  std::span<T> rotations_in(std::span<T> values) const {
+    return values.subspan(static_cast<std::size_t>(topology_.owned_points()) * D);
+  }
   const Ranks& ranks() const override { return ranks_; }
 
   void acceleration(Real t, const Real* x, const Real* v, Real* a) override {
@@ -57,9 +72,12 @@ class ParticleSystem final : public ImplicitSystem {
 
   /// For polygons, whose shapes are half of the work, and with ghosts, where it takes one message less. Spheres have
   /// long lists, which more arrays push out of the caches.
-  bool fuses_step() const override { return has_ghosts() || topology_.points() != topology_.particles(); }
+  bool fuses_step() const override {
+    return !rotates_or_remembers() && (has_ghosts() || topology_.points() != topology_.particles());
+  }
 
   bool fused_step(Real t, std::vector<Real>& x, std::vector<Real>& v, const Advance& advance) override {
+    if (rotates_or_remembers()) return ImplicitSystem::fused_step(t, x, v, advance);
     ++use_.evaluations;
     const std::optional<Real> since = next_change();
     if (!hold(since, x.data(), t)) rebuild(x.data(), t);
@@ -95,11 +113,31 @@ class ParticleSystem final : public ImplicitSystem {
     field_->group_accelerations(s, group, a);
   }
 
+  /// Errors: InputError where particles rotate or contacts have a history.
   std::unique_ptr<Jacobian> jacobian(JacobianForm form, JacobianKind kind, TermGroup group) override {
+    if (rotates_or_remembers())
+      throw InputError(
+          "particles that rotate and contacts with history have no Jacobian, which this integrator needs; use "
+          "-integrator "
+          "verlet, or -ts_type rk");
     return make_jacobian(*this, form, kind, group);
   }
 
-  /// The configuration with neighbour lists that are valid for it, ghosts included. x, v [owned points · D]; v may be
+  void accepted(Real t, const Real* x, const Real* v, Real h) override {
+    if (history_.empty()) return;
+    const StateView<D> s = view_after({}, x, v, t);
+    field_->advance(s, h, history_);
+    history_.advanced();
+  }
+
+  /// What is kept of contacts: changes with accepted steps, and with take(), which forgets it.
+  const ContactHistory& history() const { return history_; }
+  ContactHistory& history() { return history_; }
+
+  /// Whether the model has more than positions and velocities: spins or contact history.
+  bool rotates_or_remembers() const { return field_->rotates() || !history_.empty(); }
+
+  /// The configuration with neighbour lists that are valid for it, ghosts included. x, v [size()]; v may be
   /// null where only energies are asked for. t matters where solids move.
   StateView<D> view(const Real* x, const Real* v, Real t = 0) {
     change_.reset();  // wherever x is
@@ -139,10 +177,13 @@ class ParticleSystem final : public ImplicitSystem {
     neighbours_.invalidate();
   }
 
-  /// Makes these the rank's own particles. Not collective.
+  /// Makes these the rank's own particles, which touch nothing yet. Not collective. Errors: InputError for particles of
+  /// several points where they rotate or contacts have a history.
   void take(Topology own) {
     topology_ = std::move(own);
     neighbours_.invalidate();
+    history_.clear();
+    check_points();
   }
 
   /// Whether particles should be sorted again: it has been a number of list rebuilds. The same on every rank.
@@ -158,8 +199,9 @@ class ParticleSystem final : public ImplicitSystem {
     if (tune_skin_ && sort_due()) neighbours_.set_skin(best_skin());
     if (!box_.open()) wrap(state);
     const Migration migration = plan_migration<D>(ranks_, topology_, state.x().data());
+    move_history(migration);
     migration.move(topology_);
-    migration.move(state, D);
+    migration.move(state, coordinates());
     if (!box_.open()) migration.move(state.images);
     home_is_set_ = migration_due_ = false;
     rebuild(state.x().data(), state.t);
@@ -210,6 +252,37 @@ class ParticleSystem final : public ImplicitSystem {
   const Neighbours<D>& neighbours() const { return neighbours_; }
 
  private:
+  void check_points() const {
+    if (rotates_or_remembers() && topology_.deformable())
+      throw InputError(
+          "a model with angles or with contact history is for particles of one point; polygons turn by their vertices");
+  }
+
+  /// Contacts go where their particles go. Before the topology does.
+  void move_history(const Migration& migration) {
+    if (!ranks_.several()) return;  // ids stay
+    std::unordered_map<Index, Index> own;
+    for (Index m = 0; m < topology_.owned(); ++m) own[topology_.id[m]] = m;
+    for (const ContactTable& table : history_.tables()) {
+      const int width = table.needs().width;
+      const StoredContacts here = table.contacts();
+      StoredContacts leaving;
+      std::vector<Index> of;
+      for (std::size_t k = 0; k < here.keys.size(); ++k) {
+        const auto follow = [&](Index id) {
+          const auto found = own.find(id);
+          if (found == own.end()) return;
+          of.push_back(found->second);
+          leaving.add(here.keys[k], here.row(k, width));
+        };
+        follow(here.keys[k].first);
+        if (table.pairs()) follow(here.keys[k].second);
+      }
+      history_.set(table.needs().name,
+                   {migration.send(leaving.keys, 1, of), migration.send(leaving.values, width, of)});
+    }
+  }
+
   /// By how much coordinates have changed at most since the last evaluation, as far as is known.
   std::optional<Real> next_change() {
     const std::optional<Real> change = std::exchange(change_, {});
@@ -246,11 +319,33 @@ class ParticleSystem final : public ImplicitSystem {
     const bool valid = hold(change, x, t);
     if (!valid) rebuild(x, t);
     neighbours_.widen();
-    if (!has_ghosts()) return {x, v, topology_, neighbours_, walls_, t};
-    const LogScope log(LogEvent::halo);
-    if (valid) halo_.update_positions(x, x_);
-    if (v != nullptr) halo_.update(v, v_);
-    return {x_.data(), v != nullptr ? v_.data() : nullptr, topology_, neighbours_, walls_, t};
+    StateView<D> s{x, v, topology_, neighbours_, walls_, t};
+    if (has_ghosts()) {
+      const LogScope log(LogEvent::halo);
+      if (valid) halo_.update_positions(x, x_);
+      if (v != nullptr) halo_.update(v, v_);
+      s.x = x_.data();
+      if (v != nullptr) s.v = v_.data();
+    }
+    if (rotates_or_remembers()) add_rotations_and_history(s, x, v);
+    return s;
+  }
+
+  /// Angles and spins from x and v [size()]; and the history, which follows the lists.
+  void add_rotations_and_history(StateView<D>& s, const Real* x, const Real* v) {
+    const std::size_t positions = static_cast<std::size_t>(topology_.owned_points()) * D;
+    const auto with_ghosts = [&](const Real* own, std::vector<Real>& storage) {
+      if (!has_ghosts()) return own;
+      halo_.update_rotations(own, storage);
+      return static_cast<const Real*>(storage.data());
+    };
+    if (field_->rotates()) {
+      s.angles = with_ghosts(x + positions, angles_);
+      if (v != nullptr) s.spins = with_ghosts(v + positions, spins_);
+    }
+    if (history_.empty()) return;
+    history_.follow(topology_, neighbours_);
+    s.history = &history_;
   }
 
   void find_ghosts(const Real* x) {
@@ -283,7 +378,8 @@ class ParticleSystem final : public ImplicitSystem {
   std::unique_ptr<ForceField<D>> field_;
   Neighbours<D> neighbours_;
   Halo<D> halo_;
-  std::vector<Real> x_, v_;  ///< with ghosts; unused where there are none
+  std::vector<Real> x_, v_, angles_, spins_;  ///< with ghosts; unused where there are none
+  ContactHistory history_;
   bool home_is_set_ = false, migration_due_ = false, tune_skin_ = false;
   /// The farthest that a point can have gone since the lists were built. Not known if others built them.
   Real travel_ = std::numeric_limits<Real>::infinity();

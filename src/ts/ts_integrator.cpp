@@ -441,6 +441,7 @@ void TsIntegrator::accept_step(Run& run) {
   statistics_.rejected += rejected - run.rejected_before;
   run.rejected_before = rejected;
   statistics_.last_dt = dt;
+  run.system.accepted(t, run.state.x().data(), run.state.v().data(), dt);
 
   if (!run.observer) return;
   const AfterStep after = run.observer(run.state);

@@ -42,7 +42,7 @@ struct Share {
 
   void migrate(const Migration& migration) {
     migration.move(topology);
-    migration.move(state, D);
+    migration.move(state, {D});
     migration.move(payload);
     migration.move(tags);
   }

@@ -65,7 +65,7 @@ Sample<D> take_sample(ParticleSystem<D>& system, const State& state, const Hoppe
   Sample<D> sample;
   Real kinetic = 0, weight_energy = 0, top = 0, in_hopper = 0;
   for (Index i = 0; i < topology.owned_points(); ++i) {
-    kinetic += topology.mass(i) / 2 * view.velocity(i).squaredNorm();
+    kinetic += view.kinetic_energy(i);
     weight_energy += topology.mass(i) * view.position(i)[D - 1];
   }
   for (Index m = 0; m < topology.owned(); ++m) {

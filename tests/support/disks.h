@@ -1,0 +1,343 @@
+// Disks and balls that rotate, with terms that only tests have.
+#pragma once
+
+#include <cmath>
+#include <memory>
+#include <string_view>
+#include <vector>
+
+#include <pliant/model/pair_contact.h>
+#include <pliant/model/wall_contact.h>
+#include <pliant/run/simulation.h>
+#include <pliant/ts/verlet.h>
+
+#include "support/rows.h"
+
+namespace pliant::test {
+
+template <int D>
+Real norm2(const Rotation<D>& r) {
+  if constexpr (D == 2)
+    return r * r;
+  else
+    return r.squaredNorm();
+}
+
+/// U = Σ k/2 θ².
+template <int D>
+struct TorsionSpring {
+  Real k;
+  static constexpr Elements elements = Elements::points;
+  static constexpr bool rotates = true;
+  static std::string_view name() { return "torsion"; }
+  bool enabled(const StateView<D>&) const { return k > 0; }
+  Real energy(const StateView<D>& s, Index i) const { return k / 2 * norm2<D>(s.angle(i)); }
+  template <class G>
+  void add_gradient(const StateView<D>& s, Index i, G& grad) const {
+    grad.add_torque(i, Rotation<D>(k * s.angle(i)));
+  }
+  Real max_rate(const Topology&) const { return 0; }
+};
+
+/// U = Σ_pairs k/2 (θ_i − θ_j)² (1 − r/δ)² where they touch.
+template <int D>
+struct TorsionBond {
+  Real k;
+  static constexpr Elements elements = Elements::point_pairs;
+  static constexpr bool rotates = true;
+  static std::string_view name() { return "bond"; }
+  bool enabled(const StateView<D>&) const { return k > 0; }
+  Real energy(const StateView<D>& s, Index e) const {
+    const auto [i, j] = s.neighbours.point_pairs[e];
+    return k / 2 * norm2<D>(s.angle(i) - s.angle(j)) * square(overlap(s, i, j));
+  }
+  template <class G>
+  void add_gradient(const StateView<D>& s, Index e, G& grad) const {
+    const auto [i, j] = s.neighbours.point_pairs[e];
+    const Real w = overlap(s, i, j);
+    if (w == 0) return;
+    const pliant::Vec<D> r = s.position(i) - s.position(j);
+    const Rotation<D> turn = s.angle(i) - s.angle(j);
+    const pliant::Vec<D> pull = -k * norm2<D>(turn) * w / (reach(s, i, j) * r.norm()) * r;
+    grad.add(i, pull);
+    grad.add(j, -pull);
+    grad.add_torque(i, Rotation<D>(k * square(w) * turn));
+    grad.add_torque(j, Rotation<D>(-k * square(w) * turn));
+  }
+  Real max_rate(const Topology&) const { return 0; }
+
+ private:
+  static Real reach(const StateView<D>& s, Index i, Index j) {
+    return (s.topology.diameter[i] + s.topology.diameter[j]) / 2;
+  }
+  static Real overlap(const StateView<D>& s, Index i, Index j) {
+    return std::max(1 - (s.position(i) - s.position(j)).norm() / reach(s, i, j), 0.0);
+  }
+};
+
+/// Torque −γ ω.
+template <int D>
+struct SpinDrag {
+  Real gamma;
+  static constexpr Elements elements = Elements::points;
+  static constexpr bool rotates = true;
+  static std::string_view name() { return "spin_drag"; }
+  bool enabled(const StateView<D>&) const { return gamma > 0; }
+  Real power(const StateView<D>& s, Index i) const { return gamma * norm2<D>(s.spin(i)); }
+  template <class F>
+  void add_force(const StateView<D>& s, Index i, F& force) const {
+    force.add_torque(i, Rotation<D>(-gamma * s.spin(i)));
+  }
+  Real max_damping(const Topology&) const { return 0; }
+};
+
+/// Force −γ × the velocity of the surfaces of touching disks against each other, at a place between the centres.
+template <int D>
+struct SurfaceDashpot {
+  Real gamma;
+  static constexpr Elements elements = Elements::point_pairs;
+  static constexpr bool rotates = true;
+  static std::string_view name() { return "dashpot"; }
+  bool enabled(const StateView<D>&) const { return gamma > 0; }
+  Real power(const StateView<D>& s, Index e) const {
+    const Place p(s, e);
+    return p.touch ? gamma * p.slip.squaredNorm() : 0;
+  }
+  template <class F>
+  void add_force(const StateView<D>& s, Index e, F& force) const {
+    const Place p(s, e);
+    if (!p.touch) return;
+    const pliant::Vec<D> f = -gamma * p.slip;
+    force.add(p.i, f);
+    force.add(p.j, -f);
+    force.add_torque(p.i, torque(p.lever_i, f));
+    force.add_torque(p.j, torque(p.lever_j, pliant::Vec<D>(-f)));
+  }
+  Real max_damping(const Topology&) const { return 0; }
+
+ private:
+  struct Place {
+    Index i, j;
+    bool touch;
+    pliant::Vec<D> lever_i, lever_j, slip;  // from the centres
+    Place(const StateView<D>& s, Index e)
+        : i(s.neighbours.point_pairs[e].first), j(s.neighbours.point_pairs[e].second) {
+      const Real a = s.topology.diameter[i] / 2, b = s.topology.diameter[j] / 2;
+      const pliant::Vec<D> r = s.position(i) - s.position(j);
+      touch = r.norm() < a + b;
+      lever_i = -a / (a + b) * r;
+      lever_j = b / (a + b) * r;
+      slip = s.velocity(i) + spin_velocity(s.spin(i), lever_i) - s.velocity(j) - spin_velocity(s.spin(j), lever_j);
+    }
+  };
+};
+
+/// A tangential spring with Coulomb's limit, as Cundall and Strack's, between touching disks of radii R that press on
+/// each other with N = ε/δ (1 − r/δ). With the direction φ from j to i, i the lower id, q = (R_i + R_j) φ − R_i θ_i −
+/// R_j θ_j grows as the surfaces slide along each other. The spring is ξ = q − q₀, its energy k/2 ξ², up to k |ξ| = μN.
+/// Kept: q₀, which follows where ξ is beyond that, and the heat that made.
+struct TangentialSpring {
+  Real k, mu, epsilon;
+  static constexpr Elements elements = Elements::point_pairs;
+  static constexpr bool rotates = true;
+  static constexpr int history = 2;
+  static std::string_view name() { return "tangential"; }
+  bool enabled(const StateView<2>&) const { return k > 0; }
+
+  Real energy(const StateView<2>& s, Index e, std::span<const Real> past) const {
+    const Touch c(*this, s, e);
+    return c.touches && !past.empty() ? k / 2 * square(c.spring(past[0])) : 0;
+  }
+  /// Of sliding.
+  Real power(const StateView<2>& s, Index e, std::span<const Real> past) const {
+    const Touch c(*this, s, e);
+    if (!c.touches || past.empty()) return 0;
+    const pliant::Vec<2> t(-c.n[1], c.n[0]);
+    const Real rate =
+                   (c.a + c.b) / c.d * t.dot(s.velocity(c.i) - s.velocity(c.j)) - c.a * s.spin(c.i) - c.b * s.spin(c.j),
+               xi = c.spring(past[0]);
+    return std::abs(c.stretch(past[0])) > std::abs(xi) ? std::max(k * xi * rate, 0.0) : 0;
+  }
+  template <class F>
+  void add_force(const StateView<2>& s, Index e, std::span<const Real> past, F& force) const {
+    const Touch c(*this, s, e);
+    if (!c.touches || past.empty()) return;
+    const Real pull = k * c.spring(past[0]);
+    const pliant::Vec<2> t(-c.n[1], c.n[0]), f = -pull * (c.a + c.b) / c.d * t;
+    force.add(c.i, f);
+    force.add(c.j, -f);
+    force.add_torque(c.i, pull * c.a);
+    force.add_torque(c.j, pull * c.b);
+  }
+  bool advance(const StateView<2>& s, Index e, Real, bool known, std::span<Real> numbers) const {
+    const Touch c(*this, s, e);
+    if (!c.touches) return false;
+    if (!known) {
+      numbers[0] = c.q;
+      return true;
+    }
+    const Real all = c.stretch(numbers[0]), kept = c.spring(numbers[0]);
+    if (all == kept) return true;
+    numbers[0] = c.q - kept;
+    numbers[1] += k * std::abs(kept) * std::abs(all - kept);
+    return true;
+  }
+  Real max_rate(const Topology& t) const {
+    return std::sqrt(12 * k / smallest_over_points(t, [&](Index i) { return t.mass(i); }));
+  }
+  Real max_damping(const Topology&) const { return 0; }
+
+ private:
+  struct Touch {
+    Index i, j;
+    bool touches;
+    Real a, b, d = 0, q = 0, most = 0;
+    pliant::Vec<2> n = pliant::Vec<2>::Zero();
+    Touch(const TangentialSpring& term, const StateView<2>& s, Index e) {
+      const Pair pair = in_order(s.topology, s.neighbours.point_pairs[e]);
+      i = pair.first, j = pair.second;
+      a = s.topology.diameter[i] / 2, b = s.topology.diameter[j] / 2;
+      const pliant::Vec<2> r = s.position(i) - s.position(j);
+      d = r.norm();
+      touches = d < a + b;
+      if (!touches) return;
+      n = r / d;
+      q = (a + b) * std::atan2(n[1], n[0]) - a * s.angle(i) - b * s.angle(j);
+      most = term.mu * term.epsilon / (a + b) * (1 - d / (a + b)) / term.k;
+    }
+    /// φ jumps by 2π.
+    Real stretch(Real q0) const { return std::remainder(q - q0, 2 * pi * (a + b)); }
+    Real spring(Real q0) const { return std::clamp(stretch(q0), -most, most); }
+  };
+};
+
+/// The same with straight walls: q = t·x − R θ, t along the wall.
+struct WallSpring {
+  Real k, mu, epsilon;
+  static constexpr Elements elements = Elements::walls;
+  static constexpr bool rotates = true;
+  static constexpr int history = 2;
+  static std::string_view name() { return "wall_tangential"; }
+  bool enabled(const StateView<2>& s) const { return k > 0 && s.walls.size() > 0; }
+  Real energy(const StateView<2>& s, Index e, std::span<const Real> past) const {
+    const Touch c(*this, s, e);
+    return c.touches && !past.empty() ? k / 2 * square(c.spring(past[0])) : 0;
+  }
+  Real power(const StateView<2>&, Index, std::span<const Real>) const { return 0; }
+  template <class F>
+  void add_force(const StateView<2>& s, Index e, std::span<const Real> past, F& force) const {
+    const Touch c(*this, s, e);
+    if (!c.touches || past.empty()) return;
+    const Real pull = k * c.spring(past[0]);
+    force.add(c.i, pliant::Vec<2>(-pull * c.t));
+    force.add_torque(c.i, pull * c.a);
+  }
+  bool advance(const StateView<2>& s, Index e, Real, bool known, std::span<Real> numbers) const {
+    const Touch c(*this, s, e);
+    if (!c.touches) return false;
+    if (!known) {
+      numbers[0] = c.q;
+      return true;
+    }
+    const Real all = c.q - numbers[0], kept = c.spring(numbers[0]);
+    if (all == kept) return true;
+    numbers[0] = c.q - kept;
+    numbers[1] += k * std::abs(kept) * std::abs(all - kept);
+    return true;
+  }
+  Real max_rate(const Topology&) const { return 0; }
+  Real max_damping(const Topology&) const { return 0; }
+
+ private:
+  struct Touch {
+    Index i;
+    bool touches;
+    Real a, q = 0, most = 0;
+    pliant::Vec<2> t = pliant::Vec<2>::Zero();
+    Touch(const WallSpring& term, const StateView<2>& s, Index e) {
+      const auto [point, wall] = s.neighbours.walls[e];
+      i = point;
+      a = s.topology.diameter[i] / 2;
+      Real d;
+      pliant::Vec<2> n;
+      s.walls.nearest(s.position(i), wall, d, n);
+      touches = d < a;
+      if (!touches) return;
+      t = {-n[1], n[0]};
+      q = t.dot(s.position(i)) - a * s.angle(i);
+      most = term.mu * term.epsilon / a * (1 - d / a) / term.k;
+    }
+    Real spring(Real q0) const { return std::clamp(q - q0, -most, most); }
+  };
+};
+
+/// What is known of all particles of a simulation, by id, on every rank.
+template <int D>
+struct Snapshot {
+  std::vector<Real> x, v, angles, spins;
+  explicit Snapshot(const Simulation<D>& s) {
+    const Topology& t = s.topology();
+    const std::vector<Index> ids = s.ranks().all_gather(std::vector<Index>(t.id.begin(), t.id.begin() + t.owned()));
+    const auto gather = [&](std::span<const Real> own, int width) {
+      const std::vector<Real> all = s.ranks().all_gather(std::vector<Real>(own.begin(), own.end()));
+      std::vector<Real> by_id(all.size());
+      for (std::size_t k = 0; k < ids.size(); ++k)
+        std::copy_n(all.begin() + static_cast<std::ptrdiff_t>(k) * width, width,
+                    by_id.begin() + static_cast<std::ptrdiff_t>(ids[k]) * width);
+      return by_id;
+    };
+    x = gather(s.particles().positions_in(s.state().x()), D);
+    v = gather(s.particles().positions_in(s.state().v()), D);
+    angles = gather(s.angles(), rotations<D>);
+    spins = gather(s.spins(), rotations<D>);
+  }
+  bool operator==(const Snapshot&) const = default;
+  Real difference(const Snapshot& other) const {
+    Real most = 0;
+    const auto compare = [&](const std::vector<Real>& a, const std::vector<Real>& b) {
+      for (std::size_t k = 0; k < a.size(); ++k) most = std::max(most, std::abs(a[k] - b[k]));
+    };
+    compare(x, other.x), compare(v, other.v), compare(angles, other.angles), compare(spins, other.spins);
+    return most;
+  }
+};
+
+/// Turned and spinning by id; velocities of the configuration.
+template <int D>
+void start(Simulation<D>& s, const Configuration<D>& c, const std::vector<Real>& angles,
+           const std::vector<Real>& spins) {
+  s.place(c.x);
+  const Topology& t = s.topology();
+  for (Index m = 0; m < t.owned(); ++m) {
+    for (int k = 0; k < D; ++k) s.state().v()[m * D + k] = c.v[t.id[m] * D + k];
+    for (int k = 0; k < rotations<D>; ++k) {
+      s.angles()[m * rotations<D> + k] = angles[t.id[m] * rotations<D> + k];
+      s.spins()[m * rotations<D> + k] = spins[t.id[m] * rotations<D> + k];
+    }
+  }
+}
+
+inline std::vector<Real> random_numbers(Random& random, std::size_t n, Real most) {
+  std::vector<Real> values(n);
+  for (Real& a : values) a = random(-most, most);
+  return values;
+}
+
+/// Kinetic energy, energy of the model and heat of sliding, of this rank's share.
+template <int D>
+Real kinetic_energy(const StateView<D>& s) {
+  Real sum = 0;
+  for (Index i = 0; i < s.topology.owned_points(); ++i) sum += s.kinetic_energy(i);
+  return sum;
+}
+
+template <int D, class... Terms>
+std::unique_ptr<Simulation<D>> simulation_of(const Configuration<D>& c, Sorting sorting, const Ranks& ranks,
+                                             std::unique_ptr<Integrator> integrator, Terms... terms) {
+  auto s = std::make_unique<Simulation<D>>(c.topology, ParticleSystem<D>({}, c.walls, alone<D>(terms...), 0.05, ranks),
+                                           sorting);
+  s->set_integrator(std::move(integrator));
+  return s;
+}
+
+}  // namespace pliant::test
