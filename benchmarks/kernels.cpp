@@ -34,7 +34,7 @@ struct Case {
 std::vector<Case> cases() {
   const auto make = [](std::string name, ModelKind model, Index dim, Real flow_time, auto&&... set) {
     Case c{std::move(name), {}, flow_time};
-    c.options.model = model;
+    c.options.model = to_string(model);
     c.options.dim = dim;
     (set(c.options), ...);
     c.options.resolve();
@@ -95,8 +95,8 @@ class Flow {
   ParticleSystem<D> make_system(const std::vector<Real>& diameters) const {
     Vec<D> down = Vec<D>::Zero();
     down[D - 1] = -1;
-    return {make_particles(options_.model, D, diameters, options_.shape), options_.hopper.walls<D>(),
-            make_force_field<D>(options_.model, options_.model_parameters(), down), options_.first_skin()};
+    return {make_particles(options_.particle_kind(), D, diameters, options_.shape), options_.hopper.walls<D>(),
+            options_.force_field<D>(down), options_.first_skin()};
   }
 
   void prepare() {
@@ -111,8 +111,8 @@ class Flow {
       AfterStep after = AfterStep::proceed;
       for (Index m = 0; m < topology.particles(); ++m) {
         if (mean_of_points<D>(now.x().data(), topology, m)[D - 1] > -3) continue;
-        reinsert<D>(Ranks(), topology, options_.hopper, system_.walls(), options_.model == ModelKind::smooth, 1,
-                    {topology.id[m], 0, m, put_back++}, now);
+        reinsert<D>(Ranks(), topology, options_.hopper, system_.walls(), options_.particle_kind() == ModelKind::smooth,
+                    1, {topology.id[m], 0, m, put_back++}, now);
         system_.relist(now.x().data(), m);
         after = AfterStep::changed;
       }
@@ -165,15 +165,15 @@ void register_forces(const std::string& name, const std::shared_ptr<Flow<D>>& fl
                     Flow<D>&, const StateView<D>& s) { field->forces(s, force(s)); });
   };
   const ModelParameters p = flow->options().model_parameters();
-  if (flow->options().model != ModelKind::smooth)
+  if (flow->options().particle_kind() != ModelKind::smooth)
     time_fused("contact+friction", Fused<PairKernel, PairContact<D>, PairFriction<D>>(
                                        PairContact<D>{p.epsilon, "contact"}, PairFriction<D>{p.mu}));
   time_fused("wall", Fused<WallKernel, WallContact<D>>(WallContact<D>{p.epsilon_wall}));
   if constexpr (D == 2) {
-    if (flow->options().model == ModelKind::smooth)
+    if (flow->options().particle_kind() == ModelKind::smooth)
       time_fused("contact+friction", Fused<EdgeKernel, EdgeContact<>, EdgeFriction>(
                                          EdgeContact{p.epsilon}, EdgeFriction{p.mu, p.friction_point}));
-    if (flow->options().model != ModelKind::sp)
+    if (flow->options().particle_kind() != ModelKind::sp)
       time_fused("area+perimeter+bending",
                  Fused<ShapeKernel, Area, Perimeter, Bending>(Area{p.k_a}, Perimeter{p.k_l}, Bending{p.k_b}));
   }

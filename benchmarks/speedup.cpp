@@ -35,12 +35,11 @@ class System {
  public:
   /// Each rank begins with an equal share, and gets those that lie together.
   System(const HopperOptions& p, const Checkpoint& c, const Ranks& ranks)
-      : simulation_(make_particles(p.model, D, draw_diameters(p.sizes, p.particles, static_cast<std::uint64_t>(p.seed)),
-                                   p.shape),
-                    ParticleSystem<D>({}, p.hopper.walls<D>(),
-                                      make_force_field<D>(p.model, p.model_parameters(), -Vec<D>::Unit(D - 1)),
-                                      p.first_skin(), ranks),
-                    Sorting::regularly),
+      : simulation_(
+            make_particles(p.particle_kind(), D,
+                           draw_diameters(p.sizes, p.particles, static_cast<std::uint64_t>(p.seed)), p.shape),
+            ParticleSystem<D>({}, p.hopper.walls<D>(), p.force_field<D>(-Vec<D>::Unit(D - 1)), p.first_skin(), ranks),
+            Sorting::regularly),
         dt_(c.real("dt", 0)) {
     const StoredParticles stored(c, simulation_.all(), D, ranks);
     simulation_.take(stored.ids());

@@ -320,11 +320,10 @@ Problem<ParticleSystem<2>> prepared(const std::string& name, const HopperOptions
                                            WallSegment::ray({-half, 0}, {0, 1}), WallSegment::ray({half, 0}, {0, 1})})
                                : o.hopper.walls<2>();
   const auto make = [=](const Topology& topology, Real skin) {
-    return std::make_unique<ParticleSystem<2>>(topology, walls,
-                                               make_force_field<2>(o.model, o.model_parameters(), {0, -1}), skin);
+    return std::make_unique<ParticleSystem<2>>(topology, walls, o.force_field<2>({0, -1}), skin);
   };
   const auto system =
-      make(make_particles(o.model, 2, draw_diameters(o.sizes, o.particles, 1), o.shape), o.first_skin());
+      make(make_particles(o.particle_kind(), 2, draw_diameters(o.sizes, o.particles, 1), o.shape), o.first_skin());
   State s(system->topology().points(), 2);
   pack<2>(system->topology(), o.hopper, {*o.pack_fraction, o.pack_tolerance, 1}, s.x().data());
   system->tune_skin();
@@ -337,7 +336,7 @@ Problem<ParticleSystem<2>> prepared(const std::string& name, const HopperOptions
   });
   s.step = 0;
   std::vector<Method> methods = with_inertia;
-  if (o.model != ModelKind::sp) methods.insert(methods.end(), split.begin(), split.end());
+  if (o.particle_kind() != ModelKind::sp) methods.insert(methods.end(), split.begin(), split.end());
   const Real start = s.t;
   return {
       .name = name,
@@ -352,7 +351,7 @@ Problem<ParticleSystem<2>> prepared(const std::string& name, const HopperOptions
 /// Soft disks that fall into a box, with friction and drag.
 Problem<ParticleSystem<2>> settling(bool quick, Judge judge) {
   HopperOptions o;
-  o.model = ModelKind::sp;
+  o.model = "sp";
   o.particles = quick ? 50 : 200;
   o.e_sp = 1e4;
   o.mu = o.zeta = 0.3;
@@ -369,7 +368,7 @@ Problem<ParticleSystem<2>> settling(bool quick, Judge judge) {
 /// Deformable particles in dense flow out of a hopper, with drag and perhaps friction.
 Problem<ParticleSystem<2>> flow(const std::string& name, bool quick, ModelKind model, bool friction) {
   HopperOptions o;
-  o.model = model;
+  o.model = to_string(model);
   o.particles = quick ? 20 : 60;
   o.mu = friction ? 10 * std::sqrt(10.0) : 0;
   o.zeta = std::sqrt(0.1);

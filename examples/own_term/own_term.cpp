@@ -1,127 +1,59 @@
-// Adds a term of its own to Pliant's model (line_tension.h), checks its derivatives by finite differences, and lets a
-// droplet relax: at rest the pressure inside balances the line tension.
-#include <fmt/format.h>
+// A model with a term of its own (line_tension.h), under the name `droplet` beside the models of pliant: the scenario
+// hopper runs it, with the command line, files, restarts and figures of pliant:
+//   own_term hopper -model droplet -tension 20 -output runs/droplets
+//   own_term check 2     checks the term
+#include <charconv>
 
-#include <cmath>
-#include <memory>
-#include <vector>
+#include <pliant/model/fused_terms.h>
+#include <pliant/model/lip_contact.h>
+#include <pliant/run/scenario.h>
+#include <pliant/scenarios/hopper/hopper.h>
 
-#include <pliant/base/errors.h>
-#include <pliant/model/area.h>
-#include <pliant/model/polygon.h>
-#include <pliant/system/fire.h>
-#include <pliant/system/particle_system.h>
-
+#include "check.h"
 #include "line_tension.h"
 
 namespace {
-
 using namespace pliant;
 
-constexpr Index vertices = 24;
-constexpr Real area_stiffness = 100, tension = 2;
+/// Polygons with a preferred area and a line tension instead of a preferred perimeter. Their outlines touch as those of
+/// smooth particles do.
+struct Droplet {
+  Real tension = 20;
 
-/// A droplet: everything that Pliant brings, and one more term in the list.
-ParticleSystem<2> droplet() {
-  Topology topology;
-  const Real a0 = pi / 4, l0 = pi / vertices, delta = 0.1 * l0, mass = a0;
-  topology.add_polygon(vertices, a0, l0, delta, mass);
-  auto model = std::make_unique<Model<2, Area, LineTension>>(Area{area_stiffness}, LineTension{tension});
-  return ParticleSystem<2>(topology, Walls<2>(), std::move(model), 0.1);
-}
-
-/// An ellipse, twice as long as wide, with unequal edges.
-std::vector<Real> stretched() {
-  std::vector<Real> x;
-  for (Index i = 0; i < vertices; ++i) {
-    const Real angle = 2 * pi * (i + 0.3 * std::sin(3.0 * i)) / vertices;
-    x.push_back(std::cos(angle) / std::sqrt(2));
-    x.push_back(std::sin(angle) / std::sqrt(8));
+  void bind(Options& o) {
+    o.bind("tension", tension,
+           {.help = "line tension gamma", .unit = "rho g sigma_avg^2", .min = 0, .on_restart = OnRestart::fixed});
   }
-  return x;
-}
-
-struct DenseHessian final : BlockSink<2> {
-  Eigen::MatrixXd matrix = Eigen::MatrixXd::Zero(2 * vertices, 2 * vertices);
-  void add(Index i, Index j, const pliant::Mat<2>& block) override { matrix.block<2, 2>(2 * i, 2 * j) += block; }
+  std::unique_ptr<ForceField<2>> force_field(const ModelParameters& p, const pliant::Vec<2>& gravity) const {
+    using Outlines = Fused<EdgeKernel, EdgeContact<>, EdgeFriction>;
+    using Outer = Fused<PointKernel, Gravity<2>, Drag<2>>;
+    return std::make_unique<Model<2, Area, LineTension, Outlines, WallContact<2>, LipContact<>, Outer>>(
+        Area{p.k_a}, LineTension{tension}, Outlines({p.epsilon}, {p.mu, p.friction_point}),
+        WallContact<2>{p.epsilon_wall}, LipContact<>{p.epsilon_wall, p.lip_edges}, Outer({gravity}, {p.zeta}));
+  }
 };
 
-/// Largest error of the forces against differences of the energy, and of the Hessian against differences of the forces,
-/// both relative to the largest entry.
-struct DerivativeErrors {
-  Real force = 0, hessian = 0;
-};
-
-DerivativeErrors check_derivatives(const Model<2, LineTension>& term, ParticleSystem<2>& system, std::vector<Real> x) {
-  const Real h = 2e-6;
-  const std::size_t n = x.size();
-  const auto energy = [&] { return term.energy(system.view(x.data(), nullptr), nullptr); };
-  const auto force = [&] {
-    Eigen::VectorXd f(n);
-    term.energy(system.view(x.data(), nullptr), f.data());
-    return f;
-  };
-  const Eigen::VectorXd f = force();
-  DenseHessian exact;
-  term.hessian(system.view(x.data(), nullptr), exact);
-  DerivativeErrors errors;
-  for (std::size_t k = 0; k < n; ++k) {
-    const Real middle = x[k];
-    x[k] = middle + h;
-    const Real energy_above = energy();
-    const Eigen::VectorXd force_above = force();
-    x[k] = middle - h;
-    const Real slope = (energy_above - energy()) / (2 * h);
-    const Eigen::VectorXd column = -(force_above - force()) / (2 * h);
-    x[k] = middle;
-    errors.force = std::max(errors.force, std::abs(slope + f[k]) / f.lpNorm<Eigen::Infinity>());
-    errors.hessian = std::max(errors.hessian, (column - exact.matrix.col(k)).lpNorm<Eigen::Infinity>() /
-                                                  exact.matrix.lpNorm<Eigen::Infinity>());
-  }
-  return errors;
-}
-
-bool within(const char* what, Real value, Real limit) {
-  fmt::print("{:<44} {:9.2e}  (limit {:.0e})  {}\n", what, value, limit, value <= limit ? "ok" : "TOO LARGE");
-  return value <= limit;
-}
-
-bool run() {
-  ParticleSystem<2> system = droplet();
-  std::vector<Real> x = stretched();
-  const Topology& topology = system.topology();
-  const DerivativeErrors errors = check_derivatives(Model<2, LineTension>(LineTension{tension}), system, x);
-  bool good = within("force against differences of the energy", errors.force, 1e-8);
-  good = within("Hessian against differences of the force", errors.hessian, 1e-8) && good;
-
-  const auto shape = [&] {
-    return square(polygon_perimeter(x.data(), topology, 0)) / (4 * pi * polygon_area(x.data(), topology, 0));
-  };
-  const Real before = shape();
-  const FireResult rest = fire(
-      x, topology.point_mass, [&](const Real* r, Real* f) { return system.field().energy(system.view(r, nullptr), f); },
-      {.dt = 0.01, .dt_max = 0.25 * system.field().critical_step(topology).least(), .force_tolerance = 1e-9});
-  const Real area = polygon_area(x.data(), topology, 0), perimeter = polygon_perimeter(x.data(), topology, 0);
-  // For a regular polygon the radius in Laplace's law is that of the inscribed circle, 2 a/p.
-  const Real pressure = area_stiffness * (topology.a0[0] - area), laplace = tension * perimeter / (2 * area);
-  fmt::print("droplet of {} vertices: {} steps of FIRE, {}\n", vertices, rest.iterations, rest.reason);
-  fmt::print("  shape p²/(4π a)   {:.6f} -> {:.6f}   (regular polygon: {:.6f})\n", before, shape(),
-             vertices / pi * std::tan(pi / vertices));
-  fmt::print("  pressure          {:.6f}   (gamma/r: {:.6f})\n", pressure, laplace);
-  good = rest.converged && good;
-  good = within("shape against the regular polygon", std::abs(shape() / (vertices / pi * std::tan(pi / vertices)) - 1),
-                1e-8) &&
-         good;
-  return within("pressure against Laplace's law", std::abs(pressure / laplace - 1), 1e-8) && good;
+Scenario check_scenario() {
+  return {.name = "check",
+          .help = "derivatives of the line tension, and a droplet at rest",
+          .arguments = "TENSION",
+          .run = [](const Arguments& arguments, const Ranks& ranks) {
+            const std::string text = arguments.size() == 1 ? arguments[0] : "";
+            Real tension = 0;
+            const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), tension);
+            if (error != std::errc() || end != text.data() + text.size() || !(tension > 0))
+              throw InputError("usage: {} check TENSION, a positive number", program_name());
+            const bool good = ranks.broadcast(ranks.root() && check::passes(tension));
+            return good ? ExitCode::done : ExitCode::numerical_failure;
+          }};
 }
 
 }  // namespace
 
-int main() {
-  try {
-    return run() ? 0 : 1;
-  } catch (const pliant::Error& error) {
-    fmt::print(stderr, "own_term: error: {}\n", error.what());
-    return static_cast<int>(error.code());
-  }
+int main(int argc, char** argv) {
+  return run_program(
+      argc, argv,
+      {hopper_scenario({own_model<Droplet>("droplet", "droplets with a line tension", ModelKind::smooth,
+                                           {"e_c", "e_w", "k_a", "mu", "friction_point", "zeta", "lip_contact"})}),
+       check_scenario()});
 }

@@ -45,12 +45,14 @@ bool parse_arguments(const std::string& scenario, Options& options, const Argume
 
 /// A scenario that is described by options. Parameters: a RunOptions with bind(Options&), which is called first, and
 /// resolve(), which fills in what is automatic and throws InputError for what does not fit together. The run's messages
-/// speak of -dt and -t_end: both must be among the options.
+/// speak of -dt and -t_end: both must be among the options. defaults: before any option is read.
 template <class Parameters>
-Scenario option_scenario(std::string name, std::string help, MakeRun<Parameters> make) {
+Scenario option_scenario(std::string name, std::string help, MakeRun<Parameters> make,
+                         Parameters defaults = Parameters()) {
   Scenario s{.name = name, .help = std::move(help), .run = {}};
-  s.run = [name = std::move(name), make = std::move(make)](const Arguments& arguments, const Ranks& ranks) {
-    Parameters p;
+  s.run = [name = std::move(name), make = std::move(make), defaults = std::move(defaults)](const Arguments& arguments,
+                                                                                           const Ranks& ranks) {
+    Parameters p = defaults;
     Options options;
     p.bind(options);
     if (!parse_arguments(name, options, arguments, ranks)) return ExitCode::done;

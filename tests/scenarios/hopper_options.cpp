@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include <pliant/model/gravity.h>
 #include <pliant/scenarios/hopper/options.h>
 
 using namespace pliant;
@@ -12,9 +13,9 @@ using Catch::Contains;
 
 namespace {
 
-/// As the program reads them.
-HopperOptions resolved(const std::vector<std::string>& arguments) {
-  HopperOptions p;
+/// As the program reads them. own: models that it has added.
+HopperOptions resolved(const std::vector<std::string>& arguments, const std::vector<OwnModel>& own = {}) {
+  HopperOptions p(own);
   Options options;
   p.bind(options);
   options.parse(arguments);
@@ -110,4 +111,65 @@ TEST_CASE("an option that the model does not read is refused where it is given",
   CHECK_THROWS_AS(resolved({"-size_distribution", "mono", "-size_ratio", "2"}), InputError);
   CHECK_THROWS_AS(resolved({"-size_deviation", "0.2"}), InputError);
   CHECK_THROWS_AS(resolved({"-jacobian", "assembled"}), InputError);
+}
+
+namespace {
+
+/// A model that has weight only, times a factor that is an option of its own; in 2D and in 3D.
+struct Heavy {
+  Real factor = 2;
+  void bind(Options& o) { o.bind("factor", factor, {.help = "of gravity", .min = 0}); }
+  template <int D>
+  std::unique_ptr<ForceField<D>> force_field(const ModelParameters&, const pliant::Vec<D>& g) const {
+    return std::make_unique<Model<D, Gravity<D>>>(Gravity<D>{factor * g});
+  }
+};
+
+/// Polygons with a contact, in 2D.
+struct Touching {
+  static void bind(Options&) {}
+  static std::unique_ptr<ForceField<2>> force_field(const ModelParameters& p, const pliant::Vec<2>&) {
+    return make_force_field<2>(ModelKind::rough, p, pliant::Vec<2>::Zero());
+  }
+};
+
+}  // namespace
+
+TEST_CASE("a model that a program adds", "[options]") {
+  const std::vector<OwnModel> own{own_model<Heavy>("heavy", "weight alone", ModelKind::sp, {}),
+                                  own_model<Touching>("touching", "contact alone", ModelKind::rough, {"e_c"})};
+  const auto weight = [&](const std::vector<std::string>& arguments) {
+    const HopperOptions p = resolved(arguments, own);
+    CHECK(p.particle_kind() == ModelKind::sp);
+    Topology t;
+    t.add_soft(1, 3);
+    const std::vector<Real> x(3, 0.0);
+    Neighbours<2> lists(p.force_field<2>({0, -1})->needs(), 0.1);
+    lists.rebuild(t, {}, x.data());
+    return p.force_field<2>({0, -1})->energy({x.data(), nullptr, t, lists, {}}) -
+           p.force_field<2>({0, -1})->energy({std::vector<Real>{0, 1}.data(), nullptr, t, lists, {}});
+  };
+  CHECK(weight({"-model", "heavy"}) == -6);
+  CHECK(weight({"-model", "heavy", "-factor", "5"}) == -15);
+  CHECK(resolved({"-model", "heavy", "-dim", "3"}, own).force_field<3>({0, 0, -1}) != nullptr);
+  const HopperOptions touching = resolved({"-model", "touching", "-e_c", "7", "-n_vertices", "9"}, own);
+  CHECK(touching.particle_kind() == ModelKind::rough);
+  CHECK(touching.model_parameters().epsilon == 7);
+  CHECK(touching.first_skin() == 0.1);
+  CHECK_THROWS_WITH(touching.force_field<3>({0, 0, -1}), Contains("-model touching does not exist in 3D"));
+
+  const auto refused = [&](const std::vector<std::string>& arguments, const std::string& says) {
+    CAPTURE(arguments);
+    CHECK_THROWS_AS(resolved(arguments, own), InputError);
+    CHECK_THROWS_WITH(resolved(arguments, own), Contains(says));
+  };
+  refused({"-model", "touching", "-factor", "2"}, "-factor (command line) with -model touching");
+  refused({"-factor", "2"}, "-model sp, which does not read it; leave it out, or use -model heavy");
+  refused({"-model", "heavy", "-mu", "1"}, "-mu (command line) with -model heavy");
+  refused({"-model", "touching", "-k_a", "1"}, "use -model rough or smooth");
+  refused({"-e_c", "1"}, "use -model rough, smooth or touching");
+  refused({"-model", "touching", "-dim", "3"}, "-dim 3 with -model touching");
+  refused({"-model", "heave"}, "heavy");
+  CHECK_THROWS_AS(resolved({}, {own_model<Heavy>("heavy", "", ModelKind::sp, {"e_q"})}), std::logic_error);
+  CHECK_THROWS_AS(resolved({"-factor", "2"}), InputError);  // unknown without the model
 }

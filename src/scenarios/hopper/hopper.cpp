@@ -42,11 +42,10 @@ Vec<D> down() {
 
 template <int D>
 std::unique_ptr<Simulation<D>> make_simulation(const HopperOptions& p, const Ranks& ranks) {
-  ParticleSystem<D> particles({}, p.hopper.walls<D>(), make_force_field<D>(p.model, p.model_parameters(), down<D>()),
-                              p.first_skin(), ranks);
+  ParticleSystem<D> particles({}, p.hopper.walls<D>(), p.force_field<D>(down<D>()), p.first_skin(), ranks);
   if (!p.skin) particles.tune_skin();
-  Topology all =
-      make_particles(p.model, D, draw_diameters(p.sizes, p.particles, static_cast<std::uint64_t>(p.seed)), p.shape);
+  Topology all = make_particles(p.particle_kind(), D,
+                                draw_diameters(p.sizes, p.particles, static_cast<std::uint64_t>(p.seed)), p.shape);
   const Sorting sorting = p.integrator == IntegratorKind::verlet ? Sorting::regularly : Sorting::at_start;
   if (p.dynamics == Dynamics::inertial)
     return std::make_unique<Simulation<D>>(std::move(all), std::move(particles), sorting);
@@ -98,12 +97,12 @@ class HopperProtocol final : public Protocol<D> {
   // --- Before the run
 
   std::string title() const override {
-    return fmt::format("hopper: {} particles ({}, {}D{}), W = {}, w = {}, angle {}, {}", p_.particles,
-                       to_string(p_.model), D, deformable() ? fmt::format(", {} vertices each", p_.shape.vertices) : "",
+    return fmt::format("hopper: {} particles ({}, {}D{}), W = {}, w = {}, angle {}, {}", p_.particles, p_.model, D,
+                       deformable() ? fmt::format(", {} vertices each", p_.shape.vertices) : "",
                        p_.hopper.wall_distance, p_.hopper.orifice, p_.hopper.angle,
                        p_.flow == FlowKind::continuous ? "continuous flow" : "discharge");
   }
-  std::string model() const override { return std::string(to_string(p_.model)); }
+  std::string model() const override { return p_.model; }
   Real last_time() const override { return *p_.t_end; }
   Real first_dt() const override { return dt_; }
   Real critical_step() const override { return critical_step_; }
@@ -374,7 +373,7 @@ class HopperProtocol final : public Protocol<D> {
     for (const Leaving& l : leaving) {
       const bool mine = l.rank == ranks().rank();
       if (p_.flow == FlowKind::continuous) {
-        reinsert<D>(ranks(), own, p_.hopper, particles().walls(), p_.model == ModelKind::smooth,
+        reinsert<D>(ranks(), own, p_.hopper, particles().walls(), p_.particle_kind() == ModelKind::smooth,
                     static_cast<std::uint64_t>(p_.seed), l, s);
         if (!mine) continue;
         this->simulation().relist(l.particle);
@@ -505,7 +504,7 @@ class HopperProtocol final : public Protocol<D> {
     if (measured.contains("c0")) say("{}\n", discharge_text(measured));
   }
 
-  bool deformable() const { return p_.model != ModelKind::sp; }
+  bool deformable() const { return p_.particle_kind() != ModelKind::sp; }
 
   const HopperOptions& p_;
   ClogDetector clog_;
@@ -539,7 +538,7 @@ class HopperProtocol final : public Protocol<D> {
 /// Whether it holds the particles that the options ask for, before they are made.
 void check_size(const Checkpoint& c, const HopperOptions& p) {
   const auto n = static_cast<std::size_t>(p.particles),
-             points = p.model == ModelKind::sp ? n : n * static_cast<std::size_t>(p.shape.vertices);
+             points = p.particle_kind() == ModelKind::sp ? n : n * static_cast<std::size_t>(p.shape.vertices);
   c.integer_array("id", n);
   c.real_array("x", points * static_cast<std::size_t>(p.dim));
 }
@@ -553,7 +552,7 @@ std::unique_ptr<AnyRun> make(const HopperOptions& p, const Options& options, con
 
 }  // namespace
 
-Scenario hopper_scenario() {
+Scenario hopper_scenario(std::vector<OwnModel> models) {
   Scenario s = option_scenario<HopperOptions>(
       "hopper", "gravity-driven flow through an orifice",
       [](const HopperOptions& p, const Options& options, const Ranks& ranks, std::optional<Checkpoint> checkpoint) {
@@ -563,7 +562,8 @@ Scenario hopper_scenario() {
           p.refuse_unread(options);
         return p.dim == 2 ? make<2>(p, options, ranks, std::move(checkpoint))
                           : make<3>(p, options, ranks, std::move(checkpoint));
-      });
+      },
+      HopperOptions(std::move(models)));
   s.units = "Units: σ_avg = g = ρ = 1, t0 = sqrt(σ_avg/g).";
   return s;
 }

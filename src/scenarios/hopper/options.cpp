@@ -1,18 +1,73 @@
 #include <pliant/scenarios/hopper/options.h>
 
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
 #include <cmath>
-#include <initializer_list>
+#include <stdexcept>
 #include <string>
 
 #include <pliant/base/errors.h>
 
 namespace pliant {
+namespace {
+
+constexpr std::array kinds{ModelKind::sp, ModelKind::rough, ModelKind::smooth};
+
+/// An option that not every model reads.
+struct PartlyRead {
+  std::string name;
+  std::vector<ModelKind> by;  ///< of the catalogue
+  bool shape = false;         ///< of the particles: read by each model that has these
+};
+
+const std::vector<PartlyRead>& partly_read() {
+  using enum ModelKind;
+  static const std::vector<PartlyRead> table{{"e_sp", {sp}},
+                                             {"e_c", {rough, smooth}},
+                                             {"k_a", {rough, smooth}},
+                                             {"k_l", {rough, smooth}},
+                                             {"k_b", {rough, smooth}},
+                                             {"n_vertices", {rough, smooth}, true},
+                                             {"shape_parameter", {rough, smooth}, true},
+                                             {"lip_contact", {rough, smooth}},
+                                             {"rough_contact", {rough}},
+                                             {"edge_width", {smooth}, true},
+                                             {"friction_point", {smooth}},
+                                             {"e_w", {sp, rough, smooth}},
+                                             {"contact_law", {sp, rough, smooth}},
+                                             {"mu", {sp, rough, smooth}},
+                                             {"zeta", {sp, rough, smooth}}};
+  return table;
+}
+
+template <class Values, class Value>
+bool contains(const Values& values, const Value& value) {
+  return std::find(values.begin(), values.end(), value) != values.end();
+}
+
+/// "a", "a or b", "a, b or c".
+std::string alternatives(const std::vector<std::string>& names) {
+  std::string text;
+  for (std::size_t k = 0; k < names.size(); ++k)
+    text += (k == 0 ? "" : k + 1 < names.size() ? ", " : " or ") + names[k];
+  return text;
+}
+
+}  // namespace
 
 void HopperOptions::bind(Options& o) {
   constexpr auto fixed = OnRestart::fixed;
   o.group("Model");
-  o.bind("model", model, {{"sp", ModelKind::sp}, {"rough", ModelKind::rough}, {"smooth", ModelKind::smooth}},
-         {.help = "soft particles, or deformable particles with rough or smooth outlines", .on_restart = fixed});
+  std::string help = "soft particles, or deformable particles with rough or smooth outlines";
+  std::vector<std::string> models;
+  for (const ModelKind kind : kinds) models.emplace_back(to_string(kind));
+  for (const OwnModel& own : own_models_) {
+    help += fmt::format("; {}: {}", own.name, own.help);
+    models.push_back(own.name);
+  }
+  o.bind("model", model, {.help = help, .choices = models, .on_restart = fixed});
   o.bind("dim", dim, {.help = "dimension; 3 for soft particles only", .min = 2, .max = 3, .on_restart = fixed});
   o.bind("e_sp", e_sp,
          {.help = "contact energy E_sp of soft particles",
@@ -55,6 +110,7 @@ void HopperOptions::bind(Options& o) {
           .on_restart = fixed});
   o.bind("rough_contact", rough_contact, {{"edge", ContactRule::edge}, {"literal", ContactRule::literal}},
          {.help = "rough particles: vertices touch stretched edges too, or vertices only [H 9]", .on_restart = fixed});
+  bind_own_models(o);
 
   o.group("Particles");
   o.bind("n", particles,
@@ -171,13 +227,44 @@ void HopperOptions::bind(Options& o) {
   bind_output(o);
 }
 
+void HopperOptions::bind_own_models(Options& o) {
+  makers_.clear();
+  for (const OwnModel& own : own_models_) {
+    for (const std::string& name : own.reads)
+      if (std::none_of(partly_read().begin(), partly_read().end(),
+                       [&](const PartlyRead& option) { return option.name == name && !option.shape; }))
+        throw std::logic_error("model " + own.name + " says that it reads -" + name + ", which is not for it to say");
+    o.group("Model " + own.name);
+    makers_.push_back(own.bind(o));
+  }
+}
+
+std::size_t HopperOptions::own_model() const {
+  return static_cast<std::size_t>(
+      std::find_if(own_models_.begin(), own_models_.end(), [&](const OwnModel& own) { return own.name == model; }) -
+      own_models_.begin());
+}
+
+ModelKind HopperOptions::particle_kind() const {
+  if (own_model() < own_models_.size()) return own_models_[own_model()].particles;
+  return *std::find_if(kinds.begin(), kinds.end(), [&](ModelKind kind) { return to_string(kind) == model; });
+}
+
+template <int D>
+std::unique_ptr<ForceField<D>> HopperOptions::force_field(const Vec<D>& gravity) const {
+  if (own_model() < own_models_.size()) return makers_[own_model()]->make(model_parameters(), gravity);
+  return make_force_field<D>(particle_kind(), model_parameters(), gravity);
+}
+
+template std::unique_ptr<ForceField<2>> HopperOptions::force_field<2>(const Vec<2>&) const;
+template std::unique_ptr<ForceField<3>> HopperOptions::force_field<3>(const Vec<3>&) const;
+
 void HopperOptions::resolve() {
-  if (dim == 3 && model != ModelKind::sp)
-    throw InputError("-dim 3 with -model {}: deformable particles are two-dimensional; use -model sp or -dim 2",
-                     to_string(model));
-  if (!has_law(model, contact_law))
+  if (dim == 3 && particle_kind() != ModelKind::sp)
+    throw InputError("-dim 3 with -model {}: deformable particles are two-dimensional; use -model sp or -dim 2", model);
+  if (own_model() == own_models_.size() && !has_law(particle_kind(), contact_law))
     throw InputError("-contact_law {} with -model {}: only {} has it; use that, or harmonic", to_string(contact_law),
-                     to_string(model), contact_law == ContactLaw::hertz ? "-model sp or smooth" : "-model smooth");
+                     model, contact_law == ContactLaw::hertz ? "-model sp or smooth" : "-model smooth");
   if (particles == 0) particles = dim == 2 ? 1600 : 6400;
   if (!wall_distance) wall_distance = dim == 2 ? 50 : 25;
   hopper.wall_distance = *wall_distance;
@@ -205,21 +292,27 @@ void HopperOptions::resolve() {
 }
 
 void HopperOptions::refuse_unread(const Options& options) const {
-  const bool sp = model == ModelKind::sp, rough = model == ModelKind::rough, smooth = model == ModelKind::smooth;
-  const std::string this_model = "-model " + std::string(to_string(model));
-  const auto refuse = [&](std::initializer_list<const char*> names, bool read, const std::string& unread_by,
-                          const char* read_by) {
+  const auto refuse = [&](const std::vector<std::string>& names, bool read, const std::string& unread_by,
+                          const std::string& read_by) {
     if (read) return;
-    for (const char* name : names)
+    for (const std::string& name : names)
       if (options.given(name))
         throw InputError("-{} ({}) with {}, which does not read it; leave it out, or use {}", name,
                          options.source(name), unread_by, read_by);
   };
-  refuse({"e_sp"}, sp, this_model, "-model sp");
-  refuse({"e_c", "k_a", "k_l", "k_b", "n_vertices", "shape_parameter", "lip_contact"}, !sp, this_model,
-         "-model rough or smooth");
-  refuse({"rough_contact"}, rough, this_model, "-model rough");
-  refuse({"edge_width", "friction_point"}, smooth, this_model, "-model smooth");
+  const auto refuse_by_model = [&](const std::vector<std::string>& names, const std::vector<std::string>& readers) {
+    refuse(names, contains(readers, model), "-model " + model, "-model " + alternatives(readers));
+  };
+  for (const PartlyRead& option : partly_read()) {
+    if (option.name == "zeta" && dynamics == Dynamics::overdamped) continue;  // velocities need it, whatever the model
+    std::vector<std::string> readers;
+    for (const ModelKind kind : option.by) readers.emplace_back(to_string(kind));
+    for (const OwnModel& own : own_models_)
+      if (option.shape ? contains(option.by, own.particles) : contains(own.reads, option.name))
+        readers.push_back(own.name);
+    refuse_by_model({option.name}, readers);
+  }
+  for (const OwnModel& own : own_models_) refuse_by_model(own.options, {own.name});
   const std::string these_sizes = "-size_distribution " + sizes.kind;
   refuse({"size_ratio", "size_fraction"}, sizes.kind == "bidisperse", these_sizes, "-size_distribution bidisperse");
   refuse({"size_deviation"}, sizes.kind == "normal", these_sizes, "-size_distribution normal");
@@ -229,18 +322,19 @@ void HopperOptions::refuse_unread(const Options& options) const {
 Real HopperOptions::elastic_fraction(Real elastic, Real lightest) const {
   const Real flowing = mu > 0 ? 0.35 : zeta > 0 ? 0.4 : 0.2;
   if (flow != FlowKind::discharge || zeta == 0) return flowing;
-  if (model != ModelKind::sp) return 0.2;
+  if (particle_kind() != ModelKind::sp) return 0.2;
   // A bounce on a wall changes the energy of a particle by a part of (dt/elastic)², up or down, as steps happen to meet
   // the touch. Drag must take more: at least its rate times the length of the shortest bounce, that is about elastic.
   return std::min(flowing, std::max(0.05, 2 * std::sqrt(zeta / lightest * elastic)));
 }
 
 Real HopperOptions::first_skin() const {
-  return skin.value_or(dim == 3 ? 0.2 : model == ModelKind::sp ? 0.3 : model == ModelKind::rough ? 0.1 : 0.06);
+  const ModelKind kind = particle_kind();
+  return skin.value_or(dim == 3 ? 0.2 : kind == ModelKind::sp ? 0.3 : kind == ModelKind::rough ? 0.1 : 0.06);
 }
 
 ModelParameters HopperOptions::model_parameters() const {
-  return {.epsilon = model == ModelKind::sp ? e_sp : e_c,
+  return {.epsilon = particle_kind() == ModelKind::sp ? e_sp : e_c,
           .epsilon_wall = e_w,
           .law = contact_law,
           .k_a = k_a,

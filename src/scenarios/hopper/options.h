@@ -1,11 +1,15 @@
 // Options of the scenario `hopper`.
 #pragma once
 
+#include <memory>
 #include <optional>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include <pliant/base/options.h>
 #include <pliant/geometry/hopper.h>
-#include <pliant/model/catalogue.h>
+#include <pliant/model/own_model.h>
 #include <pliant/run/options.h>
 #include <pliant/setup/packing.h>
 #include <pliant/setup/particles.h>
@@ -22,7 +26,10 @@ enum class ContactRule { edge, literal };
 
 /// As given by the user; `resolve` fills in what is automatic. Units: σ_avg = g = ρ = 1, times in t0.
 struct HopperOptions : RunOptions {
-  ModelKind model = ModelKind::sp;
+  /// own: what -model can name beside sp, rough and smooth.
+  explicit HopperOptions(std::vector<OwnModel> own = {}) : own_models_(std::move(own)) {}
+
+  std::string model = "sp";
   Index dim = 2;
   Index particles = 0;  ///< 0: automatic
   SizeDistribution sizes;
@@ -57,13 +64,26 @@ struct HopperOptions : RunOptions {
   /// not read it.
   void refuse_unread(const Options& options) const;
 
+  /// Of which model the particles are: sp, rough or smooth.
+  ModelKind particle_kind() const;
   ModelParameters model_parameters() const;
+  /// The forces of the model.
+  template <int D>
+  std::unique_ptr<ForceField<D>> force_field(const Vec<D>& gravity) const;
   /// Standard step over `elastic`, the limit that elastic forces set: as long as flow rates, energies and contacts are
   /// those of shorter ones, and what a discharge leaves comes to rest (docs/steps.md). Without dissipation nothing
   /// carries off the heat of longer steps. lightest: mass of a particle.
   Real elastic_fraction(Real elastic, Real lightest) const;
   /// Margin of the neighbour lists at first; tuned from then on where the user gave none.
   Real first_skin() const;
+
+ private:
+  void bind_own_models(Options& options);
+  /// The place of `model` in own_models_; their number for a model of the catalogue.
+  std::size_t own_model() const;
+
+  std::vector<OwnModel> own_models_;
+  std::vector<std::shared_ptr<const ForceFieldMaker>> makers_;  ///< of each, since bind
 };
 
 }  // namespace pliant
