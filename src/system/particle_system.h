@@ -348,12 +348,27 @@ class ParticleSystem final : public ImplicitSystem {
     s.history = &history_;
   }
 
+  /// Histories know contacts by ids: no two particles may be listed at two images of each other, and none at its own.
+  void check_lengths() const {
+    Real widest = 0;
+    for (Index m = 0; m < topology_.owned_points(); ++m) widest = std::max(widest, topology_.diameter[m]);
+    const Real least = 2 * (ranks_.max(widest) + neighbours_.margin());
+    for (int k = 0; k < D; ++k)
+      if (box_.length()[k] < least)
+        throw InputError(
+            "the periodic box has the length {:g} in direction {}, but contacts with a history need at least {:.3g}: "
+            "twice "
+            "the largest diameter and the margin of the neighbour lists",
+            box_.length()[k], k, least);
+  }
+
   void find_ghosts(const Real* x) {
     const LogScope log(LogEvent::ghosts);
     if (!home_is_set_) {
       halo_.set_home(topology_, x);
       home_is_set_ = true;
     }
+    if (!history_.empty()) check_lengths();
     halo_.build(topology_, x, neighbours_.margin());
     halo_.update_positions(x, x_);
     migration_due_ = ranks_.sum(static_cast<std::int64_t>(halo_.strays())) > many_strays;

@@ -10,6 +10,7 @@
 #include <pliant/ts/verlet.h>
 
 #include "io/io_support.h"
+#include "support/disks.h"
 #include "support/silence.h"
 
 using namespace pliant;
@@ -139,4 +140,63 @@ TEST_CASE("a restart in a periodic box is bit for bit", "[periodic]") {
   }
   CHECK(std::ranges::max(last(whole, "/images")) >= 1);
   CHECK(whole.at("kinetic_energy").back() == parts.at("kinetic_energy").back());
+}
+
+TEST_CASE("springs between particles that rotate reach across the borders of a box", "[periodic]") {
+  Random random(1);
+  Configuration<2> c = soft_rows<2>(random, 5, 5);
+  c.walls = {};
+  for (Real& v : c.v) v = 2 * v + 2;
+  const std::vector<Real> angles(25, 0), spins = random_numbers(random, 25, 3);
+  const auto make = [&](const Configuration<2>& at, Real side, Sorting sorting) {
+    auto s = std::make_unique<Simulation<2>>(
+        at.topology,
+        ParticleSystem<2>({}, {}, alone<2>(PairContact<2>{1000, "pair"}, TangentialSpring{400, 0.4, 1000}), 0.05,
+                          Ranks(), Box<2>({0, 0}, {side, side})),
+        sorting);
+    s->set_integrator(std::make_unique<FixedStepVerlet>(1e-3));
+    start(*s, at, angles, spins);
+    return s;
+  };
+  // Where they would be without the box, and their spins, by id.
+  const auto found = [](const Simulation<2>& s) {
+    const State& state = s.state();
+    const auto spin = s.particles().rotations_in(state.v());
+    std::vector<Real> all(75);
+    for (Index m = 0; m < 25; ++m) {
+      const Index id = s.topology().id[m];
+      const pliant::Vec<2> shift =
+          state.images.empty() ? pliant::Vec<2>(0, 0) : s.particles().box().shift(state.images[m]);
+      point<2>(all.data(), id) = point<2>(state.x().data(), m) + shift;
+      all[50 + id] = spin[m];
+    }
+    return all;
+  };
+  const auto one = make(c, 4.75, Sorting::never);
+  Configuration<2> moved = soft_rows<2>(random, 5, 5);
+  moved.topology = c.topology;
+  moved.x = c.x;
+  moved.v = c.v;
+  for (Index m = 0; m < 25; ++m)
+    point<2>(moved.x.data(), m) += pliant::Vec<2>(4.75 * (m % 3 - 1), 4.75 * (m % 4) + 0.3);
+  const auto other = make(moved, 4.75, Sorting::regularly);
+  one->advance(0.3);
+  other->advance(0.3, [&](State& state) {
+    if (state.step % 30 != 0) return AfterStep::proceed;
+    other->sort();
+    return AfterStep::reordered;
+  });
+  const std::vector<Real> a = found(*one), b = found(*other);
+  Real most = 0, turned = 0;
+  for (Index m = 0; m < 25; ++m) {
+    const pliant::Vec<2> by = point<2>(moved.x.data(), m) - point<2>(c.x.data(), m);
+    most = std::max(most, (point<2>(b.data(), m) - point<2>(a.data(), m) - by).norm());
+    most = std::max(most, std::abs(a[50 + m] - b[50 + m]));
+    turned = std::max(turned, std::abs(a[50 + m] - spins[m]));
+  }
+  CHECK(most < 1e-8);
+  CHECK(turned > 1);
+  CHECK(other->particles().history().of("tangential").contacts().keys.size() > 20);
+  // A pair that meets twice would have one spring.
+  CHECK_THROWS_WITH(make(c, 2.2, Sorting::regularly), Catch::Contains("contacts with a history need at least"));
 }
