@@ -3,7 +3,7 @@
 #pragma once
 
 #include <array>
-#include <ranges>
+#include <numeric>
 #include <utility>
 #include <vector>
 
@@ -155,7 +155,11 @@ struct ElementKind<Elements::particles> : OfOneParticle {
   static Range inside(const Lists& lists, Index chunk) {
     return lists.particles(chunk);
   }
-  static auto stencil(const Topology& t, Index m) { return std::views::iota(t.offset[m], t.offset[m + 1]); }
+  static std::vector<Index> stencil(const Topology& t, Index m) {
+    std::vector<Index> points(static_cast<std::size_t>(t.offset[m + 1] - t.offset[m]));
+    std::iota(points.begin(), points.end(), t.offset[m]);
+    return points;
+  }
 };
 
 template <>

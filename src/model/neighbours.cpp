@@ -244,8 +244,10 @@ void Neighbours<D>::rebuild(const Topology& topology, const Walls<D>& wall, cons
   }
   for_each_list([&]<class Kind>(Kind) {
     if (!(needs_.*Kind::need)) return;
-    if constexpr (std::is_same_v<Kind, ElementKind<Elements::vertex_edges>>)
-      if (needs_.point_pairs && needs_.edges == Edges::bare) return build_from_points(topology, space.cloud);
+    if constexpr (D == 2) {
+      if constexpr (std::is_same_v<Kind, ElementKind<Elements::vertex_edges>>)
+        if (needs_.point_pairs && needs_.edges == Edges::bare) return build_from_points(topology, space.cloud);
+    }
     if constexpr (Kind::paired)
       build_pairs<Kind>(space);
     else
