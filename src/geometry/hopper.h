@@ -21,31 +21,31 @@ struct Hopper {
     return y <= 0 ? orifice / 2 : orifice / 2 + (wall_distance - orifice) / 2 * y / top;
   }
 
-  /// Walls of the hopper: for each side the sloped wall from the orifice up, then the upright one, without end.
-  /// Errors: InputError where the measures make no hopper.
-  template <int D>
-  Walls<D> walls() const {
-    check();
-    std::vector<WallSegment> segments;
-    std::vector<Vec<2>> lips;
-    for (const Real side : {-1.0, 1.0}) {
-      if (D == 3 && side < 0) continue;
-      const Vec<2> lip(side * orifice / 2, 0), corner(side * wall_distance / 2, slope_height());
-      segments.push_back(WallSegment::between(lip, corner));
-      segments.push_back(WallSegment::ray(corner, {0, 1}));
-      if (D == 2) lips.push_back(lip);
-    }
-    return Walls<D>(std::move(segments), std::move(lips));
+  /// Area (volume) between the orifice and height y.
+  Real capacity(int dim, Real y) const {
+    const Real slope = slope_height(), bottom = orifice / 2, top = wall_distance / 2;
+    const Real s = std::min(y, slope), at = half_width(s);
+    if (dim == 2) return s * (bottom + at) + 2 * top * std::max(y - slope, Real(0));
+    return pi / 3 * s * (square(bottom) + bottom * at + square(at)) + pi * square(top) * std::max(y - slope, Real(0));
   }
 
-  /// The same with a lid at height `lid` and the orifice shut: a box to pack particles in.
+  /// Walls of the hopper: for each side the sloped wall from the orifice up, then the upright one, without end.
+  /// Errors: InputError where the measures make no hopper.
+  WallParts walls(int dim) const {
+    check();
+    WallParts walls;
+    for (const Real side : {-1.0, 1.0}) {
+      if (dim == 3 && side < 0) continue;
+      const Vec<2> lip(side * orifice / 2, 0), corner(side * wall_distance / 2, slope_height());
+      walls.lips.push_back({lip, walls.next()});
+      walls.segments.push_back(WallSegment::between(lip, corner));
+      walls.segments.push_back(WallSegment::ray(corner, {0, 1}));
+    }
+    return walls;
+  }
   template <int D>
-  Walls<D> closed(Real lid) const {
-    std::vector<WallSegment> segments = walls<D>().segments();
-    const Real left = D == 2 ? -1 : 0;
-    segments.push_back(WallSegment::between({left * orifice / 2, 0}, {orifice / 2, 0}));
-    segments.push_back(WallSegment::between({left * wall_distance / 2, lid}, {wall_distance / 2, lid}));
-    return Walls<D>(std::move(segments));
+  Walls<D> walls() const {
+    return Walls<D>(walls(D));
   }
 
   void check() const {

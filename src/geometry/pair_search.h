@@ -80,15 +80,12 @@ void find_vertex_edge_pairs(const PointCloud& cloud, const CellGrid<2>& grid, Ed
   }
 }
 
-/// Goes through points that stand side by side in memory, and as a rule in space, by blocks. near(centre, radius, k)
-/// says whether obstacle k of n comes near a ball around the points of a block and their successors; visit(i, k) is
-/// called for each point i of the block that is in use then, obstacles in ascending order. A ball holds half the
-/// largest diameter and the skin too.
-template <int D, class Near, class Visit>
-void for_each_near_obstacle(const PointCloud& cloud, Real skin, Index first, Index last, Index n, Near&& near,
-                            Visit&& visit) {
+/// Goes through points that stand side by side in memory, and as a rule in space, by blocks: visit(first, last, centre,
+/// radius) with a ball around the points of a block and their successors that holds half the largest diameter and the
+/// skin too.
+template <int D, class Visit>
+void for_each_block(const PointCloud& cloud, Real skin, Index first, Index last, Visit&& visit) {
   constexpr Index block = 64;
-  std::vector<Index> obstacles;
   for (; first < last; first += block) {
     const Index end = std::min<Index>(last, first + block);
     Vec<D> low = point<D>(cloud.x, first), high = low;
@@ -100,26 +97,38 @@ void for_each_near_obstacle(const PointCloud& cloud, Real skin, Index first, Ind
         widest = std::max(widest, cloud.diameter[j]);
       }
     const Real radius = ((high - low).norm() + widest) / 2 + skin;
-    obstacles.clear();
-    for (Index k = 0; k < n; ++k)
-      if (near((low + high) / 2, radius * (1 + 1e-12), k)) obstacles.push_back(k);
-    if (obstacles.empty()) continue;
-    for (Index i = first; i < end; ++i)
-      if (cloud.uses(i))
-        for (const Index k : obstacles) visit(i, k);
+    visit(first, end, (low + high) / 2, radius * (1 + 1e-12));
   }
 }
 
-/// Points of the range with distance < δ/2 + skin from a wall: found(point, wall).
+/// Up to so many walls near a block, each of its points is tested with all of them.
+constexpr std::size_t few_walls = 16;
+
+/// Points of the range with distance < δ/2 + skin from a part of the walls: found(point, part), the parts of each point
+/// in ascending order. Returns how many distances it took.
 template <int D, class Found>
-void find_wall_pairs(const PointCloud& cloud, const Walls<D>& walls, Real skin, Index first, Index last,
-                     Found&& found) {
-  for_each_near_obstacle<D>(
-      cloud, skin, first, last, walls.size(),
-      [&](const Vec<D>& centre, Real radius, Index s) { return walls.distance(centre, s) < radius; },
-      [&](Index i, Index s) {
-        if (walls.distance(point<D>(cloud.x, i), s) < cloud.diameter[i] / 2 + skin) found(i, s);
-      });
+std::int64_t find_wall_pairs(const PointCloud& cloud, const Walls<D>& walls, Real skin, Index first, Index last,
+                             Found&& found) {
+  std::int64_t tests = 0;
+  std::vector<Index> around, near;
+  for_each_block<D>(cloud, skin, first, last, [&](Index begin, Index end, const Vec<D>& centre, Real radius) {
+    tests += walls.find_near(centre, radius, around);
+    if (around.empty()) return;
+    for (Index i = begin; i < end; ++i) {
+      if (!cloud.uses(i)) continue;
+      const Vec<D> r = point<D>(cloud.x, i);
+      const Real range = cloud.diameter[i] / 2 + skin;
+      if (around.size() > few_walls) {
+        tests += walls.find_near(r, range, near);
+        for (const Index s : near) found(i, s);
+      } else {
+        tests += static_cast<std::int64_t>(around.size());
+        for (const Index s : around)
+          if (walls.distance(r, s) < range) found(i, s);
+      }
+    }
+  });
+  return tests;
 }
 
 /// Points of the range with distance < δ/2 + skin from a solid at time t: found(point, solid).
@@ -134,16 +143,28 @@ void find_solid_pairs(const PointCloud& cloud, std::span<const Solid<D>> solids,
 }
 
 /// Edges, with their first vertex from the range, with distance < δ/2 + skin from a lip: found(lip, first vertex).
+/// Returns how many distances it took.
 template <class Found>
-void find_lip_pairs(const PointCloud& cloud, const Walls<2>& walls, Real skin, Index first, Index last, Found&& found) {
-  const std::vector<Vec<2>>& lips = walls.lips();
-  for_each_near_obstacle<2>(
-      cloud, skin, first, last, static_cast<Index>(lips.size()),
-      [&](const Vec<2>& centre, Real radius, Index l) { return (lips[l] - centre).norm() < radius; },
-      [&](Index i, Index l) {
-        const Vec<2> a = point<2>(cloud.x, i), b = point<2>(cloud.x, cloud.next[i]);
-        if (segment_foot(lips[l], a, b).d2 < square(cloud.diameter[i] / 2 + skin)) found(l, i);
-      });
+std::int64_t find_lip_pairs(const PointCloud& cloud, const Walls<2>& walls, Real skin, Index first, Index last,
+                            Found&& found) {
+  std::int64_t tests = 0;
+  std::vector<Index> around, near;
+  for_each_block<2>(cloud, skin, first, last, [&](Index begin, Index end, const Vec<2>& centre, Real radius) {
+    tests += walls.find_near_lips(centre, radius, around);
+    if (around.empty()) return;
+    for (Index i = begin; i < end; ++i) {
+      if (!cloud.uses(i)) continue;
+      const Vec<2> a = point<2>(cloud.x, i), b = point<2>(cloud.x, cloud.next[i]);
+      const Real range = cloud.diameter[i] / 2 + skin;
+      const bool few = around.size() <= few_walls;
+      if (!few) tests += walls.find_near_lips((a + b) / 2, ((b - a).norm() / 2 + range) * (1 + 1e-12), near);
+      for (const Index l : few ? around : near) {
+        ++tests;
+        if (segment_foot(walls.lips()[l].place, a, b).d2 < square(range)) found(l, i);
+      }
+    }
+  });
+  return tests;
 }
 
 }  // namespace pliant

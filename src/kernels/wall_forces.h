@@ -9,17 +9,17 @@
 
 namespace pliant {
 
-/// Adds −V'(d) n to f [points · D] for each listed (point, wall): d the distance of the point from the wall, n
-/// the direction from there, V a law with the scale ε and half the point's diameter as its range. Points on a wall feel
-/// nothing. diameter: [points]; x: [points · D], and f must not overlap it. The list may have any order; it is that of
-/// the sums.
+/// Adds −w V'(d) n to f [points · D] for each listed (point, part of the walls): d the distance of the point from the
+/// part, n the direction from there, w the weight of the part, V a law with the scale ε and half the point's diameter
+/// as its range. Points on a wall feel nothing. diameter: [points]; x: [points · D], and f must not overlap it. The
+/// list may have any order; it is that of the sums.
 template <int D>
-void add_wall_forces(Real epsilon, std::span<const Pair> pairs, std::span<const WallSegment> walls,
-                     const Real* diameter, const Real* x, Real* f, ContactLaw law = ContactLaw::harmonic);
+void add_wall_forces(Real epsilon, std::span<const Pair> pairs, const Walls<D>& walls, const Real* diameter,
+                     const Real* x, Real* f, ContactLaw law = ContactLaw::harmonic);
 
-extern template void add_wall_forces<2>(Real, std::span<const Pair>, std::span<const WallSegment>, const Real*,
-                                        const Real*, Real*, ContactLaw);
-extern template void add_wall_forces<3>(Real, std::span<const Pair>, std::span<const WallSegment>, const Real*,
-                                        const Real*, Real*, ContactLaw);
+extern template void add_wall_forces<2>(Real, std::span<const Pair>, const Walls<2>&, const Real*, const Real*, Real*,
+                                        ContactLaw);
+extern template void add_wall_forces<3>(Real, std::span<const Pair>, const Walls<3>&, const Real*, const Real*, Real*,
+                                        ContactLaw);
 
 }  // namespace pliant

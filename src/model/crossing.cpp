@@ -102,7 +102,7 @@ OutlineLook look_at_outlines(const StateView<2>& s, const LeastDistances& least,
       lips, least.walls, 2, 0, seen,
       [&](Index e) {
         const Index a = lips[e].second;
-        return segment_foot(s.walls.lips()[lips[e].first], s.position(a), s.position(topology.next[a])).d2;
+        return segment_foot(s.walls.lips()[lips[e].first].place, s.position(a), s.position(topology.next[a])).d2;
       },
       [&](Index e) { return topology.diameter[lips[e].second] / 2; },
       [&](Index e, Real d) {
@@ -117,6 +117,7 @@ std::optional<Crossing> find_crossing(const StateView<2>& s) {
 }
 
 bool meets(const Vec<2>& a, const Vec<2>& b, const WallSegment& wall) {
+  if (wall.length == 0) return segment_foot(wall.origin, a, b).d2 < square(wall.radius);
   // A wall without end counts as far up as the segment.
   const Real reach = std::max({Real(0), (a - wall.origin).dot(wall.direction), (b - wall.origin).dot(wall.direction)});
   return segments_meet(a, b, wall.origin, wall.origin + std::min(reach, wall.length) * wall.direction);
@@ -133,10 +134,39 @@ bool outline_meets(const Real* x, const Topology& topology, Index m, const WallS
     high = high.cwiseMax(place);
   }
   const Real rounding = 1e-9 * (1 + high.cwiseAbs().maxCoeff());
-  if (low[1] > rounding || high[1] < -rounding || high[0] < -rounding || low[0] > wall.length + rounding) return false;
+  const Real aside = wall.radius + rounding;
+  if (low[1] > aside || high[1] < -aside || high[0] < -aside || low[0] > wall.length + aside) return false;
   for (Index i = topology.offset[m]; i < topology.offset[m + 1]; ++i)
     if (meets(point<2>(x, i), point<2>(x, topology.next[i]), wall)) return true;
   return false;
+}
+
+namespace {
+
+/// Whether one of the walls within the ball around a box is met.
+template <class Test>
+bool any_near(const Walls<2>& walls, const Vec<2>& low, const Vec<2>& high, Test&& test) {
+  std::vector<Index> near;
+  const Vec<2> middle = (low + high) / 2;
+  walls.find_near(middle, (high - low).norm() / 2 + 1e-9 * (1 + middle.cwiseAbs().maxCoeff()), near);
+  return std::any_of(near.begin(), near.end(), [&](Index s) {
+    return s < static_cast<Index>(walls.segments().size()) && test(walls.segments()[s]);
+  });
+}
+
+}  // namespace
+
+bool meets(const Vec<2>& a, const Vec<2>& b, const Walls<2>& walls) {
+  return any_near(walls, a.cwiseMin(b), a.cwiseMax(b), [&](const WallSegment& wall) { return meets(a, b, wall); });
+}
+
+bool outline_meets(const Real* x, const Topology& topology, Index m, const Walls<2>& walls) {
+  Vec<2> low = point<2>(x, topology.offset[m]), high = low;
+  for (Index i = topology.offset[m] + 1; i < topology.offset[m + 1]; ++i) {
+    low = low.cwiseMin(point<2>(x, i));
+    high = high.cwiseMax(point<2>(x, i));
+  }
+  return any_near(walls, low, high, [&](const WallSegment& wall) { return outline_meets(x, topology, m, wall); });
 }
 
 }  // namespace pliant

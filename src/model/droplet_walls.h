@@ -34,7 +34,7 @@ struct DropletWalls {
 
   /// Force of the wall on the droplet; the wall feels the opposite.
   Vec<D> force(const StateView<D>& s, Index e) const { return -at(s, e).gradient; }
-  Index wall(const StateView<D>& s, Index e) const { return s.walls.size() + s.neighbours.solids[e].second; }
+  Index wall(const StateView<D>& s, Index e) const { return s.walls.wall_of_solid(s.neighbours.solids[e].second); }
 
   Real max_rate(const Topology& topology) const { return law.max_rate(topology); }
 
@@ -48,7 +48,8 @@ struct DropletWalls {
           "droplet {} has run into wall {}: its centre is {:.3g} from it at t = {}, where it must be more than {}; "
           "lower "
           "-dt or the load, or start with less overlap",
-          s.topology.id[s.topology.particle[i]], s.walls.size() + k, foot.d, s.t, law.least_distance(solid.flat()));
+          s.topology.id[s.topology.particle[i]], s.walls.wall_of_solid(k), foot.d, s.t,
+          law.least_distance(solid.flat()));
     return law.at(solid, foot, s.position(i), s.t, s.topology.diameter[i] / 2);
   }
 };

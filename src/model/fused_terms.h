@@ -67,7 +67,7 @@ struct WallKernel {
   static void add_forces(const StateView<D>& s, Index chunk, Real* f, const WallContact<D, Law>& contact) {
     const PairList& list = s.neighbours.walls;
     const Range own = list.inside(chunk);
-    add_wall_forces<D>(contact.epsilon, std::span(list.pairs).subspan(own.first, own.size()), s.walls.segments(),
+    add_wall_forces<D>(contact.epsilon, std::span(list.pairs).subspan(own.first, own.size()), s.walls,
                        s.topology.diameter.data(), s.x, f, Law::kind);
   }
 };

@@ -1,5 +1,5 @@
-// Contact of the lips of an orifice with the edges of polygons: what [H 10], where only vertices feel walls, leaves
-// out.
+// Contact of the lips of walls, those of an orifice say, with the edges of polygons: what [H 10], where only vertices
+// feel walls, leaves out.
 #pragma once
 
 #include <pliant/kernels/contact_law.h>
@@ -39,7 +39,7 @@ struct LipContact {
     const auto [a, b] = forces(s, e);
     return a + b;
   }
-  Index wall(const StateView<2>& s, Index e) const { return s.walls.wall_of_lip(s.neighbours.lips[e].first); }
+  Index wall(const StateView<2>& s, Index e) const { return s.walls.lips()[s.neighbours.lips[e].first].wall; }
 
   void add_hessian(const StateView<2>& s, Index e, BlockSink<2>& h) const {
     const auto [q, a, b, v] = element(s, e);
@@ -75,7 +75,7 @@ struct LipContact {
   };
   Element element(const StateView<2>& s, Index e) const {
     const auto [lip, a] = s.neighbours.lips[e];
-    return {s.walls.lips()[lip], a, s.topology.next[a], {epsilon, s.topology.diameter[a] / 2}};
+    return {s.walls.lips()[lip].place, a, s.topology.next[a], {epsilon, s.topology.diameter[a] / 2}};
   }
   /// Forces on the two ends of the edge.
   std::array<Vec<2>, 2> forces(const StateView<2>& s, Index e) const {

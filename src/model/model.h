@@ -105,7 +105,7 @@ class ForceField {
   /// ∂F/∂v of all dissipations.
   virtual void damping(const StateView<D>& s, BlockSink<D>& h) const = 0;
   virtual void for_each_contact(const StateView<D>& s, const std::function<void(const Contact<D>&)>& visit) const = 0;
-  /// Force on each wall by the points, added to f [(segments + solids) · D].
+  /// Force on each wall by the points, added to f [walls · D].
   virtual void add_wall_forces(const StateView<D>& s, Real* f) const = 0;
   /// Limits of stability of velocity Verlet.
   virtual CriticalStep critical_step(const Topology& topology) const = 0;

@@ -150,7 +150,7 @@ FrameData<D>::FrameData(ParticleSystem<D>& system, const State& state) {
   const StateView<D> view = system.view(state.x().data(), state.v().data(), state.t);
   const Topology& topology = system.topology();
   const Ranks& ranks = system.ranks();
-  wall_force_.assign((static_cast<std::size_t>(system.walls().size()) + system.walls().solids().size()) * D, 0);
+  wall_force_.assign(static_cast<std::size_t>(system.walls().size()) * D, 0);
   system.field().add_wall_forces(view, wall_force_.data());
   ranks.sum(wall_force_);
 

@@ -13,41 +13,28 @@
 namespace pliant {
 namespace {
 
-/// Area (volume) of the hopper between the orifice and height y.
-template <int D>
-Real capacity(const Hopper& hopper, Real y) {
-  const Real slope = hopper.slope_height(), bottom = hopper.orifice / 2, top = hopper.wall_distance / 2;
-  const Real s = std::min(y, slope), at = hopper.half_width(s);
-  if constexpr (D == 2)
-    return s * (bottom + at) + 2 * top * std::max(y - slope, Real(0));
-  else
-    return pi / 3 * s * (square(bottom) + bottom * at + square(at)) + pi * square(top) * std::max(y - slope, Real(0));
-}
+constexpr std::uint64_t most_attempts = 2000;
 
+/// Uniform in the closed container, where it has room. round: other numbers for each.
 template <int D>
-Real fill_height(const Hopper& hopper, Real content) {
-  Real low = 0, high = 1;
-  while (capacity<D>(hopper, high) < content) high *= 2;
-  for (int k = 0; k < 100; ++k) {
-    const Real middle = (low + high) / 2;
-    (capacity<D>(hopper, middle) < content ? low : high) = middle;
-  }
-  return high;
-}
-
-/// Uniform in the closed hopper, a radius away from its walls.
-template <int D>
-void random_place(const Hopper& hopper, Real height, Real radius, std::uint64_t seed, Index m, Real* r) {
-  for (std::uint64_t attempt = 0;; ++attempt) {
+void random_place(const Container& container, const Walls<D>& walls, Real height, Real radius, std::uint64_t seed,
+                  Index m, std::uint64_t round, Real* r) {
+  const Vec<2> across = D == 2 ? container.extent() : Vec<2>(-container.extent()[1], container.extent()[1]);
+  const Real middle = (across[0] + across[1]) / 2, half = (across[1] - across[0]) / 2;
+  for (std::uint64_t attempt = 0; attempt < most_attempts; ++attempt) {
     const auto draw = [&](std::uint64_t k) {
-      return rng::uniform(seed, stream::placement, (static_cast<std::uint64_t>(m) << 24) + 4 * attempt + k);
+      return rng::uniform(seed, stream::placement,
+                          (static_cast<std::uint64_t>(m) << 24) + 4 * (round * most_attempts + attempt) + k);
     };
-    const Real half = hopper.wall_distance / 2;
-    for (int k = 0; k < D - 1; ++k) r[k] = half * (2 * draw(k) - 1);
+    for (int k = 0; k < D - 1; ++k) r[k] = middle + half * (2 * draw(k) - 1);
     r[D - 1] = height * draw(D - 1);
-    const Real lateral = D == 2 ? std::abs(r[0]) : std::hypot(r[0], r[1]);
-    if (lateral <= std::max(hopper.half_width(r[D - 1]) - radius, hopper.orifice / 4)) return;
+    // Where there is no room for all of it, there may be for a part.
+    const Real margin = std::pow(0.99, static_cast<Real>(attempt));
+    if (container.has_room<D>(walls, point<D>(r, 0), radius, margin)) return;
   }
+  throw NumericalError(
+      "packing: no room for particle {} below a height of {:.3g} in {} attempts; make obstacles smaller", m, height,
+      most_attempts);
 }
 
 /// Of disks among each other and with walls, relative to the distance of contact.
@@ -63,17 +50,19 @@ Real largest_overlap(ParticleSystem<D>& system, const Real* x) {
 
 }  // namespace
 
-void check_fit(const Topology& topology, const Hopper& hopper) {
+void check_fit(const Topology& topology, const Container& container) {
   for (Index m = 0; m < topology.particles(); ++m)
-    if (const Real width = 2 * outer_radius(topology, m); width >= hopper.wall_distance)
-      throw InputError("particle {} is {:.3g} sigma_avg wide, the hopper only {:.3g}; raise -hopper_wall_distance", m,
-                       width, hopper.wall_distance);
+    if (const Real width = 2 * outer_radius(topology, m); width >= container.inflow_width())
+      throw InputError(
+          "particle {} is {:.3g} sigma_avg wide, the hopper only {:.3g} at its upper end; raise -hopper_wall_distance, "
+          "or widen the -outline",
+          m, width, container.inflow_width());
 }
 
 template <int D>
-Packing pack(const Topology& topology, const Hopper& hopper, const PackingParameters& p, Real* x) {
+Packing pack(const Topology& topology, const Container& container, const PackingParameters& p, Real* x) {
   constexpr Real mass = 1;
-  check_fit(topology, hopper);
+  check_fit(topology, container);
   const Index n = topology.particles();
   const auto outer_disks = [&] {
     Topology disks;
@@ -93,18 +82,20 @@ Packing pack(const Topology& topology, const Hopper& hopper, const PackingParame
   options.dt_max = 0.5;
   options.force_tolerance = 1e-2 * p.tolerance;
   options.max_iterations = 2000;  // more are needed only at the edge of jamming, where raising the lid is quicker
-  for (packing.fraction = p.fraction;; packing.fraction *= 0.98) {
+  const auto inside = [&](Index m, const Real* r) { return container.inside(D, in_plane<D>(point<D>(r, m))); };
+  std::uint64_t round = 0;
+  for (packing.fraction = p.fraction;; packing.fraction *= 0.98, ++round) {
     const Real before = packing.height;
     // A few particles lie side by side: none may be higher than the lid.
-    packing.height = std::max(fill_height<D>(hopper, content / packing.fraction), 1.001 * largest);
+    packing.height = std::max(container.fill_height(D, content / packing.fraction), 1.001 * largest);
+    const Walls<D> walls = container.closed<D>(packing.height);
     for (Index m = 0; m < n; ++m) {
       Real* r = &centres[static_cast<std::size_t>(m) * D];
-      if (before == 0)
-        random_place<D>(hopper, packing.height, outer_radius(topology, m), p.seed, m, r);
-      else
-        r[D - 1] *= packing.height / before;
+      if (before > 0) r[D - 1] *= packing.height / before;
+      if (before == 0 || !inside(m, centres.data()))
+        random_place<D>(container, walls, packing.height, outer_radius(topology, m), p.seed, m, round, r);
     }
-    ParticleSystem<D> system(outer_disks(), hopper.closed<D>(packing.height),
+    ParticleSystem<D> system(outer_disks(), walls,
                              make_force_field<D>(ModelKind::sp, {.epsilon = 1, .epsilon_wall = 1}, Vec<D>::Zero()),
                              0.3);
     {
@@ -116,7 +107,10 @@ Packing pack(const Topology& topology, const Hopper& hopper, const PackingParame
     options.force = [&](const Real* r, Real* f) { system.field().forces(system.view(r, nullptr), f); };
     options.done = [&](const Real* r) {
       packing.max_overlap = largest_overlap<D>(system, r);
-      return packing.max_overlap <= p.tolerance;
+      if (packing.max_overlap > p.tolerance) return false;
+      bool all = true;
+      for (Index m = 0; m < n && all; ++m) all = inside(m, r);
+      return all;
     };
     const FireResult result = fire(
         centres, std::span(&mass, 1),
@@ -128,18 +122,19 @@ Packing pack(const Topology& topology, const Hopper& hopper, const PackingParame
     if (done) break;
     if (packing.fraction < 0.5 * p.fraction)
       throw NumericalError(
-          "packing {} particles: overlaps up to {:.2g} remain at a fraction of {:.2g} ({}); is the hopper wide enough "
-          "for them?",
+          "packing {} particles: overlaps up to {:.2g}, or particles beyond walls, remain at a fraction of {:.2g} "
+          "({}); "
+          "is the hopper wide enough for them?",
           n, packing.max_overlap, packing.fraction, result.reason);
   }
-  packing.fraction = std::min(packing.fraction, content / capacity<D>(hopper, packing.height));
+  packing.fraction = std::min(packing.fraction, content / container.capacity(D, packing.height));
   for (Index m = 0; m < n; ++m)
     place_particle(topology, m, &centres[static_cast<std::size_t>(m) * D],
                    2 * pi * rng::uniform(p.seed, stream::orientation, m), x);
   return packing;
 }
 
-template Packing pack<2>(const Topology&, const Hopper&, const PackingParameters&, Real*);
-template Packing pack<3>(const Topology&, const Hopper&, const PackingParameters&, Real*);
+template Packing pack<2>(const Topology&, const Container&, const PackingParameters&, Real*);
+template Packing pack<3>(const Topology&, const Container&, const PackingParameters&, Real*);
 
 }  // namespace pliant

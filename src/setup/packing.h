@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include <pliant/geometry/hopper.h>
+#include <pliant/geometry/container.h>
 #include <pliant/model/topology.h>
 
 namespace pliant {
@@ -22,15 +22,15 @@ struct Packing {
   Real max_overlap = 0;         ///< largest 1 − r/σ_mn of the outer disks, or 1 − 2 d/σ_m at walls
 };
 
-/// Errors: InputError for a particle that is wider than the hopper.
-void check_fit(const Topology& topology, const Hopper& hopper);
+/// Errors: InputError for a particle that is wider than the container where particles come in.
+void check_fit(const Topology& topology, const Container& container);
 
-/// Places the particles at random in the closed hopper, filled up to the height that gives the fraction, and relaxes
+/// Places the particles at random in the closed container, filled up to the height that gives the fraction, and relaxes
 /// them with FIRE until their outer disks do not overlap [H 2.4]. Where they jam with overlaps left the lid is raised
 /// by two percent, until they fit: the densest start that this preparation reaches. Polygons get their regular shape
 /// and a random orientation. Writes x [points · D]. Errors: those of check_fit; NumericalError if they do not fit at
 /// half the fraction.
 template <int D>
-Packing pack(const Topology& topology, const Hopper& hopper, const PackingParameters& p, Real* x);
+Packing pack(const Topology& topology, const Container& container, const PackingParameters& p, Real* x);
 
 }  // namespace pliant

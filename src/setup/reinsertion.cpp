@@ -48,14 +48,15 @@ Real gap(const Outline<2>& outline, const Vec<2>& shift, const Topology& topolog
   return std::sqrt(least2) - (outline.diameter + topology.diameter[topology.offset[n]]) / 2;
 }
 
+/// Of a circle of this radius about the middle.
 template <int D>
-Vec<D> random_lateral(Real radius, std::uint64_t seed, Index m, std::uint64_t draw) {
+Vec<D> random_lateral(Real middle, Real radius, std::uint64_t seed, Index m, std::uint64_t draw) {
   // The counter has room for the lower 24 bits of the id.
   const auto id = static_cast<std::uint64_t>(m), own = stream::reinsertion + (id >> 24 << 32);
   const auto next = [&](std::uint64_t k) { return rng::uniform(seed, own, (id << 40) + 2 * draw + k); };
   Vec<D> r = Vec<D>::Zero();
   if constexpr (D == 2) {
-    r[0] = radius * (2 * next(0) - 1);
+    r[0] = middle + radius * (2 * next(0) - 1);
   } else {
     const Real rho = radius * std::sqrt(next(0)), phi = 2 * pi * next(1);
     r[0] = rho * std::cos(phi);
@@ -67,8 +68,8 @@ Vec<D> random_lateral(Real radius, std::uint64_t seed, Index m, std::uint64_t dr
 }  // namespace
 
 template <int D>
-void reinsert(const Ranks& ranks, const Topology& topology, const Hopper& hopper, const Walls<D>& walls, bool smooth,
-              std::uint64_t seed, const Leaving& leaving, State& state) {
+void reinsert(const Ranks& ranks, const Topology& topology, const Container& container, const Walls<D>& walls,
+              bool smooth, std::uint64_t seed, const Leaving& leaving, State& state) {
   constexpr int up = D - 1;
   constexpr std::uint64_t attempts = 64;
   Real* x = state.x().data();
@@ -107,8 +108,9 @@ void reinsert(const Ranks& ranks, const Topology& topology, const Hopper& hopper
     if (r[up] > 0) bulk.push_back({n, r, reach<D>(topology, x, n, r)});
   }
 
+  const Vec<2> inflow = container.inflow();
   for (std::uint64_t attempt = 0; attempt < attempts; ++attempt) {
-    Vec<D> target = random_lateral<D>(hopper.wall_distance / 2 - radius, seed, leaving.id,
+    Vec<D> target = random_lateral<D>(inflow.sum() / 2, container.inflow_width() / 2 - radius, seed, leaving.id,
                                       static_cast<std::uint64_t>(leaving.count) * attempts + attempt);
     // Lower the circle around the particle onto the circles around the others.
     Index touched = -1;
@@ -149,9 +151,7 @@ void reinsert(const Ranks& ranks, const Topology& topology, const Hopper& hopper
         }
       }
     }
-    bool free = true;
-    for (Index s = 0; s < walls.size(); ++s) free = free && walls.distance(target, s) >= radius * (1 - 1e-9);
-    if (!free) continue;
+    if (!Container::can_fall_to<D>(walls, target, radius)) continue;
 
     const int below = ranks.size() - ranks.max(first_touch ? ranks.size() - ranks.rank() : 0);
     std::array<Real, D> velocity{};
@@ -169,13 +169,14 @@ void reinsert(const Ranks& ranks, const Topology& topology, const Hopper& hopper
   }
   throw NumericalError(
       "no place to put particle {} back after it left the hopper: {} particles are above the orifice; use more "
-      "particles (-n), a narrower hopper (-hopper_wall_distance) or orifice (-hopper_width), or -flow discharge",
+      "particles (-n), a narrower hopper (-hopper_wall_distance) or orifice (-hopper_width), wider room between "
+      "obstacles, or -flow discharge",
       leaving.id, ranks.sum(static_cast<std::int64_t>(bulk.size())));
 }
 
-template void reinsert<2>(const Ranks&, const Topology&, const Hopper&, const Walls<2>&, bool, std::uint64_t,
+template void reinsert<2>(const Ranks&, const Topology&, const Container&, const Walls<2>&, bool, std::uint64_t,
                           const Leaving&, State&);
-template void reinsert<3>(const Ranks&, const Topology&, const Hopper&, const Walls<3>&, bool, std::uint64_t,
+template void reinsert<3>(const Ranks&, const Topology&, const Container&, const Walls<3>&, bool, std::uint64_t,
                           const Leaving&, State&);
 
 }  // namespace pliant

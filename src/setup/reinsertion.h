@@ -1,10 +1,10 @@
-// Puts a particle that has left the hopper back at its upstream end [H 2.4].
+// Puts a particle that has left its container back at its upstream end [H 2.4].
 #pragma once
 
 #include <cstdint>
 
 #include <pliant/base/ranks.h>
-#include <pliant/geometry/hopper.h>
+#include <pliant/geometry/container.h>
 #include <pliant/model/state.h>
 #include <pliant/model/topology.h>
 
@@ -19,11 +19,12 @@ struct Leaving {
 };
 
 /// Moves the particle, as it is shaped now, to a uniformly random lateral position, lowered until it touches the first
-/// particle above the orifice line, and gives all its points the velocity of that particle. Random numbers depend on
+/// particle above the orifice line, and gives all its points the velocity of that particle. Walls must not be in its
+/// way. Random numbers depend on
 /// (seed, id, count) only. smooth: outlines are circulo-lines; otherwise points are disks. It stays with its owner.
 /// Collective. Errors: NumericalError if there is no particle to put it on.
 template <int D>
-void reinsert(const Ranks& ranks, const Topology& topology, const Hopper& hopper, const Walls<D>& walls, bool smooth,
-              std::uint64_t seed, const Leaving& leaving, State& state);
+void reinsert(const Ranks& ranks, const Topology& topology, const Container& container, const Walls<D>& walls,
+              bool smooth, std::uint64_t seed, const Leaving& leaving, State& state);
 
 }  // namespace pliant

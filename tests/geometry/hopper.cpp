@@ -1,6 +1,6 @@
 #include <catch2/catch.hpp>
 
-#include <pliant/geometry/hopper.h>
+#include <pliant/geometry/container.h>
 
 using namespace pliant;
 
@@ -23,8 +23,8 @@ TEST_CASE("walls of the hopper") {
   const Walls<2> flat = hopper.walls<2>();
   CHECK(flat.size() == 4);
   REQUIRE(flat.lips().size() == 2);
-  CHECK(flat.lips()[0] == Vec<2>(-2, 0));
-  CHECK(flat.lips()[1] == Vec<2>(2, 0));
+  CHECK(flat.lips()[0].place == Vec<2>(-2, 0));
+  CHECK(flat.lips()[1].place == Vec<2>(2, 0));
   const auto nearest = [](const auto& walls, const auto& r) {
     Real least = std::numeric_limits<Real>::infinity();
     for (Index s = 0; s < walls.size(); ++s) least = std::min(least, walls.distance(r, s));
@@ -54,7 +54,7 @@ TEST_CASE("walls of the hopper") {
 }
 
 TEST_CASE("a closed hopper has a shut orifice and a lid") {
-  const Hopper hopper{.wall_distance = 10, .orifice = 4, .angle = 60};
+  const Container hopper(Hopper{.wall_distance = 10, .orifice = 4, .angle = 60});
   const Walls<2> box = hopper.closed<2>(20);
   CHECK(box.size() == 6);
   CHECK(box.lips().empty());

@@ -143,9 +143,64 @@ TEST_CASE("wall and lip pairs: each once, as by brute force") {
     for (Index l = 0; l < 2; ++l)
       for (Index i = 0; i < rings.size(); ++i)
         if (rings.used[rings.group[i]] &&
-            std::sqrt(segment_foot(flat.lips()[l], rings.at(i), rings.at(rings.next[i])).d2) <
+            std::sqrt(segment_foot(flat.lips()[l].place, rings.at(i), rings.at(rings.next[i])).d2) <
                 rings.diameter[i] / 2 + skin)
           expected.push_back({l, i});
     CHECK(sorted(found) == expected);
   });
+}
+
+namespace {
+
+/// A closed outline of n segments that waves about a circle of radius 4, with a joint and a lip at each corner.
+WallParts waves(Index n) {
+  WallParts walls;
+  const auto corner = [&](Index k) {
+    const Real angle = 2 * pi * (k % n) / n, radius = 4 + 0.3 * std::cos(17 * angle);
+    return Vec<2>(radius * std::cos(angle), radius * std::sin(angle));
+  };
+  for (Index k = 0; k < n; ++k) {
+    walls.lips.push_back({corner(k), k});
+    walls.joints.push_back({corner(k), k});
+    walls.segments.push_back(WallSegment::between(corner(k), corner(k + 1)));
+  }
+  walls.segments.push_back(WallSegment::ray({4.5, 0}, {0, 1}));
+  walls.segments.push_back(WallSegment::disk({-2, 1}, 0.5));
+  return walls;
+}
+
+}  // namespace
+
+TEST_CASE("thousands of walls: as by brute force, in the same order, at the price of those that are near") {
+  const Index n = 5000;
+  const auto check = [&](const auto& walls, const auto& c, Real most) {
+    std::vector<Pair> found, expected;
+    const std::int64_t tests = find_wall_pairs(c.view(), walls, skin, 0, c.size(), collect(c, found));
+    const auto parts = static_cast<Index>(walls.parts().size());
+    REQUIRE(parts > 9000);
+    for (Index i = 0; i < c.size(); ++i)
+      for (Index s = 0; s < parts; ++s)
+        if (c.used[c.group[i]] && walls.distance(c.at(i), s) < c.diameter[i] / 2 + skin) expected.push_back({i, s});
+    REQUIRE(expected.size() > 1000);
+    CHECK(found == expected);
+    CAPTURE(tests, c.size(), expected.size());
+    // Without boxes every block of points is compared with all, and its points with all that are near the block.
+    CHECK(static_cast<Real>(tests) < most * static_cast<Real>(c.size() + static_cast<Index>(expected.size())));
+  };
+  Random random(3);
+  const Cloud<2> rings(random, 100, 5, Sizes::equal, Spread::even);
+  const Walls<2> flat(waves(n));
+  check(flat, rings, 30);
+  check(Walls<3>(waves(n)), Cloud<3>(random, 300, 1, Sizes::equal, Spread::even), 30);
+
+  std::vector<Pair> found, expected;
+  const std::int64_t tests = find_lip_pairs(rings.view(), flat, skin, 0, rings.size(), collect(rings, found));
+  for (Index i = 0; i < rings.size(); ++i)
+    for (Index l = 0; l < n; ++l)
+      if (rings.used[rings.group[i]] && segment_foot(flat.lips()[l].place, rings.at(i), rings.at(rings.next[i])).d2 <
+                                            pliant::square(rings.diameter[i] / 2 + skin))
+        expected.push_back({l, i});
+  REQUIRE(expected.size() > 1000);
+  CHECK(found == expected);
+  CHECK(static_cast<Real>(tests) < 30 * static_cast<Real>(rings.size() + static_cast<Index>(expected.size())));
 }

@@ -82,3 +82,28 @@ TEST_CASE("derivatives of wall distances") {
     }
   }
 }
+
+TEST_CASE("derivatives of distances to disks, spheres on the axis and rings") {
+  const std::vector<WallSegment> disks{WallSegment::disk({0, 1}, 0.8), WallSegment::disk({3, 2}, 0.5)};
+  const Walls<2> flat(disks);
+  const Walls<3> revolved(disks);
+  for (int k = 0; k < 100; ++k) {
+    INFO("state " << k);
+    Random random(k);
+    const Vec<2> p(random(0.2, 6), random(-3, 6));
+    const Real phi = random(0, 2 * pi);
+    for (Index s = 0; s < flat.size(); ++s) {
+      if (flat.distance(p, s) < 0.06) continue;
+      INFO("wall " << s);
+      check_derivatives<2>(flat, s, p, random);
+      check_derivatives<3>(revolved, s, {p[0] * std::cos(phi), p[0] * std::sin(phi), p[1]}, random);
+    }
+  }
+  CHECK(flat.distance({0, 3}, 0) == Approx(1.2));
+  CHECK(flat.distance({0, 1.5}, 0) == Approx(-0.3));  // inside, it is negative
+  CHECK(revolved.distance({0, 3, 2.5}, 1) == Approx(0));
+  // From the axis a sphere on it is a sphere.
+  const WallFoot<3> top = revolved.foot({0, 0, 3}, 0);
+  CHECK((top.n - Vec<3>(0, 0, 1)).norm() < 1e-15);
+  CHECK((top.curvature - Vec<3>(0.5, 0.5, 0).asDiagonal().toDenseMatrix()).norm() < 1e-15);
+}

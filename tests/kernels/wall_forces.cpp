@@ -18,11 +18,19 @@ template <int D>
 struct Room {
   Topology topology;
   std::vector<Real> x;
-  Walls<D> walls{{WallSegment::between({0.5, 0.3}, {1.7, 1.1}), WallSegment::ray({0.5, 0.3}, {0, -1}),
-                  WallSegment::ray({1.7, 1.1}, {0, 1}), WallSegment::between({0, 2}, {1.7, 2})}};
+  Walls<D> walls;
   std::vector<Pair> pairs;
 
-  explicit Room(Random& random) {
+  Room(Random& random, bool plain) {
+    WallParts parts{{WallSegment::between({0.5, 0.3}, {1.7, 1.1}), WallSegment::ray({0.5, 0.3}, {0, -1}),
+                     WallSegment::ray({1.7, 1.1}, {0, 1}), WallSegment::between({0, 2}, {1.7, 2})}};
+    if (!plain) {
+      parts.joints = {{{0.5, 0.3}, 0}, {{1.7, 1.1}, 2}};
+      parts.segments.push_back(WallSegment::disk({-1, -1}, 0.3));
+      parts.segments.push_back(WallSegment::disk({0, -1}, 0.4));
+    }
+    walls = Walls<D>(parts);
+    REQUIRE(walls.plain() == plain);
     topology.dim = D;
     for (int k = 0; k < 40; ++k) {
       Vec<D> r;
@@ -36,7 +44,7 @@ struct Room {
       add(r, random);
     }
     for (Index i = 0; i < topology.points(); ++i)
-      for (Index wall = 0; wall < walls.size(); ++wall) pairs.push_back({i, wall});
+      for (Index part = 0; part < static_cast<Index>(walls.parts().size()); ++part) pairs.push_back({i, part});
     for (std::size_t n = pairs.size(); n-- > 1;) std::swap(pairs[n], pairs[random.below(static_cast<Index>(n + 1))]);
   }
   void add(const Vec<D>& r, Random& random) {
@@ -46,7 +54,7 @@ struct Room {
   std::vector<Real> forces(Real epsilon, std::size_t n, ContactLaw law) const {
     std::vector<Real> f(x.size(), 0.25);  // what is there stays
     const std::vector<Pair> list(pairs.begin(), pairs.begin() + static_cast<std::ptrdiff_t>(n));
-    add_wall_forces<D>(epsilon, list, walls.segments(), topology.diameter.data(), x.data(), f.data(), law);
+    add_wall_forces<D>(epsilon, list, walls, topology.diameter.data(), x.data(), f.data(), law);
     return f;
   }
   std::vector<Real> element_forces(Real epsilon, std::size_t n, ContactLaw law) const {
@@ -68,8 +76,10 @@ struct Room {
 TEMPLATE_TEST_CASE_SIG("wall forces are those of the element form", "", ((int D), D), 2, 3) {
   Random random(11 + D);
   const ContactLaw law = GENERATE(ContactLaw::harmonic, ContactLaw::hertz, ContactLaw::barrier);
+  const bool plain = GENERATE(true, false);
+  CAPTURE(plain);
   for (int trial = 0; trial < 10; ++trial) {
-    const Room<D> room(random);
+    const Room<D> room(random, plain);
     const std::size_t all = room.pairs.size();
     const std::vector<Real> whole = room.element_forces(1e3, all, law);
     const Real scale = *std::max_element(whole.begin(), whole.end());

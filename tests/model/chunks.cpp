@@ -64,7 +64,7 @@ Neighbours<D> brute_force(const Configuration<D>& c, ModelKind kind) {
     if constexpr (D == 2) {
       if (needs.lips)
         for (Index l = 0; l < 2; ++l)
-          if (segment_foot(c.walls.lips()[l], r, c.position(t.next[i])).d2 < square(t.diameter[i] / 2 + skin))
+          if (segment_foot(c.walls.lips()[l].place, r, c.position(t.next[i])).d2 < square(t.diameter[i] / 2 + skin))
             all.lips.pairs.push_back({l, i});
     }
     for (Index j = 0; j < t.points(); ++j) {

@@ -135,7 +135,7 @@ TEST_CASE("a list holds every contact until something has moved by half the skin
       for (Index s = 0; s < scene.walls.size(); ++s)
         expect(2, scene.walls.distance(r, s) < t.diameter[i] / 2, contains(lists.walls, {i, s}));
       for (Index l = 0; l < 2; ++l)
-        expect(3, segment_foot(scene.walls.lips()[l], r, next).d2 < square(t.diameter[i] / 2),
+        expect(3, segment_foot(scene.walls.lips()[l].place, r, next).d2 < square(t.diameter[i] / 2),
                contains(lists.lips, {l, i}));
     }
     CHECK(contacts[0] > 20);

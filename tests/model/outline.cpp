@@ -144,8 +144,8 @@ TEST_CASE("lip and wall terms together are V(distance of the lip to the outline)
       INFO("place " << static_cast<int>(place) << ", state " << k);
       Random random(k);
       Configuration<2> c = polygon_at_lip(random, 90, place, smooth_width);
-      const Real expected =
-          HarmonicOverlap{epsilon, smooth_width / 2}.value(outline_distance(c.walls.lips()[1], vertices_of(c, 0)));
+      const Real expected = HarmonicOverlap{epsilon, smooth_width / 2}.value(
+          outline_distance(c.walls.lips()[1].place, vertices_of(c, 0)));
       REQUIRE(expected > 0);
       CHECK(field->energy(c.view()) == Approx(expected).epsilon(1e-9));
     }

@@ -40,7 +40,7 @@ struct Packed {
   /// Smallest distance of an outer disk's centre to a wall, floor or lid, over its radius; negative outside.
   Real least_wall_gap() const {
     Real least = 1e9;
-    const Walls<D> walls = hopper.closed<D>(packing.height);
+    const Walls<D> walls = Container(hopper).closed<D>(packing.height);
     for (Index m = 0; m < topology.particles(); ++m) {
       const Vec<D> r = centre(m);
       const Real lateral = D == 2 ? std::abs(r[0]) : std::hypot(r[0], r[1]);
@@ -110,7 +110,7 @@ TEST_CASE("a packing is a function of the seed", "[packing]") {
   const Topology topology = make_particles(kind, 2, draw_diameters({}, 20, 1), {});
   const auto positions = [&](std::uint64_t seed) {
     std::vector<Real> x(2 * topology.points());
-    pack<2>(topology, {.wall_distance = 6, .orifice = 2}, {.seed = seed}, x.data());
+    pack<2>(topology, Hopper{.wall_distance = 6, .orifice = 2}, {.seed = seed}, x.data());
     return x;
   };
   CHECK(positions(4) == positions(4));

@@ -41,7 +41,7 @@ void check_directions(const StateView<D>& s, bool lip_edges, const std::string& 
     for (const auto [i, a] : s.neighbours.vertex_edges)
       if (on_edge(s.position(i), a)) refuse(i, "the edge from " + named(a));
     for (const auto [lip, a] : s.neighbours.lips)
-      if (lip_edges && on_edge(s.walls.lips()[lip], a))
+      if (lip_edges && on_edge(s.walls.lips()[lip].place, a))
         throw InputError(
             "{}: a lip of inputs.hopper lies on the edge from {}, where the force has no direction; move it", file,
             named(a));

@@ -42,7 +42,7 @@ Vec<D> down() {
 
 template <int D>
 std::unique_ptr<Simulation<D>> make_simulation(const HopperOptions& p, const Ranks& ranks) {
-  ParticleSystem<D> particles({}, p.hopper.walls<D>(), p.force_field<D>(down<D>()), p.first_skin(), ranks);
+  ParticleSystem<D> particles({}, p.container->walls<D>(), p.force_field<D>(down<D>()), p.first_skin(), ranks);
   if (!p.skin) particles.tune_skin();
   Topology all = make_particles(p.particle_kind(), D,
                                 draw_diameters(p.sizes, p.particles, static_cast<std::uint64_t>(p.seed)), p.shape);
@@ -65,7 +65,7 @@ class HopperProtocol final : public Protocol<D> {
     narrowest_ = *std::min_element(all.diameter.begin(), all.diameter.end());
     largest_a0_ = *std::max_element(all.a0.begin(), all.a0.end());
     top_ = std::accumulate(all.a0.begin(), all.a0.end(), 0.0) /
-           (*p.pack_fraction * std::pow(p.hopper.wall_distance / 2, D - 1));
+           (*p.pack_fraction * std::pow(p.container->inflow_width() / 2, D - 1));
     const CriticalStep critical = particles().field().critical_step(all);
     critical_step_ = critical.least();
     Real lightest = std::numeric_limits<Real>::infinity(), heaviest = 0;
@@ -132,7 +132,7 @@ class HopperProtocol final : public Protocol<D> {
     g.kind = D == 2 ? "hopper2d" : "hopper3d";
     g.attributes = {{"W", p_.hopper.wall_distance}, {"w", p_.hopper.orifice}, {"angle", p_.hopper.angle}};
     for (const WallSegment& wall : particles().walls().segments()) {
-      const Real length = std::isfinite(wall.length) ? wall.length : 2 * p_.hopper.wall_distance;
+      const Real length = std::isfinite(wall.length) ? wall.length : 2 * p_.container->inflow_width();
       const Vec<2> end = wall.origin + length * wall.direction;
       g.segments.insert(g.segments.end(), {wall.origin[0], wall.origin[1], end[0], end[1]});
     }
@@ -149,15 +149,15 @@ class HopperProtocol final : public Protocol<D> {
     if (p_.integrator == IntegratorKind::verlet && !((*p_.t_end - state().t) / dt < FixedStepVerlet::most_steps))
       throw InputError("-t_end {:g}: with dt = {:.3g} t0 these are more steps than can be counted; give an earlier end",
                        *p_.t_end, dt);
-    check_fit(this->simulation().all(), p_.hopper);
+    check_fit(this->simulation().all(), *p_.container);
   }
 
   /// Every rank packs all particles, which takes no longer than one rank would.
   std::vector<Real> start() override {
     const Topology& all = this->simulation().all();
     std::vector<Real> x(static_cast<std::size_t>(all.points()) * D);
-    const Packing packing =
-        pack<D>(all, p_.hopper, {*p_.pack_fraction, p_.pack_tolerance, static_cast<std::uint64_t>(p_.seed)}, x.data());
+    const Packing packing = pack<D>(
+        all, *p_.container, {*p_.pack_fraction, p_.pack_tolerance, static_cast<std::uint64_t>(p_.seed)}, x.data());
     if (ranks().root())
       say("packed to a fraction of {:.3f}, height {:.1f}, in {} iterations of FIRE; largest overlap {:.1e}\n",
           packing.fraction, packing.height, packing.iterations, packing.max_overlap);
@@ -188,7 +188,7 @@ class HopperProtocol final : public Protocol<D> {
   }
 
   void judge_end() override {
-    last_sample_ = take_sample<D>(particles(), state(), p_.hopper, flow_, run().last_dt());
+    last_sample_ = take_sample<D>(particles(), state(), *p_.container, flow_, run().last_dt());
     end_without_flow();
   }
 
@@ -222,7 +222,7 @@ class HopperProtocol final : public Protocol<D> {
 
   std::vector<SeriesValue> sample() override {
     const State& s = state();
-    last_sample_ = take_sample<D>(particles(), s, p_.hopper, flow_, run().last_dt());
+    last_sample_ = take_sample<D>(particles(), s, *p_.container, flow_, run().last_dt());
     check_particles();
     const FlowCount& crossed = last_sample_.crossed;
     end_without_flow();
@@ -373,7 +373,7 @@ class HopperProtocol final : public Protocol<D> {
     for (const Leaving& l : leaving) {
       const bool mine = l.rank == ranks().rank();
       if (p_.flow == FlowKind::continuous) {
-        reinsert<D>(ranks(), own, p_.hopper, particles().walls(), p_.particle_kind() == ModelKind::smooth,
+        reinsert<D>(ranks(), own, *p_.container, particles().walls(), p_.particle_kind() == ModelKind::smooth,
                     static_cast<std::uint64_t>(p_.seed), l, s);
         if (!mine) continue;
         this->simulation().relist(l.particle);
@@ -390,7 +390,7 @@ class HopperProtocol final : public Protocol<D> {
 
   Real height(Index m) const { return mean_of_points<D>(state().x().data(), topology(), m)[D - 1]; }
 
-  Passage<D> passage() const { return {state().x().data(), topology(), p_.hopper, particles().walls()}; }
+  Passage<D> passage() const { return {state().x().data(), topology(), *p_.container, particles().walls()}; }
 
   NumericalError through_wall(Index id, const std::array<Real, D>& at, std::string_view how) const {
     const bool enters = deformable() && p_.lip_contact == ContactRule::literal;
@@ -419,7 +419,7 @@ class HopperProtocol final : public Protocol<D> {
         if (!r.allFinite() || !v.allFinite())
           throw NumericalError("particle {} has a position or velocity that is not finite", own.id[m]);
         if (own.active[m] && places.through_wall(m)) throw through_wall(own.id[m], sight(m).x, "left the hopper");
-        if (const Real roof = 10 * (top_ + p_.hopper.slope_height() + largest_); r[D - 1] > roof)
+        if (const Real roof = 10 * (top_ + p_.container->upright_from() + largest_); r[D - 1] > roof)
           throw NumericalError(
               "particle {} was thrown to a height of {:.3g} sigma_avg, beyond {:.3g}, ten times that of the start: the "
               "step makes energy; {}",

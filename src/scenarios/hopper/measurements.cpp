@@ -35,8 +35,8 @@ Real sum_of_forces(std::string_view term, const ParticleSystem<D>& system, const
 
 /// The middle of the filling, away from the walls, the orifice and the free surface.
 template <int D>
-auto bulk_region(const Hopper& hopper, Real top) {
-  const Real low = 0.3 * top, high = 0.7 * top, half = 0.8 * hopper.half_width(low);
+auto bulk_region(const Container& container, Real top) {
+  const Real low = 0.3 * top, high = 0.7 * top, half = 0.8 * container.half_width(D, low);
   if constexpr (D == 2)
     return BoxRegion<2>{{-half, low}, {half, high}};
   else
@@ -52,7 +52,7 @@ std::vector<Real> profile_heights() {
 }
 
 template <int D>
-Sample<D> take_sample(ParticleSystem<D>& system, const State& state, const Hopper& hopper, const FlowCount& flow,
+Sample<D> take_sample(ParticleSystem<D>& system, const State& state, const Container& container, const FlowCount& flow,
                       Real dt) {
   const Topology& topology = system.topology();
   const StateView<D> view = system.view(state.x().data(), state.v().data());
@@ -111,8 +111,8 @@ Sample<D> take_sample(ParticleSystem<D>& system, const State& state, const Hoppe
                   static_cast<Real>(touching.size()),
                   sum_of_forces<D>("drag", system, view, centres.position, buffer),
                   sum_of_forces<D>("friction", system, view, centres.position, buffer),
-                  number_density<D>(orifice_region<D>(hopper.orifice), centres.position, active),
-                  packing_fraction<D>(bulk_region<D>(hopper, top), centres.position,
+                  number_density<D>(orifice_region<D>(container.orifice()), centres.position, active),
+                  packing_fraction<D>(bulk_region<D>(container, top), centres.position,
                                       std::span(topology.a0).first(topology.owned()), active),
                   static_cast<Real>(flow.crossed),
                   flow.area};
@@ -233,7 +233,7 @@ std::string discharge_text(const nlohmann::ordered_json& measured) {
   return text;
 }
 
-template Sample<2> take_sample(ParticleSystem<2>&, const State&, const Hopper&, const FlowCount&, Real);
-template Sample<3> take_sample(ParticleSystem<3>&, const State&, const Hopper&, const FlowCount&, Real);
+template Sample<2> take_sample(ParticleSystem<2>&, const State&, const Container&, const FlowCount&, Real);
+template Sample<3> take_sample(ParticleSystem<3>&, const State&, const Container&, const FlowCount&, Real);
 
 }  // namespace pliant

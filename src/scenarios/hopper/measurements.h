@@ -36,7 +36,7 @@ std::vector<Real> profile_heights();
 
 /// Of all ranks, the same on each. Collective.
 template <int D>
-Sample<D> take_sample(ParticleSystem<D>& system, const State& state, const Hopper& hopper, const FlowCount& flow,
+Sample<D> take_sample(ParticleSystem<D>& system, const State& state, const Container& container, const FlowCount& flow,
                       Real dt);
 
 /// Time of the last sample that has counted a crossing; of the first one where none has.

@@ -269,6 +269,7 @@ void HopperOptions::resolve() {
   if (!wall_distance) wall_distance = dim == 2 ? 50 : 25;
   hopper.wall_distance = *wall_distance;
   hopper.check();
+  container = Container(hopper);
   if (!pack_fraction) pack_fraction = dim == 2 ? 0.84 : 0.64;
   if (shape.shape_parameter > 0 && shape.shape_parameter < regular_shape_parameter(shape.vertices))
     throw InputError("-shape_parameter {}: no polygon of {} vertices has less than {:.6g}, the regular one's",

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include <pliant/base/options.h>
-#include <pliant/geometry/hopper.h>
+#include <pliant/geometry/container.h>
 #include <pliant/model/own_model.h>
 #include <pliant/run/options.h>
 #include <pliant/setup/packing.h>
@@ -43,6 +43,7 @@ struct HopperOptions : RunOptions {
 
   Hopper hopper;
   std::optional<Real> wall_distance;
+  std::optional<Container> container;  ///< made of these by `resolve`
   FlowKind flow = FlowKind::continuous;
   std::optional<Real> pack_fraction;
   Real pack_tolerance = 1e-4;

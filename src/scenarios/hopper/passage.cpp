@@ -1,41 +1,31 @@
 #include <pliant/scenarios/hopper/passage.h>
 
-#include <algorithm>
 #include <cmath>
 
 #include <pliant/model/crossing.h>
 
 namespace pliant {
-namespace {
-
-template <int D>
-Real distance_from_axis(const Real* r) {
-  return D == 2 ? std::abs(r[0]) : std::hypot(r[0], r[1]);
-}
-
-}  // namespace
-
-template <int D>
-bool Passage<D>::outside(const Real* r) const {
-  return r[D - 1] > 0 && distance_from_axis<D>(r) > hopper.half_width(r[D - 1]);
-}
 
 template <int D>
 bool Passage<D>::through_wall(Index m) const {
-  const auto& segments = walls.segments();
-  if (D == 2 && topology.deformable())
-    return std::any_of(segments.begin(), segments.end(),
-                       [&](const WallSegment& wall) { return outline_meets(x, topology, m, wall); });
-  for (Index i = topology.offset[m]; i < topology.offset[m + 1]; ++i)
-    if (outside(x + static_cast<std::size_t>(i) * D)) return true;
+  Index end = topology.offset[m + 1];
+  if constexpr (D == 2)
+    if (topology.deformable()) {
+      if (outline_meets(x, topology, m, walls)) return true;
+      end = topology.offset[m] + 1;  // all vertices are on the same side as the first one
+    }
+  for (Index i = topology.offset[m]; i < end; ++i) {
+    const Vec<2> place = in_plane<D>(point<D>(x, i));
+    if (place[1] > 0 && !container.inside(D, place)) return true;
+  }
   return false;
 }
 
 template <int D>
 bool Passage<D>::through_orifice(Index m, std::span<const Real, D> place) const {
-  if (D == 3 || !topology.deformable()) return distance_from_axis<D>(place.data()) <= hopper.orifice / 2;
-  const auto orifice = WallSegment::between({-hopper.orifice / 2, 0}, {hopper.orifice / 2, 0});
-  return outline_meets(x, topology, m, orifice) && !through_wall(m);
+  const Real half = container.orifice() / 2;
+  if (D == 3 || !topology.deformable()) return std::abs(in_plane<D>(point<D>(place.data(), 0))[0]) <= half;
+  return outline_meets(x, topology, m, WallSegment::between({-half, 0}, {half, 0})) && !through_wall(m);
 }
 
 template struct Passage<2>;

@@ -4,7 +4,7 @@
 #include <optional>
 #include <span>
 
-#include <pliant/geometry/hopper.h>
+#include <pliant/geometry/container.h>
 #include <pliant/model/topology.h>
 
 namespace pliant {
@@ -14,19 +14,16 @@ template <int D>
 struct Passage {
   const Real* x;
   const Topology& topology;
-  const Hopper& hopper;
+  const Container& container;
   const Walls<D>& walls;
 
   /// Whether walls have been pierced: the outline of polygon m meets a wall, or, of a sphere, the centre is above the
-  /// orifice line and farther out than the wall.
+  /// orifice line and not in the container.
   bool through_wall(Index m) const;
 
   /// Whether particle m, which has come to the other side of the orifice line at `place`, went through the orifice: the
   /// place is within it; of a polygon, the outline meets the orifice and no wall.
   bool through_orifice(Index m, std::span<const Real, D> place) const;
-
- private:
-  bool outside(const Real* r) const;
 };
 
 }  // namespace pliant

@@ -1,0 +1,136 @@
+#include <pliant/geometry/container.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace pliant {
+namespace {
+
+template <class... F>
+struct Overload : F... {
+  using F::operator()...;
+};
+template <class... F>
+Overload(F...) -> Overload<F...>;
+
+/// Distance of a wall from the line that goes straight up from p.
+Real distance_from_line_up(const Vec<2>& p, const WallSegment& wall) {
+  const auto from_line = [&](const Vec<2>& r) { return r[1] >= p[1] ? std::abs(r[0] - p[0]) : (r - p).norm(); };
+  const Vec<2> w = p - wall.origin;
+  Real d = (w - std::clamp(w.dot(wall.direction), Real(0), wall.length) * wall.direction).norm();
+  d = std::min(d, from_line(wall.origin));
+  if (wall.direction[0] != 0) {  // else it is nearest at an end, or beside p
+    const Real across = (p[0] - wall.origin[0]) / wall.direction[0];
+    if (across >= 0 && across <= wall.length && wall.origin[1] + across * wall.direction[1] >= p[1]) d = 0;
+    if (std::isfinite(wall.length)) d = std::min(d, from_line(wall.end()));
+  }
+  return d - wall.radius;
+}
+
+}  // namespace
+
+Real Container::orifice() const {
+  return std::visit(Overload{[](const Hopper& h) { return h.orifice; }, [](const Vessel& v) { return v.orifice(); }},
+                    shape_);
+}
+
+Vec<2> Container::inflow() const {
+  return std::visit(Overload{[](const Hopper& h) { return Vec<2>(-h.wall_distance / 2, h.wall_distance / 2); },
+                             [](const Vessel& v) { return Vec<2>(v.left(), v.right()); }},
+                    shape_);
+}
+
+Vec<2> Container::extent() const {
+  const Vessel* vessel = std::get_if<Vessel>(&shape_);
+  return vessel != nullptr ? vessel->extent() : inflow();
+}
+
+Real Container::upright_from() const {
+  return std::visit(
+      Overload{[](const Hopper& h) { return h.slope_height(); }, [](const Vessel& v) { return v.upright_from(); }},
+      shape_);
+}
+
+Real Container::half_width(int dim, Real y) const {
+  return std::visit(
+      Overload{[&](const Hopper& h) { return h.half_width(y); }, [&](const Vessel& v) { return v.half_width(dim, y); }},
+      shape_);
+}
+
+bool Container::inside(int dim, const Vec<2>& p) const {
+  const bool between =
+      std::visit(Overload{[&](const Hopper& h) { return p[1] > 0 && std::abs(p[0]) <= h.half_width(p[1]); },
+                          [&](const Vessel& v) { return v.inside(dim, p); }},
+                 shape_);
+  return between &&
+         std::none_of(obstacles_.begin(), obstacles_.end(), [&](const Obstacle& o) { return o.contains(p); });
+}
+
+template <int D>
+bool Container::has_room(const Walls<D>& walls, const Vec<D>& r, Real radius, Real margin) const {
+  const Vec<2> p = in_plane<D>(r);
+  if (const Hopper* hopper = std::get_if<Hopper>(&shape_))
+    if (std::abs(p[0]) > std::max(hopper->half_width(p[1]) - radius, hopper->orifice / 4)) return false;
+  if (plain()) return true;
+  std::vector<Index> near;
+  walls.find_near(r, margin * radius, near);
+  return near.empty() && inside(D, p);
+}
+
+Real Container::capacity(int dim, Real y) const {
+  Real all = std::visit([&](const auto& shape) { return shape.capacity(dim, y); }, shape_);
+  for (const Obstacle& o : obstacles_) all -= o.content(dim, y);
+  return all;
+}
+
+Real Container::fill_height(int dim, Real content) const {
+  Real low = 0, high = 1;
+  while (capacity(dim, high) < content) high *= 2;
+  for (int k = 0; k < 100; ++k) {
+    const Real middle = (low + high) / 2;
+    (capacity(dim, middle) < content ? low : high) = middle;
+  }
+  return high;
+}
+
+WallParts Container::parts(int dim) const {
+  WallParts walls = std::visit([&](const auto& shape) { return shape.walls(dim); }, shape_);
+  for (const Obstacle& o : obstacles_) o.add_to(walls);
+  return walls;
+}
+
+template <int D>
+Walls<D> Container::walls() const {
+  return Walls<D>(parts(D));
+}
+
+template <int D>
+Walls<D> Container::closed(Real lid) const {
+  WallParts walls = parts(D);
+  walls.lips.clear();
+  const Vec<2> across = extent();
+  const Real bottom = orifice() / 2;
+  walls.segments.push_back(WallSegment::between({D == 2 ? -bottom : 0, 0}, {bottom, 0}));
+  walls.segments.push_back(WallSegment::between({D == 2 ? across[0] : 0, lid}, {across[1], lid}));
+  return Walls<D>(std::move(walls));
+}
+
+template <int D>
+bool Container::can_fall_to(const Walls<D>& walls, const Vec<D>& r, Real radius) {
+  const Real least = radius * (1 - 1e-9);
+  const Vec<2> p = in_plane<D>(r);
+  for (Index s = 0; s < walls.size(); ++s)
+    if (walls.distance(r, s) < least || distance_from_line_up(p, walls.segments()[s]) < least) return false;
+  return true;
+}
+
+template Walls<2> Container::walls() const;
+template Walls<3> Container::walls() const;
+template Walls<2> Container::closed(Real) const;
+template Walls<3> Container::closed(Real) const;
+template bool Container::has_room(const Walls<2>&, const Vec<2>&, Real, Real) const;
+template bool Container::has_room(const Walls<3>&, const Vec<3>&, Real, Real) const;
+template bool Container::can_fall_to(const Walls<2>&, const Vec<2>&, Real);
+template bool Container::can_fall_to(const Walls<3>&, const Vec<3>&, Real);
+
+}  // namespace pliant

@@ -1,0 +1,74 @@
+// The region that particles are in: what packing, reinsertion, counting and checks ask for, whatever its shape.
+#pragma once
+
+#include <variant>
+
+#include <pliant/geometry/hopper.h>
+#include <pliant/geometry/obstacle.h>
+#include <pliant/geometry/vessel.h>
+
+namespace pliant {
+
+/// Where r is in the plane of a container: (x, y), in 3D (ρ, z).
+template <int D>
+Vec<2> in_plane(const Vec<D>& r) {
+  if constexpr (D == 2)
+    return {r[0], r[1]};
+  else
+    return {std::hypot(r[0], r[1]), r[2]};
+}
+
+/// Walls around a region above an orifice, which is centred on the axis at y = 0, with upright walls at the upper end,
+/// which is open and has no end; and obstacles in it. Points are given in its plane. In 3D the region is a figure of
+/// revolution.
+class Container {
+ public:
+  Container(const Hopper& hopper, std::vector<Obstacle> obstacles = {})  // NOLINT: a hopper is a container
+      : shape_(hopper), obstacles_(std::move(obstacles)) {}
+  Container(Vessel vessel, std::vector<Obstacle> obstacles = {})  // NOLINT: so is a vessel
+      : shape_(std::move(vessel)), obstacles_(std::move(obstacles)) {}
+
+  /// Whether it is a hopper, without obstacles.
+  bool plain() const { return obstacles_.empty() && std::holds_alternative<Hopper>(shape_); }
+
+  /// Width (diameter) of the orifice.
+  Real orifice() const;
+  /// Least and largest x between the upright walls, where particles come in; in 3D the diameter there.
+  Vec<2> inflow() const;
+  Real inflow_width() const { return inflow()[1] - inflow()[0]; }
+  /// Least and largest x of all walls.
+  Vec<2> extent() const;
+  /// Height from which on the walls are upright.
+  Real upright_from() const;
+  /// How far the region goes on both sides of the axis at height y, obstacles aside; half of the orifice below it.
+  Real half_width(int dim, Real y) const;
+  /// Whether p is above the orifice line, between the walls and in no obstacle.
+  bool inside(int dim, const Vec<2>& p) const;
+  /// Whether a disk (sphere) of this radius can start at r, to be pushed to its place from there: it overlaps upright
+  /// and sloped walls only where the region is too narrow for it, and is at least `margin` of its radius from all else.
+  /// walls: those of this container.
+  template <int D>
+  bool has_room(const Walls<D>& walls, const Vec<D>& r, Real radius, Real margin) const;
+  /// Area (volume) between the orifice and height y.
+  Real capacity(int dim, Real y) const;
+  /// Height up to which the content fills it.
+  Real fill_height(int dim, Real content) const;
+
+  template <int D>
+  Walls<D> walls() const;
+  /// The same, and after them a shut orifice and a lid at height `lid`: a box to pack particles in.
+  template <int D>
+  Walls<D> closed(Real lid) const;
+
+  /// Whether a disk (sphere) of this radius can come to r straight from above without touching walls.
+  template <int D>
+  static bool can_fall_to(const Walls<D>& walls, const Vec<D>& r, Real radius);
+
+ private:
+  WallParts parts(int dim) const;
+
+  std::variant<Hopper, Vessel> shape_;
+  std::vector<Obstacle> obstacles_;
+};
+
+}  // namespace pliant

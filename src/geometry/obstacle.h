@@ -1,0 +1,31 @@
+// Obstacles that stand in a container: disks and polygons, in 3D their figures of revolution.
+#pragma once
+
+#include <vector>
+
+#include <pliant/geometry/walls.h>
+
+namespace pliant {
+
+/// ∫ x dy (3D: π ∫ ρ² dz) along the polyline, up to height y: what lies between it and the axis, counted against its
+/// direction where it goes down.
+Real swept_area(int dim, const Vec<2>& a, const Vec<2>& b, Real y);
+
+/// A disk about its one corner, or a polygon. In 3D the plane is that of (ρ, z): a sphere on the axis, or a ring.
+struct Obstacle {
+  std::vector<Vec<2>> corners;  ///< of a polygon counterclockwise
+  Real radius = 0;              ///< of a disk
+
+  bool disk() const { return corners.size() == 1; }
+  bool contains(const Vec<2>& p) const;
+  /// Its rim: a joint at each corner, and a lip where edges of polygons can catch.
+  void add_to(WallParts& walls) const;
+  /// Area (volume) of what is below height y.
+  Real content(int dim, Real y) const;
+};
+
+/// Whether an outline that goes from a over b to c turns by more than 20° there: edges of polygons reach over flatter
+/// corners. left: to that side.
+bool turns_sharply(const Vec<2>& a, const Vec<2>& b, const Vec<2>& c, bool left);
+
+}  // namespace pliant
