@@ -133,19 +133,28 @@ def visible(run, frame):
 
 
 def wall_lines(run, frame, top=None):
-    """[S, 2, 2] ends, in the plane of view, of the walls at the frame's time. Of a hopper upright walls reach up to
-    `top` (None: to their upper end, or to their lower one if they have no end); in 3D both halves of the cut through
-    the axis. Walls that are gone, as the opened lid of a clog, are left out."""
+    """[S, 2, 2] ends, in the plane of view, of the walls at the frame's time. Of a hopper the walls at the upper end
+    reach up to `top` (None: to their upper end, or to their lower one if they have no end); in 3D both halves of the cut
+    through the axis. A disk is a polygon. Walls that are gone, as the opened lid of a clog, are left out."""
     lines = frame.wall_segments.reshape(-1, 2, 2).copy()
     if run.droplets:
         return lines[(lines[:, 0] != lines[:, 1]).any(1)]
+    finite = np.isfinite(lines[:, :, 1])
+    highest = lines[:, :, 1].max(where=finite, initial=-np.inf)
     for line in lines:
         bottom = int(np.argmin(np.where(np.isfinite(line[:, 1]), line[:, 1], np.inf)))
         lower, upper = line[bottom], line[1 - bottom]
+        endless = not np.isfinite(upper).all() or upper[1] == highest
         if not np.isfinite(upper).all():
             upper[:] = lower
-        if top is not None and abs(lower[0] - upper[0]) < 1e-9 * max(run.geometry.W, 1):
+        if top is not None and endless and abs(lower[0] - upper[0]) < 1e-9 * max(run.geometry.W, 1):
             upper[1] = max(top, upper[1])
+    disks = run.geometry.radius > 0
+    if disks.any():
+        angle = np.linspace(0, 2 * np.pi, 65)
+        rims = [centre + r * np.column_stack([np.cos(angle), np.sin(angle)])
+                for centre, r in zip(lines[disks, 0], run.geometry.radius[disks])]
+        lines = np.concatenate([lines[~disks], *(np.stack([rim[:-1], rim[1:]], axis=1) for rim in rims)])
     return np.concatenate([lines, lines * [-1, 1]]) if run.dim == 3 else lines
 
 

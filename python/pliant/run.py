@@ -61,9 +61,10 @@ class Geometry:
     """The walls; in 3D `segments` is the meridian (rho, z) of walls of revolution."""
 
     segments: np.ndarray  #: [S, 4] x1 y1 x2 y2
+    radius: np.ndarray    #: [S] of disks, which have their centre twice; 0: a segment
     W: float              #: distance of the upright walls
     w: float              #: width of the orifice
-    angle: float          #: degrees
+    angle: float          #: degrees; NaN for a container of its own outline
     kind: str             #: hopper2d or hopper3d
     box: np.ndarray | None = None  #: [2, D] of a periodic box: origin and lengths, infinite in open directions
 
@@ -392,8 +393,10 @@ class Run:
         attrs = {key: _plain(value) for key, value in group.attrs.items()}
         lengths = {k: float(attrs.get(k, np.nan)) for k in ("W", "w", "angle")}
         check_strings(group)
+        segments = self.read(group["segments"]).reshape(-1, 4)
+        radius = self.read(group["radius"]) if "radius" in group else np.zeros(len(segments))
         box = self.read(group["box"]).reshape(2, -1) if "box" in group else None
-        return Geometry(self.read(group["segments"]).reshape(-1, 4), **lengths, kind=attrs.get("kind", ""), box=box)
+        return Geometry(segments, radius, **lengths, kind=attrs.get("kind", ""), box=box)
 
     @cached_property
     def frames(self):

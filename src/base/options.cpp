@@ -1,6 +1,7 @@
 #include <pliant/base/nearest.h>
 #include <pliant/base/options.h>
 #include <pliant/base/petsc.h>
+#include <pliant/base/text.h>
 
 #include <algorithm>
 #include <array>
@@ -298,7 +299,7 @@ void Options::reset() {
 }
 
 // Sets the bound variable from the text that the user gave.
-void Options::assign(Option& option, const Setting& setting) {
+void Options::assign(Option& option, const Setting& setting, bool stored) {
   const OptionSpec& spec = option.spec;
   if (!setting.value && !std::holds_alternative<bool*>(option.target))
     bad_value(setting, fmt::format("needs a value ({})", type_text(option)));
@@ -318,7 +319,7 @@ void Options::assign(Option& option, const Setting& setting) {
                       [&](std::string* target) {
                         if (!spec.choices.empty()) parse_choice(setting, spec.choices);
                         if (setting.value->empty() && setting.source != "default") bad_value(setting, "is empty");
-                        *target = *setting.value;
+                        *target = spec.read && !stored ? spec.read(*setting.value) : *setting.value;
                       },
                       [&](const Enumeration& target) { target.set(parse_choice(setting, spec.choices)); }},
              option.target);
@@ -333,7 +334,7 @@ void Options::assign(Option& option, const Json& value, const std::string& sourc
   } else if (value.is_null()) {
     throw InputError("-{}: the stored value is missing", option.name);
   } else {
-    assign(option, Setting{option.name, plain(value), source});
+    assign(option, Setting{option.name, plain(value), source}, true);
   }
 }
 
@@ -423,7 +424,7 @@ void Options::from_json(const Json& stored) {
           throw RestartConflict(
               "-{} {}: the stored run has {}, and a restart cannot change it; leave it out, or start a new run in "
               "another folder",
-              name, plain(now), old.is_null() ? std::string("an automatic value") : plain(old));
+              name, printable(plain(now)), old.is_null() ? std::string("an automatic value") : printable(plain(old)));
       }
     } else if (!is_petsc(name)) {
       throw InputError("stored options: -{} is unknown to this version; continue with the version that wrote them",

@@ -37,6 +37,9 @@ struct OptionSpec {
   std::vector<std::string> choices = {};  ///< empty: any text
   std::string automatic = {};  ///< what an empty std::optional means, for the help ("0.1 of the shortest time")
   OnRestart on_restart = OnRestart::keep;
+  /// Of a text: what is kept in place of what the user gives, such as the content of the file that it names; files of a
+  /// run and restarts have that. Errors: InputError.
+  std::function<std::string(const std::string&)> read = {};
 };
 
 /// The user asks for something else than the stored run has.
@@ -121,7 +124,8 @@ class Options {
   };
 
   void add(const std::string& name, Target target, OptionSpec spec);
-  void assign(Option& option, const Setting& setting);
+  /// stored: its text is the value of an earlier run, or the default.
+  void assign(Option& option, const Setting& setting, bool stored = false);
   void assign(Option& option, const nlohmann::json& value, const std::string& source);
   static nlohmann::json value(const Option& option);
   static std::string type_text(const Option& option);

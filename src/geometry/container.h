@@ -54,6 +54,8 @@ class Container {
   /// Height up to which the content fills it.
   Real fill_height(int dim, Real content) const;
 
+  /// What its walls are made of, the obstacles last.
+  WallParts parts(int dim) const;
   template <int D>
   Walls<D> walls() const;
   /// The same, and after them a shut orifice and a lid at height `lid`: a box to pack particles in.
@@ -65,8 +67,6 @@ class Container {
   static bool can_fall_to(const Walls<D>& walls, const Vec<D>& r, Real radius);
 
  private:
-  WallParts parts(int dim) const;
-
   std::variant<Hopper, Vessel> shape_;
   std::vector<Obstacle> obstacles_;
 };

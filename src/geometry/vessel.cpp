@@ -35,17 +35,24 @@ std::string text(const Named& s) {
   return fmt::format("segment ({:g}, {:g}) to ({:g}, {:g})", s.a[0], s.a[1], s.b[0], s.b[1]);
 }
 
-void check(const Vessel::Line& left, const Vessel::Line& right) {
+void check(const Vessel::Line& left, const Vessel::Line& right, const Vessel::Source& source) {
+  const auto where = [&](bool of_left, std::size_t k) {
+    const std::vector<int>& lines = of_left ? source.left : source.right;
+    return k < lines.size() ? fmt::format(" (line {})", lines[k]) : "";
+  };
   for (const auto* line : {&left, &right}) {
+    const bool of_left = line == &left;
     if (line->size() < 2)
       throw InputError("a polyline of {} points is no wall; give at least two, from the orifice up", line->size());
     for (std::size_t k = 0; k < line->size(); ++k) {
       const Vec<2>& r = (*line)[k];
-      if (!r.allFinite()) throw InputError("point {} of a polyline is not finite", k + 1);
+      if (!r.allFinite()) throw InputError("point {} of a polyline is not finite{}", k + 1, where(of_left, k));
       if (r[1] < 0)
-        throw InputError("point ({:g}, {:g}) is below the orifice, which is at y = 0; raise it", r[0], r[1]);
+        throw InputError("point ({:g}, {:g}){} is below the orifice, which is at y = 0; raise it", r[0], r[1],
+                         where(of_left, k));
       if (k > 0 && r == (*line)[k - 1])
-        throw InputError("a segment at ({:g}, {:g}) has no length; leave one of its points out", r[0], r[1]);
+        throw InputError("a segment at ({:g}, {:g}){} has no length; leave one of its points out", r[0], r[1],
+                         where(of_left, k));
     }
     if ((*line)[0][1] != 0)
       throw InputError(
@@ -89,13 +96,15 @@ void check(const Vessel::Line& left, const Vessel::Line& right) {
         const Named &first = s.point < t.point ? s : t, &second = s.point < t.point ? t : s;
         const Vec<2> u = first.b - first.a, v = second.b - second.a;
         if (cross(u, v) == 0 && u.dot(v) < 0)
-          throw InputError("{} goes back along the one before it; leave that point out", text(second));
+          throw InputError("{}{} goes back along the one before it; leave its first point out", text(second),
+                           where(s.left, static_cast<std::size_t>(second.point) - 1));
       } else if (meet(s.a, s.b, t.a, t.b)) {
         const auto what = [&](const Named& n) {
           const Vessel::Line& line = n.left ? left : right;
           return n.point == static_cast<Index>(line.size())
-                     ? fmt::format("the wall that goes straight up from ({:g}, {:g})", n.a[0], n.a[1])
-                     : text(n);
+                     ? fmt::format("the wall that goes straight up from ({:g}, {:g}){}", n.a[0], n.a[1],
+                                   where(n.left, line.size() - 1))
+                     : text(n) + where(n.left, static_cast<std::size_t>(n.point));
         };
         throw InputError("{} meets {}; walls must not cross or touch", what(s), what(t));
       }
@@ -104,8 +113,8 @@ void check(const Vessel::Line& left, const Vessel::Line& right) {
 
 }  // namespace
 
-Vessel::Vessel(Line left, Line right) : left_(std::move(left)), right_(std::move(right)) {
-  check(left_, right_);
+Vessel::Vessel(Line left, Line right, const Source& source) : left_(std::move(left)), right_(std::move(right)) {
+  check(left_, right_, source);
   extent_ = {left_[0][0], right_[0][0]};
   for (const auto* line : {&left_, &right_}) {
     for (std::size_t k = 0; k < line->size(); ++k) {

@@ -13,9 +13,14 @@ class Vessel {
  public:
   using Line = std::vector<Vec<2>>;
 
+  /// Where the points of the lines come from, for messages: lines of a file, from 1.
+  struct Source {
+    std::vector<int> left, right;
+  };
+
   /// The lines, at least two points each, must not meet each other or themselves; the orifice is centred on x = 0.
-  /// Errors: InputError where that is not so, with the number of the point (1: at the orifice).
-  Vessel(Line left, Line right);
+  /// Errors: InputError where that is not so.
+  Vessel(Line left, Line right, const Source& source = {});
 
   Real orifice() const { return 2 * right_.front()[0]; }
   /// x of the upright walls.

@@ -81,25 +81,35 @@ void write_topology(File& file, const Topology& topology) {
 void write_geometry(File& file, const RunGeometry& geometry, int dim) {
   auto group = file.create_group("/geometry");
   const std::uint64_t walls = geometry.segments.size() / 4;
+  const bool disks = std::any_of(geometry.radius.begin(), geometry.radius.end(), [](Real r) { return r > 0; });
   group.write("segments", geometry.segments, {walls, 4}, Storage::crc32);
+  if (disks) group.write("radius", geometry.radius, {walls}, Storage::crc32);
   group.set_attribute("kind", geometry.kind);
   group.seal();
   for (const auto& [name, value] : geometry.attributes) group.set_attribute(name, value);
-  if (!geometry.box.empty()) group.write("box", geometry.box, {2, static_cast<std::uint64_t>(dim)}, Storage::crc32);
   if (dim == 2) {
+    const XdmfLines lines = xdmf_walls(geometry.segments, geometry.radius);
     write_xdmf_constants(group, "xdmf", walls);
-    group.write("xdmf/points", geometry.segments, {2 * walls, 2}, Storage::crc32);
-    group.write("xdmf/connectivity", xdmf_lines(walls), {4 * walls}, Storage::crc32);
+    group.write("xdmf/points", lines.points, {lines.points.size() / 2, 2}, Storage::crc32);
+    group.write("xdmf/connectivity", lines.cells, {lines.cells.size()}, Storage::crc32);
   }
 }
 
+DrawnWalls drawn_walls(const File& file, int dim) {
+  if (dim != 2) return {};
+  return {file.shape("/geometry/xdmf/points").at(0), file.shape("/geometry/xdmf/connectivity").at(0)};
+}
+
 /// XML of a frame that a run of `walls` segments and these particles has written before.
-std::string grid_of(const Group& group, const std::string& name, const Topology& topology, std::uint64_t walls) {
+std::string grid_of(const Group& group, const std::string& name, const Topology& topology, std::uint64_t walls,
+                    const DrawnWalls& drawn) {
   XdmfFrame frame{.name = name, .time = group.real_attribute("time"), .dim = topology.dim};
   frame.particles = static_cast<std::uint64_t>(topology.particles());
   frame.points = static_cast<std::uint64_t>(topology.points());
   frame.contacts = group.shape("contacts/overlap").at(0);
   frame.walls = walls;
+  frame.wall_points = drawn.points;
+  frame.wall_connectivity = drawn.connectivity;
   frame.connectivity = group.shape("xdmf/connectivity").at(0);
   frame.polygons = group.has("area");
   frame.moving_walls = group.has("wall_segments");
@@ -111,9 +121,10 @@ std::vector<std::string> grids_of(const File& file, const Topology& topology, st
                                   std::uint64_t frames) {
   std::vector<std::string> grids;
   const auto list = file.open_group("/frames");
+  const auto drawn = drawn_walls(file, topology.dim);
   for (std::uint64_t n = 0; list.has(frame_name(n)); ++n) {
     try {
-      grids.push_back(grid_of(list.open_group(frame_name(n)), frame_name(n), topology, walls));
+      grids.push_back(grid_of(list.open_group(frame_name(n)), frame_name(n), topology, walls, drawn));
     } catch (const InputError& error) {
       if (n >= frames)
         throw InputError(
@@ -200,6 +211,7 @@ void RunWriter::start(const Manifest& manifest, const Topology& topology, const 
     throw;
   }
   walls_ = geometry.segments.size() / 4;
+  drawn_walls_ = drawn_walls(*file_, dim_);
 }
 
 RunWriter RunWriter::append(const std::filesystem::path& folder, const Topology& topology, std::uint64_t series_rows,
@@ -222,6 +234,7 @@ void RunWriter::go_on(const Topology& topology, std::uint64_t series_rows, std::
     for (const std::string& name : file_->open_group(group).datasets()) file_->open_group(group).check(name);
   for (const char* linked : {"connectivity", "particle"}) file_->open_group("/topology/xdmf").check(linked);
   walls_ = file_->shape("/geometry/segments").at(0);
+  drawn_walls_ = drawn_walls(*file_, dim_);
   check_frames();
   xdmf_.emplace(folder_ / "run.xdmf", grids_of(*file_, topology, walls_, frames_));
   samples_ = Table::stored(*file_, "/series", series_rows);
@@ -350,6 +363,8 @@ void RunWriter::write_frame(const Frame& frame) {
                                    .points = layout.points,
                                    .contacts = layout.contacts,
                                    .walls = walls_,
+                                   .wall_points = drawn_walls_.points,
+                                   .wall_connectivity = drawn_walls_.connectivity,
                                    .connectivity = layout.points + 2 * layout.particles,
                                    .polygons = layout.polygons,
                                    .moving_walls = !frame.wall_segments.empty()}));

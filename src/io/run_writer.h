@@ -33,7 +33,13 @@ struct RunGeometry {
   std::string kind;                        ///< "hopper2d", "hopper3d", "raft", "wedge"
   std::vector<Real> segments;              ///< [S, 4] of the walls, in their order, at the start
   std::map<std::string, Real> attributes;  ///< "W", "w", "angle"
+  std::vector<Real> radius = {};           ///< [S] of disks, which have their centre twice; 0: a segment. Or empty
   std::vector<Real> box = {};  ///< [2, D] of a periodic box: origin and lengths, infinite in open directions
+};
+
+/// How many points, and values of connectivity, draw the walls in run.xdmf.
+struct DrawnWalls {
+  std::uint64_t points = 0, connectivity = 0;
 };
 
 /// One number or one row of numbers of a sample.
@@ -145,6 +151,7 @@ class RunWriter {
   std::optional<hdf5::File> file_;  ///< on the root
   std::optional<XdmfFile> xdmf_;    ///< on the root
   std::uint64_t walls_ = 0, frames_ = 0;
+  DrawnWalls drawn_walls_;
   Table samples_{"/series"}, events_{"/events"};
   std::vector<std::string> damage_;
 };

@@ -6,6 +6,7 @@
 
 #include <array>
 #include <cerrno>
+#include <cmath>
 #include <cstring>
 #include <fstream>
 #include <map>
@@ -78,10 +79,11 @@ std::string attributes(const XdmfFrame& frame, std::uint64_t cells, const std::m
   return text;
 }
 
-std::string lines(std::string_view name, std::uint64_t count, int dim, const std::string& connectivity,
-                  const std::string& points, const std::string& attributes) {
-  return grid(name, count, dim, data(integer, std::to_string(4 * count), connectivity),
-              data(real, fmt::format("{} {}", 2 * count, dim), points), attributes);
+/// Cells of `length` values of connectivity over `points` points.
+std::string lines(std::string_view name, std::uint64_t count, int dim, std::uint64_t length, std::uint64_t points,
+                  const std::string& connectivity, const std::string& places, const std::string& attributes) {
+  return grid(name, count, dim, data(integer, std::to_string(length), connectivity),
+              data(real, fmt::format("{} {}", points, dim), places), attributes);
 }
 
 }  // namespace
@@ -101,12 +103,13 @@ std::string xdmf_grid(const XdmfFrame& frame) {
                                       "/topology/xdmf"));
   // The contacts come last, as a frame without them has no such grid: the numbers of the others stay.
   if (frame.walls > 0 && frame.dim == 2)
-    grids += lines("walls", frame.walls, frame.dim, "/geometry/xdmf/connectivity",
-                   frame.moving_walls ? own + "/wall_points" : "/geometry/xdmf/points",
+    grids += lines("walls", frame.walls, frame.dim, frame.wall_connectivity, frame.wall_points,
+                   "/geometry/xdmf/connectivity", frame.moving_walls ? own + "/wall_points" : "/geometry/xdmf/points",
                    attributes(frame, frame.walls, {}, "/geometry/xdmf"));
   if (frame.contacts > 0)
     grids += lines(
-        "contacts", frame.contacts, frame.dim, own + "/contact_connectivity", own + "/contact_points",
+        "contacts", frame.contacts, frame.dim, 4 * frame.contacts, 2 * frame.contacts, own + "/contact_connectivity",
+        own + "/contact_points",
         attributes(frame, frame.contacts, {{"force", own + "/contact_force"}, {"overlap", group + "/contacts/overlap"}},
                    own + "/contact_constants"));
   return fmt::format(R"(      <Grid Name="{}" GridType="Collection" CollectionType="Spatial">
@@ -131,10 +134,22 @@ std::int32_t xdmf_line(std::uint64_t k) {
   return std::array<std::int32_t, 4>{polyline, 2, 2 * i, 2 * i + 1}[k % 4];
 }
 
-std::vector<std::int32_t> xdmf_lines(std::uint64_t count) {
-  std::vector<std::int32_t> cells(4 * count);
-  for (std::uint64_t k = 0; k < cells.size(); ++k) cells[k] = xdmf_line(k);
-  return cells;
+XdmfLines xdmf_walls(const std::vector<Real>& segments, const std::vector<Real>& radius) {
+  constexpr std::int32_t corners = 64;
+  XdmfLines lines{segments, {}};
+  for (std::size_t k = 0; k < segments.size() / 4; ++k) {
+    if (radius.empty() || radius[k] == 0) {
+      for (std::uint64_t i = 4 * k; i < 4 * k + 4; ++i) lines.cells.push_back(xdmf_line(i));
+      continue;
+    }
+    const auto first = static_cast<std::int32_t>(lines.points.size() / 2);
+    lines.cells.insert(lines.cells.end(), {polyline, corners + 1});
+    for (std::int32_t c = 0; c <= corners; ++c) lines.cells.push_back(first + c % corners);
+    for (std::int32_t c = 0; c < corners; ++c)
+      lines.points.insert(lines.points.end(), {segments[4 * k] + radius[k] * std::cos(2 * pi * c / corners),
+                                               segments[4 * k + 1] + radius[k] * std::sin(2 * pi * c / corners)});
+  }
+  return lines;
 }
 
 XdmfFile::XdmfFile(std::filesystem::path path, const std::vector<std::string>& grids) : path_(std::move(path)) {

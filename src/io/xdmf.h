@@ -17,9 +17,10 @@ struct XdmfFrame {
   Real time = 0;     ///< in t0
   int dim = 2;
   std::uint64_t particles = 0, points = 0, contacts = 0, walls = 0;
-  std::uint64_t connectivity = 0;  ///< length of the particles' connectivity
-  bool polygons = false;           ///< whether there are areas
-  bool moving_walls = false;       ///< whether the frame has places of its own for the walls
+  std::uint64_t wall_points = 0, wall_connectivity = 0;  ///< what draws the walls
+  std::uint64_t connectivity = 0;                        ///< length of the particles' connectivity
+  bool polygons = false;                                 ///< whether there are areas
+  bool moving_walls = false;                             ///< whether the frame has places of its own for the walls
 };
 
 /// The <Grid> element of one frame.
@@ -27,9 +28,16 @@ std::string xdmf_grid(const XdmfFrame& frame);
 
 /// Connectivity of particles in topology "Mixed": a polygon of its points, or a Polyvertex of its one point.
 std::vector<std::int32_t> xdmf_particles(const std::vector<Index>& offset);
-/// Value k of the connectivity of lines over points 2i and 2i + 1, and the first `count` lines' values.
+/// Value k of the connectivity of lines over points 2i and 2i + 1.
 std::int32_t xdmf_line(std::uint64_t k);
-std::vector<std::int32_t> xdmf_lines(std::uint64_t count);
+
+/// Lines in the plane that draw walls.
+struct XdmfLines {
+  std::vector<Real> points;         ///< [P, 2], first the ends of the segments
+  std::vector<std::int32_t> cells;  ///< connectivity
+};
+/// segments: [S, 4] ends; radius: [S], where positive a circle about the first end, or empty.
+XdmfLines xdmf_walls(const std::vector<Real>& segments, const std::vector<Real>& radius);
 
 /// The file, complete and valid XML after every call. Errors: OutputError.
 class XdmfFile {

@@ -66,6 +66,9 @@ class HopperProtocol final : public Protocol<D> {
     largest_a0_ = *std::max_element(all.a0.begin(), all.a0.end());
     top_ = std::accumulate(all.a0.begin(), all.a0.end(), 0.0) /
            (*p.pack_fraction * std::pow(p.container->inflow_width() / 2, D - 1));
+    if (!p.container->plain())
+      top_ = std::max(
+          top_, p.container->fill_height(D, std::accumulate(all.a0.begin(), all.a0.end(), 0.0) / *p.pack_fraction));
     const CriticalStep critical = particles().field().critical_step(all);
     critical_step_ = critical.least();
     Real lightest = std::numeric_limits<Real>::infinity(), heaviest = 0;
@@ -97,9 +100,9 @@ class HopperProtocol final : public Protocol<D> {
   // --- Before the run
 
   std::string title() const override {
-    return fmt::format("hopper: {} particles ({}, {}D{}), W = {}, w = {}, angle {}, {}", p_.particles, p_.model, D,
+    return fmt::format("hopper: {} particles ({}, {}D{}), W = {}, w = {}, {}, {}", p_.particles, p_.model, D,
                        deformable() ? fmt::format(", {} vertices each", p_.shape.vertices) : "",
-                       p_.hopper.wall_distance, p_.hopper.orifice, p_.hopper.angle,
+                       p_.hopper.wall_distance, p_.hopper.orifice, shape_text(),
                        p_.flow == FlowKind::continuous ? "continuous flow" : "discharge");
   }
   std::string model() const override { return p_.model; }
@@ -130,11 +133,16 @@ class HopperProtocol final : public Protocol<D> {
   RunGeometry geometry() const override {
     RunGeometry g;
     g.kind = D == 2 ? "hopper2d" : "hopper3d";
-    g.attributes = {{"W", p_.hopper.wall_distance}, {"w", p_.hopper.orifice}, {"angle", p_.hopper.angle}};
+    g.attributes = {{"W", p_.hopper.wall_distance}, {"w", p_.hopper.orifice}};
+    if (p_.outline.empty()) g.attributes["angle"] = p_.hopper.angle;
     for (const WallSegment& wall : particles().walls().segments()) {
-      const Real length = std::isfinite(wall.length) ? wall.length : 2 * p_.container->inflow_width();
-      const Vec<2> end = wall.origin + length * wall.direction;
+      // Walls without end are drawn up to the same height.
+      const Vec<2> end =
+          std::isfinite(wall.length)
+              ? wall.end()
+              : Vec<2>(wall.origin[0], p_.container->upright_from() + 2 * p_.container->inflow_width());
       g.segments.insert(g.segments.end(), {wall.origin[0], wall.origin[1], end[0], end[1]});
+      g.radius.push_back(wall.radius);
     }
     return g;
   }
@@ -150,6 +158,14 @@ class HopperProtocol final : public Protocol<D> {
       throw InputError("-t_end {:g}: with dt = {:.3g} t0 these are more steps than can be counted; give an earlier end",
                        *p_.t_end, dt);
     check_fit(this->simulation().all(), *p_.container);
+    const Topology& all = this->simulation().all();
+    const Real longest = deformable() ? *std::max_element(all.l0.begin(), all.l0.end()) : 0;
+    for (const WallSegment& wall : particles().walls().segments())
+      if (wall.radius > 0 && wall.radius < longest)
+        throw InputError(
+            "-obstacle disk:{:g},{:g},{:g} is so small that it enters edges, which are {:.3g} sigma_avg long and touch "
+            "disks at their ends only; use a polygon",
+            wall.origin[0], wall.origin[1], wall.radius, longest);
   }
 
   /// Every rank packs all particles, which takes no longer than one rank would.
@@ -502,6 +518,12 @@ class HopperProtocol final : public Protocol<D> {
     print("contacts_per_particle", "contacts per particle");
     print("drag_friction_ratio", "drag/friction");
     if (measured.contains("c0")) say("{}\n", discharge_text(measured));
+  }
+
+  std::string shape_text() const {
+    std::string text = p_.outline.empty() ? fmt::format("angle {}", p_.hopper.angle) : "own outline";
+    if (!p_.obstacle.empty()) text += ", with obstacles";
+    return text;
   }
 
   bool deformable() const { return p_.particle_kind() != ModelKind::sp; }

@@ -9,6 +9,7 @@
 #include <string>
 
 #include <pliant/base/errors.h>
+#include <pliant/scenarios/hopper/shapes.h>
 
 namespace pliant {
 namespace {
@@ -156,6 +157,18 @@ void HopperOptions::bind(Options& o) {
           .min_open = true,
           .automatic = "50 in 2D, 25 in 3D",
           .on_restart = fixed});
+  o.bind(
+      "outline", outline,
+      {.help = "file with the walls of a container of one's own, in place of the three above: lines x y in sigma_avg "
+               "from the orifice, at y = 0, up; one polyline that is mirrored (3D: revolved), or two",
+       .on_restart = fixed,
+       .read = read_outline});
+  o.bind(
+      "obstacle", obstacle,
+      {.help = "obstacles: disk:x,y,r or polygon:FILE (lines x y in sigma_avg), several with commas between them; 3D: "
+               "bodies of revolution",
+       .on_restart = fixed,
+       .read = read_obstacles});
   o.bind("flow", flow, {{"continuous", FlowKind::continuous}, {"discharge", FlowKind::discharge}},
          {.help = "reinsert particles at the top, or let the hopper run empty", .on_restart = fixed});
   o.bind("pack_fraction", pack_fraction,
@@ -268,8 +281,23 @@ void HopperOptions::resolve() {
   if (particles == 0) particles = dim == 2 ? 1600 : 6400;
   if (!wall_distance) wall_distance = dim == 2 ? 50 : 25;
   hopper.wall_distance = *wall_distance;
-  hopper.check();
-  container = Container(hopper);
+  std::optional<Vessel> vessel;
+  if (!outline.empty()) {
+    vessel = outline_vessel(outline, dim);
+    hopper.orifice = vessel->orifice();
+    hopper.wall_distance = vessel->right() - vessel->left();
+    wall_distance = hopper.wall_distance;
+  }
+  if (!vessel) hopper.check();
+  const auto with = [&](std::vector<Obstacle> all) {
+    return vessel ? Container(*vessel, std::move(all)) : Container(hopper, std::move(all));
+  };
+  container = with({});
+  if (!obstacle.empty()) {
+    std::vector<Obstacle> all = parse_obstacles(obstacle, dim);
+    check_obstacles(*container, all, dim);
+    container = with(std::move(all));
+  }
   if (!pack_fraction) pack_fraction = dim == 2 ? 0.84 : 0.64;
   if (shape.shape_parameter > 0 && shape.shape_parameter < regular_shape_parameter(shape.vertices))
     throw InputError("-shape_parameter {}: no polygon of {} vertices has less than {:.6g}, the regular one's",
@@ -317,6 +345,7 @@ void HopperOptions::refuse_unread(const Options& options) const {
   const std::string these_sizes = "-size_distribution " + sizes.kind;
   refuse({"size_ratio", "size_fraction"}, sizes.kind == "bidisperse", these_sizes, "-size_distribution bidisperse");
   refuse({"size_deviation"}, sizes.kind == "normal", these_sizes, "-size_distribution normal");
+  refuse({"hopper_width", "hopper_angle", "hopper_wall_distance"}, outline.empty(), "-outline", "no -outline");
   refuse({"jacobian"}, integrator == IntegratorKind::ts, "-integrator verlet", "-integrator ts");
 }
 

@@ -43,6 +43,7 @@ struct HopperOptions : RunOptions {
 
   Hopper hopper;
   std::optional<Real> wall_distance;
+  std::string outline, obstacle;       ///< empty: none; see shapes.h
   std::optional<Container> container;  ///< made of these by `resolve`
   FlowKind flow = FlowKind::continuous;
   std::optional<Real> pack_fraction;

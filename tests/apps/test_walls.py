@@ -1,0 +1,135 @@
+"""Containers of their own outline, with obstacles: packed, run, put back, counted, stored, drawn."""
+
+import json
+import xml.etree.ElementTree as ET
+
+import h5py
+import numpy as np
+import pytest
+
+from conftest import pliant
+
+OUTLINE = "1.75 0\n4 1\n5 4\n3.5 6   # a shoulder\n5 9\n"
+OBSTACLE = "disk:0,3.2,0.8,polygon:-3,4,-2,4.5,-2.6,5.4"
+CORNERS = np.array([[-3, 4], [-2, 4.5], [-2.6, 5.4]])
+
+
+@pytest.fixture
+def outline(tmp_path):
+    path = tmp_path / "bottle.txt"
+    path.write_text(OUTLINE)
+    return path
+
+
+def half_width(y):
+    return np.interp(y, [0, 1, 4, 6, 9], [1.75, 4, 5, 3.5, 5])
+
+
+def in_obstacle(r):
+    edges = np.roll(CORNERS, -1, axis=0) - CORNERS
+    offset = r[:, None] - CORNERS
+    left = (edges[:, 0] * offset[..., 1] - edges[:, 1] * offset[..., 0] > 0).all(1)
+    return left | (np.hypot(r[:, 0], r[:, 1] - 3.2) < 0.8)
+
+
+def options(folder, outline, **more):
+    return {"outline": outline, "obstacle": OBSTACLE, "n": 60, "zeta": 0.3, "pack_fraction": 0.7, "t_end": 12,
+            "frame_interval": 1, "sample_interval": 0.2, "output": folder, **more}
+
+
+def check_inside(file):
+    for frame in file["frames"].values():
+        r = frame["positions"][()]
+        above = r[r[:, 1] > 0]
+        assert (np.abs(above[:, 0]) < half_width(above[:, 1])).all()
+        assert not in_obstacle(above).any()
+
+
+def test_particles_flow_round_obstacles(tmp_path, outline):
+    run = pliant("hopper", **options(tmp_path / "run", outline))
+    assert run.returncode == 0, run.stderr
+    assert "own outline, with obstacles" in run.stdout
+    summary = json.loads((tmp_path / "run/summary.json").read_text())
+    assert summary["crossed_count"] > 5
+    with h5py.File(tmp_path / "run/run.h5") as file:
+        check_inside(file)
+        assert file["geometry/segments"].shape == (5 + 5 + 1 + 3, 4)
+        np.testing.assert_array_equal(np.flatnonzero(file["geometry/radius"][()]), [10])
+        frames = list(file["frames"].values())
+        assert frames[0]["wall_force"].shape == (14, 2)
+        assert any(np.abs(frame["wall_force"][10:]).sum() > 0 for frame in frames)  # particles lie on obstacles
+        ids = file["events/particle"][()]
+        highest = max(frame["positions"][:, 1].max() for frame in frames)
+        assert len(np.unique(ids)) < len(ids) or highest > 3  # some were put back
+        # Other sums of the same: at a late time forces of walls and drag carry the weight.
+        stored = json.loads(file["manifest"].attrs["options"])
+    assert stored["outline"]["value"].split() == "1.75 0 4 1 5 4 3.5 6 5 9".split()
+    assert stored["hopper_width"]["value"] == 3.5
+    walls = ET.parse(tmp_path / "run/run.xdmf").findall(".//Grid[@Name='walls']/Geometry/DataItem")
+    assert walls[0].attrib["Dimensions"] == f"{2 * 14 + 64} 2"
+
+
+def test_a_restart_needs_no_file(tmp_path, outline):
+    folder = tmp_path / "run"
+    whole = pliant("hopper", **options(tmp_path / "whole", outline, t_end=4))
+    assert whole.returncode == 0, whole.stderr
+    assert pliant("hopper", **options(folder, outline, t_end=2)).returncode == 0
+    outline.write_text("2 0\n8 8\n")
+    other = pliant("hopper", "-restart", folder, outline=outline, t_end=4)
+    assert other.returncode == 2 and "-outline" in other.stderr and "a restart cannot change it" in other.stderr
+    outline.unlink()
+    again = pliant("hopper", "-restart", folder, t_end=4)
+    assert again.returncode == 0, again.stderr
+    with h5py.File(folder / "run.h5") as one, h5py.File(tmp_path / "whole/run.h5") as other:
+        np.testing.assert_array_equal(one["frames/000004/positions"][()], other["frames/000004/positions"][()])
+
+
+@pytest.mark.parametrize("model", ["rough", "smooth"])
+def test_polygons_flow_round_obstacles(tmp_path, outline, model):
+    soft = {"e_c": 500, "e_w": 500, "k_a": 1000, "k_l": 100, "n_vertices": 12}
+    run = pliant("hopper", **options(tmp_path / "run", outline, model=model, **soft, n=25, t_end=4))
+    assert run.returncode == 0, run.stderr
+    with h5py.File(tmp_path / "run/run.h5") as file:
+        check_inside(file)
+
+
+def test_spheres_flow_round_a_sphere(tmp_path, outline):
+    run = pliant("hopper", **options(tmp_path / "run", outline, dim=3, obstacle="disk:0,3.2,0.8", n=120,
+                                     pack_fraction=0.45, t_end=3))
+    assert run.returncode == 0, run.stderr
+    with h5py.File(tmp_path / "run/run.h5") as file:
+        for frame in file["frames"].values():
+            r = frame["positions"][()]
+            above = r[r[:, 2] > 0]
+            assert (np.hypot(above[:, 0], above[:, 1]) < half_width(above[:, 2])).all()
+            assert (np.linalg.norm(above - [0, 0, 3.2], axis=1) > 0.8).all()
+
+
+@pytest.mark.ranks
+def test_two_ranks_pack_and_flow_as_one(tmp_path, outline):
+    import subprocess
+    from conftest import PROGRAM, arguments
+    run = subprocess.run(["mpiexec", "--allow-run-as-root", "--oversubscribe", "-n", "2", PROGRAM, "hopper",
+                          *arguments(options(tmp_path / "two", outline, t_end=2))], capture_output=True, text=True,
+                         timeout=300)
+    assert run.returncode == 0, run.stderr
+    assert pliant("hopper", **options(tmp_path / "one", outline, t_end=2)).returncode == 0
+    with h5py.File(tmp_path / "one/run.h5") as one, h5py.File(tmp_path / "two/run.h5") as two:
+        np.testing.assert_array_equal(one["frames/000000/positions"][()], two["frames/000000/positions"][()])
+        check_inside(two)
+
+
+@pytest.mark.parametrize("change, words", [
+    ({"hopper_width": 4}, ["-hopper_width", "-outline", "leave it out"]),
+    ({"hopper_angle": 45}, ["-hopper_angle", "-outline"]),
+    ({"outline": "/no/such/file"}, ["/no/such/file"]),
+    ({"obstacle": "disk:9,3,1"}, ["(9, 3)", "not inside"]),
+    ({"obstacle": "disk:3,3,2"}, ["overlaps a wall"]),
+    ({"obstacle": "cone:3"}, ["cone:3", "disk:x,y,r"]),
+    ({"obstacle": "disk:0,4,0.05", "model": "smooth"}, ["so small", "polygon"]),
+])
+def test_what_cannot_be_is_refused(tmp_path, outline, change, words):
+    run = pliant("hopper", **options(tmp_path / "run", outline, **change))
+    assert run.returncode == 2
+    assert all(word in run.stderr for word in words), run.stderr
+    assert not (tmp_path / "run/run.h5").exists()
