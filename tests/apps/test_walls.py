@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from conftest import pliant
+from test_parallel import on_ranks
 
 OUTLINE = "1.75 0\n4 1\n5 4\n3.5 6   # a shoulder\n5 9\n"
 OBSTACLE = "disk:0,3.2,0.8,polygon:-3,4,-2,4.5,-2.6,5.4"
@@ -32,8 +33,8 @@ def in_obstacle(r):
     return left | (np.hypot(r[:, 0], r[:, 1] - 3.2) < 0.8)
 
 
-def options(folder, outline, **more):
-    return {"outline": outline, "obstacle": OBSTACLE, "n": 60, "zeta": 0.3, "pack_fraction": 0.7, "t_end": 12,
+def options(folder, shape, **more):
+    return {"outline": shape, "obstacle": OBSTACLE, "n": 60, "zeta": 0.3, "pack_fraction": 0.7, "t_end": 12,
             "frame_interval": 1, "sample_interval": 0.2, "output": folder, **more}
 
 
@@ -58,10 +59,7 @@ def test_particles_flow_round_obstacles(tmp_path, outline):
         frames = list(file["frames"].values())
         assert frames[0]["wall_force"].shape == (14, 2)
         assert any(np.abs(frame["wall_force"][10:]).sum() > 0 for frame in frames)  # particles lie on obstacles
-        ids = file["events/particle"][()]
-        highest = max(frame["positions"][:, 1].max() for frame in frames)
-        assert len(np.unique(ids)) < len(ids) or highest > 3  # some were put back
-        # Other sums of the same: at a late time forces of walls and drag carry the weight.
+        assert min(frame["positions"][:, 1].min() for frame in frames) > -3  # those that fell were put back
         stored = json.loads(file["manifest"].attrs["options"])
     assert stored["outline"]["value"].split() == "1.75 0 4 1 5 4 3.5 6 5 9".split()
     assert stored["hopper_width"]["value"] == 3.5
@@ -107,11 +105,7 @@ def test_spheres_flow_round_a_sphere(tmp_path, outline):
 
 @pytest.mark.ranks
 def test_two_ranks_pack_and_flow_as_one(tmp_path, outline):
-    import subprocess
-    from conftest import PROGRAM, arguments
-    run = subprocess.run(["mpiexec", "--allow-run-as-root", "--oversubscribe", "-n", "2", PROGRAM, "hopper",
-                          *arguments(options(tmp_path / "two", outline, t_end=2))], capture_output=True, text=True,
-                         timeout=300)
+    run = on_ranks(2, "hopper", **options(tmp_path / "two", outline, t_end=2))
     assert run.returncode == 0, run.stderr
     assert pliant("hopper", **options(tmp_path / "one", outline, t_end=2)).returncode == 0
     with h5py.File(tmp_path / "one/run.h5") as one, h5py.File(tmp_path / "two/run.h5") as two:

@@ -47,7 +47,8 @@ TEST_CASE("an outline is kept as it is read", "[shapes]") {
     CHECK(vessel.right() == 5.25);
   }
   // Two sides, either first, each in either direction.
-  for (const char* sides : {"-1 0\n-3 2\n\n1 0\n4 5\n", "4 5\n1 0\n\n\n-1 0\n-3 2\n", "-3 2\n-1 0\n# no gap\n\n1 0\n4 5"}) {
+  for (const char* sides :
+       {"-1 0\n-3 2\n\n1 0\n4 5\n", "4 5\n1 0\n\n\n-1 0\n-3 2\n", "-3 2\n-1 0\n# no gap\n\n1 0\n4 5"}) {
     const Vessel vessel = outline_vessel(outline(sides), 2);
     CHECK(vessel.left() == -3);
     CHECK(vessel.right() == 4);
@@ -125,5 +126,6 @@ TEST_CASE("obstacles stand inside the container, may touch walls, and not each o
   bad("polygon:-1,5,1,5,0,7;polygon:-1,6,1,6,0,4", "overlap");
   // A notch: all corners inside, a side through the wall.
   const Container notched(Vessel({{-1, 0}, {-5, 1}, {-5, 9}}, {{1, 0}, {5, 1}, {2, 4}, {5, 7}, {5, 9}}));
-  CHECK_THROWS_WITH(check_obstacles(notched, parse_obstacles("polygon:4.5,1.8,4.5,7,0,4", 2), 2), Contains("crosses a wall"));
+  CHECK_THROWS_WITH(check_obstacles(notched, parse_obstacles("polygon:4.5,1.8,4.5,7,0,4", 2), 2),
+                    Contains("crosses a wall"));
 }
