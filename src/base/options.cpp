@@ -318,7 +318,7 @@ void Options::assign(Option& option, const Setting& setting, bool stored) {
                       [&](bool* target) { *target = parse_bool(setting); },
                       [&](std::string* target) {
                         if (!spec.choices.empty()) parse_choice(setting, spec.choices);
-                        if (setting.value->empty() && setting.source != "default") bad_value(setting, "is empty");
+                        if (setting.value->empty() && !stored) bad_value(setting, "is empty");
                         *target = spec.read && !stored ? spec.read(*setting.value) : *setting.value;
                       },
                       [&](const Enumeration& target) { target.set(parse_choice(setting, spec.choices)); }},

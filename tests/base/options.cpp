@@ -444,3 +444,44 @@ TEST_CASE("mistakes in declarations are the programmer's") {
   CHECK_THROWS_AS(p.options.bind("kind", kind, {{"sp", Kind::soft}}, {}), std::logic_error);
   CHECK_THROWS_AS(p.options.source("nothing"), std::logic_error);
 }
+
+TEST_CASE("an option keeps what is read in place of its text, for restarts too") {
+  std::string shape;
+  std::string content = "1 2\n3 4\n";
+  const auto bind = [&](Options& options) {
+    options.bind("shape", shape, {.help = "file", .on_restart = OnRestart::fixed, .read = [&](const std::string& file) {
+                                    if (content.empty()) throw InputError("cannot read {}", file);
+                                    return content;
+                                  }});
+  };
+  Options first;
+  bind(first);
+  REQUIRE(first.parse({}) == Options::Request::run);
+  CHECK(shape.empty());  // nothing is read
+  const nlohmann::json without = first.json();
+  REQUIRE(first.parse({"-shape", "a.txt"}) == Options::Request::run);
+  CHECK(shape == content);
+  const nlohmann::json with = first.json();
+  CHECK(with["shape"]["value"] == content);
+
+  Options again;
+  bind(again);
+  REQUIRE(again.parse({}) == Options::Request::run);
+  again.from_json(without);
+  CHECK(shape.empty());
+  again.reset();
+  REQUIRE(again.parse({"-shape", "b.txt"}) == Options::Request::run);
+  again.from_json(with);  // the same content
+  CHECK(shape == "1 2\n3 4\n");
+  content = "5 6\n";
+  REQUIRE(again.parse({"-shape", "a.txt"}) == Options::Request::run);
+  CHECK_THROWS_MATCHES(
+      again.from_json(with), RestartConflict,
+      Message("-shape 5 6\\x0a: the stored run has 1 2\\x0a3 4\\x0a, and a restart cannot change it; leave it "
+              "out, or start a new run in another folder"));
+  content.clear();
+  REQUIRE(again.parse({}) == Options::Request::run);
+  again.from_json(with);  // without the file
+  CHECK(shape == "1 2\n3 4\n");
+  CHECK_THROWS_WITH(again.parse({"-shape", "gone.txt"}), Contains("gone.txt"));
+}
