@@ -124,6 +124,52 @@ bool Container::can_fall_to(const Walls<D>& walls, const Vec<D>& r, Real radius)
   return true;
 }
 
+template <int D>
+bool Container::lets_pass(Real radius) const {
+  const Walls<D> all = walls<D>();
+  Real top = upright_from();
+  for (const Obstacle& o : obstacles_)
+    for (const Vec<2>& corner : o.corners) top = std::max(top, corner[1] + o.radius);
+  top += 2 * radius;
+  const Vec<2> across = extent();
+  const Real left = D == 2 ? across[0] : 0, width = across[1] - left;
+  constexpr Real most_places = 1e6;
+  const Real step = std::max(radius / 4, std::sqrt(width * top / most_places));
+  const auto columns = static_cast<Index>(width / step) + 2, rows = static_cast<Index>(top / step) + 2;
+  // Whoever goes along a way comes by places that are half a diagonal of a cell from it.
+  const Real clearance = radius - 0.75 * step;
+  std::vector<Index> near;
+  const auto is_free = [&](Index place) {
+    const Vec<2> p(left + step * (place % columns), step * (place / columns));
+    if (p[1] > 0 ? !inside(D, p) : std::abs(p[0]) > orifice() / 2) return false;
+    Vec<D> r = Vec<D>::Zero();
+    r[0] = p[0];
+    r[D - 1] = p[1];
+    all.find_near(r, clearance, near);
+    return near.empty();
+  };
+  std::vector<std::uint8_t> seen(static_cast<std::size_t>(columns) * rows);
+  std::vector<Index> open;
+  const auto visit = [&](Index column, Index row) {
+    if (column < 0 || column >= columns || row < 0 || row >= rows) return;
+    const Index place = row * columns + column;
+    if (seen[place] != 0) return;
+    seen[place] = 1;
+    if (is_free(place)) open.push_back(place);
+  };
+  for (Index column = 0; column < columns; ++column) visit(column, rows - 1);
+  while (!open.empty()) {
+    const Index column = open.back() % columns, row = open.back() / columns;
+    open.pop_back();
+    if (row == 0) return true;
+    for (const Index dy : {1, 0, -1})  // downwards first
+      for (const Index dx : {-1, 0, 1}) visit(column + dx, row + dy);
+  }
+  return false;
+}
+
+template bool Container::lets_pass<2>(Real) const;
+template bool Container::lets_pass<3>(Real) const;
 template Walls<2> Container::walls() const;
 template Walls<3> Container::walls() const;
 template Walls<2> Container::closed(Real) const;

@@ -66,6 +66,11 @@ class Container {
   template <int D>
   static bool can_fall_to(const Walls<D>& walls, const Vec<D>& r, Real radius);
 
+  /// Whether a disk (sphere) of this radius finds a way from the upper end to the orifice. Looks at places a quarter of
+  /// the radius apart, and may overlook that a way is too narrow by as much; in large containers by more.
+  template <int D>
+  bool lets_pass(Real radius) const;
+
  private:
   std::variant<Hopper, Vessel> shape_;
   std::vector<Obstacle> obstacles_;

@@ -147,6 +147,28 @@ TEST_CASE("a particle can fall to where no wall is in the way", "[container]") {
   CHECK(Container::can_fall_to<3>(revolved, {1, 1.2, 2}, 0.5));
 }
 
+TEST_CASE("whether particles find a way to the orifice", "[container]") {
+  const Hopper hopper{.wall_distance = 10, .orifice = 4};
+  const auto passes = [&](std::vector<Obstacle> all, Real radius) {
+    return Container(hopper, std::move(all)).lets_pass<2>(radius);
+  };
+  CHECK(passes({}, 1.9));
+  CHECK_FALSE(passes({}, 2.6));
+  // Two disks with a gap of 1 in the middle, and one of 1.5 at each side.
+  const std::vector<Obstacle> two{{{{-2, 5}}, 1.5}, {{{2, 5}}, 1.5}};
+  CHECK(passes(two, 0.7));
+  CHECK_FALSE(passes(two, 1));
+  // Before the orifice, with ways round.
+  const std::vector<Obstacle> shut{{{{-3, 0.5}, {3, 0.5}, {0, 2}}}};
+  CHECK_FALSE(passes(shut, 0.5));
+  CHECK(passes(shut, 0.2));
+  // A slot from wall to wall.
+  CHECK_FALSE(passes({{{{-5, 3}, {5, 3}, {5, 4}, {-5, 4}}}}, 0.3));
+  const Container ball(hopper, {{{{0, 6}}, 4.5}});
+  CHECK(ball.lets_pass<3>(0.2));
+  CHECK_FALSE(ball.lets_pass<3>(0.4));
+}
+
 TEST_CASE("outlines that are none are refused", "[container]") {
   using Line = Vessel::Line;
   const Line left{{-1, 0}, {-5, 0}, {-5, 3}}, right{{1, 0}, {5, 0}, {5, 3}};

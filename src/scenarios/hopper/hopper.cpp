@@ -137,10 +137,9 @@ class HopperProtocol final : public Protocol<D> {
     if (p_.outline.empty()) g.attributes["angle"] = p_.hopper.angle;
     for (const WallSegment& wall : particles().walls().segments()) {
       // Walls without end are drawn up to the same height.
-      const Vec<2> end =
-          std::isfinite(wall.length)
-              ? wall.end()
-              : Vec<2>(wall.origin[0], p_.container->upright_from() + 2 * p_.container->inflow_width());
+      const Vec<2> end = std::isfinite(wall.length)
+                             ? wall.end()
+                             : Vec<2>(wall.origin[0], p_.container->upright_from() + 2 * p_.container->inflow_width());
       g.segments.insert(g.segments.end(), {wall.origin[0], wall.origin[1], end[0], end[1]});
       g.radius.push_back(wall.radius);
     }
@@ -172,6 +171,7 @@ class HopperProtocol final : public Protocol<D> {
   std::vector<Real> start() override {
     const Topology& all = this->simulation().all();
     std::vector<Real> x(static_cast<std::size_t>(all.points()) * D);
+    if (ranks().root() && !p_.container->plain()) warn_of_barrier();
     const Packing packing = pack<D>(
         all, *p_.container, {*p_.pack_fraction, p_.pack_tolerance, static_cast<std::uint64_t>(p_.seed)}, x.data());
     if (ranks().root())
@@ -466,6 +466,18 @@ class HopperProtocol final : public Protocol<D> {
     const Real error = known ? Real(measured["Q"]["error"]) / Real(measured["Q"]["value"]) : BlockAverage::unknown;
     warn("-t_end {:g} came before -hopper_q_rtol {:g} was certain: the error of Q is {} %; go on with {}", *p_.t_end,
          p_.q_rtol, percent(error), longer());
+  }
+
+  /// For an outline or obstacles that leave no way.
+  void warn_of_barrier() const {
+    const Topology& all = this->simulation().all();
+    Real widest = 0;
+    for (Index m = 0; m < all.particles(); ++m) widest = std::max(widest, 2 * outer_radius(all, m));
+    if (!p_.container->template lets_pass<D>(widest / 2))
+      warn(
+          "the largest particle, {:.3g} sigma_avg wide, finds no way from the upper end to the orifice; widen the gaps "
+          "between walls (-outline, -hopper_width) and obstacles (-obstacle)",
+          widest);
   }
 
   /// For a run whose flow has ended without a clog: what is left may bounce where too little carries off its energy.
