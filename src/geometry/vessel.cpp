@@ -40,7 +40,7 @@ void check(const Vessel::Line& left, const Vessel::Line& right, const Vessel::So
     const std::vector<int>& lines = of_left ? source.left : source.right;
     return k < lines.size() ? fmt::format(" (line {})", lines[k]) : "";
   };
-  for (const auto* line : {&left, &right}) {
+  for (const auto* line : {&right, &left}) {  // a mirrored one comes last
     const bool of_left = line == &left;
     if (line->size() < 2)
       throw InputError("a polyline of {} points is no wall; give at least two, from the orifice up", line->size());
@@ -87,10 +87,10 @@ void check(const Vessel::Line& left, const Vessel::Line& right, const Vessel::So
   const auto low = [](const Named& s) { return std::min(s.a[0], s.b[0]); };
   const auto high = [](const Named& s) { return std::max(s.a[0], s.b[0]); };
   std::sort(all.begin(), all.end(), [&](const Named& s, const Named& t) {
-    return std::tuple(low(s), s.left, s.point) < std::tuple(low(t), t.left, t.point);
+    return std::tuple(-high(s), s.left, s.point) < std::tuple(-high(t), t.left, t.point);  // from the right
   });
   for (std::size_t i = 0; i < all.size(); ++i)
-    for (std::size_t j = i + 1; j < all.size() && low(all[j]) <= high(all[i]); ++j) {
+    for (std::size_t j = i + 1; j < all.size() && high(all[j]) >= low(all[i]); ++j) {
       const Named &s = all[i], &t = all[j];
       if (s.left == t.left && std::abs(s.point - t.point) == 1) {
         const Named &first = s.point < t.point ? s : t, &second = s.point < t.point ? t : s;
