@@ -61,7 +61,7 @@ struct Territory {
 /// What the receiver must know of a particle beside its positions.
 struct Ghost {
   Index id, points, first_point;
-  Real diameter, sigma, a0, l0;
+  Real diameter, sigma, a0, l0, mass, inertia;
   Image image;
 };
 
@@ -205,7 +205,8 @@ void Halo<D>::build(Topology& topology, const Real* x, Real margin) {
               if (std::find(found.begin(), found.end(), image) != found.end()) continue;
               found.push_back(image);
               parts[t.rank].push_back({topology.id[m], topology.points_of(m), begin, topology.diameter[begin],
-                                       topology.sigma[m], topology.a0[m], topology.l0[m], image});
+                                       topology.sigma[m], topology.a0[m], topology.l0[m],
+                                       topology.point_mass[m] * topology.points_of(m), topology.inertia[m], image});
             }
       }
     }
@@ -226,7 +227,7 @@ void Halo<D>::build(Topology& topology, const Real* x, Real margin) {
     for (int k = 0; k < received[r]; ++k) {
       const Ghost& g = ghosts[next++];
       const auto first = static_cast<std::size_t>(topology.points()), count = static_cast<std::size_t>(g.points);
-      topology.add_ghost(g.id, g.points, g.diameter, g.sigma, g.a0, g.l0, side_of(g.image));
+      topology.add_ghost(g.id, g.points, g.diameter, g.sigma, g.a0, g.l0, g.mass, g.inertia, side_of(g.image));
       if (ranks_.several())
         for (Index i = 0; i < g.points; ++i) roots.push_back({r, g.first_point + i});
       else

@@ -71,8 +71,10 @@ Topology Topology::select(std::span<const Index> which) const {
   return t;
 }
 
-void Topology::add_ghost(Index id_m, Index n, Real delta_m, Real sigma_m, Real a0_m, Real l0_m, int side) {
-  add_points(n, delta_m, 1);  // nobody asks for the mass of a ghost
+void Topology::add_ghost(Index id_m, Index n, Real delta_m, Real sigma_m, Real a0_m, Real l0_m, Real mass_m,
+                         Real inertia_m, int side) {
+  add_points(n, delta_m, mass_m);
+  if (inertia_m > 0) set_inertia(particles() - 1, inertia_m);
   id.back() = id_m;
   sigma.push_back(sigma_m);
   a0.push_back(a0_m);

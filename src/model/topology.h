@@ -62,7 +62,8 @@ struct Topology {
   Topology select(std::span<const Index> which) const;
 
   /// Appends a copy of a particle.
-  void add_ghost(Index id_m, Index n, Real delta_m, Real sigma_m, Real a0_m, Real l0_m, int side = 0);
+  void add_ghost(Index id_m, Index n, Real delta_m, Real sigma_m, Real a0_m, Real l0_m, Real mass_m, Real inertia_m,
+                 int side = 0);
   void drop_ghosts();
   /// Builds offset, particle, next and previous anew for particles of these numbers of points.
   void connect(const std::vector<Index>& points_of_each);

@@ -84,11 +84,12 @@ struct Domain {
       const Index origin = t.id[m];
       twice += !place.emplace(origin, m).second;
       wrong += t.points_of(m) != from.points_of(origin) || t.sigma[m] != from.sigma[origin] ||
-               t.a0[m] != from.a0[origin] || t.l0[m] != from.l0[origin] || t.active[m] != from.active[origin];
+               t.a0[m] != from.a0[origin] || t.l0[m] != from.l0[origin] || t.active[m] != from.active[origin] ||
+               t.inertia[m] != from.inertia[origin];
       for (Index k = 0; k < t.points_of(m); ++k) {
         const Index i = t.offset[m] + k, j = from.offset[origin] + k;
-        wrong += t.diameter[i] != from.diameter[j] || t.particle[i] != m ||
-                 t.next[i] - t.offset[m] != from.next[j] - from.offset[origin];
+        wrong += std::abs(t.mass(i) - from.mass(j)) > 1e-14 || t.diameter[i] != from.diameter[j] ||
+                 t.particle[i] != m || t.next[i] - t.offset[m] != from.next[j] - from.offset[origin];
         for (int d = 0; d < D; ++d)
           wrong += local_x[i * D + d] != all.x[j * D + d] || local_v[i * D + d] != all.v[j * D + d];
       }

@@ -66,7 +66,7 @@ struct Share {
       for (Index k = 0; k < t.points_of(m); ++k) {
         const Index i = t.offset[m] + k, j = from.offset[origin] + k;
         wrong += t.particle[i] != m || t.diameter[i] != from.diameter[j] || t.mass(i) != from.mass(j) ||
-                 t.inverse_mass(i) != from.inverse_mass(j) ||
+                 t.inertia[m] != from.inertia[origin] || t.inverse_mass(i) != from.inverse_mass(j) ||
                  t.next[i] - t.offset[m] != from.next[j] - from.offset[origin] ||
                  t.previous[i] - t.offset[m] != from.previous[j] - from.offset[origin];
         for (int d = 0; d < D; ++d)
@@ -133,7 +133,7 @@ TEST_CASE("particles go where they are sent, sorted by key and then by id", "[ra
     const auto target = [&](Index id) { return round == 3 ? ranks.size() - 1 : (id / 3 + round) % ranks.size(); };
     const auto key_of = [&](Index id) { return static_cast<std::uint64_t>((id * 5 + round) % 11); };
     // Ghosts that happen to be there stay behind.
-    for (Index k = 0; k < round; ++k) share.topology.add_ghost(1000 + k, 5, 0.1, 1, 1, 0.2);
+    for (Index k = 0; k < round; ++k) share.topology.add_ghost(1000 + k, 5, 0.1, 1, 1, 0.2, 1, 0);
     std::vector<int> destination;
     std::vector<std::uint64_t> key;
     for (Index m = 0; m < share.topology.owned(); ++m) {

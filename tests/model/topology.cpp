@@ -83,8 +83,8 @@ TEST_CASE("ghosts come after the own particles, and go without a trace") {
   topology.add_polygon(3, 0.5, 0.7, 0.1, 6);
   const Topology before = topology;
   for (int round = 0; round < 2; ++round) {
-    topology.add_ghost(17, 4, 0.3, 1.1, 0.9, 0.6);
-    topology.add_ghost(5, 1, 0.8, 0.8, 0.5, 0);
+    topology.add_ghost(17, 4, 0.3, 1.1, 0.9, 0.6, 8, 0);
+    topology.add_ghost(5, 1, 0.8, 0.8, 0.5, 0, 3, 0.2);
     CHECK(topology.ghosts == 2);
     CHECK(topology.particles() == 4);
     CHECK(topology.points() == 9);
@@ -99,7 +99,12 @@ TEST_CASE("ghosts come after the own particles, and go without a trace") {
     CHECK(topology.a0[2] == 0.9);
     CHECK(topology.l0[2] == 0.6);
     CHECK(topology.active[3] == 1);
+    CHECK(topology.mass(7) == 2);
+    CHECK(topology.mass(8) == 3);
+    CHECK(topology.inertia[3] == 0.2);
     topology.drop_ghosts();
+    CHECK(topology.inertia == before.inertia);
+    CHECK(topology.inverse_inertia == before.inverse_inertia);
     CHECK(topology.ghosts == 0);
     CHECK(topology.offset == before.offset);
     CHECK(topology.particle == before.particle);

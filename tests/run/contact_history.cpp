@@ -267,6 +267,7 @@ TEST_CASE("energy that is lost is the heat of sliding") {
     };
     const Real before = energy();
     s->advance(1);
+    REQUIRE(contacts(*s, "wall_tangential") == 1);
     const Real heat = s->particles().history().of("wall_tangential").contacts().values[1];
     // A third of the kinetic energy, less what the spring still swings with.
     CHECK(heat == Approx(c.topology.point_mass[0] / 6 - square(mu * weight) / (2 * k_t)).epsilon(0.01));
