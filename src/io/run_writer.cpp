@@ -87,6 +87,7 @@ void write_geometry(File& file, const RunGeometry& geometry, int dim) {
   group.set_attribute("kind", geometry.kind);
   group.seal();
   for (const auto& [name, value] : geometry.attributes) group.set_attribute(name, value);
+  if (!geometry.box.empty()) group.write("box", geometry.box, {2, static_cast<std::uint64_t>(dim)}, Storage::crc32);
   if (dim == 2) {
     const XdmfLines lines = xdmf_walls(geometry.segments, geometry.radius);
     write_xdmf_constants(group, "xdmf", walls);
