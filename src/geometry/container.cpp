@@ -140,7 +140,8 @@ bool Container::lets_pass(Real radius) const {
   const Real clearance = radius - 0.75 * step;
   std::vector<Index> near;
   const auto is_free = [&](Index place) {
-    const Vec<2> p(left + step * (place % columns), step * (place / columns));
+    const Index row = place / columns;
+    const Vec<2> p(left + step * (place % columns), step * row);
     if (p[1] > 0 ? !inside(D, p) : std::abs(p[0]) > orifice() / 2) return false;
     Vec<D> r = Vec<D>::Zero();
     r[0] = p[0];

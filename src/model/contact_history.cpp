@@ -34,7 +34,7 @@ StoredContacts ContactTable::contacts() const {
   return sorted(all, needs_.width);
 }
 
-void ContactTable::set(StoredContacts contacts) {
+void ContactTable::set(const StoredContacts& contacts) {
   keys_.clear();
   touched_.clear();
   values_.clear();
@@ -95,8 +95,8 @@ void ContactHistory::advanced() {
   for (ContactTable& table : tables_) table.advanced();
 }
 
-void ContactHistory::set(std::string_view term, StoredContacts contacts) {
-  of(term).set(std::move(contacts));
+void ContactHistory::set(std::string_view term, const StoredContacts& contacts) {
+  of(term).set(contacts);
   version_ = -1;
 }
 

@@ -25,7 +25,7 @@ struct HistoryNeeds {
 /// Two particles by id, the lower one first; or a particle and the number of a wall or solid.
 struct ContactKey {
   Index first, second;
-  auto operator<=>(const ContactKey&) const = default;
+  auto operator<=>(const ContactKey&) const = default;  // NOLINT(modernize-use-nullptr): there is no pointer
 };
 
 /// Contacts, each once, sorted by key. values [keys · width]
@@ -77,7 +77,7 @@ class ContactTable {
   StoredContacts contacts() const;
   /// These instead, in any order; a contact may be there twice, with the same numbers. They take their places in the
   /// list with the next assign().
-  void set(StoredContacts contacts);
+  void set(const StoredContacts& contacts);
   /// The list has other entries, with these keys. Contacts that are not in it, as positions are those of a trial state,
   /// are kept until the next accepted step.
   void assign(std::vector<ContactKey> keys);
@@ -109,7 +109,7 @@ class ContactHistory {
   /// After an accepted step, when all tables were advanced.
   void advanced();
   /// See ContactTable::set.
-  void set(std::string_view term, StoredContacts contacts);
+  void set(std::string_view term, const StoredContacts& contacts);
   /// Nothing touches anything.
   void clear();
 

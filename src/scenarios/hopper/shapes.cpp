@@ -227,7 +227,7 @@ std::vector<Obstacle> parse_obstacles(const std::string& all, int dim) {
   std::vector<Obstacle> obstacles;
   for (const auto& [kind, value] : items(all)) {
     const auto values = numbers(value, ", \t");
-    const auto refuse = [&](const std::string& why) {
+    const auto refuse = [&, &kind = kind, &value = value](const std::string& why) {
       throw InputError("-obstacle {}:{}: {}", kind, printable(value), why);
     };
     if (!values) refuse("not numbers; write disk:x,y,r or polygon:FILE");
