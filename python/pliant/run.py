@@ -137,7 +137,7 @@ class Frame:
 
     @cached_property
     def images(self):
-        """[N, D] by how many lengths of a periodic box each particle was put back into it; zeros in an open box."""
+        """[N, D] by how many lengths of a periodic box each particle was wrapped into it; zeros in an open box."""
         if self._run.geometry.box is None:
             return np.zeros(self.centres.shape, dtype=np.int64)
         return self._read("images", "periodic boxes")

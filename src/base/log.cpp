@@ -6,8 +6,8 @@
 namespace pliant {
 namespace {
 
-constexpr std::array event_names{"PliantForces",  "PliantLists",  "PliantGhosts", "PliantHalo",      "PliantSort",
-                                 "PliantPutBack", "PliantSample", "PliantFrame",  "PliantCheckpoint"};
+constexpr std::array event_names{"PliantForces",   "PliantLists",  "PliantGhosts", "PliantHalo",      "PliantSort",
+                                 "PliantReinsert", "PliantSample", "PliantFrame",  "PliantCheckpoint"};
 constexpr std::array stage_names{"Packing", "Run"};
 
 /// PETSc's numbers, registered at the first use.

@@ -12,7 +12,7 @@ enum class LogEvent {
   ghosts,      ///< "PliantGhosts": ghosts found and sent whole
   halo,        ///< "PliantHalo": positions and velocities of ghosts
   sort,        ///< "PliantSort": particles sorted and moved between ranks
-  put_back,    ///< "PliantPutBack": particles put back
+  reinsert,    ///< "PliantReinsert": particles reinserted
   sample,      ///< "PliantSample": a row of the series measured
   frame,       ///< "PliantFrame": a frame gathered and written
   checkpoint,  ///< "PliantCheckpoint": the same of a checkpoint

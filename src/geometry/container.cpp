@@ -136,7 +136,7 @@ bool Container::lets_pass(Real radius) const {
   constexpr Real most_places = 1e6;
   const Real step = std::max(radius / 4, std::sqrt(width * top / most_places));
   const auto columns = static_cast<Index>(width / step) + 2, rows = static_cast<Index>(top / step) + 2;
-  // Whoever goes along a way comes by places that are half a diagonal of a cell from it.
+  // Any path of the particle passes within half the diagonal of a cell of such places.
   const Real clearance = radius - 0.75 * step;
   std::vector<Index> near;
   const auto is_free = [&](Index place) {

@@ -44,7 +44,7 @@ struct Frame {
   std::span<const Real> centres;                ///< [N, D]
   std::span<const std::uint8_t> active;         ///< [N]
   std::span<const std::int64_t> images =
-      {};                                ///< [N, D] box lengths that particles were put back; on every rank or none
+      {};                                ///< [N, D] box lengths by which particles were wrapped; on every rank or none
   std::span<const Index> contact_count;  ///< [N]
   std::span<const Real> a0, area, perimeter;      ///< [N] of polygons, or empty
   std::span<const Real> wall_force;               ///< [S, D]

@@ -19,8 +19,8 @@ struct PairLaw {
 enum class Sides { both, first };
 
 /// Adds the forces of the listed pairs to f [points · D]: i = pair.first gets −V'(d) r/d − μ (v_i − v_j), where
-/// r = x_i − x_j and d = |r| < δ, and pair.second the opposite. Coincident points only rub. reach: δ of each pair
-/// [pairs]; x, v: [points · D], and f must not overlap them. The list may have any order; it is that of the sums.
+/// r = x_i − x_j and d = |r| < δ, and pair.second the opposite. Coincident points feel friction only. reach: δ of each
+/// pair [pairs]; x, v: [points · D], and f must not overlap them. The list may have any order; it is that of the sums.
 template <int D>
 void add_pair_forces(const PairLaw& law, std::span<const Pair> pairs, const Real* reach, Sides sides, const Real* x,
                      const Real* v, Real* f);

@@ -70,7 +70,7 @@ struct EdgeFriction {
   }
 
  private:
-  /// A vertex that rubs against the point at t on an edge.
+  /// Friction of a vertex with the point at t on an edge.
   struct Rubbing {
     Index vertex, start, end;
     Real t;

@@ -81,7 +81,7 @@ class ForceField {
   virtual void forces(const StateView<D>& s, Real* f) const = 0;
   /// The same, divided by the masses: 0 for inactive particles. Returns whether all are finite.
   virtual bool accelerations(const StateView<D>& s, Real* a) const = 0;
-  /// Accelerations that nobody keeps: done(chunk, a) gets those of the points of a chunk, numbered as in an array of
+  /// Accelerations that are not kept: done(chunk, a) gets those of the points of a chunk, numbered as in an array of
   /// all points, and is called by several threads at a time. They are made in `scratch`, which gets as large as needed.
   virtual bool accelerations(const StateView<D>& s, std::vector<Real>& scratch,
                              const std::function<void(Index, const Real*)>& done) const = 0;

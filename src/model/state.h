@@ -44,8 +44,8 @@ class State {
   /// Takes numbers that may be more, and leaves the old ones there: saves an integrator a copy.
   void swap_x(std::vector<Real>& next) { x_.swap(next); }
 
-  /// [particles] by how many lengths of the periodic box each was put back: x + lengths is where it would be otherwise.
-  /// Empty: none was.
+  /// [particles] by how many lengths of the periodic box each was wrapped into it: x + lengths is where it would be
+  /// otherwise. Empty: none was.
   std::vector<Image> images;
   std::vector<Real> extra;  ///< unknowns beside the coordinates that a first-order system has on this rank
 

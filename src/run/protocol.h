@@ -67,7 +67,7 @@ class Protocol {
   virtual RunGeometry geometry() const = 0;
   /// Axes of series, for run.h5: written at the start. On the root.
   virtual void write_axes(RunWriter& /*writer*/) const {}
-  /// Says what options nobody has read; throws what else makes no sense, before anything is written.
+  /// Says what options were not read; throws what else makes no sense, before anything is written.
   virtual std::string unread_options_advice() const { return {}; }
   virtual void check() const {}
 

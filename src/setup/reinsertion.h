@@ -15,7 +15,7 @@ struct Leaving {
   Index id;
   int rank;            ///< its owner
   Index particle;      ///< its place there
-  std::int64_t count;  ///< how often it has been put back before
+  std::int64_t count;  ///< how often it has been reinserted before
 };
 
 /// Moves the particle, as it is shaped now, to a uniformly random lateral position, lowered until it touches the first

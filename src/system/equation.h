@@ -65,7 +65,7 @@ class SecondOrderSystem : public FirstOrderSystem {
     Prefetch arrays;  ///< coordinates that it reads or writes, beside those of the fused step
   };
 
-  /// As acceleration(), with `advance.step` called once for every coordinate, for accelerations that nobody keeps. x
+  /// As acceleration(), with `advance.step` called once for every coordinate, for accelerations that are not kept. x
   /// and v hold own coordinates and may get longer: on several ranks those of ghosts follow, which saves a copy.
   /// Returns whether all accelerations on all ranks are finite.
   virtual bool fused_step(Real t, std::vector<Real>& x, std::vector<Real>& v, const Advance& advance) {

@@ -20,7 +20,7 @@ enum class Coupling {
 struct NeighbourDragOptions {
   Real b = 1;                 ///< viscosity: force per velocity
   Real beyond_contact = 0.1;  ///< droplets are neighbours at r < R_i + R_j + beyond_contact: 2 a_s
-  bool walls = false;         ///< solids within R + beyond_contact rub too, against their own velocity [T 4.1]
+  bool walls = false;         ///< solids within R + beyond_contact have friction too, with their own velocity [T 4.1]
   Coupling coupling = Coupling::exact;
 };
 

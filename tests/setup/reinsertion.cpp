@@ -1,4 +1,4 @@
-// A particle that is put back: on top of the others, touching one of them, as it was shaped.
+// A particle that is reinserted: on top of the others, touching one of them, as it was shaped.
 #include <catch2/catch.hpp>
 
 #include <algorithm>
@@ -63,7 +63,7 @@ struct Flow {
     return r;
   }
 
-  void put_back(std::uint64_t count = 0, std::uint64_t seed = 1) {
+  void reinsert_one(std::uint64_t count = 0, std::uint64_t seed = 1) {
     reinsert<D>(Ranks(), topology, hopper, walls, kind == ModelKind::smooth, seed,
                 {topology.id[fallen], 0, fallen, static_cast<std::int64_t>(count)}, state);
   }
@@ -121,7 +121,7 @@ void check_many(Flow<D> flow) {
   for (std::uint64_t count = 0; count < 20; ++count) {
     CAPTURE(count);
     Flow<D> trial = flow;
-    trial.put_back(count);
+    trial.reinsert_one(count);
     trial.check();
     lateral.push_back(trial.centre(trial.fallen)[0]);
   }
@@ -132,17 +132,17 @@ void check_many(Flow<D> flow) {
 
 }  // namespace
 
-TEST_CASE("a soft particle is put back onto a bulk particle", "[reinsertion]") {
+TEST_CASE("a soft particle is reinserted onto a bulk particle", "[reinsertion]") {
   const Hopper hopper = GENERATE(flat, sloped);
   CAPTURE(hopper.angle);
   check_many(Flow<2>(ModelKind::sp, 40, hopper));
 }
 
-TEST_CASE("a sphere is put back onto a bulk particle", "[reinsertion]") {
+TEST_CASE("a sphere is reinserted onto a bulk particle", "[reinsertion]") {
   check_many(Flow<3>(ModelKind::sp, 60, {.wall_distance = 5, .orifice = 2, .angle = 90}));
 }
 
-TEST_CASE("a polygon is put back as it is shaped", "[reinsertion]") {
+TEST_CASE("a polygon is reinserted as it is shaped", "[reinsertion]") {
   const ModelKind kind = GENERATE(ModelKind::rough, ModelKind::smooth);
   const Real distortion = GENERATE(0.0, 0.04);
   const Hopper hopper = GENERATE(flat, sloped);
@@ -156,15 +156,15 @@ TEST_CASE("a small hopper filled over its slope only takes particles back", "[re
   Real top = 0;
   for (Index m = 0; m < 20; ++m) top = std::max(top, flow.centre(m)[1]);
   REQUIRE(top < flow.hopper.slope_height());
-  flow.put_back();
+  flow.reinsert_one();
   flow.check();
 }
 
-TEST_CASE("where a particle is put back depends on seed, particle and count only", "[reinsertion]") {
+TEST_CASE("where a particle is reinserted depends on seed, particle and count only", "[reinsertion]") {
   const Flow<2> start(ModelKind::rough, 30, flat);
   const auto positions = [&](std::uint64_t count, std::uint64_t seed) {
     Flow<2> flow = start;
-    flow.put_back(count, seed);
+    flow.reinsert_one(count, seed);
     return std::vector<Real>(flow.state.x().begin(), flow.state.x().end());
   };
   const auto reference = positions(3, 8);
@@ -185,7 +185,7 @@ TEST_CASE("particles with large ids have random numbers of their own", "[reinser
   const auto lateral = [&](Index id) {
     Flow<2> flow = start;
     flow.topology.id[flow.fallen] = id;
-    flow.put_back(3, 8);
+    flow.reinsert_one(3, 8);
     return flow.centre(flow.fallen)[0];
   };
   // As it has always been below 2^24: stream 5, two numbers for each of 64 attempts.
@@ -212,12 +212,12 @@ TEST_CASE("particles that are out of the run or below the orifice are no place t
     else
       flow.at(m)[1] = -0.1;
   }
-  flow.put_back();
+  flow.reinsert_one();
   CHECK(flow.gap(highest) == Approx(0).margin(1e-12));
   CHECK(flow.centre(flow.fallen)[1] > height);
 
   flow.at(highest)[1] = -0.1;
-  CHECK_THROWS_AS(flow.put_back(), NumericalError);
-  CHECK_THROWS_WITH(flow.put_back(),
+  CHECK_THROWS_AS(flow.reinsert_one(), NumericalError);
+  CHECK_THROWS_WITH(flow.reinsert_one(),
                     Catch::Contains("particle 5") && Catch::Contains("0 particles are above the orifice"));
 }

@@ -247,7 +247,7 @@ TEST_CASE("a periodic box is a crystal of copies", "[ranks][periodic]") {
     CHECK(expected.force.norm() > 1);
     contacts += expected.contacts;
     compare(from_box(cell, ranks), expected);
-    compare(from_box(cell, ranks, true), expected, false);  // the gravity of those put back is another
+    compare(from_box(cell, ranks, true), expected, false);  // the gravity of wrapped ones is another
   });
   CHECK(contacts > 300);
 }
@@ -371,7 +371,7 @@ TEST_CASE("a periodic gas conserves momentum and energy", "[periodic]") {
   check(Cell<2>{free(polygon_rows(random, 3, 3)), Box<2>({0, 0}, {3.3, 3.4}), ModelKind::smooth}, 4e-4);
 }
 
-TEST_CASE("a run in a box is the same where particles are put back and where they are not", "[periodic]") {
+TEST_CASE("a run in a box is the same where particles are wrapped and where they are not", "[periodic]") {
   Random random(4);
   const auto check = [&]<int D>(Cell<D> cell, Integrator& one, Integrator& other, Real t_end) {
     INFO(to_string(cell.kind) << ", " << one.name());

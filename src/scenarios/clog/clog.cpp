@@ -32,7 +32,7 @@ Topology make_droplets(const std::vector<Real>& radii) {
   return t;
 }
 
-/// Two wedges with level undersides, and a lid at this height: at 0 it closes the exit, far below nobody meets it.
+/// Two wedges with level undersides, and a lid at this height: at 0 it closes the exit, far below no droplet meets it.
 Walls<2> make_walls(const ClogOptions& p, Real lid) {
   const Vec<2> up = right_wall(p);
   return Walls<2>(std::vector<Solid<2>>{Solid<2>::wedge({-p.half_width(), 0}, {-up[0], up[1]}, {-1, 0}),

@@ -27,9 +27,9 @@ struct DropletSetup {
 };
 
 /// Droplets in the plane, without inertia, and their energy budget: the work that the walls have done on them and the
-/// energy that drag and friction have dissipated are integrated with the positions. Walls that move must not rub. Ranks
-/// share forces and the viscous solve; all else sees all droplets, at the places of their numbers, on every rank: each
-/// does the same with the same numbers, so that all decide alike.
+/// energy that drag and friction have dissipated are integrated with the positions. Walls that move must be without
+/// friction. Ranks share forces and the viscous solve; all else sees all droplets, at the places of their numbers, on
+/// every rank: each does the same with the same numbers, so that all decide alike.
 class DropletProtocol : public Protocol<2> {
  public:
   std::string model() const final { return "bubble"; }

@@ -376,14 +376,14 @@ class HopperProtocol final : public Protocol<D> {
       seen_[m] = now;
       if (h < -2 * largest_ && own.active[m]) leaving.push_back({own.id[m], ranks().rank(), m, reinserted_[m]});
     }
-    enum { nobody, some_leave, one_astray };
-    const int event = ranks().max(astray ? one_astray : !leaving.empty() ? some_leave : nobody);
-    if (event == nobody) return false;
+    enum { none_leave, some_leave, one_astray };
+    const int event = ranks().max(astray ? one_astray : !leaving.empty() ? some_leave : none_leave);
+    if (event == none_leave) return false;
     if (event == one_astray)
       ranks().together([&] {
         if (astray) throw through_wall(astray->id, astray->at.x, "crossed the orifice line outside the orifice");
       });
-    const LogScope log(LogEvent::put_back);
+    const LogScope log(LogEvent::reinsert);
     leaving = ranks().all_gather(leaving);
     std::sort(leaving.begin(), leaving.end(), [](const Leaving& a, const Leaving& b) { return a.id < b.id; });
     for (const Leaving& l : leaving) {
