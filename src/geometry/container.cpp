@@ -13,12 +13,10 @@ struct Overload : F... {
 template <class... F>
 Overload(F...) -> Overload<F...>;
 
-/// Distance of a wall from the line that goes straight up from p.
-Real distance_from_line_up(const Vec<2>& p, const WallSegment& wall) {
+/// Distance of a wall from the line that goes straight up from p; more where the wall is nearest to p itself.
+Real distance_from_line_above(const Vec<2>& p, const WallSegment& wall) {
   const auto from_line = [&](const Vec<2>& r) { return r[1] >= p[1] ? std::abs(r[0] - p[0]) : (r - p).norm(); };
-  const Vec<2> w = p - wall.origin;
-  Real d = (w - std::clamp(w.dot(wall.direction), Real(0), wall.length) * wall.direction).norm();
-  d = std::min(d, from_line(wall.origin));
+  Real d = from_line(wall.origin);
   if (wall.direction[0] != 0) {  // else it is nearest at an end, or beside p
     const Real across = (p[0] - wall.origin[0]) / wall.direction[0];
     if (across >= 0 && across <= wall.length && wall.origin[1] + across * wall.direction[1] >= p[1]) d = 0;
@@ -119,8 +117,9 @@ template <int D>
 bool Container::can_fall_to(const Walls<D>& walls, const Vec<D>& r, Real radius) {
   const Real least = radius * (1 - 1e-9);
   const Vec<2> p = in_plane<D>(r);
-  for (Index s = 0; s < walls.size(); ++s)
-    if (walls.distance(r, s) < least || distance_from_line_up(p, walls.segments()[s]) < least) return false;
+  Index s = 0;
+  for (const WallSegment& wall : walls.segments())
+    if (walls.distance(r, s++) < least || distance_from_line_above(p, wall) < least) return false;
   return true;
 }
 

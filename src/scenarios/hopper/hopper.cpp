@@ -171,7 +171,7 @@ class HopperProtocol final : public Protocol<D> {
   std::vector<Real> start() override {
     const Topology& all = this->simulation().all();
     std::vector<Real> x(static_cast<std::size_t>(all.points()) * D);
-    if (ranks().root() && !p_.container->plain()) warn_of_barrier();
+    if (ranks().root() && !p_.container->plain()) warn_if_blocked();
     const Packing packing = pack<D>(
         all, *p_.container, {*p_.pack_fraction, p_.pack_tolerance, static_cast<std::uint64_t>(p_.seed)}, x.data());
     if (ranks().root())
@@ -469,7 +469,7 @@ class HopperProtocol final : public Protocol<D> {
   }
 
   /// For an outline or obstacles that leave no way.
-  void warn_of_barrier() const {
+  void warn_if_blocked() const {
     const Topology& all = this->simulation().all();
     Real widest = 0;
     for (Index m = 0; m < all.particles(); ++m) widest = std::max(widest, 2 * outer_radius(all, m));
