@@ -198,7 +198,7 @@ class ParticleSystem final : public ImplicitSystem {
     const LogScope log(LogEvent::sort);
     if (tune_skin_ && sort_due()) neighbours_.set_skin(best_skin());
     if (!box_.open()) wrap(state);
-    const Migration migration = plan_migration<D>(ranks_, topology_, state.x().data());
+    Migration migration = plan_migration<D>(ranks_, topology_, state.x().data());
     move_history(migration);
     migration.move(topology_);
     migration.move(state, coordinates());
