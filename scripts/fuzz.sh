@@ -6,7 +6,6 @@
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 seconds=${1:-60}
-build=${PLIANT_BUILD:-$build}
 work=$build/fuzz
 corpus=${2:-$work/corpus}
 harnesses=(evaluate options)
