@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <span>
 #include <string>
 #include <vector>
@@ -51,6 +52,7 @@ struct Frame {
   std::span<const Real> angles = {}, spins = {};  ///< [N, 1 or 3] where particles rotate, or empty
   std::span<const Real> wall_segments = {};       ///< [S, 4] where the walls are now, or empty: as in the geometry
   FrameContacts contacts;
+  std::map<std::string, Real> attributes = {};  ///< of the scenario, beside time and step; the root's
 };
 
 /// A dataset of a frame: this rank's rows of it.

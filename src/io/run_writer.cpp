@@ -335,6 +335,7 @@ void RunWriter::write_frame(const Frame& frame) {
     group.emplace(file_->create_unlinked_group());
     group->set_attribute("time", frame.time);
     group->set_attribute("step", frame.step);
+    for (const auto& [name, value] : frame.attributes) group->set_attribute(name, value);
     group->create_group("contacts");
     group->write("wall_force", frame.wall_force, {walls_, dim}, Storage::crc32);
     auto xdmf = group->create_group("xdmf");

@@ -2,23 +2,25 @@
 
 namespace pliant {
 
-void RunOptions::bind_output(Options& o) {
+void RunOptions::bind_output(Options& o, bool intervals) {
   constexpr auto fixed = OnRestart::fixed;
   o.group("Output");
   o.bind("output", output, {.help = "folder of the run", .on_restart = OnRestart::forget});
   o.bind("restart", restart, {.help = "folder of a run to continue, in place", .on_restart = OnRestart::forget});
-  o.bind("frame_interval", frame_interval,
-         {.help = "time between frames; less than a step: every step",
-          .unit = "t0",
-          .min = 0,
-          .min_open = true,
-          .on_restart = fixed});
-  o.bind("sample_interval", sample_interval,
-         {.help = "time between samples of the series; less than a step: every step",
-          .unit = "t0",
-          .min = 0,
-          .min_open = true,
-          .on_restart = fixed});
+  if (intervals) {
+    o.bind("frame_interval", frame_interval,
+           {.help = "time between frames; less than a step: every step",
+            .unit = "t0",
+            .min = 0,
+            .min_open = true,
+            .on_restart = fixed});
+    o.bind("sample_interval", sample_interval,
+           {.help = "time between samples of the series; less than a step: every step",
+            .unit = "t0",
+            .min = 0,
+            .min_open = true,
+            .on_restart = fixed});
+  }
   o.bind("checkpoint_interval", checkpoint_interval,
          {.help = "wall time between checkpoints; 0: only at the start and when stopped", .unit = "s", .min = 0});
   o.bind("max_wall_time", max_wall_time,

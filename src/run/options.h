@@ -18,8 +18,8 @@ struct RunOptions {
   void resolve() {}
 
  protected:
-  /// The group "Output".
-  void bind_output(Options& options);
+  /// The group "Output". intervals: with the times between frames and between samples.
+  void bind_output(Options& options, bool intervals = true);
 };
 
 }  // namespace pliant

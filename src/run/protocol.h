@@ -2,6 +2,7 @@
 #pragma once
 
 #include <limits>
+#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -98,6 +99,8 @@ class Protocol {
   virtual std::vector<SeriesValue> sample() = 0;
   /// x1 y1 x2 y2 of each wall at this time, where they are not always as in the geometry.
   virtual std::vector<Real> wall_segments() { return {}; }
+  /// Numbers that a frame has beside its time: where the protocol is.
+  virtual std::map<std::string, Real> frame_attributes() const { return {}; }
   virtual std::string progress() const { return {}; }
   /// Under names of its own.
   virtual void save(SharedCheckpoint& /*checkpoint*/) const {}

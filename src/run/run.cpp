@@ -245,6 +245,7 @@ void Run<D>::write_frame() {
   FrameData<D> data(simulation().particles(), state());
   const std::vector<Real> walls = protocol_->wall_segments();
   data.frame.wall_segments = walls;
+  data.frame.attributes = protocol_->frame_attributes();
   writer_->write_frame(data.frame);
 }
 

@@ -3,72 +3,17 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
-#include <optional>
 #include <string_view>
 
 #include <pliant/base/errors.h>
 #include <pliant/base/text.h>
+#include <pliant/setup/polylines.h>
 
 namespace pliant {
 namespace {
 
-constexpr std::size_t largest_file = std::size_t{8} << 20;
-
-/// A polyline, and the lines of the file that its points stand on.
-struct Polyline {
-  std::vector<Vec<2>> points;
-  std::vector<int> lines;
-};
-
-/// The numbers of a text with these separators; nothing if there is something else.
-std::optional<std::vector<Real>> numbers(std::string_view text, std::string_view separators) {
-  std::vector<Real> all;
-  while (true) {
-    const std::size_t begin = text.find_first_not_of(separators);
-    if (begin == text.npos) return all;
-    text.remove_prefix(begin);
-    const std::string_view word = text.substr(0, std::min(text.find_first_of(separators), text.size()));
-    Real value = 0;
-    const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
-    if (error != std::errc() || end != word.data() + word.size() || !std::isfinite(value)) return {};
-    all.push_back(value);
-    text.remove_prefix(word.size());
-  }
-}
-
-/// name: of the file, in messages.
-std::vector<Polyline> parse_polylines(std::string_view text, const std::string& name) {
-  std::vector<Polyline> all;
-  bool fresh = true;
-  for (int line = 1; !text.empty(); ++line) {
-    const std::size_t end = std::min(text.find('\n'), text.size());
-    const std::string_view whole = text.substr(0, end), content = whole.substr(0, whole.find('#'));
-    text.remove_prefix(std::min(end + 1, text.size()));
-    const auto values = numbers(content, " \t\r,");
-    if (!values || (values->size() != 2 && !values->empty()))
-      throw InputError("{}:{}: \"{}\" is no point; write x y, two numbers in sigma_avg", name, line, printable(whole));
-    if (values->empty()) {
-      if (whole.find('#') == whole.npos) fresh = true;  // a line with a comment alone divides nothing
-      continue;
-    }
-    if (fresh) all.emplace_back();
-    fresh = false;
-    const Vec<2> r((*values)[0], (*values)[1]);
-    if (!all.back().points.empty() && all.back().points.back() == r)
-      throw InputError("{}:{}: the segment at ({:g}, {:g}) has no length; leave one of its points out", name, line,
-                       r[0], r[1]);
-    all.back().points.push_back(r);
-    all.back().lines.push_back(line);
-  }
-  if (all.empty()) throw InputError("{}: has no points; write lines x y, in sigma_avg", name);
-  for (const Polyline& p : all)
-    if (p.points.size() < 2)
-      throw InputError("{}:{}: a polyline of one point; give at least two, with no blank line between them", name,
-                       p.lines[0]);
-  return all;
-}
+constexpr std::string_view unit = "sigma_avg";
 
 /// From the orifice upwards.
 Polyline upwards(Polyline p, const std::string& name) {
@@ -91,7 +36,7 @@ Polyline upwards(Polyline p, const std::string& name) {
 }
 
 Vessel make_vessel(std::string_view text, const std::string& name, int dim) {
-  std::vector<Polyline> all = parse_polylines(text, name);
+  std::vector<Polyline> all = parse_polylines(text, name, unit);
   if (all.size() > 2)
     throw InputError(
         "{}:{}: polyline {}; an outline has one for each side of the orifice, or one that is mirrored. Put what stands "
@@ -146,18 +91,6 @@ std::vector<std::pair<std::string, std::string>> items(const std::string& text) 
   return all;
 }
 
-Real cross(const Vec<2>& u, const Vec<2>& v) { return u[0] * v[1] - u[1] * v[0]; }
-
-/// Whether two segments cross each other in their insides.
-bool cross_each_other(const Vec<2>& a, const Vec<2>& b, const Vec<2>& c, const Vec<2>& d) {
-  const Real small = 1e-9 * ((b - a).norm() + (d - c).norm());
-  const auto sides = [&](const Vec<2>& p, const Vec<2>& q, const Vec<2>& r, const Vec<2>& s) {
-    const Real length = (q - p).norm(), x = cross(q - p, r - p) / length, y = cross(q - p, s - p) / length;
-    return (x > small && y < -small) || (x < -small && y > small);
-  };
-  return sides(a, b, c, d) && sides(c, d, a, b);
-}
-
 std::string text(const Obstacle& o) {
   if (o.disk()) return fmt::format("disk:{:g},{:g},{:g}", o.corners[0][0], o.corners[0][1], o.radius);
   return fmt::format("the polygon from ({:g}, {:g})", o.corners[0][0], o.corners[0][1]);
@@ -192,10 +125,10 @@ bool overlap(const Obstacle& a, const Obstacle& b) {
 }  // namespace
 
 std::string read_outline(const std::string& file) {
-  const std::string name = "outline " + printable(file), text = read_text_file(file, largest_file, "outline");
+  const std::string name = "outline " + printable(file), text = read_text_file(file, largest_outline, "outline");
   make_vessel(text, name, 2);
   std::string result;
-  for (const Polyline& p : parse_polylines(text, name)) {
+  for (const Polyline& p : parse_polylines(text, name, unit)) {
     if (!result.empty()) result += '\n';
     for (const Vec<2>& r : p.points) result += fmt::format("{} {}\n", r[0], r[1]);
   }
@@ -208,9 +141,9 @@ std::string read_obstacles(const std::string& text) {
   std::string result;
   for (const auto& [kind, value] : items(text)) {
     std::string content = value;
-    if (kind == "polygon" && !numbers(value, ", \t")) {
+    if (kind == "polygon" && !parse_numbers(value, ", \t")) {
       const std::string name = "obstacle " + printable(value);
-      const std::vector<Polyline> all = parse_polylines(read_text_file(value, largest_file, "obstacle"), name);
+      const std::vector<Polyline> all = parse_polylines(read_text_file(value, largest_outline, "obstacle"), name, unit);
       if (all.size() > 1)
         throw InputError("{}:{}: a second polyline; a file has one polygon, use polygon:FILE for each", name,
                          all[1].lines[0]);
@@ -226,7 +159,7 @@ std::string read_obstacles(const std::string& text) {
 std::vector<Obstacle> parse_obstacles(const std::string& all, int dim) {
   std::vector<Obstacle> obstacles;
   for (const auto& [kind, value] : items(all)) {
-    const auto values = numbers(value, ", \t");
+    const auto values = parse_numbers(value, ", \t");
     const auto refuse = [&, &kind = kind, &value = value](const std::string& why) {
       throw InputError("-obstacle {}:{}: {}", kind, printable(value), why);
     };
@@ -242,22 +175,15 @@ std::vector<Obstacle> parse_obstacles(const std::string& all, int dim) {
             "least r");
     } else {
       if (values->size() % 2 != 0) refuse("an odd number of coordinates");
-      for (std::size_t k = 0; k < values->size(); k += 2) o.corners.emplace_back((*values)[k], (*values)[k + 1]);
-      if (o.corners.size() > 1 && o.corners.front() == o.corners.back()) o.corners.pop_back();  // closed by the user
-      if (o.corners.size() < 3) refuse("a polygon has at least three corners");
-      const auto sides = edges(o);
-      Real area = 0;
-      for (std::size_t i = 0; i < sides.size(); ++i) {
-        const auto& [a, b] = sides[i];
-        area += cross(a, b) / 2;
-        if (a == b) refuse(fmt::format("a side at ({:g}, {:g}) has no length", a[0], a[1]));
-        if (dim == 3 && a[0] < 0) refuse(fmt::format("with -dim 3 corners are (rho, z): rho = {:g} is negative", a[0]));
-        for (std::size_t j = 0; j < i; ++j)
-          if (cross_each_other(a, b, sides[j].first, sides[j].second))
-            refuse(fmt::format("its sides cross near ({:g}, {:g})", a[0], a[1]));
+      std::vector<Vec<2>> corners;
+      for (std::size_t k = 0; k < values->size(); k += 2) corners.emplace_back((*values)[k], (*values)[k + 1]);
+      try {
+        o.corners = make_polygon(std::move(corners));
+      } catch (const InputError& error) {
+        refuse(error.what());
       }
-      if (area < 0) std::reverse(o.corners.begin(), o.corners.end());
-      if (area == 0) refuse("it has no area");
+      for (const Vec<2>& r : o.corners)
+        if (dim == 3 && r[0] < 0) refuse(fmt::format("with -dim 3 corners are (rho, z): rho = {:g} is negative", r[0]));
     }
     obstacles.push_back(std::move(o));
   }

@@ -1,0 +1,36 @@
+// Polylines as users write them: outlines of containers.
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <pliant/base/types.h>
+
+namespace pliant {
+
+inline constexpr std::size_t largest_outline = std::size_t{8} << 20;  ///< bytes of such a file
+
+/// A polyline, and the lines of the file that its points stand on.
+struct Polyline {
+  std::vector<Vec<2>> points;
+  std::vector<int> lines;
+};
+
+/// The numbers of a text with these separators; nothing if there is something else.
+std::optional<std::vector<Real>> parse_numbers(std::string_view text, std::string_view separators);
+
+/// The points of a text: lines "x y", a blank line between polylines, # begins a comment. name, unit: of the file and
+/// of its numbers, for messages. Errors: InputError with file and line.
+std::vector<Polyline> parse_polylines(std::string_view text, const std::string& name, std::string_view unit);
+
+/// Whether two segments cross each other in their insides.
+bool cross_each_other(const Vec<2>& a, const Vec<2>& b, const Vec<2>& c, const Vec<2>& d);
+
+/// The polygon with these corners, of which the last may be the first again, counterclockwise. Errors: InputError where
+/// there are fewer than three, a side has no length, sides cross, or there is no area.
+std::vector<Vec<2>> make_polygon(std::vector<Vec<2>> corners);
+
+}  // namespace pliant
