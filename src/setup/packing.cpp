@@ -50,6 +50,44 @@ Real largest_overlap(ParticleSystem<D>& system, const Real* x) {
 
 }  // namespace
 
+template <int D>
+RelaxedDisks relax_disks(Topology disks, const Walls<D>& walls, Real tolerance, std::int64_t max_iterations,
+                         const std::function<bool(Index, const Real*)>& inside, std::span<Real> centres) {
+  constexpr Real mass = 1;
+  const Index n = disks.particles();
+  ParticleSystem<D> system(std::move(disks), walls,
+                           make_force_field<D>(ModelKind::sp, {.epsilon = 1, .epsilon_wall = 1}, Vec<D>::Zero()), 0.3);
+  {
+    State state(n, D);
+    std::copy(centres.begin(), centres.end(), state.x().begin());
+    system.sort(state);  // sorted in space, searches and sums are fast
+    std::copy(state.x().begin(), state.x().end(), centres.begin());
+  }
+  RelaxedDisks relaxed;
+  FireOptions options;
+  options.dt = 0.1;
+  options.dt_max = 0.5;
+  options.force_tolerance = 1e-2 * tolerance;
+  options.max_iterations = max_iterations;
+  options.force = [&](const Real* r, Real* f) { system.field().forces(system.view(r, nullptr), f); };
+  options.done = [&](const Real* r) {
+    relaxed.max_overlap = largest_overlap<D>(system, r);
+    if (relaxed.max_overlap > tolerance) return false;
+    bool all = true;
+    for (Index m = 0; m < n && all; ++m) all = inside(m, r);
+    return all;
+  };
+  const FireResult result = fire(
+      centres, std::span(&mass, 1),
+      [&](const Real* r, Real* f) { return system.field().energy(system.view(r, nullptr), f); }, options);
+  relaxed.iterations = result.iterations;
+  relaxed.reason = result.reason;
+  relaxed.done = options.done(centres.data());
+  const std::vector<Real> sorted(centres.begin(), centres.end());
+  for (Index k = 0; k < n; ++k) point<D>(centres.data(), system.topology().id[k]) = point<D>(sorted.data(), k);
+  return relaxed;
+}
+
 void check_fit(const Topology& topology, const Container& container) {
   for (Index m = 0; m < topology.particles(); ++m)
     if (const Real width = 2 * outer_radius(topology, m); width >= container.inflow_width())
@@ -62,6 +100,7 @@ void check_fit(const Topology& topology, const Container& container) {
 template <int D>
 Packing pack(const Topology& topology, const Container& container, const PackingParameters& p, Real* x) {
   constexpr Real mass = 1;
+  constexpr std::int64_t most_iterations = 2000;  // beyond, at the edge of jamming, raising the lid is quicker
   check_fit(topology, container);
   const Index n = topology.particles();
   const auto outer_disks = [&] {
@@ -77,11 +116,6 @@ Packing pack(const Topology& topology, const Container& container, const Packing
   }
   Packing packing;
   std::vector<Real> centres(static_cast<std::size_t>(n) * D);
-  FireOptions options;
-  options.dt = 0.1;
-  options.dt_max = 0.5;
-  options.force_tolerance = 1e-2 * p.tolerance;
-  options.max_iterations = 2000;  // more are needed only at the edge of jamming, where raising the lid is quicker
   const auto inside = [&](Index m, const Real* r) { return container.inside(D, in_plane<D>(point<D>(r, m))); };
   std::uint64_t round = 0;
   for (packing.fraction = p.fraction;; packing.fraction *= 0.98, ++round) {
@@ -95,37 +129,16 @@ Packing pack(const Topology& topology, const Container& container, const Packing
       if (before == 0 || !inside(m, centres.data()))
         random_place<D>(container, walls, packing.height, outer_radius(topology, m), p.seed, m, round, r);
     }
-    ParticleSystem<D> system(outer_disks(), walls,
-                             make_force_field<D>(ModelKind::sp, {.epsilon = 1, .epsilon_wall = 1}, Vec<D>::Zero()),
-                             0.3);
-    {
-      State state(n, D);
-      std::copy(centres.begin(), centres.end(), state.x().begin());
-      system.sort(state);  // sorted in space, searches and sums are fast
-      std::copy(state.x().begin(), state.x().end(), centres.begin());
-    }
-    options.force = [&](const Real* r, Real* f) { system.field().forces(system.view(r, nullptr), f); };
-    options.done = [&](const Real* r) {
-      packing.max_overlap = largest_overlap<D>(system, r);
-      if (packing.max_overlap > p.tolerance) return false;
-      bool all = true;
-      for (Index m = 0; m < n && all; ++m) all = inside(m, r);
-      return all;
-    };
-    const FireResult result = fire(
-        centres, std::span(&mass, 1),
-        [&](const Real* r, Real* f) { return system.field().energy(system.view(r, nullptr), f); }, options);
-    packing.iterations += result.iterations;
-    const bool done = options.done(centres.data());
-    const std::vector<Real> sorted = centres;
-    for (Index k = 0; k < n; ++k) point<D>(centres.data(), system.topology().id[k]) = point<D>(sorted.data(), k);
-    if (done) break;
+    const RelaxedDisks relaxed = relax_disks<D>(outer_disks(), walls, p.tolerance, most_iterations, inside, centres);
+    packing.iterations += relaxed.iterations;
+    packing.max_overlap = relaxed.max_overlap;
+    if (relaxed.done) break;
     if (packing.fraction < 0.5 * p.fraction)
       throw NumericalError(
           "packing {} particles: overlaps up to {:.2g}, or particles beyond walls, remain at a fraction of {:.2g} "
           "({}); "
           "is the hopper wide enough for them?",
-          n, packing.max_overlap, packing.fraction, result.reason);
+          n, packing.max_overlap, packing.fraction, relaxed.reason);
   }
   packing.fraction = std::min(packing.fraction, content / container.capacity(D, packing.height));
   for (Index m = 0; m < n; ++m)
@@ -134,6 +147,10 @@ Packing pack(const Topology& topology, const Container& container, const Packing
   return packing;
 }
 
+template RelaxedDisks relax_disks<2>(Topology, const Walls<2>&, Real, std::int64_t,
+                                     const std::function<bool(Index, const Real*)>&, std::span<Real>);
+template RelaxedDisks relax_disks<3>(Topology, const Walls<3>&, Real, std::int64_t,
+                                     const std::function<bool(Index, const Real*)>&, std::span<Real>);
 template Packing pack<2>(const Topology&, const Container&, const PackingParameters&, Real*);
 template Packing pack<3>(const Topology&, const Container&, const PackingParameters&, Real*);
 

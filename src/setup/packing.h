@@ -2,6 +2,9 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
+#include <span>
+#include <string>
 
 #include <pliant/geometry/container.h>
 #include <pliant/model/topology.h>
@@ -21,6 +24,20 @@ struct Packing {
   std::int64_t iterations = 0;  ///< of FIRE
   Real max_overlap = 0;         ///< largest 1 − r/σ_mn of the outer disks, or 1 − 2 d/σ_m at walls
 };
+
+/// Disks (spheres) that were pushed apart.
+struct RelaxedDisks {
+  std::int64_t iterations = 0;  ///< of FIRE
+  Real max_overlap = 0;         ///< as of Packing
+  bool done = false;            ///< within the tolerance, and all inside
+  std::string reason;           ///< why it ended
+};
+
+/// Pushes disks, which may lie on top of each other, apart and off the walls with FIRE. inside(m, r): whether disk m is
+/// in the container at centres r, where the walls alone do not keep it in. centres [disks · D], by id.
+template <int D>
+RelaxedDisks relax_disks(Topology disks, const Walls<D>& walls, Real tolerance, std::int64_t max_iterations,
+                         const std::function<bool(Index, const Real*)>& inside, std::span<Real> centres);
 
 /// Errors: InputError for a particle that is wider than the container where particles come in.
 void check_fit(const Topology& topology, const Container& container);
