@@ -15,7 +15,7 @@ from .errors import OutputError, RunError
 from .files import write_atomically
 from .script import remark
 from .sweep import results_tables
-from .sweep_jobs import STOPPED_CODE, RowFolder, Sweep, arguments, count_text, environment, row_text
+from .sweep_jobs import STOPPED_CODE, RowFolder, Sweep, arguments, count_text, row_text
 from .sweep_rows import is_number, read_rows
 
 FAILED_CODE = 3
@@ -48,7 +48,7 @@ def find_program(given):
 def first_scenario(program):
     """The scenario of rows that name none."""
     result = subprocess.run([program, "-scenarios"], text=True, capture_output=True, stdin=subprocess.DEVNULL,
-                            env=environment(OMP_NUM_THREADS="1"))
+                            env=os.environ | {"OMP_NUM_THREADS": "1"})
     names = result.stdout.split()
     if result.returncode != 0 or not names:
         raise RunError(f"{program} -scenarios lists no scenarios: is it a pliant? " + _error(result))
@@ -84,7 +84,7 @@ def check_options(table, rows, program, base):
         for scenario, probe, first in _probes(rows):
             options = arguments({name: row.options[name] for name, row in probe.items()}, base)
             result = subprocess.run([program, scenario, *options, "-restart", empty], text=True, capture_output=True,
-                                    stdin=subprocess.DEVNULL, env=environment(OMP_NUM_THREADS="1"))
+                                    stdin=subprocess.DEVNULL, env=os.environ | {"OMP_NUM_THREADS": "1"})
             if empty in result.stderr:
                 continue
             message = _error(result)

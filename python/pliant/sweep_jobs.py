@@ -145,13 +145,6 @@ def arguments(options, base):
     return [text for name, value in options.items() for text in (f"-{name}", value)]
 
 
-def environment(**changes):
-    # Open MPI otherwise starts a daemon beside every process that mpiexec has not started; without one, workers would
-    # share a session folder, and one removes what another is about to use.
-    alone = {"OMPI_MCA_ess_singleton_isolated": "1", "OMPI_MCA_orte_create_session_dirs": "0"}
-    return alone | os.environ | changes
-
-
 def _stop_with(parent):
     """A function for the child of the process `parent` to call: when that one ends, however it does, the run is asked to
     stop."""
@@ -174,7 +167,7 @@ class _Job:
             self._log_start = log.tell()
             # A session of its own: Ctrl-C must reach the sweep alone, which then asks every run once.
             self.process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
-                                            env=environment(**needs), pass_fds=[lock.fd], start_new_session=True,
+                                            env=os.environ | needs, pass_fds=[lock.fd], start_new_session=True,
                                             preexec_fn=_stop_with(os.getpid()))
         lock.name(self.process.pid)
 

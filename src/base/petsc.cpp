@@ -1,6 +1,11 @@
 #include <malloc.h>
 #include <pliant/base/petsc.h>
 
+#include <algorithm>
+#include <array>
+#include <cstdlib>
+#include <utility>
+
 namespace pliant {
 namespace {
 
@@ -37,6 +42,20 @@ void return_freed_memory() {
 #endif
 }
 
+/// Without a launcher there is one rank. Open MPI would look for networks, which takes a third of a second, and start a
+/// daemon; without that, processes would share a session folder, and one removes what another is about to use. What the
+/// user has set counts.
+void prepare_single_rank() {
+  constexpr std::array launchers{"OMPI_COMM_WORLD_SIZE", "PMIX_RANK", "PMI_RANK", "SLURM_PROCID"};
+  if (std::any_of(launchers.begin(), launchers.end(), [](const char* name) { return std::getenv(name) != nullptr; }))
+    return;
+  constexpr std::array<std::pair<const char*, const char*>, 4> settings{{{"OMPI_MCA_ess_singleton_isolated", "1"},
+                                                                         {"OMPI_MCA_orte_create_session_dirs", "0"},
+                                                                         {"OMPI_MCA_pml", "ob1"},
+                                                                         {"OMPI_MCA_btl", "self"}}};
+  for (const auto& [name, value] : settings) (void)setenv(name, value, 0);
+}
+
 }  // namespace
 
 PetscSession::PetscSession() {
@@ -47,6 +66,7 @@ PetscSession::PetscSession() {
     static char name[] = "pliant", no_handlers[] = "-no_signal_handler";
     static char *names[] = {name, no_handlers, nullptr}, **arguments = names;
     static int count = 2;
+    prepare_single_rank();
     if (PetscInitialize(&count, &arguments, nullptr, nullptr) != 0)
       throw NumericalError("PETSc could not be started; it starts once per process, and MPI must work");
     owner_ = true;

@@ -13,11 +13,8 @@ import h5py
 import numpy as np
 import pytest
 
-# Open MPI otherwise starts a daemon with every run, which takes longer than most runs here; without one, programs that
-# run at the same time would share a session folder, and one removes what another is about to use. On all numbers of
-# ranks it otherwise waits a fifth of a second for networks that are not there.
-WITHOUT_MPIEXEC = {"OMPI_MCA_ess_singleton_isolated": "1", "OMPI_MCA_orte_create_session_dirs": "0"}
-for _name, _value in {**WITHOUT_MPIEXEC, "OMPI_MCA_pml": "ob1", "OMPI_MCA_btl": "self,vader"}.items():
+# Open MPI otherwise waits a fifth of a second for networks that are not there, on several ranks too.
+for _name, _value in {"OMPI_MCA_pml": "ob1", "OMPI_MCA_btl": "self,vader"}.items():
     os.environ.setdefault(_name, _value)
 
 PROGRAM = os.environ.get("PLIANT_PROGRAM", "pliant")

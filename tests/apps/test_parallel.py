@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import (HANGS, PROGRAM, SMALL, WITHOUT_MPIEXEC, Results, arguments, assert_same_runs, hopper, pliant,
+from conftest import (HANGS, PROGRAM, SMALL, Results, arguments, assert_same_runs, hopper, pliant,
                       wait_for)
 
 needs_mpi = pytest.mark.ranks
@@ -32,7 +32,7 @@ def mpi_environment():
     names = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
              "OMPI_MCA_rmaps_base_oversubscribe": "1", "OMPI_MCA_mpi_yield_when_idle": "1",
              "OMPI_MCA_odls_base_sigkill_timeout": "0"}
-    return {name: value for name, value in os.environ.items() if name not in WITHOUT_MPIEXEC} | names
+    return os.environ | names
 
 
 def start_ranks(ranks, *command, **options):

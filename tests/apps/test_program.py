@@ -103,3 +103,15 @@ def test_progress_on_a_terminal(tmp_path):
     assert 1 <= len(lines) <= 4
     assert re.search(r"t \d+\.\d+/1e\+06 t0 .*ETA .*dt/dt_c 0\.\d+ .*max overlap 0\.\d+ .*crossed \d+", lines[-1])
     assert text.endswith("\n")
+
+
+def test_alone_it_starts_no_other_process(tmp_path):
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("OMPI_")}
+    run = subprocess.Popen([PROGRAM, "hopper", *arguments(SMALL | {"t_end": 1e4}), "-output", tmp_path / "run"],
+                           env=environment, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+    try:
+        assert run.stdout.readline()  # it has begun
+        assert Path(f"/proc/{run.pid}/task/{run.pid}/children").read_text() == ""
+    finally:
+        run.kill()
+        run.communicate()
