@@ -71,7 +71,7 @@ bool Container::has_room(const Walls<D>& walls, const Vec<D>& r, Real radius, Re
     if (std::abs(p[0]) > std::max(hopper->half_width(p[1]) - radius, hopper->orifice / 4)) return false;
   if (plain()) return true;
   std::vector<Index> near;
-  walls.find_near(r, margin * radius, near);
+  walls.find_near(r, margin * radius, 0, near);
   return near.empty() && inside(D, p);
 }
 
@@ -119,7 +119,7 @@ bool Container::can_fall_to(const Walls<D>& walls, const Vec<D>& r, Real radius)
   const Vec<2> p = in_plane<D>(r);
   Index s = 0;
   for (const WallSegment& wall : walls.segments())
-    if (walls.distance(r, s++) < least || distance_from_line_above(p, wall) < least) return false;
+    if (walls.distance(r, s++, 0) < least || distance_from_line_above(p, wall) < least) return false;
   return true;
 }
 
@@ -145,7 +145,7 @@ bool Container::lets_pass(Real radius) const {
     Vec<D> r = Vec<D>::Zero();
     r[0] = p[0];
     r[D - 1] = p[1];
-    all.find_near(r, clearance, near);
+    all.find_near(r, clearance, 0, near);
     return near.empty();
   };
   std::vector<std::uint8_t> seen(static_cast<std::size_t>(columns) * rows);

@@ -15,10 +15,10 @@ Real swept_area(int dim, const Vec<2>& a, const Vec<2>& b, Real y) {
                   : pi / 3 * height * (square(from[0]) + from[0] * to[0] + square(to[0]));
 }
 
-bool turns_sharply(const Vec<2>& a, const Vec<2>& b, const Vec<2>& c, bool left) {
+Real turn(const Vec<2>& a, const Vec<2>& b, const Vec<2>& c, bool left) {
   const Vec<2> u = b - a, v = c - b;
   const Real turn = std::atan2(u[0] * v[1] - u[1] * v[0], u.dot(v));
-  return (left ? turn : -turn) > 20 * pi / 180;
+  return left ? turn : -turn;
 }
 
 bool Obstacle::contains(const Vec<2>& p) const {
@@ -37,10 +37,13 @@ void Obstacle::add_to(WallParts& walls) const {
     return;
   }
   const std::size_t n = corners.size();
+  Index before = walls.next() + static_cast<Index>(n) - 1;
   for (std::size_t k = 0; k < n; ++k) {
     const Vec<2>&corner = corners[k], &next = corners[(k + 1) % n];
-    if (turns_sharply(corners[(k + n - 1) % n], corner, next, true)) walls.lips.push_back({corner, walls.next()});
-    walls.joints.push_back({corner, walls.next()});
+    const Real by = turn(corners[(k + n - 1) % n], corner, next, true);
+    if (by > sharp_turn) walls.lips.push_back({corner, walls.next()});
+    walls.joints.push_back({corner, walls.next(), before, by > -flat_turn});
+    before = walls.next();
     walls.segments.push_back(WallSegment::between(corner, next));
   }
 }

@@ -24,8 +24,9 @@ struct Obstacle {
   Real content(int dim, Real y) const;
 };
 
-/// Whether an outline that goes from a over b to c turns by more than 20° there: edges of polygons reach over flatter
-/// corners. left: to that side.
-bool turns_sharply(const Vec<2>& a, const Vec<2>& b, const Vec<2>& c, bool left);
+/// By how much an outline that goes from a over b to c turns there, to the left or else to the right, in rad.
+Real turn(const Vec<2>& a, const Vec<2>& b, const Vec<2>& c, bool left);
+inline constexpr Real sharp_turn = 20 * pi / 180;  ///< edges of polygons reach over flatter corners
+inline constexpr Real flat_turn = 1e-6;            ///< up to this a corner counts as none
 
 }  // namespace pliant

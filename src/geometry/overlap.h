@@ -44,8 +44,8 @@ Expansion<2> wedge_overlap(const Vec<2>& p, Real opening, Real radius, Real laye
 /// The volume that a sphere round r, in the plane or in space, shares with all that is less than `layer` from a solid.
 /// Its distance d from the solid must be positive; from a wedge it must be more than `layer`.
 template <int D>
-Expansion<D> layer_overlap(const Solid<D>& solid, const Vec<D>& r, Real t, Real radius, Real layer) {
-  const Vec<2> p = solid.plane(r, t);
+Expansion<D> layer_overlap(const Solid<D>& solid, const Vec<D>& r, Real radius, Real layer) {
+  const Vec<2> p = solid.plane(r);
   if (solid.flat()) {
     const Radial cap = cap_volume(p[1] - layer, radius);
     return {cap.value, cap.slope * solid.out, cap.curvature * solid.out * solid.out.transpose()};

@@ -12,8 +12,7 @@
 
 namespace pliant {
 
-/// Two things that may touch: point–point (i, j), vertex–edge (vertex, first vertex of the edge), point–wall, lip–edge,
-/// point–solid.
+/// Two things that may touch: point–point (i, j), vertex–edge (vertex, first vertex of the edge), point–wall, lip–edge.
 struct Pair {
   Index first, second;
   auto operator<=>(const Pair&) const = default;  // NOLINT(modernize-use-nullptr): mistakes <=> for a comparison with 0
@@ -104,63 +103,52 @@ void for_each_block(const PointCloud& cloud, Real skin, Index first, Index last,
 /// Up to so many walls near a block, each of its points is tested with all of them.
 constexpr std::size_t few_walls = 16;
 
-/// Points of the range with distance < δ/2 + skin from a part of the walls: found(point, part), the parts of each point
-/// in ascending order. Returns how many distances it took.
+/// Points of the range with distance < δ/2 + skin from a part of the walls at time t: found(point, part), the parts of
+/// each point in ascending order. Returns how many distances it took.
 template <int D, class Found>
-std::int64_t find_wall_pairs(const PointCloud& cloud, const Walls<D>& walls, Real skin, Index first, Index last,
+std::int64_t find_wall_pairs(const PointCloud& cloud, const Walls<D>& walls, Real t, Real skin, Index first, Index last,
                              Found&& found) {
   std::int64_t tests = 0;
   std::vector<Index> around, near;
   for_each_block<D>(cloud, skin, first, last, [&](Index begin, Index end, const Vec<D>& centre, Real radius) {
-    tests += walls.find_near(centre, radius, around);
+    tests += walls.find_near(centre, radius, t, around);
     if (around.empty()) return;
     for (Index i = begin; i < end; ++i) {
       if (!cloud.uses(i)) continue;
       const Vec<D> r = point<D>(cloud.x, i);
       const Real range = cloud.diameter[i] / 2 + skin;
       if (around.size() > few_walls) {
-        tests += walls.find_near(r, range, near);
+        tests += walls.find_near(r, range, t, near);
         for (const Index s : near) found(i, s);
       } else {
         tests += static_cast<std::int64_t>(around.size());
         for (const Index s : around)
-          if (walls.distance(r, s) < range) found(i, s);
+          if (walls.distance(r, s, t) < range) found(i, s);
       }
     }
   });
   return tests;
 }
 
-/// Points of the range with distance < δ/2 + skin from a solid at time t: found(point, solid).
-template <int D, class Found>
-void find_solid_pairs(const PointCloud& cloud, std::span<const Solid<D>> solids, Real t, Real skin, Index first,
-                      Index last, Found&& found) {
-  for (Index i = first; i < last; ++i) {
-    if (!cloud.uses(i)) continue;
-    for (Index s = 0; s < static_cast<Index>(solids.size()); ++s)
-      if (solids[s].foot(point<D>(cloud.x, i), t).d < cloud.diameter[i] / 2 + skin) found(i, s);
-  }
-}
-
-/// Edges, with their first vertex from the range, with distance < δ/2 + skin from a lip: found(lip, first vertex).
-/// Returns how many distances it took.
+/// Edges, with their first vertex from the range, with distance < δ/2 + skin from a lip at time t: found(lip, first
+/// vertex). Returns how many distances it took.
 template <class Found>
-std::int64_t find_lip_pairs(const PointCloud& cloud, const Walls<2>& walls, Real skin, Index first, Index last,
+std::int64_t find_lip_pairs(const PointCloud& cloud, const Walls<2>& walls, Real t, Real skin, Index first, Index last,
                             Found&& found) {
   std::int64_t tests = 0;
   std::vector<Index> around, near;
   for_each_block<2>(cloud, skin, first, last, [&](Index begin, Index end, const Vec<2>& centre, Real radius) {
-    tests += walls.find_near_lips(centre, radius, around);
+    tests += walls.find_near_lips(centre, radius, t, around);
     if (around.empty()) return;
     for (Index i = begin; i < end; ++i) {
       if (!cloud.uses(i)) continue;
       const Vec<2> a = point<2>(cloud.x, i), b = point<2>(cloud.x, cloud.next[i]);
       const Real range = cloud.diameter[i] / 2 + skin;
       const bool few = around.size() <= few_walls;
-      if (!few) tests += walls.find_near_lips((a + b) / 2, ((b - a).norm() / 2 + range) * (1 + 1e-12), near);
+      if (!few) tests += walls.find_near_lips((a + b) / 2, ((b - a).norm() / 2 + range) * (1 + 1e-12), t, near);
       for (const Index l : few ? around : near) {
         ++tests;
-        if (segment_foot(walls.lips()[l].place, a, b).d2 < square(range)) found(l, i);
+        if (segment_foot(walls.lip(l, t), a, b).d2 < square(range)) found(l, i);
       }
     }
   });

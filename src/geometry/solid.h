@@ -1,10 +1,11 @@
-// Solids that droplets meet: half-spaces and convex wedges, at rest or moving at a constant velocity.
+// Solid walls: half-spaces and convex wedges.
 #pragma once
 
 #include <cmath>
 
 #include <pliant/base/errors.h>
 #include <pliant/geometry/distance.h>
+#include <pliant/geometry/motion.h>
 
 namespace pliant {
 
@@ -14,11 +15,9 @@ namespace pliant {
 /// and −opening, so that x runs along the first face and y is the height over it.
 template <int D>
 struct Solid {
-  Vec<D> place;                      ///< a point of the plane, or of the edge, at time `since`
-  Vec<D> along, out;                 ///< unit, perpendicular to each other
-  Real opening = pi;                 ///< π: a half-space
-  Vec<D> velocity = Vec<D>::Zero();  ///< of the solid
-  Real since = 0;
+  Vec<D> place;       ///< a point of the plane, or of the edge
+  Vec<D> along, out;  ///< unit, perpendicular to each other
+  Real opening = pi;  ///< π: a half-space
 
   /// The half-space behind the plane through `point`, with its normal out of the solid.
   /// Errors: InputError for a normal without direction.
@@ -50,18 +49,14 @@ struct Solid {
   }
 
   bool flat() const { return opening == pi; }
-  Vec<D> place_at(Real t) const { return place + (t - since) * velocity; }
-
-  /// Another velocity from time t on.
-  void set_velocity(const Vec<D>& v, Real t) {
-    place = place_at(t);
-    since = t;
-    velocity = v;
+  /// The solid of a body where this body is.
+  Solid at(const Pose<D>& pose) const {
+    return {pose.place(place), pose.direction(along), pose.direction(out), opening};
   }
 
-  /// Coordinates (x, y) of r at time t.
-  Vec<2> plane(const Vec<D>& r, Real t) const {
-    const Vec<D> w = r - place_at(t);
+  /// Coordinates (x, y) of r.
+  Vec<2> plane(const Vec<D>& r) const {
+    const Vec<D> w = r - place;
     return {w.dot(along), w.dot(out)};
   }
   /// The vector or matrix of space of one in these coordinates.
@@ -74,10 +69,10 @@ struct Solid {
   Vec<2> second_along() const { return {std::cos(opening), -std::sin(opening)}; }
   Vec<2> second_out() const { return {-std::sin(opening), -std::cos(opening)}; }
 
-  /// Distance of r from the solid at time t, with its derivatives: negative inside, where it belongs to the face whose
-  /// plane is nearest.
-  WallFoot<D> foot(const Vec<D>& r, Real t) const {
-    const Vec<2> p = plane(r, t);
+  /// Distance of r from the solid, with its derivatives: negative inside, where it belongs to the face whose plane is
+  /// nearest.
+  WallFoot<D> foot(const Vec<D>& r) const {
+    const Vec<2> p = plane(r);
     if (flat()) return {p[1], out, Mat<D>::Zero()};
     const Vec<2> out2 = second_out();
     const Real x2 = p.dot(second_along()), y2 = p.dot(out2);

@@ -183,8 +183,9 @@ void Vessel::add_side(const Line& line, bool right, WallParts& walls) {
   for (std::size_t k = 0; k < line.size(); ++k) {
     const bool last = k + 1 == line.size();
     const Vec<2> next = last ? Vec<2>(line[k] + up) : line[k + 1];
-    if (k > 0) walls.joints.push_back({line[k], walls.next()});
-    if (k == 0 || turns_sharply(line[k - 1], line[k], next, !right)) walls.lips.push_back({line[k], walls.next()});
+    const Real by = k == 0 ? pi : turn(line[k - 1], line[k], next, !right);
+    if (k > 0) walls.joints.push_back({line[k], walls.next(), walls.next() - 1, by > -flat_turn});
+    if (by > sharp_turn) walls.lips.push_back({line[k], walls.next()});
     walls.segments.push_back(last ? WallSegment::ray(line[k], up) : WallSegment::between(line[k], next));
   }
 }

@@ -1,15 +1,18 @@
-// Walls: straight segments and disks in the plane, fixed; in 3D the same outlines are the meridian of walls of
-// revolution about z. And solids, which droplets meet.
+// Walls: straight segments and disks in the plane, in 3D figures of revolution with these as their meridian; and
+// solids. They rest, or move as rigid bodies.
 #pragma once
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include <pliant/base/errors.h>
 #include <pliant/geometry/box_tree.h>
+#include <pliant/geometry/motion.h>
 #include <pliant/geometry/solid.h>
 
 namespace pliant {
@@ -41,7 +44,8 @@ struct Lip {
 /// Where two segments of an outline meet and count as one wall.
 struct Joint {
   Vec<2> place;
-  Index wall;  ///< one of the two
+  Index wall, before;  ///< the segments that begin there and end there
+  bool convex;  ///< seen from where particles are, a straight one included: then both segments are of one surface
 };
 
 /// What walls are made of, as they are put together.
@@ -54,11 +58,15 @@ struct WallParts {
   Index next() const { return static_cast<Index>(segments.size()); }
 };
 
-/// The walls of a run: segments, which are numbered first, then solids. Each segment counts separately in an interior
-/// corner, and its ends are round corners: the distance is to the closed segment, so that a particle turns round the
-/// lip of an orifice smoothly. Outlines have joints: what touches both segments there counts once, V(segment) +
-/// V(segment) − V(joint), so that forces do not depend on how finely an outline is divided. What points meet, segments
-/// and joints, are the parts of the walls; segments come first.
+/// The walls of a run, numbered in the order in which they are added: segments, which have two sides and no inside, and
+/// solids, which push out what has gone in. What points meet are the parts of the walls: segments, then joints, then
+/// solids. Each segment counts separately in an interior corner, and its ends are round corners: the distance is to the
+/// closed segment, so that a particle turns round the lip of an orifice smoothly. Outlines have joints: what touches
+/// both segments there counts once, V(segment) + V(segment) − V(joint), so that forces do not depend on how finely an
+/// outline is divided.
+///
+/// What is added at a time is a rigid body with a motion of its own. A body of segments has boxes in its own frame, by
+/// which it finds what is near. In 3D this frame has the axis of revolution.
 template <int D>
 class Walls {
   static_assert(D == 2 || D == 3);
@@ -67,75 +75,194 @@ class Walls {
   Walls() = default;
   explicit Walls(std::vector<WallSegment> segments, std::vector<Lip> lips = {})
       : Walls(WallParts{std::move(segments), std::move(lips)}) {}
-  explicit Walls(WallParts walls)
-      : parts_(std::move(walls.segments)), segments_(static_cast<Index>(parts_.size())), lips_(std::move(walls.lips)) {
-    if (D == 3) lips_.clear();
-    for (const Joint& joint : walls.joints) {
-      parts_.push_back({.origin = joint.place, .direction = {1, 0}, .length = 0, .weight = -1});
-      joined_.push_back(joint.wall);
-    }
-    plain_ =
-        std::all_of(parts_.begin(), parts_.end(), [](const WallSegment& s) { return s.radius == 0 && s.weight == 1; });
-    std::vector<Box2> boxes;
-    for (const WallSegment& s : parts_) boxes.push_back(box_of(s));
-    part_tree_ = BoxTree(boxes);
-    boxes.clear();
-    for (const Lip& lip : lips_) boxes.push_back({lip.place, lip.place});
-    lip_tree_ = BoxTree(boxes);
+  explicit Walls(const WallParts& walls) { add(walls); }
+  explicit Walls(const std::vector<Solid<D>>& solids) {
+    for (const Solid<D>& solid : solids) add(solid);
   }
-  explicit Walls(std::vector<Solid<D>> solids) : solids_(std::move(solids)) {}
 
-  /// All walls: segments and solids.
-  Index size() const { return segments_ + static_cast<Index>(solids_.size()); }
+  /// Adds walls that move together, and returns the number of their body. They are given in its frame, whose place at
+  /// motion.since is `pose`; without one, where they are then.
+  Index add(const WallParts& walls, const Motion<D>& motion = {}, const Pose<D>& pose = {});
+  Index add(const Solid<D>& solid, const Motion<D>& motion = {});
+  /// From motion.since on a body moves so, from where it is at that time.
+  void set_motion(Index body, const Motion<D>& motion);
+
+  Index size() const { return static_cast<Index>(wall_body_.size()); }
+  Index bodies() const { return static_cast<Index>(bodies_.size()); }
+  Index body_of_wall(Index wall) const { return wall_body_[wall]; }
+  const Motion<D>& motion(Index body) const { return bodies_[body].motion; }
+  Pose<D> pose(Index body, Real t) const { return bodies_[body].at(t); }
+  /// Whether any wall moves.
+  bool move() const {
+    return std::any_of(bodies_.begin(), bodies_.end(), [](const Body& b) { return !b.motion.rests(); });
+  }
+
+  /// In the frames of their bodies, as are solids and lips.
   std::span<const WallSegment> segments() const { return {parts_.data(), static_cast<std::size_t>(segments_)}; }
+  /// Segments and joints.
   const std::vector<WallSegment>& parts() const { return parts_; }
-  const std::vector<Lip>& lips() const { return lips_; }
   const std::vector<Solid<D>>& solids() const { return solids_; }
-  /// Numbers of walls.
-  Index wall_of_part(Index s) const { return s < segments_ ? s : joined_[s - segments_]; }
-  Index wall_of_solid(Index k) const { return segments_ + k; }
-  /// Whether all parts are segments without radius: no disks, no joints.
+  const std::vector<Lip>& lips() const { return lips_; }
+  WallSegment segment(Index s, Real t) const requires(D == 2) {
+    const Pose<2> pose = pose_of(s, t);
+    WallSegment placed = parts_[s];
+    placed.origin = pose.place(placed.origin);
+    placed.direction = pose.direction(placed.direction);
+    return placed;
+  }
+  Vec<2> lip(Index l, Real t) const requires(D == 2) {
+    return still_ ? lips_[l].place : bodies_[wall_body_[lips_[l].wall]].at(t).place(lips_[l].place);
+  }
+
+  /// Number of parts.
+  Index part_count() const { return static_cast<Index>(parts_.size() + solids_.size()); }
+  Index wall_of_part(Index part) const { return part_wall_[part]; }
+  /// Surfaces are what keeps its contacts when these move along it: a solid, or segments that are joined without
+  /// concave corners.
+  Index surface_of_part(Index part) const { return wall_surface_[part_wall_[part]]; }
+  Index surfaces() const { return surfaces_; }
+  /// With which the energy of a contact with a part counts: −1 for a joint.
+  Real weight(Index part) const { return is_solid(part) ? 1 : parts_[part].weight; }
+  /// The solid that a part is, at time t; none for segments and joints.
+  std::optional<Solid<D>> solid(Index part, Real t) const {
+    if (!is_solid(part)) return std::nullopt;
+    const Solid<D>& s = solid_of(part);
+    return still_ ? s : s.at(pose_of(part, t));
+  }
+  /// Whether all walls are segments that rest where they were put: what kernels know.
+  bool resting_segments() const { return still_ && solids_.empty(); }
+  /// Whether all parts but solids are segments without radius: no disks, no joints.
   bool plain() const { return plain_; }
 
-  /// Parts nearer to r than `radius`, in ascending order. Returns how many distances it took.
-  std::int64_t find_near(const Vec<D>& r, Real radius, std::vector<Index>& near) const {
+  /// Parts nearer to r than `radius` at time t, in ascending order. Returns how many distances it took.
+  std::int64_t find_near(const Vec<D>& r, Real radius, Real t, std::vector<Index>& near) const {
     near.clear();
     std::int64_t tests = 0;
-    tests += part_tree_.for_each_near(meridian(r), radius * (1 + 1e-12), [&](Index s) {
+    bool ordered = bodies_.size() <= 1;
+    for (const Body& body : bodies_) {
+      if (body.parts.empty()) continue;
+      const Vec<2> p = meridian(still_ ? r : body.at(t).back(r));
+      tests += body.part_tree.for_each_near(p, radius * (1 + 1e-12), [&](Index k) {
+        ++tests;
+        if (distance_in(p, body.parts[k]) < radius) near.push_back(body.parts[k]);
+      });
+      ordered = ordered && body.part_tree.ordered();
+    }
+    if (!ordered) std::sort(near.begin(), near.end());
+    for (auto part = static_cast<Index>(parts_.size()); part < part_count(); ++part) {
       ++tests;
-      if (distance(r, s) < radius) near.push_back(s);
-    });
-    if (!part_tree_.ordered()) std::sort(near.begin(), near.end());
+      if (distance(r, part, t) < radius) near.push_back(part);
+    }
     return tests;
   }
   /// The same for lips.
-  std::int64_t find_near_lips(const Vec<2>& r, Real radius, std::vector<Index>& near) const requires(D == 2) {
+  std::int64_t find_near_lips(const Vec<2>& r, Real radius, Real t, std::vector<Index>& near) const requires(D == 2) {
     near.clear();
     std::int64_t tests = 0;
-    tests += lip_tree_.for_each_near(r, radius * (1 + 1e-12), [&](Index l) {
-      ++tests;
-      if ((lips_[l].place - r).norm() < radius) near.push_back(l);
-    });
-    if (!lip_tree_.ordered()) std::sort(near.begin(), near.end());
+    bool ordered = bodies_.size() <= 1;
+    for (const Body& body : bodies_) {
+      if (body.lips.empty()) continue;
+      const Vec<2> p = still_ ? r : body.at(t).back(r);
+      tests += body.lip_tree.for_each_near(p, radius * (1 + 1e-12), [&](Index k) {
+        ++tests;
+        if ((lips_[body.lips[k]].place - p).norm() < radius) near.push_back(body.lips[k]);
+      });
+      ordered = ordered && body.lip_tree.ordered();
+    }
+    if (!ordered) std::sort(near.begin(), near.end());
     return tests;
   }
 
-  /// Distance of r from part s, negative within its radius.
-  Real distance(const Vec<D>& r, Index s) const { return offset(meridian(r), parts_[s]).norm() - parts_[s].radius; }
+  /// Distance of r from a part at time t, negative inside a solid and within the radius of a segment.
+  Real distance(const Vec<D>& r, Index part, Real t) const {
+    if (is_solid(part)) return foot(r, part, t).d;
+    return distance_in(meridian(in_body(r, part, t)), part);
+  }
 
-  /// Distance with direction: what a force needs.
-  void nearest(const Vec<D>& r, Index s, Real& d, Vec<D>& n) const {
-    const Vec<2> p = meridian(r);
-    const Vec<2> q = offset(p, parts_[s]);
+  /// Distance with direction: what a force needs. n is zero on a segment without radius.
+  void nearest(const Vec<D>& r, Index part, Real t, Real& d, Vec<D>& n) const {
+    if (is_solid(part)) {
+      const WallFoot<D> at = foot(r, part, t);
+      d = at.d;
+      n = at.n;
+      return;
+    }
+    const Pose<D> pose = pose_of(part, t);
+    const Vec<D> b = pose.back(r);
+    const Vec<2> p = meridian(b);
+    const Vec<2> q = offset(p, parts_[part]);
     d = q.norm();
-    n = lift(r, p, direction<2>(q, d));
-    d -= parts_[s].radius;
+    n = pose.direction(lift(b, p, direction<2>(q, d)));
+    d -= parts_[part].radius;
   }
 
   /// Distance with both derivatives.
-  WallFoot<D> foot(const Vec<D>& r, Index s) const {
+  WallFoot<D> foot(const Vec<D>& r, Index part, Real t) const {
+    if (is_solid(part)) return (still_ ? solid_of(part) : solid_of(part).at(pose_of(part, t))).foot(r);
+    if (still_) return foot_in(r, part);
+    const Pose<D> pose = pose_of(part, t);
+    const WallFoot<D> foot = foot_in(pose.back(r), part);
+    return {foot.d, pose.direction(foot.n), pose.matrix(foot.curvature)};
+  }
+
+  /// Velocity at time t of what is at r and moves with a part.
+  Vec<D> velocity(const Vec<D>& r, Index part, Real t) const {
+    if (still_) return Vec<D>::Zero();
+    return body_of(part).motion.velocity_at(r, t);
+  }
+
+  /// Whether a part is the one of its surface that a contact at r belongs to: that with the foot, of two that meet at
+  /// the foot the one which begins there. What counts contacts rather than energies, as friction does, asks this.
+  bool carries(const Vec<D>& r, Index part, Real t) const;
+
+  /// How far anything of the walls that things reach has moved between two times, at most. farthest(p): how far from p
+  /// things reach.
+  template <class Farthest>
+  Real moved(Real from, Real t, Farthest&& farthest) const {
+    Real most = 0;
+    for (const Body& body : bodies_) {
+      const Motion<D>& m = body.motion;
+      if (m.rests()) continue;
+      if (!m.turns()) {
+        most = std::max(most, (body.at(t).place(body.anchor) - body.at(from).place(body.anchor)).norm());
+        continue;
+      }
+      const Real lever = std::isfinite(body.lever) ? body.lever : farthest(Vec<D>(m.pivot + m.shift(t)));
+      most = std::max(most, (m.shift(t) - m.shift(from)).norm() + m.rate() * std::abs(t - from) * lever);
+    }
+    return most;
+  }
+  /// Whether moved() asks how far things are.
+  bool turn_without_end() const {
+    return std::any_of(bodies_.begin(), bodies_.end(),
+                       [](const Body& b) { return b.motion.turns() && !std::isfinite(b.lever); });
+  }
+
+ private:
+  struct Body {
+    Pose<D> start;  ///< at motion.since
+    Motion<D> motion;
+    std::vector<Index> parts, lips;  ///< but for solids
+    BoxTree part_tree, lip_tree;     ///< in its frame
+    Vec<D> anchor;                   ///< a point of it
+    Real lever;                      ///< farthest from the pivot of what turning moves
+
+    Pose<D> at(Real t) const { return motion.rests() ? start : motion.pose(start, t); }
+  };
+
+  bool is_solid(Index part) const { return part >= static_cast<Index>(parts_.size()); }
+  const Solid<D>& solid_of(Index part) const { return solids_[part - static_cast<Index>(parts_.size())]; }
+  const Body& body_of(Index part) const { return bodies_[wall_body_[part_wall_[part]]]; }
+  Pose<D> pose_of(Index part, Real t) const { return still_ ? Pose<D>() : body_of(part).at(t); }
+  Vec<D> in_body(const Vec<D>& r, Index part, Real t) const { return still_ ? r : body_of(part).at(t).back(r); }
+  void place(Body& body);
+
+  Real distance_in(const Vec<2>& p, Index part) const { return offset(p, parts_[part]).norm() - parts_[part].radius; }
+
+  /// In the frame of the body.
+  WallFoot<D> foot_in(const Vec<D>& r, Index part) const {
     const Vec<2> p = meridian(r);
-    const WallSegment& wall = parts_[s];
+    const WallSegment& wall = parts_[part];
     const Vec<2> q = offset(p, wall);
     WallFoot<D> result;
     const Real d = q.norm();
@@ -161,7 +288,6 @@ class Walls {
     return result;
   }
 
- private:
   static Vec<2> meridian(const Vec<D>& r) {
     if constexpr (D == 2)
       return r;
@@ -182,26 +308,17 @@ class Walls {
       return p[0] > 0 ? Vec<3>(n[0] * r[0] / p[0], n[0] * r[1] / p[0], n[1]) : Vec<3>(0, 0, n[1]);
   }
 
-  static Box2 box_of(const WallSegment& s) {
-    const Vec<2> end = s.length < std::numeric_limits<Real>::infinity() ? s.end() : far_end(s);
-    const Vec<2> radius = Vec<2>::Constant(s.radius);
-    return {s.origin.cwiseMin(end) - radius, s.origin.cwiseMax(end) + radius};
-  }
-  /// Infinite along each axis that the direction is not perpendicular to.
-  static Vec<2> far_end(const WallSegment& s) {
-    Vec<2> end = s.origin;
-    for (int k = 0; k < 2; ++k)
-      if (s.direction[k] != 0) end[k] = std::copysign(s.length, s.direction[k]);
-    return end;
-  }
-
-  std::vector<WallSegment> parts_;
+  std::vector<WallSegment> parts_;  ///< segments and joints
   Index segments_ = 0;
-  std::vector<Index> joined_;  ///< wall of each joint
-  bool plain_ = true;
-  std::vector<Lip> lips_;
   std::vector<Solid<D>> solids_;
-  BoxTree part_tree_, lip_tree_;
+  std::vector<Lip> lips_;
+  std::vector<Index> part_wall_, wall_body_, wall_surface_;
+  Index surfaces_ = 0;
+  /// Per segment: the one that ends where it begins, and the one that begins where it ends; or −1.
+  std::vector<Index> before_, after_;
+  std::vector<Body> bodies_;
+  bool plain_ = true;
+  bool still_ = true;  ///< all bodies rest, with frames that are those of space
 };
 
 }  // namespace pliant

@@ -9,8 +9,8 @@ namespace pliant {
 /// Walls act on particles where they are, and particles of a periodic box may be anywhere: walls have to look the same
 /// from all images of a place. Segments in the plane run along a periodic direction, far beyond the box on either side;
 /// in 3D planes (rays from the axis) go with boxes that are open along z, and upright cylinders with those that are
-/// periodic along z alone. Solids do not change along a periodic direction.
-/// Errors: InputError for the first other wall.
+/// periodic along z alone. Solids do not change along a periodic direction. Walls that move do not turn, and segments
+/// do not move along a periodic direction. Errors: InputError for the first other wall.
 template <int D>
 void check_walls(const Box<D>& box, const Walls<D>& walls) {
   if (box.open()) return;
@@ -22,8 +22,23 @@ void check_walls(const Box<D>& box, const Walls<D>& walls) {
     const Real a = wall.origin[axis], b = a + wall.direction[axis] * wall.length;
     return std::min(a, b) <= low && std::max(a, b) >= high;
   };
-  Index number = 0;
-  for (const WallSegment& wall : walls.segments()) {
+  for (Index part = 0; part < walls.part_count(); ++part) {
+    const Index number = walls.wall_of_part(part), body = walls.body_of_wall(number);
+    const Motion<D>& motion = walls.motion(body);
+    const Pose<D> start = walls.pose(body, motion.since);
+    if (motion.turns() || start.turned)
+      throw InputError("wall {} turns, which walls of a periodic box cannot; make the box open", number);
+    if (walls.solid(part, 0)) continue;
+    for (int k = 0; k < D; ++k)
+      if (box.periodic(k) &&
+          (motion.velocity[k] != 0 || (motion.oscillates() && motion.amplitude[k] != 0) || start.shift[k] != 0))
+        throw InputError(
+            "wall {} is a segment that moves along direction {}, in which the box is periodic; make it a half-space",
+            number, k);
+  }
+  for (Index s = 0; s < static_cast<Index>(walls.segments().size()); ++s) {
+    const WallSegment& wall = walls.segments()[s];
+    const Index number = walls.wall_of_part(s);
     for (int k = 0; k < D; ++k) {
       if (!box.periodic(k)) continue;
       const Real low = box.origin()[k] - far * box.length()[k], high = box.origin()[k] + far * box.length()[k];
@@ -34,17 +49,15 @@ void check_walls(const Box<D>& box, const Walls<D>& walls) {
             "walls must run along this direction, {:g} lengths beyond the box at least",
             number, k, box.length()[k], far);
     }
-    ++number;
   }
-  for (const Solid<D>& solid : walls.solids()) {
-    for (int k = 0; k < D; ++k)
-      if (box.periodic(k) && (solid.out[k] != 0 || (!solid.flat() && solid.along[k] != 0)))
-        throw InputError(
-            "wall {} is not the same in all images of the box, which is periodic in direction {}; its faces must run "
-            "along this direction",
-            number, k);
-    ++number;
-  }
+  for (Index part = 0; part < walls.part_count(); ++part)
+    if (const std::optional<Solid<D>> solid = walls.solid(part, 0))
+      for (int k = 0; k < D; ++k)
+        if (box.periodic(k) && (solid->out[k] != 0 || (!solid->flat() && solid->along[k] != 0)))
+          throw InputError(
+              "wall {} is not the same in all images of the box, which is periodic in direction {}; its faces must run "
+              "along this direction",
+              walls.wall_of_part(part), k);
 }
 
 }  // namespace pliant

@@ -21,8 +21,7 @@ StoredContacts sorted(const StoredContacts& all, int width) {
 
 template <int D>
 const PairList& list_of(const Neighbours<D>& neighbours, Elements elements) {
-  if (elements == Elements::point_pairs) return neighbours.point_pairs;
-  return elements == Elements::walls ? neighbours.walls : neighbours.solids;
+  return elements == Elements::point_pairs ? neighbours.point_pairs : neighbours.walls;
 }
 
 }  // namespace
@@ -63,8 +62,8 @@ void ContactTable::assign(std::vector<ContactKey> keys) {
 
 ContactHistory::ContactHistory(std::vector<HistoryNeeds> needs) {
   for (HistoryNeeds& term : needs) {
-    if (term.elements != Elements::point_pairs && term.elements != Elements::walls && term.elements != Elements::solids)
-      throw std::logic_error(term.name + " keeps a history of elements that are no pairs of points, walls or solids");
+    if (term.elements != Elements::point_pairs && term.elements != Elements::walls)
+      throw std::logic_error(term.name + " keeps a history of elements that are neither pairs of points nor walls");
     for (const ContactTable& other : tables_)
       if (other.needs().name == term.name)
         throw std::logic_error("two terms called " + term.name + " keep a history; names tell them apart");
@@ -79,14 +78,15 @@ const ContactTable& ContactHistory::of(std::string_view term) const {
 }
 
 template <int D>
-void ContactHistory::follow(const Topology& topology, const Neighbours<D>& neighbours) {
+void ContactHistory::follow(const Topology& topology, const Walls<D>& walls, const Neighbours<D>& neighbours) {
   if (empty() || neighbours.version() == version_) return;
   version_ = neighbours.version();
   const auto id = [&](Index i) { return topology.id[topology.particle[i]]; };
   for (ContactTable& table : tables_) {
     std::vector<ContactKey> keys;
     for (const auto& [i, j] : list_of(neighbours, table.needs().elements))
-      keys.push_back(table.pairs() ? ContactKey{std::min(id(i), id(j)), std::max(id(i), id(j))} : ContactKey{id(i), j});
+      keys.push_back(table.pairs() ? ContactKey{std::min(id(i), id(j)), std::max(id(i), id(j))}
+                                   : ContactKey{id(i), walls.surface_of_part(j)});
     table.assign(std::move(keys));
   }
 }
@@ -105,7 +105,7 @@ void ContactHistory::clear() {
   version_ = -1;
 }
 
-template void ContactHistory::follow(const Topology&, const Neighbours<2>&);
-template void ContactHistory::follow(const Topology&, const Neighbours<3>&);
+template void ContactHistory::follow(const Topology&, const Walls<2>&, const Neighbours<2>&);
+template void ContactHistory::follow(const Topology&, const Walls<3>&, const Neighbours<3>&);
 
 }  // namespace pliant

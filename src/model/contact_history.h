@@ -15,14 +15,14 @@
 namespace pliant {
 
 /// What a term keeps: `width` numbers for every contact of its kind of elements, which are pairs of points or points
-/// with walls or solids.
+/// with parts of walls.
 struct HistoryNeeds {
   std::string name;
   Elements elements;
   int width;
 };
 
-/// Two particles by id, the lower one first; or a particle and the number of a wall or solid.
+/// Two particles by id, the lower one first; or a particle and the number of a surface of the walls.
 struct ContactKey {
   Index first, second;
   auto operator<=>(const ContactKey&) const = default;  // NOLINT(modernize-use-nullptr): there is no pointer
@@ -50,7 +50,7 @@ class ContactTable {
   explicit ContactTable(HistoryNeeds needs) : needs_(std::move(needs)) {}
 
   const HistoryNeeds& needs() const { return needs_; }
-  /// Whether contacts are between particles, rather than with walls or solids.
+  /// Whether contacts are between particles, rather than with walls.
   bool pairs() const { return needs_.elements == Elements::point_pairs; }
 
   /// What was known of element e at the end of the last accepted step: `width` numbers; none if it was no contact then.
@@ -105,7 +105,7 @@ class ContactHistory {
 
   /// Makes every entry of the lists find its contact. Costs nothing while the lists are the same.
   template <int D>
-  void follow(const Topology& topology, const Neighbours<D>& neighbours);
+  void follow(const Topology& topology, const Walls<D>& walls, const Neighbours<D>& neighbours);
   /// After an accepted step, when all tables were advanced.
   void advanced();
   /// See ContactTable::set.

@@ -75,7 +75,7 @@ OutlineLook look_at_outlines(const StateView<2>& s, const LeastDistances& least,
   const bool own = !needs.vertex_edges || deepest >= reach;
   const Real beyond = deepest < reach ? 0 : std::min(deepest, greatest_depth(s)), depth = reach + beyond;
   Neighbours<2> near({.vertex_edges = true, .edges = needs.edges}, beyond);
-  if (own) near.rebuild(topology, s.walls, s.x);
+  if (own) near.rebuild(topology, s.walls, s.x, s.t);
   const PairList& edges = own ? near.vertex_edges : s.neighbours.vertex_edges;
   OutlineLook seen{std::nullopt, depth - reach * std::max(least.outlines, least.walls), depth, std::nullopt};
   look(
@@ -92,7 +92,7 @@ OutlineLook look_at_outlines(const StateView<2>& s, const LeastDistances& least,
   const auto nothing = [](Index, std::optional<Crossing>&) {};
   look(
       walls, least.walls, 2, 0, seen,
-      [&](Index e) { return square(s.walls.distance(s.position(walls[e].first), walls[e].second)); },
+      [&](Index e) { return square(s.walls.distance(s.position(walls[e].first), walls[e].second, s.t)); },
       [&](Index e) { return topology.diameter[walls[e].first] / 2; },
       [&](Index e, Real d) {
         return Approach{walls[e].first, -1, d};
@@ -102,7 +102,7 @@ OutlineLook look_at_outlines(const StateView<2>& s, const LeastDistances& least,
       lips, least.walls, 2, 0, seen,
       [&](Index e) {
         const Index a = lips[e].second;
-        return segment_foot(s.walls.lips()[lips[e].first].place, s.position(a), s.position(topology.next[a])).d2;
+        return segment_foot(s.walls.lip(lips[e].first, s.t), s.position(a), s.position(topology.next[a])).d2;
       },
       [&](Index e) { return topology.diameter[lips[e].second] / 2; },
       [&](Index e, Real d) {
@@ -143,30 +143,30 @@ bool outline_meets(const Real* x, const Topology& topology, Index m, const WallS
 
 namespace {
 
-/// Whether one of the walls within the ball around a box is met.
+/// Whether one of the segments within the ball around a box is met.
 template <class Test>
-bool any_near(const Walls<2>& walls, const Vec<2>& low, const Vec<2>& high, Test&& test) {
+bool any_near(const Walls<2>& walls, Real t, const Vec<2>& low, const Vec<2>& high, Test&& test) {
   std::vector<Index> near;
   const Vec<2> middle = (low + high) / 2;
-  walls.find_near(middle, (high - low).norm() / 2 + 1e-9 * (1 + middle.cwiseAbs().maxCoeff()), near);
+  walls.find_near(middle, (high - low).norm() / 2 + 1e-9 * (1 + middle.cwiseAbs().maxCoeff()), t, near);
   return std::any_of(near.begin(), near.end(), [&](Index s) {
-    return s < static_cast<Index>(walls.segments().size()) && test(walls.segments()[s]);
+    return s < static_cast<Index>(walls.segments().size()) && test(walls.segment(s, t));
   });
 }
 
 }  // namespace
 
-bool meets(const Vec<2>& a, const Vec<2>& b, const Walls<2>& walls) {
-  return any_near(walls, a.cwiseMin(b), a.cwiseMax(b), [&](const WallSegment& wall) { return meets(a, b, wall); });
+bool meets(const Vec<2>& a, const Vec<2>& b, const Walls<2>& walls, Real t) {
+  return any_near(walls, t, a.cwiseMin(b), a.cwiseMax(b), [&](const WallSegment& wall) { return meets(a, b, wall); });
 }
 
-bool outline_meets(const Real* x, const Topology& topology, Index m, const Walls<2>& walls) {
+bool outline_meets(const Real* x, const Topology& topology, Index m, const Walls<2>& walls, Real t) {
   Vec<2> low = point<2>(x, topology.offset[m]), high = low;
   for (Index i = topology.offset[m] + 1; i < topology.offset[m + 1]; ++i) {
     low = low.cwiseMin(point<2>(x, i));
     high = high.cwiseMax(point<2>(x, i));
   }
-  return any_near(walls, low, high, [&](const WallSegment& wall) { return outline_meets(x, topology, m, wall); });
+  return any_near(walls, t, low, high, [&](const WallSegment& wall) { return outline_meets(x, topology, m, wall); });
 }
 
 }  // namespace pliant

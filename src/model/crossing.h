@@ -41,12 +41,12 @@ OutlineLook look_at_outlines(const StateView<2>& s, const LeastDistances& least 
 /// First vertex, by index, that lies inside the polygon of another particle, however deep.
 std::optional<Crossing> find_crossing(const StateView<2>& s);
 
-/// Whether the closed segment from a to b meets the wall, or one of the walls.
+/// Whether the closed segment from a to b meets the wall, or one of the segments of the walls at time t.
 bool meets(const Vec<2>& a, const Vec<2>& b, const WallSegment& wall);
-bool meets(const Vec<2>& a, const Vec<2>& b, const Walls<2>& walls);
+bool meets(const Vec<2>& a, const Vec<2>& b, const Walls<2>& walls, Real t);
 
-/// Whether an edge of polygon m meets the wall, or one of the walls. x [points · 2].
+/// Whether an edge of polygon m meets the wall, or one of the segments of the walls. x [points · 2].
 bool outline_meets(const Real* x, const Topology& topology, Index m, const WallSegment& wall);
-bool outline_meets(const Real* x, const Topology& topology, Index m, const Walls<2>& walls);
+bool outline_meets(const Real* x, const Topology& topology, Index m, const Walls<2>& walls, Real t);
 
 }  // namespace pliant

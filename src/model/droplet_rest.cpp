@@ -40,11 +40,11 @@ DropletRest droplets_at_rest(const ModelParameters& p, Real a, Real b) {
 DropletRest droplet_at_wall(const ModelParameters& p, Real radius) {
   const WallRepulsionLaw repulsion{p.f0 * p.mean_radius};
   const WallDepletionLaw depletion{p.phi_c, p.a_s};
-  const auto wall = Solid<2>::half_space({0, 0}, {0, 1});
+  const std::optional wall = Solid<2>::half_space({0, 0}, {0, 1});
   return rest(radius / 2, radius, p, [&](Real h) {
     const Vec<2> r(0, h);
-    const WallFoot<2> foot = wall.foot(r, 0);
-    const Expansion<2> u = repulsion.at(wall, foot, r, 0, radius), w = depletion.at(wall, foot, r, 0, radius);
+    const WallFoot<2> foot = wall->foot(r);
+    const Expansion<2> u = repulsion.at(wall, foot, r, radius), w = depletion.at(wall, foot, r, radius);
     return Radial{u.value + w.value, u.gradient[1] + w.gradient[1], u.hessian(1, 1) + w.hessian(1, 1)};
   });
 }

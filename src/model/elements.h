@@ -21,11 +21,10 @@ enum class Elements {
   corners,       ///< two edges that meet, named by the first vertex of the first one
   point_pairs,   ///< points of two particles
   vertex_edges,  ///< a vertex and an edge of another particle
-  walls,         ///< a point and a wall
-  lips,          ///< a lip and an edge
-  solids         ///< a point and a solid
+  walls,         ///< a point and a part of the walls
+  lips           ///< a lip and an edge
 };
-inline constexpr std::size_t element_kinds = static_cast<std::size_t>(Elements::solids) + 1;
+inline constexpr std::size_t element_kinds = static_cast<std::size_t>(Elements::lips) + 1;
 
 /// first … last−1.
 struct Range {
@@ -38,7 +37,7 @@ struct Range {
 /// across a border is listed by the chunks on both sides, each of which works on its own points only.
 struct PairList {
   std::vector<Pair> pairs;
-  std::vector<Real> reach;   ///< contact distance of each pair; empty for walls, lips and solids
+  std::vector<Real> reach;   ///< contact distance of each pair; empty for walls and lips
   std::vector<Index> start;  ///< [2 chunks + 1]
 
   Index size() const { return static_cast<Index>(pairs.size()); }
@@ -61,9 +60,8 @@ struct PairList {
 struct NeighbourLists {
   PairList point_pairs;   ///< (point, point); across a border the chunk's own point comes first
   PairList vertex_edges;  ///< (vertex, first vertex of the edge)
-  PairList walls;         ///< (point, wall)
+  PairList walls;         ///< (point, part of the walls)
   PairList lips;          ///< (lip, first vertex of the edge)
-  PairList solids;        ///< (point, solid)
 };
 
 /// Which lists a model needs.
@@ -72,8 +70,7 @@ struct NeighbourNeeds {
   bool vertex_edges = false;
   bool walls = false;
   bool lips = false;
-  bool solids = false;
-  Real beyond_contact = 0;    ///< range of forces beyond the contact distance, for points and for solids
+  Real beyond_contact = 0;    ///< range of forces beyond the contact distance, for points and walls
   Edges edges = Edges::wide;  ///< in vertex–edge contacts
   bool operator==(const NeighbourNeeds&) const = default;
 };
@@ -84,7 +81,7 @@ struct SearchSpace {
   PointCloud cloud;
   const CellGrid<D>& grid;
   const Walls<D>& walls;
-  Real t;                ///< for solids that move
+  Real t;                ///< for walls that move
   Real margin;           ///< how far beyond the contact distance
   Edges edges;           ///< in vertex–edge contacts
   Real widest, longest;  ///< diameter of a point, edge
@@ -235,7 +232,7 @@ struct ElementKind<Elements::walls> : Listed<&NeighbourLists::walls, &NeighbourN
   static std::array<Index, 1> stencil(const Topology&, const Pair& p) { return {p.first}; }
   template <int D, class Found>
   static void search(const SearchSpace<D>& s, Index first, Index last, Found&& found) {
-    find_wall_pairs<D>(s.cloud, s.walls, s.margin, first, last, found);
+    find_wall_pairs<D>(s.cloud, s.walls, s.t, s.margin, first, last, found);
   }
 };
 
@@ -247,16 +244,7 @@ struct ElementKind<Elements::lips> : Listed<&NeighbourLists::lips, &NeighbourNee
   static std::array<Index, 2> stencil(const Topology& t, const Pair& p) { return {p.second, t.next[p.second]}; }
   template <class Found>
   static void search(const SearchSpace<2>& s, Index first, Index last, Found&& found) {
-    find_lip_pairs(s.cloud, s.walls, s.margin, first, last, found);
-  }
-};
-
-template <>
-struct ElementKind<Elements::solids> : Listed<&NeighbourLists::solids, &NeighbourNeeds::solids, false> {
-  static std::array<Index, 1> stencil(const Topology&, const Pair& p) { return {p.first}; }
-  template <int D, class Found>
-  static void search(const SearchSpace<D>& s, Index first, Index last, Found&& found) {
-    find_solid_pairs<D>(s.cloud, s.walls.solids(), s.t, s.margin, first, last, found);
+    find_lip_pairs(s.cloud, s.walls, s.t, s.margin, first, last, found);
   }
 };
 

@@ -67,6 +67,11 @@ struct WallKernel {
   static void add_forces(const StateView<D>& s, Index chunk, Real* f, const WallContact<D, Law>& contact) {
     const PairList& list = s.neighbours.walls;
     const Range own = list.inside(chunk);
+    if (!s.walls.resting_segments()) {
+      const Scatter<D, -1> scatter{f};
+      for (Index e = own.first; e < own.last; ++e) contact.add_gradient(s, e, scatter);
+      return;
+    }
     add_wall_forces<D>(contact.epsilon, std::span(list.pairs).subspan(own.first, own.size()), s.walls,
                        s.topology.diameter.data(), s.x, f, Law::kind);
   }

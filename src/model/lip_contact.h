@@ -10,7 +10,8 @@ namespace pliant {
 /// Without it a lip enters an edge between two vertices. For a lip q and a polygon with edges (i, i+1):
 ///   U_q = Σ_i [V(dist(q, closed edge i)) − V(|q − r_i|) − V(|q − r_{i+1}|)], V as for walls.
 /// Each vertex feels the lip already as a point near the wall's end, V(|q − r_i|); with that, the sum is V of the
-/// distance to the outline, counted once, and C¹. Elements: neighbour list of lips and edges.
+/// distance to the outline, counted once, and C¹. Lips move with their walls. Elements: neighbour list of
+/// lips and edges.
 template <class Law = HarmonicOverlap>
 struct LipContact {
   Real epsilon;
@@ -75,7 +76,7 @@ struct LipContact {
   };
   Element element(const StateView<2>& s, Index e) const {
     const auto [lip, a] = s.neighbours.lips[e];
-    return {s.walls.lips()[lip].place, a, s.topology.next[a], {epsilon, s.topology.diameter[a] / 2}};
+    return {s.walls.lip(lip, s.t), a, s.topology.next[a], {epsilon, s.topology.diameter[a] / 2}};
   }
   /// Forces on the two ends of the edge.
   std::array<Vec<2>, 2> forces(const StateView<2>& s, Index e) const {

@@ -76,6 +76,8 @@ class ForceField {
 
   /// The lists that the terms read. Errors: std::logic_error where they ask for different edges.
   virtual NeighbourNeeds needs() const = 0;
+  /// Errors: InputError for walls that a term is not defined for.
+  virtual void check_walls(const Walls<D>& walls) const = 0;
 
   /// Total force, written to f [points · D].
   virtual void forces(const StateView<D>& s, Real* f) const = 0;
@@ -181,6 +183,12 @@ class Model final : public ForceField<D> {
     });
     needs.edges = edges.value_or(Edges::wide);
     return needs;
+  }
+
+  void check_walls(const Walls<D>& walls) const override {
+    for_each_term([&](const auto& term) {
+      if constexpr (requires { term.check(walls); }) term.check(walls);
+    });
   }
 
   void forces(const StateView<D>& s, Real* f) const override {

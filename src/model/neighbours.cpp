@@ -26,8 +26,11 @@ Index chunk_size(Index n) {
 template <int D>
 Real Neighbours<D>::farthest(const Walls<D>& wall, const Real* x, Real t) const {
   Real moved = built_ ? 0 : std::numeric_limits<Real>::infinity();
-  for (const Solid<D>& solid : wall.solids())
-    moved = std::max(moved, (solid.place_at(t) - solid.place_at(time_)).norm());
+  moved = std::max(moved, wall.moved(time_, t, [&](const Vec<D>& p) {
+    Real most = 0;
+    for (Index i = 0; i < chunk_point_.back(); ++i) most = std::max(most, (point<D>(x, i) - p).norm());
+    return most + widest_ / 2 + needs_.beyond_contact;
+  }));
 #pragma omp parallel for reduction(max : moved) if (chunks() > 1)
   for (Index c = 0; c < chunks(); ++c) {
     const Range own = points(c);
@@ -35,6 +38,11 @@ Real Neighbours<D>::farthest(const Walls<D>& wall, const Real* x, Real t) const 
     if (built_) moved = std::max(moved, pliant::farthest<D>(own.size(), x + first, reference_.data() + first));
   }
   return moved;
+}
+
+template <int D>
+Real Neighbours<D>::farthest_wall(const Walls<D>& wall, Real t) const {
+  return wall.moved(time_, t, [](const Vec<D>&) { return std::numeric_limits<Real>::infinity(); });
 }
 
 template <int D>

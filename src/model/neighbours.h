@@ -9,7 +9,7 @@
 namespace pliant {
 
 /// Lists of everything closer than the reach of its forces + skin at the reference positions. They hold all that is
-/// within reach until some point or solid has moved by skin/2 from there; `ensure` rebuilds them then, at whatever
+/// within reach until some point or wall has moved by skin/2 from there; `ensure` rebuilds them then, at whatever
 /// positions the forces are asked for, so that no step, stage or trial state ever sees a list that lacks a contact. A
 /// rebuilt list changes a force only by the order of its sum.
 ///
@@ -32,9 +32,11 @@ class Neighbours : public NeighbourLists {
   void widen() { narrowed_ = false; }
   bool narrowed() const { return narrowed_; }
 
-  /// How far the point or solid has moved that has moved farthest from where it was when the lists were built; infinite
-  /// for NaN, and where there are no lists. x [points · D]. Solids may have moved, but not have become others.
+  /// How far the point or wall has moved that has moved farthest from where it was when the lists were built; infinite
+  /// for NaN, and where there are no lists. x [points · D]. Walls may have moved, but not have become others.
   Real farthest(const Walls<D>& wall, const Real* x, Real t = 0) const;
+  /// The same of walls alone, which must not turn without end; the same on every rank.
+  Real farthest_wall(const Walls<D>& wall, Real t) const;
   /// Up to where the lists hold every contact.
   Real limit() const { return skin_ / 2; }
   bool valid(const Walls<D>& wall, const Real* x, Real t = 0) const { return farthest(wall, x, t) <= limit(); }
@@ -65,7 +67,7 @@ class Neighbours : public NeighbourLists {
     std::vector<Real> reference;
     std::vector<Index> relisted;
     std::vector<Real> places;  ///< coordinates of the points of each
-    Real time = 0;             ///< of the last rebuild; matters where solids move
+    Real time = 0;             ///< of the last rebuild; matters where walls move
   };
   History history(const Topology& topology) const;
   /// Builds the same lists, in the same order.

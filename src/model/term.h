@@ -22,7 +22,7 @@ struct StateView {
   const Topology& topology;
   const Neighbours<D>& neighbours;
   const Walls<D>& walls;
-  Real t = 0;              ///< time, for solids that move
+  Real t = 0;              ///< time, for walls that move
   Prefetch prefetch = {};  ///< what is gone through, in each chunk, after its forces; says nothing of the configuration
 
   const Real* angles = nullptr;             ///< [points · rotations], where the model rotates
@@ -102,6 +102,7 @@ struct Contact {
 ///   off()    whether its coefficients switch it off for good: it needs no list then
 ///   range()  how far beyond the contact distance it reaches
 ///   edges    whether its edges are wide (as without it) or bare, also where it is off
+/// and, if it is not defined for all walls, check(walls), which throws an InputError.
 template <class T, int D>
 concept EnergyTerm = requires(const T term, const StateView<D>& s, Index e, Scatter<D, 1>& g, BlockSink<D>& h) {
   { term.name() } -> std::convertible_to<std::string_view>;
@@ -128,7 +129,7 @@ concept DissipationTerm = requires(const T term, const StateView<D>& s, Index e,
   requires has_torque<T> || requires { term.add_dforce_dv(s, e, h); };
 };
 
-/// A force between touching pairs, or of walls or solids, that depends on what happened since they touched: on
+/// A force between touching pairs, or with walls, that depends on what happened since they touched: on
 /// T::history numbers that are kept for each contact (ContactHistory). Within a step a force follows from the numbers
 /// at its begin, `past`, and from the state, as at every stage of a method; it has none yet of a contact that began
 /// within the step. At the end of an accepted step the numbers are advanced. A force should not change by that: what

@@ -8,18 +8,19 @@ namespace pliant {
 
 /// U = Σ V(d_w), d_w the distance of the point to the wall and V of range δ/2, δ the point's contact diameter, by one
 /// of the laws in contact_law.h; harmonic: ε_w/2 (1 − 2 d_w/δ)² Θ(1 − 2 d_w/δ). Where segments are joined to an outline
-/// the joint counts −V. Elements: neighbour list of points and parts of the walls.
+/// the joint counts −V. Walls may move: they are at their places at the view's time. Elements: neighbour list of points
+/// and parts of the walls.
 template <int D, class Law = HarmonicOverlap>
 struct WallContact {
   Real epsilon;
 
   static constexpr Elements elements = Elements::walls;
   static std::string_view name() { return "wall"; }
-  bool enabled(const StateView<D>& s) const { return !s.walls.parts().empty(); }
+  bool enabled(const StateView<D>& s) const { return s.walls.size() > 0; }
 
   Real energy(const StateView<D>& s, Index e) const {
     const auto [i, part] = s.neighbours.walls[e];
-    return s.walls.parts()[part].weight * law(s, i).value(s.walls.distance(s.position(i), part));
+    return s.walls.weight(part) * law(s, i).value(s.walls.distance(s.position(i), part, s.t));
   }
 
   template <class G>
@@ -29,12 +30,12 @@ struct WallContact {
 
   void add_hessian(const StateView<D>& s, Index e, BlockSink<D>& h) const {
     const auto [i, part] = s.neighbours.walls[e];
-    const WallFoot<D> foot = s.walls.foot(s.position(i), part);
+    const WallFoot<D> foot = s.walls.foot(s.position(i), part, s.t);
     const Law v = law(s, i);
     if (!v.touches(foot.d)) return;
-    h.add(i, i,
-          s.walls.parts()[part].weight *
-              (v.curvature(foot.d) * foot.n * foot.n.transpose() + v.slope(foot.d) * foot.curvature));
+    h.add(
+        i, i,
+        s.walls.weight(part) * (v.curvature(foot.d) * foot.n * foot.n.transpose() + v.slope(foot.d) * foot.curvature));
   }
 
   /// Force of the wall on the point; the wall feels the opposite.
@@ -42,9 +43,9 @@ struct WallContact {
     const auto [i, part] = s.neighbours.walls[e];
     Real d;
     Vec<D> n;
-    s.walls.nearest(s.position(i), part, d, n);
-    if (d == 0) return Vec<D>::Zero();  // a law may be infinite there
-    return -s.walls.parts()[part].weight * law(s, i).slope(d) * n;
+    s.walls.nearest(s.position(i), part, s.t, d, n);
+    if (d == 0 && !s.walls.solid(part, s.t)) return Vec<D>::Zero();  // a law may be infinite there
+    return -s.walls.weight(part) * law(s, i).slope(d) * n;
   }
 
   Index wall(const StateView<D>& s, Index e) const { return s.walls.wall_of_part(s.neighbours.walls[e].second); }

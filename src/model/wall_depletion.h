@@ -16,13 +16,26 @@ struct WallDepletionLaw {
   static constexpr std::string_view name = "wall_depletion";
   Real range() const { return 2 * a_s; }
   /// At a wedge the centre must be outside the layer.
-  Real least_distance(bool flat) const { return flat ? 0 : a_s; }
   template <int D>
-  Expansion<D> at(const Solid<D>& solid, const WallFoot<D>& foot, const Vec<D>& r, Real t, Real radius) const {
-    if (foot.d >= radius + 2 * a_s) return {};
+  Real least_distance(const std::optional<Solid<D>>& solid) const {
+    return solid && !solid->flat() ? a_s : 0;
+  }
+  template <int D>
+  Expansion<D> at(const std::optional<Solid<D>>& solid, const WallFoot<D>& foot, const Vec<D>& r, Real radius) const {
+    if (!solid || foot.d >= radius + 2 * a_s) return {};
     const Real strength = phi_c / (8 * a_s * square(a_s));
-    const Expansion<D> v = layer_overlap<D>(solid, r, t, radius + a_s, a_s);
+    const Expansion<D> v = layer_overlap<D>(*solid, r, radius + a_s, a_s);
     return {-strength * v.value, -strength * v.gradient, -strength * v.hessian};
+  }
+  /// Nothing is behind a segment. Errors: InputError for walls that are no solids, unless the attraction is switched
+  /// off.
+  template <int D>
+  void check(const Walls<D>& walls) const {
+    if (phi_c != 0 && !walls.segments().empty())
+      throw InputError(
+          "wall {} is a segment, which droplets cannot be attracted to: depletion needs the volume behind a wall; make "
+          "walls half-spaces or wedges, or set phi_c = 0",
+          walls.wall_of_part(0));
   }
   /// It softens the repulsion.
   static Real max_rate(const Topology&) { return 0; }

@@ -1,11 +1,11 @@
-// Repulsion of droplets by solid walls [T 2.7].
+// Repulsion of droplets by walls [T 2.7].
 #pragma once
 
 #include <pliant/model/droplet_walls.h>
 
 namespace pliant {
 
-/// U = f0 ⟨R⟩ (h/R − 1 − ln(h/R)) for h < R, h the distance of the centre from the solid, else 0: the force is
+/// U = f0 ⟨R⟩ (h/R − 1 − ln(h/R)) for h < R, h the distance of the centre from the wall, else 0: the force is
 /// f0 ⟨R⟩ (1/h − 1/R) away from the wall. It grows without bound as h → 0. C¹: U'' jumps from 0 to f0 ⟨R⟩/R² at touch,
 /// and where the nearest point of a wedge reaches its tip.
 struct WallRepulsionLaw {
@@ -13,9 +13,12 @@ struct WallRepulsionLaw {
 
   static constexpr std::string_view name = "wall_repulsion";
   static Real range() { return 0; }
-  static Real least_distance(bool) { return 0; }
   template <int D>
-  Expansion<D> at(const Solid<D>&, const WallFoot<D>& foot, const Vec<D>&, Real, Real radius) const {
+  static Real least_distance(const std::optional<Solid<D>>&) {
+    return 0;
+  }
+  template <int D>
+  Expansion<D> at(const std::optional<Solid<D>>&, const WallFoot<D>& foot, const Vec<D>&, Real radius) const {
     const Real h = foot.d;
     if (h >= radius) return {};
     const Real x = (radius - h) / radius, slope = -f0_mean_radius * x / h;

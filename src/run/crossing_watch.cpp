@@ -43,7 +43,8 @@ bool through_wall(const StateView<2>& s, const Real* before) {
   for (Index m = 0; m < topology.owned(); ++m) {
     if (topology.active[m] == 0) continue;
     const Index i = topology.offset[m];
-    if (outline_meets(s.x, topology, m, s.walls) || meets(point<2>(before, i), s.position(i), s.walls)) return true;
+    if (outline_meets(s.x, topology, m, s.walls, s.t) || meets(point<2>(before, i), s.position(i), s.walls, s.t))
+      return true;
   }
   return false;
 }

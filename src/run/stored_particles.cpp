@@ -115,10 +115,7 @@ void StoredParticles::load_history(ParticleSystem<D>& system) const {
     const HistoryNeeds& term = table.needs();
     const std::string name = contacts_of(term);
     const auto particles = static_cast<std::int64_t>(all_ids_.size());
-    const std::int64_t others = table.pairs() ? particles
-                                : term.elements == Elements::walls
-                                    ? system.walls().size()
-                                    : static_cast<std::int64_t>(system.walls().solids().size());
+    const std::int64_t others = table.pairs() ? particles : system.walls().surfaces();
     const std::size_t count = c.length(name) / 2;
     const auto& numbers = c.integer_array(name, 2 * count, 0, std::max(particles, others) - 1);
     const auto& values = c.real_array(history_of(term), count * static_cast<std::size_t>(term.width));
@@ -128,8 +125,8 @@ void StoredParticles::load_history(ParticleSystem<D>& system) const {
     for (std::size_t k = 0; k < count; ++k) {
       const std::int64_t first = numbers[2 * k], second = numbers[2 * k + 1];
       if (first >= particles || second >= others || (table.pairs() && first >= second))
-        c.refuse("{}: ({}, {}) is no contact of {} particles and {} walls, the lower id first", name, first, second,
-                 particles, table.pairs() ? 0 : others);
+        c.refuse("{}: ({}, {}) is no contact of {} particles and {} surfaces of walls, the lower id first", name, first,
+                 second, particles, table.pairs() ? 0 : others);
       keys.push_back({static_cast<Index>(first), static_cast<Index>(second)});
       if (own.contains(keys.back().first) || (table.pairs() && own.contains(keys.back().second)))
         mine.add(keys.back(), stored.row(k, term.width));

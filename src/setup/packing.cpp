@@ -44,7 +44,7 @@ Real largest_overlap(ParticleSystem<D>& system, const Real* x) {
   Real largest = 0;
   system.field().for_each_contact(s, [&](const Contact<D>& c) { largest = std::max(largest, c.overlap); });
   for (const auto& [i, wall] : s.neighbours.walls)
-    largest = std::max(largest, 1 - 2 * s.walls.distance(s.position(i), wall) / s.topology.diameter[i]);
+    largest = std::max(largest, 1 - 2 * s.walls.distance(s.position(i), wall, s.t) / s.topology.diameter[i]);
   return largest;
 }
 

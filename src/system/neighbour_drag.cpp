@@ -74,9 +74,13 @@ template <int D>
 template <class Visit>
 void NeighbourDrag<D>::for_each_wall(const StateView<D>& s, Visit&& visit) const {
   if (!options_.walls) return;
-  for (const auto [i, k] : s.neighbours.solids) {
-    const Solid<D>& wall = s.walls.solids()[k];
-    if (wall.foot(s.position(i), s.t).d < s.topology.diameter[i] / 2 + options_.beyond_contact) visit(i, wall);
+  for (const auto [i, part] : s.neighbours.walls) {
+    if (!s.walls.carries(s.position(i), part, s.t)) continue;
+    Real d;
+    Vec<D> n;
+    s.walls.nearest(s.position(i), part, s.t, d, n);
+    if (d < s.topology.diameter[i] / 2 + options_.beyond_contact)
+      visit(i, s.walls.velocity(s.position(i) - d * n, part, s.t));
   }
 }
 
@@ -92,9 +96,9 @@ void NeighbourDrag<D>::find_coupling(const StateView<D>& s) {
     coupled_.push_back(near);
     diagonal_[i] += near;
   });
-  for_each_wall(s, [&](Index i, const Solid<D>& wall) {
+  for_each_wall(s, [&](Index i, const Vec<D>& velocity) {
     diagonal_[i] += 1;
-    point<D>(push_.data(), i) += wall.velocity;
+    point<D>(push_.data(), i) += velocity;
   });
 }
 
@@ -105,7 +109,7 @@ Real NeighbourDrag<D>::power(const StateView<D>& s) const {
   for_each_neighbour(s, [&](Index i, Index j, Index e) {
     if (in_range(s, i, j, e)) sum += (s.velocity(i) - s.velocity(j)).squaredNorm() / 2;
   });
-  for_each_wall(s, [&](Index i, const Solid<D>& wall) { sum += (s.velocity(i) - wall.velocity).squaredNorm(); });
+  for_each_wall(s, [&](Index i, const Vec<D>& velocity) { sum += (s.velocity(i) - velocity).squaredNorm(); });
   return options_.b * sum;
 }
 

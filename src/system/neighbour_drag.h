@@ -20,7 +20,7 @@ enum class Coupling {
 struct NeighbourDragOptions {
   Real b = 1;                 ///< viscosity: force per velocity
   Real beyond_contact = 0.1;  ///< droplets are neighbours at r < R_i + R_j + beyond_contact: 2 a_s
-  bool walls = false;         ///< solids within R + beyond_contact have friction too, with their own velocity [T 4.1]
+  bool walls = false;         ///< walls within R + beyond_contact have friction too, with their own velocity [T 4.1]
   Coupling coupling = Coupling::exact;
 };
 
@@ -73,7 +73,7 @@ class NeighbourDrag final : public Mobility<D> {
     const Real range = s.neighbours.point_pairs.reach[e] + options_.beyond_contact;
     return (s.position(i) - s.position(j)).squaredNorm() < square(range);
   }
-  /// Calls visit(i, wall) for each wall in range of an own point i.
+  /// Calls visit(i, velocity of the wall there) for each wall in range of an own point i.
   template <class Visit>
   void for_each_wall(const StateView<D>& s, Visit&& visit) const;
   void find_coupling(const StateView<D>& s);

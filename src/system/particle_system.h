@@ -31,7 +31,7 @@ template <int D>
 class ParticleSystem final : public ImplicitSystem {
  public:
   /// topology: the rank's own particles. All particles of all ranks together have different ids. Errors: InputError for
-  /// walls that the box cannot have.
+  /// walls that the box cannot have or the model is not defined for.
   ParticleSystem(Topology topology, Walls<D> walls, std::unique_ptr<ForceField<D>> field, Real skin,
                  Ranks ranks = Ranks(), const Box<D>& box = {})
       : ranks_(ranks),
@@ -42,7 +42,7 @@ class ParticleSystem final : public ImplicitSystem {
         neighbours_(field_->needs(), skin),
         halo_(ranks, box),
         history_(field_->history_needs()) {
-    check_walls(box_, walls_);
+    check(walls_);
     check_points();
   }
 
@@ -138,7 +138,7 @@ class ParticleSystem final : public ImplicitSystem {
   bool rotates_or_remembers() const { return field_->rotates() || !history_.empty(); }
 
   /// The configuration with neighbour lists that are valid for it, ghosts included. x, v [size()]; v may be
-  /// null where only energies are asked for. t matters where solids move.
+  /// null where only energies are asked for. t matters where walls move.
   StateView<D> view(const Real* x, const Real* v, Real t = 0) {
     change_.reset();  // wherever x is
     path_ = std::numeric_limits<Real>::infinity();
@@ -169,12 +169,13 @@ class ParticleSystem final : public ImplicitSystem {
     ranks_.together([&] { neighbours_.rebuild(topology_, walls_, has_ghosts() ? x_.data() : x, t); });
   }
 
-  /// Other walls: solids that get another velocity, or that come and go. The same on every rank. Errors: InputError for
-  /// walls that the box cannot have.
+  /// Other walls, or walls that move otherwise from now on. The same on every rank. Errors: InputError for walls that
+  /// the box cannot have or the model is not defined for.
   void set_walls(Walls<D> walls) {
-    check_walls(box_, walls);
+    check(walls);
     walls_ = std::move(walls);
     neighbours_.invalidate();
+    travel_ = std::numeric_limits<Real>::infinity();
   }
 
   /// Makes these the rank's own particles, which touch nothing yet. Not collective. Errors: InputError for particles of
@@ -252,6 +253,11 @@ class ParticleSystem final : public ImplicitSystem {
   const Neighbours<D>& neighbours() const { return neighbours_; }
 
  private:
+  void check(const Walls<D>& walls) const {
+    check_walls(box_, walls);
+    field_->check_walls(walls);
+  }
+
   void check_points() const {
     if (rotates_or_remembers() && topology_.deformable())
       throw InputError(
@@ -294,9 +300,9 @@ class ParticleSystem final : public ImplicitSystem {
   /// are looked at only when enough such changes have come together. The same on every rank.
   bool hold(std::optional<Real> change, const Real* x, Real t) {
     const Real limit = neighbours_.limit();
-    if (change && walls_.solids().empty()) {  // solids move by themselves
+    if (change && !walls_.turn_without_end()) {
       travel_ += std::sqrt(Real(D)) * *change;
-      if (travel_ <= limit * (1 - 1e-12)) return true;
+      if (std::max(travel_, neighbours_.farthest_wall(walls_, t)) <= limit * (1 - 1e-12)) return true;
     }
     travel_ = ranks_.max(neighbours_.farthest(walls_, x, t));
     return travel_ <= limit;
@@ -344,7 +350,7 @@ class ParticleSystem final : public ImplicitSystem {
       if (v != nullptr) s.spins = with_ghosts(v + positions, spins_);
     }
     if (history_.empty()) return;
-    history_.follow(topology_, neighbours_);
+    history_.follow(topology_, walls_, neighbours_);
     s.history = &history_;
   }
 

@@ -27,7 +27,7 @@ TEST_CASE("walls of the hopper") {
   CHECK(flat.lips()[1].place == Vec<2>(2, 0));
   const auto nearest = [](const auto& walls, const auto& r) {
     Real least = std::numeric_limits<Real>::infinity();
-    for (Index s = 0; s < walls.size(); ++s) least = std::min(least, walls.distance(r, s));
+    for (Index s = 0; s < walls.size(); ++s) least = std::min(least, walls.distance(r, s, 0));
     return least;
   };
   for (const Real side : {-1.0, 1.0}) {
@@ -58,12 +58,12 @@ TEST_CASE("a closed hopper has a shut orifice and a lid") {
   const Walls<2> box = hopper.closed<2>(20);
   CHECK(box.size() == 6);
   CHECK(box.lips().empty());
-  CHECK(box.distance({0, 0.5}, 4) == Approx(0.5));
-  CHECK(box.distance({-4.9, 19}, 5) == Approx(1));
+  CHECK(box.distance({0, 0.5}, 4, 0) == Approx(0.5));
+  CHECK(box.distance({-4.9, 19}, 5, 0) == Approx(1));
   const Walls<3> drum = hopper.closed<3>(20);
   CHECK(drum.size() == 4);
-  CHECK(drum.distance({-1, 1, 0.5}, 2) == Approx(0.5));
-  CHECK(drum.distance({0, -4.9, 19}, 3) == Approx(1));
+  CHECK(drum.distance({-1, 1, 0.5}, 2, 0) == Approx(0.5));
+  CHECK(drum.distance({0, -4.9, 19}, 3, 0) == Approx(1));
 }
 
 TEST_CASE("impossible hoppers are refused with the option to change") {

@@ -127,10 +127,11 @@ TEST_CASE("wall and lip pairs: each once, as by brute force") {
   for_each_cloud([&](Random& random, Sizes sizes, Spread spread) {
     const auto check_walls = [&](const auto& walls, const auto& c) {
       std::vector<Pair> found, expected;
-      find_wall_pairs(c.view(), walls, skin, 0, c.size(), collect(c, found));
+      find_wall_pairs(c.view(), walls, 0, skin, 0, c.size(), collect(c, found));
       for (Index i = 0; i < c.size(); ++i)
         for (Index s = 0; s < walls.size(); ++s)
-          if (c.used[c.group[i]] && walls.distance(c.at(i), s) < c.diameter[i] / 2 + skin) expected.push_back({i, s});
+          if (c.used[c.group[i]] && walls.distance(c.at(i), s, 0) < c.diameter[i] / 2 + skin)
+            expected.push_back({i, s});
       REQUIRE(expected.size() > 5);
       CHECK(sorted(found) == expected);
     };
@@ -139,7 +140,7 @@ TEST_CASE("wall and lip pairs: each once, as by brute force") {
     check_walls(revolved, Cloud<3>(random, 400, 1, sizes, spread));
 
     std::vector<Pair> found, expected;
-    find_lip_pairs(rings.view(), flat, skin, 0, rings.size(), collect(rings, found));
+    find_lip_pairs(rings.view(), flat, 0, skin, 0, rings.size(), collect(rings, found));
     for (Index l = 0; l < 2; ++l)
       for (Index i = 0; i < rings.size(); ++i)
         if (rings.used[rings.group[i]] &&
@@ -161,7 +162,7 @@ WallParts waves(Index n) {
   };
   for (Index k = 0; k < n; ++k) {
     walls.lips.push_back({corner(k), k});
-    walls.joints.push_back({corner(k), k});
+    walls.joints.push_back({corner(k), k, (k + n - 1) % n, false});
     walls.segments.push_back(WallSegment::between(corner(k), corner(k + 1)));
   }
   walls.segments.push_back(WallSegment::ray({4.5, 0}, {0, 1}));
@@ -175,12 +176,12 @@ TEST_CASE("thousands of walls: as by brute force, in the same order, at the pric
   const Index n = 5000;
   const auto check = [&](const auto& walls, const auto& c, Real most) {
     std::vector<Pair> found, expected;
-    const std::int64_t tests = find_wall_pairs(c.view(), walls, skin, 0, c.size(), collect(c, found));
+    const std::int64_t tests = find_wall_pairs(c.view(), walls, 0, skin, 0, c.size(), collect(c, found));
     const auto parts = static_cast<Index>(walls.parts().size());
     REQUIRE(parts > 9000);
     for (Index i = 0; i < c.size(); ++i)
       for (Index s = 0; s < parts; ++s)
-        if (c.used[c.group[i]] && walls.distance(c.at(i), s) < c.diameter[i] / 2 + skin) expected.push_back({i, s});
+        if (c.used[c.group[i]] && walls.distance(c.at(i), s, 0) < c.diameter[i] / 2 + skin) expected.push_back({i, s});
     REQUIRE(expected.size() > 1000);
     CHECK(found == expected);
     CAPTURE(tests, c.size(), expected.size());
@@ -194,7 +195,7 @@ TEST_CASE("thousands of walls: as by brute force, in the same order, at the pric
   check(Walls<3>(waves(n)), Cloud<3>(random, 300, 1, Sizes::equal, Spread::even), 30);
 
   std::vector<Pair> found, expected;
-  const std::int64_t tests = find_lip_pairs(rings.view(), flat, skin, 0, rings.size(), collect(rings, found));
+  const std::int64_t tests = find_lip_pairs(rings.view(), flat, 0, skin, 0, rings.size(), collect(rings, found));
   for (Index i = 0; i < rings.size(); ++i)
     for (Index l = 0; l < n; ++l)
       if (rings.used[rings.group[i]] && segment_foot(flat.lips()[l].place, rings.at(i), rings.at(rings.next[i])).d2 <

@@ -25,7 +25,7 @@ struct Room {
     WallParts parts{{WallSegment::between({0.5, 0.3}, {1.7, 1.1}), WallSegment::ray({0.5, 0.3}, {0, -1}),
                      WallSegment::ray({1.7, 1.1}, {0, 1}), WallSegment::between({0, 2}, {1.7, 2})}};
     if (!plain) {
-      parts.joints = {{{0.5, 0.3}, 0}, {{1.7, 1.1}, 2}};
+      parts.joints = {{{0.5, 0.3}, 0, 1, true}, {{1.7, 1.1}, 2, 0, true}};
       parts.segments.push_back(WallSegment::disk({-1, -1}, 0.3));
       parts.segments.push_back(WallSegment::disk({0, -1}, 0.4));
     }

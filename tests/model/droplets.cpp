@@ -301,15 +301,44 @@ TEST_CASE("a depletant without a size is refused") {
   CHECK_THROWS_AS(make_force_field<2>(ModelKind::bubble, {.a_s = 0}, Vec<2>::Zero()), InputError);
 }
 
+TEST_CASE("droplets meet segments where there is no attraction") {
+  const auto repulsion = alone<2>(WallRepulsion<2>{{f0}});
+  const auto seen = [&](const Walls<2>& walls, const Vec<2>& at) {
+    Configuration<2> c;
+    c.walls = walls;
+    c.add_droplet(1, at);
+    VectorXd f(3);
+    f[2] = repulsion->energy(c.view(), f.data());
+    return f;
+  };
+  WallParts pieces;
+  for (Index k = 0; k < 100; ++k) {
+    const Vec<2> from(0.1 * k - 5, 0);
+    if (k > 0) pieces.joints.push_back({from, k, k - 1, true});
+    pieces.segments.push_back(WallSegment::between(from, from + Vec<2>(0.1, 0)));
+  }
+  const Walls<2> one({WallSegment::between({-5, 0}, {5, 0})}), many(pieces),
+      solid(std::vector{Solid<2>::half_space({0, 0}, {0, 1})});
+  for (const Vec<2>& at : {Vec<2>(0.03, 0.8), Vec<2>(5.2, 0.6), Vec<2>(1, 0.95)}) {
+    CAPTURE(at[0]);
+    CHECK(seen(one, at)[2] > 0);
+    CHECK((seen(one, at) - seen(many, at)).norm() < 1e-9);
+    if (at[0] < 5) CHECK(seen(one, at) == seen(solid, at));
+  }
+  CHECK(seen(one, {0, -0.8})[1] == -seen(one, {0, 0.8})[1]);
+  CHECK_NOTHROW(droplets<2>()->check_walls(solid));
+  CHECK_THROWS_WITH(droplets<2>()->check_walls(one), Catch::Contains("wall 0 is a segment"));
+  CHECK_NOTHROW(make_force_field<2>(ModelKind::bubble, {.phi_c = 0}, Vec<2>::Zero())->check_walls(one));
+}
+
 TEST_CASE("no pair or wall within the attraction's range is ever missing from the lists") {
   Random random(6);
   const NeighbourNeeds needs = needs_of<2>(ModelKind::bubble);
   CHECK(needs.beyond_contact == 2 * a_s);
   Configuration<2> c;
   for (int k = 0; k < 80; ++k) c.add_droplet(random(0.3, 1.2), {random(-8, 8), random(-8, 8)});
-  Solid<2> moving = Solid<2>::half_space({-8, 0}, {1, 0.2});
-  moving.set_velocity({1, 0}, 0);
-  c.walls = Walls<2>(std::vector{moving, Solid<2>::wedge({0, -9}, {1, -1}, {-1, -1})});
+  c.walls.add(Solid<2>::half_space({-8, 0}, {1, 0.2}), {.velocity = {1, 0}});
+  c.walls.add(Solid<2>::wedge({0, -9}, {1, -1}, {-1, -1}));
   std::vector<Vec<2>> drift;  // towards each other, as far as the lists allow before they are rebuilt
   for (int k = 0; k < 80; ++k) drift.push_back(0.008 * random.unit<2>());
   Neighbours<2> lists(needs, 0.2);
@@ -320,7 +349,7 @@ TEST_CASE("no pair or wall within the attraction's range is ever missing from th
     for (Index i = 0; i < 80; ++i) point<2>(c.x.data(), i) += drift[i] + random(0, 0.002) * random.unit<2>();
     lists.ensure(c.topology, c.walls, c.x.data(), t);
     std::set<Pair> listed(lists.point_pairs.begin(), lists.point_pairs.end());
-    std::set<Pair> listed_walls(lists.solids.begin(), lists.solids.end());
+    std::set<Pair> listed_walls(lists.walls.begin(), lists.walls.end());
     for (Index i = 0; i < 80; ++i) {
       const Real radius = c.topology.diameter[i] / 2;
       for (Index j = 0; j < i; ++j) {
@@ -331,7 +360,7 @@ TEST_CASE("no pair or wall within the attraction's range is ever missing from th
         missing += !listed.contains({i, j}) && !listed.contains({j, i});
       }
       for (Index k = 0; k < 2; ++k) {
-        if (c.walls.solids()[k].foot(c.position(i), t).d >= radius + 2 * a_s) continue;
+        if (c.walls.distance(c.position(i), k, t) >= radius + 2 * a_s) continue;
         ++at_walls;
         missing += !listed_walls.contains({i, k});
       }

@@ -176,7 +176,7 @@ TEST_CASE("the lists of a model follow from its terms") {
       {ModelKind::smooth, {.law = ContactLaw::hertz, .mu = 1, .lip_edges = false}, smooth},
       {ModelKind::smooth, {.law = ContactLaw::barrier}, smooth},
       {ModelKind::shape, {.k_a = 1, .k_l = 1, .k_b = 1, .zeta = 1}, {}},
-      {ModelKind::bubble, {.a_s = 0.07}, {.point_pairs = true, .solids = true, .beyond_contact = 0.14}}};
+      {ModelKind::bubble, {.a_s = 0.07}, {.point_pairs = true, .walls = true, .beyond_contact = 0.14}}};
   for (const Row& row : table) {
     INFO(to_string(row.kind));
     CHECK(needs_of<2>(row.kind, row.p) == row.lists);

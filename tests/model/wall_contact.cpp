@@ -20,7 +20,7 @@ WallParts line(const Vec<2>& a, const Vec<2>& b, Index n) {
   WallParts walls;
   for (Index k = 0; k < n; ++k) {
     const Vec<2> from = a + (b - a) * k / n, to = a + (b - a) * (k + 1) / n;
-    if (k > 0) walls.joints.push_back({from, k});
+    if (k > 0) walls.joints.push_back({from, k, k - 1, true});
     walls.segments.push_back(WallSegment::between(from, to));
   }
   return walls;
@@ -71,7 +71,7 @@ Configuration<D> at_walls(Random& random, bool disk) {
     bool smooth = true, touches_disk = false, touches_outline = false;
     for (Index s = 0; s < static_cast<Index>(all.parts().size()); ++s) {
       const WallSegment& part = all.parts()[s];
-      const Real d = all.distance(c.position(0), s), t = (p - part.origin).dot(part.direction);
+      const Real d = all.distance(c.position(0), s, 0), t = (p - part.origin).dot(part.direction);
       smooth = smooth && d > 0.1 && std::abs(d - sigma / 2) > 0.01 &&
                (part.length == 0 || (std::abs(t) > 0.01 && std::abs(t - part.length) > 0.01));
       (part.radius > 0 ? touches_disk : touches_outline) |= d < sigma / 2;
@@ -92,6 +92,64 @@ TEMPLATE_TEST_CASE_SIG("derivatives at outlines and disks", "[walls]", ((int D),
   check(alone<D>(WallContact<D>{epsilon}));
   check(alone<D>(WallContact<D, HertzOverlap>{epsilon}));
   check(alone<D>(WallContact<D, BarrierOverlap>{epsilon}));
+}
+
+namespace {
+
+/// In touch with a solid, from outside or from inside, but not where the Hessian jumps.
+template <int D>
+Configuration<D> at_solid(Random& random, bool wedge) {
+  const Vec<D> tip = 3 * random.unit<D>(), along = random.unit<D>();
+  Vec<D> other = random.unit<D>();
+  other = (other - other.dot(along) * along).normalized();
+  const Real opening = random(0.6, 2.2);
+  const Solid<D> solid =
+      wedge ? Solid<D>::wedge(tip, along, Vec<D>(std::cos(opening) * along - std::sin(opening) * other))
+            : Solid<D>::half_space(tip, other);
+  Configuration<D> c;
+  c.walls.add(solid);
+  const Real angle = wedge ? random(-opening + 0.1, 2 * pi - opening - 0.1) : pi / 2, far = random(0.1, 0.45);
+  c.add_soft(sigma, tip + solid.lift(Vec<2>(wedge ? far * at_angle(angle) : Vec<2>(1, random(-0.3, 0.45)))));
+  return c;
+}
+
+}  // namespace
+
+TEMPLATE_TEST_CASE_SIG("derivatives at half-spaces and wedges", "[walls]", ((int D), D), 2, 3) {
+  const bool wedge = GENERATE(false, true);
+  CAPTURE(wedge);
+  const auto make = [&](Random& r) {
+    for (;;) {
+      // Not where the foot comes to the edge of a wedge, or changes between its faces.
+      Configuration<D> c = at_solid<D>(r, wedge);
+      const Vec<2> p = c.walls.solids()[0].plane(c.position(0));
+      const Solid<D>& s = c.walls.solids()[0];
+      const Real x2 = p.dot(s.second_along()), y2 = p.dot(s.second_out());
+      if (!wedge || (std::abs(p[0]) > 0.01 && std::abs(x2) > 0.01 && std::abs(p[1] - y2) > 0.01)) return c;
+    }
+  };
+  check_smooth<D>(*alone<D>(WallContact<D>{epsilon}), make, 1e-5);
+  check_smooth<D>(*alone<D>(WallContact<D, HertzOverlap>{epsilon}), make, 1e-5);
+}
+
+TEMPLATE_TEST_CASE_SIG("solids push out what has gone through their surface, segments push it on", "[walls]",
+                       ((int D), D), 2, 3) {
+  const Vec<D> up = Vec<D>::Unit(D - 1);
+  Walls<D> floor(std::vector{Solid<D>::half_space(Vec<D>::Zero(), up)}), thin({WallSegment::ray({0, 0}, {1, 0})});
+  const auto force = [&](const Walls<D>& walls, Real height) {
+    Configuration<D> c;
+    c.walls = walls;
+    c.add_soft(sigma, Vec<D>(Vec<D>::Unit(0) + height * up));
+    std::vector<Real> f(D);
+    alone<D>(WallContact<D>{epsilon})->forces(c.view(), f.data());
+    return f[D - 1];
+  };
+  for (const Real height : {0.3, 0.0, -0.2, -0.6, -3.0})
+    CHECK(force(floor, height) == Approx(2 * epsilon / sigma * (1 - 2 * height / sigma)));
+  CHECK(force(floor, 0.51) == 0);
+  CHECK(force(thin, 0.3) == Approx(force(floor, 0.3)));
+  CHECK(force(thin, -0.2) < 0);
+  CHECK(force(thin, -0.6) == 0);
 }
 
 TEMPLATE_TEST_CASE_SIG("a wall is as stiff in one piece as in hundreds", "[walls]", ((int D), D), 2, 3) {

@@ -46,7 +46,7 @@ struct Packed {
       const Real lateral = D == 2 ? std::abs(r[0]) : std::hypot(r[0], r[1]);
       const bool inside = r[D - 1] > 0 && r[D - 1] < packing.height && lateral < hopper.half_width(r[D - 1]);
       for (Index s = 0; s < walls.size(); ++s)
-        least = std::min(least, (inside ? 1 : -1) * walls.distance(r, s) / outer_radius(topology, m));
+        least = std::min(least, (inside ? 1 : -1) * walls.distance(r, s, 0) / outer_radius(topology, m));
     }
     return least;
   }

@@ -101,7 +101,7 @@ struct Flow {
       CHECK((point<D>(state.v().data(), i) - velocity).norm() < 1e-14);
       const Vec<D> r = at(i);
       CHECK((D == 2 ? std::abs(r[0]) : std::hypot(r[0], r[1])) < hopper.half_width(r[D - 1]));
-      for (Index s = 0; s < walls.size(); ++s) CHECK(walls.distance(r, s) > topology.diameter[i] / 2 * (1 - 1e-8));
+      for (Index s = 0; s < walls.size(); ++s) CHECK(walls.distance(r, s, 0) > topology.diameter[i] / 2 * (1 - 1e-8));
     }
     const auto now = points();
     Real change = 0;

@@ -260,7 +260,7 @@ struct WallSpring {
       a = s.topology.diameter[i] / 2;
       Real d;
       pliant::Vec<2> n;
-      s.walls.nearest(s.position(i), wall, d, n);
+      s.walls.nearest(s.position(i), wall, s.t, d, n);
       touches = d < a;
       if (!touches) return;
       t = {-n[1], n[0]};

@@ -38,11 +38,10 @@ Configuration<D> heap(Random& random, Index side, Index layers) {
     c.add_droplet(random(0.9, 1.1), r);
   }
   pliant::Vec<D> up = pliant::Vec<D>::Unit(D - 1), aside = pliant::Vec<D>::Unit(0);
-  Solid<D> floor = Solid<D>::half_space(-1.03 * up, up);
-  floor.velocity = -1e-2 * up + 2e-2 * aside;
   const Solid<D> corner =
       Solid<D>::wedge(pliant::Vec<D>(-1.04 * aside), pliant::Vec<D>(-aside - up), pliant::Vec<D>(-aside + up));
-  c.walls = Walls<D>(std::vector{floor, corner});
+  c.walls.add(Solid<D>::half_space(-1.03 * up, up), {.velocity = -1e-2 * up + 2e-2 * aside});
+  c.walls.add(corner);
   return c;
 }
 
@@ -85,10 +84,10 @@ void dense(const Configuration<D>& c, const ForceField<D>& field, const Neighbou
       b(i, j) -= 1;
     }
     if (!mobility.walls) continue;
-    for (const Solid<D>& wall : c.walls.solids())
-      if (wall.foot(c.position(i), t).d < radius + beyond) {
+    for (Index k = 0; k < 2; ++k)
+      if (c.walls.distance(c.position(i), k, t) < radius + beyond) {
         b(i, i) += 1;
-        load.row(i) += wall.velocity.transpose();
+        load.row(i) += c.walls.motion(k).velocity.transpose();
       }
   }
 }
@@ -205,9 +204,7 @@ TEST_CASE("what the energy loses is dissipated") {
   const PetscOptionScope options("-ts_type rk -ts_rk_type 4 -ts_adapt_type none");
   Random random(5);
   Configuration<2> c = heap<2>(random, 6, 5);
-  std::vector<Solid<2>> walls = c.walls.solids();
-  walls[0].velocity.setZero();
-  c.walls = Walls<2>(walls);
+  c.walls.set_motion(0, {});
   OverdampedSystem<2> system = system_of<2>(c);
   const auto energy = [&](const std::vector<Real>& x) {
     return system.particles().field().energy(system.particles().view(x.data(), nullptr));
@@ -264,10 +261,10 @@ TEST_CASE("walls that rub take their part of the power") {
   std::array<int, 2> rubbing{};  // droplets at each wall
   for (Index i = 0; i < c.topology.points(); ++i) {
     power += point<2>(f.data(), i).dot(s.velocity(i));
-    for (std::size_t k = 0; k < 2; ++k) {
-      const Solid<2>& wall = c.walls.solids()[k];
-      if (wall.foot(s.position(i), t).d >= c.topology.diameter[i] / 2 + beyond) continue;
-      power += 1.5 * (wall.velocity - s.velocity(i)).dot(wall.velocity);
+    for (Index k = 0; k < 2; ++k) {
+      if (c.walls.distance(s.position(i), k, t) >= c.topology.diameter[i] / 2 + beyond) continue;
+      const pliant::Vec<2>& wall = c.walls.motion(k).velocity;
+      power += 1.5 * (wall - s.velocity(i)).dot(wall);
       ++rubbing[k];
     }
   }
@@ -306,11 +303,11 @@ TEST_CASE("a wall that moves drags droplets along") {
   const PetscOptionScope none("");
   Configuration<2> c;
   c.add_droplet(1, {1.05, 0});
-  Solid<2> wall = Solid<2>::half_space({0, 0}, {1, 0});
-  wall.set_velocity({0, 0.4}, 0);
+  Walls<2> wall(std::vector{Solid<2>::half_space({0, 0}, {1, 0})});
+  wall.set_motion(0, {.velocity = {0, 0.4}});
   const auto velocity = [&](Real t, bool walls) {
     OverdampedSystem<2> system(
-        ParticleSystem<2>(c.topology, Walls<2>(std::vector{wall}),
+        ParticleSystem<2>(c.topology, wall,
                           make_force_field<2>(ModelKind::bubble, {.phi_c = 0}, pliant::Vec<2>::Zero()), 0.2),
         std::make_unique<NeighbourDrag<2>>(NeighbourDragOptions{.beyond_contact = beyond, .walls = walls}));
     std::vector<Real> v(2);
@@ -319,7 +316,7 @@ TEST_CASE("a wall that moves drags droplets along") {
   };
   CHECK(velocity(0, true) == std::vector<Real>{0, 0.2});
   CHECK(velocity(0, false) == std::vector<Real>{0, 0});
-  wall.set_velocity({0.1, 0}, 0);
+  wall.set_motion(0, {.velocity = {0.1, 0}});
   CHECK(velocity(0.5, false)[0] == 0);
   CHECK(velocity(1, false)[0] == Approx(10 * (1 / 0.95 - 1)));  // the wall has come nearer by 0.1
 }

@@ -171,10 +171,9 @@ class ClogProtocol final : public DropletProtocol {
     all_particles().field().for_each_contact(s, [&](const Contact<2>& c) {
       if (!pushing || c.force.dot(c.normal) > 1e-3 * p_.g) found.pairs.emplace_back(c.first, c.second);
     });
-    for (const auto [i, k] : s.neighbours.solids) {
+    for (const auto [i, k] : s.neighbours.walls) {
       const Real reach = radius(i) + (pushing ? 0 : 2 * p_.a_s);
-      if (k < 2 && s.walls.solids()[k].foot(s.position(i), s.t).d < reach)
-        (k == 0 ? found.left : found.right).push_back(i);
+      if (k < 2 && s.walls.distance(s.position(i), k, s.t) < reach) (k == 0 ? found.left : found.right).push_back(i);
     }
     return found;
   }

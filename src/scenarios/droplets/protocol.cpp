@@ -21,13 +21,12 @@ ParticleSystem<2> make_particles(const DropletOptions& p, const DropletSetup& se
 
 /// Of the walls that move, on the droplets.
 Real power_of_walls(const ForceField<2>& field, const StateView<2>& s) {
-  const std::vector<Solid<2>>& walls = s.walls.solids();
   Real power = 0;
-  if (std::any_of(walls.begin(), walls.end(), [](const Solid<2>& w) { return w.velocity != Vec<2>::Zero(); })) {
-    std::vector<Real> force(2 * walls.size());
+  if (s.walls.move()) {
+    std::vector<Real> force(2 * static_cast<std::size_t>(s.walls.size()));
     field.add_wall_forces(s, force.data());
-    for (std::size_t k = 0; k < walls.size(); ++k)
-      power -= point<2>(force.data(), static_cast<Index>(k)).dot(walls[k].velocity);
+    for (Index k = 0; k < s.walls.size(); ++k)
+      power -= point<2>(force.data(), k).dot(s.walls.motion(s.walls.body_of_wall(k)).drift(s.t));
   }
   return power;
 }
@@ -113,7 +112,7 @@ std::vector<SeriesValue> DropletProtocol::sample() {
 }
 
 std::vector<Real> DropletProtocol::wall_forces() {
-  std::vector<Real> force(2 * all_particles().walls().solids().size());
+  std::vector<Real> force(2 * static_cast<std::size_t>(all_particles().walls().size()));
   all_particles().field().add_wall_forces(view(), force.data());
   return force;
 }

@@ -91,24 +91,24 @@ void append(std::vector<Real>& out, const Vec<D>& r) {
 
 template <int D>
 Walls<D> read_solids(const CaseValue& inputs) {
-  std::vector<Solid<D>> solids;
+  Walls<D> all;
   if (const CaseValue walls = inputs["walls"]; walls.present())
     for (std::size_t k = 0; k < walls.size(); ++k) {
       walls[k].check_keys(std::array<std::string_view, 3>{"point", "normal", "velocity"});
       const CaseValue normal = walls[k]["normal"], velocity = walls[k]["velocity"];
       if (normal.vector<D>().norm() == 0) normal.fail("has no direction");
-      solids.push_back(Solid<D>::half_space(walls[k]["point"].vector<D>(), normal.vector<D>()));
-      if (velocity.present()) solids.back().velocity = velocity.vector<D>();
+      all.add(Solid<D>::half_space(walls[k]["point"].vector<D>(), normal.vector<D>()),
+              {.velocity = velocity.present() ? velocity.vector<D>() : Vec<D>(Vec<D>::Zero())});
     }
   if (const CaseValue wedge = inputs["wedge"]; wedge.present()) {
     wedge.check_keys(std::array<std::string_view, 3>{"tip", "dir1", "dir2"});
     try {
-      solids.push_back(Solid<D>::wedge(wedge["tip"].vector<D>(), wedge["dir1"].vector<D>(), wedge["dir2"].vector<D>()));
+      all.add(Solid<D>::wedge(wedge["tip"].vector<D>(), wedge["dir1"].vector<D>(), wedge["dir2"].vector<D>()));
     } catch (const InputError& error) {
       wedge.fail("is no corner: {}", error.what());
     }
   }
-  return Walls<D>(std::move(solids));
+  return all;
 }
 
 void check_outline(const CaseValue& vertices, const EvaluatedCase<2>& c, Index m) {

@@ -33,7 +33,7 @@ void check_directions(const StateView<D>& s, bool lip_edges, const std::string& 
   for (const auto [i, j] : s.neighbours.point_pairs)
     if ((s.position(i) - s.position(j)).squaredNorm() == 0) refuse(std::max(i, j), named(std::min(i, j)));
   for (const auto [i, wall] : s.neighbours.walls)
-    if (s.walls.distance(s.position(i), wall) == 0) refuse(i, "a wall of the hopper");
+    if (!s.walls.solid(wall, s.t) && s.walls.distance(s.position(i), wall, s.t) == 0) refuse(i, "a wall of the hopper");
   if constexpr (D == 2) {
     const auto on_edge = [&](const Vec<2>& r, Index a) {
       return segment_foot(r, s.position(a), s.position(topology.next[a])).d2 == 0;
@@ -41,7 +41,7 @@ void check_directions(const StateView<D>& s, bool lip_edges, const std::string& 
     for (const auto [i, a] : s.neighbours.vertex_edges)
       if (on_edge(s.position(i), a)) refuse(i, "the edge from " + named(a));
     for (const auto [lip, a] : s.neighbours.lips)
-      if (lip_edges && on_edge(s.walls.lips()[lip].place, a))
+      if (lip_edges && on_edge(s.walls.lip(lip, s.t), a))
         throw InputError(
             "{}: a lip of inputs.hopper lies on the edge from {}, where the force has no direction; move it", file,
             named(a));

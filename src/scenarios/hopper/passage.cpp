@@ -11,7 +11,7 @@ bool Passage<D>::through_wall(Index m) const {
   Index end = topology.offset[m + 1];
   if constexpr (D == 2)
     if (topology.deformable()) {
-      if (outline_meets(x, topology, m, walls)) return true;
+      if (outline_meets(x, topology, m, walls, 0)) return true;
       end = topology.offset[m] + 1;  // all vertices are on the same side as the first one
     }
   for (Index i = topology.offset[m]; i < end; ++i) {

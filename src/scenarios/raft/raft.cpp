@@ -98,9 +98,9 @@ struct Raft {
   }
 
   Walls<2> walls() const {
-    auto moving = Solid<2>::half_space({start, 0}, {-1, -slope});
-    moving.velocity = {velocity, 0};
-    return Walls<2>(std::vector<Solid<2>>{Solid<2>::half_space({0, 0}, {1, 0}), moving});
+    Walls<2> walls(std::vector{Solid<2>::half_space({0, 0}, {1, 0})});
+    walls.add(Solid<2>::half_space({start, 0}, {-1, -slope}), {.velocity = {velocity, 0}});
+    return walls;
   }
 
   DropletRest pair, wall;
@@ -170,8 +170,8 @@ class RaftProtocol final : public DropletProtocol {
     std::array<Real, 2> push{};
     std::array<std::vector<Index>, 2> at;
     for (Index k = 0; k < 2; ++k) push[k] = -point<2>(force.data(), k).dot(s.walls.solids()[k].out);
-    for (const auto [i, k] : s.neighbours.solids)
-      if (s.walls.solids()[k].foot(s.position(i), s.t).d < radius(i) + 2 * p_.a_s) at[k].push_back(i);
+    for (const auto [i, k] : s.neighbours.walls)
+      if (s.walls.distance(s.position(i), k, s.t) < radius(i) + 2 * p_.a_s) at[k].push_back(i);
     rows_ = count_rows(droplets(), bonds_, at[0], at[1]);
     row.insert(row.end(), {{"wall_distance", distance(all_state().t)},
                            {"fixed_wall_force", push[0]},
