@@ -71,13 +71,14 @@ FireResult fire(std::span<Real> x_in, std::span<const Real> mass, const EnergyAn
     };
     if (result.max_force <= o.force_tolerance) {
       if (!with_energy) result.energy = energy_and_force(x.data(), f.data());
-      return finish(FireStop::force, fmt::format("largest force {} within {}", result.max_force, o.force_tolerance));
+      return finish(FireStop::force,
+                    fmt::format("largest force {:.3g} within {:.3g}", result.max_force, o.force_tolerance));
     }
     if (with_energy && result.energy <= o.energy_tolerance)
-      return finish(FireStop::energy, fmt::format("energy {} within {}", result.energy, o.energy_tolerance));
+      return finish(FireStop::energy, fmt::format("energy {:.3g} within {:.3g}", result.energy, o.energy_tolerance));
     if (with_energy && o.done && o.done(x.data())) return finish(FireStop::done, "done");
     if (result.iterations == o.max_iterations)
-      return finish(FireStop::iterations, fmt::format("limit of {} iterations reached with largest force {}",
+      return finish(FireStop::iterations, fmt::format("limit of {} iterations reached with largest force {:.3g}",
                                                       o.max_iterations, result.max_force));
     ++result.iterations;
 
