@@ -187,6 +187,19 @@ def fit_regimes(delta, w_star, error):
     return Regimes(float(factors[0]), float(errors[0]), float(factors[1]), float(errors[1]))
 
 
+def fitted_delta_crit(points):
+    """delta_crit of the regimes of w*/d in clog_points along the width. Raises RunError for too few curves."""
+    fits = fit_sigmoids(points, "hopper_width")
+    known = fits[fits["fit"].notna()] if len(fits) else fits
+    columns = [known[c] if len(known) else [] for c in ("delta", "x0", "x0_error")]
+    return fit_regimes(*columns).delta_crit
+
+
+def effective_width(points, delta_crit):
+    """[k] w/delta* of clog_points [T 4.12], w and delta* in mean radii."""
+    return (2 * points["hopper_width"] / np.maximum(points["delta"], delta_crit)).to_numpy()
+
+
 def avalanche_law(x, A, B):
     """Mean avalanche size exp(B x²)/A - 1 [T 4.17]."""
     return np.exp(B * np.asarray(x, float) ** 2) / A - 1

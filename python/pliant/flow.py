@@ -1,8 +1,11 @@
 """When a hopper flowed, and how high its filling stood on the axis: what averages of a run may use."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from .errors import RunError
+from .statistics import block_ratio
 
 QUIET = 10          # mean times between crossings without one, after which the flow counts as ended
 DISCHARGE = 0.2     # of the particles that left a discharge: the first and the last of them are no part of an average
@@ -53,3 +56,28 @@ def filling_top(profile):
     FILLED of the largest. Above it the reinserted particles fall freely."""
     density = profile.weight.mean(0)
     return float(profile.height[np.flatnonzero(density >= FILLED * density.max())[-1]])
+
+
+@dataclass(frozen=True)
+class AxisVelocity:
+    """Velocity along gravity on the axis of a run, up to the top of its filling, in sigma_avg/t0."""
+
+    height: np.ndarray    #: [H] above the orifice
+    velocity: np.ndarray  #: [H]
+    error: np.ndarray     #: [H] from blocks
+    start: float          #: of the time averaged over
+    end: float
+    remark: str | None    #: as of `flowing`
+
+
+def axis_velocity(run, start=None, blocks=10):
+    """AxisVelocity of a run; `start` overrules the time from which the flow is averaged. Raises RunError if the run has
+    not flowed, or not for as many samples as blocks."""
+    start, end, remark = flowing(run, start)
+    used = run.profile.between(start, end)
+    if len(used.time) < blocks:
+        raise RunError(f"{run.path}: {len(used.time)} samples from t = {start:g} to {end:g} t0 are fewer than "
+                       f"{blocks} blocks")
+    filled = used.height <= filling_top(used)
+    return AxisVelocity(used.height[filled], *block_ratio(used.momentum[:, filled], used.weight[:, filled], blocks), start,
+                        end, remark)

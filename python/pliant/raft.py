@@ -144,3 +144,24 @@ def competing_fraction(reductions):
     """(fraction of the reductions that compete, their number); those to one row do not count."""
     counted = reductions["competing"].dropna() if len(reductions) else reductions
     return (float(counted.astype(float).mean()), len(counted)) if len(counted) else (np.nan, 0)
+
+
+def polydispersity(phi, small, delta):
+    """Standard deviation of the radii over their mean, of both kinds together [T 2.41]."""
+    mean = 1 - phi + phi * small
+    return np.sqrt((1 - phi + phi * small**2) * (1 + delta**2) - mean**2) / mean
+
+
+def fractures(runs):
+    """One row per run: n, rows, phi, tilt, delta (of both kinds together), inverse_size (N^(-1/2)), aspect (q/p), peaks,
+    excess (peaks beyond rows - 1), competing (fraction of the reductions)."""
+    rows = []
+    for run in runs:
+        curve, o = Compression.of(run), run.parameters
+        reductions = curve.reductions()
+        rows.append({"n": curve.n, "rows": curve.rows, "phi": o["small_fraction"], "tilt": o["tilt"],
+                     "delta": round(polydispersity(o["small_fraction"], o["small_radius"], o["delta"]), 12),
+                     "inverse_size": curve.n**-0.5, "aspect": curve.n / curve.rows**2, "peaks": len(curve.peaks()),
+                     "excess": len(curve.peaks()) - (curve.rows - 1),
+                     "competing": competing_fraction(reductions)[0]})
+    return pd.DataFrame(rows)

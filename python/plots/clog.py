@@ -9,32 +9,10 @@ sys.path[0] = str(Path(__file__).resolve().parents[1])
 import pliant  # first: it says what this Python lacks
 
 import matplotlib.pyplot as plt
-import numpy as np
 
 from pliant import RunError
 from pliant import clog, plotting, script
-
-
-def draw_curves(axes, fits, along):
-    """One curve per row of `fits`: points with binomial intervals, and the sigmoid."""
-    for i, row in enumerate(fits.itertuples()):
-        color, marker = plotting.COLORS[i % len(plotting.COLORS)], plotting.MARKERS[i % len(plotting.MARKERS)]
-        x, P, low, high = (row.data[c].to_numpy(float) for c in (along, "P", "P_low", "P_high"))
-        axes.errorbar(x, P, [P - low, high - P], fmt=marker, color=color, capsize=2.5, elinewidth=1,
-                      markeredgecolor="white", markeredgewidth=0.4, zorder=3, label=rf"$\phi_c$ = {row.phi_c:g}")
-        if row.fit is not None:
-            grid = np.linspace(x.min(), x.max(), 400)
-            axes.plot(grid, row.fit(grid), color=color, lw=1.3)
-    axes.set(ylabel=r"$P_{clog}$", ylim=(-0.04, 1.04), xlabel={"g": "$g$", "hopper_width": "$w/d$"}[along])
-    axes.legend()
-
-
-def draw_middles(axes, fits, x, labels):
-    known = fits[fits["fit"].notna()]
-    axes.errorbar(known[x], known["x0"], known["x0_error"].fillna(0), fmt="o", capsize=2.5, color=plotting.COLORS[0],
-                  zorder=3)
-    axes.set(xlabel=labels[0], ylabel=labels[1])
-    axes.ticklabel_format(axis="x", scilimits=(-3, 3), useMathText=True)
+from pliant.clog_figures import draw_curves, draw_middles, draw_regimes
 
 
 def print_fits(fits, along):
@@ -70,19 +48,13 @@ def main():
         if along == "g":
             draw_middles(right, fits, "phi_c", (r"$\phi_c$", "$g_0$"))
             continue
-        draw_middles(right, fits, "delta", (r"$\delta/\langle R\rangle$", "$w^*/d$"))
-        known = fits[fits["fit"].notna()]
         try:
-            regimes = clog.fit_regimes(known["delta"], known["x0"], known["x0_error"])
+            regimes = draw_regimes(right, fits)
         except RunError as error:
             print(f"{error}\n")
             continue
         print(f"w*/d = {script.with_error(regimes.low, regimes.low_error)} below delta = {regimes.delta_crit:.3f}, "
               f"({script.with_error(regimes.slope, regimes.slope_error)}) delta beyond\n")
-        grid = np.linspace(0, known["delta"].max() * 1.05, 200)
-        right.plot(grid, regimes(grid), "--", color="0.4", lw=1.1,
-                   label=rf"{regimes.low:.3g} and {regimes.slope:.3g} $\delta$")
-        right.legend()
     plotting.save(figure, arguments.output)
 
 

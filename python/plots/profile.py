@@ -16,9 +16,8 @@ import numpy as np
 
 from pliant import RunError, load_runs
 from pliant import plotting, script
-from pliant.flow import filling_top, flowing
+from pliant.flow import axis_velocity
 from pliant.scenarios import of_scenario
-from pliant.statistics import block_ratio
 
 
 def main():
@@ -38,17 +37,10 @@ def main():
 
     curves = []
     for run in runs:
-        start, end, remark = flowing(run, arguments.start)
-        used = run.profile.between(start, end)
-        if len(used.time) < arguments.blocks:
-            raise RunError(f"{run.path}: {len(used.time)} samples from t = {start:g} to {end:g} t0 are fewer than "
-                           f"{arguments.blocks} blocks")
-        top = filling_top(used)
-        print(f"{run.path}: averaged from t = {start:g} to {end:g} t0{f' ({remark})' if remark else ''}, "
-              f"up to the top of the filling at h = {top:g}")
-        filled = used.height <= top
-        curves.append((used.height[filled],
-                       *block_ratio(used.momentum[:, filled], used.weight[:, filled], arguments.blocks)))
+        curve = axis_velocity(run, arguments.start, arguments.blocks)
+        print(f"{run.path}: averaged from t = {curve.start:g} to {curve.end:g} t0"
+              f"{f' ({curve.remark})' if curve.remark else ''}, up to the top of the filling at h = {curve.height[-1]:g}")
+        curves.append((curve.height, curve.velocity, curve.error))
 
     several = len({run.geometry.w for run in runs}) > 1
     figure, axes = plt.subplots(1, 1 + several, figsize=(5.0 + 3.6 * several, 3.9), layout="constrained", squeeze=False,

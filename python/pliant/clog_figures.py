@@ -1,0 +1,78 @@
+"""Clogs over many runs: what the figures of them share."""
+
+import numpy as np
+
+from . import clog, plotting
+
+
+def draw_curves(axes, fits, along):
+    """One curve per row of `fits`: points with binomial intervals, and the sigmoid."""
+    for i, row in enumerate(fits.itertuples()):
+        color, marker = plotting.COLORS[i % len(plotting.COLORS)], plotting.MARKERS[i % len(plotting.MARKERS)]
+        x, P, low, high = (row.data[c].to_numpy(float) for c in (along, "P", "P_low", "P_high"))
+        axes.errorbar(x, P, [P - low, high - P], fmt=marker, color=color, capsize=2.5, elinewidth=1,
+                      markeredgecolor="white", markeredgewidth=0.4, zorder=3, label=rf"$\phi_c$ = {row.phi_c:g}")
+        if row.fit is not None:
+            grid = np.linspace(x.min(), x.max(), 400)
+            axes.plot(grid, row.fit(grid), color=color, lw=1.3)
+    axes.set(ylabel=r"$P_{clog}$", ylim=(-0.04, 1.04), xlabel={"g": "$g$", "hopper_width": "$w/d$"}[along])
+    axes.legend()
+
+
+def draw_middles(axes, fits, x, labels):
+    known = fits[fits["fit"].notna()]
+    axes.errorbar(known[x], known["x0"], known["x0_error"].fillna(0), fmt="o", capsize=2.5, color=plotting.COLORS[0],
+                  zorder=3)
+    axes.set(xlabel=labels[0], ylabel=labels[1])
+    axes.ticklabel_format(axis="x", scilimits=(-3, 3), useMathText=True)
+
+
+def draw_regimes(axes, fits):
+    """w*/d against delta with its two regimes [T 4.12, 4.13], which are returned. Raises RunError for too few fits."""
+    draw_middles(axes, fits, "delta", (r"$\delta/\langle R\rangle$", "$w^*/d$"))
+    known = fits[fits["fit"].notna()]
+    regimes = clog.fit_regimes(known["delta"], known["x0"], known["x0_error"])
+    grid = np.linspace(0, known["delta"].max() * 1.05, 200)
+    axes.plot(grid, regimes(grid), "--", color="0.4", lw=1.1, label=rf"{regimes.low:.3g} and {regimes.slope:.3g} $\delta$")
+    axes.legend()
+    return regimes
+
+
+def _kinds(points):
+    """(rows of one phi_c, its style) in turn."""
+    for i, phi_c in enumerate(sorted(points["phi_c"].unique())):
+        own = (points["phi_c"] == phi_c).to_numpy()
+        yield own, phi_c, {"fmt": plotting.MARKERS[i % len(plotting.MARKERS)], "capsize": 2, "elinewidth": 0.9,
+                           "color": plotting.COLORS[i % len(plotting.COLORS)], "markeredgecolor": "white",
+                           "markeredgewidth": 0.4, "zorder": 3}
+
+
+def draw_avalanches(left, right, points, x, fit):
+    """Mean avalanches of clog.clog_points against x = w/delta*, and ln(<s> + 1) against x², with [T 4.17, 4.18]."""
+    n = points["n"].max()
+    # [T 4.3]: avalanches of other numbers of droplets as fractions.
+    scale = n / points["n"]
+    for own, phi_c, style in _kinds(points):
+        of = points[own]
+        s, error = of["s"] * scale[own], (of["s_error"] * scale[own]).fillna(0)
+        left.errorbar(x[own], s, error, label=rf"$\phi_c$ = {phi_c:g}", **style)
+        right.errorbar(x[own] ** 2, np.log1p(of["s"]), error / (of["s"] + 1), **style)
+    grid = np.linspace(0, x.max() * 1.05, 400)
+    left.plot(grid, np.minimum(clog.avalanche_law(grid, fit.A, fit.B), n), color="0.3", lw=1.2)
+    left.axhline(n, ls="--", color="0.6", lw=0.9)
+    line = np.log1p(clog.avalanche_law(grid, fit.A, fit.B))
+    right.plot(grid[line < 1.1 * np.log1p(n)] ** 2, line[line < 1.1 * np.log1p(n)], "--", color="0.3", lw=1.2)
+    right.axhline(np.log1p(clog.AVALANCHE_LIMIT * n), ls=":", color="0.6", lw=0.9)
+    left.set(xlabel=r"$w/\delta^*$", ylabel=r"$\langle s\rangle$", ylim=(0, 1.08 * n))
+    right.set(xlabel=r"$(w/\delta^*)^2$", ylabel=r"$\ln(\langle s\rangle + 1)$")
+
+
+def draw_probabilities(axes, points, x, fit):
+    """P_clog against x = w/delta* with [T 4.19]."""
+    for own, phi_c, style in _kinds(points):
+        of = points[own]
+        axes.errorbar(x[own], of["P"], [of["P"] - of["P_low"], of["P_high"] - of["P"]], label=rf"$\phi_c$ = {phi_c:g}",
+                      **style)
+    grid = np.linspace(0, x.max() * 1.05, 400)
+    axes.plot(grid, clog.clog_law(grid, fit.A, fit.B, points["n"].max()), "--", color="0.3", lw=1.2)
+    axes.set(xlabel=r"$w/\delta^*$", ylabel=r"$P_{clog}$", ylim=(-0.04, 1.04))

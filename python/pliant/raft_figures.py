@@ -1,0 +1,76 @@
+"""What the figures of many rafts share."""
+
+import numpy as np
+
+from . import plotting, raft
+
+#: name of the figure → (column of raft.fractures, its label, what is averaged, its label)
+FRACTURES = {
+    "phi": ("phi", r"fraction of small droplets  $\phi$", "excess", "excess peaks  $\\Delta N$"),
+    "delta": ("delta", r"polydispersity  $\delta$", "peaks", "peaks"),
+    "size": ("inverse_size", "$N^{-1/2}$", "competing", "fraction of competing fractures"),
+    "aspect": ("aspect", "$q/p$", "competing", "fraction of competing fractures"),
+    "tilt": ("tilt", "tilt  [degrees]", "competing", "fraction of competing fractures"),
+}
+
+
+def styles():
+    """(marker, colour) of one group after the other."""
+    return zip(plotting.MARKERS * 9, plotting.COLORS * 9)
+
+
+def draw_stiffness(axes, reductions, k1):
+    """k_eq against q/(p+1) of reductions (with n and the two droplets' k1), and the line of the fitted `k1` [T 2.32]."""
+    for (n, table), (marker, color) in zip(reductions.groupby("n"), styles()):
+        axes.errorbar(table["x"], table["k_eq"], table["k_error"], fmt=marker, color=color, label=f"$N = {n}$")
+    x = np.array([0, reductions["x"].max()])
+    two = reductions["k1"].iloc[0]
+    axes.plot(x, k1 * x, color="black", label=f"$k_1 = {k1:.2f}$")
+    axes.plot(x, two * x, "--", color="0.5", label=f"two droplets, $k_1 = {two:.2f}$")
+    axes.set(xlabel="$q/(p+1)$", ylabel="$k_{eq}$")
+    axes.legend()
+
+
+def inverse_rows(reductions):
+    """(p³ + p²)^(-1/2), to which F_max/N is proportional [T 2.37]."""
+    return (reductions["rows"] ** 3 + reductions["rows"] ** 2) ** -0.5
+
+
+def draw_peaks(axes, reductions):
+    """F_max/N against (p³ + p²)^(-1/2), and [T 2.37] with k1 and E1 of two droplets."""
+    for (n, table), (marker, color) in zip(reductions.groupby("n"), styles()):
+        axes.plot(inverse_rows(table), table["F_max"] / n, marker, color=color, label=f"$N = {n}$")
+    u = np.array([0, inverse_rows(reductions).max()])
+    slope = 2 * np.sqrt(reductions["k1"].iloc[0] * reductions["E1"].iloc[0])
+    axes.plot(u, slope * u, "--", color="0.5", label=r"$2\sqrt{k_1E_1/(p^3+p^2)}$")
+    axes.set(xlabel="$(p^3+p^2)^{-1/2}$", ylabel="$F_{max}/N$")
+    axes.legend()
+
+
+def fracture_means(data, kind):
+    """(means, settings, y) of raft.fractures: means has mean, sem and count of the column y over runs that differ in
+    nothing but the seed, that is, not in the columns `settings`."""
+    x, _, y, _ = FRACTURES[kind]
+    settings = list(dict.fromkeys([x, "n", "rows", "phi", "delta", "tilt"]))
+    return data.groupby(settings)[y].agg(["mean", "sem", "count"]).reset_index(), settings, y
+
+
+def draw_fractures(axes, means, kind):
+    """Means with standard errors, by N where it is not on the axis; for excess peaks the fitted law [T 2.39]. Returns
+    [(group, height of the law, its error)]."""
+    x, x_label, _, y_label = FRACTURES[kind]
+    by_size = kind in ("phi", "delta", "tilt")
+    heights = []
+    for (label, group), (marker, color) in zip(means.groupby("n") if by_size else [(None, means)], styles()):
+        name = f"$N = {label}$" if by_size else None
+        axes.errorbar(group[x], group["mean"], group["sem"].fillna(0), fmt=marker, color=color, capsize=2, label=name)
+        if kind == "phi" and (group["mean"] * group[x] * (1 - group[x])).sum() > 0:
+            peak, error = raft.fit_excess(group[x], group["mean"])
+            phi = np.linspace(0, 1, 200)
+            axes.plot(phi, raft.excess_fractures(phi, peak), color=color, lw=1)
+            heights.append((name, peak, error))
+    axes.set(xlabel=x_label, ylabel=y_label)
+    axes.set_ylim(bottom=min(0, axes.get_ylim()[0]))
+    if by_size:
+        axes.legend()
+    return heights
