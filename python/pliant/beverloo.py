@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import leastsq
 
+from . import ensemble
 from .errors import RunError
 from .fits import fitted
 
@@ -106,7 +107,8 @@ class _Projected:
 
 
 def _clean(w, Q, error):
-    """Flowing points, sorted, with an error each (None if no point has one), and notes on what was left out."""
+    """Flowing points, sorted, with an error each (None if no point has one), their numbers, and notes on what was left
+    out."""
     w, Q = np.asarray(w, float), np.asarray(Q, float)
     error = np.full_like(Q, np.nan) if error is None else np.asarray(error, float)
     if not w.shape == Q.shape == error.shape or w.ndim != 1:
@@ -118,29 +120,30 @@ def _clean(w, Q, error):
     clogged = ~unknown & (Q <= 0)
     if clogged.any():
         notes.append(f"{clogged.sum()} clogged left out (w = {', '.join(f'{x:g}' for x in sorted(set(w[clogged])))})")
-    keep = ~unknown & ~clogged
-    order = np.argsort(w[keep], kind="stable")
-    w, Q, error = w[keep][order], Q[keep][order], error[keep][order]
+    picked = np.flatnonzero(~unknown & ~clogged)
+    picked = picked[np.argsort(w[picked], kind="stable")]
+    w, Q, error = w[picked], Q[picked], error[picked]
     known = np.isfinite(error) & (error > 0)
     if not known.any():
-        return w, Q, None, notes
+        return w, Q, None, picked, notes
     if not known.all():
         notes.append(f"{(~known).sum()} without error given the median relative error")
         error = np.where(known, error, Q * np.median(error[known] / Q[known]))
-    return w, Q, error, notes
+    return w, Q, error, picked, notes
 
 
-def fit_beverloo(w, Q, error=None, beta=None, k=None, resamples=400, seed=1):
+def fit_beverloo(w, Q, error=None, beta=None, k=None, resamples=400, seed=1, draws=None):
     """Least-squares fit of Q = C (w - k)^beta with weights 1/error, by lmfit.
 
     w [n] in sigma_avg; Q [n]; error [n] one standard error of Q. `beta` or `k` hold that parameter fixed; a free k lies
     between 0 and the narrowest orifice with Q > 0. Standard errors come from a parametric bootstrap: Q is drawn
     `resamples` times from normal distributions about the fitted law with the given errors (half the central 68 % range
-    of the refitted parameters), so that they exist for an exact fit too. Without any error of Q the fit is unweighted
-    and the scatter about it takes the place of the errors. Points with Q = 0 are left out with a note.
+    of the refitted parameters), so that they exist for an exact fit too. `draws` [m, n] takes the place of these draws
+    (ensemble.draws: over seeds). Without any error of Q the fit is unweighted and the scatter about it takes the place of
+    the errors. Points with Q = 0 are left out with a note.
     Raises RunError if there are fewer orifices than free parameters.
     """
-    w, Q, error, notes = _clean(w, Q, error)
+    w, Q, error, picked, notes = _clean(w, Q, error)
     free = 1 + (k is None) + (beta is None)
     if len(np.unique(w)) < free:
         raise RunError(f"{len(np.unique(w))} orifice widths with flow are too few for {free} parameters "
@@ -170,14 +173,17 @@ def fit_beverloo(w, Q, error=None, beta=None, k=None, resamples=400, seed=1):
     freedom = len(w) - free
     fitted = beverloo(w, *best)
     scatter = error
-    if error is None:
+    if error is None and draws is None:
         # The residuals of a weighted fit with equal weights: their size is the error that the data did not bring.
         scatter = np.full_like(Q, np.sqrt(((Q - fitted) ** 2).sum() / freedom)) if freedom > 0 else None
         notes.append("Q without errors: " + ("taken from the scatter" if freedom > 0 else "none for the fit"))
-    if scatter is None:
+    if draws is not None:
+        draws = np.asarray(draws, float)[:, picked]
+    elif scatter is not None:
+        draws = np.random.default_rng(seed).normal(fitted, scatter, size=(resamples, len(w)))
+    if draws is None:
         errors = np.where([True, k is None, beta is None], np.nan, 0.0)
     else:
-        draws = np.random.default_rng(seed).normal(fitted, scatter, size=(resamples, len(w)))
         refits = np.array([problem.solve(draw, best[1], best[2]) for draw in draws])
         low, high = np.quantile(refits, [0.158655, 0.841345], axis=0)
         errors = (high - low) / 2
@@ -192,9 +198,31 @@ def fit_groups(table, by, beta=None, **options):
     be fitted has fit = None and the reason as its note.
     """
     rows = []
-    for key, group in table.groupby(list(by), dropna=False, sort=True):
-        row = dict(zip(by, key if isinstance(key, tuple) else (key,)))
+    for key, group in ensemble.groups(table, by):
+        row = dict(zip(by, key))
         row["points"] = int((group["Q"] > 0).sum())
         data = (group[name] for name in ("hopper_width", "Q", "Q_error"))
         rows.append(row | fitted(fit_beverloo, *data, beta=beta, **options))
+    return pd.DataFrame(rows)
+
+
+def fit_seeds(table, by, value="Q", beta=None, resamples=None):
+    """One row per group of runs: its columns of `by`, fit, C, k, beta with errors and so on as of fit_groups; data (a row
+    per width: hopper_width, Q, Q_error from blocks and seeds, runs); reference (the published exponent or None) and
+    reference_fit (with that held). Errors of the fits are drawn over seeds. `value` is the rate's column."""
+    rows = []
+    for key, group in ensemble.groups(table, by):
+        row = dict(zip(by, key))
+        points = ensemble.average(group, ["hopper_width"], value)
+        row["data"] = points.rename(columns={value: "Q", value + "_error": "Q_error"})
+        row["points"] = int((points[value] > 0).sum())
+        data = points["hopper_width"], points[value], points[value + "_error"]
+        drawn = {"draws": ensemble.draws(points, value, resamples)} if np.isfinite(data[2]).any() else {}
+        row |= fitted(fit_beverloo, *data, beta=beta, **drawn)
+        row["note"] = "; ".join(filter(None, [row["note"], ensemble.seeds_remark(points)]))
+        first = group.iloc[0]
+        row["reference"] = published_exponent(first["dim"], first["mu"], first["zeta"])
+        row["reference_fit"] = (fitted(fit_beverloo, *data, beta=row["reference"], **drawn)["fit"]
+                                if row["reference"] is not None else None)
+        rows.append(row)
     return pd.DataFrame(rows)

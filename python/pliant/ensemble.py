@@ -1,0 +1,98 @@
+"""Averages over runs that differ in nothing but the seed, with errors from blocks and from seeds.
+
+The error of a single run comes from blocks of it, and is too small where its flow drifts for longer than a block. The
+scatter of a few seeds knows of drifts, but is itself uncertain. `average` joins both:
+
+- f² is the mean of s²/b² over all points with several seeds, weighted by their degrees of freedom, at least 1; s² is the
+  variance of a point's seeds, b² the mean square of their block errors. So f says by how much the block errors of these
+  runs are too small.
+- The variance of one run of a point is (PRIOR f² b² + (m - 1) s²)/(PRIOR + m - 1), m its number of seeds: its own
+  scatter, and the blocks as if they were PRIOR further seeds.
+- The standard error of the point is the root of that over m.
+
+Where no point has two seeds, f is 1 and errors are those of blocks alone: `seeds_remark` says so.
+"""
+
+import numpy as np
+import pandas as pd
+
+PRIOR = 4         #: seeds that the block errors count for
+RESAMPLES = 200   #: draws of a bootstrap, unless said otherwise
+
+
+def groups(table, by):
+    """[(key as a tuple, group)] of the columns `by`; missing values are a key too."""
+    by = list(by)
+    return [(key if isinstance(key, tuple) else (key,), group)
+            for key, group in table.groupby(by if len(by) > 1 else by[0], dropna=False, sort=True)]
+
+
+def _block_errors(means, known):
+    """[points] block error of one run; where a point has none, the median relative one of the others."""
+    relative = [error / abs(mean) for mean, error in zip(means, known) if np.isfinite(error) and mean != 0]
+    typical = np.median(relative) if relative else np.nan
+    return np.array([error if np.isfinite(error) else typical * abs(mean) for mean, error in zip(means, known)])
+
+
+def average(table, by, value, error=None):
+    """One row per group of `by`: its columns, the mean of the column `value`, its standard error in `value`_error
+    (`error` names the column of the runs' own, by default that; NaN where neither blocks nor seeds give one), runs (how
+    many), values (theirs). Runs without a value are left out."""
+    error = error or value + "_error"
+    known = table[np.isfinite(table[value].astype(float))]
+    found = groups(known, by)
+    values = [group[value].to_numpy(float) for _, group in found]
+    blocks = []
+    for _, group in found:
+        own = group[error].to_numpy(float) if error in group else np.array([])
+        own = own[np.isfinite(own) & (own > 0)]
+        blocks.append(np.sqrt((own**2).mean()) if len(own) else np.nan)
+    means = np.array([v.mean() for v in values])
+    free = np.array([len(v) - 1 for v in values])
+    scatter = np.array([v.var(ddof=1) if len(v) > 1 else 0.0 for v in values])
+    blocks = _block_errors(means, blocks)
+    several = (free > 0) & (means != 0)
+    if not np.isfinite(blocks).any() and several.any():  # no run has an error: that of all seeds together, relative
+        blocks = np.sqrt((free * scatter / np.where(means == 0, 1, means) ** 2)[several].sum() / free[several].sum()
+                         ) * abs(means)
+    used = several & (blocks > 0)
+    factor = (free[used] * scatter[used] / blocks[used] ** 2).sum() / free[used].sum() if used.any() else 1.0
+    variance = (PRIOR * max(factor, 1.0) * blocks**2 + free * scatter) / (PRIOR + free)
+    errors = np.sqrt(variance / (free + 1))
+    rows = [dict(zip(by, key)) | {value: mean, value + "_error": one, "runs": len(v), "values": v}
+            for (key, _), mean, one, v in zip(found, means, errors, values)]
+    return pd.DataFrame(rows, columns=[*by, value, value + "_error", "runs", "values"])
+
+
+def draws(points, value, count=None, seed=1):
+    """[count or RESAMPLES, points] means as they could have come out, to fit them again: seeds are drawn with replacement, and what
+    their scatter lacks of the point's error, or has beyond it, is made up by normal noise, or by a factor."""
+    rng, count, columns = np.random.default_rng(seed), count or RESAMPLES, []
+    for mean, error, values in zip(points[value], points[value + "_error"], points["values"]):
+        m = len(values)
+        own = values.std(ddof=1) / np.sqrt(m) if m > 1 else 0.0
+        error = error if np.isfinite(error) else 0.0
+        change = np.zeros(count)
+        if own > 0:
+            # The mean of m drawn out of m scatters by sqrt((m - 1)/m) too little.
+            change = (rng.choice(values, (count, m)).mean(1) - mean) * np.sqrt(m / (m - 1)) * min(error / own, 1)
+        if error > own:
+            change = change + rng.normal(0, np.sqrt(error**2 - own**2), count)
+        columns.append(mean + change)
+    return np.array(columns).T
+
+
+def spread(samples):
+    """Standard error from bootstrap samples [count, …]: half of the central 68 %, which wild ones do not move."""
+    low, high = np.quantile(samples, [0.158655, 0.841345], axis=0)
+    return (high - low) / 2
+
+
+def seeds_remark(points):
+    """What errors of these points leave out; empty if all have several seeds."""
+    single = int((points["runs"] < 2).sum())
+    if not single:
+        return ""
+    if single == len(points):
+        return "one seed a point: errors of blocks alone, too small where the flow drifts"
+    return f"{single} of {len(points)} points have one seed"
