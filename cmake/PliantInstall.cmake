@@ -10,7 +10,7 @@ install(DIRECTORY "${PROJECT_SOURCE_DIR}/src/" DESTINATION ${CMAKE_INSTALL_INCLU
 
 # Commands find the package beside the file that their link leads to. Links relative to the prefix can be moved.
 set(share "${CMAKE_INSTALL_DATADIR}/pliant")
-set(commands pliant-sweep pliant-plot pliant-analyse)
+set(commands pliant-sweep pliant-plot pliant-analyse pliant-reproduce)
 install(DIRECTORY "${PROJECT_SOURCE_DIR}/python/pliant" DESTINATION ${share}/python
         FILES_MATCHING PATTERN "*.py" PATTERN __pycache__ EXCLUDE)
 file(GLOB plots CONFIGURE_DEPENDS "${PROJECT_SOURCE_DIR}/python/plots/*.py")
@@ -25,6 +25,7 @@ endforeach()
 # Pages lie to each other as in the sources, so that their links hold.
 install(FILES README.md ARCHITECTURE.md CHANGELOG.md CONTRIBUTING.md LICENSE CITATION.cff TYPE DOC)
 install(DIRECTORY docs TYPE DOC)
+install(DIRECTORY validation DESTINATION ${share} FILES_MATCHING PATTERN "*.csv")
 install(DIRECTORY examples/ DESTINATION ${share}/examples FILES_MATCHING PATTERN "*.yaml" PATTERN "*.csv")
 foreach(program own_term own_scenario bouncing_polygon)
   install(DIRECTORY examples/${program} DESTINATION ${share}/examples)

@@ -27,13 +27,14 @@ plt.rcParams.update({
 })
 
 
-def save(figure, path):
-    """Writes the figure at 200 dpi (or as vectors) and says so."""
+def save(figure, path, close=True):
+    """Writes the figure at 200 dpi (or as vectors) and says so. `close`: it is not needed any more."""
     try:
         figure.savefig(path)
     except (OSError, ValueError) as error:  # ValueError: a format that matplotlib does not write
         raise OutputError(f"{path}: cannot be written ({str(error).splitlines()[0]})") from None
-    plt.close(figure)
+    if close:
+        plt.close(figure)
     print(f"wrote {path}")
 
 

@@ -15,7 +15,8 @@ def check():
     script = Path(getattr(sys.modules["__main__"], "__file__", "")).resolve()
     if Path(__file__).resolve().parents[1] not in script.parents[:2]:
         return
-    missing = [name for name in (_PLOTS if script.parent.name == "plots" else _SWEEP) if find_spec(name) is None]
+    draws = script.parent.name == "plots" or script.name == "pliant-reproduce"
+    missing = [name for name in (_PLOTS if draws else _SWEEP) if find_spec(name) is None]
     if not missing:
         return
     packages = " ".join(f"python3-{name}" for name in missing)

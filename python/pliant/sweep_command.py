@@ -103,6 +103,17 @@ def write_results(output, folders):
         write_atomically(output / name, table.to_csv(index=False))
 
 
+def run_rows(table, rows, folders, program, workers=None, retry=False):
+    """Checks the options of all rows and runs those that are left; {row id: State}. A signal stops it."""
+    check_options(table, rows, program, table.absolute().parent)
+    return Sweep(folders, program, workers or default_workers(rows), retry).run()
+
+
+def default_workers(rows):
+    """How many rows to run at a time: one per core, or fewer where rows have threads of their own."""
+    return max(len(os.sched_getaffinity(0)) // _threads(rows), 1)
+
+
 def _threads(rows):
     return max(int(row.options.get("threads", 1)) for row in rows)
 
@@ -201,7 +212,7 @@ def main(arguments_=None):
     if given.slurm:
         print(f"sbatch {shlex.quote(str(write_slurm(given.table, output, program, rows)))}")
         return 0
-    workers = 1 if given.row else given.jobs or max(len(os.sched_getaffinity(0)) // _threads(rows), 1)
+    workers = 1 if given.row else given.jobs or default_workers(rows)
     if given.parallel:
         # Its own patience is shorter than a checkpoint.
         print(f"seq {len(rows)} | parallel -q -j {workers} --termseq TERM,60000,KILL,25 "

@@ -1,0 +1,1 @@
+"""Published figures, each by one command: pliant-reproduce."""

@@ -1,0 +1,263 @@
+"""pliant-reproduce: runs what a published figure needs, and draws it with the published values in it."""
+
+import argparse
+import difflib
+import os
+import shlex
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from .. import plotting
+from ..errors import OutputError, PliantError, RunError
+from ..files import write_atomically
+from ..script import markdown, remark, with_error
+from ..sweep_command import (FAILED_CODE, default_workers, find_program, first_scenario, run_rows, write_results)
+from ..sweep_jobs import STOPPED_CODE, RowFolder, count_text, row_text
+from ..sweep_rows import read_rows
+from . import hopper
+from .figure import AGREE, LEVELS, VALIDATION, rows, write_rows
+from .measure import OF_EVERY_RUN, measured
+
+FIGURES = {figure.name: figure for figure in (*hopper.FIGURES,)}
+
+_DESCRIPTION = """Makes a published figure again: runs a table of runs, fits with errors, draws the figure with the published
+values in it (FIG-LEVEL.pdf and .png), and writes a row per quantity into reproduced.csv. The same command goes on with runs
+that were stopped. docs/reproduce.md has more."""
+
+_EPILOG = """examples:
+  pliant-reproduce list
+  pliant-reproduce H2 quick -j 2
+  pliant-reproduce H4 full                                 # hours; stop it, and go on with the same command
+  pliant-reproduce H4 --kept                               # from what was measured before, without a run
+  pliant-reproduce H2 --table mine.csv                     # your runs, the same figure
+
+exit codes: 0 done, 2 bad input, 3 runs have failed or a figure could not be drawn, 4 output failed, 75 runs are left: run
+the same again"""
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of runs: its name, its file, and the folder of its runs."""
+
+    name: str
+    file: Path
+    runs: Path
+
+    def kept(self, measure):
+        """Where what was measured from the published tables is kept."""
+        return VALIDATION / "measured" / f"{self.name}.{measure}.csv"
+
+
+def figure_by_name(name):
+    """Raises RunError, with the nearest name, for one that there is not."""
+    names = {known.lower(): known for known in FIGURES}
+    if name.lower() in names:
+        return FIGURES[names[name.lower()]]
+    near = difflib.get_close_matches(name.lower(), names, 1, 0.4)
+    raise RunError(f"no figure is called {name}; "
+                   + (f"did you mean {names[near[0]]}?" if near else "pliant-reproduce list shows all"))
+
+
+def _listing():
+    width = max(map(len, FIGURES))
+    lines = [f"{name:{width}}  {figure.title}" for name, figure in FIGURES.items()]
+    return "\n".join([*lines, "", "H: Hopper flows of deformable particles; T: Slow granular flows (thesis)"])
+
+
+def _parser():
+    parser = argparse.ArgumentParser(prog="pliant-reproduce", description=_DESCRIPTION, epilog=_EPILOG,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("figure", metavar="FIG", help="a figure, as H2 or T2.14; all; or list, which shows them")
+    parser.add_argument("level", nargs="?", choices=LEVELS, help="quick: at most 5 minutes on 2 cores, larger errors "
+                        "(default); full: the range of the paper, hours")
+    parser.add_argument("-j", "--jobs", type=int, metavar="N", help="runs at a time (default: one per core)")
+    parser.add_argument("-o", "--output", type=Path, default=Path("reproduced"), metavar="FOLDER",
+                        help="folder of figures, reproduced.csv and runs (default: reproduced)")
+    parser.add_argument("--program", metavar="FILE", help="the pliant to run (default: as of pliant-sweep)")
+    parser.add_argument("--table", type=Path, action="append", metavar="FILE",
+                        help="a table of your own in place of the figure's; may be repeated")
+    parser.add_argument("--retry", action="store_true", help="run rows again that have failed")
+    mode = parser.add_mutually_exclusive_group()
+    mode.add_argument("--kept", action="store_true", help="draw from what is kept of earlier runs, without a run; "
+                      "without a level: of the full ones where there are any")
+    mode.add_argument("--keep", action="store_true", help="for campaigns over several sittings: run only rows that are "
+                      "not kept yet, and add them to what is kept in the folder validation")
+    return parser
+
+
+def _tables(figure, level, given):
+    if given.table:
+        stems = [path.stem for path in given.table]
+        if len(set(stems)) < len(stems):
+            raise RunError("--table: two tables have the same name; rename one")
+        return [Table(path.stem, path, given.output / "runs" / path.stem) for path in given.table]
+    return [Table(name, VALIDATION / f"{name}.csv", given.output / "runs" / name) for name in figure.tables(level)]
+
+
+def _read_kept(path):
+    try:
+        table = pd.read_csv(path, dtype={"commit": str, "row": str}, keep_default_na=False, na_values=["", "nan"])
+    except (OSError, ValueError) as error:
+        raise RunError(f"{path}: cannot be read as a table ({str(error).strip().splitlines()[0]})") from None
+    missing = [column for column in OF_EVERY_RUN if column not in table]
+    if missing:
+        raise RunError(f"{path}: has no column {', '.join(missing)}: it was not written by this command")
+    return table
+
+
+def _load_kept(figure, tables):
+    """What is kept of these tables; empty without any."""
+    found = [_read_kept(path).assign(table=table.name) for table in tables if (path := table.kept(figure.measure)).exists()]
+    return pd.concat(found, ignore_index=True) if found else pd.DataFrame()
+
+
+class Stopped(Exception):
+    """A signal has stopped the runs."""
+
+
+class _Runs:
+    """Runs tables and measures them; a table that several figures share is run once."""
+
+    def __init__(self, given):
+        self.given, self.program, self.failed, self._swept = given, None, False, {}
+
+    def _sweep(self, table, skip):
+        """[(row id, folder)] of the finished runs of a table."""
+        if self.program is None:
+            self.program = find_program(self.given.program)
+        key = table.file, frozenset(skip)
+        if key in self._swept:
+            return self._swept[key]
+        all_rows = read_rows(table.file, first_scenario(self.program))
+        chosen = [row for row in all_rows if row.id not in skip]
+        folders = [RowFolder(table.runs, row, table.file.absolute().parent) for row in chosen]
+        for folder in folders:
+            folder.check()
+        jobs = self.given.jobs or default_workers(all_rows)
+        remark(f"{len(chosen)} runs; by hand: " + shlex.join(
+            ["pliant-sweep", str(table.file), "--output", str(table.runs), "-j", str(jobs)]))
+        states = run_rows(table.file, all_rows, folders, self.program, jobs, self.given.retry) if chosen else {}
+        if chosen:
+            write_results(table.runs, folders)
+            remark(count_text(states.values()))
+        bad = [folder for folder in folders if states[folder.row.id].kind == "failed"]
+        for folder in bad:
+            remark(row_text(folder.row, states[folder.row.id]))
+        self.failed |= bool(bad)
+        if any(state.kind in ("stopped", "waiting", "running") for state in states.values()):
+            raise Stopped
+        done = [(folder.row.id, folder.path) for folder in folders if states[folder.row.id].kind == "done"]
+        self._swept[key] = done
+        return done
+
+    def measure(self, figure, table, skip=()):
+        """DataFrame of the table's finished runs, without the rows in `skip`."""
+        found = []
+        for row, folder in self._sweep(table, skip):
+            try:
+                found.append(measured(figure.measure, row, folder))
+            except RunError as error:
+                remark(f"left out: {error}")
+        result = pd.concat(found, ignore_index=True) if found else pd.DataFrame()
+        return result.assign(table=table.name)
+
+
+def _write_csv(path, table):
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"{path.parent}: cannot be made ({error.strerror})") from None
+    write_atomically(path, table.drop(columns="table").to_csv(index=False, float_format="%.7g"))
+
+
+def _measured(figure, level, given, runs):
+    """(level, tables, DataFrame of all that was measured for the figure)."""
+    if given.kept:
+        for one in [level] if level else reversed(LEVELS):
+            tables = _tables(figure, one, given)
+            kept = _load_kept(figure, tables)
+            if len(kept):
+                return one, tables, kept
+        raise RunError(f"nothing is kept of {figure.name}{f' {level}' if level else ''}: run it without --kept")
+    level = level or "quick"
+    tables, found = _tables(figure, level, given), []
+    for table in tables:
+        kept = _load_kept(figure, [table]) if given.keep else pd.DataFrame()
+        new = runs.measure(figure, table, set(kept["row"]) if len(kept) else ())
+        together = pd.concat([part for part in (kept, new) if len(part)], ignore_index=True) if len(kept) + len(new) else new
+        if given.keep and len(new):
+            _write_csv(table.kept(figure.measure), together)
+        if len(together):
+            _write_csv(given.output / "measured" / f"{table.name}.{figure.measure}.csv", together)
+            found.append(together)
+    if not found:
+        raise RunError(f"none of the runs of {figure.name} can be used")
+    return level, tables, pd.concat(found, ignore_index=True)
+
+
+def _print_rows(table):
+    print(markdown(["quantity", "ours", "published", "agree", "note"], [
+        (row.quantity, with_error(row.ours, row.error), with_error(row.published, row.published_error), row.agree,
+         row.note) for row in table.itertuples()]), flush=True)
+
+
+def reproduce(figure, level, given, runs):
+    """Makes one figure. Raises PliantError, or Stopped."""
+    remark(f"\n{figure.name}: {figure.title}")
+    level, tables, data = _measured(figure, level, given, runs)
+    if given.table:
+        name = f"{figure.name}-{'-'.join(table.name for table in tables)}"
+        level = "own"
+    else:
+        name = f"{figure.name}-{level}"
+    if level == "quick":
+        remark(f"quick: {figure.quick_note}; the errors are larger than those of full")
+    drawn, quantities = figure.draw(data)
+    lines = rows(figure, level, quantities, data, [table.name for table in tables])
+    _print_rows(lines)
+    hours = data.drop_duplicates(["table", "row"])["cpu_seconds"].sum() / 3600
+    remark(f"{hours:.3g} CPU hours; agree: within {AGREE:g} joint standard errors")
+    for ending in ("png", "pdf"):
+        plotting.save(drawn, given.output / f"{name}.{ending}", close=ending == "pdf")
+    write_rows(given.output / "reproduced.csv", lines)
+
+
+def main(arguments=None):
+    """Runs the command; returns the exit code."""
+    parser = _parser()
+    given = parser.parse_args(arguments)
+    if given.jobs is not None and given.jobs < 1:
+        parser.error(f"-j {given.jobs}: at least one")
+    if given.figure == "list":
+        print(_listing())
+        return 0
+    everything = given.figure.lower() == "all"
+    chosen = list(FIGURES.values()) if everything else [figure_by_name(given.figure)]
+    if given.table and (everything or given.level or given.keep or given.kept):
+        raise RunError("--table goes with one figure, and with neither quick, full, --keep nor --kept")
+    try:
+        given.output.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"{given.output}: cannot be made ({error.strerror})") from None
+    if not os.access(given.output, os.W_OK):
+        raise OutputError(f"{given.output}: cannot be written")
+    runs, failed = _Runs(given), []
+    for figure in chosen:
+        try:
+            reproduce(figure, given.level, given, runs)
+        except Stopped:
+            remark("run the same command again to go on")
+            return STOPPED_CODE
+        except OutputError:
+            raise
+        except PliantError as error:
+            if not everything:
+                raise
+            if not given.kept:  # of what is kept there need not be all
+                failed.append(figure.name)
+            remark(f"{figure.name}: {error}")
+    if failed:
+        remark(f"without a figure: {', '.join(failed)}")
+    return FAILED_CODE if runs.failed or failed else 0

@@ -1,0 +1,105 @@
+"""A published figure as a thing that can be made again, and the rows of reproduced.csv."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from ..errors import RunError
+from ..files import write_atomically
+from .published import Published
+
+#: Tables and what was measured from them: beside the folder python of the sources and of an installation.
+VALIDATION = Path(__file__).resolve().parents[3] / "validation"
+LEVELS = ("quick", "full")
+#: Two values agree if they are no further apart than this many of their joint standard errors.
+AGREE = 2.0
+
+COLUMNS = ["figure", "level", "quantity", "ours", "error", "published", "published_error", "deviation", "agree",
+           "source", "note", "cpu_hours", "commit", "seeds", "table"]
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number of a figure."""
+
+    name: str
+    value: float
+    error: float  #: one standard error; NaN: unknown
+    published: Published | None = None
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Figure:
+    name: str        #: as on the command line: H2, T2.14
+    title: str
+    quick: tuple     #: names of tables below validation/, without .csv
+    full: tuple
+    measure: str     #: name of a function of measure.py
+    draw: Callable   #: measured [DataFrame] → (matplotlib figure, [Quantity])
+    quick_note: str = "fewer seeds and shorter runs"  #: what the quick form has less of
+
+    def tables(self, level):
+        return self.quick if level == "quick" else self.full
+
+
+def deviation(quantity):
+    """Ours less the published value over their joint standard error; NaN where one of them is missing. An error that is
+    unknown counts as none."""
+    if quantity.published is None or not math.isfinite(quantity.value):
+        return math.nan
+    joint = math.hypot(*(e if math.isfinite(e) else 0.0 for e in (quantity.error, quantity.published.error)))
+    difference = quantity.value - quantity.published.value
+    return difference / joint if joint > 0 else (0.0 if difference == 0 else math.copysign(math.inf, difference))
+
+
+def agree(quantity):
+    """'yes', 'no', or 'no number' where there is nothing to compare, or no error to compare by."""
+    distance = deviation(quantity)
+    if math.isnan(distance) or not math.isfinite(quantity.error):
+        return "no number"
+    return "yes" if abs(distance) <= AGREE else "no"
+
+
+def seeds_text(seeds):
+    """'1-3,7' of seeds."""
+    runs = []
+    for seed in sorted(set(map(int, seeds))):
+        if runs and seed == runs[-1][1] + 1:
+            runs[-1][1] = seed
+        else:
+            runs.append([seed, seed])
+    return ",".join(str(a) if a == b else f"{a}-{b}" for a, b in runs)
+
+
+def rows(figure, level, quantities, measured, tables):
+    """The rows of reproduced.csv of one figure."""
+    once = measured.drop_duplicates(["table", "row"])
+    common = {"cpu_hours": float(f"{once['cpu_seconds'].sum() / 3600:.4g}"),
+              "commit": "; ".join(sorted(set(once["commit"].astype(str)))), "seeds": seeds_text(once["seed"]),
+              "table": "; ".join(tables)}
+    lines = []
+    for q in quantities:
+        known = q.published
+        lines.append({"figure": figure.name, "level": level, "quantity": q.name, "ours": q.value, "error": q.error,
+                      "published": known.value if known else math.nan,
+                      "published_error": known.error if known else math.nan, "deviation": deviation(q),
+                      "agree": agree(q), "source": known.source if known else "", "note": q.note} | common)
+    return pd.DataFrame(lines, columns=COLUMNS)
+
+
+def write_rows(path, new):
+    """Puts the rows into the table `path`, in place of those that it has of the same figure, level and tables."""
+    table = new
+    if path.exists():
+        try:
+            old = pd.read_csv(path, keep_default_na=False, na_values=[""])
+            key = ["figure", "level", "table"]
+            stays = ~pd.MultiIndex.from_frame(old[key].astype(str)).isin(pd.MultiIndex.from_frame(new[key]))
+        except (OSError, ValueError, KeyError) as error:
+            raise RunError(f"{path}: is no table of this command ({str(error).splitlines()[0]}); move it") from None
+        table = pd.concat([old[stays], new]) if stays.any() else new
+    write_atomically(path, table.to_csv(index=False, float_format="%.6g"))

@@ -1,0 +1,321 @@
+"""The figures of the hopper paper."""
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+
+from .. import beverloo, beverloo_figures, ensemble, plotting
+from ..beverloo_figures import FRACTIONS, W_LABEL, draw_flow, log_axes
+from ..crossover import fit_crossover
+from ..errors import RunError
+from . import published
+from .figure import Figure, Quantity
+
+LIMIT_NAMES = {"friction": "friction only", "drag": "drag only"}
+BETA, LAMBDA = r"$\beta$", r"$\lambda = \zeta/\mu$"
+_MODEL = ["model", "e_sp", "k_l", "k_b"]
+
+
+def with_limit(measured):
+    """The same with lam, zeta/mu, and limit: friction, drag, or empty between them."""
+    mu, zeta = measured["mu"].to_numpy(float), measured["zeta"].to_numpy(float)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        lam = np.where(mu > 0, zeta / mu, np.inf)
+    # Tables hold rounded coefficients: equal ratios get equal values.
+    lam = [float(f"{x:.4g}") for x in lam]
+    return measured.assign(lam=lam, limit=np.select([zeta == 0, mu == 0], ["friction", "drag"], ""))
+
+
+def model_label(row, latex=True):
+    """'soft, E_sp = 100' or 'smooth, K_l = 10, K_b = 0.1'."""
+    if row["model"] == "sp":
+        return (rf"soft, $E_{{sp}}$ = {row['e_sp']:g}" if latex else f"soft, E_sp = {row['e_sp']:g}")
+    names = ("$K_l$", "$K_b$") if latex else ("K_l", "K_b")
+    return f"{row['model']}, {names[0]} = {row['k_l']:g}, {names[1]} = {row['k_b']:g}"
+
+
+def plain(measured):
+    """Soft particles do not have what deformable ones have, and these no E_sp: equal groups get equal columns."""
+    soft = measured["model"] == "sp"
+    return measured.assign(**{c: measured[c].where(soft == (c == "e_sp"), 0.0) for c in _MODEL[1:]})
+
+
+def limits(measured):
+    """Runs in the limits alone, as of `with_limit`. Raises RunError if there are none."""
+    table = with_limit(plain(measured))
+    table = table[table["limit"] != ""]
+    if table.empty:
+        raise RunError("no run has friction only or drag only: this figure needs rows with mu alone or zeta alone")
+    return table
+
+
+def is_hard(row):
+    """Whether the published offset of hard particles is meant."""
+    return row["e_sp"] >= 1e4 if row["model"] == "sp" else row["k_b"] >= 100
+
+
+def fit_quantities(fits):
+    """Exponent, prefactor and offset of every fit, and how bad the published exponent fits. In 2D the published
+    prefactor is that of all particles, the offset that of hard ones."""
+    quantities = []
+    for _, row in fits.iterrows():
+        name = f"{model_label(row, latex=False)}, {LIMIT_NAMES[row['limit']]}"
+        known = {"beta": published.exponent(int(row["dim"]), row["limit"])}
+        if row["dim"] == 2:
+            known |= {"C": published.C[row["limit"]]} | ({"k": published.K[row["limit"]]} if is_hard(row) else {})
+        for quantity in ("beta", "C", "k"):
+            value, error = (getattr(row["fit"], quantity + end) if row["fit"] else np.nan for end in ("", "_error"))
+            quantities.append(Quantity(f"{quantity}: {name}", value, error, known.get(quantity), row["note"]))
+        if row["reference_fit"] and row["fit"]:
+            held, fixed = f"with beta = {FRACTIONS.get(row['reference'], row['reference'])} held", row["reference_fit"]
+            quantities += [Quantity(f"{quantity} {held}: {name}", getattr(fixed, quantity),
+                                    getattr(fixed, quantity + "_error"), known.get(quantity), fixed.note)
+                           for quantity in ("C", "k")]
+            quantities.append(Quantity(f"chi2/dof {held}: {name}", fixed.chi2_reduced, np.nan, None,
+                                       f"with beta free: {row['fit'].chi2_reduced:.3g}"))
+    return quantities
+
+
+def draw_limits(measured):
+    """[H 2, 3, 10]: Q(w) with fits, and Q/C, a row of panels per limit; in 2D the published law of hard particles."""
+    table = limits(measured)
+    fits = beverloo.fit_seeds(table, ["limit", "dim", *_MODEL])
+    there = [limit for limit in LIMIT_NAMES if (fits["limit"] == limit).any()]
+    figure, panels = plt.subplots(len(there), 2, figsize=(9.4, 3.9 * len(there)), layout="constrained", squeeze=False)
+    for (left, right), limit in zip(panels, there):
+        group = fits[fits["limit"] == limit]
+        draw_flow(left, right, group, [model_label(row) for _, row in group.iterrows()])
+        if (group["dim"] == 2).all():
+            law = published.C[limit].value, published.K[limit].value, published.exponent(2, limit).value
+            grid = law[1] + (left.get_xlim()[1] - law[1]) * np.linspace(0, 1, 200) ** 2
+            left.plot(grid, beverloo.beverloo(grid, *law), "-.", color="0.2", lw=1.2,
+                      label=f"[H], hard: $C$ = {law[0]:g}, $k$ = {law[1]:g}")
+            beverloo_figures.groups_first(left)
+        left.set_title(LIMIT_NAMES[limit], loc="left")
+    return figure, fit_quantities(fits)
+
+
+def _exponents(table, by, value="Q"):
+    """A row per group of `by` and lambda with its exponent; those without one are left out."""
+    fits = beverloo.fit_seeds(table, [*by, "lam"], value)
+    return fits[fits["fit"].notna()]
+
+
+def _crossovers(exponents, by, dim, label, known):
+    """[(label, group, fit with the published ends, fit with free ends)] and their quantities. known(key) → Published."""
+    curves, quantities = [], []
+    ends = dim - 1.5, dim - 0.5
+    for key, group in ensemble.groups(exponents, by):
+        name = label(group.iloc[0])
+        found = []
+        for kind, held in (("published ends", ends), ("free ends", None)):
+            try:
+                fit = fit_crossover(group["lam"], group["beta"], group["beta_error"], held)
+            except RunError as error:
+                found.append(None)
+                quantities.append(Quantity(f"lambda_c, {kind}: {name}", np.nan, np.nan, known(key), str(error)))
+                continue
+            found.append(fit)
+            quantities.append(Quantity(f"lambda_c, {kind}: {name}", fit.lam_c, fit.lam_c_error, known(key),
+                                       "; ".join(filter(None, [fit.note, f"chi2/dof {fit.chi2_reduced:.3g}"]))))
+            if held is None:
+                for part, limit in (("high", "friction"), ("low", "drag")):
+                    quantities.append(Quantity(f"beta, fitted end ({limit}): {name}", getattr(fit, part),
+                                               getattr(fit, part + "_error"), published.exponent(dim, limit)))
+        for row in group.itertuples():
+            limit = {0.0: "friction", np.inf: "drag"}.get(row.lam)
+            quantities.append(Quantity(f"beta at lambda = {row.lam:g}: {name}", row.beta, row.beta_error,
+                                       published.exponent(dim, limit) if limit else None, row.note))
+        curves.append((name, group, *found))
+    return curves, quantities
+
+
+def _draw_crossovers(axes, curves, dim, lam_c):
+    finite = np.concatenate([group["lam"][(group["lam"] > 0) & np.isfinite(group["lam"])] for _, group, *_ in curves])
+    low, high = (finite.min(), finite.max()) if len(finite) else (1e-3, 1)
+    edges = low / 6, high * 6  # where lambda = 0 and infinity are drawn
+    grid = np.geomspace(*edges, 200)
+    for i, (name, group, held, free) in enumerate(curves):
+        color, marker = plotting.COLORS[i % len(plotting.COLORS)], plotting.MARKERS[i % len(plotting.MARKERS)]
+        lam = np.clip(group["lam"].to_numpy(float), *edges)
+        axes.errorbar(lam, group["beta"], group["beta_error"], fmt=marker, color=color, capsize=2.5, label=name, zorder=3,
+                      clip_on=False)
+        if free:
+            axes.plot(grid, free(grid), color=color, lw=1.2)
+        if held:
+            axes.plot(grid, held(grid), "--", color=color, lw=0.9, alpha=0.7)
+    for beta in (dim - 0.5, dim - 1.5):
+        axes.axhline(beta, color="0.55", lw=0.9, ls=":")
+        axes.text(edges[1], beta, f" {FRACTIONS[beta]}", va="center", color="0.4")
+    for one in lam_c:
+        axes.axvline(one.value, color="0.55", lw=0.9, ls="-.")
+    axes.plot([], [], color="0.4", lw=1.2, label="corrected [H 14], free ends")
+    axes.plot([], [], "--", color="0.4", lw=0.9, label="with the published ends")
+    axes.plot([], [], "-.", color="0.55", lw=0.9, label=r"published $\lambda_c$")
+    axes.set(xscale="log", xlabel=LAMBDA, ylabel=BETA, xlim=edges)
+    ticks = [edges[0], *10.0 ** np.arange(np.ceil(np.log10(low)), np.floor(np.log10(high)) + 0.5), edges[1]]
+    axes.set_xticks(ticks, labels=["0", *(f"{t:g}" for t in ticks[1:-1]), r"$\infty$"])
+    axes.minorticks_off()
+    axes.legend()
+
+
+def draw_lambda(measured, value="Q"):
+    """[H 4, 11, 12a]: beta against lambda with the corrected sigmoid, a panel per dimension."""
+    table = with_limit(plain(measured))
+    if table["n"].nunique() > 1:
+        by, label = [*_MODEL, "n"], lambda row: f"{model_label(row)}, $N$ = {row['n']:g}"
+    else:
+        by, label = _MODEL, model_label
+    dims = sorted(table["dim"].unique())
+    figure, panels = plt.subplots(1, len(dims), figsize=(6.2 * len(dims), 4.4), layout="constrained", squeeze=False)
+    quantities = []
+    for axes, dim in zip(panels[0], map(int, dims)):
+        exponents = _exponents(table[table["dim"] == dim], ["dim", *by], value)
+        if exponents.empty:
+            raise RunError("no lambda has enough widths for a fit of beta")
+        curves, found = _crossovers(exponents, by, dim, label, lambda key, dim=dim: published.LAMBDA_C[dim])
+        _draw_crossovers(axes, curves, dim, [published.LAMBDA_C[dim]])
+        axes.set_title(f"{dim}D", loc="left")
+        quantities += [_renamed(q, dim) for q in found]
+    return figure, quantities
+
+
+def _renamed(quantity, dim):
+    name = quantity.name.replace("$", "").replace("{", "").replace("}", "")
+    return Quantity(name + (", 3D" if dim == 3 else ""), quantity.value, quantity.error, quantity.published, quantity.note)
+
+
+def draw_corrected(measured):
+    """[H 11]: beta from Q, and from Q' corrected for overlaps."""
+    table = with_limit(plain(measured))
+    figure, panels = plt.subplots(1, 2, figsize=(12, 4.4), layout="constrained", sharey=True)
+    quantities = []
+    for axes, value, symbol in ((panels[0], "Q", "beta"), (panels[1], "Q_corrected", "beta'")):
+        exponents = _exponents(table, ["dim", *_MODEL], value)
+        curves, found = _crossovers(exponents, _MODEL, 2, model_label, lambda key: published.LAMBDA_C[2])
+        _draw_crossovers(axes, curves, 2, [published.LAMBDA_C[2]])
+        axes.set_ylabel(rf"$\beta{symbol[4:]}$")
+        axes.set_title(f"from ${'Q' + symbol[4:]}$", loc="left")
+        for q in found:
+            q = _renamed(q, 2)
+            quantities.append(Quantity(f"from Q{symbol[4:]}, {q.name}", q.value, q.error, q.published, q.note))
+    return figure, quantities
+
+
+def draw_angles(measured):
+    """[H 6]: beta against lambda for hoppers of several angles; lambda_c and the ratio of drag to friction against the
+    angle."""
+    table = with_limit(plain(measured))
+    by = ["hopper_angle", *_MODEL]
+    models = table.drop_duplicates(_MODEL)
+
+    def label(row):
+        angle = rf"$\theta_w$ = {row['hopper_angle']:g}°"
+        return angle if len(models) == 1 else f"{angle}, {model_label(row)}"
+
+    exponents = _exponents(table, ["dim", *by])
+    if exponents.empty:
+        raise RunError("no lambda has enough widths for a fit of beta")
+    curves, quantities = _crossovers(exponents, by, 2, label, lambda key: published.LAMBDA_C_ANGLE.get(int(key[0])))
+    figure, (left, middle, right) = plt.subplots(1, 3, figsize=(14, 4.2), layout="constrained",
+                                                 gridspec_kw={"width_ratios": [1.6, 1, 1]})
+    _draw_crossovers(left, curves, 2, published.LAMBDA_C_ANGLE.values())
+    for i, (kind, style) in enumerate((("published ends", "o"), ("free ends", "s"))):
+        points = [(group["hopper_angle"].iloc[0], fits[i]) for _, group, *fits in curves if fits[i]]
+        if points:
+            middle.errorbar([a for a, _ in points], [f.lam_c for _, f in points], [f.lam_c_error for _, f in points],
+                            fmt=style, capsize=2.5, label=kind)
+    middle.plot(list(published.LAMBDA_C_ANGLE), [p.value for p in published.LAMBDA_C_ANGLE.values()], "k*", ms=8,
+                label="[H]")
+    middle.set(xlabel=r"$\theta_w$  [degrees]", ylabel=r"$\lambda_c$", yscale="log")
+    middle.legend()
+    ratios = ensemble.average(table, ["lam", "hopper_angle"], "drag_friction_ratio") if "drag_friction_ratio" in table else []
+    for i, (lam, group) in enumerate(ratios.groupby("lam") if len(ratios) else []):
+        right.errorbar(group["hopper_angle"], group["drag_friction_ratio"],
+                       np.nan_to_num(group["drag_friction_ratio_error"]), fmt=plotting.MARKERS[i % 8] + "-", capsize=2.5,
+                       color=plotting.COLORS[i % 8], label=rf"$\lambda$ = {lam:g}")
+        if lam == 0.01:
+            quantities += [Quantity(f"|F_zeta|/|F_mu| at lambda = 0.01, theta_w = {row.hopper_angle:g}",
+                                    row.drag_friction_ratio, row.drag_friction_ratio_error) for row in group.itertuples()]
+    right.set(xlabel=r"$\theta_w$  [degrees]", ylabel=r"$|F_\zeta|/|F_\mu|$, mean over $w$", yscale="log")
+    if len(ratios):
+        right.legend()
+    return figure, [_renamed(Quantity(q.name.replace(r"\theta_w", "theta_w").replace("°", ""), q.value, q.error,
+                                      q.published, q.note), 2) for q in quantities]
+
+
+def power_law(points, x, value):
+    """(exponent, its error, prefactor, chi2/dof) of value = A x^p through points of `ensemble.average`, weighted by their errors;
+    the error is drawn over seeds. Raises RunError for fewer than two points above 0."""
+    use = (points[value] > 0) & (points[value + "_error"] > 0)
+    points = points[use]
+    if len(points) < 2:
+        raise RunError(f"{len(points)} points with an error are too few for a power law")
+    log_x, weight = np.log(points[x].to_numpy(float)), (points[value] / points[value + "_error"]).to_numpy(float)
+    (slope, offset), residual, *_ = np.polyfit(log_x, np.log(points[value]), 1, w=weight, full=True)
+    chi2 = float(residual[0]) / (len(points) - 2) if len(residual) else np.nan
+    drawn = ensemble.draws(points, value)
+    drawn = drawn[(drawn > 0).all(1)]
+    slopes = np.polyfit(log_x, np.log(drawn).T, 1, w=weight)[0]
+    return float(slope), float(ensemble.spread(slopes)), float(np.exp(offset)), chi2
+
+
+def draw_profiles(measured):
+    """[H 5]: velocity on the axis against height for several widths, and at the orifice against the width."""
+    table = with_limit(measured)
+    lams = sorted(table["lam"].unique())
+    names = {0.0: "friction", np.inf: "drag"}
+    titles = {0.0: r"$\lambda = 0$", np.inf: r"$\lambda = \infty$"}
+    figure, panels = plt.subplots(1, len(lams) + 1, figsize=(3.6 * (len(lams) + 1), 3.9), layout="constrained")
+    quantities, last = [], panels[-1]
+    for i, (axes, lam) in enumerate(zip(panels, lams)):
+        own = table[table["lam"] == lam]
+        widths = sorted(own["hopper_width"].unique())
+        for w, color in zip(widths, plt.get_cmap("turbo")(np.linspace(0.08, 0.92, len(widths)))):
+            curve = ensemble.average(own[own["hopper_width"] == w], ["height"], "v")
+            error = np.nan_to_num(curve["v_error"])
+            axes.fill_between(curve["height"], curve["v"] - error, curve["v"] + error, color=color, alpha=0.25, lw=0)
+            axes.plot(curve["height"], curve["v"], color=color, label=f"{w:g}")
+        axes.set(xlabel=r"height above the orifice  $h/\sigma_{avg}$", ylabel=r"$v_g$  [$\sigma_{avg}/t_0$]", xlim=(0, None),
+                 ylim=(0, None))
+        axes.set_title(titles.get(lam, rf"$\lambda$ = {lam:g}"), loc="left")
+        axes.legend(title=r"$w/\sigma_{avg}$", ncols=2)
+        points = ensemble.average(own[own["height"] == own["height"].min()], ["hopper_width"], "v")
+        color = plotting.COLORS[i % 8]
+        last.errorbar(points["hopper_width"], points["v"], points["v_error"].fillna(0), fmt=plotting.MARKERS[i % 8],
+                      color=color, capsize=2.5, label=titles.get(lam, rf"$\lambda$ = {lam:g}"))
+        known = published.VELOCITY[names.get(lam, "crossover")]
+        name = f"exponent of v_g(h = 0) in w, lambda = {lam:g}"
+        try:
+            slope, error, factor, chi2 = power_law(points, "hopper_width", "v")
+        except RunError as reason:
+            quantities.append(Quantity(name, np.nan, np.nan, known, str(reason)))
+            continue
+        quantities.append(Quantity(name, slope, error, known, "; ".join(
+            filter(None, [f"chi2/dof {chi2:.3g}", ensemble.seeds_remark(points)]))))
+        w = np.geomspace(points["hopper_width"].min() / 1.1, points["hopper_width"].max() * 1.1, 30)
+        last.plot(w, factor * w**slope, color=color, lw=1.2)
+        middle = np.exp(np.log(points["hopper_width"]).mean())
+        last.plot(w, factor * middle**slope * (w / middle) ** known.value, "--", color=color, lw=0.9, alpha=0.8)
+    last.plot([], [], "--", color="0.4", lw=0.9, label="published exponent")
+    last.set(xlabel=W_LABEL, ylabel=r"$v_g$ at $h = 0$  [$\sigma_{avg}/t_0$]")
+    log_axes(last)
+    last.legend()
+    return figure, quantities
+
+
+_FEW = "soft particles alone, fewer seeds and shorter runs; no deformable ones"
+FIGURES = [
+    Figure("H2", "Q(w) of soft and deformable particles, friction only and drag only", ("quick/limits", "quick/stiff"),
+           ("hopper/limits", "hopper/limits-deformable"), "flows", draw_limits, _FEW),
+    Figure("H3", "Q(w) of soft spheres, friction only and drag only", ("quick/limits-3d",), ("hopper/limits-3d",),
+           "flows", draw_limits, "half the particles, shorter runs"),
+    Figure("H4", "exponent beta against lambda = zeta/mu", ("quick/lambda", "quick/limits"),
+           ("hopper/lambda", "hopper/lambda-3d"), "flows", draw_lambda, "one stiffness, 2D, fewer widths, shorter runs"),
+    Figure("H5", "velocity on the axis for several widths, and its exponent at the orifice", ("quick/profile",),
+           ("hopper/profile",), "profiles", draw_profiles),
+    Figure("H6", "beta(lambda) and the ratio of the forces for several angles", ("quick/angle", "quick/lambda"),
+           ("hopper/angle",), "flows", draw_angles, "fewer lambda and widths, shorter runs"),
+    Figure("H10", "Q(w) of soft and of nearly hard particles", ("quick/limits", "quick/hard"),
+           ("hopper/limits", "hopper/limits-deformable"), "flows", draw_limits, _FEW),
+]

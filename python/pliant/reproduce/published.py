@@ -1,0 +1,50 @@
+"""What the papers report, the one place for it. [H]: Hopper flows of deformable particles; [T]: the thesis.
+
+`error` is the one printed; where a number comes with "about", or without an error, half a unit of its last digit; 0 where
+an exponent is meant exactly.
+"""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Published:
+    value: float
+    error: float
+    source: str
+
+
+def exponent(dim, limit):
+    """beta of the Beverloo law in the limit "friction" or "drag"."""
+    return Published(dim - 0.5 if limit == "friction" else dim - 1.5, 0.0, "H 2, 3, 10")
+
+
+#: Prefactor and offset of hard particles, N = 1600, in 2D.
+C = {"friction": Published(0.15, 0.01, "H 2a, 10a, 13a"), "drag": Published(0.42, 0.01, "H 2c, 10b")}
+K = {"friction": Published(1.6, 0.1, "H 7a, 10a"), "drag": Published(3.4, 0.1, "H 7a, 10b")}
+#: Offset of the softest particles.
+K_SOFT = {"friction": Published(0.5, 0.5, "H 7: below 1"), "drag": Published(1.0, 0.5, "H 7")}
+#: Ratio zeta/mu at which beta is in the middle, by dimension with a flat bottom, and by angle in 2D.
+LAMBDA_C = {2: Published(0.05, 0.005, "H 4a"), 3: Published(0.07, 0.005, "H 4b")}
+LAMBDA_C_ANGLE = {90: Published(0.05, 0.005, "H 6a"), 30: Published(5e-3, 5e-4, "H 6a"), 20: Published(5e-3, 5e-4, "H 6a")}
+#: Exponent in w of the axis velocity at the orifice.
+VELOCITY = {"friction": Published(0.5, 0.0, "H 5a"), "crossover": Published(0.0, 0.0, "H 5b: hardly depends on w"),
+            "drag": Published(-0.5, 0.0, "H 5c")}
+#: Droplets of oil that leave a wedge.
+OIL_BETA = Published(0.49, 0.005, "H 8c")
+OIL_K = Published(1.47, 0.005, "H 8c")
+
+THREE_SLOPE = Published(3.16, 0.005, "T Fig. 2.3")
+THREE_PEAK = Published(0.110, 0.0005, "T Fig. 2.3")
+K1_SQUARE = Published(7.08, 0.6, "T Fig. 2.7")
+K1_ARRAYS = Published(6.1, 0.05, "T 2.4.2: mean of 20 to 400 droplets")
+#: F_max/N over 2 sqrt(k1 E1/(p^3 + p^2)) [T 2.37].
+PEAK_RATIO = Published(1.0, 0.0, "T 2.37; most peaks of T Fig. 2.8 are higher")
+#: Fraction of competing fractures as N goes to infinity.
+COMPETING = Published(1.0, 0.0, "T Fig. 2.14")
+TILT = Published(0.2, 0.05, "T Fig. 2.16")
+W_LOW = Published(2.595, 0.0025, "T Fig. 4.4: w* = 5.19 <R>")
+W_SLOPE = Published(2.96, 0.0025, "T Fig. 4.4: w* = 5.92 delta")
+DELTA_CRIT = Published(0.876, 0.0005, "T 4.13")
+A = Published(0.12, 0.03, "T Fig. 4.5")
+B = Published(0.029, 0.001, "T Fig. 4.5")
