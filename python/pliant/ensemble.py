@@ -64,6 +64,19 @@ def average(table, by, value, error=None):
     return pd.DataFrame(rows, columns=[*by, value, value + "_error", "runs", "values"])
 
 
+def scatter(table, by, value):
+    """As `average`, with errors from the scatter of the seeds alone (NaN for one): for counts and fractions, of which a
+    run has no error."""
+    known = table[np.isfinite(table[value].astype(float))]
+    rows = []
+    for key, group in groups(known, by) if len(known) else []:
+        values = group[value].to_numpy(float)
+        m = len(values)
+        error = values.std(ddof=1) / np.sqrt(m) if m > 1 else np.nan
+        rows.append(dict(zip(by, key)) | {value: values.mean(), value + "_error": error, "runs": m, "values": values})
+    return pd.DataFrame(rows, columns=[*by, value, value + "_error", "runs", "values"])
+
+
 def draws(points, value, count=None, seed=1):
     """[count or RESAMPLES, points] means as they could have come out, to fit them again: seeds are drawn with replacement, and what
     their scatter lacks of the point's error, or has beyond it, is made up by normal noise, or by a factor."""

@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from synthetic import write_run
+from test_clog import made_table
 from test_plots import assert_picture
 
 from pliant import PliantError, beverloo, ensemble
@@ -26,6 +27,9 @@ COMMAND = HERE.parent / "pliant-reproduce"
 LAWS = {"mu": (0.15, 1.6, 1.5), "zeta": (0.42, 2.4, 0.5)}
 TABLE = "e_sp,mu,zeta,hopper_width,seeds\n" + "".join(
     f"100,{mu},{zeta},{w},1-2\n" for mu, zeta in (("31.6", ""), ("", "0.316")) for w in (3, 5, 8, 10))
+
+#: Tables of runs that show one thing, or a map.
+ONE_SEED = ("quick/map", "quick/three", "raft/three", "quick/small-droplets")
 
 # Copies the run of its row, and writes down that it was asked to; a row without a run fails.
 PROGRAM = """#!/bin/sh
@@ -113,7 +117,7 @@ def test_every_figure_has_tables(one):
             assert level == "full" or len(table) <= 120, name
             # Errors need seeds: several at most points, but where a run shows one thing alone.
             seeds = {row.options.get("seed") for row in table}
-            assert len(seeds) > 1 or name in ("quick/map", "quick/three", "raft/three"), name
+            assert len(seeds) > 1 or name in ONE_SEED, name
 
 
 def test_quick_tables_are_small():
@@ -381,3 +385,131 @@ def test_figures_2_and_3_name_what_is_published(tmp_path):
 def test_what_a_figure_cannot_use(tmp_path):
     with pytest.raises(PliantError, match="friction only or drag only"):
         command.FIGURES["H2"].draw(flow_rows((0.05,)))
+
+
+def test_figures_7_13_and_14_find_offset_and_prefactor(tmp_path):
+    both = (0.0, np.inf)
+    data = pd.concat([flow_rows(both, lambda lam: LAWS["zeta" if lam else "mu"], e_sp=e) for e in (50.0, 1e3, 1e5)])
+    found = drawn("H13", data, tmp_path)
+    one = found["C with the published beta held: soft, E_sp = 1000, drag only"]
+    assert one.value == pytest.approx(0.42, abs=0.02) and one.published.value == 0.42 and agree(one) == "yes"
+    assert found["C, beta free: soft, E_sp = 1000, friction only"].value == pytest.approx(0.15, abs=0.05)
+    fall = found["C at E_sp = 50 over C at 100000, friction only"]
+    assert fall.value == pytest.approx(1.0, abs=0.03) and fall.published.value == 2 and 0 < fall.error < 0.05
+    shapes = pd.concat([flow_rows(both, lambda lam: LAWS["zeta" if lam else "mu"], model="smooth", k_l=kl, k_b=kb)
+                        for kl in (1.0, 10.0) for kb in (0.01, 100.0)])
+    found = drawn("H7", pd.concat([data, shapes]), tmp_path)
+    hard = found["k with the published beta held: soft, E_sp = 100000, friction only"]
+    assert hard.value == pytest.approx(1.6, abs=0.05) and hard.published.value == 1.6 and agree(hard) == "yes"
+    assert found["k with the published beta held: soft, E_sp = 1000, drag only"].published is None
+    smooth = found["k with the published beta held: smooth, K_l = 10, K_b = 100, drag only"]
+    assert smooth.value == pytest.approx(2.4, abs=0.05) and smooth.published.value == 3.4
+    assert found["k with the published beta held: smooth, K_l = 1, K_b = 0.01, drag only"].published.value == 1.0
+    assert len(drawn("H14", shapes, tmp_path)) == 4 * 2 * 2
+
+
+def test_figure_12_finds_how_C_grows(tmp_path):
+    data = pd.concat([flow_rows((0.0, np.inf), lambda lam, n=n: (0.1 * (n / 800) ** (0.25 if lam else 1.0), 1.5,
+                                                                 0.5 if lam else 1.5), n=n) for n in (800, 1600, 3200)])
+    found = drawn("H12", data, tmp_path)
+    for name, power in (("friction only", 1.0), ("drag only", 0.25)):
+        one = found[f"p of C ~ N^p, {name}"]
+        assert one.value == pytest.approx(power, abs=0.05) and 0 < one.error < 0.1
+        assert agree(one) == ("yes" if power == 1 else "no number")
+
+
+def test_figure_11_tells_the_two_rates_apart(tmp_path):
+    data = flow_rows(LAMS, crossing_law)
+    data["Q_corrected"] = [float(beverloo.beverloo(row.hopper_width, 0.3, 1.5, 1.0)) for row in data.itertuples()]
+    data["Q_corrected_error"] = 0.01 * data["Q_corrected"]
+    found = drawn("H11", data, tmp_path)
+    assert found["from Q, beta at lambda = inf: soft, E_sp = 100"].value == pytest.approx(0.5, abs=0.1)
+    assert found["from Q', beta at lambda = inf: soft, E_sp = 100"].value == pytest.approx(1.0, abs=0.1)
+
+
+def test_figure_8_fits_discharges(tmp_path):
+    data = flow_rows((np.inf,), lambda lam: (0.2, 1.47, 0.49), hopper_angle=45.0)
+    found = drawn("H8", data.assign(c0=data["Q"], c0_error=data["Q_error"], Q=np.nan), tmp_path)
+    assert agree(found["beta of c0(w), 45 degrees"]) == agree(found["k of c0(w), 45 degrees"]) == "yes"
+    with pytest.raises(PliantError, match="no discharge"):
+        command.FIGURES["H8"].draw(data.assign(c0=np.nan, c0_error=np.nan))
+
+
+def raft_rows(rows, **columns):
+    """Measured rows of rafts, a run each unless they say so."""
+    known = {"commit": "abc", "cpu_seconds": 1.0, "table": "t", "v_wall": 1e-4, "tilt": 0.0, "small_fraction": 0.0,
+             "small_radius": 0.765, "delta": 0.00125}
+    return pd.DataFrame([known | {"row": f"run {i}"} | row | columns for i, row in enumerate(rows)])
+
+
+def test_figures_of_force_curves(tmp_path):
+    rows = [{"row": f"{v}", "v_wall": v, "distance": D, "force": D - 3.7, "slope": 3.16, "slope_error": 0.001, "n": 3,
+             "F_max": 0.110 + 12 * v, "seed": 1} for v in (1e-4, 3e-4, 1e-3) for D in np.linspace(3.9, 3.5, 30)]
+    found = drawn("T2.3", raft_rows(rows), tmp_path)
+    assert found["F_max as v_wall goes to 0"].value == pytest.approx(0.110, abs=1e-6)
+    assert agree(found["F_max as v_wall goes to 0"]) == agree(found["stiffness at F = 0, slowest wall"]) == "yes"
+    rows = [row | {"row": f"{seed}-{phi}", "seed": seed, "small_fraction": phi, "v_wall": 1e-4,
+                   "F_max": 1.0 + 0.1 * seed} for row in rows[:30] for seed in (1, 2, 3) for phi in (0.0, 0.5)]
+    peak = drawn("T2.6", raft_rows(rows), tmp_path)["highest peak, phi = 0.5"]
+    assert peak.value == pytest.approx(1.2) and peak.error == pytest.approx(0.1 / math.sqrt(3))
+
+
+def test_figures_of_reductions(tmp_path):
+    rows = [{"row": f"seed {seed}", "seed": seed, "n": 49, "start_rows": 7, "rows": p, "x": 49 / p / (p + 1),
+             "k_eq": (7 + 0.1 * seed) * 49 / p / (p + 1), "k_error": 0.01, "k1": 4.69, "E1": 0.00173,
+             "F_max": 1.2 * 49 * 2 * math.sqrt(4.69 * 0.00173 / (p**3 + p**2))} for seed in (-1, 0, 1) for p in range(7, 2, -1)]
+    found = drawn("T2.7", raft_rows(rows), tmp_path)
+    one = found["k1 of k_eq = k1 q/(p+1)"]
+    assert one.value == pytest.approx(7.0) and 0.02 < one.error < 0.08 and agree(one) == "yes"
+    assert found["k1 of the reduction from 7 rows"].published.value == 5.27
+    found = drawn("T2.8", raft_rows(rows), tmp_path)
+    assert found["F_max over 2 N sqrt(k1 E1/(p^3+p^2)), mean of reductions, N = 49"].value == pytest.approx(1.2)
+
+
+def fracture_row(seed, **columns):
+    return {"seed": seed, "n": 20, "rows": 4, "phi": 0.0, "delta": 0.00125, "tilt": 0.0, "inverse_size": 20**-0.5,
+            "aspect": 1.25, "peaks": 3, "excess": 0, "competing": 0.0} | columns
+
+
+def test_figures_of_fractures(tmp_path):
+    law = [fracture_row(seed, phi=phi, small_fraction=phi, delta=0.1 * (1 + phi),
+                        excess=34 * math.sqrt(phi * (1 - phi)) + seed * (0 < phi < 1),
+                        peaks=3 + 34 * math.sqrt(phi * (1 - phi)))
+           for seed in (-1, 0, 1) for phi in (0.0, 0.1, 0.25, 0.5, 0.75, 1.0)]
+    found = drawn("T2.10", raft_rows(law), tmp_path)
+    assert found["height of the excess, N = 20"].value == pytest.approx(17, abs=0.1)
+    half = found["excess over its height at phi = 0.5, N = 20"]
+    assert half.published.value == 1 and agree(half) == "yes" and half.error > 0
+    found = drawn("T2.11", raft_rows(law), tmp_path)
+    assert found["peaks at delta = 0.1, one kind"].value == 3 and found["peaks at delta = 0.15, two kinds"].value == 20
+
+    sizes = [fracture_row(seed, n=p * p, rows=p, inverse_size=1 / p, aspect=1.0, competing=0.8 - 1.6 / p + 0.02 * seed)
+             for seed in (-1, 0, 1) for p in (3, 4, 6, 8, 12)]
+    limit = drawn("T2.14", raft_rows(sizes), tmp_path)["fraction of competing fractures as N goes to infinity"]
+    assert limit.value == pytest.approx(0.8) and 0.005 < limit.error < 0.05 and agree(limit) == "no"
+    shapes = [fracture_row(seed, n=36, rows=p, aspect=36 / p**2, competing=1 / p) for seed in (1, 2) for p in (12, 6, 3)]
+    assert drawn("T2.15", raft_rows(shapes), tmp_path)["fraction of competing fractures, q/p = 4"].value == pytest.approx(1 / 3)
+    tilts = [fracture_row(seed, tilt=t, competing=f + 0.02 * seed) for seed in (-1, 0, 1)
+             for t, f in ((0.0, 0.3), (0.1, 0.2), (0.2, 0.1), (0.5, 0.5), (1.0, 0.8))]
+    least = drawn("T2.16", raft_rows(tilts).assign(tilt=[row["tilt"] for row in tilts]), tmp_path)
+    least = least["tilt with the fewest competing fractures, N = 20"]
+    assert least.value == 0.2 and agree(least) == "yes"
+
+
+def test_figures_of_clogs(tmp_path):
+    table = made_table(seeds=40).assign(commit="abc", cpu_seconds=1.0, table="t", seed=1)
+    table["row"] = np.arange(len(table)).astype(str)
+    found = drawn("T4.5", table, tmp_path)
+    assert found["A"].value == pytest.approx(0.12, abs=0.08) and agree(found["B"]) in ("yes", "no")
+    assert found["B"].value == pytest.approx(0.029, rel=0.35)
+    away = drawn("T4.6", table, tmp_path)["P_clog less its law, mean over points"]
+    assert abs(away.value) < 0.05
+    assert drawn("T4.3", table, tmp_path)["w*/d at phi_c = 0.0002"].value > 3
+    found = drawn("T4.4", table, tmp_path)
+    assert {"w*/d, low cohesion", "w*/d over delta, high cohesion", "delta_crit"} == set(found)
+    assert found["delta_crit"].value == pytest.approx(0.8, abs=0.15) and found["delta_crit"].error > 0
+    gravity = table.assign(g=0.02 * table["hopper_width"] / 12, hopper_width=3.0)
+    assert set(drawn("T4.2", gravity, tmp_path)) == {f"g_0 at phi_c = {phi:g}" for phi in (0, 5e-5, 1e-4, 2e-4)}
+    for name in ("T4.2", "T4.3", "T4.5"):
+        with pytest.raises(PliantError):
+            command.FIGURES[name].draw(table[:1])

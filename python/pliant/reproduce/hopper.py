@@ -230,7 +230,8 @@ def draw_angles(measured):
     middle.set(xlabel=r"$\theta_w$  [degrees]", ylabel=r"$\lambda_c$", yscale="log")
     middle.legend()
     ratios = ensemble.average(table, ["lam", "hopper_angle"], "drag_friction_ratio") if "drag_friction_ratio" in table else []
-    for i, (lam, group) in enumerate(ratios.groupby("lam") if len(ratios) else []):
+    several = [(lam, group) for lam, group in ratios.groupby("lam") if len(group) > 1] if len(ratios) else []
+    for i, (lam, group) in enumerate(several):
         right.errorbar(group["hopper_angle"], group["drag_friction_ratio"],
                        np.nan_to_num(group["drag_friction_ratio_error"]), fmt=plotting.MARKERS[i % 8] + "-", capsize=2.5,
                        color=plotting.COLORS[i % 8], label=rf"$\lambda$ = {lam:g}")
@@ -239,7 +240,7 @@ def draw_angles(measured):
                                     row.drag_friction_ratio, row.drag_friction_ratio_error) for row in group.itertuples()]
     right.set(xlabel=r"$\theta_w$  [degrees]", ylabel=r"$|F_\zeta|/|F_\mu|$, mean over $w$", yscale="log")
     if len(ratios):
-        right.legend()
+        right.legend(loc="center left", bbox_to_anchor=(1, 0.5))
     return figure, [_renamed(Quantity(q.name.replace(r"\theta_w", "theta_w").replace("°", ""), q.value, q.error,
                                       q.published, q.note), 2) for q in quantities]
 
@@ -304,6 +305,185 @@ def draw_profiles(measured):
     return figure, quantities
 
 
+def _held(row, quantity):
+    """(value, error) of a fit with the published exponent held, NaN where there is none."""
+    fit = row["reference_fit"]
+    return (getattr(fit, quantity), getattr(fit, quantity + "_error")) if fit else (np.nan, np.nan)
+
+
+def _against(axes, fits, x, quantity, x_label, label, references=None):
+    """A quantity of fits with the published exponent held (filled) and free (open) against the column x, per limit."""
+    for i, (limit, name) in enumerate(LIMIT_NAMES.items()):
+        group = fits[fits["limit"] == limit].sort_values(x)
+        if group.empty:
+            continue
+        color, marker = plotting.COLORS[i], plotting.MARKERS[i]
+        value, error = np.array([_held(row, quantity) for _, row in group.iterrows()]).T
+        axes.errorbar(group[x], value, error, fmt=marker + "-", lw=0.9, color=color, capsize=2.5, label=name)
+        free = [(getattr(f, quantity), getattr(f, quantity + "_error")) if f else (np.nan, np.nan) for f in group["fit"]]
+        axes.errorbar(group[x] * 1.04, *np.array(free).T, fmt=marker, color=color, mfc="white", alpha=0.6, lw=0.8)
+        for one in (references or {}).get(limit, ()):
+            axes.axhline(one.value, color=color, ls="-.", lw=0.9)
+    axes.plot([], [], "o", color="0.4", mfc="white", label=r"$\beta$ free")
+    if references:
+        axes.plot([], [], "-.", color="0.4", lw=0.9, label="[H], hard")
+    axes.set(xscale="log", xlabel=x_label, ylabel=label)
+    axes.legend()
+
+
+def _prefactor_quantities(fits, names, known):
+    """Quantities of fits with the published exponent held, and free; known(row, quantity) → Published or None."""
+    quantities = []
+    for _, row in fits.iterrows():
+        name = f"{model_label(row, latex=False)}, {LIMIT_NAMES[row['limit']]}"
+        for quantity in names:
+            quantities.append(Quantity(f"{quantity} with the published beta held: {name}", *_held(row, quantity),
+                                       known(row, quantity), f"chi2/dof {row['reference_fit'].chi2_reduced:.3g}"
+                                       if row["reference_fit"] else row["note"]))
+            free = row["fit"]
+            quantities.append(Quantity(f"{quantity}, beta free: {name}", getattr(free, quantity) if free else np.nan,
+                                       getattr(free, quantity + "_error") if free else np.nan, known(row, quantity),
+                                       row["note"]))
+    return quantities
+
+
+def _map(axes, group, title):
+    """Colour map of k, with the published exponent held, over K_l and K_b."""
+    grid = group.assign(k=[_held(row, "k")[0] for _, row in group.iterrows()]).pivot_table("k", "k_b", "k_l")
+    mesh = axes.pcolormesh(np.arange(grid.shape[1] + 1), np.arange(grid.shape[0] + 1), grid.to_numpy(), cmap="viridis")
+    for (i, j), k in np.ndenumerate(grid.to_numpy()):
+        axes.text(j + 0.5, i + 0.5, f"{k:.2f}", ha="center", va="center", fontsize=8,
+                  color="white" if k < np.nanmean(grid) else "black")
+    axes.set_xticks(np.arange(grid.shape[1]) + 0.5, labels=[f"{v:g}" for v in grid.columns])
+    axes.set_yticks(np.arange(grid.shape[0]) + 0.5, labels=[f"{v:g}" for v in grid.index])
+    axes.set(xlabel="$K_l$", ylabel="$K_b$")
+    axes.set_title(title, loc="left")
+    axes.figure.colorbar(mesh, ax=axes, label="$k$")
+
+
+def draw_offsets(measured):
+    """[H 7]: the offset k against the stiffness of soft particles, and over K_l and K_b of deformable ones."""
+    fits = beverloo.fit_seeds(limits(measured), ["limit", "dim", *_MODEL])
+    soft, deformable = fits[fits["model"] == "sp"], fits[fits["model"] != "sp"]
+    maps = [(limit, group) for limit, group in deformable.groupby("limit") if group["k_l"].nunique() > 1]
+    panels = (len(soft) > 0) + len(maps)
+    if not panels:
+        raise RunError("neither soft particles nor deformable ones with several K_l")
+    figure, axes = plt.subplots(1, panels, figsize=(5.0 * panels, 4.0), layout="constrained", squeeze=False)
+    if len(soft):
+        _against(axes[0, 0], soft, "e_sp", "k", "$E_{sp}$", "$k$",
+                 {limit: (published.K[limit],) for limit in LIMIT_NAMES})
+    for one, (limit, group) in zip(axes[0, panels - len(maps):], maps):
+        _map(one, group, f"deformable, {LIMIT_NAMES[limit]}")
+
+    def known(row, quantity):
+        if is_hard(row):
+            return published.K[row["limit"]]
+        softest = row["e_sp"] <= 50 if row["model"] == "sp" else row["k_b"] <= 0.01 and row["k_l"] <= 10
+        return published.K_SOFT[row["limit"]] if softest else None
+
+    return figure, _prefactor_quantities(fits, ("k",), known)
+
+
+def _collapse(axes, fits, limit):
+    """Q/C against w - k with the published exponent held."""
+    group = fits[(fits["limit"] == limit) & fits["reference_fit"].notna()]
+    for i, (_, row) in enumerate(group.iterrows()):
+        data, fit = row["data"], row["reference_fit"]
+        above = data["hopper_width"] > fit.k
+        axes.errorbar(data["hopper_width"][above] - fit.k, data["Q"][above] / fit.C,
+                      data["Q_error"][above].fillna(0) / fit.C, fmt=plotting.MARKERS[i % 8], color=plotting.COLORS[i % 8],
+                      capsize=2, label=model_label(row))
+    if len(group):
+        beta = group["reference"].iloc[0]
+        x = np.geomspace(0.3, 10, 50)
+        axes.plot(x, x**beta, "--", color="0.45", lw=1.1, label=f"[H], slope {FRACTIONS.get(beta, beta)}")
+    axes.set(xlabel=r"$w/\sigma_{avg} - k$", ylabel=r"$Q/C$")
+    axes.set_title(LIMIT_NAMES[limit], loc="left")
+    log_axes(axes)
+    if len(group):
+        axes.legend()
+
+
+def draw_prefactors(measured):
+    """[H 13, 14]: the prefactor C against the stiffness, and Q/C against w - k."""
+    fits = beverloo.fit_seeds(limits(measured), ["limit", "dim", *_MODEL])
+    figure, (left, *others) = plt.subplots(1, 3, figsize=(14, 4.2), layout="constrained")
+    x, label = ("e_sp", "$E_{sp}$") if (fits["model"] == "sp").all() else ("k_b", "$K_b$")
+    _against(left, fits, x, "C", label, r"$C$  [$\sigma_{avg}^2/t_0$]", {limit: (published.C[limit],) for limit in LIMIT_NAMES})
+    left.set_yscale("log")
+    for axes, limit in zip(others, LIMIT_NAMES):
+        _collapse(axes, fits, limit)
+    quantities = _prefactor_quantities(fits, ("C",), lambda row, quantity: published.C[row["limit"]])
+    for limit, name in LIMIT_NAMES.items():
+        group = fits[(fits["limit"] == limit) & (fits["model"] == "sp") & fits["reference_fit"].notna()].sort_values("e_sp")
+        if len(group) > 1:
+            (soft, soft_error), (hard, hard_error) = _held(group.iloc[0], "C"), _held(group.iloc[-1], "C")
+            quantities.append(Quantity(
+                f"C at E_sp = {group['e_sp'].iloc[0]:g} over C at {group['e_sp'].iloc[-1]:g}, {name}", soft / hard,
+                soft / hard * np.hypot(soft_error / soft, hard_error / hard), published.C_FALL[limit],
+                "with the published beta held"))
+    return figure, quantities
+
+
+def draw_size(measured):
+    """[H 12]: beta against lambda, and C, for several numbers of particles."""
+    table = with_limit(plain(measured))
+    figure, (left, right) = plt.subplots(1, 2, figsize=(11.5, 4.4), layout="constrained")
+    exponents = _exponents(table, ["dim", "n"])
+    curves, quantities = _crossovers(exponents, ["n"], 2, lambda row: f"$N$ = {row['n']:g}",
+                                     lambda key: published.LAMBDA_C[2])
+    _draw_crossovers(left, curves, 2, [published.LAMBDA_C[2]])
+    quantities = [_renamed(q, 2) for q in quantities]
+    fits = beverloo.fit_seeds(limits(measured), ["limit", "dim", "n"])
+    for i, (limit, name) in enumerate(LIMIT_NAMES.items()):
+        group = fits[(fits["limit"] == limit) & fits["reference_fit"].notna()].sort_values("n")
+        if len(group) < 2:
+            continue
+        C, error = np.array([_held(row, "C") for _, row in group.iterrows()]).T
+        right.errorbar(group["n"], C / C[0], error / C[0], fmt=plotting.MARKERS[i], color=plotting.COLORS[i], capsize=2.5,
+                       label=name)
+        n = group["n"].to_numpy(float)
+        (power, offset), covariance = np.polyfit(np.log(n), np.log(C), 1, w=C / error, cov="unscaled") \
+            if len(n) > 2 else (np.polyfit(np.log(n), np.log(C), 1), np.full((2, 2), np.nan))
+        right.plot(n, np.exp(offset) * n**power / C[0], color=plotting.COLORS[i], lw=1.1)
+        quantities.append(Quantity(f"p of C ~ N^p, {name}", float(power), float(np.sqrt(covariance[0, 0])),
+                                   published.C_SIZE[limit], "C with the published beta held"))
+    n = np.array(sorted(fits["n"].unique()), float)
+    right.plot(n, n / n[0], "-.", color="0.45", lw=1, label="[H], friction: linear")
+    right.set(xlabel="$N$", ylabel=f"$C/C_{{{n[0]:g}}}$", ylim=(0, None))
+    right.legend()
+    return figure, quantities
+
+
+def draw_discharge(measured):
+    """[H 8]: c0 of discharges of a wedge, dN/dt = -c0 sqrt(N), against the width, with the law of the experiment."""
+    table = measured[np.isfinite(measured["c0"].astype(float))]
+    if table.empty:
+        raise RunError("no discharge has a rate c0: it needs a wedge that runs empty")
+    fits = beverloo.fit_seeds(table, ["hopper_angle", "dim"], "c0")
+    figure, (left, right) = plt.subplots(1, 2, figsize=(9.4, 4.0), layout="constrained")
+    draw_flow(left, right, fits.assign(reference=0.5, reference_fit=None),
+              [rf"{row['hopper_angle']:g}°" for _, row in fits.iterrows()])
+    oil = [published.OIL_K.value, published.OIL_BETA.value]
+    grid = oil[0] + (left.get_xlim()[1] - oil[0]) * np.linspace(0, 1, 200) ** 2
+    quantities = []
+    for _, row in fits.iterrows():
+        angle = f"{row['hopper_angle']:g} degrees"
+        if row["fit"]:
+            data = row["data"][row["data"]["hopper_width"] > oil[0]]
+            shape = (data["hopper_width"] - oil[0]) ** oil[1]
+            left.plot(grid, (data["Q"] @ shape) / (shape @ shape) * (grid - oil[0]) ** oil[1], "-.", color="0.2", lw=1.2,
+                      label=rf"oil drops [H]: $\beta$ = {oil[1]:g}, $k$ = {oil[0]:g}, $C$ fitted")
+        for quantity, known in (("beta", published.OIL_BETA), ("k", published.OIL_K), ("C", None)):
+            value, error = (getattr(row["fit"], quantity + end) if row["fit"] else np.nan for end in ("", "_error"))
+            quantities.append(Quantity(f"{quantity} of c0(w), {angle}", value, error, known, row["note"]))
+    left.set_ylabel(r"$c_0$  [$t_0^{-1}$]")
+    right.set_ylabel(r"$c_0/C$")
+    beverloo_figures.groups_first(left)
+    return figure, quantities
+
+
 _FEW = "soft particles alone, fewer seeds and shorter runs; no deformable ones"
 FIGURES = [
     Figure("H2", "Q(w) of soft and deformable particles, friction only and drag only", ("quick/limits", "quick/stiff"),
@@ -316,6 +496,20 @@ FIGURES = [
            ("hopper/profile",), "profiles", draw_profiles),
     Figure("H6", "beta(lambda) and the ratio of the forces for several angles", ("quick/angle", "quick/lambda"),
            ("hopper/angle",), "flows", draw_angles, "fewer lambda and widths, shorter runs"),
+    Figure("H7", "offset k against the stiffness of soft and deformable particles", ("quick/stiffness", "quick/map"),
+           ("hopper/stiffness", "hopper/map"), "flows", draw_offsets,
+           "120 deformable particles with contacts softer than printed, one seed, three K_l and K_b"),
+    Figure("H8", "discharge of a wedge against its width, beside the experiment", ("quick/discharge",),
+           ("hopper/discharge",), "flows", draw_discharge, "400 particles, four seeds"),
     Figure("H10", "Q(w) of soft and of nearly hard particles", ("quick/limits", "quick/hard"),
            ("hopper/limits", "hopper/limits-deformable"), "flows", draw_limits, _FEW),
+    Figure("H11", "beta(lambda) of very soft particles, from Q and from Q' corrected for overlaps",
+           ("quick/lambda-soft", "quick/lambda"), ("hopper/lambda-soft", "hopper/lambda"), "flows", draw_corrected,
+           "fewer lambda and widths, shorter runs"),
+    Figure("H12", "beta(lambda) and C for several numbers of particles", ("quick/size", "quick/limits"), ("hopper/size",),
+           "flows", draw_size, "the limits alone, shorter runs"),
+    Figure("H13", "prefactor C of soft particles against their stiffness, and the collapse", ("quick/stiffness",),
+           ("hopper/stiffness",), "flows", draw_prefactors, "four stiffnesses, shorter runs"),
+    Figure("H14", "prefactor C of deformable particles, and the collapse", ("quick/map",), ("hopper/map",), "flows",
+           draw_prefactors, "120 particles with contacts softer than printed, one seed"),
 ]

@@ -27,6 +27,10 @@ K_SOFT = {"friction": Published(0.5, 0.5, "H 7: below 1"), "drag": Published(1.0
 #: Ratio zeta/mu at which beta is in the middle, by dimension with a flat bottom, and by angle in 2D.
 LAMBDA_C = {2: Published(0.05, 0.005, "H 4a"), 3: Published(0.07, 0.005, "H 4b")}
 LAMBDA_C_ANGLE = {90: Published(0.05, 0.005, "H 6a"), 30: Published(5e-3, 5e-4, "H 6a"), 20: Published(5e-3, 5e-4, "H 6a")}
+#: Exponent p of C ~ N^p.
+C_SIZE = {"friction": Published(1.0, 0.2, "H 12b: roughly linear"), "drag": None}  # only: much weaker
+#: C of the softest particles over that of the hardest.
+C_FALL = {"friction": Published(2.0, 0.5, "H 4, 13a: about 2"), "drag": None}  # only: very weakly dependent
 #: Exponent in w of the axis velocity at the orifice.
 VELOCITY = {"friction": Published(0.5, 0.0, "H 5a"), "crossover": Published(0.0, 0.0, "H 5b: hardly depends on w"),
             "drag": Published(-0.5, 0.0, "H 5c")}
@@ -37,6 +41,7 @@ OIL_K = Published(1.47, 0.005, "H 8c")
 THREE_SLOPE = Published(3.16, 0.005, "T Fig. 2.3")
 THREE_PEAK = Published(0.110, 0.0005, "T Fig. 2.3")
 K1_SQUARE = Published(7.08, 0.6, "T Fig. 2.7")
+K1_FIRST = Published(5.27, 0.005, "T 2.4.1: first reduction of the 7 x 7 raft")
 K1_ARRAYS = Published(6.1, 0.05, "T 2.4.2: mean of 20 to 400 droplets")
 #: F_max/N over 2 sqrt(k1 E1/(p^3 + p^2)) [T 2.37].
 PEAK_RATIO = Published(1.0, 0.0, "T 2.37; most peaks of T Fig. 2.8 are higher")

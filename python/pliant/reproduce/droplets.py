@@ -1,0 +1,352 @@
+"""The figures of the thesis: rafts of droplets (chapter 2) and clogs (chapter 4)."""
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+
+from .. import clog, ensemble, plotting, raft, raft_figures
+from ..clog_figures import draw_avalanches, draw_curves, draw_middles, draw_probabilities, draw_regimes
+from ..errors import RunError
+from ..script import with_error
+from . import published
+from .figure import Figure, Quantity
+
+DISTANCE = r"distance of the walls  $D/\langle R\rangle$"
+
+
+def _usual(measured, column):
+    """The runs with the commonest value of a column, of which others are variants."""
+    return measured[measured[column] == measured.drop_duplicates(["table", "row"])[column].mode().iloc[0]]
+
+
+def _curves(axes, measured, labels):
+    for (_, curve), (_, color), label in zip(measured.groupby(["table", "row"], sort=False), raft_figures.styles(), labels):
+        axes.plot(curve["distance"], curve["force"], color=color, lw=1.1, label=label)
+    axes.axhline(0, color="0.7", lw=0.7)
+    axes.set(xlabel=DISTANCE, ylabel="force on the walls  $F$")
+    axes.invert_xaxis()  # time runs to the right
+
+
+def draw_three(measured):
+    """[T 2.3]: force of three droplets, and its peak against the speed of the wall."""
+    # Of runs that differ in the integrator alone the first.
+    runs = measured.drop_duplicates(["table", "row"]).drop_duplicates("v_wall")
+    measured = measured[measured["row"].isin(runs["row"])]
+    figure, (left, right) = plt.subplots(1, 2, figsize=(9.2, 3.8), layout="constrained")
+    _curves(left, measured, [rf"$v_{{wall}}$ = {v:g}" for v in runs["v_wall"]])
+    left.axhline(published.THREE_PEAK.value, color="0.4", ls="-.", lw=0.9, label="[T], peak")
+    left.legend()
+    speeds = runs.groupby("v_wall")["F_max"].mean()
+    right.plot(speeds.index, speeds, "o", color=plotting.COLORS[0])
+    right.axhline(published.THREE_PEAK.value, color="0.4", ls="-.", lw=0.9, label="[T]")
+    right.set(xlabel=r"$v_{wall}$", ylabel=r"$F_{max}$", xlim=(0, None))
+    slowest = runs.sort_values("v_wall").iloc[0]
+    quantities = [Quantity("stiffness at F = 0, slowest wall", slowest["slope"], slowest["slope_error"],
+                           published.THREE_SLOPE)]
+    quantities += [Quantity(f"F_max at v_wall = {v:g}", F, np.nan, published.THREE_PEAK) for v, F in speeds.items()]
+    if len(speeds) > 2:
+        # The two slowest give the limit; the third says how far a straight line is off.
+        v, F = speeds.index.to_numpy()[:3], speeds.to_numpy()[:3]
+        limit = F[0] - v[0] * (F[1] - F[0]) / (v[1] - v[0])
+        other = F[1] - v[1] * (F[2] - F[1]) / (v[2] - v[1])
+        right.plot([0, v[1]], [limit, F[1]], color=plotting.COLORS[0], lw=1)
+        quantities.append(Quantity("F_max as v_wall goes to 0", limit, abs(limit - other), published.THREE_PEAK,
+                                   "a straight line through the two slowest; error: that through the next two"))
+    right.legend()
+    return figure, quantities
+
+
+def draw_forces(measured):
+    """[T 2.6, 2.9]: the force curve of a raft, a panel per fraction of small droplets, a curve per seed."""
+    measured = _usual(measured, "v_wall")
+    # Of runs that differ in the integrator alone the first.
+    first = measured.drop_duplicates(["table", "row"]).drop_duplicates(["small_fraction", "seed"])
+    measured = measured[measured["row"].isin(first["row"])]
+    kinds = sorted(measured["small_fraction"].unique())
+    figure, panels = plt.subplots(len(kinds), 1, figsize=(8, 1.2 + 2.5 * len(kinds)), layout="constrained", squeeze=False)
+    quantities = []
+    for axes, phi in zip(panels[:, 0], kinds):
+        own = measured[measured["small_fraction"] == phi]
+        runs = own.drop_duplicates(["table", "row"])
+        _curves(axes, own, [f"seed {seed}" for seed in runs["seed"]])
+        axes.legend(ncols=2)
+        axes.set_title(rf"$N$ = {runs['n'].iloc[0]}" + (rf", $\phi$ = {phi:g}" if len(kinds) > 1 else ""), loc="left")
+        peak = ensemble.scatter(runs, ["n"], "F_max").iloc[0]
+        quantities.append(Quantity(f"highest peak, phi = {phi:g}", peak["F_max"], peak["F_max_error"], None,
+                                   ensemble.seeds_remark(pd.DataFrame([peak]))))
+    return figure, quantities
+
+
+def _stiffness(reductions):
+    """Mean over runs of k1 [T 2.32], of its fit to each."""
+    runs = []
+    for _, table in reductions.groupby(["table", "row"]):
+        k1, error = raft.fit_k1(table)
+        runs.append({"all": 0, "k1": k1, "k1_error": error})
+    return ensemble.average(pd.DataFrame(runs), ["all"], "k1").iloc[0]
+
+
+def draw_stiffness(measured):
+    """[T 2.7]: k_eq of the reductions of a raft against q/(p+1)."""
+    table = _usual(measured, "v_wall").drop_duplicates(["seed", "start_rows", "n", "rows"])
+    mean = _stiffness(table)
+    figure, axes = plt.subplots(figsize=(5.8, 4.2), layout="constrained")
+    raft_figures.draw_stiffness(axes, table, mean["k1"])
+    x = np.array([0, table["x"].max()])
+    axes.plot(x, published.K1_SQUARE.value * x, "-.", color=plotting.COLORS[1],
+              label=f"[T], $k_1$ = {with_error(published.K1_SQUARE.value, published.K1_SQUARE.error)}")
+    axes.legend()
+    quantities = [Quantity("k1 of k_eq = k1 q/(p+1)", mean["k1"], mean["k1_error"], published.K1_SQUARE)]
+    of_row = table.assign(k=table["k_eq"] / table["x"], k_error=table["k_error"] / table["x"])
+    for row in ensemble.average(of_row, ["rows"], "k").sort_values("rows", ascending=False).itertuples():
+        quantities.append(Quantity(f"k1 of the reduction from {row.rows} rows", row.k, row.k_error,
+                                   published.K1_FIRST if row.rows == 7 else None))
+    return figure, quantities
+
+
+def draw_scaling(measured):
+    """[T 2.8]: peaks of the reductions of many rafts against (p³ + p²)^(-1/2)."""
+    table = measured.assign(ratio=measured["F_max"] / measured["n"] / (
+        2 * np.sqrt(measured["k1"] * measured["E1"]) * raft_figures.inverse_rows(measured)))
+    mean = _stiffness(table)
+    figure, (left, right) = plt.subplots(1, 2, figsize=(9.6, 4.1), layout="constrained")
+    raft_figures.draw_stiffness(left, table, mean["k1"])
+    raft_figures.draw_peaks(right, table)
+    runs = table.groupby(["n", "table", "row"], as_index=False)["ratio"].mean()
+    quantities = [Quantity("k1 of k_eq = k1 q/(p+1), mean of all arrays", mean["k1"], mean["k1_error"],
+                           published.K1_ARRAYS)]
+    for row in ensemble.scatter(runs, ["n"], "ratio").itertuples():
+        quantities.append(Quantity(f"F_max over 2 N sqrt(k1 E1/(p^3+p^2)), mean of reductions, N = {row.n}", row.ratio,
+                                   row.ratio_error, published.PEAK_RATIO))
+    return figure, quantities
+
+
+def _means(measured, kind):
+    """raft_figures.fracture_means, and the same as of ensemble.scatter with the column y."""
+    means, settings, y = raft_figures.fracture_means(measured, kind)
+    return means, ensemble.scatter(measured, settings, y), y
+
+
+def draw_two_sizes(measured):
+    """[T 2.10]: excess peaks against the fraction of small droplets, over the height of the fitted law."""
+    means, points, _ = _means(measured, "phi")
+    figure, (left, right) = plt.subplots(1, 2, figsize=(9.6, 4.0), layout="constrained")
+    raft_figures.draw_fractures(left, means, "phi")
+    quantities = []
+    for (n, group), (marker, color) in zip(points.groupby("n"), raft_figures.styles()):
+        height, _ = raft.fit_excess(group["phi"], group["excess"])
+        heights = [raft.fit_excess(group["phi"], draw)[0] for draw in ensemble.draws(group, "excess")]
+        error = float(ensemble.spread(heights))
+        quantities.append(Quantity(f"height of the excess, N = {n}", height, error))
+        right.errorbar(group["phi"], group["excess"] / height, group["excess_error"].fillna(0) / height, fmt=marker,
+                       color=color, capsize=2, label=rf"$N = {n}$, $\Delta N_{{peak}}$ = {with_error(height, error)}")
+        for row in group[(group["phi"] > 0) & (group["phi"] < 1)].itertuples():
+            law = raft.excess_fractures(row.phi, 1.0)
+            quantities.append(Quantity(f"excess over its height at phi = {row.phi:g}, N = {n}", row.excess / height,
+                                       np.hypot(row.excess_error / height, row.excess * error / height**2),
+                                       published.Published(float(law), 0.0, "T 2.39")))
+    phi = np.linspace(0, 1, 200)
+    right.plot(phi, raft.excess_fractures(phi, 1.0), "--", color="0.3", lw=1.1, label=r"[T], $2\sqrt{\phi(1-\phi)}$")
+    right.set(xlabel=raft_figures.FRACTURES["phi"][1], ylabel=r"$\Delta N/\Delta N_{peak}$")
+    right.legend()
+    return figure, quantities
+
+
+def draw_polydispersity(measured):
+    """[T 2.11]: peaks against polydispersity, of one kind with a distribution of sizes and of two kinds."""
+    figure, axes = plt.subplots(figsize=(5.8, 4.2), layout="constrained")
+    quantities = []
+    one = measured["small_fraction"] == 0
+    for data, name, marker, color in ((measured[one], "one kind", "s", plotting.COLORS[0]),
+                                      (measured[~one], "two kinds", "o", plotting.COLORS[1])):
+        points = ensemble.scatter(data, ["n", "delta"], "peaks")
+        if len(points):
+            axes.errorbar(points["delta"], points["peaks"], points["peaks_error"].fillna(0), fmt=marker, color=color,
+                          capsize=2, label=name)
+        quantities += [Quantity(f"peaks at delta = {row.delta:.4g}, {name}", row.peaks, row.peaks_error)
+                       for row in points.itertuples()]
+    axes.set(xlabel=raft_figures.FRACTURES["delta"][1], ylabel="peaks", ylim=(0, None))
+    axes.legend()
+    return figure, quantities
+
+
+def _draw_competing(measured, kind):
+    means, points, y = _means(measured, kind)
+    figure, axes = plt.subplots(figsize=(5.8, 4.2), layout="constrained")
+    raft_figures.draw_fractures(axes, means, kind)
+    axes.set_ylim(0, 1.05)
+    x = raft_figures.FRACTURES[kind][0]
+    shown = {"inverse_size": lambda row: f"N = {row['n']:g}", "aspect": lambda row: f"q/p = {row['aspect']:.3g}",
+             "tilt": lambda row: f"N = {row['n']:g}, {row['tilt']:g} degrees"}[x]
+    quantities = [Quantity(f"fraction of competing fractures, {shown(row)}", row[y], row[y + "_error"])
+                  for _, row in points.iterrows()]
+    return figure, axes, points, quantities
+
+
+def draw_size(measured):
+    """[T 2.14]: competing fractures against N^(-1/2), with the line to infinite rafts."""
+    figure, axes, points, quantities = _draw_competing(measured, "size")
+    line = points[points["n"] >= 16]
+    if len(line) > 2:
+        x = line["inverse_size"].to_numpy()
+        slope, limit = np.polyfit(x, line["competing"], 1)
+        drawn = np.polyfit(x, ensemble.draws(line, "competing").T, 1)
+        at = np.array([0, x.max()])
+        axes.plot(at, limit + slope * at, color=plotting.COLORS[0], lw=1.1, label="line, $N$ ≥ 16")
+        quantities.insert(0, Quantity("fraction of competing fractures as N goes to infinity", limit,
+                                      float(ensemble.spread(drawn[1])), published.COMPETING))
+    axes.plot(0, published.COMPETING.value, "k*", ms=9, clip_on=False, label="[T], extrapolated")
+    axes.set_xlim(0, None)
+    axes.legend()
+    return figure, quantities
+
+
+def draw_aspect(measured):
+    """[T 2.15]: competing fractures against the shape of the raft."""
+    figure, axes, _, quantities = _draw_competing(measured, "aspect")
+    return figure, quantities
+
+
+def draw_tilt(measured):
+    """[T 2.16]: competing fractures against the angle between the walls."""
+    figure, axes, points, quantities = _draw_competing(measured, "tilt")
+    for n, group in points.groupby("n"):
+        tilt = group["tilt"].to_numpy()
+        least = tilt[group["competing"].argmin()]
+        drawn = tilt[ensemble.draws(group, "competing").argmin(1)]
+        if group["competing"].min() < group["competing"].max() and group["competing"].iloc[0] > 0:
+            quantities.insert(0, Quantity(f"tilt with the fewest competing fractures, N = {n}", least,
+                                          float(np.sqrt(((drawn - least) ** 2).mean())), published.TILT))
+    axes.axvline(published.TILT.value, color="0.5", ls="-.", lw=0.9, label="[T], fewest")
+    axes.legend()
+    return figure, quantities
+
+
+# ---- clogs -----------------------------------------------------------------------------------------------------------
+
+def _points(measured):
+    ended = measured[measured["status"].isin(clog.ENDED)]
+    if ended.empty:
+        raise RunError("no run has ended clogged or empty")
+    return clog.clog_points(ended)
+
+
+def _middles(fits, symbol):
+    return [Quantity(f"{symbol} at phi_c = {row.phi_c:g}" + (f", N = {row.n:g}" if fits["n"].nunique() > 1 else ""),
+                     row.x0 if row.fit else np.nan, row.x0_error if row.fit else np.nan, None, row.note or "")
+            for row in fits.itertuples()]
+
+
+def draw_gravity(measured):
+    """[T 4.2]: P_clog against gravity, and where it is one half."""
+    fits = clog.fit_sigmoids(_points(measured), "g")
+    if fits.empty:
+        raise RunError("no curve of P_clog against g: rows with several g and one width are needed")
+    figure, (left, right) = plt.subplots(1, 2, figsize=(9.2, 3.9), layout="constrained")
+    draw_curves(left, fits, "g")
+    draw_middles(right, fits, "phi_c", (r"$\phi_c$", "$g_0$"))
+    return figure, _middles(fits, "g_0")
+
+
+def _width_fits(measured):
+    fits = clog.fit_sigmoids(_points(measured), "hopper_width")
+    if fits.empty:
+        raise RunError("no curve of P_clog against the width: rows with several widths and one g are needed")
+    return fits
+
+
+def draw_width(measured):
+    """[T 4.3]: P_clog against the width of the exit."""
+    fits = _width_fits(measured)
+    figure, axes = plt.subplots(figsize=(5.8, 4.2), layout="constrained")
+    draw_curves(axes, fits, "hopper_width")
+    return figure, _middles(fits, "w*/d")
+
+
+def draw_middle_widths(measured):
+    """[T 4.4]: w*/d against the capillary length, with two regimes."""
+    figure, axes = plt.subplots(figsize=(5.8, 4.2), layout="constrained")
+    regimes = draw_regimes(axes, _width_fits(measured))
+    grid = np.linspace(0, axes.get_xlim()[1], 200)
+    axes.plot(grid, np.maximum(published.W_LOW.value, published.W_SLOPE.value * grid), "-.", color="0.2", lw=1.1,
+              label=f"[T], {published.W_LOW.value:.3g} and {published.W_SLOPE.value:.3g} $\\delta$")
+    axes.legend()
+    relative = np.hypot(regimes.low_error / regimes.low, regimes.slope_error / regimes.slope)
+    return figure, [Quantity("w*/d, low cohesion", regimes.low, regimes.low_error, published.W_LOW),
+                    Quantity("w*/d over delta, high cohesion", regimes.slope, regimes.slope_error, published.W_SLOPE),
+                    Quantity("delta_crit", regimes.delta_crit, regimes.delta_crit * relative, published.DELTA_CRIT)]
+
+
+def _avalanches(measured):
+    points = _points(measured)
+    x = clog.effective_width(points, clog.fitted_delta_crit(points[points["g"] == points["g"].mode().iloc[0]]))
+    fit = clog.fit_avalanches(x, points["s"], points["s_error"], points["n"])
+    quality = f"chi2/dof {fit.chi2_reduced:.3g}, {fit.points} of {len(points)} points"
+    quantities = [Quantity("A", fit.A, fit.A_error, published.A, quality),
+                  Quantity("B", fit.B, fit.B_error, published.B, quality)]
+    return points, x, fit, quantities
+
+
+def _published_law(axes, x, law):
+    grid = np.linspace(0, x.max() * 1.05, 300)
+    axes.plot(grid, law(grid, published.A.value, published.B.value), "-.", color="0.2", lw=1.1, label="[T]")
+
+
+def draw_collapse(measured):
+    """[T 4.5]: mean avalanches against w/delta*."""
+    points, x, fit, quantities = _avalanches(measured)
+    figure, (left, right) = plt.subplots(1, 2, figsize=(9.6, 4.1), layout="constrained")
+    draw_avalanches(left, right, points, x, fit)
+    n = points["n"].max()
+    _published_law(left, x, lambda grid, A, B: np.minimum(clog.avalanche_law(grid, A, B), n))
+    left.legend()
+    return figure, quantities
+
+
+def draw_clog_collapse(measured):
+    """[T 4.6]: P_clog against w/delta*."""
+    points, x, fit, quantities = _avalanches(measured)
+    figure, axes = plt.subplots(figsize=(5.8, 4.2), layout="constrained")
+    draw_probabilities(axes, points, x, fit)
+    n = points["n"].max()
+    _published_law(axes, x, lambda grid, A, B: clog.clog_law(grid, A, B, n))
+    axes.legend()
+    expected = clog.clog_law(x, fit.A, fit.B, points["n"].to_numpy())
+    away = (points["P"] - expected).to_numpy()
+    return figure, [*quantities, Quantity("P_clog less its law, mean over points", float(away.mean()),
+                                          float(away.std(ddof=1) / np.sqrt(len(away))),
+                                          published.Published(0.0, 0.0, "T 4.20"))]
+
+
+FIGURES = [
+    Figure("T2.3", "three droplets: force on the walls, its slope and its peak", ("quick/three",), ("raft/three",), "forces",
+           draw_three, "three speeds"),
+    Figure("T2.6", "7 x 7 raft: force against the distance of the walls", ("quick/square",), ("raft/square",), "forces",
+           draw_forces, "the same at one speed"),
+    Figure("T2.7", "7 x 7 raft: stiffness against q/(p+1)", ("quick/square",), ("raft/square",), "reductions",
+           draw_stiffness, "the same at one speed"),
+    Figure("T2.8", "rafts of 20 to 400 droplets: peaks of the force against the number of rows", ("quick/scaling",),
+           ("raft/scaling",), "reductions", draw_scaling, "up to 100 droplets, twice the speed"),
+    Figure("T2.9", "force with more and more small droplets", ("quick/small-droplets",), ("raft/small-droplets",), "forces",
+           draw_forces, "one seed"),
+    Figure("T2.10", "excess fractures against the fraction of small droplets", ("quick/bidisperse",), ("raft/bidisperse",),
+           "fractures", draw_two_sizes, "4 x 5 droplets, four seeds"),
+    Figure("T2.11", "fractures against polydispersity", ("quick/delta", "quick/bidisperse"),
+           ("raft/delta", "raft/bidisperse"), "fractures", draw_polydispersity, "four seeds"),
+    Figure("T2.14", "competing fractures against the number of droplets", ("quick/raft-size",), ("raft/size",), "fractures",
+           draw_size, "up to 64 droplets, twice the speed"),
+    Figure("T2.15", "competing fractures against the shape of the raft", ("quick/aspect",), ("raft/aspect",), "fractures",
+           draw_aspect, "36 droplets, twice the speed"),
+    Figure("T2.16", "competing fractures against the angle of the walls", ("quick/tilt",), ("raft/tilt",), "fractures",
+           draw_tilt, "36 droplets, twice the speed"),
+    Figure("T4.2", "probability of a clog against gravity", ("quick/gravity",), ("clog/gravity",), "clogs", draw_gravity,
+           "six seeds, fewer points"),
+    Figure("T4.3", "probability of a clog against the width of the exit", ("quick/width",), ("clog/width",), "clogs",
+           draw_width, "six seeds, fewer points"),
+    Figure("T4.4", "width of even odds against the capillary length", ("quick/width",), ("clog/width",), "clogs",
+           draw_middle_widths, "six seeds, fewer points"),
+    Figure("T4.5", "mean avalanche against w/delta*", ("quick/width", "quick/gravity"),
+           ("clog/width", "clog/gravity", "clog/numbers"), "clogs", draw_collapse, "six seeds, fewer points, one N"),
+    Figure("T4.6", "probability of a clog against w/delta*", ("quick/width", "quick/gravity"),
+           ("clog/width", "clog/gravity", "clog/numbers"), "clogs", draw_clog_collapse, "six seeds, fewer points, one N"),
+]
