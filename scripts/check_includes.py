@@ -29,8 +29,9 @@ USES = {
     "scenarios/hopper": ["run"],
     "scenarios/raft": ["scenarios/droplets"],
     "scenarios/clog": ["scenarios/droplets"],
+    "scenarios/channel": ["run"],
     "scenarios/evaluate": ["run"],
-    "apps": ["scenarios/hopper", "scenarios/raft", "scenarios/clog", "scenarios/evaluate"],
+    "apps": ["scenarios/hopper", "scenarios/raft", "scenarios/clog", "scenarios/channel", "scenarios/evaluate"],
 }
 INCLUDE = re.compile(r'\s*#\s*include\s*(?:<pliant/([^>]+)>|(".*"))')
 

@@ -48,6 +48,8 @@ CASES = {
     "raft-lagged": Case(f"{RAFT} -mobility lagged", 1200, 1e6),
     "raft-extension": Case(f"{RAFT} -motion extension", 1200, 1e6),
     "clog": Case("clog -n 90 -seed 3 -g 0.1 -hopper_width 3 -phi_c 3e-4 -sample_interval 5 -frame_interval 20", 100, 1e6),
+    "channel": Case("channel -channel_width 6 -channel_arm 11 -stroke 3 -distribution bidisperse -plunger_speed 20 "
+                    "-pushes 2 -frame_travel 0.5", 0.08, 1e6),
     "sp-threads": Case(f"{SOFT} -threads 2 -frame_interval 5", 15, 30),
     "rough-ranks": Case(f"{POLYGONS} -model rough -mu 1", 5, 10, ranks=2),
     "raft-ranks": Case(f"{RAFT} -v_wall 4e-3", 300, 1e6, ranks=2),

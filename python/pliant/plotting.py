@@ -41,7 +41,13 @@ def save(figure, path, close=True):
 # ---- what a particle's colour can mean -------------------------------------------------------------------------------
 
 def length_unit(run):
+    if run.scenario == "channel":
+        return r"\mathrm{cm}"
     return r"\langle R\rangle" if run.droplets else r"\sigma_{avg}"
+
+
+def time_unit(run):
+    return r"\mathrm{s}" if run.scenario == "channel" else "t_0"
 
 
 def _speed(run, frame):
@@ -66,7 +72,7 @@ def _shape(run, frame):
 
 #: name → (values [N] of a frame, label of a run, colour map)
 QUANTITIES = {
-    "speed": (_speed, lambda run: rf"speed  $|v|$  [${length_unit(run)}/t_0$]", "viridis"),
+    "speed": (_speed, lambda run: rf"speed  $|v|$  [${length_unit(run)}/{time_unit(run)}$]", "viridis"),
     "area": (_area, lambda run: r"area change  $a/a_0 - 1$  [%]", "cividis"),
     "shape": (_shape, lambda run: r"shape  $\mathcal{A} = p^2/4\pi a$", "magma"),
     "contacts": (_contacts, lambda run: "bound droplets" if run.droplets else "touching particles", "viridis"),
@@ -138,7 +144,7 @@ def wall_lines(run, frame, top=None):
     reach up to `top` (None: to their upper end, or to their lower one if they have no end); in 3D both halves of the cut
     through the axis. A disk is a polygon. Walls that are gone, as the opened lid of a clog, are left out."""
     lines = frame.wall_segments.reshape(-1, 2, 2).copy()
-    if run.droplets:
+    if run.droplets or run.scenario == "channel":
         return lines[(lines[:, 0] != lines[:, 1]).any(1)]
     finite = np.isfinite(lines[:, :, 1])
     highest = lines[:, :, 1].max(where=finite, initial=-np.inf)
@@ -160,8 +166,8 @@ def wall_lines(run, frame, top=None):
 
 
 def view(run, frames):
-    """(x0, x1, y0, y1) that holds the walls' width, the orifice and all active particles of the frames; of droplets the
-    whole walls."""
+    """(x0, x1, y0, y1) that holds the walls' width, the orifice and all active particles of the frames; of droplets
+    and channels the whole walls."""
     margin = max(0.6, 0.55 * run.topology.sigma.max(initial=0))
     walls = np.concatenate([wall_lines(run, frame).reshape(-1, 2) for frame in frames])
     centres = np.concatenate([frame.centres[visible(run, frame)][:, [0, -1]] for frame in frames])
@@ -169,7 +175,7 @@ def view(run, frames):
         raise RunError(f"{run.path}: neither walls nor particles to draw")
     x = np.concatenate([walls[:, 0], centres[:, 0]])
     # Upright walls of a hopper may reach far above the filling: above it they do not count.
-    whole = run.droplets or not len(centres)
+    whole = run.droplets or run.scenario == "channel" or not len(centres)
     y = np.concatenate([centres[:, 1], walls[:, 1] if whole else [walls[:, 1].min(initial=np.inf)]])
     y = y[np.isfinite(y)]
     return x.min() - margin, x.max() + margin, y.min() - 2 * margin, y.max() + 2 * margin
@@ -254,10 +260,10 @@ def model_name(run):
     return MODEL_NAMES.get(run.model, run.model)
 
 
-def time_label(frame, digits=None):
+def time_label(run, frame, digits=None):
     """'$t = 12.5 t0$'; `digits` after the point, for a row of frames."""
     digits = digits if digits is not None else max(0, 3 - len(f"{abs(frame.time):.0f}"))
-    return rf"$t = {frame.time:.{digits}f}\ t_0$"
+    return rf"$t = {frame.time:.{digits}f}\ {time_unit(run)}$"
 
 
 def parameter_label(name, value):

@@ -61,7 +61,7 @@ def main():
     if arguments.max_height is not None:
         box = (*box[:3], max(min(box[3], arguments.max_height), box[2] + 1))
     figure, (ax,) = plotting.panel_figure([run], [box])
-    ax.set_title(f"{plotting.model_name(run)},  {plotting.time_label(frame)}")
+    ax.set_title(f"{plotting.model_name(run)},  {plotting.time_label(run, frame)}")
     plotting.draw_walls(ax, run, frame)
     # The lightest part of the map would vanish on the pale particles.
     cmap = ListedColormap(plt.get_cmap("magma_r")(np.linspace(0.2, 0.95, 256)))

@@ -89,7 +89,7 @@ def main():
                 walls = plotting.draw_walls(ax, run, frame)
                 colors = cmap(norm(plotting.particle_values(run, frame, arguments.color)))
                 artist, _ = plotting.draw_particles(ax, run, frame, colors, scale=scale)
-                title.set_text(f"{plotting.model_name(run)},  {plotting.time_label(frame, digits)}")
+                title.set_text(f"{plotting.model_name(run)},  {plotting.time_label(run, frame, digits)}")
                 writer.grab_frame()
                 if sys.stderr.isatty() or i + 1 == len(frames):
                     print(f"\rframe {i + 1} of {len(frames)}", end="", file=sys.stderr, flush=True)

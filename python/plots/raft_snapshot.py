@@ -33,7 +33,7 @@ def draw(axes, run, frame, largest, box):
     axes.add_collection(LineCollection(ends, colors=np.where(push < 0, TENSION, COMPRESSION),
                                        linewidths=0.4 + 3 * np.minimum(np.abs(push) / largest, 1), zorder=2))
     axes.add_collection(LineCollection(plotting.wall_lines(run, frame), colors=plotting.WALL, linewidths=2.5))
-    axes.set(xlim=box[:2], ylim=box[2:], aspect="equal", title=plotting.time_label(frame))
+    axes.set(xlim=box[:2], ylim=box[2:], aspect="equal", title=plotting.time_label(run, frame))
     axes.axis("off")
 
 

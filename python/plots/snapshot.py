@@ -25,8 +25,8 @@ def main():
     runs = load_runs(arguments.run)
     if len(runs) > 1 and not arguments.panels:
         raise RunError(f"{len(runs)} runs given (add --panels to draw them side by side)")
-    if len({run.droplets for run in runs}) > 1:
-        raise RunError("hoppers and droplets have other units: draw them in pictures of their own")
+    if len({plotting.length_unit(run) for run in runs}) > 1:
+        raise RunError("hoppers, droplets and channels have other units: draw them in pictures of their own")
 
     frames = [run.frame(arguments.frame) for run in runs]
     boxes = [plotting.view(run, [frame]) for run, frame in zip(runs, frames)]
@@ -38,7 +38,7 @@ def main():
     figure, axes = plotting.panel_figure(runs, boxes)
     labels = plotting.run_labels(runs) if len(runs) > 1 else [plotting.model_name(runs[0])]
     for ax, run, frame, label in zip(axes, runs, frames, labels):
-        ax.set_title(f"{label},  {plotting.time_label(frame)}")
+        ax.set_title(f"{label},  {plotting.time_label(run, frame)}")
         plotting.draw_walls(ax, run, frame)
     plotting.add_color_bar(figure, list(axes), runs[0], arguments.color, cmap, norm, extend)
     for ax, run, frame, value in zip(axes, runs, frames, values):

@@ -9,6 +9,7 @@
 #include <pliant/scenarios/channel/channel_shape.h>
 #include <pliant/scenarios/channel/distributions.h>
 #include <pliant/scenarios/channel/push_schedule.h>
+#include <pliant/scenarios/channel/start.h>
 
 using namespace pliant;
 using Catch::Matchers::Contains;
@@ -109,7 +110,6 @@ TEST_CASE("Plungers are named by places on sides", "[channel][shape]") {
   REQUIRE(t.plungers().size() == 2);
   CHECK(t.plungers()[0].direction.isApprox(Vec<2>(1, 0)));
   CHECK(t.plungers()[1].direction.isApprox(Vec<2>(0, -1)));
-  CHECK_THROWS_WITH(t.set_plungers({{10, 0}}), Contains("end of an arm"));
   CHECK_THROWS_WITH(t.set_plungers({{10, 30}}), Contains("nearest one"));
   CHECK_THROWS_WITH(t.set_plungers({{10, 40}, {11, 40}}), Contains("each once"));
   // A trapezium, given clockwise.
@@ -173,4 +173,89 @@ TEST_CASE("A plunger pushes, rests for a step, goes back and waits", "[channel][
   CHECK(sudden.phase_at(21) == PushPhase::push);
   CHECK(sudden.push_at(21) == 1);
   CHECK(sudden.travel_at(21) == 0);
+}
+
+namespace {
+
+Topology disks_of(const std::string& name, Real area) {
+  const auto sizes = size_distribution(name);
+  const auto numbers = disks_for_area(sizes, area);
+  Topology disks;
+  for (std::size_t k = 0; k < sizes.size(); ++k)
+    for (Index n = 0; n < numbers[k]; ++n) disks.add_soft(2 * sizes[k].radius, 1);
+  return disks;
+}
+
+}  // namespace
+
+TEST_CASE("Disks at random points are pushed apart, and stay in the channel", "[channel][start]") {
+  constexpr Real tolerance = 1e-4;
+  Channel own({{0, 0}, {20, 0}, {20, 12}, {13, 12}, {8, 8}, {0, 8}});
+  own.set_plungers({{20, 6}});
+  for (const Channel& channel : {Channel(ChannelKind::l, {20.5, 37.7}), Channel(ChannelKind::x, {12, 22}),
+                                 Channel(ChannelKind::straight, {9, 30}), own})
+    for (const char* name : {"bidisperse", "T2d"}) {
+      const Topology disks = disks_of(name, 0.66 * channel.area());
+      const ChannelStart start = random_start(disks, channel, channel.walls(), tolerance, 3);
+      INFO(name << ", " << disks.particles() << " disks, " << start.iterations << " iterations");
+      CHECK(start.max_overlap <= tolerance);
+      CHECK(start.max_overlap > 0);
+      const auto r = [&](Index m) { return Vec<2>(start.x[2 * m], start.x[2 * m + 1]); };
+      const auto& corners = channel.corners();
+      Index wrong = 0, outside = 0;
+      for (Index m = 0; m < disks.particles(); ++m) {
+        outside += !channel.inside(r(m));
+        for (Index n = 0; n < m; ++n)
+          wrong += (r(m) - r(n)).norm() < (disks.sigma[m] + disks.sigma[n]) / 2 * (1 - 1.001 * tolerance);
+        for (std::size_t k = 0; k < corners.size(); ++k)
+          wrong += std::sqrt(segment_foot(r(m), corners[k], corners[(k + 1) % corners.size()]).d2) <
+                   disks.sigma[m] / 2 * (1 - 1.001 * tolerance);
+      }
+      CHECK(outside == 0);
+      CHECK(wrong == 0);
+      CHECK(random_start(disks, channel, channel.walls(), tolerance, 3).x == start.x);
+      CHECK(random_start(disks, channel, channel.walls(), tolerance, 4).x != start.x);
+    }
+}
+
+TEST_CASE("Disks that do not fit are an error", "[channel][start]") {
+  const Channel channel(ChannelKind::l, {6, 11});
+  CHECK_THROWS_WITH(random_start(disks_of("bidisperse", 0.95 * channel.area()), channel, channel.walls(), 1e-4, 1),
+                    Contains("-area_fraction") && Contains("allowed"));
+}
+
+TEST_CASE("A plunger is a wall that moves", "[channel][shape]") {
+  const Channel channel(ChannelKind::l, {6, 11});
+  const Walls<2> walls = channel.walls({.plunger = 1, .travel = 1, .speed = 2, .since = 3});
+  // Four sides, a joint at three corners, two plungers.
+  REQUIRE(walls.size() == 6);
+  const Index plunger = walls.size() - 1, part = walls.part_count() - 1;
+  CHECK(walls.wall_of_part(part) == plunger);
+  CHECK(walls.distance({3, 8}, part, 3) == Approx(2));    // at y = 10
+  CHECK(walls.distance({3, 8}, part, 3.5) == Approx(1));  // at y = 9
+  CHECK(walls.velocity({3, 8}, part, 3.5).isApprox(Vec<2>(0, -2)));
+  CHECK(walls.distance({9, 3}, part - 1, 3.5) == Approx(2));  // the other rests
+  const std::vector<Real> drawn = channel.drawn_walls(1, 2);
+  REQUIRE(drawn.size() == 24);
+  CHECK(std::vector<Real>(drawn.end() - 4, drawn.end()) == std::vector<Real>{6, 9, 0, 9});
+  // A disk that goes round the inner corner has one contact with one surface, in an outer corner it has two.
+  const auto surfaces = [&](const Vec<2>& r) {
+    std::vector<Index> near, all;
+    walls.find_near(r, 1, 0, near);
+    for (const Index k : near)
+      if (walls.carries(r, k, 0)) all.push_back(walls.surface_of_part(k));
+    return all;
+  };
+  CHECK(surfaces({6.5, 5.5}).size() == 1);
+  CHECK(surfaces({5.5, 5.5}) == surfaces({6.5, 5.5}));
+  CHECK(surfaces({5.5, 5.5}) == surfaces({5.5, 6.5}));
+  CHECK(surfaces({0.5, 0.5}).size() == 2);
+  // Side walls that slide.
+  const Channel straight(ChannelKind::straight, {6, 11});
+  const Walls<2> belts = straight.walls({.speed = 1, .shear = 0.5});
+  REQUIRE(belts.size() == 4);
+  CHECK(belts.velocity({3, 5}, 0, 1).isApprox(Vec<2>(-0.5, 0)));
+  CHECK(belts.velocity({3, 1}, 1, 1).isApprox(Vec<2>(0.5, 0)));
+  CHECK(belts.distance({3, 5}, 0, 1) == Approx(1));
+  CHECK(belts.distance({3, 1}, 1, 1) == Approx(1));
 }

@@ -47,20 +47,14 @@ Channel::Channel(ChannelKind kind, const ChannelSize& size) {
   const auto corner = [&](int k) { return Vec<2>(middle + turned({w / 2, -w / 2}, k)); };
   for (int k = 0; k < 4; ++k) {
     const bool before = arms[(k + 3) % 4];
-    if (arms[k] == before) {
-      if (arms[k]) solids_.push_back(Solid<2>::wedge(corner(k), turned({1, 0}, k), turned({0, -1}, k)));
-      region_.corners.push_back(corner(k));
-    }
-    if (!arms[k]) {
-      solids_.push_back(Solid<2>::half_space(corner(k), turned({-1, 0}, k)));
-      continue;
-    }
+    if (arms[k] == before) region_.corners.push_back(corner(k));
+    if (!arms[k]) continue;
     const Vec<2> out = (size.arm - w) * turned({1, 0}, k);
     sides_.push_back(region_.corners.size());
     region_.corners.emplace_back(corner(k) + out);
     region_.corners.emplace_back(corner((k + 1) % 4) + out);
   }
-  ends_ = sides_;
+  straight_ = kind == ChannelKind::straight;
   place_plungers();
 }
 
@@ -85,10 +79,6 @@ void Channel::set_plungers(const std::vector<Vec<2>>& places) {
           r[0], r[1], least, a[0], a[1], b[0], b[1]);
     if (std::find(sides_.begin(), sides_.end(), nearest) != sides_.end())
       throw InputError("-plungers: ({:g}, {:g}) is on a side that has been named before; name each once", r[0], r[1]);
-    if (!solids_.empty() && std::find(ends_.begin(), ends_.end(), nearest) == ends_.end())
-      throw InputError(
-          "-plungers: ({:g}, {:g}) is not at the end of an arm; only these can be plungers of this channel", r[0],
-          r[1]);
     sides_.push_back(nearest);
   }
   place_plungers();
@@ -100,6 +90,53 @@ void Channel::place_plungers() {
     const Vec<2>&a = region_.corners[k], &b = region_.corners[(k + 1) % region_.corners.size()];
     plungers_.push_back({{a, b}, turned((b - a).normalized(), 1)});
   }
+}
+
+Walls<2> Channel::walls(const PlungerMotion& motion) const {
+  const std::vector<Vec<2>>& corners = region_.corners;
+  const std::size_t n = corners.size();
+  const auto is_plunger = [&](std::size_t k) { return std::find(sides_.begin(), sides_.end(), k) != sides_.end(); };
+  Walls<2> walls;
+  WallParts parts;
+  std::vector<Index> number(n, -1);  // of the segments
+  for (std::size_t k = 0; k < n; ++k) {
+    if (is_plunger(k)) continue;
+    const Vec<2>&a = corners[k], &b = corners[(k + 1) % n];
+    if (straight_) {
+      const Vec<2> along = (b - a).normalized();  // below in the direction of x, above against it
+      walls.add(Solid<2>::half_space(a, turned(along, 1)), {.velocity = motion.shear * along, .since = motion.since});
+      continue;
+    }
+    number[k] = parts.next();
+    parts.segments.push_back(WallSegment::between(a, b));
+  }
+  for (std::size_t k = 0; k < n; ++k) {
+    const std::size_t before = (k + n - 1) % n, after = (k + 1) % n;
+    if (number[k] < 0 || number[before] < 0) continue;
+    const bool convex = turn(corners[before], corners[k], corners[after], false) > -flat_turn;
+    parts.joints.push_back({corners[k], number[k], number[before], convex});
+  }
+  if (!parts.segments.empty()) walls.add(parts);
+  for (std::size_t p = 0; p < plungers_.size(); ++p) {
+    const Vec<2>& direction = plungers_[p].direction;
+    const bool moves = p == motion.plunger;
+    walls.add(Solid<2>::half_space(plungers_[p].ends[0] + (moves ? motion.travel : 0) * direction, direction),
+              {.velocity = (moves ? motion.speed : 0) * direction, .since = motion.since});
+  }
+  return walls;
+}
+
+std::vector<Real> Channel::drawn_walls(std::size_t plunger, Real travel) const {
+  std::vector<Real> drawn;
+  const auto draw = [&](const Vec<2>& a, const Vec<2>& b) { drawn.insert(drawn.end(), {a[0], a[1], b[0], b[1]}); };
+  for (std::size_t k = 0; k < region_.corners.size(); ++k)
+    if (std::find(sides_.begin(), sides_.end(), k) == sides_.end())
+      draw(region_.corners[k], region_.corners[(k + 1) % region_.corners.size()]);
+  for (std::size_t p = 0; p < plungers_.size(); ++p) {
+    const Vec<2> moved = (p == plunger ? travel : 0) * plungers_[p].direction;
+    draw(plungers_[p].ends[0] + moved, plungers_[p].ends[1] + moved);
+  }
+  return drawn;
 }
 
 void Channel::check_stroke(Real stroke) const {

@@ -27,8 +27,18 @@ struct Plunger {
   Real width() const { return (ends[1] - ends[0]).norm(); }
 };
 
-/// A polygon of which some sides are plungers; the others are walls. Between arms there are half-spaces and wedges, so
-/// that the inner corner is one contact with one history; the sides of an outline are segments.
+/// What moves from time `since` on.
+struct PlungerMotion {
+  std::size_t plunger = 0;
+  Real travel = 0, speed = 0;  ///< then, from its place at rest; into the channel
+  Real shear = 0;              ///< speed of the walls of a straight channel, along x below, against it above
+  Real since = 0;
+};
+
+/// A polygon of which some sides are plungers; the others are walls. Sides are
+/// segments, joined where two walls meet: an inner corner is one surface, with one contact that goes round it; an outer
+/// one is two, as is one of a wall and a plunger. Plungers are half-spaces, and so are the walls of a straight channel,
+/// which can move along themselves.
 class Channel {
  public:
   /// All arms end in plungers, those of +x, +y, −x, −y in this order. Errors: InputError where arms are no longer than
@@ -43,6 +53,11 @@ class Channel {
   /// Errors: InputError for a stroke that runs into a corner of the channel.
   void check_stroke(Real stroke) const;
 
+  /// Sides, then plungers: all plungers are at rest but one.
+  Walls<2> walls(const PlungerMotion& motion = {}) const;
+  /// The same as x1 y1 x2 y2 of each.
+  std::vector<Real> drawn_walls(std::size_t plunger, Real travel) const;
+
   const std::vector<Plunger>& plungers() const { return plungers_; }
   bool inside(const Vec<2>& r) const { return region_.contains(r); }
   Real area() const { return region_.content(2, std::numeric_limits<Real>::infinity()); }
@@ -51,9 +66,9 @@ class Channel {
  private:
   void place_plungers();
 
-  Obstacle region_;                        ///< with the plungers at rest; side k begins at corner k
-  std::vector<Solid<2>> solids_;           ///< without the ends of arms; none for an outline, whose sides are the walls
-  std::vector<std::size_t> ends_, sides_;  ///< ends of arms; sides that are plungers, in their turns
+  Obstacle region_;  ///< with the plungers at rest; side k begins at corner k
+  bool straight_ = false;
+  std::vector<std::size_t> sides_;  ///< that are plungers, in their turns
   std::vector<Plunger> plungers_;
 };
 

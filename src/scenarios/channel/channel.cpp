@@ -1,0 +1,345 @@
+#include <pliant/scenarios/channel/channel.h>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numeric>
+
+#include <pliant/base/console.h>
+#include <pliant/base/errors.h>
+#include <pliant/io/summary.h>
+#include <pliant/model/catalogue.h>
+#include <pliant/scenarios/channel/options.h>
+#include <pliant/scenarios/channel/start.h>
+#include <pliant/ts/verlet.h>
+
+namespace pliant {
+namespace {
+
+constexpr Real step_fraction = 0.2;     ///< standard step over the limit of stability
+constexpr Real standard_gravity = 981;  ///< cm/s²
+
+Topology make_disks(const ChannelOptions& p) {
+  Topology disks;
+  for (std::size_t k = 0; k < p.sizes.size(); ++k)
+    for (Index n = 0; n < p.disks[k]; ++n) disks.add_soft(2 * p.sizes[k].radius, p.mass(p.sizes[k].radius));
+  return disks;
+}
+
+/// The model: all that is known of it here.
+std::unique_ptr<ForceField<2>> make_forces(const ChannelOptions& p) {
+  // V'' = ε/δ² is that of two of the smallest disks.
+  Real smallest = std::numeric_limits<Real>::infinity();
+  for (const SizeClass& s : p.sizes) smallest = std::min(smallest, s.radius);
+  const Real epsilon = p.stiffness * square(2 * smallest);
+  return make_force_field<2>(ModelKind::sp, {.epsilon = epsilon, .epsilon_wall = epsilon, .zeta = p.zeta},
+                             Vec<2>::Zero());
+}
+
+std::unique_ptr<Simulation<2>> make_simulation(const ChannelOptions& p, const Ranks& ranks) {
+  constexpr Real first_skin = 0.1;
+  ParticleSystem<2> particles({}, p.channel->walls(), make_forces(p), p.skin.value_or(first_skin), ranks);
+  if (!p.skin) particles.tune_skin();
+  return std::make_unique<Simulation<2>>(make_disks(p), std::move(particles), Sorting::regularly);
+}
+
+class ChannelProtocol final : public Protocol<2> {
+ public:
+  ChannelProtocol(const ChannelOptions& p, const Ranks& ranks)
+      : Protocol<2>(make_simulation(p, ranks)),
+        p_(p),
+        channel_(*p.channel),
+        critical_step_(particles().field().critical_step(simulation().all()).least()),
+        schedule_(p.push, p.dt.value_or(step_fraction * critical_step_)) {
+    const Topology& all = simulation().all();
+    weight_ = standard_gravity * std::accumulate(all.point_mass.begin(), all.point_mass.end(), 0.0);
+  }
+
+  // --- Before the run
+
+  std::string title() const override {
+    std::string disks;
+    for (std::size_t k = 0; k < p_.sizes.size(); ++k)
+      disks += fmt::format("{}{} of {:.4g}", k > 0 ? ", " : "", p_.disks[k], p_.sizes[k].radius);
+    return fmt::format(
+        "channel: disks with radii in cm: {}; area fraction {:.4f} of {:.4g} cm^2; {} plungers, {:g} cm/s over {:g} "
+        "cm; "
+        "{} pushes; t0 = 1 s",
+        disks, area_fraction(), p_.filled_area(), channel_.plungers().size(), p_.push.speed, p_.push.stroke, p_.pushes);
+  }
+  std::string model() const override { return "sp"; }
+  Real first_dt() const override { return schedule_.dt(); }
+  Real critical_step() const override { return critical_step_; }
+  std::optional<Real> fixed_skin() const override { return p_.skin; }
+  std::unique_ptr<Integrator> make_integrator(Real dt) override { return std::make_unique<FixedStepVerlet>(dt); }
+
+  Real last_time() const override { return static_cast<Real>(last_step()) * schedule_.dt(); }
+  std::string end_at_last_time() const override {
+    return last_step() < schedule_.end_of_push(p_.pushes - 1) ? "t_end" : "pushes";
+  }
+
+  RunGeometry geometry() const override {
+    std::map<std::string, Real> attributes{{"stroke", p_.push.stroke}};
+    if (p_.outline.empty()) attributes.insert({{"width", p_.size.width}, {"arm", p_.size.arm}});
+    return {"channel", drawn_walls(0), attributes};
+  }
+
+  std::vector<Real> start() override {
+    const ChannelStart start = random_start(simulation().all(), channel_, channel_.walls(), p_.start_overlap,
+                                            static_cast<std::uint64_t>(p_.seed));
+    if (ranks().root())
+      say("pushed apart in {} iterations of FIRE; largest overlap {:.1e}\n", start.iterations, start.max_overlap);
+    return start.x;
+  }
+
+  void started() override { put_walls(); }
+
+  void judge_end() override {
+    if (p_.on_jam == OnJam::end && jammed_in(schedule_.push_at(state().step))) run().end("jammed");
+  }
+
+  // --- During the run
+
+  bool follow() override {
+    const std::int64_t step = state().step;
+    const bool changes = schedule_.phase_begin(step) == step, stroke_ends = schedule_.phase_at(step) == PushPhase::hold;
+    // At the end of a stroke the plunger still pushes, at the beginning of one it has gone back.
+    if (changes && !stroke_ends) put_walls();
+    if (schedule_.frame_at(step)) run().write_frame();
+    if (changes && stroke_ends) put_walls();
+    return changes;
+  }
+
+  std::map<std::string, Real> frame_attributes() const override {
+    const std::int64_t step = state().step;
+    if (!schedule_.in_stroke(step)) return {};
+    return {{"push", static_cast<Real>(schedule_.push_at(step))}, {"plunger_travel", schedule_.travel_at(step)}};
+  }
+
+  std::vector<Real> wall_segments() override { return drawn_walls(state().step); }
+
+  std::vector<SeriesValue> sample() override {
+    check_inside();
+    const StateView<2> s = simulation().view();
+    const ForceField<2>& field = particles().field();
+    std::array<Real, 6> sums{};  // kinetic and stored energy, momentum, angular momentum, contacts
+    for (Index i = 0; i < topology().owned_points(); ++i) {
+      const Vec<2> momentum = topology().mass(i) * s.velocity(i), r = s.position(i);
+      sums[0] += s.kinetic_energy(i);
+      sums[2] += momentum[0];
+      sums[3] += momentum[1];
+      sums[4] += r[0] * momentum[1] - r[1] * momentum[0];
+      if (s.spins != nullptr) sums[4] += topology().inertia[topology().particle[i]] * s.spin(i);
+    }
+    sums[1] = field.energy(s);
+    std::vector<Deepest> deepest{{}};
+    const auto overlaps = [&](Real depth, Index first, Index second) {
+      if (depth > deepest[0].overlap) deepest[0] = {depth, first, second};
+    };
+    field.for_each_contact(s, [&](const Contact<2>& c) {
+      const auto [first, second] = std::minmax(topology().id[c.first], topology().id[c.second]);
+      overlaps(c.overlap * c.reach / std::min(radius(c.first), radius(c.second)), first, second);
+      ++sums[5];
+    });
+    for (const auto& [i, part] : s.neighbours.walls)
+      overlaps(1 - s.walls.distance(s.position(i), part, s.t) / radius(i), topology().id[i], -1);
+    ranks().sum(sums);
+    deepest_ = {};
+    for (const Deepest& d : ranks().all_gather(deepest))
+      if (d.overlap > deepest_.overlap) deepest_ = d;
+    largest_overlap_ = std::max(largest_overlap_, deepest_.overlap);
+
+    measure_plungers(s);
+    notice_jam();
+    std::vector<SeriesValue> row{{"time", s.t},
+                                 {"dt", run().last_dt()},
+                                 {"push", static_cast<Real>(schedule_.push_at(state().step))},
+                                 {"plunger_travel", schedule_.travel_at(state().step)},
+                                 {"plunger_force", std::span<const Real>(plunger_force_)},
+                                 {"max_overlap", deepest_.overlap},
+                                 {"contact_pairs", sums[5]},
+                                 {"kinetic_energy", sums[0]},
+                                 {"elastic_energy", sums[1]},
+                                 {"plunger_work", work_},
+                                 {"momentum", std::span<const Real>(sums).subspan(2, 2)},
+                                 {"angular_momentum", sums[4]}};
+    return row;
+  }
+
+  std::string progress() const override {
+    const std::int64_t step = state().step;
+    return fmt::format("push {}/{}, {:.2f} cm  force {:.2g} of the weight  overlap {:.1e}", schedule_.push_at(step) + 1,
+                       p_.pushes, schedule_.travel_at(step), largest_force() / weight_, deepest_.overlap);
+  }
+
+  void save(SharedCheckpoint& c) const override {
+    c.add("push", schedule_.push_at(state().step));
+    c.add("jammed_pushes", jams_);
+    c.add("largest_overlap", largest_overlap_);
+    c.add("largest_plunger_force", largest_plunger_force_);
+    c.add("plunger_work", work_);
+    c.add("plunger_power", power_);
+    c.add("plunger_power_at", power_at_);
+  }
+
+  void load(const Checkpoint& c, const StoredParticles&) override {
+    const std::int64_t push = c.integer("push", schedule_.push_at(c.step), schedule_.push_at(c.step));
+    jams_ = c.integer_array("jammed_pushes", c.length("jammed_pushes"), 0, push);
+    const auto events = static_cast<std::int64_t>(jams_.size());
+    c.integer("events", events, events);
+    largest_overlap_ = c.real("largest_overlap", 0);
+    largest_plunger_force_ = c.real("largest_plunger_force", 0);
+    work_ = c.real("plunger_work");
+    power_ = c.real("plunger_power");
+    power_at_ = c.real("plunger_power_at", 0, c.t);
+    put_walls();
+  }
+
+  std::string failure_details() const override {
+    if (deepest_.first < 0) return {};
+    return fmt::format(", largest overlap {:.3f} of a radius between disk {} and {}", deepest_.overlap, deepest_.first,
+                       deepest_.second < 0 ? "a wall" : fmt::format("disk {}", deepest_.second));
+  }
+
+  // --- After the run
+
+  void conclude(nlohmann::ordered_json& s) override {
+    s["area_fraction"] = area_fraction();
+    nlohmann::ordered_json disks = nlohmann::ordered_json::array();
+    for (std::size_t k = 0; k < p_.sizes.size(); ++k)
+      disks.push_back({{"radius", p_.sizes[k].radius}, {"count", p_.disks[k]}});
+    s["disks"] = disks;
+    s["weight"] = quantity(weight_, NAN, "dyn");
+    s["pushes"] = (state().step + schedule_.period() - schedule_.steps_of_push()) / schedule_.period();
+    s["frame_travel"] = quantity(schedule_.frame_travel(), NAN, "cm");
+    s["jammed_pushes"] = jams_;
+    s["largest_overlap"] = largest_overlap_;
+    s["largest_plunger_force"] = quantity(largest_plunger_force_, NAN, "dyn");
+    s["plunger_work"] = quantity(work_, NAN, "erg");
+  }
+
+  void report(const Series&, nlohmann::ordered_json& s) override {
+    say("{} pushes; largest force on a plunger {:.3g} of the disks' weight, largest overlap {:.2g} of a radius\n",
+        std::int64_t(s["pushes"]), largest_plunger_force_ / weight_, largest_overlap_);
+    if (!jams_.empty()) say("jammed in push {}\n", fmt::join(jams_, ", "));
+  }
+
+ private:
+  struct Deepest {
+    Real overlap = 0;  ///< over the radius of the smaller disk
+    Index first = -1, second = -1;
+  };
+
+  Real radius(Index m) const { return topology().sigma[m] / 2; }
+  Real area_fraction() const { return covered_area(p_.sizes, p_.disks) / p_.filled_area(); }
+
+  /// Never between two pushes.
+  std::int64_t last_step() const {
+    const std::int64_t last = schedule_.end_of_push(p_.pushes - 1);
+    if (!p_.t_end || !(*p_.t_end / schedule_.dt() < static_cast<Real>(last))) return last;
+    const auto asked = static_cast<std::int64_t>(std::llround(*p_.t_end / schedule_.dt()));
+    return schedule_.in_stroke(asked) ? asked : schedule_.end_of_push(schedule_.push_at(asked));
+  }
+
+  std::size_t plunger_at(std::int64_t step) const {
+    return static_cast<std::size_t>(schedule_.push_at(step)) % channel_.plungers().size();
+  }
+
+  /// As they are from this step on.
+  void put_walls() {
+    const std::int64_t begin = schedule_.phase_begin(state().step);
+    const Real speed = schedule_.velocity_at(begin);
+    simulation().particles().set_walls(
+        channel_.walls({.plunger = plunger_at(begin),
+                        .travel = schedule_.travel_at(begin),
+                        .speed = speed,
+                        .shear = schedule_.phase_at(begin) == PushPhase::push ? p_.shear * speed : 0,
+                        .since = static_cast<Real>(begin) * schedule_.dt()}));
+  }
+
+  std::vector<Real> drawn_walls(std::int64_t step) const {
+    return channel_.drawn_walls(plunger_at(step), schedule_.travel_at(step));
+  }
+
+  /// Forces on the plungers, against their directions, and the work of the one that moves, by the trapezoidal rule.
+  void measure_plungers(const StateView<2>& s) {
+    const Index walls = s.walls.size(), plungers = static_cast<Index>(channel_.plungers().size());
+    std::vector<Real> force(2 * static_cast<std::size_t>(walls));
+    particles().field().add_wall_forces(s, force.data());
+    ranks().sum(force);
+    plunger_force_.clear();
+    for (Index k = 0; k < plungers; ++k)
+      plunger_force_.push_back(-point<2>(force.data(), walls - plungers + k).dot(channel_.plungers()[k].direction));
+    largest_plunger_force_ = std::max(largest_plunger_force_, largest_force());
+    const Real power = plunger_force_[plunger_at(state().step)] * schedule_.velocity_at(state().step);
+    work_ += (power_ + power) / 2 * (s.t - power_at_);
+    power_ = power;
+    power_at_ = s.t;
+  }
+  Real largest_force() const {
+    return plunger_force_.empty() ? 0 : *std::max_element(plunger_force_.begin(), plunger_force_.end());
+  }
+
+  bool jammed_in(std::int64_t push) const { return !jams_.empty() && jams_.back() == push; }
+
+  /// Once in each push.
+  void notice_jam() {
+    const std::int64_t step = state().step, push = schedule_.push_at(step);
+    const bool overlaps = deepest_.overlap > p_.jam_overlap, presses = largest_force() > p_.jam_force * weight_;
+    if ((!overlaps && !presses) || jammed_in(push)) return;
+    jams_.push_back(push);
+    const Real travel = schedule_.travel_at(step);
+    if (ranks().root())
+      warn("push {} jams at {:.3f} cm: {}; {}", push, travel,
+           overlaps ? fmt::format("disks overlap by {:.2g} of a radius (-jam_overlap {:g})", deepest_.overlap,
+                                  p_.jam_overlap)
+                    : fmt::format("the force on a plunger is {:.3g} times the disks' weight (-jam_force {:g})",
+                                  largest_force() / weight_, p_.jam_force),
+           p_.on_jam == OnJam::end ? "the run ends" : "the run goes on");
+    run().add_event({{"time", state().t},
+                     {"push", static_cast<Real>(push)},
+                     {"plunger_travel", travel},
+                     {"plunger_force", largest_force()},
+                     {"max_overlap", deepest_.overlap}});
+    if (p_.on_jam == OnJam::end) run().end("jammed");
+  }
+
+  void check_inside() const {
+    Index outside = -1;
+    for (Index m = 0; m < topology().owned() && outside < 0; ++m)
+      if (!channel_.inside(point<2>(state().x().data(), m))) outside = topology().id[m];
+    outside = static_cast<Index>(ranks().max(Real(outside)));
+    if (outside >= 0)
+      throw NumericalError("disk {} has left the channel: shorten -dt, or raise -stiffness if overlaps are large",
+                           outside);
+  }
+
+  const ChannelOptions& p_;
+  const Channel& channel_;
+  Real critical_step_;
+  PushSchedule schedule_;
+  Real weight_ = 0;                  ///< of all disks
+  Deepest deepest_;                  ///< in the last sample
+  std::vector<Real> plunger_force_;  ///< in the last sample
+  std::vector<std::int64_t> jams_;   ///< pushes
+  Real largest_overlap_ = 0, largest_plunger_force_ = 0;
+  Real work_ = 0, power_ = 0, power_at_ = 0;
+};
+
+}  // namespace
+
+Scenario channel_scenario() {
+  Scenario s = option_scenario<ChannelOptions>(
+      "channel", "disks that plungers push through a channel, back and forth",
+      [](const ChannelOptions& p, const Options& options, const Ranks& ranks, std::optional<Checkpoint> checkpoint) {
+        p.refuse_unread(options);
+        return std::make_unique<Run<2>>("channel", p, options, ranks, std::make_unique<ChannelProtocol>(p, ranks),
+                                        std::move(checkpoint));
+      });
+  s.units = "Units: cm, g, s; forces in dyn = g cm/s². What the run prints in t0 is in s.";
+  return s;
+}
+
+}  // namespace pliant

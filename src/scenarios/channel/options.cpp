@@ -1,0 +1,197 @@
+#include <pliant/scenarios/channel/options.h>
+
+#include <algorithm>
+#include <limits>
+
+#include <pliant/base/errors.h>
+#include <pliant/base/text.h>
+#include <pliant/setup/polylines.h>
+
+namespace pliant {
+namespace {
+
+constexpr Real never = 1e300;  ///< s between frames that nobody asks for
+
+/// The corners in a file: one polygon. name: of the file, in messages.
+std::vector<Vec<2>> parse_outline(std::string_view text, const std::string& name) {
+  std::vector<Polyline> all = parse_polylines(text, name, "cm");
+  if (all.size() > 1)
+    throw InputError(
+        "{}:{}: a second polyline; the outline of a channel is one polygon, the plungers being sides of it", name,
+        all[1].lines[0]);
+  try {
+    return make_polygon(std::move(all[0].points));
+  } catch (const InputError& error) {
+    throw InputError("{}: {}", name, error.what());
+  }
+}
+
+std::string read_outline(const std::string& file) {
+  std::string text;
+  for (const Vec<2>& r : parse_outline(read_text_file(file, largest_outline, "outline"), "outline " + printable(file)))
+    text += fmt::format("{} {}\n", r[0], r[1]);
+  return text;
+}
+
+/// "x,y;x,y"
+std::vector<Vec<2>> parse_places(const std::string& text) {
+  const auto values = parse_numbers(text, ",; \t");
+  if (!values || values->empty() || values->size() % 2 != 0)
+    throw InputError("-plungers {}: not a list of places; write x,y;x,y, two numbers in cm for each", printable(text));
+  std::vector<Vec<2>> places;
+  for (std::size_t k = 0; k < values->size(); k += 2) places.emplace_back((*values)[k], (*values)[k + 1]);
+  return places;
+}
+
+}  // namespace
+
+ChannelOptions::ChannelOptions() { frame_interval = never; }
+
+void ChannelOptions::bind(Options& o) {
+  constexpr auto fixed = OnRestart::fixed;
+  const auto positive = [](std::string help, std::string unit) {
+    return OptionSpec{
+        .help = std::move(help), .unit = std::move(unit), .min = 0, .min_open = true, .on_restart = fixed};
+  };
+
+  o.group("Channel");
+  o.bind(
+      "geometry", kind,
+      {{"L", ChannelKind::l}, {"T", ChannelKind::t}, {"X", ChannelKind::x}, {"straight", ChannelKind::straight}},
+      {.help = "arms along x and y; T: along -x too; X: along -y too; straight: along x and -x", .on_restart = fixed});
+  o.bind("channel_width", size.width, positive("width of the channel", "cm"));
+  o.bind("channel_arm", size.arm, positive("length of an arm, from its end to the far side of the bend", "cm"));
+  o.bind("outline", outline,
+         {.help = "file with the corners of a channel of one's own, in place of the three above: lines x y in cm, one "
+                  "polygon, of which -plungers names sides",
+          .on_restart = fixed,
+          .read = read_outline});
+  o.bind("plungers", plungers,
+         {.help = "places x,y;x,y on the sides that are plungers, in the order of their turns; empty: the ends of all "
+                  "arms, that of +x first, counterclockwise",
+          .on_restart = fixed});
+  o.bind("shear", shear,
+         {.help = "-geometry straight: speed of the side walls, along x in opposite directions, over that of the "
+                  "plunger",
+          .on_restart = fixed});
+
+  o.group("Disks");
+  o.bind("distribution", distribution,
+         {.help = "sizes, of [T table 3.1]", .choices = size_distribution_names(), .on_restart = fixed});
+  o.bind("radii", radii,
+         {.help = "radii of one's own in place of -distribution, with commas between them",
+          .unit = "cm",
+          .on_restart = fixed});
+  o.bind("counts", counts, {.help = "relative numbers of disks of these radii", .on_restart = fixed});
+  o.bind("area_fraction", area_fraction,
+         {.help = "area of the disks over that of the channel less the stroke of one plunger",
+          .min = 0,
+          .max = 1,
+          .min_open = true,
+          .on_restart = fixed});
+  o.bind("density", density, positive("density of the disks", "g/cm^3"));
+  o.bind("thickness", thickness, positive("thickness of the disks", "cm"));
+  o.bind("start_overlap", start_overlap,
+         {.help = "largest overlap at the start, over the distance of contact",
+          .min = 1e-12,
+          .max = 0.1,
+          .on_restart = fixed});
+  o.bind("seed", seed, {.help = "seed of the places at the start", .min = 0, .on_restart = fixed});
+
+  o.group("Model");
+  o.bind("stiffness", stiffness, positive("stiffness of a contact of two of the smallest disks", "g/s^2"));
+  o.bind("zeta", zeta, {.help = "drag on each disk", .unit = "g/s", .min = 0, .on_restart = fixed});
+
+  o.group("Plungers");
+  o.bind("pushes", pushes, {.help = "number of pushes, one plunger after the other", .min = 1, .max = 1e6});
+  o.bind("plunger_speed", push.speed, positive("speed of a plunger", "cm/s"));
+  o.bind("stroke", push.stroke, positive("how far a plunger goes", "cm"));
+  o.bind("retract_speed", push.retract_speed,
+         {.help = "speed at which it goes back; 0: at once", .unit = "cm/s", .min = 0, .on_restart = fixed});
+  o.bind("pause", push.pause,
+         {.help = "rest between its return and the next push", .unit = "s", .min = 0, .on_restart = fixed});
+
+  o.group("Jams");
+  o.bind("jam_overlap", jam_overlap,
+         {.help = "overlap that counts as a jam, over the radius of the smaller disk",
+          .min = 0,
+          .max = 1,
+          .min_open = true});
+  o.bind(
+      "jam_force", jam_force,
+      {.help = "force on the plunger that counts as a jam, over the weight of all disks", .min = 0, .min_open = true});
+  o.bind("on_jam", on_jam, {{"continue", OnJam::proceed}, {"end", OnJam::end}}, {.help = "go on, or end the run"});
+
+  o.group("Integration");
+  o.bind("dt", dt,
+         {.help = "longest step; the step is such that frames lie at whole numbers of steps",
+          .unit = "s",
+          .min = 0,
+          .min_open = true,
+          .automatic = "0.2 of the limit of stability",
+          .on_restart = fixed});
+  o.bind("allow_unstable_dt", allow_unstable_dt, {.help = "go on where -dt is above the limit of stability"});
+  o.bind("t_end", t_end,
+         {.help = "end of the run, if that is before the end of -pushes; not between two pushes",
+          .unit = "s",
+          .min = 0,
+          .automatic = "the end of the last push"});
+  o.bind("threads", threads,
+         {.help = "threads of this process (of each rank under mpiexec); results do not depend on their number",
+          .min = 1,
+          .max = 1024,
+          .on_restart = OnRestart::forget});
+  o.bind("skin", skin,
+         {.help = "margin of the neighbour lists",
+          .unit = "cm",
+          .min = 0,
+          .min_open = true,
+          .automatic = "tuned to the motion during the run",
+          .on_restart = fixed});
+
+  bind_output(o, false);
+  o.bind("frame_travel", push.frame_travel,
+         positive("travel of the plunger between frames, rounded so that it divides the stroke", "cm"));
+  o.bind("sample_travel", sample_travel,
+         positive("travel of the plunger in the time between samples of the series", "cm"));
+}
+
+void ChannelOptions::resolve() {
+  channel = outline.empty() ? Channel(kind, size) : Channel(parse_outline(outline, "-outline"));
+  if (!plungers.empty()) channel->set_plungers(parse_places(plungers));
+  if (channel->plungers().empty())
+    throw InputError("-outline without plungers; name the sides that are plungers with -plungers x,y;x,y");
+  channel->check_stroke(push.stroke);
+  if (shear != 0 && (kind != ChannelKind::straight || !outline.empty()))
+    throw InputError("-shear {:g}: only the walls of -geometry straight can move along themselves; leave it out",
+                     shear);
+
+  sizes = radii.empty() && counts.empty() ? size_distribution(distribution) : parse_sizes(radii, counts);
+  disks = disks_for_area(sizes, area_fraction * filled_area());
+  const auto by_radius = [](const SizeClass& a, const SizeClass& b) { return a.radius < b.radius; };
+  const Real largest = std::max_element(sizes.begin(), sizes.end(), by_radius)->radius;
+  for (const Plunger& p : channel->plungers())
+    if (2 * largest >= p.width())
+      throw InputError(
+          "disks of a radius of {:g} cm and a plunger that is {:g} cm wide: use smaller disks or a wider channel",
+          largest, p.width());
+
+  sample_interval = sample_travel / push.speed;
+}
+
+void ChannelOptions::refuse_unread(const Options& o) const {
+  const auto refuse = [&](const std::string& name, const std::string& other) {
+    if (o.given(name)) throw InputError("-{} with -{}, which takes its place; leave one of them out", name, other);
+  };
+  if (!outline.empty())
+    for (const char* name : {"geometry", "channel_width", "channel_arm"}) refuse(name, "outline");
+  if (!radii.empty()) refuse("distribution", "radii");
+}
+
+Real ChannelOptions::filled_area() const {
+  const Real area = channel->area() - push.stroke * channel->plungers()[0].width();
+  if (!(area > 0)) throw InputError("-stroke {:g}: nothing is left of the channel; shorten it", push.stroke);
+  return area;
+}
+
+}  // namespace pliant

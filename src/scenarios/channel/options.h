@@ -1,0 +1,56 @@
+// Options of the scenario `channel`.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <pliant/base/options.h>
+#include <pliant/run/options.h>
+#include <pliant/scenarios/channel/channel_shape.h>
+#include <pliant/scenarios/channel/distributions.h>
+#include <pliant/scenarios/channel/push_schedule.h>
+
+namespace pliant {
+
+enum class OnJam { proceed, end };
+
+/// As given by the user; `resolve` fills in what is automatic. Units: cm, g, s.
+struct ChannelOptions : RunOptions {
+  ChannelKind kind = ChannelKind::l;
+  ChannelSize size;
+  std::string outline, plungers;  ///< empty: none, automatic
+  Real shear = 0;
+  std::optional<Channel> channel;  ///< made of these by `resolve`
+
+  std::string distribution = "T4", radii, counts;
+  std::vector<SizeClass> sizes;  ///< of these
+  std::vector<Index> disks;      ///< of each size
+  Real area_fraction = 0.77;
+  Real density = 1.19, thickness = 0.29;
+  Real start_overlap = 1e-4;
+
+  Real stiffness = 5e6, zeta = 200;
+
+  Index pushes = 10;
+  PushOptions push;
+  Real jam_overlap = 0.01, jam_force = 50;
+  OnJam on_jam = OnJam::proceed;
+
+  std::optional<Real> dt, t_end, skin;
+  Real sample_travel = 0.011;
+
+  ChannelOptions();
+  void bind(Options& options);
+  /// Errors: InputError.
+  void resolve();
+  /// Errors: InputError for options that another one keeps from being read.
+  void refuse_unread(const Options& options) const;
+
+  /// The channel but for the stroke of one plunger, cm²: what -area_fraction is of.
+  Real filled_area() const;
+  /// g
+  Real mass(Real radius) const { return density * thickness * pi * square(radius); }
+};
+
+}  // namespace pliant

@@ -1,0 +1,221 @@
+"""The scenario channel: frames by travel, restart, ranks, other channels, jams, bad input, and its analysis."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import HANGS, Results, assert_same_runs, pliant, same, stopped_until_done
+from test_parallel import needs_mpi, on_ranks
+
+ROOT = Path(__file__).resolve().parents[2]
+# Thirty disks, three fast pushes: a second or less.
+SMALL = {"channel_width": 6, "channel_arm": 11, "stroke": 3, "distribution": "bidisperse", "plunger_speed": 20,
+         "pushes": 3, "frame_travel": 0.275, "seed": 2, "jam_overlap": 1}
+
+
+def channel(folder, **options):
+    result = pliant("channel", output=folder, **{**SMALL, **options})
+    assert result.returncode == 0, result.stderr
+    return Results(folder)
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    return channel(tmp_path_factory.mktemp("channel") / "small")
+
+
+def test_frames_by_travel(small):
+    """11 intervals of 3/11 cm in each push, both ends included; plungers are where they say."""
+    assert len(small.frames) == 3 * 12
+    assert np.array_equal(small.column("push"), np.repeat([0, 1, 2], 12))
+    travel = small.column("plunger_travel").reshape(3, 12)
+    assert travel == pytest.approx(np.tile(np.arange(12) * 3 / 11, (3, 1)), abs=1e-12)
+    walls = small.column("wall_segments").reshape(3, 12, -1, 4)
+    assert walls.shape[2] == 6  # four sides, two plungers
+    for push, moving, resting in ((0, 4, 5), (1, 5, 4), (2, 4, 5)):
+        place = walls[push, :, moving, moving - 4]  # x of the first, y of the second
+        assert place == pytest.approx(11 - travel[push], abs=1e-12)
+        assert np.ptp(walls[push, :, resting], axis=0).max() == 0
+        time = small.column("time").reshape(3, 12)[push]
+        assert time - time[0] == pytest.approx(travel[push] / 20, rel=1e-9, abs=1e-12)
+    assert np.all(np.diff(small.column("time")) > 0)
+
+
+def test_the_plunger_pushes(small):
+    """Disks flow from x to y, then back, and stay inside."""
+    x = small.column("positions").reshape(3, 12, -1, 2)
+    shift = x[:, -1] - x[:, 0]
+    assert shift[0, :, 0].mean() < -0.3 and shift[0, :, 1].mean() > 0.3
+    assert shift[1, :, 0].mean() > 0.3 and shift[1, :, 1].mean() < -0.3
+    r = small.topology["sigma"] / 2
+    place = small.column("positions")
+    assert np.all(place > 0.8 * r[:, None]) and np.all(place.max(-1) < 11 - 0.8 * r)
+    series = small.series
+    assert series["plunger_force"].shape == (len(series["time"]), 2)
+    first = (series["push"] == 0) & (series["plunger_travel"] > 1) & (series["plunger_travel"] < 3)
+    assert series["plunger_force"][first, 0].mean() > 0
+    assert small.summary["largest_overlap"] == series["max_overlap"].max()
+    assert small.summary["plunger_work"]["value"] > 0
+    assert small.summary["ended_by"] == "pushes"
+    assert small.summary["jammed_pushes"] == []
+
+
+def test_disks(small):
+    disks = {d["radius"]: d["count"] for d in small.summary["disks"]}
+    assert disks == {0.9525: 15, 0.635: 15}
+    covered = sum(np.pi * radius**2 * count for radius, count in disks.items())
+    assert small.summary["area_fraction"] == pytest.approx(covered / (2 * 11 * 6 - 36 - 18))
+    assert small.summary["weight"]["value"] == pytest.approx(1.19 * 0.29 * 981 * covered)
+
+
+def test_a_faster_plunger_has_its_frames_at_the_same_travel(small, tmp_path):
+    fast = channel(tmp_path / "fast", plunger_speed=40, pushes=1)
+    assert fast.column("plunger_travel") == pytest.approx(small.column("plunger_travel")[:12], abs=1e-12)
+    assert fast.frames[-1]["time"] == pytest.approx(small.frames[11]["time"] / 2)
+    assert len(fast.series["time"]) == pytest.approx(len(small.series["time"]) / 3, abs=2)
+
+
+def test_stopped_and_continued(small, tmp_path):
+    assert stopped_until_done("channel", **SMALL, output=tmp_path / "parts") > 1
+    assert_same_runs(small, Results(tmp_path / "parts"))
+
+
+@pytest.mark.parametrize("options, within", [({"retract_speed": 15, "pause": 0.05}, "a retraction"),
+                                             ({"pause": 0.05}, "a pause")])
+def test_stopped_between_pushes(options, within, tmp_path):
+    whole = channel(tmp_path / "whole", **options)
+    assert stopped_until_done("channel", **SMALL, **options, output=tmp_path / "parts") > 1
+    assert_same_runs(whole, Results(tmp_path / "parts"))
+    travel, push = whole.series["plunger_travel"], whole.series["push"]
+    assert np.any(np.diff(travel[push == 0]) < 0) and np.sum(travel == 0) > 10  # it goes back, and waits
+
+
+def test_more_pushes(small, tmp_path):
+    """A run that has ended goes on with more pushes, as if it had been asked for them at once."""
+    channel(tmp_path / "run", pushes=1)
+    result = pliant("channel", restart=tmp_path / "run", pushes=3)
+    assert result.returncode == 0, result.stderr
+    parts = Results(tmp_path / "run")
+    assert np.array_equal(parts.column("positions"), small.column("positions"))
+
+
+def test_an_end_between_pushes_is_that_of_the_stroke(tmp_path):
+    run = channel(tmp_path / "run", pause=1, t_end=0.5)
+    assert run.summary["ended_by"] == "t_end" and len(run.frames) == 12
+    assert run.summary["t"] == pytest.approx(0.15)
+
+
+@needs_mpi
+def test_ranks(tmp_path):
+    """The same to rounding while it is short; continued bit for bit."""
+    options = {**SMALL, "pushes": 1, "t_end": 0.03}
+    one = channel(tmp_path / "one", **options)
+    for folder, ends in (("two", [0.03]), ("parts", [0.011, 0.03])):
+        for end in ends:
+            words = {**options, "output": tmp_path / folder} if end == ends[0] else {"restart": tmp_path / folder}
+            result = on_ranks(2, "channel", **{**words, "t_end": end})
+            assert result.returncode == 0, result.stderr
+    two, parts = Results(tmp_path / "two"), Results(tmp_path / "parts")
+    assert np.allclose(one.column("positions"), two.column("positions"), rtol=0, atol=1e-9)
+    assert np.allclose(one.series["plunger_force"], two.series["plunger_force"], rtol=1e-6, atol=1e-3)
+    assert same(two.frames[-1]["positions"], parts.frames[-1]["positions"])
+
+
+@pytest.mark.parametrize("geometry, plungers, sides", [("T", 3, 5), ("X", 4, 8), ("straight", 2, 2)])
+def test_other_channels(geometry, plungers, sides, tmp_path):
+    """Each plunger has its turn, and disks flow away from it."""
+    run = channel(tmp_path / "run", geometry=geometry, pushes=plungers, frame_travel=1,
+                  **({"shear": 0.5} if geometry == "straight" else {}))
+    assert run.series["plunger_force"].shape[1] == plungers
+    walls = run.column("wall_segments")
+    assert walls.shape[1] == sides + plungers
+    x = run.column("positions").reshape(plungers, 4, -1, 2)
+    for k in range(plungers):
+        face = walls[4 * k, sides + k].reshape(2, 2)
+        direction = np.array([face[0, 1] - face[1, 1], face[1, 0] - face[0, 0]]) / 6  # its left normal
+        assert ((x[k, -1] - x[k, 0]) @ direction).mean() > 0.1
+
+
+def test_an_outline_of_ones_own(small, tmp_path):
+    """The same channel from a file, clockwise: bit for bit the same motion."""
+    (tmp_path / "L.txt").write_text("# an L\n0 0\n0 11\n6 11\n6 6\n11 6\n11 0\n")
+    own = {k: v for k, v in SMALL.items() if not k.startswith("channel_")}
+    result = pliant("channel", output=tmp_path / "run", outline=tmp_path / "L.txt", plungers="11,3;3,11",
+                    **{**own, "pushes": 1})
+    assert result.returncode == 0, result.stderr
+    run = Results(tmp_path / "run")
+    assert run.summary["particles"] == small.summary["particles"]
+    assert run.column("plunger_travel") == pytest.approx(small.column("plunger_travel")[:12])
+    assert run.frames[-1]["positions"].mean() == pytest.approx(small.frames[11]["positions"].mean(), rel=0.05)
+
+
+def test_jams(tmp_path):
+    """Too many disks: the jam is an event, is said, and ends the run if asked to; once it is allowed to, it goes on."""
+    options = {"area_fraction": 0.92, "pushes": 2, "jam_overlap": 0.01}
+    result = pliant("channel", output=tmp_path / "run", **{**SMALL, **options, "on_jam": "end"})
+    assert result.returncode == 0 and "push 0 jams at" in result.stderr, result.stderr
+    run = Results(tmp_path / "run")
+    assert run.summary["status"] == "jammed" and run.summary["jammed_pushes"] == [0]
+    assert run.events["push"].tolist() == [0]
+    assert 0 < run.events["plunger_travel"][0] < 3
+    assert run.events["plunger_force"][0] > 20 * run.summary["weight"]["value"] or run.events["max_overlap"][0] > 0.01
+    again = pliant("channel", restart=tmp_path / "run")
+    assert "has ended there already" in again.stdout
+    result = pliant("channel", restart=tmp_path / "run", on_jam="continue")
+    assert result.returncode == 0, result.stderr
+    run = Results(tmp_path / "run")
+    assert run.summary["status"] == "done" and run.summary["ended_by"] == "pushes"
+    assert run.summary["jammed_pushes"][0] == 0 and run.events["push"].tolist() == run.summary["jammed_pushes"]
+
+
+@pytest.mark.parametrize("options, words", [
+    ({"distribution": "T5"}, "must be one of bidisperse, T1"),
+    ({"area_fraction": 1.2}, "at most 1"),
+    ({"area_fraction": 1e-3}, "has no room for a disk"),
+    ({"channel_arm": 5}, "-channel_arm 5"),
+    ({"stroke": 5.5}, "runs into the corner (6, 6)"),
+    ({"distribution": "T4"}, "smaller disks or a wider channel"),
+    ({"radii": "0.5,0.7"}, "-radii needs -counts"),
+    ({"counts": "1,2"}, "-counts needs -radii"),
+    ({"radii": "0.5,0.7", "counts": "1,2"}, "-distribution with -radii"),
+    ({"plungers": "11,3;11,4"}, "named before"),
+    ({"plungers": "11,3;4"}, "not a list of places"),
+    ({"plungers": "3,3"}, "the nearest one"),
+    ({"shear": 1}, "-geometry straight"),
+    ({"frame_interval": 1}, "unknown option -frame_interval"),
+    ({"plunger_speed": 0}, "greater than 0"),
+    ({"dt": 1}, "limit of stability"),
+])
+def test_bad_input(options, words, tmp_path):
+    result = pliant("channel", output=tmp_path / "run", **{**SMALL, **options})
+    assert result.returncode == 2 and words in result.stderr, result.stderr
+    assert not (tmp_path / "run").exists() or not list((tmp_path / "run").iterdir())
+
+
+@pytest.mark.parametrize("text, words", [("0 0\n1 0\n", "at least three corners"), ("0 0\n1 1\n1 0\n0 1\n", "cross"),
+                                         ("0 0\n1 0\n\n1 1\n0 1\n", "a second polyline"), ("0 x\n", "two numbers in cm")])
+def test_bad_outline(text, words, tmp_path):
+    (tmp_path / "outline.txt").write_text(text)
+    result = pliant("channel", outline=tmp_path / "outline.txt", output=tmp_path / "run")
+    assert result.returncode == 2 and words in result.stderr, result.stderr
+
+
+def test_disks_that_do_not_fit(tmp_path):
+    result = pliant("channel", output=tmp_path / "run", **{**SMALL, "stroke": 0.1, "area_fraction": 0.95})
+    assert result.returncode == 3 and "lower -area_fraction" in result.stderr
+
+
+def test_analysis(small, tmp_path):
+    """pliant-analyse channel takes the run as it is."""
+    folder = tmp_path / "run"
+    channel(folder, pushes=4)
+    result = subprocess.run(["/usr/bin/python3", "-B", ROOT / "python/pliant-analyse", "channel", folder, "--centre", "6",
+                             "--min-count", "3"], text=True, capture_output=True, timeout=HANGS)
+    assert result.returncode == 0, result.stderr
+    found = json.loads((folder / "analysis.json").read_text())
+    assert found["pushes"] == [2, 3] or found["pushes"] == 2
+    assert 0.01 < found["dr_na"]["all"]["value"] < 2
+    assert found["d2_min_per_neighbour"]["all"]["value"] > 0
