@@ -87,8 +87,8 @@ class _Projected:
     def start(self, Q):
         """(C, k, beta) of the best point of a coarse grid: the valley of k and beta has no other safe entry."""
         low, high = self.k_range
-        # Dense towards the upper bound, where a small exponent has its minimum.
-        ks = [self.fixed_k] if self.fixed_k is not None else high - (high - low) * np.geomspace(1e-3, 1, 40)
+        # Dense towards the upper bound, where a small exponent has its minimum; not on a bound, where a fit gets stuck.
+        ks = [self.fixed_k] if self.fixed_k is not None else high - (high - low) * np.geomspace(1e-3, 1 - 1e-3, 40)
         betas = [self.fixed_beta] if self.fixed_beta is not None else np.linspace(0.1, 4, 40)
         shape = (self.w - np.asarray(ks)[:, None, None]) ** np.asarray(betas)[:, None] * self.weight
         norm = (shape**2).sum(-1)
