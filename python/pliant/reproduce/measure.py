@@ -19,7 +19,8 @@ _FLOW = ["model", "dim", "status", "mu", "zeta", "e_sp", "e_c", "k_l", "k_b", "h
          "hopper_wall_distance", "t_end"]
 _RATES = ["Q", "Q_corrected", "orifice_velocity", "drag_friction_ratio", "c0"]
 _CLOG = ["hopper_width", "g", "phi_c", "status", "avalanche_size", "capillary_length"]
-_CURVE = 500  # samples of a force curve that are kept
+_PROFILE = ["model", "dim", "mu", "zeta", "e_sp", "hopper_angle", "hopper_width"]
+_CURVE = 400  # samples of a force curve that are kept
 
 
 def _columns(run, names):
@@ -37,7 +38,7 @@ def profiles(run):
     """Velocity on the axis against the height above the orifice."""
     curve = axis_velocity(run)
     return pd.DataFrame({"height": curve.height, "v": curve.velocity, "v_error": curve.error}).assign(
-        **_columns(run, _FLOW))
+        **_columns(run, _PROFILE))
 
 
 def _raft(run):
