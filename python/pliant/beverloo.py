@@ -138,8 +138,8 @@ def fit_beverloo(w, Q, error=None, beta=None, k=None, resamples=400, seed=1, dra
     w [n] in sigma_avg; Q [n]; error [n] one standard error of Q. `beta` or `k` hold that parameter fixed; a free k lies
     between 0 and the narrowest orifice with Q > 0. Standard errors come from a parametric bootstrap: Q is drawn
     `resamples` times from normal distributions about the fitted law with the given errors (half the central 68 % range
-    of the refitted parameters), so that they exist for an exact fit too. `draws` [m, n] takes the place of these draws
-    (ensemble.draws: over seeds). Without any error of Q the fit is unweighted and the scatter about it takes the place of
+    of the refitted parameters), so that they exist for an exact fit too. The deviations of `draws` [m, n] from Q
+    (ensemble.draws: over seeds) take the place of the normal ones. Without any error of Q the fit is unweighted and the scatter about it takes the place of
     the errors. Points with Q = 0 are left out with a note.
     Raises RunError if there are fewer orifices than free parameters.
     """
@@ -178,7 +178,7 @@ def fit_beverloo(w, Q, error=None, beta=None, k=None, resamples=400, seed=1, dra
         scatter = np.full_like(Q, np.sqrt(((Q - fitted) ** 2).sum() / freedom)) if freedom > 0 else None
         notes.append("Q without errors: " + ("taken from the scatter" if freedom > 0 else "none for the fit"))
     if draws is not None:
-        draws = np.asarray(draws, float)[:, picked]
+        draws = fitted + np.asarray(draws, float)[:, picked] - Q
     elif scatter is not None:
         draws = np.random.default_rng(seed).normal(fitted, scatter, size=(resamples, len(w)))
     if draws is None:

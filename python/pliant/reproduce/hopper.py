@@ -328,7 +328,7 @@ def _against(axes, fits, x, quantity, x_label, label, references=None):
     if references:
         axes.plot([], [], "-.", color="0.4", lw=0.9, label="[H], hard")
     axes.set(xscale="log", xlabel=x_label, ylabel=label)
-    axes.legend()
+    axes.legend(loc="center left", bbox_to_anchor=(0, 1.1), ncols=2)
 
 
 def _prefactor_quantities(fits, names, known):
@@ -352,6 +352,8 @@ def _map(axes, group, title):
     grid = group.assign(k=[_held(row, "k")[0] for _, row in group.iterrows()]).pivot_table("k", "k_b", "k_l")
     mesh = axes.pcolormesh(np.arange(grid.shape[1] + 1), np.arange(grid.shape[0] + 1), grid.to_numpy(), cmap="viridis")
     for (i, j), k in np.ndenumerate(grid.to_numpy()):
+        if np.isnan(k):
+            continue
         axes.text(j + 0.5, i + 0.5, f"{k:.2f}", ha="center", va="center", fontsize=8,
                   color="white" if k < np.nanmean(grid) else "black")
     axes.set_xticks(np.arange(grid.shape[1]) + 0.5, labels=[f"{v:g}" for v in grid.columns])
