@@ -1,7 +1,10 @@
 #include <pliant/model/catalogue.h>
 
 #include <pliant/base/errors.h>
+#include <pliant/model/base_friction.h>
 #include <pliant/model/depletion.h>
+#include <pliant/model/disk_contact.h>
+#include <pliant/model/disk_wall_contact.h>
 #include <pliant/model/fused_terms.h>
 #include <pliant/model/lip_contact.h>
 #include <pliant/model/wall_depletion.h>
@@ -28,6 +31,37 @@ std::unique_ptr<ForceField<D>> soft(const ModelParameters& p, const Vec<D>& grav
                   fused<PointKernel>(Gravity<D>{gravity}, Drag<D>{p.zeta}));
 }
 
+void check(const char* what, Real mu_static, Real mu_dynamic) {
+  if (!(mu_static >= 0 && mu_dynamic >= 0 && mu_dynamic <= mu_static && std::isfinite(mu_static)) ||
+      (mu_static > 0 && mu_dynamic == 0))
+    throw InputError(
+        "the friction of disks with {} is {} (static) and {} (dynamic); the dynamic one must be positive and not "
+        "exceed "
+        "the static one, or both 0",
+        what, mu_static, mu_dynamic);
+}
+
+template <class Law>
+std::unique_ptr<ForceField<2>> frictional(const ModelParameters& p, const Vec<2>& gravity) {
+  const DiskParameters& q = p.disk;
+  check("each other", q.mu_disk, q.mu_disk_dynamic);
+  check("walls", q.mu_wall, q.mu_wall_dynamic);
+  check("the base", q.mu_base, q.mu_base_dynamic);
+  SurfaceFriction disk{q.mu_disk, q.mu_disk_dynamic, q.tangential_stiffness, damping_for<Law>(q.restitution),
+                       q.tangential_damping};
+  SurfaceFriction wall = disk;
+  wall.mu_static = q.mu_wall, wall.mu_dynamic = q.mu_wall_dynamic;
+  const BaseFriction base{.gravity = q.base_gravity,
+                          .mu_static = q.mu_base,
+                          .mu_dynamic = q.mu_base_dynamic,
+                          .epsilon = q.base_stiffness * reference_stiffness(Law{p.epsilon, 1}),
+                          .damping = q.base_damping,
+                          .coupled = q.base_coupled};
+  return model<2>(fused<DiskKernel>(PairContact<2, Law>{p.epsilon, "pair"}, DiskContact<Law>{p.epsilon, disk}),
+                  fused<WallKernel>(WallContact<2, Law>{p.epsilon_wall}), DiskWallContact<Law>{p.epsilon_wall, wall},
+                  base, fused<PointKernel>(Gravity<2>{gravity}, Drag<2>{p.zeta}));
+}
+
 }  // namespace
 
 std::string_view to_string(ContactLaw law) {
@@ -47,7 +81,7 @@ bool has_law(ModelKind kind, ContactLaw law) {
     case ContactLaw::harmonic:
       return true;
     case ContactLaw::hertz:
-      return kind == ModelKind::sp || kind == ModelKind::smooth;
+      return kind == ModelKind::sp || kind == ModelKind::smooth || kind == ModelKind::disk;
     case ContactLaw::barrier:
       return kind == ModelKind::smooth;
   }
@@ -66,6 +100,8 @@ std::string_view to_string(ModelKind kind) {
       return "shape";
     case ModelKind::bubble:
       return "bubble";
+    case ModelKind::disk:
+      return "disk";
   }
   return "";
 }
@@ -83,6 +119,9 @@ std::unique_ptr<ForceField<D>> make_force_field(ModelKind kind, const ModelParam
                     WallRepulsion<D>{{p.f0 * p.mean_radius}}, WallDepletion<D>{{p.phi_c, p.a_s}}, Gravity<D>{gravity});
   }
   if constexpr (D == 2) {
+    if (kind == ModelKind::disk)
+      return p.law == ContactLaw::hertz ? frictional<HertzOverlap>(p, gravity)
+                                        : frictional<HarmonicOverlap>(p, gravity);
     const auto shape = fused<ShapeKernel>(Area{p.k_a}, Perimeter{p.k_l}, Bending{p.k_b});
     const auto wall = fused<WallKernel>(WallContact<2>{p.epsilon_wall});
     const LipContact lip{p.epsilon_wall, p.lip_edges};

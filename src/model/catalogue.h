@@ -15,10 +15,26 @@ enum class ModelKind {
   rough,   ///< deformable particles, every vertex a disk [H 2.3]
   smooth,  ///< deformable particles, every edge a circulo-line [H App. A]
   shape,   ///< deformable particles without contacts
-  bubble   ///< droplets with depletion attraction, 2D and 3D [T 2.2, 4.2]
+  bubble,  ///< droplets with depletion attraction, 2D and 3D [T 2.2, 4.2]
+  disk     ///< frictional disks that rotate, 2D
 };
 
 std::string_view to_string(ModelKind kind);
+
+/// Friction and damping of disks: SurfaceFriction, BaseFriction. Coefficients of friction are static and dynamic ones,
+/// the latter not larger.
+struct DiskParameters {
+  Real mu_disk = 0.4, mu_disk_dynamic = 0.4;
+  Real mu_wall = 0.4, mu_wall_dynamic = 0.4;
+  Real restitution = 0.5;               ///< of disks with each other and with walls
+  Real tangential_stiffness = 2.0 / 7;  ///< k_t/k_n
+  Real tangential_damping = 0.5;        ///< γ_t/γ_n
+  Real base_gravity = 0;                ///< g normal to the table on which they lie; 0: there is none
+  Real mu_base = 0.3, mu_base_dynamic = 0.3;
+  Real base_stiffness = 0.1;  ///< k_b/k_n
+  Real base_damping = 0.1;    ///< of critical, while a disk sticks
+  bool base_coupled = true;   ///< sliding and spinning as uniform pressure couples them
+};
 
 /// Coefficients of the terms, in units of σ_avg = g = ρ = 1, those of droplets in units of ⟨R⟩ = b = 1. A zero switches
 /// its term off.
@@ -36,6 +52,7 @@ struct ModelParameters {
   Real phi_c = 1e-4;     ///< depletion energy
   Real a_s = 0.05;       ///< radius of the depletant
   Real mean_radius = 1;  ///< ⟨R⟩ in the repulsion of walls
+  DiskParameters disk = {};
 };
 
 std::string_view to_string(ContactLaw law);
@@ -43,8 +60,8 @@ std::string_view to_string(ContactLaw law);
 bool has_law(ModelKind kind, ContactLaw law);
 
 /// The weight of a droplet is ρ g R³ [T 4.6]: give it the mass ρ R³.
-/// Errors: InputError for a deformable model in 3D, for a contact law that the model does not have, or where a_s is not
-/// positive for droplets.
+/// Errors: InputError for a deformable model or frictional disks in 3D, for a contact law that the model does not have,
+/// where a_s is not positive for droplets, or for disks with a dynamic friction that exceeds the static one.
 template <int D>
 std::unique_ptr<ForceField<D>> make_force_field(ModelKind kind, const ModelParameters& p, const Vec<D>& gravity);
 

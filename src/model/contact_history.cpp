@@ -28,23 +28,47 @@ const PairList& list_of(const Neighbours<D>& neighbours, Elements elements) {
 
 StoredContacts ContactTable::contacts() const {
   StoredContacts all = unlisted_;
-  for (std::size_t e = 0; e < keys_.size(); ++e)
-    if (touched_[e] != 0) all.add(keys_[e], past(static_cast<Index>(e)));
+  for (std::size_t k = 0; k < keys_.size(); ++k)
+    if (touched_[k] != 0)
+      all.add(keys_[k], std::span(values_).subspan(k * needs_.width, static_cast<std::size_t>(needs_.width)));
   return sorted(all, needs_.width);
 }
 
 void ContactTable::set(const StoredContacts& contacts) {
+  contact_of_.clear();
   keys_.clear();
   touched_.clear();
+  touches_now_.clear();
   values_.clear();
   unlisted_ = sorted(contacts, needs_.width);
+}
+
+void ContactTable::advanced() {
+  unlisted_ = {};
+  if (!shared()) return;
+  for (std::size_t k = 0; k < keys_.size(); ++k)
+    if (touched_[k] != 0 && touches_now_[k] == 0) {
+      std::fill_n(values_.begin() + static_cast<std::ptrdiff_t>(k * needs_.width), needs_.width, 0.0);
+      touched_[k] = 0;
+    }
+  std::ranges::fill(touches_now_, std::uint8_t{0});
 }
 
 void ContactTable::assign(std::vector<ContactKey> keys) {
   const StoredContacts known = contacts();
   const auto width = static_cast<std::size_t>(needs_.width);
   std::vector<bool> listed(known.keys.size());
-  keys_ = std::move(keys);
+  contact_of_.clear();
+  if (shared()) {
+    keys_ = keys;
+    std::sort(keys_.begin(), keys_.end());
+    keys_.erase(std::unique(keys_.begin(), keys_.end()), keys_.end());
+    for (const ContactKey& key : keys)
+      contact_of_.push_back(static_cast<Index>(std::lower_bound(keys_.begin(), keys_.end(), key) - keys_.begin()));
+    touches_now_.assign(keys_.size(), 0);
+  } else {
+    keys_ = std::move(keys);
+  }
   touched_.assign(keys_.size(), 0);
   values_.assign(keys_.size() * width, 0);
   for (std::size_t e = 0; e < keys_.size(); ++e) {
@@ -62,8 +86,8 @@ void ContactTable::assign(std::vector<ContactKey> keys) {
 
 ContactHistory::ContactHistory(std::vector<HistoryNeeds> needs) {
   for (HistoryNeeds& term : needs) {
-    if (term.elements != Elements::point_pairs && term.elements != Elements::walls)
-      throw std::logic_error(term.name + " keeps a history of elements that are neither pairs of points nor walls");
+    if (term.elements != Elements::point_pairs && term.elements != Elements::walls && term.elements != Elements::points)
+      throw std::logic_error(term.name + " keeps a history of elements that are no points, pairs of points or walls");
     for (const ContactTable& other : tables_)
       if (other.needs().name == term.name)
         throw std::logic_error("two terms called " + term.name + " keep a history; names tell them apart");
@@ -84,9 +108,12 @@ void ContactHistory::follow(const Topology& topology, const Walls<D>& walls, con
   const auto id = [&](Index i) { return topology.id[topology.particle[i]]; };
   for (ContactTable& table : tables_) {
     std::vector<ContactKey> keys;
-    for (const auto& [i, j] : list_of(neighbours, table.needs().elements))
-      keys.push_back(table.pairs() ? ContactKey{std::min(id(i), id(j)), std::max(id(i), id(j))}
-                                   : ContactKey{id(i), walls.surface_of_part(j)});
+    if (table.needs().elements == Elements::points)
+      for (Index i = 0; i < topology.owned_points(); ++i) keys.push_back({id(i), 0});
+    else
+      for (const auto& [i, j] : list_of(neighbours, table.needs().elements))
+        keys.push_back(table.pairs() ? ContactKey{std::min(id(i), id(j)), std::max(id(i), id(j))}
+                                     : ContactKey{id(i), walls.surface_of_part(j)});
     table.assign(std::move(keys));
   }
 }

@@ -14,15 +14,16 @@
 
 namespace pliant {
 
-/// What a term keeps: `width` numbers for every contact of its kind of elements, which are pairs of points or points
-/// with parts of walls.
+/// What a term keeps: `width` numbers for every contact of its kind of elements, which are pairs of points, points with
+/// walls, or points with the base that all of them lie on.
 struct HistoryNeeds {
   std::string name;
   Elements elements;
   int width;
+  std::vector<std::string> losses = {};  ///< what turns energy into heat, of which the sums are kept
 };
 
-/// Two particles by id, the lower one first; or a particle and the number of a surface of the walls.
+/// Two particles by id, the lower one first; or a particle and the number of a surface of the walls, 0 for the base.
 struct ContactKey {
   Index first, second;
   auto operator<=>(const ContactKey&) const = default;  // NOLINT(modernize-use-nullptr): there is no pointer
@@ -43,35 +44,49 @@ struct StoredContacts {
 };
 
 /// The history of one term. An entry of the list of its elements has the numbers of its contact: evaluations read them,
-/// and nothing but an accepted step changes them. A pair that is listed twice, on both sides of the border of a chunk
-/// or of a rank, has them twice; a term that looks at a pair in the order of the ids advances both alike, bit for bit.
+/// and nothing but an accepted step changes them. Parts of walls that are of one surface have one contact with a point.
+/// A pair that is listed twice, on both sides of the border of a chunk or of a rank, has them twice; a term that looks
+/// at a pair in the order of the ids advances both alike, bit for bit.
 class ContactTable {
  public:
-  explicit ContactTable(HistoryNeeds needs) : needs_(std::move(needs)) {}
+  explicit ContactTable(HistoryNeeds needs) : needs_(std::move(needs)), heat_(needs_.losses.size()) {}
 
   const HistoryNeeds& needs() const { return needs_; }
   /// Whether contacts are between particles, rather than with walls.
   bool pairs() const { return needs_.elements == Elements::point_pairs; }
 
+  /// The rank's share of the heat of each of the losses in all accepted steps.
+  std::span<const Real> heat() const { return heat_; }
+  void add_heat(std::span<const Real> heat) {
+    for (std::size_t k = 0; k < heat_.size(); ++k) heat_[k] += heat[k];
+  }
+  void set_heat(std::span<const Real> heat) { heat_.assign(heat.begin(), heat.end()); }
+
   /// What was known of element e at the end of the last accepted step: `width` numbers; none if it was no contact then.
   std::span<const Real> past(Index e) const {
-    if (touched_[e] == 0) return {};
-    return {values_.data() + static_cast<std::size_t>(e) * needs_.width, static_cast<std::size_t>(needs_.width)};
+    const std::size_t k = contact_of(e);
+    if (touched_[k] == 0) return {};
+    return {values_.data() + k * needs_.width, static_cast<std::size_t>(needs_.width)};
   }
 
   /// Moves element e to the end of an accepted step: advance(known, numbers) changes its numbers, zeros where `known`
-  /// is false as the contact is new, and returns whether it touches; if not it must leave them alone. Different
-  /// elements may be advanced at the same time.
+  /// is false as the contact is new, and returns whether it touches; if not it must leave them alone. Of the elements
+  /// of one surface one at most touches. Different elements of points may be advanced at the same time, of walls those
+  /// of different points.
   template <class Advance>
   void advance(Index e, Advance&& advance) {
-    const std::span numbers(values_.data() + static_cast<std::size_t>(e) * needs_.width,
-                            static_cast<std::size_t>(needs_.width));
-    const bool known = touched_[e] != 0, touches = advance(known, numbers);
+    const std::size_t k = contact_of(e);
+    const std::span numbers(values_.data() + k * needs_.width, static_cast<std::size_t>(needs_.width));
+    const bool known = touched_[k] != 0, touches = advance(known, numbers);
+    if (shared()) {
+      if (touches) touched_[k] = touches_now_[k] = 1;
+      return;
+    }
     if (known && !touches) std::ranges::fill(numbers, 0);
-    touched_[e] = touches ? 1 : 0;
+    touched_[k] = touches ? 1 : 0;
   }
   /// All elements have been advanced: what is not listed does not touch.
-  void advanced() { unlisted_ = {}; }
+  void advanced();
 
   /// All contacts that this rank knows: every one with a particle of its own.
   StoredContacts contacts() const;
@@ -83,10 +98,18 @@ class ContactTable {
   void assign(std::vector<ContactKey> keys);
 
  private:
+  /// Whether several elements may be one contact.
+  bool shared() const { return needs_.elements == Elements::walls; }
+  std::size_t contact_of(Index e) const {
+    return static_cast<std::size_t>(contact_of_.empty() ? e : contact_of_[static_cast<std::size_t>(e)]);
+  }
+
   HistoryNeeds needs_;
-  std::vector<ContactKey> keys_;       ///< [list]
-  std::vector<std::uint8_t> touched_;  ///< [list]
-  std::vector<Real> values_;           ///< [list · width]; zeros where nothing touched
+  std::vector<Index> contact_of_;                    ///< [list]; empty: each element is one
+  std::vector<ContactKey> keys_;                     ///< [contacts]
+  std::vector<std::uint8_t> touched_, touches_now_;  ///< [contacts]; the latter where they are shared
+  std::vector<Real> values_;                         ///< [contacts · width]; zeros where nothing touched
+  std::vector<Real> heat_;                           ///< [losses]
   StoredContacts unlisted_;
 };
 
@@ -94,7 +117,7 @@ class ContactTable {
 /// rebuilding, sorting and moving between ranks changes nothing. Particles have one point each.
 class ContactHistory {
  public:
-  /// Errors: std::logic_error for two terms of one name, and for elements that are no such pairs.
+  /// Errors: std::logic_error for two terms of one name, and for other elements.
   explicit ContactHistory(std::vector<HistoryNeeds> needs);
 
   bool empty() const { return tables_.empty(); }

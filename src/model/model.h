@@ -364,8 +364,14 @@ class Model final : public ForceField<D> {
 
   void add_wall_forces(const StateView<D>& s, Real* f) const override {
     for_each_enabled(s, [&](const auto& term) {
-      if constexpr (requires { term.wall(s, Index()); })
-        for_each_element(term, s, [&](Index e) { point<D>(f, term.wall(s, e)) -= term.force(s, e); });
+      if constexpr (requires { term.wall(s, Index()); }) {
+        if constexpr (HistoryTerm<std::decay_t<decltype(term)>, D>) {
+          const Past past(s, term);
+          for_each_element(term, s, [&](Index e) { point<D>(f, term.wall(s, e)) -= term.force(s, e, past(e)); });
+        } else {
+          for_each_element(term, s, [&](Index e) { point<D>(f, term.wall(s, e)) -= term.force(s, e); });
+        }
+      }
     });
   }
 
@@ -387,24 +393,16 @@ class Model final : public ForceField<D> {
     std::vector<HistoryNeeds> all;
     for_each_term([&](const auto& term) {
       using Term = std::decay_t<decltype(term)>;
-      if constexpr (HistoryTerm<Term, D>) all.push_back({std::string(term.name()), Term::elements, Term::history});
+      if constexpr (HistoryTerm<Term, D>) {
+        all.push_back({std::string(term.name()), Term::elements, Term::history});
+        if constexpr (losses_of<Term>() > 0) all.back().losses.assign(Term::losses.begin(), Term::losses.end());
+      }
     });
     return all;
   }
 
   void advance(const StateView<D>& s, Real h, ContactHistory& history) const override {
-    for_each_chunk(s, [&](Index chunk) {
-      for_each_enabled(s, [&](const auto& term) {
-        using Term = std::decay_t<decltype(term)>;
-        if constexpr (HistoryTerm<Term, D>) {
-          ContactTable& table = history.of(term.name());
-          for (const Range range : {inside<Term>(s, chunk), across<Term>(s, chunk)})
-            for (Index e = range.first; e < range.last; ++e)
-              table.advance(e,
-                            [&](bool known, std::span<Real> numbers) { return term.advance(s, e, h, known, numbers); });
-        }
-      });
-    });
+    for_each_history(s, [&](const auto& term, const auto&) { advance(term, s, h, history.of(term.name())); });
   }
 
  private:
@@ -434,6 +432,30 @@ class Model final : public ForceField<D> {
       return table != nullptr ? table->past(e) : std::span<const Real>();
     }
   };
+
+  template <class Term>
+  static void advance(const Term& term, const StateView<D>& s, Real h, ContactTable& table) {
+    constexpr std::size_t losses = losses_of<Term>();
+    std::vector<std::array<Real, losses>> heat(losses > 0 ? s.neighbours.chunks() : 0);
+    for_each_chunk(s, [&](Index chunk) {
+      std::array<Real, losses> counts{}, elsewhere{};
+      const auto one = [&](Index e, std::span<Real> to) {
+        table.advance(e, [&](bool known, std::span<Real> numbers) {
+          if constexpr (losses > 0)
+            return term.advance(s, e, h, known, numbers, to);
+          else
+            return term.advance(s, e, h, known, numbers);
+        });
+      };
+      const Range in = inside<Term>(s, chunk), border = across<Term>(s, chunk);
+      for (Index e = in.first; e < in.last; ++e) one(e, counts);
+      if constexpr (KindOf<Term>::paired)
+        for (Index e = border.first; e < border.last; ++e)
+          one(e, losses > 0 && counts_in<Term>(s, chunk, e) ? counts : elsewhere);
+      if constexpr (losses > 0) heat[chunk] = counts;
+    });
+    for (const auto& of_chunk : heat) table.add_heat(of_chunk);
+  }
 
   template <class Visit>
   void for_each_part(Visit&& visit) const {
@@ -547,19 +569,24 @@ class Model final : public ForceField<D> {
       return {};
   }
 
+  /// Whether an element across the border of a chunk counts there.
+  template <class T>
+  static bool counts_in(const StateView<D>& s, Index chunk, Index e) {
+    const Topology& topology = s.topology;
+    const Pair& pair = (s.neighbours.*KindOf<T>::list)[e];
+    const Index m = topology.particle[pair.first], n = topology.particle[pair.second];
+    return s.neighbours.particles(chunk).contains(topology.counts_for(m, n));
+  }
+
   /// Calls visit(e) for the elements that count in a chunk.
   template <class T, class Visit>
   static void for_each_element(const T&, const StateView<D>& s, Index chunk, Visit&& visit) {
     const Range all = inside<T>(s, chunk);
     for (Index e = all.first; e < all.last; ++e) visit(e);
     if constexpr (KindOf<T>::paired) {
-      const Topology& topology = s.topology;
-      const Range own = s.neighbours.particles(chunk), border = across<T>(s, chunk);
-      const PairList& list = s.neighbours.*KindOf<T>::list;
-      for (Index e = border.first; e < border.last; ++e) {
-        const Index m = topology.particle[list[e].first], n = topology.particle[list[e].second];
-        if (own.contains(topology.counts_for(m, n))) visit(e);
-      }
+      const Range border = across<T>(s, chunk);
+      for (Index e = border.first; e < border.last; ++e)
+        if (counts_in<T>(s, chunk, e)) visit(e);
     }
   }
   template <class T, class Visit>

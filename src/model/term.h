@@ -137,21 +137,37 @@ concept DissipationTerm = requires(const T term, const StateView<D>& s, Index e,
 /// place on the surfaces; forces follow from how far these have moved from there, by positions and angles, up to the
 /// limit of friction, and what is advanced is the place, where it has slid. A pair is listed in any order, on both
 /// sides of a border: numbers must not depend on it (in_order). Positions jump by box lengths when particles are put
-/// back into a periodic box; positions of a listed pair relative to each other do not.
+/// back into a periodic box; positions of a listed pair relative to each other do not. A term can say by what energy
+/// becomes heat, `static constexpr std::array<std::string_view, N> losses`: then advance() gets N sums as well, to
+/// which it adds the heat of the step.
 template <class T, int D>
 concept HistoryTerm = requires(const T term, const StateView<D>& s, Index e, Real h, bool known,
-                               std::span<const Real> past, std::span<Real> numbers, Scatter<D, 1>& f) {
+                               std::span<const Real> past, std::span<Real> numbers, std::span<Real> heat,
+                               Scatter<D, 1>& f) {
   { term.name() } -> std::convertible_to<std::string_view>;  // of no other term with history
   { term.enabled(s) } -> std::same_as<bool>;
   { T::elements } -> std::convertible_to<Elements>;
   { T::history } -> std::convertible_to<int>;
   term.add_force(s, e, past, f);
-  { term.energy(s, e, past) } -> std::same_as<Real>;                // that is stored
-  { term.power(s, e, past) } -> std::same_as<Real>;                 // dissipated at present, ≥ 0
-  { term.advance(s, e, h, known, numbers) } -> std::same_as<bool>;  // over a step of length h; see ContactTable
+  { term.energy(s, e, past) } -> std::same_as<Real>;  // that is stored
+  { term.power(s, e, past) } -> std::same_as<Real>;   // dissipated at present, ≥ 0
+  requires requires {
+    { term.advance(s, e, h, known, numbers) } -> std::same_as<bool>;  // over a step of length h; see ContactTable
+  } || requires {
+    { term.advance(s, e, h, known, numbers, heat) } -> std::same_as<bool>;
+  };
   { term.max_rate(s.topology) } -> std::same_as<Real>;
   { term.max_damping(s.topology) } -> std::same_as<Real>;
 };
+
+/// How many losses a term names.
+template <class T>
+constexpr std::size_t losses_of() {
+  if constexpr (requires { T::losses; })
+    return T::losses.size();
+  else
+    return 0;
+}
 
 /// A pair of points, that of the particle with the lower id first.
 inline Pair in_order(const Topology& topology, const Pair& pair) {

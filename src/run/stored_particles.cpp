@@ -26,6 +26,7 @@ std::pair<std::size_t, std::size_t> own_share(const std::vector<std::int64_t>& s
 /// Under which names the contacts of a term are stored: pairs of ids, or an id and the number of a wall; their numbers.
 std::string contacts_of(const HistoryNeeds& term) { return "contacts_of_" + term.name; }
 std::string history_of(const HistoryNeeds& term) { return "history_of_" + term.name; }
+std::string heat_of(const HistoryNeeds& term) { return "heat_of_" + term.name; }
 
 constexpr std::int64_t history_format = 1;
 
@@ -102,6 +103,8 @@ void save_history(const ContactHistory& history, const Topology& topology, Share
     }
     checkpoint.add_parts(contacts_of(table.needs()), std::move(keys));
     checkpoint.add_parts(history_of(table.needs()), std::move(values));
+    if (!table.heat().empty())
+      checkpoint.add_parts(heat_of(table.needs()), std::vector<Real>(table.heat().begin(), table.heat().end()));
   }
 }
 
@@ -115,7 +118,9 @@ void StoredParticles::load_history(ParticleSystem<D>& system) const {
     const HistoryNeeds& term = table.needs();
     const std::string name = contacts_of(term);
     const auto particles = static_cast<std::int64_t>(all_ids_.size());
-    const std::int64_t others = table.pairs() ? particles : system.walls().surfaces();
+    const std::int64_t others = table.pairs()                       ? particles
+                                : term.elements == Elements::points ? 1
+                                                                    : system.walls().surfaces();
     const std::size_t count = c.length(name) / 2;
     const auto& numbers = c.integer_array(name, 2 * count, 0, std::max(particles, others) - 1);
     const auto& values = c.real_array(history_of(term), count * static_cast<std::size_t>(term.width));
@@ -135,6 +140,13 @@ void StoredParticles::load_history(ParticleSystem<D>& system) const {
     if (const auto twice = std::adjacent_find(keys.begin(), keys.end()); twice != keys.end())
       c.refuse("{}: ({}, {}) is there twice", name, twice->first, twice->second);
     system.history().set(term.name, std::move(mine));
+    if (table.heat().empty()) continue;
+    // A share of each rank that there was; only the sum counts.
+    const std::size_t losses = term.losses.size(), shares = c.length(heat_of(term)) / losses;
+    const auto& stored_heat = c.real_array(heat_of(term), shares * losses);
+    std::vector<Real> heat(losses);
+    for (std::size_t k = 0; system.ranks().root() && k < stored_heat.size(); ++k) heat[k % losses] += stored_heat[k];
+    system.history().of(term.name).set_heat(heat);
   }
 }
 

@@ -44,6 +44,7 @@ class ParticleSystem final : public ImplicitSystem {
         history_(field_->history_needs()) {
     check(walls_);
     check_points();
+    check_places();
   }
 
   std::size_t size() const override { return static_cast<std::size_t>(topology_.owned_points()) * coordinates().all(); }
@@ -262,6 +263,15 @@ class ParticleSystem final : public ImplicitSystem {
     if (rotates_or_remembers() && topology_.deformable())
       throw InputError(
           "a model with angles or with contact history is for particles of one point; polygons turn by their vertices");
+  }
+
+  /// A place on a base would have to jump with the particle.
+  void check_places() const {
+    if (box_.open()) return;
+    for (const ContactTable& table : history_.tables())
+      if (table.needs().elements == Elements::points)
+        throw InputError("the term {} keeps places of particles, which a periodic box shifts; use an open box",
+                         table.needs().name);
   }
 
   /// Contacts go where their particles go. Before the topology does.

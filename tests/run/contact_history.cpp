@@ -143,6 +143,35 @@ TEST_CASE("a table of contacts follows its list") {
 
   CHECK_THROWS_AS(ContactHistory({{"a", Elements::walls, 1}, {"a", Elements::point_pairs, 1}}), std::logic_error);
   CHECK_THROWS_AS(ContactHistory({{"a", Elements::vertex_edges, 1}}), std::logic_error);
+  CHECK_NOTHROW(ContactHistory({{"a", Elements::points, 1}}));
+}
+
+TEST_CASE("parts of walls that are one surface have one contact with a point") {
+  ContactTable table({"test", Elements::walls, 1});
+  const auto step = [&](const std::vector<Index>& touching) {
+    std::vector<Real> before;
+    for (Index e = 0; e < 3; ++e)
+      table.advance(e, [&](bool, std::span<Real> numbers) {
+        if (std::ranges::find(touching, e) == touching.end()) return false;
+        before.push_back(numbers[0]);
+        numbers[0] += 1;
+        return true;
+      });
+    table.advanced();
+    return before;
+  };
+  table.assign({{1, 5}, {1, 7}, {1, 5}});  // elements 0 and 2 are of surface 5
+  CHECK(step({0}) == std::vector<Real>{0});
+  CHECK(step({2}) == std::vector<Real>{1});  // the contact has gone on to the other part
+  CHECK(table.past(0)[0] == 2);
+  CHECK(table.past(2)[0] == 2);
+  CHECK(table.past(1).empty());
+  table.assign({{1, 7}, {1, 5}, {1, 5}});
+  CHECK(step({1}) == std::vector<Real>{2});
+  CHECK(table.contacts().keys == std::vector<ContactKey>{{1, 5}});
+  CHECK(step({}).empty());
+  CHECK(table.past(1).empty());
+  CHECK(step({2}) == std::vector<Real>{0});
 }
 
 TEST_CASE("a tangential spring sticks, slides and releases") {

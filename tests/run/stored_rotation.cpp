@@ -7,7 +7,7 @@
 
 #include <pliant/run/scenario.h>
 
-#include "support/disks.h"
+#include "support/frictional.h"
 #include "support/silence.h"
 
 using namespace pliant;
@@ -34,9 +34,11 @@ Configuration<2> pile() {
 
 std::unique_ptr<Simulation<2>> make_simulation(const Ranks& ranks) {
   constexpr Real epsilon = 1000;
+  constexpr SurfaceFriction rough{.mu_static = 0.3, .mu_dynamic = 0.3, .damping = 0.1};
   return simulation_of<2>(pile(), Sorting::regularly, ranks, nullptr, PairContact<2>{epsilon, "pair"},
                           TangentialSpring{400, 0.4, epsilon}, WallContact<2>{epsilon}, WallSpring{400, 0.4, epsilon},
-                          SpinDrag<2>{0.01});
+                          SpinDrag<2>{0.01}, disk_pairs(epsilon, rough), DiskWallContact<>{epsilon, rough},
+                          BaseFriction{.gravity = 1, .mu_static = 0.3, .mu_dynamic = 0.2, .epsilon = 100});
 }
 
 class Disks final : public Protocol<2> {
@@ -118,13 +120,24 @@ TEST_CASE("a run with spins and contacts is continued bit for bit", "[ranks]") {
     for (std::size_t k = 0; k < one.size(); ++k) most = std::max(most, std::abs(one[k] - two[k]));
     CHECK(most <= (whole.ranks.several() ? 1e-8 : 0));
   }
-  for (const std::string term : {"tangential", "wall_tangential"}) {
+  for (const std::string term :
+       {"tangential", "wall_tangential", "disk_contact", "disk_wall_contact", "base_friction"}) {
     INFO(term);
     CHECK(a.integers.at("contacts_of_" + term).size() == b.integers.at("contacts_of_" + term).size());
     if (whole.ranks.several()) continue;
     CHECK(a.integers.at("contacts_of_" + term) == b.integers.at("contacts_of_" + term));
     CHECK(a.reals.at("history_of_" + term) == b.reals.at("history_of_" + term));
     CHECK(a.reals.at("history_of_" + term) != middle.reals.at("history_of_" + term));
+  }
+  for (const std::string heat : {"heat_of_disk_contact", "heat_of_disk_wall_contact", "heat_of_base_friction"}) {
+    INFO(heat);
+    const auto sum = [&](const Checkpoint& c) {
+      return std::accumulate(c.reals.at(heat).begin(), c.reals.at(heat).end(), 0.0);
+    };
+    CHECK(sum(middle) > 0);
+    CHECK(sum(a) > 1.01 * sum(middle));
+    CHECK(sum(a) == Approx(sum(b)).epsilon(1e-8));
+    if (!whole.ranks.several()) CHECK(a.reals.at(heat) == b.reals.at(heat));
   }
   whole.ranks.on_root([&] {
     const auto file = hdf5::File::open_read(whole.path + "/run.h5");

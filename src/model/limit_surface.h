@@ -1,0 +1,60 @@
+// What a disk of uniform pressure on a plane resists with when it slides and spins at the same time.
+#pragma once
+
+#include <array>
+#include <cmath>
+#include <vector>
+
+#include <pliant/base/types.h>
+
+namespace pliant {
+
+/// The force F and the torque T of Coulomb friction on a disk of radius R that presses on a plane with N, evenly spread
+/// [Z. Farkas, G. Bartels, T. Unger, D. E. Wolf, Phys. Rev. Lett. 90, 248302 (2003)]. In units of μN and μNR they are
+/// points of one convex curve, a function of the ratio of velocity and spin; directions (v, Rω) are its normals, so it
+/// is where slip takes the most energy. Slip is given by s = Rω/(v + Rω) in [0, 1].
+/// The support function h(s) = (1 − s) F + s T, the power of the slip (1 − s, s), gives both: F = h − s h', T = h + (1
+/// − s) h'. It is kept in a table, as cubics between exact values and slopes: F and T are off by less than 2·10⁻⁵, and
+/// lie on a convex curve with these normals exactly.
+class LimitSurface {
+ public:
+  static constexpr Real most_torque = 2.0 / 3;  ///< without sliding
+  struct Point {
+    Real force, torque;
+    Real bend;  ///< h''
+  };
+
+  LimitSurface();
+
+  Point at(Real s) const {
+    const Real x = s * cells;
+    const auto cell = static_cast<std::size_t>(std::min(x, Real(cells - 1)));
+    const Real u = x - static_cast<Real>(cell);
+    const std::array<Real, 4>& c = cubic_[cell];
+    const Real h = c[0] + u * (c[1] + u * (c[2] + u * c[3])), slope = cells * (c[1] + u * (2 * c[2] + u * 3 * c[3]));
+    return {h - s * slope, h + (1 - s) * slope, square(Real(cells)) * (2 * c[2] + 6 * u * c[3])};
+  }
+
+  /// The point of the curve that is nearest to (force, torque), both ≥ 0, and the slip that it stands for.
+  struct Nearest {
+    Real force, torque, slip;
+    bool outside;  ///< whether the curve does not enclose what was given
+  };
+  /// guess: of the slip, anything in [0, 1]. What is deep inside has no nearest point: returns itself.
+  Nearest nearest(Real force, Real torque, Real guess) const;
+
+  /// Whether a point is inside for sure, as it is under the chord of the curve.
+  static bool surely_inside(Real force, Real torque) { return force + torque / most_torque <= 1; }
+
+  /// F and T by complete elliptic integrals, which cancel each other where s is near 0: an error of 10⁻¹⁶/s⁴.
+  static Point exact(Real s);
+
+ private:
+  static constexpr int cells = 128;
+  std::vector<std::array<Real, 4>> cubic_;
+};
+
+/// The only one that there is.
+const LimitSurface& limit_surface();
+
+}  // namespace pliant

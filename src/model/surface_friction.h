@@ -1,0 +1,89 @@
+// Friction and damping between surfaces that touch at one place: what pairs of disks and disks at walls have in common.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+
+#include <pliant/base/errors.h>
+#include <pliant/kernels/contact_law.h>
+
+namespace pliant {
+
+/// Coulomb friction with a tangential spring [P. A. Cundall, O. D. L. Strack, Géotechnique 29, 47 (1979)] and linear
+/// damping. The stiffness k_n of a contact is V'' of its law at an overlap of one per cent: ε/δ² with the harmonic law.
+struct SurfaceFriction {
+  Real mu_static = 0, mu_dynamic = 0;  ///< μ_d ≤ μ_s
+  Real stiffness = 2.0 / 7;            ///< k_t/k_n [L. E. Silbert et al., Phys. Rev. E 64, 051302 (2001)]
+  Real damping = 0;                    ///< ζ: γ_n = 2 ζ √(m V''), m the reduced mass
+  Real tangential_damping = 0.5;       ///< γ_t/γ_n
+
+  bool rubs() const { return mu_static > 0; }
+
+  /// What the tangential spring is, with which force, and whether the surfaces slide.
+  struct Hold {
+    Real spring, pull;
+    bool slides;
+  };
+  /// k, gamma: of spring and dashpot. A contact that sticks begins to slide where the force of the spring exceeds
+  /// static_limit, and slides with the dynamic one until its spring is shorter than that. The dashpot takes what the
+  /// limit leaves.
+  static Hold hold(Real k, Real gamma, Real spring, Real rate, Real static_limit, Real dynamic_limit,
+                   bool was_sliding) {
+    const Real limit = was_sliding ? dynamic_limit : static_limit;
+    const bool slides = k * std::abs(spring) > limit;
+    if (slides) spring = std::copysign(dynamic_limit / k, spring);
+    const Real most = slides ? dynamic_limit : limit;
+    return {spring, std::clamp(k * spring + gamma * rate, -most, most), slides};
+  }
+};
+
+/// V'' of a law at an overlap of one per cent.
+template <class Law>
+Real reference_stiffness(const Law& law) {
+  return law.curvature(0.99 * law.delta);
+}
+
+/// The coefficient of restitution of two bodies that collide with the damping ζ, with a force that never attracts: they
+/// part where it vanishes. With the harmonic law e = exp(−2ζ arccos(ζ)/√(1−ζ²)) [T. Schwager, T. Pöschel, Granular
+/// Matter 9, 465 (2007)]; with Hertz' law, whose damping follows the stiffness, the equation of motion is solved.
+template <class Law>
+Real restitution(Real zeta) {
+  static_assert(Law::kind != ContactLaw::barrier);
+  if constexpr (Law::kind == ContactLaw::harmonic) {
+    const Real root = std::sqrt(std::abs(1 - square(zeta)));
+    if (root < 1e-8) return std::exp(-2 * zeta);
+    return std::exp(-2 * zeta * (zeta < 1 ? std::acos(zeta) : std::acosh(zeta)) / root);
+  } else {
+    // ẍ = −x^(3/2) − 2ζ √(3/2) x^(1/4) ẋ from x = 0, ẋ = 1; as an equation for ẋ(x) it would be singular at the turn.
+    Real x = 0, v = 1;
+    const auto force = [&](Real at, Real speed) {
+      const Real depth = std::max(at, 0.0), root = std::sqrt(depth);
+      return -depth * root - 2 * zeta * std::sqrt(1.5 * root) * speed;
+    };
+    const Real h = 1e-3 / std::max(1.0, zeta);
+    for (Real a = force(x, v); v > 0 || a < 0;) {  // the midpoint rule
+      const Real middle_x = x + h / 2 * v, middle_v = v + h / 2 * a;
+      v += h * force(middle_x, middle_v);
+      x += h * middle_v;
+      a = force(x, v);
+      if (x <= 0) break;
+    }
+    return -v;
+  }
+}
+
+/// The damping ζ that gives a coefficient of restitution. Errors: InputError for one that is not in (0, 1].
+template <class Law>
+Real damping_for(Real e) {
+  if (!(e > 0 && e <= 1)) throw InputError("the coefficient of restitution is {}, but it must be in (0, 1]", e);
+  if (e == 1) return 0;
+  Real low = 0, high = 1;
+  while (restitution<Law>(high) > e) high *= 2;
+  for (int k = 0; k < 60; ++k) {
+    const Real middle = (low + high) / 2;
+    (restitution<Law>(middle) > e ? low : high) = middle;
+  }
+  return (low + high) / 2;
+}
+
+}  // namespace pliant

@@ -1,0 +1,73 @@
+// The model disk of the catalogue.
+#include <catch2/catch.hpp>
+
+#include <pliant/base/errors.h>
+#include <pliant/model/catalogue.h>
+
+#include "support/configurations.h"
+
+using namespace pliant;
+using namespace pliant::test;
+
+namespace {
+
+std::unique_ptr<ForceField<2>> disks(const DiskParameters& disk, ContactLaw law = ContactLaw::harmonic) {
+  return make_force_field<2>(ModelKind::disk,
+                             {.epsilon = 1e3, .epsilon_wall = 2e3, .law = law, .zeta = 0.1, .disk = disk},
+                             pliant::Vec<2>(0, -1));
+}
+
+}  // namespace
+
+TEST_CASE("the model disk has its terms and keeps what they need") {
+  const auto field = disks({.base_gravity = 1});
+  std::vector<std::string> names;
+  for (const HistoryNeeds& needs : field->history_needs()) names.push_back(needs.name);
+  CHECK(names == std::vector<std::string>{"disk_contact", "disk_wall_contact", "base_friction"});
+  CHECK(field->rotates());
+  CHECK(field->needs().point_pairs);
+  CHECK(field->needs().walls);
+  CHECK(to_string(ModelKind::disk) == "disk");
+}
+
+TEST_CASE("disks without friction, damping and base have the forces of soft particles") {
+  Random random(1);
+  for (const ContactLaw law : {ContactLaw::harmonic, ContactLaw::hertz}) {
+    Configuration<2> c = soft_at_wall<2>(random, 60, WallPlace::slope);
+    c.add_soft(1, c.position(0) + 0.8 * pliant::Vec<2>::Unit(0));
+    c.random_velocities(random);
+    StateView<2> s = c.view();
+    const std::vector<Real> still(2);
+    s.angles = s.spins = still.data();
+    const auto smooth = disks(
+                   {.mu_disk = 0, .mu_disk_dynamic = 0, .mu_wall = 0, .mu_wall_dynamic = 0, .restitution = 1}, law),
+               soft = make_force_field<2>(ModelKind::sp, {.epsilon = 1e3, .epsilon_wall = 2e3, .law = law, .zeta = 0.1},
+                                          pliant::Vec<2>(0, -1));
+    std::vector<Real> a(6), b(4);
+    smooth->forces(s, a.data());
+    soft->forces(s, b.data());
+    for (std::size_t k = 0; k < 4; ++k) CHECK(a[k] == Approx(b[k]).epsilon(1e-12).margin(1e-12));
+    CHECK(a[4] == 0);
+    CHECK(smooth->energy(s) == Approx(soft->energy(s)));
+  }
+}
+
+TEST_CASE("friction and damping leave the critical step of the contacts nearly as it is") {
+  Configuration<2> c;
+  c.add_soft(1, {0, 0});
+  const Real contact = disks({.mu_disk = 0, .mu_disk_dynamic = 0, .mu_wall = 0, .mu_wall_dynamic = 0})
+                           ->critical_step(c.topology)
+                           .elastic,
+             all = disks({.base_gravity = 1})->critical_step(c.topology).elastic;
+  CHECK(all == contact);
+}
+
+TEST_CASE("coefficients that no disk has are refused") {
+  CHECK_THROWS_WITH(disks({.mu_disk = 0.3, .mu_disk_dynamic = 0.4}),
+                    Catch::Contains("with each other is 0.3 (static)"));
+  CHECK_THROWS_WITH(disks({.mu_wall = 0.3, .mu_wall_dynamic = 0}), Catch::Contains("with walls"));
+  CHECK_THROWS_WITH(disks({.mu_base = -1}), Catch::Contains("the base"));
+  CHECK_THROWS_WITH(disks({.restitution = 0}), Catch::Contains("restitution"));
+  CHECK_THROWS_AS(disks({}, ContactLaw::barrier), InputError);
+  CHECK_THROWS_WITH(make_force_field<3>(ModelKind::disk, {}, pliant::Vec<3>(0, 0, -1)), Catch::Contains("2D only"));
+}
