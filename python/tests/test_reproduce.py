@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from synthetic import write_run
+from synthetic_channel import channel_tracks, write_channel_run
 from test_clog import made_table
 from test_plots import assert_picture
 
@@ -513,3 +514,44 @@ def test_figures_of_clogs(tmp_path):
     for name in ("T4.2", "T4.3", "T4.5"):
         with pytest.raises(PliantError):
             command.FIGURES[name].draw(table[:1])
+
+
+def disk_rows():
+    rng, rows = np.random.default_rng(5), []
+    for delta in (0.2, 0.3, 0.45):
+        for seed in (1, 2, 3):
+            D2 = 0.11 * delta + 0.09
+            rows.append({"polydispersity": delta, "seed": seed, "disks": 300, "dr_na": 0.37 * (1 + 0.01 * rng.normal()),
+                         "dr_na_error": 0.004, "d2_min": D2 * (1 + 0.01 * rng.normal()), "d2_min_error": 0.001,
+                         "dr_na_clock": 0.4 * (1 + 0.01 * rng.normal()), "dr_na_clock_error": 0.004,
+                         "d2_min_clock": (D2 - 0.02 * delta) * (1 + 0.005 * rng.normal()), "d2_min_clock_error": 0.001,
+                         "rotation": 2 * math.pi * 0.046 * (1 + 0.01 * rng.normal()), "rotation_error": 0.003})
+    return raft_rows(rows)
+
+
+def test_figures_of_disks(tmp_path):
+    found = drawn("T3.11", disk_rows(), tmp_path)
+    assert {agree(q) for q in found.values()} == {"yes"} and len(found) == 4
+    assert found["slope of D2_min/<R>^2 in delta"].value == pytest.approx(0.11, abs=0.02)
+    assert found["D2_min/<R>^2 at delta = 0"].value == pytest.approx(0.09, abs=0.006)
+    assert drawn("T3.14", disk_rows(), tmp_path)["slope of D2_min/<R>^2 in delta"].value == pytest.approx(0.09, abs=0.02)
+    found = drawn("TA.2", disk_rows(), tmp_path)
+    assert agree(found["|dtheta| in turns, mean of the distributions"]) == "yes"
+    assert agree(found["|dtheta|, mean of the distributions"]) == "no"
+    with pytest.raises(PliantError, match="no run has the quantity rotation"):
+        command.FIGURES["TA.2"].draw(disk_rows().assign(rotation=np.nan))
+    rows = [row | {"relative": x, "dr_na": 0.37 * x**0.74, "d2_min": 0.1 * x**1.47, "exponent_dr_na": 0.74 + 0.005 * s,
+                   "exponent_dr_na_error": 0.005, "exponent_d2_min": 1.47 + 0.005 * s, "exponent_d2_min_error": 0.005}
+            for s, row in enumerate(disk_rows().to_dict("records"), -4) for x in (0.2, 1.0, 5.0)]
+    found = drawn("T3.12", raft_rows(rows), tmp_path)
+    one = found["exponent of dr_na in the interval, centre"]
+    assert one.value == pytest.approx(0.74) and 0.001 < one.error < 0.01 and agree(one) == "yes"
+
+
+def test_measures_of_disks(tmp_path):
+    """From a run with a known motion: the names of pliant-analyse's result are those that are looked for."""
+    run = write_channel_run(tmp_path / "run", channel_tracks(frames=56, disks=60, spacing=0.11))
+    table = measure.measured("motion", "x", run)
+    assert len(table) == 1 and 0.05 < table["polydispersity"][0] < 0.6 and table["dr_na"][0] > 0 and table["d2_min"][0] > 0
+    curve = measure.measured("intervals", "x", run)
+    assert len(curve) > 2 and curve["dr_na"].is_monotonic_increasing and np.isfinite(curve["exponent_dr_na"]).all()

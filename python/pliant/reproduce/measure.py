@@ -8,7 +8,7 @@ import re
 import numpy as np
 import pandas as pd
 
-from .. import raft
+from .. import channel, raft, tracks
 from ..errors import RunError
 from ..flow import axis_velocity
 from ..run import Run
@@ -19,7 +19,8 @@ _FLOW = ["model", "dim", "status", "mu", "zeta", "e_sp", "e_c", "k_l", "k_b", "h
          "hopper_wall_distance", "t_end"]
 _RATES = ["Q", "Q_corrected", "orifice_velocity", "drag_friction_ratio", "c0"]
 _CLOG = ["hopper_width", "g", "phi_c", "status", "avalanche_size", "capillary_length"]
-_CURVE = 500  # samples of a force curve that are kept
+_PROFILE = ["model", "dim", "mu", "zeta", "e_sp", "hopper_angle", "hopper_width"]
+_CURVE = 400  # samples of a force curve that are kept
 
 
 def _columns(run, names):
@@ -37,7 +38,7 @@ def profiles(run):
     """Velocity on the axis against the height above the orifice."""
     curve = axis_velocity(run)
     return pd.DataFrame({"height": curve.height, "v": curve.velocity, "v_error": curve.error}).assign(
-        **_columns(run, _FLOW))
+        **_columns(run, _PROFILE))
 
 
 def _raft(run):
@@ -70,7 +71,43 @@ def clogs(run):
     return pd.DataFrame([_columns(run, _CLOG)])
 
 
-MEASURES = {f.__name__: f for f in (flows, profiles, reductions, fractures, forces, clogs)}
+def _entry(result, name, region):
+    """Value and error; NaN for None."""
+    return [np.nan if result[name][region][part] is None else float(result[name][region][part]) for part in ("value", "error")]
+
+
+def _columns_of(result, names, region, end=""):
+    """Columns of quantities of the analysis of a channel; D2_min is that per neighbour."""
+    found = {}
+    for name in names:
+        column = name.removesuffix("_per_neighbour") + end
+        found[column], found[column + "_error"] = _entry(result, name, region)
+    return found
+
+
+def _channel(run):
+    result, = channel.analyse([tracks.load(run.path)])
+    return result
+
+
+def motion(run):
+    """Non-affine motion, over an interval and over equal strains, of all cells; rotation in the central square."""
+    result = _channel(run)
+    names = ("dr_na", "d2_min_per_neighbour")
+    return pd.DataFrame([{"polydispersity": result["polydispersity"], "disks": result["disks"]}
+                         | _columns_of(result, names, "all") | _columns_of(result["clock"], names, "all", "_clock")
+                         | _columns_of(result, ["rotation"], "centre")])
+
+
+def intervals(run):
+    """Non-affine motion in the central square against the interval, and its exponents."""
+    result = _channel(run)
+    exponents = _columns_of(result, ["exponent_dr_na", "exponent_d2_min"], "centre")
+    return pd.DataFrame([{"polydispersity": result["polydispersity"], "relative": round(row["relative"], 6)} | exponents
+                         | _columns_of(row, ["dr_na", "d2_min_per_neighbour"], "centre") for row in result["intervals"]])
+
+
+MEASURES = {f.__name__: f for f in (flows, profiles, reductions, fractures, forces, clogs, motion, intervals)}
 
 
 def _commit(run):
