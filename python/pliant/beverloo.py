@@ -87,8 +87,8 @@ class _Projected:
     def start(self, Q):
         """(C, k, beta) of the best point of a coarse grid: the valley of k and beta has no other safe entry."""
         low, high = self.k_range
-        # Dense towards the upper bound, where a small exponent has its minimum.
-        ks = [self.fixed_k] if self.fixed_k is not None else high - (high - low) * np.geomspace(1e-3, 1, 40)
+        # Dense towards the upper bound, where a small exponent has its minimum; not on a bound, where a fit gets stuck.
+        ks = [self.fixed_k] if self.fixed_k is not None else high - (high - low) * np.geomspace(1e-3, 1 - 1e-3, 40)
         betas = [self.fixed_beta] if self.fixed_beta is not None else np.linspace(0.1, 4, 40)
         shape = (self.w - np.asarray(ks)[:, None, None]) ** np.asarray(betas)[:, None] * self.weight
         norm = (shape**2).sum(-1)
@@ -138,8 +138,8 @@ def fit_beverloo(w, Q, error=None, beta=None, k=None, resamples=400, seed=1, dra
     w [n] in sigma_avg; Q [n]; error [n] one standard error of Q. `beta` or `k` hold that parameter fixed; a free k lies
     between 0 and the narrowest orifice with Q > 0. Standard errors come from a parametric bootstrap: Q is drawn
     `resamples` times from normal distributions about the fitted law with the given errors (half the central 68 % range
-    of the refitted parameters), so that they exist for an exact fit too. `draws` [m, n] takes the place of these draws
-    (ensemble.draws: over seeds). Without any error of Q the fit is unweighted and the scatter about it takes the place of
+    of the refitted parameters), so that they exist for an exact fit too. The deviations of `draws` [m, n] from Q
+    (ensemble.draws: over seeds) take the place of the normal ones. Without any error of Q the fit is unweighted and the scatter about it takes the place of
     the errors. Points with Q = 0 are left out with a note.
     Raises RunError if there are fewer orifices than free parameters.
     """
@@ -178,7 +178,7 @@ def fit_beverloo(w, Q, error=None, beta=None, k=None, resamples=400, seed=1, dra
         scatter = np.full_like(Q, np.sqrt(((Q - fitted) ** 2).sum() / freedom)) if freedom > 0 else None
         notes.append("Q without errors: " + ("taken from the scatter" if freedom > 0 else "none for the fit"))
     if draws is not None:
-        draws = np.asarray(draws, float)[:, picked]
+        draws = fitted + np.asarray(draws, float)[:, picked] - Q
     elif scatter is not None:
         draws = np.random.default_rng(seed).normal(fitted, scatter, size=(resamples, len(w)))
     if draws is None:

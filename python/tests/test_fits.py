@@ -125,3 +125,27 @@ def test_block_error_of_correlated_samples():
     assert error.mean() > 3 * (series.std(axis=0) / np.sqrt(4000)).mean()
     with pytest.raises(RunError, match="too few"):
         block_ratio([1.0], [1.0])
+
+
+def test_an_offset_at_its_bound_leaves_the_exponent_free():
+    """Data that want k < 0 (docs/validation.md: soft particles with friction only): the best fit has k = 0, and the
+    exponent that is best there, not one of the grid that it starts from."""
+    w = np.arange(2.0, 11)
+    Q = [0.233, 0.555, 1.117, 1.745, 2.722, 3.827, 5.264, 6.892, 8.749]
+    error = [0.017, 0.025, 0.027, 0.031, 0.040, 0.045, 0.047, 0.048, 0.052]
+    free, held = fit_beverloo(w, Q, error), fit_beverloo(w, Q, error, k=0.0)
+    assert "k at its bound" in free.note
+    assert_allclose([free.C, free.beta], [held.C, held.beta], rtol=1e-4)
+    assert free.k < 1e-6 and held.beta_error < free.beta_error < 5 * held.beta_error
+
+
+@pytest.mark.parametrize("k, beta", [(0.3, 1.22), (0.62, 1.22), (0.57, 1.33), (0.2, 1.9)])
+def test_a_small_offset_is_found(k, beta):
+    """The start on the coarse grid may have k at the bound: the fit must leave it."""
+    Q = beverloo(W, 2.0, k, beta)
+    for draw in np.random.default_rng(3).normal(Q, 0.01 * Q, (3, len(W))):
+        fit = fit_beverloo(W, draw, 0.01 * Q, resamples=50)
+        assert abs(fit.k - k) < 4 * max(fit.k_error, 0.05) and abs(fit.beta - beta) < 4 * max(fit.beta_error, 0.02)
+        best = min((fit_beverloo(W, draw, 0.01 * Q, k=x, resamples=2) for x in np.linspace(0, 1, 41)),
+                   key=lambda one: one.chi2_reduced)
+        assert fit.chi2_reduced * 3 < best.chi2_reduced * 4 * 1.0001 + 1e-6  # 3 and 4 degrees of freedom

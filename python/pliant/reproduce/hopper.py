@@ -328,7 +328,7 @@ def _against(axes, fits, x, quantity, x_label, label, references=None):
     if references:
         axes.plot([], [], "-.", color="0.4", lw=0.9, label="[H], hard")
     axes.set(xscale="log", xlabel=x_label, ylabel=label)
-    axes.legend()
+    axes.legend(loc="center left", bbox_to_anchor=(0, 1.1), ncols=2)
 
 
 def _prefactor_quantities(fits, names, known):
@@ -352,6 +352,8 @@ def _map(axes, group, title):
     grid = group.assign(k=[_held(row, "k")[0] for _, row in group.iterrows()]).pivot_table("k", "k_b", "k_l")
     mesh = axes.pcolormesh(np.arange(grid.shape[1] + 1), np.arange(grid.shape[0] + 1), grid.to_numpy(), cmap="viridis")
     for (i, j), k in np.ndenumerate(grid.to_numpy()):
+        if np.isnan(k):
+            continue
         axes.text(j + 0.5, i + 0.5, f"{k:.2f}", ha="center", va="center", fontsize=8,
                   color="white" if k < np.nanmean(grid) else "black")
     axes.set_xticks(np.arange(grid.shape[1]) + 0.5, labels=[f"{v:g}" for v in grid.columns])
@@ -446,7 +448,8 @@ def draw_size(measured):
         n = group["n"].to_numpy(float)
         (power, offset), covariance = np.polyfit(np.log(n), np.log(C), 1, w=C / error, cov="unscaled") \
             if len(n) > 2 else (np.polyfit(np.log(n), np.log(C), 1), np.full((2, 2), np.nan))
-        right.plot(n, np.exp(offset) * n**power / C[0], color=plotting.COLORS[i], lw=1.1)
+        grid = np.linspace(n[0], n[-1], 50)
+        right.plot(grid, np.exp(offset) * grid**power / C[0], color=plotting.COLORS[i], lw=1.1)
         quantities.append(Quantity(f"p of C ~ N^p, {name}", float(power), float(np.sqrt(covariance[0, 0])),
                                    published.C_SIZE[limit], "C with the published beta held"))
     n = np.array(sorted(fits["n"].unique()), float)
@@ -506,8 +509,9 @@ FIGURES = [
     Figure("H11", "beta(lambda) of very soft particles, from Q and from Q' corrected for overlaps",
            ("quick/lambda-soft", "quick/lambda"), ("hopper/lambda-soft", "hopper/lambda"), "flows", draw_corrected,
            "fewer lambda and widths, shorter runs"),
-    Figure("H12", "beta(lambda) and C for several numbers of particles", ("quick/size", "quick/limits"), ("hopper/size",),
-           "flows", draw_size, "the limits alone, shorter runs"),
+    Figure("H12", "beta(lambda) and C for several numbers of particles", ("quick/size", "quick/limits", "quick/lambda"),
+           ("hopper/size",),
+           "flows", draw_size, "fewer lambda and widths, shorter runs"),
     Figure("H13", "prefactor C of soft particles against their stiffness, and the collapse", ("quick/stiffness",),
            ("hopper/stiffness",), "flows", draw_prefactors, "four stiffnesses, shorter runs"),
     Figure("H14", "prefactor C of deformable particles, and the collapse", ("quick/map",), ("hopper/map",), "flows",
