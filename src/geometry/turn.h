@@ -3,13 +3,14 @@
 
 #include <cmath>
 
+#include <pliant/base/multiversion.h>
 #include <pliant/base/types.h>
 
 namespace pliant {
 
 /// Angle in (−π, π] from the unit vector a to b, counter-clockwise: arcsin by its series where it is small, as it
 /// mostly is for what moves in one step; exact to rounding.
-inline Real turn_between(const Vec<2>& a, const Vec<2>& b) {
+PLIANT_INLINE Real turn_between(const Vec<2>& a, const Vec<2>& b) {
   const Real sine = a[0] * b[1] - a[1] * b[0], cosine = a.dot(b);
   if (cosine > 0 && std::abs(sine) < 0.03) {
     const Real s2 = sine * sine;

@@ -5,6 +5,7 @@
 #include <array>
 #include <span>
 
+#include <pliant/base/multiversion.h>
 #include <pliant/model/limit_surface.h>
 #include <pliant/model/term.h>
 
@@ -26,6 +27,7 @@ struct BaseFriction {
   Real epsilon = 0;
   Real damping = 0.1;  ///< ζ
   bool coupled = true;
+  const LimitSurface* surface = &limit_surface();
 
   static constexpr Elements elements = Elements::points;
   static constexpr bool rotates = true;
@@ -92,7 +94,7 @@ struct BaseFriction {
     Real way;  ///< to keep
   };
 
-  Hold look(const StateView<2>& s, Index i, std::span<const Real> past) const {
+  PLIANT_INLINE Hold look(const StateView<2>& s, Index i, std::span<const Real> past) const {
     Hold c;
     const Real m = s.topology.mass(i), sigma = s.topology.diameter[i], weight = m * gravity;
     c.radius = sigma / 2;
@@ -106,8 +108,9 @@ struct BaseFriction {
     c.way = limit(held, twist, slid ? mu_dynamic * weight : mu_static * weight, mu_dynamic * weight, past[3]);
     c.slides = c.way != sticks;
     if (c.slides) {
-      c.spring = held / c.k;
-      c.wound = twist / c.k;
+      const Real per = 1 / c.k;
+      c.spring = per * held;
+      c.wound = per * twist;
     } else if (damping > 0) {
       c.gamma = 2 * damping * std::sqrt(c.k * m);
       held += c.gamma * s.velocity(i);
@@ -121,26 +124,26 @@ struct BaseFriction {
   }
 
   /// Brings force and torque over R, where they are beyond `most`, to the limit of `then`. Returns what of it slides.
-  Real limit(Vec<2>& force, Real& twist, Real most, Real then, Real guess) const {
-    const Real f = force.norm(), w = std::abs(twist);
-    if (LimitSurface::surely_inside(f / most, w / most)) return sticks;
+  PLIANT_INLINE Real limit(Vec<2>& force, Real& twist, Real most, Real then, Real guess) const {
+    const Real per = 1 / most, f = force.norm() * per, w = std::abs(twist) * per;
     if (!coupled) {
       Real way = 0;
-      if (f > most) {
-        force *= then / f;
+      if (f > 1) {
+        force *= then * per / f;
         way += 1;
       }
-      if (w > LimitSurface::most_torque * most) {
+      if (w > LimitSurface::most_torque) {
         twist = std::copysign(LimitSurface::most_torque * then, twist);
         way += 2;
       }
       return way > 0 ? way : sticks;
     }
+    if (LimitSurface::surely_inside(f, w)) return sticks;
     if (guess == sticks) guess = w / (f + w);
-    LimitSurface::Nearest held = limit_surface().nearest(f / most, w / most, guess);
+    LimitSurface::Nearest held = surface->nearest(f, w, guess);
     if (!held.outside) return sticks;
-    if (then != most) held = limit_surface().nearest(f / then, w / then, held.slip);
-    if (f > 0) force *= then * held.force / f;
+    if (then != most) held = surface->nearest(f * most / then, w * most / then, held.slip);
+    if (f > 0) force *= then * per * held.force / f;
     twist = std::copysign(then * held.torque, twist);
     return held.slip;
   }

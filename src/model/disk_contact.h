@@ -84,7 +84,7 @@ struct DiskContact {
   struct Touch {
     Index i, j;
     Vec<2> n;
-    Real a, b, lever;                 ///< radii; d/(R_i + R_j)
+    Real a, b, per_lever;             ///< radii; (R_i + R_j)/d
     Real elastic, normal, parting;    ///< N_e, N, u_n
     Real k, rate, turned, stretched;  ///< k_t, q̇, R_i θ_i + R_j θ_j, ξ if it did not slide
     SurfaceFriction::Hold hold;
@@ -93,41 +93,42 @@ struct DiskContact {
     Real tangential_power() const { return (hold.pull - k * hold.spring) * rate; }
   };
 
-  /// False where they don't touch.
-  bool look(const StateView<2>& s, Index e, std::span<const Real> past, Touch& c) const {
+  /// False where they don't touch. Each particle is one point: their numbers are the same.
+  PLIANT_INLINE bool look(const StateView<2>& s, Index e, std::span<const Real> past, Touch& c) const {
     const Pair& pair = s.neighbours.point_pairs[e];
-    Index i = pair.first, j = pair.second;
-    const Real a = s.topology.diameter[i] / 2, b = s.topology.diameter[j] / 2;
-    const Vec<2> r = s.position(i) - s.position(j);
-    const Real d2 = r.squaredNorm();
-    if (d2 >= square(a + b) || d2 == 0) return false;
-    const bool turn = s.topology.id[s.topology.particle[i]] > s.topology.id[s.topology.particle[j]];
-    const Real d = std::sqrt(d2);
-    c.i = turn ? j : i, c.j = turn ? i : j;
-    c.a = turn ? b : a, c.b = turn ? a : b;
-    c.n = (turn ? -1 : 1) / d * r;
-    c.lever = d / (a + b);
-    const Law law{epsilon, a + b};
-    const Vec<2> v = s.velocity(c.i) - s.velocity(c.j), t(-c.n[1], c.n[0]);
+    const Topology& topology = s.topology;
+    const Index first = pair.first, second = pair.second;
+    const Vec<2> r = s.position(first) - s.position(second);
+    const Real d2 = r.squaredNorm(), reach = (topology.diameter[first] + topology.diameter[second]) / 2;
+    if (d2 >= square(reach) || d2 == 0) return false;
+    const bool turn = topology.id[first] > topology.id[second];
+    const Index i = turn ? second : first, j = turn ? first : second;
+    c.i = i, c.j = j;
+    c.a = topology.diameter[i] / 2, c.b = topology.diameter[j] / 2;
+    const Real d = std::sqrt(d2), per_d = 1 / d;
+    c.n = (turn ? -per_d : per_d) * r;
+    c.per_lever = reach * per_d;
+    const Vec<2> v = s.velocity(i) - s.velocity(j), t(-c.n[1], c.n[0]);
     c.parting = c.n.dot(v);
-    c.rate = t.dot(v) / c.lever - (c.a * s.spin(c.i) + c.b * s.spin(c.j));
-    c.turned = c.a * s.angle(c.i) + c.b * s.angle(c.j);
-    c.elastic = -law.slope(d);
-    const Real reduced = 1 / (s.topology.inverse_mass(c.i) + s.topology.inverse_mass(c.j)),
-               gamma = 2 * surface.damping * std::sqrt(reduced * law.curvature(d));
+    c.rate = c.per_lever * t.dot(v) - (c.a * s.spins[i] + c.b * s.spins[j]);
+    c.turned = c.a * s.angles[i] + c.b * s.angles[j];
+    const Press press = press_of(Law{epsilon, reach}, d);
+    c.elastic = press.force;
+    const Real masses = topology.inverse_point_mass[i] + topology.inverse_point_mass[j],
+               gamma = 2 * surface.damping * std::sqrt(press.stiffness / masses);
     c.normal = std::max(c.elastic - gamma * c.parting, 0.0);
-    c.k = surface.stiffness * reference_stiffness(law);
-    const bool slid = !past.empty() && past[4] != 0;
-    c.stretched = past.empty() ? 0 : past[3] + (a + b) * turn_between({past[0], past[1]}, c.n) - (c.turned - past[2]);
-    const Real limit = c.normal * c.lever;
+    c.k = surface.stiffness * press.reference;
+    const bool known = !past.empty(), slid = known && past[4] != 0;
+    c.stretched = known ? past[3] + reach * turn_between({past[0], past[1]}, c.n) - (c.turned - past[2]) : 0;
+    const Real limit = c.normal / c.per_lever;
     c.hold = SurfaceFriction::hold(c.k, surface.tangential_damping * gamma, c.stretched, c.rate,
                                    surface.mu_static * limit, surface.mu_dynamic * limit, slid);
     return true;
   }
 
   template <class F>
-  static void add(const Touch& c, Real normal, F& force) {
-    const Vec<2> t(-c.n[1], c.n[0]), f = normal * c.n - c.hold.pull / c.lever * t;
+  PLIANT_INLINE static void add(const Touch& c, Real normal, F& force) {
+    const Vec<2> t(-c.n[1], c.n[0]), f = normal * c.n - c.hold.pull * c.per_lever * t;
     force.add(c.i, f);
     force.add(c.j, Vec<2>(-f));
     force.add_torque(c.i, c.hold.pull * c.a);

@@ -118,10 +118,11 @@ struct DiskWallContact {
     const Vec<2> v = s.velocity(i) - s.walls.velocity(r, part, s.t);
     c.parting = c.n.dot(v);
     c.rate = c.lever * t.dot(v) - R * (s.spin(i) - motion.spin);
-    c.elastic = -law.slope(d);
-    const Real gamma = 2 * surface.damping * std::sqrt(s.topology.mass(i) * law.curvature(d));
+    const Press press = press_of(law, d);
+    c.elastic = press.force;
+    const Real gamma = 2 * surface.damping * std::sqrt(s.topology.mass(i) * press.stiffness);
     c.normal = std::max(c.elastic - gamma * c.parting, 0.0);
-    c.k = surface.stiffness * reference_stiffness(law);
+    c.k = surface.stiffness * press.reference;
     c.stretched = 0;
     bool slid = false;
     if (!past.empty()) {

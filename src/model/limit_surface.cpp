@@ -39,10 +39,15 @@ LimitSurface::Nearest LimitSurface::nearest(Real force, Real torque, Real guess)
     (over > 0 ? high : low) = s;
     Real next = slope > 0 ? s - over / slope : -1;
     if (!(next >= low && next <= high)) next = (low + high) / 2;
-    const Real change = std::abs(next - s);
+    const Real change = next - s;
+    if (std::abs(change) < 5e-4) {  // what is left is of its square
+      p.force -= s * p.bend * change;
+      p.torque += (1 - s) * p.bend * change;
+      s = next;
+      break;
+    }
     s = next;
     p = at(s);
-    if (change < 1e-7) break;
   }
   const bool outside = (force - p.force) * (1 - s) + (torque - p.torque) * s > 0;
   return outside ? Nearest{p.force, p.torque, s, true} : Nearest{force, torque, s, false};

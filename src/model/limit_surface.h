@@ -40,11 +40,14 @@ class LimitSurface {
     Real force, torque, slip;
     bool outside;  ///< whether the curve does not enclose what was given
   };
-  /// guess: of the slip, anything in [0, 1]. What is deep inside has no nearest point: returns itself.
+  /// To some 10⁻⁶. guess: of the slip, anything in [0, 1]. What is deep inside has no nearest point: returns itself.
   Nearest nearest(Real force, Real torque, Real guess) const;
 
-  /// Whether a point is inside for sure, as it is under the chord of the curve.
-  static bool surely_inside(Real force, Real torque) { return force + torque / most_torque <= 1; }
+  /// Whether a point is inside for sure, as it is under two chords of the curve that meet where v = Rω.
+  static bool surely_inside(Real force, Real torque) {
+    constexpr Real f = 8 / (3 * pi), t = 8 / (9 * pi);
+    return force + (1 - f) / t * torque <= 1 && torque + (most_torque - t) / f * force <= most_torque;
+  }
 
   /// F and T by complete elliptic integrals, which cancel each other where s is near 0: an error of 10⁻¹⁶/s⁴.
   static Point exact(Real s);

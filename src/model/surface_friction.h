@@ -27,8 +27,8 @@ struct SurfaceFriction {
   /// k, gamma: of spring and dashpot. A contact that sticks begins to slide where the force of the spring exceeds
   /// static_limit, and slides with the dynamic one until its spring is shorter than that. The dashpot takes what the
   /// limit leaves.
-  static Hold hold(Real k, Real gamma, Real spring, Real rate, Real static_limit, Real dynamic_limit,
-                   bool was_sliding) {
+  PLIANT_INLINE static Hold hold(Real k, Real gamma, Real spring, Real rate, Real static_limit, Real dynamic_limit,
+                                 bool was_sliding) {
     const Real limit = was_sliding ? dynamic_limit : static_limit;
     const bool slides = k * std::abs(spring) > limit;
     if (slides) spring = std::copysign(dynamic_limit / k, spring);
@@ -41,6 +41,20 @@ struct SurfaceFriction {
 template <class Law>
 Real reference_stiffness(const Law& law) {
   return law.curvature(0.99 * law.delta);
+}
+
+/// A contact at the distance d < δ: −V', V'' and the reference stiffness.
+struct Press {
+  Real force, stiffness, reference;
+};
+template <class Law>
+PLIANT_INLINE Press press_of(const Law& law, Real d) {
+  if constexpr (Law::kind == ContactLaw::harmonic) {  // with one division
+    const Real k = law.epsilon / square(law.delta);
+    return {k * (law.delta - d), k, k};
+  } else {
+    return {-law.slope(d), law.curvature(d), reference_stiffness(law)};
+  }
 }
 
 /// The coefficient of restitution of two bodies that collide with the damping ζ, with a force that never attracts: they

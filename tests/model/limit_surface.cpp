@@ -100,13 +100,18 @@ TEST_CASE("the nearest point of the limit surface is where the way to it is alon
     const LimitSurface::Nearest found = limit_surface().nearest(force, torque, random(0, 1));
     INFO("slip " << s << ", " << away << " away");
     CHECK(found.outside == away > 0);
-    CHECK(found.slip == Approx(s).margin(1e-9));
-    CHECK(found.force == Approx(away > 0 ? p.force : force).margin(1e-9));
-    CHECK(found.torque == Approx(away > 0 ? p.torque : torque).margin(1e-9));
+    CHECK(found.slip == Approx(s).margin(2e-5));
+    CHECK(found.force == Approx(away > 0 ? p.force : force).margin(2e-6));
+    CHECK(found.torque == Approx(away > 0 ? p.torque : torque).margin(2e-6));
     inside += away < 0;
   }
   CHECK(inside > 300);
   for (const Real deep : {0.0, 0.1, 0.3}) CHECK(!limit_surface().nearest(deep, deep, 0.5).outside);
   CHECK(LimitSurface::surely_inside(0.5, 0.3));
-  CHECK(!LimitSurface::surely_inside(0.5, 0.4));
+  CHECK(!LimitSurface::surely_inside(0.5, 0.5));
+  for (int k = 0; k <= 1000; ++k) {
+    const LimitSurface::Point p = LimitSurface::exact(k / 1000.0);
+    CHECK(!LimitSurface::surely_inside(1.0001 * p.force, 1.0001 * p.torque));
+    CHECK(LimitSurface::surely_inside(0.8 * p.force, 0.8 * p.torque));
+  }
 }
