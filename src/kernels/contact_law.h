@@ -12,14 +12,15 @@
 
 namespace pliant {
 
-enum class ContactLaw { harmonic, hertz, barrier };
+enum class ContactLaw { harmonic, hertz, barrier, spring };
 
 /// V(d) = ε/2 (1 − d/δ)² for d < δ, else 0 [H 2, 3, 9, 10]. C¹: V'' jumps from 0 to ε/δ² at touch. Finite at d = 0:
 /// a force of ε/δ pushes a point onto what it touches.
 /// Units: ε in ρgσ_avg^(D+1), lengths in σ_avg.
 struct HarmonicOverlap {
   static constexpr ContactLaw kind = ContactLaw::harmonic;
-  static constexpr Real stiffness = 1;  ///< largest V'' δ²/ε
+  static constexpr Real stiffness = 1;  ///< largest V'' scale(δ)/ε
+  static Real scale(Real delta) { return square(delta); }
 
   Real epsilon, delta;
 
@@ -41,7 +42,8 @@ struct HarmonicOverlap {
 /// of 4/9. Finite at d = 0. Units: as for the harmonic law.
 struct HertzOverlap {
   static constexpr ContactLaw kind = ContactLaw::hertz;
-  static constexpr Real stiffness = 1.5;  ///< largest V'' δ²/ε, at d = 0
+  static constexpr Real stiffness = 1.5;  ///< largest V'' scale(δ)/ε, at d = 0
+  static Real scale(Real delta) { return square(delta); }
 
   Real epsilon, delta;
 
@@ -86,9 +88,10 @@ struct HertzOverlap {
 struct BarrierOverlap {
   static constexpr ContactLaw kind = ContactLaw::barrier;
   static constexpr Real onset = 0.01;  ///< c
-  /// V'' δ²/ε at an overlap of 1/2; it has no largest value.
+  /// V'' scale(δ)/ε at an overlap of 1/2; it has no largest value.
   static constexpr Real stiffness = (4 - square(onset / (0.5 + onset))) / (1 + onset);
   static constexpr Real stiff_distance = 0.5;  ///< d/δ there; V'' goes as the inverse square of d
+  static Real scale(Real delta) { return square(delta); }
 
   Real epsilon, delta;
 
@@ -117,7 +120,29 @@ struct BarrierOverlap {
   }
 };
 
-/// visit(law) for one of the types above, by its kind; its members have no values.
+/// V(d) = k/2 (δ − d)² for d < δ, else 0: the harmonic law with ε = k δ², a spring that is as stiff for large particles
+/// as for small ones. So are, but for a logarithm, cylinders that touch along a line. k, in ρgσ_avg^(D−1), is the
+/// member epsilon. C¹: V'' jumps from 0 to k at touch.
+struct SpringOverlap {
+  static constexpr ContactLaw kind = ContactLaw::spring;
+  static constexpr Real stiffness = 1;
+  static Real scale(Real) { return 1; }
+
+  Real epsilon, delta;
+
+  bool touches(Real d) const { return d < delta; }
+  Real value(Real d) const { return touches(d) ? epsilon / 2 * square(delta - d) : 0; }
+  Real slope(Real d) const { return touches(d) ? -epsilon * (delta - d) : 0; }
+  Real curvature(Real d) const { return touches(d) ? epsilon : 0; }
+
+  /// −V'(d)/d for 0 < d < δ, of numbers or vectors of them.
+  template <class T>
+  PLIANT_INLINE static T push(Real epsilon, T delta, T d) {
+    return epsilon * (delta - d) / d;
+  }
+};
+
+/// visit(law) for one of the first three types above, by its kind; its members have no values.
 template <class Visit>
 decltype(auto) with_law(ContactLaw law, Visit&& visit) {
   if (law == ContactLaw::barrier) return visit(BarrierOverlap{});

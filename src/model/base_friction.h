@@ -27,6 +27,7 @@ struct BaseFriction {
   Real epsilon = 0;
   Real damping = 0.1;  ///< ζ
   bool coupled = true;
+  bool all_alike = false;  ///< k = ε for all sizes
   const LimitSurface* surface = &limit_surface();
 
   static constexpr Elements elements = Elements::points;
@@ -82,6 +83,8 @@ struct BaseFriction {
   Real max_damping(const Topology& topology) const { return off() ? 0 : 4 * damping * std::sqrt(stiffest(topology)); }
 
  private:
+  Real stiffness(Real sigma) const { return all_alike ? epsilon : epsilon / square(sigma); }
+
   static constexpr Real sticks =
       -1;  ///< else the slip of the limit surface; uncoupled 1, 2 or 3: force, torque or both
   struct Hold {
@@ -98,7 +101,7 @@ struct BaseFriction {
     Hold c;
     const Real m = s.topology.mass(i), sigma = s.topology.diameter[i], weight = m * gravity;
     c.radius = sigma / 2;
-    c.k = epsilon / square(sigma);
+    c.k = stiffness(sigma);
     c.gamma = 0;
     c.spring = s.position(i) - Vec<2>(past[0], past[1]);
     c.wound = c.radius * (s.angle(i) - past[2]);
@@ -156,8 +159,8 @@ struct BaseFriction {
     return -(c.force.dot(s.velocity(i)) + c.push * c.radius * s.spin(i)) + work_of_spring(s, i, c);
   }
   Real stiffest(const Topology& topology) const {
-    return epsilon /
-           smallest_over_points(topology, [&](Index i) { return square(topology.diameter[i]) * topology.mass(i); });
+    return 1 /
+           smallest_over_points(topology, [&](Index i) { return topology.mass(i) / stiffness(topology.diameter[i]); });
   }
 };
 

@@ -56,7 +56,8 @@ std::unique_ptr<ForceField<2>> frictional(const ModelParameters& p, const Vec<2>
                           .mu_dynamic = q.mu_base_dynamic,
                           .epsilon = q.base_stiffness * reference_stiffness(Law{p.epsilon, 1}),
                           .damping = q.base_damping,
-                          .coupled = q.base_coupled};
+                          .coupled = q.base_coupled,
+                          .all_alike = Law::kind == ContactLaw::spring};
   return model<2>(fused<DiskKernel>(PairContact<2, Law>{p.epsilon, "pair"}, DiskContact<Law>{p.epsilon, disk}),
                   fused<WallKernel>(WallContact<2, Law>{p.epsilon_wall}), DiskWallContact<Law>{p.epsilon_wall, wall},
                   base, fused<PointKernel>(Gravity<2>{gravity}, Drag<2>{p.zeta}));
@@ -72,6 +73,8 @@ std::string_view to_string(ContactLaw law) {
       return "hertz";
     case ContactLaw::barrier:
       return "barrier";
+    case ContactLaw::spring:
+      return "spring";
   }
   return "";
 }
@@ -84,6 +87,8 @@ bool has_law(ModelKind kind, ContactLaw law) {
       return kind == ModelKind::sp || kind == ModelKind::smooth || kind == ModelKind::disk;
     case ContactLaw::barrier:
       return kind == ModelKind::smooth;
+    case ContactLaw::spring:
+      return kind == ModelKind::disk;
   }
   return false;
 }
@@ -120,8 +125,9 @@ std::unique_ptr<ForceField<D>> make_force_field(ModelKind kind, const ModelParam
   }
   if constexpr (D == 2) {
     if (kind == ModelKind::disk)
-      return p.law == ContactLaw::hertz ? frictional<HertzOverlap>(p, gravity)
-                                        : frictional<HarmonicOverlap>(p, gravity);
+      return p.law == ContactLaw::hertz    ? frictional<HertzOverlap>(p, gravity)
+             : p.law == ContactLaw::spring ? frictional<SpringOverlap>(p, gravity)
+                                           : frictional<HarmonicOverlap>(p, gravity);
     const auto shape = fused<ShapeKernel>(Area{p.k_a}, Perimeter{p.k_l}, Bending{p.k_b});
     const auto wall = fused<WallKernel>(WallContact<2>{p.epsilon_wall});
     const LipContact lip{p.epsilon_wall, p.lip_edges};

@@ -77,7 +77,8 @@ struct DiskContact {
   Real max_damping(const Topology& topology) const {
     return 3 * 4 * surface.damping *
            std::sqrt(
-               stiffest(topology, [](const Law& law) { return Law::stiffness * law.epsilon / square(law.delta); }) / 2);
+               stiffest(topology, [](const Law& law) { return Law::stiffness * law.epsilon / Law::scale(law.delta); }) /
+               2);
   }
 
  private:

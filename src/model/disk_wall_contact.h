@@ -77,7 +77,7 @@ struct DiskWallContact {
   }
   Real max_damping(const Topology& topology) const {
     return 2 * surface.damping * std::sqrt(stiffest(topology, [](const Law& law) {
-             return Law::stiffness * law.epsilon / square(law.delta);
+             return Law::stiffness * law.epsilon / Law::scale(law.delta);
            }));
   }
 

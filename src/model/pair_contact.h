@@ -70,7 +70,7 @@ struct PairContact {
   /// Two of the stiffest points against each other: ω² = 2 V''/m, with the harmonic law 2 ε/(δ² m).
   Real max_rate(const Topology& topology) const {
     return std::sqrt(2 * Law::stiffness * epsilon / smallest_over_points(topology, [&](Index i) {
-                       return square(topology.diameter[i]) * topology.mass(i);
+                       return Law::scale(topology.diameter[i]) * topology.mass(i);
                      }));
   }
 

@@ -63,7 +63,7 @@ PLIANT_INLINE Press press_of(const Law& law, Real d) {
 template <class Law>
 Real restitution(Real zeta) {
   static_assert(Law::kind != ContactLaw::barrier);
-  if constexpr (Law::kind == ContactLaw::harmonic) {
+  if constexpr (Law::kind != ContactLaw::hertz) {
     const Real root = std::sqrt(std::abs(1 - square(zeta)));
     if (root < 1e-8) return std::exp(-2 * zeta);
     return std::exp(-2 * zeta * (zeta < 1 ? std::acos(zeta) : std::acosh(zeta)) / root);

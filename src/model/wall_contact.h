@@ -52,8 +52,8 @@ struct WallContact {
 
   /// ω² = V''/m, with the harmonic law 4 ε_w/(δ² m).
   Real max_rate(const Topology& topology) const {
-    return std::sqrt(4 * Law::stiffness * epsilon / smallest_over_points(topology, [&](Index i) {
-                       return square(topology.diameter[i]) * topology.mass(i);
+    return std::sqrt(Law::stiffness * epsilon / smallest_over_points(topology, [&](Index i) {
+                       return Law::scale(topology.diameter[i] / 2) * topology.mass(i);
                      }));
   }
 

@@ -5,6 +5,7 @@
 #include <pliant/model/crossing.h>
 #include <pliant/model/edge_contact.h>
 #include <pliant/model/lip_contact.h>
+#include <pliant/model/pair_contact.h>
 #include <pliant/model/wall_contact.h>
 
 #include "support/configurations.h"
@@ -19,7 +20,7 @@ constexpr Real epsilon = 1e3, delta = 0.1;
 
 }  // namespace
 
-TEMPLATE_TEST_CASE("derivatives of a law", "", HarmonicOverlap, HertzOverlap, BarrierOverlap) {
+TEMPLATE_TEST_CASE("derivatives of a law", "", HarmonicOverlap, HertzOverlap, BarrierOverlap, SpringOverlap) {
   const TestType v{epsilon, delta};
   for (Real s = 0.01; s < 1.2; s += 0.0173) {
     INFO("d/range " << s);
@@ -155,6 +156,42 @@ TEST_CASE("Hertz' contact goes with the power 3/2 of the overlap") {
   CHECK(v.curvature(0.75 * delta) == Approx(0.75 * epsilon / square(delta)));
   CHECK(v.curvature(delta) == 0);  // C2
   CHECK(v.curvature(1e-9 * delta) == Approx(HertzOverlap::stiffness * epsilon / square(delta)));
+}
+
+TEST_CASE("a spring is as stiff for large particles as for small ones, in the stability limit too") {
+  constexpr Real k = 50;
+  for (const Real size : {0.1, 1.0, 7.0}) {
+    const SpringOverlap v{k, size};
+    CHECK(v.curvature(0.99 * size) == k);
+    CHECK(v.slope(size - 0.01) == Approx(-k * 0.01));
+    CHECK(v.value(0.9 * size) == Approx(HarmonicOverlap{k * square(size), size}.value(0.9 * size)));
+  }
+  // The lighter of two pairs, and of two disks at walls, sets the limit, whatever its size: 2 k/m and k/m.
+  Topology disks;
+  disks.add_soft(0.5, 3);
+  disks.add_soft(4, 2);
+  const PairContact<2, SpringOverlap> pair{k, "pair"};
+  const WallContact<2, SpringOverlap> wall{k};
+  CHECK(pair.max_rate(disks) == Approx(std::sqrt(2 * k / 2)));
+  CHECK(wall.max_rate(disks) == Approx(std::sqrt(k / 2)));
+}
+
+TEST_CASE("frictional disks with springs have limits of stability that do not depend on their size") {
+  const auto limits = [](ContactLaw law, Real size) {
+    Topology disk;
+    disk.add_soft(size, 2);
+    disk.set_inertia(0, 2 * square(size) / 8);
+    const DiskParameters friction{.base_gravity = 10};
+    return make_force_field<2>(ModelKind::disk, {.epsilon = 50, .epsilon_wall = 50, .law = law, .disk = friction},
+                               Vec<2>::Zero())
+        ->critical_step(disk);
+  };
+  const CriticalStep small = limits(ContactLaw::spring, 0.5), large = limits(ContactLaw::spring, 4);
+  CHECK(std::isfinite(small.least()));
+  CHECK(large.elastic == Approx(small.elastic));
+  CHECK(large.damping == Approx(small.damping));
+  CHECK(limits(ContactLaw::harmonic, 4).elastic == Approx(8 * limits(ContactLaw::harmonic, 0.5).elastic));
+  CHECK_THROWS_AS(make_force_field<2>(ModelKind::sp, {.law = ContactLaw::spring}, Vec<2>(0, -1)), InputError);
 }
 
 TEST_CASE("a law is refused by models that do not have it") {
