@@ -18,9 +18,6 @@
 namespace pliant {
 namespace {
 
-constexpr Real step_fraction = 0.2;     ///< standard step over the limit of stability
-constexpr Real standard_gravity = 981;  ///< cm/s²
-
 Topology make_disks(const ChannelOptions& p) {
   Topology disks;
   for (std::size_t k = 0; k < p.sizes.size(); ++k)
@@ -30,13 +27,24 @@ Topology make_disks(const ChannelOptions& p) {
 
 /// The model: all that is known of it here.
 std::unique_ptr<ForceField<2>> make_forces(const ChannelOptions& p) {
-  // V'' = ε/δ² is that of two of the smallest disks.
-  Real smallest = std::numeric_limits<Real>::infinity();
-  for (const SizeClass& s : p.sizes) smallest = std::min(smallest, s.radius);
-  const Real epsilon = p.stiffness * square(2 * smallest);
-  return make_force_field<2>(ModelKind::sp, {.epsilon = epsilon, .epsilon_wall = epsilon, .zeta = p.zeta},
+  return make_force_field<2>(ModelKind::disk,
+                             {.epsilon = p.stiffness,
+                              .epsilon_wall = p.stiffness,
+                              .law = ContactLaw::spring,
+                              .disk = {.mu_disk = p.disk.at_rest,
+                                       .mu_disk_dynamic = *p.disk.sliding,
+                                       .mu_wall = p.wall.at_rest,
+                                       .mu_wall_dynamic = *p.wall.sliding,
+                                       .restitution = p.restitution,
+                                       .base_gravity = p.gravity,
+                                       .mu_base = p.base.at_rest,
+                                       .mu_base_dynamic = *p.base.sliding,
+                                       .base_coupled = p.base_coupled}},
                              Vec<2>::Zero());
 }
+
+/// Standard step: contacts are followed, and what damps them is stable (docs/steps.md).
+Real standard_step(const CriticalStep& critical) { return std::min(0.2 * critical.elastic, 0.5 * critical.damping); }
 
 std::unique_ptr<Simulation<2>> make_simulation(const ChannelOptions& p, const Ranks& ranks) {
   constexpr Real first_skin = 0.1;
@@ -51,10 +59,10 @@ class ChannelProtocol final : public Protocol<2> {
       : Protocol<2>(make_simulation(p, ranks)),
         p_(p),
         channel_(*p.channel),
-        critical_step_(particles().field().critical_step(simulation().all()).least()),
-        schedule_(p.push, p.dt.value_or(step_fraction * critical_step_)) {
+        critical_(particles().field().critical_step(simulation().all())),
+        schedule_(p.push, p.dt.value_or(standard_step(critical_))) {
     const Topology& all = simulation().all();
-    weight_ = standard_gravity * std::accumulate(all.point_mass.begin(), all.point_mass.end(), 0.0);
+    weight_ = p.gravity * std::accumulate(all.point_mass.begin(), all.point_mass.end(), 0.0);
   }
 
   // --- Before the run
@@ -69,9 +77,9 @@ class ChannelProtocol final : public Protocol<2> {
         "{} pushes; t0 = 1 s",
         disks, area_fraction(), p_.filled_area(), channel_.plungers().size(), p_.push.speed, p_.push.stroke, p_.pushes);
   }
-  std::string model() const override { return "sp"; }
+  std::string model() const override { return "disk"; }
   Real first_dt() const override { return schedule_.dt(); }
-  Real critical_step() const override { return critical_step_; }
+  Real critical_step() const override { return critical_.least(); }
   std::optional<Real> fixed_skin() const override { return p_.skin; }
   std::unique_ptr<Integrator> make_integrator(Real dt) override { return std::make_unique<FixedStepVerlet>(dt); }
 
@@ -165,6 +173,16 @@ class ChannelProtocol final : public Protocol<2> {
                                  {"plunger_work", work_},
                                  {"momentum", std::span<const Real>(sums).subspan(2, 2)},
                                  {"angular_momentum", sums[4]}};
+    heat_ = 0;
+    for (const ContactTable& table : particles().history().tables()) {
+      std::vector<Real> heat(table.heat().begin(), table.heat().end());
+      ranks().sum(heat);
+      for (std::size_t k = 0; k < heat.size(); ++k) {
+        row.emplace_back(fmt::format("{}_{}", table.needs().name, table.needs().losses[k]), heat[k]);
+        heat_ += heat[k];
+      }
+    }
+    row.emplace_back("heat", heat_);
     return row;
   }
 
@@ -218,6 +236,7 @@ class ChannelProtocol final : public Protocol<2> {
     s["largest_overlap"] = largest_overlap_;
     s["largest_plunger_force"] = quantity(largest_plunger_force_, NAN, "dyn");
     s["plunger_work"] = quantity(work_, NAN, "erg");
+    s["heat"] = quantity(heat_, NAN, "erg");
   }
 
   void report(const Series&, nlohmann::ordered_json& s) override {
@@ -318,7 +337,7 @@ class ChannelProtocol final : public Protocol<2> {
 
   const ChannelOptions& p_;
   const Channel& channel_;
-  Real critical_step_;
+  CriticalStep critical_;
   PushSchedule schedule_;
   Real weight_ = 0;                  ///< of all disks
   Deepest deepest_;                  ///< in the last sample
@@ -326,6 +345,7 @@ class ChannelProtocol final : public Protocol<2> {
   std::vector<std::int64_t> jams_;   ///< pushes
   Real largest_overlap_ = 0, largest_plunger_force_ = 0;
   Real work_ = 0, power_ = 0, power_at_ = 0;
+  Real heat_ = 0;  ///< at the last sample
 };
 
 }  // namespace

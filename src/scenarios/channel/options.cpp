@@ -10,7 +10,8 @@
 namespace pliant {
 namespace {
 
-constexpr Real never = 1e300;  ///< s between frames that nobody asks for
+constexpr Real never = 1e300;           ///< s between frames that nobody asks for
+constexpr Real sliding_friction = 0.3;  ///< of acrylic on acrylic and on aluminium [T 3.2]
 
 /// The corners in a file: one polygon. name: of the file, in messages.
 std::vector<Vec<2>> parse_outline(std::string_view text, const std::string& name) {
@@ -99,8 +100,29 @@ void ChannelOptions::bind(Options& o) {
   o.bind("seed", seed, {.help = "seed of the places at the start", .min = 0, .on_restart = fixed});
 
   o.group("Model");
-  o.bind("stiffness", stiffness, positive("stiffness of a contact of two of the smallest disks", "g/s^2"));
-  o.bind("zeta", zeta, {.help = "drag on each disk", .unit = "g/s", .min = 0, .on_restart = fixed});
+  const auto friction = [&](const std::string& name, FrictionOptions& f, const std::string& what) {
+    o.bind("mu_" + name, f.at_rest, {.help = "static friction " + what, .min = 0, .max = 10, .on_restart = fixed});
+    o.bind("mu_" + name + "_dynamic", f.sliding,
+           {.help = "friction where they slide",
+            .min = 0,
+            .max = 10,
+            .automatic = fmt::format("{:g}, or the static one if that is less", sliding_friction),
+            .on_restart = fixed});
+  };
+  friction("disk", disk, "of disks with each other");
+  friction("wall", wall, "of disks with walls and plungers");
+  friction("base", base, "of disks with the base that they lie on");
+  o.bind(
+      "base_coupled", base_coupled,
+      {.help =
+           "friction with the base couples sliding and spinning, as under uniform pressure; no: each has its own limit",
+       .on_restart = fixed});
+  o.bind("stiffness", stiffness, positive("stiffness of contacts, the same for all sizes", "g/s^2"));
+  o.bind(
+      "restitution", restitution,
+      {.help = "coefficient of restitution of a collision", .min = 0, .max = 1, .min_open = true, .on_restart = fixed});
+  o.bind("gravity", gravity,
+         {.help = "gravity, which presses the disks on the base", .unit = "cm/s^2", .min = 0, .on_restart = fixed});
 
   o.group("Plungers");
   o.bind("pushes", pushes, {.help = "number of pushes, one plunger after the other", .min = 1, .max = 1e6});
@@ -128,7 +150,7 @@ void ChannelOptions::bind(Options& o) {
           .unit = "s",
           .min = 0,
           .min_open = true,
-          .automatic = "0.2 of the limit of stability",
+          .automatic = "0.2 of the elastic limit of stability, 0.5 of the damping's",
           .on_restart = fixed});
   o.bind("allow_unstable_dt", allow_unstable_dt, {.help = "go on where -dt is above the limit of stability"});
   o.bind("t_end", t_end,
@@ -176,6 +198,12 @@ void ChannelOptions::resolve() {
           "disks of a radius of {:g} cm and a plunger that is {:g} cm wide: use smaller disks or a wider channel",
           largest, p.width());
 
+  for (auto [name, friction] : {std::pair("disk", &disk), {"wall", &wall}, {"base", &base}}) {
+    if (!friction->sliding) friction->sliding = std::min(friction->at_rest, sliding_friction);
+    if (*friction->sliding > friction->at_rest)
+      throw InputError("-mu_{0}_dynamic {1:g} is more than -mu_{0} {2:g}; lower it", name, *friction->sliding,
+                       friction->at_rest);
+  }
   sample_interval = sample_travel / push.speed;
 }
 

@@ -15,6 +15,12 @@ namespace pliant {
 
 enum class OnJam { proceed, end };
 
+/// A coefficient of friction: that of surfaces that stick, and of surfaces that slide.
+struct FrictionOptions {
+  Real at_rest;
+  std::optional<Real> sliding;  ///< filled in by `resolve`
+};
+
 /// As given by the user; `resolve` fills in what is automatic. Units: cm, g, s.
 struct ChannelOptions : RunOptions {
   ChannelKind kind = ChannelKind::l;
@@ -30,11 +36,13 @@ struct ChannelOptions : RunOptions {
   Real density = 1.19, thickness = 0.29;
   Real start_overlap = 1e-4;
 
-  Real stiffness = 5e6, zeta = 200;
+  FrictionOptions disk{0.4, {}}, wall{0.4, {}}, base{0.5, {}};
+  bool base_coupled = true;
+  Real stiffness = 2e7, restitution = 0.5, gravity = 981;
 
   Index pushes = 10;
   PushOptions push;
-  Real jam_overlap = 0.01, jam_force = 50;
+  Real jam_overlap = 0.02, jam_force = 10;
   OnJam on_jam = OnJam::proceed;
 
   std::optional<Real> dt, t_end, skin;
