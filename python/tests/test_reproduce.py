@@ -268,7 +268,9 @@ def test_campaigns_over_several_sittings(call, tmp_path):
     call("H2", "quick", "--keep", "-o", "elsewhere")
     table = pd.read_csv(kept)
     assert len(table) == 16 and len(set(table["row"])) == 16 and len(started(tmp_path)) == 24
-    call("H2", "--kept", "-o", "third")
+    limits.write_text(TABLE + "100,,0.316,20,1-4\n")
+    output = call("H2", "--kept", "-o", "third")
+    assert "quick/limits: 16 of 20 runs are kept" in output and "quick/stiff: 8 of 8 runs are kept" in output
     assert len(started(tmp_path)) == 24 and (tmp_path / "third/H2-quick.png").exists()
     again, first = (pd.read_csv(tmp_path / folder / "reproduced.csv") for folder in ("third", "elsewhere"))
     pd.testing.assert_frame_equal(again, first, rtol=1e-4, atol=1e-6)

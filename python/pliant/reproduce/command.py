@@ -20,6 +20,8 @@ from . import disks, droplets, hopper
 from .figure import AGREE, LEVELS, VALIDATION, rows, write_rows
 from .measure import OF_EVERY_RUN, measured
 
+#: Of rows that name none, where there is no program to ask.
+SCENARIO = "hopper"
 FIGURES = {figure.name: figure for figure in (*hopper.FIGURES, *droplets.FIGURES, *disks.FIGURES)}
 
 _DESCRIPTION = """Makes a published figure again: runs a table of runs, fits with errors, draws the figure with the published
@@ -169,7 +171,7 @@ def _write_csv(path, table):
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"{path.parent}: cannot be made ({error.strerror})") from None
-    write_atomically(path, table.drop(columns="table").to_csv(index=False, float_format="%.7g"))
+    write_atomically(path, table.drop(columns="table").to_csv(index=False, float_format="%.6g"))
 
 
 def _measured(figure, level, given, runs):
@@ -179,6 +181,9 @@ def _measured(figure, level, given, runs):
             tables = _tables(figure, one, given)
             kept = _load_kept(figure, tables)
             if len(kept):
+                for table in tables:
+                    runs_kept = kept.loc[kept["table"] == table.name, "row"].nunique()
+                    remark(f"{table.name}: {runs_kept} of {len(read_rows(table.file, SCENARIO))} runs are kept")
                 return one, tables, kept
         raise RunError(f"nothing is kept of {figure.name}{f' {level}' if level else ''}: run it without --kept")
     level = level or "quick"

@@ -41,14 +41,15 @@ def _mean(name, points, value, known, note=""):
         filter(None, [note, ensemble.seeds_remark(points)])))
 
 
-def _draw_polydispersity(measured, end, slope_known, offset_known):
+def _draw_polydispersity(measured, end, mean_known, slope_known, offset_known):
     figure, (left, right) = plt.subplots(1, 2, figsize=(9.4, 4.0), layout="constrained")
     delta = np.array([0, measured["polydispersity"].max() * 1.1])
     motion, local = (_points(measured, name + end) for name in ("dr_na", "d2_min"))
     _draw_points(left, motion, "dr_na" + end, LABELS["dr_na"])
-    left.plot(delta, np.full(2, published.NON_AFFINE.value), "-.", color="0.3", label=f"[T] {published.NON_AFFINE.value:g}")
+    if mean_known:
+        left.plot(delta, np.full(2, mean_known.value), "-.", color="0.3", label=f"[T] {mean_known.value:g}")
     _draw_points(right, local, "d2_min" + end, LABELS["d2_min_per_neighbour"])
-    quantities = [_mean("dr_NA/<R>, mean of the distributions", motion, "dr_na" + end, published.NON_AFFINE)]
+    quantities = [_mean("dr_NA/<R>, mean of the distributions", motion, "dr_na" + end, mean_known)]
     if len(motion) > 2:
         (slope, error), _ = _line(motion, "dr_na" + end)
         quantities.append(Quantity("slope of dr_NA/<R> in delta", slope, error, published.NON_AFFINE_SLOPE))
@@ -67,12 +68,12 @@ def _draw_polydispersity(measured, end, slope_known, offset_known):
 
 def draw_polydispersity(measured):
     """[T 3.11]: non-affine displacement and D2_min against polydispersity."""
-    return _draw_polydispersity(measured, "", published.D2_SLOPE, published.D2_OFFSET)
+    return _draw_polydispersity(measured, "", published.NON_AFFINE, published.D2_SLOPE, published.D2_OFFSET)
 
 
 def draw_clock(measured):
     """[T 3.14]: the same over intervals of equal strain."""
-    return _draw_polydispersity(measured, "_clock", published.D2_SLOPE_CLOCK, None)
+    return _draw_polydispersity(measured, "_clock", None, published.D2_SLOPE_CLOCK, None)
 
 
 def draw_intervals(measured):

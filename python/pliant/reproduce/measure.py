@@ -19,8 +19,8 @@ _FLOW = ["model", "dim", "status", "mu", "zeta", "e_sp", "e_c", "k_l", "k_b", "h
          "hopper_wall_distance", "t_end"]
 _RATES = ["Q", "Q_corrected", "orifice_velocity", "drag_friction_ratio", "c0"]
 _CLOG = ["hopper_width", "g", "phi_c", "status", "avalanche_size", "capillary_length"]
-_PROFILE = ["model", "dim", "mu", "zeta", "e_sp", "hopper_angle", "hopper_width"]
-_CURVE = 400  # samples of a force curve that are kept
+_PROFILE = ["mu", "zeta", "e_sp", "hopper_width"]
+_CURVE = 300  # samples of a force curve that are kept
 
 
 def _columns(run, names):
@@ -60,7 +60,7 @@ def fractures(run):
 def forces(run):
     """Force curve of a raft, with its stiffness at rest and its highest peak."""
     curve = raft.Compression.of(run)
-    every = max(len(curve.force) // _CURVE, 1)
+    every = -(-len(curve.force) // _CURVE)
     slope, error = curve.stiffness_at_zero()
     return pd.DataFrame({"distance": curve.distance[::every], "force": curve.force[::every]}).assign(
         n=curve.n, slope=slope, slope_error=error, F_max=curve.force.max(), **_raft(run))
