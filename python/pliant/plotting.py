@@ -250,7 +250,8 @@ def panel_figure(runs, boxes, height=4.6):
 
 # ---- naming runs -----------------------------------------------------------------------------------------------------
 
-MODEL_NAMES = {"sp": "soft particles", "rough": "rough polygons", "smooth": "smooth polygons", "bubble": "droplets"}
+MODEL_NAMES = {"sp": "soft particles", "rough": "rough polygons", "smooth": "smooth polygons", "bubble": "droplets",
+               "disk": "frictional disks"}
 SYMBOLS = {"hopper_width": r"w/\sigma_{avg}", "mu": r"\mu/\mu_0", "zeta": r"\zeta/\zeta_0", "e_sp": "E_{sp}",
            "e_c": "E_c", "e_w": "E_w", "k_a": "K_a", "k_l": "K_l", "k_b": "K_b", "n": "N", "hopper_angle": r"\theta_w",
            "hopper_wall_distance": r"W/\sigma_{avg}", "dim": "d"}
