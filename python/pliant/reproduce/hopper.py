@@ -312,18 +312,20 @@ def _held(row, quantity):
 
 
 def _against(axes, fits, x, quantity, x_label, label, references=None):
-    """A quantity of fits with the published exponent held (filled) and free (open) against the column x, per limit."""
-    for i, (limit, name) in enumerate(LIMIT_NAMES.items()):
-        group = fits[fits["limit"] == limit].sort_values(x)
-        if group.empty:
-            continue
-        color, marker = plotting.COLORS[i], plotting.MARKERS[i]
+    """A quantity of fits with the published exponent held (filled) and free (open) against the column x, a curve per
+    limit and K_l."""
+    several = fits["k_l"].nunique() > 1
+    for (limit, k_l), group in fits.sort_values(x).groupby(["limit", "k_l"]):
+        color = plotting.COLORS[list(LIMIT_NAMES).index(limit)]
+        marker = plotting.MARKERS[sorted(fits["k_l"].unique()).index(k_l) % 8 if several else list(LIMIT_NAMES).index(limit)]
+        name = LIMIT_NAMES[limit] + (f", $K_l$ = {k_l:g}" if several else "")
         value, error = np.array([_held(row, quantity) for _, row in group.iterrows()]).T
         axes.errorbar(group[x], value, error, fmt=marker + "-", lw=0.9, color=color, capsize=2.5, label=name)
         free = [(getattr(f, quantity), getattr(f, quantity + "_error")) if f else (np.nan, np.nan) for f in group["fit"]]
         axes.errorbar(group[x] * 1.04, *np.array(free).T, fmt=marker, color=color, mfc="white", alpha=0.6, lw=0.8)
+    for i, limit in enumerate(LIMIT_NAMES):
         for one in (references or {}).get(limit, ()):
-            axes.axhline(one.value, color=color, ls="-.", lw=0.9)
+            axes.axhline(one.value, color=plotting.COLORS[i], ls="-.", lw=0.9)
     axes.plot([], [], "o", color="0.4", mfc="white", label=r"$\beta$ free")
     if references:
         axes.plot([], [], "-.", color="0.4", lw=0.9, label="[H], hard")
@@ -387,12 +389,15 @@ def draw_offsets(measured):
     return figure, _prefactor_quantities(fits, ("k",), known)
 
 
+_AT_BOUND = 1e-3  # w - k of a fit whose k is at its bound, just below the narrowest orifice
+
+
 def _collapse(axes, fits, limit):
     """Q/C against w - k with the published exponent held."""
     group = fits[(fits["limit"] == limit) & fits["reference_fit"].notna()]
     for i, (_, row) in enumerate(group.iterrows()):
         data, fit = row["data"], row["reference_fit"]
-        above = data["hopper_width"] > fit.k
+        above = data["hopper_width"] > fit.k + _AT_BOUND
         axes.errorbar(data["hopper_width"][above] - fit.k, data["Q"][above] / fit.C,
                       data["Q_error"][above].fillna(0) / fit.C, fmt=plotting.MARKERS[i % 8], color=plotting.COLORS[i % 8],
                       capsize=2, label=model_label(row))
@@ -403,14 +408,16 @@ def _collapse(axes, fits, limit):
     axes.set(xlabel=r"$w/\sigma_{avg} - k$", ylabel=r"$Q/C$")
     axes.set_title(LIMIT_NAMES[limit], loc="left")
     log_axes(axes)
-    if len(group):
+    if 0 < len(group) < 6:
         axes.legend()
+    elif len(group):
+        axes.legend(loc="center left", bbox_to_anchor=(1, 0.5))
 
 
 def draw_prefactors(measured):
     """[H 13, 14]: the prefactor C against the stiffness, and Q/C against w - k."""
     fits = beverloo.fit_seeds(limits(measured), ["limit", "dim", *_MODEL])
-    figure, (left, *others) = plt.subplots(1, 3, figsize=(14, 4.2), layout="constrained")
+    figure, (left, *others) = plt.subplots(1, 3, figsize=(15, 4.4), layout="constrained")
     x, label = ("e_sp", "$E_{sp}$") if (fits["model"] == "sp").all() else ("k_b", "$K_b$")
     _against(left, fits, x, "C", label, r"$C$  [$\sigma_{avg}^2/t_0$]", {limit: (published.C[limit],) for limit in LIMIT_NAMES})
     left.set_yscale("log")
