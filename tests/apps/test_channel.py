@@ -159,7 +159,7 @@ def test_other_channels(geometry, plungers, sides, tmp_path):
 
 
 def test_an_outline_of_ones_own(small, tmp_path):
-    """The same channel from a file, clockwise: bit for bit the same motion."""
+    """The same channel from a file, clockwise: as many disks, frames at the same travel."""
     (tmp_path / "L.txt").write_text("# an L\n0 0\n0 15\n8 15\n8 8\n15 8\n15 0\n")
     own = {k: v for k, v in SMALL.items() if not k.startswith("channel_")}
     result = pliant("channel", output=tmp_path / "run", outline=tmp_path / "L.txt", plungers="15,3;3,15",
