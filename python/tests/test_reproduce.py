@@ -16,6 +16,7 @@ from synthetic import write_run
 from synthetic_channel import channel_tracks, write_channel_run
 from test_clog import made_table
 from test_plots import assert_picture
+from test_raft import K1, write_raft
 
 from pliant import PliantError, beverloo, ensemble
 from pliant.reproduce import command, figure, measure
@@ -557,3 +558,39 @@ def test_measures_of_disks(tmp_path):
     assert len(table) == 1 and 0.05 < table["polydispersity"][0] < 0.6 and table["dr_na"][0] > 0 and table["d2_min"][0] > 0
     curve = measure.measured("intervals", "x", run)
     assert len(curve) > 2 and curve["dr_na"].is_monotonic_increasing and np.isfinite(curve["exponent_dr_na"]).all()
+
+
+def test_measures_of_rafts(tmp_path):
+    """From runs with known force curves to the figures."""
+    runs = [(f"{seed}-{phi}", write_raft(tmp_path / f"{seed}-{phi}", seed=seed, small_fraction=phi, v_wall=1e-4))
+            for seed in (1, 2) for phi in (0.0, 0.5)]
+
+    def all_of(name):
+        return pd.concat([measure.measured(name, row, run) for row, run in runs], ignore_index=True).assign(table="t")
+    reductions = all_of("reductions")
+    assert len(reductions) == 4 * 3 and set(reductions["row"]) == {row for row, _ in runs}
+    assert drawn("T2.7", reductions, tmp_path)["k1 of k_eq = k1 q/(p+1)"].value == pytest.approx(K1, rel=1e-2)
+    assert len(drawn("T2.8", reductions, tmp_path)) == 2
+    forces = all_of("forces")
+    assert forces.groupby("row").size().max() <= 300 and forces["F_max"].iloc[0] == pytest.approx(0.4, abs=0.01)
+    assert len(drawn("T2.9", forces, tmp_path)) == 2
+    fractures = all_of("fractures")
+    found = drawn("T2.10", fractures, tmp_path)
+    assert found["excess over its height at phi = 0.5, N = 20"].value == pytest.approx(1)
+    assert drawn("T2.11", fractures, tmp_path)["peaks at delta = 0, one kind"].value == 3
+    assert drawn("T2.14", fractures, tmp_path)["fraction of competing fractures, N = 20, phi = 0.5, delta = 0.133"].value == 0
+
+
+def test_measures_of_hoppers(soft, tmp_path):
+    path, truth = soft
+    table = measure.measured("flows", "a", path)
+    assert table[["Q", "Q_error", "n", "hopper_angle", "seed"]].iloc[0].tolist() == [3.0, 0.1, 150, 60, 1]
+    profile = measure.measured("profiles", "a", path)
+    assert np.interp(2, profile["height"], profile["v"]) == pytest.approx(np.interp(2, truth["heights"], truth["axis_speed"]),
+                                                                          rel=0.05)
+    assert measure.measured("clogs", "a", path)["status"].tolist() == ["done"]
+
+
+def test_a_run_that_a_figure_cannot_use(soft):
+    with pytest.raises(PliantError, match="not of raft"):
+        measure.measured("reductions", "a", soft[0])

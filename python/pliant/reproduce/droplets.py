@@ -175,11 +175,12 @@ def _draw_competing(measured, kind):
     figure, axes = plt.subplots(figsize=(5.8, 4.2), layout="constrained")
     raft_figures.draw_fractures(axes, means, kind)
     axes.set_ylim(0, 1.05)
-    x = raft_figures.FRACTURES[kind][0]
-    shown = {"inverse_size": lambda row: f"N = {row['n']:g}", "aspect": lambda row: f"q/p = {row['aspect']:.3g}",
-             "tilt": lambda row: f"N = {row['n']:g}, {row['tilt']:g} degrees"}[x]
-    quantities = [Quantity(f"fraction of competing fractures, {shown(row)}", row[y], row[y + "_error"])
-                  for _, row in points.iterrows()]
+    x = {"size": "n"}.get(kind, kind)
+    varied = [x, *(c for c in ("n", "phi", "delta", "tilt") if c != x and points[c].nunique() > 1)]
+    quantities = []
+    for _, row in points.iterrows():
+        name = ", ".join(f"{ {'n': 'N', 'aspect': 'q/p'}.get(c, c)} = {row[c]:.3g}" for c in varied)
+        quantities.append(Quantity(f"fraction of competing fractures, {name}", row[y], row[y + "_error"]))
     return figure, axes, points, quantities
 
 
@@ -340,13 +341,13 @@ FIGURES = [
     Figure("T2.16", "competing fractures against the angle of the walls", ("quick/tilt",), ("raft/tilt",), "fractures",
            draw_tilt, "36 droplets, twice the speed"),
     Figure("T4.2", "probability of a clog against gravity", ("quick/gravity",), ("clog/gravity",), "clogs", draw_gravity,
-           "six seeds, fewer points"),
+           "four seeds, fewer points"),
     Figure("T4.3", "probability of a clog against the width of the exit", ("quick/width",), ("clog/width",), "clogs",
-           draw_width, "six seeds, fewer points"),
+           draw_width, "four seeds, fewer points"),
     Figure("T4.4", "width of even odds against the capillary length", ("quick/width",), ("clog/width",), "clogs",
-           draw_middle_widths, "six seeds, fewer points"),
+           draw_middle_widths, "four seeds, fewer points"),
     Figure("T4.5", "mean avalanche against w/delta*", ("quick/width", "quick/gravity"),
-           ("clog/width", "clog/gravity", "clog/numbers"), "clogs", draw_collapse, "six seeds, fewer points, one N"),
+           ("clog/width", "clog/gravity", "clog/numbers"), "clogs", draw_collapse, "four seeds, fewer points, one N"),
     Figure("T4.6", "probability of a clog against w/delta*", ("quick/width", "quick/gravity"),
-           ("clog/width", "clog/gravity", "clog/numbers"), "clogs", draw_clog_collapse, "six seeds, fewer points, one N"),
+           ("clog/width", "clog/gravity", "clog/numbers"), "clogs", draw_clog_collapse, "four seeds, fewer points, one N"),
 ]
