@@ -130,12 +130,12 @@ Index Walls<D>::add(const WallParts& walls, const Motion<D>& motion, const Pose<
 }
 
 template <int D>
-Index Walls<D>::add(const Solid<D>& solid, const Motion<D>& motion) {
+Index Walls<D>::add(const Solid<D>& solid, const Motion<D>& motion, const Pose<D>& pose) {
   part_wall_.push_back(size());
   wall_surface_.push_back(surfaces_++);
   wall_body_.push_back(bodies());
   solids_.push_back(solid);
-  bodies_.push_back({{}, motion, {}, {}, {}, {}, solid.place, std::numeric_limits<Real>::infinity()});
+  bodies_.push_back({pose, motion, {}, {}, {}, {}, solid.place, std::numeric_limits<Real>::infinity()});
   place(bodies_.back());
   return bodies() - 1;
 }
@@ -176,8 +176,8 @@ bool Walls<D>::carries(const Vec<D>& r, Index part, Real t) const {
 
 template Index Walls<2>::add(const WallParts&, const Motion<2>&, const Pose<2>&);
 template Index Walls<3>::add(const WallParts&, const Motion<3>&, const Pose<3>&);
-template Index Walls<2>::add(const Solid<2>&, const Motion<2>&);
-template Index Walls<3>::add(const Solid<3>&, const Motion<3>&);
+template Index Walls<2>::add(const Solid<2>&, const Motion<2>&, const Pose<2>&);
+template Index Walls<3>::add(const Solid<3>&, const Motion<3>&, const Pose<3>&);
 template void Walls<2>::set_motion(Index, const Motion<2>&);
 template void Walls<3>::set_motion(Index, const Motion<3>&);
 template bool Walls<2>::carries(const Vec<2>&, Index, Real) const;

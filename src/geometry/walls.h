@@ -83,7 +83,7 @@ class Walls {
   /// Adds walls that move together, and returns the number of their body. They are given in its frame, whose place at
   /// motion.since is `pose`; without one, where they are then.
   Index add(const WallParts& walls, const Motion<D>& motion = {}, const Pose<D>& pose = {});
-  Index add(const Solid<D>& solid, const Motion<D>& motion = {});
+  Index add(const Solid<D>& solid, const Motion<D>& motion = {}, const Pose<D>& pose = {});
   /// From motion.since on a body moves so, from where it is at that time.
   void set_motion(Index body, const Motion<D>& motion);
 

@@ -258,4 +258,10 @@ TEST_CASE("A plunger is a wall that moves", "[channel][shape]") {
   CHECK(belts.velocity({3, 1}, 1, 1).isApprox(Vec<2>(0.5, 0)));
   CHECK(belts.distance({3, 5}, 0, 1) == Approx(1));
   CHECK(belts.distance({3, 1}, 1, 1) == Approx(1));
+  // Contacts stick to the material of a wall: that is where it was when the wall gets another velocity.
+  const Walls<2> stopped = straight.walls({.sheared = 1, .since = 2});
+  for (const Index body : {0, 1}) {
+    CHECK(stopped.pose(body, 3).shift == belts.pose(body, 2).shift);
+    CHECK(stopped.velocity({3, 3}, body, 3) == Vec<2>::Zero());
+  }
 }

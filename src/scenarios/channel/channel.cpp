@@ -270,11 +270,14 @@ class ChannelProtocol final : public Protocol<2> {
   void put_walls() {
     const std::int64_t begin = schedule_.phase_begin(state().step);
     const Real speed = schedule_.velocity_at(begin);
+    const bool pushes = schedule_.phase_at(begin) == PushPhase::push;
+    const std::int64_t strokes = schedule_.push_at(begin) + (pushes ? 0 : 1);  // until then
     simulation().particles().set_walls(
         channel_.walls({.plunger = plunger_at(begin),
                         .travel = schedule_.travel_at(begin),
                         .speed = speed,
-                        .shear = schedule_.phase_at(begin) == PushPhase::push ? p_.shear * speed : 0,
+                        .shear = pushes ? p_.shear * speed : 0,
+                        .sheared = p_.shear * p_.push.stroke * static_cast<Real>(strokes),
                         .since = static_cast<Real>(begin) * schedule_.dt()}));
   }
 

@@ -104,7 +104,8 @@ Walls<2> Channel::walls(const PlungerMotion& motion) const {
     const Vec<2>&a = corners[k], &b = corners[(k + 1) % n];
     if (straight_) {
       const Vec<2> along = (b - a).normalized();  // below in the direction of x, above against it
-      walls.add(Solid<2>::half_space(a, turned(along, 1)), {.velocity = motion.shear * along, .since = motion.since});
+      walls.add(Solid<2>::half_space(a, turned(along, 1)), {.velocity = motion.shear * along, .since = motion.since},
+                {.shift = motion.sheared * along});
       continue;
     }
     number[k] = parts.next();

@@ -32,6 +32,7 @@ struct PlungerMotion {
   std::size_t plunger = 0;
   Real travel = 0, speed = 0;  ///< then, from its place at rest; into the channel
   Real shear = 0;              ///< speed of the walls of a straight channel, along x below, against it above
+  Real sheared = 0;            ///< how far these have gone until then: contacts stick to them
   Real since = 0;
 };
 
