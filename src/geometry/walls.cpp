@@ -166,6 +166,7 @@ template <int D>
 bool Walls<D>::carries(const Vec<D>& r, Index part, Real t) const {
   if (is_solid(part)) return true;
   if (part >= segments_) return false;
+  if (before_[part] < 0 && after_[part] < 0) return true;
   const Vec<2> p = meridian(in_body(r, part, t));
   const auto along = [&](Index s) { return (p - parts_[s].origin).dot(parts_[s].direction); };
   const Real here = along(part);

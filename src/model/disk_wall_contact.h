@@ -68,7 +68,6 @@ struct DiskWallContact {
     Touch c;
     return look(s, e, past, c) ? c.force() : Vec<2>(Vec<2>::Zero());
   }
-  Index wall(const StateView<2>& s, Index e) const { return s.walls.wall_of_part(s.neighbours.walls[e].second); }
 
   /// ω² = k_t (1/m + R²/I) = 3 k_t/m.
   Real max_rate(const Topology& topology) const {

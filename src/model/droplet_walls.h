@@ -38,8 +38,6 @@ struct DropletWalls {
 
   /// Force of the wall on the droplet; the wall feels the opposite.
   Vec<D> force(const StateView<D>& s, Index e) const { return -at(s, e).gradient; }
-  Index wall(const StateView<D>& s, Index e) const { return s.walls.wall_of_part(s.neighbours.walls[e].second); }
-
   Real max_rate(const Topology& topology) const { return law.max_rate(topology); }
 
  private:

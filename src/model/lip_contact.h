@@ -40,7 +40,6 @@ struct LipContact {
     const auto [a, b] = forces(s, e);
     return a + b;
   }
-  Index wall(const StateView<2>& s, Index e) const { return s.walls.lips()[s.neighbours.lips[e].first].wall; }
 
   void add_hessian(const StateView<2>& s, Index e, BlockSink<2>& h) const {
     const auto [q, a, b, v] = element(s, e);

@@ -107,8 +107,9 @@ class ForceField {
   /// ∂F/∂v of all dissipations.
   virtual void damping(const StateView<D>& s, BlockSink<D>& h) const = 0;
   virtual void for_each_contact(const StateView<D>& s, const std::function<void(const Contact<D>&)>& visit) const = 0;
-  /// Force on each wall by the points, added to f [walls · D].
-  virtual void add_wall_forces(const StateView<D>& s, Real* f) const = 0;
+  /// Force on each wall by the points, added to f [walls · D]; with torques [walls · rotations], also the torque on it
+  /// about the pivot of its motion, which is the origin for walls without one.
+  virtual void add_wall_forces(const StateView<D>& s, Real* f, Real* torques = nullptr) const = 0;
   /// Limits of stability of velocity Verlet.
   virtual CriticalStep critical_step(const Topology& topology) const = 0;
 
@@ -119,6 +120,27 @@ class ForceField {
   /// All contacts of s, the state at the end of an accepted step of length h, are advanced.
   virtual void advance(const StateView<D>& s, Real h, ContactHistory& history) const = 0;
 };
+
+/// Power of the walls that move on the points: what they do to the energy, as far as their forces are those that the
+/// force field gives. Of the rank's share; no sum is made where nothing moves.
+template <int D>
+Real wall_power(const ForceField<D>& field, const StateView<D>& s) {
+  if (!s.walls.move()) return 0;
+  const auto walls = static_cast<std::size_t>(s.walls.size());
+  std::vector<Real> force(walls * D), torque(walls * rotations<D>);
+  field.add_wall_forces(s, force.data(), torque.data());
+  Real power = 0;
+  for (Index k = 0; k < s.walls.size(); ++k) {
+    const Motion<D>& motion = s.walls.motion(s.walls.body_of_wall(k));
+    power -= point<D>(force.data(), k).dot(motion.drift(s.t));
+    if (!motion.turns()) continue;
+    if constexpr (D == 2)
+      power -= torque[k] * motion.spin;
+    else
+      power -= point<3>(torque.data(), k).dot(motion.spin);
+  }
+  return power;
+}
 
 /// Terms whose forces one vectorised kernel computes in one pass:
 /// Kernel::add_forces(s, chunk, f, terms…) adds their forces on the points of a chunk; where Kernel::fast() is false
@@ -362,14 +384,25 @@ class Model final : public ForceField<D> {
     });
   }
 
-  void add_wall_forces(const StateView<D>& s, Real* f) const override {
+  void add_wall_forces(const StateView<D>& s, Real* f, Real* on_pivots) const override {
+    const auto add = [&](const auto& term, auto&& value) {
+      for_each_element(term, s, [&](Index e) {
+        const Vec<D> force = value(e);
+        const auto [wall, place] = touched_wall<std::decay_t<decltype(term)>::elements>(s, e);
+        point<D>(f, wall) -= force;
+        if (on_pivots == nullptr) return;
+        const Motion<D>& motion = s.walls.motion(s.walls.body_of_wall(wall));
+        add_rotation<D>(on_pivots, wall, torque(Vec<D>(place - motion.pivot - motion.shift(s.t)), Vec<D>(-force)));
+      });
+    };
     for_each_enabled(s, [&](const auto& term) {
-      if constexpr (requires { term.wall(s, Index()); }) {
-        if constexpr (HistoryTerm<std::decay_t<decltype(term)>, D>) {
+      using Term = std::decay_t<decltype(term)>;
+      if constexpr (Term::elements == Elements::walls || Term::elements == Elements::lips) {
+        if constexpr (requires { term.force(s, Index()); }) {
+          add(term, [&](Index e) { return term.force(s, e); });
+        } else if constexpr (requires { term.force(s, Index(), std::span<const Real>()); }) {
           const Past past(s, term);
-          for_each_element(term, s, [&](Index e) { point<D>(f, term.wall(s, e)) -= term.force(s, e, past(e)); });
-        } else {
-          for_each_element(term, s, [&](Index e) { point<D>(f, term.wall(s, e)) -= term.force(s, e); });
+          add(term, [&](Index e) { return term.force(s, e, past(e)); });
         }
       }
     });
@@ -536,6 +569,21 @@ class Model final : public ForceField<D> {
     std::array<Real, Neighbours<D>::max_chunks> part;
     for_each_chunk(s, [&](Index c) { part[c] = value(c); });
     return std::accumulate(part.begin(), part.begin() + s.neighbours.chunks(), Real(0));
+  }
+
+  /// The wall of an element and where it is touched.
+  template <Elements E>
+  static std::pair<Index, Vec<D>> touched_wall(const StateView<D>& s, Index e) {
+    if constexpr (E == Elements::lips) {
+      const Index lip = s.neighbours.lips[e].first;
+      return {s.walls.lips()[lip].wall, s.walls.lip(lip, s.t)};
+    } else {
+      const auto [i, part] = s.neighbours.walls[e];
+      Real d;
+      Vec<D> n;
+      s.walls.nearest(s.position(i), part, s.t, d, n);
+      return {s.walls.wall_of_part(part), s.position(i) - d * n};
+    }
   }
 
   template <class T>

@@ -102,7 +102,8 @@ struct Contact {
 ///   off()    whether its coefficients switch it off for good: it needs no list then
 ///   range()  how far beyond the contact distance it reaches
 ///   edges    whether its edges are wide (as without it) or bare, also where it is off
-/// and, if it is not defined for all walls, check(walls), which throws an InputError.
+///   check(walls)  throws an InputError for walls that it is not defined for
+///   force(s, e)   of the wall, or the lip, on its points: then the wall feels the opposite
 template <class T, int D>
 concept EnergyTerm = requires(const T term, const StateView<D>& s, Index e, Scatter<D, 1>& g, BlockSink<D>& h) {
   { term.name() } -> std::convertible_to<std::string_view>;
@@ -137,9 +138,10 @@ concept DissipationTerm = requires(const T term, const StateView<D>& s, Index e,
 /// place on the surfaces; forces follow from how far these have moved from there, by positions and angles, up to the
 /// limit of friction, and what is advanced is the place, where it has slid. A pair is listed in any order, on both
 /// sides of a border: numbers must not depend on it (in_order). Positions jump by box lengths when particles are put
-/// back into a periodic box; positions of a listed pair relative to each other do not. A term can say by what energy
-/// becomes heat, `static constexpr std::array<std::string_view, N> losses`: then advance() gets N sums as well, to
-/// which it adds the heat of the step.
+/// back into a periodic box; positions of a listed pair relative to each other do not. Parts of one surface of the
+/// walls have one contact with a point, which the part that carries it (Walls::carries) acts for and advances; the
+/// others do not touch. A term can say by what energy becomes heat, `static constexpr std::array<std::string_view, N>
+/// losses`: then advance() gets N sums as well, to which it adds the heat of the step.
 template <class T, int D>
 concept HistoryTerm = requires(const T term, const StateView<D>& s, Index e, Real h, bool known,
                                std::span<const Real> past, std::span<Real> numbers, std::span<Real> heat,

@@ -48,8 +48,6 @@ struct WallContact {
     return -s.walls.weight(part) * law(s, i).slope(d) * n;
   }
 
-  Index wall(const StateView<D>& s, Index e) const { return s.walls.wall_of_part(s.neighbours.walls[e].second); }
-
   /// ω² = V''/m, with the harmonic law 4 ε_w/(δ² m).
   Real max_rate(const Topology& topology) const {
     return std::sqrt(Law::stiffness * epsilon / smallest_over_points(topology, [&](Index i) {

@@ -235,7 +235,10 @@ Results<D> by_loops(const StateView<D>& s, const VectorXd& p, const Terms&... te
         Contact<D> contact;
         if (term.contact(s, e, contact)) r.add(contact);
       }
-      if constexpr (requires { term.wall(s, Index()); }) point<D>(r.walls.data(), term.wall(s, e)) -= term.force(s, e);
+      if constexpr (T::elements == Elements::walls)
+        point<D>(r.walls.data(), s.walls.wall_of_part(s.neighbours.walls[e].second)) -= term.force(s, e);
+      if constexpr (T::elements == Elements::lips)
+        point<D>(r.walls.data(), s.walls.lips()[s.neighbours.lips[e].first].wall) -= term.force(s, e);
     }
   };
   (add(terms), ...);

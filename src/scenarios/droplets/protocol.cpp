@@ -19,25 +19,13 @@ ParticleSystem<2> make_particles(const DropletOptions& p, const DropletSetup& se
           p.skin, ranks};
 }
 
-/// Of the walls that move, on the droplets.
-Real power_of_walls(const ForceField<2>& field, const StateView<2>& s) {
-  Real power = 0;
-  if (s.walls.move()) {
-    std::vector<Real> force(2 * static_cast<std::size_t>(s.walls.size()));
-    field.add_wall_forces(s, force.data());
-    for (Index k = 0; k < s.walls.size(); ++k)
-      power -= point<2>(force.data(), k).dot(s.walls.motion(s.walls.body_of_wall(k)).drift(s.t));
-  }
-  return power;
-}
-
 std::unique_ptr<Simulation<2>> make_simulation(const DropletOptions& p, const DropletSetup& setup, const Ranks& ranks) {
   NeighbourDragOptions drag = p.drag_options();
   drag.walls = setup.walls_rub;
   auto mobility = std::make_unique<NeighbourDrag<2>>(drag, ranks);
   const NeighbourDrag<2>& friction = *mobility;
   std::vector<IntegratedQuantity<2>> quantities(2);
-  quantities[work] = {"work", power_of_walls};
+  quantities[work] = {"work", wall_power<2>};
   quantities[dissipated] = {"dissipated",
                             [&friction](const ForceField<2>&, const StateView<2>& s) { return friction.power(s); }};
   return std::make_unique<Simulation<2>>(
