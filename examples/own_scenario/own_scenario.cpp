@@ -56,7 +56,7 @@ std::unique_ptr<Simulation<2>> make_simulation(const Parameters& p, const Ranks&
                                          Sorting::regularly);
 }
 
-/// Walls cannot move, so all is seen from the box, frames too: in the laboratory `floor` adds to every height. The
+/// All is seen from the box, frames too, and its walls rest: in the laboratory `floor` adds to every height. The
 /// floor's velocity plays no part, as walls have neither friction nor damping; for the same reason it does not matter
 /// that the side walls vibrate with it. Drag is that of air that moves with the box.
 class ShakenBox final : public Protocol<2> {

@@ -69,7 +69,7 @@ struct Disk {
 }  // namespace
 
 TEST_CASE("a contact goes on round the corners of an obstacle") {
-  const int corners = GENERATE(4, 7, 300);
+  const int corners = GENERATE(4, 7, 60);
   const Real skin = GENERATE(0.05, 0.5);  // the lists are rebuilt on the way, often and seldom
   CAPTURE(corners, skin);
   Obstacle polygon;
@@ -85,7 +85,7 @@ TEST_CASE("a contact goes on round the corners of an obstacle") {
     // As far from the nearest place as 0.4 in this direction.
     const Real t = turning ? 10 * angle : 0;
     Real inside = 0, outside = 5;
-    for (int k = 0; k < 50; ++k) {
+    for (int k = 0; k < 30; ++k) {
       const Real middle = (inside + outside) / 2;
       Real least = 1e9;
       for (Index s = 0; s < corners; ++s) least = std::min(least, walls.distance(middle * at_angle(angle), s, t));
