@@ -253,7 +253,7 @@ TEST_CASE("surfaces of outlines end at concave corners", "[surfaces]") {
 }
 
 TEMPLATE_TEST_CASE_SIG("of each surface exactly one segment carries a contact", "[surfaces]", ((int D), D), 2, 3) {
-  const int corners = GENERATE(3, 5, 400);
+  const int corners = GENERATE(3, 5, 100);
   Obstacle polygon;
   for (int k = 0; k < corners; ++k) {
     const Real angle = 2 * pi * (k + 0.3) / corners;
