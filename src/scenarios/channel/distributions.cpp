@@ -11,7 +11,7 @@
 namespace pliant {
 namespace {
 
-constexpr Real unit = 0.3175;  ///< a, an eighth of an inch, in cm [T 3.2.2]
+constexpr Real eighth_inch = 0.3175;  ///< a, an eighth of an inch, in cm [T 3.2.2]
 
 struct Named {
   std::string name;
@@ -53,7 +53,7 @@ std::vector<SizeClass> size_distribution(const std::string& name) {
   for (const Named& n : table()) {
     if (n.name != name) continue;
     std::vector<SizeClass> sizes = n.sizes;
-    for (SizeClass& s : sizes) s.radius *= unit;
+    for (SizeClass& s : sizes) s.radius *= eighth_inch;
     return sizes;
   }
   throw InputError("-distribution {}: there is no such; use one of {}", printable(name),

@@ -14,7 +14,7 @@ constexpr Real never = 1e300;           ///< s between frames that nobody asks f
 constexpr Real sliding_friction = 0.3;  ///< of acrylic on acrylic and on aluminium [T 3.2]
 
 /// The corners in a file: one polygon. name: of the file, in messages.
-std::vector<Vec<2>> parse_outline(std::string_view text, const std::string& name) {
+std::vector<Vec<2>> parse_corners(std::string_view text, const std::string& name) {
   std::vector<Polyline> all = parse_polylines(text, name, "cm");
   if (all.size() > 1)
     throw InputError(
@@ -27,9 +27,9 @@ std::vector<Vec<2>> parse_outline(std::string_view text, const std::string& name
   }
 }
 
-std::string read_outline(const std::string& file) {
+std::string read_corners(const std::string& file) {
   std::string text;
-  for (const Vec<2>& r : parse_outline(read_text_file(file, largest_outline, "outline"), "outline " + printable(file)))
+  for (const Vec<2>& r : parse_corners(read_text_file(file, largest_outline, "outline"), "outline " + printable(file)))
     text += fmt::format("{} {}\n", r[0], r[1]);
   return text;
 }
@@ -66,7 +66,7 @@ void ChannelOptions::bind(Options& o) {
          {.help = "file with the corners of a channel of one's own, in place of the three above: lines x y in cm, one "
                   "polygon, of which -plungers names sides",
           .on_restart = fixed,
-          .read = read_outline});
+          .read = read_corners});
   o.bind("plungers", plungers,
          {.help = "places x,y;x,y on the sides that are plungers, in the order of their turns; empty: the ends of all "
                   "arms, that of +x first, counterclockwise",
@@ -179,7 +179,7 @@ void ChannelOptions::bind(Options& o) {
 }
 
 void ChannelOptions::resolve() {
-  channel = outline.empty() ? Channel(kind, size) : Channel(parse_outline(outline, "-outline"));
+  channel = outline.empty() ? Channel(kind, size) : Channel(parse_corners(outline, "-outline"));
   if (!plungers.empty()) channel->set_plungers(parse_places(plungers));
   if (channel->plungers().empty())
     throw InputError("-outline without plungers; name the sides that are plungers with -plungers x,y;x,y");
