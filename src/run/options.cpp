@@ -30,4 +30,12 @@ void RunOptions::bind_output(Options& o, bool intervals) {
           .on_restart = OnRestart::forget});
 }
 
+void RunOptions::bind_threads(Options& o) {
+  o.bind("threads", threads,
+         {.help = "threads of this process (of each rank under mpiexec); results do not depend on their number",
+          .min = 1,
+          .max = 1024,
+          .on_restart = OnRestart::forget});
+}
+
 }  // namespace pliant

@@ -20,6 +20,7 @@ struct RunOptions {
  protected:
   /// The group "Output". intervals: with the times between frames and between samples.
   void bind_output(Options& options, bool intervals = true);
+  void bind_threads(Options& options);
 };
 
 }  // namespace pliant

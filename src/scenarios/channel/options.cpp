@@ -158,11 +158,7 @@ void ChannelOptions::bind(Options& o) {
           .unit = "s",
           .min = 0,
           .automatic = "the end of the last push"});
-  o.bind("threads", threads,
-         {.help = "threads of this process (of each rank under mpiexec); results do not depend on their number",
-          .min = 1,
-          .max = 1024,
-          .on_restart = OnRestart::forget});
+  bind_threads(o);
   o.bind("skin", skin,
          {.help = "margin of the neighbour lists",
           .unit = "cm",

@@ -224,11 +224,7 @@ void HopperOptions::bind(Options& o) {
           .min = 0,
           .max = 1,
           .max_open = true});
-  o.bind("threads", threads,
-         {.help = "threads of this process (of each rank under mpiexec); results do not depend on their number",
-          .min = 1,
-          .max = 1024,
-          .on_restart = OnRestart::forget});
+  bind_threads(o);
   o.bind("skin", skin,
          {.help = "margin of the neighbour lists",
           .unit = "sigma_avg",
