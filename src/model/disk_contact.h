@@ -1,7 +1,6 @@
 // Friction and damping between disks that touch, with rotation.
 #pragma once
 
-#include <array>
 #include <span>
 
 #include <pliant/geometry/turn.h>
@@ -29,19 +28,17 @@ struct DiskContact {
   static constexpr Elements elements = Elements::point_pairs;
   static constexpr bool rotates = true;
   static constexpr int history = 5;
-  static constexpr std::array<std::string_view, 3> losses{"normal_damping", "tangential_damping", "sliding"};
+  static constexpr auto losses = SurfaceTouch::losses;
   static std::string_view name() { return "disk_contact"; }
   bool enabled(const StateView<2>&) const { return surface.rubs() || surface.damping > 0; }
 
   Real energy(const StateView<2>& s, Index e, std::span<const Real> past) const {
     Touch c;
-    return look(s, e, past, c) ? c.k / 2 * square(c.hold.spring) : 0;
+    return look(s, e, past, c) ? c.energy() : 0;
   }
   Real power(const StateView<2>& s, Index e, std::span<const Real> past) const {
     Touch c;
-    if (!look(s, e, past, c)) return 0;
-    const Real sliding = c.hold.slides ? std::max(c.k * c.hold.spring * c.rate, 0.0) : 0;
-    return c.normal_power() + c.tangential_power() + sliding;
+    return look(s, e, past, c) ? c.power() : 0;
   }
   template <class F>
   void add_force(const StateView<2>& s, Index e, std::span<const Real> past, F& force) const {
@@ -58,9 +55,7 @@ struct DiskContact {
                std::span<Real> heat) const {
     Touch c;
     if (!look(s, e, known ? numbers : std::span<Real>(), c)) return false;
-    heat[0] += h * c.normal_power();
-    heat[1] += h * c.tangential_power();
-    if (known) heat[2] += c.k / 2 * (numbers[3] + c.hold.spring) * (c.stretched - c.hold.spring);
+    c.add_heat(h, known, numbers[3], heat);
     numbers[0] = c.n[0];
     numbers[1] = c.n[1];
     numbers[2] = c.turned;
@@ -82,16 +77,11 @@ struct DiskContact {
   }
 
  private:
-  struct Touch {
+  struct Touch : SurfaceTouch {
     Index i, j;
     Vec<2> n;
-    Real a, b, per_lever;             ///< radii; (R_i + R_j)/d
-    Real elastic, normal, parting;    ///< N_e, N, u_n
-    Real k, rate, turned, stretched;  ///< k_t, q̇, R_i θ_i + R_j θ_j, ξ if it did not slide
-    SurfaceFriction::Hold hold;
-
-    Real normal_power() const { return (elastic - normal) * parting; }
-    Real tangential_power() const { return (hold.pull - k * hold.spring) * rate; }
+    Real a, b, per_lever;  ///< radii; (R_i + R_j)/d
+    Real turned;           ///< R_i θ_i + R_j θ_j
   };
 
   /// False where they don't touch. Each particle is one point: their numbers are the same.
@@ -115,15 +105,10 @@ struct DiskContact {
     c.turned = c.a * s.angles[i] + c.b * s.angles[j];
     const Press press = press_of(Law{epsilon, reach}, d);
     c.elastic = press.force;
-    const Real masses = topology.inverse_point_mass[i] + topology.inverse_point_mass[j],
-               gamma = 2 * surface.damping * std::sqrt(press.stiffness / masses);
-    c.normal = std::max(c.elastic - gamma * c.parting, 0.0);
-    c.k = surface.stiffness * press.reference;
+    const Real masses = topology.inverse_point_mass[i] + topology.inverse_point_mass[j];
     const bool known = !past.empty(), slid = known && past[4] != 0;
     c.stretched = known ? past[3] + reach * turn_between({past[0], past[1]}, c.n) - (c.turned - past[2]) : 0;
-    const Real limit = c.normal / c.per_lever;
-    c.hold = SurfaceFriction::hold(c.k, surface.tangential_damping * gamma, c.stretched, c.rate,
-                                   surface.mu_static * limit, surface.mu_dynamic * limit, slid);
+    c.rub(surface, press.stiffness / masses, press.reference, c.per_lever, slid);
     return true;
   }
 

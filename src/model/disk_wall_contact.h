@@ -1,7 +1,6 @@
 // Friction and damping between disks and walls, fixed or moving.
 #pragma once
 
-#include <array>
 #include <span>
 
 #include <pliant/geometry/turn.h>
@@ -28,19 +27,17 @@ struct DiskWallContact {
   static constexpr Elements elements = Elements::walls;
   static constexpr bool rotates = true;
   static constexpr int history = 7;
-  static constexpr std::array<std::string_view, 3> losses{"normal_damping", "tangential_damping", "sliding"};
+  static constexpr auto losses = SurfaceTouch::losses;
   static std::string_view name() { return "disk_wall_contact"; }
   bool enabled(const StateView<2>& s) const { return s.walls.size() > 0 && (surface.rubs() || surface.damping > 0); }
 
   Real energy(const StateView<2>& s, Index e, std::span<const Real> past) const {
     Touch c;
-    return look(s, e, past, c) ? c.k / 2 * square(c.hold.spring) : 0;
+    return look(s, e, past, c) ? c.energy() : 0;
   }
   Real power(const StateView<2>& s, Index e, std::span<const Real> past) const {
     Touch c;
-    if (!look(s, e, past, c)) return 0;
-    const Real sliding = c.hold.slides ? std::max(c.k * c.hold.spring * c.rate, 0.0) : 0;
-    return c.normal_power() + c.tangential_power() + sliding;
+    return look(s, e, past, c) ? c.power() : 0;
   }
   template <class F>
   void add_force(const StateView<2>& s, Index e, std::span<const Real> past, F& force) const {
@@ -53,9 +50,7 @@ struct DiskWallContact {
                std::span<Real> heat) const {
     Touch c;
     if (!look(s, e, known ? numbers : std::span<Real>(), c)) return false;
-    heat[0] += h * c.normal_power();
-    heat[1] += h * c.tangential_power();
-    if (known) heat[2] += c.k / 2 * (numbers[5] + c.hold.spring) * (c.stretched - c.hold.spring);
+    c.add_heat(h, known, numbers[5], heat);
     numbers[0] = c.foot[0], numbers[1] = c.foot[1];
     numbers[2] = c.across[0], numbers[3] = c.across[1];
     numbers[4] = c.angle;
@@ -81,18 +76,13 @@ struct DiskWallContact {
   }
 
  private:
-  struct Touch {
+  struct Touch : SurfaceTouch {
     Index i;
-    Real radius, lever;             ///< 1 + (R − d) κ
-    Real elastic, normal, parting;  ///< N_e, N, u_n
-    Real k, rate, stretched;        ///< k_t, q̇, ξ if it did not slide
-    Vec<2> n, foot, across;         ///< n in space; foot and n seen from the wall
-    Real angle;                     ///< θ seen from the wall
-    SurfaceFriction::Hold hold;
+    Real radius, lever;      ///< 1 + (R − d) κ
+    Vec<2> n, foot, across;  ///< n in space; foot and n seen from the wall
+    Real angle;              ///< θ seen from the wall
 
     Vec<2> force() const { return (normal - elastic) * n - hold.pull * lever * Vec<2>(-n[1], n[0]); }
-    Real normal_power() const { return (elastic - normal) * parting; }
-    Real tangential_power() const { return (hold.pull - k * hold.spring) * rate; }
   };
 
   /// False where they don't touch, and where another part of the surface carries the contact.
@@ -119,9 +109,6 @@ struct DiskWallContact {
     c.rate = c.lever * t.dot(v) - R * (s.spin(i) - motion.spin);
     const Press press = press_of(law, d);
     c.elastic = press.force;
-    const Real gamma = 2 * surface.damping * std::sqrt(s.topology.mass(i) * press.stiffness);
-    c.normal = std::max(c.elastic - gamma * c.parting, 0.0);
-    c.k = surface.stiffness * press.reference;
     c.stretched = 0;
     bool slid = false;
     if (!past.empty()) {
@@ -131,9 +118,7 @@ struct DiskWallContact {
       c.stretched = past[5] + along.dot(c.foot - Vec<2>(past[0], past[1])) + R * (turned - (c.angle - past[4]));
       slid = past[6] != 0;
     }
-    const Real limit = c.normal / c.lever;
-    c.hold = SurfaceFriction::hold(c.k, surface.tangential_damping * gamma, c.stretched, c.rate,
-                                   surface.mu_static * limit, surface.mu_dynamic * limit, slid);
+    c.rub(surface, s.topology.mass(i) * press.stiffness, press.reference, c.lever, slid);
     return true;
   }
 

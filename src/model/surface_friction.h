@@ -2,7 +2,10 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <span>
+#include <string_view>
 
 #include <pliant/base/errors.h>
 #include <pliant/kernels/contact_law.h>
@@ -56,6 +59,41 @@ PLIANT_INLINE Press press_of(const Law& law, Real d) {
     return {-law.slope(d), law.curvature(d), reference_stiffness(law)};
   }
 }
+
+/// What acts where two surfaces touch, and what of it becomes heat.
+struct SurfaceTouch {
+  static constexpr std::array<std::string_view, 3> losses{"normal_damping", "tangential_damping", "sliding"};
+
+  Real elastic, normal, parting;  ///< N_e, N, u_n
+  Real k, rate, stretched;        ///< k_t, q̇, ξ if it did not slide
+  SurfaceFriction::Hold hold;
+
+  /// Finds N, k_t and what holds from the others. press_times_mass: V'' times the reduced mass; the limit of P is μN
+  /// over `lever`.
+  PLIANT_INLINE void rub(const SurfaceFriction& f, Real press_times_mass, Real reference, Real lever, bool slid) {
+    const Real gamma = 2 * f.damping * std::sqrt(press_times_mass);
+    normal = std::max(elastic - gamma * parting, 0.0);
+    k = f.stiffness * reference;
+    const Real limit = normal / lever;
+    hold = SurfaceFriction::hold(k, f.tangential_damping * gamma, stretched, rate, f.mu_static * limit,
+                                 f.mu_dynamic * limit, slid);
+  }
+
+  /// Of the spring.
+  Real energy() const { return k / 2 * square(hold.spring); }
+  Real normal_power() const { return (elastic - normal) * parting; }
+  Real tangential_power() const { return (hold.pull - k * hold.spring) * rate; }
+  Real power() const {
+    const Real sliding = hold.slides ? std::max(k * hold.spring * rate, 0.0) : 0;
+    return normal_power() + tangential_power() + sliding;
+  }
+  /// Of a step of length h that began with the spring `before`, if the contact is not new.
+  void add_heat(Real h, bool known, Real before, std::span<Real> heat) const {
+    heat[0] += h * normal_power();
+    heat[1] += h * tangential_power();
+    if (known) heat[2] += k / 2 * (before + hold.spring) * (stretched - hold.spring);
+  }
+};
 
 /// The coefficient of restitution of two bodies that collide with the damping ζ, with a force that never attracts: they
 /// part where it vanishes. With the harmonic law e = exp(−2ζ arccos(ζ)/√(1−ζ²)) [T. Schwager, T. Pöschel, Granular
