@@ -241,7 +241,30 @@ class _Analysis:
                 value, error = (v / self.scale(name) for v in self.average(*sums.of(name), region))
                 for row, v, e in zip(rows, value, error):
                     row.setdefault(name, {})[region] = _entry(v, e)
+                if name in CURVES:
+                    for row, v, e in zip(rows, *self.relative(sums, name, region)):
+                        row.setdefault("relative_" + name, {})[region] = _entry(v, e)
         return rows
+
+    def relative(self, sums, name, region):
+        """(value, error) [classes]: mean of a class of size over that of all disks in the cells that the class has been
+        in. Large disks do not come near walls: a mean over their cells says as much of the place as of the size."""
+        cells, weigh = self.region[region], self.choices.average == "particle"
+        parts = sums.of(name)
+        blocks = parts[1].any((1, 2))
+        if not blocks.any():
+            return np.full(len(self.sizes), np.nan), np.full(len(self.sizes), np.nan)
+        enough = parts[1].sum(0) >= self.choices.min_count
+
+        def ratio(total, count):
+            every, number = total.sum(0), count.sum(0)
+            good = cells & enough & (count > 0)
+            weight = np.where(good, count if weigh else 1.0, 0.0)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                mine, others = np.where(good, total / count, 0), np.where(good, every / number, 0)
+                return (weight * mine).sum(-1) / (weight * others).sum(-1)
+
+        return jackknife(ratio, [part[blocks] for part in parts])
 
     def by_interval(self, intervals, fields_of):
         """(rows, exponents): every quantity against the interval, and the slopes of their logarithms."""

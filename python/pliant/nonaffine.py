@@ -115,6 +115,7 @@ class Neighbourhoods:
         if len(pairs):
             there = self.present[pairs[:, 0]] & self.present[pairs[:, 1]]
             every, known = neighbours(self.position[pairs[:, 0]], self.radius, there, self.count)
+            at = at.ravel()  # some versions of numpy keep an axis
             index[short], used[short] = every[at, disk[short]], known[at, disk[short]]
         return index, used
 

@@ -349,6 +349,26 @@ def test_sizes_and_distances():
     assert abs(far[-5:].mean() / mean - 1) < 0.1 and sum(distances["sizes"][2]["dr_na"]["all"]["count"]) > 1000
 
 
+@pytest.mark.parametrize("average", ("bin", "particle"))
+def test_sizes_are_compared_in_the_same_cells(average):
+    """Small disks are in two columns of cells, large ones only in that with twice the noise. There both move alike."""
+    rng = np.random.default_rng(3)
+    start = np.stack([rng.uniform(0, 3.2, 300), rng.uniform(0, 12.8, 300)], -1)
+    lively = start[:, 0] > 1.6
+    radius = np.where(lively & (np.arange(300) % 2 == 0), 2.0, 0.5)
+    angle = rng.uniform(0, 2 * np.pi, (40, 300))
+    shift = np.where(lively, 0.4, 0.2)[:, None] * np.stack([np.cos(angle), np.sin(angle)], -1)
+    pushes = [made(np.stack([start, start + shift[k]]), radius, number=k) for k in range(40)]
+    small, large = analysed(*pushes, interpolation="cell", average=average, distance_max=0.3)["sizes"]
+    assert large["dr_na"]["all"]["value"] > 1.15 * small["dr_na"]["all"]["value"]
+    for row in (small, large):
+        assert row["relative_dr_na"]["all"]["value"] == pytest.approx(1, abs=0.01) and 0 < row["relative_dr_na"]["all"]["error"] < 0.01
+    slow = np.where((radius > 1)[None, :, None], 0.5, 1) * shift  # now large disks move half as far
+    pushes = [made(np.stack([start, start + slow[k]]), radius, number=k) for k in range(40)]
+    large = analysed(*pushes, interpolation="cell", average=average, distance_max=0.3)["sizes"][1]
+    assert large["relative_dr_na"]["all"]["value"] == pytest.approx(0.5 / 0.75, abs=0.03)
+
+
 def test_distances_by_hand():
     """One large disk; the small ones near it move, those far away do not."""
     rng = np.random.default_rng(14)

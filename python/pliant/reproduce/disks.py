@@ -115,14 +115,15 @@ def draw_rotation(measured):
                           published.ROTATION, "[T] gives no unit")]
 
 
+_ALL = ("channel/pair", "channel/distributions")
 _QUICK = "four size distributions, two seeds, ten times the speed, fewer pushes"
 FIGURES = [
-    Figure("T3.11", "non-affine motion of disks against polydispersity", ("quick/channel",), ("channel/distributions",),
+    Figure("T3.11", "non-affine motion of disks against polydispersity", ("quick/channel",), _ALL,
            "motion", draw_polydispersity, _QUICK),
-    Figure("T3.12", "non-affine motion of disks against the interval", ("quick/channel",), ("channel/distributions",),
+    Figure("T3.12", "non-affine motion of disks against the interval", ("quick/channel",), _ALL,
            "intervals", draw_intervals, _QUICK),
     Figure("T3.14", "non-affine motion of disks over equal strains against polydispersity", ("quick/channel",),
-           ("channel/distributions",), "motion", draw_clock, _QUICK),
-    Figure("TA.2", "rotation of disks against polydispersity", ("quick/channel",), ("channel/distributions",), "motion",
+           _ALL, "motion", draw_clock, _QUICK),
+    Figure("TA.2", "rotation of disks against polydispersity", ("quick/channel",), _ALL, "motion",
            draw_rotation, _QUICK),
 ]
