@@ -72,6 +72,11 @@ def _plain(value):
     return value
 
 
+def write_result(path, result):
+    """Raises OutputError."""
+    write_atomically(path, json.dumps(_plain(result), indent=1) + "\n")
+
+
 def _number_type(annotation):
     """int or float of `int`, `float | None` …"""
     if isinstance(annotation, types.UnionType):
@@ -169,6 +174,6 @@ def main(arguments=None):
         result["choices"] |= {"angle_period": options["angle_period"]}
         if path.is_file():
             result["choices"]["table"] = options
-        write_atomically(output, json.dumps(_plain(result), indent=1) + "\n")
+        write_result(output, result)
         _print_summary(path, result)
         print(f"wrote {output}")

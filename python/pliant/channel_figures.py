@@ -4,6 +4,7 @@ from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
+from matplotlib.collections import EllipseCollection
 
 from .analyse_command import load_result
 from .channel import Choices
@@ -54,6 +55,43 @@ def cell_map(axes, result, name, **options):
     mesh = axes.pcolormesh(*edges, grid.T, rasterized=True, **options)
     axes.set(aspect="equal", xlabel="$x$  [cm]", ylabel="$y$  [cm]")
     return mesh
+
+
+def draw_field(axes, cells, travel, width):
+    """Mean displacement as arrows; a displacement `travel` of the plunger is as long as a cell. cells: columns x, y,
+    mean_x, mean_y. Returns the arrows."""
+    x, y, u, v = (np.asarray(cells[name], float) for name in ("x", "y", "mean_x", "mean_y"))
+    arrows = axes.quiver(x, y, u, v, np.hypot(u, v), cmap="viridis", pivot="mid", angles="xy", scale_units="xy",
+                         scale=travel / width, width=0.005)
+    axes.quiverkey(arrows, 0.72, 0.9, travel, f"the plunger's {travel:.3g} cm", coordinates="axes", labelpos="N")
+    axes.set(aspect="equal", xlabel="$x$  [cm]", ylabel="$y$  [cm]")
+    return arrows
+
+
+def draw_disks(axes, position, radius, values, colors):
+    """Disks at [n, 2] coloured by values [n], grey where there is none; returns what a colour bar shows."""
+    size = 2 * np.asarray(radius)
+    disks = EllipseCollection(size, size, np.zeros(len(size)), units="xy", offsets=position,
+                              offset_transform=axes.transData, cmap=colors, edgecolors="0.3", linewidths=0.4)
+    disks.set_array(np.ma.masked_invalid(values))
+    known = np.asarray(values)[np.isfinite(values)]
+    disks.set_clim(0, (np.quantile(known, 0.98) if len(known) else 0) or 1)
+    disks.cmap.set_bad("0.85")
+    axes.add_collection(disks)
+    low, high = (position - radius[:, None]).min(0), (position + radius[:, None]).max(0)
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="$x$  [cm]", ylabel="$y$  [cm]")
+    return disks
+
+
+def two_neighbourhoods(shot):
+    """Indices of a largest and of a smallest disk of a `channel.snapshot` whose neighbourhoods are apart, if there are
+    such; those nearest to the middle of all."""
+    away = np.hypot(*(shot["position"] - shot["position"].mean(0)).T)
+    order, radius = np.argsort(away, kind="stable"), shot["radius"]
+    large = next(i for i in order if radius[i] > 0.999 * radius.max())
+    taken = {large, *shot["neighbours"][large]}
+    small = [i for i in order if radius[i] < 1.001 * radius.min() and i != large] or [large]
+    return large, next((i for i in small if not taken & {i, *shot["neighbours"][i]}), small[0])
 
 
 def draw_square(axes, result):

@@ -427,6 +427,11 @@ class Run:
         first = scalars.pop("time")
         return pd.DataFrame({"time": first, **scalars})
 
+    @property
+    def vector_series(self):
+        """Name → [T, …] of the time series with several values per sample."""
+        return {name: values for name, values in self._series_arrays.items() if values.ndim > 1}
+
     @cached_property
     def profile(self):
         """Axis profile of all samples."""

@@ -23,12 +23,9 @@ def main():
     cells = {name: np.asarray(values) for name, values in result["cells"].items()}
 
     figure, (left, right) = plt.subplots(1, 2, figsize=(10.5, 4.6), layout="constrained")
-    speed = np.hypot(cells["mean_x"], cells["mean_y"])
     travel = result["interval"]["travel"]
-    arrows = left.quiver(cells["x"], cells["y"], cells["mean_x"], cells["mean_y"], speed, cmap="viridis", pivot="mid",
-                         angles="xy", scale_units="xy", scale=travel / result["choices"]["cell"], width=0.005)
-    left.quiverkey(arrows, 0.72, 0.9, travel, f"the plunger's {travel:.3g} cm", coordinates="axes", labelpos="N")
-    left.set(aspect="equal", xlabel="$x$  [cm]", ylabel="$y$  [cm]", title=figures.interval_text(result))
+    arrows = figures.draw_field(left, cells, travel, result["choices"]["cell"])
+    left.set(title=figures.interval_text(result))
     figure.colorbar(arrows, ax=left, label=r"mean displacement  $|\Delta r_{mean}|$  [cm]")
     mesh = figures.cell_map(right, result, "strain", cmap="magma")
     figure.colorbar(mesh, ax=right, label="strain  $|DF|$")

@@ -11,30 +11,14 @@ import pliant  # first: it says what this Python lacks
 import matplotlib.pyplot as plt
 import numpy as np
 
-from matplotlib.collections import EllipseCollection
-
 from pliant import channel, plotting, script, tracks
 from pliant import channel_figures as figures
 
 
-def draw_disks(axes, shot, values, colors):
-    """Disks coloured by values [n]; returns what a colour bar shows."""
-    size = 2 * shot["radius"]
-    disks = EllipseCollection(size, size, np.zeros(len(size)), units="xy", offsets=shot["position"],
-                              offset_transform=axes.transData, cmap=colors, edgecolors="0.3", linewidths=0.4)
-    disks.set_array(values)
-    disks.cmap.set_bad("0.85")
-    axes.add_collection(disks)
-    low, high = (shot["position"] - shot["radius"][:, None]).min(0), (shot["position"] + shot["radius"][:, None]).max(0)
-    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="$x$  [cm]", ylabel="$y$  [cm]")
-    return disks
-
-
 def draw_neighbours(axes, shot):
     """The neighbours of a largest and of a smallest disk."""
-    draw_disks(axes, shot, np.zeros(len(shot["radius"])), "Greys")
-    for disk, color, size in ((int(np.argmax(shot["radius"])), plotting.COLORS[4], "largest"),
-                              (int(np.argmin(shot["radius"])), plotting.COLORS[5], "smallest")):
+    figures.draw_disks(axes, shot["position"], shot["radius"], np.zeros(len(shot["radius"])), "Greys")
+    for disk, color, size in zip(figures.two_neighbourhoods(shot), plotting.COLORS[4:6], ("largest", "smallest")):
         for i, face in [(n, color) for n in shot["neighbours"][disk]] + [(disk, plotting.COLORS[3])]:
             axes.add_patch(plt.Circle(shot["position"][i], shot["radius"][i], facecolor=face, edgecolor="0.3", lw=0.4))
         axes.plot([], [], "o", color=color, label=f"neighbours of a {size} disk")
@@ -61,9 +45,7 @@ def main():
             (panels[0, 0], np.hypot(*shot["shift"].T) / mean_radius, "displacement", shot["shift"], "viridis_r"),
             (panels[0, 1], shot["dr_na"] / mean_radius, "dr_na", left_over, "magma_r"),
             (panels[1, 0], shot[d2] / mean_radius**2, d2, None, "cividis_r")):
-        disks = draw_disks(axes, shot, np.ma.masked_invalid(values), colors)
-        known = values[np.isfinite(values)]
-        disks.set_clim(0, np.quantile(known, 0.98) if len(known) else 1)
+        disks = figures.draw_disks(axes, shot["position"], shot["radius"], values, colors)
         if arrows is not None:
             axes.quiver(*shot["position"].T, *arrows.T, angles="xy", scale_units="xy", scale=1, width=0.003,
                         color="black")

@@ -1,5 +1,6 @@
 """Disks that flow round the corner of a channel, as tracks, a table and a run folder. Nothing is simulated."""
 
+import json
 from pathlib import Path
 
 import h5py
@@ -55,15 +56,16 @@ def tracks_table(tracks):
     return pd.concat(rows, ignore_index=True)
 
 
-def write_channel_run(path, tracks):
-    """A run folder with these tracks; a disk that is missing has left the run."""
+def write_channel_run(path, tracks, **options):
+    """A run folder with these tracks; a disk that is missing has left the run. The plunger is pushed with 0.5 of the
+    disks' weight."""
     path = Path(path)
     path.mkdir(parents=True, exist_ok=True)
     radius = tracks.pushes[0].radius
     n = len(radius)
     with h5py.File(path / "run.h5", "w") as file:
         file.create_group("manifest").attrs.update({"program": "pliant", "version": "0.1.0", "scenario": "channel",
-                                                    "model": "disk", "dim": 2, "options": "{}"})
+                                                    "model": "disk", "dim": 2, "options": json.dumps(options)})
         for name, data in {"offset": np.arange(n + 1, dtype=np.int32), "sigma": 2 * radius, "a0": np.pi * radius**2,
                            "l0": np.zeros(n), "mass": np.ones(n), "diameter": 2 * radius}.items():
             file[f"topology/{name}"] = data
@@ -80,4 +82,13 @@ def write_channel_run(path, tracks):
                               "active": push.present[i].astype(np.uint8), "contact_count": np.zeros(n, np.int32)})
                 if push.angle is not None:
                     group["angles"] = push.angle[i]
+        samples = [(push.time[i], push.number) for push in tracks.pushes for i in range(len(push.frame))]
+        time, number = (np.array(values, float) for values in zip(*samples))
+        force = np.zeros((len(time), 2))
+        force[np.arange(len(time)), number.astype(int) % 2] = 5.0
+        for name, values in (("time", time), ("push", number), ("plunger_force", force)):
+            file[f"series/{name}"] = values
+    (path / "summary.json").write_text(json.dumps({
+        "status": "done", "cpu_seconds": 1.0, "weight": {"value": 10.0, "error": None}, "largest_overlap": 0.01,
+        "jammed_pushes": [1]}))
     return path

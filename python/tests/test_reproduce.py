@@ -1,6 +1,7 @@
 """pliant-reproduce: tables into runs, runs into figures and rows. A small program stands for pliant, and copies runs
 that were made before."""
 
+import dataclasses
 import json
 import math
 import os
@@ -12,6 +13,7 @@ import matplotlib
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_allclose
 from synthetic import write_run
 from synthetic_channel import channel_tracks, write_channel_run
 from test_clog import made_table
@@ -31,7 +33,7 @@ TABLE = "e_sp,mu,zeta,hopper_width,seeds\n" + "".join(
     f"100,{mu},{zeta},{w},1-2\n" for mu, zeta in (("31.6", ""), ("", "0.316")) for w in (3, 5, 8, 10))
 
 #: Tables of runs that show one thing, or a map.
-ONE_SEED = ("quick/map", "quick/three", "raft/three", "quick/small-droplets")
+ONE_SEED = ("quick/map", "quick/three", "raft/three", "quick/small-droplets", "channel/snapshot")
 
 # Copies the run of its row, and writes down that it was asked to; a row without a run fails.
 PROGRAM = """#!/bin/sh
@@ -321,12 +323,13 @@ def flow_rows(lams=(np.inf,), laws=None, **columns):
     return pd.DataFrame(lines)
 
 
-def drawn(name, data, tmp_path):
-    """{quantity: Quantity} of a figure, which must show something."""
+def drawn(name, data, tmp_path=None):
+    """{quantity: Quantity} of a figure, which must show something if it is saved."""
     picture, quantities = command.FIGURES[name].draw(data)
-    picture.savefig(tmp_path / "x.png", dpi=60)
+    if tmp_path:
+        picture.savefig(tmp_path / "x.png", dpi=60)
+        assert_picture(tmp_path / "x.png")
     matplotlib.pyplot.close(picture)
-    assert_picture(tmp_path / "x.png")
     found = {q.name: q for q in quantities}
     assert len(found) == len(quantities), "a name is there twice"
     return found
@@ -551,13 +554,111 @@ def test_figures_of_disks(tmp_path):
     assert one.value == pytest.approx(0.74) and 0.001 < one.error < 0.01 and agree(one) == "yes"
 
 
-def test_measures_of_disks(tmp_path):
-    """From a run with a known motion: the names of pliant-analyse's result are those that are looked for."""
-    run = write_channel_run(tmp_path / "run", channel_tracks(frames=56, disks=60, spacing=0.11))
-    table = measure.measured("motion", "x", run)
-    assert len(table) == 1 and 0.05 < table["polydispersity"][0] < 0.6 and table["dr_na"][0] > 0 and table["d2_min"][0] > 0
-    curve = measure.measured("intervals", "x", run)
+@pytest.fixture(scope="module")
+def channel_runs(tmp_path_factory):
+    """[(row, folder)]: two seeds of two distributions, and one with another friction of the walls."""
+    folder, runs = tmp_path_factory.mktemp("channels"), []
+    for name, disks, options in (("a", 60, {}), ("b", 90, {}), ("b", 90, {"mu_wall": 0.8, "mu_wall_dynamic": 0.6})):
+        for seed in (1, 2):
+            run = folder / f"{name}-{len(options)}-{seed}"
+            made = channel_tracks(frames=56, disks=disks, spacing=0.11, seed=seed)
+            radius = np.where(np.arange(disks) % 3 == 0, 1.2, made.pushes[0].radius) if name == "b" else made.pushes[0].radius
+            pushes = tuple(dataclasses.replace(push, radius=radius) for push in made.pushes)
+            write_channel_run(run, dataclasses.replace(made, pushes=pushes), distribution=name, seed=seed,
+                              **({"mu_wall": 0.4} | options))
+            runs.append((run.name, run))
+    return runs
+
+
+def all_measured(name, runs):
+    return pd.concat([measure.measured(name, row, run) for row, run in runs], ignore_index=True).assign(table="t")
+
+
+def test_measures_of_disks(channel_runs):
+    """From runs with a known motion: the names of pliant-analyse's result are those that are looked for."""
+    table = all_measured("motion", channel_runs)
+    assert len(table) == 6 and list(table["distribution"][::2]) == ["a", "b", "b"] and list(table["mu_wall"][::2]) == [0.4, 0.4, 0.8]
+    assert table["polydispersity"].between(0.05, 0.9).all() and (table["dr_na"] > 0).all() and (table["d2_min"] > 0).all()
+    assert_allclose(table["force"], 0.5)
+    assert (table["largest_overlap"] == 0.01).all() and (table["jammed"] == 1).all()
+    assert np.isfinite(table[["exponent_dr_na", "exponent_d2_min", "rotation", "dr_na_clock"]].to_numpy()).all()
+    curve = measure.measured("intervals", *channel_runs[0])
     assert len(curve) > 2 and curve["dr_na"].is_monotonic_increasing and np.isfinite(curve["exponent_dr_na"]).all()
+    sizes = measure.measured("sizes", *channel_runs[0])
+    assert sizes["radius"].is_monotonic_increasing and sizes["disks"].sum() == 60 and (sizes["relative_dr_na"] > 0).all()
+    near = measure.measured("distances", *channel_runs[0])
+    assert set(near["radius"]) == set(sizes["radius"]) and near.groupby("radius").size().eq(40).all()
+    cells = measure.measured("cells", *channel_runs[0])
+    plug = cells[(cells["x"] > 27) & (cells["count"] > 50)]
+    assert_allclose(plug["mean_x"], -plug["travel"], atol=0.08)
+    shot = measure.measured("snapshots", *channel_runs[0])
+    assert len(shot) == 60 and (shot["largest"] == 1).sum() == 15 and (shot["largest"] == 2).sum() == 1
+    assert shot.loc[shot["largest"] == 2, "radius"].iloc[0] == shot["radius"].max()
+    assert not (shot["largest"] * shot["smallest"]).any(), "the neighbourhoods are apart"
+
+
+def test_an_analysis_is_made_once(channel_runs):
+    """It is left in the folder of the run, and used if it is of the default choices and not older than the run."""
+    run = channel_runs[0][1]
+    measure.measured("motion", "x", run)
+    path = run / "analysis.json"
+    made = json.loads(path.read_text())
+
+    def found(changes):
+        path.write_text(json.dumps(made | changes))
+        return measure.measured("motion", "x", run)["dr_na"][0]
+
+    true, other = made["dr_na"]["all"]["value"], {"dr_na": {"all": {"value": 7.0, "error": 1.0}}}
+    assert found(other) == 7.0
+    assert found(other | {"choices": made["choices"] | {"neighbours": 11}}) == pytest.approx(true)
+    assert json.loads(path.read_text())["choices"]["neighbours"] == 15
+    path.write_text(json.dumps(made | other))
+    os.utime(path, (1, 1))
+    assert measure.measured("motion", "x", run)["dr_na"][0] == pytest.approx(true)
+
+
+def test_figures_of_single_disks_and_cells(channel_runs, tmp_path):
+    runs = channel_runs[:4:2]
+    found = drawn("T3.4", all_measured("sizes", runs))
+    assert set(found) == {"delta of a", "delta of b"}
+    cells = all_measured("cells", runs)
+    found = drawn("T3.5", cells, tmp_path)
+    assert found["mean displacement over the plunger's, in the inlet, a"].value == pytest.approx(1, abs=0.03)
+    assert found["mean displacement over the plunger's, in the outer corner, a"].value < 0.3
+    shots = all_measured("snapshots", runs)
+    assert not drawn("T3.6", shots) and not drawn("T3.7", shots, tmp_path)
+    found = drawn("T3.13", cells)
+    assert all(np.isfinite(q.value) for q in found.values()) and len(found) == 3
+    found = drawn("TA.1", cells)
+    assert len(found) == 6 and all(-1 <= q.value <= 1 for q in found.values())
+    with pytest.raises(PliantError, match="rotation"):
+        command.FIGURES["TA.1"].draw(cells.assign(rotation=np.nan))
+
+
+def test_figures_of_sizes(channel_runs):
+    sizes = all_measured("sizes", channel_runs[:4])
+    assert len(drawn("T3.8", sizes)) == 8
+    # Made: the largest move 0.84 times as far, wherever they are.
+    known = sizes.assign(dr_na=np.where(sizes["radius"] > 3, 0.84, 1.0), relative_dr_na=np.where(sizes["radius"] > 3, 0.84, 1.0),
+                         peak_dr_na=0.2 * sizes["relative_radius"])
+    found = drawn("T3.8", known)
+    for where in ("", ", in the same cells"):
+        assert found["dr_NA/<R> of the largest disks over the smallest, a" + where].value == pytest.approx(0.84)
+    assert drawn("T3.10", known)["slope of the peak of dr_NA/<R> in R/<R>, b"].value == pytest.approx(0.2)
+    near = all_measured("distances", channel_runs[:4])
+    bump = 1 + np.exp(-((near["distance"] - 0.75) / 0.2) ** 2) - 0.5 * np.exp(-((near["distance"] - 1.27) / 0.2) ** 2)
+    found = drawn("T3.9", near.assign(dr_na=bump, dr_na_error=0.1))
+    assert len(found) == 4 and {agree(q) for q in found.values()} == {"yes"}
+
+
+def test_what_non_affine_motion_depends_on(channel_runs, tmp_path):
+    table = all_measured("motion", channel_runs)
+    found = drawn("T3.choices", table, tmp_path)
+    assert {"dr_na, b", "dr_na, b, mu_wall = 0.8/0.6"} <= set(found) and not any(", a" in name for name in found)
+    assert found["dr_na, b"].value == pytest.approx(table["dr_na"][2:4].mean())
+    assert found["dr_na, b, mu_wall = 0.8/0.6"].value == pytest.approx(table["dr_na"][4:].mean())
+    with pytest.raises(PliantError, match="one choice"):
+        command.FIGURES["T3.choices"].draw(table[:4])
 
 
 def test_measures_of_rafts(tmp_path):

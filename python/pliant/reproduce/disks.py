@@ -116,7 +116,7 @@ def draw_rotation(measured):
 
 
 _ALL = ("channel/pair", "channel/distributions")
-_QUICK = "four size distributions, two seeds, ten times the speed, fewer pushes"
+_QUICK = "four size distributions, two seeds, twice the speed, fewer pushes"
 FIGURES = [
     Figure("T3.11", "non-affine motion of disks against polydispersity", ("quick/channel",), _ALL,
            "motion", draw_polydispersity, _QUICK),

@@ -8,7 +8,8 @@ import re
 import numpy as np
 import pandas as pd
 
-from .. import channel, raft, tracks
+from .. import channel, channel_figures, raft, tracks
+from ..analyse_command import load_result, result_path, write_result
 from ..errors import RunError
 from ..flow import axis_velocity
 from ..run import Run
@@ -20,6 +21,9 @@ _FLOW = ["model", "dim", "status", "mu", "zeta", "e_sp", "e_c", "k_l", "k_b", "h
 _RATES = ["Q", "Q_corrected", "orifice_velocity", "drag_friction_ratio", "c0"]
 _CLOG = ["hopper_width", "g", "phi_c", "status", "avalanche_size", "capillary_length"]
 _PROFILE = ["mu", "zeta", "e_sp", "hopper_width"]
+#: Of a run in a channel, what a table may vary.
+CHANNEL_OPTIONS = ("area_fraction", "mu_disk", "mu_disk_dynamic", "mu_wall", "mu_wall_dynamic", "mu_base",
+                   "mu_base_dynamic", "base_coupled", "plunger_speed", "retract_speed", "stiffness", "restitution", "dt")
 _CURVE = 300  # samples of a force curve that are kept
 
 
@@ -86,28 +90,118 @@ def _columns_of(result, names, region, end=""):
 
 
 def _channel(run):
+    """The analysis in the run's folder, if it is of the default choices and not older than the run; else a new one,
+    which is left there."""
+    path, done = result_path(run.path), run.path / "summary.json"
+    if path.exists() and done.exists() and path.stat().st_mtime >= done.stat().st_mtime:
+        result = load_result(path)
+        if channel_figures.choices_of(result) == channel.Choices():
+            return result
     result, = channel.analyse([tracks.load(run.path)])
+    write_result(path, result)
     return result
 
 
+def _distribution(run, result):
+    options = run.parameters
+    name = options.get("distribution", "")
+    if options.get("radii"):
+        name = f"{options['radii']} as {options.get('counts')}"
+    return {"distribution": name, "polydispersity": result["polydispersity"]}
+
+
+def _pushing(run):
+    """Mean force on the pushing plunger over the disks' weight, without the first two pushes."""
+    if not {"push", "plunger_force"} <= run.vector_series.keys() | set(run.series):
+        return np.nan
+    late = run.series["push"].to_numpy() >= channel.Choices().skip_pushes
+    force = run.vector_series["plunger_force"][late].max(1)
+    return float(force.mean()) / run.measured("weight")[0] if late.any() else np.nan
+
+
 def motion(run):
-    """Non-affine motion, over an interval and over equal strains, of all cells; rotation in the central square."""
+    """Non-affine motion, over an interval and over equal strains, of all cells; exponents and rotation in the central
+    square; what the run was made with."""
     result = _channel(run)
     names = ("dr_na", "d2_min_per_neighbour")
-    return pd.DataFrame([{"polydispersity": result["polydispersity"], "disks": result["disks"]}
+    options = {name: run.parameters.get(name, np.nan) for name in CHANNEL_OPTIONS}
+    return pd.DataFrame([_distribution(run, result) | {"disks": result["disks"]} | options
                          | _columns_of(result, names, "all") | _columns_of(result["clock"], names, "all", "_clock")
-                         | _columns_of(result, ["rotation"], "centre")])
+                         | _columns_of(result, ["exponent_dr_na", "exponent_d2_min", "rotation"], "centre")
+                         | {"force": _pushing(run), "largest_overlap": run.summary.get("largest_overlap", np.nan),
+                            "jammed": len(run.summary.get("jammed_pushes", []))}])
 
 
 def intervals(run):
     """Non-affine motion in the central square against the interval, and its exponents."""
     result = _channel(run)
     exponents = _columns_of(result, ["exponent_dr_na", "exponent_d2_min"], "centre")
-    return pd.DataFrame([{"polydispersity": result["polydispersity"], "relative": round(row["relative"], 6)} | exponents
+    return pd.DataFrame([_distribution(run, result) | {"relative": round(row["relative"], 6)} | exponents
                          | _columns_of(row, ["dr_na", "d2_min_per_neighbour"], "centre") for row in result["intervals"]])
 
 
-MEASURES = {f.__name__: f for f in (flows, profiles, reductions, fractures, forces, clogs, motion, intervals)}
+def sizes(run):
+    """Non-affine motion of each size, of all cells, the same over that of all disks in the same cells, and what disks of
+    the size add to the motion next to them."""
+    result = _channel(run)
+    names = ("dr_na", "d2_min_per_neighbour")
+    rows = []
+    for size, near in zip(result["sizes"], result["distances"]["sizes"]):
+        peaks = {"peak_" + name: {"all": near[name]["all"]["peak"]} for name in names}
+        rows.append(_distribution(run, result) | {k: size[k] for k in ("radius", "relative_radius", "disks")}
+                    | _columns_of(size, (*names, *("relative_" + name for name in names)), "all")
+                    | _columns_of(peaks, peaks, "all"))
+    return pd.DataFrame(rows)
+
+
+def distances(run):
+    """Non-affine motion against the distance from a disk of each size."""
+    result = _channel(run)
+    parts = []
+    for near in result["distances"]["sizes"]:
+        part = {"radius": near["radius"], "relative_radius": near["relative_radius"],
+                "distance": result["distances"]["distance"], "count": near["dr_na"]["all"]["count"]}
+        for name in ("dr_na", "d2_min_per_neighbour"):
+            column = name.removesuffix("_per_neighbour")
+            part[column], part[column + "_error"] = near[name]["all"]["value"], near[name]["all"]["error"]
+        parts.append(pd.DataFrame(part))
+    return pd.concat(parts, ignore_index=True).assign(**_distribution(run, result))
+
+
+_CELLS = {"x": "x", "y": "y", "centre": "centre", "count": "count", "mean_x": "mean_x", "mean_y": "mean_y",
+          "strain": "strain", "displacement": "displacement", "dr_na": "dr_na", "d2_min_per_neighbour": "d2_min",
+          "rotation": "rotation", "clock": "clock", "clock_strain": "clock_strain",
+          "clock_d2_min_per_neighbour": "clock_d2_min"}
+
+
+def cells(run):
+    """Mean displacement, strain, non-affine motion and rotation in each cell."""
+    result = _channel(run)
+    return pd.DataFrame({column: result["cells"][name] for name, column in _CELLS.items()}).assign(
+        width=result["choices"]["cell"], travel=result["interval"]["travel"], time=result["interval"]["time"],
+        **_distribution(run, result))
+
+
+def snapshots(run):
+    """Motion of every disk in the middle of the last push; the neighbours of a largest and of a smallest disk."""
+    read = tracks.load(run.path)
+    shot = channel.snapshot(read, channel.Choices())
+    radius, near = shot["radius"], {}
+    for name, disk in zip(("largest", "smallest"), channel_figures.two_neighbourhoods(shot)):
+        # 2: the disk itself, 1: a neighbour
+        near[name] = np.zeros(len(radius), int)
+        near[name][shot["neighbours"][disk]], near[name][disk] = 1, 2
+    vectors = {name + axis: shot[key][:, i] for key, name in (("position", ""), ("shift", "d"), ("mean", "mean_"))
+               for i, axis in enumerate("xy")}
+    kept = read.without(channel.Choices().skip_pushes)
+    return pd.DataFrame({**vectors, "radius": radius, "dr_na": shot["dr_na"] / kept.mean_radius,
+                         "d2_min": shot["d2_min_per_neighbour"] / kept.mean_radius**2, **near}).assign(
+        mean_radius=kept.mean_radius, push=shot["push"], start=shot["travel"], travel=shot["interval"],
+        **_distribution(run, {"polydispersity": kept.polydispersity}))
+
+
+MEASURES = {f.__name__: f for f in (flows, profiles, reductions, fractures, forces, clogs, motion, intervals, sizes,
+                                    distances, cells, snapshots)}
 
 
 def _commit(run):

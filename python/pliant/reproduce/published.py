@@ -48,6 +48,14 @@ PEAK_RATIO = Published(1.0, 0.0, "T 2.37; most peaks of T Fig. 2.8 are higher")
 #: Fraction of competing fractures as N goes to infinity.
 COMPETING = Published(1.0, 0.0, "T Fig. 2.14")
 TILT = Published(0.2, 0.05, "T Fig. 2.16")
+#: Polydispersity of the distributions of disks.
+DELTA = {name: Published(value, 0.005, "T table 3.1") for name, value in (
+    ("bidisperse", 0.20), ("T1", 0.23), ("T2a", 0.27), ("T2b", 0.29), ("T2c", 0.32), ("T2d", 0.35), ("T3", 0.35),
+    ("T4", 0.42), ("C1", 0.31), ("C2", 0.40), ("C3", 0.48))}
+#: dr_NA of the largest disks over that of the smallest, where sizes differ by a factor of 5.
+LARGEST = Published(0.84, 0.005, "T 3.4, Fig. 3.8")
+PEAK_DISTANCE = Published(0.75, 0.05, "T Fig. 3.9: about 0.75 cm")
+VALLEY_DISTANCE = Published(1.27, 0.05, "T Fig. 3.9: one smallest disk between")
 NON_AFFINE = Published(0.37, 0.005, "T Fig. 3.11a")
 NON_AFFINE_SLOPE = Published(0.0, 0.0, "T Fig. 3.11a: no relation")
 D2_SLOPE = Published(0.11, 0.005, "T 3.6")
