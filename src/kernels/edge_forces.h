@@ -16,6 +16,7 @@ struct EdgeLaw {
   Real mu;          ///< friction coefficient; 0: velocities are not read and may be null
   bool at_contact;  ///< friction acts at the point of the contact; false: at the edge's first vertex
   ContactLaw contact = ContactLaw::harmonic;
+  bool tangential = false;  ///< friction opposes the part of the relative velocity alone that is along the outline
 };
 
 /// Adds the forces of all pairs to f. pairs[n] is (vertex, first vertex of the edge), reach[n] its δ_mn; next [points]

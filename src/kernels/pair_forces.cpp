@@ -44,7 +44,9 @@ PLIANT_INLINE Vectors<3> differences(const Places<3>& at, const Real* a) {
   return {p.x, p.y, Real4{z[0], z[1], z[2], z[3]}};
 }
 
-template <int D, class Law, bool friction, Sides sides>
+enum class Rubbing { none, whole, tangential };
+
+template <int D, class Law, Rubbing rubbing, Sides sides>
 PLIANT_INLINE void add_four(const PairLaw& law, const Pair* pairs, Real4 reach, const Real* x, const Real* v, Real* f) {
   const Places<D> at(pairs);
   auto force = differences(at, x);
@@ -52,9 +54,15 @@ PLIANT_INLINE void add_four(const PairLaw& law, const Pair* pairs, Real4 reach, 
   for (const Real4& r : force) d2 += r * r;
   const Mask4 touches = d2 < reach * reach;
   const Real4 d = simd::sqrt(d2);
-  const Real4 push = simd::where(touches & (d2 > 0), Law::push(law.epsilon, reach, d));
+  Real4 push = simd::where(touches & (d2 > 0), Law::push(law.epsilon, reach, d));
+  if constexpr (rubbing == Rubbing::tangential) {  // gives back what friction takes along the normal
+    const auto u = differences(at, v);
+    Real4 along{};
+    for (std::size_t k = 0; k < u.size(); ++k) along += u[k] * force[k];
+    push += simd::where(touches & (d2 > 0), law.mu * along / d2);
+  }
   for (Real4& r : force) r *= push;
-  if constexpr (friction) {
+  if constexpr (rubbing != Rubbing::none) {
     const Real4 mu = simd::where(touches, simd::all(law.mu));
     const auto u = differences(at, v);
     for (std::size_t k = 0; k < u.size(); ++k) force[k] -= mu * u[k];
@@ -62,7 +70,7 @@ PLIANT_INLINE void add_four(const PairLaw& law, const Pair* pairs, Real4 reach, 
   scatter<D>(at.first, force, f, sides == Sides::both ? at.second : nullptr);
 }
 
-template <int D, class Law, bool friction, Sides sides>
+template <int D, class Law, Rubbing rubbing, Sides sides>
 PLIANT_INLINE void add_all(const PairLaw& law, std::span<const Pair> pairs, const Real* reach, const Real* x,
                            const Real* v, Real* f) {
   std::size_t e = 0;
@@ -71,8 +79,8 @@ PLIANT_INLINE void add_all(const PairLaw& law, std::span<const Pair> pairs, cons
     const std::ptrdiff_t soon = std::ptrdiff_t(D) * (pairs[e].first + 64);
     __builtin_prefetch(x + soon);
     __builtin_prefetch(f + soon, 1);
-    if constexpr (friction) __builtin_prefetch(v + soon);
-    add_four<D, Law, friction, sides>(law, pairs.data() + e, simd::load4(reach + e), x, v, f);
+    if constexpr (rubbing != Rubbing::none) __builtin_prefetch(v + soon);
+    add_four<D, Law, rubbing, sides>(law, pairs.data() + e, simd::load4(reach + e), x, v, f);
   }
   if (e == pairs.size()) return;
   // The rest, filled up with pairs that never touch.
@@ -83,23 +91,27 @@ PLIANT_INLINE void add_all(const PairLaw& law, std::span<const Pair> pairs, cons
     rest[k] = listed ? pairs[e + k] : pairs.back();
     rest_reach[k] = listed ? reach[e + k] : 0;
   }
-  add_four<D, Law, friction, sides>(law, rest, rest_reach, x, v, f);
+  add_four<D, Law, rubbing, sides>(law, rest, rest_reach, x, v, f);
+}
+
+template <int D, class Law, Rubbing rubbing>
+PLIANT_INLINE void add_to(const PairLaw& law, std::span<const Pair> pairs, const Real* reach, Sides sides,
+                          const Real* x, const Real* v, Real* f) {
+  if (sides == Sides::both)
+    add_all<D, Law, rubbing, Sides::both>(law, pairs, reach, x, v, f);
+  else
+    add_all<D, Law, rubbing, Sides::first>(law, pairs, reach, x, v, f);
 }
 
 template <int D, class Law>
 PLIANT_INLINE void add_by_law(const PairLaw& law, std::span<const Pair> pairs, const Real* reach, Sides sides,
                               const Real* x, const Real* v, Real* f) {
-  if (law.mu == 0) {
-    if (sides == Sides::both)
-      add_all<D, Law, false, Sides::both>(law, pairs, reach, x, v, f);
-    else
-      add_all<D, Law, false, Sides::first>(law, pairs, reach, x, v, f);
-  } else {
-    if (sides == Sides::both)
-      add_all<D, Law, true, Sides::both>(law, pairs, reach, x, v, f);
-    else
-      add_all<D, Law, true, Sides::first>(law, pairs, reach, x, v, f);
-  }
+  if (law.mu == 0)
+    add_to<D, Law, Rubbing::none>(law, pairs, reach, sides, x, v, f);
+  else if (law.tangential)
+    add_to<D, Law, Rubbing::tangential>(law, pairs, reach, sides, x, v, f);
+  else
+    add_to<D, Law, Rubbing::whole>(law, pairs, reach, sides, x, v, f);
 }
 
 template <int D>

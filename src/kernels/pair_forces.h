@@ -12,6 +12,7 @@ namespace pliant {
 struct PairLaw {
   Real epsilon, mu;
   ContactLaw contact = ContactLaw::harmonic;
+  bool tangential = false;  ///< friction opposes the part of v_i − v_j alone that is normal to r
 };
 
 /// Which points of a pair receive its force. A pair that straddles two parts of a decomposition is listed in both of

@@ -26,7 +26,7 @@ Fused<Kernel, Terms...> fused(Terms... terms) {
 
 template <int D, class Law = HarmonicOverlap>
 std::unique_ptr<ForceField<D>> soft(const ModelParameters& p, const Vec<D>& gravity) {
-  return model<D>(fused<PairKernel>(PairContact<D, Law>{p.epsilon, "pair"}, PairFriction<D>{p.mu}),
+  return model<D>(fused<PairKernel>(PairContact<D, Law>{p.epsilon, "pair"}, PairFriction<D>{p.mu, p.friction}),
                   fused<WallKernel>(WallContact<D, Law>{p.epsilon_wall}),
                   fused<PointKernel>(Gravity<D>{gravity}, Drag<D>{p.zeta}));
 }
@@ -135,14 +135,16 @@ std::unique_ptr<ForceField<D>> make_force_field(ModelKind kind, const ModelParam
     switch (kind) {
       case ModelKind::rough:
         // The edges are as stiff as two disks that touch: ε/4 over half the distance.
-        return model<2>(shape, fused<PairKernel>(PairContact<2>{p.epsilon, "contact"}, PairFriction<2>{p.mu}),
+        return model<2>(shape,
+                        fused<PairKernel>(PairContact<2>{p.epsilon, "contact"}, PairFriction<2>{p.mu, p.friction}),
                         fused<EdgeKernel>(EdgeContact{p.epsilon / 4, Edges::bare, p.rough_edges}, EdgeFriction{0}),
                         wall, lip, outer);
       case ModelKind::smooth:
         return with_law(p.law, [&]<class Law>(Law) {
-          return model<2>(shape, fused<EdgeKernel>(EdgeContact<Law>{p.epsilon}, EdgeFriction{p.mu, p.friction_point}),
-                          fused<WallKernel>(WallContact<2, Law>{p.epsilon_wall}),
-                          LipContact<Law>{p.epsilon_wall, p.lip_edges}, outer);
+          return model<2>(
+              shape, fused<EdgeKernel>(EdgeContact<Law>{p.epsilon}, EdgeFriction{p.mu, p.friction_point, p.friction}),
+              fused<WallKernel>(WallContact<2, Law>{p.epsilon_wall}), LipContact<Law>{p.epsilon_wall, p.lip_edges},
+              outer);
         });
       default:
         return model<2>(shape, outer);

@@ -45,6 +45,7 @@ struct ModelParameters {
   Real k_a = 0, k_l = 0, k_b = 0;
   Real mu = 0, zeta = 0;
   FrictionPoint friction_point = FrictionPoint::contact;
+  Friction friction = Friction::whole;
   bool lip_edges = true;    ///< lips feel edges too
   bool rough_edges = true;  ///< vertices of rough particles feel edges too
   // Droplets

@@ -50,7 +50,7 @@ struct PairKernel {
   static void add_forces(const StateView<D>& s, Index chunk, Real* f, const PairContact<D, Law>& contact,
                          const PairFriction<D>& friction) {
     static_assert(Law::kind != ContactLaw::barrier, "add_pair_forces has no barrier");
-    const PairLaw law{contact.epsilon, friction.mu, Law::kind};
+    const PairLaw law{contact.epsilon, friction.mu, Law::kind, friction.friction == Friction::tangential};
     const PairList& list = s.neighbours.point_pairs;
     const auto add = [&](Range range, Sides sides) {
       add_pair_forces<D>(law, std::span(list.pairs).subspan(range.first, range.size()), list.reach.data() + range.first,
@@ -94,7 +94,8 @@ struct EdgeKernel {
   static void add_forces(const StateView<2>& s, Index chunk, Real* f, const EdgeContact<Law>& contact,
                          const EdgeFriction& friction) {
     if (!contact.enabled(s)) return;
-    const EdgeLaw law{contact.epsilon, friction.mu, friction.where == FrictionPoint::contact, Law::kind};
+    const EdgeLaw law{contact.epsilon, friction.mu, friction.where == FrictionPoint::contact, Law::kind,
+                      friction.friction == Friction::tangential};
     const PairList& list = s.neighbours.near_edges();
     const Index* next = s.topology.next.data();
     const auto pairs = [&](Range range) { return std::span(list.pairs).subspan(range.first, range.size()); };

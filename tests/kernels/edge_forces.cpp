@@ -64,7 +64,10 @@ const EdgeLaw laws[] = {{1e3, 0, true},
                         {1e3, 20, true, ContactLaw::hertz},
                         {1e3, 0, true, ContactLaw::barrier},
                         {1e3, 20, true, ContactLaw::barrier},
-                        {1e3, 20, false, ContactLaw::barrier}};
+                        {1e3, 20, false, ContactLaw::barrier},
+                        {1e3, 20, true, ContactLaw::harmonic, true},
+                        {1e3, 20, false, ContactLaw::harmonic, true},
+                        {1e3, 20, true, ContactLaw::barrier, true}};
 
 /// Forces of the first n pairs by the element forms.
 std::vector<Real> element_forces(const EdgeLaw& law, const Outlines& o, Index n) {
@@ -72,7 +75,8 @@ std::vector<Real> element_forces(const EdgeLaw& law, const Outlines& o, Index n)
   neighbours.vertex_edges.pairs = o.pairs;
   const Walls<2> walls({}, {});
   const StateView<2> s{o.x.data(), o.v.data(), o.topology, neighbours, walls};
-  const EdgeFriction friction{law.mu, law.at_contact ? FrictionPoint::contact : FrictionPoint::vertex};
+  const EdgeFriction friction{law.mu, law.at_contact ? FrictionPoint::contact : FrictionPoint::vertex,
+                              law.tangential ? Friction::tangential : Friction::whole};
   std::vector<Real> f(o.x.size());
   Scatter<2, -1> minus{f.data()};
   Scatter<2, 1> plus{f.data()};

@@ -62,7 +62,7 @@ std::vector<Real> element_forces(const PairLaw& law, const Cloud<D>& c, Sides si
   neighbours.point_pairs.pairs = c.pairs;
   const Walls<D> walls({}, {});
   const StateView<D> s{c.x.data(), c.v.data(), c.topology, neighbours, walls};
-  const PairFriction<D> friction{law.mu};
+  const PairFriction<D> friction{law.mu, law.tangential ? Friction::tangential : Friction::whole};
   std::vector<Real> f(c.x.size());
   Scatter<D, -1> minus{f.data()};
   Scatter<D, 1> plus{f.data()};
@@ -120,7 +120,14 @@ void shuffle(Cloud<D>& c, Random& random) {
   }
 }
 
-const PairLaw laws[] = {{1e3, 0}, {1e3, 20}, {0, 20}, {1e3, 0, ContactLaw::hertz}, {1e3, 20, ContactLaw::hertz}};
+const PairLaw laws[] = {{1e3, 0},
+                        {1e3, 20},
+                        {0, 20},
+                        {1e3, 0, ContactLaw::hertz},
+                        {1e3, 20, ContactLaw::hertz},
+                        {1e3, 20, ContactLaw::harmonic, true},
+                        {0, 20, ContactLaw::harmonic, true},
+                        {1e3, 20, ContactLaw::hertz, true}};
 
 }  // namespace
 
@@ -141,7 +148,7 @@ TEMPLATE_TEST_CASE_SIG("pair forces are those of the element forms", "", ((int D
     const Index all = static_cast<Index>(c.pairs.size());
     for (const PairLaw& law : laws)
       for (const Sides sides : {Sides::both, Sides::first}) {
-        CAPTURE(trial, law.epsilon, law.mu, sides == Sides::both);
+        CAPTURE(trial, law.epsilon, law.mu, law.tangential, sides == Sides::both);
         const Real scale = largest(element_forces(law, c, sides, all));
         REQUIRE(scale > 1);
         for (const Index n : {0, 1, 2, 3, 4, 5, 7, 30, all - 1, all})
@@ -157,10 +164,12 @@ TEMPLATE_TEST_CASE_SIG("coincident points rub but do not push each other", "", (
   c.add_point(1.2, Vec<D>::Constant(0.3), random);
   for (int k = 0; k < 5; ++k) c.list(0, 1);
   CHECK(largest(c.forces({1e3, 0}, Sides::both, 5)) == 0);
-  const std::vector<Real> f = c.forces({1e3, 2}, Sides::both, 5);
-  for (int k = 0; k < D; ++k) {
-    CHECK(f[k] == Approx(-5 * 2 * (c.v[k] - c.v[D + k])).epsilon(1e-12));
-    CHECK(f[D + k] == -f[k]);
+  for (const bool tangential : {false, true}) {  // there is no normal
+    const std::vector<Real> f = c.forces({1e3, 2, ContactLaw::harmonic, tangential}, Sides::both, 5);
+    for (int k = 0; k < D; ++k) {
+      CHECK(f[k] == Approx(-5 * 2 * (c.v[k] - c.v[D + k])).epsilon(1e-12));
+      CHECK(f[D + k] == -f[k]);
+    }
   }
 }
 

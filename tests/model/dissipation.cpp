@@ -13,6 +13,8 @@ using namespace pliant::test;
 
 namespace {
 
+constexpr Friction tangential = Friction::tangential;
+
 template <int D>
 void check_dissipation(const ForceField<D>& field, Configuration<D> c, Random& random, bool internal) {
   const Index n = static_cast<Index>(c.x.size());
@@ -63,7 +65,12 @@ TEST_CASE("dissipation: power, momentum and damping matrix") {
       for (const Place place : interior_places) {
         INFO("friction point " << static_cast<int>(where) << ", place " << static_cast<int>(place));
         check_dissipation(*alone<2>(EdgeFriction{0.6, where}), touching_polygons(random, place), random, true);
+        check_dissipation(*alone<2>(EdgeFriction{0.6, where, tangential}), touching_polygons(random, place), random,
+                          true);
       }
+    check_dissipation(*alone<2>(PairFriction<2>{0.6, tangential}), soft_cluster<2>(random), random, true);
+    check_dissipation(*alone<3>(PairFriction<3>{0.6, tangential}), soft_cluster<3>(random), random, true);
+    check_dissipation(*alone<2>(PairFriction<2>{0.6, tangential}), crowd_of_polygons(random, 0.3), random, true);
   }
 }
 
@@ -89,6 +96,66 @@ TEST_CASE("friction is -mu times the whole relative velocity, also along the nor
   c.x[2] = 1.01;  // apart
   alone<2>(PairFriction<2>{0.5})->forces(c.view(), f.data());
   CHECK(f == std::vector<Real>(4, 0.0));
+}
+
+TEMPLATE_TEST_CASE_SIG("tangential friction leaves the velocity along the normal alone", "", ((int D), D), 2, 3) {
+  Configuration<D> c;
+  Vec<D> n = Vec<D>::Zero(), u = Vec<D>::Zero(), across = Vec<D>::Zero();
+  n[0] = 0.6, n[1] = 0.8;
+  u[0] = 2, u[1] = 3;                   // 3.6 along the normal
+  across[0] = -0.16, across[1] = 0.12;  // what is left
+  if (D == 3) u[D - 1] = across[D - 1] = 5;
+  c.add_soft(1, Vec<D>::Zero());
+  c.add_soft(1, 0.9 * n);
+  const auto field = alone<D>(PairFriction<D>{0.5, tangential});
+  const auto force = [&](const Vec<D>& velocity) {
+    point<D>(c.v.data(), 1) = velocity;
+    std::vector<Real> f(c.x.size());
+    field->forces(c.view(), f.data());
+    CHECK((point<D>(f.data(), 0) + point<D>(f.data(), 1)).norm() < 1e-15);
+    return Vec<D>(point<D>(f.data(), 0));
+  };
+  CHECK((force(u) - 0.5 * across).norm() < 1e-14);
+  CHECK(field->power(c.view()) == Approx(0.5 * across.squaredNorm()));
+  CHECK(force(7 * n).norm() < 1e-14);
+  CHECK(field->power(c.view()) < 1e-14);
+}
+
+TEST_CASE("tangential friction of an edge acts along the edge") {
+  // As below: an upright edge, touched at t = 0.25 from the right.
+  Configuration<2> c;
+  c.add_polygon({{0, 0}, {0, 1}, {-1, 1}, {-1, 0}}, 0.1);
+  c.add_polygon(wedge({0.05, 0.25}, {1, 0}), 0.1);
+  point<2>(c.v.data(), 0) = Vec<2>(1, 1);
+  point<2>(c.v.data(), 1) = Vec<2>(5, 5);
+  std::vector<Real> f(c.x.size());
+  const auto at = [&](Index i) { return Vec<2>(point<2>(f.data(), i)); };
+  alone<2>(EdgeFriction{1, FrictionPoint::contact, tangential})->forces(c.view(), f.data());
+  CHECK((at(4) - Vec<2>(0, 2)).norm() < 1e-14);
+  CHECK((at(0) + 0.75 * Vec<2>(0, 2)).norm() < 1e-14);
+  CHECK((at(1) + 0.25 * Vec<2>(0, 2)).norm() < 1e-14);
+  alone<2>(EdgeFriction{1, FrictionPoint::vertex, tangential})->forces(c.view(), f.data());
+  CHECK((at(4) - Vec<2>(0, 1)).norm() < 1e-14);
+  CHECK((at(0) + Vec<2>(0, 1)).norm() < 1e-14);
+  CHECK(at(1).norm() == 0);
+}
+
+TEST_CASE("tangential friction is continuous where a contact goes round a corner") {
+  const auto field = alone<2>(EdgeFriction{1, FrictionPoint::contact, tangential});
+  for (int k = 0; k < 20; ++k) {
+    INFO("state " << k);
+    Random random(k);
+    Configuration<2> c = touching_polygons(random, Place::edge_end);
+    const VectorXd x = c.positions(), p = random_direction(random, x.size());
+    const auto force = [&](Real h) {
+      const VectorXd moved = x + h * p;
+      VectorXd f(x.size());
+      field->forces(c.view(moved.data()), f.data());
+      return f;
+    };
+    REQUIRE(force(0).norm() > 0.01);
+    CHECK((force(1e-8) - force(-1e-8)).norm() < 1e-5);
+  }
 }
 
 TEST_CASE("edge friction acts at the material point of the contact; literally, at the first vertex") {

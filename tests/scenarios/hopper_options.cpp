@@ -93,7 +93,8 @@ TEST_CASE("an option that the model does not read is refused where it is given",
                                   {"edge_width", "0.2", {"smooth"}},
                                   {"friction_point", "vertex", {"smooth"}},
                                   {"e_w", "50", {"sp", "rough", "smooth"}},
-                                  {"mu", "1", {"sp", "rough", "smooth"}}};
+                                  {"mu", "1", {"sp", "rough", "smooth"}},
+                                  {"friction", "tangential", {"sp", "rough", "smooth"}}};
   for (const Unread& row : table)
     for (const std::string model : {"sp", "rough", "smooth"}) {
       const std::vector<std::string> arguments{"-model", model, std::string("-") + row.option, row.value};

@@ -55,9 +55,10 @@ VectorXd random_vector(Random& random, std::size_t n) { return random_direction(
 template <class Check>
 void for_all_systems(Random& random, Check&& check) {
   const auto both = [&]<int D>(const Configuration<D>& c, ModelKind kind, FrictionPoint where = FrictionPoint::contact,
-                               const Box<D>& box = {}) {
+                               const Box<D>& box = {}, Friction friction = Friction::whole) {
     ModelParameters p = parameters;
     p.friction_point = where;
+    p.friction = friction;
     auto system = system_of<D>(c, kind, Ranks(), p, box);
     VectorXd y(2 * c.x.size());
     y << Eigen::Map<const VectorXd>(c.x.data(), c.x.size()), Eigen::Map<const VectorXd>(c.v.data(), c.v.size());
@@ -72,6 +73,10 @@ void for_all_systems(Random& random, Check&& check) {
   both(polygon_rows(random, 3, 3), ModelKind::rough);
   both(polygon_rows(random, 3, 3), ModelKind::smooth);
   both(polygon_rows(random, 3, 3), ModelKind::smooth, FrictionPoint::vertex);
+  both(soft_rows<2>(random, 5, 5), ModelKind::sp, {}, {}, Friction::tangential);
+  both(soft_rows<3>(random, 4, 2), ModelKind::sp, {}, {}, Friction::tangential);
+  for (const FrictionPoint where : {FrictionPoint::contact, FrictionPoint::vertex})
+    both(polygon_rows(random, 3, 3), ModelKind::smooth, where, {}, Friction::tangential);
   // Periodic; in the smaller boxes particles touch several images, and images of their own.
   const auto boxed = [&]<int D>(Configuration<D> c, ModelKind kind, const pliant::Vec<D>& length) {
     INFO("box " << length.transpose());

@@ -36,6 +36,7 @@ const std::vector<PartlyRead>& partly_read() {
                                              {"rough_contact", {rough}},
                                              {"edge_width", {smooth}, true},
                                              {"friction_point", {smooth}},
+                                             {"friction", {sp, rough, smooth}},
                                              {"e_w", {sp, rough, smooth}},
                                              {"contact_law", {sp, rough, smooth}},
                                              {"mu", {sp, rough, smooth}},
@@ -101,6 +102,9 @@ void HopperOptions::bind(Options& o) {
       {.help = "kinetic friction coefficient mu", .unit = "rho sigma_avg^(d-1) g t0", .min = 0, .on_restart = fixed});
   o.bind("zeta", zeta,
          {.help = "drag coefficient zeta", .unit = "rho sigma_avg^(d-1) g t0", .min = 0, .on_restart = fixed});
+  o.bind("friction", friction, {{"whole", Friction::whole}, {"tangential", Friction::tangential}},
+         {.help = "friction acts against the whole relative velocity [H 6, 12], or its tangential part alone",
+          .on_restart = fixed});
   o.bind(
       "friction_point", friction_point, {{"contact", FrictionPoint::contact}, {"vertex", FrictionPoint::vertex}},
       {.help =
@@ -369,6 +373,7 @@ ModelParameters HopperOptions::model_parameters() const {
           .mu = mu,
           .zeta = zeta,
           .friction_point = friction_point,
+          .friction = friction,
           .lip_edges = lip_contact == ContactRule::edge,
           .rough_edges = rough_contact == ContactRule::edge};
 }

@@ -39,6 +39,7 @@ struct HopperOptions : RunOptions {
   ContactLaw contact_law = ContactLaw::harmonic;
   Real mu = 0, zeta = 0;
   FrictionPoint friction_point = FrictionPoint::contact;
+  Friction friction = Friction::whole;
   ContactRule lip_contact = ContactRule::edge, rough_contact = ContactRule::edge;
 
   Hopper hopper;

@@ -1,0 +1,35 @@
+// Which part of a relative velocity kinetic friction opposes: what friction of points and of edges have in common.
+#pragma once
+
+#include <pliant/geometry/distance.h>
+
+namespace pliant {
+
+enum class Friction {
+  whole,      ///< all of it, as [H 6, 12] print
+  tangential  ///< what is left of it without its component along the normal of the contact
+};
+
+/// The part of u that friction opposes; r is along the normal. Where r = 0 there is no normal, and it opposes all of u.
+template <int D>
+Vec<D> rubbed_part(Friction friction, const Vec<D>& u, const Vec<D>& r) {
+  const Real r2 = r.squaredNorm();
+  return friction == Friction::tangential && r2 > 0 ? Vec<D>(u - u.dot(r) / r2 * r) : u;
+}
+
+/// Its derivative with respect to u: 1, or 1 − n nᵀ.
+template <int D>
+Mat<D> rubbed_projector(Friction friction, const Vec<D>& r) {
+  const Real r2 = r.squaredNorm();
+  Mat<D> p = Mat<D>::Identity();
+  if (friction == Friction::tangential && r2 > 0) p -= r * r.transpose() / r2;
+  return p;
+}
+
+/// Of the tangential part, with respect to the unit normal n.
+template <int D>
+Mat<D> rubbed_turn(const Vec<D>& u, const Vec<D>& n) {
+  return -n.dot(u) * Mat<D>::Identity() - n * u.transpose();
+}
+
+}  // namespace pliant
