@@ -28,7 +28,7 @@ template <int D, class Law = HarmonicOverlap>
 std::unique_ptr<ForceField<D>> soft(const ModelParameters& p, const Vec<D>& gravity) {
   return model<D>(fused<PairKernel>(PairContact<D, Law>{p.epsilon, "pair"}, PairFriction<D>{p.mu, p.friction}),
                   fused<WallKernel>(WallContact<D, Law>{p.epsilon_wall}),
-                  fused<PointKernel>(Gravity<D>{gravity}, Drag<D>{p.zeta}));
+                  fused<PointKernel>(Gravity<D>{gravity}, Drag<D>{p.zeta, p.drag}));
 }
 
 void check(const char* what, Real mu_static, Real mu_dynamic) {
@@ -131,7 +131,7 @@ std::unique_ptr<ForceField<D>> make_force_field(ModelKind kind, const ModelParam
     const auto shape = fused<ShapeKernel>(Area{p.k_a}, Perimeter{p.k_l}, Bending{p.k_b});
     const auto wall = fused<WallKernel>(WallContact<2>{p.epsilon_wall});
     const LipContact lip{p.epsilon_wall, p.lip_edges};
-    const auto outer = fused<PointKernel>(Gravity<2>{gravity}, Drag<2>{p.zeta});
+    const auto outer = fused<PointKernel>(Gravity<2>{gravity}, Drag<2>{p.zeta, p.drag});
     switch (kind) {
       case ModelKind::rough:
         // The edges are as stiff as two disks that touch: ε/4 over half the distance.

@@ -5,6 +5,7 @@
 #include <string_view>
 
 #include <pliant/kernels/contact_law.h>
+#include <pliant/model/drag.h>
 #include <pliant/model/edge_friction.h>
 #include <pliant/model/model.h>
 
@@ -46,6 +47,7 @@ struct ModelParameters {
   Real mu = 0, zeta = 0;
   FrictionPoint friction_point = FrictionPoint::contact;
   Friction friction = Friction::whole;
+  DragLaw drag = DragLaw::per_particle;
   bool lip_edges = true;    ///< lips feel edges too
   bool rough_edges = true;  ///< vertices of rough particles feel edges too
   // Droplets

@@ -5,11 +5,28 @@
 
 namespace pliant {
 
-/// F_i = −(ζ/n) v_i on each of the n points of a particle (n = 1 for soft particles); the same ζ for all sizes.
-/// Dissipated power (ζ/n) v². ζ in ρσ_avg^(D−1) g t0. Elements: points.
+/// Of whose drag ζ is the coefficient.
+enum class DragLaw {
+  per_particle,  ///< of each particle, whatever its size
+  per_mass       ///< of a particle of diameter σ_avg; that of others is as many times larger as their mass is
+};
+
+/// Mass of a particle of diameter σ_avg.
+template <int D>
+inline constexpr Real average_mass = D == 2 ? pi / 4 : pi / 6;
+
+/// How many points like those of particle m share ζ.
+template <int D>
+Real drag_shares(DragLaw law, const Topology& topology, Index m) {
+  return law == DragLaw::per_mass ? average_mass<D> / topology.point_mass[m] : topology.points_of(m);
+}
+
+/// F_i = −(ζ/n) v_i on each of the n points of a particle (n = 1 for soft particles); the same ζ for all sizes, or in
+/// proportion to their masses. Dissipated power (ζ/n) v². ζ in ρσ_avg^(D−1) g t0. Elements: points.
 template <int D>
 struct Drag {
   Real zeta;
+  DragLaw law = DragLaw::per_particle;
 
   static constexpr Elements elements = Elements::points;
   static std::string_view name() { return "drag"; }
@@ -23,12 +40,15 @@ struct Drag {
     h.add(i, i, -coefficient(s.topology, i) * Mat<D>::Identity());
   }
   Real max_damping(const Topology& topology) const {
-    return zeta / smallest_over_points(
-                      topology, [&](Index i) { return topology.mass(i) * topology.points_of(topology.particle[i]); });
+    return zeta / smallest_over_points(topology, [&](Index i) {
+             return topology.mass(i) * drag_shares<D>(law, topology, topology.particle[i]);
+           });
   }
 
  private:
-  Real coefficient(const Topology& topology, Index i) const { return zeta / topology.points_of(topology.particle[i]); }
+  Real coefficient(const Topology& topology, Index i) const {
+    return zeta / drag_shares<D>(law, topology, topology.particle[i]);
+  }
 };
 
 }  // namespace pliant

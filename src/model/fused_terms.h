@@ -37,10 +37,16 @@ struct PointKernel {
     if (!drag.enabled(s)) return;
     const Topology& topology = s.topology;
     const Range own = s.neighbours.particles(chunk);
-    for (Index m = own.first; m < own.last; ++m) {
-      const Real zeta = drag.zeta / topology.points_of(m);
-      for (Index i = topology.offset[m]; i < topology.offset[m + 1]; ++i) point<D>(f, i) -= zeta * s.velocity(i);
-    }
+    const auto add = [&](auto&& shares) {
+      for (Index m = own.first; m < own.last; ++m) {
+        const Real zeta = drag.zeta / shares(m);
+        for (Index i = topology.offset[m]; i < topology.offset[m + 1]; ++i) point<D>(f, i) -= zeta * s.velocity(i);
+      }
+    };
+    if (drag.law == DragLaw::per_particle)
+      add([&](Index m) { return topology.points_of(m); });
+    else
+      add([&](Index m) { return drag_shares<D>(drag.law, topology, m); });
   }
 };
 

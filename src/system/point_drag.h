@@ -4,17 +4,18 @@
 #include <utility>
 #include <vector>
 
+#include <pliant/model/drag.h>
 #include <pliant/system/mobility.h>
 
 namespace pliant {
 
-/// v = F/ζ_i with the drag coefficient ζ_i = ζ/n of each of a particle's n points: what ẍ = (F − ζ_i ẋ)/m tends to
+/// v = F/ζ_i with the drag coefficient ζ_i of each point, as Drag has it: what ẍ = (F − ζ_i ẋ)/m tends to
 /// where m/ζ_i is shorter than all other times. Forces that depend on velocities do not count.
 template <int D>
 class PointDrag final : public Mobility<D> {
  public:
   /// Errors: InputError unless ζ is positive.
-  explicit PointDrag(Real zeta) : zeta_(zeta) {
+  explicit PointDrag(Real zeta, DragLaw law = DragLaw::per_particle) : zeta_(zeta), law_(law) {
     if (!(zeta > 0))
       throw InputError("the drag coefficient is {}, but motion without inertia needs a positive one", zeta);
   }
@@ -25,13 +26,12 @@ class PointDrag final : public Mobility<D> {
     still.v = at_rest_.data();
     field.accelerations(still, v);
     for (Index i = 0; i < s.topology.owned_points(); ++i)
-      point<D>(v, i) *= s.topology.mass(i) * s.topology.points_of(s.topology.particle[i]) / zeta_;
+      point<D>(v, i) *= s.topology.mass(i) * shares(s.topology, i) / zeta_;
   }
 
   Real power(const StateView<D>& s) const override {
     Real sum = 0;
-    for (Index i = 0; i < s.topology.owned_points(); ++i)
-      sum += s.velocity(i).squaredNorm() / s.topology.points_of(s.topology.particle[i]);
+    for (Index i = 0; i < s.topology.owned_points(); ++i) sum += s.velocity(i).squaredNorm() / shares(s.topology, i);
     return zeta_ * sum;
   }
 
@@ -40,7 +40,10 @@ class PointDrag final : public Mobility<D> {
   void set_numbers(std::vector<Index> /*numbers*/) override {}
 
  private:
+  Real shares(const Topology& topology, Index i) const { return drag_shares<D>(law_, topology, topology.particle[i]); }
+
   Real zeta_;
+  DragLaw law_;
   std::vector<Real> at_rest_;
 };
 

@@ -58,6 +58,8 @@ TEST_CASE("dissipation: power, momentum and damping matrix") {
     check_dissipation(*alone<2>(Drag<2>{0.4}), soft_cluster<2>(random), random, false);
     check_dissipation(*alone<3>(Drag<3>{0.4}), soft_cluster<3>(random), random, false);
     check_dissipation(*alone<2>(Drag<2>{0.4}), crowd_of_polygons(random, 0.3), random, false);
+    check_dissipation(*alone<2>(Drag<2>{0.4, DragLaw::per_mass}), crowd_of_polygons(random, 0.3), random, false);
+    check_dissipation(*alone<3>(Drag<3>{0.4, DragLaw::per_mass}), soft_cluster<3>(random), random, false);
     check_dissipation(*alone<2>(PairFriction<2>{0.6}), soft_cluster<2>(random), random, true);
     check_dissipation(*alone<3>(PairFriction<3>{0.6}), soft_cluster<3>(random), random, true);
     check_dissipation(*alone<2>(PairFriction<2>{0.6}), crowd_of_polygons(random, 0.3), random, true);
@@ -83,6 +85,39 @@ TEST_CASE("drag on a particle is -zeta times its mean velocity") {
   alone<2>(Drag<2>{0.4})->forces(c.view(), f.data());
   const Vec<2> sum = 16 * mean_of_points<2>(f.data(), c.topology, 0);
   CHECK((sum + 0.4 * mean_of_points<2>(c.v.data(), c.topology, 0)).norm() < 1e-14);
+}
+
+TEMPLATE_TEST_CASE_SIG("drag per mass slows all sizes alike", "", ((int D), D), 2, 3) {
+  // Of one particle of diameter σ_avg it is zeta; masses are those of density 1.
+  for (const Real sigma : {1.0, 0.5, 1.4}) {
+    const Real mass = std::pow(sigma, D) * (D == 2 ? pi / 4 : pi / 6);
+    Configuration<D> c;
+    c.topology.add_soft(sigma, mass);
+    c.x.assign(D, 0);
+    c.v.assign(D, 3);
+    std::vector<Real> f(c.x.size());
+    for (const bool kernels : {false, true}) {
+      const auto drag =
+          kernels ? make_force_field<D>(ModelKind::sp, {.zeta = 0.4, .drag = DragLaw::per_mass}, Vec<D>::Zero())
+                  : alone<D>(Drag<D>{0.4, DragLaw::per_mass});
+      drag->forces(c.view(), f.data());
+      for (const Real force : f) CHECK(force == Approx(-0.4 * std::pow(sigma, D) * 3).epsilon(1e-14));
+      CHECK(drag->power(c.view()) == Approx(0.4 * std::pow(sigma, D) * 9 * D));
+      if (!kernels) CHECK(drag->critical_step(c.topology).damping == Approx((D == 2 ? pi / 4 : pi / 6) / 0.4));
+    }
+  }
+  if constexpr (D == 2) {
+    // Shared by the vertices.
+    Random random(3);
+    Configuration<2> c;
+    c.add_polygon(regular_polygon(16, 0.5), 0.1);
+    c.random_velocities(random);
+    std::vector<Real> f(c.x.size());
+    alone<2>(Drag<2>{0.4, DragLaw::per_mass})->forces(c.view(), f.data());
+    const Vec<2> sum = 16 * mean_of_points<2>(f.data(), c.topology, 0);
+    const Real mass = 16 * c.topology.point_mass[0];
+    CHECK((sum + 0.4 * mass / (pi / 4) * mean_of_points<2>(c.v.data(), c.topology, 0)).norm() < 1e-14);
+  }
 }
 
 TEST_CASE("friction is -mu times the whole relative velocity, also along the normal") {

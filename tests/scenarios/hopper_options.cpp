@@ -94,7 +94,8 @@ TEST_CASE("an option that the model does not read is refused where it is given",
                                   {"friction_point", "vertex", {"smooth"}},
                                   {"e_w", "50", {"sp", "rough", "smooth"}},
                                   {"mu", "1", {"sp", "rough", "smooth"}},
-                                  {"friction", "tangential", {"sp", "rough", "smooth"}}};
+                                  {"friction", "tangential", {"sp", "rough", "smooth"}},
+                                  {"drag", "per_mass", {"sp", "rough", "smooth"}}};
   for (const Unread& row : table)
     for (const std::string model : {"sp", "rough", "smooth"}) {
       const std::vector<std::string> arguments{"-model", model, std::string("-") + row.option, row.value};

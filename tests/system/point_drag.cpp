@@ -46,6 +46,24 @@ TEST_CASE("without inertia velocities are forces over the drag coefficients") {
   CHECK(limit.mobility().power(system.view(c.x.data(), v.data())) == Approx(given).epsilon(1e-12));
 }
 
+TEST_CASE("without inertia drag per mass gives all sizes the velocity of their weight") {
+  Random random(1);
+  Configuration<2> c = polygon_rows(random, 4, 6);
+  OverdampedSystem<2> limit{system_of<2>(c, ModelKind::rough, Ranks(), with_drag(7)),
+                            std::make_unique<PointDrag<2>>(7, DragLaw::per_mass)};
+  ParticleSystem<2>& system = limit.particles();
+  std::vector<Real> v(c.x.size()), force(c.x.size());
+  limit.rate(0, c.x.data(), v.data());
+  system.field().energy(system.view(c.x.data(), nullptr), force.data());
+  Real given = 0;
+  for (Index i = 0; i < c.topology.points(); ++i)
+    for (int k = 0; k < 2; ++k) {
+      CHECK(v[2 * i + k] == Approx(force[2 * i + k] * (pi / 4) / (7 * c.topology.mass(i))).margin(1e-12));
+      given += force[2 * i + k] * v[2 * i + k];
+    }
+  CHECK(limit.mobility().power(system.view(c.x.data(), v.data())) == Approx(given).epsilon(1e-12));
+}
+
 TEST_CASE("motion with inertia tends to that without as the drag grows") {
   const PetscOptionScope options(tight);
   // In times of ζ both motions are the same but for m/ζ².

@@ -50,7 +50,8 @@ std::unique_ptr<Simulation<D>> make_simulation(const HopperOptions& p, const Ran
   if (p.dynamics == Dynamics::inertial)
     return std::make_unique<Simulation<D>>(std::move(all), std::move(particles), sorting);
   return std::make_unique<Simulation<D>>(
-      std::move(all), OverdampedSystem<D>(std::move(particles), std::make_unique<PointDrag<D>>(p.zeta)), sorting);
+      std::move(all), OverdampedSystem<D>(std::move(particles), std::make_unique<PointDrag<D>>(p.zeta, p.drag)),
+      sorting);
 }
 
 /// What a run of the hopper does: lets particles flow, puts them back, counts and measures them.
@@ -77,6 +78,7 @@ class HopperProtocol final : public Protocol<D> {
       lightest = std::min(lightest, mass);
       heaviest = std::max(heaviest, mass);
     }
+    if (p.drag == DragLaw::per_mass) lightest = heaviest = average_mass<D>;  // drag acts as if all had it
     dt_ = p.dt.value_or(
         std::min({1e-3, p.elastic_fraction(critical.elastic, lightest) * critical.elastic, 0.5 * critical.damping}));
     if (p.dynamics == Dynamics::overdamped) {

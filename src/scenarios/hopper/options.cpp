@@ -40,7 +40,8 @@ const std::vector<PartlyRead>& partly_read() {
                                              {"e_w", {sp, rough, smooth}},
                                              {"contact_law", {sp, rough, smooth}},
                                              {"mu", {sp, rough, smooth}},
-                                             {"zeta", {sp, rough, smooth}}};
+                                             {"zeta", {sp, rough, smooth}},
+                                             {"drag", {sp, rough, smooth}}};
   return table;
 }
 
@@ -102,6 +103,11 @@ void HopperOptions::bind(Options& o) {
       {.help = "kinetic friction coefficient mu", .unit = "rho sigma_avg^(d-1) g t0", .min = 0, .on_restart = fixed});
   o.bind("zeta", zeta,
          {.help = "drag coefficient zeta", .unit = "rho sigma_avg^(d-1) g t0", .min = 0, .on_restart = fixed});
+  o.bind(
+      "drag", drag, {{"per_particle", DragLaw::per_particle}, {"per_mass", DragLaw::per_mass}},
+      {.help = "zeta is that of each particle [H 5, 11], or of one of diameter sigma_avg, and of others in proportion "
+               "to their mass",
+       .on_restart = fixed});
   o.bind("friction", friction, {{"whole", Friction::whole}, {"tangential", Friction::tangential}},
          {.help = "friction acts against the whole relative velocity [H 6, 12], or its tangential part alone",
           .on_restart = fixed});
@@ -333,7 +339,8 @@ void HopperOptions::refuse_unread(const Options& options) const {
     refuse(names, contains(readers, model), "-model " + model, "-model " + alternatives(readers));
   };
   for (const PartlyRead& option : partly_read()) {
-    if (option.name == "zeta" && dynamics == Dynamics::overdamped) continue;  // velocities need it, whatever the model
+    if ((option.name == "zeta" || option.name == "drag") && dynamics == Dynamics::overdamped)
+      continue;  // velocities need it, whatever the model
     std::vector<std::string> readers;
     for (const ModelKind kind : option.by) readers.emplace_back(to_string(kind));
     for (const OwnModel& own : own_models_)
@@ -374,6 +381,7 @@ ModelParameters HopperOptions::model_parameters() const {
           .zeta = zeta,
           .friction_point = friction_point,
           .friction = friction,
+          .drag = drag,
           .lip_edges = lip_contact == ContactRule::edge,
           .rough_edges = rough_contact == ContactRule::edge};
 }

@@ -40,6 +40,7 @@ struct HopperOptions : RunOptions {
   Real mu = 0, zeta = 0;
   FrictionPoint friction_point = FrictionPoint::contact;
   Friction friction = Friction::whole;
+  DragLaw drag = DragLaw::per_particle;
   ContactRule lip_contact = ContactRule::edge, rough_contact = ContactRule::edge;
 
   Hopper hopper;
