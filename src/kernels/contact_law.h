@@ -12,7 +12,7 @@
 
 namespace pliant {
 
-enum class ContactLaw { harmonic, hertz, barrier, spring };
+enum class ContactLaw { harmonic, hertz, barrier, spring, linear };
 
 /// V(d) = ε/2 (1 − d/δ)² for d < δ, else 0 [H 2, 3, 9, 10]. C¹: V'' jumps from 0 to ε/δ² at touch. Finite at d = 0:
 /// a force of ε/δ pushes a point onto what it touches.
@@ -139,6 +139,28 @@ struct SpringOverlap {
   template <class T>
   PLIANT_INLINE static T push(Real epsilon, T delta, T d) {
     return epsilon * (delta - d) / d;
+  }
+};
+
+/// V(d) = ε δ/2 (1 − d/δ)² for d < δ, else 0: the harmonic law without the 1/δ of its force, −V'(d) = ε (1 − d/δ).
+/// Pairs of all sizes feel the same force at the same relative overlap. ε is a force, in ρgσ_avg^D. C¹: V'' jumps from
+/// 0 to ε/δ at touch.
+struct LinearOverlap {
+  static constexpr ContactLaw kind = ContactLaw::linear;
+  static constexpr Real stiffness = 1;
+  static Real scale(Real delta) { return delta; }
+
+  Real epsilon, delta;
+
+  bool touches(Real d) const { return d < delta; }
+  Real value(Real d) const { return touches(d) ? epsilon * delta / 2 * square(1 - d / delta) : 0; }
+  Real slope(Real d) const { return touches(d) ? -epsilon * (1 - d / delta) : 0; }
+  Real curvature(Real d) const { return touches(d) ? epsilon / delta : 0; }
+
+  /// −V'(d)/d for 0 < d < δ, of numbers or vectors of them.
+  template <class T>
+  PLIANT_INLINE static T push(Real epsilon, T delta, T d) {
+    return epsilon * (delta - d) / (delta * d);
   }
 };
 

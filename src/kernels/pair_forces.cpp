@@ -119,6 +119,8 @@ PLIANT_INLINE void add(const PairLaw& law, std::span<const Pair> pairs, const Re
                        const Real* v, Real* f) {
   if (law.contact == ContactLaw::hertz)
     add_by_law<D, HertzOverlap>(law, pairs, reach, sides, x, v, f);
+  else if (law.contact == ContactLaw::linear)
+    add_by_law<D, LinearOverlap>(law, pairs, reach, sides, x, v, f);
   else
     add_by_law<D, HarmonicOverlap>(law, pairs, reach, sides, x, v, f);
 }

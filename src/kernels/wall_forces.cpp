@@ -91,6 +91,8 @@ PLIANT_INLINE void add(Real epsilon, std::span<const Pair> pairs, const WallSegm
     add_all<D, BarrierOverlap, plain>(epsilon, pairs, walls, diameter, x, f);
   else if (law == ContactLaw::hertz)
     add_all<D, HertzOverlap, plain>(epsilon, pairs, walls, diameter, x, f);
+  else if (law == ContactLaw::linear)
+    add_all<D, LinearOverlap, plain>(epsilon, pairs, walls, diameter, x, f);
   else
     add_all<D, HarmonicOverlap, plain>(epsilon, pairs, walls, diameter, x, f);
 }

@@ -75,6 +75,8 @@ std::string_view to_string(ContactLaw law) {
       return "barrier";
     case ContactLaw::spring:
       return "spring";
+    case ContactLaw::linear:
+      return "linear";
   }
   return "";
 }
@@ -89,6 +91,8 @@ bool has_law(ModelKind kind, ContactLaw law) {
       return kind == ModelKind::smooth;
     case ContactLaw::spring:
       return kind == ModelKind::disk;
+    case ContactLaw::linear:
+      return kind == ModelKind::sp;
   }
   return false;
 }
@@ -117,7 +121,9 @@ std::unique_ptr<ForceField<D>> make_force_field(ModelKind kind, const ModelParam
     throw InputError("the model {} does not have the contact law {}; leave it out or use harmonic", to_string(kind),
                      to_string(p.law));
   if (kind == ModelKind::sp)
-    return p.law == ContactLaw::hertz ? soft<D, HertzOverlap>(p, gravity) : soft<D>(p, gravity);
+    return p.law == ContactLaw::hertz    ? soft<D, HertzOverlap>(p, gravity)
+           : p.law == ContactLaw::linear ? soft<D, LinearOverlap>(p, gravity)
+                                         : soft<D>(p, gravity);
   if (kind == ModelKind::bubble) {
     if (!(p.a_s > 0)) throw InputError("the radius a_s of the depletant is {}, but it must be positive", p.a_s);
     return model<D>(BubbleContact<D>{{p.f0}}, Depletion<D>{{{p.phi_c, p.a_s}}, {p.f0}},

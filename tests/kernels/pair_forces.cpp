@@ -74,6 +74,8 @@ std::vector<Real> element_forces(const PairLaw& law, const Cloud<D>& c, Sides si
   };
   if (law.contact == ContactLaw::hertz)
     add_contacts(PairContact<D, HertzOverlap>{law.epsilon, "pair"});
+  else if (law.contact == ContactLaw::linear)
+    add_contacts(PairContact<D, LinearOverlap>{law.epsilon, "pair"});
   else
     add_contacts(PairContact<D>{law.epsilon, "pair"});
   for (Index e = 0; e < n && friction.enabled(s); ++e)
@@ -127,7 +129,9 @@ const PairLaw laws[] = {{1e3, 0},
                         {1e3, 20, ContactLaw::hertz},
                         {1e3, 20, ContactLaw::harmonic, true},
                         {0, 20, ContactLaw::harmonic, true},
-                        {1e3, 20, ContactLaw::hertz, true}};
+                        {1e3, 20, ContactLaw::hertz, true},
+                        {1e3, 0, ContactLaw::linear},
+                        {1e3, 20, ContactLaw::linear}};
 
 }  // namespace
 

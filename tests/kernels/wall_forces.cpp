@@ -63,10 +63,11 @@ struct Room {
     const StateView<D> s{x.data(), nullptr, topology, neighbours, walls};
     std::vector<Real> f(x.size(), 0.25);
     Scatter<D, -1> minus{f.data()};
-    with_law(law, [&]<class Law>(Law) {
+    const auto add = [&]<class Law>(Law) {
       const WallContact<D, Law> contact{epsilon};
       for (std::size_t e = 0; e < n; ++e) contact.add_gradient(s, static_cast<Index>(e), minus);
-    });
+    };
+    law == ContactLaw::linear ? add(LinearOverlap{}) : with_law(law, add);
     return f;
   }
 };
@@ -75,7 +76,7 @@ struct Room {
 
 TEMPLATE_TEST_CASE_SIG("wall forces are those of the element form", "", ((int D), D), 2, 3) {
   Random random(11 + D);
-  const ContactLaw law = GENERATE(ContactLaw::harmonic, ContactLaw::hertz, ContactLaw::barrier);
+  const ContactLaw law = GENERATE(ContactLaw::harmonic, ContactLaw::hertz, ContactLaw::barrier, ContactLaw::linear);
   const bool plain = GENERATE(true, false);
   CAPTURE(plain);
   for (int trial = 0; trial < 10; ++trial) {

@@ -20,7 +20,8 @@ constexpr Real epsilon = 1e3, delta = 0.1;
 
 }  // namespace
 
-TEMPLATE_TEST_CASE("derivatives of a law", "", HarmonicOverlap, HertzOverlap, BarrierOverlap, SpringOverlap) {
+TEMPLATE_TEST_CASE("derivatives of a law", "", HarmonicOverlap, HertzOverlap, BarrierOverlap, SpringOverlap,
+                   LinearOverlap) {
   const TestType v{epsilon, delta};
   for (Real s = 0.01; s < 1.2; s += 0.0173) {
     INFO("d/range " << s);
@@ -176,6 +177,47 @@ TEST_CASE("a spring is as stiff for large particles as for small ones, in the st
   CHECK(wall.max_rate(disks) == Approx(std::sqrt(k / 2)));
 }
 
+TEMPLATE_TEST_CASE_SIG("the linear law gives pairs and walls E (1 - r/sigma), whatever their size", "", ((int D), D), 2,
+                       3) {
+  ModelParameters p{.epsilon = 50, .epsilon_wall = 70, .law = ContactLaw::linear};
+  const auto field = make_force_field<D>(ModelKind::sp, p, Vec<D>::Zero());
+  for (const Real size : {0.5, 1.0, 4.0}) {
+    Configuration<D> c;
+    c.add_soft(1.2 * size, 0.9 * size * Vec<D>::Unit(0));
+    c.add_soft(0.8 * size, Vec<D>::Zero());  // 10 %
+    std::vector<Real> f(c.x.size());
+    field->forces(c.view(), f.data());
+    CHECK(f[0] == Approx(50 * 0.1));
+    CHECK(f[D] == Approx(-50 * 0.1));
+    CHECK(field->energy(c.view()) == Approx(50 * size / 2 * 0.01));
+    Configuration<D> w;
+    w.walls = test_hopper(90).walls<D>();
+    Vec<D> place = Vec<D>::Zero();
+    place[0] = test_hopper(90).wall_distance / 2 - 0.4 * size;
+    place[D - 1] = 100;
+    w.add_soft(size, place);  // 20 % at the upright wall
+    f.resize(D);
+    field->forces(w.view(), f.data());
+    CHECK(f[0] == Approx(-70 * 0.2));
+    CHECK(field->energy(w.view()) == Approx(70 * size / 4 * 0.04));
+    // Two like pairs: ω² = 2 V''/m.
+    Topology two;
+    two.add_soft(size, 3);
+    CHECK(field->critical_step(two).elastic == Approx(2 / std::sqrt(std::max(2 * 50 / size, 70 / (size / 2)) / 3)));
+  }
+}
+
+TEST_CASE("derivatives of the linear contact") {
+  const auto field2 = alone<2>(PairContact<2, LinearOverlap>{epsilon, "pair"});
+  const auto field3 = alone<3>(PairContact<3, LinearOverlap>{epsilon, "pair"});
+  check_smooth<2>(
+      *field2, [](Random& r) { return soft_cluster<2>(r); }, 1e-5);
+  check_smooth<3>(
+      *field3, [](Random& r) { return soft_cluster<3>(r); }, 1e-5);
+  check_boundary<2>(*field2, touching_soft<2>, 1e-4);
+  check_boundary<3>(*field3, touching_soft<3>, 1e-4);
+}
+
 TEST_CASE("frictional disks with springs have limits of stability that do not depend on their size") {
   const auto limits = [](ContactLaw law, Real size) {
     Topology disk;
@@ -197,6 +239,8 @@ TEST_CASE("frictional disks with springs have limits of stability that do not de
 TEST_CASE("a law is refused by models that do not have it") {
   for (const ModelKind kind : {ModelKind::rough, ModelKind::bubble})
     CHECK_THROWS_AS(make_force_field<2>(kind, {.law = ContactLaw::hertz}, Vec<2>(0, -1)), InputError);
+  for (const ModelKind kind : {ModelKind::rough, ModelKind::smooth, ModelKind::bubble, ModelKind::disk})
+    CHECK_THROWS_AS(make_force_field<2>(kind, {.law = ContactLaw::linear}, Vec<2>(0, -1)), InputError);
   for (const ModelKind kind : {ModelKind::sp, ModelKind::rough, ModelKind::bubble})
     CHECK_THROWS_AS(make_force_field<2>(kind, {.law = ContactLaw::barrier}, Vec<2>(0, -1)), InputError);
 }

@@ -34,16 +34,6 @@ Configuration<2> single_polygon(Random& random) {
   return c;
 }
 
-/// A pair of soft particles at exactly the distance of touch.
-template <int D>
-Configuration<D> touching_soft(Random& random) {
-  Configuration<D> c;
-  const Real a = random(0.5, 1.5), b = random(0.5, 1.5);
-  c.add_soft(a, Vec<D>::Zero());
-  c.add_soft(b, (a + b) / 2 * random.template unit<D>());
-  return c;
-}
-
 template <class Range, class Body>
 void for_each_place(const Range& places, Body&& body) {
   for (const auto place : places) {

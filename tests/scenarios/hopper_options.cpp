@@ -71,6 +71,7 @@ TEST_CASE("options of a hopper that contradict each other", "[options]") {
   };
   refused({"-dim", "3", "-model", "rough"}, "-dim 3 with -model rough");
   refused({"-contact_law", "barrier"}, "-contact_law barrier with -model sp");
+  refused({"-contact_law", "linear", "-model", "smooth"}, "only -model sp has it");
   refused({"-contact_law", "hertz", "-model", "rough"}, "-contact_law hertz with -model rough");
   refused({"-model", "rough", "-shape_parameter", "1", "-n_vertices", "6"}, "-shape_parameter 1: no polygon of 6");
   refused({"-implicit", "shape"}, "-integrator verlet");

@@ -236,6 +236,16 @@ inline Configuration<2> crowd_of_polygons(Random& random, Real delta) {
 
 // ---- soft particles ----
 
+/// A pair of soft particles at exactly the distance of touch.
+template <int D>
+Configuration<D> touching_soft(Random& random) {
+  Configuration<D> c;
+  const Real a = random(0.5, 1.5), b = random(0.5, 1.5);
+  c.add_soft(a, Vec<D>::Zero());
+  c.add_soft(b, (a + b) / 2 * random.template unit<D>());
+  return c;
+}
+
 /// n soft particles of diameters 0.5 … 1.5, each overlapping an earlier one by 5 … 40 %.
 template <int D>
 Configuration<D> soft_cluster(Random& random, Index n = 8) {

@@ -91,9 +91,13 @@ void HopperOptions::bind(Options& o) {
           .min_open = true,
           .on_restart = fixed});
   o.bind("contact_law", contact_law,
-         {{"harmonic", ContactLaw::harmonic}, {"hertz", ContactLaw::hertz}, {"barrier", ContactLaw::barrier}},
+         {{"harmonic", ContactLaw::harmonic},
+          {"hertz", ContactLaw::hertz},
+          {"barrier", ContactLaw::barrier},
+          {"linear", ContactLaw::linear}},
          {.help = "contacts are linear springs, or Hertz' (soft and smooth particles), or grow without bound before an "
-                  "outline or a wall is reached (smooth particles)",
+                  "outline or a wall is reached (smooth particles), or have the force E (1 - r/sigma), without 1/sigma "
+                  "(soft particles)",
           .on_restart = fixed});
   o.bind("k_a", k_a, {.help = "area stiffness K_a", .unit = "rho g/sigma_avg", .min = 0, .on_restart = fixed});
   o.bind("k_l", k_l, {.help = "perimeter stiffness K_l", .unit = "rho g sigma_avg", .min = 0, .on_restart = fixed});
@@ -283,7 +287,10 @@ void HopperOptions::resolve() {
     throw InputError("-dim 3 with -model {}: deformable particles are two-dimensional; use -model sp or -dim 2", model);
   if (own_model() == own_models_.size() && !has_law(particle_kind(), contact_law))
     throw InputError("-contact_law {} with -model {}: only {} has it; use that, or harmonic", to_string(contact_law),
-                     model, contact_law == ContactLaw::hertz ? "-model sp or smooth" : "-model smooth");
+                     model,
+                     contact_law == ContactLaw::hertz    ? "-model sp or smooth"
+                     : contact_law == ContactLaw::linear ? "-model sp"
+                                                         : "-model smooth");
   if (particles == 0) particles = dim == 2 ? 1600 : 6400;
   if (!wall_distance) wall_distance = dim == 2 ? 50 : 25;
   hopper.wall_distance = *wall_distance;
