@@ -48,12 +48,17 @@ Real gap(const Outline<2>& outline, const Vec<2>& shift, const Topology& topolog
   return std::sqrt(least2) - (outline.diameter + topology.diameter[topology.offset[n]]) / 2;
 }
 
+/// Number k = 0, 1 of a draw for particle m.
+Real random_number(std::uint64_t seed, std::uint64_t stream, Index m, std::uint64_t draw, std::uint64_t k) {
+  // The counter has room for the lower 24 bits of the id.
+  const auto id = static_cast<std::uint64_t>(m);
+  return rng::uniform(seed, stream + (id >> 24 << 32), (id << 40) + 2 * draw + k);
+}
+
 /// Of a circle of this radius about the middle.
 template <int D>
 Vec<D> random_lateral(Real middle, Real radius, std::uint64_t seed, Index m, std::uint64_t draw) {
-  // The counter has room for the lower 24 bits of the id.
-  const auto id = static_cast<std::uint64_t>(m), own = stream::reinsertion + (id >> 24 << 32);
-  const auto next = [&](std::uint64_t k) { return rng::uniform(seed, own, (id << 40) + 2 * draw + k); };
+  const auto next = [&](std::uint64_t k) { return random_number(seed, stream::reinsertion, m, draw, k); };
   Vec<D> r = Vec<D>::Zero();
   if constexpr (D == 2) {
     r[0] = middle + radius * (2 * next(0) - 1);
@@ -69,7 +74,7 @@ Vec<D> random_lateral(Real middle, Real radius, std::uint64_t seed, Index m, std
 
 template <int D>
 void reinsert(const Ranks& ranks, const Topology& topology, const Container& container, const Walls<D>& walls,
-              bool smooth, std::uint64_t seed, const Leaving& leaving, State& state) {
+              bool smooth, std::uint64_t seed, const Leaving& leaving, State& state, const Reinsertion& rule) {
   constexpr int up = D - 1;
   constexpr std::uint64_t attempts = 64;
   Real* x = state.x().data();
@@ -151,6 +156,7 @@ void reinsert(const Ranks& ranks, const Topology& topology, const Container& con
         }
       }
     }
+    target[up] += rule.gap;
     if (!Container::can_fall_to<D>(walls, target, radius)) continue;
 
     const int below = ranks.size() - ranks.max(first_touch ? ranks.size() - ranks.rank() : 0);
@@ -160,6 +166,12 @@ void reinsert(const Ranks& ranks, const Topology& topology, const Container& con
       std::copy_n(mean.data(), D, velocity.begin());
     }
     velocity = ranks.broadcast(velocity, below);
+    if (rule.lateral_speed)
+      for (int k = 0; k < up; ++k)
+        velocity[k] = *rule.lateral_speed *
+                      (2 * random_number(seed, stream::lateral_velocity, leaving.id,
+                                         static_cast<std::uint64_t>(leaving.count), static_cast<std::uint64_t>(k)) -
+                       1);
     if (mine)
       for (Index i = topology.offset[m]; i < topology.offset[m + 1]; ++i) {
         point<D>(x, i) += target - centre;
@@ -175,8 +187,8 @@ void reinsert(const Ranks& ranks, const Topology& topology, const Container& con
 }
 
 template void reinsert<2>(const Ranks&, const Topology&, const Container&, const Walls<2>&, bool, std::uint64_t,
-                          const Leaving&, State&);
+                          const Leaving&, State&, const Reinsertion&);
 template void reinsert<3>(const Ranks&, const Topology&, const Container&, const Walls<3>&, bool, std::uint64_t,
-                          const Leaving&, State&);
+                          const Leaving&, State&, const Reinsertion&);
 
 }  // namespace pliant

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 
 #include <pliant/base/ranks.h>
 #include <pliant/geometry/container.h>
@@ -18,13 +19,20 @@ struct Leaving {
   std::int64_t count;  ///< how often it has been reinserted before
 };
 
+/// How particles are put back.
+struct Reinsertion {
+  Real gap = 0;                       ///< how far above the place where it would touch, in σ_avg
+  std::optional<Real> lateral_speed;  ///< largest lateral velocity, uniformly random, in each direction; else that of
+                                      ///< the particle which it would touch
+};
+
 /// Moves the particle, as it is shaped now, to a uniformly random lateral position, lowered until it touches the first
-/// particle above the orifice line, and gives all its points the velocity of that particle. Walls must not be in its
-/// way. Random numbers depend on
-/// (seed, id, count) only. smooth: outlines are circulo-lines; otherwise points are disks. It stays with its owner.
-/// Collective. Errors: NumericalError if there is no particle to put it on.
+/// particle above the orifice line, and gives all its points the velocity of that particle, as far as the rule does not
+/// say otherwise. Walls must not be in its way. Random numbers depend on (seed, id, count) only. smooth: outlines are
+/// circulo-lines; otherwise points are disks. It stays with its owner. Collective. Errors: NumericalError if there is
+/// no particle to put it on.
 template <int D>
 void reinsert(const Ranks& ranks, const Topology& topology, const Container& container, const Walls<D>& walls,
-              bool smooth, std::uint64_t seed, const Leaving& leaving, State& state);
+              bool smooth, std::uint64_t seed, const Leaving& leaving, State& state, const Reinsertion& rule = {});
 
 }  // namespace pliant

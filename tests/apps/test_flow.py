@@ -50,6 +50,30 @@ def test_crossings_are_counted_once(options, tmp_path):
     assert (np.diff(heights, axis=0) > 2).sum() > 5  # were reinserted
 
 
+def test_particles_can_be_counted_as_they_are_put_back(tmp_path):
+    """Deeper down, with a gap above the others; and what counts does not change the motion."""
+    options = {"n": 30, "hopper_wall_distance": 6, "t_end": 12, "frame_interval": 0.02, "sample_interval": 0.02, "removal_depth": 2.5,
+               "reinsertion_gap": 0.8, "reinsertion_lateral_speed": 0.01}
+    crossing, removal = (hopper(tmp_path / name, **options, count=name) for name in ("crossing", "removal"))
+    centres = removal.column("centres")
+    assert np.array_equal(centres, crossing.column("centres"))
+    heights, sigma = centres[:, :, -1], removal.topology["sigma"]
+    assert -2.5 - 0.06 < heights.min() < -2.5 + 0.06
+    put_back = np.diff(heights, axis=0) > 2
+    assert put_back.sum() > 10
+    assert np.array_equal(removal.series["crossed_count"], np.append(0, put_back.sum(axis=1).cumsum()))
+    assert np.array_equal(crossing.series["crossed_count"], crossings(crossing)[0])
+    events = removal.events
+    assert len(events["time"]) == put_back.sum()
+    assert (-2.56 < events["position"][:, -1]).all() and (events["position"][:, -1] < -2.5).all()
+    # None of its column is within reach where it is put back.
+    for frame, who in zip(*np.nonzero(put_back)):
+        lateral, up = np.abs(centres[frame + 1] - centres[frame + 1, who]).T
+        contact = (sigma + sigma[who]) / 2
+        column = (lateral < 0.95 * contact) & (np.arange(len(sigma)) != who)
+        assert column.any() and (np.hypot(lateral, up)[column] > contact[column] + 0.15).all()
+
+
 SOFT_WALLS = {"mu": 0, "zeta": 0.3, "e_w": 1, "t_end": 20}
 PIERCED = {
     "flat": {"n": 300, "hopper_wall_distance": 16},

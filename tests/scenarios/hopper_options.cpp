@@ -114,6 +114,13 @@ TEST_CASE("an option that the model does not read is refused where it is given",
   CHECK_THROWS_AS(resolved({"-size_distribution", "mono", "-size_ratio", "2"}), InputError);
   CHECK_THROWS_AS(resolved({"-size_deviation", "0.2"}), InputError);
   CHECK_THROWS_AS(resolved({"-jacobian", "assembled"}), InputError);
+  for (const std::vector<std::string>& option : std::vector<std::vector<std::string>>{
+           {"-count", "removal"}, {"-reinsertion_gap", "1"}, {"-reinsertion_lateral_speed", "0.1"}}) {
+    CAPTURE(option);
+    CHECK_NOTHROW(resolved(option));
+    CHECK_THROWS_WITH(resolved({"-flow", "discharge", option[0], option[1]}), Contains("-flow continuous"));
+  }
+  CHECK(resolved({"-flow", "discharge", "-removal_depth", "2.5"}).removal_depth == 2.5);
 }
 
 namespace {

@@ -63,9 +63,9 @@ struct Flow {
     return r;
   }
 
-  void reinsert_one(std::uint64_t count = 0, std::uint64_t seed = 1) {
+  void reinsert_one(std::uint64_t count = 0, std::uint64_t seed = 1, const Reinsertion& rule = {}) {
     reinsert<D>(Ranks(), topology, hopper, walls, kind == ModelKind::smooth, seed,
-                {topology.id[fallen], 0, fallen, static_cast<std::int64_t>(count)}, state);
+                {topology.id[fallen], 0, fallen, static_cast<std::int64_t>(count)}, state, rule);
   }
 
   /// Distance of the rims of the fallen particle and n, by brute force.
@@ -178,6 +178,36 @@ TEST_CASE("where a particle is reinserted depends on seed, particle and count on
     if (topology.particle[i] == start.fallen) continue;
     CHECK(point<2>(reference.data(), i) == start.at(i));
   }
+}
+
+TEMPLATE_TEST_CASE_SIG("a gap raises what is reinserted, with a lateral velocity of its own", "[reinsertion]",
+                       ((int D), D), 2, 3) {
+  const ModelKind kind = D == 2 ? GENERATE(ModelKind::sp, ModelKind::rough) : ModelKind::sp;
+  const Flow<D> start(kind, 40, {.wall_distance = 6, .orifice = 2, .angle = 90});
+  Real most = 0;
+  std::array<Real, 2> mean{};
+  for (std::uint64_t count = 0; count < 40; ++count) {
+    CAPTURE(count);
+    Flow<D> touching = start, raised = start;
+    touching.reinsert_one(count);
+    raised.reinsert_one(count, 1, {.gap = 0.8, .lateral_speed = 0.05});
+    const Index first = start.topology.offset[start.fallen], last = start.topology.offset[start.fallen + 1];
+    const Vec<D> before = point<D>(touching.state.v().data(), first), after = point<D>(raised.state.v().data(), first);
+    for (Index i = first; i < last; ++i) {
+      CHECK((raised.at(i) - touching.at(i) - 0.8 * Vec<D>::Unit(D - 1)).norm() < 1e-13);
+      CHECK(point<D>(raised.state.v().data(), i) == after);
+    }
+    CHECK(after[D - 1] == before[D - 1]);
+    for (int k = 0; k < D - 1; ++k) {
+      CHECK(std::abs(after[k]) <= 0.05);
+      most = std::max(most, std::abs(after[k]));
+      mean[k] += after[k] / 40;
+    }
+    CHECK(std::abs(before[0]) > 0);
+  }
+  CHECK(most > 0.045);
+  for (const Real m : mean) CHECK(std::abs(m) < 0.02);  // 0.029/√40 is one standard deviation
+  if constexpr (D == 3) CHECK(mean[0] != mean[1]);
 }
 
 TEST_CASE("particles with large ids have random numbers of their own", "[reinsertion]") {

@@ -346,8 +346,8 @@ class HopperProtocol final : public Protocol<D> {
   }
   bool ended_as(std::string_view status) const { return status_ == status; }
 
-  /// Counts the particles that have crossed the orifice line; those 2 σ_l below are reinserted or, in a discharge,
-  /// taken out. Errors: NumericalError where one has crossed the line beside the orifice. Nothing moves more than
+  /// Counts the particles that have crossed the orifice line, or that are taken out far below; those are reinserted but
+  /// in a discharge. Errors: NumericalError where one has crossed the line beside the orifice. Nothing moves more than
   /// skin/2 between two list rebuilds, so only particles that were near enough at the last one are looked at.
   bool follow_particles() {
     const Topology& own = topology();
@@ -358,6 +358,7 @@ class HopperProtocol final : public Protocol<D> {
       for (Index m = 0; m < own.owned(); ++m)
         if (own.active[m] && height(m) < particles().neighbours().skin()) watched_.push_back(m);
     }
+    const Real depth = p_.removal_depth.value_or(2 * largest_);
     std::vector<Leaving> leaving;
     std::optional<OrificeCrossing> astray;
     for (const Index m : watched_) {
@@ -368,15 +369,16 @@ class HopperProtocol final : public Protocol<D> {
         const OrificeCrossing crossing{own.id[m], below ? on_the_line(seen_[m], now) : now};
         if (!passage().through_orifice(m, crossing.at.x)) {
           astray = crossing;
-        } else if (below && !counted_[m]) {
+        } else if (below && !counted_[m] && p_.counting == Counting::crossing) {
           counted_[m] = 1;
-          ++flow_.crossed;
-          flow_.area += own.a0[m];
-          crossings_.push_back(crossing);
+          count(m, crossing);
         }
       }
       seen_[m] = now;
-      if (h < -2 * largest_ && own.active[m]) leaving.push_back({own.id[m], ranks().rank(), m, reinserted_[m]});
+      if (h < -depth && own.active[m]) {
+        if (p_.counting == Counting::removal) count(m, {own.id[m], now});
+        leaving.push_back({own.id[m], ranks().rank(), m, reinserted_[m]});
+      }
     }
     enum { none_leave, some_leave, one_astray };
     const int event = ranks().max(astray ? one_astray : !leaving.empty() ? some_leave : none_leave);
@@ -392,7 +394,7 @@ class HopperProtocol final : public Protocol<D> {
       const bool mine = l.rank == ranks().rank();
       if (p_.flow == FlowKind::continuous) {
         reinsert<D>(ranks(), own, *p_.container, particles().walls(), p_.particle_kind() == ModelKind::smooth,
-                    static_cast<std::uint64_t>(p_.seed), l, s);
+                    static_cast<std::uint64_t>(p_.seed), l, s, p_.reinsertion);
         if (!mine) continue;
         this->simulation().relist(l.particle);
         seen_[l.particle] = sight(l.particle);
@@ -404,6 +406,17 @@ class HopperProtocol final : public Protocol<D> {
       }
     }
     return true;
+  }
+
+  struct OrificeCrossing {
+    Index id;
+    Sighting<D> at;
+  };
+
+  void count(Index m, const OrificeCrossing& crossing) {
+    ++flow_.crossed;
+    flow_.area += topology().a0[m];
+    crossings_.push_back(crossing);
   }
 
   Real height(Index m) const { return mean_of_points<D>(state().x().data(), topology(), m)[D - 1]; }
@@ -548,13 +561,9 @@ class HopperProtocol final : public Protocol<D> {
 
   // State that a checkpoint keeps.
   FlowCount flow_;
-  std::vector<std::uint8_t> counted_;  ///< per own particle: has crossed since it was last reinserted
-  std::vector<Index> reinserted_;      ///< times reinserted
-  std::vector<Sighting<D>> seen_;      ///< last sight of each; kept up to date for those that are watched
-  struct OrificeCrossing {
-    Index id;
-    Sighting<D> at;
-  };
+  std::vector<std::uint8_t> counted_;       ///< per own particle: has crossed since it was last reinserted
+  std::vector<Index> reinserted_;           ///< times reinserted
+  std::vector<Sighting<D>> seen_;           ///< last sight of each; kept up to date for those that are watched
   std::vector<OrificeCrossing> crossings_;  ///< not recorded yet
   std::int64_t packing_iterations_ = 0;
 

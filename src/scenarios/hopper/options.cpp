@@ -185,6 +185,27 @@ void HopperOptions::bind(Options& o) {
        .read = read_obstacles});
   o.bind("flow", flow, {{"continuous", FlowKind::continuous}, {"discharge", FlowKind::discharge}},
          {.help = "reinsert particles at the top, or let the hopper run empty", .on_restart = fixed});
+  o.bind("count", counting, {{"crossing", Counting::crossing}, {"removal", Counting::removal}},
+         {.help = "continuous flow: a particle counts as it crosses the orifice line, or as it is put back",
+          .on_restart = fixed});
+  o.bind("removal_depth", removal_depth,
+         {.help = "how far below the orifice line particles are taken out, to be put back at the top",
+          .unit = "sigma_avg",
+          .min = 0,
+          .min_open = true,
+          .automatic = "two diameters of the largest particle",
+          .on_restart = fixed});
+  o.bind("reinsertion_gap", reinsertion.gap,
+         {.help = "continuous flow: room that is left below a particle that is put back; 0: it touches another one",
+          .unit = "sigma_avg",
+          .min = 0,
+          .on_restart = fixed});
+  o.bind("reinsertion_lateral_speed", reinsertion.lateral_speed,
+         {.help = "continuous flow: a particle that is put back gets a random lateral velocity up to this",
+          .unit = "sigma_avg/t0",
+          .min = 0,
+          .automatic = "the velocity of the particle below it",
+          .on_restart = fixed});
   o.bind("pack_fraction", pack_fraction,
          {.help = "packing fraction to start from, of the particles' outer disks (spheres)",
           .min = 0,
@@ -360,6 +381,8 @@ void HopperOptions::refuse_unread(const Options& options) const {
   refuse({"size_ratio", "size_fraction"}, sizes.kind == "bidisperse", these_sizes, "-size_distribution bidisperse");
   refuse({"size_deviation"}, sizes.kind == "normal", these_sizes, "-size_distribution normal");
   refuse({"hopper_width", "hopper_angle", "hopper_wall_distance"}, outline.empty(), "-outline", "no -outline");
+  refuse({"count", "reinsertion_gap", "reinsertion_lateral_speed"}, flow == FlowKind::continuous, "-flow discharge",
+         "-flow continuous");
   refuse({"jacobian"}, integrator == IntegratorKind::ts, "-integrator verlet", "-integrator ts");
 }
 

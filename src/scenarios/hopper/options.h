@@ -13,6 +13,7 @@
 #include <pliant/run/options.h>
 #include <pliant/setup/packing.h>
 #include <pliant/setup/particles.h>
+#include <pliant/setup/reinsertion.h>
 #include <pliant/system/jacobian.h>
 
 namespace pliant {
@@ -21,6 +22,8 @@ namespace pliant {
 enum class Dynamics { inertial, overdamped };
 enum class IntegratorKind { verlet, ts };
 enum class FlowKind { continuous, discharge };
+/// When a particle counts for the flow rate: as its centre crosses the orifice line, or as it is put back.
+enum class Counting { crossing, removal };
 /// What vertices and lips touch: edges as well, or vertices only, as [H] prints it.
 enum class ContactRule { edge, literal };
 
@@ -48,6 +51,9 @@ struct HopperOptions : RunOptions {
   std::string outline, obstacle;       ///< empty: none; see shapes.h
   std::optional<Container> container;  ///< made of these by `resolve`
   FlowKind flow = FlowKind::continuous;
+  Counting counting = Counting::crossing;
+  std::optional<Real> removal_depth;
+  Reinsertion reinsertion;
   std::optional<Real> pack_fraction;
   Real pack_tolerance = 1e-4;
 
