@@ -110,7 +110,11 @@ class Program:
 
     def hopper(self, options, output):
         """One run, on one core: (summary.json, Finished)."""
-        done = run([*self.pin, self.path, "hopper", *options.split(), "-output", output])
+        return self.start("hopper", options, output)
+
+    def start(self, scenario, options, output):
+        """The same of any scenario."""
+        done = run([*self.pin, self.path, scenario, *options.split(), "-output", output])
         return json.loads((output / "summary.json").read_text()), done
 
     def restart(self, folder, t_end):

@@ -120,6 +120,67 @@ def targets(context):
     return tables, sorted(set(reasons.values()))
 
 
+# --------------------------------------------------------------------------------------------------- frictional disks
+
+# Options of the whole model, and of what LAMMPS has of it: no base, one coefficient for sticking and sliding.
+DISKS = {"bidisperse": "-distribution bidisperse", "T4": "-distribution T4"}
+CHANNEL = "-pushes 1 -frame_travel 10.7 -sample_travel 0.107 -checkpoint_interval 0"
+NO_BASE = "-mu_base 0 -mu_disk 0.4 -mu_disk_dynamic 0.4 -mu_wall 0.4 -mu_wall_dynamic 0.4"
+
+
+def disks(context):
+    speed = 44 if context.quick else 4.4
+    jobs, started = {}, {}
+
+    def whole(options):
+        def job(_):
+            return context.program.start("channel", f"{options} {CHANNEL} -plunger_speed {speed}",
+                                         context.folder("channel"))[0]
+        return job
+
+    def ours(case, options):
+        def job(_):
+            started[case] = context.folder(f"channel {case}".replace(" ", "-"))
+            summary, _ = context.program.start("channel", f"{options} {CHANNEL} {NO_BASE} -plunger_speed {speed}",
+                                               started[case])
+            return lammps.reference(started[case]), summary
+        return job
+
+    def theirs(case, lists):
+        def job(_):
+            with lammps.Run(started[case]) as run:
+                steps = run.summary["steps"]
+            return lammps.channel(started[case], lists, steps, max(steps // 100, 1), context.program.pin)
+        return job
+
+    for case, options in DISKS.items():
+        jobs[case, "whole"] = whole(options)
+        jobs[case, "Pliant"] = ours(case, options)
+        for lists in ("bin", "multi"):
+            jobs[case, lists] = theirs(case, lists)
+    results, reasons = interleave(jobs, context.repetitions, "disks")
+    rows = []
+    for case in DISKS:
+        mine, summaries = zip(*results[case, "Pliant"])
+        per = 1e9 / (summaries[0]["particles"] * summaries[0]["steps"])
+        row = {"case": case, "N": summaries[0]["particles"],
+               "with the base": statistics.median(s["ns_per_particle_step"] for s in results[case, "whole"]),
+               **spread([per * p.seconds for p in mine])}
+        found = {lists: results[case, lists] for lists in ("bin", "multi") if (case, lists) not in reasons}
+        if found:
+            lists = min(found, key=lambda name: statistics.median(p.seconds for p in found[name]))
+            theirs_ = found[lists]
+            row |= {"LAMMPS": statistics.median(per * p.seconds for p in theirs_), "its lists": lists,
+                    "LAMMPS/Pliant": statistics.median(p.seconds / q.seconds for p, q in zip(theirs_, mine)),
+                    "height": f"{theirs_[0].height:.4g}", "Pliant's height": f"{mine[0].height:.4g}",
+                    "kinetic energy": f"{theirs_[0].kinetic_energy:.3g}",
+                    "Pliant's": f"{mine[0].kinetic_energy:.3g}"}
+        rows.append(row | context.origin)
+    shown = ["case", "N", "with the base", "median", "min–max", "LAMMPS", "LAMMPS/Pliant", "its lists", "kinetic energy",
+             "Pliant's", "height", "Pliant's height"]
+    return {"disks": (rows, shown)}, sorted(set(reasons.values()))
+
+
 # ------------------------------------------------------------------------------------------------ scaling and parallel
 
 def soft_system(points, dim):
@@ -334,4 +395,4 @@ def kernels(context):
     return {"kernels": (rows, ["kernel", *systems], [row for row in shown if len(row) > 1])}, []
 
 
-PARTS = {"targets": targets, "scaling": scaling, "parallel": parallel, "flow": flow, "kernels": kernels}
+PARTS = {"targets": targets, "disks": disks, "scaling": scaling, "parallel": parallel, "flow": flow, "kernels": kernels}

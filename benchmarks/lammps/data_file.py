@@ -1,10 +1,11 @@
 #!/usr/bin/python3
-"""Writes a frame of a run of soft particles as a LAMMPS data file: both programs flow from the same start.
+"""Writes a frame of a run of soft particles or frictional disks as a LAMMPS data file: both programs flow from the same start.
 
     benchmarks/lammps/data_file.py RUN DATA [--style sphere|atomic] [--frame 0]
 
-RUN has two diameters (-size_distribution bidisperse): types 1 and 2. The floor of the box is where Pliant takes
-particles out of a discharge (2D), or the bottom (3D)."""
+A run of soft particles has two diameters (-size_distribution bidisperse): types 1 and 2. The floor of the box is where
+Pliant takes particles out of a discharge (2D), or the bottom (3D). Disks have a type for each diameter, and a box round
+the walls."""
 
 import argparse
 import sys
@@ -16,22 +17,29 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "python"))
 from pliant import PliantError, Run  # noqa: E402  (the folder of the package comes first)
 
 
+def _hopper_box(run, position, kinds):
+    half, roof = run.geometry.W / 2, 1.5 * position[:, run.dim - 1].max()
+    return [(-half, half), (-2 * kinds[1], roof), (-0.5, 0.5)] if run.dim == 2 else [(-half, half)] * 2 + [(0, roof)]
+
+
 def data_file(run, style, index=0):
     """Text of the data file of frame `index`; style is sphere (diameter and density) or atomic (mass by type)."""
     frame, topology = run.frame(index), run.topology
     kinds = np.unique(topology.sigma)
-    if run.model != "sp" or len(kinds) != 2:
-        raise PliantError(f"{run.path}: not a run of soft particles of two diameters")
+    if not (run.model == "sp" and len(kinds) == 2) and not (run.model == "disk" and style == "sphere"):
+        raise PliantError(f"{run.path}: not a run of soft particles of two diameters, or of disks")
     kind = np.searchsorted(kinds, topology.sigma)
-    mass = [topology.mass[kind == k][0] for k in (0, 1)]
     position, velocity = (np.zeros((topology.particles, 3)) for _ in range(2))
     position[:, : run.dim], velocity[:, : run.dim] = frame.positions, frame.velocities
-    half, roof = run.geometry.W / 2, 1.5 * position[:, run.dim - 1].max()
-    box = [(-half, half), (-2 * kinds[1], roof), (-0.5, 0.5)] if run.dim == 2 else [(-half, half)] * 2 + [(0, roof)]
-    lines = [f"{run.name}, frame {index}", "", f"{topology.particles} atoms", "2 atom types", ""]
+    if run.model == "disk":
+        ends = frame.wall_segments.reshape(-1, 2)
+        box = [*zip(ends.min(0) - kinds[-1], ends.max(0) + kinds[-1]), (-0.5, 0.5)]
+    else:
+        box = _hopper_box(run, position, kinds)
+    lines = [f"{run.name}, frame {index}", "", f"{topology.particles} atoms", f"{kind.max() + 1} atom types", ""]
     lines += [f"{low:.17g} {high:.17g} {a}lo {a}hi" for (low, high), a in zip(box, "xyz")]
     if style == "atomic":
-        lines += ["", "Masses", ""] + [f"{k + 1} {mass[k]:.17g}" for k in (0, 1)]
+        lines += ["", "Masses", ""] + [f"{k + 1} {topology.mass[kind == k][0]:.17g}" for k in (0, 1)]
     lines += ["", f"Atoms # {style}", ""]
     # LAMMPS makes the mass of a sphere from its density, in 2D too.
     density = 6 * topology.mass / (np.pi * topology.sigma**3)

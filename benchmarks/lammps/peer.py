@@ -1,4 +1,4 @@
-"""Runs the same soft particles in LAMMPS: writes its input from a run of Pliant, and reads its log."""
+"""Runs the same soft particles or frictional disks in LAMMPS: writes its input from a run of Pliant, and reads its log."""
 
 import os
 import re
@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.optimize import brentq
 
 here = Path(__file__).resolve().parent
 sys.path.insert(0, str(here.parents[1] / "python"))
@@ -47,7 +48,6 @@ def reference(folder):
 
 def peer(folder, pair, steps, every, pin):
     """Runs LAMMPS for `steps` from the first frame of the run in `folder`; a row of its log every `every` steps."""
-    lmp = program()
     with Run(folder) as r:
         small, large = np.unique(r.topology.sigma)
         options, dim = r.parameters, r.dim
@@ -58,7 +58,32 @@ def peer(folder, pair, steps, every, pin):
                      "every": every, "dt": options["dt"], "epsilon": options["e_sp"], "epsilon_w": options["e_w"],
                      "mu": options["mu"], "zeta": options["zeta"], "W": r.geometry.W, "w": r.geometry.w,
                      "small": f"{small:.17g}", "large": f"{large:.17g}", "m": np.pi / (2 * dim)}
-    command = [*pin, lmp, "-in", "hopper2d.in" if dim == 2 else "pile3d.in", "-nocite", "-log", "none"]
+    return _run("hopper2d.in" if dim == 2 else "pile3d.in", variables, pin)
+
+
+def channel(folder, lists, steps, every, pin):
+    """The same of the first push of a run in a channel without base friction; `lists`: bin or multi."""
+    with Run(folder) as r:
+        options, data = r.parameters, r.path / "disks.data"
+        data.write_text(data_file(r, "sphere"))
+        variables = {"data": data.resolve(), "lists": lists, "skin": SKIN, "steps": steps, "every": every,
+                     "dt": r.summary["dt"], "k": options["stiffness"], "kt": 2 / 7 * options["stiffness"],
+                     "damping": lammps_restitution(options["restitution"]), "mu": options["mu_disk"],
+                     "width": options["channel_width"], "arm": options["channel_arm"],
+                     "speed": options["plunger_speed"]}
+    return _run("channel.in", variables, pin)
+
+
+def lammps_restitution(restitution):
+    """What LAMMPS must be told so that its damping, alpha sqrt(m k), is 2 zeta sqrt(m k): its polynomial for alpha is made
+    for Hertz' contacts."""
+    zeta = brentq(lambda z: np.exp(-2 * z * np.arccos(z) / np.sqrt(1 - z * z)) - restitution, 1e-6, 1 - 1e-6)
+    alpha = np.poly1d([4.8218, -18.022, 27.467, -22.348, 11.087, -4.2783, 1.2728])
+    return brentq(lambda e: alpha(e) - 2 * zeta, 0.0, 1.0)
+
+
+def _run(script, variables, pin):
+    command = [*pin, program(), "-in", script, "-nocite", "-log", "none"]
     for name, value in variables.items():
         command += ["-var", name, value]
     log = run(command, cwd=here, env={**os.environ, "OMP_NUM_THREADS": "1"}).output

@@ -11,6 +11,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
 import harness  # noqa: E402
 import report  # noqa: E402
 from lammps.data_file import data_file, pair_table  # noqa: E402
+from lammps.peer import lammps_restitution  # noqa: E402
+from synthetic_channel import channel_tracks, write_channel_run  # noqa: E402
 
 from pliant import PliantError, Run  # noqa: E402
 
@@ -39,6 +41,30 @@ def test_data_file_has_the_same_particles(name, request):
         assert np.array_equal(atoms[:, 1] == 2, topology.sigma > topology.sigma.mean())
         masses = section(data_file(run, "atomic"), "Masses", 2)
         assert np.allclose(masses[atoms[:, 1].astype(int) - 1, 1], topology.mass, rtol=1e-12)
+
+
+def test_data_file_of_disks(tmp_path):
+    with Run(write_channel_run(tmp_path / "run", channel_tracks(pushes=1, frames=2, disks=40))) as run:
+        text = data_file(run, "sphere")
+        atoms, frame, topology = section(text, "Atoms", 7), run.frame(0), run.topology
+        assert np.allclose(atoms[:, 2:4], np.stack([topology.sigma, 6 * topology.mass / (np.pi * topology.sigma**3)], 1))
+        assert np.array_equal(atoms[:, 4:6], frame.positions) and "3 atom types" in text
+        assert [np.unique(atoms[atoms[:, 1] == k, 2]).size for k in (1, 2, 3)] == [1, 1, 1]
+        low, high = map(float, text.split(" xlo")[0].splitlines()[-1].split())
+        assert low < 0 and high > 37.7, "the box has the walls in it"
+        with pytest.raises(PliantError, match="disks"):
+            data_file(run, "atomic")
+
+
+def test_lammps_damping_is_that_of_the_restitution():
+    """A collision with LAMMPS' dashpot alpha sqrt(m k) at the coefficient it is told."""
+    told = lammps_restitution(0.5)
+    alpha = 1.2728 - 4.2783 * told + 11.087 * told**2 - 22.348 * told**3 + 27.467 * told**4 - 18.022 * told**5 + 4.8218 * told**6
+    x, v, dt = 0.0, 1.0, 1e-4  # mass and stiffness 1, until the force would attract
+    while x >= 0 and x + alpha * v >= 0:
+        v -= dt * (x + alpha * v)
+        x += dt * v
+    assert -v == pytest.approx(0.5, abs=2e-3)
 
 
 def test_data_file_refuses_polygons(rough):
