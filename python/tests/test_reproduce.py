@@ -20,7 +20,7 @@ from test_clog import made_table
 from test_plots import assert_picture
 from test_raft import K1, write_raft
 
-from pliant import PliantError, beverloo, ensemble
+from pliant import PliantError, beverloo, ensemble, plotting
 from pliant.reproduce import command, figure, measure
 from pliant.reproduce.figure import Figure, Quantity, agree, deviation, rows, seeds_text, write_rows
 from pliant.reproduce.published import Published
@@ -75,7 +75,8 @@ def made(tmp_path_factory):
 
 @pytest.fixture
 def call(tmp_path, made, monkeypatch, capsys):
-    """A function that runs the command, which must have `code`, and returns what it printed; in a folder of its own."""
+    """A function that runs the command, which must have `code`, and returns what it printed; in a folder of its own.
+    Pictures take most of the time: without `pictures` they are empty files."""
     runs = tmp_path / "runs"
     runs.mkdir()
     for path in made.iterdir():
@@ -92,7 +93,15 @@ def call(tmp_path, made, monkeypatch, capsys):
     monkeypatch.setenv("RUNS", str(runs))
     monkeypatch.chdir(tmp_path)
 
-    def run(*arguments, code=0):
+    save = plotting.save
+
+    def save_empty(picture, *paths):
+        matplotlib.pyplot.close(picture)
+        for path in paths:
+            path.touch()
+
+    def run(*arguments, code=0, pictures=False):
+        monkeypatch.setattr(plotting, "save", save if pictures else save_empty)
         capsys.readouterr()
         try:
             result, error = command.main([*map(str, arguments), "--program", str(tmp_path / "program")]), ""
@@ -203,7 +212,7 @@ def test_rows_and_their_file(tmp_path):
 # --- The command
 
 def test_a_figure(call, tmp_path):
-    output = call("H2")
+    output = call("H2", pictures=True)
     assert "larger" in output and f"pliant-sweep {tmp_path}/validation/quick/limits.csv --output" in output
     assert_picture(tmp_path / "reproduced/H2-quick.png")
     assert (tmp_path / "reproduced/H2-quick.pdf").read_bytes().startswith(b"%PDF")
@@ -327,6 +336,7 @@ def drawn(name, data, tmp_path=None):
     """{quantity: Quantity} of a figure, which must show something if it is saved."""
     picture, quantities = command.FIGURES[name].draw(data)
     if tmp_path:
+        picture.set_layout_engine("none")  # takes half of the time
         picture.savefig(tmp_path / "x.png", dpi=60)
         assert_picture(tmp_path / "x.png")
     matplotlib.pyplot.close(picture)

@@ -225,8 +225,7 @@ def reproduce(figure, level, given, runs):
     _print_rows(lines)
     hours = data.drop_duplicates(["table", "row"])["cpu_seconds"].sum() / 3600
     remark(f"{hours:.3g} CPU hours; agree: within {AGREE:g} joint standard errors")
-    for ending in ("png", "pdf"):
-        plotting.save(drawn, given.output / f"{name}.{ending}", close=ending == "pdf")
+    plotting.save(drawn, *(given.output / f"{name}.{ending}" for ending in ("png", "pdf")))
     write_rows(given.output / "reproduced.csv", lines)
 
 
