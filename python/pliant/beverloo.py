@@ -34,6 +34,11 @@ def published_exponent(dim, mu, zeta):
     return None
 
 
+def opposite_exponent(dim, exponent):
+    """The published exponent of the other limit."""
+    return 2 * (dim - 1) - exponent
+
+
 @dataclass(frozen=True)
 class BeverlooFit:
     """C, k, beta with one standard error each (0 for a fixed parameter, NaN where it cannot be given)."""
@@ -206,10 +211,11 @@ def fit_groups(table, by, beta=None, **options):
     return pd.DataFrame(rows)
 
 
-def fit_seeds(table, by, value="Q", beta=None, resamples=None):
+def fit_seeds(table, by, value="Q", beta=None, resamples=None, opposite=False):
     """One row per group of runs: its columns of `by`, fit, C, k, beta with errors and so on as of fit_groups; data (a row
     per width: hopper_width, Q, Q_error from blocks and seeds, runs); reference (the published exponent or None) and
-    reference_fit (with that held). Errors of the fits are drawn over seeds. `value` is the rate's column."""
+    reference_fit (with that held); with `opposite` also opposite (the published exponent of the other limit) and
+    opposite_fit. Errors of the fits are drawn over seeds. `value` is the rate's column."""
     rows = []
     for key, group in ensemble.groups(table, by):
         row = dict(zip(by, key))
@@ -222,7 +228,12 @@ def fit_seeds(table, by, value="Q", beta=None, resamples=None):
         row["note"] = "; ".join(filter(None, [row["note"], ensemble.seeds_remark(points)]))
         first = group.iloc[0]
         row["reference"] = published_exponent(first["dim"], first["mu"], first["zeta"])
-        row["reference_fit"] = (fitted(fit_beverloo, *data, beta=row["reference"], **drawn)["fit"]
-                                if row["reference"] is not None else None)
+        held = {"reference": row["reference"]}
+        if opposite:
+            held["opposite"] = row["opposite"] = (opposite_exponent(first["dim"], row["reference"])
+                                                  if row["reference"] is not None else None)
+        for name, exponent in held.items():
+            row[name + "_fit"] = (fitted(fit_beverloo, *data, beta=exponent, **drawn)["fit"]
+                                  if exponent is not None else None)
         rows.append(row)
     return pd.DataFrame(rows)

@@ -24,6 +24,7 @@ from pliant import PliantError, beverloo, ensemble, plotting
 from pliant.reproduce import command, figure, measure
 from pliant.reproduce.figure import Figure, Quantity, agree, deviation, rows, seeds_text, write_rows
 from pliant.reproduce.published import Published
+from pliant.reproduce.readings import plateau
 from pliant.sweep_rows import read_rows
 
 HERE = Path(__file__).resolve().parent
@@ -158,7 +159,7 @@ def test_list_and_names(call):
     for name, one in command.FIGURES.items():
         assert f"{name} " in output and one.title in output
     assert "did you mean H2?" in call("H22", code=2)
-    assert "list shows all" in call("nonsense", code=2)
+    assert "list shows all" in call("xyz", code=2)
     assert command.figure_by_name("h2") is command.FIGURES["H2"]
 
 
@@ -452,6 +453,98 @@ def test_figure_8_fits_discharges(tmp_path):
         command.FIGURES["H8"].draw(data.assign(c0=np.nan, c0_error=np.nan))
 
 
+READING = {"friction": "whole", "drag": "per_particle", "contact_law": "harmonic", "e_w": 1e4, "count": "crossing",
+           "removal_depth": np.nan, "reinsertion_gap": 0.0, "reinsertion_lateral_speed": np.nan, "pack_fraction": 0.84,
+           "dt": np.nan, "max_overlap": 0.3, "steady": True, "steady_start": 5.0}
+AS_RUN = {"friction": "tangential", "drag": "per_mass", "contact_law": "linear", "e_w": 694.0, "e_sp": 138.9,
+          "count": "removal", "removal_depth": 2.5, "reinsertion_gap": 0.8333, "reinsertion_lateral_speed": 0.01, "dt": 2.5e-4}
+
+
+def reading_rows(limit, beta, **columns):
+    """Measured flows of one reading, with this exponent; as printed but for the columns."""
+    coefficients = {"mu": 31.6227766, "zeta": 0.0} if limit == "friction" else {"mu": 0.0, "zeta": 0.316227766}
+    return flow_rows((0.0,), lambda lam: (0.4, 1.2, beta), **(READING | coefficients | columns))
+
+
+def test_readings_are_told_apart(tmp_path):
+    data = pd.concat([
+        reading_rows("friction", 2.2), reading_rows("friction", 1.8, friction="tangential"),
+        reading_rows("friction", 2.1, **{"count": "removal", "removal_depth": 2.5}), reading_rows("friction", 2.0, dt=2.5e-4),
+        reading_rows("friction", 1.5, mu=8.505, **AS_RUN), reading_rows("friction", 1.9, mu=31.6, **(AS_RUN | {"e_sp": 100.0})),
+        # drag per mass is nothing where there is no drag: one reading, 6 runs a point
+        reading_rows("friction", 1.7, e_w=694.0), reading_rows("friction", 1.7, e_w=694.0, drag="per_mass"),
+        reading_rows("drag", 0.9, e_sp=1e4), reading_rows("drag", 0.5, zeta=1.54, **AS_RUN)], ignore_index=True)
+    found = drawn("readings", data, tmp_path)
+    betas = {name.removeprefix("beta: "): q.value for name, q in found.items() if name.startswith("beta: ")}
+    assert betas == {name: pytest.approx(beta, abs=0.1) for name, beta in {
+        "printed, friction only": 2.2, "printed, tangential friction, friction only": 1.8,
+        "printed, counted as they are removed, friction only": 2.1, "printed, dt = 0.00025, friction only": 2.0,
+        "as run, friction only": 1.5, "as run, E_sp = 100, mu = 31.6, friction only": 1.9,
+        "printed, E_w = 694, friction only": 1.7, "printed, E_sp = 1e+04, drag only": 0.9, "as run, drag only": 0.5}.items()}
+    # k of hard particles alone has been published
+    assert found["k: printed, E_sp = 1e+04, drag only"].published.value == 3.4
+    assert found["k: as run, drag only"].published is None
+
+
+def test_residuals_of_the_published_and_of_the_opposite_exponent():
+    found = drawn("readings", reading_rows("drag", 0.5))
+    assert found["chi2/dof with beta = 1/2 held: printed, drag only"].value < 5
+    assert found["residual of Q with beta = 1/2 held: printed, drag only"].value < 0.02
+    # 3/2 of a law with 1/2: by an unweighted fit of its relative residuals
+    wrong = found["residual of Q with beta = 3/2 held: printed, drag only"].value
+    w = np.array([3.0, 4.0, 6.0, 8.0, 10.0])
+    Q = beverloo.beverloo(w, 0.4, 1.2, 0.5)
+    expected = beverloo.fit_beverloo(w, Q, 0.01 * Q, beta=1.5)
+    assert wrong == pytest.approx(np.sqrt(np.mean((expected(w) / Q - 1) ** 2)), abs=0.02) and wrong > 0.1
+    # Errors of three seeds, 0.01/sqrt(3) each: chi2 is about the sum of squares over them
+    assert found["chi2/dof with beta = 3/2 held: printed, drag only"].value == pytest.approx(
+        5 / 3 * wrong**2 / (0.01**2 / 3), rel=0.5)
+
+
+def test_exponents_against_coefficients(tmp_path):
+    laws = {0.1: 1.1, 1.0: 1.3, 10.0: 1.5, 100.0: 1.7}
+    data = pd.concat([*(reading_rows("friction", beta, mu=mu, t_end=100 + mu) for mu, beta in laws.items()),
+                      *(reading_rows("friction", 1.5, mu=mu, friction="tangential") for mu in (0.1, 100.0)),
+                      *(reading_rows("drag", 1.5 - beta + 0.4, zeta=z) for z, beta in ((1.0, 1.3), (10.0, 1.5)))], ignore_index=True)
+    found = drawn("coefficients", data, tmp_path)
+    assert found["beta: printed, mu = 10, friction only"].value == pytest.approx(1.5, abs=0.1)
+    slope = found["slope per decade about beta = 3/2: printed, friction only"]
+    assert slope.value == pytest.approx(0.2, abs=0.08) and 0 < slope.error < 0.1
+    # Within 0.1 of 3/2 over a decade; a plateau all over
+    crossover = found["decades within 0.1 of beta = 3/2: printed, friction only"]
+    assert crossover.value == pytest.approx(1, abs=0.5) and not crossover.note
+    flat = found["decades within 0.1 of beta = 3/2: printed, tangential friction, friction only"]
+    assert flat.value == pytest.approx(3, abs=0.2) and "ends inside" in flat.note
+    assert found["slope per decade about beta = 1/2: printed, drag only"].value == pytest.approx(-0.2, abs=0.08)
+    assert found["beta: printed, zeta = 10, drag only"].published.value == 0.5
+
+
+def test_how_flat_an_exponent_is():
+    x = np.array([-1.0, 0, 1, 2])
+    (decades, error, ends), (slope, slope_error) = plateau(x, [1.1, 1.3, 1.5, 1.7], [0.02] * 4, 1.5)
+    assert decades == pytest.approx(1.0, abs=0.01) and 0.02 < error < 0.3 and not ends
+    assert slope == pytest.approx(0.2) and slope_error == pytest.approx(0.02 / np.sqrt(2))
+    (decades, _, ends), (slope, _) = plateau(x, [1.5] * 4, [0.0] * 4, 0.5)
+    assert (decades, ends) == (0, False) and math.isnan(slope)
+
+
+def test_protocols_are_told_apart(tmp_path):
+    one = {"mu": 5.0}
+    wide = reading_rows("friction", 1.5, n=2400, hopper_wall_distance=75.0, **one)
+    data = pd.concat([
+        reading_rows("friction", 1.5, **one), reading_rows("friction", 1.7, n=3200, **one),
+        reading_rows("friction", 1.4, t_end=200, **one), reading_rows("friction", 1.6, pack_fraction=0.6, **one),
+        wide.assign(hopper_width=wide["hopper_width"] + 5), reading_rows("drag", 0.9), reading_rows("drag", 0.7, dt=5e-4)],
+        ignore_index=True)
+    found = drawn("protocol", data, tmp_path)
+    betas = {name.removeprefix("beta: "): q.value for name, q in found.items() if name.startswith("beta: ")}
+    assert betas.pop("printed, mu = 5: N = 2400, W = 75, w = 8 to 15, friction only") > 0
+    assert betas == {name: pytest.approx(beta, abs=0.1) for name, beta in {
+        "printed, mu = 5: reference, friction only": 1.5, "printed, mu = 5: N = 3200, friction only": 1.7,
+        "printed, mu = 5: t_end = 200, friction only": 1.4, "printed, mu = 5: start at phi = 0.6, friction only": 1.6,
+        "printed: reference, drag only": 0.9, "printed: dt = 0.0005, drag only": 0.7}.items()}
+
+
 def raft_rows(rows, **columns):
     """Measured rows of rafts, a run each unless they say so."""
     known = {"commit": "abc", "cpu_seconds": 1.0, "table": "t", "v_wall": 1e-4, "tilt": 0.0, "small_fraction": 0.0,
@@ -696,6 +789,11 @@ def test_measures_of_hoppers(soft, tmp_path):
     path, truth = soft
     table = measure.measured("flows", "a", path)
     assert table[["Q", "Q_error", "n", "hopper_angle", "seed"]].iloc[0].tolist() == [3.0, 0.1, 150, 60, 1]
+    reading = measure.measured("readings", "a", path).iloc[0]
+    assert reading["Q"] == 3.0 and math.isnan(reading["dt"]) and math.isnan(reading["removal_depth"])
+    made = write_run(tmp_path / "b", extra={"friction": ("tangential", ""), "dt": (5e-4, "t0"), "e_w": (694, "")})[0]
+    reading = measure.measured("readings", "b", made).iloc[0]
+    assert (reading["friction"], reading["dt"], reading["e_w"]) == ("tangential", 5e-4, 694)
     profile = measure.measured("profiles", "a", path)
     assert np.interp(2, profile["height"], profile["v"]) == pytest.approx(np.interp(2, truth["heights"], truth["axis_speed"]),
                                                                           rel=0.05)

@@ -16,13 +16,13 @@ from ..script import markdown, remark, with_error
 from ..sweep_command import (FAILED_CODE, default_workers, find_program, first_scenario, run_rows, write_results)
 from ..sweep_jobs import STOPPED_CODE, RowFolder, count_text, row_text
 from ..sweep_rows import read_rows
-from . import disk_motion, disks, droplets, hopper
+from . import disk_motion, disks, droplets, hopper, readings
 from .figure import AGREE, LEVELS, VALIDATION, rows, write_rows
 from .measure import OF_EVERY_RUN, measured
 
 #: Of rows that name none, where there is no program to ask.
 SCENARIO = "hopper"
-FIGURES = {figure.name: figure for figure in (*hopper.FIGURES, *droplets.FIGURES, *disks.FIGURES,
+FIGURES = {figure.name: figure for figure in (*hopper.FIGURES, *readings.FIGURES, *droplets.FIGURES, *disks.FIGURES,
                                               *disk_motion.FIGURES)}
 
 _DESCRIPTION = """Makes a published figure again: runs a table of runs, fits with errors, draws the figure with the published

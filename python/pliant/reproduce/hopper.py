@@ -54,12 +54,16 @@ def is_hard(row):
     return row["e_sp"] >= 1e4 if row["model"] == "sp" else row["k_b"] >= 100
 
 
-def fit_quantities(fits):
-    """Exponent, prefactor and offset of every fit, and how bad the published exponent fits. In 2D the published
-    prefactor is that of all particles, the offset that of hard ones."""
+def _named(row):
+    return f"{model_label(row, latex=False)}, {LIMIT_NAMES[row['limit']]}"
+
+
+def fit_quantities(fits, name_of=_named):
+    """Exponent, prefactor and offset of every fit, and how bad the published exponent fits, and the opposite one where
+    `fits` have it. In 2D the published prefactor is that of all particles, the offset that of hard ones."""
     quantities = []
     for _, row in fits.iterrows():
-        name = f"{model_label(row, latex=False)}, {LIMIT_NAMES[row['limit']]}"
+        name = name_of(row)
         known = {"beta": published.exponent(int(row["dim"]), row["limit"])}
         if row["dim"] == 2:
             known |= {"C": published.C[row["limit"]]} | ({"k": published.K[row["limit"]]} if is_hard(row) else {})
@@ -73,7 +77,21 @@ def fit_quantities(fits):
                            for quantity in ("C", "k")]
             quantities.append(Quantity(f"chi2/dof {held}: {name}", fixed.chi2_reduced, np.nan, None,
                                        f"with beta free: {row['fit'].chi2_reduced:.3g}"))
+        if row.get("opposite_fit") and row["fit"]:
+            held = f"with beta = {FRACTIONS.get(row['opposite'], row['opposite'])} held"
+            quantities += [
+                Quantity(f"chi2/dof {held}: {name}", row["opposite_fit"].chi2_reduced, np.nan, None,
+                         "the exponent published for the other limit"),
+                *(Quantity(f"residual of Q {which}: {name}", relative_residual(row["data"], row[fit]), np.nan)
+                  for which, fit in (("with beta free", "fit"), (f"with beta = {FRACTIONS.get(row['reference'])} held",
+                                                                 "reference_fit"), (held, "opposite_fit")))]
     return quantities
+
+
+def relative_residual(data, fit):
+    """Root mean square of Q over the fitted law, less 1, of the widths with flow."""
+    flowing = data[data["Q"] > 0]
+    return float(np.sqrt(np.mean((fit(flowing["hopper_width"]) / flowing["Q"] - 1) ** 2)))
 
 
 def draw_limits(measured):

@@ -18,6 +18,9 @@ from ..sweep import sweep_table
 OF_EVERY_RUN = ("row", "seed", "commit", "cpu_seconds")
 _FLOW = ["model", "dim", "status", "mu", "zeta", "e_sp", "e_c", "k_l", "k_b", "hopper_angle", "hopper_width",
          "hopper_wall_distance", "t_end"]
+#: What readings of [H] and protocols of a run differ in, and how deformed its particles are.
+_READING = ["friction", "drag", "contact_law", "e_w", "count", "removal_depth", "reinsertion_gap",
+            "reinsertion_lateral_speed", "pack_fraction", "max_overlap", "steady", "steady_start"]
 _RATES = ["Q", "Q_corrected", "orifice_velocity", "drag_friction_ratio", "c0"]
 _CLOG = ["hopper_width", "g", "phi_c", "status", "avalanche_size", "capillary_length"]
 _PROFILE = ["mu", "zeta", "e_sp", "hopper_width"]
@@ -36,6 +39,12 @@ def flows(run):
     """Flow rates and what else summary.json has of a hopper."""
     wanted = [*_FLOW, *(name + end for name in _RATES for end in ("", "_error"))]
     return pd.DataFrame([_columns(run, wanted)])
+
+
+def readings(run):
+    """Flow rates, with what tells readings of [H] apart; dt is NaN where the program chose it."""
+    wanted = [*_FLOW, *_READING, *(name + end for name in _RATES for end in ("", "_error"))]
+    return pd.DataFrame([_columns(run, wanted) | {"dt": run.parameters.get("dt") or np.nan}])
 
 
 def profiles(run):
@@ -200,7 +209,7 @@ def snapshots(run):
         **_distribution(run, {"polydispersity": kept.polydispersity}))
 
 
-MEASURES = {f.__name__: f for f in (flows, profiles, reductions, fractures, forces, clogs, motion, intervals, sizes,
+MEASURES = {f.__name__: f for f in (flows, readings, profiles, reductions, fractures, forces, clogs, motion, intervals, sizes,
                                     distances, cells, snapshots)}
 
 

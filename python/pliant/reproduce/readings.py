@@ -1,0 +1,290 @@
+"""Which reading of the hopper paper gives its exponents: docs/models.md, "As printed and as run"."""
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+
+from .. import beverloo, ensemble, plotting
+from ..beverloo_figures import FRACTIONS
+from ..errors import RunError
+from .figure import Figure, Quantity
+from .hopper import BETA, LIMIT_NAMES, fit_quantities, limits
+
+COEFFICIENT = {"friction": "mu", "drag": "zeta"}
+_UNITS = {"friction": r"$\mu/\mu_0$", "drag": r"$\zeta/\zeta_0$"}
+NEAR = 0.1  #: beta is called 3/2 or 1/2 within this
+
+#: What the model says, and what the protocol does. NaN: the program's default.
+_COMMON = {"friction": "whole", "drag": "per_particle", "contact_law": "harmonic", "e_w": 1e4, "e_sp": 100.0,
+           "count": "crossing", "removal_depth": np.nan, "reinsertion_gap": 0.0, "reinsertion_lateral_speed": np.nan,
+           "pack_fraction": 0.84, "dt": np.nan, "n": 1600, "hopper_wall_distance": 50.0}
+_AS_RUN = {"contact_law": "linear", "e_w": 694.0, "e_sp": 138.9, "count": "removal", "removal_depth": 2.5,
+           "reinsertion_gap": 0.8333, "reinsertion_lateral_speed": 0.01, "dt": 2.5e-4}
+PRINTED = {"friction": _COMMON | {"mu": 10 * np.sqrt(10), "zeta": 0.0}, "drag": _COMMON | {"mu": 0.0, "zeta": np.sqrt(0.1)}}
+AS_RUN = {"friction": _COMMON | _AS_RUN | {"friction": "tangential", "mu": 8.505, "zeta": 0.0},
+          "drag": _COMMON | _AS_RUN | {"drag": "per_mass", "mu": 0.0, "zeta": 1.54}}
+OPTIONS = list(PRINTED["drag"])
+_MODEL = ["friction", "drag", "contact_law", "e_w", "e_sp", "mu", "zeta"]
+_PROTOCOL = [name for name in OPTIONS if name not in _MODEL]
+_WORDS = {"whole": "whole friction", "tangential": "tangential friction", "per_particle": "drag per particle",
+          "per_mass": "drag per mass", "linear": "linear contacts", "harmonic": "harmonic contacts",
+          "crossing": "counted as they cross", "removal": "counted as they are removed"}
+_SYMBOLS = {"e_w": "E_w", "e_sp": "E_sp", "pack_fraction": "start at phi", "n": "N", "hopper_wall_distance": "W"}
+
+
+def _same(a, b):
+    """Whether two values of an option are meant to be equal: tables hold rounded ones."""
+    if isinstance(a, str) or isinstance(b, str):
+        return a == b
+    return bool(np.isclose(float(a), float(b), rtol=1e-3, atol=0, equal_nan=True))
+
+
+def _words(name, value):
+    if name in ("removal_depth", "reinsertion_lateral_speed"):
+        return None  # the words of `count` and `reinsertion_gap` stand for both
+    if name == "reinsertion_gap":
+        return "put back touching" if value == 0 else "put back with a gap"
+    if name == "dt":
+        return "automatic step" if np.isnan(value) else f"dt = {value:g}"
+    return _WORDS[value] if isinstance(value, str) else f"{_SYMBOLS.get(name, name)} = {value:.4g}"
+
+
+def changes(row, base, names=OPTIONS):
+    """What of the options `names` differs from those of `base`, in words."""
+    return list(filter(None, (_words(name, row[name]) for name in names if not _same(row[name], base[name]))))
+
+
+def reading(row, names=OPTIONS):
+    """'printed', 'as run, mu = 31.62': the nearer of the two, and what differs from it."""
+    found = [(name, changes(row, base[row["limit"]], names)) for name, base in (("printed", PRINTED), ("as run", AS_RUN))]
+    name, differs = min(found, key=lambda one: len(one[1]))
+    if row["dim"] == 3:
+        differs = ["3D", *differs]
+    return ", ".join([name, *differs])
+
+
+def _canonical(measured):
+    """Rows of soft particles in the limits. What does not act in a limit is as printed: the law of friction where there
+    is drag only, and the other way round."""
+    table = limits(measured)
+    table = table[table["model"] == "sp"].copy()
+    if table.empty:
+        raise RunError("no run has soft particles: this figure compares readings of their model")
+    for limit, name in (("drag", "friction"), ("friction", "drag")):
+        table.loc[table["limit"] == limit, name] = _COMMON[name]
+    return table
+
+
+def _fits(table, by):
+    return beverloo.fit_seeds(table, ["limit", "dim", "model", "k_l", "k_b", *by], opposite=True)
+
+
+def _range(row):
+    return row["data"]["hopper_width"].min(), row["data"]["hopper_width"].max()
+
+
+def _beta(fits):
+    """beta and its error of a table of fits, NaN where there is none."""
+    return np.array([(fit.beta, fit.beta_error) if fit else (np.nan, np.nan) for fit in fits["fit"]]).T
+
+
+def _chi2(fits, which):
+    return np.array([fit.chi2_reduced if fit else np.nan for fit in fits[which]])
+
+
+def _windows(axes, span, horizontal=True):
+    """The published exponents, each with what is called equal to it."""
+    for beta in (0.5, 1.5):
+        line, band = (axes.axhline, axes.axhspan) if horizontal else (axes.axvline, axes.axvspan)
+        line(beta, color="0.45", lw=0.9, ls=":", zorder=0)
+        band(beta - NEAR, beta + NEAR, color=plotting.PALE, zorder=-1)
+    (axes.set_ylim if horizontal else axes.set_xlim)(*span)
+
+
+def _span(beta, error):
+    low, high = np.nanmin(beta - np.nan_to_num(error)), np.nanmax(beta + np.nan_to_num(error))
+    return min(low, 0.4) - 0.1, max(high, 1.6) + 0.1
+
+
+def _rows(axes, labels, beta, error, soft):
+    """Exponents, a row each from the top; open where the contacts are harder than the printed ones."""
+    y = np.arange(len(labels))
+    for there, face, label in ((soft, None, "$E_{sp}$ as in its reading"), (~soft, "white", "$E_{sp}$ = 10$^4$ and more")):
+        if there.any():
+            axes.errorbar(beta[there], y[there], xerr=np.nan_to_num(error[there]), fmt="o", mfc=face, capsize=2.5,
+                          color=plotting.COLORS[0], label=label)
+    axes.set_yticks(y, labels=labels)
+    axes.set_ylim(len(labels) - 0.4, -0.6)
+    axes.tick_params(axis="y", length=0)
+    _windows(axes, _span(beta, error), horizontal=False)
+    axes.set_xlabel(BETA)
+
+
+def _tidy(text):
+    """With symbols set as on the axes of the other figures."""
+    for plain, latex in (("E_sp", "$E_{sp}$"), ("E_w", "$E_w$"), ("mu =", r"$\mu$ ="), ("zeta =", r"$\zeta$ ="),
+                         ("phi", r"$\phi$"), ("N =", "$N$ ="), ("W =", "$W$ =")):
+        text = text.replace(plain, latex)
+    return text
+
+
+def _name(row, text):
+    return f"{text}, {LIMIT_NAMES[row['limit']]}"
+
+
+def draw_readings(measured):
+    """The exponent of each reading, and how well the published and the opposite exponent fit."""
+    fits = _fits(_canonical(measured), OPTIONS)
+    fits["name"] = [reading(row) for _, row in fits.iterrows()]
+    there = [limit for limit in LIMIT_NAMES if (fits["limit"] == limit).any()]
+    heights = [1.4 + 0.24 * (fits["limit"] == limit).sum() for limit in there]
+    figure, panels = plt.subplots(len(there), 2, figsize=(11, sum(heights)), layout="constrained", squeeze=False,
+                                  sharey="row", height_ratios=heights)
+    quantities = []
+    for (left, right), limit in zip(panels, there):
+        group = fits[fits["limit"] == limit]
+        order = sorted(range(len(group)), key=lambda i: (group["e_sp"].iloc[i] >= 1e4, _order(group.iloc[i])))
+        group = group.iloc[order]
+        beta, error = _beta(group)
+        _rows(left, [_tidy(name) for name in group["name"]], beta, error, (group["e_sp"] < 1e4).to_numpy())
+        left.set_title(LIMIT_NAMES[limit], loc="left")
+        for i, (which, label) in enumerate((("fit", r"$\beta$ free"), ("reference_fit", "published"), ("opposite_fit", "opposite"))):
+            exponent = "" if which == "fit" else \
+                rf" $\beta$ = {FRACTIONS.get(group[which.removesuffix('_fit')].iloc[0])}"
+            right.plot(_chi2(group, which), np.arange(len(group)), plotting.MARKERS[i], color=plotting.COLORS[i],
+                       mfc="white" if which == "fit" else None, label=label + exponent)
+        right.axvline(1, color="0.45", lw=0.9, ls=":")
+        right.set(xscale="log", xlabel=r"$\chi^2$/dof")
+        right.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=3)
+        quantities += fit_quantities(group, lambda row: _name(row, row["name"]))
+    if len(fits["e_sp"].lt(1e4).unique()) > 1:
+        panels[0, 0].legend(loc="lower right", bbox_to_anchor=(1, 1))
+    return figure, quantities
+
+
+def _order(row):
+    """As printed first, as run last."""
+    return row["name"].startswith("as run"), row["name"] != "printed", row["name"]
+
+
+def _within(x, beta, target):
+    """Length in x over which beta, interpolated, is within NEAR of target; whether it is so at an end of the range."""
+    fine = np.linspace(x[0], x[-1], 2001)
+    near = np.abs(np.interp(fine, x, beta) - target) <= NEAR
+    return float(near.mean() * (x[-1] - x[0])), bool(near[0] or near[-1])
+
+
+def plateau(x, beta, error, target, seed=1):
+    """How flat beta is about target, x the log10 of the coefficient, sorted: (decades within NEAR, error, whether the
+    range ends inside), (slope per decade, error) of a line through the points within 0.25, NaN with fewer than two."""
+    x, beta, error = (np.asarray(values, float) for values in (x, beta, np.nan_to_num(error)))
+    decades, ends = _within(x, beta, target)
+    drawn = np.random.default_rng(seed).normal(beta, error, (ensemble.RESAMPLES, len(x)))
+    found = [_within(x, one, target)[0] for one in drawn]
+    near = np.abs(beta - target) <= 0.25
+    slope = slope_error = np.nan
+    if near.sum() > 1 and (error[near] > 0).all():
+        (slope, _), covariance = np.polyfit(x[near], beta[near], 1, w=1 / error[near], cov="unscaled")
+        slope_error = float(np.sqrt(covariance[0, 0]))
+    return (decades, float(ensemble.spread(found)), ends), (float(slope), slope_error)
+
+
+def draw_coefficients(measured):
+    """The exponent against the coefficient of friction, and of drag, a curve per reading of the rest."""
+    fits = _fits(_canonical(measured), OPTIONS)
+    fits = fits[fits["fit"].notna()]
+    rest = [name for name in OPTIONS if name not in ("mu", "zeta", "dt")]
+    fits["curve"] = [reading(row, rest) for _, row in fits.iterrows()]
+    there = [limit for limit in LIMIT_NAMES if (fits["limit"] == limit).any()]
+    if not there:
+        raise RunError("no coefficient has enough widths for a fit of beta")
+    figure, panels = plt.subplots(2, len(there), figsize=(5.6 * len(there), 6.6), layout="constrained", squeeze=False,
+                                  sharex="col", height_ratios=(3, 2))
+    span, quantities = _span(*_beta(fits)), []
+    for (top, bottom), limit in zip(panels.T, there):
+        group = fits[fits["limit"] == limit]
+        own = group["reference"].iloc[0]
+        for i, (curve, points) in enumerate(group.groupby("curve", sort=False)):
+            points = points.sort_values(COEFFICIENT[limit])
+            x, (beta, error) = points[COEFFICIENT[limit]].to_numpy(float), _beta(points)
+            color, marker = plotting.COLORS[i % len(plotting.COLORS)], plotting.MARKERS[i % len(plotting.MARKERS)]
+            top.errorbar(x, beta, error, fmt=marker + "-", color=color, lw=1, capsize=2.5, label=_tidy(curve))
+            bottom.plot(x, _chi2(points, "reference_fit"), marker + "-", color=color, lw=1)
+            bottom.plot(x, _chi2(points, "opposite_fit"), marker + "--", color=color, lw=0.8, mfc="white")
+            for row in (points.iloc[j] for j in range(len(points))):
+                value = row[COEFFICIENT[limit]]
+                quantities += fit_quantities(pd.DataFrame([row]), lambda row, value=value: _name(
+                    row, f"{row['curve']}, {COEFFICIENT[limit]} = {value:.3g}"))
+            if len(points) > 1:
+                (decades, spread, ends), (slope, slope_error) = plateau(np.log10(x), beta, error, own)
+                name = f"beta = {FRACTIONS.get(own, own)}: {_name(points.iloc[0], curve)}"
+                quantities += [
+                    Quantity(f"decades within {NEAR:g} of {name}", decades, spread, None,
+                             "the range ends inside" if ends else ""),
+                    Quantity(f"slope per decade about {name}", slope, slope_error, None,
+                             "" if np.isfinite(slope) else "fewer than two points within 0.25")]
+        _windows(top, span)
+        top.axvline(PRINTED[limit][COEFFICIENT[limit]], color="0.45", lw=0.9, ls="-.", label="printed coefficient")
+        top.set(xscale="log", ylabel=BETA)
+        top.set_title(LIMIT_NAMES[limit], loc="left")
+        top.legend()
+        bottom.axhline(1, color="0.45", lw=0.9, ls=":")
+        bottom.plot([], [], "-", color="0.4", label=rf"$\beta$ = {FRACTIONS.get(own, own)} held")
+        bottom.plot([], [], "--", color="0.4", label=rf"$\beta$ = {FRACTIONS.get(group['opposite'].iloc[0])} held")
+        bottom.set(yscale="log", xlabel=_UNITS[limit], ylabel=r"$\chi^2$/dof")
+        bottom.legend()
+    return figure, quantities
+
+
+def _commonest(values):
+    """The most frequent value of an option; the printed one where several are."""
+    found, printed = values.mode(dropna=False), _COMMON.get(values.name)
+    return printed if any(_same(one, printed) for one in found if printed is not None) else found.iloc[0]
+
+
+def draw_protocol(measured):
+    """The exponent of each model with each choice of the protocol changed alone, a panel per model."""
+    table = _canonical(measured)
+    fits = _fits(table, [*OPTIONS, "t_end"])
+    panels_of = ensemble.groups(fits, ["limit", "dim", *_MODEL])
+    columns = 2
+    lines = -(-len(panels_of) // columns)
+    most = max(len(group) for _, group in panels_of)
+    figure, panels = plt.subplots(lines, columns, figsize=(11.5, lines * (1.8 + 0.22 * most)), layout="constrained", squeeze=False)
+    for axes in panels.flat[len(panels_of):]:
+        axes.set_visible(False)
+    quantities = []
+    # Friction first, as in the other figures.
+    for axes, (_, group) in zip(panels.flat, sorted(panels_of, key=lambda one: one[1]["limit"].iloc[0] == "drag")):
+        usual = {name: _commonest(group[name]) for name in (*_PROTOCOL, "t_end")}
+        widths = pd.Series([_range(row) for _, row in group.iterrows()]).mode().iloc[0]
+        names = []
+        for _, row in group.iterrows():
+            differs = changes(row, usual, [*_PROTOCOL, "t_end"])
+            if _range(row) != widths:
+                differs.append("w = {:g} to {:g}".format(*_range(row)))
+            names.append(", ".join(differs) or "reference")
+        order = sorted(range(len(names)), key=lambda i: (names[i] != "reference", names[i]))
+        group, names = group.iloc[order], [names[i] for i in order]
+        beta, error = _beta(group)
+        model = reading(group.iloc[0], _MODEL)
+        _rows(axes, [_tidy(name) for name in names], beta, error, np.ones(len(names), bool))
+        if names[0] == "reference":
+            axes.axvspan(beta[0] - error[0], beta[0] + error[0], color=plotting.COLORS[0], alpha=0.15, lw=0)
+        axes.set_title(_tidy(_name(group.iloc[0], model)), loc="left")
+        names = dict(zip(group.index, names))
+        quantities += fit_quantities(group, lambda row, names=names, model=model: _name(row, f"{model}: {names[row.name]}"))
+    return figure, quantities
+
+
+FIGURES = [
+    Figure("readings", "exponent of each reading of [H]: as printed, as run, and each difference alone",
+           ("quick/readings",), ("hopper/readings", "hopper/readings-hard"), "readings", draw_readings,
+           "four readings, fewer widths, shorter runs"),
+    Figure("coefficients", "exponent against mu and against zeta, both laws as printed and as run",
+           ("quick/coefficients",), ("hopper/coefficients", "hopper/coefficients-hard"), "readings", draw_coefficients,
+           "laws as printed, a point per decade, fewer widths, shorter runs"),
+    Figure("protocol", "exponent with each choice of the protocol changed alone",
+           ("quick/protocol",), ("hopper/protocol",), "readings", draw_protocol,
+           "mu = 5 and zeta = 2 alone, fewer changes, shorter runs"),
+]
