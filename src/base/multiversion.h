@@ -29,3 +29,5 @@ inline bool fast() {
 
 // Everything that such a function calls must become part of it.
 #define PLIANT_INLINE [[gnu::always_inline]] inline
+/// The same for a lambda, after its parameters.
+#define PLIANT_INLINE_LAMBDA __attribute__((always_inline))

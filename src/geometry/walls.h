@@ -58,6 +58,16 @@ struct WallParts {
   Index next() const { return static_cast<Index>(segments.size()); }
 };
 
+/// Where something touches a part of the walls: distance, unit vector from the wall and curvature of the lines of
+/// constant distance, in space; and where the body of the part is.
+template <int D>
+struct WallTouch {
+  Real d;
+  Vec<D> n;
+  Mat<D> curvature;
+  Pose<D> pose;
+};
+
 /// The walls of a run, numbered in the order in which they are added: segments, which have two sides and no inside, and
 /// solids, which push out what has gone in. What points meet are the parts of the walls: segments, then joints, then
 /// solids. Each segment counts separately in an interior corner, and its ends are round corners: the distance is to the
@@ -196,6 +206,24 @@ class Walls {
     d -= parts_[part].radius;
   }
 
+  /// The contact with a part at time t of what is at r and touches it from nearer than `reach`; false where there is
+  /// none, on a segment without radius, and where another part of the surface carries it.
+  bool touch(const Vec<D>& r, Index part, Real t, Real reach, WallTouch<D>& c) const {
+    c.pose = pose_of(part, t);
+    if (is_solid(part)) {
+      const WallFoot<D> foot = (still_ ? solid_of(part) : solid_of(part).at(c.pose)).foot(r);
+      if (foot.d >= reach) return false;
+      c.d = foot.d, c.n = foot.n, c.curvature = foot.curvature;
+      return c.n != Vec<D>::Zero();
+    }
+    const Vec<D> b = c.pose.back(r);
+    const Vec<2> p = meridian(b);
+    if (distance_in(p, part) >= reach || !carries_in(p, part)) return false;
+    const WallFoot<D> foot = foot_in(b, part);
+    c.d = foot.d, c.n = c.pose.direction(foot.n), c.curvature = c.pose.matrix(foot.curvature);
+    return c.n != Vec<D>::Zero();
+  }
+
   /// Distance with both derivatives.
   WallFoot<D> foot(const Vec<D>& r, Index part, Real t) const {
     if (is_solid(part)) return (still_ ? solid_of(part) : solid_of(part).at(pose_of(part, t))).foot(r);
@@ -213,7 +241,9 @@ class Walls {
 
   /// Whether a part is the one of its surface that a contact at r belongs to: that with the foot, of two that meet at
   /// the foot the one which begins there. What counts contacts rather than energies, as friction does, asks this.
-  bool carries(const Vec<D>& r, Index part, Real t) const;
+  bool carries(const Vec<D>& r, Index part, Real t) const {
+    return is_solid(part) || carries_in(meridian(in_body(r, part, t)), part);
+  }
 
   /// How far anything of the walls that things reach has moved between two times, at most. farthest(p): how far from p
   /// things reach.
@@ -256,6 +286,8 @@ class Walls {
   Pose<D> pose_of(Index part, Real t) const { return still_ ? Pose<D>() : body_of(part).at(t); }
   Vec<D> in_body(const Vec<D>& r, Index part, Real t) const { return still_ ? r : body_of(part).at(t).back(r); }
   void place(Body& body);
+  /// The same for a segment or joint, p in the frame of the body.
+  bool carries_in(const Vec<2>& p, Index part) const;
 
   Real distance_in(const Vec<2>& p, Index part) const { return offset(p, parts_[part]).norm() - parts_[part].radius; }
 

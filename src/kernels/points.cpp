@@ -8,6 +8,12 @@ namespace {
 
 template <int D>
 PLIANT_INLINE void set(const Index* offset, const Real* values, Index first, Index last, const Real* g, Real* f) {
+  const std::ptrdiff_t begin = offset[first];
+  if (offset[last] - begin == last - first) {  // one point each
+    for (std::ptrdiff_t m = 0; m < last - first; ++m)
+      for (int k = 0; k < D; ++k) f[(begin + m) * D + k] = values[first + m] * g[k];
+    return;
+  }
   for (Index m = first; m < last; ++m) {
     Real weight[D];
     for (int k = 0; k < D; ++k) weight[k] = values[m] * g[k];

@@ -38,45 +38,81 @@ struct BaseFriction {
   bool enabled(const StateView<2>&) const { return !off(); }
   bool off() const { return !(mu_static > 0 && gravity > 0); }
 
-  Real energy(const StateView<2>& s, Index i, std::span<const Real> past) const {
-    if (past.empty()) return 0;
-    const Hold c = look(s, i, past);
-    return c.k / 2 * (c.spring.squaredNorm() + square(c.wound));
-  }
-  Real power(const StateView<2>& s, Index i, std::span<const Real> past) const {
-    if (past.empty()) return 0;
-    const Hold c = look(s, i, past);
-    return damping_power(s, i, c) + (c.slides ? std::max(-work_of_spring(s, i, c), 0.0) : 0);
-  }
-  template <class F>
-  void add_force(const StateView<2>& s, Index i, std::span<const Real> past, F& force) const {
-    if (past.empty()) return;
-    const Hold c = look(s, i, past);
-    force.add(i, c.force);
-    force.add_torque(i, c.radius * c.push);
-  }
-  bool advance(const StateView<2>& s, Index i, Real h, bool known, std::span<Real> numbers,
-               std::span<Real> heat) const {
-    const Vec<2> r = s.position(i);
-    if (!known) {
-      numbers[0] = r[0], numbers[1] = r[1], numbers[2] = s.angle(i), numbers[3] = sticks;
+  struct Touch {
+    Index i;
+    bool known, slides;
+    Real k, radius, most;
+    Real gamma;                        ///< of what sticks
+    std::array<Real, 2> spring, held;  ///< r − r₀; its force, within the limit
+    Real wound, twist;                 ///< R (θ − θ₀); its torque over R, within the limit
+    Real way;                          ///< to keep
+  };
+
+  PLIANT_INLINE bool find(const StateView<2>& s, Index i, std::span<const Real> past, Touch& c) const {
+    if (past.empty()) {
+      c = Touch();
+      c.i = i;
       return true;
     }
-    const Hold c = look(s, i, numbers);
-    heat[0] += h * damping_power(s, i, c);
+    c.i = i;
+    c.known = true;
+    const Real m = s.topology.mass(i), sigma = s.topology.diameter[i], weight = m * gravity;
+    c.radius = sigma / 2;
+    c.k = stiffness(sigma);
+    c.most = mu_static * weight;
+    Vec<2> spring = s.position(i) - Vec<2>(past[0], past[1]), held = c.k * spring;
+    c.wound = c.radius * (s.angle(i) - past[2]);
+    c.twist = c.k * c.wound;
+    const Real dynamic = mu_dynamic * weight;
+    c.way = limit(held, c.twist, past[3] != sticks ? dynamic : c.most, dynamic, past[3]);
+    c.slides = c.way != sticks;
+    c.gamma = 0;
     if (c.slides) {
-      const Vec<2> before(numbers[0], numbers[1]), slid = r - before - c.spring;
-      const Real turned = c.radius * (s.angle(i) - numbers[2]) - c.wound;
-      heat[1] += c.k * (c.spring.dot(slid) + c.wound * turned);
+      const Real per = 1 / c.k;
+      spring = per * held;
+      c.wound = per * c.twist;
+    } else if (damping > 0) {
+      c.gamma = 2 * damping * std::sqrt(c.k * m);
+    }
+    c.spring = {spring[0], spring[1]};
+    c.held = {held[0], held[1]};
+    return true;
+  }
+  Real energy(const StateView<2>&, const Touch& c) const {
+    return c.known ? c.k / 2 * (vector(c.spring).squaredNorm() + square(c.wound)) : 0;
+  }
+  Real power(const StateView<2>& s, const Touch& c) const {
+    if (!c.known) return 0;
+    return c.slides ? std::max(-work_of_spring(s, c), 0.0) : damping_power(s, c);
+  }
+  template <class F>
+  PLIANT_INLINE void add_force(const StateView<2>& s, const Touch& c, F& force) const {
+    if (!c.known) return;
+    const Grip grip = grip_of(s, c);
+    force.add(c.i, grip.force);
+    force.add_torque(c.i, c.radius * grip.push);
+  }
+  PLIANT_INLINE void advance(const StateView<2>& s, const Touch& c, Real h, bool known, std::span<Real> numbers,
+                             std::span<Real> heat) const {
+    const Vec<2> r = s.position(c.i);
+    if (!known) {
+      numbers[0] = r[0], numbers[1] = r[1], numbers[2] = s.angle(c.i), numbers[3] = sticks;
+      return;
+    }
+    if (!c.slides) {
+      heat[0] += h * damping_power(s, c);
+    } else {
+      const Vec<2> before(numbers[0], numbers[1]), spring = vector(c.spring), slid = r - before - spring;
+      const Real turned = c.radius * (s.angle(c.i) - numbers[2]) - c.wound;
+      heat[1] += c.k * (spring.dot(slid) + c.wound * turned);
       // Where it comes from the limit of μ_static, the spring has lost what it held beyond that of μ_dynamic.
       if (numbers[3] == sticks)
-        heat[1] += c.k / 2 * square(mu_static / mu_dynamic - 1) * (c.spring.squaredNorm() + square(c.wound));
-      numbers[0] = r[0] - c.spring[0];
-      numbers[1] = r[1] - c.spring[1];
-      numbers[2] = s.angle(i) - c.wound / c.radius;
+        heat[1] += c.k / 2 * square(mu_static / mu_dynamic - 1) * (spring.squaredNorm() + square(c.wound));
+      numbers[0] = r[0] - spring[0];
+      numbers[1] = r[1] - spring[1];
+      numbers[2] = s.angle(c.i) - c.wound / c.radius;
     }
     numbers[3] = c.way;
-    return true;
   }
   /// Of the rotation: ω² = k R²/I = 2k/m.
   Real max_rate(const Topology& topology) const { return off() ? 0 : std::sqrt(2 * stiffest(topology)); }
@@ -87,47 +123,29 @@ struct BaseFriction {
 
   static constexpr Real sticks =
       -1;  ///< else the slip of the limit surface; uncoupled 1, 2 or 3: force, torque or both
-  struct Hold {
-    Real k, radius, gamma;
-    Vec<2> spring;  ///< r − r₀
-    Real wound;     ///< R (θ − θ₀)
+  static Vec<2> vector(const std::array<Real, 2>& a) { return {a[0], a[1]}; }
+
+  struct Grip {
     Vec<2> force;
     Real push;  ///< torque over R
-    bool slides;
-    Real way;  ///< to keep
   };
-
-  PLIANT_INLINE Hold look(const StateView<2>& s, Index i, std::span<const Real> past) const {
-    Hold c;
-    const Real m = s.topology.mass(i), sigma = s.topology.diameter[i], weight = m * gravity;
-    c.radius = sigma / 2;
-    c.k = stiffness(sigma);
-    c.gamma = 0;
-    c.spring = s.position(i) - Vec<2>(past[0], past[1]);
-    c.wound = c.radius * (s.angle(i) - past[2]);
-    const bool slid = past[3] != sticks;
-    Vec<2> held = c.k * c.spring;
-    Real twist = c.k * c.wound;
-    c.way = limit(held, twist, slid ? mu_dynamic * weight : mu_static * weight, mu_dynamic * weight, past[3]);
-    c.slides = c.way != sticks;
-    if (c.slides) {
-      const Real per = 1 / c.k;
-      c.spring = per * held;
-      c.wound = per * twist;
-    } else if (damping > 0) {
-      c.gamma = 2 * damping * std::sqrt(c.k * m);
-      held += c.gamma * s.velocity(i);
-      twist += c.gamma * c.radius * s.spin(i);
-      const Real most = mu_static * weight;
-      limit(held, twist, most, most, sticks);
+  PLIANT_INLINE Grip grip_of(const StateView<2>& s, const Touch& c) const {
+    Vec<2> held = vector(c.held);
+    Real twist = c.twist;
+    if (!c.slides && damping > 0) {
+      held += c.gamma * s.velocity(c.i);
+      twist += c.gamma * c.radius * s.spin(c.i);
+      limit(held, twist, c.most, c.most, sticks);
     }
-    c.force = -held;
-    c.push = -twist;
-    return c;
+    return {-held, -twist};
   }
 
   /// Brings force and torque over R, where they are beyond `most`, to the limit of `then`. Returns what of it slides.
   PLIANT_INLINE Real limit(Vec<2>& force, Real& twist, Real most, Real then, Real guess) const {
+    if (coupled && LimitSurface::surely_inside(force.squaredNorm(), std::abs(twist), most)) return sticks;
+    return limit_by_surface(force, twist, most, then, guess);
+  }
+  [[gnu::noinline]] Real limit_by_surface(Vec<2>& force, Real& twist, Real most, Real then, Real guess) const {
     const Real per = 1 / most, f = force.norm() * per, w = std::abs(twist) * per;
     if (!coupled) {
       Real way = 0;
@@ -141,7 +159,6 @@ struct BaseFriction {
       }
       return way > 0 ? way : sticks;
     }
-    if (LimitSurface::surely_inside(f, w)) return sticks;
     if (guess == sticks) guess = w / (f + w);
     LimitSurface::Nearest held = surface->nearest(f, w, guess);
     if (!held.outside) return sticks;
@@ -151,12 +168,13 @@ struct BaseFriction {
     return held.slip;
   }
 
-  Real work_of_spring(const StateView<2>& s, Index i, const Hold& c) const {
-    return -c.k * (c.spring.dot(s.velocity(i)) + c.wound * c.radius * s.spin(i));
+  PLIANT_INLINE Real work_of_spring(const StateView<2>& s, const Touch& c) const {
+    return -c.k * (vector(c.spring).dot(s.velocity(c.i)) + c.wound * c.radius * s.spin(c.i));
   }
-  Real damping_power(const StateView<2>& s, Index i, const Hold& c) const {
-    if (c.slides) return 0;
-    return -(c.force.dot(s.velocity(i)) + c.push * c.radius * s.spin(i)) + work_of_spring(s, i, c);
+  /// Of what sticks.
+  PLIANT_INLINE Real damping_power(const StateView<2>& s, const Touch& c) const {
+    const Grip grip = grip_of(s, c);
+    return -(grip.force.dot(s.velocity(c.i)) + grip.push * c.radius * s.spin(c.i)) + work_of_spring(s, c);
   }
   Real stiffest(const Topology& topology) const {
     return 1 /

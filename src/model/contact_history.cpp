@@ -59,6 +59,7 @@ void ContactTable::assign(std::vector<ContactKey> keys) {
   const auto width = static_cast<std::size_t>(needs_.width);
   std::vector<bool> listed(known.keys.size());
   contact_of_.clear();
+  records_.resize(keys.size());
   if (shared()) {
     keys_ = keys;
     std::sort(keys_.begin(), keys_.end());

@@ -2,13 +2,17 @@
 #pragma once
 
 #include <algorithm>
+#include <cstddef>
 #include <cstdint>
+#include <limits>
+#include <memory>
 #include <span>
 #include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
 
+#include <pliant/base/multiversion.h>
 #include <pliant/model/neighbours.h>
 #include <pliant/model/topology.h>
 
@@ -21,6 +25,7 @@ struct HistoryNeeds {
   Elements elements;
   int width;
   std::vector<std::string> losses = {};  ///< what turns energy into heat, of which the sums are kept
+  std::size_t record = 0;  ///< bytes of what an evaluation of forces finds of a contact; 0: nothing is kept
 };
 
 /// Two particles by id, the lower one first; or a particle and the number of a surface of the walls, 0 for the base.
@@ -43,13 +48,71 @@ struct StoredContacts {
   }
 };
 
+/// What an evaluation of forces finds of the elements of a term that touch, or did at the end of the last step: each
+/// range of elements has its own records, in the order of the elements.
+class TouchRecords {
+ public:
+  explicit TouchRecords(std::size_t bytes) : bytes_(bytes) {}
+
+  /// For a list of so many elements. What was recorded is lost.
+  void resize(std::size_t elements) {
+    if (bytes_ == 0 || elements <= element_.size()) return;
+    element_.resize(elements);
+    touch_ = std::make_unique_for_overwrite<std::byte[]>(elements * bytes_);  // memory is taken where it is used
+  }
+
+  template <class Touch>
+  class Writer {
+   public:
+    Writer() = default;
+    Writer(Index* element, Touch* touch, Index count) : element_(element), end_(element + count), touch_(touch) {}
+    /// Where to put what is found next.
+    Touch& next() const { return *touch_; }
+    /// It is there, of element e.
+    void touches(Index e) { *element_++ = e, ++touch_; }
+    /// Element e touches no more.
+    void parted(Index e) { *element_++ = ~e, ++touch_; }
+    void end() {
+      if (element_ < end_) *element_ = none;
+    }
+
+   private:
+    Index *element_ = nullptr, *end_ = nullptr;
+    Touch* touch_ = nullptr;
+  };
+  /// Begins those of a range anew. Different ranges may be written at the same time.
+  template <class Touch>
+  Writer<Touch> write(Range range) {
+    return {element_.data() + range.first, at<Touch>(range.first), range.size()};
+  }
+  /// visit(e, touch); touch is null where there is no contact any more.
+  template <class Touch, class Visit>
+  PLIANT_INLINE void for_each(Range range, Visit&& visit) const {
+    const Touch* touch = at<Touch>(range.first);
+    for (Index k = range.first; k < range.last && element_[k] != none; ++k, ++touch)
+      element_[k] >= 0 ? visit(element_[k], touch) : visit(~element_[k], static_cast<const Touch*>(nullptr));
+  }
+
+ private:
+  static constexpr Index none = std::numeric_limits<Index>::min();
+  template <class Touch>
+  Touch* at(Index e) const {
+    return reinterpret_cast<Touch*>(touch_.get()) + e;
+  }
+
+  std::size_t bytes_;
+  std::vector<Index> element_;          ///< [list] of each record; ~e where there is no contact any more
+  std::unique_ptr<std::byte[]> touch_;  ///< [list · bytes]
+};
+
 /// The history of one term. An entry of the list of its elements has the numbers of its contact: evaluations read them,
 /// and nothing but an accepted step changes them. Parts of walls that are of one surface have one contact with a point.
 /// A pair that is listed twice, on both sides of the border of a chunk or of a rank, has them twice; a term that looks
 /// at a pair in the order of the ids advances both alike, bit for bit.
 class ContactTable {
  public:
-  explicit ContactTable(HistoryNeeds needs) : needs_(std::move(needs)), heat_(needs_.losses.size()) {}
+  explicit ContactTable(HistoryNeeds needs)
+      : needs_(std::move(needs)), heat_(needs_.losses.size()), records_(needs_.record) {}
 
   const HistoryNeeds& needs() const { return needs_; }
   /// Whether contacts are between particles, rather than with walls.
@@ -63,18 +126,51 @@ class ContactTable {
   void set_heat(std::span<const Real> heat) { heat_.assign(heat.begin(), heat.end()); }
 
   /// What was known of element e at the end of the last accepted step: `width` numbers; none if it was no contact then.
-  std::span<const Real> past(Index e) const {
+  PLIANT_INLINE std::span<const Real> past(Index e) const {
     const std::size_t k = contact_of(e);
     if (touched_[k] == 0) return {};
     return {values_.data() + k * needs_.width, static_cast<std::size_t>(needs_.width)};
   }
+
+  /// The same for loops over elements: null where there was no contact.
+  template <int Width>
+  class Pasts {
+   public:
+    Pasts() = default;
+    explicit Pasts(const ContactTable& table)
+        : contact_of_(table.contact_of_.empty() ? nullptr : table.contact_of_.data()),
+          touched_(table.touched_.data()),
+          values_(table.values_.data()) {}
+    PLIANT_INLINE const Real* operator()(Index e) const {
+      if (touched_ == nullptr) return nullptr;
+      const auto k = static_cast<std::size_t>(contact_of_ == nullptr ? e : contact_of_[e]);
+      return touched_[k] != 0 ? values_ + k * Width : nullptr;
+    }
+
+   private:
+    const Index* contact_of_ = nullptr;
+    const std::uint8_t* touched_ = nullptr;
+    const Real* values_ = nullptr;
+  };
+  template <int Width>
+  Pasts<Width> pasts() const {
+    return Pasts<Width>(*this);
+  }
+
+  /// Where an evaluation of forces leaves what it finds of a range of elements; of no account for forces.
+  template <class Touch>
+  TouchRecords::Writer<Touch> record(Range range) const {
+    return records_.write<Touch>(range);
+  }
+  /// What the last evaluation has left there.
+  const TouchRecords& records() const { return records_; }
 
   /// Moves element e to the end of an accepted step: advance(known, numbers) changes its numbers, zeros where `known`
   /// is false as the contact is new, and returns whether it touches; if not it must leave them alone. Of the elements
   /// of one surface one at most touches. Different elements of points may be advanced at the same time, of walls those
   /// of different points.
   template <class Advance>
-  void advance(Index e, Advance&& advance) {
+  PLIANT_INLINE void advance(Index e, Advance&& advance) {
     const std::size_t k = contact_of(e);
     const std::span numbers(values_.data() + k * needs_.width, static_cast<std::size_t>(needs_.width));
     const bool known = touched_[k] != 0, touches = advance(known, numbers);
@@ -111,6 +207,7 @@ class ContactTable {
   std::vector<Real> values_;                         ///< [contacts · width]; zeros where nothing touched
   std::vector<Real> heat_;                           ///< [losses]
   StoredContacts unlisted_;
+  mutable TouchRecords records_;
 };
 
 /// The histories of all terms of a model that have one. It follows the lists: contacts are known by ids, so that

@@ -32,36 +32,64 @@ struct DiskContact {
   static std::string_view name() { return "disk_contact"; }
   bool enabled(const StateView<2>&) const { return surface.rubs() || surface.damping > 0; }
 
-  Real energy(const StateView<2>& s, Index e, std::span<const Real> past) const {
-    Touch c;
-    return look(s, e, past, c) ? c.energy() : 0;
+  /// Of the pair as it is listed, in whatever order: but for n, all that is kept is the same from both sides.
+  struct Touch : SurfaceTouch {
+    Index first, second;
+    Real a, b;  ///< radii
+    Real n0, n1;
+    Real order;   ///< 1, or −1 where the second one has the lower id
+    Real turned;  ///< R_i θ_i + R_j θ_j; `lever` is (R_i + R_j)/d
+  };
+
+  /// Each particle is one point: their numbers are the same.
+  PLIANT_INLINE bool find(const StateView<2>& s, Index e, std::span<const Real> past, Touch& c) const {
+    const PairList& list = s.neighbours.point_pairs;
+    const auto [first, second] = list.pairs[e];
+    const Topology& topology = s.topology;
+    const Vec<2> r = s.position(first) - s.position(second);
+    const Real d2 = r.squaredNorm(), reach = list.reach[e];
+    if (d2 >= square(reach) || d2 == 0) return false;
+    const Real a = topology.diameter[first] / 2, b = topology.diameter[second] / 2, d = std::sqrt(d2), per_d = 1 / d;
+    const Vec<2> n = per_d * r;
+    const Real turned = a * s.angles[first] + b * s.angles[second];
+    const Real masses = topology.inverse_point_mass[first] + topology.inverse_point_mass[second];
+    const Real order = topology.id[first] > topology.id[second] ? -1 : 1;
+    const Press press = press_of(Law{epsilon, reach}, d);
+    c.first = first, c.second = second;
+    c.a = a, c.b = b;
+    c.n0 = n[0], c.n1 = n[1];
+    c.order = order;
+    c.turned = turned;
+    c.lever = reach * per_d;
+    c.elastic = press.force;
+    c.stiffen(surface, press.stiffness / masses, press.reference);
+    c.slid = !past.empty() && past[4] != 0;
+    c.stretched =
+        past.empty() ? 0 : past[3] + reach * turn_between({order * past[0], order * past[1]}, n) - (turned - past[2]);
+    return true;
   }
-  Real power(const StateView<2>& s, Index e, std::span<const Real> past) const {
-    Touch c;
-    return look(s, e, past, c) ? c.power() : 0;
-  }
+  Real energy(const StateView<2>& s, const Touch& c) const { return c.energy(rub(s, c)); }
+  Real power(const StateView<2>& s, const Touch& c) const { return c.power(rub(s, c)); }
   template <class F>
-  void add_force(const StateView<2>& s, Index e, std::span<const Real> past, F& force) const {
-    Touch c;
-    if (look(s, e, past, c)) add(c, c.normal - c.elastic, force);
+  PLIANT_INLINE void add_force(const StateView<2>& s, const Touch& c, F& force) const {
+    const SurfaceTouch::Rub rubs = rub(s, c);
+    add(c, rubs, rubs.normal - c.elastic, force);
   }
   /// With the elastic force: for a kernel that computes both.
   template <class F>
-  void add_total(const StateView<2>& s, Index e, std::span<const Real> past, F& force) const {
-    Touch c;
-    if (look(s, e, past, c)) add(c, c.normal, force);
+  PLIANT_INLINE void add_total(const StateView<2>& s, const Touch& c, F& force) const {
+    const SurfaceTouch::Rub rubs = rub(s, c);
+    add(c, rubs, rubs.normal, force);
   }
-  bool advance(const StateView<2>& s, Index e, Real h, bool known, std::span<Real> numbers,
-               std::span<Real> heat) const {
-    Touch c;
-    if (!look(s, e, known ? numbers : std::span<Real>(), c)) return false;
-    c.add_heat(h, known, numbers[3], heat);
-    numbers[0] = c.n[0];
-    numbers[1] = c.n[1];
+  PLIANT_INLINE void advance(const StateView<2>& s, const Touch& c, Real h, bool known, std::span<Real> numbers,
+                             std::span<Real> heat) const {
+    const SurfaceTouch::Rub rubs = rub(s, c);
+    c.add_heat(rubs, h, known, numbers[3], heat);
+    numbers[0] = c.order * c.n0;
+    numbers[1] = c.order * c.n1;
     numbers[2] = c.turned;
-    numbers[3] = c.hold.spring;
-    numbers[4] = c.hold.slides ? 1 : 0;
-    return true;
+    numbers[3] = rubs.hold.spring;
+    numbers[4] = rubs.hold.slides ? 1 : 0;
   }
   /// The spring between two of the stiffest disks: ω² = k_t (2/m + 2R²/I) = 6 k_t/m.
   Real max_rate(const Topology& topology) const {
@@ -77,48 +105,18 @@ struct DiskContact {
   }
 
  private:
-  struct Touch : SurfaceTouch {
-    Index i, j;
-    Vec<2> n;
-    Real a, b, per_lever;  ///< radii; (R_i + R_j)/d
-    Real turned;           ///< R_i θ_i + R_j θ_j
-  };
-
-  /// False where they don't touch. Each particle is one point: their numbers are the same.
-  PLIANT_INLINE bool look(const StateView<2>& s, Index e, std::span<const Real> past, Touch& c) const {
-    const Pair& pair = s.neighbours.point_pairs[e];
-    const Topology& topology = s.topology;
-    const Index first = pair.first, second = pair.second;
-    const Vec<2> r = s.position(first) - s.position(second);
-    const Real d2 = r.squaredNorm(), reach = (topology.diameter[first] + topology.diameter[second]) / 2;
-    if (d2 >= square(reach) || d2 == 0) return false;
-    const bool turn = topology.id[first] > topology.id[second];
-    const Index i = turn ? second : first, j = turn ? first : second;
-    c.i = i, c.j = j;
-    c.a = topology.diameter[i] / 2, c.b = topology.diameter[j] / 2;
-    const Real d = std::sqrt(d2), per_d = 1 / d;
-    c.n = (turn ? -per_d : per_d) * r;
-    c.per_lever = reach * per_d;
-    const Vec<2> v = s.velocity(i) - s.velocity(j), t(-c.n[1], c.n[0]);
-    c.parting = c.n.dot(v);
-    c.rate = c.per_lever * t.dot(v) - (c.a * s.spins[i] + c.b * s.spins[j]);
-    c.turned = c.a * s.angles[i] + c.b * s.angles[j];
-    const Press press = press_of(Law{epsilon, reach}, d);
-    c.elastic = press.force;
-    const Real masses = topology.inverse_point_mass[i] + topology.inverse_point_mass[j];
-    const bool known = !past.empty(), slid = known && past[4] != 0;
-    c.stretched = known ? past[3] + reach * turn_between({past[0], past[1]}, c.n) - (c.turned - past[2]) : 0;
-    c.rub(surface, press.stiffness / masses, press.reference, c.per_lever, slid);
-    return true;
+  PLIANT_INLINE SurfaceTouch::Rub rub(const StateView<2>& s, const Touch& c) const {
+    const Vec<2> v = s.velocity(c.first) - s.velocity(c.second), n(c.n0, c.n1), t(-c.n1, c.n0);
+    return c.rub(surface, n.dot(v), c.lever * t.dot(v) - (c.a * s.spins[c.first] + c.b * s.spins[c.second]));
   }
 
   template <class F>
-  PLIANT_INLINE static void add(const Touch& c, Real normal, F& force) {
-    const Vec<2> t(-c.n[1], c.n[0]), f = normal * c.n - c.hold.pull * c.per_lever * t;
-    force.add(c.i, f);
-    force.add(c.j, Vec<2>(-f));
-    force.add_torque(c.i, c.hold.pull * c.a);
-    force.add_torque(c.j, c.hold.pull * c.b);
+  PLIANT_INLINE static void add(const Touch& c, const SurfaceTouch::Rub& rubs, Real normal, F& force) {
+    const Vec<2> n(c.n0, c.n1), t(-c.n1, c.n0), f = normal * n - rubs.hold.pull * c.lever * t;
+    force.add(c.first, f);
+    force.add(c.second, Vec<2>(-f));
+    force.add_torque(c.first, rubs.hold.pull * c.a);
+    force.add_torque(c.second, rubs.hold.pull * c.b);
   }
 
   /// The largest stiffness(law)/m of two like disks.
@@ -146,10 +144,9 @@ struct DiskKernel {
       for (Index e = across.first; e < across.last; ++e) contact.add_gradient(s, e, there);
       return;
     }
-    const ContactTable* const table = s.history != nullptr ? &s.history->of(friction.name()) : nullptr;
     const auto add = [&](Range range, auto scatter) {
-      for (Index e = range.first; e < range.last; ++e)
-        friction.add_total(s, e, table != nullptr ? table->past(e) : std::span<const Real>(), scatter);
+      for_each_touch(friction, s, range,
+                     [&](const auto& c) PLIANT_INLINE_LAMBDA { friction.add_total(s, c, scatter); });
     };
     add(inside, Scatter<2, 1>{f, {}, torques});
     add(across, Scatter<2, 1, true>{f, own, torques});

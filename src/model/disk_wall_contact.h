@@ -1,6 +1,7 @@
 // Friction and damping between disks and walls, fixed or moving.
 #pragma once
 
+#include <array>
 #include <span>
 
 #include <pliant/geometry/turn.h>
@@ -31,38 +32,71 @@ struct DiskWallContact {
   static std::string_view name() { return "disk_wall_contact"; }
   bool enabled(const StateView<2>& s) const { return s.walls.size() > 0 && (surface.rubs() || surface.damping > 0); }
 
-  Real energy(const StateView<2>& s, Index e, std::span<const Real> past) const {
-    Touch c;
-    return look(s, e, past, c) ? c.energy() : 0;
+  struct Touch : SurfaceTouch {
+    Index i;
+    Real radius;                       ///< `lever` is 1 + (R − d) κ
+    std::array<Real, 2> n;             ///< in space
+    std::array<Real, 2> foot, across;  ///< foot and n seen from the wall
+    Real angle;                        ///< θ seen from the wall
+    std::array<Real, 2> velocity;      ///< of the wall
+    Real spin;                         ///< of the wall
+  };
+
+  /// False also where another part of the surface carries the contact.
+  PLIANT_INLINE bool find(const StateView<2>& s, Index e, std::span<const Real> past, Touch& c) const {
+    const auto [i, part] = s.neighbours.walls[e];
+    const Vec<2> r = s.position(i);
+    const Real R = s.topology.diameter[i] / 2;
+    WallTouch<2> wall;
+    if (!s.walls.touch(r, part, s.t, R, wall)) return false;
+    const auto& [d, n, curvature, pose] = wall;
+    c.i = i;
+    c.radius = R;
+    c.n = {n[0], n[1]};
+    const Vec<2> t(-n[1], n[0]);
+    c.lever = 1 + (R - d) * t.dot(curvature * t);
+    const Vec<2> foot = pose.back(Vec<2>(r - d * n)), across = pose.back(Vec<2>(n + pose.shift));
+    c.foot = {foot[0], foot[1]};
+    c.across = {across[0], across[1]};
+    const Motion<2>& motion = s.walls.motion(s.walls.body_of_wall(s.walls.wall_of_part(part)));
+    c.angle = s.angle(i) - motion.spin * (s.t - motion.since);
+    c.spin = motion.spin;
+    const Vec<2> v = s.walls.velocity(r, part, s.t);
+    c.velocity = {v[0], v[1]};
+    const Press press = press_of(Law{epsilon, R}, d);
+    c.elastic = press.force;
+    c.stiffen(surface, s.topology.mass(i) * press.stiffness, press.reference);
+    c.stretched = 0;
+    c.slid = false;
+    if (!past.empty()) {
+      const Vec<2> before(past[2], past[3]), middle = before + across;
+      const Real turned = turn_between(before, across);
+      const Vec<2> along = Vec<2>(-middle[1], middle[0]).normalized();
+      c.stretched = past[5] + along.dot(foot - Vec<2>(past[0], past[1])) + R * (turned - (c.angle - past[4]));
+      c.slid = past[6] != 0;
+    }
+    return true;
   }
-  Real power(const StateView<2>& s, Index e, std::span<const Real> past) const {
-    Touch c;
-    return look(s, e, past, c) ? c.power() : 0;
-  }
+  Real energy(const StateView<2>& s, const Touch& c) const { return c.energy(rub(s, c)); }
+  Real power(const StateView<2>& s, const Touch& c) const { return c.power(rub(s, c)); }
   template <class F>
-  void add_force(const StateView<2>& s, Index e, std::span<const Real> past, F& force) const {
-    Touch c;
-    if (!look(s, e, past, c)) return;
-    force.add(c.i, c.force());
-    force.add_torque(c.i, c.hold.pull * c.radius);
+  void add_force(const StateView<2>& s, const Touch& c, F& force) const {
+    const SurfaceTouch::Rub rubs = rub(s, c);
+    force.add(c.i, force_of(c, rubs));
+    force.add_torque(c.i, rubs.hold.pull * c.radius);
   }
-  bool advance(const StateView<2>& s, Index e, Real h, bool known, std::span<Real> numbers,
+  void advance(const StateView<2>& s, const Touch& c, Real h, bool known, std::span<Real> numbers,
                std::span<Real> heat) const {
-    Touch c;
-    if (!look(s, e, known ? numbers : std::span<Real>(), c)) return false;
-    c.add_heat(h, known, numbers[5], heat);
+    const SurfaceTouch::Rub rubs = rub(s, c);
+    c.add_heat(rubs, h, known, numbers[5], heat);
     numbers[0] = c.foot[0], numbers[1] = c.foot[1];
     numbers[2] = c.across[0], numbers[3] = c.across[1];
     numbers[4] = c.angle;
-    numbers[5] = c.hold.spring;
-    numbers[6] = c.hold.slides ? 1 : 0;
-    return true;
+    numbers[5] = rubs.hold.spring;
+    numbers[6] = rubs.hold.slides ? 1 : 0;
   }
   /// Of the wall on the disk, beside the elastic one; the wall feels the opposite.
-  Vec<2> force(const StateView<2>& s, Index e, std::span<const Real> past) const {
-    Touch c;
-    return look(s, e, past, c) ? c.force() : Vec<2>(Vec<2>::Zero());
-  }
+  Vec<2> force(const StateView<2>& s, const Touch& c) const { return force_of(c, rub(s, c)); }
 
   /// ω² = k_t (1/m + R²/I) = 3 k_t/m.
   Real max_rate(const Topology& topology) const {
@@ -76,50 +110,12 @@ struct DiskWallContact {
   }
 
  private:
-  struct Touch : SurfaceTouch {
-    Index i;
-    Real radius, lever;      ///< 1 + (R − d) κ
-    Vec<2> n, foot, across;  ///< n in space; foot and n seen from the wall
-    Real angle;              ///< θ seen from the wall
-
-    Vec<2> force() const { return (normal - elastic) * n - hold.pull * lever * Vec<2>(-n[1], n[0]); }
-  };
-
-  /// False where they don't touch, and where another part of the surface carries the contact.
-  bool look(const StateView<2>& s, Index e, std::span<const Real> past, Touch& c) const {
-    const auto [i, part] = s.neighbours.walls[e];
-    const Vec<2> r = s.position(i);
-    const Real R = s.topology.diameter[i] / 2;
-    Real d;
-    s.walls.nearest(r, part, s.t, d, c.n);
-    if (d >= R || c.n == Vec<2>::Zero() || !s.walls.carries(r, part, s.t)) return false;
-    const Law law{epsilon, R};
-    c.i = i;
-    c.radius = R;
-    const Vec<2> t(-c.n[1], c.n[0]);
-    c.lever = 1 + (R - d) * t.dot(s.walls.foot(r, part, s.t).curvature * t);
-    const Index body = s.walls.body_of_wall(s.walls.wall_of_part(part));
-    const Pose<2> pose = s.walls.pose(body, s.t);
-    c.foot = pose.back(Vec<2>(r - d * c.n));
-    c.across = pose.back(Vec<2>(c.n + pose.shift));
-    const Motion<2>& motion = s.walls.motion(body);
-    c.angle = s.angle(i) - motion.spin * (s.t - motion.since);
-    const Vec<2> v = s.velocity(i) - s.walls.velocity(r, part, s.t);
-    c.parting = c.n.dot(v);
-    c.rate = c.lever * t.dot(v) - R * (s.spin(i) - motion.spin);
-    const Press press = press_of(law, d);
-    c.elastic = press.force;
-    c.stretched = 0;
-    bool slid = false;
-    if (!past.empty()) {
-      const Vec<2> before(past[2], past[3]), middle = before + c.across;
-      const Real turned = turn_between(before, c.across);
-      const Vec<2> along = Vec<2>(-middle[1], middle[0]).normalized();
-      c.stretched = past[5] + along.dot(c.foot - Vec<2>(past[0], past[1])) + R * (turned - (c.angle - past[4]));
-      slid = past[6] != 0;
-    }
-    c.rub(surface, s.topology.mass(i) * press.stiffness, press.reference, c.lever, slid);
-    return true;
+  PLIANT_INLINE SurfaceTouch::Rub rub(const StateView<2>& s, const Touch& c) const {
+    const Vec<2> n(c.n[0], c.n[1]), t(-c.n[1], c.n[0]), v = s.velocity(c.i) - Vec<2>(c.velocity[0], c.velocity[1]);
+    return c.rub(surface, n.dot(v), c.lever * t.dot(v) - c.radius * (s.spin(c.i) - c.spin));
+  }
+  PLIANT_INLINE static Vec<2> force_of(const Touch& c, const SurfaceTouch::Rub& rubs) {
+    return (rubs.normal - c.elastic) * Vec<2>(c.n[0], c.n[1]) - rubs.hold.pull * c.lever * Vec<2>(-c.n[1], c.n[0]);
   }
 
   /// The largest stiffness(law)/m.

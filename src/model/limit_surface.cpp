@@ -29,30 +29,6 @@ LimitSurface::LimitSurface() {
   }
 }
 
-LimitSurface::Nearest LimitSurface::nearest(Real force, Real torque, Real guess) const {
-  // Newton's method for the slip along which the point is off the curve, within bounds.
-  Real low = 0, high = 1, s = guess;
-  Point p = at(s);
-  for (int k = 0; k < 60; ++k) {
-    const Real over = (force - p.force) * s - (torque - p.torque) * (1 - s),
-               slope = (force - p.force) + (torque - p.torque) + p.bend * (square(s) + square(1 - s));
-    (over > 0 ? high : low) = s;
-    Real next = slope > 0 ? s - over / slope : -1;
-    if (!(next >= low && next <= high)) next = (low + high) / 2;
-    const Real change = next - s;
-    if (std::abs(change) < 5e-4) {  // what is left is of its square
-      p.force -= s * p.bend * change;
-      p.torque += (1 - s) * p.bend * change;
-      s = next;
-      break;
-    }
-    s = next;
-    p = at(s);
-  }
-  const bool outside = (force - p.force) * (1 - s) + (torque - p.torque) * s > 0;
-  return outside ? Nearest{p.force, p.torque, s, true} : Nearest{force, torque, s, false};
-}
-
 const LimitSurface& limit_surface() {
   static const LimitSurface surface;
   return surface;

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <vector>
 
+#include <pliant/base/multiversion.h>
 #include <pliant/base/types.h>
 
 namespace pliant {
@@ -26,7 +27,7 @@ class LimitSurface {
 
   LimitSurface();
 
-  Point at(Real s) const {
+  PLIANT_INLINE Point at(Real s) const {
     const Real x = s * cells;
     const auto cell = static_cast<std::size_t>(std::min(x, Real(cells - 1)));
     const Real u = x - static_cast<Real>(cell);
@@ -41,12 +42,39 @@ class LimitSurface {
     bool outside;  ///< whether the curve does not enclose what was given
   };
   /// To some 10⁻⁶. guess: of the slip, anything in [0, 1]. What is deep inside has no nearest point: returns itself.
-  Nearest nearest(Real force, Real torque, Real guess) const;
+  PLIANT_INLINE Nearest nearest(Real force, Real torque, Real guess) const {
+    // Newton's method for the slip along which the point is off the curve, within bounds.
+    Real low = 0, high = 1, s = guess;
+    Point p = at(s);
+    for (int k = 0; k < 60; ++k) {
+      const Real over = (force - p.force) * s - (torque - p.torque) * (1 - s),
+                 slope = (force - p.force) + (torque - p.torque) + p.bend * (square(s) + square(1 - s));
+      if (over > 0)
+        high = s;
+      else
+        low = s;
+      Real next = slope > 0 ? s - over / slope : -1;
+      if (!(next >= low && next <= high)) next = (low + high) / 2;
+      const Real change = next - s;
+      if (std::abs(change) < 5e-4) {  // what is left is of its square
+        p.force -= s * p.bend * change;
+        p.torque += (1 - s) * p.bend * change;
+        s = next;
+        break;
+      }
+      s = next;
+      p = at(s);
+    }
+    const bool outside = (force - p.force) * (1 - s) + (torque - p.torque) * s > 0;
+    return outside ? Nearest{p.force, p.torque, s, true} : Nearest{force, torque, s, false};
+  }
 
-  /// Whether a point is inside for sure, as it is under two chords of the curve that meet where v = Rω.
-  static bool surely_inside(Real force, Real torque) {
+  /// Whether a point is inside for sure, as it is under two chords of the curve that meet where v = Rω: in units where
+  /// μN and μNR are `limit`, with the square of the force and the torque, which is ≥ 0. Takes no root and no division.
+  PLIANT_INLINE static bool surely_inside(Real force2, Real torque, Real limit) {
     constexpr Real f = 8 / (3 * pi), t = 8 / (9 * pi);
-    return force + (1 - f) / t * torque <= 1 && torque + (most_torque - t) / f * force <= most_torque;
+    const Real a = limit - (1 - f) / t * torque, b = f / (most_torque - t) * (most_torque * limit - torque);
+    return b >= 0 && force2 <= square(a) && force2 <= square(b);
   }
 
   /// F and T by complete elliptic integrals, which cancel each other where s is near 0: an error of 10⁻¹⁶/s⁴.

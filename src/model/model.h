@@ -117,8 +117,9 @@ class ForceField {
   virtual bool rotates() const = 0;
   /// What the terms keep of contacts.
   virtual std::vector<HistoryNeeds> history_needs() const = 0;
-  /// All contacts of s, the state at the end of an accepted step of length h, are advanced.
-  virtual void advance(const StateView<D>& s, Real h, ContactHistory& history) const = 0;
+  /// All contacts of s, the state at the end of an accepted step of length h, are advanced. found: the last forces were
+  /// those at the same time, positions and angles, so that contacts need not be found again.
+  virtual void advance(const StateView<D>& s, Real h, ContactHistory& history, bool found = false) const = 0;
 };
 
 /// Power of the walls that move on the points: what they do to the energy, as far as their forces are those that the
@@ -307,7 +308,7 @@ class Model final : public ForceField<D> {
         if (f != nullptr && dissipative) add_forces(term, s, chunk, f);
       });
       for_each_history(s, [&](const auto& term, const auto& past) {
-        for_each_element(term, s, chunk, [&](Index e) { sum += term.energy(s, e, past(e)); });
+        for_each_element(term, s, chunk, [&](Index e) { sum += energy_of(term, s, e, past(e)); });
       });
       if (f != nullptr && !dissipative) add_total(s, chunk, f);
       return sum;
@@ -320,7 +321,7 @@ class Model final : public ForceField<D> {
       for_each_dissipation(
           s, [&](const auto& term) { for_each_element(term, s, chunk, [&](Index e) { sum += term.power(s, e); }); });
       for_each_history(s, [&](const auto& term, const auto& past) {
-        for_each_element(term, s, chunk, [&](Index e) { sum += term.power(s, e, past(e)); });
+        for_each_element(term, s, chunk, [&](Index e) { sum += power_of(term, s, e, past(e)); });
       });
       return sum;
     });
@@ -340,7 +341,7 @@ class Model final : public ForceField<D> {
         }
       } else if constexpr (HistoryTerm<Term, D>) {
         const Past past(s, term);
-        for_each_element(term, s, [&](Index e) { r.energy += term.energy(s, e, past(e)); });
+        for_each_element(term, s, [&](Index e) { r.energy += energy_of(term, s, e, past(e)); });
       }
       for (Index c = 0; c < s.neighbours.chunks(); ++c) add_forces(term, s, c, r.force.data());
       reports.push_back(std::move(r));
@@ -400,9 +401,12 @@ class Model final : public ForceField<D> {
       if constexpr (Term::elements == Elements::walls || Term::elements == Elements::lips) {
         if constexpr (requires { term.force(s, Index()); }) {
           add(term, [&](Index e) { return term.force(s, e); });
-        } else if constexpr (requires { term.force(s, Index(), std::span<const Real>()); }) {
+        } else if constexpr (requires(const typename Term::Touch& c) { term.force(s, c); }) {
           const Past past(s, term);
-          add(term, [&](Index e) { return term.force(s, e, past(e)); });
+          add(term, [&](Index e) -> Vec<D> {
+            typename Term::Touch c;
+            return term.find(s, e, past(e), c) ? term.force(s, c) : Vec<D>(Vec<D>::Zero());
+          });
         }
       }
     });
@@ -429,13 +433,14 @@ class Model final : public ForceField<D> {
       if constexpr (HistoryTerm<Term, D>) {
         all.push_back({std::string(term.name()), Term::elements, Term::history});
         if constexpr (losses_of<Term>() > 0) all.back().losses.assign(Term::losses.begin(), Term::losses.end());
+        if constexpr (FindingTerm<Term, D>) all.back().record = sizeof(typename Term::Touch);
       }
     });
     return all;
   }
 
-  void advance(const StateView<D>& s, Real h, ContactHistory& history) const override {
-    for_each_history(s, [&](const auto& term, const auto&) { advance(term, s, h, history.of(term.name())); });
+  void advance(const StateView<D>& s, Real h, ContactHistory& history, bool found) const override {
+    for_each_history(s, [&](const auto& term, const auto&) { advance(term, s, h, history.of(term.name()), found); });
   }
 
  private:
@@ -467,24 +472,56 @@ class Model final : public ForceField<D> {
   };
 
   template <class Term>
-  static void advance(const Term& term, const StateView<D>& s, Real h, ContactTable& table) {
+  static Real energy_of(const Term& term, const StateView<D>& s, Index e, std::span<const Real> past) {
+    if constexpr (FindingTerm<Term, D>) {
+      typename Term::Touch c;
+      return term.find(s, e, past, c) ? term.energy(s, c) : 0;
+    } else {
+      return term.energy(s, e, past);
+    }
+  }
+  template <class Term>
+  static Real power_of(const Term& term, const StateView<D>& s, Index e, std::span<const Real> past) {
+    if constexpr (FindingTerm<Term, D>) {
+      typename Term::Touch c;
+      return term.find(s, e, past, c) ? term.power(s, c) : 0;
+    } else {
+      return term.power(s, e, past);
+    }
+  }
+
+  template <class Term>
+  static void advance(const Term& term, const StateView<D>& s, Real h, ContactTable& table, bool found) {
     constexpr std::size_t losses = losses_of<Term>();
     std::vector<std::array<Real, losses>> heat(losses > 0 ? s.neighbours.chunks() : 0);
     for_each_chunk(s, [&](Index chunk) {
       std::array<Real, losses> counts{}, elsewhere{};
-      const auto one = [&](Index e, std::span<Real> to) {
-        table.advance(e, [&](bool known, std::span<Real> numbers) {
-          if constexpr (losses > 0)
-            return term.advance(s, e, h, known, numbers, to);
-          else
-            return term.advance(s, e, h, known, numbers);
-        });
+      const auto run = [&](Range range, auto&& sums) {
+        if constexpr (FindingTerm<Term, D>) {
+          using Touch = typename Term::Touch;
+          const auto one = [&](Index e, const Touch* c) PLIANT_INLINE_LAMBDA {
+            table.advance(e, [&](bool known, std::span<Real> numbers) PLIANT_INLINE_LAMBDA {
+              if (c != nullptr) term.advance(s, *c, h, known, numbers, sums(e));
+              return c != nullptr;
+            });
+          };
+          if (found) return table.records().template for_each<Touch>(range, one);
+          Touch c;
+          for (Index e = range.first; e < range.last; ++e) one(e, term.find(s, e, table.past(e), c) ? &c : nullptr);
+        } else {
+          for (Index e = range.first; e < range.last; ++e)
+            table.advance(e, [&](bool known, std::span<Real> numbers) {
+              if constexpr (losses > 0)
+                return term.advance(s, e, h, known, numbers, sums(e));
+              else
+                return term.advance(s, e, h, known, numbers);
+            });
+        }
       };
-      const Range in = inside<Term>(s, chunk), border = across<Term>(s, chunk);
-      for (Index e = in.first; e < in.last; ++e) one(e, counts);
+      run(inside<Term>(s, chunk), [&](Index) { return std::span<Real>(counts); });
       if constexpr (KindOf<Term>::paired)
-        for (Index e = border.first; e < border.last; ++e)
-          one(e, losses > 0 && counts_in<Term>(s, chunk, e) ? counts : elsewhere);
+        run(across<Term>(s, chunk),
+            [&](Index e) { return std::span<Real>(losses > 0 && counts_in<Term>(s, chunk, e) ? counts : elsewhere); });
       if constexpr (losses > 0) heat[chunk] = counts;
     });
     for (const auto& of_chunk : heat) table.add_heat(of_chunk);
@@ -719,7 +756,9 @@ class Model final : public ForceField<D> {
   static void add_forces(const T& term, const StateView<D>& s, Index chunk, Real* f) {
     constexpr int sign = EnergyTerm<T, D> ? -1 : 1;
     const auto add = [&](Range range, auto scatter) {
-      if constexpr (HistoryTerm<T, D>) {
+      if constexpr (FindingTerm<T, D>) {
+        for_each_touch(term, s, range, [&](const auto& c) PLIANT_INLINE_LAMBDA { term.add_force(s, c, scatter); });
+      } else if constexpr (HistoryTerm<T, D>) {
         const Past past(s, term);
         for (Index e = range.first; e < range.last; ++e) term.add_force(s, e, past(e), scatter);
       } else {

@@ -55,43 +55,54 @@ PLIANT_INLINE Press press_of(const Law& law, Real d) {
   if constexpr (Law::kind == ContactLaw::harmonic) {  // with one division
     const Real k = law.epsilon / square(law.delta);
     return {k * (law.delta - d), k, k};
+  } else if constexpr (Law::kind == ContactLaw::spring) {
+    return {law.epsilon * (law.delta - d), law.epsilon, law.epsilon};
   } else {
     return {-law.slope(d), law.curvature(d), reference_stiffness(law)};
   }
 }
 
-/// What acts where two surfaces touch, and what of it becomes heat.
+/// What acts where two surfaces touch, and what of it becomes heat. This is what follows from where they are.
 struct SurfaceTouch {
   static constexpr std::array<std::string_view, 3> losses{"normal_damping", "tangential_damping", "sliding"};
 
-  Real elastic, normal, parting;  ///< N_e, N, u_n
-  Real k, rate, stretched;        ///< k_t, q̇, ξ if it did not slide
-  SurfaceFriction::Hold hold;
+  Real elastic;    ///< N_e
+  Real k, gamma;   ///< k_t, γ_n
+  Real lever;      ///< the limit of P is μN over it
+  Real stretched;  ///< ξ if it did not slide
+  bool slid;       ///< in the last step
 
-  /// Finds N, k_t and what holds from the others. press_times_mass: V'' times the reduced mass; the limit of P is μN
-  /// over `lever`.
-  PLIANT_INLINE void rub(const SurfaceFriction& f, Real press_times_mass, Real reference, Real lever, bool slid) {
-    const Real gamma = 2 * f.damping * std::sqrt(press_times_mass);
-    normal = std::max(elastic - gamma * parting, 0.0);
+  /// And from how fast they move.
+  struct Rub {
+    Real normal, parting, rate;  ///< N, u_n, q̇
+    SurfaceFriction::Hold hold;
+  };
+
+  /// Finds k_t and γ_n. press_times_mass: V'' times the reduced mass.
+  PLIANT_INLINE void stiffen(const SurfaceFriction& f, Real press_times_mass, Real reference) {
+    gamma = 2 * f.damping * std::sqrt(press_times_mass);
     k = f.stiffness * reference;
-    const Real limit = normal / lever;
-    hold = SurfaceFriction::hold(k, f.tangential_damping * gamma, stretched, rate, f.mu_static * limit,
-                                 f.mu_dynamic * limit, slid);
+  }
+  PLIANT_INLINE Rub rub(const SurfaceFriction& f, Real parting, Real rate) const {
+    const Real normal = std::max(elastic - gamma * parting, 0.0), limit = normal / lever;
+    return {normal, parting, rate,
+            SurfaceFriction::hold(k, f.tangential_damping * gamma, stretched, rate, f.mu_static * limit,
+                                  f.mu_dynamic * limit, slid)};
   }
 
   /// Of the spring.
-  Real energy() const { return k / 2 * square(hold.spring); }
-  Real normal_power() const { return (elastic - normal) * parting; }
-  Real tangential_power() const { return (hold.pull - k * hold.spring) * rate; }
-  Real power() const {
-    const Real sliding = hold.slides ? std::max(k * hold.spring * rate, 0.0) : 0;
-    return normal_power() + tangential_power() + sliding;
+  Real energy(const Rub& c) const { return k / 2 * square(c.hold.spring); }
+  PLIANT_INLINE Real normal_power(const Rub& c) const { return (elastic - c.normal) * c.parting; }
+  PLIANT_INLINE Real tangential_power(const Rub& c) const { return (c.hold.pull - k * c.hold.spring) * c.rate; }
+  Real power(const Rub& c) const {
+    const Real sliding = c.hold.slides ? std::max(k * c.hold.spring * c.rate, 0.0) : 0;
+    return normal_power(c) + tangential_power(c) + sliding;
   }
   /// Of a step of length h that began with the spring `before`, if the contact is not new.
-  void add_heat(Real h, bool known, Real before, std::span<Real> heat) const {
-    heat[0] += h * normal_power();
-    heat[1] += h * tangential_power();
-    if (known) heat[2] += k / 2 * (before + hold.spring) * (stretched - hold.spring);
+  PLIANT_INLINE void add_heat(const Rub& c, Real h, bool known, Real before, std::span<Real> heat) const {
+    heat[0] += h * normal_power(c);
+    heat[1] += h * tangential_power(c);
+    if (known) heat[2] += k / 2 * (before + c.hold.spring) * (stretched - c.hold.spring);
   }
 };
 

@@ -3,7 +3,9 @@
 
 #include <concepts>
 #include <string_view>
+#include <type_traits>
 
+#include <pliant/base/multiversion.h>
 #include <pliant/base/types.h>
 #include <pliant/geometry/rotation.h>
 #include <pliant/geometry/walls.h>
@@ -142,6 +144,25 @@ concept DissipationTerm = requires(const T term, const StateView<D>& s, Index e,
 /// walls have one contact with a point, which the part that carries it (Walls::carries) acts for and advances; the
 /// others do not touch. A term can say by what energy becomes heat, `static constexpr std::array<std::string_view, N>
 /// losses`: then advance() gets N sums as well, to which it adds the heat of the step.
+///
+/// Most of what a force needs of a contact follows from positions and angles alone. A term that tells this from the
+/// rest has a record of it, `Touch`, of trivial copies, and
+///   find(s, e, past, touch)   fills it; false where the element does not touch. It must not read velocities.
+/// Its other functions take the record: energy(s, touch), power(s, touch), add_force(s, touch, f),
+/// advance(s, touch, h, known, numbers, heat), which returns nothing, and force(s, touch). Where a step ends at the
+/// positions of the last forces, as those of velocity Verlet do, contacts are not found again to be advanced.
+template <class T, int D>
+concept FindingTerm = requires(const T term, const StateView<D>& s, Index e, Real h, bool known,
+                               std::span<const Real> past, std::span<Real> numbers, std::span<Real> heat,
+                               typename T::Touch& c, Scatter<D, 1>& f) {
+  requires std::is_trivially_copyable_v<typename T::Touch>;
+  { term.find(s, e, past, c) } -> std::same_as<bool>;
+  { term.energy(s, c) } -> std::same_as<Real>;
+  { term.power(s, c) } -> std::same_as<Real>;
+  term.add_force(s, c, f);
+  term.advance(s, c, h, known, numbers, heat);
+};
+
 template <class T, int D>
 concept HistoryTerm = requires(const T term, const StateView<D>& s, Index e, Real h, bool known,
                                std::span<const Real> past, std::span<Real> numbers, std::span<Real> heat,
@@ -150,13 +171,15 @@ concept HistoryTerm = requires(const T term, const StateView<D>& s, Index e, Rea
   { term.enabled(s) } -> std::same_as<bool>;
   { T::elements } -> std::convertible_to<Elements>;
   { T::history } -> std::convertible_to<int>;
-  term.add_force(s, e, past, f);
-  { term.energy(s, e, past) } -> std::same_as<Real>;  // that is stored
-  { term.power(s, e, past) } -> std::same_as<Real>;   // dissipated at present, ≥ 0
-  requires requires {
-    { term.advance(s, e, h, known, numbers) } -> std::same_as<bool>;  // over a step of length h; see ContactTable
-  } || requires {
-    { term.advance(s, e, h, known, numbers, heat) } -> std::same_as<bool>;
+  requires FindingTerm<T, D> || requires {
+    term.add_force(s, e, past, f);
+    { term.energy(s, e, past) } -> std::same_as<Real>;  // that is stored
+    { term.power(s, e, past) } -> std::same_as<Real>;   // dissipated at present, ≥ 0
+    requires requires {
+      { term.advance(s, e, h, known, numbers) } -> std::same_as<bool>;  // over a step of length h; see ContactTable
+    } || requires {
+      { term.advance(s, e, h, known, numbers, heat) } -> std::same_as<bool>;
+    };
   };
   { term.max_rate(s.topology) } -> std::same_as<Real>;
   { term.max_damping(s.topology) } -> std::same_as<Real>;
@@ -169,6 +192,29 @@ constexpr std::size_t losses_of() {
     return T::losses.size();
   else
     return 0;
+}
+
+/// visit(touch) for the elements of a range that touch. What is found of them is kept where there is a history.
+template <int D, FindingTerm<D> T, class Visit>
+PLIANT_INLINE void for_each_touch(const T& term, const StateView<D>& s, Range range, Visit&& visit) {
+  using Touch = typename T::Touch;
+  const bool keep = s.history != nullptr;
+  const ContactTable* const table = keep ? &s.history->of(term.name()) : nullptr;
+  const auto past = keep ? table->template pasts<T::history>() : ContactTable::Pasts<T::history>();
+  auto found = keep ? table->template record<Touch>(range) : TouchRecords::Writer<Touch>();
+  Touch alone;
+  for (Index e = range.first; e < range.last; ++e) {
+    const Real* const numbers = past(e);
+    const std::size_t known = numbers != nullptr ? T::history : 0;
+    Touch& c = keep ? found.next() : alone;
+    if (term.find(s, e, {numbers, known}, c)) {
+      if (keep) found.touches(e);
+      visit(c);
+    } else if (known > 0) {
+      found.parted(e);
+    }
+  }
+  found.end();
 }
 
 /// A pair of points, that of the particle with the lower id first.

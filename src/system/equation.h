@@ -29,8 +29,9 @@ class FirstOrderSystem {
   /// Writes ydot[unknowns()]. May update internal caches (neighbour lists, first guesses), never y.
   virtual void rate(Real t, const Real* y, Real* ydot) = 0;
   /// A step of length h has been accepted, which ends at t with x and v; v without velocities is of no account. An
-  /// integrator says so before it calls its observer. What a system keeps of the past changes here only. Collective.
-  virtual void accepted(Real /*t*/, const Real* /*x*/, const Real* /*v*/, Real /*h*/) {}
+  /// integrator says so before it calls its observer. evaluated: the last rates were those at t and x, though v may
+  /// have been another. What a system keeps of the past changes here only. Collective.
+  virtual void accepted(Real /*t*/, const Real* /*x*/, const Real* /*v*/, Real /*h*/, bool /*evaluated*/ = false) {}
 };
 
 /// ẍ = a(t, x, ẋ), which is a first-order system for y = [x; v]. acceleration() is collective.

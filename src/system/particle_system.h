@@ -67,6 +67,7 @@ class ParticleSystem final : public ImplicitSystem {
     const StateView<D> s = view_after(next_change(), x, v, t);
     const LogScope log(LogEvent::forces);
     field_->accelerations(s, a);
+    has_found_ = true;
   }
 
   void moved_by(Real change) override { change_ = change_.value_or(0) + change; }
@@ -124,10 +125,11 @@ class ParticleSystem final : public ImplicitSystem {
     return make_jacobian(*this, form, kind, group);
   }
 
-  void accepted(Real t, const Real* x, const Real* v, Real h) override {
+  void accepted(Real t, const Real* x, const Real* v, Real h, bool evaluated = false) override {
     if (history_.empty()) return;
-    const StateView<D> s = view_after({}, x, v, t);
-    field_->advance(s, h, history_);
+    const bool found = evaluated && has_found_;
+    const StateView<D> s = view_after(found ? std::optional<Real>(0) : std::nullopt, x, v, t);
+    field_->advance(s, h, history_, found);
     history_.advanced();
   }
 
@@ -332,6 +334,7 @@ class ParticleSystem final : public ImplicitSystem {
   }
 
   StateView<D> view_after(std::optional<Real> change, const Real* x, const Real* v, Real t) {
+    has_found_ = false;
     const bool valid = hold(change, x, t);
     if (!valid) rebuild(x, t);
     neighbours_.widen();
@@ -411,6 +414,7 @@ class ParticleSystem final : public ImplicitSystem {
   Halo<D> halo_;
   std::vector<Real> x_, v_, angles_, spins_;  ///< with ghosts; unused where there are none
   ContactHistory history_;
+  bool has_found_ = false;  ///< contacts, at the positions of the last acceleration, and nobody has looked since
   bool home_is_set_ = false, migration_due_ = false, tune_skin_ = false;
   /// The farthest that a point can have gone since the lists were built. Not known if others built them.
   Real travel_ = std::numeric_limits<Real>::infinity();

@@ -136,7 +136,7 @@ void FixedStepVerlet::run(SecondOrderSystem& system, State& state, Real t_end, b
     check(system, state, predicted_, finite);
     ++statistics_.steps;
     statistics_.last_dt = dt_;
-    system.accepted(t, state.x().data(), state.v().data(), dt_);
+    system.accepted(t, state.x().data(), state.v().data(), dt_, true);
     after = observer ? observer(state) : AfterStep::proceed;
     if (after == AfterStep::stop) return;
     if (after == AfterStep::changed) evaluate(system, state);

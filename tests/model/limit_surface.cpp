@@ -107,11 +107,12 @@ TEST_CASE("the nearest point of the limit surface is where the way to it is alon
   }
   CHECK(inside > 300);
   for (const Real deep : {0.0, 0.1, 0.3}) CHECK(!limit_surface().nearest(deep, deep, 0.5).outside);
-  CHECK(LimitSurface::surely_inside(0.5, 0.3));
-  CHECK(!LimitSurface::surely_inside(0.5, 0.5));
+  CHECK(LimitSurface::surely_inside(square(3 * 0.5), 3 * 0.3, 3));
+  CHECK(!LimitSurface::surely_inside(square(3 * 0.5), 3 * 0.5, 3));
   for (int k = 0; k <= 1000; ++k) {
     const LimitSurface::Point p = LimitSurface::exact(k / 1000.0);
-    CHECK(!LimitSurface::surely_inside(1.0001 * p.force, 1.0001 * p.torque));
-    CHECK(LimitSurface::surely_inside(0.8 * p.force, 0.8 * p.torque));
+    CHECK(!LimitSurface::surely_inside(square(3.0003 * p.force), 3.0003 * p.torque, 3));
+    CHECK(LimitSurface::surely_inside(square(2.4 * p.force), 2.4 * p.torque, 3));
   }
+  CHECK(!LimitSurface::surely_inside(0, 3 * 0.7, 3));
 }
