@@ -103,13 +103,14 @@ Walls<D> Container::walls() const {
 }
 
 template <int D>
-Walls<D> Container::closed(Real lid) const {
+Walls<D> Container::closed(Real lid, Real clearance) const {
   WallParts walls = parts(D);
   walls.lips.clear();
   const Vec<2> across = extent();
   const Real bottom = orifice() / 2;
   walls.segments.push_back(WallSegment::between({D == 2 ? -bottom : 0, 0}, {bottom, 0}));
   walls.segments.push_back(WallSegment::between({D == 2 ? across[0] : 0, lid}, {across[1], lid}));
+  for (WallSegment& wall : walls.segments) wall.radius += clearance;
   return Walls<D>(std::move(walls));
 }
 
@@ -172,8 +173,8 @@ template bool Container::lets_pass<2>(Real) const;
 template bool Container::lets_pass<3>(Real) const;
 template Walls<2> Container::walls() const;
 template Walls<3> Container::walls() const;
-template Walls<2> Container::closed(Real) const;
-template Walls<3> Container::closed(Real) const;
+template Walls<2> Container::closed(Real, Real) const;
+template Walls<3> Container::closed(Real, Real) const;
 template bool Container::has_room(const Walls<2>&, const Vec<2>&, Real, Real) const;
 template bool Container::has_room(const Walls<3>&, const Vec<3>&, Real, Real) const;
 template bool Container::can_fall_to(const Walls<2>&, const Vec<2>&, Real);

@@ -58,9 +58,10 @@ class Container {
   WallParts parts(int dim) const;
   template <int D>
   Walls<D> walls() const;
-  /// The same, and after them a shut orifice and a lid at height `lid`: a box to pack particles in.
+  /// The same, and after them a shut orifice and a lid at height `lid`: a box to pack particles in. Particles stay
+  /// `clearance` farther away from its walls.
   template <int D>
-  Walls<D> closed(Real lid) const;
+  Walls<D> closed(Real lid, Real clearance = 0) const;
 
   /// Whether a disk (sphere) of this radius can come to r straight from above without touching walls.
   template <int D>

@@ -27,7 +27,7 @@ Fused<Kernel, Terms...> fused(Terms... terms) {
 template <int D, class Law = HarmonicOverlap>
 std::unique_ptr<ForceField<D>> soft(const ModelParameters& p, const Vec<D>& gravity) {
   return model<D>(fused<PairKernel>(PairContact<D, Law>{p.epsilon, "pair"}, PairFriction<D>{p.mu, p.friction}),
-                  fused<WallKernel>(WallContact<D, Law>{p.epsilon_wall}),
+                  fused<WallKernel>(WallContact<D, Law>{p.epsilon_wall, p.wall_diameter}),
                   fused<PointKernel>(Gravity<D>{gravity}, Drag<D>{p.zeta, p.drag}));
 }
 
@@ -135,8 +135,8 @@ std::unique_ptr<ForceField<D>> make_force_field(ModelKind kind, const ModelParam
              : p.law == ContactLaw::spring ? frictional<SpringOverlap>(p, gravity)
                                            : frictional<HarmonicOverlap>(p, gravity);
     const auto shape = fused<ShapeKernel>(Area{p.k_a}, Perimeter{p.k_l}, Bending{p.k_b});
-    const auto wall = fused<WallKernel>(WallContact<2>{p.epsilon_wall});
-    const LipContact lip{p.epsilon_wall, p.lip_edges};
+    const auto wall = fused<WallKernel>(WallContact<2>{p.epsilon_wall, p.wall_diameter});
+    const LipContact lip{p.epsilon_wall, p.lip_edges, p.wall_diameter};
     const auto outer = fused<PointKernel>(Gravity<2>{gravity}, Drag<2>{p.zeta, p.drag});
     switch (kind) {
       case ModelKind::rough:
@@ -149,8 +149,8 @@ std::unique_ptr<ForceField<D>> make_force_field(ModelKind kind, const ModelParam
         return with_law(p.law, [&]<class Law>(Law) {
           return model<2>(
               shape, fused<EdgeKernel>(EdgeContact<Law>{p.epsilon}, EdgeFriction{p.mu, p.friction_point, p.friction}),
-              fused<WallKernel>(WallContact<2, Law>{p.epsilon_wall}), LipContact<Law>{p.epsilon_wall, p.lip_edges},
-              outer);
+              fused<WallKernel>(WallContact<2, Law>{p.epsilon_wall, p.wall_diameter}),
+              LipContact<Law>{p.epsilon_wall, p.lip_edges, p.wall_diameter}, outer);
         });
       default:
         return model<2>(shape, outer);

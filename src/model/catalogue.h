@@ -42,6 +42,7 @@ struct DiskParameters {
 struct ModelParameters {
   Real epsilon = 100;                     ///< contact energy: E_sp or E_c
   Real epsilon_wall = 1e4;                ///< E_w
+  Real wall_diameter = 0;                 ///< thickness of walls, whose ends are round
   ContactLaw law = ContactLaw::harmonic;  ///< of contacts with each other, walls and lips
   Real k_a = 0, k_l = 0, k_b = 0;
   Real mu = 0, zeta = 0;

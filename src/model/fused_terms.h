@@ -73,7 +73,7 @@ struct WallKernel {
   static void add_forces(const StateView<D>& s, Index chunk, Real* f, const WallContact<D, Law>& contact) {
     const PairList& list = s.neighbours.walls;
     const Range own = list.inside(chunk);
-    if (!s.walls.resting_segments()) {
+    if (!s.walls.resting_segments() || contact.thickness > 0) {
       const Scatter<D, -1> scatter{f};
       for (Index e = own.first; e < own.last; ++e) contact.add_gradient(s, e, scatter);
       return;

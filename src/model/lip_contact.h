@@ -16,10 +16,12 @@ template <class Law = HarmonicOverlap>
 struct LipContact {
   Real epsilon;
   bool with_edges = true;  ///< false: as printed, only vertices feel lips
+  Real thickness = 0;      ///< of the walls, as in WallContact
 
   static constexpr Elements elements = Elements::lips;
   static std::string_view name() { return "lip"; }
   bool enabled(const StateView<2>& s) const { return with_edges && !s.walls.lips().empty(); }
+  Real range() const { return thickness / 2; }
 
   Real energy(const StateView<2>& s, Index e) const {
     const auto [q, a, b, v] = element(s, e);
@@ -63,7 +65,8 @@ struct LipContact {
     return with_edges
                ? std::sqrt(4 * Law::stiffness * epsilon /
                            smallest_over_points(
-                               topology, [&](Index i) { return square(topology.diameter[i]) * topology.mass(i); }))
+                               topology,
+                               [&](Index i) { return square(topology.diameter[i] + thickness) * topology.mass(i); }))
                : 0;
   }
 
@@ -75,7 +78,7 @@ struct LipContact {
   };
   Element element(const StateView<2>& s, Index e) const {
     const auto [lip, a] = s.neighbours.lips[e];
-    return {s.walls.lip(lip, s.t), a, s.topology.next[a], {epsilon, s.topology.diameter[a] / 2}};
+    return {s.walls.lip(lip, s.t), a, s.topology.next[a], {epsilon, (s.topology.diameter[a] + thickness) / 2}};
   }
   /// Forces on the two ends of the edge.
   std::array<Vec<2>, 2> forces(const StateView<2>& s, Index e) const {

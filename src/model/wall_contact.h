@@ -6,17 +6,20 @@
 
 namespace pliant {
 
-/// U = Σ V(d_w), d_w the distance of the point to the wall and V of range δ/2, δ the point's contact diameter, by one
-/// of the laws in contact_law.h; harmonic: ε_w/2 (1 − 2 d_w/δ)² Θ(1 − 2 d_w/δ). Where segments are joined to an outline
+/// U = Σ V(d_w), d_w the distance of the point to the wall and V of range (δ + δ_w)/2, δ the point's contact diameter
+/// and δ_w that of the walls, whose ends are round beads then, by one of the laws in contact_law.h; harmonic, for walls
+/// without thickness: ε_w/2 (1 − 2 d_w/δ)² Θ(1 − 2 d_w/δ). Where segments are joined to an outline
 /// the joint counts −V. Walls may move: they are at their places at the view's time. Elements: neighbour list of points
 /// and parts of the walls.
 template <int D, class Law = HarmonicOverlap>
 struct WallContact {
   Real epsilon;
+  Real thickness = 0;  ///< δ_w, in σ_avg
 
   static constexpr Elements elements = Elements::walls;
   static std::string_view name() { return "wall"; }
   bool enabled(const StateView<D>& s) const { return s.walls.size() > 0; }
+  Real range() const { return thickness / 2; }
 
   Real energy(const StateView<D>& s, Index e) const {
     const auto [i, part] = s.neighbours.walls[e];
@@ -48,15 +51,15 @@ struct WallContact {
     return -s.walls.weight(part) * law(s, i).slope(d) * n;
   }
 
-  /// ω² = V''/m, with the harmonic law 4 ε_w/(δ² m).
+  /// ω² = V''/m, with the harmonic law 4 ε_w/((δ + δ_w)² m).
   Real max_rate(const Topology& topology) const {
     return std::sqrt(Law::stiffness * epsilon / smallest_over_points(topology, [&](Index i) {
-                       return Law::scale(topology.diameter[i] / 2) * topology.mass(i);
+                       return Law::scale((topology.diameter[i] + thickness) / 2) * topology.mass(i);
                      }));
   }
 
  private:
-  Law law(const StateView<D>& s, Index i) const { return {epsilon, s.topology.diameter[i] / 2}; }
+  Law law(const StateView<D>& s, Index i) const { return {epsilon, (s.topology.diameter[i] + thickness) / 2}; }
 };
 
 }  // namespace pliant

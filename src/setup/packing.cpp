@@ -122,7 +122,7 @@ Packing pack(const Topology& topology, const Container& container, const Packing
     const Real before = packing.height;
     // A few particles lie side by side: none may be higher than the lid.
     packing.height = std::max(container.fill_height(D, content / packing.fraction), 1.001 * largest);
-    const Walls<D> walls = container.closed<D>(packing.height);
+    const Walls<D> walls = container.closed<D>(packing.height, p.clearance);
     for (Index m = 0; m < n; ++m) {
       Real* r = &centres[static_cast<std::size_t>(m) * D];
       if (before > 0) r[D - 1] *= packing.height / before;

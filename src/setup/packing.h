@@ -16,6 +16,7 @@ struct PackingParameters {
       0.84;  ///< to start from: of the filled part of the hopper that the particles' outer disks (spheres) cover
   Real tolerance = 1e-4;  ///< largest overlap, relative to a contact's range, that counts as none
   std::uint64_t seed = 1;
+  Real clearance = 0;  ///< from walls, in σ_avg
 };
 
 struct Packing {

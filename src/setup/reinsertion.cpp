@@ -115,8 +115,8 @@ void reinsert(const Ranks& ranks, const Topology& topology, const Container& con
 
   const Vec<2> inflow = container.inflow();
   for (std::uint64_t attempt = 0; attempt < attempts; ++attempt) {
-    Vec<D> target = random_lateral<D>(inflow.sum() / 2, container.inflow_width() / 2 - radius, seed, leaving.id,
-                                      static_cast<std::uint64_t>(leaving.count) * attempts + attempt);
+    Vec<D> target = random_lateral<D>(inflow.sum() / 2, container.inflow_width() / 2 - radius - rule.clearance, seed,
+                                      leaving.id, static_cast<std::uint64_t>(leaving.count) * attempts + attempt);
     // Lower the circle around the particle onto the circles around the others.
     Index touched = -1;
     Real top = 0;
@@ -157,7 +157,7 @@ void reinsert(const Ranks& ranks, const Topology& topology, const Container& con
       }
     }
     target[up] += rule.gap;
-    if (!Container::can_fall_to<D>(walls, target, radius)) continue;
+    if (!Container::can_fall_to<D>(walls, target, radius + rule.clearance)) continue;
 
     const int below = ranks.size() - ranks.max(first_touch ? ranks.size() - ranks.rank() : 0);
     std::array<Real, D> velocity{};

@@ -133,6 +133,44 @@ TEST_CASE("derivatives of the lip contact") {
   }
 }
 
+namespace {
+
+/// What has the given reach at walls with half of their diameter taken from it.
+constexpr Real thickness = 0.2;
+template <int D>
+Configuration<D> thinner(Configuration<D> c) {
+  for (Real& delta : c.topology.diameter) delta -= thickness;
+  return c;
+}
+
+}  // namespace
+
+TEST_CASE("derivatives of the contact with thick walls") {
+  const auto field2 = alone<2>(WallContact<2>{epsilon, thickness});
+  const auto field3 = alone<3>(WallContact<3, LinearOverlap>{epsilon, thickness});
+  const auto lip = alone<2>(LipContact<>{epsilon, true, thickness});
+  for_each_place(interior_wall_places, [&](WallPlace place) {
+    check_smooth<2>(
+        *field2, [&](Random& r) { return thinner(soft_at_wall<2>(r, 45, place)); }, 1e-5);
+    check_smooth<3>(
+        *field3, [&](Random& r) { return thinner(soft_at_wall<3>(r, 90, place)); }, 1e-5);
+  });
+  for_each_place(boundary_wall_places, [&](WallPlace place) {
+    check_boundary<2>(
+        *field2, [&](Random& r) { return thinner(soft_at_wall<2>(r, 45, place)); }, 3e-5);
+    check_boundary<3>(
+        *field3, [&](Random& r) { return thinner(soft_at_wall<3>(r, 90, place)); }, 3e-5);
+  });
+  for_each_place(std::array{LipPlace::edge, LipPlace::notch}, [&](LipPlace place) {
+    check_smooth<2>(
+        *lip, [&](Random& r) { return thinner(polygon_at_lip(r, 45, place, 0.3)); }, 1e-6);
+  });
+  for_each_place(std::array{LipPlace::edge_onset, LipPlace::edge_end}, [&](LipPlace place) {
+    check_boundary<2>(
+        *lip, [&](Random& r) { return thinner(polygon_at_lip(r, 45, place, 0.3)); }, 1e-5);
+  });
+}
+
 TEST_CASE("derivatives of the models") {
   ModelParameters p{.epsilon = epsilon, .epsilon_wall = 2e3, .k_a = 20, .k_l = 3, .k_b = 0.2};
   const Vec<2> g(0, -1);

@@ -204,3 +204,35 @@ TEST_CASE("a corner of an obstacle does not enter an edge", "[walls]") {
   for (std::size_t k = 1; k < on_walls.size(); k += 2) sum += on_walls[k];
   CHECK(sum == Approx(-f[1] - f[3]));
 }
+
+TEMPLATE_TEST_CASE_SIG("walls of a diameter are met by so much earlier, and end in beads", "", ((int D), D), 2, 3) {
+  // A floor that ends at x = 1 (3D: a plate of radius 1), 0.3 thick, and a particle of diameter 0.7: contact at 0.5.
+  constexpr Real size = 0.7, thick = 0.3;
+  WallParts floor;
+  floor.segments = {WallSegment::between({D == 2 ? -5 : 0, 0}, {1, 0})};
+  const auto force = [&](const ForceField<D>& field, Real x, Real y) {
+    Configuration<D> c;
+    c.walls = Walls<D>(floor);
+    Vec<D> r = Vec<D>::Zero();
+    r[0] = x, r[D - 1] = y;
+    c.add_soft(size, r);
+    std::vector<Real> f(D);
+    field.forces(c.view(), f.data());
+    const Real d = x < 1 ? y : std::hypot(x - 1, y);
+    CHECK(field.energy(c.view()) == Approx(d < 0.5 ? 50 * square(1 - d / 0.5) : 0));
+    return Vec<2>(f[0], f[D - 1]);
+  };
+  ModelParameters p{.epsilon_wall = 100, .wall_diameter = thick};
+  const auto term = alone<D>(WallContact<D>{100, thick});
+  const auto model = make_force_field<D>(ModelKind::sp, p, Vec<D>::Zero());
+  for (const ForceField<D>* field : {term.get(), model.get()}) {
+    CHECK((force(*field, 0.3, 0.4) - Vec<2>(0, 40)).norm() < 1e-12);
+    CHECK((force(*field, 1.24, 0.32) - 40 * Vec<2>(0.6, 0.8)).norm() < 1e-11);  // at the bead
+    CHECK(force(*field, 0.3, 0.51).norm() == 0);
+    CHECK(force(*field, 1.4, 0.4).norm() == 0);
+    CHECK(field->needs().beyond_contact == thick / 2);
+  }
+  Topology one;
+  one.add_soft(size, 2);
+  CHECK(term->critical_step(one).elastic == Approx(2 / std::sqrt(100 / square(0.5) / 2)));
+}

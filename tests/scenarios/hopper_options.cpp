@@ -71,6 +71,7 @@ TEST_CASE("options of a hopper that contradict each other", "[options]") {
   };
   refused({"-dim", "3", "-model", "rough"}, "-dim 3 with -model rough");
   refused({"-contact_law", "barrier"}, "-contact_law barrier with -model sp");
+  refused({"-wall_diameter", "0.6", "-hopper_width", "0.5"}, "leave no gap");
   refused({"-contact_law", "linear", "-model", "smooth"}, "only -model sp has it");
   refused({"-contact_law", "hertz", "-model", "rough"}, "-contact_law hertz with -model rough");
   refused({"-model", "rough", "-shape_parameter", "1", "-n_vertices", "6"}, "-shape_parameter 1: no polygon of 6");
@@ -96,7 +97,8 @@ TEST_CASE("an option that the model does not read is refused where it is given",
                                   {"e_w", "50", {"sp", "rough", "smooth"}},
                                   {"mu", "1", {"sp", "rough", "smooth"}},
                                   {"friction", "tangential", {"sp", "rough", "smooth"}},
-                                  {"drag", "per_mass", {"sp", "rough", "smooth"}}};
+                                  {"drag", "per_mass", {"sp", "rough", "smooth"}},
+                                  {"wall_diameter", "0.2", {"sp", "rough", "smooth"}}};
   for (const Unread& row : table)
     for (const std::string model : {"sp", "rough", "smooth"}) {
       const std::vector<std::string> arguments{"-model", model, std::string("-") + row.option, row.value};

@@ -51,6 +51,16 @@ struct Packed {
     return least;
   }
 
+  /// The same to the walls alone, without their radius, not over it.
+  Real least_wall_distance() const {
+    Real least = 1e9;
+    const Walls<D> walls = Container(hopper).closed<D>(packing.height);
+    for (Index m = 0; m < topology.particles(); ++m)
+      for (Index s = 0; s < walls.size(); ++s)
+        least = std::min(least, walls.distance(centre(m), s, 0) - outer_radius(topology, m));
+    return least;
+  }
+
   /// Area (volume) that the outer disks (spheres) cover, over that of the hopper below the lid, by quadrature.
   Real filled() const {
     Real content = 0, room = 0;
@@ -136,4 +146,16 @@ TEST_CASE("a particle wider than the hopper is refused", "[packing]") {
                     Catch::Contains("1.17") && Catch::Contains("1.1") && Catch::Contains("-hopper_wall_distance"));
   // Wide enough for its largest particle, it takes them one above the other.
   check<2>(Packed<2>(ModelKind::sp, 6, {.wall_distance = 1.25, .orifice = 0.5}));
+}
+
+TEST_CASE("a packing keeps clear of walls", "[packing]") {
+  const Packed<2> close(ModelKind::rough, 40, {.wall_distance = 8, .orifice = 3, .angle = 45});
+  const Packed<2> clear(ModelKind::rough, 40, {.wall_distance = 8, .orifice = 3, .angle = 45}, {.clearance = 0.1});
+  const Packed<3> space(ModelKind::sp, 60, {.wall_distance = 5, .orifice = 2, .angle = 90},
+                        {.fraction = 0.55, .clearance = 0.1});
+  CHECK(close.least_wall_distance() < 0.001);
+  for (const Real gap : {clear.least_wall_distance(), space.least_wall_distance()}) {
+    CHECK(gap > 0.1 - 0.001);
+    CHECK(gap < 0.1 + 0.01);
+  }
 }

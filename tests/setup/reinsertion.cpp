@@ -251,3 +251,18 @@ TEST_CASE("particles that are out of the run or below the orifice are no place t
   CHECK_THROWS_WITH(flow.reinsert_one(),
                     Catch::Contains("particle 5") && Catch::Contains("0 particles are above the orifice"));
 }
+
+TEST_CASE("what is reinserted keeps clear of walls", "[reinsertion]") {
+  const Flow<2> start(ModelKind::sp, 40, {.wall_distance = 6, .orifice = 2, .angle = 90});
+  const auto nearest = [&](const Reinsertion& rule) {
+    Real least = 1e9;
+    for (std::uint64_t count = 0; count < 60; ++count) {
+      Flow<2> flow = start;
+      flow.reinsert_one(count, 1, rule);
+      least = std::min(least, 3 - std::abs(flow.centre(flow.fallen)[0]) - flow.topology.sigma[flow.fallen] / 2);
+    }
+    return least;
+  };
+  CHECK(nearest({}) < 0.2);
+  CHECK(nearest({.clearance = 0.25}) >= 0.25);
+}

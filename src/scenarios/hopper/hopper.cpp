@@ -90,7 +90,7 @@ class HopperProtocol final : public Protocol<D> {
     // 1/d; without inertia it is the square that counts.
     const Real elastic = critical.elastic, drag_limit = critical_step_;
     const Real unit = BarrierOverlap::stiff_distance / 2, outlines = EdgeContact<BarrierOverlap>{p.e_c}.max_rate(all),
-               walls = WallContact<2, BarrierOverlap>{p.e_w}.max_rate(all);
+               walls = WallContact<2, BarrierOverlap>{p.e_w, p.wall_diameter}.max_rate(all);
     const bool overdamped = p.dynamics == Dynamics::overdamped;
     least_distances_ = [=](Real dt) {
       const Real factor = unit * (overdamped ? elastic * std::sqrt(dt / drag_limit) : dt);
@@ -175,7 +175,8 @@ class HopperProtocol final : public Protocol<D> {
     std::vector<Real> x(static_cast<std::size_t>(all.points()) * D);
     if (ranks().root() && !p_.container->plain()) warn_if_blocked();
     const Packing packing = pack<D>(
-        all, *p_.container, {*p_.pack_fraction, p_.pack_tolerance, static_cast<std::uint64_t>(p_.seed)}, x.data());
+        all, *p_.container,
+        {*p_.pack_fraction, p_.pack_tolerance, static_cast<std::uint64_t>(p_.seed), p_.wall_diameter / 2}, x.data());
     if (ranks().root())
       say("packed to a fraction of {:.3f}, height {:.1f}, in {} iterations of FIRE; largest overlap {:.1e}\n",
           packing.fraction, packing.height, packing.iterations, packing.max_overlap);

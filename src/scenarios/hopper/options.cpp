@@ -38,6 +38,7 @@ const std::vector<PartlyRead>& partly_read() {
                                              {"friction_point", {smooth}},
                                              {"friction", {sp, rough, smooth}},
                                              {"e_w", {sp, rough, smooth}},
+                                             {"wall_diameter", {sp, rough, smooth}},
                                              {"contact_law", {sp, rough, smooth}},
                                              {"mu", {sp, rough, smooth}},
                                              {"zeta", {sp, rough, smooth}},
@@ -89,6 +90,12 @@ void HopperOptions::bind(Options& o) {
           .unit = "rho g sigma_avg^(d+1)",
           .min = 0,
           .min_open = true,
+          .on_restart = fixed});
+  o.bind("wall_diameter", wall_diameter,
+         {.help = "thickness of the walls, whose ends, the lips of the orifice, are round",
+          .unit = "sigma_avg",
+          .min = 0,
+          .max = 1,
           .on_restart = fixed});
   o.bind("contact_law", contact_law,
          {{"harmonic", ContactLaw::harmonic},
@@ -351,6 +358,11 @@ void HopperOptions::resolve() {
     throw InputError(
         "-hopper_q_rtol {} with -flow discharge: only continuous flow has a steady rate; leave one of them out",
         q_rtol);
+  reinsertion.clearance = wall_diameter / 2;
+  if (wall_diameter >= hopper.orifice)
+    throw InputError(
+        "-wall_diameter {}: the beads at the lips of an orifice of -hopper_width {} leave no gap; use less",
+        wall_diameter, hopper.orifice);
   if (!t_end) t_end = q_rtol > 0 ? 10000 : 100;
 }
 
@@ -403,6 +415,7 @@ Real HopperOptions::first_skin() const {
 ModelParameters HopperOptions::model_parameters() const {
   return {.epsilon = particle_kind() == ModelKind::sp ? e_sp : e_c,
           .epsilon_wall = e_w,
+          .wall_diameter = wall_diameter,
           .law = contact_law,
           .k_a = k_a,
           .k_l = k_l,

@@ -38,6 +38,7 @@ struct HopperOptions : RunOptions {
   SizeDistribution sizes;
   PolygonShape shape;
 
+  Real wall_diameter = 0;
   Real e_sp = 100, e_w = 1e4, e_c = 1e4, k_a = 2e4, k_l = 10, k_b = 0.1;
   ContactLaw contact_law = ContactLaw::harmonic;
   Real mu = 0, zeta = 0;
