@@ -6,11 +6,17 @@
 
 namespace pliant {
 
-/// U = k_a/2 (a − a0)², a the signed area by the shoelace formula (positive for counter-clockwise). Smooth.
-/// ∂a/∂r_i = ½ (y_{i+1} − y_{i−1}, x_{i−1} − x_{i+1}); the Hessian is dense in a particle: k_a ∇a ∇aᵀ + k_a (a − a0)
-/// ∇²a. Elements: particles.
+enum class AreaEnergy {
+  absolute,  ///< k_a/2 (a − a0)²
+  relative   ///< k_a a0/2 (a/a0 − 1)²: a pressure k_a (a/a0 − 1), the same modulus for all sizes
+};
+
+/// U = K/2 (a − a0)², K = k_a or k_a/a0, a the signed area by the shoelace formula (positive for counter-clockwise).
+/// Smooth. ∂a/∂r_i = ½ (y_{i+1} − y_{i−1}, x_{i−1} − x_{i+1}); the Hessian is dense in a particle: K ∇a ∇aᵀ + K (a −
+/// a0) ∇²a. Elements: particles.
 struct Area {
   Real k_a;
+  AreaEnergy form = AreaEnergy::absolute;
 
   static constexpr Elements elements = Elements::particles;
   static std::string_view name() { return "area"; }
@@ -18,22 +24,23 @@ struct Area {
   static Index particle(const StateView<2>&, Index m) { return m; }
 
   Real energy(const StateView<2>& s, Index m) const {
-    return k_a / 2 * square(polygon_area(s.x, s.topology, m) - s.topology.a0[m]);
+    return stiffness(s.topology, m) / 2 * square(polygon_area(s.x, s.topology, m) - s.topology.a0[m]);
   }
 
   template <class G>
   void add_gradient(const StateView<2>& s, Index m, G& grad) const {
-    const Real pressure = k_a * (polygon_area(s.x, s.topology, m) - s.topology.a0[m]);
+    const Real pressure = stiffness(s.topology, m) * (polygon_area(s.x, s.topology, m) - s.topology.a0[m]);
     for (Index i = s.topology.offset[m]; i < s.topology.offset[m + 1]; ++i)
       grad.add(i, Vec<2>(pressure * area_gradient(s.x, s.topology, i)));
   }
 
   void add_hessian(const StateView<2>& s, Index m, BlockSink<2>& h) const {
-    const Real pressure = k_a * (polygon_area(s.x, s.topology, m) - s.topology.a0[m]);
+    const Real pressure = stiffness(s.topology, m) * (polygon_area(s.x, s.topology, m) - s.topology.a0[m]);
     const Index first = s.topology.offset[m], last = s.topology.offset[m + 1];
     for (Index i = first; i < last; ++i) {
       const Vec<2> gi = area_gradient(s.x, s.topology, i);
-      for (Index j = first; j < last; ++j) h.add(i, j, k_a * gi * area_gradient(s.x, s.topology, j).transpose());
+      for (Index j = first; j < last; ++j)
+        h.add(i, j, stiffness(s.topology, m) * gi * area_gradient(s.x, s.topology, j).transpose());
       const Mat<2> turn{{0, 0.5}, {-0.5, 0}};  // ∂²a/∂r_i∂r_{i+1}
       const Index j = s.topology.next[i];
       h.add(i, j, pressure * turn);
@@ -41,13 +48,18 @@ struct Area {
     }
   }
 
-  /// Breathing mode: ω² = k_a |∇a|²/m, with |∇a|² ≤ Σ l0² for a regular polygon.
+  /// Breathing mode: ω² = K |∇a|²/m, with |∇a|² ≤ Σ l0² for a regular polygon.
   Real max_rate(const Topology& topology) const {
     Real fastest = 0;
     for (Index m = 0; m < topology.particles(); ++m)
-      fastest =
-          std::max(fastest, k_a * topology.points_of(m) * square(topology.l0[m]) / topology.mass(topology.offset[m]));
+      fastest = std::max(fastest, stiffness(topology, m) * topology.points_of(m) * square(topology.l0[m]) /
+                                      topology.mass(topology.offset[m]));
     return std::sqrt(fastest);
+  }
+
+ private:
+  Real stiffness(const Topology& topology, Index m) const {
+    return form == AreaEnergy::absolute ? k_a : k_a / topology.a0[m];
   }
 };
 

@@ -7,10 +7,18 @@
 
 namespace pliant {
 
+/// Of which vectors along the edges the bending energy is made.
+enum class EdgeVectors {
+  unit,  ///< directions l̂
+  full   ///< l/l0, which are those where edges have their rest length
+};
+
 /// U = Σ_i k_b/(2 Nv) |(l̂_i − l̂_{i+1})/l0|², l̂ the unit edge vectors. Smooth while all edges have a length.
-/// With c = k_b/(2 Nv l0²) and û, ŵ the two directions U_i = 2c (1 − û·ŵ). Elements: corners.
+/// With c = k_b/(2 Nv l0²) and û, ŵ the two directions U_i = 2c (1 − û·ŵ). With full vectors U_i = c |u − w|²/l0²,
+/// which is quadratic. Elements: corners.
 struct Bending {
   Real k_b;
+  EdgeVectors edges = EdgeVectors::unit;
 
   static constexpr Elements elements = Elements::corners;
   static std::string_view name() { return "bending"; }
@@ -25,6 +33,13 @@ struct Bending {
   template <class G>
   void add_gradient(const StateView<2>& s, Index i, G& grad) const {
     const Corner k = corner(s, i);
+    if (edges == EdgeVectors::full) {
+      const Vec<2> g = 2 * k.c * (k.u - k.w);  // of u; that of w is the opposite
+      grad.add(i, -g);
+      grad.add(k.middle, Vec<2>(2 * g));
+      grad.add(k.last, -g);
+      return;
+    }
     const Real cosine = k.u.dot(k.w);
     const Vec<2> gu = 2 * k.c * k.inverse_u * (cosine * k.u - k.w), gw = 2 * k.c * k.inverse_w * (cosine * k.w - k.u);
     grad.add(i, -gu);
@@ -34,10 +49,16 @@ struct Bending {
 
   void add_hessian(const StateView<2>& s, Index i, BlockSink<2>& h) const {
     const Corner k = corner(s, i);
-    const Mat<2> uu = 2 * k.c * square(k.inverse_u) * same_edge(k.u, k.w);
-    const Mat<2> ww = 2 * k.c * square(k.inverse_w) * same_edge(k.w, k.u);
-    const Mat<2> uw = -2 * k.c * k.inverse_u * k.inverse_w * (Mat<2>::Identity() - k.u * k.u.transpose()) *
-                      (Mat<2>::Identity() - k.w * k.w.transpose());
+    Mat<2> uu, ww, uw;
+    if (edges == EdgeVectors::full) {
+      uu = ww = 2 * k.c * Mat<2>::Identity();
+      uw = -uu;
+    } else {
+      uu = 2 * k.c * square(k.inverse_u) * same_edge(k.u, k.w);
+      ww = 2 * k.c * square(k.inverse_w) * same_edge(k.w, k.u);
+      uw = -2 * k.c * k.inverse_u * k.inverse_w * (Mat<2>::Identity() - k.u * k.u.transpose()) *
+           (Mat<2>::Identity() - k.w * k.w.transpose());
+    }
     // ∂l_i = (−1, 1, 0), ∂l_{i+1} = (0, −1, 1) for the three vertices.
     const std::array<Index, 3> points{i, k.middle, k.last};
     const std::array<Real, 3> du{-1, 1, 0}, dw{0, -1, 1};
@@ -60,8 +81,8 @@ struct Bending {
  private:
   struct Corner {
     Index middle, last;
-    Vec<2> u, w;
-    Real inverse_u, inverse_w, c;
+    Vec<2> u, w;  ///< of length 1, or full
+    Real inverse_u = 0, inverse_w = 0, c;
   };
 
   Corner corner(const StateView<2>& s, Index i) const {
@@ -71,12 +92,16 @@ struct Bending {
     const Vec<2> r = s.position(k.middle);
     k.u = r - s.position(i);
     k.w = s.position(k.last) - r;
+    const Index m = s.topology.particle[i];
+    k.c = k_b / (2 * s.topology.points_of(m) * square(s.topology.l0[m]));
+    if (edges == EdgeVectors::full) {
+      k.c /= square(s.topology.l0[m]);
+      return k;
+    }
     k.inverse_u = 1 / k.u.norm();
     k.inverse_w = 1 / k.w.norm();
     k.u *= k.inverse_u;
     k.w *= k.inverse_w;
-    const Index m = s.topology.particle[i];
-    k.c = k_b / (2 * s.topology.points_of(m) * square(s.topology.l0[m]));
     return k;
   }
 

@@ -134,7 +134,8 @@ std::unique_ptr<ForceField<D>> make_force_field(ModelKind kind, const ModelParam
       return p.law == ContactLaw::hertz    ? frictional<HertzOverlap>(p, gravity)
              : p.law == ContactLaw::spring ? frictional<SpringOverlap>(p, gravity)
                                            : frictional<HarmonicOverlap>(p, gravity);
-    const auto shape = fused<ShapeKernel>(Area{p.k_a}, Perimeter{p.k_l}, Bending{p.k_b});
+    const auto shape =
+        fused<ShapeKernel>(Area{p.k_a, p.area_energy}, Perimeter{p.k_l}, Bending{p.k_b, p.bending_edges});
     const auto wall = fused<WallKernel>(WallContact<2>{p.epsilon_wall, p.wall_diameter});
     const LipContact lip{p.epsilon_wall, p.lip_edges, p.wall_diameter};
     const auto outer = fused<PointKernel>(Gravity<2>{gravity}, Drag<2>{p.zeta, p.drag});
@@ -147,10 +148,11 @@ std::unique_ptr<ForceField<D>> make_force_field(ModelKind kind, const ModelParam
                         wall, lip, outer);
       case ModelKind::smooth:
         return with_law(p.law, [&]<class Law>(Law) {
-          return model<2>(
-              shape, fused<EdgeKernel>(EdgeContact<Law>{p.epsilon}, EdgeFriction{p.mu, p.friction_point, p.friction}),
-              fused<WallKernel>(WallContact<2, Law>{p.epsilon_wall, p.wall_diameter}),
-              LipContact<Law>{p.epsilon_wall, p.lip_edges, p.wall_diameter}, outer);
+          return model<2>(shape,
+                          fused<EdgeKernel>(EdgeContact<Law>{p.epsilon, Edges::wide, true, p.edge_force},
+                                            EdgeFriction{p.mu, p.friction_point, p.friction}),
+                          fused<WallKernel>(WallContact<2, Law>{p.epsilon_wall, p.wall_diameter}),
+                          LipContact<Law>{p.epsilon_wall, p.lip_edges, p.wall_diameter}, outer);
         });
       default:
         return model<2>(shape, outer);

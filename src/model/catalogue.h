@@ -5,7 +5,10 @@
 #include <string_view>
 
 #include <pliant/kernels/contact_law.h>
+#include <pliant/model/area.h>
+#include <pliant/model/bending.h>
 #include <pliant/model/drag.h>
+#include <pliant/model/edge_contact.h>
 #include <pliant/model/edge_friction.h>
 #include <pliant/model/model.h>
 
@@ -45,6 +48,9 @@ struct ModelParameters {
   Real wall_diameter = 0;                 ///< thickness of walls, whose ends are round
   ContactLaw law = ContactLaw::harmonic;  ///< of contacts with each other, walls and lips
   Real k_a = 0, k_l = 0, k_b = 0;
+  AreaEnergy area_energy = AreaEnergy::absolute;
+  EdgeVectors bending_edges = EdgeVectors::unit;
+  EdgeForce edge_force = EdgeForce::single;  ///< of smooth particles
   Real mu = 0, zeta = 0;
   FrictionPoint friction_point = FrictionPoint::contact;
   Friction friction = Friction::whole;

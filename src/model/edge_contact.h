@@ -8,6 +8,12 @@
 
 namespace pliant {
 
+/// How hard the middle of an edge pushes a vertex.
+enum class EdgeForce {
+  single,  ///< half as hard as two vertices that meet head on push each other
+  twofold  ///< twice as hard
+};
+
 /// A vertex j of one polygon against the outline of another:
 ///   U_j = Σ_i [V(dist(j, closed edge i)) − V(dist(j, vertex i))]
 /// with V by one of the laws in contact_law.h and the range r = (δ_m + δ_n)/2 of circulo-lines of width δ (smooth), or
@@ -18,12 +24,15 @@ namespace pliant {
 /// contact are conserved. The distance is unsigned: a vertex that has crossed an outline is an error state
 /// (crossing.h). With a C² law the second derivatives jump only where the nearest place changes from an edge to a
 /// corner. Each bracket is at least 0, so with a law that is unbounded U_j is too, wherever j comes near the outline.
-/// Elements: neighbour list of vertices and edges.
+///
+/// EdgeForce::twofold: Σ_i [2 V(dist(j, closed edge i)) − 7/2 V(dist(j, vertex i))], which is 2V before an edge and V/2
+/// before a corner, on either side, and as smooth. Elements: neighbour list of vertices and edges.
 template <class Law = HarmonicOverlap>
 struct EdgeContact {
   Real epsilon;
   Edges edges = Edges::wide;
   bool on = true;
+  EdgeForce force = EdgeForce::single;
 
   static constexpr Elements elements = Elements::vertex_edges;
   std::string_view name() const { return edges == Edges::wide ? "contact" : "edge"; }
@@ -33,7 +42,8 @@ struct EdgeContact {
   Real energy(const StateView<2>& s, Index e) const {
     const auto [p, a, b, v] = element(s, e);
     const SegmentFoot foot = segment_foot(s.position(p), s.position(a), s.position(b));
-    return v.value(std::sqrt(foot.d2)) - v.value((s.position(p) - s.position(a)).norm());
+    return edge_weight() * v.value(std::sqrt(foot.d2)) -
+           vertex_weight() * v.value((s.position(p) - s.position(a)).norm());
   }
 
   template <class G>
@@ -41,19 +51,20 @@ struct EdgeContact {
     const auto [p, a, b, v] = element(s, e);
     const Vec<2> rp = s.position(p), ra = s.position(a);
     const SegmentFoot foot = segment_foot(rp, ra, s.position(b));
-    if (foot.d2 >= square(v.delta) || foot.t == 0) return;  // at t = 0 both parts cancel
+    if (foot.d2 >= square(v.delta)) return;
+    if (foot.t == 0 && force == EdgeForce::single) return;  // both parts cancel
     if (foot.d2 > 0) {
       const Real d = std::sqrt(foot.d2);
-      const Vec<2> pull = v.slope(d) / d * foot.offset;
+      const Vec<2> pull = edge_weight() * v.slope(d) / d * foot.offset;
       grad.add(p, pull);
       grad.add(a, -(1 - foot.t) * pull);
       grad.add(b, -foot.t * pull);
     }
     const Vec<2> r = rp - ra;
     const Real r2 = r.squaredNorm();
-    if (r2 < square(v.delta)) {
+    if (r2 < square(v.delta) && r2 > 0) {
       const Real d = std::sqrt(r2);
-      const Vec<2> pull = v.slope(d) / d * r;
+      const Vec<2> pull = vertex_weight() * v.slope(d) / d * r;
       grad.add(p, -pull);
       grad.add(a, pull);
     }
@@ -67,13 +78,14 @@ struct EdgeContact {
     for (int k = 0; k < 3; ++k)
       for (int l = 0; l < 3; ++l)
         h.add(points[k], points[l],
-              v.curvature(edge.d) * edge.gradient[k] * edge.gradient[l].transpose() +
-                  v.slope(edge.d) * edge.hessian[k][l]);
+              edge_weight() * (v.curvature(edge.d) * edge.gradient[k] * edge.gradient[l].transpose() +
+                               v.slope(edge.d) * edge.hessian[k][l]));
     const Vec<2> r = s.position(p) - s.position(a);
     const Real d = r.norm();
     if (!v.touches(d)) return;
     const Vec<2> n = direction<2>(r, d);
-    const Mat<2> block = v.curvature(d) * n * n.transpose() + v.slope(d) * distance_curvature<2>(n, d);
+    const Mat<2> block =
+        vertex_weight() * (v.curvature(d) * n * n.transpose() + v.slope(d) * distance_curvature<2>(n, d));
     h.add(p, p, -block);
     h.add(a, a, -block);
     h.add(p, a, block);
@@ -92,7 +104,7 @@ struct EdgeContact {
     c.position = s.position(p) - topology.diameter[p] / (2 * v.delta) * foot.offset;
     c.overlap = 1 - d / v.delta;
     c.reach = v.delta;
-    c.force = -v.slope(d) * c.normal;
+    c.force = -(foot.interior() ? edge_weight() : 2 * edge_weight() - vertex_weight()) * v.slope(d) * c.normal;
     return true;
   }
 
@@ -108,6 +120,9 @@ struct EdgeContact {
   }
 
  private:
+  Real edge_weight() const { return force == EdgeForce::single ? 1 : 2; }
+  Real vertex_weight() const { return force == EdgeForce::single ? 1 : 3.5; }
+
   struct Element {
     Index vertex, start, end;
     Law law;

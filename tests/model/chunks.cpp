@@ -21,6 +21,21 @@ constexpr Real skin = 0.05;
 const ModelParameters all_on{
     .epsilon = 1e3, .epsilon_wall = 2e3, .k_a = 20, .k_l = 3, .k_b = 0.2, .mu = 0.7, .zeta = 0.3};
 
+/// With all that the printed model has not.
+const ModelParameters as_run{.epsilon = 1e3,
+                             .epsilon_wall = 2e3,
+                             .wall_diameter = 0.05,
+                             .k_a = 20,
+                             .k_l = 3,
+                             .k_b = 0.2,
+                             .area_energy = AreaEnergy::relative,
+                             .bending_edges = EdgeVectors::full,
+                             .edge_force = EdgeForce::twofold,
+                             .mu = 0.7,
+                             .zeta = 0.3,
+                             .friction = Friction::tangential,
+                             .drag = DragLaw::per_mass};
+
 /// Number of threads until the end of the scope.
 class Threads {
  public:
@@ -248,23 +263,24 @@ Results<D> by_loops(const StateView<D>& s, const VectorXd& p, const Terms&... te
 }
 
 template <int D>
-Results<D> by_loops(const StateView<D>& s, const VectorXd& p, ModelKind kind, const Vec<D>& gravity) {
-  const ModelParameters& a = all_on;
-  const WallContact<D> wall{a.epsilon_wall};
+Results<D> by_loops(const StateView<D>& s, const VectorXd& p, ModelKind kind, const Vec<D>& gravity,
+                    const ModelParameters& a) {
+  const WallContact<D> wall{a.epsilon_wall, a.wall_diameter};
   const Gravity<D> weight{gravity};
-  const Drag<D> drag{a.zeta};
+  const Drag<D> drag{a.zeta, a.drag};
+  const PairFriction<D> pair_friction{a.mu, a.friction};
   if (kind == ModelKind::sp)
-    return by_loops(s, p, PairContact<D>{a.epsilon, "pair"}, PairFriction<D>{a.mu}, wall, weight, drag);
+    return by_loops(s, p, PairContact<D>{a.epsilon, "pair"}, pair_friction, wall, weight, drag);
   if constexpr (D == 2) {
-    const Area area{a.k_a};
+    const Area area{a.k_a, a.area_energy};
     const Perimeter perimeter{a.k_l};
-    const Bending bending{a.k_b};
-    const LipContact lip{a.epsilon_wall, a.lip_edges};
+    const Bending bending{a.k_b, a.bending_edges};
+    const LipContact lip{a.epsilon_wall, a.lip_edges, a.wall_diameter};
     if (kind == ModelKind::rough)
-      return by_loops(s, p, area, perimeter, bending, PairContact<2>{a.epsilon, "contact"}, PairFriction<2>{a.mu},
+      return by_loops(s, p, area, perimeter, bending, PairContact<2>{a.epsilon, "contact"}, pair_friction,
                       EdgeContact{a.epsilon / 4, Edges::bare}, wall, lip, weight, drag);
-    return by_loops(s, p, area, perimeter, bending, EdgeContact{a.epsilon}, EdgeFriction{a.mu, a.friction_point}, wall,
-                    lip, weight, drag);
+    return by_loops(s, p, area, perimeter, bending, EdgeContact{a.epsilon, Edges::wide, true, a.edge_force},
+                    EdgeFriction{a.mu, a.friction_point, a.friction}, wall, lip, weight, drag);
   }
   throw std::logic_error("no such model in 3D");
 }
@@ -272,15 +288,15 @@ Results<D> by_loops(const StateView<D>& s, const VectorXd& p, ModelKind kind, co
 bool near(const VectorXd& a, const VectorXd& b) { return (a - b).norm() <= 1e-12 * b.norm(); }
 
 template <int D>
-void check_sums(Random& random, const Configuration<D>& c, ModelKind kind) {
+void check_sums(Random& random, const Configuration<D>& c, ModelKind kind, const ModelParameters& a = all_on) {
   INFO(to_string(kind) << ", " << D << "D");
   const Vec<D> gravity = Vec<D>::LinSpaced(0.1, -1);
   const VectorXd p = random_direction(random, c.topology.points() * D);
   const Neighbours<D> lists = lists_of(c, kind), all = brute_force(c, kind);
   const StateView<D> s{c.x.data(), c.v.data(), c.topology, lists, c.walls},
       flat{c.x.data(), c.v.data(), c.topology, all, c.walls};
-  const auto field = make_force_field<D>(kind, all_on, gravity);
-  Results<D> model = by_model(*field, s, p), loops = by_loops(flat, p, kind, gravity);
+  const auto field = make_force_field<D>(kind, a, gravity);
+  Results<D> model = by_model(*field, s, p), loops = by_loops(flat, p, kind, gravity, a);
 
   CHECK(near(model.forces, loops.forces));
   CHECK((model.forces - loops.forces).cwiseAbs().maxCoeff() < 1e-12 * loops.forces.cwiseAbs().maxCoeff());
@@ -314,9 +330,8 @@ void check_sums(Random& random, const Configuration<D>& c, ModelKind kind) {
 }
 
 template <int D>
-void check_momentum(const Configuration<D>& c, ModelKind kind) {
+void check_momentum(const Configuration<D>& c, ModelKind kind, ModelParameters p = all_on) {
   INFO(to_string(kind) << ", " << D << "D");
-  ModelParameters p = all_on;
   p.epsilon_wall = p.zeta = 0;
   const auto field = make_force_field<D>(kind, p, Vec<D>::Zero());
   const Neighbours<D> lists = lists_of(c, kind);
@@ -393,11 +408,13 @@ TEST_CASE("chunks list every pair once, or on both sides of a border") {
 
 TEST_CASE("sums over chunks are the sums of plain loops over all pairs") {
   Random random(2);
-  check_sums(random, disks(random), ModelKind::sp);
-  check_sums(random, spheres(random), ModelKind::sp);
-  const Configuration<2> c = polygons(random);
-  check_sums(random, c, ModelKind::rough);
-  check_sums(random, c, ModelKind::smooth);
+  for (const ModelParameters& a : {all_on, as_run}) {
+    check_sums(random, disks(random), ModelKind::sp, a);
+    check_sums(random, spheres(random), ModelKind::sp, a);
+    const Configuration<2> c = polygons(random);
+    check_sums(random, c, ModelKind::rough, a);
+    check_sums(random, c, ModelKind::smooth, a);
+  }
 }
 
 TEST_CASE("forces across the borders of chunks conserve momentum") {
@@ -406,7 +423,7 @@ TEST_CASE("forces across the borders of chunks conserve momentum") {
   check_momentum(spheres(random), ModelKind::sp);
   const Configuration<2> c = polygons(random);
   check_momentum(c, ModelKind::rough);
-  check_momentum(c, ModelKind::smooth);
+  for (const ModelParameters& p : {all_on, as_run}) check_momentum(c, ModelKind::smooth, p);
 }
 
 TEST_CASE("the number of threads changes no bit") {

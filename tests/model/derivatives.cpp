@@ -48,6 +48,10 @@ TEST_CASE("derivatives of the shape terms") {
   SECTION("area") { check_smooth<2>(*alone<2>(Area{10}), single_polygon, 1e-3); }
   SECTION("perimeter") { check_smooth<2>(*alone<2>(Perimeter{3}), single_polygon, 1e-4); }
   SECTION("bending") { check_smooth<2>(*alone<2>(Bending{0.7}), single_polygon, 1e-4); }
+  SECTION("relative area") { check_smooth<2>(*alone<2>(Area{10, AreaEnergy::relative}), single_polygon, 1e-3); }
+  SECTION("bending of full edges") {
+    check_smooth<2>(*alone<2>(Bending{0.7, EdgeVectors::full}), single_polygon, 1e-4);
+  }
 }
 
 TEST_CASE("derivatives of gravity") {
@@ -73,6 +77,18 @@ TEST_CASE("derivatives of the pair contact") {
 
 TEST_CASE("derivatives of the edge contact") {
   const auto field = alone<2>(EdgeContact{epsilon});
+  for_each_place(interior_places, [&](Place place) {
+    check_smooth<2>(
+        *field, [&](Random& r) { return touching_polygons(r, place); }, 1e-6);
+  });
+  for_each_place(boundary_places, [&](Place place) {
+    check_boundary<2>(
+        *field, [&](Random& r) { return touching_polygons(r, place); }, 1e-5);
+  });
+}
+
+TEST_CASE("derivatives of the twofold edge contact") {
+  const auto field = alone<2>(EdgeContact{epsilon, Edges::wide, true, EdgeForce::twofold});
   for_each_place(interior_places, [&](Place place) {
     check_smooth<2>(
         *field, [&](Random& r) { return touching_polygons(r, place); }, 1e-6);

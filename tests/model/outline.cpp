@@ -325,3 +325,25 @@ TEST_CASE("a vertex inside an outline is found as deep as is asked for") {
       CHECK(find_crossing(view));
     }
 }
+
+TEST_CASE("an edge pushes a vertex half or twice as hard as a vertex does that meets it head on") {
+  constexpr Real range = 0.1, d = 0.08, push = 1e3 / range * 0.2;
+  Configuration<2> before_edge, head_on;
+  before_edge.add_polygon({{0, 0}, {0, 1}, {-1, 1}, {-1, 0}}, range);
+  before_edge.add_polygon(wedge({d, 0.4}, {1, 0}), range);
+  head_on.add_polygon(wedge({-d / 2, 0}, {-1, 0}), range);
+  head_on.add_polygon(wedge({d / 2, 0}, {1, 0}), range);
+  const auto on_tip = [](Configuration<2>& c, EdgeForce force) {
+    const auto field = alone<2>(EdgeContact{1e3, Edges::wide, true, force});
+    std::vector<Real> f(c.x.size());
+    field->forces(c.view(), f.data());
+    Real shown = 0;
+    field->for_each_contact(c.view(), [&](const Contact<2>& contact) { shown += contact.force.norm(); });
+    CHECK(shown == Approx(std::abs(f[2 * 4])));
+    return point<2>(f.data(), 4);
+  };
+  CHECK((on_tip(before_edge, EdgeForce::single) - push * Vec<2>(1, 0)).norm() < 1e-9);
+  CHECK((on_tip(head_on, EdgeForce::single) - 2 * push * Vec<2>(1, 0)).norm() < 1e-9);
+  CHECK((on_tip(before_edge, EdgeForce::twofold) - 2 * push * Vec<2>(1, 0)).norm() < 1e-9);
+  CHECK((on_tip(head_on, EdgeForce::twofold) - push * Vec<2>(1, 0)).norm() < 1e-9);
+}

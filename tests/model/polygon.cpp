@@ -95,3 +95,24 @@ TEST_CASE("points inside polygons") {
     CHECK(inside(p[0], p[1]) == (turns > 0.5));
   }
 }
+
+TEST_CASE("the relative area energy is one modulus for all sizes, the bending of full edges that of edges at rest") {
+  // Squares of side 1.1 s, whose area at rest is s².
+  for (const Real s : {0.5, 1.0, 2.0}) {
+    Configuration<2> c;
+    c.add_polygon({{0, 0}, {1.1 * s, 0}, {1.1 * s, 1.1 * s}, {0, 1.1 * s}}, 0.1);
+    c.topology.a0[0] = s * s;
+    c.topology.l0[0] = s;
+    const auto area = [&](AreaEnergy form) { return alone<2>(Area{30, form})->energy(c.view()); };
+    CHECK(area(AreaEnergy::absolute) == Approx(15 * square(0.21 * s * s)));
+    CHECK(area(AreaEnergy::relative) == Approx(15 * s * s * square(0.21)));
+    // A pressure of 30 · 0.21 on half of both sides.
+    std::vector<Real> f(8);
+    alone<2>(Area{30, AreaEnergy::relative})->forces(c.view(), f.data());
+    CHECK(f[0] == Approx(30 * 0.21 * 1.1 * s / 2));
+    // Four corners, the difference of two edges is √2 times as long as one.
+    const auto bending = [&](EdgeVectors edges) { return alone<2>(Bending{0.8, edges})->energy(c.view()); };
+    CHECK(bending(EdgeVectors::unit) == Approx(0.8 / 8 * 4 * 2 / (s * s)));
+    CHECK(bending(EdgeVectors::full) == Approx(0.8 / 8 * 4 * 2 * square(1.1) / (s * s)));
+  }
+}

@@ -30,6 +30,9 @@ const std::vector<PartlyRead>& partly_read() {
                                              {"k_a", {rough, smooth}},
                                              {"k_l", {rough, smooth}},
                                              {"k_b", {rough, smooth}},
+                                             {"area_energy", {rough, smooth}},
+                                             {"bending_edges", {rough, smooth}},
+                                             {"edge_force", {smooth}},
                                              {"n_vertices", {rough, smooth}, true},
                                              {"shape_parameter", {rough, smooth}, true},
                                              {"lip_contact", {rough, smooth}},
@@ -109,6 +112,20 @@ void HopperOptions::bind(Options& o) {
   o.bind("k_a", k_a, {.help = "area stiffness K_a", .unit = "rho g/sigma_avg", .min = 0, .on_restart = fixed});
   o.bind("k_l", k_l, {.help = "perimeter stiffness K_l", .unit = "rho g sigma_avg", .min = 0, .on_restart = fixed});
   o.bind("k_b", k_b, {.help = "bending stiffness K_b", .unit = "rho g sigma_avg^5", .min = 0, .on_restart = fixed});
+  o.bind(
+      "area_energy", area_energy, {{"absolute", AreaEnergy::absolute}, {"relative", AreaEnergy::relative}},
+      {.help = "area energy of deformable particles: K_a/2 (a - a0)^2 [H 8], or K_a a0/2 (a/a0 - 1)^2, K_a a modulus "
+               "in rho g sigma_avg",
+       .on_restart = fixed});
+  o.bind(
+      "bending_edges", bending_edges, {{"unit", EdgeVectors::unit}, {"full", EdgeVectors::full}},
+      {.help = "bending energy of deformable particles: of the directions of edges [H 8], or of edges over their rest "
+               "length",
+       .on_restart = fixed});
+  o.bind("edge_force", edge_force, {{"single", EdgeForce::single}, {"twofold", EdgeForce::twofold}},
+         {.help = "smooth particles: an edge pushes a vertex half as hard as two vertices that meet head on push each "
+                  "other, or twice as hard",
+          .on_restart = fixed});
   o.bind(
       "mu", mu,
       {.help = "kinetic friction coefficient mu", .unit = "rho sigma_avg^(d-1) g t0", .min = 0, .on_restart = fixed});
@@ -420,6 +437,9 @@ ModelParameters HopperOptions::model_parameters() const {
           .k_a = k_a,
           .k_l = k_l,
           .k_b = k_b,
+          .area_energy = area_energy,
+          .bending_edges = bending_edges,
+          .edge_force = edge_force,
           .mu = mu,
           .zeta = zeta,
           .friction_point = friction_point,

@@ -40,6 +40,9 @@ struct HopperOptions : RunOptions {
 
   Real wall_diameter = 0;
   Real e_sp = 100, e_w = 1e4, e_c = 1e4, k_a = 2e4, k_l = 10, k_b = 0.1;
+  AreaEnergy area_energy = AreaEnergy::absolute;
+  EdgeVectors bending_edges = EdgeVectors::unit;
+  EdgeForce edge_force = EdgeForce::single;
   ContactLaw contact_law = ContactLaw::harmonic;
   Real mu = 0, zeta = 0;
   FrictionPoint friction_point = FrictionPoint::contact;
