@@ -24,7 +24,7 @@ struct Reinsertion {
   Real gap = 0;                            ///< how far above the place where it would touch, in σ_avg
   std::optional<Real> lateral_speed = {};  ///< largest lateral velocity, uniformly random, in each direction; else that
                                            ///< of the particle which it would touch
-  Real clearance = 0;  ///< from walls, in σ_avg
+  Real clearance = 0;                      ///< from walls, in σ_avg
 };
 
 /// Moves the particle, as it is shaped now, to a uniformly random lateral position, lowered until it touches the first
