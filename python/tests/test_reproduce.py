@@ -470,7 +470,8 @@ def test_readings_are_told_apart(tmp_path):
     data = pd.concat([
         reading_rows("friction", 2.2), reading_rows("friction", 1.8, friction="tangential"),
         reading_rows("friction", 2.1, **{"count": "removal", "removal_depth": 2.5}), reading_rows("friction", 2.0, dt=2.5e-4),
-        reading_rows("friction", 1.5, mu=8.505, **AS_RUN), reading_rows("friction", 1.9, mu=31.6, **(AS_RUN | {"e_sp": 100.0})),
+        reading_rows("friction", 1.5, mu=8.505, **AS_RUN),
+        reading_rows("friction", 1.9, mu=31.6, **(AS_RUN | {"e_sp": 100.0})),
         # drag per mass is nothing where there is no drag: one reading, 6 runs a point
         reading_rows("friction", 1.7, e_w=694.0), reading_rows("friction", 1.7, e_w=694.0, drag="per_mass"),
         reading_rows("drag", 0.9, e_sp=1e4), reading_rows("drag", 0.5, zeta=1.54, **AS_RUN)], ignore_index=True)
@@ -480,9 +481,9 @@ def test_readings_are_told_apart(tmp_path):
         "printed, friction only": 2.2, "printed, tangential friction, friction only": 1.8,
         "printed, counted as they are removed, friction only": 2.1, "printed, dt = 0.00025, friction only": 2.0,
         "as run, friction only": 1.5, "as run, E_sp = 100, mu = 31.6, friction only": 1.9,
-        "printed, E_w = 694, friction only": 1.7, "printed, E_sp = 1e+04, drag only": 0.9, "as run, drag only": 0.5}.items()}
+        "printed, E_w = 694, friction only": 1.7, "printed, E_sp = 10000, drag only": 0.9, "as run, drag only": 0.5}.items()}
     # k of hard particles alone has been published
-    assert found["k: printed, E_sp = 1e+04, drag only"].published.value == 3.4
+    assert found["k: printed, E_sp = 10000, drag only"].published.value == 3.4
     assert found["k: as run, drag only"].published is None
 
 

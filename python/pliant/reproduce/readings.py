@@ -46,7 +46,7 @@ def _words(name, value):
         return "put back touching" if value == 0 else "put back with a gap"
     if name == "dt":
         return "automatic step" if np.isnan(value) else f"dt = {value:g}"
-    return _WORDS[value] if isinstance(value, str) else f"{_SYMBOLS.get(name, name)} = {value:.4g}"
+    return _WORDS[value] if isinstance(value, str) else f"{_SYMBOLS.get(name, name)} = {float(f'{value:.4g}'):g}"
 
 
 def changes(row, base, names=OPTIONS):
@@ -92,37 +92,38 @@ def _chi2(fits, which):
     return np.array([fit.chi2_reduced if fit else np.nan for fit in fits[which]])
 
 
-def _windows(axes, span, horizontal=True):
+def _windows(axes, span, horizontal=True, exponents=(0.5, 1.5)):
     """The published exponents, each with what is called equal to it."""
-    for beta in (0.5, 1.5):
+    for beta in exponents:
         line, band = (axes.axhline, axes.axhspan) if horizontal else (axes.axvline, axes.axvspan)
         line(beta, color="0.45", lw=0.9, ls=":", zorder=0)
         band(beta - NEAR, beta + NEAR, color=plotting.PALE, zorder=-1)
     (axes.set_ylim if horizontal else axes.set_xlim)(*span)
 
 
-def _span(beta, error):
+def _span(beta, error, exponents=(0.5, 1.5)):
     low, high = np.nanmin(beta - np.nan_to_num(error)), np.nanmax(beta + np.nan_to_num(error))
-    return min(low, 0.4) - 0.1, max(high, 1.6) + 0.1
+    return min(low, min(exponents) - NEAR) - 0.1, max(high, max(exponents) + NEAR) + 0.1
 
 
-def _rows(axes, labels, beta, error, soft):
+def _rows(axes, labels, beta, error, soft, exponents=(0.5, 1.5)):
     """Exponents, a row each from the top; open where the contacts are harder than the printed ones."""
     y = np.arange(len(labels))
-    for there, face, label in ((soft, None, "$E_{sp}$ as in its reading"), (~soft, "white", "$E_{sp}$ = 10$^4$ and more")):
+    for there, face, label in ((soft, None, "$E_{sp}$ as in its reading"),
+                               (~soft, "white", "$E_{sp}$ = 10$^4$ and more")):
         if there.any():
             axes.errorbar(beta[there], y[there], xerr=np.nan_to_num(error[there]), fmt="o", mfc=face, capsize=2.5,
                           color=plotting.COLORS[0], label=label)
     axes.set_yticks(y, labels=labels)
     axes.set_ylim(len(labels) - 0.4, -0.6)
     axes.tick_params(axis="y", length=0)
-    _windows(axes, _span(beta, error), horizontal=False)
+    _windows(axes, _span(beta, error, exponents), horizontal=False, exponents=exponents)
     axes.set_xlabel(BETA)
 
 
 def _tidy(text):
     """With symbols set as on the axes of the other figures."""
-    for plain, latex in (("E_sp", "$E_{sp}$"), ("E_w", "$E_w$"), ("mu =", r"$\mu$ ="), ("zeta =", r"$\zeta$ ="),
+    for plain, latex in (("E_sp", "$E_{sp}$"), ("E_w", "$E_w$"), ("t_end", "$t_{end}$"), ("mu =", r"$\mu$ ="), ("zeta =", r"$\zeta$ ="),
                          ("phi", r"$\phi$"), ("N =", "$N$ ="), ("W =", "$W$ =")):
         text = text.replace(plain, latex)
     return text
@@ -148,11 +149,10 @@ def draw_readings(measured):
         beta, error = _beta(group)
         _rows(left, [_tidy(name) for name in group["name"]], beta, error, (group["e_sp"] < 1e4).to_numpy())
         left.set_title(LIMIT_NAMES[limit], loc="left")
-        for i, (which, label) in enumerate((("fit", r"$\beta$ free"), ("reference_fit", "published"), ("opposite_fit", "opposite"))):
-            exponent = "" if which == "fit" else \
-                rf" $\beta$ = {FRACTIONS.get(group[which.removesuffix('_fit')].iloc[0])}"
+        for i, which in enumerate(("fit", "reference_fit", "opposite_fit")):
+            label = r"$\beta$ free" if which == "fit" else f"{FRACTIONS.get(group[which.removesuffix('_fit')].iloc[0])} held"
             right.plot(_chi2(group, which), np.arange(len(group)), plotting.MARKERS[i], color=plotting.COLORS[i],
-                       mfc="white" if which == "fit" else None, label=label + exponent)
+                       mfc="white" if which == "fit" else None, label=label)
         right.axvline(1, color="0.45", lw=0.9, ls=":")
         right.set(xscale="log", xlabel=r"$\chi^2$/dof")
         right.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=3)
@@ -250,7 +250,8 @@ def draw_protocol(measured):
     columns = 2
     lines = -(-len(panels_of) // columns)
     most = max(len(group) for _, group in panels_of)
-    figure, panels = plt.subplots(lines, columns, figsize=(11.5, lines * (1.8 + 0.22 * most)), layout="constrained", squeeze=False)
+    figure, panels = plt.subplots(lines, columns, figsize=(11.5, lines * (1.8 + 0.22 * most)), layout="constrained",
+                                  squeeze=False)
     for axes in panels.flat[len(panels_of):]:
         axes.set_visible(False)
     quantities = []
@@ -268,7 +269,7 @@ def draw_protocol(measured):
         group, names = group.iloc[order], [names[i] for i in order]
         beta, error = _beta(group)
         model = reading(group.iloc[0], _MODEL)
-        _rows(axes, [_tidy(name) for name in names], beta, error, np.ones(len(names), bool))
+        _rows(axes, [_tidy(name) for name in names], beta, error, np.ones(len(names), bool), (group["reference"].iloc[0],))
         if names[0] == "reference":
             axes.axvspan(beta[0] - error[0], beta[0] + error[0], color=plotting.COLORS[0], alpha=0.15, lw=0)
         axes.set_title(_tidy(_name(group.iloc[0], model)), loc="left")
