@@ -60,7 +60,7 @@ std::unique_ptr<ForceField<2>> frictional(const ModelParameters& p, const Vec<2>
                           .all_alike = Law::kind == ContactLaw::spring};
   return model<2>(fused<DiskKernel>(PairContact<2, Law>{p.epsilon, "pair"}, DiskContact<Law>{p.epsilon, disk}),
                   fused<WallKernel>(WallContact<2, Law>{p.epsilon_wall}), DiskWallContact<Law>{p.epsilon_wall, wall},
-                  base, fused<PointKernel>(Gravity<2>{gravity}, Drag<2>{p.zeta}));
+                  base, fused<PointKernel>(Gravity<2>{gravity}, Drag<2>{p.zeta, p.drag}));
 }
 
 }  // namespace

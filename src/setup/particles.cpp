@@ -65,7 +65,7 @@ Topology make_particles(ModelKind kind, int dim, const std::vector<Real>& diamet
   Topology topology;
   topology.dim = dim;
   for (const Real sigma : diameters) {
-    if (kind == ModelKind::sp) {
+    if (kind == ModelKind::sp || kind == ModelKind::disk) {
       topology.add_soft(sigma, dim == 2 ? pi * square(sigma) / 4 : pi * sigma * square(sigma) / 6);
       continue;
     }

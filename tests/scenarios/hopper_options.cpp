@@ -70,6 +70,10 @@ TEST_CASE("options of a hopper that contradict each other", "[options]") {
     CHECK_THROWS_WITH(resolved(arguments), Contains(says));
   };
   refused({"-dim", "3", "-model", "rough"}, "-dim 3 with -model rough");
+  refused({"-dim", "3", "-model", "disk"}, "frictional disks are two-dimensional");
+  refused({"-contact_law", "barrier", "-model", "disk"}, "-contact_law barrier with -model disk");
+  refused({"-dynamics", "overdamped", "-integrator", "ts", "-zeta", "1", "-model", "disk"},
+          "-model disk, which needs inertia");
   refused({"-contact_law", "barrier"}, "-contact_law barrier with -model sp");
   refused({"-wall_diameter", "0.6", "-hopper_width", "0.5"}, "leave no gap");
   refused({"-contact_law", "linear", "-model", "smooth"}, "only -model sp has it");
@@ -97,13 +101,21 @@ TEST_CASE("an option that the model does not read is refused where it is given",
                                   {"rough_contact", "edge", {"rough"}},
                                   {"edge_width", "0.2", {"smooth"}},
                                   {"friction_point", "vertex", {"smooth"}},
-                                  {"e_w", "50", {"sp", "rough", "smooth"}},
+                                  {"e_w", "50", {"sp", "rough", "smooth", "disk"}},
                                   {"mu", "1", {"sp", "rough", "smooth"}},
                                   {"friction", "tangential", {"sp", "rough", "smooth"}},
-                                  {"drag", "per_mass", {"sp", "rough", "smooth"}},
-                                  {"wall_diameter", "0.2", {"sp", "rough", "smooth"}}};
+                                  {"wall_diameter", "0.2", {"sp", "rough", "smooth"}},
+                                  {"drag", "per_mass", {"sp", "rough", "smooth", "disk"}},
+                                  {"e_disk", "50", {"disk"}},
+                                  {"mu_disk", "0.5", {"disk"}},
+                                  {"mu_disk_dynamic", "0.3", {"disk"}},
+                                  {"mu_wall", "0.5", {"disk"}},
+                                  {"mu_wall_dynamic", "0.3", {"disk"}},
+                                  {"restitution", "0.9", {"disk"}},
+                                  {"tangential_stiffness", "0.4", {"disk"}},
+                                  {"tangential_damping", "0", {"disk"}}};
   for (const Unread& row : table)
-    for (const std::string model : {"sp", "rough", "smooth"}) {
+    for (const std::string model : {"sp", "rough", "smooth", "disk"}) {
       const std::vector<std::string> arguments{"-model", model, std::string("-") + row.option, row.value};
       CAPTURE(arguments);
       if (std::find(row.readers.begin(), row.readers.end(), model) != row.readers.end()) {

@@ -11,6 +11,7 @@
 #include <pliant/base/errors.h>
 #include <pliant/io/summary.h>
 #include <pliant/model/catalogue.h>
+#include <pliant/run/heat.h>
 #include <pliant/scenarios/channel/options.h>
 #include <pliant/scenarios/channel/start.h>
 #include <pliant/ts/verlet.h>
@@ -173,15 +174,7 @@ class ChannelProtocol final : public Protocol<2> {
                                  {"plunger_work", work_},
                                  {"momentum", std::span<const Real>(sums).subspan(2, 2)},
                                  {"angular_momentum", sums[4]}};
-    heat_ = 0;
-    for (const ContactTable& table : particles().history().tables()) {
-      std::vector<Real> heat(table.heat().begin(), table.heat().end());
-      ranks().sum(heat);
-      for (std::size_t k = 0; k < heat.size(); ++k) {
-        row.emplace_back(fmt::format("{}_{}", table.needs().name, table.needs().losses[k]), heat[k]);
-        heat_ += heat[k];
-      }
-    }
+    heat_ = add_heat(row, particles().history(), ranks());
     row.emplace_back("heat", heat_);
     return row;
   }

@@ -397,16 +397,24 @@ class HopperProtocol final : public Protocol<D> {
         reinsert<D>(ranks(), own, *p_.container, particles().walls(), p_.particle_kind() == ModelKind::smooth,
                     static_cast<std::uint64_t>(p_.seed), l, s, p_.reinsertion);
         if (!mine) continue;
+        stop_spin(l.particle);
         this->simulation().relist(l.particle);
         seen_[l.particle] = sight(l.particle);
         counted_[l.particle] = 0;
         ++reinserted_[l.particle];
       } else if (mine) {
         for (Index i = own.offset[l.particle]; i < own.offset[l.particle + 1]; ++i) point<D>(s.v().data(), i).setZero();
+        stop_spin(l.particle);
         particles().deactivate(l.particle);
       }
     }
     return true;
+  }
+
+  /// Of own particle m, if it has any.
+  void stop_spin(Index m) {
+    const std::span<Real> spins = this->simulation().spins();
+    if (!spins.empty()) std::ranges::fill(spins.subspan(static_cast<std::size_t>(m) * rotations<D>, rotations<D>), 0.0);
   }
 
   struct OrificeCrossing {
@@ -511,7 +519,7 @@ class HopperProtocol final : public Protocol<D> {
     const Real deepest = std::ranges::max(series.at("max_overlap").values);
     if (deepest > 0.95)
       warn("particles overlapped by {:.3g} of their contact distance: they pass through each other; raise {}, now {:g}",
-           deepest, deformable() ? "-e_c" : "-e_sp", deformable() ? p_.e_c : p_.e_sp);
+           deepest, p_.contact_energy(), p_.model_parameters().epsilon);
   }
 
   /// To twice the time, and as many samples as an error needs.
@@ -554,7 +562,7 @@ class HopperProtocol final : public Protocol<D> {
     return text;
   }
 
-  bool deformable() const { return p_.particle_kind() != ModelKind::sp; }
+  bool deformable() const { return p_.deformable(); }
 
   const HopperOptions& p_;
   ClogDetector clog_;
@@ -584,7 +592,7 @@ class HopperProtocol final : public Protocol<D> {
 /// Whether it holds the particles that the options ask for, before they are made.
 void check_size(const Checkpoint& c, const HopperOptions& p) {
   const auto n = static_cast<std::size_t>(p.particles),
-             points = p.particle_kind() == ModelKind::sp ? n : n * static_cast<std::size_t>(p.shape.vertices);
+             points = p.deformable() ? n * static_cast<std::size_t>(p.shape.vertices) : n;
   c.integer_array("id", n);
   c.real_array("x", points * static_cast<std::size_t>(p.dim));
 }

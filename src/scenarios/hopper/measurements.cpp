@@ -14,6 +14,7 @@
 #include <pliant/io/summary.h>
 #include <pliant/model/polygon.h>
 #include <pliant/run/frame_data.h>
+#include <pliant/run/heat.h>
 
 namespace pliant {
 namespace {
@@ -23,7 +24,7 @@ template <int D>
 Real sum_of_forces(std::string_view term, const ParticleSystem<D>& system, const StateView<D>& view,
                    const std::vector<Real>& centres, std::vector<Real>& buffer) {
   const Topology& topology = system.topology();
-  buffer.resize(static_cast<std::size_t>(topology.points()) * D);
+  buffer.resize(static_cast<std::size_t>(topology.points()) * static_cast<std::size_t>(system.coordinates().all()));
   system.field().force_of(term, view, buffer.data());
   Real sum = 0;
   for (Index m = 0; m < topology.owned(); ++m) {
@@ -110,7 +111,8 @@ Sample<D> take_sample(ParticleSystem<D>& system, const State& state, const Conta
                   in_hopper,
                   static_cast<Real>(touching.size()),
                   sum_of_forces<D>("drag", system, view, centres.position, buffer),
-                  sum_of_forces<D>("friction", system, view, centres.position, buffer),
+                  sum_of_forces<D>("friction", system, view, centres.position, buffer) +
+                      sum_of_forces<D>("disk_contact", system, view, centres.position, buffer),
                   number_density<D>(orifice_region<D>(container.orifice()), centres.position, active),
                   packing_fraction<D>(bulk_region<D>(container, top), centres.position,
                                       std::span(topology.a0).first(topology.owned()), active),
@@ -141,6 +143,10 @@ Sample<D> take_sample(ParticleSystem<D>& system, const State& state, const Conta
                 {"dt", dt},
                 {"profile_momentum", std::span<const Real>(momentum)},
                 {"profile_weight", std::span<const Real>(weight)}};
+  if (!system.history().empty()) {
+    const Real heat = add_heat(sample.row, system.history(), ranks);
+    sample.row.emplace_back("heat", heat);
+  }
   return sample;
 }
 

@@ -14,7 +14,7 @@
 namespace pliant {
 namespace {
 
-constexpr std::array kinds{ModelKind::sp, ModelKind::rough, ModelKind::smooth};
+constexpr std::array kinds{ModelKind::sp, ModelKind::rough, ModelKind::smooth, ModelKind::disk};
 
 /// An option that not every model reads.
 struct PartlyRead {
@@ -40,12 +40,20 @@ const std::vector<PartlyRead>& partly_read() {
                                              {"edge_width", {smooth}, true},
                                              {"friction_point", {smooth}},
                                              {"friction", {sp, rough, smooth}},
-                                             {"e_w", {sp, rough, smooth}},
+                                             {"e_w", {sp, rough, smooth, disk}},
                                              {"wall_diameter", {sp, rough, smooth}},
-                                             {"contact_law", {sp, rough, smooth}},
+                                             {"contact_law", {sp, rough, smooth, disk}},
                                              {"mu", {sp, rough, smooth}},
-                                             {"zeta", {sp, rough, smooth}},
-                                             {"drag", {sp, rough, smooth}}};
+                                             {"zeta", {sp, rough, smooth, disk}},
+                                             {"drag", {sp, rough, smooth, disk}},
+                                             {"e_disk", {disk}},
+                                             {"mu_disk", {disk}},
+                                             {"mu_disk_dynamic", {disk}},
+                                             {"mu_wall", {disk}},
+                                             {"mu_wall_dynamic", {disk}},
+                                             {"restitution", {disk}},
+                                             {"tangential_stiffness", {disk}},
+                                             {"tangential_damping", {disk}}};
   return table;
 }
 
@@ -67,7 +75,7 @@ std::string alternatives(const std::vector<std::string>& names) {
 void HopperOptions::bind(Options& o) {
   constexpr auto fixed = OnRestart::fixed;
   o.group("Model");
-  std::string help = "soft particles, or deformable particles with rough or smooth outlines";
+  std::string help = "soft particles, deformable particles with rough or smooth outlines, or frictional disks";
   std::vector<std::string> models;
   for (const ModelKind kind : kinds) models.emplace_back(to_string(kind));
   for (const OwnModel& own : own_models_) {
@@ -105,7 +113,7 @@ void HopperOptions::bind(Options& o) {
           {"hertz", ContactLaw::hertz},
           {"barrier", ContactLaw::barrier},
           {"linear", ContactLaw::linear}},
-         {.help = "contacts are linear springs, or Hertz' (soft and smooth particles), or grow without bound before an "
+         {.help = "contacts are linear springs, or Hertz' (not of rough particles), or grow without bound before an "
                   "outline or a wall is reached (smooth particles), or have the force E (1 - r/sigma), without 1/sigma "
                   "(soft particles)",
           .on_restart = fixed});
@@ -149,6 +157,40 @@ void HopperOptions::bind(Options& o) {
           .on_restart = fixed});
   o.bind("rough_contact", rough_contact, {{"edge", ContactRule::edge}, {"literal", ContactRule::literal}},
          {.help = "rough particles: vertices touch stretched edges too, or vertices only [H 9]", .on_restart = fixed});
+  o.bind("e_disk", e_disk,
+         {.help = "contact energy of frictional disks",
+          .unit = "rho g sigma_avg^3",
+          .min = 0,
+          .min_open = true,
+          .on_restart = fixed});
+  const auto coulomb = [&](const std::string& name, Real& at_rest, std::optional<Real>& sliding,
+                           const std::string& what) {
+    o.bind(name, at_rest,
+           {.help = "frictional disks: static Coulomb friction " + what, .min = 0, .max = 10, .on_restart = fixed});
+    o.bind(name + "_dynamic", sliding,
+           {.help = "frictional disks: friction where they slide",
+            .min = 0,
+            .max = 10,
+            .automatic = "the static one",
+            .on_restart = fixed});
+  };
+  coulomb("mu_disk", mu_disk, mu_disk_dynamic, "of disks with each other");
+  coulomb("mu_wall", mu_wall, mu_wall_dynamic, "of disks with walls and obstacles");
+  o.bind("restitution", restitution,
+         {.help = "frictional disks: coefficient of restitution of a head-on collision, with disks and walls",
+          .min = 0,
+          .max = 1,
+          .min_open = true,
+          .on_restart = fixed});
+  o.bind("tangential_stiffness", tangential_stiffness,
+         {.help = "frictional disks: stiffness of tangential springs over that of contacts",
+          .min = 0,
+          .max = 10,
+          .min_open = true,
+          .on_restart = fixed});
+  o.bind(
+      "tangential_damping", tangential_damping,
+      {.help = "frictional disks: tangential damping over normal damping", .min = 0, .max = 10, .on_restart = fixed});
   bind_own_models(o);
 
   o.group("Particles");
@@ -329,11 +371,12 @@ template std::unique_ptr<ForceField<3>> HopperOptions::force_field<3>(const Vec<
 
 void HopperOptions::resolve() {
   if (dim == 3 && particle_kind() != ModelKind::sp)
-    throw InputError("-dim 3 with -model {}: deformable particles are two-dimensional; use -model sp or -dim 2", model);
+    throw InputError("-dim 3 with -model {}: {} are two-dimensional; use -model sp or -dim 2", model,
+                     deformable() ? "deformable particles" : "frictional disks");
   if (own_model() == own_models_.size() && !has_law(particle_kind(), contact_law))
     throw InputError("-contact_law {} with -model {}: only {} has it; use that, or harmonic", to_string(contact_law),
                      model,
-                     contact_law == ContactLaw::hertz    ? "-model sp or smooth"
+                     contact_law == ContactLaw::hertz    ? "-model sp, smooth or disk"
                      : contact_law == ContactLaw::linear ? "-model sp"
                                                          : "-model smooth");
   if (particles == 0) particles = dim == 2 ? 1600 : 6400;
@@ -365,6 +408,8 @@ void HopperOptions::resolve() {
   if (dynamics == Dynamics::overdamped) {
     if (integrator != IntegratorKind::ts)
       throw InputError("-dynamics overdamped with -integrator verlet, which needs inertia; use -integrator ts");
+    if (particle_kind() == ModelKind::disk)
+      throw InputError("-dynamics overdamped with -model disk, which needs inertia; use -dynamics inertial");
     if (!(zeta > 0) || mu > 0)
       throw InputError(
           "-dynamics overdamped with -zeta {} and -mu {}: velocities come from drag alone, which must be "
@@ -416,6 +461,7 @@ void HopperOptions::refuse_unread(const Options& options) const {
 }
 
 Real HopperOptions::elastic_fraction(Real elastic, Real lightest) const {
+  if (particle_kind() == ModelKind::disk) return 0.2;
   const Real flowing = mu > 0 ? 0.35 : zeta > 0 ? 0.4 : 0.2;
   if (flow != FlowKind::discharge || zeta == 0) return flowing;
   if (particle_kind() != ModelKind::sp) return 0.2;
@@ -426,11 +472,14 @@ Real HopperOptions::elastic_fraction(Real elastic, Real lightest) const {
 
 Real HopperOptions::first_skin() const {
   const ModelKind kind = particle_kind();
-  return skin.value_or(dim == 3 ? 0.2 : kind == ModelKind::sp ? 0.3 : kind == ModelKind::rough ? 0.1 : 0.06);
+  return skin.value_or(dim == 3 ? 0.2 : kind == ModelKind::sp ? 0.3 : kind == ModelKind::smooth ? 0.06 : 0.1);
 }
 
 ModelParameters HopperOptions::model_parameters() const {
-  return {.epsilon = particle_kind() == ModelKind::sp ? e_sp : e_c,
+  const ModelKind kind = particle_kind();
+  return {.epsilon = kind == ModelKind::sp     ? e_sp
+                     : kind == ModelKind::disk ? e_disk
+                                               : e_c,
           .epsilon_wall = e_w,
           .wall_diameter = wall_diameter,
           .law = contact_law,
@@ -446,7 +495,14 @@ ModelParameters HopperOptions::model_parameters() const {
           .friction = friction,
           .drag = drag,
           .lip_edges = lip_contact == ContactRule::edge,
-          .rough_edges = rough_contact == ContactRule::edge};
+          .rough_edges = rough_contact == ContactRule::edge,
+          .disk = {.mu_disk = mu_disk,
+                   .mu_disk_dynamic = mu_disk_dynamic.value_or(mu_disk),
+                   .mu_wall = mu_wall,
+                   .mu_wall_dynamic = mu_wall_dynamic.value_or(mu_wall),
+                   .restitution = restitution,
+                   .tangential_stiffness = tangential_stiffness,
+                   .tangential_damping = tangential_damping}};
 }
 
 }  // namespace pliant

@@ -50,6 +50,12 @@ struct HopperOptions : RunOptions {
   DragLaw drag = DragLaw::per_particle;
   ContactRule lip_contact = ContactRule::edge, rough_contact = ContactRule::edge;
 
+  // Frictional disks
+  Real e_disk = 1e4;
+  Real mu_disk = 0.4, mu_wall = 0.4;
+  std::optional<Real> mu_disk_dynamic, mu_wall_dynamic;
+  Real restitution = 0.5, tangential_stiffness = 2.0 / 7, tangential_damping = 0.5;
+
   Hopper hopper;
   std::optional<Real> wall_distance;
   std::string outline, obstacle;       ///< empty: none; see shapes.h
@@ -78,9 +84,15 @@ struct HopperOptions : RunOptions {
   /// not read it.
   void refuse_unread(const Options& options) const;
 
-  /// Of which model the particles are: sp, rough or smooth.
+  /// Of which model the particles are: sp, rough, smooth or disk.
   ModelKind particle_kind() const;
+  /// Whether they are polygons.
+  bool deformable() const { return particle_kind() == ModelKind::rough || particle_kind() == ModelKind::smooth; }
   ModelParameters model_parameters() const;
+  /// The option that sets the stiffness of contacts.
+  const char* contact_energy() const {
+    return deformable() ? "-e_c" : particle_kind() == ModelKind::disk ? "-e_disk" : "-e_sp";
+  }
   /// The forces of the model.
   template <int D>
   std::unique_ptr<ForceField<D>> force_field(const Vec<D>& gravity) const;
