@@ -44,9 +44,9 @@ PLIANT_INLINE Vectors<3> differences(const Places<3>& at, const Real* a) {
   return {p.x, p.y, Real4{z[0], z[1], z[2], z[3]}};
 }
 
-enum class Rubbing { none, whole, tangential };
+enum class Rub { none, whole, tangential };
 
-template <int D, class Law, Rubbing rubbing, Sides sides>
+template <int D, class Law, Rub rub, Sides sides>
 PLIANT_INLINE void add_four(const PairLaw& law, const Pair* pairs, Real4 reach, const Real* x, const Real* v, Real* f) {
   const Places<D> at(pairs);
   auto force = differences(at, x);
@@ -55,14 +55,14 @@ PLIANT_INLINE void add_four(const PairLaw& law, const Pair* pairs, Real4 reach, 
   const Mask4 touches = d2 < reach * reach;
   const Real4 d = simd::sqrt(d2);
   Real4 push = simd::where(touches & (d2 > 0), Law::push(law.epsilon, reach, d));
-  if constexpr (rubbing == Rubbing::tangential) {  // gives back what friction takes along the normal
+  if constexpr (rub == Rub::tangential) {  // gives back what friction takes along the normal
     const auto u = differences(at, v);
     Real4 along{};
     for (std::size_t k = 0; k < u.size(); ++k) along += u[k] * force[k];
     push += simd::where(touches & (d2 > 0), law.mu * along / d2);
   }
   for (Real4& r : force) r *= push;
-  if constexpr (rubbing != Rubbing::none) {
+  if constexpr (rub != Rub::none) {
     const Real4 mu = simd::where(touches, simd::all(law.mu));
     const auto u = differences(at, v);
     for (std::size_t k = 0; k < u.size(); ++k) force[k] -= mu * u[k];
@@ -70,7 +70,7 @@ PLIANT_INLINE void add_four(const PairLaw& law, const Pair* pairs, Real4 reach, 
   scatter<D>(at.first, force, f, sides == Sides::both ? at.second : nullptr);
 }
 
-template <int D, class Law, Rubbing rubbing, Sides sides>
+template <int D, class Law, Rub rub, Sides sides>
 PLIANT_INLINE void add_all(const PairLaw& law, std::span<const Pair> pairs, const Real* reach, const Real* x,
                            const Real* v, Real* f) {
   std::size_t e = 0;
@@ -79,8 +79,8 @@ PLIANT_INLINE void add_all(const PairLaw& law, std::span<const Pair> pairs, cons
     const std::ptrdiff_t soon = std::ptrdiff_t(D) * (pairs[e].first + 64);
     __builtin_prefetch(x + soon);
     __builtin_prefetch(f + soon, 1);
-    if constexpr (rubbing != Rubbing::none) __builtin_prefetch(v + soon);
-    add_four<D, Law, rubbing, sides>(law, pairs.data() + e, simd::load4(reach + e), x, v, f);
+    if constexpr (rub != Rub::none) __builtin_prefetch(v + soon);
+    add_four<D, Law, rub, sides>(law, pairs.data() + e, simd::load4(reach + e), x, v, f);
   }
   if (e == pairs.size()) return;
   // The rest, filled up with pairs that never touch.
@@ -91,27 +91,27 @@ PLIANT_INLINE void add_all(const PairLaw& law, std::span<const Pair> pairs, cons
     rest[k] = listed ? pairs[e + k] : pairs.back();
     rest_reach[k] = listed ? reach[e + k] : 0;
   }
-  add_four<D, Law, rubbing, sides>(law, rest, rest_reach, x, v, f);
+  add_four<D, Law, rub, sides>(law, rest, rest_reach, x, v, f);
 }
 
-template <int D, class Law, Rubbing rubbing>
+template <int D, class Law, Rub rub>
 PLIANT_INLINE void add_to(const PairLaw& law, std::span<const Pair> pairs, const Real* reach, Sides sides,
                           const Real* x, const Real* v, Real* f) {
   if (sides == Sides::both)
-    add_all<D, Law, rubbing, Sides::both>(law, pairs, reach, x, v, f);
+    add_all<D, Law, rub, Sides::both>(law, pairs, reach, x, v, f);
   else
-    add_all<D, Law, rubbing, Sides::first>(law, pairs, reach, x, v, f);
+    add_all<D, Law, rub, Sides::first>(law, pairs, reach, x, v, f);
 }
 
 template <int D, class Law>
 PLIANT_INLINE void add_by_law(const PairLaw& law, std::span<const Pair> pairs, const Real* reach, Sides sides,
                               const Real* x, const Real* v, Real* f) {
   if (law.mu == 0)
-    add_to<D, Law, Rubbing::none>(law, pairs, reach, sides, x, v, f);
+    add_to<D, Law, Rub::none>(law, pairs, reach, sides, x, v, f);
   else if (law.tangential)
-    add_to<D, Law, Rubbing::tangential>(law, pairs, reach, sides, x, v, f);
+    add_to<D, Law, Rub::tangential>(law, pairs, reach, sides, x, v, f);
   else
-    add_to<D, Law, Rubbing::whole>(law, pairs, reach, sides, x, v, f);
+    add_to<D, Law, Rub::whole>(law, pairs, reach, sides, x, v, f);
 }
 
 template <int D>

@@ -140,6 +140,60 @@ TEST_CASE("an option that the model does not read is refused where it is given",
   CHECK(resolved({"-flow", "discharge", "-removal_depth", "2.5"}).removal_depth == 2.5);
 }
 
+TEST_CASE("what differs from the printed model reaches the model, and nothing does unless it is asked for",
+          "[options]") {
+  const HopperOptions printed = resolved({});
+  const ModelParameters p = printed.model_parameters();
+  CHECK(p.law == ContactLaw::harmonic);
+  CHECK(p.friction == Friction::whole);
+  CHECK(p.drag == DragLaw::per_particle);
+  CHECK(p.wall_diameter == 0);
+  CHECK(p.area_energy == AreaEnergy::absolute);
+  CHECK(p.bending_edges == EdgeVectors::unit);
+  CHECK(p.edge_force == EdgeForce::single);
+  CHECK(printed.counting == Counting::crossing);
+  CHECK(!printed.removal_depth);
+  CHECK(printed.reinsertion.gap == 0);
+  CHECK(!printed.reinsertion.lateral_speed);
+  CHECK(printed.reinsertion.clearance == 0);
+
+  CHECK(resolved({"-contact_law", "linear"}).model_parameters().law == ContactLaw::linear);
+  const HopperOptions run = resolved({"-model",
+                                      "smooth",
+                                      "-friction",
+                                      "tangential",
+                                      "-drag",
+                                      "per_mass",
+                                      "-wall_diameter",
+                                      "0.2",
+                                      "-area_energy",
+                                      "relative",
+                                      "-bending_edges",
+                                      "full",
+                                      "-edge_force",
+                                      "twofold",
+                                      "-count",
+                                      "removal",
+                                      "-removal_depth",
+                                      "2.5",
+                                      "-reinsertion_gap",
+                                      "0.8",
+                                      "-reinsertion_lateral_speed",
+                                      "0.01"});
+  const ModelParameters q = run.model_parameters();
+  CHECK(q.friction == Friction::tangential);
+  CHECK(q.drag == DragLaw::per_mass);
+  CHECK(q.wall_diameter == 0.2);
+  CHECK(q.area_energy == AreaEnergy::relative);
+  CHECK(q.bending_edges == EdgeVectors::full);
+  CHECK(q.edge_force == EdgeForce::twofold);
+  CHECK(run.counting == Counting::removal);
+  CHECK(run.removal_depth == 2.5);
+  CHECK(run.reinsertion.gap == 0.8);
+  CHECK(run.reinsertion.lateral_speed == 0.01);
+  CHECK(run.reinsertion.clearance == 0.1);
+}
+
 namespace {
 
 /// A model that has weight only, times a factor that is an option of its own; in 2D and in 3D.
