@@ -7,6 +7,8 @@
 #include <pliant/model/disk_wall_contact.h>
 #include <pliant/model/fused_terms.h>
 #include <pliant/model/lip_contact.h>
+#include <pliant/model/sphere_contact.h>
+#include <pliant/model/sphere_wall_contact.h>
 #include <pliant/model/wall_depletion.h>
 #include <pliant/model/wall_repulsion.h>
 
@@ -41,8 +43,9 @@ void check(const char* what, Real mu_static, Real mu_dynamic) {
         what, mu_static, mu_dynamic);
 }
 
-template <class Law>
-std::unique_ptr<ForceField<2>> frictional(const ModelParameters& p, const Vec<2>& gravity) {
+/// Of disks, or of balls.
+template <int D, class Law>
+std::unique_ptr<ForceField<D>> frictional(const ModelParameters& p, const Vec<D>& gravity) {
   const DiskParameters& q = p.disk;
   check("each other", q.mu_disk, q.mu_disk_dynamic);
   check("walls", q.mu_wall, q.mu_wall_dynamic);
@@ -51,16 +54,25 @@ std::unique_ptr<ForceField<2>> frictional(const ModelParameters& p, const Vec<2>
                        q.tangential_damping};
   SurfaceFriction wall = disk;
   wall.mu_static = q.mu_wall, wall.mu_dynamic = q.mu_wall_dynamic;
-  const BaseFriction base{.gravity = q.base_gravity,
-                          .mu_static = q.mu_base,
-                          .mu_dynamic = q.mu_base_dynamic,
-                          .epsilon = q.base_stiffness * reference_stiffness(Law{p.epsilon, 1}),
-                          .damping = q.base_damping,
-                          .coupled = q.base_coupled,
-                          .all_alike = Law::kind == ContactLaw::spring};
-  return model<2>(fused<DiskKernel>(PairContact<2, Law>{p.epsilon, "pair"}, DiskContact<Law>{p.epsilon, disk}),
-                  fused<WallKernel>(WallContact<2, Law>{p.epsilon_wall}), DiskWallContact<Law>{p.epsilon_wall, wall},
-                  base, fused<PointKernel>(Gravity<2>{gravity}, Drag<2>{p.zeta, p.drag}));
+  const PairContact<D, Law> pair{p.epsilon, "pair"};
+  const auto walls = fused<WallKernel>(WallContact<D, Law>{p.epsilon_wall});
+  const auto outer = fused<PointKernel>(Gravity<D>{gravity}, Drag<D>{p.zeta, p.drag});
+  if constexpr (D == 2) {
+    const BaseFriction base{.gravity = q.base_gravity,
+                            .mu_static = q.mu_base,
+                            .mu_dynamic = q.mu_base_dynamic,
+                            .epsilon = q.base_stiffness * reference_stiffness(Law{p.epsilon, 1}),
+                            .damping = q.base_damping,
+                            .coupled = q.base_coupled,
+                            .all_alike = Law::kind == ContactLaw::spring};
+    return model<2>(fused<DiskKernel>(pair, DiskContact<Law>{p.epsilon, disk}), walls,
+                    DiskWallContact<Law>{p.epsilon_wall, wall}, base, outer);
+  } else {
+    if (q.base_gravity > 0)
+      throw InputError("the gravity of a base is {}, but balls in space lie on none; leave it out", q.base_gravity);
+    return model<3>(fused<DiskKernel>(pair, SphereContact<Law>{p.epsilon, disk}), walls,
+                    SphereWallContact<Law>{p.epsilon_wall, wall}, outer);
+  }
 }
 
 }  // namespace
@@ -124,16 +136,16 @@ std::unique_ptr<ForceField<D>> make_force_field(ModelKind kind, const ModelParam
     return p.law == ContactLaw::hertz    ? soft<D, HertzOverlap>(p, gravity)
            : p.law == ContactLaw::linear ? soft<D, LinearOverlap>(p, gravity)
                                          : soft<D>(p, gravity);
+  if (kind == ModelKind::disk)
+    return p.law == ContactLaw::hertz    ? frictional<D, HertzOverlap>(p, gravity)
+           : p.law == ContactLaw::spring ? frictional<D, SpringOverlap>(p, gravity)
+                                         : frictional<D, HarmonicOverlap>(p, gravity);
   if (kind == ModelKind::bubble) {
     if (!(p.a_s > 0)) throw InputError("the radius a_s of the depletant is {}, but it must be positive", p.a_s);
     return model<D>(BubbleContact<D>{{p.f0}}, Depletion<D>{{{p.phi_c, p.a_s}}, {p.f0}},
                     WallRepulsion<D>{{p.f0 * p.mean_radius}}, WallDepletion<D>{{p.phi_c, p.a_s}}, Gravity<D>{gravity});
   }
   if constexpr (D == 2) {
-    if (kind == ModelKind::disk)
-      return p.law == ContactLaw::hertz    ? frictional<HertzOverlap>(p, gravity)
-             : p.law == ContactLaw::spring ? frictional<SpringOverlap>(p, gravity)
-                                           : frictional<HarmonicOverlap>(p, gravity);
     const auto shape =
         fused<ShapeKernel>(Area{p.k_a, p.area_energy}, Perimeter{p.k_l}, Bending{p.k_b, p.bending_edges});
     const auto wall = fused<WallKernel>(WallContact<2>{p.epsilon_wall, p.wall_diameter});

@@ -20,13 +20,13 @@ enum class ModelKind {
   smooth,  ///< deformable particles, every edge a circulo-line [H App. A]
   shape,   ///< deformable particles without contacts
   bubble,  ///< droplets with depletion attraction, 2D and 3D [T 2.2, 4.2]
-  disk     ///< frictional disks that rotate, 2D
+  disk     ///< frictional disks and spheres that rotate, 2D and 3D
 };
 
 std::string_view to_string(ModelKind kind);
 
-/// Friction and damping of disks: SurfaceFriction, BaseFriction. Coefficients of friction are static and dynamic ones,
-/// the latter not larger.
+/// Friction and damping of disks and spheres: SurfaceFriction, BaseFriction. Coefficients of friction are static and
+/// dynamic ones, the latter not larger.
 struct DiskParameters {
   Real mu_disk = 0.4, mu_disk_dynamic = 0.4;
   Real mu_wall = 0.4, mu_wall_dynamic = 0.4;
@@ -70,7 +70,7 @@ std::string_view to_string(ContactLaw law);
 bool has_law(ModelKind kind, ContactLaw law);
 
 /// The weight of a droplet is ρ g R³ [T 4.6]: give it the mass ρ R³.
-/// Errors: InputError for a deformable model or frictional disks in 3D, for a contact law that the model does not have,
+/// Errors: InputError for a deformable model or a base in 3D, for a contact law that the model does not have,
 /// where a_s is not positive for droplets, or for disks with a dynamic friction that exceeds the static one.
 template <int D>
 std::unique_ptr<ForceField<D>> make_force_field(ModelKind kind, const ModelParameters& p, const Vec<D>& gravity);

@@ -28,12 +28,12 @@ struct DiskContact {
   static constexpr Elements elements = Elements::point_pairs;
   static constexpr bool rotates = true;
   static constexpr int history = 5;
-  static constexpr auto losses = SurfaceTouch::losses;
+  static constexpr auto losses = SurfaceTouch<2>::losses;
   static std::string_view name() { return "disk_contact"; }
   bool enabled(const StateView<2>&) const { return surface.rubs() || surface.damping > 0; }
 
   /// Of the pair as it is listed, in whatever order: but for n, all that is kept is the same from both sides.
-  struct Touch : SurfaceTouch {
+  struct Touch : SurfaceTouch<2> {
     Index first, second;
     Real a, b;  ///< radii
     Real n0, n1;
@@ -72,18 +72,18 @@ struct DiskContact {
   Real power(const StateView<2>& s, const Touch& c) const { return c.power(rub(s, c)); }
   template <class F>
   PLIANT_INLINE void add_force(const StateView<2>& s, const Touch& c, F& force) const {
-    const SurfaceTouch::Rub rubs = rub(s, c);
+    const SurfaceTouch<2>::Rub rubs = rub(s, c);
     add(c, rubs, rubs.normal - c.elastic, force);
   }
   /// With the elastic force: for a kernel that computes both.
   template <class F>
   PLIANT_INLINE void add_total(const StateView<2>& s, const Touch& c, F& force) const {
-    const SurfaceTouch::Rub rubs = rub(s, c);
+    const SurfaceTouch<2>::Rub rubs = rub(s, c);
     add(c, rubs, rubs.normal, force);
   }
   PLIANT_INLINE void advance(const StateView<2>& s, const Touch& c, Real h, bool known, std::span<Real> numbers,
                              std::span<Real> heat) const {
-    const SurfaceTouch::Rub rubs = rub(s, c);
+    const SurfaceTouch<2>::Rub rubs = rub(s, c);
     c.add_heat(rubs, h, known, numbers[3], heat);
     numbers[0] = c.order * c.n0;
     numbers[1] = c.order * c.n1;
@@ -105,13 +105,13 @@ struct DiskContact {
   }
 
  private:
-  PLIANT_INLINE SurfaceTouch::Rub rub(const StateView<2>& s, const Touch& c) const {
+  PLIANT_INLINE SurfaceTouch<2>::Rub rub(const StateView<2>& s, const Touch& c) const {
     const Vec<2> v = s.velocity(c.first) - s.velocity(c.second), n(c.n0, c.n1), t(-c.n1, c.n0);
     return c.rub(surface, n.dot(v), c.lever * t.dot(v) - (c.a * s.spins[c.first] + c.b * s.spins[c.second]));
   }
 
   template <class F>
-  PLIANT_INLINE static void add(const Touch& c, const SurfaceTouch::Rub& rubs, Real normal, F& force) {
+  PLIANT_INLINE static void add(const Touch& c, const SurfaceTouch<2>::Rub& rubs, Real normal, F& force) {
     const Vec<2> n(c.n0, c.n1), t(-c.n1, c.n0), f = normal * n - rubs.hold.pull * c.lever * t;
     force.add(c.first, f);
     force.add(c.second, Vec<2>(-f));
@@ -128,18 +128,18 @@ struct DiskContact {
   }
 };
 
-/// Both forces of pairs of disks in one pass.
+/// Both forces of pairs of disks, or of balls, in one pass.
 struct DiskKernel {
   static constexpr bool fast() { return true; }
-  template <class Law>
-  static void add_forces(const StateView<2>& s, Index chunk, Real* f, const PairContact<2, Law>& contact,
-                         const DiskContact<Law>& friction) {
+  template <int D, class Law, class Friction>
+  static void add_forces(const StateView<D>& s, Index chunk, Real* f, const PairContact<D, Law>& contact,
+                         const Friction& friction) {
     const PairList& list = s.neighbours.point_pairs;
-    Real* const torques = f + static_cast<std::size_t>(s.topology.owned_points()) * 2;
+    Real* const torques = f + static_cast<std::size_t>(s.topology.owned_points()) * D;
     const Range inside = list.inside(chunk), across = list.across(chunk), own = s.neighbours.points(chunk);
     if (!friction.enabled(s)) {
-      Scatter<2, -1> here{f};
-      Scatter<2, -1, true> there{f, own};
+      Scatter<D, -1> here{f};
+      Scatter<D, -1, true> there{f, own};
       for (Index e = inside.first; e < inside.last; ++e) contact.add_gradient(s, e, here);
       for (Index e = across.first; e < across.last; ++e) contact.add_gradient(s, e, there);
       return;
@@ -148,8 +148,8 @@ struct DiskKernel {
       for_each_touch(friction, s, range,
                      [&](const auto& c) PLIANT_INLINE_LAMBDA { friction.add_total(s, c, scatter); });
     };
-    add(inside, Scatter<2, 1>{f, {}, torques});
-    add(across, Scatter<2, 1, true>{f, own, torques});
+    add(inside, Scatter<D, 1>{f, {}, torques});
+    add(across, Scatter<D, 1, true>{f, own, torques});
   }
 };
 

@@ -28,11 +28,11 @@ struct DiskWallContact {
   static constexpr Elements elements = Elements::walls;
   static constexpr bool rotates = true;
   static constexpr int history = 7;
-  static constexpr auto losses = SurfaceTouch::losses;
+  static constexpr auto losses = SurfaceTouch<2>::losses;
   static std::string_view name() { return "disk_wall_contact"; }
   bool enabled(const StateView<2>& s) const { return s.walls.size() > 0 && (surface.rubs() || surface.damping > 0); }
 
-  struct Touch : SurfaceTouch {
+  struct Touch : SurfaceTouch<2> {
     Index i;
     Real radius;                       ///< `lever` is 1 + (R − d) κ
     std::array<Real, 2> n;             ///< in space
@@ -81,13 +81,13 @@ struct DiskWallContact {
   Real power(const StateView<2>& s, const Touch& c) const { return c.power(rub(s, c)); }
   template <class F>
   void add_force(const StateView<2>& s, const Touch& c, F& force) const {
-    const SurfaceTouch::Rub rubs = rub(s, c);
+    const SurfaceTouch<2>::Rub rubs = rub(s, c);
     force.add(c.i, force_of(c, rubs));
     force.add_torque(c.i, rubs.hold.pull * c.radius);
   }
   void advance(const StateView<2>& s, const Touch& c, Real h, bool known, std::span<Real> numbers,
                std::span<Real> heat) const {
-    const SurfaceTouch::Rub rubs = rub(s, c);
+    const SurfaceTouch<2>::Rub rubs = rub(s, c);
     c.add_heat(rubs, h, known, numbers[5], heat);
     numbers[0] = c.foot[0], numbers[1] = c.foot[1];
     numbers[2] = c.across[0], numbers[3] = c.across[1];
@@ -110,11 +110,11 @@ struct DiskWallContact {
   }
 
  private:
-  PLIANT_INLINE SurfaceTouch::Rub rub(const StateView<2>& s, const Touch& c) const {
+  PLIANT_INLINE SurfaceTouch<2>::Rub rub(const StateView<2>& s, const Touch& c) const {
     const Vec<2> n(c.n[0], c.n[1]), t(-c.n[1], c.n[0]), v = s.velocity(c.i) - Vec<2>(c.velocity[0], c.velocity[1]);
     return c.rub(surface, n.dot(v), c.lever * t.dot(v) - c.radius * (s.spin(c.i) - c.spin));
   }
-  PLIANT_INLINE static Vec<2> force_of(const Touch& c, const SurfaceTouch::Rub& rubs) {
+  PLIANT_INLINE static Vec<2> force_of(const Touch& c, const SurfaceTouch<2>::Rub& rubs) {
     return (rubs.normal - c.elastic) * Vec<2>(c.n[0], c.n[1]) - rubs.hold.pull * c.lever * Vec<2>(-c.n[1], c.n[0]);
   }
 

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <span>
 #include <string_view>
+#include <type_traits>
 
 #include <pliant/base/errors.h>
 #include <pliant/kernels/contact_law.h>
@@ -22,21 +23,33 @@ struct SurfaceFriction {
 
   bool rubs() const { return mu_static > 0; }
 
-  /// What the tangential spring is, with which force, and whether the surfaces slide.
+  /// What the tangential spring is, with which force, and whether the surfaces slide; across the normal these are
+  /// numbers in the plane, vectors in space.
+  template <class Tangent>
   struct Hold {
-    Real spring, pull;
+    Tangent spring, pull;
     bool slides;
   };
   /// k, gamma: of spring and dashpot. A contact that sticks begins to slide where the force of the spring exceeds
   /// static_limit, and slides with the dynamic one until its spring is shorter than that. The dashpot takes what the
   /// limit leaves.
-  PLIANT_INLINE static Hold hold(Real k, Real gamma, Real spring, Real rate, Real static_limit, Real dynamic_limit,
-                                 bool was_sliding) {
+  PLIANT_INLINE static Hold<Real> hold(Real k, Real gamma, Real spring, Real rate, Real static_limit,
+                                       Real dynamic_limit, bool was_sliding) {
     const Real limit = was_sliding ? dynamic_limit : static_limit;
     const bool slides = k * std::abs(spring) > limit;
     if (slides) spring = std::copysign(dynamic_limit / k, spring);
     const Real most = slides ? dynamic_limit : limit;
     return {spring, std::clamp(k * spring + gamma * rate, -most, most), slides};
+  }
+  static Hold<Vec<3>> hold(Real k, Real gamma, Vec<3> spring, const Vec<3>& rate, Real static_limit, Real dynamic_limit,
+                           bool was_sliding) {
+    const Real limit = was_sliding ? dynamic_limit : static_limit, held = k * spring.norm();
+    const bool slides = held > limit;
+    if (slides) spring *= dynamic_limit / held;
+    const Real most = slides ? dynamic_limit : limit;
+    Vec<3> pull = k * spring + gamma * rate;
+    if (const Real size = pull.norm(); size > most) pull *= most / size;
+    return {spring, pull, slides};
   }
 };
 
@@ -62,20 +75,26 @@ PLIANT_INLINE Press press_of(const Law& law, Real d) {
   }
 }
 
+inline std::array<Real, 3> array_of(const Vec<3>& a) { return {a[0], a[1], a[2]}; }
+inline Vec<3> vector_of(const std::array<Real, 3>& a) { return {a[0], a[1], a[2]}; }
+
 /// What acts where two surfaces touch, and what of it becomes heat. This is what follows from where they are.
+template <int D>
 struct SurfaceTouch {
   static constexpr std::array<std::string_view, 3> losses{"normal_damping", "tangential_damping", "sliding"};
+  using Tangent = std::conditional_t<D == 2, Real, Vec<3>>;
 
-  Real elastic;    ///< N_e
-  Real k, gamma;   ///< k_t, γ_n
-  Real lever;      ///< the limit of P is μN over it
-  Real stretched;  ///< ξ if it did not slide
-  bool slid;       ///< in the last step
+  Real elastic;                                                     ///< N_e
+  Real k, gamma;                                                    ///< k_t, γ_n
+  Real lever;                                                       ///< the limit of P is μN over it
+  std::conditional_t<D == 2, Real, std::array<Real, 3>> stretched;  ///< ξ if it did not slide
+  bool slid;                                                        ///< in the last step
 
   /// And from how fast they move.
   struct Rub {
-    Real normal, parting, rate;  ///< N, u_n, q̇
-    SurfaceFriction::Hold hold;
+    Real normal, parting;  ///< N, u_n
+    Tangent rate;          ///< q̇
+    SurfaceFriction::Hold<Tangent> hold;
   };
 
   /// Finds k_t and γ_n. press_times_mass: V'' times the reduced mass.
@@ -83,26 +102,40 @@ struct SurfaceTouch {
     gamma = 2 * f.damping * std::sqrt(press_times_mass);
     k = f.stiffness * reference;
   }
-  PLIANT_INLINE Rub rub(const SurfaceFriction& f, Real parting, Real rate) const {
+  PLIANT_INLINE Rub rub(const SurfaceFriction& f, Real parting, const Tangent& rate) const {
     const Real normal = std::max(elastic - gamma * parting, 0.0), limit = normal / lever;
     return {normal, parting, rate,
-            SurfaceFriction::hold(k, f.tangential_damping * gamma, stretched, rate, f.mu_static * limit,
+            SurfaceFriction::hold(k, f.tangential_damping * gamma, stretch(), rate, f.mu_static * limit,
                                   f.mu_dynamic * limit, slid)};
   }
 
   /// Of the spring.
-  Real energy(const Rub& c) const { return k / 2 * square(c.hold.spring); }
+  Real energy(const Rub& c) const { return k / 2 * product(c.hold.spring, c.hold.spring); }
   PLIANT_INLINE Real normal_power(const Rub& c) const { return (elastic - c.normal) * c.parting; }
-  PLIANT_INLINE Real tangential_power(const Rub& c) const { return (c.hold.pull - k * c.hold.spring) * c.rate; }
+  PLIANT_INLINE Real tangential_power(const Rub& c) const { return product(c.hold.pull - k * c.hold.spring, c.rate); }
   Real power(const Rub& c) const {
-    const Real sliding = c.hold.slides ? std::max(k * c.hold.spring * c.rate, 0.0) : 0;
+    const Real sliding = c.hold.slides ? std::max(product(k * c.hold.spring, c.rate), 0.0) : 0;
     return normal_power(c) + tangential_power(c) + sliding;
   }
   /// Of a step of length h that began with the spring `before`, if the contact is not new.
-  PLIANT_INLINE void add_heat(const Rub& c, Real h, bool known, Real before, std::span<Real> heat) const {
+  PLIANT_INLINE void add_heat(const Rub& c, Real h, bool known, const Tangent& before, std::span<Real> heat) const {
     heat[0] += h * normal_power(c);
     heat[1] += h * tangential_power(c);
-    if (known) heat[2] += k / 2 * (before + c.hold.spring) * (stretched - c.hold.spring);
+    if (known) heat[2] += product(k / 2 * (before + c.hold.spring), stretch() - c.hold.spring);
+  }
+
+ private:
+  PLIANT_INLINE Tangent stretch() const {
+    if constexpr (D == 2)
+      return stretched;
+    else
+      return vector_of(stretched);
+  }
+  PLIANT_INLINE static Real product(const Tangent& a, const Tangent& b) {
+    if constexpr (D == 2)
+      return a * b;
+    else
+      return a.dot(b);
   }
 };
 

@@ -50,6 +50,20 @@ def test_energy_becomes_heat(tmp_path):
     assert run.series["heat"][-1] == pytest.approx(lost, rel=0.01)
 
 
+def test_spheres(tmp_path):
+    """In space: they flow, spin and heat up; continued bit for bit."""
+    options = {"dim": 3, "n": 150, "hopper_wall_distance": 6, "hopper_width": 5, "pack_fraction": 0.5, "t_end": 4}
+    whole = disks(tmp_path / "whole", **options)
+    assert whole.summary["crossed_count"] > 20
+    spins = whole.column("spins")
+    assert spins.shape[1:] == (150, 3) and np.abs(spins[-1]).mean() > 0.1
+    assert whole.series["sphere_contact_sliding"][-1] > 0.1 and whole.series["sphere_wall_contact_sliding"][-1] > 0.1
+    assert whole.series["max_overlap"].max() < 0.1
+    disks(tmp_path / "parts", **{**options, "t_end": 1.5})
+    assert pliant("hopper", restart=tmp_path / "parts", t_end=4).returncode == 0
+    assert_same_runs(Results(tmp_path / "parts"), whole)
+
+
 def test_friction_holds_a_pile(tmp_path):
     """On a flat bottom more stays beside the orifice the rougher disks are."""
     left = {mu: disks(tmp_path / f"{mu}", flow="discharge", mu_disk=mu, mu_wall=mu, t_end=15).series["in_hopper"][-1]

@@ -70,7 +70,6 @@ TEST_CASE("options of a hopper that contradict each other", "[options]") {
     CHECK_THROWS_WITH(resolved(arguments), Contains(says));
   };
   refused({"-dim", "3", "-model", "rough"}, "-dim 3 with -model rough");
-  refused({"-dim", "3", "-model", "disk"}, "frictional disks are two-dimensional");
   refused({"-contact_law", "barrier", "-model", "disk"}, "-contact_law barrier with -model disk");
   refused({"-dynamics", "overdamped", "-integrator", "ts", "-zeta", "1", "-model", "disk"},
           "-model disk, which needs inertia");

@@ -106,18 +106,19 @@ Sample<D> take_sample(ParticleSystem<D>& system, const State& state, const Conta
   ranks.sum(momentum);
   ranks.sum(weight);
 
-  std::array sums{kinetic,
-                  system.field().energy(view) - weight_energy,
-                  in_hopper,
-                  static_cast<Real>(touching.size()),
-                  sum_of_forces<D>("drag", system, view, centres.position, buffer),
-                  sum_of_forces<D>("friction", system, view, centres.position, buffer) +
-                      sum_of_forces<D>("disk_contact", system, view, centres.position, buffer),
-                  number_density<D>(orifice_region<D>(container.orifice()), centres.position, active),
-                  packing_fraction<D>(bulk_region<D>(container, top), centres.position,
-                                      std::span(topology.a0).first(topology.owned()), active),
-                  static_cast<Real>(flow.crossed),
-                  flow.area};
+  std::array sums{
+      kinetic,
+      system.field().energy(view) - weight_energy,
+      in_hopper,
+      static_cast<Real>(touching.size()),
+      sum_of_forces<D>("drag", system, view, centres.position, buffer),
+      sum_of_forces<D>("friction", system, view, centres.position, buffer) +
+          sum_of_forces<D>(D == 2 ? "disk_contact" : "sphere_contact", system, view, centres.position, buffer),
+      number_density<D>(orifice_region<D>(container.orifice()), centres.position, active),
+      packing_fraction<D>(bulk_region<D>(container, top), centres.position,
+                          std::span(topology.a0).first(topology.owned()), active),
+      static_cast<Real>(flow.crossed),
+      flow.area};
   ranks.sum(sums);
   const auto [kinetic_energy, potential_energy, above, contact_pairs, drag, friction, density, fraction, crossed,
               crossed_area] = sums;

@@ -75,7 +75,8 @@ std::string alternatives(const std::vector<std::string>& names) {
 void HopperOptions::bind(Options& o) {
   constexpr auto fixed = OnRestart::fixed;
   o.group("Model");
-  std::string help = "soft particles, deformable particles with rough or smooth outlines, or frictional disks";
+  std::string help =
+      "soft particles, deformable particles with rough or smooth outlines, or frictional disks and spheres";
   std::vector<std::string> models;
   for (const ModelKind kind : kinds) models.emplace_back(to_string(kind));
   for (const OwnModel& own : own_models_) {
@@ -83,7 +84,7 @@ void HopperOptions::bind(Options& o) {
     models.push_back(own.name);
   }
   o.bind("model", model, {.help = help, .choices = models, .on_restart = fixed});
-  o.bind("dim", dim, {.help = "dimension; 3 for soft particles only", .min = 2, .max = 3, .on_restart = fixed});
+  o.bind("dim", dim, {.help = "dimension; 2 for deformable particles", .min = 2, .max = 3, .on_restart = fixed});
   o.bind("e_sp", e_sp,
          {.help = "contact energy E_sp of soft particles",
           .unit = "rho g sigma_avg^(d+1)",
@@ -158,39 +159,38 @@ void HopperOptions::bind(Options& o) {
   o.bind("rough_contact", rough_contact, {{"edge", ContactRule::edge}, {"literal", ContactRule::literal}},
          {.help = "rough particles: vertices touch stretched edges too, or vertices only [H 9]", .on_restart = fixed});
   o.bind("e_disk", e_disk,
-         {.help = "contact energy of frictional disks",
-          .unit = "rho g sigma_avg^3",
+         {.help = "contact energy of frictional disks and spheres",
+          .unit = "rho g sigma_avg^(d+1)",
           .min = 0,
           .min_open = true,
           .on_restart = fixed});
   const auto coulomb = [&](const std::string& name, Real& at_rest, std::optional<Real>& sliding,
                            const std::string& what) {
     o.bind(name, at_rest,
-           {.help = "frictional disks: static Coulomb friction " + what, .min = 0, .max = 10, .on_restart = fixed});
+           {.help = "model disk: static Coulomb friction " + what, .min = 0, .max = 10, .on_restart = fixed});
     o.bind(name + "_dynamic", sliding,
-           {.help = "frictional disks: friction where they slide",
+           {.help = "model disk: friction where they slide",
             .min = 0,
             .max = 10,
             .automatic = "the static one",
             .on_restart = fixed});
   };
-  coulomb("mu_disk", mu_disk, mu_disk_dynamic, "of disks with each other");
-  coulomb("mu_wall", mu_wall, mu_wall_dynamic, "of disks with walls and obstacles");
+  coulomb("mu_disk", mu_disk, mu_disk_dynamic, "of particles with each other");
+  coulomb("mu_wall", mu_wall, mu_wall_dynamic, "of particles with walls and obstacles");
   o.bind("restitution", restitution,
-         {.help = "frictional disks: coefficient of restitution of a head-on collision, with disks and walls",
+         {.help = "model disk: coefficient of restitution of a head-on collision, with particles and walls",
           .min = 0,
           .max = 1,
           .min_open = true,
           .on_restart = fixed});
   o.bind("tangential_stiffness", tangential_stiffness,
-         {.help = "frictional disks: stiffness of tangential springs over that of contacts",
+         {.help = "model disk: stiffness of tangential springs over that of contacts",
           .min = 0,
           .max = 10,
           .min_open = true,
           .on_restart = fixed});
-  o.bind(
-      "tangential_damping", tangential_damping,
-      {.help = "frictional disks: tangential damping over normal damping", .min = 0, .max = 10, .on_restart = fixed});
+  o.bind("tangential_damping", tangential_damping,
+         {.help = "model disk: tangential damping over normal damping", .min = 0, .max = 10, .on_restart = fixed});
   bind_own_models(o);
 
   o.group("Particles");
@@ -370,9 +370,8 @@ template std::unique_ptr<ForceField<2>> HopperOptions::force_field<2>(const Vec<
 template std::unique_ptr<ForceField<3>> HopperOptions::force_field<3>(const Vec<3>&) const;
 
 void HopperOptions::resolve() {
-  if (dim == 3 && particle_kind() != ModelKind::sp)
-    throw InputError("-dim 3 with -model {}: {} are two-dimensional; use -model sp or -dim 2", model,
-                     deformable() ? "deformable particles" : "frictional disks");
+  if (dim == 3 && deformable())
+    throw InputError("-dim 3 with -model {}: deformable particles are two-dimensional; use -model sp or -dim 2", model);
   if (own_model() == own_models_.size() && !has_law(particle_kind(), contact_law))
     throw InputError("-contact_law {} with -model {}: only {} has it; use that, or harmonic", to_string(contact_law),
                      model,

@@ -1,0 +1,139 @@
+// Friction and damping between balls and walls, fixed or moving: DiskWallContact in space.
+#pragma once
+
+#include <array>
+#include <span>
+
+#include <pliant/model/sphere_slip.h>
+#include <pliant/model/surface_friction.h>
+#include <pliant/model/wall_contact.h>
+
+namespace pliant {
+
+/// What acts between a ball and a surface of the walls (Walls::surface_of_part) beside the elastic force N_e = −V' of
+/// WallContact, in space; as SphereContact, with the velocity of the wall's material. n is the unit vector from the
+/// wall to the centre, d the distance, L = 1 + (R − d) κ with the curvature κ of the surfaces of constant distance.
+///
+/// The ball slides with q̇ = L u − R ω × n, u its velocity across n, both seen from the wall: by the way of the foot
+/// along the surface and what n and the ball have turned (SphereSlip). The force is N n − L P, the torque R n × P, with
+/// |P| up to μN over the stretch of L along the spring. Spins of walls that turn count as at the end of a step, to
+/// first order. Kept, seen from the wall: foot, n and what the ball has turned at the end of the last step, ξ and
+/// whether the contact slid. Elements: neighbour list of points and parts of the walls.
+template <class Law = HarmonicOverlap>
+struct SphereWallContact {
+  Real epsilon;
+  SurfaceFriction surface;
+
+  static constexpr Elements elements = Elements::walls;
+  static constexpr bool rotates = true;
+  static constexpr int history = 13;
+  static constexpr auto losses = SurfaceTouch<3>::losses;
+  static std::string_view name() { return "sphere_wall_contact"; }
+  bool enabled(const StateView<3>& s) const { return s.walls.size() > 0 && (surface.rubs() || surface.damping > 0); }
+
+  struct Touch : SurfaceTouch<3> {
+    Index i;
+    Real radius;
+    std::array<Real, 3> n;               ///< in space
+    std::array<Real, 9> stretch;         ///< L
+    std::array<Real, 9> turn;            ///< of the wall
+    std::array<Real, 3> foot, across;    ///< foot and n seen from the wall
+    std::array<Real, 3> angle;           ///< what the ball has turned, less the wall, in space
+    std::array<Real, 3> before;          ///< ξ at the end of the last step, turned with the contact, in space
+    std::array<Real, 3> velocity, spin;  ///< of the wall
+  };
+
+  /// False also where another part of the surface carries the contact.
+  bool find(const StateView<3>& s, Index e, std::span<const Real> past, Touch& c) const {
+    const auto [i, part] = s.neighbours.walls[e];
+    const Vec<3> r = s.position(i);
+    const Real R = s.topology.diameter[i] / 2;
+    WallTouch<3> wall;
+    if (!s.walls.touch(r, part, s.t, R, wall)) return false;
+    const auto& [d, n, curvature, pose] = wall;
+    c.i = i;
+    c.radius = R;
+    c.n = array_of(n);
+    const Mat<3> stretch = Mat<3>::Identity() + (R - d) * curvature;
+    Eigen::Map<Mat<3>>(c.stretch.data()) = stretch;
+    Eigen::Map<Mat<3>>(c.turn.data()) = pose.turn;
+    const Vec<3> foot = pose.back(Vec<3>(r - d * n)), across = pose.back(Vec<3>(n + pose.shift));
+    c.foot = array_of(foot), c.across = array_of(across);
+    const Motion<3>& motion = s.walls.motion(s.walls.body_of_wall(s.walls.wall_of_part(part)));
+    const Vec<3> angle = s.angle(i) - motion.spin * (s.t - motion.since);
+    c.angle = array_of(angle);
+    c.velocity = array_of(s.walls.velocity(r, part, s.t));
+    c.spin = array_of(motion.spin);
+    const Press press = press_of(Law{epsilon, R}, d);
+    c.elastic = press.force;
+    c.stiffen(surface, s.topology.mass(i) * press.stiffness, press.reference);
+    c.lever = 1;
+    c.slid = false;
+    c.before = c.stretched = {};
+    if (!past.empty()) {
+      const Real* const p = past.data();
+      const Vec<3> turned = pose.turn.transpose() * (angle - point<3>(p, 2)), spring = point<3>(p, 3);
+      const SphereSlip slip(point<3>(p, 1), across, turned);
+      const Vec<3> slid = slip.along(foot - point<3>(p, 0)) + R * slip.arc() - R * slip.across(turned);
+      c.before = array_of(pose.turn * slip.carry(spring));
+      const Vec<3> stretched = pose.turn * slip.carry(spring, slid);
+      c.stretched = array_of(stretched);
+      if (const Real size = stretched.norm(); size > 0) c.lever = (stretch * stretched).norm() / size;
+      c.slid = past[12] != 0;
+    }
+    return true;
+  }
+  Real energy(const StateView<3>& s, const Touch& c) const { return c.energy(rub(s, c)); }
+  Real power(const StateView<3>& s, const Touch& c) const { return c.power(rub(s, c)); }
+  template <class F>
+  void add_force(const StateView<3>& s, const Touch& c, F& force) const {
+    const auto rubs = rub(s, c);
+    force.add(c.i, force_of(c, rubs));
+    force.add_torque(c.i, Vec<3>(c.radius * vector_of(c.n).cross(rubs.hold.pull)));
+  }
+  void advance(const StateView<3>& s, const Touch& c, Real h, bool known, std::span<Real> numbers,
+               std::span<Real> heat) const {
+    const auto rubs = rub(s, c);
+    c.add_heat(rubs, h, known, vector_of(c.before), heat);
+    Real* const p = numbers.data();
+    point<3>(p, 0) = vector_of(c.foot);
+    point<3>(p, 1) = vector_of(c.across);
+    point<3>(p, 2) = vector_of(c.angle);
+    point<3>(p, 3) = Eigen::Map<const Mat<3>>(c.turn.data()).transpose() * rubs.hold.spring;
+    numbers[12] = rubs.hold.slides ? 1 : 0;
+  }
+  /// Of the wall on the ball, beside the elastic one; the wall feels the opposite.
+  Vec<3> force(const StateView<3>& s, const Touch& c) const { return force_of(c, rub(s, c)); }
+
+  /// ω² = k_t (1/m + R²/I) = 7/2 k_t/m.
+  Real max_rate(const Topology& topology) const {
+    return std::sqrt((surface.rubs() ? 3.5 * surface.stiffness : 0) *
+                     stiffest(topology, [](const Law& law) { return reference_stiffness(law); }));
+  }
+  Real max_damping(const Topology& topology) const {
+    return 2 * surface.damping * std::sqrt(stiffest(topology, [](const Law& law) {
+             return Law::stiffness * law.epsilon / Law::scale(law.delta);
+           }));
+  }
+
+ private:
+  typename SurfaceTouch<3>::Rub rub(const StateView<3>& s, const Touch& c) const {
+    const Vec<3> n = vector_of(c.n), v = s.velocity(c.i) - vector_of(c.velocity);
+    const Real parting = n.dot(v);
+    const Vec<3> along = Eigen::Map<const Mat<3>>(c.stretch.data()) * (v - parting * n);
+    return c.rub(surface, parting, along - c.radius * Vec<3>(s.spin(c.i) - vector_of(c.spin)).cross(n));
+  }
+  static Vec<3> force_of(const Touch& c, const typename SurfaceTouch<3>::Rub& rubs) {
+    return (rubs.normal - c.elastic) * vector_of(c.n) - Eigen::Map<const Mat<3>>(c.stretch.data()) * rubs.hold.pull;
+  }
+
+  /// The largest stiffness(law)/m.
+  template <class Stiffness>
+  Real stiffest(const Topology& topology, Stiffness&& stiffness) const {
+    return 1 / smallest_over_points(topology, [&](Index i) {
+             return topology.mass(i) / stiffness(Law{epsilon, topology.diameter[i] / 2});
+           });
+  }
+};
+
+}  // namespace pliant

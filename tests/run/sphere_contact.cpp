@@ -1,0 +1,303 @@
+// Balls that collide, roll and rub in space. Cases with the tag work on any number of ranks.
+#include <petscsys.h>
+
+#include <Eigen/Geometry>
+#include <catch2/catch.hpp>
+
+#include <pliant/model/sphere_contact.h>
+#include <pliant/model/sphere_wall_contact.h>
+
+#include "support/frictional.h"
+#include "support/order.h"
+
+using namespace pliant;
+using namespace pliant::test;
+
+namespace {
+
+using Vector = pliant::Vec<3>;
+using Matrix = pliant::Mat<3>;
+
+constexpr Real epsilon = 1000;
+constexpr SurfaceFriction rough{.mu_static = 0.5, .mu_dynamic = 0.4, .damping = 0.1};
+
+template <class Law = HarmonicOverlap>
+auto ball_pairs(const SurfaceFriction& surface) {
+  return Fused<DiskKernel, PairContact<3, Law>, SphereContact<Law>>(PairContact<3, Law>{epsilon, "pair"},
+                                                                    SphereContact<Law>{epsilon, surface});
+}
+
+struct Weight {
+  Vector g;
+  static constexpr Elements elements = Elements::points;
+  static std::string_view name() { return "weight"; }
+  bool enabled(const StateView<3>&) const { return true; }
+  Real energy(const StateView<3>& s, Index i) const { return -s.topology.mass(i) * g.dot(s.position(i)); }
+  template <class G>
+  void add_gradient(const StateView<3>& s, Index i, G& grad) const {
+    grad.add(i, Vector(-s.topology.mass(i) * g));
+  }
+  void add_hessian(const StateView<3>&, Index, BlockSink<3>&) const {}
+  Real max_rate(const Topology&) const { return 0; }
+};
+
+Vector at(std::span<const Real> values, Index i) { return point<3>(values.data(), i); }
+
+/// Two that begin to touch: the second one is at rest. Turned as a whole, and moving.
+struct Collision {
+  Vector v, spin;
+
+  std::unique_ptr<Simulation<3>> simulation(const Matrix& turn = Matrix::Identity(),
+                                            const Vector& drift = Vector::Zero()) const {
+    Configuration<3> c;
+    c.add_soft(1, Vector::Zero());
+    c.add_soft(1.4, turn * Vector(0, 1.2 + 1e-9, 0));
+    const Vector w = turn * v + drift, s = turn * spin;
+    c.v = {w[0], w[1], w[2], drift[0], drift[1], drift[2]};
+    auto run =
+        simulation_of<3>(c, Sorting::never, Ranks(), std::make_unique<FixedStepVerlet>(2e-4), ball_pairs<>(rough));
+    start(*run, c, std::vector<Real>(6), {s[0], s[1], s[2], 0, 0, 0});
+    run->advance(0.2);
+    CHECK(run->particles().history().of("sphere_contact").contacts().keys.empty());
+    return run;
+  }
+};
+
+/// Any rotation.
+Matrix tilt() { return Eigen::AngleAxis<Real>(2.1, Vector(1, -2, 0.5).normalized()).toRotationMatrix(); }
+
+struct Crowd {
+  Configuration<3> c;
+  std::vector<Real> angles, spins;
+  explicit Crowd(std::uint64_t seed, bool walls = true, Index columns = 4, Index rows = 3) {
+    Random random(seed);
+    c = soft_rows<3>(random, columns, rows);
+    if (!walls) c.walls = Walls<3>();
+    angles.assign(static_cast<std::size_t>(c.topology.particles()) * 3, 0);
+    spins = random_numbers(random, angles.size(), 3);
+  }
+  std::unique_ptr<Simulation<3>> simulation(Real dt = 5e-4, Sorting sorting = Sorting::never,
+                                            const Ranks& ranks = Ranks()) const {
+    auto s = simulation_of<3>(c, sorting, ranks, std::make_unique<FixedStepVerlet>(dt), ball_pairs<>(rough),
+                              WallContact<3>{epsilon}, SphereWallContact<>{epsilon, rough});
+    start(*s, c, angles, spins);
+    s->particles().accepted(0, s->state().x().data(), s->state().v().data(), 0);
+    return s;
+  }
+};
+
+Real total_energy(Simulation<3>& s) {
+  const StateView<3> view = s.view();
+  return kinetic_energy(view) + s.particles().field().energy(view);
+}
+Real heat_of(const Simulation<3>& s, std::string_view term) {
+  Real sum = 0;
+  for (const Real heat : s.particles().history().of(term).heat()) sum += heat;
+  return sum;
+}
+
+}  // namespace
+
+TEST_CASE("balls that collide in a plane, whichever it is, do what disks of their inertia do") {
+  const Collision plane{{0.8, 1, 0}, {0, 0, 1.5}};
+  Configuration<2> c;
+  c.add_soft(1, {0, 0});
+  c.add_soft(1.4, {0, 1.2 + 1e-9});
+  c.v = {0.8, 1, 0, 0};
+  for (const Index m : {0, 1})
+    c.topology.set_inertia(m, 0.4 * c.topology.point_mass[m] * square(c.topology.diameter[m] / 2));
+  const auto disks =
+      simulation_of<2>(c, Sorting::never, Ranks(), std::make_unique<FixedStepVerlet>(2e-4), disk_pairs(epsilon, rough));
+  start(*disks, c, {0, 0}, {1.5, 0});
+  disks->advance(0.2);
+  CHECK(std::abs(disks->spins()[0] - 1.5) > 0.1);
+  for (const Matrix& turn : {Matrix(Matrix::Identity()), tilt()}) {
+    const auto balls = plane.simulation(turn, {3, -5, 2});
+    for (const Index m : {0, 1}) {
+      const Vector v = turn.transpose() * (at(balls->state().v(), m) - Vector(3, -5, 2)),
+                   w = turn.transpose() * at(balls->spins(), m);
+      CHECK((v.head<2>() - point<2>(disks->state().v().data(), m)).norm() < 1e-9);
+      CHECK(std::abs(v[2]) < 1e-9);
+      CHECK(w.head<2>().norm() < 1e-9);
+      CHECK(w[2] == Approx(disks->spins()[m]).margin(1e-9));
+    }
+    for (std::size_t k = 0; k < 3; ++k)
+      CHECK(balls->particles().history().of("sphere_contact").heat()[k] ==
+            Approx(disks->particles().history().of("disk_contact").heat()[k]).epsilon(1e-8));
+  }
+}
+
+TEST_CASE("collisions of balls do not depend on direction or a common velocity") {
+  const Collision skew{{0.5, 1, -0.7}, {1, 4, -2}};
+  const auto plain = skew.simulation(), moved = skew.simulation(tilt(), {-2, 7, 1});
+  for (const Index m : {0, 1}) {
+    CHECK((tilt() * at(plain->state().v(), m) + Vector(-2, 7, 1) - at(moved->state().v(), m)).norm() < 1e-9);
+    CHECK((tilt() * at(plain->spins(), m) - at(moved->spins(), m)).norm() < 1e-9);
+    CHECK(at(plain->spins(), m).norm() > 0.3);
+  }
+}
+
+TEST_CASE("balls that stick to each other are integrated at second order, however they twist and roll") {
+  const auto run = [](Real dt) {
+    Configuration<3> c;
+    c.add_soft(1, Vector::Zero());
+    c.add_soft(1.4, {0, 1.15, 0});
+    c.v = {0.3, 0, 0.1, 0, 0, 0};
+    auto s = simulation_of<3>(c, Sorting::never, Ranks(), std::make_unique<FixedStepVerlet>(dt),
+                              ball_pairs<>({.mu_static = 10, .mu_dynamic = 10}));
+    start(*s, c, std::vector<Real>(6), {1, 3, -2, 0.5, 4, 1});
+    s->particles().accepted(0, s->state().x().data(), s->state().v().data(), 0);
+    s->advance(0.04);
+    CHECK(s->particles().history().of("sphere_contact").heat()[2] == 0);
+    return std::pair(at(s->state().x(), 0), at(s->angles(), 1));
+  };
+  const auto exact = run(2.5e-5);
+  require_order(
+      "Verlet",
+      [&](Real h) {
+        const auto [x, angle] = run(h);
+        return (x - exact.first).norm() + (angle - exact.second).norm();
+      },
+      0.004, 2);
+}
+
+TEST_CASE("the spring between balls that turn as one body turns with them") {
+  // Pressed together, sheared, and then turned by hand about an axis of its own, in small steps.
+  Configuration<3> c;
+  c.add_soft(1, Vector::Zero());
+  c.add_soft(1, {0, 0.99, 0});
+  const auto s = simulation_of<3>(c, Sorting::never, Ranks(), std::make_unique<FixedStepVerlet>(1e-3),
+                                  ball_pairs<>({.mu_static = 1e6, .mu_dynamic = 1e6}));
+  start(*s, c, std::vector<Real>(6), std::vector<Real>(6));
+  std::vector<Real> x(s->state().x().begin(), s->state().x().end()), v(12), f(12);
+  const auto accept = [&] { s->particles().accepted(0, x.data(), v.data(), 1e-3); };
+  const auto torque = [&] {
+    s->particles().field().forces(s->particles().view(x.data(), v.data()), f.data());
+    return at(f, 2);  // forces on both, then torques
+  };
+  accept();
+  for (const Index m : {0, 1}) point<3>(x.data(), 2 + m) = Vector(0.01, 0, 0);
+  accept();
+  const Vector before = torque();
+  CHECK(before.norm() > 0.1);
+  const Vector axis = Vector(1, 2, -1).normalized(), middle(0, 0.495, 0);
+  const Vector first = point<3>(x.data(), 0) - middle, second = point<3>(x.data(), 1) - middle;
+  const int steps = 400;
+  for (int k = 1; k <= steps; ++k) {
+    const Real angle = 2.0 * k / steps;
+    const Matrix turn = Eigen::AngleAxis<Real>(angle, axis).toRotationMatrix();
+    point<3>(x.data(), 0) = turn * first + middle;
+    point<3>(x.data(), 1) = turn * second + middle;
+    for (const Index m : {0, 1}) point<3>(x.data(), 2 + m) = Vector(0.01, 0, 0) + angle * axis;
+    accept();
+  }
+  CHECK((torque() - Eigen::AngleAxis<Real>(2, axis).toRotationMatrix() * before).norm() < 1e-3 * before.norm());
+}
+
+TEST_CASE("balls keep linear and angular momentum to rounding") {
+  const auto s = Crowd(5, false).simulation();
+  const auto momentum = [&] {
+    const StateView<3> view = s->view();
+    Vector linear = Vector::Zero(), angular = Vector::Zero();
+    for (Index i = 0; i < view.topology.owned_points(); ++i) {
+      const Vector p = view.topology.mass(i) * view.velocity(i);
+      linear += p;
+      angular += view.position(i).cross(p) + view.topology.inertia[i] * view.spin(i);
+    }
+    return std::pair(linear, angular);
+  };
+  const auto before = momentum();
+  s->advance(0.2);
+  const auto after = momentum();
+  CHECK((after.first - before.first).norm() < 1e-12);
+  CHECK((after.second - before.second).norm() < 1e-11);
+  for (const Real heat : s->particles().history().of("sphere_contact").heat()) CHECK(heat > 0.01);
+}
+
+TEST_CASE("the energy that balls lose to each other and to walls is heat") {
+  const Crowd crowd(6);
+  const auto lost = [&](Real dt) {
+    const auto s = crowd.simulation(dt);
+    const Real before = total_energy(*s);
+    s->advance(0.1);
+    const Real heat = heat_of(*s, "sphere_contact") + heat_of(*s, "sphere_wall_contact");
+    CHECK(heat_of(*s, "sphere_wall_contact") > 0.1);
+    CHECK(before - total_energy(*s) > 1);
+    return std::abs(before - total_energy(*s) - heat) / before;
+  };
+  const Real coarse = lost(1e-3), fine = lost(1.25e-4);
+  CHECK(coarse < 0.02);
+  CHECK(fine < 0.3 * coarse);
+}
+
+namespace {
+
+/// A ball on a plane that leans in any direction: gravity in the frame of the plane, whose normal is z there.
+struct OnPlane {
+  Matrix turn = tilt();
+  std::unique_ptr<Simulation<3>> s;
+  Real mass = 0;
+
+  OnPlane(const Vector& g, const Vector& v, const Vector& spin, const SurfaceFriction& surface) {
+    constexpr Real stiff = 1e5;
+    Configuration<3> c;
+    c.walls = Walls<3>({Solid<3>::half_space(Vector::Zero(), turn * Vector(0, 0, 1))});
+    mass = pi / 4;
+    c.add_soft(1, turn * Vector(0, 0, 0.5 - mass * std::abs(g[2]) * 0.25 / stiff));
+    const Vector w = turn * v, o = turn * spin;
+    c.v = {w[0], w[1], w[2]};
+    s = simulation_of<3>(c, Sorting::never, Ranks(), std::make_unique<FixedStepVerlet>(1e-4), WallContact<3>{stiff},
+                         SphereWallContact<>{stiff, surface}, Weight{turn * g});
+    start(*s, c, std::vector<Real>(3), {o[0], o[1], o[2]});
+    s->particles().accepted(0, s->state().x().data(), s->state().v().data(), 0);
+  }
+  Vector velocity() const { return turn.transpose() * at(s->state().v(), 0); }
+  Vector spin() const { return turn.transpose() * at(s->spins(), 0); }
+};
+
+constexpr SurfaceFriction floor_friction{.mu_static = 0.4, .mu_dynamic = 0.4, .damping = 0.3};
+
+}  // namespace
+
+TEST_CASE("a ball that slides comes to roll at exactly 5/7 of its velocity") {
+  OnPlane ball({0, 0, -10}, {0.6, -0.8, 0}, {0, 0, 3}, floor_friction);
+  const Real rolls_at = 2.0 / (7 * 0.4 * 10);
+  ball.s->advance(rolls_at / 2);
+  CHECK((ball.velocity() - (1 - 4 * rolls_at / 2) * Vector(0.6, -0.8, 0)).norm() < 1e-3);
+  ball.s->advance(2 * rolls_at + 1);
+  CHECK((ball.velocity() - 5.0 / 7 * Vector(0.6, -0.8, 0)).norm() < 1e-4);
+  CHECK((ball.spin() - Vector(10.0 / 7 * 0.8, 10.0 / 7 * 0.6, 3)).norm() < 2e-4);  // about the normal nothing acts
+  CHECK(heat_of(*ball.s, "sphere_wall_contact") == Approx(ball.mass / 7).epsilon(2e-3));
+}
+
+TEST_CASE("a ball rolls down a slope up to tan φ = 7/2 μ, and slides down a steeper one") {
+  for (const Real beyond : {-0.05, 0.05}) {
+    const Real phi = std::atan(3.5 * 0.4 * (1 + beyond));
+    OnPlane ball({10 * std::sin(phi), 0, -10 * std::cos(phi)}, Vector::Zero(), Vector::Zero(), floor_friction);
+    ball.s->advance(0.5);
+    const Vector v = ball.velocity(), w = ball.spin();
+    const Real slip = v[0] - 0.5 * w[1];
+    if (beyond < 0) {
+      CHECK(v[0] == Approx(5.0 / 7 * 10 * std::sin(phi) * 0.5).epsilon(2e-3));
+      CHECK(std::abs(slip) < 5e-3);
+    } else {
+      CHECK(v[0] == Approx(10 * (std::sin(phi) - 0.4 * std::cos(phi)) * 0.5).epsilon(2e-3));
+      CHECK(slip > 0.05);
+    }
+    CHECK(std::abs(v[1]) < 1e-9);
+  }
+}
+
+TEST_CASE("balls between walls do the same on any number of ranks, with the same heat", "[ranks]") {
+  const Crowd crowd(7, true, 4, 4);
+  const auto alone = crowd.simulation(), shared = crowd.simulation(5e-4, Sorting::regularly, Ranks(PETSC_COMM_WORLD));
+  alone->advance(0.05);
+  shared->advance(0.05, [&](State& state) {
+    if (state.step % 23 != 0) return AfterStep::proceed;
+    shared->sort();
+    return AfterStep::reordered;
+  });
+  CHECK(Snapshot<3>(*alone).difference(Snapshot<3>(*shared)) < 1e-9);
+  for (const char* term : {"sphere_contact", "sphere_wall_contact"})
+    CHECK(shared->ranks().sum(heat_of(*shared, term)) == Approx(heat_of(*alone, term)).epsilon(1e-8));
+}
