@@ -252,6 +252,38 @@ TEST_CASE("evaluate turns a ball round the circular lip of a cylinder") {
   check_term(got.at("force").at("wall"), {{0, 0, 75}});
 }
 
+TEST_CASE("evaluate has what differs from the printed model") {
+  json soft = disks();
+  soft["inputs"].update(
+      json{{"mu", 0.5}, {"friction", "tangential"}, {"zeta", 2}, {"drag", "per_mass"}, {"contact_law", "linear"}});
+  json got = run(soft);
+  check_term(got.at("energy").at("pair"), 2.0);
+  check_term(got.at("force").at("pair"), {{-2.4, -3.2}, {2.4, 3.2}});
+  check_term(got.at("force").at("friction"), {{-0.08, 0.06}, {0.08, -0.06}});
+  check_term(got.at("force").at("drag"), {{-8 / M_PI, -16 / M_PI}, {-48 / M_PI, -80 / M_PI}});
+
+  json at_lip = ball();  // 0.5 from the lip
+  at_lip["inputs"]["wall_diameter"] = 0.5;
+  got = run(at_lip);
+  check_term(got.at("energy").at("wall"), 50 * 0.6 * 0.6);
+  check_term(got.at("force").at("wall"), {{-17.28, -23.04, -38.4}});
+
+  json smooth = square_and_triangle();
+  smooth["inputs"].update(json{{"mu", 3}, {"friction", "tangential"}, {"edge_force", "twofold"}});
+  got = run(smooth);
+  check_term(got.at("energy").at("contact"), 2 * 5000 * 0.16);
+  check_term(got.at("force").at("friction"), {{{0, 0}, {0, 0}, {-1.5, 0}, {0, 0}}, {{1.5, 0}, {0, 0}, {0, 0}}});
+
+  json shape = shapes();
+  shape["inputs"].update(json{{"area_energy", "relative"}, {"bending_edges", "full"}});
+  got = run(shape);
+  check_term(got.at("energy").at("area"), {2.5, 1});
+  check_term(got.at("energy").at("bending"), {4 * 2 / (4 * 0.4096), 150 / (3 * 256.0)});
+
+  soft["inputs"]["edge_force"] = "single";
+  CHECK_THAT(message(soft), Catch::Contains("inputs.edge_force means nothing to model SP"));
+}
+
 TEST_CASE("evaluate rubs a vertex on an edge at either point") {
   json document = square_and_triangle();
   document["inputs"]["mu"] = 3;

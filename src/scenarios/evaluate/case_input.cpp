@@ -15,12 +15,13 @@ const std::array<ModelKind, 5> model_kinds{ModelKind::sp, ModelKind::shape, Mode
                                            ModelKind::bubble};
 
 Keys keys_of(ModelKind kind) {
-  Keys polygon{"dim", "vertices", "a0", "l0", "ka", "kl", "kb"};
+  Keys polygon{"dim", "vertices", "a0", "l0", "ka", "kl", "kb", "area_energy", "bending_edges"};
   if (kind == ModelKind::shape) return polygon;
   if (kind == ModelKind::bubble)
     return {"dim",    "positions", "R",   "f0",    "phi_c", "a_s",          "b",
             "R_mean", "g",         "rho", "walls", "wedge", "wall_friction"};
-  Keys keys{"velocities", "mass", "rho", "eps_w", "mu", "zeta", "gravity", "hopper"};
+  Keys keys{"velocities", "mass", "rho",  "eps_w",   "wall_diameter", "mu",
+            "friction",   "zeta", "drag", "gravity", "hopper"};
   const auto add = [&](const Keys& more) { keys.insert(keys.end(), more.begin(), more.end()); };
   if (kind == ModelKind::sp) {
     add({"dim", "positions", "sigma", "eps_sp", "hopper3d", "contact_law"});
@@ -28,7 +29,7 @@ Keys keys_of(ModelKind kind) {
     add(polygon);
     add({"delta", "eps_c", "shape_terms", "friction_point", "lip_contact"});
     if (kind == ModelKind::rough) add({"rough_contact"});
-    if (kind == ModelKind::smooth) add({"contact_law"});
+    if (kind == ModelKind::smooth) add({"contact_law", "edge_force"});
   }
   return keys;
 }
@@ -38,7 +39,15 @@ ContactLaw contact_law(const CaseValue& inputs, std::initializer_list<std::strin
   const CaseValue law = inputs["contact_law"];
   const std::vector<std::string_view> laws(names);
   const std::string_view name = law.present() ? laws[law.choice(laws)] : "harmonic";
-  return name == "hertz" ? ContactLaw::hertz : name == "barrier" ? ContactLaw::barrier : ContactLaw::harmonic;
+  for (const ContactLaw known : {ContactLaw::hertz, ContactLaw::barrier, ContactLaw::linear})
+    if (name == to_string(known)) return known;
+  return ContactLaw::harmonic;
+}
+
+/// The value that a key names; the first one where it is absent.
+template <class E>
+E one_of(const CaseValue& key, const std::array<std::string_view, 2>& names, const std::array<E, 2>& values) {
+  return values[key.present() ? key.choice(names) : 0];
 }
 
 /// A key of another model may stand there as null.
@@ -78,8 +87,13 @@ Walls<D> read_walls(const CaseValue& inputs) {
 template <int D>
 void read_surroundings(const CaseValue& inputs, EvaluatedCase<D>& c) {
   c.parameters.epsilon_wall = inputs["eps_w"].number_or(c.parameters.epsilon_wall, Sign::not_negative);
+  c.parameters.wall_diameter = inputs["wall_diameter"].number_or(0, Sign::not_negative);
   c.parameters.mu = inputs["mu"].number_or(0, Sign::not_negative);
+  c.parameters.friction =
+      one_of(inputs["friction"], {"whole", "tangential"}, std::array{Friction::whole, Friction::tangential});
   c.parameters.zeta = inputs["zeta"].number_or(0, Sign::not_negative);
+  c.parameters.drag =
+      one_of(inputs["drag"], {"per_particle", "per_mass"}, std::array{DragLaw::per_particle, DragLaw::per_mass});
   if (const CaseValue gravity = inputs["gravity"]; gravity.present()) c.gravity = gravity.vector<D>();
   c.walls = read_walls<D>(inputs);
 }
@@ -150,7 +164,7 @@ EvaluatedCase<D> read_soft(const CaseValue& inputs) {
     append<D>(c.v, velocities.present() ? velocities[m].vector<D>() : Vec<D>(Vec<D>::Zero()));
   }
   c.parameters.epsilon = inputs["eps_sp"].number(Sign::not_negative);
-  c.parameters.law = contact_law(inputs, {"harmonic", "hertz"});
+  c.parameters.law = contact_law(inputs, {"harmonic", "hertz", "linear"});
   read_surroundings(inputs, c);
   return c;
 }
@@ -223,14 +237,16 @@ EvaluatedCase<2> read_polygons(const CaseValue& inputs, ModelKind kind) {
     p.k_l = inputs["kl"].number(Sign::not_negative);
     p.k_b = inputs["kb"].number(Sign::not_negative);
   }
+  p.area_energy =
+      one_of(inputs["area_energy"], {"absolute", "relative"}, std::array{AreaEnergy::absolute, AreaEnergy::relative});
+  p.bending_edges = one_of(inputs["bending_edges"], {"unit", "full"}, std::array{EdgeVectors::unit, EdgeVectors::full});
+  p.edge_force = one_of(inputs["edge_force"], {"single", "twofold"}, std::array{EdgeForce::single, EdgeForce::twofold});
   p.epsilon = inputs["eps_c"].number_or(1e4, Sign::not_negative);
-  const std::array<std::string_view, 2> rubbing{"vertex", "contact"}, rule{"literal", "edge"};
-  const CaseValue friction = inputs["friction_point"], lip = inputs["lip_contact"], rough = inputs["rough_contact"];
   p.law = contact_law(inputs, {"harmonic", "hertz", "barrier"});
-  p.friction_point =
-      friction.present() && friction.choice(rubbing) == 1 ? FrictionPoint::contact : FrictionPoint::vertex;
-  p.lip_edges = lip.present() && lip.choice(rule) == 1;
-  p.rough_edges = rough.present() && rough.choice(rule) == 1;
+  p.friction_point = one_of(inputs["friction_point"], {"vertex", "contact"},
+                            std::array{FrictionPoint::vertex, FrictionPoint::contact});
+  p.lip_edges = one_of(inputs["lip_contact"], {"literal", "edge"}, std::array{false, true});
+  p.rough_edges = one_of(inputs["rough_contact"], {"literal", "edge"}, std::array{false, true});
   read_surroundings(inputs, c);
   return c;
 }

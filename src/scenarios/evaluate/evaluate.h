@@ -22,15 +22,18 @@ nlohmann::json read_case(const std::string& file);
 ///
 /// inputs, arrays with one entry per particle:
 ///   SP         dim, positions, sigma, eps_sp; mass (else rho π σ²/4, or rho π σ³/6 in 3D), rho (else 1),
-///              hopper3d {W, w} in 3D; contact_law "harmonic" (else) or "hertz"
-///   DP         vertices (counter-clockwise, one array per particle), a0, l0, ka, kl, kb
+///              hopper3d {W, w} in 3D; contact_law "harmonic" (else), "hertz" or "linear"
+///   DP         vertices (counter-clockwise, one array per particle), a0, l0, ka, kl, kb; area_energy "absolute" (else)
+///   or
+///              "relative", bending_edges "unit" (else) or "full"
 ///   DP-rough, DP-smooth: as DP and delta (else l0, or 0.1 l0 for smooth), mass (else rho a0), rho, eps_c (else
 ///              1e4), shape_terms (false: no shape energies, ka, kl and kb are not needed), friction_point "vertex"
 ///              (else) or "contact" (smooth), lip_contact "literal" (else) or "edge"; DP-rough: rough_contact
 ///              "literal" (else) or "edge"; DP-smooth:
-///              contact_law "harmonic" (else), "hertz" or "barrier"
-///   SP, DP-rough, DP-smooth: velocities (else 0), eps_w (else 1e4), mu, zeta, gravity (else none), hopper {W, w,
-///              theta_deg} in 2D
+///              contact_law "harmonic" (else), "hertz" or "barrier", edge_force "single" (else) or "twofold"
+///   SP, DP-rough, DP-smooth: velocities (else 0), eps_w (else 1e4), wall_diameter (else 0), mu, friction "whole"
+///              (else) or "tangential", zeta, drag "per_particle" (else) or "per_mass", gravity (else none), hopper
+///              {W, w, theta_deg} in 2D
 ///   bubble     dim (else 2), positions, R, f0, phi_c, a_s, b, R_mean (else 10, 1e-4, 0.05, 1, 1), g (else 0),
 ///              rho (else 1), walls [{point, normal, velocity}], wedge {tip, dir1, dir2}, wall_friction (else false)
 ///
