@@ -22,7 +22,7 @@ PLIANT_INLINE Points2 columns(Real4 lanes02, Real4 lanes13) {
 }
 
 enum class Rubbing { none, at_contact, at_vertex };
-enum class Part { whole, tangential };
+enum class Opposed { whole, tangential };
 
 struct Data {
   const Pair* pairs;
@@ -96,16 +96,16 @@ PLIANT_INLINE Real4 push(Real epsilon, Mask4 mask, Real4 d2, Real4 delta) {
 }
 
 /// The part of a velocity that friction opposes; offset: along the normal, of length √d2.
-template <Part part>
+template <Opposed opposed>
 PLIANT_INLINE Points2 rubbed(const Points2& slip, const Points2& offset, Real4 d2) {
-  if constexpr (part == Part::whole)
+  if constexpr (opposed == Opposed::whole)
     return slip;
   else
     return slip - where(d2 > 0, dot(slip, offset) / d2) * offset;
 }
 
 /// Forces of the pairs list[0 … 3], of which the first `count` exist.
-template <class Law, Rubbing rubbing, Part part, class Out>
+template <class Law, Rubbing rubbing, Opposed opposed, class Out>
 PLIANT_INLINE void add_four(const EdgeLaw& law, const Data& data, const Index* list, Index count, const Out& out) {
   Index p[4], a[4], b[4];
   Real4 delta;
@@ -128,7 +128,7 @@ PLIANT_INLINE void add_four(const EdgeLaw& law, const Data& data, const Index* l
   Points2 on_start = push<Law>(law.epsilon, beyond_start & (ww < delta2), ww, delta) * w;
 
   if constexpr (rubbing == Rubbing::at_vertex) {
-    const Points2 slip = rubbed<part>(gather(data.v, p) - gather(data.v, a), offset, d2);
+    const Points2 slip = rubbed<opposed>(gather(data.v, p) - gather(data.v, a), offset, d2);
     on_start = on_start + where(touching, all(law.mu)) * slip;
   }
   if constexpr (rubbing == Rubbing::at_contact) {
@@ -137,7 +137,7 @@ PLIANT_INLINE void add_four(const EdgeLaw& law, const Data& data, const Index* l
     // A corner that is nearest on both of its edges rubs on the one that ends there (outline.h).
     const Mask4 carries = beyond_start & ((t < 1) | (dot(rp - rb, gather(data.x, c) - rb) <= 0));
     const Points2 va = gather(data.v, a);
-    const Points2 slip = rubbed<part>(gather(data.v, p) - va - t * (gather(data.v, b) - va), offset, d2);
+    const Points2 slip = rubbed<opposed>(gather(data.v, p) - va - t * (gather(data.v, b) - va), offset, d2);
     on_edge = on_edge - where(carries, all(law.mu)) * slip;
   }
 
@@ -170,7 +170,7 @@ PLIANT_INLINE Index write_bits(std::uint64_t bits, Index first, Index* list) {
   return count;
 }
 
-template <class Law, Rubbing rubbing, Part part, class Out>
+template <class Law, Rubbing rubbing, Opposed opposed, class Out>
 PLIANT_INLINE void add_touching(const EdgeLaw& law, const Data& data, Index n, const Out& out) {
   constexpr Index word = 64, block = 16 * word;
   Index list[block + 7];  // pairs of a block that may touch
@@ -186,26 +186,26 @@ PLIANT_INLINE void add_touching(const EdgeLaw& law, const Data& data, Index n, c
       count += write_bits(found, e, list + count);
     }
     std::fill_n(list + count, 3, 0);  // some pair, for lanes that do not count
-    for (Index k = 0; k < count; k += 4) add_four<Law, rubbing, part>(law, data, list + k, count - k, out);
+    for (Index k = 0; k < count; k += 4) add_four<Law, rubbing, opposed>(law, data, list + k, count - k, out);
   }
 }
 
-template <class Law, Part part, class Out>
+template <class Law, Opposed opposed, class Out>
 PLIANT_INLINE void add_rubbing(const EdgeLaw& law, const Data& data, Index n, const Out& out) {
   if (law.at_contact)
-    add_touching<Law, Rubbing::at_contact, part>(law, data, n, out);
+    add_touching<Law, Rubbing::at_contact, opposed>(law, data, n, out);
   else
-    add_touching<Law, Rubbing::at_vertex, part>(law, data, n, out);
+    add_touching<Law, Rubbing::at_vertex, opposed>(law, data, n, out);
 }
 
 template <class Law, class Out>
 PLIANT_INLINE void add_by_law(const EdgeLaw& law, const Data& data, Index n, const Out& out) {
   if (law.mu == 0)
-    add_touching<Law, Rubbing::none, Part::whole>(law, data, n, out);
+    add_touching<Law, Rubbing::none, Opposed::whole>(law, data, n, out);
   else if (law.tangential)
-    add_rubbing<Law, Part::tangential>(law, data, n, out);
+    add_rubbing<Law, Opposed::tangential>(law, data, n, out);
   else
-    add_rubbing<Law, Part::whole>(law, data, n, out);
+    add_rubbing<Law, Opposed::whole>(law, data, n, out);
 }
 
 template <class Out>
