@@ -211,21 +211,34 @@ def fit_groups(table, by, beta=None, **options):
     return pd.DataFrame(rows)
 
 
+def _without_clogged(group):
+    """(the runs without those that ended clogged where others of the same width flowed, what was left out): a clogged
+    run has no steady rate, and its zero is not one of the others' mean."""
+    if "status" not in group:
+        return group, ""
+    clogged = group["status"] == "clogged"
+    out = clogged & ~clogged.groupby(group["hopper_width"]).transform("all")
+    widths = ", ".join(f"{w:g}" for w in sorted(set(group.loc[out, "hopper_width"])))
+    return group[~out], f"{out.sum()} of {len(group)} runs clogged, left out (w = {widths})" if out.any() else ""
+
+
 def fit_seeds(table, by, value="Q", beta=None, resamples=None, opposite=False):
     """One row per group of runs: its columns of `by`, fit, C, k, beta with errors and so on as of fit_groups; data (a row
     per width: hopper_width, Q, Q_error from blocks and seeds, runs); reference (the published exponent or None) and
     reference_fit (with that held); with `opposite` also opposite (the published exponent of the other limit) and
-    opposite_fit. Errors of the fits are drawn over seeds. `value` is the rate's column."""
+    opposite_fit. Errors of the fits are drawn over seeds. `value` is the rate's column. Clogged runs are left out where
+    others of the same width flowed."""
     rows = []
     for key, group in ensemble.groups(table, by):
         row = dict(zip(by, key))
+        group, clogged = _without_clogged(group)
         points = ensemble.average(group, ["hopper_width"], value)
         row["data"] = points.rename(columns={value: "Q", value + "_error": "Q_error"})
         row["points"] = int((points[value] > 0).sum())
         data = points["hopper_width"], points[value], points[value + "_error"]
         drawn = {"draws": ensemble.draws(points, value, resamples)} if np.isfinite(data[2]).any() else {}
         row |= fitted(fit_beverloo, *data, beta=beta, **drawn)
-        row["note"] = "; ".join(filter(None, [row["note"], ensemble.seeds_remark(points)]))
+        row["note"] = "; ".join(filter(None, [row["note"], clogged, ensemble.seeds_remark(points)]))
         first = group.iloc[0]
         row["reference"] = published_exponent(first["dim"], first["mu"], first["zeta"])
         held = {"reference": row["reference"]}

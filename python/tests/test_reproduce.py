@@ -487,6 +487,16 @@ def test_readings_are_told_apart(tmp_path):
     assert found["k: as run, drag only"].published is None
 
 
+def test_a_clogged_run_is_not_a_rate():
+    data = reading_rows("drag", 0.9)
+    data.loc[(data["hopper_width"] == 3) & (data["seed"] == 1), ["status", "Q", "Q_error"]] = ["clogged", 0.0, np.nan]
+    one = drawn("readings", data)["beta: printed, drag only"]
+    assert one.value == pytest.approx(0.9, abs=0.05) and "1 of 15 runs clogged, left out (w = 3)" in one.note
+    data.loc[data["hopper_width"] == 3, ["status", "Q", "Q_error"]] = ["clogged", 0.0, np.nan]
+    one = drawn("readings", data)["beta: printed, drag only"]
+    assert one.value == pytest.approx(0.9, abs=0.1) and "1 clogged left out (w = 3)" in one.note
+
+
 def test_residuals_of_the_published_and_of_the_opposite_exponent():
     found = drawn("readings", reading_rows("drag", 0.5))
     assert found["chi2/dof with beta = 1/2 held: printed, drag only"].value < 5
