@@ -4,8 +4,11 @@
 
 #include <catch2/catch.hpp>
 
+#include <pliant/ts/ts_integrator.h>
+
 #include "support/frictional.h"
 #include "support/order.h"
+#include "support/problems.h"
 
 using namespace pliant;
 using namespace pliant::test;
@@ -164,4 +167,45 @@ TEST_CASE("disks on a table between walls do the same on any number of ranks, wi
       CHECK(shared->ranks().sum(own[k]) == Approx(one[k]).epsilon(1e-8));
     }
   }
+}
+
+TEST_CASE("Runge-Kutta methods go through the beginning of sliding at first order") {
+  struct End {
+    Real x, angle, heat;
+  };
+  const auto run = [](Real h, Real until) {
+    const PetscOptionScope scope("-ts_type rk -ts_rk_type 4 -ts_adapt_type none");
+    Configuration<2> c;
+    c.add_soft(1, {0, 0});
+    c.add_soft(1.4, {0, 1.15});
+    c.v = {1, 0, 0, 0};
+    const auto s = simulation_of<2>(c, Sorting::never, Ranks(), std::make_unique<TsIntegrator>(TsOptions{.dt = h}),
+                                    disk_pairs(1000, {.mu_static = 0.4, .mu_dynamic = 0.3}));
+    start(*s, c, {0, 0}, {0, 0});
+    touch(*s);
+    s->advance(until);
+    return End{s->state().x()[0], s->angles()[1], s->particles().history().of("disk_contact").heat()[2]};
+  };
+  CHECK(run(1e-3, 0.01).heat == 0);
+  const End exact = run(1e-5, 0.04);
+  CHECK(exact.heat > 1e-3);
+  const OrderFit fit = fit_order(
+      [&](Real h) {
+        const End end = run(h, 0.04);
+        return std::abs(end.x - exact.x) + std::abs(end.angle - exact.angle) + std::abs(end.heat - exact.heat);
+      },
+      0.002, 5);
+  INFO(fit.text());
+  CHECK(fit.errors.front() < 0.02);
+  CHECK(fit.errors.back() < 0.15 * fit.errors.front());
+  CHECK(fit.slope() > 0.7);
+}
+
+TEST_CASE("a table is refused in a periodic box") {
+  const auto in_box = [](Real gravity) {
+    const BaseFriction base{.gravity = gravity, .mu_static = 0.5, .mu_dynamic = 0.3, .epsilon = 100};
+    return ParticleSystem<2>({}, {}, alone<2>(base), 0.1, Ranks(), Box<2>({0, 0}, {5, 5}));
+  };
+  CHECK_THROWS_AS(in_box(1), InputError);
+  CHECK_THROWS_WITH(in_box(1), Catch::Contains("base_friction") && Catch::Contains("open box"));
 }
