@@ -68,7 +68,7 @@ def _draw_against_size(measured, prefix, ylabel):
     figure, panels = plt.subplots(1, 2, figsize=(9.6, 4.2), layout="constrained")
     for i, (name, rows) in enumerate(_by_delta(measured)):
         for axes, quantity in zip(panels, MOTION):
-            points = ensemble.scatter(rows.assign(size=rows["relative_radius"].round(3)), ["size"], prefix + quantity)
+            points = ensemble.average(rows.assign(size=rows["relative_radius"].round(3)), ["size"], prefix + quantity)
             axes.errorbar(points["size"], points[prefix + quantity], points[prefix + quantity + "_error"].fillna(0),
                           marker=plotting.MARKERS[i % len(plotting.MARKERS)], ls="-" if prefix == "" else "", lw=0.8,
                           color=plotting.COLORS[i % len(plotting.COLORS)], capsize=2, elinewidth=0.8, ms=4.5,
