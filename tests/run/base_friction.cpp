@@ -193,6 +193,19 @@ TEST_CASE("a disk that sticks is integrated at second order, and one that comes 
   CHECK(fit.slope() > 0.9);
 }
 
+TEST_CASE("what a disk loses as it breaks away, from the static limit to the dynamic one, is heat") {
+  BaseFriction base = friction(0.5, 0.3);
+  base.damping = 0;
+  OnTable disk(base, 2e-5, {0.6, 0}, 0, {0, 0}, 0.01);
+  const Real before = energy(*disk.s);
+  disk.s->advance(0.02);
+  CHECK(sum_of_heat(*disk.s, "base_friction") < 1e-12);
+  disk.s->advance(0.05);
+  const Real lost = before - energy(*disk.s);
+  CHECK(lost > 0.05 * disk.mass);
+  CHECK(sum_of_heat(*disk.s, "base_friction") == Approx(lost).epsilon(5e-3));
+}
+
 TEST_CASE("disks do not depend on the frame in which they lie, nor on the units of time") {
   // Turned by 90° and mirrored, exactly.
   OnTable a(friction(0.5, 0.3), 1e-3, {0.5, -0.3}, 2), b(friction(0.5, 0.3), 1e-3, {0.3, 0.5}, 2);
