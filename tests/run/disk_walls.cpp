@@ -143,6 +143,9 @@ TEST_CASE("round a convex corner a disk has one contact with one history") {
   CHECK(torque == Approx(-k * 0.5 * (0.1 + 0.5 * pi / 2)).epsilon(1e-4));
   for (int step = 1; step <= n; ++step) torque = torque_at({d, -0.1 * step / n});
   CHECK(torque == Approx(-k * 0.5 * (0.2 + 0.5 * pi / 2)).epsilon(1e-4));
+  // The force acts on the arm d.
+  torque = torque_at(0.4 * at_angle(pi / 4));
+  CHECK(pliant::Vec<2>(f[0], f[1]).dot(at_angle(3 * pi / 4)) == Approx(-torque / 0.4).epsilon(1e-9));
   // Off the wall it ends, although the lists still have it.
   x[0] = 0.51;
   s->particles().accepted(0, x.data(), v.data(), 1e-4);
