@@ -12,13 +12,13 @@ from conftest import (SMALL, Results, assert_same_runs, cpu_seconds_of_children,
 # What each takes is short, and long enough to be interrupted several times.
 POLYGONS = {"n": 20, "hopper_wall_distance": 6, "hopper_width": 2.5, "frame_interval": 0.1, "sample_interval": 0.02}
 KINDS = {
-    "soft": {"t_end": 500, "frame_interval": 20, "sample_interval": 1},
-    "soft_3d": {"dim": 3, "n": 80, "hopper_wall_distance": 5, "hopper_width": 3.5, "pack_fraction": 0.5, "t_end": 200,
+    "soft": {"t_end": 250, "frame_interval": 20, "sample_interval": 1},
+    "soft_3d": {"dim": 3, "n": 80, "hopper_wall_distance": 5, "hopper_width": 3.5, "pack_fraction": 0.5, "t_end": 120,
                 "frame_interval": 20, "sample_interval": 1},
     "rough": {**POLYGONS, "model": "rough", "t_end": 5},
     # Contacts are soft, so that particles come through and are reinserted within a second of computing.
     "smooth": {**POLYGONS, "model": "smooth", "n_vertices": 12, "edge_width": 0.3, "hopper_width": 3, "pack_fraction": 0.7,
-               "e_c": 500, "e_w": 500, "k_a": 1000, "k_l": 100, "t_end": 60, "frame_interval": 1},
+               "e_c": 500, "e_w": 500, "k_a": 1000, "k_l": 100, "t_end": 40, "frame_interval": 1},
     "discharge": {"flow": "discharge", "hopper_angle": 45, "n": 400, "hopper_wall_distance": 16, "t_end": 400,
                   "frame_interval": 5, "sample_interval": 0.5},
     "clog": {"hopper_width": 0.7, "zeta": 1, "clog_time": 300, "t_end": 1000, "frame_interval": 50, "sample_interval": 1},
