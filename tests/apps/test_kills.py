@@ -216,7 +216,7 @@ def test_every_kill(command, options, tmp_path):
     if command == "clog":  # one that has ended goes on until it ends again
         last = [files[name] for files in states[-1:] for name in ("checkpoint-a.h5", "checkpoint-b.h5")]
         states = [files for files in states if [files.get("checkpoint-a.h5"), files.get("checkpoint-b.h5")] != last]
-    replay.continued(some(states, 25), lambda run: assert_same_runs(run, replay.whole), checkpoint_interval=0)
+    replay.continued(some(states, 15), lambda run: assert_same_runs(run, replay.whole), checkpoint_interval=0)
 
 
 @needs_mpi

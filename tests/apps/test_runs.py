@@ -19,7 +19,7 @@ KINDS = {
     # Contacts are soft, so that particles come through and are reinserted within a second of computing.
     "smooth": {**POLYGONS, "model": "smooth", "n_vertices": 12, "edge_width": 0.3, "hopper_width": 3, "pack_fraction": 0.7,
                "e_c": 500, "e_w": 500, "k_a": 1000, "k_l": 100, "t_end": 40, "frame_interval": 1},
-    "discharge": {"flow": "discharge", "hopper_angle": 45, "n": 400, "hopper_wall_distance": 16, "t_end": 400,
+    "discharge": {"flow": "discharge", "hopper_angle": 45, "n": 300, "hopper_wall_distance": 14, "t_end": 400,
                   "frame_interval": 5, "sample_interval": 0.5},
     "clog": {"hopper_width": 0.7, "zeta": 1, "clog_time": 300, "t_end": 1000, "frame_interval": 50, "sample_interval": 1},
 }

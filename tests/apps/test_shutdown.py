@@ -178,7 +178,7 @@ def test_mpiexec_returns_75(how, tmp_path):
 def test_mpiexec_that_is_told_to_end(tmp_path, monkeypatch):
     """Open MPI's own exit code is 1, whatever the ranks return; it sends them SIGTERM and some time later SIGKILL. It waits
     for as long in any case, so that the three wait together."""
-    environment = mpi_environment() | {"OMPI_MCA_odls_base_sigkill_timeout": "5"}
+    environment = mpi_environment() | {"OMPI_MCA_odls_base_sigkill_timeout": "3"}
     names = ("TERM", "HUP", "INT")
     with monkeypatch.context() as patient:
         patient.setattr(test_parallel, "mpi_environment", lambda: environment)
