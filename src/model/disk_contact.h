@@ -92,16 +92,10 @@ struct DiskContact {
     numbers[4] = rubs.hold.slides ? 1 : 0;
   }
   /// The spring between two of the stiffest disks: ω² = k_t (2/m + 2R²/I) = 6 k_t/m.
-  Real max_rate(const Topology& topology) const {
-    return std::sqrt((surface.rubs() ? 6 * surface.stiffness : 0) *
-                     stiffest(topology, [](const Law& law) { return reference_stiffness(law); }));
-  }
+  Real max_rate(const Topology& topology) const { return spring_rate<Law>(surface, topology, epsilon, 1, 6); }
   /// Six contacts, half of them along any direction; each damps with 4 ζ √(V''/(2m)), m of one of two like disks.
   Real max_damping(const Topology& topology) const {
-    return 3 * 4 * surface.damping *
-           std::sqrt(
-               stiffest(topology, [](const Law& law) { return Law::stiffness * law.epsilon / Law::scale(law.delta); }) /
-               2);
+    return dashpot_rate<Law>(surface, topology, epsilon, 1, 3 * 4, 2);
   }
 
  private:
@@ -117,14 +111,6 @@ struct DiskContact {
     force.add(c.second, Vec<2>(-f));
     force.add_torque(c.first, rubs.hold.pull * c.a);
     force.add_torque(c.second, rubs.hold.pull * c.b);
-  }
-
-  /// The largest stiffness(law)/m of two like disks.
-  template <class Stiffness>
-  Real stiffest(const Topology& topology, Stiffness&& stiffness) const {
-    return 1 / smallest_over_points(topology, [&](Index i) {
-             return topology.mass(i) / stiffness(Law{epsilon, topology.diameter[i]});
-           });
   }
 };
 

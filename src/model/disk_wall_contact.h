@@ -99,15 +99,8 @@ struct DiskWallContact {
   Vec<2> force(const StateView<2>& s, const Touch& c) const { return force_of(c, rub(s, c)); }
 
   /// ω² = k_t (1/m + R²/I) = 3 k_t/m.
-  Real max_rate(const Topology& topology) const {
-    return std::sqrt((surface.rubs() ? 3 * surface.stiffness : 0) *
-                     stiffest(topology, [](const Law& law) { return reference_stiffness(law); }));
-  }
-  Real max_damping(const Topology& topology) const {
-    return 2 * surface.damping * std::sqrt(stiffest(topology, [](const Law& law) {
-             return Law::stiffness * law.epsilon / Law::scale(law.delta);
-           }));
-  }
+  Real max_rate(const Topology& topology) const { return spring_rate<Law>(surface, topology, epsilon, 0.5, 3); }
+  Real max_damping(const Topology& topology) const { return dashpot_rate<Law>(surface, topology, epsilon, 0.5, 2, 1); }
 
  private:
   PLIANT_INLINE SurfaceTouch<2>::Rub rub(const StateView<2>& s, const Touch& c) const {
@@ -116,14 +109,6 @@ struct DiskWallContact {
   }
   PLIANT_INLINE static Vec<2> force_of(const Touch& c, const SurfaceTouch<2>::Rub& rubs) {
     return (rubs.normal - c.elastic) * Vec<2>(c.n[0], c.n[1]) - rubs.hold.pull * c.lever * Vec<2>(-c.n[1], c.n[0]);
-  }
-
-  /// The largest stiffness(law)/m.
-  template <class Stiffness>
-  Real stiffest(const Topology& topology, Stiffness&& stiffness) const {
-    return 1 / smallest_over_points(topology, [&](Index i) {
-             return topology.mass(i) / stiffness(Law{epsilon, topology.diameter[i] / 2});
-           });
   }
 };
 

@@ -101,16 +101,10 @@ struct SphereContact {
     numbers[12] = rubs.hold.slides ? 1 : 0;
   }
   /// The spring between two of the stiffest balls: ω² = k_t (2/m + 2R²/I) = 7 k_t/m.
-  Real max_rate(const Topology& topology) const {
-    return std::sqrt((surface.rubs() ? 7 * surface.stiffness : 0) *
-                     stiffest(topology, [](const Law& law) { return reference_stiffness(law); }));
-  }
+  Real max_rate(const Topology& topology) const { return spring_rate<Law>(surface, topology, epsilon, 1, 7); }
   /// Twelve contacts, a third of them along any direction; as DiskContact.
   Real max_damping(const Topology& topology) const {
-    return 4 * 4 * surface.damping *
-           std::sqrt(
-               stiffest(topology, [](const Law& law) { return Law::stiffness * law.epsilon / Law::scale(law.delta); }) /
-               2);
+    return dashpot_rate<Law>(surface, topology, epsilon, 1, 4 * 4, 2);
   }
 
  private:
@@ -128,14 +122,6 @@ struct SphereContact {
     force.add(c.second, Vec<3>(-f));
     force.add_torque(c.first, Vec<3>(c.a * twist));
     force.add_torque(c.second, Vec<3>(c.b * twist));
-  }
-
-  /// The largest stiffness(law)/m of two like balls.
-  template <class Stiffness>
-  Real stiffest(const Topology& topology, Stiffness&& stiffness) const {
-    return 1 / smallest_over_points(topology, [&](Index i) {
-             return topology.mass(i) / stiffness(Law{epsilon, topology.diameter[i]});
-           });
   }
 };
 

@@ -106,15 +106,8 @@ struct SphereWallContact {
   Vec<3> force(const StateView<3>& s, const Touch& c) const { return force_of(c, rub(s, c)); }
 
   /// ω² = k_t (1/m + R²/I) = 7/2 k_t/m.
-  Real max_rate(const Topology& topology) const {
-    return std::sqrt((surface.rubs() ? 3.5 * surface.stiffness : 0) *
-                     stiffest(topology, [](const Law& law) { return reference_stiffness(law); }));
-  }
-  Real max_damping(const Topology& topology) const {
-    return 2 * surface.damping * std::sqrt(stiffest(topology, [](const Law& law) {
-             return Law::stiffness * law.epsilon / Law::scale(law.delta);
-           }));
-  }
+  Real max_rate(const Topology& topology) const { return spring_rate<Law>(surface, topology, epsilon, 0.5, 3.5); }
+  Real max_damping(const Topology& topology) const { return dashpot_rate<Law>(surface, topology, epsilon, 0.5, 2, 1); }
 
  private:
   typename SurfaceTouch<3>::Rub rub(const StateView<3>& s, const Touch& c) const {
@@ -125,14 +118,6 @@ struct SphereWallContact {
   }
   static Vec<3> force_of(const Touch& c, const typename SurfaceTouch<3>::Rub& rubs) {
     return (rubs.normal - c.elastic) * vector_of(c.n) - Eigen::Map<const Mat<3>>(c.stretch.data()) * rubs.hold.pull;
-  }
-
-  /// The largest stiffness(law)/m.
-  template <class Stiffness>
-  Real stiffest(const Topology& topology, Stiffness&& stiffness) const {
-    return 1 / smallest_over_points(topology, [&](Index i) {
-             return topology.mass(i) / stiffness(Law{epsilon, topology.diameter[i] / 2});
-           });
   }
 };
 

@@ -10,6 +10,7 @@
 
 #include <pliant/base/errors.h>
 #include <pliant/kernels/contact_law.h>
+#include <pliant/model/term.h>
 
 namespace pliant {
 
@@ -73,6 +74,32 @@ PLIANT_INLINE Press press_of(const Law& law, Real d) {
   } else {
     return {-law.slope(d), law.curvature(d), reference_stiffness(law)};
   }
+}
+
+/// The largest stiffness(law)/m of a point. reach: distance at touch over the diameter, 1 with a like point, 1/2 at a
+/// wall.
+template <class Law, class Stiffness>
+Real stiffest(const Topology& topology, Real epsilon, Real reach, Stiffness&& stiffness) {
+  return 1 / smallest_over_points(topology, [&](Index i) {
+           return topology.mass(i) / stiffness(Law{epsilon, reach * topology.diameter[i]});
+         });
+}
+
+/// The rate ω of the stiffest tangential spring, ω² = share k_t/m.
+template <class Law>
+Real spring_rate(const SurfaceFriction& f, const Topology& topology, Real epsilon, Real reach, Real share) {
+  return std::sqrt((f.rubs() ? share * f.stiffness : 0) *
+                   stiffest<Law>(topology, epsilon, reach, [](const Law& law) { return reference_stiffness(law); }));
+}
+
+/// The rate share ζ √(V''/(partners m)) of the dashpots of a point, V'' and m those of the stiffest one.
+template <class Law>
+Real dashpot_rate(const SurfaceFriction& f, const Topology& topology, Real epsilon, Real reach, Real share,
+                  Real partners) {
+  return share * f.damping *
+         std::sqrt(stiffest<Law>(topology, epsilon, reach,
+                                 [](const Law& law) { return Law::stiffness * law.epsilon / Law::scale(law.delta); }) /
+                   partners);
 }
 
 inline std::array<Real, 3> array_of(const Vec<3>& a) { return {a[0], a[1], a[2]}; }
