@@ -36,7 +36,8 @@ TABLE = "e_sp,mu,zeta,hopper_width,seeds\n" + "".join(
 #: Tables of runs that show one thing, or a map.
 ONE_SEED = ("quick/map", "quick/three", "raft/three", "quick/small-droplets", "channel/snapshot")
 
-# Copies the run of its row, and writes down that it was asked to; a row without a run fails.
+# Copies the run of its row, and writes down that it was asked to; a row without a run fails. The row whose number stands
+# in the file stop, and those after it, stop all.
 PROGRAM = """#!/bin/sh
 [ "$1" = -scenarios ] && exec echo hopper
 while [ $# -gt 1 ]; do
@@ -45,7 +46,7 @@ while [ $# -gt 1 ]; do
 done
 row=${out##*/}
 echo "$row" >> "$RUNS/log"
-if [ -e "$RUNS/stop" ]; then kill -TERM $PPID; exit 75; fi
+if [ -e "$RUNS/stop" ] && [ $(wc -l < "$RUNS/log") -ge $(cat "$RUNS/stop") ]; then kill -TERM $PPID; exit 75; fi
 cp "$RUNS/$row/"* "$out/" 2>/dev/null || { echo "pliant: error: no run $row" >&2; exit 3; }
 """
 
@@ -260,7 +261,7 @@ def test_a_failed_run_does_not_spoil_the_rest(call, tmp_path):
 
 
 def test_a_stop_and_the_rest_later(call, tmp_path, monkeypatch):
-    (tmp_path / "runs/stop").touch()
+    (tmp_path / "runs/stop").write_text("1")
     monkeypatch.setattr(signal, "getsignal", lambda s: signal.SIG_DFL)
     assert "run the same command again" in call("H2", "--table", "mine.csv", "-j", 1, code=75)
     assert len(started(tmp_path)) == 1 and not (tmp_path / "reproduced/H2-mine.png").exists()
@@ -269,7 +270,7 @@ def test_a_stop_and_the_rest_later(call, tmp_path, monkeypatch):
     assert len(started(tmp_path)) == 17
 
 
-def test_campaigns_over_several_sittings(call, tmp_path):
+def test_campaigns_over_several_sittings(call, tmp_path, monkeypatch):
     """Rows that are kept are not run again, and rows can be drawn when the runs are gone."""
     limits = tmp_path / "validation/quick/limits.csv"
     limits.write_text(TABLE.replace("1-2", "1"))
@@ -278,13 +279,19 @@ def test_campaigns_over_several_sittings(call, tmp_path):
     kept = tmp_path / "validation/measured/quick/limits.flows.csv"
     assert len(pd.read_csv(kept)) == 8 and len(started(tmp_path)) == 16
     limits.write_text(TABLE)
+    (tmp_path / "runs/stop").write_text("18")
+    with monkeypatch.context() as m:
+        m.setattr(signal, "getsignal", lambda s: signal.SIG_DFL)
+        call("H2", "quick", "--keep", "-j", 1, code=75)
+    assert len(pd.read_csv(kept)) == 9 and len(started(tmp_path)) == 18  # what is done when it is stopped is kept
+    (tmp_path / "runs/stop").unlink()
     call("H2", "quick", "--keep", "-o", "elsewhere")
     table = pd.read_csv(kept)
-    assert len(table) == 16 and len(set(table["row"])) == 16 and len(started(tmp_path)) == 24
+    assert len(table) == 16 and len(set(table["row"])) == 16 and len(started(tmp_path)) == 25
     limits.write_text(TABLE + "100,,0.316,20,1-4\n")
     output = call("H2", "--kept", "-o", "third")
     assert "quick/limits: 16 of 20 runs are kept" in output and "quick/stiff: 8 of 8 runs are kept" in output
-    assert len(started(tmp_path)) == 24 and (tmp_path / "third/H2-quick.png").exists()
+    assert len(started(tmp_path)) == 25 and (tmp_path / "third/H2-quick.png").exists()
     again, first = (pd.read_csv(tmp_path / folder / "reproduced.csv") for folder in ("third", "elsewhere"))
     pd.testing.assert_frame_equal(again, first, rtol=1e-4, atol=1e-6)
     assert "nothing is kept of H2 full" in call("H2", "full", "--kept", code=2)

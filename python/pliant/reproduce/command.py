@@ -124,7 +124,7 @@ class _Runs:
     """Runs tables and measures them; a table that several figures share is run once."""
 
     def __init__(self, given):
-        self.given, self.program, self.failed, self._swept = given, None, False, {}
+        self.given, self.program, self.failed, self.stopped, self._swept = given, None, False, False, {}
 
     def _sweep(self, table, skip):
         """[(row id, folder)] of the finished runs of a table."""
@@ -149,7 +149,8 @@ class _Runs:
         for folder in bad:
             remark(row_text(folder.row, states[folder.row.id]))
         self.failed |= bool(bad)
-        if any(state.kind in ("stopped", "waiting", "running") for state in states.values()):
+        self.stopped = any(state.kind in ("stopped", "waiting", "running") for state in states.values())
+        if self.stopped and not self.given.keep:
             raise Stopped
         done = [(folder.row.id, folder.path) for folder in folders if states[folder.row.id].kind == "done"]
         self._swept[key] = done
@@ -195,6 +196,8 @@ def _measured(figure, level, given, runs):
         together = pd.concat([part for part in (kept, new) if len(part)], ignore_index=True) if len(kept) + len(new) else new
         if given.keep and len(new):
             _write_csv(table.kept(figure.measure), together)
+        if runs.stopped:  # what is done is kept before
+            raise Stopped
         if len(together):
             _write_csv(given.output / "measured" / f"{table.name}.{figure.measure}.csv", together)
             found.append(together)

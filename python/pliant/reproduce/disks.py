@@ -61,6 +61,9 @@ def _draw_polydispersity(measured, end, mean_known, slope_known, offset_known):
     if offset_known:
         right.plot(delta, offset_known.value + slope_known.value * delta, "-.", color="0.3",
                    label=rf"[T] {slope_known.value:g} $\delta$ + {offset_known.value:g}")
+    else:  # through the middle of ours
+        right.plot(delta, local["d2_min" + end].mean() + slope_known.value * (delta - local["delta"].mean()), "-.",
+                   color="0.3", label=f"[T] slope {slope_known.value:g}")
     for axes in (left, right):
         axes.legend()
     return figure, quantities
@@ -105,7 +108,9 @@ def draw_rotation(measured):
     figure, axes = plt.subplots(figsize=(5.4, 4.0), layout="constrained")
     points = _points(measured, "rotation")
     _draw_points(axes, points, "rotation", LABELS["rotation"])
-    axes.axhline(published.ROTATION.value, ls="-.", color="0.3", label=f"[T] {published.ROTATION.value:g}")
+    known = published.ROTATION.value
+    axes.axhline(known * 2 * np.pi, ls="-.", color="0.3", label=f"[T] {known:g}, if that is in turns")
+    axes.axhline(known, ls=":", color="0.3", label=f"[T] {known:g}, if that is in rad")
     axes.legend()
     return figure, [_mean("|dtheta|, mean of the distributions", points, "rotation", published.ROTATION,
                           "in rad; [T] gives no unit"),
