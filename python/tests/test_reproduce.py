@@ -483,7 +483,8 @@ def test_readings_are_told_apart(tmp_path):
         reading_rows("friction", 1.7, e_w=694.0), reading_rows("friction", 1.7, e_w=694.0, drag="per_mass"),
         reading_rows("drag", 0.9, e_sp=1e4), reading_rows("drag", 0.5, zeta=1.54, **AS_RUN)], ignore_index=True)
     found = drawn("readings", data, tmp_path)
-    betas = {name.removeprefix("beta: "): q.value for name, q in found.items() if name.startswith("beta: ")}
+    betas = {name.removeprefix("beta: "): q.value for name, q in found.items()
+             if name.startswith("beta: ") and "from w" not in name}
     assert betas == {name: pytest.approx(beta, abs=0.1) for name, beta in {
         "printed, friction only": 2.2, "printed, tangential friction, friction only": 1.8,
         "printed, counted as they are removed, friction only": 2.1, "printed, dt = 0.00025, friction only": 2.0,
@@ -517,6 +518,53 @@ def test_residuals_of_the_published_and_of_the_opposite_exponent():
     # Errors of three seeds, 0.01/sqrt(3) each: chi2 is about the sum of squares over them
     assert found["chi2/dof with beta = 3/2 held: printed, drag only"].value == pytest.approx(
         5 / 3 * wrong**2 / (0.01**2 / 3), rel=0.5)
+
+
+def test_readings_are_fitted_again_without_the_narrowest_orifice():
+    """Where the narrowest one is not of the law, the fit without it finds the law; runs without one are fitted once."""
+    data = reading_rows("drag", 0.5)
+    data.loc[data["hopper_width"] == 3, ["Q", "Q_error"]] *= 0.7
+    wide = reading_rows("friction", 1.5)
+    found = drawn("readings", pd.concat([data, wide[wide["hopper_width"] > 3]]))
+    first, second = found["beta: printed, drag only"], found["beta: printed, drag only, from w = 4 on"]
+    assert second.value == pytest.approx(0.5, abs=3 * second.error) and 0 < second.error < 0.1
+    assert abs(first.value - 0.5) > 4 * first.error
+    assert found["chi2/dof with beta = 1/2 held: printed, drag only, from w = 4 on"].value < 5
+    assert not any("friction only, from w" in name for name in found)
+
+
+def test_the_ratio_of_the_prefactors():
+    """Of drag over friction, for each reading, whatever its coefficients are called."""
+    def rows(limit, C, **columns):
+        data = reading_rows(limit, 0.5 if limit == "drag" else 1.5, **columns)
+        return data.assign(Q=data["Q"] * C / 0.4, Q_error=data["Q_error"] * C / 0.4)
+    as_run = {"friction": AS_RUN | {"mu": 8.505}, "drag": AS_RUN | {"zeta": 1.54}}
+    data = pd.concat([rows("friction", 0.2), rows("drag", 5.6), rows("friction", 0.7, **as_run["friction"]),
+                      rows("drag", 2.1, **as_run["drag"]), rows("friction", 0.5, mu=8.505), rows("drag", 3.0, zeta=1.54),
+                      rows("friction", 0.9, mu=4.0), rows("drag", 3.0, e_w=694.0)], ignore_index=True)
+    found = {name.split(": ")[1]: q for name, q in drawn("readings", data).items() if name.startswith("C of drag over")}
+    assert {name: q.value for name, q in found.items()} == {name: pytest.approx(ratio, rel=0.1) for name, ratio in {
+        "printed": 28, "as run": 3, "printed, as run coefficients": 6}.items()}
+    assert agree(found["as run"]) == "yes" and agree(found["printed"]) == "no" and 0 < found["as run"].error < 0.2
+    assert found["printed"].published.value == pytest.approx(2.8) and found["printed"].published.error == pytest.approx(0.2, abs=0.01)
+
+
+def test_exponents_of_strong_dissipation():
+    """Their mean over a stated range, and the rate times the coefficient."""
+    betas = {1.0: 0.9, 3.16: 0.5, 10.0: 0.6, 31.6: 0.5}
+    found = drawn("coefficients", pd.concat([reading_rows("drag", beta, zeta=z) for z, beta in betas.items()]))
+    each = [found[f"beta: printed, zeta = {z:.3g}, drag only"] for z in (3.16, 10, 31.6)]
+    one = found["beta, mean over zeta of 3 and more: printed, drag only"]
+    weight = np.array([q.error ** -2 for q in each])
+    chi2 = (weight * (np.array([q.value for q in each]) - one.value) ** 2).sum() / 2
+    assert one.value == pytest.approx((weight * [q.value for q in each]).sum() / weight.sum())
+    assert chi2 > 1.2 and one.error == pytest.approx(np.sqrt(chi2 / weight.sum())), "its own scatter counts"
+    assert one.published.value == 0.5 and "3 points from 3.16 to 31.6" in one.note
+    rate = found["Q zeta at w = 10: printed, zeta = 10, drag only"]
+    assert rate.value == pytest.approx(10 * 0.4 * 8.8**0.6, rel=0.02) and 0 < rate.error < 0.02 * rate.value
+    # One strong coefficient has no mean.
+    found = drawn("coefficients", pd.concat([reading_rows("friction", 1.5, mu=mu) for mu in (1.0, 31.6)]))
+    assert not any("mean over" in name for name in found)
 
 
 def test_exponents_against_coefficients(tmp_path):

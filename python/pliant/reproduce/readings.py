@@ -7,12 +7,15 @@ import pandas as pd
 from .. import beverloo, ensemble, plotting
 from ..beverloo_figures import FRACTIONS
 from ..errors import RunError
+from . import published
 from .figure import Figure, Quantity
 from .hopper import BETA, LIMIT_NAMES, fit_quantities, limits
 
 COEFFICIENT = {"friction": "mu", "drag": "zeta"}
 _UNITS = {"friction": r"$\mu/\mu_0$", "drag": r"$\zeta/\zeta_0$"}
 NEAR = 0.1  #: beta is called 3/2 or 1/2 within this
+SECOND_FROM = 4.0  #: readings are fitted a second time from this width on: the published k of drag leaves no flow at 3
+STRONG = {"friction": 30.0, "drag": 3.0}  #: coefficients from which on Q is about inversely proportional to them
 
 #: What the model says, and what the protocol does. NaN: the program's default.
 _COMMON = {"friction": "whole", "drag": "per_particle", "contact_law": "harmonic", "e_w": 1e4, "e_sp": 100.0,
@@ -75,8 +78,8 @@ def _canonical(measured):
     return table
 
 
-def _fits(table, by):
-    return beverloo.fit_seeds(table, ["limit", "dim", "model", "k_l", "k_b", *by], opposite=True)
+def _fits(table, by, opposite=True):
+    return beverloo.fit_seeds(table, ["limit", "dim", "model", "k_l", "k_b", *by], opposite=opposite)
 
 
 def _range(row):
@@ -133,9 +136,43 @@ def _name(row, text):
     return f"{text}, {LIMIT_NAMES[row['limit']]}"
 
 
+def _second_fits(table):
+    """Fits of the readings that have narrower orifices than SECOND_FROM, without those."""
+    narrowest = table.groupby(OPTIONS, dropna=False)["hopper_width"].transform("min")
+    rest = table[(narrowest < SECOND_FROM) & (table["hopper_width"] >= SECOND_FROM)]
+    return _fits(rest, OPTIONS, opposite=False) if len(rest) else pd.DataFrame()
+
+
+def _with_coefficient(row):
+    """The reading but for its coefficient, and whose coefficient that is: 'as run', 'as run, printed coefficients'; None
+    for a coefficient of neither."""
+    rest = reading(row, [name for name in OPTIONS if name not in COEFFICIENT.values()])
+    own = COEFFICIENT[row["limit"]]
+    for name, base in (("printed", PRINTED), ("as run", AS_RUN)):
+        if _same(row[own], base[row["limit"]][own]):
+            return rest if rest.split(", ")[0] == name else f"{rest}, {name} coefficients"
+    return None
+
+
+def prefactor_ratios(fits):
+    """C of drag over that of friction, published exponents held, of readings that have both: it has no unit."""
+    found = {limit: {_with_coefficient(row): row["reference_fit"] for _, row in fits[fits["limit"] == limit].iterrows()
+                     if row["reference_fit"]} for limit in LIMIT_NAMES}
+    quantities = []
+    for name, drag in found["drag"].items():
+        friction = found["friction"].get(name)
+        if name and friction:
+            ratio = drag.C / friction.C
+            quantities.append(Quantity(f"C of drag over C of friction, published beta held: {name}", ratio,
+                                       ratio * np.hypot(drag.C_error / drag.C, friction.C_error / friction.C),
+                                       published.C_RATIO, f"chi2/dof {drag.chi2_reduced:.3g} and {friction.chi2_reduced:.3g}"))
+    return quantities
+
+
 def draw_readings(measured):
     """The exponent of each reading, and how well the published and the opposite exponent fit."""
-    fits = _fits(_canonical(measured), OPTIONS)
+    table = _canonical(measured)
+    fits = _fits(table, OPTIONS)
     fits["name"] = [reading(row) for _, row in fits.iterrows()]
     there = [limit for limit in LIMIT_NAMES if (fits["limit"] == limit).any()]
     heights = [1.4 + 0.24 * (fits["limit"] == limit).sum() for limit in there]
@@ -159,7 +196,9 @@ def draw_readings(measured):
         quantities += fit_quantities(group, lambda row: _name(row, row["name"]))
     if len(fits["e_sp"].lt(1e4).unique()) > 1:
         panels[0, 0].legend(loc="lower right", bbox_to_anchor=(1, 1))
-    return figure, quantities
+    quantities += fit_quantities(_second_fits(table),
+                                 lambda row: f"{_name(row, reading(row))}, from w = {SECOND_FROM:g} on")
+    return figure, quantities + prefactor_ratios(fits)
 
 
 def _order(row):
@@ -189,6 +228,26 @@ def plateau(x, beta, error, target, seed=1):
     return (decades, float(ensemble.spread(found)), ends), (float(slope), slope_error)
 
 
+def strong_mean(coefficient, beta, error):
+    """(mean of beta over coefficients of STRONG, its error with that of the scatter where it is larger, a note that says
+    over which); None for fewer than two with an error."""
+    use = error > 0
+    if use.sum() < 2:
+        return None
+    x, beta, weight = coefficient[use], beta[use], error[use] ** -2
+    mean = (beta * weight).sum() / weight.sum()
+    chi2 = float((weight * (beta - mean) ** 2).sum() / (len(beta) - 1))
+    return mean, np.sqrt(max(chi2, 1.0) / weight.sum()), f"{len(x)} points from {x[0]:.3g} to {x[-1]:.3g}, chi2/dof {chi2:.3g}"
+
+
+def _rate_quantities(row, name):
+    """Q times the coefficient at the widest orifice: constant where Q is inversely proportional to it."""
+    own = COEFFICIENT[row["limit"]]
+    widest = row["data"].iloc[-1]
+    return Quantity(f"Q {own} at w = {widest['hopper_width']:g}: {name}", widest["Q"] * row[own],
+                    widest["Q_error"] * row[own])
+
+
 def draw_coefficients(measured):
     """The exponent against the coefficient of friction, and of drag, a curve per reading of the rest."""
     fits = _fits(_canonical(measured), OPTIONS)
@@ -212,9 +271,13 @@ def draw_coefficients(measured):
             bottom.plot(x, _chi2(points, "reference_fit"), marker + "-", color=color, lw=1)
             bottom.plot(x, _chi2(points, "opposite_fit"), marker + "--", color=color, lw=0.8, mfc="white")
             for row in (points.iloc[j] for j in range(len(points))):
-                value = row[COEFFICIENT[limit]]
-                quantities += fit_quantities(pd.DataFrame([row]), lambda row, value=value: _name(
-                    row, f"{row['curve']}, {COEFFICIENT[limit]} = {value:.3g}"))
+                name = _name(row, f"{curve}, {COEFFICIENT[limit]} = {row[COEFFICIENT[limit]]:.3g}")
+                quantities += [*fit_quantities(pd.DataFrame([row]), lambda row, name=name: name), _rate_quantities(row, name)]
+            strong = x >= STRONG[limit]
+            if (mean := strong_mean(x[strong], beta[strong], error[strong])):
+                quantities.append(Quantity(f"beta, mean over {COEFFICIENT[limit]} of {STRONG[limit]:g} and more: "
+                                           f"{_name(points.iloc[0], curve)}", *mean[:2],
+                                           published.exponent(int(points["dim"].iloc[0]), limit), mean[2]))
             if len(points) > 1:
                 (decades, spread, ends), (slope, slope_error) = plateau(np.log10(x), beta, error, own)
                 name = f"beta = {FRACTIONS.get(own, own)}: {_name(points.iloc[0], curve)}"
