@@ -454,8 +454,15 @@ def test_figure_11_tells_the_two_rates_apart(tmp_path):
 
 def test_figure_8_fits_discharges(tmp_path):
     data = flow_rows((np.inf,), lambda lam: (0.2, 1.47, 0.49), hopper_angle=45.0)
-    found = drawn("H8", data.assign(c0=data["Q"], c0_error=data["Q_error"], Q=np.nan), tmp_path)
-    assert agree(found["beta of c0(w), 45 degrees"]) == agree(found["k of c0(w), 45 degrees"]) == "yes"
+    data = data.assign(c0=data["Q"], c0_error=data["Q_error"], Q=np.nan)
+    found = drawn("H8", data)  # kept before there was a second hopper
+    assert agree(found["beta of c0(w), 45/45 degrees"]) == agree(found["k of c0(w), 45/45 degrees"]) == "yes"
+    upright = data.assign(hopper_angle_left=0.0, c0=1.2 * data["c0"], row=data["row"] + "u")
+    found = drawn("H8", pd.concat([data.assign(hopper_angle_left=None), upright]), tmp_path)
+    assert found["C of c0(w), 45/0 degrees"].value == pytest.approx(1.2 * found["C of c0(w), 45/45 degrees"].value)
+    assert agree(found["beta of c0(w), 45/0 degrees"]) == "yes"
+    ratio = found["c0 of 45/0 over 45/45 degrees, mean over w"]
+    assert ratio.value == pytest.approx(1.2) and 0 < ratio.error < 0.02 and agree(ratio) == "no"
     with pytest.raises(PliantError, match="no discharge"):
         command.FIGURES["H8"].draw(data.assign(c0=np.nan, c0_error=np.nan))
 

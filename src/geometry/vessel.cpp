@@ -190,4 +190,17 @@ void Vessel::add_side(const Line& line, bool right, WallParts& walls) {
   }
 }
 
+Vessel uneven_hopper(const Hopper& hopper, Real left_angle) {
+  hopper.check();
+  if (!(left_angle >= 0 && left_angle < 90 && hopper.angle < 90))
+    throw InputError(
+        "-hopper_angle_left {} with -hopper_angle {}: two walls with different angles must both be steeper than a flat "
+        "bottom, to end at the same height; give angles below 90, or the walls with -outline",
+        left_angle, hopper.angle);
+  const auto slope = [](Real degrees) { return std::tan(degrees * pi / 180); };
+  const Real half = hopper.orifice / 2,
+             top = (hopper.wall_distance - hopper.orifice) / (slope(left_angle) + slope(hopper.angle));
+  return {{{-half, 0}, {-half - top * slope(left_angle), top}}, {{half, 0}, {half + top * slope(hopper.angle), top}}};
+}
+
 }  // namespace pliant

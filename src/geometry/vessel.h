@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include <pliant/geometry/hopper.h>
 #include <pliant/geometry/obstacle.h>
 
 namespace pliant {
@@ -55,5 +56,10 @@ class Vessel {
   std::vector<std::vector<Index>> bands_;  ///< pieces in slices of equal height, up to the top
   Real top_ = 0;
 };
+
+/// The hopper, with a left wall at another angle to gravity, in degrees; 0: upright from the orifice on. Both sloped
+/// walls end at the same height, where they are W apart. In 2D. Errors: InputError for measures or angles that make no
+/// such.
+Vessel uneven_hopper(const Hopper& hopper, Real left_angle);
 
 }  // namespace pliant

@@ -103,6 +103,46 @@ def test_spheres_flow_round_a_sphere(tmp_path, outline):
             assert (np.linalg.norm(above - [0, 0, 3.2], axis=1) > 0.8).all()
 
 
+WEDGE = {"hopper_width": 3, "hopper_wall_distance": 12, "hopper_angle": 45, "n": 60, "zeta": 0.3, "pack_fraction": 0.7,
+         "frame_interval": 1, "sample_interval": 0.2}
+
+
+@pytest.mark.parametrize("left", [0, 20])
+def test_a_wedge_with_walls_of_different_angles(tmp_path, left):
+    """Particles stay inside, are counted and come back, and those of a discharge all leave."""
+    top = 9 / (1 + np.tan(np.radians(left)))
+    for flow in ("continuous", "discharge"):
+        run = pliant("hopper", **WEDGE, hopper_angle_left=left, flow=flow, t_end=12 if flow == "continuous" else 200,
+                     output=tmp_path / flow)
+        assert run.returncode == 0, run.stderr
+        assert f"angle 45, left {left}" in run.stdout
+        with h5py.File(tmp_path / flow / "run.h5") as file:
+            segments, attributes = file["geometry/segments"][()], dict(file["geometry"].attrs)
+            assert (attributes["angle"], attributes["left_angle"], attributes["W"]) == (45, left, 12)
+            np.testing.assert_allclose(segments[:, 3].min(), top)
+            for frame in file["frames"].values():
+                x, y = frame["positions"][frame["active"][()] > 0].T
+                above = y > 0
+                slope = np.minimum(y, top)
+                assert (x[above] > -1.5 - np.tan(np.radians(left)) * slope[above]).all()
+                assert (x[above] < 1.5 + slope[above]).all()
+    summary = json.loads((tmp_path / "continuous/summary.json").read_text())
+    assert summary["crossed_count"] > 5 and summary["parameters"]["hopper_angle_left"]["value"] == left
+    emptied = json.loads((tmp_path / "discharge/summary.json").read_text())
+    assert emptied["crossed_count"] == 60 and emptied["c0"]["value"] > 0
+
+
+def test_equal_angles_are_the_hopper_of_one_angle(tmp_path):
+    for name, more in (("one", {}), ("two", {"hopper_angle_left": 45})):
+        assert pliant("hopper", **WEDGE, **more, t_end=4, output=tmp_path / name).returncode == 0
+    with h5py.File(tmp_path / "one/run.h5") as one, h5py.File(tmp_path / "two/run.h5") as two:
+        for name in ("frames/000004/positions", "frames/000004/velocities", "geometry/segments", "series/crossed_area"):
+            np.testing.assert_array_equal(one[name][()], two[name][()])
+    assert pliant("hopper", **WEDGE, hopper_angle_left=10, t_end=0.1, output=tmp_path / "three").returncode == 0
+    with h5py.File(tmp_path / "one/run.h5") as one, h5py.File(tmp_path / "three/run.h5") as three:
+        assert (one["geometry/segments"][()] != three["geometry/segments"][()]).any()
+
+
 @pytest.mark.ranks
 def test_two_ranks_pack_and_flow_as_one(tmp_path, outline):
     run = on_ranks(2, "hopper", **options(tmp_path / "two", outline, t_end=2))
@@ -124,6 +164,7 @@ def test_obstacles_that_shut_the_container_are_named(tmp_path, outline):
 @pytest.mark.parametrize("change, words", [
     ({"hopper_width": 4}, ["-hopper_width", "-outline", "leave it out"]),
     ({"hopper_angle": 45}, ["-hopper_angle", "-outline"]),
+    ({"hopper_angle_left": 45}, ["-hopper_angle_left", "-outline", "leave it out"]),
     ({"outline": "/no/such/file"}, ["/no/such/file"]),
     ({"obstacle": "disk:9,3,1"}, ["(9, 3)", "not inside"]),
     ({"obstacle": "disk:3,3,2"}, ["overlaps a wall"]),

@@ -78,6 +78,48 @@ TEST_CASE("capacity and inside of outlines with obstacles", "[container]") {
   }
 }
 
+TEST_CASE("a hopper whose walls have different angles", "[container]") {
+  const Hopper hopper{.wall_distance = 12, .orifice = 3, .angle = 45};
+  Random random(9);
+  for (const Real left : {0.0, 20.0}) {
+    CAPTURE(left);
+    const Container container(uneven_hopper(hopper, left));
+    const Real lean = std::tan(left * pi / 180), top = 9 / (1 + lean), reach = 1.5 + top * lean;
+    CHECK(container.orifice() == 3);
+    CHECK(container.upright_from() == Approx(top));
+    CHECK(container.inflow()[0] == Approx(-reach));
+    CHECK(container.inflow_width() == Approx(12));
+    if (left == 0) CHECK(container.inflow()[0] == -1.5);
+    CHECK(container.capacity(2, top + 2) == Approx(top * (3 + 12) / 2 + 24));
+    // Distances, by brute force from points on the walls.
+    std::vector<Vec<2>> on_walls;
+    const Real spacing = 1e-3;
+    for (Real y = 0; y < 25; y += spacing) {
+      on_walls.emplace_back(-1.5 - std::min(y, top) * lean, y);
+      on_walls.emplace_back(1.5 + std::min(y, top), y);
+    }
+    const Walls<2> walls = container.walls<2>();
+    for (int k = 0; k < 40; ++k) {
+      const Vec<2> p(random(-8, 14), random(-3, 20));
+      Real expected = 1e9, found = 1e9;
+      for (const Vec<2>& w : on_walls) expected = std::min(expected, (p - w).norm());
+      for (Index s = 0; s < walls.size(); ++s) found = std::min(found, walls.distance(p, s, 0));
+      CHECK(found == Approx(expected).margin(2 * spacing));
+      const Real y = std::min(p[1], top);
+      CHECK(container.inside(2, p) == (p[1] > 0 && p[0] > -1.5 - y * lean && p[0] < 1.5 + y));
+    }
+    // Both ends of the orifice are lips, and no other corner.
+    REQUIRE(walls.lips().size() == 2);
+    CHECK(walls.lips()[0].place == Vec<2>(-1.5, 0));
+    CHECK(walls.lips()[1].place == Vec<2>(1.5, 0));
+  }
+  const Hopper flat{.wall_distance = 12, .orifice = 3, .angle = 90},
+      narrow{.wall_distance = 2, .orifice = 3, .angle = 45};
+  CHECK_THROWS_WITH(uneven_hopper(flat, 0), Catch::Contains("-hopper_angle_left") && Catch::Contains("-outline"));
+  CHECK_THROWS_WITH(uneven_hopper(hopper, 90), Catch::Contains("-hopper_angle_left 90"));
+  CHECK_THROWS_WITH(uneven_hopper(narrow, 0), Catch::Contains("-hopper_wall_distance"));
+}
+
 TEST_CASE("inside agrees with the walls: no way in but through one", "[container]") {
   const Container container(leaning(), obstacles);
   const Walls<2> walls = container.closed<2>(12);

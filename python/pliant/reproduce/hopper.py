@@ -484,28 +484,48 @@ def draw_size(measured):
     return figure, quantities
 
 
+def _ratio_of_hoppers(fits):
+    """c0 of the second hopper over that of the first at the same widths: mean, with the error of the scatter where that is
+    larger than that of the rates; None without two hoppers or common widths."""
+    if len(fits) != 2:
+        return None
+    both = fits["data"].iloc[0].merge(fits["data"].iloc[1], on="hopper_width", suffixes=("", "_other"))
+    both = both[(both["Q"] > 0) & (both["Q_other"] > 0)]
+    if len(both) < 2:
+        return None
+    ratio = (both["Q"] / both["Q_other"]).to_numpy()
+    error = ratio * np.hypot(both["Q_error"] / both["Q"], both["Q_error_other"] / both["Q_other"]).to_numpy()
+    mean_error = max(ratio.std(ddof=1), np.sqrt((error**2).mean())) / np.sqrt(len(ratio))
+    return Quantity(f"c0 of {fits['walls'].iloc[0]} over {fits['walls'].iloc[1]} degrees, mean over w", float(ratio.mean()),
+                    float(mean_error), published.OIL_HOPPERS,
+                    f"{ratio[0]:.3g} at w = {both['hopper_width'].iloc[0]:g}, {ratio[-1]:.3g} at {both['hopper_width'].iloc[-1]:g}")
+
+
 def draw_discharge(measured):
-    """[H 8]: c0 of discharges of a wedge, dN/dt = -c0 sqrt(N), against the width, with the law of the experiment."""
+    """[H 8]: c0 of discharges of wedges, dN/dt = -c0 sqrt(N), against the width, with the law of the experiment."""
     table = measured[np.isfinite(measured["c0"].astype(float))]
     if table.empty:
         raise RunError("no discharge has a rate c0: it needs a wedge that runs empty")
-    fits = beverloo.fit_seeds(table, ["hopper_angle", "dim"], "c0")
+    left = table["hopper_angle_left"].astype(float) if "hopper_angle_left" in table else np.nan
+    table = table.assign(left=np.where(np.isfinite(left), left, table["hopper_angle"]))
+    fits = beverloo.fit_seeds(table, ["hopper_angle", "left", "dim"], "c0")
+    fits["walls"] = [f"{row['hopper_angle']:g}/{row['left']:g}" for _, row in fits.iterrows()]
     figure, (left, right) = plt.subplots(1, 2, figsize=(9.4, 4.0), layout="constrained")
-    draw_flow(left, right, fits.assign(reference=0.5, reference_fit=None),
-              [rf"{row['hopper_angle']:g}°" for _, row in fits.iterrows()])
+    draw_flow(left, right, fits.assign(reference=0.5, reference_fit=None), [f"{walls}°" for walls in fits["walls"]])
     oil = [published.OIL_K.value, published.OIL_BETA.value]
     grid = oil[0] + (left.get_xlim()[1] - oil[0]) * np.linspace(0, 1, 200) ** 2
     quantities = []
-    for _, row in fits.iterrows():
-        angle = f"{row['hopper_angle']:g} degrees"
+    for i, (_, row) in enumerate(fits.iterrows()):
         if row["fit"]:
             data = row["data"][row["data"]["hopper_width"] > oil[0]]
             shape = (data["hopper_width"] - oil[0]) ** oil[1]
-            left.plot(grid, (data["Q"] @ shape) / (shape @ shape) * (grid - oil[0]) ** oil[1], "-.", color="0.2", lw=1.2,
-                      label=rf"oil drops [H]: $\beta$ = {oil[1]:g}, $k$ = {oil[0]:g}, $C$ fitted")
+            left.plot(grid, (data["Q"] @ shape) / (shape @ shape) * (grid - oil[0]) ** oil[1], "-.", lw=1.2,
+                      color=plotting.COLORS[i % 8], label=None if i else rf"oil drops [H]: $\beta$ = {oil[1]:g}, $k$ = {oil[0]:g}, $C$ fitted")
         for quantity, known in (("beta", published.OIL_BETA), ("k", published.OIL_K), ("C", None)):
             value, error = (getattr(row["fit"], quantity + end) if row["fit"] else np.nan for end in ("", "_error"))
-            quantities.append(Quantity(f"{quantity} of c0(w), {angle}", value, error, known, row["note"]))
+            quantities.append(Quantity(f"{quantity} of c0(w), {row['walls']} degrees", value, error, known, row["note"]))
+    if (ratio := _ratio_of_hoppers(fits)):
+        quantities.append(ratio)
     left.set_ylabel(r"$c_0$  [$t_0^{-1}$]")
     right.set_ylabel(r"$c_0/C$")
     beverloo_figures.groups_first(left)
@@ -527,7 +547,7 @@ FIGURES = [
     Figure("H7", "offset k against the stiffness of soft and deformable particles", ("quick/stiffness", "quick/map"),
            ("hopper/stiffness", "hopper/map"), "flows", draw_offsets,
            "120 deformable particles with contacts softer than printed, one seed, three K_l and K_b"),
-    Figure("H8", "discharge of a wedge against its width, beside the experiment", ("quick/discharge",),
+    Figure("H8", "discharge of two wedges against their width, beside the experiment", ("quick/discharge",),
            ("hopper/discharge",), "flows", draw_discharge, "400 particles, four seeds"),
     Figure("H10", "Q(w) of soft and of nearly hard particles", ("quick/limits", "quick/hard"),
            ("hopper/limits", "hopper/limits-deformable"), "flows", draw_limits, _FEW),

@@ -16,8 +16,8 @@ from ..run import Run
 from ..sweep import sweep_table
 
 OF_EVERY_RUN = ("row", "seed", "commit", "cpu_seconds")
-_FLOW = ["model", "dim", "status", "mu", "zeta", "e_sp", "e_c", "k_l", "k_b", "hopper_angle", "hopper_width",
-         "hopper_wall_distance", "t_end"]
+_FLOW = ["model", "dim", "status", "mu", "zeta", "e_sp", "e_c", "k_l", "k_b", "hopper_angle", "hopper_angle_left",
+         "hopper_width", "hopper_wall_distance", "t_end"]
 #: What readings of [H] and protocols of a run differ in, and how deformed its particles are.
 _READING = ["friction", "drag", "contact_law", "e_w", "count", "removal_depth", "reinsertion_gap",
             "reinsertion_lateral_speed", "pack_fraction", "max_overlap", "steady", "steady_start"]

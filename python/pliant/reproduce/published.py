@@ -41,6 +41,8 @@ VELOCITY = {"friction": Published(0.5, 0.0, "H 5a"), "crossover": Published(0.0,
 #: Droplets of oil that leave a wedge.
 OIL_BETA = Published(0.49, 0.005, "H 8c")
 OIL_K = Published(1.47, 0.005, "H 8c")
+#: Rates of the hopper with an upright wall over those of the wedge with two of 45 degrees.
+OIL_HOPPERS = Published(1.0, 0.0, "H 8c: identical")
 
 THREE_SLOPE = Published(3.16, 0.005, "T Fig. 2.3")
 THREE_PEAK = Published(0.110, 0.0005, "T Fig. 2.3")

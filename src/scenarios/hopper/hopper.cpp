@@ -136,7 +136,10 @@ class HopperProtocol final : public Protocol<D> {
     RunGeometry g;
     g.kind = D == 2 ? "hopper2d" : "hopper3d";
     g.attributes = {{"W", p_.hopper.wall_distance}, {"w", p_.hopper.orifice}};
-    if (p_.outline.empty()) g.attributes["angle"] = p_.hopper.angle;
+    if (p_.outline.empty()) {
+      g.attributes["angle"] = p_.hopper.angle;
+      if (p_.left_angle) g.attributes["left_angle"] = *p_.left_angle;
+    }
     for (const WallSegment& wall : particles().walls().segments()) {
       // Walls without end are drawn up to the same height.
       const Vec<2> end = std::isfinite(wall.length)
@@ -558,6 +561,7 @@ class HopperProtocol final : public Protocol<D> {
 
   std::string shape_text() const {
     std::string text = p_.outline.empty() ? fmt::format("angle {}", p_.hopper.angle) : "own outline";
+    if (p_.left_angle) text += fmt::format(", left {}", *p_.left_angle);
     if (!p_.obstacle.empty()) text += ", with obstacles";
     return text;
   }

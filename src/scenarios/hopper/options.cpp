@@ -230,6 +230,13 @@ void HopperOptions::bind(Options& o) {
           .min = 10,
           .max = 90,
           .on_restart = fixed});
+  o.bind("hopper_angle_left", left_angle,
+         {.help = "2D: angle of the left wall where it differs; 0: upright from the orifice on",
+          .unit = "degrees",
+          .min = 0,
+          .max = 90,
+          .automatic = "as -hopper_angle",
+          .on_restart = fixed});
   o.bind("hopper_wall_distance", wall_distance,
          {.help = "distance W of the upright walls (3D: diameter)",
           .unit = "sigma_avg",
@@ -237,12 +244,11 @@ void HopperOptions::bind(Options& o) {
           .min_open = true,
           .automatic = "50 in 2D, 25 in 3D",
           .on_restart = fixed});
-  o.bind(
-      "outline", outline,
-      {.help = "file with the walls of a container of one's own, in place of the three above: lines x y in sigma_avg "
-               "from the orifice, at y = 0, up; one polyline that is mirrored (3D: revolved), or two",
-       .on_restart = fixed,
-       .read = read_outline});
+  o.bind("outline", outline,
+         {.help = "file with the walls of a container of one's own, in place of the four above: lines x y in sigma_avg "
+                  "from the orifice, at y = 0, up; one polyline that is mirrored (3D: revolved), or two",
+          .on_restart = fixed,
+          .read = read_outline});
   o.bind(
       "obstacle", obstacle,
       {.help = "obstacles: disk:x,y,r or polygon:FILE (lines x y in sigma_avg), several with commas between them; 3D: "
@@ -387,8 +393,12 @@ void HopperOptions::resolve() {
     hopper.orifice = vessel->orifice();
     hopper.wall_distance = vessel->right() - vessel->left();
     wall_distance = hopper.wall_distance;
+  } else {
+    hopper.check();
+    if (left_angle && dim == 3)
+      throw InputError("-hopper_angle_left with -dim 3: a cone has one angle; leave it out, or use -dim 2");
+    if (left_angle && *left_angle != hopper.angle) vessel = uneven_hopper(hopper, *left_angle);
   }
-  if (!vessel) hopper.check();
   const auto with = [&](std::vector<Obstacle> all) {
     return vessel ? Container(*vessel, std::move(all)) : Container(hopper, std::move(all));
   };
@@ -453,7 +463,8 @@ void HopperOptions::refuse_unread(const Options& options) const {
   const std::string these_sizes = "-size_distribution " + sizes.kind;
   refuse({"size_ratio", "size_fraction"}, sizes.kind == "bidisperse", these_sizes, "-size_distribution bidisperse");
   refuse({"size_deviation"}, sizes.kind == "normal", these_sizes, "-size_distribution normal");
-  refuse({"hopper_width", "hopper_angle", "hopper_wall_distance"}, outline.empty(), "-outline", "no -outline");
+  refuse({"hopper_width", "hopper_angle", "hopper_angle_left", "hopper_wall_distance"}, outline.empty(), "-outline",
+         "no -outline");
   refuse({"count", "reinsertion_gap", "reinsertion_lateral_speed"}, flow == FlowKind::continuous, "-flow discharge",
          "-flow continuous");
   refuse({"jacobian"}, integrator == IntegratorKind::ts, "-integrator verlet", "-integrator ts");

@@ -57,7 +57,7 @@ struct HopperOptions : RunOptions {
   Real restitution = 0.5, tangential_stiffness = 2.0 / 7, tangential_damping = 0.5;
 
   Hopper hopper;
-  std::optional<Real> wall_distance;
+  std::optional<Real> wall_distance, left_angle;
   std::string outline, obstacle;       ///< empty: none; see shapes.h
   std::optional<Container> container;  ///< made of these by `resolve`
   FlowKind flow = FlowKind::continuous;
