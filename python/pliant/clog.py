@@ -51,20 +51,32 @@ def binomial_interval(clogged, runs):
     return interval.low, interval.high
 
 
+def uncut_mean(sizes, clogged):
+    """(mean, its standard error) of avalanches that would go on in a larger hopper: of an exponential distribution, of which
+    runs that ran empty say only that theirs is no smaller. The largest likelihood has the sum of all sizes over the number
+    of clogs; NaN without one."""
+    clogs = int(np.sum(clogged))
+    mean = float(np.sum(sizes)) / clogs if clogs else np.nan
+    return mean, mean / np.sqrt(clogs) if clogs else np.nan
+
+
 def clog_points(table):
-    """One row per point (n, phi_c, g, hopper_width): runs, clogged, P, P_low, P_high, delta, s, s_error, sorted.
+    """One row per point (n, phi_c, g, hopper_width): runs, clogged, P, P_low, P_high, delta, s, s_error, s_uncut,
+    s_uncut_error, sorted.
 
     s is the mean of the avalanche size over all runs, those that ran empty included, with its standard error over the
-    runs (NaN for one run).
+    runs (NaN for one run); s_uncut is that of `uncut_mean`.
     """
     rows = []
     for (n, phi_c, g, width), group in table.groupby(["n", "phi_c", "g", "hopper_width"]):
         runs, clogged = len(group), int((group["status"] == "clogged").sum())
         low, high = binomial_interval(clogged, runs)
         s = group["avalanche_size"].to_numpy(float)
+        uncut, uncut_error = uncut_mean(s, group["status"] == "clogged")
         rows.append({"n": int(n), "phi_c": phi_c, "g": g, "hopper_width": width, "runs": runs, "clogged": clogged,
                      "P": clogged / runs, "P_low": low, "P_high": high, "delta": group["capillary_length"].mean(),
-                     "s": s.mean(), "s_error": s.std(ddof=1) / np.sqrt(runs) if runs > 1 else np.nan})
+                     "s": s.mean(), "s_error": s.std(ddof=1) / np.sqrt(runs) if runs > 1 else np.nan,
+                     "s_uncut": uncut, "s_uncut_error": uncut_error})
     return pd.DataFrame(rows)
 
 
@@ -104,10 +116,7 @@ def fit_sigmoid(x, clogged, runs):
         return SigmoidFit((below + above) / 2, (above - below) / 2, np.nan, np.nan, "a step: its width is not resolved")
 
     def residual(parameters):
-        q = np.clip(sigmoid(x, parameters["x0"].value, parameters["alpha"].value), 1e-12, 1 - 1e-12)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            deviance = np.where(k > 0, k * np.log(p / q), 0) + np.where(k < n, (n - k) * np.log((1 - p) / (1 - q)), 0)
-        return np.sign(p - q) * np.sqrt(2 * np.maximum(deviance, 0))
+        return deviance_residuals(k, n, sigmoid(x, parameters["x0"].value, parameters["alpha"].value))
 
     span = x[-1] - x[0]
     starts = []
@@ -222,7 +231,14 @@ class AvalancheFit:
     B: float
     B_error: float
     points: int
-    chi2_reduced: float
+    chi2_reduced: float  #: NaN without degrees of freedom
+
+
+def _law_fit(result, points):
+    log_A, B = result.params["log_A"], result.params["B"]
+    A = float(np.exp(log_A.value))
+    errors = [np.nan if p.stderr is None else p.stderr for p in (log_A, B)]
+    return AvalancheFit(A, A * errors[0], B.value, errors[1], points, result.redchi if result.nfree > 0 else np.nan)
 
 
 def fit_avalanches(x, s, s_error, n):
@@ -237,7 +253,49 @@ def fit_avalanches(x, s, s_error, n):
     weight = (s[use] + 1) / np.maximum(s_error[use], 1.0)
     model = lmfit.Model(lambda x2, log_A, B: -log_A + B * x2, independent_vars=["x2"])
     result = model.fit(np.log1p(s[use]), x2=x[use] ** 2, log_A=-2.0, B=0.03, weights=weight)
-    log_A, B = result.params["log_A"], result.params["B"]
-    A = float(np.exp(log_A.value))
-    error = np.nan if log_A.stderr is None else A * log_A.stderr
-    return AvalancheFit(A, error, B.value, np.nan if B.stderr is None else B.stderr, int(use.sum()), result.redchi)
+    return _law_fit(result, int(use.sum()))
+
+
+def deviance_residuals(clogged, runs, probability):
+    """[k] residuals whose sum of squares is twice the logarithm of the binomial likelihood of the data over that of
+    `probability`."""
+    k, n = np.asarray(clogged, float), np.asarray(runs, float)
+    p, q = k / n, np.clip(probability, 1e-12, 1 - 1e-12)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        deviance = np.where(k > 0, k * np.log(p / q), 0) + np.where(k < n, (n - k) * np.log((1 - p) / (1 - q)), 0)
+    return np.sign(p - q) * np.sqrt(2 * np.maximum(deviance, 0))
+
+
+def fit_clog_law(x, clogged, runs, n):
+    """A and B of [T 4.19] of the largest binomial likelihood: `clogged` [k] of `runs` [k] at x [k] = w/delta* with n [k]
+    droplets; chi2 is the deviance. Raises RunError without three points, or with none between 0 and 1."""
+    x, clogged, runs, n = (np.asarray(values, float) for values in (x, clogged, runs, n))
+    if len(np.unique(x)) < 3 or not ((clogged > 0) & (clogged < runs)).any():
+        raise RunError("the probabilities of a clog are too few for its law: at least 3 widths, and one between 0 and 1")
+    parameters = lmfit.Parameters()
+    parameters.add("log_A", -2.0, min=-15, max=5)
+    parameters.add("B", 0.1, min=1e-4, max=10)
+    result = lmfit.minimize(lambda p: deviance_residuals(clogged, runs, clog_law(x, np.exp(p["log_A"].value), p["B"].value, n)),
+                            parameters)
+    return _law_fit(result, len(x))
+
+
+def collapse_fits(points, x):
+    """{name: AvalancheFit} of clog_points over x = w/delta*, to see what decides A and B: all points; avalanches scaled to
+    the commonest number of droplets, as [T 4.3]; each number of droplets, phi_c, and way to vary w/delta*, alone; those of
+    `uncut_mean`, with all that have a clog; and P_clog. What cannot be fitted is left out."""
+    points = points.assign(x=x)
+    usual = {name: points[name].mode().iloc[0] for name in ("n", "g")}
+    scale = usual["n"] / points["n"]
+    own = points["n"] == usual["n"]
+    parts = {"all": points, "scaled": points.assign(s=points["s"] * scale, s_error=points["s_error"] * scale, n=usual["n"])}
+    parts |= {f"N = {n}": group for n, group in points.groupby("n")}
+    parts |= {f"phi_c = {phi_c:g}": group for phi_c, group in points[own].groupby("phi_c")}
+    parts |= {"widths at one g": points[own & (points["g"] == usual["g"])], "other g": points[own & (points["g"] != usual["g"])]}
+    fits = {}
+    for name, part in parts.items():
+        if name == "all" or not part.equals(points):  # not the same again
+            fits[name] = fitted(fit_avalanches, part["x"], part["s"], part["s_error"], part["n"])["fit"]
+    fits["cut off"] = fitted(fit_avalanches, x, points["s_uncut"], points["s_uncut_error"], np.full(len(points), np.inf))["fit"]
+    fits["P_clog"] = fitted(fit_clog_law, x, points["clogged"], points["runs"], points["n"])["fit"]
+    return {name: fit for name, fit in fits.items() if fit}

@@ -13,9 +13,14 @@ The rules (docs/raft.md explains them):
 - A reduction is competing if the raft that it leaves is not whole: if at no time between D_(p-1) + 0.1 and D_(p-1) - 0.02
   it has more than N - p' + (p' - 1)(2 N/p' - 1) - 4 bonds, p' = p - 1: those of a hexagonal raft of p' rows, but for 4
   that the ends of its rows may lack. Reductions to one row do not count.
+- Two other judgements of a reduction come from the bonds that break and form in it, in the order of time. A fracture is a
+  set of at least two broken bonds, each with its middle within 1.25 d_eq of another of the set; sets that come to touch
+  become one. It has closed when as many bonds have formed within 1.25 d_eq of it as have broken in it. The fractures of a
+  reduction are overlapping if one starts before another has closed; they are unmatched if moreover they have not become
+  one when the first of them has closed, or the reduction has ended.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
@@ -29,6 +34,13 @@ from .scenarios import of_scenario
 LEAST_PEAK = 0.1
 #: Bonds that the ends of the rows of a whole raft may lack.
 LOOSE_ENDS = 4
+#: Distance of the middles of two bonds of one fracture, in d_eq: of bonds that share a droplet, or lie side by side in two
+#: rows, it is at most 1. The next ones are 1.32 apart.
+FRACTURE_REACH = 1.25
+#: Broken bonds of a fracture, at least.
+LEAST_FRACTURE = 2
+#: Columns that say whether the fractures of a reduction compete, by three judgements, and what they are called.
+JUDGEMENTS = {"competing": "competing fractures", "overlapping": "overlapping fractures", "unmatched": "unmatched fractures"}
 
 
 def ideal_bonds(n, rows):
@@ -39,6 +51,26 @@ def ideal_bonds(n, rows):
 def excess_fractures(phi, peak):
     """Fractures beyond those of one size, for a fraction phi of small droplets [T 2.39]."""
     return 2 * peak * np.sqrt(phi * (1 - phi))
+
+
+def judge_fractures(position, broken, reach):
+    """(overlapping, unmatched) of bonds that break (`broken` true) or form at `position` [n, 2], in the order of time."""
+    fractures, overlapping, unmatched = [], False, False
+    for place, breaks in zip(np.asarray(position, float), broken):
+        distances = [np.linalg.norm(fracture["places"] - place, axis=1).min() for fracture in fractures]
+        near = [fracture for fracture, d in zip(fractures, distances) if d < reach]
+        if breaks:
+            fractures = [fracture for fracture, d in zip(fractures, distances) if d >= reach]
+            fractures.append({"places": np.vstack([place, *(fracture["places"] for fracture in near)]),
+                              "open": 1 + sum(fracture["open"] for fracture in near)})
+        elif near:
+            fractures[int(np.argmin(distances))]["open"] -= 1
+        several = sum(len(fracture["places"]) >= LEAST_FRACTURE for fracture in fractures) > 1
+        overlapping |= several
+        closed = [fracture for fracture in fractures if fracture["open"] <= 0]
+        unmatched |= several and any(len(fracture["places"]) >= LEAST_FRACTURE for fracture in closed)
+        fractures = [fracture for fracture in fractures if fracture["open"] > 0]
+    return overlapping, unmatched or sum(len(fracture["places"]) >= LEAST_FRACTURE for fracture in fractures) > 1
 
 
 @dataclass
@@ -54,6 +86,7 @@ class Compression:
     h_eq: float
     k1: float
     E1: float
+    events: dict = field(default_factory=dict)  #: wall_distance, broken, position of bonds that broke and formed, if known
 
     @classmethod
     def of(cls, run):
@@ -62,7 +95,7 @@ class Compression:
         s = run.series
         model = {name: float(run.summary[name]) for name in ("d_eq", "h_eq", "k1", "E1")}
         return cls(s["wall_distance"].to_numpy(), ((s["fixed_wall_force"] + s["moving_wall_force"]) / 2).to_numpy(),
-                   s["bonds"].to_numpy(), run.topology.particles, int(run.parameters["rows"]), **model)
+                   s["bonds"].to_numpy(), run.topology.particles, int(run.parameters["rows"]), **model, events=run.events)
 
     def rest_distance(self, rows):
         """D_p, at which so many rows rest between the walls."""
@@ -105,7 +138,8 @@ class Compression:
 
     def reductions(self):
         """DataFrame, one row per reduction that the run has completed: rows (p), columns (N/p), x = q/(p+1), k_eq,
-        k_error, F_max, F_min, distance (at F_max), sample (its number), peaks, missing_bonds, competing."""
+        k_error, F_max, F_min, distance (at F_max), sample (its number), peaks, missing_bonds, and the JUDGEMENTS: competing,
+        overlapping, unmatched (None where they do not count, or the run has no events)."""
         rows = []
         peaks = self.peaks()
         for p in range(self.rows, 1, -1):
@@ -121,8 +155,16 @@ class Compression:
                          "F_max": self.force[top], "F_min": self.force[top:inside[-1] + 1].min(),
                          "distance": self.distance[top], "sample": top,
                          "peaks": int(np.isin(peaks, inside).sum()), "missing_bonds": missing,
-                         "competing": bool(missing > LOOSE_ENDS) if p > 2 else None})
+                         "competing": bool(missing > LOOSE_ENDS) if p > 2 else None}
+                        | dict(zip(("overlapping", "unmatched"), self._judged(start, end) if p > 2 else (None, None))))
         return pd.DataFrame(rows)
+
+    def _judged(self, start, end):
+        """judge_fractures of the events from D = start to end; None without events."""
+        if not self.events:
+            return None, None
+        inside = (self.events["wall_distance"] <= start) & (self.events["wall_distance"] > end)
+        return judge_fractures(self.events["position"][inside], self.events["broken"][inside] > 0, FRACTURE_REACH * self.d_eq)
 
 
 def fit_k1(reductions):
@@ -140,9 +182,9 @@ def fit_excess(phi, excess):
     return peak, float(np.sqrt(covariance[0, 0]))
 
 
-def competing_fraction(reductions):
-    """(fraction of the reductions that compete, their number); those to one row do not count."""
-    counted = reductions["competing"].dropna() if len(reductions) else reductions
+def competing_fraction(reductions, judgement="competing"):
+    """(fraction of the reductions that compete by one of JUDGEMENTS, their number); those to one row do not count."""
+    counted = reductions[judgement].dropna() if len(reductions) else reductions
     return (float(counted.astype(float).mean()), len(counted)) if len(counted) else (np.nan, 0)
 
 
@@ -154,7 +196,7 @@ def polydispersity(phi, small, delta):
 
 def fractures(runs):
     """One row per run: n, rows, phi, tilt, delta (of both kinds together), inverse_size (N^(-1/2)), aspect (q/p), peaks,
-    excess (peaks beyond rows - 1), competing (fraction of the reductions)."""
+    excess (peaks beyond rows - 1), competing, overlapping, unmatched (fractions of the reductions)."""
     rows = []
     for run in runs:
         curve, o = Compression.of(run), run.parameters
@@ -163,5 +205,5 @@ def fractures(runs):
                      "delta": round(polydispersity(o["small_fraction"], o["small_radius"], o["delta"]), 12),
                      "inverse_size": curve.n**-0.5, "aspect": curve.n / curve.rows**2, "peaks": len(curve.peaks()),
                      "excess": len(curve.peaks()) - (curve.rows - 1),
-                     "competing": competing_fraction(reductions)[0]})
+                     **{name: competing_fraction(reductions, name)[0] for name in JUDGEMENTS}})
     return pd.DataFrame(rows)

@@ -4,13 +4,13 @@ import numpy as np
 
 from . import plotting, raft
 
-#: name of the figure → (column of raft.fractures, its label, what is averaged, its label)
+#: name of the figure → (column of raft.fractures, its label, what is averaged, or None: one of raft.JUDGEMENTS, its label)
 FRACTURES = {
     "phi": ("phi", r"fraction of small droplets  $\phi$", "excess", "excess peaks  $\\Delta N$"),
     "delta": ("delta", r"polydispersity  $\delta$", "peaks", "peaks"),
-    "size": ("inverse_size", "$N^{-1/2}$", "competing", "fraction of competing fractures"),
-    "aspect": ("aspect", "$q/p$", "competing", "fraction of competing fractures"),
-    "tilt": ("tilt", "tilt  [degrees]", "competing", "fraction of competing fractures"),
+    "size": ("inverse_size", "$N^{-1/2}$", None, "fraction of the reductions"),
+    "aspect": ("aspect", "$q/p$", None, "fraction of the reductions"),
+    "tilt": ("tilt", "tilt  [degrees]", None, "fraction of the reductions"),
 }
 
 
@@ -47,10 +47,12 @@ def draw_peaks(axes, reductions):
     axes.legend()
 
 
-def fracture_means(data, kind):
+def fracture_means(data, kind, judgement="competing"):
     """(means, settings, y) of raft.fractures: means has mean, sem and count of the column y over runs that differ in
-    nothing but the seed, that is, not in the columns `settings`."""
+    nothing but the seed, that is, not in the columns `settings`. `judgement`: one of raft.JUDGEMENTS, where the figure is
+    of competing fractures."""
     x, _, y, _ = FRACTURES[kind]
+    y = y or judgement
     settings = list(dict.fromkeys([x, "n", "rows", "phi", "delta", "tilt"]))
     return data.groupby(settings)[y].agg(["mean", "sem", "count"]).reset_index(), settings, y
 

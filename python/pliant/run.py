@@ -433,6 +433,11 @@ class Run:
         return {name: values for name, values in self._series_arrays.items() if values.ndim > 1}
 
     @cached_property
+    def events(self):
+        """Name → array of what is in /events, as the bonds of a raft that break and form; empty without any."""
+        return {name: self.read(data) for name, data in self._file.get("events", {}).items()}
+
+    @cached_property
     def profile(self):
         """Axis profile of all samples."""
         arrays = self._series_arrays

@@ -33,15 +33,17 @@ def main():
             rise = curve.rise(row.sample)
             x = curve.distance[[rise.start, rise.stop - 1]]
             axes.plot(x, curve.force[rise.start] + row.k_eq * (x[0] - x), color="black", lw=1.6)
-        fraction, count = raft.competing_fraction(table)
+        fractions = [(name, *raft.competing_fraction(table, name)) for name in raft.JUDGEMENTS]
         print(f"{run.path}: slope at F = 0 {script.with_error(*curve.stiffness_at_zero())}, "
               f"{len(curve.peaks())} peaks, {len(curve.peaks(-1))} negative ones, "
-              f"k1 = {script.with_error(k1, error)} from k_eq, competing {fraction:.2f} of {count}")
+              f"k1 = {script.with_error(k1, error)} from k_eq, "
+              + ", ".join(f"{name} {fraction:.2f} of {count}" for name, fraction, count in fractions if count))
         print(script.markdown(
-            ["rows", "q/(p+1)", "k_eq", "F_max", "F_min", "distance", "peaks", "missing bonds", "competing"],
+            ["rows", "q/(p+1)", "k_eq", "F_max", "F_min", "distance", "peaks", "missing bonds", *raft.JUDGEMENTS],
             [[r.rows, f"{r.x:.3f}", script.with_error(r.k_eq, r.k_error), f"{r.F_max:.4f}", f"{r.F_min:.4f}",
               f"{r.distance:.4f}", r.peaks, f"{r.missing_bonds:.1f}",
-              "–" if r.competing is None else "yes" if r.competing else "no"] for r in table.itertuples()]))
+              *({None: "–", True: "yes", False: "no"}[getattr(r, name)] for name in raft.JUDGEMENTS)]
+             for r in table.itertuples()]))
     axes.axhline(0, color="0.6", lw=0.6, zorder=0)
     axes.set(xlabel=r"distance of the walls  $D/\langle R\rangle$", ylabel="force on the walls  $F$")
     if curve.distance[-1] < curve.distance[0]:

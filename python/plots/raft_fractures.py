@@ -20,9 +20,11 @@ def main():
     parser = script.parser(__doc__, "raft_fractures.py size runs/square-* -o competing.png", "raft_fractures.png")
     parser.add_argument("figure", choices=raft_figures.FRACTURES, help="what to draw")
     parser.add_argument("run", nargs="+", help="run folders, or folders of runs")
+    parser.add_argument("--judgement", choices=raft.JUDGEMENTS, default="competing", help="whether fractures compete: by "
+                        "holes that they leave (default), as one starts before another has closed, or as they never meet")
     arguments = script.arguments(parser)
     data = raft.fractures(load_runs(arguments.run))
-    means, settings, y = raft_figures.fracture_means(data, arguments.figure)
+    means, settings, y = raft_figures.fracture_means(data, arguments.figure, arguments.judgement)
 
     figure, axes = plt.subplots(figsize=(5.6, 4.0), layout="constrained")
     for name, peak, error in raft_figures.draw_fractures(axes, means, arguments.figure):

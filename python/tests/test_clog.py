@@ -135,6 +135,46 @@ def test_whole_chain_on_drawn_runs():
     assert fit.A_error < 0.01 and fit.B_error < 0.002
 
 
+def test_means_of_avalanches_that_are_cut_off():
+    mean, error = clog.uncut_mean([10, 30, 190, 190], [True, True, False, False])
+    assert mean == 210 and error == pytest.approx(210 / np.sqrt(2))
+    assert np.isnan(clog.uncut_mean([190, 190], [False, False])).all()
+    points = clog.clog_points(made_table(seeds=2000, widths=(4.0, 5.0)))
+    expected = clog.avalanche_law(2 * points["hopper_width"] / np.maximum(points["delta"], 0.8), 0.12, 0.029)
+    assert (points["clogged"] < points["runs"]).any()
+    assert ((points["s_uncut"] - expected).abs() < 4 * points["s_uncut_error"] + 1).all()
+    largest = np.argmax(expected)  # where the mean of all runs is half of it
+    assert points["s"][largest] < 0.6 * expected[largest]
+
+
+def test_probabilities_find_the_law():
+    x, runs = np.linspace(6, 14, 9), np.full(9, 1e7)
+    clogged = np.round(runs * clog.clog_law(x, 0.12, 0.029, 190))
+    fit = clog.fit_clog_law(x, clogged, runs, np.full(9, 190))
+    assert_allclose([fit.A, fit.B], [0.12, 0.029], rtol=1e-3)
+    with pytest.raises(RunError, match="too few"):
+        clog.fit_clog_law(x, np.where(x < 10, runs, 0), runs, np.full(9, 190))
+
+
+def test_what_decides_the_collapse():
+    """The means of all runs, cut by their number, make B too small; with the cut counted, and from P_clog, it is found."""
+    points = pd.concat([clog.clog_points(made_table(n=n, seed=n)) for n in (95, 190, 285)], ignore_index=True)
+    other = clog.clog_points(made_table(seed=9, widths=(4.0, 5.0, 6.0)).assign(g=0.02))
+    points = pd.concat([points, other, clog.clog_points(made_table(phi=(3e-4,)))], ignore_index=True)
+    fits = clog.collapse_fits(points, clog.effective_width(points, 0.8))
+    assert set(fits) == {"all", "scaled", "N = 95", "N = 190", "N = 285", "phi_c = 0", "phi_c = 5e-05", "phi_c = 0.0001",
+                         "phi_c = 0.0002", "phi_c = 0.0003", "widths at one g", "other g", "cut off", "P_clog"}
+    assert fits["all"].B < 0.029 - 4 * fits["all"].B_error, "a mean that is cut is too small"
+    for name in ("cut off", "P_clog"):
+        assert abs(fits[name].B - 0.029) < 3 * fits[name].B_error < 0.004, name
+        assert abs(fits[name].A - 0.12) < 3 * fits[name].A_error < 0.09, name
+        assert fits[name].chi2_reduced < 3, name
+    assert fits["N = 95"].points < fits["all"].points
+    single = points[(points["n"] == 190) & (points["g"] == 0.01)].reset_index(drop=True)
+    fits = clog.collapse_fits(single, clog.effective_width(single, 0.8))
+    assert not {"scaled", "N = 190", "widths at one g", "other g"} & set(fits), "the same fit is not made again"
+
+
 def test_tables_are_checked(tmp_path):
     table = made_table(seeds=2, phi=(1e-4,), widths=(3.0,))
     table.loc[len(table)] = {**table.loc[0], "status": "failed", "avalanche_size": np.nan}

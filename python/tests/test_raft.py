@@ -84,6 +84,43 @@ def test_competing_fractures():
     assert raft.competing_fraction(table) == (0.5, 2)
 
 
+def crack(*places, broken=True):
+    return [(place, broken) for place in places]
+
+
+LEFT, RIGHT = [(x, 0.0) for x in (0, 2, 4)], [(x, 0.0) for x in (12, 14, 16)]
+BETWEEN = [(x, 0.0) for x in (6, 8, 10)]
+
+
+@pytest.mark.parametrize("events, overlapping, unmatched", [
+    (crack(*LEFT, *BETWEEN, *RIGHT), False, False),                                   # one that runs on
+    (crack(LEFT[0], LEFT[2], LEFT[1]), False, False),                                 # a gap that fills is no second one
+    (crack(*LEFT, *RIGHT, *BETWEEN), True, False),                                    # two that meet
+    (crack(*LEFT, *RIGHT), True, True),                                               # two that never do
+    (crack(*LEFT, RIGHT[0]), False, False),                                           # a single bond is no fracture
+    (crack(*LEFT) + crack(*LEFT, broken=False) + crack(*RIGHT), False, False),        # the first has closed before
+    (crack(*LEFT) + crack(*LEFT[:2], broken=False) + crack(*RIGHT), True, True),      # it has not
+    (crack(*LEFT, *RIGHT) + crack(*LEFT, *RIGHT, broken=False), True, True),          # both close, one after the other
+    (crack(*LEFT, *RIGHT) + crack((7.5, 0.0), (7.5, 0.0), broken=False), True, True),  # bonds that form elsewhere close none
+    ([], False, False)])
+def test_fractures_that_overlap_and_that_do_not_meet(events, overlapping, unmatched):
+    places, broken = zip(*events) if events else ([], [])
+    assert raft.judge_fractures(np.reshape(places, (-1, 2)), broken, 2.5) == (overlapping, unmatched)
+
+
+def test_reductions_are_judged_by_their_own_events():
+    """Two fractures that never meet in the first reduction, one in the second; what happens in the last does not count."""
+    whole = curve()
+    events = [(d, *event) for p, places in ((4, LEFT + RIGHT), (3, LEFT), (2, LEFT + RIGHT))
+              for d, event in zip(whole.rest_distance(p) - np.linspace(0.1, 0.2, len(places)), crack(*places))]
+    distance, place, broken = zip(*events)
+    whole.events = {"wall_distance": np.array(distance), "position": np.array(place), "broken": np.array(broken, np.uint8)}
+    table = whole.reductions()
+    assert list(table["overlapping"]) == list(table["unmatched"]) == [True, False, None]
+    assert raft.competing_fraction(table, "unmatched") == (0.5, 2)
+    assert list(curve().reductions()["unmatched"]) == [None] * 3, "nothing is known without events"
+
+
 def test_a_run_that_ends_early_has_fewer_reductions():
     whole = curve()
     cut = np.searchsorted(-whole.distance, -(whole.rest_distance(3) - 0.3))
@@ -121,6 +158,12 @@ def write_raft(path, seed=1, **options):
         for name, data in {"time": 1e4 * (c.distance[0] - c.distance), "wall_distance": c.distance,
                            "fixed_wall_force": c.force, "moving_wall_force": c.force, "bonds": c.bonds}.items():
             file[f"series/{name}"] = data
+        # The first reduction of a raft of two kinds has two fractures that never meet.
+        at = [] if not options["small_fraction"] else [(1.5, 0.0), (3.2, 1.0), (1.5, 8.0), (3.2, 9.0)]
+        for name, data in {"time": np.full(len(at), 500.0), "wall_distance": np.full(len(at), c.rest_distance(4) - 0.05),
+                           "broken": np.ones(len(at), np.uint8), "particles": np.zeros((len(at), 2), np.int32),
+                           "position": np.reshape(at, (-1, 2))}.items():
+            file[f"events/{name}"] = data
         frame = file.create_group("frames/000000")
         frame.attrs.update({"time": 0.0, "step": 0})
         frame.update({"positions": centres, "velocities": 0 * centres, "centres": centres,
@@ -137,7 +180,7 @@ def write_raft(path, seed=1, **options):
 def test_force_figure(call, tmp_path):  # noqa: F811
     text = call("raft.py", write_raft(tmp_path / "run"), "-o", tmp_path / "a.png")
     assert_picture(tmp_path / "a.png", colors=20)
-    assert "3 peaks, 3 negative ones" in text and "competing 0.00 of 2" in text
+    assert "3 peaks, 3 negative ones" in text and "competing 0.00 of 2, overlapping 0.00 of 2, unmatched 0.00 of 2" in text
     assert [line.split("|")[1].strip() for line in text.splitlines() if line.startswith("| ")] == ["rows", "4", "3", "2"]
 
 
@@ -163,6 +206,9 @@ def test_figures_of_fractures(figure, call, tmp_path):  # noqa: F811
     text = call("raft_fractures.py", figure, tmp_path / "runs", "-o", tmp_path / "a.png")
     assert_picture(tmp_path / "a.png", colors=10)
     assert text.count("| 2 ") == 2  # two settings of two seeds
+    if figure == "size":
+        text = call("raft_fractures.py", figure, tmp_path / "runs", "--judgement", "unmatched", "-o", tmp_path / "b.png")
+        assert "| unmatched |" in text and "| 0.5 " in text  # of the first reduction of two, where there are two kinds
     if figure == "phi":
         # three excess peaks at phi = 1/4: a maximum of 3/(2 sqrt(3/16))
         assert "peak of the excess 3.46" in text

@@ -670,6 +670,13 @@ def test_figures_of_fractures(tmp_path):
              for seed in (-1, 0, 1) for p in (3, 4, 6, 8, 12)]
     limit = drawn("T2.14", raft_rows(sizes), tmp_path)["fraction of competing fractures as N goes to infinity"]
     assert limit.value == pytest.approx(0.8) and 0.005 < limit.error < 0.05 and agree(limit) == "no"
+    judged = [row | {"unmatched": min(row["competing"] + 0.2, 1), "overlapping": float(row["n"] > 30)} for row in sizes]
+    found = drawn("T2.14", raft_rows(judged), tmp_path)
+    limit = found["fraction of unmatched fractures as N goes to infinity"]
+    assert limit.value == pytest.approx(1.0) and agree(limit) == "yes"
+    assert found["fraction of overlapping fractures, N = 16"].value == 0
+    assert "from N = 36 on" in found["fraction of overlapping fractures as N goes to infinity"].note
+    assert found["fraction of competing fractures as N goes to infinity"].value == pytest.approx(0.8)
     shapes = [fracture_row(seed, n=36, rows=p, aspect=36 / p**2, competing=1 / p) for seed in (1, 2) for p in (12, 6, 3)]
     assert drawn("T2.15", raft_rows(shapes), tmp_path)["fraction of competing fractures, q/p = 4"].value == pytest.approx(1 / 3)
     tilts = [fracture_row(seed, tilt=t, competing=f + 0.02 * seed) for seed in (-1, 0, 1)
@@ -685,6 +692,9 @@ def test_figures_of_clogs(tmp_path):
     found = drawn("T4.5", table, tmp_path)
     assert found["A"].value == pytest.approx(0.12, abs=0.08) and agree(found["B"]) in ("yes", "no")
     assert found["B"].value == pytest.approx(0.029, rel=0.35)
+    assert found["B, runs that emptied as cut off"].value == pytest.approx(0.029, rel=0.1)
+    assert found["A, from P_clog"].published.value == 0.12 and "points" in found["B, from P_clog"].note
+    assert found["B, phi_c = 0.0002 alone"].error > 0
     away = drawn("T4.6", table, tmp_path)["P_clog less its law, mean over points"]
     assert abs(away.value) < 0.05
     assert drawn("T4.3", table, tmp_path)["w*/d at phi_c = 0.0002"].value > 3
@@ -855,7 +865,9 @@ def test_measures_of_rafts(tmp_path):
     found = drawn("T2.10", fractures, tmp_path)
     assert found["excess over its height at phi = 0.5, N = 20"].value == pytest.approx(1)
     assert drawn("T2.11", fractures, tmp_path)["peaks at delta = 0, one kind"].value == 3
-    assert drawn("T2.14", fractures, tmp_path)["fraction of competing fractures, N = 20, phi = 0.5, delta = 0.133"].value == 0
+    found = drawn("T2.14", fractures, tmp_path)
+    assert [found[f"fraction of {name} fractures, N = 20, phi = 0.5, delta = 0.133"].value for name in (
+        "competing", "overlapping", "unmatched")] == [0, 0.5, 0.5]
 
 
 def test_measures_of_hoppers(soft, tmp_path):

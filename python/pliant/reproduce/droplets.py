@@ -121,9 +121,9 @@ def draw_scaling(measured):
     return figure, quantities
 
 
-def _means(measured, kind):
+def _means(measured, kind, judgement="competing"):
     """raft_figures.fracture_means, and the same as of ensemble.scatter with the column y."""
-    means, settings, y = raft_figures.fracture_means(measured, kind)
+    means, settings, y = raft_figures.fracture_means(measured, kind, judgement)
     return means, ensemble.scatter(measured, settings, y), y
 
 
@@ -170,57 +170,77 @@ def draw_polydispersity(measured):
     return figure, quantities
 
 
+#: Of raft.JUDGEMENTS, for the panels.
+_JUDGED = {"competing": "a raft with holes is left", "overlapping": "one starts before another has closed",
+           "unmatched": "and they never meet"}
+
+
 def _draw_competing(measured, kind):
-    means, points, y = _means(measured, kind)
-    figure, axes = plt.subplots(figsize=(5.8, 4.2), layout="constrained")
-    raft_figures.draw_fractures(axes, means, kind)
-    axes.set_ylim(0, 1.05)
+    """A panel per judgement of what competes; returns the figure, [(judgement, panel, points)] and the quantities."""
+    there = [name for name in raft.JUDGEMENTS if name in measured and measured[name].notna().any()]
+    figure, panels = plt.subplots(1, len(there), figsize=(1.8 + 3.6 * len(there), 4.0), layout="constrained", sharey=True,
+                                  squeeze=False)
     x = {"size": "n"}.get(kind, kind)
-    varied = [x, *(c for c in ("n", "phi", "delta", "tilt") if c != x and points[c].nunique() > 1)]
-    quantities = []
-    for _, row in points.iterrows():
-        name = ", ".join(f"{ {'n': 'N', 'aspect': 'q/p'}.get(c, c)} = {row[c]:.3g}" for c in varied)
-        quantities.append(Quantity(f"fraction of competing fractures, {name}", row[y], row[y + "_error"]))
-    return figure, axes, points, quantities
+    judged, quantities = [], []
+    for axes, judgement in zip(panels[0], there):
+        means, points, y = _means(measured, kind, judgement)
+        raft_figures.draw_fractures(axes, means, kind)
+        axes.set_title(_JUDGED[judgement], loc="left")
+        axes.set_ylim(0, 1.05)
+        axes.label_outer()
+        varied = [x, *(c for c in ("n", "phi", "delta", "tilt") if c != x and points[c].nunique() > 1)]
+        for _, row in points.iterrows():
+            name = ", ".join(f"{ {'n': 'N', 'aspect': 'q/p'}.get(c, c)} = {row[c]:.3g}" for c in varied)
+            quantities.append(Quantity(f"fraction of {raft.JUDGEMENTS[judgement]}, {name}", row[y], row[y + "_error"]))
+        judged.append((judgement, axes, points))
+    return figure, judged, quantities
 
 
 def draw_size(measured):
     """[T 2.14]: competing fractures against N^(-1/2), with the line to infinite rafts."""
-    figure, axes, points, quantities = _draw_competing(measured, "size")
-    line = points[points["n"] >= 16]
-    if len(line) > 2:
-        x = line["inverse_size"].to_numpy()
-        slope, limit = np.polyfit(x, line["competing"], 1)
-        drawn = np.polyfit(x, ensemble.draws(line, "competing").T, 1)
-        at = np.array([0, x.max()])
-        axes.plot(at, limit + slope * at, color=plotting.COLORS[0], lw=1.1, label="line, $N$ ≥ 16")
-        quantities.insert(0, Quantity("fraction of competing fractures as N goes to infinity", limit,
-                                      float(ensemble.spread(drawn[1])), published.COMPETING))
-    axes.plot(0, published.COMPETING.value, "k*", ms=9, clip_on=False, label="[T], extrapolated")
-    axes.set_xlim(0, None)
-    axes.legend()
-    return figure, quantities
+    figure, judged, quantities = _draw_competing(measured, "size")
+    limits = []
+    for judgement, axes, points in judged:
+        line = points[points["n"] >= 16]
+        if len(line) > 2:
+            x = line["inverse_size"].to_numpy()
+            slope, limit = np.polyfit(x, line[judgement], 1)
+            drawn = np.polyfit(x, ensemble.draws(line, judgement).T, 1)
+            at = np.array([0, x.max()])
+            axes.plot(at, limit + slope * at, color=plotting.COLORS[0], lw=1.1, label="line, $N$ ≥ 16")
+            full = line[line[judgement] >= 1]
+            limits.append(Quantity(f"fraction of {raft.JUDGEMENTS[judgement]} as N goes to infinity", limit,
+                                   float(ensemble.spread(drawn[1])), published.COMPETING,
+                                   f"all of them from N = {full['n'].min()} on" if len(full) else ""))
+        axes.plot([0, 1 / np.sqrt(published.NO_COMPETING)], [published.COMPETING.value, 0], "-.", color="0.3", lw=1.0,
+                  label="[T], as described")
+        axes.plot(0, published.COMPETING.value, "k*", ms=9, clip_on=False)
+        axes.set_xlim(0, None)
+    judged[0][1].legend()
+    return figure, limits + quantities
 
 
 def draw_aspect(measured):
     """[T 2.15]: competing fractures against the shape of the raft."""
-    figure, axes, _, quantities = _draw_competing(measured, "aspect")
+    figure, _, quantities = _draw_competing(measured, "aspect")
     return figure, quantities
 
 
 def draw_tilt(measured):
     """[T 2.16]: competing fractures against the angle between the walls."""
-    figure, axes, points, quantities = _draw_competing(measured, "tilt")
-    for n, group in points.groupby("n"):
-        tilt = group["tilt"].to_numpy()
-        least = tilt[group["competing"].argmin()]
-        drawn = tilt[ensemble.draws(group, "competing").argmin(1)]
-        if group["competing"].min() < group["competing"].max() and group["competing"].iloc[0] > 0:
-            quantities.insert(0, Quantity(f"tilt with the fewest competing fractures, N = {n}", least,
-                                          float(np.sqrt(((drawn - least) ** 2).mean())), published.TILT))
-    axes.axvline(published.TILT.value, color="0.5", ls="-.", lw=0.9, label="[T], fewest")
-    axes.legend()
-    return figure, quantities
+    figure, judged, quantities = _draw_competing(measured, "tilt")
+    minima = []
+    for judgement, axes, points in judged:
+        for n, group in points.groupby("n"):
+            tilt = group["tilt"].to_numpy()
+            least = tilt[group[judgement].argmin()]
+            drawn = tilt[ensemble.draws(group, judgement).argmin(1)]
+            if group[judgement].min() < group[judgement].max() and group[judgement].iloc[0] > 0:
+                minima.append(Quantity(f"tilt with the fewest {raft.JUDGEMENTS[judgement]}, N = {n}", least,
+                                       float(np.sqrt(((drawn - least) ** 2).mean())), published.TILT))
+        axes.axvline(published.TILT.value, color="0.5", ls="-.", lw=0.9, label="[T], fewest")
+    judged[0][1].legend()
+    return figure, minima + quantities
 
 
 # ---- clogs -----------------------------------------------------------------------------------------------------------
@@ -293,14 +313,32 @@ def _published_law(axes, x, law):
     axes.plot(grid, law(grid, published.A.value, published.B.value), "-.", color="0.2", lw=1.1, label="[T]")
 
 
+#: Names of clog.collapse_fits, for the rows.
+_FITS = {"scaled": "avalanches scaled to one N", "cut off": "runs that emptied as cut off", "P_clog": "from P_clog",
+         "widths at one g": "widths at one g alone", "other g": "other g alone"}
+
+
 def draw_collapse(measured):
-    """[T 4.5]: mean avalanches against w/delta*."""
+    """[T 4.5]: mean avalanches against w/delta*; B of parts of the data, and of other ways to fit them."""
     points, x, fit, quantities = _avalanches(measured)
-    figure, (left, right) = plt.subplots(1, 2, figsize=(9.6, 4.1), layout="constrained")
-    draw_avalanches(left, right, points, x, fit)
-    n = points["n"].max()
+    figure, (left, middle, right) = plt.subplots(1, 3, figsize=(14, 4.3), layout="constrained")
+    draw_avalanches(left, middle, points, x, fit)
+    n = points["n"].mode().iloc[0]
     _published_law(left, x, lambda grid, A, B: np.minimum(clog.avalanche_law(grid, A, B), n))
     left.legend()
+    fits = clog.collapse_fits(points, x)
+    for i, (name, one) in enumerate(fits.items()):
+        right.errorbar(one.B, i, xerr=np.nan_to_num(one.B_error), fmt="o", capsize=2.5, color=plotting.COLORS[0])
+        if name != "all":
+            words, quality = _FITS.get(name, f"{name} alone"), f"chi2/dof {one.chi2_reduced:.3g}, {one.points} points"
+            quantities += [Quantity(f"{part}, {words}", getattr(one, part), getattr(one, part + "_error"),
+                                    getattr(published, part), quality) for part in ("A", "B")]
+    right.axvline(published.B.value, color="0.2", ls="-.", lw=1.0, label="[T]")
+    right.axvspan(fit.B - np.nan_to_num(fit.B_error), fit.B + np.nan_to_num(fit.B_error), color=plotting.COLORS[0], alpha=0.15, lw=0)
+    right.set_yticks(range(len(fits)), labels=[_FITS.get(name, name).replace("phi_c", r"$\phi_c$").replace("P_clog", "$P_{clog}$")
+                                               for name in fits])
+    right.set(xlabel="$B$", ylim=(len(fits) - 0.5, -0.5), xlim=(0, None))
+    right.legend()
     return figure, quantities
 
 
@@ -309,7 +347,7 @@ def draw_clog_collapse(measured):
     points, x, fit, quantities = _avalanches(measured)
     figure, axes = plt.subplots(figsize=(5.8, 4.2), layout="constrained")
     draw_probabilities(axes, points, x, fit)
-    n = points["n"].max()
+    n = points["n"].mode().iloc[0]
     _published_law(axes, x, lambda grid, A, B: clog.clog_law(grid, A, B, n))
     axes.legend()
     expected = clog.clog_law(x, fit.A, fit.B, points["n"].to_numpy())
