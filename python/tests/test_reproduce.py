@@ -5,6 +5,7 @@ import dataclasses
 import json
 import math
 import os
+import re
 import signal
 import sys
 from pathlib import Path
@@ -312,6 +313,26 @@ def test_all(call, tmp_path, monkeypatch):
     call("all", "--kept")  # nothing is kept: no failure, no figure
 
 
+def test_optional_tables(call, tmp_path, monkeypatch):
+    """Are run if they are asked for; what is kept of them is drawn anyway."""
+    one = dataclasses.replace(command.FIGURES["H2"], full=("quick/limits",), optional=("quick/stiff",))
+    monkeypatch.setitem(command.FIGURES, "H2", one)
+    assert "--optional goes with full" in call("H2", "--optional", code=2)
+    call("H2", "full", "--keep")
+    kept = tmp_path / "validation/measured/quick/stiff.flows.csv"
+    assert len(started(tmp_path)) == 16 and not kept.exists()
+    call("H2", "full", "--keep", "--optional")
+    assert len(started(tmp_path)) == 24 and len(pd.read_csv(kept)) == 8
+    call("H2", "full", "--keep", "-o", "other")
+    assert len(started(tmp_path)) == 24
+    for arguments in ((), ("full",)):
+        output = call("H2", *arguments, "--kept", "-o", "third")
+        assert "quick/stiff: 8 of 8 runs are kept" in output
+    for folder in ("other", "third"):
+        table = pd.read_csv(tmp_path / folder / "reproduced.csv")
+        assert set(table["cpu_hours"]) == {0.06} and set(table["table"]) == {"quick/limits; quick/stiff"}
+
+
 def test_output_that_cannot_be_written(call, tmp_path):
     (tmp_path / "file").touch()
     assert "cannot be made" in call("H2", "-o", "file/x", code=4)
@@ -378,6 +399,24 @@ def test_figure_6_compares_angles(tmp_path):
     assert found["lambda_c, published ends: theta_w = 30"].value == pytest.approx(0.005, rel=0.15)
     assert found["lambda_c, published ends: theta_w = 30"].published.value == 0.005
     assert found["|F_zeta|/|F_mu| at lambda = 0.01, theta_w = 30"].value == pytest.approx(0.5)
+
+
+def test_deformable_particles_between_the_limits(tmp_path):
+    """[H 4] has those of the flat bottom; [H 6] a curve of its own for each angle and model."""
+    smooth = {"model": "smooth", "drag_friction_ratio_error": 0.01}
+    data = pd.concat([flow_rows(LAMS, crossing_law, hopper_angle=90.0, drag_friction_ratio=0.1, drag_friction_ratio_error=0.01),
+                      flow_rows(LAMS, crossing_law, hopper_angle=30.0, drag_friction_ratio=0.2, drag_friction_ratio_error=0.01),
+                      flow_rows(LAMS, lambda lam: crossing_law(lam, 0.2), hopper_angle=90.0, drag_friction_ratio=0.3, **smooth),
+                      flow_rows(LAMS, lambda lam: crossing_law(lam, 0.01), hopper_angle=30.0, drag_friction_ratio=0.6, **smooth)],
+                     ignore_index=True)
+    found = drawn("H4", data, tmp_path)
+    assert found["lambda_c, published ends: smooth, K_l = 10, K_b = 0.1"].value == pytest.approx(0.2, rel=0.15)
+    assert found["lambda_c, published ends: soft, E_sp = 100"].value == pytest.approx(0.05, rel=0.15)
+    found = drawn("H6", data, tmp_path)
+    assert found["lambda_c, published ends: theta_w = 30, smooth, K_l = 10, K_b = 0.1"].value == pytest.approx(0.01, rel=0.15)
+    ratio = "|F_zeta|/|F_mu| at lambda = 0.01, theta_w = 30, "
+    assert found[ratio + "smooth, K_l = 10, K_b = 0.1"].value == pytest.approx(0.6)
+    assert found[ratio + "soft, E_sp = 100"].value == pytest.approx(0.2)
 
 
 def test_figure_5_finds_the_exponents(tmp_path):
@@ -500,6 +539,45 @@ def test_readings_are_told_apart(tmp_path):
     # k of hard particles alone has been published
     assert found["k: printed, E_sp = 10000, drag only"].published.value == 3.4
     assert found["k: as run, drag only"].published is None
+
+
+DEFORMABLE_AS_RUN = {"friction": "tangential", "drag": "per_mass", "e_c": 115.7, "e_w": 13.9, "count": "removal",
+                     "reinsertion_gap": 0.8333, "area_energy": "relative", "bending_edges": "full", "wall_diameter": 0.1976}
+
+
+def test_deformable_particles_are_told_apart(tmp_path):
+    as_run = reading_rows("friction", 1.5, model="rough", mu=8.505, **DEFORMABLE_AS_RUN)
+    smooth = reading_rows("drag", 0.6, model="smooth", zeta=1.54, edge_force="twofold", edge_width=0.2,
+                          **(DEFORMABLE_AS_RUN | {"e_w": 1000.0}))
+    # As printed, and kept before the laws were.
+    printed = reading_rows("drag", 0.9, model="smooth").drop(columns=["friction", "drag", "count", "e_w", "reinsertion_gap"])
+    data = pd.concat([as_run, smooth, printed, reading_rows("friction", 1.8, model="rough", e_c=250.0),
+                      reading_rows("friction", 2.2)], ignore_index=True)
+    found = drawn("deformable", data, tmp_path)
+    betas = {name.removeprefix("beta: "): q.value for name, q in found.items() if name.startswith("beta: ")}
+    kind = "K_l = 10, K_b = 0.1"
+    assert betas == {name: pytest.approx(beta, abs=0.1) for name, beta in {
+        f"as run: rough, {kind}, friction only": 1.5, f"as run, E_w = 1000: smooth, {kind}, drag only": 0.6,
+        f"printed: smooth, {kind}, drag only": 0.9, f"printed, E_c = 250: rough, {kind}, friction only": 1.8}.items()}
+    with pytest.raises(PliantError, match="no run has deformable particles"):
+        command.FIGURES["deformable"].draw(reading_rows("friction", 2.2))
+
+
+@pytest.mark.parametrize("name", ["hopper/deformable-as-run", "quick/deformable"])
+def test_tables_as_run_are_those_of_the_examples(name):
+    """But for the stiffness of contacts, which the table explains, and what a table varies."""
+    differ = {"e_c", "e_w", "rough_contact", "mu", "zeta", "n", "hopper_wall_distance", "hopper_width", "t_end", "seed",
+              "frame_interval", "lip_contact", "n_vertices", "output"}
+    models = set()
+    for row in read_rows(figure.VALIDATION / f"{name}.csv", "hopper"):
+        text = (figure.VALIDATION.parent / f"examples/as_run_{row.options['model']}.yaml").read_text()
+        example = dict(re.findall(r"^(\w+): (\S+)", text, re.M))
+        given = {k: v for k, v in row.options.items() if k not in differ}
+        assert given == {k: v for k, v in example.items() if k not in differ}
+        assert row.options.get("mu", example["mu"] if row.options["model"] == "rough" else "8.505") == "8.505"
+        assert row.options.get("zeta", "1.54") == "1.54" and ("mu" in row.options) != ("zeta" in row.options)
+        models.add(row.options["model"])
+    assert models == {"rough", "smooth"}
 
 
 def test_a_clogged_run_is_not_a_rate():

@@ -81,6 +81,8 @@ def _parser():
     parser.add_argument("--program", metavar="FILE", help="the pliant to run (default: as of pliant-sweep)")
     parser.add_argument("--table", type=Path, action="append", metavar="FILE",
                         help="a table of your own in place of the figure's; may be repeated")
+    parser.add_argument("--optional", action="store_true", help="with full: also the runs of the figure's optional tables, "
+                        "of many hours (docs/reproduce.md); what is kept of them is drawn in any case")
     parser.add_argument("--retry", action="store_true", help="run rows again that have failed")
     mode = parser.add_mutually_exclusive_group()
     mode.add_argument("--kept", action="store_true", help="draw from what is kept of earlier runs, without a run; "
@@ -192,7 +194,8 @@ def _measured(figure, level, given, runs):
     tables, found = _tables(figure, level, given), []
     for table in tables:
         kept = _load_kept(figure, [table]) if given.keep else pd.DataFrame()
-        new = runs.measure(figure, table, set(kept["row"]) if len(kept) else ())
+        wanted = given.optional or table.name not in figure.optional
+        new = runs.measure(figure, table, set(kept["row"]) if len(kept) else ()) if wanted else pd.DataFrame()
         together = pd.concat([part for part in (kept, new) if len(part)], ignore_index=True) if len(kept) + len(new) else new
         if given.keep and len(new):
             _write_csv(table.kept(figure.measure), together)
@@ -245,6 +248,8 @@ def main(arguments=None):
     chosen = list(FIGURES.values()) if everything else [figure_by_name(given.figure)]
     if given.table and (everything or given.level or given.keep or given.kept):
         raise RunError("--table goes with one figure, and with neither quick, full, --keep nor --kept")
+    if given.optional and given.level != "full":
+        raise RunError("--optional goes with full: only that has optional tables")
     try:
         given.output.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -41,9 +41,10 @@ class Figure:
     measure: str     #: name of a function of measure.py
     draw: Callable   #: measured [DataFrame] → (matplotlib figure, [Quantity])
     quick_note: str = "fewer seeds and shorter runs"  #: what the quick form has less of
+    optional: tuple = ()  #: tables of `full` whose runs are made if they are asked for; what is kept of them is always drawn
 
     def tables(self, level):
-        return self.quick if level == "quick" else self.full
+        return self.quick if level == "quick" else (*self.full, *self.optional)
 
 
 def deviation(quantity):

@@ -178,8 +178,10 @@ def _draw_crossovers(axes, curves, dim, lam_c):
 
 
 def draw_lambda(measured, value="Q"):
-    """[H 4, 11, 12a]: beta against lambda with the corrected sigmoid, a panel per dimension."""
+    """[H 4, 11, 12a]: beta against lambda with the corrected sigmoid, a panel per dimension; of hoppers with several angles
+    the flattest, in each dimension."""
     table = with_limit(plain(measured))
+    table = table[table["hopper_angle"] == table.groupby("dim")["hopper_angle"].transform("max")]
     if table["n"].nunique() > 1:
         by, label = [*_MODEL, "n"], lambda row: f"{model_label(row)}, $N$ = {row['n']:g}"
     else:
@@ -238,23 +240,29 @@ def draw_angles(measured):
     figure, (left, middle, right) = plt.subplots(1, 3, figsize=(14, 4.2), layout="constrained",
                                                  gridspec_kw={"width_ratios": [1.6, 1, 1]})
     _draw_crossovers(left, curves, 2, published.LAMBDA_C_ANGLE.values())
-    for i, (kind, style) in enumerate((("published ends", "o"), ("free ends", "s"))):
-        points = [(group["hopper_angle"].iloc[0], fits[i]) for _, group, *fits in curves if fits[i]]
-        if points:
-            middle.errorbar([a for a, _ in points], [f.lam_c for _, f in points], [f.lam_c_error for _, f in points],
-                            fmt=style, capsize=2.5, label=kind)
+    for j, model in enumerate(models[_MODEL].itertuples(index=False)):
+        of_model = [curve for curve in curves if tuple(curve[1][_MODEL].iloc[0]) == tuple(model)]
+        name = f", {model_label(model._asdict())}" if len(models) > 1 else ""
+        for i, (kind, style) in enumerate((("published ends", "o"), ("free ends", "s"))):
+            points = [(group["hopper_angle"].iloc[0], fits[i]) for _, group, *fits in of_model if fits[i]]
+            if points:
+                middle.errorbar([a for a, _ in points], [f.lam_c for _, f in points], [f.lam_c_error for _, f in points],
+                                fmt=style, capsize=2.5, color=plotting.COLORS[2 * j + i], label=kind + name)
     middle.plot(list(published.LAMBDA_C_ANGLE), [p.value for p in published.LAMBDA_C_ANGLE.values()], "k*", ms=8,
                 label="[H]")
     middle.set(xlabel=r"$\theta_w$  [degrees]", ylabel=r"$\lambda_c$", yscale="log")
     middle.legend()
-    ratios = ensemble.average(table, ["lam", "hopper_angle"], "drag_friction_ratio") if "drag_friction_ratio" in table else []
-    several = [(lam, group) for lam, group in ratios.groupby("lam") if len(group) > 1] if len(ratios) else []
-    for i, (lam, group) in enumerate(several):
+    ratios = ensemble.average(table, ["lam", *by], "drag_friction_ratio") if "drag_friction_ratio" in table else []
+    lams = list(ratios["lam"].unique()) if len(ratios) else []
+    several = [(key, group) for key, group in ratios.groupby([*_MODEL, "lam"]) if len(group) > 1] if len(ratios) else []
+    for (*model, lam), group in several:
+        i, first = lams.index(lam), tuple(model) == tuple(models[_MODEL].iloc[0])
+        name = "" if len(models) == 1 else f", {model_label(group.iloc[0], latex=False)}"
         right.errorbar(group["hopper_angle"], group["drag_friction_ratio"],
-                       np.nan_to_num(group["drag_friction_ratio_error"]), fmt=plotting.MARKERS[i % 8] + "-", capsize=2.5,
-                       color=plotting.COLORS[i % 8], label=rf"$\lambda$ = {lam:g}")
+                       np.nan_to_num(group["drag_friction_ratio_error"]), fmt=plotting.MARKERS[i % 8] + ("-" if first else ":"),
+                       capsize=2.5, color=plotting.COLORS[i % 8], label=rf"$\lambda$ = {lam:g}{name}")
         if lam == 0.01:
-            quantities += [Quantity(f"|F_zeta|/|F_mu| at lambda = 0.01, theta_w = {row.hopper_angle:g}",
+            quantities += [Quantity(f"|F_zeta|/|F_mu| at lambda = 0.01, theta_w = {row.hopper_angle:g}{name}",
                                     row.drag_friction_ratio, row.drag_friction_ratio_error) for row in group.itertuples()]
     right.set(xlabel=r"$\theta_w$  [degrees]", ylabel=r"$|F_\zeta|/|F_\mu|$, mean over $w$", yscale="log")
     if len(ratios):
@@ -539,11 +547,13 @@ FIGURES = [
     Figure("H3", "Q(w) of soft spheres, friction only and drag only", ("quick/limits-3d",), ("hopper/limits-3d",),
            "flows", draw_limits, "half the particles, shorter runs"),
     Figure("H4", "exponent beta against lambda = zeta/mu", ("quick/lambda", "quick/limits"),
-           ("hopper/lambda", "hopper/lambda-3d"), "flows", draw_lambda, "one stiffness, 2D, fewer widths, shorter runs"),
+           ("hopper/lambda", "hopper/lambda-3d"), "flows", draw_lambda, "one stiffness, 2D, fewer widths, shorter runs",
+           ("hopper/lambda-deformable",)),
     Figure("H5", "velocity on the axis for several widths, and its exponent at the orifice", ("quick/profile",),
            ("hopper/profile",), "profiles", draw_profiles),
     Figure("H6", "beta(lambda) and the ratio of the forces for several angles", ("quick/angle", "quick/lambda"),
-           ("hopper/angle",), "flows", draw_angles, "fewer lambda and widths, shorter runs"),
+           ("hopper/angle",), "flows", draw_angles, "fewer lambda and widths, shorter runs",
+           ("hopper/lambda-deformable",)),
     Figure("H7", "offset k against the stiffness of soft and deformable particles", ("quick/stiffness", "quick/map"),
            ("hopper/stiffness", "hopper/map"), "flows", draw_offsets,
            "120 deformable particles with contacts softer than printed, one seed, three K_l and K_b"),

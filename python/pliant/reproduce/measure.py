@@ -21,6 +21,9 @@ _FLOW = ["model", "dim", "status", "mu", "zeta", "e_sp", "e_c", "k_l", "k_b", "h
 #: What readings of [H] and protocols of a run differ in, and how deformed its particles are.
 _READING = ["friction", "drag", "contact_law", "e_w", "count", "removal_depth", "reinsertion_gap",
             "reinsertion_lateral_speed", "pack_fraction", "max_overlap", "steady", "steady_start"]
+#: What else deformable particles as printed and as run differ in.
+_LAWS = ["friction", "drag", "count", "reinsertion_gap", "e_w", "area_energy", "bending_edges", "edge_force", "edge_width",
+         "wall_diameter"]
 _RATES = ["Q", "Q_corrected", "orifice_velocity", "drag_friction_ratio", "c0"]
 _CLOG = ["hopper_width", "g", "phi_c", "status", "avalanche_size", "capillary_length"]
 _PROFILE = ["mu", "zeta", "e_sp", "hopper_width"]
@@ -37,7 +40,7 @@ def _columns(run, names):
 
 def flows(run):
     """Flow rates and what else summary.json has of a hopper."""
-    wanted = [*_FLOW, *(name + end for name in _RATES for end in ("", "_error"))]
+    wanted = [*_FLOW, *_LAWS, *(name + end for name in _RATES for end in ("", "_error"))]
     return pd.DataFrame([_columns(run, wanted)])
 
 

@@ -9,7 +9,7 @@ from ..beverloo_figures import FRACTIONS
 from ..errors import RunError
 from . import published
 from .figure import Figure, Quantity
-from .hopper import BETA, LIMIT_NAMES, fit_quantities, limits
+from .hopper import BETA, LIMIT_NAMES, fit_quantities, limits, model_label
 
 COEFFICIENT = {"friction": "mu", "drag": "zeta"}
 _UNITS = {"friction": r"$\mu/\mu_0$", "drag": r"$\zeta/\zeta_0$"}
@@ -27,12 +27,21 @@ PRINTED = {"friction": _COMMON | {"mu": 10 * np.sqrt(10), "zeta": 0.0}, "drag": 
 AS_RUN = {"friction": _COMMON | _AS_RUN | {"friction": "tangential", "mu": 8.505, "zeta": 0.0},
           "drag": _COMMON | _AS_RUN | {"drag": "per_mass", "mu": 0.0, "zeta": 1.54}}
 OPTIONS = list(PRINTED["drag"])
+#: The same of deformable particles. The edges are those of smooth ones.
+_EDGES = ("edge_force", "edge_width")
+_DEFORMABLE = {"friction": "whole", "drag": "per_particle", "e_c": 1e4, "e_w": 1e4, "count": "crossing", "reinsertion_gap": 0.0,
+               "area_energy": "absolute", "bending_edges": "unit", "edge_force": "single", "edge_width": 0.1, "wall_diameter": 0.0}
+_DEFORMABLE_AS_RUN = {"e_c": 115.7, "e_w": 13.9, "count": "removal", "reinsertion_gap": 0.8333, "area_energy": "relative",
+                      "bending_edges": "full", "edge_force": "twofold", "edge_width": 0.2, "wall_diameter": 0.1976}
+DEFORMABLE = [{limit: _DEFORMABLE | {name: PRINTED[limit][name] for name in ("mu", "zeta")} for limit in PRINTED},
+              {limit: _DEFORMABLE | _DEFORMABLE_AS_RUN | {name: AS_RUN[limit][name] for name in ("mu", "zeta", "friction", "drag")}
+               for limit in AS_RUN}]
 _MODEL = ["friction", "drag", "contact_law", "e_w", "e_sp", "mu", "zeta"]
 _PROTOCOL = [name for name in OPTIONS if name not in _MODEL]
 _WORDS = {"whole": "whole friction", "tangential": "tangential friction", "per_particle": "drag per particle",
           "per_mass": "drag per mass", "linear": "linear contacts", "harmonic": "harmonic contacts",
           "crossing": "counted as they cross", "removal": "counted as they are removed"}
-_SYMBOLS = {"e_w": "E_w", "e_sp": "E_sp", "pack_fraction": "start at phi", "n": "N", "hopper_wall_distance": "W"}
+_SYMBOLS = {"e_c": "E_c", "e_w": "E_w", "e_sp": "E_sp", "pack_fraction": "start at phi", "n": "N", "hopper_wall_distance": "W"}
 
 
 def _same(a, b):
@@ -49,7 +58,7 @@ def _words(name, value):
         return "put back touching" if value == 0 else "put back with a gap"
     if name == "dt":
         return "automatic step" if np.isnan(value) else f"dt = {value:g}"
-    return _WORDS[value] if isinstance(value, str) else f"{_SYMBOLS.get(name, name)} = {float(f'{value:.4g}'):g}"
+    return _WORDS.get(value, f"{name} {value}") if isinstance(value, str) else f"{_SYMBOLS.get(name, name)} = {float(f'{value:.4g}'):g}"
 
 
 def changes(row, base, names=OPTIONS):
@@ -57,9 +66,9 @@ def changes(row, base, names=OPTIONS):
     return list(filter(None, (_words(name, row[name]) for name in names if not _same(row[name], base[name]))))
 
 
-def reading(row, names=OPTIONS):
-    """'printed', 'as run, mu = 31.62': the nearer of the two, and what differs from it."""
-    found = [(name, changes(row, base[row["limit"]], names)) for name, base in (("printed", PRINTED), ("as run", AS_RUN))]
+def reading(row, names=OPTIONS, models=(PRINTED, AS_RUN)):
+    """'printed', 'as run, mu = 31.62': the nearer of the two `models`, and what differs from it."""
+    found = [(name, changes(row, base[row["limit"]], names)) for name, base in zip(("printed", "as run"), models)]
     name, differs = min(found, key=lambda one: len(one[1]))
     if row["dim"] == 3:
         differs = ["3D", *differs]
@@ -73,6 +82,11 @@ def _canonical(measured):
     table = table[table["model"] == "sp"].copy()
     if table.empty:
         raise RunError("no run has soft particles: this figure compares readings of their model")
+    return _laws_that_act(table)
+
+
+def _laws_that_act(table):
+    """The law of friction is as printed where there is drag only, and the other way round."""
     for limit, name in (("drag", "friction"), ("friction", "drag")):
         table.loc[table["limit"] == limit, name] = _COMMON[name]
     return table
@@ -112,8 +126,8 @@ def _span(beta, error, exponents=(0.5, 1.5)):
 def _rows(axes, labels, beta, error, soft, exponents=(0.5, 1.5)):
     """Exponents, a row each from the top; open where the contacts are harder than the printed ones."""
     y = np.arange(len(labels))
-    for there, face, label in ((soft, None, "$E_{sp}$ as in its reading"),
-                               (~soft, "white", "$E_{sp}$ = 10$^4$ and more")):
+    for there, face, label in ((soft, None, "softer contacts"),
+                               (~soft, "white", "contacts of 10$^4$ and more")):
         if there.any():
             axes.errorbar(beta[there], y[there], xerr=np.nan_to_num(error[there]), fmt="o", mfc=face, capsize=2.5,
                           color=plotting.COLORS[0], label=label)
@@ -126,7 +140,7 @@ def _rows(axes, labels, beta, error, soft, exponents=(0.5, 1.5)):
 
 def _tidy(text):
     """With symbols set as on the axes of the other figures."""
-    for plain, latex in (("E_sp", "$E_{sp}$"), ("E_w", "$E_w$"), ("t_end", "$t_{end}$"), ("mu =", r"$\mu$ ="), ("zeta =", r"$\zeta$ ="),
+    for plain, latex in (("E_sp", "$E_{sp}$"), ("E_c", "$E_c$"), ("E_w", "$E_w$"), ("K_l", "$K_l$"), ("K_b", "$K_b$"), ("t_end", "$t_{end}$"), ("mu =", r"$\mu$ ="), ("zeta =", r"$\zeta$ ="),
                          ("phi", r"$\phi$"), ("N =", "$N$ ="), ("W =", "$W$ =")):
         text = text.replace(plain, latex)
     return text
@@ -174,6 +188,16 @@ def draw_readings(measured):
     table = _canonical(measured)
     fits = _fits(table, OPTIONS)
     fits["name"] = [reading(row) for _, row in fits.iterrows()]
+    figure, quantities = _draw_models(fits, fits["e_sp"] < 1e4)
+    quantities += fit_quantities(_second_fits(table),
+                                 lambda row: f"{_name(row, reading(row))}, from w = {SECOND_FROM:g} on")
+    return figure, quantities + prefactor_ratios(fits)
+
+
+def _draw_models(fits, soft):
+    """A row per model with its `name`, those with `soft` contacts first: beta, and how well the exponents fit; a pair of
+    panels per limit. Returns the figure and the quantities of the fits."""
+    fits = fits.assign(soft=soft)
     there = [limit for limit in LIMIT_NAMES if (fits["limit"] == limit).any()]
     heights = [1.4 + 0.24 * (fits["limit"] == limit).sum() for limit in there]
     figure, panels = plt.subplots(len(there), 2, figsize=(11, sum(heights)), layout="constrained", squeeze=False,
@@ -181,10 +205,10 @@ def draw_readings(measured):
     quantities = []
     for (left, right), limit in zip(panels, there):
         group = fits[fits["limit"] == limit]
-        order = sorted(range(len(group)), key=lambda i: (group["e_sp"].iloc[i] >= 1e4, _order(group.iloc[i])))
+        order = sorted(range(len(group)), key=lambda i: (not group["soft"].iloc[i], _order(group.iloc[i])))
         group = group.iloc[order]
         beta, error = _beta(group)
-        _rows(left, [_tidy(name) for name in group["name"]], beta, error, (group["e_sp"] < 1e4).to_numpy())
+        _rows(left, [_tidy(name) for name in group["name"]], beta, error, group["soft"].to_numpy())
         left.set_title(LIMIT_NAMES[limit], loc="left")
         for i, which in enumerate(("fit", "reference_fit", "opposite_fit")):
             label = r"$\beta$ free" if which == "fit" else f"{FRACTIONS.get(group[which.removesuffix('_fit')].iloc[0])} held"
@@ -194,11 +218,28 @@ def draw_readings(measured):
         right.set(xscale="log", xlabel=r"$\chi^2$/dof")
         right.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=3)
         quantities += fit_quantities(group, lambda row: _name(row, row["name"]))
-    if len(fits["e_sp"].lt(1e4).unique()) > 1:
+    if len(fits["soft"].unique()) > 1:
         panels[0, 0].legend(loc="lower right", bbox_to_anchor=(1, 1))
-    quantities += fit_quantities(_second_fits(table),
-                                 lambda row: f"{_name(row, reading(row))}, from w = {SECOND_FROM:g} on")
-    return figure, quantities + prefactor_ratios(fits)
+    return figure, quantities
+
+
+def draw_deformable(measured):
+    """The exponent of rough and of smooth particles as printed and as run, and how well the published and the opposite
+    exponent fit."""
+    table = limits(measured)
+    table = table[table["model"].isin(("rough", "smooth"))].copy()
+    if table.empty:
+        raise RunError("no run has deformable particles in a limit: rows with -model rough or smooth, and mu or zeta alone")
+    for name, printed in _DEFORMABLE.items():  # runs kept from before these columns are as printed
+        table[name] = table[name].fillna(printed) if name in table else printed
+    for name in _EDGES:
+        table.loc[table["model"] == "rough", name] = _DEFORMABLE[name]
+    table = _laws_that_act(table)
+    names = [*_DEFORMABLE, "mu", "zeta"]
+    fits = _fits(table, names)
+    fits["name"] = [f"{reading(row, [n for n in names if row['model'] == 'smooth' or n not in _EDGES], DEFORMABLE)}: "
+                    f"{model_label(row, latex=False)}" for _, row in fits.iterrows()]
+    return _draw_models(fits, fits["e_c"] < 1e4)
 
 
 def _order(row):
@@ -345,6 +386,9 @@ FIGURES = [
     Figure("readings", "exponent of each reading of [H]: as printed, as run, and each difference alone",
            ("quick/readings",), ("hopper/readings", "hopper/readings-hard"), "readings", draw_readings,
            "four readings, fewer widths, shorter runs"),
+    Figure("deformable", "exponent of rough and smooth particles as printed and as run, friction only and drag only",
+           ("quick/deformable",), ("hopper/limits-deformable", "hopper/deformable-as-run"), "flows", draw_deformable,
+           "as run alone, 120 particles, fewer widths, shorter runs"),
     Figure("coefficients", "exponent against mu and against zeta, both laws as printed and as run",
            ("quick/coefficients",), ("hopper/coefficients", "hopper/coefficients-hard", "hopper/coefficients-as-run"),
            "readings", draw_coefficients,
