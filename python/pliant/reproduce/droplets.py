@@ -208,10 +208,8 @@ def draw_size(measured):
             drawn = np.polyfit(x, ensemble.draws(line, judgement).T, 1)
             at = np.array([0, x.max()])
             axes.plot(at, limit + slope * at, color=plotting.COLORS[0], lw=1.1, label="line, $N$ ≥ 16")
-            full = line[line[judgement] >= 1]
             limits.append(Quantity(f"fraction of {raft.JUDGEMENTS[judgement]} as N goes to infinity", limit,
-                                   float(ensemble.spread(drawn[1])), published.COMPETING,
-                                   f"all of them from N = {full['n'].min()} on" if len(full) else ""))
+                                   float(ensemble.spread(drawn[1])), published.COMPETING))
         axes.plot([0, 1 / np.sqrt(published.NO_COMPETING)], [published.COMPETING.value, 0], "-.", color="0.3", lw=1.0,
                   label="[T], as described")
         axes.plot(0, published.COMPETING.value, "k*", ms=9, clip_on=False)
@@ -333,7 +331,11 @@ def draw_collapse(measured):
             words, quality = _FITS.get(name, f"{name} alone"), f"chi2/dof {one.chi2_reduced:.3g}, {one.points} points"
             quantities += [Quantity(f"{part}, {words}", getattr(one, part), getattr(one, part + "_error"),
                                     getattr(published, part), quality) for part in ("A", "B")]
+        if name in ("all", "cut off", "P_clog"):
+            words = ", ".join(filter(None, [_FITS.get(name), "beside that of the published w*"]))
+            quantities.append(Quantity(f"B, {words}", one.B, one.B_error, published.B_OF_W_STAR))
     right.axvline(published.B.value, color="0.2", ls="-.", lw=1.0, label="[T]")
+    right.axvline(published.B_OF_W_STAR.value, color="0.2", ls=":", lw=1.0, label="of $w^*$ in [T]")
     right.axvspan(fit.B - np.nan_to_num(fit.B_error), fit.B + np.nan_to_num(fit.B_error), color=plotting.COLORS[0], alpha=0.15, lw=0)
     right.set_yticks(range(len(fits)), labels=[_FITS.get(name, name).replace("phi_c", r"$\phi_c$").replace("P_clog", "$P_{clog}$")
                                                for name in fits])
@@ -350,11 +352,19 @@ def draw_clog_collapse(measured):
     n = points["n"].mode().iloc[0]
     _published_law(axes, x, lambda grid, A, B: clog.clog_law(grid, A, B, n))
     axes.legend()
-    expected = clog.clog_law(x, fit.A, fit.B, points["n"].to_numpy())
-    away = (points["P"] - expected).to_numpy()
-    return figure, [*quantities, Quantity("P_clog less its law, mean over points", float(away.mean()),
-                                          float(away.std(ddof=1) / np.sqrt(len(away))),
-                                          published.Published(0.0, 0.0, "T 4.20"))]
+    quantities.append(_off_the_law("P_clog less its law, mean over points", points, x, fit))
+    if (uncut := clog.collapse_fits(points, x).get("cut off")):
+        grid = np.linspace(0, x.max() * 1.05, 300)
+        axes.plot(grid, clog.clog_law(grid, uncut.A, uncut.B, n), ":", color="0.2", lw=1.4, label=_FITS["cut off"])
+        axes.legend()
+        quantities.append(_off_the_law(f"P_clog less its law, {_FITS['cut off']}, mean over points", points, x, uncut))
+    return figure, quantities
+
+
+def _off_the_law(name, points, x, fit):
+    away = (points["P"] - clog.clog_law(x, fit.A, fit.B, points["n"].to_numpy())).to_numpy()
+    return Quantity(name, float(away.mean()), float(away.std(ddof=1) / np.sqrt(len(away))),
+                    published.Published(0.0, 0.0, "T 4.20"))
 
 
 FIGURES = [

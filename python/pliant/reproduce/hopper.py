@@ -1,5 +1,7 @@
 """The figures of the hopper paper."""
 
+from dataclasses import replace
+
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
@@ -516,10 +518,13 @@ def draw_discharge(measured):
         raise RunError("no discharge has a rate c0: it needs a wedge that runs empty")
     left = table["hopper_angle_left"].astype(float) if "hopper_angle_left" in table else np.nan
     table = table.assign(left=np.where(np.isfinite(left), left, table["hopper_angle"]))
-    fits = beverloo.fit_seeds(table, ["hopper_angle", "left", "dim"], "c0")
+    fits = beverloo.fit_seeds(table, ["zeta", "e_sp", "hopper_angle", "left", "dim"], "c0")
     fits["walls"] = [f"{row['hopper_angle']:g}/{row['left']:g}" for _, row in fits.iterrows()]
+    several = len(fits[["zeta", "e_sp"]].drop_duplicates()) > 1
+    fits["drag"] = [f", zeta = {row['zeta']:.3g}" if several else "" for _, row in fits.iterrows()]
     figure, (left, right) = plt.subplots(1, 2, figsize=(9.4, 4.0), layout="constrained")
-    draw_flow(left, right, fits.assign(reference=0.5, reference_fit=None), [f"{walls}°" for walls in fits["walls"]])
+    labels = [f"{row['walls']}°{row['drag']}".replace("zeta", r"$\zeta$") for _, row in fits.iterrows()]
+    draw_flow(left, right, fits.assign(reference=0.5, reference_fit=None), labels)
     oil = [published.OIL_K.value, published.OIL_BETA.value]
     grid = oil[0] + (left.get_xlim()[1] - oil[0]) * np.linspace(0, 1, 200) ** 2
     quantities = []
@@ -531,9 +536,10 @@ def draw_discharge(measured):
                       color=plotting.COLORS[i % 8], label=None if i else rf"oil drops [H]: $\beta$ = {oil[1]:g}, $k$ = {oil[0]:g}, $C$ fitted")
         for quantity, known in (("beta", published.OIL_BETA), ("k", published.OIL_K), ("C", None)):
             value, error = (getattr(row["fit"], quantity + end) if row["fit"] else np.nan for end in ("", "_error"))
-            quantities.append(Quantity(f"{quantity} of c0(w), {row['walls']} degrees", value, error, known, row["note"]))
-    if (ratio := _ratio_of_hoppers(fits)):
-        quantities.append(ratio)
+            quantities.append(Quantity(f"{quantity} of c0(w), {row['walls']} degrees{row['drag']}", value, error, known, row["note"]))
+    for drag, pair in fits.groupby("drag"):
+        if (ratio := _ratio_of_hoppers(pair)):
+            quantities.append(replace(ratio, name=ratio.name + drag))
     left.set_ylabel(r"$c_0$  [$t_0^{-1}$]")
     right.set_ylabel(r"$c_0/C$")
     beverloo_figures.groups_first(left)

@@ -76,3 +76,6 @@ W_SLOPE = Published(2.96, 0.0025, "T Fig. 4.4: w* = 5.92 delta")
 DELTA_CRIT = Published(0.876, 0.0005, "T 4.13")
 A = Published(0.12, 0.03, "T Fig. 4.5")
 B = Published(0.029, 0.001, "T Fig. 4.5")
+#: B that gives P_clog = 1/2 [T 4.20, N = 190] at the w* of the thesis itself, with its A.
+B_OF_W_STAR = Published(math.log(A.value * (190 / math.log(2) + 1)) / (2 * W_SLOPE.value) ** 2,
+                        A.error / A.value / (2 * W_SLOPE.value) ** 2, "T 4.20 with A = 0.12 at w* = 5.92 delta [T Fig. 4.4]")
