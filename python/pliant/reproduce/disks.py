@@ -31,7 +31,13 @@ def _line(points, value):
 def _draw_points(axes, points, value, label):
     axes.errorbar(points["delta"], points[value], points[value + "_error"].fillna(0), fmt="o", capsize=2.5,
                   color=plotting.COLORS[0], label="ours")
-    axes.set(xlabel=DELTA, ylabel=label, xlim=(0, None), ylim=(0, None))
+    axes.set(xlabel=DELTA, ylabel=label)
+
+
+def _finish(axes):
+    """Once all is drawn: from here on limits no longer follow."""
+    axes.set(xlim=(0, None), ylim=(0, None))
+    axes.legend()
 
 
 def _mean(name, points, value, known, note=""):
@@ -65,7 +71,7 @@ def _draw_polydispersity(measured, end, mean_known, slope_known, offset_known):
         right.plot(delta, local["d2_min" + end].mean() + slope_known.value * (delta - local["delta"].mean()), "-.",
                    color="0.3", label=f"[T] slope {slope_known.value:g}")
     for axes in (left, right):
-        axes.legend()
+        _finish(axes)
     return figure, quantities
 
 
@@ -111,7 +117,7 @@ def draw_rotation(measured):
     known = published.ROTATION.value
     axes.axhline(known * 2 * np.pi, ls="-.", color="0.3", label=f"[T] {known:g}, if that is in turns")
     axes.axhline(known, ls=":", color="0.3", label=f"[T] {known:g}, if that is in rad")
-    axes.legend()
+    _finish(axes)
     return figure, [_mean("|dtheta|, mean of the distributions", points, "rotation", published.ROTATION,
                           "in rad; [T] gives no unit"),
                     _mean("|dtheta| in turns, mean of the distributions",
