@@ -572,7 +572,7 @@ def test_deformable_particles_are_told_apart(tmp_path):
 def test_tables_as_run_are_those_of_the_examples(name):
     """But for the stiffness of contacts, which the table explains, and what a table varies."""
     differ = {"e_c", "e_w", "rough_contact", "mu", "zeta", "n", "hopper_wall_distance", "hopper_width", "t_end", "seed",
-              "frame_interval", "lip_contact", "n_vertices", "output"}
+              "frame_interval", "sample_interval", "lip_contact", "n_vertices", "output"}
     models = set()
     for row in read_rows(figure.VALIDATION / f"{name}.csv", "hopper"):
         text = (figure.VALIDATION.parent / f"examples/as_run_{row.options['model']}.yaml").read_text()
