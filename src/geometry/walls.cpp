@@ -80,7 +80,7 @@ std::vector<Index> number_surfaces(const WallParts& walls) {
 }  // namespace
 
 template <int D>
-Index Walls<D>::add(const WallParts& walls, const Motion<D>& motion, const Pose<D>& pose) {
+Index Walls<D>::add(const WallParts& walls, const Motion<D>& motion, const Pose<D>& pose, Index material) {
   const Index first = segments_, count = walls.next(), first_wall = size();
   // Segments go before all joints.
   const auto shift = [&](Index part) { return part < first ? part : part + count; };
@@ -93,7 +93,7 @@ Index Walls<D>::add(const WallParts& walls, const Motion<D>& motion, const Pose<
   part_wall_.insert(part_wall_.begin() + first, numbers.begin(), numbers.end());
   wall_body_.resize(first_wall + count, bodies());
 
-  Body body{pose, motion, {}, {}, {}, {}, Vec<D>::Zero(), 0};
+  Body body{pose, motion, material, {}, {}, {}, {}, Vec<D>::Zero(), 0};
   for (Index k = 0; k < count; ++k) body.parts.push_back(first + k);
   before_.resize(segments_, -1);
   after_.resize(segments_, -1);
@@ -130,12 +130,12 @@ Index Walls<D>::add(const WallParts& walls, const Motion<D>& motion, const Pose<
 }
 
 template <int D>
-Index Walls<D>::add(const Solid<D>& solid, const Motion<D>& motion, const Pose<D>& pose) {
+Index Walls<D>::add(const Solid<D>& solid, const Motion<D>& motion, const Pose<D>& pose, Index material) {
   part_wall_.push_back(size());
   wall_surface_.push_back(surfaces_++);
   wall_body_.push_back(bodies());
   solids_.push_back(solid);
-  bodies_.push_back({pose, motion, {}, {}, {}, {}, solid.place, std::numeric_limits<Real>::infinity()});
+  bodies_.push_back({pose, motion, material, {}, {}, {}, {}, solid.place, std::numeric_limits<Real>::infinity()});
   place(bodies_.back());
   return bodies() - 1;
 }
@@ -173,10 +173,10 @@ bool Walls<D>::carries_in(const Vec<2>& p, Index part) const {
   return along(before_[part]) >= parts_[before_[part]].length;
 }
 
-template Index Walls<2>::add(const WallParts&, const Motion<2>&, const Pose<2>&);
-template Index Walls<3>::add(const WallParts&, const Motion<3>&, const Pose<3>&);
-template Index Walls<2>::add(const Solid<2>&, const Motion<2>&, const Pose<2>&);
-template Index Walls<3>::add(const Solid<3>&, const Motion<3>&, const Pose<3>&);
+template Index Walls<2>::add(const WallParts&, const Motion<2>&, const Pose<2>&, Index);
+template Index Walls<3>::add(const WallParts&, const Motion<3>&, const Pose<3>&, Index);
+template Index Walls<2>::add(const Solid<2>&, const Motion<2>&, const Pose<2>&, Index);
+template Index Walls<3>::add(const Solid<3>&, const Motion<3>&, const Pose<3>&, Index);
 template void Walls<2>::set_motion(Index, const Motion<2>&);
 template void Walls<3>::set_motion(Index, const Motion<3>&);
 template bool Walls<2>::carries_in(const Vec<2>&, Index) const;

@@ -75,8 +75,9 @@ struct WallTouch {
 /// both segments there counts once, V(segment) + V(segment) − V(joint), so that forces do not depend on how finely an
 /// outline is divided.
 ///
-/// What is added at a time is a rigid body with a motion of its own. A body of segments has boxes in its own frame, by
-/// which it finds what is near. In 3D this frame has the axis of revolution.
+/// What is added at a time is a rigid body with a motion of its own, made of a material, 0, 1, …, that terms may know.
+/// A body of segments has boxes in its own frame, by which it finds what is near. In 3D this frame has the axis of
+/// revolution.
 template <int D>
 class Walls {
   static_assert(D == 2 || D == 3);
@@ -92,8 +93,8 @@ class Walls {
 
   /// Adds walls that move together, and returns the number of their body. They are given in its frame, whose place at
   /// motion.since is `pose`; without one, where they are then.
-  Index add(const WallParts& walls, const Motion<D>& motion = {}, const Pose<D>& pose = {});
-  Index add(const Solid<D>& solid, const Motion<D>& motion = {}, const Pose<D>& pose = {});
+  Index add(const WallParts& walls, const Motion<D>& motion = {}, const Pose<D>& pose = {}, Index material = 0);
+  Index add(const Solid<D>& solid, const Motion<D>& motion = {}, const Pose<D>& pose = {}, Index material = 0);
   /// From motion.since on a body moves so, from where it is at that time.
   void set_motion(Index body, const Motion<D>& motion);
 
@@ -102,6 +103,7 @@ class Walls {
   Index body_of_wall(Index wall) const { return wall_body_[wall]; }
   const Motion<D>& motion(Index body) const { return bodies_[body].motion; }
   Pose<D> pose(Index body, Real t) const { return bodies_[body].at(t); }
+  Index material(Index body) const { return bodies_[body].material; }
   /// Whether any wall moves.
   bool move() const {
     return std::any_of(bodies_.begin(), bodies_.end(), [](const Body& b) { return !b.motion.rests(); });
@@ -272,6 +274,7 @@ class Walls {
   struct Body {
     Pose<D> start;  ///< at motion.since
     Motion<D> motion;
+    Index material;
     std::vector<Index> parts, lips;  ///< but for solids
     BoxTree part_tree, lip_tree;     ///< in its frame
     Vec<D> anchor;                   ///< a point of it

@@ -1,5 +1,7 @@
 #include <pliant/model/catalogue.h>
 
+#include <fmt/format.h>
+
 #include <pliant/base/errors.h>
 #include <pliant/model/base_friction.h>
 #include <pliant/model/depletion.h>
@@ -9,6 +11,7 @@
 #include <pliant/model/lip_contact.h>
 #include <pliant/model/sphere_contact.h>
 #include <pliant/model/sphere_wall_contact.h>
+#include <pliant/model/vertex_base_friction.h>
 #include <pliant/model/wall_depletion.h>
 #include <pliant/model/wall_repulsion.h>
 
@@ -33,11 +36,11 @@ std::unique_ptr<ForceField<D>> soft(const ModelParameters& p, const Vec<D>& grav
                   fused<PointKernel>(Gravity<D>{gravity}, Drag<D>{p.zeta, p.drag}));
 }
 
-void check(const char* what, Real mu_static, Real mu_dynamic) {
+void check(const std::string& what, Real mu_static, Real mu_dynamic) {
   if (!(mu_static >= 0 && mu_dynamic >= 0 && mu_dynamic <= mu_static && std::isfinite(mu_static)) ||
       (mu_static > 0 && mu_dynamic == 0))
     throw InputError(
-        "the friction of disks with {} is {} (static) and {} (dynamic); the dynamic one must be positive and not "
+        "the friction of particles with {} is {} (static) and {} (dynamic); the dynamic one must be positive and not "
         "exceed "
         "the static one, or both 0",
         what, mu_static, mu_dynamic);
@@ -49,29 +52,32 @@ std::unique_ptr<ForceField<D>> frictional(const ModelParameters& p, const Vec<D>
   const DiskParameters& q = p.disk;
   check("each other", q.mu_disk, q.mu_disk_dynamic);
   check("walls", q.mu_wall, q.mu_wall_dynamic);
-  check("the base", q.mu_base, q.mu_base_dynamic);
+  for (std::size_t k = 0; k < q.mu_others.size(); ++k)
+    check(fmt::format("walls of material {}", k + 1), q.mu_others[k].mu_static, q.mu_others[k].mu_dynamic);
+  check("the base", p.base.mu, p.base.mu_dynamic);
   SurfaceFriction disk{q.mu_disk, q.mu_disk_dynamic, q.tangential_stiffness, damping_for<Law>(q.restitution),
                        q.tangential_damping};
   SurfaceFriction wall = disk;
   wall.mu_static = q.mu_wall, wall.mu_dynamic = q.mu_wall_dynamic;
   const PairContact<D, Law> pair{p.epsilon, "pair"};
+  const OtherMaterials others(q.mu_others);
   const auto walls = fused<WallKernel>(WallContact<D, Law>{p.epsilon_wall});
   const auto outer = fused<PointKernel>(Gravity<D>{gravity}, Drag<D>{p.zeta, p.drag});
   if constexpr (D == 2) {
-    const BaseFriction base{.gravity = q.base_gravity,
-                            .mu_static = q.mu_base,
-                            .mu_dynamic = q.mu_base_dynamic,
-                            .epsilon = q.base_stiffness * reference_stiffness(Law{p.epsilon, 1}),
-                            .damping = q.base_damping,
-                            .coupled = q.base_coupled,
+    const BaseFriction base{.gravity = p.base.gravity,
+                            .mu_static = p.base.mu,
+                            .mu_dynamic = p.base.mu_dynamic,
+                            .epsilon = p.base.stiffness * reference_stiffness(Law{p.epsilon, 1}),
+                            .damping = p.base.damping,
+                            .coupled = p.base.coupled,
                             .all_alike = Law::kind == ContactLaw::spring};
     return model<2>(fused<DiskKernel>(pair, DiskContact<Law>{p.epsilon, disk}), walls,
-                    DiskWallContact<Law>{p.epsilon_wall, wall}, base, outer);
+                    DiskWallContact<Law>{p.epsilon_wall, wall, others}, base, outer);
   } else {
-    if (q.base_gravity > 0)
-      throw InputError("the gravity of a base is {}, but balls in space lie on none; leave it out", q.base_gravity);
+    if (p.base.gravity > 0)
+      throw InputError("the gravity of a base is {}, but balls in space lie on none; leave it out", p.base.gravity);
     return model<3>(fused<DiskKernel>(pair, SphereContact<Law>{p.epsilon, disk}), walls,
-                    SphereWallContact<Law>{p.epsilon_wall, wall}, outer);
+                    SphereWallContact<Law>{p.epsilon_wall, wall, others}, outer);
   }
 }
 
@@ -132,6 +138,9 @@ std::unique_ptr<ForceField<D>> make_force_field(ModelKind kind, const ModelParam
   if (!has_law(kind, p.law))
     throw InputError("the model {} does not have the contact law {}; leave it out or use harmonic", to_string(kind),
                      to_string(p.law));
+  if (kind != ModelKind::rough && kind != ModelKind::disk && p.base.gravity > 0)
+    throw InputError("the gravity of a base is {}, but the model {} has none; leave it out", p.base.gravity,
+                     to_string(kind));
   if (kind == ModelKind::sp)
     return p.law == ContactLaw::hertz    ? soft<D, HertzOverlap>(p, gravity)
            : p.law == ContactLaw::linear ? soft<D, LinearOverlap>(p, gravity)
@@ -152,12 +161,19 @@ std::unique_ptr<ForceField<D>> make_force_field(ModelKind kind, const ModelParam
     const LipContact lip{p.epsilon_wall, p.lip_edges, p.wall_diameter};
     const auto outer = fused<PointKernel>(Gravity<2>{gravity}, Drag<2>{p.zeta, p.drag});
     switch (kind) {
-      case ModelKind::rough:
+      case ModelKind::rough: {
+        const auto pairs = fused<PairKernel>(PairContact<2>{p.epsilon, "contact"}, PairFriction<2>{p.mu, p.friction});
         // The edges are as stiff as two disks that touch: ε/4 over half the distance.
-        return model<2>(shape,
-                        fused<PairKernel>(PairContact<2>{p.epsilon, "contact"}, PairFriction<2>{p.mu, p.friction}),
-                        fused<EdgeKernel>(EdgeContact{p.epsilon / 4, Edges::bare, p.rough_edges}, EdgeFriction{0}),
-                        wall, lip, outer);
+        const auto edges = fused<EdgeKernel>(EdgeContact{p.epsilon / 4, Edges::bare, p.rough_edges}, EdgeFriction{0});
+        if (!(p.base.gravity > 0) && !(p.rest_shape.k > 0)) return model<2>(shape, pairs, edges, wall, lip, outer);
+        check("the base", p.base.mu, p.base.mu_dynamic);
+        const VertexBaseFriction base{.gravity = p.base.gravity,
+                                      .mu_static = p.base.mu,
+                                      .mu_dynamic = p.base.mu_dynamic,
+                                      .epsilon = p.base.stiffness * p.epsilon,
+                                      .damping = p.base.damping};
+        return model<2>(shape, p.rest_shape, pairs, edges, wall, lip, base, outer);
+      }
       case ModelKind::smooth:
         return with_law(p.law, [&]<class Law>(Law) {
           return model<2>(shape,

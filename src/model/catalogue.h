@@ -3,6 +3,7 @@
 
 #include <memory>
 #include <string_view>
+#include <vector>
 
 #include <pliant/kernels/contact_law.h>
 #include <pliant/model/area.h>
@@ -11,6 +12,8 @@
 #include <pliant/model/edge_contact.h>
 #include <pliant/model/edge_friction.h>
 #include <pliant/model/model.h>
+#include <pliant/model/rest_shape.h>
+#include <pliant/model/surface_friction.h>
 
 namespace pliant {
 
@@ -25,19 +28,24 @@ enum class ModelKind {
 
 std::string_view to_string(ModelKind kind);
 
-/// Friction and damping of disks and spheres: SurfaceFriction, BaseFriction. Coefficients of friction are static and
+/// Friction with the table on which particles lie: BaseFriction of disks, VertexBaseFriction of rough ones.
+struct BaseParameters {
+  Real gravity = 0;  ///< g normal to it; 0: there is none
+  Real mu = 0.3, mu_dynamic = 0.3;
+  Real stiffness = 0.1;  ///< k_b/k_n
+  Real damping = 0.1;    ///< of critical, of what sticks
+  bool coupled = true;   ///< disks: sliding and spinning as uniform pressure couples them
+};
+
+/// Friction and damping of disks and spheres: SurfaceFriction. Coefficients of friction are static and
 /// dynamic ones, the latter not larger.
 struct DiskParameters {
   Real mu_disk = 0.4, mu_disk_dynamic = 0.4;
   Real mu_wall = 0.4, mu_wall_dynamic = 0.4;
+  std::vector<Coulomb> mu_others = {};  ///< with walls of the materials 1, 2, …
   Real restitution = 0.5;               ///< of disks with each other and with walls
   Real tangential_stiffness = 2.0 / 7;  ///< k_t/k_n
   Real tangential_damping = 0.5;        ///< γ_t/γ_n
-  Real base_gravity = 0;                ///< g normal to the table on which they lie; 0: there is none
-  Real mu_base = 0.3, mu_base_dynamic = 0.3;
-  Real base_stiffness = 0.1;  ///< k_b/k_n
-  Real base_damping = 0.1;    ///< of critical, while a disk sticks
-  bool base_coupled = true;   ///< sliding and spinning as uniform pressure couples them
 };
 
 /// Coefficients of the terms, in units of σ_avg = g = ρ = 1, those of droplets in units of ⟨R⟩ = b = 1. A zero switches
@@ -63,6 +71,8 @@ struct ModelParameters {
   Real a_s = 0.05;       ///< radius of the depletant
   Real mean_radius = 1;  ///< ⟨R⟩ in the repulsion of walls
   DiskParameters disk = {};
+  BaseParameters base = {};   ///< of disks and rough particles
+  RestShape rest_shape = {};  ///< of rough particles, beside the shape energy
 };
 
 std::string_view to_string(ContactLaw law);
@@ -70,8 +80,9 @@ std::string_view to_string(ContactLaw law);
 bool has_law(ModelKind kind, ContactLaw law);
 
 /// The weight of a droplet is ρ g R³ [T 4.6]: give it the mass ρ R³.
-/// Errors: InputError for a deformable model or a base in 3D, for a contact law that the model does not have,
-/// where a_s is not positive for droplets, or for disks with a dynamic friction that exceeds the static one.
+/// Errors: InputError for a deformable model or a base in 3D, for a base under other particles than disks and rough
+/// ones, for a contact law that the model does not have, where a_s is not positive for droplets, or for disks with a
+/// dynamic friction that exceeds the static one.
 template <int D>
 std::unique_ptr<ForceField<D>> make_force_field(ModelKind kind, const ModelParameters& p, const Vec<D>& gravity);
 

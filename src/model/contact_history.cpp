@@ -110,7 +110,8 @@ void ContactHistory::follow(const Topology& topology, const Walls<D>& walls, con
   for (ContactTable& table : tables_) {
     std::vector<ContactKey> keys;
     if (table.needs().elements == Elements::points)
-      for (Index i = 0; i < topology.owned_points(); ++i) keys.push_back({id(i), 0});
+      for (Index i = 0; i < topology.owned_points(); ++i)
+        keys.push_back({id(i), i - topology.offset[topology.particle[i]]});
     else
       for (const auto& [i, j] : list_of(neighbours, table.needs().elements))
         keys.push_back(table.pairs() ? ContactKey{std::min(id(i), id(j)), std::max(id(i), id(j))}

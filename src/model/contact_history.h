@@ -28,7 +28,8 @@ struct HistoryNeeds {
   std::size_t record = 0;  ///< bytes of what an evaluation of forces finds of a contact; 0: nothing is kept
 };
 
-/// Two particles by id, the lower one first; or a particle and the number of a surface of the walls, 0 for the base.
+/// Two particles by id, the lower one first; or a particle and the number of a surface of the walls, or of which of its
+/// points lies on the base.
 struct ContactKey {
   Index first, second;
   auto operator<=>(const ContactKey&) const = default;  // NOLINT(modernize-use-nullptr): there is no pointer
@@ -211,7 +212,8 @@ class ContactTable {
 };
 
 /// The histories of all terms of a model that have one. It follows the lists: contacts are known by ids, so that
-/// rebuilding, sorting and moving between ranks changes nothing. Particles have one point each.
+/// rebuilding, sorting and moving between ranks changes nothing. Particles have one point each where pairs or walls
+/// have a history.
 class ContactHistory {
  public:
   /// Errors: std::logic_error for two terms of one name, and for other elements.

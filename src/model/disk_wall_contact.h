@@ -24,16 +24,20 @@ template <class Law = HarmonicOverlap>
 struct DiskWallContact {
   Real epsilon;
   SurfaceFriction surface;
+  OtherMaterials others = {};
 
   static constexpr Elements elements = Elements::walls;
   static constexpr bool rotates = true;
   static constexpr int history = 7;
   static constexpr auto losses = SurfaceTouch<2>::losses;
   static std::string_view name() { return "disk_wall_contact"; }
-  bool enabled(const StateView<2>& s) const { return s.walls.size() > 0 && (surface.rubs() || surface.damping > 0); }
+  bool enabled(const StateView<2>& s) const {
+    return s.walls.size() > 0 && (others.roughest(surface).rubs() || surface.damping > 0);
+  }
+  void check(const Walls<2>& walls) const { others.check(name(), walls); }
 
   struct Touch : SurfaceTouch<2> {
-    Index i;
+    Index i, material;
     Real radius;                       ///< `lever` is 1 + (R − d) κ
     std::array<Real, 2> n;             ///< in space
     std::array<Real, 2> foot, across;  ///< foot and n seen from the wall
@@ -58,7 +62,9 @@ struct DiskWallContact {
     const Vec<2> foot = pose.back(Vec<2>(r - d * n)), across = pose.back(Vec<2>(n + pose.shift));
     c.foot = {foot[0], foot[1]};
     c.across = {across[0], across[1]};
-    const Motion<2>& motion = s.walls.motion(s.walls.body_of_wall(s.walls.wall_of_part(part)));
+    const Index body = s.walls.body_of_wall(s.walls.wall_of_part(part));
+    const Motion<2>& motion = s.walls.motion(body);
+    c.material = s.walls.material(body);
     c.angle = s.angle(i) - motion.spin * (s.t - motion.since);
     c.spin = motion.spin;
     const Vec<2> v = s.walls.velocity(r, part, s.t);
@@ -99,13 +105,15 @@ struct DiskWallContact {
   Vec<2> force(const StateView<2>& s, const Touch& c) const { return force_of(c, rub(s, c)); }
 
   /// ω² = k_t (1/m + R²/I) = 3 k_t/m.
-  Real max_rate(const Topology& topology) const { return spring_rate<Law>(surface, topology, epsilon, 0.5, 3); }
+  Real max_rate(const Topology& topology) const {
+    return spring_rate<Law>(others.roughest(surface), topology, epsilon, 0.5, 3);
+  }
   Real max_damping(const Topology& topology) const { return dashpot_rate<Law>(surface, topology, epsilon, 0.5, 2, 1); }
 
  private:
   PLIANT_INLINE SurfaceTouch<2>::Rub rub(const StateView<2>& s, const Touch& c) const {
     const Vec<2> n(c.n[0], c.n[1]), t(-c.n[1], c.n[0]), v = s.velocity(c.i) - Vec<2>(c.velocity[0], c.velocity[1]);
-    return c.rub(surface, n.dot(v), c.lever * t.dot(v) - c.radius * (s.spin(c.i) - c.spin));
+    return c.rub(others.of(c.material, surface), n.dot(v), c.lever * t.dot(v) - c.radius * (s.spin(c.i) - c.spin));
   }
   PLIANT_INLINE static Vec<2> force_of(const Touch& c, const SurfaceTouch<2>::Rub& rubs) {
     return (rubs.normal - c.elastic) * Vec<2>(c.n[0], c.n[1]) - rubs.hold.pull * c.lever * Vec<2>(-c.n[1], c.n[0]);

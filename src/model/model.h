@@ -431,6 +431,7 @@ class Model final : public ForceField<D> {
     for_each_term([&](const auto& term) {
       using Term = std::decay_t<decltype(term)>;
       if constexpr (HistoryTerm<Term, D>) {
+        if (is_off(term)) return;
         all.push_back({std::string(term.name()), Term::elements, Term::history});
         if constexpr (losses_of<Term>() > 0) all.back().losses.assign(Term::losses.begin(), Term::losses.end());
         if constexpr (FindingTerm<Term, D>) all.back().record = sizeof(typename Term::Touch);

@@ -23,16 +23,20 @@ template <class Law = HarmonicOverlap>
 struct SphereWallContact {
   Real epsilon;
   SurfaceFriction surface;
+  OtherMaterials others = {};
 
   static constexpr Elements elements = Elements::walls;
   static constexpr bool rotates = true;
   static constexpr int history = 13;
   static constexpr auto losses = SurfaceTouch<3>::losses;
   static std::string_view name() { return "sphere_wall_contact"; }
-  bool enabled(const StateView<3>& s) const { return s.walls.size() > 0 && (surface.rubs() || surface.damping > 0); }
+  bool enabled(const StateView<3>& s) const {
+    return s.walls.size() > 0 && (others.roughest(surface).rubs() || surface.damping > 0);
+  }
+  void check(const Walls<3>& walls) const { others.check(name(), walls); }
 
   struct Touch : SurfaceTouch<3> {
-    Index i;
+    Index i, material;
     Real radius;
     std::array<Real, 3> n;               ///< in space
     std::array<Real, 9> stretch;         ///< L
@@ -59,7 +63,9 @@ struct SphereWallContact {
     Eigen::Map<Mat<3>>(c.turn.data()) = pose.turn;
     const Vec<3> foot = pose.back(Vec<3>(r - d * n)), across = pose.back(Vec<3>(n + pose.shift));
     c.foot = array_of(foot), c.across = array_of(across);
-    const Motion<3>& motion = s.walls.motion(s.walls.body_of_wall(s.walls.wall_of_part(part)));
+    const Index body = s.walls.body_of_wall(s.walls.wall_of_part(part));
+    const Motion<3>& motion = s.walls.motion(body);
+    c.material = s.walls.material(body);
     const Vec<3> angle = s.angle(i) - motion.spin * (s.t - motion.since);
     c.angle = array_of(angle);
     c.velocity = array_of(s.walls.velocity(r, part, s.t));
@@ -106,7 +112,9 @@ struct SphereWallContact {
   Vec<3> force(const StateView<3>& s, const Touch& c) const { return force_of(c, rub(s, c)); }
 
   /// ω² = k_t (1/m + R²/I) = 7/2 k_t/m.
-  Real max_rate(const Topology& topology) const { return spring_rate<Law>(surface, topology, epsilon, 0.5, 3.5); }
+  Real max_rate(const Topology& topology) const {
+    return spring_rate<Law>(others.roughest(surface), topology, epsilon, 0.5, 3.5);
+  }
   Real max_damping(const Topology& topology) const { return dashpot_rate<Law>(surface, topology, epsilon, 0.5, 2, 1); }
 
  private:
@@ -114,7 +122,8 @@ struct SphereWallContact {
     const Vec<3> n = vector_of(c.n), v = s.velocity(c.i) - vector_of(c.velocity);
     const Real parting = n.dot(v);
     const Vec<3> along = Eigen::Map<const Mat<3>>(c.stretch.data()) * (v - parting * n);
-    return c.rub(surface, parting, along - c.radius * Vec<3>(s.spin(c.i) - vector_of(c.spin)).cross(n));
+    return c.rub(others.of(c.material, surface), parting,
+                 along - c.radius * Vec<3>(s.spin(c.i) - vector_of(c.spin)).cross(n));
   }
   static Vec<3> force_of(const Touch& c, const typename SurfaceTouch<3>::Rub& rubs) {
     return (rubs.normal - c.elastic) * vector_of(c.n) - Eigen::Map<const Mat<3>>(c.stretch.data()) * rubs.hold.pull;

@@ -7,6 +7,8 @@
 #include <span>
 #include <string_view>
 #include <type_traits>
+#include <utility>
+#include <vector>
 
 #include <pliant/base/errors.h>
 #include <pliant/kernels/contact_law.h>
@@ -52,6 +54,46 @@ struct SurfaceFriction {
     if (const Real size = pull.norm(); size > most) pull *= most / size;
     return {spring, pull, slides};
   }
+};
+
+/// A pair of coefficients of friction, μ_d ≤ μ_s.
+struct Coulomb {
+  Real mu_static, mu_dynamic;
+};
+
+/// Those of walls of the materials 1, 2, … (Walls::material), all else of whose friction is as of material 0.
+class OtherMaterials {
+ public:
+  OtherMaterials() = default;
+  explicit OtherMaterials(std::vector<Coulomb> mu) : mu_(std::move(mu)) {}
+
+  /// The friction of a material, where `first` is that of 0.
+  PLIANT_INLINE SurfaceFriction of(Index material, SurfaceFriction first) const {
+    if (material > 0) {
+      const Coulomb& mu = mu_[static_cast<std::size_t>(material - 1)];
+      first.mu_static = mu.mu_static, first.mu_dynamic = mu.mu_dynamic;
+    }
+    return first;
+  }
+  /// That of the material with the largest μ_s.
+  SurfaceFriction roughest(const SurfaceFriction& first) const {
+    SurfaceFriction most = first;
+    for (Index k = 1; k <= static_cast<Index>(mu_.size()); ++k)
+      if (const SurfaceFriction other = of(k, first); other.mu_static > most.mu_static) most = other;
+    return most;
+  }
+  /// Errors: InputError for walls of a material that has no coefficients.
+  template <int D>
+  void check(std::string_view term, const Walls<D>& walls) const {
+    for (Index body = 0; body < walls.bodies(); ++body)
+      if (const Index material = walls.material(body); material < 0 || material > static_cast<Index>(mu_.size()))
+        throw InputError(
+            "{}: body {} of the walls is of the material {}, for which there are no coefficients of friction", term,
+            body, material);
+  }
+
+ private:
+  std::vector<Coulomb> mu_;
 };
 
 /// V'' of a law at an overlap of one per cent.

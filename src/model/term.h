@@ -143,7 +143,8 @@ concept DissipationTerm = requires(const T term, const StateView<D>& s, Index e,
 /// back into a periodic box; positions of a listed pair relative to each other do not. Parts of one surface of the
 /// walls have one contact with a point, which the part that carries it (Walls::carries) acts for and advances; the
 /// others do not touch. A term can say by what energy becomes heat, `static constexpr std::array<std::string_view, N>
-/// losses`: then advance() gets N sums as well, to which it adds the heat of the step.
+/// losses`: then advance() gets N sums as well, to which it adds the heat of the step. Where
+/// off() says that its coefficients switch a term off for good, nothing is kept.
 ///
 /// Most of what a force needs of a contact follows from positions and angles alone. A term that tells this from the
 /// rest has a record of it, `Touch`, of trivial copies, and

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -55,7 +56,8 @@ class Protocol {
 
   virtual std::string title() const = 0;  ///< a line for the start of the run
   virtual std::string model() const = 0;
-  virtual Real last_time() const = 0;  ///< the run ends there at the latest
+  virtual std::string_view unit_of_time() const { return "t0"; }  ///< in messages
+  virtual Real last_time() const = 0;                             ///< the run ends there at the latest
   virtual std::string end_at_last_time() const { return "t_end"; }
   virtual Real first_dt() const = 0;
   /// The longest stable step of an explicit method with a fixed step, in t0.

@@ -120,7 +120,8 @@ void Run<D>::check() {
 template <int D>
 std::string Run<D>::end_text() const {
   const Real end = protocol_->last_time();
-  return options_.given("t_end") ? fmt::format("-t_end {:g}", end) : fmt::format("{:g} t0", end);
+  return options_.given("t_end") ? fmt::format("-t_end {:g}", end)
+                                 : fmt::format("{:g} {}", end, protocol_->unit_of_time());
 }
 
 /// Errors: InputError for a step that makes energy from nothing, or that is longer than the run.
@@ -133,23 +134,23 @@ void Run<D>::check_step() const {
   if (!integrator().explicit_fixed_step()) return;
   if (ratio > 1 && !p_.allow_unstable_dt)
     throw InputError(
-        "-dt {:g} is {:.3g} times the limit of stability, {:.3g} t0: the step would make energy; shorten it, leave it "
+        "-dt {:g} is {:.3g} times the limit of stability, {:.3g} {}: the step would make energy; shorten it, leave it "
         "out, or see what happens with -allow_unstable_dt",
-        dt, ratio, critical);
+        dt, ratio, critical, protocol_->unit_of_time());
   if (heats(ratio) && ranks_.root())
     warn(
-        "-dt {:g} is {:.2f} of the limit of stability, {:.3g} t0: above {:g} contacts that open and close heat; "
+        "-dt {:g} is {:.2f} of the limit of stability, {:.3g} {}: above {:g} contacts that open and close heat; "
         "compare with half the step",
-        dt, ratio, critical, max_safe_ratio);
+        dt, ratio, critical, protocol_->unit_of_time(), max_safe_ratio);
 }
 
 template <int D>
 void Run<D>::announce() const {
-  say("{}\n{}: dt = {:.3g} t0", protocol_->title(), integrator().name(), dt_);
+  say("{}\n{}: dt = {:.3g} {}", protocol_->title(), integrator().name(), dt_, protocol_->unit_of_time());
   if (const Real critical = protocol_->critical_step(); std::isfinite(critical))
     say(", dt/dt_critical = {:.2f}", dt_ / critical);
   say("; output in {}\n", p_.output);
-  if (restarted()) say("continuing at t = {:.6g} t0, step {}\n", state().t, state().step);
+  if (restarted()) say("continuing at t = {:.6g} {}, step {}\n", state().t, protocol_->unit_of_time(), state().step);
 }
 
 /// The start of a new run.
@@ -441,8 +442,8 @@ std::string Run<D>::progress() const {
   const State& s = state();
   const Real wall = control_.wall_seconds(), end = protocol_->last_time(), rate = (s.t - started_at_) / wall,
              critical = protocol_->critical_step(), steps = static_cast<Real>(integrator().statistics().steps);
-  std::string line = fmt::format("t {:.6g}/{:.6g} t0  {:.3g} steps/s  ETA {}  ", s.t, end, steps / wall,
-                                 duration_text((end - s.t) / rate));
+  std::string line = fmt::format("t {:.6g}/{:.6g} {}  {:.3g} steps/s  ETA {}  ", s.t, end, protocol_->unit_of_time(),
+                                 steps / wall, duration_text((end - s.t) / rate));
   line += std::isfinite(critical) ? fmt::format("dt/dt_c {:.2f}", last_dt() / critical)
                                   : fmt::format("dt {:.3g}", last_dt());
   if (const std::string more = protocol_->progress(); !more.empty()) line += "  " + more;
@@ -489,7 +490,8 @@ ExitCode Run<D>::finish() {
   ranks_.on_root([&] {
     writer_->flush();
     if (stopped()) {
-      say("stopped at t = {:.6g} t0 with a checkpoint; run the same command again to go on\n", state().t);
+      say("stopped at t = {:.6g} {} with a checkpoint; run the same command again to go on\n", state().t,
+          protocol_->unit_of_time());
     } else {
       if (restarted() && !took_steps()) say("the run has ended there already\n");
       protocol_->report(writer_->read_series(), s);

@@ -118,20 +118,23 @@ void StoredParticles::load_history(ParticleSystem<D>& system) const {
     const HistoryNeeds& term = table.needs();
     const std::string name = contacts_of(term);
     const auto particles = static_cast<std::int64_t>(all_ids_.size());
-    const std::int64_t others = table.pairs()                       ? particles
-                                : term.elements == Elements::points ? 1
-                                                                    : system.walls().surfaces();
+    const bool points = term.elements == Elements::points;
+    const auto others_of = [&](std::int64_t first) -> std::int64_t {
+      return points ? all_.points_of(static_cast<Index>(first)) : table.pairs() ? particles : system.walls().surfaces();
+    };
     const std::size_t count = c.length(name) / 2;
-    const auto& numbers = c.integer_array(name, 2 * count, 0, std::max(particles, others) - 1);
+    const auto& numbers = c.integer_array(name, 2 * count, 0, Checkpoint::any_count);
     const auto& values = c.real_array(history_of(term), count * static_cast<std::size_t>(term.width));
     const StoredContacts stored{{}, values};
     StoredContacts mine;
     std::vector<ContactKey> keys;
     for (std::size_t k = 0; k < count; ++k) {
       const std::int64_t first = numbers[2 * k], second = numbers[2 * k + 1];
-      if (first >= particles || second >= others || (table.pairs() && first >= second))
-        c.refuse("{}: ({}, {}) is no contact of {} particles and {} surfaces of walls, the lower id first", name, first,
-                 second, particles, table.pairs() ? 0 : others);
+      if (first >= particles || second >= others_of(first) || (table.pairs() && first >= second))
+        c.refuse("{}: ({}, {}) is no contact of {} particles{}", name, first, second, particles,
+                 points          ? fmt::format(", a point of each with the base")
+                 : table.pairs() ? ", the lower id first"
+                                 : fmt::format(" and {} surfaces of walls", system.walls().surfaces()));
       keys.push_back({static_cast<Index>(first), static_cast<Index>(second)});
       if (own.contains(keys.back().first) || (table.pairs() && own.contains(keys.back().second)))
         mine.add(keys.back(), stored.row(k, term.width));

@@ -262,9 +262,12 @@ class ParticleSystem final : public ImplicitSystem {
   }
 
   void check_points() const {
-    if (rotates_or_remembers() && topology_.deformable())
+    const bool touches = std::ranges::any_of(
+        history_.tables(), [](const ContactTable& table) { return table.needs().elements != Elements::points; });
+    if ((field_->rotates() || touches) && topology_.deformable())
       throw InputError(
-          "a model with angles or with contact history is for particles of one point; polygons turn by their vertices");
+          "a model with angles or with contact history is for particles of one point; polygons turn by their vertices, "
+          "and keep places on a base alone");
   }
 
   /// A place on a base would have to jump with the particle.

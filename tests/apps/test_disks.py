@@ -35,6 +35,7 @@ def test_disks_flow_and_rotate(flow):
     for cause in CAUSES:
         assert (np.diff(series[cause]) >= 0).all() and series[cause][-1] > 1e-3, cause
     np.testing.assert_allclose(series["heat"], sum(series[cause] for cause in CAUSES), rtol=1e-12)
+    assert not [name for name in series if name.startswith("base_friction")]  # there is no table
     assert series["max_overlap"].max() < 0.05
 
 

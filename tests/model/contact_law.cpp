@@ -223,8 +223,8 @@ TEST_CASE("frictional disks with springs have limits of stability that do not de
     Topology disk;
     disk.add_soft(size, 2);
     disk.set_inertia(0, 2 * square(size) / 8);
-    const DiskParameters friction{.base_gravity = 10};
-    return make_force_field<2>(ModelKind::disk, {.epsilon = 50, .epsilon_wall = 50, .law = law, .disk = friction},
+    const BaseParameters base{.gravity = 10};
+    return make_force_field<2>(ModelKind::disk, {.epsilon = 50, .epsilon_wall = 50, .law = law, .base = base},
                                Vec<2>::Zero())
         ->critical_step(disk);
   };

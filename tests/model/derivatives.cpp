@@ -10,6 +10,7 @@
 #include <pliant/model/lip_contact.h>
 #include <pliant/model/pair_contact.h>
 #include <pliant/model/perimeter.h>
+#include <pliant/model/rest_shape.h>
 #include <pliant/model/wall_contact.h>
 
 #include "support/configurations.h"
@@ -51,6 +52,16 @@ TEST_CASE("derivatives of the shape terms") {
   SECTION("relative area") { check_smooth<2>(*alone<2>(Area{10, AreaEnergy::relative}), single_polygon, 1e-3); }
   SECTION("bending of full edges") {
     check_smooth<2>(*alone<2>(Bending{0.7, EdgeVectors::full}), single_polygon, 1e-4);
+  }
+  SECTION("rest shape") {
+    RestOutlines outlines(17);
+    for (Index n = 3; n <= 16; ++n)
+      for (Index k = 0; k < n; ++k)
+        outlines[n].emplace_back(n / (2 * pi) * Vec<2>(1.3 * std::cos(2 * pi * k / n), std::sin(2 * pi * k / n)));
+    check_smooth<2>(*alone<2>(RestShape{0.7, std::make_shared<RestOutlines>(outlines)}), single_polygon, 1e-3);
+    Random random(1);
+    Configuration<2> c = single_polygon(random);
+    CHECK_THROWS_AS(alone<2>(RestShape{0.7})->energy(c.view()), std::logic_error);
   }
 }
 

@@ -11,19 +11,27 @@ using namespace pliant::test;
 
 namespace {
 
-std::unique_ptr<ForceField<2>> disks(const DiskParameters& disk, ContactLaw law = ContactLaw::harmonic) {
+std::unique_ptr<ForceField<2>> disks(const DiskParameters& disk, ContactLaw law = ContactLaw::harmonic,
+                                     const BaseParameters& base = {}) {
   return make_force_field<2>(ModelKind::disk,
-                             {.epsilon = 1e3, .epsilon_wall = 2e3, .law = law, .zeta = 0.1, .disk = disk},
+                             {.epsilon = 1e3, .epsilon_wall = 2e3, .law = law, .zeta = 0.1, .disk = disk, .base = base},
                              pliant::Vec<2>(0, -1));
 }
+std::unique_ptr<ForceField<2>> on_table(const BaseParameters& base) { return disks({}, ContactLaw::harmonic, base); }
 
 }  // namespace
 
 TEST_CASE("the model disk has its terms and keeps what they need") {
-  const auto field = disks({.base_gravity = 1});
-  std::vector<std::string> names;
-  for (const HistoryNeeds& needs : field->history_needs()) names.push_back(needs.name);
-  CHECK(names == std::vector<std::string>{"disk_contact", "disk_wall_contact", "base_friction"});
+  const auto field = on_table({.gravity = 1});
+  const auto names = [](const ForceField<2>& f) {
+    std::vector<std::string> all;
+    for (const HistoryNeeds& needs : f.history_needs()) all.push_back(needs.name);
+    return all;
+  };
+  CHECK(names(*field) == std::vector<std::string>{"disk_contact", "disk_wall_contact", "base_friction"});
+  // Where there is no table, or it is smooth, nothing is kept of it.
+  for (const BaseParameters& none : {BaseParameters{}, {.gravity = 1, .mu = 0, .mu_dynamic = 0}})
+    CHECK(names(*on_table(none)) == std::vector<std::string>{"disk_contact", "disk_wall_contact"});
   CHECK(field->rotates());
   CHECK(field->needs().point_pairs);
   CHECK(field->needs().walls);
@@ -58,7 +66,7 @@ TEST_CASE("friction and damping leave the critical step of the contacts nearly a
   const Real contact = disks({.mu_disk = 0, .mu_disk_dynamic = 0, .mu_wall = 0, .mu_wall_dynamic = 0})
                            ->critical_step(c.topology)
                            .elastic,
-             all = disks({.base_gravity = 1})->critical_step(c.topology).elastic;
+             all = on_table({.gravity = 1})->critical_step(c.topology).elastic;
   CHECK(all == contact);
 }
 
@@ -66,9 +74,12 @@ TEST_CASE("coefficients that no disk has are refused") {
   CHECK_THROWS_WITH(disks({.mu_disk = 0.3, .mu_disk_dynamic = 0.4}),
                     Catch::Contains("with each other is 0.3 (static)"));
   CHECK_THROWS_WITH(disks({.mu_wall = 0.3, .mu_wall_dynamic = 0}), Catch::Contains("with walls"));
-  CHECK_THROWS_WITH(disks({.mu_base = -1}), Catch::Contains("the base"));
+  CHECK_THROWS_WITH(on_table({.mu = -1}), Catch::Contains("the base"));
   CHECK_THROWS_WITH(disks({.restitution = 0}), Catch::Contains("restitution"));
   CHECK_THROWS_AS(disks({}, ContactLaw::barrier), InputError);
-  CHECK_THROWS_WITH(make_force_field<3>(ModelKind::disk, {.disk = {.base_gravity = 1}}, pliant::Vec<3>(0, 0, -1)),
+  CHECK_THROWS_WITH(make_force_field<3>(ModelKind::disk, {.base = {.gravity = 1}}, pliant::Vec<3>(0, 0, -1)),
                     Catch::Contains("balls in space lie on none"));
+  CHECK_THROWS_WITH(disks({.mu_others = {{0.2, 0.2}, {0.2, 0.3}}}), Catch::Contains("walls of material 2"));
+  CHECK_THROWS_WITH(make_force_field<2>(ModelKind::sp, {.base = {.gravity = 1}}, pliant::Vec<2>(0, -1)),
+                    Catch::Contains("model sp has none"));
 }

@@ -208,4 +208,5 @@ TEST_CASE("a table is refused in a periodic box") {
   };
   CHECK_THROWS_AS(in_box(1), InputError);
   CHECK_THROWS_WITH(in_box(1), Catch::Contains("base_friction") && Catch::Contains("open box"));
+  CHECK_NOTHROW(in_box(0));  // there is none
 }

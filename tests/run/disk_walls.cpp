@@ -112,6 +112,47 @@ TEST_CASE("what walls and disks do to each other does not depend on a common vel
   }
 }
 
+TEST_CASE("walls of other materials have friction of their own") {
+  // On a slope with tan φ < 3 μ a disk rolls, with 2/3 g sin φ; beyond, it slides with g (sin φ − μ cos φ).
+  const auto down = [](Index material, Real mu_walls, Real mu_others, Real phi) {
+    Configuration<2> c;
+    c.walls = Walls<2>();
+    c.walls.add(Solid<2>::half_space({0, 0}, {0, 1}), {}, {}, material);
+    const Real weight = 10, mass = pi / 4;
+    c.add_soft(1, {0, 0.5 - mass * weight * std::cos(phi) * 0.25 / epsilon});
+    const auto s =
+        simulation_of<2>(c, Sorting::never, Ranks(), std::make_unique<FixedStepVerlet>(1e-4), WallContact<2>{epsilon},
+                         DiskWallContact<>{epsilon,
+                                           {.mu_static = mu_walls, .mu_dynamic = mu_walls, .damping = 0.3},
+                                           OtherMaterials({{0.9, 0.9}, {mu_others, mu_others}})},
+                         Slope{weight * pliant::Vec<2>(std::sin(phi), -std::cos(phi))});
+    start(*s, c, {0}, {0});
+    touch(*s);
+    s->advance(1);
+    return std::pair(s->state().v()[0] / weight, -s->spins()[0] * 0.5 / weight);
+  };
+  const Real mu = 0.2, limit = std::atan(3 * mu);
+  for (const Real phi : {limit - 0.03, limit + 0.03}) {
+    INFO("slope " << phi << ", limit " << limit);
+    const Real rolls = 2.0 / 3 * std::sin(phi), slides = std::sin(phi) - mu * std::cos(phi);
+    const auto [v, turns] = down(2, 0, mu, phi);  // while material 0 has none at all
+    CHECK(v == Approx(phi < limit ? rolls : slides).epsilon(1e-3));
+    CHECK(turns == Approx(phi < limit ? rolls : 2 * mu * std::cos(phi)).epsilon(1e-3));
+    CHECK(down(0, mu, 0, phi).first == Approx(v).epsilon(1e-12));
+    const auto smooth = down(0, 0, mu, phi);
+    CHECK(smooth.first == Approx(std::sin(phi)).epsilon(1e-9));
+    CHECK(smooth.second == 0);
+    CHECK(down(1, 0, mu, phi).first == Approx(rolls).epsilon(1e-3));
+  }
+  CHECK_THROWS_WITH(down(3, 0, mu, 0.1), Catch::Contains("of the material 3"));
+  // The step of a wall that rubs counts where the first does not.
+  Configuration<2> c;
+  c.add_soft(1, {0, 0});
+  const DiskWallContact<> smooth{epsilon, {}}, one{epsilon, {}, OtherMaterials({{0.1, 0.1}})};
+  CHECK(smooth.max_rate(c.topology) == 0);
+  CHECK(one.max_rate(c.topology) == DiskWallContact<>{epsilon, rough}.max_rate(c.topology));
+}
+
 TEST_CASE("round a convex corner a disk has one contact with one history") {
   const pliant::Vec<2> corner(0, 0);
   Configuration<2> c;

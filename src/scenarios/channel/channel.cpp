@@ -28,20 +28,18 @@ Topology make_disks(const ChannelOptions& p) {
 
 /// The model: all that is known of it here.
 std::unique_ptr<ForceField<2>> make_forces(const ChannelOptions& p) {
-  return make_force_field<2>(ModelKind::disk,
-                             {.epsilon = p.stiffness,
-                              .epsilon_wall = p.stiffness,
-                              .law = ContactLaw::spring,
-                              .disk = {.mu_disk = p.disk.at_rest,
-                                       .mu_disk_dynamic = *p.disk.sliding,
-                                       .mu_wall = p.wall.at_rest,
-                                       .mu_wall_dynamic = *p.wall.sliding,
-                                       .restitution = p.restitution,
-                                       .base_gravity = p.gravity,
-                                       .mu_base = p.base.at_rest,
-                                       .mu_base_dynamic = *p.base.sliding,
-                                       .base_coupled = p.base_coupled}},
-                             Vec<2>::Zero());
+  return make_force_field<2>(
+      ModelKind::disk,
+      {.epsilon = p.stiffness,
+       .epsilon_wall = p.stiffness,
+       .law = ContactLaw::spring,
+       .disk = {.mu_disk = p.disk.at_rest,
+                .mu_disk_dynamic = *p.disk.sliding,
+                .mu_wall = p.wall.at_rest,
+                .mu_wall_dynamic = *p.wall.sliding,
+                .restitution = p.restitution},
+       .base = {.gravity = p.gravity, .mu = p.base.at_rest, .mu_dynamic = *p.base.sliding, .coupled = p.base_coupled}},
+      Vec<2>::Zero());
 }
 
 /// Standard step: contacts are followed, and what damps them is stable (docs/steps.md).
