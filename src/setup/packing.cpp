@@ -8,7 +8,6 @@
 #include <pliant/setup/particles.h>
 #include <pliant/setup/streams.h>
 #include <pliant/system/fire.h>
-#include <pliant/system/particle_system.h>
 
 namespace pliant {
 namespace {
@@ -37,7 +36,8 @@ void random_place(const Container& container, const Walls<D>& walls, Real height
       most_attempts);
 }
 
-/// Of disks among each other and with walls, relative to the distance of contact.
+}  // namespace
+
 template <int D>
 Real largest_overlap(ParticleSystem<D>& system, const Real* x) {
   const StateView<D> s = system.view(x, nullptr);
@@ -47,8 +47,6 @@ Real largest_overlap(ParticleSystem<D>& system, const Real* x) {
     largest = std::max(largest, 1 - 2 * s.walls.distance(s.position(i), wall, s.t) / s.topology.diameter[i]);
   return largest;
 }
-
-}  // namespace
 
 template <int D>
 RelaxedDisks relax_disks(Topology disks, const Walls<D>& walls, Real tolerance, std::int64_t max_iterations,
@@ -147,6 +145,8 @@ Packing pack(const Topology& topology, const Container& container, const Packing
   return packing;
 }
 
+template Real largest_overlap(ParticleSystem<2>&, const Real*);
+template Real largest_overlap(ParticleSystem<3>&, const Real*);
 template RelaxedDisks relax_disks<2>(Topology, const Walls<2>&, Real, std::int64_t,
                                      const std::function<bool(Index, const Real*)>&, std::span<Real>);
 template RelaxedDisks relax_disks<3>(Topology, const Walls<3>&, Real, std::int64_t,

@@ -8,6 +8,7 @@
 
 #include <pliant/geometry/container.h>
 #include <pliant/model/topology.h>
+#include <pliant/system/particle_system.h>
 
 namespace pliant {
 
@@ -33,6 +34,10 @@ struct RelaxedDisks {
   bool done = false;            ///< within the tolerance, and all inside
   std::string reason;           ///< why it ended
 };
+
+/// The largest overlap of points among each other and with walls, over the distance of contact; of x [points · D].
+template <int D>
+Real largest_overlap(ParticleSystem<D>& system, const Real* x);
 
 /// Pushes disks, which may lie on top of each other, apart and off the walls with FIRE. inside(m, r): whether disk m is
 /// in the container at centres r, where the walls alone do not keep it in. centres [disks · D], by id.

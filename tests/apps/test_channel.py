@@ -143,6 +143,102 @@ def test_ranks(tmp_path):
     assert same(two.frames[-1]["positions"], parts.frames[-1]["positions"])
 
 
+def test_plungers_have_friction_of_their_own(small, tmp_path):
+    """By default that of walls; else walls may be smooth while plungers rub. Stopped and continued, and on two ranks."""
+    options = {"pushes": 1, "t_end": 0.1}
+    named = channel(tmp_path / "named", mu_plunger=0.4, **options)
+    assert same(named.frames[2]["positions"], small.frames[2]["positions"])
+    smooth = channel(tmp_path / "smooth", mu_wall=0, **options)
+    assert not smooth.series["disk_wall_contact_sliding"].any()
+    other = {**options, "mu_wall": 0, "mu_plunger": 0.8, "mu_plunger_dynamic": 0.6}
+    rubs = channel(tmp_path / "rubs", **other)
+    assert rubs.series["disk_wall_contact_sliding"][-1] > 0
+    assert not same(rubs.frames[-1]["positions"], smooth.frames[-1]["positions"])
+    assert stopped_until_done("channel", **{**SMALL, **other}, output=tmp_path / "parts") > 1
+    assert_same_runs(rubs, Results(tmp_path / "parts"))
+
+
+@needs_mpi
+def test_plungers_on_ranks(tmp_path):
+    other = {"pushes": 1, "t_end": 0.006, "mu_wall": 0, "mu_plunger": 0.8}
+    one = channel(tmp_path / "one", **other)
+    assert one.series["disk_wall_contact_tangential_damping"][-1] > 0
+    result = on_ranks(2, "channel", **{**SMALL, **other, "output": tmp_path / "two"})
+    assert result.returncode == 0, result.stderr
+    assert np.allclose(one.column("positions"), Results(tmp_path / "two").column("positions"), rtol=0, atol=1e-9)
+
+
+# As many ellipses as disks, soft ones: a second.
+ROUGH = {"model": "rough", "aspect": 2, "n_vertices": 12, "stiffness": 1e6, "pushes": 1, "frame_travel": 1, "area_fraction": 0.6}
+
+
+@pytest.fixture(scope="module")
+def rough(tmp_path_factory):
+    return channel(tmp_path_factory.mktemp("channel") / "rough", **ROUGH)
+
+
+def outlines(run, frame):
+    offset = run.topology["offset"]
+    return [frame["positions"][a:b] for a, b in zip(offset[:-1], offset[1:])]
+
+
+def test_rough_polygons(rough):
+    """They are pushed as disks are, keep their shape and stay out of each other; what the plunger does becomes heat on the
+    base, and there alone."""
+    assert rough.summary["model"] == "rough" and rough.summary["particles"] == 42
+    first, last = outlines(rough, rough.frames[0]), outlines(rough, rough.frames[-1])
+    assert sorted(map(len, first)) == [12] * 21 + [18] * 21
+    shift = np.array([b.mean(0) - a.mean(0) for a, b in zip(first, last)])
+    assert shift[:, 0].mean() < -0.3 and shift[:, 1].mean() > 0.3
+    turns = []
+    for m, (a, b) in enumerate(zip(first, last)):
+        edge = rough.topology["l0"][m]
+        assert np.all(a > 0.49 * edge) and np.all(b.max() < ARM - 0.49 * edge)
+        a, b = ((r - r.mean(0)) @ [1, 1j] for r in (a, b))
+        turn = np.vdot(a, b)
+        turns.append(np.angle(turn))
+        assert np.abs(b - turn / abs(turn) * a).max() < 0.05 * edge
+        length, width = 2 * np.abs(a).max() + edge, 2 * np.abs(a).min() + edge
+        assert length / width == pytest.approx(2, rel=0.06)  # not all have a vertex at the narrowest place
+    assert np.abs(turns).max() > 0.1
+    series = rough.series
+    found = series["kinetic_energy"] + series["elastic_energy"] - series["elastic_energy"][0] + series["heat"]
+    assert series["heat"][-1] > 0.5 * series["plunger_work"][-1] > 0
+    assert np.abs(found - series["plunger_work"]).max() < 0.05 * series["plunger_work"][-1]
+    assert series["base_friction_sliding"][-1] > 0.8 * series["heat"][-1]
+    assert [name for name in series if name.startswith("disk_")] == []
+    weight = rough.summary["weight"]["value"]
+    assert weight == pytest.approx(1.19 * 0.29 * 981 * np.pi / 4 * np.sum(rough.topology["sigma"] ** 2))
+    assert series["max_overlap"].max() < 0.05
+
+
+def test_rough_polygons_stopped_and_continued(rough, tmp_path):
+    assert stopped_until_done("channel", **{**SMALL, **ROUGH}, output=tmp_path / "parts") > 1
+    assert_same_runs(rough, Results(tmp_path / "parts"))
+
+
+@needs_mpi
+def test_rough_polygons_on_ranks(rough, tmp_path):
+    result = on_ranks(2, "channel", **{**SMALL, **ROUGH, "t_end": 0.006, "output": tmp_path / "two"})
+    assert result.returncode == 0, result.stderr
+    two = Results(tmp_path / "two")
+    n = len(two.series["time"])
+    assert np.allclose(two.series["plunger_force"], rough.series["plunger_force"][:n], rtol=1e-6, atol=1e-3)
+    assert np.allclose(two.series["heat"], rough.series["heat"][:n], rtol=1e-6, atol=1e-9) and two.series["heat"][-1] > 0
+
+
+def test_a_shape_of_ones_own(tmp_path):
+    """Crosses from a file, which hold each other: none is in another."""
+    (tmp_path / "cross.txt").write_text("1 0\n2 0\n2 1\n3 1\n3 2\n2 2\n2 3\n1 3\n1 2\n0 2\n0 1\n1 1\n")
+    shape = {k: v for k, v in ROUGH.items() if k != "aspect"}
+    run = channel(tmp_path / "run", **{**shape, "shape_outline": tmp_path / "cross.txt", "n_vertices": 24, "t_end": 0.01,
+                                       "area_fraction": 0.5})
+    for r in outlines(run, run.frames[0]):
+        edge = np.linalg.norm(np.roll(r, -1, 0) - r, axis=1)
+        assert edge == pytest.approx(edge.mean(), rel=1e-2)
+    assert sorted({len(r) for r in outlines(run, run.frames[0])}) == [24, 36]
+
+
 @pytest.mark.parametrize("geometry, plungers, sides", [("T", 3, 5), ("X", 4, 8), ("straight", 2, 2)])
 def test_other_channels(geometry, plungers, sides, tmp_path):
     """Each plunger has its turn, and disks flow away from it."""
@@ -169,6 +265,8 @@ def test_an_outline_of_ones_own(small, tmp_path):
     assert run.summary["particles"] == small.summary["particles"]
     assert run.column("plunger_travel") == pytest.approx(small.column("plunger_travel")[:12])
     assert run.frames[-1]["positions"].mean() == pytest.approx(small.frames[11]["positions"].mean(), rel=0.05)
+    again = pliant("channel", restart=tmp_path / "run")
+    assert again.returncode == 0 and "has ended there already" in again.stdout, again.stderr
 
 
 def test_jams(tmp_path):
@@ -176,6 +274,7 @@ def test_jams(tmp_path):
     options = {"area_fraction": 0.92, "pushes": 2, "jam_overlap": 0.03, "jam_force": 10}
     result = pliant("channel", output=tmp_path / "run", **{**SMALL, **options, "on_jam": "end"})
     assert result.returncode == 0 and "push 0 jams at" in result.stderr, result.stderr
+    assert "t0" not in result.stdout and " s, dt/dt_critical" in result.stdout
     run = Results(tmp_path / "run")
     assert run.summary["status"] == "jammed" and run.summary["jammed_pushes"] == [0]
     assert run.events["push"].tolist() == [0]
@@ -205,13 +304,22 @@ def test_jams(tmp_path):
     ({"plungers": "3,3"}, "the nearest one"),
     ({"shear": 1}, "-geometry straight"),
     ({"mu_disk": 0.2, "mu_disk_dynamic": 0.3}, "-mu_disk_dynamic 0.3 is more than"),
+    ({"mu_plunger": 0.2, "mu_plunger_dynamic": 0.3}, "-mu_plunger_dynamic 0.3 is more than -mu_plunger 0.2"),
+    ({"mu_plunger_dynamic": 0.5}, "-mu_plunger_dynamic 0.5 is more than -mu_plunger 0.4"),
+    ({"mu_plunger_dynamic": 0}, "-mu_plunger 0"),
+    ({"mu_plunger": -1}, "-mu_plunger"),
+    ({"aspect": 3}, "-aspect with -model disk"),
+    ({"model": "rough", "mu_disk": 0.3}, "-mu_disk with -model rough"),
+    ({"model": "rough", "base_coupled": "no"}, "-base_coupled with -model rough"),
+    ({"model": "rough", "aspect": 9, "n_vertices": 12}, "needs more than 18 vertices"),
+    ({"model": "rough", "aspect": 2, "shape_outline": __file__}, "test_channel.py:1"),
     ({"frame_interval": 1}, "unknown option -frame_interval"),
     ({"plunger_speed": 0}, "greater than 0"),
     ({"dt": 1}, "limit of stability"),
 ])
 def test_bad_input(options, words, tmp_path):
     result = pliant("channel", output=tmp_path / "run", **{**SMALL, **options})
-    assert result.returncode == 2 and words in result.stderr, result.stderr
+    assert result.returncode == 2 and words in result.stderr and "t0" not in result.stderr, result.stderr
     assert not (tmp_path / "run").exists() or not list((tmp_path / "run").iterdir())
 
 
@@ -221,6 +329,11 @@ def test_bad_outline(text, words, tmp_path):
     (tmp_path / "outline.txt").write_text(text)
     result = pliant("channel", outline=tmp_path / "outline.txt", output=tmp_path / "run")
     assert result.returncode == 2 and words in result.stderr, result.stderr
+
+
+def test_polygons_that_do_not_fit(tmp_path):
+    result = pliant("channel", output=tmp_path / "run", **{**SMALL, **ROUGH, "n_vertices": 8, "stroke": 0.1, "area_fraction": 0.95})
+    assert result.returncode == 3 and "polygons do not fit" in result.stderr and "lower -area_fraction" in result.stderr
 
 
 def test_disks_that_do_not_fit(tmp_path):

@@ -5,12 +5,13 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numeric>
+#include <limits>
 
 #include <pliant/base/console.h>
 #include <pliant/base/errors.h>
 #include <pliant/io/summary.h>
 #include <pliant/model/catalogue.h>
+#include <pliant/run/crossing_watch.h>
 #include <pliant/run/heat.h>
 #include <pliant/scenarios/channel/options.h>
 #include <pliant/scenarios/channel/start.h>
@@ -19,27 +20,46 @@
 namespace pliant {
 namespace {
 
-Topology make_disks(const ChannelOptions& p) {
-  Topology disks;
-  for (std::size_t k = 0; k < p.sizes.size(); ++k)
-    for (Index n = 0; n < p.disks[k]; ++n) disks.add_soft(2 * p.sizes[k].radius, p.mass(p.sizes[k].radius));
-  return disks;
+Topology make_particles(const ChannelOptions& p) {
+  Topology particles;
+  for (std::size_t k = 0; k < p.sizes.size(); ++k) {
+    const Real R = p.sizes[k].radius;
+    for (Index n = 0; n < p.disks[k]; ++n)
+      if (p.rough())
+        particles.add_polygon(p.vertices(R), pi * square(R), p.edge(R), p.edge(R), p.mass(R));
+      else
+        particles.add_soft(2 * R, p.mass(R));
+  }
+  return particles;
 }
 
 /// The model: all that is known of it here.
 std::unique_ptr<ForceField<2>> make_forces(const ChannelOptions& p) {
-  return make_force_field<2>(
-      ModelKind::disk,
-      {.epsilon = p.stiffness,
-       .epsilon_wall = p.stiffness,
-       .law = ContactLaw::spring,
-       .disk = {.mu_disk = p.disk.at_rest,
-                .mu_disk_dynamic = *p.disk.sliding,
-                .mu_wall = p.wall.at_rest,
-                .mu_wall_dynamic = *p.wall.sliding,
-                .restitution = p.restitution},
-       .base = {.gravity = p.gravity, .mu = p.base.at_rest, .mu_dynamic = *p.base.sliding, .coupled = p.base_coupled}},
-      Vec<2>::Zero());
+  const BaseParameters base{
+      .gravity = p.gravity, .mu = p.base.at_rest, .mu_dynamic = *p.base.sliding, .coupled = p.base_coupled};
+  if (p.rough()) {
+    Real smallest = std::numeric_limits<Real>::infinity();
+    for (const SizeClass& size : p.sizes) smallest = std::min(smallest, p.edge(size.radius));
+    const Real epsilon = p.stiffness * square(smallest);
+    return make_force_field<2>(ModelKind::rough,
+                               {.epsilon = epsilon,
+                                .epsilon_wall = epsilon / 4,  // over half the distance
+                                .base = base,
+                                .rest_shape = {p.shape_stiffness * p.stiffness, p.outlines}},
+                               Vec<2>::Zero());
+  }
+  return make_force_field<2>(ModelKind::disk,
+                             {.epsilon = p.stiffness,
+                              .epsilon_wall = p.stiffness,
+                              .law = ContactLaw::spring,
+                              .disk = {.mu_disk = p.disk.at_rest,
+                                       .mu_disk_dynamic = *p.disk.sliding,
+                                       .mu_wall = p.wall.at_rest,
+                                       .mu_wall_dynamic = *p.wall.sliding,
+                                       .mu_others = {{p.plunger.at_rest, *p.plunger.sliding}},
+                                       .restitution = p.restitution},
+                              .base = base},
+                             Vec<2>::Zero());
 }
 
 /// Standard step: contacts are followed, and what damps them is stable (docs/steps.md).
@@ -49,7 +69,7 @@ std::unique_ptr<Simulation<2>> make_simulation(const ChannelOptions& p, const Ra
   constexpr Real first_skin = 0.1;
   ParticleSystem<2> particles({}, p.channel->walls(), make_forces(p), p.skin.value_or(first_skin), ranks);
   if (!p.skin) particles.tune_skin();
-  return std::make_unique<Simulation<2>>(make_disks(p), std::move(particles), Sorting::regularly);
+  return std::make_unique<Simulation<2>>(make_particles(p), std::move(particles), Sorting::regularly);
 }
 
 class ChannelProtocol final : public Protocol<2> {
@@ -61,7 +81,8 @@ class ChannelProtocol final : public Protocol<2> {
         critical_(particles().field().critical_step(simulation().all())),
         schedule_(p.push, p.dt.value_or(standard_step(critical_))) {
     const Topology& all = simulation().all();
-    weight_ = p.gravity * std::accumulate(all.point_mass.begin(), all.point_mass.end(), 0.0);
+    for (Index m = 0; m < all.particles(); ++m) weight_ += all.points_of(m) * all.point_mass[m];
+    weight_ *= p.gravity;
   }
 
   // --- Before the run
@@ -71,12 +92,14 @@ class ChannelProtocol final : public Protocol<2> {
     for (std::size_t k = 0; k < p_.sizes.size(); ++k)
       disks += fmt::format("{}{} of {:.4g}", k > 0 ? ", " : "", p_.disks[k], p_.sizes[k].radius);
     return fmt::format(
-        "channel: disks with radii in cm: {}; area fraction {:.4f} of {:.4g} cm^2; {} plungers, {:g} cm/s over {:g} "
+        "channel: {} radii in cm: {}; area fraction {:.4f} of {:.4g} cm^2; {} plungers, {:g} cm/s over {:g} "
         "cm; "
-        "{} pushes; t0 = 1 s",
-        disks, area_fraction(), p_.filled_area(), channel_.plungers().size(), p_.push.speed, p_.push.stroke, p_.pushes);
+        "{} pushes",
+        p_.rough() ? "rough polygons that cover the areas of disks with" : "disks with", disks, area_fraction(),
+        p_.filled_area(), channel_.plungers().size(), p_.push.speed, p_.push.stroke, p_.pushes);
   }
-  std::string model() const override { return "disk"; }
+  std::string model() const override { return p_.rough() ? "rough" : "disk"; }
+  std::string_view unit_of_time() const override { return "s"; }
   Real first_dt() const override { return schedule_.dt(); }
   Real critical_step() const override { return critical_.least(); }
   std::optional<Real> fixed_skin() const override { return p_.skin; }
@@ -94,14 +117,20 @@ class ChannelProtocol final : public Protocol<2> {
   }
 
   std::vector<Real> start() override {
-    const ChannelStart start = random_start(simulation().all(), channel_, channel_.walls(), p_.start_overlap,
-                                            static_cast<std::uint64_t>(p_.seed));
+    const Topology& all = simulation().all();
+    const auto seed = static_cast<std::uint64_t>(p_.seed);
+    const ChannelStart start =
+        p_.rough() ? random_polygon_start(all, p_.outlines, channel_, channel_.walls(), p_.start_overlap, seed)
+                   : random_start(all, channel_, channel_.walls(), p_.start_overlap, seed);
     if (ranks().root())
       say("pushed apart in {} iterations of FIRE; largest overlap {:.1e}\n", start.iterations, start.max_overlap);
     return start.x;
   }
 
   void started() override { put_walls(); }
+  void ready() override {
+    if (p_.rough()) outlines_.start(particles(), state());
+  }
 
   void judge_end() override {
     if (p_.on_jam == OnJam::end && jammed_in(schedule_.push_at(state().step))) run().end("jammed");
@@ -109,7 +138,12 @@ class ChannelProtocol final : public Protocol<2> {
 
   // --- During the run
 
+  void sorted(const Migration&) override {
+    if (p_.rough()) outlines_.after_change(particles(), state());
+  }
+
   bool follow() override {
+    if (p_.rough()) outlines_.after_step(particles(), state());
     const std::int64_t step = state().step;
     const bool changes = schedule_.phase_begin(step) == step, stroke_ends = schedule_.phase_at(step) == PushPhase::hold;
     // At the end of a stroke the plunger still pushes, at the beginning of one it has gone back.
@@ -150,8 +184,11 @@ class ChannelProtocol final : public Protocol<2> {
       overlaps(c.overlap * c.reach / std::min(radius(c.first), radius(c.second)), first, second);
       ++sums[5];
     });
-    for (const auto& [i, part] : s.neighbours.walls)
-      overlaps(1 - s.walls.distance(s.position(i), part, s.t) / radius(i), topology().id[i], -1);
+    for (const auto& [i, part] : s.neighbours.walls) {
+      const Index m = topology().particle[i];
+      const Real reach = topology().diameter[i] / 2;
+      overlaps((1 - s.walls.distance(s.position(i), part, s.t) / reach) * (reach / radius(m)), topology().id[m], -1);
+    }
     ranks().sum(sums);
     deepest_ = {};
     for (const Deepest& d : ranks().all_gather(deepest))
@@ -208,8 +245,9 @@ class ChannelProtocol final : public Protocol<2> {
 
   std::string failure_details() const override {
     if (deepest_.first < 0) return {};
-    return fmt::format(", largest overlap {:.3f} of a radius between disk {} and {}", deepest_.overlap, deepest_.first,
-                       deepest_.second < 0 ? "a wall" : fmt::format("disk {}", deepest_.second));
+    return fmt::format(", largest overlap {:.3f} of a radius between {} {} and {}", deepest_.overlap, p_.particle(),
+                       deepest_.first,
+                       deepest_.second < 0 ? "a wall" : fmt::format("{} {}", p_.particle(), deepest_.second));
   }
 
   // --- After the run
@@ -231,14 +269,14 @@ class ChannelProtocol final : public Protocol<2> {
   }
 
   void report(const Series&, nlohmann::ordered_json& s) override {
-    say("{} pushes; largest force on a plunger {:.3g} of the disks' weight, largest overlap {:.2g} of a radius\n",
+    say("{} pushes; largest force on a plunger {:.3g} of the weight of all, largest overlap {:.2g} of a radius\n",
         std::int64_t(s["pushes"]), largest_plunger_force_ / weight_, largest_overlap_);
     if (!jams_.empty()) say("jammed in push {}\n", fmt::join(jams_, ", "));
   }
 
  private:
   struct Deepest {
-    Real overlap = 0;  ///< over the radius of the smaller disk
+    Real overlap = 0;  ///< over the radius of the smaller one
     Index first = -1, second = -1;
   };
 
@@ -306,10 +344,10 @@ class ChannelProtocol final : public Protocol<2> {
     const Real travel = schedule_.travel_at(step);
     if (ranks().root())
       warn("push {} jams at {:.3f} cm: {}; {}", push, travel,
-           overlaps ? fmt::format("disks overlap by {:.2g} of a radius (-jam_overlap {:g})", deepest_.overlap,
-                                  p_.jam_overlap)
-                    : fmt::format("the force on a plunger is {:.3g} times the disks' weight (-jam_force {:g})",
-                                  largest_force() / weight_, p_.jam_force),
+           overlaps ? fmt::format("{}s overlap by {:.2g} of a radius (-jam_overlap {:g})", p_.particle(),
+                                  deepest_.overlap, p_.jam_overlap)
+                    : fmt::format("the force on a plunger is {:.3g} times the {}s' weight (-jam_force {:g})",
+                                  largest_force() / weight_, p_.particle(), p_.jam_force),
            p_.on_jam == OnJam::end ? "the run ends" : "the run goes on");
     run().add_event({{"time", state().t},
                      {"push", static_cast<Real>(push)},
@@ -321,19 +359,20 @@ class ChannelProtocol final : public Protocol<2> {
 
   void check_inside() const {
     Index outside = -1;
-    for (Index m = 0; m < topology().owned() && outside < 0; ++m)
-      if (!channel_.inside(point<2>(state().x().data(), m))) outside = topology().id[m];
+    for (Index i = 0; i < topology().owned_points() && outside < 0; ++i)
+      if (!channel_.inside(point<2>(state().x().data(), i))) outside = topology().id[topology().particle[i]];
     outside = static_cast<Index>(ranks().max(Real(outside)));
     if (outside >= 0)
-      throw NumericalError("disk {} has left the channel: shorten -dt, or raise -stiffness if overlaps are large",
-                           outside);
+      throw NumericalError("{} {} has left the channel: shorten -dt, or raise -stiffness if overlaps are large",
+                           p_.particle(), outside);
   }
 
   const ChannelOptions& p_;
   const Channel& channel_;
   CriticalStep critical_;
   PushSchedule schedule_;
-  Real weight_ = 0;                  ///< of all disks
+  Real weight_ = 0;                  ///< of all particles
+  CrossingWatch outlines_;           ///< of polygons
   Deepest deepest_;                  ///< in the last sample
   std::vector<Real> plunger_force_;  ///< in the last sample
   std::vector<std::int64_t> jams_;   ///< pushes
@@ -348,11 +387,11 @@ Scenario channel_scenario() {
   Scenario s = option_scenario<ChannelOptions>(
       "channel", "disks that plungers push through a channel, back and forth",
       [](const ChannelOptions& p, const Options& options, const Ranks& ranks, std::optional<Checkpoint> checkpoint) {
-        p.refuse_unread(options);
+        if (!checkpoint) p.refuse_unread(options);
         return std::make_unique<Run<2>>("channel", p, options, ranks, std::make_unique<ChannelProtocol>(p, ranks),
                                         std::move(checkpoint));
       });
-  s.units = "Units: cm, g, s; forces in dyn = g cm/s². What the run prints in t0 is in s.";
+  s.units = "Units: cm, g, s; forces in dyn = g cm/s².";
   return s;
 }
 

@@ -122,7 +122,7 @@ Walls<2> Channel::walls(const PlungerMotion& motion) const {
     const Vec<2>& direction = plungers_[p].direction;
     const bool moves = p == motion.plunger;
     walls.add(Solid<2>::half_space(plungers_[p].ends[0] + (moves ? motion.travel : 0) * direction, direction),
-              {.velocity = (moves ? motion.speed : 0) * direction, .since = motion.since});
+              {.velocity = (moves ? motion.speed : 0) * direction, .since = motion.since}, {}, plunger_material);
   }
   return walls;
 }

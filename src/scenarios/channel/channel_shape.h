@@ -42,6 +42,8 @@ struct PlungerMotion {
 /// which can move along themselves.
 class Channel {
  public:
+  static constexpr Index plunger_material = 1;  ///< of plungers; that of the other walls is 0
+
   /// All arms end in plungers, those of +x, +y, −x, −y in this order. Errors: InputError where arms are no longer than
   /// wide.
   Channel(ChannelKind kind, const ChannelSize& size);

@@ -13,13 +13,13 @@ namespace {
 constexpr Real never = 1e300;           ///< s between frames that nobody asks for
 constexpr Real sliding_friction = 0.3;  ///< of acrylic on acrylic and on aluminium [T 3.2]
 
-/// The corners in a file: one polygon. name: of the file, in messages.
-std::vector<Vec<2>> parse_corners(std::string_view text, const std::string& name) {
+/// The corners in a file: one polygon. name: of the file, in messages; what: else they are of.
+std::vector<Vec<2>> parse_corners(std::string_view text, const std::string& name,
+                                  const char* what =
+                                      "the outline of a channel is one polygon, the plungers being sides "
+                                      "of it") {
   std::vector<Polyline> all = parse_polylines(text, name, "cm");
-  if (all.size() > 1)
-    throw InputError(
-        "{}:{}: a second polyline; the outline of a channel is one polygon, the plungers being sides of it", name,
-        all[1].lines[0]);
+  if (all.size() > 1) throw InputError("{}:{}: a second polyline; {}", name, all[1].lines[0], what);
   try {
     return make_polygon(std::move(all[0].points));
   } catch (const InputError& error) {
@@ -30,6 +30,16 @@ std::vector<Vec<2>> parse_corners(std::string_view text, const std::string& name
 std::string read_corners(const std::string& file) {
   std::string text;
   for (const Vec<2>& r : parse_corners(read_text_file(file, largest_outline, "outline"), "outline " + printable(file)))
+    text += fmt::format("{} {}\n", r[0], r[1]);
+  return text;
+}
+
+constexpr const char* one_shape = "the shape of a particle is one polygon";
+
+std::string read_shape(const std::string& file) {
+  std::string text;
+  for (const Vec<2>& r :
+       parse_corners(read_text_file(file, largest_outline, "shape"), "shape " + printable(file), one_shape))
     text += fmt::format("{} {}\n", r[0], r[1]);
   return text;
 }
@@ -100,6 +110,27 @@ void ChannelOptions::bind(Options& o) {
   o.bind("seed", seed, {.help = "seed of the places at the start", .min = 0, .on_restart = fixed});
 
   o.group("Model");
+  o.bind("model", model, {{"disk", ChannelModel::disk}, {"rough", ChannelModel::rough}},
+         {.help = "disks that rotate, or rough polygons that keep their shape", .on_restart = fixed});
+  o.bind("shape", shape.kind, {{"ellipse", OutlineKind::ellipse}, {"rod", OutlineKind::rod}},
+         {.help = "-model rough: shape of the polygons, which cover the areas of the disks", .on_restart = fixed});
+  o.bind("aspect", shape.aspect, {.help = "-model rough: length over width", .min = 1, .max = 20, .on_restart = fixed});
+  o.bind("shape_outline", shape_outline,
+         {.help = "-model rough: file with the corners of a shape of one's own, in place of the two above: lines x y, "
+                  "one polygon, of any size",
+          .on_restart = fixed,
+          .read = read_shape});
+  o.bind("n_vertices", n_vertices,
+         {.help = "-model rough: vertices of the smallest polygons; larger ones have more, so that all edges are about "
+                  "as long",
+          .min = 6,
+          .max = 1000,
+          .on_restart = fixed});
+  o.bind("shape_stiffness", shape_stiffness,
+         {.help = "-model rough: stiffness that holds a vertex in its place of the shape, over -stiffness",
+          .min = 0,
+          .min_open = true,
+          .on_restart = fixed});
   const auto friction = [&](const std::string& name, FrictionOptions& f, const std::string& what) {
     o.bind("mu_" + name, f.at_rest, {.help = "static friction " + what, .min = 0, .max = 10, .on_restart = fixed});
     o.bind("mu_" + name + "_dynamic", f.sliding,
@@ -110,8 +141,21 @@ void ChannelOptions::bind(Options& o) {
             .on_restart = fixed});
   };
   friction("disk", disk, "of disks with each other");
-  friction("wall", wall, "of disks with walls and plungers");
-  friction("base", base, "of disks with the base that they lie on");
+  friction("wall", wall, "of disks with walls");
+  o.bind("mu_plunger", mu_plunger,
+         {.help = "static friction of disks with plungers",
+          .min = 0,
+          .max = 10,
+          .automatic = "that of walls",
+          .on_restart = fixed});
+  o.bind("mu_plunger_dynamic", plunger.sliding,
+         {.help = "friction where they slide",
+          .min = 0,
+          .max = 10,
+          .automatic = fmt::format("{:g}, or the static one if that is less; without -mu_plunger that of walls",
+                                   sliding_friction),
+          .on_restart = fixed});
+  friction("base", base, "with the base that all lie on");
   o.bind(
       "base_coupled", base_coupled,
       {.help =
@@ -187,18 +231,40 @@ void ChannelOptions::resolve() {
   sizes = radii.empty() && counts.empty() ? size_distribution(distribution) : parse_sizes(radii, counts);
   disks = disks_for_area(sizes, area_fraction * filled_area());
   const auto by_radius = [](const SizeClass& a, const SizeClass& b) { return a.radius < b.radius; };
-  const Real largest = std::max_element(sizes.begin(), sizes.end(), by_radius)->radius;
+  Real largest = std::max_element(sizes.begin(), sizes.end(), by_radius)->radius;
+  if (rough()) {
+    const OutlineShape drawn =
+        shape_outline.empty()
+            ? shape
+            : OutlineShape{OutlineKind::corners, 1, parse_corners(shape_outline, "-shape_outline", one_shape)};
+    RestOutlines all;
+    for (const SizeClass& of : sizes) {
+      const auto n = static_cast<std::size_t>(vertices(of.radius));
+      all.resize(std::max(all.size(), n + 1));
+      if (all[n].empty()) all[n] = rest_outline(drawn, static_cast<Index>(n));
+    }
+    outlines = std::make_shared<RestOutlines>(std::move(all));
+    for (const SizeClass& of : sizes)
+      largest = std::max(largest, edge(of.radius) * outline_radius((*outlines)[vertices(of.radius)]));
+  }
   for (const Plunger& p : channel->plungers())
     if (2 * largest >= p.width())
       throw InputError(
-          "disks of a radius of {:g} cm and a plunger that is {:g} cm wide: use smaller disks or a wider channel",
-          largest, p.width());
+          "{0}s of a radius of {1:g} cm and a plunger that is {2:g} cm wide: use smaller {0}s or a wider channel",
+          particle(), largest, p.width());
 
-  for (auto [name, friction] : {std::pair("disk", &disk), {"wall", &wall}, {"base", &base}}) {
+  plunger.at_rest = mu_plunger.value_or(wall.at_rest);
+  for (auto [name, friction] : {std::pair("disk", &disk), {"wall", &wall}, {"plunger", &plunger}, {"base", &base}}) {
+    if (friction == &plunger && !mu_plunger && !plunger.sliding) plunger.sliding = wall.sliding;
     if (!friction->sliding) friction->sliding = std::min(friction->at_rest, sliding_friction);
     if (*friction->sliding > friction->at_rest)
       throw InputError("-mu_{0}_dynamic {1:g} is more than -mu_{0} {2:g}; lower it", name, *friction->sliding,
                        friction->at_rest);
+    if (*friction->sliding == 0 && friction->at_rest > 0)
+      throw InputError(
+          "-mu_{0}_dynamic 0 with -mu_{0} {1:g}: nothing would hold what has begun to slide; raise it, or "
+          "give -mu_{0} 0",
+          name, friction->at_rest);
   }
   sample_interval = sample_travel / push.speed;
 }
@@ -210,6 +276,29 @@ void ChannelOptions::refuse_unread(const Options& o) const {
   if (!outline.empty())
     for (const char* name : {"geometry", "channel_width", "channel_arm"}) refuse(name, "outline");
   if (!radii.empty()) refuse("distribution", "radii");
+  if (!shape_outline.empty())
+    for (const char* name : {"shape", "aspect"}) refuse(name, "shape_outline");
+  const auto refuse_all = [&](std::initializer_list<const char*> names, const char* why) {
+    for (const char* name : names)
+      if (o.given(name))
+        throw InputError("-{} with -model {}: {}; leave it out", name, rough() ? "rough" : "disk", why);
+  };
+  if (rough())
+    refuse_all({"mu_disk", "mu_disk_dynamic", "mu_wall", "mu_wall_dynamic", "mu_plunger", "mu_plunger_dynamic",
+                "restitution", "base_coupled"},
+               "polygons rub by the disks on their vertices, which are smooth, and lose energy on the base alone");
+  else
+    refuse_all({"shape", "aspect", "shape_outline", "n_vertices", "shape_stiffness"}, "disks have one shape");
+}
+
+Index ChannelOptions::vertices(Real radius) const {
+  Real smallest = radius;
+  for (const SizeClass& of : sizes) smallest = std::min(smallest, of.radius);
+  return static_cast<Index>(std::lround(n_vertices * radius / smallest));
+}
+
+Real ChannelOptions::edge(Real radius) const {
+  return radius * std::sqrt(pi / outline_area((*outlines)[static_cast<std::size_t>(vertices(radius))]));
 }
 
 Real ChannelOptions::filled_area() const {

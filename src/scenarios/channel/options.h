@@ -1,19 +1,24 @@
 // Options of the scenario `channel`.
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include <pliant/base/options.h>
+#include <pliant/model/rest_shape.h>
 #include <pliant/run/options.h>
 #include <pliant/scenarios/channel/channel_shape.h>
 #include <pliant/scenarios/channel/distributions.h>
 #include <pliant/scenarios/channel/push_schedule.h>
+#include <pliant/setup/rest_outlines.h>
 
 namespace pliant {
 
 enum class OnJam { proceed, end };
+/// disk: frictional disks; rough: stiff polygons of any outline, whose friction is from the disks on their vertices.
+enum class ChannelModel { disk, rough };
 
 /// A coefficient of friction: that of surfaces that stick, and of surfaces that slide.
 struct FrictionOptions {
@@ -36,7 +41,16 @@ struct ChannelOptions : RunOptions {
   Real density = 1.19, thickness = 0.29;
   Real start_overlap = 1e-4;
 
+  ChannelModel model = ChannelModel::disk;
+  OutlineShape shape{.kind = OutlineKind::ellipse, .aspect = 2};
+  std::string shape_outline;  ///< of a file; empty: of `shape`
+  Index n_vertices = 16;      ///< of the smallest polygons; larger ones have as many more as they are larger
+  Real shape_stiffness = 1;   ///< over that of contacts
+  std::shared_ptr<const RestOutlines> outlines;  ///< made of these by `resolve`
+
   FrictionOptions disk{0.4, {}}, wall{0.4, {}}, base{0.5, {}};
+  std::optional<Real> mu_plunger;
+  FrictionOptions plunger{0, {}};  ///< at rest: of these by `resolve`
   bool base_coupled = true;
   Real stiffness = 2e7, restitution = 0.5, gravity = 981;
 
@@ -57,8 +71,14 @@ struct ChannelOptions : RunOptions {
 
   /// The channel but for the stroke of one plunger, cm²: what -area_fraction is of.
   Real filled_area() const;
-  /// g
+  /// g; of what covers the area of a disk.
   Real mass(Real radius) const { return density * thickness * pi * square(radius); }
+  bool rough() const { return model == ChannelModel::rough; }
+  /// "disk" or "polygon"
+  const char* particle() const { return rough() ? "polygon" : "disk"; }
+  /// How many vertices a polygon has that covers the area of a disk, and the length of its edges in cm.
+  Index vertices(Real radius) const;
+  Real edge(Real radius) const;
 };
 
 }  // namespace pliant
