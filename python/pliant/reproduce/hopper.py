@@ -508,7 +508,8 @@ def _ratio_of_hoppers(fits):
     mean_error = max(ratio.std(ddof=1), np.sqrt((error**2).mean())) / np.sqrt(len(ratio))
     return Quantity(f"c0 of {fits['walls'].iloc[0]} over {fits['walls'].iloc[1]} degrees, mean over w", float(ratio.mean()),
                     float(mean_error), published.OIL_HOPPERS,
-                    f"{ratio[0]:.3g} at w = {both['hopper_width'].iloc[0]:g}, {ratio[-1]:.3g} at {both['hopper_width'].iloc[-1]:g}")
+                    "{:.3g} at w = {:g}, {:.3g} at {:g}".format(ratio[0], both["hopper_width"].iloc[0], ratio[-1],
+                                                                both["hopper_width"].iloc[-1]))
 
 
 def draw_discharge(measured):
@@ -532,11 +533,13 @@ def draw_discharge(measured):
         if row["fit"]:
             data = row["data"][row["data"]["hopper_width"] > oil[0]]
             shape = (data["hopper_width"] - oil[0]) ** oil[1]
+            label = None if i else rf"oil drops [H]: $\beta$ = {oil[1]:g}, $k$ = {oil[0]:g}, $C$ fitted"
             left.plot(grid, (data["Q"] @ shape) / (shape @ shape) * (grid - oil[0]) ** oil[1], "-.", lw=1.2,
-                      color=plotting.COLORS[i % 8], label=None if i else rf"oil drops [H]: $\beta$ = {oil[1]:g}, $k$ = {oil[0]:g}, $C$ fitted")
+                      color=plotting.COLORS[i % 8], label=label)
         for quantity, known in (("beta", published.OIL_BETA), ("k", published.OIL_K), ("C", None)):
             value, error = (getattr(row["fit"], quantity + end) if row["fit"] else np.nan for end in ("", "_error"))
-            quantities.append(Quantity(f"{quantity} of c0(w), {row['walls']} degrees{row['drag']}", value, error, known, row["note"]))
+            quantities.append(Quantity(f"{quantity} of c0(w), {row['walls']} degrees{row['drag']}", value, error, known,
+                                       row["note"]))
     for drag, pair in fits.groupby("drag"):
         if (ratio := _ratio_of_hoppers(pair)):
             quantities.append(replace(ratio, name=ratio.name + drag))

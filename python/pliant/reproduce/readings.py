@@ -30,12 +30,13 @@ OPTIONS = list(PRINTED["drag"])
 #: The same of deformable particles. The edges are those of smooth ones.
 _EDGES = ("edge_force", "edge_width")
 _DEFORMABLE = {"friction": "whole", "drag": "per_particle", "e_c": 1e4, "e_w": 1e4, "count": "crossing", "reinsertion_gap": 0.0,
-               "area_energy": "absolute", "bending_edges": "unit", "edge_force": "single", "edge_width": 0.1, "wall_diameter": 0.0}
+               "area_energy": "absolute", "bending_edges": "unit", "edge_force": "single", "edge_width": 0.1,
+               "wall_diameter": 0.0}
 _DEFORMABLE_AS_RUN = {"e_c": 115.7, "e_w": 13.9, "count": "removal", "reinsertion_gap": 0.8333, "area_energy": "relative",
                       "bending_edges": "full", "edge_force": "twofold", "edge_width": 0.2, "wall_diameter": 0.1976}
 DEFORMABLE = [{limit: _DEFORMABLE | {name: PRINTED[limit][name] for name in ("mu", "zeta")} for limit in PRINTED},
-              {limit: _DEFORMABLE | _DEFORMABLE_AS_RUN | {name: AS_RUN[limit][name] for name in ("mu", "zeta", "friction", "drag")}
-               for limit in AS_RUN}]
+              {limit: _DEFORMABLE | _DEFORMABLE_AS_RUN | {name: AS_RUN[limit][name] for name in (
+                  "mu", "zeta", "friction", "drag")} for limit in AS_RUN}]
 _MODEL = ["friction", "drag", "contact_law", "e_w", "e_sp", "mu", "zeta"]
 _PROTOCOL = [name for name in OPTIONS if name not in _MODEL]
 _WORDS = {"whole": "whole friction", "tangential": "tangential friction", "per_particle": "drag per particle",
@@ -58,7 +59,9 @@ def _words(name, value):
         return "put back touching" if value == 0 else "put back with a gap"
     if name == "dt":
         return "automatic step" if np.isnan(value) else f"dt = {value:g}"
-    return _WORDS.get(value, f"{name} {value}") if isinstance(value, str) else f"{_SYMBOLS.get(name, name)} = {float(f'{value:.4g}'):g}"
+    if isinstance(value, str):
+        return _WORDS.get(value, f"{name} {value}")
+    return f"{_SYMBOLS.get(name, name)} = {float(f'{value:.4g}'):g}"
 
 
 def changes(row, base, names=OPTIONS):
@@ -140,7 +143,8 @@ def _rows(axes, labels, beta, error, soft, exponents=(0.5, 1.5)):
 
 def _tidy(text):
     """With symbols set as on the axes of the other figures."""
-    for plain, latex in (("E_sp", "$E_{sp}$"), ("E_c", "$E_c$"), ("E_w", "$E_w$"), ("K_l", "$K_l$"), ("K_b", "$K_b$"), ("t_end", "$t_{end}$"), ("mu =", r"$\mu$ ="), ("zeta =", r"$\zeta$ ="),
+    for plain, latex in (("E_sp", "$E_{sp}$"), ("E_c", "$E_c$"), ("E_w", "$E_w$"), ("K_l", "$K_l$"), ("K_b", "$K_b$"),
+                         ("t_end", "$t_{end}$"), ("mu =", r"$\mu$ ="), ("zeta =", r"$\zeta$ ="),
                          ("phi", r"$\phi$"), ("N =", "$N$ ="), ("W =", "$W$ =")):
         text = text.replace(plain, latex)
     return text
