@@ -8,6 +8,7 @@
 #include <pliant/setup/particles.h>
 #include <pliant/setup/streams.h>
 #include <pliant/system/fire.h>
+#include <pliant/system/particle_system.h>
 
 namespace pliant {
 namespace {

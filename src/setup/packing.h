@@ -8,9 +8,11 @@
 
 #include <pliant/geometry/container.h>
 #include <pliant/model/topology.h>
-#include <pliant/system/particle_system.h>
 
 namespace pliant {
+
+template <int D>
+class ParticleSystem;
 
 struct PackingParameters {
   Real fraction =

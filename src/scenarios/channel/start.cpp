@@ -13,6 +13,7 @@
 #include <pliant/setup/rest_outlines.h>
 #include <pliant/setup/streams.h>
 #include <pliant/system/fire.h>
+#include <pliant/system/particle_system.h>
 
 namespace pliant {
 namespace {
