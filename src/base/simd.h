@@ -14,6 +14,8 @@ typedef Real Real4 __attribute__((vector_size(4 * sizeof(Real))));
 typedef std::int64_t Mask4
     __attribute__((vector_size(4 * sizeof(std::int64_t))));  ///< lanes of 0 or −1: of comparisons
 
+typedef std::int32_t Int4 __attribute__((vector_size(4 * sizeof(std::int32_t))));
+
 PLIANT_INLINE Real4 all(Real a) { return Real4{a, a, a, a}; }
 
 PLIANT_INLINE Real2 load2(const Real* p) {
@@ -39,10 +41,28 @@ PLIANT_INLINE Real4 select(Mask4 mask, Real4 a, Real4 b) { return mask ? a : b; 
 PLIANT_INLINE Real4 where(Mask4 mask, Real4 a) { return mask ? a : Real4{}; }
 PLIANT_INLINE Real4 min(Real4 a, Real4 b) { return a < b ? a : b; }
 PLIANT_INLINE Real4 max(Real4 a, Real4 b) { return a > b ? a : b; }
+PLIANT_INLINE Real4 abs(Real4 a) { return max(a, -a); }
+PLIANT_INLINE bool any(Mask4 mask) {
+  const auto half = __builtin_shufflevector(mask, mask, 0, 1) | __builtin_shufflevector(mask, mask, 2, 3);
+  return (half[0] | half[1]) != 0;
+}
 PLIANT_INLINE Real4 sqrt(Real4 a) {
   Real4 r;
   for (int k = 0; k < 4; ++k) r[k] = std::sqrt(a[k]);
   return r;
+}
+
+PLIANT_INLINE Int4 truncate(Real4 a) { return __builtin_convertvector(a, Int4); }
+PLIANT_INLINE Real4 real(Int4 a) { return __builtin_convertvector(a, Real4); }
+
+/// Rows become columns.
+PLIANT_INLINE void transpose(Real4& a, Real4& b, Real4& c, Real4& d) {
+  const Real4 ab = __builtin_shufflevector(a, b, 0, 4, 2, 6), ab1 = __builtin_shufflevector(a, b, 1, 5, 3, 7),
+              cd = __builtin_shufflevector(c, d, 0, 4, 2, 6), cd1 = __builtin_shufflevector(c, d, 1, 5, 3, 7);
+  a = __builtin_shufflevector(ab, cd, 0, 1, 4, 5);
+  b = __builtin_shufflevector(ab1, cd1, 0, 1, 4, 5);
+  c = __builtin_shufflevector(ab, cd, 2, 3, 6, 7);
+  d = __builtin_shufflevector(ab1, cd1, 2, 3, 6, 7);
 }
 
 /// (x, y) of four points, lane by lane.

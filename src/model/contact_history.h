@@ -86,6 +86,8 @@ class TouchRecords {
   Writer<Touch> write(Range range) {
     return {element_.data() + range.first, at<Touch>(range.first), range.size()};
   }
+  /// The memory of the records of a range, for a term that lays them out in its own way.
+  std::byte* memory(Range range) const { return touch_.get() + static_cast<std::size_t>(range.first) * bytes_; }
   /// visit(e, touch); touch is null where there is no contact any more.
   template <class Touch, class Visit>
   PLIANT_INLINE void for_each(Range range, Visit&& visit) const {
@@ -147,6 +149,12 @@ class ContactTable {
       const auto k = static_cast<std::size_t>(contact_of_ == nullptr ? e : contact_of_[e]);
       return touched_[k] != 0 ? values_ + k * Width : nullptr;
     }
+    /// Of elements that are contacts of their own: all numbers of a range; null where one of them was no contact.
+    PLIANT_INLINE const Real* all(Range range) const {
+      for (Index e = range.first; e < range.last; ++e)
+        if (touched_[e] == 0) return nullptr;
+      return values_ + static_cast<std::size_t>(range.first) * Width;
+    }
 
    private:
     const Index* contact_of_ = nullptr;
@@ -181,6 +189,12 @@ class ContactTable {
     }
     if (known && !touches) std::ranges::fill(numbers, 0);
     touched_[k] = touches ? 1 : 0;
+  }
+  /// The same for elements that are contacts of their own, where all of a range touch: their numbers, to be set.
+  std::span<Real> advance(Range range) {
+    std::fill_n(touched_.begin() + range.first, range.size(), std::uint8_t{1});
+    return std::span(values_).subspan(static_cast<std::size_t>(range.first) * needs_.width,
+                                      static_cast<std::size_t>(range.size()) * needs_.width);
   }
   /// All elements have been advanced: what is not listed does not touch.
   void advanced();

@@ -1,11 +1,13 @@
 // What a disk of uniform pressure on a plane resists with when it slides and spins at the same time.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 #include <vector>
 
-#include <pliant/base/multiversion.h>
+#include <pliant/base/simd.h>
 #include <pliant/base/types.h>
 
 namespace pliant {
@@ -20,20 +22,52 @@ namespace pliant {
 class LimitSurface {
  public:
   static constexpr Real most_torque = 2.0 / 3;  ///< without sliding
-  struct Point {
-    Real force, torque;
-    Real bend;  ///< h''
+  /// Of one slip, or of four.
+  template <class R>
+  struct PointOf {
+    R force, torque;
+    R bend;  ///< h''
   };
+  using Point = PointOf<Real>;
 
+ private:
+  template <class R>
+  PLIANT_INLINE static PointOf<R> point_of(const std::array<R, 4>& c, R u, R s) {
+    const R h = c[0] + u * (c[1] + u * (c[2] + u * c[3])), slope = Real(cells) * (c[1] + u * (2 * c[2] + u * 3 * c[3]));
+    return {h - s * slope, h + (1 - s) * slope, square(Real(cells)) * (2 * c[2] + 6 * u * c[3])};
+  }
+  /// How far (force, torque) is off the normal at s, and how that changes with s.
+  template <class R>
+  PLIANT_INLINE static std::pair<R, R> off_the_normal(R force, R torque, const PointOf<R>& p, R s) {
+    const R df = force - p.force, dt = torque - p.torque;
+    return {df * s - dt * (1 - s), df + dt + p.bend * (s * s + (1 - s) * (1 - s))};
+  }
+  /// A small change of slip; what is left is of its square.
+  static constexpr Real enough = 5e-4;
+  template <class R>
+  PLIANT_INLINE static PointOf<R> moved(const PointOf<R>& p, R s, R change) {
+    return {p.force - s * p.bend * change, p.torque + (1 - s) * p.bend * change, p.bend};
+  }
+  template <class R>
+  PLIANT_INLINE static auto is_outside(R force, R torque, const PointOf<R>& p, R s) {
+    return (force - p.force) * (1 - s) + (torque - p.torque) * s > 0;
+  }
+
+ public:
   LimitSurface();
 
   PLIANT_INLINE Point at(Real s) const {
     const Real x = s * cells;
     const auto cell = static_cast<std::size_t>(std::min(x, Real(cells - 1)));
-    const Real u = x - static_cast<Real>(cell);
-    const std::array<Real, 4>& c = cubic_[cell];
-    const Real h = c[0] + u * (c[1] + u * (c[2] + u * c[3])), slope = cells * (c[1] + u * (2 * c[2] + u * 3 * c[3]));
-    return {h - s * slope, h + (1 - s) * slope, square(Real(cells)) * (2 * c[2] + 6 * u * c[3])};
+    return point_of<Real>(cubic_[cell], x - static_cast<Real>(cell), s);
+  }
+  PLIANT_INLINE PointOf<simd::Real4> at(simd::Real4 s) const {
+    const simd::Real4 x = s * Real(cells);
+    const simd::Int4 cell = simd::truncate(simd::min(x, simd::all(cells - 1)));
+    std::array<simd::Real4, 4> c;
+    for (int k = 0; k < 4; ++k) c[k] = simd::load4(cubic_[cell[k]].data());
+    simd::transpose(c[0], c[1], c[2], c[3]);
+    return point_of<simd::Real4>(c, x - simd::real(cell), s);
   }
 
   /// The point of the curve that is nearest to (force, torque), both ≥ 0, and the slip that it stands for.
@@ -47,8 +81,7 @@ class LimitSurface {
     Real low = 0, high = 1, s = guess;
     Point p = at(s);
     for (int k = 0; k < 60; ++k) {
-      const Real over = (force - p.force) * s - (torque - p.torque) * (1 - s),
-                 slope = (force - p.force) + (torque - p.torque) + p.bend * (square(s) + square(1 - s));
+      const auto [over, slope] = off_the_normal(force, torque, p, s);
       if (over > 0)
         high = s;
       else
@@ -56,25 +89,57 @@ class LimitSurface {
       Real next = slope > 0 ? s - over / slope : -1;
       if (!(next >= low && next <= high)) next = (low + high) / 2;
       const Real change = next - s;
-      if (std::abs(change) < 5e-4) {  // what is left is of its square
-        p.force -= s * p.bend * change;
-        p.torque += (1 - s) * p.bend * change;
+      if (std::abs(change) < enough) {
+        p = moved(p, s, change);
         s = next;
         break;
       }
       s = next;
       p = at(s);
     }
-    const bool outside = (force - p.force) * (1 - s) + (torque - p.torque) * s > 0;
-    return outside ? Nearest{p.force, p.torque, s, true} : Nearest{force, torque, s, false};
+    return is_outside(force, torque, p, s) ? Nearest{p.force, p.torque, s, true} : Nearest{force, torque, s, false};
+  }
+
+  /// The same for four, without bounds: a few steps of Newton's method.
+  struct Nearest4 {
+    simd::Real4 force, torque, slip;  ///< force and torque also where the curve encloses what was given
+    simd::Mask4 outside;
+    simd::Mask4 found;  ///< where it has not come to an end nearest() must be asked
+  };
+  /// of: those that are asked for.
+  PLIANT_INLINE Nearest4 nearest(simd::Real4 force, simd::Real4 torque, simd::Real4 guess, simd::Mask4 of) const {
+    using simd::select;
+    simd::Real4 s = select(of, guess, simd::all(0.5));
+    PointOf<simd::Real4> p = at(s);
+    simd::Mask4 found{};
+    for (int k = 0; k < 4; ++k) {
+      const auto [over, slope] = off_the_normal(force, torque, p, s);
+      const simd::Real4 next = s - over / slope, change = next - s;
+      // What has come to an end stays as it is, whatever the others do.
+      const simd::Mask4 ends = of & ~found & (slope > 0) & (next >= 0) & (next <= 1) & (simd::abs(change) < enough);
+      const PointOf<simd::Real4> end = moved(p, s, change);
+      p.force = select(ends, end.force, p.force);
+      p.torque = select(ends, end.torque, p.torque);
+      s = select(ends, next, s);
+      found |= ends;
+      const simd::Mask4 open = of & ~found;
+      if (k > 0 && !simd::any(open)) break;  // one step seldom does for all four: no use in asking
+      s = select(open, simd::min(simd::max(next, simd::all(0)), simd::all(1)), s);
+      const PointOf<simd::Real4> there = at(s);
+      p.force = select(open, there.force, p.force);
+      p.torque = select(open, there.torque, p.torque);
+      p.bend = there.bend;
+    }
+    return {p.force, p.torque, s, is_outside(force, torque, p, s), found};
   }
 
   /// Whether a point is inside for sure, as it is under two chords of the curve that meet where v = Rω: in units where
   /// μN and μNR are `limit`, with the square of the force and the torque, which is ≥ 0. Takes no root and no division.
-  PLIANT_INLINE static bool surely_inside(Real force2, Real torque, Real limit) {
+  template <class R>
+  PLIANT_INLINE static auto surely_inside(R force2, R torque, R limit) {
     constexpr Real f = 8 / (3 * pi), t = 8 / (9 * pi);
-    const Real a = limit - (1 - f) / t * torque, b = f / (most_torque - t) * (most_torque * limit - torque);
-    return b >= 0 && force2 <= square(a) && force2 <= square(b);
+    const R a = limit - (1 - f) / t * torque, b = f / (most_torque - t) * (most_torque * limit - torque);
+    return (b >= 0) & (force2 <= a * a) & (force2 <= b * b);
   }
 
   /// F and T by complete elliptic integrals, which cancel each other where s is near 0: an error of 10⁻¹⁶/s⁴.

@@ -506,6 +506,8 @@ class Model final : public ForceField<D> {
               return c != nullptr;
             });
           };
+          if constexpr (RangeTerm<Term, D>)
+            if (found) return term.advance(s, range, h, table, sums(range.first));
           if (found) return table.records().template for_each<Touch>(range, one);
           Touch c;
           for (Index e = range.first; e < range.last; ++e) one(e, term.find(s, e, table.past(e), c) ? &c : nullptr);
@@ -757,6 +759,8 @@ class Model final : public ForceField<D> {
   static void add_forces(const T& term, const StateView<D>& s, Index chunk, Real* f) {
     constexpr int sign = EnergyTerm<T, D> ? -1 : 1;
     const auto add = [&](Range range, auto scatter) {
+      if constexpr (RangeTerm<T, D>)
+        if (s.history != nullptr) return term.add_forces(s, range, s.history->of(term.name()), scatter);
       if constexpr (FindingTerm<T, D>) {
         for_each_touch(term, s, range, [&](const auto& c) PLIANT_INLINE_LAMBDA { term.add_force(s, c, scatter); });
       } else if constexpr (HistoryTerm<T, D>) {

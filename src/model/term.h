@@ -164,6 +164,17 @@ concept FindingTerm = requires(const T term, const StateView<D>& s, Index e, Rea
   term.advance(s, c, h, known, numbers, heat);
 };
 
+/// One whose elements always touch may take a range of them together, where there is a history: for a loop over several
+/// elements at a time. It leaves their records, and advances what the last forces found.
+template <class T, int D>
+concept RangeTerm = FindingTerm<T, D> &&
+    requires(const T term, const StateView<D>& s, Range range, Real h, const ContactTable& table,
+             ContactTable& advanced, std::span<Real> heat, const Scatter<D, 1>& f) {
+  requires !ElementKind<T::elements>::paired;
+  term.add_forces(s, range, table, f);
+  term.advance(s, range, h, advanced, heat);
+};
+
 template <class T, int D>
 concept HistoryTerm = requires(const T term, const StateView<D>& s, Index e, Real h, bool known,
                                std::span<const Real> past, std::span<Real> numbers, std::span<Real> heat,

@@ -89,6 +89,34 @@ TEST_CASE("a disk that slides fast spins almost freely, one that spins fast slid
   CHECK(std::abs(limit_surface().at(1).force) < 1e-14);
 }
 
+TEST_CASE("four points at a time are what each is alone, or are said not to be found") {
+  Random random(2);
+  int found = 0;
+  for (int k = 0; k < 2000; ++k) {
+    simd::Real4 force, torque, guess;
+    for (int j = 0; j < 4; ++j) force[j] = random(0, 2), torque[j] = random(0, 2), guess[j] = random(0, 1);
+    const simd::Mask4 of{-1, -1, k % 2 - 1, -1};
+    const LimitSurface::Nearest4 four = limit_surface().nearest(force, torque, guess, of);
+    CHECK((of[2] != 0 || four.found[2] == 0));
+    const auto p = limit_surface().at(guess);
+    for (int j = 0; j < 4; ++j) {
+      const LimitSurface::Point q = limit_surface().at(guess[j]);
+      CHECK(p.force[j] == Approx(q.force).margin(1e-15));
+      CHECK(p.torque[j] == Approx(q.torque).margin(1e-15));
+      CHECK(p.bend[j] == Approx(q.bend).epsilon(1e-12));
+      const LimitSurface::Nearest one = limit_surface().nearest(force[j], torque[j], guess[j]);
+      if (four.found[j] == 0) continue;
+      ++found;
+      CHECK((four.outside[j] != 0) == one.outside);
+      if (!one.outside) continue;
+      CHECK(four.slip[j] == Approx(one.slip).margin(1e-5));
+      CHECK(four.force[j] == Approx(one.force).margin(2e-6));
+      CHECK(four.torque[j] == Approx(one.torque).margin(2e-6));
+    }
+  }
+  CHECK(found > 3000);
+}
+
 TEST_CASE("the nearest point of the limit surface is where the way to it is along its normal") {
   Random random(1);
   int inside = 0;
@@ -107,12 +135,12 @@ TEST_CASE("the nearest point of the limit surface is where the way to it is alon
   }
   CHECK(inside > 300);
   for (const Real deep : {0.0, 0.1, 0.3}) CHECK(!limit_surface().nearest(deep, deep, 0.5).outside);
-  CHECK(LimitSurface::surely_inside(square(3 * 0.5), 3 * 0.3, 3));
-  CHECK(!LimitSurface::surely_inside(square(3 * 0.5), 3 * 0.5, 3));
+  CHECK(LimitSurface::surely_inside<Real>(square(3 * 0.5), 3 * 0.3, 3));
+  CHECK(!LimitSurface::surely_inside<Real>(square(3 * 0.5), 3 * 0.5, 3));
   for (int k = 0; k <= 1000; ++k) {
     const LimitSurface::Point p = LimitSurface::exact(k / 1000.0);
-    CHECK(!LimitSurface::surely_inside(square(3.0003 * p.force), 3.0003 * p.torque, 3));
-    CHECK(LimitSurface::surely_inside(square(2.4 * p.force), 2.4 * p.torque, 3));
+    CHECK(!LimitSurface::surely_inside<Real>(square(3.0003 * p.force), 3.0003 * p.torque, 3));
+    CHECK(LimitSurface::surely_inside<Real>(square(2.4 * p.force), 2.4 * p.torque, 3));
   }
-  CHECK(!LimitSurface::surely_inside(0, 3 * 0.7, 3));
+  CHECK(!LimitSurface::surely_inside<Real>(0, 3 * 0.7, 3));
 }

@@ -1,6 +1,8 @@
 // Disks on a table: what sticks, slides and spins, against exact answers.
 #include <catch2/catch.hpp>
 
+#include <pliant/model/limit_surface.h>
+
 #include "support/frictional.h"
 #include "support/order.h"
 

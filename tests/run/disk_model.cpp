@@ -62,7 +62,12 @@ TEST_CASE("contacts that the last forces found are advanced like those that are 
   struct End {
     std::vector<std::vector<ContactKey>> keys;
     std::vector<std::vector<Real>> values, heat;
-    bool operator==(const End&) const = default;
+  };
+  const auto require_same = [](const End& a, const End& b) {
+    CHECK(a.keys == b.keys);
+    CHECK(a.values == b.values);
+    for (std::size_t k = 0; k < a.heat.size(); ++k)  // sums in any order
+      for (std::size_t j = 0; j < a.heat[k].size(); ++j) CHECK(a.heat[k][j] == Approx(b.heat[k][j]).epsilon(1e-12));
   };
   const auto end = [](Simulation<2>& s) {
     End all;
@@ -106,9 +111,9 @@ TEST_CASE("contacts that the last forces found are advanced like those that are 
     return after;
   };
   const End anew = step(false, Between::nothing);
-  CHECK(step(true, Between::nothing) == anew);
-  CHECK(step(true, Between::look) == anew);
-  CHECK(step(false, Between::trial) == anew);
+  require_same(step(true, Between::nothing), anew);
+  require_same(step(true, Between::look), anew);
+  require_same(step(false, Between::trial), anew);
 }
 
 TEST_CASE("disks on a table between walls do not depend on direction or place") {
