@@ -7,6 +7,7 @@ from test_parallel import needs_mpi, on_ranks
 
 DISKS = {"model": "disk", "n": 60, "hopper_wall_distance": 8, "hopper_width": 4, "pack_fraction": 0.8, "frame_interval": 0.05,
          "sample_interval": 0.05}
+SPHERES = {"dim": 3, "n": 150, "hopper_wall_distance": 6, "hopper_width": 5, "pack_fraction": 0.5}
 CAUSES = [f"{term}_{cause}" for term in ("disk_contact", "disk_wall_contact")
           for cause in ("normal_damping", "tangential_damping", "sliding")]
 
@@ -53,7 +54,7 @@ def test_energy_becomes_heat(tmp_path):
 
 def test_spheres(tmp_path):
     """In space: they flow, spin and heat up; continued bit for bit."""
-    options = {"dim": 3, "n": 150, "hopper_wall_distance": 6, "hopper_width": 5, "pack_fraction": 0.5, "t_end": 4}
+    options = {**SPHERES, "t_end": 4}
     whole = disks(tmp_path / "whole", **options)
     assert whole.summary["crossed_count"] > 20
     spins = whole.column("spins")
@@ -63,6 +64,21 @@ def test_spheres(tmp_path):
     disks(tmp_path / "parts", **{**options, "t_end": 1.5})
     assert pliant("hopper", restart=tmp_path / "parts", t_end=4).returncode == 0
     assert_same_runs(Results(tmp_path / "parts"), whole)
+
+
+@needs_mpi
+def test_spheres_on_ranks(tmp_path):
+    """The same to rounding while it is short; what slides has turned and heated."""
+    alone = disks(tmp_path / "alone", **SPHERES, t_end=0.6)
+    result = on_ranks(2, "hopper", output=tmp_path / "two", **{**DISKS, **SPHERES, "t_end": 0.6})
+    assert result.returncode == 0, result.stderr
+    two = Results(tmp_path / "two")
+    assert np.abs(alone.column("spins")[-1]).mean() > 0.01
+    for name in ("positions", "spins"):
+        np.testing.assert_allclose(two.column(name), alone.column(name), rtol=0, atol=1e-7)
+    for cause in ("sphere_contact_sliding", "sphere_wall_contact_sliding"):
+        assert alone.series[cause][-1] > 1e-3
+        assert two.series[cause][-1] == pytest.approx(alone.series[cause][-1], rel=1e-6), cause
 
 
 def test_friction_holds_a_pile(tmp_path):
