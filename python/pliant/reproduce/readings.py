@@ -299,6 +299,7 @@ def draw_coefficients(measured):
     fits = fits[fits["fit"].notna()]
     rest = [name for name in OPTIONS if name not in ("mu", "zeta", "dt")]
     fits["curve"] = [reading(row, rest) for _, row in fits.iterrows()]
+    curves = sorted(fits["curve"].unique())  # the same in both panels looks the same
     there = [limit for limit in LIMIT_NAMES if (fits["limit"] == limit).any()]
     if not there:
         raise RunError("no coefficient has enough widths for a fit of beta")
@@ -308,7 +309,8 @@ def draw_coefficients(measured):
     for (top, bottom), limit in zip(panels.T, there):
         group = fits[fits["limit"] == limit]
         own = group["reference"].iloc[0]
-        for i, (curve, points) in enumerate(group.groupby("curve", sort=False)):
+        for curve, points in group.groupby("curve"):
+            i = curves.index(curve)
             points = points.sort_values(COEFFICIENT[limit])
             x, (beta, error) = points[COEFFICIENT[limit]].to_numpy(float), _beta(points)
             color, marker = plotting.COLORS[i % len(plotting.COLORS)], plotting.MARKERS[i % len(plotting.MARKERS)]
