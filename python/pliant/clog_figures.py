@@ -74,5 +74,6 @@ def draw_probabilities(axes, points, x, fit):
         axes.errorbar(x[own], of["P"], [of["P"] - of["P_low"], of["P_high"] - of["P"]], label=rf"$\phi_c$ = {phi_c:g}",
                       **style)
     grid = np.linspace(0, x.max() * 1.05, 400)
-    axes.plot(grid, clog.clog_law(grid, fit.A, fit.B, points["n"].max()), "--", color="0.3", lw=1.2)
+    axes.plot(grid, clog.clog_law(grid, fit.A, fit.B, points["n"].max()), "--", color="0.3", lw=1.2,
+              label=r"[T 4.19] of $\langle s\rangle$")
     axes.set(xlabel=r"$w/\delta^*$", ylabel=r"$P_{clog}$", ylim=(-0.04, 1.04))
