@@ -296,6 +296,8 @@ PLIANT_MULTIVERSION void damp_one(const BaseFriction& base, const StateView<2>& 
 
 }  // namespace
 
+const LimitSurface* BaseFriction::the_surface() { return &limit_surface(); }
+
 bool BaseFriction::find(const StateView<2>& s, Index i, std::span<const Real> past, Touch& c) const {
   find_one(*this, s, i, past.empty() ? nullptr : past.data(), c);
   return true;

@@ -11,7 +11,6 @@
 namespace pliant {
 
 class LimitSurface;
-const LimitSurface& limit_surface();
 
 /// A disk presses on the plane in which it moves with N = m g, evenly spread over its area, and sticks to it by a
 /// spring at its place r₀ and angle θ₀: the force −k (r − r₀) and the torque −k R² (θ − θ₀), k = ε/σ². Where force and
@@ -30,7 +29,7 @@ struct BaseFriction {
   Real damping = 0.1;  ///< ζ
   bool coupled = true;
   bool all_alike = false;  ///< k = ε for all sizes
-  const LimitSurface* surface = &limit_surface();
+  const LimitSurface* surface = the_surface();
 
   static constexpr Elements elements = Elements::points;
   static constexpr bool rotates = true;
@@ -81,6 +80,7 @@ struct BaseFriction {
   Real max_damping(const Topology& topology) const { return off() ? 0 : 4 * damping * std::sqrt(stiffest(topology)); }
 
  private:
+  static const LimitSurface* the_surface();
   Real stiffness(Real sigma) const { return all_alike ? epsilon : epsilon / square(sigma); }
 
   /// Force and torque over R with what damps.
