@@ -37,8 +37,7 @@ void random_place(const Container& container, const Walls<D>& walls, Real height
       most_attempts);
 }
 
-}  // namespace
-
+/// Of points among each other and with walls, over the distance of contact.
 template <int D>
 Real largest_overlap(ParticleSystem<D>& system, const Real* x) {
   const StateView<D> s = system.view(x, nullptr);
@@ -49,10 +48,30 @@ Real largest_overlap(ParticleSystem<D>& system, const Real* x) {
   return largest;
 }
 
+}  // namespace
+
 template <int D>
-RelaxedDisks relax_disks(Topology disks, const Walls<D>& walls, Real tolerance, std::int64_t max_iterations,
-                         const std::function<bool(Index, const Real*)>& inside, std::span<Real> centres) {
+Relaxed push_apart(ParticleSystem<D>& system, FireOptions options, Real tolerance,
+                   const std::function<bool(const Real*)>& inside, std::span<Real> x) {
   constexpr Real mass = 1;
+  Relaxed relaxed;
+  options.force = [&](const Real* r, Real* f) { system.field().forces(system.view(r, nullptr), f); };
+  options.done = [&](const Real* r) {
+    relaxed.max_overlap = largest_overlap<D>(system, r);
+    return relaxed.max_overlap <= tolerance && inside(r);
+  };
+  const FireResult result = fire(
+      x, std::span(&mass, 1), [&](const Real* r, Real* f) { return system.field().energy(system.view(r, nullptr), f); },
+      options);
+  relaxed.iterations = result.iterations;
+  relaxed.reason = result.reason;
+  relaxed.done = options.done(x.data());
+  return relaxed;
+}
+
+template <int D>
+Relaxed relax_disks(Topology disks, const Walls<D>& walls, Real tolerance, std::int64_t max_iterations,
+                    const std::function<bool(Index, const Real*)>& inside, std::span<Real> centres) {
   const Index n = disks.particles();
   ParticleSystem<D> system(std::move(disks), walls,
                            make_force_field<D>(ModelKind::sp, {.epsilon = 1, .epsilon_wall = 1}, Vec<D>::Zero()), 0.3);
@@ -62,26 +81,17 @@ RelaxedDisks relax_disks(Topology disks, const Walls<D>& walls, Real tolerance, 
     system.sort(state);  // sorted in space, searches and sums are fast
     std::copy(state.x().begin(), state.x().end(), centres.begin());
   }
-  RelaxedDisks relaxed;
   FireOptions options;
   options.dt = 0.1;
   options.dt_max = 0.5;
   options.force_tolerance = 1e-2 * tolerance;
   options.max_iterations = max_iterations;
-  options.force = [&](const Real* r, Real* f) { system.field().forces(system.view(r, nullptr), f); };
-  options.done = [&](const Real* r) {
-    relaxed.max_overlap = largest_overlap<D>(system, r);
-    if (relaxed.max_overlap > tolerance) return false;
-    bool all = true;
-    for (Index m = 0; m < n && all; ++m) all = inside(m, r);
-    return all;
+  const auto all_inside = [&](const Real* r) {
+    for (Index m = 0; m < n; ++m)
+      if (!inside(m, r)) return false;
+    return true;
   };
-  const FireResult result = fire(
-      centres, std::span(&mass, 1),
-      [&](const Real* r, Real* f) { return system.field().energy(system.view(r, nullptr), f); }, options);
-  relaxed.iterations = result.iterations;
-  relaxed.reason = result.reason;
-  relaxed.done = options.done(centres.data());
+  const Relaxed relaxed = push_apart<D>(system, options, tolerance, all_inside, centres);
   const std::vector<Real> sorted(centres.begin(), centres.end());
   for (Index k = 0; k < n; ++k) point<D>(centres.data(), system.topology().id[k]) = point<D>(sorted.data(), k);
   return relaxed;
@@ -128,7 +138,7 @@ Packing pack(const Topology& topology, const Container& container, const Packing
       if (before == 0 || !inside(m, centres.data()))
         random_place<D>(container, walls, packing.height, outer_radius(topology, m), p.seed, m, round, r);
     }
-    const RelaxedDisks relaxed = relax_disks<D>(outer_disks(), walls, p.tolerance, most_iterations, inside, centres);
+    const Relaxed relaxed = relax_disks<D>(outer_disks(), walls, p.tolerance, most_iterations, inside, centres);
     packing.iterations += relaxed.iterations;
     packing.max_overlap = relaxed.max_overlap;
     if (relaxed.done) break;
@@ -146,12 +156,14 @@ Packing pack(const Topology& topology, const Container& container, const Packing
   return packing;
 }
 
-template Real largest_overlap(ParticleSystem<2>&, const Real*);
-template Real largest_overlap(ParticleSystem<3>&, const Real*);
-template RelaxedDisks relax_disks<2>(Topology, const Walls<2>&, Real, std::int64_t,
-                                     const std::function<bool(Index, const Real*)>&, std::span<Real>);
-template RelaxedDisks relax_disks<3>(Topology, const Walls<3>&, Real, std::int64_t,
-                                     const std::function<bool(Index, const Real*)>&, std::span<Real>);
+template Relaxed push_apart(ParticleSystem<2>&, FireOptions, Real, const std::function<bool(const Real*)>&,
+                            std::span<Real>);
+template Relaxed push_apart(ParticleSystem<3>&, FireOptions, Real, const std::function<bool(const Real*)>&,
+                            std::span<Real>);
+template Relaxed relax_disks<2>(Topology, const Walls<2>&, Real, std::int64_t,
+                                const std::function<bool(Index, const Real*)>&, std::span<Real>);
+template Relaxed relax_disks<3>(Topology, const Walls<3>&, Real, std::int64_t,
+                                const std::function<bool(Index, const Real*)>&, std::span<Real>);
 template Packing pack<2>(const Topology&, const Container&, const PackingParameters&, Real*);
 template Packing pack<3>(const Topology&, const Container&, const PackingParameters&, Real*);
 

@@ -11,6 +11,7 @@
 
 namespace pliant {
 
+struct FireOptions;
 template <int D>
 class ParticleSystem;
 
@@ -29,23 +30,25 @@ struct Packing {
   Real max_overlap = 0;         ///< largest 1 − r/σ_mn of the outer disks, or 1 − 2 d/σ_m at walls
 };
 
-/// Disks (spheres) that were pushed apart.
-struct RelaxedDisks {
+/// Particles that were pushed apart.
+struct Relaxed {
   std::int64_t iterations = 0;  ///< of FIRE
-  Real max_overlap = 0;         ///< as of Packing
+  Real max_overlap = 0;         ///< as of Packing, of points
   bool done = false;            ///< within the tolerance, and all inside
   std::string reason;           ///< why it ended
 };
 
-/// The largest overlap of points among each other and with walls, over the distance of contact; of x [points · D].
+/// Pushes the points x [points · D] of the system apart and off the walls with FIRE, by its forces and with equal
+/// masses, until no overlap is larger than the tolerance and inside(x). options: but for the forces and the end.
 template <int D>
-Real largest_overlap(ParticleSystem<D>& system, const Real* x);
+Relaxed push_apart(ParticleSystem<D>& system, FireOptions options, Real tolerance,
+                   const std::function<bool(const Real*)>& inside, std::span<Real> x);
 
 /// Pushes disks, which may lie on top of each other, apart and off the walls with FIRE. inside(m, r): whether disk m is
 /// in the container at centres r, where the walls alone do not keep it in. centres [disks · D], by id.
 template <int D>
-RelaxedDisks relax_disks(Topology disks, const Walls<D>& walls, Real tolerance, std::int64_t max_iterations,
-                         const std::function<bool(Index, const Real*)>& inside, std::span<Real> centres);
+Relaxed relax_disks(Topology disks, const Walls<D>& walls, Real tolerance, std::int64_t max_iterations,
+                    const std::function<bool(Index, const Real*)>& inside, std::span<Real> centres);
 
 /// Errors: InputError for a particle that is wider than the container where particles come in.
 void check_fit(const Topology& topology, const Container& container);

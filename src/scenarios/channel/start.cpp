@@ -73,7 +73,6 @@ std::optional<std::pair<Index, Index>> find_tangle(const StateView<2>& s) {
 /// Pushes polygons apart by their contacts, `scale` being how large they are.
 void relax_polygons(Topology polygons, const std::shared_ptr<const RestOutlines>& outlines, const Channel& channel,
                     const Walls<2>& walls, Real tolerance, Real scale, ChannelStart& start) {
-  constexpr Real mass = 1;
   const Real smallest = *std::min_element(polygons.diameter.begin(), polygons.diameter.end());
   const Real epsilon = square(smallest);  // so that all stiffnesses are 1
   ParticleSystem<2> system(
@@ -88,27 +87,24 @@ void relax_polygons(Topology polygons, const std::shared_ptr<const RestOutlines>
   options.max_move = smallest / 10;
   options.force_tolerance = 1e-2 * tolerance * smallest;
   options.max_iterations = 20000;
-  options.force = [&](const Real* r, Real* f) { system.field().forces(system.view(r, nullptr), f); };
-  bool inside = true;
-  options.done = [&](const Real* r) {
-    start.max_overlap = largest_overlap<2>(system, r);
-    inside = true;
-    for (Index i = 0; i < system.topology().points() && inside; ++i) inside = channel.inside(point<2>(r, i));
-    return start.max_overlap <= tolerance && inside;
+  const auto inside = [&](const Real* r) {
+    for (Index i = 0; i < system.topology().points(); ++i)
+      if (!channel.inside(point<2>(r, i))) return false;
+    return true;
   };
-  const FireResult result = fire(
-      start.x, std::span(&mass, 1),
-      [&](const Real* r, Real* f) { return system.field().energy(system.view(r, nullptr), f); }, options);
-  start.iterations += result.iterations;
+  const Relaxed relaxed = push_apart<2>(system, options, tolerance, inside, start.x);
+  start.iterations += relaxed.iterations;
+  start.max_overlap = relaxed.max_overlap;
   const auto fail = [&](const std::string& what) {
     throw NumericalError(
         "the start: {} polygons do not fit: at {:.3g} of their size {}; lower -area_fraction or use another -seed",
         system.topology().particles(), scale, what);
   };
-  if (!options.done(start.x.data()))
-    fail(inside ? fmt::format("they still overlap by {:.2g} of the distance of contact ({}), with {:.2g} allowed",
-                              start.max_overlap, result.reason, tolerance)
-                : "one was pushed out of the channel");
+  if (!relaxed.done)
+    fail(inside(start.x.data())
+             ? fmt::format("they still overlap by {:.2g} of the distance of contact ({}), with {:.2g} allowed",
+                           start.max_overlap, relaxed.reason, tolerance)
+             : "one was pushed out of the channel");
   if (const auto tangle = find_tangle(system.view(start.x.data(), nullptr)))
     fail(fmt::format("polygon {} reaches into polygon {}", tangle->first, tangle->second));
 }
@@ -124,7 +120,7 @@ ChannelStart random_start(const Topology& disks, const Channel& channel, const W
     const Vec<2> r = random_place(channel, m, seed);
     start.x.insert(start.x.end(), {r[0], r[1]});
   }
-  const RelaxedDisks relaxed = relax_disks<2>(
+  const Relaxed relaxed = relax_disks<2>(
       disks, walls, tolerance, most_iterations, [&](Index m, const Real* r) { return channel.inside(point<2>(r, m)); },
       start.x);
   start.iterations = relaxed.iterations;
