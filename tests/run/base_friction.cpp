@@ -3,8 +3,7 @@
 
 #include <pliant/model/limit_surface.h>
 
-#include "support/frictional.h"
-#include "support/order.h"
+#include "support/on_table.h"
 
 using namespace pliant;
 using namespace pliant::test;
@@ -175,37 +174,20 @@ TEST_CASE("a disk that is pushed by less than friction holds does not creep") {
 }
 
 TEST_CASE("a disk that sticks is integrated at second order, and one that comes to slide at first") {
-  const auto error = [](Real v, Real h, Real exact) {
+  check_orders_on_table([](Real v, Real h) {
     BaseFriction base = friction(0.3, 0.3);
     base.damping = 0;
     OnTable disk(base, h, {v, 0}, 0, {0, 0}, 0.01);
     disk.s->advance(0.05);
-    return std::abs(disk.position()[0] - exact);
-  };
-  const Real k = 0.3 * 10 / 0.01, omega = std::sqrt(k);  // per mass
-  require_order(
-      "sticks", [&](Real h) { return error(0.1, h, 0.1 / omega * std::sin(omega * 0.05)); }, 0.005, 2);
-  // Until the spring is at its limit at sin ωt₁ = 0.01 ω/v, then with the acceleration −μg.
-  const Real v = 0.3, t1 = std::asin(0.01 * omega / v) / omega, v1 = v * std::cos(omega * t1), rest = 0.05 - t1;
-  REQUIRE(v1 > 3 * rest);
-  const Real exact = 0.01 + v1 * rest - 1.5 * square(rest);
-  const OrderFit fit = fit_order([&](Real h) { return error(v, h, exact); }, 0.002, 5);
-  INFO(fit.text());
-  CHECK(fit.errors.front() < 1e-3);
-  CHECK(fit.slope() > 0.9);
+    return disk.position()[0];
+  });
 }
 
 TEST_CASE("what a disk loses as it breaks away, from the static limit to the dynamic one, is heat") {
   BaseFriction base = friction(0.5, 0.3);
   base.damping = 0;
   OnTable disk(base, 2e-5, {0.6, 0}, 0, {0, 0}, 0.01);
-  const Real before = energy(*disk.s);
-  disk.s->advance(0.02);
-  CHECK(sum_of_heat(*disk.s, "base_friction") < 1e-12);
-  disk.s->advance(0.05);
-  const Real lost = before - energy(*disk.s);
-  CHECK(lost > 0.05 * disk.mass);
-  CHECK(sum_of_heat(*disk.s, "base_friction") == Approx(lost).epsilon(5e-3));
+  check_heat_of_breaking_away(*disk.s, disk.mass);
 }
 
 TEST_CASE("disks do not depend on the frame in which they lie, nor on the units of time") {

@@ -7,8 +7,7 @@
 #include <pliant/model/rest_shape.h>
 #include <pliant/model/vertex_base_friction.h>
 
-#include "support/frictional.h"
-#include "support/order.h"
+#include "support/on_table.h"
 
 using namespace pliant;
 using namespace pliant::test;
@@ -180,37 +179,20 @@ TEST_CASE("a polygon that is pushed by less than friction holds does not creep")
 }
 
 TEST_CASE("a polygon that sticks is integrated at second order, and one that comes to slide at first") {
-  const auto error = [](Real v, Real h, Real exact) {
+  check_orders_on_table([](Real v, Real h) {
     VertexBaseFriction base = friction(0.3, 0.3);
     base.damping = 0;
     OnTable plate(base, h, {v, 0}, 0, {0, 0}, 0.01, 10);
     plate.s->advance(0.05);
-    return std::abs(plate.position()[0] - exact);
-  };
-  const Real omega = std::sqrt(0.3 * 10 / 0.01);
-  require_order(
-      "sticks", [&](Real h) { return error(0.1, h, 0.1 / omega * std::sin(omega * 0.05)); }, 0.005, 2);
-  // Until the springs are at their limit at sin ωt₁ = 0.01 ω/v, then with the acceleration −μg.
-  const Real v = 0.3, t1 = std::asin(0.01 * omega / v) / omega, v1 = v * std::cos(omega * t1), rest = 0.05 - t1;
-  REQUIRE(v1 > 3 * rest);
-  const Real exact = 0.01 + v1 * rest - 1.5 * square(rest);
-  const OrderFit fit = fit_order([&](Real h) { return error(v, h, exact); }, 0.002, 5);
-  INFO(fit.text());
-  CHECK(fit.errors.front() < 1e-3);
-  CHECK(fit.slope() > 0.9);
+    return plate.position()[0];
+  });
 }
 
 TEST_CASE("what a polygon loses as it breaks away, from the static limit to the dynamic one, is heat") {
   VertexBaseFriction base = friction(0.5, 0.3);
   base.damping = 0;
   OnTable plate(base, 2e-5, {0.6, 0}, 0, {0, 0}, 0.01, 10);
-  const Real before = energy(*plate.s);
-  plate.s->advance(0.02);
-  CHECK(sum_of_heat(*plate.s, "base_friction") < 1e-12);
-  plate.s->advance(0.05);
-  const Real lost = before - energy(*plate.s);
-  CHECK(lost > 0.05 * plate_mass);
-  CHECK(sum_of_heat(*plate.s, "base_friction") == Approx(lost).epsilon(5e-3));
+  check_heat_of_breaking_away(*plate.s, plate_mass);
 }
 
 TEST_CASE("polygons on a table do the same on any number of ranks, with the same heat", "[ranks]") {
