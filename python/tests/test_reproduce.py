@@ -22,7 +22,7 @@ from test_plots import assert_picture
 from test_raft import K1, write_raft
 
 from pliant import PliantError, beverloo, clog, ensemble, plotting
-from pliant.reproduce import command, figure, measure
+from pliant.reproduce import command, figure, hopper, measure, published
 from pliant.reproduce.figure import Figure, Quantity, agree, deviation, rows, seeds_text, write_rows
 from pliant.reproduce.published import Published
 from pliant.reproduce.readings import plateau
@@ -127,13 +127,36 @@ def started(tmp_path):
 def test_every_figure_has_tables(one):
     assert one.title and one.measure in measure.MEASURES and one.quick_note
     for level in figure.LEVELS:
-        assert one.tables(level)
+        assert one.tables(level) or level == "as-run"
         for name in one.tables(level):
             table = read_rows(figure.VALIDATION / f"{name}.csv", "hopper")
-            assert level == "full" or len(table) <= 120, name
+            assert level != "quick" or len(table) <= 120, name
             # Errors need seeds: several at most points, but where a run shows one thing alone.
             seeds = {row.options.get("seed") for row in table}
             assert len(seeds) > 1 or name in ONE_SEED, name
+
+
+def test_tables_as_run_are_those_of_the_examples():
+    """Each law of examples/as_run.yaml and as_run_smooth.yaml, and their coefficients in the limits."""
+    examples = {"sp": "as_run.yaml", "smooth": "as_run_smooth.yaml"}
+    names = {name for one in command.FIGURES.values() for name in one.as_run}
+    assert {path.stem for path in (figure.VALIDATION / "as-run").glob("*.csv")} == {name.split("/")[1] for name in names}
+    for name in names:
+        for row in read_rows(figure.VALIDATION / f"{name}.csv", "hopper"):
+            text = (HERE.parents[1] / "examples" / examples[row.options.get("model", "sp")]).read_text()
+            example = {key.strip(): value.split("#")[0].strip() for key, value in (
+                line.split(":", 1) for line in text.splitlines() if ":" in line and not line.startswith("#"))}
+            three = row.options.get("dim") == "3"
+            varied = {"e_sp", "zeta", "k_l", "k_b", "e_c", "n", "t_end", "dt", "model", "sample_interval"} | (
+                {"mu", "e_w"} if three or "k_l" in row.options else {"mu"})
+            laws = {key for key in example if key in row.options} - varied
+            assert {"friction", "drag", "count", "removal_depth", "reinsertion_gap", "reinsertion_lateral_speed"} <= laws
+            for key in laws:
+                assert row.options[key] == example[key], (name, key)
+            mu, zeta = (float(row.options.get(key) or 0) for key in ("mu", "zeta"))
+            lam = zeta / mu / published.CODE_LAMBDA[3 if three else 2] if mu else np.inf
+            assert mu == pytest.approx(28.4 if three else 8.505) if lam <= 0.01 else zeta == pytest.approx(
+                4.11131 if three else 1.53903, rel=1e-3), (name, row.id)
 
 
 def test_quick_tables_are_small():
@@ -313,6 +336,20 @@ def test_all(call, tmp_path, monkeypatch):
     call("all", "--kept")  # nothing is kept: no failure, no figure
 
 
+def test_tables_as_run(call, tmp_path, monkeypatch):
+    chosen = {name: dataclasses.replace(command.FIGURES[name], as_run=as_run) for name, as_run in (
+        ("H2", ("quick/stiff",)), ("H10", ()))}
+    monkeypatch.setattr(command, "FIGURES", chosen)
+    assert "H10 has no table as run; these have: H2" in call("H10", "as-run", code=2)
+    call("all", "as-run", "--keep")
+    assert len(started(tmp_path)) == 8 and (tmp_path / "reproduced/H2-as-run.png").exists()
+    table = pd.read_csv(tmp_path / "reproduced/reproduced.csv")
+    assert set(table["level"]) == {"as-run"} and set(table["figure"]) == {"H2"}
+    assert "8 of 8 runs are kept" in call("H2", "as-run", "--kept")
+    call("H2", "--kept", "-o", "other")  # not those as run: quick ones, of which stiff is kept
+    assert {path.name for path in (tmp_path / "other").glob("*.png")} == {"H2-quick.png"}
+
+
 def test_optional_tables(call, tmp_path, monkeypatch):
     """Are run if they are asked for; what is kept of them is drawn anyway."""
     one = dataclasses.replace(command.FIGURES["H2"], full=("quick/limits",), optional=("quick/stiff",))
@@ -375,6 +412,14 @@ def drawn(name, data, tmp_path=None):
 
 
 LAMS = (0.0, 1e-3, 1e-2, 0.05, 0.1, 1.0, np.inf)
+
+
+def test_lambda_as_run_is_that_of_the_codes_numbers():
+    """10 sqrt(10) and 1/sqrt(10), the same numbers in both, are 0.01; whatever the unit of the drag per mass."""
+    for dim, mu, zeta in ((2, 8.505, 1.539), (3, 28.4, 4.111)):
+        table = pd.DataFrame({"mu": [31.6227766, mu, mu, 0.0], "zeta": [0.316227766, zeta, 0.0, zeta], "dim": dim,
+                              "drag": ["per_particle", "per_mass", "per_mass", "per_mass"]})
+        assert hopper.with_limit(table)["lam"].to_numpy() == pytest.approx([0.01, 0.01, 0, np.inf], rel=1e-3)
 
 
 def crossing_law(lam, lam_c=0.05):

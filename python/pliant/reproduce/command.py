@@ -34,6 +34,7 @@ _EPILOG = """examples:
   pliant-reproduce H2 quick -j 2
   pliant-reproduce H4 full                                 # hours; stop it, and go on with the same command
   pliant-reproduce H4 --kept                               # from what was measured before, without a run
+  pliant-reproduce H4 as-run                               # with all differences of the authors' code
   pliant-reproduce H2 --table mine.csv                     # your runs, the same figure
 
 exit codes: 0 done, 2 bad input, 3 runs have failed or a figure could not be drawn, 4 output failed, 75 runs are left: run
@@ -74,7 +75,7 @@ def _parser():
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("figure", metavar="FIG", help="a figure, as H2 or T2.14; all; or list, which shows them")
     parser.add_argument("level", nargs="?", choices=LEVELS, help="quick: at most 5 minutes on 2 cores, larger errors "
-                        "(default); full: the range of the paper, hours")
+                        "(default); full: the range of the paper, hours; as-run: as the authors' code is said to compute it")
     parser.add_argument("-j", "--jobs", type=int, metavar="N", help="runs at a time (default: one per core)")
     parser.add_argument("-o", "--output", type=Path, default=Path("reproduced"), metavar="FOLDER",
                         help="folder of figures, reproduced.csv and runs (default: reproduced)")
@@ -181,7 +182,7 @@ def _write_csv(path, table):
 def _measured(figure, level, given, runs):
     """(level, tables, DataFrame of all that was measured for the figure)."""
     if given.kept:
-        for one in [level] if level else reversed(LEVELS):
+        for one in [level] if level else ("full", "quick"):
             tables = _tables(figure, one, given)
             kept = _load_kept(figure, tables)
             if len(kept):
@@ -227,6 +228,8 @@ def reproduce(figure, level, given, runs):
     if level == "quick":
         remark(f"quick: {figure.quick_note}; the errors are larger than those of full")
     drawn, quantities = figure.draw(data)
+    if level == "as-run":
+        drawn.suptitle("as run", x=0.01, ha="left", fontsize="medium")
     lines = rows(figure, level, quantities, data, [table.name for table in tables])
     _print_rows(lines)
     hours = data.drop_duplicates(["table", "row"])["cpu_seconds"].sum() / 3600
@@ -248,6 +251,11 @@ def main(arguments=None):
     chosen = list(FIGURES.values()) if everything else [figure_by_name(given.figure)]
     if given.table and (everything or given.level or given.keep or given.kept):
         raise RunError("--table goes with one figure, and with neither quick, full, --keep nor --kept")
+    if given.level == "as-run":
+        with_one = [figure for figure in FIGURES.values() if figure.as_run]
+        if not everything and chosen[0] not in with_one:
+            raise RunError(f"{chosen[0].name} has no table as run; these have: {', '.join(f.name for f in with_one)}")
+        chosen = [figure for figure in chosen if figure in with_one]
     if given.optional and given.level != "full":
         raise RunError("--optional goes with full: only that has optional tables")
     try:

@@ -13,7 +13,7 @@ from .published import Published
 
 #: Tables and what was measured from them: beside the folder python of the sources and of an installation.
 VALIDATION = Path(__file__).resolve().parents[3] / "validation"
-LEVELS = ("quick", "full")
+LEVELS = ("quick", "full", "as-run")
 #: Two values agree if they are no further apart than this many of their joint standard errors.
 AGREE = 2.0
 
@@ -42,9 +42,11 @@ class Figure:
     draw: Callable   #: measured [DataFrame] → (matplotlib figure, [Quantity])
     quick_note: str = "fewer seeds and shorter runs"  #: what the quick form has less of
     optional: tuple = ()  #: tables of `full` whose runs are made if they are asked for; what is kept of them is always drawn
+    as_run: tuple = ()  #: with all that the authors' code is said to have differently; empty where nothing is known of it
 
     def tables(self, level):
-        return self.quick if level == "quick" else (*self.full, *self.optional)
+        """Names of the tables of a level; empty for as-run where there is none."""
+        return {"quick": self.quick, "full": (*self.full, *self.optional), "as-run": self.as_run}[level]
 
 
 def deviation(quantity):

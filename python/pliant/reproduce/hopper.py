@@ -19,10 +19,13 @@ _MODEL = ["model", "e_sp", "k_l", "k_b"]
 
 
 def with_limit(measured):
-    """The same with lam, zeta/mu, and limit: friction, drag, or empty between them."""
+    """The same with lam, zeta/mu, and limit: friction, drag, or empty between them. With drag per mass lam is that of the
+    numbers of the authors' code, to which the published values belong."""
     mu, zeta = measured["mu"].to_numpy(float), measured["zeta"].to_numpy(float)
     with np.errstate(divide="ignore", invalid="ignore"):
         lam = np.where(mu > 0, zeta / mu, np.inf)
+    if "drag" in measured:
+        lam = lam / np.where(measured["drag"] == "per_mass", measured["dim"].map(published.CODE_LAMBDA), 1.0)
     # Tables hold rounded coefficients: equal ratios get equal values.
     lam = [float(f"{x:.4g}") for x in lam]
     return measured.assign(lam=lam, limit=np.select([zeta == 0, mu == 0], ["friction", "drag"], ""))
@@ -552,32 +555,38 @@ def draw_discharge(measured):
 _FEW = "soft particles alone, fewer seeds and shorter runs; no deformable ones"
 FIGURES = [
     Figure("H2", "Q(w) of soft and deformable particles, friction only and drag only", ("quick/limits", "quick/stiff"),
-           ("hopper/limits", "hopper/limits-deformable"), "flows", draw_limits, _FEW),
+           ("hopper/limits", "hopper/limits-deformable"), "flows", draw_limits, _FEW,
+           as_run=("as-run/limits",)),
     Figure("H3", "Q(w) of soft spheres, friction only and drag only", ("quick/limits-3d",), ("hopper/limits-3d",),
-           "flows", draw_limits, "half the particles, shorter runs"),
+           "flows", draw_limits, "half the particles, shorter runs", as_run=("as-run/limits-3d",)),
     Figure("H4", "exponent beta against lambda = zeta/mu", ("quick/lambda", "quick/limits"),
            ("hopper/lambda", "hopper/lambda-3d"), "flows", draw_lambda, "one stiffness, 2D, fewer widths, shorter runs",
-           ("hopper/lambda-deformable",)),
+           ("hopper/lambda-deformable",), ("as-run/lambda", "as-run/limits", "as-run/lambda-hard", "as-run/limits-hard",
+                                           "as-run/lambda-3d", "as-run/limits-3d")),
     Figure("H5", "velocity on the axis for several widths, and its exponent at the orifice", ("quick/profile",),
-           ("hopper/profile",), "profiles", draw_profiles),
+           ("hopper/profile",), "profiles", draw_profiles, as_run=("as-run/profile",)),
     Figure("H6", "beta(lambda) and the ratio of the forces for several angles", ("quick/angle", "quick/lambda"),
            ("hopper/angle",), "flows", draw_angles, "fewer lambda and widths, shorter runs",
-           ("hopper/lambda-deformable",)),
+           ("hopper/lambda-deformable",), ("as-run/angle", "as-run/lambda")),
     Figure("H7", "offset k against the stiffness of soft and deformable particles", ("quick/stiffness", "quick/map"),
            ("hopper/stiffness", "hopper/map"), "flows", draw_offsets,
-           "120 deformable particles with contacts softer than printed, one seed, three K_l and K_b"),
+           "120 deformable particles with contacts softer than printed, one seed, three K_l and K_b",
+           as_run=("as-run/stiffness", "as-run/limits", "as-run/limits-hard", "as-run/map")),
     Figure("H8", "discharge of two wedges against their width, beside the experiment", ("quick/discharge",),
            ("hopper/discharge",), "flows", draw_discharge, "400 particles, four seeds"),
     Figure("H10", "Q(w) of soft and of nearly hard particles", ("quick/limits", "quick/hard"),
-           ("hopper/limits", "hopper/limits-deformable"), "flows", draw_limits, _FEW),
+           ("hopper/limits", "hopper/limits-deformable"), "flows", draw_limits, _FEW,
+           as_run=("as-run/limits", "as-run/limits-hard")),
     Figure("H11", "beta(lambda) of very soft particles, from Q and from Q' corrected for overlaps",
            ("quick/lambda-soft", "quick/lambda"), ("hopper/lambda-soft", "hopper/lambda"), "flows", draw_corrected,
            "fewer lambda and widths, shorter runs"),
     Figure("H12", "beta(lambda) and C for several numbers of particles", ("quick/size", "quick/limits", "quick/lambda"),
            ("hopper/size",),
-           "flows", draw_size, "fewer lambda and widths, shorter runs"),
+           "flows", draw_size, "fewer lambda and widths, shorter runs",
+           as_run=("as-run/size", "as-run/limits", "as-run/lambda")),
     Figure("H13", "prefactor C of soft particles against their stiffness, and the collapse", ("quick/stiffness",),
-           ("hopper/stiffness",), "flows", draw_prefactors, "four stiffnesses, shorter runs"),
+           ("hopper/stiffness",), "flows", draw_prefactors, "four stiffnesses, shorter runs",
+           as_run=("as-run/stiffness", "as-run/limits", "as-run/limits-hard")),
     Figure("H14", "prefactor C of deformable particles, and the collapse", ("quick/map",), ("hopper/map",), "flows",
-           draw_prefactors, "120 particles with contacts softer than printed, one seed"),
+           draw_prefactors, "120 particles with contacts softer than printed, one seed", as_run=("as-run/map",)),
 ]

@@ -26,7 +26,7 @@ _LAWS = ["friction", "drag", "count", "reinsertion_gap", "e_w", "area_energy", "
          "wall_diameter"]
 _RATES = ["Q", "Q_corrected", "orifice_velocity", "drag_friction_ratio", "c0"]
 _CLOG = ["hopper_width", "g", "phi_c", "status", "avalanche_size", "capillary_length"]
-_PROFILE = ["mu", "zeta", "e_sp", "hopper_width"]
+_PROFILE = ["mu", "zeta", "e_sp", "hopper_width", "dim", "drag"]
 #: Of a run in a channel, what a table may vary.
 CHANNEL_OPTIONS = ("area_fraction", "mu_disk", "mu_disk_dynamic", "mu_wall", "mu_wall_dynamic", "mu_base",
                    "mu_base_dynamic", "base_coupled", "plunger_speed", "retract_speed", "stiffness", "restitution", "dt")
