@@ -394,7 +394,7 @@ FIGURES = [
            "four readings, fewer widths, shorter runs"),
     Figure("deformable", "exponent of rough and smooth particles as printed and as run, friction only and drag only",
            ("quick/deformable",), ("hopper/limits-deformable", "hopper/deformable-as-run"), "flows", draw_deformable,
-           "as run alone, 120 particles, fewer widths, shorter runs"),
+           "120 particles, softer contacts, fewer widths, shorter runs"),
     Figure("coefficients", "exponent against mu and against zeta, both laws as printed and as run",
            ("quick/coefficients",), ("hopper/coefficients", "hopper/coefficients-hard", "hopper/coefficients-as-run"),
            "readings", draw_coefficients,
