@@ -4,8 +4,8 @@ from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
-from matplotlib.collections import EllipseCollection
 
+from . import plotting
 from .analyse_command import load_result
 from .channel import Choices
 from .errors import RunError
@@ -70,14 +70,11 @@ def draw_field(axes, cells, travel, width):
 
 def draw_disks(axes, position, radius, values, colors):
     """Disks at [n, 2] coloured by values [n], grey where there is none; returns what a colour bar shows."""
-    size = 2 * np.asarray(radius)
-    disks = EllipseCollection(size, size, np.zeros(len(size)), units="xy", offsets=position,
-                              offset_transform=axes.transData, cmap=colors, edgecolors="0.3", linewidths=0.4)
+    disks = plotting.add_disks(axes, position, 2 * np.asarray(radius), cmap=colors, edgecolors="0.3", linewidths=0.4)
     disks.set_array(np.ma.masked_invalid(values))
     known = np.asarray(values)[np.isfinite(values)]
     disks.set_clim(0, (np.quantile(known, 0.98) if len(known) else 0) or 1)
     disks.cmap.set_bad("0.85")
-    axes.add_collection(disks)
     low, high = (position - radius[:, None]).min(0), (position + radius[:, None]).max(0)
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="$x$  [cm]", ylabel="$y$  [cm]")
     return disks
@@ -92,6 +89,15 @@ def two_neighbourhoods(shot):
     taken = {large, *shot["neighbours"][large]}
     small = [i for i in order if radius[i] < 1.001 * radius.min() and i != large] or [large]
     return large, next((i for i in small if not taken & {i, *shot["neighbours"][i]}), small[0])
+
+
+def draw_neighbourhoods(axes, position, radius, marks):
+    """All disks in white, and neighbours in colour; marks: indices of (a disk, its neighbours) for the largest, the smallest."""
+    draw_disks(axes, position, radius, np.zeros(len(radius)), "Greys")
+    for (disk, neighbours), color, size in zip(marks, plotting.COLORS[4:6], ("largest", "smallest")):
+        for chosen, face in ((neighbours, color), ([disk], plotting.COLORS[3])):
+            plotting.add_disks(axes, position[chosen], 2 * radius[chosen], facecolor=face, edgecolor="0.3", lw=0.4)
+        axes.plot([], [], "o", color=color, label=f"neighbours of a {size} disk")
 
 
 def draw_square(axes, result):

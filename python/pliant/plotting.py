@@ -205,6 +205,15 @@ def _points_per_unit(axes):
     return (x1 - x0) * 72 / axes.figure.dpi
 
 
+def add_disks(axes, centres, diameters, autolim=True, **style):
+    """Disks at [n, 2] with diameters [n], in units of the axes; style: of a matplotlib collection. Returns them."""
+    size = np.asarray(diameters)
+    disks = EllipseCollection(size, size, np.zeros(len(size)), units="xy", offsets=centres, offset_transform=axes.transData,
+                              **style)
+    axes.add_collection(disks, autolim=autolim)
+    return disks
+
+
 def draw_particles(axes, run, frame, colors, edge_shade=0.78, scale=None):
     """Adds the particles of a frame: polygons with their rounded outline of width delta, or disks.
 
@@ -223,14 +232,12 @@ def draw_particles(axes, run, frame, colors, edge_shade=0.78, scale=None):
         widths = np.maximum(run.topology.particle_diameter[shown] * scale, 0.25)
         artist = PolyCollection([polygons[m] for m in shown], facecolors=faces, edgecolors=edges, linewidths=widths,
                                 joinstyle="round", zorder=2)
+        axes.add_collection(artist, autolim=False)
     else:
         # A line inside the disk's rim, so that touching disks stay apart.
         line = min(0.6, 0.12 * scale)
-        size = run.topology.sigma[shown] - line / scale
-        artist = EllipseCollection(size, size, np.zeros(len(size)), units="xy",
-                                   offsets=frame.centres[shown][:, [0, -1]], offset_transform=axes.transData,
-                                   facecolors=faces, edgecolors=edges, linewidths=line, zorder=2)
-    axes.add_collection(artist, autolim=False)
+        artist = add_disks(axes, frame.centres[shown][:, [0, -1]], run.topology.sigma[shown] - line / scale, False,
+                           facecolors=faces, edgecolors=edges, linewidths=line, zorder=2)
     return artist, scale
 
 

@@ -15,16 +15,6 @@ from pliant import channel, plotting, script, tracks
 from pliant import channel_figures as figures
 
 
-def draw_neighbours(axes, shot):
-    """The neighbours of a largest and of a smallest disk."""
-    figures.draw_disks(axes, shot["position"], shot["radius"], np.zeros(len(shot["radius"])), "Greys")
-    for disk, color, size in zip(figures.two_neighbourhoods(shot), plotting.COLORS[4:6], ("largest", "smallest")):
-        for i, face in [(n, color) for n in shot["neighbours"][disk]] + [(disk, plotting.COLORS[3])]:
-            axes.add_patch(plt.Circle(shot["position"][i], shot["radius"][i], facecolor=face, edgecolor="0.3", lw=0.4))
-        axes.plot([], [], "o", color=color, label=f"neighbours of a {size} disk")
-    axes.legend(loc="upper right")
-
-
 def main():
     parser = script.parser(__doc__, "channel_snapshot.py runs/T4 --push 4 -o snapshot.png", "channel_snapshot.png")
     figures.add_arguments(parser, many=False)
@@ -50,7 +40,9 @@ def main():
             axes.quiver(*shot["position"].T, *arrows.T, angles="xy", scale_units="xy", scale=1, width=0.003,
                         color="black")
         figure.colorbar(disks, ax=axes, label=figures.LABELS[name], extend="max")
-    draw_neighbours(panels[1, 1], shot)
+    figures.draw_neighbourhoods(panels[1, 1], shot["position"], shot["radius"],
+                                [(disk, shot["neighbours"][disk]) for disk in figures.two_neighbourhoods(shot)])
+    panels[1, 1].legend(loc="upper right")
     end = shot["travel"] + shot["interval"]
     panels[0, 0].set_title(f"push {shot['push']}, from {shot['travel']:.3g} to {end:.3g} cm")
     plotting.save(figure, arguments.output)

@@ -10,7 +10,7 @@ import pliant  # first: it says what this Python lacks
 
 import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.collections import EllipseCollection, LineCollection
+from matplotlib.collections import LineCollection
 
 from pliant import Run, plotting, script
 from pliant.scenarios import of_scenario
@@ -20,11 +20,8 @@ TENSION, COMPRESSION = plotting.COLORS[0], "#CC2020"
 
 def draw(axes, run, frame, largest, box):
     """One frame; `largest` is the force of the widest line."""
-    size = run.topology.sigma[frame.active]
-    centres = frame.centres[frame.active]
-    axes.add_collection(EllipseCollection(size, size, np.zeros(len(size)), units="xy", offsets=centres,
-                                          offset_transform=axes.transData, facecolors=plotting.PALE,
-                                          edgecolors="0.65", linewidths=0.5, zorder=1))
+    plotting.add_disks(axes, frame.centres[frame.active], run.topology.sigma[frame.active], facecolors=plotting.PALE,
+                       edgecolors="0.65", linewidths=0.5, zorder=1)
     bonds = frame.contacts
     first, second = (frame.centres[bonds[p]] for p in ("particle_1", "particle_2"))
     ends = np.stack([first, first + run.geometry.nearest_image(second - first)], axis=1)

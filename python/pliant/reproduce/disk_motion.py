@@ -279,12 +279,8 @@ def draw_neighbours(measured):
     shot = _first_run(rows)
     place, radius = shot[["x", "y"]].to_numpy(), shot["radius"].to_numpy()
     figure, axes = plt.subplots(figsize=(6.2, 5.6), layout="constrained")
-    channel_figures.draw_disks(axes, place, radius, np.zeros(len(radius)), "Greys")
-    for column, color in (("largest", plotting.COLORS[4]), ("smallest", plotting.COLORS[5])):
-        for kind, face in ((1, color), (2, plotting.COLORS[3])):
-            for i in np.flatnonzero(shot[column] == kind):
-                axes.add_patch(plt.Circle(place[i], radius[i], facecolor=face, edgecolor="0.3", lw=0.4))
-        axes.plot([], [], "o", color=color, label=f"neighbours of a {column} disk")
+    channel_figures.draw_neighbourhoods(axes, place, radius, [
+        (np.flatnonzero(shot[column] == 2)[0], np.flatnonzero(shot[column] == 1)) for column in ("largest", "smallest")])
     axes.legend(loc="upper right", title=name)
     return figure, []
 
