@@ -77,6 +77,18 @@ def scatter(table, by, value):
     return pd.DataFrame(rows, columns=[*by, value, value + "_error", "runs", "values"])
 
 
+def fractions(table, by, value, trials):
+    """As `scatter`, of fractions of `trials` (a column): where equal seeds leave no scatter, or less than so many independent
+    trials would have, the error is the binomial one, with half a success and half a failure added."""
+    points = scatter(table, by, value)
+    known = table[np.isfinite(table[value].astype(float))]
+    for i, (_, group) in enumerate(groups(known, by) if len(known) else []):
+        count = group[trials].to_numpy(float)
+        p = ((group[value] * count).sum() + 0.5) / (count.sum() + 1)
+        points.loc[i, value + "_error"] = np.fmax(points.loc[i, value + "_error"], np.sqrt(p * (1 - p) / count.sum()))
+    return points
+
+
 def draws(points, value, count=None, seed=1):
     """[count or RESAMPLES, points] means as they could have come out, to fit them again: seeds are drawn with replacement, and what
     their scatter lacks of the point's error, or has beyond it, is made up by normal noise, or by a factor."""

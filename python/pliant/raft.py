@@ -196,7 +196,7 @@ def polydispersity(phi, small, delta):
 
 def fractures(runs):
     """One row per run: n, rows, phi, tilt, delta (of both kinds together), inverse_size (N^(-1/2)), aspect (q/p), peaks,
-    excess (peaks beyond rows - 1), competing, overlapping, unmatched (fractions of the reductions)."""
+    excess (peaks beyond rows - 1), reductions (their number), competing, overlapping, unmatched (fractions of them)."""
     rows = []
     for run in runs:
         curve, o = Compression.of(run), run.parameters
@@ -204,6 +204,6 @@ def fractures(runs):
         rows.append({"n": curve.n, "rows": curve.rows, "phi": o["small_fraction"], "tilt": o["tilt"],
                      "delta": round(polydispersity(o["small_fraction"], o["small_radius"], o["delta"]), 12),
                      "inverse_size": curve.n**-0.5, "aspect": curve.n / curve.rows**2, "peaks": len(curve.peaks()),
-                     "excess": len(curve.peaks()) - (curve.rows - 1),
+                     "excess": len(curve.peaks()) - (curve.rows - 1), "reductions": competing_fraction(reductions)[1],
                      **{name: competing_fraction(reductions, name)[0] for name in JUDGEMENTS}})
     return pd.DataFrame(rows)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from . import plotting, raft
+from . import ensemble, plotting, raft
 
 #: name of the figure → (column of raft.fractures, its label, what is averaged, or None: one of raft.JUDGEMENTS, its label)
 FRACTURES = {
@@ -47,27 +47,28 @@ def draw_peaks(axes, reductions):
     axes.legend()
 
 
-def fracture_means(data, kind, judgement="competing"):
-    """(means, settings, y) of raft.fractures: means has mean, sem and count of the column y over runs that differ in
-    nothing but the seed, that is, not in the columns `settings`. `judgement`: one of raft.JUDGEMENTS, where the figure is
-    of competing fractures."""
+def fracture_points(data, kind, judgement="competing"):
+    """(points, settings, y) of raft.fractures: points, as of ensemble.scatter, has the means of the column y over runs that
+    differ in nothing but the seed, that is, not in the columns `settings`. `judgement`: one of raft.JUDGEMENTS, where the
+    figure is of competing fractures."""
     x, _, y, _ = FRACTURES[kind]
-    y = y or judgement
     settings = list(dict.fromkeys([x, "n", "rows", "phi", "delta", "tilt"]))
-    return data.groupby(settings)[y].agg(["mean", "sem", "count"]).reset_index(), settings, y
+    if y:
+        return ensemble.scatter(data, settings, y), settings, y
+    return ensemble.fractions(data, settings, judgement, "reductions"), settings, judgement
 
 
-def draw_fractures(axes, means, kind):
-    """Means with standard errors, by N where it is not on the axis; for excess peaks the fitted law [T 2.39]. Returns
+def draw_fractures(axes, points, kind, y):
+    """Points of fracture_points, by N where it is not on the axis; for excess peaks the fitted law [T 2.39]. Returns
     [(group, height of the law, its error)]."""
     x, x_label, _, y_label = FRACTURES[kind]
     by_size = kind in ("phi", "delta", "tilt")
     heights = []
-    for (label, group), (marker, color) in zip(means.groupby("n") if by_size else [(None, means)], styles()):
+    for (label, group), (marker, color) in zip(points.groupby("n") if by_size else [(None, points)], styles()):
         name = f"$N = {label}$" if by_size else None
-        axes.errorbar(group[x], group["mean"], group["sem"].fillna(0), fmt=marker, color=color, capsize=2, label=name)
-        if kind == "phi" and (group["mean"] * group[x] * (1 - group[x])).sum() > 0:
-            peak, error = raft.fit_excess(group[x], group["mean"])
+        axes.errorbar(group[x], group[y], group[y + "_error"].fillna(0), fmt=marker, color=color, capsize=2, label=name)
+        if kind == "phi" and (group[y] * group[x] * (1 - group[x])).sum() > 0:
+            peak, error = raft.fit_excess(group[x], group[y])
             phi = np.linspace(0, 1, 200)
             axes.plot(phi, raft.excess_fractures(phi, peak), color=color, lw=1)
             heights.append((name, peak, error))

@@ -24,14 +24,14 @@ def main():
                         "holes that they leave (default), as one starts before another has closed, or as they never meet")
     arguments = script.arguments(parser)
     data = raft.fractures(load_runs(arguments.run))
-    means, settings, y = raft_figures.fracture_means(data, arguments.figure, arguments.judgement)
+    points, settings, y = raft_figures.fracture_points(data, arguments.figure, arguments.judgement)
 
     figure, axes = plt.subplots(figsize=(5.6, 4.0), layout="constrained")
-    for name, peak, error in raft_figures.draw_fractures(axes, means, arguments.figure):
+    for name, peak, error in raft_figures.draw_fractures(axes, points, arguments.figure, y):
         print(f"{name}: peak of the excess {script.with_error(peak, error)}")
     print(script.markdown([*settings, y, "error", "runs"],
-                          [[f"{r[c]:.4g}" for c in settings] + [f"{r['mean']:.4g}", f"{r['sem']:.2g}", int(r["count"])]
-                           for _, r in means.iterrows()]))
+                          [[f"{r[c]:.4g}" for c in settings] + [f"{r[y]:.4g}", f"{r[y + '_error']:.2g}", int(r["runs"])]
+                           for _, r in points.iterrows()]))
     plotting.save(figure, arguments.output)
 
 

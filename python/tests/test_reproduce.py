@@ -768,7 +768,7 @@ def test_figures_of_reductions(tmp_path):
 
 def fracture_row(seed, **columns):
     return {"seed": seed, "n": 20, "rows": 4, "phi": 0.0, "delta": 0.00125, "tilt": 0.0, "inverse_size": 20**-0.5,
-            "aspect": 1.25, "peaks": 3, "excess": 0, "competing": 0.0} | columns
+            "aspect": 1.25, "peaks": 3, "excess": 0, "competing": 0.0, "reductions": 100} | columns
 
 
 def test_figures_of_fractures(tmp_path):

@@ -121,17 +121,11 @@ def draw_scaling(measured):
     return figure, quantities
 
 
-def _means(measured, kind, judgement="competing"):
-    """raft_figures.fracture_means, and the same as of ensemble.scatter with the column y."""
-    means, settings, y = raft_figures.fracture_means(measured, kind, judgement)
-    return means, ensemble.scatter(measured, settings, y), y
-
-
 def draw_two_sizes(measured):
     """[T 2.10]: excess peaks against the fraction of small droplets, over the height of the fitted law."""
-    means, points, _ = _means(measured, "phi")
+    points, _, y = raft_figures.fracture_points(measured, "phi")
     figure, (left, right) = plt.subplots(1, 2, figsize=(9.6, 4.0), layout="constrained")
-    raft_figures.draw_fractures(left, means, "phi")
+    raft_figures.draw_fractures(left, points, "phi", y)
     quantities = []
     for (n, group), (marker, color) in zip(points.groupby("n"), raft_figures.styles()):
         height, _ = raft.fit_excess(group["phi"], group["excess"])
@@ -183,8 +177,8 @@ def _draw_competing(measured, kind):
     x = {"size": "n"}.get(kind, kind)
     judged, quantities = [], []
     for axes, judgement in zip(panels[0], there):
-        means, points, y = _means(measured, kind, judgement)
-        raft_figures.draw_fractures(axes, means, kind)
+        points, _, y = raft_figures.fracture_points(measured, kind, judgement)
+        raft_figures.draw_fractures(axes, points, kind, y)
         axes.set_title(_JUDGED[judgement], loc="left")
         axes.set_ylim(0, 1.05)
         axes.label_outer()
