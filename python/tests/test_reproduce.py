@@ -590,11 +590,11 @@ def test_deformable_particles_are_told_apart(tmp_path):
         command.FIGURES["deformable"].draw(reading_rows("friction", 2.2))
 
 
-AS_RUN = ["hopper/deformable-as-run", "quick/deformable", *sorted({name for one in command.FIGURES.values()
+TABLES_AS_RUN = ["hopper/deformable-as-run", "quick/deformable", *sorted({name for one in command.FIGURES.values()
                                                                   for name in one.as_run})]
 
 
-@pytest.mark.parametrize("name", AS_RUN)
+@pytest.mark.parametrize("name", TABLES_AS_RUN)
 def test_tables_as_run_are_those_of_the_examples(name):
     """But for the stiffness, which the tables explain, the rounding of zeta, and what a table varies."""
     differ = {"e_sp", "e_c", "k_l", "k_b", "rough_contact", "mu", "zeta", "dim", "n", "hopper_wall_distance", "hopper_width",
