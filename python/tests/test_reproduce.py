@@ -410,6 +410,10 @@ def test_figure_4_finds_lambda_c(tmp_path):
     assert middle.value == pytest.approx(0.05, rel=0.1) and agree(middle) == "yes" and middle.error > 0
     assert found["beta at lambda = 0: soft, E_sp = 100"].value == pytest.approx(1.5, abs=0.1)
     assert found["beta at lambda = inf: soft, E_sp = 100"].published.value == 0.5
+    begun = flow_rows((0.1,), dim=3, n=6400).iloc[:2]  # of a campaign in 3D
+    assert list(drawn("H4", pd.concat([flow_rows(LAMS, crossing_law), begun], ignore_index=True))) == list(found)
+    with pytest.raises(PliantError, match="no lambda has enough widths"):
+        command.FIGURES["H4"].draw(begun)
 
 
 def test_figure_6_compares_angles(tmp_path):

@@ -187,17 +187,17 @@ def draw_lambda(measured, value="Q"):
     the flattest, in each dimension."""
     table = with_limit(plain(measured))
     table = table[table["hopper_angle"] == table.groupby("dim")["hopper_angle"].transform("max")]
-    if table["n"].nunique() > 1:
+    if table.groupby("dim")["n"].nunique().max() > 1:
         by, label = [*_MODEL, "n"], lambda row: f"{model_label(row)}, $N$ = {row['n']:g}"
     else:
         by, label = _MODEL, model_label
-    dims = sorted(table["dim"].unique())
-    figure, panels = plt.subplots(1, len(dims), figsize=(6.2 * len(dims), 4.4), layout="constrained", squeeze=False)
+    every = [(int(dim), _exponents(group, ["dim", *by], value)) for dim, group in table.groupby("dim")]
+    every = [one for one in every if len(one[1])]  # of a campaign that has begun there may be a few runs in 3D
+    if not every:
+        raise RunError("no lambda has enough widths for a fit of beta")
+    figure, panels = plt.subplots(1, len(every), figsize=(6.2 * len(every), 4.4), layout="constrained", squeeze=False)
     quantities = []
-    for axes, dim in zip(panels[0], map(int, dims)):
-        exponents = _exponents(table[table["dim"] == dim], ["dim", *by], value)
-        if exponents.empty:
-            raise RunError("no lambda has enough widths for a fit of beta")
+    for axes, (dim, exponents) in zip(panels[0], every):
         curves, found = _crossovers(exponents, by, dim, label, lambda key, dim=dim: published.LAMBDA_C[dim])
         _draw_crossovers(axes, curves, dim, [published.LAMBDA_C[dim]])
         axes.set_title(f"{dim}D", loc="left")
