@@ -623,6 +623,17 @@ def test_tables_as_run_are_those_of_the_examples(name):
     assert models == ({"rough", "smooth"} if "deformable" in name else {"smooth"} if name == "as-run/map" else {"sp"})
 
 
+def test_a_drifting_flow_shows_in_the_duration(tmp_path):
+    touching = AS_RUN | {"reinsertion_gap": 0.0, "reinsertion_lateral_speed": np.nan}
+    data = pd.concat([reading_rows("drag", beta, zeta=1.54, t_end=t, **AS_RUN) for t, beta in ((50, 0.7), (100, 0.5), (200, 0.3))]
+                     + [reading_rows("drag", 0.6, zeta=1.54, t_end=t, **touching) for t in (50, 200)], ignore_index=True)
+    found = drawn("duration", data, tmp_path)
+    assert {name: q.value for name, q in found.items() if name.startswith("beta: ")} == {
+        f"beta: {name}, drag only, t_end = {t}": pytest.approx(beta, abs=0.06) for name, t, beta in (
+            ("as run", 50, 0.7), ("as run", 100, 0.5), ("as run", 200, 0.3),
+            ("as run, put back touching", 50, 0.6), ("as run, put back touching", 200, 0.6))}
+
+
 def test_a_clogged_run_is_not_a_rate():
     data = reading_rows("drag", 0.9)
     data.loc[(data["hopper_width"] == 3) & (data["seed"] == 1), ["status", "Q", "Q_error"]] = ["clogged", 0.0, np.nan]

@@ -388,6 +388,32 @@ def draw_protocol(measured):
     return figure, quantities
 
 
+def draw_duration(measured):
+    """The exponent, and Q at the widest orifice, against the duration of the runs: neither changes where the flow is steady."""
+    fits = _fits(_canonical(measured), [*OPTIONS, "t_end"])
+    fits = fits[fits["fit"].notna()]
+    if fits.empty:
+        raise RunError("no duration has enough widths for a fit of beta")
+    fits["curve"] = [_name(row, reading(row)) for _, row in fits.iterrows()]
+    figure, (left, right) = plt.subplots(1, 2, figsize=(10.5, 4.0), layout="constrained", sharex=True)
+    for i, (curve, points) in enumerate(fits.groupby("curve")):
+        points = points.sort_values("t_end")
+        widest = pd.DataFrame([data.iloc[-1] for data in points["data"]])
+        style = {"fmt": plotting.MARKERS[i % 8] + "-", "color": plotting.COLORS[i % 8], "lw": 1, "capsize": 2.5}
+        left.errorbar(points["t_end"], *_beta(points), label=_tidy(curve), **style)
+        right.errorbar(points["t_end"], widest["Q"], widest["Q_error"],
+                       label=f"$w$ = {widest['hopper_width'].iloc[0]:g}", **style)
+    _windows(left, _span(*_beta(fits)))
+    left.set(xscale="log", xlabel=r"duration  $t_{end}/t_0$", ylabel=BETA)
+    right.set(xscale="log", xlabel=r"duration  $t_{end}/t_0$", ylabel=r"$Q$  [$\sigma_{avg}^2/t_0$]", ylim=(0, None))
+    ticks = sorted(fits["t_end"].unique())
+    left.set_xticks(ticks, labels=[f"{t:g}" for t in ticks])
+    left.minorticks_off()
+    left.legend(loc="lower left", bbox_to_anchor=(0, 1))
+    right.legend()
+    return figure, fit_quantities(fits, lambda row: f"{row['curve']}, t_end = {row['t_end']:g}")
+
+
 FIGURES = [
     Figure("readings", "exponent of each reading of [H]: as printed, as run, and each difference alone",
            ("quick/readings",), ("hopper/readings", "hopper/readings-hard"), "readings", draw_readings,
@@ -402,4 +428,6 @@ FIGURES = [
     Figure("protocol", "exponent with each choice of the protocol changed alone",
            ("quick/protocol",), ("hopper/protocol",), "readings", draw_protocol,
            "mu = 5 and zeta = 2 alone, fewer changes, shorter runs"),
+    Figure("duration", "exponent of drag as run against the duration of the runs", ("quick/duration",), ("hopper/duration",),
+           "readings", draw_duration, "fewer widths, shorter runs"),
 ]
