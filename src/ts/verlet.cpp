@@ -14,11 +14,13 @@ namespace {
 
 constexpr std::size_t block = 4096;  // coordinates, a share of a thread
 
-/// work(first, length) for shares of n coordinates, by all threads where there are many. Returns the largest result.
+/// work(first, length) for shares of n coordinates, by all threads where there are many: to gather a team, even of one,
+/// takes as long as thousands of coordinates. Returns the largest result.
 template <class Work>
 Real for_blocks(std::size_t n, Work&& work) {
+  if (n <= 4 * block) return std::max(Real(0), work(std::size_t(0), n));
   Real largest = 0;
-#pragma omp parallel for schedule(static) reduction(max : largest) if (n > 4 * block)
+#pragma omp parallel for schedule(static) reduction(max : largest)
   for (std::size_t i = 0; i < n; i += block) largest = std::max(largest, work(i, std::min(block, n - i)));
   return largest;
 }
