@@ -191,6 +191,13 @@ class Walls {
     return distance_in(meridian(in_body(r, part, t)), part);
   }
 
+  /// Whether r is for sure not nearer than `reach` to a part at time t. Costs little; always false for a solid.
+  bool beyond(const Vec<D>& r, Real reach, Index part, Real t) const {
+    if (is_solid(part)) return false;
+    const WallSegment& wall = parts_[part];
+    return offset(meridian(in_body(r, part, t)), wall).squaredNorm() > square(reach + wall.radius) * (1 + 1e-12);
+  }
+
   /// Distance with direction: what a force needs. n is zero on a segment without radius.
   void nearest(const Vec<D>& r, Index part, Real t, Real& d, Vec<D>& n) const {
     if (is_solid(part)) {
@@ -219,9 +226,8 @@ class Walls {
       return c.n != Vec<D>::Zero();
     }
     const Vec<D> b = c.pose.back(r);
-    const Vec<2> p = meridian(b);
-    if (distance_in(p, part) >= reach || !carries_in(p, part)) return false;
     const WallFoot<D> foot = foot_in(b, part);
+    if (foot.d >= reach || !carries_in(meridian(b), part)) return false;
     c.d = foot.d, c.n = c.pose.direction(foot.n), c.curvature = c.pose.matrix(foot.curvature);
     return c.n != Vec<D>::Zero();
   }
@@ -281,13 +287,18 @@ class Walls {
     Real lever;                      ///< farthest from the pivot of what turning moves
 
     Pose<D> at(Real t) const { return motion.rests() ? start : motion.pose(start, t); }
+    /// at(t).back(r), with the same rounding.
+    Vec<D> back(const Vec<D>& r, Real t) const {
+      if (motion.turns() || start.turned) return at(t).back(r);
+      return r - (motion.rests() ? start.shift : Vec<D>(start.shift + motion.shift(t)));
+    }
   };
 
   bool is_solid(Index part) const { return part >= static_cast<Index>(parts_.size()); }
   const Solid<D>& solid_of(Index part) const { return solids_[part - static_cast<Index>(parts_.size())]; }
   const Body& body_of(Index part) const { return bodies_[wall_body_[part_wall_[part]]]; }
   Pose<D> pose_of(Index part, Real t) const { return still_ ? Pose<D>() : body_of(part).at(t); }
-  Vec<D> in_body(const Vec<D>& r, Index part, Real t) const { return still_ ? r : body_of(part).at(t).back(r); }
+  Vec<D> in_body(const Vec<D>& r, Index part, Real t) const { return still_ ? r : body_of(part).back(r, t); }
   void place(Body& body);
   /// The same for a segment or joint, p in the frame of the body.
   bool carries_in(const Vec<2>& p, Index part) const;

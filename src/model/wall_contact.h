@@ -28,7 +28,9 @@ struct WallContact {
 
   template <class G>
   void add_gradient(const StateView<D>& s, Index e, G& grad) const {
-    grad.add(s.neighbours.walls[e].first, Vec<D>(-force(s, e)));
+    const auto [i, part] = s.neighbours.walls[e];
+    if (s.walls.beyond(s.position(i), law(s, i).delta, part, s.t)) return;
+    grad.add(i, Vec<D>(-force(s, e)));
   }
 
   void add_hessian(const StateView<D>& s, Index e, BlockSink<D>& h) const {

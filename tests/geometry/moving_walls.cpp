@@ -166,8 +166,11 @@ TEMPLATE_TEST_CASE_SIG("what is near walls that move, as by brute force", "[moti
     const Real t = random(0, 4), radius = random(0.1, 1);
     const Vec<D> r = random(0, 5) * random.unit<D>();
     std::vector<Index> near, expected;
-    for (Index part = 0; part < walls.part_count(); ++part)
-      if (walls.distance(r, part, t) < radius) expected.push_back(part);
+    for (Index part = 0; part < walls.part_count(); ++part) {
+      const bool within = walls.distance(r, part, t) < radius;
+      if (within) expected.push_back(part);
+      CHECK(walls.beyond(r, radius, part, t) == (!within && !walls.solid(part, t)));
+    }
     walls.find_near(r, radius, t, near);
     CHECK(near == expected);
     found += near.size();
