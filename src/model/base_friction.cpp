@@ -314,8 +314,8 @@ void BaseFriction::add_forces(const StateView<2>& s, Range range, const ContactT
   add_range(*this, s, range, table.pasts<history>(), table.records().memory(range), force);
 }
 
-void BaseFriction::advance(const StateView<2>& s, Range range, Real h, ContactTable& table,
-                           std::span<Real> heat) const {
+void BaseFriction::advance_all(const StateView<2>& s, Range range, Real h, ContactTable& table,
+                               std::span<Real> heat) const {
   std::array<Real, 2> sum;
   advance_range(*this, s, range, table.records().memory(range), table.advance(range).data(), sum.data());
   heat[0] += h * sum[0];

@@ -65,8 +65,9 @@ class TouchRecords {
   template <class Touch>
   class Writer {
    public:
-    Writer() = default;
     Writer(Index* element, Touch* touch, Index count) : element_(element), end_(element + count), touch_(touch) {}
+    /// An index for each element of the range, to be used until something is found of it or of a later one.
+    Index* room() const { return element_; }
     /// Where to put what is found next.
     Touch& next() const { return *touch_; }
     /// It is there, of element e.
@@ -78,8 +79,8 @@ class TouchRecords {
     }
 
    private:
-    Index *element_ = nullptr, *end_ = nullptr;
-    Touch* touch_ = nullptr;
+    Index *element_, *end_;
+    Touch* touch_;
   };
   /// Begins those of a range anew. Different ranges may be written at the same time.
   template <class Touch>
@@ -139,16 +140,13 @@ class ContactTable {
   template <int Width>
   class Pasts {
    public:
-    Pasts() = default;
     explicit Pasts(const ContactTable& table)
         : contact_of_(table.contact_of_.empty() ? nullptr : table.contact_of_.data()),
           touched_(table.touched_.data()),
           values_(table.values_.data()) {}
-    PLIANT_INLINE const Real* operator()(Index e) const {
-      if (touched_ == nullptr) return nullptr;
-      const auto k = static_cast<std::size_t>(contact_of_ == nullptr ? e : contact_of_[e]);
-      return touched_[k] != 0 ? values_ + k * Width : nullptr;
-    }
+    PLIANT_INLINE const Real* operator()(Index e) const { return known(e) ? values_ + contact_of(e) * Width : nullptr; }
+    /// Whether there was one.
+    PLIANT_INLINE bool known(Index e) const { return touched_[contact_of(e)] != 0; }
     /// Of elements that are contacts of their own: all numbers of a range; null where one of them was no contact.
     PLIANT_INLINE const Real* all(Range range) const {
       for (Index e = range.first; e < range.last; ++e)
@@ -157,9 +155,12 @@ class ContactTable {
     }
 
    private:
-    const Index* contact_of_ = nullptr;
-    const std::uint8_t* touched_ = nullptr;
-    const Real* values_ = nullptr;
+    PLIANT_INLINE std::size_t contact_of(Index e) const {
+      return static_cast<std::size_t>(contact_of_ == nullptr ? e : contact_of_[e]);
+    }
+    const Index* contact_of_;
+    const std::uint8_t* touched_;
+    const Real* values_;
   };
   template <int Width>
   Pasts<Width> pasts() const {

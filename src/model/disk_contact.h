@@ -2,12 +2,76 @@
 #pragma once
 
 #include <span>
+#include <utility>
 
 #include <pliant/geometry/turn.h>
 #include <pliant/model/pair_contact.h>
 #include <pliant/model/surface_friction.h>
 
 namespace pliant {
+
+/// Two disks that touch, or R is a vector: several such pairs. As the pair is listed, in whatever order: but for n, all
+/// that is kept is the same from both sides.
+template <class R>
+struct DiskTouch : SurfaceTouch<2, R> {
+  R a, b;  ///< radii
+  R n0, n1;
+  R order;   ///< 1, or −1 where the second one has the lower id
+  R turned;  ///< R_i θ_i + R_j θ_j; `lever` is (R_i + R_j)/d
+
+  /// What is known of the disks.
+  struct Pair {
+    R x, y, d2;          ///< from the second to the first
+    R reach, a, b;       ///< R_i + R_j, and each
+    R angle_a, angle_b;  ///< θ
+    R inverse_masses;    ///< sum
+    R order;
+  };
+  /// And what was kept of them, if that is known.
+  struct Past {
+    R n0, n1, turned, spring;
+    MaskOf<R> slid, known;
+  };
+  template <class Law>
+  PLIANT_INLINE void find(Real epsilon, const SurfaceFriction& surface, const Pair& pair, const Past& past) {
+    const R d = square_root(pair.d2), per_d = 1 / d;
+    a = pair.a, b = pair.b;
+    n0 = per_d * pair.x, n1 = per_d * pair.y;
+    order = pair.order;
+    turned = a * pair.angle_a + b * pair.angle_b;
+    this->lever = pair.reach * per_d;
+    const Press<R> press = press_of<Law>(epsilon, pair.reach, d);
+    this->elastic = press.force;
+    this->stiffen(surface, R(press.stiffness / pair.inverse_masses), press.reference);
+    this->slid = past.known & past.slid;
+    const R spring = past.spring + pair.reach * turn_between(R(order * past.n0), R(order * past.n1), n0, n1) -
+                     (turned - past.turned);
+    this->stretched = past.known ? spring : R();
+  }
+  /// v: of the first relative to the second; spins of both.
+  PLIANT_INLINE typename SurfaceTouch<2, R>::Rub rub(const SurfaceFriction& surface, R vx, R vy, R spin_a,
+                                                     R spin_b) const {
+    return SurfaceTouch<2, R>::rub(surface, n0 * vx + n1 * vy,
+                                   this->lever * (n0 * vy - n1 * vx) - (a * spin_a + b * spin_b));
+  }
+  /// On the first, of a force along the normal and one that pulls.
+  PLIANT_INLINE std::pair<R, R> force(R normal, R pull) const {
+    const R across = pull * this->lever;
+    return {normal * n0 + across * n1, normal * n1 - across * n0};
+  }
+};
+
+/// The contacts of a range of pairs, four at a time: add_disk_forces leaves records of them, and what is advanced are
+/// these. total: with the elastic forces. Forces and torques go to `own` points.
+template <class Law>
+void add_disk_forces(Real epsilon, const SurfaceFriction& surface, const StateView<2>& s, Range range,
+                     const ContactTable& table, const Scatter<2, 1, true>& force, bool total);
+/// What has touched, and what each has lost by each of the losses [touching · losses].
+struct DiskHeat {
+  std::span<const Index> touching;
+  const Real* lost;
+};
+DiskHeat advance_disks(const SurfaceFriction& surface, const StateView<2>& s, Range range, Real h, ContactTable& table);
 
 /// What acts between two disks beside the elastic force N_e = −V' of PairContact, in the plane. i is the one with the
 /// lower id, n the unit vector from j to i, t = n turned by 90°, d the distance of the centres.
@@ -32,13 +96,8 @@ struct DiskContact {
   static std::string_view name() { return "disk_contact"; }
   bool enabled(const StateView<2>&) const { return surface.rubs() || surface.damping > 0; }
 
-  /// Of the pair as it is listed, in whatever order: but for n, all that is kept is the same from both sides.
-  struct Touch : SurfaceTouch<2> {
+  struct Touch : DiskTouch<Real> {
     Index first, second;
-    Real a, b;  ///< radii
-    Real n0, n1;
-    Real order;   ///< 1, or −1 where the second one has the lower id
-    Real turned;  ///< R_i θ_i + R_j θ_j; `lever` is (R_i + R_j)/d
   };
 
   /// Each particle is one point: their numbers are the same.
@@ -49,23 +108,15 @@ struct DiskContact {
     const Vec<2> r = s.position(first) - s.position(second);
     const Real d2 = r.squaredNorm(), reach = list.reach[e];
     if (d2 >= square(reach) || d2 == 0) return false;
-    const Real a = topology.diameter[first] / 2, b = topology.diameter[second] / 2, d = std::sqrt(d2), per_d = 1 / d;
-    const Vec<2> n = per_d * r;
-    const Real turned = a * s.angles[first] + b * s.angles[second];
-    const Real masses = topology.inverse_point_mass[first] + topology.inverse_point_mass[second];
-    const Real order = topology.id[first] > topology.id[second] ? -1 : 1;
-    const Press press = press_of(Law{epsilon, reach}, d);
     c.first = first, c.second = second;
-    c.a = a, c.b = b;
-    c.n0 = n[0], c.n1 = n[1];
-    c.order = order;
-    c.turned = turned;
-    c.lever = reach * per_d;
-    c.elastic = press.force;
-    c.stiffen(surface, press.stiffness / masses, press.reference);
-    c.slid = !past.empty() && past[4] != 0;
-    c.stretched =
-        past.empty() ? 0 : past[3] + reach * turn_between({order * past[0], order * past[1]}, n) - (turned - past[2]);
+    const bool known = !past.empty();
+    c.template find<Law>(
+        epsilon, surface,
+        {r[0], r[1], d2, reach, topology.diameter[first] / 2, topology.diameter[second] / 2, s.angles[first],
+         s.angles[second], topology.inverse_point_mass[first] + topology.inverse_point_mass[second],
+         topology.id[first] > topology.id[second] ? -1.0 : 1.0},
+        known ? DiskTouch<Real>::Past{past[0], past[1], past[2], past[3], past[4] != 0, true}
+              : DiskTouch<Real>::Past{});
     return true;
   }
   Real energy(const StateView<2>& s, const Touch& c) const { return c.energy(rub(s, c)); }
@@ -91,6 +142,21 @@ struct DiskContact {
     numbers[3] = rubs.hold.spring;
     numbers[4] = rubs.hold.slides ? 1 : 0;
   }
+  template <bool OwnOnly>
+  void add_forces(const StateView<2>& s, Range range, const ContactTable& table, const Scatter<2, 1, OwnOnly>& force,
+                  bool total = false) const {
+    const Range all{0, s.topology.points()};
+    add_disk_forces<Law>(epsilon, surface, s, range, table, {force.out, OwnOnly ? force.own : all, force.torques},
+                         total);
+  }
+  template <class Heat>
+  void advance(const StateView<2>& s, Range range, Real h, ContactTable& table, Heat&& heat) const {
+    const auto [touching, lost] = advance_disks(surface, s, range, h, table);
+    for (std::size_t k = 0; k < touching.size(); ++k) {
+      const std::span<Real> sums = heat(touching[k]);
+      for (std::size_t j = 0; j < losses.size(); ++j) sums[j] += lost[k * losses.size() + j];
+    }
+  }
   /// The spring between two of the stiffest disks: ω² = k_t (2/m + 2R²/I) = 6 k_t/m.
   Real max_rate(const Topology& topology) const { return spring_rate<Law>(surface, topology, epsilon, 1, 6); }
   /// Six contacts, half of them along any direction; each damps with 4 ζ √(V''/(2m)), m of one of two like disks.
@@ -100,15 +166,15 @@ struct DiskContact {
 
  private:
   PLIANT_INLINE SurfaceTouch<2>::Rub rub(const StateView<2>& s, const Touch& c) const {
-    const Vec<2> v = s.velocity(c.first) - s.velocity(c.second), n(c.n0, c.n1), t(-c.n1, c.n0);
-    return c.rub(surface, n.dot(v), c.lever * t.dot(v) - (c.a * s.spins[c.first] + c.b * s.spins[c.second]));
+    const Vec<2> v = s.velocity(c.first) - s.velocity(c.second);
+    return static_cast<const DiskTouch<Real>&>(c).rub(surface, v[0], v[1], s.spins[c.first], s.spins[c.second]);
   }
 
   template <class F>
   PLIANT_INLINE static void add(const Touch& c, const SurfaceTouch<2>::Rub& rubs, Real normal, F& force) {
-    const Vec<2> n(c.n0, c.n1), t(-c.n1, c.n0), f = normal * n - rubs.hold.pull * c.lever * t;
-    force.add(c.first, f);
-    force.add(c.second, Vec<2>(-f));
+    const auto [x, y] = c.force(normal, rubs.hold.pull);
+    force.add(c.first, Vec<2>(x, y));
+    force.add(c.second, Vec<2>(-x, -y));
     force.add_torque(c.first, rubs.hold.pull * c.a);
     force.add_torque(c.second, rubs.hold.pull * c.b);
   }
@@ -131,6 +197,8 @@ struct DiskKernel {
       return;
     }
     const auto add = [&](Range range, auto scatter) {
+      if constexpr (RangeTerm<Friction, D>)
+        if (s.history != nullptr) return friction.add_forces(s, range, s.history->of(friction.name()), scatter, true);
       for_each_touch(friction, s, range,
                      [&](const auto& c) PLIANT_INLINE_LAMBDA { friction.add_total(s, c, scatter); });
     };

@@ -46,6 +46,10 @@ struct DiskWallContact {
     Real spin;                         ///< of the wall
   };
 
+  bool near(const StateView<2>& s, Index e) const {
+    const auto [i, part] = s.neighbours.walls[e];
+    return !s.walls.beyond(s.position(i), s.topology.diameter[i] / 2, part, s.t);
+  }
   /// False also where another part of the surface carries the contact.
   PLIANT_INLINE bool find(const StateView<2>& s, Index e, std::span<const Real> past, Touch& c) const {
     const auto [i, part] = s.neighbours.walls[e];
@@ -69,7 +73,7 @@ struct DiskWallContact {
     c.spin = motion.spin;
     const Vec<2> v = s.walls.velocity(r, part, s.t);
     c.velocity = {v[0], v[1]};
-    const Press press = press_of(Law{epsilon, R}, d);
+    const Press<Real> press = press_of<Law>(epsilon, R, d);
     c.elastic = press.force;
     c.stiffen(surface, s.topology.mass(i) * press.stiffness, press.reference);
     c.stretched = 0;

@@ -507,7 +507,7 @@ class Model final : public ForceField<D> {
             });
           };
           if constexpr (RangeTerm<Term, D>)
-            if (found) return term.advance(s, range, h, table, sums(range.first));
+            if (found) return term.advance(s, range, h, table, sums);
           if (found) return table.records().template for_each<Touch>(range, one);
           Touch c;
           for (Index e = range.first; e < range.last; ++e) one(e, term.find(s, e, table.past(e), c) ? &c : nullptr);

@@ -44,6 +44,10 @@ struct SphereContact {
     std::array<Real, 3> before;   ///< ξ at the end of the last step, turned with the contact
   };
 
+  bool near(const StateView<3>& s, Index e) const {
+    const PairList& list = s.neighbours.point_pairs;
+    return (s.position(list[e].first) - s.position(list[e].second)).squaredNorm() < square(list.reach[e]);
+  }
   bool find(const StateView<3>& s, Index e, std::span<const Real> past, Touch& c) const {
     const PairList& list = s.neighbours.point_pairs;
     const auto [first, second] = list.pairs[e];
@@ -60,7 +64,7 @@ struct SphereContact {
     c.lever = reach / d;
     const Vec<3> turned = c.a * s.angle(first) + c.b * s.angle(second), twisted = s.angle(first) + s.angle(second);
     c.turned = array_of(turned), c.twisted = array_of(twisted);
-    const Press press = press_of(Law{epsilon, reach}, d);
+    const Press<Real> press = press_of<Law>(epsilon, reach, d);
     c.elastic = press.force;
     const Real masses = topology.inverse_point_mass[first] + topology.inverse_point_mass[second];
     c.stiffen(surface, press.stiffness / masses, press.reference);

@@ -47,6 +47,10 @@ struct SphereWallContact {
     std::array<Real, 3> velocity, spin;  ///< of the wall
   };
 
+  bool near(const StateView<3>& s, Index e) const {
+    const auto [i, part] = s.neighbours.walls[e];
+    return !s.walls.beyond(s.position(i), s.topology.diameter[i] / 2, part, s.t);
+  }
   /// False also where another part of the surface carries the contact.
   bool find(const StateView<3>& s, Index e, std::span<const Real> past, Touch& c) const {
     const auto [i, part] = s.neighbours.walls[e];
@@ -70,7 +74,7 @@ struct SphereWallContact {
     c.angle = array_of(angle);
     c.velocity = array_of(s.walls.velocity(r, part, s.t));
     c.spin = array_of(motion.spin);
-    const Press press = press_of(Law{epsilon, R}, d);
+    const Press<Real> press = press_of<Law>(epsilon, R, d);
     c.elastic = press.force;
     c.stiffen(surface, s.topology.mass(i) * press.stiffness, press.reference);
     c.lever = 1;

@@ -16,6 +16,20 @@
 
 namespace pliant {
 
+/// What a comparison of numbers, or of vectors of them, gives.
+template <class R>
+using MaskOf = decltype(R() < R());
+
+template <class R>
+PLIANT_INLINE R square_root(R a) {
+  if constexpr (std::is_arithmetic_v<R>) {
+    return std::sqrt(a);
+  } else {
+    for (std::size_t k = 0; k < sizeof(R) / sizeof(Real); ++k) a[k] = std::sqrt(a[k]);
+    return a;
+  }
+}
+
 /// Coulomb friction with a tangential spring [P. A. Cundall, O. D. L. Strack, Géotechnique 29, 47 (1979)] and linear
 /// damping. The stiffness k_n of a contact is V'' of its law at an overlap of one per cent: ε/δ² with the harmonic law.
 struct SurfaceFriction {
@@ -27,22 +41,28 @@ struct SurfaceFriction {
   bool rubs() const { return mu_static > 0; }
 
   /// What the tangential spring is, with which force, and whether the surfaces slide; across the normal these are
-  /// numbers in the plane, vectors in space.
-  template <class Tangent>
+  /// numbers in the plane (or vectors of several of them), vectors in space.
+  template <class Tangent, class Mask = bool>
   struct Hold {
     Tangent spring, pull;
-    bool slides;
+    Mask slides;
   };
   /// k, gamma: of spring and dashpot. A contact that sticks begins to slide where the force of the spring exceeds
   /// static_limit, and slides with the dynamic one until its spring is shorter than that. The dashpot takes what the
   /// limit leaves.
-  PLIANT_INLINE static Hold<Real> hold(Real k, Real gamma, Real spring, Real rate, Real static_limit,
-                                       Real dynamic_limit, bool was_sliding) {
-    const Real limit = was_sliding ? dynamic_limit : static_limit;
-    const bool slides = k * std::abs(spring) > limit;
-    if (slides) spring = std::copysign(dynamic_limit / k, spring);
-    const Real most = slides ? dynamic_limit : limit;
-    return {spring, std::clamp(k * spring + gamma * rate, -most, most), slides};
+  template <class R>
+  PLIANT_INLINE static Hold<R, MaskOf<R>> hold(R k, R gamma, R spring, R rate, R static_limit, R dynamic_limit,
+                                               MaskOf<R> was_sliding) {
+    const R limit = was_sliding ? dynamic_limit : static_limit;
+    const MaskOf<R> slides = k * (spring < 0 ? -spring : spring) > limit;
+    if constexpr (std::is_arithmetic_v<R>) {
+      if (slides) spring = std::copysign(dynamic_limit / k, spring);
+    } else {
+      const R longest = dynamic_limit / k;
+      spring = slides ? (spring < 0 ? -longest : longest) : spring;
+    }
+    const R most = slides ? dynamic_limit : limit, pull = k * spring + gamma * rate;
+    return {spring, pull < -most ? -most : (most < pull ? most : pull), slides};
   }
   static Hold<Vec<3>> hold(Real k, Real gamma, Vec<3> spring, const Vec<3>& rate, Real static_limit, Real dynamic_limit,
                            bool was_sliding) {
@@ -102,19 +122,29 @@ Real reference_stiffness(const Law& law) {
   return law.curvature(0.99 * law.delta);
 }
 
-/// A contact at the distance d < δ: −V', V'' and the reference stiffness.
+/// A contact at the distance d < δ, or several: −V', V'' and the reference stiffness.
+template <class R>
 struct Press {
-  Real force, stiffness, reference;
+  R force, stiffness, reference;
 };
-template <class Law>
-PLIANT_INLINE Press press_of(const Law& law, Real d) {
+template <class Law, class R>
+PLIANT_INLINE Press<R> press_of(Real epsilon, R delta, R d) {
   if constexpr (Law::kind == ContactLaw::harmonic) {  // with one division
-    const Real k = law.epsilon / square(law.delta);
-    return {k * (law.delta - d), k, k};
+    const R k = epsilon / (delta * delta);
+    return {k * (delta - d), k, k};
   } else if constexpr (Law::kind == ContactLaw::spring) {
-    return {law.epsilon * (law.delta - d), law.epsilon, law.epsilon};
-  } else {
+    const R k = epsilon + R();
+    return {k * (delta - d), k, k};
+  } else if constexpr (std::is_arithmetic_v<R>) {
+    const Law law{epsilon, delta};
     return {-law.slope(d), law.curvature(d), reference_stiffness(law)};
+  } else {
+    Press<R> all;
+    for (std::size_t k = 0; k < sizeof(R) / sizeof(Real); ++k) {
+      const Press<Real> one = press_of<Law, Real>(epsilon, delta[k], d[k]);
+      all.force[k] = one.force, all.stiffness[k] = one.stiffness, all.reference[k] = one.reference;
+    }
+    return all;
   }
 }
 
@@ -147,41 +177,46 @@ Real dashpot_rate(const SurfaceFriction& f, const Topology& topology, Real epsil
 inline std::array<Real, 3> array_of(const Vec<3>& a) { return {a[0], a[1], a[2]}; }
 inline Vec<3> vector_of(const std::array<Real, 3>& a) { return {a[0], a[1], a[2]}; }
 
-/// What acts where two surfaces touch, and what of it becomes heat. This is what follows from where they are.
-template <int D>
+/// What acts where two surfaces touch, and what of it becomes heat. This is what follows from where they are. In the
+/// plane also of several contacts at a time, where R is a vector of numbers.
+template <int D, class R = Real>
 struct SurfaceTouch {
   static constexpr std::array<std::string_view, 3> losses{"normal_damping", "tangential_damping", "sliding"};
-  using Tangent = std::conditional_t<D == 2, Real, Vec<3>>;
+  using Tangent = std::conditional_t<D == 2, R, Vec<3>>;
 
-  Real elastic;                                                     ///< N_e
-  Real k, gamma;                                                    ///< k_t, γ_n
-  Real lever;                                                       ///< the limit of P is μN over it
-  std::conditional_t<D == 2, Real, std::array<Real, 3>> stretched;  ///< ξ if it did not slide
-  bool slid;                                                        ///< in the last step
+  R elastic;                                                     ///< N_e
+  R k, gamma;                                                    ///< k_t, γ_n
+  R lever;                                                       ///< the limit of P is μN over it
+  std::conditional_t<D == 2, R, std::array<Real, 3>> stretched;  ///< ξ if it did not slide
+  MaskOf<R> slid;                                                ///< in the last step
 
   /// And from how fast they move.
   struct Rub {
-    Real normal, parting;  ///< N, u_n
-    Tangent rate;          ///< q̇
-    SurfaceFriction::Hold<Tangent> hold;
+    R normal, parting;  ///< N, u_n
+    Tangent rate;       ///< q̇
+    SurfaceFriction::Hold<Tangent, MaskOf<R>> hold;
   };
 
   /// Finds k_t and γ_n. press_times_mass: V'' times the reduced mass.
-  PLIANT_INLINE void stiffen(const SurfaceFriction& f, Real press_times_mass, Real reference) {
-    gamma = 2 * f.damping * std::sqrt(press_times_mass);
+  PLIANT_INLINE void stiffen(const SurfaceFriction& f, R press_times_mass, R reference) {
+    gamma = 2 * f.damping * square_root(press_times_mass);
     k = f.stiffness * reference;
   }
-  PLIANT_INLINE Rub rub(const SurfaceFriction& f, Real parting, const Tangent& rate) const {
-    const Real normal = std::max(elastic - gamma * parting, 0.0), limit = normal / lever;
+  PLIANT_INLINE Rub rub(const SurfaceFriction& f, R parting, const Tangent& rate) const {
+    const R pressed = elastic - gamma * parting, normal = pressed < 0 ? R() : pressed, limit = normal / lever;
     return {normal, parting, rate,
-            SurfaceFriction::hold(k, f.tangential_damping * gamma, stretch(), rate, f.mu_static * limit,
-                                  f.mu_dynamic * limit, slid)};
+            SurfaceFriction::hold(k, R(f.tangential_damping * gamma), stretch(), rate, R(f.mu_static * limit),
+                                  R(f.mu_dynamic * limit), slid)};
   }
 
   /// Of the spring.
   Real energy(const Rub& c) const { return k / 2 * product(c.hold.spring, c.hold.spring); }
-  PLIANT_INLINE Real normal_power(const Rub& c) const { return (elastic - c.normal) * c.parting; }
-  PLIANT_INLINE Real tangential_power(const Rub& c) const { return product(c.hold.pull - k * c.hold.spring, c.rate); }
+  PLIANT_INLINE R normal_power(const Rub& c) const { return (elastic - c.normal) * c.parting; }
+  PLIANT_INLINE R tangential_power(const Rub& c) const { return product(c.hold.pull - k * c.hold.spring, c.rate); }
+  /// What sliding has taken in a step that began with the spring `before`.
+  PLIANT_INLINE R slid_heat(const Rub& c, const Tangent& before) const {
+    return product(k / 2 * (before + c.hold.spring), stretch() - c.hold.spring);
+  }
   Real power(const Rub& c) const {
     const Real sliding = c.hold.slides ? std::max(product(k * c.hold.spring, c.rate), 0.0) : 0;
     return normal_power(c) + tangential_power(c) + sliding;
@@ -190,7 +225,7 @@ struct SurfaceTouch {
   PLIANT_INLINE void add_heat(const Rub& c, Real h, bool known, const Tangent& before, std::span<Real> heat) const {
     heat[0] += h * normal_power(c);
     heat[1] += h * tangential_power(c);
-    if (known) heat[2] += product(k / 2 * (before + c.hold.spring), stretch() - c.hold.spring);
+    if (known) heat[2] += slid_heat(c, before);
   }
 
  private:
@@ -200,7 +235,7 @@ struct SurfaceTouch {
     else
       return vector_of(stretched);
   }
-  PLIANT_INLINE static Real product(const Tangent& a, const Tangent& b) {
+  PLIANT_INLINE static R product(const Tangent& a, const Tangent& b) {
     if constexpr (D == 2)
       return a * b;
     else

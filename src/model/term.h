@@ -149,6 +149,8 @@ concept DissipationTerm = requires(const T term, const StateView<D>& s, Index e,
 /// Most of what a force needs of a contact follows from positions and angles alone. A term that tells this from the
 /// rest has a record of it, `Touch`, of trivial copies, and
 ///   find(s, e, past, touch)   fills it; false where the element does not touch. It must not read velocities.
+/// It may also have
+///   near(s, e)   false only where the element does not touch, by positions; costs less than find().
 /// Its other functions take the record: energy(s, touch), power(s, touch), add_force(s, touch, f),
 /// advance(s, touch, h, known, numbers, heat), which returns nothing, and force(s, touch). Where a step ends at the
 /// positions of the last forces, as those of velocity Verlet do, contacts are not found again to be advanced.
@@ -164,13 +166,13 @@ concept FindingTerm = requires(const T term, const StateView<D>& s, Index e, Rea
   term.advance(s, c, h, known, numbers, heat);
 };
 
-/// One whose elements always touch may take a range of them together, where there is a history: for a loop over several
-/// elements at a time. It leaves their records, and advances what the last forces found.
+/// One that takes a range of elements together, where there is a history: for a loop over several elements at a time.
+/// It leaves their records in its own way, and advances what the last forces found; heat(e) is where that of an element
+/// counts.
 template <class T, int D>
 concept RangeTerm = FindingTerm<T, D> &&
     requires(const T term, const StateView<D>& s, Range range, Real h, const ContactTable& table,
-             ContactTable& advanced, std::span<Real> heat, const Scatter<D, 1>& f) {
-  requires !ElementKind<T::elements>::paired;
+             ContactTable& advanced, std::span<Real> (*heat)(Index), const Scatter<D, 1>& f) {
   term.add_forces(s, range, table, f);
   term.advance(s, range, h, advanced, heat);
 };
@@ -210,17 +212,32 @@ constexpr std::size_t losses_of() {
 template <int D, FindingTerm<D> T, class Visit>
 PLIANT_INLINE void for_each_touch(const T& term, const StateView<D>& s, Range range, Visit&& visit) {
   using Touch = typename T::Touch;
-  const bool keep = s.history != nullptr;
-  const ContactTable* const table = keep ? &s.history->of(term.name()) : nullptr;
-  const auto past = keep ? table->template pasts<T::history>() : ContactTable::Pasts<T::history>();
-  auto found = keep ? table->template record<Touch>(range) : TouchRecords::Writer<Touch>();
-  Touch alone;
+  if (s.history == nullptr) {
+    Touch c;
+    for (Index e = range.first; e < range.last; ++e)
+      if (term.find(s, e, {}, c)) visit(c);
+    return;
+  }
+  const ContactTable& table = s.history->of(term.name());
+  const auto past = table.template pasts<T::history>();
+  auto found = table.template record<Touch>(range);
+  // First which elements, without a branch that depends on them: most of a list does not touch.
+  Index* const which = found.room();
+  Index count = 0;
   for (Index e = range.first; e < range.last; ++e) {
+    which[count] = e;
+    if constexpr (requires { term.near(s, e); })
+      count += term.near(s, e) | past.known(e) ? 1 : 0;
+    else
+      ++count;
+  }
+  for (Index k = 0; k < count; ++k) {
+    const Index e = which[k];
     const Real* const numbers = past(e);
     const std::size_t known = numbers != nullptr ? T::history : 0;
-    Touch& c = keep ? found.next() : alone;
+    Touch& c = found.next();
     if (term.find(s, e, {numbers, known}, c)) {
-      if (keep) found.touches(e);
+      found.touches(e);
       visit(c);
     } else if (known > 0) {
       found.parted(e);

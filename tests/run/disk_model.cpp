@@ -116,6 +116,47 @@ TEST_CASE("contacts that the last forces found are advanced like those that are 
   require_same(step(false, Between::trial), anew);
 }
 
+TEST_CASE("ranges of elements have the forces of all their elements, bit for bit") {
+  Index some = 0, apart = 0;  // of fours that are not full; of elements
+  for (const std::uint64_t seed : {6, 7, 8}) {
+    const auto s = Crowd(seed).simulation();
+    s->advance(0.05);
+    const StateView<2> view = s->view();
+    const auto check = [&](const auto& term, const PairList& list) {
+      using Term = std::decay_t<decltype(term)>;
+      const ContactTable& table = view.history->of(term.name());
+      std::vector<Real> expected(s->state().size()), found(expected.size());
+      const auto into = [&](std::vector<Real>& f) {
+        return Scatter<2, 1>{f.data(), {}, f.data() + 2 * static_cast<std::size_t>(view.topology.owned_points())};
+      };
+      const Range all = list.inside(0);
+      const auto one = into(expected), ranges = into(found);
+      typename Term::Touch c;
+      Index touching = 0;
+      for (Index e = all.first; e < all.last; ++e)
+        if (term.find(view, e, table.past(e), c)) {
+          term.add_force(view, c, one);
+          ++touching;
+        }
+      if constexpr (RangeTerm<Term, 2>)
+        term.add_forces(view, all, table, ranges);
+      else
+        for_each_touch(term, view, all, [&](const auto& touch) { term.add_force(view, touch, ranges); });
+      CHECK(found == expected);
+      CHECK(touching > 3);
+      some += touching % 4;
+      apart += all.size() - touching;
+    };
+    const SurfaceFriction rough{.mu_static = 0.5, .mu_dynamic = 0.4, .damping = 0.1};
+    check(DiskContact<>{1000, rough}, view.neighbours.point_pairs);
+    check(DiskContact<HertzOverlap>{1000, rough}, view.neighbours.point_pairs);
+    check(DiskContact<SpringOverlap>{1000, rough}, view.neighbours.point_pairs);
+    check(DiskWallContact<>{2000, rough}, view.neighbours.walls);
+  }
+  CHECK(some > 3);
+  CHECK(apart > 20);
+}
+
 TEST_CASE("disks on a table between walls do not depend on direction or place") {
   const auto plain = Crowd(4).simulation(), moved = Crowd(4, 5, 4, 2.3, {-7, 11}).simulation();
   plain->advance(0.1), moved->advance(0.1);

@@ -1,0 +1,267 @@
+// Four contacts at a time, with the same bits as one by one.
+#include <pliant/model/disk_contact.h>
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstring>
+#include <limits>
+
+#include <pliant/base/simd.h>
+
+namespace pliant {
+
+using simd::load4;
+using simd::Mask4;
+using simd::Points2;
+using simd::Real2;
+using simd::Real4;
+using simd::store4;
+
+namespace {
+
+using Pasts = ContactTable::Pasts<DiskContact<>::history>;
+
+/// What an evaluation leaves of a range: its elements, those that touch from the front and those that touch no more,
+/// as ~e, from the back, with `none` between them where there is room; and records of those that touch, number by
+/// number of four of them.
+struct DiskRecords {
+  static constexpr Index none = std::numeric_limits<Index>::min();
+  static constexpr Index numbers = 12;
+  static_assert(sizeof(DiskContact<>::Touch) >= sizeof(Real) * numbers);
+
+  Index* element;
+  Index size;
+  Real* memory;
+
+  DiskRecords(const ContactTable& table, Range range)
+      : element(table.record<DiskContact<>::Touch>(range).room()),
+        size(range.size()),
+        memory(reinterpret_cast<Real*>(table.records().memory(range))) {}
+
+  Index touching() const {
+    Index n = 0;
+    while (n < size && element[n] >= 0) ++n;
+    return n;
+  }
+  /// visit(e) for those that touch no more.
+  template <class Visit>
+  void for_each_parted(Visit&& visit) const {
+    for (Index k = size - 1; k >= 0 && element[k] < 0 && element[k] != none; --k) visit(~element[k]);
+  }
+
+  /// Of `count` contacts, the first being number k of those that touch.
+  PLIANT_INLINE void write(Index k, Index count, const DiskTouch<Real4>& c) const {
+    Real* to = memory + static_cast<std::ptrdiff_t>(k) * numbers;
+    const Real4 slid = c.slid ? simd::all(1) : Real4{};
+    for (const Real4& a :
+         {c.elastic, c.k, c.gamma, c.lever, c.stretched, slid, c.a, c.b, c.n0, c.n1, c.order, c.turned}) {
+      if (count == 4)
+        store4(to, a);
+      else
+        std::memcpy(to, &a, static_cast<std::size_t>(count) * sizeof(Real));
+      to += count;
+    }
+  }
+  PLIANT_INLINE DiskTouch<Real4> read(Index k, Index count) const {
+    const Real* from = memory + static_cast<std::ptrdiff_t>(k) * numbers;
+    Real4 slid{};
+    DiskTouch<Real4> c{};
+    for (Real4* a :
+         {&c.elastic, &c.k, &c.gamma, &c.lever, &c.stretched, &slid, &c.a, &c.b, &c.n0, &c.n1, &c.order, &c.turned}) {
+      if (count == 4)
+        *a = load4(from);
+      else
+        std::memcpy(a, from, static_cast<std::size_t>(count) * sizeof(Real));
+      from += count;
+    }
+    c.slid = slid != 0;
+    return c;
+  }
+};
+
+/// visit(k, count, elements) for four of those that touch at a time. Fewer are filled up with copies of the last.
+template <class Visit>
+PLIANT_INLINE void for_each_four(const DiskRecords& records, Index touching, Visit&& visit) {
+  Index k = 0;
+  for (; k + 4 <= touching; k += 4) visit(k, 4, records.element + k);
+  if (k == touching) return;
+  std::array<Index, 4> rest;
+  for (Index l = 0; l < 4; ++l) rest[l] = records.element[std::min(k + l, touching - 1)];
+  visit(k, touching - k, rest.data());
+}
+
+/// The points of four pairs.
+struct Places {
+  std::array<std::ptrdiff_t, 4> first, second;
+
+  PLIANT_INLINE Places(const Pair* pairs, const Index* elements) {
+    for (int k = 0; k < 4; ++k) {
+      first[k] = pairs[elements[k]].first;
+      second[k] = pairs[elements[k]].second;
+    }
+  }
+  template <class T>
+  PLIANT_INLINE static Real4 gather(const T* a, const std::array<std::ptrdiff_t, 4>& at) {
+    return Real4{Real(a[at[0]]), Real(a[at[1]]), Real(a[at[2]]), Real(a[at[3]])};
+  }
+  PLIANT_INLINE Points2 differences(const Real* a) const {
+    Real2 u[4];
+    for (int k = 0; k < 4; ++k) u[k] = simd::load2(a + 2 * first[k]) - simd::load2(a + 2 * second[k]);
+    return simd::transpose(u[0], u[1], u[2], u[3]);
+  }
+};
+
+PLIANT_INLINE SurfaceTouch<2, Real4>::Rub rub(const DiskTouch<Real4>& c, const SurfaceFriction& surface,
+                                              const StateView<2>& s, const Places& at) {
+  const Points2 v = at.differences(s.v);
+  return c.rub(surface, v.x, v.y, Places::gather(s.spins, at.first), Places::gather(s.spins, at.second));
+}
+
+PLIANT_INLINE DiskTouch<Real4>::Past past_of(const Pasts& pasts, const Index* elements) {
+  static constexpr std::array<Real, 5> nothing{};
+  std::array<const Real*, 4> p;
+  Mask4 known;
+  for (int k = 0; k < 4; ++k) {
+    p[k] = pasts(elements[k]);
+    known[k] = p[k] != nullptr ? -1 : 0;
+    if (p[k] == nullptr) p[k] = nothing.data();
+  }
+  Real4 n0 = load4(p[0]), n1 = load4(p[1]), turned = load4(p[2]), spring = load4(p[3]);
+  simd::transpose(n0, n1, turned, spring);
+  return {n0, n1, turned, spring, Real4{p[0][4], p[1][4], p[2][4], p[3][4]} != 0, known};
+}
+
+template <class Law>
+PLIANT_INLINE void add_range(Real epsilon, const SurfaceFriction& friction, const StateView<2>& s, Range range,
+                             const Pasts& pasts, const DiskRecords& to, const Scatter<2, 1, true>& scatter,
+                             bool total) {
+  const SurfaceFriction surface = friction;  // nobody else writes to these
+  const Pasts past = pasts;
+  const DiskRecords records = to;
+  const Scatter<2, 1, true> force = scatter;
+  const PairList& list = s.neighbours.point_pairs;
+  const Pair* const pairs = list.pairs.data();
+  const Real *const reach = list.reach.data(), *const x = s.x;
+  const Topology& topology = s.topology;
+  const Real *const diameter = topology.diameter.data(), *const inverse_mass = topology.inverse_point_mass.data();
+  const Index* const id = topology.id.data();
+
+  // First which pairs touch, without a branch that depends on it.
+  Index touching = 0, parted = range.size();
+  for (Index e = range.first; e < range.last; ++e) {
+    const std::ptrdiff_t i = 2 * std::ptrdiff_t(pairs[e].first), j = 2 * std::ptrdiff_t(pairs[e].second);
+    const Real dx = x[i] - x[j], dy = x[i + 1] - x[j + 1], d2 = dx * dx + dy * dy;
+    const bool near = (d2 < square(reach[e])) & (d2 != 0);
+    records.element[touching] = e;  // or what comes next is there
+    touching += near ? 1 : 0;
+    if (past.known(e) & !near) records.element[--parted] = ~e;
+  }
+  if (touching < parted) records.element[touching] = records.element[parted - 1] = DiskRecords::none;
+
+  for_each_four(records, touching, [&](Index k, Index count, const Index* e) PLIANT_INLINE_LAMBDA {
+    const Places at(pairs, e);
+    const Points2 r = at.differences(x);
+    DiskTouch<Real4> c;
+    c.find<Law>(epsilon, surface,
+                {r.x, r.y, r.x * r.x + r.y * r.y, Real4{reach[e[0]], reach[e[1]], reach[e[2]], reach[e[3]]},
+                 Places::gather(diameter, at.first) / 2, Places::gather(diameter, at.second) / 2,
+                 Places::gather(s.angles, at.first), Places::gather(s.angles, at.second),
+                 Places::gather(inverse_mass, at.first) + Places::gather(inverse_mass, at.second),
+                 Places::gather(id, at.first) > Places::gather(id, at.second) ? simd::all(-1) : simd::all(1)},
+                past_of(past, e));
+    records.write(k, count, c);
+    const auto rubs = rub(c, surface, s, at);
+    const auto [fx, fy] = c.force(total ? rubs.normal : rubs.normal - c.elastic, rubs.hold.pull);
+    Real4 lanes02, lanes13;
+    simd::transpose({fx, fy}, lanes02, lanes13);
+    const Real2 f[4] = {simd::low(lanes02), simd::low(lanes13), simd::high(lanes02), simd::high(lanes13)};
+    const Real4 on_first = rubs.hold.pull * c.a, on_second = rubs.hold.pull * c.b;
+    for (Index l = 0; l < count; ++l) {
+      const auto add = [&](std::ptrdiff_t i, Real2 push, Real torque) PLIANT_INLINE_LAMBDA {
+        if (!force.own.contains(static_cast<Index>(i))) return;
+        Real* const out = force.out + 2 * i;
+        simd::store2(out, simd::load2(out) + push);
+        force.torques[i] += torque;
+      };
+      add(at.first[l], f[l], on_first[l]);
+      add(at.second[l], -f[l], on_second[l]);
+    }
+  });
+}
+
+PLIANT_MULTIVERSION void add_harmonic(Real epsilon, const SurfaceFriction& surface, const StateView<2>& s, Range range,
+                                      const Pasts& past, const DiskRecords& records, const Scatter<2, 1, true>& force,
+                                      bool total) {
+  add_range<HarmonicOverlap>(epsilon, surface, s, range, past, records, force, total);
+}
+PLIANT_MULTIVERSION void add_hertz(Real epsilon, const SurfaceFriction& surface, const StateView<2>& s, Range range,
+                                   const Pasts& past, const DiskRecords& records, const Scatter<2, 1, true>& force,
+                                   bool total) {
+  add_range<HertzOverlap>(epsilon, surface, s, range, past, records, force, total);
+}
+PLIANT_MULTIVERSION void add_spring(Real epsilon, const SurfaceFriction& surface, const StateView<2>& s, Range range,
+                                    const Pasts& past, const DiskRecords& records, const Scatter<2, 1, true>& force,
+                                    bool total) {
+  add_range<SpringOverlap>(epsilon, surface, s, range, past, records, force, total);
+}
+
+/// Writes what is kept of those that touch, and over their records what they lose.
+PLIANT_MULTIVERSION void advance_range(const SurfaceFriction& friction, const StateView<2>& s, Real h,
+                                       const DiskRecords& from, Index touching, ContactTable& table) {
+  const SurfaceFriction surface = friction;
+  const DiskRecords records = from;
+  const Pasts past = table.pasts<DiskContact<>::history>();
+  const Pair* const pairs = s.neighbours.point_pairs.pairs.data();
+  Real* lost = records.memory;  // far less than the records
+  for_each_four(records, touching, [&](Index k, Index count, const Index* e) PLIANT_INLINE_LAMBDA {
+    const DiskTouch<Real4> c = records.read(k, count);
+    const auto rubs = rub(c, surface, s, Places(pairs, e));
+    const auto before = past_of(past, e);
+    const Real4 heat[3] = {h * c.normal_power(rubs), h * c.tangential_power(rubs),
+                           simd::where(before.known, c.slid_heat(rubs, before.spring))};
+    const Real4 n0 = c.order * c.n0, n1 = c.order * c.n1;
+    for (Index l = 0; l < count; ++l) {
+      for (const Real4& a : heat) *lost++ = a[l];
+      table.advance(e[l], [&](bool, std::span<Real> numbers) PLIANT_INLINE_LAMBDA {
+        numbers[0] = n0[l], numbers[1] = n1[l];
+        numbers[2] = c.turned[l];
+        numbers[3] = rubs.hold.spring[l];
+        numbers[4] = rubs.hold.slides[l] != 0 ? 1 : 0;
+        return true;
+      });
+    }
+  });
+}
+
+}  // namespace
+
+template <class Law>
+void add_disk_forces(Real epsilon, const SurfaceFriction& surface, const StateView<2>& s, Range range,
+                     const ContactTable& table, const Scatter<2, 1, true>& force, bool total) {
+  const Pasts past = table.pasts<DiskContact<>::history>();
+  const DiskRecords records(table, range);
+  if constexpr (Law::kind == ContactLaw::hertz)
+    add_hertz(epsilon, surface, s, range, past, records, force, total);
+  else if constexpr (Law::kind == ContactLaw::spring)
+    add_spring(epsilon, surface, s, range, past, records, force, total);
+  else
+    add_harmonic(epsilon, surface, s, range, past, records, force, total);
+}
+template void add_disk_forces<HarmonicOverlap>(Real, const SurfaceFriction&, const StateView<2>&, Range,
+                                               const ContactTable&, const Scatter<2, 1, true>&, bool);
+template void add_disk_forces<HertzOverlap>(Real, const SurfaceFriction&, const StateView<2>&, Range,
+                                            const ContactTable&, const Scatter<2, 1, true>&, bool);
+template void add_disk_forces<SpringOverlap>(Real, const SurfaceFriction&, const StateView<2>&, Range,
+                                             const ContactTable&, const Scatter<2, 1, true>&, bool);
+
+DiskHeat advance_disks(const SurfaceFriction& surface, const StateView<2>& s, Range range, Real h,
+                       ContactTable& table) {
+  const DiskRecords records(table, range);
+  const Index touching = records.touching();
+  advance_range(surface, s, h, records, touching, table);
+  records.for_each_parted([&](Index e) { table.advance(e, [](bool, std::span<Real>) { return false; }); });
+  return {{records.element, static_cast<std::size_t>(touching)}, records.memory};
+}
+
+}  // namespace pliant
