@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include <pliant/base/simd.h>
+#include <pliant/base/simd8.h>
 #include <pliant/base/types.h>
 
 namespace pliant {
@@ -22,7 +22,7 @@ namespace pliant {
 class LimitSurface {
  public:
   static constexpr Real most_torque = 2.0 / 3;  ///< without sliding
-  /// Of one slip, or of four.
+  /// Of one slip, or of several.
   template <class R>
   struct PointOf {
     R force, torque;
@@ -39,8 +39,8 @@ class LimitSurface {
   /// How far (force, torque) is off the normal at s, and how that changes with s.
   template <class R>
   PLIANT_INLINE static std::pair<R, R> off_the_normal(R force, R torque, const PointOf<R>& p, R s) {
-    const R df = force - p.force, dt = torque - p.torque;
-    return {df * s - dt * (1 - s), df + dt + p.bend * (s * s + (1 - s) * (1 - s))};
+    const R df = force - p.force, dt = torque - p.torque, rest = 1 - s;
+    return {simd::sum_of(df, s, -dt, rest), df + dt + p.bend * simd::sum_of(s, s, rest, rest)};
   }
   /// A small change of slip; what is left is of its square.
   static constexpr Real enough = 5e-4;
@@ -50,7 +50,7 @@ class LimitSurface {
   }
   template <class R>
   PLIANT_INLINE static auto is_outside(R force, R torque, const PointOf<R>& p, R s) {
-    return (force - p.force) * (1 - s) + (torque - p.torque) * s > 0;
+    return simd::sum_of(R(force - p.force), R(1 - s), R(torque - p.torque), s) > 0;
   }
 
  public:
@@ -68,6 +68,10 @@ class LimitSurface {
     for (int k = 0; k < 4; ++k) c[k] = simd::load4(cubic_[cell[k]].data());
     simd::transpose(c[0], c[1], c[2], c[3]);
     return point_of<simd::Real4>(c, x - simd::real(cell), s);
+  }
+  PLIANT_INLINE PointOf<simd::Real8> at(const simd::Real8& s) const {
+    const PointOf<simd::Real4> p = at(s.a), q = at(s.b);
+    return {{p.force, q.force}, {p.torque, q.torque}, {p.bend, q.bend}};
   }
 
   /// The point of the curve that is nearest to (force, torque), both ≥ 0, and the slip that it stands for.
@@ -100,32 +104,33 @@ class LimitSurface {
     return is_outside(force, torque, p, s) ? Nearest{p.force, p.torque, s, true} : Nearest{force, torque, s, false};
   }
 
-  /// The same for four, without bounds: a few steps of Newton's method.
-  struct Nearest4 {
-    simd::Real4 force, torque, slip;  ///< force and torque also where the curve encloses what was given
-    simd::Mask4 outside;
-    simd::Mask4 found;  ///< where it has not come to an end nearest() must be asked
+  /// The same for eight, without bounds: a few steps of Newton's method.
+  struct Nearest8 {
+    simd::Real8 force, torque, slip;  ///< force and torque also where the curve encloses what was given
+    simd::Mask8 outside;
+    simd::Mask8 found;  ///< where it has not come to an end nearest() must be asked
   };
   /// of: those that are asked for.
-  PLIANT_INLINE Nearest4 nearest(simd::Real4 force, simd::Real4 torque, simd::Real4 guess, simd::Mask4 of) const {
+  PLIANT_INLINE Nearest8 nearest(const simd::Real8& force, const simd::Real8& torque, const simd::Real8& guess,
+                                 const simd::Mask8& of) const {
     using simd::select;
-    simd::Real4 s = select(of, guess, simd::all(0.5));
-    PointOf<simd::Real4> p = at(s);
-    simd::Mask4 found{};
+    simd::Real8 s = select(of, guess, 0.5);
+    PointOf<simd::Real8> p = at(s);
+    simd::Mask8 found{};
     for (int k = 0; k < 4; ++k) {
       const auto [over, slope] = off_the_normal(force, torque, p, s);
-      const simd::Real4 next = s - over / slope, change = next - s;
+      const simd::Real8 next = s - over / slope, change = next - s;
       // What has come to an end stays as it is, whatever the others do.
-      const simd::Mask4 ends = of & ~found & (slope > 0) & (next >= 0) & (next <= 1) & (simd::abs(change) < enough);
-      const PointOf<simd::Real4> end = moved(p, s, change);
+      const simd::Mask8 ends = of & ~found & (slope > 0) & (next >= 0) & (next <= 1) & (simd::abs(change) < enough);
+      const PointOf<simd::Real8> end = moved(p, s, change);
       p.force = select(ends, end.force, p.force);
       p.torque = select(ends, end.torque, p.torque);
       s = select(ends, next, s);
-      found |= ends;
-      const simd::Mask4 open = of & ~found;
-      if (k > 0 && !simd::any(open)) break;  // one step seldom does for all four: no use in asking
-      s = select(open, simd::min(simd::max(next, simd::all(0)), simd::all(1)), s);
-      const PointOf<simd::Real4> there = at(s);
+      found = found | ends;
+      const simd::Mask8 open = of & ~found;
+      if (k > 0 && !simd::any(open)) break;  // one step seldom does for all: no use in asking
+      s = select(open, simd::min(simd::max(next, 0), 1), s);
+      const PointOf<simd::Real8> there = at(s);
       p.force = select(open, there.force, p.force);
       p.torque = select(open, there.torque, p.torque);
       p.bend = there.bend;

@@ -157,6 +157,32 @@ TEST_CASE("ranges of elements have the forces of all their elements, bit for bit
   CHECK(apart > 20);
 }
 
+TEST_CASE("a table resists all disks together as each by itself") {
+  for (const Index rows : {1, 2, 3, 4}) {  // of five: eights, a four and what is left
+    const auto s = Crowd(9, 5, rows).simulation();
+    s->advance(0.05);
+    const StateView<2> view = s->view();
+    const BaseFriction base{.gravity = 1, .mu_static = 0.5, .mu_dynamic = 0.3, .epsilon = 100};
+    const ContactTable& table = view.history->of(base.name());
+    const Index disks = view.topology.owned_points();
+    std::vector<Real> expected(s->state().size()), found(expected.size());
+    const auto into = [&](std::vector<Real>& f) {
+      return Scatter<2, 1>{f.data(), {}, f.data() + 2 * static_cast<std::size_t>(disks)};
+    };
+    const auto one = into(expected);
+    Index slide = 0;
+    for (Index i = 0; i < disks; ++i) {
+      BaseFriction::Touch c;
+      base.find(view, i, table.past(i), c);
+      base.add_force(view, c, one);
+      slide += c.next[3] != BaseFriction::sticks ? 1 : 0;
+    }
+    base.add_forces(view, {0, disks}, table, into(found));
+    for (std::size_t k = 0; k < found.size(); ++k) CHECK(found[k] == Approx(expected[k]).epsilon(1e-12).margin(1e-13));
+    CHECK(slide > 0);
+  }
+}
+
 TEST_CASE("disks on a table between walls do not depend on direction or place") {
   const auto plain = Crowd(4).simulation(), moved = Crowd(4, 5, 4, 2.3, {-7, 11}).simulation();
   plain->advance(0.1), moved->advance(0.1);
