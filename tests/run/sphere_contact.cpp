@@ -223,6 +223,12 @@ TEST_CASE("the energy that balls lose to each other and to walls is heat") {
     const Real heat = heat_of(*s, "sphere_contact") + heat_of(*s, "sphere_wall_contact");
     CHECK(heat_of(*s, "sphere_wall_contact") > 0.1);
     CHECK(before - total_energy(*s) > 1);
+    const ParticleSystem<3>& system = s->particles();
+    const PairList& list = system.neighbours().point_pairs;
+    std::size_t touching = 0;  // all contacts that there are, and none that has been
+    for (Index e = 0; e < list.size(); ++e)
+      touching += (at(s->state().x(), list[e].first) - at(s->state().x(), list[e].second)).norm() < list.reach[e];
+    CHECK(system.history().of("sphere_contact").contacts().keys.size() == touching);
     return std::abs(before - total_energy(*s) - heat) / before;
   };
   const Real coarse = lost(1e-3), fine = lost(1.25e-4);
