@@ -185,6 +185,26 @@ TEMPLATE_TEST_CASE_SIG("what is near walls that move, as by brute force", "[moti
   CHECK(found > 500);
 }
 
+TEMPLATE_TEST_CASE_SIG("what is beyond reach is so however walls move", "[motion]", ((int D), D), 2, 3) {
+  Random random(11);
+  int beyond = 0, within = 0;
+  for (int kind = 0; kind < 4; ++kind) {
+    const Walls<D> walls = moving_walls<D>(random, kind);
+    for (int k = 0; k < 50; ++k) {
+      const Real t = random(0, 4), reach = random(0.1, 2);
+      const Vec<D> r = random(0, 5) * random.unit<D>();
+      for (Index part = 0; part < walls.part_count(); ++part) {
+        const Real d = walls.foot(r, part, t).d;
+        CHECK(walls.distance(r, part, t) == Approx(d).margin(1e-12));
+        CHECK(walls.beyond(r, reach, part, t) == (d >= reach && !walls.solid(part, t)));
+        ++(d < reach ? within : beyond);
+      }
+    }
+  }
+  CHECK(within > 100);
+  CHECK(beyond > 100);
+}
+
 TEMPLATE_TEST_CASE_SIG("how far walls have moved is no less than for any of their places", "[motion]", ((int D), D), 2,
                        3) {
   const int kind = GENERATE(0, 1, 2, 3);
