@@ -4,6 +4,7 @@
 #include <limits>
 
 #include <pliant/base/multiversion.h>
+#include <pliant/kernels/finite.h>
 
 namespace pliant {
 namespace {
@@ -53,12 +54,15 @@ PLIANT_MULTIVERSION Real verlet_drift(std::size_t n, Real h, const Real* x, cons
   return largest;
 }
 
-PLIANT_MULTIVERSION void verlet_kick(std::size_t n, Real h, Real* __restrict__ v, const Real* __restrict__ a,
+PLIANT_MULTIVERSION bool verlet_kick(std::size_t n, Real h, Real* __restrict__ v, const Real* __restrict__ a,
                                      Real* __restrict__ predicted) {
+  FiniteCheck check;
   for (std::size_t i = 0; i < n; ++i) {
+    check.add(a[i]);
     v[i] = kicked(h, v[i], a[i], predicted[i]);
     predicted[i] = predict(h, v[i], a[i]);
   }
+  return check.all_finite();
 }
 
 PLIANT_MULTIVERSION Real verlet_kick_drift(std::size_t n, Real h, const Real* __restrict__ x, Real* __restrict__ v,

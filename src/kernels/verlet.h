@@ -15,8 +15,8 @@ void verlet_predict(std::size_t n, Real h, const Real* v, const Real* a, Real* p
 Real verlet_drift(std::size_t n, Real h, const Real* x, const Real* v, const Real* predicted, Real* x_next);
 
 /// Completes a step where a is the acceleration for the prediction: v becomes v½ + a h/2, and the prediction that for
-/// the end of the next step. Arrays [n].
-void verlet_kick(std::size_t n, Real h, Real* v, const Real* a, Real* predicted);
+/// the end of the next step. Returns whether a is finite. Arrays [n].
+bool verlet_kick(std::size_t n, Real h, Real* v, const Real* a, Real* predicted);
 
 /// verlet_kick, with the next prediction in an array of its own, and verlet_drift, to the same bits.
 Real verlet_kick_drift(std::size_t n, Real h, const Real* x, Real* v, const Real* a, const Real* predicted,

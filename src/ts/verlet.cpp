@@ -103,11 +103,9 @@ bool FixedStepVerlet::pass_by_pass(SecondOrderSystem& system, State& state, Real
       n, [=, h = dt_](std::size_t i, std::size_t m) { return verlet_drift(m, h, x + i, v + i, p + i, x + i); });
   system.moved_by(system.ranks().max(change));
   system.acceleration(t, x, p, a);
-  for_blocks(n, [=, h = dt_](std::size_t i, std::size_t m) -> Real {
-    verlet_kick(m, h, v + i, a + i, p + i);
-    return 0;
-  });
-  return system.ranks().all(first_non_finite(a, n) == n);
+  const Real broken = for_blocks(
+      n, [=, h = dt_](std::size_t i, std::size_t m) -> Real { return verlet_kick(m, h, v + i, a + i, p + i) ? 0 : 1; });
+  return system.ranks().all(broken == 0);
 }
 
 void FixedStepVerlet::run(SecondOrderSystem& system, State& state, Real t_end, bool fresh,

@@ -46,11 +46,18 @@ TEST_CASE("one pass completes a step and predicts the next") {
     auto in_place = x, v_alone = v, predicted_in_place = predicted;
     CHECK(verlet_drift(n, h, in_place.data(), v.data(), predicted.data(), in_place.data()) == moved);
     CHECK(in_place == x_next);
-    verlet_kick(n, h, v_alone.data(), a_next.data(), predicted_in_place.data());
+    CHECK(verlet_kick(n, h, v_alone.data(), a_next.data(), predicted_in_place.data()));
     CHECK(v_alone == v_next);
     CHECK(predicted_in_place == predicted_after);
     CHECK(verlet_drift(n, h, in_place.data(), v_alone.data(), predicted_in_place.data(), in_place.data()) == moves);
     CHECK(in_place == x_after);
+    for (const Real broken : {std::numeric_limits<Real>::infinity(), std::numeric_limits<Real>::quiet_NaN()})
+      for (const std::size_t at : {std::size_t{0}, n / 2, n - 1}) {
+        if (n == 0) continue;
+        auto a_broken = a_next;
+        a_broken[at] = broken;
+        CHECK(!verlet_kick(n, h, v_alone.data(), a_broken.data(), predicted_in_place.data()));
+      }
   }
 }
 
