@@ -20,7 +20,7 @@ using simd::store4;
 
 namespace {
 
-using Pasts = ContactTable::Pasts<DiskContact<>::history>;
+using DiskPasts = ContactTable::Pasts<DiskContact<>::history>;
 
 /// What an evaluation leaves of a range: its elements, those that touch from the front and those that touch no more,
 /// as ~e, from the back, with `none` between them where there is room; and records of those that touch, number by
@@ -118,7 +118,7 @@ PLIANT_INLINE SurfaceTouch<2, Real4>::Rub rub(const DiskTouch<Real4>& c, const S
   return c.rub(surface, v.x, v.y, Places::gather(s.spins, at.first), Places::gather(s.spins, at.second));
 }
 
-PLIANT_INLINE DiskTouch<Real4>::Past past_of(const Pasts& pasts, const Index* elements) {
+PLIANT_INLINE DiskTouch<Real4>::Past past_of(const DiskPasts& pasts, const Index* elements) {
   static constexpr std::array<Real, 5> nothing{};
   std::array<const Real*, 4> p;
   Mask4 known;
@@ -133,11 +133,11 @@ PLIANT_INLINE DiskTouch<Real4>::Past past_of(const Pasts& pasts, const Index* el
 }
 
 template <class Law>
-PLIANT_INLINE void add_range(Real epsilon, const SurfaceFriction& friction, const StateView<2>& s, Range range,
-                             const Pasts& pasts, const DiskRecords& to, const Scatter<2, 1, true>& scatter,
-                             bool total) {
+PLIANT_INLINE void add_contacts(Real epsilon, const SurfaceFriction& friction, const StateView<2>& s, Range range,
+                                const DiskPasts& pasts, const DiskRecords& to, const Scatter<2, 1, true>& scatter,
+                                bool total) {
   const SurfaceFriction surface = friction;  // nobody else writes to these
-  const Pasts past = pasts;
+  const DiskPasts past = pasts;
   const DiskRecords records = to;
   const Scatter<2, 1, true> force = scatter;
   const PairList& list = s.neighbours.point_pairs;
@@ -191,27 +191,27 @@ PLIANT_INLINE void add_range(Real epsilon, const SurfaceFriction& friction, cons
 }
 
 PLIANT_MULTIVERSION void add_harmonic(Real epsilon, const SurfaceFriction& surface, const StateView<2>& s, Range range,
-                                      const Pasts& past, const DiskRecords& records, const Scatter<2, 1, true>& force,
-                                      bool total) {
-  add_range<HarmonicOverlap>(epsilon, surface, s, range, past, records, force, total);
+                                      const DiskPasts& past, const DiskRecords& records,
+                                      const Scatter<2, 1, true>& force, bool total) {
+  add_contacts<HarmonicOverlap>(epsilon, surface, s, range, past, records, force, total);
 }
 PLIANT_MULTIVERSION void add_hertz(Real epsilon, const SurfaceFriction& surface, const StateView<2>& s, Range range,
-                                   const Pasts& past, const DiskRecords& records, const Scatter<2, 1, true>& force,
+                                   const DiskPasts& past, const DiskRecords& records, const Scatter<2, 1, true>& force,
                                    bool total) {
-  add_range<HertzOverlap>(epsilon, surface, s, range, past, records, force, total);
+  add_contacts<HertzOverlap>(epsilon, surface, s, range, past, records, force, total);
 }
 PLIANT_MULTIVERSION void add_spring(Real epsilon, const SurfaceFriction& surface, const StateView<2>& s, Range range,
-                                    const Pasts& past, const DiskRecords& records, const Scatter<2, 1, true>& force,
+                                    const DiskPasts& past, const DiskRecords& records, const Scatter<2, 1, true>& force,
                                     bool total) {
-  add_range<SpringOverlap>(epsilon, surface, s, range, past, records, force, total);
+  add_contacts<SpringOverlap>(epsilon, surface, s, range, past, records, force, total);
 }
 
 /// Writes what is kept of those that touch, and over their records what they lose.
-PLIANT_MULTIVERSION void advance_range(const SurfaceFriction& friction, const StateView<2>& s, Real h,
-                                       const DiskRecords& from, Index touching, ContactTable& table) {
+PLIANT_MULTIVERSION void advance_contacts(const SurfaceFriction& friction, const StateView<2>& s, Real h,
+                                          const DiskRecords& from, Index touching, ContactTable& table) {
   const SurfaceFriction surface = friction;
   const DiskRecords records = from;
-  const Pasts past = table.pasts<DiskContact<>::history>();
+  const DiskPasts past = table.pasts<DiskContact<>::history>();
   const Pair* const pairs = s.neighbours.point_pairs.pairs.data();
   Real* lost = records.memory;  // far less than the records
   for_each_four(records, touching, [&](Index k, Index count, const Index* e) PLIANT_INLINE_LAMBDA {
@@ -239,7 +239,7 @@ PLIANT_MULTIVERSION void advance_range(const SurfaceFriction& friction, const St
 template <class Law>
 void add_disk_forces(Real epsilon, const SurfaceFriction& surface, const StateView<2>& s, Range range,
                      const ContactTable& table, const Scatter<2, 1, true>& force, bool total) {
-  const Pasts past = table.pasts<DiskContact<>::history>();
+  const DiskPasts past = table.pasts<DiskContact<>::history>();
   const DiskRecords records(table, range);
   if constexpr (Law::kind == ContactLaw::hertz)
     add_hertz(epsilon, surface, s, range, past, records, force, total);
@@ -259,7 +259,7 @@ DiskHeat advance_disks(const SurfaceFriction& surface, const StateView<2>& s, Ra
                        ContactTable& table) {
   const DiskRecords records(table, range);
   const Index touching = records.touching();
-  advance_range(surface, s, h, records, touching, table);
+  advance_contacts(surface, s, h, records, touching, table);
   records.for_each_parted([&](Index e) { table.advance(e, [](bool, std::span<Real>) { return false; }); });
   return {{records.element, static_cast<std::size_t>(touching)}, records.memory};
 }
