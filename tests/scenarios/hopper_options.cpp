@@ -2,6 +2,7 @@
 #include <catch2/catch.hpp>
 
 #include <algorithm>
+#include <array>
 #include <string>
 #include <vector>
 
@@ -57,10 +58,67 @@ TEST_CASE("standard steps and skins", "[options]") {
   CHECK(resolved({"-zeta", "1", "-flow", "discharge"}).elastic_fraction(1, 1) == 0.4);
   CHECK(resolved({"-zeta", "1", "-flow", "discharge"}).elastic_fraction(1e-6, 1) == 0.05);
   CHECK(resolved({"-zeta", "1", "-flow", "discharge", "-model", "rough"}).elastic_fraction(1, 1) == 0.2);
+  CHECK(resolved({"-model", "disk"}).elastic_fraction(1, 1) == 0.2);
+  CHECK(resolved({"-model", "disk", "-zeta", "1"}).elastic_fraction(1, 1) == 0.2);
   CHECK(resolved({}).first_skin() == 0.3);
   CHECK(resolved({"-dim", "3"}).first_skin() == 0.2);
   CHECK(resolved({"-model", "smooth"}).first_skin() == 0.06);
   CHECK(resolved({"-skin", "0.11"}).first_skin() == 0.11);
+}
+
+TEST_CASE("what disks of a hopper are made of", "[options]") {
+  const auto usual = resolved({"-model", "disk"}).model_parameters();
+  CHECK(usual.epsilon == 1e4);
+  CHECK(usual.epsilon_wall == 1e4);
+  const DiskParameters &d = usual.disk, standard;
+  CHECK(std::array{d.mu_disk, d.mu_disk_dynamic, d.mu_wall, d.mu_wall_dynamic} == std::array{0.4, 0.4, 0.4, 0.4});
+  CHECK(std::array{d.restitution, d.tangential_stiffness, d.tangential_damping} ==
+        std::array{standard.restitution, standard.tangential_stiffness, standard.tangential_damping});
+
+  const HopperOptions p = resolved({"-model",
+                                    "disk",
+                                    "-e_disk",
+                                    "11",
+                                    "-e_w",
+                                    "12",
+                                    "-mu_disk",
+                                    "0.9",
+                                    "-mu_disk_dynamic",
+                                    "0.8",
+                                    "-mu_wall",
+                                    "0.7",
+                                    "-mu_wall_dynamic",
+                                    "0.6",
+                                    "-restitution",
+                                    "0.3",
+                                    "-tangential_stiffness",
+                                    "0.2",
+                                    "-tangential_damping",
+                                    "0.1",
+                                    "-zeta",
+                                    "0.05",
+                                    "-contact_law",
+                                    "hertz"});
+  const ModelParameters all = p.model_parameters();
+  CHECK(all.epsilon == 11);
+  CHECK(all.epsilon_wall == 12);
+  CHECK(all.zeta == 0.05);
+  CHECK(all.law == ContactLaw::hertz);
+  CHECK(all.disk.mu_disk == 0.9);
+  CHECK(all.disk.mu_disk_dynamic == 0.8);
+  CHECK(all.disk.mu_wall == 0.7);
+  CHECK(all.disk.mu_wall_dynamic == 0.6);
+  CHECK(all.disk.mu_others.empty());
+  CHECK(all.disk.restitution == 0.3);
+  CHECK(all.disk.tangential_stiffness == 0.2);
+  CHECK(all.disk.tangential_damping == 0.1);
+  CHECK(std::string(p.contact_energy()) == "-e_disk");
+
+  // The dynamic coefficient is the static one of the same surfaces.
+  const DiskParameters rough =
+      resolved({"-model", "disk", "-mu_disk", "0.2", "-mu_wall", "0.6"}).model_parameters().disk;
+  CHECK(rough.mu_disk_dynamic == 0.2);
+  CHECK(rough.mu_wall_dynamic == 0.6);
 }
 
 TEST_CASE("options of a hopper that contradict each other", "[options]") {
@@ -73,6 +131,9 @@ TEST_CASE("options of a hopper that contradict each other", "[options]") {
   refused({"-contact_law", "barrier", "-model", "disk"}, "-contact_law barrier with -model disk");
   refused({"-dynamics", "overdamped", "-integrator", "ts", "-zeta", "1", "-model", "disk"},
           "-model disk, which needs inertia");
+  refused({"-model", "disk", "-mu_disk", "0.2", "-mu_disk_dynamic", "0.3"},
+          "-mu_disk_dynamic 0.3 is more than -mu_disk");
+  refused({"-model", "disk", "-mu_wall", "0.2", "-mu_wall_dynamic", "0"}, "-mu_wall_dynamic 0 with -mu_wall 0.2");
   refused({"-contact_law", "barrier"}, "-contact_law barrier with -model sp");
   refused({"-wall_diameter", "0.6", "-hopper_width", "0.5"}, "leave no gap");
   refused({"-contact_law", "linear", "-model", "smooth"}, "only -model sp has it");

@@ -56,7 +56,7 @@ std::unique_ptr<ForceField<2>> make_forces(const ChannelOptions& p) {
                                        .mu_disk_dynamic = *p.disk.sliding,
                                        .mu_wall = p.wall.at_rest,
                                        .mu_wall_dynamic = *p.wall.sliding,
-                                       .mu_others = {{p.plunger.at_rest, *p.plunger.sliding}},
+                                       .mu_others = {p.plunger.coefficients()},
                                        .restitution = p.restitution},
                               .base = base},
                              Vec<2>::Zero());

@@ -10,8 +10,7 @@
 namespace pliant {
 namespace {
 
-constexpr Real never = 1e300;           ///< s between frames that nobody asks for
-constexpr Real sliding_friction = 0.3;  ///< of acrylic on acrylic and on aluminium [T 3.2]
+constexpr Real never = 1e300;  ///< s between frames that nobody asks for
 
 /// The corners in a file: one polygon. name: of the file, in messages; what: else they are of.
 std::vector<Vec<2>> parse_corners(std::string_view text, const std::string& name,
@@ -131,31 +130,16 @@ void ChannelOptions::bind(Options& o) {
           .min = 0,
           .min_open = true,
           .on_restart = fixed});
-  const auto friction = [&](const std::string& name, FrictionOptions& f, const std::string& what) {
-    o.bind("mu_" + name, f.at_rest, {.help = "static friction " + what, .min = 0, .max = 10, .on_restart = fixed});
-    o.bind("mu_" + name + "_dynamic", f.sliding,
-           {.help = "friction where they slide",
-            .min = 0,
-            .max = 10,
-            .automatic = fmt::format("{:g}, or the static one if that is less", sliding_friction),
-            .on_restart = fixed});
-  };
-  friction("disk", disk, "of disks with each other");
-  friction("wall", wall, "of disks with walls");
+  disk.bind(o, "mu_disk", "static friction of disks with each other");
+  wall.bind(o, "mu_wall", "static friction of disks with walls");
   o.bind("mu_plunger", mu_plunger,
          {.help = "static friction of disks with plungers",
           .min = 0,
           .max = 10,
           .automatic = "that of walls",
           .on_restart = fixed});
-  o.bind("mu_plunger_dynamic", plunger.sliding,
-         {.help = "friction where they slide",
-          .min = 0,
-          .max = 10,
-          .automatic = fmt::format("{:g}, or the static one if that is less; without -mu_plunger that of walls",
-                                   sliding_friction),
-          .on_restart = fixed});
-  friction("base", base, "with the base that all lie on");
+  plunger.bind_sliding(o, "mu_plunger", "", "; without -mu_plunger that of walls");
+  base.bind(o, "mu_base", "static friction with the base that all lie on");
   o.bind(
       "base_coupled", base_coupled,
       {.help =
@@ -254,18 +238,11 @@ void ChannelOptions::resolve() {
           particle(), largest, p.width());
 
   plunger.at_rest = mu_plunger.value_or(wall.at_rest);
-  for (auto [name, friction] : {std::pair("disk", &disk), {"wall", &wall}, {"plunger", &plunger}, {"base", &base}}) {
-    if (friction == &plunger && !mu_plunger && !plunger.sliding) plunger.sliding = wall.sliding;
-    if (!friction->sliding) friction->sliding = std::min(friction->at_rest, sliding_friction);
-    if (*friction->sliding > friction->at_rest)
-      throw InputError("-mu_{0}_dynamic {1:g} is more than -mu_{0} {2:g}; lower it", name, *friction->sliding,
-                       friction->at_rest);
-    if (*friction->sliding == 0 && friction->at_rest > 0)
-      throw InputError(
-          "-mu_{0}_dynamic 0 with -mu_{0} {1:g}: nothing would hold what has begun to slide; raise it, or "
-          "give -mu_{0} 0",
-          name, friction->at_rest);
-  }
+  disk.resolve("mu_disk");
+  wall.resolve("mu_wall");
+  if (!mu_plunger && !plunger.sliding) plunger.sliding = wall.sliding;
+  plunger.resolve("mu_plunger");
+  base.resolve("mu_base");
   sample_interval = sample_travel / push.speed;
 }
 

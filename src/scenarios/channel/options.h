@@ -12,6 +12,7 @@
 #include <pliant/scenarios/channel/channel_shape.h>
 #include <pliant/scenarios/channel/distributions.h>
 #include <pliant/scenarios/channel/push_schedule.h>
+#include <pliant/scenarios/disks/friction_options.h>
 #include <pliant/setup/rest_outlines.h>
 
 namespace pliant {
@@ -19,12 +20,6 @@ namespace pliant {
 enum class OnJam { proceed, end };
 /// disk: frictional disks; rough: stiff polygons of any outline, whose friction is from the disks on their vertices.
 enum class ChannelModel { disk, rough };
-
-/// A coefficient of friction: that of surfaces that stick, and of surfaces that slide.
-struct FrictionOptions {
-  Real at_rest;
-  std::optional<Real> sliding;  ///< filled in by `resolve`
-};
 
 /// As given by the user; `resolve` fills in what is automatic. Units: cm, g, s.
 struct ChannelOptions : RunOptions {
@@ -48,9 +43,10 @@ struct ChannelOptions : RunOptions {
   Real shape_stiffness = 1;   ///< over that of contacts
   std::shared_ptr<const RestOutlines> outlines;  ///< made of these by `resolve`
 
-  FrictionOptions disk{0.4, {}}, wall{0.4, {}}, base{0.5, {}};
+  static constexpr Real usual_sliding = 0.3;  ///< of acrylic on acrylic and on aluminium [T 3.2]
+  FrictionOptions disk{0.4, {}, usual_sliding}, wall{0.4, {}, usual_sliding}, base{0.5, {}, usual_sliding};
   std::optional<Real> mu_plunger;
-  FrictionOptions plunger{0, {}};  ///< at rest: of these by `resolve`
+  FrictionOptions plunger{0, {}, usual_sliding};  ///< at rest: of these by `resolve`
   bool base_coupled = true;
   Real stiffness = 2e7, restitution = 0.5, gravity = 981;
 

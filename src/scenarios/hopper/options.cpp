@@ -164,19 +164,8 @@ void HopperOptions::bind(Options& o) {
           .min = 0,
           .min_open = true,
           .on_restart = fixed});
-  const auto coulomb = [&](const std::string& name, Real& at_rest, std::optional<Real>& sliding,
-                           const std::string& what) {
-    o.bind(name, at_rest,
-           {.help = "model disk: static Coulomb friction " + what, .min = 0, .max = 10, .on_restart = fixed});
-    o.bind(name + "_dynamic", sliding,
-           {.help = "model disk: friction where they slide",
-            .min = 0,
-            .max = 10,
-            .automatic = "the static one",
-            .on_restart = fixed});
-  };
-  coulomb("mu_disk", mu_disk, mu_disk_dynamic, "of particles with each other");
-  coulomb("mu_wall", mu_wall, mu_wall_dynamic, "of particles with walls and obstacles");
+  disk.bind(o, "mu_disk", "static Coulomb friction of particles with each other", "model disk: ");
+  wall.bind(o, "mu_wall", "static Coulomb friction of particles with walls and obstacles", "model disk: ");
   o.bind("restitution", restitution,
          {.help = "model disk: coefficient of restitution of a head-on collision, with particles and walls",
           .min = 0,
@@ -321,7 +310,7 @@ void HopperOptions::bind(Options& o) {
           .min = 0,
           .min_open = true,
           .automatic = "0.35 of the elastic limit with friction, 0.4 with drag alone, 0.2 with neither, less where a "
-                       "discharge must come to rest; 0.5 of the damping's; at most 1e-3",
+                       "discharge must come to rest; 0.2 with -model disk; 0.5 of the damping's; at most 1e-3",
           .on_restart = fixed});
   o.bind("allow_unstable_dt", allow_unstable_dt, {.help = "go on where a fixed -dt is above the limit of stability"});
   o.bind("t_end", t_end,
@@ -429,6 +418,8 @@ void HopperOptions::resolve() {
     throw InputError(
         "-hopper_q_rtol {} with -flow discharge: only continuous flow has a steady rate; leave one of them out",
         q_rtol);
+  disk.resolve("mu_disk");
+  wall.resolve("mu_wall");
   reinsertion.clearance = wall_diameter / 2;
   if (wall_diameter >= hopper.orifice)
     throw InputError(
@@ -506,10 +497,10 @@ ModelParameters HopperOptions::model_parameters() const {
           .drag = drag,
           .lip_edges = lip_contact == ContactRule::edge,
           .rough_edges = rough_contact == ContactRule::edge,
-          .disk = {.mu_disk = mu_disk,
-                   .mu_disk_dynamic = mu_disk_dynamic.value_or(mu_disk),
-                   .mu_wall = mu_wall,
-                   .mu_wall_dynamic = mu_wall_dynamic.value_or(mu_wall),
+          .disk = {.mu_disk = disk.at_rest,
+                   .mu_disk_dynamic = *disk.sliding,
+                   .mu_wall = wall.at_rest,
+                   .mu_wall_dynamic = *wall.sliding,
                    .restitution = restitution,
                    .tangential_stiffness = tangential_stiffness,
                    .tangential_damping = tangential_damping}};

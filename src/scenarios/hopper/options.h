@@ -11,6 +11,7 @@
 #include <pliant/geometry/container.h>
 #include <pliant/model/own_model.h>
 #include <pliant/run/options.h>
+#include <pliant/scenarios/disks/friction_options.h>
 #include <pliant/setup/packing.h>
 #include <pliant/setup/particles.h>
 #include <pliant/setup/reinsertion.h>
@@ -52,8 +53,7 @@ struct HopperOptions : RunOptions {
 
   // Frictional disks
   Real e_disk = 1e4;
-  Real mu_disk = 0.4, mu_wall = 0.4;
-  std::optional<Real> mu_disk_dynamic, mu_wall_dynamic;
+  FrictionOptions disk{0.4}, wall{0.4};
   Real restitution = 0.5, tangential_stiffness = 2.0 / 7, tangential_damping = 0.5;
 
   Hopper hopper;
