@@ -164,11 +164,12 @@ Real spring_rate(const SurfaceFriction& f, const Topology& topology, Real epsilo
                    stiffest<Law>(topology, epsilon, reach, [](const Law& law) { return reference_stiffness(law); }));
 }
 
-/// The rate share ζ √(V''/(partners m)) of the dashpots of a point, V'' and m those of the stiffest one.
+/// The rate share ζ √(V''/(partners m)) of the dashpots of a point, V'' and m those of the stiffest one. `share` is
+/// for γ_t/γ_n up to 1/2; the tangential dashpot is the faster one beyond.
 template <class Law>
 Real dashpot_rate(const SurfaceFriction& f, const Topology& topology, Real epsilon, Real reach, Real share,
                   Real partners) {
-  return share * f.damping *
+  return share * std::max(1.0, 2 * f.tangential_damping) * f.damping *
          std::sqrt(stiffest<Law>(topology, epsilon, reach,
                                  [](const Law& law) { return Law::stiffness * law.epsilon / Law::scale(law.delta); }) /
                    partners);

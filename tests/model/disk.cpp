@@ -17,6 +17,38 @@ std::unique_ptr<ForceField<2>> disks(const DiskParameters& disk, ContactLaw law 
                              {.epsilon = 1e3, .epsilon_wall = 2e3, .law = law, .zeta = 0.1, .disk = disk, .base = base},
                              pliant::Vec<2>(0, -1));
 }
+/// Two that meet, and one that meets a wall. The law's numbers are of no account.
+template <int D, class Law>
+void check_damping(Law) {
+  Configuration<D> c;
+  c.walls = Hopper{.wall_distance = 20, .orifice = 4, .angle = 90}.walls<D>();
+  const auto add = [&](Real x, Real height, Real vx, Real speed) {
+    pliant::Vec<D> r = pliant::Vec<D>::Zero();
+    r[0] = x, r[D - 1] = height;
+    c.add_soft(1, r);
+    point<D>(c.v.data(), c.topology.particles() - 1) =
+        vx * pliant::Vec<D>::Unit(0) + speed * pliant::Vec<D>::Unit(D - 1);
+  };
+  const std::vector<Real> still(2 * rotations<D>);
+  const auto zeta = [&](const Law& law, Real mass) {
+    StateView<D> s = c.view();
+    s.angles = s.spins = still.data();
+    const auto power = [&](Real e) {
+      return make_force_field<D>(ModelKind::disk,
+                                 {.epsilon = 1e3, .epsilon_wall = 2e3, .law = Law::kind, .disk = {.restitution = e}},
+                                 pliant::Vec<D>::Zero())
+          ->power(s);
+    };
+    return (power(0.3) - power(1)) / (2 * std::sqrt(mass * law.curvature(0.9 * law.delta)));
+  };
+  add(5, 0.45, 0, -1);
+  CHECK(restitution<Law>(zeta(Law{2e3, 0.5}, c.topology.mass(0))) == Approx(0.3));
+  c = Configuration<D>();
+  add(0, 5, 0.5, 0);
+  add(0.9, 5, -0.5, 0);
+  CHECK(restitution<Law>(zeta(Law{1e3, 1}, c.topology.mass(0) / 2)) == Approx(0.3));
+}
+
 std::unique_ptr<ForceField<2>> on_table(const BaseParameters& base) { return disks({}, ContactLaw::harmonic, base); }
 
 }  // namespace
@@ -68,6 +100,23 @@ TEST_CASE("friction and damping leave the critical step of the contacts nearly a
                            .elastic,
              all = on_table({.gravity = 1})->critical_step(c.topology).elastic;
   CHECK(all == contact);
+}
+
+TEST_CASE("the faster the tangential dashpots, the shorter the critical step") {
+  Configuration<2> c;
+  c.add_soft(1, {0, 0});
+  const auto limit = [&](Real ratio) {
+    return disks({.tangential_damping = ratio})->critical_step(c.topology).damping;
+  };
+  CHECK(limit(0.5) == limit(0));
+  CHECK(limit(5) == Approx(limit(0.5) / 10));
+}
+
+TEST_CASE("disks and spheres of either law are damped as their coefficient of restitution asks for") {
+  check_damping<2>(HarmonicOverlap{1, 1});
+  check_damping<2>(HertzOverlap{1, 1});
+  check_damping<3>(HarmonicOverlap{1, 1});
+  check_damping<3>(HertzOverlap{1, 1});
 }
 
 TEST_CASE("coefficients that no disk has are refused") {
