@@ -116,12 +116,15 @@ class ParticleSystem final : public ImplicitSystem {
   }
 
   /// Errors: InputError where particles rotate or contacts have a history.
-  std::unique_ptr<Jacobian> jacobian(JacobianForm form, JacobianKind kind, TermGroup group) override {
+  void check_derivatives() const {
     if (rotates_or_remembers())
       throw InputError(
           "particles that rotate and contacts with history have no Jacobian, which this integrator needs; use "
-          "-integrator "
-          "verlet, or -ts_type rk");
+          "-integrator verlet, or -ts_type rk");
+  }
+  /// Errors: as check_derivatives().
+  std::unique_ptr<Jacobian> jacobian(JacobianForm form, JacobianKind kind, TermGroup group) override {
+    check_derivatives();
     return make_jacobian(*this, form, kind, group);
   }
 

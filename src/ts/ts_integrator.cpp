@@ -210,7 +210,7 @@ void TsIntegrator::configure_solvers() {
   second_order_ = type_ == TSALPHA2;
   if (options_.implicit != TermGroup::all && !contains(split_types, type_))
     throw InputError("-implicit shape splits the forces, which -ts_type {} cannot do; use -ts_type arkimex", type_);
-  if (contains(explicit_types, type_)) return;
+  if (!needs_jacobian()) return;
   petsc_check(particle_pc_register());
   SNES snes = nullptr;
   KSP ksp = nullptr;
@@ -275,7 +275,7 @@ void TsIntegrator::set_functions(Run& run) {
                      fmt::join(explicit_types, ", "));
   if (!implicit || options_.implicit != TermGroup::all)
     petsc_check(TSSetRHSFunction(ts_, nullptr, right_hand_side, &run));
-  if (contains(explicit_types, type_) || run.implicit == nullptr) return;
+  if (!needs_jacobian() || run.implicit == nullptr) return;
   jacobian_ = run.implicit->jacobian(second_order_ ? JacobianForm::second_order : JacobianForm::first_order,
                                      options_.jacobian, options_.implicit);
   ::Mat a = jacobian_->matrix(), p = jacobian_->preconditioner();
@@ -556,6 +556,8 @@ bool TsIntegrator::solve(FirstOrderSystem& system, State& state, Real t_end, con
   reusable_ = true;
   return run.reordered;
 }
+
+bool TsIntegrator::needs_jacobian() const { return !contains(explicit_types, type_); }
 
 bool TsIntegrator::explicit_fixed_step() const { return !adaptive_ && contains(explicit_types, type_); }
 

@@ -64,6 +64,8 @@ class TsIntegrator : public Integrator {
 
   bool first_same_as_last() const override { return first_same_as_last_; }
   bool explicit_fixed_step() const override;
+  /// Whether the method solves equations, and asks the system for derivatives.
+  bool needs_jacobian() const;
   Real next_dt() const override { return dt_; }
   /// For rk, ssp and euler: the longest step, times the rate, at which what decays at a fixed rate still does. Others:
   /// infinite.

@@ -115,15 +115,18 @@ class HopperProtocol final : public Protocol<D> {
 
   std::unique_ptr<Integrator> make_integrator(Real dt) override {
     std::unique_ptr<Integrator> integrator;
-    if (p_.integrator == IntegratorKind::verlet)
+    if (p_.integrator == IntegratorKind::verlet) {
       integrator = std::make_unique<FixedStepVerlet>(dt);
-    else
-      integrator = std::make_unique<TsIntegrator>(TsOptions{.dt = dt,
-                                                            .longest_dt = longest_dt(),
-                                                            .implicit = p_.implicit,
-                                                            .jacobian = p_.jacobian,
-                                                            .admissible = admissible()},
-                                                  ranks().comm());
+    } else {
+      auto ts = std::make_unique<TsIntegrator>(TsOptions{.dt = dt,
+                                                         .longest_dt = longest_dt(),
+                                                         .implicit = p_.implicit,
+                                                         .jacobian = p_.jacobian,
+                                                         .admissible = admissible()},
+                                               ranks().comm());
+      if (ts->needs_jacobian()) particles().check_derivatives();  // before there is a folder
+      integrator = std::move(ts);
+    }
     if constexpr (D == 2)
       if (p_.contact_law == ContactLaw::barrier)
         outlines_ = integrator->explicit_fixed_step()
