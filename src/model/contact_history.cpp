@@ -43,14 +43,25 @@ void ContactTable::set(const StoredContacts& contacts) {
   unlisted_ = sorted(contacts, needs_.width);
 }
 
+void ContactTable::forget(Index id) {
+  const auto is_of_it = [&](const ContactKey& key) { return key.first == id || (pairs() && key.second == id); };
+  for (std::size_t k = 0; k < keys_.size(); ++k)
+    if (touched_[k] != 0 && is_of_it(keys_[k])) end(k);
+  const StoredContacts before = std::exchange(unlisted_, {});
+  for (std::size_t k = 0; k < before.keys.size(); ++k)
+    if (!is_of_it(before.keys[k])) unlisted_.add(before.keys[k], before.row(k, needs_.width));
+}
+
+void ContactTable::end(std::size_t contact) {
+  std::fill_n(values_.begin() + static_cast<std::ptrdiff_t>(contact * needs_.width), needs_.width, 0.0);
+  touched_[contact] = 0;
+}
+
 void ContactTable::advanced() {
   unlisted_ = {};
   if (!shared()) return;
   for (std::size_t k = 0; k < keys_.size(); ++k)
-    if (touched_[k] != 0 && touches_now_[k] == 0) {
-      std::fill_n(values_.begin() + static_cast<std::ptrdiff_t>(k * needs_.width), needs_.width, 0.0);
-      touched_[k] = 0;
-    }
+    if (touched_[k] != 0 && touches_now_[k] == 0) end(k);
   std::ranges::fill(touches_now_, std::uint8_t{0});
 }
 
@@ -127,6 +138,10 @@ void ContactHistory::advanced() {
 void ContactHistory::set(std::string_view term, const StoredContacts& contacts) {
   of(term).set(contacts);
   version_ = -1;
+}
+
+void ContactHistory::forget(Index id) {
+  for (ContactTable& table : tables_) table.forget(id);
 }
 
 void ContactHistory::clear() {

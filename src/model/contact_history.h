@@ -205,11 +205,15 @@ class ContactTable {
   /// These instead, in any order; a contact may be there twice, with the same numbers. They take their places in the
   /// list with the next assign().
   void set(const StoredContacts& contacts);
+  /// Those of this particle are over, whatever it touches next.
+  void forget(Index id);
   /// The list has other entries, with these keys. Contacts that are not in it, as positions are those of a trial state,
   /// are kept until the next accepted step.
   void assign(std::vector<ContactKey> keys);
 
  private:
+  /// It touches no more.
+  void end(std::size_t contact);
   /// Whether several elements may be one contact.
   bool shared() const { return needs_.elements == Elements::walls; }
   std::size_t contact_of(Index e) const {
@@ -247,6 +251,8 @@ class ContactHistory {
   void advanced();
   /// See ContactTable::set.
   void set(std::string_view term, const StoredContacts& contacts);
+  /// The particle was put somewhere else: its contacts are over.
+  void forget(Index id);
   /// Nothing touches anything.
   void clear();
 

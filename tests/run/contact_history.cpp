@@ -141,6 +141,17 @@ TEST_CASE("a table of contacts follows its list") {
   CHECK(table.past(1).empty());
   touch(1, 3);
 
+  // What was put somewhere else begins anew, listed or not.
+  touch(0, 4);
+  table.assign({{1, 2}, {2, 3}, {7, 8}});
+  touch(2, 5);
+  table.forget(3);
+  table.forget(2);
+  CHECK(table.past(0).empty());
+  CHECK(table.contacts().keys == std::vector<ContactKey>{{7, 8}});
+  touch(0, 6);  // from zeros
+  CHECK(table.past(2)[0] == 5);
+
   CHECK_THROWS_AS(ContactHistory({{"a", Elements::walls, 1}, {"a", Elements::point_pairs, 1}}), std::logic_error);
   CHECK_THROWS_AS(ContactHistory({{"a", Elements::vertex_edges, 1}}), std::logic_error);
   CHECK_NOTHROW(ContactHistory({{"a", Elements::points, 1}}));

@@ -402,6 +402,7 @@ class HopperProtocol final : public Protocol<D> {
       if (p_.flow == FlowKind::continuous) {
         reinsert<D>(ranks(), own, *p_.container, particles().walls(), p_.particle_kind() == ModelKind::smooth,
                     static_cast<std::uint64_t>(p_.seed), l, s, p_.reinsertion);
+        particles().history().forget(l.id);
         if (!mine) continue;
         stop_spin(l.particle);
         this->simulation().relist(l.particle);
