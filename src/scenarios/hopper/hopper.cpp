@@ -468,9 +468,8 @@ class HopperProtocol final : public Protocol<D> {
         if (own.active[m] && places.through_wall(m)) throw through_wall(own.id[m], sight(m).x, "left the hopper");
         if (const Real roof = 10 * (top_ + p_.container->upright_from() + largest_); r[D - 1] > roof)
           throw NumericalError(
-              "particle {} was thrown to a height of {:.3g} sigma_avg, beyond {:.3g}, ten times that of the start: the "
-              "step makes energy; {}",
-              own.id[m], r[D - 1], roof, shorten());
+              "particle {} was thrown to a height of {:.3g} sigma_avg, beyond {:.3g}, ten times that of the start: {}",
+              own.id[m], r[D - 1], roof, why_thrown());
       }
     });
   }
@@ -480,6 +479,21 @@ class HopperProtocol final : public Protocol<D> {
   void watch(Visit&& visit) {
     if constexpr (D == 2)
       if (deformable()) visit(particles());
+  }
+
+  /// Where energy comes from: the step, or reinsertion, which lifts particles as fast as they leave.
+  std::string why_thrown() const {
+    const std::string step = fmt::format("the step makes energy: {}", shorten());
+    if (p_.flow == FlowKind::discharge) return step;
+    const std::string flow = fmt::format(
+        "gravity puts more energy into the flow than friction and drag take: raise {} or -zeta, or narrow the orifice "
+        "(-hopper_width)",
+        p_.particle_kind() == ModelKind::disk ? "-mu_disk" : "-mu");
+    const Integrator& integrator = this->simulation().integrator();
+    if (!integrator.explicit_fixed_step()) return fmt::format("{}; or {}", flow, step);
+    const bool long_step = integrator.next_dt() > 0.5 * critical_step_;
+    return fmt::format("most likely, as dt/dt_critical is {} 0.5, {}; else {}", long_step ? "above" : "not above",
+                       long_step ? step : flow, long_step ? flow : step);
   }
 
   /// What to do about too long a step.
