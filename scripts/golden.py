@@ -32,6 +32,7 @@ SPHERES = "hopper -dim 3 -n 400 -hopper_wall_distance 8 -hopper_width 4 -zeta 0.
 POLYGONS = ("hopper -n 40 -n_vertices 12 -hopper_wall_distance 8 -hopper_width 3 -pack_fraction 0.7 "
             "-e_c 500 -e_w 500 -k_a 1000 -k_l 100")
 FEW = "hopper -n 100 -hopper_wall_distance 10 -hopper_width 4 -pack_fraction 0.8"
+DISKS = "hopper -model disk -mu_disk_dynamic 0.3 -mu_wall_dynamic 0.2"
 RAFT = "raft -rows 3 -columns 3 -delta 0.01 -v_wall 1e-3 -sample_interval 10 -frame_interval 200"
 CASES = {
     "sp": Case(f"{SOFT} -frame_interval 5", 25, 50),
@@ -41,6 +42,8 @@ CASES = {
     "smooth": Case(f"{POLYGONS} -model smooth -edge_width 0.3 -zeta 0.3 -mu 0.3 -frame_interval 2", 10, 20),
     "barrier": Case(f"{POLYGONS} -model smooth -edge_width 0.3 -zeta 0.3 -contact_law barrier", 5, 10),
     "discharge": Case(f"{FEW} -flow discharge -hopper_angle 45 -zeta 0.3", 15, 40),
+    "disk": Case(f"{DISKS} -n 100 -hopper_wall_distance 10 -hopper_width 4 -pack_fraction 0.8", 5, 10),
+    "disk-3d": Case(f"{DISKS} -dim 3 -n 200 -hopper_wall_distance 6 -hopper_width 4 -pack_fraction 0.5", 3, 6),
     "overdamped": Case(f"{FEW} -dynamics overdamped -integrator ts -zeta 1 -frame_interval 1", 2, 4),
     "ts-adaptive": Case(f"{FEW} -zeta 0.3 -integrator ts -ts_type rk -ts_rk_type 5dp -ts_rtol 1e-3", 12, 24),
     "ts-implicit": Case(f"{FEW} -zeta 0.3 -integrator ts -ts_type bdf -ts_rtol 1e-3 -dt 1e-2 -frame_interval 1", 2, 4),
