@@ -21,13 +21,15 @@ using pliant::Vec;  // PETSc has one, too
 constexpr Hopper hopper{.wall_distance = 20, .orifice = 4, .angle = 90};
 constexpr Real zeta = 0.5, mu = 0.3;
 
+/// spins: [particles · rotations], of disks and spheres.
 template <int D>
-Sample<D> sample_of(Configuration<D>& c, ModelKind kind) {
+Sample<D> sample_of(Configuration<D>& c, ModelKind kind, const std::vector<Real>& spins = {}) {
   const ModelParameters p{.epsilon = 100, .mu = mu, .zeta = zeta};
   ParticleSystem<D> system(c.topology, hopper.walls<D>(), make_force_field<D>(kind, p, -Vec<D>::Unit(D - 1)), 0.1);
-  State state(c.topology.points(), D);
+  State state(c.topology.points(), system.coordinates().all());
   std::copy(c.x.begin(), c.x.end(), state.x().begin());
   std::copy(c.v.begin(), c.v.end(), state.v().begin());
+  std::ranges::copy(spins, system.rotations_in(state.v()).begin());
   state.t = 1.5;
   return take_sample<D>(system, state, hopper, {7, 3.5}, 0.01);
 }
@@ -88,6 +90,22 @@ void check_sample() {
   CHECK(sample.second == 1);
 }
 
+template <int D>
+void check_disks() {
+  Configuration<D> c;
+  c.add_soft(1, at<D>(0, 5));
+  c.add_soft(1, at<D>(0.9, 5));  // touches the first
+  c.add_soft(1, at<D>(-3, 5));
+  std::vector<Real> spins(3 * rotations<D>);
+  spins[rotations<D> - 1] = 50;  // across the contact
+  const Sample<D> sample = sample_of<D>(c, ModelKind::disk, spins);
+  auto value = numbers(sample);
+  CHECK(value["kinetic_energy"] == Approx(c.topology.inertia[0] / 2 * 2500));
+  CHECK(value["friction_force"] == Approx(2 * DiskParameters().mu_disk * 10 / 3));  // μN on both, in the mean of three
+  CHECK(value["drag_force"] == 0);
+  CHECK(value["heat"] == 0);
+}
+
 /// Rows of a steady flow of rate 2. noise: relative, of density and rate.
 Series steady_series(Real noise) {
   Series series;
@@ -123,6 +141,11 @@ Series steady_series(Real noise) {
 TEST_CASE("a sample of a few particles", "[measurements]") {
   check_sample<2>();
   check_sample<3>();
+}
+
+TEST_CASE("a sample of disks and spheres that rub", "[measurements]") {
+  check_disks<2>();
+  check_disks<3>();
 }
 
 TEST_CASE("forces on a polygon are those on its points together", "[measurements]") {
