@@ -880,7 +880,7 @@ def test_figures_of_disks(tmp_path):
 def channel_runs(tmp_path_factory):
     """[(row, folder)]: two seeds of two distributions, and one with another friction of the walls."""
     folder, runs = tmp_path_factory.mktemp("channels"), []
-    for name, disks, options in (("a", 60, {}), ("b", 90, {}), ("b", 90, {"mu_wall": 0.8, "mu_wall_dynamic": 0.6})):
+    for name, disks, options in (("a", 60, {}), ("b", 90, {}), ("b", 90, {"mu_wall": 0.8, "mu_wall_dynamic": 0.6, "mu_plunger_dynamic": 0.6})):
         for seed in (1, 2):
             run = folder / f"{name}-{len(options)}-{seed}"
             made = channel_tracks(frames=56, disks=disks, spacing=0.11, seed=seed)
@@ -976,11 +976,19 @@ def test_figures_of_sizes(channel_runs):
 def test_what_non_affine_motion_depends_on(channel_runs, tmp_path):
     table = all_measured("motion", channel_runs)
     found = drawn("T3.choices", table, tmp_path)
-    assert {"dr_na, b", "dr_na, b, mu_wall = 0.8/0.6"} <= set(found) and not any(", a" in name for name in found)
+    names = set(found)
+    assert {"dr_na, b", "dr_na, b, mu_wall = 0.8/0.6"} <= names and not any(", a" in name for name in names)
     assert found["dr_na, b"].value == pytest.approx(table["dr_na"][2:4].mean())
     assert found["dr_na, b, mu_wall = 0.8/0.6"].value == pytest.approx(table["dr_na"][4:].mean())
     with pytest.raises(PliantError, match="one choice"):
         command.FIGURES["T3.choices"].draw(table[:4])
+    # Plungers with friction of their own; what was kept when that was no option lacks the columns.
+    rows = table["distribution"] == "b"
+    kept = table[rows][:2].drop(columns=["mu_plunger", "mu_plunger_dynamic"])
+    plungers = table[rows][2:].assign(mu_wall=0.4, mu_wall_dynamic=np.nan, mu_plunger=0.2, mu_plunger_dynamic=0.15)
+    found = drawn("T3.choices", pd.concat([kept, plungers], ignore_index=True), tmp_path)
+    assert {"dr_na, b", "dr_na, b, mu_plunger = 0.2/0.15"} <= set(found)
+    assert set(drawn("T3.choices", table.drop(columns=["mu_plunger", "mu_plunger_dynamic"]), tmp_path)) == names
 
 
 def test_measures_of_rafts(tmp_path):

@@ -288,9 +288,9 @@ def draw_neighbours(measured):
 # ---- what the thesis leaves open -------------------------------------------------------------------------------------
 
 _SHORT = {"area_fraction": "area fraction", "mu_disk": r"$\mu$ disks", "mu_wall": r"$\mu$ walls",
-          "mu_base": r"$\mu$ base", "base_coupled": "base coupled", "plunger_speed": "speed [cm/s]",
-          "retract_speed": "retraction [cm/s]", "stiffness": "stiffness [g/s²]", "restitution": "restitution",
-          "dt": "step [s]"}
+          "mu_plunger": r"$\mu$ plungers", "mu_base": r"$\mu$ base", "base_coupled": "base coupled",
+          "plunger_speed": "speed [cm/s]", "retract_speed": "retraction [cm/s]", "stiffness": "stiffness [g/s²]",
+          "restitution": "restitution", "dt": "step [s]"}
 
 
 def choices(measured):
@@ -301,7 +301,8 @@ def choices(measured):
             return ""
         return f"{value:g}" if isinstance(value, (int, float)) and not isinstance(value, bool) else str(value)
 
-    options = measured[list(CHANNEL_OPTIONS)].apply(lambda column: column.astype(object).map(text))
+    # What was kept before an option was looked at lacks it.
+    options = measured.reindex(columns=CHANNEL_OPTIONS).apply(lambda column: column.astype(object).map(text))
     different = options.drop_duplicates()
     common = different.mode().iloc[0]
     changed, labels = [], []

@@ -28,8 +28,9 @@ _RATES = ["Q", "Q_corrected", "orifice_velocity", "drag_friction_ratio", "c0"]
 _CLOG = ["hopper_width", "g", "phi_c", "status", "avalanche_size", "capillary_length"]
 _PROFILE = ["mu", "zeta", "e_sp", "hopper_width", "dim", "drag"]
 #: Of a run in a channel, what a table may vary.
-CHANNEL_OPTIONS = ("area_fraction", "mu_disk", "mu_disk_dynamic", "mu_wall", "mu_wall_dynamic", "mu_base",
-                   "mu_base_dynamic", "base_coupled", "plunger_speed", "retract_speed", "stiffness", "restitution", "dt")
+CHANNEL_OPTIONS = ("area_fraction", "mu_disk", "mu_disk_dynamic", "mu_wall", "mu_wall_dynamic", "mu_plunger",
+                   "mu_plunger_dynamic", "mu_base", "mu_base_dynamic", "base_coupled", "plunger_speed", "retract_speed",
+                   "stiffness", "restitution", "dt")
 _CURVE = 300  # samples of a force curve that are kept
 
 
@@ -137,6 +138,8 @@ def motion(run):
     result = _channel(run)
     names = ("dr_na", "d2_min_per_neighbour")
     options = {name: run.parameters.get(name, np.nan) for name in CHANNEL_OPTIONS}
+    if options["mu_plunger_dynamic"] == options["mu_wall_dynamic"]:
+        options["mu_plunger_dynamic"] = np.nan  # as that of walls, with which it changes
     return pd.DataFrame([_distribution(run, result) | {"disks": result["disks"]} | options
                          | _columns_of(result, names, "all") | _columns_of(result["clock"], names, "all", "_clock")
                          | _columns_of(result, ["exponent_dr_na", "exponent_d2_min", "rotation"], "centre")
