@@ -15,6 +15,7 @@ from scipy.stats import binomtest
 from .errors import RunError
 from .fits import fitted
 from .scenarios import of_scenario
+from .statistics import commonest
 from .sweep import load_runs, sweep_table
 
 COLUMNS = ("hopper_width", "g", "phi_c", "n", "status", "avalanche_size", "capillary_length")
@@ -285,7 +286,7 @@ def collapse_fits(points, x):
     the commonest number of droplets, as [T 4.3]; each number of droplets, phi_c, and way to vary w/delta*, alone; those of
     `uncut_mean`, with all that have a clog; and P_clog. What cannot be fitted is left out."""
     points = points.assign(x=x)
-    usual = {name: points[name].mode().iloc[0] for name in ("n", "g")}
+    usual = {name: commonest(points[name]) for name in ("n", "g")}
     scale = usual["n"] / points["n"]
     own = points["n"] == usual["n"]
     parts = {"all": points, "scaled": points.assign(s=points["s"] * scale, s_error=points["s_error"] * scale, n=usual["n"])}

@@ -3,6 +3,7 @@
 import numpy as np
 
 from . import clog, plotting
+from .statistics import commonest
 
 
 def draw_curves(axes, fits, along):
@@ -49,7 +50,7 @@ def _kinds(points):
 
 def draw_avalanches(left, right, points, x, fit):
     """Mean avalanches of clog.clog_points against x = w/delta*, and ln(<s> + 1) against x², with [T 4.17, 4.18]."""
-    n = points["n"].mode().iloc[0]
+    n = commonest(points["n"])
     # [T 4.3]: avalanches of other numbers of droplets as fractions.
     scale = n / points["n"]
     for own, phi_c, style in _kinds(points):
@@ -74,6 +75,6 @@ def draw_probabilities(axes, points, x, fit):
         axes.errorbar(x[own], of["P"], [of["P"] - of["P_low"], of["P_high"] - of["P"]], label=rf"$\phi_c$ = {phi_c:g}",
                       **style)
     grid = np.linspace(0, x.max() * 1.05, 400)
-    axes.plot(grid, clog.clog_law(grid, fit.A, fit.B, points["n"].max()), "--", color="0.3", lw=1.2,
+    axes.plot(grid, clog.clog_law(grid, fit.A, fit.B, commonest(points["n"])), "--", color="0.3", lw=1.2,
               label=r"[T 4.19] of $\langle s\rangle$")
     axes.set(xlabel=r"$w/\delta^*$", ylabel=r"$P_{clog}$", ylim=(-0.04, 1.04))

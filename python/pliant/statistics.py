@@ -1,4 +1,4 @@
-"""Standard errors of time series by block averaging."""
+"""Standard errors of time series by block averaging; what most rows of a table have."""
 
 import numpy as np
 
@@ -24,3 +24,8 @@ def block_ratio(numerator, denominator, blocks=10):
         spread = np.where(valid, ratios - value, 0.0)
         error = np.sqrt((spread**2).sum(0) / (count - 1) / count)
     return value, np.where(count > 1, error, np.nan)
+
+
+def commonest(values):
+    """The most frequent of a column's values, of each column's where there are several; the least where two are as frequent."""
+    return values.mode().iloc[0]

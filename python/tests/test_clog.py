@@ -1,11 +1,13 @@
 """Clogs over many runs: intervals, fits and figures of made tables whose parameters are known."""
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
 
 from pliant import RunError, clog
+from pliant.clog_figures import draw_avalanches, draw_probabilities
 
 
 def made_table(seeds=400, law=(0.12, 0.029), seed=1, phi=(0, 5e-5, 1e-4, 2e-4), n=190, widths=np.arange(2, 12.1, 0.5)):
@@ -187,3 +189,20 @@ def test_tables_are_checked(tmp_path):
     table[table["status"] == "failed"].to_csv(tmp_path / "c.csv", index=False)
     with pytest.raises(RunError, match="no run has ended"):
         clog.load_clogs([tmp_path / "c.csv"])
+
+
+def test_laws_in_figures_are_those_of_the_commonest_number_of_droplets():
+    """Both panels, where a few points have more of them."""
+    table = pd.concat([made_table(seeds=20, phi=(0, 1e-4), n=n, widths=widths)
+                       for n, widths in ((190, np.arange(2, 12.1, 1.0)), (380, np.array([4.0, 6.0])))])
+    points = clog.clog_points(table)
+    x = clog.effective_width(points, 0.8)
+    fit = clog.fit_avalanches(x, points["s"], points["s_error"], points["n"])
+    figure, (left, middle, right) = plt.subplots(1, 3)
+    draw_avalanches(left, middle, points, x, fit)
+    draw_probabilities(right, points, x, fit)
+    grid = np.linspace(0, x.max() * 1.05, 400)
+    law = right.lines[-1]
+    assert_allclose(law.get_ydata(), clog.clog_law(grid, fit.A, fit.B, 190))
+    assert max(left.lines[-1].get_ydata()) == 190
+    plt.close(figure)

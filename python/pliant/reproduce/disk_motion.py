@@ -8,6 +8,7 @@ import pandas as pd
 from .. import channel_figures, ensemble, plotting
 from ..channel_figures import LABELS, R
 from ..errors import RunError
+from ..statistics import commonest
 from . import published
 from .figure import Figure, Quantity
 from .measure import CHANNEL_OPTIONS
@@ -304,7 +305,7 @@ def choices(measured):
     # What was kept before an option was looked at lacks it.
     options = measured.reindex(columns=CHANNEL_OPTIONS).apply(lambda column: column.astype(object).map(text))
     different = options.drop_duplicates()
-    common = different.mode().iloc[0]
+    common = commonest(different)
     changed, labels = [], []
     for _, row in options.iterrows():
         off = [name for name in CHANNEL_OPTIONS if row[name] != common[name]]

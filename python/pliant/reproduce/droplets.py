@@ -8,6 +8,7 @@ from .. import clog, ensemble, plotting, raft, raft_figures
 from ..clog_figures import draw_avalanches, draw_curves, draw_middles, draw_probabilities, draw_regimes
 from ..errors import RunError
 from ..script import with_error
+from ..statistics import commonest
 from . import published
 from .figure import Figure, Quantity
 
@@ -16,7 +17,7 @@ DISTANCE = r"distance of the walls  $D/\langle R\rangle$"
 
 def _usual(measured, column):
     """The runs with the commonest value of a column, of which others are variants."""
-    return measured[measured[column] == measured.drop_duplicates(["table", "row"])[column].mode().iloc[0]]
+    return measured[measured[column] == commonest(measured.drop_duplicates(["table", "row"])[column])]
 
 
 def _curves(axes, measured, labels):
@@ -292,7 +293,7 @@ def draw_middle_widths(measured):
 
 def _avalanches(measured):
     points = _points(measured)
-    x = clog.effective_width(points, clog.fitted_delta_crit(points[points["g"] == points["g"].mode().iloc[0]]))
+    x = clog.effective_width(points, clog.fitted_delta_crit(points[points["g"] == commonest(points["g"])]))
     fit = clog.fit_avalanches(x, points["s"], points["s_error"], points["n"])
     quality = f"chi2/dof {fit.chi2_reduced:.3g}, {fit.points} of {len(points)} points"
     quantities = [Quantity("A", fit.A, fit.A_error, published.A, quality),
@@ -315,7 +316,7 @@ def draw_collapse(measured):
     points, x, fit, quantities = _avalanches(measured)
     figure, (left, middle, right) = plt.subplots(1, 3, figsize=(14, 4.3), layout="constrained")
     draw_avalanches(left, middle, points, x, fit)
-    n = points["n"].mode().iloc[0]
+    n = commonest(points["n"])
     _published_law(left, x, lambda grid, A, B: np.minimum(clog.avalanche_law(grid, A, B), n))
     left.legend()
     fits = clog.collapse_fits(points, x)
@@ -344,7 +345,7 @@ def draw_clog_collapse(measured):
     points, x, fit, quantities = _avalanches(measured)
     figure, axes = plt.subplots(figsize=(5.8, 4.2), layout="constrained")
     draw_probabilities(axes, points, x, fit)
-    n = points["n"].mode().iloc[0]
+    n = commonest(points["n"])
     _published_law(axes, x, lambda grid, A, B: clog.clog_law(grid, A, B, n))
     axes.legend()
     quantities.append(_off_the_law("P_clog less its law, mean over points", points, x, fit))

@@ -7,6 +7,7 @@ import pandas as pd
 from .. import beverloo, ensemble, plotting
 from ..beverloo_figures import FRACTIONS
 from ..errors import RunError
+from ..statistics import commonest
 from . import published
 from .figure import Figure, Quantity
 from .hopper import BETA, LIMIT_NAMES, fit_quantities, limits, model_label
@@ -368,7 +369,7 @@ def draw_protocol(measured):
     # Friction first, as in the other figures.
     for axes, (_, group) in zip(panels.flat, sorted(panels_of, key=lambda one: one[1]["limit"].iloc[0] == "drag")):
         usual = {name: _commonest(group[name]) for name in (*_PROTOCOL, "t_end")}
-        widths = pd.Series([_range(row) for _, row in group.iterrows()]).mode().iloc[0]
+        widths = commonest(pd.Series([_range(row) for _, row in group.iterrows()]))
         names = []
         for _, row in group.iterrows():
             differs = changes(row, usual, [*_PROTOCOL, "t_end"])
