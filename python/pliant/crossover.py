@@ -26,7 +26,8 @@ def crossover(lam, lam_c, b, low, high):
 
 @dataclass(frozen=True)
 class CrossoverFit:
-    """Parameters with one standard error each (0 for the ends where they are held)."""
+    """Parameters with one standard error each: 0 for the ends where they are held, NaN where the data do not determine
+    them (see the note)."""
 
     lam_c: float
     lam_c_factor: float  #: lam_c is known to within this factor, one standard error of its logarithm
@@ -77,7 +78,13 @@ def fit_crossover(lam, beta, error, ends=None, resamples=None, seed=1):
     freedom = len(lam) - free
     low, high = ends or best.x[2:4]
     low_error, high_error = (0.0, 0.0) if ends else errors[2:4]
-    note = "" if between.min() <= 10 ** best.x[0] <= between.max() else "lambda_c lies outside the values of lambda"
+    notes = [] if between.min() <= 10 ** best.x[0] <= between.max() else ["lambda_c lies outside the values of lambda"]
+    if not ends and high > ceiling[3] - 1e-3:
+        notes.append("friction end at its bound")
+        high_error = np.nan
+    if notes:  # what the data do not hold has no error
+        errors[0] = np.nan
+    note = "; ".join(notes)
     return CrossoverFit(float(10 ** best.x[0]), float(10 ** errors[0]), float(best.x[1]), float(errors[1]), float(low),
                         float(low_error), float(high), float(high_error),
                         float(2 * best.cost / freedom) if freedom else np.nan, note)

@@ -113,7 +113,10 @@ def test_crossover(dim):
 
 def test_a_crossover_that_is_not_there():
     flat = fit_crossover([1e-3, 1e-2, 0.1, 1], [1.5, 1.5, 1.49, 1.5], np.full(4, 0.02), (0.5, 1.5))
-    assert "outside" in flat.note
+    assert "outside" in flat.note and np.isnan(flat.lam_c_error)
+    steep = fit_crossover([1e-3, 3e-3, 1e-2, 0.1, 1], crossover([1e-3, 3e-3, 1e-2, 0.1, 1], 5e-4, 0.5, 0.4, 9.0), np.full(5, 0.02))
+    assert "friction end at its bound" in steep.note and np.isnan(steep.high_error) and np.isnan(steep.lam_c_error)
+    assert steep.low == pytest.approx(0.4, abs=0.05) and steep.low_error > 0
     with pytest.raises(beverloo.RunError, match="too few"):
         fit_crossover([0, 1e-2, np.inf], [1.5, 1.0, 0.5], np.full(3, 0.02))
 
