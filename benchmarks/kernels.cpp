@@ -33,7 +33,7 @@ struct Case {
 
 std::vector<Case> cases() {
   const auto make = [](std::string name, ModelKind model, Index dim, Real flow_time, auto&&... set) {
-    Case c{std::move(name), {}, flow_time};
+    Case c{std::move(name), HopperOptions{}, flow_time};
     c.options.model = to_string(model);
     c.options.dim = dim;
     (set(c.options), ...);
@@ -226,7 +226,7 @@ void register_lists(const std::string& name, const std::shared_ptr<Flow<D>>& flo
     });
   if (needs.walls)
     search("walls", [=](const PointCloud& c, const Walls<D>& walls, auto found) {
-      find_wall_pairs<D>(c, walls, skin, 0, c.size(), found);
+      find_wall_pairs<D>(c, walls, 0, skin, 0, c.size(), found);
     });
   if constexpr (D == 2) {
     if (needs.vertex_edges)
@@ -236,7 +236,7 @@ void register_lists(const std::string& name, const std::shared_ptr<Flow<D>>& flo
       });
     if (needs.lips)
       search("lips", [=](const PointCloud& c, const Walls<2>& walls, auto found) {
-        find_lip_pairs(c, walls, skin, 0, c.size(), found);
+        find_lip_pairs(c, walls, 0, skin, 0, c.size(), found);
       });
   }
   time_kernel(name + "/list/all", flow,

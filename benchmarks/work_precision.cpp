@@ -394,22 +394,21 @@ Problem<OverdampedSystem<2>> droplets(bool quick) {
     point<2>(start.x().data(), i) =
         Vec<2>((i % columns + 0.5) * distance + 0.1 * (along - 0.5), (i / columns + 0.5) * distance + 0.1 * (up - 0.5));
   }
-  std::vector<Solid<2>> walls{Solid<2>::half_space({0, 0}, {0, 1}), Solid<2>::half_space({0, 0}, {1, 0}),
-                              Solid<2>::half_space({width, 0}, {-1, 0}), Solid<2>::half_space({0, height}, {0, -1})};
-  walls.back().velocity = {0, -speed};
+  Walls<2> walls(std::vector{Solid<2>::half_space({0, 0}, {0, 1}), Solid<2>::half_space({0, 0}, {1, 0}),
+                             Solid<2>::half_space({width, 0}, {-1, 0})});
+  walls.add(Solid<2>::half_space({0, height}, {0, -1}), {.velocity = {0, -speed}});
   constexpr Real skin = 0.3;
-  return {
-      .name = "droplets",
-      .make =
-          [=] {
-            return std::make_unique<OverdampedSystem<2>>(
-                ParticleSystem<2>(topology, Walls<2>(walls), make_force_field<2>(ModelKind::bubble, {}, {0, 0}), skin),
-                std::make_unique<NeighbourDrag<2>>(NeighbourDragOptions{}));
-          },
-      .start = std::move(start),
-      .t_end = quick ? 20.0 : 100.0,
-      .step = 0.1,
-      .methods = without_inertia};
+  return {.name = "droplets",
+          .make =
+              [=] {
+                return std::make_unique<OverdampedSystem<2>>(
+                    ParticleSystem<2>(topology, walls, make_force_field<2>(ModelKind::bubble, {}, {0, 0}), skin),
+                    std::make_unique<NeighbourDrag<2>>(NeighbourDragOptions{}));
+              },
+          .start = std::move(start),
+          .t_end = quick ? 20.0 : 100.0,
+          .step = 0.1,
+          .methods = without_inertia};
 }
 
 void run_all(const Effort& effort) {

@@ -10,7 +10,7 @@ packages=(
   python3-uncertainties python3-pytest ffmpeg
 )
 if [[ ${CI:-} == true ]]; then
-  packages+=(clang-format clang-14 clang-tidy-14 libclang-rt-14-dev libomp-14-dev)
+  packages+=(clang-format clang-14 clang-tidy-14 libclang-rt-14-dev libomp-14-dev libbenchmark-dev)
 fi
 benchmarks=no
 case ${1:-} in
