@@ -64,29 +64,22 @@ def average(table, by, value, error=None):
     return pd.DataFrame(rows, columns=[*by, value, value + "_error", "runs", "values"])
 
 
-def scatter(table, by, value):
+def scatter(table, by, value, trials=None):
     """As `average`, with errors from the scatter of the seeds alone (NaN for one): for counts and fractions, of which a
-    run has no error."""
+    run has no error. Of fractions of `trials` (a column) it is at least that of so many independent ones, the binomial one
+    with half a success and half a failure added: seeds that are alike leave no scatter."""
     known = table[np.isfinite(table[value].astype(float))]
     rows = []
     for key, group in groups(known, by) if len(known) else []:
         values = group[value].to_numpy(float)
         m = len(values)
         error = values.std(ddof=1) / np.sqrt(m) if m > 1 else np.nan
+        if trials:
+            count = group[trials].to_numpy(float)
+            p = ((values * count).sum() + 0.5) / (count.sum() + 1)
+            error = np.fmax(error, np.sqrt(p * (1 - p) / count.sum()))
         rows.append(dict(zip(by, key)) | {value: values.mean(), value + "_error": error, "runs": m, "values": values})
     return pd.DataFrame(rows, columns=[*by, value, value + "_error", "runs", "values"])
-
-
-def fractions(table, by, value, trials):
-    """As `scatter`, of fractions of `trials` (a column): where equal seeds leave no scatter, or less than so many independent
-    trials would have, the error is the binomial one, with half a success and half a failure added."""
-    points = scatter(table, by, value)
-    known = table[np.isfinite(table[value].astype(float))]
-    for i, (_, group) in enumerate(groups(known, by) if len(known) else []):
-        count = group[trials].to_numpy(float)
-        p = ((group[value] * count).sum() + 0.5) / (count.sum() + 1)
-        points.loc[i, value + "_error"] = np.fmax(points.loc[i, value + "_error"], np.sqrt(p * (1 - p) / count.sum()))
-    return points
 
 
 def draws(points, value, count=None, seed=1):

@@ -53,9 +53,8 @@ def fracture_points(data, kind, judgement="competing"):
     figure is of competing fractures."""
     x, _, y, _ = FRACTURES[kind]
     settings = list(dict.fromkeys([x, "n", "rows", "phi", "delta", "tilt"]))
-    if y:
-        return ensemble.scatter(data, settings, y), settings, y
-    return ensemble.fractions(data, settings, judgement, "reductions"), settings, judgement
+    points = ensemble.scatter(data, settings, y) if y else ensemble.scatter(data, settings, judgement, "reductions")
+    return points, settings, y or judgement
 
 
 def draw_fractures(axes, points, kind, y):

@@ -147,9 +147,9 @@ def test_fits_are_drawn_over_seeds(monkeypatch):
 def test_equal_fractions_have_the_error_of_their_number():
     table = pd.DataFrame({"x": [1] * 5 + [2] * 5 + [3] * 5 + [4], "count": [2] * 5 + [6] * 5 + [2] * 6,
                           "part": [0.5] * 5 + [1.0] * 5 + [0.0, 1.0, 0.0, 1.0, 1.0] + [0.5]})
-    points = ensemble.fractions(table, ["x"], "part", "count")
+    points = ensemble.scatter(table, ["x"], "part", "count")
     assert_allclose(points["part"], [0.5, 1, 0.6, 0.5])
     assert_allclose(points["part_error"], [np.sqrt(0.25 / 10), np.sqrt(30.5 * 0.5) / 31 / np.sqrt(30),
                                            np.sqrt(0.3 / 5), np.sqrt(0.25 / 2)])
     assert_allclose(points["part_error"].iloc[2], ensemble.scatter(table, ["x"], "part")["part_error"].iloc[2])
-    assert len(ensemble.fractions(table.iloc[:0], ["x"], "part", "count")) == 0
+    assert len(ensemble.scatter(table.iloc[:0], ["x"], "part", "count")) == 0

@@ -20,7 +20,7 @@ _MODEL = ["model", "e_sp", "k_l", "k_b"]
 
 def with_limit(measured):
     """The same with lam, zeta/mu, and limit: friction, drag, or empty between them. With drag per mass lam is that of the
-    numbers of the authors' code, to which the published values belong."""
+    numbers of the authors' code, to which the published values belong if the figures come from it."""
     mu, zeta = measured["mu"].to_numpy(float), measured["zeta"].to_numpy(float)
     with np.errstate(divide="ignore", invalid="ignore"):
         lam = np.where(mu > 0, zeta / mu, np.inf)
