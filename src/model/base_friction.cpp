@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cstddef>
-#include <cstring>
 
 #include <pliant/base/simd8.h>
 #include <pliant/model/limit_surface.h>
@@ -58,18 +57,12 @@ struct RecordsOnBase {
 
   explicit RecordsOnBase(std::byte* memory) : at(reinterpret_cast<Real*>(memory)) {}
   PLIANT_INLINE void write(const Real8& a, Index count) {
-    if (count == 8)
-      store8(at, a);
-    else
-      std::memcpy(at, &a, static_cast<std::size_t>(count) * sizeof(Real));
+    simd::store_first(at, a, count);
     at += count;
   }
   PLIANT_INLINE Real8 read(Index count) {
     Real8 a = 0;
-    if (count == 8)
-      a = load8(at);
-    else
-      std::memcpy(&a, at, static_cast<std::size_t>(count) * sizeof(Real));
+    simd::load_first(at, a, count);
     at += count;
     return a;
   }

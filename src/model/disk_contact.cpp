@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
-#include <cstring>
 #include <limits>
 
 #include <pliant/base/simd.h>
@@ -16,7 +15,6 @@ using simd::Mask4;
 using simd::Points2;
 using simd::Real2;
 using simd::Real4;
-using simd::store4;
 
 namespace {
 
@@ -56,10 +54,7 @@ struct DiskRecords {
     const Real4 slid = c.slid ? simd::all(1) : Real4{};
     for (const Real4& a :
          {c.elastic, c.k, c.gamma, c.lever, c.stretched, slid, c.a, c.b, c.n0, c.n1, c.order, c.turned}) {
-      if (count == 4)
-        store4(to, a);
-      else
-        std::memcpy(to, &a, static_cast<std::size_t>(count) * sizeof(Real));
+      simd::store_first(to, a, count);
       to += count;
     }
   }
@@ -69,10 +64,7 @@ struct DiskRecords {
     DiskTouch<Real4> c{};
     for (Real4* a :
          {&c.elastic, &c.k, &c.gamma, &c.lever, &c.stretched, &slid, &c.a, &c.b, &c.n0, &c.n1, &c.order, &c.turned}) {
-      if (count == 4)
-        *a = load4(from);
-      else
-        std::memcpy(a, from, static_cast<std::size_t>(count) * sizeof(Real));
+      simd::load_first(from, *a, count);
       from += count;
     }
     c.slid = slid != 0;
