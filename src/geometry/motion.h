@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include <pliant/base/multiversion.h>
 #include <pliant/base/types.h>
 #include <pliant/geometry/rotation.h>
 
@@ -15,13 +16,13 @@ struct Pose {
   Vec<D> shift = Vec<D>::Zero();
   bool turned = false;  ///< or `turn` is the identity
 
-  Vec<D> place(const Vec<D>& b) const { return direction(b) + shift; }
+  PLIANT_INLINE Vec<D> place(const Vec<D>& b) const { return direction(b) + shift; }
   /// The point of the body that is at r.
-  Vec<D> back(const Vec<D>& r) const {
+  PLIANT_INLINE Vec<D> back(const Vec<D>& r) const {
     const Vec<D> w = r - shift;
     return turned ? Vec<D>(turn.transpose() * w) : w;
   }
-  Vec<D> direction(const Vec<D>& a) const { return turned ? Vec<D>(turn * a) : a; }
+  PLIANT_INLINE Vec<D> direction(const Vec<D>& a) const { return turned ? Vec<D>(turn * a) : a; }
   Mat<D> matrix(const Mat<D>& a) const { return turned ? Mat<D>(turn * a * turn.transpose()) : a; }
 };
 

@@ -163,9 +163,7 @@ void Walls<D>::place(Body& body) {
 }
 
 template <int D>
-bool Walls<D>::carries_in(const Vec<2>& p, Index part) const {
-  if (part >= segments_) return false;
-  if (before_[part] < 0 && after_[part] < 0) return true;
+bool Walls<D>::has_foot(const Vec<2>& p, Index part) const {
   const auto along = [&](Index s) { return (p - parts_[s].origin).dot(parts_[s].direction); };
   const Real here = along(part);
   if (here >= parts_[part].length && after_[part] >= 0) return false;
@@ -179,7 +177,7 @@ template Index Walls<2>::add(const Solid<2>&, const Motion<2>&, const Pose<2>&, 
 template Index Walls<3>::add(const Solid<3>&, const Motion<3>&, const Pose<3>&, Index);
 template void Walls<2>::set_motion(Index, const Motion<2>&);
 template void Walls<3>::set_motion(Index, const Motion<3>&);
-template bool Walls<2>::carries_in(const Vec<2>&, Index) const;
-template bool Walls<3>::carries_in(const Vec<2>&, Index) const;
+template bool Walls<2>::has_foot(const Vec<2>&, Index) const;
+template bool Walls<3>::has_foot(const Vec<2>&, Index) const;
 
 }  // namespace pliant

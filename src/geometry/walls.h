@@ -7,10 +7,12 @@
 #include <limits>
 #include <optional>
 #include <span>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
 #include <pliant/base/errors.h>
+#include <pliant/base/multiversion.h>
 #include <pliant/geometry/box_tree.h>
 #include <pliant/geometry/motion.h>
 #include <pliant/geometry/solid.h>
@@ -58,13 +60,13 @@ struct WallParts {
   Index next() const { return static_cast<Index>(segments.size()); }
 };
 
-/// Where something touches a part of the walls: distance, unit vector from the wall and curvature of the lines of
-/// constant distance, in space; and where the body of the part is.
+/// Where something touches a part of the walls: distance, unit vector from the wall and curvature of the lines, or
+/// surfaces, of constant distance, in space; and where the body of the part is.
 template <int D>
 struct WallTouch {
   Real d;
   Vec<D> n;
-  Mat<D> curvature;
+  std::conditional_t<D == 2, Real, Mat<D>> curvature;  ///< in the plane a number: along the line
   Pose<D> pose;
 };
 
@@ -192,10 +194,11 @@ class Walls {
   }
 
   /// Whether r is for sure not nearer than `reach` to a part at time t. Costs little; always false for a solid.
-  bool beyond(const Vec<D>& r, Real reach, Index part, Real t) const {
+  PLIANT_INLINE bool beyond(const Vec<D>& r, Real reach, Index part, Real t) const {
     if (is_solid(part)) return false;
     const WallSegment& wall = parts_[part];
-    return offset(meridian(in_body(r, part, t)), wall).squaredNorm() > square(reach + wall.radius) * (1 + 1e-12);
+    const Vec<2> q = offset(meridian(in_body(r, part, t)), wall);
+    return dot(q, q) > square(reach + wall.radius) * (1 + 1e-12);
   }
 
   /// Distance with direction: what a force needs. n is zero on a segment without radius.
@@ -217,19 +220,37 @@ class Walls {
 
   /// The contact with a part at time t of what is at r and touches it from nearer than `reach`; false where there is
   /// none, on a segment without radius, and where another part of the surface carries it.
-  bool touch(const Vec<D>& r, Index part, Real t, Real reach, WallTouch<D>& c) const {
+  PLIANT_INLINE bool touch(const Vec<D>& r, Index part, Real t, Real reach, WallTouch<D>& c) const {
     c.pose = pose_of(part, t);
     if (is_solid(part)) {
       const WallFoot<D> foot = (still_ ? solid_of(part) : solid_of(part).at(c.pose)).foot(r);
       if (foot.d >= reach) return false;
-      c.d = foot.d, c.n = foot.n, c.curvature = foot.curvature;
+      c.d = foot.d, c.n = foot.n;
+      if constexpr (D == 2)
+        c.curvature = foot.curvature.trace();
+      else
+        c.curvature = foot.curvature;
       return c.n != Vec<D>::Zero();
     }
     const Vec<D> b = c.pose.back(r);
-    const WallFoot<D> foot = foot_in(b, part);
-    if (foot.d >= reach || !carries_in(meridian(b), part)) return false;
-    c.d = foot.d, c.n = c.pose.direction(foot.n), c.curvature = c.pose.matrix(foot.curvature);
-    return c.n != Vec<D>::Zero();
+    if constexpr (D == 2) {
+      const WallSegment& wall = parts_[part];
+      const Vec<2> w = b - wall.origin;
+      const Real along = dot(w, wall.direction);
+      const Vec<2> q = w - std::clamp(along, Real(0), wall.length) * wall.direction;
+      const Real d = std::sqrt(dot(q, q));
+      c.d = d - wall.radius;
+      if (d == 0 || c.d >= reach || !carries_in(b, part)) return false;
+      const bool end = along <= 0 || along >= wall.length;
+      c.n = c.pose.direction(q / d);
+      c.curvature = end ? 1 / d : 0;
+      return true;
+    } else {
+      const WallFoot<D> foot = foot_in(b, part);
+      if (foot.d >= reach || !carries_in(meridian(b), part)) return false;
+      c.d = foot.d, c.n = c.pose.direction(foot.n), c.curvature = c.pose.matrix(foot.curvature);
+      return c.n != Vec<D>::Zero();
+    }
   }
 
   /// Distance with both derivatives.
@@ -286,9 +307,9 @@ class Walls {
     Vec<D> anchor;                   ///< a point of it
     Real lever;                      ///< farthest from the pivot of what turning moves
 
-    Pose<D> at(Real t) const { return motion.rests() ? start : motion.pose(start, t); }
+    PLIANT_INLINE Pose<D> at(Real t) const { return motion.rests() ? start : motion.pose(start, t); }
     /// at(t).back(r), with the same rounding.
-    Vec<D> back(const Vec<D>& r, Real t) const {
+    PLIANT_INLINE Vec<D> back(const Vec<D>& r, Real t) const {
       if (motion.turns() || start.turned) return at(t).back(r);
       return r - (motion.rests() ? start.shift : Vec<D>(start.shift + motion.shift(t)));
     }
@@ -297,11 +318,15 @@ class Walls {
   bool is_solid(Index part) const { return part >= static_cast<Index>(parts_.size()); }
   const Solid<D>& solid_of(Index part) const { return solids_[part - static_cast<Index>(parts_.size())]; }
   const Body& body_of(Index part) const { return bodies_[wall_body_[part_wall_[part]]]; }
-  Pose<D> pose_of(Index part, Real t) const { return still_ ? Pose<D>() : body_of(part).at(t); }
-  Vec<D> in_body(const Vec<D>& r, Index part, Real t) const { return still_ ? r : body_of(part).back(r, t); }
+  PLIANT_INLINE Pose<D> pose_of(Index part, Real t) const { return still_ ? Pose<D>() : body_of(part).at(t); }
+  PLIANT_INLINE Vec<D> in_body(const Vec<D>& r, Index part, Real t) const { return still_ ? r : body_of(part).back(r, t); }
   void place(Body& body);
   /// The same for a segment or joint, p in the frame of the body.
-  bool carries_in(const Vec<2>& p, Index part) const;
+  PLIANT_INLINE bool carries_in(const Vec<2>& p, Index part) const {
+    return part < segments_ && ((before_[part] < 0 && after_[part] < 0) || has_foot(p, part));
+  }
+  /// For a segment that is joined to others.
+  bool has_foot(const Vec<2>& p, Index part) const;
 
   Real distance_in(const Vec<2>& p, Index part) const { return offset(p, parts_[part]).norm() - parts_[part].radius; }
 
@@ -341,9 +366,10 @@ class Walls {
       return {std::sqrt(square(r[0]) + square(r[1])), r[2]};
   }
 
-  static Vec<2> offset(const Vec<2>& p, const WallSegment& wall) {
+  PLIANT_INLINE static Real dot(const Vec<2>& a, const Vec<2>& b) { return a[0] * b[0] + a[1] * b[1]; }
+  PLIANT_INLINE static Vec<2> offset(const Vec<2>& p, const WallSegment& wall) {
     const Vec<2> w = p - wall.origin;
-    return w - std::clamp(w.dot(wall.direction), Real(0), wall.length) * wall.direction;
+    return w - std::clamp(dot(w, wall.direction), Real(0), wall.length) * wall.direction;
   }
 
   /// Meridian vector to space; on the axis the radial direction does not exist and its part vanishes by symmetry.

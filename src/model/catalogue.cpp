@@ -61,7 +61,7 @@ std::unique_ptr<ForceField<D>> frictional(const ModelParameters& p, const Vec<D>
   wall.mu_static = q.mu_wall, wall.mu_dynamic = q.mu_wall_dynamic;
   const PairContact<D, Law> pair{p.epsilon, "pair"};
   const OtherMaterials others(q.mu_others);
-  const auto walls = fused<WallKernel>(WallContact<D, Law>{p.epsilon_wall});
+  const WallContact<D, Law> wall_contact{p.epsilon_wall};
   const auto outer = fused<PointKernel>(Gravity<D>{gravity}, Drag<D>{p.zeta, p.drag});
   if constexpr (D == 2) {
     const BaseFriction base{.gravity = p.base.gravity,
@@ -71,13 +71,14 @@ std::unique_ptr<ForceField<D>> frictional(const ModelParameters& p, const Vec<D>
                             .damping = p.base.damping,
                             .coupled = p.base.coupled,
                             .all_alike = Law::kind == ContactLaw::spring};
-    return model<2>(fused<DiskKernel>(pair, DiskContact<Law>{p.epsilon, disk}), walls,
-                    DiskWallContact<Law>{p.epsilon_wall, wall, others}, base, outer);
+    return model<2>(fused<DiskKernel>(pair, DiskContact<Law>{p.epsilon, disk}),
+                    fused<DiskWallKernel>(wall_contact, DiskWallContact<Law>{p.epsilon_wall, wall, others}), base,
+                    outer);
   } else {
     if (p.base.gravity > 0)
       throw InputError("the gravity of a base is {}, but balls in space lie on none; leave it out", p.base.gravity);
-    return model<3>(fused<DiskKernel>(pair, SphereContact<Law>{p.epsilon, disk}), walls,
-                    SphereWallContact<Law>{p.epsilon_wall, wall, others}, outer);
+    return model<3>(fused<DiskKernel>(pair, SphereContact<Law>{p.epsilon, disk}),
+                    fused<DiskWallKernel>(wall_contact, SphereWallContact<Law>{p.epsilon_wall, wall, others}), outer);
   }
 }
 

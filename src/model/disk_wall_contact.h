@@ -5,6 +5,7 @@
 #include <span>
 
 #include <pliant/geometry/turn.h>
+#include <pliant/model/fused_terms.h>
 #include <pliant/model/surface_friction.h>
 #include <pliant/model/wall_contact.h>
 
@@ -61,8 +62,7 @@ struct DiskWallContact {
     c.i = i;
     c.radius = R;
     c.n = {n[0], n[1]};
-    const Vec<2> t(-n[1], n[0]);
-    c.lever = 1 + (R - d) * t.dot(curvature * t);
+    c.lever = 1 + (R - d) * curvature;
     const Vec<2> foot = pose.back(Vec<2>(r - d * n)), across = pose.back(Vec<2>(n + pose.shift));
     c.foot = {foot[0], foot[1]};
     c.across = {across[0], across[1]};
@@ -90,10 +90,15 @@ struct DiskWallContact {
   Real energy(const StateView<2>& s, const Touch& c) const { return c.energy(rub(s, c)); }
   Real power(const StateView<2>& s, const Touch& c) const { return c.power(rub(s, c)); }
   template <class F>
-  void add_force(const StateView<2>& s, const Touch& c, F& force) const {
+  PLIANT_INLINE void add_force(const StateView<2>& s, const Touch& c, F& force) const {
     const SurfaceTouch<2>::Rub rubs = rub(s, c);
-    force.add(c.i, force_of(c, rubs));
-    force.add_torque(c.i, rubs.hold.pull * c.radius);
+    add(c, rubs, rubs.normal - c.elastic, force);
+  }
+  /// With the elastic force: for a kernel that computes both.
+  template <class F>
+  PLIANT_INLINE void add_total(const StateView<2>& s, const Touch& c, F& force) const {
+    const SurfaceTouch<2>::Rub rubs = rub(s, c);
+    add(c, rubs, rubs.normal, force);
   }
   void advance(const StateView<2>& s, const Touch& c, Real h, bool known, std::span<Real> numbers,
                std::span<Real> heat) const {
@@ -106,7 +111,10 @@ struct DiskWallContact {
     numbers[6] = rubs.hold.slides ? 1 : 0;
   }
   /// Of the wall on the disk, beside the elastic one; the wall feels the opposite.
-  Vec<2> force(const StateView<2>& s, const Touch& c) const { return force_of(c, rub(s, c)); }
+  Vec<2> force(const StateView<2>& s, const Touch& c) const {
+    const SurfaceTouch<2>::Rub rubs = rub(s, c);
+    return force_of(c, rubs, rubs.normal - c.elastic);
+  }
 
   /// ω² = k_t (1/m + R²/I) = 3 k_t/m.
   Real max_rate(const Topology& topology) const {
@@ -119,8 +127,31 @@ struct DiskWallContact {
     const Vec<2> n(c.n[0], c.n[1]), t(-c.n[1], c.n[0]), v = s.velocity(c.i) - Vec<2>(c.velocity[0], c.velocity[1]);
     return c.rub(others.of(c.material, surface), n.dot(v), c.lever * t.dot(v) - c.radius * (s.spin(c.i) - c.spin));
   }
-  PLIANT_INLINE static Vec<2> force_of(const Touch& c, const SurfaceTouch<2>::Rub& rubs) {
-    return (rubs.normal - c.elastic) * Vec<2>(c.n[0], c.n[1]) - rubs.hold.pull * c.lever * Vec<2>(-c.n[1], c.n[0]);
+  PLIANT_INLINE static Vec<2> force_of(const Touch& c, const SurfaceTouch<2>::Rub& rubs, Real normal) {
+    return normal * Vec<2>(c.n[0], c.n[1]) - rubs.hold.pull * c.lever * Vec<2>(-c.n[1], c.n[0]);
+  }
+  template <class F>
+  PLIANT_INLINE static void add(const Touch& c, const SurfaceTouch<2>::Rub& rubs, Real normal, F& force) {
+    force.add(c.i, force_of(c, rubs, normal));
+    force.add_torque(c.i, rubs.hold.pull * c.radius);
+  }
+};
+
+/// All forces of walls on disks, or balls, in one pass.
+struct DiskWallKernel {
+  static constexpr bool fast() { return true; }
+  template <int D, class Law, class Friction>
+  static void add_forces(const StateView<D>& s, Index chunk, Real* f, const WallContact<D, Law>& contact,
+                         const Friction& friction) {
+    if (!friction.enabled(s)) return WallKernel::add_forces(s, chunk, f, contact);
+    Real* const torques = f + static_cast<std::size_t>(s.topology.owned_points()) * D;
+    Scatter<D, 1> force{f, {}, torques};
+    Scatter<D, -1> gradient{f};
+    // Parts that touch without carrying the contact press all the same.
+    for_each_touch(
+        friction, s, s.neighbours.walls.inside(chunk),
+        [&](const auto& c) PLIANT_INLINE_LAMBDA { friction.add_total(s, c, force); },
+        [&](Index e) { contact.add_gradient(s, e, gradient); });
   }
 };
 

@@ -98,8 +98,13 @@ struct SphereWallContact {
   template <class F>
   void add_force(const StateView<3>& s, const Touch& c, F& force) const {
     const auto rubs = rub(s, c);
-    force.add(c.i, force_of(c, rubs));
-    force.add_torque(c.i, Vec<3>(c.radius * vector_of(c.n).cross(rubs.hold.pull)));
+    add(c, rubs, rubs.normal - c.elastic, force);
+  }
+  /// With the elastic force: for a kernel that computes both.
+  template <class F>
+  void add_total(const StateView<3>& s, const Touch& c, F& force) const {
+    const auto rubs = rub(s, c);
+    add(c, rubs, rubs.normal, force);
   }
   void advance(const StateView<3>& s, const Touch& c, Real h, bool known, std::span<Real> numbers,
                std::span<Real> heat) const {
@@ -113,7 +118,10 @@ struct SphereWallContact {
     numbers[12] = rubs.hold.slides ? 1 : 0;
   }
   /// Of the wall on the ball, beside the elastic one; the wall feels the opposite.
-  Vec<3> force(const StateView<3>& s, const Touch& c) const { return force_of(c, rub(s, c)); }
+  Vec<3> force(const StateView<3>& s, const Touch& c) const {
+    const auto rubs = rub(s, c);
+    return force_of(c, rubs, rubs.normal - c.elastic);
+  }
 
   /// ω² = k_t (1/m + R²/I) = 7/2 k_t/m.
   Real max_rate(const Topology& topology) const {
@@ -129,8 +137,13 @@ struct SphereWallContact {
     return c.rub(others.of(c.material, surface), parting,
                  along - c.radius * Vec<3>(s.spin(c.i) - vector_of(c.spin)).cross(n));
   }
-  static Vec<3> force_of(const Touch& c, const typename SurfaceTouch<3>::Rub& rubs) {
-    return (rubs.normal - c.elastic) * vector_of(c.n) - Eigen::Map<const Mat<3>>(c.stretch.data()) * rubs.hold.pull;
+  static Vec<3> force_of(const Touch& c, const typename SurfaceTouch<3>::Rub& rubs, Real normal) {
+    return normal * vector_of(c.n) - Eigen::Map<const Mat<3>>(c.stretch.data()) * rubs.hold.pull;
+  }
+  template <class F>
+  static void add(const Touch& c, const typename SurfaceTouch<3>::Rub& rubs, Real normal, F& force) {
+    force.add(c.i, force_of(c, rubs, normal));
+    force.add_torque(c.i, Vec<3>(c.radius * vector_of(c.n).cross(rubs.hold.pull)));
   }
 };
 

@@ -208,14 +208,14 @@ constexpr std::size_t losses_of() {
     return 0;
 }
 
-/// visit(touch) for the elements of a range that touch. What is found of them is kept where there is a history.
-template <int D, FindingTerm<D> T, class Visit>
-PLIANT_INLINE void for_each_touch(const T& term, const StateView<D>& s, Range range, Visit&& visit) {
+/// visit(touch) for the elements of a range that touch, and others(e) for those that do not, but for some that are too
+/// far apart. What is found is kept where there is a history.
+template <int D, FindingTerm<D> T, class Visit, class Others>
+PLIANT_INLINE void for_each_touch(const T& term, const StateView<D>& s, Range range, Visit&& visit, Others&& others) {
   using Touch = typename T::Touch;
   if (s.history == nullptr) {
     Touch c;
-    for (Index e = range.first; e < range.last; ++e)
-      if (term.find(s, e, {}, c)) visit(c);
+    for (Index e = range.first; e < range.last; ++e) term.find(s, e, {}, c) ? visit(c) : others(e);
     return;
   }
   const ContactTable& table = s.history->of(term.name());
@@ -239,11 +239,16 @@ PLIANT_INLINE void for_each_touch(const T& term, const StateView<D>& s, Range ra
     if (term.find(s, e, {numbers, known}, c)) {
       found.touches(e);
       visit(c);
-    } else if (known > 0) {
-      found.parted(e);
+    } else {
+      if (known > 0) found.parted(e);
+      others(e);
     }
   }
   found.end();
+}
+template <int D, FindingTerm<D> T, class Visit>
+PLIANT_INLINE void for_each_touch(const T& term, const StateView<D>& s, Range range, Visit&& visit) {
+  for_each_touch(term, s, range, visit, [](Index) {});
 }
 
 /// A pair of points, that of the particle with the lower id first.
