@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <type_traits>
 
 #include <pliant/base/multiversion.h>
@@ -10,25 +11,37 @@
 
 namespace pliant {
 
-/// Angle in (−π, π] from the unit vector a to b, counter-clockwise: arcsin by its series where it is small, as it
-/// mostly is for what moves in one step; exact to rounding. Of numbers, or of vectors of them.
+/// arcsin of sines, or where one is not small the angle to which cosines belong, too: exact to rounding. Of numbers, or
+/// of vectors of them.
 template <class R>
-PLIANT_INLINE R turn_between(R ax, R ay, R bx, R by) {
-  const R sine = ax * by - ay * bx, cosine = ax * bx + ay * by, s2 = sine * sine;
+PLIANT_INLINE R turn_of(R sine, R cosine) {
+  constexpr Real small = 0.03;  // as it mostly is for what moves in one step
+  const R s2 = sine * sine;
   const R turn = sine * (1 + s2 * (1.0 / 6 + s2 * (3.0 / 40 + s2 * (15.0 / 336 + s2 * (105.0 / 3456)))));
-  const auto small = (cosine > 0) & ((sine < 0 ? -sine : sine) < 0.03);
   if constexpr (std::is_arithmetic_v<R>) {
-    return small ? turn : std::atan2(sine, cosine);
+    return cosine > 0 && std::abs(sine) < small ? turn : std::atan2(sine, cosine);
   } else {
-    bool all = true;
+    const auto far = (cosine < 0) | ((sine < 0 ? -sine : sine) >= small);
+    std::int64_t any = 0;
+    for (std::size_t k = 0; k < sizeof(R) / sizeof(Real); ++k) any |= far[k];
+    if (any == 0) return turn;
     R exact = turn;
-    for (std::size_t k = 0; k < sizeof(R) / sizeof(Real); ++k) all = all && small[k];
-    if (all) return turn;
     for (std::size_t k = 0; k < sizeof(R) / sizeof(Real); ++k)
-      if (!small[k]) exact[k] = std::atan2(sine[k], cosine[k]);
+      if (far[k]) exact[k] = std::atan2(sine[k], cosine[k]);
     return exact;
   }
 }
-PLIANT_INLINE Real turn_between(const Vec<2>& a, const Vec<2>& b) { return turn_between(a[0], a[1], b[0], b[1]); }
+
+/// Angle in (−π, π] from the unit vector a to b, counter-clockwise.
+PLIANT_INLINE Real turn_between(const Vec<2>& a, const Vec<2>& b) {
+  return turn_of(a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1]);
+}
+/// The same of two lines, in [−π/2, π/2]: of vectors along them, whichever of the two directions these have. 0 for a
+/// vector that is 0.
+template <class R>
+PLIANT_INLINE R turn_between_lines(R ax, R ay, R bx, R by) {
+  const R sine = ax * by - ay * bx, cosine = ax * bx + ay * by;
+  return turn_of(R(cosine < 0 ? -sine : sine), R(cosine < 0 ? -cosine : cosine));
+}
 
 }  // namespace pliant

@@ -227,12 +227,12 @@ struct PastOnBase {
   }
 };
 
-using Pasts = ContactTable::Pasts<BaseFriction::history>;
+using Rows = ContactTable::Rows<BaseFriction::history>;
 
-PLIANT_MULTIVERSION void add_range(const BaseFriction& base, const StateView<2>& s, Range range, const Pasts& pasts,
+PLIANT_MULTIVERSION void add_range(const BaseFriction& base, const StateView<2>& s, Range range, const Rows& rows,
                                    std::byte* memory, const Scatter<2, 1>& scatter) {
   const BaseFriction law = base;  // nobody else writes to these
-  const Pasts past = pasts;
+  const Rows past = rows;
   const Scatter<2, 1> force = scatter;
   RecordsOnBase records(memory);
   for_each_eight(s, range, [&](Index first, Index count, const DisksOnBase& d) PLIANT_INLINE_LAMBDA {
@@ -241,7 +241,10 @@ PLIANT_MULTIVERSION void add_range(const BaseFriction& base, const StateView<2>&
     if (kept != nullptr && count == 8) {
       eight.find(d, kept, ~Mask8{});
     } else {
-      const PastOnBase some(d, [&](Index k) { return past(first + std::min(k, count - 1)); });
+      const PastOnBase some(d, [&](Index k) {
+        const Index i = first + std::min(k, count - 1);
+        return past.known(i) ? past(i) : nullptr;
+      });
       eight.find(d, some.numbers.data(), some.known);
     }
     for (const Real8& a : eight.next) records.write(a, count);
@@ -329,11 +332,11 @@ std::array<Real, 3> BaseFriction::damped(const StateView<2>& s, const Touch& c) 
 
 void BaseFriction::add_forces(const StateView<2>& s, Range range, const ContactTable& table,
                               const Scatter<2, 1>& force) const {
-  add_range(*this, s, range, table.pasts<history>(), table.records().memory(range), force);
+  add_range(*this, s, range, table.rows<history>(), table.records().memory(range), force);
 }
 
-void BaseFriction::advance_all(const StateView<2>& s, Range range, Real h, ContactTable& table,
-                               std::span<Real> heat) const {
+void BaseFriction::advance(const StateView<2>& s, Range range, Real h, ContactTable& table,
+                           std::span<Real> heat) const {
   std::array<Real, 2> sum;
   advance_range(*this, s, range, table.records().memory(range), table.advance(range).data(), sum.data());
   heat[0] += h * sum[0];

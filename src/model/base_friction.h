@@ -73,10 +73,7 @@ struct BaseFriction {
   }
 
   void add_forces(const StateView<2>& s, Range range, const ContactTable& table, const Scatter<2, 1>& force) const;
-  template <class Heat>
-  void advance(const StateView<2>& s, Range range, Real h, ContactTable& table, Heat&& heat) const {
-    advance_all(s, range, h, table, heat(range.first));
-  }
+  void advance(const StateView<2>& s, Range range, Real h, ContactTable& table, std::span<Real> heat) const;
 
   /// Of the rotation: ω² = k R²/I = 2k/m.
   Real max_rate(const Topology& topology) const { return off() ? 0 : std::sqrt(2 * stiffest(topology)); }
@@ -84,7 +81,6 @@ struct BaseFriction {
 
  private:
   static const LimitSurface* the_surface();
-  void advance_all(const StateView<2>& s, Range range, Real h, ContactTable& table, std::span<Real> heat) const;
   Real stiffness(Real sigma) const { return all_alike ? epsilon : epsilon / square(sigma); }
 
   /// Force and torque over R with what damps.

@@ -147,12 +147,6 @@ class ContactTable {
     PLIANT_INLINE const Real* operator()(Index e) const { return known(e) ? values_ + contact_of(e) * Width : nullptr; }
     /// Whether there was one.
     PLIANT_INLINE bool known(Index e) const { return touched_[contact_of(e)] != 0; }
-    /// Of elements that are contacts of their own: all numbers of a range; null where one of them was no contact.
-    PLIANT_INLINE const Real* all(Range range) const {
-      for (Index e = range.first; e < range.last; ++e)
-        if (touched_[e] == 0) return nullptr;
-      return values_ + static_cast<std::size_t>(range.first) * Width;
-    }
 
    private:
     PLIANT_INLINE std::size_t contact_of(Index e) const {
@@ -165,6 +159,30 @@ class ContactTable {
   template <int Width>
   Pasts<Width> pasts() const {
     return Pasts<Width>(*this);
+  }
+
+  /// The same of elements that are contacts of their own, for loops over several at a time.
+  template <int Width>
+  class Rows {
+   public:
+    explicit Rows(const ContactTable& table) : touched_(table.touched_.data()), values_(table.values_.data()) {}
+    /// Zeros where there was no contact.
+    PLIANT_INLINE const Real* operator()(Index e) const { return values_ + static_cast<std::ptrdiff_t>(e) * Width; }
+    PLIANT_INLINE bool known(Index e) const { return touched_[e] != 0; }
+    /// All numbers of a range; null where one of it was no contact.
+    PLIANT_INLINE const Real* all(Range range) const {
+      for (Index e = range.first; e < range.last; ++e)
+        if (!known(e)) return nullptr;
+      return (*this)(range.first);
+    }
+
+   private:
+    const std::uint8_t* touched_;
+    const Real* values_;
+  };
+  template <int Width>
+  Rows<Width> rows() const {
+    return Rows<Width>(*this);
   }
 
   /// Where an evaluation of forces leaves what it finds of a range of elements; of no account for forces.
@@ -191,7 +209,13 @@ class ContactTable {
     if (known && !touches) std::ranges::fill(numbers, 0);
     touched_[k] = touches ? 1 : 0;
   }
-  /// The same for elements that are contacts of their own, where all of a range touch: their numbers, to be set.
+  /// The same for an element that is a contact of its own and touches: its numbers, to be set.
+  template <int Width>
+  PLIANT_INLINE Real* touches(Index e) {
+    touched_[e] = 1;
+    return values_.data() + static_cast<std::ptrdiff_t>(e) * Width;
+  }
+  /// The same for all of a range.
   std::span<Real> advance(Range range) {
     std::fill_n(touched_.begin() + range.first, range.size(), std::uint8_t{1});
     return std::span(values_).subspan(static_cast<std::size_t>(range.first) * needs_.width,

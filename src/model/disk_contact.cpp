@@ -18,7 +18,7 @@ using simd::Real4;
 
 namespace {
 
-using DiskPasts = ContactTable::Pasts<DiskContact<>::history>;
+using DiskPasts = ContactTable::Rows<DiskContact<>::history>;
 
 /// What an evaluation leaves of a range: its elements, those that touch from the front and those that touch no more,
 /// as ~e, from the back, with `none` between them where there is room; and records of those that touch, number by
@@ -53,7 +53,7 @@ struct DiskRecords {
     Real* to = memory + static_cast<std::ptrdiff_t>(k) * numbers;
     const Real4 slid = c.slid ? simd::all(1) : Real4{};
     for (const Real4& a :
-         {c.elastic, c.k, c.gamma, c.lever, c.stretched, slid, c.a, c.b, c.n0, c.n1, c.order, c.turned}) {
+         {c.elastic, c.k, c.gamma, c.lever, c.stretched, slid, c.a, c.b, c.n0, c.n1, c.turned, c.before}) {
       simd::store_first(to, a, count);
       to += count;
     }
@@ -63,7 +63,7 @@ struct DiskRecords {
     Real4 slid{};
     DiskTouch<Real4> c{};
     for (Real4* a :
-         {&c.elastic, &c.k, &c.gamma, &c.lever, &c.stretched, &slid, &c.a, &c.b, &c.n0, &c.n1, &c.order, &c.turned}) {
+         {&c.elastic, &c.k, &c.gamma, &c.lever, &c.stretched, &slid, &c.a, &c.b, &c.n0, &c.n1, &c.turned, &c.before}) {
       simd::load_first(from, *a, count);
       from += count;
     }
@@ -110,34 +110,26 @@ PLIANT_INLINE SurfaceTouch<2, Real4>::Rub rub(const DiskTouch<Real4>& c, const S
   return c.rub(surface, v.x, v.y, Places::gather(s.spins, at.first), Places::gather(s.spins, at.second));
 }
 
-PLIANT_INLINE DiskTouch<Real4>::Past past_of(const DiskPasts& pasts, const Index* elements) {
-  static constexpr std::array<Real, 5> nothing{};
-  std::array<const Real*, 4> p;
-  Mask4 known;
-  for (int k = 0; k < 4; ++k) {
-    p[k] = pasts(elements[k]);
-    known[k] = p[k] != nullptr ? -1 : 0;
-    if (p[k] == nullptr) p[k] = nothing.data();
-  }
+PLIANT_INLINE DiskTouch<Real4>::Past past_of(const DiskPasts& past, const Index* elements) {
+  const Real* const p[4] = {past(elements[0]), past(elements[1]), past(elements[2]), past(elements[3])};
   Real4 n0 = load4(p[0]), n1 = load4(p[1]), turned = load4(p[2]), spring = load4(p[3]);
   simd::transpose(n0, n1, turned, spring);
-  return {n0, n1, turned, spring, Real4{p[0][4], p[1][4], p[2][4], p[3][4]} != 0, known};
+  return {n0, n1, turned, spring, Real4{p[0][4], p[1][4], p[2][4], p[3][4]} != 0};
 }
 
-template <class Law>
+template <class Law, bool OwnOnly>
 PLIANT_INLINE void add_contacts(Real epsilon, const SurfaceFriction& friction, const StateView<2>& s, Range range,
-                                const DiskPasts& pasts, const DiskRecords& to, const Scatter<2, 1, true>& scatter,
+                                const DiskPasts& pasts, const DiskRecords& to, const Scatter<2, 1, OwnOnly>& scatter,
                                 bool total) {
   const SurfaceFriction surface = friction;  // nobody else writes to these
   const DiskPasts past = pasts;
   const DiskRecords records = to;
-  const Scatter<2, 1, true> force = scatter;
+  const Scatter<2, 1, OwnOnly> force = scatter;
   const PairList& list = s.neighbours.point_pairs;
   const Pair* const pairs = list.pairs.data();
   const Real *const reach = list.reach.data(), *const x = s.x;
   const Topology& topology = s.topology;
   const Real *const diameter = topology.diameter.data(), *const inverse_mass = topology.inverse_point_mass.data();
-  const Index* const id = topology.id.data();
 
   // First which pairs touch, without a branch that depends on it.
   Index touching = 0, parted = range.size();
@@ -159,8 +151,7 @@ PLIANT_INLINE void add_contacts(Real epsilon, const SurfaceFriction& friction, c
                 {r.x, r.y, r.x * r.x + r.y * r.y, Real4{reach[e[0]], reach[e[1]], reach[e[2]], reach[e[3]]},
                  Places::gather(diameter, at.first) / 2, Places::gather(diameter, at.second) / 2,
                  Places::gather(s.angles, at.first), Places::gather(s.angles, at.second),
-                 Places::gather(inverse_mass, at.first) + Places::gather(inverse_mass, at.second),
-                 Places::gather(id, at.first) > Places::gather(id, at.second) ? simd::all(-1) : simd::all(1)},
+                 Places::gather(inverse_mass, at.first) + Places::gather(inverse_mass, at.second)},
                 past_of(past, e));
     records.write(k, count, c);
     const auto rubs = rub(c, surface, s, at);
@@ -171,7 +162,7 @@ PLIANT_INLINE void add_contacts(Real epsilon, const SurfaceFriction& friction, c
     const Real4 on_first = rubs.hold.pull * c.a, on_second = rubs.hold.pull * c.b;
     for (Index l = 0; l < count; ++l) {
       const auto add = [&](std::ptrdiff_t i, Real2 push, Real torque) PLIANT_INLINE_LAMBDA {
-        if (!force.own.contains(static_cast<Index>(i))) return;
+        if (OwnOnly && !force.own.contains(static_cast<Index>(i))) return;
         Real* const out = force.out + 2 * i;
         simd::store2(out, simd::load2(out) + push);
         force.torques[i] += torque;
@@ -183,55 +174,70 @@ PLIANT_INLINE void add_contacts(Real epsilon, const SurfaceFriction& friction, c
 }
 
 PLIANT_MULTIVERSION void add_harmonic(Real epsilon, const SurfaceFriction& surface, const StateView<2>& s, Range range,
-                                      const DiskPasts& past, const DiskRecords& records,
-                                      const Scatter<2, 1, true>& force, bool total) {
+                    const DiskPasts& past, const DiskRecords& records, const Scatter<2, 1>& force, bool total) {
+  add_contacts<HarmonicOverlap>(epsilon, surface, s, range, past, records, force, total);
+}
+PLIANT_MULTIVERSION void add_harmonic(Real epsilon, const SurfaceFriction& surface, const StateView<2>& s, Range range,
+                    const DiskPasts& past, const DiskRecords& records, const Scatter<2, 1, true>& force, bool total) {
   add_contacts<HarmonicOverlap>(epsilon, surface, s, range, past, records, force, total);
 }
 PLIANT_MULTIVERSION void add_hertz(Real epsilon, const SurfaceFriction& surface, const StateView<2>& s, Range range,
-                                   const DiskPasts& past, const DiskRecords& records, const Scatter<2, 1, true>& force,
-                                   bool total) {
+                    const DiskPasts& past, const DiskRecords& records, const Scatter<2, 1>& force, bool total) {
+  add_contacts<HertzOverlap>(epsilon, surface, s, range, past, records, force, total);
+}
+PLIANT_MULTIVERSION void add_hertz(Real epsilon, const SurfaceFriction& surface, const StateView<2>& s, Range range,
+                    const DiskPasts& past, const DiskRecords& records, const Scatter<2, 1, true>& force, bool total) {
   add_contacts<HertzOverlap>(epsilon, surface, s, range, past, records, force, total);
 }
 PLIANT_MULTIVERSION void add_spring(Real epsilon, const SurfaceFriction& surface, const StateView<2>& s, Range range,
-                                    const DiskPasts& past, const DiskRecords& records, const Scatter<2, 1, true>& force,
-                                    bool total) {
+                    const DiskPasts& past, const DiskRecords& records, const Scatter<2, 1>& force, bool total) {
+  add_contacts<SpringOverlap>(epsilon, surface, s, range, past, records, force, total);
+}
+PLIANT_MULTIVERSION void add_spring(Real epsilon, const SurfaceFriction& surface, const StateView<2>& s, Range range,
+                    const DiskPasts& past, const DiskRecords& records, const Scatter<2, 1, true>& force, bool total) {
   add_contacts<SpringOverlap>(epsilon, surface, s, range, past, records, force, total);
 }
 
-/// Writes what is kept of those that touch, and over their records what they lose.
+/// Writes what is kept of those that touch, and over their records what each has lost; or adds all of it to `heat`.
 PLIANT_MULTIVERSION void advance_contacts(const SurfaceFriction& friction, const StateView<2>& s, Real h,
-                                          const DiskRecords& from, Index touching, ContactTable& table) {
+                                          const DiskRecords& from, Index touching, ContactTable& table, Real* heat) {
+  constexpr int losses = 3;
   const SurfaceFriction surface = friction;
   const DiskRecords records = from;
-  const DiskPasts past = table.pasts<DiskContact<>::history>();
   const Pair* const pairs = s.neighbours.point_pairs.pairs.data();
   Real* lost = records.memory;  // far less than the records
+  std::array<Real4, losses> sums{};
   for_each_four(records, touching, [&](Index k, Index count, const Index* e) PLIANT_INLINE_LAMBDA {
     const DiskTouch<Real4> c = records.read(k, count);
     const auto rubs = rub(c, surface, s, Places(pairs, e));
-    const auto before = past_of(past, e);
-    const Real4 heat[3] = {h * c.normal_power(rubs), h * c.tangential_power(rubs),
-                           simd::where(before.known, c.slid_heat(rubs, before.spring))};
-    const Real4 n0 = c.order * c.n0, n1 = c.order * c.n1;
+    std::array<Real4, losses> now{h * c.normal_power(rubs), h * c.tangential_power(rubs),
+                                  c.slid_heat(rubs, c.before)};
+    auto [n0, n1] = c.line();
+    Real4 turned = c.turned, spring = rubs.hold.spring;
+    simd::transpose(n0, n1, turned, spring);
+    const Real4 rows[4] = {n0, n1, turned, spring}, slides = rubs.hold.slides ? simd::all(1) : Real4{};
     for (Index l = 0; l < count; ++l) {
-      for (const Real4& a : heat) *lost++ = a[l];
-      table.advance(e[l], [&](bool, std::span<Real> numbers) PLIANT_INLINE_LAMBDA {
-        numbers[0] = n0[l], numbers[1] = n1[l];
-        numbers[2] = c.turned[l];
-        numbers[3] = rubs.hold.spring[l];
-        numbers[4] = rubs.hold.slides[l] != 0 ? 1 : 0;
-        return true;
-      });
+      Real* const numbers = table.touches<DiskContact<>::history>(e[l]);
+      simd::store4(numbers, rows[l]);
+      numbers[4] = slides[l];
+      if (heat == nullptr)
+        for (const Real4& a : now) *lost++ = a[l];
+    }
+    for (int j = 0; j < losses; ++j) {
+      for (Index l = count; l < 4; ++l) now[j][l] = 0;
+      sums[j] += now[j];
     }
   });
+  if (heat != nullptr)
+    for (int j = 0; j < losses; ++j) heat[j] += (sums[j][0] + sums[j][1]) + (sums[j][2] + sums[j][3]);
 }
 
 }  // namespace
 
-template <class Law>
+template <class Law, bool OwnOnly>
 void add_disk_forces(Real epsilon, const SurfaceFriction& surface, const StateView<2>& s, Range range,
-                     const ContactTable& table, const Scatter<2, 1, true>& force, bool total) {
-  const DiskPasts past = table.pasts<DiskContact<>::history>();
+                     const ContactTable& table, const Scatter<2, 1, OwnOnly>& force, bool total) {
+  const DiskPasts past = table.rows<DiskContact<>::history>();
   const DiskRecords records(table, range);
   if constexpr (Law::kind == ContactLaw::hertz)
     add_hertz(epsilon, surface, s, range, past, records, force, total);
@@ -240,18 +246,21 @@ void add_disk_forces(Real epsilon, const SurfaceFriction& surface, const StateVi
   else
     add_harmonic(epsilon, surface, s, range, past, records, force, total);
 }
-template void add_disk_forces<HarmonicOverlap>(Real, const SurfaceFriction&, const StateView<2>&, Range,
-                                               const ContactTable&, const Scatter<2, 1, true>&, bool);
-template void add_disk_forces<HertzOverlap>(Real, const SurfaceFriction&, const StateView<2>&, Range,
-                                            const ContactTable&, const Scatter<2, 1, true>&, bool);
-template void add_disk_forces<SpringOverlap>(Real, const SurfaceFriction&, const StateView<2>&, Range,
-                                             const ContactTable&, const Scatter<2, 1, true>&, bool);
+#define PLIANT_DISK_FORCES(Law, own)                                                                        \
+  template void add_disk_forces<Law, own>(Real, const SurfaceFriction&, const StateView<2>&, Range,         \
+                                          const ContactTable&, const Scatter<2, 1, own>&, bool);
+PLIANT_DISK_FORCES(HarmonicOverlap, false)
+PLIANT_DISK_FORCES(HarmonicOverlap, true)
+PLIANT_DISK_FORCES(HertzOverlap, false)
+PLIANT_DISK_FORCES(HertzOverlap, true)
+PLIANT_DISK_FORCES(SpringOverlap, false)
+PLIANT_DISK_FORCES(SpringOverlap, true)
 
-DiskHeat advance_disks(const SurfaceFriction& surface, const StateView<2>& s, Range range, Real h,
-                       ContactTable& table) {
+DiskHeat advance_disks(const SurfaceFriction& surface, const StateView<2>& s, Range range, Real h, ContactTable& table,
+                       Real* heat) {
   const DiskRecords records(table, range);
   const Index touching = records.touching();
-  advance_contacts(surface, s, h, records, touching, table);
+  advance_contacts(surface, s, h, records, touching, table, heat);
   records.for_each_parted([&](Index e) { table.advance(e, [](bool, std::span<Real>) { return false; }); });
   return {{records.element, static_cast<std::size_t>(touching)}, records.memory};
 }

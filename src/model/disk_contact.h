@@ -2,6 +2,7 @@
 #pragma once
 
 #include <span>
+#include <tuple>
 #include <utility>
 
 #include <pliant/geometry/turn.h>
@@ -10,14 +11,14 @@
 
 namespace pliant {
 
-/// Two disks that touch, or R is a vector: several such pairs. As the pair is listed, in whatever order: but for n, all
-/// that is kept is the same from both sides.
+/// Two disks that touch, or R is a vector: several such pairs. As the pair is listed, in whatever order: all that is
+/// kept is the same from both sides.
 template <class R>
 struct DiskTouch : SurfaceTouch<2, R> {
   R a, b;  ///< radii
   R n0, n1;
-  R order;   ///< 1, or −1 where the second one has the lower id
   R turned;  ///< R_i θ_i + R_j θ_j; `lever` is (R_i + R_j)/d
+  R before;  ///< ξ at the end of the last step, 0 if they did not touch
 
   /// What is known of the disks.
   struct Pair {
@@ -25,34 +26,39 @@ struct DiskTouch : SurfaceTouch<2, R> {
     R reach, a, b;       ///< R_i + R_j, and each
     R angle_a, angle_b;  ///< θ
     R inverse_masses;    ///< sum
-    R order;
   };
-  /// And what was kept of them, if that is known.
+  /// And what was kept of them; zeros if they did not touch.
   struct Past {
     R n0, n1, turned, spring;
-    MaskOf<R> slid, known;
+    MaskOf<R> slid;
   };
   template <class Law>
   PLIANT_INLINE void find(Real epsilon, const SurfaceFriction& surface, const Pair& pair, const Past& past) {
     const R d = square_root(pair.d2), per_d = 1 / d;
     a = pair.a, b = pair.b;
     n0 = per_d * pair.x, n1 = per_d * pair.y;
-    order = pair.order;
     turned = a * pair.angle_a + b * pair.angle_b;
     this->lever = pair.reach * per_d;
     const Press<R> press = press_of<Law>(epsilon, pair.reach, d);
     this->elastic = press.force;
     this->stiffen(surface, R(press.stiffness / pair.inverse_masses), press.reference);
-    this->slid = past.known & past.slid;
-    const R spring = past.spring + pair.reach * turn_between(R(order * past.n0), R(order * past.n1), n0, n1) -
-                     (turned - past.turned);
-    this->stretched = past.known ? spring : R();
+    this->slid = past.slid;
+    before = past.spring;
+    const MaskOf<R> known = (past.n0 != 0) | (past.n1 != 0);
+    const R spring =
+        past.spring + pair.reach * turn_between_lines(past.n0, past.n1, n0, n1) - (turned - past.turned);
+    this->stretched = known ? spring : R();
   }
   /// v: of the first relative to the second; spins of both.
   PLIANT_INLINE typename SurfaceTouch<2, R>::Rub rub(const SurfaceFriction& surface, R vx, R vy, R spin_a,
                                                      R spin_b) const {
     return SurfaceTouch<2, R>::rub(surface, n0 * vx + n1 * vy,
                                    this->lever * (n0 * vy - n1 * vx) - (a * spin_a + b * spin_b));
+  }
+  /// n or −n, the same from both sides.
+  PLIANT_INLINE std::pair<R, R> line() const {
+    const MaskOf<R> other = (n0 < 0) | ((n0 == 0) & (n1 < 0));
+    return {other ? -n0 : n0, other ? -n1 : n1};
   }
   /// On the first, of a force along the normal and one that pulls.
   PLIANT_INLINE std::pair<R, R> force(R normal, R pull) const {
@@ -62,16 +68,18 @@ struct DiskTouch : SurfaceTouch<2, R> {
 };
 
 /// The contacts of a range of pairs, four at a time: add_disk_forces leaves records of them, and what is advanced are
-/// these. total: with the elastic forces. Forces and torques go to `own` points.
-template <class Law>
+/// these. total: with the elastic forces.
+template <class Law, bool OwnOnly>
 void add_disk_forces(Real epsilon, const SurfaceFriction& surface, const StateView<2>& s, Range range,
-                     const ContactTable& table, const Scatter<2, 1, true>& force, bool total);
-/// What has touched, and what each has lost by each of the losses [touching · losses].
+                     const ContactTable& table, const Scatter<2, 1, OwnOnly>& force, bool total);
+/// What has touched, and what each has lost by each of the losses [touching · losses]; or with `heat`, to which all of
+/// it is added, nothing.
 struct DiskHeat {
   std::span<const Index> touching;
   const Real* lost;
 };
-DiskHeat advance_disks(const SurfaceFriction& surface, const StateView<2>& s, Range range, Real h, ContactTable& table);
+DiskHeat advance_disks(const SurfaceFriction& surface, const StateView<2>& s, Range range, Real h, ContactTable& table,
+                       Real* heat);
 
 /// What acts between two disks beside the elastic force N_e = −V' of PairContact, in the plane. i is the one with the
 /// lower id, n the unit vector from j to i, t = n turned by 90°, d the distance of the centres.
@@ -82,8 +90,9 @@ DiskHeat advance_disks(const SurfaceFriction& surface, const StateView<2>& s, Ra
 /// SurfaceFriction. The force on i is N n − P (R_i + R_j)/d t, which is at most μN, with the torques P R_i and P R_j:
 /// it acts at the point that divides the distance of the centres as the radii do, so linear and angular momentum are
 /// conserved. The energy of the spring is k_t/2 ξ², what it loses by sliding is heat. A contact that begins within a
-/// step has no spring until its end. Kept: where n, R_i θ_i + R_j θ_j and ξ were at the end of the last step, and
-/// whether the contact slid. Units: as the contact's. Elements: neighbour list of points.
+/// step has no spring until its end. Kept: what the line of n, R_i θ_i + R_j θ_j and ξ were at the end of the last step,
+/// and whether the contact slid; n turns by less than a right angle in a step. Units: as the contact's. Elements:
+/// neighbour list of points.
 template <class Law = HarmonicOverlap>
 struct DiskContact {
   Real epsilon;
@@ -113,10 +122,8 @@ struct DiskContact {
     c.template find<Law>(
         epsilon, surface,
         {r[0], r[1], d2, reach, topology.diameter[first] / 2, topology.diameter[second] / 2, s.angles[first],
-         s.angles[second], topology.inverse_point_mass[first] + topology.inverse_point_mass[second],
-         topology.id[first] > topology.id[second] ? -1.0 : 1.0},
-        known ? DiskTouch<Real>::Past{past[0], past[1], past[2], past[3], past[4] != 0, true}
-              : DiskTouch<Real>::Past{});
+         s.angles[second], topology.inverse_point_mass[first] + topology.inverse_point_mass[second]},
+        known ? DiskTouch<Real>::Past{past[0], past[1], past[2], past[3], past[4] != 0} : DiskTouch<Real>::Past{});
     return true;
   }
   Real energy(const StateView<2>& s, const Touch& c) const { return c.energy(rub(s, c)); }
@@ -136,8 +143,7 @@ struct DiskContact {
                              std::span<Real> heat) const {
     const SurfaceTouch<2>::Rub rubs = rub(s, c);
     c.add_heat(rubs, h, known, numbers[3], heat);
-    numbers[0] = c.order * c.n0;
-    numbers[1] = c.order * c.n1;
+    std::tie(numbers[0], numbers[1]) = c.line();
     numbers[2] = c.turned;
     numbers[3] = rubs.hold.spring;
     numbers[4] = rubs.hold.slides ? 1 : 0;
@@ -145,13 +151,14 @@ struct DiskContact {
   template <bool OwnOnly>
   void add_forces(const StateView<2>& s, Range range, const ContactTable& table, const Scatter<2, 1, OwnOnly>& force,
                   bool total = false) const {
-    const Range all{0, s.topology.points()};
-    add_disk_forces<Law>(epsilon, surface, s, range, table, {force.out, OwnOnly ? force.own : all, force.torques},
-                         total);
+    add_disk_forces<Law>(epsilon, surface, s, range, table, force, total);
+  }
+  void advance(const StateView<2>& s, Range range, Real h, ContactTable& table, std::span<Real> heat) const {
+    advance_disks(surface, s, range, h, table, heat.data());
   }
   template <class Heat>
-  void advance(const StateView<2>& s, Range range, Real h, ContactTable& table, Heat&& heat) const {
-    const auto [touching, lost] = advance_disks(surface, s, range, h, table);
+  void advance_each(const StateView<2>& s, Range range, Real h, ContactTable& table, Heat&& heat) const {
+    const auto [touching, lost] = advance_disks(surface, s, range, h, table, nullptr);
     for (std::size_t k = 0; k < touching.size(); ++k) {
       const std::span<Real> sums = heat(touching[k]);
       for (std::size_t j = 0; j < losses.size(); ++j) sums[j] += lost[k * losses.size() + j];

@@ -506,8 +506,6 @@ class Model final : public ForceField<D> {
               return c != nullptr;
             });
           };
-          if constexpr (RangeTerm<Term, D>)
-            if (found) return term.advance(s, range, h, table, sums);
           if (found) return table.records().template for_each<Touch>(range, one);
           Touch c;
           for (Index e = range.first; e < range.last; ++e) one(e, term.find(s, e, table.past(e), c) ? &c : nullptr);
@@ -521,10 +519,21 @@ class Model final : public ForceField<D> {
             });
         }
       };
-      run(inside<Term>(s, chunk), [&](Index) { return std::span<Real>(counts); });
-      if constexpr (KindOf<Term>::paired)
-        run(across<Term>(s, chunk),
-            [&](Index e) { return std::span<Real>(losses > 0 && counts_in<Term>(s, chunk, e) ? counts : elsewhere); });
+      const auto in_chunk = [&](Index) { return std::span<Real>(counts); };
+      const auto in_one_of_two = [&](auto e) {
+        return std::span<Real>(losses > 0 && counts_in<Term>(s, chunk, e) ? counts : elsewhere);
+      };
+      const Range own = inside<Term>(s, chunk), border = across<Term>(s, chunk);
+      if constexpr (RangeTerm<Term, D>) {
+        if (found) {
+          term.advance(s, own, h, table, counts);
+          if constexpr (KindOf<Term>::paired) term.advance_each(s, border, h, table, in_one_of_two);
+        }
+      }
+      if (!RangeTerm<Term, D> || !found) {
+        run(own, in_chunk);
+        if constexpr (KindOf<Term>::paired) run(border, in_one_of_two);
+      }
       if constexpr (losses > 0) heat[chunk] = counts;
     });
     for (const auto& of_chunk : heat) table.add_heat(of_chunk);

@@ -167,12 +167,12 @@ concept FindingTerm = requires(const T term, const StateView<D>& s, Index e, Rea
 };
 
 /// One that takes a range of elements together, where there is a history: for a loop over several elements at a time.
-/// It leaves their records in its own way, and advances what the last forces found; heat(e) is where that of an element
-/// counts.
+/// It leaves their records in its own way, and advances what the last forces found. Terms of pairs have
+/// advance_each(s, range, h, table, heat) too, for pairs across a border: heat(e) is where that of an element counts.
 template <class T, int D>
 concept RangeTerm = FindingTerm<T, D> &&
     requires(const T term, const StateView<D>& s, Range range, Real h, const ContactTable& table,
-             ContactTable& advanced, std::span<Real> (*heat)(Index), const Scatter<D, 1>& f) {
+             ContactTable& advanced, std::span<Real> heat, const Scatter<D, 1>& f) {
   term.add_forces(s, range, table, f);
   term.advance(s, range, h, advanced, heat);
 };
