@@ -145,6 +145,7 @@ void Walls<D>::set_motion(Index body, const Motion<D>& motion) {
   Body& b = bodies_[body];
   b.start = b.at(motion.since);
   b.motion = motion;
+  b.placed = {};
   place(b);
 }
 

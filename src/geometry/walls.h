@@ -61,13 +61,13 @@ struct WallParts {
 };
 
 /// Where something touches a part of the walls: distance, unit vector from the wall and curvature of the lines, or
-/// surfaces, of constant distance, in space; and where the body of the part is.
+/// surfaces, of constant distance, in space; and what the body of the part sees.
 template <int D>
 struct WallTouch {
   Real d;
   Vec<D> n;
   std::conditional_t<D == 2, Real, Mat<D>> curvature;  ///< in the plane a number: along the line
-  Pose<D> pose;
+  Vec<D> foot, across;                                 ///< the place, and n, seen from the body
 };
 
 /// The walls of a run, numbered in the order in which they are added: segments, which have two sides and no inside, and
@@ -105,6 +105,12 @@ class Walls {
   Index body_of_wall(Index wall) const { return wall_body_[wall]; }
   const Motion<D>& motion(Index body) const { return bodies_[body].motion; }
   Pose<D> pose(Index body, Real t) const { return bodies_[body].at(t); }
+  /// Finds where all bodies are at time t. Nothing has to be prepared, but what is asked for this time costs less then.
+  void prepare(Real t) {
+    if (still_) return;
+    for (Body& body : bodies_)
+      if (body.placed.t != t) body.placed = {t, body.at(t), body.motion.drift(t)};
+  }
   Index material(Index body) const { return bodies_[body].material; }
   /// Whether any wall moves.
   bool move() const {
@@ -221,18 +227,19 @@ class Walls {
   /// The contact with a part at time t of what is at r and touches it from nearer than `reach`; false where there is
   /// none, on a segment without radius, and where another part of the surface carries it.
   PLIANT_INLINE bool touch(const Vec<D>& r, Index part, Real t, Real reach, WallTouch<D>& c) const {
-    c.pose = pose_of(part, t);
     if (is_solid(part)) {
-      const WallFoot<D> foot = (still_ ? solid_of(part) : solid_of(part).at(c.pose)).foot(r);
-      if (foot.d >= reach) return false;
+      const Pose<D> pose = pose_of(part, t);
+      const WallFoot<D> foot = (still_ ? solid_of(part) : solid_of(part).at(pose)).foot(r);
+      if (foot.d >= reach || foot.n == Vec<D>::Zero()) return false;
       c.d = foot.d, c.n = foot.n;
       if constexpr (D == 2)
         c.curvature = foot.curvature.trace();
       else
         c.curvature = foot.curvature;
-      return c.n != Vec<D>::Zero();
+      c.foot = pose.back(Vec<D>(r - c.d * c.n)), c.across = pose.back(Vec<D>(c.n + pose.shift));
+      return true;
     }
-    const Vec<D> b = c.pose.back(r);
+    const Vec<D> b = in_body(r, part, t);
     if constexpr (D == 2) {
       const WallSegment& wall = parts_[part];
       const Vec<2> w = b - wall.origin;
@@ -242,15 +249,17 @@ class Walls {
       c.d = d - wall.radius;
       if (d == 0 || c.d >= reach || !carries_in(b, part)) return false;
       const bool end = along <= 0 || along >= wall.length;
-      c.n = c.pose.direction(q / d);
+      c.across = q / d;
       c.curvature = end ? 1 / d : 0;
-      return true;
     } else {
       const WallFoot<D> foot = foot_in(b, part);
-      if (foot.d >= reach || !carries_in(meridian(b), part)) return false;
-      c.d = foot.d, c.n = c.pose.direction(foot.n), c.curvature = c.pose.matrix(foot.curvature);
-      return c.n != Vec<D>::Zero();
+      if (foot.d >= reach || foot.n == Vec<D>::Zero() || !carries_in(meridian(b), part)) return false;
+      c.d = foot.d, c.across = foot.n;
+      c.curvature = still_ ? foot.curvature : pose_of(part, t).matrix(foot.curvature);
     }
+    c.foot = b - c.d * c.across;
+    c.n = still_ ? c.across : body_of(part).direction(c.across, t);
+    return true;
   }
 
   /// Distance with both derivatives.
@@ -263,9 +272,10 @@ class Walls {
   }
 
   /// Velocity at time t of what is at r and moves with a part.
-  Vec<D> velocity(const Vec<D>& r, Index part, Real t) const {
+  PLIANT_INLINE Vec<D> velocity(const Vec<D>& r, Index part, Real t) const {
     if (still_) return Vec<D>::Zero();
-    return body_of(part).motion.velocity_at(r, t);
+    const Body& body = body_of(part);
+    return t == body.placed.t && !body.motion.turns() ? body.placed.drift : body.motion.velocity_at(r, t);
   }
 
   /// Whether a part is the one of its surface that a contact at r belongs to: that with the foot, of two that meet at
@@ -307,11 +317,25 @@ class Walls {
     Vec<D> anchor;                   ///< a point of it
     Real lever;                      ///< farthest from the pivot of what turning moves
 
-    PLIANT_INLINE Pose<D> at(Real t) const { return motion.rests() ? start : motion.pose(start, t); }
-    /// at(t).back(r), with the same rounding.
+    /// Where it was last asked to be: prepare().
+    struct Placed {
+      Real t = std::numeric_limits<Real>::quiet_NaN();
+      Pose<D> pose = {};
+      Vec<D> drift = Vec<D>::Zero();
+    } placed = {};
+
+    PLIANT_INLINE Pose<D> at(Real t) const {
+      if (t == placed.t) return placed.pose;
+      return motion.rests() ? start : motion.pose(start, t);
+    }
+    /// at(t).back(r) and at(t).direction(a), with the same rounding.
     PLIANT_INLINE Vec<D> back(const Vec<D>& r, Real t) const {
+      if (t == placed.t) return placed.pose.back(r);
       if (motion.turns() || start.turned) return at(t).back(r);
       return r - (motion.rests() ? start.shift : Vec<D>(start.shift + motion.shift(t)));
+    }
+    PLIANT_INLINE Vec<D> direction(const Vec<D>& a, Real t) const {
+      return motion.turns() || start.turned ? at(t).direction(a) : a;
     }
   };
 

@@ -47,7 +47,7 @@ struct DiskWallContact {
     Real spin;                         ///< of the wall
   };
 
-  bool near(const StateView<2>& s, Index e) const {
+  PLIANT_INLINE bool near(const StateView<2>& s, Index e) const {
     const auto [i, part] = s.neighbours.walls[e];
     return !s.walls.beyond(s.position(i), s.topology.diameter[i] / 2, part, s.t);
   }
@@ -58,12 +58,11 @@ struct DiskWallContact {
     const Real R = s.topology.diameter[i] / 2;
     WallTouch<2> wall;
     if (!s.walls.touch(r, part, s.t, R, wall)) return false;
-    const auto& [d, n, curvature, pose] = wall;
+    const auto& [d, n, curvature, foot, across] = wall;
     c.i = i;
     c.radius = R;
     c.n = {n[0], n[1]};
     c.lever = 1 + (R - d) * curvature;
-    const Vec<2> foot = pose.back(Vec<2>(r - d * n)), across = pose.back(Vec<2>(n + pose.shift));
     c.foot = {foot[0], foot[1]};
     c.across = {across[0], across[1]};
     const Index body = s.walls.body_of_wall(s.walls.wall_of_part(part));
@@ -79,10 +78,10 @@ struct DiskWallContact {
     c.stretched = 0;
     c.slid = false;
     if (!past.empty()) {
-      const Vec<2> before(past[2], past[3]), middle = before + across;
-      const Real turned = turn_between(before, across);
-      const Vec<2> along = Vec<2>(-middle[1], middle[0]).normalized();
-      c.stretched = past[5] + along.dot(foot - Vec<2>(past[0], past[1])) + R * (turned - (c.angle - past[4]));
+      const Vec<2> before(past[2], past[3]), middle = before + across, way = foot - Vec<2>(past[0], past[1]);
+      const Real turned = turn_between(before, across), size = std::sqrt(middle[0] * middle[0] + middle[1] * middle[1]),
+                 slid = size > 0 ? (middle[0] * way[1] - middle[1] * way[0]) / size : 0;
+      c.stretched = past[5] + slid + R * (turned - (c.angle - past[4]));
       c.slid = past[6] != 0;
     }
     return true;

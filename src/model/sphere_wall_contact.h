@@ -58,16 +58,16 @@ struct SphereWallContact {
     const Real R = s.topology.diameter[i] / 2;
     WallTouch<3> wall;
     if (!s.walls.touch(r, part, s.t, R, wall)) return false;
-    const auto& [d, n, curvature, pose] = wall;
+    const auto& [d, n, curvature, foot, across] = wall;
     c.i = i;
     c.radius = R;
     c.n = array_of(n);
     const Mat<3> stretch = Mat<3>::Identity() + (R - d) * curvature;
     Eigen::Map<Mat<3>>(c.stretch.data()) = stretch;
-    Eigen::Map<Mat<3>>(c.turn.data()) = pose.turn;
-    const Vec<3> foot = pose.back(Vec<3>(r - d * n)), across = pose.back(Vec<3>(n + pose.shift));
     c.foot = array_of(foot), c.across = array_of(across);
     const Index body = s.walls.body_of_wall(s.walls.wall_of_part(part));
+    const Mat<3> turn = s.walls.pose(body, s.t).turn;
+    Eigen::Map<Mat<3>>(c.turn.data()) = turn;
     const Motion<3>& motion = s.walls.motion(body);
     c.material = s.walls.material(body);
     const Vec<3> angle = s.angle(i) - motion.spin * (s.t - motion.since);
@@ -82,11 +82,11 @@ struct SphereWallContact {
     c.before = c.stretched = {};
     if (!past.empty()) {
       const Real* const p = past.data();
-      const Vec<3> turned = pose.turn.transpose() * (angle - point<3>(p, 2)), spring = point<3>(p, 3);
+      const Vec<3> turned = turn.transpose() * (angle - point<3>(p, 2)), spring = point<3>(p, 3);
       const SphereSlip slip(point<3>(p, 1), across, turned);
       const Vec<3> slid = slip.along(foot - point<3>(p, 0)) + R * slip.arc() - R * slip.across(turned);
-      c.before = array_of(pose.turn * slip.carry(spring));
-      const Vec<3> stretched = pose.turn * slip.carry(spring, slid);
+      c.before = array_of(turn * slip.carry(spring));
+      const Vec<3> stretched = turn * slip.carry(spring, slid);
       c.stretched = array_of(stretched);
       if (const Real size = stretched.norm(); size > 0) c.lever = (stretch * stretched).norm() / size;
       c.slid = past[12] != 0;

@@ -341,6 +341,7 @@ class ParticleSystem final : public ImplicitSystem {
 
   StateView<D> view_after(std::optional<Real> change, const Real* x, const Real* v, Real t) {
     has_found_ = false;
+    walls_.prepare(t);
     const bool valid = hold(change, x, t);
     if (!valid) rebuild(x, t);
     neighbours_.widen();
