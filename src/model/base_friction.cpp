@@ -56,9 +56,9 @@ struct RecordsOnBase {
   Real* at;
 
   explicit RecordsOnBase(std::byte* memory) : at(reinterpret_cast<Real*>(memory)) {}
-  PLIANT_INLINE void write(const Real8& a, Index count) {
-    simd::store_first(at, a, count);
-    at += count;
+  template <class... All>
+  PLIANT_INLINE void write(Index count, const All&... all) {
+    ((simd::store_first(at, all, count), at += count), ...);
   }
   PLIANT_INLINE Real8 read(Index count) {
     Real8 a = 0;
@@ -247,9 +247,9 @@ PLIANT_MULTIVERSION void add_range(const BaseFriction& base, const StateView<2>&
       });
       eight.find(d, some.numbers.data(), some.known);
     }
-    for (const Real8& a : eight.next) records.write(a, count);
-    for (const Real8& a : {eight.lost, eight.held_x, eight.held_y, eight.twist, eight.gamma, eight.most})
-      records.write(a, count);
+    const auto& [x0, y0, angle0, way] = eight.next;
+    records.write(count, x0, y0, angle0, way, eight.lost, eight.held_x, eight.held_y, eight.twist, eight.gamma,
+                  eight.most);
     eight.damp(points(d.v), load8(d.spin));
     const Real8 x = eight.held_x, y = eight.held_y;
     Real* const f = force.out + 2 * std::ptrdiff_t(first);

@@ -51,22 +51,20 @@ struct DiskRecords {
   /// Of `count` contacts, the first being number k of those that touch.
   PLIANT_INLINE void write(Index k, Index count, const DiskTouch<Real4>& c) const {
     Real* to = memory + static_cast<std::ptrdiff_t>(k) * numbers;
-    const Real4 slid = c.slid ? simd::all(1) : Real4{};
-    for (const Real4& a :
-         {c.elastic, c.k, c.gamma, c.lever, c.stretched, slid, c.a, c.b, c.n0, c.n1, c.turned, c.before}) {
-      simd::store_first(to, a, count);
-      to += count;
-    }
+    const auto store = [&](const auto&... all) PLIANT_INLINE_LAMBDA {
+      ((simd::store_first(to, all, count), to += count), ...);
+    };
+    store(c.elastic, c.k, c.gamma, c.lever, c.stretched, c.slid ? simd::all(1) : Real4{}, c.a, c.b, c.n0, c.n1,
+          c.turned, c.before);
   }
   PLIANT_INLINE DiskTouch<Real4> read(Index k, Index count) const {
     const Real* from = memory + static_cast<std::ptrdiff_t>(k) * numbers;
+    const auto load = [&](auto&... all) PLIANT_INLINE_LAMBDA {
+      ((simd::load_first(from, all, count), from += count), ...);
+    };
     Real4 slid{};
     DiskTouch<Real4> c{};
-    for (Real4* a :
-         {&c.elastic, &c.k, &c.gamma, &c.lever, &c.stretched, &slid, &c.a, &c.b, &c.n0, &c.n1, &c.turned, &c.before}) {
-      simd::load_first(from, *a, count);
-      from += count;
-    }
+    load(c.elastic, c.k, c.gamma, c.lever, c.stretched, slid, c.a, c.b, c.n0, c.n1, c.turned, c.before);
     c.slid = slid != 0;
     return c;
   }
