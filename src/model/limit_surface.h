@@ -33,8 +33,9 @@ class LimitSurface {
  private:
   template <class R>
   PLIANT_INLINE static PointOf<R> point_of(const std::array<R, 4>& c, R u, R s) {
-    const R h = c[0] + u * (c[1] + u * (c[2] + u * c[3])), slope = Real(cells) * (c[1] + u * (2 * c[2] + u * 3 * c[3]));
-    return {h - s * slope, h + (1 - s) * slope, square(Real(cells)) * (2 * c[2] + 6 * u * c[3])};
+    const R h = c[0] + u * (c[1] + u * (c[2] + u * c[3])), slope = Real(cells) * (c[1] + u * (2 * c[2] + u * 3 * c[3])),
+            force = h - s * slope;
+    return {force, force + slope, square(Real(cells)) * (2 * c[2] + 6 * u * c[3])};
   }
   /// How far (force, torque) is off the normal at s, and how that changes with s.
   template <class R>
@@ -114,10 +115,13 @@ class LimitSurface {
   PLIANT_INLINE Nearest8 nearest(const simd::Real8& force, const simd::Real8& torque, const simd::Real8& guess,
                                  const simd::Mask8& of) const {
     using simd::select;
+    // Two steps do for most.
     simd::Real8 s = select(of, guess, 0.5);
+    const auto [first_over, first_slope] = off_the_normal(force, torque, at(s), s);
+    s = simd::min(simd::max(s - first_over / first_slope, 0), 1);
     PointOf<simd::Real8> p = at(s);
     simd::Mask8 found{};
-    for (int k = 0; k < 4; ++k) {
+    for (int k = 0; k < 3; ++k) {
       const auto [over, slope] = off_the_normal(force, torque, p, s);
       const simd::Real8 next = s - over / slope, change = next - s;
       // What has come to an end stays as it is, whatever the others do.
@@ -128,7 +132,7 @@ class LimitSurface {
       s = select(ends, next, s);
       found = found | ends;
       const simd::Mask8 open = of & ~found;
-      if (k > 0 && !simd::any(open)) break;  // one step seldom does for all: no use in asking
+      if (!simd::any(open)) break;
       s = select(open, simd::min(simd::max(next, 0), 1), s);
       const PointOf<simd::Real8> there = at(s);
       p.force = select(open, there.force, p.force);
