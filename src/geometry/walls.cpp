@@ -91,6 +91,7 @@ Index Walls<D>::add(const WallParts& walls, const Motion<D>& motion, const Pose<
   std::vector<Index> numbers(count);
   std::iota(numbers.begin(), numbers.end(), first_wall);
   part_wall_.insert(part_wall_.begin() + first, numbers.begin(), numbers.end());
+  part_body_.insert(part_body_.begin() + first, count, bodies());
   wall_body_.resize(first_wall + count, bodies());
 
   Body body{pose, motion, material, {}, {}, {}, {}, Vec<D>::Zero(), 0};
@@ -100,11 +101,13 @@ Index Walls<D>::add(const WallParts& walls, const Motion<D>& motion, const Pose<
   auto joints_end = static_cast<Index>(parts_.size());  // before solids
   for (const Joint& joint : walls.joints) {
     part_wall_.insert(part_wall_.begin() + joints_end, first_wall + joint.wall);
+    part_body_.insert(part_body_.begin() + joints_end, bodies());
     body.parts.push_back(joints_end++);
     parts_.push_back({.origin = joint.place, .direction = {1, 0}, .length = 0, .weight = -1});
     before_[first + joint.wall] = first + joint.before;
     after_[first + joint.before] = first + joint.wall;
   }
+  first_solid_ = static_cast<Index>(parts_.size());
   plain_ = plain_ && walls.joints.empty() &&
            std::all_of(walls.segments.begin(), walls.segments.end(),
                        [](const WallSegment& s) { return s.radius == 0 && s.weight == 1; });
@@ -132,6 +135,7 @@ Index Walls<D>::add(const WallParts& walls, const Motion<D>& motion, const Pose<
 template <int D>
 Index Walls<D>::add(const Solid<D>& solid, const Motion<D>& motion, const Pose<D>& pose, Index material) {
   part_wall_.push_back(size());
+  part_body_.push_back(bodies());
   wall_surface_.push_back(surfaces_++);
   wall_body_.push_back(bodies());
   solids_.push_back(solid);

@@ -103,6 +103,7 @@ class Walls {
   Index size() const { return static_cast<Index>(wall_body_.size()); }
   Index bodies() const { return static_cast<Index>(bodies_.size()); }
   Index body_of_wall(Index wall) const { return wall_body_[wall]; }
+  Index body_of_part(Index part) const { return part_body_[part]; }
   const Motion<D>& motion(Index body) const { return bodies_[body].motion; }
   Pose<D> pose(Index body, Real t) const { return bodies_[body].at(t); }
   /// Finds where all bodies are at time t. Nothing has to be prepared, but what is asked for this time costs less then.
@@ -339,9 +340,9 @@ class Walls {
     }
   };
 
-  bool is_solid(Index part) const { return part >= static_cast<Index>(parts_.size()); }
-  const Solid<D>& solid_of(Index part) const { return solids_[part - static_cast<Index>(parts_.size())]; }
-  const Body& body_of(Index part) const { return bodies_[wall_body_[part_wall_[part]]]; }
+  bool is_solid(Index part) const { return part >= first_solid_; }
+  const Solid<D>& solid_of(Index part) const { return solids_[part - first_solid_]; }
+  const Body& body_of(Index part) const { return bodies_[part_body_[part]]; }
   PLIANT_INLINE Pose<D> pose_of(Index part, Real t) const { return still_ ? Pose<D>() : body_of(part).at(t); }
   PLIANT_INLINE Vec<D> in_body(const Vec<D>& r, Index part, Real t) const { return still_ ? r : body_of(part).back(r, t); }
   void place(Body& body);
@@ -405,10 +406,10 @@ class Walls {
   }
 
   std::vector<WallSegment> parts_;  ///< segments and joints
-  Index segments_ = 0;
+  Index segments_ = 0, first_solid_ = 0;
   std::vector<Solid<D>> solids_;
   std::vector<Lip> lips_;
-  std::vector<Index> part_wall_, wall_body_, wall_surface_;
+  std::vector<Index> part_wall_, part_body_, wall_body_, wall_surface_;
   Index surfaces_ = 0;
   /// Per segment: the one that ends where it begins, and the one that begins where it ends; or −1.
   std::vector<Index> before_, after_;

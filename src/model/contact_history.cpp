@@ -71,6 +71,7 @@ void ContactTable::assign(std::vector<ContactKey> keys) {
   std::vector<bool> listed(known.keys.size());
   contact_of_.clear();
   records_.resize(keys.size());
+  constants_.assign(keys.size() * static_cast<std::size_t>(needs_.constants), 0);
   if (shared()) {
     keys_ = keys;
     std::sort(keys_.begin(), keys_.end());

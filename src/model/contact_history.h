@@ -26,6 +26,7 @@ struct HistoryNeeds {
   int width;
   std::vector<std::string> losses = {};  ///< what turns energy into heat, of which the sums are kept
   std::size_t record = 0;  ///< bytes of what an evaluation of forces finds of a contact; 0: nothing is kept
+  int constants = 0;       ///< numbers of an element that stay the same as long as the list does
 };
 
 /// Two particles by id, the lower one first; or a particle and the number of a surface of the walls, or of which of its
@@ -185,6 +186,10 @@ class ContactTable {
     return Rows<Width>(*this);
   }
 
+  /// What stays the same of element e and those after it, zeros until the term has set it. Different elements may be set
+  /// at the same time.
+  Real* constants(Index e) const { return constants_.data() + static_cast<std::ptrdiff_t>(e) * needs_.constants; }
+
   /// Where an evaluation of forces leaves what it finds of a range of elements; of no account for forces.
   template <class Touch>
   TouchRecords::Writer<Touch> record(Range range) const {
@@ -252,6 +257,7 @@ class ContactTable {
   std::vector<Real> heat_;                           ///< [losses]
   StoredContacts unlisted_;
   mutable TouchRecords records_;
+  mutable std::vector<Real> constants_;  ///< [list · constants]
 };
 
 /// The histories of all terms of a model that have one. It follows the lists: contacts are known by ids, so that

@@ -115,29 +115,50 @@ PLIANT_INLINE DiskTouch<Real4>::Past past_of(const DiskPasts& past, const Index*
   return {n0, n1, turned, spring, Real4{p[0][4], p[1][4], p[2][4], p[3][4]} != 0};
 }
 
+/// Of each pair of a range: the radii, their sum, and what the damping depends on.
+template <class Law>
+void set_constants(Real epsilon, const SurfaceFriction& surface, const StateView<2>& s, Range range,
+                   const ContactTable& table) {
+  const PairList& list = s.neighbours.point_pairs;
+  const Topology& topology = s.topology;
+  Real* to = table.constants(range.first);
+  for (Index e = range.first; e < range.last; ++e) {
+    const auto [i, j] = list[e];
+    *to++ = topology.diameter[i] / 2;
+    *to++ = topology.diameter[j] / 2;
+    *to++ = list.reach[e];
+    *to++ = DiskTouch<Real>::damping_of<Law>(epsilon, surface, list.reach[e],
+                                             topology.inverse_point_mass[i] + topology.inverse_point_mass[j]);
+  }
+}
+
 template <class Law, bool OwnOnly>
 PLIANT_INLINE void add_contacts(Real epsilon, const SurfaceFriction& friction, const StateView<2>& s, Range range,
-                                const DiskPasts& pasts, const DiskRecords& to, const Scatter<2, 1, OwnOnly>& scatter,
-                                bool total) {
+                                const ContactTable& table, const Scatter<2, 1, OwnOnly>& scatter, bool total) {
   const SurfaceFriction surface = friction;  // nobody else writes to these
-  const DiskPasts past = pasts;
-  const DiskRecords records = to;
+  const DiskPasts past = table.rows<DiskContact<>::history>();
+  const DiskRecords records(table, range);
   const Scatter<2, 1, OwnOnly> force = scatter;
   const PairList& list = s.neighbours.point_pairs;
   const Pair* const pairs = list.pairs.data();
   const Real *const reach = list.reach.data(), *const x = s.x;
-  const Topology& topology = s.topology;
-  const Real *const diameter = topology.diameter.data(), *const inverse_mass = topology.inverse_point_mass.data();
+
+  const Real* const all = table.constants(0);
+  const auto constants = [&](Index e) PLIANT_INLINE_LAMBDA {
+    return all + std::ptrdiff_t(e) * DiskContact<>::constants;
+  };
+  if (range.size() > 0 && *constants(range.first) == 0) set_constants<Law>(epsilon, surface, s, range, table);
 
   // First which pairs touch, without a branch that depends on it.
   Index touching = 0, parted = range.size();
   for (Index e = range.first; e < range.last; ++e) {
     const std::ptrdiff_t i = 2 * std::ptrdiff_t(pairs[e].first), j = 2 * std::ptrdiff_t(pairs[e].second);
     const Real dx = x[i] - x[j], dy = x[i + 1] - x[j + 1], d2 = dx * dx + dy * dy;
-    const bool near = (d2 < square(reach[e])) & (d2 != 0);
-    records.element[touching] = e;  // or what comes next is there
-    touching += near ? 1 : 0;
-    if (past.known(e) & !near) records.element[--parted] = ~e;
+    const int near = static_cast<int>(d2 < square(reach[e])) & static_cast<int>(d2 > 0);
+    // Where it does not belong, what comes next will be: one of both places may be the last one.
+    records.element[touching] = records.element[parted - 1] = near != 0 ? e : ~e;
+    touching += near;
+    parted -= static_cast<int>(past.known(e)) & (1 - near);
   }
   if (touching < parted) records.element[touching] = records.element[parted - 1] = DiskRecords::none;
 
@@ -145,11 +166,12 @@ PLIANT_INLINE void add_contacts(Real epsilon, const SurfaceFriction& friction, c
     const Places at(pairs, e);
     const Points2 r = at.differences(x);
     DiskTouch<Real4> c;
+    Real4 a = load4(constants(e[0])), b = load4(constants(e[1])), both = load4(constants(e[2])),
+          damping = load4(constants(e[3]));
+    simd::transpose(a, b, both, damping);
     c.find<Law>(epsilon, surface,
-                {r.x, r.y, r.x * r.x + r.y * r.y, Real4{reach[e[0]], reach[e[1]], reach[e[2]], reach[e[3]]},
-                 Places::gather(diameter, at.first) / 2, Places::gather(diameter, at.second) / 2,
-                 Places::gather(s.angles, at.first), Places::gather(s.angles, at.second),
-                 Places::gather(inverse_mass, at.first) + Places::gather(inverse_mass, at.second)},
+                {r.x, r.y, r.x * r.x + r.y * r.y, both, a, b, damping, Places::gather(s.angles, at.first),
+                 Places::gather(s.angles, at.second)},
                 past_of(past, e));
     records.write(k, count, c);
     const auto rubs = rub(c, surface, s, at);
@@ -172,28 +194,28 @@ PLIANT_INLINE void add_contacts(Real epsilon, const SurfaceFriction& friction, c
 }
 
 PLIANT_MULTIVERSION void add_harmonic(Real epsilon, const SurfaceFriction& surface, const StateView<2>& s, Range range,
-                    const DiskPasts& past, const DiskRecords& records, const Scatter<2, 1>& force, bool total) {
-  add_contacts<HarmonicOverlap>(epsilon, surface, s, range, past, records, force, total);
+                    const ContactTable& table, const Scatter<2, 1>& force, bool total) {
+  add_contacts<HarmonicOverlap>(epsilon, surface, s, range, table, force, total);
 }
 PLIANT_MULTIVERSION void add_harmonic(Real epsilon, const SurfaceFriction& surface, const StateView<2>& s, Range range,
-                    const DiskPasts& past, const DiskRecords& records, const Scatter<2, 1, true>& force, bool total) {
-  add_contacts<HarmonicOverlap>(epsilon, surface, s, range, past, records, force, total);
+                    const ContactTable& table, const Scatter<2, 1, true>& force, bool total) {
+  add_contacts<HarmonicOverlap>(epsilon, surface, s, range, table, force, total);
 }
 PLIANT_MULTIVERSION void add_hertz(Real epsilon, const SurfaceFriction& surface, const StateView<2>& s, Range range,
-                    const DiskPasts& past, const DiskRecords& records, const Scatter<2, 1>& force, bool total) {
-  add_contacts<HertzOverlap>(epsilon, surface, s, range, past, records, force, total);
+                    const ContactTable& table, const Scatter<2, 1>& force, bool total) {
+  add_contacts<HertzOverlap>(epsilon, surface, s, range, table, force, total);
 }
 PLIANT_MULTIVERSION void add_hertz(Real epsilon, const SurfaceFriction& surface, const StateView<2>& s, Range range,
-                    const DiskPasts& past, const DiskRecords& records, const Scatter<2, 1, true>& force, bool total) {
-  add_contacts<HertzOverlap>(epsilon, surface, s, range, past, records, force, total);
+                    const ContactTable& table, const Scatter<2, 1, true>& force, bool total) {
+  add_contacts<HertzOverlap>(epsilon, surface, s, range, table, force, total);
 }
 PLIANT_MULTIVERSION void add_spring(Real epsilon, const SurfaceFriction& surface, const StateView<2>& s, Range range,
-                    const DiskPasts& past, const DiskRecords& records, const Scatter<2, 1>& force, bool total) {
-  add_contacts<SpringOverlap>(epsilon, surface, s, range, past, records, force, total);
+                    const ContactTable& table, const Scatter<2, 1>& force, bool total) {
+  add_contacts<SpringOverlap>(epsilon, surface, s, range, table, force, total);
 }
 PLIANT_MULTIVERSION void add_spring(Real epsilon, const SurfaceFriction& surface, const StateView<2>& s, Range range,
-                    const DiskPasts& past, const DiskRecords& records, const Scatter<2, 1, true>& force, bool total) {
-  add_contacts<SpringOverlap>(epsilon, surface, s, range, past, records, force, total);
+                    const ContactTable& table, const Scatter<2, 1, true>& force, bool total) {
+  add_contacts<SpringOverlap>(epsilon, surface, s, range, table, force, total);
 }
 
 /// Writes what is kept of those that touch, and over their records what each has lost; or adds all of it to `heat`.
@@ -235,14 +257,12 @@ PLIANT_MULTIVERSION void advance_contacts(const SurfaceFriction& friction, const
 template <class Law, bool OwnOnly>
 void add_disk_forces(Real epsilon, const SurfaceFriction& surface, const StateView<2>& s, Range range,
                      const ContactTable& table, const Scatter<2, 1, OwnOnly>& force, bool total) {
-  const DiskPasts past = table.rows<DiskContact<>::history>();
-  const DiskRecords records(table, range);
   if constexpr (Law::kind == ContactLaw::hertz)
-    add_hertz(epsilon, surface, s, range, past, records, force, total);
+    add_hertz(epsilon, surface, s, range, table, force, total);
   else if constexpr (Law::kind == ContactLaw::spring)
-    add_spring(epsilon, surface, s, range, past, records, force, total);
+    add_spring(epsilon, surface, s, range, table, force, total);
   else
-    add_harmonic(epsilon, surface, s, range, past, records, force, total);
+    add_harmonic(epsilon, surface, s, range, table, force, total);
 }
 #define PLIANT_DISK_FORCES(Law, own)                                                                        \
   template void add_disk_forces<Law, own>(Real, const SurfaceFriction&, const StateView<2>&, Range,         \

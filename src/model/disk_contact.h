@@ -24,9 +24,17 @@ struct DiskTouch : SurfaceTouch<2, R> {
   struct Pair {
     R x, y, d2;          ///< from the second to the first
     R reach, a, b;       ///< R_i + R_j, and each
+    R damping;           ///< see damping_of()
     R angle_a, angle_b;  ///< θ
-    R inverse_masses;    ///< sum
   };
+  /// What the damping depends on beside the distance: γ_n itself, but with Hertz' law.
+  template <class Law>
+  static Real damping_of(Real epsilon, const SurfaceFriction& surface, Real reach, Real inverse_masses) {
+    if constexpr (Law::kind == ContactLaw::hertz)
+      return inverse_masses;
+    else
+      return SurfaceTouch<2>::damping_of(surface, press_of<Law, Real>(epsilon, reach, reach).stiffness / inverse_masses);
+  }
   /// And what was kept of them; zeros if they did not touch.
   struct Past {
     R n0, n1, turned, spring;
@@ -41,7 +49,11 @@ struct DiskTouch : SurfaceTouch<2, R> {
     this->lever = pair.reach * per_d;
     const Press<R> press = press_of<Law>(epsilon, pair.reach, d);
     this->elastic = press.force;
-    this->stiffen(surface, R(press.stiffness / pair.inverse_masses), press.reference);
+    if constexpr (Law::kind == ContactLaw::hertz)
+      this->gamma = SurfaceTouch<2, R>::damping_of(surface, R(press.stiffness / pair.damping));
+    else
+      this->gamma = pair.damping;
+    this->k = surface.stiffness * press.reference;
     this->slid = past.slid;
     before = past.spring;
     const MaskOf<R> known = (past.n0 != 0) | (past.n1 != 0);
@@ -100,7 +112,7 @@ struct DiskContact {
 
   static constexpr Elements elements = Elements::point_pairs;
   static constexpr bool rotates = true;
-  static constexpr int history = 5;
+  static constexpr int history = 5, constants = 4;
   static constexpr auto losses = SurfaceTouch<2>::losses;
   static std::string_view name() { return "disk_contact"; }
   bool enabled(const StateView<2>&) const { return surface.rubs() || surface.damping > 0; }
@@ -121,8 +133,10 @@ struct DiskContact {
     const bool known = !past.empty();
     c.template find<Law>(
         epsilon, surface,
-        {r[0], r[1], d2, reach, topology.diameter[first] / 2, topology.diameter[second] / 2, s.angles[first],
-         s.angles[second], topology.inverse_point_mass[first] + topology.inverse_point_mass[second]},
+        {r[0], r[1], d2, reach, topology.diameter[first] / 2, topology.diameter[second] / 2,
+         DiskTouch<Real>::damping_of<Law>(
+             epsilon, surface, reach, topology.inverse_point_mass[first] + topology.inverse_point_mass[second]),
+         s.angles[first], s.angles[second]},
         known ? DiskTouch<Real>::Past{past[0], past[1], past[2], past[3], past[4] != 0} : DiskTouch<Real>::Past{});
     return true;
   }

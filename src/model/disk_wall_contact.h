@@ -65,7 +65,7 @@ struct DiskWallContact {
     c.lever = 1 + (R - d) * curvature;
     c.foot = {foot[0], foot[1]};
     c.across = {across[0], across[1]};
-    const Index body = s.walls.body_of_wall(s.walls.wall_of_part(part));
+    const Index body = s.walls.body_of_part(part);
     const Motion<2>& motion = s.walls.motion(body);
     c.material = s.walls.material(body);
     c.angle = s.angle(i) - motion.spin * (s.t - motion.since);

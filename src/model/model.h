@@ -435,6 +435,7 @@ class Model final : public ForceField<D> {
         all.push_back({std::string(term.name()), Term::elements, Term::history});
         if constexpr (losses_of<Term>() > 0) all.back().losses.assign(Term::losses.begin(), Term::losses.end());
         if constexpr (FindingTerm<Term, D>) all.back().record = sizeof(typename Term::Touch);
+        if constexpr (requires { Term::constants; }) all.back().constants = Term::constants;
       }
     });
     return all;

@@ -65,7 +65,7 @@ struct SphereWallContact {
     const Mat<3> stretch = Mat<3>::Identity() + (R - d) * curvature;
     Eigen::Map<Mat<3>>(c.stretch.data()) = stretch;
     c.foot = array_of(foot), c.across = array_of(across);
-    const Index body = s.walls.body_of_wall(s.walls.wall_of_part(part));
+    const Index body = s.walls.body_of_part(part);
     const Mat<3> turn = s.walls.pose(body, s.t).turn;
     Eigen::Map<Mat<3>>(c.turn.data()) = turn;
     const Motion<3>& motion = s.walls.motion(body);

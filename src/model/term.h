@@ -167,7 +167,8 @@ concept FindingTerm = requires(const T term, const StateView<D>& s, Index e, Rea
 };
 
 /// One that takes a range of elements together, where there is a history: for a loop over several elements at a time.
-/// It leaves their records in its own way, and advances what the last forces found. Terms of pairs have
+/// It leaves their records in its own way, and advances what the last forces found. It can keep numbers of each element
+/// that stay the same as long as the list does, `static constexpr int constants` of them. Terms of pairs have
 /// advance_each(s, range, h, table, heat) too, for pairs across a border: heat(e) is where that of an element counts.
 template <class T, int D>
 concept RangeTerm = FindingTerm<T, D> &&
