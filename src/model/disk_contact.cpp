@@ -154,11 +154,10 @@ PLIANT_INLINE void add_contacts(Real epsilon, const SurfaceFriction& friction, c
   for (Index e = range.first; e < range.last; ++e) {
     const std::ptrdiff_t i = 2 * std::ptrdiff_t(pairs[e].first), j = 2 * std::ptrdiff_t(pairs[e].second);
     const Real dx = x[i] - x[j], dy = x[i + 1] - x[j + 1], d2 = dx * dx + dy * dy;
-    const int near = static_cast<int>(d2 < square(reach[e])) & static_cast<int>(d2 > 0);
-    // Where it does not belong, what comes next will be: one of both places may be the last one.
-    records.element[touching] = records.element[parted - 1] = near != 0 ? e : ~e;
-    touching += near;
-    parted -= static_cast<int>(past.known(e)) & (1 - near);
+    const bool near = (d2 < square(reach[e])) & (d2 > 0);
+    records.element[touching] = e;  // or what comes next is there
+    touching += near ? 1 : 0;
+    if (past.known(e) & !near) records.element[--parted] = ~e;
   }
   if (touching < parted) records.element[touching] = records.element[parted - 1] = DiskRecords::none;
 

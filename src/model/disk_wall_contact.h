@@ -3,6 +3,7 @@
 
 #include <array>
 #include <span>
+#include <utility>
 
 #include <pliant/geometry/turn.h>
 #include <pliant/model/fused_terms.h>
@@ -10,6 +11,50 @@
 #include <pliant/model/wall_contact.h>
 
 namespace pliant {
+
+/// A disk that touches a wall, or several. Seen from the wall, but for n and velocities.
+template <class R>
+struct DiskWallTouch : SurfaceTouch<2, R> {
+  /// Where it is.
+  struct Place {
+    R d, curvature, radius, mass;
+    R foot0, foot1, across0, across1;  ///< foot and n
+    R angle;                           ///< θ
+  };
+  /// And what was kept of it; zeros if it did not touch.
+  struct Past {
+    R foot0, foot1, across0, across1, angle, spring;
+    MaskOf<R> slid;
+  };
+  /// `lever` is 1 + (R − d) κ.
+  template <class Law>
+  PLIANT_INLINE void settle(Real epsilon, const SurfaceFriction& surface, const Place& c, const Past& past) {
+    this->lever = 1 + (c.radius - c.d) * c.curvature;
+    const Press<R> press = press_of<Law>(epsilon, c.radius, c.d);
+    this->elastic = press.force;
+    this->stiffen(surface, R(c.mass * press.stiffness), press.reference);
+    this->slid = past.slid;
+    const R sine = past.across0 * c.across1 - past.across1 * c.across0,
+            cosine = past.across0 * c.across0 + past.across1 * c.across1;
+    // Along the surface halfway between n before and now.
+    const R x = past.across0 + c.across0, y = past.across1 + c.across1, size = square_root(R(x * x + y * y)),
+            way = (x * (c.foot1 - past.foot1) - y * (c.foot0 - past.foot0)) / size, slipped = size > 0 ? way : R();
+    const MaskOf<R> known = (past.across0 != 0) | (past.across1 != 0);
+    const R spring = past.spring + slipped + c.radius * (turn_of(sine, cosine) - (c.angle - past.angle));
+    this->stretched = known ? spring : R();
+  }
+  /// Seen from the wall the disk moves with v and turns with `spin`. The pull is along t, n turned by 90°.
+  template <class Mu>
+  PLIANT_INLINE typename SurfaceTouch<2, R>::Rub rub(Real tangential_damping, Mu mu_static, Mu mu_dynamic, R n0, R n1,
+                                                     R v0, R v1, R radius, R spin) const {
+    return SurfaceTouch<2, R>::rub(tangential_damping, mu_static, mu_dynamic, R(n0 * v0 + n1 * v1),
+                                   R(this->lever * (n0 * v1 - n1 * v0) - radius * spin));
+  }
+  PLIANT_INLINE std::pair<R, R> force(R n0, R n1, R normal, R pull) const {
+    const R across = pull * this->lever;
+    return {normal * n0 + across * n1, normal * n1 - across * n0};
+  }
+};
 
 /// What acts between a disk and a surface of the walls (Walls::surface_of_part) beside the elastic force N_e = −V' of
 /// WallContact, in the plane; as DiskContact, with the velocity of the wall's material. n is the unit vector from the
@@ -37,53 +82,50 @@ struct DiskWallContact {
   }
   void check(const Walls<2>& walls) const { others.check(name(), walls); }
 
-  struct Touch : SurfaceTouch<2> {
-    Index i, material;
-    Real radius;                       ///< `lever` is 1 + (R − d) κ
-    std::array<Real, 2> n;             ///< in space
+  /// In fours of numbers, so that four contacts can be read together.
+  struct Touch : DiskWallTouch<Real> {
+    Real d, curvature, radius, mass;
     std::array<Real, 2> foot, across;  ///< foot and n seen from the wall
-    Real angle;                        ///< θ seen from the wall
-    std::array<Real, 2> velocity;      ///< of the wall
-    Real spin;                         ///< of the wall
+    std::array<Real, 2> n, velocity;   ///< n in space, and how the wall moves
+    Real angle, spin;                  ///< θ seen from the wall; of the wall
+    Real mu_static, mu_dynamic;
+    Index i;
   };
 
   PLIANT_INLINE bool near(const StateView<2>& s, Index e) const {
     const auto [i, part] = s.neighbours.walls[e];
     return !s.walls.beyond(s.position(i), s.topology.diameter[i] / 2, part, s.t);
   }
-  /// False also where another part of the surface carries the contact.
-  PLIANT_INLINE bool find(const StateView<2>& s, Index e, std::span<const Real> past, Touch& c) const {
+  /// The first part of find(), which says whether it touches.
+  PLIANT_INLINE bool place(const StateView<2>& s, Index e, Touch& c) const {
     const auto [i, part] = s.neighbours.walls[e];
     const Vec<2> r = s.position(i);
     const Real R = s.topology.diameter[i] / 2;
     WallTouch<2> wall;
     if (!s.walls.touch(r, part, s.t, R, wall)) return false;
-    const auto& [d, n, curvature, foot, across] = wall;
     c.i = i;
-    c.radius = R;
-    c.n = {n[0], n[1]};
-    c.lever = 1 + (R - d) * curvature;
-    c.foot = {foot[0], foot[1]};
-    c.across = {across[0], across[1]};
-    const Index body = s.walls.body_of_part(part);
-    const Motion<2>& motion = s.walls.motion(body);
-    c.material = s.walls.material(body);
-    c.angle = s.angle(i) - motion.spin * (s.t - motion.since);
-    c.spin = motion.spin;
+    c.d = wall.d, c.curvature = wall.curvature, c.radius = R, c.mass = s.topology.mass(i);
+    c.foot = {wall.foot[0], wall.foot[1]};
+    c.across = {wall.across[0], wall.across[1]};
+    c.n = {wall.n[0], wall.n[1]};
     const Vec<2> v = s.walls.velocity(r, part, s.t);
     c.velocity = {v[0], v[1]};
-    const Press<Real> press = press_of<Law>(epsilon, R, d);
-    c.elastic = press.force;
-    c.stiffen(surface, s.topology.mass(i) * press.stiffness, press.reference);
-    c.stretched = 0;
-    c.slid = false;
-    if (!past.empty()) {
-      const Vec<2> before(past[2], past[3]), middle = before + across, way = foot - Vec<2>(past[0], past[1]);
-      const Real turned = turn_between(before, across), size = std::sqrt(middle[0] * middle[0] + middle[1] * middle[1]),
-                 slid = size > 0 ? (middle[0] * way[1] - middle[1] * way[0]) / size : 0;
-      c.stretched = past[5] + slid + R * (turned - (c.angle - past[4]));
-      c.slid = past[6] != 0;
-    }
+    const Index body = s.walls.body_of_part(part);
+    const Motion<2>& motion = s.walls.motion(body);
+    c.angle = s.angle(i) - motion.spin * (s.t - motion.since);
+    c.spin = motion.spin;
+    const Coulomb mu = others.of(s.walls.material(body), surface);
+    c.mu_static = mu.mu_static, c.mu_dynamic = mu.mu_dynamic;
+    return true;
+  }
+  /// False also where another part of the surface carries the contact.
+  PLIANT_INLINE bool find(const StateView<2>& s, Index e, std::span<const Real> past, Touch& c) const {
+    if (!place(s, e, c)) return false;
+    using Past = DiskWallTouch<Real>::Past;
+    c.template settle<Law>(
+        epsilon, surface,
+        {c.d, c.curvature, c.radius, c.mass, c.foot[0], c.foot[1], c.across[0], c.across[1], c.angle},
+        past.empty() ? Past{} : Past{past[0], past[1], past[2], past[3], past[4], past[5], past[6] != 0});
     return true;
   }
   Real energy(const StateView<2>& s, const Touch& c) const { return c.energy(rub(s, c)); }
@@ -123,11 +165,14 @@ struct DiskWallContact {
 
  private:
   PLIANT_INLINE SurfaceTouch<2>::Rub rub(const StateView<2>& s, const Touch& c) const {
-    const Vec<2> n(c.n[0], c.n[1]), t(-c.n[1], c.n[0]), v = s.velocity(c.i) - Vec<2>(c.velocity[0], c.velocity[1]);
-    return c.rub(others.of(c.material, surface), n.dot(v), c.lever * t.dot(v) - c.radius * (s.spin(c.i) - c.spin));
+    const Vec<2> v = s.velocity(c.i);
+    return static_cast<const DiskWallTouch<Real>&>(c).rub(surface.tangential_damping, c.mu_static, c.mu_dynamic, c.n[0],
+                                                          c.n[1], v[0] - c.velocity[0], v[1] - c.velocity[1], c.radius,
+                                                          s.spin(c.i) - c.spin);
   }
   PLIANT_INLINE static Vec<2> force_of(const Touch& c, const SurfaceTouch<2>::Rub& rubs, Real normal) {
-    return normal * Vec<2>(c.n[0], c.n[1]) - rubs.hold.pull * c.lever * Vec<2>(-c.n[1], c.n[0]);
+    const auto [x, y] = c.force(c.n[0], c.n[1], normal, rubs.hold.pull);
+    return {x, y};
   }
   template <class F>
   PLIANT_INLINE static void add(const Touch& c, const SurfaceTouch<2>::Rub& rubs, Real normal, F& force) {
@@ -136,21 +181,51 @@ struct DiskWallContact {
   }
 };
 
+/// Settles up to four contacts that have been placed, and adds their forces with the elastic ones.
+template <class Law>
+void add_four_at_walls(const DiskWallContact<Law>& term, const StateView<2>& s,
+                       std::span<typename DiskWallContact<Law>::Touch* const> touches,
+                       const std::array<const Real*, 4>& past, const Scatter<2, 1>& force);
+
 /// All forces of walls on disks, or balls, in one pass.
 struct DiskWallKernel {
   static constexpr bool fast() { return true; }
   template <int D, class Law, class Friction>
-  static void add_forces(const StateView<D>& s, Index chunk, Real* f, const WallContact<D, Law>& contact,
-                         const Friction& friction) {
+  [[gnu::flatten]] static void add_forces(const StateView<D>& s, Index chunk, Real* f,
+                                          const WallContact<D, Law>& contact, const Friction& friction) {
     if (!friction.enabled(s)) return WallKernel::add_forces(s, chunk, f, contact);
     Real* const torques = f + static_cast<std::size_t>(s.topology.owned_points()) * D;
     Scatter<D, 1> force{f, {}, torques};
     Scatter<D, -1> gradient{f};
     // Parts that touch without carrying the contact press all the same.
-    for_each_touch(
-        friction, s, s.neighbours.walls.inside(chunk),
-        [&](const auto& c) PLIANT_INLINE_LAMBDA { friction.add_total(s, c, force); },
-        [&](Index e) { contact.add_gradient(s, e, gradient); });
+    const auto others = [&](Index e) { contact.add_gradient(s, e, gradient); };
+    const Range range = s.neighbours.walls.inside(chunk);
+    using Touch = typename Friction::Touch;
+    if constexpr (D == 2) {
+      if (s.history != nullptr) {
+        std::array<Touch*, 4> four;
+        std::array<const Real*, 4> past;
+        std::size_t count = 0;
+        const auto add = [&] { add_four_at_walls<Law>(friction, s, std::span(four).first(count), past, force); };
+        for_each_found(
+            friction, s, range,
+            [&](Index e, std::span<const Real> numbers, Touch& c) PLIANT_INLINE_LAMBDA {
+              past[count] = numbers.empty() ? nullptr : numbers.data();
+              return friction.place(s, e, c);
+            },
+            [&](Index, Touch& c) PLIANT_INLINE_LAMBDA {
+              four[count++] = &c;
+              if (count == 4) add(), count = 0;
+            },
+            others);
+        if (count > 0) add();
+        return;
+      }
+    }
+    for_each_found(
+        friction, s, range,
+        [&](Index e, std::span<const Real> past, Touch& c) PLIANT_INLINE_LAMBDA { return friction.find(s, e, past, c); },
+        [&](Index, const Touch& c) PLIANT_INLINE_LAMBDA { friction.add_total(s, c, force); }, others);
   }
 };
 

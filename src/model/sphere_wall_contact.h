@@ -134,7 +134,8 @@ struct SphereWallContact {
     const Vec<3> n = vector_of(c.n), v = s.velocity(c.i) - vector_of(c.velocity);
     const Real parting = n.dot(v);
     const Vec<3> along = Eigen::Map<const Mat<3>>(c.stretch.data()) * (v - parting * n);
-    return c.rub(others.of(c.material, surface), parting,
+    const Coulomb mu = others.of(c.material, surface);
+    return c.rub(surface.tangential_damping, mu.mu_static, mu.mu_dynamic, parting,
                  along - c.radius * Vec<3>(s.spin(c.i) - vector_of(c.spin)).cross(n));
   }
   static Vec<3> force_of(const Touch& c, const typename SurfaceTouch<3>::Rub& rubs, Real normal) {

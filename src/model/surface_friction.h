@@ -87,19 +87,15 @@ class OtherMaterials {
   OtherMaterials() = default;
   explicit OtherMaterials(std::vector<Coulomb> mu) : mu_(std::move(mu)) {}
 
-  /// The friction of a material, where `first` is that of 0.
-  PLIANT_INLINE SurfaceFriction of(Index material, SurfaceFriction first) const {
-    if (material > 0) {
-      const Coulomb& mu = mu_[static_cast<std::size_t>(material - 1)];
-      first.mu_static = mu.mu_static, first.mu_dynamic = mu.mu_dynamic;
-    }
-    return first;
+  /// The coefficients of a material, where those of 0 are the `first`.
+  PLIANT_INLINE Coulomb of(Index material, const SurfaceFriction& first) const {
+    return material > 0 ? mu_[static_cast<std::size_t>(material - 1)] : Coulomb{first.mu_static, first.mu_dynamic};
   }
   /// That of the material with the largest μ_s.
   SurfaceFriction roughest(const SurfaceFriction& first) const {
     SurfaceFriction most = first;
-    for (Index k = 1; k <= static_cast<Index>(mu_.size()); ++k)
-      if (const SurfaceFriction other = of(k, first); other.mu_static > most.mu_static) most = other;
+    for (const Coulomb& mu : mu_)
+      if (mu.mu_static > most.mu_static) most.mu_static = mu.mu_static, most.mu_dynamic = mu.mu_dynamic;
     return most;
   }
   /// Errors: InputError for walls of a material that has no coefficients.
@@ -208,10 +204,15 @@ struct SurfaceTouch {
     k = f.stiffness * reference;
   }
   PLIANT_INLINE Rub rub(const SurfaceFriction& f, R parting, const Tangent& rate) const {
+    return rub(f.tangential_damping, f.mu_static, f.mu_dynamic, parting, rate);
+  }
+  /// Where each has coefficients of its own: numbers, or vectors of them.
+  template <class Mu>
+  PLIANT_INLINE Rub rub(Real tangential_damping, Mu mu_static, Mu mu_dynamic, R parting, const Tangent& rate) const {
     const R pressed = elastic - gamma * parting, normal = pressed < 0 ? R() : pressed, limit = normal / lever;
     return {normal, parting, rate,
-            SurfaceFriction::hold(k, R(f.tangential_damping * gamma), stretch(), rate, R(f.mu_static * limit),
-                                  R(f.mu_dynamic * limit), slid)};
+            SurfaceFriction::hold(k, R(tangential_damping * gamma), stretch(), rate, R(mu_static * limit),
+                                  R(mu_dynamic * limit), slid)};
   }
 
   /// Of the spring.

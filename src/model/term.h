@@ -209,14 +209,16 @@ constexpr std::size_t losses_of() {
     return 0;
 }
 
-/// visit(touch) for the elements of a range that touch, and others(e) for those that do not, but for some that are too
-/// far apart. What is found is kept where there is a history.
-template <int D, FindingTerm<D> T, class Visit, class Others>
-PLIANT_INLINE void for_each_touch(const T& term, const StateView<D>& s, Range range, Visit&& visit, Others&& others) {
+/// visit(e, touch) for the elements of a range that touch, which find(e, past, touch) says and fills, and others(e) for
+/// those that do not, but for some that are too far apart. What is found is kept where there is a history, and stays
+/// where it is.
+template <int D, FindingTerm<D> T, class Find, class Visit, class Others>
+PLIANT_INLINE void for_each_found(const T& term, const StateView<D>& s, Range range, Find&& find, Visit&& visit,
+                                  Others&& others) {
   using Touch = typename T::Touch;
   if (s.history == nullptr) {
     Touch c;
-    for (Index e = range.first; e < range.last; ++e) term.find(s, e, {}, c) ? visit(c) : others(e);
+    for (Index e = range.first; e < range.last; ++e) find(e, std::span<const Real>(), c) ? visit(e, c) : others(e);
     return;
   }
   const ContactTable& table = s.history->of(term.name());
@@ -237,9 +239,9 @@ PLIANT_INLINE void for_each_touch(const T& term, const StateView<D>& s, Range ra
     const Real* const numbers = past(e);
     const std::size_t known = numbers != nullptr ? T::history : 0;
     Touch& c = found.next();
-    if (term.find(s, e, {numbers, known}, c)) {
+    if (find(e, std::span<const Real>(numbers, known), c)) {
       found.touches(e);
-      visit(c);
+      visit(e, c);
     } else {
       if (known > 0) found.parted(e);
       others(e);
@@ -247,9 +249,13 @@ PLIANT_INLINE void for_each_touch(const T& term, const StateView<D>& s, Range ra
   }
   found.end();
 }
+/// visit(touch) for those that touch.
 template <int D, FindingTerm<D> T, class Visit>
 PLIANT_INLINE void for_each_touch(const T& term, const StateView<D>& s, Range range, Visit&& visit) {
-  for_each_touch(term, s, range, visit, [](Index) {});
+  for_each_found(
+      term, s, range,
+      [&](Index e, std::span<const Real> past, auto& c) PLIANT_INLINE_LAMBDA { return term.find(s, e, past, c); },
+      [&](Index, const auto& c) PLIANT_INLINE_LAMBDA { visit(c); }, [](Index) {});
 }
 
 /// A pair of points, that of the particle with the lower id first.

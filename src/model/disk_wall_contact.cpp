@@ -1,0 +1,107 @@
+// Four contacts at a time, with the same bits as one by one.
+#include <pliant/model/disk_wall_contact.h>
+
+#include <algorithm>
+
+#include <pliant/base/simd.h>
+
+namespace pliant {
+
+using simd::load4;
+using simd::Real2;
+using simd::Real4;
+
+namespace {
+
+template <class Law>
+using Touches = std::span<typename DiskWallContact<Law>::Touch* const>;
+using Pasts = std::array<const Real*, 4>;
+
+template <class Law>
+PLIANT_INLINE void add_four(const DiskWallContact<Law>& term, const StateView<2>& s, Touches<Law> touches,
+                            const Pasts& pasts, const Scatter<2, 1>& force) {
+  using Touch = typename DiskWallContact<Law>::Touch;
+  static constexpr std::array<Real, DiskWallContact<Law>::history> nothing{};
+  const std::size_t count = touches.size();
+  std::array<Touch*, 4> c;
+  Pasts past;
+  for (std::size_t k = 0; k < 4; ++k) {
+    const std::size_t l = std::min(k, count - 1);
+    c[k] = touches[l];
+    past[k] = pasts[l] != nullptr ? pasts[l] : nothing.data();
+  }
+  const auto read = [](const Real* p, const Real* q, const Real* r, const Real* t, Real4& a, Real4& b, Real4& d,
+                       Real4& e) PLIANT_INLINE_LAMBDA {
+    a = load4(p), b = load4(q), d = load4(r), e = load4(t);
+    simd::transpose(a, b, d, e);
+  };
+
+  typename DiskWallTouch<Real4>::Place place;
+  typename DiskWallTouch<Real4>::Past before;
+  Real4 n0, n1, wall0, wall1, spin, mu_static, mu_dynamic, again, slid;
+  read(&c[0]->d, &c[1]->d, &c[2]->d, &c[3]->d, place.d, place.curvature, place.radius, place.mass);
+  read(c[0]->foot.data(), c[1]->foot.data(), c[2]->foot.data(), c[3]->foot.data(), place.foot0, place.foot1,
+       place.across0, place.across1);
+  read(c[0]->n.data(), c[1]->n.data(), c[2]->n.data(), c[3]->n.data(), n0, n1, wall0, wall1);
+  read(&c[0]->angle, &c[1]->angle, &c[2]->angle, &c[3]->angle, place.angle, spin, mu_static, mu_dynamic);
+  read(past[0], past[1], past[2], past[3], before.foot0, before.foot1, before.across0, before.across1);
+  read(past[0] + 3, past[1] + 3, past[2] + 3, past[3] + 3, again, before.angle, before.spring, slid);
+  before.slid = slid != 0;
+
+  DiskWallTouch<Real4> four;
+  four.template settle<Law>(term.epsilon, term.surface, place, before);
+  std::array<Index, 4> i;
+  std::array<Real2, 4> v;
+  for (int k = 0; k < 4; ++k) i[k] = c[k]->i, v[k] = simd::load2(s.v + 2 * std::ptrdiff_t(i[k]));
+  const simd::Points2 velocity = simd::transpose(v[0], v[1], v[2], v[3]);
+  const Real4 turns{s.spins[i[0]], s.spins[i[1]], s.spins[i[2]], s.spins[i[3]]};
+  const auto rubs = four.rub(term.surface.tangential_damping, mu_static, mu_dynamic, n0, n1, velocity.x - wall0,
+                             velocity.y - wall1, place.radius, turns - spin);
+  const auto [x, y] = four.force(n0, n1, rubs.normal, rubs.hold.pull);
+  Real4 lanes02, lanes13;
+  simd::transpose({x, y}, lanes02, lanes13);
+  const Real2 push[4] = {simd::low(lanes02), simd::low(lanes13), simd::high(lanes02), simd::high(lanes13)};
+  const Real4 torque = rubs.hold.pull * place.radius;
+  for (std::size_t k = 0; k < count; ++k) {
+    c[k]->elastic = four.elastic[k], c[k]->k = four.k[k], c[k]->gamma = four.gamma[k], c[k]->lever = four.lever[k];
+    c[k]->stretched = four.stretched[k];
+    c[k]->slid = four.slid[k] != 0;
+    Real* const out = force.out + 2 * std::ptrdiff_t(i[k]);
+    simd::store2(out, simd::load2(out) + push[k]);
+    force.torques[i[k]] += torque[k];
+  }
+}
+
+PLIANT_MULTIVERSION void add_harmonic(const DiskWallContact<HarmonicOverlap>& term, const StateView<2>& s,
+                                      Touches<HarmonicOverlap> touches, const Pasts& past, const Scatter<2, 1>& force) {
+  add_four(term, s, touches, past, force);
+}
+PLIANT_MULTIVERSION void add_hertz(const DiskWallContact<HertzOverlap>& term, const StateView<2>& s,
+                                      Touches<HertzOverlap> touches, const Pasts& past, const Scatter<2, 1>& force) {
+  add_four(term, s, touches, past, force);
+}
+PLIANT_MULTIVERSION void add_spring(const DiskWallContact<SpringOverlap>& term, const StateView<2>& s,
+                                      Touches<SpringOverlap> touches, const Pasts& past, const Scatter<2, 1>& force) {
+  add_four(term, s, touches, past, force);
+}
+
+}  // namespace
+
+template <class Law>
+void add_four_at_walls(const DiskWallContact<Law>& term, const StateView<2>& s, Touches<Law> touches, const Pasts& past,
+                       const Scatter<2, 1>& force) {
+  if constexpr (Law::kind == ContactLaw::hertz)
+    add_hertz(term, s, touches, past, force);
+  else if constexpr (Law::kind == ContactLaw::spring)
+    add_spring(term, s, touches, past, force);
+  else
+    add_harmonic(term, s, touches, past, force);
+}
+#define PLIANT_FOUR_AT_WALLS(Law)                                                                             \
+  template void add_four_at_walls(const DiskWallContact<Law>&, const StateView<2>&, Touches<Law>, const Pasts&, \
+                                  const Scatter<2, 1>&);
+PLIANT_FOUR_AT_WALLS(HarmonicOverlap)
+PLIANT_FOUR_AT_WALLS(HertzOverlap)
+PLIANT_FOUR_AT_WALLS(SpringOverlap)
+
+}  // namespace pliant
