@@ -246,7 +246,9 @@ class Walls {
       const Vec<2> w = b - wall.origin;
       const Real along = dot(w, wall.direction);
       const Vec<2> q = w - std::clamp(along, Real(0), wall.length) * wall.direction;
-      const Real d = std::sqrt(dot(q, q));
+      const Real d2 = dot(q, q);
+      if (d2 > square(reach + wall.radius) * (1 + 1e-12)) return false;
+      const Real d = std::sqrt(d2);
       c.d = d - wall.radius;
       if (d == 0 || c.d >= reach || !carries_in(b, part)) return false;
       const bool end = along <= 0 || along >= wall.length;
@@ -336,6 +338,7 @@ class Walls {
       return r - (motion.rests() ? start.shift : Vec<D>(start.shift + motion.shift(t)));
     }
     PLIANT_INLINE Vec<D> direction(const Vec<D>& a, Real t) const {
+      if (t == placed.t) return placed.pose.direction(a);
       return motion.turns() || start.turned ? at(t).direction(a) : a;
     }
   };

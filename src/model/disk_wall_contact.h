@@ -92,10 +92,6 @@ struct DiskWallContact {
     Index i;
   };
 
-  PLIANT_INLINE bool near(const StateView<2>& s, Index e) const {
-    const auto [i, part] = s.neighbours.walls[e];
-    return !s.walls.beyond(s.position(i), s.topology.diameter[i] / 2, part, s.t);
-  }
   /// The first part of find(), which says whether it touches.
   PLIANT_INLINE bool place(const StateView<2>& s, Index e, Touch& c) const {
     const auto [i, part] = s.neighbours.walls[e];
@@ -197,8 +193,10 @@ struct DiskWallKernel {
     Real* const torques = f + static_cast<std::size_t>(s.topology.owned_points()) * D;
     Scatter<D, 1> force{f, {}, torques};
     Scatter<D, -1> gradient{f};
-    // Parts that touch without carrying the contact press all the same.
-    const auto others = [&](Index e) { contact.add_gradient(s, e, gradient); };
+    // Parts of an outline that touch without carrying the contact press all the same.
+    const auto others = [&](Index e) {
+      if (!s.walls.plain()) contact.add_gradient(s, e, gradient);
+    };
     const Range range = s.neighbours.walls.inside(chunk);
     using Touch = typename Friction::Touch;
     if constexpr (D == 2) {
