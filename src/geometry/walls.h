@@ -347,7 +347,9 @@ class Walls {
   const Solid<D>& solid_of(Index part) const { return solids_[part - first_solid_]; }
   const Body& body_of(Index part) const { return bodies_[part_body_[part]]; }
   PLIANT_INLINE Pose<D> pose_of(Index part, Real t) const { return still_ ? Pose<D>() : body_of(part).at(t); }
-  PLIANT_INLINE Vec<D> in_body(const Vec<D>& r, Index part, Real t) const { return still_ ? r : body_of(part).back(r, t); }
+  PLIANT_INLINE Vec<D> in_body(const Vec<D>& r, Index part, Real t) const {
+    return still_ ? r : body_of(part).back(r, t);
+  }
   void place(Body& body);
   /// The same for a segment or joint, p in the frame of the body.
   PLIANT_INLINE bool carries_in(const Vec<2>& p, Index part) const {

@@ -186,8 +186,8 @@ class ContactTable {
     return Rows<Width>(*this);
   }
 
-  /// What stays the same of element e and those after it, zeros until the term has set it. Different elements may be set
-  /// at the same time.
+  /// What stays the same of element e and those after it, zeros until the term has set it. Different elements may be
+  /// set at the same time.
   Real* constants(Index e) const { return constants_.data() + static_cast<std::ptrdiff_t>(e) * needs_.constants; }
 
   /// Where an evaluation of forces leaves what it finds of a range of elements; of no account for forces.

@@ -51,17 +51,15 @@ struct DiskRecords {
   /// Of `count` contacts, the first being number k of those that touch.
   PLIANT_INLINE void write(Index k, Index count, const DiskTouch<Real4>& c) const {
     Real* to = memory + static_cast<std::ptrdiff_t>(k) * numbers;
-    const auto store = [&](const auto&... all) PLIANT_INLINE_LAMBDA {
-      ((simd::store_first(to, all, count), to += count), ...);
-    };
+    const auto store = [&](const auto&... all)
+                           PLIANT_INLINE_LAMBDA { ((simd::store_first(to, all, count), to += count), ...); };
     store(c.elastic, c.k, c.gamma, c.lever, c.stretched, c.slid ? simd::all(1) : Real4{}, c.a, c.b, c.n0, c.n1,
           c.turned, c.before);
   }
   PLIANT_INLINE DiskTouch<Real4> read(Index k, Index count) const {
     const Real* from = memory + static_cast<std::ptrdiff_t>(k) * numbers;
-    const auto load = [&](auto&... all) PLIANT_INLINE_LAMBDA {
-      ((simd::load_first(from, all, count), from += count), ...);
-    };
+    const auto load = [&](auto&... all)
+                          PLIANT_INLINE_LAMBDA { ((simd::load_first(from, all, count), from += count), ...); };
     Real4 slid{};
     DiskTouch<Real4> c{};
     load(c.elastic, c.k, c.gamma, c.lever, c.stretched, slid, c.a, c.b, c.n0, c.n1, c.turned, c.before);
@@ -115,20 +113,16 @@ PLIANT_INLINE DiskTouch<Real4>::Past past_of(const DiskPasts& past, const Index*
   return {n0, n1, turned, spring, Real4{p[0][4], p[1][4], p[2][4], p[3][4]} != 0};
 }
 
-/// Of each pair of a range: the radii, their sum, and what the damping depends on.
-template <class Law>
-void set_constants(Real epsilon, const SurfaceFriction& surface, const StateView<2>& s, Range range,
-                   const ContactTable& table) {
+/// Of each pair of a range: the radii, their sum, and the root of the reduced mass.
+void set_constants(const StateView<2>& s, Range range, const ContactTable& table) {
   const PairList& list = s.neighbours.point_pairs;
-  const Topology& topology = s.topology;
+  const std::vector<Real>& diameter = s.topology.diameter;
   Real* to = table.constants(range.first);
   for (Index e = range.first; e < range.last; ++e) {
     const auto [i, j] = list[e];
-    *to++ = topology.diameter[i] / 2;
-    *to++ = topology.diameter[j] / 2;
-    *to++ = list.reach[e];
-    *to++ = DiskTouch<Real>::damping_of<Law>(epsilon, surface, list.reach[e],
-                                             topology.inverse_point_mass[i] + topology.inverse_point_mass[j]);
+    for (const Real number :
+         {diameter[i] / 2, diameter[j] / 2, list.reach[e], DiskContact<>::root_mass(s.topology, i, j)})
+      *to++ = number;
   }
 }
 
@@ -144,10 +138,9 @@ PLIANT_INLINE void add_contacts(Real epsilon, const SurfaceFriction& friction, c
   const Real *const reach = list.reach.data(), *const x = s.x;
 
   const Real* const all = table.constants(0);
-  const auto constants = [&](Index e) PLIANT_INLINE_LAMBDA {
-    return all + std::ptrdiff_t(e) * DiskContact<>::constants;
-  };
-  if (range.size() > 0 && *constants(range.first) == 0) set_constants<Law>(epsilon, surface, s, range, table);
+  const auto constants = [&](Index e)
+                             PLIANT_INLINE_LAMBDA { return all + std::ptrdiff_t(e) * DiskContact<>::constants; };
+  if (range.size() > 0 && *constants(range.first) == 0) set_constants(s, range, table);
 
   // First which pairs touch, without a branch that depends on it.
   Index touching = 0, parted = range.size();
@@ -166,10 +159,10 @@ PLIANT_INLINE void add_contacts(Real epsilon, const SurfaceFriction& friction, c
     const Points2 r = at.differences(x);
     DiskTouch<Real4> c;
     Real4 a = load4(constants(e[0])), b = load4(constants(e[1])), both = load4(constants(e[2])),
-          damping = load4(constants(e[3]));
-    simd::transpose(a, b, both, damping);
+          root_mass = load4(constants(e[3]));
+    simd::transpose(a, b, both, root_mass);
     c.find<Law>(epsilon, surface,
-                {r.x, r.y, r.x * r.x + r.y * r.y, both, a, b, damping, Places::gather(s.angles, at.first),
+                {r.x, r.y, r.x * r.x + r.y * r.y, both, a, b, root_mass, Places::gather(s.angles, at.first),
                  Places::gather(s.angles, at.second)},
                 past_of(past, e));
     records.write(k, count, c);
@@ -193,27 +186,27 @@ PLIANT_INLINE void add_contacts(Real epsilon, const SurfaceFriction& friction, c
 }
 
 PLIANT_MULTIVERSION void add_harmonic(Real epsilon, const SurfaceFriction& surface, const StateView<2>& s, Range range,
-                    const ContactTable& table, const Scatter<2, 1>& force, bool total) {
+                                      const ContactTable& table, const Scatter<2, 1>& force, bool total) {
   add_contacts<HarmonicOverlap>(epsilon, surface, s, range, table, force, total);
 }
 PLIANT_MULTIVERSION void add_harmonic(Real epsilon, const SurfaceFriction& surface, const StateView<2>& s, Range range,
-                    const ContactTable& table, const Scatter<2, 1, true>& force, bool total) {
+                                      const ContactTable& table, const Scatter<2, 1, true>& force, bool total) {
   add_contacts<HarmonicOverlap>(epsilon, surface, s, range, table, force, total);
 }
 PLIANT_MULTIVERSION void add_hertz(Real epsilon, const SurfaceFriction& surface, const StateView<2>& s, Range range,
-                    const ContactTable& table, const Scatter<2, 1>& force, bool total) {
+                                   const ContactTable& table, const Scatter<2, 1>& force, bool total) {
   add_contacts<HertzOverlap>(epsilon, surface, s, range, table, force, total);
 }
 PLIANT_MULTIVERSION void add_hertz(Real epsilon, const SurfaceFriction& surface, const StateView<2>& s, Range range,
-                    const ContactTable& table, const Scatter<2, 1, true>& force, bool total) {
+                                   const ContactTable& table, const Scatter<2, 1, true>& force, bool total) {
   add_contacts<HertzOverlap>(epsilon, surface, s, range, table, force, total);
 }
 PLIANT_MULTIVERSION void add_spring(Real epsilon, const SurfaceFriction& surface, const StateView<2>& s, Range range,
-                    const ContactTable& table, const Scatter<2, 1>& force, bool total) {
+                                    const ContactTable& table, const Scatter<2, 1>& force, bool total) {
   add_contacts<SpringOverlap>(epsilon, surface, s, range, table, force, total);
 }
 PLIANT_MULTIVERSION void add_spring(Real epsilon, const SurfaceFriction& surface, const StateView<2>& s, Range range,
-                    const ContactTable& table, const Scatter<2, 1, true>& force, bool total) {
+                                    const ContactTable& table, const Scatter<2, 1, true>& force, bool total) {
   add_contacts<SpringOverlap>(epsilon, surface, s, range, table, force, total);
 }
 
@@ -229,8 +222,7 @@ PLIANT_MULTIVERSION void advance_contacts(const SurfaceFriction& friction, const
   for_each_four(records, touching, [&](Index k, Index count, const Index* e) PLIANT_INLINE_LAMBDA {
     const DiskTouch<Real4> c = records.read(k, count);
     const auto rubs = rub(c, surface, s, Places(pairs, e));
-    std::array<Real4, losses> now{h * c.normal_power(rubs), h * c.tangential_power(rubs),
-                                  c.slid_heat(rubs, c.before)};
+    std::array<Real4, losses> now{h * c.normal_power(rubs), h * c.tangential_power(rubs), c.slid_heat(rubs, c.before)};
     auto [n0, n1] = c.line();
     Real4 turned = c.turned, spring = rubs.hold.spring;
     simd::transpose(n0, n1, turned, spring);
@@ -263,8 +255,8 @@ void add_disk_forces(Real epsilon, const SurfaceFriction& surface, const StateVi
   else
     add_harmonic(epsilon, surface, s, range, table, force, total);
 }
-#define PLIANT_DISK_FORCES(Law, own)                                                                        \
-  template void add_disk_forces<Law, own>(Real, const SurfaceFriction&, const StateView<2>&, Range,         \
+#define PLIANT_DISK_FORCES(Law, own)                                                                \
+  template void add_disk_forces<Law, own>(Real, const SurfaceFriction&, const StateView<2>&, Range, \
                                           const ContactTable&, const Scatter<2, 1, own>&, bool);
 PLIANT_DISK_FORCES(HarmonicOverlap, false)
 PLIANT_DISK_FORCES(HarmonicOverlap, true)

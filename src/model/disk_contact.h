@@ -24,17 +24,9 @@ struct DiskTouch : SurfaceTouch<2, R> {
   struct Pair {
     R x, y, d2;          ///< from the second to the first
     R reach, a, b;       ///< R_i + R_j, and each
-    R damping;           ///< see damping_of()
+    R root_mass;         ///< root of the reduced mass
     R angle_a, angle_b;  ///< θ
   };
-  /// What the damping depends on beside the distance: γ_n itself, but with Hertz' law.
-  template <class Law>
-  static Real damping_of(Real epsilon, const SurfaceFriction& surface, Real reach, Real inverse_masses) {
-    if constexpr (Law::kind == ContactLaw::hertz)
-      return inverse_masses;
-    else
-      return SurfaceTouch<2>::damping_of(surface, press_of<Law, Real>(epsilon, reach, reach).stiffness / inverse_masses);
-  }
   /// And what was kept of them; zeros if they did not touch.
   struct Past {
     R n0, n1, turned, spring;
@@ -49,16 +41,12 @@ struct DiskTouch : SurfaceTouch<2, R> {
     this->lever = pair.reach * per_d;
     const Press<R> press = press_of<Law>(epsilon, pair.reach, d);
     this->elastic = press.force;
-    if constexpr (Law::kind == ContactLaw::hertz)
-      this->gamma = SurfaceTouch<2, R>::damping_of(surface, R(press.stiffness / pair.damping));
-    else
-      this->gamma = pair.damping;
+    this->gamma = 2 * surface.damping * square_root(press.stiffness) * pair.root_mass;
     this->k = surface.stiffness * press.reference;
     this->slid = past.slid;
     before = past.spring;
     const MaskOf<R> known = (past.n0 != 0) | (past.n1 != 0);
-    const R spring =
-        past.spring + pair.reach * turn_between_lines(past.n0, past.n1, n0, n1) - (turned - past.turned);
+    const R spring = past.spring + pair.reach * turn_between_lines(past.n0, past.n1, n0, n1) - (turned - past.turned);
     this->stretched = known ? spring : R();
   }
   /// v: of the first relative to the second; spins of both.
@@ -102,8 +90,8 @@ DiskHeat advance_disks(const SurfaceFriction& surface, const StateView<2>& s, Ra
 /// SurfaceFriction. The force on i is N n − P (R_i + R_j)/d t, which is at most μN, with the torques P R_i and P R_j:
 /// it acts at the point that divides the distance of the centres as the radii do, so linear and angular momentum are
 /// conserved. The energy of the spring is k_t/2 ξ², what it loses by sliding is heat. A contact that begins within a
-/// step has no spring until its end. Kept: what the line of n, R_i θ_i + R_j θ_j and ξ were at the end of the last step,
-/// and whether the contact slid; n turns by less than a right angle in a step. Units: as the contact's. Elements:
+/// step has no spring until its end. Kept: what the line of n, R_i θ_i + R_j θ_j and ξ were at the end of the last
+/// step, and whether the contact slid; n turns by less than a right angle in a step. Units: as the contact's. Elements:
 /// neighbour list of points.
 template <class Law = HarmonicOverlap>
 struct DiskContact {
@@ -134,11 +122,12 @@ struct DiskContact {
     c.template find<Law>(
         epsilon, surface,
         {r[0], r[1], d2, reach, topology.diameter[first] / 2, topology.diameter[second] / 2,
-         DiskTouch<Real>::damping_of<Law>(
-             epsilon, surface, reach, topology.inverse_point_mass[first] + topology.inverse_point_mass[second]),
-         s.angles[first], s.angles[second]},
+         root_mass(topology, first, second), s.angles[first], s.angles[second]},
         known ? DiskTouch<Real>::Past{past[0], past[1], past[2], past[3], past[4] != 0} : DiskTouch<Real>::Past{});
     return true;
+  }
+  static Real root_mass(const Topology& topology, Index i, Index j) {
+    return std::sqrt(1 / (topology.inverse_point_mass[i] + topology.inverse_point_mass[j]));
   }
   Real energy(const StateView<2>& s, const Touch& c) const { return c.energy(rub(s, c)); }
   Real power(const StateView<2>& s, const Touch& c) const { return c.power(rub(s, c)); }

@@ -77,11 +77,11 @@ PLIANT_MULTIVERSION void add_harmonic(const DiskWallContact<HarmonicOverlap>& te
   add_four(term, s, touches, past, force);
 }
 PLIANT_MULTIVERSION void add_hertz(const DiskWallContact<HertzOverlap>& term, const StateView<2>& s,
-                                      Touches<HertzOverlap> touches, const Pasts& past, const Scatter<2, 1>& force) {
+                                   Touches<HertzOverlap> touches, const Pasts& past, const Scatter<2, 1>& force) {
   add_four(term, s, touches, past, force);
 }
 PLIANT_MULTIVERSION void add_spring(const DiskWallContact<SpringOverlap>& term, const StateView<2>& s,
-                                      Touches<SpringOverlap> touches, const Pasts& past, const Scatter<2, 1>& force) {
+                                    Touches<SpringOverlap> touches, const Pasts& past, const Scatter<2, 1>& force) {
   add_four(term, s, touches, past, force);
 }
 
@@ -97,7 +97,7 @@ void add_four_at_walls(const DiskWallContact<Law>& term, const StateView<2>& s, 
   else
     add_harmonic(term, s, touches, past, force);
 }
-#define PLIANT_FOUR_AT_WALLS(Law)                                                                             \
+#define PLIANT_FOUR_AT_WALLS(Law)                                                                               \
   template void add_four_at_walls(const DiskWallContact<Law>&, const StateView<2>&, Touches<Law>, const Pasts&, \
                                   const Scatter<2, 1>&);
 PLIANT_FOUR_AT_WALLS(HarmonicOverlap)

@@ -119,8 +119,7 @@ struct DiskWallContact {
     if (!place(s, e, c)) return false;
     using Past = DiskWallTouch<Real>::Past;
     c.template settle<Law>(
-        epsilon, surface,
-        {c.d, c.curvature, c.radius, c.mass, c.foot[0], c.foot[1], c.across[0], c.across[1], c.angle},
+        epsilon, surface, {c.d, c.curvature, c.radius, c.mass, c.foot[0], c.foot[1], c.across[0], c.across[1], c.angle},
         past.empty() ? Past{} : Past{past[0], past[1], past[2], past[3], past[4], past[5], past[6] != 0});
     return true;
   }
@@ -222,7 +221,8 @@ struct DiskWallKernel {
     }
     for_each_found(
         friction, s, range,
-        [&](Index e, std::span<const Real> past, Touch& c) PLIANT_INLINE_LAMBDA { return friction.find(s, e, past, c); },
+        [&](Index e, std::span<const Real> past, Touch& c)
+            PLIANT_INLINE_LAMBDA { return friction.find(s, e, past, c); },
         [&](Index, const Touch& c) PLIANT_INLINE_LAMBDA { friction.add_total(s, c, force); }, others);
   }
 };
