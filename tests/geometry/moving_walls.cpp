@@ -340,3 +340,48 @@ TEST_CASE("free ends carry contacts, concave corners none of their own", "[surfa
   CHECK(carriers({2.1, 0.4}) == std::array{false, true, false});   // past the end of the level wall
   CHECK(carriers({2.2, -0.3}) == std::array{false, true, false});  // behind the corner: the wall that begins there
 }
+
+TEMPLATE_TEST_CASE_SIG("what touches is where the walls are nearest, and what is prepared has the same bits",
+                       "[motion]", ((int D), D), 2, 3) {
+  const int kind = GENERATE(0, 1, 2, 3);
+  Random random(kind + 40);
+  Walls<D> walls = moving_walls<D>(random, kind);
+  int touching = 0;
+  for (int k = 0; k < 200; ++k) {
+    const Real t = random(1, 3);
+    const Vec<D> r = random(0, 4) * random.unit<D>();
+    if (k == 100) {  // what was prepared for the time before is of no account
+      walls.prepare(t);
+      Motion<D> next = random_motion<D>(random, kind);
+      next.since = t - 0.2;
+      walls.set_motion(0, next);
+    }
+    const Walls<D> before = walls;  // as the last round has left it, for another time
+    walls.prepare(t);
+    for (Index part = 0; part < walls.part_count(); ++part) {
+      const Index body = walls.body_of_part(part);
+      CHECK(body == walls.body_of_wall(walls.wall_of_part(part)));
+      CHECK(walls.distance(r, part, t) == before.distance(r, part, t));
+      CHECK(walls.velocity(r, part, t) == before.velocity(r, part, t));
+      WallTouch<D> touch{}, anew{};
+      const bool touches = walls.touch(r, part, t, 0.8, touch);
+      REQUIRE(touches == before.touch(r, part, t, 0.8, anew));
+      if (!touches) continue;
+      ++touching;
+      CHECK((touch.d == anew.d && touch.n == anew.n && touch.foot == anew.foot && touch.across == anew.across));
+      const WallFoot<D> foot = walls.foot(r, part, t);
+      const Pose<D> pose = walls.pose(body, t);
+      CHECK(touch.d == Approx(foot.d).margin(1e-13));
+      CHECK((touch.n - foot.n).norm() < 1e-12);
+      CHECK((pose.place(touch.foot) - (r - foot.d * foot.n)).norm() < 1e-12);
+      CHECK((pose.direction(touch.across) - foot.n).norm() < 1e-12);
+      if constexpr (D == 2) {
+        const Vec<2> along(-foot.n[1], foot.n[0]);
+        CHECK(touch.curvature == Approx(along.dot(foot.curvature * along)).margin(1e-12));
+      } else {
+        CHECK((touch.curvature - foot.curvature).norm() < 1e-12);
+      }
+    }
+  }
+  CHECK(touching > 50);
+}
