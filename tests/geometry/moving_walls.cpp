@@ -345,19 +345,18 @@ TEMPLATE_TEST_CASE_SIG("what touches is where the walls are nearest, and what is
                        "[motion]", ((int D), D), 2, 3) {
   const int kind = GENERATE(0, 1, 2, 3);
   Random random(kind + 40);
-  Walls<D> walls = moving_walls<D>(random, kind);
+  Walls<D> walls = moving_walls<D>(random, kind), before = walls;  // of which nothing is ever prepared
   int touching = 0;
   for (int k = 0; k < 200; ++k) {
     const Real t = random(1, 3);
     const Vec<D> r = random(0, 4) * random.unit<D>();
-    if (k == 100) {  // what was prepared for the time before is of no account
-      walls.prepare(t);
+    walls.prepare(t);
+    if (k == 100) {  // what was prepared for another motion is of no account
       Motion<D> next = random_motion<D>(random, kind);
       next.since = t - 0.2;
       walls.set_motion(0, next);
+      before.set_motion(0, next);
     }
-    const Walls<D> before = walls;  // as the last round has left it, for another time
-    walls.prepare(t);
     for (Index part = 0; part < walls.part_count(); ++part) {
       const Index body = walls.body_of_part(part);
       CHECK(body == walls.body_of_wall(walls.wall_of_part(part)));
