@@ -570,7 +570,7 @@ FIGURES = [
            ("hopper/lambda-deformable",), ("as-run/angle", "as-run/lambda")),
     Figure("H7", "offset k against the stiffness of soft and deformable particles", ("quick/stiffness", "quick/map"),
            ("hopper/stiffness", "hopper/map"), "flows", draw_offsets,
-           "120 deformable particles with contacts softer than printed, one seed, three K_l and K_b",
+           "120 deformable particles with contacts softer than printed, three widths, two K_l and two K_b",
            as_run=("as-run/stiffness", "as-run/limits", "as-run/limits-hard", "as-run/map")),
     Figure("H8", "discharge of two wedges against their width, beside the experiment", ("quick/discharge",),
            ("hopper/discharge",), "flows", draw_discharge, "400 particles, four seeds"),
@@ -588,5 +588,5 @@ FIGURES = [
            ("hopper/stiffness",), "flows", draw_prefactors, "four stiffnesses, shorter runs",
            as_run=("as-run/stiffness", "as-run/limits", "as-run/limits-hard")),
     Figure("H14", "prefactor C of deformable particles, and the collapse", ("quick/map",), ("hopper/map",), "flows",
-           draw_prefactors, "120 particles with contacts softer than printed, one seed", as_run=("as-run/map",)),
+           draw_prefactors, "120 particles with contacts softer than printed, three widths", as_run=("as-run/map",)),
 ]
