@@ -340,7 +340,7 @@ TEST_CASE("an edge pushes a vertex half or twice as hard as a vertex does that m
     Real shown = 0;
     field->for_each_contact(c.view(), [&](const Contact<2>& contact) { shown += contact.force.norm(); });
     CHECK(shown == Approx(std::abs(f[2 * 4])));
-    return point<2>(f.data(), 4);
+    return Vec<2>(point<2>(f.data(), 4));
   };
   CHECK((on_tip(before_edge, EdgeForce::single) - push * Vec<2>(1, 0)).norm() < 1e-9);
   CHECK((on_tip(head_on, EdgeForce::single) - 2 * push * Vec<2>(1, 0)).norm() < 1e-9);
