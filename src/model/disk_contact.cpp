@@ -127,8 +127,8 @@ void set_constants(const StateView<2>& s, Range range, const ContactTable& table
 }
 
 template <class Law, bool OwnOnly>
-PLIANT_INLINE void add_contacts(Real epsilon, const SurfaceFriction& friction, const StateView<2>& s, Range range,
-                                const ContactTable& table, const Scatter<2, 1, OwnOnly>& scatter, bool total) {
+PLIANT_MULTIVERSION void add_contacts(Real epsilon, const SurfaceFriction& friction, const StateView<2>& s, Range range,
+                                      const ContactTable& table, const Scatter<2, 1, OwnOnly>& scatter, bool total) {
   const SurfaceFriction surface = friction;  // nobody else writes to these
   const DiskPasts past = table.rows<DiskContact<>::history>();
   const DiskRecords records(table, range);
@@ -185,31 +185,6 @@ PLIANT_INLINE void add_contacts(Real epsilon, const SurfaceFriction& friction, c
   });
 }
 
-PLIANT_MULTIVERSION void add_harmonic(Real epsilon, const SurfaceFriction& surface, const StateView<2>& s, Range range,
-                                      const ContactTable& table, const Scatter<2, 1>& force, bool total) {
-  add_contacts<HarmonicOverlap>(epsilon, surface, s, range, table, force, total);
-}
-PLIANT_MULTIVERSION void add_harmonic(Real epsilon, const SurfaceFriction& surface, const StateView<2>& s, Range range,
-                                      const ContactTable& table, const Scatter<2, 1, true>& force, bool total) {
-  add_contacts<HarmonicOverlap>(epsilon, surface, s, range, table, force, total);
-}
-PLIANT_MULTIVERSION void add_hertz(Real epsilon, const SurfaceFriction& surface, const StateView<2>& s, Range range,
-                                   const ContactTable& table, const Scatter<2, 1>& force, bool total) {
-  add_contacts<HertzOverlap>(epsilon, surface, s, range, table, force, total);
-}
-PLIANT_MULTIVERSION void add_hertz(Real epsilon, const SurfaceFriction& surface, const StateView<2>& s, Range range,
-                                   const ContactTable& table, const Scatter<2, 1, true>& force, bool total) {
-  add_contacts<HertzOverlap>(epsilon, surface, s, range, table, force, total);
-}
-PLIANT_MULTIVERSION void add_spring(Real epsilon, const SurfaceFriction& surface, const StateView<2>& s, Range range,
-                                    const ContactTable& table, const Scatter<2, 1>& force, bool total) {
-  add_contacts<SpringOverlap>(epsilon, surface, s, range, table, force, total);
-}
-PLIANT_MULTIVERSION void add_spring(Real epsilon, const SurfaceFriction& surface, const StateView<2>& s, Range range,
-                                    const ContactTable& table, const Scatter<2, 1, true>& force, bool total) {
-  add_contacts<SpringOverlap>(epsilon, surface, s, range, table, force, total);
-}
-
 /// Writes what is kept of those that touch, and over their records what each has lost; or adds all of it to `heat`.
 PLIANT_MULTIVERSION void advance_contacts(const SurfaceFriction& friction, const StateView<2>& s, Real h,
                                           const DiskRecords& from, Index touching, ContactTable& table, Real* heat) {
@@ -248,12 +223,7 @@ PLIANT_MULTIVERSION void advance_contacts(const SurfaceFriction& friction, const
 template <class Law, bool OwnOnly>
 void add_disk_forces(Real epsilon, const SurfaceFriction& surface, const StateView<2>& s, Range range,
                      const ContactTable& table, const Scatter<2, 1, OwnOnly>& force, bool total) {
-  if constexpr (Law::kind == ContactLaw::hertz)
-    add_hertz(epsilon, surface, s, range, table, force, total);
-  else if constexpr (Law::kind == ContactLaw::spring)
-    add_spring(epsilon, surface, s, range, table, force, total);
-  else
-    add_harmonic(epsilon, surface, s, range, table, force, total);
+  add_contacts<Law>(epsilon, surface, s, range, table, force, total);
 }
 #define PLIANT_DISK_FORCES(Law, own)                                                                \
   template void add_disk_forces<Law, own>(Real, const SurfaceFriction&, const StateView<2>&, Range, \

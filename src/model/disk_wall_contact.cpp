@@ -18,8 +18,8 @@ using Touches = std::span<typename DiskWallContact<Law>::Touch* const>;
 using Pasts = std::array<const Real*, 4>;
 
 template <class Law>
-PLIANT_INLINE void add_four(const DiskWallContact<Law>& term, const StateView<2>& s, Touches<Law> touches,
-                            const Pasts& pasts, const Scatter<2, 1>& force) {
+PLIANT_MULTIVERSION void add_four(const DiskWallContact<Law>& term, const StateView<2>& s, Touches<Law> touches,
+                                  const Pasts& pasts, const Scatter<2, 1>& force) {
   using Touch = typename DiskWallContact<Law>::Touch;
   static constexpr std::array<Real, DiskWallContact<Law>::history> nothing{};
   const std::size_t count = touches.size();
@@ -72,30 +72,12 @@ PLIANT_INLINE void add_four(const DiskWallContact<Law>& term, const StateView<2>
   }
 }
 
-PLIANT_MULTIVERSION void add_harmonic(const DiskWallContact<HarmonicOverlap>& term, const StateView<2>& s,
-                                      Touches<HarmonicOverlap> touches, const Pasts& past, const Scatter<2, 1>& force) {
-  add_four(term, s, touches, past, force);
-}
-PLIANT_MULTIVERSION void add_hertz(const DiskWallContact<HertzOverlap>& term, const StateView<2>& s,
-                                   Touches<HertzOverlap> touches, const Pasts& past, const Scatter<2, 1>& force) {
-  add_four(term, s, touches, past, force);
-}
-PLIANT_MULTIVERSION void add_spring(const DiskWallContact<SpringOverlap>& term, const StateView<2>& s,
-                                    Touches<SpringOverlap> touches, const Pasts& past, const Scatter<2, 1>& force) {
-  add_four(term, s, touches, past, force);
-}
-
 }  // namespace
 
 template <class Law>
 void add_four_at_walls(const DiskWallContact<Law>& term, const StateView<2>& s, Touches<Law> touches, const Pasts& past,
                        const Scatter<2, 1>& force) {
-  if constexpr (Law::kind == ContactLaw::hertz)
-    add_hertz(term, s, touches, past, force);
-  else if constexpr (Law::kind == ContactLaw::spring)
-    add_spring(term, s, touches, past, force);
-  else
-    add_harmonic(term, s, touches, past, force);
+  add_four(term, s, touches, past, force);
 }
 #define PLIANT_FOUR_AT_WALLS(Law)                                                                               \
   template void add_four_at_walls(const DiskWallContact<Law>&, const StateView<2>&, Touches<Law>, const Pasts&, \

@@ -194,13 +194,9 @@ struct SurfaceTouch {
     SurfaceFriction::Hold<Tangent, MaskOf<R>> hold;
   };
 
-  /// γ_n, where press_times_mass is V'' times the reduced mass.
-  PLIANT_INLINE static R damping_of(const SurfaceFriction& f, R press_times_mass) {
-    return 2 * f.damping * square_root(press_times_mass);
-  }
-  /// Finds k_t and γ_n.
+  /// Finds k_t and γ_n. press_times_mass: V'' times the reduced mass.
   PLIANT_INLINE void stiffen(const SurfaceFriction& f, R press_times_mass, R reference) {
-    gamma = damping_of(f, press_times_mass);
+    gamma = 2 * f.damping * square_root(press_times_mass);
     k = f.stiffness * reference;
   }
   PLIANT_INLINE Rub rub(const SurfaceFriction& f, R parting, const Tangent& rate) const {
