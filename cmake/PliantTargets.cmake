@@ -8,6 +8,10 @@ file(CREATE_LINK "${PROJECT_SOURCE_DIR}/src" "${PLIANT_INCLUDE_ROOT}/pliant" SYM
 add_library(pliant_warnings INTERFACE)
 target_compile_options(pliant_warnings INTERFACE -Wall -Wextra -Wshadow -Wnon-virtual-dtor -Woverloaded-virtual
                                                  $<$<BOOL:${PLIANT_WERROR}>:-Werror>)
+if(CMAKE_UNITY_BUILD AND CMAKE_CXX_COMPILER_ID STREQUAL GNU)
+  # It warns of what is local to a source that is not the main one.
+  target_compile_options(pliant_warnings INTERFACE -Wno-subobject-linkage)
+endif()
 
 # pliant_folder(<name> DEPENDS <folders…> LINK <libraries…> PATH <path> RECURSE): library pliant_<name>, exported as
 # pliant::<name>, from src/<path> (src/<name> unless given), RECURSE: and the folders in it.

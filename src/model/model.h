@@ -401,7 +401,7 @@ class Model final : public ForceField<D> {
       if constexpr (Term::elements == Elements::walls || Term::elements == Elements::lips) {
         if constexpr (requires { term.force(s, Index()); }) {
           add(term, [&](Index e) { return term.force(s, e); });
-        } else if constexpr (requires(const typename Term::Touch& c) { term.force(s, c); }) {
+        } else if constexpr (FindingTerm<Term, D>) {
           const Past past(s, term);
           add(term, [&](Index e) -> Vec<D> {
             typename Term::Touch c;

@@ -2,7 +2,7 @@
 
 #include <pliant/analysis/arch.h>
 
-using namespace pliant;
+namespace pliant::test::arch_test {
 
 namespace {
 
@@ -119,3 +119,5 @@ TEST_CASE("an arch that folds back: between its branches is not below") {
   CHECK(roles[fold] == ClogRole::attached);
   CHECK(roles[top] == ClogRole::rest);
 }
+
+}  // namespace pliant::test::arch_test

@@ -7,7 +7,7 @@
 #include <pliant/analysis/block_average.h>
 #include <pliant/base/errors.h>
 
-using namespace pliant;
+namespace pliant::test::block_average_test {
 
 namespace {
 
@@ -219,3 +219,5 @@ TEST_CASE("rates between samples") {
   CHECK(rate_series(time, cumulative) == std::vector<Real>{3, 0.5});
   CHECK(rate_series({}, {}).empty());
 }
+
+}  // namespace pliant::test::block_average_test

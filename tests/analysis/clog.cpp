@@ -3,7 +3,7 @@
 
 #include <pliant/analysis/clog.h>
 
-using namespace pliant;
+namespace pliant::test::clog_test {
 
 TEST_CASE("clogged after the whole quiet time, not before") {
   ClogDetector clog(10, 1e-3);
@@ -58,3 +58,5 @@ TEST_CASE("clog detection: bad input") {
   CHECK_THROWS_AS(ClogDetector(0, 1e-3), InputError);
   CHECK_THROWS_AS(ClogDetector(1, std::nan("")), InputError);
 }
+
+}  // namespace pliant::test::clog_test

@@ -3,7 +3,7 @@
 
 #include <pliant/analysis/crossing.h>
 
-using namespace pliant;
+namespace pliant::test::crossing_test {
 
 namespace {
 
@@ -39,3 +39,5 @@ TEST_CASE("crossings at the ends of a step, and of particles that start below th
   CHECK(on_the_line(below, {2.1, {3, -1.1}, {0, -1}}).t == 2);
   CHECK(on_the_line(below, below).t == 2);
 }
+
+}  // namespace pliant::test::crossing_test

@@ -8,7 +8,7 @@
 #include <pliant/analysis/discharge.h>
 #include <pliant/base/errors.h>
 
-using namespace pliant;
+namespace pliant::test::discharge_test {
 
 namespace {
 
@@ -185,3 +185,5 @@ TEST_CASE("discharge: too little to fit, bad input") {
   CHECK_THROWS_AS((Series{{1, 0}, {3, 2}}.fit()), InputError);
   CHECK_THROWS_AS((Series{{0, 1}, {3, -1}}.fit()), InputError);
 }
+
+}  // namespace pliant::test::discharge_test

@@ -3,7 +3,7 @@
 
 #include <pliant/analysis/exponent.h>
 
-using namespace pliant;
+namespace pliant::test::exponent_test {
 
 TEST_CASE("exponent of the flow rate: limits and crossover") {
   const int d = GENERATE(2, 3);
@@ -16,3 +16,5 @@ TEST_CASE("exponent of the flow rate: limits and crossover") {
   CHECK_THROWS_AS(beta_sigmoid(-1, d, 0.05, 0.7), InputError);
   CHECK_THROWS_AS(beta_sigmoid(1, d, 0, 0.7), InputError);
 }
+
+}  // namespace pliant::test::exponent_test

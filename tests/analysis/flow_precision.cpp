@@ -9,7 +9,7 @@
 #include <pliant/analysis/flow_precision.h>
 #include <pliant/base/errors.h>
 
-using namespace pliant;
+namespace pliant::test::flow_precision_test {
 
 namespace {
 
@@ -164,3 +164,5 @@ TEST_CASE("a steady flow rate needs two samples") {
   const std::vector<Real> one{0};
   CHECK_THROWS_AS(steady_flow(one, one, one), InputError);
 }
+
+}  // namespace pliant::test::flow_precision_test

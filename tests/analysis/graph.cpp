@@ -4,7 +4,7 @@
 
 #include <pliant/analysis/graph.h>
 
-using namespace pliant;
+namespace pliant::test::graph_test {
 
 TEST_CASE("distances along links") {
   // A ring of five, a tail at 2, and two by themselves.
@@ -16,3 +16,5 @@ TEST_CASE("distances along links") {
   CHECK(links_from({}, graph) == std::vector<Index>(8, -1));
   CHECK(links_from({}, {}).empty());
 }
+
+}  // namespace pliant::test::graph_test

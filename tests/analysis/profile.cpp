@@ -6,7 +6,7 @@
 #include <pliant/analysis/profile.h>
 #include <pliant/base/errors.h>
 
-using namespace pliant;
+namespace pliant::test::profile_test {
 
 namespace {
 
@@ -144,3 +144,5 @@ TEST_CASE("axis profile: bad input") {
   CHECK_THROWS_AS(add_axis_profile<3>(std::vector<Real>{0, 1}, 1, x, v, active, sums, sums), InputError);
   CHECK_THROWS_AS(add_axis_profile<2>(std::vector<Real>{0}, 1, x, v, active, sums, sums), InputError);
 }
+
+}  // namespace pliant::test::profile_test

@@ -4,7 +4,7 @@
 
 #include <pliant/analysis/region.h>
 
-using namespace pliant;
+namespace pliant::test::region_test {
 
 TEST_CASE("density of a square lattice above the orifice") {
   const Real a = 0.5, w = 4;
@@ -56,3 +56,5 @@ TEST_CASE("regions: bad input") {
   CHECK_THROWS_AS(number_density<3>(box, centres, std::vector<std::uint8_t>{1, 1}), InputError);
   CHECK_THROWS_AS(packing_fraction<3>(box, centres, std::vector<Real>{}, std::vector<std::uint8_t>{1}), InputError);
 }
+
+}  // namespace pliant::test::region_test

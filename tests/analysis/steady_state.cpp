@@ -6,7 +6,7 @@
 #include <pliant/analysis/steady_state.h>
 #include <pliant/base/errors.h>
 
-using namespace pliant;
+namespace pliant::test::steady_state_test {
 
 namespace {
 
@@ -138,3 +138,5 @@ TEST_CASE("several series: the latest truncation, and all must be steady") {
   CHECK(steady_state(time, mixed).explanation.find("flow rate: not steady") == 0);
   CHECK_THROWS_AS(steady_state(time, {}), InputError);
 }
+
+}  // namespace pliant::test::steady_state_test

@@ -3,7 +3,7 @@
 #include <catch2/catch.hpp>
 #include <vector>
 
-using namespace pliant;
+namespace pliant::test::nearest_test {
 
 TEST_CASE("nearest finds the name that was meant, and only that") {
   const std::vector<std::string> names{"hopper_width", "hopper_angle", "dt", "t_end", "n", "n_vertices", "k_a", "k_l"};
@@ -36,3 +36,5 @@ TEST_CASE("nearest takes a beginning before typing errors, and a single letter f
   CHECK_FALSE(nearest("z", names));
   CHECK_FALSE(nearest("hopper_w", names));  // begins two
 }
+
+}  // namespace pliant::test::nearest_test

@@ -7,7 +7,7 @@
 #include <fstream>
 #include <stdexcept>
 
-using namespace pliant;
+namespace pliant::test::options_test {
 using Catch::Matchers::Contains;
 using Catch::Matchers::Message;
 using Catch::Matchers::StartsWith;
@@ -485,3 +485,5 @@ TEST_CASE("an option keeps what is read in place of its text, for restarts too")
   CHECK(shape == "1 2\n3 4\n");
   CHECK_THROWS_WITH(again.parse({"-shape", "gone.txt"}), Contains("gone.txt"));
 }
+
+}  // namespace pliant::test::options_test

@@ -4,7 +4,7 @@
 #include <catch2/catch.hpp>
 #include <stdexcept>
 
-using namespace pliant;
+namespace pliant::test::petsc_test {
 using Catch::Matchers::Contains;
 using Catch::Matchers::StartsWith;
 
@@ -93,3 +93,5 @@ TEST_CASE("build information is complete") {
   CHECK_THAT(info.hdf5, StartsWith("1."));
   CHECK_THAT(info.text(), StartsWith("pliant " + info.version + "\n") && Contains("PETSc " + info.petsc));
 }
+
+}  // namespace pliant::test::petsc_test

@@ -4,7 +4,7 @@
 #include <catch2/catch.hpp>
 #include <vector>
 
-using namespace pliant;
+namespace pliant::test::rng_test {
 
 TEST_CASE("Philox4x32-10 gives the known answers of its authors") {
   // Random123, kat_vectors: all bits zero, all bits one, digits of pi.
@@ -70,3 +70,5 @@ TEST_CASE("normal numbers have the moments of the standard normal distribution")
   CHECK(m4 / n == Approx(3).margin(5 * std::sqrt(96.0 / n)));
   CHECK(pairs / n == Approx(0).margin(5 / std::sqrt(n)));
 }
+
+}  // namespace pliant::test::rng_test

@@ -3,8 +3,7 @@
 
 #include "support/taylor.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::taylor_test {
 
 namespace {
 
@@ -28,3 +27,5 @@ TEST_CASE("an order of a remainder that is below rounding is none, unless an err
   // It hides both.
   for (const Real wrong : {0.0, 0.1}) CHECK_FALSE(gradient_order(cubic(wrong, 1e6), x, p, 1e-8) > 0);
 }
+
+}  // namespace pliant::test::taylor_test

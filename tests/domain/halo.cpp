@@ -9,8 +9,7 @@
 
 #include "support/rows.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::halo_test {
 
 namespace {
 
@@ -358,3 +357,5 @@ TEST_CASE("a particle that has lost its shape has no end of images") {
   halo.set_home(c.topology, c.x.data());
   CHECK_THROWS_WITH(halo.build(c.topology, c.x.data(), skin), Catch::Contains("images"));
 }
+
+}  // namespace pliant::test::halo_test

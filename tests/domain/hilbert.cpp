@@ -5,7 +5,7 @@
 #include <cstdlib>
 #include <vector>
 
-using namespace pliant;
+namespace pliant::test::hilbert_test {
 
 namespace {
 
@@ -49,3 +49,5 @@ TEST_CASE("the cells of a coarse grid are runs of keys of a finer one") {
       CHECK((hilbert_key<2>({x, y}, 5) >> 2 == hilbert_key<2>({x >> 1, y >> 1}, 4) ||
              hilbert_key<2>({x, y}, 5) >> 2 == hilbert_key<2>({y >> 1, x >> 1}, 4)));
 }
+
+}  // namespace pliant::test::hilbert_test

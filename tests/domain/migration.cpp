@@ -5,8 +5,7 @@
 
 #include "support/rows.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::migration_test {
 
 namespace {
 
@@ -166,3 +165,5 @@ TEST_CASE("a migration of nothing, and of particles in one place", "[ranks]") {
   share.check();
   CHECK(share.ids(ranks) == before);
 }
+
+}  // namespace pliant::test::migration_test

@@ -7,8 +7,7 @@
 
 #include "support/random.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::partition_test {
 
 namespace {
 
@@ -76,3 +75,5 @@ TEST_CASE("bisection of what cannot be cut", "[ranks]") {
     for (const int to : destination) CHECK((0 <= to && to < ranks.size()));
   }
 }
+
+}  // namespace pliant::test::partition_test

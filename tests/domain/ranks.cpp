@@ -4,7 +4,7 @@
 
 #include <pliant/base/ranks.h>
 
-using namespace pliant;
+namespace pliant::test::ranks_test {
 
 namespace {
 
@@ -133,3 +133,5 @@ TEST_CASE("ranks that do not come are not waited for", "[ranks]") {
   if (late) CHECK(others.meet(std::chrono::seconds(20)));
   ranks.sum(1.0);
 }
+
+}  // namespace pliant::test::ranks_test

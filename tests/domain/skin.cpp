@@ -3,7 +3,7 @@
 
 #include <pliant/domain/skin.h>
 
-using namespace pliant;
+namespace pliant::test::skin_test {
 
 TEST_CASE("a skin that costs least stays, others move towards it", "[skin]") {
   const int dim = GENERATE(2, 3);
@@ -44,3 +44,5 @@ TEST_CASE("lists that were never rebuilt count as rebuilt once; no skin is wider
   CHECK(best_skin(0.9, {1, 1000}, 2, 6, 1) < 1);
   CHECK(best_skin(0.9, {1, 1000}, 2, 6, 1) > 0.9);
 }
+
+}  // namespace pliant::test::skin_test

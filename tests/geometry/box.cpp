@@ -4,8 +4,7 @@
 
 #include "support/random.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::box_test {
 
 namespace {
 
@@ -85,3 +84,5 @@ TEST_CASE("boxes that there are not") {
   CHECK_THROWS_WITH(Box<2>({0, 0}, {-2, 1}), Catch::Contains("length 0 of the box is -2"));
   CHECK_THROWS_WITH(Box<2>({0, std::nan("")}, {1, 1}), Catch::Contains("origin 1 of the box is nan"));
 }
+
+}  // namespace pliant::test::box_test

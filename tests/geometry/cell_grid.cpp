@@ -5,8 +5,7 @@
 
 #include "support/random.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::cell_grid_test {
 
 namespace {
 
@@ -98,3 +97,5 @@ TEMPLATE_TEST_CASE_SIG("a grid finds what is near, by the sizes of the points", 
     }
   }
 }
+
+}  // namespace pliant::test::cell_grid_test

@@ -8,8 +8,7 @@
 
 #include "support/random.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::container_test {
 
 namespace {
 
@@ -232,3 +231,5 @@ TEST_CASE("outlines that are none are refused", "[container]") {
   refused(left, {{1, 0}, {5, 4}, {3, 6}, {3.5, 1}}, "meets");
   refused({{-1, 0}, {-5, 3}, {5, 6}}, right, "meets", "straight up");
 }
+
+}  // namespace pliant::test::container_test

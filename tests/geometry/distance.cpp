@@ -5,8 +5,7 @@
 #include "support/random.h"
 #include "support/taylor.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::distance_test {
 
 namespace {
 
@@ -85,3 +84,5 @@ TEST_CASE("derivatives of the distance to a segment: inside, at its ends, and ac
     }
   }
 }
+
+}  // namespace pliant::test::distance_test

@@ -2,7 +2,7 @@
 
 #include <pliant/geometry/container.h>
 
-using namespace pliant;
+namespace pliant::test::hopper_test {
 
 TEST_CASE("half width of a flat-bottomed and of a sloped hopper") {
   const Hopper flat{.wall_distance = 10, .orifice = 3, .angle = 90};
@@ -91,3 +91,5 @@ TEST_CASE("impossible hoppers are refused with the option to change") {
   CHECK_THAT(message(nan, 3, 45), Contains("nan"));
   CHECK_THAT(message(10, 3, nan), Contains("nan"));
 }
+
+}  // namespace pliant::test::hopper_test

@@ -9,8 +9,7 @@
 #include "support/random.h"
 #include "support/taylor.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::moving_walls_test {
 
 namespace {
 
@@ -384,3 +383,5 @@ TEMPLATE_TEST_CASE_SIG("what touches is where the walls are nearest, and what is
   }
   CHECK(touching > 50);
 }
+
+}  // namespace pliant::test::moving_walls_test

@@ -5,8 +5,7 @@
 
 #include "support/random.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::overlap_test {
 
 namespace {
 
@@ -148,3 +147,5 @@ TEST_CASE("the overlap of a wedge does not depend on its place, turn and handedn
     CHECK((v.gradient - place(expected.gradient)).norm() < 1e-12);
   }
 }
+
+}  // namespace pliant::test::overlap_test

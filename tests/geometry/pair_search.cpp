@@ -6,8 +6,7 @@
 
 #include "support/random.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::pair_search_test {
 
 namespace {
 
@@ -205,3 +204,5 @@ TEST_CASE("thousands of walls: as by brute force, in the same order, at the pric
   CHECK(found == expected);
   CHECK(static_cast<Real>(tests) < 30 * static_cast<Real>(rings.size() + static_cast<Index>(expected.size())));
 }
+
+}  // namespace pliant::test::pair_search_test

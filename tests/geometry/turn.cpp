@@ -6,8 +6,7 @@
 
 #include "support/random.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::turn_test {
 using simd::Real4;
 
 namespace {
@@ -40,3 +39,5 @@ TEST_CASE("the turn between lines does not ask for their directions, and is the 
   }
   CHECK(turn_between_lines<Real>(0, 0, 0.6, 0.8) == 0);
 }
+
+}  // namespace pliant::test::turn_test

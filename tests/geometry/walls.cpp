@@ -5,8 +5,7 @@
 #include "support/random.h"
 #include "support/taylor.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::walls_test {
 
 namespace {
 
@@ -97,3 +96,5 @@ TEST_CASE("derivatives of distances to disks, spheres on the axis and rings") {
   CHECK((top.n - Vec<3>(0, 0, 1)).norm() < 1e-15);
   CHECK((top.curvature - Vec<3>(0.5, 0.5, 0).asDiagonal().toDenseMatrix()).norm() < 1e-15);
 }
+
+}  // namespace pliant::test::walls_test

@@ -10,8 +10,7 @@
 
 #include "io/io_support.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::atomic_file_test {
 namespace fs = std::filesystem;
 
 TEST_CASE("a file is written beside its name, through no link, and replaces it") {
@@ -37,3 +36,5 @@ TEST_CASE("what a killed process has left of a file goes when nobody can be writ
   CHECK_FALSE(fs::exists(folder / "a.0123abcd.tmp"));
   for (const char* name : {"a", "a.89ab0123.tmp", "b.0123abcd.tmp", "a.h5"}) CHECK(fs::exists(folder / name));
 }
+
+}  // namespace pliant::test::atomic_file_test

@@ -15,8 +15,7 @@
 #include "io/io_support.h"
 #include "support/edit_checkpoint.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::checkpoint_test {
 using Catch::Matchers::Contains;
 
 namespace {
@@ -313,3 +312,5 @@ TEST_CASE("a run killed while it writes checkpoints can always be restarted") {
     CHECK(same(found, make_checkpoint(found.step, 20000)));
   }
 }
+
+}  // namespace pliant::test::checkpoint_test

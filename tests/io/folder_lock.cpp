@@ -10,7 +10,7 @@
 #include <pliant/base/errors.h>
 #include <pliant/io/folder_lock.h>
 
-using namespace pliant;
+namespace pliant::test::folder_lock_test {
 
 namespace {
 
@@ -54,7 +54,7 @@ TEST_CASE("a lock ends with its process", "[lock]") {
   const pid_t child = fork();
   if (child == 0) {
     const FolderLock lock(scratch.path);
-    (void)!write(ready[1], "x", 1);
+    (void)!::write(ready[1], "x", 1);
     pause();
   }
   char byte = 0;
@@ -88,3 +88,5 @@ TEST_CASE("a folder that cannot be locked", "[lock]") {
   CHECK_THROWS_AS(FolderLock(scratch.path), OutputError);
   CHECK_THROWS_AS(FolderLock(scratch.path / "below"), OutputError);
 }
+
+}  // namespace pliant::test::folder_lock_test

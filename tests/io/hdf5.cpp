@@ -15,8 +15,7 @@
 
 #include "io/io_support.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::hdf5_test {
 using Catch::Matchers::Contains;
 using hdf5::File;
 
@@ -285,3 +284,5 @@ TEST_CASE("HDF5: what can be checked") {
   CHECK_THAT(message_of<InputError>([&] { File::open_read(folder / "a.h5").open_group("g").check_seal(); }),
              Contains("/g") && Contains("checksum"));
 }
+
+}  // namespace pliant::test::hdf5_test

@@ -11,8 +11,7 @@
 
 #include "io/io_support.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::journaled_file_test {
 using Catch::Matchers::Contains;
 
 namespace {
@@ -230,3 +229,5 @@ TEST_CASE("a file that is gone, or locked, or may not be written") {
     CHECK_THAT(gone(), Contains("replaced"));
   }
 }
+
+}  // namespace pliant::test::journaled_file_test

@@ -13,8 +13,7 @@
 
 #include "io/io_support.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::ranks_test {
 using Catch::Matchers::Contains;
 
 namespace {
@@ -156,3 +155,5 @@ TEST_CASE("what a rank cannot write is everybody's error, and earlier frames sta
   CHECK(file.open_group("frames").links() == std::vector<std::string>{"000000", "000001"});
   CHECK(file.read<Real>("frames/000001/positions", {18, 2}) == data.positions);
 }
+
+}  // namespace pliant::test::ranks_test

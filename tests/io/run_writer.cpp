@@ -10,8 +10,7 @@
 
 #include "io/io_support.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::run_writer_test {
 using Catch::Matchers::Contains;
 using hdf5::File;
 
@@ -530,3 +529,5 @@ TEST_CASE("a run whose file is removed ends") {
   const FrameData next(topology, 1, 2);
   CHECK_THAT(message_of<OutputError>([&] { writer.write_frame(next.frame()); }), Contains("run.h5 was removed"));
 }
+
+}  // namespace pliant::test::run_writer_test

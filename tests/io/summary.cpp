@@ -7,8 +7,7 @@
 
 #include "io/io_support.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::summary_test {
 using Catch::Matchers::Contains;
 
 TEST_CASE("a quantity without a finite value or error has null") {
@@ -31,3 +30,5 @@ TEST_CASE("summary.json is replaced as a whole and keeps its order") {
   CHECK_THAT(message_of<OutputError>([&] { write_summary(folder / "none", summary); }),
              Contains("none/summary.json") && Contains("No such file"));
 }
+
+}  // namespace pliant::test::summary_test

@@ -9,8 +9,7 @@
 
 #include "support/random.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::edge_forces_test {
 
 namespace {
 
@@ -285,3 +284,5 @@ TEST_CASE("edge forces on a part of the points leave the others alone") {
     }
   }
 }
+
+}  // namespace pliant::test::edge_forces_test

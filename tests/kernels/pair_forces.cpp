@@ -9,8 +9,7 @@
 
 #include "support/random.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::pair_forces_test {
 
 namespace {
 
@@ -215,3 +214,5 @@ TEMPLATE_TEST_CASE_SIG("pair forces are added to what is there, and to listed po
     check_equal(f, expected, largest(expected));
   }
 }
+
+}  // namespace pliant::test::pair_forces_test

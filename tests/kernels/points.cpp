@@ -8,8 +8,7 @@
 
 #include "support/random.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::points_test {
 
 TEMPLATE_TEST_CASE_SIG("points are set and scaled by a value of their particle", "", ((int D), D), 2, 3) {
   Random random(1);
@@ -47,3 +46,5 @@ TEMPLATE_TEST_CASE_SIG("points are set and scaled by a value of their particle",
       }
   }
 }
+
+}  // namespace pliant::test::points_test

@@ -11,11 +11,8 @@
 
 #include "support/configurations.h"
 
-namespace pliant {
+namespace pliant::test::shape_forces_test {
 namespace {
-
-using test::Configuration;
-using test::Random;
 
 constexpr std::array every_size{3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 20, 31, 32, 40, 500};
 const std::array laws{ShapeLaw{3, 0, 0},   ShapeLaw{0, 2, 0},   ShapeLaw{0, 0, 0.4}, ShapeLaw{3, 2, 0},
@@ -70,7 +67,7 @@ Configuration<2> mixture(Random& random) {
     for (const int n : every_size) {
       const Vec<2> centre(random(-50, 50), random(-50, 50));
       if (random(0, 1) < 0.3) c.add_soft(1, centre);
-      c.add_polygon(test::irregular_polygon(random, n, random(0.3, 1), centre), 0.1);
+      c.add_polygon(irregular_polygon(random, n, random(0.3, 1), centre), 0.1);
     }
   return c;
 }
@@ -83,14 +80,14 @@ TEST_CASE("Shape forces of one polygon are those of the element forms", "[kernel
     for (const ShapeLaw& law : laws) {
       CAPTURE(n, law.k_a, law.k_l, law.k_b);
       Configuration<2> c;
-      c.add_polygon(test::irregular_polygon(random, n, 0.5, {random(-20, 20), random(-20, 20)}), 0.1);
+      c.add_polygon(irregular_polygon(random, n, 0.5, {random(-20, 20), random(-20, 20)}), 0.1);
       CHECK(agree(by_kernel(law, c), by_elements(law, c)));
     }
 }
 
 TEST_CASE("Shape forces of straight and folded corners", "[kernels]") {
   // Edges in one line, a hairpin, an edge along the axis, and all of it clockwise.
-  test::Polygon vertices{{0, 0}, {1, 0}, {2, 0}, {2, 1}, {2, 0.3}, {1, 0.5}, {0.3, 0.2}, {0, 1}, {-0.2, 0.4}};
+  Polygon vertices{{0, 0}, {1, 0}, {2, 0}, {2, 1}, {2, 0.3}, {1, 0.5}, {0.3, 0.2}, {0, 1}, {-0.2, 0.4}};
   for (int turn = 0; turn < 2; ++turn) {
     for (std::size_t start = 0; start < vertices.size(); ++start) {
       std::rotate(vertices.begin(), vertices.begin() + 1, vertices.end());
@@ -146,7 +143,7 @@ TEST_CASE("Shape forces keep to their particle's points", "[kernels]") {
   // Arrays of exactly the polygon's size, for memory checkers; with guards around f where there are none.
   Random random(3);
   for (const int n : every_size) {
-    const test::Polygon vertices = test::irregular_polygon(random, n, 0.5);
+    const Polygon vertices = irregular_polygon(random, n, 0.5);
     const Index offset[2]{0, n};
     const Real a0 = 0.5, l0 = 2.5 / n;
     const std::unique_ptr<Real[]> x(new Real[2 * n]);
@@ -213,4 +210,4 @@ TEST_CASE("A part of the shape forces that is switched off asks for nothing", "[
   CHECK(f == std::vector<Real>(10, 7));
 }
 
-}  // namespace pliant
+}  // namespace pliant::test::shape_forces_test

@@ -6,8 +6,7 @@
 
 #include "support/random.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::verlet_test {
 
 namespace {
 
@@ -103,3 +102,5 @@ TEMPLATE_TEST_CASE_SIG("the point farthest from its place is found", "", ((int D
     }
   }
 }
+
+}  // namespace pliant::test::verlet_test

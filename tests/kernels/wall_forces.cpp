@@ -8,8 +8,7 @@
 
 #include "support/random.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::wall_forces_test {
 
 namespace {
 
@@ -97,3 +96,5 @@ TEMPLATE_TEST_CASE_SIG("wall forces are those of the element form", "", ((int D)
     }
   }
 }
+
+}  // namespace pliant::test::wall_forces_test

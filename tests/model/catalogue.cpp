@@ -5,8 +5,7 @@
 
 #include "support/configurations.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::catalogue_test {
 
 namespace {
 
@@ -191,3 +190,5 @@ TEST_CASE("critical steps belong to the fastest mode of the linearised motion") 
     }
   }
 }
+
+}  // namespace pliant::test::catalogue_test

@@ -12,8 +12,7 @@
 
 #include "support/rows.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::chunks_test {
 
 namespace {
 
@@ -451,3 +450,5 @@ TEST_CASE("one point that moves too far in any chunk makes the lists stale") {
     CHECK(!lists.valid(c.walls, x.data()));
   }
 }
+
+}  // namespace pliant::test::chunks_test

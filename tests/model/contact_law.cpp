@@ -11,8 +11,7 @@
 #include "support/configurations.h"
 #include "support/derivatives.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::contact_law_test {
 
 namespace {
 
@@ -273,3 +272,5 @@ TEST_CASE("a look finds contacts that are too near: of edges, of walls and of li
   CHECK(seen.closest->other == -1);
   CHECK(seen.closest->distance == Approx(0.4));
 }
+
+}  // namespace pliant::test::contact_law_test

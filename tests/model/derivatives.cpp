@@ -16,8 +16,7 @@
 #include "support/configurations.h"
 #include "support/derivatives.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::derivatives_test {
 
 namespace {
 
@@ -251,3 +250,5 @@ TEST_CASE("derivatives of the models") {
     });
   }
 }
+
+}  // namespace pliant::test::derivatives_test

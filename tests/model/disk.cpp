@@ -6,8 +6,7 @@
 
 #include "support/configurations.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::disk_test {
 
 namespace {
 
@@ -132,3 +131,5 @@ TEST_CASE("coefficients that no disk has are refused") {
   CHECK_THROWS_WITH(make_force_field<2>(ModelKind::sp, {.base = {.gravity = 1}}, pliant::Vec<2>(0, -1)),
                     Catch::Contains("model sp has none"));
 }
+
+}  // namespace pliant::test::disk_test

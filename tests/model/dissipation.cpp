@@ -8,8 +8,7 @@
 
 #include "support/configurations.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::dissipation_test {
 
 namespace {
 
@@ -211,3 +210,5 @@ TEST_CASE("edge friction acts at the material point of the contact; literally, a
   CHECK((at(0) + Vec<2>(1, 2)).norm() < 1e-14);
   CHECK(at(1).norm() == 0);
 }
+
+}  // namespace pliant::test::dissipation_test

@@ -8,8 +8,7 @@
 
 #include "support/configurations.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::droplet_rest_test {
 
 TEST_CASE("droplets rest where the thesis says") {
   const ModelParameters standard;
@@ -58,3 +57,5 @@ TEST_CASE("without attraction droplets rest in touch; with too much of it they d
   CHECK_THROWS_AS(droplets_at_rest({.phi_c = 1}, 1, 1), InputError);
   CHECK_THROWS_AS(droplet_at_wall({.phi_c = 1}, 1), InputError);
 }
+
+}  // namespace pliant::test::droplet_rest_test

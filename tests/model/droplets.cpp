@@ -11,8 +11,7 @@
 #include "support/configurations.h"
 #include "support/derivatives.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::droplets_test {
 
 namespace {
 
@@ -373,3 +372,5 @@ TEST_CASE("no pair or wall within the attraction's range is ever missing from th
   CHECK(lists.rebuilds() > 5);
   CHECK(lists.rebuilds() < 150);
 }
+
+}  // namespace pliant::test::droplets_test

@@ -20,8 +20,7 @@
 
 #include "support/rows.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::elements_test {
 
 namespace {
 
@@ -261,3 +260,5 @@ TEST_CASE("elements act on the points of their stencils, and couple no others") 
   check_names(ModelKind::smooth, polygon_at_lip(random, 60, LipPlace::edge, smooth_width));
   check_names(ModelKind::bubble, droplets_at_wall<2>());
 }
+
+}  // namespace pliant::test::elements_test

@@ -7,8 +7,7 @@
 
 #include "support/configurations.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::invariances_test {
 
 namespace {
 
@@ -112,3 +111,5 @@ TEST_CASE("gravity pulls with the weight, at the centre of mass") {
   CHECK((total<2>(f) - mass * g).norm() < 1e-12 * mass);
   CHECK(u.energy(c.positions()) == Approx(energy));
 }
+
+}  // namespace pliant::test::invariances_test

@@ -5,8 +5,7 @@
 
 #include "support/random.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::limit_surface_test {
 
 namespace {
 
@@ -148,3 +147,5 @@ TEST_CASE("the nearest point of the limit surface is where the way to it is alon
   }
   CHECK(!LimitSurface::surely_inside<Real>(0, 3 * 0.7, 3));
 }
+
+}  // namespace pliant::test::limit_surface_test

@@ -8,8 +8,7 @@
 
 #include "support/configurations.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::neighbours_test {
 
 namespace {
 
@@ -392,3 +391,5 @@ TEST_CASE("a relisted particle is listed as a rebuild would, also twice and next
   }
   CHECK(again.reference() == lists.reference());
 }
+
+}  // namespace pliant::test::neighbours_test

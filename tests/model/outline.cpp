@@ -12,8 +12,7 @@
 
 #include "support/configurations.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::outline_test {
 
 namespace {
 
@@ -347,3 +346,5 @@ TEST_CASE("an edge pushes a vertex half or twice as hard as a vertex does that m
   CHECK((on_tip(before_edge, EdgeForce::twofold) - 2 * push * Vec<2>(1, 0)).norm() < 1e-9);
   CHECK((on_tip(head_on, EdgeForce::twofold) - push * Vec<2>(1, 0)).norm() < 1e-9);
 }
+
+}  // namespace pliant::test::outline_test

@@ -2,8 +2,7 @@
 
 #include "support/configurations.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::polygon_test {
 
 namespace {
 
@@ -116,3 +115,5 @@ TEST_CASE("the relative area energy is one modulus for all sizes, the bending of
     CHECK(bending(EdgeVectors::full) == Approx(0.8 / 8 * 4 * 2 * square(1.1) / (s * s)));
   }
 }
+
+}  // namespace pliant::test::polygon_test

@@ -6,8 +6,7 @@
 
 #include "support/configurations.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::shape_limit_test {
 
 namespace {
 
@@ -68,3 +67,5 @@ TEST_CASE("the shape energy tends to a limit as the vertices become many") {
   CHECK(perimeter_error.back() < 1e-3);
   CHECK(bending_error.back() < 1e-3);
 }
+
+}  // namespace pliant::test::shape_limit_test

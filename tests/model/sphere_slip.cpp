@@ -3,9 +3,8 @@
 
 #include <pliant/model/sphere_slip.h>
 
-using pliant::pi;
-using pliant::SphereSlip;
-using Vector = pliant::Vec<3>;
+namespace pliant::test::sphere_slip_test {
+using Vector = Vec<3>;
 
 TEST_CASE("a contact that turns by a right angle takes its vectors with it") {
   const SphereSlip slip(Vector(1, 0, 0), Vector(0, 1, 0), Vector::Zero());
@@ -22,3 +21,5 @@ TEST_CASE("a contact twists with the mean of both bodies") {
   CHECK((slip.carry(Vector(1, 0, 0)) - Vector(0, 1, 0)).norm() < 1e-14);
   CHECK(slip.arc().norm() == 0);
 }
+
+}  // namespace pliant::test::sphere_slip_test

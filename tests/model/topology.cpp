@@ -5,7 +5,7 @@
 
 #include <pliant/model/topology.h>
 
-using namespace pliant;
+namespace pliant::test::topology_test {
 
 TEST_CASE("topology of soft particles and polygons") {
   Topology topology;
@@ -120,3 +120,5 @@ TEST_CASE("ghosts come after the own particles, and go without a trace") {
     CHECK(topology.id == before.id);
   }
 }
+
+}  // namespace pliant::test::topology_test

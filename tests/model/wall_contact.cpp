@@ -8,8 +8,7 @@
 #include "support/configurations.h"
 #include "support/derivatives.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::wall_contact_test {
 
 namespace {
 
@@ -236,3 +235,5 @@ TEMPLATE_TEST_CASE_SIG("walls of a diameter are met by so much earlier, and end 
   one.add_soft(size, 2);
   CHECK(term->critical_step(one).elastic == Approx(2 / std::sqrt(100 / square(0.5) / 2)));
 }
+
+}  // namespace pliant::test::wall_contact_test

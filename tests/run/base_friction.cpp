@@ -5,8 +5,7 @@
 
 #include "support/on_table.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::base_friction_test {
 
 namespace {
 
@@ -204,3 +203,5 @@ TEST_CASE("disks do not depend on the frame in which they lie, nor on the units 
   CHECK(fast.angle() == a.angle());
   CHECK(a.angle() > 0.05);
 }
+
+}  // namespace pliant::test::base_friction_test

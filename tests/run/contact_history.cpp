@@ -10,8 +10,7 @@
 #include "support/order.h"
 #include "support/problems.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::contact_history_test {
 
 namespace {
 
@@ -466,3 +465,5 @@ TEST_CASE("the whole on every rank has spins and histories", "[ranks]") {
   }
   CHECK(most > 0.1);
 }
+
+}  // namespace pliant::test::contact_history_test

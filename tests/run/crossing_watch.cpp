@@ -9,8 +9,7 @@
 
 #include "support/configurations.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::crossing_watch_test {
 
 namespace {
 
@@ -136,3 +135,5 @@ TEST_CASE("a vertex inside the image of a particle is found", "[periodic]") {
       CHECK_NOTHROW(watch.start(system, state));
   }
 }
+
+}  // namespace pliant::test::crossing_watch_test

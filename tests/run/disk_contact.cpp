@@ -9,8 +9,7 @@
 #include "support/order.h"
 #include "support/problems.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::disk_contact_test {
 
 namespace {
 
@@ -297,3 +296,5 @@ TEST_CASE("the one kernel for disks is the sum of the terms") {
   CHECK(most < 1e-12 * largest);
   CHECK(s->particles().field().report(view).size() == 2);
 }
+
+}  // namespace pliant::test::disk_contact_test

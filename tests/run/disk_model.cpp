@@ -10,8 +10,7 @@
 #include "support/order.h"
 #include "support/problems.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::disk_model_test {
 
 namespace {
 
@@ -282,3 +281,5 @@ TEST_CASE("a table is refused in a periodic box") {
   CHECK_THROWS_WITH(in_box(1), Catch::Contains("base_friction") && Catch::Contains("open box"));
   CHECK_NOTHROW(in_box(0));  // there is none
 }
+
+}  // namespace pliant::test::disk_model_test

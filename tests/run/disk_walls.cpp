@@ -4,8 +4,7 @@
 #include "support/frictional.h"
 #include "support/order.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::disk_walls_test {
 
 namespace {
 
@@ -211,3 +210,5 @@ TEST_CASE("walls feel what disks feel, friction and damping too") {
   CHECK(on_wall[0] == Approx(-f[0]).epsilon(1e-12));
   CHECK(on_wall[1] == Approx(-f[1]).epsilon(1e-12));
 }
+
+}  // namespace pliant::test::disk_walls_test

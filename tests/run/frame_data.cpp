@@ -9,8 +9,7 @@
 
 #include "support/configurations.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::frame_data_test {
 
 namespace {
 
@@ -164,3 +163,5 @@ TEST_CASE("a polygon across the border of a box is drawn whole, where its centre
   CHECK(data.frame.images[0] == -1);
   CHECK(data.frame.area[0] == Approx(0.5));
 }
+
+}  // namespace pliant::test::frame_data_test

@@ -13,8 +13,7 @@
 #include "support/disks.h"
 #include "support/silence.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::periodic_test {
 
 namespace {
 
@@ -200,3 +199,5 @@ TEST_CASE("springs between particles that rotate reach across the borders of a b
   // A pair that meets twice would have one spring.
   CHECK_THROWS_WITH(make(c, 2.2, Sorting::regularly), Catch::Contains("contacts with a history need at least"));
 }
+
+}  // namespace pliant::test::periodic_test

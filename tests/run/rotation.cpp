@@ -10,8 +10,7 @@
 #include "support/order.h"
 #include "support/problems.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::rotation_test {
 
 namespace {
 
@@ -250,3 +249,5 @@ TEST_CASE("what cannot have spins says so") {
   const auto s = block.simulation();
   CHECK_THROWS_WITH(s->particles().field().hessian(s->view(), sink), Catch::Contains("bond"));
 }
+
+}  // namespace pliant::test::rotation_test

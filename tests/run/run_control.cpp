@@ -10,7 +10,7 @@
 
 #include <pliant/run/run_control.h>
 
-using namespace pliant;
+namespace pliant::test::run_control_test {
 
 namespace {
 
@@ -141,3 +141,5 @@ TEST_CASE("durations as text", "[control]") {
   CHECK(duration_text(100 * 3600 + 61) == "100 h 01 min");
   CHECK(duration_text(std::numeric_limits<Real>::infinity()) == "?");
 }
+
+}  // namespace pliant::test::run_control_test

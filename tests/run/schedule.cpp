@@ -7,7 +7,7 @@
 #include <pliant/base/rng.h>
 #include <pliant/run/schedule.h>
 
-using namespace pliant;
+namespace pliant::test::schedule_test {
 
 namespace {
 
@@ -83,3 +83,5 @@ TEST_CASE("a schedule goes on where it was", "[schedule]") {
   CHECK_THROWS_AS(loaded(0.1, 0.7, 0.85), InputError);
   CHECK_THROWS_AS(loaded(1e-300, 0.7, 0.71), InputError);
 }
+
+}  // namespace pliant::test::schedule_test

@@ -11,8 +11,7 @@
 #include "support/problems.h"
 #include "support/twins.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::simulation_test {
 
 namespace {
 
@@ -113,3 +112,5 @@ TEST_CASE("velocities without inertia can be looked at without a change of the t
   };
   CHECK(run(true) == run(false));
 }
+
+}  // namespace pliant::test::simulation_test

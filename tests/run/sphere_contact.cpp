@@ -10,8 +10,7 @@
 #include "support/frictional.h"
 #include "support/order.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::sphere_contact_test {
 
 namespace {
 
@@ -307,3 +306,5 @@ TEST_CASE("balls between walls do the same on any number of ranks, with the same
   for (const char* term : {"sphere_contact", "sphere_wall_contact"})
     CHECK(shared->ranks().sum(heat_of(*shared, term)) == Approx(heat_of(*alone, term)).epsilon(1e-8));
 }
+
+}  // namespace pliant::test::sphere_contact_test

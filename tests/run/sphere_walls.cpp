@@ -7,8 +7,7 @@
 
 #include "support/frictional.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::sphere_walls_test {
 
 namespace {
 
@@ -209,3 +208,5 @@ TEST_CASE("a ball breaks away from another at the static limit and slides on at 
   }
   CHECK(most == Approx(0.5).epsilon(2e-3));
 }
+
+}  // namespace pliant::test::sphere_walls_test

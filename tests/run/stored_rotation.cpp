@@ -10,8 +10,7 @@
 #include "support/frictional.h"
 #include "support/silence.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::stored_rotation_test {
 
 namespace {
 
@@ -179,3 +178,5 @@ TEST_CASE("a damaged history is refused") {
   refused([&](Checkpoint& c) { c.reals["history_of_tangential"].pop_back(); }, "values instead of");
   refused([&](Checkpoint& c) { c.reals["history_of_tangential"][0] = std::nan(""); }, "not finite");
 }
+
+}  // namespace pliant::test::stored_rotation_test

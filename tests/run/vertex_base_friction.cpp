@@ -9,8 +9,7 @@
 
 #include "support/on_table.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::vertex_base_friction_test {
 
 namespace {
 
@@ -246,3 +245,5 @@ TEST_CASE("a history of pairs is refused for polygons, one of places on a base i
                     Catch::Contains("polygons turn by their vertices"));
   CHECK_NOTHROW(system(friction(0.3, 0.3)));
 }
+
+}  // namespace pliant::test::vertex_base_friction_test

@@ -11,7 +11,7 @@
 #include <pliant/scenarios/channel/push_schedule.h>
 #include <pliant/scenarios/channel/start.h>
 
-using namespace pliant;
+namespace pliant::test::channel_test {
 using Catch::Matchers::Contains;
 
 namespace {
@@ -265,3 +265,5 @@ TEST_CASE("A plunger is a wall that moves", "[channel][shape]") {
     CHECK(stopped.velocity({3, 3}, body, 3) == Vec<2>::Zero());
   }
 }
+
+}  // namespace pliant::test::channel_test

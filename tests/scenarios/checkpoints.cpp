@@ -20,8 +20,7 @@
 #include "support/edit_checkpoint.h"
 #include "support/silence.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::checkpoints_test {
 
 namespace fs = std::filesystem;
 
@@ -275,3 +274,5 @@ TEST_CASE("a clog does not go on from a checkpoint that is wrong") {
                      });
   check_all(stopped);
 }
+
+}  // namespace pliant::test::checkpoints_test

@@ -3,7 +3,7 @@
 
 #include <pliant/scenarios/clog/clog.h>
 
-using namespace pliant;
+namespace pliant::test::clog_test {
 
 namespace {
 
@@ -68,3 +68,5 @@ TEST_CASE("the granular capillary length [T 4.9, 4.10]") {
   CHECK(capillary_length({.phi_c = 1e-4}, 0.04) == Approx(capillary_length({.phi_c = 1e-4}, 0.01) / 2));
   CHECK(capillary_length({.phi_c = 0}, 0.01) == 0);
 }
+
+}  // namespace pliant::test::clog_test

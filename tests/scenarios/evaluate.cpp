@@ -9,7 +9,7 @@
 #include <pliant/base/errors.h>
 #include <pliant/scenarios/evaluate/evaluate.h>
 
-using namespace pliant;
+namespace pliant::test::evaluate_test {
 using nlohmann::json;
 using nlohmann::ordered_json;
 
@@ -648,3 +648,5 @@ TEST_CASE("read_case names the file and the place of an error") {
     CHECK_THAT(reading_message(good.path()), Catch::Contains("cannot be opened"));
   }
 }
+
+}  // namespace pliant::test::evaluate_test

@@ -9,7 +9,7 @@
 #include <pliant/model/gravity.h>
 #include <pliant/scenarios/hopper/options.h>
 
-using namespace pliant;
+namespace pliant::test::hopper_options_test {
 using Catch::Contains;
 
 namespace {
@@ -314,3 +314,5 @@ TEST_CASE("a model that a program adds", "[options]") {
   CHECK_THROWS_AS(resolved({}, {own_model<Heavy>("heavy", "", ModelKind::sp, {"e_q"})}), std::logic_error);
   CHECK_THROWS_AS(resolved({"-factor", "2"}), InputError);  // unknown without the model
 }
+
+}  // namespace pliant::test::hopper_options_test

@@ -11,8 +11,7 @@
 
 #include "support/configurations.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::measurements_test {
 
 namespace {
 
@@ -223,3 +222,5 @@ TEST_CASE("the error of Q_corrected is that of both of its factors", "[measureme
   CHECK(part("Q_corrected", "value") == Approx(part("Q", "value") / (part("orifice_density", "value") * 0.8)));
   CHECK(part("Q_corrected", "error") / part("Q_corrected", "value") == Approx(std::sqrt(q * q + density * density)));
 }
+
+}  // namespace pliant::test::measurements_test

@@ -7,9 +7,8 @@
 #include <pliant/model/polygon.h>
 #include <pliant/scenarios/hopper/passage.h>
 
+namespace pliant::test::passage_test {
 namespace {
-
-using namespace pliant;
 
 /// One polygon in a hopper.
 struct Polygon {
@@ -95,3 +94,5 @@ TEST_CASE("disks and spheres go by their centres", "[passage]") {
   CHECK(disk_through_wall(sloped, {2.6, 1}));
   CHECK_FALSE(disk_through_wall(flat, {7, -1}));  // falls beside
 }
+
+}  // namespace pliant::test::passage_test

@@ -6,7 +6,7 @@
 #include <pliant/base/errors.h>
 #include <pliant/scenarios/raft/raft.h>
 
-using namespace pliant;
+namespace pliant::test::raft_test {
 
 namespace {
 
@@ -98,3 +98,5 @@ TEST_CASE("rows are counted along chains of bonds") {
   bonds.push_back({0, 18});
   CHECK(count_rows(24, bonds, first, last) == 4);
 }
+
+}  // namespace pliant::test::raft_test

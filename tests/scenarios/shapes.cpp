@@ -7,9 +7,8 @@
 #include <pliant/base/errors.h>
 #include <pliant/scenarios/hopper/shapes.h>
 
+namespace pliant::test::shapes_test {
 namespace {
-
-using namespace pliant;
 using Catch::Contains;
 
 /// A file that lives as long as this.
@@ -129,3 +128,5 @@ TEST_CASE("obstacles stand inside the container, may touch walls, and not each o
   CHECK_THROWS_WITH(check_obstacles(notched, parse_obstacles("polygon:4,1.9,4.3,6.5,0,4", 2), 2),
                     Contains("crosses a wall"));
 }
+
+}  // namespace pliant::test::shapes_test

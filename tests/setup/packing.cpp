@@ -8,9 +8,8 @@
 #include <pliant/setup/packing.h>
 #include <pliant/setup/particles.h>
 
+namespace pliant::test::packing_test {
 namespace {
-
-using namespace pliant;
 
 template <int D>
 struct Packed {
@@ -159,3 +158,5 @@ TEST_CASE("a packing keeps clear of walls", "[packing]") {
     CHECK(gap < 0.1 + 0.01);
   }
 }
+
+}  // namespace pliant::test::packing_test

@@ -9,9 +9,8 @@
 #include <pliant/model/polygon.h>
 #include <pliant/setup/particles.h>
 
+namespace pliant::test::particles_test {
 namespace {
-
-using namespace pliant;
 
 Real mean(const std::vector<Real>& values) {
   return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<Real>(values.size());
@@ -185,3 +184,5 @@ TEST_CASE("a soft particle is placed at its centre", "[particles]") {
   CHECK(x == std::vector<Real>{9, 9, 9, 1, 2, 3});
   CHECK(outer_radius(topology, 1) == 1);
 }
+
+}  // namespace pliant::test::particles_test

@@ -13,9 +13,8 @@
 
 #include "support/random.h"
 
+namespace pliant::test::reinsertion_test {
 namespace {
-
-using namespace pliant;
 
 /// Distance of two closed segments that do not cross.
 Real segment_distance(const Vec<2>& a, const Vec<2>& b, const Vec<2>& c, const Vec<2>& d) {
@@ -266,3 +265,5 @@ TEST_CASE("what is reinserted keeps clear of walls", "[reinsertion]") {
   CHECK(nearest({}) < 0.2);
   CHECK(nearest({.clearance = 0.25}) >= 0.25);
 }
+
+}  // namespace pliant::test::reinsertion_test

@@ -4,7 +4,7 @@
 #include <pliant/base/errors.h>
 #include <pliant/setup/rest_outlines.h>
 
-using namespace pliant;
+namespace pliant::test::rest_outlines_test {
 
 namespace {
 
@@ -57,3 +57,5 @@ TEST_CASE("an outline of corners keeps them where edges end there, concave ones 
   CHECK(outline_area(r) == Approx(20 + pi / 4 * (12 * 0.5 + 4 * 0.25 + 8 * 0.75)).epsilon(1e-5));
   CHECK(outline_radius(r) == Approx(std::hypot(1, 3) + 0.5).epsilon(1e-5));
 }
+
+}  // namespace pliant::test::rest_outlines_test

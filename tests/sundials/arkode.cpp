@@ -13,8 +13,7 @@
 #include "solver.h"
 #include "support/order.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::arkode_test {
 using namespace problems;
 using Catch::Matchers::Contains;
 
@@ -815,3 +814,5 @@ TEST_CASE("arkode gives up with a reason") {
           TS_DIVERGED_NONLINEAR_SOLVE);
   }
 }
+
+}  // namespace pliant::test::arkode_test

@@ -6,6 +6,7 @@
 #include "problems.h"
 #include "solver.h"
 
+namespace pliant::test::cvode_test {
 using namespace problems;
 using Catch::Matchers::Contains;
 
@@ -652,3 +653,5 @@ TEST_CASE("types can be changed, and a TS used again") {
   }
   for (const auto& end : ends) CHECK(distance(end, ends[0]) < 1e-5);
 }
+
+}  // namespace pliant::test::cvode_test

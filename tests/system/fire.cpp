@@ -8,7 +8,7 @@
 #include <pliant/base/errors.h>
 #include <pliant/system/fire.h>
 
-using namespace pliant;
+namespace pliant::test::fire_test {
 using Catch::Matchers::Contains;
 
 namespace {
@@ -271,3 +271,5 @@ TEST_CASE("FIRE refuses options and sizes out of range") {
   o.shrink = 1;
   CHECK_THROWS_AS(fire(x, std::vector<Real>(3, 1), bowl, o), InputError);
 }
+
+}  // namespace pliant::test::fire_test

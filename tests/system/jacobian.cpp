@@ -6,8 +6,7 @@
 #include "support/problems.h"
 #include "support/twins.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::jacobian_test {
 
 namespace {
 
@@ -335,3 +334,5 @@ TEST_CASE("a Jacobian on ranks is the same Jacobian", "[ranks]") {
   check_ranks(random, soft_rows<2>(random, 6, 6), ModelKind::sp, Box<2>({-2, 0}, {1.1, 5.7}));
   check_ranks(random, polygon_rows(random, 4, 4), ModelKind::smooth, Box<2>({-2.1, 0}, {4.2, 4.2}));
 }
+
+}  // namespace pliant::test::jacobian_test

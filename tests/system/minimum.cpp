@@ -3,7 +3,7 @@
 #include <pliant/model/catalogue.h>
 #include <pliant/system/minimum.h>
 
-using namespace pliant;
+namespace pliant::test::minimum_test {
 
 namespace {
 
@@ -53,3 +53,5 @@ TEST_CASE("a droplet that balances on another is at rest, but at a saddle") {
     CHECK(next_to_minimum<2>(system, alone, 0, 0.01));
   }
 }
+
+}  // namespace pliant::test::minimum_test

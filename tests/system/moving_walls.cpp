@@ -10,8 +10,7 @@
 #include "support/problems.h"
 #include "support/twins.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::moving_walls_test {
 
 namespace {
 
@@ -297,3 +296,5 @@ TEST_CASE("walls that start to move between steps", "[motion]") {
   CHECK_THROWS_WITH(system_of<2>(c, ModelKind::bubble).set_walls(Walls<2>({WallSegment::between({0, 0}, {1, 0})})),
                     Catch::Contains("is a segment"));
 }
+
+}  // namespace pliant::test::moving_walls_test

@@ -14,8 +14,7 @@
 #include "support/configurations.h"
 #include "support/problems.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::overdamped_test {
 
 namespace {
 
@@ -379,3 +378,5 @@ TEST_CASE("droplets on several ranks move as on one", "[ranks]") {
   for (int k = 0; k < 4; ++k) x.push_back(c.x[4 * ranks.rank() + k]);
   CHECK_THROWS_WITH(system.rate(0, x.data(), v.data()), Catch::Contains("droplets 0 and 1"));
 }
+
+}  // namespace pliant::test::overdamped_test

@@ -10,8 +10,7 @@
 #include "support/problems.h"
 #include "support/twins.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::particle_system_test {
 
 namespace {
 
@@ -272,3 +271,5 @@ TEST_CASE("what goes wrong on one rank stops all", "[ranks]") {
                     Catch::Contains(fmt::format("particle {} ", id)));
   CHECK(twins.ranks.sum(1.0) == twins.ranks.size());  // all are still in step
 }
+
+}  // namespace pliant::test::particle_system_test

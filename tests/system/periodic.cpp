@@ -16,8 +16,7 @@
 #include "support/problems.h"
 #include "support/twins.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::periodic_test {
 
 namespace {
 
@@ -610,3 +609,5 @@ TEST_CASE("lists in a box come out the same when they are built again from where
   check(gas(random), 1e-3);
   check(Cell<2>{free(polygon_rows(random, 3, 3)), Box<2>({0, 0}, {3.3, 3.4}), ModelKind::rough}, 4e-4);
 }
+
+}  // namespace pliant::test::periodic_test

@@ -8,8 +8,7 @@
 #include "support/problems.h"
 #include "support/twins.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::point_drag_test {
 
 namespace {
 
@@ -118,3 +117,5 @@ TEST_CASE("the last evaluation of a step is at its end where a method says so") 
   CHECK(integrator.statistics().steps > 5);
   CHECK((most < 1e-10) == same);
 }
+
+}  // namespace pliant::test::point_drag_test

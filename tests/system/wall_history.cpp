@@ -6,8 +6,7 @@
 
 #include "support/configurations.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::wall_history_test {
 
 namespace {
 
@@ -124,3 +123,5 @@ TEST_CASE("in a concave corner there are two contacts, which end by themselves")
   disk.accept({-0.001, 0.45});
   CHECK(disk.contacts().values == std::vector<Real>{1, 3});
 }
+
+}  // namespace pliant::test::wall_history_test

@@ -7,8 +7,7 @@
 
 #include "support/configurations.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::bounce_test {
 
 namespace {
 
@@ -90,3 +89,5 @@ TEST_CASE("a bouncing polygon keeps its energy to second order in the step") {
   CHECK(fit.errors.back() < 2e-3);
   CHECK(fit.errors.back() > 1e-12);
 }
+
+}  // namespace pliant::test::bounce_test

@@ -6,8 +6,7 @@
 #include "support/order.h"
 #include "support/problems.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::first_order_test {
 
 namespace {
 
@@ -109,3 +108,5 @@ TEST_CASE("limits of stability of explicit methods on the real axis") {
   CHECK(limit("-ts_type ssp") == Approx(4 + 4 * std::pow(1.5, 0.2)));
   CHECK(limit("-ts_type ssp -ts_ssp_nstages 9") == Approx(8 + 8 * std::pow(1.25, 1.0 / 9)));
 }
+
+}  // namespace pliant::test::first_order_test

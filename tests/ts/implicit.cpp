@@ -8,8 +8,7 @@
 #include "support/problems.h"
 #include "support/twins.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::implicit_test {
 using Catch::Matchers::Contains;
 
 namespace {
@@ -237,3 +236,5 @@ TEST_CASE("implicit runs on ranks are the same runs", "[ranks]") {
     CHECK(twins.difference(twins.state.x(), c.x) > 0.02);
   }
 }
+
+}  // namespace pliant::test::implicit_test

@@ -15,8 +15,7 @@
 
 #include "support/problems.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::integrator_test {
 using Catch::Matchers::Contains;
 
 namespace {
@@ -543,3 +542,5 @@ TEST_CASE("TS verlet refuses what it cannot solve") {
   petsc_check(TSSetType(ts, ts_verlet));
   CHECK_THROWS_WITH(petsc_check(TSSetUp(ts)), Contains("right-hand side"));
 }
+
+}  // namespace pliant::test::integrator_test

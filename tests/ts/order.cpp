@@ -7,8 +7,7 @@
 
 #include "support/problems.h"
 
-using namespace pliant;
-using namespace pliant::test;
+namespace pliant::test::order_test {
 
 namespace {
 
@@ -194,3 +193,5 @@ TEST_CASE("velocity Verlet with a controlled step: its error follows the toleran
     CHECK(steps[k] > 2 * steps[k - 1]);
   }
 }
+
+}  // namespace pliant::test::order_test
