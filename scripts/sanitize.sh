@@ -12,21 +12,17 @@ build=$root/build-$kind
 names=("${@:2}")
 ((${#names[@]} > 0)) || names=(base geometry kernels model domain system ts sundials io analysis setup run scenarios)
 flags="-fno-omit-frame-pointer"
+clang=(-D CMAKE_C_COMPILER=clang-14 -D CMAKE_CXX_COMPILER=clang++-14)
 compilers=()
 runner=()
 findings=$build/findings  # of the sanitizers, in files: a test may silence its program
 packages=(clang-14 libomp-14-dev libclang-rt-14-dev)
 
-use_clang() {
-  compilers=(-D CMAKE_C_COMPILER=clang-14 -D CMAKE_CXX_COMPILER=clang++-14)
-  flags+=" -mllvm -openmp-opt-disable"  # two thirds of the time of some files
-}
-
 # As one process, without a network: what Open MPI would load for that is not ours to check.
 export OMPI_MCA_btl=self OMP_NUM_THREADS=3
 case $kind in
   address)
-    use_clang
+    compilers=("${clang[@]}")
     # Left out: what AddressSanitizer or the processor finds too; these checks are a good part of the compile time.
     flags+=" -fsanitize=address,undefined -fno-sanitize=null,alignment,object-size,vptr,function -fno-sanitize-recover=undefined"
     # Open MPI leaks from plug-ins that are gone at the end, so that no suppression can name them.
@@ -34,7 +30,7 @@ case $kind in
     export UBSAN_OPTIONS="print_stacktrace=1:log_path='$findings/address'"
     ;;
   thread)
-    use_clang
+    compilers=("${clang[@]}")
     flags+=" -fsanitize=thread"
     # Archer tells the sanitizer about OpenMP's barriers and locks.
     export OMP_TOOL_LIBRARIES=/usr/lib/llvm-14/lib/libarcher.so
