@@ -7,12 +7,15 @@ from .statistics import commonest
 
 
 def draw_curves(axes, fits, along):
-    """One curve per row of `fits`: points with binomial intervals, and the sigmoid."""
+    """One curve per row of `fits`: points with binomial intervals, and the sigmoid. Named by what differs, phi_c or N."""
+    names = {"phi_c": r"$\phi_c$", "n": "$N$"}
+    differ = [column for column in names if fits[column].nunique() > 1] or ["phi_c"]
     for i, row in enumerate(fits.itertuples()):
         color, marker = plotting.COLORS[i % len(plotting.COLORS)], plotting.MARKERS[i % len(plotting.MARKERS)]
         x, P, low, high = (row.data[c].to_numpy(float) for c in (along, "P", "P_low", "P_high"))
         axes.errorbar(x, P, [P - low, high - P], fmt=marker, color=color, capsize=2.5, elinewidth=1,
-                      markeredgecolor="white", markeredgewidth=0.4, zorder=3, label=rf"$\phi_c$ = {row.phi_c:g}")
+                      markeredgecolor="white", markeredgewidth=0.4, zorder=3,
+                      label=", ".join(f"{names[column]} = {getattr(row, column):g}" for column in differ))
         if row.fit is not None:
             grid = np.linspace(x.min(), x.max(), 400)
             axes.plot(grid, row.fit(grid), color=color, lw=1.3)

@@ -45,8 +45,12 @@ def main():
     for (left, right), (along, fits) in zip(axes, curves.items()):
         print_fits(fits, along)
         draw_curves(left, fits, along)
+        middle = {"g": "$g_0$", "hopper_width": "$w^*/d$"}[along]
+        if fits["phi_c"].nunique() == 1 and fits["n"].nunique() > 1:
+            draw_middles(right, fits, "n", ("$N$", middle))
+            continue
         if along == "g":
-            draw_middles(right, fits, "phi_c", (r"$\phi_c$", "$g_0$"))
+            draw_middles(right, fits, "phi_c", (r"$\phi_c$", middle))
             continue
         try:
             regimes = draw_regimes(right, fits)

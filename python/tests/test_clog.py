@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from pliant import RunError, clog
-from pliant.clog_figures import draw_avalanches, draw_probabilities
+from pliant.clog_figures import draw_avalanches, draw_curves, draw_probabilities
 
 
 def made_table(seeds=400, law=(0.12, 0.029), seed=1, phi=(0, 5e-5, 1e-4, 2e-4), n=190, widths=np.arange(2, 12.1, 0.5)):
@@ -206,3 +206,18 @@ def test_laws_in_figures_are_those_of_the_commonest_number_of_droplets():
     assert_allclose(law.get_ydata(), clog.clog_law(grid, fit.A, fit.B, 190))
     assert max(left.lines[-1].get_ydata()) == 190
     plt.close(figure)
+
+
+def test_curves_are_named_by_what_differs():
+    def labels(table):
+        figure, axes = plt.subplots()
+        draw_curves(axes, clog.fit_sigmoids(clog.clog_points(table), "hopper_width"), "hopper_width")
+        texts = [text.get_text() for text in axes.get_legend().get_texts()]
+        plt.close(figure)
+        return texts
+
+    small, large = (made_table(seeds=20, phi=(1e-4,), n=n) for n in (95, 190))
+    assert labels(pd.concat([small, large])) == ["$N$ = 95", "$N$ = 190"]
+    assert labels(small) == [r"$\phi_c$ = 0.0001"]
+    assert labels(pd.concat([small, made_table(seeds=20, phi=(2e-4,))])) == [r"$\phi_c$ = 0.0001, $N$ = 95",
+                                                                            r"$\phi_c$ = 0.0002, $N$ = 190"]
