@@ -37,7 +37,9 @@ libraries=()
 for name in scenarios run analysis io ts sundials setup system domain model kernels geometry base; do
   libraries+=("$build/src/libpliant_$name.a")
 done
-packages=($(pkg-config --libs PETSc yaml-0.1 fmt) $(mpicxx --showme:link) -lgomp)
+# What is instrumented comes first and counts; the libraries have it, too.
+packages=(-Wl,--allow-multiple-definition $(pkg-config --libs PETSc yaml-0.1 fmt hdf5-openmpi zlib) $(mpicxx --showme:link) -lgomp
+  -lsundials_{cvode,arkode,nvecpetsc,sunlinsolspgmr,sunnonlinsolnewton,sunnonlinsolfixedpoint})
 
 # As one process, without a network: what Open MPI would load for that is not ours to check. It leaks what it loads.
 export OMPI_MCA_btl=self OMPI_MCA_ess_singleton_isolated=1 OMP_NUM_THREADS=1
