@@ -3,6 +3,5 @@
 # time. For work on the sources see CONTRIBUTING.md.
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
-cmake -S "$root" -B "$build" -G Ninja -D CMAKE_BUILD_TYPE=Release -D PLIANT_WERROR=$werror \
-  -D CMAKE_UNITY_BUILD=ON -D CMAKE_UNITY_BUILD_BATCH_SIZE=4
+cmake -S "$root" -B "$build" -G Ninja -D CMAKE_BUILD_TYPE=Release -D PLIANT_WERROR=$werror "${joined[@]}"
 cmake --build "$build" --parallel "$cores"

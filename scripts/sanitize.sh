@@ -52,8 +52,7 @@ done
 "$root/scripts/setup.sh"
 # Line numbers without variables: those cost GCC minutes on some files.
 cmake -S "$root" -B "$build" -G Ninja -D CMAKE_BUILD_TYPE=RelWithDebInfo -D CMAKE_CXX_FLAGS_RELWITHDEBINFO="-O1 -g1" \
-  -D CMAKE_CXX_FLAGS="$flags" -D CMAKE_UNITY_BUILD=ON -D CMAKE_UNITY_BUILD_BATCH_SIZE=4 \
-  -D PLIANT_BUILD_EXAMPLES=OFF "${compilers[@]}"
+  -D CMAKE_CXX_FLAGS="$flags" -D PLIANT_BUILD_EXAMPLES=OFF "${joined[@]}" "${compilers[@]}"
 cmake --build "$build" --parallel "$cores" --target "${names[@]/#/test_}"
 
 failed=()

@@ -6,34 +6,39 @@ from . import clog, plotting
 from .statistics import commonest
 
 
+#: Of columns of clog.fit_sigmoids and of what they are fitted along; and of where P_clog is one half.
+SYMBOLS = {"phi_c": r"$\phi_c$", "n": "$N$", "delta": r"$\delta/\langle R\rangle$", "g": "$g$", "hopper_width": "$w/d$"}
+MIDDLES = {"g": "$g_0$", "hopper_width": "$w^*/d$"}
+
+
 def draw_curves(axes, fits, along):
     """One curve per row of `fits`: points with binomial intervals, and the sigmoid. Named by what differs, phi_c or N."""
-    names = {"phi_c": r"$\phi_c$", "n": "$N$"}
-    differ = [column for column in names if fits[column].nunique() > 1] or ["phi_c"]
+    differ = [column for column in ("phi_c", "n") if fits[column].nunique() > 1] or ["phi_c"]
     for i, row in enumerate(fits.itertuples()):
         color, marker = plotting.COLORS[i % len(plotting.COLORS)], plotting.MARKERS[i % len(plotting.MARKERS)]
         x, P, low, high = (row.data[c].to_numpy(float) for c in (along, "P", "P_low", "P_high"))
         axes.errorbar(x, P, [P - low, high - P], fmt=marker, color=color, capsize=2.5, elinewidth=1,
                       markeredgecolor="white", markeredgewidth=0.4, zorder=3,
-                      label=", ".join(f"{names[column]} = {getattr(row, column):g}" for column in differ))
+                      label=", ".join(f"{SYMBOLS[column]} = {getattr(row, column):g}" for column in differ))
         if row.fit is not None:
             grid = np.linspace(x.min(), x.max(), 400)
             axes.plot(grid, row.fit(grid), color=color, lw=1.3)
-    axes.set(ylabel=r"$P_{clog}$", ylim=(-0.04, 1.04), xlabel={"g": "$g$", "hopper_width": "$w/d$"}[along])
+    axes.set(ylabel=r"$P_{clog}$", ylim=(-0.04, 1.04), xlabel=SYMBOLS[along])
     axes.legend()
 
 
-def draw_middles(axes, fits, x, labels):
+def draw_middles(axes, fits, x, along):
+    """Where P_clog is one half, along `along`, against the column x."""
     known = fits[fits["fit"].notna()]
     axes.errorbar(known[x], known["x0"], known["x0_error"].fillna(0), fmt="o", capsize=2.5, color=plotting.COLORS[0],
                   zorder=3)
-    axes.set(xlabel=labels[0], ylabel=labels[1])
+    axes.set(xlabel=SYMBOLS[x], ylabel=MIDDLES[along])
     axes.ticklabel_format(axis="x", scilimits=(-3, 3), useMathText=True)
 
 
 def draw_regimes(axes, fits):
     """w*/d against delta with its two regimes [T 4.12, 4.13], which are returned. Raises RunError for too few fits."""
-    draw_middles(axes, fits, "delta", (r"$\delta/\langle R\rangle$", "$w^*/d$"))
+    draw_middles(axes, fits, "delta", "hopper_width")
     known = fits[fits["fit"].notna()]
     regimes = clog.fit_regimes(known["delta"], known["x0"], known["x0_error"])
     grid = np.linspace(0, known["delta"].max() * 1.05, 200)

@@ -45,12 +45,9 @@ def main():
     for (left, right), (along, fits) in zip(axes, curves.items()):
         print_fits(fits, along)
         draw_curves(left, fits, along)
-        middle = {"g": "$g_0$", "hopper_width": "$w^*/d$"}[along]
-        if fits["phi_c"].nunique() == 1 and fits["n"].nunique() > 1:
-            draw_middles(right, fits, "n", ("$N$", middle))
-            continue
-        if along == "g":
-            draw_middles(right, fits, "phi_c", (r"$\phi_c$", middle))
+        of_numbers = fits["phi_c"].nunique() == 1 and fits["n"].nunique() > 1
+        if of_numbers or along == "g":
+            draw_middles(right, fits, "n" if of_numbers else "phi_c", along)
             continue
         try:
             regimes = draw_regimes(right, fits)

@@ -258,7 +258,7 @@ def draw_gravity(measured):
         raise RunError("no curve of P_clog against g: rows with several g and one width are needed")
     figure, (left, right) = plt.subplots(1, 2, figsize=(9.2, 3.9), layout="constrained")
     draw_curves(left, fits, "g")
-    draw_middles(right, fits, "phi_c", (r"$\phi_c$", "$g_0$"))
+    draw_middles(right, fits, "phi_c", "g")
     return figure, _middles(fits, "g_0")
 
 
