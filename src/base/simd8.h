@@ -55,6 +55,7 @@ PLIANT_INLINE Real8 max(const Real8& x, const Real8& y) { return {max(x.a, y.a),
 PLIANT_INLINE Real8 abs(const Real8& x) { return {abs(x.a), abs(x.b)}; }
 PLIANT_INLINE Real8 sqrt(const Real8& x) { return {sqrt(x.a), sqrt(x.b)}; }
 PLIANT_INLINE bool any(const Mask8& m) { return any(m.a | m.b); }
+PLIANT_INLINE Mask8 first8(Index count) { return {first(count), first(count - 4)}; }
 
 /// ab + cd, of any kind of numbers. Where the compiler fuses a product with the sum it is the first, whose place as an
 /// argument of operator+ would leave that open.

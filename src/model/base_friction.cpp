@@ -51,23 +51,6 @@ PLIANT_INLINE void subtract(Real* from, const Real8& a, Index count) {
   for (Index k = count >= 4 ? 4 : 0; k < count; ++k) from[k] -= rest[k];
 }
 
-/// What an evaluation leaves of a range, number by number of eight disks.
-struct RecordsOnBase {
-  Real* at;
-
-  explicit RecordsOnBase(std::byte* memory) : at(reinterpret_cast<Real*>(memory)) {}
-  template <class... All>
-  PLIANT_INLINE void write(Index count, const All&... all) {
-    ((simd::store_first(at, all, count), at += count), ...);
-  }
-  PLIANT_INLINE Real8 read(Index count) {
-    Real8 a = 0;
-    simd::load_first(at, a, count);
-    at += count;
-    return a;
-  }
-};
-
 /// The law. What becomes of a disk does not depend on the others.
 struct EightOnBase {
   static constexpr Real sticks = BaseFriction::sticks;
@@ -227,14 +210,14 @@ struct PastOnBase {
   }
 };
 
-using Rows = ContactTable::Rows<BaseFriction::history>;
-
-PLIANT_MULTIVERSION void add_range(const BaseFriction& base, const StateView<2>& s, Range range, const Rows& rows,
-                                   std::byte* memory, const Scatter<2, 1>& scatter) {
+PLIANT_MULTIVERSION void add_range(const BaseFriction& base, const StateView<2>& s, Range range,
+                                   const ContactTable& table, const Scatter<2, 1>& scatter) {
+  if (range.size() == 0) return;
   const BaseFriction law = base;  // nobody else writes to these
-  const Rows past = rows;
+  const ContactTable::Rows<BaseFriction::history> past(table);
   const Scatter<2, 1> force = scatter;
-  RecordsOnBase records(memory);
+  Real* next = table.ahead<BaseFriction::history>().touches(range);
+  Real4 damped{}, slid{};
   for_each_eight(s, range, [&](Index first, Index count, const DisksOnBase& d) PLIANT_INLINE_LAMBDA {
     EightOnBase eight(law);
     const Real* const kept = past.all({first, first + count});
@@ -247,45 +230,28 @@ PLIANT_MULTIVERSION void add_range(const BaseFriction& base, const StateView<2>&
       });
       eight.find(d, some.numbers.data(), some.known);
     }
-    const auto& [x0, y0, angle0, way] = eight.next;
-    records.write(count, x0, y0, angle0, way, eight.lost, eight.held_x, eight.held_y, eight.twist, eight.gamma,
-                  eight.most);
-    eight.damp(points(d.v), load8(d.spin));
-    const Real8 x = eight.held_x, y = eight.held_y;
-    Real* const f = force.out + 2 * std::ptrdiff_t(first);
-    subtract(f, points(x.a, y.a), 2 * count);
-    subtract(f + 8, points(x.b, y.b), 2 * count - 8);
-    subtract(force.torques + first, eight.radius * eight.twist, count);
-  });
-}
-
-/// Writes what is kept. Returns the heat by damping per time and that by sliding.
-PLIANT_MULTIVERSION void advance_range(const BaseFriction& base, const StateView<2>& s, Range range, std::byte* memory,
-                                       Real* numbers, Real* heat) {
-  const BaseFriction law = base;
-  RecordsOnBase records(memory);
-  Real4 damped{}, lost{};
-  const auto add = [](Real4& to, const Real8& all) PLIANT_INLINE_LAMBDA { to += all.a, to += all.b; };
-  for_each_eight(s, range, [&](Index, Index count, const DisksOnBase& d) PLIANT_INLINE_LAMBDA {
-    EightOnBase eight(law);
-    for (Real8& a : eight.next) a = records.read(count);
     transpose(eight.next);
-    for (Index k = 0; k < count; ++k, numbers += 4)
-      simd::store4(numbers, k < 4 ? eight.next[k].a : eight.next[k - 4].b);
-    add(lost, records.read(count));
-    const Real8 x = records.read(count), y = records.read(count), twist = records.read(count);
-    eight.held_x = x, eight.held_y = y, eight.twist = twist;
-    eight.gamma = records.read(count), eight.most = records.read(count);
-    if (!any(eight.gamma > 0)) return;
-    eight.radius = load8(d.sigma) / 2;
+    for (Index k = 0; k < count; ++k, next += 4) simd::store4(next, k < 4 ? eight.next[k].a : eight.next[k - 4].b);
+    const Mask8 counts = simd::first8(count);
+    const auto add = [&](Real4& to, const Real8& all) PLIANT_INLINE_LAMBDA {
+      const Real8 some = simd::where(counts, all);
+      to += some.a, to += some.b;
+    };
+    add(slid, eight.lost);
+
+    const Real8 x = eight.held_x, y = eight.held_y, twist = eight.twist;
     const Points8 v = points(d.v);
     const Real8 spin = load8(d.spin);
     eight.damp(v, spin);
     add(damped,
         simd::sum_of(eight.held_x - x, v.x, eight.held_y - y, v.y) + (eight.twist - twist) * (eight.radius * spin));
+    Real* const f = force.out + 2 * std::ptrdiff_t(first);
+    subtract(f, points(eight.held_x.a, eight.held_y.a), 2 * count);
+    subtract(f + 8, points(eight.held_x.b, eight.held_y.b), 2 * count - 8);
+    subtract(force.torques + first, eight.radius * eight.twist, count);
   });
-  heat[0] = (damped[0] + damped[1]) + (damped[2] + damped[3]);
-  heat[1] = (lost[0] + lost[1]) + (lost[2] + lost[3]);
+  table.lost(range)[0] = (damped[0] + damped[1]) + (damped[2] + damped[3]);
+  table.lost(range)[1] = (slid[0] + slid[1]) + (slid[2] + slid[3]);
 }
 
 PLIANT_MULTIVERSION void find_one(const BaseFriction& base, const StateView<2>& s, Index i, const Real* past,
@@ -332,15 +298,7 @@ std::array<Real, 3> BaseFriction::damped(const StateView<2>& s, const Touch& c) 
 
 void BaseFriction::add_forces(const StateView<2>& s, Range range, const ContactTable& table,
                               const Scatter<2, 1>& force) const {
-  add_range(*this, s, range, table.rows<history>(), table.records().memory(range), force);
-}
-
-void BaseFriction::advance(const StateView<2>& s, Range range, Real h, ContactTable& table,
-                           std::span<Real> heat) const {
-  std::array<Real, 2> sum;
-  advance_range(*this, s, range, table.records().memory(range), table.advance(range).data(), sum.data());
-  heat[0] += h * sum[0];
-  heat[1] += sum[1];
+  add_range(*this, s, range, table, force);
 }
 
 }  // namespace pliant

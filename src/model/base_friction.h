@@ -73,7 +73,10 @@ struct BaseFriction {
   }
 
   void add_forces(const StateView<2>& s, Range range, const ContactTable& table, const Scatter<2, 1>& force) const;
-  void advance(const StateView<2>& s, Range range, Real h, ContactTable& table, std::span<Real> heat) const;
+  void add_heat(const Real* lost, Real h, std::span<Real> heat) const {
+    heat[0] += h * lost[0];
+    heat[1] += lost[1];
+  }
 
   /// Of the rotation: ω² = k R²/I = 2k/m.
   Real max_rate(const Topology& topology) const { return off() ? 0 : std::sqrt(2 * stiffest(topology)); }

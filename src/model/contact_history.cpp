@@ -29,39 +29,39 @@ const PairList& list_of(const Neighbours<D>& neighbours, Elements elements) {
 StoredContacts ContactTable::contacts() const {
   StoredContacts all = unlisted_;
   for (std::size_t k = 0; k < keys_.size(); ++k)
-    if (touched_[k] != 0)
-      all.add(keys_[k], std::span(values_).subspan(k * needs_.width, static_cast<std::size_t>(needs_.width)));
+    if (now_.touched[k] != 0)
+      all.add(keys_[k], std::span(now_.values).subspan(k * needs_.width, static_cast<std::size_t>(needs_.width)));
   return sorted(all, needs_.width);
 }
 
 void ContactTable::set(const StoredContacts& contacts) {
   contact_of_.clear();
   keys_.clear();
-  touched_.clear();
+  now_.resize(0, needs_.width);
+  next_.resize(0, needs_.width);
   touches_now_.clear();
-  values_.clear();
   unlisted_ = sorted(contacts, needs_.width);
 }
 
 void ContactTable::forget(Index id) {
   const auto is_of_it = [&](const ContactKey& key) { return key.first == id || (pairs() && key.second == id); };
   for (std::size_t k = 0; k < keys_.size(); ++k)
-    if (touched_[k] != 0 && is_of_it(keys_[k])) end(k);
+    if (now_.touched[k] != 0 && is_of_it(keys_[k])) end(k);
   const StoredContacts before = std::exchange(unlisted_, {});
   for (std::size_t k = 0; k < before.keys.size(); ++k)
     if (!is_of_it(before.keys[k])) unlisted_.add(before.keys[k], before.row(k, needs_.width));
 }
 
 void ContactTable::end(std::size_t contact) {
-  std::fill_n(values_.begin() + static_cast<std::ptrdiff_t>(contact * needs_.width), needs_.width, 0.0);
-  touched_[contact] = 0;
+  std::fill_n(now_.values.begin() + static_cast<std::ptrdiff_t>(contact * needs_.width), needs_.width, 0.0);
+  now_.touched[contact] = 0;
 }
 
 void ContactTable::advanced() {
   unlisted_ = {};
   if (!shared()) return;
   for (std::size_t k = 0; k < keys_.size(); ++k)
-    if (touched_[k] != 0 && touches_now_[k] == 0) end(k);
+    if (now_.touched[k] != 0 && touches_now_[k] == 0) end(k);
   std::ranges::fill(touches_now_, std::uint8_t{0});
 }
 
@@ -82,15 +82,19 @@ void ContactTable::assign(std::vector<ContactKey> keys) {
   } else {
     keys_ = std::move(keys);
   }
-  touched_.assign(keys_.size(), 0);
-  values_.assign(keys_.size() * width, 0);
+  now_.resize(keys_.size(), needs_.width);
+  if (needs_.ahead) {
+    next_.resize(keys_.size(), needs_.width);
+    room_.resize(keys_.size());
+    lost_.resize(keys_.size() * needs_.losses.size());
+  }
   for (std::size_t e = 0; e < keys_.size(); ++e) {
     const auto at = std::lower_bound(known.keys.begin(), known.keys.end(), keys_[e]);
     if (at == known.keys.end() || *at != keys_[e]) continue;
     const auto k = static_cast<std::size_t>(at - known.keys.begin());
     listed[k] = true;
-    touched_[e] = 1;
-    std::ranges::copy(known.row(k, needs_.width), values_.begin() + static_cast<std::ptrdiff_t>(e * width));
+    now_.touched[e] = 1;
+    std::ranges::copy(known.row(k, needs_.width), now_.values.begin() + static_cast<std::ptrdiff_t>(e * width));
   }
   unlisted_ = {};
   for (std::size_t k = 0; k < known.keys.size(); ++k)

@@ -27,6 +27,7 @@ struct HistoryNeeds {
   std::vector<std::string> losses = {};  ///< what turns energy into heat, of which the sums are kept
   std::size_t record = 0;  ///< bytes of what an evaluation of forces finds of a contact; 0: nothing is kept
   int constants = 0;       ///< numbers of an element that stay the same as long as the list does
+  bool ahead = false;      ///< whether evaluations write what is known if the step ends there
 };
 
 /// Two particles by id, the lower one first; or a particle and the number of a surface of the walls, or of which of its
@@ -88,8 +89,6 @@ class TouchRecords {
   Writer<Touch> write(Range range) {
     return {element_.data() + range.first, at<Touch>(range.first), range.size()};
   }
-  /// The memory of the records of a range, for a term that lays them out in its own way.
-  std::byte* memory(Range range) const { return touch_.get() + static_cast<std::size_t>(range.first) * bytes_; }
   /// visit(e, touch); touch is null where there is no contact any more.
   template <class Touch, class Visit>
   PLIANT_INLINE void for_each(Range range, Visit&& visit) const {
@@ -111,7 +110,9 @@ class TouchRecords {
 };
 
 /// The history of one term. An entry of the list of its elements has the numbers of its contact: evaluations read them,
-/// and nothing but an accepted step changes them. Parts of walls that are of one surface have one contact with a point.
+/// and nothing but an accepted step changes them. A term whose elements are contacts of their own can write what will
+/// be known if the step ends where it evaluates its forces: an accepted step then has nothing to compute any more.
+/// Parts of walls that are of one surface have one contact with a point.
 /// A pair that is listed twice, on both sides of the border of a chunk or of a rank, has them twice; a term that looks
 /// at a pair in the order of the ids advances both alike, bit for bit.
 class ContactTable {
@@ -133,8 +134,8 @@ class ContactTable {
   /// What was known of element e at the end of the last accepted step: `width` numbers; none if it was no contact then.
   PLIANT_INLINE std::span<const Real> past(Index e) const {
     const std::size_t k = contact_of(e);
-    if (touched_[k] == 0) return {};
-    return {values_.data() + k * needs_.width, static_cast<std::size_t>(needs_.width)};
+    if (now_.touched[k] == 0) return {};
+    return {now_.values.data() + k * needs_.width, static_cast<std::size_t>(needs_.width)};
   }
 
   /// The same for loops over elements: null where there was no contact.
@@ -143,8 +144,8 @@ class ContactTable {
    public:
     explicit Pasts(const ContactTable& table)
         : contact_of_(table.contact_of_.empty() ? nullptr : table.contact_of_.data()),
-          touched_(table.touched_.data()),
-          values_(table.values_.data()) {}
+          touched_(table.now_.touched.data()),
+          values_(table.now_.values.data()) {}
     PLIANT_INLINE const Real* operator()(Index e) const { return known(e) ? values_ + contact_of(e) * Width : nullptr; }
     /// Whether there was one.
     PLIANT_INLINE bool known(Index e) const { return touched_[contact_of(e)] != 0; }
@@ -166,7 +167,7 @@ class ContactTable {
   template <int Width>
   class Rows {
    public:
-    explicit Rows(const ContactTable& table) : touched_(table.touched_.data()), values_(table.values_.data()) {}
+    explicit Rows(const ContactTable& table) : touched_(table.now_.touched.data()), values_(table.now_.values.data()) {}
     /// Zeros where there was no contact.
     PLIANT_INLINE const Real* operator()(Index e) const { return values_ + static_cast<std::ptrdiff_t>(e) * Width; }
     PLIANT_INLINE bool known(Index e) const { return touched_[e] != 0; }
@@ -185,6 +186,46 @@ class ContactTable {
   Rows<Width> rows() const {
     return Rows<Width>(*this);
   }
+
+  /// What is known of such elements if the step ends where their forces are evaluated now; of no account before that.
+  /// Different elements may be written at the same time.
+  template <int Width>
+  class Ahead {
+   public:
+    explicit Ahead(const ContactTable& table)
+        : touched_(table.next_.touched.data()), values_(table.next_.values.data()) {}
+    /// Whether there is a contact, as was written last.
+    PLIANT_INLINE bool known(Index e) const { return touched_[e] != 0; }
+    /// There is one: its numbers, to be set.
+    PLIANT_INLINE Real* touches(Index e) const {
+      touched_[e] = 1;
+      return values_ + static_cast<std::ptrdiff_t>(e) * Width;
+    }
+    /// The same of a range.
+    PLIANT_INLINE Real* touches(Range range) const {
+      std::fill_n(touched_ + range.first, range.size(), std::uint8_t{1});
+      return values_ + static_cast<std::ptrdiff_t>(range.first) * Width;
+    }
+    /// There is none.
+    PLIANT_INLINE void parted(Index e) const {
+      touched_[e] = 0;
+      std::fill_n(values_ + static_cast<std::ptrdiff_t>(e) * Width, Width, 0.0);
+    }
+
+   private:
+    std::uint8_t* touched_;
+    Real* values_;
+  };
+  template <int Width>
+  Ahead<Width> ahead() const {
+    return Ahead<Width>(*this);
+  }
+  /// An index for each element of a range, for such an evaluation to use.
+  Index* room(Range range) const { return room_.data() + range.first; }
+  /// What the elements of a range lose then, as the term wants it; the range is not empty. [losses]
+  Real* lost(Range range) const { return lost_.data() + static_cast<std::size_t>(range.first) * needs_.losses.size(); }
+  /// The step has ended where the forces of all elements were evaluated.
+  void accept() { std::swap(now_, next_); }
 
   /// What stays the same of element e and those after it, zeros until the term has set it. Different elements may be
   /// set at the same time.
@@ -205,26 +246,14 @@ class ContactTable {
   template <class Advance>
   PLIANT_INLINE void advance(Index e, Advance&& advance) {
     const std::size_t k = contact_of(e);
-    const std::span numbers(values_.data() + k * needs_.width, static_cast<std::size_t>(needs_.width));
-    const bool known = touched_[k] != 0, touches = advance(known, numbers);
+    const std::span numbers(now_.values.data() + k * needs_.width, static_cast<std::size_t>(needs_.width));
+    const bool known = now_.touched[k] != 0, touches = advance(known, numbers);
     if (shared()) {
-      if (touches) touched_[k] = touches_now_[k] = 1;
+      if (touches) now_.touched[k] = touches_now_[k] = 1;
       return;
     }
     if (known && !touches) std::ranges::fill(numbers, 0);
-    touched_[k] = touches ? 1 : 0;
-  }
-  /// The same for an element that is a contact of its own and touches: its numbers, to be set.
-  template <int Width>
-  PLIANT_INLINE Real* touches(Index e) {
-    touched_[e] = 1;
-    return values_.data() + static_cast<std::ptrdiff_t>(e) * Width;
-  }
-  /// The same for all of a range.
-  std::span<Real> advance(Range range) {
-    std::fill_n(touched_.begin() + range.first, range.size(), std::uint8_t{1});
-    return std::span(values_).subspan(static_cast<std::size_t>(range.first) * needs_.width,
-                                      static_cast<std::size_t>(range.size()) * needs_.width);
+    now_.touched[k] = touches ? 1 : 0;
   }
   /// All elements have been advanced: what is not listed does not touch.
   void advanced();
@@ -241,6 +270,15 @@ class ContactTable {
   void assign(std::vector<ContactKey> keys);
 
  private:
+  struct Side {
+    std::vector<std::uint8_t> touched;  ///< [contacts]
+    std::vector<Real> values;           ///< [contacts · width]; zeros where nothing touches
+
+    void resize(std::size_t contacts, int width) {
+      touched.assign(contacts, 0);
+      values.assign(contacts * static_cast<std::size_t>(width), 0);
+    }
+  };
   /// It touches no more.
   void end(std::size_t contact);
   /// Whether several elements may be one contact.
@@ -250,14 +288,17 @@ class ContactTable {
   }
 
   HistoryNeeds needs_;
-  std::vector<Index> contact_of_;                    ///< [list]; empty: each element is one
-  std::vector<ContactKey> keys_;                     ///< [contacts]
-  std::vector<std::uint8_t> touched_, touches_now_;  ///< [contacts]; the latter where they are shared
-  std::vector<Real> values_;                         ///< [contacts · width]; zeros where nothing touched
-  std::vector<Real> heat_;                           ///< [losses]
+  std::vector<Index> contact_of_;  ///< [list]; empty: each element is one
+  std::vector<ContactKey> keys_;   ///< [contacts]
+  Side now_;
+  mutable Side next_;                      ///< of terms that write ahead
+  std::vector<std::uint8_t> touches_now_;  ///< [contacts] where they are shared
+  std::vector<Real> heat_;                 ///< [losses]
   StoredContacts unlisted_;
   mutable TouchRecords records_;
   mutable std::vector<Real> constants_;  ///< [list · constants]
+  mutable std::vector<Index> room_;      ///< [list] of terms that write ahead
+  mutable std::vector<Real> lost_;       ///< [list · losses], at the first element of each range
 };
 
 /// The histories of all terms of a model that have one. It follows the lists: contacts are known by ids, so that

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
-#include <limits>
 
 #include <pliant/base/simd.h>
 
@@ -20,63 +19,15 @@ namespace {
 
 using DiskPasts = ContactTable::Rows<DiskContact<>::history>;
 
-/// What an evaluation leaves of a range: its elements, those that touch from the front and those that touch no more,
-/// as ~e, from the back, with `none` between them where there is room; and records of those that touch, number by
-/// number of four of them.
-struct DiskRecords {
-  static constexpr Index none = std::numeric_limits<Index>::min();
-  static constexpr Index numbers = 12;
-  static_assert(sizeof(DiskContact<>::Touch) >= sizeof(Real) * numbers);
-
-  Index* element;
-  Index size;
-  Real* memory;
-
-  DiskRecords(const ContactTable& table, Range range)
-      : element(table.record<DiskContact<>::Touch>(range).room()),
-        size(range.size()),
-        memory(reinterpret_cast<Real*>(table.records().memory(range))) {}
-
-  Index touching() const {
-    Index n = 0;
-    while (n < size && element[n] >= 0) ++n;
-    return n;
-  }
-  /// visit(e) for those that touch no more.
-  template <class Visit>
-  void for_each_parted(Visit&& visit) const {
-    for (Index k = size - 1; k >= 0 && element[k] < 0 && element[k] != none; --k) visit(~element[k]);
-  }
-
-  /// Of `count` contacts, the first being number k of those that touch.
-  PLIANT_INLINE void write(Index k, Index count, const DiskTouch<Real4>& c) const {
-    Real* to = memory + static_cast<std::ptrdiff_t>(k) * numbers;
-    const auto store = [&](const auto&... all)
-                           PLIANT_INLINE_LAMBDA { ((simd::store_first(to, all, count), to += count), ...); };
-    store(c.elastic, c.k, c.gamma, c.lever, c.stretched, c.slid ? simd::all(1) : Real4{}, c.a, c.b, c.n0, c.n1,
-          c.turned, c.before);
-  }
-  PLIANT_INLINE DiskTouch<Real4> read(Index k, Index count) const {
-    const Real* from = memory + static_cast<std::ptrdiff_t>(k) * numbers;
-    const auto load = [&](auto&... all)
-                          PLIANT_INLINE_LAMBDA { ((simd::load_first(from, all, count), from += count), ...); };
-    Real4 slid{};
-    DiskTouch<Real4> c{};
-    load(c.elastic, c.k, c.gamma, c.lever, c.stretched, slid, c.a, c.b, c.n0, c.n1, c.turned, c.before);
-    c.slid = slid != 0;
-    return c;
-  }
-};
-
-/// visit(k, count, elements) for four of those that touch at a time. Fewer are filled up with copies of the last.
+/// visit(count, elements) for four elements at a time. Fewer are filled up with copies of the last.
 template <class Visit>
-PLIANT_INLINE void for_each_four(const DiskRecords& records, Index touching, Visit&& visit) {
+PLIANT_INLINE void for_each_four(const Index* elements, Index size, Visit&& visit) {
   Index k = 0;
-  for (; k + 4 <= touching; k += 4) visit(k, 4, records.element + k);
-  if (k == touching) return;
+  for (; k + 4 <= size; k += 4) visit(4, elements + k);
+  if (k == size) return;
   std::array<Index, 4> rest;
-  for (Index l = 0; l < 4; ++l) rest[l] = records.element[std::min(k + l, touching - 1)];
-  visit(k, touching - k, rest.data());
+  for (Index l = 0; l < 4; ++l) rest[l] = elements[std::min(k + l, size - 1)];
+  visit(size - k, rest.data());
 }
 
 /// The points of four pairs.
@@ -131,7 +82,7 @@ PLIANT_MULTIVERSION void add_contacts(Real epsilon, const SurfaceFriction& frict
                                       const ContactTable& table, const Scatter<2, 1, OwnOnly>& scatter, bool total) {
   const SurfaceFriction surface = friction;  // nobody else writes to these
   const DiskPasts past = table.rows<DiskContact<>::history>();
-  const DiskRecords records(table, range);
+  const ContactTable::Ahead<DiskContact<>::history> ahead(table);
   const Scatter<2, 1, OwnOnly> force = scatter;
   const PairList& list = s.neighbours.point_pairs;
   const Pair* const pairs = list.pairs.data();
@@ -143,20 +94,22 @@ PLIANT_MULTIVERSION void add_contacts(Real epsilon, const SurfaceFriction& frict
   if (range.size() > 0 && *constants(range.first) == 0) set_constants(s, range, table);
 
   // First which pairs touch, without a branch that depends on it.
-  Index touching = 0, parted = range.size();
+  Index* const elements = table.room(range);
+  Index touching = 0;
   for (Index e = range.first; e < range.last; ++e) {
     const std::ptrdiff_t i = 2 * std::ptrdiff_t(pairs[e].first), j = 2 * std::ptrdiff_t(pairs[e].second);
     const Real dx = x[i] - x[j], dy = x[i + 1] - x[j + 1], d2 = dx * dx + dy * dy;
     const bool near = (d2 < square(reach[e])) & (d2 > 0);
-    records.element[touching] = e;  // or what comes next is there
+    elements[touching] = e;  // or what comes next is there
     touching += near ? 1 : 0;
-    if (past.known(e) & !near) records.element[--parted] = ~e;
+    if (ahead.known(e) & !near) ahead.parted(e);
   }
-  if (touching < parted) records.element[touching] = records.element[parted - 1] = DiskRecords::none;
 
-  for_each_four(records, touching, [&](Index k, Index count, const Index* e) PLIANT_INLINE_LAMBDA {
+  std::array<Real4, 3> lost{};
+  for_each_four(elements, touching, [&](Index count, const Index* e) PLIANT_INLINE_LAMBDA {
     const Places at(pairs, e);
     const Points2 r = at.differences(x);
+    const DiskTouch<Real4>::Past before = past_of(past, e);
     DiskTouch<Real4> c;
     Real4 a = load4(constants(e[0])), b = load4(constants(e[1])), both = load4(constants(e[2])),
           root_mass = load4(constants(e[3]));
@@ -164,8 +117,7 @@ PLIANT_MULTIVERSION void add_contacts(Real epsilon, const SurfaceFriction& frict
     c.find<Law>(epsilon, surface,
                 {r.x, r.y, r.x * r.x + r.y * r.y, both, a, b, root_mass, Places::gather(s.angles, at.first),
                  Places::gather(s.angles, at.second)},
-                past_of(past, e));
-    records.write(k, count, c);
+                before);
     const auto rubs = rub(c, surface, s, at);
     const auto [fx, fy] = c.force(total ? rubs.normal : rubs.normal - c.elastic, rubs.hold.pull);
     Real4 lanes02, lanes13;
@@ -182,40 +134,25 @@ PLIANT_MULTIVERSION void add_contacts(Real epsilon, const SurfaceFriction& frict
       add(at.first[l], f[l], on_first[l]);
       add(at.second[l], -f[l], on_second[l]);
     }
-  });
-}
 
-/// Writes what is kept of those that touch, and over their records what each has lost; or adds all of it to `heat`.
-PLIANT_MULTIVERSION void advance_contacts(const SurfaceFriction& friction, const StateView<2>& s, Real h,
-                                          const DiskRecords& from, Index touching, ContactTable& table, Real* heat) {
-  constexpr int losses = 3;
-  const SurfaceFriction surface = friction;
-  const DiskRecords records = from;
-  const Pair* const pairs = s.neighbours.point_pairs.pairs.data();
-  Real* lost = records.memory;  // far less than the records
-  std::array<Real4, losses> sums{};
-  for_each_four(records, touching, [&](Index k, Index count, const Index* e) PLIANT_INLINE_LAMBDA {
-    const DiskTouch<Real4> c = records.read(k, count);
-    const auto rubs = rub(c, surface, s, Places(pairs, e));
-    std::array<Real4, losses> now{h * c.normal_power(rubs), h * c.tangential_power(rubs), c.slid_heat(rubs, c.before)};
     auto [n0, n1] = c.line();
     Real4 turned = c.turned, spring = rubs.hold.spring;
     simd::transpose(n0, n1, turned, spring);
     const Real4 rows[4] = {n0, n1, turned, spring}, slides = rubs.hold.slides ? simd::all(1) : Real4{};
     for (Index l = 0; l < count; ++l) {
-      Real* const numbers = table.touches<DiskContact<>::history>(e[l]);
+      Real* const numbers = ahead.touches(e[l]);
       simd::store4(numbers, rows[l]);
       numbers[4] = slides[l];
-      if (heat == nullptr)
-        for (const Real4& a : now) *lost++ = a[l];
     }
-    for (int j = 0; j < losses; ++j) {
-      for (Index l = count; l < 4; ++l) now[j][l] = 0;
-      sums[j] += now[j];
-    }
+    Mask4 counts = simd::first(count);
+    if constexpr (OwnOnly)
+      for (int l = 0; l < 4; ++l)
+        if (!force.own.contains(s.topology.counts_for(Index(at.first[l]), Index(at.second[l])))) counts[l] = 0;
+    const Real4 now[3] = {c.normal_power(rubs), c.tangential_power(rubs), c.slid_heat(rubs, before.spring)};
+    for (int j = 0; j < 3; ++j) lost[j] += simd::where(counts, now[j]);
   });
-  if (heat != nullptr)
-    for (int j = 0; j < losses; ++j) heat[j] += (sums[j][0] + sums[j][1]) + (sums[j][2] + sums[j][3]);
+  if (range.size() > 0)
+    for (int j = 0; j < 3; ++j) table.lost(range)[j] = (lost[j][0] + lost[j][1]) + (lost[j][2] + lost[j][3]);
 }
 
 }  // namespace
@@ -234,14 +171,5 @@ PLIANT_DISK_FORCES(HertzOverlap, false)
 PLIANT_DISK_FORCES(HertzOverlap, true)
 PLIANT_DISK_FORCES(SpringOverlap, false)
 PLIANT_DISK_FORCES(SpringOverlap, true)
-
-DiskHeat advance_disks(const SurfaceFriction& surface, const StateView<2>& s, Range range, Real h, ContactTable& table,
-                       Real* heat) {
-  const DiskRecords records(table, range);
-  const Index touching = records.touching();
-  advance_contacts(surface, s, h, records, touching, table, heat);
-  records.for_each_parted([&](Index e) { table.advance(e, [](bool, std::span<Real>) { return false; }); });
-  return {{records.element, static_cast<std::size_t>(touching)}, records.memory};
-}
 
 }  // namespace pliant

@@ -18,7 +18,6 @@ struct DiskTouch : SurfaceTouch<2, R> {
   R a, b;  ///< radii
   R n0, n1;
   R turned;  ///< R_i θ_i + R_j θ_j; `lever` is (R_i + R_j)/d
-  R before;  ///< ξ at the end of the last step, 0 if they did not touch
 
   /// What is known of the disks.
   struct Pair {
@@ -44,7 +43,6 @@ struct DiskTouch : SurfaceTouch<2, R> {
     this->gamma = 2 * surface.damping * square_root(press.stiffness) * pair.root_mass;
     this->k = surface.stiffness * press.reference;
     this->slid = past.slid;
-    before = past.spring;
     const MaskOf<R> known = (past.n0 != 0) | (past.n1 != 0);
     const R spring = past.spring + pair.reach * turn_between_lines(past.n0, past.n1, n0, n1) - (turned - past.turned);
     this->stretched = known ? spring : R();
@@ -67,19 +65,10 @@ struct DiskTouch : SurfaceTouch<2, R> {
   }
 };
 
-/// The contacts of a range of pairs, four at a time: add_disk_forces leaves records of them, and what is advanced are
-/// these. total: with the elastic forces.
+/// DiskContact::add_forces, four contacts at a time. total: with the elastic forces.
 template <class Law, bool OwnOnly>
 void add_disk_forces(Real epsilon, const SurfaceFriction& surface, const StateView<2>& s, Range range,
                      const ContactTable& table, const Scatter<2, 1, OwnOnly>& force, bool total);
-/// What has touched, and what each has lost by each of the losses [touching · losses]; or with `heat`, to which all of
-/// it is added, nothing.
-struct DiskHeat {
-  std::span<const Index> touching;
-  const Real* lost;
-};
-DiskHeat advance_disks(const SurfaceFriction& surface, const StateView<2>& s, Range range, Real h, ContactTable& table,
-                       Real* heat);
 
 /// What acts between two disks beside the elastic force N_e = −V' of PairContact, in the plane. i is the one with the
 /// lower id, n the unit vector from j to i, t = n turned by 90°, d the distance of the centres.
@@ -156,16 +145,10 @@ struct DiskContact {
                   bool total = false) const {
     add_disk_forces<Law>(epsilon, surface, s, range, table, force, total);
   }
-  void advance(const StateView<2>& s, Range range, Real h, ContactTable& table, std::span<Real> heat) const {
-    advance_disks(surface, s, range, h, table, heat.data());
-  }
-  template <class Heat>
-  void advance_each(const StateView<2>& s, Range range, Real h, ContactTable& table, Heat&& heat) const {
-    const auto [touching, lost] = advance_disks(surface, s, range, h, table, nullptr);
-    for (std::size_t k = 0; k < touching.size(); ++k) {
-      const std::span<Real> sums = heat(touching[k]);
-      for (std::size_t j = 0; j < losses.size(); ++j) sums[j] += lost[k * losses.size() + j];
-    }
+  void add_heat(const Real* lost, Real h, std::span<Real> heat) const {
+    heat[0] += h * lost[0];
+    heat[1] += h * lost[1];
+    heat[2] += lost[2];
   }
   /// The spring between two of the stiffest disks: ω² = k_t (2/m + 2R²/I) = 6 k_t/m.
   Real max_rate(const Topology& topology) const { return spring_rate<Law>(surface, topology, epsilon, 1, 6); }

@@ -434,7 +434,10 @@ class Model final : public ForceField<D> {
         if (is_off(term)) return;
         all.push_back({std::string(term.name()), Term::elements, Term::history});
         if constexpr (losses_of<Term>() > 0) all.back().losses.assign(Term::losses.begin(), Term::losses.end());
-        if constexpr (FindingTerm<Term, D>) all.back().record = sizeof(typename Term::Touch);
+        if constexpr (RangeTerm<Term, D>)
+          all.back().ahead = true;
+        else if constexpr (FindingTerm<Term, D>)
+          all.back().record = sizeof(typename Term::Touch);
         if constexpr (requires { Term::constants; }) all.back().constants = Term::constants;
       }
     });
@@ -495,6 +498,15 @@ class Model final : public ForceField<D> {
   template <class Term>
   static void advance(const Term& term, const StateView<D>& s, Real h, ContactTable& table, bool found) {
     constexpr std::size_t losses = losses_of<Term>();
+    if constexpr (RangeTerm<Term, D>)
+      if (found) {
+        std::array<Real, losses> heat{};
+        for (Index chunk = 0; chunk < s.neighbours.chunks(); ++chunk)
+          for (const Range range : {inside<Term>(s, chunk), across<Term>(s, chunk)})
+            if (range.size() > 0) term.add_heat(table.lost(range), h, heat);
+        table.add_heat(heat);
+        return table.accept();
+      }
     std::vector<std::array<Real, losses>> heat(losses > 0 ? s.neighbours.chunks() : 0);
     for_each_chunk(s, [&](Index chunk) {
       std::array<Real, losses> counts{}, elsewhere{};
@@ -507,7 +519,7 @@ class Model final : public ForceField<D> {
               return c != nullptr;
             });
           };
-          if (found) return table.records().template for_each<Touch>(range, one);
+          if (!RangeTerm<Term, D> && found) return table.records().template for_each<Touch>(range, one);
           Touch c;
           for (Index e = range.first; e < range.last; ++e) one(e, term.find(s, e, table.past(e), c) ? &c : nullptr);
         } else {
@@ -525,16 +537,8 @@ class Model final : public ForceField<D> {
         return std::span<Real>(losses > 0 && counts_in<Term>(s, chunk, e) ? counts : elsewhere);
       };
       const Range own = inside<Term>(s, chunk), border = across<Term>(s, chunk);
-      if constexpr (RangeTerm<Term, D>) {
-        if (found) {
-          term.advance(s, own, h, table, counts);
-          if constexpr (KindOf<Term>::paired) term.advance_each(s, border, h, table, in_one_of_two);
-        }
-      }
-      if (!RangeTerm<Term, D> || !found) {
-        run(own, in_chunk);
-        if constexpr (KindOf<Term>::paired) run(border, in_one_of_two);
-      }
+      run(own, in_chunk);
+      if constexpr (KindOf<Term>::paired) run(border, in_one_of_two);
       if constexpr (losses > 0) heat[chunk] = counts;
     });
     for (const auto& of_chunk : heat) table.add_heat(of_chunk);

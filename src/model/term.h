@@ -167,15 +167,17 @@ concept FindingTerm = requires(const T term, const StateView<D>& s, Index e, Rea
 };
 
 /// One that takes a range of elements together, where there is a history: for a loop over several elements at a time.
-/// It leaves their records in its own way, and advances what the last forces found. It can keep numbers of each element
-/// that stay the same as long as the list does, `static constexpr int constants` of them. Terms of pairs have
-/// advance_each(s, range, h, table, heat) too, for pairs across a border: heat(e) is where that of an element counts.
+/// Beside the forces it writes what is known of the elements if the step ends there (ContactTable::Ahead), and what
+/// those that count in the chunk lose (ContactTable::lost): numbers of which add_heat(lost, h, heat) makes the heat of
+/// a step. Where a step ends at the positions of the last forces this is all; velocities are then those that the forces
+/// were for. It can keep numbers of each element that stay the same as long as the list does, `static constexpr int
+/// constants` of them.
 template <class T, int D>
 concept RangeTerm = FindingTerm<T, D> &&
-    requires(const T term, const StateView<D>& s, Range range, Real h, const ContactTable& table,
-             ContactTable& advanced, std::span<Real> heat, const Scatter<D, 1>& f) {
+    requires(const T term, const StateView<D>& s, Range range, Real h, const ContactTable& table, const Real* lost,
+             std::span<Real> heat, const Scatter<D, 1>& f) {
   term.add_forces(s, range, table, f);
-  term.advance(s, range, h, advanced, heat);
+  term.add_heat(lost, h, heat);
 };
 
 template <class T, int D>

@@ -85,13 +85,12 @@ TEST_CASE("contacts that the last forces found are advanced like those that are 
     ParticleSystem<2>& system = s->particles();
     const Real h = 0.05, t = s->state().t + h;
     std::vector<Real> x(s->state().x().begin(), s->state().x().end()), v(s->state().v().begin(), s->state().v().end()),
-        predicted = v, elsewhere = x, a(x.size());
+        elsewhere = x, a(x.size());
     for (std::size_t k = 0; k < x.size(); ++k) {
       x[k] += h * v[k];
-      predicted[k] *= 1.1;
       elsewhere[k] -= h * v[k];
     }
-    system.acceleration(t, x.data(), predicted.data(), a.data());
+    system.acceleration(t, x.data(), v.data(), a.data());
     if (between == Between::look)
       system.field().forces(system.view(elsewhere.data(), v.data(), t), a.data());
     else if (between == Between::trial)
@@ -201,9 +200,8 @@ TEST_CASE("disks on a table between walls do not depend on direction or place") 
 }
 
 TEST_CASE("energy, work of the walls and heat of all causes balance, the better the shorter the step") {
-  const Crowd crowd(5);
-  const auto lost = [&](Real dt) {
-    const auto s = crowd.simulation(dt);
+  const auto lost = [&](std::uint64_t seed, Real dt) {
+    const auto s = Crowd(seed).simulation(dt);
     const Real before = energy(*s);
     Real work = 0;
     s->advance(0.1, [&](State&) {
@@ -216,7 +214,8 @@ TEST_CASE("energy, work of the walls and heat of all causes balance, the better 
     CHECK(std::abs(work) > 0.1);
     return std::abs(before + work - energy(*s) - heat) / before;
   };
-  const Real coarse = lost(1e-3), fine = lost(1.25e-4);
+  Real coarse = 0, fine = 0;
+  for (const std::uint64_t seed : {5, 6, 7}) coarse += lost(seed, 1e-3), fine += lost(seed, 1.25e-4);
   CHECK(coarse < 0.02);
   CHECK(fine < 0.3 * coarse);
 }
