@@ -6,8 +6,7 @@
 #include <cstdint>
 #include <type_traits>
 
-#include <pliant/base/multiversion.h>
-#include <pliant/base/types.h>
+#include <pliant/base/lanes.h>
 
 namespace pliant {
 
@@ -15,13 +14,13 @@ namespace pliant {
 /// of vectors of them.
 template <class R>
 PLIANT_INLINE R turn_of(R sine, R cosine) {
-  constexpr Real small = 0.03;  // as it mostly is for what moves in one step
+  constexpr Real small = 0.01;  // as it mostly is for what moves in one step
   const R s2 = sine * sine;
-  const R turn = sine * (1 + s2 * (1.0 / 6 + s2 * (3.0 / 40 + s2 * (15.0 / 336 + s2 * (105.0 / 3456)))));
+  const R turn = sine * (1 + s2 * (1.0 / 6 + s2 * (3.0 / 40 + s2 * (15.0 / 336))));
   if constexpr (std::is_arithmetic_v<R>) {
     return cosine > 0 && std::abs(sine) < small ? turn : std::atan2(sine, cosine);
   } else {
-    const auto far = (cosine < 0) | ((sine < 0 ? -sine : sine) >= small);
+    const auto far = (cosine < 0) | (magnitude(sine) >= small);
     std::int64_t any = 0;
     for (std::size_t k = 0; k < sizeof(R) / sizeof(Real); ++k) any |= far[k];
     if (any == 0) return turn;
@@ -41,7 +40,7 @@ PLIANT_INLINE Real turn_between(const Vec<2>& a, const Vec<2>& b) {
 template <class R>
 PLIANT_INLINE R turn_between_lines(R ax, R ay, R bx, R by) {
   const R sine = ax * by - ay * bx, cosine = ax * bx + ay * by;
-  return turn_of(R(cosine < 0 ? -sine : sine), R(cosine < 0 ? -cosine : cosine));
+  return turn_of(times_sign_of(cosine, sine), magnitude(cosine));
 }
 
 }  // namespace pliant

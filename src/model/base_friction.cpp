@@ -93,13 +93,13 @@ struct EightOnBase {
       lost += simd::where(~slid, more * (simd::sum_of(held_x, sx, held_y, sy) + twist * turn));
       lost = simd::where(slides, lost);
     }
-    gamma = simd::where(known & ~slides, 2 * base.damping * simd::sqrt(stiffness * mass));
+    const Mask8 damps = known & ~slides;
+    gamma = any(damps) ? simd::where(damps, 2 * base.damping * simd::sqrt(stiffness * mass)) : 0;
   }
 
   /// Adds what damps to the force of the spring, as far as the limit allows.
   PLIANT_INLINE void damp(const Points8& v, const Real8& spin) {
     const Mask8 damps = gamma > 0;
-    if (!any(damps)) return;
     held_x += gamma * v.x;
     held_y += gamma * v.y;
     twist += gamma * radius * spin;
@@ -216,7 +216,7 @@ PLIANT_MULTIVERSION void add_range(const BaseFriction& base, const StateView<2>&
   const BaseFriction law = base;  // nobody else writes to these
   const ContactTable::Rows<BaseFriction::history> past(table);
   const Scatter<2, 1> force = scatter;
-  Real* next = table.ahead<BaseFriction::history>().touches(range);
+  Real* next = ContactTable::Ahead<BaseFriction::history>(table).touches(range);
   Real4 damped{}, slid{};
   for_each_eight(s, range, [&](Index first, Index count, const DisksOnBase& d) PLIANT_INLINE_LAMBDA {
     EightOnBase eight(law);
@@ -232,19 +232,18 @@ PLIANT_MULTIVERSION void add_range(const BaseFriction& base, const StateView<2>&
     }
     transpose(eight.next);
     for (Index k = 0; k < count; ++k, next += 4) simd::store4(next, k < 4 ? eight.next[k].a : eight.next[k - 4].b);
-    const Mask8 counts = simd::first8(count);
     const auto add = [&](Real4& to, const Real8& all) PLIANT_INLINE_LAMBDA {
-      const Real8 some = simd::where(counts, all);
+      const Real8 some = count == 8 ? all : simd::where(simd::first8(count), all);
       to += some.a, to += some.b;
     };
     add(slid, eight.lost);
-
-    const Real8 x = eight.held_x, y = eight.held_y, twist = eight.twist;
-    const Points8 v = points(d.v);
-    const Real8 spin = load8(d.spin);
-    eight.damp(v, spin);
-    add(damped,
-        simd::sum_of(eight.held_x - x, v.x, eight.held_y - y, v.y) + (eight.twist - twist) * (eight.radius * spin));
+    if (any(eight.gamma > 0)) {
+      const Real8 x = eight.held_x, y = eight.held_y, twist = eight.twist, spin = load8(d.spin);
+      const Points8 v = points(d.v);
+      eight.damp(v, spin);
+      add(damped,
+          simd::sum_of(eight.held_x - x, v.x, eight.held_y - y, v.y) + (eight.twist - twist) * (eight.radius * spin));
+    }
     Real* const f = force.out + 2 * std::ptrdiff_t(first);
     subtract(f, points(eight.held_x.a, eight.held_y.a), 2 * count);
     subtract(f + 8, points(eight.held_x.b, eight.held_y.b), 2 * count - 8);
@@ -282,6 +281,8 @@ PLIANT_MULTIVERSION void damp_one(const BaseFriction& base, const StateView<2>& 
 }
 
 }  // namespace
+
+static_assert(RangeTerm<BaseFriction, 2>);
 
 const LimitSurface* BaseFriction::the_surface() { return &limit_surface(); }
 

@@ -68,10 +68,11 @@ void ContactTable::advanced() {
 void ContactTable::assign(std::vector<ContactKey> keys) {
   const StoredContacts known = contacts();
   const auto width = static_cast<std::size_t>(needs_.width);
+  const std::size_t elements = keys.size();
   std::vector<bool> listed(known.keys.size());
   contact_of_.clear();
-  records_.resize(keys.size());
-  constants_.assign(keys.size() * static_cast<std::size_t>(needs_.constants), 0);
+  records_.resize(elements);
+  constants_.assign(elements * static_cast<std::size_t>(needs_.constants), 0);
   if (shared()) {
     keys_ = keys;
     std::sort(keys_.begin(), keys_.end());
@@ -85,8 +86,8 @@ void ContactTable::assign(std::vector<ContactKey> keys) {
   now_.resize(keys_.size(), needs_.width);
   if (needs_.ahead) {
     next_.resize(keys_.size(), needs_.width);
-    room_.resize(keys_.size());
-    lost_.resize(keys_.size() * needs_.losses.size());
+    room_.resize(elements);
+    lost_.resize(elements * needs_.losses.size());
   }
   for (std::size_t e = 0; e < keys_.size(); ++e) {
     const auto at = std::lower_bound(known.keys.begin(), known.keys.end(), keys_[e]);

@@ -110,9 +110,9 @@ class TouchRecords {
 };
 
 /// The history of one term. An entry of the list of its elements has the numbers of its contact: evaluations read them,
-/// and nothing but an accepted step changes them. A term whose elements are contacts of their own can write what will
-/// be known if the step ends where it evaluates its forces: an accepted step then has nothing to compute any more.
-/// Parts of walls that are of one surface have one contact with a point.
+/// and nothing but an accepted step changes them. A term can write ahead what will be known if the step ends where it
+/// evaluates its forces: an accepted step then has nothing to compute any more. Parts of walls that are of one surface
+/// have one contact with a point.
 /// A pair that is listed twice, on both sides of the border of a chunk or of a rank, has them twice; a term that looks
 /// at a pair in the order of the ids advances both alike, bit for bit.
 class ContactTable {
@@ -187,45 +187,49 @@ class ContactTable {
     return Rows<Width>(*this);
   }
 
-  /// What is known of such elements if the step ends where their forces are evaluated now; of no account before that.
-  /// Different elements may be written at the same time.
-  template <int Width>
+  /// What is known of elements if the step ends where their forces are evaluated now; of no account before that.
+  /// `Shared`: of walls. Different elements may be written at the same time, of walls those of different points.
+  template <int Width, bool Shared = false>
   class Ahead {
    public:
     explicit Ahead(const ContactTable& table)
-        : touched_(table.next_.touched.data()), values_(table.next_.values.data()) {}
+        : contact_of_(table.contact_of_.data()),
+          touched_(table.next_.touched.data()),
+          values_(table.next_.values.data()) {}
     /// Whether there is a contact, as was written last.
-    PLIANT_INLINE bool known(Index e) const { return touched_[e] != 0; }
+    PLIANT_INLINE bool known(Index e) const { return touched_[contact_of(e)] != 0; }
     /// There is one: its numbers, to be set.
     PLIANT_INLINE Real* touches(Index e) const {
-      touched_[e] = 1;
-      return values_ + static_cast<std::ptrdiff_t>(e) * Width;
+      touched_[contact_of(e)] = 1;
+      return values_ + contact_of(e) * Width;
     }
-    /// The same of a range.
+    /// The same of a range of elements that are contacts of their own.
     PLIANT_INLINE Real* touches(Range range) const {
+      static_assert(!Shared);
       std::fill_n(touched_ + range.first, range.size(), std::uint8_t{1});
-      return values_ + static_cast<std::ptrdiff_t>(range.first) * Width;
+      return values_ + contact_of(range.first) * Width;
     }
     /// There is none.
     PLIANT_INLINE void parted(Index e) const {
-      touched_[e] = 0;
-      std::fill_n(values_ + static_cast<std::ptrdiff_t>(e) * Width, Width, 0.0);
+      touched_[contact_of(e)] = 0;
+      std::fill_n(values_ + contact_of(e) * Width, Width, 0.0);
     }
 
    private:
+    PLIANT_INLINE std::ptrdiff_t contact_of(Index e) const { return Shared ? contact_of_[e] : e; }
+    const Index* contact_of_;
     std::uint8_t* touched_;
     Real* values_;
   };
-  template <int Width>
-  Ahead<Width> ahead() const {
-    return Ahead<Width>(*this);
-  }
   /// An index for each element of a range, for such an evaluation to use.
   Index* room(Range range) const { return room_.data() + range.first; }
   /// What the elements of a range lose then, as the term wants it; the range is not empty. [losses]
   Real* lost(Range range) const { return lost_.data() + static_cast<std::size_t>(range.first) * needs_.losses.size(); }
   /// The step has ended where the forces of all elements were evaluated.
-  void accept() { std::swap(now_, next_); }
+  void accept() {
+    std::swap(now_, next_);
+    if (shared()) touches_now_ = now_.touched;  // all of them are known to
+  }
 
   /// What stays the same of element e and those after it, zeros until the term has set it. Different elements may be
   /// set at the same time.

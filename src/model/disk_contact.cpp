@@ -162,6 +162,7 @@ void add_disk_forces(Real epsilon, const SurfaceFriction& surface, const StateVi
                      const ContactTable& table, const Scatter<2, 1, OwnOnly>& force, bool total) {
   add_contacts<Law>(epsilon, surface, s, range, table, force, total);
 }
+static_assert(RangeTerm<DiskContact<>, 2>);
 #define PLIANT_DISK_FORCES(Law, own)                                                                \
   template void add_disk_forces<Law, own>(Real, const SurfaceFriction&, const StateView<2>&, Range, \
                                           const ContactTable&, const Scatter<2, 1, own>&, bool);

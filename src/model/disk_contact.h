@@ -145,11 +145,7 @@ struct DiskContact {
                   bool total = false) const {
     add_disk_forces<Law>(epsilon, surface, s, range, table, force, total);
   }
-  void add_heat(const Real* lost, Real h, std::span<Real> heat) const {
-    heat[0] += h * lost[0];
-    heat[1] += h * lost[1];
-    heat[2] += lost[2];
-  }
+  void add_heat(const Real* lost, Real h, std::span<Real> heat) const { SurfaceTouch<2>::add_heat(lost, h, heat); }
   /// The spring between two of the stiffest disks: ω² = k_t (2/m + 2R²/I) = 6 k_t/m.
   Real max_rate(const Topology& topology) const { return spring_rate<Law>(surface, topology, epsilon, 1, 6); }
   /// Six contacts, half of them along any direction; each damps with 4 ζ √(V''/(2m)), m of one of two like disks.

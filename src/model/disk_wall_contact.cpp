@@ -14,21 +14,17 @@ using simd::Real4;
 namespace {
 
 template <class Law>
-using Touches = std::span<typename DiskWallContact<Law>::Touch* const>;
-using Pasts = std::array<const Real*, 4>;
-
-template <class Law>
-PLIANT_MULTIVERSION void add_four(const DiskWallContact<Law>& term, const StateView<2>& s, Touches<Law> touches,
-                                  const Pasts& pasts, const Scatter<2, 1>& force) {
-  using Touch = typename DiskWallContact<Law>::Touch;
+PLIANT_MULTIVERSION void settle_four(FourAtWalls<Law>& four, const DiskWallContact<Law>& term, const StateView<2>& s,
+                                     const typename FourAtWalls<Law>::Ahead& ahead, const Scatter<2, 1>& force,
+                                     bool total) {
   static constexpr std::array<Real, DiskWallContact<Law>::history> nothing{};
-  const std::size_t count = touches.size();
-  std::array<Touch*, 4> c;
-  Pasts past;
-  for (std::size_t k = 0; k < 4; ++k) {
-    const std::size_t l = std::min(k, count - 1);
-    c[k] = touches[l];
-    past[k] = pasts[l] != nullptr ? pasts[l] : nothing.data();
+  const Index count = four.count;
+  std::array<typename DiskWallContact<Law>::Touch*, 4> c;
+  std::array<const Real*, 4> past;
+  for (Index k = 0; k < 4; ++k) {
+    const Index l = std::min(k, count - 1);
+    c[k] = &four.touch[l];
+    past[k] = four.past[l] != nullptr ? four.past[l] : nothing.data();
   }
   const auto read = [](const Real* p, const Real* q, const Real* r, const Real* t, Real4& a, Real4& b, Real4& d,
                        Real4& e) PLIANT_INLINE_LAMBDA {
@@ -48,42 +44,49 @@ PLIANT_MULTIVERSION void add_four(const DiskWallContact<Law>& term, const StateV
   read(past[0] + 3, past[1] + 3, past[2] + 3, past[3] + 3, again, before.angle, before.spring, slid);
   before.slid = slid != 0;
 
-  DiskWallTouch<Real4> four;
-  four.template settle<Law>(term.epsilon, term.surface, place, before);
+  DiskWallTouch<Real4> all;
+  all.template settle<Law>(term.epsilon, term.surface, place, before);
   std::array<Index, 4> i;
   std::array<Real2, 4> v;
   for (int k = 0; k < 4; ++k) i[k] = c[k]->i, v[k] = simd::load2(s.v + 2 * std::ptrdiff_t(i[k]));
   const simd::Points2 velocity = simd::transpose(v[0], v[1], v[2], v[3]);
   const Real4 turns{s.spins[i[0]], s.spins[i[1]], s.spins[i[2]], s.spins[i[3]]};
-  const auto rubs = four.rub(term.surface.tangential_damping, mu_static, mu_dynamic, n0, n1, velocity.x - wall0,
-                             velocity.y - wall1, place.radius, turns - spin);
-  const auto [x, y] = four.force(n0, n1, rubs.normal, rubs.hold.pull);
+  const auto rubs = all.rub(term.surface.tangential_damping, mu_static, mu_dynamic, n0, n1, velocity.x - wall0,
+                            velocity.y - wall1, place.radius, turns - spin);
+  const auto [x, y] = all.force(n0, n1, total ? rubs.normal : rubs.normal - all.elastic, rubs.hold.pull);
   Real4 lanes02, lanes13;
   simd::transpose({x, y}, lanes02, lanes13);
   const Real2 push[4] = {simd::low(lanes02), simd::low(lanes13), simd::high(lanes02), simd::high(lanes13)};
   const Real4 torque = rubs.hold.pull * place.radius;
-  for (std::size_t k = 0; k < count; ++k) {
-    c[k]->elastic = four.elastic[k], c[k]->k = four.k[k], c[k]->gamma = four.gamma[k], c[k]->lever = four.lever[k];
-    c[k]->stretched = four.stretched[k];
-    c[k]->slid = four.slid[k] != 0;
+  const Real4 slides = rubs.hold.slides ? simd::all(1) : Real4{};
+  for (Index k = 0; k < count; ++k) {
     Real* const out = force.out + 2 * std::ptrdiff_t(i[k]);
     simd::store2(out, simd::load2(out) + push[k]);
     force.torques[i[k]] += torque[k];
+    Real* const numbers = ahead.touches(four.element[k]);
+    simd::store4(numbers, load4(c[k]->foot.data()));
+    numbers[4] = c[k]->angle;
+    numbers[5] = rubs.hold.spring[k];
+    numbers[6] = slides[k];
   }
+  const Real4 lost[3] = {all.normal_power(rubs), all.tangential_power(rubs), all.slid_heat(rubs, before.spring)};
+  for (int j = 0; j < 3; ++j) {
+    const Real4 some = simd::where(simd::first(count), lost[j]);
+    four.lost[j] += (some[0] + some[1]) + (some[2] + some[3]);
+  }
+  four.count = 0;
 }
 
 }  // namespace
 
 template <class Law>
-void add_four_at_walls(const DiskWallContact<Law>& term, const StateView<2>& s, Touches<Law> touches, const Pasts& past,
-                       const Scatter<2, 1>& force) {
-  add_four(term, s, touches, past, force);
+void FourAtWalls<Law>::settle(const DiskWallContact<Law>& term, const StateView<2>& s, const Ahead& ahead,
+                              const Scatter<2, 1>& force, bool total) {
+  settle_four(*this, term, s, ahead, force, total);
 }
-#define PLIANT_FOUR_AT_WALLS(Law)                                                                               \
-  template void add_four_at_walls(const DiskWallContact<Law>&, const StateView<2>&, Touches<Law>, const Pasts&, \
-                                  const Scatter<2, 1>&);
-PLIANT_FOUR_AT_WALLS(HarmonicOverlap)
-PLIANT_FOUR_AT_WALLS(HertzOverlap)
-PLIANT_FOUR_AT_WALLS(SpringOverlap)
+static_assert(RangeTerm<DiskWallContact<>, 2>);
+template struct FourAtWalls<HarmonicOverlap>;
+template struct FourAtWalls<HertzOverlap>;
+template struct FourAtWalls<SpringOverlap>;
 
 }  // namespace pliant

@@ -56,6 +56,25 @@ struct DiskWallTouch : SurfaceTouch<2, R> {
   }
 };
 
+template <class Law>
+struct DiskWallContact;
+
+/// Up to four contacts that have been placed, to be settled together.
+template <class Law>
+struct FourAtWalls {
+  using Ahead = ContactTable::Ahead<DiskWallContact<Law>::history, true>;
+
+  std::array<typename DiskWallContact<Law>::Touch, 4> touch;
+  std::array<Index, 4> element;
+  std::array<const Real*, 4> past;  ///< null where nothing was known
+  Index count = 0;
+  std::array<Real, 3> lost{};  ///< of all that have been settled
+
+  /// Adds their forces, and writes what is known of them ahead. total: with the elastic forces.
+  void settle(const DiskWallContact<Law>& term, const StateView<2>& s, const Ahead& ahead, const Scatter<2, 1>& force,
+              bool total);
+};
+
 /// What acts between a disk and a surface of the walls (Walls::surface_of_part) beside the elastic force N_e = −V' of
 /// WallContact, in the plane; as DiskContact, with the velocity of the wall's material. n is the unit vector from the
 /// wall to the centre, t = n turned by 90°, d the distance, κ the curvature of the lines of constant distance there.
@@ -82,7 +101,7 @@ struct DiskWallContact {
   }
   void check(const Walls<2>& walls) const { others.check(name(), walls); }
 
-  /// In fours of numbers, so that four contacts can be read together.
+  /// In fours of numbers, so that four contacts can be read together, and as they are kept.
   struct Touch : DiskWallTouch<Real> {
     Real d, curvature, radius, mass;
     std::array<Real, 2> foot, across;  ///< foot and n seen from the wall
@@ -146,6 +165,31 @@ struct DiskWallContact {
     numbers[5] = rubs.hold.spring;
     numbers[6] = rubs.hold.slides ? 1 : 0;
   }
+  void add_forces(const StateView<2>& s, Range range, const ContactTable& table, const Scatter<2, 1>& force) const {
+    add_forces(s, range, table, force, false, [](Index) {});
+  }
+  /// total: with the elastic forces. untouched(e): for elements that do not touch.
+  template <class Untouched>
+  void add_forces(const StateView<2>& s, Range range, const ContactTable& table, const Scatter<2, 1>& force, bool total,
+                  Untouched&& untouched) const {
+    const ContactTable::Pasts<history> past(table);
+    const typename FourAtWalls<Law>::Ahead ahead(table);
+    for (Index e = range.first; e < range.last; ++e)
+      if (ahead.known(e)) ahead.parted(e);
+    FourAtWalls<Law> four;
+    for (Index e = range.first; e < range.last; ++e) {
+      if (!place(s, e, four.touch[four.count])) {
+        untouched(e);
+        continue;
+      }
+      four.element[four.count] = e;
+      four.past[four.count] = past(e);
+      if (++four.count == 4) four.settle(*this, s, ahead, force, total);
+    }
+    if (four.count > 0) four.settle(*this, s, ahead, force, total);
+    if (range.size() > 0) std::ranges::copy(four.lost, table.lost(range));
+  }
+  void add_heat(const Real* lost, Real h, std::span<Real> heat) const { SurfaceTouch<2>::add_heat(lost, h, heat); }
   /// Of the wall on the disk, beside the elastic one; the wall feels the opposite.
   Vec<2> force(const StateView<2>& s, const Touch& c) const {
     const SurfaceTouch<2>::Rub rubs = rub(s, c);
@@ -176,12 +220,6 @@ struct DiskWallContact {
   }
 };
 
-/// Settles up to four contacts that have been placed, and adds their forces with the elastic ones.
-template <class Law>
-void add_four_at_walls(const DiskWallContact<Law>& term, const StateView<2>& s,
-                       std::span<typename DiskWallContact<Law>::Touch* const> touches,
-                       const std::array<const Real*, 4>& past, const Scatter<2, 1>& force);
-
 /// All forces of walls on disks, or balls, in one pass.
 struct DiskWallKernel {
   static constexpr bool fast() { return true; }
@@ -197,33 +235,14 @@ struct DiskWallKernel {
       if (!s.walls.plain()) contact.add_gradient(s, e, gradient);
     };
     const Range range = s.neighbours.walls.inside(chunk);
-    using Touch = typename Friction::Touch;
-    if constexpr (D == 2) {
-      if (s.history != nullptr) {
-        std::array<Touch*, 4> four;
-        std::array<const Real*, 4> past;
-        std::size_t count = 0;
-        const auto add = [&] { add_four_at_walls<Law>(friction, s, std::span(four).first(count), past, force); };
-        for_each_found(
-            friction, s, range,
-            [&](Index e, std::span<const Real> numbers, Touch& c) PLIANT_INLINE_LAMBDA {
-              past[count] = numbers.empty() ? nullptr : numbers.data();
-              return friction.place(s, e, c);
-            },
-            [&](Index, Touch& c) PLIANT_INLINE_LAMBDA {
-              four[count++] = &c;
-              if (count == 4) add(), count = 0;
-            },
-            others);
-        if (count > 0) add();
-        return;
-      }
-    }
+    if constexpr (RangeTerm<Friction, D>)
+      if (s.history != nullptr)
+        return friction.add_forces(s, range, s.history->of(friction.name()), force, true, others);
     for_each_found(
         friction, s, range,
-        [&](Index e, std::span<const Real> past, Touch& c)
+        [&](Index e, std::span<const Real> past, typename Friction::Touch& c)
             PLIANT_INLINE_LAMBDA { return friction.find(s, e, past, c); },
-        [&](Index, const Touch& c) PLIANT_INLINE_LAMBDA { friction.add_total(s, c, force); }, others);
+        [&](Index, const auto& c) PLIANT_INLINE_LAMBDA { friction.add_total(s, c, force); }, others);
   }
 };
 

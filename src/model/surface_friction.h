@@ -11,24 +11,11 @@
 #include <vector>
 
 #include <pliant/base/errors.h>
+#include <pliant/base/lanes.h>
 #include <pliant/kernels/contact_law.h>
 #include <pliant/model/term.h>
 
 namespace pliant {
-
-/// What a comparison of numbers, or of vectors of them, gives.
-template <class R>
-using MaskOf = decltype(R() < R());
-
-template <class R>
-PLIANT_INLINE R square_root(R a) {
-  if constexpr (std::is_arithmetic_v<R>) {
-    return std::sqrt(a);
-  } else {
-    for (std::size_t k = 0; k < sizeof(R) / sizeof(Real); ++k) a[k] = std::sqrt(a[k]);
-    return a;
-  }
-}
 
 /// Coulomb friction with a tangential spring [P. A. Cundall, O. D. L. Strack, Géotechnique 29, 47 (1979)] and linear
 /// damping. The stiffness k_n of a contact is V'' of its law at an overlap of one per cent: ε/δ² with the harmonic law.
@@ -54,12 +41,12 @@ struct SurfaceFriction {
   PLIANT_INLINE static Hold<R, MaskOf<R>> hold(R k, R gamma, R spring, R rate, R static_limit, R dynamic_limit,
                                                MaskOf<R> was_sliding) {
     const R limit = was_sliding ? dynamic_limit : static_limit;
-    const MaskOf<R> slides = k * (spring < 0 ? -spring : spring) > limit;
+    const MaskOf<R> slides = k * magnitude(spring) > limit;
     if constexpr (std::is_arithmetic_v<R>) {
       if (slides) spring = std::copysign(dynamic_limit / k, spring);
     } else {
       const R longest = dynamic_limit / k;
-      spring = slides ? (spring < 0 ? -longest : longest) : spring;
+      spring = slides ? times_sign_of(spring, longest) : spring;
     }
     const R most = slides ? dynamic_limit : limit, pull = k * spring + gamma * rate;
     return {spring, pull < -most ? -most : (most < pull ? most : pull), slides};
@@ -223,7 +210,13 @@ struct SurfaceTouch {
     const Real sliding = c.hold.slides ? std::max(product(k * c.hold.spring, c.rate), 0.0) : 0;
     return normal_power(c) + tangential_power(c) + sliding;
   }
-  /// Of a step of length h that began with the spring `before`, if the contact is not new.
+  /// Of a step of length h, from sums of normal_power, tangential_power and slid_heat.
+  static void add_heat(const Real* lost, Real h, std::span<Real> heat) {
+    heat[0] += h * lost[0];
+    heat[1] += h * lost[1];
+    heat[2] += lost[2];
+  }
+  /// The same of this one, whose spring was `before` at the begin of the step if the contact is not new.
   PLIANT_INLINE void add_heat(const Rub& c, Real h, bool known, const Tangent& before, std::span<Real> heat) const {
     heat[0] += h * normal_power(c);
     heat[1] += h * tangential_power(c);

@@ -211,7 +211,7 @@ TEST_CASE("energy, work of the walls and heat of all causes balance, the better 
     Real heat = 0;
     for (const char* term : terms) heat += sum_of_heat(*s, term);
     CHECK(heat > 2);
-    CHECK(std::abs(work) > 0.1);
+    CHECK(std::abs(work) > 0.01);
     return std::abs(before + work - energy(*s) - heat) / before;
   };
   Real coarse = 0, fine = 0;
