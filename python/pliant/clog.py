@@ -282,21 +282,22 @@ def fit_clog_law(x, clogged, runs, n):
 
 
 def collapse_fits(points, x):
-    """{name: AvalancheFit} of clog_points over x = w/delta*, to see what decides A and B: all points; avalanches scaled to
-    the commonest number of droplets, as [T 4.3]; each number of droplets, phi_c, and way to vary w/delta*, alone; those of
-    `uncut_mean`, with all that have a clog; and P_clog. What cannot be fitted is left out."""
+    """{name: AvalancheFit} of clog_points over x = w/delta*, to see what decides A and B: all points of the commonest number
+    of droplets; those of other numbers, and all avalanches scaled to the commonest one, as [T 4.3]; of the commonest one
+    each phi_c and way to vary w/delta* alone; those of `uncut_mean`, with all that have a clog; and P_clog. What cannot be
+    fitted is left out."""
     points = points.assign(x=x)
     usual = {name: commonest(points[name]) for name in ("n", "g")}
     scale = usual["n"] / points["n"]
-    own = points["n"] == usual["n"]
-    parts = {"all": points, "scaled": points.assign(s=points["s"] * scale, s_error=points["s_error"] * scale, n=usual["n"])}
+    own = points[points["n"] == usual["n"]]
+    parts = {"all": own, "scaled": points.assign(s=points["s"] * scale, s_error=points["s_error"] * scale, n=usual["n"])}
     parts |= {f"N = {n}": group for n, group in points.groupby("n")}
-    parts |= {f"phi_c = {phi_c:g}": group for phi_c, group in points[own].groupby("phi_c")}
-    parts |= {"widths at one g": points[own & (points["g"] == usual["g"])], "other g": points[own & (points["g"] != usual["g"])]}
+    parts |= {f"phi_c = {phi_c:g}": group for phi_c, group in own.groupby("phi_c")}
+    parts |= {"widths at one g": own[own["g"] == usual["g"]], "other g": own[own["g"] != usual["g"]]}
     fits = {}
     for name, part in parts.items():
-        if name == "all" or not part.equals(points):  # not the same again
+        if name == "all" or not part.equals(own):  # not the same again
             fits[name] = fitted(fit_avalanches, part["x"], part["s"], part["s_error"], part["n"])["fit"]
-    fits["cut off"] = fitted(fit_avalanches, x, points["s_uncut"], points["s_uncut_error"], np.full(len(points), np.inf))["fit"]
-    fits["P_clog"] = fitted(fit_clog_law, x, points["clogged"], points["runs"], points["n"])["fit"]
+    fits["cut off"] = fitted(fit_avalanches, own["x"], own["s_uncut"], own["s_uncut_error"], np.full(len(own), np.inf))["fit"]
+    fits["P_clog"] = fitted(fit_clog_law, own["x"], own["clogged"], own["runs"], own["n"])["fit"]
     return {name: fit for name, fit in fits.items() if fit}

@@ -164,7 +164,7 @@ def test_what_decides_the_collapse():
     other = clog.clog_points(made_table(seed=9, widths=(4.0, 5.0, 6.0)).assign(g=0.02))
     points = pd.concat([points, other, clog.clog_points(made_table(phi=(3e-4,)))], ignore_index=True)
     fits = clog.collapse_fits(points, clog.effective_width(points, 0.8))
-    assert set(fits) == {"all", "scaled", "N = 95", "N = 190", "N = 285", "phi_c = 0", "phi_c = 5e-05", "phi_c = 0.0001",
+    assert set(fits) == {"all", "scaled", "N = 95", "N = 285", "phi_c = 0", "phi_c = 5e-05", "phi_c = 0.0001",
                          "phi_c = 0.0002", "phi_c = 0.0003", "widths at one g", "other g", "cut off", "P_clog"}
     assert fits["all"].B < 0.029 - 4 * fits["all"].B_error, "a mean that is cut is too small"
     for name in ("cut off", "P_clog"):

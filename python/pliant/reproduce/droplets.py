@@ -292,13 +292,17 @@ def draw_middle_widths(measured):
 
 
 def _avalanches(measured):
+    """clog_points of the commonest number of droplets, w/delta* of these, the fit of [T 4.19], its quantities; and
+    clog.collapse_fits of all points."""
     points = _points(measured)
-    x = clog.effective_width(points, clog.fitted_delta_crit(points[points["g"] == commonest(points["g"])]))
-    fit = clog.fit_avalanches(x, points["s"], points["s_error"], points["n"])
-    quality = f"chi2/dof {fit.chi2_reduced:.3g}, {fit.points} of {len(points)} points"
+    own = points["n"] == commonest(points["n"])
+    x = clog.effective_width(points, clog.fitted_delta_crit(points[own & (points["g"] == commonest(points["g"]))]))
+    fits = clog.collapse_fits(points, x)
+    fit = clog.fit_avalanches(x[own], points["s"][own], points["s_error"][own], points["n"][own])
+    quality = f"chi2/dof {fit.chi2_reduced:.3g}, {fit.points} of {own.sum()} points"
     quantities = [Quantity("A", fit.A, fit.A_error, published.A, quality),
                   Quantity("B", fit.B, fit.B_error, published.B, quality)]
-    return points, x, fit, quantities
+    return points[own], x[own], fit, quantities, fits
 
 
 def _published_law(axes, x, law):
@@ -313,13 +317,12 @@ _FITS = {"scaled": "avalanches scaled to one N", "cut off": "runs that emptied a
 
 def draw_collapse(measured):
     """[T 4.5]: mean avalanches against w/delta*; B of parts of the data, and of other ways to fit them."""
-    points, x, fit, quantities = _avalanches(measured)
+    points, x, fit, quantities, fits = _avalanches(measured)
     figure, (left, middle, right) = plt.subplots(1, 3, figsize=(14, 4.3), layout="constrained")
     draw_avalanches(left, middle, points, x, fit)
-    n = commonest(points["n"])
+    n = points["n"].iloc[0]
     _published_law(left, x, lambda grid, A, B: np.minimum(clog.avalanche_law(grid, A, B), n))
     left.legend()
-    fits = clog.collapse_fits(points, x)
     for i, (name, one) in enumerate(fits.items()):
         right.errorbar(one.B, i, xerr=np.nan_to_num(one.B_error), fmt="o", capsize=2.5, color=plotting.COLORS[0])
         if name != "all":
@@ -342,14 +345,14 @@ def draw_collapse(measured):
 
 def draw_clog_collapse(measured):
     """[T 4.6]: P_clog against w/delta*."""
-    points, x, fit, quantities = _avalanches(measured)
+    points, x, fit, quantities, fits = _avalanches(measured)
     figure, axes = plt.subplots(figsize=(5.8, 4.2), layout="constrained")
     draw_probabilities(axes, points, x, fit)
-    n = commonest(points["n"])
+    n = points["n"].iloc[0]
     _published_law(axes, x, lambda grid, A, B: clog.clog_law(grid, A, B, n))
     axes.legend()
     quantities.append(_off_the_law("P_clog less its law, mean over points", points, x, fit))
-    if (uncut := clog.collapse_fits(points, x).get("cut off")):
+    if (uncut := fits.get("cut off")):
         grid = np.linspace(0, x.max() * 1.05, 300)
         axes.plot(grid, clog.clog_law(grid, uncut.A, uncut.B, n), ":", color="0.2", lw=1.4, label=_FITS["cut off"])
         axes.legend()
@@ -384,8 +387,8 @@ FIGURES = [
            draw_aspect, "36 droplets, twice the speed"),
     Figure("T2.16", "competing fractures against the angle of the walls", ("quick/tilt",), ("raft/tilt",), "fractures",
            draw_tilt, "36 droplets, twice the speed"),
-    Figure("T4.2", "probability of a clog against gravity", ("quick/gravity",), ("clog/gravity",), "clogs", draw_gravity,
-           "four seeds, fewer points"),
+    Figure("T4.2", "probability of a clog against gravity", ("quick/gravity",), ("clog/gravity", "clog/width"), "clogs",
+           draw_gravity, "four seeds, fewer points"),
     Figure("T4.3", "probability of a clog against the width of the exit", ("quick/width",), ("clog/width",), "clogs",
            draw_width, "four seeds, fewer points"),
     Figure("T4.4", "width of even odds against the capillary length", ("quick/width",), ("clog/width",), "clogs",
