@@ -32,22 +32,6 @@ PLIANT_INLINE Real4 load4(const Real* p) {
 }
 PLIANT_INLINE void store4(Real* p, Real4 a) { std::memcpy(p, &a, sizeof a); }
 
-/// The first `count` numbers of vectors of any length: what comes after them is neither read nor written.
-template <class R>
-PLIANT_INLINE void store_first(Real* p, const R& a, Index count) {
-  if (count == static_cast<Index>(sizeof a / sizeof(Real)))
-    std::memcpy(p, &a, sizeof a);
-  else
-    std::memcpy(p, &a, static_cast<std::size_t>(count) * sizeof(Real));
-}
-template <class R>
-PLIANT_INLINE void load_first(const Real* p, R& a, Index count) {
-  if (count == static_cast<Index>(sizeof a / sizeof(Real)))
-    std::memcpy(&a, p, sizeof a);
-  else
-    std::memcpy(&a, p, static_cast<std::size_t>(count) * sizeof(Real));
-}
-
 PLIANT_INLINE Real4 join(Real2 low, Real2 high) { return __builtin_shufflevector(low, high, 0, 1, 2, 3); }
 PLIANT_INLINE Real2 low(Real4 a) { return __builtin_shufflevector(a, a, 0, 1); }
 PLIANT_INLINE Real2 high(Real4 a) { return __builtin_shufflevector(a, a, 2, 3); }
