@@ -724,6 +724,24 @@ def test_exponents_against_coefficients(tmp_path):
     assert found["beta: printed, zeta = 10, drag only"].published.value == 0.5
 
 
+def test_exponents_against_coefficients_in_3d(tmp_path):
+    """Beside those of disks: compared with the exponents of their own dimension, and named by the model in 3D."""
+    size = {"dim": 3, "n": 6400, "hopper_wall_distance": 25.0}
+    as_run = AS_RUN | size | {"e_w": 578.7, "e_sp": 115.7}
+    data = pd.concat([
+        *(reading_rows("friction", beta, mu=mu, **size) for mu, beta in ((1.0, 2.3), (10.0, 2.5), (100.0, 2.7))),
+        *(reading_rows("drag", 1.5, zeta=z, **size) for z in (3.16, 10.0)), reading_rows("drag", 1.6, zeta=4.111, **as_run),
+        *(reading_rows("drag", 0.5, zeta=z) for z in (3.16, 10.0))], ignore_index=True)
+    found = drawn("coefficients-3d", data, tmp_path)
+    expected = {"printed, 3D, mu = 10, friction only": (2.5, 2.5), "printed, 3D, zeta = 10, drag only": (1.5, 1.5),
+                "as run, 3D, zeta = 4.11, drag only": (1.6, 1.5), "printed, zeta = 10, drag only": (0.5, 0.5)}
+    assert {name: (found[f"beta: {name}"].value, found[f"beta: {name}"].published.value) for name in expected} == {
+        name: (pytest.approx(beta, abs=0.1), known) for name, (beta, known) in expected.items()}
+    assert found["decades within 0.1 of beta = 5/2: printed, 3D, friction only"].value == pytest.approx(1, abs=0.5)
+    assert found["beta, mean over zeta of 3 and more: printed, 3D, drag only"].published.value == 1.5
+    assert found["beta, mean over zeta of 3 and more: printed, drag only"].published.value == 0.5
+
+
 def test_how_flat_an_exponent_is():
     x = np.array([-1.0, 0, 1, 2])
     (decades, error, ends), (slope, slope_error) = plateau(x, [1.1, 1.3, 1.5, 1.7], [0.02] * 4, 1.5)

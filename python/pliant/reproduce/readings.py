@@ -27,6 +27,11 @@ _AS_RUN = {"contact_law": "linear", "e_w": 694.0, "e_sp": 138.9, "count": "remov
 PRINTED = {"friction": _COMMON | {"mu": 10 * np.sqrt(10), "zeta": 0.0}, "drag": _COMMON | {"mu": 0.0, "zeta": np.sqrt(0.1)}}
 AS_RUN = {"friction": _COMMON | _AS_RUN | {"friction": "tangential", "mu": 8.505, "zeta": 0.0},
           "drag": _COMMON | _AS_RUN | {"drag": "per_mass", "mu": 0.0, "zeta": 1.54}}
+_SIZE_3D = {"n": 6400, "hopper_wall_distance": 25.0}
+PRINTED_3D = {limit: model | _SIZE_3D for limit, model in PRINTED.items()}
+AS_RUN_3D = {limit: AS_RUN[limit] | _SIZE_3D | {"e_w": 578.7, "e_sp": 115.7} | coefficient
+             for limit, coefficient in (("friction", {"mu": 28.4}), ("drag", {"zeta": 4.111}))}
+MODELS = {2: (PRINTED, AS_RUN), 3: (PRINTED_3D, AS_RUN_3D)}
 OPTIONS = list(PRINTED["drag"])
 #: The same of deformable particles. The edges are those of smooth ones.
 _EDGES = ("edge_force", "edge_width")
@@ -70,9 +75,10 @@ def changes(row, base, names=OPTIONS):
     return list(filter(None, (_words(name, row[name]) for name in names if not _same(row[name], base[name]))))
 
 
-def reading(row, names=OPTIONS, models=(PRINTED, AS_RUN)):
-    """'printed', 'as run, mu = 31.62': the nearer of the two `models`, and what differs from it."""
-    found = [(name, changes(row, base[row["limit"]], names)) for name, base in zip(("printed", "as run"), models)]
+def reading(row, names=OPTIONS, models=None):
+    """'printed', 'as run, mu = 31.62': the nearer of the two `models` (default: MODELS), and what differs from it."""
+    found = [(name, changes(row, base[row["limit"]], names))
+             for name, base in zip(("printed", "as run"), models or MODELS[row["dim"]])]
     name, differs = min(found, key=lambda one: len(one[1]))
     if row["dim"] == 3:
         differs = ["3D", *differs]
@@ -167,7 +173,7 @@ def _with_coefficient(row):
     for a coefficient of neither."""
     rest = reading(row, [name for name in OPTIONS if name not in COEFFICIENT.values()])
     own = COEFFICIENT[row["limit"]]
-    for name, base in (("printed", PRINTED), ("as run", AS_RUN)):
+    for name, base in zip(("printed", "as run"), MODELS[row["dim"]]):
         if _same(row[own], base[row["limit"]][own]):
             return rest if rest.split(", ")[0] == name else f"{rest}, {name} coefficients"
     return None
@@ -295,20 +301,23 @@ def _rate_quantities(row, name):
 
 
 def draw_coefficients(measured):
-    """The exponent against the coefficient of friction, and of drag, a curve per reading of the rest."""
+    """The exponent against the coefficient of friction, and of drag, a curve per reading of the rest; 2D and 3D have
+    panels of their own."""
     fits = _fits(_canonical(measured), OPTIONS)
     fits = fits[fits["fit"].notna()]
     rest = [name for name in OPTIONS if name not in ("mu", "zeta", "dt")]
     fits["curve"] = [reading(row, rest) for _, row in fits.iterrows()]
     curves = sorted(fits["curve"].unique())  # the same in both panels looks the same
-    there = [limit for limit in LIMIT_NAMES if (fits["limit"] == limit).any()]
+    there = [(dim, limit) for dim in MODELS for limit in LIMIT_NAMES
+             if ((fits["dim"] == dim) & (fits["limit"] == limit)).any()]
     if not there:
         raise RunError("no coefficient has enough widths for a fit of beta")
     figure, panels = plt.subplots(2, len(there), figsize=(5.6 * len(there), 6.6), layout="constrained", squeeze=False,
                                   sharex="col", height_ratios=(3, 2))
-    span, quantities = _span(*_beta(fits)), []
-    for (top, bottom), limit in zip(panels.T, there):
-        group = fits[fits["limit"] == limit]
+    quantities = []
+    for (top, bottom), (dim, limit) in zip(panels.T, there):
+        of_dim = fits[fits["dim"] == dim]
+        group = of_dim[of_dim["limit"] == limit]
         own = group["reference"].iloc[0]
         for curve, points in group.groupby("curve"):
             i = curves.index(curve)
@@ -325,7 +334,7 @@ def draw_coefficients(measured):
             if (mean := strong_mean(x[strong], beta[strong], error[strong])):
                 quantities.append(Quantity(f"beta, mean over {COEFFICIENT[limit]} of {STRONG[limit]:g} and more: "
                                            f"{_name(points.iloc[0], curve)}", *mean[:2],
-                                           published.exponent(int(points["dim"].iloc[0]), limit), mean[2]))
+                                           published.exponent(dim, limit), mean[2]))
             if len(points) > 1:
                 (decades, spread, ends), (slope, slope_error) = plateau(np.log10(x), beta, error, own)
                 name = f"beta = {FRACTIONS.get(own, own)}: {_name(points.iloc[0], curve)}"
@@ -334,10 +343,11 @@ def draw_coefficients(measured):
                              "the range ends inside" if ends else ""),
                     Quantity(f"slope per decade about {name}", slope, slope_error, None,
                              "" if np.isfinite(slope) else "fewer than two points within 0.25")]
-        _windows(top, span)
-        top.axvline(PRINTED[limit][COEFFICIENT[limit]], color="0.45", lw=0.9, ls="-.", label="printed coefficient")
+        exponents = tuple(published.exponent(dim, each).value for each in LIMIT_NAMES)
+        _windows(top, _span(*_beta(of_dim), exponents), exponents=exponents)
+        top.axvline(MODELS[dim][0][limit][COEFFICIENT[limit]], color="0.45", lw=0.9, ls="-.", label="printed coefficient")
         top.set(xscale="log", ylabel=BETA)
-        top.set_title(LIMIT_NAMES[limit], loc="left")
+        top.set_title(LIMIT_NAMES[limit] + (", 3D" if dim == 3 else ""), loc="left")
         top.legend()
         bottom.axhline(1, color="0.45", lw=0.9, ls=":")
         bottom.plot([], [], "-", color="0.4", label=rf"$\beta$ = {FRACTIONS.get(own, own)} held")
@@ -426,6 +436,9 @@ FIGURES = [
            ("quick/coefficients",), ("hopper/coefficients", "hopper/coefficients-hard", "hopper/coefficients-as-run"),
            "readings", draw_coefficients,
            "laws as printed, a point per decade, fewer widths, shorter runs"),
+    Figure("coefficients-3d", "exponent of soft spheres against mu and against zeta", ("quick/coefficients-3d",),
+           ("hopper/coefficients-3d",), "readings", draw_coefficients,
+           "half the particles, a point per decade, fewer widths, shorter runs"),
     Figure("protocol", "exponent with each choice of the protocol changed alone",
            ("quick/protocol",), ("hopper/protocol",), "readings", draw_protocol,
            "mu = 5 and zeta = 2 alone, fewer changes, shorter runs"),
