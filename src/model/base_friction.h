@@ -34,7 +34,7 @@ struct BaseFriction {
   static constexpr Elements elements = Elements::points;
   static constexpr bool rotates = true;
   static constexpr int history = 4;
-  static constexpr std::array<std::string_view, 2> losses{"damping", "sliding"};
+  static constexpr std::array<Loss, 2> losses{{{"damping", true}, {"sliding", false}}};
   static std::string_view name() { return "base_friction"; }
   bool enabled(const StateView<2>&) const { return !off(); }
   bool off() const { return !(mu_static > 0 && gravity > 0); }
@@ -65,18 +65,7 @@ struct BaseFriction {
     force.add(c.i, Vec<2>(-pull[0], -pull[1]));
     force.add_torque(c.i, -c.radius * pull[2]);
   }
-  void advance(const StateView<2>& s, const Touch& c, Real h, bool, std::span<Real> numbers,
-               std::span<Real> heat) const {
-    if (c.gamma > 0) heat[0] += h * damping_power(s, c);
-    heat[1] += c.lost;
-    std::ranges::copy(c.next, numbers.begin());
-  }
-
   void add_forces(const StateView<2>& s, Range range, const ContactTable& table, const Scatter<2, 1>& force) const;
-  void add_heat(const Real* lost, Real h, std::span<Real> heat) const {
-    heat[0] += h * lost[0];
-    heat[1] += lost[1];
-  }
 
   /// Of the rotation: ω² = k R²/I = 2k/m.
   Real max_rate(const Topology& topology) const { return off() ? 0 : std::sqrt(2 * stiffest(topology)); }

@@ -39,7 +39,6 @@ void ContactTable::set(const StoredContacts& contacts) {
   keys_.clear();
   now_.resize(0, needs_.width);
   next_.resize(0, needs_.width);
-  touches_now_.clear();
   unlisted_ = sorted(contacts, needs_.width);
 }
 
@@ -57,21 +56,12 @@ void ContactTable::end(std::size_t contact) {
   now_.touched[contact] = 0;
 }
 
-void ContactTable::advanced() {
-  unlisted_ = {};
-  if (!shared()) return;
-  for (std::size_t k = 0; k < keys_.size(); ++k)
-    if (now_.touched[k] != 0 && touches_now_[k] == 0) end(k);
-  std::ranges::fill(touches_now_, std::uint8_t{0});
-}
-
 void ContactTable::assign(std::vector<ContactKey> keys) {
   const StoredContacts known = contacts();
   const auto width = static_cast<std::size_t>(needs_.width);
   const std::size_t elements = keys.size();
   std::vector<bool> listed(known.keys.size());
   contact_of_.clear();
-  records_.resize(elements);
   constants_.assign(elements * static_cast<std::size_t>(needs_.constants), 0);
   if (shared()) {
     keys_ = keys;
@@ -79,16 +69,13 @@ void ContactTable::assign(std::vector<ContactKey> keys) {
     keys_.erase(std::unique(keys_.begin(), keys_.end()), keys_.end());
     for (const ContactKey& key : keys)
       contact_of_.push_back(static_cast<Index>(std::lower_bound(keys_.begin(), keys_.end(), key) - keys_.begin()));
-    touches_now_.assign(keys_.size(), 0);
   } else {
     keys_ = std::move(keys);
   }
   now_.resize(keys_.size(), needs_.width);
-  if (needs_.ahead) {
-    next_.resize(keys_.size(), needs_.width);
-    room_.resize(elements);
-    lost_.resize(elements * needs_.losses.size());
-  }
+  next_.resize(keys_.size(), needs_.width);
+  room_.resize(elements);
+  lost_.resize(elements * needs_.losses.size());
   for (std::size_t e = 0; e < keys_.size(); ++e) {
     const auto at = std::lower_bound(known.keys.begin(), known.keys.end(), keys_[e]);
     if (at == known.keys.end() || *at != keys_[e]) continue;
@@ -135,10 +122,6 @@ void ContactHistory::follow(const Topology& topology, const Walls<D>& walls, con
                                      : ContactKey{id(i), walls.surface_of_part(j)});
     table.assign(std::move(keys));
   }
-}
-
-void ContactHistory::advanced() {
-  for (ContactTable& table : tables_) table.advanced();
 }
 
 void ContactHistory::set(std::string_view term, const StoredContacts& contacts) {

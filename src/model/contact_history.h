@@ -4,8 +4,6 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
-#include <limits>
-#include <memory>
 #include <span>
 #include <string>
 #include <string_view>
@@ -25,9 +23,7 @@ struct HistoryNeeds {
   Elements elements;
   int width;
   std::vector<std::string> losses = {};  ///< what turns energy into heat, of which the sums are kept
-  std::size_t record = 0;  ///< bytes of what an evaluation of forces finds of a contact; 0: nothing is kept
-  int constants = 0;       ///< numbers of an element that stay the same as long as the list does
-  bool ahead = false;      ///< whether evaluations write what is known if the step ends there
+  int constants = 0;                     ///< numbers of an element that stay the same as long as the list does
 };
 
 /// Two particles by id, the lower one first; or a particle and the number of a surface of the walls, or of which of its
@@ -51,74 +47,14 @@ struct StoredContacts {
   }
 };
 
-/// What an evaluation of forces finds of the elements of a term that touch, or did at the end of the last step: each
-/// range of elements has its own records, in the order of the elements.
-class TouchRecords {
- public:
-  explicit TouchRecords(std::size_t bytes) : bytes_(bytes) {}
-
-  /// For a list of so many elements. What was recorded is lost.
-  void resize(std::size_t elements) {
-    if (bytes_ == 0 || elements <= element_.size()) return;
-    element_.resize(elements);
-    touch_ = std::make_unique_for_overwrite<std::byte[]>(elements * bytes_);  // memory is taken where it is used
-  }
-
-  template <class Touch>
-  class Writer {
-   public:
-    Writer(Index* element, Touch* touch, Index count) : element_(element), end_(element + count), touch_(touch) {}
-    /// An index for each element of the range, to be used until something is found of it or of a later one.
-    Index* room() const { return element_; }
-    /// Where to put what is found next.
-    Touch& next() const { return *touch_; }
-    /// It is there, of element e.
-    void touches(Index e) { *element_++ = e, ++touch_; }
-    /// Element e touches no more.
-    void parted(Index e) { *element_++ = ~e, ++touch_; }
-    void end() {
-      if (element_ < end_) *element_ = none;
-    }
-
-   private:
-    Index *element_, *end_;
-    Touch* touch_;
-  };
-  /// Begins those of a range anew. Different ranges may be written at the same time.
-  template <class Touch>
-  Writer<Touch> write(Range range) {
-    return {element_.data() + range.first, at<Touch>(range.first), range.size()};
-  }
-  /// visit(e, touch); touch is null where there is no contact any more.
-  template <class Touch, class Visit>
-  PLIANT_INLINE void for_each(Range range, Visit&& visit) const {
-    const Touch* touch = at<Touch>(range.first);
-    for (Index k = range.first; k < range.last && element_[k] != none; ++k, ++touch)
-      element_[k] >= 0 ? visit(element_[k], touch) : visit(~element_[k], static_cast<const Touch*>(nullptr));
-  }
-
- private:
-  static constexpr Index none = std::numeric_limits<Index>::min();
-  template <class Touch>
-  Touch* at(Index e) const {
-    return reinterpret_cast<Touch*>(touch_.get()) + e;
-  }
-
-  std::size_t bytes_;
-  std::vector<Index> element_;          ///< [list] of each record; ~e where there is no contact any more
-  std::unique_ptr<std::byte[]> touch_;  ///< [list · bytes]
-};
-
 /// The history of one term. An entry of the list of its elements has the numbers of its contact: evaluations read them,
-/// and nothing but an accepted step changes them. A term can write ahead what will be known if the step ends where it
-/// evaluates its forces: an accepted step then has nothing to compute any more. Parts of walls that are of one surface
-/// have one contact with a point.
+/// and write ahead what will be known if the step ends there: an accepted step puts this in their place. Parts of walls
+/// that are of one surface have one contact with a point.
 /// A pair that is listed twice, on both sides of the border of a chunk or of a rank, has them twice; a term that looks
-/// at a pair in the order of the ids advances both alike, bit for bit.
+/// at a pair in the order of the ids keeps the same of both, bit for bit.
 class ContactTable {
  public:
-  explicit ContactTable(HistoryNeeds needs)
-      : needs_(std::move(needs)), heat_(needs_.losses.size()), records_(needs_.record) {}
+  explicit ContactTable(HistoryNeeds needs) : needs_(std::move(needs)), heat_(needs_.losses.size()) {}
 
   const HistoryNeeds& needs() const { return needs_; }
   /// Whether contacts are between particles, rather than with walls.
@@ -223,44 +159,17 @@ class ContactTable {
   };
   /// An index for each element of a range, for such an evaluation to use.
   Index* room(Range range) const { return room_.data() + range.first; }
-  /// What the elements of a range lose then, as the term wants it; the range is not empty. [losses]
+  /// What the elements of a range lose then, per time or in the step; the range is not empty. [losses]
   Real* lost(Range range) const { return lost_.data() + static_cast<std::size_t>(range.first) * needs_.losses.size(); }
-  /// The step has ended where the forces of all elements were evaluated.
+  /// The step has ended where the forces of all elements were evaluated last. What is not listed does not touch.
   void accept() {
     std::swap(now_, next_);
-    if (shared()) touches_now_ = now_.touched;  // all of them are known to
+    unlisted_ = {};
   }
 
   /// What stays the same of element e and those after it, zeros until the term has set it. Different elements may be
   /// set at the same time.
   Real* constants(Index e) const { return constants_.data() + static_cast<std::ptrdiff_t>(e) * needs_.constants; }
-
-  /// Where an evaluation of forces leaves what it finds of a range of elements; of no account for forces.
-  template <class Touch>
-  TouchRecords::Writer<Touch> record(Range range) const {
-    return records_.write<Touch>(range);
-  }
-  /// What the last evaluation has left there.
-  const TouchRecords& records() const { return records_; }
-
-  /// Moves element e to the end of an accepted step: advance(known, numbers) changes its numbers, zeros where `known`
-  /// is false as the contact is new, and returns whether it touches; if not it must leave them alone. Of the elements
-  /// of one surface one at most touches. Different elements of points may be advanced at the same time, of walls those
-  /// of different points.
-  template <class Advance>
-  PLIANT_INLINE void advance(Index e, Advance&& advance) {
-    const std::size_t k = contact_of(e);
-    const std::span numbers(now_.values.data() + k * needs_.width, static_cast<std::size_t>(needs_.width));
-    const bool known = now_.touched[k] != 0, touches = advance(known, numbers);
-    if (shared()) {
-      if (touches) now_.touched[k] = touches_now_[k] = 1;
-      return;
-    }
-    if (known && !touches) std::ranges::fill(numbers, 0);
-    now_.touched[k] = touches ? 1 : 0;
-  }
-  /// All elements have been advanced: what is not listed does not touch.
-  void advanced();
 
   /// All contacts that this rank knows: every one with a particle of its own.
   StoredContacts contacts() const;
@@ -295,13 +204,11 @@ class ContactTable {
   std::vector<Index> contact_of_;  ///< [list]; empty: each element is one
   std::vector<ContactKey> keys_;   ///< [contacts]
   Side now_;
-  mutable Side next_;                      ///< of terms that write ahead
-  std::vector<std::uint8_t> touches_now_;  ///< [contacts] where they are shared
-  std::vector<Real> heat_;                 ///< [losses]
+  mutable Side next_;       ///< written ahead
+  std::vector<Real> heat_;  ///< [losses]
   StoredContacts unlisted_;
-  mutable TouchRecords records_;
   mutable std::vector<Real> constants_;  ///< [list · constants]
-  mutable std::vector<Index> room_;      ///< [list] of terms that write ahead
+  mutable std::vector<Index> room_;      ///< [list]
   mutable std::vector<Real> lost_;       ///< [list · losses], at the first element of each range
 };
 
@@ -322,8 +229,6 @@ class ContactHistory {
   /// Makes every entry of the lists find its contact. Costs nothing while the lists are the same.
   template <int D>
   void follow(const Topology& topology, const Walls<D>& walls, const Neighbours<D>& neighbours);
-  /// After an accepted step, when all tables were advanced.
-  void advanced();
   /// See ContactTable::set.
   void set(std::string_view term, const StoredContacts& contacts);
   /// The particle was put somewhere else: its contacts are over.

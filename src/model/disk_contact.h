@@ -2,7 +2,6 @@
 #pragma once
 
 #include <span>
-#include <tuple>
 #include <utility>
 
 #include <pliant/geometry/turn.h>
@@ -131,21 +130,11 @@ struct DiskContact {
     const SurfaceTouch<2>::Rub rubs = rub(s, c);
     add(c, rubs, rubs.normal, force);
   }
-  PLIANT_INLINE void advance(const StateView<2>& s, const Touch& c, Real h, bool known, std::span<Real> numbers,
-                             std::span<Real> heat) const {
-    const SurfaceTouch<2>::Rub rubs = rub(s, c);
-    c.add_heat(rubs, h, known, numbers[3], heat);
-    std::tie(numbers[0], numbers[1]) = c.line();
-    numbers[2] = c.turned;
-    numbers[3] = rubs.hold.spring;
-    numbers[4] = rubs.hold.slides ? 1 : 0;
-  }
   template <bool OwnOnly>
   void add_forces(const StateView<2>& s, Range range, const ContactTable& table, const Scatter<2, 1, OwnOnly>& force,
                   bool total = false) const {
     add_disk_forces<Law>(epsilon, surface, s, range, table, force, total);
   }
-  void add_heat(const Real* lost, Real h, std::span<Real> heat) const { SurfaceTouch<2>::add_heat(lost, h, heat); }
   /// The spring between two of the stiffest disks: ω² = k_t (2/m + 2R²/I) = 6 k_t/m.
   Real max_rate(const Topology& topology) const { return spring_rate<Law>(surface, topology, epsilon, 1, 6); }
   /// Six contacts, half of them along any direction; each damps with 4 ζ √(V''/(2m)), m of one of two like disks.
@@ -173,8 +162,8 @@ struct DiskContact {
 struct DiskKernel {
   static constexpr bool fast() { return true; }
   template <int D, class Law, class Friction>
-  static void add_forces(const StateView<D>& s, Index chunk, Real* f, const PairContact<D, Law>& contact,
-                         const Friction& friction) {
+  [[gnu::flatten]] static void add_forces(const StateView<D>& s, Index chunk, Real* f,
+                                          const PairContact<D, Law>& contact, const Friction& friction) {
     const PairList& list = s.neighbours.point_pairs;
     Real* const torques = f + static_cast<std::size_t>(s.topology.owned_points()) * D;
     const Range inside = list.inside(chunk), across = list.across(chunk), own = s.neighbours.points(chunk);
@@ -188,7 +177,7 @@ struct DiskKernel {
     const auto add = [&](Range range, auto scatter) {
       if constexpr (RangeTerm<Friction, D>)
         if (s.history != nullptr) return friction.add_forces(s, range, s.history->of(friction.name()), scatter, true);
-      for_each_touch(friction, s, range,
+      for_each_touch(friction, s, range, scatter,
                      [&](const auto& c) PLIANT_INLINE_LAMBDA { friction.add_total(s, c, scatter); });
     };
     add(inside, Scatter<D, 1>{f, {}, torques});

@@ -155,16 +155,6 @@ struct DiskWallContact {
     const SurfaceTouch<2>::Rub rubs = rub(s, c);
     add(c, rubs, rubs.normal, force);
   }
-  void advance(const StateView<2>& s, const Touch& c, Real h, bool known, std::span<Real> numbers,
-               std::span<Real> heat) const {
-    const SurfaceTouch<2>::Rub rubs = rub(s, c);
-    c.add_heat(rubs, h, known, numbers[5], heat);
-    numbers[0] = c.foot[0], numbers[1] = c.foot[1];
-    numbers[2] = c.across[0], numbers[3] = c.across[1];
-    numbers[4] = c.angle;
-    numbers[5] = rubs.hold.spring;
-    numbers[6] = rubs.hold.slides ? 1 : 0;
-  }
   void add_forces(const StateView<2>& s, Range range, const ContactTable& table, const Scatter<2, 1>& force) const {
     add_forces(s, range, table, force, false, [](Index) {});
   }
@@ -189,7 +179,6 @@ struct DiskWallContact {
     if (four.count > 0) four.settle(*this, s, ahead, force, total);
     if (range.size() > 0) std::ranges::copy(four.lost, table.lost(range));
   }
-  void add_heat(const Real* lost, Real h, std::span<Real> heat) const { SurfaceTouch<2>::add_heat(lost, h, heat); }
   /// Of the wall on the disk, beside the elastic one; the wall feels the opposite.
   Vec<2> force(const StateView<2>& s, const Touch& c) const {
     const SurfaceTouch<2>::Rub rubs = rub(s, c);
@@ -238,11 +227,9 @@ struct DiskWallKernel {
     if constexpr (RangeTerm<Friction, D>)
       if (s.history != nullptr)
         return friction.add_forces(s, range, s.history->of(friction.name()), force, true, others);
-    for_each_found(
-        friction, s, range,
-        [&](Index e, std::span<const Real> past, typename Friction::Touch& c)
-            PLIANT_INLINE_LAMBDA { return friction.find(s, e, past, c); },
-        [&](Index, const auto& c) PLIANT_INLINE_LAMBDA { friction.add_total(s, c, force); }, others);
+    for_each_touch(
+        friction, s, range, force, [&](const auto& c) PLIANT_INLINE_LAMBDA { friction.add_total(s, c, force); },
+        others);
   }
 };
 

@@ -117,9 +117,9 @@ class ForceField {
   virtual bool rotates() const = 0;
   /// What the terms keep of contacts.
   virtual std::vector<HistoryNeeds> history_needs() const = 0;
-  /// All contacts of s, the state at the end of an accepted step of length h, are advanced. found: the last forces were
-  /// those at the same time, positions and angles, so that contacts need not be found again.
-  virtual void advance(const StateView<D>& s, Real h, ContactHistory& history, bool found = false) const = 0;
+  /// A step of length h has been accepted, which ends at s: what is kept of contacts is that of there. found: the last
+  /// forces were those at the same time, positions and angles, so that they need not be evaluated again.
+  virtual void accept(const StateView<D>& s, Real h, ContactHistory& history, bool found = false) const = 0;
 };
 
 /// Power of the walls that move on the points: what they do to the energy, as far as their forces are those that the
@@ -401,7 +401,7 @@ class Model final : public ForceField<D> {
       if constexpr (Term::elements == Elements::walls || Term::elements == Elements::lips) {
         if constexpr (requires { term.force(s, Index()); }) {
           add(term, [&](Index e) { return term.force(s, e); });
-        } else if constexpr (FindingTerm<Term, D>) {
+        } else if constexpr (requires(const typename Term::Touch& c) { term.force(s, c); }) {
           const Past past(s, term);
           add(term, [&](Index e) -> Vec<D> {
             typename Term::Touch c;
@@ -433,19 +433,34 @@ class Model final : public ForceField<D> {
       if constexpr (HistoryTerm<Term, D>) {
         if (is_off(term)) return;
         all.push_back({std::string(term.name()), Term::elements, Term::history});
-        if constexpr (losses_of<Term>() > 0) all.back().losses.assign(Term::losses.begin(), Term::losses.end());
-        if constexpr (RangeTerm<Term, D>)
-          all.back().ahead = true;
-        else if constexpr (FindingTerm<Term, D>)
-          all.back().record = sizeof(typename Term::Touch);
+        if constexpr (losses_of<Term>() > 0)
+          for (const Loss& loss : Term::losses) all.back().losses.emplace_back(loss.name);
         if constexpr (requires { Term::constants; }) all.back().constants = Term::constants;
       }
     });
     return all;
   }
 
-  void advance(const StateView<D>& s, Real h, ContactHistory& history, bool found) const override {
-    for_each_history(s, [&](const auto& term, const auto&) { advance(term, s, h, history.of(term.name()), found); });
+  void accept(const StateView<D>& s, Real h, ContactHistory& history, bool found) const override {
+    if (!found) {
+      std::vector<Real> unused(static_cast<std::size_t>(s.topology.points()) * (torques ? D + rotations<D> : D));
+      for_each_chunk(s, [&](Index chunk) {
+        for_each_history(s, [&](const auto& term, const auto&) { add_forces(term, s, chunk, unused.data()); });
+      });
+    }
+    for_each_history(s, [&](const auto& term, const auto&) {
+      using Term = std::decay_t<decltype(term)>;
+      ContactTable& table = history.of(term.name());
+      if constexpr (losses_of<Term>() > 0) {
+        std::array<Real, losses_of<Term>()> heat{};
+        for (Index chunk = 0; chunk < s.neighbours.chunks(); ++chunk)
+          for (const Range range : {inside<Term>(s, chunk), across<Term>(s, chunk)})
+            for (std::size_t k = 0; range.size() > 0 && k < heat.size(); ++k)
+              heat[k] += (Term::losses[k].per_time ? h : 1) * table.lost(range)[k];
+        table.add_heat(heat);
+      }
+      table.accept();
+    });
   }
 
  private:
@@ -478,70 +493,13 @@ class Model final : public ForceField<D> {
 
   template <class Term>
   static Real energy_of(const Term& term, const StateView<D>& s, Index e, std::span<const Real> past) {
-    if constexpr (FindingTerm<Term, D>) {
-      typename Term::Touch c;
-      return term.find(s, e, past, c) ? term.energy(s, c) : 0;
-    } else {
-      return term.energy(s, e, past);
-    }
+    typename Term::Touch c;
+    return term.find(s, e, past, c) ? term.energy(s, c) : 0;
   }
   template <class Term>
   static Real power_of(const Term& term, const StateView<D>& s, Index e, std::span<const Real> past) {
-    if constexpr (FindingTerm<Term, D>) {
-      typename Term::Touch c;
-      return term.find(s, e, past, c) ? term.power(s, c) : 0;
-    } else {
-      return term.power(s, e, past);
-    }
-  }
-
-  template <class Term>
-  static void advance(const Term& term, const StateView<D>& s, Real h, ContactTable& table, bool found) {
-    constexpr std::size_t losses = losses_of<Term>();
-    if constexpr (RangeTerm<Term, D>)
-      if (found) {
-        std::array<Real, losses> heat{};
-        for (Index chunk = 0; chunk < s.neighbours.chunks(); ++chunk)
-          for (const Range range : {inside<Term>(s, chunk), across<Term>(s, chunk)})
-            if (range.size() > 0) term.add_heat(table.lost(range), h, heat);
-        table.add_heat(heat);
-        return table.accept();
-      }
-    std::vector<std::array<Real, losses>> heat(losses > 0 ? s.neighbours.chunks() : 0);
-    for_each_chunk(s, [&](Index chunk) {
-      std::array<Real, losses> counts{}, elsewhere{};
-      const auto run = [&](Range range, auto&& sums) {
-        if constexpr (FindingTerm<Term, D>) {
-          using Touch = typename Term::Touch;
-          const auto one = [&](Index e, const Touch* c) PLIANT_INLINE_LAMBDA {
-            table.advance(e, [&](bool known, std::span<Real> numbers) PLIANT_INLINE_LAMBDA {
-              if (c != nullptr) term.advance(s, *c, h, known, numbers, sums(e));
-              return c != nullptr;
-            });
-          };
-          if (!RangeTerm<Term, D> && found) return table.records().template for_each<Touch>(range, one);
-          Touch c;
-          for (Index e = range.first; e < range.last; ++e) one(e, term.find(s, e, table.past(e), c) ? &c : nullptr);
-        } else {
-          for (Index e = range.first; e < range.last; ++e)
-            table.advance(e, [&](bool known, std::span<Real> numbers) {
-              if constexpr (losses > 0)
-                return term.advance(s, e, h, known, numbers, sums(e));
-              else
-                return term.advance(s, e, h, known, numbers);
-            });
-        }
-      };
-      const auto in_chunk = [&](Index) { return std::span<Real>(counts); };
-      const auto in_one_of_two = [&](auto e) {
-        return std::span<Real>(losses > 0 && counts_in<Term>(s, chunk, e) ? counts : elsewhere);
-      };
-      const Range own = inside<Term>(s, chunk), border = across<Term>(s, chunk);
-      run(own, in_chunk);
-      if constexpr (KindOf<Term>::paired) run(border, in_one_of_two);
-      if constexpr (losses > 0) heat[chunk] = counts;
-    });
-    for (const auto& of_chunk : heat) table.add_heat(of_chunk);
+    typename Term::Touch c;
+    return term.find(s, e, past, c) ? term.power(s, c) : 0;
   }
 
   template <class Visit>
@@ -775,11 +733,9 @@ class Model final : public ForceField<D> {
     const auto add = [&](Range range, auto scatter) {
       if constexpr (RangeTerm<T, D>)
         if (s.history != nullptr) return term.add_forces(s, range, s.history->of(term.name()), scatter);
-      if constexpr (FindingTerm<T, D>) {
-        for_each_touch(term, s, range, [&](const auto& c) PLIANT_INLINE_LAMBDA { term.add_force(s, c, scatter); });
-      } else if constexpr (HistoryTerm<T, D>) {
-        const Past past(s, term);
-        for (Index e = range.first; e < range.last; ++e) term.add_force(s, e, past(e), scatter);
+      if constexpr (HistoryTerm<T, D>) {
+        for_each_touch(term, s, range, scatter,
+                       [&](const auto& c) PLIANT_INLINE_LAMBDA { term.add_force(s, c, scatter); });
       } else {
         for (Index e = range.first; e < range.last; ++e)
           if constexpr (EnergyTerm<T, D>)

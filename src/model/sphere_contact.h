@@ -44,11 +44,11 @@ struct SphereContact {
     std::array<Real, 3> before;   ///< ξ at the end of the last step, turned with the contact
   };
 
-  bool near(const StateView<3>& s, Index e) const {
+  PLIANT_INLINE bool near(const StateView<3>& s, Index e) const {
     const PairList& list = s.neighbours.point_pairs;
     return (s.position(list[e].first) - s.position(list[e].second)).squaredNorm() < square(list.reach[e]);
   }
-  bool find(const StateView<3>& s, Index e, std::span<const Real> past, Touch& c) const {
+  PLIANT_INLINE bool find(const StateView<3>& s, Index e, std::span<const Real> past, Touch& c) const {
     const PairList& list = s.neighbours.point_pairs;
     const auto [first, second] = list.pairs[e];
     const Topology& topology = s.topology;
@@ -74,8 +74,9 @@ struct SphereContact {
       const Real* const p = past.data();
       const SphereSlip slip(c.order * point<3>(p, 0), n, twisted - point<3>(p, 2));
       const Vec<3> spring = c.order * point<3>(p, 3);
-      c.before = array_of(slip.carry(spring));
-      c.stretched = array_of(slip.carry(spring, reach * slip.arc() - slip.across(turned - point<3>(p, 1))));
+      const Vec<3> before = slip.carry(spring);
+      c.before = array_of(before);
+      c.stretched = array_of(before + slip.carry_on(reach * slip.arc() - slip.across(turned - point<3>(p, 1))));
       c.slid = past[12] != 0;
     }
     return true;
@@ -89,19 +90,18 @@ struct SphereContact {
   }
   /// With the elastic force: for a kernel that computes both.
   template <class F>
-  void add_total(const StateView<3>& s, const Touch& c, F& force) const {
+  PLIANT_INLINE void add_total(const StateView<3>& s, const Touch& c, F& force) const {
     const auto rubs = rub(s, c);
     add(c, rubs, rubs.normal, force);
   }
-  void advance(const StateView<3>& s, const Touch& c, Real h, bool known, std::span<Real> numbers,
-               std::span<Real> heat) const {
+  PLIANT_INLINE void keep(const StateView<3>& s, const Touch& c, std::span<const Real> past, Real* numbers,
+                          Real* lost) const {
     const auto rubs = rub(s, c);
-    c.add_heat(rubs, h, known, vector_of(c.before), heat);
-    Real* const p = numbers.data();
-    point<3>(p, 0) = c.order * vector_of(c.n);
-    point<3>(p, 1) = vector_of(c.turned);
-    point<3>(p, 2) = vector_of(c.twisted);
-    point<3>(p, 3) = c.order * rubs.hold.spring;
+    c.count_losses(rubs, !past.empty(), vector_of(c.before), lost);
+    point<3>(numbers, 0) = c.order * vector_of(c.n);
+    point<3>(numbers, 1) = vector_of(c.turned);
+    point<3>(numbers, 2) = vector_of(c.twisted);
+    point<3>(numbers, 3) = c.order * rubs.hold.spring;
     numbers[12] = rubs.hold.slides ? 1 : 0;
   }
   /// The spring between two of the stiffest balls: ω² = k_t (2/m + 2R²/I) = 7 k_t/m.
@@ -112,7 +112,7 @@ struct SphereContact {
   }
 
  private:
-  typename SurfaceTouch<3>::Rub rub(const StateView<3>& s, const Touch& c) const {
+  PLIANT_INLINE typename SurfaceTouch<3>::Rub rub(const StateView<3>& s, const Touch& c) const {
     const Vec<3> v = s.velocity(c.first) - s.velocity(c.second), n = vector_of(c.n);
     const Real parting = n.dot(v);
     return c.rub(surface, parting,
@@ -120,7 +120,7 @@ struct SphereContact {
   }
 
   template <class F>
-  static void add(const Touch& c, const typename SurfaceTouch<3>::Rub& rubs, Real normal, F& force) {
+  PLIANT_INLINE static void add(const Touch& c, const typename SurfaceTouch<3>::Rub& rubs, Real normal, F& force) {
     const Vec<3> n = vector_of(c.n), f = normal * n - c.lever * rubs.hold.pull, twist = n.cross(rubs.hold.pull);
     force.add(c.first, f);
     force.add(c.second, Vec<3>(-f));

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include <pliant/base/multiversion.h>
 #include <pliant/base/types.h>
 
 namespace pliant {
@@ -14,36 +15,39 @@ namespace pliant {
 class SphereSlip {
  public:
   /// both: what both bodies have turned, in sum.
-  SphereSlip(const Vec<3>& before, const Vec<3>& n, const Vec<3>& both)
-      : before_(before), n_(n), middle_((before + n).normalized()), half_twist_(middle_.dot(both) / 4) {}
+  PLIANT_INLINE SphereSlip(const Vec<3>& before, const Vec<3>& n, const Vec<3>& both)
+      : before_(before), n_(n), middle_((before + n).normalized()) {
+    const Real half_twist = middle_.dot(both) / 4;
+    cosine_ = std::cos(half_twist), sine_ = std::sin(half_twist);
+  }
 
   /// The arc from n₀ to n on the unit sphere, straightened.
-  Vec<3> arc() const {
+  PLIANT_INLINE Vec<3> arc() const {
     const Vec<3> chord = n_ - before_;
     const Real half = chord.norm() / 2;
     return (half < 1e-4 ? 1 + square(half) / 6 : std::asin(std::min(half, 1.0)) / half) * chord;
   }
   /// turned × n, halfway.
-  Vec<3> across(const Vec<3>& turned) const { return turned.cross(middle_); }
+  PLIANT_INLINE Vec<3> across(const Vec<3>& turned) const { return turned.cross(middle_); }
   /// Of a body without curvature: what of its way is along the surface.
-  Vec<3> along(const Vec<3>& way) const { return way - middle_.dot(way) * middle_; }
-  /// A vector across n₀, with what is added to it halfway, across n.
-  Vec<3> carry(const Vec<3>& spring, const Vec<3>& slid = Vec<3>::Zero()) const {
-    return turn(middle_, n_, twist(twist(turn(before_, middle_, spring)) + slid));
-  }
+  PLIANT_INLINE Vec<3> along(const Vec<3>& way) const { return way - middle_.dot(way) * middle_; }
+  /// A vector across n₀, across n.
+  PLIANT_INLINE Vec<3> carry(const Vec<3>& spring) const { return carry_on(twist(turn(before_, middle_, spring))); }
+  /// One across the direction halfway, across n.
+  PLIANT_INLINE Vec<3> carry_on(const Vec<3>& slid) const { return turn(middle_, n_, twist(slid)); }
 
  private:
   /// Turned by the shortest rotation from a to b.
-  static Vec<3> turn(const Vec<3>& a, const Vec<3>& b, const Vec<3>& x) {
+  PLIANT_INLINE static Vec<3> turn(const Vec<3>& a, const Vec<3>& b, const Vec<3>& x) {
     const Vec<3> w = a.cross(b);
     const Real cosine = a.dot(b);
     return cosine * x + w.cross(x) + w.dot(x) / (1 + cosine) * w;
   }
 
-  Vec<3> twist(const Vec<3>& x) const { return std::cos(half_twist_) * x + std::sin(half_twist_) * middle_.cross(x); }
+  PLIANT_INLINE Vec<3> twist(const Vec<3>& x) const { return cosine_ * x + sine_ * middle_.cross(x); }
 
   Vec<3> before_, n_, middle_;
-  Real half_twist_;
+  Real cosine_, sine_;
 };
 
 }  // namespace pliant

@@ -85,8 +85,8 @@ struct SphereWallContact {
       const Vec<3> turned = turn.transpose() * (angle - point<3>(p, 2)), spring = point<3>(p, 3);
       const SphereSlip slip(point<3>(p, 1), across, turned);
       const Vec<3> slid = slip.along(foot - point<3>(p, 0)) + R * slip.arc() - R * slip.across(turned);
-      c.before = array_of(turn * slip.carry(spring));
-      const Vec<3> stretched = turn * slip.carry(spring, slid);
+      const Vec<3> before = slip.carry(spring), stretched = turn * (before + slip.carry_on(slid));
+      c.before = array_of(turn * before);
       c.stretched = array_of(stretched);
       if (const Real size = stretched.norm(); size > 0) c.lever = (stretch * stretched).norm() / size;
       c.slid = past[12] != 0;
@@ -106,15 +106,13 @@ struct SphereWallContact {
     const auto rubs = rub(s, c);
     add(c, rubs, rubs.normal, force);
   }
-  void advance(const StateView<3>& s, const Touch& c, Real h, bool known, std::span<Real> numbers,
-               std::span<Real> heat) const {
+  void keep(const StateView<3>& s, const Touch& c, std::span<const Real> past, Real* numbers, Real* lost) const {
     const auto rubs = rub(s, c);
-    c.add_heat(rubs, h, known, vector_of(c.before), heat);
-    Real* const p = numbers.data();
-    point<3>(p, 0) = vector_of(c.foot);
-    point<3>(p, 1) = vector_of(c.across);
-    point<3>(p, 2) = vector_of(c.angle);
-    point<3>(p, 3) = Eigen::Map<const Mat<3>>(c.turn.data()).transpose() * rubs.hold.spring;
+    c.count_losses(rubs, !past.empty(), vector_of(c.before), lost);
+    point<3>(numbers, 0) = vector_of(c.foot);
+    point<3>(numbers, 1) = vector_of(c.across);
+    point<3>(numbers, 2) = vector_of(c.angle);
+    point<3>(numbers, 3) = Eigen::Map<const Mat<3>>(c.turn.data()).transpose() * rubs.hold.spring;
     numbers[12] = rubs.hold.slides ? 1 : 0;
   }
   /// Of the wall on the ball, beside the elastic one; the wall feels the opposite.

@@ -51,8 +51,8 @@ struct SurfaceFriction {
     const R most = slides ? dynamic_limit : limit, pull = k * spring + gamma * rate;
     return {spring, pull < -most ? -most : (most < pull ? most : pull), slides};
   }
-  static Hold<Vec<3>> hold(Real k, Real gamma, Vec<3> spring, const Vec<3>& rate, Real static_limit, Real dynamic_limit,
-                           bool was_sliding) {
+  PLIANT_INLINE static Hold<Vec<3>> hold(Real k, Real gamma, Vec<3> spring, const Vec<3>& rate, Real static_limit,
+                                         Real dynamic_limit, bool was_sliding) {
     const Real limit = was_sliding ? dynamic_limit : static_limit, held = k * spring.norm();
     const bool slides = held > limit;
     if (slides) spring *= dynamic_limit / held;
@@ -158,14 +158,15 @@ Real dashpot_rate(const SurfaceFriction& f, const Topology& topology, Real epsil
                    partners);
 }
 
-inline std::array<Real, 3> array_of(const Vec<3>& a) { return {a[0], a[1], a[2]}; }
-inline Vec<3> vector_of(const std::array<Real, 3>& a) { return {a[0], a[1], a[2]}; }
+PLIANT_INLINE std::array<Real, 3> array_of(const Vec<3>& a) { return {a[0], a[1], a[2]}; }
+PLIANT_INLINE Vec<3> vector_of(const std::array<Real, 3>& a) { return {a[0], a[1], a[2]}; }
 
 /// What acts where two surfaces touch, and what of it becomes heat. This is what follows from where they are. In the
 /// plane also of several contacts at a time, where R is a vector of numbers.
 template <int D, class R = Real>
 struct SurfaceTouch {
-  static constexpr std::array<std::string_view, 3> losses{"normal_damping", "tangential_damping", "sliding"};
+  static constexpr std::array<Loss, 3> losses{
+      {{"normal_damping", true}, {"tangential_damping", true}, {"sliding", false}}};
   using Tangent = std::conditional_t<D == 2, R, Vec<3>>;
 
   R elastic;                                                     ///< N_e
@@ -210,17 +211,11 @@ struct SurfaceTouch {
     const Real sliding = c.hold.slides ? std::max(product(k * c.hold.spring, c.rate), 0.0) : 0;
     return normal_power(c) + tangential_power(c) + sliding;
   }
-  /// Of a step of length h, from sums of normal_power, tangential_power and slid_heat.
-  static void add_heat(const Real* lost, Real h, std::span<Real> heat) {
-    heat[0] += h * lost[0];
-    heat[1] += h * lost[1];
-    heat[2] += lost[2];
-  }
-  /// The same of this one, whose spring was `before` at the begin of the step if the contact is not new.
-  PLIANT_INLINE void add_heat(const Rub& c, Real h, bool known, const Tangent& before, std::span<Real> heat) const {
-    heat[0] += h * normal_power(c);
-    heat[1] += h * tangential_power(c);
-    if (known) heat[2] += slid_heat(c, before);
+  /// Counts all three; the spring was `before` at the begin of the step if the contact is not new.
+  PLIANT_INLINE void count_losses(const Rub& c, bool known, const Tangent& before, Real* lost) const {
+    lost[0] += normal_power(c);
+    lost[1] += tangential_power(c);
+    if (known) lost[2] += slid_heat(c, before);
   }
 
  private:

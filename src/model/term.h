@@ -1,9 +1,11 @@
 // What a term of the model is: an energy or a dissipation, written for one element; the loops are in model.h.
 #pragma once
 
+#include <algorithm>
+#include <array>
 #include <concepts>
+#include <span>
 #include <string_view>
-#include <type_traits>
 
 #include <pliant/base/multiversion.h>
 #include <pliant/base/types.h>
@@ -69,6 +71,17 @@ struct Scatter {
     if (OwnOnly && !own.contains(i)) return;
     add_rotation<D>(torques, i, Rotation<D>(Real(Sign) * t));
   }
+  /// Whether an element counts here: a pair across the border if it has one of these points.
+  template <Elements E>
+  bool counts(const StateView<D>& s, Index e) const {
+    if constexpr (OwnOnly) {
+      const Topology& topology = s.topology;
+      const Pair& pair = (s.neighbours.*ElementKind<E>::list)[e];
+      const Index m = topology.counts_for(topology.particle[pair.first], topology.particle[pair.second]);
+      return own.contains(topology.offset[m]);
+    }
+    return true;
+  }
 };
 
 /// Whether a term has torques, on particles of one point: `static constexpr bool rotates = true`.
@@ -132,77 +145,13 @@ concept DissipationTerm = requires(const T term, const StateView<D>& s, Index e,
   requires has_torque<T> || requires { term.add_dforce_dv(s, e, h); };
 };
 
-/// A force between touching pairs, or with walls, that depends on what happened since they touched: on
-/// T::history numbers that are kept for each contact (ContactHistory). Within a step a force follows from the numbers
-/// at its begin, `past`, and from the state, as at every stage of a method; it has none yet of a contact that began
-/// within the step. At the end of an accepted step the numbers are advanced. A force should not change by that: what
-/// the integrator carries to the next step was made before. So a tangential spring keeps where it is relaxed, as a
-/// place on the surfaces; forces follow from how far these have moved from there, by positions and angles, up to the
-/// limit of friction, and what is advanced is the place, where it has slid. A pair is listed in any order, on both
-/// sides of a border: numbers must not depend on it (in_order). Positions jump by box lengths when particles are put
-/// back into a periodic box; positions of a listed pair relative to each other do not. Parts of one surface of the
-/// walls have one contact with a point, which the part that carries it (Walls::carries) acts for and advances; the
-/// others do not touch. A term can say by what energy becomes heat, `static constexpr std::array<std::string_view, N>
-/// losses`: then advance() gets N sums as well, to which it adds the heat of the step. Where
-/// off() says that its coefficients switch a term off for good, nothing is kept.
-///
-/// Most of what a force needs of a contact follows from positions and angles alone. A term that tells this from the
-/// rest has a record of it, `Touch`, of trivial copies, and
-///   find(s, e, past, touch)   fills it; false where the element does not touch. It must not read velocities.
-/// It may also have
-///   near(s, e)   false only where the element does not touch, by positions; costs less than find().
-/// Its other functions take the record: energy(s, touch), power(s, touch), add_force(s, touch, f),
-/// advance(s, touch, h, known, numbers, heat), which returns nothing, and force(s, touch). Where a step ends at the
-/// positions of the last forces, as those of velocity Verlet do, contacts are not found again to be advanced.
-template <class T, int D>
-concept FindingTerm = requires(const T term, const StateView<D>& s, Index e, Real h, bool known,
-                               std::span<const Real> past, std::span<Real> numbers, std::span<Real> heat,
-                               typename T::Touch& c, Scatter<D, 1>& f) {
-  requires std::is_trivially_copyable_v<typename T::Touch>;
-  { term.find(s, e, past, c) } -> std::same_as<bool>;
-  { term.energy(s, c) } -> std::same_as<Real>;
-  { term.power(s, c) } -> std::same_as<Real>;
-  term.add_force(s, c, f);
-  term.advance(s, c, h, known, numbers, heat);
+/// By what a term turns energy into heat. What is counted of it is lost per time, or else in a step.
+struct Loss {
+  std::string_view name;
+  bool per_time;
 };
 
-/// One that takes a range of elements together, where there is a history: for a loop over several elements at a time.
-/// Beside the forces it writes what is known of the elements if the step ends there (ContactTable::Ahead), and what
-/// those that count in the chunk lose (ContactTable::lost): numbers of which add_heat(lost, h, heat) makes the heat of
-/// a step. Where a step ends at the positions of the last forces this is all; velocities are then those that the forces
-/// were for. It can keep numbers of each element that stay the same as long as the list does, `static constexpr int
-/// constants` of them.
-template <class T, int D>
-concept RangeTerm = FindingTerm<T, D> &&
-    requires(const T term, const StateView<D>& s, Range range, Real h, const ContactTable& table, const Real* lost,
-             std::span<Real> heat, const Scatter<D, 1>& f) {
-  term.add_forces(s, range, table, f);
-  term.add_heat(lost, h, heat);
-};
-
-template <class T, int D>
-concept HistoryTerm = requires(const T term, const StateView<D>& s, Index e, Real h, bool known,
-                               std::span<const Real> past, std::span<Real> numbers, std::span<Real> heat,
-                               Scatter<D, 1>& f) {
-  { term.name() } -> std::convertible_to<std::string_view>;  // of no other term with history
-  { term.enabled(s) } -> std::same_as<bool>;
-  { T::elements } -> std::convertible_to<Elements>;
-  { T::history } -> std::convertible_to<int>;
-  requires FindingTerm<T, D> || requires {
-    term.add_force(s, e, past, f);
-    { term.energy(s, e, past) } -> std::same_as<Real>;  // that is stored
-    { term.power(s, e, past) } -> std::same_as<Real>;   // dissipated at present, ≥ 0
-    requires requires {
-      { term.advance(s, e, h, known, numbers) } -> std::same_as<bool>;  // over a step of length h; see ContactTable
-    } || requires {
-      { term.advance(s, e, h, known, numbers, heat) } -> std::same_as<bool>;
-    };
-  };
-  { term.max_rate(s.topology) } -> std::same_as<Real>;
-  { term.max_damping(s.topology) } -> std::same_as<Real>;
-};
-
-/// How many losses a term names.
+/// How many of them a term names, `static constexpr std::array<Loss, N> losses`.
 template <class T>
 constexpr std::size_t losses_of() {
   if constexpr (requires { T::losses; })
@@ -211,53 +160,105 @@ constexpr std::size_t losses_of() {
     return 0;
 }
 
-/// visit(e, touch) for the elements of a range that touch, which find(e, past, touch) says and fills, and others(e) for
-/// those that do not, but for some that are too far apart. What is found is kept where there is a history, and stays
-/// where it is.
-template <int D, FindingTerm<D> T, class Find, class Visit, class Others>
-PLIANT_INLINE void for_each_found(const T& term, const StateView<D>& s, Range range, Find&& find, Visit&& visit,
-                                  Others&& others) {
-  using Touch = typename T::Touch;
-  if (s.history == nullptr) {
-    Touch c;
-    for (Index e = range.first; e < range.last; ++e) find(e, std::span<const Real>(), c) ? visit(e, c) : others(e);
-    return;
-  }
-  const ContactTable& table = s.history->of(term.name());
-  const auto past = table.template pasts<T::history>();
-  auto found = table.template record<Touch>(range);
-  // First which elements, without a branch that depends on them: most of a list does not touch.
-  Index* const which = found.room();
-  Index count = 0;
-  for (Index e = range.first; e < range.last; ++e) {
-    which[count] = e;
-    if constexpr (requires { term.near(s, e); })
-      count += term.near(s, e) | past.known(e) ? 1 : 0;
-    else
-      ++count;
-  }
-  for (Index k = 0; k < count; ++k) {
-    const Index e = which[k];
-    const Real* const numbers = past(e);
-    const std::size_t known = numbers != nullptr ? T::history : 0;
-    Touch& c = found.next();
-    if (find(e, std::span<const Real>(numbers, known), c)) {
-      found.touches(e);
-      visit(e, c);
-    } else {
-      if (known > 0) found.parted(e);
-      others(e);
+/// A force between touching pairs, or with walls, that depends on what happened since they touched: on T::history
+/// numbers that are kept for each contact (ContactHistory). Within a step a force follows from the numbers at its
+/// begin, `past`, and from the state, as at every stage of a method; it has none yet of a contact that began within the
+/// step. Where forces are evaluated the numbers are found, too, that are to be kept if the step ends there; an accepted
+/// step takes those of the last evaluation. A force should not change by that: what the integrator carries to the next
+/// step was made before. So a tangential spring keeps where it is relaxed, as a place on the surfaces; forces follow
+/// from how far these have moved from there, by positions and angles, up to the limit of friction, and what changes is
+/// the place, where it has slid. A pair is listed in any order, on both sides of a border: numbers must not depend on
+/// it (in_order). Positions jump by box lengths when particles are put back into a periodic box; positions of a listed
+/// pair relative to each other do not. Parts of one surface of the walls have one contact with a point, which the part
+/// that carries it (Walls::carries) acts for; the others do not touch. Where off() says that its coefficients switch a
+/// term off for good, nothing is kept.
+///
+/// Most of what a force needs of a contact follows from positions and angles alone: a term has a record of it, `Touch`,
+/// and
+///   find(s, e, past, touch)   fills it; false where the element does not touch. It must not read velocities. `past` is
+///                             empty where nothing was known
+///   near(s, e)                may be there: false only where the element does not touch; costs less than find()
+///   force(s, touch)           may be there: of the wall
+///   keep(s, touch, past, numbers, lost)   writes what to keep [history], and adds what the contact loses [losses]
+template <class T, int D>
+concept HistoryTerm = requires(const T term, const StateView<D>& s, Index e, std::span<const Real> past,
+                               typename T::Touch& c, Scatter<D, 1>& f) {
+  { term.name() } -> std::convertible_to<std::string_view>;  // of no other term with history
+  { term.enabled(s) } -> std::same_as<bool>;
+  { T::elements } -> std::convertible_to<Elements>;
+  { T::history } -> std::convertible_to<int>;
+  { term.find(s, e, past, c) } -> std::same_as<bool>;
+  { term.energy(s, c) } -> std::same_as<Real>;  // that is stored
+  { term.power(s, c) } -> std::same_as<Real>;   // dissipated at present, ≥ 0
+  term.add_force(s, c, f);
+  { term.max_rate(s.topology) } -> std::same_as<Real>;
+  { term.max_damping(s.topology) } -> std::same_as<Real>;
+  requires requires(Range range, const ContactTable& table, const Scatter<D, 1>& to) {
+    term.add_forces(s, range, table, to);
+  } || requires(Real * numbers, Real * lost) {
+    term.keep(s, c, past, numbers, lost);
+  };
+};
+
+/// One that takes a range of elements together, where there is a history: for a loop over several elements at a time.
+/// Beside the forces it writes what to keep (ContactTable::Ahead), and what the elements that count in the chunk lose
+/// (ContactTable::lost). It can keep numbers of each element that stay the same as long as the list does, `static
+/// constexpr int constants` of them.
+template <class T, int D>
+concept RangeTerm = HistoryTerm<T, D> &&
+    requires(const T term, const StateView<D>& s, Range range, const ContactTable& table, const Scatter<D, 1>& f) {
+  term.add_forces(s, range, table, f);
+};
+
+/// visit(touch) for the elements of a range that touch, and others(e) for those that do not, but for some that are too
+/// far apart. Where there is a history this is an evaluation of forces, with those added to `force`: it writes what to
+/// keep, and what is lost; those of a RangeTerm are made by its add_forces() instead.
+template <int D, HistoryTerm<D> T, int Sign, bool OwnOnly, class Visit, class Others>
+PLIANT_INLINE void for_each_touch(const T& term, const StateView<D>& s, Range range,
+                                  const Scatter<D, Sign, OwnOnly>& force, Visit&& visit, Others&& others) {
+  typename T::Touch c;
+  if constexpr (!RangeTerm<T, D>)
+    if (s.history != nullptr && range.size() > 0) {
+      const ContactTable& table = s.history->of(term.name());
+      const auto past = table.template pasts<T::history>();
+      const ContactTable::Ahead<T::history, T::elements == Elements::walls> ahead(table);
+      // First which elements, without a branch that depends on them: most of a list does not touch.
+      Index* const which = table.room(range);
+      Index count = 0;
+      for (Index e = range.first; e < range.last; ++e) {
+        if (ahead.known(e)) ahead.parted(e);
+        which[count] = e;
+        if constexpr (requires { term.near(s, e); })
+          count += term.near(s, e) ? 1 : 0;
+        else
+          ++count;
+      }
+      std::array<Real, losses_of<T>()> lost{}, elsewhere{};
+      for (Index k = 0; k < count; ++k) {
+        const Index e = which[k];
+        const Real* const numbers = past(e);
+        const std::span<const Real> known(numbers, numbers != nullptr ? T::history : 0);
+        if (!term.find(s, e, known, c)) {
+          others(e);
+          continue;
+        }
+        visit(c);
+        term.keep(s, c, known, ahead.touches(e),
+                  force.template counts<T::elements>(s, e) ? lost.data() : elsewhere.data());
+      }
+      std::ranges::copy(lost, table.lost(range));
+      return;
     }
-  }
-  found.end();
+  for (Index e = range.first; e < range.last; ++e)
+    if (term.find(s, e, {}, c))
+      visit(c);
+    else
+      others(e);
 }
-/// visit(touch) for those that touch.
-template <int D, FindingTerm<D> T, class Visit>
-PLIANT_INLINE void for_each_touch(const T& term, const StateView<D>& s, Range range, Visit&& visit) {
-  for_each_found(
-      term, s, range,
-      [&](Index e, std::span<const Real> past, auto& c) PLIANT_INLINE_LAMBDA { return term.find(s, e, past, c); },
-      [&](Index, const auto& c) PLIANT_INLINE_LAMBDA { visit(c); }, [](Index) {});
+template <int D, HistoryTerm<D> T, int Sign, bool OwnOnly, class Visit>
+PLIANT_INLINE void for_each_touch(const T& term, const StateView<D>& s, Range range,
+                                  const Scatter<D, Sign, OwnOnly>& force, Visit&& visit) {
+  for_each_touch(term, s, range, force, visit, [](Index) {});
 }
 
 /// A pair of points, that of the particle with the lower id first.

@@ -24,7 +24,7 @@ struct VertexBaseFriction {
 
   static constexpr Elements elements = Elements::points;
   static constexpr int history = 3;
-  static constexpr std::array<std::string_view, 2> losses{"damping", "sliding"};
+  static constexpr std::array<Loss, 2> losses{{{"damping", true}, {"sliding", false}}};
   static std::string_view name() { return "base_friction"; }
   bool enabled(const StateView<2>&) const { return !off(); }
   bool off() const { return !(mu_static > 0 && gravity > 0); }
@@ -63,17 +63,17 @@ struct VertexBaseFriction {
   void add_force(const StateView<2>& s, const Touch& c, F& force) const {
     if (c.known) force.add(c.i, Vec<2>(-pull(s, c)));
   }
-  void advance(const StateView<2>& s, const Touch& c, Real h, bool known, std::span<Real> numbers,
-               std::span<Real> heat) const {
-    const Vec<2> r = s.position(c.i), spring = spring_of(c), place = r - spring;
-    if (known && c.slides) {
-      heat[1] += c.k * spring.dot(place - Vec<2>(numbers[0], numbers[1]));
-      // Where it comes from the limit of μ_static, the spring has lost what it held beyond that of μ_dynamic.
-      if (numbers[2] == 0) heat[1] += c.k / 2 * square(mu_static / mu_dynamic - 1) * spring.squaredNorm();
+  void keep(const StateView<2>& s, const Touch& c, std::span<const Real> past, Real* numbers, Real* lost) const {
+    if (c.known && !c.slides) {
+      lost[0] += damping_power(s, c);
+      numbers[0] = past[0], numbers[1] = past[1], numbers[2] = 0;
+      return;
     }
-    if (known && !c.slides) {
-      heat[0] += h * damping_power(s, c);
-      return void(numbers[2] = 0);
+    const Vec<2> spring = spring_of(c), place = s.position(c.i) - spring;
+    if (c.known) {
+      lost[1] += c.k * spring.dot(place - Vec<2>(past[0], past[1]));
+      // Where it comes from the limit of μ_static, the spring has lost what it held beyond that of μ_dynamic.
+      if (past[2] == 0) lost[1] += c.k / 2 * square(mu_static / mu_dynamic - 1) * spring.squaredNorm();
     }
     numbers[0] = place[0], numbers[1] = place[1];
     numbers[2] = c.slides ? 1 : 0;

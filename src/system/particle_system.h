@@ -132,8 +132,7 @@ class ParticleSystem final : public ImplicitSystem {
     if (history_.empty()) return;
     const bool found = evaluated && has_found_;
     const StateView<D> s = view_after(found ? std::optional<Real>(0) : std::nullopt, x, v, t);
-    field_->advance(s, h, history_, found);
-    history_.advanced();
+    field_->accept(s, h, history_, found);
   }
 
   /// What is kept of contacts: changes with accepted steps, and with take(), which forgets it.

@@ -11,7 +11,7 @@ TEST_CASE("a contact that turns by a right angle takes its vectors with it") {
   CHECK((slip.arc() - pi / 2 * Vector(-1, 1, 0).normalized()).norm() < 1e-14);
   CHECK((slip.carry(Vector(0, 1, 0)) - Vector(-1, 0, 0)).norm() < 1e-14);
   CHECK((slip.carry(Vector(0, 0, 1)) - Vector(0, 0, 1)).norm() < 1e-14);  // along the axis
-  CHECK((slip.carry(Vector(0, 0, 1), slip.arc()) - Vector(-pi / 2, 0, 1)).norm() < 1e-14);
+  CHECK((slip.carry_on(slip.arc()) - Vector(-pi / 2, 0, 0)).norm() < 1e-14);
   CHECK((slip.along(Vector(3, 1, 2)) - Vector(1, -1, 2)).norm() < 1e-14);
   CHECK((slip.across(Vector(0, 0, 2)) - 2 * Vector(-1, 1, 0).normalized()).norm() < 1e-14);
 }

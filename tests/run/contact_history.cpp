@@ -111,17 +111,19 @@ TEST_CASE("a table of contacts follows its list") {
   ContactTable table({"test", Elements::point_pairs, 2});
   table.assign({{1, 2}, {3, 4}, {1, 2}, {5, 6}});
   CHECK(table.past(0).empty());
-  const auto touch = [&](Index e, Real number) {
-    table.advance(e, [&](bool known, std::span<Real> numbers) {
-      CHECK(!known);
+  // A step after which these elements touch, with these numbers.
+  const auto step = [&](Index size, const std::vector<std::pair<Index, Real>>& touching) {
+    const ContactTable::Ahead<2> ahead(table);
+    for (Index e = 0; e < size; ++e)
+      if (ahead.known(e)) ahead.parted(e);
+    for (const auto& [e, number] : touching) {
+      Real* const numbers = ahead.touches(e);
       CHECK(numbers[0] == 0);
       numbers[0] = number;
-      return true;
-    });
+    }
+    table.accept();
   };
-  touch(0, 7), touch(2, 7), touch(3, 8);
-  table.advance(1, [](bool, std::span<Real>) { return false; });
-  table.advanced();
+  step(4, {{0, 7}, {2, 7}, {3, 8}});
   CHECK(table.contacts().keys == std::vector<ContactKey>{{1, 2}, {5, 6}});
   CHECK(table.contacts().values == std::vector<Real>{7, 0, 8, 0});
 
@@ -133,22 +135,25 @@ TEST_CASE("a table of contacts follows its list") {
   CHECK(table.past(0).empty());
   CHECK(table.past(1)[0] == 7);
   // An accepted one ends it.
-  table.advanced();
+  step(2, {{1, 7}});
   CHECK(table.contacts().keys == std::vector<ContactKey>{{1, 2}});
-  table.advance(1, [](bool known, std::span<Real>) { return !known; });
+  // What is evaluated and not accepted changes nothing.
+  ContactTable::Ahead<2>(table).touches(0)[0] = 9;
+  CHECK(table.contacts().keys == std::vector<ContactKey>{{1, 2}});
+  step(2, {});
   CHECK(table.contacts().keys.empty());
   CHECK(table.past(1).empty());
-  touch(1, 3);
 
   // What was put somewhere else begins anew, listed or not.
-  touch(0, 4);
+  table.assign({{3, 4}, {1, 2}, {7, 8}});
+  step(3, {{0, 4}, {1, 3}, {2, 5}});
   table.assign({{1, 2}, {2, 3}, {7, 8}});
-  touch(2, 5);
   table.forget(3);
   table.forget(2);
   CHECK(table.past(0).empty());
   CHECK(table.contacts().keys == std::vector<ContactKey>{{7, 8}});
-  touch(0, 6);  // from zeros
+  step(3, {{0, 6}, {2, 5}});
+  CHECK(table.past(0)[0] == 6);
   CHECK(table.past(2)[0] == 5);
 
   CHECK_THROWS_AS(ContactHistory({{"a", Elements::walls, 1}, {"a", Elements::point_pairs, 1}}), std::logic_error);
@@ -158,16 +163,17 @@ TEST_CASE("a table of contacts follows its list") {
 
 TEST_CASE("parts of walls that are one surface have one contact with a point") {
   ContactTable table({"test", Elements::walls, 1});
+  // What was known of the elements that touch, which is counted up.
   const auto step = [&](const std::vector<Index>& touching) {
     std::vector<Real> before;
+    const ContactTable::Ahead<1, true> ahead(table);
     for (Index e = 0; e < 3; ++e)
-      table.advance(e, [&](bool, std::span<Real> numbers) {
-        if (std::ranges::find(touching, e) == touching.end()) return false;
-        before.push_back(numbers[0]);
-        numbers[0] += 1;
-        return true;
-      });
-    table.advanced();
+      if (ahead.known(e)) ahead.parted(e);
+    for (const Index e : touching) {
+      before.push_back(table.past(e).empty() ? 0 : table.past(e)[0]);
+      *ahead.touches(e) = before.back() + 1;
+    }
+    table.accept();
     return before;
   };
   table.assign({{1, 5}, {1, 7}, {1, 5}});  // elements 0 and 2 are of surface 5

@@ -136,10 +136,7 @@ TEST_CASE("ranges of elements have the forces of all their elements, bit for bit
           term.add_force(view, c, one);
           ++touching;
         }
-      if constexpr (RangeTerm<Term, 2>)
-        term.add_forces(view, all, table, ranges);
-      else
-        for_each_touch(term, view, all, [&](const auto& touch) { term.add_force(view, touch, ranges); });
+      term.add_forces(view, all, table, ranges);
       CHECK(found == expected);
       CHECK(touching > 3);
       some += touching % 4;

@@ -144,71 +144,55 @@ struct TangentialSpring {
   static std::string_view name() { return "tangential"; }
   bool enabled(const StateView<2>&) const { return k > 0; }
 
-  Real energy(const StateView<2>& s, Index e, std::span<const Real> past) const {
-    const Touch c(*this, s, e);
-    return c.touches && !past.empty() ? k / 2 * square(c.spring(past[0])) : 0;
+  struct Touch {
+    Index i, j;
+    Real a, b, d, q, most;
+    pliant::Vec<2> n;
+    bool known;
+    Real stretch, spring;  ///< ξ before and after the limit; 0 where the contact is new
+  };
+  bool find(const StateView<2>& s, Index e, std::span<const Real> past, Touch& c) const {
+    const Pair pair = in_order(s.topology, s.neighbours.point_pairs[e]);
+    c.i = pair.first, c.j = pair.second;
+    c.a = s.topology.diameter[c.i] / 2, c.b = s.topology.diameter[c.j] / 2;
+    const pliant::Vec<2> r = s.position(c.i) - s.position(c.j);
+    c.d = r.norm();
+    const Real reach = c.a + c.b;
+    if (c.d >= reach) return false;
+    c.n = r / c.d;
+    c.q = reach * std::atan2(c.n[1], c.n[0]) - c.a * s.angle(c.i) - c.b * s.angle(c.j);
+    c.most = mu * epsilon / reach * (1 - c.d / reach) / k;
+    c.known = !past.empty();
+    c.stretch = c.known ? std::remainder(c.q - past[0], 2 * pi * reach) : 0;  // φ jumps by 2π
+    c.spring = std::clamp(c.stretch, -c.most, c.most);
+    return true;
   }
+  Real energy(const StateView<2>&, const Touch& c) const { return k / 2 * square(c.spring); }
   /// Of sliding.
-  Real power(const StateView<2>& s, Index e, std::span<const Real> past) const {
-    const Touch c(*this, s, e);
-    if (!c.touches || past.empty()) return 0;
+  Real power(const StateView<2>& s, const Touch& c) const {
     const pliant::Vec<2> t(-c.n[1], c.n[0]);
     const Real rate =
-                   (c.a + c.b) / c.d * t.dot(s.velocity(c.i) - s.velocity(c.j)) - c.a * s.spin(c.i) - c.b * s.spin(c.j),
-               xi = c.spring(past[0]);
-    return std::abs(c.stretch(past[0])) > std::abs(xi) ? std::max(k * xi * rate, 0.0) : 0;
+        (c.a + c.b) / c.d * t.dot(s.velocity(c.i) - s.velocity(c.j)) - c.a * s.spin(c.i) - c.b * s.spin(c.j);
+    return std::abs(c.stretch) > std::abs(c.spring) ? std::max(k * c.spring * rate, 0.0) : 0;
   }
   template <class F>
-  void add_force(const StateView<2>& s, Index e, std::span<const Real> past, F& force) const {
-    const Touch c(*this, s, e);
-    if (!c.touches || past.empty()) return;
-    const Real pull = k * c.spring(past[0]);
+  void add_force(const StateView<2>&, const Touch& c, F& force) const {
+    const Real pull = k * c.spring;
     const pliant::Vec<2> t(-c.n[1], c.n[0]), f = -pull * (c.a + c.b) / c.d * t;
     force.add(c.i, f);
     force.add(c.j, -f);
     force.add_torque(c.i, pull * c.a);
     force.add_torque(c.j, pull * c.b);
   }
-  bool advance(const StateView<2>& s, Index e, Real, bool known, std::span<Real> numbers) const {
-    const Touch c(*this, s, e);
-    if (!c.touches) return false;
-    if (!known) {
-      numbers[0] = c.q;
-      return true;
-    }
-    const Real all = c.stretch(numbers[0]), kept = c.spring(numbers[0]);
-    if (all == kept) return true;
-    numbers[0] = c.q - kept;
-    numbers[1] += k * std::abs(kept) * std::abs(all - kept);
-    return true;
+  void keep(const StateView<2>&, const Touch& c, std::span<const Real> past, Real* numbers, Real*) const {
+    const bool slides = c.stretch != c.spring;
+    numbers[0] = c.known && !slides ? past[0] : c.q - c.spring;
+    numbers[1] = (c.known ? past[1] : 0) + k * std::abs(c.spring) * std::abs(c.stretch - c.spring);
   }
   Real max_rate(const Topology& t) const {
     return std::sqrt(12 * k / smallest_over_points(t, [&](Index i) { return t.mass(i); }));
   }
   Real max_damping(const Topology&) const { return 0; }
-
- private:
-  struct Touch {
-    Index i, j;
-    bool touches;
-    Real a, b, d = 0, q = 0, most = 0;
-    pliant::Vec<2> n = pliant::Vec<2>::Zero();
-    Touch(const TangentialSpring& term, const StateView<2>& s, Index e) {
-      const Pair pair = in_order(s.topology, s.neighbours.point_pairs[e]);
-      i = pair.first, j = pair.second;
-      a = s.topology.diameter[i] / 2, b = s.topology.diameter[j] / 2;
-      const pliant::Vec<2> r = s.position(i) - s.position(j);
-      d = r.norm();
-      touches = d < a + b;
-      if (!touches) return;
-      n = r / d;
-      q = (a + b) * std::atan2(n[1], n[0]) - a * s.angle(i) - b * s.angle(j);
-      most = term.mu * term.epsilon / (a + b) * (1 - d / (a + b)) / term.k;
-    }
-    /// φ jumps by 2π.
-    Real stretch(Real q0) const { return std::remainder(q - q0, 2 * pi * (a + b)); }
-    Real spring(Real q0) const { return std::clamp(stretch(q0), -most, most); }
-  };
 };
 
 /// The same with straight walls: q = t·x − R θ, t along the wall.
@@ -219,56 +203,44 @@ struct WallSpring {
   static constexpr int history = 2;
   static std::string_view name() { return "wall_tangential"; }
   bool enabled(const StateView<2>& s) const { return k > 0 && s.walls.size() > 0; }
-  Real energy(const StateView<2>& s, Index e, std::span<const Real> past) const {
-    const Touch c(*this, s, e);
-    return c.touches && !past.empty() ? k / 2 * square(c.spring(past[0])) : 0;
+  struct Touch {
+    Index i;
+    Real a, q;
+    pliant::Vec<2> t;
+    bool known;
+    Real stretch, spring;
+  };
+  bool find(const StateView<2>& s, Index e, std::span<const Real> past, Touch& c) const {
+    const auto [point, wall] = s.neighbours.walls[e];
+    c.i = point;
+    c.a = s.topology.diameter[point] / 2;
+    Real d;
+    pliant::Vec<2> n;
+    s.walls.nearest(s.position(point), wall, s.t, d, n);
+    if (d >= c.a) return false;
+    c.t = {-n[1], n[0]};
+    c.q = c.t.dot(s.position(point)) - c.a * s.angle(point);
+    c.known = !past.empty();
+    c.stretch = c.known ? c.q - past[0] : 0;
+    const Real most = mu * epsilon / c.a * (1 - d / c.a) / k;
+    c.spring = std::clamp(c.stretch, -most, most);
+    return true;
   }
-  Real power(const StateView<2>&, Index, std::span<const Real>) const { return 0; }
+  Real energy(const StateView<2>&, const Touch& c) const { return k / 2 * square(c.spring); }
+  Real power(const StateView<2>&, const Touch&) const { return 0; }
   template <class F>
-  void add_force(const StateView<2>& s, Index e, std::span<const Real> past, F& force) const {
-    const Touch c(*this, s, e);
-    if (!c.touches || past.empty()) return;
-    const Real pull = k * c.spring(past[0]);
+  void add_force(const StateView<2>&, const Touch& c, F& force) const {
+    const Real pull = k * c.spring;
     force.add(c.i, pliant::Vec<2>(-pull * c.t));
     force.add_torque(c.i, pull * c.a);
   }
-  bool advance(const StateView<2>& s, Index e, Real, bool known, std::span<Real> numbers) const {
-    const Touch c(*this, s, e);
-    if (!c.touches) return false;
-    if (!known) {
-      numbers[0] = c.q;
-      return true;
-    }
-    const Real all = c.q - numbers[0], kept = c.spring(numbers[0]);
-    if (all == kept) return true;
-    numbers[0] = c.q - kept;
-    numbers[1] += k * std::abs(kept) * std::abs(all - kept);
-    return true;
+  void keep(const StateView<2>&, const Touch& c, std::span<const Real> past, Real* numbers, Real*) const {
+    const bool slides = c.stretch != c.spring;
+    numbers[0] = c.known && !slides ? past[0] : c.q - c.spring;
+    numbers[1] = (c.known ? past[1] : 0) + k * std::abs(c.spring) * std::abs(c.stretch - c.spring);
   }
   Real max_rate(const Topology&) const { return 0; }
   Real max_damping(const Topology&) const { return 0; }
-
- private:
-  struct Touch {
-    Index i;
-    bool touches;
-    Real a, q = 0, most = 0;
-    pliant::Vec<2> t = pliant::Vec<2>::Zero();
-    Touch(const WallSpring& term, const StateView<2>& s, Index e) {
-      const auto [point, wall] = s.neighbours.walls[e];
-      i = point;
-      a = s.topology.diameter[i] / 2;
-      Real d;
-      pliant::Vec<2> n;
-      s.walls.nearest(s.position(i), wall, s.t, d, n);
-      touches = d < a;
-      if (!touches) return;
-      t = {-n[1], n[0]};
-      q = t.dot(s.position(i)) - a * s.angle(i);
-      most = term.mu * term.epsilon / a * (1 - d / a) / term.k;
-    }
-    Real spring(Real q0) const { return std::clamp(q - q0, -most, most); }
-  };
 };
 
 /// What is known of all particles of a simulation, by id, on every rank.

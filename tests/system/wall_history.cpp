@@ -17,26 +17,27 @@ struct Counter {
   static constexpr int history = 1;
   static std::string_view name() { return "counter"; }
   bool enabled(const StateView<2>&) const { return true; }
-  Real energy(const StateView<2>&, Index, std::span<const Real> past) const { return past.empty() ? 0 : past[0]; }
-  Real power(const StateView<2>& s, Index e, std::span<const Real>) const { return touches(s, e) ? 1 : 0; }
-  template <class F>
-  void add_force(const StateView<2>& s, Index e, std::span<const Real>, F& f) const {
-    if (touches(s, e)) f.add(s.neighbours.walls[e].first, pliant::Vec<2>(1, 0));
-  }
-  bool advance(const StateView<2>& s, Index e, Real, bool known, std::span<Real> numbers) const {
-    if (!touches(s, e)) return false;
-    numbers[0] = known ? numbers[0] + 1 : 1;
-    return true;
-  }
-  Real max_rate(const Topology&) const { return 0; }
-  Real max_damping(const Topology&) const { return 0; }
-
- private:
-  static bool touches(const StateView<2>& s, Index e) {
+  struct Touch {
+    Index i;
+    Real steps;
+  };
+  bool find(const StateView<2>& s, Index e, std::span<const Real> past, Touch& c) const {
     const auto [i, part] = s.neighbours.walls[e];
+    c = {i, past.empty() ? 0 : past[0]};
     return s.walls.distance(s.position(i), part, s.t) < s.topology.diameter[i] / 2 &&
            s.walls.carries(s.position(i), part, s.t);
   }
+  Real energy(const StateView<2>&, const Touch& c) const { return c.steps; }
+  Real power(const StateView<2>&, const Touch&) const { return 1; }
+  template <class F>
+  void add_force(const StateView<2>&, const Touch& c, F& f) const {
+    f.add(c.i, pliant::Vec<2>(1, 0));
+  }
+  void keep(const StateView<2>&, const Touch& c, std::span<const Real>, Real* numbers, Real*) const {
+    numbers[0] = c.steps + 1;
+  }
+  Real max_rate(const Topology&) const { return 0; }
+  Real max_damping(const Topology&) const { return 0; }
 };
 
 /// A disk of diameter 1 that is moved along by hand.
