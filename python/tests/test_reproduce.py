@@ -425,6 +425,13 @@ def test_figure_6_compares_angles(tmp_path):
     assert found["lambda_c, published ends: theta_w = 30"].value == pytest.approx(0.005, rel=0.15)
     assert found["lambda_c, published ends: theta_w = 30"].published.value == 0.005
     assert found["|F_zeta|/|F_mu| at lambda = 0.01, theta_w = 30"].value == pytest.approx(0.5)
+    # Of forces that go with lambda, at the middle: its error is that of lambda_c and that of the forces
+    data["drag_friction_ratio"] = 3 * data["zeta"] / data["mu"].where(data["mu"] > 0)
+    data["drag_friction_ratio_error"] = 0.01 * data["drag_friction_ratio"]
+    found = drawn("H6", data[data["mu"] > 0])
+    middle, ratio = (found[f"{name}, free ends: theta_w = 90"] for name in ("lambda_c", "|F_zeta|/|F_mu| at lambda_c"))
+    assert ratio.value == pytest.approx(3 * middle.value, rel=1e-3)
+    assert middle.error / middle.value < ratio.error / ratio.value < middle.error / middle.value + 0.02
 
 
 def test_deformable_particles_between_the_limits(tmp_path):

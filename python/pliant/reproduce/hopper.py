@@ -227,6 +227,20 @@ def draw_corrected(measured):
     return figure, quantities
 
 
+def _ratio_at_crossover(ratios, fit):
+    """Drag over friction where lambda is lambda_c, and its error; NaN where no lambda of `ratios` is beyond it."""
+    points = ratios[(ratios["lam"] > 0) & np.isfinite(ratios["lam"])].sort_values("lam")
+    x, y = np.log(points["lam"].to_numpy(float)), np.log(points["drag_friction_ratio"].to_numpy(float))
+    at = np.log(fit.lam_c)
+    if len(x) < 2 or not x[0] <= at <= x[-1]:
+        return np.nan, np.nan
+    relative = points["drag_friction_ratio_error"].to_numpy(float) / points["drag_friction_ratio"].to_numpy(float)
+    k = min(np.searchsorted(x, at, side="right"), len(x) - 1)
+    slope = (y[k] - y[k - 1]) / (x[k] - x[k - 1])
+    value = np.exp(np.interp(at, x, y))
+    return value, value * np.hypot(slope * fit.lam_c_error / fit.lam_c, np.interp(at, x, relative))
+
+
 def draw_angles(measured):
     """[H 6]: beta against lambda for hoppers of several angles; lambda_c and the ratio of drag to friction against the
     angle."""
@@ -269,6 +283,11 @@ def draw_angles(measured):
         if lam == 0.01:
             quantities += [Quantity(f"|F_zeta|/|F_mu| at lambda = 0.01, theta_w = {row.hopper_angle:g}{name}",
                                     row.drag_friction_ratio, row.drag_friction_ratio_error) for row in group.itertuples()]
+    if len(ratios):
+        of = {tuple(key): group for key, group in ratios.groupby(by)}
+        quantities += [Quantity(f"|F_zeta|/|F_mu| at lambda_c, free ends: {name}",
+                                *_ratio_at_crossover(of[tuple(group[by].iloc[0])], free))
+                       for name, group, _, free in curves if free and tuple(group[by].iloc[0]) in of]
     right.set(xlabel=r"$\theta_w$  [degrees]", ylabel=r"$|F_\zeta|/|F_\mu|$, mean over $w$", yscale="log")
     if len(ratios):
         right.legend(loc="center left", bbox_to_anchor=(1, 0.5))
