@@ -733,7 +733,7 @@ def test_exponents_against_coefficients(tmp_path):
 
 def test_exponents_against_coefficients_in_3d(tmp_path):
     """Beside those of disks: compared with the exponents of their own dimension, and named by the model in 3D."""
-    size = {"dim": 3, "n": 6400, "hopper_wall_distance": 25.0}
+    size = {"dim": 3, "n": 6400, "hopper_wall_distance": 25.0, "pack_fraction": 0.64}
     as_run = AS_RUN | size | {"e_w": 578.7, "e_sp": 115.7}
     data = pd.concat([
         *(reading_rows("friction", beta, mu=mu, **size) for mu, beta in ((1.0, 2.3), (10.0, 2.5), (100.0, 2.7))),

@@ -27,9 +27,9 @@ _AS_RUN = {"contact_law": "linear", "e_w": 694.0, "e_sp": 138.9, "count": "remov
 PRINTED = {"friction": _COMMON | {"mu": 10 * np.sqrt(10), "zeta": 0.0}, "drag": _COMMON | {"mu": 0.0, "zeta": np.sqrt(0.1)}}
 AS_RUN = {"friction": _COMMON | _AS_RUN | {"friction": "tangential", "mu": 8.505, "zeta": 0.0},
           "drag": _COMMON | _AS_RUN | {"drag": "per_mass", "mu": 0.0, "zeta": 1.54}}
-_SIZE_3D = {"n": 6400, "hopper_wall_distance": 25.0}
-PRINTED_3D = {limit: model | _SIZE_3D for limit, model in PRINTED.items()}
-AS_RUN_3D = {limit: AS_RUN[limit] | _SIZE_3D | {"e_w": 578.7, "e_sp": 115.7} | coefficient
+_START_3D = {"n": 6400, "hopper_wall_distance": 25.0, "pack_fraction": 0.64}
+PRINTED_3D = {limit: model | _START_3D for limit, model in PRINTED.items()}
+AS_RUN_3D = {limit: AS_RUN[limit] | _START_3D | {"e_w": 578.7, "e_sp": 115.7} | coefficient
              for limit, coefficient in (("friction", {"mu": 28.4}), ("drag", {"zeta": 4.111}))}
 MODELS = {2: (PRINTED, AS_RUN), 3: (PRINTED_3D, AS_RUN_3D)}
 OPTIONS = list(PRINTED["drag"])
