@@ -582,6 +582,8 @@ FIGURES = [
            ("hopper/lambda", "hopper/lambda-3d"), "flows", draw_lambda, "one stiffness, 2D, fewer widths, shorter runs",
            ("hopper/lambda-deformable",), ("as-run/lambda", "as-run/limits", "as-run/lambda-hard", "as-run/limits-hard",
                                            "as-run/lambda-3d", "as-run/limits-3d")),
+    Figure("lambda-path", "beta against lambda, where friction stays and drag is added", ("quick/lambda-path",),
+           ("hopper/lambda-path",), "flows", draw_lambda, "fewer lambda and widths, shorter runs"),
     Figure("H5", "velocity on the axis for several widths, and its exponent at the orifice", ("quick/profile",),
            ("hopper/profile",), "profiles", draw_profiles, as_run=("as-run/profile",)),
     Figure("H6", "beta(lambda) and the ratio of the forces for several angles", ("quick/angle", "quick/lambda"),
