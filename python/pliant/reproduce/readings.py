@@ -438,7 +438,7 @@ FIGURES = [
            "laws as printed, a point per decade, fewer widths, shorter runs"),
     Figure("coefficients-3d", "exponent of soft spheres against mu and against zeta", ("quick/coefficients-3d",),
            ("hopper/coefficients-3d",), "readings", draw_coefficients,
-           "half the particles, a point per decade, fewer widths, shorter runs"),
+           "half the particles, three coefficients of each, fewer widths, shorter runs"),
     Figure("protocol", "exponent with each choice of the protocol changed alone",
            ("quick/protocol",), ("hopper/protocol",), "readings", draw_protocol,
            "mu = 5 and zeta = 2 alone, fewer changes, shorter runs"),
