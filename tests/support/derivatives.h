@@ -51,9 +51,9 @@ void check_boundary(const ForceField<D>& field, const Make<D>& make, Real h0, Re
     const Functional f = functional(field, c, parts);
     const VectorXd x = c.positions();
     VectorXd p;
+    // Along a boundary there may be nothing to see: then in another direction.
     Real order = std::numeric_limits<Real>::quiet_NaN();
-    for (int attempt = 0; attempt < 5 && std::isnan(order);
-         ++attempt) {  // along a boundary there may be nothing to see
+    for (int attempt = 0; attempt < 5 && std::isnan(order); ++attempt) {
       p = random_direction(random, x.size());
       order = least_seen(gradient_order(f, x, p, h0), gradient_order(f, x, -p, h0));
     }
