@@ -150,6 +150,11 @@ class ContactTable {
       touched_[contact_of(e)] = 0;
       std::fill_n(values_ + contact_of(e) * Width, Width, 0.0);
     }
+    /// None of a range does; of walls before any of them touches, as several may be one contact.
+    PLIANT_INLINE void parted(Range range) const {
+      for (Index e = range.first; e < range.last; ++e)
+        if (known(e)) parted(e);
+    }
 
    private:
     PLIANT_INLINE std::ptrdiff_t contact_of(Index e) const { return Shared ? contact_of_[e] : e; }

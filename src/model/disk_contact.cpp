@@ -147,7 +147,7 @@ PLIANT_MULTIVERSION void add_contacts(Real epsilon, const SurfaceFriction& frict
     Mask4 counts = simd::first(count);
     if constexpr (OwnOnly)
       for (int l = 0; l < 4; ++l)
-        if (!force.own.contains(s.topology.counts_for(Index(at.first[l]), Index(at.second[l])))) counts[l] = 0;
+        if (!force.template counts<Elements::point_pairs>(s, e[l])) counts[l] = 0;
     const Real4 now[3] = {c.normal_power(rubs), c.tangential_power(rubs), c.slid_heat(rubs, before.spring)};
     for (int j = 0; j < 3; ++j) lost[j] += simd::where(counts, now[j]);
   });

@@ -164,8 +164,7 @@ struct DiskWallContact {
                   Untouched&& untouched) const {
     const ContactTable::Pasts<history> past(table);
     const typename FourAtWalls<Law>::Ahead ahead(table);
-    for (Index e = range.first; e < range.last; ++e)
-      if (ahead.known(e)) ahead.parted(e);
+    ahead.parted(range);
     FourAtWalls<Law> four;
     for (Index e = range.first; e < range.last; ++e) {
       if (!place(s, e, four.touch[four.count])) {

@@ -629,24 +629,15 @@ class Model final : public ForceField<D> {
       return {};
   }
 
-  /// Whether an element across the border of a chunk counts there.
-  template <class T>
-  static bool counts_in(const StateView<D>& s, Index chunk, Index e) {
-    const Topology& topology = s.topology;
-    const Pair& pair = (s.neighbours.*KindOf<T>::list)[e];
-    const Index m = topology.particle[pair.first], n = topology.particle[pair.second];
-    return s.neighbours.particles(chunk).contains(topology.counts_for(m, n));
-  }
-
   /// Calls visit(e) for the elements that count in a chunk.
   template <class T, class Visit>
   static void for_each_element(const T&, const StateView<D>& s, Index chunk, Visit&& visit) {
     const Range all = inside<T>(s, chunk);
     for (Index e = all.first; e < all.last; ++e) visit(e);
     if constexpr (KindOf<T>::paired) {
-      const Range border = across<T>(s, chunk);
+      const Range border = across<T>(s, chunk), own = s.neighbours.points(chunk);
       for (Index e = border.first; e < border.last; ++e)
-        if (counts_in<T>(s, chunk, e)) visit(e);
+        if (own.contains(counts_at<T::elements>(s, e))) visit(e);
     }
   }
   template <class T, class Visit>

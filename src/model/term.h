@@ -50,6 +50,15 @@ struct StateView {
   }
 };
 
+/// The point at which an element across the border of a chunk counts, in the chunk that has it: the first one of the
+/// particle that Topology::counts_for names.
+template <Elements E, int D>
+Index counts_at(const StateView<D>& s, Index e) {
+  const Pair& pair = (s.neighbours.*ElementKind<E>::list)[e];
+  const Topology& topology = s.topology;
+  return topology.offset[topology.counts_for(topology.particle[pair.first], topology.particle[pair.second])];
+}
+
 /// Adds Sign × (a vector for point i) to a global array [points · D]. Energy terms hand in gradients and get Sign = −1
 /// when forces are assembled: the one place where a gradient becomes a force. OwnOnly: only to points of a range, for
 /// elements across the border of a chunk.
@@ -71,15 +80,10 @@ struct Scatter {
     if (OwnOnly && !own.contains(i)) return;
     add_rotation<D>(torques, i, Rotation<D>(Real(Sign) * t));
   }
-  /// Whether an element counts here: a pair across the border if it has one of these points.
+  /// Whether an element counts here.
   template <Elements E>
   bool counts(const StateView<D>& s, Index e) const {
-    if constexpr (OwnOnly) {
-      const Topology& topology = s.topology;
-      const Pair& pair = (s.neighbours.*ElementKind<E>::list)[e];
-      const Index m = topology.counts_for(topology.particle[pair.first], topology.particle[pair.second]);
-      return own.contains(topology.offset[m]);
-    }
+    if constexpr (OwnOnly) return own.contains(counts_at<E>(s, e));
     return true;
   }
 };
@@ -160,6 +164,13 @@ constexpr std::size_t losses_of() {
     return 0;
 }
 
+/// Whether a term takes a range of elements together: see RangeTerm.
+template <class T, int D>
+concept TakesRanges = requires(const T term, const StateView<D>& s, Range range, const ContactTable& table,
+                               const Scatter<D, 1>& f) {
+  term.add_forces(s, range, table, f);
+};
+
 /// A force between touching pairs, or with walls, that depends on what happened since they touched: on T::history
 /// numbers that are kept for each contact (ContactHistory). Within a step a force follows from the numbers at its
 /// begin, `past`, and from the state, as at every stage of a method; it has none yet of a contact that began within the
@@ -193,11 +204,7 @@ concept HistoryTerm = requires(const T term, const StateView<D>& s, Index e, std
   term.add_force(s, c, f);
   { term.max_rate(s.topology) } -> std::same_as<Real>;
   { term.max_damping(s.topology) } -> std::same_as<Real>;
-  requires requires(Range range, const ContactTable& table, const Scatter<D, 1>& to) {
-    term.add_forces(s, range, table, to);
-  } || requires(Real * numbers, Real * lost) {
-    term.keep(s, c, past, numbers, lost);
-  };
+  requires TakesRanges<T, D> || requires(Real * numbers, Real * lost) { term.keep(s, c, past, numbers, lost); };
 };
 
 /// One that takes a range of elements together, where there is a history: for a loop over several elements at a time.
@@ -205,10 +212,7 @@ concept HistoryTerm = requires(const T term, const StateView<D>& s, Index e, std
 /// (ContactTable::lost). It can keep numbers of each element that stay the same as long as the list does, `static
 /// constexpr int constants` of them.
 template <class T, int D>
-concept RangeTerm = HistoryTerm<T, D> &&
-    requires(const T term, const StateView<D>& s, Range range, const ContactTable& table, const Scatter<D, 1>& f) {
-  term.add_forces(s, range, table, f);
-};
+concept RangeTerm = HistoryTerm<T, D> && TakesRanges<T, D>;
 
 /// visit(touch) for the elements of a range that touch, and others(e) for those that do not, but for some that are too
 /// far apart. Where there is a history this is an evaluation of forces, with those added to `force`: it writes what to
@@ -222,11 +226,11 @@ PLIANT_INLINE void for_each_touch(const T& term, const StateView<D>& s, Range ra
       const ContactTable& table = s.history->of(term.name());
       const auto past = table.template pasts<T::history>();
       const ContactTable::Ahead<T::history, T::elements == Elements::walls> ahead(table);
+      ahead.parted(range);
       // First which elements, without a branch that depends on them: most of a list does not touch.
       Index* const which = table.room(range);
       Index count = 0;
       for (Index e = range.first; e < range.last; ++e) {
-        if (ahead.known(e)) ahead.parted(e);
         which[count] = e;
         if constexpr (requires { term.near(s, e); })
           count += term.near(s, e) ? 1 : 0;

@@ -114,8 +114,7 @@ TEST_CASE("a table of contacts follows its list") {
   // A step after which these elements touch, with these numbers.
   const auto step = [&](Index size, const std::vector<std::pair<Index, Real>>& touching) {
     const ContactTable::Ahead<2> ahead(table);
-    for (Index e = 0; e < size; ++e)
-      if (ahead.known(e)) ahead.parted(e);
+    ahead.parted(Range{0, size});
     for (const auto& [e, number] : touching) {
       Real* const numbers = ahead.touches(e);
       CHECK(numbers[0] == 0);
@@ -167,8 +166,7 @@ TEST_CASE("parts of walls that are one surface have one contact with a point") {
   const auto step = [&](const std::vector<Index>& touching) {
     std::vector<Real> before;
     const ContactTable::Ahead<1, true> ahead(table);
-    for (Index e = 0; e < 3; ++e)
-      if (ahead.known(e)) ahead.parted(e);
+    ahead.parted(Range{0, 3});
     for (const Index e : touching) {
       before.push_back(table.past(e).empty() ? 0 : table.past(e)[0]);
       *ahead.touches(e) = before.back() + 1;
