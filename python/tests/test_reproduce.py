@@ -327,26 +327,6 @@ def test_tables_as_run(call, tmp_path, monkeypatch):
     assert {path.name for path in (tmp_path / "other").glob("*.png")} == {"H2-quick.png"}
 
 
-def test_optional_tables(call, tmp_path, monkeypatch):
-    """Are run if they are asked for; what is kept of them is drawn anyway."""
-    one = dataclasses.replace(command.FIGURES["H2"], full=("quick/limits",), optional=("quick/stiff",))
-    monkeypatch.setitem(command.FIGURES, "H2", one)
-    assert "--optional goes with full" in call("H2", "--optional", code=2)
-    call("H2", "full", "--keep")
-    kept = tmp_path / "validation/measured/quick/stiff.flows.csv"
-    assert len(started(tmp_path)) == 16 and not kept.exists()
-    call("H2", "full", "--keep", "--optional")
-    assert len(started(tmp_path)) == 24 and len(pd.read_csv(kept)) == 8
-    call("H2", "full", "--keep", "-o", "other")
-    assert len(started(tmp_path)) == 24
-    for arguments in ((), ("full",)):
-        output = call("H2", *arguments, "--kept", "-o", "third")
-        assert "quick/stiff: 8 of 8 runs are kept" in output
-    for folder in ("other", "third"):
-        table = pd.read_csv(tmp_path / folder / "reproduced.csv")
-        assert set(table["cpu_hours"]) == {0.06} and set(table["table"]) == {"quick/limits; quick/stiff"}
-
-
 def test_output_that_cannot_be_written(call, tmp_path):
     (tmp_path / "file").touch()
     assert "cannot be made" in call("H2", "-o", "file/x", code=4)

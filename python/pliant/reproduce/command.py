@@ -82,8 +82,6 @@ def _parser():
     parser.add_argument("--program", metavar="FILE", help="the pliant to run (default: as of pliant-sweep)")
     parser.add_argument("--table", type=Path, action="append", metavar="FILE",
                         help="a table of your own in place of the figure's; may be repeated")
-    parser.add_argument("--optional", action="store_true", help="with full: also the runs of the figure's optional tables, "
-                        "of many hours (docs/reproduce.md); what is kept of them is drawn in any case")
     parser.add_argument("--retry", action="store_true", help="run rows again that have failed")
     mode = parser.add_mutually_exclusive_group()
     mode.add_argument("--kept", action="store_true", help="draw from what is kept of earlier runs, without a run; "
@@ -195,8 +193,7 @@ def _measured(figure, level, given, runs):
     tables, found = _tables(figure, level, given), []
     for table in tables:
         kept = _load_kept(figure, [table]) if given.keep else pd.DataFrame()
-        wanted = given.optional or table.name not in figure.optional
-        new = runs.measure(figure, table, set(kept["row"]) if len(kept) else ()) if wanted else pd.DataFrame()
+        new = runs.measure(figure, table, set(kept["row"]) if len(kept) else ())
         together = pd.concat([part for part in (kept, new) if len(part)], ignore_index=True) if len(kept) + len(new) else new
         if given.keep and len(new):
             _write_csv(table.kept(figure.measure), together)
@@ -256,8 +253,6 @@ def main(arguments=None):
         if not everything and chosen[0] not in with_one:
             raise RunError(f"{chosen[0].name} has no table as run; these have: {', '.join(f.name for f in with_one)}")
         chosen = [figure for figure in chosen if figure in with_one]
-    if given.optional and given.level != "full":
-        raise RunError("--optional goes with full: only that has optional tables")
     try:
         given.output.mkdir(parents=True, exist_ok=True)
     except OSError as error:

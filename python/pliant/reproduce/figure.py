@@ -41,12 +41,11 @@ class Figure:
     measure: str     #: name of a function of measure.py
     draw: Callable   #: measured [DataFrame] → (matplotlib figure, [Quantity])
     quick_note: str = "fewer seeds and shorter runs"  #: what the quick form has less of
-    optional: tuple = ()  #: tables of `full` whose runs are made if they are asked for; what is kept of them is always drawn
     as_run: tuple = ()  #: with all that the authors' code is said to have differently; empty where nothing is known of it
 
     def tables(self, level):
         """Names of the tables of a level; empty for as-run where there is none."""
-        return {"quick": self.quick, "full": (*self.full, *self.optional), "as-run": self.as_run}[level]
+        return {"quick": self.quick, "full": self.full, "as-run": self.as_run}[level]
 
 
 def deviation(quantity):

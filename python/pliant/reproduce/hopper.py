@@ -187,7 +187,7 @@ def draw_lambda(measured, value="Q"):
     the flattest, in each dimension."""
     table = with_limit(plain(measured))
     table = table[table["hopper_angle"] == table.groupby("dim")["hopper_angle"].transform("max")]
-    if table.groupby("dim")["n"].nunique().max() > 1:
+    if table.groupby(["dim", *_MODEL])["n"].nunique().max() > 1:
         by, label = [*_MODEL, "n"], lambda row: f"{model_label(row)}, $N$ = {row['n']:g}"
     else:
         by, label = _MODEL, model_label
@@ -574,29 +574,30 @@ def draw_discharge(measured):
 _FEW = "soft particles alone, fewer seeds and shorter runs; no deformable ones"
 FIGURES = [
     Figure("H2", "Q(w) of soft and deformable particles, friction only and drag only", ("quick/limits", "quick/stiff"),
-           ("hopper/limits", "hopper/limits-deformable"), "flows", draw_limits, _FEW,
+           ("hopper/limits", "hopper/limits-smooth", "hopper/limits-rough"), "flows", draw_limits, _FEW,
            as_run=("as-run/limits",)),
     Figure("H3", "Q(w) of soft spheres, friction only and drag only", ("quick/limits-3d",), ("hopper/limits-3d",),
            "flows", draw_limits, "half the particles, shorter runs", as_run=("as-run/limits-3d",)),
     Figure("H4", "exponent beta against lambda = zeta/mu", ("quick/lambda", "quick/limits"),
-           ("hopper/lambda", "hopper/lambda-3d"), "flows", draw_lambda, "one stiffness, 2D, fewer widths, shorter runs",
-           ("hopper/lambda-deformable",), ("as-run/lambda", "as-run/limits", "as-run/lambda-hard", "as-run/limits-hard",
-                                           "as-run/lambda-3d", "as-run/limits-3d")),
+           ("hopper/lambda", "hopper/lambda-3d", "hopper/lambda-smooth", "hopper/lambda-rough", "hopper/limits-rough"),
+           "flows", draw_lambda, "soft particles of one stiffness, 2D, fewer widths, shorter runs",
+           as_run=("as-run/lambda", "as-run/limits", "as-run/lambda-hard", "as-run/limits-hard", "as-run/lambda-3d",
+                   "as-run/limits-3d")),
     Figure("lambda-path", "beta against lambda, where friction stays and drag is added", ("quick/lambda-path",),
            ("hopper/lambda-path",), "flows", draw_lambda, "fewer lambda and widths, shorter runs"),
     Figure("H5", "velocity on the axis for several widths, and its exponent at the orifice", ("quick/profile",),
            ("hopper/profile",), "profiles", draw_profiles, as_run=("as-run/profile",)),
     Figure("H6", "beta(lambda) and the ratio of the forces for several angles", ("quick/angle", "quick/lambda"),
-           ("hopper/angle",), "flows", draw_angles, "fewer lambda and widths, shorter runs",
-           ("hopper/lambda-deformable",), ("as-run/angle", "as-run/lambda")),
+           ("hopper/angle", "hopper/lambda-smooth"), "flows", draw_angles,
+           "soft particles alone, fewer lambda and widths, shorter runs", as_run=("as-run/angle", "as-run/lambda")),
     Figure("H7", "offset k against the stiffness of soft and deformable particles", ("quick/stiffness", "quick/map"),
-           ("hopper/stiffness", "hopper/map"), "flows", draw_offsets,
+           ("hopper/limits", "hopper/stiffness", "hopper/map", "hopper/limits-smooth"), "flows", draw_offsets,
            "120 deformable particles with contacts softer than printed, three widths, two K_l and two K_b",
            as_run=("as-run/stiffness", "as-run/limits", "as-run/limits-hard", "as-run/map")),
     Figure("H8", "discharge of two wedges against their width, beside the experiment", ("quick/discharge",),
            ("hopper/discharge",), "flows", draw_discharge, "400 particles, four seeds"),
     Figure("H10", "Q(w) of soft and of nearly hard particles", ("quick/limits", "quick/hard"),
-           ("hopper/limits", "hopper/limits-deformable"), "flows", draw_limits, _FEW,
+           ("hopper/limits", "hopper/limits-smooth", "hopper/limits-rough"), "flows", draw_limits, _FEW,
            as_run=("as-run/limits", "as-run/limits-hard")),
     Figure("H11", "beta(lambda) of very soft particles, from Q and from Q' corrected for overlaps",
            ("quick/lambda-soft", "quick/lambda"), ("hopper/lambda-soft", "hopper/lambda"), "flows", draw_corrected,
@@ -606,8 +607,9 @@ FIGURES = [
            "flows", draw_size, "fewer lambda and widths, shorter runs",
            as_run=("as-run/size", "as-run/limits", "as-run/lambda")),
     Figure("H13", "prefactor C of soft particles against their stiffness, and the collapse", ("quick/stiffness",),
-           ("hopper/stiffness",), "flows", draw_prefactors, "four stiffnesses, shorter runs",
+           ("hopper/limits", "hopper/stiffness"), "flows", draw_prefactors, "four stiffnesses, shorter runs",
            as_run=("as-run/stiffness", "as-run/limits", "as-run/limits-hard")),
-    Figure("H14", "prefactor C of deformable particles, and the collapse", ("quick/map",), ("hopper/map",), "flows",
-           draw_prefactors, "120 particles with contacts softer than printed, three widths", as_run=("as-run/map",)),
+    Figure("H14", "prefactor C of deformable particles, and the collapse", ("quick/map",),
+           ("hopper/map", "hopper/limits-smooth"), "flows", draw_prefactors,
+           "120 particles with contacts softer than printed, three widths", as_run=("as-run/map",)),
 ]
