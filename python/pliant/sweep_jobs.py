@@ -147,8 +147,10 @@ def arguments(options, base):
 
 def _stop_with(parent):
     """A function for the child of the process `parent` to call: when that one ends, however it does, the run is asked to
-    stop."""
+    stop. It is a process group of its own: Ctrl-C must reach the sweep alone, which then asks every run once; but not a
+    session of its own, as Linux may share the machine out by sessions, whatever their niceness."""
     def call():
+        os.setpgid(0, 0)
         _LIBC.prctl(_PR_SET_PDEATHSIG, int(_ASK), 0, 0, 0)
         if os.getppid() != parent:  # has ended before
             os._exit(STOPPED_CODE)
@@ -165,10 +167,8 @@ class _Job:
         command, needs = folder.start(program)
         with open(folder.log_path, "ab", opener=no_links) as log:
             self._log_start = log.tell()
-            # A session of its own: Ctrl-C must reach the sweep alone, which then asks every run once.
             self.process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
-                                            env=os.environ | needs, pass_fds=[lock.fd], start_new_session=True,
-                                            preexec_fn=_stop_with(os.getpid()))
+                                            env=os.environ | needs, pass_fds=[lock.fd], preexec_fn=_stop_with(os.getpid()))
         lock.name(self.process.pid)
 
     @property

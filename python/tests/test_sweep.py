@@ -267,6 +267,19 @@ def test_stop_and_go_on(table, how, tmp_path, run):
     assert attempts(path, "z") == [0]
 
 
+def test_runs_are_process_groups_of_the_session(table):
+    """So that Ctrl-C reaches the sweep alone, and its niceness counts for its runs."""
+    path = table("name,mode", "x,gate")
+    process = start(path)
+    wait_for(lambda: attempts(path, "x"))
+    [run] = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+    assert os.getpgid(int(run)) == int(run)
+    assert os.getsid(int(run)) == os.getsid(process.pid)
+    process.send_signal(signal.SIGTERM)
+    process.communicate(timeout=PATIENCE)
+    assert process.returncode == 75
+
+
 def test_ignored_signals_stay_ignored(table, tmp_path):
     path = table("name,mode", "x,gate")
     process = subprocess.Popen(["nohup", sys.executable, COMMAND, path, "--program", PROGRAM], stdout=subprocess.PIPE,
