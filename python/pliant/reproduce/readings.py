@@ -119,8 +119,13 @@ def _chi2(fits, which):
     return np.array([fit.chi2_reduced if fit else np.nan for fit in fits[which]])
 
 
-def _windows(axes, span, horizontal=True, exponents=(0.5, 1.5)):
-    """The published exponents, each with what is called equal to it."""
+def _published(dim):
+    """Both published exponents."""
+    return tuple(published.exponent(dim, limit).value for limit in LIMIT_NAMES)
+
+
+def _windows(axes, span, exponents, horizontal=True):
+    """Published exponents, each with what is called equal to it."""
     for beta in exponents:
         line, band = (axes.axhline, axes.axhspan) if horizontal else (axes.axvline, axes.axvspan)
         line(beta, color="0.45", lw=0.9, ls=":", zorder=0)
@@ -128,12 +133,12 @@ def _windows(axes, span, horizontal=True, exponents=(0.5, 1.5)):
     (axes.set_ylim if horizontal else axes.set_xlim)(*span)
 
 
-def _span(beta, error, exponents=(0.5, 1.5)):
+def _span(beta, error, exponents):
     low, high = np.nanmin(beta - np.nan_to_num(error)), np.nanmax(beta + np.nan_to_num(error))
     return min(low, min(exponents) - NEAR) - 0.1, max(high, max(exponents) + NEAR) + 0.1
 
 
-def _rows(axes, labels, beta, error, soft, exponents=(0.5, 1.5)):
+def _rows(axes, labels, beta, error, soft, exponents):
     """Exponents, a row each from the top; open where the contacts are harder than the printed ones."""
     y = np.arange(len(labels))
     for there, face, label in ((soft, None, "softer contacts"),
@@ -144,7 +149,7 @@ def _rows(axes, labels, beta, error, soft, exponents=(0.5, 1.5)):
     axes.set_yticks(y, labels=labels)
     axes.set_ylim(len(labels) - 0.4, -0.6)
     axes.tick_params(axis="y", length=0)
-    _windows(axes, _span(beta, error, exponents), horizontal=False, exponents=exponents)
+    _windows(axes, _span(beta, error, exponents), exponents, horizontal=False)
     axes.set_xlabel(BETA)
 
 
@@ -219,7 +224,8 @@ def _draw_models(fits, soft):
         order = sorted(range(len(group)), key=lambda i: (not group["soft"].iloc[i], _order(group.iloc[i])))
         group = group.iloc[order]
         beta, error = _beta(group)
-        _rows(left, [_tidy(name) for name in group["name"]], beta, error, group["soft"].to_numpy())
+        _rows(left, [_tidy(name) for name in group["name"]], beta, error, group["soft"].to_numpy(),
+              _published(group["dim"].iloc[0]))
         left.set_title(LIMIT_NAMES[limit], loc="left")
         for i, which in enumerate(("fit", "reference_fit", "opposite_fit")):
             label = r"$\beta$ free" if which == "fit" else f"{FRACTIONS.get(group[which.removesuffix('_fit')].iloc[0])} held"
@@ -343,8 +349,7 @@ def draw_coefficients(measured):
                              "the range ends inside" if ends else ""),
                     Quantity(f"slope per decade about {name}", slope, slope_error, None,
                              "" if np.isfinite(slope) else "fewer than two points within 0.25")]
-        exponents = tuple(published.exponent(dim, each).value for each in LIMIT_NAMES)
-        _windows(top, _span(*_beta(of_dim), exponents), exponents=exponents)
+        _windows(top, _span(*_beta(of_dim), _published(dim)), _published(dim))
         top.axvline(MODELS[dim][0][limit][COEFFICIENT[limit]], color="0.45", lw=0.9, ls="-.", label="printed coefficient")
         top.set(xscale="log", ylabel=BETA)
         top.set_title(LIMIT_NAMES[limit] + (", 3D" if dim == 3 else ""), loc="left")
@@ -414,7 +419,8 @@ def draw_duration(measured):
         left.errorbar(points["t_end"], *_beta(points), label=_tidy(curve), **style)
         right.errorbar(points["t_end"], widest["Q"], widest["Q_error"],
                        label=f"$w$ = {widest['hopper_width'].iloc[0]:g}", **style)
-    _windows(left, _span(*_beta(fits)))
+    exponents = _published(fits["dim"].iloc[0])
+    _windows(left, _span(*_beta(fits), exponents), exponents)
     left.set(xscale="log", xlabel=r"duration  $t_{end}/t_0$", ylabel=BETA)
     right.set(xscale="log", xlabel=r"duration  $t_{end}/t_0$", ylabel=r"$Q$  [$\sigma_{avg}^2/t_0$]", ylim=(0, None))
     ticks = sorted(fits["t_end"].unique())
