@@ -296,6 +296,14 @@ def test_campaigns_over_several_sittings(call, tmp_path, monkeypatch):
     again, first = (pd.read_csv(tmp_path / folder / "reproduced.csv") for folder in ("third", "elsewhere"))
     pd.testing.assert_frame_equal(again, first, rtol=1e-4, atol=1e-6)
     assert "nothing is kept of H2 full" in call("H2", "full", "--kept", code=2)
+    # What the table has no more is not drawn, but stays kept.
+    limits.write_text(TABLE.replace("1-2", "1"))
+    table[table["row"] != table["row"].iloc[0]].to_csv(kept, index=False)
+    output = call("H2", "--kept", "-o", "fourth")
+    assert "8 of its runs are left out" in output and "quick/limits: 7 of 8 runs are kept" in output
+    assert set(pd.read_csv(tmp_path / "fourth/reproduced.csv")["cpu_hours"]) == {0.0375}
+    call("H2", "quick", "--keep", "-o", "fifth")
+    assert set(pd.read_csv(kept)["row"]) == set(table["row"]) and len(started(tmp_path)) == 26
     kept.write_text("no\x00table")
     assert "limits.flows.csv" in call("H2", "--kept", code=2)
 
@@ -471,7 +479,7 @@ def test_figures_7_13_and_14_find_offset_and_prefactor(tmp_path):
     one = found["C with the published beta held: soft, E_sp = 1000, drag only"]
     assert one.value == pytest.approx(0.42, abs=0.02) and one.published.value == 0.42 and agree(one) == "yes"
     assert found["C, beta free: soft, E_sp = 1000, friction only"].value == pytest.approx(0.15, abs=0.05)
-    fall = found["C at E_sp = 50 over C at 100000, friction only"]
+    fall = found["C at E_sp = 50 over C at 1000, friction only"]  # within the range of the paper
     assert fall.value == pytest.approx(1.0, abs=0.03) and fall.published.value == 2 and 0 < fall.error < 0.05
     shapes = pd.concat([flow_rows(both, lambda lam: LAWS["zeta" if lam else "mu"], model="smooth", k_l=kl, k_b=kb)
                         for kl in (1.0, 10.0) for kb in (0.01, 100.0)])

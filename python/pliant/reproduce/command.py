@@ -112,9 +112,22 @@ def _read_kept(path):
 
 
 def _load_kept(figure, tables):
-    """What is kept of these tables; empty without any."""
-    found = [_read_kept(path).assign(table=table.name) for table in tables if (path := table.kept(figure.measure)).exists()]
+    """What is kept of the rows of these tables; empty without any."""
+    found = []
+    for table in tables:
+        if not (path := table.kept(figure.measure)).exists():
+            continue
+        kept = _read_kept(path).assign(table=table.name)
+        wanted = kept["row"].isin([row.id for row in read_rows(table.file, SCENARIO)])
+        if not wanted.all():
+            remark(f"{path}: {kept.loc[~wanted, 'row'].nunique()} of its runs are left out, which {table.file} does not have")
+        found.append(kept[wanted])
     return pd.concat(found, ignore_index=True) if found else pd.DataFrame()
+
+
+def _keep(path, new):
+    """Adds what was measured to what is kept, whatever rows its table has now."""
+    _write_csv(path, pd.concat([_read_kept(path), new], ignore_index=True) if path.exists() else new)
 
 
 class Stopped(Exception):
@@ -196,7 +209,7 @@ def _measured(figure, level, given, runs):
         new = runs.measure(figure, table, set(kept["row"]) if len(kept) else ())
         together = pd.concat([part for part in (kept, new) if len(part)], ignore_index=True) if len(kept) + len(new) else new
         if given.keep and len(new):
-            _write_csv(table.kept(figure.measure), together)
+            _keep(table.kept(figure.measure), new)
         if runs.stopped:  # what is done is kept before
             raise Stopped
         if len(together):

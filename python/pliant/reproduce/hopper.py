@@ -475,7 +475,8 @@ def draw_prefactors(measured):
         _collapse(axes, fits, limit)
     quantities = _prefactor_quantities(fits, ("C",), lambda row, quantity: published.C[row["limit"]])
     for limit, name in LIMIT_NAMES.items():
-        group = fits[(fits["limit"] == limit) & (fits["model"] == "sp") & fits["reference_fit"].notna()].sort_values("e_sp")
+        group = fits[(fits["limit"] == limit) & (fits["model"] == "sp") & fits["reference_fit"].notna()
+                     & fits["e_sp"].between(published.C_FALL_FROM, published.C_FALL_TO)].sort_values("e_sp")
         if len(group) > 1:
             (soft, soft_error), (hard, hard_error) = _held(group.iloc[0], "C"), _held(group.iloc[-1], "C")
             quantities.append(Quantity(

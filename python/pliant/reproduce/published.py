@@ -36,7 +36,8 @@ LAMBDA_C_ANGLE = {90: Published(0.05, 0.005, "H 6a"), 30: Published(5e-3, 5e-4, 
 CODE_LAMBDA = {2: 16 * math.pi / 4 * 1.2**2, 3: 16 * math.pi / 6 * 1.2**3}
 #: Exponent p of C ~ N^p.
 C_SIZE = {"friction": Published(1.0, 0.2, "H 12b: roughly linear"), "drag": None}  # only: much weaker
-#: C of the softest particles over that of the hardest.
+#: C of the softest particles of [H 13] over that of the hardest, and their E_sp.
+C_FALL_FROM, C_FALL_TO = 50, 1600
 C_FALL = {"friction": Published(2.0, 0.5, "H 4, 13a: about 2"), "drag": None}  # only: very weakly dependent
 #: Exponent in w of the axis velocity at the orifice.
 VELOCITY = {"friction": Published(0.5, 0.0, "H 5a"), "crossover": Published(0.0, 0.0, "H 5b: hardly depends on w"),
