@@ -211,12 +211,13 @@ def fit_groups(table, by, beta=None, **options):
     return pd.DataFrame(rows)
 
 
-def _without_clogged(group):
-    """(the runs without those that ended clogged where others of the same width flowed, what was left out): a clogged
-    run has no steady rate, and its zero is not one of the others' mean."""
-    if "status" not in group:
-        return group, ""
-    clogged = group["status"] == "clogged"
+def _without_clogged(group, value):
+    """(the runs without those that clogged where others of the same width flowed, what was left out): a clogged run has
+    no steady rate, and its zero is not one of the others' mean. One where a single particle goes on to bounce has not
+    ended so, but nothing crosses either."""
+    clogged = group[value] == 0
+    if "status" in group:
+        clogged |= group["status"] == "clogged"
     out = clogged & ~clogged.groupby(group["hopper_width"]).transform("all")
     widths = ", ".join(f"{w:g}" for w in sorted(set(group.loc[out, "hopper_width"])))
     return group[~out], f"{out.sum()} of {len(group)} runs clogged, left out (w = {widths})" if out.any() else ""
@@ -231,7 +232,7 @@ def fit_seeds(table, by, value="Q", beta=None, resamples=None, opposite=False):
     rows = []
     for key, group in ensemble.groups(table, by):
         row = dict(zip(by, key))
-        group, clogged = _without_clogged(group)
+        group, clogged = _without_clogged(group, value)
         points = ensemble.average(group, ["hopper_width"], value)
         row["data"] = points.rename(columns={value: "Q", value + "_error": "Q_error"})
         row["points"] = int((points[value] > 0).sum())

@@ -629,12 +629,13 @@ def test_a_drifting_flow_shows_in_the_duration(tmp_path):
             ("as run, put back touching", 50, 0.6), ("as run, put back touching", 200, 0.6))}
 
 
-def test_a_clogged_run_is_not_a_rate():
+@pytest.mark.parametrize("status", ["clogged", "done"])  # done: a particle that bounces alone goes on
+def test_a_clogged_run_is_not_a_rate(status):
     data = reading_rows("drag", 0.9)
-    data.loc[(data["hopper_width"] == 3) & (data["seed"] == 1), ["status", "Q", "Q_error"]] = ["clogged", 0.0, np.nan]
+    data.loc[(data["hopper_width"] == 3) & (data["seed"] == 1), ["status", "Q", "Q_error"]] = [status, 0.0, np.nan]
     one = drawn("readings", data)["beta: printed, drag only"]
     assert one.value == pytest.approx(0.9, abs=0.05) and "1 of 15 runs clogged, left out (w = 3)" in one.note
-    data.loc[data["hopper_width"] == 3, ["status", "Q", "Q_error"]] = ["clogged", 0.0, np.nan]
+    data.loc[data["hopper_width"] == 3, ["status", "Q", "Q_error"]] = [status, 0.0, np.nan]
     one = drawn("readings", data)["beta: printed, drag only"]
     assert one.value == pytest.approx(0.9, abs=0.1) and "1 clogged left out (w = 3)" in one.note
 
