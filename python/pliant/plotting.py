@@ -27,6 +27,12 @@ plt.rcParams.update({
 })
 
 
+def symbol(i):
+    """Marker, colour and face of the i-th curve: after the filled ones come open ones."""
+    turn, k = divmod(i, len(COLORS))
+    return {"marker": MARKERS[k], "color": COLORS[k], "markerfacecolor": "white" if turn % 2 else COLORS[k]}
+
+
 def save(figure, *paths):
     """Writes the figure at 200 dpi (or as vectors), says so, and closes it."""
     for path in paths:

@@ -449,8 +449,7 @@ def _collapse(axes, fits, limit):
         data, fit = row["data"], row["reference_fit"]
         above = data["hopper_width"] > fit.k + _AT_BOUND
         axes.errorbar(data["hopper_width"][above] - fit.k, data["Q"][above] / fit.C,
-                      data["Q_error"][above].fillna(0) / fit.C, fmt=plotting.MARKERS[i % 8], color=plotting.COLORS[i % 8],
-                      capsize=2, label=model_label(row))
+                      data["Q_error"][above].fillna(0) / fit.C, ls="", capsize=2, label=model_label(row), **plotting.symbol(i))
     if len(group):
         beta = group["reference"].iloc[0]
         x = np.geomspace(0.3, 10, 50)
