@@ -17,7 +17,7 @@ from ..sweep_command import (FAILED_CODE, default_workers, find_program, first_s
 from ..sweep_jobs import STOPPED_CODE, RowFolder, count_text, row_text
 from ..sweep_rows import read_rows
 from . import disk_motion, disks, droplets, hopper, readings
-from .figure import AGREE, LEVELS, VALIDATION, rows, write_rows
+from .figure import AGREE, LEVELS, VALIDATION, check_told_apart, rows, write_rows
 from .measure import OF_EVERY_RUN, measured
 
 #: Of rows that name none, where there is no program to ask.
@@ -138,16 +138,22 @@ class _Runs:
     """Runs tables and measures them; a table that several figures share is run once."""
 
     def __init__(self, given):
-        self.given, self.program, self.failed, self.stopped, self._swept = given, None, False, False, {}
+        self.given, self.program, self._scenario = given, None, None
+        self.failed, self.stopped, self._swept = False, False, {}
+
+    def scenario(self):
+        """The scenario of rows that name none."""
+        if self.program is None:
+            self.program = find_program(self.given.program)
+            self._scenario = first_scenario(self.program)
+        return self._scenario
 
     def _sweep(self, table, skip):
         """[(row id, folder)] of the finished runs of a table."""
-        if self.program is None:
-            self.program = find_program(self.given.program)
         key = table.file, frozenset(skip)
         if key in self._swept:
             return self._swept[key]
-        all_rows = read_rows(table.file, first_scenario(self.program))
+        all_rows = read_rows(table.file, self.scenario())
         chosen = [row for row in all_rows if row.id not in skip]
         folders = [RowFolder(table.runs, row, table.file.absolute().parent) for row in chosen]
         for folder in folders:
@@ -200,10 +206,11 @@ def _measured(figure, level, given, runs):
                 for table in tables:
                     runs_kept = kept.loc[kept["table"] == table.name, "row"].nunique()
                     remark(f"{table.name}: {runs_kept} of {len(read_rows(table.file, SCENARIO))} runs are kept")
-                return one, tables, kept
+                return one, tables, _once(kept)
         raise RunError(f"nothing is kept of {figure.name}{f' {level}' if level else ''}: run it without --kept")
     level = level or "quick"
     tables, found = _tables(figure, level, given), []
+    check_told_apart(figure, [(table.file, read_rows(table.file, runs.scenario())) for table in tables])
     for table in tables:
         kept = _load_kept(figure, [table]) if given.keep else pd.DataFrame()
         new = runs.measure(figure, table, set(kept["row"]) if len(kept) else ())
@@ -217,7 +224,15 @@ def _measured(figure, level, given, runs):
             found.append(together)
     if not found:
         raise RunError(f"none of the runs of {figure.name} can be used")
-    return level, tables, pd.concat(found, ignore_index=True)
+    return level, tables, _once(pd.concat(found, ignore_index=True))
+
+
+def _once(data):
+    """Without runs that an earlier table has too: they would count as two seeds."""
+    again = data.duplicated([column for column in data if column not in ("table", "commit", "cpu_seconds")])
+    if again.any():
+        remark(f"{data.loc[again, 'row'].nunique()} runs that two tables have count once")
+    return data[~again]
 
 
 def _print_rows(table):

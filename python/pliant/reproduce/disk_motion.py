@@ -11,7 +11,7 @@ from ..errors import RunError
 from ..statistics import commonest
 from . import published
 from .figure import Figure, Quantity
-from .measure import CHANNEL_OPTIONS
+from .measure import CHANNEL_OPTIONS, DISTRIBUTION
 
 MOTION = ("dr_na", "d2_min")
 TEXT = {"dr_na": "dr_NA/<R>", "d2_min": "D2_min/<R>^2"}
@@ -356,8 +356,8 @@ _PAIR, _ALL = ("channel/pair",), ("channel/pair", "channel/distributions")
 _QUICK = "two seeds, twice the speed, fewer pushes"
 
 
-def _figure(name, title, full, measure, draw, quick_note=_QUICK, quick=("quick/channel",)):
-    return Figure(name, title, quick, full, measure, draw, quick_note)
+def _figure(name, title, full, measure, draw, quick_note=_QUICK, quick=("quick/channel",), tells=DISTRIBUTION):
+    return Figure(name, title, quick, full, measure, draw, quick_note, tells=tells)
 
 
 FIGURES = [
@@ -376,5 +376,6 @@ FIGURES = [
     _figure("TA.1", "rotation of disks against their motion", _PAIR, "cells", draw_rotations),
     _figure("T3.choices", "what non-affine motion depends on, of what the thesis leaves open",
             ("channel/pair", "channel/dependence", "channel/dependence-bidisperse"), "motion", draw_choices,
-            "T4 alone, two seeds, twice the speed, fewer pushes", ("quick/channel", "quick/channel-choices")),
+            "T4 alone, two seeds, twice the speed, fewer pushes", ("quick/channel", "quick/channel-choices"),
+            (*DISTRIBUTION, *CHANNEL_OPTIONS)),
 ]

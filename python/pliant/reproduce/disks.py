@@ -9,6 +9,7 @@ from ..errors import RunError
 from ..script import with_error
 from . import published
 from .figure import Figure, Quantity
+from .measure import DISTRIBUTION
 
 DELTA = r"polydispersity  $\delta$"
 
@@ -130,11 +131,11 @@ _ALL = ("channel/pair", "channel/distributions")
 _QUICK = "four size distributions, two seeds, twice the speed, fewer pushes"
 FIGURES = [
     Figure("T3.11", "non-affine motion of disks against polydispersity", ("quick/channel",), _ALL,
-           "motion", draw_polydispersity, _QUICK),
+           "motion", draw_polydispersity, _QUICK, tells=DISTRIBUTION),
     Figure("T3.12", "non-affine motion of disks against the interval", ("quick/channel",), _ALL,
-           "intervals", draw_intervals, _QUICK),
+           "intervals", draw_intervals, _QUICK, tells=DISTRIBUTION),
     Figure("T3.14", "non-affine motion of disks over equal strains against polydispersity", ("quick/channel",),
-           _ALL, "motion", draw_clock, _QUICK),
+           _ALL, "motion", draw_clock, _QUICK, tells=DISTRIBUTION),
     Figure("TA.2", "rotation of disks against polydispersity", ("quick/channel",), _ALL, "motion",
-           draw_rotation, _QUICK),
+           draw_rotation, _QUICK, tells=DISTRIBUTION),
 ]

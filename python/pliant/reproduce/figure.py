@@ -14,6 +14,8 @@ from .published import Published
 #: Tables and what was measured from them: beside the folder python of the sources and of an installation.
 VALIDATION = Path(__file__).resolve().parents[3] / "validation"
 LEVELS = ("quick", "full", "as-run")
+#: Options in which runs of one point may differ.
+FREE = ("seed", "t_end", "frame_interval", "sample_interval", "checkpoint_interval", "max_wall_time", "threads", "pushes")
 #: Two values agree if they are no further apart than this many of their joint standard errors.
 AGREE = 2.0
 
@@ -42,10 +44,28 @@ class Figure:
     draw: Callable   #: measured [DataFrame] → (matplotlib figure, [Quantity])
     quick_note: str = "fewer seeds and shorter runs"  #: what the quick form has less of
     as_run: tuple = ()  #: with all that the authors' code is said to have differently; empty where nothing is known of it
+    #: What it tells runs apart by: options, and functions of a run's options. Runs that agree in all are seeds of one point.
+    tells: tuple = ()
 
     def tables(self, level):
         """Names of the tables of a level; empty for as-run where there is none."""
         return {"quick": self.quick, "full": self.full, "as-run": self.as_run}[level]
+
+
+def check_told_apart(figure, tables):
+    """Raises RunError if the figure would average runs that differ in more than FREE options: `tables` is
+    [(path, [Row])]."""
+    first = {}
+    for path, lines in tables:
+        for row in lines:
+            key = row.scenario, *(told(row.options) if callable(told) else row.options.get(told) for told in figure.tells)
+            rest = {name: value for name, value in row.options.items() if name not in (*figure.tells, *FREE)}
+            where, other = first.setdefault(key, (f"{path}, line {row.line}", rest))
+            if name := next((name for name in sorted(rest.keys() | other.keys()) if rest.get(name) != other.get(name)), None):
+                values = " and ".join(f"{found[name]}" if name in found else "none" for found in (other, rest))
+                raise RunError(f"{where}, and {path}, line {row.line}: they differ in -{name} ({values}), which "
+                               f"{figure.name} does not tell apart: it would take their mean. Draw them from tables of "
+                               "their own, one --table at a time")
 
 
 def deviation(quantity):

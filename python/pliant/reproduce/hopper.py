@@ -10,25 +10,54 @@ from .. import beverloo, beverloo_figures, ensemble, plotting
 from ..beverloo_figures import FRACTIONS, W_LABEL, draw_flow, log_axes
 from ..crossover import fit_crossover
 from ..errors import RunError
+from ..script import remark
 from . import published
 from .figure import Figure, Quantity
 
 LIMIT_NAMES = {"friction": "friction only", "drag": "drag only"}
 BETA, LAMBDA = r"$\beta$", r"$\lambda = \zeta/\mu$"
 _MODEL = ["model", "e_sp", "k_l", "k_b"]
+_COULOMB = "disk"  #: the model whose mu is a coefficient of Coulomb friction, not that of [H 6]
+
+
+def rounded(x):
+    """To four digits: tables hold rounded coefficients, and equal ones get equal values."""
+    return float(f"{x:.4g}")
 
 
 def with_limit(measured):
     """The same with lam, zeta/mu, and limit: friction, drag, or empty between them. With drag per mass lam is that of the
-    numbers of the authors' code, to which the published values belong if the figures come from it."""
+    numbers of the authors' code, to which the published values belong if the figures come from it. Without runs of
+    another law of friction than [H 6]."""
+    if "model" in measured and (other := measured["model"] == _COULOMB).any():
+        remark(f"{other.sum()} runs of frictional disks are left out: their mu is not that of [H 6]")
+        measured = measured[~other]
     mu, zeta = measured["mu"].to_numpy(float), measured["zeta"].to_numpy(float)
     with np.errstate(divide="ignore", invalid="ignore"):
         lam = np.where(mu > 0, zeta / mu, np.inf)
     if "drag" in measured:
         lam = lam / np.where(measured["drag"] == "per_mass", measured["dim"].map(published.CODE_LAMBDA), 1.0)
-    # Tables hold rounded coefficients: equal ratios get equal values.
-    lam = [float(f"{x:.4g}") for x in lam]
-    return measured.assign(lam=lam, limit=np.select([zeta == 0, mu == 0], ["friction", "drag"], ""))
+    return measured.assign(lam=[rounded(x) for x in lam], mu=[rounded(x) for x in mu], zeta=[rounded(x) for x in zeta],
+                           limit=np.select([zeta == 0, mu == 0], ["friction", "drag"], ""))
+
+
+def ratio(options):
+    """zeta/mu of a row's options, as `with_limit` has it for the same law of drag."""
+    mu, zeta = (float(options.get(name, 0)) for name in ("mu", "zeta"))
+    return rounded(zeta / mu) if mu > 0 else np.inf
+
+
+def limit(options):
+    """Whether a row's options have friction only or drag only; None between them."""
+    return {0.0: "friction", np.inf: "drag"}.get(ratio(options))
+
+
+def _planar(measured):
+    """Raises RunError for runs in 3D, with whose exponents the figure would compare nothing."""
+    if (measured["dim"] == 3).any():
+        raise RunError("there are runs in 3D, but this figure is of the plane: leave them out (H3, H4 and coefficients-3d "
+                       "have spheres)")
+    return measured
 
 
 def model_label(row, latex=True):
@@ -59,11 +88,11 @@ def is_hard(row):
     return row["e_sp"] >= 1e4 if row["model"] == "sp" else row["k_b"] >= 100
 
 
-def _named(row):
-    return f"{model_label(row, latex=False)}, {LIMIT_NAMES[row['limit']]}"
+def _named(row, end=""):
+    return f"{model_label(row, latex=False)}{end}, {LIMIT_NAMES[row['limit']]}"
 
 
-def fit_quantities(fits, name_of=_named):
+def fit_quantities(fits, name_of):
     """Exponent, prefactor and offset of every fit, and how bad the published exponent fits, and the opposite one where
     `fits` have it. In 2D the published prefactor is that of all particles, the offset that of hard ones."""
     quantities = []
@@ -101,13 +130,20 @@ def relative_residual(data, fit):
 
 def draw_limits(measured):
     """[H 2, 3, 10]: Q(w) with fits, and Q/C, a row of panels per limit; in 2D the published law of hard particles."""
-    table = limits(measured)
-    fits = beverloo.fit_seeds(table, ["limit", "dim", *_MODEL])
+    fits = beverloo.fit_seeds(limits(measured), ["limit", "dim", *_MODEL, "mu", "zeta"])
     there = [limit for limit in LIMIT_NAMES if (fits["limit"] == limit).any()]
     figure, panels = plt.subplots(len(there), 2, figsize=(9.4, 3.9 * len(there)), layout="constrained", squeeze=False)
+    quantities = []
     for (left, right), limit in zip(panels, there):
         group = fits[fits["limit"] == limit]
-        draw_flow(left, right, group, [model_label(row) for _, row in group.iterrows()])
+        own = {"friction": "mu", "drag": "zeta"}[limit]
+        # The coefficient, and 3D, are named where there are several.
+        ends = [(f", {own} = {row[own]:g}" if group[own].nunique() > 1 else "")
+                + (", 3D" if fits["dim"].nunique() > 1 and row["dim"] == 3 else "") for _, row in group.iterrows()]
+        draw_flow(left, right, group, [model_label(row) + end.replace(own, rf"$\{own}$")
+                                       for (_, row), end in zip(group.iterrows(), ends)])
+        ends = dict(zip(group.index, ends))
+        quantities += fit_quantities(group, lambda row, ends=ends: _named(row, ends[row.name]))
         if (group["dim"] == 2).all():
             law = published.C[limit].value, published.K[limit].value, published.exponent(2, limit).value
             grid = law[1] + (left.get_xlim()[1] - law[1]) * np.linspace(0, 1, 200) ** 2
@@ -115,13 +151,17 @@ def draw_limits(measured):
                       label=f"[H], hard: $C$ = {law[0]:g}, $k$ = {law[1]:g}")
             beverloo_figures.groups_first(left)
         left.set_title(LIMIT_NAMES[limit], loc="left")
-    return figure, fit_quantities(fits)
+    return figure, quantities
 
 
 def _exponents(table, by, value="Q"):
-    """A row per group of `by` and lambda with its exponent; those without one are left out."""
+    """A row per group of `by` and lambda with its exponent; those without one are left out. Raises RunError if there are
+    none."""
     fits = beverloo.fit_seeds(table, [*by, "lam"], value)
-    return fits[fits["fit"].notna()]
+    fits = fits[fits["fit"].notna()] if len(fits) else fits
+    if fits.empty:
+        raise RunError("no lambda has enough widths for a fit of beta")
+    return fits
 
 
 def _crossovers(exponents, by, dim, label, known):
@@ -191,10 +231,8 @@ def draw_lambda(measured, value="Q"):
         by, label = [*_MODEL, "n"], lambda row: f"{model_label(row)}, $N$ = {row['n']:g}"
     else:
         by, label = _MODEL, model_label
-    every = [(int(dim), _exponents(group, ["dim", *by], value)) for dim, group in table.groupby("dim")]
-    every = [one for one in every if len(one[1])]  # of a campaign that has begun there may be a few runs in 3D
-    if not every:
-        raise RunError("no lambda has enough widths for a fit of beta")
+    exponents = _exponents(table, ["dim", *by], value)  # of a campaign that has begun there may be a few runs in 3D
+    every = [(int(dim), group) for dim, group in exponents.groupby("dim")]
     figure, panels = plt.subplots(1, len(every), figsize=(6.2 * len(every), 4.4), layout="constrained", squeeze=False)
     quantities = []
     for axes, (dim, exponents) in zip(panels[0], every):
@@ -212,11 +250,12 @@ def _renamed(quantity, dim):
 
 def draw_corrected(measured):
     """[H 11]: beta from Q, and from Q' corrected for overlaps."""
-    table = with_limit(plain(measured))
+    table = _planar(with_limit(plain(measured)))
+    rates = [(value, symbol, _exponents(table, ["dim", *_MODEL], value))
+             for value, symbol in (("Q", "beta"), ("Q_corrected", "beta'"))]
     figure, panels = plt.subplots(1, 2, figsize=(12, 4.4), layout="constrained", sharey=True)
     quantities = []
-    for axes, value, symbol in ((panels[0], "Q", "beta"), (panels[1], "Q_corrected", "beta'")):
-        exponents = _exponents(table, ["dim", *_MODEL], value)
+    for axes, (value, symbol, exponents) in zip(panels, rates):
         curves, found = _crossovers(exponents, _MODEL, 2, model_label, lambda key: published.LAMBDA_C[2])
         _draw_crossovers(axes, curves, 2, [published.LAMBDA_C[2]])
         axes.set_ylabel(rf"$\beta{symbol[4:]}$")
@@ -244,7 +283,7 @@ def _ratio_at_crossover(ratios, fit):
 def draw_angles(measured):
     """[H 6]: beta against lambda for hoppers of several angles; lambda_c and the ratio of drag to friction against the
     angle."""
-    table = with_limit(plain(measured))
+    table = _planar(with_limit(plain(measured)))
     by = ["hopper_angle", *_MODEL]
     models = table.drop_duplicates(_MODEL)
 
@@ -253,8 +292,6 @@ def draw_angles(measured):
         return angle if len(models) == 1 else f"{angle}, {model_label(row)}"
 
     exponents = _exponents(table, ["dim", *by])
-    if exponents.empty:
-        raise RunError("no lambda has enough widths for a fit of beta")
     curves, quantities = _crossovers(exponents, by, 2, label, lambda key: published.LAMBDA_C_ANGLE.get(int(key[0])))
     figure, (left, middle, right) = plt.subplots(1, 3, figsize=(14, 4.2), layout="constrained",
                                                  gridspec_kw={"width_ratios": [1.6, 1, 1]})
@@ -369,10 +406,14 @@ def _against(axes, fits, x, quantity, x_label, label, references=None):
         color = plotting.COLORS[list(LIMIT_NAMES).index(limit)]
         marker = plotting.MARKERS[sorted(fits["k_l"].unique()).index(k_l) % 8 if several else list(LIMIT_NAMES).index(limit)]
         name = LIMIT_NAMES[limit] + (f", $K_l$ = {k_l:g}" if several else "")
-        value, error = np.array([_held(row, quantity) for _, row in group.iterrows()]).T
-        axes.errorbar(group[x], value, error, fmt=marker + "-", lw=0.9, color=color, capsize=2.5, label=name)
-        free = [(getattr(f, quantity), getattr(f, quantity + "_error")) if f else (np.nan, np.nan) for f in group["fit"]]
-        axes.errorbar(group[x] * 1.04, *np.array(free).T, fmt=marker, color=color, mfc="white", alpha=0.6, lw=0.8)
+        held = group[group["reference_fit"].notna()]
+        values = np.array([_held(row, quantity) for _, row in held.iterrows()]).reshape(-1, 2)
+        axes.errorbar(held[x], values[:, 0], np.nan_to_num(values[:, 1]), fmt=marker + "-", lw=0.9, color=color, capsize=2.5,
+                      label=name)
+        free = group[group["fit"].notna()]
+        values = np.array([(getattr(f, quantity), getattr(f, quantity + "_error")) for f in free["fit"]]).reshape(-1, 2)
+        axes.errorbar(free[x] * 1.04, values[:, 0], np.nan_to_num(values[:, 1]), fmt=marker, color=color, mfc="white",
+                      alpha=0.6, lw=0.8)
     for i, limit in enumerate(LIMIT_NAMES):
         for one in (references or {}).get(limit, ()):
             axes.axhline(one.value, color=plotting.COLORS[i], ls="-.", lw=0.9)
@@ -415,9 +456,17 @@ def _map(axes, group, title):
     axes.figure.colorbar(mesh, ax=axes, label="$k$")
 
 
+def _stiffness_fits(measured):
+    """Fits of every stiffness in the limits. Raises RunError where no fit, not even with the exponent held, is possible."""
+    fits = beverloo.fit_seeds(_planar(limits(measured)), ["limit", "dim", *_MODEL])
+    if fits["reference_fit"].isna().all():
+        raise RunError("no stiffness has enough widths for a fit: at least two with flow are needed")
+    return fits
+
+
 def draw_offsets(measured):
     """[H 7]: the offset k against the stiffness of soft particles, and over K_l and K_b of deformable ones."""
-    fits = beverloo.fit_seeds(limits(measured), ["limit", "dim", *_MODEL])
+    fits = _stiffness_fits(measured)
     soft, deformable = fits[fits["model"] == "sp"], fits[fits["model"] != "sp"]
     maps = [(limit, group) for limit, group in deformable.groupby("limit") if group["k_l"].nunique() > 1]
     panels = (len(soft) > 0) + len(maps)
@@ -463,11 +512,9 @@ def _collapse(axes, fits, limit):
         axes.legend(loc="center left", bbox_to_anchor=(1, 0.5))
 
 
-def draw_prefactors(measured):
-    """[H 13, 14]: the prefactor C against the stiffness, and Q/C against w - k."""
-    fits = beverloo.fit_seeds(limits(measured), ["limit", "dim", *_MODEL])
+def _draw_prefactors(measured, x, label):
+    fits = _stiffness_fits(measured)
     figure, (left, *others) = plt.subplots(1, 3, figsize=(15, 4.4), layout="constrained")
-    x, label = ("e_sp", "$E_{sp}$") if (fits["model"] == "sp").all() else ("k_b", "$K_b$")
     _against(left, fits, x, "C", label, r"$C$  [$\sigma_{avg}^2/t_0$]", {limit: (published.C[limit],) for limit in LIMIT_NAMES})
     left.set_yscale("log")
     for axes, limit in zip(others, LIMIT_NAMES):
@@ -485,11 +532,29 @@ def draw_prefactors(measured):
     return figure, quantities
 
 
+def draw_soft_prefactors(measured):
+    """[H 13]: the prefactor C against the stiffness of soft particles, and Q/C against w - k."""
+    return _draw_prefactors(_of_model(measured, True), "e_sp", "$E_{sp}$")
+
+
+def draw_deformable_prefactors(measured):
+    """[H 14]: the same of deformable particles against K_b."""
+    return _draw_prefactors(_of_model(measured, False), "k_b", "$K_b$")
+
+
+def _of_model(measured, soft):
+    """The runs of soft particles, or of deformable ones. Raises RunError if there are none."""
+    own = measured[(measured["model"] == "sp") if soft else measured["model"].isin(("rough", "smooth"))]
+    if own.empty:
+        raise RunError(f"no run has {'soft' if soft else 'deformable'} particles (H13 is of soft, H14 of deformable ones)")
+    return own
+
+
 def draw_size(measured):
     """[H 12]: beta against lambda, and C, for several numbers of particles."""
-    table = with_limit(plain(measured))
-    figure, (left, right) = plt.subplots(1, 2, figsize=(11.5, 4.4), layout="constrained")
+    table = _planar(with_limit(plain(measured)))
     exponents = _exponents(table, ["dim", "n"])
+    figure, (left, right) = plt.subplots(1, 2, figsize=(11.5, 4.4), layout="constrained")
     curves, quantities = _crossovers(exponents, ["n"], 2, lambda row: f"$N$ = {row['n']:g}",
                                      lambda key: published.LAMBDA_C[2])
     _draw_crossovers(left, curves, 2, [published.LAMBDA_C[2]])
@@ -571,45 +636,51 @@ def draw_discharge(measured):
     return figure, quantities
 
 
+_PARTICLES = ("dim", *_MODEL)
+_LIMITS = (*_PARTICLES, "mu", "zeta", "hopper_width")
+_STIFFNESS = (limit, *_PARTICLES, "hopper_width")
+_LAMBDA = (ratio, *_PARTICLES, "hopper_angle", "n", "hopper_width")
 _FEW = "soft particles alone, fewer seeds and shorter runs; no deformable ones"
 FIGURES = [
     Figure("H2", "Q(w) of soft and deformable particles, friction only and drag only", ("quick/limits", "quick/stiff"),
            ("hopper/limits", "hopper/limits-smooth", "hopper/limits-rough"), "flows", draw_limits, _FEW,
-           as_run=("as-run/limits",)),
+           as_run=("as-run/limits",), tells=_LIMITS),
     Figure("H3", "Q(w) of soft spheres, friction only and drag only", ("quick/limits-3d",), ("hopper/limits-3d",),
-           "flows", draw_limits, "half the particles, shorter runs", as_run=("as-run/limits-3d",)),
+           "flows", draw_limits, "half the particles, shorter runs", as_run=("as-run/limits-3d",), tells=_LIMITS),
     Figure("H4", "exponent beta against lambda = zeta/mu", ("quick/lambda", "quick/limits"),
            ("hopper/lambda", "hopper/lambda-3d", "hopper/lambda-smooth", "hopper/lambda-rough", "hopper/limits-rough"),
            "flows", draw_lambda, "soft particles of one stiffness, 2D, fewer widths, shorter runs",
            as_run=("as-run/lambda", "as-run/limits", "as-run/lambda-hard", "as-run/limits-hard", "as-run/lambda-3d",
-                   "as-run/limits-3d")),
+                   "as-run/limits-3d"), tells=_LAMBDA),
     Figure("lambda-path", "beta against lambda, where friction stays and drag is added", ("quick/lambda-path",),
-           ("hopper/lambda-path",), "flows", draw_lambda, "fewer lambda and widths, shorter runs"),
+           ("hopper/lambda-path",), "flows", draw_lambda, "fewer lambda and widths, shorter runs", tells=_LAMBDA),
     Figure("H5", "velocity on the axis for several widths, and its exponent at the orifice", ("quick/profile",),
-           ("hopper/profile",), "profiles", draw_profiles, as_run=("as-run/profile",)),
+           ("hopper/profile",), "profiles", draw_profiles, as_run=("as-run/profile",), tells=(ratio, "hopper_width")),
     Figure("H6", "beta(lambda) and the ratio of the forces for several angles", ("quick/angle", "quick/lambda"),
            ("hopper/angle", "hopper/lambda-smooth"), "flows", draw_angles,
-           "soft particles alone, fewer lambda and widths, shorter runs", as_run=("as-run/angle", "as-run/lambda")),
+           "soft particles alone, fewer lambda and widths, shorter runs", as_run=("as-run/angle", "as-run/lambda"),
+           tells=(ratio, *_MODEL, "hopper_angle", "hopper_width")),
     Figure("H7", "offset k against the stiffness of soft and deformable particles", ("quick/stiffness", "quick/map"),
            ("hopper/limits", "hopper/stiffness", "hopper/map", "hopper/limits-smooth"), "flows", draw_offsets,
            "120 deformable particles with contacts softer than printed, three widths, two K_l and two K_b",
-           as_run=("as-run/stiffness", "as-run/limits", "as-run/limits-hard", "as-run/map")),
+           as_run=("as-run/stiffness", "as-run/limits", "as-run/limits-hard", "as-run/map"), tells=_STIFFNESS),
     Figure("H8", "discharge of two wedges against their width, beside the experiment", ("quick/discharge",),
-           ("hopper/discharge",), "flows", draw_discharge, "400 particles, four seeds"),
+           ("hopper/discharge",), "flows", draw_discharge, "400 particles, four seeds",
+           tells=("zeta", "e_sp", "hopper_angle", "hopper_angle_left", "hopper_width")),
     Figure("H10", "Q(w) of soft and of nearly hard particles", ("quick/limits", "quick/hard"),
            ("hopper/limits", "hopper/limits-smooth", "hopper/limits-rough"), "flows", draw_limits, _FEW,
-           as_run=("as-run/limits", "as-run/limits-hard")),
+           as_run=("as-run/limits", "as-run/limits-hard"), tells=_LIMITS),
     Figure("H11", "beta(lambda) of very soft particles, from Q and from Q' corrected for overlaps",
            ("quick/lambda-soft", "quick/lambda"), ("hopper/lambda-soft", "hopper/lambda"), "flows", draw_corrected,
-           "fewer lambda and widths, shorter runs"),
+           "fewer lambda and widths, shorter runs", tells=(ratio, *_MODEL, "hopper_width")),
     Figure("H12", "beta(lambda) and C for several numbers of particles", ("quick/size", "quick/limits", "quick/lambda"),
            ("hopper/size",),
            "flows", draw_size, "fewer lambda and widths, shorter runs",
-           as_run=("as-run/size", "as-run/limits", "as-run/lambda")),
+           as_run=("as-run/size", "as-run/limits", "as-run/lambda"), tells=(ratio, "n", "hopper_width")),
     Figure("H13", "prefactor C of soft particles against their stiffness, and the collapse", ("quick/stiffness",),
-           ("hopper/limits", "hopper/stiffness"), "flows", draw_prefactors, "four stiffnesses, shorter runs",
-           as_run=("as-run/stiffness", "as-run/limits", "as-run/limits-hard")),
+           ("hopper/limits", "hopper/stiffness"), "flows", draw_soft_prefactors, "four stiffnesses, shorter runs",
+           as_run=("as-run/stiffness", "as-run/limits", "as-run/limits-hard"), tells=_STIFFNESS),
     Figure("H14", "prefactor C of deformable particles, and the collapse", ("quick/map",),
-           ("hopper/map", "hopper/limits-smooth"), "flows", draw_prefactors,
-           "120 particles with contacts softer than printed, three widths", as_run=("as-run/map",)),
+           ("hopper/map", "hopper/limits-smooth"), "flows", draw_deformable_prefactors,
+           "120 particles with contacts softer than printed, three widths", as_run=("as-run/map",), tells=_STIFFNESS),
 ]

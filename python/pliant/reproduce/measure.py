@@ -27,7 +27,9 @@ _LAWS = ["friction", "drag", "count", "reinsertion_gap", "e_w", "area_energy", "
 _RATES = ["Q", "Q_corrected", "orifice_velocity", "drag_friction_ratio", "c0"]
 _CLOG = ["hopper_width", "g", "phi_c", "status", "avalanche_size", "capillary_length"]
 _PROFILE = ["mu", "zeta", "e_sp", "hopper_width", "dim", "drag"]
-#: Of a run in a channel, what a table may vary.
+#: What names the sizes of disks.
+DISTRIBUTION = ("distribution", "radii", "counts")
+#: Of a run in a channel, what else a table may vary.
 CHANNEL_OPTIONS = ("area_fraction", "mu_disk", "mu_disk_dynamic", "mu_wall", "mu_wall_dynamic", "mu_plunger",
                    "mu_plunger_dynamic", "mu_base", "mu_base_dynamic", "base_coupled", "plunger_speed", "retract_speed",
                    "stiffness", "restitution", "dt")
@@ -224,12 +226,17 @@ def _commit(run):
     return found[0] if found else "unknown"
 
 
+def _kept_digits(column):
+    """Numbers as a CSV file of them has them: of fresh and of kept runs comes the same."""
+    return [float(f"{x:.6g}") for x in column] if column.dtype.kind == "f" else column
+
+
 def measured(measure, row, folder):
-    """DataFrame of one finished run. Raises RunError if it cannot be used."""
+    """DataFrame of one finished run, numbers to six digits. Raises RunError if it cannot be used."""
     with Run(folder) as run:
         try:
             table = MEASURES[measure](run)
         except KeyError as error:
             raise RunError(f"{folder}: has no {error}, which the figure needs") from None
-        return table.assign(row=row, seed=int(run.parameters.get("seed", 0)), commit=_commit(run),
+        return table.apply(_kept_digits).assign(row=row, seed=int(run.parameters.get("seed", 0)), commit=_commit(run),
                             cpu_seconds=float(run.summary.get("cpu_seconds", np.nan)))

@@ -106,6 +106,13 @@ def _fits(table, by, opposite=True):
     return beverloo.fit_seeds(table, ["limit", "dim", "model", "k_l", "k_b", *by], opposite=opposite)
 
 
+def _some(fits):
+    """The same. Raises RunError if no group could be fitted."""
+    if fits["fit"].isna().all():
+        raise RunError("no group has enough widths for a fit of beta: at least three with flow are needed")
+    return fits
+
+
 def _range(row):
     return row["data"]["hopper_width"].min(), row["data"]["hopper_width"].max()
 
@@ -202,7 +209,7 @@ def prefactor_ratios(fits):
 def draw_readings(measured):
     """The exponent of each reading, and how well the published and the opposite exponent fit."""
     table = _canonical(measured)
-    fits = _fits(table, OPTIONS)
+    fits = _some(_fits(table, OPTIONS))
     fits["name"] = [reading(row) for _, row in fits.iterrows()]
     figure, quantities = _draw_models(fits, fits["e_sp"] < 1e4)
     quantities += fit_quantities(_second_fits(table),
@@ -253,7 +260,7 @@ def draw_deformable(measured):
         table.loc[table["model"] == "rough", name] = _DEFORMABLE[name]
     table = _laws_that_act(table)
     names = [*_DEFORMABLE, "mu", "zeta"]
-    fits = _fits(table, names)
+    fits = _some(_fits(table, names))
     fits["name"] = [f"{reading(row, [n for n in names if row['model'] == 'smooth' or n not in _EDGES], DEFORMABLE)}: "
                     f"{model_label(row, latex=False)}" for _, row in fits.iterrows()]
     return _draw_models(fits, fits["e_c"] < 1e4)
@@ -309,15 +316,13 @@ def _rate_quantities(row, name):
 def draw_coefficients(measured):
     """The exponent against the coefficient of friction, and of drag, a curve per reading of the rest; 2D and 3D have
     panels of their own."""
-    fits = _fits(_canonical(measured), OPTIONS)
-    fits = fits[fits["fit"].notna()]
+    fits = _some(_fits(_canonical(measured), OPTIONS))
+    fits = fits[fits["fit"].notna()].copy()
     rest = [name for name in OPTIONS if name not in ("mu", "zeta", "dt")]
     fits["curve"] = [reading(row, rest) for _, row in fits.iterrows()]
     curves = sorted(fits["curve"].unique())  # the same in both panels looks the same
     there = [(dim, limit) for dim in MODELS for limit in LIMIT_NAMES
              if ((fits["dim"] == dim) & (fits["limit"] == limit)).any()]
-    if not there:
-        raise RunError("no coefficient has enough widths for a fit of beta")
     figure, panels = plt.subplots(2, len(there), figsize=(5.6 * len(there), 6.6), layout="constrained", squeeze=False,
                                   sharex="col", height_ratios=(3, 2))
     quantities = []
@@ -371,7 +376,7 @@ def _commonest(values):
 def draw_protocol(measured):
     """The exponent of each model with each choice of the protocol changed alone, a panel per model."""
     table = _canonical(measured)
-    fits = _fits(table, [*OPTIONS, "t_end"])
+    fits = _some(_fits(table, [*OPTIONS, "t_end"]))
     panels_of = ensemble.groups(fits, ["limit", "dim", *_MODEL])
     columns = 2
     lines = -(-len(panels_of) // columns)
@@ -406,10 +411,8 @@ def draw_protocol(measured):
 
 def draw_duration(measured):
     """The exponent, and Q at the widest orifice, against the duration of the runs: neither changes where the flow is steady."""
-    fits = _fits(_canonical(measured), [*OPTIONS, "t_end"])
-    fits = fits[fits["fit"].notna()]
-    if fits.empty:
-        raise RunError("no duration has enough widths for a fit of beta")
+    fits = _some(_fits(_canonical(measured), [*OPTIONS, "t_end"]))
+    fits = fits[fits["fit"].notna()].copy()
     fits["curve"] = [_name(row, reading(row)) for _, row in fits.iterrows()]
     figure, (left, right) = plt.subplots(1, 2, figsize=(10.5, 4.0), layout="constrained", sharex=True)
     for i, (curve, points) in enumerate(fits.groupby("curve")):
@@ -431,24 +434,26 @@ def draw_duration(measured):
     return figure, fit_quantities(fits, lambda row: f"{row['curve']}, t_end = {row['t_end']:g}")
 
 
+_ALONE = ("dim", *OPTIONS, "hopper_width")
 FIGURES = [
     Figure("readings", "exponent of each reading of [H]: as printed, as run, and each difference alone",
            ("quick/readings",), ("hopper/readings", "hopper/readings-hard"), "readings", draw_readings,
-           "four readings, fewer widths, shorter runs"),
+           "four readings, fewer widths, shorter runs", tells=_ALONE),
     Figure("deformable", "exponent of rough and smooth particles as printed and as run, friction only and drag only",
            ("quick/deformable",),
            ("hopper/limits-rough", "hopper/limits-smooth", "hopper/deformable-as-run", "hopper/readings-deformable"),
-           "flows", draw_deformable, "120 particles, softer contacts, fewer widths, shorter runs, no difference alone"),
+           "flows", draw_deformable, "120 particles, softer contacts, fewer widths, shorter runs, no difference alone",
+           tells=("model", "k_l", "k_b", "mu", "zeta", *_DEFORMABLE, "hopper_width")),
     Figure("coefficients", "exponent against mu and against zeta, both laws as printed and as run",
            ("quick/coefficients",), ("hopper/coefficients", "hopper/coefficients-hard", "hopper/coefficients-as-run"),
            "readings", draw_coefficients,
-           "laws as printed, a point per decade, fewer widths, shorter runs"),
+           "laws as printed, a point per decade, fewer widths, shorter runs", tells=_ALONE),
     Figure("coefficients-3d", "exponent of soft spheres against mu and against zeta", ("quick/coefficients-3d",),
            ("hopper/coefficients-3d",), "readings", draw_coefficients,
-           "half the particles, three coefficients of each, fewer widths, shorter runs"),
+           "half the particles, three coefficients of each, fewer widths, shorter runs", tells=_ALONE),
     Figure("protocol", "exponent with each choice of the protocol changed alone",
            ("quick/protocol",), ("hopper/protocol",), "readings", draw_protocol,
-           "mu = 5 and zeta = 2 alone, fewer changes, shorter runs"),
+           "mu = 5 and zeta = 2 alone, fewer changes, shorter runs", tells=(*_ALONE, "t_end")),
     Figure("duration", "exponent of drag as run against the duration of the runs", ("quick/duration",), ("hopper/duration",),
-           "readings", draw_duration, "fewer widths, shorter runs"),
+           "readings", draw_duration, "fewer widths, shorter runs", tells=(*_ALONE, "t_end")),
 ]
