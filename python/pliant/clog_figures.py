@@ -3,8 +3,8 @@
 import numpy as np
 
 from . import clog, plotting
+from .errors import RunError
 from .statistics import commonest
-
 
 #: Of columns of clog.fit_sigmoids and of what they are fitted along; and of where P_clog is one half.
 SYMBOLS = {"phi_c": r"$\phi_c$", "n": "$N$", "delta": r"$\delta/\langle R\rangle$", "g": "$g$", "hopper_width": "$w/d$"}
@@ -30,8 +30,9 @@ def draw_curves(axes, fits, along):
 def draw_middles(axes, fits, x, along):
     """Where P_clog is one half, along `along`, against the column x."""
     known = fits[fits["fit"].notna()]
-    axes.errorbar(known[x], known["x0"], known["x0_error"].fillna(0), fmt="o", capsize=2.5, color=plotting.COLORS[0],
-                  zorder=3)
+    if len(known):
+        axes.errorbar(known[x], known["x0"], known["x0_error"].fillna(0), fmt="o", capsize=2.5, color=plotting.COLORS[0],
+                      zorder=3)
     axes.set(xlabel=SYMBOLS[x], ylabel=MIDDLES[along])
     axes.ticklabel_format(axis="x", scilimits=(-3, 3), useMathText=True)
 
@@ -40,6 +41,8 @@ def draw_regimes(axes, fits):
     """w*/d against delta with its two regimes [T 4.12, 4.13], which are returned. Raises RunError for too few fits."""
     draw_middles(axes, fits, "delta", "hopper_width")
     known = fits[fits["fit"].notna()]
+    if known.empty:
+        raise RunError("no curve of P_clog passes one half: wider and narrower exits are needed")
     regimes = clog.fit_regimes(known["delta"], known["x0"], known["x0_error"])
     grid = np.linspace(0, known["delta"].max() * 1.05, 200)
     axes.plot(grid, regimes(grid), "--", color="0.4", lw=1.1, label=rf"{regimes.low:.3g} and {regimes.slope:.3g} $\delta$")

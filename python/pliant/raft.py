@@ -177,7 +177,7 @@ def fit_k1(reductions):
 
 
 def fit_excess(phi, excess):
-    """(peak, its standard error) of excess_fractures through numbers of excess fractures."""
+    """(peak, its standard error) of excess_fractures through numbers of excess fractures, of which some have 0 < phi < 1."""
     (peak,), covariance = curve_fit(excess_fractures, np.asarray(phi, float), np.asarray(excess, float), p0=[1.0])
     return peak, float(np.sqrt(covariance[0, 0]))
 

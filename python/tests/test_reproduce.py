@@ -205,8 +205,10 @@ def test_list_and_names(call):
     (1.5, 0.1, Published(1.6, 0.0, ""), "yes"), (1.5, 0.1, Published(1.71, 0.0, ""), "no"),
     (1.5, 0.1, Published(1.75, 0.1, ""), "yes"), (1.5, 0.1, Published(1.8, 0.1, ""), "no"),
     (1.5, 0.1, None, "no number"), (math.nan, math.nan, Published(1.5, 0.1, ""), "no number"),
-    (1.5, math.nan, Published(1.5, 0.1, ""), "no number"), (1.5, 0.0, Published(1.5, 0.0, ""), "yes"),
-    (1.5, 0.0, Published(1.6, 0.0, ""), "no")])
+    (1.5, math.nan, Published(1.5, 0.1, ""), "no number"),
+    # Without any error nothing can be said; one of them is enough.
+    (1.5, 0.0, Published(1.5, 0.0, ""), "no number"), (1.5, 0.0, Published(1.6, 0.0, ""), "no number"),
+    (1.5, 0.0, Published(1.6, 0.1, ""), "yes"), (1.5, 0.0, Published(1.8, 0.1, ""), "no")])
 def test_agreement(value, error, known, answer):
     assert agree(Quantity("x", value, error, known)) == answer
 
@@ -869,6 +871,10 @@ def test_figures_of_reductions(tmp_path):
     one = found["k1 of k_eq = k1 q/(p+1)"]
     assert one.value == pytest.approx(7.0) and 0.02 < one.error < 0.08 and agree(one) == "yes"
     assert found["k1 of the reduction from 7 rows"].published.value == 5.27
+    single = raft_rows([row for row in rows if row["rows"] == 7])
+    for name in ("T2.7", "T2.8"):
+        with pytest.raises(PliantError, match="two reductions"):
+            command.FIGURES[name].draw(single)
     found = drawn("T2.8", raft_rows(rows), tmp_path)
     assert found["F_max over 2 N sqrt(k1 E1/(p^3+p^2)), mean of reductions, N = 49"].value == pytest.approx(1.2)
 
@@ -887,6 +893,11 @@ def test_figures_of_fractures(tmp_path):
     assert found["height of the excess, N = 20"].value == pytest.approx(17, abs=0.1)
     half = found["excess over its height at phi = 0.5, N = 20"]
     assert half.published.value == 1 and agree(half) == "yes" and half.error > 0
+    alone = [row for row in law if row["phi"] == 0]
+    larger = [row | {"n": 36, "rows": 6} for row in alone]  # of one size alone: it has no height
+    assert {"N = 20" in name for name in drawn("T2.10", raft_rows(law + larger))} == {True}
+    with pytest.raises(PliantError, match="two sizes"):
+        command.FIGURES["T2.10"].draw(raft_rows(alone))
     found = drawn("T2.11", raft_rows(law), tmp_path)
     assert found["peaks at delta = 0.1, one kind"].value == 3 and found["peaks at delta = 0.15, two kinds"].value == 20
 
@@ -934,6 +945,10 @@ def test_figures_of_clogs(tmp_path):
     for name in ("T4.2", "T4.3", "T4.5"):
         with pytest.raises(PliantError):
             command.FIGURES[name].draw(table[:1])
+    flat = table.assign(status="empty")  # no middle anywhere
+    assert all(math.isnan(q.value) for q in drawn("T4.3", flat, tmp_path).values())
+    with pytest.raises(PliantError, match="passes one half"):
+        command.FIGURES["T4.4"].draw(flat)
 
 
 def disk_rows():

@@ -43,7 +43,7 @@ def _finish(axes):
 
 def _mean(name, points, value, known, note=""):
     """Mean over all distributions; its error is of their seeds alone."""
-    error = float(np.sqrt((points[value + "_error"] ** 2).sum())) / len(points)
+    error = float(np.sqrt((points[value + "_error"].to_numpy() ** 2).sum())) / len(points)  # unknown if one is
     return Quantity(name, float(points[value].mean()), error, known, "; ".join(
         filter(None, [note, ensemble.seeds_remark(points)])))
 

@@ -79,12 +79,15 @@ def draw_forces(measured):
 
 
 def _stiffness(reductions):
-    """Mean over runs of k1 [T 2.32], of its fit to each."""
+    """Mean over runs of k1 [T 2.32], of its fit to each. Raises RunError where none has one."""
     runs = []
     for _, table in reductions.groupby(["table", "row"]):
         k1, error = raft.fit_k1(table)
         runs.append({"all": 0, "k1": k1, "k1_error": error})
-    return ensemble.average(pd.DataFrame(runs), ["all"], "k1").iloc[0]
+    mean = ensemble.average(pd.DataFrame(runs), ["all"], "k1")
+    if mean.empty:
+        raise RunError("no run has two reductions of its rows, of which a stiffness could be fitted")
+    return mean.iloc[0]
 
 
 def draw_stiffness(measured):
@@ -128,14 +131,19 @@ def draw_two_sizes(measured):
     figure, (left, right) = plt.subplots(1, 2, figsize=(9.6, 4.0), layout="constrained")
     raft_figures.draw_fractures(left, points, "phi", y)
     quantities = []
+    mixed = points[(points["phi"] > 0) & (points["phi"] < 1)]
+    if mixed.empty:
+        raise RunError("no raft has droplets of two sizes: rows with small_fraction between 0 and 1 are needed")
     for (n, group), (marker, color) in zip(points.groupby("n"), raft_figures.styles()):
+        if n not in mixed["n"].to_numpy():
+            continue
         height, _ = raft.fit_excess(group["phi"], group["excess"])
         heights = [raft.fit_excess(group["phi"], draw)[0] for draw in ensemble.draws(group, "excess")]
         error = float(ensemble.spread(heights))
         quantities.append(Quantity(f"height of the excess, N = {n}", height, error))
         right.errorbar(group["phi"], group["excess"] / height, group["excess_error"].fillna(0) / height, fmt=marker,
                        color=color, capsize=2, label=rf"$N = {n}$, $\Delta N_{{peak}}$ = {with_error(height, error)}")
-        for row in group[(group["phi"] > 0) & (group["phi"] < 1)].itertuples():
+        for row in mixed[mixed["n"] == n].itertuples():
             law = raft.excess_fractures(row.phi, 1.0)
             quantities.append(Quantity(f"excess over its height at phi = {row.phi:g}, N = {n}", row.excess / height,
                                        np.hypot(row.excess_error / height, row.excess * error / height**2),
@@ -366,7 +374,13 @@ def _off_the_law(name, points, x, fit):
                     published.Published(0.0, 0.0, "T 4.20"))
 
 
-#: Where one run of a speed is taken, which the first is.
+def _droplets(options):
+    """Their number, of a row's options; None where these do not say it."""
+    rows, columns = (options.get(name) for name in ("rows", "columns"))
+    return options.get("n") or (int(rows) * int(columns) if rows and columns else None)
+
+
+#: Of runs that differ in these alone the first is taken.
 _INTEGRATOR = ("dt", "ts_type", "ts_adapt_type", "ts_rk_type", "ts_rtol", "ts_atol", "mobility")
 _RAFTS = ("rows", "columns", "n", "small_fraction", "small_radius", "delta", "tilt")
 _CLOGS = ("n", "g", "phi_c", "hopper_width")
@@ -385,7 +399,8 @@ FIGURES = [
     Figure("T2.10", "excess fractures against the fraction of small droplets", ("quick/bidisperse",), ("raft/bidisperse",),
            "fractures", draw_two_sizes, "4 x 5 droplets, four seeds", tells=_RAFTS),
     Figure("T2.11", "fractures against polydispersity", ("quick/delta", "quick/bidisperse"),
-           ("raft/delta", "raft/bidisperse"), "fractures", draw_polydispersity, "four seeds", tells=_RAFTS),
+           ("raft/delta", "raft/bidisperse"), "fractures", draw_polydispersity, "four seeds",
+           tells=(_droplets, "small_fraction", "small_radius", "delta")),
     Figure("T2.14", "competing fractures against the number of droplets", ("quick/raft-size",), ("raft/size",), "fractures",
            draw_size, "up to 64 droplets, twice the speed", tells=_RAFTS),
     Figure("T2.15", "competing fractures against the shape of the raft", ("quick/aspect",), ("raft/aspect",), "fractures",

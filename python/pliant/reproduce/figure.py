@@ -69,13 +69,12 @@ def check_told_apart(figure, tables):
 
 
 def deviation(quantity):
-    """Ours less the published value over their joint standard error; NaN where one of them is missing. An error that is
-    unknown counts as none."""
+    """Ours less the published value over their joint standard error; NaN where a value is missing, or both errors are. An
+    error that is unknown counts as none."""
     if quantity.published is None or not math.isfinite(quantity.value):
         return math.nan
     joint = math.hypot(*(e if math.isfinite(e) else 0.0 for e in (quantity.error, quantity.published.error)))
-    difference = quantity.value - quantity.published.value
-    return difference / joint if joint > 0 else (0.0 if difference == 0 else math.copysign(math.inf, difference))
+    return (quantity.value - quantity.published.value) / joint if joint > 0 else math.nan
 
 
 def agree(quantity):
