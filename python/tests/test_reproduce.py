@@ -657,13 +657,15 @@ def test_deformable_particles_are_told_apart(tmp_path):
                           **(DEFORMABLE_AS_RUN | {"e_w": 1000.0}))
     # As printed, and kept before the laws were.
     printed = reading_rows("drag", 0.9, model="smooth").drop(columns=["friction", "drag", "count", "e_w", "reinsertion_gap"])
-    data = pd.concat([as_run, smooth, printed, reading_rows("friction", 1.8, model="rough", e_c=250.0),
+    small = reading_rows("friction", 2.0, model="rough", n=400, hopper_wall_distance=30)
+    data = pd.concat([as_run, smooth, printed, reading_rows("friction", 1.8, model="rough", e_c=250.0), small,
                       reading_rows("friction", 2.2)], ignore_index=True)
     found = drawn("deformable", data, tmp_path)
     betas = {name.removeprefix("beta: "): q.value for name, q in found.items() if name.startswith("beta: ")}
     kind = "K_l = 10, K_b = 0.1"
     assert betas == {name: pytest.approx(beta, abs=0.1) for name, beta in {
         f"as run: rough, {kind}, friction only": 1.5, f"as run, E_w = 1000: smooth, {kind}, drag only": 0.6,
+        f"printed, N = 400, W = 30: rough, {kind}, friction only": 2.0,
         f"printed: smooth, {kind}, drag only": 0.9, f"printed, E_c = 250: rough, {kind}, friction only": 1.8}.items()}
     with pytest.raises(PliantError, match="no run has deformable particles"):
         command.FIGURES["deformable"].draw(reading_rows("friction", 2.2))

@@ -259,9 +259,11 @@ def draw_deformable(measured):
     for name in _EDGES:
         table.loc[table["model"] == "rough", name] = _DEFORMABLE[name]
     table = _laws_that_act(table)
-    names = [*_DEFORMABLE, "mu", "zeta"]
+    size = {name: commonest(table[name]) for name in ("n", "hopper_wall_distance")}  # of which others are variants
+    models = [{limit: model | size for limit, model in one.items()} for one in DEFORMABLE]
+    names = [*_DEFORMABLE, *size, "mu", "zeta"]
     fits = _some(_fits(table, names))
-    fits["name"] = [f"{reading(row, [n for n in names if row['model'] == 'smooth' or n not in _EDGES], DEFORMABLE)}: "
+    fits["name"] = [f"{reading(row, [n for n in names if row['model'] == 'smooth' or n not in _EDGES], models)}: "
                     f"{model_label(row, latex=False)}" for _, row in fits.iterrows()]
     return _draw_models(fits, fits["e_c"] < 1e4)
 
@@ -441,9 +443,10 @@ FIGURES = [
            "four readings, fewer widths, shorter runs", tells=_ALONE),
     Figure("deformable", "exponent of rough and smooth particles as printed and as run, friction only and drag only",
            ("quick/deformable",),
-           ("hopper/limits-rough", "hopper/limits-smooth", "hopper/deformable-as-run", "hopper/readings-deformable"),
+           ("hopper/limits-rough", "hopper/limits-smooth", "hopper/rough-large", "hopper/deformable-as-run",
+            "hopper/readings-deformable"),
            "flows", draw_deformable, "120 particles, softer contacts, fewer widths, shorter runs, no difference alone",
-           tells=("model", "k_l", "k_b", "mu", "zeta", *_DEFORMABLE, "hopper_width")),
+           tells=("model", "n", "hopper_wall_distance", "k_l", "k_b", "mu", "zeta", *_DEFORMABLE, "hopper_width")),
     Figure("coefficients", "exponent against mu and against zeta, both laws as printed and as run",
            ("quick/coefficients",), ("hopper/coefficients", "hopper/coefficients-hard", "hopper/coefficients-as-run"),
            "readings", draw_coefficients,
