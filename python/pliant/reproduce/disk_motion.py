@@ -292,6 +292,7 @@ _SHORT = {"area_fraction": "area fraction", "mu_disk": r"$\mu$ disks", "mu_wall"
           "mu_plunger": r"$\mu$ plungers", "mu_base": r"$\mu$ base", "base_coupled": "base coupled",
           "plunger_speed": "speed [cm/s]", "retract_speed": "retraction [cm/s]", "stiffness": "stiffness [g/s²]",
           "restitution": "restitution", "dt": "step [s]"}
+_SHORT |= {name + "_dynamic": text + ", dynamic" for name, text in _SHORT.items() if name.startswith("mu_")}
 
 
 def choices(measured):

@@ -4,6 +4,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from .. import ensemble, plotting
+from ..beverloo_figures import log_axes
 from ..channel_figures import LABELS
 from ..errors import RunError
 from ..script import with_error
@@ -103,7 +104,8 @@ def draw_intervals(measured):
         middle = ensemble.average(measured, ["relative"], name).iloc[len(curve) // 2]
         axes.plot(x, middle[name] * (x / middle["relative"]) ** known.value, "-.", color="0.3",
                   label=f"[T] slope {known.value:g}")
-        axes.set(xlabel=r"$\Delta t/\Delta t_0$", ylabel=label, xscale="log", yscale="log")
+        axes.set(xlabel=r"$\Delta t/\Delta t_0$", ylabel=label)
+        log_axes(axes)
         axes.legend()
         quantities.append(_mean(f"exponent of {name} in the interval, centre", _points(runs, "exponent_" + name),
                                 "exponent_" + name, known))
