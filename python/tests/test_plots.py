@@ -283,6 +283,9 @@ def test_beverloo_from_a_table_with_few_points(call, tmp_path):
     assert_picture(tmp_path / "a.png", colors=20)
     text = call("beverloo.py", tmp_path / "sweep.csv", "--beta", 1.5, "-o", tmp_path / "a.png")
     assert "too few" not in text
+    (tmp_path / "laws.csv").write_text("w,Q,Q_error,friction\n3,0.25,0.01,whole\n5,0.94,0.02,whole\n3,0.5,0.01,tangential\n")
+    text = call("beverloo.py", tmp_path / "laws.csv", "-o", tmp_path / "a.png")  # another law is another group
+    assert "friction = whole" in text and "friction = tangential" in text
 
 
 @pytest.fixture(scope="module")
