@@ -25,6 +25,10 @@ def rounded(x):
     return float(f"{x:.4g}")
 
 
+def chi2_note(chi2):
+    return f"chi2/dof {chi2:.3g}" if np.isfinite(chi2) else "as many parameters as points"
+
+
 def with_limit(measured):
     """The same with lam, zeta/mu, and limit: friction, drag, or empty between them. With drag per mass lam is that of the
     numbers of the authors' code, to which the published values belong if the figures come from it. Without runs of
@@ -110,7 +114,7 @@ def fit_quantities(fits, name_of):
                                     getattr(fixed, quantity + "_error"), known.get(quantity), fixed.note)
                            for quantity in ("C", "k")]
             quantities.append(Quantity(f"chi2/dof {held}: {name}", fixed.chi2_reduced, np.nan, None,
-                                       f"with beta free: {row['fit'].chi2_reduced:.3g}"))
+                                       f"with beta free: {chi2_note(row['fit'].chi2_reduced)}"))
         if row.get("opposite_fit") and row["fit"]:
             held = f"with beta = {FRACTIONS.get(row['opposite'], row['opposite'])} held"
             quantities += [
@@ -180,7 +184,7 @@ def _crossovers(exponents, by, dim, label, known):
                 continue
             found.append(fit)
             quantities.append(Quantity(f"lambda_c, {kind}: {name}", fit.lam_c, fit.lam_c_error, known(key),
-                                       "; ".join(filter(None, [fit.note, f"chi2/dof {fit.chi2_reduced:.3g}"]))))
+                                       "; ".join(filter(None, [fit.note, chi2_note(fit.chi2_reduced)]))))
             if held is None:
                 for part, limit in (("high", "friction"), ("low", "drag")):
                     quantities.append(Quantity(f"beta, fitted end ({limit}): {name}", getattr(fit, part),
@@ -380,7 +384,7 @@ def draw_profiles(measured):
             quantities.append(Quantity(name, np.nan, np.nan, known, str(reason)))
             continue
         quantities.append(Quantity(name, slope, error, known, "; ".join(
-            filter(None, [f"chi2/dof {chi2:.3g}", ensemble.seeds_remark(points)]))))
+            filter(None, [chi2_note(chi2), ensemble.seeds_remark(points)]))))
         w = np.geomspace(points["hopper_width"].min() / 1.1, points["hopper_width"].max() * 1.1, 30)
         last.plot(w, factor * w**slope, color=color, lw=1.2)
         middle = np.exp(np.log(points["hopper_width"]).mean())
@@ -434,7 +438,7 @@ def _prefactor_quantities(fits, names, known):
         name = f"{model_label(row, latex=False)}, {LIMIT_NAMES[row['limit']]}"
         for quantity in names:
             quantities.append(Quantity(f"{quantity} with the published beta held: {name}", *_held(row, quantity),
-                                       known(row, quantity), f"chi2/dof {row['reference_fit'].chi2_reduced:.3g}"
+                                       known(row, quantity), chi2_note(row["reference_fit"].chi2_reduced)
                                        if row["reference_fit"] else row["note"]))
             free = row["fit"]
             quantities.append(Quantity(f"{quantity}, beta free: {name}", getattr(free, quantity) if free else np.nan,
