@@ -467,7 +467,7 @@ def test_figure_6_compares_angles(tmp_path):
     assert middle.error / middle.value < ratio.error / ratio.value < middle.error / middle.value + 0.02
 
 
-def test_deformable_particles_between_the_limits(tmp_path):
+def test_deformable_particles_between_the_limits(tmp_path, capsys):
     """[H 4] has those of the flat bottom; [H 6] a curve of its own for each angle and model."""
     smooth = {"model": "smooth", "drag_friction_ratio_error": 0.01}
     data = pd.concat([flow_rows(LAMS, crossing_law, hopper_angle=90.0, drag_friction_ratio=0.1, drag_friction_ratio_error=0.01),
@@ -476,6 +476,7 @@ def test_deformable_particles_between_the_limits(tmp_path):
                       flow_rows(LAMS, lambda lam: crossing_law(lam, 0.01), hopper_angle=30.0, drag_friction_ratio=0.6, **smooth)],
                      ignore_index=True)
     found = drawn("H4", data, tmp_path)
+    assert "210 runs of steeper hoppers are left out" in capsys.readouterr().out
     assert found["lambda_c, published ends: smooth, K_l = 10, K_b = 0.1"].value == pytest.approx(0.2, rel=0.15)
     assert found["lambda_c, published ends: soft, E_sp = 100"].value == pytest.approx(0.05, rel=0.15)
     found = drawn("H6", data, tmp_path)

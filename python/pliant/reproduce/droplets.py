@@ -7,7 +7,7 @@ import pandas as pd
 from .. import clog, ensemble, plotting, raft, raft_figures
 from ..clog_figures import draw_avalanches, draw_curves, draw_middles, draw_probabilities, draw_regimes
 from ..errors import RunError
-from ..script import with_error
+from ..script import remark, with_error
 from ..statistics import commonest
 from . import published
 from .figure import Figure, Quantity
@@ -17,7 +17,11 @@ DISTANCE = r"distance of the walls  $D/\langle R\rangle$"
 
 def _usual(measured, column):
     """The runs with the commonest value of a column, of which others are variants."""
-    return measured[measured[column] == commonest(measured.drop_duplicates(["table", "row"])[column])]
+    runs = measured.drop_duplicates(["table", "row"])
+    value = commonest(runs[column])
+    if (others := runs[runs[column] != value][column].nunique()):
+        remark(f"{(runs[column] != value).sum()} runs with {others} other values of {column} than {value:g} are left out")
+    return measured[measured[column] == value]
 
 
 def _curves(axes, measured, labels):

@@ -230,7 +230,10 @@ def draw_lambda(measured, value="Q"):
     """[H 4, 11, 12a]: beta against lambda with the corrected sigmoid, a panel per dimension; of hoppers with several angles
     the flattest, in each dimension."""
     table = with_limit(plain(measured))
-    table = table[table["hopper_angle"] == table.groupby("dim")["hopper_angle"].transform("max")]
+    steep = table["hopper_angle"] < table.groupby("dim")["hopper_angle"].transform("max")
+    if steep.any():
+        remark(f"{steep.sum()} runs of steeper hoppers are left out, which H6 shows")
+    table = table[~steep]
     if table.groupby(["dim", *_MODEL])["n"].nunique().max() > 1:
         by, label = [*_MODEL, "n"], lambda row: f"{model_label(row)}, $N$ = {row['n']:g}"
     else:
