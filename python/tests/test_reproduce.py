@@ -903,6 +903,9 @@ def test_figures_of_fractures(tmp_path):
         command.FIGURES["T2.10"].draw(raft_rows(alone))
     found = drawn("T2.11", raft_rows(law), tmp_path)
     assert found["peaks at delta = 0.1, one kind"].value == 3 and found["peaks at delta = 0.15, two kinds"].value == 20
+    both = drawn("T2.11", raft_rows([*law, *(row | {"n": 36, "rows": 6, "peaks": 9} for row in law)]), tmp_path)
+    assert both["peaks at delta = 0.15, two kinds, N = 20"].value == 20
+    assert both["peaks at delta = 0.15, two kinds, N = 36"].value == 9
 
     sizes = [fracture_row(seed, n=p * p, rows=p, inverse_size=1 / p, aspect=1.0, competing=0.8 - 1.6 / p + 0.02 * seed)
              for seed in (-1, 0, 1) for p in (3, 4, 6, 8, 12)]

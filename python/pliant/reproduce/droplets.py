@@ -164,14 +164,15 @@ def draw_polydispersity(measured):
     figure, axes = plt.subplots(figsize=(5.8, 4.2), layout="constrained")
     quantities = []
     one = measured["small_fraction"] == 0
-    for data, name, marker, color in ((measured[one], "one kind", "s", plotting.COLORS[0]),
+    several = measured["n"].nunique() > 1
+    for data, kind, marker, color in ((measured[one], "one kind", "s", plotting.COLORS[0]),
                                       (measured[~one], "two kinds", "o", plotting.COLORS[1])):
-        points = ensemble.scatter(data, ["n", "delta"], "peaks")
-        if len(points):
+        for i, (n, points) in enumerate(ensemble.scatter(data, ["n", "delta"], "peaks").groupby("n")):
+            name = f"{kind}, N = {n}" if several else kind
             axes.errorbar(points["delta"], points["peaks"], points["peaks_error"].fillna(0), fmt=marker, color=color,
-                          capsize=2, label=name)
-        quantities += [Quantity(f"peaks at delta = {row.delta:.4g}, {name}", row.peaks, row.peaks_error)
-                       for row in points.itertuples()]
+                          mfc="white" if i else color, capsize=2, label=name.replace("N", "$N$"))
+            quantities += [Quantity(f"peaks at delta = {row.delta:.4g}, {name}", row.peaks, row.peaks_error)
+                           for row in points.itertuples()]
     axes.set(xlabel=raft_figures.FRACTURES["delta"][1], ylabel="peaks", ylim=(0, None))
     axes.legend()
     return figure, quantities
