@@ -382,7 +382,9 @@ def _off_the_law(name, points, x, fit):
 def _droplets(options):
     """Their number, of a row's options; None where these do not say it."""
     rows, columns = (options.get(name) for name in ("rows", "columns"))
-    return options.get("n") or (int(rows) * int(columns) if rows and columns else None)
+    if "n" in options:
+        return int(options["n"])
+    return int(rows) * int(columns) if rows and columns else None
 
 
 #: Of runs that differ in these alone the first is taken.

@@ -62,7 +62,7 @@ def check_told_apart(figure, tables):
             rest = {name: value for name, value in row.options.items() if name not in (*figure.tells, *FREE)}
             where, other = first.setdefault(key, (f"{path}, line {row.line}", rest))
             if name := next((name for name in sorted(rest.keys() | other.keys()) if rest.get(name) != other.get(name)), None):
-                values = " and ".join(f"{found[name]}" if name in found else "none" for found in (other, rest))
+                values = " and ".join(found.get(name, "none") for found in (other, rest))
                 raise RunError(f"{where}, and {path}, line {row.line}: they differ in -{name} ({values}), which "
                                f"{figure.name} does not tell apart: it would take their mean. Draw them from tables of "
                                "their own, one --table at a time")

@@ -15,6 +15,7 @@ from . import published
 from .figure import Figure, Quantity
 
 LIMIT_NAMES = {"friction": "friction only", "drag": "drag only"}
+COEFFICIENT = {"friction": "mu", "drag": "zeta"}
 BETA, LAMBDA = r"$\beta$", r"$\lambda = \zeta/\mu$"
 _MODEL = ["model", "e_sp", "k_l", "k_b"]
 _COULOMB = "disk"  #: the model whose mu is a coefficient of Coulomb friction, not that of [H 6]
@@ -140,7 +141,7 @@ def draw_limits(measured):
     quantities = []
     for (left, right), limit in zip(panels, there):
         group = fits[fits["limit"] == limit]
-        own = {"friction": "mu", "drag": "zeta"}[limit]
+        own = COEFFICIENT[limit]
         # The coefficient, and 3D, are named where there are several.
         ends = [(f", {own} = {row[own]:g}" if group[own].nunique() > 1 else "")
                 + (", 3D" if fits["dim"].nunique() > 1 and row["dim"] == 3 else "") for _, row in group.iterrows()]

@@ -10,9 +10,8 @@ from ..errors import RunError
 from ..statistics import commonest
 from . import published
 from .figure import Figure, Quantity
-from .hopper import BETA, LIMIT_NAMES, fit_quantities, limits, model_label
+from .hopper import BETA, COEFFICIENT, LIMIT_NAMES, fit_quantities, limits, model_label
 
-COEFFICIENT = {"friction": "mu", "drag": "zeta"}
 _UNITS = {"friction": r"$\mu/\mu_0$", "drag": r"$\zeta/\zeta_0$"}
 NEAR = 0.1  #: beta is called 3/2 or 1/2 within this
 SECOND_FROM = 4.0  #: readings are fitted a second time from this width on: the published k of drag leaves no flow at 3
@@ -107,7 +106,7 @@ def _fits(table, by, opposite=True):
 
 
 def _some(fits):
-    """The same. Raises RunError if no group could be fitted."""
+    """These fits, as they are. Raises RunError if no group could be fitted."""
     if fits["fit"].isna().all():
         raise RunError("no group has enough widths for a fit of beta: at least three with flow are needed")
     return fits
