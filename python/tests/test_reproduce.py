@@ -533,7 +533,7 @@ def test_friction_of_coulomb_is_another(capsys):
         command.FIGURES["H2"].draw(disks)
 
 
-IN_LIMITS = ("H7", "H13", "readings", "deformable", "coefficients", "protocol", "duration")
+IN_LIMITS = ("H7", "H13", "readings", "deformable", "readings-deformable", "coefficients", "protocol", "duration")
 
 
 def test_what_a_figure_cannot_use(tmp_path):
@@ -542,7 +542,7 @@ def test_what_a_figure_cannot_use(tmp_path):
     narrow = reading_rows("friction", 1.5).query("hopper_width == 6")
     assert len(narrow) == 3
     for name in ("H4", "H6", "H11", "H12", *IN_LIMITS):
-        data = narrow.assign(model="smooth") if name == "deformable" else narrow
+        data = narrow.assign(model="smooth") if "deformable" in name else narrow
         with pytest.raises(PliantError, match="enough widths"):
             command.FIGURES[name].draw(data.assign(Q_corrected=1.0, Q_corrected_error=0.1))
     for name in ("H6", "H7", "H11", "H12", "H13"):
@@ -668,6 +668,12 @@ def test_deformable_particles_are_told_apart(tmp_path):
         f"as run: rough, {kind}, friction only": 1.5, f"as run, E_w = 1000: smooth, {kind}, drag only": 0.6,
         f"printed, N = 400, W = 30: rough, {kind}, friction only": 2.0,
         f"printed: smooth, {kind}, drag only": 0.9, f"printed, E_c = 250: rough, {kind}, friction only": 1.8}.items()}
+    # Contacts that all have are not named: they are no reading.
+    soft = [reading_rows(limit, 1.6, model="smooth", e_c=250.0, e_w=250.0, **law) for limit, law in (
+        ("friction", {}), ("friction", {"friction": "tangential"}), ("drag", {}), ("drag", {"drag": "per_mass"}))]
+    found = drawn("readings-deformable", pd.concat(soft, ignore_index=True), tmp_path)
+    assert {name for name in found if name.startswith("beta: ")} == {f"beta: {name}: smooth, {kind}, {limit} only" for limit, name in (
+        ("friction", "printed"), ("friction", "printed, tangential friction"), ("drag", "printed"), ("drag", "printed, drag per mass"))}
     with pytest.raises(PliantError, match="no run has deformable particles"):
         command.FIGURES["deformable"].draw(reading_rows("friction", 2.2))
 

@@ -19,6 +19,7 @@ COEFFICIENT = {"friction": "mu", "drag": "zeta"}
 BETA, LAMBDA = r"$\beta$", r"$\lambda = \zeta/\mu$"
 _MODEL = ["model", "e_sp", "k_l", "k_b"]
 _COULOMB = "disk"  #: the model whose mu is a coefficient of Coulomb friction, not that of [H 6]
+SOFT, DEFORMABLE = ("sp",), ("rough", "smooth")  #: models of soft and of deformable particles
 
 
 def rounded(x):
@@ -63,6 +64,15 @@ def _planar(measured):
         raise RunError("there are runs in 3D, but this figure is of the plane: leave them out (H3, H4 and coefficients-3d "
                        "have spheres)")
     return measured
+
+
+def of_models(measured, models):
+    """The runs of SOFT or of DEFORMABLE particles. Raises RunError if there are none."""
+    own = measured[measured["model"].isin(models)].copy()
+    if own.empty:
+        kind = "soft" if models == SOFT else "deformable"
+        raise RunError(f"no run has {kind} particles (-model {' or '.join(models)}), of which this figure is")
+    return own
 
 
 def model_label(row, latex=True):
@@ -545,20 +555,12 @@ def _draw_prefactors(measured, x, label):
 
 def draw_soft_prefactors(measured):
     """[H 13]: the prefactor C against the stiffness of soft particles, and Q/C against w - k."""
-    return _draw_prefactors(_of_model(measured, True), "e_sp", "$E_{sp}$")
+    return _draw_prefactors(of_models(measured, SOFT), "e_sp", "$E_{sp}$")
 
 
 def draw_deformable_prefactors(measured):
     """[H 14]: the same of deformable particles against K_b."""
-    return _draw_prefactors(_of_model(measured, False), "k_b", "$K_b$")
-
-
-def _of_model(measured, soft):
-    """The runs of soft particles, or of deformable ones. Raises RunError if there are none."""
-    own = measured[(measured["model"] == "sp") if soft else measured["model"].isin(("rough", "smooth"))]
-    if own.empty:
-        raise RunError(f"no run has {'soft' if soft else 'deformable'} particles (H13 is of soft, H14 of deformable ones)")
-    return own
+    return _draw_prefactors(of_models(measured, DEFORMABLE), "k_b", "$K_b$")
 
 
 def draw_size(measured):

@@ -10,7 +10,7 @@ from ..errors import RunError
 from ..statistics import commonest
 from . import published
 from .figure import Figure, Quantity
-from .hopper import BETA, COEFFICIENT, LIMIT_NAMES, fit_quantities, limits, model_label
+from .hopper import BETA, COEFFICIENT, DEFORMABLE, LIMIT_NAMES, SOFT, fit_quantities, limits, model_label, of_models
 
 _UNITS = {"friction": r"$\mu/\mu_0$", "drag": r"$\zeta/\zeta_0$"}
 NEAR = 0.1  #: beta is called 3/2 or 1/2 within this
@@ -34,14 +34,16 @@ MODELS = {2: (PRINTED, AS_RUN), 3: (PRINTED_3D, AS_RUN_3D)}
 OPTIONS = list(PRINTED["drag"])
 #: The same of deformable particles. The edges are those of smooth ones.
 _EDGES = ("edge_force", "edge_width")
+_SIZE = ("n", "hopper_wall_distance")
 _DEFORMABLE = {"friction": "whole", "drag": "per_particle", "e_c": 1e4, "e_w": 1e4, "count": "crossing", "reinsertion_gap": 0.0,
                "area_energy": "absolute", "bending_edges": "unit", "edge_force": "single", "edge_width": 0.1,
                "wall_diameter": 0.0}
 _DEFORMABLE_AS_RUN = {"e_c": 115.7, "e_w": 13.9, "count": "removal", "reinsertion_gap": 0.8333, "area_energy": "relative",
                       "bending_edges": "full", "edge_force": "twofold", "edge_width": 0.2, "wall_diameter": 0.1976}
-DEFORMABLE = [{limit: _DEFORMABLE | {name: PRINTED[limit][name] for name in ("mu", "zeta")} for limit in PRINTED},
-              {limit: _DEFORMABLE | _DEFORMABLE_AS_RUN | {name: AS_RUN[limit][name] for name in (
-                  "mu", "zeta", "friction", "drag")} for limit in AS_RUN}]
+MODELS_DEFORMABLE = [
+    {limit: _DEFORMABLE | {name: PRINTED[limit][name] for name in ("mu", "zeta")} for limit in PRINTED},
+    {limit: _DEFORMABLE | _DEFORMABLE_AS_RUN | {name: AS_RUN[limit][name] for name in ("mu", "zeta", "friction", "drag")}
+     for limit in AS_RUN}]
 _MODEL = ["friction", "drag", "contact_law", "e_w", "e_sp", "mu", "zeta"]
 _PROTOCOL = [name for name in OPTIONS if name not in _MODEL]
 _WORDS = {"whole": "whole friction", "tangential": "tangential friction", "per_particle": "drag per particle",
@@ -87,11 +89,7 @@ def reading(row, names=OPTIONS, models=None):
 def _canonical(measured):
     """Rows of soft particles in the limits. What does not act in a limit is as printed: the law of friction where there
     is drag only, and the other way round."""
-    table = limits(measured)
-    table = table[table["model"] == "sp"].copy()
-    if table.empty:
-        raise RunError("no run has soft particles: this figure compares readings of their model")
-    return _laws_that_act(table)
+    return _laws_that_act(limits(of_models(measured, SOFT)))
 
 
 def _laws_that_act(table):
@@ -105,11 +103,12 @@ def _fits(table, by, opposite=True):
     return beverloo.fit_seeds(table, ["limit", "dim", "model", "k_l", "k_b", *by], opposite=opposite)
 
 
-def _some(fits):
-    """These fits, as they are. Raises RunError if no group could be fitted."""
-    if fits["fit"].isna().all():
+def _some(fits, drop=False):
+    """These fits, without those of groups that could not be fitted if `drop`. Raises RunError if none could."""
+    there = fits["fit"].notna()
+    if not there.any():
         raise RunError("no group has enough widths for a fit of beta: at least three with flow are needed")
-    return fits
+    return fits[there].copy() if drop else fits
 
 
 def _range(row):
@@ -247,20 +246,18 @@ def _draw_models(fits, soft):
 
 
 def draw_deformable(measured):
-    """The exponent of rough and of smooth particles as printed and as run, and how well the published and the opposite
-    exponent fit."""
-    table = limits(measured)
-    table = table[table["model"].isin(("rough", "smooth"))].copy()
-    if table.empty:
-        raise RunError("no run has deformable particles in a limit: rows with -model rough or smooth, and mu or zeta alone")
+    """The exponent of each reading of rough and of smooth particles, and how well the published and the opposite exponent
+    fit."""
+    table = limits(of_models(measured, DEFORMABLE))
     for name, printed in _DEFORMABLE.items():  # runs kept from before these columns are as printed
         table[name] = table[name].fillna(printed) if name in table else printed
     for name in _EDGES:
         table.loc[table["model"] == "rough", name] = _DEFORMABLE[name]
     table = _laws_that_act(table)
-    size = {name: commonest(table[name]) for name in ("n", "hopper_wall_distance")}  # of which others are variants
-    models = [{limit: model | size for limit, model in one.items()} for one in DEFORMABLE]
-    names = [*_DEFORMABLE, *size, "mu", "zeta"]
+    usual = {name: commonest(table[name]) for name in _SIZE}  # of which others are variants
+    usual |= {name: table[name].iloc[0] for name in ("e_c", "e_w") if table[name].nunique() == 1}  # of all readings alike
+    models = [{limit: model | usual for limit, model in one.items()} for one in MODELS_DEFORMABLE]
+    names = [*_DEFORMABLE, *_SIZE, "mu", "zeta"]
     fits = _some(_fits(table, names))
     fits["name"] = [f"{reading(row, [n for n in names if row['model'] == 'smooth' or n not in _EDGES], models)}: "
                     f"{model_label(row, latex=False)}" for _, row in fits.iterrows()]
@@ -317,8 +314,7 @@ def _rate_quantities(row, name):
 def draw_coefficients(measured):
     """The exponent against the coefficient of friction, and of drag, a curve per reading of the rest; 2D and 3D have
     panels of their own."""
-    fits = _some(_fits(_canonical(measured), OPTIONS))
-    fits = fits[fits["fit"].notna()].copy()
+    fits = _some(_fits(_canonical(measured), OPTIONS), drop=True)
     rest = [name for name in OPTIONS if name not in ("mu", "zeta", "dt")]
     fits["curve"] = [reading(row, rest) for _, row in fits.iterrows()]
     curves = sorted(fits["curve"].unique())  # the same in both panels looks the same
@@ -412,8 +408,7 @@ def draw_protocol(measured):
 
 def draw_duration(measured):
     """The exponent, and Q at the widest orifice, against the duration of the runs: neither changes where the flow is steady."""
-    fits = _some(_fits(_canonical(measured), [*OPTIONS, "t_end"]))
-    fits = fits[fits["fit"].notna()].copy()
+    fits = _some(_fits(_canonical(measured), [*OPTIONS, "t_end"]), drop=True)
     fits["curve"] = [_name(row, reading(row)) for _, row in fits.iterrows()]
     figure, (left, right) = plt.subplots(1, 2, figsize=(10.5, 4.0), layout="constrained", sharex=True)
     for i, (curve, points) in enumerate(fits.groupby("curve")):
@@ -436,6 +431,7 @@ def draw_duration(measured):
 
 
 _ALONE = ("dim", *OPTIONS, "hopper_width")
+_DEFORMABLE_ALONE = ("model", "k_l", "k_b", "mu", "zeta", *_SIZE, *_DEFORMABLE, "hopper_width")
 FIGURES = [
     Figure("readings", "exponent of each reading of [H]: as printed, as run, and each difference alone",
            ("quick/readings",), ("hopper/readings", "hopper/readings-hard"), "readings", draw_readings,
@@ -443,9 +439,11 @@ FIGURES = [
     Figure("deformable", "exponent of rough and smooth particles as printed and as run, friction only and drag only",
            ("quick/deformable",),
            ("hopper/limits-rough", "hopper/limits-smooth", "hopper/rough-large", "hopper/smooth-large",
-            "hopper/deformable-as-run", "hopper/readings-deformable"),
-           "flows", draw_deformable, "120 particles, softer contacts, fewer widths, shorter runs, no difference alone",
-           tells=("model", "n", "hopper_wall_distance", "k_l", "k_b", "mu", "zeta", *_DEFORMABLE, "hopper_width")),
+            "hopper/deformable-as-run"),
+           "flows", draw_deformable, "120 particles, softer contacts, fewer widths, shorter runs", tells=_DEFORMABLE_ALONE),
+    Figure("readings-deformable", "exponent of each reading of [H]'s smooth particles: as printed, and each difference alone",
+           ("quick/readings-deformable",), ("hopper/readings-deformable",), "flows", draw_deformable,
+           "120 particles, three readings of each limit, shorter runs", tells=_DEFORMABLE_ALONE),
     Figure("coefficients", "exponent against mu and against zeta, both laws as printed and as run",
            ("quick/coefficients",), ("hopper/coefficients", "hopper/coefficients-hard", "hopper/coefficients-as-run"),
            "readings", draw_coefficients,
