@@ -48,8 +48,11 @@ _MODEL = ["friction", "drag", "contact_law", "e_w", "e_sp", "mu", "zeta"]
 _PROTOCOL = [name for name in OPTIONS if name not in _MODEL]
 _WORDS = {"whole": "whole friction", "tangential": "tangential friction", "per_particle": "drag per particle",
           "per_mass": "drag per mass", "linear": "linear contacts", "harmonic": "harmonic contacts",
-          "crossing": "counted as they cross", "removal": "counted as they are removed"}
-_SYMBOLS = {"e_c": "E_c", "e_w": "E_w", "e_sp": "E_sp", "pack_fraction": "start at phi", "n": "N", "hopper_wall_distance": "W"}
+          "crossing": "counted as they cross", "removal": "counted as they are removed",
+          "absolute": "absolute area", "relative": "relative area", "unit": "bending of unit edges",
+          "full": "bending of full edges", "single": "single edge force", "twofold": "twofold edge force"}
+_SYMBOLS = {"edge_width": "width of edges", "wall_diameter": "width of walls", "e_c": "E_c", "e_w": "E_w", "e_sp": "E_sp",
+            "pack_fraction": "start at phi", "n": "N", "hopper_wall_distance": "W"}
 
 
 def _same(a, b):
@@ -266,7 +269,7 @@ def draw_deformable(measured):
 
 def _order(row):
     """As printed first, as run last."""
-    return row["name"].startswith("as run"), row["name"] != "printed", row["name"]
+    return row["name"].startswith("as run"), row["name"].partition(":")[0] != "printed", row["name"]
 
 
 def _within(x, beta, target):
