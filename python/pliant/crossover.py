@@ -15,6 +15,7 @@ from .errors import RunError
 
 _LOG_RANGE = (-7.0, 4.0)   # of lambda_c
 _WIDTH_RANGE = (0.05, 10.0)  # of b, decades
+_WIDEST = np.log10(np.e)  # standard error of log10(lambda_c) from which on it is not known: as large as lambda_c itself
 
 
 def crossover(lam, lam_c, b, low, high):
@@ -82,6 +83,8 @@ def fit_crossover(lam, beta, error, ends=None, resamples=None, seed=1):
     if not ends and high > ceiling[3] - 1e-3:
         notes.append("friction end at its bound")
         high_error = np.nan
+    if errors[0] > _WIDEST:
+        notes.append(f"lambda_c is known to within a factor of {10 ** errors[0]:.2g} only")
     if notes:  # what the data do not hold has no error
         errors[0] = np.nan
     note = "; ".join(notes)

@@ -112,6 +112,9 @@ def test_crossover(dim):
 
 
 def test_a_crossover_that_is_not_there():
+    lam = np.array([0, 1e-3, 1e-2, 3e-2, 0.1, 1, np.inf])  # ends that hardly differ have no middle
+    alike = fit_crossover(lam, crossover(lam, 0.05, 0.5, 1.1, 1.3), np.full(7, 0.15))
+    assert np.isnan(alike.lam_c_error) and "only" in alike.note
     flat = fit_crossover([1e-3, 1e-2, 0.1, 1], [1.5, 1.5, 1.49, 1.5], np.full(4, 0.02), (0.5, 1.5))
     assert "outside" in flat.note and np.isnan(flat.lam_c_error)
     steep = fit_crossover([1e-3, 3e-3, 1e-2, 0.1, 1], crossover([1e-3, 3e-3, 1e-2, 0.1, 1], 5e-4, 0.5, 0.4, 9.0), np.full(5, 0.02))

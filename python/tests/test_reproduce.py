@@ -486,6 +486,14 @@ def test_deformable_particles_between_the_limits(tmp_path, capsys):
     assert found[ratio + "soft, E_sp = 100"].value == pytest.approx(0.2)
 
 
+def test_an_exponent_that_lambda_does_not_change(tmp_path):
+    """There is no lambda_c: no agreement with the published one, and none in the picture."""
+    data = pd.concat([flow_rows(LAMS, lambda lam: LAWS["mu"], hopper_angle=angle) for angle in (90.0, 30.0)], ignore_index=True)
+    for name in ("H4", "H6"):
+        free = [q for key, q in drawn(name, data, tmp_path).items() if key.startswith("lambda_c, free ends")]
+        assert free and all(np.isnan(q.error) for q in free)
+
+
 def test_figure_5_finds_the_exponents(tmp_path):
     rng, lines = np.random.default_rng(4), []
     for lam, power in ((0.0, 0.5), (0.05, 0.0), (np.inf, -0.5)):

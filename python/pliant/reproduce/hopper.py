@@ -314,12 +314,14 @@ def draw_angles(measured):
     figure, (left, middle, right) = plt.subplots(1, 3, figsize=(14, 4.2), layout="constrained",
                                                  gridspec_kw={"width_ratios": [1.6, 1, 1]})
     _draw_crossovers(left, curves, 2, published.LAMBDA_C_ANGLE.values())
+    left.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2)
     for j, model in enumerate(models[_MODEL].itertuples(index=False)):
         of_model = [curve for curve in curves if tuple(curve[1][_MODEL].iloc[0]) == tuple(model)]
         name = f", {model_label(model._asdict())}" if len(models) > 1 else ""
         for i, (kind, style) in enumerate((("published ends", "o"), ("free ends", "s"))):
-            points = [(group["hopper_angle"].iloc[0], fits[i]) for _, group, *fits in of_model if fits[i]]
-            if points:
+            points = [(group["hopper_angle"].iloc[0], fits[i]) for _, group, *fits in of_model
+                      if fits[i] and np.isfinite(fits[i].lam_c_error)]
+            if points:  # with a lambda_c that is known
                 middle.errorbar([a for a, _ in points], [f.lam_c for _, f in points], [f.lam_c_error for _, f in points],
                                 fmt=style, capsize=2.5, color=plotting.COLORS[2 * j + i], label=kind + name)
     middle.plot(list(published.LAMBDA_C_ANGLE), [p.value for p in published.LAMBDA_C_ANGLE.values()], "k*", ms=8,
