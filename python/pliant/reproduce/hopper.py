@@ -19,7 +19,7 @@ COEFFICIENT = {"friction": "mu", "drag": "zeta"}
 BETA, LAMBDA = r"$\beta$", r"$\lambda = \zeta/\mu$"
 _MODEL = ["model", "e_sp", "k_l", "k_b"]
 _COULOMB = "disk"  #: the model whose mu is a coefficient of Coulomb friction, not that of [H 6]
-SOFT, DEFORMABLE = ("sp",), ("rough", "smooth")  #: models of soft and of deformable particles
+_KINDS = {"soft": ("sp",), "deformable": ("rough", "smooth")}  #: of particles, with their models
 
 
 def rounded(x):
@@ -66,12 +66,11 @@ def _planar(measured):
     return measured
 
 
-def of_models(measured, models):
-    """The runs of SOFT or of DEFORMABLE particles. Raises RunError if there are none."""
-    own = measured[measured["model"].isin(models)].copy()
+def of_kind(measured, kind):
+    """The runs of 'soft' or of 'deformable' particles. Raises RunError if there are none."""
+    own = measured[measured["model"].isin(_KINDS[kind])]
     if own.empty:
-        kind = "soft" if models == SOFT else "deformable"
-        raise RunError(f"no run has {kind} particles (-model {' or '.join(models)}), of which this figure is")
+        raise RunError(f"no run has {kind} particles (-model {' or '.join(_KINDS[kind])}), of which this figure is")
     return own
 
 
@@ -557,12 +556,12 @@ def _draw_prefactors(measured, x, label):
 
 def draw_soft_prefactors(measured):
     """[H 13]: the prefactor C against the stiffness of soft particles, and Q/C against w - k."""
-    return _draw_prefactors(of_models(measured, SOFT), "e_sp", "$E_{sp}$")
+    return _draw_prefactors(of_kind(measured, "soft"), "e_sp", "$E_{sp}$")
 
 
 def draw_deformable_prefactors(measured):
     """[H 14]: the same of deformable particles against K_b."""
-    return _draw_prefactors(of_models(measured, DEFORMABLE), "k_b", "$K_b$")
+    return _draw_prefactors(of_kind(measured, "deformable"), "k_b", "$K_b$")
 
 
 def draw_size(measured):

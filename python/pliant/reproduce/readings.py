@@ -10,7 +10,7 @@ from ..errors import RunError
 from ..statistics import commonest
 from . import published
 from .figure import Figure, Quantity
-from .hopper import BETA, COEFFICIENT, DEFORMABLE, LIMIT_NAMES, SOFT, fit_quantities, limits, model_label, of_models
+from .hopper import BETA, COEFFICIENT, LIMIT_NAMES, fit_quantities, limits, model_label, of_kind
 
 _UNITS = {"friction": r"$\mu/\mu_0$", "drag": r"$\zeta/\zeta_0$"}
 NEAR = 0.1  #: beta is called 3/2 or 1/2 within this
@@ -92,7 +92,7 @@ def reading(row, names=OPTIONS, models=None):
 def _canonical(measured):
     """Rows of soft particles in the limits. What does not act in a limit is as printed: the law of friction where there
     is drag only, and the other way round."""
-    return _laws_that_act(limits(of_models(measured, SOFT)))
+    return _laws_that_act(limits(of_kind(measured, "soft")))
 
 
 def _laws_that_act(table):
@@ -251,7 +251,7 @@ def _draw_models(fits, soft):
 def draw_deformable(measured):
     """The exponent of each reading of rough and of smooth particles, and how well the published and the opposite exponent
     fit."""
-    table = limits(of_models(measured, DEFORMABLE))
+    table = limits(of_kind(measured, "deformable"))
     for name, printed in _DEFORMABLE.items():  # runs kept from before these columns are as printed
         table[name] = table[name].fillna(printed) if name in table else printed
     for name in _EDGES:
