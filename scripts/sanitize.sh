@@ -10,7 +10,7 @@ source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 kind=${1:-address}
 build=$root/build-$kind
 names=("${@:2}")
-((${#names[@]} > 0)) || names=(base geometry kernels model domain system ts sundials io analysis setup run scenarios)
+((${#names[@]} > 0)) || names=(base geometry kernels model catalogue domain system ts sundials io analysis setup run scenarios)
 flags="-fno-omit-frame-pointer"
 clang=(-D CMAKE_C_COMPILER=clang-14 -D CMAKE_CXX_COMPILER=clang++-14)
 compilers=()

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include <pliant/base/petsc.h>
-#include <pliant/model/catalogue.h>
+#include <pliant/catalogue/catalogue.h>
 #include <pliant/model/polygon.h>
 #include <pliant/setup/particles.h>
 #include <pliant/system/particle_system.h>

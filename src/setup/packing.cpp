@@ -4,7 +4,7 @@
 #include <vector>
 
 #include <pliant/base/rng.h>
-#include <pliant/model/catalogue.h>
+#include <pliant/catalogue/catalogue.h>
 #include <pliant/setup/particles.h>
 #include <pliant/setup/streams.h>
 #include <pliant/system/fire.h>

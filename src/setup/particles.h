@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include <pliant/model/catalogue.h>
+#include <pliant/catalogue/catalogue.h>
 #include <pliant/model/topology.h>
 
 namespace pliant {

@@ -498,7 +498,7 @@ TEST_CASE("a flipped bit is noticed, or changes nothing that can be read") {
   const auto size = std::filesystem::file_size(scratch / "run/run.h5");
   std::filesystem::create_directory(scratch / "copy");
   int noticed = 0;
-  constexpr int flips = 200;
+  constexpr int flips = 60;
   for (int k = 0; k < flips; ++k) {
     const auto path = scratch / "copy/run.h5";
     std::filesystem::copy(scratch / "run/run.h5", path, std::filesystem::copy_options::overwrite_existing);

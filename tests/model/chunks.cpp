@@ -3,7 +3,7 @@
 #include <omp.h>
 #include <catch2/catch.hpp>
 
-#include <pliant/model/catalogue.h>
+#include <pliant/catalogue/catalogue.h>
 #include <pliant/model/drag.h>
 #include <pliant/model/fused_terms.h>
 #include <pliant/model/gravity.h>

@@ -1,7 +1,7 @@
 // The laws of contacts: derivatives, smoothness, bounds.
 #include <catch2/catch.hpp>
 
-#include <pliant/model/catalogue.h>
+#include <pliant/catalogue/catalogue.h>
 #include <pliant/model/crossing.h>
 #include <pliant/model/edge_contact.h>
 #include <pliant/model/lip_contact.h>

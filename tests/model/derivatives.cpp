@@ -2,9 +2,9 @@
 // of Taylor remainders.
 #include <catch2/catch.hpp>
 
+#include <pliant/catalogue/catalogue.h>
 #include <pliant/model/area.h>
 #include <pliant/model/bending.h>
-#include <pliant/model/catalogue.h>
 #include <pliant/model/edge_contact.h>
 #include <pliant/model/gravity.h>
 #include <pliant/model/lip_contact.h>

@@ -2,7 +2,7 @@
 #include <catch2/catch.hpp>
 
 #include <pliant/base/errors.h>
-#include <pliant/model/catalogue.h>
+#include <pliant/catalogue/catalogue.h>
 
 #include "support/configurations.h"
 

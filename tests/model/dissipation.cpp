@@ -1,7 +1,7 @@
 // Drag and friction: power, momentum, ∂F/∂v.
 #include <catch2/catch.hpp>
 
-#include <pliant/model/catalogue.h>
+#include <pliant/catalogue/catalogue.h>
 #include <pliant/model/drag.h>
 #include <pliant/model/edge_friction.h>
 #include <pliant/model/pair_friction.h>

@@ -3,7 +3,7 @@
 #include <set>
 
 #include <pliant/base/errors.h>
-#include <pliant/model/catalogue.h>
+#include <pliant/catalogue/catalogue.h>
 #include <pliant/model/depletion.h>
 #include <pliant/model/wall_depletion.h>
 #include <pliant/model/wall_repulsion.h>

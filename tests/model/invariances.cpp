@@ -1,7 +1,7 @@
 // What a shift and a rotation of everything leave unchanged, and what the forces between particles conserve.
 #include <catch2/catch.hpp>
 
-#include <pliant/model/catalogue.h>
+#include <pliant/catalogue/catalogue.h>
 #include <pliant/model/edge_contact.h>
 #include <pliant/model/pair_contact.h>
 

@@ -2,8 +2,8 @@
 // tests/geometry/pair_search.cpp.
 #include <catch2/catch.hpp>
 
+#include <pliant/catalogue/catalogue.h>
 #include <pliant/geometry/hopper.h>
-#include <pliant/model/catalogue.h>
 #include <pliant/model/neighbours.h>
 
 #include "support/configurations.h"

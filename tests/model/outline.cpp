@@ -2,8 +2,8 @@
 #include <catch2/catch.hpp>
 #include <map>
 
+#include <pliant/catalogue/catalogue.h>
 #include <pliant/kernels/contact_law.h>
-#include <pliant/model/catalogue.h>
 #include <pliant/model/crossing.h>
 #include <pliant/model/edge_contact.h>
 #include <pliant/model/edge_friction.h>

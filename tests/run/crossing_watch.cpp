@@ -1,7 +1,7 @@
 // Vertices that cross outlines are found in the very state in which they are inside.
 #include <catch2/catch.hpp>
 
-#include <pliant/model/catalogue.h>
+#include <pliant/catalogue/catalogue.h>
 #include <pliant/model/crossing.h>
 #include <pliant/run/crossing_watch.h>
 #include <pliant/ts/ts_integrator.h>

@@ -4,7 +4,7 @@
 #include <memory>
 #include <vector>
 
-#include <pliant/model/catalogue.h>
+#include <pliant/catalogue/catalogue.h>
 #include <pliant/run/frame_data.h>
 
 #include "support/configurations.h"

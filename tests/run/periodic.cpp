@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <map>
 
-#include <pliant/model/catalogue.h>
+#include <pliant/catalogue/catalogue.h>
 #include <pliant/run/scenario.h>
 #include <pliant/ts/verlet.h>
 

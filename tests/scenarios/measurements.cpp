@@ -6,7 +6,7 @@
 #include <memory>
 #include <string>
 
-#include <pliant/model/catalogue.h>
+#include <pliant/catalogue/catalogue.h>
 #include <pliant/scenarios/hopper/measurements.h>
 
 #include "support/configurations.h"

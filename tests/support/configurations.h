@@ -7,8 +7,8 @@
 #include <memory>
 #include <vector>
 
+#include <pliant/catalogue/catalogue.h>
 #include <pliant/geometry/hopper.h>
-#include <pliant/model/catalogue.h>
 #include <pliant/model/polygon.h>
 
 #include "random.h"

@@ -1,7 +1,7 @@
 // The same particles on one rank and shared out among all.
 #pragma once
 
-#include <pliant/model/catalogue.h>
+#include <pliant/catalogue/catalogue.h>
 #include <pliant/system/particle_system.h>
 #include <pliant/ts/integrator.h>
 

@@ -1,6 +1,6 @@
 #include <catch2/catch.hpp>
 
-#include <pliant/model/catalogue.h>
+#include <pliant/catalogue/catalogue.h>
 #include <pliant/system/minimum.h>
 
 namespace pliant::test::minimum_test {

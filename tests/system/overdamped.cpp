@@ -6,7 +6,7 @@
 #include <Eigen/Dense>
 #include <array>
 
-#include <pliant/model/catalogue.h>
+#include <pliant/catalogue/catalogue.h>
 #include <pliant/system/neighbour_drag.h>
 #include <pliant/system/overdamped.h>
 #include <pliant/ts/ts_integrator.h>

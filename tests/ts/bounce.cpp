@@ -1,7 +1,7 @@
 // A deformable polygon that bounces on the floor of a hopper: energy is conserved to the order of the method.
 #include <catch2/catch.hpp>
 
-#include <pliant/model/catalogue.h>
+#include <pliant/catalogue/catalogue.h>
 #include <pliant/model/crossing.h>
 #include <pliant/ts/verlet.h>
 

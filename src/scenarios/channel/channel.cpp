@@ -9,8 +9,8 @@
 
 #include <pliant/base/console.h>
 #include <pliant/base/errors.h>
+#include <pliant/catalogue/catalogue.h>
 #include <pliant/io/summary.h>
-#include <pliant/model/catalogue.h>
 #include <pliant/run/crossing_watch.h>
 #include <pliant/run/heat.h>
 #include <pliant/scenarios/channel/options.h>

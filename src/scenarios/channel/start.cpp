@@ -8,7 +8,7 @@
 
 #include <pliant/base/errors.h>
 #include <pliant/base/rng.h>
-#include <pliant/model/catalogue.h>
+#include <pliant/catalogue/catalogue.h>
 #include <pliant/model/polygon.h>
 #include <pliant/setup/rest_outlines.h>
 #include <pliant/setup/streams.h>

@@ -10,9 +10,9 @@
 #include <pliant/analysis/graph.h>
 #include <pliant/base/errors.h>
 #include <pliant/base/rng.h>
+#include <pliant/catalogue/droplet_rest.h>
 #include <pliant/io/summary.h>
 #include <pliant/model/depletion.h>
-#include <pliant/model/droplet_rest.h>
 #include <pliant/scenarios/droplets/protocol.h>
 #include <pliant/setup/streams.h>
 #include <pliant/system/minimum.h>

@@ -3,7 +3,7 @@
 
 #include <optional>
 
-#include <pliant/model/catalogue.h>
+#include <pliant/catalogue/catalogue.h>
 #include <pliant/run/options.h>
 #include <pliant/setup/particles.h>
 #include <pliant/system/neighbour_drag.h>

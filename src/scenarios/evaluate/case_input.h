@@ -3,8 +3,8 @@
 
 #include <vector>
 
+#include <pliant/catalogue/catalogue.h>
 #include <pliant/geometry/walls.h>
-#include <pliant/model/catalogue.h>
 #include <pliant/scenarios/evaluate/case_value.h>
 #include <pliant/system/neighbour_drag.h>
 

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include <pliant/model/own_model.h>
+#include <pliant/catalogue/own_model.h>
 #include <pliant/run/scenario.h>
 
 namespace pliant {

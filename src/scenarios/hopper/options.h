@@ -8,8 +8,8 @@
 #include <vector>
 
 #include <pliant/base/options.h>
+#include <pliant/catalogue/own_model.h>
 #include <pliant/geometry/container.h>
-#include <pliant/model/own_model.h>
 #include <pliant/run/options.h>
 #include <pliant/scenarios/disks/friction_options.h>
 #include <pliant/setup/packing.h>

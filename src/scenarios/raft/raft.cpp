@@ -7,7 +7,7 @@
 
 #include <pliant/analysis/graph.h>
 #include <pliant/base/errors.h>
-#include <pliant/model/droplet_rest.h>
+#include <pliant/catalogue/droplet_rest.h>
 #include <pliant/scenarios/droplets/protocol.h>
 
 namespace pliant {

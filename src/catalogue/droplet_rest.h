@@ -1,7 +1,7 @@
 // Where two droplets, or a droplet and a wall, are at rest.
 #pragma once
 
-#include <pliant/model/catalogue.h>
+#include <pliant/catalogue/catalogue.h>
 
 namespace pliant {
 

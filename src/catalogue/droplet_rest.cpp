@@ -1,4 +1,4 @@
-#include <pliant/model/droplet_rest.h>
+#include <pliant/catalogue/droplet_rest.h>
 
 #include <cmath>
 

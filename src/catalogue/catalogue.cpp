@@ -1,4 +1,4 @@
-#include <pliant/model/catalogue.h>
+#include <pliant/catalogue/catalogue.h>
 
 #include <fmt/format.h>
 

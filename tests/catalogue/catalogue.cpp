@@ -1,7 +1,7 @@
 // The models by name: what they sum, which terms they are made of, and the step that they allow.
 #include <catch2/catch.hpp>
 
-#include <pliant/model/catalogue.h>
+#include <pliant/catalogue/catalogue.h>
 
 #include "support/configurations.h"
 

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include <pliant/base/errors.h>
-#include <pliant/model/droplet_rest.h>
+#include <pliant/catalogue/droplet_rest.h>
 
 #include "support/configurations.h"
 

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include <pliant/base/options.h>
-#include <pliant/model/catalogue.h>
+#include <pliant/catalogue/catalogue.h>
 
 namespace pliant {
 
