@@ -41,8 +41,7 @@ void check(const std::string& what, Real mu_static, Real mu_dynamic) {
       (mu_static > 0 && mu_dynamic == 0))
     throw InputError(
         "the friction of particles with {} is {} (static) and {} (dynamic); the dynamic one must be positive and not "
-        "exceed "
-        "the static one, or both 0",
+        "exceed the static one, or both 0",
         what, mu_static, mu_dynamic);
 }
 
