@@ -33,10 +33,7 @@ flags=(-std=c++20 -O1 -g1 -w -DFMT_SHARED -fno-omit-frame-pointer
   -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=undefined -fno-sanitize=function,vptr,null,alignment,object-size
   -I"$root" -I"$build/include" -I"$build/version" -isystem /usr/include/eigen3
   $(as_system "$(pkg-config --cflags PETSc yaml-0.1)" "$(mpicxx --showme:compile)"))
-libraries=()
-for name in scenarios run analysis io ts sundials setup system domain model kernels geometry base; do
-  libraries+=("$build/src/libpliant_$name.a")
-done
+libraries=(-Wl,--start-group "$build"/src/libpliant_*.a -Wl,--end-group)
 # What is instrumented comes first and counts; the libraries have it, too.
 packages=(-Wl,--allow-multiple-definition $(pkg-config --libs PETSc yaml-0.1 fmt hdf5-openmpi zlib) $(mpicxx --showme:link) -lgomp
   -lsundials_{cvode,arkode,nvecpetsc,sunlinsolspgmr,sunnonlinsolnewton,sunnonlinsolfixedpoint})
