@@ -275,8 +275,9 @@ def draw_corrected(measured):
     for axes, (value, symbol, exponents) in zip(panels, rates):
         curves, found = _crossovers(exponents, _MODEL, 2, model_label, lambda key: published.LAMBDA_C[2])
         _draw_crossovers(axes, curves, 2, [published.LAMBDA_C[2]])
-        axes.set_ylabel(rf"$\beta{symbol[4:]}$")
-        axes.set_title(f"from ${'Q' + symbol[4:]}$", loc="left")
+        prime = symbol[4:].replace("'", "\N{PRIME}")  # that of mathtext can hardly be seen
+        axes.set_ylabel(rf"$\beta${prime}")
+        axes.set_title(f"from Q{prime}" + (", corrected for overlaps" if prime else ""), loc="left")
         for q in found:
             q = _renamed(q, 2)
             quantities.append(Quantity(f"from Q{symbol[4:]}, {q.name}", q.value, q.error, q.published, q.note))
@@ -672,7 +673,7 @@ FIGURES = [
            ("hopper/profile",), "profiles", draw_profiles, as_run=("as-run/profile",), tells=(ratio, "hopper_width")),
     Figure("H6", "beta(lambda) and the ratio of the forces for several angles", ("quick/angle", "quick/lambda"),
            ("hopper/angle", "hopper/lambda-smooth"), "flows", draw_angles,
-           "soft particles alone, fewer lambda and widths, shorter runs", as_run=("as-run/angle", "as-run/lambda"),
+           "soft particles alone, fewer lambda, widths and seeds, shorter runs", as_run=("as-run/angle", "as-run/lambda"),
            tells=(ratio, *_MODEL, "hopper_angle", "hopper_width")),
     Figure("H7", "offset k against the stiffness of soft and deformable particles", ("quick/stiffness", "quick/map"),
            ("hopper/limits", "hopper/stiffness", "hopper/map", "hopper/limits-smooth"), "flows", draw_offsets,
@@ -689,10 +690,10 @@ FIGURES = [
            "fewer lambda and widths, shorter runs", tells=(ratio, *_MODEL, "hopper_width")),
     Figure("H12", "beta(lambda) and C for several numbers of particles", ("quick/size", "quick/limits", "quick/lambda"),
            ("hopper/size",),
-           "flows", draw_size, "fewer lambda and widths, shorter runs",
+           "flows", draw_size, "fewer lambda, widths and seeds, shorter runs",
            as_run=("as-run/size", "as-run/limits", "as-run/lambda"), tells=(ratio, "n", "hopper_width")),
     Figure("H13", "prefactor C of soft particles against their stiffness, and the collapse", ("quick/stiffness",),
-           ("hopper/limits", "hopper/stiffness"), "flows", draw_soft_prefactors, "four stiffnesses, shorter runs",
+           ("hopper/limits", "hopper/stiffness"), "flows", draw_soft_prefactors, "three stiffnesses, shorter runs",
            as_run=("as-run/stiffness", "as-run/limits", "as-run/limits-hard"), tells=_STIFFNESS),
     Figure("H14", "prefactor C of deformable particles, and the collapse", ("quick/map",),
            ("hopper/map", "hopper/limits-smooth"), "flows", draw_deformable_prefactors,
