@@ -68,6 +68,13 @@ def killed_after(cpu_seconds, *command, **options):
     return child.returncode != 0 and not (Path(options["output"]) / "summary.json").exists()
 
 
+def killed_with(file, *command, output, **options):
+    """Runs the program, and kills it once its folder has a file of that name."""
+    child = start(*command, output=output, **options)
+    wait_for((output / file).exists, child)
+    end(child, signal.SIGKILL)
+
+
 def stopped_until_done(*command, **options):
     """The same command until it is done, with three times the wall time of the last one, so that it is stopped several times
     on any machine. The number of stops."""

@@ -8,8 +8,8 @@ import signal
 import subprocess
 
 import pytest
-from conftest import (HANGS, SMALL, Results, assert_same_runs, cpu_seconds_of_children, end, killed_after, pliant,
-                      start, wait_for)
+from conftest import (HANGS, SMALL, Results, assert_same_runs, cpu_seconds_of_children, end, killed_after,
+                      killed_with, pliant, start, wait_for)
 from test_parallel import children, complaints, needs_mpi, on_ranks, start_ranks
 
 RUNS = {
@@ -81,9 +81,7 @@ def test_killed_at_any_moment(scenario, whole, tmp_path):
 @pytest.mark.parametrize("scenario", RUNS)
 def test_killed_before_the_first_timed_checkpoint(scenario, whole, tmp_path):
     reference, _ = whole(scenario)
-    child = start(scenario, output=tmp_path / "run", **{**RUNS[scenario], **LONGER[scenario]})
-    wait_for((tmp_path / "run/checkpoint-a.h5").exists, child)
-    end(child, signal.SIGKILL)
+    killed_with("checkpoint-a.h5", scenario, output=tmp_path / "run", **{**RUNS[scenario], **LONGER[scenario]})
     result = pliant(scenario, output=tmp_path / "run", **RUNS[scenario])
     assert result.returncode == 0 and result.stderr == ""
     assert "its run was killed" in result.stdout and "continuing at t = 0 t0, step 0" in result.stdout
@@ -94,9 +92,7 @@ def test_an_adaptive_run_killed_before_its_first_step(tmp_path):
     """Nothing of the integrator is lost there."""
     options = {**SMALL, "integrator": "ts", "ts_rtol": 1e-5, "t_end": 4}
     assert pliant("hopper", output=tmp_path / "whole", **options).returncode == 0
-    child = start("hopper", output=tmp_path / "run", **{**options, "t_end": 1e5})
-    wait_for((tmp_path / "run/checkpoint-a.h5").exists, child)
-    end(child, signal.SIGKILL)
+    killed_with("checkpoint-a.h5", "hopper", output=tmp_path / "run", **{**options, "t_end": 1e5})
     assert pliant("hopper", output=tmp_path / "run", **options).returncode == 0
     whole, run = Results(tmp_path / "whole"), Results(tmp_path / "run")
     assert_same_runs(whole, run)
@@ -104,9 +100,7 @@ def test_an_adaptive_run_killed_before_its_first_step(tmp_path):
 
 def test_killed_while_it_packs(tmp_path):
     options = {**SMALL, "n": 20000, "hopper_wall_distance": 100, "t_end": 0.01}
-    child = start("hopper", output=tmp_path / "run", **options)
-    wait_for((tmp_path / "run/run.h5").exists, child)
-    end(child, signal.SIGKILL)
+    killed_with("run.h5", "hopper", output=tmp_path / "run", **options)
     assert not list((tmp_path / "run").glob("checkpoint*"))
     message = pliant("hopper", restart=tmp_path / "run")
     assert message.returncode == 2 and "there is no checkpoint" in message.stderr
@@ -130,9 +124,7 @@ def test_killed_while_run_h5_is_begun(tmp_path):
 def killed(tmp_path):
     """A folder and the options of a run that has been killed."""
     options = {**RUNS["hopper"], "t_end": 1e6}
-    child = start("hopper", output=tmp_path / "run", checkpoint_interval=0.05, **options)
-    wait_for((tmp_path / "run/checkpoint-b.h5").exists, child)
-    end(child, signal.SIGKILL)
+    killed_with("checkpoint-b.h5", "hopper", output=tmp_path / "run", checkpoint_interval=0.05, **options)
     return tmp_path / "run", options
 
 

@@ -6,8 +6,8 @@ import signal
 import h5py
 import numpy as np
 import pytest
-from conftest import (SMALL, Results, assert_same_runs, end, hopper, pliant, same, start, stopped_until_done,
-                      wait_for)
+from conftest import (SMALL, Results, assert_same_runs, end, hopper, killed_with, pliant, same, start,
+                      stopped_until_done, wait_for)
 
 # What each takes is short, and long enough to be interrupted several times.
 POLYGONS = {"n": 20, "hopper_wall_distance": 6, "hopper_width": 2.5, "frame_interval": 0.1, "sample_interval": 0.02}
@@ -207,9 +207,7 @@ def test_precise_run_killed_and_restarted(tmp_path):
     options = {**SMALL, **PRECISE, "hopper_q_rtol": 0.02}
     whole = hopper(tmp_path / "whole", **options)
     assert whole.summary["ended_by"] == "q_rtol"
-    child = start("hopper", output=tmp_path / "parts", checkpoint_interval=0.01, **options)
-    wait_for((tmp_path / "parts/checkpoint-b.h5").exists, child)
-    end(child, signal.SIGKILL)
+    killed_with("checkpoint-b.h5", "hopper", output=tmp_path / "parts", checkpoint_interval=0.01, **options)
     result = pliant("hopper", restart=tmp_path / "parts")
     assert result.returncode == 0, result.stderr
     assert_same_runs(whole, Results(tmp_path / "parts"))

@@ -268,19 +268,18 @@ def _renamed(quantity, dim):
 def draw_corrected(measured):
     """[H 11]: beta from Q, and from Q' corrected for overlaps."""
     table = _planar(with_limit(plain(measured)))
-    rates = [(value, symbol, _exponents(table, ["dim", *_MODEL], value))
-             for value, symbol in (("Q", "beta"), ("Q_corrected", "beta'"))]
+    rates = [(mark, _exponents(table, ["dim", *_MODEL], value)) for value, mark in (("Q", ""), ("Q_corrected", "'"))]
     figure, panels = plt.subplots(1, 2, figsize=(12, 4.4), layout="constrained", sharey=True)
     quantities = []
-    for axes, (value, symbol, exponents) in zip(panels, rates):
+    for axes, (mark, exponents) in zip(panels, rates):
         curves, found = _crossovers(exponents, _MODEL, 2, model_label, lambda key: published.LAMBDA_C[2])
         _draw_crossovers(axes, curves, 2, [published.LAMBDA_C[2]])
-        prime = symbol[4:].replace("'", "\N{PRIME}")  # that of mathtext can hardly be seen
+        prime = mark.replace("'", "\N{PRIME}")  # that of mathtext can hardly be seen
         axes.set_ylabel(rf"$\beta${prime}")
         axes.set_title(f"from Q{prime}" + (", corrected for overlaps" if prime else ""), loc="left")
         for q in found:
             q = _renamed(q, 2)
-            quantities.append(Quantity(f"from Q{symbol[4:]}, {q.name}", q.value, q.error, q.published, q.note))
+            quantities.append(Quantity(f"from Q{mark}, {q.name}", q.value, q.error, q.published, q.note))
     return figure, quantities
 
 
