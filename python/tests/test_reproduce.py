@@ -401,8 +401,8 @@ def flow_rows(lams=(np.inf,), laws=None, **columns):
             for seed in (1, 2, 3):
                 Q = float(beverloo.beverloo(w, *law)) * (1 + 0.01 * rng.normal())
                 lines.append({"model": "sp", "dim": 2, "status": "done", "mu": mu, "zeta": zeta, "e_sp": 100.0,
-                              "e_c": 1e4, "k_l": 10.0, "k_b": 0.1, "hopper_angle": 90.0, "hopper_width": w, "n": 1600,
-                              "hopper_wall_distance": 50, "t_end": 100, "Q": Q, "Q_error": 0.01 * Q, "Q_corrected": 0.9 * Q,
+                              "e_c": 1e4, "k_l": 10.0, "k_b": 0.1, "bending_edges": "unit", "hopper_angle": 90.0,
+                              "hopper_width": w, "n": 1600, "hopper_wall_distance": 50, "t_end": 100, "Q": Q, "Q_error": 0.01 * Q, "Q_corrected": 0.9 * Q,
                               "Q_corrected_error": 0.01 * Q, "seed": seed, "commit": "abc", "cpu_seconds": 1.0,
                               "table": "t", "row": f"{lam}-{w}-{seed}-{columns}"} | columns)
     return pd.DataFrame(lines)
@@ -580,6 +580,15 @@ def test_figures_7_13_and_14_find_offset_and_prefactor(tmp_path):
     assert smooth.value == pytest.approx(2.4, abs=0.05) and smooth.published.value == 3.4
     assert found["k with the published beta held: smooth, K_l = 1, K_b = 0.01, drag only"].published.value == 1.0
     assert len(drawn("H14", shapes, tmp_path)) == 4 * 2 * 2
+    # Bending of full edges is no seed of that of unit vectors, and is named where there are both.
+    full = flow_rows(both, lambda lam: (2 * LAWS["zeta"][0], *LAWS["zeta"][1:]), model="smooth", k_l=1.0, k_b=100.0,
+                     bending_edges="full")
+    found = drawn("H14", pd.concat([shapes, full]), tmp_path)
+    name = "C with the published beta held: smooth, K_l = 1, K_b = 100{}, drag only".format
+    assert found[name(", full edges")].value == pytest.approx(2 * found[name("")].value, rel=0.05)
+    found = drawn("H7", pd.concat([shapes[(shapes["k_l"] != 1) | (shapes["k_b"] != 100)], full]), tmp_path)
+    assert "k with the published beta held: smooth, K_l = 1, K_b = 100, full edges, drag only" in found
+    assert not any("full" in name for name in drawn("H14", full))
 
 
 def test_figure_12_finds_how_C_grows(tmp_path):

@@ -1,5 +1,8 @@
-// Areas, perimeters and centres of the polygons of a topology.
+// Areas, perimeters, shortest edges and centres of the polygons of a topology.
 #pragma once
+
+#include <algorithm>
+#include <limits>
 
 #include <pliant/model/topology.h>
 
@@ -31,6 +34,13 @@ inline Real polygon_perimeter(const Real* x, const Topology& topology, Index m) 
   for (Index i = topology.offset[m]; i < topology.offset[m + 1]; ++i)
     sum += (point<2>(x, topology.next[i]) - point<2>(x, i)).norm();
   return sum;
+}
+
+inline Real shortest_edge(const Real* x, const Topology& topology, Index m) {
+  Real least = std::numeric_limits<Real>::infinity();
+  for (Index i = topology.offset[m]; i < topology.offset[m + 1]; ++i)
+    least = std::min(least, (point<2>(x, topology.next[i]) - point<2>(x, i)).norm());
+  return least;
 }
 
 /// Mean of the points of particle m: its centre of mass, as they have equal masses. Works for velocities too.

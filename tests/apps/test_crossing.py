@@ -35,7 +35,7 @@ def crossed(frame, vertices=12):
 def check_stopped(folder, result):
     assert result.returncode == 3, result.stderr
     message = complaints(result)[0]
-    assert "has crossed the outline" in message and "-e_c" in message
+    assert "has crossed the outline" in message and "-e_c" in message and "shortest edge" not in message
     t = float(re.search(r"t = ([\d.]+)", message).group(1))
     assert t < 2.5  # long before the next sample
     run = Results(folder)
@@ -57,6 +57,22 @@ def test_a_crossing_stops_the_run_before_anything_is_written(tmp_path):
     # The same step, however often samples are taken.
     often = pliant("hopper", output=tmp_path / "often", **{**SOFT, "sample_interval": 0.01})
     assert complaints(often)[0].split(", largest")[0] == message.split(", largest")[0]
+
+
+@pytest.mark.parametrize("ranks", [1, pytest.param(2, marks=needs_mpi)])
+def test_edges_that_have_shrunk_are_named(ranks, tmp_path):
+    """Bending of unit vectors holds angles, not lengths."""
+    options = {**SOFT, "e_c": 0.05, "k_l": 0.01, "k_b": 3, "sample_interval": 0.25, "frame_interval": 0.25}
+    result = on_ranks(ranks, "hopper", output=tmp_path / "run", **options)
+    assert result.returncode == 3, result.stderr
+    edge = float(re.search(r"shortest edge ([\d.]+) l0: .*-bending_edges full", complaints(result)[0]).group(1))
+    run = Results(tmp_path / "run")
+    frame = [f for f in run.frames if f["time"] <= run.series["time"][-1] + 1e-9][-1]
+    outlines = frame["positions"].reshape(-1, 12, 2)
+    lengths = np.linalg.norm(np.roll(outlines, -1, axis=1) - outlines, axis=2) / run.topology["l0"][:, None]
+    assert edge == pytest.approx(lengths.min(), rel=0.05) and 0 < edge < 0.5
+    full = pliant("hopper", output=tmp_path / "full", **options, bending_edges="full")
+    assert "shortest edge" not in full.stderr
 
 
 @needs_mpi

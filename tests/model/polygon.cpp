@@ -23,6 +23,7 @@ TEST_CASE("area, perimeter and centre of known polygons") {
   const Configuration<2> triangle = with({{0, 0}, {4, 0}, {0, 3}});
   CHECK(area(triangle) == 6);
   CHECK(polygon_perimeter(triangle.x.data(), triangle.topology, 0) == 12);
+  CHECK(shortest_edge(triangle.x.data(), triangle.topology, 0) == 3);
   CHECK((mean_of_points<2>(triangle.x.data(), triangle.topology, 0) - Vec<2>(4.0 / 3, 1)).norm() < 1e-15);
   CHECK(area(with({{0, 0}, {0, 3}, {4, 0}})) == -6);                         // clockwise
   CHECK(area(with({{0, 0}, {2, 0}, {2, 1}, {1, 1}, {1, 2}, {0, 2}})) == 3);  // an L

@@ -75,11 +75,12 @@ def of_kind(measured, kind):
 
 
 def model_label(row, latex=True):
-    """'soft, E_sp = 100' or 'smooth, K_l = 10, K_b = 0.1'."""
+    """'soft, E_sp = 100' or 'smooth, K_l = 10, K_b = 0.1'; with `edges` of `_stiffness_fits`, if any."""
     if row["model"] == "sp":
         return (rf"soft, $E_{{sp}}$ = {row['e_sp']:g}" if latex else f"soft, E_sp = {row['e_sp']:g}")
     names = ("$K_l$", "$K_b$") if latex else ("K_l", "K_b")
-    return f"{row['model']}, {names[0]} = {row['k_l']:g}, {names[1]} = {row['k_b']:g}"
+    edges = ", full edges" if row.get("edges") == "full" else ""
+    return f"{row['model']}, {names[0]} = {row['k_l']:g}, {names[1]} = {row['k_b']:g}{edges}"
 
 
 def plain(measured):
@@ -463,24 +464,30 @@ def _prefactor_quantities(fits, names, known):
 
 
 def _map(axes, group, title):
-    """Colour map of k, with the published exponent held, over K_l and K_b."""
-    grid = group.assign(k=[_held(row, "k")[0] for _, row in group.iterrows()]).pivot_table("k", "k_b", "k_l")
+    """Colour map of k, with the published exponent held, over K_l and K_b. A star: bending of full edges, where no other is."""
+    one = group.assign(k=[_held(row, "k")[0] for _, row in group.iterrows()], star=group["edges"] == "full")
+    one = one.sort_values("star").drop_duplicates(["k_b", "k_l"])
+    grid, stars = (one.pivot(index="k_b", columns="k_l", values=name) for name in ("k", "star"))
     mesh = axes.pcolormesh(np.arange(grid.shape[1] + 1), np.arange(grid.shape[0] + 1), grid.to_numpy(), cmap="viridis")
     for (i, j), k in np.ndenumerate(grid.to_numpy()):
         if np.isnan(k):
             continue
-        axes.text(j + 0.5, i + 0.5, f"{k:.2f}", ha="center", va="center", fontsize=8,
+        axes.text(j + 0.5, i + 0.5, f"{k:.2f}" + ("*" if stars.iloc[i, j] else ""), ha="center", va="center", fontsize=8,
                   color="white" if k < np.nanmean(grid) else "black")
     axes.set_xticks(np.arange(grid.shape[1]) + 0.5, labels=[f"{v:g}" for v in grid.columns])
     axes.set_yticks(np.arange(grid.shape[0]) + 0.5, labels=[f"{v:g}" for v in grid.index])
     axes.set(xlabel="$K_l$", ylabel="$K_b$")
-    axes.set_title(title, loc="left")
+    axes.set_title(title + (" (*: full edges bend)" if one["star"].any() else ""), loc="left")
     axes.figure.colorbar(mesh, ax=axes, label="$k$")
 
 
 def _stiffness_fits(measured):
-    """Fits of every stiffness in the limits. Raises RunError where no fit, not even with the exponent held, is possible."""
-    fits = beverloo.fit_seeds(_planar(limits(measured)), ["limit", "dim", *_MODEL])
+    """Fits of every stiffness in the limits; `edges` tells bending of full edges from that of unit vectors where there are
+    both. Raises RunError where no fit, not even with the exponent held, is possible."""
+    table = _planar(limits(measured))
+    bending = table["bending_edges"].where(table["model"] != "sp")
+    edges = bending.fillna("") if bending.nunique() > 1 else ""
+    fits = beverloo.fit_seeds(table.assign(edges=edges), ["limit", "dim", *_MODEL, "edges"])
     if fits["reference_fit"].isna().all():
         raise RunError("no stiffness has enough widths for a fit: at least two with flow are needed")
     return fits
@@ -652,7 +659,7 @@ def draw_discharge(measured):
 
 _PARTICLES = ("dim", *_MODEL)
 _LIMITS = (*_PARTICLES, "mu", "zeta", "hopper_width")
-_STIFFNESS = (limit, *_PARTICLES, "hopper_width")
+_STIFFNESS = (limit, *_PARTICLES, "bending_edges", "hopper_width")
 _LAMBDA = (ratio, *_PARTICLES, "hopper_angle", "n", "hopper_width")
 _FEW = "soft particles alone, fewer seeds and shorter runs; no deformable ones"
 FIGURES = [

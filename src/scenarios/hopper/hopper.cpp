@@ -296,9 +296,16 @@ class HopperProtocol final : public Protocol<D> {
   }
 
   std::string failure_details() const override {
-    if (last_sample_.first < 0) return {};
-    return fmt::format(", largest overlap {:.3f} between particles {} and {}", last_sample_.max_overlap,
-                       last_sample_.first, last_sample_.second);
+    std::string details;
+    if (last_sample_.first >= 0)
+      details = fmt::format(", largest overlap {:.3f} between particles {} and {}", last_sample_.max_overlap,
+                            last_sample_.first, last_sample_.second);
+    if (const Real edge = last_sample_.shortest_edge; edge < 0.5)
+      details += fmt::format(
+          ", shortest edge {:.2g} l0: bending is stiffer there, so use a smaller -dt, a larger -k_l or -bending_edges "
+          "full",
+          edge);
+    return details;
   }
 
   // --- After the run

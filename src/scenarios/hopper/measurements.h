@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
@@ -28,7 +29,8 @@ struct Sample {
   Real max_speed = 0;  ///< above the orifice line
   Index in_hopper = 0;
   Real max_overlap = 0;
-  Index first = -1, second = -1;  ///< ids of the particles of the largest overlap
+  Index first = -1, second = -1;                               ///< ids of the particles of the largest overlap
+  Real shortest_edge = std::numeric_limits<Real>::infinity();  ///< of polygons, over l0
 };
 
 /// Heights of the velocity profile on the axis, in σ_avg above the orifice [H Fig. 5].
