@@ -23,15 +23,20 @@ def groups_first(axes):
     axes.legend(*zip(*pairs), loc="upper left")
 
 
+def plain_numbers(axis):
+    """For an axis that is logarithmic already."""
+    decades = np.log10(np.divide(*reversed(axis.get_view_interval())))
+    axis.set_major_formatter("{x:g}")
+    if decades < 2:
+        axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axis.set_minor_formatter(NullFormatter())
+
+
 def log_axes(axes):
     """Both axes logarithmic, with plain numbers."""
     axes.set(xscale="log", yscale="log")
-    for axis in (axes.xaxis, axes.yaxis):
-        decades = np.log10(np.divide(*reversed(axis.get_view_interval())))
-        axis.set_major_formatter("{x:g}")
-        if decades < 1.6:
-            axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-        axis.set_minor_formatter(NullFormatter())
+    plain_numbers(axes.xaxis)
+    plain_numbers(axes.yaxis)
 
 
 def draw_flow(left, right, fits, labels):

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from .. import beverloo, beverloo_figures, ensemble, plotting
-from ..beverloo_figures import FRACTIONS, W_LABEL, draw_flow, log_axes
+from ..beverloo_figures import FRACTIONS, W_LABEL, draw_flow, log_axes, plain_numbers
 from ..crossover import fit_crossover
 from ..errors import RunError
 from ..script import remark
@@ -546,6 +546,7 @@ def _draw_prefactors(measured, x, label):
     figure, (left, *others) = plt.subplots(1, 3, figsize=(15, 4.4), layout="constrained")
     _against(left, fits, x, "C", label, r"$C$  [$\sigma_{avg}^2/t_0$]", {limit: (published.C[limit],) for limit in LIMIT_NAMES})
     left.set_yscale("log")
+    plain_numbers(left.yaxis)
     for axes, limit in zip(others, LIMIT_NAMES):
         _collapse(axes, fits, limit)
     quantities = _prefactor_quantities(fits, ("C",), lambda row, quantity: published.C[row["limit"]])
