@@ -402,8 +402,8 @@ def flow_rows(lams=(np.inf,), laws=None, **columns):
                 Q = float(beverloo.beverloo(w, *law)) * (1 + 0.01 * rng.normal())
                 lines.append({"model": "sp", "dim": 2, "status": "done", "mu": mu, "zeta": zeta, "e_sp": 100.0,
                               "e_c": 1e4, "k_l": 10.0, "k_b": 0.1, "bending_edges": "unit", "hopper_angle": 90.0,
-                              "hopper_width": w, "n": 1600, "hopper_wall_distance": 50, "t_end": 100, "Q": Q, "Q_error": 0.01 * Q, "Q_corrected": 0.9 * Q,
-                              "Q_corrected_error": 0.01 * Q, "seed": seed, "commit": "abc", "cpu_seconds": 1.0,
+                              "hopper_width": w, "n": 1600, "hopper_wall_distance": 50, "t_end": 100, "Q": Q,
+                              "Q_error": 0.01 * Q, "Q_corrected": 0.9 * Q, "Q_corrected_error": 0.01 * Q, "seed": seed, "commit": "abc", "cpu_seconds": 1.0,
                               "table": "t", "row": f"{lam}-{w}-{seed}-{columns}"} | columns)
     return pd.DataFrame(lines)
 

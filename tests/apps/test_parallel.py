@@ -52,6 +52,11 @@ def on_ranks(ranks, *command, **options):
     return subprocess.CompletedProcess(child.args, child.returncode, output, errors)
 
 
+def on_any_ranks(ranks, *command, **options):
+    """On one rank without mpiexec, for tests that need it for several alone."""
+    return on_ranks(ranks, *command, **options) if ranks > 1 else pliant(*command, **options)
+
+
 def complaints(result):
     """What the program, not mpiexec, says on standard error."""
     return [line for line in result.stderr.splitlines() if line.startswith("pliant:")]
@@ -164,9 +169,8 @@ CLOG = {"n": 20, "seed": 3, "g": 0.1, "hopper_width": 2, "phi_c": 3e-4, "dt": 0.
 
 
 def droplets(ranks, scenario, folder, **options):
-    """Runs them to their end, on one rank without mpiexec; what is printed is checked too."""
-    run = on_ranks if ranks > 1 else lambda _, *command, **asked: pliant(*command, **asked)
-    result = run(ranks, scenario, output=folder, **options)
+    """Runs them to their end; what is printed is checked too."""
+    result = on_any_ranks(ranks, scenario, output=folder, **options)
     assert result.returncode == 0 and complaints(result) == [], result.stderr
     assert result.stdout.count(f"{scenario}:") == result.stdout.count("ended by") == 1
     return Results(folder)
