@@ -591,6 +591,25 @@ def test_figures_7_13_and_14_find_offset_and_prefactor(tmp_path):
     assert not any("full" in name for name in drawn("H14", full))
 
 
+def test_models_and_sizes_have_maps_of_their_own(tmp_path):
+    """Rough particles, and more of them, are no seeds of the smooth ones of the same stiffness."""
+    def shapes(factor, **others):
+        return pd.concat([flow_rows((0.0,), lambda lam: (factor * LAWS["mu"][0], *LAWS["mu"][1:]), k_l=kl, k_b=0.1, **others)
+                          for kl in (1.0, 10.0)])
+
+    every = [shapes(1, model="smooth", n=400), shapes(2, model="smooth", n=1600), shapes(3, model="rough", n=400)]
+    picture, _ = command.FIGURES["H7"].draw(pd.concat(every))
+    titles = [axes.get_title(loc="left") for axes in picture.axes]
+    matplotlib.pyplot.close(picture)
+    assert [title for title in titles if title] == [f"{name}, friction only" for name in (
+        "smooth, $N$ = 400", "smooth, $N$ = 1600", "rough, $N$ = 400")]
+    found = drawn("H14", pd.concat(every), tmp_path)
+    first, larger, rough = (found[f"C with the published beta held: {name}, friction only"].value for name in (
+        "smooth, K_l = 10, K_b = 0.1, N = 400", "smooth, K_l = 10, K_b = 0.1, N = 1600", "rough, K_l = 10, K_b = 0.1, N = 400"))
+    assert (larger, rough) == (pytest.approx(2 * first, rel=0.05), pytest.approx(3 * first, rel=0.05))
+    assert not any("N = " in name for name in drawn("H14", every[0]))
+
+
 def test_figure_12_finds_how_C_grows(tmp_path):
     data = pd.concat([flow_rows((0.0, np.inf), lambda lam, n=n: (0.1 * (n / 800) ** (0.25 if lam else 1.0), 1.5,
                                                                  0.5 if lam else 1.5), n=n) for n in (800, 1600, 3200)])

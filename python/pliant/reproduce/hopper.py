@@ -75,12 +75,13 @@ def of_kind(measured, kind):
 
 
 def model_label(row, latex=True):
-    """'soft, E_sp = 100' or 'smooth, K_l = 10, K_b = 0.1'; with `edges` of `_stiffness_fits`, if any."""
+    """'soft, E_sp = 100' or 'smooth, K_l = 10, K_b = 0.1'; with `edges` and `size` of `_stiffness_fits`, if any."""
+    e_sp, k_l, k_b, n = ("$E_{sp}$", "$K_l$", "$K_b$", "$N$") if latex else ("E_sp", "K_l", "K_b", "N")
+    size = f", {n} = {row['size']:g}" if np.isfinite(row.get("size", np.nan)) else ""
     if row["model"] == "sp":
-        return (rf"soft, $E_{{sp}}$ = {row['e_sp']:g}" if latex else f"soft, E_sp = {row['e_sp']:g}")
-    names = ("$K_l$", "$K_b$") if latex else ("K_l", "K_b")
+        return f"soft, {e_sp} = {row['e_sp']:g}{size}"
     edges = ", full edges" if row.get("edges") == "full" else ""
-    return f"{row['model']}, {names[0]} = {row['k_l']:g}, {names[1]} = {row['k_b']:g}{edges}"
+    return f"{row['model']}, {k_l} = {row['k_l']:g}, {k_b} = {row['k_b']:g}{edges}{size}"
 
 
 def plain(measured):
@@ -483,30 +484,47 @@ def _map(axes, group, title):
 
 def _stiffness_fits(measured):
     """Fits of every stiffness in the limits; `edges` tells bending of full edges from that of unit vectors where there are
-    both. Raises RunError where no fit, not even with the exponent held, is possible."""
+    both, `size` is N where soft or deformable particles have several. Raises RunError where no fit, not even with the exponent
+    held, is possible."""
     table = _planar(limits(measured))
     bending = table["bending_edges"].where(table["model"] != "sp")
     edges = bending.fillna("") if bending.nunique() > 1 else ""
-    fits = beverloo.fit_seeds(table.assign(edges=edges), ["limit", "dim", *_MODEL, "edges"])
+    fits = beverloo.fit_seeds(table.assign(edges=edges), ["limit", "dim", *_MODEL, "edges", "n"])
     if fits["reference_fit"].isna().all():
         raise RunError("no stiffness has enough widths for a fit: at least two with flow are needed")
-    return fits
+    return fits.assign(size=fits["n"].where(fits.groupby(fits["model"] == "sp")["n"].transform("nunique") > 1))
+
+
+def _alike(fits):
+    """[(name, fits of one model and one N)] of `_stiffness_fits`, soft particles first."""
+    order = fits["model"].map({model: i for i, model in enumerate(("sp", "smooth", "rough"))})
+    return [({"sp": "soft"}.get(model, model) + (f", $N$ = {n:g}" if group["size"].notna().any() else ""), group)
+            for (_, model, n), group in fits.assign(order=order).groupby(["order", "model", "n"])]
 
 
 def draw_offsets(measured):
     """[H 7]: the offset k against the stiffness of soft particles, and over K_l and K_b of deformable ones."""
     fits = _stiffness_fits(measured)
-    soft, deformable = fits[fits["model"] == "sp"], fits[fits["model"] != "sp"]
-    maps = [(limit, group) for limit, group in deformable.groupby("limit") if group["k_l"].nunique() > 1]
-    panels = (len(soft) > 0) + len(maps)
+    panels = []  # (name, limit of a map, fits)
+    for name, group in _alike(fits):
+        if (group["model"] == "sp").all():
+            panels.append((name, None, group))
+        else:
+            by_limit = ((limit, group[group["limit"] == limit]) for limit in LIMIT_NAMES)
+            panels += [(name, limit, one) for limit, one in by_limit if one["k_l"].nunique() > 1]
     if not panels:
         raise RunError("neither soft particles nor deformable ones with several K_l")
-    figure, axes = plt.subplots(1, panels, figsize=(5.0 * panels, 4.0), layout="constrained", squeeze=False)
-    if len(soft):
-        _against(axes[0, 0], soft, "e_sp", "k", "$E_{sp}$", "$k$",
-                 {limit: (published.K[limit],) for limit in LIMIT_NAMES})
-    for one, (limit, group) in zip(axes[0, panels - len(maps):], maps):
-        _map(one, group, f"deformable, {LIMIT_NAMES[limit]}")
+    columns = min(len(panels), 3)
+    rows = -(-len(panels) // columns)
+    figure, grid = plt.subplots(rows, columns, figsize=(5.0 * columns, 4.0 * rows), layout="constrained", squeeze=False)
+    for axes, (name, limit, group) in zip(grid.flat, panels):
+        if limit:
+            _map(axes, group, f"{name}, {LIMIT_NAMES[limit]}")
+        else:
+            _against(axes, group, "e_sp", "k", "$E_{sp}$", "$k$", {limit: (published.K[limit],) for limit in LIMIT_NAMES})
+            axes.set_title(name, loc="right")
+    for axes in grid.flat[len(panels):]:
+        axes.set_axis_off()
 
     def known(row, quantity):
         if is_hard(row):
@@ -541,24 +559,35 @@ def _collapse(axes, fits, limit):
         axes.legend(loc="center left", bbox_to_anchor=(1, 0.5))
 
 
+def _fall(fits, limit):
+    """[Quantity] of how far C falls within the stiffnesses of soft particles that the paper has; none for others."""
+    group = fits[(fits["limit"] == limit) & (fits["model"] == "sp") & fits["reference_fit"].notna()
+                 & fits["e_sp"].between(published.C_FALL_FROM, published.C_FALL_TO)].sort_values("e_sp")
+    if len(group) < 2:
+        return []
+    first, last = group.iloc[0], group.iloc[-1]
+    (soft, soft_error), (hard, hard_error) = _held(first, "C"), _held(last, "C")
+    size = f", N = {first['size']:g}" if np.isfinite(first["size"]) else ""
+    return [Quantity(f"C at E_sp = {first['e_sp']:g} over C at {last['e_sp']:g}{size}, {LIMIT_NAMES[limit]}", soft / hard,
+                     soft / hard * np.hypot(soft_error / soft, hard_error / hard), published.C_FALL[limit],
+                     "with the published beta held")]
+
+
 def _draw_prefactors(measured, x, label):
     fits = _stiffness_fits(measured)
-    figure, (left, *others) = plt.subplots(1, 3, figsize=(15, 4.4), layout="constrained")
-    _against(left, fits, x, "C", label, r"$C$  [$\sigma_{avg}^2/t_0$]", {limit: (published.C[limit],) for limit in LIMIT_NAMES})
-    left.set_yscale("log")
-    plain_numbers(left.yaxis)
-    for axes, limit in zip(others, LIMIT_NAMES):
-        _collapse(axes, fits, limit)
+    alike = _alike(fits)
+    figure, panels = plt.subplots(len(alike), 3, figsize=(15, 4.4 * len(alike)), layout="constrained", squeeze=False)
     quantities = _prefactor_quantities(fits, ("C",), lambda row, quantity: published.C[row["limit"]])
-    for limit, name in LIMIT_NAMES.items():
-        group = fits[(fits["limit"] == limit) & (fits["model"] == "sp") & fits["reference_fit"].notna()
-                     & fits["e_sp"].between(published.C_FALL_FROM, published.C_FALL_TO)].sort_values("e_sp")
-        if len(group) > 1:
-            (soft, soft_error), (hard, hard_error) = _held(group.iloc[0], "C"), _held(group.iloc[-1], "C")
-            quantities.append(Quantity(
-                f"C at E_sp = {group['e_sp'].iloc[0]:g} over C at {group['e_sp'].iloc[-1]:g}, {name}", soft / hard,
-                soft / hard * np.hypot(soft_error / soft, hard_error / hard), published.C_FALL[limit],
-                "with the published beta held"))
+    for (left, *others), (name, group) in zip(panels, alike):
+        _against(left, group, x, "C", label, r"$C$  [$\sigma_{avg}^2/t_0$]",
+                 {limit: (published.C[limit],) for limit in LIMIT_NAMES})
+        left.set_yscale("log")
+        plain_numbers(left.yaxis)
+        if len(alike) > 1:
+            left.set_title(name, loc="right")
+        for axes, limit in zip(others, LIMIT_NAMES):
+            _collapse(axes, group, limit)
+            quantities += _fall(group, limit)
     return figure, quantities
 
 
@@ -660,7 +689,7 @@ def draw_discharge(measured):
 
 _PARTICLES = ("dim", *_MODEL)
 _LIMITS = (*_PARTICLES, "mu", "zeta", "hopper_width")
-_STIFFNESS = (limit, *_PARTICLES, "bending_edges", "hopper_width")
+_STIFFNESS = (limit, *_PARTICLES, "bending_edges", "n", "hopper_width")
 _LAMBDA = (ratio, *_PARTICLES, "hopper_angle", "n", "hopper_width")
 _FEW = "soft particles alone, fewer seeds and shorter runs; no deformable ones"
 FIGURES = [
@@ -683,7 +712,8 @@ FIGURES = [
            "soft particles alone, fewer lambda, widths and seeds, shorter runs", as_run=("as-run/angle", "as-run/lambda"),
            tells=(ratio, *_MODEL, "hopper_angle", "hopper_width")),
     Figure("H7", "offset k against the stiffness of soft and deformable particles", ("quick/stiffness", "quick/map"),
-           ("hopper/limits", "hopper/stiffness", "hopper/map", "hopper/limits-smooth"), "flows", draw_offsets,
+           ("hopper/limits", "hopper/stiffness", "hopper/map", "hopper/limits-smooth", "hopper/smooth-large",
+            "hopper/map-rough", "hopper/limits-rough"), "flows", draw_offsets,
            "120 deformable particles with contacts softer than printed, three widths, two K_l and two K_b",
            as_run=("as-run/stiffness", "as-run/limits", "as-run/limits-hard", "as-run/map"), tells=_STIFFNESS),
     Figure("H8", "discharge of two wedges against their width, beside the experiment", ("quick/discharge",),
@@ -703,6 +733,7 @@ FIGURES = [
            ("hopper/limits", "hopper/stiffness"), "flows", draw_soft_prefactors, "three stiffnesses, shorter runs",
            as_run=("as-run/stiffness", "as-run/limits", "as-run/limits-hard"), tells=_STIFFNESS),
     Figure("H14", "prefactor C of deformable particles, and the collapse", ("quick/map",),
-           ("hopper/map", "hopper/limits-smooth"), "flows", draw_deformable_prefactors,
+           ("hopper/map", "hopper/limits-smooth", "hopper/map-rough", "hopper/limits-rough"), "flows",
+           draw_deformable_prefactors,
            "120 particles with contacts softer than printed, three widths", as_run=("as-run/map",), tells=_STIFFNESS),
 ]
