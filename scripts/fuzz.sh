@@ -35,8 +35,9 @@ flags=(-std=c++20 -O1 -g1 -w -DFMT_SHARED -fno-omit-frame-pointer
   $(as_system "$(pkg-config --cflags PETSc yaml-0.1)" "$(mpicxx --showme:compile)"))
 libraries=(-Wl,--start-group "$build"/src/libpliant_*.a -Wl,--end-group)
 # What is instrumented comes first and counts; the libraries have it, too.
+sundials=$(sed -n 's/^find_package(SUNDIALS .* COMPONENTS \(.*\))$/\1/p' "$root/cmake/PliantDependencies.cmake")
 packages=(-Wl,--allow-multiple-definition $(pkg-config --libs PETSc yaml-0.1 fmt hdf5-openmpi zlib) $(mpicxx --showme:link) -lgomp
-  -lsundials_{cvode,arkode,nvecpetsc,sunlinsolspgmr,sunnonlinsolnewton,sunnonlinsolfixedpoint})
+  $(printf -- '-lsundials_%s ' $sundials))
 
 # As one process, without a network: what Open MPI would load for that is not ours to check. It leaks what it loads.
 export OMPI_MCA_btl=self OMPI_MCA_ess_singleton_isolated=1 OMP_NUM_THREADS=1

@@ -75,6 +75,12 @@ def test_edges_that_have_shrunk_are_named(ranks, tmp_path):
     assert "shortest edge" not in full.stderr
 
 
+def test_shrunk_edges_without_bending_get_other_advice(tmp_path):
+    options = {**SOFT, "k_l": 0.01, "k_b": 0, "sample_interval": 0.05}
+    message = complaints(pliant("hopper", output=tmp_path / "run", **options))[0]
+    assert re.search(r"shortest edge [\d.]+ l0: a larger -k_l", message) and "bending" not in message
+
+
 @needs_mpi
 def test_a_crossing_on_ranks(tmp_path):
     result = on_ranks(2, "hopper", output=tmp_path / "run", **SOFT)

@@ -74,11 +74,16 @@ def of_kind(measured, kind):
     return own
 
 
+def is_soft(measured):
+    """Whether a run, or each run of a table, has soft particles [H 2], no deformable ones."""
+    return measured["model"] == "sp"
+
+
 def model_label(row, latex=True):
     """'soft, E_sp = 100' or 'smooth, K_l = 10, K_b = 0.1'; with `edges` and `size` of `_stiffness_fits`, if any."""
     e_sp, k_l, k_b, n = ("$E_{sp}$", "$K_l$", "$K_b$", "$N$") if latex else ("E_sp", "K_l", "K_b", "N")
     size = f", {n} = {row['size']:g}" if np.isfinite(row.get("size", np.nan)) else ""
-    if row["model"] == "sp":
+    if is_soft(row):
         return f"soft, {e_sp} = {row['e_sp']:g}{size}"
     edges = ", full edges" if row.get("edges") == "full" else ""
     return f"{row['model']}, {k_l} = {row['k_l']:g}, {k_b} = {row['k_b']:g}{edges}{size}"
@@ -86,7 +91,7 @@ def model_label(row, latex=True):
 
 def plain(measured):
     """Soft particles do not have what deformable ones have, and these no E_sp: equal groups get equal columns."""
-    soft = measured["model"] == "sp"
+    soft = is_soft(measured)
     return measured.assign(**{c: measured[c].where(soft == (c == "e_sp"), 0.0) for c in _MODEL[1:]})
 
 
@@ -101,7 +106,7 @@ def limits(measured):
 
 def is_hard(row):
     """Whether the published offset of hard particles is meant."""
-    return row["e_sp"] >= 1e4 if row["model"] == "sp" else row["k_b"] >= 100
+    return row["e_sp"] >= 1e4 if is_soft(row) else row["k_b"] >= 100
 
 
 def _named(row, end=""):
@@ -209,7 +214,7 @@ def _crossovers(exponents, by, dim, label, known):
     return curves, quantities
 
 
-def _draw_crossovers(axes, curves, dim, lam_c):
+def _draw_crossovers(axes, curves, dim, lam_c, **legend):
     finite = np.concatenate([group["lam"][(group["lam"] > 0) & np.isfinite(group["lam"])] for _, group, *_ in curves])
     low, high = (finite.min(), finite.max()) if len(finite) else (1e-3, 1)
     edges = low / 6, high * 6  # where lambda = 0 and infinity are drawn
@@ -235,7 +240,7 @@ def _draw_crossovers(axes, curves, dim, lam_c):
     ticks = [edges[0], *10.0 ** np.arange(np.ceil(np.log10(low)), np.floor(np.log10(high)) + 0.5), edges[1]]
     axes.set_xticks(ticks, labels=["0", *(f"{t:g}" for t in ticks[1:-1]), r"$\infty$"])
     axes.minorticks_off()
-    axes.legend()
+    axes.legend(**legend)
 
 
 def draw_lambda(measured, value="Q"):
@@ -314,8 +319,7 @@ def draw_angles(measured):
     curves, quantities = _crossovers(exponents, by, 2, label, lambda key: published.LAMBDA_C_ANGLE.get(int(key[0])))
     figure, (left, middle, right) = plt.subplots(1, 3, figsize=(14, 4.2), layout="constrained",
                                                  gridspec_kw={"width_ratios": [1.6, 1, 1]})
-    _draw_crossovers(left, curves, 2, published.LAMBDA_C_ANGLE.values())
-    left.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2)
+    _draw_crossovers(left, curves, 2, published.LAMBDA_C_ANGLE.values(), loc="lower left", bbox_to_anchor=(0, 1), ncols=2)
     for j, model in enumerate(models[_MODEL].itertuples(index=False)):
         of_model = [curve for curve in curves if tuple(curve[1][_MODEL].iloc[0]) == tuple(model)]
         name = f", {model_label(model._asdict())}" if len(models) > 1 else ""
@@ -484,15 +488,15 @@ def _map(axes, group, title):
 
 def _stiffness_fits(measured):
     """Fits of every stiffness in the limits; `edges` tells bending of full edges from that of unit vectors where there are
-    both, `size` is N where soft or deformable particles have several. Raises RunError where no fit, not even with the exponent
-    held, is possible."""
+    both, `size` is N where soft or deformable particles have several. Raises RunError where no fit, not even with the
+    exponent held, is possible."""
     table = _planar(limits(measured))
-    bending = table["bending_edges"].where(table["model"] != "sp")
+    bending = table["bending_edges"].where(~is_soft(table))
     edges = bending.fillna("") if bending.nunique() > 1 else ""
     fits = beverloo.fit_seeds(table.assign(edges=edges), ["limit", "dim", *_MODEL, "edges", "n"])
     if fits["reference_fit"].isna().all():
         raise RunError("no stiffness has enough widths for a fit: at least two with flow are needed")
-    return fits.assign(size=fits["n"].where(fits.groupby(fits["model"] == "sp")["n"].transform("nunique") > 1))
+    return fits.assign(size=fits["n"].where(fits.groupby(is_soft(fits))["n"].transform("nunique") > 1))
 
 
 def _alike(fits):
@@ -507,7 +511,7 @@ def draw_offsets(measured):
     fits = _stiffness_fits(measured)
     panels = []  # (name, limit of a map, fits)
     for name, group in _alike(fits):
-        if (group["model"] == "sp").all():
+        if is_soft(group).all():
             panels.append((name, None, group))
         else:
             by_limit = ((limit, group[group["limit"] == limit]) for limit in LIMIT_NAMES)
@@ -529,7 +533,7 @@ def draw_offsets(measured):
     def known(row, quantity):
         if is_hard(row):
             return published.K[row["limit"]]
-        softest = row["e_sp"] <= 50 if row["model"] == "sp" else row["k_b"] <= 0.01 and row["k_l"] <= 10
+        softest = row["e_sp"] <= 50 if is_soft(row) else row["k_b"] <= 0.01 and row["k_l"] <= 10
         return published.K_SOFT[row["limit"]] if softest else None
 
     return figure, _prefactor_quantities(fits, ("k",), known)
@@ -561,7 +565,7 @@ def _collapse(axes, fits, limit):
 
 def _fall(fits, limit):
     """[Quantity] of how far C falls within the stiffnesses of soft particles that the paper has; none for others."""
-    group = fits[(fits["limit"] == limit) & (fits["model"] == "sp") & fits["reference_fit"].notna()
+    group = fits[(fits["limit"] == limit) & is_soft(fits) & fits["reference_fit"].notna()
                  & fits["e_sp"].between(published.C_FALL_FROM, published.C_FALL_TO)].sort_values("e_sp")
     if len(group) < 2:
         return []
