@@ -449,7 +449,7 @@ def _against(axes, fits, x, quantity, x_label, label, references=None):
     if (few := sorted(fits[x].unique()))[-1] < 10 * few[0]:  # less than the ticks of a decade
         axes.set_xticks(few, labels=[f"{one:g}" for one in few])
         axes.minorticks_off()
-    axes.legend(loc="center left", bbox_to_anchor=(0, 1.1), ncols=2)
+    axes.legend(loc="lower left", bbox_to_anchor=(0, 1.08), ncols=2)
 
 
 def _prefactor_quantities(fits, names, known):

@@ -301,10 +301,11 @@ class HopperProtocol final : public Protocol<D> {
       details = fmt::format(", largest overlap {:.3f} between particles {} and {}", last_sample_.max_overlap,
                             last_sample_.first, last_sample_.second);
     if (const Real edge = last_sample_.shortest_edge; edge < 0.5)
-      details += fmt::format(", shortest edge {:.2g} l0: {}", edge,
-                             p_.k_b > 0 && p_.bending_edges == EdgeVectors::unit
-                                 ? "bending is stiffer there, so use a smaller -dt, a larger -k_l or -bending_edges full"
-                                 : "a larger -k_l keeps edges longer");
+      details +=
+          fmt::format(", shortest edge {:.2g} l0: {}", edge,
+                      p_.k_b > 0 && p_.bending_edges == EdgeVectors::unit
+                          ? "bending is stiffer there, so use a smaller -dt, a larger -k_l or -bending_edges full"
+                          : "a larger -k_l keeps edges longer");
     return details;
   }
 
