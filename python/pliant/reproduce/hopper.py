@@ -501,9 +501,9 @@ def _stiffness_fits(measured):
 
 def _alike(fits):
     """[(name, fits of one model and one N)] of `_stiffness_fits`, soft particles first."""
-    order = fits["model"].map({model: i for i, model in enumerate(("sp", "smooth", "rough"))})
-    return [({"sp": "soft"}.get(model, model) + (f", $N$ = {n:g}" if group["size"].notna().any() else ""), group)
-            for (_, model, n), group in fits.assign(order=order).groupby(["order", "model", "n"])]
+    return [(name + (f", $N$ = {n:g}" if group["size"].notna().any() else ""), group)
+            for model, name in (("sp", "soft"), ("smooth", "smooth"), ("rough", "rough"))
+            for n, group in fits[fits["model"] == model].groupby("n")]
 
 
 def draw_offsets(measured):
