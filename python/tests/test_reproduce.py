@@ -1187,3 +1187,8 @@ def test_measures_of_hoppers(soft, tmp_path):
 def test_a_run_that_a_figure_cannot_use(soft):
     with pytest.raises(PliantError, match="not of raft"):
         measure.measured("reductions", "a", soft[0])
+
+
+def test_every_kept_quantity_stands_once():
+    rows = pd.read_csv(figure.VALIDATION / "reproduced.csv")
+    assert not rows.duplicated(["figure", "level", "quantity"]).any()
