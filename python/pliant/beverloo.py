@@ -144,8 +144,8 @@ def fit_beverloo(w, Q, error=None, beta=None, k=None, resamples=400, seed=1, dra
     between 0 and the narrowest orifice with Q > 0. Standard errors come from a parametric bootstrap: Q is drawn
     `resamples` times from normal distributions about the fitted law with the given errors (half the central 68 % range
     of the refitted parameters), so that they exist for an exact fit too. The deviations of `draws` [m, n] from Q
-    (ensemble.draws: over seeds) take the place of the normal ones. Without any error of Q the fit is unweighted and the scatter about it takes the place of
-    the errors. Points with Q = 0 are left out with a note.
+    (ensemble.draws: over seeds) take the place of the normal ones. Without any error of Q the fit is unweighted and the
+    scatter about it takes the place of the errors. Points with Q = 0 are left out with a note.
     Raises RunError if there are fewer orifices than free parameters.
     """
     w, Q, error, picked, notes = _clean(w, Q, error)
@@ -212,15 +212,16 @@ def fit_groups(table, by, beta=None, **options):
 
 
 def _without_clogged(group, value):
-    """(the runs without those that clogged where others of the same width flowed, what was left out): a clogged run has
-    no steady rate, and its zero is not one of the others' mean. One where a single particle goes on to bounce has not
-    ended so, but nothing crosses either."""
+    """(the runs without those that clogged where others of the same width flowed, what was left out, whether one of the
+    widest orifice clogged): a clogged run has no steady rate, and its zero is not one of the others' mean. One where a
+    single particle goes on to bounce has not ended so, but nothing crosses either."""
     clogged = group[value] == 0
     if "status" in group:
         clogged |= group["status"] == "clogged"
     out = clogged & ~clogged.groupby(group["hopper_width"]).transform("all")
     widths = ", ".join(f"{w:g}" for w in sorted(set(group.loc[out, "hopper_width"])))
-    return group[~out], f"{out.sum()} of {len(group)} runs clogged, left out (w = {widths})" if out.any() else ""
+    remark = f"{out.sum()} of {len(group)} runs clogged, left out (w = {widths})" if out.any() else ""
+    return group[~out], remark, clogged[group["hopper_width"] == group["hopper_width"].max()].any()
 
 
 def fit_seeds(table, by, value="Q", beta=None, resamples=None, opposite=False):
@@ -228,17 +229,24 @@ def fit_seeds(table, by, value="Q", beta=None, resamples=None, opposite=False):
     per width: hopper_width, Q, Q_error from blocks and seeds, runs); reference (the published exponent or None) and
     reference_fit (with that held); with `opposite` also opposite (the published exponent of the other limit) and
     opposite_fit. Errors of the fits are drawn over seeds. `value` is the rate's column. Clogged runs are left out where
-    others of the same width flowed."""
+    others of the same width flowed; where the widest orifice clogs there is no law of the width, and no fit."""
+    def fit_flow(*data, widest_clogs, **options):
+        if widest_clogs:
+            raise RunError("the widest orifice clogs, too: no fit")
+        return fit_beverloo(*data, **options)
+
     rows = []
     for key, group in ensemble.groups(table, by):
         row = dict(zip(by, key))
-        group, clogged = _without_clogged(group, value)
+        group, clogged, widest_clogs = _without_clogged(group, value)
         points = ensemble.average(group, ["hopper_width"], value)
         row["data"] = points.rename(columns={value: "Q", value + "_error": "Q_error"})
         row["points"] = int((points[value] > 0).sum())
         data = points["hopper_width"], points[value], points[value + "_error"]
-        drawn = {"draws": ensemble.draws(points, value, resamples)} if np.isfinite(data[2]).any() else {}
-        row |= fitted(fit_beverloo, *data, beta=beta, **drawn)
+        options = {"widest_clogs": widest_clogs}
+        if np.isfinite(data[2]).any():
+            options["draws"] = ensemble.draws(points, value, resamples)
+        row |= fitted(fit_flow, *data, beta=beta, **options)
         row["note"] = "; ".join(filter(None, [row["note"], clogged, ensemble.seeds_remark(points)]))
         first = group.iloc[0]
         row["reference"] = published_exponent(first["dim"], first["mu"], first["zeta"])
@@ -247,7 +255,7 @@ def fit_seeds(table, by, value="Q", beta=None, resamples=None, opposite=False):
             held["opposite"] = row["opposite"] = (opposite_exponent(first["dim"], row["reference"])
                                                   if row["reference"] is not None else None)
         for name, exponent in held.items():
-            row[name + "_fit"] = (fitted(fit_beverloo, *data, beta=exponent, **drawn)["fit"]
+            row[name + "_fit"] = (fitted(fit_flow, *data, beta=exponent, **options)["fit"]
                                   if exponent is not None else None)
         rows.append(row)
     return pd.DataFrame(rows)
