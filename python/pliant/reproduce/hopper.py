@@ -306,55 +306,72 @@ def _ratio_at_crossover(ratios, fit):
 
 def draw_angles(measured):
     """[H 6]: beta against lambda for hoppers of several angles; lambda_c and the ratio of drag to friction against the
-    angle."""
+    angle. A row of panels per model."""
     table = _planar(with_limit(plain(measured)))
     by = ["hopper_angle", *_MODEL]
-    models = table.drop_duplicates(_MODEL)
+    several = len(table.drop_duplicates(_MODEL)) > 1
 
-    def label(row):
-        angle = rf"$\theta_w$ = {row['hopper_angle']:g}°"
-        return angle if len(models) == 1 else f"{angle}, {model_label(row)}"
+    def angle(row):
+        return rf"$\theta_w$ = {row['hopper_angle']:g}°"
 
     exponents = _exponents(table, ["dim", *by])
-    curves, quantities = _crossovers(exponents, by, 2, label, lambda key: published.LAMBDA_C_ANGLE.get(int(key[0])))
-    figure, (left, middle, right) = plt.subplots(1, 3, figsize=(14, 4.2), layout="constrained",
-                                                 gridspec_kw={"width_ratios": [1.6, 1, 1]})
-    _draw_crossovers(left, curves, 2, published.LAMBDA_C_ANGLE.values(), loc="lower left", bbox_to_anchor=(0, 1), ncols=2)
-    for j, model in enumerate(models[_MODEL].itertuples(index=False)):
-        of_model = [curve for curve in curves if tuple(curve[1][_MODEL].iloc[0]) == tuple(model)]
-        name = f", {model_label(model._asdict())}" if len(models) > 1 else ""
-        for i, (kind, style) in enumerate((("published ends", "o"), ("free ends", "s"))):
-            points = [(group["hopper_angle"].iloc[0], fits[i]) for _, group, *fits in of_model
-                      if fits[i] and np.isfinite(fits[i].lam_c_error)]
-            if points:  # with a lambda_c that is known
-                middle.errorbar([a for a, _ in points], [f.lam_c for _, f in points], [f.lam_c_error for _, f in points],
-                                fmt=style, capsize=2.5, color=plotting.COLORS[2 * j + i], label=kind + name)
-    middle.plot(list(published.LAMBDA_C_ANGLE), [p.value for p in published.LAMBDA_C_ANGLE.values()], "k*", ms=8,
-                label="[H]")
-    middle.set(xlabel=r"$\theta_w$  [degrees]", ylabel=r"$\lambda_c$", yscale="log")
-    middle.legend()
-    ratios = ensemble.average(table, ["lam", *by], "drag_friction_ratio") if "drag_friction_ratio" in table else []
-    lams = list(ratios["lam"].unique()) if len(ratios) else []
-    several = [(key, group) for key, group in ratios.groupby([*_MODEL, "lam"]) if len(group) > 1] if len(ratios) else []
-    for (*model, lam), group in several:
-        i, first = lams.index(lam), tuple(model) == tuple(models[_MODEL].iloc[0])
-        name = "" if len(models) == 1 else f", {model_label(group.iloc[0], latex=False)}"
-        right.errorbar(group["hopper_angle"], group["drag_friction_ratio"],
-                       np.nan_to_num(group["drag_friction_ratio_error"]), fmt=plotting.MARKERS[i % 8] + ("-" if first else ":"),
-                       capsize=2.5, color=plotting.COLORS[i % 8], label=rf"$\lambda$ = {lam:g}{name}")
-        if lam == 0.01:
-            quantities += [Quantity(f"|F_zeta|/|F_mu| at lambda = 0.01, theta_w = {row.hopper_angle:g}{name}",
-                                    row.drag_friction_ratio, row.drag_friction_ratio_error) for row in group.itertuples()]
-    if len(ratios):
-        of = {tuple(key): group for key, group in ratios.groupby(by)}
-        quantities += [Quantity(f"|F_zeta|/|F_mu| at lambda_c, free ends: {name}",
-                                *_ratio_at_crossover(of[tuple(group[by].iloc[0])], free))
-                       for name, group, _, free in curves if free and tuple(group[by].iloc[0]) in of]
-    right.set(xlabel=r"$\theta_w$  [degrees]", ylabel=r"$|F_\zeta|/|F_\mu|$, mean over $w$", yscale="log")
-    if len(ratios):
-        right.legend(loc="center left", bbox_to_anchor=(1, 0.5))
+    curves, quantities = _crossovers(exponents, by, 2,
+                                     lambda row: f"{angle(row)}, {model_label(row)}" if several else angle(row),
+                                     lambda key: published.LAMBDA_C_ANGLE.get(int(key[0])))
+    models = exponents.drop_duplicates(_MODEL)
+    figure, panels = plt.subplots(len(models), 3, figsize=(14, 4.2 * len(models)), layout="constrained", squeeze=False,
+                                  gridspec_kw={"width_ratios": [1.6, 1, 1]})
+    ratios = ensemble.average(table, ["lam", *by], "drag_friction_ratio") if "drag_friction_ratio" in table else None
+    for (left, middle, right), (_, model) in zip(panels, models.iterrows()):
+        own = [(angle(group.iloc[0]), group, *fits) for _, group, *fits in curves if _same_model(group, model).all()]
+        name = model_label(model) if several else ""
+        _draw_crossovers(left, own, 2, published.LAMBDA_C_ANGLE.values(), loc="lower left", bbox_to_anchor=(0, 1), ncols=2,
+                         title=name, alignment="left")
+        _draw_lambda_c(middle, own)
+        if ratios is not None:
+            quantities += _draw_ratios(right, ratios[_same_model(ratios, model)], own, f", {name}" if several else "")
     return figure, [_renamed(Quantity(q.name.replace(r"\theta_w", "theta_w").replace("°", ""), q.value, q.error,
                                       q.published, q.note), 2) for q in quantities]
+
+
+def _same_model(table, model):
+    """Which rows have the particles of the row `model`."""
+    return (table[_MODEL] == model[_MODEL]).all(axis=1)
+
+
+def _draw_lambda_c(axes, curves):
+    """lambda_c against the angle of the hopper, where it is known."""
+    for kind, held, style in (("published ends", True, "o"), ("free ends", False, "s")):
+        points = [(group["hopper_angle"].iloc[0], fit) for _, group, *fits in curves
+                  if (fit := fits[0 if held else 1]) and np.isfinite(fit.lam_c_error)]
+        if points:
+            axes.errorbar([a for a, _ in points], [f.lam_c for _, f in points], [f.lam_c_error for _, f in points],
+                          fmt=style, capsize=2.5, label=kind)
+    axes.plot(list(published.LAMBDA_C_ANGLE), [p.value for p in published.LAMBDA_C_ANGLE.values()], "k*", ms=8,
+              label="[H]")
+    axes.set(xlabel=r"$\theta_w$  [degrees]", ylabel=r"$\lambda_c$", yscale="log")
+    axes.legend()
+
+
+def _draw_ratios(axes, ratios, curves, end):
+    """Drag over friction of one model against the angle of the hopper; its quantities at lambda = 0.01 and at lambda_c.
+    `end` is the end of their names."""
+    quantities = []
+    finite = ratios[(ratios["lam"] > 0) & np.isfinite(ratios["lam"])]
+    for i, (lam, group) in enumerate(finite.groupby("lam")):
+        error = np.nan_to_num(group["drag_friction_ratio_error"])
+        axes.errorbar(group["hopper_angle"], group["drag_friction_ratio"], error, fmt=plotting.MARKERS[i % 8] + "-",
+                      capsize=2.5, color=plotting.COLORS[i % 8], label=rf"$\lambda$ = {lam:g}")
+        if lam == 0.01 and len(group) > 1:
+            quantities += [Quantity(f"|F_zeta|/|F_mu| at lambda = 0.01, theta_w = {row.hopper_angle:g}{end}",
+                                    row.drag_friction_ratio, row.drag_friction_ratio_error) for row in group.itertuples()]
+    quantities += [Quantity(f"|F_zeta|/|F_mu| at lambda_c, free ends: {name}{end}",
+                            *_ratio_at_crossover(ratios[ratios["hopper_angle"] == group["hopper_angle"].iloc[0]], free))
+                   for name, group, _, free in curves if free]
+    axes.set(xlabel=r"$\theta_w$  [degrees]", ylabel=r"$|F_\zeta|/|F_\mu|$, mean over $w$", yscale="log")
+    if len(finite):
+        axes.legend(loc="center left", bbox_to_anchor=(1, 0.5))
+    return quantities
 
 
 def power_law(points, x, value):
