@@ -81,12 +81,17 @@ def is_soft(measured):
 
 def model_label(row, latex=True):
     """'soft, E_sp = 100' or 'smooth, K_l = 10, K_b = 0.1'; with `edges` and `size` of `_stiffness_fits`, if any."""
-    e_sp, k_l, k_b, n = ("$E_{sp}$", "$K_l$", "$K_b$", "$N$") if latex else ("E_sp", "K_l", "K_b", "N")
-    size = f", {n} = {row['size']:g}" if np.isfinite(row.get("size", np.nan)) else ""
+    e_sp, k_l, k_b = ("$E_{sp}$", "$K_l$", "$K_b$") if latex else ("E_sp", "K_l", "K_b")
     if is_soft(row):
-        return f"soft, {e_sp} = {row['e_sp']:g}{size}"
+        return f"soft, {e_sp} = {row['e_sp']:g}" + _size_label(row, latex)
     edges = ", full edges" if row.get("edges") == "full" else ""
-    return f"{row['model']}, {k_l} = {row['k_l']:g}, {k_b} = {row['k_b']:g}{edges}{size}"
+    return f"{row['model']}, {k_l} = {row['k_l']:g}, {k_b} = {row['k_b']:g}{edges}" + _size_label(row, latex)
+
+
+def _size_label(row, latex=False):
+    """', N = 400' where a row has the `size` of `_stiffness_fits`."""
+    size = row.get("size", np.nan)
+    return f", {'$N$' if latex else 'N'} = {size:g}" if np.isfinite(size) else ""
 
 
 def plain(measured):
@@ -518,9 +523,9 @@ def _stiffness_fits(measured):
 
 def _alike(fits):
     """[(name, fits of one model and one N)] of `_stiffness_fits`, soft particles first."""
-    return [(name + (f", $N$ = {n:g}" if group["size"].notna().any() else ""), group)
+    return [(name + _size_label(group.iloc[0], latex=True), group)
             for model, name in (("sp", "soft"), ("smooth", "smooth"), ("rough", "rough"))
-            for n, group in fits[fits["model"] == model].groupby("n")]
+            for _, group in fits[fits["model"] == model].groupby("n")]
 
 
 def draw_offsets(measured):
@@ -588,10 +593,9 @@ def _fall(fits, limit):
         return []
     first, last = group.iloc[0], group.iloc[-1]
     (soft, soft_error), (hard, hard_error) = _held(first, "C"), _held(last, "C")
-    size = f", N = {first['size']:g}" if np.isfinite(first["size"]) else ""
-    return [Quantity(f"C at E_sp = {first['e_sp']:g} over C at {last['e_sp']:g}{size}, {LIMIT_NAMES[limit]}", soft / hard,
-                     soft / hard * np.hypot(soft_error / soft, hard_error / hard), published.C_FALL[limit],
-                     "with the published beta held")]
+    name = f"C at E_sp = {first['e_sp']:g} over C at {last['e_sp']:g}{_size_label(first)}, {LIMIT_NAMES[limit]}"
+    return [Quantity(name, soft / hard, soft / hard * np.hypot(soft_error / soft, hard_error / hard),
+                     published.C_FALL[limit], "with the published beta held")]
 
 
 def _draw_prefactors(measured, x, label):
