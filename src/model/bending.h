@@ -68,7 +68,8 @@ struct Bending {
               du[a] * du[b] * uu + dw[a] * dw[b] * ww + du[a] * dw[b] * uw + dw[a] * du[b] * uw.transpose());
   }
 
-  /// Zigzag of a straight chain: ω² = 16 k_b/(Nv l0⁴ m).
+  /// Zigzag of a straight chain at rest: ω² = 16 k_b/(Nv l0⁴ m). That of unit vectors goes as 1/l with the edges'
+  /// length.
   Real max_rate(const Topology& topology) const {
     Real fastest = 0;
     for (Index m = 0; m < topology.particles(); ++m)

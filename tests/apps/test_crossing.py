@@ -75,6 +75,17 @@ def test_edges_that_have_shrunk_are_named(ranks, tmp_path):
     assert "shortest edge" not in full.stderr
 
 
+@pytest.mark.parametrize("ranks", [1, pytest.param(2, marks=needs_mpi)])
+def test_a_step_too_long_for_edges_that_have_shrunk(ranks, tmp_path):
+    """Bending of unit vectors is the stiffer the shorter they are; that of full ones is not, and their lengths stay."""
+    options = {**SOFT, "e_c": 50, "k_l": 0.01, "k_b": 100, "sample_interval": 0.05, "frame_interval": 3}
+    warning, *more = complaints(on_any_ranks(ranks, "hopper", output=tmp_path / "run", **options))
+    edge, ratio = map(float, re.search(r"edges have shrunk to ([\d.]+) of .* is ([\d.]+) times the limit", warning).groups())
+    assert edge < 0.3 and 1 < ratio < 5 and not any("edges have shrunk" in line for line in more)
+    full = pliant("hopper", output=tmp_path / "full", **options, bending_edges="full")
+    assert full.returncode == 0 and full.stderr == ""
+
+
 def test_shrunk_edges_without_bending_get_other_advice(tmp_path):
     options = {**SOFT, "k_l": 0.01, "k_b": 0, "sample_interval": 0.05}
     message = complaints(pliant("hopper", output=tmp_path / "run", **options))[0]

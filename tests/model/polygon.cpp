@@ -117,4 +117,19 @@ TEST_CASE("the relative area energy is one modulus for all sizes, the bending of
   }
 }
 
+TEST_CASE("the fastest rate of bending goes as 1/l of edges that have shrunk, of full vectors it stays") {
+  constexpr Index n = 64;  // nearly straight at each corner
+  for (const EdgeVectors edges : {EdgeVectors::unit, EdgeVectors::full})
+    for (const Real part : {1.0, 0.1}) {
+      const Bending bending{0.7, edges};
+      Configuration<2> c = with(regular_polygon(n, 1));
+      c.topology.l0[0] = 2 * std::sin(pi / n) / part;
+      DenseSink<2> sink(n);
+      alone<2>(bending)->hessian(c.view(), sink);
+      const Real stiffest = Eigen::SelfAdjointEigenSolver<MatrixXd>(sink.matrix).eigenvalues().maxCoeff();
+      CHECK(std::sqrt(stiffest / c.topology.point_mass[0]) ==
+            Approx(bending.max_rate(c.topology) / (edges == EdgeVectors::unit ? part : 1)).epsilon(0.02));
+    }
+}
+
 }  // namespace pliant::test::polygon_test

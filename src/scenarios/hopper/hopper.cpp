@@ -15,6 +15,7 @@
 #include <pliant/base/console.h>
 #include <pliant/base/log.h>
 #include <pliant/io/summary.h>
+#include <pliant/model/bending.h>
 #include <pliant/model/edge_contact.h>
 #include <pliant/model/polygon.h>
 #include <pliant/model/wall_contact.h>
@@ -96,6 +97,8 @@ class HopperProtocol final : public Protocol<D> {
       const Real factor = unit * (overdamped ? elastic * std::sqrt(dt / drag_limit) : dt);
       return LeastDistances{factor * outlines, factor * walls};
     };
+    if (deformable() && p.bending_edges == EdgeVectors::unit && !overdamped)
+      bending_rate_ = Bending{p.k_b}.max_rate(all);
     if (p.q_rtol > 0) precision_.emplace(p.q_rtol);
   }
 
@@ -249,6 +252,7 @@ class HopperProtocol final : public Protocol<D> {
     const State& s = state();
     last_sample_ = take_sample<D>(particles(), s, *p_.container, flow_, run().last_dt());
     check_particles();
+    warn_of_short_edges();
     const FlowCount& crossed = last_sample_.crossed;
     end_without_flow();
     const bool precise = precision_ && precision_->add(s.t, static_cast<Real>(crossed.crossed), crossed.area,
@@ -533,6 +537,19 @@ class HopperProtocol final : public Protocol<D> {
           widest);
   }
 
+  /// Once, for a fixed step that is too long for the bending of edges that have shrunk.
+  void warn_of_short_edges() {
+    if (short_edges_seen_ || !this->simulation().integrator().explicit_fixed_step()) return;
+    const Real edge = last_sample_.shortest_edge, dt = run().last_dt(), ratio = dt * bending_rate_ / (2 * edge);
+    if (!(ratio > 1)) return;
+    short_edges_seen_ = true;
+    if (ranks().root())
+      warn(
+          "t = {:.4g}: edges have shrunk to {:.2g} of their rest length, where -dt {:.3g} is {:.2g} times the limit of "
+          "stability of bending; use a smaller -dt, a larger -k_l or -bending_edges full",
+          state().t, edge, dt, ratio);
+  }
+
   /// For a run whose flow has ended without a clog: what is left may bounce where too little carries off its energy.
   void warn_of_standstill(const Series& series) const {
     const Real last = last_crossing(series), since = state().t - last;
@@ -615,8 +632,10 @@ class HopperProtocol final : public Protocol<D> {
   std::vector<Index> watched_;
   std::int64_t watched_since_ = -1;
   Sample<D> last_sample_;
-  bool precise_ = false;  ///< after the run: -hopper_q_rtol has ended it
-  std::string status_;    ///< after the run
+  Real bending_rate_ = 0;          ///< of unit vectors, where edges have their rest length: it grows as they shrink
+  bool short_edges_seen_ = false;  ///< has warned of them
+  bool precise_ = false;           ///< after the run: -hopper_q_rtol has ended it
+  std::string status_;             ///< after the run
 };
 
 /// Whether it holds the particles that the options ask for, before they are made.
