@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from conftest import SMALL, Results, hopper, pliant
+from conftest import SMALL, Results, assert_same_runs, hopper, pliant
 
 
 def crossings(results):
@@ -116,6 +116,24 @@ def test_what_goes_through_a_wall_ends_the_run(name, tmp_path):
     for frame in results.frames[:-1]:
         assert not outside(results, frame["centres"]).any()
         assert set(np.flatnonzero(frame["centres"][:, -1] < 0)) <= set(who[time <= frame["time"]])
+
+
+def test_what_has_come_out_may_go_up_behind_a_wall(tmp_path):
+    """Friction draws soft particles round the lips of a steep hopper. They count once, and fall."""
+    options = {"model": "smooth", "n": 150, "hopper_wall_distance": 18, "hopper_width": 6, "hopper_angle": 30, "n_vertices": 12, "e_c": 250,
+               "e_w": 250, "k_l": 10, "k_b": 0.1, "zeta": 0, "mu": 31.6227766, "pack_fraction": 0.9, "t_end": 7, "frame_interval": 0.1,
+               "seed": 2}
+    run = hopper(tmp_path / "run", **options)
+    behind = [outside(run, frame["centres"]) for frame in run.frames]
+    (who,) = np.flatnonzero(np.any(behind, axis=0))
+    when = [frame["time"] for frame, there in zip(run.frames, behind) if there[who]]
+    assert len(when) > 1 and run.frames[-1]["centres"][who][1] < 0
+    (out,) = run.events["time"][run.events["particle"] == who]
+    assert out < when[0] and not any(outside(run, frame["centres"])[who] for frame in run.frames if frame["time"] < out)
+    # Stopped while it is there.
+    hopper(tmp_path / "parts", **{**options, "t_end": when[0]})
+    assert pliant("hopper", restart=tmp_path / "parts", t_end=options["t_end"]).returncode == 0
+    assert_same_runs(run, Results(tmp_path / "parts"))
 
 
 @pytest.mark.parametrize("model, e_w", [("rough", 0.5), ("rough", 1000), ("smooth", 100)])

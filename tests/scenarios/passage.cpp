@@ -25,8 +25,8 @@ struct Polygon {
     const Vec<2> mean = mean_of_points<2>(x.data(), topology, 0);
     return judge(Passage<2>{x.data(), topology, hopper, walls}, mean);
   }
-  bool through_wall() const {
-    return judge([](const Passage<2>& p, const Vec<2>&) { return p.through_wall(0); });
+  bool through_wall(bool outside = false) const {
+    return judge([&](const Passage<2>& p, const Vec<2>&) { return p.through_wall(0, outside); });
   }
   bool through_orifice() const {
     return judge([](const Passage<2>& p, const Vec<2>& r) { return p.through_orifice(0, std::array{r[0], r[1]}); });
@@ -47,11 +47,11 @@ bool sphere_through_orifice(const Hopper& hopper, const std::array<Real, 3>& pla
   return Passage<3>{place.data(), topology, hopper, walls}.through_orifice(0, place);
 }
 
-bool disk_through_wall(const Hopper& hopper, const std::array<Real, 2>& place) {
+bool disk_through_wall(const Hopper& hopper, const std::array<Real, 2>& place, bool outside = false) {
   Topology topology;
   topology.add_soft(1, 1);
   const Walls<2> walls = hopper.walls<2>();
-  return Passage<2>{place.data(), topology, hopper, walls}.through_wall(0);
+  return Passage<2>{place.data(), topology, hopper, walls}.through_wall(0, outside);
 }
 
 }  // namespace
@@ -93,6 +93,15 @@ TEST_CASE("disks and spheres go by their centres", "[passage]") {
   CHECK_FALSE(disk_through_wall(sloped, {2.4, 1}));
   CHECK(disk_through_wall(sloped, {2.6, 1}));
   CHECK_FALSE(disk_through_wall(flat, {7, -1}));  // falls beside
+}
+
+TEST_CASE("what is outside may be behind the walls, but not go through them", "[passage]") {
+  const Hopper sloped{.wall_distance = 10, .orifice = 3, .angle = 45};
+  CHECK(Polygon{sloped, square(3.6, 0.9)}.through_wall());
+  CHECK_FALSE(Polygon{sloped, square(3.6, 0.9)}.through_wall(true));
+  CHECK(Polygon{sloped, square(2.4, 1)}.through_wall(true));
+  CHECK_FALSE(disk_through_wall(sloped, {2.6, 1}, true));
+  CHECK(disk_through_wall(sloped, {2.4, 1}, true));
 }
 
 }  // namespace pliant::test::passage_test

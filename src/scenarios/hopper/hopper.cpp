@@ -196,6 +196,7 @@ class HopperProtocol final : public Protocol<D> {
   void placed() override {
     const auto n = static_cast<std::size_t>(topology().owned());
     counted_.assign(n, 0);
+    outside_.assign(n, 0);
     reinserted_.assign(n, 0);
     seen_.assign(n, {});
   }
@@ -232,6 +233,7 @@ class HopperProtocol final : public Protocol<D> {
 
   void sorted(const Migration& migration) override {
     migration.move(counted_);
+    migration.move(outside_);
     migration.move(reinserted_);
     migration.move(seen_);
     watch([&](ParticleSystem<2>& system) { outlines_.after_change(system, state()); });
@@ -272,6 +274,7 @@ class HopperProtocol final : public Protocol<D> {
 
   void save(SharedCheckpoint& c) const override {
     c.add_parts("counted", counted_);
+    c.add_parts("outside", outside_);
     c.add_parts("reinserted", reinserted_);
     c.add("crossed", ranks().sum(flow_.crossed));
     c.add("crossed_area", ranks().sum(flow_.area));
@@ -290,6 +293,7 @@ class HopperProtocol final : public Protocol<D> {
       own.assign(values.begin(), values.end());
     };
     restore(counted_, "counted", 0, 1);
+    restore(outside_, "outside", 0, 1);
     restore(reinserted_, "reinserted", 0, crossed);
     const Real area = static_cast<Real>(crossed) * largest_a0_;
     const Real crossed_area = c.real("crossed_area", 0, area * (1 + 1e-9));
@@ -386,11 +390,16 @@ class HopperProtocol final : public Protocol<D> {
       const bool below = h < 0;
       if (below != (seen_[m].x[D - 1] < 0)) {
         const OrificeCrossing crossing{own.id[m], below ? on_the_line(seen_[m], now) : now};
-        if (!passage().through_orifice(m, crossing.at.x)) {
+        // What is outside may come up behind the walls, and fall again.
+        const bool behind = outside_[m] && (below || !p_.container->inside(D, in_plane<D>(point<D>(now.x.data(), 0))));
+        if (!behind && !passage().through_orifice(m, crossing.at.x)) {
           astray = crossing;
-        } else if (below && !counted_[m] && p_.counting == Counting::crossing) {
-          counted_[m] = 1;
-          count(m, crossing);
+        } else if (!behind) {
+          outside_[m] = below;
+          if (below && !counted_[m] && p_.counting == Counting::crossing) {
+            counted_[m] = 1;
+            count(m, crossing);
+          }
         }
       }
       seen_[m] = now;
@@ -420,6 +429,7 @@ class HopperProtocol final : public Protocol<D> {
         this->simulation().relist(l.particle);
         seen_[l.particle] = sight(l.particle);
         counted_[l.particle] = 0;
+        outside_[l.particle] = 0;
         ++reinserted_[l.particle];
       } else if (mine) {
         for (Index i = own.offset[l.particle]; i < own.offset[l.particle + 1]; ++i) point<D>(s.v().data(), i).setZero();
@@ -477,7 +487,8 @@ class HopperProtocol final : public Protocol<D> {
         const Vec<D> r = mean_of_points<D>(s.x().data(), own, m), v = mean_of_points<D>(s.v().data(), own, m);
         if (!r.allFinite() || !v.allFinite())
           throw NumericalError("particle {} has a position or velocity that is not finite", own.id[m]);
-        if (own.active[m] && places.through_wall(m)) throw through_wall(own.id[m], sight(m).x, "left the hopper");
+        if (own.active[m] && places.through_wall(m, outside_[m]))
+          throw through_wall(own.id[m], sight(m).x, "left the hopper");
         if (const Real roof = 10 * (top_ + p_.container->upright_from() + largest_); r[D - 1] > roof)
           throw NumericalError(
               "particle {} was thrown to a height of {:.3g} sigma_avg, beyond {:.3g}, ten times that of the start: {}",
@@ -618,6 +629,7 @@ class HopperProtocol final : public Protocol<D> {
   // State that a checkpoint keeps.
   FlowCount flow_;
   std::vector<std::uint8_t> counted_;       ///< per own particle: has crossed since it was last reinserted
+  std::vector<std::uint8_t> outside_;       ///< per own particle: has gone out of the orifice, and not come back in
   std::vector<Index> reinserted_;           ///< times reinserted
   std::vector<Sighting<D>> seen_;           ///< last sight of each; kept up to date for those that are watched
   std::vector<OrificeCrossing> crossings_;  ///< not recorded yet

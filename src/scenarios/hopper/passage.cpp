@@ -7,16 +7,17 @@
 namespace pliant {
 
 template <int D>
-bool Passage<D>::through_wall(Index m) const {
+bool Passage<D>::through_wall(Index m, bool outside) const {
   Index end = topology.offset[m + 1];
   if constexpr (D == 2)
     if (topology.deformable()) {
       if (outline_meets(x, topology, m, walls, 0)) return true;
+      if (outside) return false;     // its parts may be on both sides of the orifice line
       end = topology.offset[m] + 1;  // all vertices are on the same side as the first one
     }
   for (Index i = topology.offset[m]; i < end; ++i) {
     const Vec<2> place = in_plane<D>(point<D>(x, i));
-    if (place[1] > 0 && !container.inside(D, place)) return true;
+    if (place[1] > 0 && container.inside(D, place) == outside) return true;
   }
   return false;
 }

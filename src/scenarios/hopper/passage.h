@@ -18,8 +18,9 @@ struct Passage {
   const Walls<D>& walls;
 
   /// Whether walls have been pierced: the outline of polygon m meets a wall, or, of a sphere, the centre is above the
-  /// orifice line and not in the container.
-  bool through_wall(Index m) const;
+  /// orifice line and not in the container. Of a particle that is `outside`, which may be anywhere there, behind the
+  /// walls too, it is in the container.
+  bool through_wall(Index m, bool outside = false) const;
 
   /// Whether particle m, which has come to the other side of the orifice line at `place`, went through the orifice: the
   /// place is within it; of a polygon, the outline meets the orifice and no wall.
