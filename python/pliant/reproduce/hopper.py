@@ -346,9 +346,9 @@ def _same_model(table, model):
 
 def _draw_lambda_c(axes, curves):
     """lambda_c against the angle of the hopper, where it is known."""
-    for kind, held, style in (("published ends", True, "o"), ("free ends", False, "s")):
+    for i, (kind, style) in enumerate((("published ends", "o"), ("free ends", "s"))):
         points = [(group["hopper_angle"].iloc[0], fit) for _, group, *fits in curves
-                  if (fit := fits[0 if held else 1]) and np.isfinite(fit.lam_c_error)]
+                  if (fit := fits[i]) and np.isfinite(fit.lam_c_error)]
         if points:
             axes.errorbar([a for a, _ in points], [f.lam_c for _, f in points], [f.lam_c_error for _, f in points],
                           fmt=style, capsize=2.5, label=kind)

@@ -97,8 +97,7 @@ class HopperProtocol final : public Protocol<D> {
       const Real factor = unit * (overdamped ? elastic * std::sqrt(dt / drag_limit) : dt);
       return LeastDistances{factor * outlines, factor * walls};
     };
-    if (deformable() && p.bending_edges == EdgeVectors::unit && !overdamped)
-      bending_rate_ = Bending{p.k_b}.max_rate(all);
+    if (deformable() && p.bending_edges == EdgeVectors::unit) bending_rate_ = Bending{p.k_b}.max_rate(all);
     if (p.q_rtol > 0) precision_.emplace(p.q_rtol);
   }
 
@@ -309,11 +308,10 @@ class HopperProtocol final : public Protocol<D> {
       details = fmt::format(", largest overlap {:.3f} between particles {} and {}", last_sample_.max_overlap,
                             last_sample_.first, last_sample_.second);
     if (const Real edge = last_sample_.shortest_edge; edge < 0.5)
-      details +=
-          fmt::format(", shortest edge {:.2g} l0: {}", edge,
-                      p_.k_b > 0 && p_.bending_edges == EdgeVectors::unit
-                          ? "bending is stiffer there, so use a smaller -dt, a larger -k_l or -bending_edges full"
-                          : "a larger -k_l keeps edges longer");
+      details += fmt::format(
+          ", shortest edge {:.2g} l0: {}", edge,
+          bending_rate_ > 0 ? "bending is stiffer there, so use a smaller -dt, a larger -k_l or -bending_edges full"
+                            : "a larger -k_l keeps edges longer");
     return details;
   }
 
@@ -388,13 +386,11 @@ class HopperProtocol final : public Protocol<D> {
       const Sighting<D> now = sight(m);
       const Real h = now.x[D - 1];
       const bool below = h < 0;
-      if (below != (seen_[m].x[D - 1] < 0)) {
+      if (below != (seen_[m].x[D - 1] < 0) && !stays_outside(m, now)) {
         const OrificeCrossing crossing{own.id[m], below ? on_the_line(seen_[m], now) : now};
-        // What is outside may come up behind the walls, and fall again.
-        const bool behind = outside_[m] && (below || !p_.container->inside(D, in_plane<D>(point<D>(now.x.data(), 0))));
-        if (!behind && !passage().through_orifice(m, crossing.at.x)) {
+        if (!passage().through_orifice(m, crossing.at.x)) {
           astray = crossing;
-        } else if (!behind) {
+        } else {
           outside_[m] = below;
           if (below && !counted_[m] && p_.counting == Counting::crossing) {
             counted_[m] = 1;
@@ -444,6 +440,12 @@ class HopperProtocol final : public Protocol<D> {
   void stop_spin(Index m) {
     const std::span<Real> spins = this->simulation().spins();
     if (!spins.empty()) std::ranges::fill(spins.subspan(static_cast<std::size_t>(m) * rotations<D>, rotations<D>), 0.0);
+  }
+
+  /// Whether own particle m, which has crossed the orifice line, is outside as it was: it comes up behind the walls, or
+  /// falls from there.
+  bool stays_outside(Index m, const Sighting<D>& now) const {
+    return outside_[m] && (now.x[D - 1] < 0 || !p_.container->inside(D, in_plane<D>(point<D>(now.x.data(), 0))));
   }
 
   struct OrificeCrossing {
@@ -550,7 +552,9 @@ class HopperProtocol final : public Protocol<D> {
 
   /// Once, for a fixed step that is too long for the bending of edges that have shrunk.
   void warn_of_short_edges() {
-    if (short_edges_seen_ || !this->simulation().integrator().explicit_fixed_step()) return;
+    if (short_edges_seen_ || p_.dynamics == Dynamics::overdamped ||
+        !this->simulation().integrator().explicit_fixed_step())
+      return;
     const Real edge = last_sample_.shortest_edge, dt = run().last_dt(), ratio = dt * bending_rate_ / (2 * edge);
     if (!(ratio > 1)) return;
     short_edges_seen_ = true;
