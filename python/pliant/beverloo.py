@@ -211,43 +211,38 @@ def fit_groups(table, by, beta=None, **options):
     return pd.DataFrame(rows)
 
 
-def _without_clogged(group, value):
-    """(the runs without those that clogged where others of the same width flowed, what was left out, whether one of the
-    widest orifice clogged): a clogged run has no steady rate, and its zero is not one of the others' mean. One where a
-    single particle goes on to bounce has not ended so, but nothing crosses either."""
+def _clogged(group, value):
+    """Which runs clogged. One where a single particle goes on to bounce has not ended so, but nothing crosses either."""
     clogged = group[value] == 0
-    if "status" in group:
-        clogged |= group["status"] == "clogged"
-    out = clogged & ~clogged.groupby(group["hopper_width"]).transform("all")
-    widths = ", ".join(f"{w:g}" for w in sorted(set(group.loc[out, "hopper_width"])))
-    remark = f"{out.sum()} of {len(group)} runs clogged, left out (w = {widths})" if out.any() else ""
-    return group[~out], remark, clogged[group["hopper_width"] == group["hopper_width"].max()].any()
+    return clogged | (group["status"] == "clogged") if "status" in group else clogged
+
+
+def _no_law(*_, **__):
+    raise RunError("the widest orifice clogs, too: no fit")
 
 
 def fit_seeds(table, by, value="Q", beta=None, resamples=None, opposite=False):
     """One row per group of runs: its columns of `by`, fit, C, k, beta with errors and so on as of fit_groups; data (a row
     per width: hopper_width, Q, Q_error from blocks and seeds, runs); reference (the published exponent or None) and
     reference_fit (with that held); with `opposite` also opposite (the published exponent of the other limit) and
-    opposite_fit. Errors of the fits are drawn over seeds. `value` is the rate's column. Clogged runs are left out where
-    others of the same width flowed; where the widest orifice clogs there is no law of the width, and no fit."""
-    def fit_flow(*data, widest_clogs, **options):
-        if widest_clogs:
-            raise RunError("the widest orifice clogs, too: no fit")
-        return fit_beverloo(*data, **options)
-
+    opposite_fit. Errors of the fits are drawn over seeds. `value` is the rate's column. A clogged run has no steady rate:
+    it is left out where others of the same width flowed, and where the widest orifice clogs there is no law of the width,
+    and no fit."""
     rows = []
     for key, group in ensemble.groups(table, by):
         row = dict(zip(by, key))
-        group, clogged, widest_clogs = _without_clogged(group, value)
-        points = ensemble.average(group, ["hopper_width"], value)
+        width, clogged = group["hopper_width"], _clogged(group, value)
+        fit = _no_law if clogged[width == width.max()].any() else fit_beverloo
+        out = clogged & ~clogged.groupby(width).transform("all")
+        left_out = ", ".join(f"{w:g}" for w in sorted(set(width[out])))
+        remark = f"{out.sum()} of {len(group)} runs clogged, left out (w = {left_out})" if left_out else ""
+        points = ensemble.average(group[~out], ["hopper_width"], value)
         row["data"] = points.rename(columns={value: "Q", value + "_error": "Q_error"})
         row["points"] = int((points[value] > 0).sum())
         data = points["hopper_width"], points[value], points[value + "_error"]
-        options = {"widest_clogs": widest_clogs}
-        if np.isfinite(data[2]).any():
-            options["draws"] = ensemble.draws(points, value, resamples)
-        row |= fitted(fit_flow, *data, beta=beta, **options)
-        row["note"] = "; ".join(filter(None, [row["note"], clogged, ensemble.seeds_remark(points)]))
+        options = {"draws": ensemble.draws(points, value, resamples)} if np.isfinite(data[2]).any() else {}
+        row |= fitted(fit, *data, beta=beta, **options)
+        row["note"] = "; ".join(filter(None, [row["note"], remark, ensemble.seeds_remark(points)]))
         first = group.iloc[0]
         row["reference"] = published_exponent(first["dim"], first["mu"], first["zeta"])
         held = {"reference": row["reference"]}
@@ -255,7 +250,6 @@ def fit_seeds(table, by, value="Q", beta=None, resamples=None, opposite=False):
             held["opposite"] = row["opposite"] = (opposite_exponent(first["dim"], row["reference"])
                                                   if row["reference"] is not None else None)
         for name, exponent in held.items():
-            row[name + "_fit"] = (fitted(fit_flow, *data, beta=exponent, **options)["fit"]
-                                  if exponent is not None else None)
+            row[name + "_fit"] = fitted(fit, *data, beta=exponent, **options)["fit"] if exponent is not None else None
         rows.append(row)
     return pd.DataFrame(rows)

@@ -1,6 +1,7 @@
 """pliant-reproduce: tables into runs, runs into figures and rows. A small program stands for pliant, and copies runs
 that were made before."""
 
+import argparse
 import dataclasses
 import json
 import math
@@ -1200,3 +1201,17 @@ def test_a_run_that_a_figure_cannot_use(soft):
 def test_every_kept_quantity_stands_once():
     rows = pd.read_csv(figure.VALIDATION / "reproduced.csv")
     assert not rows.duplicated(["figure", "level", "quantity"]).any()
+
+
+def test_every_kept_quantity_is_of_all_that_is_kept():
+    table = pd.read_csv(figure.VALIDATION / "reproduced.csv", keep_default_na=False)
+    given = argparse.Namespace(kept=True, table=None, output=Path())
+    stale = []
+    for (name, level), rows in table.groupby(["figure", "level"]):
+        one = command.figure_by_name(name)
+        _, tables, data = command._measured(one, level, given, None)
+        expected = figure.rows(one, level, [figure.Quantity("any", 1.0, 1.0)], data, [t.name for t in tables]).iloc[0]
+        common = ["cpu_hours", "commit", "seeds", "table"]
+        if len(rows[common].drop_duplicates()) > 1 or (rows[common].iloc[0] != expected[common]).any():
+            stale.append(f"{name} {level}")
+    assert not stale, "draw these again with --kept, and put their rows into validation/reproduced.csv"

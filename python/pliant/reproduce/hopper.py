@@ -16,6 +16,7 @@ from .figure import Figure, Quantity
 
 LIMIT_NAMES = {"friction": "friction only", "drag": "drag only"}
 COEFFICIENT = {"friction": "mu", "drag": "zeta"}
+_LIMIT_AT = {0.0: "friction", np.inf: "drag"}  #: by lambda
 BETA, LAMBDA = r"$\beta$", r"$\lambda = \zeta/\mu$"
 _MODEL = ["model", "e_sp", "k_l", "k_b"]
 _COULOMB = "disk"  #: the model whose mu is a coefficient of Coulomb friction, not that of [H 6]
@@ -55,7 +56,7 @@ def ratio(options):
 
 def limit(options):
     """Whether a row's options have friction only or drag only; None between them."""
-    return {0.0: "friction", np.inf: "drag"}.get(ratio(options))
+    return _LIMIT_AT.get(ratio(options))
 
 
 def _planar(measured):
@@ -212,7 +213,7 @@ def _crossovers(exponents, by, dim, label, known):
                     quantities.append(Quantity(f"beta, fitted end ({limit}): {name}", getattr(fit, part),
                                                getattr(fit, part + "_error"), published.exponent(dim, limit)))
         for row in group.itertuples():
-            limit = {0.0: "friction", np.inf: "drag"}.get(row.lam)
+            limit = _LIMIT_AT.get(row.lam)
             quantities.append(Quantity(f"beta at lambda = {row.lam:g}: {name}", row.beta, row.beta_error,
                                        published.exponent(dim, limit) if limit else None, row.note))
         curves.append((name, group, *found))
@@ -399,7 +400,6 @@ def draw_profiles(measured):
     """[H 5]: velocity on the axis against height for several widths, and at the orifice against the width."""
     table = with_limit(measured)
     lams = sorted(table["lam"].unique())
-    names = {0.0: "friction", np.inf: "drag"}
     titles = {0.0: r"$\lambda = 0$", np.inf: r"$\lambda = \infty$"}
     figure, panels = plt.subplots(1, len(lams) + 1, figsize=(3.6 * (len(lams) + 1), 3.9), layout="constrained")
     quantities, last = [], panels[-1]
@@ -419,7 +419,7 @@ def draw_profiles(measured):
         color = plotting.COLORS[i % 8]
         last.errorbar(points["hopper_width"], points["v"], points["v_error"].fillna(0), fmt=plotting.MARKERS[i % 8],
                       color=color, capsize=2.5, label=titles.get(lam, rf"$\lambda$ = {lam:g}"))
-        known = published.VELOCITY[names.get(lam, "crossover")]
+        known = published.VELOCITY[_LIMIT_AT.get(lam, "crossover")]
         name = f"exponent of v_g(h = 0) in w, lambda = {lam:g}"
         try:
             slope, error, factor, chi2 = power_law(points, "hopper_width", "v")
