@@ -50,7 +50,7 @@ def draw_flow(left, right, fits, labels):
         clogged |= (Q == 0).any()
         style = {"fmt": marker, "color": color, "capsize": 2.5, "elinewidth": 1, "markeredgecolor": "white",
                  "markeredgewidth": 0.4, "zorder": 3}
-        left.errorbar(w[flowing], Q[flowing], np.nan_to_num(error[flowing]), label=label, **style)
+        plotting.errorbar(left, w[flowing], Q[flowing], error[flowing], label=label, **style)
         if (~flowing & np.isfinite(Q)).any():
             left.plot(w[~flowing], np.zeros((~flowing).sum()), "x", color=color, ms=6, mew=1.3, clip_on=False, zorder=4)
         if row.fit is None:
@@ -61,8 +61,8 @@ def draw_flow(left, right, fits, labels):
             grid = row.reference_fit.k + (w.max() * 1.04 - row.reference_fit.k) * np.linspace(0, 1, 400) ** 2
             left.plot(grid, row.reference_fit(grid), "--", color=color, lw=1, alpha=0.7)
         x = w[flowing] - row.fit.k
-        right.errorbar(x, Q[flowing] / row.fit.C, np.nan_to_num(error[flowing]) / row.fit.C,
-                       label=rf"$\beta$ = {script.with_error(row.fit.beta, row.fit.beta_error)}", **style)
+        plotting.errorbar(right, x, Q[flowing] / row.fit.C, error[flowing] / row.fit.C,
+                          label=rf"$\beta$ = {script.with_error(row.fit.beta, row.fit.beta_error)}", **style)
         line = np.geomspace(x.min() / 1.15, x.max() * 1.15, 50)
         right.plot(line, line**row.fit.beta, color=color, lw=1.3)
         spans.append((x.min(), x.max()))

@@ -17,9 +17,9 @@ def draw_curves(axes, fits, along):
     for i, row in enumerate(fits.itertuples()):
         color, marker = plotting.COLORS[i % len(plotting.COLORS)], plotting.MARKERS[i % len(plotting.MARKERS)]
         x, P, low, high = (row.data[c].to_numpy(float) for c in (along, "P", "P_low", "P_high"))
-        axes.errorbar(x, P, [P - low, high - P], fmt=marker, color=color, capsize=2.5, elinewidth=1,
-                      markeredgecolor="white", markeredgewidth=0.4, zorder=3,
-                      label=", ".join(f"{SYMBOLS[column]} = {getattr(row, column):g}" for column in differ))
+        plotting.errorbar(axes, x, P, [P - low, high - P], fmt=marker, color=color, capsize=2.5, elinewidth=1,
+                          markeredgecolor="white", markeredgewidth=0.4, zorder=3,
+                          label=", ".join(f"{SYMBOLS[column]} = {getattr(row, column):g}" for column in differ))
         if row.fit is not None:
             grid = np.linspace(x.min(), x.max(), 400)
             axes.plot(grid, row.fit(grid), color=color, lw=1.3)
@@ -31,8 +31,8 @@ def draw_middles(axes, fits, x, along):
     """Where P_clog is one half, along `along`, against the column x."""
     known = fits[fits["fit"].notna()]
     if len(known):
-        axes.errorbar(known[x], known["x0"], known["x0_error"].fillna(0), fmt="o", capsize=2.5, color=plotting.COLORS[0],
-                      zorder=3)
+        plotting.errorbar(axes, known[x], known["x0"], known["x0_error"], fmt="o", capsize=2.5, color=plotting.COLORS[0],
+                          zorder=3)
     axes.set(xlabel=SYMBOLS[x], ylabel=MIDDLES[along])
     axes.ticklabel_format(axis="x", scilimits=(-3, 3), useMathText=True)
 
@@ -67,8 +67,8 @@ def draw_avalanches(left, right, points, x, fit):
     for own, phi_c, style in _kinds(points):
         of = points[own]
         s, error = of["s"] * scale[own], (of["s_error"] * scale[own]).fillna(0)
-        left.errorbar(x[own], s, error, label=rf"$\phi_c$ = {phi_c:g}", **style)
-        right.errorbar(x[own] ** 2, np.log1p(of["s"]), error / (of["s"] + 1), **style)
+        plotting.errorbar(left, x[own], s, error, label=rf"$\phi_c$ = {phi_c:g}", **style)
+        plotting.errorbar(right, x[own] ** 2, np.log1p(of["s"]), error / (of["s"] + 1), **style)
     grid = np.linspace(0, x.max() * 1.05, 400)
     left.plot(grid, np.minimum(clog.avalanche_law(grid, fit.A, fit.B), n), color="0.3", lw=1.2)
     left.axhline(n, ls="--", color="0.6", lw=0.9)
@@ -83,8 +83,8 @@ def draw_probabilities(axes, points, x, fit):
     """P_clog against x = w/delta* with [T 4.19]."""
     for own, phi_c, style in _kinds(points):
         of = points[own]
-        axes.errorbar(x[own], of["P"], [of["P"] - of["P_low"], of["P_high"] - of["P"]], label=rf"$\phi_c$ = {phi_c:g}",
-                      **style)
+        plotting.errorbar(axes, x[own], of["P"], [of["P"] - of["P_low"], of["P_high"] - of["P"]],
+                          label=rf"$\phi_c$ = {phi_c:g}", **style)
     grid = np.linspace(0, x.max() * 1.05, 400)
     axes.plot(grid, clog.clog_law(grid, fit.A, fit.B, commonest(points["n"])), "--", color="0.3", lw=1.2,
               label=r"[T 4.19] of $\langle s\rangle$")

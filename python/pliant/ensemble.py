@@ -61,7 +61,13 @@ def average(table, by, value, error=None):
     errors = np.sqrt(variance / (free + 1))
     rows = [dict(zip(by, key)) | {value: mean, value + "_error": one, "runs": len(v), "values": v}
             for (key, _), mean, one, v in zip(found, means, errors, values)]
-    return pd.DataFrame(rows, columns=[*by, value, value + "_error", "runs", "values"])
+    return _points(rows, known, by, value)
+
+
+def _points(rows, table, by, value):
+    """The rows as a table, with columns of the same types where there are none."""
+    points = pd.DataFrame(rows, columns=[*by, value, value + "_error", "runs", "values"])
+    return points.astype({**table[list(by)].dtypes, value: float, value + "_error": float}) if not rows else points
 
 
 def scatter(table, by, value, trials=None):
@@ -79,7 +85,7 @@ def scatter(table, by, value, trials=None):
             p = ((values * count).sum() + 0.5) / (count.sum() + 1)
             error = np.fmax(error, np.sqrt(p * (1 - p) / count.sum()))
         rows.append(dict(zip(by, key)) | {value: values.mean(), value + "_error": error, "runs": m, "values": values})
-    return pd.DataFrame(rows, columns=[*by, value, value + "_error", "runs", "values"])
+    return _points(rows, known, by, value)
 
 
 def draws(points, value, count=None, seed=1):

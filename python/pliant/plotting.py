@@ -33,6 +33,12 @@ def symbol(i):
     return {"marker": MARKERS[k], "color": COLORS[k], "markerfacecolor": "white" if turn % 2 else COLORS[k]}
 
 
+def errorbar(axes, x, y, error=None, xerr=None, **style):
+    """As axes.errorbar; where an error is not known there is no bar. (Matplotlib itself fails where none is.)"""
+    known = (None if e is None else np.nan_to_num(np.asarray(e, float), posinf=0) for e in (error, xerr))
+    return axes.errorbar(x, y, *known, **style)
+
+
 def save(figure, *paths):
     """Writes the figure at 200 dpi (or as vectors), says so, and closes it."""
     for path in paths:

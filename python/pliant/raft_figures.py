@@ -22,7 +22,7 @@ def styles():
 def draw_stiffness(axes, reductions, k1):
     """k_eq against q/(p+1) of reductions (with n and the two droplets' k1), and the line of the fitted `k1` [T 2.32]."""
     for (n, table), (marker, color) in zip(reductions.groupby("n"), styles()):
-        axes.errorbar(table["x"], table["k_eq"], table["k_error"], fmt=marker, color=color, label=f"$N = {n}$")
+        plotting.errorbar(axes, table["x"], table["k_eq"], table["k_error"], fmt=marker, color=color, label=f"$N = {n}$")
     x = np.array([0, reductions["x"].max()])
     two = reductions["k1"].iloc[0]
     axes.plot(x, k1 * x, color="black", label=f"$k_1 = {k1:.2f}$")
@@ -65,7 +65,7 @@ def draw_fractures(axes, points, kind, y):
     heights = []
     for (label, group), (marker, color) in zip(points.groupby("n") if by_size else [(None, points)], styles()):
         name = f"$N = {label}$" if by_size else None
-        axes.errorbar(group[x], group[y], group[y + "_error"].fillna(0), fmt=marker, color=color, capsize=2, label=name)
+        plotting.errorbar(axes, group[x], group[y], group[y + "_error"], fmt=marker, color=color, capsize=2, label=name)
         if kind == "phi" and (group[y] * group[x] * (1 - group[x])).sum() > 0:
             peak, error = raft.fit_excess(group[x], group[y])
             phi = np.linspace(0, 1, 200)

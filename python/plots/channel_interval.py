@@ -32,9 +32,9 @@ def main():
             value, error = figures.entries(rows, quantity, arguments.region)
             slope = result[EXPONENTS[quantity]][arguments.region]
             color = plotting.COLORS[i % len(plotting.COLORS)]
-            axes.errorbar(x, value, error, marker=plotting.MARKERS[i % len(plotting.MARKERS)], linestyle="",
-                          color=color, capsize=2.5, elinewidth=0.9,
-                          label=f"{name}: {script.with_error(slope['value'], slope['error'])}")
+            plotting.errorbar(axes, x, value, error, marker=plotting.MARKERS[i % len(plotting.MARKERS)], linestyle="",
+                              color=color, capsize=2.5, elinewidth=0.9,
+                              label=f"{name}: {script.with_error(slope['value'], slope['error'])}")
             ends = result["exponent_fit"]["range"]
             if np.isfinite(slope["value"]) and isinstance(ends, list):
                 fitted = (x >= ends[0] * 0.999) & (x <= ends[1] * 1.001) & (value > 0)

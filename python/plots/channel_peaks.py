@@ -26,10 +26,10 @@ def main():
         x = [row["relative_radius"] for row in rows]
         for axes, quantity in zip(panels, ("dr_na", figures.d2(arguments))):
             peaks = [{quantity: {arguments.region: row[quantity][arguments.region]["peak"]}} for row in rows]
-            axes.errorbar(x, *figures.entries(peaks, quantity, arguments.region), capsize=2.5, elinewidth=0.9,
-                          marker=plotting.MARKERS[i % len(plotting.MARKERS)], linestyle="",
-                          color=plotting.COLORS[i % len(plotting.COLORS)],
-                          label=rf"{name}, $\delta$ = {result['polydispersity']:.2f}")
+            plotting.errorbar(axes, x, *figures.entries(peaks, quantity, arguments.region), capsize=2.5, elinewidth=0.9,
+                              marker=plotting.MARKERS[i % len(plotting.MARKERS)], linestyle="",
+                              color=plotting.COLORS[i % len(plotting.COLORS)],
+                              label=rf"{name}, $\delta$ = {result['polydispersity']:.2f}")
             axes.set(xlabel=rf"$R/{figures.R}$", ylabel=f"peak less mean of  {figures.LABELS[quantity]}")
     for axes in panels:
         axes.axhline(0, color="0.7", lw=0.8, zorder=0)

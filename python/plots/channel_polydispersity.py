@@ -30,7 +30,7 @@ def main():
         region = "centre" if quantity == "rotation" else arguments.region
         delta, value, error, _ = figures.by_polydispersity(
             named, lambda result: (result["clock"] if arguments.clock else result)[quantity][region])
-        axes.errorbar(delta, value, np.nan_to_num(error), fmt="o", capsize=2.5, elinewidth=0.9)
+        plotting.errorbar(axes, delta, value, error, fmt="o", capsize=2.5, elinewidth=0.9)
         good = np.isfinite(value)
         if np.ptp(delta[good]) > 0 if good.any() else False:
             slope, intercept = np.polyfit(delta[good], value[good], 1)

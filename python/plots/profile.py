@@ -68,7 +68,7 @@ def at_orifice(axis, runs, curves, colors):
     w = np.array([run.geometry.w for run in runs])
     value, error = np.array([[np.interp(0, h, v), np.interp(0, h, e)] for h, v, e in curves]).T
     for x, v, e, color in zip(w, value, error, colors):
-        axis.errorbar(x, v, e, fmt="o", color=color, capsize=2.5, zorder=3)
+        plotting.errorbar(axis, x, v, e, fmt="o", color=color, capsize=2.5, zorder=3)
     middle = np.exp(np.log(w).mean()), np.exp(np.log(np.abs(value[value != 0])).mean()) if (value != 0).any() else 1.0
     line = np.geomspace(w.min() / 1.1, w.max() * 1.1, 20)
     for power, style, label in ((0.5, "--", r"$w^{1/2}$ (friction)"), (-0.5, ":", r"$w^{-1/2}$ (drag)")):

@@ -468,6 +468,28 @@ def test_figure_6_compares_angles(tmp_path):
     assert middle.error / middle.value < ratio.error / ratio.value < middle.error / middle.value + 0.02
 
 
+def test_figure_6_of_the_limits_alone(tmp_path):
+    """No run has both forces, nor a ratio of them."""
+    data = flow_rows((0.0, np.inf), crossing_law, hopper_angle=30.0, drag_friction_ratio=np.nan)
+    found = drawn("H6", data, tmp_path)
+    assert found["beta at lambda = inf: theta_w = 30"].value == pytest.approx(0.5, abs=0.1)
+    assert not any("F_zeta" in name for name in found)
+
+
+@pytest.mark.parametrize("name", ["H4", "H12"])
+def test_exponents_without_an_error(name, tmp_path):
+    """Three widths, one seed, and runs too short for blocks: points without bars."""
+    data = pd.concat([flow_rows(LAMS, crossing_law, n=n) for n in (800, 1600)], ignore_index=True)
+    data = data[(data["seed"] == 1) & data["hopper_width"].isin((3, 6, 10))]
+    found = drawn(name, data.assign(Q_error=np.nan), tmp_path)
+    assert all(np.isnan(q.error) for key, q in found.items() if key.startswith("beta at"))
+
+
+def test_runs_without_a_rate():
+    with pytest.raises(PliantError, match="no lambda has enough widths"):
+        command.FIGURES["H4"].draw(flow_rows(LAMS, crossing_law).assign(Q=np.nan))
+
+
 def test_deformable_particles_between_the_limits(tmp_path, capsys):
     """[H 4] has those of the flat bottom; [H 6] a curve of its own for each angle and model."""
     smooth = {"model": "smooth", "drag_friction_ratio_error": 0.01}

@@ -70,10 +70,10 @@ def _draw_against_size(measured, prefix, ylabel):
     for i, (name, rows) in enumerate(_by_delta(measured)):
         for axes, quantity in zip(panels, MOTION):
             points = ensemble.average(rows.assign(size=rows["relative_radius"].round(3)), ["size"], prefix + quantity)
-            axes.errorbar(points["size"], points[prefix + quantity], points[prefix + quantity + "_error"].fillna(0),
-                          marker=plotting.MARKERS[i % len(plotting.MARKERS)], ls="-" if prefix == "" else "", lw=0.8,
-                          color=plotting.COLORS[i % len(plotting.COLORS)], capsize=2, elinewidth=0.8, ms=4.5,
-                          mfc="none" if i >= len(plotting.COLORS) else None, label=name)
+            plotting.errorbar(axes, points["size"], points[prefix + quantity], points[prefix + quantity + "_error"],
+                              marker=plotting.MARKERS[i % len(plotting.MARKERS)], ls="-" if prefix == "" else "", lw=0.8,
+                              color=plotting.COLORS[i % len(plotting.COLORS)], capsize=2, elinewidth=0.8, ms=4.5,
+                              mfc="none" if i >= len(plotting.COLORS) else None, label=name)
             axes.set(xlabel=rf"$R/{R}$", ylabel=ylabel.format(LABEL[quantity]))
     panels[0].legend(ncols=2, fontsize="small")
     return figure, panels
@@ -342,8 +342,8 @@ def draw_choices(measured):
             value, error = points[column], points[column + "_error"].fillna(0)
             axes.axvspan(value[""] - error[""], value[""] + error[""], color=color, alpha=0.25, lw=0)
             at = [c for c in order if c in points.index]
-            axes.errorbar(value[at], [places[c] + 0.2 * i for c in at], xerr=error[at], fmt=plotting.MARKERS[i], ms=4,
-                          color=color, capsize=2, elinewidth=0.8, label=name)
+            plotting.errorbar(axes, value[at], [places[c] + 0.2 * i for c in at], xerr=error[at], fmt=plotting.MARKERS[i],
+                              ms=4, color=color, capsize=2, elinewidth=0.8, label=name)
             axes.set(xlabel=text)
             quantities += [Quantity(f"{column}, {name}" + (f", {c}" if c else ""), float(value[c]), float(
                 points[column + "_error"][c])) for c in ["", *at]]

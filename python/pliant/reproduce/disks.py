@@ -31,8 +31,8 @@ def _line(points, value):
 
 
 def _draw_points(axes, points, value, label):
-    axes.errorbar(points["delta"], points[value], points[value + "_error"].fillna(0), fmt="o", capsize=2.5,
-                  color=plotting.COLORS[0], label="ours")
+    plotting.errorbar(axes, points["delta"], points[value], points[value + "_error"], fmt="o", capsize=2.5,
+                      color=plotting.COLORS[0], label="ours")
     axes.set(xlabel=DELTA, ylabel=label)
 
 
@@ -98,8 +98,8 @@ def draw_intervals(measured):
                                         (published.NON_AFFINE_POWER, published.D2_POWER)):
         for delta, color in zip(deltas, colors):
             curve = ensemble.average(measured[measured["polydispersity"].round(3) == delta], ["relative"], name)
-            axes.errorbar(curve["relative"], curve[name], curve[name + "_error"].fillna(0), fmt="o", ms=3.5, color=color,
-                          label=rf"$\delta$ = {delta:g}")
+            plotting.errorbar(axes, curve["relative"], curve[name], curve[name + "_error"], fmt="o", ms=3.5, color=color,
+                              label=rf"$\delta$ = {delta:g}")
         x = np.array([measured["relative"].min(), measured["relative"].max()])
         middle = ensemble.average(measured, ["relative"], name).iloc[len(curve) // 2]
         axes.plot(x, middle[name] * (x / middle["relative"]) ** known.value, "-.", color="0.3",

@@ -145,8 +145,8 @@ def draw_two_sizes(measured):
         heights = [raft.fit_excess(group["phi"], draw)[0] for draw in ensemble.draws(group, "excess")]
         error = float(ensemble.spread(heights))
         quantities.append(Quantity(f"height of the excess, N = {n}", height, error))
-        right.errorbar(group["phi"], group["excess"] / height, group["excess_error"].fillna(0) / height, fmt=marker,
-                       color=color, capsize=2, label=rf"$N = {n}$, $\Delta N_{{peak}}$ = {with_error(height, error)}")
+        plotting.errorbar(right, group["phi"], group["excess"] / height, group["excess_error"] / height, fmt=marker,
+                          color=color, capsize=2, label=rf"$N = {n}$, $\Delta N_{{peak}}$ = {with_error(height, error)}")
         for row in mixed[mixed["n"] == n].itertuples():
             law = raft.excess_fractures(row.phi, 1.0)
             quantities.append(Quantity(f"excess over its height at phi = {row.phi:g}, N = {n}", row.excess / height,
@@ -169,8 +169,8 @@ def draw_polydispersity(measured):
                                       (measured[~one], "two kinds", "o", plotting.COLORS[1])):
         for i, (n, points) in enumerate(ensemble.scatter(data, ["n", "delta"], "peaks").groupby("n")):
             name = f"{kind}, N = {n}" if several else kind
-            axes.errorbar(points["delta"], points["peaks"], points["peaks_error"].fillna(0), fmt=marker, color=color,
-                          mfc="white" if i else color, capsize=2, label=name.replace("N", "$N$"))
+            plotting.errorbar(axes, points["delta"], points["peaks"], points["peaks_error"], fmt=marker, color=color,
+                              mfc="white" if i else color, capsize=2, label=name.replace("N", "$N$"))
             quantities += [Quantity(f"peaks at delta = {row.delta:.4g}, {name}", row.peaks, row.peaks_error)
                            for row in points.itertuples()]
     axes.set(xlabel=raft_figures.FRACTURES["delta"][1], ylabel="peaks", ylim=(0, None))
@@ -337,7 +337,7 @@ def draw_collapse(measured):
     _published_law(left, x, lambda grid, A, B: np.minimum(clog.avalanche_law(grid, A, B), n))
     left.legend()
     for i, (name, one) in enumerate(fits.items()):
-        right.errorbar(one.B, i, xerr=np.nan_to_num(one.B_error), fmt="o", capsize=2.5, color=plotting.COLORS[0])
+        plotting.errorbar(right, one.B, i, xerr=one.B_error, fmt="o", capsize=2.5, color=plotting.COLORS[0])
         if name != "all":
             words, quality = _FITS.get(name, f"{name} alone"), f"chi2/dof {one.chi2_reduced:.3g}, {one.points} points"
             quantities += [Quantity(f"{part}, {words}", getattr(one, part), getattr(one, part + "_error"),

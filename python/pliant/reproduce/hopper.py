@@ -228,8 +228,8 @@ def _draw_crossovers(axes, curves, dim, lam_c, **legend):
     for i, (name, group, held, free) in enumerate(curves):
         color, marker = plotting.COLORS[i % len(plotting.COLORS)], plotting.MARKERS[i % len(plotting.MARKERS)]
         lam = np.clip(group["lam"].to_numpy(float), *edges)
-        axes.errorbar(lam, group["beta"], group["beta_error"], fmt=marker, color=color, capsize=2.5, label=name, zorder=3,
-                      clip_on=False)
+        plotting.errorbar(axes, lam, group["beta"], group["beta_error"], fmt=marker, color=color, capsize=2.5, label=name,
+                          zorder=3, clip_on=False)
         if free:
             axes.plot(grid, free(grid), color=color, lw=1.2)
         if held:
@@ -327,14 +327,17 @@ def draw_angles(measured):
     models = exponents.drop_duplicates(_MODEL)
     figure, panels = plt.subplots(len(models), 3, figsize=(14, 4.2 * len(models)), layout="constrained", squeeze=False,
                                   gridspec_kw={"width_ratios": [1.6, 1, 1]})
-    ratios = ensemble.average(table, ["lam", *by], "drag_friction_ratio") if "drag_friction_ratio" in table else None
+    both = "drag_friction_ratio" in table and table["drag_friction_ratio"].notna().any()  # friction and drag act
+    ratios = ensemble.average(table, ["lam", *by], "drag_friction_ratio") if both else None
     for (left, middle, right), (_, model) in zip(panels, models.iterrows()):
         own = [(angle(group.iloc[0]), group, *fits) for _, group, *fits in curves if _same_model(group, model).all()]
         name = model_label(model) if several else ""
         _draw_crossovers(left, own, 2, published.LAMBDA_C_ANGLE.values(), loc="lower left", bbox_to_anchor=(0, 1), ncols=2,
                          title=name, alignment="left")
         _draw_lambda_c(middle, own)
-        if ratios is not None:
+        if ratios is None:
+            right.set_axis_off()
+        else:
             quantities += _draw_ratios(right, ratios[_same_model(ratios, model)], own, f", {name}" if several else "")
     return figure, [_renamed(Quantity(q.name.replace(r"\theta_w", "theta_w").replace("°", ""), q.value, q.error,
                                       q.published, q.note), 2) for q in quantities]
@@ -351,8 +354,8 @@ def _draw_lambda_c(axes, curves):
         points = [(group["hopper_angle"].iloc[0], fit) for _, group, *fits in curves
                   if (fit := fits[i]) and np.isfinite(fit.lam_c_error)]
         if points:
-            axes.errorbar([a for a, _ in points], [f.lam_c for _, f in points], [f.lam_c_error for _, f in points],
-                          fmt=style, capsize=2.5, label=kind)
+            plotting.errorbar(axes, [a for a, _ in points], [f.lam_c for _, f in points], [f.lam_c_error for _, f in points],
+                              fmt=style, capsize=2.5, label=kind)
     axes.plot(list(published.LAMBDA_C_ANGLE), [p.value for p in published.LAMBDA_C_ANGLE.values()], "k*", ms=8,
               label="[H]")
     axes.set(xlabel=r"$\theta_w$  [degrees]", ylabel=r"$\lambda_c$", yscale="log")
@@ -365,9 +368,9 @@ def _draw_ratios(axes, ratios, curves, end):
     quantities = []
     finite = ratios[(ratios["lam"] > 0) & np.isfinite(ratios["lam"])]
     for i, (lam, group) in enumerate(finite.groupby("lam")):
-        error = np.nan_to_num(group["drag_friction_ratio_error"])
-        axes.errorbar(group["hopper_angle"], group["drag_friction_ratio"], error, fmt=plotting.MARKERS[i % 8] + "-",
-                      capsize=2.5, color=plotting.COLORS[i % 8], label=rf"$\lambda$ = {lam:g}")
+        plotting.errorbar(axes, group["hopper_angle"], group["drag_friction_ratio"], group["drag_friction_ratio_error"],
+                          fmt=plotting.MARKERS[i % 8] + "-", capsize=2.5, color=plotting.COLORS[i % 8],
+                          label=rf"$\lambda$ = {lam:g}")
         if lam == 0.01 and len(group) > 1:
             quantities += [Quantity(f"|F_zeta|/|F_mu| at lambda = 0.01, theta_w = {row.hopper_angle:g}{end}",
                                     row.drag_friction_ratio, row.drag_friction_ratio_error) for row in group.itertuples()]
@@ -417,8 +420,8 @@ def draw_profiles(measured):
         axes.legend(title=r"$w/\sigma_{avg}$", ncols=2)
         points = ensemble.average(own[own["height"] == own["height"].min()], ["hopper_width"], "v")
         color = plotting.COLORS[i % 8]
-        last.errorbar(points["hopper_width"], points["v"], points["v_error"].fillna(0), fmt=plotting.MARKERS[i % 8],
-                      color=color, capsize=2.5, label=titles.get(lam, rf"$\lambda$ = {lam:g}"))
+        plotting.errorbar(last, points["hopper_width"], points["v"], points["v_error"], fmt=plotting.MARKERS[i % 8],
+                          color=color, capsize=2.5, label=titles.get(lam, rf"$\lambda$ = {lam:g}"))
         known = published.VELOCITY[_LIMIT_AT.get(lam, "crossover")]
         name = f"exponent of v_g(h = 0) in w, lambda = {lam:g}"
         try:
@@ -455,12 +458,12 @@ def _against(axes, fits, x, quantity, x_label, label, references=None):
         name = LIMIT_NAMES[limit] + (f", $K_l$ = {k_l:g}" if several else "")
         held = group[group["reference_fit"].notna()]
         values = np.array([_held(row, quantity) for _, row in held.iterrows()]).reshape(-1, 2)
-        axes.errorbar(held[x], values[:, 0], np.nan_to_num(values[:, 1]), fmt=marker + "-", lw=0.9, color=color, capsize=2.5,
-                      label=name)
+        plotting.errorbar(axes, held[x], values[:, 0], values[:, 1], fmt=marker + "-", lw=0.9, color=color, capsize=2.5,
+                          label=name)
         free = group[group["fit"].notna()]
         values = np.array([(getattr(f, quantity), getattr(f, quantity + "_error")) for f in free["fit"]]).reshape(-1, 2)
-        axes.errorbar(free[x] * 1.04, values[:, 0], np.nan_to_num(values[:, 1]), fmt=marker, color=color, mfc="white",
-                      alpha=0.6, lw=0.8)
+        plotting.errorbar(axes, free[x] * 1.04, values[:, 0], values[:, 1], fmt=marker, color=color, mfc="white", alpha=0.6,
+                          lw=0.8)
     for i, limit in enumerate(LIMIT_NAMES):
         for one in (references or {}).get(limit, ()):
             axes.axhline(one.value, color=plotting.COLORS[i], ls="-.", lw=0.9)
@@ -570,8 +573,8 @@ def _collapse(axes, fits, limit):
     for i, (_, row) in enumerate(group.iterrows()):
         data, fit = row["data"], row["reference_fit"]
         above = data["hopper_width"] > fit.k + _AT_BOUND
-        axes.errorbar(data["hopper_width"][above] - fit.k, data["Q"][above] / fit.C,
-                      data["Q_error"][above].fillna(0) / fit.C, ls="", capsize=2, label=model_label(row), **plotting.symbol(i))
+        plotting.errorbar(axes, data["hopper_width"][above] - fit.k, data["Q"][above] / fit.C,
+                          data["Q_error"][above] / fit.C, ls="", capsize=2, label=model_label(row), **plotting.symbol(i))
     if len(group):
         beta = group["reference"].iloc[0]
         x = np.geomspace(0.3, 10, 50)
@@ -641,8 +644,8 @@ def draw_size(measured):
         if len(group) < 2:
             continue
         C, error = np.array([_held(row, "C") for _, row in group.iterrows()]).T
-        right.errorbar(group["n"], C / C[0], error / C[0], fmt=plotting.MARKERS[i], color=plotting.COLORS[i], capsize=2.5,
-                       label=name)
+        plotting.errorbar(right, group["n"], C / C[0], error / C[0], fmt=plotting.MARKERS[i], color=plotting.COLORS[i],
+                          capsize=2.5, label=name)
         n = group["n"].to_numpy(float)
         (power, offset), covariance = np.polyfit(np.log(n), np.log(C), 1, w=C / error, cov="unscaled") \
             if len(n) > 2 else (np.polyfit(np.log(n), np.log(C), 1), np.full((2, 2), np.nan))

@@ -152,8 +152,8 @@ def _rows(axes, labels, beta, error, soft, exponents):
     for there, face, label in ((soft, None, "softer contacts"),
                                (~soft, "white", "contacts of 10$^4$ and more")):
         if there.any():
-            axes.errorbar(beta[there], y[there], xerr=np.nan_to_num(error[there]), fmt="o", mfc=face, capsize=2.5,
-                          color=plotting.COLORS[0], label=label)
+            plotting.errorbar(axes, beta[there], y[there], xerr=error[there], fmt="o", mfc=face, capsize=2.5,
+                              color=plotting.COLORS[0], label=label)
     axes.set_yticks(y, labels=labels)
     axes.set_ylim(len(labels) - 0.4, -0.6)
     axes.tick_params(axis="y", length=0)
@@ -335,7 +335,7 @@ def draw_coefficients(measured):
             points = points.sort_values(COEFFICIENT[limit])
             x, (beta, error) = points[COEFFICIENT[limit]].to_numpy(float), _beta(points)
             color, marker = plotting.COLORS[i % len(plotting.COLORS)], plotting.MARKERS[i % len(plotting.MARKERS)]
-            top.errorbar(x, beta, error, fmt=marker + "-", color=color, lw=1, capsize=2.5, label=_tidy(curve))
+            plotting.errorbar(top, x, beta, error, fmt=marker + "-", color=color, lw=1, capsize=2.5, label=_tidy(curve))
             bottom.plot(x, _chi2(points, "reference_fit"), marker + "-", color=color, lw=1)
             bottom.plot(x, _chi2(points, "opposite_fit"), marker + "--", color=color, lw=0.8, mfc="white")
             for row in (points.iloc[j] for j in range(len(points))):
@@ -418,9 +418,9 @@ def draw_duration(measured):
         points = points.sort_values("t_end")
         widest = pd.DataFrame([data.iloc[-1] for data in points["data"]])
         style = {"fmt": plotting.MARKERS[i % 8] + "-", "color": plotting.COLORS[i % 8], "lw": 1, "capsize": 2.5}
-        left.errorbar(points["t_end"], *_beta(points), label=_tidy(curve), **style)
-        right.errorbar(points["t_end"], widest["Q"], widest["Q_error"],
-                       label=f"$w$ = {widest['hopper_width'].iloc[0]:g}", **style)
+        plotting.errorbar(left, points["t_end"], *_beta(points), label=_tidy(curve), **style)
+        plotting.errorbar(right, points["t_end"], widest["Q"], widest["Q_error"],
+                          label=f"$w$ = {widest['hopper_width'].iloc[0]:g}", **style)
     exponents = _published(fits["dim"].iloc[0])
     _windows(left, _span(*_beta(fits), exponents), exponents)
     left.set(xscale="log", xlabel=r"duration  $t_{end}/t_0$", ylabel=BETA)
