@@ -811,6 +811,15 @@ def test_residuals_of_the_published_and_of_the_opposite_exponent():
         5 / 3 * wrong**2 / (0.01**2 / 3), rel=0.5)
 
 
+@pytest.mark.filterwarnings("error::UserWarning", "error::RuntimeWarning")
+def test_a_reading_without_an_exponent():
+    """Its widths are too few, in drag alone those of all: a row without a point, and no warning."""
+    few = pd.concat([reading_rows("friction", 1.5, mu=8.505), reading_rows("drag", 0.5)])
+    few = few[few["hopper_width"] < 5]
+    found = drawn("readings", pd.concat([reading_rows("friction", 2.2), few], ignore_index=True))
+    assert np.isnan(found["beta: printed, drag only"].value) and np.isfinite(found["beta: printed, friction only"].value)
+
+
 def test_readings_are_fitted_again_without_the_narrowest_orifice():
     """Where the narrowest one is not of the law, the fit without it finds the law; runs without one are fitted once."""
     data = reading_rows("drag", 0.5)

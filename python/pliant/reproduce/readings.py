@@ -142,15 +142,17 @@ def _windows(axes, span, exponents, horizontal=True):
 
 
 def _span(beta, error, exponents):
-    low, high = np.nanmin(beta - np.nan_to_num(error)), np.nanmax(beta + np.nan_to_num(error))
-    return min(low, min(exponents) - NEAR) - 0.1, max(high, max(exponents) + NEAR) + 0.1
+    error, known = np.nan_to_num(error), np.isfinite(beta)
+    return ((beta - error)[known].min(initial=min(exponents) - NEAR) - 0.1,
+            (beta + error)[known].max(initial=max(exponents) + NEAR) + 0.1)
 
 
 def _rows(axes, labels, beta, error, soft, exponents):
     """Exponents, a row each from the top; open where the contacts are harder than the printed ones."""
     y = np.arange(len(labels))
-    for there, face, label in ((soft, None, "softer contacts"),
-                               (~soft, "white", "contacts of 10$^4$ and more")):
+    known = np.isfinite(beta)
+    for there, face, label in ((known & soft, None, "softer contacts"),
+                               (known & ~soft, "white", "contacts of 10$^4$ and more")):
         if there.any():
             plotting.errorbar(axes, beta[there], y[there], xerr=error[there], fmt="o", mfc=face, capsize=2.5,
                               color=plotting.COLORS[0], label=label)
