@@ -1245,4 +1245,5 @@ def test_every_kept_quantity_is_of_all_that_is_kept():
         common = ["cpu_hours", "commit", "seeds", "table"]
         if len(rows[common].drop_duplicates()) > 1 or (rows[common].iloc[0] != expected[common]).any():
             stale.append(f"{name} {level}")
+    assert not table["commit"].str.contains("dirty").any()
     assert not stale, "draw these again with --kept, and put their rows into validation/reproduced.csv"
