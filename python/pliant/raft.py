@@ -24,7 +24,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
-from scipy.optimize import curve_fit
 from scipy.signal import find_peaks
 
 from .errors import RunError
@@ -167,19 +166,22 @@ class Compression:
         return judge_fractures(self.events["position"][inside], self.events["broken"][inside] > 0, FRACTURE_REACH * self.d_eq)
 
 
+def _slope(x, y):
+    """(slope of a line through the origin, its standard error from the scatter about it: NaN for a single point)."""
+    x, y = np.asarray(x, float), np.asarray(y, float)
+    slope = x @ y / (x @ x)
+    return slope, np.sqrt(((y - slope * x) ** 2).sum() / (len(x) - 1) / (x @ x)) if len(x) > 1 else np.nan
+
+
 def fit_k1(reductions):
     """(k1, its standard error) from k_eq = k1 q/(p+1) [T 2.32], a line through the origin."""
     known = reductions[np.isfinite(reductions["k_eq"])]
-    if len(known) < 2:
-        return np.nan, np.nan
-    (k1,), covariance = curve_fit(lambda x, k: k * x, known["x"].to_numpy(), known["k_eq"].to_numpy(), p0=[5.0])
-    return k1, float(np.sqrt(covariance[0, 0]))
+    return _slope(known["x"], known["k_eq"]) if len(known) > 1 else (np.nan, np.nan)
 
 
 def fit_excess(phi, excess):
     """(peak, its standard error) of excess_fractures through numbers of excess fractures, of which some have 0 < phi < 1."""
-    (peak,), covariance = curve_fit(excess_fractures, np.asarray(phi, float), np.asarray(excess, float), p0=[1.0])
-    return peak, float(np.sqrt(covariance[0, 0]))
+    return _slope(excess_fractures(np.asarray(phi, float), 1.0), excess)
 
 
 def competing_fraction(reductions, judgement="competing"):

@@ -133,6 +133,8 @@ def test_laws():
     assert raft.ideal_bonds(7, 1) == 6
     phi = np.array([0.1, 0.25, 0.5, 0.9])
     assert raft.fit_excess(phi, raft.excess_fractures(phi, 7.5))[0] == pytest.approx(7.5)
+    peak, error = raft.fit_excess([0.5], [3.0])
+    assert peak == pytest.approx(3.0) and np.isnan(error)
 
 
 def write_raft(path, seed=1, **options):
