@@ -107,9 +107,8 @@ def draw_square(axes, result):
 
 
 def entries(rows, name, region):
-    """(values, errors, 0 for none) of a quantity in rows of a result."""
-    value, error = (np.array([row[name][region][part] for row in rows], float) for part in ("value", "error"))
-    return value, np.nan_to_num(error)
+    """(values, errors) of a quantity in rows of a result."""
+    return tuple(np.array([row[name][region][part] for row in rows], float) for part in ("value", "error"))
 
 
 def by_polydispersity(named, pick):

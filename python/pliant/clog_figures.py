@@ -66,7 +66,7 @@ def draw_avalanches(left, right, points, x, fit):
     scale = n / points["n"]
     for own, phi_c, style in _kinds(points):
         of = points[own]
-        s, error = of["s"] * scale[own], (of["s_error"] * scale[own]).fillna(0)
+        s, error = of["s"] * scale[own], of["s_error"] * scale[own]
         plotting.errorbar(left, x[own], s, error, label=rf"$\phi_c$ = {phi_c:g}", **style)
         plotting.errorbar(right, x[own] ** 2, np.log1p(of["s"]), error / (of["s"] + 1), **style)
     grid = np.linspace(0, x.max() * 1.05, 400)
