@@ -152,6 +152,8 @@ def test_runs_of_a_point_differ_in_the_seed_alone(one):
     ("H7", "mu,hopper_width", ("5,4", "10,4"), "-mu (5 and 10)"),
     ("H4", "mu,zeta,hopper_width", ("10,1,4", "5,1,4", "5,,4", "5,1,6"), None),
     ("H4", "mu,zeta,hopper_width", ("10,1,4", "5,0.5,4"), "-mu (10 and 5)"),
+    ("H6", "mu,hopper_width,model,e_c", ("5,4,smooth,250", "5,4,smooth,1e4"), None),
+    ("H6", "mu,hopper_width,model,e_w", ("5,4,smooth,250", "5,4,smooth,1e4"), "-e_w (250 and 10000)"),
     ("H5", "mu,hopper_width,model", ("5,4,sp", "5,4,rough"), "-model (sp and rough)"),
     ("H12", "mu,hopper_width,t_end", ("5,4,50", "5,4,100"), None),
     ("duration", "mu,hopper_width,t_end", ("5,4,50", "5,4,100"), None),
@@ -507,6 +509,18 @@ def test_deformable_particles_between_the_limits(tmp_path, capsys):
     ratio = "|F_zeta|/|F_mu| at lambda = 0.01, theta_w = 30, "
     assert found[ratio + "smooth, K_l = 10, K_b = 0.1"].value == pytest.approx(0.6)
     assert found[ratio + "soft, E_sp = 100"].value == pytest.approx(0.2)
+
+
+def test_figure_6_compares_contacts(tmp_path):
+    """Softer contacts and those as printed are curves of their own; soft particles, without any, stay one."""
+    data = pd.concat([flow_rows(LAMS, lambda lam, c=c: crossing_law(lam, c), hopper_angle=20.0, model=model, e_c=e_c)
+                      for model, e_c, c in (("smooth", 250.0, 0.01), ("smooth", 1e4, 0.1), ("sp", 250.0, 0.05),
+                                            ("sp", 1e4, 0.05))], ignore_index=True)
+    found = drawn("H6", data, tmp_path)
+    middle = "lambda_c, published ends: theta_w = 20, "
+    assert found[middle + "smooth, K_l = 10, K_b = 0.1, E_c = 250"].value == pytest.approx(0.01, rel=0.15)
+    assert found[middle + "smooth, K_l = 10, K_b = 0.1, E_c = 10000"].value == pytest.approx(0.1, rel=0.15)
+    assert found[middle + "soft, E_sp = 100"].value == pytest.approx(0.05, rel=0.15)
 
 
 def test_an_exponent_that_lambda_does_not_change(tmp_path):

@@ -19,6 +19,8 @@ COEFFICIENT = {"friction": "mu", "drag": "zeta"}
 _LIMIT_AT = {0.0: "friction", np.inf: "drag"}  #: by lambda
 BETA, LAMBDA = r"$\beta$", r"$\lambda = \zeta/\mu$"
 _MODEL = ["model", "e_sp", "k_l", "k_b"]
+#: What runs of one model may differ in beside (`_of_several`).
+_VARIANT = ["contacts", "size"]
 _COULOMB = "disk"  #: the model whose mu is a coefficient of Coulomb friction, not that of [H 6]
 _KINDS = {"soft": ("sp",), "deformable": ("rough", "smooth")}  #: of particles, with their models
 
@@ -81,18 +83,19 @@ def is_soft(measured):
 
 
 def model_label(row, latex=True):
-    """'soft, E_sp = 100' or 'smooth, K_l = 10, K_b = 0.1'; with `edges` and `size` of `_stiffness_fits`, if any."""
+    """'soft, E_sp = 100' or 'smooth, K_l = 10, K_b = 0.1'; with `edges` and `size` of `_stiffness_fits`, and `contacts` and
+    `size` of `draw_angles`, if any."""
     e_sp, k_l, k_b = ("$E_{sp}$", "$K_l$", "$K_b$") if latex else ("E_sp", "K_l", "K_b")
     if is_soft(row):
-        return f"soft, {e_sp} = {row['e_sp']:g}" + _size_label(row, latex)
+        return f"soft, {e_sp} = {row['e_sp']:g}" + _variant_label(row, latex)
     edges = ", full edges" if row.get("edges") == "full" else ""
-    return f"{row['model']}, {k_l} = {row['k_l']:g}, {k_b} = {row['k_b']:g}{edges}" + _size_label(row, latex)
+    return f"{row['model']}, {k_l} = {row['k_l']:g}, {k_b} = {row['k_b']:g}{edges}" + _variant_label(row, latex)
 
 
-def _size_label(row, latex=False):
-    """', N = 400' where a row has the `size` of `_stiffness_fits`."""
-    size = row.get("size", np.nan)
-    return f", {'$N$' if latex else 'N'} = {size:g}" if np.isfinite(size) else ""
+def _variant_label(row, latex=False):
+    """', E_c = 250' and ', N = 400' where a row has `contacts` and `size`; neither 0 nor NaN is any."""
+    values = (("$E_c$" if latex else "E_c", row.get("contacts", 0)), ("$N$" if latex else "N", row.get("size", 0)))
+    return "".join(f", {name} = {value:g}" for name, value in values if value > 0)
 
 
 def plain(measured):
@@ -310,42 +313,49 @@ def _ratio_at_crossover(ratios, fit):
     return value, value * np.hypot(slope * fit.lam_c_error / fit.lam_c, np.interp(at, x, relative))
 
 
+def _of_several(table, column):
+    """The values of a column where runs of one model have several, else 0."""
+    return table[column].where(table.groupby(_MODEL)[column].transform("nunique") > 1, 0.0)
+
+
 def draw_angles(measured):
     """[H 6]: beta against lambda for hoppers of several angles; lambda_c and the ratio of drag to friction against the
-    angle. A row of panels per model."""
+    angle. A row of panels per model; several stiffnesses of its contacts, or several N, are curves of their own."""
     table = _planar(with_limit(plain(measured)))
-    by = ["hopper_angle", *_MODEL]
+    table = table.assign(contacts=_of_several(table, "e_c").where(~is_soft(table), 0.0), size=_of_several(table, "n"))
+    by = ["hopper_angle", *_MODEL, *_VARIANT]
     several = len(table.drop_duplicates(_MODEL)) > 1
 
-    def angle(row):
-        return rf"$\theta_w$ = {row['hopper_angle']:g}°"
+    def short(row):
+        return rf"$\theta_w$ = {row['hopper_angle']:g}°" + _variant_label(row, latex=True)
 
-    exponents = _exponents(table, ["dim", *by])
-    curves, quantities = _crossovers(exponents, by, 2,
-                                     lambda row: f"{angle(row)}, {model_label(row)}" if several else angle(row),
+    def full(row):
+        return rf"$\theta_w$ = {row['hopper_angle']:g}°, {model_label(row)}" if several else short(row)
+
+    curves, quantities = _crossovers(_exponents(table, ["dim", *by]), by, 2, full,
                                      lambda key: published.LAMBDA_C_ANGLE.get(int(key[0])))
-    models = exponents.drop_duplicates(_MODEL)
+    models = pd.concat([group for _, group, *_ in curves]).drop_duplicates(_MODEL)[_MODEL]
     figure, panels = plt.subplots(len(models), 3, figsize=(14, 4.2 * len(models)), layout="constrained", squeeze=False,
                                   gridspec_kw={"width_ratios": [1.6, 1, 1]})
     both = "drag_friction_ratio" in table and table["drag_friction_ratio"].notna().any()  # friction and drag act
     ratios = ensemble.average(table, ["lam", *by], "drag_friction_ratio") if both else None
     for (left, middle, right), (_, model) in zip(panels, models.iterrows()):
-        own = [(angle(group.iloc[0]), group, *fits) for _, group, *fits in curves if _same_model(group, model).all()]
-        name = model_label(model) if several else ""
-        _draw_crossovers(left, own, 2, published.LAMBDA_C_ANGLE.values(), loc="lower left", bbox_to_anchor=(0, 1), ncols=2,
-                         title=name, alignment="left")
+        own = [(group.iloc[0], group, *fits) for _, group, *fits in curves if _same(group, model).all()]
+        _draw_crossovers(left, [(short(row), *rest) for row, *rest in own], 2, published.LAMBDA_C_ANGLE.values(),
+                         loc="lower left", bbox_to_anchor=(0, 1), ncols=2, title=model_label(model) if several else "",
+                         alignment="left")
         _draw_lambda_c(middle, own)
         if ratios is None:
             right.set_axis_off()
         else:
-            quantities += _draw_ratios(right, ratios[_same_model(ratios, model)], own, f", {name}" if several else "")
+            quantities += _draw_ratios(right, ratios[_same(ratios, model)], own, full)
     return figure, [_renamed(Quantity(q.name.replace(r"\theta_w", "theta_w").replace("°", ""), q.value, q.error,
                                       q.published, q.note), 2) for q in quantities]
 
 
-def _same_model(table, model):
-    """Which rows have the particles of the row `model`."""
-    return (table[_MODEL] == model[_MODEL]).all(axis=1)
+def _same(table, row):
+    """Which rows of a table agree with all of `row`."""
+    return (table[row.index] == row).all(axis=1)
 
 
 def _draw_lambda_c(axes, curves):
@@ -362,21 +372,23 @@ def _draw_lambda_c(axes, curves):
     axes.legend()
 
 
-def _draw_ratios(axes, ratios, curves, end):
+def _draw_ratios(axes, ratios, curves, full):
     """Drag over friction of one model against the angle of the hopper; its quantities at lambda = 0.01 and at lambda_c.
-    `end` is the end of their names."""
+    full(row) is what their names call a row."""
     quantities = []
     finite = ratios[(ratios["lam"] > 0) & np.isfinite(ratios["lam"])]
-    for i, (lam, group) in enumerate(finite.groupby("lam")):
-        plotting.errorbar(axes, group["hopper_angle"], group["drag_friction_ratio"], group["drag_friction_ratio_error"],
-                          fmt=plotting.MARKERS[i % 8] + "-", capsize=2.5, color=plotting.COLORS[i % 8],
-                          label=rf"$\lambda$ = {lam:g}")
-        if lam == 0.01 and len(group) > 1:
-            quantities += [Quantity(f"|F_zeta|/|F_mu| at lambda = 0.01, theta_w = {row.hopper_angle:g}{end}",
-                                    row.drag_friction_ratio, row.drag_friction_ratio_error) for row in group.itertuples()]
-    quantities += [Quantity(f"|F_zeta|/|F_mu| at lambda_c, free ends: {name}{end}",
-                            *_ratio_at_crossover(ratios[ratios["hopper_angle"] == group["hopper_angle"].iloc[0]], free))
-                   for name, group, _, free in curves if free]
+    for i, (lam, at_lam) in enumerate(finite.groupby("lam")):
+        for j, (_, group) in enumerate(at_lam.groupby(_VARIANT)):
+            plotting.errorbar(axes, group["hopper_angle"], group["drag_friction_ratio"], group["drag_friction_ratio_error"],
+                              fmt=plotting.MARKERS[i % 8] + "-", capsize=2.5, color=plotting.COLORS[i % 8],
+                              fillstyle="none" if j else "full",
+                              label=rf"$\lambda$ = {lam:g}" + _variant_label(group.iloc[0], latex=True))
+        if lam == 0.01 and len(at_lam) > 1:
+            quantities += [Quantity(f"|F_zeta|/|F_mu| at lambda = 0.01, {full(row)}", row["drag_friction_ratio"],
+                                    row["drag_friction_ratio_error"]) for _, row in at_lam.iterrows()]
+    quantities += [Quantity(f"|F_zeta|/|F_mu| at lambda_c, free ends: {full(row)}",
+                            *_ratio_at_crossover(ratios[_same(ratios, row[["hopper_angle", *_VARIANT]])], free))
+                   for row, _, _, free in curves if free]
     axes.set(xlabel=r"$\theta_w$  [degrees]", ylabel=r"$|F_\zeta|/|F_\mu|$, mean over $w$", yscale="log")
     if len(finite):
         axes.legend(loc="center left", bbox_to_anchor=(1, 0.5))
@@ -526,7 +538,7 @@ def _stiffness_fits(measured):
 
 def _alike(fits):
     """[(name, fits of one model and one N)] of `_stiffness_fits`, soft particles first."""
-    return [(name + _size_label(group.iloc[0], latex=True), group)
+    return [(name + _variant_label(group.iloc[0], latex=True), group)
             for model, name in (("sp", "soft"), ("smooth", "smooth"), ("rough", "rough"))
             for _, group in fits[fits["model"] == model].groupby("n")]
 
@@ -596,7 +608,7 @@ def _fall(fits, limit):
         return []
     first, last = group.iloc[0], group.iloc[-1]
     (soft, soft_error), (hard, hard_error) = _held(first, "C"), _held(last, "C")
-    name = f"C at E_sp = {first['e_sp']:g} over C at {last['e_sp']:g}{_size_label(first)}, {LIMIT_NAMES[limit]}"
+    name = f"C at E_sp = {first['e_sp']:g} over C at {last['e_sp']:g}{_variant_label(first)}, {LIMIT_NAMES[limit]}"
     return [Quantity(name, soft / hard, soft / hard * np.hypot(soft_error / soft, hard_error / hard),
                      published.C_FALL[limit], "with the published beta held")]
 
@@ -738,9 +750,9 @@ FIGURES = [
     Figure("H5", "velocity on the axis for several widths, and its exponent at the orifice", ("quick/profile",),
            ("hopper/profile",), "profiles", draw_profiles, as_run=("as-run/profile",), tells=(ratio, "hopper_width")),
     Figure("H6", "beta(lambda) and the ratio of the forces for several angles", ("quick/angle", "quick/lambda"),
-           ("hopper/angle", "hopper/angle-smooth", "hopper/lambda-smooth"), "flows", draw_angles,
+           ("hopper/angle", "hopper/angle-smooth", "hopper/angle-smooth-hard", "hopper/lambda-smooth"), "flows", draw_angles,
            "soft particles alone, fewer lambda, widths and seeds, shorter runs", as_run=("as-run/angle", "as-run/lambda"),
-           tells=(ratio, *_MODEL, "hopper_angle", "hopper_width")),
+           tells=(ratio, *_MODEL, "e_c", "n", "hopper_angle", "hopper_width")),
     Figure("H7", "offset k against the stiffness of soft and deformable particles", ("quick/stiffness", "quick/map"),
            ("hopper/limits", "hopper/stiffness", "hopper/map", "hopper/limits-smooth", "hopper/smooth-large",
             "hopper/map-rough", "hopper/limits-rough"), "flows", draw_offsets,
