@@ -83,8 +83,8 @@ def is_soft(measured):
 
 
 def model_label(row, latex=True):
-    """'soft, E_sp = 100' or 'smooth, K_l = 10, K_b = 0.1'; with `edges` and `size` of `_stiffness_fits`, and `contacts` and
-    `size` of `draw_angles`, if any."""
+    """'soft, E_sp = 100' or 'smooth, K_l = 10, K_b = 0.1'; with `edges` of `_stiffness_fits`, `contacts` of `draw_angles` and
+    `size`, if any."""
     e_sp, k_l, k_b = ("$E_{sp}$", "$K_l$", "$K_b$") if latex else ("E_sp", "K_l", "K_b")
     if is_soft(row):
         return f"soft, {e_sp} = {row['e_sp']:g}" + _variant_label(row, latex)
@@ -252,6 +252,11 @@ def _draw_crossovers(axes, curves, dim, lam_c, **legend):
     axes.legend(**legend)
 
 
+def _of_several(table, column):
+    """The values of a column where runs of one model have several, else 0."""
+    return table[column].where(table.groupby(["dim", *_MODEL])[column].transform("nunique") > 1, 0.0)
+
+
 def draw_lambda(measured, value="Q"):
     """[H 4, 11, 12a]: beta against lambda with the corrected sigmoid, a panel per dimension; of hoppers with several angles
     the flattest, in each dimension."""
@@ -260,16 +265,13 @@ def draw_lambda(measured, value="Q"):
     if steep.any():
         remark(f"{steep.sum()} runs of steeper hoppers are left out, which H6 shows")
     table = table[~steep]
-    if table.groupby(["dim", *_MODEL])["n"].nunique().max() > 1:
-        by, label = [*_MODEL, "n"], lambda row: f"{model_label(row)}, $N$ = {row['n']:g}"
-    else:
-        by, label = _MODEL, model_label
+    table, by = table.assign(size=_of_several(table, "n")), [*_MODEL, "size"]
     exponents = _exponents(table, ["dim", *by], value)  # of a campaign that has begun there may be a few runs in 3D
     every = [(int(dim), group) for dim, group in exponents.groupby("dim")]
     figure, panels = plt.subplots(1, len(every), figsize=(6.2 * len(every), 4.4), layout="constrained", squeeze=False)
     quantities = []
     for axes, (dim, exponents) in zip(panels[0], every):
-        curves, found = _crossovers(exponents, by, dim, label, lambda key, dim=dim: published.LAMBDA_C[dim])
+        curves, found = _crossovers(exponents, by, dim, model_label, lambda key, dim=dim: published.LAMBDA_C[dim])
         _draw_crossovers(axes, curves, dim, [published.LAMBDA_C[dim]])
         axes.set_title(f"{dim}D", loc="left")
         quantities += [_renamed(q, dim) for q in found]
@@ -311,11 +313,6 @@ def _ratio_at_crossover(ratios, fit):
     slope = (y[k] - y[k - 1]) / (x[k] - x[k - 1])
     value = np.exp(np.interp(at, x, y))
     return value, value * np.hypot(slope * fit.lam_c_error / fit.lam_c, np.interp(at, x, relative))
-
-
-def _of_several(table, column):
-    """The values of a column where runs of one model have several, else 0."""
-    return table[column].where(table.groupby(_MODEL)[column].transform("nunique") > 1, 0.0)
 
 
 def draw_angles(measured):
