@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import matplotlib.pyplot as plt
 import numpy as np
-import pandas as pd
 
 from .. import beverloo, beverloo_figures, ensemble, plotting
 from ..beverloo_figures import FRACTIONS, W_LABEL, draw_flow, log_axes, plain_numbers
@@ -93,7 +92,7 @@ def model_label(row, latex=True):
 
 
 def _variant_label(row, latex=False):
-    """', E_c = 250' and ', N = 400' where a row has `contacts` and `size`; neither 0 nor NaN is any."""
+    """', E_c = 250' and ', N = 400' where a row has `contacts` and `size` that are not 0."""
     values = (("$E_c$" if latex else "E_c", row.get("contacts", 0)), ("$N$" if latex else "N", row.get("size", 0)))
     return "".join(f", {name} = {value:g}" for name, value in values if value > 0)
 
@@ -101,7 +100,7 @@ def _variant_label(row, latex=False):
 def plain(measured):
     """Soft particles do not have what deformable ones have, and these no E_sp: equal groups get equal columns."""
     soft = is_soft(measured)
-    return measured.assign(**{c: measured[c].where(soft == (c == "e_sp"), 0.0) for c in _MODEL[1:]})
+    return measured.assign(**{c: measured[c].where(soft == (c == "e_sp"), 0.0) for c in (*_MODEL[1:], "e_c")})
 
 
 def limits(measured):
@@ -252,9 +251,9 @@ def _draw_crossovers(axes, curves, dim, lam_c, **legend):
     axes.legend(**legend)
 
 
-def _of_several(table, column):
-    """The values of a column where runs of one model have several, else 0."""
-    return table[column].where(table.groupby(["dim", *_MODEL])[column].transform("nunique") > 1, 0.0)
+def _of_several(table, column, by=("dim", *_MODEL)):
+    """The values of a column where groups of `by`, runs of one model, have several, else 0."""
+    return table[column].where(table.groupby(list(by))[column].transform("nunique") > 1, 0.0)
 
 
 def draw_lambda(measured, value="Q"):
@@ -319,19 +318,22 @@ def draw_angles(measured):
     """[H 6]: beta against lambda for hoppers of several angles; lambda_c and the ratio of drag to friction against the
     angle. A row of panels per model; several stiffnesses of its contacts, or several N, are curves of their own."""
     table = _planar(with_limit(plain(measured)))
-    table = table.assign(contacts=_of_several(table, "e_c").where(~is_soft(table), 0.0), size=_of_several(table, "n"))
+    table = table.assign(contacts=_of_several(table, "e_c"), size=_of_several(table, "n"))
     by = ["hopper_angle", *_MODEL, *_VARIANT]
     several = len(table.drop_duplicates(_MODEL)) > 1
 
+    def angle(row):
+        return rf"$\theta_w$ = {row['hopper_angle']:g}°"
+
     def short(row):
-        return rf"$\theta_w$ = {row['hopper_angle']:g}°" + _variant_label(row, latex=True)
+        return angle(row) + _variant_label(row, latex=True)
 
     def full(row):
-        return rf"$\theta_w$ = {row['hopper_angle']:g}°, {model_label(row)}" if several else short(row)
+        return f"{angle(row)}, {model_label(row)}" if several else short(row)
 
-    curves, quantities = _crossovers(_exponents(table, ["dim", *by]), by, 2, full,
-                                     lambda key: published.LAMBDA_C_ANGLE.get(int(key[0])))
-    models = pd.concat([group for _, group, *_ in curves]).drop_duplicates(_MODEL)[_MODEL]
+    exponents = _exponents(table, ["dim", *by])
+    curves, quantities = _crossovers(exponents, by, 2, full, lambda key: published.LAMBDA_C_ANGLE.get(int(key[0])))
+    models = exponents.drop_duplicates(_MODEL)[_MODEL]
     figure, panels = plt.subplots(len(models), 3, figsize=(14, 4.2 * len(models)), layout="constrained", squeeze=False,
                                   gridspec_kw={"width_ratios": [1.6, 1, 1]})
     both = "drag_friction_ratio" in table and table["drag_friction_ratio"].notna().any()  # friction and drag act
@@ -530,7 +532,7 @@ def _stiffness_fits(measured):
     fits = beverloo.fit_seeds(table.assign(edges=edges), ["limit", "dim", *_MODEL, "edges", "n"])
     if fits["reference_fit"].isna().all():
         raise RunError("no stiffness has enough widths for a fit: at least two with flow are needed")
-    return fits.assign(size=fits["n"].where(fits.groupby(is_soft(fits))["n"].transform("nunique") > 1))
+    return fits.assign(size=_of_several(fits.assign(soft=is_soft(fits)), "n", by=["soft"]))
 
 
 def _alike(fits):
