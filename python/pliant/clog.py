@@ -103,18 +103,17 @@ class SigmoidFit:
 def fit_sigmoid(x, clogged, runs):
     """The sigmoid of the largest binomial likelihood: `clogged` [n] of `runs` [n] at x [n], probability falling with x.
 
-    lmfit minimises the sum of squares of the deviance residuals, which is the likelihood's logarithm. Where a single step
-    fits all data (all clogged up to some x, none beyond) the width has no lower bound: x0 is the middle of the gap with
-    half the gap as its error. Raises RunError without points on both sides of one half.
+    lmfit minimises the sum of squares of the deviance residuals, which is the likelihood's logarithm. Where all are clogged
+    up to some x and none beyond, but at one x at most, the width has no lower bound, and the curvature of the likelihood
+    says nothing: see _step. Raises RunError without points on both sides of one half.
     """
     order = np.argsort(np.asarray(x, float), kind="stable")
     x, k, n = (np.asarray(values, float)[order] for values in (x, clogged, runs))
     p = k / n
     if not (p.max(initial=0) > 0.5 > p.min(initial=1)):
         raise RunError("the probability of a clog does not pass one half in the range of the data")
-    if np.all((k == 0) | (k == n)) and np.all(np.diff(p) <= 0):
-        below, above = x[k == n].max(), x[k == 0].min()
-        return SigmoidFit((below + above) / 2, (above - below) / 2, np.nan, np.nan, "a step: its width is not resolved")
+    if np.all(np.diff(p) <= 0) and len(np.unique(x[(k > 0) & (k < n)])) <= 1:
+        return _step(x, k, n)
 
     def residual(parameters):
         return deviance_residuals(k, n, sigmoid(x, parameters["x0"].value, parameters["alpha"].value))
@@ -129,6 +128,20 @@ def fit_sigmoid(x, clogged, runs):
     best = min(starts, key=lambda result: result.chisqr)
     errors = [np.nan if best.params[name].stderr is None else best.params[name].stderr for name in ("x0", "alpha")]
     return SigmoidFit(best.params["x0"].value, errors[0], best.params["alpha"].value, errors[1], "")
+
+
+def _step(x, k, n):
+    """x0 is the middle of where the likelihood falls by less than e^(-1/2), half of that its error: between the last x [n]
+    that clogs always and the first that never does, all of the gap if there is nothing between them."""
+    below, above = x[k == n].max(initial=x[0]), x[k == 0].min(initial=x[-1])
+    edges = np.linspace(below, above, 401)
+    x0 = (edges[1:] + edges[:-1]) / 2
+    alpha = (above - below) * np.geomspace(1e-4, 1, 50)
+    fitted = sigmoid(x[:, None, None], x0[:, None], alpha)
+    deviance = (deviance_residuals(k[:, None, None], n[:, None, None], fitted)**2).sum(axis=0).min(axis=1)
+    likely = np.flatnonzero(deviance <= deviance.min() + 1)
+    first, last = edges[likely[0]], edges[likely[-1] + 1]
+    return SigmoidFit((first + last) / 2, (last - first) / 2, np.nan, np.nan, "a step: its width is not resolved")
 
 
 def fit_sigmoids(points, along):

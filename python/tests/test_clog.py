@@ -81,6 +81,19 @@ def test_a_step_has_no_width():
     assert_allclose(fit([2.5, 3]), [1, 0], atol=1e-9)
 
 
+def test_a_step_but_for_one_point():
+    """The errors are those of the likelihood: its curvature is none at a width of 0."""
+    x = np.array([3.5, 4.5, 5.5, 6.5])
+    fit = clog.fit_sigmoid(x, [4, 4, 1, 0], [4] * 4)
+    assert 5 < fit.x0 < 5.5 and 0.1 < fit.x0_error < 0.5 and np.isnan(fit.alpha) and "step" in fit.note
+    many = clog.fit_sigmoid(x, [400, 400, 100, 0], [400] * 4)
+    assert 5 < many.x0 < 5.5 and many.x0_error < fit.x0_error
+    edge = clog.fit_sigmoid(x, [3, 0, 0, 0], [4] * 4)  # nothing clogs always
+    assert 3.5 < edge.x0 < 4.5 and 0 < edge.x0_error < 0.5
+    more = clog.fit_sigmoid(x, [4, 3, 1, 0], [4] * 4)
+    assert np.isfinite(more.alpha) and 0.2 < more.x0_error < 1
+
+
 @pytest.mark.parametrize("clogged", [[20, 20, 18], [0, 1, 0], [20, 10, 10]])
 def test_no_sigmoid_without_both_sides(clogged):
     with pytest.raises(RunError, match="does not pass one half"):

@@ -35,8 +35,8 @@ LAWS = {"mu": (0.15, 1.6, 1.5), "zeta": (0.42, 2.4, 0.5)}
 TABLE = "e_sp,mu,zeta,hopper_width,seeds\n" + "".join(
     f"100,{mu},{zeta},{w},1-2\n" for mu, zeta in (("31.6", ""), ("", "0.316")) for w in (3, 5, 8, 10))
 
-#: Tables of runs that show one thing, or a map.
-ONE_SEED = ("quick/map", "quick/three", "raft/three", "quick/small-droplets", "channel/snapshot")
+#: Tables of runs that show one thing.
+ONE_SEED = ("quick/three", "raft/three", "quick/small-droplets", "channel/snapshot")
 
 # Copies the run of its row, and writes down that it was asked to; a row without a run fails. The row whose number stands
 # in the file stop, and those after it, stop all.
@@ -776,8 +776,8 @@ def test_tables_as_run_are_those_of_the_examples(name):
         if lam > 0.0099:
             assert zeta == pytest.approx(4.111 if three else 1.539, rel=1e-3)
         models.add(model)
-    kinds = {"as-run/map": {"smooth"}, "as-run/lambda-smooth": {"smooth"}, "as-run/lambda-rough": {"rough"}}
-    assert models == kinds.get(name, {"rough", "smooth"} if "deformable" in name else {"sp"})
+    kinds = {"as-run/map": {"smooth"}, "quick/deformable": {"rough", "smooth"}}
+    assert models == kinds.get(name, {kind if (kind := name.rpartition("-")[2]) in ("rough", "smooth") else "sp"})
 
 
 def test_a_drifting_flow_shows_in_the_duration(tmp_path):

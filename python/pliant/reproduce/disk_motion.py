@@ -377,6 +377,6 @@ FIGURES = [
     _figure("TA.1", "rotation of disks against their motion", _PAIR, "cells", draw_rotations),
     _figure("T3.choices", "what non-affine motion depends on, of what the thesis leaves open",
             ("channel/pair", "channel/dependence", "channel/dependence-bidisperse"), "motion", draw_choices,
-            "T4 alone, two seeds, twice the speed, fewer pushes", ("quick/channel", "quick/channel-choices"),
+            "T4 alone, two seeds, twice the speed, fewer pushes", ("quick/channel-choices",),
             (*DISTRIBUTION, *CHANNEL_OPTIONS)),
 ]

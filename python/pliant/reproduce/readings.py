@@ -444,7 +444,7 @@ FIGURES = [
     Figure("deformable", "exponent of rough and smooth particles as printed and as run, friction only and drag only",
            ("quick/deformable",),
            ("hopper/limits-rough", "hopper/limits-smooth", "hopper/rough-large", "hopper/smooth-large",
-            "hopper/deformable-as-run"),
+            "as-run/limits-rough", "as-run/limits-smooth"),
            "flows", draw_deformable, "120 particles, softer contacts, fewer widths and seeds, shorter runs",
            tells=_DEFORMABLE_ALONE),
     Figure("readings-deformable", "exponent of each reading of [H]'s smooth particles: as printed, and each difference alone",
