@@ -379,8 +379,7 @@ def _draw_ratios(axes, ratios, curves, full):
     for i, (lam, at_lam) in enumerate(finite.groupby("lam")):
         for j, (_, group) in enumerate(at_lam.groupby(_VARIANT)):
             plotting.errorbar(axes, group["hopper_angle"], group["drag_friction_ratio"], group["drag_friction_ratio_error"],
-                              fmt=plotting.MARKERS[i % 8] + "-", capsize=2.5, color=plotting.COLORS[i % 8],
-                              fillstyle="none" if j else "full",
+                              linestyle=("-", "--", ":", "-.")[j % 4], capsize=2.5, **plotting.symbol(i + 8 * j),
                               label=rf"$\lambda$ = {lam:g}" + _variant_label(group.iloc[0], latex=True))
         if lam == 0.01 and len(at_lam) > 1:
             quantities += [Quantity(f"|F_zeta|/|F_mu| at lambda = 0.01, {full(row)}", row["drag_friction_ratio"],
