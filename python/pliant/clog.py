@@ -105,13 +105,15 @@ def fit_sigmoid(x, clogged, runs):
 
     lmfit minimises the sum of squares of the deviance residuals, which is the likelihood's logarithm. Where all are clogged
     up to some x and none beyond, but at one x at most, the width has no lower bound, and the curvature of the likelihood
-    says nothing: see _step. Raises RunError without points on both sides of one half.
+    says nothing: see _step. Raises RunError where the data, or their sigmoid, do not pass one half between the first and the
+    last x.
     """
     order = np.argsort(np.asarray(x, float), kind="stable")
     x, k, n = (np.asarray(values, float)[order] for values in (x, clogged, runs))
     p = k / n
-    if not (p.max(initial=0) > 0.5 > p.min(initial=1)):
-        raise RunError("the probability of a clog does not pass one half in the range of the data")
+    outside = "the probability of a clog does not pass one half in the range of the data"
+    if not (p.max(initial=0) > 0.5 > p.min(initial=1) and x[0] < x[-1]):
+        raise RunError(outside)
     if np.all(np.diff(p) <= 0) and len(np.unique(x[(k > 0) & (k < n)])) <= 1:
         return _step(x, k, n)
 
@@ -126,6 +128,8 @@ def fit_sigmoid(x, clogged, runs):
         parameters.add("alpha", alpha * span, min=1e-4 * span, max=10 * span)
         starts.append(lmfit.minimize(residual, parameters, scale_covar=False))
     best = min(starts, key=lambda result: result.chisqr)
+    if not x[0] <= best.params["x0"].value <= x[-1]:
+        raise RunError(outside)
     errors = [np.nan if best.params[name].stderr is None else best.params[name].stderr for name in ("x0", "alpha")]
     return SigmoidFit(best.params["x0"].value, errors[0], best.params["alpha"].value, errors[1], "")
 

@@ -94,10 +94,11 @@ def test_a_step_but_for_one_point():
     assert np.isfinite(more.alpha) and 0.2 < more.x0_error < 1
 
 
-@pytest.mark.parametrize("clogged", [[20, 20, 18], [0, 1, 0], [20, 10, 10]])
-def test_no_sigmoid_without_both_sides(clogged):
+@pytest.mark.parametrize("x, clogged", [([1, 2, 3], [20, 20, 18]), ([1, 2, 3], [0, 1, 0]), ([1, 2, 3], [20, 10, 10]),
+                                        ([1, 1, 1], [20, 10, 0]), ([1, 2, 3, 4], [9, 11, 12, 12])])
+def test_no_sigmoid_without_both_sides(x, clogged):
     with pytest.raises(RunError, match="does not pass one half"):
-        clog.fit_sigmoid([1, 2, 3], clogged, [20] * 3)
+        clog.fit_sigmoid(x, clogged, [20] * len(x))
 
 
 def test_regimes():
