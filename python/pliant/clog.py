@@ -141,8 +141,8 @@ def _step(x, k, n):
     edges = np.linspace(below, above, 401)
     x0 = (edges[1:] + edges[:-1]) / 2
     alpha = (above - below) * np.geomspace(1e-4, 1, 50)
-    fitted = sigmoid(x[:, None, None], x0[:, None], alpha)
-    deviance = (deviance_residuals(k[:, None, None], n[:, None, None], fitted)**2).sum(axis=0).min(axis=1)
+    q = sigmoid(x[:, None, None], x0[:, None], alpha)
+    deviance = (deviance_residuals(k[:, None, None], n[:, None, None], q) ** 2).sum(axis=0).min(axis=1)
     likely = np.flatnonzero(deviance <= deviance.min() + 1)
     first, last = edges[likely[0]], edges[likely[-1] + 1]
     return SigmoidFit((first + last) / 2, (last - first) / 2, np.nan, np.nan, "a step: its width is not resolved")

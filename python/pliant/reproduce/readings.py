@@ -419,7 +419,7 @@ def draw_duration(measured):
     for i, (curve, points) in enumerate(fits.groupby("curve")):
         points = points.sort_values("t_end")
         widest = pd.DataFrame([data.iloc[-1] for data in points["data"]])
-        style = {"fmt": plotting.MARKERS[i % 8] + "-", "color": plotting.COLORS[i % 8], "lw": 1, "capsize": 2.5}
+        style = plotting.symbol(i) | {"lw": 1, "capsize": 2.5}
         plotting.errorbar(left, points["t_end"], *_beta(points), label=_tidy(curve), **style)
         plotting.errorbar(right, points["t_end"], widest["Q"], widest["Q_error"],
                           label=f"$w$ = {widest['hopper_width'].iloc[0]:g}", **style)
