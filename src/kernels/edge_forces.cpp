@@ -123,9 +123,11 @@ PLIANT_INLINE void add_four(const EdgeLaw& law, const Data& data, const Index* l
   const Real4 d2 = dot(offset, offset), delta2 = delta * delta;
   const Mask4 touching = (Mask4{0, 1, 2, 3} < static_cast<std::int64_t>(count)) & (d2 < delta2);
 
-  const Mask4 beyond_start = touching & (t > 0);  // at t = 0 the two parts of the contact cancel
-  Points2 on_edge = push<Law>(law.epsilon, beyond_start, d2, delta) * offset;
-  Points2 on_start = push<Law>(law.epsilon, beyond_start & (ww < delta2), ww, delta) * w;
+  const Mask4 beyond_start = touching & (t > 0);
+  // At t = 0 two parts of equal weight cancel.
+  const Mask4 pushing = law.edge_weight == law.vertex_weight ? beyond_start : touching;
+  Points2 on_edge = push<Law>(law.edge_weight * law.epsilon, pushing, d2, delta) * offset;
+  Points2 on_start = push<Law>(law.vertex_weight * law.epsilon, pushing & (ww < delta2), ww, delta) * w;
 
   if constexpr (rubbing == Rubbing::at_vertex) {
     const Points2 slip = rubbed<opposed>(gather(data.v, p) - gather(data.v, a), offset, d2);

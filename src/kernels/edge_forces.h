@@ -17,6 +17,7 @@ struct EdgeLaw {
   bool at_contact;  ///< friction acts at the point of the contact; false: at the edge's first vertex
   ContactLaw contact = ContactLaw::harmonic;
   bool tangential = false;  ///< friction opposes the part of the relative velocity alone that is along the outline
+  Real edge_weight = 1, vertex_weight = 1;  ///< of the two parts of the contact
 };
 
 /// Adds the forces of all pairs to f. pairs[n] is (vertex, first vertex of the edge), reach[n] its δ_mn; next [points]

@@ -106,6 +106,12 @@ PLIANT_INLINE Real area(const Real* x, Index n) {
   return twice / 2;
 }
 
+enum class Bent {
+  none,
+  unit,  ///< directions of edges
+  full   ///< whole edges
+};
+
 /// Edges in succession.
 template <class V>
 struct Edges {
@@ -157,26 +163,40 @@ struct Factors {
 template <class V>
 struct Carry {
   V sine{}, bx{}, by{};
+  V x{}, y{};  ///< the edge, where whole ones bend
 };
 
 /// Forces on the first vertices of some edges. With e the edges and l̂ their directions, the force on vertex i is
 /// g_i − g_{i−1} of g = ∂U/∂e, and half the pressure times the quarter turns of both edges. Of the bending energy
 /// g_i = −c (s_i − s_{i−1})/l_i times the quarter turn of l̂_i, s_i = l̂_i × l̂_{i+1}: the same as the vectors
-/// (û·ŵ) û − ŵ of the element form, without their cancellation.
-template <bool Lengths, bool Bending, class V>
-PLIANT_INLINE void forces(const Factors& factors, const Edges<V>& e, V next_ux, V next_uy, Carry<V>& carry, V& low,
+/// (û·ŵ) û − ŵ of the element form, without their cancellation. Of whole edges g_i = c (2 e_i − e_{i−1} − e_{i+1}).
+/// `next` is what follows the last edge: directions, or whole edges.
+template <bool Lengths, Bent bent, class V>
+PLIANT_INLINE void forces(const Factors& factors, const Edges<V>& e, V next_x, V next_y, Carry<V>& carry, V& low,
                           V& high) {
   V along{}, across{};  // g in units of e and of its quarter turn
   if constexpr (Lengths) along = factors.stiffness - factors.stiffness_rest * e.inverse;
-  if constexpr (Bending) {
-    const V sine = e.ux * following(e.uy, next_uy) - e.uy * following(e.ux, next_ux);
+  if constexpr (bent == Bent::unit) {
+    const V sine = e.ux * following(e.uy, next_y) - e.uy * following(e.ux, next_x);
     across = -factors.bending * e.inverse * e.inverse * (sine - preceding(carry.sine, sine));
     carry.sine = sine;
   }
+  if constexpr (bent == Bent::full) along += 2 * factors.bending;
   const V ahead = factors.half_pressure + across, behind = factors.half_pressure - across;
-  const V bx = -behind * e.y - along * e.x, by = behind * e.x - along * e.y;
-  const V fx = along * e.x - ahead * e.y + preceding(carry.bx, bx);
-  const V fy = along * e.y + ahead * e.x + preceding(carry.by, by);
+  V bx = -behind * e.y - along * e.x, by = behind * e.x - along * e.y;
+  V fx = along * e.x - ahead * e.y, fy = along * e.y + ahead * e.x;
+  if constexpr (bent == Bent::full) {  // of both neighbours
+    const V gx = factors.bending * (following(e.x, next_x) + preceding(carry.x, e.x));
+    const V gy = factors.bending * (following(e.y, next_y) + preceding(carry.y, e.y));
+    bx += gx;
+    by += gy;
+    fx -= gx;
+    fy -= gy;
+    carry.x = e.x;
+    carry.y = e.y;
+  }
+  fx += preceding(carry.bx, bx);
+  fy += preceding(carry.by, by);
   carry.bx = bx;
   carry.by = by;
   constexpr int lanes = width<V>;
@@ -184,24 +204,26 @@ PLIANT_INLINE void forces(const Factors& factors, const Edges<V>& e, V next_ux, 
   high = pick<[](int k) { return lanes / 2 + k / 2 + k % 2 * lanes; }>(fx, fy);
 }
 
-template <bool Lengths, bool Bending, class V>
+template <bool Lengths, Bent bent, class V>
 PLIANT_INLINE void add_polygon(const Factors& factors, const Real* x, Index n, Real* f) {
   constexpr int lanes = width<V>;
+  constexpr bool full = bent == Bent::full;
   Edges<V> e;
   edges_from<Lengths>(x, n, 0, e);
-  const Real first_x = e.x[0], first_y = e.y[0], first_inverse = e.inverse[0], first_ux = e.ux[0], first_uy = e.uy[0];
+  const Real first_x = e.x[0], first_y = e.y[0], first_inverse = e.inverse[0];
+  const V round_x = (full ? first_x : e.ux[0]) + V{}, round_y = (full ? first_y : e.uy[0]) + V{};
   Carry<V> carry;  // nothing for the first ones, which get it at the end
   V low, high;
   Index i = 0;
   for (; i + lanes < n; i += lanes) {
     Edges<V> next;
     edges_from<Lengths>(x, n, i + lanes, next);
-    forces<Lengths, Bending>(factors, e, next.ux, next.uy, carry, low, high);
+    forces<Lengths, bent>(factors, e, full ? next.x : next.ux, full ? next.y : next.uy, carry, low, high);
     add_to(f + 2 * i, low);
     add_to(f + 2 * i + lanes, high);
     e.become(next);
   }
-  forces<Lengths, Bending>(factors, e, first_ux + V{}, first_uy + V{}, carry, low, high);
+  forces<Lengths, bent>(factors, e, round_x, round_y, carry, low, high);
   if (i + lanes == n) {
     add_to(f + 2 * i, low);
     add_to(f + 2 * i + lanes, high);
@@ -210,11 +232,15 @@ PLIANT_INLINE void add_polygon(const Factors& factors, const Real* x, Index n, R
     add_points(f + 2 * i + lanes, high, n - i - lanes / 2);
   }
   const Index end = n - 1 - i;
-  Real gx = 0, gy = 0;
-  if constexpr (Bending) {
+  Real gx = 0, gy = 0;  // of the first edge, from the last one
+  if constexpr (bent == Bent::unit) {
     const Real g = factors.bending * first_inverse * first_inverse * carry.sine[end];
     gx = -g * first_y;
     gy = g * first_x;
+  }
+  if constexpr (full) {
+    gx = -factors.bending * carry.x[end];
+    gy = -factors.bending * carry.y[end];
   }
   f[0] += carry.bx[end] + gx;
   f[1] += carry.by[end] + gy;
@@ -224,14 +250,22 @@ PLIANT_INLINE void add_polygon(const Factors& factors, const Real* x, Index n, R
 
 template <class V>
 PLIANT_INLINE void add_polygon(const ShapeLaw& law, Real a0, Real l0, const Real* x, Index n, Real* f) {
-  const Real pressure = law.k_a != 0 ? law.k_a * (area<Lanes<(width<V> < 4 ? width<V> : 4)>>(x, n) - a0) : 0;
+  const Real k_a = law.relative_area ? law.k_a / a0 : law.k_a;
+  const Real pressure = law.k_a != 0 ? k_a * (area<Lanes<(width<V> < 4 ? width<V> : 4)>>(x, n) - a0) : 0;
   const Real stiffness = law.k_l * n;
-  if (law.k_b != 0)
-    add_polygon<true, true, V>({pressure / 2, stiffness, stiffness * l0, law.k_b / (n * l0 * l0)}, x, n, f);
-  else if (law.k_l != 0)
-    add_polygon<true, false, V>({pressure / 2, stiffness, stiffness * l0, 0}, x, n, f);
-  else if (law.k_a != 0)
-    add_polygon<false, false, V>({pressure / 2, 0, 0, 0}, x, n, f);
+  if (law.k_b != 0) {
+    const Factors factors{pressure / 2, stiffness, stiffness * l0, law.k_b / (n * l0 * l0)};
+    if (!law.full_edges) return add_polygon<true, Bent::unit, V>(factors, x, n, f);
+    const Factors full{pressure / 2, stiffness, stiffness * l0, factors.bending / (l0 * l0)};
+    if (law.k_l != 0)
+      add_polygon<true, Bent::full, V>(full, x, n, f);
+    else
+      add_polygon<false, Bent::full, V>(full, x, n, f);
+  } else if (law.k_l != 0) {
+    add_polygon<true, Bent::none, V>({pressure / 2, stiffness, stiffness * l0, 0}, x, n, f);
+  } else if (law.k_a != 0) {
+    add_polygon<false, Bent::none, V>({pressure / 2, 0, 0, 0}, x, n, f);
+  }
 }
 
 template <int Width>

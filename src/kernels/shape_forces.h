@@ -11,6 +11,8 @@ namespace pliant {
 /// coefficient of zero switches its part off: nothing is computed for it.
 struct ShapeLaw {
   Real k_a, k_l, k_b;
+  bool relative_area = false;  ///< k_a/a0 instead of k_a
+  bool full_edges = false;     ///< in bending l_i/l0 instead of l̂_i
 };
 
 /// Adds the forces −∂U_m/∂r of particles first … last−1 to f. The points of particle m are offset[m] … offset[m+1]−1, a

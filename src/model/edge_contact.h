@@ -119,10 +119,11 @@ struct EdgeContact {
                      }));
   }
 
- private:
+  /// Factors of the two V.
   Real edge_weight() const { return force == EdgeForce::single ? 1 : 2; }
   Real vertex_weight() const { return force == EdgeForce::single ? 1 : 3.5; }
 
+ private:
   struct Element {
     Index vertex, start, end;
     Law law;

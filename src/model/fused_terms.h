@@ -88,17 +88,9 @@ struct ShapeKernel {
   static void add_forces(const StateView<2>& s, Index chunk, Real* f, const Area& area, const Perimeter& perimeter,
                          const Bending& bending) {
     const Range own = s.neighbours.particles(chunk);
-    const Topology& topology = s.topology;
-    // The kernel knows the printed forms.
-    const bool relative = area.form == AreaEnergy::relative, full = bending.edges == EdgeVectors::full;
-    add_shape_forces({relative ? 0 : area.k_a, perimeter.k_l, full ? 0 : bending.k_b}, topology.offset.data(),
-                     topology.a0.data(), topology.l0.data(), own.first, own.last, s.x, f, s.prefetch);
-    const Scatter<2, -1> scatter{f};
-    if (relative && area.enabled(s))
-      for (Index m = own.first; m < own.last; ++m) area.add_gradient(s, m, scatter);
-    if (!full || !bending.enabled(s)) return;
-    const Range points = s.neighbours.points(chunk);
-    for (Index i = points.first; i < points.last; ++i) bending.add_gradient(s, i, scatter);
+    add_shape_forces(
+        {area.k_a, perimeter.k_l, bending.k_b, area.form == AreaEnergy::relative, bending.edges == EdgeVectors::full},
+        s.topology.offset.data(), s.topology.a0.data(), s.topology.l0.data(), own.first, own.last, s.x, f, s.prefetch);
   }
 };
 
@@ -108,18 +100,13 @@ struct EdgeKernel {
   static void add_forces(const StateView<2>& s, Index chunk, Real* f, const EdgeContact<Law>& contact,
                          const EdgeFriction& friction) {
     if (!contact.enabled(s)) return;
-    const bool twofold = contact.force == EdgeForce::twofold;  // which the kernel does not know
-    if (twofold) {
-      const PairList& all = s.neighbours.vertex_edges;
-      const Range within = all.inside(chunk), border = all.across(chunk);
-      const Scatter<2, -1> everywhere{f};
-      const Scatter<2, -1, true> here{f, s.neighbours.points(chunk)};
-      for (Index e = within.first; e < within.last; ++e) contact.add_gradient(s, e, everywhere);
-      for (Index e = border.first; e < border.last; ++e) contact.add_gradient(s, e, here);
-      if (!friction.enabled(s)) return;
-    }
-    const EdgeLaw law{twofold ? 0 : contact.epsilon, friction.mu, friction.where == FrictionPoint::contact, Law::kind,
-                      friction.friction == Friction::tangential};
+    const EdgeLaw law{contact.epsilon,
+                      friction.mu,
+                      friction.where == FrictionPoint::contact,
+                      Law::kind,
+                      friction.friction == Friction::tangential,
+                      contact.edge_weight(),
+                      contact.vertex_weight()};
     const PairList& list = s.neighbours.near_edges();
     const Index* next = s.topology.next.data();
     const auto pairs = [&](Range range) { return std::span(list.pairs).subspan(range.first, range.size()); };

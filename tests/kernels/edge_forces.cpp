@@ -55,6 +55,13 @@ struct Ways {
   }
 };
 
+EdgeLaw twofold(EdgeLaw law) {
+  const EdgeContact<> contact{law.epsilon, Edges::wide, true, EdgeForce::twofold};
+  law.edge_weight = contact.edge_weight();
+  law.vertex_weight = contact.vertex_weight();
+  return law;
+}
+
 const EdgeLaw laws[] = {{1e3, 0, true},
                         {1e3, 20, true},
                         {1e3, 20, false},
@@ -66,7 +73,10 @@ const EdgeLaw laws[] = {{1e3, 0, true},
                         {1e3, 20, false, ContactLaw::barrier},
                         {1e3, 20, true, ContactLaw::harmonic, true},
                         {1e3, 20, false, ContactLaw::harmonic, true},
-                        {1e3, 20, true, ContactLaw::barrier, true}};
+                        {1e3, 20, true, ContactLaw::barrier, true},
+                        twofold({1e3, 0, true}),
+                        twofold({1e3, 20, true, ContactLaw::hertz}),
+                        twofold({1e3, 20, false, ContactLaw::harmonic, true})};
 
 /// Forces of the first n pairs by the element forms.
 std::vector<Real> element_forces(const EdgeLaw& law, const Outlines& o, Index n) {
@@ -80,7 +90,8 @@ std::vector<Real> element_forces(const EdgeLaw& law, const Outlines& o, Index n)
   Scatter<2, -1> minus{f.data()};
   Scatter<2, 1> plus{f.data()};
   with_law(law.contact, [&]<class Law>(Law) {
-    const EdgeContact<Law> contact{law.epsilon, o.edges};
+    const EdgeContact<Law> contact{law.epsilon, o.edges, true,
+                                   law.edge_weight == 1 ? EdgeForce::single : EdgeForce::twofold};
     for (Index e = 0; e < n; ++e) contact.add_gradient(s, e, minus);
   });
   for (Index e = 0; e < n && law.mu > 0; ++e) friction.add_force(s, e, plus);

@@ -15,8 +15,18 @@ namespace pliant::test::shape_forces_test {
 namespace {
 
 constexpr std::array every_size{3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 20, 31, 32, 40, 500};
-const std::array laws{ShapeLaw{3, 0, 0},   ShapeLaw{0, 2, 0},   ShapeLaw{0, 0, 0.4}, ShapeLaw{3, 2, 0},
-                      ShapeLaw{3, 0, 0.4}, ShapeLaw{0, 2, 0.4}, ShapeLaw{3, 2, 0.4}};
+const std::array laws{ShapeLaw{3, 0, 0},
+                      ShapeLaw{0, 2, 0},
+                      ShapeLaw{0, 0, 0.4},
+                      ShapeLaw{3, 2, 0},
+                      ShapeLaw{3, 0, 0.4},
+                      ShapeLaw{0, 2, 0.4},
+                      ShapeLaw{3, 2, 0.4},
+                      ShapeLaw{3, 0, 0, true, false},
+                      ShapeLaw{0, 0, 0.4, false, true},
+                      ShapeLaw{3, 0, 0.4, false, true},
+                      ShapeLaw{0, 2, 0.4, false, true},
+                      ShapeLaw{3, 2, 0.4, true, true}};
 
 /// Forces by the element forms. Their lists are not needed for terms within a particle.
 std::vector<Real> by_elements(const ShapeLaw& law, const Configuration<2>& c) {
@@ -26,10 +36,12 @@ std::vector<Real> by_elements(const ShapeLaw& law, const Configuration<2>& c) {
   const Scatter<2, -1> sink{f.data()};
   for (Index m = 0; m < c.topology.particles(); ++m) {
     if (c.topology.points_of(m) == 1) continue;
-    if (law.k_a != 0) Area{law.k_a}.add_gradient(s, m, sink);
+    if (law.k_a != 0)
+      Area{law.k_a, law.relative_area ? AreaEnergy::relative : AreaEnergy::absolute}.add_gradient(s, m, sink);
     for (Index i = c.topology.offset[m]; i < c.topology.offset[m + 1]; ++i) {
       if (law.k_l != 0) Perimeter{law.k_l}.add_gradient(s, i, sink);
-      if (law.k_b != 0) Bending{law.k_b}.add_gradient(s, i, sink);
+      if (law.k_b != 0)
+        Bending{law.k_b, law.full_edges ? EdgeVectors::full : EdgeVectors::unit}.add_gradient(s, i, sink);
     }
   }
   return f;
@@ -78,7 +90,7 @@ TEST_CASE("Shape forces of one polygon are those of the element forms", "[kernel
   Random random(1);
   for (const int n : every_size)
     for (const ShapeLaw& law : laws) {
-      CAPTURE(n, law.k_a, law.k_l, law.k_b);
+      CAPTURE(n, law.k_a, law.k_l, law.k_b, law.relative_area, law.full_edges);
       Configuration<2> c;
       c.add_polygon(irregular_polygon(random, n, 0.5, {random(-20, 20), random(-20, 20)}), 0.1);
       CHECK(agree(by_kernel(law, c), by_elements(law, c)));
@@ -92,7 +104,7 @@ TEST_CASE("Shape forces of straight and folded corners", "[kernels]") {
     for (std::size_t start = 0; start < vertices.size(); ++start) {
       std::rotate(vertices.begin(), vertices.begin() + 1, vertices.end());
       for (const ShapeLaw& law : laws) {
-        CAPTURE(turn, start, law.k_a, law.k_l, law.k_b);
+        CAPTURE(turn, start, law.k_a, law.k_l, law.k_b, law.relative_area, law.full_edges);
         Configuration<2> c;
         c.add_polygon(vertices, 0.1);
         CHECK(agree(by_kernel(law, c), by_elements(law, c)));
@@ -149,13 +161,17 @@ TEST_CASE("Shape forces keep to their particle's points", "[kernels]") {
     const std::unique_ptr<Real[]> x(new Real[2 * n]);
     for (int i = 0; i < n; ++i) point<2>(x.get(), i) = vertices[i];
     const std::unique_ptr<Real[]> f(new Real[2 * n]());
-    add_shape_forces({3, 2, 0.4}, offset, &a0, &l0, 0, 1, x.get(), f.get());
-    std::vector<Real> guarded(2 * n + 16);
-    add_shape_forces({3, 2, 0.4}, offset, &a0, &l0, 0, 1, x.get(), guarded.data() + 8);
-    CHECK(std::equal(f.get(), f.get() + 2 * n, guarded.begin() + 8));
-    CHECK(largest(guarded) > 0.01);
-    CHECK(std::all_of(guarded.begin(), guarded.begin() + 8, [](Real a) { return a == 0; }));
-    CHECK(std::all_of(guarded.end() - 8, guarded.end(), [](Real a) { return a == 0; }));
+    for (const bool full_edges : {false, true}) {
+      const ShapeLaw law{3, 2, 0.4, false, full_edges};
+      std::fill_n(f.get(), 2 * n, 0);
+      add_shape_forces(law, offset, &a0, &l0, 0, 1, x.get(), f.get());
+      std::vector<Real> guarded(2 * n + 16);
+      add_shape_forces(law, offset, &a0, &l0, 0, 1, x.get(), guarded.data() + 8);
+      CHECK(std::equal(f.get(), f.get() + 2 * n, guarded.begin() + 8));
+      CHECK(largest(guarded) > 0.01);
+      CHECK(std::all_of(guarded.begin(), guarded.begin() + 8, [](Real a) { return a == 0; }));
+      CHECK(std::all_of(guarded.end() - 8, guarded.end(), [](Real a) { return a == 0; }));
+    }
   }
 }
 
@@ -176,7 +192,7 @@ TEST_CASE("Shape forces have no resultant and no torque", "[kernels]") {
         torque += r[0] * fi[1] - r[1] * fi[0];
         size += fi.norm();
       }
-      CAPTURE(m, t.points_of(m), law.k_a, law.k_l, law.k_b);
+      CAPTURE(m, t.points_of(m), law.k_a, law.k_l, law.k_b, law.relative_area, law.full_edges);
       REQUIRE(size > 1e-3);
       // The positions' rounding at 50 from the origin turns the edges by about 1e-14/l0.
       CHECK(total.norm() <= 1e-11 * size);
