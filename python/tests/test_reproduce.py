@@ -446,6 +446,10 @@ def test_figure_4_finds_lambda_c(tmp_path):
     assert middle.value == pytest.approx(0.05, rel=0.1) and agree(middle) == "yes" and middle.error > 0
     assert found["beta at lambda = 0: soft, E_sp = 100"].value == pytest.approx(1.5, abs=0.1)
     assert found["beta at lambda = inf: soft, E_sp = 100"].published.value == 0.5
+    end = "beta, fitted end (friction): soft, E_sp = 100"
+    assert found[end].value == pytest.approx(1.5, abs=0.1) and found[end].note == ""
+    below = drawn("H4", flow_rows((0.0, 1e-5, 1e-4, 1e-3, np.inf), crossing_law))
+    assert "lambda_c lies outside" in below[end].note
     begun = flow_rows((0.1,), dim=3, n=6400).iloc[:2]  # of a campaign in 3D
     assert list(drawn("H4", pd.concat([flow_rows(LAMS, crossing_law), begun], ignore_index=True))) == list(found)
     with pytest.raises(PliantError, match="no lambda has enough widths"):
@@ -616,6 +620,8 @@ def test_figures_7_13_and_14_find_offset_and_prefactor(tmp_path):
     smooth = found["k with the published beta held: smooth, K_l = 10, K_b = 100, drag only"]
     assert smooth.value == pytest.approx(2.4, abs=0.05) and smooth.published.value == 3.4
     assert found["k with the published beta held: smooth, K_l = 1, K_b = 0.01, drag only"].published.value == 1.0
+    beta = found["beta: smooth, K_l = 10, K_b = 100, friction only"]
+    assert beta.value == pytest.approx(1.5, abs=0.05) and beta.published.value == 1.5 and beta.error > 0
     assert len(drawn("H14", shapes, tmp_path)) == 4 * 2 * 2
     # Bending of full edges is no seed of that of unit vectors, and is named where there are both.
     full = flow_rows(both, lambda lam: (2 * LAWS["zeta"][0], *LAWS["zeta"][1:]), model="smooth", k_l=1.0, k_b=100.0,

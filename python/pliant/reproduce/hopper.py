@@ -84,11 +84,15 @@ def is_soft(measured):
 def model_label(row, latex=True):
     """'soft, E_sp = 100' or 'smooth, K_l = 10, K_b = 0.1'; with `edges` of `_stiffness_fits`, `contacts` of `draw_angles` and
     `size`, if any."""
+    return f"{'soft' if is_soft(row) else row['model']}, {_stiffness_label(row, latex)}" + _variant_label(row, latex)
+
+
+def _stiffness_label(row, latex=True):
+    """'E_sp = 100' or 'K_l = 10, K_b = 0.1'; with `edges` of `_stiffness_fits`, if any."""
     e_sp, k_l, k_b = ("$E_{sp}$", "$K_l$", "$K_b$") if latex else ("E_sp", "K_l", "K_b")
     if is_soft(row):
-        return f"soft, {e_sp} = {row['e_sp']:g}" + _variant_label(row, latex)
-    edges = ", full edges" if row.get("edges") == "full" else ""
-    return f"{row['model']}, {k_l} = {row['k_l']:g}, {k_b} = {row['k_b']:g}{edges}" + _variant_label(row, latex)
+        return f"{e_sp} = {row['e_sp']:g}"
+    return f"{k_l} = {row['k_l']:g}, {k_b} = {row['k_b']:g}" + (", full edges" if row.get("edges") == "full" else "")
 
 
 def _variant_label(row, latex=False):
@@ -213,7 +217,7 @@ def _crossovers(exponents, by, dim, label, known):
             if held is None:
                 for part, limit in (("high", "friction"), ("low", "drag")):
                     quantities.append(Quantity(f"beta, fitted end ({limit}): {name}", getattr(fit, part),
-                                               getattr(fit, part + "_error"), published.exponent(dim, limit)))
+                                               getattr(fit, part + "_error"), published.exponent(dim, limit), fit.note))
         for row in group.itertuples():
             limit = _LIMIT_AT.get(row.lam)
             quantities.append(Quantity(f"beta at lambda = {row.lam:g}: {name}", row.beta, row.beta_error,
@@ -228,14 +232,14 @@ def _draw_crossovers(axes, curves, dim, lam_c, **legend):
     edges = low / 6, high * 6  # where lambda = 0 and infinity are drawn
     grid = np.geomspace(*edges, 200)
     for i, (name, group, held, free) in enumerate(curves):
-        color, marker = plotting.COLORS[i % len(plotting.COLORS)], plotting.MARKERS[i % len(plotting.MARKERS)]
+        symbol = plotting.symbol(i)
         lam = np.clip(group["lam"].to_numpy(float), *edges)
-        plotting.errorbar(axes, lam, group["beta"], group["beta_error"], fmt=marker, color=color, capsize=2.5, label=name,
-                          zorder=3, clip_on=False)
+        plotting.errorbar(axes, lam, group["beta"], group["beta_error"], ls="", capsize=2.5, label=name, zorder=3,
+                          clip_on=False, **symbol)
         if free:
-            axes.plot(grid, free(grid), color=color, lw=1.2)
+            axes.plot(grid, free(grid), color=symbol["color"], lw=1.2)
         if held:
-            axes.plot(grid, held(grid), "--", color=color, lw=0.9, alpha=0.7)
+            axes.plot(grid, held(grid), "--", color=symbol["color"], lw=0.9, alpha=0.7)
     for beta in (dim - 0.5, dim - 1.5):
         axes.axhline(beta, color="0.55", lw=0.9, ls=":")
         axes.text(edges[1], beta, f" {FRACTIONS[beta]}", va="center", color="0.4")
@@ -429,9 +433,9 @@ def draw_profiles(measured):
         axes.set_title(titles.get(lam, rf"$\lambda$ = {lam:g}"), loc="left")
         axes.legend(title=r"$w/\sigma_{avg}$", ncols=2)
         points = ensemble.average(own[own["height"] == own["height"].min()], ["hopper_width"], "v")
-        color = plotting.COLORS[i % 8]
-        plotting.errorbar(last, points["hopper_width"], points["v"], points["v_error"], fmt=plotting.MARKERS[i % 8],
-                          color=color, capsize=2.5, label=titles.get(lam, rf"$\lambda$ = {lam:g}"))
+        symbol = plotting.symbol(i)
+        plotting.errorbar(last, points["hopper_width"], points["v"], points["v_error"], ls="", capsize=2.5,
+                          label=titles.get(lam, rf"$\lambda$ = {lam:g}"), **symbol)
         known = published.VELOCITY[_LIMIT_AT.get(lam, "crossover")]
         name = f"exponent of v_g(h = 0) in w, lambda = {lam:g}"
         try:
@@ -442,9 +446,9 @@ def draw_profiles(measured):
         quantities.append(Quantity(name, slope, error, known, "; ".join(
             filter(None, [chi2_note(chi2), ensemble.seeds_remark(points)]))))
         w = np.geomspace(points["hopper_width"].min() / 1.1, points["hopper_width"].max() * 1.1, 30)
-        last.plot(w, factor * w**slope, color=color, lw=1.2)
+        last.plot(w, factor * w**slope, color=symbol["color"], lw=1.2)
         middle = np.exp(np.log(points["hopper_width"]).mean())
-        last.plot(w, factor * middle**slope * (w / middle) ** known.value, "--", color=color, lw=0.9, alpha=0.8)
+        last.plot(w, factor * middle**slope * (w / middle) ** known.value, "--", color=symbol["color"], lw=0.9, alpha=0.8)
     last.plot([], [], "--", color="0.4", lw=0.9, label="published exponent")
     last.set(xlabel=W_LABEL, ylabel=r"$v_g$ at $h = 0$  [$\sigma_{avg}/t_0$]")
     log_axes(last)
@@ -491,7 +495,7 @@ def _prefactor_quantities(fits, names, known):
     """Quantities of fits with the published exponent held, and free; known(row, quantity) → Published or None."""
     quantities = []
     for _, row in fits.iterrows():
-        name = f"{model_label(row, latex=False)}, {LIMIT_NAMES[row['limit']]}"
+        name = _named(row)
         for quantity in names:
             quantities.append(Quantity(f"{quantity} with the published beta held: {name}", *_held(row, quantity),
                                        known(row, quantity), chi2_note(row["reference_fit"].chi2_reduced)
@@ -571,20 +575,22 @@ def draw_offsets(measured):
         softest = row["e_sp"] <= 50 if is_soft(row) else row["k_b"] <= 0.01 and row["k_l"] <= 10
         return published.K_SOFT[row["limit"]] if softest else None
 
-    return figure, _prefactor_quantities(fits, ("k",), known)
+    exponents = [Quantity(f"beta: {_named(row)}", row["fit"].beta, row["fit"].beta_error, published.exponent(2, row["limit"]),
+                          row["note"]) for _, row in fits[fits["fit"].notna()].iterrows()]
+    return figure, exponents + _prefactor_quantities(fits, ("k",), known)
 
 
 _AT_BOUND = 1e-3  # w - k of a fit whose k is at its bound, just below the narrowest orifice
 
 
 def _collapse(axes, fits, limit):
-    """Q/C against w - k with the published exponent held."""
+    """Q/C against w - k with the published exponent held, of one model and one N."""
     group = fits[(fits["limit"] == limit) & fits["reference_fit"].notna()]
     for i, (_, row) in enumerate(group.iterrows()):
         data, fit = row["data"], row["reference_fit"]
         above = data["hopper_width"] > fit.k + _AT_BOUND
         plotting.errorbar(axes, data["hopper_width"][above] - fit.k, data["Q"][above] / fit.C,
-                          data["Q_error"][above] / fit.C, ls="", capsize=2, label=model_label(row), **plotting.symbol(i))
+                          data["Q_error"][above] / fit.C, ls="", capsize=2, label=_stiffness_label(row), **plotting.symbol(i))
     if len(group):
         beta = group["reference"].iloc[0]
         x = np.geomspace(0.3, 10, 50)
@@ -592,9 +598,7 @@ def _collapse(axes, fits, limit):
     axes.set(xlabel=r"$w/\sigma_{avg} - k$", ylabel=r"$Q/C$")
     axes.set_title(LIMIT_NAMES[limit], loc="left")
     log_axes(axes)
-    if 0 < len(group) < 6:
-        axes.legend()
-    elif len(group):
+    if len(group):
         axes.legend(loc="center left", bbox_to_anchor=(1, 0.5))
 
 
@@ -729,6 +733,8 @@ _PARTICLES = ("dim", *_MODEL)
 _LIMITS = (*_PARTICLES, "mu", "zeta", "hopper_width")
 _STIFFNESS = (limit, *_PARTICLES, "bending_edges", "n", "hopper_width")
 _LAMBDA = (ratio, *_PARTICLES, "hopper_angle", "n", "hopper_width")
+_MAPS = ("hopper/map", "hopper/limits-smooth", "hopper/map-large", "hopper/smooth-large", "hopper/map-rough",
+         "hopper/limits-rough", "hopper/map-rough-large", "hopper/rough-large")  #: K_l and K_b of deformable particles
 _FEW = "soft particles alone, fewer seeds and shorter runs; no deformable ones"
 FIGURES = [
     Figure("H2", "Q(w) of soft and deformable particles, friction only and drag only", ("quick/limits", "quick/stiff"),
@@ -755,8 +761,7 @@ FIGURES = [
                    "as-run/limits-smooth"),
            tells=(ratio, *_MODEL, "e_c", "n", "hopper_angle", "hopper_width")),
     Figure("H7", "offset k against the stiffness of soft and deformable particles", ("quick/stiffness", "quick/map"),
-           ("hopper/limits", "hopper/stiffness", "hopper/map", "hopper/limits-smooth", "hopper/smooth-large",
-            "hopper/map-rough", "hopper/limits-rough"), "flows", draw_offsets,
+           ("hopper/limits", "hopper/stiffness", *_MAPS), "flows", draw_offsets,
            "120 deformable particles with contacts softer than printed, three widths, two K_l and two K_b",
            as_run=("as-run/stiffness", "as-run/limits", "as-run/limits-hard", "as-run/map"), tells=_STIFFNESS),
     Figure("H8", "discharge of two wedges against their width, beside the experiment", ("quick/discharge",),
@@ -776,7 +781,6 @@ FIGURES = [
            ("hopper/limits", "hopper/stiffness"), "flows", draw_soft_prefactors, "three stiffnesses, shorter runs",
            as_run=("as-run/stiffness", "as-run/limits", "as-run/limits-hard"), tells=_STIFFNESS),
     Figure("H14", "prefactor C of deformable particles, and the collapse", ("quick/map",),
-           ("hopper/map", "hopper/limits-smooth", "hopper/map-rough", "hopper/limits-rough"), "flows",
-           draw_deformable_prefactors,
+           _MAPS, "flows", draw_deformable_prefactors,
            "120 particles with contacts softer than printed, three widths", as_run=("as-run/map",), tells=_STIFFNESS),
 ]
