@@ -782,7 +782,7 @@ def test_tables_as_run_are_those_of_the_examples(name):
         if lam > 0.0099:
             assert zeta == pytest.approx(4.111 if three else 1.539, rel=1e-3)
         models.add(model)
-    kinds = {"as-run/map": {"smooth"}, "quick/deformable": {"rough", "smooth"}}
+    kinds = {"as-run/map": {"smooth"}, "as-run/lambda-stiff": {"smooth"}, "quick/deformable": {"rough", "smooth"}}
     assert models == kinds.get(name, {kind if (kind := name.rpartition("-")[2]) in ("rough", "smooth") else "sp"})
 
 
