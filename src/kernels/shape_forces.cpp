@@ -254,13 +254,14 @@ PLIANT_INLINE void add_polygon(const ShapeLaw& law, Real a0, Real l0, const Real
   const Real pressure = law.k_a != 0 ? k_a * (area<Lanes<(width<V> < 4 ? width<V> : 4)>>(x, n) - a0) : 0;
   const Real stiffness = law.k_l * n;
   if (law.k_b != 0) {
-    const Factors factors{pressure / 2, stiffness, stiffness * l0, law.k_b / (n * l0 * l0)};
-    if (!law.full_edges) return add_polygon<true, Bent::unit, V>(factors, x, n, f);
-    const Factors full{pressure / 2, stiffness, stiffness * l0, factors.bending / (l0 * l0)};
-    if (law.k_l != 0)
-      add_polygon<true, Bent::full, V>(full, x, n, f);
+    const Real bending = law.k_b / (n * l0 * l0);
+    const Factors factors{pressure / 2, stiffness, stiffness * l0, law.full_edges ? bending / (l0 * l0) : bending};
+    if (!law.full_edges)
+      add_polygon<true, Bent::unit, V>(factors, x, n, f);
+    else if (law.k_l != 0)
+      add_polygon<true, Bent::full, V>(factors, x, n, f);
     else
-      add_polygon<false, Bent::full, V>(full, x, n, f);
+      add_polygon<false, Bent::full, V>(factors, x, n, f);
   } else if (law.k_l != 0) {
     add_polygon<true, Bent::none, V>({pressure / 2, stiffness, stiffness * l0, 0}, x, n, f);
   } else if (law.k_a != 0) {
