@@ -15,6 +15,7 @@ from .errors import RunError
 
 _LOG_RANGE = (-7.0, 4.0)   # of lambda_c
 _WIDTH_RANGE = (0.05, 10.0)  # of b, decades
+_HELD = 0.25  # from this argument of the tanh on a point tells of an end of beta
 _WIDEST = np.log10(np.e)  # standard error of log10(lambda_c) from which on it is not known: as large as lambda_c itself
 
 
@@ -80,9 +81,13 @@ def fit_crossover(lam, beta, error, ends=None, resamples=None, seed=1):
     low, high = ends or best.x[2:4]
     low_error, high_error = (0.0, 0.0) if ends else errors[2:4]
     notes = [] if between.min() <= 10 ** best.x[0] <= between.max() else ["lambda_c lies outside the values of lambda"]
-    if not ends and high > ceiling[3] - 1e-3:
-        notes.append("friction end at its bound")
-        high_error = np.nan
+    if not ends:
+        notes += _loose_ends(lam, np.log10(between / 10 ** best.x[0]) / best.x[1])
+        if high > ceiling[3] - 1e-3:
+            notes.append("friction end at its bound")
+            high_error = np.nan
+    if best.x[1] < 1.2 * _WIDTH_RANGE[0]:
+        notes.append("a step between two lambda")
     if errors[0] > _WIDEST:
         notes.append(f"lambda_c is known to within a factor of {10 ** errors[0]:.2g} only")
     if notes:  # what the data do not hold has no error
@@ -91,3 +96,10 @@ def fit_crossover(lam, beta, error, ends=None, resamples=None, seed=1):
     return CrossoverFit(float(10 ** best.x[0]), float(10 ** errors[0]), float(best.x[1]), float(errors[1]), float(low),
                         float(low_error), float(high), float(high_error),
                         float(2 * best.cost / freedom) if freedom else np.nan, note)
+
+
+def _loose_ends(lam, x):
+    """Notes on free ends that the points at lam, with arguments x of the tanh between the limits, do not hold: the limit
+    itself does, or two points beyond lambda_c, as one is no plateau."""
+    sides = (("friction", lam == 0, x < -_HELD), ("drag", np.isinf(lam), x > _HELD))
+    return [f"too few lambda for the {name} end" for name, limit, beyond in sides if not limit.any() and beyond.sum() < 2]

@@ -582,7 +582,8 @@ def test_friction_of_coulomb_is_another(capsys):
         command.FIGURES["H2"].draw(disks)
 
 
-IN_LIMITS = ("H7", "H13", "readings", "deformable", "readings-deformable", "coefficients", "protocol", "duration")
+IN_LIMITS = ("H7", "H13", "readings", "deformable", "readings-deformable", "coefficients", "protocol", "duration",
+             "duration-deformable")
 
 
 def test_what_a_figure_cannot_use(tmp_path):
@@ -795,6 +796,18 @@ def test_a_drifting_flow_shows_in_the_duration(tmp_path):
         f"beta: {name}, drag only, t_end = {t}": pytest.approx(beta, abs=0.06) for name, t, beta in (
             ("as run", 50, 0.7), ("as run", 100, 0.5), ("as run", 200, 0.3),
             ("as run, put back touching", 50, 0.6), ("as run, put back touching", 200, 0.6))}
+
+
+def test_a_drifting_flow_of_deformable_particles_shows_in_the_duration(tmp_path):
+    smooth = {"model": "smooth", "zeta": 1.54, "edge_force": "twofold", "edge_width": 0.2} | DEFORMABLE_AS_RUN
+    data = pd.concat([reading_rows("drag", beta, t_end=t, **(smooth | {"reinsertion_gap": gap}))
+                      for gap, t, beta in ((0.8333, 30, 0.6), (0.8333, 100, 0.3), (0.0, 30, 0.7), (0.0, 100, 0.7))], ignore_index=True)
+    found = drawn("duration-deformable", data, tmp_path)
+    kind = "smooth, K_l = 10, K_b = 0.1, drag only"
+    assert {name: q.value for name, q in found.items() if name.startswith("beta: ")} == {
+        f"beta: {name}: {kind}, t_end = {t}": pytest.approx(beta, abs=0.06) for name, t, beta in (
+            ("as run", 30, 0.6), ("as run", 100, 0.3), ("as run, put back touching", 30, 0.7),
+            ("as run, put back touching", 100, 0.7))}
 
 
 @pytest.mark.parametrize("status", ["clogged", "done"])  # done: a particle that bounces alone goes on

@@ -306,7 +306,7 @@ def draw_corrected(measured):
 
 def _ratio_at_crossover(ratios, fit):
     """Drag over friction where lambda is lambda_c, and its error; NaN where no lambda of `ratios` is beyond it."""
-    points = ratios[(ratios["lam"] > 0) & np.isfinite(ratios["lam"])].sort_values("lam")
+    points = ratios.sort_values("lam")
     x, y = np.log(points["lam"].to_numpy(float)), np.log(points["drag_friction_ratio"].to_numpy(float))
     at = np.log(fit.lam_c)
     if len(x) < 2 or not x[0] <= at <= x[-1]:
@@ -340,8 +340,9 @@ def draw_angles(measured):
     models = exponents.drop_duplicates(_MODEL)[_MODEL]
     figure, panels = plt.subplots(len(models), 3, figsize=(14, 4.2 * len(models)), layout="constrained", squeeze=False,
                                   gridspec_kw={"width_ratios": [1.6, 1, 1]})
-    both = "drag_friction_ratio" in table and table["drag_friction_ratio"].notna().any()  # friction and drag act
-    ratios = ensemble.average(table, ["lam", *by], "drag_friction_ratio") if both else None
+    between = table[(table["lam"] > 0) & np.isfinite(table["lam"])]  # friction and drag act
+    both = "drag_friction_ratio" in between and between["drag_friction_ratio"].notna().any()
+    ratios = ensemble.average(between, ["lam", *by], "drag_friction_ratio") if both else None
     for (left, middle, right), (_, model) in zip(panels, models.iterrows()):
         own = [(group.iloc[0], group, *fits) for _, group, *fits in curves if _same(group, model).all()]
         _draw_crossovers(left, [(short(row), *rest) for row, *rest in own], 2, published.LAMBDA_C_ANGLE.values(),
@@ -351,7 +352,7 @@ def draw_angles(measured):
         if ratios is None:
             right.set_axis_off()
         else:
-            quantities += _draw_ratios(right, ratios[_same(ratios, model)], own, full)
+            quantities += _draw_ratios(right, ratios[_same(ratios, model)], own, full, sorted(ratios["lam"].unique()))
     return figure, [_renamed(Quantity(q.name.replace(r"\theta_w", "theta_w").replace("°", ""), q.value, q.error,
                                       q.published, q.note), 2) for q in quantities]
 
@@ -375,15 +376,14 @@ def _draw_lambda_c(axes, curves):
     axes.legend()
 
 
-def _draw_ratios(axes, ratios, curves, full):
+def _draw_ratios(axes, ratios, curves, full, lams):
     """Drag over friction of one model against the angle of the hopper; its quantities at lambda = 0.01 and at lambda_c.
-    full(row) is what their names call a row."""
+    full(row) is what their names call a row; `lams` are those of all models, each of one colour."""
     quantities = []
-    finite = ratios[(ratios["lam"] > 0) & np.isfinite(ratios["lam"])]
-    for i, (lam, at_lam) in enumerate(finite.groupby("lam")):
+    for lam, at_lam in ratios.groupby("lam"):
         for j, (_, group) in enumerate(at_lam.groupby(_VARIANT)):
             plotting.errorbar(axes, group["hopper_angle"], group["drag_friction_ratio"], group["drag_friction_ratio_error"],
-                              linestyle=("-", "--", ":", "-.")[j % 4], capsize=2.5, **plotting.symbol(i + 8 * j),
+                              linestyle=("-", "--", ":", "-.")[j % 4], capsize=2.5, **plotting.symbol(lams.index(lam) + 8 * j),
                               label=rf"$\lambda$ = {lam:g}" + _variant_label(group.iloc[0], latex=True))
         if lam == 0.01 and len(at_lam) > 1:
             quantities += [Quantity(f"|F_zeta|/|F_mu| at lambda = 0.01, {full(row)}", row["drag_friction_ratio"],
@@ -392,7 +392,7 @@ def _draw_ratios(axes, ratios, curves, full):
                             *_ratio_at_crossover(ratios[_same(ratios, row[["hopper_angle", *_VARIANT]])], free))
                    for row, _, _, free in curves if free]
     axes.set(xlabel=r"$\theta_w$  [degrees]", ylabel=r"$|F_\zeta|/|F_\mu|$, mean over $w$", yscale="log")
-    if len(finite):
+    if len(ratios):
         axes.legend(loc="center left", bbox_to_anchor=(1, 0.5))
     return quantities
 

@@ -250,9 +250,8 @@ def _draw_models(fits, soft):
     return figure, quantities
 
 
-def draw_deformable(measured):
-    """The exponent of each reading of rough and of smooth particles, and how well the published and the opposite exponent
-    fit."""
+def _deformable_fits(measured, by=()):
+    """Fits of each reading of rough and of smooth particles, for each value of the columns `by`, with its `name`."""
     table = limits(of_kind(measured, "deformable"))
     for name, printed in _DEFORMABLE.items():  # runs kept from before these columns are as printed
         table[name] = table[name].fillna(printed) if name in table else printed
@@ -263,9 +262,16 @@ def draw_deformable(measured):
     usual |= {name: table[name].iloc[0] for name in ("e_c", "e_w") if table[name].nunique() == 1}  # of all readings alike
     models = [{limit: model | usual for limit, model in one.items()} for one in MODELS_DEFORMABLE]
     names = [*_DEFORMABLE, *_SIZE, "mu", "zeta"]
-    fits = _some(_fits(table, names))
+    fits = _some(_fits(table, [*names, *by]))
     fits["name"] = [f"{reading(row, [n for n in names if row['model'] == 'smooth' or n not in _EDGES], models)}: "
                     f"{model_label(row, latex=False)}" for _, row in fits.iterrows()]
+    return fits
+
+
+def draw_deformable(measured):
+    """The exponent of each reading of rough and of smooth particles, and how well the published and the opposite exponent
+    fit."""
+    fits = _deformable_fits(measured)
     return _draw_models(fits, fits["e_c"] < 1e4)
 
 
@@ -413,8 +419,19 @@ def draw_protocol(measured):
 
 def draw_duration(measured):
     """The exponent, and Q at the widest orifice, against the duration of the runs: neither changes where the flow is steady."""
-    fits = _some(_fits(_canonical(measured), [*OPTIONS, "t_end"]), drop=True)
-    fits["curve"] = [_name(row, reading(row)) for _, row in fits.iterrows()]
+    fits = _fits(_canonical(measured), [*OPTIONS, "t_end"])
+    return _draw_durations(fits.assign(name=[reading(row) for _, row in fits.iterrows()]))
+
+
+def draw_duration_deformable(measured):
+    """The same of rough and of smooth particles."""
+    return _draw_durations(_deformable_fits(measured, ["t_end"]))
+
+
+def _draw_durations(fits):
+    """A curve per `name` and limit. Returns the figure and the quantities of the fits."""
+    fits = _some(fits, drop=True)
+    fits["curve"] = [_name(row, row["name"]) for _, row in fits.iterrows()]
     figure, (left, right) = plt.subplots(1, 2, figsize=(10.5, 4.0), layout="constrained", sharex=True)
     for i, (curve, points) in enumerate(fits.groupby("curve")):
         points = points.sort_values("t_end")
@@ -462,4 +479,7 @@ FIGURES = [
            "mu = 5 and zeta = 2 alone, fewer changes, shorter runs", tells=(*_ALONE, "t_end")),
     Figure("duration", "exponent of drag as run against the duration of the runs", ("quick/duration",), ("hopper/duration",),
            "readings", draw_duration, "fewer widths, shorter runs", tells=(*_ALONE, "t_end")),
+    Figure("duration-deformable", "exponent of smooth particles' drag as run against the duration of the runs",
+           ("quick/duration-deformable",), ("hopper/duration-smooth",), "flows", draw_duration_deformable,
+           "120 particles, fewer seeds, shorter runs", tells=(*_DEFORMABLE_ALONE, "t_end")),
 ]
