@@ -121,9 +121,9 @@ def test_a_crossover_that_is_not_there():
     assert "friction end at its bound" in steep.note and np.isnan(steep.high_error) and np.isnan(steep.lam_c_error)
     assert steep.low == pytest.approx(0.4, abs=0.05) and steep.low_error > 0
     tail = np.array([0.1, 0.3, 1, 3, np.inf])  # a small step is no end
-    for values, error, name in ((crossover(tail, 0.02, 0.8, 0.95, 2.2) + [-0.01, 0.0, 0.0, 0.0, 0.0], 0.03, "friction"),
-                                (crossover(1 / tail, 50, 0.8, 0.95, 2.2) + [0.0, -0.01, 0.01, 0.0, 0.0], 0.03, "drag")):
-        one = fit_crossover(tail if name == "friction" else 1 / tail, values, np.full(5, error))
+    for name, at, middle, noise in (("friction", tail, 0.02, [-0.01, 0.0, 0.0, 0.0, 0.0]),
+                                    ("drag", 1 / tail, 50, [0.0, -0.01, 0.01, 0.0, 0.0])):
+        one = fit_crossover(at, crossover(at, middle, 0.8, 0.95, 2.2) + noise, np.full(5, 0.03))
         assert f"too few lambda for the {name} end" in one.note and np.isnan(one.lam_c_error)
     sharp = fit_crossover(lam, np.where(lam < 0.02, 1.6, np.where(lam > 0.05, 0.45, 0.8)), np.full(7, 0.02), (0.5, 1.5))
     assert sharp.lam_c == pytest.approx(0.03, rel=0.1) and "step" in sharp.note and np.isnan(sharp.lam_c_error)

@@ -262,7 +262,7 @@ def _deformable_fits(measured, by=()):
     usual |= {name: table[name].iloc[0] for name in ("e_c", "e_w") if table[name].nunique() == 1}  # of all readings alike
     models = [{limit: model | usual for limit, model in one.items()} for one in MODELS_DEFORMABLE]
     names = [*_DEFORMABLE, *_SIZE, "mu", "zeta"]
-    fits = _some(_fits(table, [*names, *by]))
+    fits = _fits(table, [*names, *by])
     fits["name"] = [f"{reading(row, [n for n in names if row['model'] == 'smooth' or n not in _EDGES], models)}: "
                     f"{model_label(row, latex=False)}" for _, row in fits.iterrows()]
     return fits
@@ -271,7 +271,7 @@ def _deformable_fits(measured, by=()):
 def draw_deformable(measured):
     """The exponent of each reading of rough and of smooth particles, and how well the published and the opposite exponent
     fit."""
-    fits = _deformable_fits(measured)
+    fits = _some(_deformable_fits(measured))
     return _draw_models(fits, fits["e_c"] < 1e4)
 
 
@@ -424,7 +424,7 @@ def draw_duration(measured):
 
 
 def draw_duration_deformable(measured):
-    """The same of rough and of smooth particles."""
+    """As `draw_duration`, of rough and of smooth particles."""
     return _draw_durations(_deformable_fits(measured, ["t_end"]))
 
 
