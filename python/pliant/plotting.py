@@ -27,9 +27,11 @@ plt.rcParams.update({
 })
 
 
-def symbol(i):
-    """Marker, colour and face of the i-th curve: after the filled ones come open ones."""
+def symbol(i, turns=0):
+    """Marker, colour and face of the i-th curve: after the filled ones come open ones, and filled ones again. `turns`: so
+    many times further round, in the same colour."""
     turn, k = divmod(i, len(COLORS))
+    turn += turns
     return {"marker": MARKERS[k], "color": COLORS[k], "markerfacecolor": "white" if turn % 2 else COLORS[k]}
 
 

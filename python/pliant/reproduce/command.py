@@ -17,7 +17,7 @@ from ..sweep_command import (FAILED_CODE, default_workers, find_program, first_s
 from ..sweep_jobs import STOPPED_CODE, RowFolder, count_text, row_text
 from ..sweep_rows import read_rows
 from . import disk_motion, disks, droplets, hopper, readings
-from .figure import AGREE, LEVELS, VALIDATION, check_told_apart, rows, write_rows
+from .figure import AGREE, LEVELS, VALIDATION, check_rows, rows, write_rows
 from .measure import OF_EVERY_RUN, measured
 
 #: Of rows that name none, where there is no program to ask.
@@ -210,7 +210,7 @@ def _measured(figure, level, given, runs):
         raise RunError(f"nothing is kept of {figure.name}{f' {level}' if level else ''}: run it without --kept")
     level = level or "quick"
     tables, found = _tables(figure, level, given), []
-    check_told_apart(figure, [(table.file, read_rows(table.file, runs.scenario())) for table in tables])
+    check_rows(figure, [(table.file, read_rows(table.file, runs.scenario())) for table in tables])
     for table in tables:
         kept = _load_kept(figure, [table]) if given.keep else pd.DataFrame()
         new = runs.measure(figure, table, set(kept["row"]) if len(kept) else ())

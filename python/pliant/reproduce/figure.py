@@ -19,6 +19,10 @@ FREE = ("seed", "t_end", "frame_interval", "sample_interval", "checkpoint_interv
 #: Two values agree if they are no further apart than this many of their joint standard errors.
 AGREE = 2.0
 
+#: Kinds of particles, with their models.
+KINDS = {"soft": ("sp",), "deformable": ("rough", "smooth")}
+_DEFAULTS = {"model": "sp", "dim": 2}  #: of the program, where a row does not give them
+
 COLUMNS = ["figure", "level", "quantity", "ours", "error", "published", "published_error", "deviation", "agree",
            "source", "note", "cpu_hours", "commit", "seeds", "table"]
 
@@ -41,20 +45,44 @@ class Figure:
     quick: tuple     #: names of tables below validation/, without .csv
     full: tuple
     measure: str     #: name of a function of measure.py
-    draw: Callable   #: measured [DataFrame] → (matplotlib figure, [Quantity])
+    drawing: Callable   #: measured [DataFrame] → (matplotlib figure, [Quantity])
     quick_note: str = "fewer seeds and shorter runs"  #: what the quick form has less of
     as_run: tuple = ()  #: with all that the authors' code is said to have differently; empty where nothing is known of it
     #: What it tells runs apart by: options, and functions of a run's options. Runs that agree in all are seeds of one point.
     tells: tuple = ()
+    kind: str = ""        #: of particles, of KINDS, if it shows one alone
+    planar: bool = False  #: whether runs in 3D cannot be in it
+
+    def shown(self, runs):
+        """Those of the runs, of which `runs` has model and dim, that the figure shows. Raises RunError if there are none, or
+        for runs in 3D where it is of the plane."""
+        if self.planar and (runs["dim"] == 3).any():
+            raise RunError("there are runs in 3D, but this figure is of the plane: leave them out (H3, H4 and "
+                           "coefficients-3d have spheres)")
+        if not self.kind:
+            return runs
+        own = runs[runs["model"].isin(KINDS[self.kind])]
+        if own.empty:
+            raise RunError(f"no run has {self.kind} particles (-model {' or '.join(KINDS[self.kind])}), of which this "
+                           "figure is")
+        return own
+
+    def draw(self, measured):
+        """(matplotlib figure, [Quantity]) of measured runs. Raises RunError if they are none that it shows."""
+        return self.drawing(self.shown(measured))
 
     def tables(self, level):
         """Names of the tables of a level; empty for as-run where there is none."""
         return {"quick": self.quick, "full": self.full, "as-run": self.as_run}[level]
 
 
-def check_told_apart(figure, tables):
-    """Raises RunError if the figure would average runs that differ in more than FREE options: `tables` is
-    [(path, [Row])]."""
+def check_rows(figure, tables):
+    """Before they run. Raises RunError if the figure shows none of them, or would average runs that differ in more than
+    FREE options: `tables` is [(path, [Row])]."""
+    given = [row.options for _, lines in tables for row in lines]
+    if not any("options_file" in options for options in given):  # which may have what is asked
+        runs = pd.DataFrame([_DEFAULTS | {name: options[name] for name in _DEFAULTS if name in options} for options in given])
+        figure.shown(runs.astype({"dim": int}))
     first = {}
     for path, lines in tables:
         for row in lines:

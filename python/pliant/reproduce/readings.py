@@ -10,7 +10,7 @@ from ..errors import RunError
 from ..statistics import commonest
 from . import published
 from .figure import Figure, Quantity
-from .hopper import BETA, COEFFICIENT, LIMIT_NAMES, fit_quantities, limits, model_label, of_kind
+from .hopper_runs import BETA, COEFFICIENT, LIMIT_NAMES, fit_quantities, limits, model_label
 
 _UNITS = {"friction": r"$\mu/\mu_0$", "drag": r"$\zeta/\zeta_0$"}
 NEAR = 0.1  #: beta is called 3/2 or 1/2 within this
@@ -92,7 +92,7 @@ def reading(row, names=OPTIONS, models=None):
 def _canonical(measured):
     """Rows of soft particles in the limits. What does not act in a limit is as printed: the law of friction where there
     is drag only, and the other way round."""
-    return _laws_that_act(limits(of_kind(measured, "soft")))
+    return _laws_that_act(limits(measured))
 
 
 def _laws_that_act(table):
@@ -252,7 +252,7 @@ def _draw_models(fits, soft):
 
 def _deformable_fits(measured, by=()):
     """Fits of each reading of rough and of smooth particles, for each value of the columns `by`, with its `name`."""
-    table = limits(of_kind(measured, "deformable"))
+    table = limits(measured)
     for name, printed in _DEFORMABLE.items():  # runs kept from before these columns are as printed
         table[name] = table[name].fillna(printed) if name in table else printed
     for name in _EDGES:
@@ -457,29 +457,30 @@ _DEFORMABLE_ALONE = ("model", "k_l", "k_b", "mu", "zeta", *_SIZE, *_DEFORMABLE, 
 FIGURES = [
     Figure("readings", "exponent of each reading of [H]: as printed, as run, and each difference alone",
            ("quick/readings",), ("hopper/readings", "hopper/readings-hard"), "readings", draw_readings,
-           "four readings, fewer widths, shorter runs", tells=_ALONE),
+           "four readings, fewer widths, shorter runs", tells=_ALONE, kind="soft"),
     Figure("deformable", "exponent of rough and smooth particles as printed and as run, friction only and drag only",
            ("quick/deformable",),
            ("hopper/limits-rough", "hopper/limits-smooth", "hopper/rough-large", "hopper/smooth-large",
             "as-run/limits-rough", "as-run/limits-smooth"),
            "flows", draw_deformable, "120 particles, softer contacts, fewer widths and seeds, shorter runs",
-           tells=_DEFORMABLE_ALONE),
+           tells=_DEFORMABLE_ALONE, kind="deformable"),
     Figure("readings-deformable", "exponent of each reading of [H]'s smooth particles: as printed, and each difference alone",
            ("quick/readings-deformable",), ("hopper/readings-deformable",), "flows", draw_deformable,
-           "120 particles, three readings of each limit, fewer seeds, shorter runs", tells=_DEFORMABLE_ALONE),
+           "120 particles, three readings of each limit, fewer seeds, shorter runs", tells=_DEFORMABLE_ALONE,
+           kind="deformable"),
     Figure("coefficients", "exponent against mu and against zeta, both laws as printed and as run",
            ("quick/coefficients",), ("hopper/coefficients", "hopper/coefficients-hard", "hopper/coefficients-as-run"),
            "readings", draw_coefficients,
-           "laws as printed, a point per decade, fewer widths, shorter runs", tells=_ALONE),
+           "laws as printed, a point per decade, fewer widths, shorter runs", tells=_ALONE, kind="soft"),
     Figure("coefficients-3d", "exponent of soft spheres against mu and against zeta", ("quick/coefficients-3d",),
            ("hopper/coefficients-3d",), "readings", draw_coefficients,
-           "half the particles, three coefficients of each, fewer widths, shorter runs", tells=_ALONE),
+           "half the particles, three coefficients of each, fewer widths, shorter runs", tells=_ALONE, kind="soft"),
     Figure("protocol", "exponent with each choice of the protocol changed alone",
            ("quick/protocol",), ("hopper/protocol",), "readings", draw_protocol,
-           "mu = 5 and zeta = 2 alone, fewer changes, shorter runs", tells=(*_ALONE, "t_end")),
+           "mu = 5 and zeta = 2 alone, fewer changes, shorter runs", tells=(*_ALONE, "t_end"), kind="soft"),
     Figure("duration", "exponent of drag as run against the duration of the runs", ("quick/duration",), ("hopper/duration",),
-           "readings", draw_duration, "fewer widths, shorter runs", tells=(*_ALONE, "t_end")),
+           "readings", draw_duration, "fewer widths, shorter runs", tells=(*_ALONE, "t_end"), kind="soft"),
     Figure("duration-deformable", "exponent of smooth particles' drag as run against the duration of the runs",
            ("quick/duration-deformable",), ("hopper/duration-smooth",), "flows", draw_duration_deformable,
-           "120 particles, fewer seeds, shorter runs", tells=(*_DEFORMABLE_ALONE, "t_end")),
+           "120 particles, fewer seeds, shorter runs", tells=(*_DEFORMABLE_ALONE, "t_end"), kind="deformable"),
 ]

@@ -1,0 +1,253 @@
+"""The figures of the hopper paper of beta against lambda = zeta/mu, and lambda_c."""
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from .. import beverloo, ensemble, plotting
+from ..beverloo_figures import FRACTIONS
+from ..crossover import fit_crossover
+from ..errors import RunError
+from ..script import remark
+from . import published
+from .figure import Quantity
+from .hopper_runs import (BETA, LAMBDA, LIMIT_AT, LIMIT_NAMES, MODEL, chi2_note, held_value, limits, model_label, of_several,
+                          plain, variant_label, with_limit)
+
+#: What runs of one model may differ in beside (`of_several`).
+_VARIANT = ["contacts", "size"]
+
+
+def _exponents(table, by, value="Q"):
+    """A row per group of `by` and lambda with its exponent; those without one are left out. Raises RunError if there are
+    none."""
+    fits = beverloo.fit_seeds(table, [*by, "lam"], value)
+    fits = fits[fits["fit"].notna()] if len(fits) else fits
+    if fits.empty:
+        raise RunError("no lambda has enough widths for a fit of beta")
+    return fits
+
+
+def _crossovers(exponents, by, dim, label, known):
+    """[(label, group, fit with the published ends, fit with free ends)] and their quantities. known(key) → Published."""
+    curves, quantities = [], []
+    ends = dim - 1.5, dim - 0.5
+    for key, group in ensemble.groups(exponents, by):
+        name = label(group.iloc[0])
+        found = []
+        for kind, held in (("published ends", ends), ("free ends", None)):
+            try:
+                fit = fit_crossover(group["lam"], group["beta"], group["beta_error"], held)
+            except RunError as error:
+                found.append(None)
+                quantities.append(Quantity(f"lambda_c, {kind}: {name}", np.nan, np.nan, known(key), str(error)))
+                continue
+            found.append(fit)
+            quantities.append(Quantity(f"lambda_c, {kind}: {name}", fit.lam_c, fit.lam_c_error, known(key),
+                                       "; ".join(filter(None, [fit.note, chi2_note(fit.chi2_reduced)]))))
+            if held is None:
+                for part, limit in (("high", "friction"), ("low", "drag")):
+                    quantities.append(Quantity(f"beta, fitted end ({limit}): {name}", getattr(fit, part),
+                                               getattr(fit, part + "_error"), published.exponent(dim, limit), fit.note))
+        for row in group.itertuples():
+            limit = LIMIT_AT.get(row.lam)
+            quantities.append(Quantity(f"beta at lambda = {row.lam:g}: {name}", row.beta, row.beta_error,
+                                       published.exponent(dim, limit) if limit else None, row.note))
+        curves.append((name, group, *found))
+    return curves, quantities
+
+
+def _draw_crossovers(axes, curves, dim, lam_c, **legend):
+    finite = np.concatenate([group["lam"][(group["lam"] > 0) & np.isfinite(group["lam"])] for _, group, *_ in curves])
+    low, high = (finite.min(), finite.max()) if len(finite) else (1e-3, 1)
+    edges = low / 6, high * 6  # where lambda = 0 and infinity are drawn
+    grid = np.geomspace(*edges, 200)
+    for i, (name, group, held, free) in enumerate(curves):
+        symbol = plotting.symbol(i)
+        lam = np.clip(group["lam"].to_numpy(float), *edges)
+        plotting.errorbar(axes, lam, group["beta"], group["beta_error"], ls="", capsize=2.5, label=name, zorder=3,
+                          clip_on=False, **symbol)
+        if free:
+            axes.plot(grid, free(grid), color=symbol["color"], lw=1.2)
+        if held:
+            axes.plot(grid, held(grid), "--", color=symbol["color"], lw=0.9, alpha=0.7)
+    for beta in (dim - 0.5, dim - 1.5):
+        axes.axhline(beta, color="0.55", lw=0.9, ls=":")
+        axes.text(edges[1], beta, f" {FRACTIONS[beta]}", va="center", color="0.4")
+    for one in lam_c:
+        axes.axvline(one.value, color="0.55", lw=0.9, ls="-.")
+    axes.plot([], [], color="0.4", lw=1.2, label="corrected [H 14], free ends")
+    axes.plot([], [], "--", color="0.4", lw=0.9, label="with the published ends")
+    axes.plot([], [], "-.", color="0.55", lw=0.9, label=r"published $\lambda_c$")
+    axes.set(xscale="log", xlabel=LAMBDA, ylabel=BETA, xlim=edges)
+    ticks = [edges[0], *10.0 ** np.arange(np.ceil(np.log10(low)), np.floor(np.log10(high)) + 0.5), edges[1]]
+    axes.set_xticks(ticks, labels=["0", *(f"{t:g}" for t in ticks[1:-1]), r"$\infty$"])
+    axes.minorticks_off()
+    axes.legend(**legend)
+
+
+def _renamed(quantity, dim):
+    name = quantity.name.replace("$", "").replace("{", "").replace("}", "")
+    return Quantity(name + (", 3D" if dim == 3 else ""), quantity.value, quantity.error, quantity.published, quantity.note)
+
+
+def draw_lambda(measured, value="Q"):
+    """[H 4, 11, 12a]: beta against lambda with the corrected sigmoid, a panel per dimension; of hoppers with several angles
+    the flattest, in each dimension."""
+    table = with_limit(plain(measured))
+    steep = table["hopper_angle"] < table.groupby("dim")["hopper_angle"].transform("max")
+    if steep.any():
+        remark(f"{steep.sum()} runs of steeper hoppers are left out, which H6 shows")
+    table = table[~steep]
+    table, by = table.assign(size=of_several(table, "n")), [*MODEL, "size"]
+    exponents = _exponents(table, ["dim", *by], value)  # of a campaign that has begun there may be a few runs in 3D
+    every = [(int(dim), group) for dim, group in exponents.groupby("dim")]
+    figure, panels = plt.subplots(1, len(every), figsize=(6.2 * len(every), 4.4), layout="constrained", squeeze=False)
+    quantities = []
+    for axes, (dim, exponents) in zip(panels[0], every):
+        curves, found = _crossovers(exponents, by, dim, model_label, lambda key, dim=dim: published.LAMBDA_C[dim])
+        _draw_crossovers(axes, curves, dim, [published.LAMBDA_C[dim]])
+        axes.set_title(f"{dim}D", loc="left")
+        quantities += [_renamed(q, dim) for q in found]
+    return figure, quantities
+
+
+def draw_corrected(measured):
+    """[H 11]: beta from Q, and from Q' corrected for overlaps."""
+    table = with_limit(plain(measured))
+    rates = [(mark, _exponents(table, ["dim", *MODEL], value)) for value, mark in (("Q", ""), ("Q_corrected", "'"))]
+    figure, panels = plt.subplots(1, 2, figsize=(12, 4.4), layout="constrained", sharey=True)
+    quantities = []
+    for axes, (mark, exponents) in zip(panels, rates):
+        curves, found = _crossovers(exponents, MODEL, 2, model_label, lambda key: published.LAMBDA_C[2])
+        _draw_crossovers(axes, curves, 2, [published.LAMBDA_C[2]])
+        prime = mark.replace("'", "\N{PRIME}")  # that of mathtext can hardly be seen
+        axes.set_ylabel(rf"$\beta${prime}")
+        axes.set_title(f"from Q{prime}" + (", corrected for overlaps" if prime else ""), loc="left")
+        for q in found:
+            q = _renamed(q, 2)
+            quantities.append(Quantity(f"from Q{mark}, {q.name}", q.value, q.error, q.published, q.note))
+    return figure, quantities
+
+
+def _ratio_at_crossover(ratios, fit):
+    """Drag over friction where lambda is lambda_c, and its error; NaN where no lambda of `ratios` is beyond it."""
+    points = ratios.sort_values("lam")
+    x, y = np.log(points["lam"].to_numpy(float)), np.log(points["drag_friction_ratio"].to_numpy(float))
+    at = np.log(fit.lam_c)
+    if len(x) < 2 or not x[0] <= at <= x[-1]:
+        return np.nan, np.nan
+    relative = points["drag_friction_ratio_error"].to_numpy(float) / points["drag_friction_ratio"].to_numpy(float)
+    k = min(np.searchsorted(x, at, side="right"), len(x) - 1)
+    slope = (y[k] - y[k - 1]) / (x[k] - x[k - 1])
+    value = np.exp(np.interp(at, x, y))
+    return value, value * np.hypot(slope * fit.lam_c_error / fit.lam_c, np.interp(at, x, relative))
+
+
+def _same(table, row):
+    """Which rows of a table agree with all of `row`."""
+    return (table[row.index] == row).all(axis=1)
+
+
+def _draw_lambda_c(axes, curves):
+    """lambda_c against the angle of the hopper, where it is known."""
+    for i, (kind, style) in enumerate((("published ends", "o"), ("free ends", "s"))):
+        points = [(group["hopper_angle"].iloc[0], fit) for _, group, *fits in curves
+                  if (fit := fits[i]) and np.isfinite(fit.lam_c_error)]
+        if points:
+            plotting.errorbar(axes, [a for a, _ in points], [f.lam_c for _, f in points], [f.lam_c_error for _, f in points],
+                              fmt=style, capsize=2.5, label=kind)
+    axes.plot(list(published.LAMBDA_C_ANGLE), [p.value for p in published.LAMBDA_C_ANGLE.values()], "k*", ms=8,
+              label="[H]")
+    axes.set(xlabel=r"$\theta_w$  [degrees]", ylabel=r"$\lambda_c$", yscale="log")
+    axes.legend()
+
+
+def _draw_ratios(axes, ratios, curves, full, lams):
+    """Drag over friction of one model against the angle of the hopper; its quantities at lambda = 0.01 and at lambda_c.
+    full(row) is what their names call a row; `lams` are those of all models, each of one colour."""
+    quantities = []
+    for lam, at_lam in ratios.groupby("lam"):
+        for j, (_, group) in enumerate(at_lam.groupby(_VARIANT)):
+            plotting.errorbar(axes, group["hopper_angle"], group["drag_friction_ratio"], group["drag_friction_ratio_error"],
+                              linestyle=("-", "--", ":", "-.")[j % 4], capsize=2.5, **plotting.symbol(lams.index(lam), turns=j),
+                              label=rf"$\lambda$ = {lam:g}" + variant_label(group.iloc[0], latex=True))
+        if lam == 0.01 and len(at_lam) > 1:
+            quantities += [Quantity(f"|F_zeta|/|F_mu| at lambda = 0.01, {full(row)}", row["drag_friction_ratio"],
+                                    row["drag_friction_ratio_error"]) for _, row in at_lam.iterrows()]
+    quantities += [Quantity(f"|F_zeta|/|F_mu| at lambda_c, free ends: {full(row)}",
+                            *_ratio_at_crossover(ratios[_same(ratios, row[["hopper_angle", *_VARIANT]])], free))
+                   for row, _, _, free in curves if free]
+    axes.set(xlabel=r"$\theta_w$  [degrees]", ylabel=r"$|F_\zeta|/|F_\mu|$, mean over $w$", yscale="log")
+    if len(ratios):
+        axes.legend(loc="center left", bbox_to_anchor=(1, 0.5))
+    return quantities
+
+
+def draw_angles(measured):
+    """[H 6]: beta against lambda for hoppers of several angles; lambda_c and the ratio of drag to friction against the
+    angle. A row of panels per model; several stiffnesses of its contacts, or several N, are curves of their own."""
+    table = with_limit(plain(measured))
+    table = table.assign(contacts=of_several(table, "e_c"), size=of_several(table, "n"))
+    by = ["hopper_angle", *MODEL, *_VARIANT]
+    several = len(table.drop_duplicates(MODEL)) > 1
+
+    def angle(row):
+        return rf"$\theta_w$ = {row['hopper_angle']:g}°"
+
+    def short(row):
+        return angle(row) + variant_label(row, latex=True)
+
+    def full(row):
+        return f"{angle(row)}, {model_label(row)}" if several else short(row)
+
+    exponents = _exponents(table, ["dim", *by])
+    curves, quantities = _crossovers(exponents, by, 2, full, lambda key: published.LAMBDA_C_ANGLE.get(int(key[0])))
+    models = exponents.drop_duplicates(MODEL)[MODEL]
+    figure, panels = plt.subplots(len(models), 3, figsize=(14, 4.2 * len(models)), layout="constrained", squeeze=False,
+                                  gridspec_kw={"width_ratios": [1.6, 1, 1]})
+    between = table[(table["lam"] > 0) & np.isfinite(table["lam"])]  # friction and drag act
+    both = "drag_friction_ratio" in between and between["drag_friction_ratio"].notna().any()
+    ratios = ensemble.average(between, ["lam", *by], "drag_friction_ratio") if both else None
+    for (left, middle, right), (_, model) in zip(panels, models.iterrows()):
+        own = [(group.iloc[0], group, *fits) for _, group, *fits in curves if _same(group, model).all()]
+        _draw_crossovers(left, [(short(row), *rest) for row, *rest in own], 2, published.LAMBDA_C_ANGLE.values(),
+                         loc="lower left", bbox_to_anchor=(0, 1), ncols=2, title=model_label(model) if several else "",
+                         alignment="left")
+        _draw_lambda_c(middle, own)
+        if ratios is None:
+            right.set_axis_off()
+        else:
+            quantities += _draw_ratios(right, ratios[_same(ratios, model)], own, full, sorted(ratios["lam"].unique()))
+    return figure, [_renamed(Quantity(q.name.replace(r"\theta_w", "theta_w").replace("°", ""), q.value, q.error,
+                                      q.published, q.note), 2) for q in quantities]
+
+
+def draw_size(measured):
+    """[H 12]: beta against lambda, and C, for several numbers of particles."""
+    table = with_limit(plain(measured))
+    exponents = _exponents(table, ["dim", "n"])
+    figure, (left, right) = plt.subplots(1, 2, figsize=(11.5, 4.4), layout="constrained")
+    curves, quantities = _crossovers(exponents, ["n"], 2, lambda row: f"$N$ = {row['n']:g}",
+                                     lambda key: published.LAMBDA_C[2])
+    _draw_crossovers(left, curves, 2, [published.LAMBDA_C[2]])
+    quantities = [_renamed(q, 2) for q in quantities]
+    fits = beverloo.fit_seeds(limits(measured), ["limit", "dim", "n"])
+    for i, (limit, name) in enumerate(LIMIT_NAMES.items()):
+        group = fits[(fits["limit"] == limit) & fits["reference_fit"].notna()].sort_values("n")
+        if len(group) < 2:
+            continue
+        C, error = np.array([held_value(row, "C") for _, row in group.iterrows()]).T
+        plotting.errorbar(right, group["n"], C / C[0], error / C[0], fmt=plotting.MARKERS[i], color=plotting.COLORS[i],
+                          capsize=2.5, label=name)
+        n = group["n"].to_numpy(float)
+        (power, offset), covariance = np.polyfit(np.log(n), np.log(C), 1, w=C / error, cov="unscaled") \
+            if len(n) > 2 else (np.polyfit(np.log(n), np.log(C), 1), np.full((2, 2), np.nan))
+        grid = np.linspace(n[0], n[-1], 50)
+        right.plot(grid, np.exp(offset) * grid**power / C[0], color=plotting.COLORS[i], lw=1.1)
+        quantities.append(Quantity(f"p of C ~ N^p, {name}", float(power), float(np.sqrt(covariance[0, 0])),
+                                   published.C_SIZE[limit], "C with the published beta held"))
+    n = np.array(sorted(fits["n"].unique()), float)
+    right.plot(n, n / n[0], "-.", color="0.45", lw=1, label="[H], friction: linear")
+    right.set(xlabel="$N$", ylabel=f"$C/C_{{{n[0]:g}}}$", ylim=(0, None))
+    right.legend()
+    return figure, quantities

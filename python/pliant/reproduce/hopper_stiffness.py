@@ -1,0 +1,193 @@
+"""The figures of the hopper paper of k and C against the stiffness of particles."""
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from .. import beverloo, plotting
+from ..beverloo_figures import FRACTIONS, log_axes, plain_numbers
+from ..errors import RunError
+from . import published
+from .figure import Quantity
+from .hopper_runs import (LIMIT_NAMES, MODEL, chi2_note, held_value, is_hard, is_soft, limits, named, of_several,
+                          stiffness_label, variant_label)
+
+
+def _against(axes, fits, x, quantity, x_label, label, references=None):
+    """A quantity of fits with the published exponent held (filled) and free (open) against the column x, a curve per
+    limit and K_l."""
+    several = fits["k_l"].nunique() > 1
+    for (limit, k_l), group in fits.sort_values(x).groupby(["limit", "k_l"]):
+        color = plotting.COLORS[list(LIMIT_NAMES).index(limit)]
+        marker = plotting.MARKERS[sorted(fits["k_l"].unique()).index(k_l) % 8 if several else list(LIMIT_NAMES).index(limit)]
+        name = LIMIT_NAMES[limit] + (f", $K_l$ = {k_l:g}" if several else "")
+        held = group[group["reference_fit"].notna()]
+        values = np.array([held_value(row, quantity) for _, row in held.iterrows()]).reshape(-1, 2)
+        plotting.errorbar(axes, held[x], values[:, 0], values[:, 1], fmt=marker + "-", lw=0.9, color=color, capsize=2.5,
+                          label=name)
+        free = group[group["fit"].notna()]
+        values = np.array([(getattr(f, quantity), getattr(f, quantity + "_error")) for f in free["fit"]]).reshape(-1, 2)
+        plotting.errorbar(axes, free[x] * 1.04, values[:, 0], values[:, 1], fmt=marker, color=color, mfc="white", alpha=0.6,
+                          lw=0.8)
+    for i, limit in enumerate(LIMIT_NAMES):
+        for one in (references or {}).get(limit, ()):
+            axes.axhline(one.value, color=plotting.COLORS[i], ls="-.", lw=0.9)
+    axes.plot([], [], "o", color="0.4", mfc="white", label=r"$\beta$ free")
+    if references:
+        axes.plot([], [], "-.", color="0.4", lw=0.9, label="[H], hard")
+    axes.set(xscale="log", xlabel=x_label, ylabel=label)
+    if (few := sorted(fits[x].unique()))[-1] < 10 * few[0]:  # less than the ticks of a decade
+        axes.set_xticks(few, labels=[f"{one:g}" for one in few])
+        axes.minorticks_off()
+    axes.legend(loc="lower left", bbox_to_anchor=(0, 1.08), ncols=2)
+
+
+def _prefactor_quantities(fits, names, known):
+    """Quantities of fits with the published exponent held, and free; known(row, quantity) → Published or None."""
+    quantities = []
+    for _, row in fits.iterrows():
+        name = named(row)
+        for quantity in names:
+            quantities.append(Quantity(f"{quantity} with the published beta held: {name}", *held_value(row, quantity),
+                                       known(row, quantity), chi2_note(row["reference_fit"].chi2_reduced)
+                                       if row["reference_fit"] else row["note"]))
+            free = row["fit"]
+            quantities.append(Quantity(f"{quantity}, beta free: {name}", getattr(free, quantity) if free else np.nan,
+                                       getattr(free, quantity + "_error") if free else np.nan, known(row, quantity),
+                                       row["note"]))
+    return quantities
+
+
+def _map(axes, group, title):
+    """Colour map of k, with the published exponent held, over K_l and K_b. A star: bending of full edges, where no other is."""
+    one = group.assign(k=[held_value(row, "k")[0] for _, row in group.iterrows()], star=group["edges"] == "full")
+    one = one.sort_values("star").drop_duplicates(["k_b", "k_l"])
+    grid, stars = (one.pivot(index="k_b", columns="k_l", values=name) for name in ("k", "star"))
+    mesh = axes.pcolormesh(np.arange(grid.shape[1] + 1), np.arange(grid.shape[0] + 1), grid.to_numpy(), cmap="viridis")
+    for (i, j), k in np.ndenumerate(grid.to_numpy()):
+        if np.isnan(k):
+            continue
+        axes.text(j + 0.5, i + 0.5, f"{k:.2f}" + ("*" if stars.iloc[i, j] else ""), ha="center", va="center", fontsize=8,
+                  color="white" if k < np.nanmean(grid) else "black")
+    axes.set_xticks(np.arange(grid.shape[1]) + 0.5, labels=[f"{v:g}" for v in grid.columns])
+    axes.set_yticks(np.arange(grid.shape[0]) + 0.5, labels=[f"{v:g}" for v in grid.index])
+    axes.set(xlabel="$K_l$", ylabel="$K_b$")
+    axes.set_title(title + (" (*: full edges bend)" if one["star"].any() else ""), loc="left")
+    axes.figure.colorbar(mesh, ax=axes, label="$k$")
+
+
+def _stiffness_fits(measured):
+    """Fits of every stiffness in the limits; `edges` tells bending of full edges from that of unit vectors where there are
+    both, `size` is N where soft or deformable particles have several. Raises RunError where no fit, not even with the
+    exponent held, is possible."""
+    table = limits(measured)
+    bending = table["bending_edges"].where(~is_soft(table))
+    edges = bending.fillna("") if bending.nunique() > 1 else ""
+    fits = beverloo.fit_seeds(table.assign(edges=edges), ["limit", "dim", *MODEL, "edges", "n"])
+    if fits["reference_fit"].isna().all():
+        raise RunError("no stiffness has enough widths for a fit: at least two with flow are needed")
+    return fits.assign(size=of_several(fits.assign(soft=is_soft(fits)), "n", by=["soft"]))
+
+
+def _alike(fits):
+    """[(name, fits of one model and one N)] of `_stiffness_fits`, soft particles first."""
+    return [(name + variant_label(group.iloc[0], latex=True), group)
+            for model, name in (("sp", "soft"), ("smooth", "smooth"), ("rough", "rough"))
+            for _, group in fits[fits["model"] == model].groupby("n")]
+
+
+def draw_offsets(measured):
+    """[H 7]: the offset k against the stiffness of soft particles, and over K_l and K_b of deformable ones."""
+    fits = _stiffness_fits(measured)
+    panels = []  # (name, limit of a map, fits)
+    for name, group in _alike(fits):
+        if is_soft(group).all():
+            panels.append((name, None, group))
+        else:
+            by_limit = ((limit, group[group["limit"] == limit]) for limit in LIMIT_NAMES)
+            panels += [(name, limit, one) for limit, one in by_limit if one["k_l"].nunique() > 1]
+    if not panels:
+        raise RunError("neither soft particles nor deformable ones with several K_l")
+    columns = min(len(panels), 3)
+    rows = -(-len(panels) // columns)
+    figure, grid = plt.subplots(rows, columns, figsize=(5.0 * columns, 4.0 * rows), layout="constrained", squeeze=False)
+    for axes, (name, limit, group) in zip(grid.flat, panels):
+        if limit:
+            _map(axes, group, f"{name}, {LIMIT_NAMES[limit]}")
+        else:
+            _against(axes, group, "e_sp", "k", "$E_{sp}$", "$k$", {limit: (published.K[limit],) for limit in LIMIT_NAMES})
+            axes.set_title(name, loc="right")
+    for axes in grid.flat[len(panels):]:
+        axes.set_axis_off()
+
+    def known(row, quantity):
+        if is_hard(row):
+            return published.K[row["limit"]]
+        softest = row["e_sp"] <= 50 if is_soft(row) else row["k_b"] <= 0.01 and row["k_l"] <= 10
+        return published.K_SOFT[row["limit"]] if softest else None
+
+    exponents = [Quantity(f"beta: {named(row)}", row["fit"].beta, row["fit"].beta_error, published.exponent(2, row["limit"]),
+                          row["note"]) for _, row in fits[fits["fit"].notna()].iterrows()]
+    return figure, exponents + _prefactor_quantities(fits, ("k",), known)
+
+
+_AT_BOUND = 1e-3  # w - k of a fit whose k is at its bound, just below the narrowest orifice
+
+
+def _collapse(axes, fits, limit):
+    """Q/C against w - k with the published exponent held, of one model and one N."""
+    group = fits[(fits["limit"] == limit) & fits["reference_fit"].notna()]
+    for i, (_, row) in enumerate(group.iterrows()):
+        data, fit = row["data"], row["reference_fit"]
+        above = data["hopper_width"] > fit.k + _AT_BOUND
+        plotting.errorbar(axes, data["hopper_width"][above] - fit.k, data["Q"][above] / fit.C,
+                          data["Q_error"][above] / fit.C, ls="", capsize=2, label=stiffness_label(row), **plotting.symbol(i))
+    if len(group):
+        beta = group["reference"].iloc[0]
+        x = np.geomspace(0.3, 10, 50)
+        axes.plot(x, x**beta, "--", color="0.45", lw=1.1, label=f"[H], slope {FRACTIONS.get(beta, beta)}")
+    axes.set(xlabel=r"$w/\sigma_{avg} - k$", ylabel=r"$Q/C$")
+    axes.set_title(LIMIT_NAMES[limit], loc="left")
+    log_axes(axes)
+    if len(group):
+        axes.legend(loc="center left", bbox_to_anchor=(1, 0.5))
+
+
+def _fall(fits, limit):
+    """[Quantity] of how far C falls within the stiffnesses of soft particles that the paper has; none for others."""
+    group = fits[(fits["limit"] == limit) & is_soft(fits) & fits["reference_fit"].notna()
+                 & fits["e_sp"].between(published.C_FALL_FROM, published.C_FALL_TO)].sort_values("e_sp")
+    if len(group) < 2:
+        return []
+    first, last = group.iloc[0], group.iloc[-1]
+    (soft, soft_error), (hard, hard_error) = held_value(first, "C"), held_value(last, "C")
+    name = f"C at E_sp = {first['e_sp']:g} over C at {last['e_sp']:g}{variant_label(first)}, {LIMIT_NAMES[limit]}"
+    return [Quantity(name, soft / hard, soft / hard * np.hypot(soft_error / soft, hard_error / hard),
+                     published.C_FALL[limit], "with the published beta held")]
+
+
+def _draw_prefactors(measured, x, label):
+    fits = _stiffness_fits(measured)
+    alike = _alike(fits)
+    figure, panels = plt.subplots(len(alike), 3, figsize=(15, 4.4 * len(alike)), layout="constrained", squeeze=False)
+    quantities = _prefactor_quantities(fits, ("C",), lambda row, quantity: published.C[row["limit"]])
+    for (left, *others), (name, group) in zip(panels, alike):
+        _against(left, group, x, "C", label, r"$C$  [$\sigma_{avg}^2/t_0$]",
+                 {limit: (published.C[limit],) for limit in LIMIT_NAMES})
+        left.set_yscale("log")
+        plain_numbers(left.yaxis)
+        if len(alike) > 1:
+            left.set_title(name, loc="right")
+        for axes, limit in zip(others, LIMIT_NAMES):
+            _collapse(axes, group, limit)
+            quantities += _fall(group, limit)
+    return figure, quantities
+
+
+def draw_soft_prefactors(measured):
+    """[H 13]: the prefactor C against the stiffness of soft particles, and Q/C against w - k."""
+    return _draw_prefactors(measured, "e_sp", "$E_{sp}$")
+
+
+def draw_deformable_prefactors(measured):
+    """[H 14]: the same of deformable particles against K_b."""
+    return _draw_prefactors(measured, "k_b", "$K_b$")
