@@ -44,12 +44,11 @@ def draw_flow(left, right, fits, labels):
     hopper_width, Q, Q_error), fit and reference_fit (BeverlooFit or None), reference (exponent or None)."""
     spans, clogged = [], False
     for i, (row, label) in enumerate(zip(fits.itertuples(), labels)):
-        color, marker = plotting.COLORS[i % len(plotting.COLORS)], plotting.MARKERS[i % len(plotting.MARKERS)]
+        style = plotting.points(i)
+        color = style["color"]
         w, Q, error = (row.data[c].to_numpy(float) for c in ("hopper_width", "Q", "Q_error"))
         flowing = Q > 0
         clogged |= (Q == 0).any()
-        style = {"fmt": marker, "color": color, "capsize": 2.5, "elinewidth": 1, "markeredgecolor": "white",
-                 "markeredgewidth": 0.4, "zorder": 3}
         plotting.errorbar(left, w[flowing], Q[flowing], error[flowing], label=label, **style)
         if (~flowing & np.isfinite(Q)).any():
             left.plot(w[~flowing], np.zeros((~flowing).sum()), "x", color=color, ms=6, mew=1.3, clip_on=False, zorder=4)

@@ -15,14 +15,12 @@ def draw_curves(axes, fits, along):
     """One curve per row of `fits`: points with binomial intervals, and the sigmoid. Named by what differs, phi_c or N."""
     differ = [column for column in ("phi_c", "n") if fits[column].nunique() > 1] or ["phi_c"]
     for i, row in enumerate(fits.itertuples()):
-        color, marker = plotting.COLORS[i % len(plotting.COLORS)], plotting.MARKERS[i % len(plotting.MARKERS)]
         x, P, low, high = (row.data[c].to_numpy(float) for c in (along, "P", "P_low", "P_high"))
-        plotting.errorbar(axes, x, P, [P - low, high - P], fmt=marker, color=color, capsize=2.5, elinewidth=1,
-                          markeredgecolor="white", markeredgewidth=0.4, zorder=3,
+        plotting.errorbar(axes, x, P, [P - low, high - P], **plotting.points(i),
                           label=", ".join(f"{SYMBOLS[column]} = {getattr(row, column):g}" for column in differ))
         if row.fit is not None:
             grid = np.linspace(x.min(), x.max(), 400)
-            axes.plot(grid, row.fit(grid), color=color, lw=1.3)
+            axes.plot(grid, row.fit(grid), color=plotting.color(i), lw=1.3)
     axes.set(ylabel=r"$P_{clog}$", ylim=(-0.04, 1.04), xlabel=SYMBOLS[along])
     axes.legend()
 
@@ -54,9 +52,7 @@ def _kinds(points):
     """(rows of one phi_c, its style) in turn."""
     for i, phi_c in enumerate(sorted(points["phi_c"].unique())):
         own = (points["phi_c"] == phi_c).to_numpy()
-        yield own, phi_c, {"fmt": plotting.MARKERS[i % len(plotting.MARKERS)], "capsize": 2, "elinewidth": 0.9,
-                           "color": plotting.COLORS[i % len(plotting.COLORS)], "markeredgecolor": "white",
-                           "markeredgewidth": 0.4, "zorder": 3}
+        yield own, phi_c, plotting.points(i)
 
 
 def draw_avalanches(left, right, points, x, fit):

@@ -27,12 +27,24 @@ plt.rcParams.update({
 })
 
 
+def color(i):
+    """That of the i-th curve; after the last one they come again."""
+    return COLORS[i % len(COLORS)]
+
+
 def symbol(i, turns=0):
     """Marker, colour and face of the i-th curve: after the filled ones come open ones, and filled ones again. `turns`: so
     many times further round, in the same colour."""
     turn, k = divmod(i, len(COLORS))
     turn += turns
     return {"marker": MARKERS[k], "color": COLORS[k], "markerfacecolor": "white" if turn % 2 else COLORS[k]}
+
+
+def points(i):
+    """Style of the i-th kind of points with error bars, in front of the lines through them."""
+    style = symbol(i)
+    edge = {"markeredgecolor": "white", "markeredgewidth": 0.4} if style["markerfacecolor"] != "white" else {}
+    return style | edge | {"linestyle": "none", "capsize": 2.5, "elinewidth": 1, "zorder": 3}
 
 
 def errorbar(axes, x, y, error=None, xerr=None, **style):

@@ -1,5 +1,7 @@
 """What the figures of many rafts share."""
 
+import itertools
+
 import numpy as np
 
 from . import ensemble, plotting, raft
@@ -16,7 +18,7 @@ FRACTURES = {
 
 def styles():
     """(marker, colour) of one group after the other."""
-    return zip(plotting.MARKERS * 9, plotting.COLORS * 9)
+    return ((style["marker"], style["color"]) for style in map(plotting.symbol, itertools.count()))
 
 
 def draw_stiffness(axes, reductions, k1):

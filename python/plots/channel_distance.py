@@ -30,7 +30,7 @@ def main():
         for i, (row, count) in enumerate(zip(rows, counts)):
             entry = row[quantity][arguments.region]
             value, error = np.asarray(entry["value"]), np.nan_to_num(entry["error"])
-            color = plotting.COLORS[i % len(plotting.COLORS)]
+            color = plotting.color(i)
             axes.plot(distance, value, color=color, label=f"from disks of $R$ = {row['radius']:.4g} cm")
             axes.fill_between(distance, value - error, value + error, color=color, alpha=0.2, lw=0)
         values = np.nan_to_num([row[quantity][arguments.region]["value"] for row in rows])

@@ -26,7 +26,7 @@ def main():
     width = 0.8 * (np.diff(radii).min() if len(radii) > 1 else radii[0]) / len(named)
     for i, (name, result) in enumerate(named):
         x = np.array([row["radius"] for row in result["sizes"]]) + width * (i - (len(named) - 1) / 2)
-        axes.bar(x, [row["disks"] for row in result["sizes"]], width, color=plotting.COLORS[i % len(plotting.COLORS)],
+        axes.bar(x, [row["disks"] for row in result["sizes"]], width, color=plotting.color(i),
                  label=rf"{name}, $\delta$ = {result['polydispersity']:.2f}")
     axes.set(xlabel="$R$  [cm]", ylabel="disks")
     axes.legend()

@@ -31,9 +31,8 @@ def main():
         for axes, quantity in zip(panels, ("dr_na", figures.d2(arguments))):
             value, error = figures.entries(rows, quantity, arguments.region)
             slope = result[EXPONENTS[quantity]][arguments.region]
-            color = plotting.COLORS[i % len(plotting.COLORS)]
-            plotting.errorbar(axes, x, value, error, marker=plotting.MARKERS[i % len(plotting.MARKERS)], linestyle="",
-                              color=color, capsize=2.5, elinewidth=0.9,
+            color = plotting.color(i)
+            plotting.errorbar(axes, x, value, error, linestyle="", capsize=2.5, elinewidth=0.9, **plotting.symbol(i),
                               label=f"{name}: {script.with_error(slope['value'], slope['error'])}")
             ends = result["exponent_fit"]["range"]
             if np.isfinite(slope["value"]) and isinstance(ends, list):

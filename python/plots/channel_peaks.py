@@ -27,8 +27,7 @@ def main():
         for axes, quantity in zip(panels, ("dr_na", figures.d2(arguments))):
             peaks = [{quantity: {arguments.region: row[quantity][arguments.region]["peak"]}} for row in rows]
             plotting.errorbar(axes, x, *figures.entries(peaks, quantity, arguments.region), capsize=2.5, elinewidth=0.9,
-                              marker=plotting.MARKERS[i % len(plotting.MARKERS)], linestyle="",
-                              color=plotting.COLORS[i % len(plotting.COLORS)],
+                              linestyle="", **plotting.symbol(i),
                               label=rf"{name}, $\delta$ = {result['polydispersity']:.2f}")
             axes.set(xlabel=rf"$R/{figures.R}$", ylabel=f"peak less mean of  {figures.LABELS[quantity]}")
     for axes in panels:

@@ -26,9 +26,7 @@ def main():
         x = [row["relative_radius"] for row in rows]
         for axes, quantity in zip(panels, ("dr_na", figures.d2(arguments))):
             plotting.errorbar(axes, x, *figures.entries(rows, quantity, arguments.region), capsize=2.5, elinewidth=0.9,
-                              marker=plotting.MARKERS[i % len(plotting.MARKERS)],
-                              color=plotting.COLORS[i % len(plotting.COLORS)],
-                              label=rf"{name}, $\delta$ = {result['polydispersity']:.2f}")
+                              **plotting.symbol(i), label=rf"{name}, $\delta$ = {result['polydispersity']:.2f}")
             axes.set(xlabel=rf"$R/{figures.R}$", ylabel=figures.LABELS[quantity])
     for axes in panels:
         axes.set_ylim(bottom=0)

@@ -71,7 +71,8 @@ def main():
 
     figure, (count, rate) = plt.subplots(1, 2, figsize=(9.2, 3.9), layout="constrained")
     rows = []
-    for run, color, label in zip(runs, plotting.COLORS * len(runs), plotting.run_labels(runs)):
+    for i, (run, label) in enumerate(zip(runs, plotting.run_labels(runs))):
+        color = plotting.color(i)
         time, left = run.series["time"].to_numpy(), run.series["in_hopper"].to_numpy()
         law = Law.of(run)
         count.plot(time, left, color=color, lw=2.2, alpha=0.45, label=label if len(runs) > 1 else "$N$")

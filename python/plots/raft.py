@@ -21,7 +21,8 @@ def main():
 
     figure, axes = plt.subplots(figsize=(7.0, 4.2), layout="constrained")
     labels = plotting.name_labels(runs)
-    for run, label, color in zip(runs, labels, plotting.COLORS * len(runs)):
+    for i, (run, label) in enumerate(zip(runs, labels)):
+        color = plotting.color(i)
         curve = raft.Compression.of(run)
         axes.plot(curve.distance, curve.force, color=color, lw=0.9, label=label)
         for sign, marker in ((1, "^"), (-1, "v")):

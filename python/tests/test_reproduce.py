@@ -1221,6 +1221,28 @@ def test_figures_of_sizes(channel_runs):
     assert len(found) == 4 and {agree(q) for q in found.values()} == {"yes"}
 
 
+def test_more_curves_than_colours(channel_runs):
+    """Curves of one colour differ in marker or face."""
+    styles = [tuple(plotting.symbol(i).values()) for i in range(16)]
+    assert len(set(styles)) == 16 and plotting.symbol(2, turns=1) == plotting.symbol(10)
+    sizes, near = (all_measured(name, channel_runs[:2]) for name in ("sizes", "distances"))
+    many = [f"d{i}" for i in range(10)]
+    with_ten = pd.concat([sizes.assign(distribution=name, radius=sizes["radius"] + 0.2 * k, row=sizes["row"] + name)
+                          for k in (0, 1) for name in many], ignore_index=True)
+    assert set(drawn("T3.4", with_ten)) == {f"delta of {name}" for name in many}
+    radii = pd.concat([near.assign(radius=near["radius"] + 0.2 * k) for k in range(9)], ignore_index=True)
+    drawn("T3.9", radii)
+    motion = all_measured("motion", channel_runs)
+    motion = motion[motion["distribution"] == "b"]
+    found = drawn("T3.choices", pd.concat([motion.assign(distribution=name) for name in many], ignore_index=True))
+    assert {f"dr_na, {name}" for name in many} <= set(found)
+    softs = pd.concat([flow_rows(e_sp=50.0 * (1 + i)) for i in range(9)])
+    picture, _ = command.FIGURES["H2"].draw(softs)
+    points = [(c[0].get_color(), c[0].get_marker(), c[0].get_markerfacecolor()) for c in picture.axes[0].containers]
+    matplotlib.pyplot.close(picture)
+    assert len(set(points)) == 9
+
+
 def test_what_non_affine_motion_depends_on(channel_runs, tmp_path):
     table = all_measured("motion", channel_runs)
     found = drawn("T3.choices", table, tmp_path)

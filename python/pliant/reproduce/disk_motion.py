@@ -57,7 +57,7 @@ def draw_histogram(measured):
     width = 0.8 * (np.diff(radii).min() if len(radii) > 1 else radii[0]) / len(shown)
     for i, (name, rows) in enumerate(shown):
         mean = rows.groupby(rows["radius"].round(4))["disks"].mean()
-        axes.bar(mean.index + width * (i - (len(shown) - 1) / 2), mean, width, color=plotting.COLORS[i],
+        axes.bar(mean.index + width * (i - (len(shown) - 1) / 2), mean, width, color=plotting.color(i),
                  label=rf"{name}, $\delta$ = {rows['polydispersity'].mean():.2f}")
     axes.set(xlabel="$R$  [cm]", ylabel="disks")
     axes.legend()
@@ -71,9 +71,8 @@ def _draw_against_size(measured, prefix, ylabel):
         for axes, quantity in zip(panels, MOTION):
             points = ensemble.average(rows.assign(size=rows["relative_radius"].round(3)), ["size"], prefix + quantity)
             plotting.errorbar(axes, points["size"], points[prefix + quantity], points[prefix + quantity + "_error"],
-                              marker=plotting.MARKERS[i % len(plotting.MARKERS)], ls="-" if prefix == "" else "", lw=0.8,
-                              color=plotting.COLORS[i % len(plotting.COLORS)], capsize=2, elinewidth=0.8, ms=4.5,
-                              mfc="none" if i >= len(plotting.COLORS) else None, label=name)
+                              ls="-" if prefix == "" else "", lw=0.8, capsize=2, elinewidth=0.8, ms=4.5, label=name,
+                              **plotting.symbol(i))
             axes.set(xlabel=rf"$R/{R}$", ylabel=ylabel.format(LABEL[quantity]))
     panels[0].legend(ncols=2, fontsize="small")
     return figure, panels
@@ -137,8 +136,8 @@ def draw_distances(measured):
             for i, (radius, part) in enumerate(rows.groupby(rows["radius"].round(4))):
                 curve = ensemble.scatter(part.assign(at=part["distance"].round(4)), ["at"], quantity)
                 value, error = curve[quantity], curve[quantity + "_error"].fillna(0)
-                axes.plot(curve["at"], value, color=plotting.COLORS[i], label=f"from disks of $R$ = {radius:.3g} cm")
-                axes.fill_between(curve["at"], value - error, value + error, color=plotting.COLORS[i], alpha=0.2, lw=0)
+                axes.plot(curve["at"], value, color=plotting.color(i), label=f"from disks of $R$ = {radius:.3g} cm")
+                axes.fill_between(curve["at"], value - error, value + error, color=plotting.color(i), alpha=0.2, lw=0)
             known = rows[np.isfinite(rows[quantity])]
             axes.axhline(np.average(known[quantity], weights=known["count"]), ls="--", color="0.5", lw=0.9, label="mean")
             axes.set(xlabel="distance of the surfaces  [cm]", ylabel=LABEL[quantity], xlim=(0, None),
@@ -336,14 +335,14 @@ def draw_choices(measured):
     quantities, places = [], {text: i for i, text in enumerate(order)}
     label = dict(zip(measured["changed"], measured["label"]))
     for i, (name, rows) in enumerate(found):
-        color = plotting.COLORS[i % len(plotting.COLORS)]
+        color = plotting.color(i)
         for axes, (column, text) in zip(panels, columns):
             points = ensemble.average(rows, ["changed"], column).set_index("changed")
             value, error = points[column], points[column + "_error"].fillna(0)
             axes.axvspan(value[""] - error[""], value[""] + error[""], color=color, alpha=0.25, lw=0)
             at = [c for c in order if c in points.index]
-            plotting.errorbar(axes, value[at], [places[c] + 0.2 * i for c in at], xerr=error[at], fmt=plotting.MARKERS[i],
-                              ms=4, color=color, capsize=2, elinewidth=0.8, label=name)
+            plotting.errorbar(axes, value[at], [places[c] + 0.2 * i for c in at], xerr=error[at], ls="", ms=4,
+                              capsize=2, elinewidth=0.8, label=name, **plotting.symbol(i))
             axes.set(xlabel=text)
             quantities += [Quantity(f"{column}, {name}" + (f", {c}" if c else ""), float(value[c]), float(
                 points[column + "_error"][c])) for c in ["", *at]]

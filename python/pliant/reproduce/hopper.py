@@ -142,7 +142,7 @@ def draw_discharge(measured):
             shape = (data["hopper_width"] - oil[0]) ** oil[1]
             label = None if i else rf"oil drops [H]: $\beta$ = {oil[1]:g}, $k$ = {oil[0]:g}, $C$ fitted"
             left.plot(grid, (data["Q"] @ shape) / (shape @ shape) * (grid - oil[0]) ** oil[1], "-.", lw=1.2,
-                      color=plotting.COLORS[i % 8], label=label)
+                      color=plotting.color(i), label=label)
         for quantity, known in (("beta", published.OIL_BETA), ("k", published.OIL_K), ("C", None)):
             value, error = (getattr(row["fit"], quantity + end) if row["fit"] else np.nan for end in ("", "_error"))
             quantities.append(Quantity(f"{quantity} of c0(w), {row['walls']} degrees{row['drag']}", value, error, known,

@@ -18,7 +18,8 @@ def _against(axes, fits, x, quantity, x_label, label, references=None):
     several = fits["k_l"].nunique() > 1
     for (limit, k_l), group in fits.sort_values(x).groupby(["limit", "k_l"]):
         color = plotting.COLORS[list(LIMIT_NAMES).index(limit)]
-        marker = plotting.MARKERS[sorted(fits["k_l"].unique()).index(k_l) % 8 if several else list(LIMIT_NAMES).index(limit)]
+        marker = plotting.symbol(sorted(fits["k_l"].unique()).index(k_l) if several
+                                 else list(LIMIT_NAMES).index(limit))["marker"]
         name = LIMIT_NAMES[limit] + (f", $K_l$ = {k_l:g}" if several else "")
         held = group[group["reference_fit"].notna()]
         values = np.array([held_value(row, quantity) for _, row in held.iterrows()]).reshape(-1, 2)

@@ -342,7 +342,7 @@ def draw_coefficients(measured):
             i = curves.index(curve)
             points = points.sort_values(COEFFICIENT[limit])
             x, (beta, error) = points[COEFFICIENT[limit]].to_numpy(float), _beta(points)
-            color, marker = plotting.COLORS[i % len(plotting.COLORS)], plotting.MARKERS[i % len(plotting.MARKERS)]
+            color, marker = (plotting.symbol(i)[name] for name in ("color", "marker"))
             plotting.errorbar(top, x, beta, error, fmt=marker + "-", color=color, lw=1, capsize=2.5, label=_tidy(curve))
             bottom.plot(x, _chi2(points, "reference_fit"), marker + "-", color=color, lw=1)
             bottom.plot(x, _chi2(points, "opposite_fit"), marker + "--", color=color, lw=0.8, mfc="white")
