@@ -180,6 +180,7 @@ def test_runs_that_a_figure_would_average(tmp_path, name, columns, values, told)
     ("readings-deformable", "mu,hopper_width", ("5,4", "5,6"), "no run has deformable particles"),
     ("H12", "mu,hopper_width,dim", ("5,4,2", "5,6,3"), "of the plane"),
     ("H2", "mu,hopper_width,dim", ("5,4,2", "5,6,3"), None),
+    ("H12", "mu,hopper_width,dim", ("5,4,flat",), None),  # the program says what is wrong with it
     # a file of options may have what is asked
     ("H14", "mu,hopper_width,options_file", ("5,4,smooth.yaml", "5,6,smooth.yaml"), None)])
 def test_runs_that_a_figure_does_not_show(tmp_path, name, columns, values, refused):

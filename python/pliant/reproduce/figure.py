@@ -82,7 +82,7 @@ def check_rows(figure, tables):
     given = [row.options for _, lines in tables for row in lines]
     if not any("options_file" in options for options in given):  # which may have what is asked
         runs = pd.DataFrame([_DEFAULTS | {name: options[name] for name in _DEFAULTS if name in options} for options in given])
-        figure.shown(runs.astype({"dim": int}))
+        figure.shown(runs.assign(dim=pd.to_numeric(runs["dim"], errors="coerce")))
     first = {}
     for path, lines in tables:
         for row in lines:
