@@ -145,6 +145,13 @@ def test_runs_of_a_point_differ_in_the_seed_alone(one):
             figure.check_rows(one, [(path, read_rows(path, "hopper")) for path in paths])
 
 
+def own_table(tmp_path, columns, values):
+    """[(path, rows)] of one table of hoppers with these lines, two seeds each."""
+    path = tmp_path / "mine.csv"
+    path.write_text(f"{columns},seeds\n" + "".join(f"{line},1-2\n" for line in values))
+    return [(path, read_rows(path, "hopper"))]
+
+
 @pytest.mark.parametrize("name, columns, values, told", [
     ("H2", "mu,hopper_width,n", ("5,4,800", "5,4,400"), "-n (800 and 400)"),
     ("H2", "mu,hopper_width", ("5,4", "5,6", "10,4"), None),
@@ -164,14 +171,14 @@ def test_runs_of_a_point_differ_in_the_seed_alone(one):
     ("T3.choices", "distribution,area_fraction", ("T4,0.77", "T4,0.72"), None)])
 def test_runs_that_a_figure_would_average(tmp_path, name, columns, values, told):
     """Of two rows that a figure takes for seeds of one point it says in what they differ."""
-    path = tmp_path / "mine.csv"
-    path.write_text(f"{columns},seeds\n" + "".join(f"{line},1-2\n" for line in values))
-    tables = [(path, read_rows(path, "hopper"))]
+    tables = own_table(tmp_path, columns, values)
     if told is None:
         return figure.check_rows(command.FIGURES[name], tables)
     with pytest.raises(PliantError, match=re.escape(f"they differ in {told}, which {name} does not tell apart")) as raised:
         figure.check_rows(command.FIGURES[name], tables)
+    path, _ = tables[0]
     assert f"line 2, and {path}, line {len(values) + 1}" in str(raised.value)
+
 
 @pytest.mark.parametrize("name, columns, values, refused", [
     ("H13", "mu,hopper_width,model", ("5,4,smooth", "5,6,rough"), "no run has soft particles (-model sp)"),
@@ -185,9 +192,7 @@ def test_runs_that_a_figure_would_average(tmp_path, name, columns, values, told)
     ("H14", "mu,hopper_width,options_file", ("5,4,smooth.yaml", "5,6,smooth.yaml"), None)])
 def test_runs_that_a_figure_does_not_show(tmp_path, name, columns, values, refused):
     """They are refused before they run."""
-    path = tmp_path / "mine.csv"
-    path.write_text(f"{columns},seeds\n" + "".join(f"{line},1-2\n" for line in values))
-    tables = [(path, read_rows(path, "hopper"))]
+    tables = own_table(tmp_path, columns, values)
     if refused is None:
         return figure.check_rows(command.FIGURES[name], tables)
     with pytest.raises(PliantError, match=re.escape(refused)):

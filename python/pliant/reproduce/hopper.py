@@ -11,8 +11,8 @@ from ..errors import RunError
 from . import published
 from .figure import Figure, Quantity
 from .hopper_lambda import draw_angles, draw_corrected, draw_lambda, draw_size
-from .hopper_runs import (COEFFICIENT, LIMIT_AT, LIMIT_NAMES, MODEL, chi2_note, fit_quantities, limit, limits, model_label,
-                          named, ratio, with_limit)
+from .hopper_runs import (COEFFICIENT, LIMIT_AT, LIMIT_NAMES, MODEL, chi2_note, fit_quantities, fitted, limit, limits,
+                          model_label, named, ratio, with_limit)
 from .hopper_stiffness import draw_deformable_prefactors, draw_offsets, draw_soft_prefactors
 
 
@@ -144,9 +144,8 @@ def draw_discharge(measured):
             left.plot(grid, (data["Q"] @ shape) / (shape @ shape) * (grid - oil[0]) ** oil[1], "-.", lw=1.2,
                       color=plotting.color(i), label=label)
         for quantity, known in (("beta", published.OIL_BETA), ("k", published.OIL_K), ("C", None)):
-            value, error = (getattr(row["fit"], quantity + end) if row["fit"] else np.nan for end in ("", "_error"))
-            quantities.append(Quantity(f"{quantity} of c0(w), {row['walls']} degrees{row['drag']}", value, error, known,
-                                       row["note"]))
+            quantities.append(Quantity(f"{quantity} of c0(w), {row['walls']} degrees{row['drag']}",
+                                       *fitted(row["fit"], quantity), known, row["note"]))
     for drag, pair in fits.groupby("drag"):
         if (ratio := _ratio_of_hoppers(pair)):
             quantities.append(replace(ratio, name=ratio.name + drag))

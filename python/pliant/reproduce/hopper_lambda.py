@@ -10,7 +10,7 @@ from ..errors import RunError
 from ..script import remark
 from . import published
 from .figure import Quantity
-from .hopper_runs import (BETA, LAMBDA, LIMIT_AT, LIMIT_NAMES, MODEL, chi2_note, held_value, limits, model_label, of_several,
+from .hopper_runs import (BETA, LAMBDA, LIMIT_AT, LIMIT_NAMES, MODEL, chi2_note, fitted, limits, model_label, of_several,
                           plain, variant_label, with_limit)
 
 #: What runs of one model may differ in beside (`of_several`).
@@ -46,8 +46,8 @@ def _crossovers(exponents, by, dim, label, known):
                                        "; ".join(filter(None, [fit.note, chi2_note(fit.chi2_reduced)]))))
             if held is None:
                 for part, limit in (("high", "friction"), ("low", "drag")):
-                    quantities.append(Quantity(f"beta, fitted end ({limit}): {name}", getattr(fit, part),
-                                               getattr(fit, part + "_error"), published.exponent(dim, limit), fit.note))
+                    quantities.append(Quantity(f"beta, fitted end ({limit}): {name}", *fitted(fit, part),
+                                               published.exponent(dim, limit), fit.note))
         for row in group.itertuples():
             limit = LIMIT_AT.get(row.lam)
             quantities.append(Quantity(f"beta at lambda = {row.lam:g}: {name}", row.beta, row.beta_error,
@@ -236,7 +236,7 @@ def draw_size(measured):
         group = fits[(fits["limit"] == limit) & fits["reference_fit"].notna()].sort_values("n")
         if len(group) < 2:
             continue
-        C, error = np.array([held_value(row, "C") for _, row in group.iterrows()]).T
+        C, error = np.array([fitted(row["reference_fit"], "C") for _, row in group.iterrows()]).T
         plotting.errorbar(right, group["n"], C / C[0], error / C[0], fmt=plotting.MARKERS[i], color=plotting.COLORS[i],
                           capsize=2.5, label=name)
         n = group["n"].to_numpy(float)

@@ -106,6 +106,11 @@ def named(row, end=""):
     return f"{model_label(row, latex=False)}{end}, {LIMIT_NAMES[row['limit']]}"
 
 
+def fitted(fit, quantity):
+    """(value, error) of beta, C or k of a fit; NaN where there is none."""
+    return (getattr(fit, quantity), getattr(fit, quantity + "_error")) if fit else (np.nan, np.nan)
+
+
 def fit_quantities(fits, name_of):
     """Exponent, prefactor and offset of every fit, and how bad the published exponent fits, and the opposite one where
     `fits` have it. In 2D the published prefactor is that of all particles, the offset that of hard ones."""
@@ -116,12 +121,11 @@ def fit_quantities(fits, name_of):
         if row["dim"] == 2:
             known |= {"C": published.C[row["limit"]]} | ({"k": published.K[row["limit"]]} if is_hard(row) else {})
         for quantity in ("beta", "C", "k"):
-            value, error = (getattr(row["fit"], quantity + end) if row["fit"] else np.nan for end in ("", "_error"))
-            quantities.append(Quantity(f"{quantity}: {name}", value, error, known.get(quantity), row["note"]))
+            quantities.append(Quantity(f"{quantity}: {name}", *fitted(row["fit"], quantity), known.get(quantity),
+                                       row["note"]))
         if row["reference_fit"] and row["fit"]:
             held, fixed = f"with beta = {FRACTIONS.get(row['reference'], row['reference'])} held", row["reference_fit"]
-            quantities += [Quantity(f"{quantity} {held}: {name}", getattr(fixed, quantity),
-                                    getattr(fixed, quantity + "_error"), known.get(quantity), fixed.note)
+            quantities += [Quantity(f"{quantity} {held}: {name}", *fitted(fixed, quantity), known.get(quantity), fixed.note)
                            for quantity in ("C", "k")]
             quantities.append(Quantity(f"chi2/dof {held}: {name}", fixed.chi2_reduced, np.nan, None,
                                        f"with beta free: {chi2_note(row['fit'].chi2_reduced)}"))
@@ -140,9 +144,3 @@ def relative_residual(data, fit):
     """Root mean square of Q over the fitted law, less 1, of the widths with flow."""
     flowing = data[data["Q"] > 0]
     return float(np.sqrt(np.mean((fit(flowing["hopper_width"]) / flowing["Q"] - 1) ** 2)))
-
-
-def held_value(row, quantity):
-    """(value, error) of a fit with the published exponent held, NaN where there is none."""
-    fit = row["reference_fit"]
-    return (getattr(fit, quantity), getattr(fit, quantity + "_error")) if fit else (np.nan, np.nan)

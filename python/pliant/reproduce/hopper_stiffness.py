@@ -8,7 +8,7 @@ from ..beverloo_figures import FRACTIONS, log_axes, plain_numbers
 from ..errors import RunError
 from . import published
 from .figure import Quantity
-from .hopper_runs import (LIMIT_NAMES, MODEL, chi2_note, held_value, is_hard, is_soft, limits, named, of_several,
+from .hopper_runs import (LIMIT_NAMES, MODEL, chi2_note, fitted, is_hard, is_soft, limits, named, of_several,
                           stiffness_label, variant_label)
 
 
@@ -22,11 +22,11 @@ def _against(axes, fits, x, quantity, x_label, label, references=None):
                                  else list(LIMIT_NAMES).index(limit))["marker"]
         name = LIMIT_NAMES[limit] + (f", $K_l$ = {k_l:g}" if several else "")
         held = group[group["reference_fit"].notna()]
-        values = np.array([held_value(row, quantity) for _, row in held.iterrows()]).reshape(-1, 2)
+        values = np.array([fitted(row["reference_fit"], quantity) for _, row in held.iterrows()]).reshape(-1, 2)
         plotting.errorbar(axes, held[x], values[:, 0], values[:, 1], fmt=marker + "-", lw=0.9, color=color, capsize=2.5,
                           label=name)
         free = group[group["fit"].notna()]
-        values = np.array([(getattr(f, quantity), getattr(f, quantity + "_error")) for f in free["fit"]]).reshape(-1, 2)
+        values = np.array([fitted(fit, quantity) for fit in free["fit"]]).reshape(-1, 2)
         plotting.errorbar(axes, free[x] * 1.04, values[:, 0], values[:, 1], fmt=marker, color=color, mfc="white", alpha=0.6,
                           lw=0.8)
     for i, limit in enumerate(LIMIT_NAMES):
@@ -47,20 +47,18 @@ def _prefactor_quantities(fits, names, known):
     quantities = []
     for _, row in fits.iterrows():
         name = named(row)
+        held = row["reference_fit"]
         for quantity in names:
-            quantities.append(Quantity(f"{quantity} with the published beta held: {name}", *held_value(row, quantity),
-                                       known(row, quantity), chi2_note(row["reference_fit"].chi2_reduced)
-                                       if row["reference_fit"] else row["note"]))
-            free = row["fit"]
-            quantities.append(Quantity(f"{quantity}, beta free: {name}", getattr(free, quantity) if free else np.nan,
-                                       getattr(free, quantity + "_error") if free else np.nan, known(row, quantity),
-                                       row["note"]))
+            quantities.append(Quantity(f"{quantity} with the published beta held: {name}", *fitted(held, quantity),
+                                       known(row, quantity), chi2_note(held.chi2_reduced) if held else row["note"]))
+            quantities.append(Quantity(f"{quantity}, beta free: {name}", *fitted(row["fit"], quantity),
+                                       known(row, quantity), row["note"]))
     return quantities
 
 
 def _map(axes, group, title):
     """Colour map of k, with the published exponent held, over K_l and K_b. A star: bending of full edges, where no other is."""
-    one = group.assign(k=[held_value(row, "k")[0] for _, row in group.iterrows()], star=group["edges"] == "full")
+    one = group.assign(k=[fitted(row["reference_fit"], "k")[0] for _, row in group.iterrows()], star=group["edges"] == "full")
     one = one.sort_values("star").drop_duplicates(["k_b", "k_l"])
     grid, stars = (one.pivot(index="k_b", columns="k_l", values=name) for name in ("k", "star"))
     mesh = axes.pcolormesh(np.arange(grid.shape[1] + 1), np.arange(grid.shape[0] + 1), grid.to_numpy(), cmap="viridis")
@@ -160,7 +158,7 @@ def _fall(fits, limit):
     if len(group) < 2:
         return []
     first, last = group.iloc[0], group.iloc[-1]
-    (soft, soft_error), (hard, hard_error) = held_value(first, "C"), held_value(last, "C")
+    (soft, soft_error), (hard, hard_error) = (fitted(row["reference_fit"], "C") for row in (first, last))
     name = f"C at E_sp = {first['e_sp']:g} over C at {last['e_sp']:g}{variant_label(first)}, {LIMIT_NAMES[limit]}"
     return [Quantity(name, soft / hard, soft / hard * np.hypot(soft_error / soft, hard_error / hard),
                      published.C_FALL[limit], "with the published beta held")]
