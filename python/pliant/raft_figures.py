@@ -1,7 +1,5 @@
 """What the figures of many rafts share."""
 
-import itertools
-
 import numpy as np
 
 from . import ensemble, plotting, raft
@@ -16,15 +14,10 @@ FRACTURES = {
 }
 
 
-def styles():
-    """(marker, colour) of one group after the other."""
-    return ((style["marker"], style["color"]) for style in map(plotting.symbol, itertools.count()))
-
-
 def draw_stiffness(axes, reductions, k1):
     """k_eq against q/(p+1) of reductions (with n and the two droplets' k1), and the line of the fitted `k1` [T 2.32]."""
-    for (n, table), (marker, color) in zip(reductions.groupby("n"), styles()):
-        plotting.errorbar(axes, table["x"], table["k_eq"], table["k_error"], fmt=marker, color=color, label=f"$N = {n}$")
+    for i, (n, table) in enumerate(reductions.groupby("n")):
+        plotting.errorbar(axes, table["x"], table["k_eq"], table["k_error"], ls="", label=f"$N = {n}$", **plotting.symbol(i))
     x = np.array([0, reductions["x"].max()])
     two = reductions["k1"].iloc[0]
     axes.plot(x, k1 * x, color="black", label=f"$k_1 = {k1:.2f}$")
@@ -40,8 +33,8 @@ def inverse_rows(reductions):
 
 def draw_peaks(axes, reductions):
     """F_max/N against (p³ + p²)^(-1/2), and [T 2.37] with k1 and E1 of two droplets."""
-    for (n, table), (marker, color) in zip(reductions.groupby("n"), styles()):
-        axes.plot(inverse_rows(table), table["F_max"] / n, marker, color=color, label=f"$N = {n}$")
+    for i, (n, table) in enumerate(reductions.groupby("n")):
+        axes.plot(inverse_rows(table), table["F_max"] / n, ls="", label=f"$N = {n}$", **plotting.symbol(i))
     u = np.array([0, inverse_rows(reductions).max()])
     slope = 2 * np.sqrt(reductions["k1"].iloc[0] * reductions["E1"].iloc[0])
     axes.plot(u, slope * u, "--", color="0.5", label=r"$2\sqrt{k_1E_1/(p^3+p^2)}$")
@@ -65,13 +58,13 @@ def draw_fractures(axes, points, kind, y):
     x, x_label, _, y_label = FRACTURES[kind]
     by_size = kind in ("phi", "delta", "tilt")
     heights = []
-    for (label, group), (marker, color) in zip(points.groupby("n") if by_size else [(None, points)], styles()):
+    for i, (label, group) in enumerate(points.groupby("n") if by_size else [(None, points)]):
         name = f"$N = {label}$" if by_size else None
-        plotting.errorbar(axes, group[x], group[y], group[y + "_error"], fmt=marker, color=color, capsize=2, label=name)
+        plotting.errorbar(axes, group[x], group[y], group[y + "_error"], ls="", capsize=2, label=name, **plotting.symbol(i))
         if kind == "phi" and (group[y] * group[x] * (1 - group[x])).sum() > 0:
             peak, error = raft.fit_excess(group[x], group[y])
             phi = np.linspace(0, 1, 200)
-            axes.plot(phi, raft.excess_fractures(phi, peak), color=color, lw=1)
+            axes.plot(phi, raft.excess_fractures(phi, peak), color=plotting.color(i), lw=1)
             heights.append((name, peak, error))
     axes.set(xlabel=x_label, ylabel=y_label)
     axes.set_ylim(bottom=min(0, axes.get_ylim()[0]))

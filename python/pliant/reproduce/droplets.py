@@ -25,8 +25,8 @@ def _usual(measured, column):
 
 
 def _curves(axes, measured, labels):
-    for (_, curve), (_, color), label in zip(measured.groupby(["table", "row"], sort=False), raft_figures.styles(), labels):
-        axes.plot(curve["distance"], curve["force"], color=color, lw=1.1, label=label)
+    for i, ((_, curve), label) in enumerate(zip(measured.groupby(["table", "row"], sort=False), labels)):
+        axes.plot(curve["distance"], curve["force"], color=plotting.color(i), lw=1.1, label=label)
     axes.axhline(0, color="0.7", lw=0.7)
     axes.set(xlabel=DISTANCE, ylabel="force on the walls  $F$")
     axes.invert_xaxis()  # time runs to the right
@@ -138,15 +138,16 @@ def draw_two_sizes(measured):
     mixed = points[(points["phi"] > 0) & (points["phi"] < 1)]
     if mixed.empty:
         raise RunError("no raft has droplets of two sizes: rows with small_fraction between 0 and 1 are needed")
-    for (n, group), (marker, color) in zip(points.groupby("n"), raft_figures.styles()):
+    for i, (n, group) in enumerate(points.groupby("n")):
         if n not in mixed["n"].to_numpy():
             continue
         height, _ = raft.fit_excess(group["phi"], group["excess"])
         heights = [raft.fit_excess(group["phi"], draw)[0] for draw in ensemble.draws(group, "excess")]
         error = float(ensemble.spread(heights))
         quantities.append(Quantity(f"height of the excess, N = {n}", height, error))
-        plotting.errorbar(right, group["phi"], group["excess"] / height, group["excess_error"] / height, fmt=marker,
-                          color=color, capsize=2, label=rf"$N = {n}$, $\Delta N_{{peak}}$ = {with_error(height, error)}")
+        plotting.errorbar(right, group["phi"], group["excess"] / height, group["excess_error"] / height, ls="",
+                          capsize=2, label=rf"$N = {n}$, $\Delta N_{{peak}}$ = {with_error(height, error)}",
+                          **plotting.symbol(i))
         for row in mixed[mixed["n"] == n].itertuples():
             law = raft.excess_fractures(row.phi, 1.0)
             quantities.append(Quantity(f"excess over its height at phi = {row.phi:g}, N = {n}", row.excess / height,

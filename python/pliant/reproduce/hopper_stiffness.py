@@ -37,6 +37,7 @@ def _against(axes, fits, x, quantity, x_label, label, references=None):
         axes.plot([], [], "-.", color="0.4", lw=0.9, label="[H], hard")
     axes.set(xscale="log", xlabel=x_label, ylabel=label)
     if (few := sorted(fits[x].unique()))[-1] < 10 * few[0]:  # less than the ticks of a decade
+        axes.set(xlim=(few[0] / 2, few[-1] * 2))
         axes.set_xticks(few, labels=[f"{one:g}" for one in few])
         axes.minorticks_off()
     axes.legend(loc="lower left", bbox_to_anchor=(0, 1.08), ncols=2)
