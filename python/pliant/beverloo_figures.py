@@ -8,6 +8,7 @@ from . import plotting, script
 
 FRACTIONS = {0.5: "1/2", 1.0: "1", 1.5: "3/2", 2.5: "5/2"}
 W_LABEL = r"orifice width  $w/\sigma_{avg}$"
+_LEGEND_INSIDE = 6  #: entries of a legend that leave room for the curves
 
 
 def rate_label(dims):
@@ -18,9 +19,13 @@ def rate_label(dims):
 
 
 def groups_first(axes):
-    """A legend with the groups (error bars) before the reference lines."""
+    """A legend with the groups (error bars) before the reference lines; beside the axes, in a wider
+    figure, where it would lie over curves."""
     pairs = sorted(zip(*axes.get_legend_handles_labels()), key=lambda pair: not isinstance(pair[0], ErrorbarContainer))
-    axes.legend(*zip(*pairs), loc="upper left")
+    beside = {"loc": "center left", "bbox_to_anchor": (1, 0.5)}
+    axes.legend(*zip(*pairs), **({"loc": "upper left"} if len(pairs) <= _LEGEND_INSIDE else beside))
+    if len(pairs) > _LEGEND_INSIDE:
+        axes.figure.set_figwidth(max(axes.figure.get_figwidth(), 13))
 
 
 def plain_numbers(axis):

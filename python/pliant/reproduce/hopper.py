@@ -19,12 +19,12 @@ from .hopper_stiffness import draw_deformable_prefactors, draw_offsets, draw_sof
 def draw_limits(measured):
     """[H 2, 3, 10]: Q(w) with fits, and Q/C, a row of panels per limit; in 2D the published law of hard particles."""
     fits = beverloo.fit_seeds(limits(measured), ["limit", "dim", *MODEL, "mu", "zeta"])
-    there = [limit for limit in LIMIT_NAMES if (fits["limit"] == limit).any()]
+    there = [name for name in LIMIT_NAMES if (fits["limit"] == name).any()]
     figure, panels = plt.subplots(len(there), 2, figsize=(9.4, 3.9 * len(there)), layout="constrained", squeeze=False)
     quantities = []
-    for (left, right), limit in zip(panels, there):
-        group = fits[fits["limit"] == limit]
-        own = COEFFICIENT[limit]
+    for (left, right), name in zip(panels, there):
+        group = fits[fits["limit"] == name]
+        own = COEFFICIENT[name]
         # The coefficient, and 3D, are named where there are several.
         ends = [(f", {own} = {row[own]:g}" if group[own].nunique() > 1 else "")
                 + (", 3D" if fits["dim"].nunique() > 1 and row["dim"] == 3 else "") for _, row in group.iterrows()]
@@ -33,12 +33,12 @@ def draw_limits(measured):
         ends = dict(zip(group.index, ends))
         quantities += fit_quantities(group, lambda row, ends=ends: named(row, ends[row.name]))
         if (group["dim"] == 2).all():
-            law = published.C[limit].value, published.K[limit].value, published.exponent(2, limit).value
+            law = published.C[name].value, published.K[name].value, published.exponent(2, name).value
             grid = law[1] + (left.get_xlim()[1] - law[1]) * np.linspace(0, 1, 200) ** 2
             left.plot(grid, beverloo.beverloo(grid, *law), "-.", color="0.2", lw=1.2,
                       label=f"[H], hard: $C$ = {law[0]:g}, $k$ = {law[1]:g}")
             beverloo_figures.groups_first(left)
-        left.set_title(LIMIT_NAMES[limit], loc="left")
+        left.set_title(LIMIT_NAMES[name], loc="left")
     return figure, quantities
 
 
@@ -161,6 +161,7 @@ _STIFFNESS = (limit, *_PARTICLES, "bending_edges", "n", "hopper_width")
 _LAMBDA = (ratio, *_PARTICLES, "hopper_angle", "n", "hopper_width")
 _MAPS = ("hopper/map", "hopper/limits-smooth", "hopper/map-large", "hopper/smooth-large", "hopper/map-rough",
          "hopper/limits-rough", "hopper/map-rough-large", "hopper/rough-large")  #: K_l and K_b of deformable particles
+_MAPS_AS_RUN = ("as-run/map", "as-run/limits-smooth", "as-run/smooth-large")
 
 
 _FEW = "soft particles alone, fewer seeds and shorter runs; no deformable ones"
@@ -191,7 +192,7 @@ FIGURES = [
     Figure("H7", "offset k against the stiffness of soft and deformable particles", ("quick/stiffness", "quick/map"),
            ("hopper/limits", "hopper/stiffness", *_MAPS), "flows", draw_offsets,
            "120 deformable particles with contacts softer than printed, three widths, two K_l and two K_b",
-           as_run=("as-run/stiffness", "as-run/limits", "as-run/limits-hard", "as-run/map"), tells=_STIFFNESS,
+           as_run=("as-run/stiffness", "as-run/limits", "as-run/limits-hard", *_MAPS_AS_RUN), tells=_STIFFNESS,
            planar=True),
     Figure("H8", "discharge of two wedges against their width, beside the experiment", ("quick/discharge",),
            ("hopper/discharge",), "flows", draw_discharge, "400 particles, four seeds",
@@ -212,6 +213,6 @@ FIGURES = [
            planar=True),
     Figure("H14", "prefactor C of deformable particles, and the collapse", ("quick/map",),
            _MAPS, "flows", draw_deformable_prefactors,
-           "120 particles with contacts softer than printed, three widths", as_run=("as-run/map",), tells=_STIFFNESS,
+           "120 particles with contacts softer than printed, three widths", as_run=_MAPS_AS_RUN, tells=_STIFFNESS,
            kind="deformable", planar=True),
 ]

@@ -461,7 +461,7 @@ FIGURES = [
     Figure("deformable", "exponent of rough and smooth particles as printed and as run, friction only and drag only",
            ("quick/deformable",),
            ("hopper/limits-rough", "hopper/limits-smooth", "hopper/rough-large", "hopper/smooth-large",
-            "as-run/limits-rough", "as-run/limits-smooth"),
+            "as-run/limits-rough", "as-run/limits-smooth", "as-run/smooth-large"),
            "flows", draw_deformable, "120 particles, softer contacts, fewer widths and seeds, shorter runs",
            tells=_DEFORMABLE_ALONE, kind="deformable"),
     Figure("readings-deformable", "exponent of each reading of [H]'s smooth particles: as printed, and each difference alone",
