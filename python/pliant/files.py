@@ -1,5 +1,6 @@
 """Files that are there whole or not at all."""
 
+import contextlib
 import os
 import tempfile
 import time
@@ -17,8 +18,9 @@ def write_atomically(path, text, mode=0o666):
     temporary = None
     try:
         for left in path.parent.glob(f".{path.name}.*.tmp"):
-            if time.time() - left.lstat().st_mtime > _STALE:
-                left.unlink(missing_ok=True)
+            with contextlib.suppress(FileNotFoundError):  # another process has just put it in its place
+                if time.time() - left.lstat().st_mtime > _STALE:
+                    left.unlink()
         fd, temporary = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".tmp", dir=path.parent)
         with open(fd, "w", encoding="utf-8") as file:
             os.fchmod(fd, mode & ~mask)

@@ -7,6 +7,7 @@ import socket
 import subprocess
 import sys
 import time
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import pandas as pd
@@ -14,6 +15,7 @@ import pytest
 from synthetic import write_run
 
 from pliant import PliantError, RunError, sweep_lock
+from pliant.files import write_atomically
 from pliant.sweep_command import main
 from pliant.sweep_jobs import RowFolder, State, Sweep, count_text, duration_text
 from pliant.sweep_lock import RowLock, Taken, owner
@@ -453,6 +455,18 @@ def test_several_sweeps_share_the_rows(table, run):
         assert process.returncode in (0, 75)
     assert all(attempts(path, f"a=1,b=0.1,seed={s}") == [0] for s in range(1, 13))
     assert "done 12/12" in run(path)
+
+
+def _write_often(path):
+    for i in range(200):
+        write_atomically(path, f"{i}\n")
+
+
+def test_several_processes_write_one_file(tmp_path):
+    with ProcessPoolExecutor(4) as pool:
+        list(pool.map(_write_often, [tmp_path / "results.csv"] * 4))
+    assert [path.name for path in tmp_path.iterdir()] == ["results.csv"]
+    assert (tmp_path / "results.csv").read_text() == "199\n"
 
 
 def test_parallel_and_slurm_run_every_row(table, tmp_path, run):
