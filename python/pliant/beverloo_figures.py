@@ -8,7 +8,7 @@ from . import plotting, script
 
 FRACTIONS = {0.5: "1/2", 1.0: "1", 1.5: "3/2", 2.5: "5/2"}
 W_LABEL = r"orifice width  $w/\sigma_{avg}$"
-_LEGEND_INSIDE = 6  #: entries of a legend that leave room for the curves
+_LEGEND_INSIDE = 4  #: entries of a legend that leave room for the curves
 
 
 def rate_label(dims):
