@@ -19,13 +19,14 @@ def rate_label(dims):
 
 
 def groups_first(axes):
-    """A legend with the groups (error bars) before the reference lines; beside the axes, in a wider
-    figure, where it would lie over curves."""
+    """A legend with the groups (error bars) before the reference lines; beside the axes, in a wider figure, where it would
+    lie over curves."""
     pairs = sorted(zip(*axes.get_legend_handles_labels()), key=lambda pair: not isinstance(pair[0], ErrorbarContainer))
-    beside = {"loc": "center left", "bbox_to_anchor": (1, 0.5)}
-    axes.legend(*zip(*pairs), **({"loc": "upper left"} if len(pairs) <= _LEGEND_INSIDE else beside))
-    if len(pairs) > _LEGEND_INSIDE:
-        axes.figure.set_figwidth(max(axes.figure.get_figwidth(), 13))
+    if len(pairs) <= _LEGEND_INSIDE:
+        axes.legend(*zip(*pairs), loc="upper left")
+        return
+    axes.legend(*zip(*pairs), **plotting.BESIDE)
+    axes.figure.set_figwidth(max(axes.figure.get_figwidth(), 13))
 
 
 def plain_numbers(axis):

@@ -18,6 +18,9 @@ MARKERS = "osD^vPX*"
 WALL = "#303030"
 PALE = "#E6E6E6"
 
+#: Place of a legend right of its axes.
+BESIDE = {"loc": "center left", "bbox_to_anchor": (1, 0.5)}
+
 plt.rcParams.update({
     "axes.prop_cycle": matplotlib.cycler(color=COLORS), "axes.grid": False, "axes.linewidth": 0.8,
     "axes.spines.top": False, "axes.spines.right": False, "axes.titlesize": 10, "axes.labelsize": 10,

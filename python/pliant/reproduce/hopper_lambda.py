@@ -179,7 +179,7 @@ def _draw_ratios(axes, ratios, curves, full, lams):
                    for row, _, _, free in curves if free]
     axes.set(xlabel=r"$\theta_w$  [degrees]", ylabel=r"$|F_\zeta|/|F_\mu|$, mean over $w$", yscale="log")
     if len(ratios):
-        axes.legend(loc="center left", bbox_to_anchor=(1, 0.5))
+        axes.legend(**plotting.BESIDE)
     return quantities
 
 

@@ -107,7 +107,7 @@ def named(row, end=""):
 
 
 def fitted(fit, quantity):
-    """(value, error) of beta, C or k of a fit; NaN where there is none."""
+    """(value, error) of a parameter of a fit; NaN where there is no fit."""
     return (getattr(fit, quantity), getattr(fit, quantity + "_error")) if fit else (np.nan, np.nan)
 
 

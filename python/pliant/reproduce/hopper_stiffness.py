@@ -149,7 +149,7 @@ def _collapse(axes, fits, limit):
     axes.set_title(LIMIT_NAMES[limit], loc="left")
     log_axes(axes)
     if len(group):
-        axes.legend(loc="center left", bbox_to_anchor=(1, 0.5))
+        axes.legend(**plotting.BESIDE)
 
 
 def _fall(fits, limit):
