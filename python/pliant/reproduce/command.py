@@ -75,7 +75,7 @@ def _parser():
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("figure", metavar="FIG", help="a figure, as H2 or T2.14; all; or list, which shows them")
     parser.add_argument("level", nargs="?", choices=LEVELS, help="quick: at most 5 minutes on 2 cores, larger errors "
-                        "(default); full: the range of the paper, hours; as-run: as the authors' code is said to compute it")
+                        "(default); full: the range of the paper, hours; as-run: with the options for the differences of the authors' code")
     parser.add_argument("-j", "--jobs", type=int, metavar="N", help="runs at a time (default: one per core)")
     parser.add_argument("-o", "--output", type=Path, default=Path("reproduced"), metavar="FOLDER",
                         help="folder of figures, reproduced.csv and runs (default: reproduced)")

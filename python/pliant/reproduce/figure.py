@@ -47,7 +47,7 @@ class Figure:
     measure: str     #: name of a function of measure.py
     drawing: Callable   #: measured [DataFrame] → (matplotlib figure, [Quantity])
     quick_note: str = "fewer seeds and shorter runs"  #: what the quick form has less of
-    as_run: tuple = ()  #: with all that the authors' code is said to have differently; empty where nothing is known of it
+    as_run: tuple = ()  #: with the options for the differences of the authors' code; empty where there are none
     #: What it tells runs apart by: options, and functions of a run's options. Runs that agree in all are seeds of one point.
     tells: tuple = ()
     kind: str = ""        #: of particles, of KINDS, if it shows one alone
