@@ -151,7 +151,11 @@ FrameData<D>::FrameData(ParticleSystem<D>& system, const State& state) {
   const Topology& topology = system.topology();
   const Ranks& ranks = system.ranks();
   wall_force_.assign(static_cast<std::size_t>(system.walls().size()) * D, 0);
-  system.field().add_wall_forces(view, wall_force_.data());
+  // Where a run has failed, a rank may have a configuration without forces.
+  ranks.together([&] {
+    system.field().add_wall_forces(view, wall_force_.data());
+    find_contacts(system, view);
+  });
   ranks.sum(wall_force_);
 
   const IdShares shares(ranks, topology);
@@ -187,7 +191,6 @@ FrameData<D>::FrameData(ParticleSystem<D>& system, const State& state) {
     area_ = order.particles<Real>(area);
     perimeter_ = order.particles<Real>(perimeter);
   }
-  find_contacts(system, view);
   contact_count_ = share_contacts(contacts_, ranks, shares);
 
   frame.time = state.t;

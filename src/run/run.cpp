@@ -4,6 +4,7 @@
 #include <omp.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <iterator>
 #include <limits>
@@ -518,6 +519,8 @@ std::string Run<D>::advice() const {
 
 template <int D>
 void Run<D>::fail(const Error& error) {
+  // What follows is collective. The error of a single rank ends the program without it.
+  if (!ranks_.meet(std::chrono::seconds(10))) throw error;
   const bool numerical = error.code() == ExitCode::numerical_failure;
   std::string message = error.what();
   if (numerical) message = advice() + message;

@@ -51,8 +51,8 @@ void Simulation<D>::find_velocities() {
   State& s = state_;
   if (system == nullptr || velocities_of_ == s.step) return;
   velocities_of_ = s.step;
-  if (!system->mobility().remembers() && integrator_->first_same_as_last() && system->last().size() == s.size() &&
-      integrator_->statistics().steps > 0) {
+  if (!system->mobility().remembers() && integrator_->first_same_as_last() && integrator_->statistics().steps > 0 &&
+      ranks().all(system->last().size() == s.size())) {
     std::ranges::copy(system->last(), s.v().begin());
     return;
   }

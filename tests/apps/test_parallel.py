@@ -148,6 +148,39 @@ def test_more_ranks_than_particles(tmp_path):
     assert_near_runs(hopper(tmp_path / "one", **options), hopper_on_ranks(4, tmp_path / "four", **options))
 
 
+# A rank without particles must come to every collective function too. Short; with samples and frames on the way.
+ALONE = {"n": 1, "hopper_wall_distance": 6, "hopper_width": 2, "zeta": 0.3, "t_end": 0.1, "sample_interval": 0.05,
+         "frame_interval": 0.05}
+LEAVING = {**ALONE, "flow": "discharge", "t_end": 4, "sample_interval": 1, "frame_interval": 1}
+SOLVED = {**ALONE, "integrator": "ts", "t_end": 0.02, "sample_interval": 0.01, "frame_interval": 0.01}
+DISK = {"radii": "2", "counts": "1", "area_fraction": 0.1, "channel_width": 10, "channel_arm": 16, "pushes": 1, "stroke": 0.5,
+        "plunger_speed": 10, "sample_travel": 0.25, "frame_travel": 0.25}
+SOLITARY = {
+    **{f"hopper_{model}": ("hopper", {**ALONE, "model": model}) for model in ("sp", "disk", "rough", "smooth")},
+    **{f"discharge_{model}": ("hopper", {**LEAVING, "model": model}) for model in ("sp", "disk")},
+    "hopper_3d": ("hopper", {**ALONE, "dim": 3}),
+    "hopper_disk_3d": ("hopper", {**ALONE, "dim": 3, "model": "disk"}),
+    "discharge_3d": ("hopper", {**LEAVING, "dim": 3, "hopper_width": 3}),
+    "hopper_overdamped": ("hopper", {**SOLVED, "dynamics": "overdamped"}),
+    **{f"hopper_{kind}": ("hopper", {**SOLVED, "model": "rough", "ts_type": kind})
+       for kind in ("rk", "verlet", "cvode", "arkode", "alpha2", "bdf", "arkimex")},
+    "raft": ("raft", {"rows": 1, "columns": 2, "t_end": 50, "sample_interval": 10, "frame_interval": 20}),
+    "clog": ("clog", {"n": 1, "t_end": 50, "sample_interval": 10, "frame_interval": 20}),
+    "channel_disk": ("channel", DISK),
+    "channel_rough": ("channel", {**DISK, "model": "rough"}),
+}
+
+
+@needs_mpi
+@pytest.mark.parametrize("name", SOLITARY)
+def test_more_ranks_than_particles_in_every_scenario(name, tmp_path):
+    scenario, options = SOLITARY[name]
+    result = on_ranks(3, scenario, output=tmp_path / "run", **options)
+    assert result.returncode == 0, result.stderr
+    run = Results(tmp_path / "run")
+    assert run.summary["particles"] < 3 and len(run.frames) > 1 and len(run.series["time"]) > 1
+
+
 @needs_mpi
 def test_a_discharge_that_empties(tmp_path):
     options = {**KINDS["discharge"], "n": 12, "t_end": 100, "mu": 0}

@@ -99,13 +99,13 @@ Sample<D> take_sample(ParticleSystem<D>& system, const State& state, const Conta
       sample.first = d.first;
       sample.second = d.second;
     }
-  if constexpr (D == 2)
-    if (topology.deformable()) {
+  if constexpr (D == 2) {
+    if (topology.deformable())
       for (Index m = 0; m < topology.owned(); ++m)
         if (active[m])
           sample.shortest_edge = std::min(sample.shortest_edge, shortest_edge(view.x, topology, m) / topology.l0[m]);
-      sample.shortest_edge = ranks.min(sample.shortest_edge);
-    }
+    sample.shortest_edge = ranks.min(sample.shortest_edge);  // a rank without particles has no polygons
+  }
 
   const std::vector<Real> heights = profile_heights();
   std::vector<Real> momentum(heights.size()), weight(heights.size()), buffer;
