@@ -15,7 +15,6 @@
 namespace pliant {
 namespace {
 
-constexpr std::array signals{SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGUSR1, SIGXCPU};
 /// One request may come as several signals: to the process and to its group, or forwarded.
 constexpr std::int64_t nanoseconds_of_one_request = 2'000'000'000;
 
@@ -42,18 +41,31 @@ Real process_cpu_seconds() { return 1e-9 * static_cast<Real>(nanoseconds(CLOCK_P
 
 }  // namespace
 
+InheritedSignals::InheritedSignals() {
+  for (int signal = 1; signal < count; ++signal) sigaction(signal, nullptr, &responses_[signal]);
+}
+
+void InheritedSignals::restore() const {
+  constexpr std::array others{SIGABRT, SIGBUS, SIGFPE, SIGILL, SIGSEGV, SIGSYS, SIGTRAP, SIGCHLD, SIGKILL, SIGSTOP};
+  for (int signal = 1; signal < count; ++signal)
+    if (std::ranges::find(others, signal) == others.end()) sigaction(signal, &responses_[signal], nullptr);
+}
+
 StopSignals::StopSignals() {
   requested_at = 0;
-  for (const int s : signals)
-    // nohup ignores it.
-    if (std::signal(s, on_signal) == SIG_IGN && s == SIGHUP) std::signal(s, SIG_IGN);
+  struct sigaction ask {};
+  ask.sa_handler = on_signal;
+  ask.sa_flags = SA_RESTART;
+  for (std::size_t k = 0; k < signals.size(); ++k) {
+    sigaction(signals[k], nullptr, &before_[k]);
+    if (before_[k].sa_handler != SIG_IGN) sigaction(signals[k], &ask, nullptr);
+  }
 }
 
 StopSignals::~StopSignals() {
   // A second signal right after the first must not change how a stopped program ends.
   if (requested()) return;
-  for (const int s : signals)
-    if (std::signal(s, SIG_DFL) == SIG_IGN) std::signal(s, SIG_IGN);
+  for (std::size_t k = 0; k < signals.size(); ++k) sigaction(signals[k], &before_[k], nullptr);
 }
 
 bool StopSignals::requested() { return requested_at != 0; }

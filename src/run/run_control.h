@@ -1,7 +1,9 @@
 // What every scenario's run has in common: stop requests, wall time, checkpoints now and then, the progress line.
 #pragma once
 
+#include <array>
 #include <chrono>
+#include <csignal>
 #include <cstdint>
 #include <functional>
 #include <string>
@@ -10,9 +12,23 @@
 
 namespace pliant {
 
+/// The process's response to each signal, as it was at construction. Libraries that MPI loads install handlers of their
+/// own: hwloc's OpenCL plugin brings LLVM's, which replace the SIG_IGN of nohup.
+class InheritedSignals {
+ public:
+  InheritedSignals();
+  /// Makes the responses what they were. Handlers of crashes stay, as MPI's print where it was; SIGCHLD stays MPI's.
+  void restore() const;
+
+ private:
+  static constexpr int count = 32;  ///< signals 1 … 31; beyond are real-time signals
+  std::array<struct sigaction, count> responses_{};
+};
+
 /// From construction to destruction SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGUSR1 and SIGXCPU ask the run to stop instead
 /// of killing it; another one that comes more than two seconds after the first kills (not SIGXCPU). So it stays after
-/// destruction if a signal has come. SIGHUP stays ignored where it is (nohup).
+/// destruction if a signal has come. A signal that is ignored stays ignored: SIGHUP under nohup, SIGINT in the
+/// background of a script.
 class StopSignals {
  public:
   StopSignals();
@@ -20,6 +36,10 @@ class StopSignals {
   StopSignals(const StopSignals&) = delete;
   StopSignals& operator=(const StopSignals&) = delete;
   static bool requested();
+
+ private:
+  static constexpr std::array signals{SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGUSR1, SIGXCPU};
+  std::array<struct sigaction, signals.size()> before_{};
 };
 
 /// Clock of a run. Ask often: it looks at the time only now and then. On several ranks due() must be asked at the same

@@ -12,6 +12,7 @@
 #include <pliant/base/petsc.h>
 #include <pliant/base/version.h>
 #include <pliant/run/folder.h>
+#include <pliant/run/run_control.h>
 
 namespace pliant {
 namespace {
@@ -120,10 +121,12 @@ bool parse_arguments(const std::string& scenario, Options& options, const Argume
 int run_program(int argc, char** argv, const std::vector<Scenario>& scenarios) {
   guard_standard_streams();
   std::signal(SIGXFSZ, SIG_IGN);  // a write beyond the limit on files fails, and is reported, instead of killing
+  const InheritedSignals signals;
   if (argc > 0) set_program_name(std::filesystem::path(argv[0]).filename().string());
   const Arguments arguments(argv + std::min(argc, 2), argv + argc);
   try {
     PetscSession petsc;
+    signals.restore();
     const Ranks ranks(PETSC_COMM_WORLD);
     int code = 0;
     try {

@@ -65,13 +65,34 @@ def test_two_signals_at_once_are_one_request(pair, tmp_path):
     assert_stopped(tmp_path / "run")
 
 
-def test_nohup(tmp_path):
-    child = subprocess.Popen([PROGRAM, "hopper", "-output", tmp_path / "run", *arguments(LONG)], stdout=subprocess.PIPE,
-                             stderr=subprocess.PIPE, text=True,
-                             preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN))
-    running(child, tmp_path / "run")
-    child.send_signal(signal.SIGHUP)
-    time.sleep(0.5)
+def ignoring(name, folder, **environment):
+    """A run that was started with this signal ignored, as nohup does."""
+    child = subprocess.Popen([PROGRAM, "hopper", "-output", folder, *arguments(LONG)], stdout=subprocess.PIPE,
+                             stderr=subprocess.PIPE, text=True, env=os.environ | environment,
+                             preexec_fn=lambda: signal.signal(signal.Signals[name], signal.SIG_IGN))
+    running(child, folder)
+    return child
+
+
+@pytest.mark.parametrize("name", ["SIGHUP", "SIGINT", "SIGTERM", "SIGQUIT", "SIGUSR1", "SIGXCPU"])
+def test_ignored_signals_stay_ignored(name, tmp_path):
+    child = ignoring(name, tmp_path / "run")
+    child.send_signal(signal.Signals[name])
+    time.sleep(0.3)
+    assert child.poll() is None
+    assert end(child, signal.SIGINT if name == "SIGTERM" else signal.SIGTERM)[0] == 75
+
+
+HANDLERS = os.environ.get("PLIANT_TEST_HANDLERS")
+needs_handlers = pytest.mark.skipif(HANDLERS is None, reason="PLIANT_TEST_HANDLERS is not set")
+
+
+@needs_handlers
+@pytest.mark.parametrize("name", ["SIGHUP", "SIGUSR2", "SIGXFSZ", "SIGPIPE"])
+def test_handlers_that_mpi_brings(name, tmp_path):
+    child = ignoring(name, tmp_path / "run", LD_PRELOAD=HANDLERS)
+    child.send_signal(signal.Signals[name])
+    time.sleep(0.3)
     assert child.poll() is None
     assert end(child)[0] == 75
 

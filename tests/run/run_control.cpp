@@ -83,16 +83,38 @@ TEST_CASE("signals after a run", "[signals]") {
   CHECK(end_of([] { std::raise(SIGTERM); }) == SIGTERM);
 }
 
-TEST_CASE("nohup", "[signals]") {
+TEST_CASE("a signal that is ignored stays ignored, during a run and after", "[signals]") {
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGUSR1, SIGXCPU})
+    CHECK(end_of([=] {
+            std::signal(signal, SIG_IGN);
+            {
+              const StopSignals signals;
+              std::raise(signal);
+              if (StopSignals::requested()) _exit(1);
+            }
+            std::raise(signal);
+          }) == survived);
+}
+
+TEST_CASE("a run gives signals back to their handlers", "[signals]") {
   CHECK(end_of([] {
-          std::signal(SIGHUP, SIG_IGN);
-          {
-            const StopSignals signals;
-            std::raise(SIGHUP);
-            if (StopSignals::requested()) _exit(1);
-          }
-          std::raise(SIGHUP);
-        }) == survived);
+          std::signal(SIGTERM, [](int) { _exit(7); });
+          { const StopSignals signals; }
+          std::raise(SIGTERM);
+        }) == 7);
+}
+
+TEST_CASE("handlers that a library installs give way to what the process was started with", "[signals]") {
+  for (const int signal : {SIGHUP, SIGINT, SIGTERM, SIGXCPU, SIGUSR1, SIGUSR2, SIGPIPE, SIGXFSZ})
+    CHECK(end_of([=] {
+            std::signal(signal, SIG_IGN);
+            const InheritedSignals inherited;
+            std::signal(signal, [](int) { _exit(1); });
+            std::signal(SIGSEGV, [](int) { _exit(7); });
+            inherited.restore();
+            std::raise(signal);
+            std::raise(SIGSEGV);
+          }) == 7);
 }
 
 TEST_CASE("when a run is asked to stop", "[control]") {
