@@ -115,11 +115,11 @@ class Program:
     def start(self, scenario, options, output):
         """The same of any scenario."""
         done = run([*self.pin, self.path, scenario, *options.split(), "-output", output])
-        return json.loads((output / "summary.json").read_text()), done
+        return json.loads((output / "summary.json").read_text(encoding="utf-8")), done
 
     def restart(self, folder, t_end):
         done = run([*self.pin, self.path, "hopper", "-restart", folder, "-t_end", f"{t_end:.9g}"])
-        return json.loads((folder / "summary.json").read_text()), done
+        return json.loads((folder / "summary.json").read_text(encoding="utf-8")), done
 
     def about(self, label):
         """What follows `label` in the output of -version, e.g. commit."""
@@ -231,12 +231,12 @@ def rounded(value):
 def write_csv(path, rows):
     path.parent.mkdir(parents=True, exist_ok=True)
     columns = list(dict.fromkeys(name for row in rows for name in row))
-    with path.open("w", newline="") as file:
+    with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, columns, restval="", lineterminator="\n")
         writer.writeheader()
         writer.writerows({name: rounded(value) for name, value in row.items()} for row in rows)
 
 
 def read_csv(path):
-    with path.open(newline="") as file:
+    with path.open(newline="", encoding="utf-8") as file:
         return list(csv.DictReader(row for row in file if not row.startswith("#")))

@@ -44,13 +44,13 @@ def block(name, contents, notes):
 
 def insert(page, blocks):
     """Replaces what is between <!-- bench:begin NAME --> and <!-- bench:end NAME --> in the page."""
-    text = page.read_text()
+    text = page.read_text(encoding="utf-8")
     for name, new in blocks.items():
         marked = re.compile(rf"(<!-- bench:begin {name} -->\n).*?(<!-- bench:end {name} -->)", re.S)
         if not marked.search(text):
             raise BenchError(f"{page}: no markers for {name}")
         text = marked.sub(lambda match: f"{match[1]}\n{new}\n\n{match[2]}", text)
-    page.write_text(text)
+    page.write_text(text, encoding="utf-8")
 
 
 def save(figure, path):

@@ -48,7 +48,7 @@ def all_uses():
 
 def includes(path):
     """(line, header as in <pliant/header>, or None where it is in quotes) of a file."""
-    for number, line in enumerate(path.read_text().splitlines(), 1):
+    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
         if found := INCLUDE.match(line):
             yield number, found[1]
 

@@ -52,7 +52,7 @@ def load_result(path):
         return math.nan if value is None else value
 
     try:
-        result = json.loads(file.read_text())
+        result = json.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise RunError(f"{file}: cannot be read as JSON ({str(error).splitlines()[0]})") from None
     if not isinstance(result, dict) or result.get("analysis") != "channel":

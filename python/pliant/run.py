@@ -3,7 +3,6 @@
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 
 import h5py
@@ -11,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from .errors import RunError
-from .run_file import check_strings, checked, open_run_file
+from .run_file import RunFile
 
 # Without all of these a frame is not whole.
 _FRAME_DATASETS = ("positions", "velocities", "centres", "active", "contact_count")
@@ -24,6 +23,23 @@ def _plain(value):
     if isinstance(value, np.ndarray):
         return value.item() if value.size == 1 else [_plain(v) for v in value.tolist()]
     return value.item() if isinstance(value, np.generic) else value
+
+
+class _read_once:  # noqa: N801 - used as a decorator
+    """A value that is read from the file when it is first asked for; RunError once the run is closed."""
+
+    def __init__(self, function):
+        self._function, self.__doc__ = function, function.__doc__
+
+    def __get__(self, instance, owner=None):
+        if instance is None:
+            return self
+        instance.check_open()
+        values = instance.__dict__.setdefault("_values", {})
+        name = self._function.__name__
+        if name not in values:
+            values[name] = self._function(instance)
+        return values[name]
 
 
 @dataclass(frozen=True)
@@ -108,41 +124,46 @@ class Frame:
     def __repr__(self):
         return f"<Frame {self.name} at t = {self.time:g} t0>"
 
+    def check_open(self):
+        self._run.check_open()
+
     def attribute(self, name, needed_by="every frame"):
         """The value of an attribute that only some scenarios write; RunError, with `needed_by`, where it is missing."""
+        self.check_open()
         if name not in self._group.attrs:
             raise RunError(f"{self._run.path}: frame {self.name} has no attribute '{name}' (it is written for "
                            f"{needed_by})")
         return _plain(self._group.attrs[name])
 
     def _read(self, name, needed_by="every frame"):
+        self.check_open()
         if name not in self._group:
             raise RunError(f"{self._run.path}: frame {self.name} has no '{name}' (it is written for {needed_by})")
         return self._run.read(self._group[name])
 
-    @cached_property
+    @_read_once
     def positions(self):
         """[P, D] centres of soft particles or vertices."""
         return self._read("positions")
 
-    @cached_property
+    @_read_once
     def velocities(self):
         """[P, D] velocities of the points, in sigma_avg/t0."""
         return self._read("velocities")
 
-    @cached_property
+    @_read_once
     def centres(self):
         """[N, D] centres of the particles."""
         return self._read("centres")
 
-    @cached_property
+    @_read_once
     def images(self):
         """[N, D] by how many lengths of a periodic box each particle was wrapped into it; zeros in an open box."""
         if self._run.geometry.box is None:
             return np.zeros(self.centres.shape, dtype=np.int64)
         return self._read("images", "periodic boxes")
 
-    @cached_property
+    @_read_once
     def unwrapped_centres(self):
         """[N, D] where the centres would be if a periodic box did not put them back: for displacements."""
         box = self._run.geometry.box
@@ -150,65 +171,65 @@ class Frame:
             return self.centres
         return self.centres + self.images * np.where(np.isfinite(box[1]), box[1], 0.0)
 
-    @cached_property
+    @_read_once
     def active(self):
         """[N] bool; False once a particle has left the run."""
         return self._read("active").astype(bool)
 
-    @cached_property
+    @_read_once
     def angles(self):
         """[N] angles in radians, of particles that spin; None where the frame has none."""
         return self._read("angles") if "angles" in self._group else None
 
-    @cached_property
+    @_read_once
     def contact_count(self):
         """[N] contacts of each particle with others; pairs of vertices, and of vertex and edge, count one each."""
         return self._read("contact_count")
 
-    @cached_property
+    @_read_once
     def touching(self):
         """[N] other particles that touch each one (droplets: that are bound to it), however many vertices touch."""
         pairs = self.contacts[["particle_1", "particle_2"]].to_numpy()
         pairs = np.unique(np.sort(pairs[(pairs >= 0).all(1) & (pairs[:, 0] != pairs[:, 1])], axis=1), axis=0)
         return np.bincount(pairs.ravel(), minlength=self._run.topology.particles)
 
-    @cached_property
+    @_read_once
     def area(self):
         """[N] areas (polygons only)."""
         return self._read("area", "polygons")
 
-    @cached_property
+    @_read_once
     def perimeter(self):
         """[N] perimeters (polygons only)."""
         return self._read("perimeter", "polygons")
 
-    @cached_property
+    @_read_once
     def wall_force(self):
         """[S, D] force of the particles on each wall, in rho g sigma_avg^D."""
         return self._read("wall_force", "walls")
 
-    @cached_property
+    @_read_once
     def wall_segments(self):
         """[S, 4] x1 y1 x2 y2 of the walls at the frame's time; a lid that has been opened has no length."""
         return self._read("wall_segments") if "wall_segments" in self._group else self._run.geometry.segments
 
-    @cached_property
+    @_read_once
     def particle_velocities(self):
         """[N, D] mean velocity of each particle's points, which have equal masses."""
         offset = self._run.topology.offset
         return np.add.reduceat(self.velocities, offset[:-1], axis=0) / np.diff(offset)[:, None]
 
-    @cached_property
+    @_read_once
     def speeds(self):
         """[N] magnitudes of the particles' velocities."""
         return np.linalg.norm(self.particle_velocities, axis=1)
 
-    @cached_property
+    @_read_once
     def polygons(self):
         """List of N arrays [vertices, D] (one row each for soft particles)."""
         return np.split(self.positions, self._run.topology.offset[1:-1])
 
-    @cached_property
+    @_read_once
     def contacts(self):
         """DataFrame, one row per contact: particle_1, particle_2, x y [z], nx ny [nz], overlap, fx fy [fz], force.
 
@@ -234,49 +255,47 @@ class Frame:
 class Frames(Sequence):
     """The complete frames of a run, in order; `frames[-1]`, slices and iteration work, nothing is read in advance."""
 
-    def __init__(self, run, group):
-        self._run, self._group = run, group
-        names = sorted((n for n in group if n.isdigit()), key=int) if group is not None else []
-        self._names = [n for n in names if self._whole(n)]
-
-    def _whole(self, name):
-        try:
-            return all(d in self._group[name] for d in _FRAME_DATASETS)
-        except (KeyError, OSError, RuntimeError):
-            return True  # damaged: who asks for it is told
-
-    def _open(self, name):
-        try:
-            return self._group[name]
-        except (KeyError, OSError, RuntimeError) as error:
-            raise RunError(f"{self._run.path}: frame {name} is damaged ({str(error).splitlines()[0]})") from None
+    def __init__(self, run, names):
+        self._run, self._names = run, names
 
     def __len__(self):
+        self._run.check_open()
         return len(self._names)
 
     def __getitem__(self, index):
         if isinstance(index, slice):
             return [self[i] for i in range(*index.indices(len(self)))]
-        if not self._names:
+        if not len(self):
             raise RunError(f"{self._run.path}: the run has no frames (set -frame_interval, or let it run longer)")
         try:
             name = self._names[index]
         except IndexError:
             # An IndexError ends a for loop, as Sequence asks; Run.frame() is what speaks to users.
             raise IndexError(f"frame {index} of {len(self)}") from None
-        return Frame(self._run, name, self._open(name))
+        return Frame(self._run, name, self._run.frame_group(name))
 
     def __iter__(self):
         return (self[i] for i in range(len(self)))
 
-    @cached_property
+    @property
     def times(self):
         """[frames] times in t0."""
-        return np.array([_plain(self._open(n).attrs.get("time", np.nan)) for n in self._names], dtype=float)
+        return self._run.frame_times
+
+
+def _bytes_of(path):
+    """What is in a file; None if it is not there."""
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        raise RunError(f"{path}: cannot be read ({error.strerror})") from None
 
 
 class Run:
-    """The run in folder `path`; raises RunError if it is not one. Use as a context manager to close the file early."""
+    """The run in folder `path` as it is at this moment, while the program goes on too: open it again to see what has been
+    written since. Raises RunError if it is no run. Use as a context manager to close the file early."""
 
     def __init__(self, path):
         self.path = Path(path)
@@ -287,15 +306,16 @@ class Run:
         h5 = self.path / "run.h5"
         if not h5.is_file():
             raise RunError(f"{self.path}: not a run (it has no run.h5)")
-        try:
-            self._file = open_run_file(h5)
-        except OSError as error:
-            raise RunError(f"{h5}: cannot be read as HDF5 ({str(error).splitlines()[0]})") from None
+        # The summary first: what it counts is in run.h5 by then.
+        self._summary_text = _bytes_of(self.path / "summary.json")
+        self._file = RunFile(h5)
         if "manifest" not in self._file:
             self.close()
             raise RunError(f"{self.path}: not a run (run.h5 has no /manifest)")
 
     def __repr__(self):
+        if self._file.closed:
+            return f"<Run {self.path}: closed>"
         return f"<Run {self.path}: {self.manifest.get('scenario')}, model {self.model}>"
 
     def __enter__(self):
@@ -305,37 +325,35 @@ class Run:
         self.close()
 
     def close(self):
+        """Arrays and tables that were taken from the run stay; asking it for more is a RunError."""
         self._file.close()
 
-    def _group(self, name):
-        if name not in self._file:
-            raise RunError(f"{self.path}: run.h5 has no /{name}")
-        return self._file[name]
+    def check_open(self):
+        """RunError if the run was closed."""
+        self._file.check_open()
 
     def read(self, dataset):
         """All values of a dataset of run.h5; RunError if it is damaged."""
-        try:
-            return checked(dataset)
-        except OSError as error:
-            raise RunError(f"{self.path}: {dataset.name} is damaged ({str(error).splitlines()[0]})") from None
+        return self._file.read(dataset)
 
     @property
     def name(self):
         """The folder's own name."""
         return self.path.resolve().name
 
-    @cached_property
+    @_read_once
     def manifest(self):
         """Attributes of /manifest, with `options` decoded."""
-        check_strings(self._file["manifest"])
-        manifest = {key: _plain(value) for key, value in self._file["manifest"].attrs.items()}
+        group = self._file["manifest"]
+        self._file.check_strings(group)
+        manifest = {key: _plain(value) for key, value in group.attrs.items()}
         try:
             manifest["options"] = json.loads(manifest.get("options", "{}"))
         except json.JSONDecodeError as error:
             raise RunError(f"{self.path}: the options in /manifest are not JSON ({error})") from None
         return manifest
 
-    @cached_property
+    @_read_once
     def options(self):
         """Option name → value; units are in `manifest["options"]`."""
         return {name: entry["value"] if isinstance(entry, dict) else entry
@@ -358,18 +376,20 @@ class Run:
     def dim(self):
         return int(self.manifest.get("dim", 2))
 
-    @cached_property
+    @_read_once
     def summary(self):
         """summary.json as a dict; empty if the run has not ended."""
-        path = self.path / "summary.json"
-        if not path.is_file():
+        if self._summary_text is None:
             return {}
         try:
-            return json.loads(path.read_text())
+            summary = json.loads(self._summary_text.decode("utf-8"))
         except (json.JSONDecodeError, UnicodeDecodeError) as error:
-            raise RunError(f"{path}: not JSON ({error})") from None
+            raise RunError(f"{self.path / 'summary.json'}: not JSON ({error})") from None
+        if not isinstance(summary, dict):
+            raise RunError(f"{self.path / 'summary.json'}: not a summary (it has no names)")
+        return summary
 
-    @cached_property
+    @_read_once
     def parameters(self):
         """Parameter name → value: the options, overruled by what summary.json lists."""
         listed = self.summary.get("parameters", {})
@@ -382,25 +402,52 @@ class Run:
             entry = {"value": entry}
         return tuple(float("nan") if entry.get(k) is None else float(entry[k]) for k in ("value", "error"))
 
-    @cached_property
+    @_read_once
     def topology(self):
-        group = self._group("topology")
+        group = self._file["topology"]
         return Topology(**{name: self.read(group[name]) for name in Topology.__dataclass_fields__})
 
-    @cached_property
+    @_read_once
     def geometry(self):
-        group = self._group("geometry")
+        group = self._file["geometry"]
         attrs = {key: _plain(value) for key, value in group.attrs.items()}
         lengths = {k: float(attrs.get(k, np.nan)) for k in ("W", "w", "angle")}
-        check_strings(group)
+        self._file.check_strings(group)
         segments = self.read(group["segments"]).reshape(-1, 4)
         radius = self.read(group["radius"]) if "radius" in group else np.zeros(len(segments))
         box = self.read(group["box"]).reshape(2, -1) if "box" in group else None
         return Geometry(segments, radius, **lengths, kind=attrs.get("kind", ""), box=box)
 
-    @cached_property
+    @property
     def frames(self):
-        return Frames(self, self._file.get("frames"))
+        return Frames(self, self._frame_names)
+
+    @_read_once
+    def _frame_names(self):
+        """Of the frames that are whole; those that another program did not finish are at the end."""
+        names = list(self._file.frames)
+        while names and not self._whole(names[-1]):
+            names.pop()
+        return names
+
+    def _whole(self, name):
+        try:
+            return all(d in self._file[f"frames/{name}"] for d in _FRAME_DATASETS)
+        except (RunError, KeyError, OSError, RuntimeError):
+            return True  # damaged: who asks for it is told
+
+    def frame_group(self, name):
+        """The HDF5 group of a frame."""
+        try:
+            return self._file[f"frames/{name}"]
+        except RunError as error:
+            self.check_open()
+            raise self._file.damaged(f"frame {name}", str(error)) from None
+
+    @_read_once
+    def frame_times(self):
+        """[frames] times in t0."""
+        return np.array([_plain(self.frame_group(n).attrs.get("time", np.nan)) for n in self._frame_names], dtype=float)
 
     def frame(self, index):
         """Frame by index, with a RunError that says what there is."""
@@ -411,16 +458,16 @@ class Run:
             raise RunError(f"{self.path}: no frame {index}, the run has {count} (0 … {count - 1}, "
                            "or negative from the end)") from None
 
-    @cached_property
+    @_read_once
     def _series_arrays(self):
-        group = self._group("series")
+        group = self._file["series"]
         arrays = {name: self.read(data) for name, data in group.items() if isinstance(data, h5py.Dataset)}
         if "time" not in arrays:
             raise RunError(f"{self.path}: /series has no time")
         rows = min(len(data) for data in arrays.values())
         return {name: data[:rows] for name, data in arrays.items()}
 
-    @cached_property
+    @_read_once
     def series(self):
         """Scalar time series as a DataFrame, one row per sample; the time is in the column `time`."""
         scalars = {name: values for name, values in self._series_arrays.items() if values.ndim == 1}
@@ -432,12 +479,14 @@ class Run:
         """Name → [T, …] of the time series with several values per sample."""
         return {name: values for name, values in self._series_arrays.items() if values.ndim > 1}
 
-    @cached_property
+    @_read_once
     def events(self):
         """Name → array of what is in /events, as the bonds of a raft that break and form; empty without any."""
-        return {name: self.read(data) for name, data in self._file.get("events", {}).items()}
+        if "events" not in self._file:
+            return {}
+        return {name: self.read(data) for name, data in self._file["events"].items()}
 
-    @cached_property
+    @_read_once
     def profile(self):
         """Axis profile of all samples."""
         arrays = self._series_arrays

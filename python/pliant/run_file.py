@@ -1,13 +1,21 @@
 """run.h5 as its last commit left it, and values compared with their checksums.
 
-A run that is killed while it commits leaves a journal of changes at the end of the file (docs/file-format.md). Here they
-are made in memory; the file itself is the running program's.
+The running program appends to the file and changes, at each commit, only what finds the frames and the rows of tables
+(docs/file-format.md). `RunFile` copies that part when it is opened, so that it sees one state of the file however long
+the program goes on. HDF5 would share a file that is open twice within a process, and show the older state of the two:
+it gets a file object of its own each time instead.
 """
 
 import io
 import os
 import struct
+import threading
+import time
+import weakref
 import zlib
+from bisect import bisect_right
+from collections import OrderedDict
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -17,19 +25,36 @@ from .errors import RunError
 _MAGIC = b"PLIANTJ1"
 _TRAILER = struct.Struct("<QQQ8s")  # address of the journal, changes, CRC-32, magic
 _CHANGE = struct.Struct("<QQ")      # address, size
+_TABLES = ("series", "events")      # groups of datasets that grow
+_ATTEMPTS = 40
+_PAUSE = 0.005  # s between attempts; grows to ten times that
+_DESCRIPTORS = 16  # open at a time in this process, however many runs are
 
 
-def journal(file):
-    """(end, changes) of the whole journal at the end of a binary file: bytes by address; None if there is none."""
-    size = file.seek(0, os.SEEK_END)
+class _Changed(Exception):
+    """The program has written while its file was being read."""
+
+
+def _read(fd, address, size):
+    """The bytes of a file from an address on; fewer at its end."""
+    parts = []
+    while size > 0 and (part := os.pread(fd, size, address)):
+        parts.append(part)
+        address, size = address + len(part), size - len(part)
+    return b"".join(parts)
+
+
+def _journal(fd, size):
+    """(end, changes) of the whole journal at the end of a file: bytes by address; None if there is none."""
     if size < _TRAILER.size:
         return None
-    file.seek(size - _TRAILER.size)
-    start, count, checksum, magic = _TRAILER.unpack(file.read(_TRAILER.size))
+    trailer = _read(fd, size - _TRAILER.size, _TRAILER.size)
+    if len(trailer) < _TRAILER.size:
+        return None
+    start, count, checksum, magic = _TRAILER.unpack(trailer)
     if magic != _MAGIC or start > size - _TRAILER.size:
         return None
-    file.seek(start)
-    data = file.read(size - start)
+    data = _read(fd, start, size - start)
     if zlib.crc32(data[:-16]) != checksum:
         return None
     changes, at = [], 0
@@ -41,12 +66,84 @@ def journal(file):
     return start, changes
 
 
-class _Mended(io.RawIOBase):
-    """A file with the changes of its journal."""
+class _Descriptors:
+    """File descriptors by who uses them; of many the one that was used last is kept, others are opened again."""
 
-    def __init__(self, file, end, changes):
+    def __init__(self, limit):
+        self._limit, self._open, self._lock = limit, OrderedDict(), threading.RLock()
+
+    def use(self, user, path, expected, function, *arguments):
+        """function(descriptor of `path`, arguments …). OSError if the file is no longer the one whose (device, inode) is expected."""
+        with self._lock:
+            if user in self._open:
+                self._open.move_to_end(user)
+            else:
+                while len(self._open) >= self._limit:
+                    os.close(self._open.popitem(last=False)[1])
+                fd = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+                status = os.fstat(fd)
+                if expected is not None and (status.st_dev, status.st_ino) != expected:
+                    os.close(fd)
+                    raise OSError("another file has taken its place since it was opened")
+                self._open[user] = fd
+            return function(self._open[user], *arguments)
+
+    def close(self, user):
+        with self._lock:
+            if user in self._open:
+                os.close(self._open.pop(user))
+
+
+_descriptors = _Descriptors(_DESCRIPTORS)
+
+
+class _Blocks:
+    """Bytes by address; blocks that overlap are joined."""
+
+    def __init__(self, ranges=()):
+        """ranges: (address, bytes) of one state of a file"""
+        self._start, self._data = [], []
+        for address, data in sorted(ranges, key=lambda r: (r[0], len(r[1]))):
+            if self._start and address <= self._start[-1] + len(self._data[-1]):
+                last = self._data[-1]
+                last += data[self._start[-1] + len(last) - address:]
+            elif data:
+                self._start.append(address)
+                self._data.append(bytearray(data))
+
+    def items(self):
+        return list(zip(self._start, map(bytes, self._data)))
+
+    def overlay(self, address, view):
+        """Puts what is known of the bytes from an address on; True if that is all of them."""
+        end, known = address + len(view), 0
+        at = max(0, bisect_right(self._start, address) - 1)
+        while at < len(self._start) and self._start[at] < end:
+            start, data = self._start[at], self._data[at]
+            first, last = max(address, start), min(end, start + len(data))
+            if first < last:
+                view[first - address:last - address] = data[first - start:last - start]
+                known += last - first
+            at += 1
+        return known == len(view)
+
+
+class _Snapshot(io.RawIOBase):
+    """One state of a growing file, for HDF5: the bytes that were copied are as they were, others come from the file."""
+
+    def __init__(self, use, end, blocks, changes):
+        """use(function, …) calls function(descriptor, …); `changes`: (address, bytes) of a journal"""
         super().__init__()
-        self._file, self._end, self._changes, self._at = file, end, changes, 0
+        self._use, self._end, self._changes, self._at = use, end, _Blocks(changes), 0
+        self._blocks, self.read = _Blocks(blocks), []  # (address, bytes) that came from the file until it is sealed
+
+    def seal(self):
+        """From now on all that has been read stays as it was."""
+        self._blocks, self.read = _Blocks(self._blocks.items() + self.read), None
+
+    def ranges(self):
+        """(address, size) of all that was copied."""
+        return [(address, len(data)) for address, data in _Blocks(self._blocks.items() + (self.read or [])).items()]
 
     def readable(self):
         return True
@@ -62,49 +159,190 @@ class _Mended(io.RawIOBase):
         return self._at
 
     def readinto(self, buffer):
-        view = memoryview(buffer).cast("B")[:max(0, self._end - self._at)]
-        self._file.seek(self._at)
-        count = self._file.readinto(view)
-        first, last = self._at, self._at + count
-        for address, data in self._changes:
-            begin, end = max(first, address), min(last, address + len(data))
-            if begin < end:
-                view[begin - first:end - first] = data[begin - address:end - address]
-        self._at = last
-        return count
+        whole = memoryview(buffer).cast("B")
+        view = whole[:max(0, self._end - self._at)]
+        whole[len(view):] = bytes(len(whole) - len(view))
+        if not self._blocks.overlay(self._at, view):
+            self._use(_read_into, self._at, view)
+            self._changes.overlay(self._at, view)
+            self._blocks.overlay(self._at, view)
+            if self.read is not None:
+                self.read.append((self._at, bytes(view)))
+        self._at += len(view)
+        return len(view)
+
+
+def _numbered(group):
+    """Names of the frames in a group, in order. The program numbers them without gaps: they are looked up one by one, as
+    HDF5 1.10 crashes where it makes a list of names and meets two states of a group. Other groups keep their names."""
+    names = [f"{k:06d}" for k in range(len(group))]
+    if all(group.id.links.exists(name.encode()) for name in names):
+        return names
+    return sorted((name for name in group if name.isdigit()), key=int)
+
+
+def _read_into(fd, address, view):
+    while len(view):
+        count = os.preadv(fd, [view], address)
+        if count == 0:  # the file was cut
+            view[:] = bytes(len(view))
+            return
+        address, view = address + count, view[count:]
+
+
+class RunFile:
+    """run.h5 as it is at this moment. Raises RunError if it is none, or if the program writes without a pause."""
+
+    def __init__(self, path):
+        self.path = Path(path)
+        self._token = object()
+        self._identity = None
+        self._file = None
+        weakref.finalize(self, _descriptors.close, self._token)
+        try:
+            self._open()
+        except OSError as error:
+            raise RunError(f"{path}: cannot be read as HDF5 ({_line(error)})") from None
+
+    def _use(self):
+        """A function that calls others with the file's descriptor. It does not keep this object alive."""
+        token, path, identity = self._token, self.path, self._identity
+        return lambda function, *arguments: _descriptors.use(token, path, identity, function, *arguments)
+
+    def _stamp(self):
+        """What changes when the file is written: place, size and time."""
+        status = self._use()(os.fstat)
+        return (status.st_dev, status.st_ino), status.st_size, status.st_mtime_ns
+
+    def _open(self):
+        self._identity = self._stamp()[0]
+        ranges = []
+        for attempt in range(_ATTEMPTS):
+            before = self._stamp()
+            snapshot = None
+            try:
+                snapshot = self._collect(before, ranges)
+                self._file, self.frames = self._walk(snapshot)
+                self._check(before, snapshot)
+                snapshot.seal()
+                self._opened = before
+                return
+            except (OSError, KeyError, RuntimeError, _Changed) as error:
+                self.close()
+                if not isinstance(error, _Changed) and self._stamp() == before:
+                    raise OSError(_line(error)) from None
+                # The same parts are copied first next time: that takes no time in which the program could write.
+                ranges = snapshot.ranges() if snapshot is not None else ranges
+            time.sleep(_PAUSE * min(attempt + 1, 10))
+        raise RunError(f"{self.path}: the program has written at each of {_ATTEMPTS} attempts to read it; open it again")
+
+    def _collect(self, stamp, ranges):
+        """A snapshot with the parts `ranges` of one state of the file."""
+        use, size = self._use(), stamp[1]
+        end, changes = use(_journal, size) or (size, [])
+        first, second = ([(at, use(_read, at, count)) for at, count in ranges] for _ in range(2))
+        if first != second or self._stamp() != stamp:
+            raise _Changed
+        blocks, journal = [], _Blocks(changes)
+        for address, data in first:
+            data = bytearray(data)
+            journal.overlay(address, memoryview(data))
+            blocks.append((address, bytes(data)))
+        return _Snapshot(use, end, blocks, changes)
+
+    @staticmethod
+    def _walk(snapshot):
+        """The file, and the names of its frames. Reads all that the program will change but for rows of tables, to which
+        it only adds: what finds frames and chunks of rows."""
+        file = h5py.File(snapshot, "r")
+        frames = _numbered(file["frames"]) if "frames" in file else []
+        for table in _TABLES:
+            for name in list(file[table]) if table in file else ():
+                dataset = file[f"{table}/{name}"]
+                if isinstance(dataset, h5py.Dataset) and dataset.chunks:
+                    dataset.id.get_num_chunks()  # visits all of them
+        return file, frames
+
+    def _check(self, before, snapshot):
+        """_Changed if what was read meanwhile may be of another state."""
+        if not snapshot.read:
+            return
+        if self._stamp() != before:
+            raise _Changed
+        # Times of files have steps of milliseconds.
+        again = self._collect(before, snapshot.ranges())
+        view = bytearray(max(len(data) for _, data in snapshot.read))
+        for address, data in snapshot.read:
+            part = memoryview(view)[:len(data)]
+            again.seek(address)
+            again.readinto(part)
+            if part != data:
+                raise _Changed
 
     def close(self):
-        self._file.close()
-        super().close()
+        if self._file is not None:
+            self._file.close()
+        self._file = None
+        _descriptors.close(self._token)
+
+    @property
+    def closed(self):
+        return self._file is None
+
+    def check_open(self):
+        """RunError if the file was closed."""
+        if self.closed:
+            raise RunError(f"{self.path.parent}: the run was closed; open it again")
+
+    def __contains__(self, name):
+        self.check_open()
+        return name in self._file
+
+    def __getitem__(self, name):
+        """Group or dataset; RunError if there is none, or if it is damaged."""
+        self.check_open()
+        try:
+            return self._file[name]
+        except (KeyError, OSError, RuntimeError) as error:
+            if isinstance(error, KeyError) and "doesn't exist" in str(error):
+                raise RunError(f"{self.path.parent}: run.h5 has no /{name}") from None
+            raise self.damaged(f"/{name}", _line(error)) from None
+
+    def damaged(self, name, why):
+        """The RunError that says so."""
+        try:
+            changed = self._stamp() != self._opened
+        except OSError:
+            changed = True
+        if changed:
+            return RunError(f"{self.path.parent}: {name} cannot be read ({why}): it is damaged, or the run was restarted "
+                            "from an earlier checkpoint after it was opened here; open it again")
+        return RunError(f"{self.path.parent}: {name} is damaged ({why})")
+
+    def read(self, dataset):
+        """All values of a dataset; RunError if they do not have the CRC-32 that the program has stored with them."""
+        self.check_open()
+        try:
+            values = dataset[()]
+            stored = dataset.attrs.get("crc32")
+        except (OSError, RuntimeError) as error:
+            raise self.damaged(dataset.name, _line(error)) from None
+        if stored is not None and zlib.crc32(np.ascontiguousarray(values)) != stored:
+            raise self.damaged(dataset.name, "its checksum does not fit")
+        return values
+
+    def check_strings(self, group):
+        """RunError if the strings among the attributes of a group do not have the CRC-32 stored with them."""
+        stored, checksum = group.attrs.get("crc32"), 0
+        if stored is None:
+            return
+        for name in sorted(group.attrs):
+            if isinstance(value := group.attrs[name], str):
+                checksum = zlib.crc32(f"{name}\0{value}\0".encode(), checksum)
+        if checksum != stored:
+            raise self.damaged(f"the attributes of {group.name}", "their checksum does not fit")
 
 
-def open_run_file(path):
-    """An h5py.File of run.h5 for reading; OSError if it is not one."""
-    file = open(path, "rb", buffering=0)
-    found = journal(file)
-    if found is None:
-        file.close()
-        # No lock: a run that is still being written may be read up to its last frame.
-        return h5py.File(path, "r", locking=False)
-    return h5py.File(_Mended(file, *found), "r")
-
-
-def checked(dataset):
-    """All values of a dataset; RunError if they do not have the CRC-32 that the program has stored with them."""
-    values = dataset[()]
-    stored = dataset.attrs.get("crc32")
-    if stored is not None and zlib.crc32(np.ascontiguousarray(values)) != stored:
-        raise RunError(f"{dataset.file.filename}: {dataset.name} is damaged (its checksum does not fit)")
-    return values
-
-
-def check_strings(group):
-    """RunError if the strings among the attributes of a group do not have the CRC-32 stored with them."""
-    stored, checksum = group.attrs.get("crc32"), 0
-    if stored is None:
-        return
-    for name in sorted(group.attrs):
-        if isinstance(value := group.attrs[name], str):
-            checksum = zlib.crc32(f"{name}\0{value}\0".encode(), checksum)
-    if checksum != stored:
-        raise RunError(f"{group.file.filename}: the attributes of {group.name} are damaged (their checksum does not fit)")
+def _line(error):
+    """The first line of an error's message."""
+    return (str(error).splitlines() or [type(error).__name__])[0]

@@ -55,6 +55,9 @@ def run(main):
     """Calls main() and exits; a PliantError becomes one line on stderr and its exit code, and so does output that does
     not arrive."""
     code = 0
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):  # a terminal without μ or ± gets their codes
+            stream.reconfigure(errors="backslashreplace")
     try:
         try:
             main()

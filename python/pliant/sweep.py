@@ -37,10 +37,15 @@ def _row(run):
 def sweep_table(runs):
     """DataFrame, one row per run: run, scenario, model, dim, status, every parameter, the counters of the
     summary, and each measured quantity X as the columns X and X_error. `runs` are Run objects or paths."""
-    runs = list(runs)
-    if runs and not isinstance(runs[0], Run):
-        runs = load_runs(runs)
-    return pd.DataFrame([_row(run) for run in runs])
+    rows = []
+    for one in list(runs):
+        if isinstance(one, Run):
+            rows.append(_row(one))
+            continue
+        for run in load_runs([one]):
+            with run:
+                rows.append(_row(run))
+    return pd.DataFrame(rows)
 
 
 def _note_units(run, units):

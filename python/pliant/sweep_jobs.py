@@ -52,7 +52,7 @@ class RowFolder:
     def _json(self, name):
         """A JSON object of the folder; empty where it is missing or damaged (a machine that went down)."""
         try:
-            value = json.loads((self.path / name).read_text())
+            value = json.loads((self.path / name).read_text(encoding="utf-8"))
         except (OSError, ValueError):
             return {}
         return value if isinstance(value, dict) else {}
@@ -131,7 +131,7 @@ class RowFolder:
         return f"exit code {code}" if code else "exit code 0 without a result"
 
     def _last_error(self, start):
-        with open(self.log_path, errors="replace") as log:
+        with open(self.log_path, encoding="utf-8", errors="replace") as log:
             log.seek(start)
             lines = [line.strip() for line in log if line.strip()]
         errors = [line for line in lines if "error:" in line]
