@@ -4,7 +4,8 @@
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 "$root/scripts/setup.sh"
-"$root/scripts/build.sh"
+say "Building the program, which takes about $((12 / cores + 1)) minutes on $cores core(s) (without tests, which scripts/build.sh adds)."
+"$root/scripts/build.sh" pliant
 
 cd "$root"
 plots=python/plots
@@ -13,16 +14,17 @@ rm -rf demo
 # Moderate stiffnesses and few vertices, for steps of 2e-4 to 1e-3 t0: minutes instead of hours. All systems share them;
 # what dissipates is either the drag of a fluid around the particles, or the friction between them.
 common="-n 320 -hopper_wall_distance 20 -e_w 500"
-polygons="$common -e_c 500 -k_a 1000 -k_l 100 -n_vertices 12"
+shape="$common -e_c 500 -k_a 1000 -k_l 100 -n_vertices 12"
 drag="-zeta 0.316227766"
 friction="-mu 1"
 declare -A options=(
-  [rough-friction]="-model rough $polygons $friction -t_end 80"
-  [smooth-drag]="-model smooth $polygons -edge_width 0.3 $drag -t_end 40 -dt 2.5e-4"
+  [rough-friction]="-model rough $shape $friction -t_end 80"
+  [smooth-drag]="-model smooth $shape -edge_width 0.3 $drag -t_end 40 -dt 2.5e-4"
   [soft-friction]="-model sp $common -e_sp 100 $friction -t_end 200"
   [soft-drag]="-model sp $common -e_sp 100 $drag -t_end 200"
 )
-systems=(rough-friction smooth-drag soft-friction soft-drag) # the slow ones first: no core ends with a long run
+soft=(soft-friction soft-drag)
+polygons=(rough-friction smooth-drag) # the slow ones first: no core ends with a long run
 
 run() {  # folder, options …: one line when it is done, the program's message when it fails
   local folder=$1 log=$1.log result
@@ -38,17 +40,27 @@ run() {  # folder, options …: one line when it is done, the program's message 
 export -f run say
 export build
 
-say "Running five orifice widths of each system on $cores core(s); a few minutes:"
-{
-  for system in "${systems[@]}"; do
+sweep() {  # systems …: lines for run, five widths of each
+  local system width
+  for system in "$@"; do
     for width in 3 4 5 6 8; do
       say "demo/$system/w$width ${options[$system]} -hopper_width $width -frame_interval 30"
     done
   done
+}
+all() { xargs -P "$cores" -L 1 bash -c 'run "$@"' run; }
+
+say "Running five orifice widths of soft particles with friction, and with drag, on $cores core(s); about $((20 / cores + 5)) s:"
+sweep "${soft[@]}" | all
+$plots/snapshot.py --panels demo/{soft-friction,soft-drag}/w6 -o demo/soft.png
+
+say "The same of rough and smooth polygons, and a movie; about $((130 / cores + 20)) s:"
+{
+  sweep "${polygons[@]}"
   say "demo/film ${options[smooth-drag]} -hopper_width 4 -t_end 20 -frame_interval 0.1"
-} | xargs -P "$cores" -L 1 bash -c 'run "$@"' run
+} | all
 
 say "Drawing:"
 $plots/snapshot.py --panels demo/{smooth-drag,rough-friction,soft-drag}/w6 -o demo/flow.png
 $plots/movie.py demo/film -o demo/flow.mp4
-$plots/beverloo.py "${systems[@]/#/demo/}" -o demo/beverloo.png
+$plots/beverloo.py demo/{rough-friction,smooth-drag,soft-friction,soft-drag} -o demo/beverloo.png

@@ -2,12 +2,13 @@
 
 import numpy as np
 
-from . import clog, plotting
+from . import clog, plotting, symbols
 from .errors import RunError
 from .statistics import commonest
 
-#: Of columns of clog.fit_sigmoids and of what they are fitted along; and of where P_clog is one half.
-SYMBOLS = {"phi_c": r"$\phi_c$", "n": "$N$", "delta": r"$\delta/\langle R\rangle$", "g": "$g$", "hopper_width": "$w/d$"}
+#: Of columns of clog.fit_sigmoids and of what they are fitted along (widths in mean diameters here); and of where P_clog
+#: is one half.
+SYMBOLS = {name: f"${symbols.SYMBOLS[name]}$" for name in ("phi_c", "n", "delta", "g")} | {"hopper_width": "$w/d$"}
 MIDDLES = {"g": "$g_0$", "hopper_width": "$w^*/d$"}
 
 

@@ -11,6 +11,7 @@ from matplotlib.colors import BoundaryNorm, ListedColormap, Normalize
 from matplotlib.ticker import MaxNLocator
 
 from .errors import OutputError, RunError
+from .symbols import MODEL_NAMES, SYMBOLS, differing, group_label
 
 # Okabe and Ito's palette: distinct for every common kind of colour vision.
 COLORS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#7F7F7F"]
@@ -287,13 +288,6 @@ def panel_figure(runs, boxes, height=4.6):
 
 # ---- naming runs -----------------------------------------------------------------------------------------------------
 
-MODEL_NAMES = {"sp": "soft particles", "rough": "rough polygons", "smooth": "smooth polygons", "bubble": "droplets",
-               "disk": "frictional disks"}
-SYMBOLS = {"hopper_width": r"w/\sigma_{avg}", "mu": r"\mu/\mu_0", "zeta": r"\zeta/\zeta_0", "e_sp": "E_{sp}",
-           "e_c": "E_c", "e_w": "E_w", "k_a": "K_a", "k_l": "K_l", "k_b": "K_b", "n": "N", "hopper_angle": r"\theta_w",
-           "hopper_wall_distance": r"W/\sigma_{avg}", "dim": "d"}
-
-
 def model_name(run):
     return MODEL_NAMES.get(run.model, run.model)
 
@@ -304,24 +298,12 @@ def time_label(run, frame, digits=None):
     return rf"$t = {frame.time:.{digits}f}\ {time_unit(run)}$"
 
 
-def parameter_label(name, value):
-    """'$w/σ = 5$' for a parameter's value."""
-    number = f"{value:.4g}" if isinstance(value, (int, float, np.number)) else str(value)
-    return f"${SYMBOLS[name]} = {number}$" if name in SYMBOLS else f"{name} = {number}"
-
-
-def group_label(row, columns):
-    """Legend entry of a group: the model's name and the parameters in `columns`."""
-    parts = [MODEL_NAMES.get(row["model"], str(row["model"]))] if "model" in columns else []
-    return ", ".join(parts + [parameter_label(c, row[c]) for c in columns if c != "model"])
-
-
 def run_labels(runs):
     """A label per run from what differs between them: model, width, mu, zeta …; the folder names if nothing
     does, or more than fits a legend."""
     columns = ["hopper_width", "mu", "zeta", *[c for c in SYMBOLS if c not in ("hopper_width", "mu", "zeta")]]
-    rows = [{"model": r.model, "hopper_width": r.geometry.w, **r.parameters} for r in runs]
-    differ = [c for c in columns if len({row.get(c) for row in rows}) > 1 and all(c in row for row in rows)]
+    rows = [r.parameters | {"model": r.model, "hopper_width": r.geometry.w} for r in runs]
+    differ = differing(rows, [c for c in columns if all(c in row for row in rows)])
     if len({r.model for r in runs}) > 1:
         differ.insert(0, "model")
     labels = [group_label(row, differ) for row in rows]
@@ -330,7 +312,12 @@ def run_labels(runs):
 
 def name_labels(runs):
     """The folders' names, without the parts between commas that are the same in all (pliant-sweep names its runs by
-    their options)."""
+    their options); with the folders above them where the names are the same."""
     parts = [r.name.split(",") for r in runs]
     common = set.intersection(*map(set, parts))
-    return [", ".join(p for p in name if p not in common) or run.name for name, run in zip(parts, runs)]
+    names = [", ".join(p for p in name if p not in common) or run.name for name, run in zip(parts, runs)]
+    if len(set(names)) == len(runs):
+        return names
+    folders = [r.path.resolve().parts for r in runs]
+    depth = next((n for n in range(2, max(map(len, folders)) + 1) if len({f[-n:] for f in folders}) == len(runs)), 1)
+    return ["/".join(f[-depth:]) for f in folders]

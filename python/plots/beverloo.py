@@ -12,7 +12,7 @@ import matplotlib.pyplot as plt
 import pandas as pd
 
 from pliant import RunError, load_runs, load_table, sweep_table
-from pliant import beverloo, plotting, script
+from pliant import beverloo, plotting, script, symbols
 from pliant.beverloo_figures import draw_flow
 from pliant.scenarios import of_scenario
 
@@ -37,21 +37,26 @@ def read(paths):
 
 
 def print_tables(table, fits, labels):
-    plain = [label.replace("$", "").replace(r"\sigma_{avg}", "sigma_avg").replace("\\", "") for label in labels]
+    plain = [symbols.plain(label) for label in labels]
     print(script.markdown(["group", "w/sigma_avg", "Q [sigma_avg^d/t0]", "status"], [
         (label, f"{row.hopper_width:g}", script.with_error(row.Q, row.Q_error), getattr(row, "status", "–"))
         for label, group in zip(plain, fits["data"]) for row in group.sort_values("hopper_width").itertuples()]))
     print()
-    rows = []
+    rows, notes = [], []
     for label, fit_row in zip(plain, fits.itertuples()):
-        for kind, fit in (("", fit_row.fit), (" (published beta)", fit_row.reference_fit)):
+        for kind, fit in (("", fit_row.fit), (" (published)", fit_row.reference_fit)):
             if fit is not None:
-                rows.append((label + kind, fit.points, *(script.with_error(getattr(fit, n), getattr(fit, n + "_error"))
-                                                         for n in ("C", "k", "beta")),
-                             script.with_error(fit.chi2_reduced, None), fit.note))
+                values = [script.with_error(getattr(fit, n), getattr(fit, n + "_error")) for n in ("C", "k", "beta")]
+                rows.append((label, fit.points, *values[:2], values[2] + kind, script.with_error(fit.chi2_reduced, None)))
             elif not kind:
-                rows.append((label, fit_row.points, "–", "–", "–", "–", fit_row.note))
-    print(script.markdown(["group", "points", "C [sigma_avg^d/t0]", "k", "beta", "chi2/dof", "note"], rows))
+                rows.append((label, fit_row.points, "–", "–", "–", "–"))
+        # Beside the numbers they would make the table wider than a terminal.
+        found = dict.fromkeys([fit_row.fit.note if fit_row.fit else fit_row.note,
+                               fit_row.reference_fit.note if fit_row.reference_fit else ""])
+        notes += [f"{label}: {note}" for note in found if note]
+    print(script.markdown(["group", "points", "C [sigma_avg^d/t0]", "k", "beta", "chi2/dof"], rows))
+    for note in notes:
+        print(f"\n{note}")
 
 
 def exponent(text):
@@ -69,11 +74,15 @@ def main():
     arguments = script.arguments(parser)
 
     table = read(arguments.run)
+    for column in set(PHYSICS) & set(table):
+        table[column] = table[column].where([symbols.reads(model, column) for model in table["model"]])
+    # What a model does not read is no difference between its runs.
     by = ["model", "dim", "mu", "zeta"] + [c for c in PHYSICS if c in table and table[c].nunique() > 1]
     fits = beverloo.fit_groups(table, by, beta=arguments.beta)
     fits["data"] = [group for _, group in table.groupby(by, dropna=False, sort=True)]
-    shown = [c for c in by if c in ("model", "mu", "zeta") or fits[c].nunique() > 1]
-    labels = [plotting.group_label(row, [c for c in shown if row[c] != ""]) for _, row in fits.iterrows()]
+    groups = [row for _, row in fits.iterrows()]
+    shown = ["model", "mu", "zeta", *symbols.differing(groups, [c for c in by if c not in ("model", "mu", "zeta")])]
+    labels = [symbols.group_label(row, [c for c in shown if row[c] != ""]) for row in groups]
 
     references, reference_fits = [], []
     for _, row in fits.iterrows():

@@ -15,7 +15,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from pliant import RunError, load_runs
-from pliant import plotting, script
+from pliant import plotting, script, symbols
 from pliant.flow import axis_velocity
 from pliant.scenarios import of_scenario
 
@@ -47,7 +47,7 @@ def main():
                                 gridspec_kw={"width_ratios": [1.5, 1][: 1 + several]})
     colors = plt.get_cmap("viridis")(np.linspace(0, 0.85, len(runs))) if len(runs) > 1 else [plotting.COLORS[0]]
     labels = (plotting.run_labels(runs) if len(runs) > 1
-              else [plotting.parameter_label("hopper_width", runs[0].geometry.w)])
+              else [symbols.parameter_label("hopper_width", runs[0].geometry.w)])
     axis = axes[0, 0]
     for (height, value, error), color, label in zip(curves, colors, labels):
         axis.fill_between(height, value - error, value + error, color=color, alpha=0.25, lw=0)

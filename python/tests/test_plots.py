@@ -19,7 +19,7 @@ import pytest
 from synthetic import write_run
 from test_clog import made_table
 
-from pliant import Run, RunError, plotting
+from pliant import Run, RunError, plotting, symbols
 
 PLOTS = Path(__file__).resolve().parents[1] / "plots"
 SCRIPTS = sorted(p.name for p in PLOTS.glob("*.py"))
@@ -265,15 +265,47 @@ def test_beverloo(sweep, call, tmp_path):
     text = call("beverloo.py", sweep, "-o", tmp_path / "a.png")
     assert_picture(tmp_path / "a.png")
     rows = [[cell.strip() for cell in line[1:-1].split("|")] for line in text.splitlines() if line.startswith("| ")]
-    fits = {row[0]: row for row in rows if len(row) == 7}
-    friction = next(row for name, row in fits.items() if name.endswith("zeta/zeta_0 = 0"))
-    drag = next(row for name, row in fits.items() if name.endswith("zeta/zeta_0 = 0.316"))
+    fits = [row for row in rows if len(row) == 6]
+    friction = next(row for row in fits if row[0].endswith("mu/mu_0 = 31.6"))
+    drag = next(row for row in fits if row[0].endswith("zeta/zeta_0 = 0.316"))
     for row, law in ((friction, (0.15, 1.6, 1.5)), (drag, (0.42, 3.4, 0.5))):
         for cell, value in zip(row[2:5], law):
             best, error = map(float, cell.split("±"))
             assert abs(best - value) < 0.1 * value and 0 < error < 0.5 * value
-    assert "1 clogged left out (w = 3)" in drag[6]
-    assert len(fits) == 5  # the head, and each group with a free and with the published exponent
+    assert f"{drag[0]}: 1 clogged left out (w = 3)" in text
+    # The head, and each group with a free and with the published exponent.
+    assert len(fits) == 5 and [row[4].endswith("(published)") for row in fits] == [False, False, True, False, True]
+
+
+def test_groups_are_named_by_what_their_models_read(drawn, tmp_path, capsys):
+    """Soft particles have no K_a, polygons no E_sp: their files have the defaults."""
+    polygons = {"k_a": (1000, ""), "k_l": (100, ""), "e_c": (500, ""), "edge_width": (0.3, ""), "n_vertices": (12, "")}
+    unread = {"k_a": (2e4, ""), "k_l": (10, ""), "e_c": (1e4, ""), "edge_width": (1, ""), "e_sp": (100, "")}
+    folders = []
+    for name, model, mu, zeta, extra in (("a", "rough", 1, 0, polygons), ("b", "smooth", 0, 0.3, polygons),
+                                         ("c", "sp", 1, 0, unread), ("d", "sp", 0, 0.3, unread)):
+        folders.append(tmp_path / name)
+        for w in (3, 4, 5, 6):
+            path, _ = write_run(tmp_path / name / f"w{w}", model, mu=mu, zeta=zeta, w=w, Q=0.4 * (w - 1.5), n=20, frames=1,
+                                samples=5, extra=extra)
+    figure, text = drawn("beverloo.py", *folders)
+    labels = [entry.get_text() for entry in figure.axes[0].get_legend().get_texts()]
+    assert labels[:4] == [r"rough polygons, $\mu/\mu_0 = 1$", r"smooth polygons, $\zeta/\zeta_0 = 0.3$",
+                          r"soft particles, $\zeta/\zeta_0 = 0.3$", r"soft particles, $\mu/\mu_0 = 1$"]
+    assert max(map(len, text.splitlines())) <= 120
+    runs = [Run(folder / "w6") for folder in folders]
+    assert plotting.run_labels(runs) == [labels[0], labels[1], labels[3], labels[2]]
+    assert plotting.name_labels(runs) == ["a/w6", "b/w6", "c/w6", "d/w6"]
+
+
+def test_the_table_of_what_models_read_is_that_of_the_program():
+    source = (PLOTS.parents[1] / "src/scenarios/hopper/options.cpp").read_text(encoding="utf-8")
+    table = source[source.index("table{{"):source.index("return table;")]
+    rows = re.findall(r'\{"(\w+)", \{([\w, ]+)\}', table)
+    assert len(rows) > 20
+    for name, models in rows:
+        for model in ("sp", "rough", "smooth", "disk"):
+            assert symbols.reads(model, name) == (model in models.split(", ")), (name, model)
 
 
 def test_beverloo_from_a_table_with_few_points(call, tmp_path):

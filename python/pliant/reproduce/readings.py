@@ -8,6 +8,7 @@ from .. import beverloo, ensemble, plotting
 from ..beverloo_figures import FRACTIONS
 from ..errors import RunError
 from ..statistics import commonest
+from ..symbols import SYMBOLS, plain
 from . import published
 from .figure import Figure, Quantity
 from .hopper_runs import BETA, COEFFICIENT, LIMIT_NAMES, fit_quantities, limits, model_label
@@ -51,8 +52,8 @@ _WORDS = {"whole": "whole friction", "tangential": "tangential friction", "per_p
           "crossing": "counted as they cross", "removal": "counted as they are removed",
           "absolute": "absolute area", "relative": "relative area", "unit": "bending of unit edges",
           "full": "bending of full edges", "single": "single edge force", "twofold": "twofold edge force"}
-_SYMBOLS = {"edge_width": "width of edges", "wall_diameter": "width of walls", "e_c": "E_c", "e_w": "E_w", "e_sp": "E_sp",
-            "pack_fraction": "start at phi", "n": "N", "hopper_wall_distance": "W"}
+_NAMES = {"edge_width": "width of edges", "wall_diameter": "width of walls", "pack_fraction": "start at phi",
+          "hopper_wall_distance": "W", **{name: plain(SYMBOLS[name]) for name in ("e_c", "e_w", "e_sp", "n")}}
 
 
 def _same(a, b):
@@ -71,7 +72,7 @@ def _words(name, value):
         return "automatic step" if np.isnan(value) else f"dt = {value:g}"
     if isinstance(value, str):
         return _WORDS.get(value, f"{name} {value}")
-    return f"{_SYMBOLS.get(name, name)} = {float(f'{value:.4g}'):g}"
+    return f"{_NAMES.get(name, name)} = {float(f'{value:.4g}'):g}"
 
 
 def changes(row, base, names=OPTIONS):
