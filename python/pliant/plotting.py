@@ -310,12 +310,15 @@ def run_labels(runs):
     return labels if len(set(labels)) == len(runs) and len(differ) <= 4 else name_labels(runs)
 
 
+_OUTPUT = ("frame_interval", "sample_interval", "checkpoint_interval", "max_wall_time", "threads")
+
+
 def name_labels(runs):
     """The folders' names, without the parts between commas that are the same in all (pliant-sweep names its runs by
-    their options); with the folders above them where the names are the same."""
-    parts = [r.name.split(",") for r in runs]
+    their options) or are of output alone; with the folders above them where the names are the same."""
+    parts = [[p for p in r.name.split(",") if p.split("=")[0] not in _OUTPUT] for r in runs]
     common = set.intersection(*map(set, parts))
-    names = [", ".join(p for p in name if p not in common) or run.name for name, run in zip(parts, runs)]
+    names = [", ".join(p for p in name if p not in common) or ",".join(name) or "default" for name in parts]
     if len(set(names)) == len(runs):
         return names
     folders = [r.path.resolve().parts for r in runs]

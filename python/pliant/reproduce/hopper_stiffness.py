@@ -133,23 +133,25 @@ def draw_offsets(measured):
 _AT_BOUND = 1e-3  # w - k of a fit whose k is at its bound, just below the narrowest orifice
 
 
-def _collapse(axes, fits, limit):
-    """Q/C against w - k with the published exponent held, of one model and one N."""
+def _collapse(axes, fits, limit, labels):
+    """Q/C against w - k with the published exponent held, of one model and one N. `labels`: stiffness → number of its
+    style, the same in all panels of a row; is added to."""
     group = fits[(fits["limit"] == limit) & fits["reference_fit"].notna()]
-    for i, (_, row) in enumerate(group.iterrows()):
+    for _, row in group.iterrows():
         data, fit = row["data"], row["reference_fit"]
         above = data["hopper_width"] > fit.k + _AT_BOUND
+        label = stiffness_label(row)
+        style = plotting.symbol(labels.setdefault(label, len(labels)))
         plotting.errorbar(axes, data["hopper_width"][above] - fit.k, data["Q"][above] / fit.C,
-                          data["Q_error"][above] / fit.C, ls="", capsize=2, label=stiffness_label(row), **plotting.symbol(i))
+                          data["Q_error"][above] / fit.C, ls="", capsize=2, label=label, **style)
     if len(group):
         beta = group["reference"].iloc[0]
         x = np.geomspace(0.3, 10, 50)
-        axes.plot(x, x**beta, "--", color="0.45", lw=1.1, label=f"[H], slope {FRACTIONS.get(beta, beta)}")
+        axes.plot(x, x**beta, "--", color="0.45", lw=1.1)
+        axes.text(0.03, 0.97, f"line: [H], slope {FRACTIONS.get(beta, beta)}", transform=axes.transAxes, va="top", color="0.35")
     axes.set(xlabel=r"$w/\sigma_{avg} - k$", ylabel=r"$Q/C$")
     axes.set_title(LIMIT_NAMES[limit], loc="left")
     log_axes(axes)
-    if len(group):
-        axes.legend(**plotting.BESIDE)
 
 
 def _fall(fits, limit):
@@ -168,7 +170,7 @@ def _fall(fits, limit):
 def _draw_prefactors(measured, x, label):
     fits = _stiffness_fits(measured)
     alike = _alike(fits)
-    figure, panels = plt.subplots(len(alike), 3, figsize=(15, 4.4 * len(alike)), layout="constrained", squeeze=False)
+    figure, panels = plt.subplots(len(alike), 3, figsize=(11.5, 3.6 * len(alike)), layout="constrained", squeeze=False)
     quantities = _prefactor_quantities(fits, ("C",), lambda row, quantity: published.C[row["limit"]])
     for (left, *others), (name, group) in zip(panels, alike):
         _against(left, group, x, "C", label, r"$C$  [$\sigma_{avg}^2/t_0$]",
@@ -177,9 +179,14 @@ def _draw_prefactors(measured, x, label):
         plain_numbers(left.yaxis)
         if len(alike) > 1:
             left.set_title(name, loc="right")
+        labels = {}
         for axes, limit in zip(others, LIMIT_NAMES):
-            _collapse(axes, group, limit)
+            _collapse(axes, group, limit, labels)
             quantities += _fall(group, limit)
+        # One legend for both panels of the collapse.
+        entries = {label: handle for axes in others for handle, label in zip(*axes.get_legend_handles_labels())}
+        if entries:
+            others[-1].legend([entries[label] for label in labels], labels, **plotting.BESIDE)
     return figure, quantities
 
 
