@@ -144,6 +144,8 @@ def test_the_standard_step_is_not_warned_of(options, tmp_path):
 def test_particles_that_pass_through_each_other_are_warned_of(tmp_path):
     code, text = warnings(mu=0, e_sp=1e-3, t_end=4, output=tmp_path / "run")
     assert code == 0 and "they pass through each other; raise -e_sp, now 0.001" in text
+    measured = json.loads((tmp_path / "run/summary.json").read_text())
+    assert measured["passing_overlap"] > 0.95 and measured["Q"]["value"] > 0 and measured["Q"]["error"] is None
     assert warnings(mu=0, e_sp=20, t_end=4, output=tmp_path / "soft") == (0, "")
 
 

@@ -353,3 +353,29 @@ def test_analysis(small, tmp_path):
     assert found["pushes"] == [2, 3] or found["pushes"] == 2
     assert 0.01 < found["dr_na"]["all"]["value"] < 2
     assert found["d2_min_per_neighbour"]["all"]["value"] > 0
+
+
+# --- Walls that do not hold
+
+# Soft disks before a fast plunger: some end up deep inside it.
+DEEP = {"pushes": 1, "stroke": 3, "distribution": "bidisperse", "plunger_speed": 10, "channel_width": 6, "channel_arm": 11,
+        "area_fraction": 0.6, "stiffness": 20, "gravity": 981}
+
+
+def test_disks_inside_a_plunger_end_the_run(tmp_path):
+    result = pliant("channel", output=tmp_path / "run", **DEEP)
+    assert result.returncode == 3 and "went through wall" in result.stderr and "-stiffness" in result.stderr
+    assert Results(tmp_path / "run").summary["status"] == "failed"
+
+
+def test_a_plunger_that_would_pass_through_disks(tmp_path):
+    result = pliant("channel", output=tmp_path / "run", **{**DEEP, "plunger_speed": 1e6, "frame_travel": 3,
+                                                           "sample_travel": 3, "allow_unstable_dt": "true"})
+    assert result.returncode in (2, 3) and ("-plunger_speed" in result.stderr)
+
+
+def test_jams_in_units_of_no_weight(tmp_path):
+    result = pliant("channel", output=tmp_path / "run", **{**SMALL, "gravity": 0})
+    assert result.returncode == 2 and "-gravity 0" in result.stderr and "-jam_force" in result.stderr
+    run = channel(tmp_path / "other", gravity=0, jam_force=0, pushes=1, mu_base=0)
+    assert np.isfinite(run.series["plunger_force"]).all()

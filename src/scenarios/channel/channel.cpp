@@ -13,6 +13,7 @@
 #include <pliant/io/summary.h>
 #include <pliant/run/crossing_watch.h>
 #include <pliant/run/heat.h>
+#include <pliant/run/overlap_check.h>
 #include <pliant/scenarios/channel/options.h>
 #include <pliant/scenarios/channel/start.h>
 #include <pliant/ts/verlet.h>
@@ -116,6 +117,15 @@ class ChannelProtocol final : public Protocol<2> {
     return {"channel", drawn_walls(0), attributes};
   }
 
+  void check() const override {
+    const Real way = p_.push.speed * schedule_.dt(), radius = smallest_radius();
+    if (way > radius)
+      throw InputError(
+          "-plunger_speed {:g}: the plunger moves by {:.3g} cm in a step of {:.3g} s, more than the smallest radius, "
+          "{:g} cm, and would pass through {}s; lower it or -dt",
+          p_.push.speed, way, schedule_.dt(), radius, p_.particle());
+  }
+
   std::vector<Real> start() override {
     const Topology& all = simulation().all();
     const auto seed = static_cast<std::uint64_t>(p_.seed);
@@ -147,6 +157,7 @@ class ChannelProtocol final : public Protocol<2> {
     const std::int64_t step = state().step;
     const bool changes = schedule_.phase_begin(step) == step, stroke_ends = schedule_.phase_at(step) == PushPhase::hold;
     // At the end of a stroke the plunger still pushes, at the beginning of one it has gone back.
+    if (changes && stroke_ends) check_walls();  // before a plunger that goes back at once
     if (changes && !stroke_ends) put_walls();
     if (schedule_.frame_at(step)) run().write_frame();
     if (changes && stroke_ends) put_walls();
@@ -163,6 +174,7 @@ class ChannelProtocol final : public Protocol<2> {
 
   std::vector<SeriesValue> sample() override {
     check_inside();
+    check_walls();
     const StateView<2> s = simulation().view();
     const ForceField<2>& field = particles().field();
     std::array<Real, 6> sums{};  // kinetic and stored energy, momentum, angular momentum, contacts
@@ -216,8 +228,8 @@ class ChannelProtocol final : public Protocol<2> {
 
   std::string progress() const override {
     const std::int64_t step = state().step;
-    return fmt::format("push {}/{}, {:.2f} cm  force {:.2g} of the weight  overlap {:.1e}", schedule_.push_at(step) + 1,
-                       p_.pushes, schedule_.travel_at(step), largest_force() / weight_, deepest_.overlap);
+    return fmt::format("push {}/{}, {:.2f} cm  force {}  overlap {:.1e}", schedule_.push_at(step) + 1, p_.pushes,
+                       schedule_.travel_at(step), force_text(largest_force()), deepest_.overlap);
   }
 
   void save(SharedCheckpoint& c) const override {
@@ -269,8 +281,11 @@ class ChannelProtocol final : public Protocol<2> {
   }
 
   void report(const Series&, nlohmann::ordered_json& s) override {
-    say("{} pushes; largest force on a plunger {:.3g} of the weight of all, largest overlap {:.2g} of a radius\n",
-        std::int64_t(s["pushes"]), largest_plunger_force_ / weight_, largest_overlap_);
+    say("{} pushes; largest force on a plunger {}, largest overlap {:.2g} of a radius\n", std::int64_t(s["pushes"]),
+        force_text(largest_plunger_force_), largest_overlap_);
+    if (largest_overlap_ > 2 * passing_overlap)
+      warn("{0}s overlapped by {1:.3g} of a radius: they pass through each other; raise -stiffness, now {2:g}",
+           p_.particle(), largest_overlap_, p_.stiffness);
     if (!jams_.empty()) say("jammed in push {}\n", fmt::join(jams_, ", "));
   }
 
@@ -282,6 +297,10 @@ class ChannelProtocol final : public Protocol<2> {
 
   Real radius(Index m) const { return topology().sigma[m] / 2; }
   Real area_fraction() const { return covered_area(p_.sizes, p_.disks) / p_.filled_area(); }
+
+  Real smallest_radius() const {
+    return std::ranges::min_element(p_.sizes, {}, [](const SizeClass& of) { return of.radius; })->radius;
+  }
 
   /// Never between two pushes.
   std::int64_t last_step() const {
@@ -333,12 +352,17 @@ class ChannelProtocol final : public Protocol<2> {
     return plunger_force_.empty() ? 0 : *std::max_element(plunger_force_.begin(), plunger_force_.end());
   }
 
+  std::string force_text(Real force) const {
+    return weight_ > 0 ? fmt::format("{:.3g} of the weight of all", force / weight_) : fmt::format("{:.3g} dyn", force);
+  }
+
   bool jammed_in(std::int64_t push) const { return !jams_.empty() && jams_.back() == push; }
 
   /// Once in each push.
   void notice_jam() {
     const std::int64_t step = state().step, push = schedule_.push_at(step);
-    const bool overlaps = deepest_.overlap > p_.jam_overlap, presses = largest_force() > p_.jam_force * weight_;
+    const bool overlaps = deepest_.overlap > p_.jam_overlap,
+               presses = p_.jam_force > 0 && largest_force() > p_.jam_force * weight_;
     if ((!overlaps && !presses) || jammed_in(push)) return;
     jams_.push_back(push);
     const Real travel = schedule_.travel_at(step);
@@ -355,6 +379,11 @@ class ChannelProtocol final : public Protocol<2> {
                      {"plunger_force", largest_force()},
                      {"max_overlap", deepest_.overlap}});
     if (p_.on_jam == OnJam::end) run().end("jammed");
+  }
+
+  void check_walls() {
+    check_walls_hold(simulation().view(), schedule_.dt(), ranks(),
+                     "raise -stiffness, or lower -plunger_speed or -area_fraction");
   }
 
   void check_inside() const {

@@ -169,7 +169,7 @@ void ChannelOptions::bind(Options& o) {
           .min_open = true});
   o.bind(
       "jam_force", jam_force,
-      {.help = "force on the plunger that counts as a jam, over the weight of all disks", .min = 0, .min_open = true});
+      {.help = "force on the plunger that counts as a jam, over the weight of all disks; 0: no force does", .min = 0});
   o.bind("on_jam", on_jam, {{"continue", OnJam::proceed}, {"end", OnJam::end}}, {.help = "go on, or end the run"});
 
   o.group("Integration");
@@ -208,6 +208,11 @@ void ChannelOptions::resolve() {
   if (channel->plungers().empty())
     throw InputError("-outline without plungers; name the sides that are plungers with -plungers x,y;x,y");
   channel->check_stroke(push.stroke);
+  if (gravity == 0 && jam_force > 0)
+    throw InputError(
+        "-gravity 0: -jam_force {:g} counts the weight of all disks, which is 0; set -jam_force 0, so that overlaps "
+        "alone are a jam",
+        jam_force);
   if (shear != 0 && (kind != ChannelKind::straight || !outline.empty()))
     throw InputError("-shear {:g}: only the walls of -geometry straight can move along themselves; leave it out",
                      shear);

@@ -6,6 +6,7 @@
 #include <array>
 
 #include <pliant/base/console.h>
+#include <pliant/run/overlap_check.h>
 #include <pliant/system/neighbour_drag.h>
 
 namespace pliant {
@@ -75,8 +76,14 @@ std::vector<SeriesValue> DropletProtocol::sample() {
   const Real speed = max_speed();
   const StateView<2> s = view();
   const ForceField<2>& field = all_particles().field();
+  const std::string cure = "lower -dt or the tolerances (-ts_rtol, -ts_atol), or slow walls or gravity";
+  check_walls_hold(s, run().last_dt(), Ranks(), cure);
   Real bonds = 0, tense = 0;
   field.for_each_contact(s, [&](const Contact<2>& c) {
+    if (c.overlap > passing_overlap)
+      throw NumericalError(
+          "droplets {} and {} overlap by {:.3g} of their contact distance: they pass through each other; {}", c.first,
+          c.second, c.overlap, cure);
     ++bonds;
     tense += c.force.dot(c.normal) < 0;
   });

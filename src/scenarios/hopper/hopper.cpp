@@ -20,6 +20,7 @@
 #include <pliant/model/polygon.h>
 #include <pliant/model/wall_contact.h>
 #include <pliant/run/crossing_watch.h>
+#include <pliant/run/overlap_check.h>
 #include <pliant/run/run.h>
 #include <pliant/scenarios/hopper/measurements.h>
 #include <pliant/scenarios/hopper/passage.h>
@@ -333,6 +334,11 @@ class HopperProtocol final : public Protocol<D> {
     // What comes after it is no flow.
     if (ended_as("clogged") || p_.flow == FlowKind::discharge)
       measured["flow_ended"] = quantity(last_crossing(series), BlockAverage::unknown, "t0");
+    if (const Real deepest = deepest_overlap(series); deepest > passing_overlap) {
+      measured["passing_overlap"] = deepest;
+      for (auto& [name, value] : measured.items())
+        if (value.is_object() && value.contains("error")) value["error"] = nullptr;
+    }
     for (const auto& [name, value] : measured.items()) s[name] = value;
     print(measured);
     warn_of_overlap(series);
@@ -497,6 +503,8 @@ class HopperProtocol final : public Protocol<D> {
               own.id[m], r[D - 1], roof, why_thrown());
       }
     });
+    check_walls_hold(this->simulation().view(), run().last_dt(), ranks(),
+                     fmt::format("stiffen the walls (-e_w, now {:g}) or {}", p_.e_w, shorten()));
   }
 
   /// visit(system) where there are outlines that can be crossed.
@@ -575,10 +583,11 @@ class HopperProtocol final : public Protocol<D> {
           last, last_sample_.max_speed, p_.clog_speed);
   }
 
+  static Real deepest_overlap(const Series& series) { return std::ranges::max(series.at("max_overlap").values); }
+
   /// Centres that meet pass through each other.
   void warn_of_overlap(const Series& series) const {
-    const Real deepest = std::ranges::max(series.at("max_overlap").values);
-    if (deepest > 0.95)
+    if (const Real deepest = deepest_overlap(series); deepest > passing_overlap)
       warn("particles overlapped by {:.3g} of their contact distance: they pass through each other; raise {}, now {:g}",
            deepest, p_.contact_energy(), p_.model_parameters().epsilon);
   }
@@ -592,7 +601,8 @@ class HopperProtocol final : public Protocol<D> {
   void print(const nlohmann::ordered_json& measured) const {
     const bool few = measured.contains("steady_samples") && measured["steady_samples"] <= BlockAverage::least_samples;
     const std::string no_error =
-        ended_as("clogged")                                     ? "clogged"
+        measured.contains("passing_overlap")                    ? "no error: particles passed through each other"
+        : ended_as("clogged")                                   ? "clogged"
         : measured.contains("Q") && measured["Q"]["value"] == 0 ? "no error: nothing has crossed"
         : few ? fmt::format("no error: fewer than {} steady samples", BlockAverage::least_samples)
               : "no error: it drifts, or its correlations are too long for the run";

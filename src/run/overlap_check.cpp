@@ -1,0 +1,31 @@
+#include <pliant/run/overlap_check.h>
+
+#include <pliant/base/errors.h>
+
+namespace pliant {
+
+template <int D>
+void check_walls_hold(const StateView<D>& s, Real dt, const Ranks& ranks, const std::string& cure) {
+  const Topology& topology = s.topology;
+  ranks.together([&] {
+    for (const auto& [i, part] : s.neighbours.walls) {
+      const Real d = s.walls.distance(s.position(i), part, s.t), radius = topology.diameter[i] / 2;
+      if (d < 0)
+        throw NumericalError("particle {} went through wall {}: it overlaps by {:.3g} radii; {}",
+                             topology.id[topology.particle[i]], s.walls.wall_of_part(part), 1 - d / radius, cure);
+    }
+    for (Index i = 0; i < topology.owned_points(); ++i) {
+      const Index m = topology.particle[i];
+      const Real way = s.velocity(i).norm() * dt, radius = topology.sigma[m] / 2;
+      if (topology.active[m] != 0 && way > radius)
+        throw NumericalError(
+            "particle {} moves by {:.3g} radii in a step: it may pass through particles and walls unseen; {}",
+            topology.id[m], way / radius, cure);
+    }
+  });
+}
+
+template void check_walls_hold<2>(const StateView<2>&, Real, const Ranks&, const std::string&);
+template void check_walls_hold<3>(const StateView<3>&, Real, const Ranks&, const std::string&);
+
+}  // namespace pliant
