@@ -47,8 +47,8 @@ def find_program(given):
 
 def first_scenario(program):
     """The scenario of rows that name none."""
-    result = subprocess.run([program, "-scenarios"], text=True, capture_output=True, stdin=subprocess.DEVNULL,
-                            env=os.environ | {"OMP_NUM_THREADS": "1"})
+    result = subprocess.run([program, "-scenarios"], encoding="utf-8", errors="replace", capture_output=True,
+                            stdin=subprocess.DEVNULL, env=os.environ | {"OMP_NUM_THREADS": "1"})
     names = result.stdout.split()
     if result.returncode != 0 or not names:
         raise RunError(f"{program} -scenarios lists no scenarios: is it a pliant? " + _error(result))
@@ -83,8 +83,8 @@ def check_options(table, rows, program, base):
     with tempfile.TemporaryDirectory(prefix="pliant-sweep-") as empty:
         for scenario, probe, first in _probes(rows):
             options = arguments({name: row.options[name] for name, row in probe.items()}, base)
-            result = subprocess.run([program, scenario, *options, "-restart", empty], text=True, capture_output=True,
-                                    stdin=subprocess.DEVNULL, env=os.environ | {"OMP_NUM_THREADS": "1"})
+            result = subprocess.run([program, scenario, *options, "-restart", empty], encoding="utf-8",
+                                    errors="replace", capture_output=True, stdin=subprocess.DEVNULL, env=os.environ | {"OMP_NUM_THREADS": "1"})
             if empty in result.stderr:
                 continue
             message = _error(result)

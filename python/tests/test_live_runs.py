@@ -185,6 +185,17 @@ def test_files_are_utf_8_in_every_locale(tmp_path, locale):
     assert done.returncode == 0 and done.stdout == b"'\\u03b6 \\u2264 \\u03b60' \\u03b6\n", done.stderr
 
 
+def test_what_the_program_prints_is_utf_8_in_every_locale(tmp_path):
+    program = tmp_path / "program"
+    program.write_text("#!/bin/sh\necho hopper μ\n", encoding="utf-8")
+    program.chmod(0o755)
+    code = f"import sys; sys.path.insert(0, {str(HERE.parent)!r}); from pliant.sweep_command import first_scenario; " \
+           f"print(first_scenario({str(program)!r}))"
+    environment = os.environ | {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment)
+    assert done.stdout == "hopper\n", done.stderr
+
+
 OF_A_RUN = ("manifest", "options", "scenario", "model", "droplets", "dim", "summary", "parameters", "topology", "geometry",
             "series", "vector_series", "events", "profile", "steady_start")
 OF_A_FRAME = ("positions", "velocities", "centres", "images", "unwrapped_centres", "active", "angles", "contact_count",
