@@ -84,7 +84,8 @@ def check_options(table, rows, program, base):
         for scenario, probe, first in _probes(rows):
             options = arguments({name: row.options[name] for name, row in probe.items()}, base)
             result = subprocess.run([program, scenario, *options, "-restart", empty], encoding="utf-8",
-                                    errors="replace", capture_output=True, stdin=subprocess.DEVNULL, env=os.environ | {"OMP_NUM_THREADS": "1"})
+                                    errors="replace", capture_output=True, stdin=subprocess.DEVNULL,
+                                    env=os.environ | {"OMP_NUM_THREADS": "1"})
             if empty in result.stderr:
                 continue
             message = _error(result)
