@@ -16,6 +16,8 @@ from .errors import RunError
 from .fits import fitted
 
 K_MIN = 0.0                # an orifice is not narrower than nothing
+K_UNBOUNDED = -10.0        # in widest orifices: where "k unbounded" ends in practice
+FEW_WIDTHS = 3             # as many as parameters: such a fit decides nothing about the exponent
 BETA_RANGE = (0.05, 5.0)   # wide enough for every exponent in 2D and 3D; beyond, k and beta run away together
 _MARGIN = 1e-6             # k stays this fraction below the narrowest flowing orifice: the model is singular there
 
@@ -52,6 +54,14 @@ class BeverlooFit:
     points: int
     chi2_reduced: float  #: NaN without degrees of freedom or without errors of Q
     note: str            #: remarks; empty without any
+    widths: int          #: different orifice widths
+    k_bound: bool        #: whether k, free, ended at a bound
+
+    @property
+    def decides(self):
+        """Whether the free parameters can be compared with published ones: k is not at a bound, and there are more widths
+        than parameters."""
+        return not self.k_bound and self.widths > FEW_WIDTHS
 
     def __call__(self, w):
         return beverloo(w, self.C, self.k, self.beta)
@@ -137,11 +147,20 @@ def _clean(w, Q, error):
     return w, Q, error, picked, notes
 
 
-def fit_beverloo(w, Q, error=None, beta=None, k=None, resamples=400, seed=1, draws=None):
+def local_slopes(w, Q, error):
+    """[(w, next w, d ln Q/d ln w, its error)] between neighbouring orifices with flow; w, Q, error [n], one point per width.
+    The law with offset k has the local slope beta w/(w - k), which no bound of k touches."""
+    w, Q, error, _, _ = _clean(w, Q, error)
+    relative = np.full_like(Q, np.nan) if error is None else error / Q
+    steps = np.diff(np.log(w))
+    return list(zip(w[:-1], w[1:], np.diff(np.log(Q)) / steps, np.hypot(relative[:-1], relative[1:]) / steps))
+
+
+def fit_beverloo(w, Q, error=None, beta=None, k=None, resamples=400, seed=1, draws=None, k_bounded=True):
     """Least-squares fit of Q = C (w - k)^beta with weights 1/error, by lmfit.
 
     w [n] in sigma_avg; Q [n]; error [n] one standard error of Q. `beta` or `k` hold that parameter fixed; a free k lies
-    between 0 and the narrowest orifice with Q > 0. Standard errors come from a parametric bootstrap: Q is drawn
+    between 0 (far below 0 with `k_bounded` false) and the narrowest orifice with Q > 0. Standard errors come from a parametric bootstrap: Q is drawn
     `resamples` times from normal distributions about the fitted law with the given errors (half the central 68 % range
     of the refitted parameters), so that they exist for an exact fit too. The deviations of `draws` [m, n] from Q
     (ensemble.draws: over seeds) take the place of the normal ones. Without any error of Q the fit is unweighted and the
@@ -155,7 +174,7 @@ def fit_beverloo(w, Q, error=None, beta=None, k=None, resamples=400, seed=1, dra
                        "(add runs, or hold beta fixed)")
     if beta is not None and not BETA_RANGE[0] <= beta <= BETA_RANGE[1]:
         raise RunError(f"a fixed exponent of {beta:g} is outside {BETA_RANGE[0]} … {BETA_RANGE[1]}")
-    k_range = (K_MIN, w[0] - _MARGIN * abs(w[0]))
+    k_range = (K_MIN if k_bounded else K_UNBOUNDED * w[-1], w[0] - _MARGIN * abs(w[0]))
     if k is not None and k >= w[0]:
         raise RunError(f"a fixed k of {k:g} is not below the narrowest flowing orifice, {w[0]:g}")
     weight = np.full_like(Q, 1 / Q.mean()) if error is None else 1 / error
@@ -170,9 +189,11 @@ def fit_beverloo(w, Q, error=None, beta=None, k=None, resamples=400, seed=1, dra
     result = model.fit(Q, parameters, w=w, weights=weight, scale_covar=False, method="leastsq")
     best = np.array([result.params[name].value for name in ("C", "k", "beta")])
 
+    at_bound = []
     for name, low_high in (("k", k_range), ("beta", BETA_RANGE)):
         span = low_high[1] - low_high[0]
         if result.params[name].vary and min(abs(result.params[name].value - b) for b in low_high) < 1e-3 * span:
+            at_bound.append(name)
             notes.append(f"{name} at its bound")
 
     freedom = len(w) - free
@@ -193,7 +214,8 @@ def fit_beverloo(w, Q, error=None, beta=None, k=None, resamples=400, seed=1, dra
         low, high = np.quantile(refits, [0.158655, 0.841345], axis=0)
         errors = (high - low) / 2
     chi2 = result.chisqr / freedom if freedom > 0 and error is not None else np.nan
-    return BeverlooFit(*(float(x) for pair in zip(best, errors) for x in pair), len(w), float(chi2), "; ".join(notes))
+    return BeverlooFit(*(float(x) for pair in zip(best, errors) for x in pair), len(w), float(chi2), "; ".join(notes),
+                       len(np.unique(w)), "k" in at_bound)
 
 
 def fit_groups(table, by, beta=None, **options):
@@ -223,7 +245,8 @@ def _no_law(*_, **__):
 
 def fit_seeds(table, by, value="Q", beta=None, resamples=None, opposite=False):
     """One row per group of runs: its columns of `by`, fit, C, k, beta with errors and so on as of fit_groups; data (a row
-    per width: hopper_width, Q, Q_error from blocks and seeds, runs); reference (the published exponent or None) and
+    per width: hopper_width, Q, Q_error from blocks and seeds, runs); unbounded_fit, whose k may be negative, where k of fit
+    is at its bound, else None; reference (the published exponent or None) and
     reference_fit (with that held); with `opposite` also opposite (the published exponent of the other limit) and
     opposite_fit. Errors of the fits are drawn over seeds. `value` is the rate's column. A clogged run has no steady rate:
     it is left out where others of the same width flowed, and where the widest orifice clogs there is no law of the width,
@@ -242,6 +265,8 @@ def fit_seeds(table, by, value="Q", beta=None, resamples=None, opposite=False):
         data = points["hopper_width"], points[value], points[value + "_error"]
         options = {"draws": ensemble.draws(points, value, resamples)} if np.isfinite(data[2]).any() else {}
         row |= fitted(fit, *data, beta=beta, **options)
+        row["unbounded_fit"] = (fitted(fit, *data, beta=beta, k_bounded=False, **options)["fit"]
+                                if row["fit"] and row["fit"].k_bound else None)
         row["note"] = "; ".join(filter(None, [row["note"], remark, ensemble.seeds_remark(points)]))
         first = group.iloc[0]
         row["reference"] = published_exponent(first["dim"], first["mu"], first["zeta"])

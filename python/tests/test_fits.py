@@ -6,7 +6,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from pliant import RunError
-from pliant.beverloo import beverloo, fit_beverloo, fit_groups, published_exponent
+from pliant.beverloo import beverloo, fit_beverloo, fit_groups, local_slopes, published_exponent
 from pliant.statistics import block_ratio
 
 W = np.array([3.0, 4.0, 5.0, 6.5, 8.0, 10.0])
@@ -149,3 +149,28 @@ def test_a_small_offset_is_found(k, beta):
         best = min((fit_beverloo(W, draw, 0.01 * Q, k=x, resamples=2) for x in np.linspace(0, 1, 41)),
                    key=lambda one: one.chi2_reduced)
         assert fit.chi2_reduced * 3 < best.chi2_reduced * 4 * 1.0001 + 1e-6  # 3 and 4 degrees of freedom
+
+
+
+def test_a_fit_with_k_at_its_bound_decides_nothing_and_its_unbounded_form_has_the_exponent():
+    w = np.array([3.0, 4.0, 6.0, 8.0, 10.0])
+    Q = 0.2 * (w + 1.5) ** 1.9
+    bounded = fit_beverloo(w, Q, 0.002 * Q, resamples=50)
+    assert bounded.k_bound and not bounded.decides and abs(bounded.beta - 1.9) > 0.2
+    free = fit_beverloo(w, Q, 0.002 * Q, resamples=50, k_bounded=False)
+    assert free.decides and free.beta == pytest.approx(1.9, abs=1e-3) and free.k == pytest.approx(-1.5, abs=1e-2)
+
+
+def test_as_many_widths_as_parameters_decide_nothing():
+    w = np.array([3.0, 6.0, 10.0])
+    few = fit_beverloo(w, 0.2 * (w - 1) ** 1.5, 0.01 * w, resamples=50)
+    more = fit_beverloo(np.append(w, 8), 0.2 * (np.append(w, 8) - 1) ** 1.5, 0.01 * np.append(w, 8), resamples=50)
+    assert not few.decides and more.decides
+
+
+def test_local_slopes_are_those_of_a_power_law():
+    w = np.array([2.0, 4.0, 8.0])
+    slopes = local_slopes(w, 3 * w**1.5, 0.03 * w**1.5)
+    assert [(a, b) for a, b, *_ in slopes] == [(2, 4), (4, 8)]
+    assert [s for _, _, s, _ in slopes] == pytest.approx([1.5, 1.5])
+    assert slopes[0][3] == pytest.approx(np.hypot(0.01, 0.01) / np.log(2))

@@ -241,6 +241,7 @@ def test_list_and_names(call):
     (1.5, 0.0, Published(1.6, 0.1, ""), "yes"), (1.5, 0.0, Published(1.8, 0.1, ""), "no")])
 def test_agreement(value, error, known, answer):
     assert agree(Quantity("x", value, error, known)) == answer
+    assert agree(Quantity("x", value, error, known, decides=False)) == (answer if answer == "no number" else "no verdict")
 
 
 def test_deviation_is_signed():
@@ -710,7 +711,8 @@ def test_figure_8_fits_discharges(tmp_path):
     assert found["C of c0(w), 45/0 degrees"].value == pytest.approx(1.2 * found["C of c0(w), 45/45 degrees"].value)
     assert agree(found["beta of c0(w), 45/0 degrees"]) == "yes"
     ratio = found["c0 of 45/0 over 45/45 degrees, mean over w"]
-    assert ratio.value == pytest.approx(1.2) and 0 < ratio.error < 0.02 and agree(ratio) == "no"
+    assert ratio.value == pytest.approx(1.2) and 0 < ratio.error < 0.02 and agree(ratio) == "no number"
+    assert agree(found["chi2/dof of c0 of 45/0 over 45/45 degrees = 1 at every w"]) == "no"
     data = pd.concat([data.assign(hopper_angle_left=np.nan), upright])
     as_run = data.assign(zeta=1.54, e_sp=138.9, c0=0.5 * data["c0"], row=data["row"] + "r")
     found = drawn("H8", pd.concat([data, as_run]), tmp_path)

@@ -36,6 +36,7 @@ class Quantity:
     error: float  #: one standard error; NaN: unknown
     published: Published | None = None
     note: str = ""
+    decides: bool = True  #: false: shown with the published value, but too uncertain in kind to be judged by it
 
 
 @dataclass(frozen=True)
@@ -106,10 +107,13 @@ def deviation(quantity):
 
 
 def agree(quantity):
-    """'yes', 'no', or 'no number' where there is nothing to compare, or no error to compare by."""
+    """'yes', 'no', 'no verdict' where the quantity cannot decide, or 'no number' where there is nothing to compare, or no
+    error to compare by."""
     distance = deviation(quantity)
     if math.isnan(distance) or not math.isfinite(quantity.error):
         return "no number"
+    if not quantity.decides:
+        return "no verdict"
     return "yes" if abs(distance) <= AGREE else "no"
 
 

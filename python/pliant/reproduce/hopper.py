@@ -11,8 +11,8 @@ from ..errors import RunError
 from . import published
 from .figure import Figure, Quantity
 from .hopper_lambda import draw_angles, draw_corrected, draw_lambda, draw_size
-from .hopper_runs import (COEFFICIENT, LIMIT_AT, LIMIT_NAMES, MODEL, chi2_note, fit_quantities, fitted, limit, limits,
-                          model_label, named, ratio, with_limit)
+from .hopper_runs import (COEFFICIENT, LIMIT_AT, LIMIT_NAMES, MODEL, chi2_note, decides, fit_quantities, fitted, limit,
+                          limits, model_label, named, ratio, with_limit)
 from .hopper_stiffness import draw_deformable_prefactors, draw_offsets, draw_soft_prefactors
 
 
@@ -102,21 +102,23 @@ def draw_profiles(measured):
 
 
 def _ratio_of_hoppers(fits):
-    """c0 of the second hopper over that of the first at the same widths: mean, with the error of the scatter where that is
-    larger than that of the rates; None without two hoppers or common widths."""
+    """c0 of the first hopper over c0 of the second at the same widths: [mean over the widths, chi2/dof of a ratio of 1 at every
+    width]. The verdict is on the curve, which a mean hides; empty without two hoppers or common widths."""
     if len(fits) != 2:
-        return None
+        return []
     both = fits["data"].iloc[0].merge(fits["data"].iloc[1], on="hopper_width", suffixes=("", "_other"))
     both = both[(both["Q"] > 0) & (both["Q_other"] > 0)]
     if len(both) < 2:
-        return None
+        return []
     ratio = (both["Q"] / both["Q_other"]).to_numpy()
     error = ratio * np.hypot(both["Q_error"] / both["Q"], both["Q_error_other"] / both["Q_other"]).to_numpy()
     mean_error = max(ratio.std(ddof=1), np.sqrt((error**2).mean())) / np.sqrt(len(ratio))
-    return Quantity(f"c0 of {fits['walls'].iloc[0]} over {fits['walls'].iloc[1]} degrees, mean over w", float(ratio.mean()),
-                    float(mean_error), published.OIL_HOPPERS,
-                    "{:.3g} at w = {:g}, {:.3g} at {:g}".format(ratio[0], both["hopper_width"].iloc[0], ratio[-1],
-                                                                both["hopper_width"].iloc[-1]))
+    name = f"c0 of {fits['walls'].iloc[0]} over {fits['walls'].iloc[1]} degrees"
+    ends = "{:.3g} at w = {:g}, {:.3g} at {:g}".format(ratio[0], both["hopper_width"].iloc[0], ratio[-1],
+                                                       both["hopper_width"].iloc[-1])
+    chi2 = float((((ratio - published.OIL_HOPPERS.value) / error) ** 2).mean())
+    return [Quantity(f"{name}, mean over w", float(ratio.mean()), float(mean_error), None, ends),
+            Quantity(f"chi2/dof of {name} = 1 at every w", chi2, np.sqrt(2 / len(ratio)), published.OIL_HOPPERS, ends)]
 
 
 def draw_discharge(measured):
@@ -145,10 +147,9 @@ def draw_discharge(measured):
                       color=plotting.color(i), label=label)
         for quantity, known in (("beta", published.OIL_BETA), ("k", published.OIL_K), ("C", None)):
             quantities.append(Quantity(f"{quantity} of c0(w), {row['walls']} degrees{row['drag']}",
-                                       *fitted(row["fit"], quantity), known, row["note"]))
+                                       *fitted(row["fit"], quantity), known, row["note"], decides(row["fit"])))
     for drag, pair in fits.groupby("drag"):
-        if (ratio := _ratio_of_hoppers(pair)):
-            quantities.append(replace(ratio, name=ratio.name + drag))
+        quantities += [replace(ratio, name=ratio.name + drag) for ratio in _ratio_of_hoppers(pair)]
     left.set_ylabel(r"$c_0$  [$t_0^{-1}$]")
     right.set_ylabel(r"$c_0/C$")
     beverloo_figures.groups_first(left)

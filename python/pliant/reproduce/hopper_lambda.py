@@ -10,8 +10,8 @@ from ..errors import RunError
 from ..script import remark
 from . import published
 from .figure import Quantity
-from .hopper_runs import (BETA, LAMBDA, LIMIT_AT, LIMIT_NAMES, MODEL, chi2_note, fitted, limits, model_label, of_several,
-                          plain, variant_label, with_limit)
+from .hopper_runs import (BETA, LAMBDA, LIMIT_AT, LIMIT_NAMES, MODEL, chi2_note, decides, fitted, limits, model_label,
+                          of_several, plain, variant_label, with_limit)
 
 #: What runs of one model may differ in beside (`of_several`).
 _VARIANT = ["contacts", "size"]
@@ -51,7 +51,7 @@ def _crossovers(exponents, by, dim, label, known):
         for row in group.itertuples():
             limit = LIMIT_AT.get(row.lam)
             quantities.append(Quantity(f"beta at lambda = {row.lam:g}: {name}", row.beta, row.beta_error,
-                                       published.exponent(dim, limit) if limit else None, row.note))
+                                       published.exponent(dim, limit) if limit else None, row.note, decides(row.fit)))
         curves.append((name, group, *found))
     return curves, quantities
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from .. import beverloo
 from ..beverloo_figures import FRACTIONS
 from ..errors import RunError
 from ..script import remark
@@ -122,7 +123,8 @@ def fit_quantities(fits, name_of):
             known |= {"C": published.C[row["limit"]]} | ({"k": published.K[row["limit"]]} if is_hard(row) else {})
         for quantity in ("beta", "C", "k"):
             quantities.append(Quantity(f"{quantity}: {name}", *fitted(row["fit"], quantity), known.get(quantity),
-                                       row["note"]))
+                                       row["note"], decides(row["fit"])))
+        quantities += undecided(row, name, known)
         if row["reference_fit"] and row["fit"]:
             held, fixed = f"with beta = {FRACTIONS.get(row['reference'], row['reference'])} held", row["reference_fit"]
             quantities += [Quantity(f"{quantity} {held}: {name}", *fitted(fixed, quantity), known.get(quantity), fixed.note)
@@ -138,6 +140,24 @@ def fit_quantities(fits, name_of):
                   for which, fit in (("with beta free", "fit"), (f"with beta = {FRACTIONS.get(row['reference'])} held",
                                                                  "reference_fit"), (held, "opposite_fit")))]
     return quantities
+
+
+def decides(fit):
+    """Whether a free fit can be compared with published values."""
+    return bool(fit) and fit.decides
+
+
+def undecided(row, name, known):
+    """What shows the exponent where the fit of a row cannot decide: exponent and offset without the bound of k, and the local
+    slopes of Q, which are beta w/(w - k). known: {quantity: Published}."""
+    if not row["fit"] or row["fit"].decides:
+        return []
+    free = row["unbounded_fit"]
+    return [*(Quantity(f"{quantity}, k unbounded: {name}", *fitted(free, quantity), known.get(quantity), free.note,
+                       free.decides) for quantity in ("beta", "k") if free),
+            *(Quantity(f"local slope of Q, w = {low:g} to {high:g}: {name}", slope, error)
+              for low, high, slope, error in beverloo.local_slopes(
+                  row["data"]["hopper_width"], row["data"]["Q"], row["data"]["Q_error"]))]
 
 
 def relative_residual(data, fit):

@@ -8,8 +8,8 @@ from ..beverloo_figures import FRACTIONS, log_axes, plain_numbers
 from ..errors import RunError
 from . import published
 from .figure import Quantity
-from .hopper_runs import (LIMIT_NAMES, MODEL, chi2_note, fitted, is_hard, is_soft, limits, named, of_several,
-                          stiffness_label, variant_label)
+from .hopper_runs import (LIMIT_NAMES, MODEL, chi2_note, decides, fitted, is_hard, is_soft, limits, named, of_several,
+                          stiffness_label, undecided, variant_label)
 
 
 def _against(axes, fits, x, quantity, x_label, label, references=None):
@@ -53,7 +53,7 @@ def _prefactor_quantities(fits, names, known):
             quantities.append(Quantity(f"{quantity} with the published beta held: {name}", *fitted(held, quantity),
                                        known(row, quantity), chi2_note(held.chi2_reduced) if held else row["note"]))
             quantities.append(Quantity(f"{quantity}, beta free: {name}", *fitted(row["fit"], quantity),
-                                       known(row, quantity), row["note"]))
+                                       known(row, quantity), row["note"], decides(row["fit"])))
     return quantities
 
 
@@ -125,8 +125,12 @@ def draw_offsets(measured):
         softest = row["e_sp"] <= 50 if is_soft(row) else row["k_b"] <= 0.01 and row["k_l"] <= 10
         return published.K_SOFT[row["limit"]] if softest else None
 
-    exponents = [Quantity(f"beta: {named(row)}", row["fit"].beta, row["fit"].beta_error, published.exponent(2, row["limit"]),
-                          row["note"]) for _, row in fits[fits["fit"].notna()].iterrows()]
+    exponents = []
+    for _, row in fits[fits["fit"].notna()].iterrows():
+        exponent = published.exponent(2, row["limit"])
+        exponents.append(Quantity(f"beta: {named(row)}", *fitted(row["fit"], "beta"), exponent, row["note"],
+                                  decides(row["fit"])))
+        exponents += undecided(row, named(row), {"beta": exponent})
     return figure, exponents + _prefactor_quantities(fits, ("k",), known)
 
 
