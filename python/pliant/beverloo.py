@@ -55,13 +55,13 @@ class BeverlooFit:
     chi2_reduced: float  #: NaN without degrees of freedom or without errors of Q
     note: str            #: remarks; empty without any
     widths: int          #: different orifice widths
-    k_bound: bool        #: whether k, free, ended at a bound
+    at_bound: tuple      #: names of the free parameters that ended at a bound
 
     @property
     def decides(self):
-        """Whether the free parameters can be compared with published ones: k is not at a bound, and there are more widths
-        than parameters."""
-        return not self.k_bound and self.widths > FEW_WIDTHS
+        """Whether the free parameters can be compared with published ones: none is at a bound, and there are more widths than
+        parameters."""
+        return not self.at_bound and self.widths > FEW_WIDTHS
 
     def __call__(self, w):
         return beverloo(w, self.C, self.k, self.beta)
@@ -215,7 +215,7 @@ def fit_beverloo(w, Q, error=None, beta=None, k=None, resamples=400, seed=1, dra
         errors = (high - low) / 2
     chi2 = result.chisqr / freedom if freedom > 0 and error is not None else np.nan
     return BeverlooFit(*(float(x) for pair in zip(best, errors) for x in pair), len(w), float(chi2), "; ".join(notes),
-                       len(np.unique(w)), "k" in at_bound)
+                       len(np.unique(w)), tuple(at_bound))
 
 
 def fit_groups(table, by, beta=None, **options):
@@ -266,7 +266,7 @@ def fit_seeds(table, by, value="Q", beta=None, resamples=None, opposite=False):
         options = {"draws": ensemble.draws(points, value, resamples)} if np.isfinite(data[2]).any() else {}
         row |= fitted(fit, *data, beta=beta, **options)
         row["unbounded_fit"] = (fitted(fit, *data, beta=beta, k_bounded=False, **options)["fit"]
-                                if row["fit"] and row["fit"].k_bound else None)
+                                if row["fit"] and "k" in row["fit"].at_bound else None)
         row["note"] = "; ".join(filter(None, [row["note"], remark, ensemble.seeds_remark(points)]))
         first = group.iloc[0]
         row["reference"] = published_exponent(first["dim"], first["mu"], first["zeta"])

@@ -156,7 +156,7 @@ def test_a_fit_with_k_at_its_bound_decides_nothing_and_its_unbounded_form_has_th
     w = np.array([3.0, 4.0, 6.0, 8.0, 10.0])
     Q = 0.2 * (w + 1.5) ** 1.9
     bounded = fit_beverloo(w, Q, 0.002 * Q, resamples=50)
-    assert bounded.k_bound and not bounded.decides and abs(bounded.beta - 1.9) > 0.2
+    assert bounded.at_bound == ("k",) and not bounded.decides and abs(bounded.beta - 1.9) > 0.2
     free = fit_beverloo(w, Q, 0.002 * Q, resamples=50, k_bounded=False)
     assert free.decides and free.beta == pytest.approx(1.9, abs=1e-3) and free.k == pytest.approx(-1.5, abs=1e-2)
 
