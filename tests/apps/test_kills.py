@@ -5,12 +5,12 @@ program had been killed after each of the writes, or within it, is made from tha
 states that differ; otherwise some from each part of the run.
 """
 
-import io
 import os
 import shutil
 import struct
 import subprocess
 import sys
+import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -22,7 +22,7 @@ from test_parallel import mpi_environment, needs_mpi
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "python"))
 
 from pliant import Run  # noqa: E402
-from pliant.run_file import journal  # noqa: E402
+from pliant.run_file import _journal  # noqa: E402
 
 DISK = os.environ.get("PLIANT_TEST_DISK", str(Path(PROGRAM).resolve().parents[1] / "tests/libpliant_test_disk.so"))
 ALL = os.environ.get("PLIANT_ALL_KILLS") == "1"
@@ -77,9 +77,17 @@ def changes(log, folder):
         yield Change(kind.decode(), path[prefix:], offset, content)
 
 
+def journal(data):
+    """(end, changes) of the journal that the bytes of a run.h5 end with, or None."""
+    with tempfile.TemporaryFile() as file:
+        file.write(data)
+        file.flush()
+        return _journal(file.fileno(), len(data))
+
+
 def promised(data):
     """(bytes that count, whether the file was at rest) of run.h5; no bytes before the first commit."""
-    found = journal(io.BytesIO(data))
+    found = journal(data)
     if found is not None:
         end, parts = found
         data = bytearray(data[:end])
@@ -179,7 +187,7 @@ class Replay:
         folder = self.tmp_path / "state"
         self.write(files, folder)
         with Run(folder) as run:
-            run.options, run.topology, run.geometry, len(run._file.get("series", ())) and run.series
+            run.options, run.topology, run.geometry, "series" in run._file and len(run._file["series"]) and run.series
             for frame in run.frames:
                 frame.positions, frame.velocities, frame.contacts
             return len(run.frames)
