@@ -2,6 +2,7 @@
 #include <array>
 #include <cmath>
 #include <optional>
+#include <set>
 #include <vector>
 
 #include <pliant/analysis/discharge.h>
@@ -12,6 +13,7 @@ namespace {
 
 constexpr std::size_t parts = 10;
 constexpr std::size_t min_samples = 3;
+constexpr std::size_t min_counts = 3;              // different ones: one more than the line has parameters
 constexpr Real first_part = 0.2, last_part = 0.2;  // of the particles, not fitted
 
 void check(std::span<const Real> time, std::span<const std::int64_t> count) {
@@ -30,6 +32,9 @@ std::size_t first_at_most(std::span<const std::int64_t> count, Real n) {
   return static_cast<std::size_t>(
       std::ranges::find_if(count, [n](std::int64_t c) { return static_cast<Real>(c) <= n; }) - count.begin());
 }
+
+/// How many different counts there are.
+std::size_t different(std::span<const std::int64_t> count) { return std::set(count.begin(), count.end()).size(); }
 
 /// First sample after the last change of the count.
 std::size_t last_change(std::span<const std::int64_t> count) {
@@ -94,7 +99,7 @@ DischargeFit fit_discharge(std::span<const Real> time, std::span<const std::int6
   const Real left_behind = static_cast<Real>(fit.residue), all = static_cast<Real>(count.front()) - left_behind;
   fit.begin = first_at_most(count, left_behind + (1 - first_part) * all);
   fit.end = std::min(first_at_most(count, left_behind + last_part * all), stop + 1);
-  if (fit.end < fit.begin + min_samples) {
+  if (fit.end < fit.begin + min_samples || different(count.subspan(fit.begin, fit.end - fit.begin)) < min_counts) {
     fit.end = fit.begin;
     return fit;
   }

@@ -13,7 +13,7 @@ namespace pliant {
 struct DischargeFit {
   static constexpr Real unknown = std::numeric_limits<Real>::quiet_NaN();
 
-  Real c0 = unknown;               ///< 1/t0; NaN if fewer than three samples lie in the range of the fit
+  Real c0 = unknown;               ///< 1/t0; NaN if the range of the fit has fewer than three samples or three counts
   Real error = unknown;            ///< one standard error of c0; NaN if there are too few samples for it
   Real chi2_per_dof = unknown;     ///< NaN as the error
   Real start_count = unknown;      ///< N − N_res of the law at the first sample of the fit

@@ -100,6 +100,8 @@ enum class Couples {
 ///   inside(lists, chunk)              the elements of a chunk
 ///   stencil(topology, element)        ids of the points that an element is made of
 ///   listed                            whether it is found by a search; then element is a Pair, else its index
+/// and where it is not listed
+///   particle(topology, element)       the particle that it belongs to
 /// and where it is listed
 ///   list, need                        the members of NeighbourLists and NeighbourNeeds
 ///   paired                            of two particles, which may belong to two chunks
@@ -132,6 +134,7 @@ struct OfOneParticle {
   static Range inside(const Lists& lists, Index chunk) {
     return lists.points(chunk);
   }
+  static Index particle(const Topology& t, Index i) { return t.particle[i]; }
 };
 
 /// Base of entries with a list.
@@ -152,6 +155,7 @@ struct ElementKind<Elements::particles> : OfOneParticle {
   static Range inside(const Lists& lists, Index chunk) {
     return lists.particles(chunk);
   }
+  static Index particle(const Topology&, Index m) { return m; }
   static std::vector<Index> stencil(const Topology& t, Index m) {
     std::vector<Index> points(static_cast<std::size_t>(t.offset[m + 1] - t.offset[m]));
     std::iota(points.begin(), points.end(), t.offset[m]);

@@ -69,6 +69,7 @@ struct Couplings {
 /// length of all points; only the own points are written. Where particles rotate, torques on the own points follow the
 /// forces on the own points [points · (D + rotations)]. Sums are over the rank's share: what lies inside its chunks,
 /// and across borders what counts for an own particle (Topology::counts_for); over all ranks every element counts once.
+/// Energies, powers, contacts and forces on walls are of the active particles alone.
 template <int D>
 class ForceField {
  public:
@@ -629,11 +630,15 @@ class Model final : public ForceField<D> {
       return {};
   }
 
-  /// Calls visit(e) for the elements that count in a chunk.
+  /// Calls visit(e) for the elements of active particles that count in a chunk; lists hold no inactive ones.
   template <class T, class Visit>
   static void for_each_element(const T&, const StateView<D>& s, Index chunk, Visit&& visit) {
     const Range all = inside<T>(s, chunk);
-    for (Index e = all.first; e < all.last; ++e) visit(e);
+    for (Index e = all.first; e < all.last; ++e) {
+      if constexpr (!KindOf<T>::listed)
+        if (s.topology.active[KindOf<T>::particle(s.topology, e)] == 0) continue;
+      visit(e);
+    }
     if constexpr (KindOf<T>::paired) {
       const Range border = across<T>(s, chunk), own = s.neighbours.points(chunk);
       for (Index e = border.first; e < border.last; ++e)

@@ -181,6 +181,23 @@ TEST_CASE("discharge: too little to fit, bad input") {
   CHECK(std::isnan(few.fit().error));
   CHECK(std::isnan(few.fit().chi2_per_dof));
 
+  // Of two or three particles one departure at most is in the fit: a line through two numbers has no degree of freedom.
+  Series two{{}, {}}, three{{}, {}}, four{{}, {}};
+  for (int k = 0; k < 40; ++k) {
+    const auto left = [&](std::int64_t n) { return std::max<std::int64_t>(n - k / 8, 0); };
+    for (Series* s : {&two, &three, &four}) s->time.push_back(k);
+    two.count.push_back(left(2));
+    three.count.push_back(left(3));
+    four.count.push_back(left(4));
+  }
+  for (const Series& s : {two, three}) {
+    const DischargeFit fit = s.fit();
+    CHECK(std::isnan(fit.c0));
+    CHECK(std::isnan(fit.error));
+    CHECK(std::isnan(fit.start_count));
+  }
+  CHECK(four.fit().c0 > 0);
+
   CHECK_THROWS_AS((Series{{0, 1}, {3}}.fit()), InputError);
   CHECK_THROWS_AS((Series{{1, 0}, {3, 2}}.fit()), InputError);
   CHECK_THROWS_AS((Series{{0, 1}, {3, -1}}.fit()), InputError);

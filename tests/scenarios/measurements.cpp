@@ -1,6 +1,7 @@
 // What a hopper run measures, of a few particles and of series whose values are known by hand.
 #include <catch2/catch.hpp>
 
+#include <array>
 #include <cmath>
 #include <map>
 #include <memory>
@@ -163,6 +164,37 @@ TEST_CASE("forces on a polygon are those on its points together", "[measurements
   CHECK(value["in_hopper"] == 2);
   CHECK(value["top_height"] == Approx(5));
   CHECK(value["max_speed"] == Approx(5));
+}
+
+TEST_CASE("energies are of the active particles", "[measurements]") {
+  const auto energies = [](const Configuration<2>& c) {
+    ParticleSystem<2> system(c.topology, hopper.walls<2>(),
+                             make_force_field<2>(ModelKind::rough, {.k_a = 10, .k_l = 20, .k_b = 3}, {0, -1}), 0.1);
+    State state(c.topology.points(), system.coordinates().all());
+    std::ranges::copy(c.x, state.x().begin());
+    std::ranges::copy(c.v, state.v().begin());
+    auto value = numbers(take_sample<2>(system, state, hopper, {}, 0.01));
+    return std::array{value["kinetic_energy"], value["potential_energy"],
+                      system.field().energy(system.view(state.x().data(), state.v().data()))};
+  };
+  const auto add_stretched = [](Configuration<2>& c, Real x, Real height) {
+    c.add_polygon(regular_polygon(6, 0.5, {x, height}), 0.2);
+    const Index n = c.topology.points();
+    for (Index i = n - 6; i < n; ++i) {
+      point<2>(c.x.data(), i)[0] = x + 1.5 * (point<2>(c.x.data(), i)[0] - x);
+      point<2>(c.v.data(), i) = pliant::Vec<2>(1, 2);
+    }
+  };
+  Configuration<2> one, both;
+  add_stretched(one, 0, 5);
+  add_stretched(both, 0, 5);
+  add_stretched(both, 0, -3);
+  const auto expected = energies(one), all = energies(both);
+  REQUIRE(expected[1] > 0);
+  CHECK(all[1] == Approx(2 * expected[1]));
+  both.topology.deactivate(1);
+  const auto active = energies(both);
+  for (std::size_t k = 0; k < 3; ++k) CHECK(active[k] == Approx(expected[k]));
 }
 
 TEST_CASE("polygons that touch in several places are one pair", "[measurements]") {

@@ -66,6 +66,7 @@ Sample<D> take_sample(ParticleSystem<D>& system, const State& state, const Conta
   Sample<D> sample;
   Real kinetic = 0, weight_energy = 0, top = 0, in_hopper = 0;
   for (Index i = 0; i < topology.owned_points(); ++i) {
+    if (!active[topology.particle[i]]) continue;
     kinetic += view.kinetic_energy(i);
     weight_energy += topology.mass(i) * view.position(i)[D - 1];
   }
@@ -235,7 +236,8 @@ std::string discharge_text(const nlohmann::ordered_json& measured) {
   if (const Real total = number("total_time"); !std::isnan(total))
     text += fmt::format(", empty after {:.5g} t0", total);
   text += "\nc0 ";
-  if (std::isnan(number("c0"))) return text + "unknown: fewer than 3 samples while the middle of the particles left";
+  if (std::isnan(number("c0")))
+    return text + "unknown: fewer than 3 samples, or 3 different numbers of particles, while the middle of them left";
   const Real error = number("c0", "error"), chi2 = number("c0_chi2_per_dof");
   const Index residue = measured.at("c0_residue");
   text += fmt::format(
