@@ -75,6 +75,8 @@ def axis_velocity(run, start=None, blocks=10):
     not flowed, or not for as many samples as blocks."""
     start, end, remark = flowing(run, start)
     used = run.profile.between(start, end)
+    if "longest_sample_interval" in run.summary:  # a restart has changed the interval
+        used = used.every(run.summary["longest_sample_interval"])
     if len(used.time) < blocks:
         raise RunError(f"{run.path}: {len(used.time)} samples from t = {start:g} to {end:g} t0 are fewer than "
                        f"{blocks} blocks")

@@ -1,5 +1,6 @@
 """One run folder: manifest, topology, geometry, frames, series, summary."""
 
+import difflib
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -111,6 +112,11 @@ class Profile:
         """The samples from time `start` to `end`."""
         keep = (self.time >= start) & (self.time <= end)
         return Profile(self.time[keep], self.height, self.momentum[keep], self.weight[keep])
+
+    def every(self, interval):
+        """The first sample at or after each multiple of an interval."""
+        _, first = np.unique(np.floor(self.time / interval * (1 + 1e-12)), return_index=True)
+        return Profile(self.time[first], self.height, self.momentum[first], self.weight[first])
 
 
 class Frame:
@@ -293,6 +299,21 @@ def _bytes_of(path):
         raise RunError(f"{path}: cannot be read ({error.strerror})") from None
 
 
+#: What some kinds of runs measure, and others have not.
+QUANTITIES = ("Q", "Q_corrected", "Q_correlation_time", "bulk_fraction", "c0", "c0_chi2_per_dof", "c0_end", "c0_residue",
+              "c0_start", "c0_start_count", "contacts_per_particle", "drag_friction_ratio", "flow_ended", "left_in_hopper",
+              "max_overlap", "orifice_density", "orifice_velocity", "steady_samples", "steady_start", "top_height",
+              "total_time", "avalanche_size", "capillary_length", "ns_per_vertex_step")
+
+
+def _suggestion(name, summary):
+    """'did you mean Q?', or what there is."""
+    given = [key for key, entry in summary.items() if isinstance(entry, (dict, int, float)) and key != "parameters"]
+    names = {key.lower(): key for key in (*QUANTITIES, *given)}
+    near = difflib.get_close_matches(name.lower(), names, 1)
+    return f"did you mean {names[near[0]]}?" if near else f"it has {', '.join(given)}"
+
+
 class Run:
     """The run in folder `path` as it is at this moment, while the program goes on too: open it again to see what has been
     written since. Raises RunError if it is no run. Use as a context manager to close the file early."""
@@ -396,11 +417,17 @@ class Run:
         return self.options | {k: v["value"] if isinstance(v, dict) else v for k, v in listed.items()}
 
     def measured(self, name):
-        """(value, error) of a quantity in summary.json; NaN where it is not given."""
+        """(value, error) of a quantity in summary.json; NaN where it is not known, or of another kind of run (QUANTITIES).
+        RunError for a name that no summary has, and for what is no number."""
+        if self.summary and name not in self.summary and name not in QUANTITIES:
+            raise RunError(f"{self.path}: there is no quantity '{name}' in summary.json; {_suggestion(name, self.summary)}")
         entry = self.summary.get(name)
         if not isinstance(entry, dict):
             entry = {"value": entry}
-        return tuple(float("nan") if entry.get(k) is None else float(entry[k]) for k in ("value", "error"))
+        try:
+            return tuple(float("nan") if entry.get(k) is None else float(entry[k]) for k in ("value", "error"))
+        except (TypeError, ValueError):
+            raise RunError(f"{self.path}: '{name}' in summary.json is no number; read run.summary['{name}']") from None
 
     @_read_once
     def topology(self):

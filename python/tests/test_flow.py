@@ -9,7 +9,7 @@ import pytest
 from synthetic import write_run
 
 from pliant import Run, RunError
-from pliant.flow import filling_top, flow_end, flowing
+from pliant.flow import axis_velocity, filling_top, flow_end, flowing
 
 
 def series(crossed, interval=0.5):
@@ -68,3 +68,19 @@ def test_the_filling_ends_below_the_free_fall(tmp_path):
         density = np.where(height < 1, 0.5, np.where(height <= 12, 1.0, 0.3)) * np.ones((200, 1))
         file["series/profile_weight"][...] = density
     assert filling_top(Run(path).profile) == 12
+
+
+def test_averages_of_a_run_whose_interval_has_changed(tmp_path):
+    """Each time has the same weight: the samples are thinned to the longest interval."""
+    path = with_crossings(tmp_path / "run", np.arange(201))  # every 0.5 up to 100
+    plain = axis_velocity(Run(path))
+    summary = json.loads((path / "summary.json").read_text())
+    (path / "summary.json").write_text(json.dumps(summary | {"longest_sample_interval": 2}))
+    with Run(path) as run:
+        profile = run.profile.every(2)
+        assert list(profile.time) == list(np.arange(0, 101, 2))
+        thinned = axis_velocity(run)
+        used = profile.between(thinned.start, thinned.end)
+        filled = len(thinned.height)
+        assert thinned.velocity == pytest.approx((used.momentum.sum(0) / used.weight.sum(0))[:filled])
+    assert (plain.start, plain.end) == (thinned.start, thinned.end)

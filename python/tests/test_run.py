@@ -1,6 +1,7 @@
 """The reader gives back what was written, from whole, unfinished and broken runs."""
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -48,6 +49,12 @@ def test_round_trip(model, request):
         assert_array_equal(run.profile.height, truth["heights"])
         assert run.measured("Q") == (3.0, 0.1) and run.steady_start == 20.0
         assert np.isnan(run.measured("ns_per_vertex_step")).all()
+        assert np.isnan(run.measured("c0")).all()  # of discharges
+        for name, words in (("q", "did you mean Q?"), ("q_corected", "did you mean Q_corrected?"), ("xyz", "it has ")):
+            with pytest.raises(RunError, match=re.escape(words)):
+                run.measured(name)
+        with pytest.raises(RunError, match="'status' in summary.json is no number"):
+            run.measured("status")
 
 
 def test_frames_are_a_sequence(soft):
