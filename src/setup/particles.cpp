@@ -29,6 +29,99 @@ Real cut_normal(Index m, std::uint64_t seed) {
   }
 }
 
+/// Directions of n edges of length 1, in steps of an angle s.
+template <class Direction>
+std::vector<Real> directions(Index n, Direction&& direction) {
+  std::vector<Real> theta(n);
+  for (Index k = 0; k < n; ++k) theta[k] = direction(2 * pi * (k + 0.5) / n);
+  return theta;
+}
+
+/// Turns each edge by as little as closes the outline, which is open for odd n only. Returns its vertices about their
+/// mean.
+std::vector<Vec<2>> closed_outline(std::vector<Real> theta) {
+  const auto n = static_cast<Real>(theta.size());
+  for (int round = 0; round < 50; ++round) {
+    Vec<2> open = Vec<2>::Zero();
+    Mat<2> turn = Mat<2>::Zero();
+    for (const Real t : theta) {
+      const Vec<2> across(-std::sin(t), std::cos(t));
+      open += Vec<2>(std::cos(t), std::sin(t));
+      turn += across * across.transpose();
+    }
+    if (open.norm() < 1e-14 * n) break;
+    const Vec<2> by = -turn.inverse() * open;
+    for (Real& t : theta) t += by.dot(Vec<2>(-std::sin(t), std::cos(t)));
+  }
+  std::vector<Vec<2>> vertices;
+  Vec<2> at = Vec<2>::Zero(), mean = at;
+  for (const Real t : theta) {
+    vertices.push_back(at);
+    mean += at / n;
+    at += Vec<2>(std::cos(t), std::sin(t));
+  }
+  for (Vec<2>& r : vertices) r -= mean;
+  return vertices;
+}
+
+Real area_of(const std::vector<Vec<2>>& r) {
+  Real twice = 0;
+  for (std::size_t k = 0; k < r.size(); ++k) {
+    const Vec<2>& next = r[(k + 1) % r.size()];
+    twice += r[k][0] * next[1] - r[k][1] * next[0];
+  }
+  return twice / 2;
+}
+
+/// A polygon with n edges of length 1 and the area n²/(4π 𝒜0), longer than wide. Up to 𝒜0 = 2 directions are
+/// s + b sin 2s, for small b the shape of least bending;
+/// beyond, where its waist would be as narrow as an edge is long, those of a stretched circle, which is convex. Errors:
+/// InputError where n edges have no such shape.
+std::vector<Vec<2>> elongated_outline(Index n, Real parameter) {
+  constexpr Real most_waisted = 0.95, most_stretched = 1e6;
+  const Real area = square(static_cast<Real>(n)) / (4 * pi * parameter);
+  const auto waisted = [n](Real b) {
+    return closed_outline(directions(n, [b](Real s) { return s + b * std::sin(2 * s); }));
+  };
+  const auto stretched = [n](Real f) {
+    return closed_outline(directions(n, [f](Real s) { return std::atan2(f * std::sin(s), std::cos(s)); }));
+  };
+  const auto with_area = [area](Real low, Real high, auto&& outline) {
+    for (int k = 0; k < 100; ++k) {
+      const Real middle = (low + high) / 2;
+      (area_of(outline(middle)) > area ? low : high) = middle;
+    }
+    return outline(low);
+  };
+  if (n > 4 && area >= area_of(waisted(most_waisted))) return with_area(0, most_waisted, waisted);
+  std::vector<Vec<2>> vertices = with_area(1, most_stretched, stretched);
+  if (const Real least = area_of(vertices); !(least < area * (1 + 1e-9)))
+    throw InputError(
+        "-shape_parameter {:g}: {} edges of equal length have at most {:.4g} in a shape without notches; use less, or "
+        "an "
+        "even -n_vertices",
+        parameter, n, square(static_cast<Real>(n)) / (4 * pi * least));
+  return vertices;
+}
+
+/// The outline at rest of particle m, in units of l0, where that is not the regular polygon; else nothing. All
+/// particles of a run have the same, so the last one is kept.
+const std::vector<Vec<2>>* elongated_outline_of(const Topology& topology, Index m) {
+  constexpr Real rounding = 1e-9;
+  const Index n = topology.points_of(m);
+  const Real parameter = square(n * topology.l0[m]) / (4 * pi * topology.a0[m]);
+  if (!(parameter > regular_shape_parameter(n) * (1 + rounding))) return nullptr;
+  struct Last {
+    Index n = 0;
+    Real parameter = 0;
+    std::vector<Vec<2>> outline = {};
+  };
+  thread_local Last last;
+  if (last.n != n || !(std::abs(parameter - last.parameter) <= rounding * parameter))
+    last = {n, parameter, elongated_outline(n, parameter)};
+  return &last.outline;
+}
+
 Real circumradius(Index n, Real area) { return std::sqrt(2 * area / (n * std::sin(2 * pi / n))); }
 
 }  // namespace
@@ -73,13 +166,19 @@ Topology make_particles(ModelKind kind, int dim, const std::vector<Real>& diamet
     const Real parameter = shape.shape_parameter > 0 ? shape.shape_parameter : regular_shape_parameter(shape.vertices);
     const Real l0 = std::sqrt(4 * pi * a0 * parameter) / shape.vertices;
     topology.add_polygon(shape.vertices, a0, l0, kind == ModelKind::rough ? l0 : shape.edge_width * l0, a0);
+    elongated_outline_of(topology, topology.particles() - 1);  // refuses a shape parameter that has no polygon
   }
   return topology;
 }
 
 Real outer_radius(const Topology& topology, Index m) {
   const Real half = topology.diameter[topology.offset[m]] / 2;
-  return topology.points_of(m) == 1 ? half : circumradius(topology.points_of(m), topology.a0[m]) + half;
+  if (topology.points_of(m) == 1) return half;
+  const auto* outline = elongated_outline_of(topology, m);
+  if (outline == nullptr) return circumradius(topology.points_of(m), topology.a0[m]) + half;
+  Real radius2 = 0;
+  for (const Vec<2>& r : *outline) radius2 = std::max(radius2, r.squaredNorm());
+  return topology.l0[m] * std::sqrt(radius2) + half;
 }
 
 void place_particle(const Topology& topology, Index m, const Real* centre, Real angle, Real* x) {
@@ -87,6 +186,15 @@ void place_particle(const Topology& topology, Index m, const Real* centre, Real 
   const int d = topology.dim;
   if (n == 1) {
     std::copy_n(centre, d, x + static_cast<std::size_t>(first) * d);
+    return;
+  }
+  if (const auto* outline = elongated_outline_of(topology, m)) {
+    const Real c = topology.l0[m] * std::cos(angle), s = topology.l0[m] * std::sin(angle);
+    for (Index k = 0; k < n; ++k) {
+      const Vec<2>& r = (*outline)[k];
+      x[(first + k) * 2] = centre[0] + c * r[0] - s * r[1];
+      x[(first + k) * 2 + 1] = centre[1] + s * r[0] + c * r[1];
+    }
     return;
   }
   const Real radius = circumradius(n, topology.a0[m]);

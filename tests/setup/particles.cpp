@@ -176,6 +176,48 @@ TEST_CASE("the shape parameter sets the rest perimeter at the same area", "[part
   }
 }
 
+TEST_CASE("above the regular shape parameter a polygon starts at rest too: its area, all edges l0, no corners inwards",
+          "[particles]") {
+  for (const Index n : {4, 5, 8, 9, 16, 17, 64})
+    for (const Real parameter : {1.02, 1.15, 1.5, 2.0, 2.3}) {
+      if (parameter < regular_shape_parameter(n)) continue;
+      if (n == 5 && parameter >= 2) continue;  // five edges have no such area
+      INFO(n << " vertices, shape parameter " << parameter);
+      PolygonShape shape;
+      shape.vertices = n;
+      shape.shape_parameter = parameter;
+      const Topology topology = make_particles(ModelKind::rough, 2, {1.3, 0.7}, shape);
+      std::vector<Real> x(2 * topology.points());
+      const Vec<2> centre(3, -2);
+      for (Index m = 0; m < 2; ++m) {
+        place_particle(topology, m, centre.data(), 0.4, x.data());
+        CHECK(polygon_area(x.data(), topology, m) == Approx(topology.a0[m]).epsilon(1e-8));
+        CHECK((mean_of_points<2>(x.data(), topology, m) - centre).norm() < 1e-12);
+        CHECK(!self_intersects(x.data(), topology, m));
+        Real farthest = 0, sharpest = 0;
+        for (Index i = topology.offset[m]; i < topology.offset[m + 1]; ++i) {
+          CHECK(edge_length(x.data(), topology, i) == Approx(topology.l0[m]).epsilon(1e-10));
+          farthest = std::max(farthest, (point<2>(x.data(), i) - centre).norm() + topology.diameter[i] / 2);
+          const Vec<2> u = point<2>(x.data(), i) - point<2>(x.data(), topology.previous[i]),
+                       w = point<2>(x.data(), topology.next[i]) - point<2>(x.data(), i);
+          sharpest = std::max(sharpest, std::acos(std::clamp(u.dot(w) / (u.norm() * w.norm()), -1.0, 1.0)));
+        }
+        CHECK(outer_radius(topology, m) == Approx(farthest).epsilon(1e-9));
+        if (n >= 16 && parameter < 2.1) CHECK(sharpest < pi / 2);
+      }
+    }
+}
+
+TEST_CASE("a shape parameter that equal edges cannot have is refused", "[particles]") {
+  PolygonShape shape;
+  shape.vertices = 3;
+  shape.shape_parameter = 1.8;
+  CHECK_THROWS_WITH(make_particles(ModelKind::rough, 2, {1}, shape), Catch::Contains("have at most 1.654"));
+  shape.vertices = 5;
+  shape.shape_parameter = 3;
+  CHECK_THROWS_AS(make_particles(ModelKind::rough, 2, {1}, shape), InputError);
+}
+
 TEST_CASE("a soft particle is placed at its centre", "[particles]") {
   const Topology topology = make_particles(ModelKind::sp, 3, {1, 2}, {});
   std::vector<Real> x(6, 9);
