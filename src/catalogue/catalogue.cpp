@@ -9,6 +9,7 @@
 #include <pliant/model/disk_wall_contact.h>
 #include <pliant/model/fused_terms.h>
 #include <pliant/model/lip_contact.h>
+#include <pliant/model/self_contact.h>
 #include <pliant/model/sphere_contact.h>
 #include <pliant/model/sphere_wall_contact.h>
 #include <pliant/model/vertex_base_friction.h>
@@ -165,20 +166,23 @@ std::unique_ptr<ForceField<D>> make_force_field(ModelKind kind, const ModelParam
         const auto pairs = fused<PairKernel>(PairContact<2>{p.epsilon, "contact"}, PairFriction<2>{p.mu, p.friction});
         // The edges are as stiff as two disks that touch: ε/4 over half the distance.
         const auto edges = fused<EdgeKernel>(EdgeContact{p.epsilon / 4, Edges::bare, p.rough_edges}, EdgeFriction{0});
-        if (!(p.base.gravity > 0) && !(p.rest_shape.k > 0)) return model<2>(shape, pairs, edges, wall, lip, outer);
+        const SelfContact self{p.epsilon / 4, Edges::bare, p.self_contact};
+        if (!(p.base.gravity > 0) && !(p.rest_shape.k > 0))
+          return model<2>(shape, pairs, edges, self, wall, lip, outer);
         check("the base", p.base.mu, p.base.mu_dynamic);
         const VertexBaseFriction base{.gravity = p.base.gravity,
                                       .mu_static = p.base.mu,
                                       .mu_dynamic = p.base.mu_dynamic,
                                       .epsilon = p.base.stiffness * p.epsilon,
                                       .damping = p.base.damping};
-        return model<2>(shape, p.rest_shape, pairs, edges, wall, lip, base, outer);
+        return model<2>(shape, p.rest_shape, pairs, edges, self, wall, lip, base, outer);
       }
       case ModelKind::smooth:
         return with_law(p.law, [&]<class Law>(Law) {
           return model<2>(shape,
                           fused<EdgeKernel>(EdgeContact<Law>{p.epsilon, Edges::wide, true, p.edge_force},
                                             EdgeFriction{p.mu, p.friction_point, p.friction}),
+                          SelfContact<Law>{p.epsilon, Edges::wide, p.self_contact},
                           fused<WallKernel>(WallContact<2, Law>{p.epsilon_wall, p.wall_diameter}),
                           LipContact<Law>{p.epsilon_wall, p.lip_edges, p.wall_diameter}, outer);
         });

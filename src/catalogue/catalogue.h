@@ -63,8 +63,9 @@ struct ModelParameters {
   FrictionPoint friction_point = FrictionPoint::contact;
   Friction friction = Friction::whole;
   DragLaw drag = DragLaw::per_particle;
-  bool lip_edges = true;    ///< lips feel edges too
-  bool rough_edges = true;  ///< vertices of rough particles feel edges too
+  bool lip_edges = true;      ///< lips feel edges too
+  bool rough_edges = true;    ///< vertices of rough particles feel edges too
+  bool self_contact = false;  ///< vertices of deformable particles feel edges of their own outline
   // Droplets
   Real f0 = 10;          ///< contact force
   Real phi_c = 1e-4;     ///< depletion energy

@@ -112,6 +112,33 @@ OutlineLook look_at_outlines(const StateView<2>& s, const LeastDistances& least,
   return seen;
 }
 
+SelfLook look_at_own_outlines(const StateView<2>& s) {
+  // Of an edge's rest length: a bound that is smaller makes looks so frequent that the exact distance pays.
+  constexpr Real least_bound = 0.125;
+  const Topology& topology = s.topology;
+  const Index n = topology.owned();
+  Real gap = std::numeric_limits<Real>::infinity();
+  Index first = n, count = 0;
+#pragma omp parallel for reduction(min : gap, first) reduction(+ : count) if (s.neighbours.chunks() > 1)
+  for (Index m = 0; m < n; ++m) {
+    if (topology.active[m] == 0 || topology.points_of(m) < 3) continue;
+    Real own = star_gap(s.x, topology, m);
+    if (own < least_bound * topology.l0[m]) {
+      const OwnOutline outline = look_at_own_outline(s.x, topology, m, topology.l0[m]);
+      if (!outline.simple()) {
+        ++count;
+        first = std::min(first, m);
+        continue;
+      }
+      own = std::max(own, outline.gap);
+    }
+    gap = std::min(gap, own);
+  }
+  SelfLook seen{std::nullopt, count, gap};
+  if (first < n) seen.crossing = {first, look_at_own_outline(s.x, topology, first, 0).meet};
+  return seen;
+}
+
 std::optional<Crossing> find_crossing(const StateView<2>& s) {
   return look_at_outlines(s, {}, std::numeric_limits<Real>::infinity()).crossing;
 }

@@ -1,9 +1,10 @@
-// Detects vertices that have crossed the outline of another particle, and outlines that meet walls: error states of the
-// deformable models.
+// Detects vertices that have crossed the outline of another particle, outlines that cross themselves, and outlines that
+// meet walls: error states of the deformable models.
 #pragma once
 
 #include <optional>
 
+#include <pliant/model/polygon.h>
 #include <pliant/model/term.h>
 
 namespace pliant {
@@ -37,6 +38,23 @@ struct OutlineLook {
 /// the contact forces of the listed pairs; where the lists have no vertices and edges, or do not hold pairs that are as
 /// deep, as much as a rebuild of the lists. Threads share out the pairs; what is found does not depend on their number.
 OutlineLook look_at_outlines(const StateView<2>& s, const LeastDistances& least = {}, Real deepest = 0);
+
+/// A particle whose outline crosses itself, or has turned inside out.
+struct SelfCrossing {
+  Index particle;
+  std::optional<EdgePair> edges;  ///< two edges that meet; none where the outline is only inside out
+};
+
+/// How the outlines of all own active particles lie to themselves.
+struct SelfLook {
+  std::optional<SelfCrossing> crossing;  ///< of the first particle that crosses itself
+  Index count = 0;                       ///< particles that cross themselves
+  Real gap;  ///< of the others: how far points can go until one crosses itself: half of this
+};
+
+/// Costs a few ns per vertex for outlines that are star-shaped about their centres, some ten times as much for others.
+/// Threads share out the particles; what is found does not depend on their number.
+SelfLook look_at_own_outlines(const StateView<2>& s);
 
 /// First vertex, by index, that lies inside the polygon of another particle, however deep.
 std::optional<Crossing> find_crossing(const StateView<2>& s);

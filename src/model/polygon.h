@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <optional>
 
 #include <pliant/model/topology.h>
 
@@ -66,5 +67,27 @@ bool segments_meet(const Vec<2>& a, const Vec<2>& b, const Vec<2>& c, const Vec<
 
 /// Whether two edges of polygon m that share no vertex meet.
 bool self_intersects(const Real* x, const Topology& topology, Index m);
+
+/// Two edges of one polygon, by their first vertices, counted from the polygon's first one.
+struct EdgePair {
+  Index first, second;
+};
+
+/// How a polygon lies to itself.
+struct OwnOutline {
+  std::optional<EdgePair> meet;  ///< two edges without a common vertex that meet, if there are any
+  bool inverted;                 ///< its signed area is not positive: clockwise, or flat
+  Real gap;                      ///< least distance of a vertex to an edge that does not end there, at most `most`
+  bool simple() const { return !meet && !inverted; }
+};
+
+/// Looks at all edges of polygon m. Parts of the outline that are too far apart to meet or to be nearer than `most` are
+/// skipped, which makes it about linear in the number of vertices as long as the outline is not crumpled.
+OwnOutline look_at_own_outline(const Real* x, const Topology& topology, Index m, Real most);
+
+/// A lower bound, from the angles under which the centre sees the edges, of the way that two points can go together
+/// before polygon m can cross itself: 0 where the outline is not star-shaped about its centre, or not counterclockwise.
+/// Linear in the number of vertices.
+Real star_gap(const Real* x, const Topology& topology, Index m);
 
 }  // namespace pliant

@@ -37,6 +37,17 @@ void check(const OutlineLook& seen, const StateView<2>& s, const LeastDistances&
       dt * seen.closest->distance / (wall ? least.walls : least.outlines) / 2, wall ? "-e_w" : "-e_c");
 }
 
+void check(const SelfLook& seen, const Topology& topology, const std::string& cure) {
+  if (!seen.crossing) return;
+  const auto [m, edges] = *seen.crossing;
+  const Index n = topology.points_of(m);
+  const std::string what =
+      edges ? fmt::format("crosses itself: its edge from vertex {} to {} meets the one from vertex {} to {}",
+                          edges->first, (edges->first + 1) % n, edges->second, (edges->second + 1) % n)
+            : fmt::format("has turned inside out: its {} vertices run clockwise", n);
+  throw NumericalError("particle {} {}; {}", topology.id[m], what, cure);
+}
+
 /// Whether an own polygon meets a wall, or has gone through one all at once since it was at `before` [own points · 2].
 bool through_wall(const StateView<2>& s, const Real* before) {
   const Topology& topology = s.topology;
@@ -72,6 +83,7 @@ bool CrossingWatch::admits(ParticleSystem<2>& system, const Real* x) const {
   bool crossed = false;
   system.ranks().together([&] {
     crossed = look_at_outlines(view, {}, 2 * moved - gap_).crossing.has_value() ||
+              (self_.refuses_trials && look_at_own_outlines(view).crossing) ||
               (least_.walls >= 0 && through_wall(view, reference_.data()));
   });
   return !system.ranks().any(crossed);
@@ -83,6 +95,10 @@ void CrossingWatch::look(ParticleSystem<2>& system, const State& s, Real deepest
     const OutlineLook seen = look_at_outlines(view, least_, deepest);
     check(seen, view, least_, dt_);
     gap_ = seen.gap;
+    if (!self_.stops && !self_.refuses_trials) return;
+    const SelfLook own = look_at_own_outlines(view);
+    if (self_.stops) check(own, view.topology, self_.cure);
+    gap_ = std::min(gap_, own.gap);
   });
   gap_ = system.ranks().min(gap_);
   reference_.assign(s.x().begin(), s.x().end());

@@ -81,6 +81,7 @@ class ChannelProtocol final : public Protocol<2> {
         channel_(*p.channel),
         critical_(particles().field().critical_step(simulation().all())),
         schedule_(p.push, p.dt.value_or(standard_step(critical_))) {
+    outlines_.set_self_crossing({.cure = "raise -shape_stiffness, which holds its outline, or shorten -dt"});
     const Topology& all = simulation().all();
     for (Index m = 0; m < all.particles(); ++m) weight_ += all.points_of(m) * all.point_mass[m];
     weight_ *= p.gravity;

@@ -27,7 +27,7 @@ Keys keys_of(ModelKind kind) {
     add({"dim", "positions", "sigma", "eps_sp", "hopper3d", "contact_law"});
   } else {
     add(polygon);
-    add({"delta", "eps_c", "shape_terms", "friction_point", "lip_contact"});
+    add({"delta", "eps_c", "shape_terms", "friction_point", "lip_contact", "self_contact"});
     if (kind == ModelKind::rough) add({"rough_contact"});
     if (kind == ModelKind::smooth) add({"contact_law", "edge_force"});
   }
@@ -246,6 +246,7 @@ EvaluatedCase<2> read_polygons(const CaseValue& inputs, ModelKind kind) {
   p.friction_point = one_of(inputs["friction_point"], {"vertex", "contact"},
                             std::array{FrictionPoint::vertex, FrictionPoint::contact});
   p.lip_edges = one_of(inputs["lip_contact"], {"literal", "edge"}, std::array{false, true});
+  p.self_contact = inputs["self_contact"].flag_or(false);
   p.rough_edges = one_of(inputs["rough_contact"], {"literal", "edge"}, std::array{false, true});
   read_surroundings(inputs, c);
   return c;

@@ -56,6 +56,9 @@ std::unique_ptr<Simulation<D>> make_simulation(const HopperOptions& p, const Ran
       sorting);
 }
 
+/// Of the series and of the summary.
+constexpr const char* self_crossing_column = "self_crossing_particles";
+
 /// What a run of the hopper does: lets particles flow, puts them back, counts and measures them.
 template <int D>
 class HopperProtocol final : public Protocol<D> {
@@ -69,6 +72,11 @@ class HopperProtocol final : public Protocol<D> {
     largest_a0_ = *std::max_element(all.a0.begin(), all.a0.end());
     top_ = std::accumulate(all.a0.begin(), all.a0.end(), 0.0) /
            (*p.pack_fraction * std::pow(p.container->inflow_width() / 2, D - 1));
+    if (p.shape.shape_parameter > 0) {  // long particles start with room to turn
+      Real disks = 0;
+      for (Index m = 0; m < all.particles(); ++m) disks += pi * square(outer_radius(all, m));
+      if (deformable()) top_ = std::max(top_, disks / (*p.pack_fraction * p.container->inflow_width()));
+    }
     if (!p.container->plain())
       top_ = std::max(
           top_, p.container->fill_height(D, std::accumulate(all.a0.begin(), all.a0.end(), 0.0) / *p.pack_fraction));
@@ -135,6 +143,7 @@ class HopperProtocol final : public Protocol<D> {
         outlines_ = integrator->explicit_fixed_step()
                         ? CrossingWatch(least_distances_(dt), dt)
                         : CrossingWatch({.walls = p_.lip_contact == ContactRule::edge ? 0.0 : -1.0}, 0);
+    outlines_.set_self_crossing(self_crossing_watch());
     return integrator;
   }
 
@@ -254,6 +263,7 @@ class HopperProtocol final : public Protocol<D> {
     const State& s = state();
     last_sample_ = take_sample<D>(particles(), s, *p_.container, flow_, run().last_dt());
     check_particles();
+    count_self_crossings();
     warn_of_short_edges();
     const FlowCount& crossed = last_sample_.crossed;
     end_without_flow();
@@ -341,6 +351,7 @@ class HopperProtocol final : public Protocol<D> {
     }
     for (const auto& [name, value] : measured.items()) s[name] = value;
     print(measured);
+    if (deformable()) report_self_crossings(series, s);
     warn_of_overlap(series);
     if (ended_as("done") && !precise_) {
       warn_of_standstill(series);
@@ -507,6 +518,24 @@ class HopperProtocol final : public Protocol<D> {
                      fmt::format("stiffen the walls (-e_w, now {:g}) or {}", p_.e_w, shorten()));
   }
 
+  SelfCrossingWatch self_crossing_watch() const {
+    return {.stops = p_.self_crossing == OnSelfCrossing::stop,
+            .refuses_trials = p_.self_contact && p_.contact_law == ContactLaw::barrier,
+            .cure = fmt::format("{}; -self_crossing count goes on, but the areas of such particles are not those that "
+                                "they cover",
+                                p_.self_contact ? "raise -e_c, -k_l or -k_b, or shorten the step (-dt)"
+                                                : "add -self_contact, which keeps outlines from crossing themselves, "
+                                                  "or raise -k_l or -k_b")};
+  }
+
+  /// A column of the sample, where such particles do not end the run.
+  void count_self_crossings() {
+    if (!deformable() || p_.self_crossing == OnSelfCrossing::stop) return;
+    if constexpr (D == 2)
+      last_sample_.row.emplace_back(self_crossing_column, static_cast<Real>(ranks().sum(static_cast<std::int64_t>(
+                                                              look_at_own_outlines(this->simulation().view()).count))));
+  }
+
   /// visit(system) where there are outlines that can be crossed.
   template <class Visit>
   void watch(Visit&& visit) {
@@ -584,6 +613,18 @@ class HopperProtocol final : public Protocol<D> {
   }
 
   static Real deepest_overlap(const Series& series) { return std::ranges::max(series.at("max_overlap").values); }
+
+  /// Counts of samples. No particle has crossed itself in a run that such a particle ends.
+  void report_self_crossings(const Series& series, nlohmann::ordered_json& s) const {
+    const bool counted = p_.self_crossing == OnSelfCrossing::count;
+    const Index most = counted ? static_cast<Index>(std::ranges::max(series.at(self_crossing_column).values)) : 0;
+    s[self_crossing_column] = most;
+    if (most > 0)
+      warn(
+          "up to {} of {} particles cross themselves: their areas are not those that they cover, and contacts reach "
+          "through them",
+          most, p_.particles);
+  }
 
   /// Centres that meet pass through each other.
   void warn_of_overlap(const Series& series) const {

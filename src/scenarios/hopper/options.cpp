@@ -37,6 +37,8 @@ const std::vector<PartlyRead>& partly_read() {
                                              {"shape_parameter", {rough, smooth}, true},
                                              {"lip_contact", {rough, smooth}},
                                              {"rough_contact", {rough}},
+                                             {"self_contact", {rough, smooth}},
+                                             {"self_crossing", {rough, smooth}, true},
                                              {"edge_width", {smooth}, true},
                                              {"friction_point", {smooth}},
                                              {"friction", {sp, rough, smooth}},
@@ -158,6 +160,14 @@ void HopperOptions::bind(Options& o) {
           .on_restart = fixed});
   o.bind("rough_contact", rough_contact, {{"edge", ContactRule::edge}, {"literal", ContactRule::literal}},
          {.help = "rough particles: vertices touch stretched edges too, or vertices only [H 9]", .on_restart = fixed});
+  o.bind("self_contact", self_contact,
+         {.help = "deformable particles: vertices push edges of their own outline too, which keeps it from crossing "
+                  "itself",
+          .on_restart = fixed});
+  o.bind("self_crossing", self_crossing, {{"stop", OnSelfCrossing::stop}, {"count", OnSelfCrossing::count}},
+         {.help = "a deformable particle whose outline crosses itself ends the run with exit code 3, or is counted in "
+                  "each sample",
+          .on_restart = fixed});
   o.bind("e_disk", e_disk,
          {.help = "contact energy of frictional disks and spheres",
           .unit = "rho g sigma_avg^(d+1)",
@@ -497,6 +507,7 @@ ModelParameters HopperOptions::model_parameters() const {
           .drag = drag,
           .lip_edges = lip_contact == ContactRule::edge,
           .rough_edges = rough_contact == ContactRule::edge,
+          .self_contact = self_contact,
           .disk = {.mu_disk = disk.at_rest,
                    .mu_disk_dynamic = *disk.sliding,
                    .mu_wall = wall.at_rest,

@@ -25,6 +25,8 @@ enum class IntegratorKind { verlet, ts };
 enum class FlowKind { continuous, discharge };
 /// When a particle counts for the flow rate: as its centre crosses the orifice line, or as it is put back.
 enum class Counting { crossing, removal };
+/// Whether a particle whose outline crosses itself ends the run, or is counted.
+enum class OnSelfCrossing { stop, count };
 /// What vertices and lips touch: edges as well, or vertices only, as [H] prints it.
 enum class ContactRule { edge, literal };
 
@@ -50,6 +52,8 @@ struct HopperOptions : RunOptions {
   Friction friction = Friction::whole;
   DragLaw drag = DragLaw::per_particle;
   ContactRule lip_contact = ContactRule::edge, rough_contact = ContactRule::edge;
+  OnSelfCrossing self_crossing = OnSelfCrossing::stop;
+  bool self_contact = false;
 
   // Frictional disks
   Real e_disk = 1e4;
