@@ -38,7 +38,8 @@ Mat<D> distance_curvature(const Vec<D>& n, Real d) {
   return d > 0 ? Mat<D>((Mat<D>::Identity() - n * n.transpose()) / d) : Mat<D>(Mat<D>::Zero());
 }
 
-/// Where a wall is nearest to a point: the distance d, the unit vector n from there to the point (∇d), and ∇²d.
+/// Where a wall is nearest to a point: the distance d, the unit vector n from there to the point (∇d), and ∇²d. Near an
+/// axis of revolution n = ∇d is shorter (RoundedRadius).
 template <int D>
 struct WallFoot {
   Real d;

@@ -33,7 +33,26 @@ struct WallSegment {
   }
   static WallSegment disk(const Vec<2>& centre, Real radius) { return {centre, {1, 0}, 0, radius}; }
 
+  bool sphere_on_axis() const { return length == 0 && origin[0] == 0; }
   Vec<2> end() const { return length > 0 ? Vec<2>(origin + length * direction) : origin; }
+};
+
+/// In 3D the distance ρ from the axis as walls see it: ρ from `axis_width` on, and nearer to the axis
+/// w (3 + 6 s² − s⁴)/8 with s = ρ/w. What touches a surface of revolution on its axis touches a whole ring, where the
+/// distance to the nearest point has a kink: the lateral force would jump from one side to the other. The rounded
+/// distance is even and C², so that the force of the ring passes through 0. Not for spheres on the axis, which have no
+/// kink.
+constexpr Real axis_width = 0.05;  ///< w, in σ_avg
+struct RoundedRadius {
+  Real value, slope_over_rho, curvature;  ///< derivatives with respect to ρ; the slope over ρ, as it is 0 on the axis
+
+  explicit RoundedRadius(Real rho) {
+    constexpr Real w = axis_width;
+    const Real s2 = (rho / w) * (rho / w);
+    value = w * (3 + s2 * (6 - s2)) / 8;
+    slope_over_rho = (3 - s2) / (2 * w);
+    curvature = 3 * (1 - s2) / (2 * w);
+  }
 };
 
 /// A free end, or a sharp corner, that points into the flow and can enter an edge between two vertices; in 3D there are
@@ -68,6 +87,7 @@ struct WallTouch {
   Vec<D> n;
   std::conditional_t<D == 2, Real, Mat<D>> curvature;  ///< in the plane a number: along the line
   Vec<D> foot, across;                                 ///< the place, and n, seen from the body
+  Real share = 1;  ///< of V' that acts along n: less than 1 near the axis of revolution, where a ring is touched
 };
 
 /// The walls of a run, numbered in the order in which they are added: segments, which have two sides and no inside, and
@@ -163,7 +183,8 @@ class Walls {
     for (const Body& body : bodies_) {
       if (body.parts.empty()) continue;
       const Vec<2> p = meridian(still_ ? r : body.at(t).back(r));
-      tests += body.part_tree.for_each_near(p, radius * (1 + 1e-12), [&](Index k) {
+      const Real farther = near_axis(p) ? RoundedRadius(0).value : 0;
+      tests += body.part_tree.for_each_near(p, (radius + farther) * (1 + 1e-12), [&](Index k) {
         ++tests;
         if (distance_in(p, body.parts[k]) < radius) near.push_back(body.parts[k]);
       });
@@ -204,11 +225,12 @@ class Walls {
   PLIANT_INLINE bool beyond(const Vec<D>& r, Real reach, Index part, Real t) const {
     if (is_solid(part)) return false;
     const WallSegment& wall = parts_[part];
-    const Vec<2> q = offset(meridian(in_body(r, part, t)), wall);
+    const Vec<2> q = offset(seen(meridian(in_body(r, part, t)), wall), wall);
     return dot(q, q) > square(reach + wall.radius) * (1 + 1e-12);
   }
 
-  /// Distance with direction: what a force needs. n is zero on a segment without radius.
+  /// Distance with its gradient: what a force needs. n is zero on a segment without radius; a unit vector elsewhere,
+  /// but near the axis of revolution.
   void nearest(const Vec<D>& r, Index part, Real t, Real& d, Vec<D>& n) const {
     if (is_solid(part)) {
       const WallFoot<D> at = foot(r, part, t);
@@ -219,9 +241,9 @@ class Walls {
     const Pose<D> pose = pose_of(part, t);
     const Vec<D> b = pose.back(r);
     const Vec<2> p = meridian(b);
-    const Vec<2> q = offset(p, parts_[part]);
+    const Vec<2> q = offset(seen(p, parts_[part]), parts_[part]);
     d = q.norm();
-    n = pose.direction(lift(b, p, direction<2>(q, d)));
+    n = pose.direction(lift(b, p, direction<2>(q, d), parts_[part]));
     d -= parts_[part].radius;
   }
 
@@ -256,9 +278,16 @@ class Walls {
       c.curvature = end ? 1 / d : 0;
     } else {
       const WallFoot<D> foot = foot_in(b, part);
-      if (foot.d >= reach || foot.n == Vec<D>::Zero() || !carries_in(meridian(b), part)) return false;
-      c.d = foot.d, c.across = foot.n;
-      c.curvature = still_ ? foot.curvature : pose_of(part, t).matrix(foot.curvature);
+      const Vec<2> p = meridian(b);
+      if (foot.d >= reach || foot.n == Vec<D>::Zero() || !carries_in(p, part)) return false;
+      c.d = foot.d, c.across = foot.n, c.share = 1;
+      Mat<D> curvature = foot.curvature;
+      if (rounds(p, parts_[part])) {
+        c.share = foot.n.norm();
+        c.across /= c.share;
+        curvature = (curvature - c.across * (c.across.transpose() * curvature)).eval() / c.share;
+      }
+      c.curvature = still_ ? curvature : pose_of(part, t).matrix(curvature);
     }
     c.foot = b - c.d * c.across;
     c.n = still_ ? c.across : body_of(part).direction(c.across, t);
@@ -353,28 +382,40 @@ class Walls {
   void place(Body& body);
   /// The same for a segment or joint, p in the frame of the body.
   PLIANT_INLINE bool carries_in(const Vec<2>& p, Index part) const {
-    return part < segments_ && ((before_[part] < 0 && after_[part] < 0) || has_foot(p, part));
+    return part < segments_ && ((before_[part] < 0 && after_[part] < 0) || has_foot(seen(p, parts_[part]), part));
   }
   /// For a segment that is joined to others.
   bool has_foot(const Vec<2>& p, Index part) const;
 
-  Real distance_in(const Vec<2>& p, Index part) const { return offset(p, parts_[part]).norm() - parts_[part].radius; }
+  Real distance_in(const Vec<2>& p, Index part) const {
+    return offset(seen(p, parts_[part]), parts_[part]).norm() - parts_[part].radius;
+  }
 
   /// In the frame of the body.
   WallFoot<D> foot_in(const Vec<D>& r, Index part) const {
-    const Vec<2> p = meridian(r);
     const WallSegment& wall = parts_[part];
+    const Vec<2> on_meridian = meridian(r), p = seen(on_meridian, wall);
     const Vec<2> q = offset(p, wall);
     WallFoot<D> result;
     const Real d = q.norm();
     result.d = d - wall.radius;
     const Vec<2> n = direction<2>(q, d);
-    result.n = lift(r, p, n);
+    result.n = lift(r, on_meridian, n, wall);
     const Real along = (p - wall.origin).dot(wall.direction);
     const bool end = along <= 0 || along >= wall.length;
     const Mat<2> flat = end ? distance_curvature<2>(n, d) : Mat<2>(Mat<2>::Zero());
     if constexpr (D == 2) {
       result.curvature = flat;
+    } else if (rounds(on_meridian, wall)) {
+      const RoundedRadius rounded(on_meridian[0]);
+      const Vec<3> e_z(0, 0, 1),
+          e_rho = on_meridian[0] > 0 ? Vec<3>(Vec<3>(r[0], r[1], 0) / on_meridian[0]) : Vec<3>(Vec<3>::UnitX()),
+          e_phi(-e_rho[1], e_rho[0], 0);
+      const Real slope = rounded.slope_over_rho * on_meridian[0];
+      result.curvature = (flat(0, 0) * square(slope) + n[0] * rounded.curvature) * e_rho * e_rho.transpose() +
+                         n[0] * rounded.slope_over_rho * e_phi * e_phi.transpose() +
+                         flat(1, 1) * e_z * e_z.transpose() +
+                         flat(0, 1) * slope * (e_rho * e_z.transpose() + e_z * e_rho.transpose());
     } else {
       // Meridian part, and the azimuthal curvature n_ρ/ρ of a surface of revolution.
       const Vec<3> e_rho = p[0] > 0 ? Vec<3>(r[0] / p[0], r[1] / p[0], 0) : Vec<3>(Vec<3>::Zero());
@@ -383,7 +424,7 @@ class Walls {
                          flat(0, 1) * (e_rho * e_z.transpose() + e_z * e_rho.transpose());
       if (p[0] > 0)
         result.curvature += n[0] / p[0] * e_phi * e_phi.transpose();
-      else if (wall.length == 0 && q[0] == 0)  // a sphere on the axis, seen from there
+      else if (wall.sphere_on_axis())  // a sphere on the axis, seen from there
         result.curvature += flat(0, 0) * (Mat<3>::Identity() - e_z * e_z.transpose());
     }
     return result;
@@ -402,11 +443,22 @@ class Walls {
     return w - std::clamp(dot(w, wall.direction), Real(0), wall.length) * wall.direction;
   }
 
-  /// Meridian vector to space; on the axis the radial direction does not exist and its part vanishes by symmetry.
-  static Vec<D> lift(const Vec<D>& r, const Vec<2>& p, const Vec<2>& n) {
-    if constexpr (D == 2)
+  static bool near_axis(const Vec<2>& p) { return D == 3 && p[0] < axis_width; }
+  static bool rounds(const Vec<2>& p, const WallSegment& wall) { return near_axis(p) && !wall.sphere_on_axis(); }
+  /// p of the meridian as a part sees it.
+  static Vec<2> seen(const Vec<2>& p, const WallSegment& wall) {
+    return rounds(p, wall) ? Vec<2>(RoundedRadius(p[0]).value, p[1]) : p;
+  }
+
+  /// The gradient in the meridian, as the wall sees it, to space. p: of r. On the axis the radial part vanishes by
+  /// symmetry.
+  static Vec<D> lift(const Vec<D>& r, const Vec<2>& p, const Vec<2>& n, const WallSegment& wall) {
+    if constexpr (D == 2) {
       return n;
-    else
+    } else if (rounds(p, wall)) {
+      const Real radial = n[0] * RoundedRadius(p[0]).slope_over_rho;
+      return Vec<3>(radial * r[0], radial * r[1], n[1]);
+    } else
       return p[0] > 0 ? Vec<3>(n[0] * r[0] / p[0], n[0] * r[1] / p[0], n[1]) : Vec<3>(0, 0, n[1]);
   }
 

@@ -35,6 +35,16 @@ PLIANT_INLINE void add_four(Real epsilon, const Pair* pairs, const WallSegment* 
   const Points2 origin = gather([&](int k) __attribute__((always_inline)) { return wall[k]->origin.data(); });
   const Points2 along = gather([&](int k) __attribute__((always_inline)) { return wall[k]->direction.data(); });
   const Real4 length{wall[0]->length, wall[1]->length, wall[2]->length, wall[3]->length};
+  [[maybe_unused]] const Real4 rho = p.x;
+  [[maybe_unused]] Mask4 rounds{};  // near the axis, but for spheres on it: as RoundedRadius
+  [[maybe_unused]] Real4 s2{};
+  if constexpr (D == 3) {
+    rounds = (rho < axis_width) & ((length > 0) | (origin.x != 0));
+    if (simd::any(rounds)) {
+      s2 = rho * rho / (axis_width * axis_width);
+      p.x = simd::select(rounds, axis_width * (3 + s2 * (6 - s2)) / 8, rho);
+    }
+  }
   Points2 q{p.x - origin.x, p.y - origin.y};
   const Real4 foot = simd::min(simd::max(q.x * along.x + q.y * along.y, Real4{}), length);
   q.x -= foot * along.x;
@@ -57,7 +67,8 @@ PLIANT_INLINE void add_four(Real epsilon, const Pair* pairs, const WallSegment* 
     scatter<2>(at, {push * q.x, push * q.y}, f);
   } else {
     // On the axis there is no radial direction.
-    const Real4 radial = simd::where(p.x > 0, push * q.x / p.x);
+    Real4 radial = simd::where(rho > 0, push * q.x / rho);
+    if (simd::any(rounds)) radial = simd::select(rounds, push * q.x * (3 - s2) / (2 * axis_width), radial);
     scatter<3>(at, {radial * xy.x, radial * xy.y, push * q.y}, f);
   }
 }

@@ -58,7 +58,7 @@ struct SphereWallContact {
     const Real R = s.topology.diameter[i] / 2;
     WallTouch<3> wall;
     if (!s.walls.touch(r, part, s.t, R, wall)) return false;
-    const auto& [d, n, curvature, foot, across] = wall;
+    const auto& [d, n, curvature, foot, across, share] = wall;
     c.i = i;
     c.radius = R;
     c.n = array_of(n);
@@ -75,7 +75,7 @@ struct SphereWallContact {
     c.velocity = array_of(s.walls.velocity(r, part, s.t));
     c.spin = array_of(motion.spin);
     const Press<Real> press = press_of<Law>(epsilon, R, d);
-    c.elastic = press.force;
+    c.elastic = share * press.force;
     c.stiffen(surface, s.topology.mass(i) * press.stiffness, press.reference);
     c.lever = 1;
     c.slid = false;

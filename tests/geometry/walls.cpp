@@ -1,5 +1,9 @@
 #include <catch2/catch.hpp>
 
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
 #include <pliant/geometry/walls.h>
 
 #include "support/random.h"
@@ -56,7 +60,8 @@ TEST_CASE("in 3D walls are figures of revolution about z") {
   CHECK(walls.distance({0, -4, 7}, 0, 0) == Approx(1));
   CHECK(walls.distance({3, 3, 2}, 1, 0) == Approx(2));      // base
   CHECK(walls.distance({0.6, 0.8, 0}, 1, 0) == Approx(1));  // circular lip
-  CHECK(walls.distance({0, 0, 0}, 1, 0) == Approx(2));      // on the axis
+  // On the axis, where a ring seems nearer.
+  CHECK(walls.distance({0, 0, 0}, 1, 0) == Approx(2 - 0.375 * axis_width));
   CHECK(walls.foot({0, 0, 1}, 1, 0).n.allFinite());
   CHECK(walls.foot({0, 0, 1}, 1, 0).curvature.allFinite());
   const WallFoot<3> lip = walls.foot({0, 1, 0}, 1, 0);
@@ -95,6 +100,58 @@ TEST_CASE("derivatives of distances to disks, spheres on the axis and rings") {
   const WallFoot<3> top = revolved.foot({0, 0, 3}, 0, 0);
   CHECK((top.n - Vec<3>(0, 0, 1)).norm() < 1e-15);
   CHECK((top.curvature - Vec<3>(0.5, 0.5, 0).asDiagonal().toDenseMatrix()).norm() < 1e-15);
+}
+
+TEST_CASE(
+    "near the axis the distance to a surface of revolution is smooth, and far from it that to the nearest point") {
+  // A cone with an orifice, a ring, a floor, and a sphere on the axis.
+  const Walls<3> walls({WallSegment::between({0.8, 0}, {2, 1.5}), WallSegment::disk({0.7, 0.2}, 0.1),
+                        WallSegment::between({0, -1}, {2, -1}), WallSegment::disk({0, -1}, 0.4)});
+  Random random(3);
+  for (const Real rho : {0.0, 1e-6, 0.01, 0.03, 0.049, 0.051, 0.2})
+    for (Index s = 0; s < walls.size(); ++s) {
+      CAPTURE(rho, s);
+      const VectorXd x = Vec<3>(0.6 * rho, -0.8 * rho, 0.9), p = random_direction(random, 3);
+      const Functional f = wall_functional(walls, s);
+      CHECK(gradient_order(f, x, p, 1e-3) > 1.9);
+      CHECK(hessian_order(f, x, p, 1e-3) > 1.9);
+      const WallFoot<3> foot = walls.foot(Vec<3>(x), s, 0);
+      Real d;
+      Vec<3> n;
+      walls.nearest(Vec<3>(x), s, 0, d, n);
+      CHECK(d == foot.d);
+      CHECK(d == walls.distance(Vec<3>(x), s, 0));
+      CHECK((n - foot.n).norm() < 1e-15);
+    }
+  const auto at = [&](Real rho, Index s) { return walls.foot({rho, 0, 0.9}, s, 0); };
+  for (Index s = 0; s < walls.size(); ++s) {
+    CHECK(at(0, s).n.head<2>().norm() == 0);
+    const WallFoot<3> inside = at(axis_width * (1 - 1e-9), s), outside = at(axis_width, s);
+    CHECK(inside.d == Approx(outside.d));
+    CHECK((inside.n - outside.n).norm() < 1e-7);
+    CHECK((inside.curvature - outside.curvature).norm() < 1e-6);
+  }
+  CHECK(at(axis_width, 1).d == std::hypot(axis_width - 0.7, 0.9 - 0.2) - 0.1);
+  CHECK(at(0, 2).d == Approx(1.9));  // level: the axis is no kink
+  CHECK(at(0.02, 3).d == Approx(std::hypot(0.02, 1.9) - 0.4));
+  // By how much a ring comes nearer on the axis.
+  CHECK(std::hypot(0.7, 0.7) - 0.1 - at(0, 1).d == Approx(0.375 * axis_width * std::sqrt(0.5)).epsilon(0.02));
+  // Nothing moves faster than the point: lists with a skin hold every contact.
+  for (Real rho = 0; rho < 0.06; rho += 1e-3) CHECK(at(rho, 0).n.norm() < 1 + 1e-12);
+}
+
+TEST_CASE("what touches a ring near the axis is found") {
+  const Walls<3> walls({WallSegment::disk({0.7, 0.2}, 0.1), WallSegment::between({0.8, 0}, {2, 1.5})});
+  std::vector<Index> near;
+  for (Real rho = 0; rho < 0.06; rho += 0.005)
+    for (Index s = 0; s < 2; ++s) {
+      const Vec<3> r(0, rho, 0.9);
+      const Real d = walls.distance(r, s, 0);
+      walls.find_near(r, d + 1e-6, 0, near);
+      CHECK(std::count(near.begin(), near.end(), s) == 1);
+      walls.find_near(r, d - 1e-6, 0, near);
+      CHECK(std::count(near.begin(), near.end(), s) == 0);
+    }
 }
 
 }  // namespace pliant::test::walls_test

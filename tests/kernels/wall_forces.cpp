@@ -37,7 +37,9 @@ struct Room {
       add(r, random);
     }
     // On an end of a wall, in the middle of one, and on the axis, away from walls and on one.
-    for (const Vec<2>& p : {Vec<2>(0.5, 0.3), Vec<2>(1.25, 2), Vec<2>(0, 1.8), Vec<2>(0, 2)}) {
+    // And near the axis, where a ring is touched.
+    for (const Vec<2>& p : {Vec<2>(0.5, 0.3), Vec<2>(1.25, 2), Vec<2>(0, 1.8), Vec<2>(0, 2), Vec<2>(0, 0.4),
+                            Vec<2>(0.02, 0.4), Vec<2>(0.049, 0.3), Vec<2>(0.03, -0.6)}) {
       Vec<D> r = Vec<D>::Zero();
       r[0] = p[0], r[D - 1] = p[1];
       add(r, random);

@@ -2,6 +2,8 @@
 #include <Eigen/Geometry>
 #include <catch2/catch.hpp>
 
+#include <pliant/model/drag.h>
+#include <pliant/model/gravity.h>
 #include <pliant/model/sphere_contact.h>
 #include <pliant/model/sphere_wall_contact.h>
 
@@ -207,6 +209,60 @@ TEST_CASE("a ball breaks away from another at the static limit and slides on at 
       FAIL("the torque is " << ratio << " of the limit");
   }
   CHECK(most == Approx(0.5).epsilon(2e-3));
+}
+
+namespace {
+
+/// A large ball that falls 0.02 onto a ring, a cone or a lip from beside their axis, with gravity.
+struct Plug {
+  std::unique_ptr<Simulation<3>> s;
+
+  template <class... More>
+  Plug(const WallParts& parts, Real height, More... more) {
+    Configuration<3> c;
+    c.add_soft(4, {0.03, -0.02, height});
+    c.walls = Walls<3>(parts);
+    s = simulation_of<3>(c, Sorting::never, Ranks(), std::make_unique<FixedStepVerlet>(1e-3), WallContact<3>{1e4},
+                         Gravity<3>{{0, 0, -1}}, more...);
+    s->place(c.x);
+  }
+  Real kinetic() const {
+    Real sum = 0;
+    for (const Real v : s->state().v().first(3)) sum += square(v) / 2;
+    return sum * s->topology().mass(0);
+  }
+  Real energy() { return kinetic() + s->particles().field().energy(s->view()); }
+};
+
+const WallParts ring{{WallSegment::disk({1.5, 0}, 0.1)}}, cone{{WallSegment::between({1.2, -0.3}, {4, 2.5})}},
+    lip{{WallSegment::between({1.5, 0}, {6, 0})}};
+
+}  // namespace
+
+TEST_CASE("a ball that plugs an orifice conserves energy, and comes to rest with drag") {
+  struct Case {
+    const char* name;
+    WallParts parts;
+    Real height;
+  };
+  for (const Case& of : {Case{"ring", ring, 1.5}, Case{"cone", cone, 1.35}, Case{"lip", lip, 1.35}}) {
+    INFO(of.name);
+    Plug free(of.parts, of.height);
+    const Real before = free.energy();
+    for (int k = 0; k < 20000; ++k) free.s->step();
+    CHECK(free.energy() == Approx(before).epsilon(0).margin(1e-4 * free.s->topology().mass(0)));
+    Plug damped(of.parts, of.height, Drag<3>{60});
+    for (int k = 0; k < 30000; ++k) damped.s->step();
+    CHECK(damped.kinetic() < 1e-12);
+    const auto at = damped.s->view().position(0);
+    CHECK(std::hypot(at[0], at[1]) < 1e-5);
+  }
+}
+
+TEST_CASE("a ball with friction that plugs an orifice slows down below the speed that counts as rest") {
+  Plug rough(cone, 1.35, SphereWallContact<>{1e4, {.mu_static = 0.3, .mu_dynamic = 0.3, .damping = 0.3}});
+  for (int k = 0; k < 60000; ++k) rough.s->step();
+  CHECK(rough.kinetic() < square(1e-3) / 2 * rough.s->topology().mass(0));  // by friction and damping alone
 }
 
 }  // namespace pliant::test::sphere_walls_test
