@@ -83,7 +83,7 @@ def check_options(table, rows, program, base):
     with tempfile.TemporaryDirectory(prefix="pliant-sweep-") as empty:
         for scenario, probe, first in _probes(rows):
             options = arguments({name: row.options[name] for name, row in probe.items()}, base)
-            result = subprocess.run([program, scenario, *options, "-restart", empty], encoding="utf-8",
+            result = subprocess.run([program, scenario, *options, "-restart", empty], cwd=base, encoding="utf-8",
                                     errors="replace", capture_output=True, stdin=subprocess.DEVNULL,
                                     env=os.environ | {"OMP_NUM_THREADS": "1"})
             if empty in result.stderr:
@@ -190,7 +190,7 @@ def main(arguments_=None):
     output = given.output or given.table.with_suffix("")
     if output.exists() and not output.is_dir():
         raise OutputError(f"{output}: is no folder; name another with --output")
-    folders = [RowFolder(output, row, base) for row in rows]
+    folders = [RowFolder(output, row, base, program) for row in rows]
     if given.row is not None:
         if not 1 <= given.row <= len(rows):
             raise RunError(f"--row {given.row}: the table has the rows 1 … {len(rows)}")

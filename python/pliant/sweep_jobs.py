@@ -2,9 +2,11 @@
 
 import ctypes
 import dataclasses
+import functools
 import hashlib
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -26,7 +28,9 @@ _STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGUSR1)
 _ASK = signal.SIGUSR1
 _LIBC = ctypes.CDLL(None, use_errno=True)
 _PR_SET_PDEATHSIG = 1
-_RUN_FILES = ("run.h5", "run.xdmf", "summary.json", "checkpoint-a.h5", "checkpoint-b.h5")
+_RUN_FILES = ("run.h5", "run.xdmf", "summary.json", "checkpoint-a.h5", "checkpoint-b.h5", "branch.json")
+#: Options whose larger value makes a run longer; a smaller one asks for less than there is.
+_LENGTHS = ("t_end", "pushes")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,14 +42,30 @@ class State:
     message: str = ""
 
 
+@functools.cache
+def restart_rules(program, scenario):
+    """{option: "may change", "fixed" or "not kept"}: what a restart does with it, from the program's own table."""
+    text = subprocess.run([program, scenario, "-help_markdown"], encoding="utf-8", errors="replace", capture_output=True,
+                          stdin=subprocess.DEVNULL, env=os.environ | {"OMP_NUM_THREADS": "1"}).stdout
+    rules, at = {}, None
+    for line in text.splitlines():
+        cells = [cell.strip() for cell in re.split(r"(?<!\\)\|", line)]
+        if "on restart" in cells:
+            at = cells.index("on restart")
+        elif at is not None and len(cells) > at and cells[1].startswith("`-"):
+            rules[cells[1].strip("`-")] = cells[at]
+    return rules
+
+
 class RowFolder:
     """The folder of a row: the run's own files, log.txt, the lock, and row.json with the options it was started with
     and how the last attempt ended."""
 
-    def __init__(self, output, row, base):
-        """`base`: the folder that relative names of options files begin from."""
-        self.row, self.base = row, Path(base)
-        self.path = Path(output) / row.id
+    def __init__(self, output, row, base, program=None):
+        """`base`: the folder that relative names of files begin from. `program` says which options a restart may change;
+        without one, none."""
+        self.row, self.base, self._program = row, Path(base).absolute(), program
+        self.path = Path(output).absolute() / row.id
         self.lock_path = self.path / "lock"
         self.log_path = self.path / "log.txt"
 
@@ -73,46 +93,89 @@ class RowFolder:
             identity["options_file_sha256"] = hashlib.sha256(content).hexdigest()
         return identity
 
+    def _changes(self, before):
+        """{option: (old, new)} of the row against an earlier run; None: not given. What restarts forget does not count."""
+        old, new = ({"scenario": run["scenario"], "options_file_sha256": run.get("options_file_sha256")} | run["options"]
+                    for run in (before, self._identity))
+        changed = {name: (old.get(name), new.get(name)) for name in sorted(old | new) if old.get(name) != new.get(name)}
+        return {name: both for name, both in changed.items() if self._rule(name) != "not kept"}
+
+    def _rule(self, name):
+        return restart_rules(self._program, self.row.scenario).get(name) if self._program else None
+
+    def _extends(self, changes):
+        """Whether a restart can make all the changes."""
+        return all(new is not None and self._rule(name) == "may change"
+                   and not (name in _LENGTHS and old is not None and float(new) < float(old))
+                   for name, (old, new) in changes.items())
+
     def check(self):
-        """Raises RunError if the folder holds a run with other options than the row's."""
-        now, before = self._identity, self._json("row.json").get("run")
-        if before == now or not (self.path / "run.h5").exists():
+        """Raises RunError if the folder holds a run with other options than the row's, which no restart can make of it."""
+        before = self._json("row.json").get("run")
+        if before == self._identity or not (self.path / "run.h5").exists():
             return
         if before is None:
             raise RunError(f"{self.path}: holds a run that no sweep has made; move it elsewhere")
-        old, new = ({"scenario": run["scenario"]} | run["options"] for run in (before, now))
-        changes = [f"{name} was {old.get(name, 'not given')} and is {new.get(name, 'not given')}"
-                   for name in sorted(old | new) if old.get(name) != new.get(name)]
-        raise RunError(f"row '{self.row.id}' (line {self.row.line}) was run with other options: "
-                       f"{'; '.join(changes) or 'the options file has changed'}. Give the row another name, or delete "
-                       f"{self.path} to run it anew")
+        changes = self._changes(before)
+        if self._extends(changes):
+            return
+        if changes.pop("options_file_sha256", None) and not changes:
+            text = "the options file has changed"
+        else:
+            text = _changes_text(changes)
+        raise RunError(f"row '{self.row.id}' (line {self.row.line}) was run with other options: {text}. Give the row "
+                       f"another name, or delete {self.path} to run it anew")
 
     def state(self, mine=False):
         """What became of the row. `mine`: the lock is known to be the caller's."""
-        status = self._json("summary.json").get("status")
-        if status in FINISHED:
+        status, record = self._json("summary.json").get("status"), self._json("row.json")
+        before = record.get("run")
+        changes = self._changes(before) if before not in (None, self._identity) else {}
+        if status in FINISHED and not changes:
             return State("done", status)
         holder = None if mine else owner(self.lock_path)
         if holder:
             return State("running", "running", f"on {holder}")
-        record = self._json("row.json")
-        if record.get("run") != self._identity:  # never run; a failure that left no run may have been corrected
-            return State("waiting", "waiting")
+        if before is None or changes:  # never run; a failure that left no run may have been corrected
+            extended = changes and (self.path / "run.h5").exists()
+            return State("waiting", "waiting", f"to be extended: {_changes_text(changes)}" if extended else "")
         code = record.get("exit_code")
         if code is None or code == STOPPED_CODE or -code in _STOP_SIGNALS:
             return State("stopped", "stopped")
         return State("failed", "failed", record.get("message", "summary.json is gone"))
 
+    def _shorter(self):
+        """The folder of the longest run of this sweep that differs from the row in an earlier t_end alone; None without."""
+        found = []
+        for file in self.path.parent.glob("*/row.json"):
+            other = RowFolder(file.parent.parent, dataclasses.replace(self.row, id=file.parent.name), self.base)
+            record, status = other._json("row.json").get("run"), other._json("summary.json").get("status")
+            if other.path == self.path or record is None or status not in (*FINISHED, "stopped"):
+                continue
+            changes = self._changes(record)
+            if (list(changes) == ["t_end"] and changes["t_end"][0] is not None and self._extends(changes)
+                    and other._has_run() and not owner(other.lock_path)):
+                found.append((float(changes["t_end"][0]), other.path))
+        return max(found)[1] if found else None
+
+    def _has_run(self):
+        return (self.path / "run.h5").exists() and any(self.path.glob("checkpoint-[ab].h5"))
+
     def start(self, program):
         """(command, changes of the environment) of the next attempt; the lock must be held. Goes on from a checkpoint
-        if there is one; what an attempt without one has left is deleted."""
-        go_on = any(self.path.glob("checkpoint-[ab].h5"))
-        if not go_on:
+        if there is one, else from that of a shorter run; what an attempt without one has left is deleted."""
+        folders = ["-output", str(self.path)]
+        if self._has_run():
+            folders += ["-restart", str(self.path)]
+        else:
             for name in _RUN_FILES:
                 (self.path / name).unlink(missing_ok=True)
+            if shorter := self._shorter():
+                folders += ["-restart", str(shorter)]
+        if self._changes(self._json("row.json").get("run") or self._identity):  # else a kill would leave a row that is done
+            (self.path / "summary.json").unlink(missing_ok=True)
         self._write_record({"run": self._identity})
-        command = [str(program), self.row.scenario, *arguments(self.row.options, self.base),
-                   "-restart" if go_on else "-output", str(self.path)]
+        command = [str(program), self.row.scenario, *arguments(self.row.options, self.base), *folders]
         return command, {"OMP_NUM_THREADS": self.row.options.get("threads", "1")}
 
     def end(self, code, log_start):
@@ -138,8 +201,14 @@ class RowFolder:
         return (errors or lines or ["no output"])[-1]
 
 
+def _changes_text(changes):
+    """'a was 1 and is 2; b was not given and is 0'."""
+    return "; ".join(f"{name} was {'not given' if old is None else old} and is {'not given' if new is None else new}"
+                     for name, (old, new) in changes.items())
+
+
 def arguments(options, base):
-    """The options as the program takes them; relative names of options files begin from the folder `base`."""
+    """The options as the program takes them; relative names of files begin from the folder `base`."""
     if "options_file" in options:
         options = options | {"options_file": str(Path(base) / options["options_file"])}
     return [text for name, value in options.items() for text in (f"-{name}", value)]
@@ -167,7 +236,7 @@ class _Job:
         command, needs = folder.start(program)
         with open(folder.log_path, "ab", opener=no_links) as log:
             self._log_start = log.tell()
-            self.process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
+            self.process = subprocess.Popen(command, cwd=folder.base, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
                                             env=os.environ | needs, pass_fds=[lock.fd], preexec_fn=_stop_with(os.getpid()))
         lock.name(self.process.pid)
 

@@ -1,5 +1,6 @@
 #!/usr/bin/python3 -ISE
-"""Stands for pliant in the tests of sweeps: options, exit codes, signals, files, but no physics. -b is the wall time;
+"""Stands for pliant in the tests of sweeps: options, exit codes, signals, files, but no physics. -b, or -t_end, is the
+wall time;
 -mode gate waits for the file "go" in its folder, -mode meet for two others that run."""
 
 import glob
@@ -9,7 +10,7 @@ import signal
 import sys
 import time
 
-KNOWN = ("a", "b", "mode", "seed", "threads", "options_file", "output", "restart")
+KNOWN = ("a", "b", "mode", "seed", "t_end", "threads", "options_file", "output", "restart")
 
 
 def fail(code, message):
@@ -19,13 +20,17 @@ def fail(code, message):
 
 if sys.argv[1] == "-scenarios":
     sys.exit(print("hopper"))
+if sys.argv[2:] == ["-help_markdown"]:
+    rules = {"a": "fixed", "mode": "fixed", "seed": "fixed", "t_end": "may change", "threads": "not kept"}
+    print("## All\n\n| option | type | on restart | meaning |\n|---|---|---|---|")
+    sys.exit(print("\n".join(f"| `-{name}` | yes\\|no | {rule} | |" for name, rule in rules.items())))
 if sys.argv[1] != "hopper":
     fail(2, f"unknown scenario '{sys.argv[1]}', did you mean 'hopper'?; pliant -help lists them")
 options = {name[1:]: value for name, value in zip(sys.argv[2::2], sys.argv[3::2])}
 for name, value in options.items():
     if name not in KNOWN:
         fail(2, f"unknown option -{name}; did you mean -a?")
-    if name in ("a", "b", "seed", "threads"):
+    if name in ("a", "b", "seed", "t_end", "threads"):
         integer = name in ("seed", "threads")
         try:
             number = int(value) if integer else float(value)
@@ -39,10 +44,10 @@ folder = options.get("output") or options["restart"]
 at = 0.0
 if "restart" in options:
     try:
-        with open(f"{folder}/checkpoint-a.h5") as file:
+        with open(f"{options['restart']}/checkpoint-a.h5") as file:
             at = float(file.read())
     except OSError:
-        fail(2, f"there is no checkpoint in {folder}; give -restart the folder of a run that has one, or start one by "
+        fail(2, f"there is no checkpoint in {options['restart']}; give -restart the folder of a run that has one, or start one by "
                 "-output")
 elif os.path.exists(f"{folder}/summary.json"):
     fail(2, f"{folder} holds a run that is finished (done); choose another -output")
@@ -73,13 +78,16 @@ if mode == "silent":
 while mode == "meet" and len(glob.glob(f"{folder}/../*/attempts")) < 3:
     pause()
 print("going on" if at else "starting", flush=True)
-while at < float(options.get("b", 0)) or (mode == "gate" and not os.path.exists(f"{folder}/go")):
+while at < float(options.get("t_end", options.get("b", 0))) or (mode == "gate" and not os.path.exists(f"{folder}/go")):
     pause()
     at += 0.01
     if mode != "uncooperative" and stop:
         with open(f"{folder}/checkpoint-a.h5", "w") as file:
             file.write(str(at))
         sys.exit(75)
+if "t_end" in options:
+    with open(f"{folder}/checkpoint-a.h5", "w") as file:
+        file.write(str(at))
 with open(f"{folder}/summary.json", "w") as file:
     json.dump({"status": "done", "Q": {"value": 1.0, "error": 0.1, "unit": "m"},
                "begun": begun, "ended": time.monotonic()}, file)

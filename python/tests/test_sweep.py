@@ -65,7 +65,7 @@ def run(capsys, monkeypatch):
 
 def sweep(table, workers=2, retry=False):
     """The same within this process: {row id: State}."""
-    folders = [RowFolder(table.with_suffix(""), row, table.parent) for row in rows_of(table)]
+    folders = [RowFolder(table.with_suffix(""), row, table.parent, PROGRAM) for row in rows_of(table)]
     for folder in folders:
         folder.check()
     return Sweep(folders, PROGRAM, workers, retry).run()
@@ -204,6 +204,33 @@ def test_other_options_are_an_error(table, run):
     run(table("name,a,b", "x,1,", "y,1,"))
     output = run(table("name,a,b", "x,2,0", "y,1,"), code=2)
     assert "row 'x' (line 2) was run with other options: a was 1 and is 2; b was not given and is 0" in output
+
+
+def test_a_longer_run_is_extended(table, tmp_path, run):
+    """Where only options have changed that a restart may change, the run goes on."""
+    run(table("name,a,t_end,threads", "x,1,0.02,", "y,1,0.02,"))
+    longer = table("name,a,t_end,threads", "x,1,0.05,", "y,1,0.02,2")
+    assert "row 1 (x): waiting: to be extended: t_end was 0.02 and is 0.05" in run(longer, "--status", code=75)
+    run(longer)
+    assert [len(attempts(longer, row)) for row in "xy"] == [2, 1] and attempts(longer, "x")[1] >= 0.02
+    assert "done 2/2" in run(longer)
+    assert len(attempts(longer, "x")) == 2
+    for line, words in (("x,1,0.03,", "t_end was 0.05 and is 0.03"), ("x,2,0.06,", "a was 1 and is 2"),
+                        ("x,1,,", "t_end was 0.05 and is not given")):
+        assert words in run(table("name,a,t_end,threads", line), code=2)
+    # A sweep that is killed while it extends a row does not take the old result for the new one.
+    (tmp_path / "t/y/summary.json").unlink()
+    assert sweep(table("name,a,t_end", "y,1,0.07"))["y"].kind == "done"
+
+
+def test_a_row_that_is_called_after_its_length_is_extended(table, run):
+    """It has a folder of its own, and begins as a branch of the longest shorter run."""
+    run(table("a,t_end", "1,0.02", "1,0.04", "2,0.05"))
+    longer = table("a,t_end,seed", "1,0.06,", "2,0.03,", "1,0.06,7")
+    run(longer)
+    assert attempts(longer, "a=1,t_end=0.06")[0] >= 0.04
+    assert attempts(longer, "a=2,t_end=0.03") == attempts(longer, "a=1,t_end=0.06,seed=7") == [0]
+    assert attempts(longer, "a=1,t_end=0.04") == [0]
 
 
 def test_options_files_belong_to_the_options(table, tmp_path, run):

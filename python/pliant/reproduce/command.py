@@ -155,7 +155,7 @@ class _Runs:
             return self._swept[key]
         all_rows = read_rows(table.file, self.scenario())
         chosen = [row for row in all_rows if row.id not in skip]
-        folders = [RowFolder(table.runs, row, table.file.absolute().parent) for row in chosen]
+        folders = [RowFolder(table.runs, row, table.file.absolute().parent, self.program) for row in chosen]
         for folder in folders:
             folder.check()
         jobs = self.given.jobs or default_workers(all_rows)
