@@ -104,7 +104,7 @@ constexpr std::array<std::string_view, 70> petsc_usual{"ts_type",
                                                        "citations",
                                                        "get_total_flops"};
 // Handled before everything else.
-constexpr std::array<std::string_view, 3> reserved{"help", "version", "options_file"};
+constexpr std::array<std::string_view, 4> reserved{"help", "h", "version", "options_file"};
 
 template <class Array>
 bool contains(const Array& array, std::string_view name) {
@@ -231,6 +231,8 @@ Overload(F...) -> Overload<F...>;
 
 }  // namespace
 
+std::string path_from(const std::filesystem::path& folder, const std::string& path) { return (folder / path).string(); }
+
 void Options::group(std::string title) { group_ = std::move(title); }
 
 void Options::bind(const std::string& name, Real& target, OptionSpec spec) { add(name, &target, std::move(spec)); }
@@ -267,7 +269,7 @@ Options::Request Options::parse(const std::vector<std::string>& arguments) {
   std::vector<Setting> settings, from_arguments;
   Request request = Request::run;
   for (Setting& setting : read_arguments(arguments)) {
-    if (setting.name == "help") request = Request::help;
+    if (setting.name == "help" || setting.name == "h") request = Request::help;
     if (setting.name == "version" && request == Request::run) request = Request::version;
     from_arguments.push_back(std::move(setting));
   }
@@ -301,7 +303,7 @@ void Options::reset() {
 // Sets the bound variable from the text that the user gave.
 void Options::assign(Option& option, const Setting& setting, bool stored) {
   const OptionSpec& spec = option.spec;
-  if (!setting.value && !std::holds_alternative<bool*>(option.target))
+  if (!setting.value && (setting.null || !std::holds_alternative<bool*>(option.target)))
     bad_value(setting, fmt::format("needs a value ({})", type_text(option)));
   constexpr auto int64_min = std::numeric_limits<std::int64_t>::min(),
                  int64_max = std::numeric_limits<std::int64_t>::max();
@@ -319,7 +321,7 @@ void Options::assign(Option& option, const Setting& setting, bool stored) {
                       [&](std::string* target) {
                         if (!spec.choices.empty()) parse_choice(setting, spec.choices);
                         if (setting.value->empty() && !stored) bad_value(setting, "is empty");
-                        *target = spec.read && !stored ? spec.read(*setting.value) : *setting.value;
+                        *target = spec.read && !stored ? spec.read(*setting.value, setting.folder()) : *setting.value;
                       },
                       [&](const Enumeration& target) { target.set(parse_choice(setting, spec.choices)); }},
              option.target);
@@ -364,7 +366,7 @@ bool Options::is_petsc(const std::string& name) const {
 }
 
 void Options::refuse_unknown(const Setting& setting) const {
-  if (setting.name == "help" || setting.name == "version")
+  if (setting.name == "help" || setting.name == "h" || setting.name == "version")
     throw InputError("{}: belongs on the command line, not in a file", setting.text());
   const auto known = [&](const std::string& name) { return find(name) != nullptr || is_petsc(name); };
   if (known(setting.name)) return;
@@ -372,6 +374,8 @@ void Options::refuse_unknown(const Setting& setting) const {
   if (const auto equals = setting.name.find('='); equals != std::string::npos && known(setting.name.substr(0, equals)))
     throw InputError("unknown option -{}{}; write -{} {}", setting.name, where, setting.name.substr(0, equals),
                      setting.name.substr(equals + 1));
+  if (const auto unit = units_.find(setting.name); unit != units_.end())
+    throw InputError("unknown option -{}{}; {}", setting.name, where, unit->second);
   std::vector<std::string> names(reserved.begin(), reserved.end());
   for (const Option& option : options_) names.push_back(option.name);
   names.insert(names.end(), petsc_usual.begin(), petsc_usual.end());

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <functional>
 #include <limits>
 #include <map>
@@ -38,9 +39,13 @@ struct OptionSpec {
   std::string automatic = {};  ///< what an empty std::optional means, for the help ("0.1 of the shortest time")
   OnRestart on_restart = OnRestart::keep;
   /// Of a text: what is kept in place of what the user gives, such as the content of the file that it names; files of a
-  /// run and restarts have that. Errors: InputError.
-  std::function<std::string(const std::string&)> read = {};
+  /// run and restarts have that. Relative names of files begin at `folder`: that of the options file, or the working
+  /// directory, which is empty. Errors: InputError.
+  std::function<std::string(const std::string& text, const std::filesystem::path& folder)> read = {};
 };
+
+/// A path that a user wrote, relative to `folder` unless it is absolute.
+std::string path_from(const std::filesystem::path& folder, const std::string& path);
 
 /// The user asks for something else than the stored run has.
 struct RestartConflict : InputError {
@@ -75,6 +80,10 @@ class Options {
   template <class E>
   requires std::is_enum_v<E>
   void bind(const std::string& name, E& target, const std::vector<std::pair<std::string, E>>& values, OptionSpec spec);
+
+  /// Names of quantities that are no options because they are units: an option of such a name is refused with `text`, a
+  /// sentence such as "g is the unit of acceleration".
+  void explain_units(std::map<std::string, std::string> text) { units_ = std::move(text); }
 
   /// Accepts options that start with `prefix` and leaves them to PETSc (an object with an options prefix of its own).
   void accept_petsc_prefix(std::string prefix);
@@ -141,6 +150,7 @@ class Options {
   std::string group_ = "General";
   std::vector<Option> options_;
   std::vector<std::string> prefixes_;
+  std::map<std::string, std::string> units_;
   std::map<std::string, Setting> given_;  // what the user has set
   std::map<std::string, Setting> petsc_;  // options that PETSc's objects read
 };

@@ -18,6 +18,19 @@ std::string cell(const std::string& text) {
   return escaped;
 }
 
+/// pliant-sweep reads it too.
+const char* restart_text(OnRestart policy) {
+  switch (policy) {
+    case OnRestart::keep:
+      return "may change";
+    case OnRestart::fixed:
+      return "fixed";
+    case OnRestart::forget:
+      return "not kept";
+  }
+  return "";
+}
+
 }  // namespace
 
 std::string Options::type_text(const Option& option) {
@@ -74,7 +87,7 @@ std::string Options::help() const {
       "Everywhere:\n"
       "  -options_file <file>                options from a file: YAML (.yaml, .yml) or lines of -name value; may be "
       "repeated\n"
-      "  -help, -version                     print this, or the version, and stop\n"
+      "  -help (or -h), -version             print this, or the version, and stop\n"
       "PETSc's own options (-ts_type, -snes_rtol, -ksp_view, -log_view …) are passed on to PETSc.\n";
   return text;
 }
@@ -83,11 +96,14 @@ std::string Options::markdown() const {
   std::string text;
   const auto out = std::back_inserter(text);
   for (const auto& [title, members] : by_group()) {
-    fmt::format_to(out, "{}## {}\n\n| option | type | default | unit | range | meaning |\n|---|---|---|---|---|---|\n",
-                   text.empty() ? "" : "\n", title);
+    fmt::format_to(
+        out,
+        "{}## {}\n\n| option | type | default | unit | range | on restart | meaning |\n|---|---|---|---|---|---|---|\n",
+        text.empty() ? "" : "\n", title);
     for (const Option* option : members)
-      fmt::format_to(out, "| `-{}` | {} | {} | {} | {} | {} |\n", option->name, cell(type_text(*option)),
-                     cell(default_text(*option)), option->spec.unit, range_text(*option), cell(option->spec.help));
+      fmt::format_to(out, "| `-{}` | {} | {} | {} | {} | {} | {} |\n", option->name, cell(type_text(*option)),
+                     cell(default_text(*option)), option->spec.unit, range_text(*option),
+                     restart_text(option->spec.on_restart), cell(option->spec.help));
   }
   return text;
 }

@@ -49,8 +49,6 @@ std::string read_whole(const std::string& file) {
   std::string text = read_text_file(file, largest, "options file");
   if (text.find('\0') != std::string::npos)
     throw InputError("options file {}: is not a text file (it contains zero bytes)", file);
-  constexpr std::string_view byte_order_mark = "\xef\xbb\xbf";
-  if (text.starts_with(byte_order_mark)) text.erase(0, byte_order_mark.size());
   return text;
 }
 
@@ -149,22 +147,29 @@ class YamlReader {
       if (value.type == YAML_MAPPING_NODE) {
         read_mapping(document, value, name + "_", depth + 1);
       } else {
-        settings_.push_back({name, value_of(document, value), file_, line(key)});
+        Setting& setting = settings_.emplace_back(Setting{name, {}, file_, line(key)});
+        setting.null = is_null(value);
+        if (!setting.null) setting.value = value_of(document, value);
       }
     }
   }
 
-  std::optional<std::string> value_of(yaml_document_t& document, const yaml_node_t& node) {
-    if (node.type == YAML_SCALAR_NODE) {
-      const std::string text = scalar(node);
-      const bool plain = node.data.scalar.style == YAML_PLAIN_SCALAR_STYLE;
-      if (plain && (text.empty() || text == "~" || text == "null")) return {};
-      return text;
-    }
+  /// Whether it is null in one of YAML's spellings.
+  bool is_null(const yaml_node_t& node) {
+    if (node.type != YAML_SCALAR_NODE) return false;
+    if (node.tag != nullptr && std::string_view(reinterpret_cast<const char*>(node.tag)) == YAML_NULL_TAG) return true;
+    if (node.data.scalar.style != YAML_PLAIN_SCALAR_STYLE) return false;
+    const std::string text = scalar(node);
+    return text.empty() || text == "~" || text == "null" || text == "Null" || text == "NULL";
+  }
+
+  std::string value_of(yaml_document_t& document, const yaml_node_t& node) {
+    if (node.type == YAML_SCALAR_NODE) return scalar(node);
     std::string joined;
     for (auto* item = node.data.sequence.items.start; item < node.data.sequence.items.top; ++item) {
       const yaml_node_t& element = *yaml_document_get_node(&document, *item);
       if (element.type != YAML_SCALAR_NODE) fail(element, "a list may hold plain values only");
+      if (is_null(element)) fail(element, "an item of a list has no value; give it one, or leave it out");
       if (item != node.data.sequence.items.start) joined += ',';
       joined += scalar(element);
     }
@@ -212,6 +217,10 @@ std::string Setting::text() const {
   if (value) result.append(1, ' ').append(printable(*value));
   if (line > 0) result += fmt::format(" ({})", place(source, line));
   return result;
+}
+
+std::filesystem::path Setting::folder() const {
+  return line > 0 ? std::filesystem::path(source).parent_path() : std::filesystem::path();
 }
 
 std::vector<Setting> read_arguments(const std::vector<std::string>& arguments) {

@@ -78,6 +78,8 @@ std::string read_text_file(const std::string& file, std::size_t limit, std::stri
   if (in.bad()) throw InputError("{} {}: cannot be read: {}", what, name, std::strerror(errno));
   if (text.size() > limit)
     throw InputError("{} {}: is too large; {} bytes are the most that is read", what, name, limit);
+  constexpr std::string_view byte_order_mark = "\xef\xbb\xbf";
+  if (text.starts_with(byte_order_mark)) text.erase(0, byte_order_mark.size());
   return text;
 }
 

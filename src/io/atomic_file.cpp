@@ -7,8 +7,10 @@
 #include <chrono>
 #include <cstdio>
 #include <cstring>
+#include <functional>
 #include <random>
 #include <string>
+#include <vector>
 
 namespace pliant {
 namespace {
@@ -19,18 +21,22 @@ namespace {
 }
 
 /// Returns 0 or the errno of what failed.
-int write_and_sync(const std::string& name, std::initializer_list<std::string_view> parts) {
+int write_all(int file, std::string_view bytes) {
+  while (!bytes.empty()) {
+    const ssize_t written = ::write(file, bytes.data(), bytes.size());
+    if (written >= 0)
+      bytes.remove_prefix(static_cast<std::size_t>(written));
+    else if (errno != EINTR)
+      return errno;
+  }
+  return 0;
+}
+
+/// The same; write(file) writes what is to be in the new file.
+int write_and_sync(const std::string& name, const std::function<int(int file)>& write) {
   const int file = ::open(name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666);
   if (file < 0) return errno;
-  int error = 0;
-  for (std::string_view bytes : parts)
-    while (error == 0 && !bytes.empty()) {
-      const ssize_t written = ::write(file, bytes.data(), bytes.size());
-      if (written >= 0)
-        bytes.remove_prefix(static_cast<std::size_t>(written));
-      else if (errno != EINTR)
-        error = errno;
-    }
+  int error = write(file);
   if (error == 0 && ::fsync(file) != 0) error = errno;
   if (::close(file) != 0 && error == 0) error = errno;
   return error;
@@ -49,13 +55,11 @@ void remove_leftovers(const std::filesystem::path& folder, const std::string& na
   }
 }
 
-}  // namespace
-
-void write_file_atomically(const std::filesystem::path& path, std::initializer_list<std::string_view> parts) {
+void put_atomically(const std::filesystem::path& path, const std::function<int(int file)>& write) {
   const std::filesystem::path folder = path.has_parent_path() ? path.parent_path() : ".";
   remove_leftovers(folder, path.filename().string());
   const std::string temporary = fmt::format("{}.{:08x}.tmp", path.string(), std::random_device()());
-  int error = write_and_sync(temporary, parts);
+  int error = write_and_sync(temporary, write);
   if (error == 0 && std::rename(temporary.c_str(), path.c_str()) != 0) error = errno;
   if (error != 0) {
     ::unlink(temporary.c_str());
@@ -66,6 +70,41 @@ void write_file_atomically(const std::filesystem::path& path, std::initializer_l
     (void)::fsync(directory);
     ::close(directory);
   }
+}
+
+}  // namespace
+
+void write_file_atomically(const std::filesystem::path& path, std::initializer_list<std::string_view> parts) {
+  put_atomically(path, [&](int file) {
+    int error = 0;
+    for (const std::string_view bytes : parts)
+      if (error == 0) error = write_all(file, bytes);
+    return error;
+  });
+}
+
+void copy_file_atomically(const std::filesystem::path& from, const std::filesystem::path& path) {
+  const int source = ::open(from.c_str(), O_RDONLY | O_CLOEXEC);
+  if (source < 0) throw InputError("cannot read {}: {}", from.string(), std::strerror(errno));
+  int unread = 0;  // errno of the source
+  const auto copy = [&](int file) {
+    std::vector<char> piece(std::size_t{1} << 20);
+    for (;;) {
+      const ssize_t got = ::read(source, piece.data(), piece.size());
+      if (got == 0) return 0;
+      if (got < 0 && errno == EINTR) continue;
+      if (got < 0) return unread = errno;
+      if (const int error = write_all(file, {piece.data(), static_cast<std::size_t>(got)}); error != 0) return error;
+    }
+  };
+  try {
+    put_atomically(path, copy);
+  } catch (const Error&) {
+    ::close(source);
+    if (unread != 0) throw InputError("cannot read {}: {}", from.string(), std::strerror(unread));
+    throw;
+  }
+  ::close(source);
 }
 
 }  // namespace pliant

@@ -12,4 +12,7 @@ namespace pliant {
 /// system's reason; `path` is then untouched.
 void write_file_atomically(const std::filesystem::path& path, std::initializer_list<std::string_view> parts);
 
+/// The same with the content of another file.
+void copy_file_atomically(const std::filesystem::path& from, const std::filesystem::path& path);
+
 }  // namespace pliant

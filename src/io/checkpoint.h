@@ -29,6 +29,14 @@ struct Checkpoint {
   Real real(const std::string& name, Real least = -any, Real most = any) const;
   std::int64_t integer(const std::string& name, std::int64_t least = 0, std::int64_t most = any_count) const;
   bool flag(const std::string& name) const { return integer(name, 0, 1) != 0; }
+  /// Numbers that older versions did not store: `otherwise` where they are missing.
+  Real real_or(const std::string& name, Real otherwise, Real least = -any, Real most = any) const {
+    return reals.contains(name) ? real(name, least, most) : otherwise;
+  }
+  std::int64_t integer_or(const std::string& name, std::int64_t otherwise, std::int64_t least = 0,
+                          std::int64_t most = any_count) const {
+    return integers.contains(name) ? integer(name, least, most) : otherwise;
+  }
   /// Arrays of this length, whose values are finite and least … most.
   const std::vector<double>& real_array(const std::string& name, std::size_t length, Real least = -any,
                                         Real most = any) const;

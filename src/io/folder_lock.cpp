@@ -15,9 +15,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-int lock_now(int descriptor) {
+int lock_now(int descriptor, int how = LOCK_EX) {
   int result = 0;
-  do result = ::flock(descriptor, LOCK_EX | LOCK_NB);
+  do result = ::flock(descriptor, how | LOCK_NB);
   while (result != 0 && errno == EINTR);
   return result == 0 ? 0 : errno;
 }
@@ -52,6 +52,17 @@ void create_folder(const fs::path& folder) {
   if (!error && !fs::is_directory(folder)) error = std::make_error_code(std::errc::not_a_directory);
   if (error)
     throw OutputError("cannot create the folder {}: {}; choose another -output", folder.string(), error.message());
+}
+
+std::optional<std::string> holder_of(const fs::path& folder) {
+  const int file = ::open((folder / "run.lock").c_str(), O_RDONLY | O_CLOEXEC);
+  if (file < 0) return {};
+  // Shared: several may ask at a time.
+  std::optional<std::string> holder;
+  if (lock_now(file, LOCK_SH) == EWOULDBLOCK) holder = note_of(file);
+  ::close(file);
+  if (holder && holder->empty()) holder = "another process";
+  return holder;
 }
 
 FolderLock::FolderLock(const fs::path& folder) : folder_(folder), file_(folder / "run.lock") {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -10,6 +11,9 @@ namespace pliant {
 
 /// Creates a folder and its parents. Errors: OutputError.
 void create_folder(const std::filesystem::path& folder);
+
+/// "process 12 on host x" that holds the lock of a folder; nothing where no process does.
+std::optional<std::string> holder_of(const std::filesystem::path& folder);
 
 /// Holds run.lock in a folder from construction to destruction. The lock is the system's (flock) and ends with the
 /// process, however that ends; the file says who holds it, and a file that was left behind locks nothing. Folders on a

@@ -262,6 +262,14 @@ void RunWriter::check_frames() {
   }
 }
 
+void RunWriter::drop_later_frames() {
+  auto list = file_->open_group("/frames");
+  if (!list.has(frame_name(frames_))) return;
+  xdmf_->cut(frames_);  // it names no frame that is not there
+  for (std::uint64_t n = frames_; list.has(frame_name(n)); ++n) list.remove(frame_name(n));
+  flush();
+}
+
 RunWriter::~RunWriter() {
   try {
     close();

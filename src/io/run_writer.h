@@ -97,6 +97,8 @@ class RunWriter {
 
   /// Writes /series_axes/name, or leaves it if it is there (after a restart).
   void write_axis(const std::string& name, std::span<const Real> values);
+  /// Removes the frames from number frames() on, which append() has left.
+  void drop_later_frames();
   /// Keeps one row of every series until the next frame or flush(). The first sample names the columns for the run.
   void add_sample(std::span<const SeriesValue> sample) { samples_.add(sample); }
   /// The same for /events, of which a run may have none.

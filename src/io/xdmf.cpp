@@ -169,14 +169,26 @@ void XdmfFile::put(std::size_t index, const std::string& grid) {
     starts_.push_back(end_);
   } else {
     // A frame after a restart: what follows it belongs to the past that is simulated again.
-    std::string text(starts_[index], '\0');
-    if (!std::ifstream(path_, std::ios::binary).read(text.data(), static_cast<std::streamsize>(text.size())))
-      throw OutputError("cannot read {} back; was it changed while the run was going?", path_.string());
-    write_file_atomically(path_, {text, grid, footer});
+    replace_from(index, grid);
     starts_.resize(index + 1);
     end_ = starts_[index];
   }
   end_ += grid.size();
+}
+
+void XdmfFile::cut(std::size_t count) {
+  if (count >= size()) return;
+  replace_from(count, "");
+  end_ = starts_[count];
+  starts_.resize(count);
+}
+
+/// Writes `grid`, or nothing, in the place of number `index` and those after it.
+void XdmfFile::replace_from(std::size_t index, const std::string& grid) {
+  std::string text(starts_[index], '\0');
+  if (!std::ifstream(path_, std::ios::binary).read(text.data(), static_cast<std::streamsize>(text.size())))
+    throw OutputError("cannot read {} back; was it changed while the run was going?", path_.string());
+  write_file_atomically(path_, {text, grid, footer});
 }
 
 void XdmfFile::append(const std::string& grid) {

@@ -46,10 +46,13 @@ class XdmfFile {
   XdmfFile(std::filesystem::path path, const std::vector<std::string>& grids);
   /// Makes `grid` number `index` and the last; index ≤ size().
   void put(std::size_t index, const std::string& grid);
+  /// Leaves the first `count` grids, or all if there are fewer.
+  void cut(std::size_t count);
   std::size_t size() const { return starts_.size(); }
 
  private:
   void append(const std::string& grid);
+  void replace_from(std::size_t index, const std::string& grid);
 
   std::filesystem::path path_;
   std::vector<std::size_t> starts_;  ///< position of each grid in the file

@@ -12,11 +12,14 @@
 
 #include <pliant/base/console.h>
 #include <pliant/base/version.h>
+#include <pliant/io/atomic_file.h>
 
 namespace pliant {
 namespace {
 
 namespace fs = std::filesystem;
+
+constexpr const char* branch_name = "branch.json";
 
 /// A text of the summary of a run's folder; empty if there is none that can be read.
 std::string stored_text(const fs::path& folder, const std::string& name) {
@@ -61,6 +64,21 @@ Found look_into(const fs::path& folder) {
   return Found::nothing;
 }
 
+/// What a command that branches finds in its folder: room for a branch of the run in `from`, or one that has begun.
+Found look_for_branch(const fs::path& folder, const fs::path& from) {
+  std::error_code error;
+  const nlohmann::ordered_json of = branch_of(folder);
+  const bool known = !of.is_null(), same = known && of["run"] == fs::weakly_canonical(from).string();
+  const bool begun = fs::exists(folder / "run.h5", error);
+  if ((begun && !same) || (!begun && !known && has_checkpoint(folder)))
+    throw InputError("{} holds a run that is no branch of {}; choose another -output", folder.string(), from.string());
+  if (begun) return look_into(folder);
+  if (const auto holder = holder_of(from))
+    throw InputError("{} is in use by {}; wait until it has ended, or stop it by kill, before a branch of it begins",
+                     from.string(), *holder);
+  return Found::nothing;
+}
+
 /// The root's paths, on all ranks.
 std::vector<std::string> shared_names(const Ranks& ranks, const std::vector<fs::path>& paths) {
   std::vector<char> text;
@@ -99,17 +117,18 @@ RunCounts counts_of(const Checkpoint& c) {
 
 void make_run(std::string_view scenario, const RunOptions& p, Options& options, const Ranks& ranks, FolderLock& lock,
               const std::function<void(std::optional<Checkpoint>)>& make) {
-  if (!p.restart.empty() && options.given("output") &&
-      fs::weakly_canonical(p.output) != fs::weakly_canonical(p.restart))
-    throw InputError("-output {}: -restart {} goes on in its own folder; leave -output out", p.output, p.restart);
-  const bool restart = !p.restart.empty();
-  const fs::path folder = restart ? p.restart : p.output;
+  const bool restart = !p.restart.empty(), branch = p.branches(options);
+  fs::path folder = restart && !branch ? p.restart : p.output;  // with the checkpoint to go on from
   Found found = Found::stopped;
   StoredCheckpoints stored;
   ranks.on_root([&] {
-    if (std::error_code none; !restart || fs::is_directory(folder, none)) lock = FolderLock(folder);
+    if (std::error_code none; !restart || branch || fs::is_directory(folder, none)) lock = FolderLock(folder);
     if (!lock.warning().empty()) warn("{}", lock.warning());
     if (!restart) found = look_into(folder);
+    if (branch && (found = look_for_branch(folder, p.restart)) == Found::nothing) {
+      folder = p.restart;
+      found = Found::stopped;
+    }
     if (found != Found::nothing) stored = find_checkpoints(folder);
   });
   if (ranks.broadcast(found) == Found::nothing) return make({});
@@ -151,6 +170,22 @@ void make_run(std::string_view scenario, const RunOptions& p, Options& options, 
                      : fits               ? ""
                             : "; end what uses run.h5, bring it back from a copy, or start again with another -output");
   });
+}
+
+nlohmann::ordered_json branch_of(const fs::path& folder) {
+  std::ifstream file(folder / branch_name);
+  const auto found = nlohmann::ordered_json::parse(file, nullptr, false);
+  return found.is_object() && found.contains("run") ? found : nlohmann::ordered_json();
+}
+
+fs::path begin_branch(const fs::path& checkpoint, Real t, std::int64_t step, const fs::path& folder) {
+  const fs::path from = checkpoint.parent_path(), copy = folder / checkpoint.filename();
+  const nlohmann::ordered_json of{{"run", fs::weakly_canonical(from).string()}, {"t", t}, {"step", step}};
+  create_folder(folder);
+  write_file_atomically(folder / branch_name, {of.dump(2), "\n"});
+  copy_file_atomically(checkpoint, copy);
+  copy_file_atomically(from / "run.h5", folder / "run.h5");
+  return copy;
 }
 
 Manifest make_manifest(std::string_view scenario, std::string_view model, int dim, std::int64_t seed,

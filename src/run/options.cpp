@@ -1,28 +1,44 @@
 #include <pliant/run/options.h>
 
+#include <filesystem>
+
 namespace pliant {
 
+bool RunOptions::branches(const Options& options) const {
+  if (restart.empty() || !options.given("output") ||
+      std::filesystem::weakly_canonical(output) == std::filesystem::weakly_canonical(restart))
+    return false;
+  // That of an options file is the folder of the run that the file made.
+  if (const std::string& from = options.source("output"); from != "command line")
+    throw InputError(
+        "-output {} ({}) with -restart {}: a branch needs -output on the command line; to continue in place, leave it "
+        "out or give -output {}",
+        output, from, restart, restart);
+  return true;
+}
+
 void RunOptions::bind_output(Options& o, bool intervals) {
-  constexpr auto fixed = OnRestart::fixed;
   o.group("Output");
   o.bind("output", output, {.help = "folder of the run", .on_restart = OnRestart::forget});
-  o.bind("restart", restart, {.help = "folder of a run to continue, in place", .on_restart = OnRestart::forget});
+  o.bind("restart", restart,
+         {.help = "folder of a run to continue: in place, or with -output in another folder, as a branch",
+          .on_restart = OnRestart::forget});
   if (intervals) {
     o.bind("frame_interval", frame_interval,
-           {.help = "time between frames; less than a step: every step",
-            .unit = "t0",
-            .min = 0,
-            .min_open = true,
-            .on_restart = fixed});
+           {.help = "time between frames; less than a step: every step", .unit = "t0", .min = 0, .min_open = true});
     o.bind("sample_interval", sample_interval,
            {.help = "time between samples of the series; less than a step: every step",
             .unit = "t0",
             .min = 0,
-            .min_open = true,
-            .on_restart = fixed});
+            .min_open = true});
   }
   o.bind("checkpoint_interval", checkpoint_interval,
          {.help = "wall time between checkpoints; 0: only at the start and when stopped", .unit = "s", .min = 0});
+  o.bind("progress_interval", progress_interval,
+         {.help = "wall time between lines with the progress where the standard output is no terminal; 0: none",
+          .unit = "s",
+          .min = 0,
+          .on_restart = OnRestart::forget});
   o.bind("max_wall_time", max_wall_time,
          {.help = "wall-time limit: writes a checkpoint and stops; 0: no limit",
           .unit = "s",

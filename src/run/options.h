@@ -12,7 +12,11 @@ struct RunOptions {
   std::int64_t seed = 1;
   Index threads = 1;  ///< of this process
   bool allow_unstable_dt = false;
-  Real frame_interval = 2, sample_interval = 0.2, checkpoint_interval = 300, max_wall_time = 0;
+  Real frame_interval = 2, sample_interval = 0.2, checkpoint_interval = 300, max_wall_time = 0, progress_interval = 60;
+
+  /// Whether -restart and -output name two folders: the run goes on in the second one, as a branch. Errors: InputError
+  /// where an options file names the second one.
+  bool branches(const Options& options) const;
 
   /// Nothing is automatic: a scenario that has more to do has a resolve() of its own.
   void resolve() {}

@@ -13,6 +13,7 @@
 
 #include <pliant/io/checkpoint.h>
 #include <pliant/io/run_writer.h>
+#include <pliant/run/schedule.h>
 #include <pliant/run/shared_checkpoint.h>
 #include <pliant/run/simulation.h>
 #include <pliant/run/stored_particles.h>
@@ -34,6 +35,8 @@ class RunAccess {
   virtual Real last_dt() const = 0;
   /// The command that goes on with the run.
   virtual std::string restart_command() const = 0;
+  /// Which samples to average over, from the first one of the run on.
+  virtual EvenSamples even_samples() const = 0;
 };
 
 /// A scenario's half of a run. All functions are called on every rank alike, and may be collective, unless they say

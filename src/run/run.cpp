@@ -45,7 +45,7 @@ Run<D>::Run(std::string scenario, const RunOptions& p, const Options& options, c
       options_(options),
       ranks_(ranks),
       protocol_(std::move(protocol)),
-      control_(p.checkpoint_interval, p.max_wall_time, ranks),
+      control_(p.checkpoint_interval, p.max_wall_time, ranks, p.progress_interval),
       sampling_(p.sample_interval),
       framing_(p.frame_interval),
       particles_(simulation().all().particles()),
@@ -70,12 +70,14 @@ ExitCode Run<D>::run() {
   if (const Box<D>& box = simulation().particles().box(); !box.open())
     for (const Vec<D>& row : {box.origin(), box.length()})
       geometry.box.insert(geometry.box.end(), row.begin(), row.end());
+  branch();
   writer_.emplace(restarted()
                       ? RunWriter::append(p_.output, all, restored_samples_, restored_frames_, restored_events_, ranks_)
                       : RunWriter::create(p_.output, make_manifest(scenario_, protocol_->model(), D, p_.seed, options_),
                                           all, geometry, ranks_));
   ranks_.on_root([&] {
     for (const std::string& message : writer_->damage()) warn("{}", message);
+    if (branched_ || framing_.changed()) writer_->drop_later_frames();
     checkpoints_.emplace(p_.output, restarted_from_);
     protocol_->write_axes(*writer_);
     announce();
@@ -113,7 +115,7 @@ void Run<D>::check() {
   protocol_->check();
   const Real end = protocol_->last_time();
   if (restarted() && end < state().t - dt_ / 2)
-    throw InputError("{}: the checkpoint in {} is at t = {:.6g} already; give a later end", end_text(), p_.output,
+    throw InputError("{}: the checkpoint {} is at t = {:.6g} already; give a later end", end_text(), restarted_from_,
                      state().t);
 }
 
@@ -151,7 +153,15 @@ void Run<D>::announce() const {
   if (const Real critical = protocol_->critical_step(); std::isfinite(critical))
     say(", dt/dt_critical = {:.2f}", dt_ / critical);
   say("; output in {}\n", p_.output);
+  if (branched_) say("branch of {}, with a copy of its samples and frames\n", p_.restart);
   if (restarted()) say("continuing at t = {:.6g} {}, step {}\n", state().t, protocol_->unit_of_time(), state().step);
+}
+
+/// Makes the folder of a branch, unless the run goes on in the one of its checkpoint.
+template <int D>
+void Run<D>::branch() {
+  if (!branched_) return;
+  ranks_.on_root([&] { restarted_from_ = begin_branch(restarted_from_, state().t, state().step, p_.output).string(); });
 }
 
 /// The start of a new run.
@@ -423,6 +433,7 @@ void Run<D>::load(const Checkpoint& c) {
   particles.set_use({evaluations, since_sort});
   rebuilds_before_ = rebuilds - particles.neighbours().rebuilds();
   restarted_from_ = c.file;
+  branched_ = p_.branches(options_) && std::filesystem::path(c.file).parent_path() != std::filesystem::path(p_.output);
 }
 
 // --- Texts, summary
@@ -464,6 +475,8 @@ nlohmann::ordered_json Run<D>::summary() {
   const bool deformable = points_ != particles_;
   nlohmann::ordered_json s =
       summary_head(scenario_, protocol_->model(), status_, ended_by_.empty() ? "t_end" : ended_by_, options_);
+  if (const auto of = branch_of(p_.output); !of.is_null()) s["branch_of"] = of;
+  if (sampling_.changed()) s["longest_sample_interval"] = sampling_.longest();
   s["particles"] = particles_;
   s["t"] = state().t;
   s["integrator"] = integrator().name();
@@ -490,6 +503,7 @@ ExitCode Run<D>::finish() {
   if (!stopped()) protocol_->conclude(s);
   ranks_.on_root([&] {
     writer_->flush();
+    if (!stopped()) writer_->drop_later_frames();  // of a run that was killed later than this one ends
     if (stopped()) {
       say("stopped at t = {:.6g} {} with a checkpoint; run the same command again to go on\n", state().t,
           protocol_->unit_of_time());

@@ -46,6 +46,7 @@ class Run final : public AnyRun, private RunAccess {
   void add_event(const std::vector<SeriesValue>& row) override;
   Real last_dt() const override;
   std::string restart_command() const override;
+  EvenSamples even_samples() const override { return EvenSamples(sampling_); }
 
   Simulation<D>& simulation() { return protocol_->simulation(); }
   const Simulation<D>& simulation() const { return protocol_->simulation(); }
@@ -62,6 +63,7 @@ class Run final : public AnyRun, private RunAccess {
   void check_step() const;
   std::string end_text() const;
   void announce() const;
+  void branch();
   void prepare();
   void repeat();
   AfterStep after_step();
@@ -92,6 +94,7 @@ class Run final : public AnyRun, private RunAccess {
   Index particles_, points_;     ///< of all ranks
   Real dt_, last_dt_;            ///< the first step of this process; the last one before it
   std::string restarted_from_;   ///< file of the checkpoint
+  bool branched_ = false;        ///< it is that of another folder
   IntegratorStatistics before_;  ///< of the runs before a restart
   std::int64_t rebuilds_before_ = 0;
   Real cpu_before_ = 0, cpu_at_start_ = 0, started_at_ = 0;

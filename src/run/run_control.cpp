@@ -70,16 +70,19 @@ StopSignals::~StopSignals() {
 
 bool StopSignals::requested() { return requested_at != 0; }
 
-RunControl::RunControl(Real checkpoint_interval, Real max_wall_time, Ranks ranks)
+RunControl::RunControl(Real checkpoint_interval, Real max_wall_time, Ranks ranks, Real progress_interval)
     : ranks_(ranks),
       checkpoint_interval_(checkpoint_interval),
       max_wall_time_(max_wall_time),
+      progress_interval_(progress_interval),
       start_(Clock::now()),
       last_look_(start_),
       last_checkpoint_(start_),
       last_progress_(start_),
+      last_line_(start_),
       cpu_start_(process_cpu_seconds()),
-      terminal_(ranks.root() && isatty(STDERR_FILENO) == 1) {}
+      terminal_(ranks.root() && isatty(STDERR_FILENO) == 1),
+      prints_lines_(ranks.root() && progress_interval > 0 && isatty(STDOUT_FILENO) == 0) {}
 
 Real RunControl::seconds_since(Clock::time_point t) const {
   return std::chrono::duration<Real>(Clock::now() - t).count();
@@ -112,6 +115,10 @@ Real RunControl::wall_seconds() const { return seconds_since(start_); }
 Real RunControl::cpu_seconds() const { return ranks_.sum(process_cpu_seconds() - cpu_start_); }
 
 void RunControl::progress(const std::function<std::string()>& text) {
+  if (prints_lines_ && seconds_since(last_line_) >= progress_interval_) {
+    last_line_ = Clock::now();
+    say("{}\n", text());
+  }
   if (!terminal_ || seconds_since(last_progress_) < 0.5) return;
   last_progress_ = Clock::now();
   complain(fmt::format("\r{}\x1b[K", text()));

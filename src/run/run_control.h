@@ -47,7 +47,7 @@ class StopSignals {
 class RunControl {
  public:
   /// Wall seconds; 0 or less: never.
-  RunControl(Real checkpoint_interval, Real max_wall_time, Ranks ranks = Ranks());
+  RunControl(Real checkpoint_interval, Real max_wall_time, Ranks ranks = Ranks(), Real progress_interval = 0);
 
   /// Whether to look closer at this step: cheap, true once in a while, on all ranks.
   bool due();
@@ -56,8 +56,8 @@ class RunControl {
   Real wall_seconds() const;
   Real cpu_seconds() const;  ///< of all ranks; collective
 
-  /// Rewrites the progress line on a terminal (stderr), at most twice a second; silent in a pipe. `text` is made only
-  /// when needed.
+  /// Rewrites the progress line on a terminal (stderr), at most twice a second, and prints it as a line on a standard
+  /// output that is none (a file, a pipe), once in a progress interval. `text` is made only when needed.
   void progress(const std::function<std::string()>& text);
   /// Ends the progress line.
   void end_progress();
@@ -67,11 +67,11 @@ class RunControl {
   Real seconds_since(Clock::time_point t) const;
 
   Ranks ranks_;
-  Real checkpoint_interval_, max_wall_time_;
-  Clock::time_point start_, last_look_, last_checkpoint_, last_progress_;
+  Real checkpoint_interval_, max_wall_time_, progress_interval_;
+  Clock::time_point start_, last_look_, last_checkpoint_, last_progress_, last_line_;
   Real cpu_start_;
   int steps_to_look_ = 1, left_ = 1;
-  bool terminal_, line_open_ = false;
+  bool terminal_, prints_lines_, line_open_ = false;
 };
 
 /// "1 h 02 min", "35 s".

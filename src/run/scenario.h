@@ -57,7 +57,7 @@ Scenario option_scenario(std::string name, std::string help, MakeRun<Parameters>
     p.bind(options);
     if (!parse_arguments(name, options, arguments, ranks)) return ExitCode::done;
     return run_by_options(name, p, options, ranks, [&](std::optional<Checkpoint> checkpoint) {
-      if (!p.restart.empty()) p.output = p.restart;
+      if (!p.restart.empty() && !p.branches(options)) p.output = p.restart;
       p.resolve();
       return make(p, options, ranks, std::move(checkpoint));
     });

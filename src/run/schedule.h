@@ -5,6 +5,7 @@
 #include <string>
 
 #include <pliant/io/checkpoint.h>
+#include <pliant/io/run_writer.h>
 
 namespace pliant {
 
@@ -12,24 +13,45 @@ namespace pliant {
 class Schedule {
  public:
   /// Positive, of any size.
-  explicit Schedule(Real interval) : interval_(interval) {}
+  explicit Schedule(Real interval) : interval_(interval), longest_(interval) {}
 
   bool due(Real t) const { return t >= time_of(next_); }
   /// It is done at time t >= 0, due or not. Takes no longer where it has been due many times since.
   void done(Real t);
   bool done_at(Real t) const { return last_ >= t; }
+  /// Whether a restart has changed the interval, and the longest one since the start of the run.
+  bool changed() const { return changed_; }
+  Real longest() const { return longest_; }
 
-  void save(CheckpointWriter& checkpoint, const std::string& name) const { checkpoint.add(name, last_); }
-  /// Errors: InputError, as of Checkpoint, also where it ought to have been done again before the checkpoint.
+  void save(CheckpointWriter& checkpoint, const std::string& name) const;
+  /// The interval may be another than the checkpoint's. Errors: InputError, as of Checkpoint, also where it ought to
+  /// have been done again before the checkpoint.
   void load(const Checkpoint& checkpoint, const std::string& name);
 
  private:
   /// A little earlier, for the rounding of times.
   Real time_of(std::int64_t k) const { return static_cast<Real>(k) * interval_ * (1 - 1e-12); }
 
-  Real interval_;
+  Real interval_, longest_;
+  bool changed_ = false;
   std::int64_t next_ = 0;
   Real last_ = -1;  ///< −1: not yet
 };
+
+/// Picks samples that are evenly spaced, so that averages give each the same weight: all of a run whose interval never
+/// changed, otherwise those that are due by the longest one.
+class EvenSamples {
+ public:
+  explicit EvenSamples(const Schedule& samples) : all_(!samples.changed()), due_(samples.longest()) {}
+  /// Whether to take the next sample, of this time.
+  bool take(Real t);
+
+ private:
+  bool all_;
+  Schedule due_;
+};
+
+/// The rows of a series that `even` takes; its column "time" has their times.
+Series even_rows(const Series& series, EvenSamples even);
 
 }  // namespace pliant

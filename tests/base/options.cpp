@@ -191,7 +191,6 @@ TEST_CASE("unknown options are refused with the nearest name") {
   CHECK(complaint({"-Hopper_width", "3"}) == "unknown option -Hopper_width; did you mean -hopper_width?");
   CHECK(complaint({"-temperature", "3"}) == "unknown option -temperature; -help lists all options");
   CHECK(complaint({"-w", "3"}) == "unknown option -w; did you mean -hopper_width?");  // as its help has it
-  CHECK(complaint({"-h"}) == "unknown option -h; did you mean -help?");
   CHECK(complaint({"-z"}) == "unknown option -z; -help lists all options");
   CHECK(complaint({"-hopper_width=3"}) == "unknown option -hopper_width=3; write -hopper_width 3");
   CHECK(complaint({"-TS_type", "rk"}) == "unknown option -TS_type; did you mean -ts_type?");
@@ -204,6 +203,7 @@ TEST_CASE("-help and -version come before everything else") {
   Program p;
   CHECK(p.options.parse({"-hopper_width", "nan", "-help"}) == Options::Request::help);
   CHECK(p.options.parse({"--help"}) == Options::Request::help);
+  CHECK(p.options.parse({"-h"}) == Options::Request::help);
   CHECK(p.options.parse({"-version", "-unknown"}) == Options::Request::version);
   CHECK(p.options.parse({"-version", "-help"}) == Options::Request::help);
   CHECK(p.width == 5);
@@ -282,7 +282,22 @@ TEST_CASE("faults in options files name the file and the line") {
         "-hopper_width -3 (a.yaml:3): must be greater than 0 (unit sigma_avg)");
   CHECK(from("a.yaml", "hopper:\n  widht: 3\n") ==
         "unknown option -hopper_widht (a.yaml:2); did you mean -hopper_width?");
-  CHECK(from("a.yaml", "n:\n") == "-n (a.yaml:1): needs a value (integer)");
+  for (const char* nothing : {"", " ~", " null", " Null", " NULL", " !!null ''", " # nothing"}) {
+    INFO(nothing);
+    for (const auto& [name, type] : {std::pair{"n", "integer"},
+                                     {"plot", "yes|no"},
+                                     {"energy", "real"},
+                                     {"dt", "real"},
+                                     {"output", "text"},
+                                     {"integrator", "verlet|ts"},
+                                     {"model", "sp|rough|smooth"}})
+      CHECK(from("a.yaml", fmt::format("{}:{}\n", name, nothing)) ==
+            fmt::format("-{} (a.yaml:1): needs a value ({})", name, type));
+    CHECK(from("a.yaml", fmt::format("hopper:\n  width:{}\n", nothing)) ==
+          "-hopper_width (a.yaml:2): needs a value (real)");
+  }
+  CHECK_THAT(from("a.yaml", "ts_adapt_clip: [1, ~]\n"), Contains("an item of a list has no value"));
+  CHECK(from("a.txt", "-n\n-energy 2\n") == "-n (a.txt:1): needs a value (integer)");
   CHECK(from("a.yaml", "energy: .nan\n") == "-energy .nan (a.yaml:1): not a finite number");
   CHECK(from("a.yaml", "energy: [1, 2]\n") == "-energy 1,2 (a.yaml:1): not a finite number");
   CHECK(from("a.yaml", "n: 5\nn: 6\n") == "options file a.yaml:2: n is given twice, first in line 1");
@@ -426,10 +441,42 @@ TEST_CASE("help and the reference show group, type, default, unit, range and cho
                        Contains("\nRun:\n") && Contains("-model <sp|rough|smooth>") && Contains("default sp\n") &&
                        Contains("default from the stiffness t0; ≥ 0\n") && Contains("-options_file"));
   const std::string reference = p.options.markdown();
-  CHECK_THAT(reference,
-             StartsWith("## Hopper geometry\n\n| option | type | default | unit | range | meaning |\n|---") &&
-                 Contains("| `-hopper_width` | real | 5 | sigma_avg | > 0 | orifice width w |\n") &&
-                 Contains("| `-plot` | yes\\|no | no |  |  | draw a \\| figure |\n"));
+  CHECK_THAT(
+      reference,
+      StartsWith("## Hopper geometry\n\n| option | type | default | unit | range | on restart | meaning |\n|---") &&
+          Contains("| `-hopper_width` | real | 5 | sigma_avg | > 0 | fixed | orifice width w |\n") &&
+          Contains("| `-plot` | yes\\|no | no |  |  | may change | draw a \\| figure |\n"));
+}
+
+TEST_CASE("names of units are explained") {
+  Program p;
+  p.options.explain_units({{"g", "g is the unit of acceleration: leave it out"}});
+  CHECK_THROWS_MATCHES(p.options.parse({"-g", "9.81"}), InputError,
+                       Message("unknown option -g; g is the unit of acceleration: leave it out"));
+  CHECK_THROWS_MATCHES(p.options.parse({"-w", "3"}), InputError,
+                       Message("unknown option -w; did you mean -hopper_width?"));
+}
+
+TEST_CASE("paths are relative to the file that names them") {
+  const Folder folder;
+  std::string shape, from = "not read";
+  Options options;
+  options.bind("shape", shape, {.help = "file", .read = [&](const std::string& file, const std::filesystem::path& in) {
+                                  from = in.string();
+                                  return path_from(in, file);
+                                }});
+  for (const char* name : {"a.yaml", "a.txt"}) {
+    const std::string file =
+        folder.write(name, std::string(name) == "a.yaml" ? "shape: s/o.txt\n" : "-shape s/o.txt\n");
+    REQUIRE(options.parse({"-options_file", file}) == Options::Request::run);
+    CHECK(from == folder.path());
+    CHECK(shape == folder.path() + "/s/o.txt");
+  }
+  REQUIRE(options.parse({"-shape", "o.txt"}) == Options::Request::run);
+  CHECK(from.empty());
+  CHECK(shape == "o.txt");
+  REQUIRE(options.parse({"-options_file", folder.write("b.yaml", "shape: /o.txt\n")}) == Options::Request::run);
+  CHECK(shape == "/o.txt");
 }
 
 TEST_CASE("mistakes in declarations are the programmer's") {
@@ -449,10 +496,13 @@ TEST_CASE("an option keeps what is read in place of its text, for restarts too")
   std::string shape;
   std::string content = "1 2\n3 4\n";
   const auto bind = [&](Options& options) {
-    options.bind("shape", shape, {.help = "file", .on_restart = OnRestart::fixed, .read = [&](const std::string& file) {
-                                    if (content.empty()) throw InputError("cannot read {}", file);
-                                    return content;
-                                  }});
+    options.bind("shape", shape,
+                 {.help = "file",
+                  .on_restart = OnRestart::fixed,
+                  .read = [&](const std::string& file, const std::filesystem::path&) {
+                    if (content.empty()) throw InputError("cannot read {}", file);
+                    return content;
+                  }});
   };
   Options first;
   bind(first);

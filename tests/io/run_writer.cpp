@@ -314,6 +314,15 @@ TEST_CASE("a restart cuts the series, and replaces frames when it comes to them"
   }
   CHECK(frame_names(scratch.path()).size() == 6);
   CHECK(check_xdmf(scratch.path()) == "6 49");
+  {
+    auto writer = RunWriter::append(scratch.path(), topology, 6, 4);
+    writer.drop_later_frames();
+    CHECK(check_xdmf(scratch.path()) == "4 33");
+    writer.write_frame(FrameData(topology, 4, 2).frame());
+    writer.drop_later_frames();
+  }
+  CHECK(frame_names(scratch.path()).size() == 5);
+  CHECK(check_xdmf(scratch.path()) == "5 41");
 
   // What does not belong together is refused.
   CHECK_THROWS_AS(RunWriter::append(scratch.path(), topology, 7, 3), InputError);

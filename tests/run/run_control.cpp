@@ -1,4 +1,5 @@
 // Requests to stop.
+#include <fmt/format.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -6,6 +7,7 @@
 #include <csignal>
 #include <functional>
 #include <limits>
+#include <string>
 #include <vector>
 
 #include <pliant/run/run_control.h>
@@ -152,6 +154,34 @@ TEST_CASE("a run looks at the clock at once, then ever more seldom where steps a
   CHECK(looks < steps / 10);
   CHECK(control.wall_seconds() >= 0);
   CHECK(control.cpu_seconds() >= 0);
+}
+
+TEST_CASE("off the terminal the progress is a line per interval", "[control]") {
+  const auto lines = [](Real interval) {
+    int ends[2];
+    REQUIRE(pipe(ends) == 0);
+    const pid_t child = fork();
+    if (child == 0) {
+      dup2(ends[1], STDOUT_FILENO);
+      RunControl control(0, 0, Ranks(), interval);
+      for (int k = 0; k < 3; ++k) {
+        control.progress([&] { return fmt::format("line {}", k); });
+        usleep(20000);
+      }
+      _exit(0);
+    }
+    close(ends[1]);
+    char text[200] = "";
+    std::size_t size = 0;
+    for (ssize_t got; (got = read(ends[0], text + size, sizeof text - size)) > 0;)
+      size += static_cast<std::size_t>(got);
+    close(ends[0]);
+    waitpid(child, nullptr, 0);
+    return std::string(text, size);
+  };
+  CHECK(lines(0.01) == "line 1\nline 2\n");
+  CHECK(lines(1000).empty());
+  CHECK(lines(0).empty());
 }
 
 TEST_CASE("durations as text", "[control]") {

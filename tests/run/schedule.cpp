@@ -1,6 +1,7 @@
 // When samples and frames are due.
 #include <catch2/catch.hpp>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -82,6 +83,56 @@ TEST_CASE("a schedule goes on where it was", "[schedule]") {
   CHECK_THROWS_AS(loaded(0.1, -1, 0.05), InputError);
   CHECK_THROWS_AS(loaded(0.1, 0.7, 0.85), InputError);
   CHECK_THROWS_AS(loaded(1e-300, 0.7, 0.71), InputError);
+}
+
+TEST_CASE("a restart may change an interval", "[schedule]") {
+  struct Case {
+    Real before, now, last, t;
+  };
+  for (const Case& k : {Case{0.5, 0.1, 4, 4.35}, Case{0.1, 0.5, 4.3, 4.35}, Case{0.1, 100, 4.3, 4.35}}) {
+    INFO(k.before << " " << k.now);
+    Checkpoint c;
+    c.t = k.t;
+    c.step = 10;
+    c.reals = {{"last", {k.last}}, {"last_interval", {k.before}}, {"last_longest_interval", {k.before}}};
+    c.integers = {{"last_interval_changed", {0}}};
+    Schedule schedule(k.now);
+    schedule.load(c, "last");
+    CHECK(schedule.done_at(k.last));
+    CHECK(!schedule.done_at(k.t));
+    CHECK(!schedule.due(k.t));
+    CHECK(schedule.due(k.now * std::ceil(k.t / k.now)));
+    CHECK(schedule.changed());
+    CHECK(schedule.longest() == std::max(k.before, k.now));
+    c.reals["last"] = {k.last - k.before};  // the old interval counts
+    CHECK_THROWS_AS(Schedule(k.now).load(c, "last"), InputError);
+  }
+}
+
+TEST_CASE("averages take evenly spaced samples", "[schedule]") {
+  Series series;
+  const auto add = [&](Real t) {
+    series["time"].values.push_back(t);
+    series["row"].values.insert(series["row"].values.end(), {t, -t});
+  };
+  for (int k = 0; k < 10; ++k) add(k);
+  for (int k = 0; k <= 40; ++k) add(10 + k * 0.25);
+  series["time"].rows = series["row"].rows = 51;
+  series["row"].width = 2;
+  const Series all = even_rows(series, EvenSamples(Schedule(0.25)));  // as if it had never changed
+  CHECK(all.at("time").values.size() == 51);
+  Checkpoint c;
+  c.t = 10;
+  c.step = 10;
+  c.reals = {{"last", {10}}, {"last_interval", {1}}, {"last_longest_interval", {1}}};
+  Schedule schedule(0.25);
+  schedule.load(c, "last");
+  const Series even = even_rows(series, EvenSamples(schedule));
+  REQUIRE(even.at("time").rows == 21);
+  for (int k = 0; k <= 20; ++k) {
+    CHECK(even.at("time").values[k] == k);
+    CHECK(even.at("row").values[2 * k + 1] == -k);
+  }
 }
 
 }  // namespace pliant::test::schedule_test

@@ -18,7 +18,7 @@ struct TextFile {
   ~TextFile() { std::filesystem::remove(path); }
 };
 
-std::string outline(const std::string& text) { return read_outline(TextFile(text).path); }
+std::string outline(const std::string& text) { return read_outline(TextFile(text).path, {}); }
 
 void refused(const std::string& text, const char* a, const char* b = "", const char* c = "") {
   INFO(text);
@@ -28,7 +28,7 @@ void refused(const std::string& text, const char* a, const char* b = "", const c
 
 void obstacle_refused(const std::string& text, const char* a, const char* b = "", int dim = 2) {
   INFO(text);
-  const auto read = [&] { parse_obstacles(read_obstacles(text), dim); };
+  const auto read = [&] { parse_obstacles(read_obstacles(text, {}), dim); };
   CHECK_THROWS_AS(read(), InputError);
   CHECK_THROWS_WITH(read(), Contains(a) && Contains(b));
 }
@@ -38,6 +38,8 @@ void obstacle_refused(const std::string& text, const char* a, const char* b = ""
 TEST_CASE("an outline is kept as it is read", "[shapes]") {
   const std::string half = "# a bottle\n2 0 # the lip\n5.25 1e0\n\t5.25,10\n";
   CHECK(outline(half) == "2 0\n5.25 1\n5.25 10\n");
+  CHECK(outline("\xef\xbb\xbf"
+                "2 0\r\n5.25 1\r\n5.25 10\r\n") == outline(half));  // as Windows writes it
   CHECK(outline(outline(half)) == outline(half));
   for (const int dim : {2, 3}) {
     const Vessel vessel = outline_vessel(outline(half), dim);
@@ -56,7 +58,7 @@ TEST_CASE("an outline is kept as it is read", "[shapes]") {
 }
 
 TEST_CASE("outlines that make no container are refused with line and cure", "[shapes]") {
-  CHECK_THROWS_WITH(read_outline("/no/such/file"), Contains("/no/such/file"));
+  CHECK_THROWS_WITH(read_outline("/no/such/file", {}), Contains("/no/such/file"));
   refused("", "no points");
   refused("# nothing\n", "no points");
   refused("2 0\n5 x\n", ":2:", "\"5 x\"", "write x y");
@@ -78,10 +80,10 @@ TEST_CASE("outlines that make no container are refused with line and cure", "[sh
 
 TEST_CASE("obstacles are kept with the points of their files", "[shapes]") {
   const TextFile corners("1 2\n1 4\n3 4 # clockwise, closed\n1 2\n");
-  const std::string text = read_obstacles("disk:0,5,1.5, polygon:" + corners.path + " ;disk:4,4,0.5");
+  const std::string text = read_obstacles("disk:0,5,1.5, polygon:" + corners.path + " ;disk:4,4,0.5", {});
   CHECK(text == "disk:0,5,1.5;polygon:1,2,1,4,3,4,1,2;disk:4,4,0.5");
-  CHECK(read_obstacles(text) == text);
-  CHECK(read_obstacles("disk:1,2,3,disk:4,5,6") == "disk:1,2,3;disk:4,5,6");  // as lists in YAML come
+  CHECK(read_obstacles(text, {}) == text);
+  CHECK(read_obstacles("disk:1,2,3,disk:4,5,6", {}) == "disk:1,2,3;disk:4,5,6");  // as lists in YAML come
   const std::vector<Obstacle> all = parse_obstacles(text, 2);
   REQUIRE(all.size() == 3);
   CHECK(all[0].radius == 1.5);

@@ -13,6 +13,7 @@
 #include <pliant/io/summary.h>
 #include <pliant/run/crossing_watch.h>
 #include <pliant/run/heat.h>
+#include <pliant/run/memory.h>
 #include <pliant/run/overlap_check.h>
 #include <pliant/scenarios/channel/options.h>
 #include <pliant/scenarios/channel/start.h>
@@ -32,6 +33,15 @@ Topology make_particles(const ChannelOptions& p) {
         particles.add_soft(2 * R, p.mass(R));
   }
   return particles;
+}
+
+RunSize size_of(const ChannelOptions& p) {
+  RunSize size;
+  for (std::size_t k = 0; k < p.sizes.size(); ++k) {
+    size.particles += p.disks[k];
+    size.points += std::int64_t{p.disks[k]} * (p.rough() ? p.vertices(p.sizes[k].radius) : 1);
+  }
+  return size;
 }
 
 /// The model: all that is known of it here.
@@ -417,6 +427,10 @@ Scenario channel_scenario() {
   Scenario s = option_scenario<ChannelOptions>(
       "channel", "disks that plungers push through a channel, back and forth",
       [](const ChannelOptions& p, const Options& options, const Ranks& ranks, std::optional<Checkpoint> checkpoint) {
+        check_memory(size_of(p),
+                     p.rough() ? fmt::format("-area_fraction {:g} with -n_vertices {}", p.area_fraction, p.n_vertices)
+                               : fmt::format("-area_fraction {:g} of these disks", p.area_fraction),
+                     ranks);
         if (!checkpoint) p.refuse_unread(options);
         return std::make_unique<Run<2>>("channel", p, options, ranks, std::make_unique<ChannelProtocol>(p, ranks),
                                         std::move(checkpoint));

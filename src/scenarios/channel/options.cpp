@@ -12,11 +12,11 @@ namespace {
 
 constexpr Real never = 1e300;  ///< s between frames that nobody asks for
 
+constexpr const char* one_outline = "the outline of a channel is one polygon, the plungers being sides of it";
+constexpr const char* one_shape = "the shape of a particle is one polygon";
+
 /// The corners in a file: one polygon. name: of the file, in messages; what: else they are of.
-std::vector<Vec<2>> parse_corners(std::string_view text, const std::string& name,
-                                  const char* what =
-                                      "the outline of a channel is one polygon, the plungers being sides "
-                                      "of it") {
+std::vector<Vec<2>> parse_corners(std::string_view text, const std::string& name, const char* what = one_outline) {
   std::vector<Polyline> all = parse_polylines(text, name, "cm");
   if (all.size() > 1) throw InputError("{}:{}: a second polyline; {}", name, all[1].lines[0], what);
   try {
@@ -26,21 +26,21 @@ std::vector<Vec<2>> parse_corners(std::string_view text, const std::string& name
   }
 }
 
-std::string read_corners(const std::string& file) {
+/// The corners in a file, relative to `folder`; kind: of the file.
+std::string corners_of(const std::string& file, const std::filesystem::path& folder, const std::string& kind,
+                       const char* what) {
+  const std::string path = path_from(folder, file);
   std::string text;
-  for (const Vec<2>& r : parse_corners(read_text_file(file, largest_outline, "outline"), "outline " + printable(file)))
+  for (const Vec<2>& r : parse_corners(read_text_file(path, largest_outline, kind), kind + " " + printable(path), what))
     text += fmt::format("{} {}\n", r[0], r[1]);
   return text;
 }
 
-constexpr const char* one_shape = "the shape of a particle is one polygon";
-
-std::string read_shape(const std::string& file) {
-  std::string text;
-  for (const Vec<2>& r :
-       parse_corners(read_text_file(file, largest_outline, "shape"), "shape " + printable(file), one_shape))
-    text += fmt::format("{} {}\n", r[0], r[1]);
-  return text;
+std::string read_corners(const std::string& file, const std::filesystem::path& folder) {
+  return corners_of(file, folder, "outline", one_outline);
+}
+std::string read_shape(const std::string& file, const std::filesystem::path& folder) {
+  return corners_of(file, folder, "shape", one_shape);
 }
 
 /// "x,y;x,y"
@@ -199,7 +199,10 @@ void ChannelOptions::bind(Options& o) {
   o.bind("frame_travel", push.frame_travel,
          positive("travel of the plunger between frames, rounded so that it divides the stroke", "cm"));
   o.bind("sample_travel", sample_travel,
-         positive("travel of the plunger in the time between samples of the series", "cm"));
+         {.help = "travel of the plunger in the time between samples of the series",
+          .unit = "cm",
+          .min = 0,
+          .min_open = true});
 }
 
 void ChannelOptions::resolve() {

@@ -13,6 +13,7 @@
 #include <pliant/catalogue/droplet_rest.h>
 #include <pliant/io/summary.h>
 #include <pliant/model/depletion.h>
+#include <pliant/run/memory.h>
 #include <pliant/scenarios/droplets/protocol.h>
 #include <pliant/setup/streams.h>
 #include <pliant/system/minimum.h>
@@ -250,6 +251,7 @@ Scenario clog_scenario() {
       "clog", "droplets that attract each other leave a hopper, or clog it",
       [](const ClogOptions& p, const Options& options, const Ranks& ranks, std::optional<Checkpoint> checkpoint) {
         // Before so many are made.
+        check_memory({p.n, p.n}, fmt::format("-n {}", p.n), ranks);
         if (checkpoint) checkpoint->integer_array("active", static_cast<std::size_t>(p.n));
         return std::make_unique<Run<2>>("clog", p, options, ranks, std::make_unique<ClogProtocol>(p, ranks),
                                         std::move(checkpoint));

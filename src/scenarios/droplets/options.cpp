@@ -8,6 +8,12 @@ constexpr auto fixed = OnRestart::fixed;
 }  // namespace
 
 void DropletOptions::bind_model(Options& o) {
+  const std::string radius = "R, the mean radius of the droplets, is the unit of length: leave it out";
+  o.explain_units({{"R", radius},
+                   {"r", radius},
+                   {"radius", radius},
+                   {"rho", "rho is 1 in these units: leave it out"},
+                   {"t0", "t0 = b R/force is the unit of time: leave it out"}});
   o.group("Model");
   o.bind("phi_c", phi_c, {.help = "depletion energy phi_c", .unit = "F R", .min = 0, .max = 1, .on_restart = fixed});
   o.bind(

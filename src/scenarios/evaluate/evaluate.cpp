@@ -232,22 +232,23 @@ std::string to_text(const ordered_json& value) {
 }
 
 Scenario evaluate_scenario() {
-  Scenario s{.name = "evaluate",
-             .help = "energies and forces of one configuration",
-             .arguments = "CASE.json",
-             .run = [](const Arguments& arguments, const Ranks& ranks) {
-               const std::string usage =
-                   fmt::format("usage: {} evaluate CASE.json (docs/evaluate.md describes the file)", program_name());
-               ranks.on_root([&] {
-                 if (arguments == Arguments{"-help"} || arguments == Arguments{"--help"})
-                   return print_result(usage + "\n");
-                 if (arguments.size() != 1) throw InputError("{}", usage);
-                 const std::string& file = arguments[0];
-                 if (file.starts_with('-')) throw InputError("unknown option {}; {}", file, usage);
-                 print_result(to_text(evaluate(read_case(file), file)) + "\n");
-               });
-               return ExitCode::done;
-             }};
+  Scenario s{
+      .name = "evaluate",
+      .help = "energies and forces of one configuration",
+      .arguments = "CASE.json",
+      .run = [](const Arguments& arguments, const Ranks& ranks) {
+        const std::string usage =
+            fmt::format("usage: {} evaluate CASE.json (docs/evaluate.md describes the file)", program_name());
+        ranks.on_root([&] {
+          if (arguments == Arguments{"-help"} || arguments == Arguments{"-h"} || arguments == Arguments{"--help"})
+            return print_result(usage + "\n");
+          if (arguments.size() != 1) throw InputError("{}", usage);
+          const std::string& file = arguments[0];
+          if (file.starts_with('-')) throw InputError("unknown option {}; {}", file, usage);
+          print_result(to_text(evaluate(read_case(file), file)) + "\n");
+        });
+        return ExitCode::done;
+      }};
   return s;
 }
 

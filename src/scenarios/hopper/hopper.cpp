@@ -20,6 +20,7 @@
 #include <pliant/model/polygon.h>
 #include <pliant/model/wall_contact.h>
 #include <pliant/run/crossing_watch.h>
+#include <pliant/run/memory.h>
 #include <pliant/run/overlap_check.h>
 #include <pliant/run/run.h>
 #include <pliant/scenarios/hopper/measurements.h>
@@ -215,8 +216,10 @@ class HopperProtocol final : public Protocol<D> {
     const auto column = [&](const char* name) -> const std::vector<Real>& { return series.at(name).values; };
     const auto &time = column("time"), &crossed = column("crossed_count"), &area = column("crossed_area"),
                &energy = column("kinetic_energy");
+    judged_ = run().even_samples();
     bool precise = false;  // by the last one: the run may have been asked for more
-    for (std::size_t i = 0; i < time.size(); ++i) precise = precision_->add(time[i], crossed[i], area[i], energy[i]);
+    for (std::size_t i = 0; i < time.size(); ++i)
+      if (judged_->take(time[i])) precise = precision_->add(time[i], crossed[i], area[i], energy[i]);
     if (precise) run().end("done", "q_rtol");
   }
 
@@ -267,8 +270,10 @@ class HopperProtocol final : public Protocol<D> {
     warn_of_short_edges();
     const FlowCount& crossed = last_sample_.crossed;
     end_without_flow();
-    const bool precise = precision_ && precision_->add(s.t, static_cast<Real>(crossed.crossed), crossed.area,
-                                                       last_sample_.kinetic_energy);
+    if (!judged_) judged_ = run().even_samples();
+    const bool precise =
+        precision_ && judged_->take(s.t) &&
+        precision_->add(s.t, static_cast<Real>(crossed.crossed), crossed.area, last_sample_.kinetic_energy);
     if (ranks().broadcast(precise))
       run().end("done", "q_rtol");  // the root alone has seen the samples before a restart
     return last_sample_.row;
@@ -291,6 +296,7 @@ class HopperProtocol final : public Protocol<D> {
     const ClogDetector::State& clog = clog_.state();
     c.add("quiet_since", std::isnan(clog.quiet_since) ? -1 : clog.quiet_since);
     c.add("crossed_before_quiet", clog.crossed);
+    c.add("clog_speed", p_.clog_speed);
     c.add("packing_iterations", packing_iterations_);
   }
 
@@ -308,7 +314,9 @@ class HopperProtocol final : public Protocol<D> {
     const Real area = static_cast<Real>(crossed) * largest_a0_;
     const Real crossed_area = c.real("crossed_area", 0, area * (1 + 1e-9));
     if (ranks().root()) flow_ = {crossed, crossed_area};
-    const Real quiet_since = c.real("quiet_since", -1, c.t);
+    // By another limit on speeds the quiet time may have begun later: it begins anew.
+    const bool same_limit = c.real_or("clog_speed", p_.clog_speed) == p_.clog_speed;
+    const Real quiet_since = same_limit ? c.real("quiet_since", -1, c.t) : -1;
     clog_.restore({quiet_since < 0 ? NAN : quiet_since, c.integer("crossed_before_quiet", -1, crossed)});
     packing_iterations_ = c.integer("packing_iterations");
   }
@@ -336,7 +344,7 @@ class HopperProtocol final : public Protocol<D> {
   void report(const Series& series, nlohmann::ordered_json& s) override {
     status_ = s["status"];
     precise_ = status_ == "done" && s["ended_by"] == "q_rtol";
-    nlohmann::ordered_json measured = evaluate_series(series, p_, mean_size_);
+    nlohmann::ordered_json measured = evaluate_series(even_rows(series, run().even_samples()), p_, mean_size_);
     // A clog is no flow, whatever came out before it: fits leave such a run out.
     if (ended_as("clogged"))
       for (const char* name : {"Q", "Q_corrected"})
@@ -680,6 +688,7 @@ class HopperProtocol final : public Protocol<D> {
   const HopperOptions& p_;
   ClogDetector clog_;
   std::optional<FlowPrecision> precision_;
+  std::optional<EvenSamples> judged_;  ///< by it
 
   // State that a checkpoint keeps.
   FlowCount flow_;
@@ -705,12 +714,16 @@ class HopperProtocol final : public Protocol<D> {
   std::string status_;             ///< after the run
 };
 
+RunSize size_of(const HopperOptions& p) {
+  const std::int64_t n = p.particles;
+  return {n, p.deformable() ? n * p.shape.vertices : n, p.dim};
+}
+
 /// Whether it holds the particles that the options ask for, before they are made.
 void check_size(const Checkpoint& c, const HopperOptions& p) {
-  const auto n = static_cast<std::size_t>(p.particles),
-             points = p.deformable() ? n * static_cast<std::size_t>(p.shape.vertices) : n;
-  c.integer_array("id", n);
-  c.real_array("x", points * static_cast<std::size_t>(p.dim));
+  const RunSize size = size_of(p);
+  c.integer_array("id", static_cast<std::size_t>(size.particles));
+  c.real_array("x", static_cast<std::size_t>(size.points) * static_cast<std::size_t>(p.dim));
 }
 
 template <int D>
@@ -726,6 +739,10 @@ Scenario hopper_scenario(std::vector<OwnModel> models) {
   Scenario s = option_scenario<HopperOptions>(
       "hopper", "gravity-driven flow through an orifice",
       [](const HopperOptions& p, const Options& options, const Ranks& ranks, std::optional<Checkpoint> checkpoint) {
+        check_memory(size_of(p),
+                     p.deformable() ? fmt::format("-n {} with -n_vertices {}", p.particles, p.shape.vertices)
+                                    : fmt::format("-n {}", p.particles),
+                     ranks);
         if (checkpoint)
           check_size(*checkpoint, p);
         else

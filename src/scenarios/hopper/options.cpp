@@ -72,10 +72,31 @@ std::string alternatives(const std::vector<std::string>& names) {
   return text;
 }
 
+/// Names that people try for what is 1 here.
+void explain_units(Options& o) {
+  const auto unit = [](const char* name, const char* of) {
+    return fmt::format(
+        "{} is the unit of {}, as sigma_avg = g = rho = 1 and t0 = sqrt(sigma_avg/g): leave it out, and give the other "
+        "options in these units",
+        name, of);
+  };
+  const std::string g = unit("g", "acceleration"), rho = unit("rho", "density"),
+                    sigma = unit("sigma_avg, the mean diameter,", "length");
+  o.explain_units({{"g", g},
+                   {"gravity", g},
+                   {"rho", rho},
+                   {"density", rho},
+                   {"sigma_avg", sigma},
+                   {"sigma", sigma},
+                   {"diameter", sigma},
+                   {"t0", unit("t0", "time")}});
+}
+
 }  // namespace
 
 void HopperOptions::bind(Options& o) {
   constexpr auto fixed = OnRestart::fixed;
+  explain_units(o);
   o.group("Model");
   std::string help =
       "soft particles, deformable particles with rough or smooth outlines, or frictional disks and spheres";
@@ -290,14 +311,9 @@ void HopperOptions::bind(Options& o) {
          {.help = "quiet time before a run counts as clogged: no crossing, all particles slow",
           .unit = "t0",
           .min = 0,
-          .min_open = true,
-          .on_restart = fixed});
+          .min_open = true});
   o.bind("clog_speed", clog_speed,
-         {.help = "speed below which a particle is slow",
-          .unit = "sigma_avg/t0",
-          .min = 0,
-          .min_open = true,
-          .on_restart = fixed});
+         {.help = "speed below which a particle is slow", .unit = "sigma_avg/t0", .min = 0, .min_open = true});
 
   o.group("Integration");
   o.bind(

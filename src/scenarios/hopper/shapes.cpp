@@ -7,6 +7,7 @@
 #include <string_view>
 
 #include <pliant/base/errors.h>
+#include <pliant/base/options.h>
 #include <pliant/base/text.h>
 #include <pliant/setup/polylines.h>
 
@@ -124,7 +125,8 @@ bool overlap(const Obstacle& a, const Obstacle& b) {
 
 }  // namespace
 
-std::string read_outline(const std::string& file) {
+std::string read_outline(const std::string& given, const std::filesystem::path& folder) {
+  const std::string file = path_from(folder, given);
   const std::string name = "outline " + printable(file), text = read_text_file(file, largest_outline, "outline");
   make_vessel(text, name, 2);
   std::string result;
@@ -137,13 +139,13 @@ std::string read_outline(const std::string& file) {
 
 Vessel outline_vessel(const std::string& text, int dim) { return make_vessel(text, "-outline", dim); }
 
-std::string read_obstacles(const std::string& text) {
+std::string read_obstacles(const std::string& text, const std::filesystem::path& folder) {
   std::string result;
   for (const auto& [kind, value] : items(text)) {
     std::string content = value;
     if (kind == "polygon" && !parse_numbers(value, ", \t")) {
-      const std::string name = "obstacle " + printable(value);
-      const std::vector<Polyline> all = parse_polylines(read_text_file(value, largest_outline, "obstacle"), name, unit);
+      const std::string file = path_from(folder, value), name = "obstacle " + printable(file);
+      const std::vector<Polyline> all = parse_polylines(read_text_file(file, largest_outline, "obstacle"), name, unit);
       if (all.size() > 1)
         throw InputError("{}:{}: a second polyline; a file has one polygon, use polygon:FILE for each", name,
                          all[1].lines[0]);

@@ -1,6 +1,7 @@
 // Outlines and obstacles as users write them: -outline and -obstacle of the hopper.
 #pragma once
 
+#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -8,16 +9,17 @@
 
 namespace pliant {
 
-/// The points of a file: lines "x y" in σ_avg, a blank line between polylines, # begins a comment. Returned in the same
-/// form, without comments. Errors: InputError with file and line where it makes no container.
-std::string read_outline(const std::string& file);
+/// The points of a file, relative to `folder`: lines "x y" in σ_avg, a blank line between polylines, # begins a
+/// comment. Returned in the same form, without comments. Errors: InputError with file and line where it makes no
+/// container.
+std::string read_outline(const std::string& file, const std::filesystem::path& folder);
 /// The container that such a text describes: one polyline from the right end of the orifice, mirrored (3D: revolved) at
 /// x = 0, or one for each side. Errors: InputError.
 Vessel outline_vessel(const std::string& text, int dim);
 
 /// A list of disk:x,y,r and polygon:FILE or polygon:x,y,x,y,…, separated by , or ; or blanks. Returned with the points
-/// of the files in their place. Errors: InputError.
-std::string read_obstacles(const std::string& text);
+/// of the files, relative to `folder`, in their place. Errors: InputError.
+std::string read_obstacles(const std::string& text, const std::filesystem::path& folder);
 /// The obstacles of such a text. Errors: InputError where one is no disk or polygon.
 std::vector<Obstacle> parse_obstacles(const std::string& text, int dim);
 

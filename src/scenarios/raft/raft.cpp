@@ -8,6 +8,7 @@
 #include <pliant/analysis/graph.h>
 #include <pliant/base/errors.h>
 #include <pliant/catalogue/droplet_rest.h>
+#include <pliant/run/memory.h>
 #include <pliant/scenarios/droplets/protocol.h>
 
 namespace pliant {
@@ -280,6 +281,9 @@ Scenario raft_scenario() {
       "raft", "droplets between two walls that compress them or pull them apart",
       [](const RaftOptions& p, const Options& options, const Ranks& ranks, std::optional<Checkpoint> checkpoint) {
         // Before so many are made.
+        check_memory({p.droplets(), p.droplets()},
+                     p.n > 0 ? fmt::format("-n {}", p.n) : fmt::format("-rows {} -columns {}", p.rows, p.columns),
+                     ranks);
         if (checkpoint) checkpoint->integer_array("active", static_cast<std::size_t>(p.droplets()));
         return std::make_unique<Run<2>>("raft", p, options, ranks, std::make_unique<RaftProtocol>(p, ranks),
                                         std::move(checkpoint));
