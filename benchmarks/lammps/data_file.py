@@ -5,7 +5,7 @@
 
 A run of soft particles has two diameters (-size_distribution bidisperse): types 1 and 2. The floor of the box is where
 Pliant takes particles out of a discharge (2D), or the bottom (3D). Disks have a type for each diameter, and a box round
-the walls."""
+the walls; frictional spheres have the box of soft ones."""
 
 import argparse
 import sys
@@ -27,11 +27,11 @@ def data_file(run, style, index=0):
     frame, topology = run.frame(index), run.topology
     kinds = np.unique(topology.sigma)
     if not (run.model == "sp" and len(kinds) == 2) and not (run.model == "disk" and style == "sphere"):
-        raise PliantError(f"{run.path}: not a run of soft particles of two diameters, or of disks")
+        raise PliantError(f"{run.path}: not a run of soft particles of two diameters, or of disks or frictional spheres")
     kind = np.searchsorted(kinds, topology.sigma)
     position, velocity = (np.zeros((topology.particles, 3)) for _ in range(2))
     position[:, : run.dim], velocity[:, : run.dim] = frame.positions, frame.velocities
-    if run.model == "disk":
+    if run.model == "disk" and run.dim == 2:
         ends = frame.wall_segments.reshape(-1, 2)
         box = [*zip(ends.min(0) - kinds[-1], ends.max(0) + kinds[-1]), (-0.5, 0.5)]
     else:

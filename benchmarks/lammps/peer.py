@@ -74,10 +74,30 @@ def channel(folder, lists, steps, every, pin):
     return _run("channel.in", variables, pin)
 
 
+def spheres(folder, pair, steps, every, pin):
+    """The same of a run of frictional spheres in a closed cylinder; `pair`: granular or gran_hooke_history."""
+    with Run(folder) as r:
+        small, large = np.unique(r.topology.sigma)
+        options, data = r.parameters, r.path / "spheres.data"
+        data.write_text(data_file(r, "sphere"))
+        variables = {"data": data.resolve(), "pair": pair, "skin": SKIN, "steps": steps, "every": every,
+                     "dt": options["dt"], "epsilon": options["e_disk"], "epsilon_w": options["e_w"],
+                     "mu": options["mu_disk"], "mu_wall": options["mu_wall"],
+                     "zeta": damping_ratio(options["restitution"]),
+                     "damping": lammps_restitution(options["restitution"]), "kt": options["tangential_stiffness"],
+                     "ratio": options["tangential_damping"], "W": r.geometry.W, "small": f"{small:.17g}",
+                     "large": f"{large:.17g}"}
+    return _run("spheres3d.in", variables, pin)
+
+
+def damping_ratio(restitution):
+    return brentq(lambda z: np.exp(-2 * z * np.arccos(z) / np.sqrt(1 - z * z)) - restitution, 1e-6, 1 - 1e-6)
+
+
 def lammps_restitution(restitution):
     """What LAMMPS must be told so that its damping, alpha sqrt(m k), is 2 zeta sqrt(m k): its polynomial for alpha is made
     for Hertz' contacts."""
-    zeta = brentq(lambda z: np.exp(-2 * z * np.arccos(z) / np.sqrt(1 - z * z)) - restitution, 1e-6, 1 - 1e-6)
+    zeta = damping_ratio(restitution)
     alpha = np.poly1d([4.8218, -18.022, 27.467, -22.348, 11.087, -4.2783, 1.2728])
     return brentq(lambda e: alpha(e) - 2 * zeta, 0.0, 1.0)
 

@@ -14,6 +14,18 @@ namespace pliant {
 template <class R>
 using MaskOf = decltype(R() < R());
 
+/// Whether a mask is set anywhere.
+template <class Mask>
+PLIANT_INLINE bool any_of(const Mask& mask) {
+  if constexpr (std::is_arithmetic_v<Mask>) {
+    return mask;
+  } else {
+    auto any = mask[0];
+    for (std::size_t k = 1; k < sizeof(Mask) / sizeof(Real); ++k) any |= mask[k];
+    return any != 0;
+  }
+}
+
 template <class R>
 PLIANT_INLINE R square_root(R a) {
   if constexpr (std::is_arithmetic_v<R>) {

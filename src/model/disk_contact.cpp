@@ -1,16 +1,13 @@
 // Four contacts at a time, with the same bits as one by one.
 #include <pliant/model/disk_contact.h>
 
-#include <algorithm>
-#include <array>
 #include <cstddef>
 
-#include <pliant/base/simd.h>
+#include <pliant/model/four_pairs.h>
 
 namespace pliant {
 
 using simd::load4;
-using simd::Mask4;
 using simd::Points2;
 using simd::Real2;
 using simd::Real4;
@@ -19,42 +16,10 @@ namespace {
 
 using DiskPasts = ContactTable::Rows<DiskContact<>::history>;
 
-/// visit(count, elements) for four elements at a time. Fewer are filled up with copies of the last.
-template <class Visit>
-PLIANT_INLINE void for_each_four(const Index* elements, Index size, Visit&& visit) {
-  Index k = 0;
-  for (; k + 4 <= size; k += 4) visit(4, elements + k);
-  if (k == size) return;
-  std::array<Index, 4> rest;
-  for (Index l = 0; l < 4; ++l) rest[l] = elements[std::min(k + l, size - 1)];
-  visit(size - k, rest.data());
-}
-
-/// The points of four pairs.
-struct Places {
-  std::array<std::ptrdiff_t, 4> first, second;
-
-  PLIANT_INLINE Places(const Pair* pairs, const Index* elements) {
-    for (int k = 0; k < 4; ++k) {
-      first[k] = pairs[elements[k]].first;
-      second[k] = pairs[elements[k]].second;
-    }
-  }
-  template <class T>
-  PLIANT_INLINE static Real4 gather(const T* a, const std::array<std::ptrdiff_t, 4>& at) {
-    return Real4{Real(a[at[0]]), Real(a[at[1]]), Real(a[at[2]]), Real(a[at[3]])};
-  }
-  PLIANT_INLINE Points2 differences(const Real* a) const {
-    Real2 u[4];
-    for (int k = 0; k < 4; ++k) u[k] = simd::load2(a + 2 * first[k]) - simd::load2(a + 2 * second[k]);
-    return simd::transpose(u[0], u[1], u[2], u[3]);
-  }
-};
-
 PLIANT_INLINE SurfaceTouch<2, Real4>::Rub rub(const DiskTouch<Real4>& c, const SurfaceFriction& surface,
-                                              const StateView<2>& s, const Places& at) {
+                                              const StateView<2>& s, const FourPairs& at) {
   const Points2 v = at.differences(s.v);
-  return c.rub(surface, v.x, v.y, Places::gather(s.spins, at.first), Places::gather(s.spins, at.second));
+  return c.rub(surface, v.x, v.y, FourPairs::gather(s.spins, at.first), FourPairs::gather(s.spins, at.second));
 }
 
 PLIANT_INLINE DiskTouch<Real4>::Past past_of(const DiskPasts& past, const Index* elements) {
@@ -84,30 +49,20 @@ PLIANT_MULTIVERSION void add_contacts(Real epsilon, const SurfaceFriction& frict
   const DiskPasts past = table.rows<DiskContact<>::history>();
   const ContactTable::Ahead<DiskContact<>::history> ahead(table);
   const Scatter<2, 1, OwnOnly> force = scatter;
-  const PairList& list = s.neighbours.point_pairs;
-  const Pair* const pairs = list.pairs.data();
-  const Real *const reach = list.reach.data(), *const x = s.x;
+  const Pair* const pairs = s.neighbours.point_pairs.pairs.data();
+  const Real* const x = s.x;
 
   const Real* const all = table.constants(0);
   const auto constants = [&](Index e)
                              PLIANT_INLINE_LAMBDA { return all + std::ptrdiff_t(e) * DiskContact<>::constants; };
   if (range.size() > 0 && *constants(range.first) == 0) set_constants(s, range, table);
 
-  // First which pairs touch, without a branch that depends on it.
   Index* const elements = table.room(range);
-  Index touching = 0;
-  for (Index e = range.first; e < range.last; ++e) {
-    const std::ptrdiff_t i = 2 * std::ptrdiff_t(pairs[e].first), j = 2 * std::ptrdiff_t(pairs[e].second);
-    const Real dx = x[i] - x[j], dy = x[i + 1] - x[j + 1], d2 = dx * dx + dy * dy;
-    const bool near = (d2 < square(reach[e])) & (d2 > 0);
-    elements[touching] = e;  // or what comes next is there
-    touching += near ? 1 : 0;
-    if (ahead.known(e) & !near) ahead.parted(e);
-  }
+  const Index touching = find_touching(s, range, ahead, elements);
 
-  std::array<Real4, 3> lost{};
+  FourLosses<3> lost;
   for_each_four(elements, touching, [&](Index count, const Index* e) PLIANT_INLINE_LAMBDA {
-    const Places at(pairs, e);
+    const FourPairs at(pairs, e);
     const Points2 r = at.differences(x);
     const DiskTouch<Real4>::Past before = past_of(past, e);
     DiskTouch<Real4> c;
@@ -115,8 +70,8 @@ PLIANT_MULTIVERSION void add_contacts(Real epsilon, const SurfaceFriction& frict
           root_mass = load4(constants(e[3]));
     simd::transpose(a, b, both, root_mass);
     c.find<Law>(epsilon, surface,
-                {r.x, r.y, r.x * r.x + r.y * r.y, both, a, b, root_mass, Places::gather(s.angles, at.first),
-                 Places::gather(s.angles, at.second)},
+                {r.x, r.y, r.x * r.x + r.y * r.y, both, a, b, root_mass, FourPairs::gather(s.angles, at.first),
+                 FourPairs::gather(s.angles, at.second)},
                 before);
     const auto rubs = rub(c, surface, s, at);
     const auto [fx, fy] = c.force(total ? rubs.normal : rubs.normal - c.elastic, rubs.hold.pull);
@@ -144,15 +99,9 @@ PLIANT_MULTIVERSION void add_contacts(Real epsilon, const SurfaceFriction& frict
       simd::store4(numbers, rows[l]);
       numbers[4] = slides[l];
     }
-    Mask4 counts = simd::first(count);
-    if constexpr (OwnOnly)
-      for (int l = 0; l < 4; ++l)
-        if (!force.template counts<Elements::point_pairs>(s, e[l])) counts[l] = 0;
-    const Real4 now[3] = {c.normal_power(rubs), c.tangential_power(rubs), c.slid_heat(rubs, before.spring)};
-    for (int j = 0; j < 3; ++j) lost[j] += simd::where(counts, now[j]);
+    lost.add(s, force, count, e, {c.normal_power(rubs), c.tangential_power(rubs), c.slid_heat(rubs, before.spring)});
   });
-  if (range.size() > 0)
-    for (int j = 0; j < 3; ++j) table.lost(range)[j] = (lost[j][0] + lost[j][1]) + (lost[j][2] + lost[j][3]);
+  lost.write(range, table);
 }
 
 }  // namespace

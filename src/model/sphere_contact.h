@@ -1,7 +1,6 @@
 // Friction and damping between balls that touch, with rotation: DiskContact in space.
 #pragma once
 
-#include <array>
 #include <span>
 
 #include <pliant/model/pair_contact.h>
@@ -9,6 +8,68 @@
 #include <pliant/model/surface_friction.h>
 
 namespace pliant {
+
+/// Two balls that touch, or R is a vector: several such pairs. As the pair is listed, in whatever order.
+template <class R>
+struct SphereTouch : SurfaceTouch<3, R> {
+  using Vector = Vector3<R>;
+
+  R a, b;                  ///< radii; `lever` is (R_i + R_j)/d
+  R order;                 ///< 1, or −1 where the second one has the lower id
+  Vector n;                ///< from the second to the first
+  Vector turned, twisted;  ///< R_i Ω_i + R_j Ω_j and Ω_i + Ω_j
+  Vector before;           ///< ξ at the end of the last step, turned with the contact
+
+  /// What is known of the balls.
+  struct Pair {
+    Vector r;       ///< from the second to the first
+    R a, b, reach;  ///< radii and their sum
+    R root_mass;    ///< root of the reduced mass
+    R order;
+    Vector angle_a, angle_b;  ///< Ω
+  };
+  /// And what was kept of them; zeros if they did not touch.
+  struct Past {
+    Vector n, turned, twisted, spring;
+    MaskOf<R> slid;
+  };
+  template <class Law>
+  PLIANT_INLINE void find(Real epsilon, const SurfaceFriction& surface, const Pair& pair, const Past& past) {
+    const R d = norm(pair.r), per_d = 1 / d;
+    a = pair.a, b = pair.b, order = pair.order;
+    n = per_d * pair.r;
+    turned = a * pair.angle_a + b * pair.angle_b;
+    twisted = pair.angle_a + pair.angle_b;
+    this->lever = pair.reach * per_d;
+    const Press<R> press = press_of<Law>(epsilon, pair.reach, d);
+    this->elastic = press.force;
+    this->gamma = 2 * surface.damping * square_root(press.stiffness) * pair.root_mass;
+    this->k = surface.stiffness * press.reference;
+    this->slid = past.slid;
+    const MaskOf<R> known = (past.n.x != 0) | (past.n.y != 0) | (past.n.z != 0);
+    const SphereSlip<R> slip(order * past.n, n, twisted - past.twisted);
+    const Vector none{};
+    before = select<R>(known, slip.carry(order * past.spring), none);
+    const Vector slid_by = pair.reach * slip.arc() - slip.across(turned - past.turned);
+    this->stretched = select<R>(known, before + slip.carry_on(slid_by), none);
+  }
+  /// v: of the first relative to the second; spins of both.
+  PLIANT_INLINE typename SurfaceTouch<3, R>::Rub rub(const SurfaceFriction& surface, const Vector& v,
+                                                     const Vector& spin_a, const Vector& spin_b) const {
+    const R parting = dot(n, v);
+    return SurfaceTouch<3, R>::rub(surface, parting,
+                                   this->lever * (v - parting * n) - cross(a * spin_a + b * spin_b, n));
+  }
+  /// On the first, of a force along the normal and one that pulls.
+  PLIANT_INLINE Vector force(R normal, const Vector& pull) const { return normal * n - this->lever * pull; }
+  /// The torque of the pull on a ball with the radius 1.
+  PLIANT_INLINE Vector torque(const Vector& pull) const { return cross(n, pull); }
+};
+
+/// SphereContact::add_forces, four contacts at a time. total: with the elastic forces.
+template <class Law, bool OwnOnly>
+void add_sphere_forces(Real epsilon, const SurfaceFriction& surface, const StateView<3>& s, Range range,
+                       const ContactTable& table, const Scatter<3, 1, OwnOnly>& force, bool total);
 
 /// What acts between two balls beside the elastic force N_e = −V' of PairContact, in space. n is the unit vector from j
 /// to i, d the distance of the centres, u the relative velocity of the centres across n.
@@ -28,81 +89,54 @@ struct SphereContact {
 
   static constexpr Elements elements = Elements::point_pairs;
   static constexpr bool rotates = true;
-  static constexpr int history = 13;
+  static constexpr int history = 13, constants = 5;
   static constexpr auto losses = SurfaceTouch<3>::losses;
   static std::string_view name() { return "sphere_contact"; }
   bool enabled(const StateView<3>&) const { return surface.rubs() || surface.damping > 0; }
 
-  /// Of the pair as it is listed, in whatever order.
-  struct Touch : SurfaceTouch<3> {
+  struct Touch : SphereTouch<Real> {
     Index first, second;
-    Real a, b;                    ///< radii
-    std::array<Real, 3> n;        ///< `lever` is (R_i + R_j)/d
-    Real order;                   ///< 1, or −1 where the second one has the lower id
-    std::array<Real, 3> turned;   ///< R_i Ω_i + R_j Ω_j
-    std::array<Real, 3> twisted;  ///< Ω_i + Ω_j
-    std::array<Real, 3> before;   ///< ξ at the end of the last step, turned with the contact
   };
 
-  PLIANT_INLINE bool near(const StateView<3>& s, Index e) const {
-    const PairList& list = s.neighbours.point_pairs;
-    return (s.position(list[e].first) - s.position(list[e].second)).squaredNorm() < square(list.reach[e]);
-  }
+  /// Each particle is one point: their numbers are the same.
   PLIANT_INLINE bool find(const StateView<3>& s, Index e, std::span<const Real> past, Touch& c) const {
     const PairList& list = s.neighbours.point_pairs;
     const auto [first, second] = list.pairs[e];
     const Topology& topology = s.topology;
-    const Vec<3> r = s.position(first) - s.position(second);
-    const Real d2 = r.squaredNorm(), reach = list.reach[e];
+    const Vector3<Real> r = vector3(s.x, first) - vector3(s.x, second);
+    const Real d2 = dot(r, r), reach = list.reach[e];
     if (d2 >= square(reach) || d2 == 0) return false;
-    const Real d = std::sqrt(d2);
-    const Vec<3> n = r / d;
     c.first = first, c.second = second;
-    c.a = topology.diameter[first] / 2, c.b = topology.diameter[second] / 2;
-    c.n = array_of(n);
-    c.order = topology.id[first] > topology.id[second] ? -1 : 1;
-    c.lever = reach / d;
-    const Vec<3> turned = c.a * s.angle(first) + c.b * s.angle(second), twisted = s.angle(first) + s.angle(second);
-    c.turned = array_of(turned), c.twisted = array_of(twisted);
-    const Press<Real> press = press_of<Law>(epsilon, reach, d);
-    c.elastic = press.force;
-    const Real masses = topology.inverse_point_mass[first] + topology.inverse_point_mass[second];
-    c.stiffen(surface, press.stiffness / masses, press.reference);
-    c.slid = false;
-    c.before = c.stretched = {};
-    if (!past.empty()) {
-      const Real* const p = past.data();
-      const SphereSlip slip(c.order * point<3>(p, 0), n, twisted - point<3>(p, 2));
-      const Vec<3> spring = c.order * point<3>(p, 3);
-      const Vec<3> before = slip.carry(spring);
-      c.before = array_of(before);
-      c.stretched = array_of(before + slip.carry_on(reach * slip.arc() - slip.across(turned - point<3>(p, 1))));
-      c.slid = past[12] != 0;
-    }
+    const Real* const p = past.data();
+    c.template find<Law>(
+        epsilon, surface,
+        {r, topology.diameter[first] / 2, topology.diameter[second] / 2, reach, root_mass(topology, first, second),
+         order(topology, first, second), vector3(s.angles, first), vector3(s.angles, second)},
+        past.empty() ? SphereTouch<Real>::Past{}
+                     : SphereTouch<Real>::Past{vector3(p, 0), vector3(p, 1), vector3(p, 2), vector3(p, 3), p[12] != 0});
     return true;
   }
+  static Real root_mass(const Topology& topology, Index i, Index j) {
+    return std::sqrt(1 / (topology.inverse_point_mass[i] + topology.inverse_point_mass[j]));
+  }
+  static Real order(const Topology& topology, Index i, Index j) { return topology.id[i] > topology.id[j] ? -1 : 1; }
   Real energy(const StateView<3>& s, const Touch& c) const { return c.energy(rub(s, c)); }
   Real power(const StateView<3>& s, const Touch& c) const { return c.power(rub(s, c)); }
   template <class F>
-  void add_force(const StateView<3>& s, const Touch& c, F& force) const {
-    const auto rubs = rub(s, c);
+  PLIANT_INLINE void add_force(const StateView<3>& s, const Touch& c, F& force) const {
+    const SurfaceTouch<3>::Rub rubs = rub(s, c);
     add(c, rubs, rubs.normal - c.elastic, force);
   }
   /// With the elastic force: for a kernel that computes both.
   template <class F>
   PLIANT_INLINE void add_total(const StateView<3>& s, const Touch& c, F& force) const {
-    const auto rubs = rub(s, c);
+    const SurfaceTouch<3>::Rub rubs = rub(s, c);
     add(c, rubs, rubs.normal, force);
   }
-  PLIANT_INLINE void keep(const StateView<3>& s, const Touch& c, std::span<const Real> past, Real* numbers,
-                          Real* lost) const {
-    const auto rubs = rub(s, c);
-    c.count_losses(rubs, !past.empty(), vector_of(c.before), lost);
-    point<3>(numbers, 0) = c.order * vector_of(c.n);
-    point<3>(numbers, 1) = vector_of(c.turned);
-    point<3>(numbers, 2) = vector_of(c.twisted);
-    point<3>(numbers, 3) = c.order * rubs.hold.spring;
-    numbers[12] = rubs.hold.slides ? 1 : 0;
+  template <bool OwnOnly>
+  void add_forces(const StateView<3>& s, Range range, const ContactTable& table, const Scatter<3, 1, OwnOnly>& force,
+                  bool total = false) const {
+    add_sphere_forces<Law>(epsilon, surface, s, range, table, force, total);
   }
   /// The spring between two of the stiffest balls: ω² = k_t (2/m + 2R²/I) = 7 k_t/m.
   Real max_rate(const Topology& topology) const { return spring_rate<Law>(surface, topology, epsilon, 1, 7); }
@@ -112,16 +146,14 @@ struct SphereContact {
   }
 
  private:
-  PLIANT_INLINE typename SurfaceTouch<3>::Rub rub(const StateView<3>& s, const Touch& c) const {
-    const Vec<3> v = s.velocity(c.first) - s.velocity(c.second), n = vector_of(c.n);
-    const Real parting = n.dot(v);
-    return c.rub(surface, parting,
-                 c.lever * (v - parting * n) - Vec<3>(c.a * s.spin(c.first) + c.b * s.spin(c.second)).cross(n));
+  PLIANT_INLINE SurfaceTouch<3>::Rub rub(const StateView<3>& s, const Touch& c) const {
+    return static_cast<const SphereTouch<Real>&>(c).rub(surface, vector3(s.v, c.first) - vector3(s.v, c.second),
+                                                        vector3(s.spins, c.first), vector3(s.spins, c.second));
   }
 
   template <class F>
-  PLIANT_INLINE static void add(const Touch& c, const typename SurfaceTouch<3>::Rub& rubs, Real normal, F& force) {
-    const Vec<3> n = vector_of(c.n), f = normal * n - c.lever * rubs.hold.pull, twist = n.cross(rubs.hold.pull);
+  PLIANT_INLINE static void add(const Touch& c, const SurfaceTouch<3>::Rub& rubs, Real normal, F& force) {
+    const Vec<3> f = vec(c.force(normal, rubs.hold.pull)), twist = vec(c.torque(rubs.hold.pull));
     force.add(c.first, f);
     force.add(c.second, Vec<3>(-f));
     force.add_torque(c.first, Vec<3>(c.a * twist));

@@ -1,53 +1,89 @@
 // How a contact in space has moved within a step.
 #pragma once
 
-#include <Eigen/Geometry>
-#include <algorithm>
-#include <cmath>
+#include <utility>
 
-#include <pliant/base/multiversion.h>
-#include <pliant/base/types.h>
+#include <pliant/base/vector3.h>
 
 namespace pliant {
 
+/// Cosine and sine of an angle, to rounding: by series, of an angle that is large after it has been halved. Without
+/// calls, which would cost loops over several contacts their registers.
+template <class R>
+PLIANT_INLINE std::pair<R, R> cosine_and_sine(R angle) {
+  constexpr Real small = 0.05;  // as it mostly is for the rotation in one step
+  R doublings{};
+  for (int k = 0; k < 64 && any_of(magnitude(angle) >= small); ++k) {
+    const MaskOf<R> far = magnitude(angle) >= small;
+    angle = far ? angle / 2 : angle;
+    doublings = far ? doublings + 1 : doublings;
+  }
+  const R a2 = angle * angle;
+  R cosine = 1 - a2 * (1.0 / 2 - a2 * (1.0 / 24 - a2 * (1.0 / 720 - a2 * (1.0 / 40320))));
+  R sine = angle * (1 - a2 * (1.0 / 6 - a2 * (1.0 / 120 - a2 * (1.0 / 5040 - a2 * (1.0 / 362880)))));
+  for (; any_of(doublings > 0); doublings = doublings - 1) {
+    const R twice = 2 * sine * cosine;
+    cosine = doublings > 0 ? 1 - 2 * sine * sine : cosine;
+    sine = doublings > 0 ? twice : sine;
+  }
+  return {cosine, sine};
+}
+
+/// The ratio of an arc of the unit circle to its chord, to rounding; of the square of half the chord. In the same way.
+template <class R>
+PLIANT_INLINE R arc_per_chord(R half2) {
+  constexpr Real small = 1e-4;
+  R ratio = 1 + R();  // of the chords of the divided arc, in sum, to the whole chord
+  for (int k = 0; k < 8 && any_of(half2 >= small); ++k) {
+    const MaskOf<R> far = half2 >= small;
+    const R rest = 1 - half2, share = 2 / (1 + square_root(rest > 0 ? rest : R()));
+    half2 = far ? half2 * share / 4 : half2;
+    ratio = far ? ratio * square_root(share) : ratio;
+  }
+  return ratio * (1 + half2 * (1.0 / 6 + half2 * (3.0 / 40 + half2 * (15.0 / 336 + half2 * (105.0 / 3456)))));
+}
+
 /// Between two directions n₀ and n of a contact: vectors across it turn as n does, by the shortest way, and about it by
-/// half of what two bodies have turned together. What slides is seen from halfway, so that a step is of second order.
+/// half of the sum of the rotations of both bodies. The slip is seen from halfway, so that a step is of second order.
+/// Of one contact, or of several in lanes; where n₀ is 0 all is finite.
+template <class R>
 class SphereSlip {
  public:
-  /// both: what both bodies have turned, in sum.
-  PLIANT_INLINE SphereSlip(const Vec<3>& before, const Vec<3>& n, const Vec<3>& both)
-      : before_(before), n_(n), middle_((before + n).normalized()) {
-    const Real half_twist = middle_.dot(both) / 4;
-    cosine_ = std::cos(half_twist), sine_ = std::sin(half_twist);
+  using Vector = Vector3<R>;
+
+  /// both: the rotations of both bodies, in sum.
+  PLIANT_INLINE SphereSlip(const Vector& before, const Vector& n, const Vector& both) : before_(before), n_(n) {
+    const Vector sum = before + n;
+    const R size = norm(sum);
+    middle_ = (size > 0 ? 1 / size : R()) * sum;
+    share_ = 1 / (1 + size / 2);  // the cosine of half the angle is size/2
+    const auto [cosine, sine] = cosine_and_sine(R(dot(middle_, both) / 4));
+    cosine_ = cosine, sine_ = sine;
   }
 
   /// The arc from n₀ to n on the unit sphere, straightened.
-  PLIANT_INLINE Vec<3> arc() const {
-    const Vec<3> chord = n_ - before_;
-    const Real half = chord.norm() / 2;
-    return (half < 1e-4 ? 1 + square(half) / 6 : std::asin(std::min(half, 1.0)) / half) * chord;
+  PLIANT_INLINE Vector arc() const {
+    const Vector chord = n_ - before_;
+    return arc_per_chord(R(dot(chord, chord) / 4)) * chord;
   }
   /// turned × n, halfway.
-  PLIANT_INLINE Vec<3> across(const Vec<3>& turned) const { return turned.cross(middle_); }
-  /// Of a body without curvature: what of its way is along the surface.
-  PLIANT_INLINE Vec<3> along(const Vec<3>& way) const { return way - middle_.dot(way) * middle_; }
+  PLIANT_INLINE Vector across(const Vector& turned) const { return cross(turned, middle_); }
+  /// Of a body without curvature: the part of its way along the surface.
+  PLIANT_INLINE Vector along(const Vector& way) const { return way - dot(middle_, way) * middle_; }
   /// A vector across n₀, across n.
-  PLIANT_INLINE Vec<3> carry(const Vec<3>& spring) const { return carry_on(twist(turn(before_, middle_, spring))); }
+  PLIANT_INLINE Vector carry(const Vector& spring) const { return carry_on(twist(turn(before_, middle_, spring))); }
   /// One across the direction halfway, across n.
-  PLIANT_INLINE Vec<3> carry_on(const Vec<3>& slid) const { return turn(middle_, n_, twist(slid)); }
+  PLIANT_INLINE Vector carry_on(const Vector& slid) const { return turn(middle_, n_, twist(slid)); }
 
  private:
-  /// Turned by the shortest rotation from a to b.
-  PLIANT_INLINE static Vec<3> turn(const Vec<3>& a, const Vec<3>& b, const Vec<3>& x) {
-    const Vec<3> w = a.cross(b);
-    const Real cosine = a.dot(b);
-    return cosine * x + w.cross(x) + w.dot(x) / (1 + cosine) * w;
+  /// x, across a, turned by the shortest rotation from a to b, by half the angle between n₀ and n.
+  PLIANT_INLINE Vector turn(const Vector& a, const Vector& b, const Vector& x) const {
+    return x - R(share_ * dot(b, x)) * (a + b);
   }
+  PLIANT_INLINE Vector twist(const Vector& x) const { return cosine_ * x + sine_ * cross(middle_, x); }
 
-  PLIANT_INLINE Vec<3> twist(const Vec<3>& x) const { return cosine_ * x + sine_ * middle_.cross(x); }
-
-  Vec<3> before_, n_, middle_;
-  Real cosine_, sine_;
+  Vector before_, n_, middle_;
+  R share_, cosine_, sine_;
 };
 
 }  // namespace pliant

@@ -38,13 +38,13 @@ struct SphereWallContact {
   struct Touch : SurfaceTouch<3> {
     Index i, material;
     Real radius;
-    std::array<Real, 3> n;               ///< in space
-    std::array<Real, 9> stretch;         ///< L
-    std::array<Real, 9> turn;            ///< of the wall
-    std::array<Real, 3> foot, across;    ///< foot and n seen from the wall
-    std::array<Real, 3> angle;           ///< what the ball has turned, less the wall, in space
-    std::array<Real, 3> before;          ///< ξ at the end of the last step, turned with the contact, in space
-    std::array<Real, 3> velocity, spin;  ///< of the wall
+    Vector3<Real> n;               ///< in space
+    std::array<Real, 9> stretch;   ///< L
+    std::array<Real, 9> turn;      ///< of the wall
+    Vector3<Real> foot, across;    ///< foot and n seen from the wall
+    Vector3<Real> angle;           ///< what the ball has turned, less the wall, in space
+    Vector3<Real> before;          ///< ξ at the end of the last step, turned with the contact, in space
+    Vector3<Real> velocity, spin;  ///< of the wall
   };
 
   bool near(const StateView<3>& s, Index e) const {
@@ -61,33 +61,34 @@ struct SphereWallContact {
     const auto& [d, n, curvature, foot, across, share] = wall;
     c.i = i;
     c.radius = R;
-    c.n = array_of(n);
+    c.n = vector3(n);
     const Mat<3> stretch = Mat<3>::Identity() + (R - d) * curvature;
     Eigen::Map<Mat<3>>(c.stretch.data()) = stretch;
-    c.foot = array_of(foot), c.across = array_of(across);
+    c.foot = vector3(foot), c.across = vector3(across);
     const Index body = s.walls.body_of_part(part);
     const Mat<3> turn = s.walls.pose(body, s.t).turn;
     Eigen::Map<Mat<3>>(c.turn.data()) = turn;
     const Motion<3>& motion = s.walls.motion(body);
     c.material = s.walls.material(body);
     const Vec<3> angle = s.angle(i) - motion.spin * (s.t - motion.since);
-    c.angle = array_of(angle);
-    c.velocity = array_of(s.walls.velocity(r, part, s.t));
-    c.spin = array_of(motion.spin);
+    c.angle = vector3(angle);
+    c.velocity = vector3(s.walls.velocity(r, part, s.t));
+    c.spin = vector3(motion.spin);
     const Press<Real> press = press_of<Law>(epsilon, R, d);
     c.elastic = share * press.force;
     c.stiffen(surface, s.topology.mass(i) * press.stiffness, press.reference);
     c.lever = 1;
     c.slid = false;
-    c.before = c.stretched = {};
+    c.before = c.stretched = Vector3<Real>{};
     if (!past.empty()) {
       const Real* const p = past.data();
-      const Vec<3> turned = turn.transpose() * (angle - point<3>(p, 2)), spring = point<3>(p, 3);
-      const SphereSlip slip(point<3>(p, 1), across, turned);
-      const Vec<3> slid = slip.along(foot - point<3>(p, 0)) + R * slip.arc() - R * slip.across(turned);
-      const Vec<3> before = slip.carry(spring), stretched = turn * (before + slip.carry_on(slid));
-      c.before = array_of(turn * before);
-      c.stretched = array_of(stretched);
+      const Vec<3> turned = turn.transpose() * (angle - point<3>(p, 2));
+      const SphereSlip<Real> slip(vector3(p, 1), c.across, vector3(turned));
+      const Vector3<Real> slid = slip.along(c.foot - vector3(p, 0)) + R * (slip.arc() - slip.across(vector3(turned))),
+                          before = slip.carry(vector3(p, 3));
+      const Vec<3> stretched = turn * vec(before + slip.carry_on(slid));
+      c.before = vector3(Vec<3>(turn * vec(before)));
+      c.stretched = vector3(stretched);
       if (const Real size = stretched.norm(); size > 0) c.lever = (stretch * stretched).norm() / size;
       c.slid = past[12] != 0;
     }
@@ -108,11 +109,11 @@ struct SphereWallContact {
   }
   void keep(const StateView<3>& s, const Touch& c, std::span<const Real> past, Real* numbers, Real* lost) const {
     const auto rubs = rub(s, c);
-    c.count_losses(rubs, !past.empty(), vector_of(c.before), lost);
-    point<3>(numbers, 0) = vector_of(c.foot);
-    point<3>(numbers, 1) = vector_of(c.across);
-    point<3>(numbers, 2) = vector_of(c.angle);
-    point<3>(numbers, 3) = Eigen::Map<const Mat<3>>(c.turn.data()).transpose() * rubs.hold.spring;
+    c.count_losses(rubs, !past.empty(), c.before, lost);
+    point<3>(numbers, 0) = vec(c.foot);
+    point<3>(numbers, 1) = vec(c.across);
+    point<3>(numbers, 2) = vec(c.angle);
+    point<3>(numbers, 3) = Eigen::Map<const Mat<3>>(c.turn.data()).transpose() * vec(rubs.hold.spring);
     numbers[12] = rubs.hold.slides ? 1 : 0;
   }
   /// Of the wall on the ball, beside the elastic one; the wall feels the opposite.
@@ -129,20 +130,20 @@ struct SphereWallContact {
 
  private:
   typename SurfaceTouch<3>::Rub rub(const StateView<3>& s, const Touch& c) const {
-    const Vec<3> n = vector_of(c.n), v = s.velocity(c.i) - vector_of(c.velocity);
+    const Vec<3> n = vec(c.n), v = s.velocity(c.i) - vec(c.velocity);
     const Real parting = n.dot(v);
     const Vec<3> along = Eigen::Map<const Mat<3>>(c.stretch.data()) * (v - parting * n);
     const Coulomb mu = others.of(c.material, surface);
     return c.rub(surface.tangential_damping, mu.mu_static, mu.mu_dynamic, parting,
-                 along - c.radius * Vec<3>(s.spin(c.i) - vector_of(c.spin)).cross(n));
+                 vector3(Vec<3>(along - c.radius * Vec<3>(s.spin(c.i) - vec(c.spin)).cross(n))));
   }
   static Vec<3> force_of(const Touch& c, const typename SurfaceTouch<3>::Rub& rubs, Real normal) {
-    return normal * vector_of(c.n) - Eigen::Map<const Mat<3>>(c.stretch.data()) * rubs.hold.pull;
+    return normal * vec(c.n) - Eigen::Map<const Mat<3>>(c.stretch.data()) * vec(rubs.hold.pull);
   }
   template <class F>
   static void add(const Touch& c, const typename SurfaceTouch<3>::Rub& rubs, Real normal, F& force) {
     force.add(c.i, force_of(c, rubs, normal));
-    force.add_torque(c.i, Vec<3>(c.radius * vector_of(c.n).cross(rubs.hold.pull)));
+    force.add_torque(c.i, Vec<3>(c.radius * vec(c.n).cross(vec(rubs.hold.pull))));
   }
 };
 

@@ -11,6 +11,7 @@
 
 #include <pliant/base/errors.h>
 #include <pliant/base/lanes.h>
+#include <pliant/base/vector3.h>
 #include <pliant/kernels/contact_law.h>
 #include <pliant/model/term.h>
 
@@ -50,15 +51,17 @@ struct SurfaceFriction {
     const R most = slides ? dynamic_limit : limit, pull = k * spring + gamma * rate;
     return {spring, pull < -most ? -most : (most < pull ? most : pull), slides};
   }
-  PLIANT_INLINE static Hold<Vec<3>> hold(Real k, Real gamma, Vec<3> spring, const Vec<3>& rate, Real static_limit,
-                                         Real dynamic_limit, bool was_sliding) {
-    const Real limit = was_sliding ? dynamic_limit : static_limit, held = k * spring.norm();
-    const bool slides = held > limit;
-    if (slides) spring *= dynamic_limit / held;
-    const Real most = slides ? dynamic_limit : limit;
-    Vec<3> pull = k * spring + gamma * rate;
-    if (const Real size = pull.norm(); size > most) pull *= most / size;
-    return {spring, pull, slides};
+  /// The same of vectors across the normal, which are cut by their lengths.
+  template <class R>
+  PLIANT_INLINE static Hold<Vector3<R>, MaskOf<R>> hold(R k, R gamma, Vector3<R> spring, const Vector3<R>& rate,
+                                                        R static_limit, R dynamic_limit, MaskOf<R> was_sliding) {
+    const R limit = was_sliding ? dynamic_limit : static_limit, held = k * norm(spring);
+    const MaskOf<R> slides = held > limit;
+    spring = select<R>(slides, R(dynamic_limit / held) * spring, spring);
+    const R most = slides ? dynamic_limit : limit;
+    const Vector3<R> pull = k * spring + gamma * rate;
+    const R size = norm(pull);
+    return {spring, select<R>(size > most, R(most / size) * pull, pull), slides};
   }
 };
 
@@ -157,22 +160,19 @@ Real dashpot_rate(const SurfaceFriction& f, const Topology& topology, Real epsil
                    partners);
 }
 
-PLIANT_INLINE std::array<Real, 3> array_of(const Vec<3>& a) { return {a[0], a[1], a[2]}; }
-PLIANT_INLINE Vec<3> vector_of(const std::array<Real, 3>& a) { return {a[0], a[1], a[2]}; }
-
-/// What acts where two surfaces touch, and what of it becomes heat. This is what follows from where they are. In the
-/// plane also of several contacts at a time, where R is a vector of numbers.
+/// What acts where two surfaces touch, and what of it becomes heat. This is what follows from where they are. Also of
+/// several contacts at a time, where R is a vector of numbers.
 template <int D, class R = Real>
 struct SurfaceTouch {
   static constexpr std::array<Loss, 3> losses{
       {{"normal_damping", true}, {"tangential_damping", true}, {"sliding", false}}};
-  using Tangent = std::conditional_t<D == 2, R, Vec<3>>;
+  using Tangent = std::conditional_t<D == 2, R, Vector3<R>>;
 
-  R elastic;                                                     ///< N_e
-  R k, gamma;                                                    ///< k_t, γ_n
-  R lever;                                                       ///< the limit of P is μN over it
-  std::conditional_t<D == 2, R, std::array<Real, 3>> stretched;  ///< ξ if it did not slide
-  MaskOf<R> slid;                                                ///< in the last step
+  R elastic;          ///< N_e
+  R k, gamma;         ///< k_t, γ_n
+  R lever;            ///< the limit of P is μN over it
+  Tangent stretched;  ///< ξ if it did not slide
+  MaskOf<R> slid;     ///< in the last step
 
   /// And from how fast they move.
   struct Rub {
@@ -194,7 +194,7 @@ struct SurfaceTouch {
   PLIANT_INLINE Rub rub(Real tangential_damping, Mu mu_static, Mu mu_dynamic, R parting, const Tangent& rate) const {
     const R pressed = elastic - gamma * parting, normal = pressed < 0 ? R() : pressed, limit = normal / lever;
     return {normal, parting, rate,
-            SurfaceFriction::hold(k, R(tangential_damping * gamma), stretch(), rate, R(mu_static * limit),
+            SurfaceFriction::hold(k, R(tangential_damping * gamma), stretched, rate, R(mu_static * limit),
                                   R(mu_dynamic * limit), slid)};
   }
 
@@ -204,7 +204,7 @@ struct SurfaceTouch {
   PLIANT_INLINE R tangential_power(const Rub& c) const { return product(c.hold.pull - k * c.hold.spring, c.rate); }
   /// What sliding has taken in a step that began with the spring `before`.
   PLIANT_INLINE R slid_heat(const Rub& c, const Tangent& before) const {
-    return product(k / 2 * (before + c.hold.spring), stretch() - c.hold.spring);
+    return product(R(k / 2) * (before + c.hold.spring), stretched - c.hold.spring);
   }
   Real power(const Rub& c) const {
     const Real sliding = c.hold.slides ? std::max(product(k * c.hold.spring, c.rate), 0.0) : 0;
@@ -218,17 +218,11 @@ struct SurfaceTouch {
   }
 
  private:
-  PLIANT_INLINE Tangent stretch() const {
-    if constexpr (D == 2)
-      return stretched;
-    else
-      return vector_of(stretched);
-  }
   PLIANT_INLINE static R product(const Tangent& a, const Tangent& b) {
     if constexpr (D == 2)
       return a * b;
     else
-      return a.dot(b);
+      return dot(a, b);
   }
 };
 

@@ -2,7 +2,9 @@
 #include <petscsys.h>
 
 #include <Eigen/Geometry>
+#include <array>
 #include <catch2/catch.hpp>
+#include <cmath>
 
 #include <pliant/model/sphere_contact.h>
 #include <pliant/model/sphere_wall_contact.h>
@@ -96,6 +98,162 @@ Real heat_of(const Simulation<3>& s, std::string_view term) {
 }
 
 }  // namespace
+
+namespace {
+
+/// The law of two balls in full: what acts on the first, in the order of the list, the numbers to keep, and the losses.
+struct WholeLaw {
+  Vector force, torque_first, torque_second;
+  std::array<Real, SphereContact<>::history> kept;
+  std::array<Real, 3> lost;
+
+  template <class Law>
+  WholeLaw(const StateView<3>& s, Index e, const Law& law, const SurfaceFriction& f, std::span<const Real> past) {
+    const auto [i, j] = s.neighbours.point_pairs[e];
+    const Topology& t = s.topology;
+    const Vector r = s.position(i) - s.position(j), v = s.velocity(i) - s.velocity(j);
+    const Real d = r.norm(), a = t.diameter[i] / 2, b = t.diameter[j] / 2, lever = law.delta / d;
+    const Vector n = r / d, turned = a * s.angle(i) + b * s.angle(j), twisted = s.angle(i) + s.angle(j);
+    const Real order = t.id[i] > t.id[j] ? -1 : 1, stiffness = law.curvature(d), k = f.stiffness * stiffness_of(law),
+               gamma = 2 * f.damping * std::sqrt(stiffness / (1 / t.mass(i) + 1 / t.mass(j)));
+    Vector before = Vector::Zero(), spring = before;
+    bool slid = false;
+    if (!past.empty()) {
+      const Vector n0 = order * at(past, 0), middle = (n0 + n).normalized();
+      const Matrix up = turn(n0, middle), down = turn(middle, n),
+                   twist = Eigen::AngleAxis<Real>(middle.dot(twisted - at(past, 2)) / 4, middle).toRotationMatrix();
+      const Real half = (n - n0).norm() / 2;
+      const Vector arc = half > 0 ? Vector(std::asin(half) / half * (n - n0)) : Vector(Vector::Zero());
+      before = down * twist * twist * up * (order * at(past, 3));
+      spring = before + down * twist * (law.delta * arc - (turned - at(past, 1)).cross(middle));
+      slid = past[12] != 0;
+    }
+    const Vector stretched = spring;
+    const Real parting = n.dot(v), normal = std::max(-law.slope(d) - gamma * parting, 0.0), limit = normal / lever,
+               longest = (slid ? f.mu_dynamic : f.mu_static) * limit;
+    const Vector rate = lever * (v - parting * n) - (a * s.spin(i) + b * s.spin(j)).cross(n);
+    const bool slides = k * spring.norm() > longest;
+    if (slides) spring *= f.mu_dynamic * limit / (k * spring.norm());
+    const Real most = slides ? f.mu_dynamic * limit : longest;
+    Vector pull = k * spring + f.tangential_damping * gamma * rate;
+    if (pull.norm() > most) pull *= most / pull.norm();
+    force = normal * n - lever * pull;
+    torque_first = a * n.cross(pull), torque_second = b * n.cross(pull);
+    lost = {(-law.slope(d) - normal) * parting, (pull - k * spring).dot(rate),
+            k / 2 * (before + spring).dot(stretched - spring)};
+    const std::array<Vector, 4> numbers{order * n, turned, twisted, order * spring};
+    for (std::size_t m = 0; m < 12; ++m) kept[m] = numbers[m / 3][static_cast<Index>(m % 3)];
+    kept[12] = slides ? 1 : 0;
+  }
+
+ private:
+  template <class Law>
+  static Real stiffness_of(const Law& law) {
+    return law.curvature(0.99 * law.delta);
+  }
+  static Matrix turn(const Vector& from, const Vector& to) {
+    return Eigen::Quaternion<Real>::FromTwoVectors(from, to).toRotationMatrix();
+  }
+};
+
+}  // namespace
+
+TEST_CASE("balls four at a time have the forces of each by itself bit for bit, and the law of two balls") {
+  const SurfaceFriction weak{.mu_static = 0.1, .mu_dynamic = 0.05, .damping = 0.1};
+  Index some = 0, slide = 0, hold = 0, fresh = 0, ended = 0;
+  const auto check = [&]<class Law>(const Crowd& crowd, const SurfaceFriction& surface, Law, bool own_only, Real h) {
+    const auto s = simulation_of<3>(crowd.c, Sorting::never, Ranks(), std::make_unique<FixedStepVerlet>(5e-4),
+                                    ball_pairs<Law>(surface));
+    start(*s, crowd.c, crowd.angles, crowd.spins);
+    s->particles().accepted(0, s->state().x().data(), s->state().v().data(), 0);
+    s->advance(0.02);
+    // A large step by hand: contacts end, begin, slide and turn far.
+    std::vector<Real> x(s->state().x().begin(), s->state().x().end()), v(s->state().v().begin(), s->state().v().end());
+    std::vector<Real> moved = x;
+    for (std::size_t k = 0; k < x.size(); ++k) moved[k] += h * v[k];
+    const StateView<3> view = s->particles().view(moved.data(), v.data());
+    const SphereContact<Law> term{epsilon, surface};
+    const ContactTable& table = view.history->of(term.name());
+    const PairList& list = view.neighbours.point_pairs;
+    const Index points = view.topology.owned_points();
+    const Range all = list.inside(0), own{0, own_only ? points / 2 : points};
+    std::vector<Real> found(x.size()), single(x.size()), whole(x.size());
+    std::array<Real, 3> lost{};
+    Real largest = 0, most = 0;
+    const auto into = [&](std::vector<Real>& f) {
+      return Scatter<3, 1, true>{f.data(), own, f.data() + 3 * static_cast<std::size_t>(points)};
+    };
+    if (own_only)
+      term.add_forces(view, all, table, into(found));
+    else
+      term.add_forces(view, all, table, Scatter<3, 1>{found.data(), {}, into(found).torques});
+    const auto one = into(single), full = into(whole);
+    Index touching = 0;
+    typename SphereContact<Law>::Touch c;
+    const ContactTable::Ahead<SphereContact<Law>::history> ahead(table);
+    for (Index e = all.first; e < all.last; ++e) {
+      const bool touches = term.find(view, e, table.past(e), c);
+      CHECK(ahead.known(e) == touches);
+      if (!touches) {
+        ended += table.past(e).empty() ? 0 : 1;
+        continue;
+      }
+      ++touching;
+      term.add_force(view, c, one);
+      const WholeLaw law(view, e, Law{epsilon, list.reach[e]}, surface, table.past(e));
+      const auto [i, j] = list[e];
+      const Vector elastic = -Law{epsilon, list.reach[e]}.slope((view.position(i) - view.position(j)).norm()) *
+                             (view.position(i) - view.position(j)).normalized();
+      full.add(i, Vector(law.force - elastic)), full.add(j, Vector(elastic - law.force));
+      full.add_torque(i, law.torque_first), full.add_torque(j, law.torque_second);
+      const Real* const kept = ahead.touches(e);
+      for (std::size_t k = 0; k < law.kept.size(); ++k) CHECK(std::abs(kept[k] - law.kept[k]) < 1e-12);
+      if (!own_only || one.template counts<Elements::point_pairs>(view, e))
+        for (std::size_t k = 0; k < 3; ++k) lost[k] += law.lost[k];
+      (kept[12] != 0 ? slide : hold) += 1;
+      fresh += table.past(e).empty() ? 1 : 0;
+    }
+    some += touching % 4;
+    CHECK(touching > 3);
+    CHECK(found == single);
+    for (std::size_t k = 0; k < found.size(); ++k) {
+      most = std::max(most, std::abs(found[k] - whole[k]));
+      largest = std::max(largest, std::abs(found[k]));
+    }
+    CHECK(most < 1e-12 * largest);
+    for (std::size_t k = 0; k < 3; ++k) CHECK(table.lost(all)[k] == Approx(lost[k]).epsilon(1e-11));
+  };
+  for (const std::uint64_t seed : {1, 2, 3})
+    for (const bool own_only : {false, true})
+      for (const Real h : {5e-4, 0.02}) {
+        const Crowd crowd(seed, false, 5, 4);
+        check(crowd, rough, HarmonicOverlap{}, own_only, h);
+        check(crowd, weak, HarmonicOverlap{}, own_only, h);
+        check(crowd, rough, HertzOverlap{}, own_only, h);
+        check(crowd, rough, SpringOverlap{}, own_only, h);
+      }
+  CHECK(some > 3);
+  CHECK(slide > 20);
+  CHECK(hold > 20);
+  CHECK(fresh > 0);
+  CHECK(ended > 0);
+}
+
+TEST_CASE("the one kernel for balls is the sum of the terms") {
+  const auto s = Crowd(8).simulation();
+  s->advance(0.05);
+  const StateView<3> view = s->view();
+  std::vector<Real> all(s->state().size()), sum(all.size());
+  s->particles().field().forces(view, all.data());
+  for (const TermReport& r : s->particles().field().report(view))
+    for (std::size_t k = 0; k < sum.size(); ++k) sum[k] += r.force[k];
+  Real most = 0, largest = 0;
+  for (std::size_t k = 0; k < all.size(); ++k) {
+    most = std::max(most, std::abs(all[k] - sum[k]));
+    largest = std::max(largest, std::abs(all[k]));
+  }
+  CHECK(most < 1e-12 * largest);
+}
 
 TEST_CASE("balls that collide in a plane, whichever it is, do what disks of their inertia do") {
   const Collision plane{{0.8, 1, 0}, {0, 0, 1.5}};

@@ -1,0 +1,145 @@
+// Contacts between particles of one point each, four at a time: finding them, reading and adding to their points.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+
+#include <pliant/base/simd.h>
+#include <pliant/base/vector3.h>
+#include <pliant/kernels/scatter.h>
+#include <pliant/model/term.h>
+
+namespace pliant {
+
+/// visit(count, elements) for four elements at a time. Fewer are filled up with copies of the last.
+template <class Visit>
+PLIANT_INLINE void for_each_four(const Index* elements, Index size, Visit&& visit) {
+  Index k = 0;
+  for (; k + 4 <= size; k += 4) visit(4, elements + k);
+  if (k == size) return;
+  std::array<Index, 4> rest;
+  for (Index l = 0; l < 4; ++l) rest[l] = elements[std::min(k + l, size - 1)];
+  visit(size - k, rest.data());
+}
+
+/// Four elements from the k-th on. Fewer are filled up with copies of the last, in `room`.
+PLIANT_INLINE const Index* four_from(const Index* elements, Index size, Index k, std::array<Index, 4>& room) {
+  if (k + 4 <= size) return elements + k;
+  for (Index l = 0; l < 4; ++l) room[l] = elements[std::min(k + l, size - 1)];
+  return room.data();
+}
+
+/// The points of four pairs.
+struct FourPairs {
+  std::array<std::ptrdiff_t, 4> first, second;
+
+  /// Of consecutive pairs.
+  PLIANT_INLINE explicit FourPairs(const Pair* pairs) {
+    for (int k = 0; k < 4; ++k) {
+      first[k] = pairs[k].first;
+      second[k] = pairs[k].second;
+    }
+  }
+  PLIANT_INLINE FourPairs(const Pair* pairs, const Index* elements) {
+    for (int k = 0; k < 4; ++k) {
+      first[k] = pairs[elements[k]].first;
+      second[k] = pairs[elements[k]].second;
+    }
+  }
+  template <class T>
+  PLIANT_INLINE static simd::Real4 gather(const T* a, const std::array<std::ptrdiff_t, 4>& at) {
+    return simd::Real4{Real(a[at[0]]), Real(a[at[1]]), Real(a[at[2]]), Real(a[at[3]])};
+  }
+  /// Vectors in space, of arrays x0 y0 z0 x1 … .
+  PLIANT_INLINE static Vector3<simd::Real4> gather3(const Real* a, const std::array<std::ptrdiff_t, 4>& at) {
+    simd::Real2 xy[4];
+    for (int k = 0; k < 4; ++k) xy[k] = simd::load2(a + 3 * at[k]);
+    const simd::Points2 p = simd::transpose(xy[0], xy[1], xy[2], xy[3]);
+    return {p.x, p.y, simd::Real4{a[3 * at[0] + 2], a[3 * at[1] + 2], a[3 * at[2] + 2], a[3 * at[3] + 2]}};
+  }
+  // a_first − a_second
+  PLIANT_INLINE simd::Points2 differences(const Real* a) const {
+    simd::Real2 u[4];
+    for (int k = 0; k < 4; ++k) u[k] = simd::load2(a + 2 * first[k]) - simd::load2(a + 2 * second[k]);
+    return simd::transpose(u[0], u[1], u[2], u[3]);
+  }
+  PLIANT_INLINE Vector3<simd::Real4> differences3(const Real* a) const {
+    return gather3(a, first) - gather3(a, second);
+  }
+};
+
+/// Writes the touching pairs of a range to `elements`, without a branch that depends on them, and returns their number.
+/// The history of the others ends.
+template <int D, int Width>
+PLIANT_INLINE Index find_touching(const StateView<D>& s, Range range, const ContactTable::Ahead<Width>& ahead,
+                                  Index* elements) {
+  const PairList& list = s.neighbours.point_pairs;
+  const Pair* const pairs = list.pairs.data();
+  const Real *const reach = list.reach.data(), *const x = s.x;
+  Index touching = 0;
+  const auto take = [&](Index e, Index near) PLIANT_INLINE_LAMBDA {
+    elements[touching] = e;  // or the next one is there
+    touching += near;
+    if (Index(ahead.known(e)) > near) ahead.parted(e);
+  };
+  Index e = range.first;
+  if constexpr (D == 3)
+    for (; e + 4 <= range.last; e += 4) {
+      const FourPairs at(pairs + e);
+      const Vector3<simd::Real4> r = at.differences3(x);
+      const simd::Real4 d2 = dot(r, r), most = simd::load4(reach + e);
+      const simd::Mask4 near = (d2 < most * most) & (d2 > 0);
+      for (Index k = 0; k < 4; ++k) take(e + k, -static_cast<Index>(near[k]));
+    }
+  for (; e < range.last; ++e) {
+    const std::ptrdiff_t i = D * std::ptrdiff_t(pairs[e].first), j = D * std::ptrdiff_t(pairs[e].second);
+    const Real dx = x[i] - x[j], dy = x[i + 1] - x[j + 1];
+    Real d2 = dx * dx + dy * dy;
+    if constexpr (D == 3) d2 += square(x[i + 2] - x[j + 2]);
+    take(e, (d2 < square(reach[e])) & (d2 > 0));
+  }
+  return touching;
+}
+
+/// Four vectors in space, to be added to one point each.
+struct FourVectors {
+  std::array<simd::Real2, 4> xy;
+  simd::Real4 z;
+
+  PLIANT_INLINE explicit FourVectors(const Vector3<simd::Real4>& a) : z(a.z) {
+    simd::Real4 lanes02, lanes13;
+    simd::transpose({a.x, a.y}, lanes02, lanes13);
+    xy = {simd::low(lanes02), simd::low(lanes13), simd::high(lanes02), simd::high(lanes13)};
+  }
+  PLIANT_INLINE void add(Index lane, Real* to) const {
+    simd::store2(to, simd::load2(to) + xy[lane]);
+    to[2] += z[lane];
+  }
+  PLIANT_INLINE void subtract(Index lane, Real* from) const {
+    simd::store2(from, simd::load2(from) - xy[lane]);
+    from[2] -= z[lane];
+  }
+};
+
+/// Sums of a loss over the contacts that count in a chunk, lane by lane.
+template <std::size_t N>
+struct FourLosses {
+  std::array<simd::Real4, N> sums{};
+
+  template <int D, bool OwnOnly>
+  PLIANT_INLINE void add(const StateView<D>& s, const Scatter<D, 1, OwnOnly>& force, Index count, const Index* elements,
+                         const std::array<simd::Real4, N>& now) {
+    simd::Mask4 counts = simd::first(count);
+    if constexpr (OwnOnly)
+      for (int l = 0; l < 4; ++l)
+        if (!force.template counts<Elements::point_pairs>(s, elements[l])) counts[l] = 0;
+    for (std::size_t j = 0; j < N; ++j) sums[j] += simd::where(counts, now[j]);
+  }
+  PLIANT_INLINE void write(Range range, const ContactTable& table) const {
+    if (range.size() == 0) return;
+    for (std::size_t j = 0; j < N; ++j) table.lost(range)[j] = (sums[j][0] + sums[j][1]) + (sums[j][2] + sums[j][3]);
+  }
+};
+
+}  // namespace pliant

@@ -1,0 +1,140 @@
+// Four contacts at a time, with the same bits as one by one.
+#include <pliant/model/sphere_contact.h>
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+
+#include <pliant/model/four_pairs.h>
+
+namespace pliant {
+
+using simd::load4;
+using simd::Mask4;
+using simd::Real4;
+using Vector = Vector3<Real4>;
+
+namespace {
+
+using SpherePasts = ContactTable::Rows<SphereContact<>::history>;
+
+/// Columns first … first + 3 of four rows.
+PLIANT_INLINE void columns(const std::array<const Real*, 4>& rows, int first, Real4& a, Real4& b, Real4& c, Real4& d) {
+  a = load4(rows[0] + first), b = load4(rows[1] + first), c = load4(rows[2] + first), d = load4(rows[3] + first);
+  simd::transpose(a, b, c, d);
+}
+PLIANT_INLINE void write_columns(const std::array<Real*, 4>& rows, int first, Real4 a, Real4 b, Real4 c, Real4 d) {
+  simd::transpose(a, b, c, d);
+  simd::store4(rows[0] + first, a);
+  simd::store4(rows[1] + first, b);
+  simd::store4(rows[2] + first, c);
+  simd::store4(rows[3] + first, d);
+}
+PLIANT_INLINE Real4 column(const std::array<const Real*, 4>& rows, int k) {
+  return Real4{rows[0][k], rows[1][k], rows[2][k], rows[3][k]};
+}
+
+PLIANT_INLINE SphereTouch<Real4>::Past past_of(const SpherePasts& past, const Index* elements) {
+  const std::array<const Real*, 4> rows{past(elements[0]), past(elements[1]), past(elements[2]), past(elements[3])};
+  SphereTouch<Real4>::Past p;
+  columns(rows, 0, p.n.x, p.n.y, p.n.z, p.turned.x);
+  columns(rows, 4, p.turned.y, p.turned.z, p.twisted.x, p.twisted.y);
+  columns(rows, 8, p.twisted.z, p.spring.x, p.spring.y, p.spring.z);
+  p.slid = column(rows, 12) != 0;
+  return p;
+}
+
+/// Of each pair of a range: the radii, their sum, the root of the reduced mass and the order of the ids.
+void set_constants(const StateView<3>& s, Range range, const ContactTable& table) {
+  const PairList& list = s.neighbours.point_pairs;
+  const std::vector<Real>& diameter = s.topology.diameter;
+  Real* to = table.constants(range.first);
+  for (Index e = range.first; e < range.last; ++e) {
+    const auto [i, j] = list[e];
+    for (const Real number : {diameter[i] / 2, diameter[j] / 2, list.reach[e],
+                              SphereContact<>::root_mass(s.topology, i, j), SphereContact<>::order(s.topology, i, j)})
+      *to++ = number;
+  }
+}
+
+template <class Law, bool OwnOnly>
+PLIANT_MULTIVERSION void add_contacts(Real epsilon, const SurfaceFriction& friction, const StateView<3>& s, Range range,
+                                      const ContactTable& table, const Scatter<3, 1, OwnOnly>& scatter, bool total) {
+  const SurfaceFriction surface = friction;  // nobody else writes to these
+  const SpherePasts past = table.rows<SphereContact<>::history>();
+  const ContactTable::Ahead<SphereContact<>::history> ahead(table);
+  const Scatter<3, 1, OwnOnly> force = scatter;
+  const Pair* const pairs = s.neighbours.point_pairs.pairs.data();
+  const Real *const x = s.x, *const v = s.v, *const angles = s.angles, *const spins = s.spins;
+
+  const Real* const all = table.constants(0);
+  const auto constants = [&](Index e)
+                             PLIANT_INLINE_LAMBDA { return all + std::ptrdiff_t(e) * SphereContact<>::constants; };
+  if (range.size() > 0 && *constants(range.first) == 0) set_constants(s, range, table);
+
+  Index* const elements = table.room(range);
+  const Index touching = find_touching(s, range, ahead, elements);
+
+  FourLosses<3> lost;
+  std::array<Index, 4> rest;
+  for (Index k = 0; k < touching; k += 4) {
+    const Index* const e = four_from(elements, touching, k, rest);
+    const Index count = std::min(touching - k, Index(4));
+    const FourPairs at(pairs, e);
+    const std::array<const Real*, 4> rows{constants(e[0]), constants(e[1]), constants(e[2]), constants(e[3])};
+    SphereTouch<Real4>::Pair pair;
+    pair.r = at.differences3(x);
+    columns(rows, 0, pair.a, pair.b, pair.reach, pair.root_mass);
+    pair.order = column(rows, 4);
+    pair.angle_a = FourPairs::gather3(angles, at.first), pair.angle_b = FourPairs::gather3(angles, at.second);
+    SphereTouch<Real4> c;
+    c.find<Law>(epsilon, surface, pair, past_of(past, e));
+    const auto rubs =
+        c.rub(surface, at.differences3(v), FourPairs::gather3(spins, at.first), FourPairs::gather3(spins, at.second));
+    // Copies of the last contact have no force.
+    const Mask4 counted = simd::first(count);
+    const Real4 normal = simd::where(counted, total ? rubs.normal : rubs.normal - c.elastic);
+    const Vector pull = select<Real4>(counted, rubs.hold.pull, Vector{}), torque = c.torque(pull);
+    const FourVectors pushes(c.force(normal, pull)), on_first(c.a * torque), on_second(c.b * torque);
+    for (Index l = 0; l < 4; ++l) {
+      if (!OwnOnly || force.own.contains(static_cast<Index>(at.first[l]))) {
+        pushes.add(l, force.out + 3 * at.first[l]);
+        on_first.add(l, force.torques + 3 * at.first[l]);
+      }
+      if (!OwnOnly || force.own.contains(static_cast<Index>(at.second[l]))) {
+        pushes.subtract(l, force.out + 3 * at.second[l]);
+        on_second.add(l, force.torques + 3 * at.second[l]);
+      }
+    }
+
+    // Copies of the last contact write the same bits to its place.
+    const std::array<Real*, 4> kept{ahead.touches(e[0]), ahead.touches(e[1]), ahead.touches(e[2]), ahead.touches(e[3])};
+    const Vector n = c.order * c.n, spring = c.order * rubs.hold.spring;
+    write_columns(kept, 0, n.x, n.y, n.z, c.turned.x);
+    write_columns(kept, 4, c.turned.y, c.turned.z, c.twisted.x, c.twisted.y);
+    write_columns(kept, 8, c.twisted.z, spring.x, spring.y, spring.z);
+    for (int l = 0; l < 4; ++l) kept[l][12] = rubs.hold.slides[l] != 0 ? 1 : 0;
+    lost.add(s, force, count, e, {c.normal_power(rubs), c.tangential_power(rubs), c.slid_heat(rubs, c.before)});
+  }
+  lost.write(range, table);
+}
+
+}  // namespace
+
+template <class Law, bool OwnOnly>
+void add_sphere_forces(Real epsilon, const SurfaceFriction& surface, const StateView<3>& s, Range range,
+                       const ContactTable& table, const Scatter<3, 1, OwnOnly>& force, bool total) {
+  add_contacts<Law>(epsilon, surface, s, range, table, force, total);
+}
+static_assert(RangeTerm<SphereContact<>, 3>);
+#define PLIANT_SPHERE_FORCES(Law, own)                                                                \
+  template void add_sphere_forces<Law, own>(Real, const SurfaceFriction&, const StateView<3>&, Range, \
+                                            const ContactTable&, const Scatter<3, 1, own>&, bool);
+PLIANT_SPHERE_FORCES(HarmonicOverlap, false)
+PLIANT_SPHERE_FORCES(HarmonicOverlap, true)
+PLIANT_SPHERE_FORCES(HertzOverlap, false)
+PLIANT_SPHERE_FORCES(HertzOverlap, true)
+PLIANT_SPHERE_FORCES(SpringOverlap, false)
+PLIANT_SPHERE_FORCES(SpringOverlap, true)
+
+}  // namespace pliant
