@@ -354,7 +354,7 @@ Problem<ParticleSystem<2>> settling(bool quick, Judge judge) {
   o.model = "sp";
   o.particles = quick ? 50 : 200;
   o.e_sp = 1e4;
-  o.mu = o.zeta = 0.3;
+  o.zeta = o.mu = 0.3;
   o.wall_distance = quick ? 7 : 14;
   o.pack_fraction = 0.6;
   o.resolve();

@@ -236,7 +236,7 @@ def fit_groups(table, by, beta=None, **options):
 def _clogged(group, value):
     """Which runs clogged. One where a single particle goes on to bounce has not ended so, but nothing crosses either."""
     clogged = group[value] == 0
-    return clogged | (group["status"] == "clogged") if "status" in group else clogged
+    return clogged | group["status"].isin(["clogged", "at_rest"]) if "status" in group else clogged
 
 
 def _no_law(*_, **__):

@@ -19,13 +19,13 @@ from .statistics import commonest
 from .sweep import load_runs, sweep_table
 
 COLUMNS = ("hopper_width", "g", "phi_c", "n", "status", "avalanche_size", "capillary_length")
-ENDED = ("clogged", "empty")
+ENDED = ("clogged", "at_rest", "empty")
 CONFIDENCE = 0.95       # of the binomial intervals
 AVALANCHE_LIMIT = 0.75  # larger mean avalanches, as a fraction of the droplets, are cut by their number [T 4.3]
 
 
 def load_clogs(paths):
-    """One table of runs that ended clogged or empty, from CSV files (pliant-sweep's results.csv) and run folders, and
+    """One table of runs that ended clogged, at rest or empty, from CSV files (pliant-sweep's results.csv) and run folders, and
     the number of rows left out because they have not ended or have failed."""
     tables = []
     for path in map(Path, paths):

@@ -20,7 +20,7 @@ from .script import remark
 from .sweep_lock import RowLock, Taken, owner
 
 #: `status` in summary.json of runs that have nothing left to do.
-FINISHED = ("done", "clogged", "empty")
+FINISHED = ("done", "clogged", "at_rest", "empty", "jammed")
 STOPPED_CODE = 75
 # What ends a worker in order. Slurm, terminals and GNU parallel may send several at once; those are one request.
 _STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGUSR1)

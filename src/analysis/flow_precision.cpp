@@ -8,24 +8,34 @@
 
 namespace pliant {
 
-SteadyFlow steady_flow(std::span<const Real> time, std::span<const Real> crossed_area,
-                       std::span<const Real> kinetic_energy) {
+SteadyFlow steady_flow(const FlowColumns& columns) {
+  const std::span<const Real> time = columns.time;
   if (time.size() < 2) throw InputError("steady flow rate: {} samples; give at least two", time.size());
-  const std::vector<Real> rate = rate_series(time, crossed_area);
-  const std::array<NamedSeries, 2> judged{NamedSeries{"flow rate", rate},
-                                          NamedSeries{"kinetic energy", kinetic_energy.subspan(1)}};
+  constexpr Real tolerance = 0.05;
+  const std::vector<Real> rate = rate_series(time, columns.crossed_area);
+  const std::array<NamedSeries, 4> judged{
+      NamedSeries{.name = "flow rate", .values = rate},
+      NamedSeries{"kinetic energy", columns.kinetic_energy.subspan(1), tolerance},
+      NamedSeries{"height of the filling", columns.top_height.subspan(1), tolerance, false},
+      NamedSeries{"bulk fraction", columns.bulk_fraction.subspan(1), tolerance, false}};
   SteadyFlow flow;
   flow.steady = steady_state(time.subspan(1), judged);
   flow.from = flow.steady.index + 1;
-  flow.rate = flow_rate(time.subspan(flow.from), crossed_area.subspan(flow.from));
+  flow.rate = flow_rate(time.subspan(flow.from), columns.crossed_area.subspan(flow.from));
+  if (flow.steady.steady && flow.rate.value == 0)
+    flow.steady = {flow.steady.index, flow.steady.time, false,
+                   fmt::format("not steady: nothing has crossed since t = {:.6g}", flow.steady.time)};
+  if (!flow.steady.steady) flow.rate.error = BlockAverage::unknown;
   return flow;
 }
 
-bool FlowPrecision::add(Real time, Real crossed, Real crossed_area, Real kinetic_energy) {
-  time_.push_back(time);
-  crossed_.push_back(crossed);
-  area_.push_back(crossed_area);
-  energy_.push_back(kinetic_energy);
+bool FlowPrecision::add(const FlowSample& sample) {
+  time_.push_back(sample.time);
+  crossed_.push_back(sample.crossed);
+  area_.push_back(sample.crossed_area);
+  energy_.push_back(sample.kinetic_energy);
+  top_.push_back(sample.top_height);
+  fraction_.push_back(sample.bulk_fraction);
   if (time_.size() < next_) return false;
   next_ += (next_ + 19) / 20;
   const bool held_before = held_;
@@ -47,7 +57,7 @@ bool FlowPrecision::drifts(const SteadyFlow& flow) const {
 }
 
 bool FlowPrecision::judge() {
-  const SteadyFlow flow = steady_flow(time_, area_, energy_);
+  const SteadyFlow flow = steady_flow({time_, area_, energy_, top_, fraction_});
   const BlockAverage& blocks = flow.rate.blocks;
   rate_ = flow.rate.value;
   error_ = flow.rate.error / flow.rate.value;

@@ -17,12 +17,22 @@ struct SteadyFlow {
   FlowRate rate;         ///< of the rows from there on
 };
 
-/// `steady_state` of the flow rate and the kinetic energy, then `flow_rate`.
+/// Columns that tell whether a flow is steady, [samples] each: time in t0, crossed_area cumulative, in σ_avg^D.
+struct FlowColumns {
+  std::span<const Real> time, crossed_area, kinetic_energy, top_height, bulk_fraction;
+};
+
+/// `steady_state` of the flow rate, the kinetic energy, the height of the filling and its bulk fraction, then
+/// `flow_rate`, without an error where the flow is not steady. The last three may change by 5 %: by so little they tell
+/// nothing that the flow rate does not. The start-up is that of the first two.
 ///
-/// time [n] in t0, crossed_area [n] cumulative, in σ_avg^D, kinetic_energy [n]. Throws InputError for fewer than two
-/// rows and as `flow_rate` does.
-SteadyFlow steady_flow(std::span<const Real> time, std::span<const Real> crossed_area,
-                       std::span<const Real> kinetic_energy);
+/// Throws InputError for fewer than two rows and as `flow_rate` does.
+SteadyFlow steady_flow(const FlowColumns& columns);
+
+/// One row of `FlowColumns`, and the number of particles that have crossed.
+struct FlowSample {
+  Real time = 0, crossed = 0, crossed_area = 0, kinetic_energy = 0, top_height = 0, bulk_fraction = 0;
+};
 
 /// Says when the relative standard error of the flow rate has come down to what is asked. It is a function of the
 /// samples alone: to go on after a restart, give it the stored ones again.
@@ -47,9 +57,8 @@ class FlowPrecision {
   /// relative_error > 0.
   explicit FlowPrecision(Real relative_error) : asked_(relative_error) {}
 
-  /// The next sample: time in t0, particles and their area (σ_avg^D) that crossed since the start, kinetic energy.
-  /// True if the run may end with it. Throws InputError as `flow_rate` does.
-  bool add(Real time, Real crossed, Real crossed_area, Real kinetic_energy);
+  /// True if the run may end with this sample. Throws InputError as `flow_rate` does.
+  bool add(const FlowSample& sample);
 
   /// At the last judgement; NaN if it was unknown. Not to be believed until `add` returns true.
   Real relative_error() const { return error_; }
@@ -61,7 +70,7 @@ class FlowPrecision {
   bool drifts(const SteadyFlow& flow) const;
 
   Real asked_, error_ = BlockAverage::unknown, rate_ = BlockAverage::unknown;
-  std::vector<Real> time_, crossed_, area_, energy_;
+  std::vector<Real> time_, crossed_, area_, energy_, top_, fraction_;
   std::size_t next_ = 100;  ///< samples at the next judgement
   bool held_ = false;
 };

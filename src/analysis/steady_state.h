@@ -1,4 +1,4 @@
-// Where the start-up ends and the steady state begins.
+// Where the start-up ends, and whether the rest of a run is a steady state.
 #pragma once
 
 #include <cstddef>
@@ -21,24 +21,38 @@ struct SteadyState {
 struct NamedSeries {
   std::string_view name;
   std::span<const Real> values;  ///< [samples]
+  Real tolerance = 1e-6;         ///< changes below this part of the mean are no drift
+  bool finds_start_up = true;    ///< `steady_state` applies `mser5` to it
 };
 
-/// MSER-5 [White, Simulation 69, 323 (1997); White, Cobb & Spratt, Winter Simulation Conference 2000, 755]: of the k
-/// means z_j over 5 samples each, the first d are dropped for the d ≤ k/2 that minimises Σ_{j>d} (z_j − z̄_d)²/(k − d)²,
-/// the smallest such d if there are several. A minimum in the last tenth of the first half means that the statistic
-/// still falls there: not steady (with the literal "at its very end", one drifting series in four passes by chance).
-/// Neither is a series of fewer than 50 samples, or one with a number that is not finite.
+/// Number of samples at the front that belong to the start-up, at most half of them. MSER-5 [White, Simulation 69, 323
+/// (1997); White, Cobb & Spratt, Winter Simulation Conference 2000, 755]: of the k means z_j over 5 samples each, the
+/// first d are dropped for the d ≤ k/2 that minimises Σ_{j>d} (z_j − z̄_d)²/(k − d)², the smallest such d if there are
+/// several.
 ///
-/// It cannot see a drift, over the whole run, below some three standard deviations of the 5-sample means;
-/// `block_average` then reports no plateau.
-///
-/// time, series.values [samples]. Throws InputError if the lengths differ.
-SteadyState mser5(std::span<const Real> time, const NamedSeries& series);
+/// This d is a truncation and no test: a series whose variance grows is kept whole, and a slow drift may be.
+std::size_t mser5(std::span<const Real> values);
 
-/// `mser5` of each series; the latest truncation counts, and one unsteady series makes the whole unsteady. A flow rate
-/// from `rate_series` has one sample less: pass it with subspan(1) of the time and of the other series.
+/// How the mean or the spread of a series changes; empty if it is stationary as far as the series can tell. The spread
+/// is the mean distance from the mean of the first, middle or last third.
 ///
-/// Throws InputError if there is no series or a length differs.
+/// The series is divided into 18, 36 and 72 batches, and a polynomial of degree 4 is fitted to the means of each. There
+/// is a drift if one of its (orthogonal) powers has a Student's t above the quantile for a two-sided probability of
+/// 2·10⁻⁴ with each number of batches: correlations much shorter than a twentieth of the series then make no false
+/// alarm. In addition the mean of thirds or sixths must change by more than series.tolerance of the mean, and the
+/// spread by a quarter, as error bars are no better known.
+std::string drift(const NamedSeries& series);
+
+/// The start-up ends at the latest `mser5` of the series that find it. If a series drifts from there on, a start-up may
+/// be left in them: then later starts, which drop up to a third of the rest but no more than half of the run, are tried
+/// with stricter tests (probabilities of 10⁻², spreads that change by a tenth). If all of them find a drift the run is
+/// not steady, and `index` is the latest. Neither is it with fewer than 50 samples, or with numbers that are not finite.
+/// A flow rate from `rate_series` has one sample less: pass it with subspan(1) of the time and of other series.
+///
+/// Of stationary series (white, AR(1) of 50 independent samples or more, bursts) less than 1 % are called unsteady.
+/// Oscillations with a period of less than half of the run are no drift.
+///
+/// time, series.values [samples]. Throws InputError if there is no series or a length differs.
 SteadyState steady_state(std::span<const Real> time, std::span<const NamedSeries> series);
 
 }  // namespace pliant

@@ -97,6 +97,24 @@ WallParts Container::parts(int dim) const {
   return walls;
 }
 
+std::vector<Index> Container::bodies(int dim) const {
+  const auto sides = std::visit([&](const auto& shape) { return shape.walls(dim); }, shape_).segments;
+  std::vector<Index> bodies;
+  // Both sides go straight up at the end.
+  bool left = dim == 2;
+  for (const WallSegment& wall : sides) {
+    bodies.push_back(left ? 0 : 1);
+    if (!std::isfinite(wall.length)) left = false;
+  }
+  Index body = 2;
+  for (const Obstacle& o : obstacles_) {
+    WallParts parts;
+    o.add_to(parts);
+    bodies.insert(bodies.end(), parts.segments.size(), body++);
+  }
+  return bodies;
+}
+
 template <int D>
 Walls<D> Container::walls() const {
   return Walls<D>(parts(D));

@@ -56,6 +56,9 @@ class Container {
 
   /// What its walls are made of, the obstacles last.
   WallParts parts(int dim) const;
+  /// The body that each segment of `parts` belongs to: 0 the left side, 1 the right side (in 3D the whole wall), 2, 3,
+  /// … the obstacles.
+  std::vector<Index> bodies(int dim) const;
   template <int D>
   Walls<D> walls() const;
   /// The same, and after them a shut orifice and a lid at height `lid`: a box to pack particles in. Particles stay

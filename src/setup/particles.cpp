@@ -126,17 +126,28 @@ Real circumradius(Index n, Real area) { return std::sqrt(2 * area / (n * std::si
 
 }  // namespace
 
+Real SizeDistribution::smallest() const {
+  if (kind == "mono") return 1;
+  if (kind == "normal") return 1 - 3 * deviation;
+  return 1 / (1 - fraction + fraction * ratio);
+}
+
+Real SizeDistribution::largest() const {
+  if (kind == "mono") return 1;
+  return kind == "normal" ? 1 + 3 * deviation : ratio * smallest();
+}
+
 std::vector<Real> draw_diameters(const SizeDistribution& distribution, Index n, std::uint64_t seed) {
   std::vector<Real> sigma(n, 1.0);
   if (distribution.kind == "mono") return sigma;
   if (distribution.kind == "bidisperse") {
-    const Real small = 1 / (1 - distribution.fraction + distribution.fraction * distribution.ratio);
+    const Real small = distribution.smallest();
     const Index large = static_cast<Index>(std::lround(distribution.fraction * n));
     const std::vector<Index> order = shuffled(n, seed);
     for (Index k = 0; k < n; ++k) sigma[order[k]] = k < large ? distribution.ratio * small : small;
     return sigma;
   }
-  if (1 - 3 * distribution.deviation < 0.1)
+  if (distribution.smallest() < 0.1)
     throw InputError("-size_deviation {}: diameters down to {} would occur; use at most 0.3", distribution.deviation,
                      1 - 3 * distribution.deviation);
   for (Index m = 0; m < n; ++m) sigma[m] = 1 + distribution.deviation * cut_normal(m, seed);

@@ -16,6 +16,10 @@ struct SizeDistribution {
   Real ratio = 1.4;                 ///< bidisperse: σ_l/σ_s
   Real fraction = 0.5;              ///< bidisperse: fraction of large particles, by number
   Real deviation = 0.1;             ///< normal: standard deviation of the diameter in σ_avg
+
+  /// Bounds of the diameters.
+  Real smallest() const;
+  Real largest() const;
 };
 
 /// n diameters; large and small ones come in random order. A normal diameter outside ±3 standard deviations is drawn

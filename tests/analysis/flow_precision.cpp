@@ -15,6 +15,11 @@ namespace {
 
 constexpr Real mean_rate = 2;
 
+/// Of a filling that stays as it is.
+FlowSample sample(Real time, Real area, Real kinetic_energy) {
+  return {time, std::floor(area), area, kinetic_energy, 30, 0.8};
+}
+
 /// Cumulative area at times 0, 1, 2, …: rate 2 (1 + 0.3 x) start(t) with x AR(1) of unit variance, and an independent
 /// kinetic energy of the same kind.
 class Flow {
@@ -28,7 +33,7 @@ class Flow {
       const Real start = 1 + amplitude_ * std::exp(-Real(samples_) / relaxation_);
       area_ += mean_rate * std::max(Real{0}, 1 + 0.3 * x_) * start;
     }
-    return rule.add(Real(samples_++), std::floor(area_), area_, 1 + 0.1 * normal_(random_));
+    return rule.add(sample(Real(samples_++), area_, 1 + 0.1 * normal_(random_)));
   }
   /// Samples until the rule ends the run, or `limit`.
   std::size_t run(FlowPrecision& rule, std::size_t limit) {
@@ -96,9 +101,37 @@ TEST_CASE("the rule never ends a run that drifts") {
   FlowPrecision rule(0.05);
   Real area = 0;
   for (int i = 0; i < 4000; ++i) {
-    REQUIRE_FALSE(rule.add(i, std::floor(area), area, 1 + 0.1 * normal(random)));
+    REQUIRE_FALSE(rule.add(sample(i, area, 1 + 0.1 * normal(random))));
     area += 2 * std::exp(-i / 500.0) * (1 + 0.1 * normal(random));
   }
+}
+
+TEST_CASE("the rule never ends a run whose filling swells") {
+  std::mt19937_64 random(1);
+  std::normal_distribution<Real> normal;
+  FlowPrecision rule(0.05);
+  Real area = 0;
+  for (int i = 0; i < 4000; ++i, area += 2 + 0.2 * normal(random))
+    REQUIRE_FALSE(
+        rule.add({Real(i), std::floor(area), area, 1 + 0.1 * normal(random), 30 + i / 10.0 + normal(random), 0.8}));
+}
+
+TEST_CASE("a drift leaves no error bar") {
+  std::mt19937_64 random(1);
+  std::normal_distribution<Real> normal;
+  std::vector<Real> time, area{0}, energy, height(1000, 30), fraction(1000, 0.8);
+  for (int i = 0; i < 1000; ++i) {
+    time.push_back(i);
+    energy.push_back(100 + i + 10 * normal(random));
+    if (i > 0) area.push_back(area.back() + 2 + 0.2 * normal(random));
+  }
+  const SteadyFlow drifting = steady_flow({time, area, energy, height, fraction});
+  CHECK_FALSE(drifting.steady.steady);
+  CHECK(std::isnan(drifting.rate.error));
+  CHECK(drifting.rate.value == Approx(2).epsilon(0.01));
+  const SteadyFlow steady = steady_flow({time, area, height, height, fraction});
+  CHECK(steady.steady.steady);
+  CHECK(steady.rate.error == Approx(0.2 / std::sqrt(1000)).epsilon(0.2));
 }
 
 TEST_CASE("the rule judges at the 100th sample and then at 5 % more each") {
@@ -127,42 +160,42 @@ TEST_CASE("few crossings do not end a run, however even they are") {
   std::normal_distribution<Real> normal;
   FlowPrecision rule(0.9);
   for (int i = 0; i < 9000; ++i)  // a particle every 100 samples
-    REQUIRE_FALSE(rule.add(i, std::floor(i / 100.0), std::floor(i / 100.0), 1 + 0.1 * normal(random)));
+    REQUIRE_FALSE(rule.add(sample(i, std::floor(i / 100.0), 1 + 0.1 * normal(random))));
   bool ended = false;
   for (int i = 9000; i < 40000 && !ended; ++i)
-    ended = rule.add(i, std::floor(i / 100.0), std::floor(i / 100.0), 1 + 0.1 * normal(random));
+    ended = rule.add(sample(i, std::floor(i / 100.0), 1 + 0.1 * normal(random)));
   CHECK(ended);
 }
 
 TEST_CASE("no flow, no end") {
   FlowPrecision rule(0.5);
-  for (int i = 0; i < 2000; ++i) REQUIRE_FALSE(rule.add(i, 0, 0, 1));
+  for (int i = 0; i < 2000; ++i) REQUIRE_FALSE(rule.add(sample(i, 0, 1)));
   CHECK(std::isnan(rule.relative_error()));
 }
 
 TEST_CASE("the rule is a function of the samples") {
-  std::vector<std::array<Real, 4>> samples;
+  std::vector<FlowSample> samples;
   std::mt19937_64 random(5);
   std::normal_distribution<Real> normal;
   Real area = 0;
   FlowPrecision whole(0.01);
   for (bool ended = false; !ended;) {
     const auto i = static_cast<Real>(samples.size());
-    samples.push_back({i, std::floor(area), area, 1 + 0.1 * normal(random)});
-    ended = std::apply([&](auto... values) { return whole.add(values...); }, samples.back());
+    samples.push_back(sample(i, area, 1 + 0.1 * normal(random)));
+    ended = whole.add(samples.back());
     area += 2 * std::max(Real{0}, 1 + 0.3 * normal(random));
     REQUIRE(samples.size() < 100000);
   }
   FlowPrecision again(0.01);
   std::size_t n = 0;
-  while (n < samples.size() && !std::apply([&](auto... values) { return again.add(values...); }, samples[n])) ++n;
+  while (n < samples.size() && !again.add(samples[n])) ++n;
   CHECK(n == samples.size() - 1);
   CHECK(again.relative_error() == whole.relative_error());
 }
 
 TEST_CASE("a steady flow rate needs two samples") {
   const std::vector<Real> one{0};
-  CHECK_THROWS_AS(steady_flow(one, one, one), InputError);
+  CHECK_THROWS_AS(steady_flow({one, one, one, one, one}), InputError);
 }
 
 }  // namespace pliant::test::flow_precision_test

@@ -134,7 +134,7 @@ def test_long_steps_are_warned_of(tmp_path):
     assert code == 0 and "is 1.14 of the limit" in text
 
 
-@pytest.mark.parametrize("options", [{}, {"mu": 1e3}, {"mu": 0, "zeta": 1e3}, {"mu": 0, "zeta": 0}, {"e_w": 1e7}, {"model": "rough", "n": 20},
+@pytest.mark.parametrize("options", [{}, {"mu": 1e3}, {"mu": 0, "zeta": 1e3}, {"mu": 0, "zeta": 0, "flow": "discharge"}, {"e_w": 1e7}, {"model": "rough", "n": 20},
                                      {"mu": 0, "flow": "discharge"}, {"integrator": "ts"}, {"integrator": "ts", "dt": 0.05}])
 def test_the_standard_step_is_not_warned_of(options, tmp_path):
     assert warnings(output=tmp_path / "run", **{"t_end": 0.1, **options}) == (0, "")

@@ -55,6 +55,12 @@ def test_empty(tmp_path):
     assert abs(s["budget_error"]) < 1e-3 * s["dissipated"]
 
 
+def test_droplets_that_stick_beside_the_exit(tmp_path):
+    """A wide exit, and attraction that holds some at a tip: at rest, neither empty nor clogged."""
+    s = clog(tmp_path / "run", hopper_width=4, g=0.02, phi_c=1e-3, dt=0.7, seed=1).summary
+    assert s["arch"] == [] and s["rest"] and s["status"] == "at_rest"
+
+
 def test_arch(cohesive):
     """A cohesive clog: the arch goes from wall to wall in touching steps, all droplets are accounted for, and the forces
     on those that remain balance."""

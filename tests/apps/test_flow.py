@@ -251,7 +251,8 @@ def test_discharge_runs_empty(tmp_path):
 def test_discharge_over_a_flat_bottom_ends_at_rest(tmp_path):
     text = pliant("hopper", output=tmp_path / "run", **{**SMALL, "flow": "discharge", "zeta": 1, "t_end": 200}).stdout
     results = Results(tmp_path / "run")
-    assert results.summary["status"] == "clogged" and results.summary["t"] < 200
+    assert results.summary["status"] == "at_rest" and results.summary["t"] < 200
+    assert "at rest without an arch over the orifice" in text
     assert results.summary["left_in_hopper"] == results.series["in_hopper"][-1] > 0
     assert results.summary["total_time"]["value"] is None
     # The law is that of the particles that do not stay on the bottom.
@@ -271,10 +272,79 @@ def test_what_a_discharge_leaves_comes_to_rest(options, tmp_path):
     """At the default step: single particles on the floor bounced for ever at longer ones."""
     results = hopper(tmp_path / "run", **{"flow": "discharge", "hopper_wall_distance": 8, "mu": 0, "zeta": 0.3, "t_end": 400,
                                           "frame_interval": 100, "sample_interval": 0.2, "pack_fraction": 0.84, "seed": 1, **options})
-    assert results.summary["status"] == "clogged" and results.summary["left_in_hopper"] > 0
+    assert results.summary["status"] == "at_rest" and results.summary["left_in_hopper"] > 0
     last = results.summary["flow_ended"]["value"]
     time, crossed = results.series["time"], results.series["crossed_count"]
     assert last == time[np.flatnonzero(crossed == crossed[-1])[0]] and last < results.summary["t"] - 9.9
+
+
+@pytest.mark.parametrize("options, status", [
+    ({"hopper_angle": 45, "hopper_width": 0.6, "zeta": 1}, "clogged"),
+    ({"dim": 3, "n": 150, "pack_fraction": 0.64, "hopper_width": 0.5, "zeta": 1}, "clogged"),
+    ({"dim": 3, "n": 150, "pack_fraction": 0.64, "hopper_width": 3, "zeta": 1}, "at_rest"),
+    ({"n": 20, "model": "rough", "e_c": 1000, "e_w": 1000, "k_a": 2000, "hopper_width": 0.4, "zeta": 1}, "clogged"),
+    # Arches from the walls to a disk that stands in the way; and particles that rest on it alone.
+    ({"obstacle": "disk:0,2,1.85", "hopper_angle": 45, "zeta": 1}, "clogged"),
+    ({"obstacle": "polygon:-2,4,2,4,2,4.5,-2,4.5", "hopper_angle": 45, "hopper_wall_distance": 14, "zeta": 1}, "at_rest"),
+], ids=["slope", "3d", "3d_dead_zone", "rough", "beside_an_obstacle", "on_an_obstacle"])
+def test_an_arch_is_a_clog_and_a_dead_zone_is_not(options, status, tmp_path):
+    results = hopper(tmp_path / "run", **{"flow": "discharge", "mu": 0, "t_end": 200, "clog_time": 5, "frame_interval": 100,
+                                          **options})
+    assert results.summary["status"] == status and results.summary["left_in_hopper"] > 0
+
+
+@pytest.mark.parametrize("options", [
+    {"n": 100, "hopper_wall_distance": 12, "hopper_width": 5, "zeta": 2000, "mu": 0, "t_end": 60},
+    {"n": 100, "hopper_wall_distance": 12, "hopper_width": 5, "zeta": 0, "mu": 2000, "t_end": 60},
+    {"n": 100, "hopper_wall_distance": 12, "hopper_width": 5, "zeta": 2000, "mu": 0, "drag": "per_mass", "t_end": 60},
+    {"dim": 3, "n": 200, "hopper_width": 4, "pack_fraction": 0.6, "zeta": 1000, "mu": 0, "t_end": 40},
+    {"zeta": 2000, "mu": 0, "dynamics": "overdamped", "integrator": "ts", "dt": 0.2, "t_end": 60},
+], ids=["drag", "friction", "per_mass", "3d", "overdamped"])
+def test_a_slow_flow_is_no_clog(options, tmp_path):
+    results = hopper(tmp_path / "run", **{**options, "sample_interval": 1})
+    assert results.summary["status"] == "done" and results.summary["parameters"]["clog_speed"]["value"] < 1e-4
+    assert results.summary["crossed_count"] > 0 or not results.summary["steady"]
+
+
+def test_clog_speeds_that_a_flow_cannot_reach(tmp_path):
+    result = pliant("hopper", output=tmp_path / "run", **{**SMALL, "zeta": 2000, "clog_speed": 1e-3})
+    assert result.returncode == 2 and "-clog_speed 0.001: with -zeta 2000 no particle falls faster than" in result.stderr
+    result = pliant("hopper", output=tmp_path / "warned", **{**SMALL, "zeta": 0, "mu": 300, "clog_speed": 1e-3, "t_end": 0.1})
+    assert result.returncode == 0 and "warning: -clog_speed 0.001 is more than 0.1 of m g/(zeta + mu)" in result.stderr
+
+
+def test_a_flow_that_drifts_has_no_error_bar(tmp_path):
+    """Too little drag: the filling heats up and swells for longer than the run, while the flow rate looks steady."""
+    result = pliant("hopper", output=tmp_path / "run", n=100, e_sp=1000, hopper_wall_distance=14, zeta=0.01, hopper_width=4,
+                    t_end=50, sample_interval=0.1, hopper_q_rtol=0.1)
+    assert result.returncode == 0
+    summary = Results(tmp_path / "run").summary
+    assert summary["ended_by"] == "t_end" and not summary["steady"]
+    assert "the mean of the kinetic energy " in summary["steady_explanation"]
+    for name in ("Q", "Q_corrected", "top_height", "bulk_fraction", "orifice_velocity", "contacts_per_particle"):
+        assert summary[name]["error"] is None
+    assert summary["Q"]["value"] > 0
+    assert "not steady: from t = " in result.stdout and "(no error: the flow is not steady)" in result.stdout
+
+
+def test_a_flow_needs_dissipation(tmp_path):
+    free = {**SMALL, "zeta": 0, "mu": 0, "t_end": 0.1}
+    result = pliant("hopper", output=tmp_path / "run", **free)
+    assert result.returncode == 2 and "continuous flow with -zeta 0 and -mu 0: nothing takes the energy" in result.stderr
+    assert not (tmp_path / "run").exists()
+    result = pliant("hopper", output=tmp_path / "run", model="disk", mu_disk=0, mu_wall=0, restitution=1, **{
+        name: value for name, value in free.items() if name not in ("mu", "zeta")})
+    assert result.returncode == 2 and "-restitution 1, -mu_disk 0, -mu_wall 0 and -zeta 0" in result.stderr
+    for name, more in {"shut": {"hopper_width": 1e-6}, "discharge": {"flow": "discharge"}}.items():
+        assert pliant("hopper", output=tmp_path / name, **{**free, **more}).returncode == 0
+
+
+@pytest.mark.parametrize("options, zeta", [({}, 0.1**0.5), ({"mu": 0}, 0.1**0.5), ({"mu": 3}, 0), ({"model": "disk"}, 0),
+                                           ({"flow": "discharge"}, 0.1**0.5), ({"zeta": 2}, 2)])
+def test_drag_unless_something_else_dissipates(options, zeta, tmp_path):
+    few = {name: value for name, value in SMALL.items() if name not in ("mu", "zeta")}
+    assert pliant("hopper", output=tmp_path / "run", **{**few, "t_end": 0.1, **options}).returncode == 0
+    assert Results(tmp_path / "run").summary["parameters"]["zeta"]["value"] == pytest.approx(zeta)
 
 
 def test_narrow_orifice_clogs(tmp_path):

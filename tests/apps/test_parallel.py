@@ -413,3 +413,10 @@ def test_evaluate_prints_once():
 @needs_mpi
 def test_help_is_printed_once():
     assert on_ranks(2, "hopper", "-help").stdout == pliant("hopper", "-help").stdout
+
+
+@needs_mpi
+def test_an_arch_across_ranks(tmp_path):
+    options = {**SMALL, "hopper_angle": 45, "hopper_width": 0.6, "zeta": 1, "clog_time": 3, "t_end": 100, "mu": 0}
+    assert on_ranks(2, "hopper", output=tmp_path / "run", **options).returncode == 0
+    assert Results(tmp_path / "run").summary["status"] == "clogged"

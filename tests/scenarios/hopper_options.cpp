@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <string>
 #include <vector>
 
@@ -31,6 +32,34 @@ struct Unread {
 };
 
 }  // namespace
+
+TEST_CASE("rest is slower than the flow that drag and friction allow", "[options]") {
+  const auto speed = [](const std::vector<std::string>& arguments) { return *resolved(arguments).clog_speed; };
+  CHECK(speed({}) == 1e-3);
+  CHECK(speed({"-mu", "31.6"}) == 1e-3);
+  const Real small = 1 / 1.2;  // diameter
+  CHECK(speed({"-zeta", "2000"}) == Approx(0.1 * pi / 4 * square(small) / 2000));
+  CHECK(speed({"-zeta", "2000", "-drag", "per_mass"}) == Approx(0.1 * pi / 4 / 2000));
+  CHECK(speed({"-mu", "1500", "-zeta", "500"}) == Approx(0.1 * pi / 4 * square(small) / 2000));
+  CHECK(speed({"-dim", "3", "-zeta", "2000", "-size_distribution", "mono"}) == Approx(0.1 * pi / 6 / 2000));
+  CHECK(speed({"-zeta", "2000", "-clog_speed", "1e-5"}) == 1e-5);
+  CHECK_THROWS_WITH(speed({"-zeta", "2000", "-clog_speed", "1e-3"}), Contains("no particle falls faster than"));
+}
+
+TEST_CASE("a continuous flow dissipates", "[options]") {
+  const auto zeta = [](const std::vector<std::string>& arguments) { return *resolved(arguments).zeta; };
+  CHECK(zeta({}) == Approx(std::sqrt(0.1)));
+  CHECK(zeta({"-model", "rough"}) == Approx(std::sqrt(0.1)));
+  CHECK(zeta({"-mu", "1"}) == 0);
+  CHECK(zeta({"-model", "disk"}) == 0);
+  CHECK(zeta({"-zeta", "0", "-mu", "1"}) == 0);
+  CHECK(zeta({"-zeta", "0", "-flow", "discharge"}) == 0);
+  CHECK(zeta({"-zeta", "0", "-hopper_width", "1e-3"}) == 0);
+  CHECK_THROWS_WITH(zeta({"-zeta", "0"}), Contains("-zeta 0 and -mu 0"));
+  CHECK(zeta({"-model", "disk", "-restitution", "1"}) == 0);
+  CHECK_THROWS_WITH(zeta({"-model", "disk", "-restitution", "1", "-mu_disk", "0", "-mu_wall", "0"}),
+                    Contains("nothing takes the energy"));
+}
 
 TEST_CASE("automatic values of a hopper", "[options]") {
   const HopperOptions flat = resolved({}), space = resolved({"-dim", "3"});

@@ -222,7 +222,7 @@ TEST_CASE("quantities of a series whose averages are known", "[measurements]") {
   HopperOptions options;
   options.particles = 40;
   options.dim = GENERATE(2, 3);
-  options.mu = options.zeta = 1;
+  options.zeta = options.mu = 1;
   const auto result = evaluate_series(steady_series(0), options, 0.8);
   const auto value = [&](const char* name) { return result.at(name).at("value").get<Real>(); };
   CHECK(value("Q") == Approx(2));
@@ -245,6 +245,7 @@ TEST_CASE("quantities of a series whose averages are known", "[measurements]") {
 TEST_CASE("the error of Q_corrected is that of both of its factors", "[measurements]") {
   HopperOptions options;
   options.particles = 40;
+  options.zeta = 1;
   const auto result = evaluate_series(steady_series(0.2), options, 0.8);
   const auto part = [&](const char* name, const char* which) { return result.at(name).at(which).get<Real>(); };
   const Real q = part("Q", "error") / part("Q", "value"),

@@ -83,7 +83,7 @@ class ClogProtocol final : public DropletProtocol {
   void judge_end() override {
     if (opened_ < 0 || (active() > 0 && !at_rest())) return;
     arch_ = find_arch();
-    run().end(arch_.empty() ? "empty" : "clogged");
+    run().end(!arch_.empty() ? "clogged" : active() > 0 ? "at_rest" : "empty");
   }
 
   void measure(std::vector<SeriesValue>& row) override {

@@ -23,6 +23,7 @@
 #include <pliant/run/memory.h>
 #include <pliant/run/overlap_check.h>
 #include <pliant/run/run.h>
+#include <pliant/scenarios/hopper/blockage.h>
 #include <pliant/scenarios/hopper/measurements.h>
 #include <pliant/scenarios/hopper/passage.h>
 #include <pliant/setup/reinsertion.h>
@@ -53,7 +54,7 @@ std::unique_ptr<Simulation<D>> make_simulation(const HopperOptions& p, const Ran
   if (p.dynamics == Dynamics::inertial)
     return std::make_unique<Simulation<D>>(std::move(all), std::move(particles), sorting);
   return std::make_unique<Simulation<D>>(
-      std::move(all), OverdampedSystem<D>(std::move(particles), std::make_unique<PointDrag<D>>(p.zeta, p.drag)),
+      std::move(all), OverdampedSystem<D>(std::move(particles), std::make_unique<PointDrag<D>>(*p.zeta, p.drag)),
       sorting);
 }
 
@@ -65,7 +66,7 @@ template <int D>
 class HopperProtocol final : public Protocol<D> {
  public:
   HopperProtocol(const HopperOptions& p, const Ranks& communicator)
-      : Protocol<D>(make_simulation<D>(p, communicator)), p_(p), clog_(p.clog_time, p.clog_speed) {
+      : Protocol<D>(make_simulation<D>(p, communicator)), p_(p), clog_(p.clog_time, *p.clog_speed) {
     const Topology& all = this->simulation().all();
     for (const Real sigma : all.sigma) largest_ = std::max(largest_, sigma);
     for (const Real a0 : all.a0) mean_size_ += a0 / all.particles();
@@ -94,7 +95,7 @@ class HopperProtocol final : public Protocol<D> {
         std::min({1e-3, p.elastic_fraction(critical.elastic, lightest) * critical.elastic, 0.5 * critical.damping}));
     if (p.dynamics == Dynamics::overdamped) {
       // The stiffest spring, k/m = (2/dt)², relaxes at the rate k/ζ.
-      critical_step_ = critical.elastic * critical.elastic * p.zeta / (2 * heaviest);
+      critical_step_ = critical.elastic * critical.elastic * *p.zeta / (2 * heaviest);
       dt_ = p.dt.value_or(std::min(1e-3, 0.2 * critical_step_));
     }
     // Where contacts are that stiff, the fixed step is the critical one. The rate is that at stiff_distance and goes as
@@ -193,6 +194,7 @@ class HopperProtocol final : public Protocol<D> {
     const Topology& all = this->simulation().all();
     std::vector<Real> x(static_cast<std::size_t>(all.points()) * D);
     if (ranks().root() && !p_.container->plain()) warn_if_blocked();
+    if (ranks().root()) p_.warn_of_clog_speed();
     const Packing packing = pack<D>(
         all, *p_.container,
         {*p_.pack_fraction, p_.pack_tolerance, static_cast<std::uint64_t>(p_.seed), p_.wall_diameter / 2}, x.data());
@@ -215,11 +217,12 @@ class HopperProtocol final : public Protocol<D> {
     if (!precision_) return;
     const auto column = [&](const char* name) -> const std::vector<Real>& { return series.at(name).values; };
     const auto &time = column("time"), &crossed = column("crossed_count"), &area = column("crossed_area"),
-               &energy = column("kinetic_energy");
+               &energy = column("kinetic_energy"), &top = column("top_height"), &fraction = column("bulk_fraction");
     judged_ = run().even_samples();
     bool precise = false;  // by the last one: the run may have been asked for more
     for (std::size_t i = 0; i < time.size(); ++i)
-      if (judged_->take(time[i])) precise = precision_->add(time[i], crossed[i], area[i], energy[i]);
+      if (judged_->take(time[i]))
+        precise = precision_->add({time[i], crossed[i], area[i], energy[i], top[i], fraction[i]});
     if (precise) run().end("done", "q_rtol");
   }
 
@@ -273,7 +276,8 @@ class HopperProtocol final : public Protocol<D> {
     if (!judged_) judged_ = run().even_samples();
     const bool precise =
         precision_ && judged_->take(s.t) &&
-        precision_->add(s.t, static_cast<Real>(crossed.crossed), crossed.area, last_sample_.kinetic_energy);
+        precision_->add({s.t, static_cast<Real>(crossed.crossed), crossed.area, last_sample_.kinetic_energy,
+                         last_sample_.top_height, last_sample_.bulk_fraction});
     if (ranks().broadcast(precise))
       run().end("done", "q_rtol");  // the root alone has seen the samples before a restart
     return last_sample_.row;
@@ -296,7 +300,7 @@ class HopperProtocol final : public Protocol<D> {
     const ClogDetector::State& clog = clog_.state();
     c.add("quiet_since", std::isnan(clog.quiet_since) ? -1 : clog.quiet_since);
     c.add("crossed_before_quiet", clog.crossed);
-    c.add("clog_speed", p_.clog_speed);
+    c.add("clog_speed", *p_.clog_speed);
     c.add("packing_iterations", packing_iterations_);
   }
 
@@ -315,7 +319,7 @@ class HopperProtocol final : public Protocol<D> {
     const Real crossed_area = c.real("crossed_area", 0, area * (1 + 1e-9));
     if (ranks().root()) flow_ = {crossed, crossed_area};
     // By another limit on speeds the quiet time may have begun later: it begins anew.
-    const bool same_limit = c.real_or("clog_speed", p_.clog_speed) == p_.clog_speed;
+    const bool same_limit = c.real_or("clog_speed", *p_.clog_speed) == *p_.clog_speed;
     const Real quiet_since = same_limit ? c.real("quiet_since", -1, c.t) : -1;
     clog_.restore({quiet_since < 0 ? NAN : quiet_since, c.integer("crossed_before_quiet", -1, crossed)});
     packing_iterations_ = c.integer("packing_iterations");
@@ -345,12 +349,12 @@ class HopperProtocol final : public Protocol<D> {
     status_ = s["status"];
     precise_ = status_ == "done" && s["ended_by"] == "q_rtol";
     nlohmann::ordered_json measured = evaluate_series(even_rows(series, run().even_samples()), p_, mean_size_);
-    // A clog is no flow, whatever came out before it: fits leave such a run out.
-    if (ended_as("clogged"))
+    // Rest is no flow, whatever came out before it: fits leave such a run out.
+    if (rests())
       for (const char* name : {"Q", "Q_corrected"})
         if (measured.contains(name)) measured[name].update({{"value", 0}, {"error", nullptr}});
     // What comes after it is no flow.
-    if (ended_as("clogged") || p_.flow == FlowKind::discharge)
+    if (rests() || p_.flow == FlowKind::discharge)
       measured["flow_ended"] = quantity(last_crossing(series), BlockAverage::unknown, "t0");
     if (const Real deepest = deepest_overlap(series); deepest > passing_overlap) {
       measured["passing_overlap"] = deepest;
@@ -387,10 +391,12 @@ class HopperProtocol final : public Protocol<D> {
 
   void end_without_flow() {
     const std::int64_t crossed = last_sample_.crossed.crossed;
-    if (clog_.update(state().t, crossed, last_sample_.in_hopper, last_sample_.max_speed)) run().end("clogged");
+    if (clog_.update(state().t, crossed, last_sample_.in_hopper, last_sample_.max_speed))
+      run().end(arch_over_orifice<D>(particles(), state(), *p_.container) ? "clogged" : "at_rest");
     if (p_.flow == FlowKind::discharge && last_sample_.in_hopper == 0) run().end("empty");
   }
   bool ended_as(std::string_view status) const { return status_ == status; }
+  bool rests() const { return ended_as("clogged") || ended_as("at_rest"); }
 
   /// Counts the particles that have crossed the orifice line, or that are taken out far below; those are reinserted but
   /// in a discharge. Errors: NumericalError where one has crossed the line beside the orifice. Nothing moves more than
@@ -616,8 +622,8 @@ class HopperProtocol final : public Protocol<D> {
     if (last_sample_.in_hopper > 0 && since >= p_.clog_time && since > 0.2 * state().t)
       warn(
           "nothing has crossed since t = {:.4g} t0, but particles move at up to {:.2g} sigma_avg/t0, above -clog_speed "
-          "{:g}: not counted as clogged, and averages have that time in them",
-          last, last_sample_.max_speed, p_.clog_speed);
+          "{:g}: not counted as rest, and averages have that time in them",
+          last, last_sample_.max_speed, *p_.clog_speed);
   }
 
   static Real deepest_overlap(const Series& series) { return std::ranges::max(series.at("max_overlap").values); }
@@ -652,9 +658,11 @@ class HopperProtocol final : public Protocol<D> {
     const std::string no_error =
         measured.contains("passing_overlap")                    ? "no error: particles passed through each other"
         : ended_as("clogged")                                   ? "clogged"
+        : ended_as("at_rest")                                   ? "at rest"
         : measured.contains("Q") && measured["Q"]["value"] == 0 ? "no error: nothing has crossed"
         : few ? fmt::format("no error: fewer than {} steady samples", BlockAverage::least_samples)
-              : "no error: it drifts, or its correlations are too long for the run";
+        : measured.value("steady", true) ? "no error: its correlations are too long for the run"
+                                         : "no error: the flow is not steady";
     const auto print = [&](const char* name, const char* text) {
       if (!measured.contains(name) || measured[name]["value"].is_null()) return;
       const Real value = measured[name]["value"];
@@ -664,7 +672,9 @@ class HopperProtocol final : public Protocol<D> {
       else
         say("{} = {:.5g} ± {:.2g}{}{}\n", text, value, Real(measured[name]["error"]), space, unit);
     };
-    if (ended_as("clogged")) say("clogged: no crossing and no motion since t = {:.4g} t0\n", clog_.state().quiet_since);
+    if (rests())
+      say("{}: no crossing and no motion since t = {:.4g} t0\n",
+          ended_as("clogged") ? "clogged" : "at rest without an arch over the orifice", clog_.state().quiet_since);
     if (precise_) say("ended at t = {:.6g} t0: Q has the relative error that -hopper_q_rtol asks for\n", state().t);
     if (measured.contains("steady_explanation")) say("{}\n", std::string(measured["steady_explanation"]));
     if (ended_as("done") && !precise_ && measured.contains("steady") && !measured["steady"])

@@ -131,6 +131,8 @@ Sample<D> take_sample(ParticleSystem<D>& system, const State& state, const Conta
   const auto [kinetic_energy, potential_energy, above, contact_pairs, drag, friction, density, fraction, crossed,
               crossed_area] = sums;
   sample.kinetic_energy = kinetic_energy;
+  sample.top_height = top;
+  sample.bulk_fraction = fraction;
   sample.in_hopper = static_cast<Index>(above);
   sample.crossed = {static_cast<std::int64_t>(crossed), crossed_area};
   const Real each = above > 0 ? 1 / above : 0;
@@ -189,12 +191,13 @@ nlohmann::ordered_json evaluate_series(const Series& series, const HopperOptions
   }
   if (time.size() < 2) return result;
 
-  const SteadyFlow flow = steady_flow(time, column("crossed_area"), column("kinetic_energy"));
+  const SteadyFlow flow = steady_flow(
+      {time, column("crossed_area"), column("kinetic_energy"), column("top_height"), column("bulk_fraction")});
   const FlowRate& q = flow.rate;
   const std::size_t from = flow.from, rows = time.size();
   const auto average = [&](const char* name) { return block_average(column(name).subspan(from)); };
   const auto report = [&](const BlockAverage& b, std::string_view unit, Real factor = 1) {
-    return quantity(b.mean * factor, b.error * factor, unit);
+    return quantity(b.mean * factor, flow.steady.steady ? b.error * factor : BlockAverage::unknown, unit);
   };
 
   const std::string rate_unit = "sigma_avg^" + d + "/t0";
@@ -203,7 +206,8 @@ nlohmann::ordered_json evaluate_series(const Series& series, const HopperOptions
   result["steady_explanation"] = flow.steady.explanation;
   result["steady_samples"] = rows - from;
   result["Q"] = quantity(q.value, q.error, rate_unit);
-  result["Q_correlation_time"] = quantity(q.correlation_time, BlockAverage::unknown, "t0");
+  result["Q_correlation_time"] =
+      quantity(flow.steady.steady ? q.correlation_time : BlockAverage::unknown, BlockAverage::unknown, "t0");
 
   // Q' = Q a_eff/a_avg, a_eff = 1/ρ_n in the region at the orifice [H App. B].
   const BlockAverage density = average("orifice_density");
@@ -215,7 +219,7 @@ nlohmann::ordered_json evaluate_series(const Series& series, const HopperOptions
   result["contacts_per_particle"] = report(average("contact_pairs"), "", 2.0 / options.particles);
   result["top_height"] = report(average("top_height"), "sigma_avg");
   result["max_overlap"] = report(average("max_overlap"), "");
-  if (options.mu > 0 && options.zeta > 0)
+  if (options.mu > 0 && *options.zeta > 0)
     result["drag_friction_ratio"] =
         report(block_ratio(column("drag_force").subspan(from), column("friction_force").subspan(from)), "");
 

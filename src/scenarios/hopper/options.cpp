@@ -8,11 +8,14 @@
 #include <stdexcept>
 #include <string>
 
+#include <pliant/base/console.h>
 #include <pliant/base/errors.h>
 #include <pliant/scenarios/hopper/shapes.h>
 
 namespace pliant {
 namespace {
+
+constexpr Real slow_part = 0.1;  ///< of the speed of a slow flow: rest
 
 constexpr std::array kinds{ModelKind::sp, ModelKind::rough, ModelKind::smooth, ModelKind::disk};
 
@@ -162,7 +165,12 @@ void HopperOptions::bind(Options& o) {
       "mu", mu,
       {.help = "kinetic friction coefficient mu", .unit = "rho sigma_avg^(d-1) g t0", .min = 0, .on_restart = fixed});
   o.bind("zeta", zeta,
-         {.help = "drag coefficient zeta", .unit = "rho sigma_avg^(d-1) g t0", .min = 0, .on_restart = fixed});
+         {.help = "drag coefficient zeta",
+          .unit = "rho sigma_avg^(d-1) g t0",
+          .min = 0,
+          .automatic = "0; 0.316 (drag only of [H]) with -mu 0 and a model that dissipates by nothing else (sp, rough, "
+                       "smooth)",
+          .on_restart = fixed});
   o.bind(
       "drag", drag, {{"per_particle", DragLaw::per_particle}, {"per_mass", DragLaw::per_mass}},
       {.help = "zeta is that of each particle [H 5, 11], or of one of diameter sigma_avg, and of others in proportion "
@@ -308,12 +316,16 @@ void HopperOptions::bind(Options& o) {
   o.bind("pack_tolerance", pack_tolerance,
          {.help = "overlap tolerance of the initial packing, relative", .min = 1e-12, .max = 0.1, .on_restart = fixed});
   o.bind("clog_time", clog_time,
-         {.help = "quiet time before a run counts as clogged: no crossing, all particles slow",
+         {.help = "quiet time before a run ends as clogged or at rest: no crossing, all particles slow",
           .unit = "t0",
           .min = 0,
           .min_open = true});
   o.bind("clog_speed", clog_speed,
-         {.help = "speed below which a particle is slow", .unit = "sigma_avg/t0", .min = 0, .min_open = true});
+         {.help = "speed below which a particle is slow",
+          .unit = "sigma_avg/t0",
+          .min = 0,
+          .min_open = true,
+          .automatic = "1e-3, or 0.1 m g/(zeta + mu) of the lightest particle where that is less"});
 
   o.group("Integration");
   o.bind(
@@ -429,16 +441,18 @@ void HopperOptions::resolve() {
                      shape.shape_parameter, shape.vertices, regular_shape_parameter(shape.vertices));
   if (integrator == IntegratorKind::verlet && implicit != TermGroup::all)
     throw InputError("-implicit shape with -integrator verlet, which is explicit; use -integrator ts -ts_type arkimex");
+  resolve_dissipation();
+  resolve_clog_speed();
   if (dynamics == Dynamics::overdamped) {
     if (integrator != IntegratorKind::ts)
       throw InputError("-dynamics overdamped with -integrator verlet, which needs inertia; use -integrator ts");
     if (particle_kind() == ModelKind::disk)
       throw InputError("-dynamics overdamped with -model disk, which needs inertia; use -dynamics inertial");
-    if (!(zeta > 0) || mu > 0)
+    if (!(*zeta > 0) || mu > 0)
       throw InputError(
           "-dynamics overdamped with -zeta {} and -mu {}: velocities come from drag alone, which must be "
           "positive; use -zeta 1 -mu 0",
-          zeta, mu);
+          *zeta, mu);
   }
   if (q_rtol > 0 && flow != FlowKind::continuous)
     throw InputError(
@@ -452,6 +466,49 @@ void HopperOptions::resolve() {
         "-wall_diameter {}: the beads at the lips of an orifice of -hopper_width {} leave no gap; use less",
         wall_diameter, hopper.orifice);
   if (!t_end) t_end = q_rtol > 0 ? 10000 : 100;
+}
+
+void HopperOptions::resolve_dissipation() {
+  const bool own = own_model() < own_models_.size(), has_friction = own || particle_kind() == ModelKind::disk;
+  if (!zeta) zeta = has_friction || mu > 0 ? 0 : std::sqrt(0.1);
+  constexpr Real shut = 0.1;  // no particle passes so narrow an orifice
+  if (own || flow != FlowKind::continuous || hopper.orifice < shut || *zeta > 0 || mu > 0) return;
+  if (particle_kind() == ModelKind::disk) {
+    if (restitution < 1 || disk.at_rest > 0 || wall.at_rest > 0) return;
+    throw InputError(
+        "continuous flow with -restitution 1, -mu_disk 0, -mu_wall 0 and -zeta 0: nothing takes the energy that "
+        "gravity "
+        "puts in, so it grows for ever; lower -restitution, or set -mu_disk or -zeta, or use -flow discharge");
+  }
+  throw InputError(
+      "continuous flow with -zeta 0 and -mu 0: nothing takes the energy that gravity puts in, so it grows for ever; "
+      "set "
+      "-zeta or -mu, leave -zeta out, or use -flow discharge");
+}
+
+Real HopperOptions::creep_speed() const {
+  const Real smallest = sizes.smallest(), average = dim == 2 ? pi / 4 : pi / 6;
+  const Real mass = average * (drag == DragLaw::per_mass && mu == 0 ? 1 : std::pow(smallest, dim));
+  return mass / (*zeta + mu);
+}
+
+void HopperOptions::resolve_clog_speed() {
+  const Real average = dim == 2 ? pi / 4 : pi / 6, largest = std::pow(sizes.largest(), dim);
+  const Real terminal = average * (drag == DragLaw::per_mass ? 1 : largest) / *zeta;
+  if (clog_speed && *clog_speed >= terminal)
+    throw InputError(
+        "-clog_speed {:g}: with -zeta {:g} no particle falls faster than {:.3g}, so a flow would count as rest; give a "
+        "smaller speed, or leave it out",
+        *clog_speed, *zeta, terminal);
+  if (!clog_speed) clog_speed = std::min(1e-3, slow_part * creep_speed());
+}
+
+void HopperOptions::warn_of_clog_speed() const {
+  if (*clog_speed > slow_part * creep_speed() * (1 + 1e-9))
+    warn(
+        "-clog_speed {:g} is more than {:g} of m g/(zeta + mu) = {:.3g}: a slow flow may count as rest; give a smaller "
+        "speed, or leave it out",
+        *clog_speed, slow_part, creep_speed());
 }
 
 void HopperOptions::refuse_unread(const Options& options) const {
@@ -489,12 +546,12 @@ void HopperOptions::refuse_unread(const Options& options) const {
 
 Real HopperOptions::elastic_fraction(Real elastic, Real lightest) const {
   if (particle_kind() == ModelKind::disk) return 0.2;
-  const Real flowing = mu > 0 ? 0.35 : zeta > 0 ? 0.4 : 0.2;
-  if (flow != FlowKind::discharge || zeta == 0) return flowing;
+  const Real flowing = mu > 0 ? 0.35 : *zeta > 0 ? 0.4 : 0.2;
+  if (flow != FlowKind::discharge || *zeta == 0) return flowing;
   if (particle_kind() != ModelKind::sp) return 0.2;
   // A bounce on a wall changes the energy of a particle by a part of (dt/elastic)², up or down, as steps happen to meet
   // the touch. Drag must take more: at least its rate times the length of the shortest bounce, that is about elastic.
-  return std::min(flowing, std::max(0.05, 2 * std::sqrt(zeta / lightest * elastic)));
+  return std::min(flowing, std::max(0.05, 2 * std::sqrt(*zeta / lightest * elastic)));
 }
 
 Real HopperOptions::first_skin() const {
@@ -517,7 +574,7 @@ ModelParameters HopperOptions::model_parameters() const {
           .bending_edges = bending_edges,
           .edge_force = edge_force,
           .mu = mu,
-          .zeta = zeta,
+          .zeta = *zeta,
           .friction_point = friction_point,
           .friction = friction,
           .drag = drag,

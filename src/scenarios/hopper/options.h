@@ -47,7 +47,8 @@ struct HopperOptions : RunOptions {
   EdgeVectors bending_edges = EdgeVectors::unit;
   EdgeForce edge_force = EdgeForce::single;
   ContactLaw contact_law = ContactLaw::harmonic;
-  Real mu = 0, zeta = 0;
+  Real mu = 0;
+  std::optional<Real> zeta;
   FrictionPoint friction_point = FrictionPoint::contact;
   Friction friction = Friction::whole;
   DragLaw drag = DragLaw::per_particle;
@@ -79,7 +80,8 @@ struct HopperOptions : RunOptions {
   std::optional<Real> t_end;
   Real q_rtol = 0;
 
-  Real clog_time = 10, clog_speed = 1e-3;
+  Real clog_time = 10;
+  std::optional<Real> clog_speed;
 
   void bind(Options& options);
   /// Fills in automatic values and checks what options have to do with each other. Errors: InputError.
@@ -100,6 +102,11 @@ struct HopperOptions : RunOptions {
   /// The forces of the model.
   template <int D>
   std::unique_ptr<ForceField<D>> force_field(const Vec<D>& gravity) const;
+  /// Speed at which the weight of the lightest particle equals drag and friction, σ_avg/t0; infinite without them. A
+  /// slow flow is about as fast, and comes to rest where it is much slower.
+  Real creep_speed() const;
+  /// For a -clog_speed that a slow flow may not reach.
+  void warn_of_clog_speed() const;
   /// Standard step over `elastic`, the limit that elastic forces set: as long as flow rates, energies and contacts are
   /// those of shorter ones, and what a discharge leaves comes to rest (docs/steps.md). Without dissipation nothing
   /// carries off the heat of longer steps. lightest: mass of a particle.
@@ -109,6 +116,8 @@ struct HopperOptions : RunOptions {
 
  private:
   void bind_own_models(Options& options);
+  void resolve_dissipation();
+  void resolve_clog_speed();
   /// The place of `model` in own_models_; their number for a model of the catalogue.
   std::size_t own_model() const;
 
