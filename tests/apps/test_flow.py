@@ -168,7 +168,7 @@ SQUEEZED = {"n": 20, "hopper_wall_distance": 6, "zeta": 0.316, "e_c": 250, "e_w"
 ], ids=["smooth", "rough", "narrow"])
 def test_soft_polygons_may_hang_over_the_lips(options, crossed, beyond, tmp_path):
     """Their means may cross the line beside the orifice, and count."""
-    results = hopper(tmp_path / "run", **options, sample_interval=0.02)
+    results = hopper(tmp_path / "run", **options, self_crossing="count", sample_interval=0.02)
     assert results.summary["crossed_count"] == len(results.events["time"]) >= crossed
     assert (np.abs(results.events["position"][:, 0]).max() > options["hopper_width"] / 2) == beyond
 
@@ -446,7 +446,7 @@ def test_free_fall_with_drag(tmp_path):
 
 def test_no_vertex_slips_through_a_stretched_edge(tmp_path):
     """Perimeters so soft that edges open under the weight: vertices alone are no outline."""
-    options = {**SMALL, "model": "rough", "mu": 3, "zeta": 0, "k_l": 1, "seed": 2, "t_end": 4}
+    options = {**SMALL, "model": "rough", "mu": 3, "zeta": 0, "k_l": 1, "seed": 2, "t_end": 4, "self_crossing": "count"}
     result = pliant("hopper", output=tmp_path / "literal", rough_contact="literal", **options)
     assert result.returncode == 3 and "has crossed the outline of particle" in result.stderr
     assert "-rough_contact edge" in result.stderr and "barrier" not in result.stderr
