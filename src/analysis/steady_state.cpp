@@ -90,8 +90,7 @@ Powers significant_powers(std::span<const Real> values, const Strictness& strict
     rest -= bases[k] * part;
     const Real variance = rest.squaredNorm() / static_cast<Real>(batch_numbers[k] - degree - 1);
     for (std::size_t power = 1; power <= degree; ++power)
-      significant[power] &=
-          square(part[static_cast<Eigen::Index>(power)]) > square(strictness.quantiles[k]) * variance;
+      significant[power] &= square(part[static_cast<Eigen::Index>(power)]) > square(strictness.quantiles[k]) * variance;
   }
   return significant;
 }
@@ -118,8 +117,8 @@ Change significant_change(std::span<const Real> values, const Strictness& strict
 std::vector<Real> deviations(std::span<const Real> values) {
   const std::size_t third = values.size() / 3;
   std::vector<Real> deviations;
-  for (const std::span<const Real> part : {values.first(third), values.subspan(third, values.size() - 2 * third),
-                                           values.last(third)}) {
+  for (const std::span<const Real> part :
+       {values.first(third), values.subspan(third, values.size() - 2 * third), values.last(third)}) {
     const Real mean = mean_of(part);
     for (const Real value : part) deviations.push_back(std::abs(value - mean));
   }
@@ -188,15 +187,15 @@ SteadyState steady_state(std::span<const Real> time, std::span<const NamedSeries
     for (const NamedSeries& one : series) {
       NamedSeries kept = one;
       kept.values = one.values.subspan(result.index);
-      if (const std::string text = drift_of(kept, k == 0 ? usual : strict); !text.empty()) drifts += (drifts.empty() ? "" : "; ") + text;
+      if (const std::string text = drift_of(kept, k == 0 ? usual : strict); !text.empty())
+        drifts += (drifts.empty() ? "" : "; ") + text;
     }
     result.steady = drifts.empty();
   }
   result.time = time[result.index];
   result.explanation =
-      result.steady
-          ? fmt::format("steady from t = {:.6g} on (sample {} of {})", result.time, result.index, samples)
-          : fmt::format("not steady: from t = {:.6g} to {:.6g} {}", result.time, time.back(), drifts);
+      result.steady ? fmt::format("steady from t = {:.6g} on (sample {} of {})", result.time, result.index, samples)
+                    : fmt::format("not steady: from t = {:.6g} to {:.6g} {}", result.time, time.back(), drifts);
   return result;
 }
 

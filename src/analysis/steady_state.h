@@ -46,8 +46,8 @@ std::string drift(const NamedSeries& series);
 /// The start-up ends at the latest `mser5` of the series that find it. If a series drifts from there on, a start-up may
 /// be left in them: then later starts, which drop up to a third of the rest but no more than half of the run, are tried
 /// with stricter tests (probabilities of 10⁻², spreads that change by a tenth). If all of them find a drift the run is
-/// not steady, and `index` is the latest. Neither is it with fewer than 50 samples, or with numbers that are not finite.
-/// A flow rate from `rate_series` has one sample less: pass it with subspan(1) of the time and of other series.
+/// not steady, and `index` is the latest. Neither is it with fewer than 50 samples, or with numbers that are not
+/// finite. A flow rate from `rate_series` has one sample less: pass it with subspan(1) of the time and of other series.
 ///
 /// Of stationary series (white, AR(1) of 50 independent samples or more, bursts) less than 1 % are called unsteady.
 /// Oscillations with a period of less than half of the run are no drift.

@@ -80,7 +80,7 @@ TEST_CASE("automatic values of a hopper", "[options]") {
 TEST_CASE("standard steps and skins", "[options]") {
   CHECK(resolved({"-mu", "1", "-zeta", "1"}).elastic_fraction(1, 1) == 0.35);
   CHECK(resolved({"-zeta", "1"}).elastic_fraction(1, 1) == 0.4);
-  CHECK(resolved({}).elastic_fraction(1, 1) == 0.2);
+  CHECK(resolved({"-flow", "discharge", "-zeta", "0"}).elastic_fraction(1, 1) == 0.2);
   // A discharge: 2 sqrt(ζ/m · limit), from 0.05 to that of a flow.
   CHECK(resolved({"-zeta", "1", "-flow", "discharge"}).elastic_fraction(0.01, 1) == Approx(0.2));
   CHECK(resolved({"-zeta", "1", "-flow", "discharge"}).elastic_fraction(0.01, 4) == Approx(0.1));
@@ -170,7 +170,7 @@ TEST_CASE("options of a hopper that contradict each other", "[options]") {
   refused({"-model", "rough", "-shape_parameter", "1", "-n_vertices", "6"}, "-shape_parameter 1: no polygon of 6");
   refused({"-implicit", "shape"}, "-integrator verlet");
   refused({"-dynamics", "overdamped", "-zeta", "1"}, "-integrator ts");
-  refused({"-dynamics", "overdamped", "-integrator", "ts"}, "-zeta 0");
+  refused({"-dynamics", "overdamped", "-integrator", "ts", "-zeta", "0", "-flow", "discharge"}, "-zeta 0");
   refused({"-dynamics", "overdamped", "-integrator", "ts", "-zeta", "1", "-mu", "1"}, "-mu 1");
   refused({"-hopper_q_rtol", "0.1", "-flow", "discharge"}, "-flow discharge");
 }

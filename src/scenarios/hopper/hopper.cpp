@@ -655,14 +655,16 @@ class HopperProtocol final : public Protocol<D> {
 
   void print(const nlohmann::ordered_json& measured) const {
     const bool few = measured.contains("steady_samples") && measured["steady_samples"] <= BlockAverage::least_samples;
+    const bool drifts = measured.contains("steady") && !measured["steady"] &&
+                        std::string(measured["steady_explanation"]).starts_with("not steady");
     const std::string no_error =
         measured.contains("passing_overlap")                    ? "no error: particles passed through each other"
         : ended_as("clogged")                                   ? "clogged"
         : ended_as("at_rest")                                   ? "at rest"
         : measured.contains("Q") && measured["Q"]["value"] == 0 ? "no error: nothing has crossed"
+        : drifts                                                ? "no error: the flow is not steady"
         : few ? fmt::format("no error: fewer than {} steady samples", BlockAverage::least_samples)
-        : measured.value("steady", true) ? "no error: its correlations are too long for the run"
-                                         : "no error: the flow is not steady";
+              : "no error: its correlations are too long for the run";
     const auto print = [&](const char* name, const char* text) {
       if (!measured.contains(name) || measured[name]["value"].is_null()) return;
       const Real value = measured[name]["value"];
