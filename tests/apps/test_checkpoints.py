@@ -117,7 +117,7 @@ WRONG = {
     "skin": (set_value("skin", np.nan), "skin = nan is not finite"),
     "json": (set_options(lambda text: text[:len(text) // 2]), "not a JSON object"),
     "option": (set_options(lambda text: text.replace('"zeta":{', '"zetta":{')), "-zetta is unknown"),
-    "size": (set_options(lambda text: text.replace('"value":60}', '"value":60000000}')), "id has 60 values"),
+    "size": (set_options(lambda text: text.replace('"value":60}', '"value":600000}')), "id has 60 values"),
     "removed": (lambda state: state.pop("v"), "no real numbers named v"),
     "samples": (set_value("samples", 1000), "rows of /series"),
     "frames": (set_value("frames", 1000), "frames"),

@@ -122,7 +122,7 @@ def test_what_has_come_out_may_go_up_behind_a_wall(tmp_path):
     """Friction draws soft particles round the lips of a steep hopper. They count once, and fall."""
     options = {"model": "smooth", "n": 150, "hopper_wall_distance": 18, "hopper_width": 6, "hopper_angle": 30, "n_vertices": 12, "e_c": 250,
                "e_w": 250, "k_l": 10, "k_b": 0.1, "zeta": 0, "mu": 31.6227766, "pack_fraction": 0.9, "t_end": 7, "frame_interval": 0.1,
-               "seed": 2}
+               "seed": 2, "self_crossing": "count"}
     run = hopper(tmp_path / "run", **options)
     behind = [outside(run, frame["centres"]) for frame in run.frames]
     (who,) = np.flatnonzero(np.any(behind, axis=0))

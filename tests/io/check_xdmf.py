@@ -9,6 +9,8 @@ import os
 import sys
 import xml.etree.ElementTree as ElementTree
 
+os.environ["HDF5_USE_FILE_LOCKING"] = "FALSE"  # a run that is still written holds the lock
+
 try:
     import h5py
     import numpy

@@ -225,7 +225,17 @@ Index count(const StateView<D>& s) {
     return T::elements == Elements::particles ? s.topology.particles() : s.topology.points();
 }
 
-/// The same by loops over all elements; the lists of s hold every pair once.
+/// Whether an element counts in sums: elements of inactive particles do not. Lists hold none of these.
+template <class T, int D>
+bool counts(const StateView<D>& s, Index e) {
+  using Kind = ElementKind<T::elements>;
+  if constexpr (Kind::listed)
+    return true;
+  else
+    return s.topology.active[Kind::particle(s.topology, e)] != 0;
+}
+
+/// The same by loops over all elements; the lists of s hold every pair once. Forces are those on inactive points, too.
 template <int D, class... Terms>
 Results<D> by_loops(const StateView<D>& s, const VectorXd& p, const Terms&... terms) {
   Results<D> r(s);
@@ -234,15 +244,17 @@ Results<D> by_loops(const StateView<D>& s, const VectorXd& p, const Terms&... te
     using T = std::decay_t<decltype(term)>;
     for (Index e = 0; e < count<T, D>(s); ++e) {
       if constexpr (EnergyTerm<T, D>) {
-        r.energy += term.energy(s, e);
         Scatter<D, -1> forces{r.forces.data()}, energy_forces{r.energy_forces.data()};
         term.add_gradient(s, e, forces);
         term.add_gradient(s, e, energy_forces);
+        if (!counts<T>(s, e)) continue;
+        r.energy += term.energy(s, e);
         term.add_hessian(s, e, hessian);
       } else {
-        r.power += term.power(s, e);
         Scatter<D, 1> forces{r.forces.data()};
         term.add_force(s, e, forces);
+        if (!counts<T>(s, e)) continue;
+        r.power += term.power(s, e);
         term.add_dforce_dv(s, e, damping);
       }
       if constexpr (ContactTerm<T, D>) {
