@@ -25,7 +25,7 @@ std::vector<Real> means_of_batches(std::span<const Real> values, std::size_t bat
   return means;
 }
 
-Real mean_of(std::span<const Real> values) { return means_of_batches(values, 1).front(); }
+Real average_of(std::span<const Real> values) { return means_of_batches(values, 1).front(); }
 
 /// Number of batches to drop, at most half of them.
 std::size_t best_truncation(const std::vector<Real>& means) {
@@ -106,7 +106,7 @@ Change significant_change(std::span<const Real> values, const Strictness& strict
   const Powers powers = significant_powers(values, strictness);
   if (std::none_of(powers.begin() + 1, powers.end(), [](bool power) { return power; })) return {};
   const std::size_t third = values.size() / 3;
-  const Change ends{mean_of(values.first(third)), mean_of(values.last(third)), true};
+  const Change ends{average_of(values.first(third)), average_of(values.last(third)), true};
   const std::vector<Real> sixths = means_of_batches(values, 6);
   const auto [low, high] = std::minmax_element(sixths.begin(), sixths.end());
   const Change swing{*low, *high, false};
@@ -119,7 +119,7 @@ std::vector<Real> deviations(std::span<const Real> values) {
   std::vector<Real> deviations;
   for (const std::span<const Real> part :
        {values.first(third), values.subspan(third, values.size() - 2 * third), values.last(third)}) {
-    const Real mean = mean_of(part);
+    const Real mean = average_of(part);
     for (const Real value : part) deviations.push_back(std::abs(value - mean));
   }
   return deviations;
@@ -139,7 +139,7 @@ std::string drift_of(const NamedSeries& series, const Strictness& strictness) {
   if (series.values.size() < batch_numbers.front())
     return fmt::format("the {} has {} samples, too few to see a drift", series.name, series.values.size());
   if (!finite(series.values)) return fmt::format("the {} is not finite", series.name);
-  const Real least_change = series.tolerance * std::abs(mean_of(series.values));
+  const Real least_change = series.tolerance * std::abs(average_of(series.values));
   if (const Change change = significant_change(series.values, strictness); change.size() > least_change)
     return text_of(fmt::format("the mean of the {}", series.name), change);
   const Change change = significant_change(deviations(series.values), strictness);
@@ -155,7 +155,7 @@ std::size_t mser5(std::span<const Real> values) {
   const std::size_t batches = values.size() / mser_batch;
   if (values.size() < least_samples) return 0;
   std::vector<Real> means(batches);
-  for (std::size_t j = 0; j < batches; ++j) means[j] = mean_of(values.subspan(j * mser_batch, mser_batch));
+  for (std::size_t j = 0; j < batches; ++j) means[j] = average_of(values.subspan(j * mser_batch, mser_batch));
   return mser_batch * best_truncation(means);
 }
 

@@ -318,7 +318,7 @@ def test_droplets_that_fail(options, frames, tmp_path):
     (error,) = [line for line in complaints(result) if "warning" not in line]
     assert result.returncode == 3, result.stderr
     run = Results(tmp_path / "run")
-    assert "droplet" in error and run.summary["message"] in error
+    assert ("particle" if frames else "droplet") in error and run.summary["message"] in error
     assert run.summary["status"] == "failed" and bool(run.frames) == frames
 
 

@@ -26,7 +26,7 @@ std::string verdict(const Walls<2>& walls, const pliant::Vec<2>& r, const pliant
       for (int k = 0; k < 2; ++k) s->state().v()[2 * m + k] = v[k];
   try {
     check_walls_hold(s->view(), 0.1, s->ranks(), "do this");
-  } catch (const NumericalError& error) {
+  } catch (const Error& error) {
     return error.what();
   }
   return {};
