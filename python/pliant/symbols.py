@@ -18,7 +18,7 @@ SYMBOLS = {"hopper_width": r"w/\sigma_{avg}", "mu": r"\mu/\mu_0", "zeta": r"\zet
 _READ_BY = {"e_sp": {"sp"}, "rough_contact": {"rough"}, "edge_width": {"smooth"}, "edge_force": {"smooth"},
             "friction_point": {"smooth"},
             **dict.fromkeys(("e_c", "k_a", "k_l", "k_b", "area_energy", "bending_edges", "n_vertices", "shape_parameter",
-                             "lip_contact"), {"rough", "smooth"}),
+                             "lip_contact", "self_contact", "self_crossing"), {"rough", "smooth"}),
             **dict.fromkeys(("mu", "friction", "wall_diameter"), {"sp", "rough", "smooth"}),
             **dict.fromkeys(("e_disk", "mu_disk", "mu_disk_dynamic", "mu_wall", "mu_wall_dynamic", "restitution",
                              "tangential_stiffness", "tangential_damping"), {"disk"})}
