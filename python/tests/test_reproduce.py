@@ -43,6 +43,7 @@ ONE_SEED = ("quick/three", "raft/three", "quick/small-droplets", "channel/snapsh
 # in the file stop, and those after it, stop all.
 PROGRAM = """#!/bin/sh
 [ "$1" = -scenarios ] && exec echo hopper
+[ "$2" = -help_markdown ] && exit 0
 while [ $# -gt 1 ]; do
   case $1 in -output) out=$2;; -restart) echo "pliant: error: nothing to restart in $2" >&2; exit 2;; esac
   shift
