@@ -124,8 +124,8 @@ class Frame:
 
     def __init__(self, run, name, group):
         self._run, self.name, self._group = run, name, group
-        self.time = float(_plain(group.attrs.get("time", np.nan)))
-        self.step = int(_plain(group.attrs.get("step", -1)))
+        self.time = run.number(group, "time", np.nan)
+        self.step = run.number(group, "step", -1, int)
 
     def __repr__(self):
         return f"<Frame {self.name} at t = {self.time:g} t0>"
@@ -357,6 +357,10 @@ class Run:
         """All values of a dataset of run.h5; RunError if it is damaged."""
         return self._file.read(dataset)
 
+    def number(self, owner, name, otherwise, dtype=float):
+        """The attribute `name` of a group or dataset of run.h5, a number of type `dtype`; `otherwise` if there is none."""
+        return self._file.number(owner, name, otherwise, dtype)
+
     @property
     def name(self):
         """The folder's own name."""
@@ -474,7 +478,7 @@ class Run:
     @_read_once
     def frame_times(self):
         """[frames] times in t0."""
-        return np.array([_plain(self.frame_group(n).attrs.get("time", np.nan)) for n in self._frame_names], dtype=float)
+        return np.array([self.number(self.frame_group(n), "time", np.nan) for n in self._frame_names], dtype=float)
 
     def frame(self, index):
         """Frame by index, with a RunError that says what there is."""

@@ -134,8 +134,9 @@ class _Snapshot(io.RawIOBase):
     def __init__(self, use, end, blocks, changes):
         """use(function, …) calls function(descriptor, …); `changes`: (address, bytes) of a journal"""
         super().__init__()
-        self._use, self._end, self._changes, self._at = use, end, _Blocks(changes), 0
-        self._blocks, self.read = _Blocks(blocks), []  # (address, bytes) that came from the file until it is sealed
+        self._use, self._end, self._at = use, end, 0
+        # The blocks were copied with the changes in them: bytes that both have are the same.
+        self._blocks, self.read = _Blocks(blocks + changes), []  # (address, bytes) that came from the file until it is sealed
 
     def seal(self):
         """From now on all that has been read stays as it was."""
@@ -164,7 +165,6 @@ class _Snapshot(io.RawIOBase):
         whole[len(view):] = bytes(len(whole) - len(view))
         if not self._blocks.overlay(self._at, view):
             self._use(_read_into, self._at, view)
-            self._changes.overlay(self._at, view)
             self._blocks.overlay(self._at, view)
             if self.read is not None:
                 self.read.append((self._at, bytes(view)))
@@ -324,12 +324,24 @@ class RunFile:
         self.check_open()
         try:
             values = dataset[()]
-            stored = dataset.attrs.get("crc32")
         except (OSError, RuntimeError) as error:
             raise self.damaged(dataset.name, _line(error)) from None
+        stored = self.number(dataset, "crc32", None, np.uint32)
         if stored is not None and zlib.crc32(np.ascontiguousarray(values)) != stored:
             raise self.damaged(dataset.name, "its checksum does not fit")
         return values
+
+    def number(self, owner, name, otherwise, dtype=float):
+        """An attribute of a group or dataset that is a number; `otherwise` if there is none. The attributes of h5py would
+        take three times as long, which is half the time of reading one array of each of many frames."""
+        try:
+            if not h5py.h5a.exists(owner.id, name.encode()):
+                return otherwise
+            value = np.empty((), dtype)
+            h5py.h5a.open(owner.id, name.encode()).read(value)
+            return value.item()
+        except (OSError, RuntimeError, TypeError) as error:
+            raise self.damaged(f"the attribute '{name}' of {owner.name}", _line(error)) from None
 
     def check_strings(self, group):
         """RunError if the strings among the attributes of a group do not have the CRC-32 stored with them."""
