@@ -43,7 +43,7 @@ class Finished:
 def run(command, timeout=7200, cwd=None, env=None):
     """Runs a command to its end; raises BenchError if it fails or takes longer than `timeout` seconds."""
     command = [str(word) for word in command]
-    with tempfile.TemporaryFile("w+") as output:
+    with tempfile.TemporaryFile("w+", encoding="utf-8") as output:
         start = time.monotonic()
         # A session of its own, so that what it started can be ended with it.
         process = subprocess.Popen(command, stdout=output, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL, cwd=cwd,
@@ -85,7 +85,7 @@ class _Peak(threading.Thread):
     def run(self):
         while not self.ended.wait(0.02):
             try:
-                found = re.search(r"VmHWM:\s+(\d+)", self.status.read_text())
+                found = re.search(r"VmHWM:\s+(\d+)", self.status.read_text(encoding="utf-8"))
             except OSError:
                 return
             if found:
@@ -130,7 +130,7 @@ class Program:
 
 
 def cpu_model():
-    for line in Path("/proc/cpuinfo").read_text().splitlines():
+    for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
         if line.startswith("model name"):
             return line.split(":", 1)[1].strip()
     return platform.processor() or "unknown"

@@ -79,7 +79,7 @@ def run(program, case, options):
     """One process, or one mpiexec, to its end."""
     launcher = ["mpiexec", "-n", str(case.ranks)] if case.ranks > 1 else []
     try:
-        result = subprocess.run([*launcher, program, *options], env=environment(case.ranks), text=True,
+        result = subprocess.run([*launcher, program, *options], env=environment(case.ranks), encoding="utf-8",
                                 capture_output=True, timeout=TIMEOUT)
     except subprocess.TimeoutExpired:
         raise Failed(f"still running after {TIMEOUT} s") from None

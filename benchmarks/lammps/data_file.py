@@ -73,7 +73,7 @@ def main():
     args = parser.parse_args()
     try:
         with Run(args.run) as run:
-            args.data.write_text(data_file(run, args.style, args.frame))
+            args.data.write_text(data_file(run, args.style, args.frame), encoding="utf-8")
     except PliantError as error:
         print(f"data_file.py: error: {error}", file=sys.stderr)
         return error.exit_code

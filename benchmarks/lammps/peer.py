@@ -52,8 +52,8 @@ def peer(folder, pair, steps, every, pin):
         small, large = np.unique(r.topology.sigma)
         options, dim = r.parameters, r.dim
         data, table = r.path / f"{pair}.data", r.path / "pair.table"
-        data.write_text(data_file(r, "atomic" if pair == "table" else "sphere"))
-        table.write_text(pair_table(options["e_sp"], (small, large)))
+        data.write_text(data_file(r, "atomic" if pair == "table" else "sphere"), encoding="utf-8")
+        table.write_text(pair_table(options["e_sp"], (small, large)), encoding="utf-8")
         variables = {"data": data.resolve(), "table": table.resolve(), "pair": pair, "skin": SKIN, "steps": steps,
                      "every": every, "dt": options["dt"], "epsilon": options["e_sp"], "epsilon_w": options["e_w"],
                      "mu": options["mu"], "zeta": options["zeta"], "W": r.geometry.W, "w": r.geometry.w,
@@ -65,7 +65,7 @@ def channel(folder, lists, steps, every, pin):
     """The same of the first push of a run in a channel without base friction; `lists`: bin or multi."""
     with Run(folder) as r:
         options, data = r.parameters, r.path / "disks.data"
-        data.write_text(data_file(r, "sphere"))
+        data.write_text(data_file(r, "sphere"), encoding="utf-8")
         variables = {"data": data.resolve(), "lists": lists, "skin": SKIN, "steps": steps, "every": every,
                      "dt": r.summary["dt"], "k": options["stiffness"], "kt": 2 / 7 * options["stiffness"],
                      "damping": lammps_restitution(options["restitution"]), "mu": options["mu_disk"],
@@ -79,7 +79,7 @@ def spheres(folder, pair, steps, every, pin):
     with Run(folder) as r:
         small, large = np.unique(r.topology.sigma)
         options, data = r.parameters, r.path / "spheres.data"
-        data.write_text(data_file(r, "sphere"))
+        data.write_text(data_file(r, "sphere"), encoding="utf-8")
         variables = {"data": data.resolve(), "pair": pair, "skin": SKIN, "steps": steps, "every": every,
                      "dt": options["dt"], "epsilon": options["e_disk"], "epsilon_w": options["e_w"],
                      "mu": options["mu_disk"], "mu_wall": options["mu_wall"],

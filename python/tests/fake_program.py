@@ -44,7 +44,7 @@ folder = options.get("output") or options["restart"]
 at = 0.0
 if "restart" in options:
     try:
-        with open(f"{options['restart']}/checkpoint-a.h5") as file:
+        with open(f"{options['restart']}/checkpoint-a.h5", encoding="utf-8") as file:
             at = float(file.read())
     except OSError:
         fail(2, f"there is no checkpoint in {options['restart']}; give -restart the folder of a run that has one, or start one by "
@@ -56,9 +56,9 @@ elif os.path.exists(f"{folder}/run.h5"):
 stop = []
 signal.signal(signal.SIGUSR1, lambda *_: stop.append(1))
 begun = time.monotonic()
-with open(f"{folder}/attempts", "a") as file:
+with open(f"{folder}/attempts", "a", encoding="utf-8") as file:
     print(f"{at} {os.environ['OMP_NUM_THREADS']}", file=file)
-open(f"{folder}/run.h5", "a").close()
+open(f"{folder}/run.h5", "ab").close()
 mode = options.get("mode", "good")
 
 
@@ -82,12 +82,12 @@ while at < float(options.get("t_end", options.get("b", 0))) or (mode == "gate" a
     pause()
     at += 0.01
     if mode != "uncooperative" and stop:
-        with open(f"{folder}/checkpoint-a.h5", "w") as file:
+        with open(f"{folder}/checkpoint-a.h5", "w", encoding="utf-8") as file:
             file.write(str(at))
         sys.exit(75)
 if "t_end" in options:
-    with open(f"{folder}/checkpoint-a.h5", "w") as file:
+    with open(f"{folder}/checkpoint-a.h5", "w", encoding="utf-8") as file:
         file.write(str(at))
-with open(f"{folder}/summary.json", "w") as file:
+with open(f"{folder}/summary.json", "w", encoding="utf-8") as file:
     json.dump({"status": "done", "Q": {"value": 1.0, "error": 0.1, "unit": "m"},
                "begun": begun, "ended": time.monotonic()}, file)

@@ -148,7 +148,7 @@ def write_run(path, model="sp", dim=2, n=150, W=14.0, w=4.0, angle=90.0, mu=1.0,
             "parameters": {k: {"value": v, "unit": u} for k, (v, u) in options.items()},
             "Q": {"value": Q, "error": Q_error, "unit": f"sigma_avg^{dim}/t0"},
             "steady_start": {"value": 20.0}, "steps": 1000,
-            "ns_per_vertex_step": None}))
+            "ns_per_vertex_step": None}), encoding="utf-8")
     if close:
         file.close()
     else:

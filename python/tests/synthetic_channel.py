@@ -90,5 +90,5 @@ def write_channel_run(path, tracks, **options):
             file[f"series/{name}"] = values
     (path / "summary.json").write_text(json.dumps({
         "status": "done", "cpu_seconds": 1.0, "weight": {"value": 10.0, "error": None}, "largest_overlap": 0.01,
-        "jammed_pushes": [1]}))
+        "jammed_pushes": [1]}), encoding="utf-8")
     return path

@@ -35,10 +35,10 @@ def headline(path):
 
 
 def test_it_writes_the_fixed_names(made):
-    result = subprocess.run([sys.executable, COMMAND, "channel", made / "run", *QUICK], capture_output=True, text=True)
+    result = subprocess.run([sys.executable, COMMAND, "channel", made / "run", *QUICK], capture_output=True, encoding="utf-8")
     assert result.returncode == 0, result.stderr
     assert f"wrote {made / 'run/analysis.json'}" in result.stdout and "| dr_na " in result.stdout
-    written = json.loads((made / "run/analysis.json").read_text())
+    written = json.loads((made / "run/analysis.json").read_text(encoding="utf-8"))
     for name in FIXED:
         assert written[name].keys() == {"all", "centre"}
         for entry in written[name].values():
@@ -71,7 +71,7 @@ def test_pixels(made, tmp_path):
 
 def test_without_pushes_to_compare_there_is_no_error_bar(made, tmp_path):
     analyse_command.main(["channel", str(made / "run"), *QUICK, "--skip-pushes", "3", "-o", str(tmp_path / "one.json")])
-    written = json.loads((tmp_path / "one.json").read_text())
+    written = json.loads((tmp_path / "one.json").read_text(encoding="utf-8"))
     assert written["dr_na"]["all"]["value"] > 0 and written["dr_na"]["all"]["error"] is None
 
 
@@ -90,19 +90,19 @@ def test_errors(made, tmp_path):
     assert "names one file" in failure(run, run, "-o", "x.json")
     assert "does not exist" in failure(run, "-o", tmp_path / "no/x.json", error=OutputError)
     assert "is a folder" in failure(run, "-o", tmp_path, error=OutputError)
-    (tmp_path / "a.csv").write_text("")
+    (tmp_path / "a.csv").write_text("", encoding="utf-8")
     assert "cannot be read as a table" in failure(tmp_path / "a.csv")
-    (tmp_path / "b.csv").write_text("frame,x,y,r\n1,2,3,4\n")
+    (tmp_path / "b.csv").write_text("frame,x,y,r\n1,2,3,4\n", encoding="utf-8")
     assert "no column 'particle'" in failure(tmp_path / "b.csv")
     with pytest.raises(SystemExit) as stop:
         analyse_command.main(["channel", str(run), "--average", "mean"])
     assert stop.value.code == 2
-    result = subprocess.run([sys.executable, COMMAND, "channel", tmp_path], capture_output=True, text=True)
+    result = subprocess.run([sys.executable, COMMAND, "channel", tmp_path], capture_output=True, encoding="utf-8")
     assert result.returncode == 2 and result.stderr.startswith("pliant-analyse: error: ") and "run.h5" in result.stderr
 
 
 def test_the_page_has_every_option():
-    page = (COMMAND.parents[1] / "docs/channel-analysis.md").read_text()
+    page = (COMMAND.parents[1] / "docs/channel-analysis.md").read_text(encoding="utf-8")
     parser = argparse.ArgumentParser(add_help=False)
     analyse_command.channel_options(parser)
     options = [action.option_strings[-1] for action in parser._actions if action.option_strings]
@@ -113,9 +113,9 @@ def test_the_page_has_every_option():
 def test_results_that_are_not_there(tmp_path, made):
     with pytest.raises(RunError, match="pliant-analyse channel"):
         analyse_command.load_result(tmp_path)
-    (tmp_path / "x.json").write_text("{}")
+    (tmp_path / "x.json").write_text("{}", encoding="utf-8")
     with pytest.raises(RunError, match="not an analysis"):
         analyse_command.load_result(tmp_path / "x.json")
-    (tmp_path / "x.json").write_text("{")
+    (tmp_path / "x.json").write_text("{", encoding="utf-8")
     with pytest.raises(RunError, match="JSON"):
         analyse_command.load_result(tmp_path / "x.json")

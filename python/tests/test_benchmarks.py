@@ -86,10 +86,10 @@ def test_pair_table_is_the_contact_law():
 def test_insert_replaces_only_what_is_marked(tmp_path):
     page = tmp_path / "page.md"
     page.write_text("a\n<!-- bench:begin one -->\nold\n<!-- bench:end one -->\nb\n<!-- bench:begin two -->\nkept\n"
-                    "<!-- bench:end two -->\n")
+                    "<!-- bench:end two -->\n", encoding="utf-8")
     for _ in range(2):
         report.insert(page, {"one": r"new \1"})
-    text = page.read_text()
+    text = page.read_text(encoding="utf-8")
     assert "old" not in text and text.count(r"new \1") == 1 and "kept" in text and text.startswith("a\n")
     with pytest.raises(harness.BenchError, match="no markers for three"):
         report.insert(page, {"three": ""})
@@ -113,18 +113,18 @@ def test_measure_writes_beside_the_docs(tmp_path, capsys):
     assert "error:" in (said := capsys.readouterr().err) and "build it first" in said and said.count("\n") == 1
     (tmp_path / "apps").mkdir()
     program = tmp_path / "apps/pliant"
-    program.write_text("#!/bin/sh\necho commit abc\n")
+    program.write_text("#!/bin/sh\necho commit abc\n", encoding="utf-8")
     program.chmod(0o755)
     seen = []
 
     def work(context, page):
         seen.append((context.origin["commit"], context.quick, context.scratch.is_dir(), page.stat().st_size > 0, page))
-        page.write_text("mine")
+        page.write_text("mine", encoding="utf-8")
 
     for _ in range(2):
         assert harness.measure(arguments, 3, "performance.md", work) == 0
     page = tmp_path / "small/performance.md"
-    assert seen == [("abc", True, True, True, page)] * 2 and page.read_text() == "mine"
+    assert seen == [("abc", True, True, True, page)] * 2 and page.read_text(encoding="utf-8") == "mine"
 
 
 def test_interleave_leaves_out_what_is_unsupported():

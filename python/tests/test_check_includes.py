@@ -33,7 +33,7 @@ def test_includes(changed, expected, tmp_path):
     for name, text in (GOOD | changed).items():
         path = tmp_path / name
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text)
+        path.write_text(text, encoding="utf-8")
     violations = check_includes.check(tmp_path)
     if expected is None:
         assert violations == []

@@ -34,9 +34,9 @@ def test_flow_end():
 
 def test_the_dead_part_is_left_out(tmp_path):
     path = with_crossings(tmp_path / "clogged", np.minimum(np.arange(400), 100), status="clogged")
-    summary = json.loads((path / "summary.json").read_text())
+    summary = json.loads((path / "summary.json").read_text(encoding="utf-8"))
     summary["steady_start"]["value"] = 150  # of the rest: long after the last crossing at 50
-    (path / "summary.json").write_text(json.dumps(summary))
+    (path / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
     run = Run(path)
     assert flowing(run) == (25, 50, "the flow ended at t = 50 t0")
     assert flowing(run, 10) == (10, 50, "the flow ended at t = 50 t0")
@@ -74,8 +74,8 @@ def test_averages_of_a_run_whose_interval_has_changed(tmp_path):
     """Each time has the same weight: the samples are thinned to the longest interval."""
     path = with_crossings(tmp_path / "run", np.arange(201))  # every 0.5 up to 100
     plain = axis_velocity(Run(path))
-    summary = json.loads((path / "summary.json").read_text())
-    (path / "summary.json").write_text(json.dumps(summary | {"longest_sample_interval": 2}))
+    summary = json.loads((path / "summary.json").read_text(encoding="utf-8"))
+    (path / "summary.json").write_text(json.dumps(summary | {"longest_sample_interval": 2}), encoding="utf-8")
     with Run(path) as run:
         profile = run.profile.every(2)
         assert list(profile.time) == list(np.arange(0, 101, 2))

@@ -63,7 +63,7 @@ folder = options.get("-output") or options["-restart"]
 os.makedirs(folder, exist_ok=True)
 shutil.copy({str(tmp_path / name)!r} + ".h5", folder + "/run.h5")
 sys.exit({code} and "pliant: error: no such option")
-""")
+""", encoding="utf-8")
         path.chmod(0o755)
         return str(path)
     return make

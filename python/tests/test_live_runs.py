@@ -167,7 +167,7 @@ runs = load_runs([{str(tmp_path / 'sweep')!r}])
 assert len(runs) == 300 and sweep_table(runs).equals(sweep_table([{str(tmp_path / 'sweep')!r}]))
 assert all(len(run.frames[0].centres) == 20 for run in runs)
 """
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8")
     assert done.returncode == 0, done.stderr
 
 
@@ -192,7 +192,7 @@ def test_what_the_program_prints_is_utf_8_in_every_locale(tmp_path):
     code = f"import sys; sys.path.insert(0, {str(HERE.parent)!r}); from pliant.sweep_command import first_scenario; " \
            f"print(first_scenario({str(program)!r}))"
     environment = os.environ | {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8", env=environment)
     assert done.stdout == "hopper\n", done.stderr
 
 

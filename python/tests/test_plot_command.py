@@ -8,7 +8,7 @@ PYTHON = Path(__file__).resolve().parents[1]
 
 
 def pliant_plot(*arguments):
-    return subprocess.run([sys.executable, str(PYTHON / "pliant-plot"), *arguments], capture_output=True, text=True)
+    return subprocess.run([sys.executable, str(PYTHON / "pliant-plot"), *arguments], capture_output=True, encoding="utf-8")
 
 
 def test_it_lists_all_figures():

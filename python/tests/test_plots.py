@@ -32,7 +32,7 @@ def test_scripts_can_be_called_by_name(name):
 
 def run_script(name, *arguments, **options):
     environment = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "PYTHONPATH")}
-    return subprocess.run([sys.executable, str(PLOTS / name), *map(str, arguments)], capture_output=True, text=True,
+    return subprocess.run([sys.executable, str(PLOTS / name), *map(str, arguments)], capture_output=True, encoding="utf-8",
                           env=environment, **options)
 
 
@@ -235,8 +235,8 @@ def write_discharge(path, c0=0.5, residue=45, ended=True):
         fit = {"c0": {"value": c0, "error": 0.01, "unit": "1/t0"}, "c0_residue": residue, "left_in_hopper": residue}
         fit |= {f"c0_{name}": {"value": value, "error": None} for name, value in (
             ("start", 20), ("end", 100), ("start_count", (40 - c0 * 10) ** 2), ("chi2_per_dof", 0.3))}
-        summary = json.loads((path / "summary.json").read_text())
-        (path / "summary.json").write_text(json.dumps(summary | fit))
+        summary = json.loads((path / "summary.json").read_text(encoding="utf-8"))
+        (path / "summary.json").write_text(json.dumps(summary | fit), encoding="utf-8")
     return path
 
 
@@ -309,13 +309,14 @@ def test_the_table_of_what_models_read_is_that_of_the_program():
 
 
 def test_beverloo_from_a_table_with_few_points(call, tmp_path):
-    (tmp_path / "sweep.csv").write_text("w,Q,Q_error\n3,0.25,0.01\n5,0.94,0.02\n")
+    (tmp_path / "sweep.csv").write_text("w,Q,Q_error\n3,0.25,0.01\n5,0.94,0.02\n", encoding="utf-8")
     text = call("beverloo.py", tmp_path / "sweep.csv", "-o", tmp_path / "a.png")
     assert "too few" in text
     assert_picture(tmp_path / "a.png", colors=20)
     text = call("beverloo.py", tmp_path / "sweep.csv", "--beta", 1.5, "-o", tmp_path / "a.png")
     assert "too few" not in text
-    (tmp_path / "laws.csv").write_text("w,Q,Q_error,friction\n3,0.25,0.01,whole\n5,0.94,0.02,whole\n3,0.5,0.01,tangential\n")
+    (tmp_path / "laws.csv").write_text("w,Q,Q_error,friction\n3,0.25,0.01,whole\n5,0.94,0.02,whole\n3,0.5,0.01,tangential\n",
+                                       encoding="utf-8")
     text = call("beverloo.py", tmp_path / "laws.csv", "-o", tmp_path / "a.png")  # another law is another group
     assert "friction = whole" in text and "friction = tangential" in text
 
@@ -350,9 +351,9 @@ def test_clog_snapshot(tmp_path, call):
     path, _ = write_run(tmp_path / "run")
     with h5py.File(path / "run.h5", "a") as file:
         file["manifest"].attrs.update({"scenario": "clog", "model": "bubble"})
-    summary = json.loads((path / "summary.json").read_text())
+    summary = json.loads((path / "summary.json").read_text(encoding="utf-8"))
     kinds = {name: list(range(k, 150, 4)) for k, name in enumerate(("arch", "attached", "rest"))}
-    (path / "summary.json").write_text(json.dumps(summary | kinds))
+    (path / "summary.json").write_text(json.dumps(summary | kinds), encoding="utf-8")
     call("clog_snapshot.py", path, "-o", tmp_path / "a.png")
     assert_picture(tmp_path / "a.png")
     pixels = matplotlib.image.imread(tmp_path / "a.png")[..., :3]
@@ -372,7 +373,7 @@ def test_a_movie_lasts(rough, call, monkeypatch, tmp_path):
     def seconds(*arguments):
         text = call("movie.py", rough[0], "--dpi", 60, *arguments, "-o", tmp_path / "a.mp4")
         probe = subprocess.run(["ffprobe", "-v", "error", "-show_entries", "format=duration", "-of", "csv=p=0",
-                                tmp_path / "a.mp4"], capture_output=True, text=True)
+                                tmp_path / "a.mp4"], capture_output=True, encoding="utf-8")
         assert re.search(r"3 frames, ([0-9.]+) s at", text)[1] == f"{float(probe.stdout):.1f}"
         return float(probe.stdout)
 
@@ -393,7 +394,7 @@ def test_movie(rough, call, tmp_path):
     call("movie.py", rough[0], "--fps", 10, "--dpi", 101, "-o", out)
     probe = subprocess.run(["ffprobe", "-v", "error", "-count_frames", "-show_entries",
                             "stream=codec_name,pix_fmt,nb_read_frames", "-of", "csv=p=0", out],
-                           capture_output=True, text=True)
+                           capture_output=True, encoding="utf-8")
     assert probe.stdout.strip() == "h264,yuv420p,3"
     subprocess.run(["ffmpeg", "-v", "error", "-i", out, "-vf", r"select=eq(n\,2)", "-frames:v", "1",
                     tmp_path / "last.png"], check=True)

@@ -175,7 +175,7 @@ def write_raft(path, seed=1, **options):
                            "overlap": np.zeros(len(pairs)), "force": normal * rng.normal(size=(len(pairs), 1))}.items():
             frame[f"contacts/{name}"] = data
     (path / "summary.json").write_text(json.dumps({"status": "done", "d_eq": D_EQ, "h_eq": H_EQ, "k1": K1, "E1": E1,
-                                                   "parameters": parameters}))
+                                                   "parameters": parameters}), encoding="utf-8")
     return path
 
 

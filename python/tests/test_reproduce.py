@@ -65,7 +65,7 @@ def quickly(monkeypatch):
 def made(tmp_path_factory):
     """Folder with a run for every row of TABLE, named like it."""
     folder = tmp_path_factory.mktemp("made")
-    (folder / "table.csv").write_text(TABLE)
+    (folder / "table.csv").write_text(TABLE, encoding="utf-8")
     rng = np.random.default_rng(1)
     for row in read_rows(folder / "table.csv", "hopper"):
         options = {name: float(value) for name, value in row.options.items()}
@@ -74,8 +74,8 @@ def made(tmp_path_factory):
         path, _ = write_run(folder / row.id, mu=options.get("mu", 0.0), zeta=options.get("zeta", 0.0), n=20, frames=1,
                             samples=60, w=options["hopper_width"], Q=Q, Q_error=0.02 * Q, seed=int(options["seed"]),
                             extra={"e_sp": (100, "")})
-        summary = json.loads((path / "summary.json").read_text())
-        (path / "summary.json").write_text(json.dumps(summary | {"cpu_seconds": 9.0}))
+        summary = json.loads((path / "summary.json").read_text(encoding="utf-8"))
+        (path / "summary.json").write_text(json.dumps(summary | {"cpu_seconds": 9.0}), encoding="utf-8")
     return folder
 
 
@@ -87,13 +87,13 @@ def call(tmp_path, made, monkeypatch, capsys):
     runs.mkdir()
     for path in made.iterdir():
         (runs / path.name).symlink_to(path)
-    (tmp_path / "program").write_text(PROGRAM)
+    (tmp_path / "program").write_text(PROGRAM, encoding="utf-8")
     (tmp_path / "program").chmod(0o755)
-    (tmp_path / "mine.csv").write_text(TABLE)
+    (tmp_path / "mine.csv").write_text(TABLE, encoding="utf-8")
     (tmp_path / "validation").mkdir()
     (tmp_path / "validation/quick").mkdir()
-    (tmp_path / "validation/quick/limits.csv").write_text(TABLE)
-    (tmp_path / "validation/quick/stiff.csv").write_text(TABLE.replace("1-2", "1"))
+    (tmp_path / "validation/quick/limits.csv").write_text(TABLE, encoding="utf-8")
+    (tmp_path / "validation/quick/stiff.csv").write_text(TABLE.replace("1-2", "1"), encoding="utf-8")
     monkeypatch.setattr(command, "VALIDATION", tmp_path / "validation")
     monkeypatch.setattr(sys, "argv", [str(COMMAND)])
     monkeypatch.setenv("RUNS", str(runs))
@@ -121,7 +121,7 @@ def call(tmp_path, made, monkeypatch, capsys):
 
 def started(tmp_path):
     log = tmp_path / "runs/log"
-    return log.read_text().split() if log.exists() else []
+    return log.read_text(encoding="utf-8").split() if log.exists() else []
 
 
 # --- The registry
@@ -150,7 +150,7 @@ def test_runs_of_a_point_differ_in_the_seed_alone(one):
 def own_table(tmp_path, columns, values):
     """[(path, rows)] of one table of hoppers with these lines, two seeds each."""
     path = tmp_path / "mine.csv"
-    path.write_text(f"{columns},seeds\n" + "".join(f"{line},1-2\n" for line in values))
+    path.write_text(f"{columns},seeds\n" + "".join(f"{line},1-2\n" for line in values), encoding="utf-8")
     return [(path, read_rows(path, "hopper"))]
 
 
@@ -216,7 +216,7 @@ def test_quick_tables_are_small():
 
 
 def test_every_figure_is_in_the_documentation():
-    page = (HERE.parents[1] / "docs/reproduce.md").read_text()
+    page = (HERE.parents[1] / "docs/reproduce.md").read_text(encoding="utf-8")
     for one in command.FIGURES.values():
         assert f"| {one.name} | {one.title} | {one.quick_note} |" in page
 
@@ -275,7 +275,7 @@ def test_rows_and_their_file(tmp_path):
     table = pd.read_csv(path)
     assert list(zip(table["level"], table["quantity"], table["ours"])) == [("full", "beta", 1), ("full", "k", 2),
                                                                            ("quick", "beta", 3)]
-    path.write_text("a,b\n1,2\n")
+    path.write_text("a,b\n1,2\n", encoding="utf-8")
     with pytest.raises(PliantError, match="no table of this command"):
         write_rows(path, first)
 
@@ -298,9 +298,9 @@ def test_a_figure(call, tmp_path):
     # What was measured stands beside; the same again runs nothing and changes nothing.
     measured = tmp_path / "reproduced/measured/quick/limits.flows.csv"
     assert {"row", "seed", "commit", "cpu_seconds", "Q", "Q_error"} <= set(pd.read_csv(measured).columns)
-    before = (tmp_path / "reproduced/reproduced.csv").read_text()
+    before = (tmp_path / "reproduced/reproduced.csv").read_text(encoding="utf-8")
     call("H2", "quick")
-    assert len(started(tmp_path)) == 24 and (tmp_path / "reproduced/reproduced.csv").read_text() == before
+    assert len(started(tmp_path)) == 24 and (tmp_path / "reproduced/reproduced.csv").read_text(encoding="utf-8") == before
 
 
 def test_the_command_it_prints_runs_the_same(call, tmp_path):
@@ -320,9 +320,9 @@ def test_a_table_of_ones_own(call, tmp_path):
     assert "none.csv" in call("H2", "--table", "none.csv", code=2)
     # Runs that would be taken for seeds are not begun; one that two tables have is one seed.
     begun = len(started(tmp_path))
-    (tmp_path / "dt.csv").write_text("mu,hopper_width,dt\n31.6,3,\n31.6,3,1e-3\n")
+    (tmp_path / "dt.csv").write_text("mu,hopper_width,dt\n31.6,3,\n31.6,3,1e-3\n", encoding="utf-8")
     assert "they differ in -dt" in call("H2", "--table", "dt.csv", code=2) and len(started(tmp_path)) == begun
-    (tmp_path / "again.csv").write_text("".join(TABLE.splitlines(True)[:3]))
+    (tmp_path / "again.csv").write_text("".join(TABLE.splitlines(True)[:3]), encoding="utf-8")
     output = call("H2", "--table", "mine.csv", "--table", "again.csv")
     assert "4 runs that two tables have count once" in output
     both = pd.read_csv(tmp_path / "reproduced/reproduced.csv").set_index("table")
@@ -339,7 +339,7 @@ def test_a_failed_run_does_not_spoil_the_rest(call, tmp_path):
 
 
 def test_a_stop_and_the_rest_later(call, tmp_path, monkeypatch):
-    (tmp_path / "runs/stop").write_text("1")
+    (tmp_path / "runs/stop").write_text("1", encoding="utf-8")
     monkeypatch.setattr(signal, "getsignal", lambda s: signal.SIG_DFL)
     assert "run the same command again" in call("H2", "--table", "mine.csv", "-j", 1, code=75)
     assert len(started(tmp_path)) == 1 and not (tmp_path / "reproduced/H2-mine.png").exists()
@@ -351,13 +351,13 @@ def test_a_stop_and_the_rest_later(call, tmp_path, monkeypatch):
 def test_campaigns_over_several_sittings(call, tmp_path, monkeypatch):
     """Rows that are kept are not run again, and rows can be drawn when the runs are gone."""
     limits = tmp_path / "validation/quick/limits.csv"
-    limits.write_text(TABLE.replace("1-2", "1"))
+    limits.write_text(TABLE.replace("1-2", "1"), encoding="utf-8")
     assert "nothing is kept of H2" in call("H2", "--kept", code=2)
     call("H2", "--keep")
     kept = tmp_path / "validation/measured/quick/limits.flows.csv"
     assert len(pd.read_csv(kept)) == 8 and len(started(tmp_path)) == 16
-    limits.write_text(TABLE)
-    (tmp_path / "runs/stop").write_text("18")
+    limits.write_text(TABLE, encoding="utf-8")
+    (tmp_path / "runs/stop").write_text("18", encoding="utf-8")
     with monkeypatch.context() as m:
         m.setattr(signal, "getsignal", lambda s: signal.SIG_DFL)
         call("H2", "quick", "--keep", "-j", 1, code=75)
@@ -366,7 +366,7 @@ def test_campaigns_over_several_sittings(call, tmp_path, monkeypatch):
     call("H2", "quick", "--keep", "-o", "elsewhere")
     table = pd.read_csv(kept)
     assert len(table) == 16 and len(set(table["row"])) == 16 and len(started(tmp_path)) == 25
-    limits.write_text(TABLE + "100,,0.316,20,1-4\n")
+    limits.write_text(TABLE + "100,,0.316,20,1-4\n", encoding="utf-8")
     output = call("H2", "--kept", "-o", "third")
     assert "quick/limits: 16 of 20 runs are kept" in output and "quick/stiff: 8 of 8 runs are kept" in output
     assert len(started(tmp_path)) == 25 and (tmp_path / "third/H2-quick.png").exists()
@@ -374,21 +374,21 @@ def test_campaigns_over_several_sittings(call, tmp_path, monkeypatch):
     pd.testing.assert_frame_equal(again, first, check_exact=True)  # kept or fresh, numbers have the same digits
     assert "nothing is kept of H2 full" in call("H2", "full", "--kept", code=2)
     # What the table has no more is not drawn, but stays kept.
-    limits.write_text(TABLE.replace("1-2", "1"))
+    limits.write_text(TABLE.replace("1-2", "1"), encoding="utf-8")
     table[table["row"] != table["row"].iloc[0]].to_csv(kept, index=False)
     output = call("H2", "--kept", "-o", "fourth")
     assert "8 of its runs are left out" in output and "quick/limits: 7 of 8 runs are kept" in output
     assert set(pd.read_csv(tmp_path / "fourth/reproduced.csv")["cpu_hours"]) == {0.02}  # 8 runs; 7 are in both tables
     call("H2", "quick", "--keep", "-o", "fifth")
     assert set(pd.read_csv(kept)["row"]) == set(table["row"]) and len(started(tmp_path)) == 26
-    kept.write_text("no\x00table")
+    kept.write_text("no\x00table", encoding="utf-8")
     assert "limits.flows.csv" in call("H2", "--kept", code=2)
 
 
 def test_all(call, tmp_path, monkeypatch):
     chosen = {name: command.FIGURES[name] for name in ("H2", "H3", "H10")}
     monkeypatch.setattr(command, "FIGURES", chosen)
-    (tmp_path / "validation/quick/hard.csv").write_text(TABLE.replace("1-2", "2"))
+    (tmp_path / "validation/quick/hard.csv").write_text(TABLE.replace("1-2", "2"), encoding="utf-8")
     output = call("all", "quick", code=3)  # H3 has no table here
     assert "H3: " in output and "without a figure: H3" in output
     assert {path.name for path in (tmp_path / "reproduced").glob("*.png")} == {"H2-quick.png", "H10-quick.png"}
@@ -803,7 +803,7 @@ def test_tables_as_run_are_those_of_the_examples(name):
             assert {"friction", "count", "contact_law", "reinsertion_gap"}.isdisjoint(row.options)
             continue
         model, three = row.options.get("model", "sp"), row.options.get("dim") == "3"
-        example = dict(re.findall(r"^(\w+): (\S+)", (figure.VALIDATION.parent / "examples" / files[model]).read_text(), re.M))
+        example = dict(re.findall(r"^(\w+): (\S+)", (figure.VALIDATION.parent / "examples" / files[model]).read_text(encoding="utf-8"), re.M))
         own = differ | {"model"} | ({"e_w"} if three or model != "sp" else set())
         assert {k: v for k, v in row.options.items() if k not in own} == {k: v for k, v in example.items() if k not in own}
         mu, zeta = (float(row.options.get(key) or 0) for key in ("mu", "zeta"))
@@ -1183,17 +1183,17 @@ def test_an_analysis_is_made_once(channel_runs):
     run = channel_runs[0][1]
     measure.measured("motion", "x", run)
     path = run / "analysis.json"
-    made = json.loads(path.read_text())
+    made = json.loads(path.read_text(encoding="utf-8"))
 
     def found(changes):
-        path.write_text(json.dumps(made | changes))
+        path.write_text(json.dumps(made | changes), encoding="utf-8")
         return measure.measured("motion", "x", run)["dr_na"][0]
 
     true, other = made["dr_na"]["all"]["value"], {"dr_na": {"all": {"value": 7.0, "error": 1.0}}}
     assert found(other) == 7.0
     assert found(other | {"choices": made["choices"] | {"neighbours": 11}}) == pytest.approx(true, rel=1e-5)
-    assert json.loads(path.read_text())["choices"]["neighbours"] == 15
-    path.write_text(json.dumps(made | other))
+    assert json.loads(path.read_text(encoding="utf-8"))["choices"]["neighbours"] == 15
+    path.write_text(json.dumps(made | other), encoding="utf-8")
     os.utime(path, (1, 1))
     assert measure.measured("motion", "x", run)["dr_na"][0] == pytest.approx(true, rel=1e-5)
 

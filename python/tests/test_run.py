@@ -147,7 +147,7 @@ def test_run_that_another_process_writes_can_be_read(tmp_path):
     with h5py.File(path / "run.h5", "a"):
         code = f"import sys; sys.path.insert(0, {str(HERE.parent)!r}); from pliant import Run; " \
                f"print(len(Run({str(path)!r}).frames))"
-        assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "3\n"
+        assert subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8").stdout == "3\n"
 
 
 def test_an_attribute_that_is_no_number_is_damage(tmp_path):
@@ -173,7 +173,7 @@ def test_errors(tmp_path):
 
     assert "no such folder" in message(tmp_path / "missing")
     assert "no run.h5" in message(tmp_path)
-    (tmp_path / "run.h5").write_text("not HDF5")
+    (tmp_path / "run.h5").write_text("not HDF5", encoding="utf-8")
     assert "cannot be read" in message(tmp_path)
     assert "not a folder" in message(tmp_path / "run.h5")
     os.remove(tmp_path / "run.h5")
@@ -185,7 +185,7 @@ def test_errors(tmp_path):
     assert len(run.frames) == 0 and list(run.frames) == []
     with pytest.raises(RunError, match="no frames"):
         run.frame(-1)
-    (path / "summary.json").write_text("{")
+    (path / "summary.json").write_text("{", encoding="utf-8")
     with pytest.raises(RunError, match="not JSON"):
         Run(path).summary
 
@@ -204,15 +204,15 @@ def test_sweep_table(sweep):
 
 
 def test_table_from_csv(tmp_path):
-    (tmp_path / "a.csv").write_text("w,Q\n3,1\n4,2\n")
+    (tmp_path / "a.csv").write_text("w,Q\n3,1\n4,2\n", encoding="utf-8")
     table = load_table(tmp_path / "a.csv")
     assert list(table["hopper_width"]) == [3, 4] and table["Q_error"].isna().all()
-    (tmp_path / "b.csv").write_text("w,rate\n3,1\n")
+    (tmp_path / "b.csv").write_text("w,rate\n3,1\n", encoding="utf-8")
     with pytest.raises(RunError, match="no column 'Q'"):
         load_table(tmp_path / "b.csv")
-    (tmp_path / "c.csv").write_text("w,Q\n3,x\n")
+    (tmp_path / "c.csv").write_text("w,Q\n3,x\n", encoding="utf-8")
     with pytest.raises(RunError, match="'Q' holds something"):
         load_table(tmp_path / "c.csv")
-    (tmp_path / "d.csv").write_text("")
+    (tmp_path / "d.csv").write_text("", encoding="utf-8")
     with pytest.raises(RunError, match="cannot be read"):
         load_table(tmp_path / "d.csv")

@@ -17,7 +17,7 @@ def fake(folder, name, text):
 
 def run(script, folder, *arguments):
     environment = {k: v for k, v in os.environ.items() if k != "CI"} | {"PATH": f"{folder}:{os.environ['PATH']}"}
-    return subprocess.run([SCRIPTS / script, *arguments], capture_output=True, text=True, env=environment)
+    return subprocess.run([SCRIPTS / script, *arguments], capture_output=True, encoding="utf-8", env=environment)
 
 
 @pytest.mark.parametrize("status", [0, 100])

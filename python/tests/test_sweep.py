@@ -31,7 +31,7 @@ def table(tmp_path):
     """A function that writes lines as the table of this test."""
     def write(*lines):
         path = tmp_path / "t.csv"
-        path.write_text("\n".join(lines) + "\n")
+        path.write_text("\n".join(lines) + "\n", encoding="utf-8")
         return path
     return write
 
@@ -42,7 +42,7 @@ def rows_of(table):
 
 def start(table, *arguments):
     """pliant-sweep as a process of its own."""
-    return subprocess.Popen([sys.executable, COMMAND, table, "--program", PROGRAM, *map(str, arguments)], text=True,
+    return subprocess.Popen([sys.executable, COMMAND, table, "--program", PROGRAM, *map(str, arguments)], encoding="utf-8",
                             stdout=subprocess.PIPE, stderr=subprocess.PIPE)
 
 
@@ -74,7 +74,7 @@ def sweep(table, workers=2, retry=False):
 def attempts(table, row):
     """Where each attempt of a row has begun."""
     path = table.with_suffix("") / row / "attempts"
-    return [float(line.split()[0]) for line in path.read_text().splitlines()] if path.exists() else []
+    return [float(line.split()[0]) for line in path.read_text(encoding="utf-8").splitlines()] if path.exists() else []
 
 
 def wait_for(condition):
@@ -181,7 +181,7 @@ def test_runs_and_skips(table, tmp_path, run):
     output = run(path, "-j", 2)
     assert output.splitlines()[-1] == "done 4/4, running 0, failed 0, waiting 0"
     assert all(attempts(path, f"a=1,seed={s}") == [0] for s in (1, 2, 3))
-    threads = [(tmp_path / "t" / row / "attempts").read_text().split()[1]
+    threads = [(tmp_path / "t" / row / "attempts").read_text(encoding="utf-8").split()[1]
                for row in ("a=1,seed=1", "a=2,threads=3,seed=1")]
     assert threads == ["1", "3"]
     path = table("seeds,a,threads", "0,7,", "1-3,1.0,", "1,2,3")
@@ -195,7 +195,7 @@ def test_number_of_workers(table, tmp_path):
     """Three at a time are enough for rows that wait for two others, and there are never more."""
     path = table("a,b,mode", *(f"{i},0.1,meet" for i in range(6)))
     sweep(path, workers=3)
-    times = [json.loads(file.read_text()) for file in tmp_path.glob("t/*/summary.json")]
+    times = [json.loads(file.read_text(encoding="utf-8")) for file in tmp_path.glob("t/*/summary.json")]
     assert len(times) == 6
     assert max(sum(t["begun"] <= at["begun"] < t["ended"] for t in times) for at in times) == 3
 
@@ -234,12 +234,12 @@ def test_a_row_that_is_called_after_its_length_is_extended(table, run):
 
 
 def test_options_files_belong_to_the_options(table, tmp_path, run):
-    (tmp_path / "o.yaml").write_text("a: 1\n")
+    (tmp_path / "o.yaml").write_text("a: 1\n", encoding="utf-8")
     path = table("options_file", "o.yaml")
     run(path)
     run(path)
     assert attempts(path, "options_file=o.yaml") == [0]
-    (tmp_path / "o.yaml").write_text("a: 2\n")
+    (tmp_path / "o.yaml").write_text("a: 2\n", encoding="utf-8")
     assert "the options file has changed" in run(path, code=2)
     (tmp_path / "o.yaml").unlink()
     assert "o.yaml cannot be read" in run(path, code=2)
@@ -247,9 +247,9 @@ def test_options_files_belong_to_the_options(table, tmp_path, run):
 
 def test_foreign_runs_are_left_alone(table, tmp_path, run):
     (tmp_path / "t/x").mkdir(parents=True)
-    (tmp_path / "t/x/run.h5").write_text("precious")
+    (tmp_path / "t/x/run.h5").write_text("precious", encoding="utf-8")
     assert "holds a run that no sweep has made" in run(table("name,a", "x,1"), code=2)
-    assert (tmp_path / "t/x/run.h5").read_text() == "precious"
+    assert (tmp_path / "t/x/run.h5").read_text(encoding="utf-8") == "precious"
 
 
 def test_failed_rows_do_not_spoil_the_others(table, tmp_path, run):
@@ -301,7 +301,7 @@ def test_runs_are_process_groups_of_the_session(table):
     path = table("name,mode", "x,gate")
     process = start(path)
     wait_for(lambda: attempts(path, "x"))
-    [run] = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+    [run] = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text(encoding="utf-8").split()
     assert os.getpgid(int(run)) == int(run)
     assert os.getsid(int(run)) == os.getsid(process.pid)
     process.send_signal(signal.SIGTERM)
@@ -379,8 +379,8 @@ def test_a_row_does_not_wait(table, tmp_path, run):
 @pytest.mark.parametrize("arguments, code", [(["--status"], 4), (["--parallel"], 4), (["--help"], 4), ([], 0)])
 def test_output_that_cannot_be_written(table, tmp_path, arguments, code):
     path = table("name", "x", "y")
-    with open("/dev/full", "w") as full:
-        result = subprocess.run([sys.executable, COMMAND, path, "--program", PROGRAM, *arguments], text=True, stdout=full,
+    with open("/dev/full", "w", encoding="utf-8") as full:
+        result = subprocess.run([sys.executable, COMMAND, path, "--program", PROGRAM, *arguments], encoding="utf-8", stdout=full,
                                 stderr=subprocess.PIPE)
     assert result.returncode == code, result.stderr
     lines = result.stderr.splitlines()
@@ -392,22 +392,22 @@ def test_links_are_not_followed(table, tmp_path, run):
     path, folder = table("name", "x"), tmp_path / "t/x"
     folder.mkdir(parents=True)
     precious = tmp_path / "precious"
-    precious.write_text("mine")
+    precious.write_text("mine", encoding="utf-8")
     for link in ("row.json", "../results.csv", "../slurm.sh"):
         (folder / link).symlink_to(precious)
     run(path)
     run(path, "--slurm")
-    assert precious.read_text() == "mine"
+    assert precious.read_text(encoding="utf-8") == "mine"
     for link in ("log.txt", "lock"):
         (tmp_path / "t" / link).mkdir()
         (tmp_path / "t" / link / link).symlink_to(precious)
         assert link in run(table("name", link), code=4)
-    assert precious.read_text() == "mine"
+    assert precious.read_text(encoding="utf-8") == "mine"
 
 
 def test_names_run_no_commands(table, tmp_path, run):
     bad = tmp_path / "a\ntouch pwned\n.csv"
-    bad.write_text("name\nx\n")
+    bad.write_text("name\nx\n", encoding="utf-8")
     assert "control characters" in run(bad, "--slurm", code=2)
     assert "cannot name a folder" in run(table("name", "x"), "--slurm", "--output", tmp_path / 'a"b', code=2)
     assert list(tmp_path.glob("*/slurm.sh")) == []
@@ -426,14 +426,14 @@ def test_killed_runs_begin_anew_without_a_checkpoint(table, tmp_path, run):
     for name in "xy":
         folder = tmp_path / "t" / name
         folder.mkdir(parents=True)
-        (folder / "row.json").write_text(json.dumps({"run": {"scenario": "hopper", "options": {"a": "1"}}}))
-        (folder / "run.h5").write_text("broken")
-        (folder / "lock").write_text(f"{socket.gethostname()} process 1")
-    (tmp_path / "t/y/checkpoint-a.h5").write_text("0.5")
+        (folder / "row.json").write_text(json.dumps({"run": {"scenario": "hopper", "options": {"a": "1"}}}), encoding="utf-8")
+        (folder / "run.h5").write_text("broken", encoding="utf-8")
+        (folder / "lock").write_text(f"{socket.gethostname()} process 1", encoding="utf-8")
+    (tmp_path / "t/y/checkpoint-a.h5").write_text("0.5", encoding="utf-8")
     assert "stopped 2" in run(path, "--status", code=75)
     run(path)
     assert attempts(path, "x") == [0] and attempts(path, "y") == [0.5]
-    assert (tmp_path / "t/x/run.h5").read_text() == ""
+    assert (tmp_path / "t/x/run.h5").read_text(encoding="utf-8") == ""
 
 
 def test_one_row(table, tmp_path, run):
@@ -493,7 +493,7 @@ def test_several_processes_write_one_file(tmp_path):
     with ProcessPoolExecutor(4) as pool:
         list(pool.map(_write_often, [tmp_path / "results.csv"] * 4))
     assert [path.name for path in tmp_path.iterdir()] == ["results.csv"]
-    assert (tmp_path / "results.csv").read_text() == "199\n"
+    assert (tmp_path / "results.csv").read_text(encoding="utf-8") == "199\n"
 
 
 def test_parallel_and_slurm_run_every_row(table, tmp_path, run):
@@ -502,7 +502,7 @@ def test_parallel_and_slurm_run_every_row(table, tmp_path, run):
     assert line.startswith("seq 3 | parallel -q -j 3 --termseq TERM,60000,KILL,25 ") and line.endswith(" --row {}")
     assert not (tmp_path / "t").exists()
     assert run(path, "--slurm").strip() == f"sbatch {tmp_path}/t/slurm.sh"
-    script = (tmp_path / "t/slurm.sh").read_text()
+    script = (tmp_path / "t/slurm.sh").read_text(encoding="utf-8")
     assert "\n#SBATCH --array=1-3\n" in script and "\n#SBATCH --cpus-per-task=2\n" in script
     for task in (1, 2, 3):
         subprocess.run([tmp_path / "t/slurm.sh"], env=os.environ | {"SLURM_ARRAY_TASK_ID": str(task)}, check=True,
@@ -543,7 +543,7 @@ def test_lock_is_inherited(tmp_path):
 def test_locks_of_other_machines(tmp_path):
     """Where the file system does not share locks, the age of the note decides."""
     path = tmp_path / "lock"
-    path.write_text("elsewhere process 1")
+    path.write_text("elsewhere process 1", encoding="utf-8")
     assert owner(path) == "elsewhere process 1"
     with pytest.raises(Taken, match="elsewhere"):
         RowLock(path)
@@ -573,8 +573,8 @@ def test_results(table, tmp_path, run):
             write_run(tmp_path / "t" / row.id, w=float(row.options["hopper_width"]), n=20, frames=1, samples=10,
                       status="clogged" if row.id == "y" else "done", Q=0.0 if row.id == "y" else 3.0)
             record = {"run": {"scenario": "hopper", "options": row.options}, "exit_code": 0}
-            (tmp_path / "t" / row.id / "row.json").write_text(json.dumps(record))
-    (tmp_path / "t/z/run.h5").write_text("damaged")
+            (tmp_path / "t" / row.id / "row.json").write_text(json.dumps(record), encoding="utf-8")
+    (tmp_path / "t/z/run.h5").write_text("damaged", encoding="utf-8")
     run(path, "--merge")
     results = pd.read_csv(tmp_path / "t/results.csv", index_col="row")
     assert list(results.index) == ["x", "y", "z", "w"]

@@ -42,13 +42,13 @@ def arguments(options):
 
 def start(*command, **options):
     """The program as a child process, its output in pipes."""
-    return subprocess.Popen([PROGRAM, *map(str, command), *arguments(options)], text=True, stdout=subprocess.PIPE,
+    return subprocess.Popen([PROGRAM, *map(str, command), *arguments(options)], encoding="utf-8", stdout=subprocess.PIPE,
                             stderr=subprocess.PIPE)
 
 
 def pliant(*command, **options):
     """Runs the program to its end."""
-    return subprocess.run([PROGRAM, *map(str, command), *arguments(options)], text=True, capture_output=True,
+    return subprocess.run([PROGRAM, *map(str, command), *arguments(options)], encoding="utf-8", capture_output=True,
                           timeout=HANGS)
 
 
@@ -60,7 +60,7 @@ def cpu_seconds_of_children():
 def killed_after(cpu_seconds, *command, **options):
     """Runs the program; the system kills it once it has used so much CPU time, however busy the machine is, by a signal that
     it does not know. Whether that was before the run had ended."""
-    child = subprocess.Popen([PROGRAM, *map(str, command), *arguments(options)], text=True, stdout=subprocess.PIPE,
+    child = subprocess.Popen([PROGRAM, *map(str, command), *arguments(options)], encoding="utf-8", stdout=subprocess.PIPE,
                              stderr=subprocess.PIPE, preexec_fn=lambda: signal.setitimer(signal.ITIMER_PROF, cpu_seconds))
     _, errors = child.communicate(timeout=HANGS)
     assert child.returncode in (0, -signal.SIGPROF), errors
@@ -85,7 +85,7 @@ def stopped_until_done(*command, **options):
         if result.returncode == 0:
             return stops
         assert "run the same command again" in result.stdout
-        assert json.loads((Path(options["output"]) / "summary.json").read_text())["status"] == "stopped"
+        assert json.loads((Path(options["output"]) / "summary.json").read_text(encoding="utf-8"))["status"] == "stopped"
         wall_time, stops = 3 * wall_time, stops + 1
 
 
@@ -114,7 +114,7 @@ class Results:
             self.topology = {name: item[()] for name, item in file["topology"].items() if isinstance(item, h5py.Dataset)}
             self.geometry = {"segments": file["geometry/segments"][()], **file["geometry"].attrs}
         summary = folder / "summary.json"
-        self.summary = json.loads(summary.read_text()) if summary.exists() else None
+        self.summary = json.loads(summary.read_text(encoding="utf-8")) if summary.exists() else None
 
     def column(self, name):
         """[frames, …] of a dataset of every frame."""

@@ -19,7 +19,7 @@ def assert_refused(result, *words, code=2):
 
 def run_program(*command):
     """As `pliant`, of texts, bytes and paths."""
-    return subprocess.run([PROGRAM, *command], text=True, errors="surrogateescape", capture_output=True, timeout=HANGS)
+    return subprocess.run([PROGRAM, *command], encoding="utf-8", errors="surrogateescape", capture_output=True, timeout=HANGS)
 
 
 OPTIONS = {
@@ -143,7 +143,7 @@ def test_the_standard_step_is_not_warned_of(options, tmp_path):
 def test_particles_that_pass_through_each_other_are_warned_of(tmp_path):
     code, text = warnings(mu=0, e_sp=1e-3, t_end=4, output=tmp_path / "run")
     assert code == 0 and "they pass through each other; raise -e_sp, now 0.001" in text
-    measured = json.loads((tmp_path / "run/summary.json").read_text())
+    measured = json.loads((tmp_path / "run/summary.json").read_text(encoding="utf-8"))
     assert measured["passing_overlap"] > 0.95 and measured["Q"]["value"] > 0 and measured["Q"]["error"] is None
     assert warnings(mu=0, e_sp=20, t_end=4, output=tmp_path / "soft") == (0, "")
 
@@ -183,16 +183,16 @@ YAML = {
 @pytest.mark.parametrize("name", YAML)
 def test_bad_options_file(name, tmp_path):
     text, words = YAML[name]
-    (tmp_path / "bad.yaml").write_text(text)
+    (tmp_path / "bad.yaml").write_text(text, encoding="utf-8")
     assert_refused(pliant("hopper", options_file=tmp_path / "bad.yaml", output=tmp_path / "run"), *words)
     assert not (tmp_path / "run").exists()
 
 
 def test_options_file_and_command_line(tmp_path):
-    (tmp_path / "run.yaml").write_text("hopper:\n  width: 2.5\n  wall_distance: 6\nn: 20\nt_end: 0.1\n")
+    (tmp_path / "run.yaml").write_text("hopper:\n  width: 2.5\n  wall_distance: 6\nn: 20\nt_end: 0.1\n", encoding="utf-8")
     result = pliant("hopper", options_file=tmp_path / "run.yaml", n=30, output=tmp_path / "run")
     assert result.returncode == 0, result.stderr
-    parameters = json.loads((tmp_path / "run/summary.json").read_text())["parameters"]
+    parameters = json.loads((tmp_path / "run/summary.json").read_text(encoding="utf-8"))["parameters"]
     assert parameters["hopper_width"]["value"] == 2.5 and parameters["n"]["value"] == 30
 
 
@@ -205,14 +205,14 @@ def test_unknown_scenario():
 
 
 def test_output_folder_that_is_a_file(tmp_path):
-    (tmp_path / "run").write_text("mine")
+    (tmp_path / "run").write_text("mine", encoding="utf-8")
     assert_refused(pliant("hopper", output=tmp_path / "run", **SMALL), str(tmp_path / "run"), code=4)
-    assert (tmp_path / "run").read_text() == "mine"
+    assert (tmp_path / "run").read_text(encoding="utf-8") == "mine"
 
 
 @pytest.mark.parametrize("folder", ["file/run", "/proc/pliant-run"])
 def test_output_folder_that_cannot_be_made(folder, tmp_path):
-    (tmp_path / "file").write_text("mine")
+    (tmp_path / "file").write_text("mine", encoding="utf-8")
     assert_refused(pliant("hopper", output=tmp_path / folder, **SMALL), folder, "-output", code=4)
 
 
@@ -256,7 +256,7 @@ def test_bad_case(name, tmp_path):
     if isinstance(case, dict) and "vertices" in case:
         case = {"model": "DP", "inputs": {"a0": [1], "l0": [1], "ka": 1, "kl": 1, "kb": 1, **case}}
     if case is not None:
-        file.write_text(case if isinstance(case, str) else json.dumps(case))
+        file.write_text(case if isinstance(case, str) else json.dumps(case), encoding="utf-8")
     assert_refused(pliant("evaluate", file), *words)
 
 
@@ -267,7 +267,7 @@ def test_endless_case():
 def test_case_without_faults(tmp_path):
     file = tmp_path / "case.json"
     file.write_text(json.dumps({"model": "DP", "inputs": {"vertices": [SQUARE], "a0": [1], "l0": [1], "ka": 1, "kl": 1,
-                                                          "kb": 0}}))
+                                                          "kb": 0}}), encoding="utf-8")
     result = pliant("evaluate", file)
     assert result.returncode == 0 and json.loads(result.stdout)["area"] == pytest.approx(1)
 
@@ -279,8 +279,8 @@ def test_evaluate_needs_one_file():
 def run_into(path, *command, stream="stdout"):
     """The program with a stream of its own into a file; code and the other stream."""
     other = {"stdout": "stderr", "stderr": "stdout"}[stream]
-    with open(path, "w") as file:
-        result = subprocess.run([PROGRAM, *map(str, command)], text=True, timeout=HANGS,
+    with open(path, "w", encoding="utf-8") as file:
+        result = subprocess.run([PROGRAM, *map(str, command)], encoding="utf-8", timeout=HANGS,
                                 **{stream: file, other: subprocess.PIPE})
     return result.returncode, getattr(result, other)
 
@@ -298,7 +298,7 @@ def test_a_result_that_cannot_be_written(command):
 @pytest.mark.parametrize("redirection", [">/dev/full", ">&-"])
 def test_a_run_goes_on_without_its_output(redirection, tmp_path):
     options = " ".join(arguments({**SMALL, "t_end": 0.2}))
-    result = subprocess.run(f"{PROGRAM} hopper {options} -output {tmp_path}/run {redirection}", shell=True, text=True,
+    result = subprocess.run(f"{PROGRAM} hopper {options} -output {tmp_path}/run {redirection}", shell=True, encoding="utf-8",
                             stderr=subprocess.PIPE, timeout=HANGS)
     assert result.returncode == 0 and len(result.stderr.splitlines()) == 1, result.stderr
     assert result.stderr.startswith("pliant: warning: standard output cannot be written: ")

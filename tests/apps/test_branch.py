@@ -35,9 +35,9 @@ def test_a_branch_is_the_run_that_goes_on(scenario, tmp_path):
     assert contents(first) == before  # as it was, and free to go on
     branch = Results(tmp_path / "branch")
     of = branch.summary.pop("branch_of")
-    assert of == json.loads((tmp_path / "branch/branch.json").read_text())
+    assert of == json.loads((tmp_path / "branch/branch.json").read_text(encoding="utf-8"))
     assert of["run"] == str(first) and 0 < of["t"] <= Results(first).summary["t"]
-    assert (tmp_path / "branch/run.xdmf").read_text().count("<Time ") == len(branch.frames)
+    assert (tmp_path / "branch/run.xdmf").read_text(encoding="utf-8").count("<Time ") == len(branch.frames)
     assert pliant(scenario, restart=first, **later).returncode == 0
     assert_same_runs(Results(first), branch)
     if scenario == "hopper":
@@ -78,7 +78,7 @@ def test_a_branch_that_makes_no_sense(tmp_path):
     refused("no branch of", "-output", output=tmp_path / "other")
     refused("there is no checkpoint", restart=tmp_path)
     file = tmp_path / "options.yaml"
-    file.write_text(f"output: {tmp_path / 'branch'}\n")
+    file.write_text(f"output: {tmp_path / 'branch'}\n", encoding="utf-8")
     result = pliant("hopper", restart=first, options_file=file, t_end=4)
     assert result.returncode == 2 and "on the command line" in result.stderr and str(file) in result.stderr
     child = start("hopper", restart=first, t_end=1e6)
@@ -122,7 +122,7 @@ def test_every_kill_of_a_branch(tmp_path):
         folder.mkdir()
         for name, data in state.items():
             (folder / name).write_bytes(data)
-        result = subprocess.run(command, text=True, capture_output=True, timeout=HANGS)
+        result = subprocess.run(command, encoding="utf-8", capture_output=True, timeout=HANGS)
         assert result.returncode == 0 and result.stderr == "", (sorted(state), result.stderr)
         branch = Results(folder)
         assert branch.summary.pop("branch_of")["run"] == str(first)
@@ -216,17 +216,17 @@ def test_paths_are_relative_to_the_options_file(tmp_path):
     folder = tmp_path / "setup"
     folder.mkdir()
     (folder / "walls.txt").write_bytes(b"\xef\xbb\xbf1.5 0\r\n4 3\r\n4 9\r\n")
-    (folder / "stone.txt").write_text("-0.5 4\n0.5 4\n0 5\n")
+    (folder / "stone.txt").write_text("-0.5 4\n0.5 4\n0 5\n", encoding="utf-8")
     file = folder / "options.yaml"
-    file.write_text("outline: walls.txt\nobstacle: [\"polygon:stone.txt\"]\nn: 20\nt_end: 0.01\nzeta: 1\noutput: run\n")
-    result = subprocess.run([PROGRAM, "hopper", "-options_file", file], cwd=tmp_path, text=True, capture_output=True)
+    file.write_text("outline: walls.txt\nobstacle: [\"polygon:stone.txt\"]\nn: 20\nt_end: 0.01\nzeta: 1\noutput: run\n", encoding="utf-8")
+    result = subprocess.run([PROGRAM, "hopper", "-options_file", file], cwd=tmp_path, encoding="utf-8", capture_output=True)
     assert result.returncode == 0, result.stderr
     assert (tmp_path / "run/run.h5").exists()  # of the working directory
     plain = folder / "options.txt"
     plain.write_text("-shape_outline shape.txt -model rough\n-outline channel.txt -plungers 3,0 -stroke 0.5 -pushes 1\n"
-                     "-plunger_speed 10 -t_end 0.01")
-    (folder / "shape.txt").write_text("0 0\n2 0\n2 1\n0 1\n")
-    result = subprocess.run([PROGRAM, "channel", "-options_file", plain], cwd=tmp_path, text=True, capture_output=True)
+                     "-plunger_speed 10 -t_end 0.01", encoding="utf-8")
+    (folder / "shape.txt").write_text("0 0\n2 0\n2 1\n0 1\n", encoding="utf-8")
+    result = subprocess.run([PROGRAM, "channel", "-options_file", plain], cwd=tmp_path, encoding="utf-8", capture_output=True)
     assert result.returncode == 2 and f"outline {folder}/channel.txt: cannot be opened" in result.stderr, result.stderr
 
 
@@ -238,7 +238,7 @@ def test_paths_are_relative_to_the_options_file(tmp_path):
     (("raft", "-rows", "10000", "-columns", "10000"), ["-rows 10000 -columns 10000", "GB"])], ids=str)
 def test_memory_is_counted_first(command, words, tmp_path):
     limited = f"ulimit -v 6000000; exec {PROGRAM} {' '.join(command)} -output {tmp_path / 'run'}"
-    result = subprocess.run(["bash", "-c", limited], text=True, capture_output=True, timeout=HANGS)
+    result = subprocess.run(["bash", "-c", limited], encoding="utf-8", capture_output=True, timeout=HANGS)
     assert result.returncode == 2 and len(result.stderr.splitlines()) == 1, result.stderr
     assert all(word in result.stderr for word in words), result.stderr
     assert not (tmp_path / "run").exists()

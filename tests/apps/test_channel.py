@@ -230,7 +230,7 @@ def test_rough_polygons_on_ranks(rough, tmp_path):
 
 def test_a_shape_of_ones_own(tmp_path):
     """Crosses from a file, which hold each other: none is in another."""
-    (tmp_path / "cross.txt").write_text("1 0\n2 0\n2 1\n3 1\n3 2\n2 2\n2 3\n1 3\n1 2\n0 2\n0 1\n1 1\n")
+    (tmp_path / "cross.txt").write_text("1 0\n2 0\n2 1\n3 1\n3 2\n2 2\n2 3\n1 3\n1 2\n0 2\n0 1\n1 1\n", encoding="utf-8")
     shape = {k: v for k, v in ROUGH.items() if k != "aspect"}
     run = channel(tmp_path / "run", **{**shape, "shape_outline": tmp_path / "cross.txt", "n_vertices": 24, "t_end": 0.01,
                                        "area_fraction": 0.5})
@@ -257,7 +257,7 @@ def test_other_channels(geometry, plungers, sides, tmp_path):
 
 def test_an_outline_of_ones_own(small, tmp_path):
     """The same channel from a file, clockwise: as many disks, frames at the same travel."""
-    (tmp_path / "L.txt").write_text("# an L\n0 0\n0 15\n8 15\n8 8\n15 8\n15 0\n")
+    (tmp_path / "L.txt").write_text("# an L\n0 0\n0 15\n8 15\n8 8\n15 8\n15 0\n", encoding="utf-8")
     own = {k: v for k, v in SMALL.items() if not k.startswith("channel_")}
     result = pliant("channel", output=tmp_path / "run", outline=tmp_path / "L.txt", plungers="15,3;3,15",
                     **{**own, "pushes": 1})
@@ -327,7 +327,7 @@ def test_bad_input(options, words, tmp_path):
 @pytest.mark.parametrize("text, words", [("0 0\n1 0\n", "at least three corners"), ("0 0\n1 1\n1 0\n0 1\n", "cross"),
                                          ("0 0\n1 0\n\n1 1\n0 1\n", "a second polyline"), ("0 x\n", "two numbers in cm")])
 def test_bad_outline(text, words, tmp_path):
-    (tmp_path / "outline.txt").write_text(text)
+    (tmp_path / "outline.txt").write_text(text, encoding="utf-8")
     result = pliant("channel", outline=tmp_path / "outline.txt", output=tmp_path / "run")
     assert result.returncode == 2 and words in result.stderr, result.stderr
 
@@ -347,9 +347,9 @@ def test_analysis(small, tmp_path):
     folder = tmp_path / "run"
     channel(folder, pushes=4)
     result = subprocess.run(["/usr/bin/python3", "-B", ROOT / "python/pliant-analyse", "channel", folder, "--centre", "9",
-                             "--min-count", "3"], text=True, capture_output=True, timeout=HANGS)
+                             "--min-count", "3"], encoding="utf-8", capture_output=True, timeout=HANGS)
     assert result.returncode == 0, result.stderr
-    found = json.loads((folder / "analysis.json").read_text())
+    found = json.loads((folder / "analysis.json").read_text(encoding="utf-8"))
     assert found["pushes"] == [2, 3] or found["pushes"] == 2
     assert 0.01 < found["dr_na"]["all"]["value"] < 2
     assert found["d2_min_per_neighbour"]["all"]["value"] > 0

@@ -123,7 +123,7 @@ def test_an_end_before_the_outcome_is_neither(tmp_path):
     assert "avalanche_size" not in s and "arch" not in s
     result = pliant("clog", restart=tmp_path / "run", t_end=1e5)
     assert result.returncode == 0, result.stderr
-    assert json.loads((tmp_path / "run/summary.json").read_text())["status"] == "clogged"
+    assert json.loads((tmp_path / "run/summary.json").read_text(encoding="utf-8"))["status"] == "clogged"
 
 
 @pytest.mark.parametrize("options, message", [

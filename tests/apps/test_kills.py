@@ -37,7 +37,7 @@ def on_disk(folder, *command, environment=None, **settings):
     """Runs a command whose files below `folder` are on the disk for tests."""
     assert Path(DISK).exists(), f"{DISK}: build the tests"
     settings = {f"PLIANT_DISK_{name.upper()}": str(value) for name, value in settings.items()}
-    return subprocess.run(command, text=True, capture_output=True, timeout=HANGS, env={
+    return subprocess.run(command, encoding="utf-8", capture_output=True, timeout=HANGS, env={
         **(environment or os.environ), **settings, "PLIANT_DISK_FOLDER": str(folder), "LD_PRELOAD": DISK})
 
 
@@ -201,7 +201,7 @@ class Replay:
             self.write(files, folder)
             command = [*launcher, PROGRAM, self.command, *arguments({"restart": folder, **options})]
             environment = mpi_environment() if launcher else os.environ
-            return folder, subprocess.run(command, text=True, capture_output=True, timeout=HANGS, env=environment)
+            return folder, subprocess.run(command, encoding="utf-8", capture_output=True, timeout=HANGS, env=environment)
 
         with ThreadPoolExecutor(2) as pool:
             for folder, result in pool.map(go_on, enumerate(states)):

@@ -20,7 +20,7 @@ pytestmark = pytest.mark.skipif(not PROGRAM, reason="PLIANT_OWN_SCENARIO does no
 
 
 def own(*command, **options):
-    return subprocess.run([PROGRAM, *map(str, command), *arguments(options)], text=True, capture_output=True, timeout=HANGS)
+    return subprocess.run([PROGRAM, *map(str, command), *arguments(options)], encoding="utf-8", capture_output=True, timeout=HANGS)
 
 
 def shaken_box(folder, **options):
@@ -78,30 +78,30 @@ def test_messages_name_this_program(tmp_path):
 
 def test_the_page_of_its_options_is_made_by_the_same_script(tmp_path):
     def docs(*arguments):
-        return subprocess.run([ROOT / "scripts/docs.sh", *arguments, PROGRAM, tmp_path / "options.md"], text=True,
+        return subprocess.run([ROOT / "scripts/docs.sh", *arguments, PROGRAM, tmp_path / "options.md"], encoding="utf-8",
                               capture_output=True, timeout=HANGS)
 
     written = docs()
     assert written.returncode == 0, written.stderr
-    text = (tmp_path / "options.md").read_text()
+    text = (tmp_path / "options.md").read_text(encoding="utf-8")
     assert "# Options of `own_scenario shaken_box`\n" in text and "\n| `-amplitude` | real |" in text
     assert "hopper" not in text
     assert docs("--check").returncode == 0
-    (tmp_path / "options.md").write_text(text.replace("-amplitude", "-height"))
+    (tmp_path / "options.md").write_text(text.replace("-amplitude", "-height"), encoding="utf-8")
     assert docs("--check").returncode == 1
 
 
 def test_a_sweep_needs_no_name_of_the_scenario(tmp_path):
     def sweep(*lines):
-        (tmp_path / "t.csv").write_text("\n".join(lines) + "\n")
-        return subprocess.run([sys.executable, ROOT / "python/pliant-sweep", tmp_path / "t.csv", "--program", PROGRAM], text=True,
+        (tmp_path / "t.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+        return subprocess.run([sys.executable, ROOT / "python/pliant-sweep", tmp_path / "t.csv", "--program", PROGRAM], encoding="utf-8",
                               capture_output=True, timeout=HANGS)
 
     refused = sweep("ampliude", "0.1")
     assert refused.returncode == 2 and "line 2, column 'ampliude': unknown option -ampliude; did you mean" in refused.stderr
     done = sweep("n,amplitude,t_end", "5,0.1,0.01", "5,0.2,0.01")
     assert done.returncode == 0 and "done 2/2" in done.stdout, done.stderr
-    with open(tmp_path / "t/results.csv", newline="") as file:
+    with open(tmp_path / "t/results.csv", newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert [row["scenario"] for row in rows] == ["shaken_box"] * 2
     assert [row["row"] for row in rows] == ["amplitude=0.1,n=5,t_end=0.01", "amplitude=0.2,n=5,t_end=0.01"]
@@ -109,10 +109,10 @@ def test_a_sweep_needs_no_name_of_the_scenario(tmp_path):
 
 def test_figures_are_drawn_or_refused_by_name(tmp_path):
     shaken_box(tmp_path / "run", t_end=0.01)
-    assert json.loads((tmp_path / "run" / "summary.json").read_text())["scenario"] == "shaken_box"
+    assert json.loads((tmp_path / "run" / "summary.json").read_text(encoding="utf-8"))["scenario"] == "shaken_box"
 
     def plot(name):
-        return subprocess.run([sys.executable, PLOT, name, tmp_path / "run", "-o", tmp_path / f"{name}.png"], text=True,
+        return subprocess.run([sys.executable, PLOT, name, tmp_path / "run", "-o", tmp_path / f"{name}.png"], encoding="utf-8",
                               capture_output=True, timeout=HANGS)
 
     snapshot = plot("snapshot")

@@ -16,7 +16,7 @@ pytestmark = pytest.mark.skipif(not PROGRAM, reason="PLIANT_OWN_TERM does not na
 
 
 def own(*command, **options):
-    return subprocess.run([PROGRAM, *map(str, command), *arguments(options)], text=True, capture_output=True, timeout=HANGS)
+    return subprocess.run([PROGRAM, *map(str, command), *arguments(options)], encoding="utf-8", capture_output=True, timeout=HANGS)
 
 
 def droplets(folder, **options):

@@ -36,7 +36,7 @@ def mpi_environment():
 
 
 def start_ranks(ranks, *command, **options):
-    return subprocess.Popen(["mpiexec", "-n", str(ranks), PROGRAM, *map(str, command), *arguments(options)], text=True,
+    return subprocess.Popen(["mpiexec", "-n", str(ranks), PROGRAM, *map(str, command), *arguments(options)], encoding="utf-8",
                             stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=mpi_environment())
 
 
@@ -331,7 +331,7 @@ def test_stopped_by_its_wall_time_and_continued(kind, serial, tmp_path):
     first = on_ranks(2, "hopper", **command, max_wall_time=1e-3)
     assert first.returncode == 75 and complaints(first) == []
     assert first.stdout.count("run the same command again") == 1
-    stopped = json.loads((tmp_path / "parts/summary.json").read_text())
+    stopped = json.loads((tmp_path / "parts/summary.json").read_text(encoding="utf-8"))
     assert stopped["status"] == "stopped" and 0 < stopped["t"] < KINDS[kind]["t_end"]
     second = on_ranks(2, "hopper", **command)
     assert second.returncode == 0, second.stderr
@@ -351,7 +351,7 @@ def test_continued_by_another_number_of_ranks(kind, first, then, serial, tmp_pat
 
 
 def children(process):
-    return [int(pid) for pid in Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()]
+    return [int(pid) for pid in Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text(encoding="utf-8").split()]
 
 
 @needs_mpi
@@ -363,7 +363,7 @@ def test_a_signal_to_one_rank_stops_all(tmp_path):
     os.kill(children(child)[-1], signal.SIGTERM)
     output, _ = child.communicate(timeout=HANGS)
     assert child.returncode == 75 and output.count("stopped at t =") == 1
-    summary = json.loads((tmp_path / "run/summary.json").read_text())
+    summary = json.loads((tmp_path / "run/summary.json").read_text(encoding="utf-8"))
     assert summary["status"] == "stopped" and summary["t"] > 0
     result = on_ranks(2, "hopper", restart=tmp_path / "run", t_end=summary["t"] + 1)
     assert result.returncode == 0 and "continuing at t =" in result.stdout
@@ -379,7 +379,7 @@ def test_a_signal_to_one_rank_stops_all(tmp_path):
     ("evaluate nothing.json", {}, 2, "nothing.json"),
 ], ids=["option", "output", "restart", "case"])
 def test_errors_end_all_ranks(command, options, code, word, tmp_path):
-    (tmp_path / "file").write_text("")
+    (tmp_path / "file").write_text("", encoding="utf-8")
     asked = {name: value.format(folder=tmp_path) if isinstance(value, str) else value
              for name, value in options.items()}
     result = on_ranks(2, *command.split(), **asked)

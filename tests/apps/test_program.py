@@ -47,7 +47,7 @@ def test_a_program_of_another_name(tmp_path):
     """It speaks, and signs its files, by the name that it has."""
     program = tmp_path / "grains"
     program.symlink_to(Path(PROGRAM).resolve())
-    usage = subprocess.run([program, "evaluate"], text=True, capture_output=True, timeout=HANGS)
+    usage = subprocess.run([program, "evaluate"], encoding="utf-8", capture_output=True, timeout=HANGS)
     assert usage.returncode == 2 and usage.stderr.startswith("grains: error: usage: grains evaluate CASE.json")
     command = [program, "hopper", "-output", tmp_path / "run", *arguments({**SMALL, "t_end": 0})]
     assert subprocess.run(command, capture_output=True, timeout=HANGS).returncode == 0
@@ -85,7 +85,7 @@ def test_a_short_run_says_why_it_has_no_errors_and_how_to_go_on(tmp_path):
     assert re.search(r"^Q' = [\d.]+ sigma_avg\^2/t0 \(no error: fewer than 64 steady samples\)$", result.stdout, re.M)
     command = shlex.split(re.search(r"^to run longer: (.*)$", result.stdout, re.M)[1])
     assert command == ["pliant", "hopper", "-restart", str(folder), "-t_end", "12.8"]
-    longer = subprocess.run([PROGRAM, *command[1:]], text=True, capture_output=True, timeout=HANGS)
+    longer = subprocess.run([PROGRAM, *command[1:]], encoding="utf-8", capture_output=True, timeout=HANGS)
     assert longer.returncode == 0 and "continuing at t = 3 t0" in longer.stdout
     assert "fewer than" not in longer.stdout
 
@@ -111,7 +111,7 @@ def test_alone_it_starts_no_other_process(tmp_path):
                            env=environment, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
     try:
         assert run.stdout.readline()  # it has begun
-        assert Path(f"/proc/{run.pid}/task/{run.pid}/children").read_text() == ""
+        assert Path(f"/proc/{run.pid}/task/{run.pid}/children").read_text(encoding="utf-8") == ""
     finally:
         run.kill()
         run.communicate()

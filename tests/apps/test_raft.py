@@ -222,4 +222,4 @@ def test_later_end(tmp_path):
     assert result.returncode == 0, result.stderr
     parts = Results(tmp_path / "parts")
     assert np.allclose(whole.frames[-1]["positions"], parts.frames[-1]["positions"], atol=1e-9)
-    assert json.loads((tmp_path / "parts/summary.json").read_text())["ended_by"] == "end_distance"
+    assert json.loads((tmp_path / "parts/summary.json").read_text(encoding="utf-8"))["ended_by"] == "end_distance"

@@ -16,7 +16,8 @@ def test_a_run_that_goes_on(tmp_path):
     options = SMALL | {"t_end": 1e4, "frame_interval": 0.2}
     child = start("hopper", output=tmp_path / "run", **options)
     try:
-        wait_for(lambda: (tmp_path / "run/run.xdmf").exists() and "000001" in (tmp_path / "run/run.xdmf").read_text(), child)
+        xdmf = tmp_path / "run/run.xdmf"
+        wait_for(lambda: xdmf.exists() and "000001" in xdmf.read_text(encoding="utf-8"), child)
         runs, counts = [], []
         while len(counts) < 15 or counts[-1] < counts[0] + 50:
             run = Run(tmp_path / "run")

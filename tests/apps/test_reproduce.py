@@ -27,7 +27,7 @@ def test_tables_hold_options_that_there_are():
 
 def test_a_figure_of_a_table_of_ones_own(tmp_path):
     (tmp_path / "mine.csv").write_text("n,hopper_wall_distance,hopper_width,zeta,t_end,seeds\n"
-                                       + "".join(f"60,8,{w},1,20,1-2\n" for w in (2.5, 3, 4, 5)))
+                                       + "".join(f"60,8,{w},1,20,1-2\n" for w in (2.5, 3, 4, 5)), encoding="utf-8")
     command = [sys.executable, "-B", PYTHON / "pliant-reproduce", "H2", "--table", "mine.csv", "--program", PROGRAM]
     for _ in range(2):
         subprocess.run(command, cwd=tmp_path, check=True, timeout=300, env=os.environ | {"OMP_NUM_THREADS": "1"})

@@ -115,7 +115,7 @@ def test_killed_while_it_packs(tmp_path):
 def test_killed_while_run_h5_is_begun(tmp_path):
     """It has its name only when it can be read."""
     (tmp_path / "run").mkdir()
-    (tmp_path / "run/run.h5.new").write_text("half of something")
+    (tmp_path / "run/run.h5.new").write_text("half of something", encoding="utf-8")
     assert pliant("hopper", output=tmp_path / "run", **{**SMALL, "t_end": 1}).returncode == 0
     assert not (tmp_path / "run/run.h5.new").exists()
 
@@ -151,7 +151,7 @@ def test_frames_are_never_deleted(killed):
 def test_a_killed_run_whose_checkpoints_are_damaged(killed):
     folder, options = killed
     for checkpoint in folder.glob("checkpoint*"):
-        checkpoint.write_text("nonsense")
+        checkpoint.write_text("nonsense", encoding="utf-8")
     message = refused("hopper", folder, output=folder, **options)
     assert "with another -output" in message
     assert pliant("hopper", output=folder.parent / "other", **{**options, "t_end": 1}).returncode == 0
@@ -294,10 +294,10 @@ def test_one_of_two_continuations(killed, monkeypatch):
     folder, options = killed
     assert (folder / "run.lock").exists()  # of the killed one: no obstacle
     options["t_end"] = 1e6
-    frames = (folder / "run.xdmf").read_text().count("<Time ")
+    frames = (folder / "run.xdmf").read_text(encoding="utf-8").count("<Time ")
     two = [start("hopper", output=folder, **options) for _ in range(2)]
     wait_for(lambda: any(child.poll() is not None for child in two))
-    wait_for(lambda: (folder / "run.xdmf").read_text().count("<Time ") > frames)
+    wait_for(lambda: (folder / "run.xdmf").read_text(encoding="utf-8").count("<Time ") > frames)
     assert sorted(end(child)[0] for child in two) == [2, 75]
 
 
@@ -306,7 +306,7 @@ def test_a_run_is_read_while_it_is_locked(tmp_path):
     wait_for((tmp_path / "run/run.xdmf").exists, child)
     code = "import sys; from pliant import Run; print(len(Run(sys.argv[1]).frames))"
     python = os.path.join(os.path.dirname(__file__), "../../python")
-    reader = subprocess.run(["/usr/bin/python3", "-B", "-c", code, tmp_path / "run"], text=True, capture_output=True,
+    reader = subprocess.run(["/usr/bin/python3", "-B", "-c", code, tmp_path / "run"], encoding="utf-8", capture_output=True,
                             env=os.environ | {"PYTHONPATH": python})
     assert end(child)[0] == 75
     assert reader.stdout == "1\n", reader.stderr

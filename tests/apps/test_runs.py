@@ -54,7 +54,7 @@ def test_termination_asks_for_a_checkpoint(tmp_path):
     wait_for((tmp_path / "parts/run.xdmf").exists, child)
     code, output, errors = end(child, signal.SIGTERM)
     assert code == 75 and errors == "" and "stopped at t =" in output
-    t = json.loads((tmp_path / "parts/summary.json").read_text())["t"]
+    t = json.loads((tmp_path / "parts/summary.json").read_text(encoding="utf-8"))["t"]
     assert t > 0
     options["t_end"] = round(t) + 50
     result = pliant("hopper", output=tmp_path / "parts", **options)
@@ -67,7 +67,7 @@ def test_killed_and_restarted(kind, tmp_path):
     options = {**SMALL, **KINDS[kind], "t_end": 1e6}
     child = start("hopper", output=tmp_path / "parts", checkpoint_interval=0.2, **options)
     wait_for((tmp_path / "parts/checkpoint-b.h5").exists, child)  # the other one is of the start
-    wait_for(lambda: "000001" in (tmp_path / "parts/run.xdmf").read_text(), child)
+    wait_for(lambda: "000001" in (tmp_path / "parts/run.xdmf").read_text(encoding="utf-8"), child)
     code, _, _ = end(child, signal.SIGKILL)
     assert code == -signal.SIGKILL
 
@@ -170,7 +170,7 @@ def test_a_frame_is_readable_while_the_run_goes_on(tmp_path, monkeypatch):
     child = start("hopper", output=tmp_path / "run", **{**SMALL, "t_end": 1e6, "frame_interval": 50})
     try:
         xdmf = tmp_path / "run/run.xdmf"
-        wait_for(lambda: xdmf.exists() and "000000" in xdmf.read_text(), child)
+        wait_for(lambda: xdmf.exists() and "000000" in xdmf.read_text(encoding="utf-8"), child)
         with h5py.File(tmp_path / "run/run.h5", locking=False) as file:
             assert "positions" in file["frames/000000"]
     finally:

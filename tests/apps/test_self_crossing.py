@@ -103,7 +103,7 @@ def test_evaluate(tmp_path):
     file = tmp_path / "case.json"
 
     def answer():
-        file.write_text(json.dumps(case))
+        file.write_text(json.dumps(case), encoding="utf-8")
         return pliant("evaluate", str(file))
 
     result = json.loads(answer().stdout)

@@ -33,7 +33,7 @@ def finished(child):
 
 
 def assert_stopped(folder):
-    assert json.loads((folder / "summary.json").read_text())["status"] == "stopped"
+    assert json.loads((folder / "summary.json").read_text(encoding="utf-8"))["status"] == "stopped"
     assert list(folder.glob("checkpoint-?.h5"))
 
 
@@ -68,7 +68,7 @@ def test_two_signals_at_once_are_one_request(pair, tmp_path):
 def ignoring(name, folder, **environment):
     """A run that was started with this signal ignored, as nohup does."""
     child = subprocess.Popen([PROGRAM, "hopper", "-output", folder, *arguments(LONG)], stdout=subprocess.PIPE,
-                             stderr=subprocess.PIPE, text=True, env=os.environ | environment,
+                             stderr=subprocess.PIPE, encoding="utf-8", env=os.environ | environment,
                              preexec_fn=lambda: signal.signal(signal.Signals[name], signal.SIG_IGN))
     running(child, folder)
     return child
@@ -142,13 +142,13 @@ def test_a_stopped_run_that_nobody_reads(tmp_path):
 @pytest.mark.parametrize("extra", ["-ts_monitor", "-log_view"])
 def test_what_petsc_prints_and_nobody_reads(extra, tmp_path):
     command = [PROGRAM, "hopper", "-output", tmp_path / "run", *arguments({**SMALL, "t_end": 3, "integrator": "ts"})]
-    child = subprocess.Popen([*command, extra], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    child = subprocess.Popen([*command, extra], stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8")
     child.stdout.close()
     assert (child.stderr.read(), child.wait(timeout=HANGS)) == ("", 0)
 
 
 def test_help_into_a_pipe_that_ends():
-    result = subprocess.run(["bash", "-c", f'"{PROGRAM}" hopper -help | head -1; echo "${{PIPESTATUS[0]}}"'], text=True,
+    result = subprocess.run(["bash", "-c", f'"{PROGRAM}" hopper -help | head -1; echo "${{PIPESTATUS[0]}}"'], encoding="utf-8",
                             capture_output=True)
     assert result.stdout == "usage: pliant hopper [-option value ...]\n0\n" and result.stderr == ""
 

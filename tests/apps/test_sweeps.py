@@ -16,7 +16,7 @@ COMMAND = [sys.executable, Path(__file__).resolve().parents[2] / "python/pliant-
 
 
 def start(*arguments):
-    return subprocess.Popen([*COMMAND, *map(str, arguments), "--program", PROGRAM], text=True, stdout=subprocess.PIPE,
+    return subprocess.Popen([*COMMAND, *map(str, arguments), "--program", PROGRAM], encoding="utf-8", stdout=subprocess.PIPE,
                             stderr=subprocess.STDOUT)
 
 
@@ -26,7 +26,7 @@ def test_four_runs(tmp_path):
     table = tmp_path / "widths.csv"
     # Wide enough not to clog.
     table.write_text(",".join(["name", *options, "hopper_width", "seeds"]) + "\n"
-                     + "".join(",".join([f"w{w}", *map(str, options.values()), str(w), "1-2"]) + "\n" for w in (3, 4)))
+                     + "".join(",".join([f"w{w}", *map(str, options.values()), str(w), "1-2"]) + "\n" for w in (3, 4)), encoding="utf-8")
     process = start(table, "-j", 1)
     wait_for((tmp_path / "widths/w3,seed=1/run.xdmf").exists, process)
     process.send_signal(signal.SIGTERM)
@@ -68,7 +68,7 @@ def test_the_stand_in_speaks_as_the_program(arguments, tmp_path, monkeypatch):
 
     def said(program, names):
         words = [re.sub(r"^-zeta", f"-{names['zeta']}", str(word)) for word in arguments]
-        result = subprocess.run([program, *words], text=True, capture_output=True)
+        result = subprocess.run([program, *words], encoding="utf-8", capture_output=True)
         assert result.returncode == 2
         return re.sub(r" \(unit .*\)$", "", result.stderr).replace(f"-{names['zeta']}", "-zeta")
 
@@ -83,7 +83,7 @@ def test_the_stand_in_speaks_as_the_program(arguments, tmp_path, monkeypatch):
 ])
 def test_options_are_checked_first(tmp_path, column, value, message):
     table = tmp_path / "t.csv"
-    table.write_text(f"hopper_width,{column}\n3,\n4,{value}\n")
+    table.write_text(f"hopper_width,{column}\n3,\n4,{value}\n", encoding="utf-8")
     process = start(table)
     output, _ = process.communicate(timeout=HANGS)
     assert process.returncode == 2 and f"t.csv, line 3, {message}" in output, output

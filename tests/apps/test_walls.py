@@ -18,7 +18,7 @@ CORNERS = np.array([[-3, 4], [-2, 4.5], [-2.6, 5.4]])
 @pytest.fixture
 def outline(tmp_path):
     path = tmp_path / "bottle.txt"
-    path.write_text(OUTLINE)
+    path.write_text(OUTLINE, encoding="utf-8")
     return path
 
 
@@ -50,7 +50,7 @@ def test_particles_flow_round_obstacles(tmp_path, outline):
     run = pliant("hopper", **options(tmp_path / "run", outline))
     assert run.returncode == 0, run.stderr
     assert "own outline, with obstacles" in run.stdout
-    summary = json.loads((tmp_path / "run/summary.json").read_text())
+    summary = json.loads((tmp_path / "run/summary.json").read_text(encoding="utf-8"))
     assert summary["crossed_count"] > 5
     with h5py.File(tmp_path / "run/run.h5") as file:
         check_inside(file)
@@ -72,7 +72,7 @@ def test_a_restart_needs_no_file(tmp_path, outline):
     whole = pliant("hopper", **options(tmp_path / "whole", outline, t_end=4))
     assert whole.returncode == 0, whole.stderr
     assert pliant("hopper", **options(folder, outline, t_end=2)).returncode == 0
-    outline.write_text("2 0\n8 8\n")
+    outline.write_text("2 0\n8 8\n", encoding="utf-8")
     other = pliant("hopper", "-restart", folder, outline=outline, t_end=4)
     assert other.returncode == 2 and "-outline" in other.stderr and "a restart cannot change it" in other.stderr
     outline.unlink()
@@ -126,9 +126,9 @@ def test_a_wedge_with_walls_of_different_angles(tmp_path, left):
                 slope = np.minimum(y, top)
                 assert (x[above] > -1.5 - np.tan(np.radians(left)) * slope[above]).all()
                 assert (x[above] < 1.5 + slope[above]).all()
-    summary = json.loads((tmp_path / "continuous/summary.json").read_text())
+    summary = json.loads((tmp_path / "continuous/summary.json").read_text(encoding="utf-8"))
     assert summary["crossed_count"] > 5 and summary["parameters"]["hopper_angle_left"]["value"] == left
-    emptied = json.loads((tmp_path / "discharge/summary.json").read_text())
+    emptied = json.loads((tmp_path / "discharge/summary.json").read_text(encoding="utf-8"))
     assert emptied["crossed_count"] == 60 and emptied["c0"]["value"] > 0
 
 
