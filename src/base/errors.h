@@ -9,7 +9,14 @@
 
 namespace pliant {
 
-enum class ExitCode : int { done = 0, bad_input = 2, numerical_failure = 3, output_failure = 4, stopped = 75 };
+enum class ExitCode : int {
+  done = 0,
+  bad_input = 2,
+  numerical_failure = 3,
+  output_failure = 4,
+  out_of_memory = 5,
+  stopped = 75
+};
 
 class Error : public std::runtime_error {
  public:
@@ -40,5 +47,15 @@ struct OutputError : Error {
   explicit OutputError(fmt::format_string<Args...> text, Args&&... args)
       : Error(ExitCode::output_failure, fmt::format(text, std::forward<Args>(args)...)) {}
 };
+
+/// An allocation failed (exit 5).
+struct MemoryError : Error {
+  /// `allocation` says which one, "80 MB could not be allocated"; the memory in use and the cure are added.
+  explicit MemoryError(const std::string& allocation);
+};
+
+/// The exception that is being handled, as an Error: std::bad_alloc as a MemoryError with the size of the allocation,
+/// exceptions of other types as internal errors (exit 3). To be called in a catch block.
+Error error_in_flight();
 
 }  // namespace pliant

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cstring>
-#include <exception>
 #include <limits>
 #include <optional>
 #include <span>
@@ -152,10 +151,8 @@ class Ranks {
     std::optional<Error> error;
     try {
       body();
-    } catch (const Error& e) {
-      error = e;
-    } catch (const std::exception& e) {
-      error = Error(ExitCode::numerical_failure, e.what());
+    } catch (...) {
+      error = error_in_flight();
     }
     const int first = size_ - 1 - max(error ? size_ - 1 - rank_ : -1);
     if (first == size_) return;

@@ -132,14 +132,14 @@ int run_program(int argc, char** argv, const std::vector<Scenario>& scenarios) {
     try {
       if (argc < 2) throw InputError("no scenario given; {} -help lists them", program_name());
       code = static_cast<int>(run(scenarios, argv[1], arguments, ranks));
-    } catch (const Error& error) {
+    } catch (...) {
+      const Error error = error_in_flight();
       code = fail(ranks, error.what(), error.code());
-    } catch (const std::exception& error) {
-      code = fail(ranks, fmt::format("internal: {}", error.what()), ExitCode::numerical_failure);
     }
     petsc.end();
     return code;
-  } catch (const Error& error) {
+  } catch (...) {
+    const Error error = error_in_flight();
     complain(fmt::format("{}: error: {}\n", program_name(), error.what()));
     return static_cast<int>(error.code());
   }

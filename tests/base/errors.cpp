@@ -1,0 +1,50 @@
+#include <pliant/base/errors.h>
+#include <pliant/base/ranks.h>
+
+#include <catch2/catch.hpp>
+#include <limits>
+#include <memory>
+#include <new>
+#include <stdexcept>
+#include <vector>
+
+namespace pliant::test::errors_test {
+namespace {
+
+template <class Body>
+Error error_of(Body&& body) {
+  try {
+    body();
+  } catch (...) {
+    return error_in_flight();
+  }
+  throw std::logic_error("no exception");
+}
+
+}  // namespace
+
+TEST_CASE("an allocation that fails is an error with its size and the memory in use") {
+  constexpr std::size_t most = std::numeric_limits<std::ptrdiff_t>::max() / 2;
+  const Error error = error_of([] { std::vector<char> memory(most); });
+  CHECK(error.code() == ExitCode::out_of_memory);
+  const std::string message = error.what();
+#if !defined(__SANITIZE_ADDRESS__)
+  CHECK_THAT(message, Catch::Matchers::StartsWith("out of memory: 4.61e+09 GB could not be allocated while "));
+#endif
+  CHECK_THAT(message, Catch::Matchers::Contains("MB were in use; free memory on this machine"));
+  // Thrown by others, the size is not known.
+  CHECK_THAT(error_of([] { throw std::bad_alloc(); }).what(),
+             Catch::Matchers::StartsWith("out of memory: an array could not be allocated"));
+}
+
+TEST_CASE("other exceptions keep their code, or are internal") {
+  const Error input = error_of([] { throw InputError("-n {}: too few", 3); });
+  CHECK(input.code() == ExitCode::bad_input);
+  CHECK(input.what() == std::string("-n 3: too few"));
+  const Error internal = error_of([] { throw std::logic_error("a mistake"); });
+  CHECK(internal.code() == ExitCode::numerical_failure);
+  CHECK(internal.what() == std::string("internal: a mistake"));
+  CHECK(error_of([] { throw 7; }).code() == ExitCode::numerical_failure);
+}
+
+}  // namespace pliant::test::errors_test
