@@ -12,6 +12,7 @@
 #include <memory>
 #include <numeric>
 #include <optional>
+#include <span>
 #include <stdexcept>
 #include <string>
 #include <tuple>
@@ -44,6 +45,9 @@ struct CriticalStep {
 /// A choice of terms: all; those whose elements belong to one particle each, the shape energy of deformable particles;
 /// or all but these.
 enum class TermGroup { all, shape, rest };
+
+/// Of all walls, or of those that move.
+enum class WallGroup { all, moving };
 
 /// Which points derivatives couple beside each point with itself.
 struct ElementCoupling {
@@ -97,8 +101,12 @@ class ForceField {
   virtual Couplings couplings(const StateView<D>& s, TermGroup group) const = 0;
   /// Total energy; with f, the forces of the energy terms alone are written there.
   virtual Real energy(const StateView<D>& s, Real* f = nullptr) const = 0;
+  /// The part of it in elements that have a point of one of these particles, given by id.
+  virtual Real energy_of(const StateView<D>& s, std::span<const Index> ids) const = 0;
   /// Dissipated power, ≥ 0.
   virtual Real power(const StateView<D>& s) const = 0;
+  /// The forces of the dissipation terms alone, without contact history, written to f [points · D].
+  virtual void dissipative_forces(const StateView<D>& s, Real* f) const = 0;
   /// Each active term by itself, in the order of the model's list; forces by the terms' plain element loops.
   virtual std::vector<TermReport> report(const StateView<D>& s) const = 0;
   /// Force of the term called `name` alone, written to f [points · D]; zero if the model has no such term.
@@ -109,8 +117,9 @@ class ForceField {
   virtual void damping(const StateView<D>& s, BlockSink<D>& h) const = 0;
   virtual void for_each_contact(const StateView<D>& s, const std::function<void(const Contact<D>&)>& visit) const = 0;
   /// Force on each wall by the points, added to f [walls · D]; with torques [walls · rotations], also the torque on it
-  /// about the pivot of its motion, which is the origin for walls without one.
-  virtual void add_wall_forces(const StateView<D>& s, Real* f, Real* torques = nullptr) const = 0;
+  /// about the pivot of its motion, which is the origin for walls without one. `which`: walls at rest may be left out.
+  virtual void add_wall_forces(const StateView<D>& s, Real* f, Real* torques = nullptr,
+                               WallGroup which = WallGroup::all) const = 0;
   /// Limits of stability of velocity Verlet.
   virtual CriticalStep critical_step(const Topology& topology) const = 0;
 
@@ -130,7 +139,7 @@ Real wall_power(const ForceField<D>& field, const StateView<D>& s) {
   if (!s.walls.move()) return 0;
   const auto walls = static_cast<std::size_t>(s.walls.size());
   std::vector<Real> force(walls * D), torque(walls * rotations<D>);
-  field.add_wall_forces(s, force.data(), torque.data());
+  field.add_wall_forces(s, force.data(), torque.data(), WallGroup::moving);
   Real power = 0;
   for (Index k = 0; k < s.walls.size(); ++k) {
     const Motion<D>& motion = s.walls.motion(s.walls.body_of_wall(k));
@@ -316,6 +325,28 @@ class Model final : public ForceField<D> {
     });
   }
 
+  Real energy_of(const StateView<D>& s, std::span<const Index> ids) const override {
+    Real sum = 0;
+    for_each_energy(s, [&](const auto& term) {
+      for_each_element(term, s, [&](Index e) {
+        if (belongs_to_one_of<std::decay_t<decltype(term)>>(s, e, ids)) sum += term.energy(s, e);
+      });
+    });
+    for_each_history(s, [&](const auto& term, const auto& past) {
+      for_each_element(term, s, [&](Index e) {
+        if (belongs_to_one_of<std::decay_t<decltype(term)>>(s, e, ids)) sum += energy_of(term, s, e, past(e));
+      });
+    });
+    return sum;
+  }
+
+  void dissipative_forces(const StateView<D>& s, Real* f) const override {
+    for_each_chunk(s, [&](Index chunk) {
+      zero(s, chunk, f);
+      for_each_dissipation(s, [&](const auto& term) { add_forces(term, s, chunk, f); });
+    });
+  }
+
   Real power(const StateView<D>& s) const override {
     return sum_over_chunks(s, [&](Index chunk) {
       Real sum = 0;
@@ -386,9 +417,10 @@ class Model final : public ForceField<D> {
     });
   }
 
-  void add_wall_forces(const StateView<D>& s, Real* f, Real* on_pivots) const override {
+  void add_wall_forces(const StateView<D>& s, Real* f, Real* on_pivots, WallGroup which) const override {
     const auto add = [&](const auto& term, auto&& value) {
       for_each_element(term, s, [&](Index e) {
+        if (which == WallGroup::moving && !wall_moves<std::decay_t<decltype(term)>::elements>(s, e)) return;
         const Vec<D> force = value(e);
         const auto [wall, place] = touched_wall<std::decay_t<decltype(term)>::elements>(s, e);
         point<D>(f, wall) -= force;
@@ -582,6 +614,30 @@ class Model final : public ForceField<D> {
     std::array<Real, Neighbours<D>::max_chunks> part;
     for_each_chunk(s, [&](Index c) { part[c] = value(c); });
     return std::accumulate(part.begin(), part.begin() + s.neighbours.chunks(), Real(0));
+  }
+
+  /// Whether the wall of an element moves.
+  template <Elements E>
+  static bool wall_moves(const StateView<D>& s, Index e) {
+    Index wall;
+    if constexpr (E == Elements::lips)
+      wall = s.walls.lips()[s.neighbours.lips[e].first].wall;
+    else
+      wall = s.walls.wall_of_part(s.neighbours.walls[e].second);
+    return !s.walls.motion(s.walls.body_of_wall(wall)).rests();
+  }
+
+  /// Whether an element has a point of one of these particles.
+  template <class T>
+  static bool belongs_to_one_of(const StateView<D>& s, Index e, std::span<const Index> ids) {
+    const Topology& topology = s.topology;
+    const auto meant = [&](Index m) { return std::find(ids.begin(), ids.end(), topology.id[m]) != ids.end(); };
+    if constexpr (KindOf<T>::listed) {
+      const auto points = KindOf<T>::stencil(topology, (s.neighbours.*KindOf<T>::list)[e]);
+      return std::any_of(points.begin(), points.end(), [&](Index i) { return meant(topology.particle[i]); });
+    } else {
+      return meant(T::elements == Elements::particles ? e : topology.particle[e]);
+    }
   }
 
   /// The wall of an element and where it is touched.

@@ -46,6 +46,12 @@ void RunOptions::bind_output(Options& o, bool intervals) {
           .on_restart = OnRestart::forget});
 }
 
+void RunOptions::bind_allowed(Options& o) {
+  o.bind("allow_unstable_dt", allow_unstable_dt, {.help = "go on where a fixed -dt is above the limit of stability"});
+  o.bind("allow_energy_error", allow_energy_error,
+         {.help = "warn, instead of ending with exit code 3, where energy is not conserved to 10 %"});
+}
+
 void RunOptions::bind_threads(Options& o) {
   o.bind("threads", threads,
          {.help = "threads of this process (of each rank under mpiexec); results do not depend on their number",

@@ -11,7 +11,7 @@ struct RunOptions {
   std::string output = "pliant-run", restart;
   std::int64_t seed = 1;
   Index threads = 1;  ///< of this process
-  bool allow_unstable_dt = false;
+  bool allow_unstable_dt = false, allow_energy_error = false;
   Real frame_interval = 2, sample_interval = 0.2, checkpoint_interval = 300, max_wall_time = 0, progress_interval = 60;
 
   /// Whether -restart and -output name two folders: the run goes on in the second one, as a branch. Errors: InputError
@@ -24,6 +24,8 @@ struct RunOptions {
  protected:
   /// The group "Output". intervals: with the times between frames and between samples.
   void bind_output(Options& options, bool intervals = true);
+  /// What a run goes on with that is likely to be wrong.
+  void bind_allowed(Options& options);
   void bind_threads(Options& options);
 };
 

@@ -13,6 +13,7 @@
 
 #include <pliant/io/checkpoint.h>
 #include <pliant/io/run_writer.h>
+#include <pliant/run/energy_audit.h>
 #include <pliant/run/schedule.h>
 #include <pliant/run/shared_checkpoint.h>
 #include <pliant/run/simulation.h>
@@ -90,6 +91,14 @@ class Protocol {
   /// A restart goes on from where end() was called: calls it again if the run still ends there, as options may be
   /// others.
   virtual void judge_end() {}
+
+  /// Keeps the energy budget of a scenario whose forces and walls do all that happens to its energy, but for what goes
+  /// through EnergyAudit::outside; null: none is kept.
+  virtual EnergyAudit<D>* audit() { return nullptr; }
+  /// At the end of a run, which fails where energy is made or lost.
+  virtual std::optional<EnergyBudget> energy_budget() {
+    return audit() != nullptr ? std::optional(audit()->budget()) : std::nullopt;
+  }
 
   // --- During the run
 

@@ -51,12 +51,15 @@ Run<D>::Run(std::string scenario, const RunOptions& p, const Options& options, c
       particles_(simulation().all().particles()),
       points_(simulation().all().points()),
       dt_(protocol_->first_dt()),
-      last_dt_(dt_) {
+      last_dt_(dt_),
+      first_dt_(dt_) {
   protocol_->attach(*this);
-  if (checkpoint)
+  if (checkpoint) {
     load(*checkpoint);
-  else
+  } else {
     simulation().set_integrator(protocol_->make_integrator(dt_));
+    first_dt_ = last_dt_ = dt_ = integrator().next_dt();  // -ts_dt overrides it
+  }
 }
 
 template <int D>
@@ -89,6 +92,7 @@ ExitCode Run<D>::run() {
       prepare();
     simulation().forget_all();
     protocol_->ready();
+    if (EnergyAudit<D>* const audit = protocol_->audit()) audit->start();
     if (had_ended_ && !ended()) protocol_->judge_end();
     if (!sampling_.done_at(0)) sample();
     if (!framing_.done_at(0)) frame();
@@ -134,7 +138,17 @@ void Run<D>::check_step() const {
              ratio = dt / critical;
   if (!restarted() && end > 0 && dt > end && (integrator().explicit_fixed_step() || options_.given("dt")))
     throw InputError("-dt {:g} is longer than the run, {}; shorten the step or give a later end", dt, end_text());
+  if (const Real least = integrator().shortest_controlled_step(); least > critical && !p_.allow_unstable_dt)
+    throw InputError(
+        "-ts_adapt_dt_min {:g} is {:.3g} times the limit of stability, {:.3g} {}: it keeps error control from making "
+        "the step stable; lower it, leave it out, or override with -allow_unstable_dt",
+        least, least / critical, critical, protocol_->unit_of_time());
   if (!integrator().explicit_fixed_step()) return;
+  if (critical == 0 && !p_.allow_unstable_dt)
+    throw InputError(
+        "{}: no step is stable, as the method makes undamped oscillations grow; use -integrator verlet, -ts_rk_type 3 "
+        "or 4, add drag (-zeta), or override with -allow_unstable_dt",
+        integrator().name());
   if (ratio > 1 && !p_.allow_unstable_dt)
     throw InputError(
         "-dt {:g} is {:.3g} times the limit of stability, {:.3g} {}: the step would make energy; shorten it, leave it "
@@ -189,6 +203,8 @@ void Run<D>::repeat() {
 
 template <int D>
 AfterStep Run<D>::after_step() {
+  EnergyAudit<D>* const audit = protocol_->audit();
+  if (audit != nullptr) audit->follow();
   // Before anything below builds lists, so that output changes no trajectory. TS methods lose their history by it.
   const bool changed = protocol_->follow(), sorted = !changed && simulation().wants_sorting();
   if (sorted) protocol_->sorted(simulation().sort());
@@ -200,6 +216,7 @@ AfterStep Run<D>::after_step() {
     if (control_.stop()) end("stopped", {});
     if (stopped() || control_.checkpoint_due()) save(changed);
   }
+  if (audit != nullptr) audit->prepare(changed);
   if (ended()) {
     if (changed) simulation().changed();
     return AfterStep::stop;
@@ -336,17 +353,20 @@ void Run<D>::save(bool changed) {
   c.add("ended", std::int64_t{ended() && !stopped()});
   c.add("dt", integrator().next_dt());
   c.add("last_dt", last_dt());
+  c.add("first_dt", first_dt_);
   c.add("skin", particles.neighbours().skin());
   c.add("evaluations_since_sort", particles.use().evaluations);
   c.add("list_rebuilds_since_sort", particles.use().rebuilds);
   c.add("list_rebuilds", list_rebuilds());
   c.add("rejected_steps", total.rejected);
+  c.add("steps_above_tolerance", total.above_tolerance);
   c.add("force_evaluations", total.force_evaluations);
   c.add("jacobian_evaluations", total.jacobian_evaluations);
   c.add("linear_iterations", total.linear_iterations);
   c.add("cpu_seconds", cpu);
   c.add_text("scenario", scenario_);
   c.add_text("options", options_.json().dump());
+  if (const EnergyAudit<D>* const audit = protocol_->audit()) audit->save(c);
   protocol_->save(c);
   ranks_.on_root([&] { checkpoints_->finish(); });
 }
@@ -370,6 +390,7 @@ void Run<D>::load(const Checkpoint& c) {
   const Real longest = std::max(dt_, protocol_->last_time());
   dt_ = c.real("dt", smallest, longest);
   last_dt_ = c.real("last_dt", smallest, longest);
+  first_dt_ = c.real("first_dt", smallest, longest);
   // A particle that moves by some diameters in a step has gone through others.
   const Real widest = *std::max_element(all.diameter.begin(), all.diameter.end()),
              fastest = 10 * *std::max_element(all.sigma.begin(), all.sigma.end()) / dt_;
@@ -400,6 +421,7 @@ void Run<D>::load(const Checkpoint& c) {
   restored_events_ = static_cast<std::uint64_t>(c.integer("events"));
   before_ = {.steps = c.step,
              .rejected = c.integer("rejected_steps"),
+             .above_tolerance = c.integer("steps_above_tolerance", 0, c.step),
              .force_evaluations = c.integer("force_evaluations", c.step),
              .jacobian_evaluations = c.integer("jacobian_evaluations"),
              .linear_iterations = c.integer("linear_iterations")};
@@ -407,6 +429,7 @@ void Run<D>::load(const Checkpoint& c) {
   had_ended_ = c.flag("ended");
   protocol_->placed();
   protocol_->load(c, stored);
+  if (EnergyAudit<D>* const audit = protocol_->audit()) audit->load(c);
 
   const bool fresh = c.flag("changed");
   simulation().set_integrator(protocol_->make_integrator(dt_));
@@ -443,6 +466,7 @@ IntegratorStatistics Run<D>::statistics() const {
   IntegratorStatistics s = integrator().statistics();
   s.steps += before_.steps;
   s.rejected += before_.rejected;
+  s.above_tolerance += before_.above_tolerance;
   s.force_evaluations += before_.force_evaluations;
   s.jacobian_evaluations += before_.jacobian_evaluations;
   s.linear_iterations += before_.linear_iterations;
@@ -480,10 +504,11 @@ nlohmann::ordered_json Run<D>::summary() {
   s["particles"] = particles_;
   s["t"] = state().t;
   s["integrator"] = integrator().name();
-  s["dt"] = protocol_->first_dt();
+  s["dt"] = first_dt_;
   if (const Real critical = protocol_->critical_step(); std::isfinite(critical)) s["dt_critical"] = critical;
   s["steps"] = total.steps;
   s["rejected_steps"] = total.rejected;
+  s["steps_above_tolerance"] = total.above_tolerance;
   s["force_evaluations"] = total.force_evaluations;
   s["jacobian_evaluations"] = total.jacobian_evaluations;
   s["linear_iterations"] = total.linear_iterations;
@@ -494,11 +519,13 @@ nlohmann::ordered_json Run<D>::summary() {
   s["particle_steps_per_second"] = steps * particles_ / cpu;
   s["ns_per_particle_step"] = steps > 0 ? nlohmann::ordered_json(1e9 * cpu / (steps * particles_)) : nullptr;
   s["ns_per_vertex_step"] = steps > 0 && deformable ? nlohmann::ordered_json(1e9 * cpu / (steps * points_)) : nullptr;
+  if (budget_) s["energy_audit"] = budget_->json();
   return s;
 }
 
 template <int D>
 ExitCode Run<D>::finish() {
+  if (!stopped()) judge_energy();
   nlohmann::ordered_json s = summary();
   if (!stopped()) protocol_->conclude(s);
   ranks_.on_root([&] {
@@ -510,6 +537,7 @@ ExitCode Run<D>::finish() {
     } else {
       if (restarted() && !took_steps()) say("the run has ended there already\n");
       protocol_->report(writer_->read_series(), s);
+      report_reliability();
       const IntegratorStatistics total = statistics();
       const Real ns = 1e9 * Real(s["cpu_seconds"]) / static_cast<Real>(std::max<std::int64_t>(total.steps, 1));
       say("{} steps, {} force evaluations, {:.2f} s CPU, {:.1f} ns per particle-step{}\n", total.steps,
@@ -520,6 +548,35 @@ ExitCode Run<D>::finish() {
     writer_->close();
   });
   return stopped() ? ExitCode::stopped : ExitCode::done;
+}
+
+/// Errors: NumericalError where so much energy was made or lost that no result can be trusted.
+template <int D>
+void Run<D>::judge_energy() {
+  constexpr Real limit = 0.1;
+  budget_ = protocol_->energy_budget();
+  if (!budget_ || p_.allow_energy_error || !(budget_->certain_error() > limit)) return;
+  throw NumericalError(
+      "{}: energy is not conserved; use a shorter step (-dt) or lower tolerances, or accept it with "
+      "-allow_energy_error",
+      budget_->text());
+}
+
+/// How far the results of the run can be trusted. On the root.
+template <int D>
+void Run<D>::report_reliability() const {
+  constexpr Real noticeable = 0.01;
+  if (budget_) {
+    say("{}\n", budget_->text());
+    if (const Real error = budget_->certain_error(); error > noticeable)
+      warn("energy is conserved to {:.2g} % only: compare with a shorter step (-dt) or lower tolerances", 100 * error);
+  }
+  const IntegratorStatistics total = statistics();
+  if (total.above_tolerance > 0)
+    warn(
+        "{} of {} steps were accepted with an error above the tolerance: leave out -ts_adapt_dt_min and "
+        "-ts_adapt_always_accept, or raise the tolerances (-ts_rtol, -ts_atol)",
+        total.above_tolerance, total.steps);
 }
 
 /// Where the step is what has most likely made a run fail.

@@ -73,6 +73,8 @@ class Run final : public AnyRun, private RunAccess {
   void frame();
   void save(bool changed);
   ExitCode finish();
+  void judge_energy();
+  void report_reliability() const;
   std::string progress() const;
   nlohmann::ordered_json summary();
   [[noreturn]] void fail(const Error& error);
@@ -93,15 +95,17 @@ class Run final : public AnyRun, private RunAccess {
 
   Index particles_, points_;     ///< of all ranks
   Real dt_, last_dt_;            ///< the first step of this process; the last one before it
+  Real first_dt_;                ///< of the run
   std::string restarted_from_;   ///< file of the checkpoint
   bool branched_ = false;        ///< it is that of another folder
   IntegratorStatistics before_;  ///< of the runs before a restart
   std::int64_t rebuilds_before_ = 0;
   Real cpu_before_ = 0, cpu_at_start_ = 0, started_at_ = 0;
   std::uint64_t restored_samples_ = 0, restored_frames_ = 0, restored_events_ = 0;
-  std::string status_, ended_by_;  ///< empty while the run goes on
-  bool had_ended_ = false;         ///< by its protocol: the run that a restart goes on from
-  bool sampled_ = false;           ///< in this process
+  std::string status_, ended_by_;       ///< empty while the run goes on
+  bool had_ended_ = false;              ///< by its protocol: the run that a restart goes on from
+  bool sampled_ = false;                ///< in this process
+  std::optional<EnergyBudget> budget_;  ///< at the end of the run
 };
 
 extern template class Run<2>;

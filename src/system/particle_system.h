@@ -150,6 +150,9 @@ class ParticleSystem final : public ImplicitSystem {
     return view_after({}, x, v, t);
   }
 
+  /// The same where the last accelerations were found, which saves looking whether the lists hold.
+  StateView<D> last_view(const Real* x, const Real* v, Real t) { return view_after(Real(0), x, v, t); }
+
   /// An upper bound of how far any point has gone since start_path(), up to the last acceleration or fused step;
   /// infinite after a view, and where the integrator does not say how far points move. The same on every rank.
   Real path() const { return path_; }

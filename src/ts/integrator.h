@@ -9,6 +9,7 @@
 
 #include <pliant/model/state.h>
 #include <pliant/system/equation.h>
+#include <pliant/ts/stability.h>
 
 namespace pliant {
 
@@ -24,6 +25,7 @@ using StepObserver = std::function<AfterStep(State&)>;
 struct IntegratorStatistics {
   std::int64_t steps = 0;  ///< accepted
   std::int64_t rejected = 0;
+  std::int64_t above_tolerance = 0;    ///< accepted although their error was estimated to be above the tolerance
   std::int64_t force_evaluations = 0;  ///< those of a part of the terms among them
   std::int64_t jacobian_evaluations = 0;
   std::int64_t linear_iterations = 0;
@@ -47,6 +49,11 @@ class Integrator {
   virtual Real next_dt() const = 0;
   /// Whether no error estimate shortens the step, and no solve makes a long one stable.
   virtual bool explicit_fixed_step() const = 0;
+  /// The longest step at which an explicit method is stable for such motion, by its stability polynomial; infinite for
+  /// implicit methods.
+  virtual Real longest_stable_step(const FastestRates& rates) const = 0;
+  /// The step below which error control does not go (-ts_adapt_dt_min), 0 where it goes as low as it needs.
+  virtual Real shortest_controlled_step() const { return 0; }
   /// Whether the last evaluation of every step is at its end, so that an observer who wants the rates need not
   /// evaluate.
   virtual bool first_same_as_last() const = 0;

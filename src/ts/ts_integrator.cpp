@@ -8,6 +8,8 @@
 #include <string_view>
 #include <vector>
 
+#include <petsc/private/tsimpl.h>
+
 #include <pliant/kernels/finite.h>
 #include <pliant/system/particle_pc.h>
 #include <pliant/ts/sundials/sundials.h>
@@ -65,9 +67,12 @@ constexpr std::array implicit_types = {"alpha", "alpha2", "arkimex", "bdf", "beu
 constexpr std::array split_types = {"arkimex", "arkode"};
 // Explicit ones without an error estimate; rk has one where its table is an embedded pair.
 constexpr std::array fixed_types = {"euler", "ssp"};
-constexpr std::array program_options = {"-ts_max_time",       "-ts_final_time",       "-ts_init_time",
-                                        "-ts_time_span",      "-ts_exact_final_time", "-ts_rk_multirate",
-                                        "-ts_save_trajectory"};
+constexpr std::array program_options = {"-ts_max_time", "-ts_final_time", "-ts_init_time", "-ts_time_span",
+                                        "-ts_exact_final_time", "-ts_rk_multirate", "-ts_save_trajectory",
+                                        // What it ignores has no error: large values take error control away.
+                                        "-ts_adapt_max_ignore"};
+constexpr std::array controllers = {TSADAPTBASIC, TSADAPTDSP};
+constexpr Real largest_tolerance = 1;
 
 bool contains(const auto& names, std::string_view name) {
   return std::find(names.begin(), names.end(), name) != names.end();
@@ -178,12 +183,15 @@ void TsIntegrator::configure() {
   if (std::isfinite(options_.longest_dt)) petsc_check(TSAdaptSetStepLimits(adapt, PETSC_DEFAULT, options_.longest_dt));
   petsc_check(TSSetFromOptions(ts_));
 
-  TSAdaptType adapt_type = nullptr;
-  petsc_check(TSAdaptGetType(adapt, &adapt_type));
-  adaptive_ = adapt_type != nullptr && std::string_view(adapt_type) != TSADAPTNONE;
-  if (adaptive_ && !estimate)
-    throw InputError("-ts_adapt_type {} needs an error estimate, which {} does not have; use -ts_adapt_type none",
-                     adapt_type, name());
+  check_control(adapt, estimate);
+  explicit_ = contains(explicit_types, type);
+  fixed_ = explicit_ && !adaptive_;
+  if (type == ts_arkode) {
+    ArkodeTable table;
+    petsc_check(arkode_explicit_table(ts_, &table));
+    explicit_ = !table.b.empty();
+    fixed_ = explicit_ && table.fixed_step;
+  }
 
   if (has_option("-ts_atol")) {
     petsc_check(TSGetTolerances(ts_, &options_.atol_x, nullptr, nullptr, nullptr));
@@ -195,6 +203,11 @@ void TsIntegrator::configure() {
   check_positive("the absolute tolerance of velocities (-ts_atol)", options_.atol_v);
   if (!std::isfinite(options_.rtol) || options_.rtol < 0)
     throw InputError("the relative tolerance (-ts_rtol) is {}, but it must be 0 or more and finite", options_.rtol);
+  for (const auto& [name, value] :
+       {std::pair("-ts_rtol", options_.rtol), {"-ts_atol", options_.atol_x}, {"-ts_atol", options_.atol_v}})
+    if (value >= largest_tolerance)
+      throw InputError("{} {:g} controls nothing: errors as large as the solution are within it; use one below {:g}",
+                       name, value, largest_tolerance);
   check_positive("the time step (-ts_dt)", options_.dt);
 
   petsc_check(TSSetExactFinalTime(ts_, TS_EXACTFINALTIME_MATCHSTEP));
@@ -204,6 +217,36 @@ void TsIntegrator::configure() {
   configured_size_ = 0;
   reusable_ = true;
   if (dt_ == 0) dt_ = options_.dt;
+}
+
+/// Errors: InputError for a controller without an error estimate.
+void TsIntegrator::check_control(TSAdapt adapt, bool estimate) {
+  TSAdaptType name_of_type = nullptr;
+  petsc_check(TSAdaptGetType(adapt, &name_of_type));
+  const std::string_view adapt_type = name_of_type != nullptr ? name_of_type : TSADAPTNONE;
+  adaptive_ = adapt_type != TSADAPTNONE;
+  if (!adaptive_) return;
+  if (!contains(controllers, adapt_type))
+    throw InputError("-ts_adapt_type {} does not control the error of a step; use one of {}, {}", adapt_type,
+                     fmt::join(controllers, ", "), TSADAPTNONE);
+  if (!estimate)
+    throw InputError("-ts_adapt_type {} needs an error estimate, which {} does not have; use -ts_adapt_type none",
+                     adapt_type, name());
+  choose_ = adapt->ops->choose;
+  adapt->ops->choose = choose;
+}
+
+PetscErrorCode TsIntegrator::choose(TSAdapt adapt, TS ts, PetscReal h, PetscInt* scheme, PetscReal* next_h,
+                                    PetscBool* accept, PetscReal* error, PetscReal* absolute, PetscReal* relative) {
+  void* context = nullptr;
+  PetscFunctionBegin;
+  PetscCall(TSGetApplicationContext(ts, &context));
+  TsIntegrator& integrator = static_cast<Run*>(context)->integrator;
+  PetscCall(integrator.choose_(adapt, ts, h, scheme, next_h, accept, error, absolute, relative));
+  // The controller dsp by itself accepts errors that are a little above the tolerance.
+  const bool forced = adapt->always_accept || h <= (1 + PETSC_SQRT_MACHINE_EPSILON) * adapt->dt_min;
+  if (*accept && *error > 1 && forced) ++integrator.statistics_.above_tolerance;
+  PetscFunctionReturn(0);
 }
 
 void TsIntegrator::configure_solvers() {
@@ -559,63 +602,88 @@ bool TsIntegrator::solve(FirstOrderSystem& system, State& state, Real t_end, con
 
 bool TsIntegrator::needs_jacobian() const { return !contains(explicit_types, type_); }
 
-bool TsIntegrator::explicit_fixed_step() const { return !adaptive_ && contains(explicit_types, type_); }
+bool TsIntegrator::explicit_fixed_step() const { return fixed_; }
+
+Real TsIntegrator::shortest_controlled_step() const {
+  if (!explicit_ || fixed_) return 0;
+  TSAdapt adapt = nullptr;
+  PetscReal shortest = 0;
+  petsc_check(TSGetAdapt(ts_, &adapt));
+  petsc_check(TSAdaptGetStepLimits(adapt, &shortest, nullptr));
+  return shortest;
+}
 
 namespace {
 
-PetscErrorCode decay(::TS, PetscReal, ::Vec y, ::Vec ydot, void*) {
+PetscErrorCode shift(::TS, PetscReal, ::Vec y, ::Vec ydot, void*) {
+  PetscInt n;
+  const PetscScalar* from;
+  PetscScalar* to;
   PetscFunctionBeginUser;
-  PetscCall(VecAXPBY(ydot, -1, 0, y));
+  PetscCall(VecGetLocalSize(y, &n));
+  PetscCall(VecGetArrayRead(y, &from));
+  PetscCall(VecGetArrayWrite(ydot, &to));
+  to[0] = 0;
+  std::copy_n(from, n - 1, to + 1);
+  PetscCall(VecRestoreArrayWrite(ydot, &to));
+  PetscCall(VecRestoreArrayRead(y, &from));
   PetscFunctionReturn(0);
+}
+
+/// Of a method without a table, by a step of length 1 of ẏ_k = y_(k−1) from y = (1, 0, …): R(N) for the nilpotent
+/// matrix N has the coefficients of R in its first column.
+StabilityPolynomial step_of_shift(::TS ts, PetscInt stages) {
+  PetscVec y;
+  petsc_check(VecCreateSeq(PETSC_COMM_SELF, stages + 1, y.out()));
+  petsc_check(VecSetValue(y, 0, 1, INSERT_VALUES));
+  petsc_check(VecAssemblyBegin(y));
+  petsc_check(VecAssemblyEnd(y));
+  TSAdapt adapt = nullptr;
+  petsc_check(TSGetAdapt(ts, &adapt));
+  petsc_check(TSAdaptSetType(adapt, TSADAPTNONE));
+  petsc_check(TSSetRHSFunction(ts, nullptr, shift, nullptr));
+  petsc_check(TSSetMaxSteps(ts, 1));
+  petsc_check(TSSetTimeStep(ts, 1));
+  petsc_check(TSSetExactFinalTime(ts, TS_EXACTFINALTIME_STEPOVER));
+  petsc_check(TSSetSolution(ts, y));
+  petsc_check(TSStep(ts));
+  const Read values(y);
+  return StabilityPolynomial({+values, +values + stages + 1});
+}
+
+StabilityPolynomial polynomial_of(::TS ts, const std::string& type) {
+  if (type == TSRK) {
+    PetscInt stages = 0;
+    const PetscReal *a = nullptr, *b = nullptr;
+    petsc_check(TSRKGetTableau(ts, &stages, &a, &b, nullptr, nullptr, nullptr, nullptr, nullptr));
+    const auto s = static_cast<std::size_t>(stages);
+    return StabilityPolynomial::of_tableau({a, s * s}, {b, s});
+  }
+  if (type == ts_arkode) {
+    ArkodeTable table;
+    petsc_check(arkode_explicit_table(ts, &table));
+    return StabilityPolynomial::of_tableau(table.a, table.b);
+  }
+  PetscTs same;
+  PetscInt stages = 1;
+  petsc_check(TSCreate(PETSC_COMM_SELF, same.out()));
+  petsc_check(TSSetType(same, type.c_str()));
+  if (type == TSSSP) {
+    TSSSPType method = nullptr;
+    petsc_check(TSSSPGetType(ts, &method));
+    petsc_check(TSSSPGetNumStages(ts, &stages));
+    petsc_check(TSSSPSetType(same, method));
+    petsc_check(TSSSPSetNumStages(same, stages));
+  }
+  return step_of_shift(same, stages);
 }
 
 }  // namespace
 
-Real TsIntegrator::stability_limit() const {
-  if (!contains(explicit_types, type_) || type_ == ts_verlet) return std::numeric_limits<Real>::infinity();
-  Handle<::TS, TSDestroy> ts;
-  Handle<::Vec, VecDestroy> y;
-  petsc_check(VecCreateSeq(PETSC_COMM_SELF, 1, y.out()));
-  petsc_check(TSCreate(PETSC_COMM_SELF, ts.out()));
-  petsc_check(TSSetType(ts, type_.c_str()));
-  if (type_ == TSRK) {
-    TSRKType table = nullptr;
-    petsc_check(TSRKGetType(ts_, &table));
-    petsc_check(TSRKSetType(ts, table));
-  } else if (type_ == TSSSP) {
-    TSSSPType method = nullptr;
-    PetscInt stages = 0;
-    petsc_check(TSSSPGetType(ts_, &method));
-    petsc_check(TSSSPGetNumStages(ts_, &stages));
-    petsc_check(TSSSPSetType(ts, method));
-    petsc_check(TSSSPSetNumStages(ts, stages));
-  }
-  TSAdapt adapt = nullptr;
-  petsc_check(TSGetAdapt(ts, &adapt));
-  petsc_check(TSAdaptSetType(adapt, TSADAPTNONE));
-  petsc_check(TSSetRHSFunction(ts, nullptr, decay, nullptr));
-  petsc_check(TSSetMaxSteps(ts, 1));
-  petsc_check(TSSetExactFinalTime(ts, TS_EXACTFINALTIME_STEPOVER));
-  petsc_check(TSSetSolution(ts, y));
-  const auto decays = [&](Real step) {
-    petsc_check(VecSet(y, 1));
-    petsc_check(TSSetTime(ts, 0));
-    petsc_check(TSSetStepNumber(ts, 0));
-    petsc_check(TSSetTimeStep(ts, step));
-    petsc_check(TSRestartStep(ts));
-    petsc_check(TSStep(ts));
-    PetscReal left = 0;
-    petsc_check(VecNorm(y, NORM_INFINITY, &left));
-    return left <= 1;
-  };
-  constexpr Real look = 1.0 / 16;
-  Real low = look, high = 2 * look;
-  for (; decays(high); high += look) low = high;
-  for (int k = 0; k < 40; ++k) {
-    const Real middle = (low + high) / 2;
-    (decays(middle) ? low : high) = middle;
-  }
-  return low;
+Real TsIntegrator::longest_stable_step(const FastestRates& rates) const {
+  if (!explicit_) return std::numeric_limits<Real>::infinity();
+  if (type_ == ts_verlet) return longest_verlet_step(rates);
+  return polynomial_of(ts_, type_).longest_step(rates);
 }
 
 std::string TsIntegrator::name() const {

@@ -67,14 +67,17 @@ class TsIntegrator : public Integrator {
   /// Whether the method solves equations, and asks the system for derivatives.
   bool needs_jacobian() const;
   Real next_dt() const override { return dt_; }
-  /// For rk, ssp and euler: the longest step, times the rate, at which what decays at a fixed rate still does. Others:
-  /// infinite.
-  Real stability_limit() const;
+  /// Of rk, ssp, euler, verlet and arkode with explicit tables; infinite for others.
+  Real longest_stable_step(const FastestRates& rates) const override;
+  Real shortest_controlled_step() const override;
 
  private:
   struct Run;  // what the callbacks see
+  using Choose = PetscErrorCode (*)(TSAdapt, TS, PetscReal, PetscInt*, PetscReal*, PetscBool*, PetscReal*, PetscReal*,
+                                    PetscReal*);
 
   void configure();
+  void check_control(TSAdapt adapt, bool estimate);
   void configure_solvers();
   void set_tolerances(::Vec y, std::size_t n, std::size_t unknowns);
   /// Until t_end, a stop or a new order of the state; true for the last.
@@ -90,6 +93,9 @@ class TsIntegrator : public Integrator {
   static PetscErrorCode second_order_jacobian(TS ts, PetscReal t, ::Vec x, ::Vec v, ::Vec acceleration,
                                               PetscReal shift_v, PetscReal shift_a, ::Mat a, ::Mat p, void* context);
   static PetscErrorCode function_domain(TS ts, PetscReal t, ::Vec y, PetscBool* inside);
+  /// The step controller's decision, with a count of steps that it accepts above the tolerance.
+  static PetscErrorCode choose(TSAdapt adapt, TS ts, PetscReal h, PetscInt* scheme, PetscReal* next_h,
+                               PetscBool* accept, PetscReal* error, PetscReal* absolute, PetscReal* relative);
   static PetscErrorCode post_step(TS ts);
   void evaluate_implicit(Run& run, Real t, const Real* x, const Real* v, Real* a);
   void update_jacobian(::Mat a, Real t, const Real* x, const Real* v, const JacobianWeights& weights);
@@ -101,6 +107,9 @@ class TsIntegrator : public Integrator {
   PetscTs ts_;
   std::string type_;
   bool adaptive_ = false;
+  bool explicit_ = false;    // every part of the step
+  bool fixed_ = false;       // of explicit methods: no error control
+  Choose choose_ = nullptr;  // PETSc's
   bool first_same_as_last_ = false;
   bool second_order_ = false;  // alpha2
   bool reusable_ = true;       // false after a failure: PETSc's objects may be in the middle of something

@@ -40,6 +40,7 @@ class FixedStepVerlet : public Integrator {
   std::string name() const override { return "verlet"; }
   Real next_dt() const override { return dt_; }
   bool explicit_fixed_step() const override { return true; }
+  Real longest_stable_step(const FastestRates& rates) const override { return longest_verlet_step(rates); }
   bool first_same_as_last() const override { return false; }
   /// The predicted velocities p.
   bool carries() const override { return true; }

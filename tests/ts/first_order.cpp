@@ -99,7 +99,7 @@ TEST_CASE("errors of motion without inertia") {
 TEST_CASE("limits of stability of explicit methods on the real axis") {
   const auto limit = [](const std::string& options) {
     const PetscOptionScope scope(options + " -ts_adapt_type none");
-    return TsIntegrator().stability_limit();
+    return TsIntegrator().longest_stable_step({.decay = 1});
   };
   CHECK(limit("-ts_type euler") == Approx(2));
   CHECK(limit("-ts_type rk -ts_rk_type 2a") == Approx(2));

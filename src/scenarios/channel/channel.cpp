@@ -169,9 +169,10 @@ class ChannelProtocol final : public Protocol<2> {
     const bool changes = schedule_.phase_begin(step) == step, stroke_ends = schedule_.phase_at(step) == PushPhase::hold;
     // At the end of a stroke the plunger still pushes, at the beginning of one it has gone back.
     if (changes && stroke_ends) check_walls();  // before a plunger that goes back at once
-    if (changes && !stroke_ends) put_walls();
+    const auto put = [&] { audit_.outside([&] { put_walls(); }); };
+    if (changes && !stroke_ends) put();
     if (schedule_.frame_at(step)) run().write_frame();
-    if (changes && stroke_ends) put_walls();
+    if (changes && stroke_ends) put();
     return changes;
   }
 
@@ -182,6 +183,8 @@ class ChannelProtocol final : public Protocol<2> {
   }
 
   std::vector<Real> wall_segments() override { return drawn_walls(state().step); }
+
+  EnergyAudit<2>* audit() override { return &audit_; }
 
   std::vector<SeriesValue> sample() override {
     check_inside();
@@ -229,7 +232,7 @@ class ChannelProtocol final : public Protocol<2> {
                                  {"contact_pairs", sums[5]},
                                  {"kinetic_energy", sums[0]},
                                  {"elastic_energy", sums[1]},
-                                 {"plunger_work", work_},
+                                 {"plunger_work", audit_.work()},
                                  {"momentum", std::span<const Real>(sums).subspan(2, 2)},
                                  {"angular_momentum", sums[4]}};
     heat_ = add_heat(row, particles().history(), ranks());
@@ -248,9 +251,6 @@ class ChannelProtocol final : public Protocol<2> {
     c.add("jammed_pushes", jams_);
     c.add("largest_overlap", largest_overlap_);
     c.add("largest_plunger_force", largest_plunger_force_);
-    c.add("plunger_work", work_);
-    c.add("plunger_power", power_);
-    c.add("plunger_power_at", power_at_);
   }
 
   void load(const Checkpoint& c, const StoredParticles&) override {
@@ -260,9 +260,6 @@ class ChannelProtocol final : public Protocol<2> {
     c.integer("events", events, events);
     largest_overlap_ = c.real("largest_overlap", 0);
     largest_plunger_force_ = c.real("largest_plunger_force", 0);
-    work_ = c.real("plunger_work");
-    power_ = c.real("plunger_power");
-    power_at_ = c.real("plunger_power_at", 0, c.t);
     put_walls();
   }
 
@@ -287,7 +284,7 @@ class ChannelProtocol final : public Protocol<2> {
     s["jammed_pushes"] = jams_;
     s["largest_overlap"] = largest_overlap_;
     s["largest_plunger_force"] = quantity(largest_plunger_force_, NAN, "dyn");
-    s["plunger_work"] = quantity(work_, NAN, "erg");
+    s["plunger_work"] = quantity(audit_.work(), NAN, "erg");
     s["heat"] = quantity(heat_, NAN, "erg");
   }
 
@@ -344,7 +341,7 @@ class ChannelProtocol final : public Protocol<2> {
     return channel_.drawn_walls(plunger_at(step), schedule_.travel_at(step));
   }
 
-  /// Forces on the plungers, against their directions, and the work of the one that moves, by the trapezoidal rule.
+  /// Forces on the plungers, against their directions.
   void measure_plungers(const StateView<2>& s) {
     const Index walls = s.walls.size(), plungers = static_cast<Index>(channel_.plungers().size());
     std::vector<Real> force(2 * static_cast<std::size_t>(walls));
@@ -354,10 +351,6 @@ class ChannelProtocol final : public Protocol<2> {
     for (Index k = 0; k < plungers; ++k)
       plunger_force_.push_back(-point<2>(force.data(), walls - plungers + k).dot(channel_.plungers()[k].direction));
     largest_plunger_force_ = std::max(largest_plunger_force_, largest_force());
-    const Real power = plunger_force_[plunger_at(state().step)] * schedule_.velocity_at(state().step);
-    work_ += (power_ + power) / 2 * (s.t - power_at_);
-    power_ = power;
-    power_at_ = s.t;
   }
   Real largest_force() const {
     return plunger_force_.empty() ? 0 : *std::max_element(plunger_force_.begin(), plunger_force_.end());
@@ -417,7 +410,7 @@ class ChannelProtocol final : public Protocol<2> {
   std::vector<Real> plunger_force_;  ///< in the last sample
   std::vector<std::int64_t> jams_;   ///< pushes
   Real largest_overlap_ = 0, largest_plunger_force_ = 0;
-  Real work_ = 0, power_ = 0, power_at_ = 0;
+  EnergyAudit<2> audit_{simulation()};
   Real heat_ = 0;  ///< at the last sample
 };
 

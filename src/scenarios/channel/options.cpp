@@ -180,7 +180,7 @@ void ChannelOptions::bind(Options& o) {
           .min_open = true,
           .automatic = "0.2 of the elastic limit of stability, 0.5 of the damping's",
           .on_restart = fixed});
-  o.bind("allow_unstable_dt", allow_unstable_dt, {.help = "go on where -dt is above the limit of stability"});
+  bind_allowed(o);
   o.bind("t_end", t_end,
          {.help = "end of the run, if that is before the end of -pushes; not between two pushes",
           .unit = "s",

@@ -54,7 +54,7 @@ void DropletOptions::bind_integration(Options& o, const std::string& automatic_e
           .min = 0,
           .min_open = true,
           .on_restart = fixed});
-  o.bind("allow_unstable_dt", allow_unstable_dt, {.help = "go on where a fixed -dt is above the limit of stability"});
+  bind_allowed(o);
   o.bind("t_end", t_end, {.help = "end of the run", .unit = "t0", .min = 0, .automatic = automatic_end});
   o.bind("skin", skin,
          {.help = "margin of the neighbour lists", .unit = "R", .min = 0, .min_open = true, .on_restart = fixed});

@@ -58,7 +58,7 @@ DropletProtocol::DropletProtocol(const DropletOptions& p, const Ranks& ranks, co
 std::unique_ptr<Integrator> DropletProtocol::make_integrator(Real dt) {
   integration_.dt = dt;
   auto integrator = std::make_unique<TsIntegrator>(integration_, ranks().comm());
-  if (integrator->explicit_fixed_step()) critical_step_ = integrator->stability_limit() / fastest_rate_;
+  if (integrator->explicit_fixed_step()) critical_step_ = integrator->longest_stable_step({.decay = fastest_rate_});
   return integrator;
 }
 
@@ -151,6 +151,14 @@ void DropletProtocol::load(const Checkpoint& c, const StoredParticles&) {
   start_energy_ = c.real("start_energy");
   withdrawn_ = c.real("withdrawn");
   load_more(c);
+}
+
+std::optional<EnergyBudget> DropletProtocol::energy_budget() {
+  const Real total = energy();
+  std::array<Real, 2> integrals{integrated(work) - withdrawn_, integrated(dissipated)};
+  if (!ranks().root()) integrals = {};
+  ranks().sum(integrals);
+  return EnergyBudget{.work = integrals[0], .heat = integrals[1], .change = total - start_energy_, .energy = total};
 }
 
 void DropletProtocol::conclude(nlohmann::ordered_json& s) {

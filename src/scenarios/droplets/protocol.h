@@ -43,6 +43,7 @@ class DropletProtocol : public Protocol<2> {
   std::vector<Real> wall_segments() final { return drawn_walls(state().t); }
   void save(SharedCheckpoint& checkpoint) const final;
   void load(const Checkpoint& checkpoint, const StoredParticles& stored) final;
+  std::optional<EnergyBudget> energy_budget() final;
   void conclude(nlohmann::ordered_json& summary) final;
   void report(const Series& series, nlohmann::ordered_json& summary) final;
 

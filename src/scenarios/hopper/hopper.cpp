@@ -93,9 +93,14 @@ class HopperProtocol final : public Protocol<D> {
     if (p.drag == DragLaw::per_mass) lightest = heaviest = average_mass<D>;  // drag acts as if all had it
     dt_ = p.dt.value_or(
         std::min({1e-3, p.elastic_fraction(critical.elastic, lightest) * critical.elastic, 0.5 * critical.damping}));
+    // A drag that acts on positions alone leaves some oscillations of particles with spins undamped.
+    rates_ = {.oscillation = 2 / critical.elastic,
+              .drag = particles().field().rotates() ? 0 : *p.zeta / heaviest,
+              .decay = 1 / critical.damping};
     if (p.dynamics == Dynamics::overdamped) {
       // The stiffest spring, k/m = (2/dt)², relaxes at the rate k/ζ.
       critical_step_ = critical.elastic * critical.elastic * *p.zeta / (2 * heaviest);
+      rates_ = {.decay = 2 / critical_step_};
       dt_ = p.dt.value_or(std::min(1e-3, 0.2 * critical_step_));
     }
     // Where contacts are that stiff, the fixed step is the critical one. The rate is that at stiff_distance and goes as
@@ -140,10 +145,14 @@ class HopperProtocol final : public Protocol<D> {
       if (ts->needs_jacobian()) particles().check_derivatives();  // before there is a folder
       integrator = std::move(ts);
     }
+    // Of an implicit method, or one whose error is controlled where no step is stable, the time scale of Verlet
+    // remains.
+    const Real stable = integrator->longest_stable_step(rates_);
+    if (integrator->explicit_fixed_step() || (std::isfinite(stable) && stable > 0)) critical_step_ = stable;
     if constexpr (D == 2)
       if (p_.contact_law == ContactLaw::barrier)
         outlines_ = integrator->explicit_fixed_step()
-                        ? CrossingWatch(least_distances_(dt), dt)
+                        ? CrossingWatch(least_distances_(integrator->next_dt()), integrator->next_dt())
                         : CrossingWatch({.walls = p_.lip_contact == ContactRule::edge ? 0.0 : -1.0}, 0);
     outlines_.set_self_crossing(self_crossing_watch());
     return integrator;
@@ -168,6 +177,7 @@ class HopperProtocol final : public Protocol<D> {
     return g;
   }
 
+  EnergyAudit<D>* audit() override { return &audit_; }
   void write_axes(RunWriter& writer) const override { writer.write_axis("profile_height", profile_heights()); }
   std::string unread_options_advice() const override {
     return p_.integrator == IntegratorKind::verlet ? "-integrator verlet does not read it; add -integrator ts" : "";
@@ -403,7 +413,6 @@ class HopperProtocol final : public Protocol<D> {
   /// skin/2 between two list rebuilds, so only particles that were near enough at the last one are looked at.
   bool follow_particles() {
     const Topology& own = topology();
-    State& s = state();
     if (particles().neighbours().rebuilds() != watched_since_) {
       watched_since_ = particles().neighbours().rebuilds();
       watched_.clear();
@@ -445,6 +454,16 @@ class HopperProtocol final : public Protocol<D> {
     const LogScope log(LogEvent::reinsert);
     leaving = ranks().all_gather(leaving);
     std::sort(leaving.begin(), leaving.end(), [](const Leaving& a, const Leaving& b) { return a.id < b.id; });
+    std::vector<Index> ids;
+    for (const Leaving& l : leaving) ids.push_back(l.id);
+    audit_.outside(ids, [&] { take_out(leaving); });
+    return true;
+  }
+
+  /// Reinserts particles that have left; in a discharge takes them out of the run.
+  void take_out(const std::vector<Leaving>& leaving) {
+    const Topology& own = topology();
+    State& s = state();
     for (const Leaving& l : leaving) {
       const bool mine = l.rank == ranks().rank();
       if (p_.flow == FlowKind::continuous) {
@@ -464,7 +483,6 @@ class HopperProtocol final : public Protocol<D> {
         particles().deactivate(l.particle);
       }
     }
-    return true;
   }
 
   /// Of own particle m, if it has any.
@@ -699,6 +717,7 @@ class HopperProtocol final : public Protocol<D> {
 
   const HopperOptions& p_;
   ClogDetector clog_;
+  EnergyAudit<D> audit_{this->simulation()};
   std::optional<FlowPrecision> precision_;
   std::optional<EvenSamples> judged_;  ///< by it
 
@@ -714,6 +733,7 @@ class HopperProtocol final : public Protocol<D> {
   Real largest_ = 0, mean_size_ = 0;     ///< diameter; a0
   Real narrowest_ = 0, largest_a0_ = 0;  ///< diameter of a point; a0
   Real top_ = 0;                         ///< of the filling of a flat hopper at the start; not less than it is
+  FastestRates rates_;
   Real critical_step_ = 0, dt_ = 0;
   std::function<LeastDistances(Real dt)> least_distances_;
   CrossingWatch outlines_;

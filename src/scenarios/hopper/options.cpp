@@ -350,7 +350,7 @@ void HopperOptions::bind(Options& o) {
           .automatic = "0.35 of the elastic limit with friction, 0.4 with drag alone, 0.2 with neither, less where a "
                        "discharge must come to rest; 0.2 with -model disk; 0.5 of the damping's; at most 1e-3",
           .on_restart = fixed});
-  o.bind("allow_unstable_dt", allow_unstable_dt, {.help = "go on where a fixed -dt is above the limit of stability"});
+  bind_allowed(o);
   o.bind("t_end", t_end,
          {.help = "end of the run", .unit = "t0", .min = 0, .automatic = "100; 10000 with -hopper_q_rtol"});
   o.bind("hopper_q_rtol", q_rtol,

@@ -202,6 +202,16 @@ struct Arkode : Link {
 
 Arkode& data_of(TS ts) { return static_cast<Arkode&>(link_of(ts)); }
 
+// The table that the options ask for.
+PetscErrorCode find_table(TS ts, const Table** table) {
+  const Arkode& d = data_of(ts);
+  constexpr PetscInt default_orders[] = {5, 4, 4, 3};
+  PetscFunctionBegin;
+  PetscCall(find_table(PetscObjectComm((PetscObject)ts), static_cast<Method>(d.method), d.table_name,
+                       d.order > 0 ? d.order : default_orders[d.method], table));
+  PetscFunctionReturn(0);
+}
+
 // −F(t, y, 0), of F(t, y, ẏ) = ẏ − f(t, y); with a dirk method F holds the right-hand side, too, if there is one.
 PetscErrorCode compute_implicit_part(TS ts, PetscReal t, ::Vec y, ::Vec f) {
   Arkode& d = data_of(ts);
@@ -545,9 +555,7 @@ PetscErrorCode set_up(TS ts) {
   PetscFunctionBegin;
   PetscCall(reset(ts));
   PetscCall(check_functions(ts));
-  constexpr PetscInt default_orders[] = {5, 4, 4, 3};
-  PetscCall(find_table(PetscObjectComm((PetscObject)ts), method, d.table_name,
-                       d.order > 0 ? d.order : default_orders[method], &d.table));
+  PetscCall(find_table(ts, &d.table));
   PetscCall(d.open(ts));
   PetscCall(VecCopy(ts->vec_sol, N_VGetVector_Petsc(d.y.get())));
   PetscCall(VecDuplicate(ts->vec_sol, d.y_old.out()));
@@ -688,6 +696,21 @@ PetscErrorCode view(TS ts, PetscViewer viewer) {
 }
 
 }  // namespace
+
+PetscErrorCode explicit_table(TS ts, ArkodeTable* table) {
+  const Arkode& d = data_of(ts);
+  const Table* found = nullptr;
+  PetscFunctionBegin;
+  *table = {d.fixed == PETSC_TRUE};
+  if (d.method != erk) PetscFunctionReturn(0);
+  PetscCall(find_table(ts, &found));
+  const ARKodeButcherTable t = ARKodeButcherTable_LoadERK(static_cast<ARKODE_ERKTableID>(found->id));
+  PetscCheck(t != nullptr, PETSC_COMM_SELF, PETSC_ERR_LIB, "ARKODE has no table %s", found->name);
+  for (int i = 0; i < t->stages; ++i) table->a.insert(table->a.end(), t->A[i], t->A[i] + t->stages);
+  table->b.assign(t->b, t->b + t->stages);
+  ARKodeButcherTable_Free(t);
+  PetscFunctionReturn(0);
+}
 
 PetscErrorCode arkode_create(TS ts) {
   PetscFunctionBegin;

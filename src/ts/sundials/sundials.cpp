@@ -11,4 +11,6 @@ PetscErrorCode sundials_register() {
   PetscFunctionReturn(0);
 }
 
+PetscErrorCode arkode_explicit_table(TS ts, ArkodeTable* table) { return sundials::explicit_table(ts, table); }
+
 }  // namespace pliant

@@ -1,0 +1,213 @@
+#include <pliant/run/energy_audit.h>
+
+#include <fmt/format.h>
+
+#include <array>
+#include <limits>
+
+namespace pliant {
+
+Real EnergyBudget::scale() const {
+  constexpr Real small_part = 1e-4;
+  return std::max({std::abs(work), std::abs(heat), std::abs(change), largest, small_part * std::abs(energy)});
+}
+
+Real EnergyBudget::certain_error() const {
+  constexpr Real errors = 3;
+  const Real certain = std::abs(error()) - errors * uncertainty;
+  return certain > 0 ? certain / scale() : 0;
+}
+
+nlohmann::ordered_json EnergyBudget::json() const {
+  return {{"work", work},
+          {"heat", heat},
+          {"change", change},
+          {"error", error()},
+          {"relative_error", relative_error()},
+          {"uncertainty", std::isfinite(uncertainty) ? nlohmann::ordered_json(uncertainty / scale()) : nullptr}};
+}
+
+std::string EnergyBudget::text() const {
+  const std::string sampled =
+      uncertainty == 0 ? ""
+                       : (std::isfinite(uncertainty) ? fmt::format(" ± {:.2g}", 100 * uncertainty / scale()) : " ± ?");
+  return fmt::format("energy: change {:.4g}, work {:.4g}, heat {:.4g}; error {:.2g}{} %", change, work, heat,
+                     100 * relative_error(), sampled);
+}
+
+void SampledIntegral::add(Real t, Real value) {
+  if (count_ > 0) sum_ += (t - last_.first) * (value + last_.second) / 2;
+  if (count_ > 1) {
+    // A value against the line between its neighbours: of independent values 3/2 of their variance.
+    const Real span = t - before_.first, part = (last_.first - before_.first) / span;
+    squares_ += square(span / 2 * (last_.second - (1 - part) * before_.second - part * value)) / 1.5;
+  }
+  before_ = last_;
+  last_ = {t, value};
+  ++count_;
+}
+
+Real SampledIntegral::error() const {
+  if (count_ < fewest) return sum_ == 0 ? 0 : std::numeric_limits<Real>::infinity();
+  return std::sqrt(squares_);
+}
+
+void SampledIntegral::save(SharedCheckpoint& c, const std::string& name) const {
+  c.add(name + "_count", count_);
+  c.add(name, std::vector<Real>{sum_, squares_, last_.first, last_.second, before_.first, before_.second});
+}
+
+void SampledIntegral::load(const Checkpoint& c, const std::string& name) {
+  count_ = c.integer(name + "_count");
+  const auto& values = c.real_array(name, 6);
+  sum_ = values[0];
+  squares_ = values[1];
+  last_ = {values[2], values[3]};
+  before_ = {values[4], values[5]};
+}
+
+template <int D>
+void EnergyAudit<D>::start() {
+  if (!started_) {
+    started_ = true;
+    start_energy_ = energy();
+    power_ = wall_power(At::anywhere);
+    power_at_ = simulation_.state().t;
+    sample(At::anywhere);
+  }
+  prepare(false);
+}
+
+template <int D>
+void EnergyAudit<D>::prepare(bool changed) {
+  predicted_.clear();
+  const Integrator& integrator = simulation_.integrator();
+  if (changed || !integrator.carries() || !due(simulation_.state().step + 1)) return;
+  predicted_.assign(integrator.carried().begin(), integrator.carried().end());
+}
+
+template <int D>
+void EnergyAudit<D>::follow() {
+  const State& s = simulation_.state();
+  if (simulation_.particles().walls().move()) {
+    const Real power = wall_power(At::end_of_step);
+    work_ += (power_ + power) / 2 * (s.t - power_at_);
+    power_ = power;
+  }
+  power_at_ = s.t;
+  if (due(s.step)) sample(At::end_of_step);
+}
+
+template <int D>
+StateView<D> EnergyAudit<D>::view(const Real* v, At at) {
+  State& s = simulation_.state();
+  ParticleSystem<D>& particles = simulation_.particles();
+  return at == At::end_of_step && simulation_.integrator().carries() ? particles.last_view(s.x().data(), v, s.t)
+                                                                     : particles.view(s.x().data(), v, s.t);
+}
+
+template <int D>
+Real EnergyAudit<D>::kinetic_energy(const StateView<D>& s) const {
+  if (!inertia()) return 0;
+  Real sum = 0;
+  for (Index i = 0; i < s.topology.owned_points(); ++i) sum += s.kinetic_energy(i);
+  return sum;
+}
+
+template <int D>
+Real EnergyAudit<D>::energy() {
+  const StateView<D> s = view(simulation_.state().v().data(), At::anywhere);
+  return simulation_.ranks().sum(kinetic_energy(s) + simulation_.particles().field().energy(s));
+}
+
+template <int D>
+Real EnergyAudit<D>::energy_of(std::span<const Index> ids) {
+  const StateView<D> s = view(simulation_.state().v().data(), At::anywhere);
+  Real sum = simulation_.particles().field().energy_of(s, ids);
+  if (inertia())
+    for (Index i = 0; i < s.topology.owned_points(); ++i)
+      if (std::find(ids.begin(), ids.end(), s.topology.id[s.topology.particle[i]]) != ids.end())
+        sum += s.kinetic_energy(i);
+  return simulation_.ranks().sum(sum);
+}
+
+template <int D>
+Real EnergyAudit<D>::wall_power(At at) {
+  if (!simulation_.particles().walls().move()) return 0;
+  const StateView<D> s = view(simulation_.state().v().data(), at);
+  return simulation_.ranks().sum(pliant::wall_power(simulation_.particles().field(), s));
+}
+
+template <int D>
+void EnergyAudit<D>::sample(At at) {
+  const ParticleSystem<D>& particles = simulation_.particles();
+  const State& state = simulation_.state();
+  std::array<Real, 2> sums{};  // power, kinetic energy
+  if (!inertia()) {
+    simulation_.find_velocities();
+    sums[0] = simulation_.overdamped()->mobility().power(view(state.v().data(), at));
+  } else {
+    const std::size_t n = state.size();
+    const bool known = predicted_.size() == n;
+    const StateView<D> s = view(known ? predicted_.data() : state.v().data(), at);
+    std::vector<Real> force(static_cast<std::size_t>(s.topology.points()) *
+                            static_cast<std::size_t>(particles.coordinates().all()));
+    particles.field().dissipative_forces(s, force.data());
+    for (std::size_t k = 0; k < n; ++k) sums[0] -= force[k] * state.v()[k];
+    StateView<D> own = s;
+    own.v = state.v().data();
+    if (own.spins != nullptr) own.spins = particles.rotations_in(state.v()).data();
+    sums[1] = kinetic_energy(own);
+  }
+  simulation_.ranks().sum(sums);
+  heat_.add(state.t, sums[0]);
+  largest_ = std::max(largest_, sums[1]);
+}
+
+template <int D>
+EnergyBudget EnergyAudit<D>::budget() {
+  const SampledIntegral heat = heat_;
+  const Real largest = largest_;
+  if (!due(simulation_.state().step)) sample(At::anywhere);
+  EnergyBudget b;
+  for (const ContactTable& table : simulation_.particles().history().tables())
+    for (const Real lost : table.heat()) b.heat += lost;
+  b.heat = simulation_.ranks().sum(b.heat) + heat_.value();
+  b.uncertainty = heat_.error();
+  b.energy = energy();
+  b.change = b.energy - start_energy_;
+  b.work = work_ + brought_;
+  b.largest = largest_;
+  heat_ = heat;  // the run may go on
+  largest_ = largest;
+  return b;
+}
+
+template <int D>
+void EnergyAudit<D>::save(SharedCheckpoint& c) const {
+  c.add("audit_started", std::int64_t{started_});
+  c.add("audit_start_energy", start_energy_);
+  c.add("audit_brought", brought_);
+  c.add("audit_work", work_);
+  c.add("audit_power", power_);
+  c.add("audit_power_at", power_at_);
+  c.add("audit_largest", largest_);
+  heat_.save(c, "audit_heat");
+}
+
+template <int D>
+void EnergyAudit<D>::load(const Checkpoint& c) {
+  started_ = c.flag("audit_started");
+  start_energy_ = c.real("audit_start_energy");
+  brought_ = c.real("audit_brought");
+  work_ = c.real("audit_work");
+  power_ = c.real("audit_power");
+  power_at_ = c.real("audit_power_at", 0, c.t);
+  largest_ = c.real("audit_largest", 0);
+  heat_.load(c, "audit_heat");
+}
+
+template class EnergyAudit<2>;
+template class EnergyAudit<3>;
+
+}  // namespace pliant

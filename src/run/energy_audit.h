@@ -1,0 +1,123 @@
+// Whether a run's energy is what was put in less what was dissipated.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <nlohmann/json.hpp>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <pliant/run/shared_checkpoint.h>
+#include <pliant/run/simulation.h>
+
+namespace pliant {
+
+/// Energies since the start of a run, in its units: change = work − heat where energy is conserved.
+struct EnergyBudget {
+  Real work = 0;         ///< of moving walls, and what moving particles to another place has added
+  Real heat = 0;         ///< dissipated
+  Real change = 0;       ///< of kinetic and potential energy, the weight's included
+  Real uncertainty = 0;  ///< standard error of the heat, where that is sampled
+  Real largest = 0;      ///< kinetic energy, at most; 0 without inertia
+  Real energy = 0;       ///< at the end
+
+  Real error() const { return change - work + heat; }
+  /// What the error is compared with: the largest of work, heat, change and kinetic energy, but no less than a small
+  /// part of the energy itself, so that a run in which nothing happens is not judged by its rounding.
+  Real scale() const;
+  Real relative_error() const { return scale() > 0 ? std::abs(error()) / scale() : 0; }
+  /// The part of the relative error that sampling the heat cannot explain.
+  Real certain_error() const;
+
+  nlohmann::ordered_json json() const;
+  std::string text() const;  ///< a line for the end of a run
+};
+
+/// ∫ value dt by the trapezoidal rule, with the standard error of what lies between the times.
+class SampledIntegral {
+ public:
+  void add(Real t, Real value);
+  Real value() const { return sum_; }
+  /// As if neighbouring values were independent: an upper estimate. Unknown, infinite, below 8 values.
+  Real error() const;
+
+  void save(SharedCheckpoint& c, const std::string& name) const;
+  void load(const Checkpoint& c, const std::string& name);
+
+ private:
+  static constexpr std::int64_t fewest = 8;
+  std::int64_t count_ = 0;
+  Real sum_ = 0, squares_ = 0;
+  std::pair<Real, Real> last_{}, before_{};  ///< time and value
+};
+
+/// Keeps the budget of a simulation. Exact to the order of the method: the energy at both ends, changes of the state
+/// that are announced (`outside`), the work of walls and the heat of contacts with history, both summed over all steps.
+/// Drag and friction without history are evaluated every `stride` steps: their power costs as much as a force. With
+/// velocity Verlet the power is f(x, p) · v, f having seen the predicted velocities p: over all steps that is exactly
+/// what these forces take from the kinetic energy at half steps.
+template <int D>
+class EnergyAudit {
+ public:
+  explicit EnergyAudit(Simulation<D>& simulation) : simulation_(simulation) {}
+
+  /// Before the first step of a process: the state is complete, new or restored. Collective, as all that follow.
+  void start();
+  /// After an accepted step, before anything changes the state.
+  void follow();
+  /// Before the next step. changed: the state was changed since follow().
+  void prepare(bool changed);
+  /// change() moves, adds or takes out these particles (ids), in any way but by forces.
+  template <class Change>
+  void outside(std::span<const Index> ids, Change&& change) {
+    if (!started_) return change();
+    const Real before = energy_of(ids);
+    change();
+    brought_ += energy_of(ids) - before;
+  }
+  /// change() puts walls elsewhere, or lets them move otherwise.
+  template <class Change>
+  void outside(Change&& change) {
+    if (!started_) return change();
+    const Real before = energy();
+    change();
+    brought_ += energy() - before;
+    power_ = wall_power(At::anywhere);
+  }
+
+  Real work() const { return work_; }  ///< of moving walls
+  EnergyBudget budget();
+
+  void save(SharedCheckpoint& c) const;
+  void load(const Checkpoint& c);
+
+ private:
+  bool due(std::int64_t step) const { return step % stride() == 0; }
+  std::int64_t stride() const { return simulation_.integrator().carries() ? 64 : 8; }
+  bool inertia() const { return simulation_.overdamped() == nullptr; }
+  /// Whether the state is that at the end of a step, where velocity Verlet has evaluated the forces.
+  enum class At { end_of_step, anywhere };
+  /// With valid lists.
+  StateView<D> view(const Real* v, At at);
+  Real kinetic_energy(const StateView<D>& s) const;
+  Real energy();
+  Real energy_of(std::span<const Index> ids);
+  Real wall_power(At at);
+  void sample(At at);
+
+  Simulation<D>& simulation_;
+  bool started_ = false;
+  Real start_energy_ = 0, brought_ = 0, work_ = 0;
+  Real power_ = 0, power_at_ = 0;  ///< of walls, at the end of the last step
+  Real largest_ = 0;               ///< kinetic energy
+  SampledIntegral heat_;           ///< of drag and of friction without history
+  std::vector<Real> predicted_;    ///< velocities that the forces at the end of the next step see
+};
+
+extern template class EnergyAudit<2>;
+extern template class EnergyAudit<3>;
+
+}  // namespace pliant

@@ -1,0 +1,118 @@
+"""Steps that are too long are refused or noticed: limits of stability by method, error control, the energy audit."""
+
+import json
+
+import numpy as np
+import pytest
+from conftest import SMALL, Results, pliant
+from test_channel import SMALL as CHANNEL
+
+CLOSED = {"n": 60, "hopper_wall_distance": 8, "hopper_width": 1e-6, "pack_fraction": 0.5, "t_end": 4, "integrator": "ts"}
+TS = {**SMALL, "integrator": "ts"}
+
+
+def summary_of(folder):
+    return json.loads((folder / "summary.json").read_text())
+
+
+@pytest.mark.parametrize("method", [{"ts_type": "euler"}, {"ts_type": "rk", "ts_rk_type": "1fe"},
+                                    {"ts_type": "rk", "ts_rk_type": "2a", "ts_adapt_type": "none"},
+                                    {"ts_type": "ssp", "ts_ssp_nstages": 2}])
+def test_methods_without_a_stable_step(method, tmp_path):
+    """Undamped oscillations grow at any step; with drag there is a limit, far below that of Verlet."""
+    run = lambda name, **more: pliant("hopper", output=tmp_path / name, **{**CLOSED, "dt": 5e-4, **method, **more})
+    refused = run("refused", zeta=0)
+    assert refused.returncode == 2 and "no step is stable" in refused.stderr and "-integrator verlet" in refused.stderr
+    limited = run("limited", zeta=0.1)
+    if method["ts_type"] == "euler" or method.get("ts_rk_type") == "1fe":
+        assert limited.returncode == 2 and "times the limit of stability" in limited.stderr
+
+
+def test_energy_that_a_method_makes(tmp_path):
+    made = pliant("hopper", output=tmp_path / "made", **CLOSED, zeta=0, dt=5e-4, ts_type="euler", allow_unstable_dt="yes")
+    assert made.returncode == 3 and "energy is not conserved" in made.stderr, made.stderr
+    s = summary_of(tmp_path / "made")
+    assert s["status"] == "failed" and s["energy_audit"]["relative_error"] > 0.1
+    allowed = pliant("hopper", output=tmp_path / "allowed", **CLOSED, zeta=0, dt=5e-4, ts_type="euler",
+                     allow_unstable_dt="yes", allow_energy_error="yes")
+    assert allowed.returncode == 0 and "energy is conserved to" in allowed.stderr
+
+
+@pytest.mark.parametrize("options, words", [
+    ({"ts_adapt_dt_min": 1.2e-2}, "-ts_adapt_dt_min 0.012 is"),
+    ({"ts_rtol": 1}, "-ts_rtol 1 controls nothing"),
+    ({"ts_atol": 3}, "-ts_atol 3 controls nothing"),
+    ({"ts_type": "cvode", "ts_rtol": 1}, "-ts_rtol 1 controls nothing"),
+    ({"ts_adapt_max_ignore": 1e9}, "-ts_adapt_max_ignore cannot be set"),
+    ({"ts_adapt_type": "cfl"}, "-ts_adapt_type cfl does not control"),
+    ({"ts_type": "arkode", "ts_arkode_fixed_step": "yes", "dt": 2e-2}, "times the limit of stability"),
+])
+def test_error_control_that_is_taken_away(options, words, tmp_path):
+    refused = pliant("hopper", output=tmp_path / "run", **{**TS, **options})
+    assert refused.returncode == 2 and words in refused.stderr, refused.stderr
+
+
+def test_steps_above_the_tolerance(tmp_path):
+    """Accepted all the same: counted, and warned of; what they do to the energy ends the run."""
+    for name, options in {"least": {"ts_adapt_dt_min": 2e-3, "ts_rtol": 1e-7, "ts_atol": 1e-7},
+                          "always": {"ts_adapt_always_accept": "yes", "ts_rtol": 1e-7, "ts_atol": 1e-7}}.items():
+        result = pliant("hopper", output=tmp_path / name, **{**TS, **options})
+        assert "steps were accepted with an error above the tolerance" in result.stderr
+        s = summary_of(tmp_path / name)
+        assert 0 < s["steps_above_tolerance"] <= s["steps"]
+    made = pliant("hopper", output=tmp_path / "made", **TS, ts_adapt_dt_min=1.2e-2, allow_unstable_dt="yes")
+    assert made.returncode == 3
+    assert pliant("hopper", output=tmp_path / "fine", **TS).stderr == ""
+    assert summary_of(tmp_path / "fine")["steps_above_tolerance"] == 0
+
+
+@pytest.mark.parametrize("options", [{}, {"mu": 0}, {"zeta": 0}, {"model": "disk", "mu": 0}, {"flow": "discharge"},
+                                     {"integrator": "ts"}, {"model": "rough", "n_vertices": 8, "n": 30, "t_end": 2}])
+def test_the_audit_of_sound_runs(options, tmp_path):
+    options = {**SMALL, **options}
+    if options.get("model") == "disk":
+        options.pop("mu")
+    result = pliant("hopper", output=tmp_path / "run", **options)
+    assert result.returncode == 0 and "energy is conserved to" not in result.stderr, result.stderr
+    audit = summary_of(tmp_path / "run")["energy_audit"]
+    assert audit["heat"] > 0 and audit["error"] == pytest.approx(audit["change"] - audit["work"] + audit["heat"])
+    assert audit["relative_error"] < 0.01 + 3 * audit["uncertainty"] and audit["uncertainty"] < 0.05
+    assert "energy: change" in result.stdout
+
+
+def test_the_audit_goes_on_after_a_restart(tmp_path):
+    whole, parts = tmp_path / "whole", tmp_path / "parts"
+    assert pliant("hopper", output=whole, **SMALL).returncode == 0
+    assert pliant("hopper", output=parts, **{**SMALL, "t_end": 2.345}).returncode == 0
+    assert pliant("hopper", restart=parts, t_end=SMALL["t_end"]).returncode == 0
+    assert summary_of(parts)["energy_audit"] == summary_of(whole)["energy_audit"]
+
+
+def test_a_raft_that_makes_energy(tmp_path):
+    resting = {"rows": 2, "columns": 1, "delta": 0, "motion": "extension", "v_wall": 1e-4, "t_end": 400, "ts_adapt_type": "none"}
+    made = pliant("raft", output=tmp_path / "made", **resting, ts_type="euler", dt=0.25, allow_unstable_dt="yes")
+    assert made.returncode == 3, made.stderr
+
+
+def test_a_channel_that_makes_energy(tmp_path):
+    sound = pliant("channel", output=tmp_path / "sound", **{**CHANNEL, "pushes": 1})
+    s = summary_of(tmp_path / "sound")
+    assert sound.returncode == 0 and s["energy_audit"]["relative_error"] < 0.01
+    assert s["energy_audit"]["heat"] == s["heat"]["value"]
+    made = pliant("channel", output=tmp_path / "made", **{**CHANNEL, "pushes": 1}, dt=1.6 * s["dt_critical"],
+                  allow_unstable_dt="yes")
+    assert made.returncode == 3, made.stderr
+
+
+def test_the_work_of_plungers_does_not_depend_on_samples(tmp_path):
+    work = []
+    for travel in (0.011, 1):
+        pliant("channel", output=tmp_path / str(travel), **{**CHANNEL, "pushes": 1}, sample_travel=travel)
+        work.append(Results(tmp_path / str(travel)).series["plunger_work"][-1])
+    assert work[0] == work[1] != 0
+
+
+def test_the_step_of_ts_dt(tmp_path):
+    result = pliant("hopper", output=tmp_path / "run", **TS, ts_dt=5e-4)
+    assert result.returncode == 0 and "dt = 0.0005 t0" in result.stdout
+    assert summary_of(tmp_path / "run")["dt"] == 5e-4
