@@ -682,7 +682,8 @@ StabilityPolynomial polynomial_of(::TS ts, const std::string& type) {
 
 Real TsIntegrator::longest_stable_step(const FastestRates& rates) const {
   if (!explicit_) return std::numeric_limits<Real>::infinity();
-  if (type_ == ts_verlet) return longest_verlet_step(rates);
+  if (type_ == ts_verlet)  // which refuses motion without inertia when it runs
+    return rates.oscillation > 0 ? longest_verlet_step(rates) : std::numeric_limits<Real>::infinity();
   return polynomial_of(ts_, type_).longest_step(rates);
 }
 
