@@ -85,7 +85,7 @@ class Flow {
   const Topology& topology() const { return system_.topology(); }
   const HopperOptions& options() const { return options_; }
 
-  Real critical_step() const { return system_.field().critical_step(system_.topology()).least(); }
+  Real critical_step() const { return system_.field().critical_step(system_.topology()).one_contact(); }
 
  private:
   std::vector<Real> sizes() const {

@@ -72,7 +72,7 @@ void print(const std::string& method, const std::string& control, const Bounce& 
 bool run() {
   const ParticleSystem<2> system = particle_and_floor();
   fmt::print("largest stable step of velocity Verlet: {:.2g} t0\n\n",
-             system.field().critical_step(system.topology()).least());
+             system.field().critical_step(system.topology()).limit());
   fmt::print("{:<10} {:<12} {:>7} {:>12} {:>14} {:>10} {:>9}\n", "method", "control", "steps", "evaluations",
              "energy error", "least a/a0", "rebound");
 

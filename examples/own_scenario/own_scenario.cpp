@@ -65,8 +65,10 @@ class ShakenBox final : public Protocol<2> {
   std::string title() const override { return fmt::format("shaken box: {} particles", p_.n); }
   std::string model() const override { return "rough"; }
   Real last_time() const override { return p_.t_end; }
-  Real critical_step() const override { return critical_; }
-  Real first_dt() const override { return p_.dt.value_or(std::min(0.2 * critical_, 0.01 / p_.floor.frequency)); }
+  Real critical_step() const override { return critical_.limit(); }
+  Real first_dt() const override {
+    return p_.dt.value_or(std::min(0.2 * critical_.one_contact(), 0.01 / p_.floor.frequency));
+  }
   std::unique_ptr<Integrator> make_integrator(Real dt) override { return std::make_unique<FixedStepVerlet>(dt); }
   RunGeometry geometry() const override {
     const Real w = p_.width();
@@ -107,7 +109,7 @@ class ShakenBox final : public Protocol<2> {
 
  private:
   const Parameters& p_;
-  Real critical_ = particles().field().critical_step(simulation().all()).least();
+  CriticalStep critical_ = particles().field().critical_step(simulation().all());
   Real highest_ = 0;  ///< a vertex has been so far
 };
 

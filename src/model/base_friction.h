@@ -70,6 +70,11 @@ struct BaseFriction {
   /// Of the rotation: ω² = k R²/I = 2k/m.
   Real max_rate(const Topology& topology) const { return off() ? 0 : std::sqrt(2 * stiffest(topology)); }
   Real max_damping(const Topology& topology) const { return off() ? 0 : 4 * damping * std::sqrt(stiffest(topology)); }
+  MotionRates crowded(const Topology& topology) const {
+    if (off()) return {};
+    const Real spring = stiffest(topology), dashpot = 2 * damping * std::sqrt(spring);
+    return {{spring, dashpot}, {2 * spring, 2 * dashpot}};
+  }
 
  private:
   static const LimitSurface* the_surface();

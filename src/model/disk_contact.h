@@ -137,6 +137,10 @@ struct DiskContact {
   }
   /// The spring between two of the stiffest disks: ω² = k_t (2/m + 2R²/I) = 6 k_t/m.
   Real max_rate(const Topology& topology) const { return spring_rate<Law>(surface, topology, epsilon, 1, 6); }
+  /// Six contacts: Σ n nᵀ = Σ t tᵀ = 3, and (u_i·t ± R θ_i)² weighs R² θ² = 2 I θ²/m: 2 · 6 · 2 for a rotation.
+  MotionRates crowded(const Topology& topology) const {
+    return surface_rates<Law>(surface, topology, epsilon, 1, {6, 6, 24, 2});
+  }
   /// Six contacts, half of them along any direction; each damps with 4 ζ √(V''/(2m)), m of one of two like disks.
   Real max_damping(const Topology& topology) const {
     return dashpot_rate<Law>(surface, topology, epsilon, 1, 3 * 4, 2);

@@ -35,11 +35,27 @@ struct TermReport {
       {};  ///< [particles] of a term whose elements belong to one particle each, else empty
 };
 
-/// Largest steps, in t0, that keep velocity Verlet stable.
+/// The longest steps of velocity Verlet, in t0.
 struct CriticalStep {
-  Real elastic = std::numeric_limits<Real>::infinity();  ///< 2/ω of the stiffest term
-  Real damping = std::numeric_limits<Real>::infinity();  ///< 1/rate of the fastest damping, as velocities are predicted
-  Real least() const { return std::min(elastic, damping); }
+  Real elastic = std::numeric_limits<Real>::infinity();  ///< 2/ω of the stiffest single contact, or other element
+  Real damping = std::numeric_limits<Real>::infinity();  ///< 1/γ of the fastest damping by itself
+  MotionRates crowded = {};  ///< of all terms together, with as many contacts as fit around a point
+
+  /// Of one contact at a time: standard steps are parts of it.
+  Real one_contact() const { return std::min(elastic, damping); }
+  /// Of limit(), from which on flows heat as their contacts open and close (docs/steps.md).
+  static constexpr Real safe_part = 0.7;
+  /// A standard step, made shorter where it is not safe.
+  Real standard(Real dt) const { return std::min(dt, safe_part * limit()); }
+
+  /// Beyond which a dense packing is unstable.
+  Real limit() const { return std::min(limit(crowded.translation), limit(crowded.rotation)); }
+  /// With predicted velocities (FixedStepVerlet) a mode of frequency ω and damping γ is stable while ω² h² + 4 γ h ≤ 4:
+  /// there its factor of growth per step is −1, and so for symmetric matrices of stiffness and damping.
+  static Real limit(const Rates& r) {
+    const Real sum = r.damping + std::sqrt(r.damping * r.damping + r.stiffness);
+    return sum > 0 ? 2 / sum : std::numeric_limits<Real>::infinity();
+  }
 };
 
 /// A choice of terms: all; those whose elements belong to one particle each, the shape energy of deformable particles;
@@ -120,7 +136,7 @@ class ForceField {
   /// about the pivot of its motion, which is the origin for walls without one. `which`: walls at rest may be left out.
   virtual void add_wall_forces(const StateView<D>& s, Real* f, Real* torques = nullptr,
                                WallGroup which = WallGroup::all) const = 0;
-  /// Limits of stability of velocity Verlet.
+  /// Limits of stability of velocity Verlet, of the points that are stiffest for their mass.
   virtual CriticalStep critical_step(const Topology& topology) const = 0;
 
   /// Whether a term has torques, so that particles have angles and spins.
@@ -447,13 +463,35 @@ class Model final : public ForceField<D> {
 
   CriticalStep critical_step(const Topology& topology) const override {
     CriticalStep step;
+    std::array<MotionRates, element_kinds> of_kind;
     for_each_term([&](const auto& term) {
       using Term = std::decay_t<decltype(term)>;
-      if constexpr (EnergyTerm<Term, D> || HistoryTerm<Term, D>)
-        step.elastic = std::min(step.elastic, 2 / term.max_rate(topology));
-      if constexpr (DissipationTerm<Term, D> || HistoryTerm<Term, D>)
-        step.damping = std::min(step.damping, 1 / term.max_damping(topology));
+      MotionRates rates;
+      if constexpr (EnergyTerm<Term, D> || HistoryTerm<Term, D>) {
+        const Real rate = term.max_rate(topology);
+        step.elastic = std::min(step.elastic, 2 / rate);
+        rates.translation.stiffness = crowding<D, Term::elements> * square(rate);
+      }
+      if constexpr (DissipationTerm<Term, D> || HistoryTerm<Term, D>) {
+        rates.translation.damping = term.max_damping(topology);
+        step.damping = std::min(step.damping, 1 / rates.translation.damping);
+      }
+      if constexpr (requires { term.crowded(topology); })
+        rates = term.crowded(topology);
+      else if constexpr (has_torque<Term>)
+        rates.rotation = rates.translation;
+      of_kind[static_cast<std::size_t>(Term::elements)] += rates;
     });
+    // Contacts of one kind take the room of those of another: a wall that of half the neighbours.
+    MotionRates contacts;
+    for_each_kind([&]<Elements E>(ElementKind<E>) {
+      const MotionRates& rates = of_kind[static_cast<std::size_t>(E)];
+      if constexpr (ElementKind<E>::listed)
+        contacts.raise_to(rates);
+      else
+        step.crowded += rates;
+    });
+    step.crowded += contacts;
     return step;
   }
 

@@ -140,6 +140,10 @@ struct SphereContact {
   }
   /// The spring between two of the stiffest balls: ω² = k_t (2/m + 2R²/I) = 7 k_t/m.
   Real max_rate(const Topology& topology) const { return spring_rate<Law>(surface, topology, epsilon, 1, 7); }
+  /// Twelve contacts: Σ n nᵀ = 4, Σ (1 − n nᵀ) = 8, and R² θ² = 5/2 I θ²/m: 2 · 8 · 5/2 for a rotation.
+  MotionRates crowded(const Topology& topology) const {
+    return surface_rates<Law>(surface, topology, epsilon, 1, {8, 16, 40, 2});
+  }
   /// Twelve contacts, a third of them along any direction; as DiskContact.
   Real max_damping(const Topology& topology) const {
     return dashpot_rate<Law>(surface, topology, epsilon, 1, 4 * 4, 2);

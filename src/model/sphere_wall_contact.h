@@ -126,6 +126,10 @@ struct SphereWallContact {
   Real max_rate(const Topology& topology) const {
     return spring_rate<Law>(others.roughest(surface), topology, epsilon, 0.5, 3.5);
   }
+  /// Walls on both sides: across the normals, where the elastic force is not, the rotation is stiffer than the motion.
+  MotionRates crowded(const Topology& topology) const {
+    return surface_rates<Law>(others.roughest(surface), topology, epsilon, 0.5, {2, 0, 5, 1});
+  }
   Real max_damping(const Topology& topology) const { return dashpot_rate<Law>(surface, topology, epsilon, 0.5, 2, 1); }
 
  private:

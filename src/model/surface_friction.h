@@ -149,15 +149,39 @@ Real spring_rate(const SurfaceFriction& f, const Topology& topology, Real epsilo
                    stiffest<Law>(topology, epsilon, reach, [](const Law& law) { return reference_stiffness(law); }));
 }
 
+/// √(V''/(partners m)) of the stiffest point.
+template <class Law>
+Real contact_frequency(const Topology& topology, Real epsilon, Real reach, Real partners) {
+  return std::sqrt(stiffest<Law>(topology, epsilon, reach,
+                                 [](const Law& law) { return Law::stiffness * law.epsilon / Law::scale(law.delta); }) /
+                   partners);
+}
+
 /// The rate share ζ √(V''/(partners m)) of the dashpots of a point, V'' and m those of the stiffest one. `share` is
 /// for γ_t/γ_n up to 1/2; the tangential dashpot is the faster one beyond.
 template <class Law>
 Real dashpot_rate(const SurfaceFriction& f, const Topology& topology, Real epsilon, Real reach, Real share,
                   Real partners) {
   return share * std::max(1.0, 2 * f.tangential_damping) * f.damping *
-         std::sqrt(stiffest<Law>(topology, epsilon, reach,
-                                 [](const Law& law) { return Law::stiffness * law.epsilon / Law::scale(law.delta); }) /
-                   partners);
+         contact_frequency<Law>(topology, epsilon, reach, partners);
+}
+
+/// How many times the stiffness of one spring over the mass of a point, and so with dashpots, all contacts around it
+/// have: for its motion along the normals and across them, and for its rotation.
+struct SurfaceContacts {
+  Real normal, across, rotation;
+  Real bodies;  ///< that a contact moves: 2, or 1 at a wall
+};
+
+/// Of springs across the normals and of dashpots, beside the elastic stiffness. reach: as of `stiffest`.
+template <class Law>
+MotionRates surface_rates(const SurfaceFriction& f, const Topology& topology, Real epsilon, Real reach,
+                          const SurfaceContacts& contacts) {
+  const Real normal = 2 * f.damping * contact_frequency<Law>(topology, epsilon, reach, contacts.bodies),
+             across = f.rubs() ? f.tangential_damping * normal : 0,
+             spring = square(spring_rate<Law>(f, topology, epsilon, reach, 1));
+  return {{contacts.across * spring, contacts.normal * normal + contacts.across * across},
+          {contacts.rotation * spring, contacts.rotation * across}};
 }
 
 /// What acts where two surfaces touch, and what of it becomes heat. This is what follows from where they are. Also of

@@ -112,6 +112,44 @@ struct Contact {
   Vec<D> force;         ///< elastic, on the first
 };
 
+/// Upper bounds of how fast forces change the motion.
+struct Rates {
+  Real stiffness = 0;  ///< ω², the largest eigenvalue of ∂²U/∂x² over the masses, in 1/t0²
+  Real damping = 0;    ///< γ, the same of −∂F/∂v, in 1/t0
+  Rates& operator+=(const Rates& other) {
+    stiffness += other.stiffness, damping += other.damping;
+    return *this;
+  }
+  Rates& raise_to(const Rates& other) {
+    stiffness = std::max(stiffness, other.stiffness), damping = std::max(damping, other.damping);
+    return *this;
+  }
+};
+
+/// The same of positions and of angles. Eigenvalues of sums are at most the sums of eigenvalues: rates of terms add.
+struct MotionRates {
+  Rates translation, rotation;
+  MotionRates& operator+=(const MotionRates& other) {
+    translation += other.translation, rotation += other.rotation;
+    return *this;
+  }
+  MotionRates& raise_to(const MotionRates& other) {
+    translation.raise_to(other.translation), rotation.raise_to(other.rotation);
+    return *this;
+  }
+};
+
+/// ω² of a point with all contacts that fit around it, over ω² of one contact (max_rate). A contact k (n·(u_i − u_j))²
+/// is at most 2k ((n·u_i)² + (n·u_j)²), so two like points i, j give a point 2k Σ n nᵀ/m, the sum over its contacts:
+/// six in the plane have Σ n nᵀ = 3, twelve in space 4, and the triangular and the fcc lattice have modes that reach
+/// it. Two walls press a point from both sides, and so do two lips. Vertices of two outlines that press each other face
+/// to face are not stiffer than two that meet head on, at corners between three outlines half as much more.
+template <int D, Elements E>
+inline constexpr Real crowding = E == Elements::point_pairs                    ? (D == 2 ? 3 : 4)
+                                 : E == Elements::vertex_edges                 ? 1.5
+                                 : E == Elements::walls || E == Elements::lips ? 2
+                                                                               : 1;
+
 /// Second derivatives are asked of terms without torques alone. A model with torques or with contact history is
 /// integrated by explicit methods.
 ///
@@ -123,6 +161,8 @@ struct Contact {
 ///   edges    whether its edges are wide (as without it) or bare, also where it is off
 ///   check(walls)  throws an InputError for walls that it is not defined for
 ///   force(s, e)   of the wall, or the lip, on its points: then the wall feels the opposite
+///   crowded(topology)   MotionRates with as many contacts as fit around a point, where that is not crowding times
+///                       max_rate², or where angles count
 template <class T, int D>
 concept EnergyTerm = requires(const T term, const StateView<D>& s, Index e, Scatter<D, 1>& g, BlockSink<D>& h) {
   { term.name() } -> std::convertible_to<std::string_view>;
@@ -130,7 +170,7 @@ concept EnergyTerm = requires(const T term, const StateView<D>& s, Index e, Scat
   requires ElementsIn<T::elements, D>;
   { term.energy(s, e) } -> std::same_as<Real>;
   term.add_gradient(s, e, g);                           // ∂U_e/∂x
-  { term.max_rate(s.topology) } -> std::same_as<Real>;  // upper estimate of the fastest frequency ω, in 1/t0
+  { term.max_rate(s.topology) } -> std::same_as<Real>;  // ω of one element, at most, in 1/t0
   requires has_torque<T> || requires {
     term.add_hessian(s, e, h);  // ∂²U_e/∂x²
   };

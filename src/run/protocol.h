@@ -66,6 +66,8 @@ class Protocol {
   virtual Real first_dt() const = 0;
   /// The longest stable step of an explicit method with a fixed step, in t0.
   virtual Real critical_step() const { return std::numeric_limits<Real>::infinity(); }
+  /// Of it; longer fixed steps are warned of.
+  virtual Real safe_part() const { return CriticalStep::safe_part; }
   /// Margin of the neighbour lists, where the user has chosen it.
   virtual std::optional<Real> fixed_skin() const { return {}; }
   /// dt: first_dt(), or where a restart left off.

@@ -19,9 +19,7 @@
 namespace pliant {
 namespace {
 
-/// dt/dt_critical from which on docs/steps.md finds that flows heat.
-constexpr Real max_safe_ratio = 0.5;
-bool heats(Real ratio) { return ratio > max_safe_ratio * (1 + 1e-9); }
+bool above(Real ratio, Real safe) { return ratio > safe * (1 + 1e-9); }
 
 constexpr Real smallest = std::numeric_limits<Real>::min();
 
@@ -151,14 +149,14 @@ void Run<D>::check_step() const {
         integrator().name());
   if (ratio > 1 && !p_.allow_unstable_dt)
     throw InputError(
-        "-dt {:g} is {:.3g} times the limit of stability, {:.3g} {}: the step would make energy; shorten it, leave it "
-        "out, or see what happens with -allow_unstable_dt",
+        "-dt {:g} is {:.3g} times the limit of stability, {:.3g} {}: a dense packing would gain energy; shorten the "
+        "step, leave it out, or override with -allow_unstable_dt",
         dt, ratio, critical, protocol_->unit_of_time());
-  if (heats(ratio) && ranks_.root())
+  if (above(ratio, protocol_->safe_part()) && ranks_.root())
     warn(
         "-dt {:g} is {:.2f} of the limit of stability, {:.3g} {}: above {:g} contacts that open and close heat; "
         "compare with half the step",
-        dt, ratio, critical, protocol_->unit_of_time(), max_safe_ratio);
+        dt, ratio, critical, protocol_->unit_of_time(), protocol_->safe_part());
 }
 
 template <int D>
@@ -583,7 +581,7 @@ void Run<D>::report_reliability() const {
 template <int D>
 std::string Run<D>::advice() const {
   const Real dt = integrator().next_dt(), ratio = dt / protocol_->critical_step();
-  if (!integrator().explicit_fixed_step() || !heats(ratio)) return {};
+  if (!integrator().explicit_fixed_step() || !above(ratio, protocol_->safe_part())) return {};
   return fmt::format("-dt {:g} is {} the limit of stability: shorten it first; ", dt,
                      ratio > 1 ? fmt::format("{:.3g} times", ratio) : fmt::format("{:.2f} of", ratio));
 }

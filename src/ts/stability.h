@@ -1,7 +1,7 @@
 // The longest stable step of an explicit method.
 #pragma once
 
-#include <algorithm>
+#include <cmath>
 #include <complex>
 #include <limits>
 #include <span>
@@ -44,7 +44,10 @@ class StabilityPolynomial {
   std::vector<Real> coefficients_;
 };
 
-/// The same of velocity Verlet, which predicts the velocities that forces depend on: ω h ≤ 2, r h ≤ 1.
-inline Real longest_verlet_step(const FastestRates& rates) { return std::min(2 / rates.oscillation, 1 / rates.decay); }
+/// The same of velocity Verlet, which predicts the velocities that forces depend on: ω² h² + 4 r h ≤ 4, should the
+/// fastest oscillation have the fastest decay, too.
+inline Real longest_verlet_step(const FastestRates& rates) {
+  return 2 / (rates.decay + std::sqrt(square(rates.decay) + square(rates.oscillation)));
+}
 
 }  // namespace pliant

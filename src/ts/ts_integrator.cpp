@@ -6,6 +6,7 @@
 #include <limits>
 #include <span>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include <petsc/private/tsimpl.h>
@@ -74,6 +75,15 @@ constexpr std::array program_options = {"-ts_max_time", "-ts_final_time", "-ts_i
 constexpr std::array controllers = {TSADAPTBASIC, TSADAPTDSP};
 constexpr Real largest_tolerance = 1;
 
+// PETSc reads these where it solves, when all options should have been read. It has no -ts_converged_reason.
+constexpr const char* converged_reason = "-ts_converged_reason";
+constexpr std::array solve_views = {"-ts_view", "-ts_view_pre", "-ts_view_solution", converged_reason};
+constexpr std::array solver_views = {
+    "-snes_view",    "-snes_view_pre",     "-snes_view_solution",   "-snes_converged_reason",
+    "-ksp_view",     "-ksp_view_pre",      "-ksp_view_mat",         "-ksp_view_pmat",
+    "-ksp_view_rhs", "-ksp_view_solution", "-ksp_converged_reason", "-ksp_converged_rate",
+    "-mat_view"};
+
 bool contains(const auto& names, std::string_view name) {
   return std::find(names.begin(), names.end(), name) != names.end();
 }
@@ -89,6 +99,19 @@ std::string string_option(const char* name, const std::string& fallback) {
   PetscBool set = PETSC_FALSE;
   petsc_check(PetscOptionsGetString(nullptr, nullptr, name, text.data(), text.size(), &set));
   return set == PETSC_TRUE ? text.data() : fallback;
+}
+
+/// The viewer that an option names, or null.
+Handle<PetscViewer, PetscViewerDestroy> viewer_option(MPI_Comm comm, const char* name) {
+  Handle<PetscViewer, PetscViewerDestroy> viewer;
+  petsc_check(PetscOptionsGetViewer(comm, nullptr, nullptr, name, viewer.out(), nullptr, nullptr));
+  return viewer;
+}
+
+/// Marks options as used; those of an unknown viewer, or of a file that cannot be written, are refused before the run.
+void read_views(MPI_Comm comm, const auto& names) {
+  for (const char* name : names)
+    if (has_option(name)) (void)viewer_option(comm, name);
 }
 
 std::string supported_types() {
@@ -182,6 +205,10 @@ void TsIntegrator::configure() {
   }
   if (std::isfinite(options_.longest_dt)) petsc_check(TSAdaptSetStepLimits(adapt, PETSC_DEFAULT, options_.longest_dt));
   petsc_check(TSSetFromOptions(ts_));
+  if (dt_ == 0) {
+    read_views(comm_, solve_views);
+    if (needs_jacobian()) read_views(comm_, solver_views);
+  }
 
   check_control(adapt, estimate);
   explicit_ = contains(explicit_types, type);
@@ -213,7 +240,7 @@ void TsIntegrator::configure() {
   petsc_check(TSSetExactFinalTime(ts_, TS_EXACTFINALTIME_MATCHSTEP));
   petsc_check(TSSetErrorIfStepFails(ts_, PETSC_FALSE));  // run() reports the reason
   petsc_check(TSSetPostStep(ts_, post_step));
-  if (options_.admissible) petsc_check(TSSetFunctionDomainError(ts_, function_domain));
+  petsc_check(TSSetFunctionDomainError(ts_, function_domain));
   configured_size_ = 0;
   reusable_ = true;
   if (dt_ == 0) dt_ = options_.dt;
@@ -339,15 +366,38 @@ PetscErrorCode TsIntegrator::right_hand_side(TS, PetscReal t, ::Vec y, ::Vec ydo
     const std::size_t n = run.system.size(), unknowns = run.system.unknowns();
     const Read in(y);
     const Write out(ydot);
-    if (run.integrator.options_.implicit == TermGroup::all) {
-      run.system.rate(t, in, out);
-    } else {
-      std::fill_n(+out, n, 0);
-      run.implicit->group_acceleration(TermGroup::rest, t, in, in + n, out + n);
-    }
-    ++run.integrator.statistics_.force_evaluations;
-    run.check({+out, unknowns}, 0, t);
+    run.integrator.evaluate_stage(run, t, {+out, unknowns}, [&] {
+      if (run.integrator.options_.implicit == TermGroup::all) {
+        run.system.rate(t, in, out);
+      } else {
+        std::fill_n(+out, n, 0);
+        run.implicit->group_acceleration(TermGroup::rest, t, in, in + n, out + n);
+      }
+      ++run.integrator.statistics_.force_evaluations;
+      run.check({+out, unknowns}, 0, t);
+    });
   });
+}
+
+template <class Evaluate>
+void TsIntegrator::evaluate_stage(Run& run, Real t, std::span<Real> rates, Evaluate&& evaluate) {
+  // SUNDIALS takes NaN for an error that a shorter step recovers from; PETSc's controllers accept NaN and reject large
+  // errors.
+  const bool petsc = type_.find("ode") == type_.npos;
+  const Real outside = petsc ? 1e30 : std::numeric_limits<Real>::quiet_NaN();
+  if (outside_ && petsc) {  // the rest of a step that will be rejected
+    std::ranges::fill(rates, outside);
+    return;
+  }
+  try {
+    evaluate();
+  } catch (const Error& error) {
+    // Nothing is rejected with a fixed step, and a shorter one does not help where the step begins.
+    if (error.code() != ExitCode::numerical_failure || !adaptive_ || t == run.state.t) throw;
+    last_failure_ = error.what();
+    outside_ = petsc;
+    std::ranges::fill(rates, outside);
+  }
 }
 
 void TsIntegrator::evaluate_implicit(Run& run, Real t, const Real* x, const Real* v, Real* a) {
@@ -431,7 +481,10 @@ PetscErrorCode TsIntegrator::function_domain(TS ts, PetscReal, ::Vec y, PetscBoo
     void* context = nullptr;
     petsc_check(TSGetApplicationContext(ts, &context));
     const Read in(y);
-    *inside = PetscBool(static_cast<Run*>(context)->integrator.options_.admissible(in));
+    TsIntegrator& integrator = static_cast<Run*>(context)->integrator;
+    const auto& admissible = integrator.options_.admissible;
+    // One stage has left the domain of a formula: the step is rejected before the next one.
+    *inside = PetscBool(!std::exchange(integrator.outside_, false) && (!admissible || admissible(in)));
   });
 }
 
@@ -564,6 +617,7 @@ bool TsIntegrator::solve(FirstOrderSystem& system, State& state, Real t_end, con
   }
   set_functions(run);
   last_failure_.clear();
+  outside_ = false;
   petsc_check(TSSetApplicationContext(ts_, &run));
   reusable_ = false;
   const PetscErrorCode code = TSSolve(ts_, nullptr);
@@ -582,6 +636,10 @@ bool TsIntegrator::solve(FirstOrderSystem& system, State& state, Real t_end, con
   petsc_check(TSGetStepRejections(ts_, &rejected));
   petsc_check(TSGetTimeStep(ts_, &dt));
   statistics_.rejected += rejected - run.rejected_before;
+  if (const auto viewer = viewer_option(comm_, converged_reason); viewer != nullptr)
+    petsc_check(PetscViewerASCIIPrintf(viewer, "TS %s due to %s, %" PetscInt_FMT " steps in all\n",
+                                       reason < 0 ? "did not converge" : "converged", TSConvergedReasons[reason],
+                                       static_cast<PetscInt>(statistics_.steps)));
   if (reason == TS_DIVERGED_STEP_REJECTED && contains(stubborn_types, type_) && shortened_ < most_shortened) {
     ++shortened_;
     return true;
@@ -592,7 +650,7 @@ bool TsIntegrator::solve(FirstOrderSystem& system, State& state, Real t_end, con
         "{} failed in the step after t = {} (step {}): {}, {} rejections, dt down to {}; loosen the tolerances "
         "(-ts_rtol, -ts_atol), reduce -ts_dt or raise -ts_max_reject{}",
         name(), state.t, state.step, TSConvergedReasons[reason], rejected - run.rejected_before, dt,
-        last_failure_.empty() ? "" : fmt::format("; last failure in the solver: {}", last_failure_));
+        last_failure_.empty() ? "" : fmt::format("; last failure in a trial step: {}", last_failure_));
   if (reason == TS_CONVERGED_ITS)
     throw NumericalError("the limit of steps (-ts_max_steps) was reached at t = {} of {}; raise it or leave it out",
                          state.t, t_end);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <span>
 #include <string>
 
 #include <pliant/base/petsc.h>
@@ -97,6 +98,9 @@ class TsIntegrator : public Integrator {
   static PetscErrorCode choose(TSAdapt adapt, TS ts, PetscReal h, PetscInt* scheme, PetscReal* next_h,
                                PetscBool* accept, PetscReal* error, PetscReal* absolute, PetscReal* relative);
   static PetscErrorCode post_step(TS ts);
+  /// Where rates leave the domain of a formula, a controlled step is tried again, shorter.
+  template <class Evaluate>
+  void evaluate_stage(Run& run, Real t, std::span<Real> rates, Evaluate&& evaluate);
   void evaluate_implicit(Run& run, Real t, const Real* x, const Real* v, Real* a);
   void update_jacobian(::Mat a, Real t, const Real* x, const Real* v, const JacobianWeights& weights);
   void accept_step(Run& run);
@@ -117,7 +121,8 @@ class TsIntegrator : public Integrator {
   int shortened_ = 0;  // times that the first step has been divided by four
   std::size_t configured_size_ = 0;
   Real dt_ = 0;
-  std::string last_failure_;  // of an evaluation in a solver
+  std::string last_failure_;  // of an evaluation at a trial state
+  bool outside_ = false;      // a stage of the step being tried had no forces
   IntegratorStatistics statistics_;
 };
 

@@ -26,6 +26,12 @@ def cohesive(tmp_path_factory):
     return clog(folder), folder
 
 
+@pytest.mark.parametrize("options", [{"delta": 0.15}, {"f0": 50}, {"f0": 1}, {"b": 0.1}, {"b": 10}])
+def test_the_standard_step_follows_the_droplets(options, tmp_path):
+    result = pliant("clog", output=tmp_path / "run", n=20, t_end=1, **options)
+    assert result.returncode == 0 and "limit of stability" not in result.stderr, result.stderr
+
+
 def test_clogged(tmp_path):
     """One droplet that is wider than the exit is a clog, and it rests where both tips hold it."""
     run = clog(tmp_path / "run", n=1, hopper_width=0.6, delta=0, rest="speed", dt=0.05)

@@ -129,7 +129,7 @@ TEST_CASE("deformable particles in 3D are refused") {
 
 TEST_CASE("critical steps of the small particle of [H]") {
   const auto step = [](ModelKind kind, Real delta, ModelParameters p) {
-    return make_force_field<2>(kind, p, Vec<2>::Zero())->critical_step(small_polygon(delta)).least();
+    return make_force_field<2>(kind, p, Vec<2>::Zero())->critical_step(small_polygon(delta)).one_contact();
   };
   ModelParameters contact{.epsilon = 1e4, .epsilon_wall = 0}, wall{.epsilon = 0, .epsilon_wall = 1e4};
   CHECK(step(ModelKind::rough, 1, contact) == Approx(4.3e-4).epsilon(0.01));
@@ -148,7 +148,7 @@ TEST_CASE("critical steps of the small particle of [H]") {
 TEST_CASE("critical steps belong to the fastest mode of the linearised motion") {
   const auto frequency = [](const ForceField<2>& field, Configuration<2>& c) { return 2 / fastest<2>(field, c); };
   const auto limit = [](const ForceField<2>& field, Configuration<2>& c) {
-    return field.critical_step(c.topology).least();
+    return field.critical_step(c.topology).one_contact();
   };
   SECTION("one contact: exact") {
     Configuration<2> pair;

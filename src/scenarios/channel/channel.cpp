@@ -74,7 +74,9 @@ std::unique_ptr<ForceField<2>> make_forces(const ChannelOptions& p) {
 }
 
 /// Standard step: contacts are followed, and what damps them is stable (docs/steps.md).
-Real standard_step(const CriticalStep& critical) { return std::min(0.2 * critical.elastic, 0.5 * critical.damping); }
+Real standard_step(const CriticalStep& critical) {
+  return critical.standard(std::min(0.2 * critical.elastic, 0.5 * critical.damping));
+}
 
 std::unique_ptr<Simulation<2>> make_simulation(const ChannelOptions& p, const Ranks& ranks) {
   constexpr Real first_skin = 0.1;
@@ -113,7 +115,7 @@ class ChannelProtocol final : public Protocol<2> {
   std::string model() const override { return p_.rough() ? "rough" : "disk"; }
   std::string_view unit_of_time() const override { return "s"; }
   Real first_dt() const override { return schedule_.dt(); }
-  Real critical_step() const override { return critical_.least(); }
+  Real critical_step() const override { return critical_.limit(); }
   std::optional<Real> fixed_skin() const override { return p_.skin; }
   std::unique_ptr<Integrator> make_integrator(Real dt) override { return std::make_unique<FixedStepVerlet>(dt); }
 

@@ -8,7 +8,7 @@ ClogOptions::ClogOptions() {
   radii.deviation = 0.01;
   frame_interval = 500;
   sample_interval = 50;
-  dt = 0.7;
+  longest_standard_dt = 0.7;
   t_end = 1e6;
 }
 

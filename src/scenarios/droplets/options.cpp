@@ -1,5 +1,7 @@
 #include <pliant/scenarios/droplets/options.h>
 
+#include <fmt/format.h>
+
 namespace pliant {
 namespace {
 
@@ -53,6 +55,7 @@ void DropletOptions::bind_integration(Options& o, const std::string& automatic_e
           .unit = "t0",
           .min = 0,
           .min_open = true,
+          .automatic = fmt::format("{:g}, or half of the limit of stability if that is shorter", longest_standard_dt),
           .on_restart = fixed});
   bind_allowed(o);
   o.bind("t_end", t_end, {.help = "end of the run", .unit = "t0", .min = 0, .automatic = automatic_end});

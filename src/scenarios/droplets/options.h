@@ -19,7 +19,8 @@ struct DropletOptions : RunOptions {
   Coupling mobility = Coupling::exact;
   RadiusDistribution radii;
   DropletIntegrator integrator = DropletIntegrator::ts;
-  Real dt = 0.1, skin = 0.3;
+  Real longest_standard_dt = 0.1, skin = 0.3;
+  std::optional<Real> dt;
   std::optional<Real> t_end;
 
   ModelParameters model_parameters() const { return {.f0 = f0, .phi_c = phi_c, .a_s = a_s}; }

@@ -52,6 +52,7 @@ DropletProtocol::DropletProtocol(const DropletOptions& p, const Ranks& ranks, co
       p_(p),
       integration_(setup.integration),
       fastest_rate_(fastest_rate(p, setup)),
+      dt_(p.dt.value_or(standard_dt())),
       whole_(simulation(),
              ranks.several() ? std::optional(make_particles(p, setup, setup.droplets, Ranks())) : std::nullopt) {}
 
@@ -60,6 +61,13 @@ std::unique_ptr<Integrator> DropletProtocol::make_integrator(Real dt) {
   auto integrator = std::make_unique<TsIntegrator>(integration_, ranks().comm());
   if (integrator->explicit_fixed_step()) critical_step_ = integrator->longest_stable_step({.decay = fastest_rate_});
   return integrator;
+}
+
+/// A fixed step follows the limit of stability; a controlled one finds its length.
+Real DropletProtocol::standard_dt() const {
+  const TsIntegrator method(integration_, MPI_COMM_SELF);
+  const Real longest = p_.longest_standard_dt;
+  return method.explicit_fixed_step() ? std::min(longest, 0.5 * method.longest_stable_step({.decay = fastest_rate_})) : longest;
 }
 
 void DropletProtocol::started() {

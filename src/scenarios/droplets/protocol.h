@@ -33,8 +33,9 @@ struct DropletSetup {
 class DropletProtocol : public Protocol<2> {
  public:
   std::string model() const final { return "bubble"; }
-  Real first_dt() const final { return p_.dt; }
+  Real first_dt() const final { return dt_; }
   Real critical_step() const final { return critical_step_; }
+  Real safe_part() const final { return 0.5; }  // loads make droplets stiffer
   std::optional<Real> fixed_skin() const final { return p_.skin; }
   std::unique_ptr<Integrator> make_integrator(Real dt) final;
   void started() final;
@@ -80,6 +81,7 @@ class DropletProtocol : public Protocol<2> {
   void put_walls(const Walls<2>& walls);  ///< without looking at the energy
 
  private:
+  Real standard_dt() const;
   Real energy();  ///< of the present configuration, that of the weight included
   template <class Change>
   void outside_budget(Change&& change);
@@ -89,6 +91,7 @@ class DropletProtocol : public Protocol<2> {
   const DropletOptions& p_;
   TsOptions integration_;
   Real fastest_rate_;
+  Real dt_;
   Real critical_step_ = std::numeric_limits<Real>::infinity();  ///< an estimate for light loads
   Whole<2> whole_;
   Real start_energy_ = 0, withdrawn_ = 0;  ///< withdrawn: what changes took out of the energy

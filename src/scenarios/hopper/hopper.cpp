@@ -83,7 +83,7 @@ class HopperProtocol final : public Protocol<D> {
       top_ = std::max(
           top_, p.container->fill_height(D, std::accumulate(all.a0.begin(), all.a0.end(), 0.0) / *p.pack_fraction));
     const CriticalStep critical = particles().field().critical_step(all);
-    critical_step_ = critical.least();
+    critical_step_ = critical.limit();
     Real lightest = std::numeric_limits<Real>::infinity(), heaviest = 0;
     for (Index m = 0; m < all.particles(); ++m) {
       const Real mass = all.point_mass[m] * all.points_of(m);
@@ -91,21 +91,21 @@ class HopperProtocol final : public Protocol<D> {
       heaviest = std::max(heaviest, mass);
     }
     if (p.drag == DragLaw::per_mass) lightest = heaviest = average_mass<D>;  // drag acts as if all had it
-    dt_ = p.dt.value_or(
-        std::min({1e-3, p.elastic_fraction(critical.elastic, lightest) * critical.elastic, 0.5 * critical.damping}));
+    dt_ = p.dt.value_or(critical.standard(
+        std::min({1e-3, p.elastic_fraction(critical.elastic, lightest) * critical.elastic, 0.5 * critical.damping})));
     // A drag that acts on positions alone leaves some oscillations of particles with spins undamped.
-    rates_ = {.oscillation = 2 / critical.elastic,
-              .drag = particles().field().rotates() ? 0 : *p.zeta / heaviest,
-              .decay = 1 / critical.damping};
+    const Real drag = particles().field().rotates() ? 0 : *p.zeta / heaviest;
+    for (const Rates& r : {critical.crowded.translation, critical.crowded.rotation})
+      motions_.push_back({.oscillation = std::sqrt(r.stiffness), .drag = drag, .decay = r.damping});
+    const Real one_contact = critical.elastic * critical.elastic * *p.zeta / (2 * heaviest);
     if (p.dynamics == Dynamics::overdamped) {
-      // The stiffest spring, k/m = (2/dt)², relaxes at the rate k/ζ.
-      critical_step_ = critical.elastic * critical.elastic * *p.zeta / (2 * heaviest);
-      rates_ = {.decay = 2 / critical_step_};
-      dt_ = p.dt.value_or(std::min(1e-3, 0.2 * critical_step_));
+      // Springs k relax at the rate k/ζ; for one contact, k/m = (2/dt)².
+      motions_ = {{.decay = critical.crowded.translation.stiffness * heaviest / *p.zeta}};
+      dt_ = p.dt.value_or(std::min(1e-3, 0.2 * one_contact));
     }
     // Where contacts are that stiff, the fixed step is the critical one. The rate is that at stiff_distance and goes as
     // 1/d; without inertia it is the square that counts.
-    const Real elastic = critical.elastic, drag_limit = critical_step_;
+    const Real elastic = critical.elastic, drag_limit = one_contact;
     const Real unit = BarrierOverlap::stiff_distance / 2, outlines = EdgeContact<BarrierOverlap>{p.e_c}.max_rate(all),
                walls = WallContact<2, BarrierOverlap>{p.e_w, p.wall_diameter}.max_rate(all);
     const bool overdamped = p.dynamics == Dynamics::overdamped;
@@ -147,7 +147,8 @@ class HopperProtocol final : public Protocol<D> {
     }
     // Of an implicit method, or one whose error is controlled where no step is stable, the time scale of Verlet
     // remains.
-    const Real stable = integrator->longest_stable_step(rates_);
+    Real stable = std::numeric_limits<Real>::infinity();
+    for (const FastestRates& motion : motions_) stable = std::min(stable, integrator->longest_stable_step(motion));
     if (integrator->explicit_fixed_step() || (std::isfinite(stable) && stable > 0)) critical_step_ = stable;
     if constexpr (D == 2)
       if (p_.contact_law == ContactLaw::barrier)
@@ -586,9 +587,9 @@ class HopperProtocol final : public Protocol<D> {
         p_.particle_kind() == ModelKind::disk ? "-mu_disk" : "-mu");
     const Integrator& integrator = this->simulation().integrator();
     if (!integrator.explicit_fixed_step()) return fmt::format("{}; or {}", flow, step);
-    const bool long_step = integrator.next_dt() > 0.5 * critical_step_;
-    return fmt::format("most likely, as dt/dt_critical is {} 0.5, {}; else {}", long_step ? "above" : "not above",
-                       long_step ? step : flow, long_step ? flow : step);
+    const bool long_step = integrator.next_dt() > CriticalStep::safe_part * critical_step_;
+    return fmt::format("most likely, as dt/dt_critical is {} {:g}, {}; else {}", long_step ? "above" : "not above",
+                       CriticalStep::safe_part, long_step ? step : flow, long_step ? flow : step);
   }
 
   /// What to do about too long a step.
@@ -734,7 +735,7 @@ class HopperProtocol final : public Protocol<D> {
   Real largest_ = 0, mean_size_ = 0;     ///< diameter; a0
   Real narrowest_ = 0, largest_a0_ = 0;  ///< diameter of a point; a0
   Real top_ = 0;                         ///< of the filling of a flat hopper at the start; not less than it is
-  FastestRates rates_;
+  std::vector<FastestRates> motions_;  ///< of positions and of angles
   Real critical_step_ = 0, dt_ = 0;
   std::function<LeastDistances(Real dt)> least_distances_;
   CrossingWatch outlines_;
