@@ -141,6 +141,11 @@ class Protocol {
   const ParticleSystem<D>& particles() const { return simulation_->particles(); }
   const Topology& topology() const { return simulation_->topology(); }
   const Ranks& ranks() const { return simulation_->ranks(); }
+  /// Length of the step that led here. At the start that of the coming step, if it is fixed, and 0 if the method has
+  /// yet to find its length.
+  Real step_taken() const {
+    return state().step > 0 || simulation_->integrator().explicit_fixed_step() ? run_->last_dt() : 0;
+  }
 
  private:
   std::unique_ptr<Simulation<D>> simulation_;

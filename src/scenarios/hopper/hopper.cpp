@@ -548,7 +548,7 @@ class HopperProtocol final : public Protocol<D> {
               own.id[m], r[D - 1], roof, why_thrown());
       }
     });
-    check_walls_hold(this->simulation().view(), run().last_dt(), ranks(),
+    check_walls_hold(this->simulation().view(), this->step_taken(), ranks(),
                      fmt::format("stiffen the walls (-e_w, now {:g}) or {}", p_.e_w, shorten()));
   }
 
