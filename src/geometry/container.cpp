@@ -93,6 +93,7 @@ Real Container::fill_height(int dim, Real content) const {
 
 WallParts Container::parts(int dim) const {
   WallParts walls = std::visit([&](const auto& shape) { return shape.walls(dim); }, shape_);
+  if (corners_ == CornerRule::literal) std::erase_if(walls.joints, [](const Joint& joint) { return !joint.convex; });
   for (const Obstacle& o : obstacles_) o.add_to(walls);
   return walls;
 }

@@ -18,15 +18,21 @@ Vec<2> in_plane(const Vec<D>& r) {
     return {std::hypot(r[0], r[1]), r[2]};
 }
 
+/// What touches both walls of an inner corner of a container: once, V + V − V(joint), so that forces do not depend on
+/// how finely an outline is divided; or literal, V + V [H 10].
+enum class CornerRule { once, literal };
+
 /// Walls around a region above an orifice, which is centred on the axis at y = 0, with upright walls at the upper end,
 /// which is open and has no end; and obstacles in it. Points are given in its plane. In 3D the region is a figure of
 /// revolution.
 class Container {
  public:
-  Container(const Hopper& hopper, std::vector<Obstacle> obstacles = {})  // NOLINT: a hopper is a container
-      : shape_(hopper), obstacles_(std::move(obstacles)) {}
-  Container(Vessel vessel, std::vector<Obstacle> obstacles = {})  // NOLINT: so is a vessel
-      : shape_(std::move(vessel)), obstacles_(std::move(obstacles)) {}
+  Container(const Hopper& hopper, std::vector<Obstacle> obstacles = {},  // NOLINT: a hopper is a container
+            CornerRule corners = CornerRule::once)
+      : shape_(hopper), obstacles_(std::move(obstacles)), corners_(corners) {}
+  Container(Vessel vessel, std::vector<Obstacle> obstacles = {},  // NOLINT: so is a vessel
+            CornerRule corners = CornerRule::once)
+      : shape_(std::move(vessel)), obstacles_(std::move(obstacles)), corners_(corners) {}
 
   /// Whether it is a hopper, without obstacles.
   bool plain() const { return obstacles_.empty() && std::holds_alternative<Hopper>(shape_); }
@@ -78,6 +84,7 @@ class Container {
  private:
   std::variant<Hopper, Vessel> shape_;
   std::vector<Obstacle> obstacles_;
+  CornerRule corners_;
 };
 
 }  // namespace pliant

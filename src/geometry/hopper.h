@@ -29,7 +29,8 @@ struct Hopper {
     return pi / 3 * s * (square(bottom) + bottom * at + square(at)) + pi * square(top) * std::max(y - slope, Real(0));
   }
 
-  /// Walls of the hopper: for each side the sloped wall from the orifice up, then the upright one, without end.
+  /// Walls of the hopper: for each side the sloped wall from the orifice up, then the upright one, without end, and a
+  /// joint where they meet.
   /// Errors: InputError where the measures make no hopper.
   WallParts walls(int dim) const {
     check();
@@ -38,6 +39,7 @@ struct Hopper {
       if (dim == 3 && side < 0) continue;
       const Vec<2> lip(side * orifice / 2, 0), corner(side * wall_distance / 2, slope_height());
       walls.lips.push_back({lip, walls.next()});
+      walls.joints.push_back({corner, walls.next() + 1, walls.next(), false});
       walls.segments.push_back(WallSegment::between(lip, corner));
       walls.segments.push_back(WallSegment::ray(corner, {0, 1}));
     }

@@ -92,10 +92,11 @@ struct WallTouch {
 
 /// The walls of a run, numbered in the order in which they are added: segments, which have two sides and no inside, and
 /// solids, which push out what has gone in. What points meet are the parts of the walls: segments, then joints, then
-/// solids. Each segment counts separately in an interior corner, and its ends are round corners: the distance is to the
-/// closed segment, so that a particle turns round the lip of an orifice smoothly. Outlines have joints: what touches
-/// both segments there counts once, V(segment) + V(segment) − V(joint), so that forces do not depend on how finely an
-/// outline is divided.
+/// solids. The ends of segments are round corners: the distance is to the closed segment, so that a particle turns
+/// round the lip of an orifice smoothly.
+///
+/// Segments count separately, except where a joint connects them: what touches it counts once, V(segment) + V(segment)
+/// − V(joint), so that forces do not depend on how finely an outline is divided.
 ///
 /// What is added at a time is a rigid body with a motion of its own, made of a material, 0, 1, …, that terms may know.
 /// A body of segments has boxes in its own frame, by which it finds what is near. In 3D this frame has the axis of

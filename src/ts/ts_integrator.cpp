@@ -500,6 +500,10 @@ PetscErrorCode TsIntegrator::post_step(TS ts) {
   });
 }
 
+std::string TsIntegrator::failure_of_trial() const {
+  return last_failure_.empty() ? "" : fmt::format("; last failure in a trial step: {}", last_failure_);
+}
+
 void TsIntegrator::accept_step(Run& run) {
   PetscReal t = 0, dt_next = 0;
   PetscInt rejected = 0;
@@ -516,8 +520,8 @@ void TsIntegrator::accept_step(Run& run) {
   } else if (!(t + dt_next > t)) {
     throw NumericalError(
         "the time step fell to {} at t = {} (step {}), below the rounding of t; loosen the tolerances (-ts_rtol, "
-        "-ts_atol) or look for a discontinuous force",
-        dt_next, t, run.state.step + 1);
+        "-ts_atol) or look for a discontinuous force{}",
+        dt_next, t, run.state.step + 1, failure_of_trial());
   }
   if (adaptive_) {
     // Keep the controller's own proposal: one cut to match t_end says nothing about the next run.
@@ -650,7 +654,7 @@ bool TsIntegrator::solve(FirstOrderSystem& system, State& state, Real t_end, con
         "{} failed in the step after t = {} (step {}): {}, {} rejections, dt down to {}; loosen the tolerances "
         "(-ts_rtol, -ts_atol), reduce -ts_dt or raise -ts_max_reject{}",
         name(), state.t, state.step, TSConvergedReasons[reason], rejected - run.rejected_before, dt,
-        last_failure_.empty() ? "" : fmt::format("; last failure in a trial step: {}", last_failure_));
+        failure_of_trial());
   if (reason == TS_CONVERGED_ITS)
     throw NumericalError("the limit of steps (-ts_max_steps) was reached at t = {} of {}; raise it or leave it out",
                          state.t, t_end);

@@ -104,6 +104,7 @@ class TsIntegrator : public Integrator {
   void evaluate_implicit(Run& run, Real t, const Real* x, const Real* v, Real* a);
   void update_jacobian(::Mat a, Real t, const Real* x, const Real* v, const JacobianWeights& weights);
   void accept_step(Run& run);
+  std::string failure_of_trial() const;  ///< for messages; empty without one
 
   TsOptions options_;
   MPI_Comm comm_;

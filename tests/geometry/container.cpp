@@ -170,6 +170,32 @@ TEST_CASE("lips and joints of outlines and obstacles", "[container]") {
   CHECK(Container(leaning(), obstacles).walls<3>().lips().empty());
 }
 
+TEST_CASE("a hopper and the same outline push alike, in corners too", "[container]") {
+  const Real angle = GENERATE(30, 60, 90);
+  const Hopper hopper{.wall_distance = 10, .orifice = 4, .angle = angle};
+  const Real slope = hopper.slope_height();
+  const Vessel outline{{{-2, 0}, {-5, slope}}, {{2, 0}, {3.5, slope / 2}, {5, slope}}};  // the right wall in two pieces
+  const auto energy = [](const Walls<2>& walls, const Vec<2>& r) {
+    Real sum = 0;
+    for (Index part = 0; part < static_cast<Index>(walls.parts().size()); ++part) {
+      const Real d = walls.distance(r, part, 0);
+      if (d < 1) sum += walls.weight(part) * square(1 - d);
+    }
+    return sum;
+  };
+  const Walls<2> once = Container(hopper).walls<2>(), literal = Container(hopper, {}, CornerRule::literal).walls<2>(),
+                 drawn = Container(outline).walls<2>();
+  CHECK(literal.plain());
+  Random random(7);
+  Real most = 0;
+  for (int k = 0; k < 2000; ++k) {
+    const Vec<2> r(random(-5, 5), slope / 2 + random(-1.5, 3));
+    CHECK(energy(once, r) == Approx(energy(drawn, r)).margin(1e-12));
+    most = std::max(most, energy(literal, r) - energy(once, r));
+  }
+  CHECK(most > 0.3);  // of points close to a corner
+}
+
 TEST_CASE("a particle can fall to where no wall is in the way", "[container]") {
   const Container container(leaning(), obstacles);
   const Walls<2> walls = container.walls<2>();

@@ -128,7 +128,7 @@ TEST_CASE("wall and lip pairs: each once, as by brute force") {
       std::vector<Pair> found, expected;
       find_wall_pairs(c.view(), walls, 0, skin, 0, c.size(), collect(c, found));
       for (Index i = 0; i < c.size(); ++i)
-        for (Index s = 0; s < walls.size(); ++s)
+        for (Index s = 0; s < static_cast<Index>(walls.parts().size()); ++s)
           if (c.used[c.group[i]] && walls.distance(c.at(i), s, 0) < c.diameter[i] / 2 + skin)
             expected.push_back({i, s});
       REQUIRE(expected.size() > 5);

@@ -67,7 +67,8 @@ std::unique_ptr<Integrator> DropletProtocol::make_integrator(Real dt) {
 Real DropletProtocol::standard_dt() const {
   const TsIntegrator method(integration_, MPI_COMM_SELF);
   const Real longest = p_.longest_standard_dt;
-  return method.explicit_fixed_step() ? std::min(longest, 0.5 * method.longest_stable_step({.decay = fastest_rate_})) : longest;
+  return method.explicit_fixed_step() ? std::min(longest, 0.5 * method.longest_stable_step({.decay = fastest_rate_}))
+                                      : longest;
 }
 
 void DropletProtocol::started() {

@@ -1,4 +1,4 @@
-#include <pliant/geometry/hopper.h>
+#include <pliant/geometry/container.h>
 #include <pliant/model/polygon.h>
 #include <pliant/scenarios/evaluate/case_input.h>
 
@@ -80,7 +80,7 @@ Walls<D> read_walls(const CaseValue& inputs) {
     measures.angle = hopper["theta_deg"].number(Sign::positive);
     if (measures.angle > 90) hopper["theta_deg"].fail("is {}, but must be at most 90 degrees", measures.angle);
   }
-  return measures.walls<D>();
+  return Container(measures, {}, CornerRule::literal).walls<D>();
 }
 
 /// What all models with contacts share.

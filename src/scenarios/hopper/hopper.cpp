@@ -735,7 +735,7 @@ class HopperProtocol final : public Protocol<D> {
   Real largest_ = 0, mean_size_ = 0;     ///< diameter; a0
   Real narrowest_ = 0, largest_a0_ = 0;  ///< diameter of a point; a0
   Real top_ = 0;                         ///< of the filling of a flat hopper at the start; not less than it is
-  std::vector<FastestRates> motions_;  ///< of positions and of angles
+  std::vector<FastestRates> motions_;    ///< of positions and of angles
   Real critical_step_ = 0, dt_ = 0;
   std::function<LeastDistances(Real dt)> least_distances_;
   CrossingWatch outlines_;

@@ -187,6 +187,9 @@ void HopperOptions::bind(Options& o) {
   o.bind("lip_contact", lip_contact, {{"edge", ContactRule::edge}, {"literal", ContactRule::literal}},
          {.help = "deformable particles: the lips of the orifice touch edges too, or vertices only [H 10]",
           .on_restart = fixed});
+  o.bind("corner_contact", corner_contact, {{"once", CornerRule::once}, {"literal", CornerRule::literal}},
+         {.help = "inner corners of the container: what touches both walls counts once, or both walls push [H 10]",
+          .on_restart = fixed});
   o.bind("rough_contact", rough_contact, {{"edge", ContactRule::edge}, {"literal", ContactRule::literal}},
          {.help = "rough particles: vertices touch stretched edges too, or vertices only [H 9]", .on_restart = fixed});
   o.bind("self_contact", self_contact,
@@ -427,7 +430,8 @@ void HopperOptions::resolve() {
     if (left_angle && *left_angle != hopper.angle) vessel = uneven_hopper(hopper, *left_angle);
   }
   const auto with = [&](std::vector<Obstacle> all) {
-    return vessel ? Container(*vessel, std::move(all)) : Container(hopper, std::move(all));
+    return vessel ? Container(*vessel, std::move(all), corner_contact)
+                  : Container(hopper, std::move(all), corner_contact);
   };
   container = with({});
   if (!obstacle.empty()) {

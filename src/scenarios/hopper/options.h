@@ -63,6 +63,7 @@ struct HopperOptions : RunOptions {
 
   Hopper hopper;
   std::optional<Real> wall_distance, left_angle;
+  CornerRule corner_contact = CornerRule::once;
   std::string outline, obstacle;       ///< empty: none; see shapes.h
   std::optional<Container> container;  ///< made of these by `resolve`
   FlowKind flow = FlowKind::continuous;
