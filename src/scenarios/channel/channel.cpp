@@ -247,6 +247,7 @@ class ChannelProtocol final : public Protocol<2> {
     c.add("push", schedule_.push_at(state().step));
     c.add("jammed_pushes", jams_);
     c.add("largest_overlap", largest_overlap_);
+    c.add("wall_overlap", wall_overlap_);
     c.add("largest_plunger_force", largest_plunger_force_);
     c.add("plunger_work", work_);
     c.add("plunger_power", power_);
@@ -259,6 +260,7 @@ class ChannelProtocol final : public Protocol<2> {
     const auto events = static_cast<std::int64_t>(jams_.size());
     c.integer("events", events, events);
     largest_overlap_ = c.real("largest_overlap", 0);
+    wall_overlap_ = c.real_or("wall_overlap", 0);
     largest_plunger_force_ = c.real("largest_plunger_force", 0);
     work_ = c.real("plunger_work");
     power_ = c.real("plunger_power");
@@ -297,6 +299,9 @@ class ChannelProtocol final : public Protocol<2> {
     if (largest_overlap_ > 2 * passing_overlap)
       warn("{0}s overlapped by {1:.3g} of a radius: they pass through each other; raise -stiffness, now {2:g}",
            p_.particle(), largest_overlap_, p_.stiffness);
+    if (wall_overlap_ > passing_overlap)
+      warn("a {} overlapped a wall by {:.3g} radii: it passes through the wall; raise -stiffness, now {:g}",
+           p_.particle(), wall_overlap_, p_.stiffness);
     if (!jams_.empty()) say("jammed in push {}\n", fmt::join(jams_, ", "));
   }
 
@@ -393,8 +398,9 @@ class ChannelProtocol final : public Protocol<2> {
   }
 
   void check_walls() {
-    check_walls_hold(simulation().view(), schedule_.dt(), ranks(),
-                     "raise -stiffness, or lower -plunger_speed or -area_fraction");
+    const Real deepest = check_walls_hold(simulation().view(), schedule_.dt(), ranks(),
+                                          "raise -stiffness, or lower -plunger_speed or -area_fraction");
+    wall_overlap_ = std::max(wall_overlap_, deepest);
   }
 
   void check_inside() const {
@@ -417,6 +423,7 @@ class ChannelProtocol final : public Protocol<2> {
   std::vector<Real> plunger_force_;  ///< in the last sample
   std::vector<std::int64_t> jams_;   ///< pushes
   Real largest_overlap_ = 0, largest_plunger_force_ = 0;
+  Real wall_overlap_ = 0;  ///< largest of a disk or vertex with a wall, over its radius
   Real work_ = 0, power_ = 0, power_at_ = 0;
   Real heat_ = 0;  ///< at the last sample
 };
