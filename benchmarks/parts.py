@@ -181,6 +181,45 @@ def disks(context):
     return {"disks": (rows, shown)}, sorted(set(reasons.values()))
 
 
+# ------------------------------------------------------------------------------------------------- frictional spheres
+
+# In a closed cylinder: LAMMPS has no re-insertion, and no region with a circular lip.
+SPHERES = "-model disk -dim 3 -hopper_width 0.01 -mu_wall 0.4"
+SPHERES_DT, SPHERES_STEPS, SPHERES_SAMPLE = 5e-4, 2000, 0.1
+SPHERE_STYLES = {"granular": "yes", "gran_hooke_history": "no"}  # whether they are the same law
+
+
+def spheres(context):
+    size = "-n 300 -hopper_wall_distance 6.5" if context.quick else "-n 3000 -hopper_wall_distance 14"
+    started = []
+
+    def ours(_):
+        folder = context.folder("spheres")
+        summary, _ = context.program.hopper(f"{SPHERES} {size} -dt {SPHERES_DT} -t_end {SPHERES_DT * SPHERES_STEPS:g} "
+                                            f"-sample_interval {SPHERES_SAMPLE} {QUIET}", folder)
+        started.append(folder)
+        return lammps.reference(folder), summary
+
+    def theirs(pair):
+        def job(repetition):
+            return lammps.spheres(started[repetition], pair, SPHERES_STEPS, round(SPHERES_SAMPLE / SPHERES_DT),
+                                  context.program.pin)
+        return job
+
+    jobs = {"Pliant": ours} | {pair: theirs(pair) for pair in SPHERE_STYLES}
+    results, reasons = interleave(jobs, context.repetitions, "spheres")
+    mine, summaries = zip(*results["Pliant"])
+    per = 1e9 / (summaries[0]["particles"] * summaries[0]["steps"])
+    programs = [("Pliant", "", mine)] + [(f"LAMMPS {pair.replace('_', '/')}", same, results[pair])
+                                         for pair, same in SPHERE_STYLES.items() if pair not in reasons]
+    rows = [{"program": name, "same law": same, "N": summaries[0]["particles"], **spread([per * p.seconds for p in found]),
+             "over Pliant": statistics.median(p.seconds / q.seconds for p, q in zip(found, mine)),
+             "kinetic energy": f"{found[0].kinetic_energy:.4g}", "height": f"{found[0].height:.4g}", **context.origin}
+            for name, same, found in programs]
+    shown = ["program", "same law", "N", "median", "min–max", "over Pliant", "kinetic energy", "height"]
+    return {"spheres": (rows, shown)}, sorted(set(reasons.values()))
+
+
 # ------------------------------------------------------------------------------------------------ scaling and parallel
 
 def soft_system(points, dim):
@@ -395,4 +434,5 @@ def kernels(context):
     return {"kernels": (rows, ["kernel", *systems], [row for row in shown if len(row) > 1])}, []
 
 
-PARTS = {"targets": targets, "disks": disks, "scaling": scaling, "parallel": parallel, "flow": flow, "kernels": kernels}
+PARTS = {"targets": targets, "disks": disks, "spheres": spheres, "scaling": scaling, "parallel": parallel, "flow": flow,
+         "kernels": kernels}

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "python"))
-from pliant.plotting import COLORS, MARKERS, plt  # noqa: E402  (the folder of the package comes first)
+from pliant.plotting import ABOVE, COLORS, MARKERS, plt  # noqa: E402  (the folder of the package comes first)
 
 from harness import BenchError  # noqa: E402
 
@@ -73,7 +73,7 @@ def draw_scaling(rows, path):
 
 
 def draw_speedup(rows, path):
-    figure, axes = plt.subplots(figsize=(6.2, 3.4), layout="constrained")
+    figure, axes = plt.subplots(figsize=(5.4, 4.0), layout="constrained")
     most = max(row["workers"] for row in rows)
     axes.plot([1, most], [1, most], color="0.6", linewidth=0.8, label="ideal")
     cases = list(dict.fromkeys(row["case"] for row in rows))
@@ -87,7 +87,7 @@ def draw_speedup(rows, path):
             axes.errorbar([row["workers"] for row in mine], middle, error, fmt="none", color=line.get_color(), capsize=2)
     axes.set(xlabel="threads or ranks", ylabel="speed-up over the serial run", ylim=(0, None),
              xticks=range(1, most + 1))
-    axes.legend(loc="center left", bbox_to_anchor=(1, 0.5))  # inside it would lie over the lines of few workers
+    axes.legend(**ABOVE | {"ncols": 3})  # inside it would lie over the lines of few workers
     save(figure, path)
 
 

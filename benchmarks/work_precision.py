@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 from harness import BenchError, Context, measure, parser, read_csv, run, say, write_csv
-from report import COLORS, MARKERS, cell, insert, origin, plt, save, table
+from report import ABOVE, COLORS, MARKERS, cell, insert, origin, plt, save, table
 
 from pliant import Run  # report.py knows where it is
 from pliant.statistics import block_ratio
@@ -151,7 +151,7 @@ def failures(rows):
 
 
 def draw(rows, error, label, path):
-    figure, (left, right) = plt.subplots(1, 2, figsize=(8.6, 3.6), sharey=True, layout="constrained")
+    figure, (left, right) = plt.subplots(1, 2, figsize=(8.6, 4.2), sharey=True, layout="constrained")
     for i, method in enumerate(methods_of(rows)):
         mine = [row for row in rows if row["method"] == method and row.get(error)]
         if not mine:
@@ -161,9 +161,14 @@ def draw(rows, error, label, path):
             axes.plot([row[cost] for row in mine], [row[error] for row in mine], style, color=COLORS[i % len(COLORS)],
                       marker=MARKERS[i % len(MARKERS)], markersize=4, linewidth=1.1, label=method,
                       fillstyle="full" if i < len(COLORS) else "none")
-    left.set(xscale="log", yscale="log", xlabel="CPU time / that of the standard run", ylabel=label)
+    left.set(xscale="log", yscale="log", xlabel="CPU time / that of the standard run",
+             ylabel=label.replace("σ_avg", r"$\sigma_{avg}$"))
     right.set(xscale="log", xlabel="force evaluations / those of the standard run")
-    right.legend(loc="center left", bbox_to_anchor=(1, 0.5))
+    # Half of the legend above each panel.
+    handles, labels = left.get_legend_handles_labels()
+    half = -(-len(labels) // 2)
+    for axes, part in ((left, slice(None, half)), (right, slice(half, None))):
+        axes.legend(handles[part], labels[part], **ABOVE | {"ncols": 3})
     save(figure, path)
 
 

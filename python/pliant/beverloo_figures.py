@@ -5,10 +5,12 @@ from matplotlib.container import ErrorbarContainer
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from . import plotting, script
+from .symbols import plain
 
 FRACTIONS = {0.5: "1/2", 1.0: "1", 1.5: "3/2", 2.5: "5/2"}
 W_LABEL = r"orifice width  $w/\sigma_{avg}$"
 _LEGEND_INSIDE = 4  #: entries of a legend that leave room for the curves
+_LONG = 30  #: letters of an entry that needs the whole width of a panel
 
 
 def rate_label(dims):
@@ -19,14 +21,13 @@ def rate_label(dims):
 
 
 def groups_first(axes):
-    """A legend with the groups (error bars) before the reference lines; beside the axes, in a wider figure, where it would
-    lie over curves."""
+    """A legend with the groups (error bars) before the reference lines; above the axes where it would lie over curves."""
     pairs = sorted(zip(*axes.get_legend_handles_labels()), key=lambda pair: not isinstance(pair[0], ErrorbarContainer))
     if len(pairs) <= _LEGEND_INSIDE:
         axes.legend(*zip(*pairs), loc="upper left")
         return
-    axes.legend(*zip(*pairs), **plotting.BESIDE)
-    axes.figure.set_figwidth(max(axes.figure.get_figwidth(), 13))
+    longest = max(len(plain(label)) for _, label in pairs)
+    axes.legend(*zip(*pairs), **plotting.ABOVE | {"ncols": 1 if longest > _LONG else 2})
 
 
 def plain_numbers(axis):

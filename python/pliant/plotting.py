@@ -11,7 +11,7 @@ from matplotlib.colors import BoundaryNorm, ListedColormap, Normalize
 from matplotlib.ticker import MaxNLocator
 
 from .errors import OutputError, RunError
-from .symbols import MODEL_NAMES, SYMBOLS, differing, group_label
+from .symbols import MODEL_NAMES, SYMBOLS, differing, group_label, parameter_label
 
 # Okabe and Ito's palette: distinct for every common kind of colour vision.
 COLORS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#7F7F7F"]
@@ -19,8 +19,11 @@ MARKERS = "osD^vPX*"
 WALL = "#303030"
 PALE = "#E6E6E6"
 
-#: Place of a legend right of its axes.
-BESIDE = {"loc": "center left", "bbox_to_anchor": (1, 0.5)}
+#: Width of a page in inches: wider figures are shown smaller, with text that is too small to read.
+PAGE = 9.2
+#: Place of a legend above its axes and a title at the left.
+ABOVE = {"loc": "lower left", "bbox_to_anchor": (0, 1.08), "borderaxespad": 0.2, "ncols": 2, "columnspacing": 1.2,
+         "handlelength": 1.8}
 
 plt.rcParams.update({
     "axes.prop_cycle": matplotlib.cycler(color=COLORS), "axes.grid": False, "axes.linewidth": 0.8,
@@ -274,10 +277,9 @@ def draw_particles(axes, run, frame, colors, edge_shade=0.78, scale=None):
 def panel_figure(runs, boxes, height=4.6):
     """Figure and axes for one drawing per run and view box, side by side at a common height of the panels."""
     shapes = [(b[1] - b[0]) / (b[3] - b[2]) for b in boxes]
-    width = height * sum(shapes)
-    if width > 15:
-        height, width = max(height * 15 / width, 2.0), 15
-    size = width + 0.75 * len(boxes) + 0.9, height + 0.75  # room for labels and the colour bar
+    room = 0.45 * len(boxes) + 1.1  # for labels and the colour bar
+    width = min(height * sum(shapes), PAGE - room)
+    size = width + room, width / sum(shapes) + 0.95
     figure, axes = plt.subplots(1, len(boxes), figsize=size, squeeze=False, layout="constrained",
                                 gridspec_kw={"width_ratios": shapes})
     for ax, run, box in zip(axes[0], runs, boxes):
@@ -313,12 +315,18 @@ def run_labels(runs):
 _OUTPUT = ("frame_interval", "sample_interval", "checkpoint_interval", "max_wall_time", "threads")
 
 
+def _part_label(part):
+    """A part 'name=value' of a folder's name in symbols; other parts as they are."""
+    name, equals, value = part.partition("=")
+    return parameter_label(name, value) if equals else part
+
+
 def name_labels(runs):
     """The folders' names, without the parts between commas that are the same in all (pliant-sweep names its runs by
-    their options) or are of output alone; with the folders above them where the names are the same."""
+    their options) or are of output alone, in symbols; with the folders above them where the names are the same."""
     parts = [[p for p in r.name.split(",") if p.split("=")[0] not in _OUTPUT] for r in runs]
     common = set.intersection(*map(set, parts))
-    names = [", ".join(p for p in name if p not in common) or ",".join(name) or "default" for name in parts]
+    names = [", ".join(_part_label(p) for p in name if p not in common) or ",".join(name) or "default" for name in parts]
     if len(set(names)) == len(runs):
         return names
     folders = [r.path.resolve().parts for r in runs]

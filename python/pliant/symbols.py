@@ -22,6 +22,7 @@ _READ_BY = {"e_sp": {"sp"}, "rough_contact": {"rough"}, "edge_width": {"smooth"}
             **dict.fromkeys(("mu", "friction", "wall_diameter"), {"sp", "rough", "smooth"}),
             **dict.fromkeys(("e_disk", "mu_disk", "mu_disk_dynamic", "mu_wall", "mu_wall_dynamic", "restitution",
                              "tangential_stiffness", "tangential_damping"), {"disk"})}
+_NUMERICS = {"dt": r"\Delta t"}  # symbols of options that tell no two systems apart
 _NOTHING_AT_ZERO = ("mu", "zeta")  # how a system dissipates: 0 is not worth a word where the other is not
 
 
@@ -33,7 +34,8 @@ def reads(model, name):
 def parameter_label(name, value):
     """'$w/σ = 5$' for a parameter's value."""
     number = f"{value:.4g}" if isinstance(value, (int, float, np.number)) else str(value)
-    return f"${SYMBOLS[name]} = {number}$" if name in SYMBOLS else f"{name} = {number}"
+    symbol = SYMBOLS.get(name) or _NUMERICS.get(name)
+    return f"${symbol} = {number}$" if symbol else f"{name} = {number}"
 
 
 def group_label(row, columns):

@@ -26,7 +26,7 @@ def main():
     cells["interval"] = [result["interval"]["time"]] * len(cells["x"])
     cells["clock_interval"] = [seconds * travel for travel in cells["clock"]]
 
-    figure, panels = plt.subplots(2, 3, figsize=(12.5, 7.4), layout="constrained")
+    figure, panels = plt.subplots(2, 3, figsize=(plotting.PAGE, 5.6), layout="constrained")
     columns = ((("interval", "clock_interval"), r"$\Delta t$  [s]", "cividis"),
                (("strain", "clock_strain"), "strain  $|DF|$", "magma"),
                ((d2, f"clock_{d2}"), figures.LABELS[d2], "viridis"))

@@ -24,7 +24,7 @@ def main():
     distance = np.asarray(result["distances"]["distance"])
     rows = result["distances"]["sizes"]
 
-    figure, panels = plt.subplots(1, 2, figsize=(9.5, 3.9), layout="constrained")
+    figure, panels = plt.subplots(1, 2, figsize=(plotting.PAGE, 3.9), layout="constrained")
     for axes, quantity in zip(panels, ("dr_na", figures.d2(arguments))):
         counts = np.array([row[quantity][arguments.region]["count"] for row in rows])
         for i, (row, count) in enumerate(zip(rows, counts)):

@@ -22,7 +22,7 @@ def main():
     (_, result), = figures.results(arguments.path)
     cells = {name: np.asarray(values) for name, values in result["cells"].items()}
 
-    figure, (left, right) = plt.subplots(1, 2, figsize=(10.5, 4.6), layout="constrained")
+    figure, (left, right) = plt.subplots(1, 2, figsize=(plotting.PAGE, 4.1), layout="constrained")
     travel = result["interval"]["travel"]
     arrows = figures.draw_field(left, cells, travel, result["choices"]["cell"])
     left.set(title=figures.interval_text(result))

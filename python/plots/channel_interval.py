@@ -24,7 +24,7 @@ def main():
     parser.add_argument("--region", choices=("all", "centre"), default="centre")
     arguments = script.arguments(parser)
 
-    figure, panels = plt.subplots(1, 2, figsize=(9.5, 3.9), layout="constrained")
+    figure, panels = plt.subplots(1, 2, figsize=(plotting.PAGE, 3.9), layout="constrained")
     for i, (name, result) in enumerate(figures.results(arguments.path)):
         rows = result["intervals"]
         x = np.array([row["relative"] for row in rows])

@@ -25,7 +25,7 @@ def main():
     arguments = script.arguments(parser)
     named = figures.results(arguments.path)
 
-    figure, panels = plt.subplots(1, 3, figsize=(12.5, 3.9), layout="constrained")
+    figure, panels = plt.subplots(1, 3, figsize=(plotting.PAGE, 3.4), layout="constrained")
     for axes, quantity in zip(panels, ("dr_na", figures.d2(arguments), "rotation")):
         region = "centre" if quantity == "rotation" else arguments.region
         delta, value, error, _ = figures.by_polydispersity(

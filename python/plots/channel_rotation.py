@@ -25,7 +25,7 @@ def main():
     if not np.isfinite(cells["rotation"]).any():
         raise RunError(f"{result['source']}: there are no angles, so no rotation")
 
-    figure, panels = plt.subplots(1, 3, figsize=(12.5, 3.9), layout="constrained", sharey=True)
+    figure, panels = plt.subplots(1, 3, figsize=(plotting.PAGE, 3.4), layout="constrained", sharey=True)
     inside = cells["centre"] > 0
     for axes, quantity in zip(panels, ("displacement", "dr_na", figures.d2(arguments))):
         for mask, color, label in ((~inside, plotting.COLORS[0], "outside"),

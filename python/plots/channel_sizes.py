@@ -20,7 +20,7 @@ def main():
     parser.add_argument("--region", choices=("all", "centre"), default="all")
     arguments = script.arguments(parser)
 
-    figure, panels = plt.subplots(1, 2, figsize=(9.5, 3.9), layout="constrained")
+    figure, panels = plt.subplots(1, 2, figsize=(plotting.PAGE, 3.9), layout="constrained")
     for i, (name, result) in enumerate(figures.results(arguments.path)):
         rows = result["sizes"]
         x = [row["relative_radius"] for row in rows]

@@ -28,7 +28,7 @@ def main():
     run = tracks.load(arguments.path[0], **({"angle_period": given["angle_period"]} | given.get("table", {})))
     shot = channel.snapshot(run, choices, arguments.push, arguments.travel)
 
-    figure, panels = plt.subplots(2, 2, figsize=(11, 9.2), layout="constrained")
+    figure, panels = plt.subplots(2, 2, figsize=(plotting.PAGE, 7.8), layout="constrained")
     mean_radius, d2 = result["mean_radius"], figures.d2(arguments)
     left_over = shot["shift"] - shot["mean"]
     for axes, values, name, arrows, colors in (

@@ -31,10 +31,10 @@ def main():
     print(f"A = {script.with_error(fit.A, fit.A_error)}, B = {script.with_error(fit.B, fit.B_error)}, "
           f"{fit.points} of {len(points)} points, chi2/dof {fit.chi2_reduced:.3g}")
 
-    figure, (left, middle, right) = plt.subplots(1, 3, figsize=(12.5, 3.9), layout="constrained")
+    figure, (left, middle, right) = plt.subplots(1, 3, figsize=(plotting.PAGE, 3.6), layout="constrained")
     draw_avalanches(left, middle, points, x, fit)
     draw_probabilities(right, points, x, fit)
-    left.legend()
+    left.legend(**plotting.ABOVE)
     plotting.save(figure, arguments.output)
 
 

@@ -24,10 +24,10 @@ def main():
     for i, (run, label) in enumerate(zip(runs, labels)):
         color = plotting.color(i)
         curve = raft.Compression.of(run)
-        axes.plot(curve.distance, curve.force, color=color, lw=0.9, label=label)
+        axes.plot(curve.distance, curve.force, ("-", "--", ":")[i % 3], color=color, lw=0.9, label=label)
         for sign, marker in ((1, "^"), (-1, "v")):
             at = curve.peaks(sign)
-            axes.plot(curve.distance[at], curve.force[at], marker, color=color, ms=4)
+            axes.plot(curve.distance[at], curve.force[at], marker, color=color, ms=4 + 2 * i, mfc="none" if i else color)
         table = curve.reductions()
         k1, error = raft.fit_k1(table) if len(table) else (float("nan"), float("nan"))
         for row in table.itertuples():

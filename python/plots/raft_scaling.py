@@ -26,7 +26,7 @@ def main():
     k1, error = raft.fit_k1(all_of_them)
     print(f"k1 = {script.with_error(k1, error)} from {len(all_of_them)} reductions of {len(curves)} runs")
 
-    figure, (left, right) = plt.subplots(1, 2, figsize=(9.5, 4.0), layout="constrained")
+    figure, (left, right) = plt.subplots(1, 2, figsize=(plotting.PAGE, 4.0), layout="constrained")
     raft_figures.draw_stiffness(left, all_of_them, k1)
     raft_figures.draw_peaks(right, all_of_them)
     plotting.save(figure, arguments.output)

@@ -47,13 +47,13 @@ def main():
     box = (corners[:, 0].min() - 0.3, corners[:, 0].max() + 0.3, corners[:, 1].min(), corners[:, 1].max())
     height = 5.0
     width = max(2.4, height * (box[1] - box[0]) / (box[3] - box[2]))
-    figure, axes = plt.subplots(1, len(frames), figsize=(width * len(frames), height), squeeze=False,
+    scale = min(1, plotting.PAGE / (width * len(frames)))
+    figure, axes = plt.subplots(1, len(frames), figsize=(scale * width * len(frames), scale * height + 0.4), squeeze=False,
                                 layout="constrained")
     for ax, frame in zip(axes[0], frames):
         draw(ax, run, frame, largest, box)
-    axes[0, -1].legend(handles=[plt.Line2D([], [], color=c, lw=3, label=label)
-                                for c, label in ((TENSION, "tension"), (COMPRESSION, "compression"))],
-                       loc="upper left", bbox_to_anchor=(1, 1))
+    axes[0, 0].legend(handles=[plt.Line2D([], [], color=c, lw=3, label=label)
+                               for c, label in ((TENSION, "tension"), (COMPRESSION, "compression"))], **plotting.ABOVE)
     plotting.save(figure, arguments.output)
 
 

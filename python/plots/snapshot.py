@@ -38,7 +38,7 @@ def main():
     figure, axes = plotting.panel_figure(runs, boxes)
     labels = plotting.run_labels(runs) if len(runs) > 1 else [plotting.model_name(runs[0])]
     for ax, run, frame, label in zip(axes, runs, frames, labels):
-        ax.set_title(f"{label},  {plotting.time_label(run, frame)}")
+        ax.set_title((f"{label}\n" if len(runs) > 1 else f"{label},  ") + plotting.time_label(run, frame))
         plotting.draw_walls(ax, run, frame)
     plotting.add_color_bar(figure, list(axes), runs[0], arguments.color, cmap, norm, extend)
     for ax, run, frame, value in zip(axes, runs, frames, values):

@@ -9,7 +9,25 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from synthetic import write_run  # noqa: E402
 
-from pliant import beverloo  # noqa: E402
+from matplotlib.figure import Figure  # noqa: E402
+
+from pliant import beverloo, plotting  # noqa: E402
+
+
+@pytest.fixture(autouse=True)
+def figures_fit_a_page(monkeypatch):
+    """No figure that a test saves is wider than a page, where its text is too small to read; no legend stands right of
+    its axes, whose curves then get what is left of the width."""
+    save = Figure.savefig
+
+    def checked(figure, *arguments, **options):
+        assert figure.get_figwidth() <= plotting.PAGE + 0.01, f"the figure is {figure.get_figwidth():.3g} in wide"
+        for axes in figure.axes:
+            legend = axes.get_legend()
+            assert legend is None or legend.get_window_extent().x0 < axes.bbox.x1, "the legend stands beside its axes"
+        return save(figure, *arguments, **options)
+
+    monkeypatch.setattr(Figure, "savefig", checked)
 
 
 @pytest.fixture(scope="session")

@@ -491,7 +491,7 @@ def test_runs_of_a_sweep_are_called_by_what_differs():
     def labels(*names):
         return plotting.name_labels([types.SimpleNamespace(name=name) for name in names])
 
-    assert labels("a=1,b=2,seed=1", "a=1,b=3,seed=1") == ["b=2", "b=3"]
-    assert labels("a=1,seed=1", "a=1,dt=0.1,seed=1") == ["a=1,seed=1", "dt=0.1"]
+    assert labels("a=1,b=2,seed=1", "a=1,b=3,seed=1") == ["b = 2", "b = 3"]
+    assert labels("a=1,seed=1", "a=1,dt=0.1,seed=1") == ["a=1,seed=1", r"$\Delta t = 0.1$"]
     assert labels("one") == ["one"]
-    assert labels("frame_interval=1000", "dt=0.1,frame_interval=1e9") == ["default", "dt=0.1"]
+    assert labels("frame_interval=1000", "dt=0.1,frame_interval=1e9") == ["default", r"$\Delta t = 0.1$"]

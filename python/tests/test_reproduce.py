@@ -1233,13 +1233,13 @@ def test_figures_of_sizes(channel_runs):
 
 
 @pytest.mark.parametrize("groups", [4, 5])
-def test_a_long_legend_stands_beside_the_curves(groups):
+def test_a_long_legend_stands_above_the_curves(groups):
     new, axes = plt.subplots()
     for i in range(groups):
         axes.errorbar([0, 1], [i, i + 1], [0.1, 0.1], label=f"$K_l$ = {i}")
     beverloo_figures.groups_first(axes)
     box = axes.get_legend().get_window_extent()
-    assert (box.x0 > axes.bbox.x1) == (groups == 5) and (box.x1 < axes.bbox.x1) == (groups == 4)
+    assert (box.y0 > axes.bbox.y1) == (groups == 5) and (box.y1 < axes.bbox.y1) == (groups == 4) and box.x1 < axes.bbox.x1
     plt.close(new)
 
 

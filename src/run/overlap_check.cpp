@@ -1,18 +1,22 @@
 #include <pliant/run/overlap_check.h>
 
+#include <algorithm>
+
 #include <pliant/base/errors.h>
 
 namespace pliant {
 
 template <int D>
-void check_walls_hold(const StateView<D>& s, Real dt, const Ranks& ranks, const std::string& cure) {
+Real check_walls_hold(const StateView<D>& s, Real dt, const Ranks& ranks, const std::string& cure) {
   const Topology& topology = s.topology;
+  Real largest = 0;
   ranks.together([&] {
     for (const auto& [i, part] : s.neighbours.walls) {
       const Real d = s.walls.distance(s.position(i), part, s.t), radius = topology.diameter[i] / 2;
       if (d < 0)
         throw NumericalError("particle {} went through wall {}: it overlaps by {:.3g} radii; {}",
                              topology.id[topology.particle[i]], s.walls.wall_of_part(part), 1 - d / radius, cure);
+      largest = std::max(largest, 1 - d / radius);
     }
     for (Index i = 0; i < topology.owned_points(); ++i) {
       const Index m = topology.particle[i];
@@ -23,9 +27,10 @@ void check_walls_hold(const StateView<D>& s, Real dt, const Ranks& ranks, const 
             topology.id[m], way / radius, cure);
     }
   });
+  return ranks.max(largest);
 }
 
-template void check_walls_hold<2>(const StateView<2>&, Real, const Ranks&, const std::string&);
-template void check_walls_hold<3>(const StateView<3>&, Real, const Ranks&, const std::string&);
+template Real check_walls_hold<2>(const StateView<2>&, Real, const Ranks&, const std::string&);
+template Real check_walls_hold<3>(const StateView<3>&, Real, const Ranks&, const std::string&);
 
 }  // namespace pliant

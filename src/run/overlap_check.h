@@ -8,14 +8,17 @@
 
 namespace pliant {
 
-/// Overlap of two particles, over their contact distance, from which on their centres have met: they pass through each
-/// other, and no contact law means anything.
+/// Overlap of two particles, over their contact distance, from which on their centres have met, and of a particle with
+/// a wall, over the radius, from which on its centre is on the wall: they pass through each other, and no contact law
+/// means anything.
 constexpr Real passing_overlap = 0.95;
 
-/// For samples. Errors: NumericalError on all ranks where a particle overlaps a wall by more than its radius (its
-/// centre, or a vertex of a polygon, is within a solid or a disk), or goes farther than its radius in a step dt, so
-/// that it may pass through particles and walls unseen. `cure` ends the message. s: with valid lists. Collective.
+/// For samples. Returns the largest overlap of a point with a wall, over the point's radius, of all ranks; 0 without
+/// any. A thin wall has no inside: it overlaps by one radius at most. Errors: NumericalError on all ranks where a
+/// particle overlaps a wall by more than its radius (its centre, or a vertex of a polygon, is within a solid or a
+/// disk), or goes farther than its radius in a step dt, so that it may pass through particles and walls unseen. `cure`
+/// ends the message. s: with valid lists. Collective.
 template <int D>
-void check_walls_hold(const StateView<D>& s, Real dt, const Ranks& ranks, const std::string& cure);
+Real check_walls_hold(const StateView<D>& s, Real dt, const Ranks& ranks, const std::string& cure);
 
 }  // namespace pliant

@@ -1,5 +1,6 @@
 """What comes out of a run, against what can be counted or weighed in its frames."""
 
+import json
 import re
 
 import numpy as np
@@ -295,6 +296,15 @@ def test_an_arch_is_a_clog_and_a_dead_zone_is_not(options, status, tmp_path):
     assert results.summary["status"] == status and results.summary["left_in_hopper"] > 0
 
 
+@pytest.mark.parametrize("zeta, seed", [(1, 1), (0.1, 2)])
+def test_a_large_sphere_that_plugs_the_orifice_comes_to_rest(zeta, seed, tmp_path):
+    """It touches a whole ring of the cone, or of the lip."""
+    results = hopper(tmp_path / "run", dim=3, n=60, flow="discharge", size_ratio=4, size_fraction=0.02, hopper_width=3,
+                     hopper_angle=45, hopper_wall_distance=8, mu=0, zeta=zeta, seed=seed, t_end=300, frame_interval=1000)
+    assert results.summary["status"] == "clogged" and results.summary["t"] < 200
+    assert results.summary["left_in_hopper"] > 50
+
+
 @pytest.mark.parametrize("options", [
     {"n": 100, "hopper_wall_distance": 12, "hopper_width": 5, "zeta": 2000, "mu": 0, "t_end": 60},
     {"n": 100, "hopper_wall_distance": 12, "hopper_width": 5, "zeta": 0, "mu": 2000, "t_end": 60},
@@ -429,6 +439,18 @@ def test_overlap_of_one_particle_at_rest(tmp_path):
                      e_w=500, size_distribution="mono", clog_time=1000)
     height = results.frames[-1]["centres"][0, 1]
     assert 1 - 2 * height == pytest.approx(np.pi / 4 / (2 * 500), rel=1e-3)
+
+
+@pytest.mark.parametrize("overlap, passes", [(0.97, True), (0.9, False)])
+def test_a_particle_whose_centre_is_on_a_wall_passes_through_it(overlap, passes, tmp_path):
+    """A thin wall pushes to both sides: no number with an error bar where centres reach it. The overlap is as above."""
+    result = pliant("hopper", output=tmp_path / "run", n=1, hopper_wall_distance=3, hopper_width=0.05, pack_fraction=0.3,
+                    zeta=5, t_end=40, e_w=np.pi / 8 / overlap, size_distribution="mono", clog_time=1000)
+    summary = json.loads((tmp_path / "run/summary.json").read_text(encoding="utf-8"))
+    assert result.returncode == 0 and summary["largest_wall_overlap"] == pytest.approx(overlap, abs=1e-3)
+    assert ("passing_overlap" in summary) == passes
+    assert (f"warning: a particle overlapped a wall by {overlap:g} radii: it passes through the wall" in result.stderr) == passes
+    assert ("no error: particles passed through each other or a wall" in result.stdout) == passes
 
 
 def test_free_fall_with_drag(tmp_path):

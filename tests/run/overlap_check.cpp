@@ -1,5 +1,6 @@
 // Particles inside walls, and steps that are too long to see what is in the way. On any number of ranks.
 #include <catch2/catch.hpp>
+#include <cmath>
 #include <string>
 
 #include <pliant/model/wall_contact.h>
@@ -12,8 +13,10 @@ namespace pliant::test::overlap_check_test {
 
 namespace {
 
-/// A disk of diameter 1 (and one out of the way) at r, with velocity v, checked for a step of 0.1.
-std::string verdict(const Walls<2>& walls, const pliant::Vec<2>& r, const pliant::Vec<2>& v = {0, 0}) {
+/// A disk of diameter 1 (and one out of the way) at r, with velocity v, checked for a step of 0.1; its overlap, if
+/// asked for.
+std::string verdict(const Walls<2>& walls, const pliant::Vec<2>& r, const pliant::Vec<2>& v = {0, 0},
+                    Real* overlap = nullptr) {
   Configuration<2> c;
   c.add_soft(1, {50, 50});
   c.add_soft(1, r);
@@ -25,7 +28,8 @@ std::string verdict(const Walls<2>& walls, const pliant::Vec<2>& r, const pliant
     if (s->topology().id[m] == 1)
       for (int k = 0; k < 2; ++k) s->state().v()[2 * m + k] = v[k];
   try {
-    check_walls_hold(s->view(), 0.1, s->ranks(), "do this");
+    const Real largest = check_walls_hold(s->view(), 0.1, s->ranks(), "do this");
+    if (overlap) *overlap = largest;
   } catch (const Error& error) {
     return error.what();
   }
@@ -44,6 +48,18 @@ TEST_CASE("more than a radius inside a wall, which may move, is through it", "[r
   CHECK(verdict(walls, {0, -30}).find("went through") != std::string::npos);
   CHECK(verdict(walls, {5, 2.9}).empty());
   CHECK(verdict(walls, {5, 3.5}).find("particle 1 went through wall 0") == 0);
+}
+
+TEST_CASE("an overlap with a thin wall is found before the centre is on its other side", "[ranks]") {
+  const Walls<2> walls(WallParts{{WallSegment::between({-1, 0}, {1, 0})}});
+  for (const Real y : {0.4, 0.01, -0.02}) {  // a thin wall pushes to both sides
+    Real overlap = -1;
+    CHECK(verdict(walls, {0.2, y}, {0, 0}, &overlap).empty());
+    CHECK(overlap == Approx(1 - 2 * std::abs(y)));
+  }
+  Real overlap = -1;
+  verdict(walls, {0.2, 0.6}, {0, 0}, &overlap);
+  CHECK(overlap == 0);
 }
 
 TEST_CASE("a step that is longer than a radius passes through what it does not see", "[ranks]") {

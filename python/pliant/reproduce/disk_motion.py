@@ -1,6 +1,8 @@
 """The figures of the thesis' chapter 3 and appendix A that show where, next to what, and of which size disks move off the
 mean; and how that depends on what the thesis leaves open."""
 
+import textwrap
+
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
@@ -66,7 +68,7 @@ def draw_histogram(measured):
 
 
 def _draw_against_size(measured, prefix, ylabel):
-    figure, panels = plt.subplots(1, 2, figsize=(9.6, 4.2), layout="constrained")
+    figure, panels = plt.subplots(1, 2, figsize=(plotting.PAGE, 4.2), layout="constrained")
     for i, (name, rows) in enumerate(_by_delta(measured)):
         for axes, quantity in zip(panels, MOTION):
             points = ensemble.average(rows.assign(size=rows["relative_radius"].round(3)), ["size"], prefix + quantity)
@@ -128,7 +130,7 @@ def draw_peaks(measured):
 def draw_distances(measured):
     """[T 3.9]: non-affine motion against the distance from a disk of each size."""
     found = _two(measured)
-    figure, panels = plt.subplots(len(found), 2, figsize=(9.6, 3.7 * len(found)), layout="constrained", squeeze=False)
+    figure, panels = plt.subplots(len(found), 2, figsize=(plotting.PAGE, 3.7 * len(found)), layout="constrained", squeeze=False)
     quantities = []
     for (name, rows), pair in zip(found, panels):
         smallest = rows["radius"].min()
@@ -194,7 +196,7 @@ def draw_clock_maps(measured):
     cells = _mean_cells(rows)
     seconds = cells["time"].mean() / cells["travel"].mean()
     cells = cells.assign(interval=cells["time"].mean(), clock_interval=seconds * cells["clock"])
-    figure, panels = plt.subplots(2, 3, figsize=(12.5, 7.4), layout="constrained")
+    figure, panels = plt.subplots(2, 3, figsize=(plotting.PAGE, 5.6), layout="constrained")
     columns = ((("interval", "clock_interval"), r"$\Delta t$  [s]", "cividis"),
                (("strain", "clock_strain"), "strain  $|DF|$", "magma"),
                (("d2_min", "clock_d2_min"), LABEL["d2_min"], "viridis"))
@@ -224,7 +226,7 @@ def draw_rotations(measured):
     found = _two(measured)
     if not np.isfinite(measured["rotation"]).any():
         raise RunError("no run has the quantity rotation")
-    figure, panels = plt.subplots(3, len(found), figsize=(4.8 * len(found), 9.6), layout="constrained", squeeze=False,
+    figure, panels = plt.subplots(3, len(found), figsize=(min(4.8 * len(found), plotting.PAGE), 9.6), layout="constrained", squeeze=False,
                                   sharey=True)
     quantities = []
     for (name, rows), column in zip(found, panels.T):
@@ -255,7 +257,7 @@ def _first_run(rows):
 def draw_snapshots(measured):
     """[T 3.6]: displacement, non-affine displacement and D2_min of every disk at one time."""
     found = [(name, _first_run(rows)) for name, rows in _two(measured)]
-    figure, panels = plt.subplots(3, len(found), figsize=(5.4 * len(found), 14.0), layout="constrained", squeeze=False)
+    figure, panels = plt.subplots(3, len(found), figsize=(min(5.4 * len(found), plotting.PAGE), 12.0), layout="constrained", squeeze=False)
     for (name, shot), column in zip(found, panels.T):
         place, mean_radius = shot[["x", "y"]].to_numpy(), shot["mean_radius"].iloc[0]
         shift = shot[["dx", "dy"]].to_numpy()
@@ -330,7 +332,7 @@ def draw_choices(measured):
     order = [c for c in dict.fromkeys(measured.sort_values(["changed"])["changed"]) if c]
     columns = (("dr_na", LABEL["dr_na"]), ("d2_min", LABEL["d2_min"]), ("exponent_dr_na", r"exponent of $\Delta r_{NA}$"),
                ("exponent_d2_min", r"exponent of $D^2_{min}$"), ("rotation", LABELS["rotation"]))
-    figure, panels = plt.subplots(1, len(columns), figsize=(14, max(1.4 + 0.26 * len(order), 3.2)), layout="constrained",
+    figure, panels = plt.subplots(1, len(columns), figsize=(plotting.PAGE, max(1.4 + 0.26 * len(order), 3.2)), layout="constrained",
                                   sharey=True)
     quantities, places = [], {text: i for i, text in enumerate(order)}
     label = dict(zip(measured["changed"], measured["label"]))
@@ -343,12 +345,12 @@ def draw_choices(measured):
             at = [c for c in order if c in points.index]
             plotting.errorbar(axes, value[at], [places[c] + 0.2 * i for c in at], xerr=error[at], ls="", ms=4,
                               capsize=2, elinewidth=0.8, label=name, **plotting.symbol(i))
-            axes.set(xlabel=text)
+            axes.set(xlabel=text.replace(" of ", " of\n").replace(" per ", "\nper "))
             quantities += [Quantity(f"{column}, {name}" + (f", {c}" if c else ""), float(value[c]), float(
                 points[column + "_error"][c])) for c in ["", *at]]
-    panels[0].set_yticks(range(len(order)), [label[c] for c in order], fontsize="small")
+    panels[0].set_yticks(range(len(order)), [textwrap.fill(label[c], 50) for c in order], fontsize="small")
     panels[0].invert_yaxis()
-    panels[0].legend(fontsize="small")
+    panels[0].legend(**plotting.ABOVE | {"bbox_to_anchor": (0, 1), "ncols": len(found)})
     return figure, quantities
 
 

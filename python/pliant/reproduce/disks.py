@@ -50,7 +50,7 @@ def _mean(name, points, value, known, note=""):
 
 
 def _draw_polydispersity(measured, end, mean_known, slope_known, offset_known):
-    figure, (left, right) = plt.subplots(1, 2, figsize=(9.4, 4.0), layout="constrained")
+    figure, (left, right) = plt.subplots(1, 2, figsize=(plotting.PAGE, 4.0), layout="constrained")
     delta = np.array([0, measured["polydispersity"].max() * 1.1])
     motion, local = (_points(measured, name + end) for name in ("dr_na", "d2_min"))
     _draw_points(left, motion, "dr_na" + end, LABELS["dr_na"])
@@ -90,7 +90,7 @@ def draw_clock(measured):
 def draw_intervals(measured):
     """[T 3.12]: the same against the interval, in the central square, with the exponents."""
     runs = measured.drop_duplicates(["table", "row"])
-    figure, panels = plt.subplots(1, 2, figsize=(9.4, 4.2), layout="constrained")
+    figure, panels = plt.subplots(1, 2, figsize=(plotting.PAGE, 4.2), layout="constrained")
     quantities = []
     deltas = sorted(measured["polydispersity"].round(3).unique())
     colors = plt.get_cmap("viridis")(np.linspace(0, 0.85, len(deltas)))

@@ -117,7 +117,7 @@ def draw_scaling(measured):
     table = measured.assign(ratio=measured["F_max"] / measured["n"] / (
         2 * np.sqrt(measured["k1"] * measured["E1"]) * raft_figures.inverse_rows(measured)))
     mean = _stiffness(table)
-    figure, (left, right) = plt.subplots(1, 2, figsize=(9.6, 4.1), layout="constrained")
+    figure, (left, right) = plt.subplots(1, 2, figsize=(plotting.PAGE, 4.1), layout="constrained")
     raft_figures.draw_stiffness(left, table, mean["k1"])
     raft_figures.draw_peaks(right, table)
     runs = table.groupby(["n", "table", "row"], as_index=False)["ratio"].mean()
@@ -132,7 +132,7 @@ def draw_scaling(measured):
 def draw_two_sizes(measured):
     """[T 2.10]: excess peaks against the fraction of small droplets, over the height of the fitted law."""
     points, _, y = raft_figures.fracture_points(measured, "phi")
-    figure, (left, right) = plt.subplots(1, 2, figsize=(9.6, 4.0), layout="constrained")
+    figure, (left, right) = plt.subplots(1, 2, figsize=(plotting.PAGE, 4.0), layout="constrained")
     raft_figures.draw_fractures(left, points, "phi", y)
     quantities = []
     mixed = points[(points["phi"] > 0) & (points["phi"] < 1)]
@@ -187,7 +187,7 @@ _JUDGED = {"competing": "a raft with holes is left", "overlapping": "one starts 
 def _draw_competing(measured, kind):
     """A panel per judgement of what competes; returns the figure, [(judgement, panel, points)] and the quantities."""
     there = [name for name in raft.JUDGEMENTS if name in measured and measured[name].notna().any()]
-    figure, panels = plt.subplots(1, len(there), figsize=(1.8 + 3.6 * len(there), 4.0), layout="constrained", sharey=True,
+    figure, panels = plt.subplots(1, len(there), figsize=(min(1.8 + 3.6 * len(there), plotting.PAGE), 4.0), layout="constrained", sharey=True,
                                   squeeze=False)
     x = {"size": "n"}.get(kind, kind)
     judged, quantities = [], []
@@ -332,11 +332,11 @@ _FITS = {"scaled": "avalanches scaled to one N", "cut off": "runs that emptied a
 def draw_collapse(measured):
     """[T 4.5]: mean avalanches against w/delta*; B of parts of the data, and of other ways to fit them."""
     points, x, fit, quantities, fits = _avalanches(measured)
-    figure, (left, middle, right) = plt.subplots(1, 3, figsize=(14, 4.3), layout="constrained")
+    figure, (left, middle, right) = plt.subplots(1, 3, figsize=(plotting.PAGE, 4.0), layout="constrained")
     draw_avalanches(left, middle, points, x, fit)
     n = points["n"].iloc[0]
     _published_law(left, x, lambda grid, A, B: np.minimum(clog.avalanche_law(grid, A, B), n))
-    left.legend()
+    left.legend(**plotting.ABOVE)
     for i, (name, one) in enumerate(fits.items()):
         plotting.errorbar(right, one.B, i, xerr=one.B_error, fmt="o", capsize=2.5, color=plotting.COLORS[0])
         if name != "all":
@@ -353,7 +353,7 @@ def draw_collapse(measured):
     right.set_yticks(range(len(fits)), labels=[_FITS.get(name, name).replace("phi_c", r"$\phi_c$").replace("P_clog", "$P_{clog}$")
                                                for name in fits])
     right.set(xlabel="$B$", ylim=(len(fits) - 0.5, -0.5), xlim=(0, None))
-    right.legend()
+    right.legend(**plotting.ABOVE)
     return figure, quantities
 
 

@@ -20,7 +20,7 @@ def draw_limits(measured):
     """[H 2, 3, 10]: Q(w) with fits, and Q/C, a row of panels per limit; in 2D the published law of hard particles."""
     fits = beverloo.fit_seeds(limits(measured), ["limit", "dim", *MODEL, "mu", "zeta"])
     there = [name for name in LIMIT_NAMES if (fits["limit"] == name).any()]
-    figure, panels = plt.subplots(len(there), 2, figsize=(9.4, 3.9 * len(there)), layout="constrained", squeeze=False)
+    figure, panels = plt.subplots(len(there), 2, figsize=(plotting.PAGE, 3.9 * len(there)), layout="constrained", squeeze=False)
     quantities = []
     for (left, right), name in zip(panels, there):
         group = fits[fits["limit"] == name]
@@ -63,8 +63,13 @@ def draw_profiles(measured):
     table = with_limit(measured)
     lams = sorted(table["lam"].unique())
     titles = {0.0: r"$\lambda = 0$", np.inf: r"$\lambda = \infty$"}
-    figure, panels = plt.subplots(1, len(lams) + 1, figsize=(3.6 * (len(lams) + 1), 3.9), layout="constrained")
-    quantities, last = [], panels[-1]
+    columns = min(len(lams) + 1, 2)
+    rows = -(-(len(lams) + 1) // columns)
+    figure, panels = plt.subplots(rows, columns, figsize=(plotting.PAGE, 3.6 * rows), layout="constrained", squeeze=False)
+    panels = panels.ravel()
+    for axes in panels[len(lams) + 1:]:
+        axes.set_axis_off()
+    quantities, last = [], panels[len(lams)]
     for i, (axes, lam) in enumerate(zip(panels, lams)):
         own = table[table["lam"] == lam]
         widths = sorted(own["hopper_width"].unique())
@@ -132,7 +137,7 @@ def draw_discharge(measured):
     fits["walls"] = [f"{row['hopper_angle']:g}/{row['left']:g}" for _, row in fits.iterrows()]
     several = len(fits[["zeta", "e_sp"]].drop_duplicates()) > 1
     fits["drag"] = [f", zeta = {row['zeta']:.3g}" if several else "" for _, row in fits.iterrows()]
-    figure, (left, right) = plt.subplots(1, 2, figsize=(9.4, 4.0), layout="constrained")
+    figure, (left, right) = plt.subplots(1, 2, figsize=(plotting.PAGE, 4.4), layout="constrained")
     labels = [f"{row['walls']}°{row['drag']}".replace("zeta", r"$\zeta$") for _, row in fits.iterrows()]
     draw_flow(left, right, fits.assign(reference=0.5, reference_fit=None), labels)
     oil = [published.OIL_K.value, published.OIL_BETA.value]

@@ -82,7 +82,7 @@ def _draw_crossovers(axes, curves, dim, lam_c, **legend):
     ticks = [edges[0], *10.0 ** np.arange(np.ceil(np.log10(low)), np.floor(np.log10(high)) + 0.5), edges[1]]
     axes.set_xticks(ticks, labels=["0", *(f"{t:g}" for t in ticks[1:-1]), r"$\infty$"])
     axes.minorticks_off()
-    axes.legend(**legend)
+    axes.legend(**plotting.ABOVE | legend)
 
 
 def _renamed(quantity, dim):
@@ -101,7 +101,7 @@ def draw_lambda(measured, value="Q"):
     table, by = table.assign(size=of_several(table, "n")), [*MODEL, "size"]
     exponents = _exponents(table, ["dim", *by], value)  # of a campaign that has begun there may be a few runs in 3D
     every = [(int(dim), group) for dim, group in exponents.groupby("dim")]
-    figure, panels = plt.subplots(1, len(every), figsize=(6.2 * len(every), 4.4), layout="constrained", squeeze=False)
+    figure, panels = plt.subplots(1, len(every), figsize=(min(6.2 * len(every), plotting.PAGE), 4.9), layout="constrained", squeeze=False)
     quantities = []
     for axes, (dim, exponents) in zip(panels[0], every):
         curves, found = _crossovers(exponents, by, dim, model_label, lambda key, dim=dim: published.LAMBDA_C[dim])
@@ -115,7 +115,7 @@ def draw_corrected(measured):
     """[H 11]: beta from Q, and from Q' corrected for overlaps."""
     table = with_limit(plain(measured))
     rates = [(mark, _exponents(table, ["dim", *MODEL], value)) for value, mark in (("Q", ""), ("Q_corrected", "'"))]
-    figure, panels = plt.subplots(1, 2, figsize=(12, 4.4), layout="constrained", sharey=True)
+    figure, panels = plt.subplots(1, 2, figsize=(plotting.PAGE, 4.9), layout="constrained", sharey=True)
     quantities = []
     for axes, (mark, exponents) in zip(panels, rates):
         curves, found = _crossovers(exponents, MODEL, 2, model_label, lambda key: published.LAMBDA_C[2])
@@ -179,13 +179,13 @@ def _draw_ratios(axes, ratios, curves, full, lams):
                    for row, _, _, free in curves if free]
     axes.set(xlabel=r"$\theta_w$  [degrees]", ylabel=r"$|F_\zeta|/|F_\mu|$, mean over $w$", yscale="log")
     if len(ratios):
-        axes.legend(**plotting.BESIDE)
+        axes.legend(**plotting.ABOVE)
     return quantities
 
 
 def draw_angles(measured):
     """[H 6]: beta against lambda for hoppers of several angles; lambda_c and the ratio of drag to friction against the
-    angle. A row of panels per model; several stiffnesses of its contacts, or several N, are curves of their own."""
+    angle. A row of panels per model, then those of lambda_c; several stiffnesses of its contacts, or several N, are curves of their own."""
     table = with_limit(plain(measured))
     table = table.assign(contacts=of_several(table, "e_c"), size=of_several(table, "n"))
     by = ["hopper_angle", *MODEL, *_VARIANT]
@@ -203,17 +203,21 @@ def draw_angles(measured):
     exponents = _exponents(table, ["dim", *by])
     curves, quantities = _crossovers(exponents, by, 2, full, lambda key: published.LAMBDA_C_ANGLE.get(int(key[0])))
     models = exponents.drop_duplicates(MODEL)[MODEL]
-    figure, panels = plt.subplots(len(models), 3, figsize=(14, 4.2 * len(models)), layout="constrained", squeeze=False,
-                                  gridspec_kw={"width_ratios": [1.6, 1, 1]})
+    rows = len(models) + -(-len(models) // 2)
+    figure, panels = plt.subplots(rows, 2, figsize=(plotting.PAGE, 3.9 * rows), layout="constrained", squeeze=False)
+    of_lambda_c = panels[len(models):].ravel()
+    for axes in of_lambda_c[len(models):]:
+        axes.set_axis_off()
     between = table[(table["lam"] > 0) & np.isfinite(table["lam"])]  # friction and drag act
     both = "drag_friction_ratio" in between and between["drag_friction_ratio"].notna().any()
     ratios = ensemble.average(between, ["lam", *by], "drag_friction_ratio") if both else None
-    for (left, middle, right), (_, model) in zip(panels, models.iterrows()):
+    for (left, right), middle, (_, model) in zip(panels, of_lambda_c, models.iterrows()):
         own = [(group.iloc[0], group, *fits) for _, group, *fits in curves if _same(group, model).all()]
         _draw_crossovers(left, [(short(row), *rest) for row, *rest in own], 2, published.LAMBDA_C_ANGLE.values(),
-                         loc="lower left", bbox_to_anchor=(0, 1), ncols=2, title=model_label(model) if several else "",
-                         alignment="left")
+                         title=model_label(model) if several else "", alignment="left")
         _draw_lambda_c(middle, own)
+        if several:
+            middle.set_title(model_label(model), loc="left")
         if ratios is None:
             right.set_axis_off()
         else:
@@ -226,7 +230,7 @@ def draw_size(measured):
     """[H 12]: beta against lambda, and C, for several numbers of particles."""
     table = with_limit(plain(measured))
     exponents = _exponents(table, ["dim", "n"])
-    figure, (left, right) = plt.subplots(1, 2, figsize=(11.5, 4.4), layout="constrained")
+    figure, (left, right) = plt.subplots(1, 2, figsize=(plotting.PAGE, 4.7), layout="constrained")
     curves, quantities = _crossovers(exponents, ["n"], 2, lambda row: f"$N$ = {row['n']:g}",
                                      lambda key: published.LAMBDA_C[2])
     _draw_crossovers(left, curves, 2, [published.LAMBDA_C[2]])

@@ -14,17 +14,15 @@ from .hopper_runs import (LIMIT_NAMES, MODEL, chi2_note, decides, fitted, is_har
 
 def _against(axes, fits, x, quantity, x_label, label, references=None):
     """A quantity of fits with the published exponent held (filled) and free (open) against the column x, a curve per
-    limit and K_l."""
+    limit (its colour) and K_l (its marker)."""
     several = fits["k_l"].nunique() > 1
     for (limit, k_l), group in fits.sort_values(x).groupby(["limit", "k_l"]):
         color = plotting.COLORS[list(LIMIT_NAMES).index(limit)]
         marker = plotting.symbol(sorted(fits["k_l"].unique()).index(k_l) if several
                                  else list(LIMIT_NAMES).index(limit))["marker"]
-        name = LIMIT_NAMES[limit] + (f", $K_l$ = {k_l:g}" if several else "")
         held = group[group["reference_fit"].notna()]
         values = np.array([fitted(row["reference_fit"], quantity) for _, row in held.iterrows()]).reshape(-1, 2)
-        plotting.errorbar(axes, held[x], values[:, 0], values[:, 1], fmt=marker + "-", lw=0.9, color=color, capsize=2.5,
-                          label=name)
+        plotting.errorbar(axes, held[x], values[:, 0], values[:, 1], fmt=marker + "-", lw=0.9, color=color, capsize=2.5)
         free = group[group["fit"].notna()]
         values = np.array([fitted(fit, quantity) for fit in free["fit"]]).reshape(-1, 2)
         plotting.errorbar(axes, free[x] * 1.04, values[:, 0], values[:, 1], fmt=marker, color=color, mfc="white", alpha=0.6,
@@ -32,6 +30,10 @@ def _against(axes, fits, x, quantity, x_label, label, references=None):
     for i, limit in enumerate(LIMIT_NAMES):
         for one in (references or {}).get(limit, ()):
             axes.axhline(one.value, color=plotting.COLORS[i], ls="-.", lw=0.9)
+    for i, name in enumerate(LIMIT_NAMES.values()):
+        axes.plot([], [], "-" if several else plotting.symbol(i)["marker"] + "-", color=plotting.COLORS[i], label=name)
+    for i, k_l in enumerate(sorted(fits["k_l"].unique()) if several else ()):
+        axes.plot([], [], plotting.symbol(i)["marker"], color="0.4", label=f"$K_l$ = {k_l:g}")
     axes.plot([], [], "o", color="0.4", mfc="white", label=r"$\beta$ free")
     if references:
         axes.plot([], [], "-.", color="0.4", lw=0.9, label="[H], hard")
@@ -40,7 +42,7 @@ def _against(axes, fits, x, quantity, x_label, label, references=None):
         axes.set(xlim=(few[0] / 2, few[-1] * 2))
         axes.set_xticks(few, labels=[f"{one:g}" for one in few])
         axes.minorticks_off()
-    axes.legend(loc="lower left", bbox_to_anchor=(0, 1.08), ncols=2)
+    axes.legend(**plotting.ABOVE)
 
 
 def _prefactor_quantities(fits, names, known):
@@ -62,17 +64,16 @@ def _map(axes, group, title):
     one = group.assign(k=[fitted(row["reference_fit"], "k")[0] for _, row in group.iterrows()], star=group["edges"] == "full")
     one = one.sort_values("star").drop_duplicates(["k_b", "k_l"])
     grid, stars = (one.pivot(index="k_b", columns="k_l", values=name) for name in ("k", "star"))
-    mesh = axes.pcolormesh(np.arange(grid.shape[1] + 1), np.arange(grid.shape[0] + 1), grid.to_numpy(), cmap="viridis")
+    axes.pcolormesh(np.arange(grid.shape[1] + 1), np.arange(grid.shape[0] + 1), grid.to_numpy(), cmap="viridis")
     for (i, j), k in np.ndenumerate(grid.to_numpy()):
         if np.isnan(k):
             continue
-        axes.text(j + 0.5, i + 0.5, f"{k:.2f}" + ("*" if stars.iloc[i, j] else ""), ha="center", va="center", fontsize=8,
+        axes.text(j + 0.5, i + 0.5, f"{k:.2f}" + ("*" if stars.iloc[i, j] else ""), ha="center", va="center",
                   color="white" if k < np.nanmean(grid) else "black")
     axes.set_xticks(np.arange(grid.shape[1]) + 0.5, labels=[f"{v:g}" for v in grid.columns])
     axes.set_yticks(np.arange(grid.shape[0]) + 0.5, labels=[f"{v:g}" for v in grid.index])
     axes.set(xlabel="$K_l$", ylabel="$K_b$")
-    axes.set_title(title + (" (*: full edges bend)" if one["star"].any() else ""), loc="left")
-    axes.figure.colorbar(mesh, ax=axes, label="$k$")
+    axes.set_title(title + ("\n*: full edges bend" if one["star"].any() else ""), loc="left")
 
 
 def _stiffness_fits(measured):
@@ -109,10 +110,10 @@ def draw_offsets(measured):
         raise RunError("neither soft particles nor deformable ones with several K_l")
     columns = min(len(panels), 3)
     rows = -(-len(panels) // columns)
-    figure, grid = plt.subplots(rows, columns, figsize=(5.0 * columns, 4.0 * rows), layout="constrained", squeeze=False)
+    figure, grid = plt.subplots(rows, columns, figsize=(min(5.0 * columns, plotting.PAGE), 2.9 * rows), layout="constrained", squeeze=False)
     for axes, (name, limit, group) in zip(grid.flat, panels):
         if limit:
-            _map(axes, group, f"{name}, {LIMIT_NAMES[limit]}")
+            _map(axes, group, f"$k$: {name}, {LIMIT_NAMES[limit]}")
         else:
             _against(axes, group, "e_sp", "k", "$E_{sp}$", "$k$", {limit: (published.K[limit],) for limit in LIMIT_NAMES})
             axes.set_title(name, loc="right")
@@ -134,6 +135,7 @@ def draw_offsets(measured):
     return figure, exponents + _prefactor_quantities(fits, ("k",), known)
 
 
+_LONG = 20  # letters, TeX included, of a legend's entry that needs the whole width of a panel
 _AT_BOUND = 1e-3  # w - k of a fit whose k is at its bound, just below the narrowest orifice
 
 
@@ -174,7 +176,7 @@ def _fall(fits, limit):
 def _draw_prefactors(measured, x, label):
     fits = _stiffness_fits(measured)
     alike = _alike(fits)
-    figure, panels = plt.subplots(len(alike), 3, figsize=(11.5, 3.6 * len(alike)), layout="constrained", squeeze=False)
+    figure, panels = plt.subplots(len(alike), 3, figsize=(plotting.PAGE, 4.0 * len(alike)), layout="constrained", squeeze=False)
     quantities = _prefactor_quantities(fits, ("C",), lambda row, quantity: published.C[row["limit"]])
     for (left, *others), (name, group) in zip(panels, alike):
         _against(left, group, x, "C", label, r"$C$  [$\sigma_{avg}^2/t_0$]",
@@ -187,10 +189,14 @@ def _draw_prefactors(measured, x, label):
         for axes, limit in zip(others, LIMIT_NAMES):
             _collapse(axes, group, limit, labels)
             quantities += _fall(group, limit)
-        # One legend for both panels of the collapse.
+        # One legend for both panels of the collapse, half of it above each.
         entries = {label: handle for axes in others for handle, label in zip(*axes.get_legend_handles_labels())}
-        if entries:
-            others[-1].legend([entries[label] for label in labels], labels, **plotting.BESIDE)
+        labels = [label for label in labels if label in entries]
+        half = -(-len(labels) // 2)
+        columns = 1 if any(len(label) > _LONG for label in labels) else 2
+        for axes, part in zip(others, (labels[:half], labels[half:])):
+            if part:
+                axes.legend([entries[label] for label in part], part, **plotting.ABOVE | {"ncols": columns})
     return figure, quantities
 
 

@@ -226,10 +226,12 @@ def _draw_models(fits, soft):
     panels per limit. Returns the figure and the quantities of the fits."""
     fits = fits.assign(soft=soft)
     there = [limit for limit in LIMIT_NAMES if (fits["limit"] == limit).any()]
-    heights = [1.4 + 0.24 * (fits["limit"] == limit).sum() for limit in there]
-    figure, panels = plt.subplots(len(there), 2, figsize=(11, sum(heights)), layout="constrained", squeeze=False,
+    fits["name"] = fits["name"].str.replace(": ", ":\n")  # a reading and a model: two lines leave more room for the panels
+    lines = 0.38 if fits["name"].str.contains("\n").any() else 0.24
+    heights = [1.4 + lines * (fits["limit"] == limit).sum() for limit in there]
+    figure, panels = plt.subplots(len(there), 2, figsize=(plotting.PAGE, sum(heights)), layout="constrained", squeeze=False,
                                   sharey="row", height_ratios=heights)
-    quantities = []
+    quantities, narrow = [], {"columnspacing": 0.7, "handletextpad": 0.1}
     for (left, right), limit in zip(panels, there):
         group = fits[fits["limit"] == limit]
         order = sorted(range(len(group)), key=lambda i: (not group["soft"].iloc[i], _order(group.iloc[i])))
@@ -244,10 +246,10 @@ def _draw_models(fits, soft):
                        mfc="white" if which == "fit" else None, label=label)
         right.axvline(1, color="0.45", lw=0.9, ls=":")
         right.set(xscale="log", xlabel=r"$\chi^2$/dof")
-        right.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=3)
-        quantities += fit_quantities(group, lambda row: _name(row, row["name"]))
+        right.legend(**plotting.ABOVE | narrow | {"ncols": 3})
+        quantities += fit_quantities(group, lambda row: _name(row, row["name"].replace("\n", " ")))
     if len(fits["soft"].unique()) > 1:
-        panels[0, 0].legend(loc="lower right", bbox_to_anchor=(1, 1))
+        panels[0, 0].legend(**plotting.ABOVE | narrow | {"ncols": 1})
     return figure, quantities
 
 
@@ -332,7 +334,7 @@ def draw_coefficients(measured):
     curves = sorted(fits["curve"].unique())  # the same in both panels looks the same
     there = [(dim, limit) for dim in MODELS for limit in LIMIT_NAMES
              if ((fits["dim"] == dim) & (fits["limit"] == limit)).any()]
-    figure, panels = plt.subplots(2, len(there), figsize=(5.6 * len(there), 6.6), layout="constrained", squeeze=False,
+    figure, panels = plt.subplots(2, len(there), figsize=(min(5.6 * len(there), plotting.PAGE), 6.6), layout="constrained", squeeze=False,
                                   sharex="col", height_ratios=(3, 2))
     quantities = []
     for (top, bottom), (dim, limit) in zip(panels.T, there):
@@ -390,7 +392,7 @@ def draw_protocol(measured):
     columns = 2
     lines = -(-len(panels_of) // columns)
     most = max(len(group) for _, group in panels_of)
-    figure, panels = plt.subplots(lines, columns, figsize=(11.5, lines * (1.8 + 0.22 * most)), layout="constrained",
+    figure, panels = plt.subplots(lines, columns, figsize=(plotting.PAGE, lines * (1.4 + 0.2 * most)), layout="constrained",
                                   squeeze=False)
     for axes in panels.flat[len(panels_of):]:
         axes.set_visible(False)
@@ -433,14 +435,15 @@ def _draw_durations(fits):
     """A curve per `name` and limit. Returns the figure and the quantities of the fits."""
     fits = _some(fits, drop=True)
     fits["curve"] = [_name(row, row["name"]) for _, row in fits.iterrows()]
-    figure, (left, right) = plt.subplots(1, 2, figsize=(10.5, 4.0), layout="constrained", sharex=True)
+    figure, (left, right) = plt.subplots(1, 2, figsize=(plotting.PAGE, 4.0), layout="constrained", sharex=True)
+    widths = set()
     for i, (curve, points) in enumerate(fits.groupby("curve")):
         points = points.sort_values("t_end")
         widest = pd.DataFrame([data.iloc[-1] for data in points["data"]])
         style = plotting.symbol(i) | {"lw": 1, "capsize": 2.5}
         plotting.errorbar(left, points["t_end"], *_beta(points), label=_tidy(curve), **style)
-        plotting.errorbar(right, points["t_end"], widest["Q"], widest["Q_error"],
-                          label=f"$w$ = {widest['hopper_width'].iloc[0]:g}", **style)
+        plotting.errorbar(right, points["t_end"], widest["Q"], widest["Q_error"], **style)
+        widths.add(widest["hopper_width"].iloc[0])
     exponents = _published(fits["dim"].iloc[0])
     _windows(left, _span(*_beta(fits), exponents), exponents)
     left.set(xscale="log", xlabel=r"duration  $t_{end}/t_0$", ylabel=BETA)
@@ -448,8 +451,8 @@ def _draw_durations(fits):
     ticks = sorted(fits["t_end"].unique())
     left.set_xticks(ticks, labels=[f"{t:g}" for t in ticks])
     left.minorticks_off()
-    left.legend(loc="lower left", bbox_to_anchor=(0, 1))
-    right.legend()
+    left.legend(**plotting.ABOVE | {"ncols": 1})
+    right.set_title("$w$ = " + " and ".join(f"{w:g}" for w in sorted(widths)), loc="left")
     return figure, fit_quantities(fits, lambda row: f"{row['curve']}, t_end = {row['t_end']:g}")
 
 

@@ -252,6 +252,7 @@ class ChannelProtocol final : public Protocol<2> {
     c.add("push", schedule_.push_at(state().step));
     c.add("jammed_pushes", jams_);
     c.add("largest_overlap", largest_overlap_);
+    c.add("wall_overlap", wall_overlap_);
     c.add("largest_plunger_force", largest_plunger_force_);
   }
 
@@ -261,6 +262,7 @@ class ChannelProtocol final : public Protocol<2> {
     const auto events = static_cast<std::int64_t>(jams_.size());
     c.integer("events", events, events);
     largest_overlap_ = c.real("largest_overlap", 0);
+    wall_overlap_ = c.real_or("wall_overlap", 0);
     largest_plunger_force_ = c.real("largest_plunger_force", 0);
     put_walls();
   }
@@ -296,6 +298,9 @@ class ChannelProtocol final : public Protocol<2> {
     if (largest_overlap_ > 2 * passing_overlap)
       warn("{0}s overlapped by {1:.3g} of a radius: they pass through each other; raise -stiffness, now {2:g}",
            p_.particle(), largest_overlap_, p_.stiffness);
+    if (wall_overlap_ > passing_overlap)
+      warn("a {} overlapped a wall by {:.3g} radii: it passes through the wall; raise -stiffness, now {:g}",
+           p_.particle(), wall_overlap_, p_.stiffness);
     if (!jams_.empty()) say("jammed in push {}\n", fmt::join(jams_, ", "));
   }
 
@@ -388,8 +393,9 @@ class ChannelProtocol final : public Protocol<2> {
   }
 
   void check_walls() {
-    check_walls_hold(simulation().view(), schedule_.dt(), ranks(),
-                     "raise -stiffness, or lower -plunger_speed or -area_fraction");
+    const Real deepest = check_walls_hold(simulation().view(), schedule_.dt(), ranks(),
+                                          "raise -stiffness, or lower -plunger_speed or -area_fraction");
+    wall_overlap_ = std::max(wall_overlap_, deepest);
   }
 
   void check_inside() const {
@@ -412,6 +418,7 @@ class ChannelProtocol final : public Protocol<2> {
   std::vector<Real> plunger_force_;  ///< in the last sample
   std::vector<std::int64_t> jams_;   ///< pushes
   Real largest_overlap_ = 0, largest_plunger_force_ = 0;
+  Real wall_overlap_ = 0;  ///< largest of a disk or vertex with a wall, over its radius
   EnergyAudit<2> audit_{simulation()};
   Real heat_ = 0;  ///< at the last sample
 };

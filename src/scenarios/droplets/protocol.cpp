@@ -86,7 +86,8 @@ std::vector<SeriesValue> DropletProtocol::sample() {
   const StateView<2> s = view();
   const ForceField<2>& field = all_particles().field();
   const std::string cure = "lower -dt or the tolerances (-ts_rtol, -ts_atol), or slow walls or gravity";
-  check_walls_hold(s, step_taken(), Ranks(), cure);
+  if (const Real deepest = check_walls_hold(s, step_taken(), Ranks(), cure); deepest > passing_overlap)
+    throw NumericalError("a droplet overlaps a wall by {:.3g} radii: it passes through the wall; {}", deepest, cure);
   Real bonds = 0, tense = 0;
   field.for_each_contact(s, [&](const Contact<2>& c) {
     if (c.overlap > passing_overlap)

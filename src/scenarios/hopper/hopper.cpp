@@ -313,6 +313,7 @@ class HopperProtocol final : public Protocol<D> {
     c.add("quiet_since", std::isnan(clog.quiet_since) ? -1 : clog.quiet_since);
     c.add("crossed_before_quiet", clog.crossed);
     c.add("clog_speed", *p_.clog_speed);
+    c.add("wall_overlap", wall_overlap_);
     c.add("packing_iterations", packing_iterations_);
   }
 
@@ -334,6 +335,7 @@ class HopperProtocol final : public Protocol<D> {
     const bool same_limit = c.real_or("clog_speed", *p_.clog_speed) == *p_.clog_speed;
     const Real quiet_since = same_limit ? c.real("quiet_since", -1, c.t) : -1;
     clog_.restore({quiet_since < 0 ? NAN : quiet_since, c.integer("crossed_before_quiet", -1, crossed)});
+    wall_overlap_ = c.real_or("wall_overlap", 0);
     packing_iterations_ = c.integer("packing_iterations");
   }
 
@@ -368,7 +370,8 @@ class HopperProtocol final : public Protocol<D> {
     // What comes after it is no flow.
     if (rests() || p_.flow == FlowKind::discharge)
       measured["flow_ended"] = quantity(last_crossing(series), BlockAverage::unknown, "t0");
-    if (const Real deepest = deepest_overlap(series); deepest > passing_overlap) {
+    measured["largest_wall_overlap"] = wall_overlap_;
+    if (const Real deepest = std::max(deepest_overlap(series), wall_overlap_); deepest > passing_overlap) {
       measured["passing_overlap"] = deepest;
       for (auto& [name, value] : measured.items())
         if (value.is_object() && value.contains("error")) value["error"] = nullptr;
@@ -548,8 +551,9 @@ class HopperProtocol final : public Protocol<D> {
               own.id[m], r[D - 1], roof, why_thrown());
       }
     });
-    check_walls_hold(this->simulation().view(), this->step_taken(), ranks(),
-                     fmt::format("stiffen the walls (-e_w, now {:g}) or {}", p_.e_w, shorten()));
+    const Real deepest = check_walls_hold(this->simulation().view(), this->step_taken(), ranks(),
+                                          fmt::format("stiffen the walls (-e_w, now {:g}) or {}", p_.e_w, shorten()));
+    wall_overlap_ = std::max(wall_overlap_, deepest);
   }
 
   SelfCrossingWatch self_crossing_watch() const {
@@ -641,9 +645,9 @@ class HopperProtocol final : public Protocol<D> {
     const Real last = last_crossing(series), since = state().t - last;
     if (last_sample_.in_hopper > 0 && since >= p_.clog_time && since > 0.2 * state().t)
       warn(
-          "nothing has crossed since t = {:.4g} t0, but particles move at up to {:.2g} sigma_avg/t0, above -clog_speed "
-          "{:g}: not counted as rest, and averages have that time in them",
-          last, last_sample_.max_speed, *p_.clog_speed);
+          "no particle has crossed the orifice since t = {:.4g} t0, but particles still move at up to {:.2g} "
+          "sigma_avg/t0: the run counts neither as clogged nor as at rest, and averages include that time",
+          last, last_sample_.max_speed);
   }
 
   static Real deepest_overlap(const Series& series) { return std::ranges::max(series.at("max_overlap").values); }
@@ -665,6 +669,9 @@ class HopperProtocol final : public Protocol<D> {
     if (const Real deepest = deepest_overlap(series); deepest > passing_overlap)
       warn("particles overlapped by {:.3g} of their contact distance: they pass through each other; raise {}, now {:g}",
            deepest, p_.contact_energy(), p_.model_parameters().epsilon);
+    if (wall_overlap_ > passing_overlap)
+      warn("a particle overlapped a wall by {:.3g} radii: it passes through the wall; raise -e_w, now {:g}",
+           wall_overlap_, p_.e_w);
   }
 
   /// To twice the time, and as many samples as an error needs.
@@ -678,9 +685,9 @@ class HopperProtocol final : public Protocol<D> {
     const bool drifts = measured.contains("steady") && !measured["steady"] &&
                         std::string(measured["steady_explanation"]).starts_with("not steady");
     const std::string no_error =
-        measured.contains("passing_overlap")                    ? "no error: particles passed through each other"
-        : ended_as("clogged")                                   ? "clogged"
-        : ended_as("at_rest")                                   ? "at rest"
+        measured.contains("passing_overlap") ? "no error: particles passed through each other or a wall"
+        : ended_as("clogged")                ? "clogged"
+        : ended_as("at_rest")                ? "at rest"
         : measured.contains("Q") && measured["Q"]["value"] == 0 ? "no error: nothing has crossed"
         : drifts                                                ? "no error: the flow is not steady"
         : few ? fmt::format("no error: fewer than {} steady samples", BlockAverage::least_samples)
@@ -731,6 +738,7 @@ class HopperProtocol final : public Protocol<D> {
   std::vector<Sighting<D>> seen_;           ///< last sight of each; kept up to date for those that are watched
   std::vector<OrificeCrossing> crossings_;  ///< not recorded yet
   std::int64_t packing_iterations_ = 0;
+  Real wall_overlap_ = 0;  ///< largest of a point with a wall up to now, over its radius
 
   Real largest_ = 0, mean_size_ = 0;     ///< diameter; a0
   Real narrowest_ = 0, largest_a0_ = 0;  ///< diameter of a point; a0
