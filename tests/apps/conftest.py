@@ -123,7 +123,7 @@ class Results:
     def counters(self):
         """Everything in the summary that does not depend on the clock or on how the run was stopped."""
         clock = ("cpu_seconds", "wall_seconds", "particle_steps_per_second", "ns_per_particle_step",
-                 "ns_per_vertex_step", "parameters")
+                 "ns_per_vertex_step", "parameters", "crc32")
         return {name: value for name, value in self.summary.items() if name not in clock}
 
 
