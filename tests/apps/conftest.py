@@ -115,6 +115,8 @@ class Results:
             self.geometry = {"segments": file["geometry/segments"][()], **file["geometry"].attrs}
         summary = folder / "summary.json"
         self.summary = json.loads(summary.read_text(encoding="utf-8")) if summary.exists() else None
+        for name in ("format", "crc32"):
+            (self.summary or {}).pop(name, None)
 
     def column(self, name):
         """[frames, …] of a dataset of every frame."""
@@ -123,7 +125,7 @@ class Results:
     def counters(self):
         """Everything in the summary that does not depend on the clock or on how the run was stopped."""
         clock = ("cpu_seconds", "wall_seconds", "particle_steps_per_second", "ns_per_particle_step",
-                 "ns_per_vertex_step", "parameters", "crc32")
+                 "ns_per_vertex_step", "parameters")
         return {name: value for name, value in self.summary.items() if name not in clock}
 
 
