@@ -104,7 +104,7 @@ def read(path):
     def add(name, item):
         if isinstance(item, h5py.Dataset) and item.dtype.kind == "S":  # texts were attributes once
             group, _, key = name.rpartition("/")
-            values[f"{group}@{key}"] = np.asarray(item[()].decode(), object)
+            values[f"{group}@{key}"] = np.asarray(item[()].decode())
         elif isinstance(item, h5py.Dataset):
             values[name] = item[()]
         for key in item.attrs:
