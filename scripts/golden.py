@@ -16,7 +16,7 @@ import h5py
 import numpy as np
 
 GROUPS = ("topology", "geometry", "frames", "series", "series_axes", "events")  # all but the manifest
-DERIVED = "crc32"  # a checksum of the values, which are compared themselves
+DERIVED = ("crc32", "members")  # checksum of the values and number of the members, which are compared themselves
 TIMEOUT = 120      # seconds of a run, which takes one or two
 
 
@@ -102,10 +102,13 @@ def read(path):
     values = {}
 
     def add(name, item):
-        if isinstance(item, h5py.Dataset):
+        if isinstance(item, h5py.Dataset) and item.dtype.kind == "S":  # texts were attributes once
+            group, _, key = name.rpartition("/")
+            values[f"{group}@{key}"] = np.asarray(item[()].decode())
+        elif isinstance(item, h5py.Dataset):
             values[name] = item[()]
         for key in item.attrs:
-            if key != DERIVED:
+            if key not in DERIVED:
                 values[f"{name}@{key}"] = np.asarray(item.attrs[key])
 
     with h5py.File(path) as file:

@@ -1,7 +1,6 @@
 """pliant-analyse: what is measured from frames after a run, and from tables of tracked data."""
 
 import argparse
-import json
 import math
 import types
 import typing
@@ -12,7 +11,7 @@ import numpy as np
 
 from . import channel, tracks
 from .errors import OutputError, RunError
-from .files import write_atomically
+from .files import read_json, write_json
 from .script import markdown, with_error
 
 _DESCRIPTION = """Non-affine motion of disks that are pushed through a channel: mean displacement field, non-affine
@@ -41,7 +40,7 @@ def load_result(path):
     if not path.exists():
         raise RunError(f"{path}: no such file or folder")
     file = path if path.suffix == ".json" else result_path(path)
-    if not file.is_file():
+    if not file.exists():
         raise RunError(f"{path}: there is no {file.name}; write it by pliant-analyse channel {path}")
 
     def known(value):
@@ -51,11 +50,8 @@ def load_result(path):
             return [known(entry) for entry in value]
         return math.nan if value is None else value
 
-    try:
-        result = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise RunError(f"{file}: cannot be read as JSON ({str(error).splitlines()[0]})") from None
-    if not isinstance(result, dict) or result.get("analysis") != "channel":
+    result = read_json(file)
+    if result is None or result.get("analysis") != "channel" or not isinstance(result.get("choices"), dict):
         raise RunError(f"{file}: not an analysis of a channel (write it by pliant-analyse channel)")
     choices = result.pop("choices")  # there null means: not used
     return known(result) | {"choices": choices}
@@ -74,7 +70,7 @@ def _plain(value):
 
 def write_result(path, result):
     """Raises OutputError."""
-    write_atomically(path, json.dumps(_plain(result), indent=1) + "\n")
+    write_json(path, _plain(result))
 
 
 def _number_type(annotation):

@@ -1,12 +1,19 @@
-"""Files that are there whole or not at all."""
+"""Files that are there whole or not at all, files that users name, and JSON files with a checksum."""
 
 import contextlib
+import json
 import os
+import re
+import stat
 import tempfile
 import time
+import zlib
 
-from .errors import OutputError
+from .errors import OutputError, RunError
 
+_KINDS = {stat.S_IFDIR: "a folder", stat.S_IFLNK: "a symbolic link", stat.S_IFIFO: "a FIFO", stat.S_IFSOCK: "a socket"}
+_FORMAT = 2  # of JSON files: 2 has a checksum
+_SEAL = re.compile(rb'"crc32": "([0-9a-f]{8})"\n}\n\Z')
 _STALE = 600  # s; what a killed process has left of a file is no longer written
 
 
@@ -25,6 +32,8 @@ def write_atomically(path, text, mode=0o666):
         with open(fd, "w", encoding="utf-8") as file:
             os.fchmod(fd, mode & ~mask)
             file.write(text)
+            file.flush()
+            os.fsync(fd)
         os.replace(temporary, path)
     except OSError as error:
         if temporary is not None and os.path.exists(temporary):
@@ -32,6 +41,73 @@ def write_atomically(path, text, mode=0o666):
         raise OutputError(f"{path}: cannot be written ({error.strerror})") from None
 
 
+def open_regular(path, flags=os.O_RDONLY):
+    """Descriptor of a regular file, which may be the opener of open(); never waits. RunError if the name is that of
+    something else, or, with O_NOFOLLOW among the flags, of a link or a file that has other names; OSError."""
+    own = bool(flags & os.O_NOFOLLOW)
+    cure = "remove it" if own else "put a file in its place, or name another"
+
+    def check(status):
+        if not stat.S_ISREG(status.st_mode):
+            raise RunError(f"{path}: is {_KINDS.get(stat.S_IFMT(status.st_mode), 'a device')}, not a file; {cure}")
+        if own and status.st_nlink > 1:
+            raise RunError(f"{path}: is a file with other names (hard links); {cure}")
+
+    with contextlib.suppress(FileNotFoundError):
+        check(os.stat(path, follow_symlinks=not own))
+    fd = os.open(path, flags | os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOCTTY, 0o666)
+    try:
+        check(os.fstat(fd))
+    except RunError:
+        os.close(fd)
+        raise
+    return fd
+
+
 def no_links(path, flags):
     """Opener for files in folders of others: fails where the name is a link."""
-    return os.open(path, flags | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
+    return open_regular(path, flags | os.O_NOFOLLOW)
+
+
+def read_bytes(path, most=1 << 30):
+    """What is in a regular file; None if there is none. Raises RunError, also if it has more than `most` bytes."""
+    try:
+        with open(path, "rb", opener=open_regular) as file:
+            data = file.read(most + 1)
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
+        raise RunError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
+    if len(data) > most:
+        raise RunError(f"{path}: is too large; {most} bytes are the most that is read")
+    return data
+
+
+def write_json(path, value):
+    """Writes a dict as JSON between the members "format" and "crc32", the CRC-32 of all bytes before that name. Raises
+    OutputError."""
+    text = json.dumps({"format": _FORMAT} | value, indent=1)[:-2] + ",\n "
+    write_atomically(path, f'{text}"crc32": "{zlib.crc32(text.encode()):08x}"\n}}\n')
+
+
+def decoded_json(path, data):
+    """The dict in the bytes of the JSON file `path`, without format and checksum. Files of older versions have neither and
+    are not checked. Raises RunError."""
+    try:
+        value = json.loads(data.decode())
+    except (ValueError, RecursionError) as error:
+        raise RunError(f"{path}: is damaged: not JSON ({str(error).splitlines()[0]}); bring it back from a copy") from None
+    if not isinstance(value, dict):
+        raise RunError(f"{path}: is damaged: not a JSON object; bring it back from a copy")
+    seal = _SEAL.search(data)
+    # Either of the two members says that the file has a checksum: damage cannot hide both.
+    if ("format" in value or "crc32" in value) and (seal is None or zlib.crc32(data[:seal.start()]) != int(seal[1], 16)):
+        raise RunError(f"{path}: is damaged or was edited: its checksum does not fit; bring it back from a copy, or delete "
+                       "its members format and crc32 to use it as it is")
+    return {name: entry for name, entry in value.items() if name not in ("format", "crc32")}
+
+
+def read_json(path):
+    """The dict in a JSON file; None if there is no file. Raises RunError."""
+    data = read_bytes(path)
+    return None if data is None else decoded_json(path, data)

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pandas as pd
 
 from .errors import RunError
+from .files import decoded_json, read_bytes
 from .run_file import RunFile
 
 # Without all of these a frame is not whole.
@@ -289,16 +289,6 @@ class Frames(Sequence):
         return self._run.frame_times
 
 
-def _bytes_of(path):
-    """What is in a file; None if it is not there."""
-    try:
-        return path.read_bytes()
-    except FileNotFoundError:
-        return None
-    except OSError as error:
-        raise RunError(f"{path}: cannot be read ({error.strerror})") from None
-
-
 #: What some kinds of runs measure, and others have not.
 QUANTITIES = ("Q", "Q_corrected", "Q_correlation_time", "bulk_fraction", "c0", "c0_chi2_per_dof", "c0_end", "c0_residue",
               "c0_start", "c0_start_count", "contacts_per_particle", "drag_friction_ratio", "flow_ended", "left_in_hopper",
@@ -325,10 +315,10 @@ class Run:
         if not self.path.is_dir():
             raise RunError(f"{self.path}: not a folder (name the run's folder, not a file in it)")
         h5 = self.path / "run.h5"
-        if not h5.is_file():
+        if not h5.exists():
             raise RunError(f"{self.path}: not a run (it has no run.h5)")
         # The summary first: what it counts is in run.h5 by then.
-        self._summary_text = _bytes_of(self.path / "summary.json")
+        self._summary_text = read_bytes(self.path / "summary.json")
         self._file = RunFile(h5)
         if "manifest" not in self._file:
             self.close()
@@ -368,10 +358,10 @@ class Run:
 
     @_read_once
     def manifest(self):
-        """Attributes of /manifest, with `options` decoded."""
+        """What is in /manifest, with `options` decoded."""
         group = self._file["manifest"]
-        self._file.check_strings(group)
         manifest = {key: _plain(value) for key, value in group.attrs.items()}
+        manifest |= {name: self._file.text(group[name]) for name in group.names()}
         try:
             manifest["options"] = json.loads(manifest.get("options", "{}"))
         except json.JSONDecodeError as error:
@@ -406,13 +396,7 @@ class Run:
         """summary.json as a dict; empty if the run has not ended."""
         if self._summary_text is None:
             return {}
-        try:
-            summary = json.loads(self._summary_text.decode("utf-8"))
-        except (json.JSONDecodeError, UnicodeDecodeError) as error:
-            raise RunError(f"{self.path / 'summary.json'}: not JSON ({error})") from None
-        if not isinstance(summary, dict):
-            raise RunError(f"{self.path / 'summary.json'}: not a summary (it has no names)")
-        return summary
+        return decoded_json(self.path / "summary.json", self._summary_text)
 
     @_read_once
     def parameters(self):
@@ -443,11 +427,11 @@ class Run:
         group = self._file["geometry"]
         attrs = {key: _plain(value) for key, value in group.attrs.items()}
         lengths = {k: float(attrs.get(k, np.nan)) for k in ("W", "w", "angle")}
-        self._file.check_strings(group)
         segments = self.read(group["segments"]).reshape(-1, 4)
         radius = self.read(group["radius"]) if "radius" in group else np.zeros(len(segments))
         box = self.read(group["box"]).reshape(2, -1) if "box" in group else None
-        return Geometry(segments, radius, **lengths, kind=attrs.get("kind", ""), box=box)
+        kind = self._file.text(group["kind"]) if "kind" in group else attrs.get("kind", "")
+        return Geometry(segments, radius, **lengths, kind=kind, box=box)
 
     @property
     def frames(self):
@@ -464,16 +448,12 @@ class Run:
     def _whole(self, name):
         try:
             return all(d in self._file[f"frames/{name}"] for d in _FRAME_DATASETS)
-        except (RunError, KeyError, OSError, RuntimeError):
+        except RunError:
             return True  # damaged: who asks for it is told
 
     def frame_group(self, name):
         """The HDF5 group of a frame."""
-        try:
-            return self._file[f"frames/{name}"]
-        except RunError as error:
-            self.check_open()
-            raise self._file.damaged(f"frame {name}", str(error)) from None
+        return self._file[f"frames/{name}"]
 
     @_read_once
     def frame_times(self):
@@ -492,10 +472,12 @@ class Run:
     @_read_once
     def _series_arrays(self):
         group = self._file["series"]
-        arrays = {name: self.read(data) for name, data in group.items() if isinstance(data, h5py.Dataset)}
+        arrays = {name: self.read(group[name]) for name in group.names()}
         if "time" not in arrays:
             raise RunError(f"{self.path}: /series has no time")
         rows = min(len(data) for data in arrays.values())
+        if "members" in group.attrs and any(len(data) > rows for data in arrays.values()):  # others write without commits
+            raise self._file.damaged("/series", "its columns have different numbers of rows")
         return {name: data[:rows] for name, data in arrays.items()}
 
     @_read_once
@@ -515,7 +497,8 @@ class Run:
         """Name → array of what is in /events, as the bonds of a raft that break and form; empty without any."""
         if "events" not in self._file:
             return {}
-        return {name: self.read(data) for name, data in self._file["events"].items()}
+        group = self._file["events"]
+        return {name: self.read(group[name]) for name in group.names()}
 
     @_read_once
     def profile(self):

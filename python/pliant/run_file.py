@@ -15,12 +15,14 @@ import weakref
 import zlib
 from bisect import bisect_right
 from collections import OrderedDict
+from functools import cached_property
 from pathlib import Path
 
 import h5py
 import numpy as np
 
 from .errors import RunError
+from .files import open_regular
 
 _MAGIC = b"PLIANTJ1"
 _TRAILER = struct.Struct("<QQQ8s")  # address of the journal, changes, CRC-32, magic
@@ -29,6 +31,8 @@ _TABLES = ("series", "events")      # groups of datasets that grow
 _ATTEMPTS = 40
 _PAUSE = 0.005  # s between attempts; grows to ten times that
 _DESCRIPTORS = 16  # open at a time in this process, however many runs are
+# What h5py and NumPy raise for a damaged file.
+_FAULTS = (OSError, KeyError, RuntimeError, ValueError, TypeError, OverflowError, MemoryError)
 
 
 class _Changed(Exception):
@@ -80,7 +84,7 @@ class _Descriptors:
             else:
                 while len(self._open) >= self._limit:
                     os.close(self._open.popitem(last=False)[1])
-                fd = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+                fd = open_regular(path)
                 status = os.fstat(fd)
                 if expected is not None and (status.st_dev, status.st_ino) != expected:
                     os.close(fd)
@@ -172,12 +176,29 @@ class _Snapshot(io.RawIOBase):
         return len(view)
 
 
+def _has(group, name):
+    """Whether a group has a member, damaged or not: h5py's `in` takes a damaged one for missing."""
+    return group.id.links.exists(name.encode())
+
+
+def _names(group):
+    """Names of the members of a group, sorted. Raises KeyError where there are not as many as the program has counted."""
+    names = sorted(group)
+    if (count := group.attrs["members"] if "members" in group.attrs else len(names)) != len(names):
+        raise KeyError(f"it has {len(names)} members of {count}")
+    return names
+
+
 def _numbered(group):
     """Names of the frames in a group, in order. The program numbers them without gaps: they are looked up one by one, as
     HDF5 1.10 crashes where it makes a list of names and meets two states of a group. Other groups keep their names."""
     names = [f"{k:06d}" for k in range(len(group))]
-    if all(group.id.links.exists(name.encode()) for name in names):
+    if all(_has(group, name) for name in names):
+        if "members" in group.attrs and group.attrs["members"] != len(names):
+            raise KeyError(f"it has {len(names)} members of {group.attrs['members']}")
         return names
+    if "members" in group.attrs:
+        raise KeyError("frames are missing")
     return sorted((name for name in group if name.isdigit()), key=int)
 
 
@@ -227,7 +248,7 @@ class RunFile:
                 snapshot.seal()
                 self._opened = before
                 return
-            except (OSError, KeyError, RuntimeError, _Changed) as error:
+            except (*_FAULTS, _Changed) as error:
                 self.close()
                 if not isinstance(error, _Changed) and self._stamp() == before:
                     raise OSError(_line(error)) from None
@@ -255,9 +276,9 @@ class RunFile:
         """The file, and the names of its frames. Reads all that the program will change but for rows of tables, to which
         it only adds: what finds frames and chunks of rows."""
         file = h5py.File(snapshot, "r")
-        frames = _numbered(file["frames"]) if "frames" in file else []
+        frames = _numbered(file["frames"]) if _has(file, "frames") else []
         for table in _TABLES:
-            for name in list(file[table]) if table in file else ():
+            for name in _names(file[table]) if _has(file, table) else ():
                 dataset = file[f"{table}/{name}"]
                 if isinstance(dataset, h5py.Dataset) and dataset.chunks:
                     dataset.id.get_num_chunks()  # visits all of them
@@ -295,18 +316,24 @@ class RunFile:
             raise RunError(f"{self.path.parent}: the run was closed; open it again")
 
     def __contains__(self, name):
-        self.check_open()
-        return name in self._file
+        return name in self.root
 
     def __getitem__(self, name):
         """Group or dataset; RunError if there is none, or if it is damaged."""
+        return self.root[name]
+
+    @property
+    def root(self):
+        self.check_open()
+        return Group(self, self._file, "/")
+
+    def guard(self, name, function, *arguments):
+        """function(arguments …); RunError where the part `name` of the file is damaged."""
         self.check_open()
         try:
-            return self._file[name]
-        except (KeyError, OSError, RuntimeError) as error:
-            if isinstance(error, KeyError) and "doesn't exist" in str(error):
-                raise RunError(f"{self.path.parent}: run.h5 has no /{name}") from None
-            raise self.damaged(f"/{name}", _line(error)) from None
+            return function(*arguments)
+        except _FAULTS as error:
+            raise self.damaged(name, _line(error)) from None
 
     def damaged(self, name, why):
         """The RunError that says so."""
@@ -321,15 +348,17 @@ class RunFile:
 
     def read(self, dataset):
         """All values of a dataset; RunError if they do not have the CRC-32 that the program has stored with them."""
-        self.check_open()
-        try:
-            values = dataset[()]
-        except (OSError, RuntimeError) as error:
-            raise self.damaged(dataset.name, _line(error)) from None
+        name = self.guard("a dataset", lambda: dataset.name)
+        values = self.guard(name, lambda: dataset[()])
         stored = self.number(dataset, "crc32", None, np.uint32)
-        if stored is not None and zlib.crc32(np.ascontiguousarray(values)) != stored:
-            raise self.damaged(dataset.name, "its checksum does not fit")
+        if stored is not None and zlib.crc32(np.asarray(values, order="C")) != stored:
+            raise self.damaged(name, "its checksum does not fit")
         return values
+
+    def text(self, dataset):
+        """The text in a dataset."""
+        value = self.read(dataset)
+        return self.guard(dataset.name, lambda: value.decode())
 
     def number(self, owner, name, otherwise, dtype=float):
         """An attribute of a group or dataset that is a number; `otherwise` if there is none. The attributes of h5py would
@@ -340,19 +369,66 @@ class RunFile:
             value = np.empty((), dtype)
             h5py.h5a.open(owner.id, name.encode()).read(value)
             return value.item()
-        except (OSError, RuntimeError, TypeError) as error:
+        except _FAULTS as error:
             raise self.damaged(f"the attribute '{name}' of {owner.name}", _line(error)) from None
 
-    def check_strings(self, group):
-        """RunError if the strings among the attributes of a group do not have the CRC-32 stored with them."""
-        stored, checksum = group.attrs.get("crc32"), 0
-        if stored is None:
-            return
-        for name in sorted(group.attrs):
-            if isinstance(value := group.attrs[name], str):
+
+class Group:
+    """A group of run.h5. Raises RunError for what is damaged: it never counts as missing."""
+
+    def __init__(self, file, group, name):
+        self._file, self._group, self.name = file, group, name
+
+    @property
+    def id(self):
+        return self._group.id
+
+    def __contains__(self, name):
+        return self._file.guard(self._path(name), self._lists, name)
+
+    def _lists(self, path):
+        """Whether there is such a path below."""
+        at, (*groups, last) = self._group, path.split("/")
+        for part in groups:
+            if not _has(at, part):
+                return False
+            at = at[part]
+        return _has(at, last)
+
+    def __getitem__(self, name):
+        """Group, or dataset of h5py, which RunFile.read takes."""
+        self._file.check_open()
+        path = self._path(name)
+        try:
+            found = self._group[name]
+        except _FAULTS as error:
+            if name not in self:
+                raise RunError(f"{self._file.path.parent}: run.h5 has no {path}") from None
+            raise self._file.damaged(path, _line(error)) from None
+        return Group(self._file, found, path) if isinstance(found, h5py.Group) else found
+
+    def _path(self, name):
+        return f"{self.name.rstrip('/')}/{name}"
+
+    def names(self):
+        """Names of all members, sorted."""
+        return self._file.guard(self.name, _names, self._group)
+
+    @cached_property
+    def attrs(self):
+        """Attribute name → value."""
+        attributes = self._file.guard(f"the attributes of {self.name}", lambda: dict(self._group.attrs.items()))
+        self._check_strings(attributes)
+        return attributes
+
+    def _check_strings(self, attributes):
+        """Versions that stored texts as attributes have their CRC-32 beside them: RunError where it does not fit."""
+        checksum = 0
+        for name in sorted(attributes):
+            if isinstance(value := attributes[name], str):
                 checksum = zlib.crc32(f"{name}\0{value}\0".encode(), checksum)
-        if checksum != stored:
-            raise self.damaged(f"the attributes of {group.name}", "their checksum does not fit")
+        if attributes.get("crc32", checksum) != checksum:
+            raise self._file.damaged(f"the attributes of {self.name}", "their checksum does not fit")
 
 
 def _line(error):

@@ -5,6 +5,7 @@ from pathlib import Path
 import pandas as pd
 
 from .errors import RunError
+from .files import open_regular
 from .run import Run
 from .sweep_rows import number
 
@@ -79,7 +80,8 @@ def results_tables(entries):
 def load_table(path):
     """A sweep table from a CSV file with at least the columns hopper_width (or w) and Q; Q_error may be missing."""
     try:
-        table = pd.read_csv(path).rename(columns={"w": "hopper_width"})
+        with open(path, "rb", opener=open_regular) as file:
+            table = pd.read_csv(file).rename(columns={"w": "hopper_width"})
     except (OSError, ValueError) as error:  # pandas' parser errors are ValueErrors
         raise RunError(f"{path}: cannot be read as a table ({str(error).strip().splitlines()[0]})") from None
     for column in ("hopper_width", "Q"):

@@ -4,7 +4,6 @@ import ctypes
 import dataclasses
 import functools
 import hashlib
-import json
 import os
 import re
 import signal
@@ -15,9 +14,10 @@ from functools import cached_property
 from pathlib import Path
 
 from .errors import OutputError, RunError
-from .files import no_links, write_atomically
+from .files import no_links, read_bytes, read_json, write_json
 from .script import remark
 from .sweep_lock import RowLock, Taken, owner
+from .sweep_rows import is_number
 
 #: `status` in summary.json of runs that have nothing left to do.
 FINISHED = ("done", "clogged", "at_rest", "empty", "jammed")
@@ -31,6 +31,7 @@ _PR_SET_PDEATHSIG = 1
 _RUN_FILES = ("run.h5", "run.xdmf", "summary.json", "checkpoint-a.h5", "checkpoint-b.h5", "branch.json")
 #: Options whose larger value makes a run longer; a smaller one asks for less than there is.
 _LENGTHS = ("t_end", "pushes")
+_LARGEST_OPTIONS = 1 << 16  # bytes of an options file that the program reads
 
 
 @dataclasses.dataclass(frozen=True)
@@ -69,27 +70,35 @@ class RowFolder:
         self.lock_path = self.path / "lock"
         self.log_path = self.path / "log.txt"
 
-    def _json(self, name):
-        """A JSON object of the folder; empty where it is missing or damaged (a machine that went down)."""
-        try:
-            value = json.loads((self.path / name).read_text(encoding="utf-8"))
-        except (OSError, ValueError):
-            return {}
-        return value if isinstance(value, dict) else {}
+    def _status(self):
+        """`status` in summary.json; None without one. Raises RunError."""
+        return (read_json(self.path / "summary.json") or {}).get("status")
+
+    def _record(self):
+        """The content of row.json; empty if there is none. Raises RunError."""
+        path = self.path / "row.json"
+        record = read_json(path) or {}
+        run = record.get("run")
+        if not (run is None or (isinstance(run, dict) and isinstance(run.get("scenario"), str) and _is_text(run.get("options")))
+                ) or not isinstance(record.get("exit_code"), (int, type(None))) or not isinstance(record.get("message", ""), str):
+            raise RunError(f"{path}: is no record of a sweep; bring it back from a copy, or delete {self.path} to run the row anew")
+        return record
 
     def _write_record(self, record):
-        write_atomically(self.path / "row.json", json.dumps(record, indent=1) + "\n")
+        write_json(self.path / "row.json", record)
 
     @cached_property
     def _identity(self):
         """What must not change once there is a run: scenario, options, and what is in an options file."""
         identity = {"scenario": self.row.scenario, "options": self.row.options}
         if "options_file" in self.row.options:
+            path = self.base / self.row.options["options_file"]
             try:
-                content = (self.base / self.row.options["options_file"]).read_bytes()
-            except OSError as error:
-                raise RunError(f"row '{self.row.id}': options_file {error.filename} cannot be read "
-                               f"({error.strerror})") from None
+                content = read_bytes(path, _LARGEST_OPTIONS)
+            except RunError as error:
+                raise RunError(f"row '{self.row.id}': options_file {error}") from None
+            if content is None:
+                raise RunError(f"row '{self.row.id}': options_file {path} cannot be read (No such file or directory)")
             identity["options_file_sha256"] = hashlib.sha256(content).hexdigest()
         return identity
 
@@ -106,12 +115,12 @@ class RowFolder:
     def _extends(self, changes):
         """Whether a restart can make all the changes."""
         return all(new is not None and self._rule(name) == "may change"
-                   and not (name in _LENGTHS and old is not None and float(new) < float(old))
+                   and not (name in _LENGTHS and old is not None and not _at_least(new, old))
                    for name, (old, new) in changes.items())
 
     def check(self):
         """Raises RunError if the folder holds a run with other options than the row's, which no restart can make of it."""
-        before = self._json("row.json").get("run")
+        before = self._record().get("run")
         if before == self._identity or not (self.path / "run.h5").exists():
             return
         if before is None:
@@ -128,7 +137,10 @@ class RowFolder:
 
     def state(self, mine=False):
         """What became of the row. `mine`: the lock is known to be the caller's."""
-        status, record = self._json("summary.json").get("status"), self._json("row.json")
+        try:
+            status, record = self._status(), self._record()
+        except RunError as error:  # the other rows go on
+            return State("failed", "failed", str(error))
         before = record.get("run")
         changes = self._changes(before) if before not in (None, self._identity) else {}
         if status in FINISHED and not changes:
@@ -149,7 +161,10 @@ class RowFolder:
         found = []
         for file in self.path.parent.glob("*/row.json"):
             other = RowFolder(file.parent.parent, dataclasses.replace(self.row, id=file.parent.name), self.base)
-            record, status = other._json("row.json").get("run"), other._json("summary.json").get("status")
+            try:
+                record, status = other._record().get("run"), other._status()
+            except RunError:  # its own row says so
+                continue
             if other.path == self.path or record is None or status not in (*FINISHED, "stopped"):
                 continue
             changes = self._changes(record)
@@ -172,7 +187,7 @@ class RowFolder:
                 (self.path / name).unlink(missing_ok=True)
             if shorter := self._shorter():
                 folders += ["-restart", str(shorter)]
-        if self._changes(self._json("row.json").get("run") or self._identity):  # else a kill would leave a row that is done
+        if self._changes(self._record().get("run") or self._identity):  # else a kill would leave a row that is done
             (self.path / "summary.json").unlink(missing_ok=True)
         self._write_record({"run": self._identity})
         command = [str(program), self.row.scenario, *arguments(self.row.options, self.base), *folders]
@@ -181,7 +196,7 @@ class RowFolder:
     def end(self, code, log_start):
         """Writes down how an attempt has ended; its output begins at `log_start` of log.txt."""
         record = {"run": self._identity, "exit_code": code}
-        if code == 0 and self._json("summary.json").get("status") not in FINISHED:
+        if code == 0 and self._status() not in FINISHED:
             record["exit_code"] = 1
         if record["exit_code"] != 0:
             record["message"] = f"{self._end_text(code)}: {self._last_error(log_start)}"
@@ -199,6 +214,14 @@ class RowFolder:
             lines = [line.strip() for line in log if line.strip()]
         errors = [line for line in lines if "error:" in line]
         return (errors or lines or ["no output"])[-1]
+
+
+def _at_least(new, old):
+    return is_number(new) and is_number(old) and float(new) >= float(old)
+
+
+def _is_text(options):
+    return isinstance(options, dict) and all(isinstance(value, str) for value in options.values())
 
 
 def _changes_text(changes):

@@ -6,7 +6,7 @@ import os
 import socket
 import time
 
-from .errors import OutputError
+from .errors import OutputError, RunError
 from .files import no_links
 
 HEARTBEAT = 30  #: s between signs of life of an owner
@@ -17,9 +17,14 @@ class Taken(Exception):
     """Another worker has the row; the text says which."""
 
 
-def _elsewhere(note, fd):
-    """Whether another machine has given a sign of life of late."""
-    return note.split()[0] != socket.gethostname() and time.time() - os.fstat(fd).st_mtime < STALE
+def _elsewhere(path, note, fd):
+    """Whether another machine has given a sign of life of late. RunError if it is of the future: nobody can tell."""
+    if note.split()[0] == socket.gethostname():
+        return False
+    age = time.time() - os.fstat(fd).st_mtime
+    if age < -STALE:
+        raise RunError(f"{path}: its time is {-age:.0f} s in the future; set the clock, or delete the file if there is no {note}")
+    return age < STALE
 
 
 class RowLock:
@@ -40,7 +45,7 @@ class RowLock:
         try:
             self._flock()
             note = self._note()
-            if note and _elsewhere(note, self.fd):
+            if note and _elsewhere(path, note, self.fd):
                 raise Taken(note)
             self.name(os.getpid())
         except BaseException:
@@ -82,12 +87,12 @@ class RowLock:
 def owner(path):
     """Who holds the lock file, None if nobody does. Changes nothing."""
     try:
-        fd = os.open(path, os.O_RDONLY)
+        fd = no_links(path, os.O_RDONLY)
     except OSError:
         return None
     try:
         note = os.pread(fd, 200, 0).decode(errors="replace").strip()
-        if not note or _elsewhere(note, fd):
+        if not note or _elsewhere(path, note, fd):
             return note or None
         fcntl.flock(fd, fcntl.LOCK_SH | fcntl.LOCK_NB)
         return None

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from .errors import RunError
+from .files import open_regular
 
 # Columns that are no options.
 _OWN = ("name", "scenario", "seeds")
@@ -15,6 +16,9 @@ _OWN = ("name", "scenario", "seeds")
 _REFUSED = ("output", "restart", "help", "version")
 _INTEGER = re.compile(r"[+-]?[0-9]+")
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
+_CONTROL = re.compile("[\0-\x1f\x7f-\x9f\ud800-\udfff]")
+# As the program tells names of options from values.
+_OPTION = re.compile(r"--?(?!(inf|infinity|nan)$)[A-Za-z]", re.IGNORECASE)
 _LONGEST_NUMBER = 100  # characters
 _LONGEST_ID = 200  # file systems end at 255 bytes
 
@@ -87,14 +91,21 @@ def _derived_id(scenario, default, options):
 def _lines(path):
     """(line number, cells) of every row but comments and empty lines."""
     try:
-        with open(path, newline="", encoding="utf-8-sig") as file:
+        with open(path, newline="", encoding="utf-8-sig", opener=open_regular) as file:
             reader = csv.reader(file, strict=True)
             for cells in reader:
                 cells = [cell.strip() for cell in cells]
                 if any(cells) and not cells[0].startswith("#"):
+                    _check_text(path, reader.line_num, cells)
                     yield reader.line_num, cells
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise RunError(f"{path}: cannot be read as a table ({error})") from None
+
+
+def _check_text(path, line, cells):
+    for i, cell in enumerate(cells, 1):
+        if found := _CONTROL.search(cell):
+            raise RunError(f"{path}, line {line}, column {i}: has the control character {ascii(found[0])}; remove it")
 
 
 def _check_header(path, columns):
@@ -137,6 +148,8 @@ def read_rows(path, scenario):
             raise RunError(f"{where}, column 'name': '{name}' cannot name a folder (letters, digits and . _ + = -)")
         options = {}
         for column, cell in sorted(given.items()):
+            if _OPTION.match(cell):
+                raise RunError(f"{where}, column '{column}': '{cell}' is the name of an option, not a value; write a value")
             try:
                 options[column] = canonical(cell)
             except ValueError as error:

@@ -14,7 +14,7 @@ import pandas as pd
 import pytest
 from synthetic import write_run
 
-from pliant import PliantError, RunError, sweep_lock
+from pliant import PliantError, RunError, load_table, sweep_lock
 from pliant.files import write_atomically
 from pliant.sweep_command import main
 from pliant.sweep_jobs import RowFolder, State, Sweep, count_text, duration_text
@@ -151,10 +151,57 @@ def test_seeds():
     (["a,name", "1,../x"], "line 2, column 'name': '../x' cannot name a folder"),
     (["a,scenario", "1,a b"], "line 2, column 'scenario': 'a b' is no name"),
     (['a', '"1'], "cannot be read as a table"),
+    (["a", "1\0"], r"cannot be read as a table|line 2, column 1: has the control character '\\x00'"),
+    (["a,b", "1,2\x1b[2J"], r"line 2, column 2: has the control character '\\x1b'"),
+    (["t_end", "-help"], "line 2, column 't_end': '-help' is the name of an option, not a value"),
+    (["a", "--version"], "line 2, column 'a': '--version' is the name of an option"),
 ])
 def test_bad_tables(table, lines, message):
     with pytest.raises(RunError, match=message):
         rows_of(table(*lines))
+
+
+def test_values_that_begin_with_a_dash(table):
+    assert [row.options["a"] for row in rows_of(table("a", "-1", "-inf", "-.5"))] == ["-1", "-inf", "-0.5"]
+
+
+def test_a_table_that_is_no_file(tmp_path, run):
+    os.mkfifo(tmp_path / "fifo.csv")
+    (tmp_path / "device.csv").symlink_to("/dev/zero")
+    for name, kind in (("fifo.csv", "a FIFO"), ("device.csv", "a device")):
+        assert f"is {kind}, not a file" in run(tmp_path / name, code=2)
+        with pytest.raises(RunError, match=f"is {kind}, not a file"):
+            load_table(tmp_path / name)
+
+
+@pytest.mark.parametrize("file, message", [("/dev/zero", "is a device, not a file"), ("fifo", "is a FIFO, not a file"),
+                                           ("large", "65536 bytes are the most"), ("none", "No such file")])
+def test_options_files_that_are_no_files(file, message, table, tmp_path, run):
+    os.mkfifo(tmp_path / "fifo")
+    (tmp_path / "large").write_bytes(b"#" * 65537)
+    assert message in run(table("options_file", file), code=2)
+
+
+@pytest.mark.parametrize("text", [
+    "", "null", "3", "[]", '"text"', "{", "\0", "[" * 100000, '{"run": []}', '{"run": 3}', '{"run": {"scenario": "hopper"}}',
+    '{"run": {"options": {}}}', '{"run": {"scenario": "hopper", "options": []}}',
+    '{"run": {"scenario": "hopper", "options": {"a": 1}}}', '{"run": {"scenario": "hopper", "options": {"a": "1"}}, "exit_code": "0"}',
+    '{"run": {"scenario": "hopper", "options": {"a": "1"}}, "exit_code": 1, "message": []}'])
+def test_records_of_other_shapes(text, table, tmp_path, run):
+    (tmp_path / "t/x").mkdir(parents=True)
+    (tmp_path / "t/x/row.json").write_text(text, encoding="utf-8")
+    (tmp_path / "t/x/run.h5").write_text("run", encoding="utf-8")
+    for mode in ("--status", "--merge", "--row=1"):
+        assert "row.json: is " in run(table("name,a", "x,1"), mode, code=2)
+
+
+def test_a_damaged_summary_leaves_the_other_rows(table, tmp_path, run):
+    path = table("name", "x", "y")
+    run(path, "--row", 1)
+    (tmp_path / "t/x/summary.json").write_text("[]", encoding="utf-8")
+    run(path, code=3)
+    results = pd.read_csv(tmp_path / "t/results.csv", index_col="row")
+    assert list(results["status"]) == ["failed", "done"] and "summary.json: is damaged" in results["message"]["x"]
 
 
 def test_missing_table(tmp_path):
@@ -393,15 +440,24 @@ def test_links_are_not_followed(table, tmp_path, run):
     folder.mkdir(parents=True)
     precious = tmp_path / "precious"
     precious.write_text("mine", encoding="utf-8")
-    for link in ("row.json", "../results.csv", "../slurm.sh"):
+    for link in ("../results.csv", "../slurm.sh"):
         (folder / link).symlink_to(precious)
+    (folder / "row.json").symlink_to(precious)
+    assert "row.json: is damaged" in run(path, code=2)
+    (folder / "row.json").unlink()
     run(path)
     run(path, "--slurm")
     assert precious.read_text(encoding="utf-8") == "mine"
     for link in ("log.txt", "lock"):
         (tmp_path / "t" / link).mkdir()
         (tmp_path / "t" / link / link).symlink_to(precious)
-        assert link in run(table("name", link), code=4)
+        assert f"{link}: is a symbolic link, not a file" in run(table("name", link), code=2)
+        (tmp_path / "t" / link / link).unlink()
+        os.link(precious, tmp_path / "t" / link / link)
+        assert f"{link}: is a file with other names" in run(table("name", link), code=2)
+        (tmp_path / "t" / link / link).unlink()
+        os.mkfifo(tmp_path / "t" / link / link)
+        assert f"{link}: is a FIFO, not a file" in run(table("name", link), code=2)
     assert precious.read_text(encoding="utf-8") == "mine"
 
 
@@ -551,6 +607,22 @@ def test_locks_of_other_machines(tmp_path):
     os.utime(path, (long_ago, long_ago))
     assert owner(path) is None
     RowLock(path).close()
+
+
+def test_a_lock_of_the_future(table, tmp_path, run):
+    """Another machine's clock, or a wrong date of this one: neither wait for ever nor run twice."""
+    path = tmp_path / "t/x/lock"
+    path.parent.mkdir(parents=True)
+    path.write_text("elsewhere process 1", encoding="utf-8")
+    later = time.time() + 1e6
+    os.utime(path, (later, later))
+    with pytest.raises(RunError, match="s in the future"):
+        owner(path)
+    for mode in ("--status", "--row=1"):
+        assert "delete the file if there is no elsewhere process 1" in run(table("name", "x"), mode, code=2)
+    soon = time.time() + sweep_lock.STALE / 2  # clocks differ
+    os.utime(path, (soon, soon))
+    assert owner(path) == "elsewhere process 1"
 
 
 def test_sign_of_life(tmp_path, monkeypatch):

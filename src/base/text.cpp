@@ -1,12 +1,11 @@
 #include <fmt/format.h>
 #include <pliant/base/errors.h>
+#include <pliant/base/regular_file.h>
 #include <pliant/base/text.h>
+#include <unistd.h>
 
 #include <cerrno>
 #include <cstring>
-#include <filesystem>
-#include <fstream>
-#include <iterator>
 
 namespace pliant {
 namespace {
@@ -61,21 +60,22 @@ std::string printable(std::string_view text) {
 
 std::string read_text_file(const std::string& file, std::size_t limit, std::string_view what) {
   const std::string name = printable(file);
-  std::error_code ignored;
-  if (std::filesystem::is_directory(file, ignored))
-    throw InputError("{} {}: is a folder; name a file in it", what, name);
-  errno = 0;
-  std::ifstream in(file, std::ios::binary);
-  if (!in) throw InputError("{} {}: cannot be opened: {}", what, name, std::strerror(errno));
+  const int in = open_readable(file, what);
+  if (in < 0) throw InputError("{} {}: cannot be opened: {}", what, name, std::strerror(errno));
   std::string text;
   constexpr std::size_t piece = 1 << 16;
-  while (in && text.size() <= limit) {
+  ssize_t got = 1;
+  while (got != 0 && text.size() <= limit) {
     const std::size_t before = text.size();
     text.resize(before + piece);
-    in.read(text.data() + before, piece);
-    text.resize(before + static_cast<std::size_t>(in.gcount()));
+    do got = ::read(in, text.data() + before, piece);
+    while (got < 0 && errno == EINTR);
+    if (got < 0) break;
+    text.resize(before + static_cast<std::size_t>(got));
   }
-  if (in.bad()) throw InputError("{} {}: cannot be read: {}", what, name, std::strerror(errno));
+  const int error = got < 0 ? errno : 0;
+  ::close(in);
+  if (error != 0) throw InputError("{} {}: cannot be read: {}", what, name, std::strerror(error));
   if (text.size() > limit)
     throw InputError("{} {}: is too large; {} bytes are the most that is read", what, name, limit);
   constexpr std::string_view byte_order_mark = "\xef\xbb\xbf";

@@ -13,8 +13,8 @@ bool is_plain_text(std::string_view text);
 /// The text for a message of one line: what is no plain text as \xNN, the middle of a long one left out.
 std::string printable(std::string_view text);
 
-/// The whole of a file or pipe that is called `what` in messages ("options file"), without a byte order mark of UTF-8.
-/// Errors: InputError if it is a folder, cannot be read, or has more than `limit` bytes.
+/// The whole of a file or a shell's pipe that is called `what` in messages ("options file"), without a byte order mark
+/// of UTF-8. Errors: InputError if it is something else, cannot be read, or has more than `limit` bytes.
 std::string read_text_file(const std::string& file, std::size_t limit, std::string_view what);
 
 }  // namespace pliant

@@ -1,5 +1,6 @@
 #include <fcntl.h>
 #include <pliant/base/errors.h>
+#include <pliant/base/regular_file.h>
 #include <pliant/io/atomic_file.h>
 #include <unistd.h>
 
@@ -84,7 +85,7 @@ void write_file_atomically(const std::filesystem::path& path, std::initializer_l
 }
 
 void copy_file_atomically(const std::filesystem::path& from, const std::filesystem::path& path) {
-  const int source = ::open(from.c_str(), O_RDONLY | O_CLOEXEC);
+  const int source = open_regular(from, O_RDONLY);
   if (source < 0) throw InputError("cannot read {}: {}", from.string(), std::strerror(errno));
   int unread = 0;  // errno of the source
   const auto copy = [&](int file) {

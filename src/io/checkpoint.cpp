@@ -1,13 +1,18 @@
 #include <pliant/io/checkpoint.h>
 
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <cmath>
 #include <cstring>
-#include <fstream>
+#include <memory>
 #include <stdexcept>
 #include <string_view>
 
+#include <pliant/base/regular_file.h>
 #include <pliant/io/atomic_file.h>
 #include <pliant/io/crc32.h>
 
@@ -35,13 +40,16 @@ std::string make_head(std::uint64_t bytes, std::uint32_t crc) {
 /// Throws InputError unless the head fits the rest of the file.
 void verify(const fs::path& path) {
   const auto refuse = [&](std::string_view why) { throw InputError("{} {}", path.string(), why); };
-  std::ifstream file(path, std::ios::binary);
-  if (!file) refuse("cannot be opened; check its permissions");
+  const int file = open_regular(path, O_RDONLY);
+  if (file < 0) refuse("cannot be opened; check its permissions");
+  const std::unique_ptr<const int, void (*)(const int*)> closer(&file, [](const int* open) { ::close(*open); });
   std::vector<char> buffer(1 << 16);
   const auto read = [&](std::size_t most) {
-    file.read(buffer.data(), static_cast<std::streamsize>(most));
-    if (file.bad()) refuse("cannot be read");
-    return std::string_view(buffer.data(), static_cast<std::size_t>(file.gcount()));
+    ssize_t got = 0;
+    do got = ::read(file, buffer.data(), most);
+    while (got < 0 && errno == EINTR);
+    if (got < 0) refuse("cannot be read");
+    return std::string_view(buffer.data(), static_cast<std::size_t>(got));
   };
   const std::string head(read(head_size));
   if (head.starts_with(hdf5_signature))

@@ -1,6 +1,7 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <pliant/base/errors.h>
+#include <pliant/base/regular_file.h>
 #include <pliant/io/folder_lock.h>
 #include <sys/file.h>
 #include <sys/stat.h>
@@ -55,7 +56,7 @@ void create_folder(const fs::path& folder) {
 }
 
 std::optional<std::string> holder_of(const fs::path& folder) {
-  const int file = ::open((folder / "run.lock").c_str(), O_RDONLY | O_CLOEXEC);
+  const int file = open_regular(folder / "run.lock", O_RDONLY | O_NOFOLLOW);
   if (file < 0) return {};
   // Shared: several may ask at a time.
   std::optional<std::string> holder;
@@ -78,7 +79,7 @@ FolderLock::FolderLock(const fs::path& folder) : folder_(folder), file_(folder /
 
 void FolderLock::acquire() {
   for (;;) {
-    descriptor_ = ::open(file_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
+    descriptor_ = open_regular(file_, O_RDWR | O_CREAT | O_NOFOLLOW);
     if (descriptor_ < 0)
       throw OutputError(
           "cannot write in the folder {}: {}; check permissions and free space, or choose another -output",

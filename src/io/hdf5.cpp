@@ -128,6 +128,7 @@ Id disk_access(JournaledFile& disk) {
 }
 
 constexpr const char* crc32_name = "crc32";
+constexpr const char* members_name = "members";
 
 /// For groups: few links, kept in the group's header.
 void keep_links_in_header(const Id& properties) {
@@ -183,12 +184,26 @@ bool write_rows(const Id& dataset, Type type, std::uint64_t first, std::uint64_t
   return H5Dwrite(dataset.get(), native(type), memory.get(), space.get(), H5P_DEFAULT, values) >= 0;
 }
 
+/// The bytes of a single value, as a text of fixed length; nothing if they cannot be read.
+std::optional<std::string> read_single(const Id& dataset) {
+  const Id type(H5Dget_type(dataset.get()));
+  if (!shape_of(dataset).empty() || H5Tdetect_class(type.get(), H5T_VLEN) != 0 || H5Tis_variable_str(type.get()) > 0)
+    return {};
+  std::string bytes(H5Tget_size(type.get()), '\0');
+  if (H5Dread(dataset.get(), type.get(), H5S_ALL, H5S_ALL, H5P_DEFAULT, bytes.data()) < 0) return {};
+  return bytes;
+}
+
 /// CRC-32 of the first `rows` rows as they are in the file, and of all; nothing if they cannot be read.
 std::optional<std::pair<std::uint32_t, std::uint32_t>> crc32_of_rows(const Id& dataset, std::uint64_t rows) {
   constexpr std::uint64_t piece_bytes = 1 << 20;
   const Shape shape = shape_of(dataset);
-  if (shape.empty()) return {};
   const Id type(H5Dget_type(dataset.get()));
+  if (shape.empty()) {
+    const auto bytes = read_single(dataset);
+    if (!bytes) return {};
+    return std::pair{0u, crc32_of(std::as_bytes(std::span(*bytes)))};
+  }
   const std::uint64_t row_bytes = row_width(shape) * H5Tget_size(type.get());
   if (row_bytes == 0) return std::pair{0u, 0u};
   const std::uint64_t at_once = std::max<std::uint64_t>(1, piece_bytes / row_bytes);
@@ -433,6 +448,31 @@ std::uint32_t Group::check(const std::string& name, const Id& dataset, std::uint
   return found->first;
 }
 
+void Group::write_text(const std::string& name, const std::string& text) {
+  const Quiet quiet;
+  std::string bytes = text;
+  bytes.resize(std::max<std::size_t>(bytes.size(), 1), '\0');  // HDF5 has no strings of length 0
+  const Id type(H5Tcopy(H5T_C_S1)), space(H5Screate(H5S_SCALAR));
+  H5Tset_size(type.get(), bytes.size());
+  H5Tset_strpad(type.get(), H5T_STR_NULLPAD);
+  H5Tset_cset(type.get(), H5T_CSET_UTF8);
+  const Id dataset(
+      H5Dcreate2(id_.get(), name.c_str(), type.get(), space.get(), creating_parents().get(), H5P_DEFAULT, H5P_DEFAULT));
+  if (!dataset.valid() || H5Dwrite(dataset.get(), type.get(), H5S_ALL, H5S_ALL, H5P_DEFAULT, bytes.data()) < 0 ||
+      !new_crc32(dataset, crc32_of(std::as_bytes(std::span(bytes)))).valid())
+    fail_write(name);
+}
+
+std::string Group::read_text(const std::string& name) const {
+  check(name);
+  const Quiet quiet;
+  const Id dataset(H5Dopen2(id_.get(), name.c_str(), H5P_DEFAULT));
+  auto text = read_single(dataset);
+  if (!text || H5Tget_class(Id(H5Dget_type(dataset.get())).get()) != H5T_STRING) fail_read(name);
+  text->resize(text->find_last_not_of('\0') + 1);
+  return *std::move(text);
+}
+
 Rows Group::create_rows(const std::string& name, const Shape& row, std::uint64_t rows_per_chunk) {
   const Quiet quiet;
   Shape first{0}, most{H5S_UNLIMITED}, chunk{rows_per_chunk};
@@ -525,7 +565,9 @@ void Group::set_attribute(const std::string& name, const std::string& value) {
 
 void Group::set_number(const std::string& name, Type type, const void* value) {
   const Quiet quiet;
-  const Id attribute = new_attribute(id_.get(), name, native(type));
+  // Written in its place: a new attribute would make the group's header grow.
+  const Id attribute = H5Aexists(id_.get(), name.c_str()) > 0 ? Id(H5Aopen(id_.get(), name.c_str(), H5P_DEFAULT))
+                                                              : new_attribute(id_.get(), name, native(type));
   if (!attribute.valid() || H5Awrite(attribute.get(), native(type), value) < 0) fail_write("attribute " + name);
 }
 
@@ -571,27 +613,13 @@ std::map<std::string, std::string> Group::string_attributes() const {
   return values;
 }
 
-namespace {
-
-std::uint32_t crc32_of_strings(const Group& group) {
-  std::uint32_t sum = 0;
-  for (const auto& [name, value] : group.string_attributes()) {
-    std::string text = name;
-    text += '\0';
-    text += value;
-    text += '\0';
-    sum = crc32_of(std::as_bytes(std::span(text)), sum);
+void Group::count_members() {
+  H5G_info_t info{};
+  {
+    const Quiet quiet;
+    if (H5Gget_info(id_.get(), &info) < 0) fail_read("");
   }
-  return sum;
-}
-
-}  // namespace
-
-void Group::seal() { set_attribute(crc32_name, std::int64_t{crc32_of_strings(*this)}); }
-
-void Group::check_seal() const {
-  if (integer_attribute(crc32_name) != crc32_of_strings(*this))
-    throw InputError("the attributes of {} of {} are damaged: their checksum does not fit", full(""), file_);
+  set_attribute(members_name, static_cast<std::int64_t>(info.nlinks));
 }
 
 std::vector<std::string> Group::datasets() const {

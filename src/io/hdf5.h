@@ -171,10 +171,16 @@ class Group {
   /// fewer.
   Rows open_rows(const std::string& name, std::uint64_t rows);
 
-  /// Attributes; a new value replaces the old one. HDF5 has no checksums for strings: seal() keeps the CRC-32 of all
-  /// strings of the group, check_seal() compares. Errors of check_seal(): InputError.
-  void seal();
-  void check_seal() const;
+  /// Writes a text as a new dataset: one string of fixed length, with its CRC-32. Strings of variable length lie in
+  /// HDF5's global heap, which has no checksum; HDF5 crashes on a damaged one.
+  void write_text(const std::string& name, const std::string& text);
+  /// Reads such a text. Errors: InputError also where its CRC-32 differs.
+  std::string read_text(const std::string& name) const;
+
+  /// Stores the number of names in this group as the attribute "members", so that a reader notices a missing one.
+  void count_members();
+
+  /// Attributes; a new value replaces the old one. HDF5 has checksums for numbers, but not for strings.
   void set_attribute(const std::string& name, const std::string& value);
   void set_attribute(const std::string& name, double value);
   void set_attribute(const std::string& name, std::int64_t value);

@@ -1,6 +1,7 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <pliant/base/errors.h>
+#include <pliant/base/regular_file.h>
 #include <pliant/io/crc32.h>
 #include <pliant/io/journaled_file.h>
 #include <sys/file.h>
@@ -87,9 +88,7 @@ void Extents::overlay(std::uint64_t address, std::span<std::byte> bytes) const {
 // ---- the file --------------------------------------------------------------------------------------------------
 
 JournaledFile::JournaledFile(const std::filesystem::path& path, int flags)
-    : name_(path.string()),
-      file_(::open(name_.c_str(), flags | O_CLOEXEC, 0666)),
-      writable_((flags & O_ACCMODE) != O_RDONLY) {
+    : name_(path.string()), file_(open_regular(name_, flags)), writable_((flags & O_ACCMODE) != O_RDONLY) {
   if (file_ < 0) fail();
   // File systems that know no locks are used without.
   if (::flock(file_, (writable_ ? LOCK_EX : LOCK_SH) | LOCK_NB) != 0 && errno == EWOULDBLOCK) {

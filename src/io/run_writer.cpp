@@ -36,18 +36,17 @@ void refuse_existing_run(const std::filesystem::path& folder) {
 
 void write_manifest(File& file, const Manifest& manifest) {
   auto group = file.create_group("/manifest");
-  group.set_attribute("program", manifest.program);
-  group.set_attribute("version", manifest.version);
-  group.set_attribute("build", manifest.build);
-  group.set_attribute("petsc_version", manifest.petsc_version);
-  group.set_attribute("hdf5_version", hdf5::library_version());
-  group.set_attribute("scenario", manifest.scenario);
-  group.set_attribute("model", manifest.model);
+  group.write_text("program", manifest.program);
+  group.write_text("version", manifest.version);
+  group.write_text("build", manifest.build);
+  group.write_text("petsc_version", manifest.petsc_version);
+  group.write_text("hdf5_version", hdf5::library_version());
+  group.write_text("scenario", manifest.scenario);
+  group.write_text("model", manifest.model);
   group.set_attribute("dim", static_cast<std::int64_t>(manifest.dim));
   group.set_attribute("seed", manifest.seed);
-  group.set_attribute("created", manifest.created);
-  group.set_attribute("options", manifest.options.dump());
-  group.seal();
+  group.write_text("created", manifest.created);
+  group.write_text("options", manifest.options.dump());
 }
 
 /// What run.xdmf shows where cells have no such field. Creates the group `name`.
@@ -84,8 +83,7 @@ void write_geometry(File& file, const RunGeometry& geometry, int dim) {
   const bool disks = std::any_of(geometry.radius.begin(), geometry.radius.end(), [](Real r) { return r > 0; });
   group.write("segments", geometry.segments, {walls, 4}, Storage::crc32);
   if (disks) group.write("radius", geometry.radius, {walls}, Storage::crc32);
-  group.set_attribute("kind", geometry.kind);
-  group.seal();
+  group.write_text("kind", geometry.kind);
   for (const auto& [name, value] : geometry.attributes) group.set_attribute(name, value);
   if (!geometry.box.empty()) group.write("box", geometry.box, {2, static_cast<std::uint64_t>(dim)}, Storage::crc32);
   if (dim == 2) {
@@ -230,8 +228,7 @@ void RunWriter::go_on(const Topology& topology, std::uint64_t series_rows, std::
     throw InputError("{} holds other particles than the checkpoint; restart from the folder of the same run",
                      file_->name());
   check_counts(*file_, {series_rows, frames_, event_rows}, "the checkpoint");
-  for (const char* group : {"/manifest", "/geometry"}) file_->open_group(group).check_seal();
-  for (const char* group : {"/topology", "/geometry", "/series_axes"})
+  for (const char* group : {"/manifest", "/topology", "/geometry", "/series_axes"})
     for (const std::string& name : file_->open_group(group).datasets()) file_->open_group(group).check(name);
   for (const char* linked : {"connectivity", "particle"}) file_->open_group("/topology/xdmf").check(linked);
   walls_ = file_->shape("/geometry/segments").at(0);
@@ -267,6 +264,7 @@ void RunWriter::drop_later_frames() {
   if (!list.has(frame_name(frames_))) return;
   xdmf_->cut(frames_);  // it names no frame that is not there
   for (std::uint64_t n = frames_; list.has(frame_name(n)); ++n) list.remove(frame_name(n));
+  list.count_members();
   flush();
 }
 
@@ -320,6 +318,7 @@ void RunWriter::Table::add(std::span<const SeriesValue> row) {
 }
 
 void RunWriter::Table::write(File& file) {
+  const bool more = std::any_of(columns.begin(), columns.end(), [](const Column& c) { return !c.stored; });
   for (Column& c : columns) {
     if (!c.stored)
       c.stored.emplace(file.create_rows(group + "/" + c.name, c.is_row ? hdf5::Shape{c.width} : hdf5::Shape{},
@@ -327,6 +326,7 @@ void RunWriter::Table::write(File& file) {
     if (!c.kept.empty()) c.stored->append(c.kept);
     c.kept.clear();
   }
+  if (more) file.open_group(group).count_members();
 }
 
 void RunWriter::write_tables() {
@@ -363,7 +363,9 @@ void RunWriter::write_frame(const Frame& frame) {
   write_arrays(layout.arrays, datasets);
   ranks_.on_root([&] {
     const std::string name = frame_name(frames_);
-    file_->open_group("/frames").link(*group, name);
+    auto list = file_->open_group("/frames");
+    list.link(*group, name);
+    list.count_members();
     write_tables();
     file_->flush();
     xdmf_->put(frames_, xdmf_grid({.name = name,

@@ -1,4 +1,4 @@
-#include <pliant/io/atomic_file.h>
+#include <pliant/io/json_file.h>
 #include <pliant/io/summary.h>
 
 #include <cmath>
@@ -17,9 +17,7 @@ nlohmann::ordered_json quantity(Real value, Real error, std::string_view unit) {
 }
 
 void write_summary(const std::filesystem::path& folder, const nlohmann::ordered_json& summary) {
-  // A message may hold bytes that are not UTF-8 (a file name): replace them rather than lose the summary.
-  const auto replace = nlohmann::ordered_json::error_handler_t::replace;
-  write_file_atomically(folder / "summary.json", {summary.dump(2, ' ', false, replace), "\n"});
+  write_json(folder / "summary.json", summary);
 }
 
 }  // namespace pliant

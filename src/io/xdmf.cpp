@@ -14,6 +14,7 @@
 #include <string_view>
 
 #include <pliant/base/errors.h>
+#include <pliant/base/regular_file.h>
 #include <pliant/io/atomic_file.h>
 
 namespace pliant {
@@ -194,7 +195,7 @@ void XdmfFile::replace_from(std::size_t index, const std::string& grid) {
 void XdmfFile::append(const std::string& grid) {
   // One write over the old footer, so that a kill leaves the file before or after it. Rewriting the whole file for
   // every frame would cost a time quadratic in their number.
-  const int file = ::open(path_.c_str(), O_WRONLY | O_CLOEXEC);
+  const int file = open_regular(path_, O_WRONLY);
   int error = file < 0 ? errno : 0;
   const std::string text = grid + std::string(footer);
   const auto at = static_cast<off_t>(end_);

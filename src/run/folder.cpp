@@ -6,13 +6,13 @@
 #include <algorithm>
 #include <ctime>
 #include <filesystem>
-#include <fstream>
 #include <utility>
 #include <vector>
 
 #include <pliant/base/console.h>
 #include <pliant/base/version.h>
 #include <pliant/io/atomic_file.h>
+#include <pliant/io/json_file.h>
 
 namespace pliant {
 namespace {
@@ -21,10 +21,9 @@ namespace fs = std::filesystem;
 
 constexpr const char* branch_name = "branch.json";
 
-/// A text of the summary of a run's folder; empty if there is none that can be read.
+/// A text of the summary of a run's folder; empty if there is none. Errors: InputError if the summary is damaged.
 std::string stored_text(const fs::path& folder, const std::string& name) {
-  std::ifstream file(folder / "summary.json");
-  const nlohmann::json summary = nlohmann::json::parse(file, nullptr, false);
+  const auto summary = read_json(folder / "summary.json");
   return summary.is_object() && summary.contains(name) && summary[name].is_string() ? std::string(summary[name]) : "";
 }
 
@@ -173,8 +172,7 @@ void make_run(std::string_view scenario, const RunOptions& p, Options& options, 
 }
 
 nlohmann::ordered_json branch_of(const fs::path& folder) {
-  std::ifstream file(folder / branch_name);
-  const auto found = nlohmann::ordered_json::parse(file, nullptr, false);
+  auto found = read_json(folder / branch_name);
   return found.is_object() && found.contains("run") ? found : nlohmann::ordered_json();
 }
 
@@ -182,7 +180,7 @@ fs::path begin_branch(const fs::path& checkpoint, Real t, std::int64_t step, con
   const fs::path from = checkpoint.parent_path(), copy = folder / checkpoint.filename();
   const nlohmann::ordered_json of{{"run", fs::weakly_canonical(from).string()}, {"t", t}, {"step", step}};
   create_folder(folder);
-  write_file_atomically(folder / branch_name, {of.dump(2), "\n"});
+  write_json(folder / branch_name, of);
   copy_file_atomically(checkpoint, copy);
   copy_file_atomically(from / "run.h5", folder / "run.h5");
   return copy;

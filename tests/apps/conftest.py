@@ -115,6 +115,8 @@ class Results:
             self.geometry = {"segments": file["geometry/segments"][()], **file["geometry"].attrs}
         summary = folder / "summary.json"
         self.summary = json.loads(summary.read_text(encoding="utf-8")) if summary.exists() else None
+        for name in ("format", "crc32"):
+            (self.summary or {}).pop(name, None)
 
     def column(self, name):
         """[frames, …] of a dataset of every frame."""

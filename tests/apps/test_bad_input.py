@@ -67,7 +67,7 @@ OPTIONS = {
     "not_text": (["-output", b"caf\xe9"], ["-output caf\\xe9", "UTF-8"]),
     "newline": (["-options_file", "a\nb"], ["-options_file a\\x0ab"]),
     "long_value": (["-output", "x" * 5000], ["too long", "(5000 bytes)"]),
-    "endless_file": (["-options_file", "/dev/zero"], ["/dev/zero", "too large"]),
+    "endless_file": (["-options_file", "/dev/zero"], ["/dev/zero", "is a device, not a file"]),
     "stray_word": (["surprise"], ["surprise"]),
 }
 
@@ -261,7 +261,7 @@ def test_bad_case(name, tmp_path):
 
 
 def test_endless_case():
-    assert_refused(pliant("evaluate", "/dev/zero"), "/dev/zero", "too large")
+    assert_refused(pliant("evaluate", "/dev/zero"), "/dev/zero", "is a device, not a file")
 
 
 def test_case_without_faults(tmp_path):

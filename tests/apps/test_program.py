@@ -53,7 +53,7 @@ def test_a_program_of_another_name(tmp_path):
     assert subprocess.run(command, capture_output=True, timeout=HANGS).returncode == 0
     assert Results(tmp_path / "run").summary["program"] == "grains"
     with h5py.File(tmp_path / "run/run.h5") as file:
-        assert file["manifest"].attrs["program"] == "grains"
+        assert file["manifest/program"][()] == b"grains"
 
 
 def test_help_needs_no_valid_options_and_writes_nothing(tmp_path):

@@ -60,7 +60,7 @@ def test_particles_flow_round_obstacles(tmp_path, outline):
         assert frames[0]["wall_force"].shape == (14, 2)
         assert any(np.abs(frame["wall_force"][10:]).sum() > 0 for frame in frames)  # particles lie on obstacles
         assert min(frame["positions"][:, 1].min() for frame in frames) > -3  # those that fell were reinserted
-        stored = json.loads(file["manifest"].attrs["options"])
+        stored = json.loads(file["manifest/options"][()])
     assert stored["outline"]["value"].split() == "1.75 0 4 1 5 4 3.5 6 5 9".split()
     assert stored["hopper_width"]["value"] == 3.5
     walls = ET.parse(tmp_path / "run/run.xdmf").findall(".//Grid[@Name='walls']/Geometry/DataItem")

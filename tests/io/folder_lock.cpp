@@ -1,4 +1,5 @@
 // The lock of a run's folder.
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -87,6 +88,37 @@ TEST_CASE("a folder that cannot be locked", "[lock]") {
   std::ofstream(scratch.path) << "a file";
   CHECK_THROWS_AS(FolderLock(scratch.path), OutputError);
   CHECK_THROWS_AS(FolderLock(scratch.path / "below"), OutputError);
+}
+
+TEST_CASE("run.lock is a file of its own", "[lock]") {
+  const Scratch scratch;
+  const fs::path lock = scratch.path / "run.lock", precious = scratch.path / "precious";
+  fs::create_directories(scratch.path);
+  std::ofstream(precious) << "mine";
+  const auto unchanged = [&] {
+    std::stringstream text;
+    text << std::ifstream(precious).rdbuf();
+    return text.str() == "mine" && fs::exists(fs::symlink_status(lock));
+  };
+  fs::create_symlink(precious, lock);
+  CHECK(refusal(scratch.path).find("run.lock is a symbolic link, not a file") != std::string::npos);
+  CHECK(unchanged());
+  fs::remove(lock);
+  fs::create_symlink(scratch.path / "none", lock);
+  CHECK(refusal(scratch.path).find("run.lock is a symbolic link") != std::string::npos);
+  CHECK(!fs::exists(scratch.path / "none"));
+  fs::remove(lock);
+  fs::create_hard_link(precious, lock);
+  CHECK(refusal(scratch.path).find("run.lock is a file with other names") != std::string::npos);
+  CHECK(unchanged());
+  fs::remove(lock);
+  REQUIRE(::mkfifo(lock.c_str(), 0666) == 0);
+  CHECK(refusal(scratch.path).find("run.lock is a FIFO") != std::string::npos);
+  fs::remove(lock);
+  fs::create_directory(lock);
+  CHECK(refusal(scratch.path).find("run.lock is a folder") != std::string::npos);
+  fs::remove(lock);
+  CHECK(refusal(scratch.path).empty());
 }
 
 }  // namespace pliant::test::folder_lock_test

@@ -254,10 +254,8 @@ TEST_CASE("HDF5: what can be checked") {
   {
     auto file = File::create(folder / "a.h5");
     auto group = file.create_group("g");
-    group.set_attribute("text", std::string("all is well"));
-    group.set_attribute("number", 1.5);
-    group.seal();
-    group.set_attribute("number", 2.5);
+    group.write_text("text", "all is well");
+    group.write_text("nothing", "");
     group.write("below/x", std::vector<double>{1, 2}, {2}, hdf5::Storage::crc32);
     group.write("plain", std::vector<double>{1, 2}, {2});
     group.write("empty", std::vector<double>{}, {0}, hdf5::Storage::crc32);
@@ -271,18 +269,21 @@ TEST_CASE("HDF5: what can be checked") {
     CHECK(crc32_joined(crc32_of(std::as_bytes(std::span(values).first(1))),
                        crc32_of(std::as_bytes(std::span(values).last(2))),
                        8) == crc32_of(std::as_bytes(std::span(values))));
-    CHECK(group.datasets() == std::vector<std::string>{"below/x", "pieces", "plain"});
-    for (const char* name : {"below/x", "pieces", "empty", "linked", "again"}) CHECK_NOTHROW(group.check(name));
+    CHECK(group.datasets() == std::vector<std::string>{"below/x", "nothing", "pieces", "plain", "text"});
+    for (const char* name : {"below/x", "pieces", "empty", "linked", "again", "text", "nothing"})
+      CHECK_NOTHROW(group.check(name));
     CHECK_THAT(message_of<InputError>([&] { group.check("plain"); }), Contains("/g/plain") && Contains("no checksum"));
   }
-  CHECK_NOTHROW(File::open_read(folder / "a.h5").open_group("g").check_seal());
+  CHECK(File::open_read(folder / "a.h5").read_text("g/text") == "all is well");
+  CHECK(File::open_read(folder / "a.h5").read_text("g/nothing").empty());
+  CHECK_THROWS_AS(File::open_read(folder / "a.h5").read_text("g/below/x"), InputError);
   std::string bytes = contents(folder / "a.h5");
   const auto at = bytes.find("all is well");
   REQUIRE(at != bytes.npos);
   bytes[at] = 'A';
   std::ofstream(folder / "a.h5", std::ios::binary) << bytes;
-  CHECK_THAT(message_of<InputError>([&] { File::open_read(folder / "a.h5").open_group("g").check_seal(); }),
-             Contains("/g") && Contains("checksum"));
+  CHECK_THAT(message_of<InputError>([&] { File::open_read(folder / "a.h5").read_text("g/text"); }),
+             Contains("/g/text") && Contains("CRC-32"));
 }
 
 }  // namespace pliant::test::hdf5_test

@@ -622,7 +622,8 @@ TEST_CASE("read_case names the file and the place of an error") {
   CHECK(reading_message(folder / "pliant_no_such_case.json") == "case file " +
                                                                     (folder / "pliant_no_such_case.json").string() +
                                                                     ": cannot be opened: No such file or directory");
-  CHECK(reading_message(folder) == "case file " + folder.string() + ": is a folder; name a file in it");
+  CHECK(reading_message(folder) ==
+        "case file " + folder.string() + " is a folder, not a file; put a file in its place, or name another");
 
   const auto parse_message = [](const std::string& text) {
     const TemporaryFile file(text);

@@ -1,0 +1,257 @@
+#!/usr/bin/python3
+"""Changes single bits of the files of a small run and checks that nothing wrong comes of it.
+
+  scripts/flip_bits.py [--program FILE] [--stride N] [--whole] [PART …]
+
+Parts (default: all):
+  reader      run.h5 and summary.json, read by python/pliant: all data as they were, or RunError
+  restart     run.h5 under -restart: the run ends as without the flip, or exit code 2 or 4 with one line
+  checkpoint  both checkpoints under -restart: the same
+
+Every N-th byte is changed, one bit of it, another one at each byte; --whole: all bits of every byte. A process that dies
+of a signal, a traceback and a value that differs are findings: they are printed, and the exit code is 1.
+"""
+
+import argparse
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections import Counter
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT / "python"))
+
+from pliant import PliantError, Run  # noqa: E402
+from pliant.sweep import sweep_table  # noqa: E402
+
+PARTS = ("reader", "restart", "checkpoint")
+# Few particles, so that most bytes are those of the format.
+OPTIONS = {"n": 12, "hopper_wall_distance": 5, "hopper_width": 3, "zeta": 0.3, "mu": 0.5, "pack_fraction": 0.7,
+           "frame_interval": 0.5, "sample_interval": 0.1}
+CLOCK = ("cpu_seconds", "wall_seconds", "particle_steps_per_second", "ns_per_particle_step", "ns_per_vertex_step", "parameters",
+         "longest_sample_interval")
+
+
+def pliant(program, **options):
+    """The finished process."""
+    words = [text for name, value in options.items() for text in (f"-{name}", str(value))]
+    return subprocess.run([program, "hopper", *words], capture_output=True, encoding="utf-8", errors="replace", timeout=300,
+                          env=os.environ | {"OMP_NUM_THREADS": "1"})
+
+
+def make_run(program, folder):
+    """A small run with a checkpoint of its start and one of its end."""
+    for result in (pliant(program, output=folder, **OPTIONS, t_end=0.5), pliant(program, restart=folder, t_end=1)):
+        if result.returncode != 0:
+            sys.exit(f"flip_bits.py: {result.stderr}")
+    return folder
+
+
+def flips(size, stride, whole):
+    """(byte, bit) of a file of this size."""
+    if whole:
+        return [(at, bit) for at in range(size) for bit in range(8)]
+    return [(at, at // stride % 8) for at in range(0, size, stride)]
+
+
+def flipped(data, at, bit):
+    changed = bytearray(data)
+    changed[at] ^= 1 << bit
+    return bytes(changed)
+
+
+# ---- what a run says ---------------------------------------------------------------------------------------------------
+
+
+def _values(value):
+    """Text of a value that differs wherever a bit does."""
+    if isinstance(value, np.ndarray):
+        return f"{value.dtype} {value.shape} {hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()}"
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key}: {_values(value[key])}" for key in sorted(value)) + "}"
+    if hasattr(value, "to_numpy"):
+        return f"{list(value.columns)} {_values(value.to_numpy(dtype=float))}"
+    return repr(value)
+
+
+def frame_values(frame):
+    names = ("positions", "velocities", "centres", "active", "contact_count", "wall_force", "contacts")
+    return f"{frame.time!r} {frame.step} " + " ".join(_values(getattr(frame, name)) for name in names)
+
+
+def everything(folder):
+    """{part: text} of all that the reader gives of a run. Raises RunError."""
+    with Run(folder) as run:
+        geometry, topology = run.geometry, run.topology
+        return {"manifest": _values(run.manifest), "summary": _values(run.summary), "series": _values(run.series),
+                "vectors": _values(run.vector_series), "events": _values(run.events), "height": _values(run.profile.height),
+                "topology": _values(vars(topology)), "geometry": _values(vars(geometry)),
+                "frames": "\n".join(map(frame_values, run.frames)),
+                "row": _values(sweep_table([run]).drop(columns="run").iloc[0].to_dict())}
+
+
+# ---- the reader --------------------------------------------------------------------------------------------------------
+
+
+def judge(folder, truth):
+    """What the reader does with a folder: same, refused, or what is wrong."""
+    try:
+        found = everything(folder)
+    except PliantError as error:
+        return "refused" if "\n" not in str(error) else f"a message of several lines: {error!r}"
+    except Exception as error:  # noqa: BLE001 - any is a finding
+        return f"{type(error).__name__}: {error}"
+    different = [part for part in truth if found[part] != truth[part]]
+    return f"other values: {', '.join(different)}" if different else "same"
+
+
+def _read_in_child(folder, name, data, todo, truth):
+    """A line per flip from a child process, until it is done or dead; the verdicts, and how it has ended."""
+    receive, send = os.pipe()
+    child = os.fork()
+    if child == 0:
+        os.close(receive)
+        with open(send, "w", encoding="utf-8") as out:
+            for at, bit in todo:
+                (folder / name).write_bytes(flipped(data, at, bit))
+                print(json.dumps(judge(folder, truth)), file=out, flush=True)
+        os._exit(0)
+    os.close(send)
+    with open(receive, encoding="utf-8") as lines:
+        verdicts = [json.loads(line) for line in lines]
+    return verdicts, os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+
+
+def check_reader(run, name, chosen):
+    """[(byte, bit, verdict)] of a file of a run."""
+    with tempfile.TemporaryDirectory(prefix="pliant-flips-") as scratch:
+        folder = Path(scratch) / "run"
+        shutil.copytree(run, folder)
+        truth, data = everything(folder), (run / name).read_bytes()
+        left, found = list(chosen), []
+        while left:
+            verdicts, code = _read_in_child(folder, name, data, left, truth)
+            if len(verdicts) < len(left):
+                verdicts.append(f"killed by signal {-code}")
+            found += [(at, bit, verdict) for (at, bit), verdict in zip(left, verdicts)]
+            left = left[len(verdicts):]
+    return found
+
+
+# ---- the program -------------------------------------------------------------------------------------------------------
+
+
+def end_of(folder):
+    """What a continued run has come to: the newest state, the counters of the summary, and what the reader gives, with the
+    frames that it refuses."""
+    states = []
+    for path in sorted(folder.glob("checkpoint-[ab].h5")):
+        with h5py.File(path) as file:
+            state = file["state"]
+            states.append((int(state.attrs["step"]), {name: state[name][()].tobytes() for name in state if name not in CLOCK}))
+    with Run(folder) as run:
+        frames = []
+        for index in range(len(run.frames)):
+            try:
+                frames.append(frame_values(run.frames[index]))
+            except PliantError:
+                frames.append(None)
+        counters = {name: value for name, value in run.summary.items() if name not in CLOCK}
+        values = {"summary": _values(counters), "series": _values(run.series), "vectors": _values(run.vector_series),
+                  "events": _values(run.events)}
+    return max(states, key=lambda state: state[0]), values, frames
+
+
+def judge_restart(program, folder, truth):
+    """What the program does with a folder: same, refused, or what is wrong."""
+    result = pliant(program, restart=folder, t_end=1.5)
+    lines = result.stderr.splitlines()
+    if result.returncode not in (0, 2, 4):
+        return f"exit code {result.returncode}: {result.stderr[-200:]}"
+    if len(lines) > (result.returncode != 0) + 1 or any("internal" in line or "HDF5-DIAG" in line for line in lines):
+        return f"messages: {result.stderr[-300:]}"
+    if result.returncode:
+        return "refused" if lines and "error: " in lines[-1] else f"exit code {result.returncode} without a line"
+    try:
+        state, values, frames = end_of(folder)
+    except Exception as error:  # noqa: BLE001 - any is a finding
+        return f"the continued run cannot be read: {type(error).__name__}: {error}"
+    different = [name for name in values if values[name] != truth[1][name]]
+    if state != truth[0] or different:
+        return f"another end: {', '.join(different) or 'state'}"
+    if len(frames) != len(truth[2]) or any(a not in (None, b) for a, b in zip(frames, truth[2])):
+        return "other frames"
+    if None in frames and not lines:
+        return "a damaged frame that no line names"
+    return "same" if not lines else "same, with a warning"
+
+
+def check_program(program, run, name, chosen):
+    """[(byte, bit, verdict)] of a file of a run."""
+    found = []
+    with tempfile.TemporaryDirectory(prefix="pliant-flips-") as scratch:
+        folder = Path(scratch) / "run"
+        shutil.copytree(run, folder)
+        if (result := pliant(program, restart=folder, t_end=1.5)).returncode != 0:
+            sys.exit(f"flip_bits.py: {result.stderr}")
+        truth, data = end_of(folder), (run / name).read_bytes()
+        for at, bit in chosen:
+            shutil.rmtree(folder)
+            shutil.copytree(run, folder)
+            (folder / name).write_bytes(flipped(data, at, bit))
+            found.append((at, bit, judge_restart(program, folder, truth)))
+    return found
+
+
+# ---- the command -------------------------------------------------------------------------------------------------------
+
+GOOD = ("same", "same, with a warning", "refused")
+
+
+def check(part, program, run, stride, whole):
+    """[(file, byte, bit, verdict)] of a part."""
+    names = {"reader": ("run.h5", "summary.json"), "restart": ("run.h5",),
+             "checkpoint": ("checkpoint-a.h5", "checkpoint-b.h5")}[part]
+    found = []
+    for name in names:
+        chosen = flips((run / name).stat().st_size, stride, whole)
+        judged = check_reader(run, name, chosen) if part == "reader" else check_program(program, run, name, chosen)
+        found += [(name, *one) for one in judged]
+    return found
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("parts", nargs="*", metavar="PART", help=", ".join(PARTS))
+    parser.add_argument("--program", default=str(ROOT / "build/apps/pliant"), help="default: that of the build")
+    parser.add_argument("--stride", type=int, default=1, metavar="N", help="change every N-th byte (default: each)")
+    parser.add_argument("--whole", action="store_true", help="all bits of every byte")
+    given = parser.parse_args()
+    if given.stride < 1 or not set(given.parts) <= set(PARTS):
+        parser.error(f"--stride must be positive, and parts are {', '.join(PARTS)}")
+    bad = 0
+    with tempfile.TemporaryDirectory(prefix="pliant-flips-") as scratch:
+        run = make_run(given.program, Path(scratch) / "run")
+        for part in given.parts or PARTS:
+            found = check(part, given.program, run, given.stride, given.whole)
+            for name in dict.fromkeys(name for name, *_ in found):
+                counts = Counter(verdict for file, *_, verdict in found if file == name)
+                good = ", ".join(f"{counts[verdict]} {verdict}" for verdict in GOOD if counts[verdict])
+                wrong = sum(counts.values()) - sum(counts[verdict] for verdict in GOOD)
+                print(f"{part}, {name}: {sum(counts.values())} flips, {good}; {wrong} findings", flush=True)
+                bad += wrong
+            for name, at, bit, verdict in [one for one in found if one[3] not in GOOD][:20]:
+                print(f"  {name}, byte {at}, bit {bit}: {verdict}")
+    return 1 if bad else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
