@@ -1,10 +1,11 @@
 #!/usr/bin/env bash
-# Builds the unit tests with a checker, in a build folder of its own, and runs them. Fails if a program has a finding.
+# Builds the unit tests, or pliant itself, with a checker, in a build folder of its own, and runs them. Fails if a program
+# has a finding.
 #   scripts/sanitize.sh [address|thread|valgrind] [PROGRAM…]
 #     address   (default) AddressSanitizer and UndefinedBehaviorSanitizer, by clang, which compiles these faster than GCC
 #     thread    ThreadSanitizer, by clang and its OpenMP: GCC's OpenMP is not instrumented, its barriers are unseen
 #     valgrind  memcheck; it hides AVX-512, so the kernels for AVX2 run
-#     PROGRAM   folders of tests/, like io; all unless given
+#     PROGRAM   folders of tests/, like io, and `pliant`, a short run of each scenario and model; all tests unless given
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 kind=${1:-address}
@@ -53,7 +54,34 @@ done
 cmake -S "$root" -B "$build" -G Ninja -D CMAKE_BUILD_TYPE=RelWithDebInfo -D CMAKE_CXX_FLAGS_RELWITHDEBINFO="-O1 -g1" \
   -D CMAKE_CXX_FLAGS="$flags" -D PLIANT_BUILD_EXAMPLES=OFF "${joined[@]}" "${compilers[@]}"
 ((${#names[@]} > 0)) || read -ra names <"$build/tests/folders.txt"
-cmake --build "$build" --parallel "$cores" --target "${names[@]/#/test_}"
+targets=()
+for name in "${names[@]}"; do
+  [[ $name == pliant ]] && targets+=(pliant) || targets+=("test_$name")
+done
+cmake --build "$build" --parallel "$cores" --target "${targets[@]}"
+
+# A short run of each scenario and kind of particle, with reinsertion, restart and both kinds of integrator.
+run_pliant() {
+  local folder hopper=(hopper -n 12 -hopper_wall_distance 5 -hopper_width 3 -frame_interval 0.05 -sample_interval 0.05)
+  folder=$(mktemp -d)
+  run() { "${runner[@]}" "$build/apps/pliant" "$@" >"$folder/log" 2>&1 || { cat "$folder/log" >&2; return 1; }; }
+  run "${hopper[@]}" -t_end 1 -mu 1 -output "$folder/soft" &&
+    run hopper -restart "$folder/soft" -t_end 1.2 &&
+    run "${hopper[@]}" -t_end 0.3 -dim 3 -output "$folder/spheres" &&
+    run "${hopper[@]}" -t_end 0.1 -model rough -n_vertices 8 -self_contact -output "$folder/rough" &&
+    run "${hopper[@]}" -t_end 0.1 -model smooth -n_vertices 8 -mu 1 -output "$folder/smooth" &&
+    run "${hopper[@]}" -t_end 0.1 -model disk -flow discharge -output "$folder/disks" &&
+    run "${hopper[@]}" -t_end 0.1 -model disk -dim 3 -output "$folder/balls" &&
+    run "${hopper[@]}" -t_end 0.1 -integrator ts -output "$folder/adaptive" &&
+    run "${hopper[@]}" -t_end 0.1 -integrator ts -ts_type cn -output "$folder/implicit" &&
+    run raft -rows 2 -columns 2 -n 3 -delta 0 -v_wall 1e-2 -output "$folder/raft" &&
+    run clog -n 8 -t_end 50 -output "$folder/clog" &&
+    run channel -channel_width 6 -channel_arm 11 -distribution bidisperse -area_fraction 0.5 -pushes 1 -stroke 0.05 \
+      -output "$folder/channel" &&
+    run channel -channel_width 6 -channel_arm 11 -distribution bidisperse -area_fraction 0.5 -pushes 1 -stroke 0.02 \
+      -model rough -output "$folder/rods" || return 1
+  rm -r "$folder"
+}
 
 failed=()
 for name in "${names[@]}"; do
@@ -61,13 +89,17 @@ for name in "${names[@]}"; do
   rm -rf "$findings"
   mkdir "$findings"
   passed=yes
-  "${runner[@]}" "$build/tests/test_$name" || passed=no
+  if [[ $name == pliant ]]; then
+    run_pliant || passed=no
+  else
+    "${runner[@]}" "$build/tests/test_$name" || passed=no
+  fi
   if compgen -G "$findings/*" >/dev/null; then
     cat "$findings"/*
     passed=no
   fi
-  [[ $passed == yes ]] || failed+=("test_$name")
-  say "$kind: test_$name: $((SECONDS - start)) s"
+  [[ $passed == yes ]] || failed+=("$name")
+  say "$kind: $name: $((SECONDS - start)) s"
 done
 ((${#failed[@]} == 0)) || die "$kind: failed or had findings, see above: ${failed[*]}"
 say "$kind: no findings"
