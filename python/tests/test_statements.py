@@ -20,7 +20,8 @@ PAGES = {"docs/what-we-learned.md": "w", "docs/validation.md": "v"}  #: page: fi
 TAG = re.compile(r"<sup>([wv]\d+)</sup>")
 NUMBER = re.compile(r"(?<![\w.])([−-]?\d+(?:\.\d+)?(?:·10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+))?|[−-]?10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+))(?: ± (\d+(?:\.\d+)?))?(?![\w])")
 VERDICT = re.compile(r":\s+(?:\*\*)?(yes|no verdict|no)\b")
-JUDGES = re.compile(r"\b(yes|no|verdict|holds?|fails?|agrees?|within|does not|do not|neither|none)\b")
+JUDGES = re.compile(r"\b(yes|no|holds?|fails?|agrees?|within|does not|do not|neither|none|confirm\w*|contradict\w*|reproduce[sd]?|match\w*|differs?|"
+                    r"compatible|excluded?s?|equals?|as published|larger|smaller|lower|higher|weaker|stronger|rises?|falls?|grows?)\b", re.I)
 SUPERSCRIPT = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 #: Not numbers of ours: code, references, links, published exponents, dimensions, numbers of a list and of figures of [T].
 NO_NUMBERS = re.compile(r"`[^`]*`|!?\[[^\]]*\]\([^)]*\)|\[[HT][^\]]*\]|\[\d+[a-c]?(?:, ?\d*[a-c]?)*\]|[135]/2|\b[23]D\b|<sup>\w+</sup>|"
@@ -262,6 +263,7 @@ def statements(page, text):
             block = re.sub(r"([.:])((?:\*\*)?)(<sup>\w+</sup>)", r"\3\1\2", block)
             found += re.split(r"(?<=[.!?])(?<!App\.)(?<!Fig\.)(?:\*\*)? (?=[^a-z])", block)
     heads = {line for line, after in zip(text.split("\n"), text.split("\n")[1:]) if after.startswith(("|--", "| --"))}
+    heads |= {one for one in found if one.startswith("**") and not re.search(r"\d|<sup>", one)}  # what the sentences after it say
     return [one for one in found if one not in heads and (NUMBER.search(_plain(one)) or JUDGES.search(_plain(one)))]
 
 
