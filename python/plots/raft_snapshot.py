@@ -48,12 +48,14 @@ def main():
     height = 5.0
     width = max(2.4, height * (box[1] - box[0]) / (box[3] - box[2]))
     scale = min(1, plotting.PAGE / (width * len(frames)))
-    figure, axes = plt.subplots(1, len(frames), figsize=(scale * width * len(frames), scale * height + 0.4), squeeze=False,
+    figure, axes = plt.subplots(1, len(frames), figsize=(scale * width * len(frames), scale * height + 0.9), squeeze=False,
                                 layout="constrained")
     for ax, frame in zip(axes[0], frames):
         draw(ax, run, frame, largest, box)
-    axes[0, 0].legend(handles=[plt.Line2D([], [], color=c, lw=3, label=label)
-                               for c, label in ((TENSION, "tension"), (COMPRESSION, "compression"))], **plotting.ABOVE)
+    figure.legend(handles=[plt.Line2D([], [], color=c, lw=3, label=label)
+                           for c, label in ((TENSION, "tension"), (COMPRESSION, "compression"))], loc="lower center", ncols=2)
+    strip = 0.35 / figure.get_figheight()  # for the legend
+    figure.set_layout_engine("constrained", rect=(0, strip, 1, 1 - strip))
     plotting.save(figure, arguments.output)
 
 
