@@ -856,7 +856,7 @@ def test_a_single_difference_that_is_two_is_refused(tmp_path, name, lines, refus
 
 
 def test_the_command_refuses_a_single_difference_that_is_two(call, tmp_path):
-    (tmp_path / "two.csv").write_text(SINGLE["readings"] + ",seeds\n31.6227766,,100,,,,,4,1-2\n31.6227766,,100,tangential,linear,,,4,1-2\n")
+    (tmp_path / "two.csv").write_text(SINGLE["readings"] + ",seeds\n31.6227766,,100,,,,,4,1-2\n31.6227766,,100,tangential,linear,,,4,1-2\n", encoding="utf-8")
     assert "two.csv, line 3" in call("readings", "--table", tmp_path / "two.csv", code=2)
     assert started(tmp_path) == []
 
