@@ -216,7 +216,7 @@ def compare(text, found):
         return "" if all(found) else "is not true"
     printed = numbers(text)
     if isinstance(found[0], set):
-        missing = [value for value, *_ in printed if not any(np.isclose(float(one), value, rtol=1e-3) for one in found[0] if one == one)]
+        missing = [value for value, unit, *_ in printed if not any(_is(value, unit, float(one)) for one in found[0] if one == one)]
         return f"{missing} is not in the table" if missing else ""
     if len(printed) != len(found):
         return f"has {len(printed)} numbers, its specification {len(found)}"
@@ -288,13 +288,13 @@ def _setting(tables, column):
     return frozenset(values)
 
 
-def _is_setting(before, after, value, named):
+def _is_setting(before, after, value, unit, named):
     """Whether a number is an option of the runs of a statement: 'N = 1600', '20°', '30 t0', or a number in the name of a row."""
     symbol = re.search(r"(" + "|".join(map(re.escape, SETTINGS)) + r")(?: =|) (?:[\d.;,°⁰¹²³⁴⁵⁶⁷⁸⁹ ]|to|and|or)*$", before)
     column = "hopper_angle" if after.startswith("°") else "t_end" if after.startswith(" t0") else SETTINGS[symbol[1]] if symbol else None
-    if column and any(np.isclose(one, value, rtol=1e-3) for row in named for one in _setting(row["table"], column)):
+    if column and any(_is(value, unit, one) for row in named for one in _setting(row["table"], column)):
         return True
-    return bool(symbol or column) and any(np.isclose(float(m), value, rtol=1e-3) for row in named
+    return bool(symbol or column) and any(_is(value, unit, float(m)) for row in named
                                           for m in re.findall(r"(?<![\w.])\d+(?:\.\d+)?(?:e[+-]?\d+)?", row["quantity"]))
 
 
@@ -326,7 +326,7 @@ def check(statement, tied, table):
             if problem:
                 wrong.append(f"'{words}': {problem}")
     for m in NUMBER.finditer(left):
-        if not _is_setting(plain[:m.start()], plain[m.end():], _as_float(m)[0], rows.named):
+        if not _is_setting(plain[:m.start()], plain[m.end():], *_as_float(m), rows.named):
             wrong.append(f"{m[0]} (…{plain[max(0, m.start() - 30):m.end() + 5]}…) has no row")
     return wrong
 
