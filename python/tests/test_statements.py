@@ -149,6 +149,15 @@ def _measured(name, column):
     return set(pd.read_csv(VALIDATION / "measured" / f"{name}.csv")[column].dropna())
 
 
+def _kept(name, column, **where):
+    """The mean of a column of validation/measured/NAME.csv over the rows with these values of other columns."""
+    data = pd.read_csv(VALIDATION / "measured" / f"{name}.csv")
+    for other, value in where.items():
+        data = data[data[other] == value]
+    assert len(data), f"{name} has no row with {where}"
+    return Value(float(data[column].mean()))
+
+
 def _change(reference, others):
     return Value(max(abs(one.value - reference.value) for one in others))
 
@@ -176,7 +185,7 @@ FUNCTIONS = {
     "beyond": lambda k, *of: all(v.row["deviation"] * np.sign(k) > abs(k) for v in _values(of)),
     "falls": lambda a, b: bool(a.value - b.value > 2 * np.hypot(a.error, b.error)),
     # values of a column
-    "column": _column, "measured": _measured,
+    "column": _column, "measured": _measured, "kept": _kept,
 }
 
 
