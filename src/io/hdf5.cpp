@@ -5,6 +5,7 @@
 #include <hdf5.h>
 
 #include <algorithm>
+#include <exception>
 #include <mutex>
 #include <numeric>
 #include <optional>
@@ -35,6 +36,31 @@ class Quiet {
  private:
   H5E_auto2_t function_ = nullptr;
   void* data_ = nullptr;
+};
+
+/// Names that functions of HDF5 visit, which no exception may pass through.
+class Names {
+ public:
+  /// For the visiting function: less than 0 stops the visit.
+  static herr_t add(void* names, const char* name) noexcept {
+    auto& self = *static_cast<Names*>(names);
+    try {
+      self.list_.emplace_back(name);
+      return 0;
+    } catch (...) {
+      self.error_ = std::current_exception();
+      return -1;
+    }
+  }
+  /// Errors: what adding has thrown.
+  std::vector<std::string> take() {
+    if (error_) std::rethrow_exception(error_);
+    return std::move(list_);
+  }
+
+ private:
+  std::vector<std::string> list_;
+  std::exception_ptr error_;
 };
 
 /// What the error stack of the last HDF5 call says: the system's message if there is one, else its innermost entry.
@@ -155,7 +181,21 @@ Id new_file_on_disk() {
   return properties;
 }
 
+/// Throws a MemoryError if that is why the last HDF5 call has failed.
+void check_memory(const std::string& path, const std::string& file) {
+  bool lacks = false;
+  H5Ewalk2(
+      H5E_DEFAULT, H5E_WALK_UPWARD,
+      [](unsigned, const H5E_error2_t* entry, void* found) -> herr_t {
+        if (entry->maj_num == H5E_RESOURCE || entry->min_num == H5E_CANTALLOC) *static_cast<bool*>(found) = true;
+        return 0;
+      },
+      &lacks);
+  if (lacks) throw MemoryError(fmt::format("HDF5's memory for {} of {} could not be allocated", path, file));
+}
+
 [[noreturn]] void fail_to_write(const std::string& path, const std::string& file) {
+  check_memory(path, file);
   const std::string why = reason();
   throw OutputError("cannot write {} of {}: {}; check free space and permissions", path, file, why);
 }
@@ -259,6 +299,7 @@ std::string Group::full(const std::string& name) const {
 }
 
 void Group::fail_read(const std::string& name) const {
+  check_memory(full(name), file_);
   const std::string why = reason();
   throw InputError("cannot read {} of {}: {}; is the file whole, and written by this version?", full(name), file_, why);
 }
@@ -315,12 +356,11 @@ bool Group::has(const std::string& name) const {
 
 std::vector<std::string> Group::links() const {
   const Quiet quiet;
-  std::vector<std::string> names;
-  const auto visit = [](hid_t, const char* name, const H5L_info_t*, void* list) -> herr_t {
-    static_cast<std::vector<std::string>*>(list)->emplace_back(name);
-    return 0;
-  };
-  if (H5Literate(id_.get(), H5_INDEX_NAME, H5_ITER_NATIVE, nullptr, visit, &names) < 0) fail_read("");
+  Names found;
+  const auto visit = [](hid_t, const char* name, const H5L_info_t*, void* to) { return Names::add(to, name); };
+  const bool failed = H5Literate(id_.get(), H5_INDEX_NAME, H5_ITER_NATIVE, nullptr, visit, &found) < 0;
+  std::vector<std::string> names = found.take();
+  if (failed) fail_read("");
   std::sort(names.begin(), names.end());
   return names;
 }
@@ -601,12 +641,11 @@ std::string Group::string_attribute(const std::string& name) const {
 
 std::map<std::string, std::string> Group::string_attributes() const {
   const Quiet quiet;
-  std::vector<std::string> names;
-  const auto visit = [](hid_t, const char* name, const H5A_info_t*, void* list) -> herr_t {
-    static_cast<std::vector<std::string>*>(list)->emplace_back(name);
-    return 0;
-  };
-  if (H5Aiterate2(id_.get(), H5_INDEX_NAME, H5_ITER_NATIVE, nullptr, visit, &names) < 0) fail_read("attributes");
+  Names found;
+  const auto visit = [](hid_t, const char* name, const H5A_info_t*, void* to) { return Names::add(to, name); };
+  const bool failed = H5Aiterate2(id_.get(), H5_INDEX_NAME, H5_ITER_NATIVE, nullptr, visit, &found) < 0;
+  const std::vector<std::string> names = found.take();
+  if (failed) fail_read("attributes");
   std::map<std::string, std::string> values;
   for (const std::string& name : names)
     if (auto value = read_string(id_.get(), name)) values.emplace(name, *std::move(value));
@@ -624,15 +663,16 @@ void Group::count_members() {
 
 std::vector<std::string> Group::datasets() const {
   const Quiet quiet;
-  std::vector<std::string> names;
-  const auto visit = [](hid_t group, const char* name, const H5O_info_t* object, void* list) -> herr_t {
+  Names found;
+  const auto visit = [](hid_t group, const char* name, const H5O_info_t* object, void* to) -> herr_t {
     if (object->type != H5O_TYPE_DATASET || object->rc > 1) return 0;
     const Id dataset(H5Dopen2(group, name, H5P_DEFAULT));
     if (!dataset.valid()) return -1;
-    if (H5Dget_storage_size(dataset.get()) > 0) static_cast<std::vector<std::string>*>(list)->emplace_back(name);
-    return 0;
+    return H5Dget_storage_size(dataset.get()) > 0 ? Names::add(to, name) : 0;
   };
-  if (H5Ovisit2(id_.get(), H5_INDEX_NAME, H5_ITER_NATIVE, visit, &names, H5O_INFO_BASIC) < 0) fail_read("");
+  const bool failed = H5Ovisit2(id_.get(), H5_INDEX_NAME, H5_ITER_NATIVE, visit, &found, H5O_INFO_BASIC) < 0;
+  std::vector<std::string> names = found.take();
+  if (failed) fail_read("");
   std::sort(names.begin(), names.end());
   return names;
 }
@@ -644,12 +684,16 @@ File::File(Id file, std::string name, std::unique_ptr<JournaledFile> disk)
   id_ = Id(H5Gopen2(file_id_.get(), "/", H5P_DEFAULT));
 }
 
-File::~File() {
-  try {
-    close();
-  } catch (const Error&) {
-    // Whoever needs to know calls close().
-  }
+/// A write that has failed may have left HDF5 with half of it, which must not be committed.
+File::~File() { abandon(); }
+
+void File::abandon() {
+  const Quiet quiet;
+  if (disk_) disk_->abandon();
+  id_ = Id();
+  // HDF5 keeps a file that it cannot close, and closes it at the end of the program: then the disk must be there.
+  if (file_id_.valid() && H5Fclose(file_id_.release()) < 0) (void)disk_.release();
+  disk_.reset();
 }
 
 File File::create(const std::filesystem::path& path) {
@@ -696,23 +740,15 @@ void File::flush() {
   if (disk_) disk_->commit(allocated_end(file_id_.get()));
 }
 
-void File::sync() { disk_->sync(); }
-
 void File::close() {
   if (!file_id_.valid()) return;
-  const auto leave = [&] {
-    const Quiet quiet;
-    id_ = Id();
-    file_id_ = Id();
-    disk_.reset();
-  };
   try {
     if (writable_) flush();
   } catch (...) {
-    leave();
+    abandon();
     throw;
   }
-  leave();
+  abandon();
 }
 
 std::string_view File::image() {

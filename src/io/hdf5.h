@@ -64,6 +64,7 @@ class Id {
   Id& operator=(const Id&) = delete;
   ~Id();
   std::int64_t get() const { return id_; }
+  std::int64_t release() { return std::exchange(id_, -1); }
   bool valid() const { return id_ >= 0; }
 
  private:
@@ -238,14 +239,13 @@ class File : public Group {
   const std::string& name() const { return file_; }
   /// Gives the file on disk another name. Groups opened before have the old one in their messages. Errors: OutputError.
   void rename(const std::filesystem::path& path);
-  /// Commits everything written so far: whoever opens the file after this process is killed finds it, or more. Errors:
-  /// OutputError; the file stays as it was after the last flush, and the next one tries again.
+  /// Commits everything written so far: whoever opens the file after this process is killed, or after a loss of power,
+  /// finds it, or more. Errors: OutputError; the file stays as it was after the last flush, and the next one tries
+  /// again.
   void flush();
-  /// What was flushed survives a loss of power too.
-  void sync();
   /// Addresses (Dataset::address()) below were there at the last flush: nobody may write there past HDF5.
   std::uint64_t committed() const { return disk_->committed(); }
-  /// Flushes and closes; without it the destructor closes, and keeps silent about errors.
+  /// Flushes and closes. The destructor alone takes back all since the last flush.
   void close();
   /// The bytes of a file in memory as they would be on disk; they stay until the file is changed.
   std::string_view image();
@@ -253,6 +253,7 @@ class File : public Group {
  private:
   File(Id file, std::string name, std::unique_ptr<JournaledFile> disk);
   static File open(JournaledFile disk, const std::filesystem::path& path, bool writable);
+  void abandon();
 
   std::unique_ptr<JournaledFile> disk_;  ///< none: in memory
   bool writable_ = true;

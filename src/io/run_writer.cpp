@@ -10,6 +10,7 @@
 #include <utility>
 
 #include <pliant/base/errors.h>
+#include <pliant/io/atomic_file.h>
 #include <pliant/io/crc32.h>
 #include <pliant/io/folder_lock.h>
 #include <pliant/io/shared_file.h>
@@ -187,6 +188,9 @@ void RunWriter::start(const Manifest& manifest, const Topology& topology, const 
   if (geometry.segments.size() % 4 != 0) throw std::invalid_argument("run.h5: a wall segment is four numbers");
   create_folder(folder_);
   refuse_existing_run(folder_);
+  // Any of its parents may be new.
+  for (auto path = std::filesystem::absolute(folder_); path.has_relative_path(); path = path.parent_path())
+    sync_folder(path.parent_path());
   // It gets its name when it can be read, so that a kill leaves no torso that cannot.
   const auto path = folder_ / run_name, begun = folder_ / "run.h5.new";
   std::error_code ignored;
@@ -268,13 +272,7 @@ void RunWriter::drop_later_frames() {
   flush();
 }
 
-RunWriter::~RunWriter() {
-  try {
-    close();
-  } catch (const Error&) {
-    // Whoever needs to know calls close().
-  }
-}
+RunWriter::~RunWriter() = default;
 
 void RunWriter::write_axis(const std::string& name, std::span<const Real> values) {
   auto group = file_->open_group("/series_axes");
@@ -430,11 +428,6 @@ void RunWriter::write_arrays(const std::vector<FrameArray>& arrays, std::vector<
 void RunWriter::flush() {
   write_tables();
   file_->flush();
-}
-
-void RunWriter::sync() {
-  flush();
-  file_->sync();
 }
 
 void RunWriter::close() {

@@ -73,7 +73,8 @@ struct RunCounts {
 void check_counts(const std::filesystem::path& folder, const RunCounts& needed, std::string_view source);
 
 /// Writes the folder. Of a frame nothing is copied as a whole. What a frame or flush() has written is there whenever
-/// the program is killed. Errors of all members: OutputError; what was there at the last frame or flush() stays.
+/// the program is killed, and after a loss of power. Errors of all members: OutputError; what was there at the last
+/// frame or flush() stays.
 ///
 /// On several ranks each has a writer. create, append and write_frame are collective, and the error of one rank is
 /// everybody's; other members but frames() are for the root alone. The root speaks HDF5 and lays a frame out in the
@@ -92,7 +93,7 @@ class RunWriter {
                           std::uint64_t frames, std::uint64_t event_rows = 0, const Ranks& ranks = Ranks());
   RunWriter(RunWriter&&) noexcept = default;
   RunWriter& operator=(RunWriter&&) = delete;
-  /// Closes; silent about errors, unlike close().
+  /// Takes back all since the last frame or flush(), of which a failure may have left a part.
   ~RunWriter();
 
   /// Writes /series_axes/name, or leaves it if it is there (after a restart).
@@ -107,8 +108,6 @@ class RunWriter {
   void write_frame(const Frame& frame);
   /// Writes the samples kept so far.
   void flush();
-  /// The same, so that it survives a loss of power too: for a checkpoint that counts on it.
-  void sync();
   void close();
 
   /// What is in the file, after flush().

@@ -103,9 +103,9 @@ ExitCode Run<D>::run() {
       if (!stopped()) complete();
     }
     return finish();
-  } catch (const Error& error) {
+  } catch (...) {
     control_.end_progress();
-    fail(error);
+    fail(error_in_flight());
   }
 }
 
@@ -298,7 +298,7 @@ void Run<D>::save(bool changed) {
   ParticleSystem<D>& particles = simulation().particles();
   const Topology& topology = particles.topology();
   ranks_.on_root([&] {
-    writer_->sync();
+    writer_->flush();
     checkpoints_->begin(s.t, s.step);
   });
   SharedCheckpoint c(checkpoints_ ? &*checkpoints_ : nullptr, ranks_);
@@ -599,10 +599,13 @@ void Run<D>::fail(const Error& error) {
       message += fmt::format(", dt/dt_critical = {:.2f}", last_dt() / critical);
     message += protocol_->failure_details();
   }
+  if (error.code() == ExitCode::out_of_memory && has_checkpoint(p_.output))
+    message += fmt::format("; {} continues from the last checkpoint", restart_command());
   const auto attempt = [&](const auto& output) {
     try {
       output();
-    } catch (const Error& second) {
+    } catch (...) {
+      const Error second = error_in_flight();
       // A configuration that has no forces has no frame.
       if (second.code() != ExitCode::numerical_failure) message += fmt::format("; then {}", second.what());
     }

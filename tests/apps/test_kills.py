@@ -42,7 +42,7 @@ def on_disk(folder, *command, environment=None, **settings):
 
 
 class Change:
-    """A change of the folder: created, written, cut, renamed or removed."""
+    """A change of the folder: created, written, cut, renamed or removed; or a sync, which changes nothing here."""
 
     def __init__(self, kind, name, offset, data):
         self.kind, self.name, self.offset, self.data = kind, name, offset, data
@@ -124,6 +124,12 @@ class Replay:
         for change in self.changes:
             if change.kind == "W" and len(change.data) > 1:
                 yield change.made(files, len(change.data) // 2)
+            files = change.made(files)
+            yield files
+
+    def states_after_changes(self):
+        files = {}
+        for change in self.changes:
             files = change.made(files)
             yield files
 

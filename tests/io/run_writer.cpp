@@ -186,6 +186,7 @@ TEST_CASE("events are rows of their own, and a restart cuts them") {
     CHECK(writer.samples() == 1);
     writer.write_frame(FrameData(topology, 0, 0).frame());
     add_event(writer, 5);
+    writer.close();
   }
   const auto pairs = [&] { return File::open_read(scratch / "run.h5").read<Real>("/events/particles"); };
   CHECK(pairs() == std::vector<Real>{0, 1, 1, 2, 2, 3, 3, 4, 4, 5, 5, 6});
@@ -193,6 +194,7 @@ TEST_CASE("events are rows of their own, and a restart cuts them") {
     auto writer = RunWriter::append(scratch.path(), topology, 1, 1, 2);
     CHECK(writer.events() == 2);
     add_event(writer, 7);
+    writer.close();
   }
   CHECK(pairs() == std::vector<Real>{0, 1, 1, 2, 7, 8});
   CHECK(read_series(scratch.path()).at("time").rows == 1);
