@@ -24,6 +24,7 @@ from test_plots import assert_picture
 from test_raft import K1, write_raft
 
 from pliant import PliantError, beverloo, beverloo_figures, clog, ensemble, plotting
+from pliant.files import read_json, write_json
 from pliant.reproduce import command, figure, hopper_runs, measure, published
 from pliant.reproduce.figure import Figure, Quantity, agree, deviation, rows, seeds_text, write_rows
 from pliant.reproduce.published import Published
@@ -1267,17 +1268,17 @@ def test_an_analysis_is_made_once(channel_runs):
     run = channel_runs[0][1]
     measure.measured("motion", "x", run)
     path = run / "analysis.json"
-    made = json.loads(path.read_text(encoding="utf-8"))
+    made = read_json(path)
 
     def found(changes):
-        path.write_text(json.dumps(made | changes), encoding="utf-8")
+        write_json(path, made | changes)
         return measure.measured("motion", "x", run)["dr_na"][0]
 
     true, other = made["dr_na"]["all"]["value"], {"dr_na": {"all": {"value": 7.0, "error": 1.0}}}
     assert found(other) == 7.0
     assert found(other | {"choices": made["choices"] | {"neighbours": 11}}) == pytest.approx(true, rel=1e-5)
-    assert json.loads(path.read_text(encoding="utf-8"))["choices"]["neighbours"] == 15
-    path.write_text(json.dumps(made | other), encoding="utf-8")
+    assert read_json(path)["choices"]["neighbours"] == 15
+    write_json(path, made | other)
     os.utime(path, (1, 1))
     assert measure.measured("motion", "x", run)["dr_na"][0] == pytest.approx(true, rel=1e-5)
 
