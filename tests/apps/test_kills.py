@@ -193,7 +193,7 @@ class Replay:
         folder = self.tmp_path / "state"
         self.write(files, folder)
         with Run(folder) as run:
-            run.options, run.topology, run.geometry, "series" in run._file and len(run._file["series"]) and run.series
+            run.options, run.topology, run.geometry, "series" in run._file and run._file["series"].names() and run.series
             for frame in run.frames:
                 frame.positions, frame.velocities, frame.contacts
             return len(run.frames)
