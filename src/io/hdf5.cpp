@@ -94,6 +94,8 @@ hid_t native(Type type) {
   switch (type) {
     case Type::real:
       return H5T_NATIVE_DOUBLE;
+    case Type::single:
+      return H5T_NATIVE_FLOAT;
     case Type::int32:
       return H5T_NATIVE_INT32;
     case Type::int64:
@@ -272,6 +274,12 @@ Id creating_parents() {
 
 std::size_t size_of(Type type) { return H5Tget_size(native(type)); }
 
+bool can_deflate() {
+  unsigned info = 0;
+  return H5Zfilter_avail(H5Z_FILTER_DEFLATE) > 0 && H5Zget_filter_info(H5Z_FILTER_DEFLATE, &info) >= 0 &&
+         (info & H5Z_FILTER_CONFIG_ENCODE_ENABLED) != 0;
+}
+
 std::uint64_t row_width(const Shape& shape) { return product(std::span(shape).subspan(1)); }
 
 std::string library_version() {
@@ -393,11 +401,64 @@ Id Group::create_dataset(const std::string& name, Type type, const Shape& shape,
   return dataset;
 }
 
-Dataset Group::create_dataset(const std::string& name, Type type, const Shape& shape) {
+namespace {
+
+/// Chunks of about 64 KiB. Their index is one of HDF5 1.10's: those of 1.8 take 2 KiB for a single chunk.
+constexpr std::uint64_t chunk_bytes = 1 << 16;
+
+void compress(const Id& properties, Type type, const Shape& shape, int level) {
+  Shape chunk = shape;
+  chunk[0] = std::clamp<std::uint64_t>(chunk_bytes / (row_width(shape) * size_of(type)), 1, shape[0]);
+  H5Pset_chunk(properties.get(), static_cast<int>(chunk.size()), dims(chunk));
+  H5Pset_shuffle(properties.get());
+  H5Pset_deflate(properties.get(), static_cast<unsigned>(level));
+}
+
+/// Lets a scope create objects of the format of HDF5 1.10 in the file of an object.
+class LaterFormat {
+ public:
+  explicit LaterFormat(const Id& object) : file_(H5Iget_file_id(object.get())) { set(H5F_LIBVER_V110); }
+  ~LaterFormat() { set(H5F_LIBVER_V18); }
+  LaterFormat(const LaterFormat&) = delete;
+  LaterFormat& operator=(const LaterFormat&) = delete;
+
+ private:
+  void set(H5F_libver_t least) const { H5Fset_libver_bounds(file_.get(), least, H5F_LIBVER_LATEST); }
+  Id file_;
+};
+
+}  // namespace
+
+Dataset Group::create_dataset(const std::string& name, Type type, const Shape& shape, int deflate) {
   const Id properties(H5Pcreate(H5P_DATASET_CREATE));
-  H5Pset_alloc_time(properties.get(), H5D_ALLOC_TIME_EARLY);
   H5Pset_fill_time(properties.get(), H5D_FILL_TIME_NEVER);
+  if (deflate > 0 && product(shape) > 0) {
+    const LaterFormat later(id_);
+    compress(properties, type, shape, deflate);
+    return {create_dataset(name, type, shape, properties), type, file_, full(name)};
+  }
+  H5Pset_alloc_time(properties.get(), H5D_ALLOC_TIME_EARLY);
   return {create_dataset(name, type, shape, properties), type, file_, full(name)};
+}
+
+void Group::write_view(const std::string& name, const View& view) {
+  Shape from(view.source_shape.size(), 0), taken = view.source_shape, to(view.shape.size(), 0), filled = view.shape;
+  if (taken.size() > 1) taken[1] = view.columns;
+  if (filled.size() > 1) {
+    to[1] = view.first;
+    filled[1] = product(taken) / filled[0];
+  }
+  const Quiet quiet;
+  const auto space_of = [](const Shape& shape) {
+    return Id(H5Screate_simple(static_cast<int>(shape.size()), dims(shape), nullptr));
+  };
+  const Id properties(H5Pcreate(H5P_DATASET_CREATE)), shown = space_of(view.shape),
+                                                      source = space_of(view.source_shape);
+  if (H5Sselect_hyperslab(shown.get(), H5S_SELECT_SET, dims(to), nullptr, dims(filled), nullptr) < 0 ||
+      H5Sselect_hyperslab(source.get(), H5S_SELECT_SET, dims(from), nullptr, dims(taken), nullptr) < 0 ||
+      H5Pset_virtual(properties.get(), shown.get(), ".", view.source.c_str(), source.get()) < 0)
+    fail_write(name);
+  create_dataset(name, view.type, view.shape, properties);
 }
 
 void Dataset::write(std::uint64_t first, std::uint64_t rows, const void* values) {
@@ -455,6 +516,13 @@ bool Group::holds_integers(const std::string& name) const {
   const Id dataset(H5Dopen2(id_.get(), name.c_str(), H5P_DEFAULT));
   if (!dataset.valid()) fail_read(name);
   return H5Tget_class(Id(H5Dget_type(dataset.get())).get()) == H5T_INTEGER;
+}
+
+std::size_t Group::value_size(const std::string& name) const {
+  const Quiet quiet;
+  const Id dataset(H5Dopen2(id_.get(), name.c_str(), H5P_DEFAULT));
+  if (!dataset.valid()) fail_read(name);
+  return H5Tget_size(Id(H5Dget_type(dataset.get())).get());
 }
 
 void Group::read_values(const std::string& name, Type type, void* values) const {

@@ -104,8 +104,8 @@ class RunWriter {
   void add_sample(std::span<const SeriesValue> sample) { samples_.add(sample); }
   /// The same for /events, of which a run may have none.
   void add_event(std::span<const SeriesValue> event) { events_.add(event); }
-  /// Writes the next frame and the samples before it, and flushes.
-  void write_frame(const Frame& frame);
+  /// Writes the next frame and the samples before it, and flushes. format: the same on all ranks.
+  void write_frame(const Frame& frame, const FrameFormat& format = {});
   /// Writes the samples kept so far.
   void flush();
   void close();
@@ -144,7 +144,8 @@ class RunWriter {
   void go_on(const Topology& topology, std::uint64_t series_rows, std::uint64_t event_rows);
   void check_frames();
   void write_tables();
-  void write_arrays(const std::vector<FrameArray>& arrays, std::vector<hdf5::Dataset>& datasets);
+  void write_views(hdf5::Group& frame, const std::string& path, hdf5::Type stored) const;
+  void write_arrays(const std::vector<FrameArray>& arrays, std::vector<hdf5::Dataset>& datasets, bool compressed);
 
   std::filesystem::path folder_;
   Ranks ranks_;
@@ -152,6 +153,7 @@ class RunWriter {
   std::optional<hdf5::File> file_;  ///< on the root
   std::optional<XdmfFile> xdmf_;    ///< on the root
   std::uint64_t walls_ = 0, frames_ = 0;
+  bool periodic_ = false;
   DrawnWalls drawn_walls_;
   Table samples_{"/series"}, events_{"/events"};
   std::vector<std::string> damage_;
