@@ -54,7 +54,7 @@ say "Running five orifice widths of soft particles with friction, and with drag,
 sweep "${soft[@]}" | all
 $plots/snapshot.py --panels demo/{soft-friction,soft-drag}/w6 -o demo/soft.png
 
-say "The same of rough and smooth polygons, and a movie; about $((130 / cores + 20)) s:"
+say "The same of rough and smooth polygons, and a movie; about $((170 / cores + 20)) s:"
 {
   sweep "${polygons[@]}"
   say "demo/film ${options[smooth-drag]} -hopper_width 4 -t_end 20 -frame_interval 0.1"

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Changes single bits of the files of a small run and checks that nothing wrong comes of it.
+"""Damages the files of a small run in many ways, one at a time, and checks that nothing wrong comes of it.
 
   scripts/flip_bits.py [--program FILE] [--stride N] [--whole] [PART …]
 
@@ -8,18 +8,21 @@ Parts (default: all):
   restart     run.h5 under -restart: the run ends as without the flip, or exit code 2 or 4 with one line
   checkpoint  both checkpoints under -restart: the same
 
-Every N-th byte is changed, one bit of it, another one at each byte; --whole: all bits of every byte. A process that dies
-of a signal, a traceback and a value that differs are findings: they are printed, and the exit code is 1.
+Every N-th byte is changed, one bit of it, another one at each byte; --whole: all bits of every byte. At each 20th of these
+bytes, the file is also cut, and a sector of zeros is put there. A process that dies of a signal, a traceback and a value
+that differs are findings: they are printed, and the exit code is 1.
 """
 
 import argparse
 import hashlib
 import json
 import os
+import random
 import shutil
 import subprocess
 import sys
 import tempfile
+import time
 from collections import Counter
 from pathlib import Path
 
@@ -32,6 +35,8 @@ sys.path.insert(0, str(ROOT / "python"))
 from pliant import PliantError, Run  # noqa: E402
 from pliant.sweep import sweep_table  # noqa: E402
 
+CUT, ZEROS = "cut", "zeros"
+SECTOR = 512  # bytes
 PARTS = ("reader", "restart", "checkpoint")
 # Few particles, so that most bytes are those of the format.
 OPTIONS = {"n": 12, "hopper_wall_distance": 5, "hopper_width": 3, "zeta": 0.3, "mu": 0.5, "pack_fraction": 0.7,
@@ -55,16 +60,21 @@ def make_run(program, folder):
     return folder
 
 
-def flips(size, stride, whole):
-    """(byte, bit) of a file of this size."""
-    if whole:
-        return [(at, bit) for at in range(size) for bit in range(8)]
-    return [(at, at // stride % 8) for at in range(0, size, stride)]
+def flips(size, stride, whole=False):
+    """(byte, how) of a file of this size; how: the bit, CUT or ZEROS."""
+    bits = [(at, bit) for at in range(size) for bit in range(8)] if whole else [(at, at // stride % 8)
+                                                                               for at in range(0, size, stride)]
+    return bits + [(at, how) for at, _ in bits[::20] for how in (CUT, ZEROS)]
 
 
-def flipped(data, at, bit):
+def flipped(data, at, how):
+    """The bytes of a damaged file."""
+    if how == CUT:
+        return data[:at]
+    if how == ZEROS:
+        return data[:at] + bytes(min(SECTOR, len(data) - at)) + data[at + SECTOR:]
     changed = bytearray(data)
-    changed[at] ^= 1 << bit
+    changed[at] ^= 1 << how
     return bytes(changed)
 
 
@@ -114,14 +124,14 @@ def judge(folder, truth):
 
 
 def _read_in_child(folder, name, data, todo, truth):
-    """A line per flip from a child process, until it is done or dead; the verdicts, and how it has ended."""
+    """A line per change from a child process, until it is done or dead; the verdicts, and how it has ended."""
     receive, send = os.pipe()
     child = os.fork()
     if child == 0:
         os.close(receive)
         with open(send, "w", encoding="utf-8") as out:
-            for at, bit in todo:
-                (folder / name).write_bytes(flipped(data, at, bit))
+            for at, how in todo:
+                (folder / name).write_bytes(flipped(data, at, how))
                 print(json.dumps(judge(folder, truth)), file=out, flush=True)
         os._exit(0)
     os.close(send)
@@ -131,7 +141,7 @@ def _read_in_child(folder, name, data, todo, truth):
 
 
 def check_reader(run, name, chosen):
-    """[(byte, bit, verdict)] of a file of a run."""
+    """[(byte, how, verdict)] of a file of a run."""
     with tempfile.TemporaryDirectory(prefix="pliant-flips-") as scratch:
         folder = Path(scratch) / "run"
         shutil.copytree(run, folder)
@@ -141,7 +151,7 @@ def check_reader(run, name, chosen):
             verdicts, code = _read_in_child(folder, name, data, left, truth)
             if len(verdicts) < len(left):
                 verdicts.append(f"killed by signal {-code}")
-            found += [(at, bit, verdict) for (at, bit), verdict in zip(left, verdicts)]
+            found += [(at, how, verdict) for (at, how), verdict in zip(left, verdicts)]
             left = left[len(verdicts):]
     return found
 
@@ -194,8 +204,8 @@ def judge_restart(program, folder, truth):
     return "same" if not lines else "same, with a warning"
 
 
-def check_program(program, run, name, chosen):
-    """[(byte, bit, verdict)] of a file of a run."""
+def check_program(program, run, name, chosen, until=float("inf")):
+    """[(byte, how, verdict)] of a file of a run; fewer at the time `until`."""
     found = []
     with tempfile.TemporaryDirectory(prefix="pliant-flips-") as scratch:
         folder = Path(scratch) / "run"
@@ -203,11 +213,13 @@ def check_program(program, run, name, chosen):
         if (result := pliant(program, restart=folder, t_end=1.5)).returncode != 0:
             sys.exit(f"flip_bits.py: {result.stderr}")
         truth, data = end_of(folder), (run / name).read_bytes()
-        for at, bit in chosen:
+        for at, how in chosen:
+            if time.monotonic() > until:
+                break
             shutil.rmtree(folder)
             shutil.copytree(run, folder)
-            (folder / name).write_bytes(flipped(data, at, bit))
-            found.append((at, bit, judge_restart(program, folder, truth)))
+            (folder / name).write_bytes(flipped(data, at, how))
+            found.append((at, how, judge_restart(program, folder, truth)))
     return found
 
 
@@ -216,14 +228,15 @@ def check_program(program, run, name, chosen):
 GOOD = ("same", "same, with a warning", "refused")
 
 
-def check(part, program, run, stride, whole):
-    """[(file, byte, bit, verdict)] of a part."""
+def check(part, program, run, stride, whole, seconds):
+    """[(file, byte, how, verdict)] of a part; of the program's, each file for so many seconds at most."""
     names = {"reader": ("run.h5", "summary.json"), "restart": ("run.h5",),
              "checkpoint": ("checkpoint-a.h5", "checkpoint-b.h5")}[part]
     found = []
     for name in names:
         chosen = flips((run / name).stat().st_size, stride, whole)
-        judged = check_reader(run, name, chosen) if part == "reader" else check_program(program, run, name, chosen)
+        judged = check_reader(run, name, chosen) if part == "reader" else \
+            check_program(program, run, name, random.Random(1).sample(chosen, len(chosen)), time.monotonic() + seconds)
         found += [(name, *one) for one in judged]
     return found
 
@@ -234,6 +247,8 @@ def main():
     parser.add_argument("--program", default=str(ROOT / "build/apps/pliant"), help="default: that of the build")
     parser.add_argument("--stride", type=int, default=1, metavar="N", help="change every N-th byte (default: each)")
     parser.add_argument("--whole", action="store_true", help="all bits of every byte")
+    parser.add_argument("--seconds", type=float, default=float("inf"), metavar="X",
+                        help="end restarts from a file after so long, in random order (default: when all are done)")
     given = parser.parse_args()
     if given.stride < 1 or not set(given.parts) <= set(PARTS):
         parser.error(f"--stride must be positive, and parts are {', '.join(PARTS)}")
@@ -241,15 +256,15 @@ def main():
     with tempfile.TemporaryDirectory(prefix="pliant-flips-") as scratch:
         run = make_run(given.program, Path(scratch) / "run")
         for part in given.parts or PARTS:
-            found = check(part, given.program, run, given.stride, given.whole)
+            found = check(part, given.program, run, given.stride, given.whole, given.seconds)
             for name in dict.fromkeys(name for name, *_ in found):
                 counts = Counter(verdict for file, *_, verdict in found if file == name)
                 good = ", ".join(f"{counts[verdict]} {verdict}" for verdict in GOOD if counts[verdict])
                 wrong = sum(counts.values()) - sum(counts[verdict] for verdict in GOOD)
-                print(f"{part}, {name}: {sum(counts.values())} flips, {good}; {wrong} findings", flush=True)
+                print(f"{part}, {name}: {sum(counts.values())} changes, {good}; {wrong} findings", flush=True)
                 bad += wrong
-            for name, at, bit, verdict in [one for one in found if one[3] not in GOOD][:20]:
-                print(f"  {name}, byte {at}, bit {bit}: {verdict}")
+            for name, at, how, verdict in [one for one in found if one[3] not in GOOD][:20]:
+                print(f"  {name}, byte {at}, {how if how in (CUT, ZEROS) else f'bit {how}'}: {verdict}")
     return 1 if bad else 0
 
 

@@ -5,7 +5,8 @@ scatter of a few seeds knows of drifts, but is itself uncertain. `average` joins
 
 - f² is the mean of s²/b² over all points with several seeds, weighted by their degrees of freedom, at least 1; s² is the
   variance of a point's seeds, b² the mean square of their block errors. So f says by how much the block errors of these
-  runs are too small.
+  runs are too small. Points that differ in kind have an f² for each kind (`pool`): one of chaotic points would swamp the
+  errors of points that hardly depend on the seed.
 - The variance of one run of a point is (PRIOR f² b² + (m - 1) s²)/(PRIOR + m - 1), m its number of seeds: its own
   scatter, and the blocks as if they were PRIOR further seeds.
 - The standard error of the point is the root of that over m.
@@ -34,10 +35,10 @@ def _block_errors(means, known):
     return np.array([error if np.isfinite(error) else typical * abs(mean) for mean, error in zip(means, known)])
 
 
-def average(table, by, value, error=None):
+def average(table, by, value, error=None, pool=()):
     """One row per group of `by`: its columns, the mean of the column `value`, its standard error in `value`_error
     (`error` names the column of the runs' own, by default that; NaN where neither blocks nor seeds give one), runs (how
-    many), values (theirs). Runs without a value are left out."""
+    many), values (theirs). Points that agree in the columns `pool`, of `by`, share an f². Runs without a value are left out."""
     error = error or value + "_error"
     known = table[np.isfinite(table[value].astype(float))]
     found = groups(known, by)
@@ -56,8 +57,13 @@ def average(table, by, value, error=None):
         blocks = np.sqrt((free * scatter / np.where(means == 0, 1, means) ** 2)[several].sum() / free[several].sum()
                          ) * abs(means)
     used = several & (blocks > 0)
-    factor = (free[used] * scatter[used] / blocks[used] ** 2).sum() / free[used].sum() if used.any() else 1.0
-    variance = (PRIOR * max(factor, 1.0) * blocks**2 + free * scatter) / (PRIOR + free)
+    kinds = [tuple(dict(zip(by, key))[name] for name in pool) for key, _ in found]
+    factor = np.ones(len(found))
+    for kind in set(kinds):
+        same = np.array([one == kind for one in kinds])
+        if (known_here := used & same).any():
+            factor[same] = ((free * scatter)[known_here] / blocks[known_here] ** 2).sum() / free[known_here].sum()
+    variance = (PRIOR * np.maximum(factor, 1.0) * blocks**2 + free * scatter) / (PRIOR + free)
     errors = np.sqrt(variance / (free + 1))
     rows = [dict(zip(by, key)) | {value: mean, value + "_error": one, "runs": len(v), "values": v}
             for (key, _), mean, one, v in zip(found, means, errors, values)]

@@ -166,6 +166,25 @@ class Compression:
         return judge_fractures(self.events["position"][inside], self.events["broken"][inside] > 0, FRACTURE_REACH * self.d_eq)
 
 
+def lattice_k1(rows, columns, bond, wall):
+    """k_eq (p + 1)/q of a hexagonal raft of p rows of q droplets whose bonds, and contacts with the walls, are linear springs of
+    stiffness `bond` and `wall` at rest: k1 of [T 2.32] without stretched bonds, damage or drag."""
+    place = np.array([(i + row % 2 / 2, row * np.sqrt(3) / 2) for row in range(rows) for i in range(columns)])
+    count = len(place)
+    stiffness, load = np.zeros((2 * count, 2 * count)), np.zeros(2 * count)
+    for a, b in zip(*np.triu_indices(count, 1)):
+        apart = place[a] - place[b]
+        if abs(np.hypot(*apart) - 1) < 1e-6:
+            for i, j, sign in ((a, a, 1), (b, b, 1), (a, b, -1), (b, a, -1)):
+                stiffness[2 * i:2 * i + 2, 2 * j:2 * j + 2] += sign * bond * np.outer(apart, apart)
+    fixed, moving = 2 * np.arange(columns) + 1, 2 * np.arange(count - columns, count) + 1
+    stiffness[fixed, fixed] += wall
+    stiffness[moving, moving] += wall
+    load[moving] = -wall  # the wall has moved by -1
+    shift = np.linalg.lstsq(stiffness, load, rcond=None)[0]  # the raft may slide along the walls
+    return float(wall * (shift[moving] + 1).sum() * (rows + 1) / columns)
+
+
 def _slope(x, y):
     """(slope of a line through the origin, its standard error from the scatter about it: NaN for a single point)."""
     x, y = np.asarray(x, float), np.asarray(y, float)

@@ -14,7 +14,11 @@ from .files import decoded_json, read_bytes
 from .run_file import RunFile
 
 # Without all of these a frame is not whole.
-_FRAME_DATASETS = ("positions", "velocities", "centres", "active", "contact_count")
+_FRAME_DATASETS = ("positions", "centres", "active")
+
+#: What a run can leave out of its frames: the names that -frame_fields takes.
+FRAME_FIELDS = ("velocities", "angles", "spins", "area", "perimeter", "reinsertions", "contact_count", "contacts",
+                "wall_contacts", "wall_force")
 
 
 def _plain(value):
@@ -141,11 +145,19 @@ class Frame:
                            f"{needed_by})")
         return _plain(self._group.attrs[name])
 
+    def _missing(self, name, needed_by):
+        """The RunError for a dataset, or a group of some, that the frame lacks."""
+        field = name.split("/")[0]
+        option = f"; -frame_fields {field} writes it, also after a restart" if field in FRAME_FIELDS else ""
+        return RunError(f"{self._run.path}: frame {self.name} has no '{name}' (it is written for {needed_by}{option})")
+
     def _read(self, name, needed_by="every frame"):
+        """Values of a dataset; real numbers as float64, however -frame_precision has stored them."""
         self.check_open()
         if name not in self._group:
-            raise RunError(f"{self._run.path}: frame {self.name} has no '{name}' (it is written for {needed_by})")
-        return self._run.read(self._group[name])
+            raise self._missing(name, needed_by)
+        values = self._run.read(self._group[name])
+        return values.astype(np.float64) if values.dtype.kind == "f" else values
 
     @_read_once
     def positions(self):
@@ -178,6 +190,21 @@ class Frame:
         return self.centres + self.images * np.where(np.isfinite(box[1]), box[1], 0.0)
 
     @_read_once
+    def reinsertions(self):
+        """[N] how often each particle has been put back to the upper end since the run began."""
+        if "reinsertions" not in self._group and not self._run.reinserts:
+            self.check_open()
+            return np.zeros(self._run.topology.particles, dtype=np.int32)
+        return self._read("reinsertions", "continuous flow through a hopper")
+
+    def displacements(self, since):
+        """[N, D] how far each particle has moved since an earlier frame of the run, across the borders of a periodic box
+        too. NaN for particles that were reinserted in between, or have left the run."""
+        moved = self.unwrapped_centres - since.unwrapped_centres
+        stayed = self.active & since.active & (self.reinsertions == since.reinsertions)
+        return np.where(stayed[:, None], moved, np.nan)
+
+    @_read_once
     def active(self):
         """[N] bool; False once a particle has left the run."""
         return self._read("active").astype(bool)
@@ -188,8 +215,14 @@ class Frame:
         return self._read("angles") if "angles" in self._group else None
 
     @_read_once
+    def spins(self):
+        """[N] spins in 1/t0, in 3D [N, 3]."""
+        return self._read("spins", "particles that rotate")
+
+    @_read_once
     def contact_count(self):
-        """[N] contacts of each particle with others; pairs of vertices, and of vertex and edge, count one each."""
+        """[N] contacts of each particle with others, not with walls; pairs of vertices, and of vertex and edge, count one
+        each."""
         return self._read("contact_count")
 
     @_read_once
@@ -237,22 +270,38 @@ class Frame:
 
     @_read_once
     def contacts(self):
-        """DataFrame, one row per contact: particle_1, particle_2, x y [z], nx ny [nz], overlap, fx fy [fz], force.
+        """DataFrame, one row per contact: particle_1, particle_2, wall, x y [z], nx ny [nz], overlap, fx fy [fz], force.
 
-        Force and normal are those on particle_1; `force` is the magnitude, in rho g sigma_avg^D.
+        Force and normal are those on particle_1; `force` is the magnitude, in rho g sigma_avg^D. Contacts between
+        particles come first, with -1 for the wall; then those with walls, if the frame has them, with -1 for particle_2
+        and the row of `geometry.segments` as wall.
         """
+        pairs = self._contact_table("contacts")
+        return pd.concat([pairs, self.wall_contacts], ignore_index=True) if "wall_contacts" in self._group else pairs
+
+    @_read_once
+    def wall_contacts(self):
+        """The rows of `contacts` that are with walls."""
+        return self._contact_table("wall_contacts")
+
+    def _contact_table(self, group):
+        self.check_open()
+        if group not in self._group:
+            raise self._missing(group, "every frame")
         axes = "xyz"[: self._run.dim]
-        if "contacts" not in self._group:
-            raise RunError(f"{self._run.path}: frame {self.name} has no contacts")
-        group = self._group["contacts"]
-        arrays = {name: self._run.read(group[name]) for name in ("particles", "force", "position", "normal", "overlap")}
-        pairs = arrays["particles"].reshape(-1, 2)
-        force = arrays["force"].reshape(-1, len(axes))
-        columns = {"particle_1": pairs[:, 0], "particle_2": pairs[:, 1]}
+        arrays = {name: self._read(f"{group}/{name}") for name in ("force", "position", "normal", "overlap")}
+        if group == "contacts":
+            first, second = self._read("contacts/particles").reshape(-1, 2).T
+            wall = np.full(len(first), -1, dtype=np.int32)
+        else:
+            first, wall = self._read("wall_contacts/particle"), self._read("wall_contacts/wall")
+            second = np.full(len(first), -1, dtype=np.int32)
+        columns = {"particle_1": first, "particle_2": second, "wall": wall}
         for prefix, name in (("", "position"), ("n", "normal")):
             values = arrays[name].reshape(-1, len(axes))
             columns.update({prefix + axis: values[:, i] for i, axis in enumerate(axes)})
         columns["overlap"] = arrays["overlap"]
+        force = arrays["force"].reshape(-1, len(axes))
         columns.update({"f" + axis: force[:, i] for i, axis in enumerate(axes)})
         columns["force"] = np.linalg.norm(force, axis=1)
         return pd.DataFrame(columns)
@@ -432,6 +481,11 @@ class Run:
         box = self.read(group["box"]).reshape(2, -1) if "box" in group else None
         kind = self._file.text(group["kind"]) if "kind" in group else attrs.get("kind", "")
         return Geometry(segments, radius, **lengths, kind=kind, box=box)
+
+    @property
+    def reinserts(self):
+        """Whether particles that leave are put back to the upper end."""
+        return self.scenario == "hopper" and self.options.get("flow", "continuous") == "continuous"
 
     @property
     def frames(self):

@@ -21,8 +21,8 @@ from pliant.scenarios import of_scenario
 def pair_forces(run, frame):
     """Lines [F, 2, 2] in the plane of view and magnitudes [F] of the forces that do not vanish, weak ones first.
 
-    The contacts of one pair of polygons add up to one force. A negative particle index stands for a wall: such a line
-    ends at the contact.
+    The contacts of one pair of polygons, or of a polygon with a wall, add up to one force. A negative particle index
+    stands for a wall: such a line ends at the contact.
     """
     axes = "xyz"[: run.dim]
     contacts = frame.contacts.copy()
@@ -30,7 +30,7 @@ def pair_forces(run, frame):
     swap = (contacts["particle_2"] >= 0) & (contacts["particle_1"] > contacts["particle_2"])
     contacts.loc[swap, ["particle_1", "particle_2"]] = contacts.loc[swap, ["particle_2", "particle_1"]].to_numpy()
     contacts.loc[swap, [f"f{a}" for a in axes]] *= -1
-    total = contacts.groupby(["particle_1", "particle_2"], sort=False).agg(
+    total = contacts.groupby(["particle_1", "particle_2", "wall"], sort=False).agg(
         {**{a: "mean" for a in axes}, **{f"f{a}": "sum" for a in axes}}).reset_index()
     first, second = total["particle_1"].to_numpy(int), total["particle_2"].to_numpy(int)
     contact = total[list(axes)].to_numpy()

@@ -22,7 +22,7 @@ def draw(axes, run, frame, largest, box):
     """One frame; `largest` is the force of the widest line."""
     plotting.add_disks(axes, frame.centres[frame.active], run.topology.sigma[frame.active], facecolors=plotting.PALE,
                        edgecolors="0.65", linewidths=0.5, zorder=1)
-    bonds = frame.contacts
+    bonds = frame.contacts.query("wall < 0")
     first, second = (frame.centres[bonds[p]] for p in ("particle_1", "particle_2"))
     ends = np.stack([first, first + run.geometry.nearest_image(second - first)], axis=1)
     # The force on the first droplet, along the normal towards it: a push is positive.
@@ -42,18 +42,20 @@ def main():
     arguments = script.arguments(parser)
     run = of_scenario(Run(arguments.run), "raft", "clog")
     frames = [run.frame(k) for k in arguments.frames]
-    largest = max(np.abs(frame.contacts["force"]).max() if len(frame.contacts) else 0 for frame in frames) or 1
+    largest = max(frame.contacts.query("wall < 0")["force"].to_numpy().max(initial=0) for frame in frames) or 1
     corners = np.concatenate([frame.wall_segments.reshape(-1, 2) for frame in frames])
     box = (corners[:, 0].min() - 0.3, corners[:, 0].max() + 0.3, corners[:, 1].min(), corners[:, 1].max())
     height = 5.0
     width = max(2.4, height * (box[1] - box[0]) / (box[3] - box[2]))
     scale = min(1, plotting.PAGE / (width * len(frames)))
-    figure, axes = plt.subplots(1, len(frames), figsize=(scale * width * len(frames), scale * height + 0.4), squeeze=False,
+    figure, axes = plt.subplots(1, len(frames), figsize=(scale * width * len(frames), scale * height + 0.9), squeeze=False,
                                 layout="constrained")
     for ax, frame in zip(axes[0], frames):
         draw(ax, run, frame, largest, box)
-    axes[0, 0].legend(handles=[plt.Line2D([], [], color=c, lw=3, label=label)
-                               for c, label in ((TENSION, "tension"), (COMPRESSION, "compression"))], **plotting.ABOVE)
+    figure.legend(handles=[plt.Line2D([], [], color=c, lw=3, label=label)
+                           for c, label in ((TENSION, "tension"), (COMPRESSION, "compression"))], loc="lower center", ncols=2)
+    strip = 0.35 / figure.get_figheight()  # for the legend
+    figure.set_layout_engine("constrained", rect=(0, strip, 1, 1 - strip))
     plotting.save(figure, arguments.output)
 
 

@@ -105,7 +105,8 @@ def write_run(path, model="sp", dim=2, n=150, W=14.0, w=4.0, angle=90.0, mu=1.0,
         active = np.ones(n, np.uint8)
         active[0] = index == 0
         group.update({"positions": positions, "velocities": np.repeat(velocity, corners, axis=0), "centres": centres,
-                      "active": active, "contact_count": np.bincount(pairs.ravel(), minlength=n).astype(np.int32),
+                      "active": active, "reinsertions": np.arange(n, dtype=np.int32) % (index + 1),
+                      "contact_count": np.bincount(pairs.ravel(), minlength=n).astype(np.int32),
                       "wall_force": np.zeros((len(file["geometry/segments"]), dim))})
         if deformable:
             polygon = positions.reshape(n, VERTICES, 2)
@@ -113,14 +114,19 @@ def write_run(path, model="sp", dim=2, n=150, W=14.0, w=4.0, angle=90.0, mu=1.0,
             group["area"] = (polygon[..., 0] * following[..., 1] - polygon[..., 1] * following[..., 0]).sum(1) / 2
             group["perimeter"] = np.linalg.norm(following - polygon, axis=2).sum(1)
         position = centres[pairs].mean(1)
-        wall = np.array([[n - 1, -1]], np.int32)  # the last particle touches the right wall; -1 stands for walls
-        at_wall, inward = centres[-1:] * 1.0, np.zeros((1, dim))
+        at_wall, inward = centres[-1:] * 1.0, np.zeros((1, dim))  # the last particle touches the right wall
         at_wall[0, 0], inward[0, 0] = W / 2, -1
-        contacts = {"particles": np.r_[pairs, wall], "position": np.r_[position, at_wall],
-                    "normal": np.r_[normal, inward], "overlap": np.full(len(pairs) + 1, 0.01),
-                    "force": np.r_[force, 0.5 * inward]}
+        right = len(file["geometry/segments"]) - 1
+        contacts = {"particles": pairs, "position": position, "normal": normal,
+                    "overlap": np.full(len(pairs), 0.01), "force": force}
+        walls = {"particle": np.array([n - 1], np.int32), "wall": np.array([right], np.int32),
+                 "position": at_wall, "normal": inward, "overlap": np.array([0.01]), "force": 0.5 * inward}
         for name, data in contacts.items():
             group[f"contacts/{name}"] = data
+        for name, data in walls.items():
+            group[f"wall_contacts/{name}"] = data
+        contacts = {name: np.r_[contacts[name], walls[name]] for name in ("position", "normal", "overlap", "force")} | {
+            "particles": np.r_[pairs, [[n - 1, -1]]], "wall": np.r_[np.full(len(pairs), -1), right]}
         for name, value in (("centres", centres), ("positions", positions), ("contacts", contacts),
                             ("frame_time", 0.5 * index)):
             truth[name].append(value)

@@ -50,6 +50,14 @@ def test_coverage_of_fits(drift, low, high):
     assert (low < np.mean(inside, axis=0)).all() and (np.mean(inside, axis=0) < high).all(), np.mean(inside, axis=0)
 
 
+def test_kinds_of_points_have_a_factor_each():
+    """A chaotic point does not enlarge the error of one that hardly depends on the seed."""
+    table = pd.DataFrame([{"rows": rows, "k": 6 + scale * seed, "k_error": 1e-5} for rows, scale in ((7, 1e-4), (6, 0.3)) for seed in (-1, 0, 1)])
+    together, apart = (ensemble.average(table, ["rows"], "k", pool=pool).set_index("rows")["k_error"] for pool in ((), ["rows"]))
+    assert apart[7] == pytest.approx(1e-4 / np.sqrt(3), rel=0.01) and apart[6] == pytest.approx(0.3 / np.sqrt(3), rel=0.01)
+    assert together[7] > 0.05
+
+
 def test_one_seed():
     table = runs(np.random.default_rng(3), 0.06, seeds=1)
     points = ensemble.average(table, ["hopper_width"], "Q")

@@ -199,7 +199,8 @@ def test_what_the_program_prints_is_utf_8_in_every_locale(tmp_path):
 OF_A_RUN = ("manifest", "options", "scenario", "model", "droplets", "dim", "summary", "parameters", "topology", "geometry",
             "series", "vector_series", "events", "profile", "steady_start")
 OF_A_FRAME = ("positions", "velocities", "centres", "images", "unwrapped_centres", "active", "angles", "contact_count",
-              "touching", "wall_force", "wall_segments", "particle_velocities", "speeds", "polygons", "contacts")
+              "touching", "wall_force", "wall_segments", "particle_velocities", "speeds", "polygons", "contacts", "wall_contacts",
+              "reinsertions")
 
 
 @pytest.mark.parametrize("read_before", [False, True])

@@ -219,3 +219,9 @@ def test_figures_of_fractures(figure, call, tmp_path):  # noqa: F811
 def test_other_runs_are_refused(soft):
     with pytest.raises(RunError, match="of scenario hopper, not of raft"):
         raft.Compression.of(Run(soft[0]))
+
+
+def test_lattice_of_linear_springs():
+    assert raft.lattice_k1(1, 5, 4.7, 9.5) == pytest.approx(9.5)  # each droplet has two walls in series: q wall/2
+    assert raft.lattice_k1(7, 7, 4.68692, 9.5413) == pytest.approx(6.33, abs=0.001)
+    assert raft.lattice_k1(2, 24, 4.68692, 9.5413) == pytest.approx(8.165, abs=0.001)

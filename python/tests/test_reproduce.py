@@ -24,6 +24,7 @@ from test_plots import assert_picture
 from test_raft import K1, write_raft
 
 from pliant import PliantError, beverloo, beverloo_figures, clog, ensemble, plotting
+from pliant.files import read_json, write_json
 from pliant.reproduce import command, figure, hopper_runs, measure, published
 from pliant.reproduce.figure import Figure, Quantity, agree, deviation, rows, seeds_text, write_rows
 from pliant.reproduce.published import Published
@@ -155,7 +156,10 @@ def own_table(tmp_path, columns, values):
 
 
 @pytest.mark.parametrize("name, columns, values, told", [
-    ("H2", "mu,hopper_width,n", ("5,4,800", "5,4,400"), "-n (800 and 400)"),
+    ("H2", "mu,hopper_width,n", ("5,4,800", "5,4,400"), None),
+    ("H7", "mu,hopper_width,hopper_wall_distance", ("5,4,50", "5,4,40"), "-hopper_wall_distance (50 and 40)"),
+    ("H2", "mu,hopper_width,model,friction_point", ("5,4,smooth,vertex", "5,4,smooth,"), "-friction_point (vertex and none)"),
+    ("readings-deformable", "mu,hopper_width,model,friction_point", ("31.6227766,4,smooth,vertex", "31.6227766,4,smooth,"), None),
     ("H2", "mu,hopper_width", ("5,4", "5,6", "10,4"), None),
     ("H2", "mu,hopper_width,dt", ("5,4,", "5,6,1e-3", "5,4,1e-3"), "-dt (none and 0.001)"),
     ("H7", "mu,hopper_width,e_sp", ("5,4,50", "5,4,100"), None),
@@ -494,6 +498,8 @@ def test_figure_6_compares_angles(tmp_path):
     assert found["lambda_c, published ends: theta_w = 30"].value == pytest.approx(0.005, rel=0.15)
     assert found["lambda_c, published ends: theta_w = 30"].published.value == 0.005
     assert found["|F_zeta|/|F_mu| at lambda = 0.01, theta_w = 30"].value == pytest.approx(0.5)
+    steeper = found["|F_zeta|/|F_mu| at lambda = 0.01, theta_w = 30 over the same at 90"]
+    assert steeper.value == pytest.approx(5) and agree(steeper) == "no"  # published: a plateau
     # Of forces that go with lambda, at the middle: its error is that of lambda_c and that of the forces
     data["drag_friction_ratio"] = 3 * data["zeta"] / data["mu"].where(data["mu"] > 0)
     data["drag_friction_ratio_error"] = 0.01 * data["drag_friction_ratio"]
@@ -501,6 +507,27 @@ def test_figure_6_compares_angles(tmp_path):
     middle, ratio = (found[f"{name}, free ends: theta_w = 90"] for name in ("lambda_c", "|F_zeta|/|F_mu| at lambda_c"))
     assert ratio.value == pytest.approx(3 * middle.value, rel=1e-3)
     assert middle.error / middle.value < ratio.error / ratio.value < middle.error / middle.value + 0.02
+
+
+@pytest.mark.parametrize("name", ["H4", "H6", "H11", "H12"])
+def test_an_exponent_with_k_at_its_bound_decides_nothing(name):
+    """Also where the name of the quantity is changed on its way: the law has k below 0."""
+    data = flow_rows((0.0, 0.01, np.inf), lambda lam: (0.4, -1.5, 1.5 if lam < 0.01 else 0.5))
+    found = {name: q for name, q in drawn(name, data).items() if "beta at lambda = 0" in name}
+    assert found and all("k at its bound" in q.note and agree(q) in ("no verdict", "no number") for q in found.values())
+    assert any(agree(q) == "no verdict" for q in found.values())
+
+
+def test_figure_10_compares_hard_soft_particles_with_stiff_deformable_ones(tmp_path):
+    soft = flow_rows((0.0, np.inf), e_sp=1e5)
+    stiff = flow_rows((0.0, np.inf), lambda lam: (LAWS["zeta"][0] * (4 if lam == 0 else 1), *LAWS["zeta"][1:]), model="smooth", k_b=100.0)
+    few = flow_rows((0.0, np.inf), model="smooth", k_b=100.0, n=400)  # of no soft particles
+    found = {name: q for name, q in drawn("H10", pd.concat([soft, stiff, few], ignore_index=True), tmp_path).items() if name.startswith("Q of")}
+    name = "Q of smooth, K_l = 10, K_b = 100 over soft, E_sp = 100000, N = 1600, w = {}, {} only"
+    assert set(found) == {name.format(w, limit) for w in (3, 4, 6, 8, 10) for limit in ("friction", "drag")}
+    friction, drag = (found[name.format(6, limit)] for limit in ("friction", "drag"))
+    assert friction.value == pytest.approx(4, rel=0.05) and agree(friction) == "no"
+    assert drag.value == pytest.approx(1, rel=0.05) and agree(drag) == "yes"
 
 
 def test_figure_6_of_the_limits_alone(tmp_path):
@@ -569,11 +596,15 @@ def test_figure_5_finds_the_exponents(tmp_path):
     for lam, power in ((0.0, 0.5), (0.05, 0.0), (np.inf, -0.5)):
         for w in (4.0, 6.0, 10.0):
             for seed in (1, 2):
-                for h in (0.0, 1.0, 2.0, 5.0):
-                    v = w**power / (1 + h) * (1 + 0.01 * rng.normal())
+                for h in (0.0, 1.0, 2.0, 5.0, 16.0):
+                    v = w**power * max(1 - h / 5, 0.1) * (1 + 0.01 * rng.normal())
                     lines.append({"mu": 0.0 if np.isinf(lam) else 1.0, "zeta": 1.0 if np.isinf(lam) else lam, "seed": seed,
-                                  "hopper_width": w, "height": h, "v": v, "v_error": 0.01 * v})
+                                  "hopper_width": w, "height": h, "v": v, "v_error": 0.01 * v, "table": "t", "row": f"{w}-{seed}"})
     found = drawn("H5", pd.DataFrame(lines), tmp_path)
+    # Far from the orifice, and its fall close to it: both follow the same power here.
+    assert found["exponent of the speed at h = 15 in w, lambda = 0"].value == pytest.approx(0.5, abs=0.1)
+    assert found["speed at h = 15, w = 4, lambda = 0.05"].value == pytest.approx(0.1, rel=0.1)
+    assert found["fall of v_g per height below h = 2, w = 4, lambda = 0.05"].value == pytest.approx(0.2, rel=0.1)
     for lam, power in (("0", 0.5), ("0.05", 0.0), ("inf", -0.5)):
         one = found[f"exponent of v_g(h = 0) in w, lambda = {lam}"]
         assert one.value == pytest.approx(power, abs=0.05) and one.published.value == power and 0 < one.error < 0.05
@@ -786,6 +817,49 @@ def test_deformable_particles_are_told_apart(tmp_path):
         ("friction", "printed"), ("friction", "printed, tangential friction"), ("drag", "printed"), ("drag", "printed, drag per mass"))}
     with pytest.raises(PliantError, match="no run has deformable particles"):
         command.FIGURES["deformable"].draw(reading_rows("friction", 2.2))
+
+
+def test_friction_at_the_vertex_is_printed_and_at_the_contact_a_reading(tmp_path):
+    smooth = {"model": "smooth", "e_c": 250.0, "e_w": 250.0}
+    contact, vertex = (reading_rows("friction", 1.5, friction_point=point, **smooth) for point in ("contact", "vertex"))
+    vertex["Q"] *= 0.8
+    drag = reading_rows("drag", 0.9, friction_point="contact", **smooth)  # without friction the point is nothing
+    found = drawn("readings-deformable", pd.concat([contact, vertex, drag], ignore_index=True), tmp_path)
+    kind = "smooth, K_l = 10, K_b = 0.1"
+    assert {name for name in found if name.startswith("beta: ")} == {
+        f"beta: printed: {kind}, friction only", f"beta: printed, friction at the contact: {kind}, friction only",
+        f"beta: printed: {kind}, drag only"}
+    assert found[f"Q with friction at the vertex over Q at the contact, w = 6: printed: {kind}"].value == pytest.approx(0.8, rel=0.02)
+
+
+SINGLE = {"readings": "mu,zeta,e_sp,friction,contact_law,count,removal_depth,hopper_width",
+          "readings-deformable": "model,mu,zeta,edge_force,friction_point,area_energy,k_a,hopper_width"}
+
+
+@pytest.mark.parametrize(("name", "lines", "refused"), [
+    ("readings", ("31.6227766,,100,,,,,4", "31.6227766,,100,tangential,,,,4", "31.6227766,,100,,,removal,2.5,4"), None),
+    ("readings", ("31.6227766,,100,,,,,4", "31.6227766,,100,tangential,linear,,,4"), "-contact_law, -friction"),
+    ("readings", ("31.6227766,,100,,,,,4", "8.505,,138.9,,,,,4"), "-e_sp, -mu"),
+    ("readings", ("31.6227766,,100,,,,,4", "8.505,,138.9,,,,,4", "8.505,,100,,,,,4"), None),  # one by one
+    ("readings", ("31.6227766,,100,,,,,4", "31.6227766,,1e4,,,,,4", "31.6227766,,1e4,tangential,,,,4"), None),
+    ("readings", (",0.316227766,100,tangential,,,,4", ",0.316227766,100,,linear,,,4"), None),  # friction is nothing there
+    ("readings-deformable", ("smooth,31.6227766,,,,,,4", "smooth,31.6227766,,,vertex,,,4", "smooth,31.6227766,,,,relative,2000,4"), None),
+    ("readings-deformable", ("smooth,31.6227766,,,,,,4", "smooth,31.6227766,,twofold,vertex,,,4", "smooth,31.6227766,,twofold,,,,4"), None),
+    ("readings-deformable", ("smooth,31.6227766,,,,,,4", "smooth,31.6227766,,twofold,,relative,2000,4"), "-area_energy, -edge_force"),
+    ("readings-deformable", ("smooth,31.6227766,,,vertex,,,4", "smooth,31.6227766,,twofold,,,,4"), "-edge_force, -friction_point")])
+def test_a_single_difference_that_is_two_is_refused(tmp_path, name, lines, refused):
+    tables = own_table(tmp_path, SINGLE[name], lines)
+    if refused is None:
+        return figure.check_rows(command.FIGURES[name], tables)
+    with pytest.raises(PliantError, match=re.escape(f"in {refused}")) as raised:
+        figure.check_rows(command.FIGURES[name], tables)
+    assert "changes one option" in str(raised.value) and ", line " in str(raised.value)
+
+
+def test_the_command_refuses_a_single_difference_that_is_two(call, tmp_path):
+    (tmp_path / "two.csv").write_text(SINGLE["readings"] + ",seeds\n31.6227766,,100,,,,,4,1-2\n31.6227766,,100,tangential,linear,,,4,1-2\n", encoding="utf-8")
+    assert "two.csv, line 3" in call("readings", "--table", tmp_path / "two.csv", code=2)
+    assert started(tmp_path) == []
 
 
 TABLES_AS_RUN = sorted({"quick/deformable", *(name for one in command.FIGURES.values() for name in one.as_run)})
@@ -1002,9 +1076,10 @@ def raft_rows(rows, **columns):
 
 def test_figures_of_force_curves(tmp_path):
     rows = [{"row": f"{v}", "v_wall": v, "distance": D, "force": D - 3.7, "slope": 3.16, "slope_error": 0.001, "n": 3,
-             "F_max": 0.110 + 12 * v, "seed": 1} for v in (1e-4, 3e-4, 1e-3) for D in np.linspace(3.9, 3.5, 30)]
+             "F_max": 0.110 + 12 * v, "F_min": -0.07 + 3 * v, "seed": 1} for v in (1e-4, 3e-4, 1e-3) for D in np.linspace(3.9, 3.5, 30)]
     found = drawn("T2.3", raft_rows(rows), tmp_path)
     assert found["F_max as v_wall goes to 0"].value == pytest.approx(0.110, abs=1e-6)
+    assert found["F_min as v_wall goes to 0"].value == pytest.approx(-0.07, abs=1e-6)
     assert agree(found["F_max as v_wall goes to 0"]) == agree(found["stiffness at F = 0, slowest wall"]) == "yes"
     rows = [row | {"row": f"{seed}-{phi}", "seed": seed, "small_fraction": phi, "v_wall": 1e-4,
                    "F_max": 1.0 + 0.1 * seed} for row in rows[:30] for seed in (1, 2, 3) for phi in (0.0, 0.5)]
@@ -1019,7 +1094,14 @@ def test_figures_of_reductions(tmp_path):
     found = drawn("T2.7", raft_rows(rows), tmp_path)
     one = found["k1 of k_eq = k1 q/(p+1)"]
     assert one.value == pytest.approx(7.0) and 0.02 < one.error < 0.08 and agree(one) == "yes"
-    assert found["k1 of the reduction from 7 rows"].published.value == 5.27
+    first, lattice = found["k1 of the reduction from 7 rows"], found["k1 of a linear lattice of 7 rows"]
+    assert first.published.value == lattice.published.value == 5.27 and agree(lattice) == "no"
+    assert lattice.value == pytest.approx(6.33, abs=0.005)
+    assert agree(found["k1 of two droplets"]) == agree(found["E1 of two droplets"]) == "yes"
+    # The first reduction is alike in all seeds, as its bonds all hold; later ones differ: its error is its own.
+    alike = [row | {"k_eq": 5.53 + 1e-4 * row["seed"], "k_error": 1e-5} if row["rows"] == 7 else row | {"k_error": 1e-5} for row in rows]
+    first, second = (drawn("T2.7", raft_rows(alike))[f"k1 of the reduction from {p} rows"] for p in (7, 6))
+    assert first.error == pytest.approx(1e-4 / 0.875 / math.sqrt(3), rel=0.01) and second.error == pytest.approx(0.1 / math.sqrt(3), rel=0.01)
     single = raft_rows([row for row in rows if row["rows"] == 7])
     for name in ("T2.7", "T2.8"):
         with pytest.raises(PliantError, match="two reductions"):
@@ -1125,6 +1207,9 @@ def test_figures_of_disks(tmp_path):
     found = drawn("TA.2", disk_rows(), tmp_path)
     assert agree(found["|dtheta| in turns, mean of the distributions"]) == "yes"
     assert agree(found["|dtheta|, mean of the distributions"]) == "no"
+    slope = found["slope of |dtheta| in turns in delta"]
+    assert abs(slope.value) < 0.01 and slope.published.value == 0  # published: no trend
+    assert found["|dtheta| in turns at delta = 0.45"].value == pytest.approx(0.046, rel=0.05)
     with pytest.raises(PliantError, match="no run has the quantity rotation"):
         command.FIGURES["TA.2"].draw(disk_rows().assign(rotation=np.nan))
     rows = [row | {"relative": x, "dr_na": 0.37 * x**0.74, "d2_min": 0.1 * x**1.47, "exponent_dr_na": 0.74 + 0.005 * s,
@@ -1183,17 +1268,17 @@ def test_an_analysis_is_made_once(channel_runs):
     run = channel_runs[0][1]
     measure.measured("motion", "x", run)
     path = run / "analysis.json"
-    made = json.loads(path.read_text(encoding="utf-8"))
+    made = read_json(path)
 
     def found(changes):
-        path.write_text(json.dumps(made | changes), encoding="utf-8")
+        write_json(path, made | changes)
         return measure.measured("motion", "x", run)["dr_na"][0]
 
     true, other = made["dr_na"]["all"]["value"], {"dr_na": {"all": {"value": 7.0, "error": 1.0}}}
     assert found(other) == 7.0
     assert found(other | {"choices": made["choices"] | {"neighbours": 11}}) == pytest.approx(true, rel=1e-5)
-    assert json.loads(path.read_text(encoding="utf-8"))["choices"]["neighbours"] == 15
-    path.write_text(json.dumps(made | other), encoding="utf-8")
+    assert read_json(path)["choices"]["neighbours"] == 15
+    write_json(path, made | other)
     os.utime(path, (1, 1))
     assert measure.measured("motion", "x", run)["dr_na"][0] == pytest.approx(true, rel=1e-5)
 

@@ -1,9 +1,12 @@
 """The reader gives back what was written, from whole, unfinished and broken runs."""
 
+import json
 import os
 import re
+import shutil
 import subprocess
 import sys
+import zlib
 from pathlib import Path
 
 import h5py
@@ -14,6 +17,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from synthetic import VERTICES, write_run
 
 from pliant import Run, RunError, load_runs, load_table, sweep_table
+from pliant.run import FRAME_FIELDS
 
 HERE = Path(__file__).resolve().parent
 
@@ -39,6 +43,8 @@ def test_round_trip(model, request):
             assert len(frame.polygons) == run.topology.particles
             assert frame.active[0] == (i == 0) and frame.active[1:].all()
             assert_array_equal(frame.contacts[["particle_1", "particle_2"]], truth["contacts"][i]["particles"])
+            assert_array_equal(frame.contacts["wall"], truth["contacts"][i]["wall"])
+            assert_array_equal(frame.wall_contacts, frame.contacts.query("wall >= 0"))
             assert_array_equal(frame.contacts[["nx", "ny"]], truth["contacts"][i]["normal"][:, :2])
             assert_allclose(frame.contacts["force"], np.linalg.norm(truth["contacts"][i]["force"], axis=1))
         for name, values in truth["series"].items():
@@ -118,6 +124,58 @@ def test_touching_particles_count_once(rough):
     assert_array_equal(more.touching, once)
 
 
+def test_displacements_leave_out_what_jumped(tmp_path):
+    path, truth = write_run(tmp_path / "run", n=20)
+    run = Run(path)
+    first, last = run.frames[0], run.frames[2]
+    assert_array_equal(last.reinsertions, np.arange(20) % 3)
+    moved = last.displacements(first)
+    stayed = np.arange(20) % 3 == 0
+    stayed[0] = False  # has left
+    assert_allclose(moved[stayed], (truth["centres"][2] - truth["centres"][0])[stayed])
+    assert np.isnan(moved[~stayed]).all()
+    with h5py.File(path / "run.h5", "a") as file:
+        del file["frames/000001/reinsertions"]
+    with pytest.raises(RunError, match="no 'reinsertions'.*-frame_fields reinsertions"):
+        Run(path).frames[1].displacements(first)
+    with h5py.File(path / "run.h5", "a") as file:
+        options = json.loads(file["manifest"].attrs["options"])
+        options["flow"] = {"value": "discharge", "unit": "", "source": "command line"}
+        file["manifest"].attrs["options"] = json.dumps(options)
+    assert not Run(path).frames[1].reinsertions.any()  # nothing is put back in a discharge
+
+
+@pytest.mark.parametrize("field", FRAME_FIELDS)
+def test_a_field_that_is_missing_names_the_option(field, rough, tmp_path):
+    path = tmp_path / "run"
+    shutil.copytree(rough[0], path)
+    with h5py.File(path / "run.h5", "a") as file:
+        if field in file["frames/000001"]:
+            del file[f"frames/000001/{field}"]
+    frame = Run(path).frames[1]
+    if field == "angles":
+        assert frame.angles is None
+        return
+    with pytest.raises(RunError, match=f"frame 000001 has no '{field}.*; -frame_fields {field} writes it"):
+        getattr(frame, field)
+    frame.centres, frame.polygons, frame.active, Run(path).frames[0].contacts
+
+
+def test_single_precision_is_read_as_double(tmp_path):
+    path, truth = write_run(tmp_path / "run", n=20)
+    with h5py.File(path / "run.h5", "a") as file:
+        group = file["frames/000000"]
+        for name in ("positions", "velocities", "centres", "contacts/force", "wall_contacts/overlap"):
+            values = group[name][()].astype(np.float32)
+            del group[name]
+            group.create_dataset(name, data=values, compression=4, chunks=values.shape)
+            group[name].attrs["crc32"] = np.uint32(zlib.crc32(values))
+    frame = Run(path).frames[0]
+    for values in (frame.positions, frame.velocities, frame.centres, frame.contacts["fx"], frame.wall_contacts["overlap"]):
+        assert values.dtype == np.float64
+    assert_array_equal(frame.centres, truth["centres"][0].astype(np.float32))
+
+
 def test_soft_particles_have_no_area(soft):
     with pytest.raises(RunError, match="no 'area'"):
         Run(soft[0]).frames[0].area
@@ -133,7 +191,7 @@ def test_killed_run_is_read_up_to_its_last_whole_frame(tmp_path):
         assert run.summary == {} and run.steady_start is None and np.isnan(run.measured("Q")).all()
         assert sweep_table([run])["status"][0] == "unfinished"
     with h5py.File(tmp_path / "run/run.h5", "a") as file:
-        del file["frames/000001/contact_count"]
+        del file["frames/000001/active"]
         time = file["series/time"][:-3]
         del file["series/time"]
         file["series/time"] = time

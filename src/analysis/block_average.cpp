@@ -95,6 +95,23 @@ BlockAverage block_average(std::span<const Real> series) {
   return result;
 }
 
+BlockAverage slow_average(std::span<const Real> series) {
+  BlockAverage result = block_average(series);
+  if (!result.plateau) return result;
+  const std::size_t length = series.size() / min_blocks;
+  std::vector<Real> means;
+  for (std::size_t b = 0; b < min_blocks; ++b) means.push_back(mean_of(series.subspan(b * length, length)));
+  const Real error = std::sqrt(variance_of(means) / static_cast<Real>(min_blocks));
+  if (!(error > result.error)) return result;
+  result.error = error;
+  result.error_of_error = error / std::sqrt(2 * static_cast<Real>(min_blocks - 1));
+  result.lower_bound = std::fmax(result.lower_bound, error);
+  result.inefficiency = square(error / result.naive_error);
+  result.block_size = length;
+  result.blocks = min_blocks;
+  return result;
+}
+
 BlockAverage block_ratio(std::span<const Real> numerator, std::span<const Real> denominator) {
   if (numerator.size() != denominator.size())
     throw InputError("ratio of two series: {} numerators but {} denominators; give one pair per sample",

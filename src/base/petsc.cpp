@@ -104,6 +104,9 @@ void petsc_check(PetscErrorCode code) {
   const char* meaning = nullptr;
   (void)PetscErrorMessage(code, &meaning, nullptr);
   if (code == PETSC_ERR_FILE_OPEN || code == PETSC_ERR_FILE_WRITE) throw OutputError("PETSc: {}", message);
+  if (code == PETSC_ERR_MEM)
+    throw MemoryError(
+        fmt::format("memory of PETSc ({}) could not be allocated", message.empty() ? "no message" : message));
   if (is_users(code)) throw InputError("PETSc refuses one of its options: {}", message);
   throw NumericalError("PETSc error {} ({}): {}", static_cast<int>(code), meaning != nullptr ? meaning : "unknown",
                        message.empty() ? "no message" : message);

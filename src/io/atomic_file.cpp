@@ -66,14 +66,19 @@ void put_atomically(const std::filesystem::path& path, const std::function<int(i
     ::unlink(temporary.c_str());
     fail(path, error);
   }
-  // Some file systems cannot sync a folder; the content itself is safe by then.
-  if (const int directory = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC); directory >= 0) {
+  sync_folder(folder);
+}
+
+}  // namespace
+
+void sync_folder(const std::filesystem::path& folder) {
+  const char* name = folder.empty() ? "." : folder.c_str();
+  // Some file systems cannot sync a folder.
+  if (const int directory = ::open(name, O_RDONLY | O_DIRECTORY | O_CLOEXEC); directory >= 0) {
     (void)::fsync(directory);
     ::close(directory);
   }
 }
-
-}  // namespace
 
 void write_file_atomically(const std::filesystem::path& path, std::initializer_list<std::string_view> parts) {
   put_atomically(path, [&](int file) {

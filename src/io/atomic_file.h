@@ -15,4 +15,8 @@ void write_file_atomically(const std::filesystem::path& path, std::initializer_l
 /// The same with the content of another file.
 void copy_file_atomically(const std::filesystem::path& from, const std::filesystem::path& path);
 
+/// Names that were created, renamed or removed in the folder before survive a loss of power, unless its file system
+/// cannot sync folders.
+void sync_folder(const std::filesystem::path& folder);
+
 }  // namespace pliant

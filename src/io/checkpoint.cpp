@@ -184,6 +184,8 @@ StoredCheckpoints find_checkpoints(const fs::path& folder) {
     try {
       verify(path);
       whole.push_back({open_state(hdf5::File::open_read(path)).integer_attribute("step"), time, path});
+    } catch (const MemoryError&) {
+      throw;
     } catch (const Error& problem) {
       stored.problems.emplace_back(problem.what());
     }

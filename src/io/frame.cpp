@@ -1,11 +1,12 @@
 #include <pliant/io/frame.h>
 
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <stdexcept>
+#include <fmt/format.h>
 
-#include <pliant/io/xdmf.h>
+#include <algorithm>
+#include <stdexcept>
+#include <type_traits>
+
+#include <pliant/base/errors.h>
 
 namespace pliant {
 namespace {
@@ -21,111 +22,125 @@ struct Rows {
       all += counts[static_cast<std::size_t>(r)];
     }
   }
-  Rows times(std::uint64_t each) const { return {first * each, count * each, all * each}; }
-
- private:
-  Rows(std::uint64_t first_row, std::uint64_t mine, std::uint64_t of_all)
-      : first(first_row), count(mine), all(of_all) {}
 };
 
-/// fill(from, values) makes whole rows from this rank's row `from` on.
-template <class T, class Fill>
-FrameArray made(std::string name, const Rows& rows, std::uint64_t width, Fill fill) {
-  return {std::move(name),
-          hdf5::type_of<T>(),
-          width == 1 ? hdf5::Shape{rows.all} : hdf5::Shape{rows.all, width},
-          rows.first,
-          rows.count,
-          [=](std::uint64_t from, std::uint64_t count, void* to) {
-            fill(from, std::span(static_cast<T*>(to), count * width));
-          }};
-}
+/// How the datasets of a frame are made of its arrays.
+class Storing {
+ public:
+  explicit Storing(bool single) : single_(single) {}
 
-template <class T>
-FrameArray stored(std::string name, const Rows& rows, std::uint64_t width, std::span<const T> values) {
-  if (values.size() != rows.count * width)
-    throw std::invalid_argument("run.h5: the arrays of a frame do not fit together: " + name);
-  return made<T>(std::move(name), rows, width, [=](std::uint64_t from, std::span<T> to) {
-    std::copy_n(values.begin() + static_cast<std::ptrdiff_t>(from * width), to.size(), to.begin());
-  });
-}
+  template <class T>
+  FrameArray operator()(std::string name, const Rows& rows, std::uint64_t width, std::span<const T> values) const {
+    if (values.size() != rows.count * width)
+      throw std::invalid_argument("run.h5: the arrays of a frame do not fit together: " + name);
+    return made<T>(std::move(name), rows, width, Strided<T>{values.data(), width * sizeof(T)});
+  }
+  template <class T>
+  FrameArray operator()(std::string name, const Rows& rows, std::uint64_t width, const Strided<T>& values) const {
+    return made<T>(std::move(name), rows, width, values);
+  }
 
-template <class T>
-FrameArray stored(std::string name, const Rows& rows, std::uint64_t width, const Strided<T>& values) {
-  return made<T>(std::move(name), rows, width, [=](std::uint64_t from, std::span<T> to) {
-    for (std::size_t k = 0; k < to.size(); k += width) std::copy_n(values[from + k / width], width, &to[k]);
-  });
-}
+ private:
+  template <class T>
+  FrameArray made(std::string name, const Rows& rows, std::uint64_t width, const Strided<T>& values) const {
+    if constexpr (std::is_same_v<T, Real>)
+      if (single_) return converted<float>(std::move(name), rows, width, values);
+    return converted<T>(std::move(name), rows, width, values);
+  }
 
-Real norm(const Real* a, std::size_t dim) {
-  Real sum = 0;
-  for (std::size_t k = 0; k < dim; ++k) sum += square(a[k]);
-  return std::sqrt(sum);
-}
+  template <class Stored, class T>
+  static FrameArray converted(std::string name, const Rows& rows, std::uint64_t width, const Strided<T>& values) {
+    const auto make = [=](std::uint64_t from, std::uint64_t count, void* to) {
+      auto* out = static_cast<Stored*>(to);
+      for (std::uint64_t row = from; row < from + count; ++row)
+        out = std::transform(values[row], values[row] + width, out, [](T value) { return static_cast<Stored>(value); });
+    };
+    return {std::move(name),
+            hdf5::type_of<Stored>(),
+            width == 1 ? hdf5::Shape{rows.all} : hdf5::Shape{rows.all, width},
+            rows.first,
+            rows.count,
+            make};
+  }
+
+  bool single_;
+};
 
 }  // namespace
 
-FrameLayout::FrameLayout(const Frame& frame, int dimensions, const Ranks& ranks) {
+std::set<std::string, std::less<>> parse_frame_fields(std::string_view list) {
+  if (list == "all") return FrameFormat().fields;
+  std::set<std::string, std::less<>> fields;
+  for (std::size_t at = 0; at <= list.size();) {
+    const std::size_t end = std::min(list.find(',', at), list.size());
+    std::string_view field = list.substr(at, end - at);
+    while (field.starts_with(' ')) field.remove_prefix(1);
+    while (field.ends_with(' ')) field.remove_suffix(1);
+    if (std::ranges::find(frame_field_names, field) != frame_field_names.end())
+      fields.emplace(field);
+    else if (field != "positions")
+      throw InputError("-frame_fields {}: there is no field '{}'; choose all, or of positions (always written), {}",
+                       list, field, fmt::join(frame_field_names, ", "));
+    at = end + 1;
+  }
+  return fields;
+}
+
+void FrameFormat::check(bool can_deflate) const {
+  if (deflate > 0 && !can_deflate)
+    throw InputError(
+        "-frame_deflate {}: this HDF5 library, version {}, was built without deflate; leave the option out, or use a "
+        "library with zlib",
+        deflate, hdf5::library_version());
+}
+
+FrameLayout::FrameLayout(const Frame& frame, int dimensions, const Ranks& ranks, const FrameFormat& format) {
   const auto dim = static_cast<std::uint64_t>(dimensions);
-  const Rows particle(frame.active.size(), ranks), point(frame.positions.size() / dim, ranks),
-      contact(frame.contacts.count, ranks);
+  const Rows particle(frame.active.size(), ranks), point(frame.positions.size() / dim, ranks);
   particles = particle.all;
   points = point.all;
-  contacts = contact.all;
+  own_centres = points > particles;
   if (frame.offset.size() != particle.count + 1 || static_cast<std::uint64_t>(frame.offset.back()) != point.count)
     throw std::invalid_argument("run.h5: the arrays of a frame do not fit together: offset");
 
+  const Storing stored(format.single);
   arrays.push_back(stored("positions", point, dim, frame.positions));
-  arrays.push_back(stored("velocities", point, dim, frame.velocities));
-  arrays.push_back(stored("centres", particle, dim, frame.centres));
-  if (ranks.any(!frame.angles.empty())) {
-    const std::uint64_t width = dim == 2 ? 1 : 3;
-    arrays.push_back(stored("angles", particle, width, frame.angles));
-    arrays.push_back(stored("spins", particle, width, frame.spins));
-  }
+  if (own_centres) arrays.push_back(stored("centres", particle, dim, frame.centres));
   arrays.push_back(stored("active", particle, 1, frame.active));
   if (ranks.any(!frame.images.empty())) arrays.push_back(stored("images", particle, dim, frame.images));
-  arrays.push_back(stored("contact_count", particle, 1, frame.contact_count));
-  arrays.push_back(stored("contacts/particles", contact, 2, frame.contacts.particles));
-  arrays.push_back(stored("contacts/position", contact, dim, frame.contacts.position));
-  arrays.push_back(stored("contacts/normal", contact, dim, frame.contacts.normal));
-  arrays.push_back(stored("contacts/overlap", contact, 1, frame.contacts.overlap));
-  arrays.push_back(stored("contacts/force", contact, dim, frame.contacts.force));
 
-  arrays.push_back(made<Real>("xdmf/speed", particle, 1, [&frame, dim](std::uint64_t from, std::span<Real> speed) {
-    for (std::size_t k = 0; k < speed.size(); ++k) {
-      const Index first = frame.offset[from + k], last = frame.offset[from + k + 1];
-      std::array<Real, 3> sum{};  // the points of a particle have equal masses
-      for (Index i = first; i < last; ++i)
-        for (std::size_t d = 0; d < dim; ++d) sum[d] += frame.velocities[static_cast<std::size_t>(i) * dim + d];
-      speed[k] = norm(sum.data(), dim) / (last - first);
-    }
-  }));
-  polygons = ranks.any(!frame.a0.empty());
-  if (polygons) {
-    arrays.push_back(stored("area", particle, 1, frame.area));
-    arrays.push_back(stored("perimeter", particle, 1, frame.perimeter));
-    arrays.push_back(made<Real>("xdmf/area_ratio", particle, 1, [&frame](std::uint64_t from, std::span<Real> ratio) {
-      for (std::size_t k = 0; k < ratio.size(); ++k) ratio[k] = frame.area[from + k] / frame.a0[from + k];
-    }));
+  const auto add = [&](const char* name, const Rows& rows, std::uint64_t width, const auto& values) {
+    if (format.has(name)) arrays.push_back(stored(name, rows, width, values));
+  };
+  add("velocities", point, dim, frame.velocities);
+  if (ranks.any(!frame.angles.empty())) {
+    const std::uint64_t width = dim == 2 ? 1 : 3;
+    add("angles", particle, width, frame.angles);
+    add("spins", particle, width, frame.spins);
   }
-  // A contact is a line.
-  arrays.push_back(
-      made<Real>("xdmf/contact_points", contact.times(2), dim, [&frame, dim](std::uint64_t from, std::span<Real> ends) {
-        for (std::size_t k = 0; k < ends.size(); k += dim) {
-          const std::size_t end = from + k / dim;
-          std::copy_n(frame.contacts.ends[end / 2] + end % 2 * dim, dim, &ends[k]);
-        }
-      }));
-  const Rows cells = contact.times(4);
-  arrays.push_back(made<std::int32_t>("xdmf/contact_connectivity", cells, 1,
-                                      [first = cells.first](std::uint64_t from, std::span<std::int32_t> cell) {
-                                        for (std::size_t k = 0; k < cell.size(); ++k)
-                                          cell[k] = xdmf_line(first + from + k);
-                                      }));
-  arrays.push_back(made<Real>("xdmf/contact_force", contact, 1, [&frame, dim](std::uint64_t from, std::span<Real> f) {
-    for (std::size_t k = 0; k < f.size(); ++k) f[k] = norm(frame.contacts.force[from + k], dim);
-  }));
+  if (ranks.any(!frame.area.empty())) {
+    add("area", particle, 1, frame.area);
+    add("perimeter", particle, 1, frame.perimeter);
+  }
+  if (ranks.any(!frame.reinsertions.empty())) add("reinsertions", particle, 1, frame.reinsertions);
+  add("contact_count", particle, 1, frame.contact_count);
+  const auto add_contacts = [&](const std::string& group, const FrameContacts& contacts, auto&& add_partners) {
+    if (!format.has(group)) return;
+    const Rows rows(contacts.count, ranks);
+    add_partners(rows);
+    arrays.push_back(stored(group + "/position", rows, dim, contacts.position));
+    arrays.push_back(stored(group + "/normal", rows, dim, contacts.normal));
+    arrays.push_back(stored(group + "/overlap", rows, 1, contacts.overlap));
+    arrays.push_back(stored(group + "/force", rows, dim, contacts.force));
+  };
+  add_contacts("contacts", frame.contacts, [&](const Rows& rows) {
+    arrays.push_back(stored("contacts/particles", rows, 2, frame.contacts.particles));
+  });
+  add_contacts("wall_contacts", frame.wall_contacts, [&](const Rows& rows) {
+    const Strided<Index>& pairs = frame.wall_contacts.particles;
+    arrays.push_back(stored("wall_contacts/particle", rows, 1, pairs));
+    arrays.push_back(stored("wall_contacts/wall", rows, 1, Strided<Index>{pairs.data + 1, pairs.stride}));
+  });
 }
 
 }  // namespace pliant

@@ -1,12 +1,15 @@
 // A frame of a run, and the datasets that it becomes in run.h5.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <set>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <pliant/base/ranks.h>
@@ -25,15 +28,35 @@ struct Strided {
   }
 };
 
-/// C contacts of a frame in D dimensions; the arrays are the caller's.
+/// C contacts between particles, or K with walls, of a frame in D dimensions; the arrays are the caller's.
 struct FrameContacts {
-  std::uint64_t count = 0;         ///< C
-  Strided<Index> particles;        ///< [C, 2]; the second is −1 for a wall
-  Strided<Real> position, normal;  ///< [C, D]
-  Strided<Real> ends;              ///< [C, 2, D] the particles' centres; of a wall, where it is touched
+  std::uint64_t count = 0;         ///< C or K
+  Strided<Index> particles;        ///< [C, 2] the two particles, or [K, 2] the particle and the wall
+  Strided<Real> position, normal;  ///< [C, D], the normal towards the first particle
   Strided<Real> overlap;           ///< [C]
   Strided<Real> force;             ///< [C, D], on the first particle
 };
+
+/// Groups of datasets that a frame can leave out, by the name of the dataset or group. Positions, centres, `active`,
+/// `images` and moving walls are in every frame.
+inline constexpr std::array<std::string_view, 10> frame_field_names{
+    "velocities",   "angles",        "spins",    "area",          "perimeter",
+    "reinsertions", "contact_count", "contacts", "wall_contacts", "wall_force"};
+
+/// Which fields a frame has in the file, and how its real numbers are stored there.
+struct FrameFormat {
+  std::set<std::string, std::less<>> fields{frame_field_names.begin(), frame_field_names.end()};
+  bool single = false;  ///< real numbers of 4 bytes; of 8 otherwise
+  int deflate = 0;      ///< level of compression, 0 (none) to 9
+
+  bool has(std::string_view field) const { return fields.contains(field); }
+  /// Errors: InputError if frames are to be compressed and the HDF5 library cannot.
+  void check(bool can_deflate = hdf5::can_deflate()) const;
+};
+
+/// The fields in a list such as "velocities,contacts"; "all"; or none of them, "positions". Errors: InputError that
+/// names the option and lists the fields.
+std::set<std::string, std::less<>> parse_frame_fields(std::string_view list);
 
 /// One frame of N particles with P points in D dimensions; the arrays are the caller's. On several ranks, the rank's
 /// share of it: a frame is the shares one after the other, but the forces on walls are the root's.
@@ -47,11 +70,12 @@ struct Frame {
   std::span<const std::int64_t> images =
       {};                                ///< [N, D] box lengths by which particles were wrapped; on every rank or none
   std::span<const Index> contact_count;  ///< [N]
-  std::span<const Real> a0, area, perimeter;      ///< [N] of polygons, or empty
-  std::span<const Real> wall_force;               ///< [S, D]
+  std::span<const Index> reinsertions = {};  ///< [N] how often each was reinserted, or empty; on every rank or none
+  std::span<const Real> area, perimeter;     ///< [N] of polygons, or empty
+  std::span<const Real> wall_force;          ///< [S, D]
   std::span<const Real> angles = {}, spins = {};  ///< [N, 1 or 3] where particles rotate, or empty
   std::span<const Real> wall_segments = {};       ///< [S, 4] where the walls are now, or empty: as in the geometry
-  FrameContacts contacts;
+  FrameContacts contacts, wall_contacts;
   std::map<std::string, Real> attributes = {};  ///< of the scenario, beside time and step; the root's
 };
 
@@ -69,9 +93,9 @@ struct FrameArray {
 /// All arrays of a frame that are per particle, point or contact, and how many there are of these on all ranks.
 struct FrameLayout {
   /// Collective. The frame must outlive the layout. Errors: std::invalid_argument if its arrays do not fit together.
-  FrameLayout(const Frame& frame, int dim, const Ranks& ranks);
-  std::uint64_t particles = 0, points = 0, contacts = 0;
-  bool polygons = false;
+  FrameLayout(const Frame& frame, int dim, const Ranks& ranks, const FrameFormat& format = {});
+  std::uint64_t particles = 0, points = 0;
+  bool own_centres = false;  ///< particles have several points: centres are not the positions
   std::vector<FrameArray> arrays;
 };
 

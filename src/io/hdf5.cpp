@@ -5,6 +5,7 @@
 #include <hdf5.h>
 
 #include <algorithm>
+#include <exception>
 #include <mutex>
 #include <numeric>
 #include <optional>
@@ -35,6 +36,31 @@ class Quiet {
  private:
   H5E_auto2_t function_ = nullptr;
   void* data_ = nullptr;
+};
+
+/// Names that functions of HDF5 visit, which no exception may pass through.
+class Names {
+ public:
+  /// For the visiting function: less than 0 stops the visit.
+  static herr_t add(void* names, const char* name) noexcept {
+    auto& self = *static_cast<Names*>(names);
+    try {
+      self.list_.emplace_back(name);
+      return 0;
+    } catch (...) {
+      self.error_ = std::current_exception();
+      return -1;
+    }
+  }
+  /// Errors: what adding has thrown.
+  std::vector<std::string> take() {
+    if (error_) std::rethrow_exception(error_);
+    return std::move(list_);
+  }
+
+ private:
+  std::vector<std::string> list_;
+  std::exception_ptr error_;
 };
 
 /// What the error stack of the last HDF5 call says: the system's message if there is one, else its innermost entry.
@@ -68,6 +94,8 @@ hid_t native(Type type) {
   switch (type) {
     case Type::real:
       return H5T_NATIVE_DOUBLE;
+    case Type::single:
+      return H5T_NATIVE_FLOAT;
     case Type::int32:
       return H5T_NATIVE_INT32;
     case Type::int64:
@@ -155,7 +183,21 @@ Id new_file_on_disk() {
   return properties;
 }
 
+/// Throws a MemoryError if that is why the last HDF5 call has failed.
+void check_memory(const std::string& path, const std::string& file) {
+  bool lacks = false;
+  H5Ewalk2(
+      H5E_DEFAULT, H5E_WALK_UPWARD,
+      [](unsigned, const H5E_error2_t* entry, void* found) -> herr_t {
+        if (entry->maj_num == H5E_RESOURCE || entry->min_num == H5E_CANTALLOC) *static_cast<bool*>(found) = true;
+        return 0;
+      },
+      &lacks);
+  if (lacks) throw MemoryError(fmt::format("HDF5's memory for {} of {} could not be allocated", path, file));
+}
+
 [[noreturn]] void fail_to_write(const std::string& path, const std::string& file) {
+  check_memory(path, file);
   const std::string why = reason();
   throw OutputError("cannot write {} of {}: {}; check free space and permissions", path, file, why);
 }
@@ -232,6 +274,12 @@ Id creating_parents() {
 
 std::size_t size_of(Type type) { return H5Tget_size(native(type)); }
 
+bool can_deflate() {
+  unsigned info = 0;
+  return H5Zfilter_avail(H5Z_FILTER_DEFLATE) > 0 && H5Zget_filter_info(H5Z_FILTER_DEFLATE, &info) >= 0 &&
+         (info & H5Z_FILTER_CONFIG_ENCODE_ENABLED) != 0;
+}
+
 std::uint64_t row_width(const Shape& shape) { return product(std::span(shape).subspan(1)); }
 
 std::string library_version() {
@@ -259,6 +307,7 @@ std::string Group::full(const std::string& name) const {
 }
 
 void Group::fail_read(const std::string& name) const {
+  check_memory(full(name), file_);
   const std::string why = reason();
   throw InputError("cannot read {} of {}: {}; is the file whole, and written by this version?", full(name), file_, why);
 }
@@ -315,12 +364,11 @@ bool Group::has(const std::string& name) const {
 
 std::vector<std::string> Group::links() const {
   const Quiet quiet;
-  std::vector<std::string> names;
-  const auto visit = [](hid_t, const char* name, const H5L_info_t*, void* list) -> herr_t {
-    static_cast<std::vector<std::string>*>(list)->emplace_back(name);
-    return 0;
-  };
-  if (H5Literate(id_.get(), H5_INDEX_NAME, H5_ITER_NATIVE, nullptr, visit, &names) < 0) fail_read("");
+  Names found;
+  const auto visit = [](hid_t, const char* name, const H5L_info_t*, void* to) { return Names::add(to, name); };
+  const bool failed = H5Literate(id_.get(), H5_INDEX_NAME, H5_ITER_NATIVE, nullptr, visit, &found) < 0;
+  std::vector<std::string> names = found.take();
+  if (failed) fail_read("");
   std::sort(names.begin(), names.end());
   return names;
 }
@@ -353,11 +401,64 @@ Id Group::create_dataset(const std::string& name, Type type, const Shape& shape,
   return dataset;
 }
 
-Dataset Group::create_dataset(const std::string& name, Type type, const Shape& shape) {
+namespace {
+
+/// Chunks of about 64 KiB. Their index is one of HDF5 1.10's: those of 1.8 take 2 KiB for a single chunk.
+constexpr std::uint64_t chunk_bytes = 1 << 16;
+
+void compress(const Id& properties, Type type, const Shape& shape, int level) {
+  Shape chunk = shape;
+  chunk[0] = std::clamp<std::uint64_t>(chunk_bytes / (row_width(shape) * size_of(type)), 1, shape[0]);
+  H5Pset_chunk(properties.get(), static_cast<int>(chunk.size()), dims(chunk));
+  H5Pset_shuffle(properties.get());
+  H5Pset_deflate(properties.get(), static_cast<unsigned>(level));
+}
+
+/// Lets a scope create objects of the format of HDF5 1.10 in the file of an object.
+class LaterFormat {
+ public:
+  explicit LaterFormat(const Id& object) : file_(H5Iget_file_id(object.get())) { set(H5F_LIBVER_V110); }
+  ~LaterFormat() { set(H5F_LIBVER_V18); }
+  LaterFormat(const LaterFormat&) = delete;
+  LaterFormat& operator=(const LaterFormat&) = delete;
+
+ private:
+  void set(H5F_libver_t least) const { H5Fset_libver_bounds(file_.get(), least, H5F_LIBVER_LATEST); }
+  Id file_;
+};
+
+}  // namespace
+
+Dataset Group::create_dataset(const std::string& name, Type type, const Shape& shape, int deflate) {
   const Id properties(H5Pcreate(H5P_DATASET_CREATE));
-  H5Pset_alloc_time(properties.get(), H5D_ALLOC_TIME_EARLY);
   H5Pset_fill_time(properties.get(), H5D_FILL_TIME_NEVER);
+  if (deflate > 0 && product(shape) > 0) {
+    const LaterFormat later(id_);
+    compress(properties, type, shape, deflate);
+    return {create_dataset(name, type, shape, properties), type, file_, full(name)};
+  }
+  H5Pset_alloc_time(properties.get(), H5D_ALLOC_TIME_EARLY);
   return {create_dataset(name, type, shape, properties), type, file_, full(name)};
+}
+
+void Group::write_view(const std::string& name, const View& view) {
+  Shape from(view.source_shape.size(), 0), taken = view.source_shape, to(view.shape.size(), 0), filled = view.shape;
+  if (taken.size() > 1) taken[1] = view.columns;
+  if (filled.size() > 1) {
+    to[1] = view.first;
+    filled[1] = product(taken) / filled[0];
+  }
+  const Quiet quiet;
+  const auto space_of = [](const Shape& shape) {
+    return Id(H5Screate_simple(static_cast<int>(shape.size()), dims(shape), nullptr));
+  };
+  const Id properties(H5Pcreate(H5P_DATASET_CREATE)), shown = space_of(view.shape),
+                                                      source = space_of(view.source_shape);
+  if (H5Sselect_hyperslab(shown.get(), H5S_SELECT_SET, dims(to), nullptr, dims(filled), nullptr) < 0 ||
+      H5Sselect_hyperslab(source.get(), H5S_SELECT_SET, dims(from), nullptr, dims(taken), nullptr) < 0 ||
+      H5Pset_virtual(properties.get(), shown.get(), ".", view.source.c_str(), source.get()) < 0)
+    fail_write(name);
+  create_dataset(name, view.type, view.shape, properties);
 }
 
 void Dataset::write(std::uint64_t first, std::uint64_t rows, const void* values) {
@@ -415,6 +516,13 @@ bool Group::holds_integers(const std::string& name) const {
   const Id dataset(H5Dopen2(id_.get(), name.c_str(), H5P_DEFAULT));
   if (!dataset.valid()) fail_read(name);
   return H5Tget_class(Id(H5Dget_type(dataset.get())).get()) == H5T_INTEGER;
+}
+
+std::size_t Group::value_size(const std::string& name) const {
+  const Quiet quiet;
+  const Id dataset(H5Dopen2(id_.get(), name.c_str(), H5P_DEFAULT));
+  if (!dataset.valid()) fail_read(name);
+  return H5Tget_size(Id(H5Dget_type(dataset.get())).get());
 }
 
 void Group::read_values(const std::string& name, Type type, void* values) const {
@@ -601,12 +709,11 @@ std::string Group::string_attribute(const std::string& name) const {
 
 std::map<std::string, std::string> Group::string_attributes() const {
   const Quiet quiet;
-  std::vector<std::string> names;
-  const auto visit = [](hid_t, const char* name, const H5A_info_t*, void* list) -> herr_t {
-    static_cast<std::vector<std::string>*>(list)->emplace_back(name);
-    return 0;
-  };
-  if (H5Aiterate2(id_.get(), H5_INDEX_NAME, H5_ITER_NATIVE, nullptr, visit, &names) < 0) fail_read("attributes");
+  Names found;
+  const auto visit = [](hid_t, const char* name, const H5A_info_t*, void* to) { return Names::add(to, name); };
+  const bool failed = H5Aiterate2(id_.get(), H5_INDEX_NAME, H5_ITER_NATIVE, nullptr, visit, &found) < 0;
+  const std::vector<std::string> names = found.take();
+  if (failed) fail_read("attributes");
   std::map<std::string, std::string> values;
   for (const std::string& name : names)
     if (auto value = read_string(id_.get(), name)) values.emplace(name, *std::move(value));
@@ -624,15 +731,16 @@ void Group::count_members() {
 
 std::vector<std::string> Group::datasets() const {
   const Quiet quiet;
-  std::vector<std::string> names;
-  const auto visit = [](hid_t group, const char* name, const H5O_info_t* object, void* list) -> herr_t {
+  Names found;
+  const auto visit = [](hid_t group, const char* name, const H5O_info_t* object, void* to) -> herr_t {
     if (object->type != H5O_TYPE_DATASET || object->rc > 1) return 0;
     const Id dataset(H5Dopen2(group, name, H5P_DEFAULT));
     if (!dataset.valid()) return -1;
-    if (H5Dget_storage_size(dataset.get()) > 0) static_cast<std::vector<std::string>*>(list)->emplace_back(name);
-    return 0;
+    return H5Dget_storage_size(dataset.get()) > 0 ? Names::add(to, name) : 0;
   };
-  if (H5Ovisit2(id_.get(), H5_INDEX_NAME, H5_ITER_NATIVE, visit, &names, H5O_INFO_BASIC) < 0) fail_read("");
+  const bool failed = H5Ovisit2(id_.get(), H5_INDEX_NAME, H5_ITER_NATIVE, visit, &found, H5O_INFO_BASIC) < 0;
+  std::vector<std::string> names = found.take();
+  if (failed) fail_read("");
   std::sort(names.begin(), names.end());
   return names;
 }
@@ -644,12 +752,16 @@ File::File(Id file, std::string name, std::unique_ptr<JournaledFile> disk)
   id_ = Id(H5Gopen2(file_id_.get(), "/", H5P_DEFAULT));
 }
 
-File::~File() {
-  try {
-    close();
-  } catch (const Error&) {
-    // Whoever needs to know calls close().
-  }
+/// A write that has failed may have left HDF5 with half of it, which must not be committed.
+File::~File() { abandon(); }
+
+void File::abandon() {
+  const Quiet quiet;
+  if (disk_) disk_->abandon();
+  id_ = Id();
+  // HDF5 keeps a file that it cannot close, and closes it at the end of the program: then the disk must be there.
+  if (file_id_.valid() && H5Fclose(file_id_.release()) < 0) (void)disk_.release();
+  disk_.reset();
 }
 
 File File::create(const std::filesystem::path& path) {
@@ -696,23 +808,15 @@ void File::flush() {
   if (disk_) disk_->commit(allocated_end(file_id_.get()));
 }
 
-void File::sync() { disk_->sync(); }
-
 void File::close() {
   if (!file_id_.valid()) return;
-  const auto leave = [&] {
-    const Quiet quiet;
-    id_ = Id();
-    file_id_ = Id();
-    disk_.reset();
-  };
   try {
     if (writable_) flush();
   } catch (...) {
-    leave();
+    abandon();
     throw;
   }
-  leave();
+  abandon();
 }
 
 std::string_view File::image() {

@@ -24,10 +24,10 @@ using Shape = std::vector<std::uint64_t>;
 inline constexpr std::uint64_t any_length = ~std::uint64_t{0};
 
 template <class T>
-concept Element = std::same_as<T, double> || std::same_as<T, std::int32_t> || std::same_as<T, std::int64_t> ||
-    std::same_as<T, std::uint8_t>;
+concept Element = std::same_as<T, double> || std::same_as<T, float> || std::same_as<T, std::int32_t> ||
+    std::same_as<T, std::int64_t> || std::same_as<T, std::uint8_t>;
 
-enum class Type { real, int32, int64, uint8 };
+enum class Type { real, single, int32, int64, uint8 };
 
 /// Bytes of a value, in memory and in files that this machine writes.
 std::size_t size_of(Type type);
@@ -35,6 +35,7 @@ std::size_t size_of(Type type);
 template <Element T>
 constexpr Type type_of() {
   if constexpr (std::same_as<T, double>) return Type::real;
+  if constexpr (std::same_as<T, float>) return Type::single;
   if constexpr (std::same_as<T, std::int32_t>) return Type::int32;
   if constexpr (std::same_as<T, std::int64_t>) return Type::int64;
   if constexpr (std::same_as<T, std::uint8_t>) return Type::uint8;
@@ -42,6 +43,9 @@ constexpr Type type_of() {
 
 /// crc32: with the CRC-32 of the values, as they are in the file, in the attribute "crc32", for Group::check().
 enum class Storage { plain, crc32 };
+
+/// Whether the HDF5 library can compress values by zlib (deflate); some builds cannot.
+bool can_deflate();
 
 /// Values in one row of the first dimension.
 std::uint64_t row_width(const Shape& shape);
@@ -64,19 +68,20 @@ class Id {
   Id& operator=(const Id&) = delete;
   ~Id();
   std::int64_t get() const { return id_; }
+  std::int64_t release() { return std::exchange(id_, -1); }
   bool valid() const { return id_ >= 0; }
 
  private:
   std::int64_t id_ = -1;
 };
 
-/// A contiguous dataset whose rows are written piece by piece. Errors of all members: OutputError.
+/// A dataset whose rows are written piece by piece. Errors of all members: OutputError.
 class Dataset {
  public:
   /// Writes `rows` whole rows of values of the dataset's type, from row `first` on.
   void write(std::uint64_t first, std::uint64_t rows, const void* values);
   /// Where its values begin in the file, row after row as in memory: for ranks that write them past HDF5. 0 if it has
-  /// none.
+  /// none, or if they are compressed.
   std::uint64_t address() const;
   /// Keeps the CRC-32 of all its values for Group::check().
   void set_crc32(std::uint32_t value);
@@ -136,8 +141,22 @@ class Group {
     write_values(name, type_of<std::ranges::range_value_t<Values>>(), std::ranges::data(values),
                  std::ranges::size(values), shape, storage);
   }
-  /// A new dataset that has its place in the file already, for rows that are written piece by piece.
-  Dataset create_dataset(const std::string& name, Type type, const Shape& shape);
+  /// A new dataset for rows that are written piece by piece, from the first to the last if they are compressed.
+  /// deflate: 0: it has its place in the file already; 1 to 9: level of compression, for which can_deflate() must be
+  /// true.
+  Dataset create_dataset(const std::string& name, Type type, const Shape& shape, int deflate = 0);
+  /// A new dataset that shows values of another one, which HDF5 finds when they are read: nothing is copied. `source`:
+  /// absolute path of a dataset [rows] or [rows, columns] of this type, of which the first `columns` are shown, row
+  /// after row, from column `first` of the new one on; its other columns are 0.
+  struct View {
+    std::string source;
+    Type type;
+    Shape source_shape;
+    std::uint64_t columns;
+    Shape shape;  ///< of the new one
+    std::uint64_t first = 0;
+  };
+  void write_view(const std::string& name, const View& view);
   /// A new dataset of this value throughout: HDF5's fill value, so that it takes no space however long it is.
   template <Element T>
   void write_constant(const std::string& name, T value, const Shape& shape) {
@@ -161,6 +180,8 @@ class Group {
   Shape shape(const std::string& name) const;
   /// Whether the dataset holds integers.
   bool holds_integers(const std::string& name) const;
+  /// Bytes of one of its values.
+  std::size_t value_size(const std::string& name) const;
 
   /// Reads the dataset and compares its values with their CRC-32. Errors: InputError if they differ, or it has none.
   void check(const std::string& name) const;
@@ -238,14 +259,13 @@ class File : public Group {
   const std::string& name() const { return file_; }
   /// Gives the file on disk another name. Groups opened before have the old one in their messages. Errors: OutputError.
   void rename(const std::filesystem::path& path);
-  /// Commits everything written so far: whoever opens the file after this process is killed finds it, or more. Errors:
-  /// OutputError; the file stays as it was after the last flush, and the next one tries again.
+  /// Commits everything written so far: whoever opens the file after this process is killed, or after a loss of power,
+  /// finds it, or more. Errors: OutputError; the file stays as it was after the last flush, and the next one tries
+  /// again.
   void flush();
-  /// What was flushed survives a loss of power too.
-  void sync();
   /// Addresses (Dataset::address()) below were there at the last flush: nobody may write there past HDF5.
   std::uint64_t committed() const { return disk_->committed(); }
-  /// Flushes and closes; without it the destructor closes, and keeps silent about errors.
+  /// Flushes and closes. The destructor alone takes back all since the last flush.
   void close();
   /// The bytes of a file in memory as they would be on disk; they stay until the file is changed.
   std::string_view image();
@@ -253,6 +273,7 @@ class File : public Group {
  private:
   File(Id file, std::string name, std::unique_ptr<JournaledFile> disk);
   static File open(JournaledFile disk, const std::filesystem::path& path, bool writable);
+  void abandon();
 
   std::unique_ptr<JournaledFile> disk_;  ///< none: in memory
   bool writable_ = true;

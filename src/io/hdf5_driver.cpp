@@ -6,7 +6,6 @@
 #include <cstddef>
 #include <iterator>
 #include <limits>
-#include <memory>
 #include <new>
 #include <span>
 #include <stdexcept>
@@ -25,7 +24,8 @@ const Driver& driver(const H5FD_t* file) { return *reinterpret_cast<const Driver
 
 H5FD_t* open_file(const char*, unsigned, hid_t access, haddr_t) {
   const auto* file = static_cast<JournaledFile* const*>(H5Pget_driver_info(access));
-  return file == nullptr ? nullptr : &std::make_unique<Driver>(Driver{{}, *file, 0}).release()->head;
+  auto* made = file == nullptr ? nullptr : new (std::nothrow) Driver{{}, *file, 0};
+  return made == nullptr ? nullptr : &made->head;
 }
 
 herr_t close_file(H5FD_t* file) {
@@ -59,12 +59,23 @@ herr_t handle(H5FD_t* file, hid_t, void** found) {
   return 0;
 }
 
+/// For the exception that is being handled; HDF5 then knows that it was memory.
+herr_t failed() {
+  try {
+    throw;
+  } catch (const std::bad_alloc&) {
+    (void)H5Epush2(H5E_DEFAULT, __FILE__, __func__, __LINE__, H5E_ERR_CLS, H5E_RESOURCE, H5E_NOSPACE, "out of memory");
+  } catch (...) {
+  }
+  return -1;
+}
+
 herr_t read(H5FD_t* file, H5FD_mem_t, hid_t, haddr_t address, size_t size, void* to) {
   try {
     driver(file).file->read(address, std::span(static_cast<std::byte*>(to), size));
     return 0;
-  } catch (const Error&) {
-    return -1;
+  } catch (...) {
+    return failed();
   }
 }
 
@@ -72,8 +83,8 @@ herr_t write(H5FD_t* file, H5FD_mem_t, hid_t, haddr_t address, size_t size, cons
   try {
     driver(file).file->write(address, std::span(static_cast<const std::byte*>(from), size));
     return 0;
-  } catch (const std::bad_alloc&) {
-    return -1;
+  } catch (...) {
+    return failed();
   }
 }
 

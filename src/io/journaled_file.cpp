@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 #include <pliant/base/errors.h>
 #include <pliant/base/regular_file.h>
+#include <pliant/io/atomic_file.h>
 #include <pliant/io/crc32.h>
 #include <pliant/io/journaled_file.h>
 #include <sys/file.h>
@@ -24,6 +25,8 @@ static_assert(std::endian::native == std::endian::little);
 
 // Larger pieces are not copied.
 constexpr std::size_t most_kept = 1 << 16;
+// More new bytes than that are synced by themselves instead of being written twice.
+constexpr std::uint64_t most_journaled = 1 << 21;
 // A new file begins with a promise of nothing: its first bytes, the signature of a format, come with the first commit.
 constexpr std::uint64_t empty_head = 8;
 
@@ -71,6 +74,12 @@ bool Extents::intersects(std::uint64_t address, std::uint64_t size) const {
   if (size == 0 || after == blocks_.begin()) return false;
   const auto& [start, bytes] = *std::prev(after);
   return start + bytes.size() > address;
+}
+
+std::uint64_t Extents::bytes() const {
+  std::uint64_t sum = 0;
+  for (const auto& [address, block] : blocks_) sum += block.size();
+  return sum;
 }
 
 void Extents::overlay(std::uint64_t address, std::span<std::byte> bytes) const {
@@ -125,10 +134,7 @@ JournaledFile JournaledFile::open_write(const std::filesystem::path& path) {
     file.read_journal();
     writing = true;
     if (!file.changes_.empty()) {
-      file.promised_ = true;
-      file.write_through(file.changes_);
-      file.truncate(file.committed_);
-      file.promised_ = false;
+      file.make_changes(file.committed_);
       file.changes_.clear();
     }
     return file;
@@ -145,6 +151,9 @@ JournaledFile::JournaledFile(JournaledFile&& other) noexcept
       file_(std::exchange(other.file_, -1)),
       writable_(other.writable_),
       promised_(other.promised_),
+      lost_(other.lost_),
+      abandoned_(other.abandoned_),
+      unjournaled_(other.unjournaled_),
       committed_(other.committed_),
       size_(other.size_),
       changes_(std::move(other.changes_)),
@@ -188,21 +197,31 @@ void JournaledFile::read_journal() {
   committed_ = size_ = trailer.start;
 }
 
-std::vector<std::byte> JournaledFile::journal(std::uint64_t end) const {
+std::vector<std::byte> JournaledFile::journal(std::uint64_t end, bool with_tail) const {
   std::vector<std::byte> bytes;
+  std::uint64_t number = 0;
   const auto add = [&](std::span<const std::byte> more) { bytes.insert(bytes.end(), more.begin(), more.end()); };
-  for (const auto& [address, block] : changes_.blocks()) {
-    add(bytes_of(Change{address, block.size()}));
-    add(block);
-  }
+  const auto add_changes = [&](const Extents& extents) {
+    for (const auto& [address, block] : extents.blocks()) {
+      if (address >= end) continue;
+      const std::uint64_t size = std::min<std::uint64_t>(block.size(), end - address);
+      add(bytes_of(Change{address, size}));
+      add(std::span(block).first(size));
+      ++number;
+    }
+  };
+  add_changes(changes_);
+  if (with_tail) add_changes(tail_);
   add(bytes_of(end));
-  add(bytes_of(std::uint64_t{changes_.blocks().size()}));
+  add(bytes_of(number));
   add(bytes_of(std::uint64_t{crc32_of(bytes)}));
   add(bytes_of(magic));
   return bytes;
 }
 
 void JournaledFile::write(std::uint64_t address, std::span<const std::byte> bytes) {
+  if (abandoned_) return;
+  const bool lost = std::exchange(lost_, true);  // unless there is memory for all of it
   if (address < committed_) {
     const auto below = static_cast<std::size_t>(std::min<std::uint64_t>(bytes.size(), committed_ - address));
     changes_.put(address, bytes.first(below));
@@ -211,13 +230,16 @@ void JournaledFile::write(std::uint64_t address, std::span<const std::byte> byte
   }
   if (bytes.size() >= most_kept && !tail_.intersects(address, bytes.size())) {
     try {
+      unjournaled_ = true;
       write_through(address, bytes);
+      lost_ = lost;
       return;
     } catch (const std::system_error&) {
       // Kept, like small pieces.
     }
   }
   tail_.put(address, bytes);
+  lost_ = lost;
 }
 
 void JournaledFile::write_through(const Extents& extents) {
@@ -277,21 +299,28 @@ void JournaledFile::check_place() const {
   }
 }
 
+/// From a journal at `end` that is whole, but not synced.
+void JournaledFile::make_changes(std::uint64_t end) {
+  sync();
+  promised_ = true;
+  write_through(changes_);
+  sync();
+  truncate(end);
+  promised_ = false;
+}
+
 void JournaledFile::commit(std::uint64_t end) {
   if (end < committed_) throw std::logic_error(name_ + ": a commit cannot take back what was promised");
   try {
     check_place();
-    if (promised_) throw std::system_error(EIO, std::generic_category());
+    if (promised_ || lost_) throw std::system_error(EIO, std::generic_category());
     if (changes_.empty() && tail_.empty() && end == committed_ && size_ == end) return;
     write_through(tail_);
     if (size_ > end) truncate(end);
-    if (!changes_.empty()) {
-      write_through(end, journal(end));
-      promised_ = true;
-      write_through(changes_);
-    }
-    truncate(end);
-    promised_ = false;
+    const bool with_tail = !unjournaled_ && tail_.bytes() <= most_journaled;
+    if (!with_tail) sync();
+    write_through(end, journal(end, with_tail));
+    make_changes(end);
   } catch (const std::system_error& error) {
     if (error.code() == std::errc::no_such_file_or_directory)
       throw OutputError("{} was removed or replaced while it was being written", name_);
@@ -299,6 +328,7 @@ void JournaledFile::commit(std::uint64_t end) {
                       error.code().message());
   }
   committed_ = end;
+  unjournaled_ = false;
   tail_.clear();
   changes_.clear();
 }
@@ -308,12 +338,14 @@ void JournaledFile::rename(const std::filesystem::path& path) {
   std::filesystem::rename(name_, path, error);
   if (error) throw OutputError("cannot create {}: {}; check permissions", path.string(), error.message());
   name_ = path.string();
+  sync_folder(path.parent_path());
 }
 
+/// A file system that could not keep its word once may have dropped any of the pages.
 void JournaledFile::sync() {
   if (::fdatasync(file_) == 0) return;
-  throw OutputError("cannot write {} to the disk: {}; go on from the last checkpoint", name_,
-                    std::generic_category().message(errno));
+  lost_ = true;
+  fail();
 }
 
 }  // namespace pliant

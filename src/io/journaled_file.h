@@ -1,5 +1,5 @@
-// A file that changes by transactions: whenever the program dies, it holds what the last commit promised, or what the
-// next one was about to. Knows nothing of what is in it.
+// A file that changes by transactions: whenever the program dies, or the machine loses power, the file holds the last
+// commit or the next one. Knows nothing of the content.
 #pragma once
 
 #include <cstddef>
@@ -21,6 +21,7 @@ class Extents {
   void overlay(std::uint64_t address, std::span<std::byte> bytes) const;
   bool intersects(std::uint64_t address, std::uint64_t size) const;
   bool empty() const { return blocks_.empty(); }
+  std::uint64_t bytes() const;
   std::uint64_t end() const { return blocks_.empty() ? 0 : blocks_.rbegin()->first + blocks_.rbegin()->second.size(); }
   void clear() { blocks_.clear(); }
   using Blocks = std::map<std::uint64_t, std::vector<std::byte>>;  ///< by address
@@ -34,11 +35,15 @@ class Extents {
 /// of what was there before are kept in memory. A commit appends them to the file as a journal, makes them, and cuts
 /// the journal off. Whoever opens the file makes the changes of a whole journal again, and ignores a torn one.
 ///
+/// A commit syncs the file twice: the journal before the changes are made, and the changes before the journal is cut
+/// off. In between, the disk may write any of the pages in any order: the journal holds small new pieces too, so that
+/// it is whole without them. Large new pieces are synced before the journal is written.
+///
 /// The journal, at the end of the file; integers are little-endian:
 ///   for each change: address, size (uint64), the bytes;
 ///   address of the journal, number of changes (uint64), CRC-32 of all before (uint64), "PLIANTJ1".
 ///
-/// Writes never fail: what the disk has no room for is kept in memory, and the next commit tries again.
+/// Writes fail only for lack of memory: what the disk has no room for is kept there, and the next commit tries again.
 class JournaledFile {
  public:
   /// Errors: OutputError if the file exists or cannot be created.
@@ -60,18 +65,20 @@ class JournaledFile {
   std::uint64_t committed() const { return committed_; }
   /// Cuts a file that was opened for writing, and not changed yet, to `end`: what follows was never promised.
   void cut(std::uint64_t end);
-  /// From here on the file holds all that was written, up to `end` ≥ committed(). Errors: OutputError if it cannot be
-  /// written, or was removed; it holds what it did at the last commit, or is left with a whole journal.
+  /// From here on the file holds all that was written, up to `end` ≥ committed(), also after a loss of power. Errors:
+  /// OutputError if it cannot be written, or was removed; it holds the last commit, or is left with a whole journal.
   void commit(std::uint64_t end);
-  /// Errors: OutputError.
+  /// From here on write() does nothing: the file stays at the last commit.
+  void abandon() { abandoned_ = true; }
+  /// Survives a loss of power. Errors: OutputError.
   void rename(const std::filesystem::path& path);
-  /// What was committed survives a loss of power. Errors: OutputError.
-  void sync();
 
  private:
   JournaledFile(const std::filesystem::path& path, int flags);
   void read_journal();
-  std::vector<std::byte> journal(std::uint64_t end) const;
+  std::vector<std::byte> journal(std::uint64_t end, bool with_tail) const;
+  void make_changes(std::uint64_t end);
+  void sync();
   void check_place() const;
   void write_through(const Extents& extents);
   void write_through(std::uint64_t address, std::span<const std::byte> bytes);
@@ -82,6 +89,9 @@ class JournaledFile {
   int file_ = -1;
   bool writable_ = false;
   bool promised_ = false;  ///< there is a whole journal, which is for the next who opens the file
+  bool lost_ = false;      ///< a sync has failed, or memory for what was written: nothing is committed any more
+  bool abandoned_ = false;
+  bool unjournaled_ = false;  ///< large pieces were written since the last commit, which the journal will not hold
   std::uint64_t committed_ = 0;
   std::uint64_t size_ = 0;  ///< of the file on disk, journal left out
   Extents changes_, tail_;  ///< not in the file yet: below committed_, and beyond

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include <pliant/base/errors.h>
+#include <pliant/io/atomic_file.h>
 #include <pliant/io/crc32.h>
 #include <pliant/io/folder_lock.h>
 #include <pliant/io/shared_file.h>
@@ -49,12 +50,28 @@ void write_manifest(File& file, const Manifest& manifest) {
   group.write_text("options", manifest.options.dump());
 }
 
-/// What run.xdmf shows where cells have no such field. Creates the group `name`.
-void write_xdmf_constants(Group& parent, const std::string& name, std::uint64_t cells) {
-  auto group = parent.create_group(name);
-  group.write_constant("nan", std::numeric_limits<Real>::quiet_NaN(), {cells});
-  group.write_constant("minus_one", Index{-1}, {cells});
-  group.write_constant("one", std::uint8_t{1}, {cells});
+/// Constants of each of `count` cells, or points, that run.xdmf shows where they have no such field, in the group
+/// `name`. vectors: also three components each.
+void write_xdmf_constants(Group& parent, const std::string& name, std::uint64_t count, bool vectors = true) {
+  auto group = parent.has(name) ? parent.open_group(name) : parent.create_group(name);
+  const auto write = [&](const char* constant, auto value, const hdf5::Shape& shape) {
+    if (!group.has(constant)) group.write_constant(constant, value, shape);
+  };
+  constexpr Real nan = std::numeric_limits<Real>::quiet_NaN();
+  write("nan", nan, {count});
+  write("minus_one", Index{-1}, {count});
+  write("one", std::uint8_t{1}, {count});
+  if (vectors) write("nan_vector", nan, {count, 3});
+}
+
+/// Those of particles and walls; runs of older versions have fewer.
+void write_xdmf_constants(File& file, int dim, const DrawnWalls& drawn, std::uint64_t walls) {
+  auto topology = file.open_group("/topology"), geometry = file.open_group("/geometry");
+  write_xdmf_constants(topology, "xdmf", file.shape("/topology/sigma").at(0));
+  if (dim != 2) return;
+  write_xdmf_constants(geometry, "xdmf", walls);
+  if (!geometry.has("xdmf/of_points/nan_vector"))
+    geometry.write_constant("xdmf/of_points/nan_vector", std::numeric_limits<Real>::quiet_NaN(), {drawn.points, 3});
 }
 
 void write_topology(File& file, const Topology& topology) {
@@ -72,7 +89,6 @@ void write_topology(File& file, const Topology& topology) {
   for (Index i = 0; i < topology.points(); ++i) mass[topology.particle[i]] += topology.mass(i);
   for (Index m = 0; m < topology.particles(); ++m) number[m] = m;
   write("mass", mass);
-  write_xdmf_constants(group, "xdmf", mass.size());
   write("xdmf/particle", number);
   write("xdmf/connectivity", xdmf_particles(topology.offset));
 }
@@ -88,7 +104,6 @@ void write_geometry(File& file, const RunGeometry& geometry, int dim) {
   if (!geometry.box.empty()) group.write("box", geometry.box, {2, static_cast<std::uint64_t>(dim)}, Storage::crc32);
   if (dim == 2) {
     const XdmfLines lines = xdmf_walls(geometry.segments, geometry.radius);
-    write_xdmf_constants(group, "xdmf", walls);
     group.write("xdmf/points", lines.points, {lines.points.size() / 2, 2}, Storage::crc32);
     group.write("xdmf/connectivity", lines.cells, {lines.cells.size()}, Storage::crc32);
   }
@@ -99,19 +114,27 @@ DrawnWalls drawn_walls(const File& file, int dim) {
   return {file.shape("/geometry/xdmf/points").at(0), file.shape("/geometry/xdmf/connectivity").at(0)};
 }
 
-/// XML of a frame that a run of `walls` segments and these particles has written before.
-std::string grid_of(const Group& group, const std::string& name, const Topology& topology, std::uint64_t walls,
-                    const DrawnWalls& drawn) {
-  XdmfFrame frame{.name = name, .time = group.real_attribute("time"), .dim = topology.dim};
-  frame.particles = static_cast<std::uint64_t>(topology.particles());
-  frame.points = static_cast<std::uint64_t>(topology.points());
-  frame.contacts = group.shape("contacts/overlap").at(0);
-  frame.walls = walls;
-  frame.wall_points = drawn.points;
-  frame.wall_connectivity = drawn.connectivity;
-  frame.connectivity = group.shape("xdmf/connectivity").at(0);
-  frame.polygons = group.has("area");
+/// XML of a frame of a run of `walls` segments and these particles.
+std::string grid_of(const Group& group, const std::string& name, int dim, std::uint64_t particles, std::uint64_t points,
+                    std::uint64_t walls, const DrawnWalls& drawn) {
+  XdmfFrame frame{.name = name,
+                  .time = group.real_attribute("time"),
+                  .dim = dim,
+                  .particles = particles,
+                  .points = points,
+                  .walls = walls,
+                  .wall_points = drawn.points,
+                  .wall_connectivity = drawn.connectivity};
+  const auto count = [&](const char* dataset) { return group.has(dataset) ? group.shape(dataset).at(0) : 0; };
+  frame.contacts = count("contacts/overlap");
+  frame.wall_contacts = count("wall_contacts/overlap");
+  frame.connectivity = points + 2 * particles;
   frame.moving_walls = group.has("wall_segments");
+  frame.single = group.value_size("positions") < sizeof(Real);
+  for (const std::string& dataset : xdmf_datasets(dim))
+    if (group.has(dataset)) frame.datasets.insert(dataset);
+  if (group.has("xdmf/connectivity"))
+    frame.datasets.erase("spins");  // of an older version: contacts lack such constants
   return xdmf_grid(frame);
 }
 
@@ -123,7 +146,9 @@ std::vector<std::string> grids_of(const File& file, const Topology& topology, st
   const auto drawn = drawn_walls(file, topology.dim);
   for (std::uint64_t n = 0; list.has(frame_name(n)); ++n) {
     try {
-      grids.push_back(grid_of(list.open_group(frame_name(n)), frame_name(n), topology, walls, drawn));
+      grids.push_back(grid_of(list.open_group(frame_name(n)), frame_name(n), topology.dim,
+                              static_cast<std::uint64_t>(topology.particles()),
+                              static_cast<std::uint64_t>(topology.points()), walls, drawn));
     } catch (const InputError& error) {
       if (n >= frames)
         throw InputError(
@@ -187,6 +212,9 @@ void RunWriter::start(const Manifest& manifest, const Topology& topology, const 
   if (geometry.segments.size() % 4 != 0) throw std::invalid_argument("run.h5: a wall segment is four numbers");
   create_folder(folder_);
   refuse_existing_run(folder_);
+  // Any of its parents may be new.
+  for (auto path = std::filesystem::absolute(folder_); path.has_relative_path(); path = path.parent_path())
+    sync_folder(path.parent_path());
   // It gets its name when it can be read, so that a kill leaves no torso that cannot.
   const auto path = folder_ / run_name, begun = folder_ / "run.h5.new";
   std::error_code ignored;
@@ -196,6 +224,10 @@ void RunWriter::start(const Manifest& manifest, const Topology& topology, const 
     write_manifest(*file_, manifest);
     write_topology(*file_, topology);
     write_geometry(*file_, geometry, topology.dim);
+    walls_ = geometry.segments.size() / 4;
+    periodic_ = !geometry.box.empty();
+    drawn_walls_ = drawn_walls(*file_, dim_);
+    write_xdmf_constants(*file_, dim_, drawn_walls_, walls_);
     file_->create_group("/frames");
     file_->create_group("/series");
     file_->create_group("/series_axes");
@@ -209,8 +241,6 @@ void RunWriter::start(const Manifest& manifest, const Topology& topology, const 
     std::filesystem::remove(path, ignored);
     throw;
   }
-  walls_ = geometry.segments.size() / 4;
-  drawn_walls_ = drawn_walls(*file_, dim_);
 }
 
 RunWriter RunWriter::append(const std::filesystem::path& folder, const Topology& topology, std::uint64_t series_rows,
@@ -230,9 +260,10 @@ void RunWriter::go_on(const Topology& topology, std::uint64_t series_rows, std::
   check_counts(*file_, {series_rows, frames_, event_rows}, "the checkpoint");
   for (const char* group : {"/manifest", "/topology", "/geometry", "/series_axes"})
     for (const std::string& name : file_->open_group(group).datasets()) file_->open_group(group).check(name);
-  for (const char* linked : {"connectivity", "particle"}) file_->open_group("/topology/xdmf").check(linked);
   walls_ = file_->shape("/geometry/segments").at(0);
+  periodic_ = file_->has("/geometry/box");
   drawn_walls_ = drawn_walls(*file_, dim_);
+  write_xdmf_constants(*file_, dim_, drawn_walls_, walls_);
   check_frames();
   xdmf_.emplace(folder_ / "run.xdmf", grids_of(*file_, topology, walls_, frames_));
   samples_ = Table::stored(*file_, "/series", series_rows);
@@ -268,13 +299,7 @@ void RunWriter::drop_later_frames() {
   flush();
 }
 
-RunWriter::~RunWriter() {
-  try {
-    close();
-  } catch (const Error&) {
-    // Whoever needs to know calls close().
-  }
-}
+RunWriter::~RunWriter() = default;
 
 void RunWriter::write_axis(const std::string& name, std::span<const Real> values) {
   auto group = file_->open_group("/series_axes");
@@ -334,83 +359,118 @@ void RunWriter::write_tables() {
   events_.write(*file_);
 }
 
-void RunWriter::write_frame(const Frame& frame) {
-  const FrameLayout layout(frame, dim_, ranks_);
-  const auto dim = static_cast<std::uint64_t>(dim_);
+void RunWriter::write_frame(const Frame& frame, const FrameFormat& format) {
+  const FrameLayout layout(frame, dim_, ranks_, format);
+  const std::string name = frame_name(frames_);
   std::optional<Group> group;
   std::vector<hdf5::Dataset> datasets;
   ranks_.on_root([&] {
     group.emplace(file_->create_unlinked_group());
     group->set_attribute("time", frame.time);
     group->set_attribute("step", frame.step);
-    for (const auto& [name, value] : frame.attributes) group->set_attribute(name, value);
-    group->create_group("contacts");
-    group->write("wall_force", frame.wall_force, {walls_, dim}, Storage::crc32);
-    auto xdmf = group->create_group("xdmf");
-    xdmf.link("/topology/xdmf/connectivity", "connectivity");
-    xdmf.link("/topology/xdmf/particle", "particle");
-    write_xdmf_constants(xdmf, "contact_constants", layout.contacts);
-    if (!frame.wall_segments.empty()) {
-      group->write("wall_segments", frame.wall_segments, {walls_, 4}, Storage::crc32);
-      xdmf.write("wall_points", frame.wall_segments, {2 * walls_, 2}, Storage::crc32);
-    }
+    for (const auto& [attribute, value] : frame.attributes) group->set_attribute(attribute, value);
+    if (format.has("wall_force"))
+      group->write("wall_force", frame.wall_force, {walls_, static_cast<std::uint64_t>(dim_)}, Storage::crc32);
+    if (!frame.wall_segments.empty()) group->write("wall_segments", frame.wall_segments, {walls_, 4}, Storage::crc32);
     for (const FrameArray& a : layout.arrays) {
-      datasets.push_back(group->create_dataset(a.name, a.type, a.shape));
+      datasets.push_back(group->create_dataset(a.name, a.type, a.shape, format.deflate));
       if (const auto at = datasets.back().address(); at != 0 && at < file_->committed())
         throw std::logic_error("run.h5: a new dataset lies where the last flush has put something");
     }
+    write_views(*group, "/frames/" + name, format.single ? hdf5::Type::single : hdf5::Type::real);
   });
-  write_arrays(layout.arrays, datasets);
+  write_arrays(layout.arrays, datasets, format.deflate > 0);
   ranks_.on_root([&] {
-    const std::string name = frame_name(frames_);
     auto list = file_->open_group("/frames");
     list.link(*group, name);
     list.count_members();
     write_tables();
     file_->flush();
-    xdmf_->put(frames_, xdmf_grid({.name = name,
-                                   .time = frame.time,
-                                   .dim = dim_,
-                                   .particles = layout.particles,
-                                   .points = layout.points,
-                                   .contacts = layout.contacts,
-                                   .walls = walls_,
-                                   .wall_points = drawn_walls_.points,
-                                   .wall_connectivity = drawn_walls_.connectivity,
-                                   .connectivity = layout.points + 2 * layout.particles,
-                                   .polygons = layout.polygons,
-                                   .moving_walls = !frame.wall_segments.empty()}));
+    xdmf_->put(frames_, grid_of(*group, name, dim_, layout.particles, layout.points, walls_, drawn_walls_));
   });
   ++frames_;
 }
 
-void RunWriter::write_arrays(const std::vector<FrameArray>& arrays, std::vector<hdf5::Dataset>& datasets) {
+/// Datasets without values of their own: the centres of disks, which are their positions; and what run.xdmf shows and
+/// ParaView cannot read as it is, vectors of two components, walls as points, and constants where a field is missing.
+void RunWriter::write_views(Group& frame, const std::string& path, hdf5::Type stored) const {
+  const auto show = [&](const std::string& source, const char* name, hdf5::Type type, std::uint64_t columns,
+                        const auto& shape, std::uint64_t first = 0) {
+    if (!frame.has(source)) return;
+    const hdf5::Shape rows = frame.shape(source);
+    if (rows[0] > 0) frame.write_view(name, {path + "/" + source, type, rows, columns, shape(rows[0]), first});
+  };
+  using Rows = std::uint64_t;
+  const auto vectors = [](Rows rows) { return hdf5::Shape{rows, 3}; };
+  const auto dim = static_cast<Rows>(dim_);
+  if (!frame.has("centres"))
+    show("positions", "centres", stored, dim, [dim](Rows rows) { return hdf5::Shape{rows, dim}; });
+  if (dim_ == 2) {
+    show("velocities", "xdmf/velocity", stored, 2, vectors);
+    show("spins", "xdmf/spin", stored, 1, vectors, 2);  // about z
+    show("contacts/force", "xdmf/force", stored, 2, vectors);
+    show("wall_contacts/force", "xdmf/wall_contact_force", stored, 2, vectors);
+    show("wall_force", "xdmf/wall_force", hdf5::Type::real, 2, vectors);
+  }
+  show("wall_segments", "xdmf/wall_points", hdf5::Type::real, 4, [](Rows rows) { return hdf5::Shape{2 * rows, 2}; });
+  if (periodic_)
+    show("contacts/particles", "xdmf/contact_particle", hdf5::Type::int32, 1,
+         [](Rows rows) { return hdf5::Shape{rows}; });
+  for (const char* list : {"contact", "wall_contact"}) {
+    const std::string overlap = fmt::format("{}s/overlap", list);
+    if (const Rows count = frame.has(overlap) ? frame.shape(overlap)[0] : 0; count > 0)
+      write_xdmf_constants(frame, fmt::format("xdmf/{}_constants", list), count, frame.has("spins"));
+  }
+}
+
+void RunWriter::write_arrays(const std::vector<FrameArray>& arrays, std::vector<hdf5::Dataset>& datasets,
+                             bool compressed) {
   // In pieces, so that nobody has to hold them once more.
-  constexpr std::uint64_t piece_bytes = 1 << 19;
   std::vector<std::byte> piece;
   std::vector<Share> shares(arrays.size());
-  const auto write = [&](const auto& put) {
-    for (std::size_t k = 0; k < arrays.size(); ++k) {
-      const FrameArray& a = arrays[k];
-      const std::uint64_t at_once = std::max<std::uint64_t>(1, piece_bytes / a.row_bytes());
-      for (std::uint64_t row = 0; row < a.rows; row += at_once) {
-        const std::uint64_t count = std::min(at_once, a.rows - row);
-        piece.resize(count * a.row_bytes());
-        a.make(row, count, piece.data());
-        shares[k] = {crc32_of(piece, shares[k].crc32), shares[k].bytes + piece.size()};
+  const auto for_each_piece = [](const FrameArray& a, std::uint64_t rows, const auto& visit) {
+    constexpr std::uint64_t piece_bytes = 1 << 19;
+    const std::uint64_t at_once = std::max<std::uint64_t>(1, piece_bytes / a.row_bytes());
+    for (std::uint64_t row = 0; row < rows; row += at_once) visit(row, std::min(at_once, rows - row));
+  };
+  const auto make = [&](std::size_t k, std::uint64_t row, std::uint64_t count) {
+    piece.resize(count * arrays[k].row_bytes());
+    arrays[k].make(row, count, piece.data());
+    shares[k] = {crc32_of(piece, shares[k].crc32), shares[k].bytes + piece.size()};
+  };
+  /// put(k, row) for the pieces of this rank's rows.
+  const auto write_own = [&](const auto& put) {
+    for (std::size_t k = 0; k < arrays.size(); ++k)
+      for_each_piece(arrays[k], arrays[k].rows, [&](std::uint64_t row, std::uint64_t count) {
+        make(k, row, count);
         put(k, row, count);
-      }
-    }
+      });
   };
   if (!ranks_.several()) {
-    write([&](std::size_t k, std::uint64_t row, std::uint64_t count) { datasets[k].write(row, count, piece.data()); });
+    write_own(
+        [&](std::size_t k, std::uint64_t row, std::uint64_t count) { datasets[k].write(row, count, piece.data()); });
+  } else if (compressed) {
+    // Compressed values have no place before they are written: the root writes them, rank after rank.
+    for (std::size_t k = 0; k < arrays.size(); ++k) {
+      std::uint64_t first = 0;
+      for (int rank = 0; rank < ranks_.size(); ++rank) {
+        const std::uint64_t rows = ranks_.broadcast(arrays[k].rows, rank);
+        for_each_piece(arrays[k], rows, [&](std::uint64_t row, std::uint64_t count) {
+          piece.clear();
+          if (rank == ranks_.rank()) make(k, row, count);
+          const std::vector<std::byte> arrived = ranks_.gather(piece);
+          ranks_.on_root([&] { datasets[k].write(first + row, count, arrived.data()); });
+        });
+        first += rows;
+      }
+    }
   } else {
     std::vector<std::uint64_t> address;
     for (const hdf5::Dataset& d : datasets) address.push_back(d.address());
     ranks_.broadcast(address);
     SharedFile file(ranks_, folder_ / run_name);
     ranks_.together([&] {
-      write([&](std::size_t k, std::uint64_t row, std::uint64_t) {
+      write_own([&](std::size_t k, std::uint64_t row, std::uint64_t) {
         file.write(address[k] + (arrays[k].first + row) * arrays[k].row_bytes(), piece);
       });
     });
@@ -430,11 +490,6 @@ void RunWriter::write_arrays(const std::vector<FrameArray>& arrays, std::vector<
 void RunWriter::flush() {
   write_tables();
   file_->flush();
-}
-
-void RunWriter::sync() {
-  flush();
-  file_->sync();
 }
 
 void RunWriter::close() {

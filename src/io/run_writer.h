@@ -73,7 +73,8 @@ struct RunCounts {
 void check_counts(const std::filesystem::path& folder, const RunCounts& needed, std::string_view source);
 
 /// Writes the folder. Of a frame nothing is copied as a whole. What a frame or flush() has written is there whenever
-/// the program is killed. Errors of all members: OutputError; what was there at the last frame or flush() stays.
+/// the program is killed, and after a loss of power. Errors of all members: OutputError; what was there at the last
+/// frame or flush() stays.
 ///
 /// On several ranks each has a writer. create, append and write_frame are collective, and the error of one rank is
 /// everybody's; other members but frames() are for the root alone. The root speaks HDF5 and lays a frame out in the
@@ -92,7 +93,7 @@ class RunWriter {
                           std::uint64_t frames, std::uint64_t event_rows = 0, const Ranks& ranks = Ranks());
   RunWriter(RunWriter&&) noexcept = default;
   RunWriter& operator=(RunWriter&&) = delete;
-  /// Closes; silent about errors, unlike close().
+  /// Takes back all since the last frame or flush(), of which a failure may have left a part.
   ~RunWriter();
 
   /// Writes /series_axes/name, or leaves it if it is there (after a restart).
@@ -103,12 +104,10 @@ class RunWriter {
   void add_sample(std::span<const SeriesValue> sample) { samples_.add(sample); }
   /// The same for /events, of which a run may have none.
   void add_event(std::span<const SeriesValue> event) { events_.add(event); }
-  /// Writes the next frame and the samples before it, and flushes.
-  void write_frame(const Frame& frame);
+  /// Writes the next frame and the samples before it, and flushes. format: the same on all ranks.
+  void write_frame(const Frame& frame, const FrameFormat& format = {});
   /// Writes the samples kept so far.
   void flush();
-  /// The same, so that it survives a loss of power too: for a checkpoint that counts on it.
-  void sync();
   void close();
 
   /// What is in the file, after flush().
@@ -145,7 +144,8 @@ class RunWriter {
   void go_on(const Topology& topology, std::uint64_t series_rows, std::uint64_t event_rows);
   void check_frames();
   void write_tables();
-  void write_arrays(const std::vector<FrameArray>& arrays, std::vector<hdf5::Dataset>& datasets);
+  void write_views(hdf5::Group& frame, const std::string& path, hdf5::Type stored) const;
+  void write_arrays(const std::vector<FrameArray>& arrays, std::vector<hdf5::Dataset>& datasets, bool compressed);
 
   std::filesystem::path folder_;
   Ranks ranks_;
@@ -153,6 +153,7 @@ class RunWriter {
   std::optional<hdf5::File> file_;  ///< on the root
   std::optional<XdmfFile> xdmf_;    ///< on the root
   std::uint64_t walls_ = 0, frames_ = 0;
+  bool periodic_ = false;
   DrawnWalls drawn_walls_;
   Table samples_{"/series"}, events_{"/events"};
   std::vector<std::string> damage_;

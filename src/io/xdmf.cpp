@@ -4,14 +4,12 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <array>
 #include <cerrno>
 #include <cmath>
 #include <cstring>
 #include <fstream>
 #include <map>
 #include <stdexcept>
-#include <string_view>
 
 #include <pliant/base/errors.h>
 #include <pliant/base/regular_file.h>
@@ -33,91 +31,201 @@ constexpr std::string_view footer = R"(    </Grid>
 </Xdmf>
 )";
 
+/// A dataset that is shown.
+struct Shown {
+  std::string path;
+  std::string_view type;
+};
+
 constexpr std::string_view real = R"(NumberType="Float" Precision="8")";
+constexpr std::string_view real_single = R"(NumberType="Float" Precision="4")";
 constexpr std::string_view integer = R"(NumberType="Int" Precision="4")";
 constexpr std::string_view byte = R"(NumberType="UChar" Precision="1")";
 
-std::string data(std::string_view type, const std::string& dimensions, const std::string& path) {
-  return fmt::format(R"(<DataItem Dimensions="{}" {} Format="HDF">run.h5:{}</DataItem>)", dimensions, type, path);
+std::string data(const Shown& shown, const std::string& dimensions) {
+  return fmt::format(R"(<DataItem Dimensions="{}" {} Format="HDF">run.h5:{}</DataItem>)", dimensions, shown.type,
+                     shown.path);
 }
 
-std::string grid(std::string_view name, std::uint64_t cells, int dim, const std::string& connectivity,
-                 const std::string& points, const std::string& attributes) {
-  return fmt::format(R"(        <Grid Name="{}" GridType="Uniform">
-          <Topology TopologyType="Mixed" NumberOfElements="{}">{}</Topology>
-          <Geometry GeometryType="{}">{}</Geometry>
-{}        </Grid>
-)",
-                     name, cells, connectivity, dim == 2 ? "XY" : "XYZ", points, attributes);
-}
-
-struct CaseValue {
-  std::string_view name, type;
-  std::string_view constant;  ///< dataset for cells that have no such value
+struct Field {
+  std::string_view name;
+  std::string_view constant;  ///< dataset for cells, or points, that have no such value
+  bool of_points = false;
+  bool vector() const { return constant == "nan_vector"; }
 };
 // ParaView colours a frame by a field only if all grids have it. Where it is NaN it shows the colour for NaN; active is
 // 1, so that who keeps what is active keeps walls and contacts.
-constexpr CaseValue fields[] = {{"speed", real, "nan"},
-                                {"sigma", real, "nan"},
-                                {"particle", integer, "minus_one"},
-                                {"active", byte, "one"},
-                                {"contact_count", integer, "minus_one"},
-                                {"area_ratio", real, "nan"},
-                                {"force", real, "nan"},
-                                {"overlap", real, "nan"}};
+constexpr Field fields[] = {{"velocity", "nan_vector", true}, {"spin", "nan_vector"}, {"sigma", "nan"},
+                            {"particle", "minus_one"},        {"active", "one"},      {"reinsertions", "minus_one"},
+                            {"contact_count", "minus_one"},   {"area", "nan"},        {"a0", "nan"},
+                            {"force", "nan_vector"},          {"overlap", "nan"}};
 
-/// All fields of `cells` cells: the datasets `own`, by names of fields, and constants in `folder` for the others.
-std::string attributes(const XdmfFrame& frame, std::uint64_t cells, const std::map<std::string_view, std::string>& own,
-                       const std::string& folder) {
-  std::string text;
-  for (const CaseValue& field : fields) {
-    if (field.name == "area_ratio" && !frame.polygons) continue;
-    const auto found = own.find(field.name);
-    const std::string path = found != own.end() ? found->second : fmt::format("{}/{}", folder, field.constant);
-    text += fmt::format("          <Attribute Name=\"{}\" AttributeType=\"Scalar\" Center=\"Cell\">{}</Attribute>\n",
-                        field.name, data(field.type, std::to_string(cells), path));
+std::string_view type_of_constant(std::string_view name) {
+  return name == "one" ? byte : name == "minus_one" ? integer : real;
+}
+
+/// One of the grids of a frame.
+struct Grid {
+  std::string_view name;
+  std::uint64_t cells, points;
+  std::string topology;                    ///< the element
+  std::string geometry;                    ///< the dataset of its points
+  std::string constants, point_constants;  ///< folders with constants of these lengths
+  std::map<std::string_view, Shown> own;   ///< by names of fields
+};
+
+class FrameGrids {
+ public:
+  explicit FrameGrids(const XdmfFrame& frame) : f_(frame), group_("/frames/" + frame.name) {}
+
+  std::string text() const {
+    std::vector<Grid> grids{particles()};
+    // Walls come second, as a frame may have no contacts: the numbers of the others stay.
+    if (f_.walls > 0 && f_.dim == 2) grids.push_back(walls());
+    if (f_.contacts > 0) grids.push_back(contacts());
+    if (f_.wall_contacts > 0) grids.push_back(wall_contacts());
+    std::set<std::string_view> shown;
+    for (const Grid& grid : {particles(), walls(), contacts(), wall_contacts()})
+      for (const auto& [name, item] : grid.own) shown.insert(name);
+    std::string all;
+    for (const Grid& grid : grids) all += text(grid, shown);
+    return all;
   }
-  return text;
-}
 
-/// Cells of `length` values of connectivity over `points` points.
-std::string lines(std::string_view name, std::uint64_t count, int dim, std::uint64_t length, std::uint64_t points,
-                  const std::string& connectivity, const std::string& places, const std::string& attributes) {
-  return grid(name, count, dim, data(integer, std::to_string(length), connectivity),
-              data(real, fmt::format("{} {}", points, dim), places), attributes);
-}
+ private:
+  Grid particles() const {
+    Grid grid{"particles",
+              f_.particles,
+              f_.points,
+              mixed(f_.particles, "/topology/xdmf/connectivity", f_.connectivity),
+              group_ + "/positions",
+              "/topology/xdmf",
+              {},
+              {}};
+    grid.own = {{"sigma", {"/topology/sigma", real}},
+                {"particle", {"/topology/xdmf/particle", integer}},
+                {"active", {group_ + "/active", byte}}};
+    add(grid, "velocity", vector("velocities", "velocity"), stored());
+    add(grid, "spin", vector("spins", "spin"), stored());
+    add(grid, "reinsertions", "reinsertions", integer);
+    add(grid, "contact_count", "contact_count", integer);
+    add(grid, "area", "area", stored());
+    if (f_.has("area")) grid.own["a0"] = {"/topology/a0", real};
+    return grid;
+  }
+  Grid walls() const {
+    Grid grid{"walls",
+              f_.walls,
+              f_.wall_points,
+              mixed(f_.walls, "/geometry/xdmf/connectivity", f_.wall_connectivity),
+              f_.moving_walls ? group_ + "/xdmf/wall_points" : "/geometry/xdmf/points",
+              "/geometry/xdmf",
+              "/geometry/xdmf/of_points",
+              {}};
+    add(grid, "force", "xdmf/wall_force", real);
+    return grid;
+  }
+  /// Lines between centres; in a periodic box, where a line may cross it, points at the centre of the first particle.
+  Grid contacts() const {
+    const bool lines = !f_.has("xdmf/contact_particle");
+    Grid grid{"contacts",
+              f_.contacts,
+              f_.particles,
+              lines ? cells("Polyline", 2, f_.contacts, group_ + "/contacts/particles")
+                    : cells("Polyvertex", 1, f_.contacts, group_ + "/xdmf/contact_particle"),
+              group_ + "/centres",
+              group_ + "/xdmf/contact_constants",
+              "/topology/xdmf",
+              {}};
+    add_contact_fields(grid, "contacts", "force");
+    return grid;
+  }
+  /// Points at the centres of the particles.
+  Grid wall_contacts() const {
+    Grid grid{"wall_contacts",     f_.wall_contacts,
+              f_.particles,        cells("Polyvertex", 1, f_.wall_contacts, group_ + "/wall_contacts/particle"),
+              group_ + "/centres", group_ + "/xdmf/wall_contact_constants",
+              "/topology/xdmf",    {}};
+    add_contact_fields(grid, "wall_contacts", "wall_contact_force");
+    return grid;
+  }
+
+  std::string_view stored() const { return f_.single ? real_single : real; }
+  std::string vector(const std::string& in_space, const std::string& view) const {
+    return f_.dim == 2 ? "xdmf/" + view : in_space;
+  }
+  void add(Grid& grid, std::string_view field, const std::string& dataset, std::string_view type) const {
+    if (f_.has(dataset)) grid.own[field] = {group_ + "/" + dataset, type};
+  }
+
+  /// Also where the frame has no contact: the fields of frames stay the same.
+  void add_contact_fields(Grid& grid, const std::string& list, const std::string& view) const {
+    if (!f_.has(list + "/overlap")) return;
+    add(grid, "overlap", list + "/overlap", stored());
+    const std::string force = vector(list + "/force", view);
+    if (grid.cells == 0 || f_.has(force)) grid.own["force"] = {group_ + "/" + force, stored()};
+  }
+
+  static std::string mixed(std::uint64_t count, const std::string& connectivity, std::uint64_t length) {
+    return fmt::format(R"(<Topology TopologyType="Mixed" NumberOfElements="{}">{}</Topology>)", count,
+                       data({connectivity, integer}, std::to_string(length)));
+  }
+  static std::string cells(std::string_view kind, int nodes, std::uint64_t count, const std::string& connectivity) {
+    return fmt::format(
+        R"(<Topology TopologyType="{}" NodesPerElement="{}" NumberOfElements="{}">{}</Topology>)", kind, nodes, count,
+        data({connectivity, integer}, nodes == 1 ? std::to_string(count) : fmt::format("{} {}", count, nodes)));
+  }
+
+  /// All fields that a grid of the frame has, of this one where it has them.
+  std::string text(const Grid& grid, const std::set<std::string_view>& shown) const {
+    std::string attributes;
+    for (const Field& field : fields) {
+      if (!shown.contains(field.name)) continue;
+      const auto found = grid.own.find(field.name);
+      const std::string& folder =
+          field.of_points && !grid.point_constants.empty() ? grid.point_constants : grid.constants;
+      const Shown item = found != grid.own.end()
+                             ? found->second
+                             : Shown{fmt::format("{}/{}", folder, field.constant), type_of_constant(field.constant)};
+      const std::uint64_t rows = field.of_points ? grid.points : grid.cells;
+      attributes += fmt::format("          <Attribute Name=\"{}\" AttributeType=\"{}\" Center=\"{}\">{}</Attribute>\n",
+                                field.name, field.vector() ? "Vector" : "Scalar", field.of_points ? "Node" : "Cell",
+                                data(item, field.vector() ? fmt::format("{} 3", rows) : std::to_string(rows)));
+    }
+    const bool of_walls = grid.name == "walls";
+    return fmt::format(R"(        <Grid Name="{}" GridType="Uniform">
+          {}
+          <Geometry GeometryType="{}">{}</Geometry>
+{}        </Grid>
+)",
+                       grid.name, grid.topology, f_.dim == 2 ? "XY" : "XYZ",
+                       data({grid.geometry, of_walls ? real : stored()}, fmt::format("{} {}", grid.points, f_.dim)),
+                       attributes);
+  }
+
+  const XdmfFrame& f_;
+  std::string group_;
+};
 
 }  // namespace
 
+std::vector<std::string> xdmf_datasets(int dim) {
+  std::vector<std::string> names{
+      "area", "reinsertions", "contact_count", "contacts/overlap", "wall_contacts/overlap", "xdmf/contact_particle"};
+  for (const char* in_plane :
+       {"xdmf/velocity", "xdmf/spin", "xdmf/force", "xdmf/wall_contact_force", "xdmf/wall_force"})
+    if (dim == 2) names.emplace_back(in_plane);
+  for (const char* in_space : {"velocities", "spins", "contacts/force", "wall_contacts/force"})
+    if (dim == 3) names.emplace_back(in_space);
+  return names;
+}
+
 std::string xdmf_grid(const XdmfFrame& frame) {
-  const std::string group = "/frames/" + frame.name, own = group + "/xdmf";
-  std::string grids = grid("particles", frame.particles, frame.dim,
-                           data(integer, std::to_string(frame.connectivity), own + "/connectivity"),
-                           data(real, fmt::format("{} {}", frame.points, frame.dim), group + "/positions"),
-                           attributes(frame, frame.particles,
-                                      {{"speed", own + "/speed"},
-                                       {"sigma", "/topology/sigma"},
-                                       {"particle", own + "/particle"},
-                                       {"active", group + "/active"},
-                                       {"contact_count", group + "/contact_count"},
-                                       {"area_ratio", own + "/area_ratio"}},
-                                      "/topology/xdmf"));
-  // The contacts come last, as a frame without them has no such grid: the numbers of the others stay.
-  if (frame.walls > 0 && frame.dim == 2)
-    grids += lines("walls", frame.walls, frame.dim, frame.wall_connectivity, frame.wall_points,
-                   "/geometry/xdmf/connectivity", frame.moving_walls ? own + "/wall_points" : "/geometry/xdmf/points",
-                   attributes(frame, frame.walls, {}, "/geometry/xdmf"));
-  if (frame.contacts > 0)
-    grids += lines(
-        "contacts", frame.contacts, frame.dim, 4 * frame.contacts, 2 * frame.contacts, own + "/contact_connectivity",
-        own + "/contact_points",
-        attributes(frame, frame.contacts, {{"force", own + "/contact_force"}, {"overlap", group + "/contacts/overlap"}},
-                   own + "/contact_constants"));
   return fmt::format(R"(      <Grid Name="{}" GridType="Collection" CollectionType="Spatial">
         <Time Value="{}"/>
 {}      </Grid>
 )",
-                     frame.name, frame.time, grids);
+                     frame.name, frame.time, FrameGrids(frame).text());
 }
 
 std::vector<std::int32_t> xdmf_particles(const std::vector<Index>& offset) {
@@ -130,17 +238,13 @@ std::vector<std::int32_t> xdmf_particles(const std::vector<Index>& offset) {
   return cells;
 }
 
-std::int32_t xdmf_line(std::uint64_t k) {
-  const auto i = static_cast<std::int32_t>(k / 4);
-  return std::array<std::int32_t, 4>{polyline, 2, 2 * i, 2 * i + 1}[k % 4];
-}
-
 XdmfLines xdmf_walls(const std::vector<Real>& segments, const std::vector<Real>& radius) {
   constexpr std::int32_t corners = 64;
   XdmfLines lines{segments, {}};
   for (std::size_t k = 0; k < segments.size() / 4; ++k) {
     if (radius.empty() || radius[k] == 0) {
-      for (std::uint64_t i = 4 * k; i < 4 * k + 4; ++i) lines.cells.push_back(xdmf_line(i));
+      const auto end = static_cast<std::int32_t>(2 * k);
+      lines.cells.insert(lines.cells.end(), {polyline, 2, end, end + 1});
       continue;
     }
     const auto first = static_cast<std::int32_t>(lines.points.size() / 2);

@@ -1,10 +1,13 @@
-// run.xdmf: what ParaView needs to show the frames of run.h5. Written so that stock ParaView 5.11 opens it: topology
-// "Mixed" with explicit connectivity, whole datasets only (no hyperslabs), names relative to the folder.
+// run.xdmf: what ParaView needs to show the frames of run.h5. Written so that all readers of stock ParaView 5.11 open
+// it: whole datasets only, as they have no hyperslabs or functions in common; names relative to the folder.
 #pragma once
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
+#include <set>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <pliant/base/types.h>
@@ -16,20 +19,25 @@ struct XdmfFrame {
   std::string name;  ///< of the group in /frames
   Real time = 0;     ///< in t0
   int dim = 2;
-  std::uint64_t particles = 0, points = 0, contacts = 0, walls = 0;
+  std::uint64_t particles = 0, points = 0, contacts = 0, wall_contacts = 0, walls = 0;
   std::uint64_t wall_points = 0, wall_connectivity = 0;  ///< what draws the walls
   std::uint64_t connectivity = 0;                        ///< length of the particles' connectivity
-  bool polygons = false;                                 ///< whether there are areas
   bool moving_walls = false;                             ///< whether the frame has places of its own for the walls
+  bool single = false;                                   ///< whether its real numbers have 4 bytes
+  std::set<std::string, std::less<>> datasets = {};      ///< of xdmf_datasets() those that the frame has
+
+  bool has(std::string_view dataset) const { return datasets.contains(dataset); }
 };
+
+/// Datasets of a frame that run.xdmf shows where they are there, as paths relative to the frame: in the plane vectors
+/// are views (Group::write_view) in the frame's group xdmf, as readers need three components.
+std::vector<std::string> xdmf_datasets(int dim);
 
 /// The <Grid> element of one frame.
 std::string xdmf_grid(const XdmfFrame& frame);
 
 /// Connectivity of particles in topology "Mixed": a polygon of its points, or a Polyvertex of its one point.
 std::vector<std::int32_t> xdmf_particles(const std::vector<Index>& offset);
-/// Value k of the connectivity of lines over points 2i and 2i + 1.
-std::int32_t xdmf_line(std::uint64_t k);
 
 /// Lines in the plane that draw walls.
 struct XdmfLines {

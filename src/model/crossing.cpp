@@ -5,6 +5,7 @@
 #include <limits>
 #include <utility>
 
+#include <pliant/base/parallel_errors.h>
 #include <pliant/model/polygon.h>
 
 namespace pliant {
@@ -41,6 +42,7 @@ template <class Distance, class Reach, class Describe, class Inside>
 void look(const PairList& list, Real least, Real share, Real beyond, OutlineLook& seen, Distance&& distance2,
           Reach&& reach, Describe&& approach, Inside&& inside) {
   Real gap = seen.gap;
+  ParallelErrors errors;
 #pragma omp parallel if (list.chunks() > 1)
   {
     std::optional<Crossing> found;
@@ -50,7 +52,7 @@ void look(const PairList& list, Real least, Real share, Real beyond, OutlineLook
       const Real d = std::sqrt(distance2(e)), range = reach(e);
       gap = std::min(gap, share * (d - least * range));
       if (!(d < range + beyond)) continue;
-      inside(e, found);
+      errors.catch_from([&] { inside(e, found); });
       if (d < least * range && (!closest || d < closest->distance * range)) closest = approach(e, d / range);
     }
 #pragma omp critical
@@ -61,6 +63,7 @@ void look(const PairList& list, Real least, Real share, Real beyond, OutlineLook
       if (closest && (!seen.closest || closest->distance < seen.closest->distance)) seen.closest = closest;
     }
   }
+  errors.rethrow();
   seen.gap = gap;
 }
 
@@ -119,12 +122,14 @@ SelfLook look_at_own_outlines(const StateView<2>& s) {
   const Index n = topology.owned();
   Real gap = std::numeric_limits<Real>::infinity();
   Index first = n, count = 0;
+  ParallelErrors errors;
 #pragma omp parallel for reduction(min : gap, first) reduction(+ : count) if (s.neighbours.chunks() > 1)
   for (Index m = 0; m < n; ++m) {
     if (topology.active[m] == 0 || topology.points_of(m) < 3) continue;
     Real own = star_gap(s.x, topology, m);
     if (own < least_bound * topology.l0[m]) {
-      const OwnOutline outline = look_at_own_outline(s.x, topology, m, topology.l0[m]);
+      OwnOutline outline{};
+      errors.catch_from([&] { outline = look_at_own_outline(s.x, topology, m, topology.l0[m]); });
       if (!outline.simple()) {
         ++count;
         first = std::min(first, m);
@@ -134,6 +139,7 @@ SelfLook look_at_own_outlines(const StateView<2>& s) {
     }
     gap = std::min(gap, own);
   }
+  errors.rethrow();
   SelfLook seen{std::nullopt, count, gap};
   if (first < n) seen.crossing = {first, look_at_own_outline(s.x, topology, first, 0).meet};
   return seen;

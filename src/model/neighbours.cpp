@@ -6,6 +6,7 @@
 
 #include <pliant/base/errors.h>
 #include <pliant/base/large_pages.h>
+#include <pliant/base/parallel_errors.h>
 #include <pliant/kernels/edge_forces.h>
 #include <pliant/kernels/finite.h>
 #include <pliant/kernels/verlet.h>
@@ -101,6 +102,7 @@ void Neighbours<D>::build_pairs(const SearchSpace<D>& space) {
     list.start.push_back(list.size());
   };
   std::vector<std::vector<Found>> across(n + 1);
+  ParallelErrors errors;
 #pragma omp parallel if (n > 1)
   {
     std::vector<Found> inside;
@@ -108,23 +110,27 @@ void Neighbours<D>::build_pairs(const SearchSpace<D>& space) {
     for (Index c = 0; c <= n; ++c) {
       const Range range = c < n ? points(c) : Range{own, space.cloud.size()};
       inside.clear();
-      Kind::search(space, range.first, range.last, [&](Index first, Index second, Real reach) {
-        const Index other = Kind::symmetric ? second : first;
-        if (c < n && range.contains(other))
-          inside.push_back({{first, second}, reach});
-        else if (c < n || other < own)
-          across[c].push_back({{first, second}, reach});
+      errors.catch_from([&] {
+        Kind::search(space, range.first, range.last, [&](Index first, Index second, Real reach) {
+          const Index other = Kind::symmetric ? second : first;
+          if (c < n && range.contains(other))
+            inside.push_back({{first, second}, reach});
+          else if (c < n || other < own)
+            across[c].push_back({{first, second}, reach});
+        });
       });
 #pragma omp ordered
-      if (c < n) {
+      errors.catch_from([&] {
+        if (c >= n) return;
         // As much as it will be if the other chunks find as many, borders included: doubling would hold the list twice
         // for a while, and memory that nobody touches costs nothing.
         const std::size_t size = list.pairs.size() + inside.size();
         if (size > list.pairs.capacity()) make_room(size + size * static_cast<std::size_t>(n - c) / (c + 1) + size / 4);
         append(inside);
-      }
+      });
     }
   }
+  errors.rethrow();
   std::vector<std::size_t> found;  // the rest will be what other chunks have found
   for (const auto& part : across) found.push_back(part.size());
   for (Index c = 0; c <= n; ++c)
@@ -147,11 +153,15 @@ template <class Kind>
 void Neighbours<D>::build_own(const SearchSpace<D>& space) {
   const Index n = chunks();
   std::vector<std::vector<Pair>> parts(n);
+  ParallelErrors errors;
 #pragma omp parallel for schedule(dynamic, 1) if (n > 1)
   for (Index c = 0; c < n; ++c)
-    Kind::search(space, points(c).first, points(c).last, [&](Index first, Index second) {
-      parts[c].push_back({first, second});
+    errors.catch_from([&] {
+      Kind::search(space, points(c).first, points(c).last, [&](Index first, Index second) {
+        parts[c].push_back({first, second});
+      });
     });
+  errors.rethrow();
   PairList& list = this->*Kind::list;
   list.clear();
   for (const std::vector<Pair>& part : parts) {
@@ -176,6 +186,7 @@ void Neighbours<D>::build_from_points(const Topology& topology, const PointCloud
     return length2 > (1 - 1e-9) * diameter * (2 * narrowest + diameter + 4 * margin);
   };
   std::vector<std::vector<Found>> inside(n), across(n);
+  ParallelErrors errors;
 #pragma omp parallel for schedule(dynamic, 1) if (n > 1)
   for (Index c = 0; c < n; ++c) {
     const auto add_edges = [&](const Range& range, std::vector<Found>& found) {
@@ -195,9 +206,12 @@ void Neighbours<D>::build_from_points(const Topology& topology, const PointCloud
         add_both(point_pairs[e].second, point_pairs[e].first);
       }
     };
-    add_edges(point_pairs.inside(c), inside[c]);
-    add_edges(point_pairs.across(c), across[c]);
+    errors.catch_from([&] {
+      add_edges(point_pairs.inside(c), inside[c]);
+      add_edges(point_pairs.across(c), across[c]);
+    });
   }
+  errors.rethrow();
   if constexpr (D == 2)  // Clang 14 compiles this for D = 3 too, whatever is required.
     if (is_long(square(longest_), narrowest))
       for (Index i = 0; i < topology.points(); ++i) {

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <ctime>
 #include <filesystem>
+#include <new>
 #include <utility>
 #include <vector>
 
@@ -155,7 +156,10 @@ void make_run(std::string_view scenario, const RunOptions& p, Options& options, 
     } catch (const RestartConflict&) {
       throw;
     } catch (const Error& error) {
+      if (error.code() == ExitCode::out_of_memory) throw;
       problem = error.what();
+    } catch (const std::bad_alloc&) {
+      throw;
     } catch (const std::exception& error) {
       problem = fmt::format("{} cannot be used: {}", file, error.what());
     }

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include <pliant/model/polygon.h>
+#include <pliant/run/wall_contacts.h>
 
 namespace pliant {
 namespace {
@@ -102,10 +103,9 @@ class NaturalOrder {
   std::vector<Index> arrived_points_;            ///< of those that came, as they came
 };
 
-/// Moves contacts to the rank that has the share of their first particle, in order. Returns the number of contacts of
-/// each particle of this rank's share.
+/// Moves contacts to the rank that has the share of their first particle, in order.
 template <int D>
-std::vector<Index> share_contacts(std::vector<ContactRecord<D>>& contacts, const Ranks& ranks, const IdShares& shares) {
+void share_contacts(std::vector<ContactRecord<D>>& contacts, const Ranks& ranks, const IdShares& shares) {
   const auto sort = [&] {
     std::sort(contacts.begin(), contacts.end(), [](const auto& a, const auto& b) {
       return std::tie(a.particles[0], a.particles[1], a.position) <
@@ -113,23 +113,35 @@ std::vector<Index> share_contacts(std::vector<ContactRecord<D>>& contacts, const
     });
   };
   sort();
-  std::vector<std::size_t> count(ranks.size(), 0), second_count(ranks.size(), 0);
-  std::vector<Index> second;
-  for (const ContactRecord<D>& c : contacts) {
-    ++count[shares.rank_of(c.particles[0])];
-    ++second_count[shares.rank_of(c.particles[1])];
-    second.push_back(c.particles[1]);
-  }
-  std::sort(second.begin(), second.end());
-  second = ranks.exchange(std::move(second), second_count);
+  std::vector<std::size_t> count(ranks.size(), 0);
+  for (const ContactRecord<D>& c : contacts) ++count[shares.rank_of(c.particles[0])];
   contacts = ranks.exchange(std::move(contacts), count);
   if (ranks.several()) sort();
+}
 
+/// The number of contacts of each particle of this rank's share.
+template <int D>
+std::vector<Index> count_contacts(const std::vector<ContactRecord<D>>& contacts, const Ranks& ranks,
+                                  const IdShares& shares) {
+  std::vector<Index> ids;
+  for (const ContactRecord<D>& c : contacts) ids.insert(ids.end(), c.particles.begin(), c.particles.end());
+  std::sort(ids.begin(), ids.end());
+  std::vector<std::size_t> count(ranks.size(), 0);
+  for (const Index id : ids) ++count[shares.rank_of(id)];
+  ids = ranks.exchange(std::move(ids), count);
   const Index first = shares.first(ranks.rank());
   std::vector<Index> contacts_of(static_cast<std::size_t>(shares.first(ranks.rank() + 1) - first), 0);
-  for (const ContactRecord<D>& c : contacts) ++contacts_of[c.particles[0] - first];
-  for (const Index id : second) ++contacts_of[id - first];
+  for (const Index id : ids) ++contacts_of[id - first];
   return contacts_of;
+}
+
+template <int D>
+FrameContacts listed(const std::vector<ContactRecord<D>>& contacts) {
+  if (contacts.empty()) return {};
+  const ContactRecord<D>& c = contacts.front();
+  constexpr std::size_t stride = sizeof c;
+  return {contacts.size(),           {c.particles.data(), stride}, {c.position.data(), stride},
+          {c.normal.data(), stride}, {&c.overlap, stride},         {c.force.data(), stride}};
 }
 
 }  // namespace
@@ -146,7 +158,8 @@ void Centres<D>::update(const Topology& topology, const State& state) {
 }
 
 template <int D>
-FrameData<D>::FrameData(ParticleSystem<D>& system, const State& state) {
+FrameData<D>::FrameData(ParticleSystem<D>& system, const State& state, const std::vector<Index>* reinsertions,
+                        bool wall_contacts) {
   const StateView<D> view = system.view(state.x().data(), state.v().data(), state.t);
   const Topology& topology = system.topology();
   const Ranks& ranks = system.ranks();
@@ -155,6 +168,7 @@ FrameData<D>::FrameData(ParticleSystem<D>& system, const State& state) {
   ranks.together([&] {
     system.field().add_wall_forces(view, wall_force_.data());
     find_contacts(system, view);
+    if (wall_contacts) wall_contacts_ = find_wall_contacts(system, view);
   });
   ranks.sum(wall_force_);
 
@@ -182,7 +196,6 @@ FrameData<D>::FrameData(ParticleSystem<D>& system, const State& state) {
     Centres<D> centres;
     centres.update(topology, shown);
     centres_ = order.particles<Real>(centres.position, D);
-    a0_ = order.particles<Real>(std::span(topology.a0).first(topology.owned()));
     std::vector<Real> area, perimeter;
     for (Index m = 0; m < topology.owned(); ++m) {
       area.push_back(polygon_area(state.x().data(), topology, m));
@@ -191,7 +204,10 @@ FrameData<D>::FrameData(ParticleSystem<D>& system, const State& state) {
     area_ = order.particles<Real>(area);
     perimeter_ = order.particles<Real>(perimeter);
   }
-  contact_count_ = share_contacts(contacts_, ranks, shares);
+  if (reinsertions != nullptr) reinsertions_ = order.particles<Index>(*reinsertions);
+  contact_count_ = count_contacts(contacts_, ranks, shares);
+  share_contacts(contacts_, ranks, shares);
+  share_contacts(wall_contacts_, ranks, shares);
 
   frame.time = state.t;
   frame.step = state.step;
@@ -203,17 +219,13 @@ FrameData<D>::FrameData(ParticleSystem<D>& system, const State& state) {
   frame.centres = centres_.empty() ? positions_ : centres_;
   frame.active = active_;
   frame.images = images_;
+  frame.reinsertions = reinsertions_;
   frame.contact_count = contact_count_;
-  frame.a0 = a0_;
   frame.area = area_;
   frame.perimeter = perimeter_;
   frame.wall_force = wall_force_;
-  if (contacts_.empty()) return;
-  const ContactRecord<D>& c = contacts_.front();
-  constexpr std::size_t stride = sizeof c;
-  frame.contacts = {contacts_.size(),          {c.particles.data(), stride}, {c.position.data(), stride},
-                    {c.normal.data(), stride}, {c.ends[0].data(), stride},   {&c.overlap, stride},
-                    {c.force.data(), stride}};
+  frame.contacts = listed(contacts_);
+  frame.wall_contacts = listed(wall_contacts_);
 }
 
 template <int D>
@@ -225,7 +237,7 @@ void FrameData<D>::find_contacts(ParticleSystem<D>& system, const StateView<D>& 
     const bool in_order = topology.id[c.first] < topology.id[c.second];
     const Index first = in_order ? c.first : c.second, second = in_order ? c.second : c.first;
     const Real sign = in_order ? 1 : -1;
-    const Vec<D> from = mean_of_points<D>(view.x, topology, first), to = mean_of_points<D>(view.x, topology, second);
+    const Vec<D> from = mean_of_points<D>(view.x, topology, first);
     ContactRecord<D>& r = contacts_.emplace_back();
     r.particles = {topology.id[first], topology.id[second]};
     r.overlap = c.overlap;
@@ -234,8 +246,6 @@ void FrameData<D>::find_contacts(ParticleSystem<D>& system, const StateView<D>& 
       r.position[k] = c.position[k] - shift[k];
       r.normal[k] = sign * c.normal[k];
       r.force[k] = sign * c.force[k];
-      r.ends[0][k] = from[k] - shift[k];
-      r.ends[1][k] = to[k] - shift[k];
     }
   });
 }

@@ -18,13 +18,12 @@ struct Centres {
   void update(const Topology& topology, const State& state);
 };
 
-/// A contact of a frame, the lower id first. Plain data, to be sent.
+/// A contact of a frame: of two particles, the lower id first, or of a particle and a wall. Plain data, to be sent.
 template <int D>
 struct ContactRecord {
   std::array<Index, 2> particles;
   Real overlap;
   std::array<Real, D> position, normal, force;
-  std::array<std::array<Real, D>, 2> ends;
 };
 
 /// A frame with particles and contacts in the order of their ids: each rank has an equal share of the ids, the root the
@@ -33,7 +32,10 @@ struct ContactRecord {
 template <int D>
 class FrameData {
  public:
-  FrameData(ParticleSystem<D>& system, const State& state);
+  /// reinsertions: how often each own particle was reinserted; null: no particle ever is. wall_contacts: whether to
+  /// find them, which costs some evaluations of forces.
+  FrameData(ParticleSystem<D>& system, const State& state, const std::vector<Index>* reinsertions = nullptr,
+            bool wall_contacts = true);
   FrameData(const FrameData&) = delete;
   FrameData& operator=(const FrameData&) = delete;
   Frame frame;
@@ -42,11 +44,11 @@ class FrameData {
   void find_contacts(ParticleSystem<D>& system, const StateView<D>& view);
 
   std::vector<Real> positions_, velocities_, angles_, spins_, wall_force_;
-  std::vector<Real> centres_, a0_, area_, perimeter_;  ///< of polygons; the centre of a soft particle is its position
+  std::vector<Real> centres_, area_, perimeter_;  ///< of polygons; the centre of a soft particle is its position
   std::vector<std::uint8_t> active_;
   std::vector<std::int64_t> images_;  ///< in a periodic box
-  std::vector<Index> offset_, contact_count_;
-  std::vector<ContactRecord<D>> contacts_;
+  std::vector<Index> offset_, contact_count_, reinsertions_;
+  std::vector<ContactRecord<D>> contacts_, wall_contacts_;
 };
 
 }  // namespace pliant

@@ -1,5 +1,7 @@
 #include <pliant/run/options.h>
 
+#include <fmt/format.h>
+
 #include <filesystem>
 
 namespace pliant {
@@ -32,6 +34,18 @@ void RunOptions::bind_output(Options& o, bool intervals) {
             .min = 0,
             .min_open = true});
   }
+  o.bind(
+      "frame_fields", frame_fields,
+      {.help = fmt::format("fields of frames beside positions, comma-separated: {}; all, or positions for none of them",
+                           fmt::join(frame_field_names, ", ")),
+       .read = [](const std::string& text, const std::filesystem::path&) {
+         parse_frame_fields(text);
+         return text;
+       }});
+  o.bind("frame_precision", frame_precision, {{"double", FramePrecision::real64}, {"single", FramePrecision::real32}},
+         {.help = "precision of the real numbers of particles and contacts in frames: 16 or 7 digits"});
+  o.bind("frame_deflate", frame_deflate,
+         {.help = "compression of frames (HDF5's deflate): 0 none … 9 smallest and slowest", .min = 0, .max = 9});
   o.bind("checkpoint_interval", checkpoint_interval,
          {.help = "wall time between checkpoints; 0: only at the start and when stopped", .unit = "s", .min = 0});
   o.bind("progress_interval", progress_interval,
@@ -50,6 +64,12 @@ void RunOptions::bind_allowed(Options& o) {
   o.bind("allow_unstable_dt", allow_unstable_dt, {.help = "go on where a fixed -dt is above the limit of stability"});
   o.bind("allow_energy_error", allow_energy_error,
          {.help = "warn, instead of ending with exit code 3, where energy is not conserved to 10 %"});
+}
+
+FrameFormat RunOptions::frame_format() const {
+  return {.fields = parse_frame_fields(frame_fields),
+          .single = frame_precision == FramePrecision::real32,
+          .deflate = frame_deflate};
 }
 
 void RunOptions::bind_threads(Options& o) {

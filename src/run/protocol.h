@@ -117,6 +117,8 @@ class Protocol {
   virtual std::vector<Real> wall_segments() { return {}; }
   /// Numbers that a frame has beside its time: where the protocol is.
   virtual std::map<std::string, Real> frame_attributes() const { return {}; }
+  /// How often each own particle was reinserted; null where particles never are.
+  virtual const std::vector<Index>* reinsertions() const { return nullptr; }
   virtual std::string progress() const { return {}; }
   /// Under names of its own.
   virtual void save(SharedCheckpoint& /*checkpoint*/) const {}

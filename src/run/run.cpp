@@ -50,7 +50,8 @@ Run<D>::Run(std::string scenario, const RunOptions& p, const Options& options, c
       points_(simulation().all().points()),
       dt_(protocol_->first_dt()),
       last_dt_(dt_),
-      first_dt_(dt_) {
+      first_dt_(dt_),
+      frame_format_(p.frame_format()) {
   protocol_->attach(*this);
   if (checkpoint) {
     load(*checkpoint);
@@ -103,9 +104,9 @@ ExitCode Run<D>::run() {
       if (!stopped()) complete();
     }
     return finish();
-  } catch (const Error& error) {
+  } catch (...) {
     control_.end_progress();
-    fail(error);
+    fail(error_in_flight());
   }
 }
 
@@ -114,11 +115,29 @@ ExitCode Run<D>::run() {
 template <int D>
 void Run<D>::check() {
   check_step();
+  check_frame_fields();
   protocol_->check();
   const Real end = protocol_->last_time();
   if (restarted() && end < state().t - dt_ / 2)
     throw InputError("{}: the checkpoint {} is at t = {:.6g} already; give a later end", end_text(), restarted_from_,
                      state().t);
+}
+
+/// Errors: InputError for fields that the user names and that this run has not.
+template <int D>
+void Run<D>::check_frame_fields() {
+  frame_format_.check();
+  if (p_.frame_fields == "all") return;
+  const ParticleSystem<D>& particles = simulation().particles();
+  const auto refuse = [&](std::initializer_list<const char*> fields, bool there, std::string_view why) {
+    for (const char* field : fields)
+      if (!there && frame_format_.has(field))
+        throw InputError("-frame_fields {}: this run has no {}, as {}; leave it out", p_.frame_fields, field, why);
+  };
+  refuse({"angles", "spins"}, particles.coordinates().angles > 0, "its particles do not rotate");
+  refuse({"area", "perimeter"}, points_ > particles_, "its particles are not deformable");
+  refuse({"reinsertions"}, protocol_->reinsertions() != nullptr, "particles are never reinserted");
+  refuse({"wall_force", "wall_contacts"}, particles.walls().size() > 0, "it has no walls");
 }
 
 /// When the run ends, as the user gave it.
@@ -269,11 +288,11 @@ template <int D>
 void Run<D>::write_frame() {
   const LogScope log(LogEvent::frame);
   framing_.done(state().t);
-  FrameData<D> data(simulation().particles(), state());
+  FrameData<D> data(simulation().particles(), state(), protocol_->reinsertions(), frame_format_.has("wall_contacts"));
   const std::vector<Real> walls = protocol_->wall_segments();
   data.frame.wall_segments = walls;
   data.frame.attributes = protocol_->frame_attributes();
-  writer_->write_frame(data.frame);
+  writer_->write_frame(data.frame, frame_format_);
 }
 
 template <int D>
@@ -298,7 +317,7 @@ void Run<D>::save(bool changed) {
   ParticleSystem<D>& particles = simulation().particles();
   const Topology& topology = particles.topology();
   ranks_.on_root([&] {
-    writer_->sync();
+    writer_->flush();
     checkpoints_->begin(s.t, s.step);
   });
   SharedCheckpoint c(checkpoints_ ? &*checkpoints_ : nullptr, ranks_);
@@ -599,10 +618,13 @@ void Run<D>::fail(const Error& error) {
       message += fmt::format(", dt/dt_critical = {:.2f}", last_dt() / critical);
     message += protocol_->failure_details();
   }
+  if (error.code() == ExitCode::out_of_memory && has_checkpoint(p_.output))
+    message += fmt::format("; {} continues from the last checkpoint", restart_command());
   const auto attempt = [&](const auto& output) {
     try {
       output();
-    } catch (const Error& second) {
+    } catch (...) {
+      const Error second = error_in_flight();
       // A configuration that has no forces has no frame.
       if (second.code() != ExitCode::numerical_failure) message += fmt::format("; then {}", second.what());
     }

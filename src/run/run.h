@@ -61,6 +61,7 @@ class Run final : public AnyRun, private RunAccess {
   void load(const Checkpoint& checkpoint);
   void check();
   void check_step() const;
+  void check_frame_fields();
   std::string end_text() const;
   void announce() const;
   void branch();
@@ -93,9 +94,10 @@ class Run final : public AnyRun, private RunAccess {
   std::optional<CheckpointWriter> checkpoints_;  ///< on the root
   Schedule sampling_, framing_;
 
-  Index particles_, points_;     ///< of all ranks
-  Real dt_, last_dt_;            ///< the first step of this process; the last one before it
-  Real first_dt_;                ///< of the run
+  Index particles_, points_;  ///< of all ranks
+  Real dt_, last_dt_;         ///< the first step of this process; the last one before it
+  Real first_dt_;             ///< of the run
+  FrameFormat frame_format_;
   std::string restarted_from_;   ///< file of the checkpoint
   bool branched_ = false;        ///< it is that of another folder
   IntegratorStatistics before_;  ///< of the runs before a restart

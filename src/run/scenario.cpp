@@ -1,9 +1,13 @@
 #include <pliant/run/scenario.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
 #include <csignal>
+#include <cstdlib>
+#include <exception>
 #include <filesystem>
+#include <new>
 
 #include <pliant/base/console.h>
 #include <pliant/base/errors.h>
@@ -88,6 +92,39 @@ int fail(const Ranks& ranks, const std::string& message, ExitCode code) {
   return static_cast<int>(code);
 }
 
+/// Where there is no memory for a message with numbers. Returns the exit code.
+int complain_without_memory() {
+  constexpr std::string_view text =
+      "pliant: error: out of memory; free memory on this machine, then run the same again\n";
+  (void)!::write(STDERR_FILENO, text.data(), text.size());
+  return static_cast<int>(ExitCode::out_of_memory);
+}
+
+/// Of the exception that is being handled. Returns its exit code.
+int complain_in_flight() {
+  try {
+    const Error error = error_in_flight();
+    complain(fmt::format("{}: error: {}\n", program_name(), error.what()));
+    return static_cast<int>(error.code());
+  } catch (...) {
+    return complain_without_memory();
+  }
+}
+
+std::terminate_handler other_terminate = nullptr;
+
+/// For destructors that need memory, such as that of nlohmann::json.
+[[noreturn]] void on_terminate() {
+  try {
+    if (const auto error = std::current_exception()) std::rethrow_exception(error);
+  } catch (const std::bad_alloc&) {
+    std::_Exit(complain_without_memory());
+  } catch (...) {
+    if (other_terminate != nullptr) other_terminate();
+  }
+  std::abort();
+}
+
 }  // namespace
 
 ExitCode run_by_options(const std::string& scenario, const RunOptions& p, Options& options, const Ranks& ranks,
@@ -122,9 +159,10 @@ int run_program(int argc, char** argv, const std::vector<Scenario>& scenarios) {
   guard_standard_streams();
   std::signal(SIGXFSZ, SIG_IGN);  // a write beyond the limit on files fails, and is reported, instead of killing
   const InheritedSignals signals;
-  if (argc > 0) set_program_name(std::filesystem::path(argv[0]).filename().string());
-  const Arguments arguments(argv + std::min(argc, 2), argv + argc);
+  if (std::get_terminate() != on_terminate) other_terminate = std::set_terminate(on_terminate);
   try {
+    if (argc > 0) set_program_name(std::filesystem::path(argv[0]).filename().string());
+    const Arguments arguments(argv + std::min(argc, 2), argv + argc);
     PetscSession petsc;
     signals.restore();
     const Ranks ranks(PETSC_COMM_WORLD);
@@ -139,9 +177,7 @@ int run_program(int argc, char** argv, const std::vector<Scenario>& scenarios) {
     petsc.end();
     return code;
   } catch (...) {
-    const Error error = error_in_flight();
-    complain(fmt::format("{}: error: {}\n", program_name(), error.what()));
-    return static_cast<int>(error.code());
+    return complain_in_flight();
   }
 }
 

@@ -66,6 +66,41 @@ TEST_CASE("block error of an AR(1) series agrees with theory and covers the true
   CHECK(covered_2 / Real(plateaus) > 0.90);
 }
 
+TEST_CASE("a slow part that fast noise hides is in the error of a slow average") {
+  // As of a packing fraction: the samples are nearly independent, their mean changes over 60 of them.
+  const std::size_t n = 2000;
+  const Real part = 0.3, slow = std::exp(-1 / Real{60});
+  const Real expected = std::hypot(ar1_error(n, 0), part * ar1_error(n, slow));
+  std::mt19937_64 random(17);
+  Real blocks = 0, stretches = 0;
+  const int realisations = 200;
+  for (int r = 0; r < realisations; ++r) {
+    auto series = ar1(n, 0, random);
+    const auto drifting = ar1(n, slow, random);
+    for (std::size_t i = 0; i < n; ++i) series[i] += part * drifting[i];
+    blocks += square(block_average(series).error) / realisations;
+    stretches += square(slow_average(series).error) / realisations;
+  }
+  CAPTURE(expected, std::sqrt(blocks), std::sqrt(stretches));
+  CHECK(std::sqrt(blocks) < 0.7 * expected);  // one length of blocks does not do
+  CHECK(std::sqrt(stretches) > 0.8 * expected);
+  CHECK(std::sqrt(stretches) < 1.1 * expected);
+}
+
+TEST_CASE("without a slow part a slow average is one of blocks, or a little more careful") {
+  std::mt19937_64 random(19);
+  Real blocks = 0, stretches = 0;
+  for (int r = 0; r < 100; ++r) {
+    const auto series = ar1(2000, 0.5, random);
+    blocks += block_average(series).error / 100;
+    stretches += slow_average(series).error / 100;
+    CHECK(slow_average(series).mean == block_average(series).mean);
+    CHECK(slow_average(series).error >= block_average(series).error);
+  }
+  CHECK(stretches < 1.2 * blocks);
+  CHECK(std::isnan(slow_average(ar1(30, 0, random)).error));
+}
+
 TEST_CASE("white noise: small blocks, error close to the naive one") {
   std::mt19937_64 random(3);
   const auto series = ar1(10000, 0, random);

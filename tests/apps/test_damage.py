@@ -1,5 +1,5 @@
-"""Single bits of the files of a run that change, and names in its folder that are no files. scripts/flip_bits.py goes through
-all bytes."""
+"""Files of a run that are damaged: bits that change, cuts, sectors of zeros; and names in its folder that are no files.
+scripts/flip_bits.py goes through all bytes."""
 
 import json
 import os
@@ -37,7 +37,7 @@ def texts_of(data, *texts, every):
 
 def test_the_reader_gives_all_data_or_an_error(made):
     data = (made / "run.h5").read_bytes()
-    chosen = flip_bits.flips(len(data), 4001, False)
+    chosen = flip_bits.flips(len(data), 4001)
     # Names of groups and columns in heads, and the manifest.
     chosen += texts_of(data, b"manifest", b"kinetic_energy", b"in_hopper", b"members", b'"zeta":{"', b"hopper2d", every=4)
     found = flip_bits.check_reader(made, "run.h5", chosen)
@@ -46,27 +46,27 @@ def test_the_reader_gives_all_data_or_an_error(made):
 
 
 def test_the_reader_notices_every_bit_of_a_summary(made):
-    chosen = flip_bits.flips((made / "summary.json").stat().st_size, 97, False)
+    chosen = flip_bits.flips((made / "summary.json").stat().st_size, 97)
     found = flip_bits.check_reader(made, "summary.json", chosen)
     assert {verdict for *_, verdict in found} == {"refused"}
 
 
 def test_a_restart_ends_as_without_the_flip_or_is_refused(made):
     data = (made / "run.h5").read_bytes()
-    chosen = flip_bits.flips(len(data), 23003, False) + texts_of(data, b'"zeta":{"', b"kinetic_energy", every=5)
+    chosen = flip_bits.flips(len(data), 23003) + texts_of(data, b'"zeta":{"', b"kinetic_energy", every=5)
     assert not findings(flip_bits.check_program(PROGRAM, made, "run.h5", chosen))
 
 
 @pytest.mark.parametrize("name", ["checkpoint-a.h5", "checkpoint-b.h5"])
 def test_a_damaged_checkpoint_changes_nothing(name, made):
-    chosen = flip_bits.flips((made / name).stat().st_size, 5003, False)
+    chosen = flip_bits.flips((made / name).stat().st_size, 5003)
     found = flip_bits.check_program(PROGRAM, made, name, chosen)
     assert {verdict for *_, verdict in found} == {"same, with a warning"}
 
 
 def test_the_checks_find_what_is_wrong(made, monkeypatch):
     """A reader that leaves out a column, and one that dies."""
-    chosen = flip_bits.flips(8, 4, False)
+    chosen = flip_bits.flips(8, 4)
     whole = flip_bits.everything
     monkeypatch.setattr(flip_bits, "judge", lambda folder, truth: os.kill(os.getpid(), 9))
     assert {verdict for *_, verdict in flip_bits.check_reader(made, "summary.json", chosen)} == {"killed by signal 9"}

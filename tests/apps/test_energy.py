@@ -12,7 +12,7 @@ TS = {**SMALL, "integrator": "ts"}
 
 
 def summary_of(folder):
-    return json.loads((folder / "summary.json").read_text())
+    return json.loads((folder / "summary.json").read_text(encoding="utf-8"))
 
 
 @pytest.mark.parametrize("method", [{"ts_type": "euler"}, {"ts_type": "rk", "ts_rk_type": "1fe"},

@@ -42,7 +42,7 @@ def on_disk(folder, *command, environment=None, **settings):
 
 
 class Change:
-    """A change of the folder: created, written, cut, renamed or removed."""
+    """A change of the folder: created, written, cut, renamed or removed; or a sync, which changes nothing here."""
 
     def __init__(self, kind, name, offset, data):
         self.kind, self.name, self.offset, self.data = kind, name, offset, data
@@ -127,6 +127,12 @@ class Replay:
             files = change.made(files)
             yield files
 
+    def states_after_changes(self):
+        files = {}
+        for change in self.changes:
+            files = change.made(files)
+            yield files
+
     def write(self, files, folder):
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir()
@@ -187,7 +193,7 @@ class Replay:
         folder = self.tmp_path / "state"
         self.write(files, folder)
         with Run(folder) as run:
-            run.options, run.topology, run.geometry, "series" in run._file and len(run._file["series"]) and run.series
+            run.options, run.topology, run.geometry, "series" in run._file and run._file["series"].names() and run.series
             for frame in run.frames:
                 frame.positions, frame.velocities, frame.contacts
             return len(run.frames)

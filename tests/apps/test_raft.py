@@ -212,7 +212,7 @@ def test_stiff_droplets_find_their_step(tmp_path):
     """The first trial step is far too long: it leaves the domain of the formulas and is tried again."""
     result = pliant("raft", output=tmp_path / "run", f0=1e6, t_end=1e-4)
     assert result.returncode == 0, result.stderr
-    assert json.loads((tmp_path / "run/summary.json").read_text())["steps"] > 5
+    assert json.loads((tmp_path / "run/summary.json").read_text(encoding="utf-8"))["steps"] > 5
 
 
 def test_wrong_scenario_of_a_checkpoint(tmp_path):

@@ -2,8 +2,8 @@
 """Checks run.xdmf against run.h5: check_xdmf.py FOLDER prints "frames cells" or says what is wrong (exit 1).
 
 Every dataset that the XML names exists with the stated shape and type, connectivities decode to the stated number of
-cells over existing points, cell data has one value per cell, times increase. All grids have the same cell data, with
-constants where a cell has no such value. Exit 77: h5py is not installed.
+cells over existing points, fields have one value per cell or point and are those of run.h5, times increase. All grids
+have the same fields, with constants where a cell has no such value. Exit 77: h5py is not installed.
 """
 import os
 import sys
@@ -17,12 +17,37 @@ try:
 except ImportError:
     sys.exit(77)
 
-KINDS = {("Float", "8"): "float64", ("Int", "4"): "int32", ("UChar", "1"): "uint8"}
+KINDS = {("Float", "8"): "float64", ("Float", "4"): "float32", ("Int", "4"): "int32", ("UChar", "1"): "uint8"}
 POLYVERTEX, POLYLINE, POLYGON = 1, 2, 3
-FIELDS = {"speed", "sigma", "particle", "active", "contact_count", "force", "overlap"}
-OF_CONTACTS = {"force", "overlap"}
-OWN = {"particles": FIELDS - OF_CONTACTS | {"area_ratio"}, "contacts": OF_CONTACTS, "walls": set()}
-CONSTANT = {"particle": -1, "contact_count": -1, "active": 1}  # NaN for the others
+CONSTANT = {"particle": -1, "contact_count": -1, "reinsertions": -1, "active": 1}  # NaN for the others
+VECTORS, OF_POINTS = {"velocity", "spin", "force"}, {"velocity"}
+
+
+def own_fields(frame):
+    """Grid → {field: values in run.h5} of the fields that it has itself; in the plane vectors have a third component 0,
+    and spins are along z."""
+    def vectors(values):
+        values = values.astype(float)
+        if values.ndim == 1:
+            return numpy.stack([0 * values, 0 * values, values], axis=1)
+        return numpy.pad(values, ((0, 0), (0, 3 - values.shape[1])))
+
+    file = frame.file
+    particles = {"sigma": file["topology/sigma"][()], "active": frame["active"][()],
+                 "particle": numpy.arange(len(file["topology/sigma"]))}
+    for field, dataset in (("velocity", "velocities"), ("spin", "spins"), ("reinsertions", "reinsertions"),
+                           ("contact_count", "contact_count"), ("area", "area")):
+        if dataset in frame:
+            particles[field] = vectors(frame[dataset][()]) if field in VECTORS else frame[dataset][()]
+    if "area" in particles:
+        particles["a0"] = file["topology/a0"][()]
+    grids = {"particles": particles, "walls": {}}
+    if "wall_force" in frame and frame["wall_force"].shape[1:] == (2,) and len(frame["wall_force"]):
+        grids["walls"]["force"] = vectors(frame["wall_force"][()])
+    for contacts in ("contacts", "wall_contacts"):
+        if contacts in frame and len(frame[contacts]["overlap"]):
+            grids[contacts] = {"force": vectors(frame[contacts]["force"][()]), "overlap": frame[contacts]["overlap"][()]}
+    return grids
 
 
 def read(item, folder):
@@ -40,37 +65,50 @@ def read(item, folder):
         return data[...]
 
 
-def cells(connectivity):
-    """Yields (type, point numbers) of the cells of a mixed topology."""
-    values = connectivity.tolist()
-    while values:
-        kind, count = values[:2]
-        assert kind in (POLYVERTEX, POLYLINE, POLYGON) and len(values) >= 2 + count, "connectivity"
+def cells(topology, connectivity):
+    """Lists of point numbers of the cells."""
+    kind = topology.get("TopologyType")
+    if kind in ("Polyline", "Polyvertex"):
+        nodes = int(topology.get("NodesPerElement"))
+        assert nodes == {"Polyline": 2, "Polyvertex": 1}[kind]
+        return connectivity.reshape(-1, nodes).tolist()
+    assert kind == "Mixed"
+    values, found, at = connectivity.tolist(), [], 0
+    while at < len(values):
+        kind, count = values[at:at + 2]
+        assert kind in (POLYVERTEX, POLYLINE, POLYGON) and len(values) >= at + 2 + count, "connectivity"
         assert kind != POLYVERTEX or count == 1
-        assert kind != POLYLINE or count == 2
+        assert kind != POLYLINE or count >= 2
         assert kind != POLYGON or count >= 3
-        yield kind, values[2:2 + count]
-        values = values[2 + count:]
+        found.append(values[at + 2:at + 2 + count])
+        at += 2 + count
+    return found
 
 
-def check_grid(grid, folder, fields):
+def check_grid(grid, folder, frame, own, fields):
     topology, geometry = grid.find("Topology"), grid.find("Geometry")
-    assert topology.get("TopologyType") == "Mixed"
     points = read(geometry.find("DataItem"), folder)
     assert points.shape[1] == {"XY": 2, "XYZ": 3}[geometry.get("GeometryType")]
-    found = list(cells(read(topology.find("DataItem"), folder)))
+    found = cells(topology, read(topology.find("DataItem"), folder))
     assert len(found) == int(topology.get("NumberOfElements")), "number of cells"
-    assert all(0 <= i < len(points) for _, ids in found for i in ids), "point out of range"
+    assert all(0 <= i < len(points) for ids in found for i in ids), "point out of range"
+    if grid.get("Name") == "particles":
+        assert numpy.array_equal(points, frame["positions"])
+    elif grid.get("Name") != "walls":
+        assert numpy.array_equal(points, frame["centres"])
+        partners = "contacts/particles" if grid.get("Name") == "contacts" else "wall_contacts/particle"
+        partners = frame[partners][()].reshape(len(found), -1)
+        assert numpy.array_equal(found, partners[:, :len(found[0])]), "contacts"
     names = set()
     for attribute in grid.findall("Attribute"):
         name = attribute.get("Name")
-        assert attribute.get("Center") == "Cell" and attribute.get("AttributeType") == "Scalar"
+        assert attribute.get("AttributeType") == ("Vector" if name in VECTORS else "Scalar"), name
+        assert attribute.get("Center") == ("Node" if name in OF_POINTS else "Cell"), name
         values = read(attribute.find("DataItem"), folder)
-        assert len(values) == len(found), name
-        if name in OWN[grid.get("Name")]:
-            assert numpy.isfinite(values).all(), name
-        else:
-            assert numpy.array_equal(values, numpy.full(len(values), CONSTANT.get(name, numpy.nan)), equal_nan=True), name
+        length = len(points) if name in OF_POINTS else len(found)
+        assert values.shape == ((length, 3) if name in VECTORS else (length,)), name
+        expected = own.get(name, numpy.full(values.shape, CONSTANT.get(name, numpy.nan)))
+        assert numpy.array_equal(values, expected, equal_nan=name not in own), name
         names.add(name)
     assert names == fields, f"{grid.get('Name')}: cell data {names} instead of {fields}"
     return len(found)
@@ -82,21 +120,25 @@ def check(folder):
     assert times.get("CollectionType") == "Temporal"
     previous, frames, count = None, 0, 0
     with h5py.File(os.path.join(folder, "run.h5"), "r") as file:
-        polygons = (numpy.diff(file["topology/offset"]) > 1).any()
-    fields = FIELDS | {"area_ratio"} if polygons else FIELDS
-    for frame in times.findall("Grid"):
-        assert frame.get("CollectionType") == "Spatial"
-        time = float(frame.find("Time").get("Value"))
-        assert previous is None or time > previous, "times"
-        with h5py.File(os.path.join(folder, "run.h5"), "r") as file:
-            assert file["frames"][frame.get("Name")].attrs["time"] == time
-        previous, frames = time, frames + 1
-        count += sum(check_grid(grid, folder, fields) for grid in frame.findall("Grid"))
+        for grid in times.findall("Grid"):
+            assert grid.get("CollectionType") == "Spatial"
+            time = float(grid.find("Time").get("Value"))
+            assert previous is None or time > previous, "times"
+            frame = file["frames"][grid.get("Name")]
+            assert frame.attrs["time"] == time
+            previous, frames = time, frames + 1
+            own = own_fields(frame)
+            fields = set().union(*own.values())
+            if "contacts" in frame or "wall_contacts" in frame:
+                fields |= {"force", "overlap"}  # also where there is no contact
+            shown = [one.get("Name") for one in grid.findall("Grid")]
+            assert set(own) - {"walls"} == set(shown) - {"walls"}, shown
+            count += sum(check_grid(one, folder, frame, own[one.get("Name")], fields) for one in grid.findall("Grid"))
     return frames, count
 
 
 if __name__ == "__main__":
     try:
         print(*check(sys.argv[1]))
-    except (AssertionError, OSError, KeyError, ElementTree.ParseError) as error:
+    except (AssertionError, OSError, KeyError, ValueError, ElementTree.ParseError) as error:
         sys.exit(f"{sys.argv[1]}: {error!r}")

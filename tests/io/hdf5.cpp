@@ -75,6 +75,7 @@ TEST_CASE("HDF5 attributes keep numbers and text") {
     group.set_attribute("integer", std::int64_t{1} << 60);
     group.set_attribute("text", text);
     group.set_attribute("empty", std::string());
+    file.close();
   }
   const auto file = File::open_read(folder / "a.h5");
   const auto group = file.open_group("g");
@@ -98,6 +99,7 @@ TEST_CASE("HDF5 rows are appended, cut and checked") {
     CHECK(file.shape("scalar") == hdf5::Shape{7});
     CHECK(file.read<double>("profile", {7, 3})[20] == 18);
     CHECK_THROWS_AS(profile.append(std::vector<double>{1, 2}), std::invalid_argument);
+    file.close();
   }
   {
     auto file = File::open_write(folder / "a.h5");
@@ -106,6 +108,7 @@ TEST_CASE("HDF5 rows are appended, cut and checked") {
     scalar.append(std::vector<double>{50, 60});
     CHECK(file.open_rows("profile", 0).rows() == 0);
     CHECK_THROWS_AS(file.open_rows("scalar", 8), InputError);
+    file.close();
   }
   const auto file = File::open_read(folder / "a.h5");
   CHECK(file.read<double>("scalar") == std::vector<double>{0, 1, 2, 3, 4, 50, 60});
@@ -139,11 +142,35 @@ TEST_CASE("HDF5 links: groups appear when they are linked") {
     file.remove("gone");
     CHECK_FALSE(file.has("no/such/path"));
     CHECK(file.has("frames/0/x"));
+    file.close();
   }
   const auto file = File::open_read(folder / "a.h5");
   CHECK(file.links() == std::vector<std::string>{"again", "frames"});
   CHECK(file.read<double>("frames/0/x") == std::vector<double>{2});
   CHECK(file.read<double>("again") == std::vector<double>{2});
+}
+
+TEST_CASE("a file that is left by an exception holds the last flush") {
+  const ScratchFolder folder;
+  try {
+    auto file = File::create(folder / "a.h5");
+    auto rows = file.create_rows("rows", {}, 4);
+    rows.append(std::vector<double>{1, 2});
+    file.flush();
+    rows.append(std::vector<double>{3});
+    file.write("half", std::vector<double>(20000, 1), {20000});
+    throw std::runtime_error("memory");
+  } catch (const std::runtime_error&) {
+  }
+  {
+    const auto file = File::open_read(folder / "a.h5");
+    CHECK(file.links() == std::vector<std::string>{"rows"});
+    CHECK(file.read<double>("rows") == std::vector<double>{1, 2});
+  }
+  auto file = File::open_write(folder / "a.h5");
+  file.open_rows("rows", 2).append(std::vector<double>{4});
+  file.close();
+  CHECK(File::open_read(folder / "a.h5").read<double>("rows") == std::vector<double>{1, 2, 4});
 }
 
 TEST_CASE("HDF5 errors name file, object and reason, and print nothing") {
@@ -203,6 +230,7 @@ TEST_CASE("HDF5 rows that are written piece by piece, and past HDF5") {
     CHECK(file.create_dataset("none", hdf5::Type::int32, {0}).address() == 0);
     CHECK_THROWS_AS(pieces.write(701, 300, values.data()), OutputError);
     CHECK_THROWS_AS(file.create_dataset("pieces", hdf5::Type::int32, shape), OutputError);
+    file.close();
   }
   std::fstream(folder / "a.h5", std::ios::in | std::ios::out | std::ios::binary)
       .seekp(static_cast<std::streamoff>(address))
@@ -238,6 +266,7 @@ TEST_CASE("HDF5 checksums find damage") {
     auto file = File::create(folder / "a.h5");
     file.write("x", values, {values.size()}, hdf5::Storage::crc32);
     file.check("x");
+    file.close();
   }
   std::string bytes = contents(folder / "a.h5");
   const double one = values[damaged];
@@ -273,6 +302,7 @@ TEST_CASE("HDF5: what can be checked") {
     for (const char* name : {"below/x", "pieces", "empty", "linked", "again", "text", "nothing"})
       CHECK_NOTHROW(group.check(name));
     CHECK_THAT(message_of<InputError>([&] { group.check("plain"); }), Contains("/g/plain") && Contains("no checksum"));
+    file.close();
   }
   CHECK(File::open_read(folder / "a.h5").read_text("g/text") == "all is well");
   CHECK(File::open_read(folder / "a.h5").read_text("g/nothing").empty());

@@ -100,24 +100,28 @@ inline RunGeometry small_geometry() {
 
 /// The numbers of frame k, all different.
 struct FrameData {
-  FrameData(const Topology& topology, int k, std::size_t contacts)
-      : offset(topology.offset), a0(topology.deformable() ? topology.a0 : std::vector<Real>()), k_(k) {
+  FrameData(const Topology& topology, int k, std::size_t contacts) : offset(topology.offset), k_(k) {
     const auto points = static_cast<std::size_t>(topology.points()), n = static_cast<std::size_t>(topology.particles());
     const auto dim = static_cast<std::size_t>(topology.dim);
     fill(positions, points * dim, 0);
     fill(velocities, points * dim, 1);
-    fill(centres, n * dim, 2);
+    if (topology.deformable())
+      fill(centres, n * dim, 2);
+    else
+      centres = positions;
     if (topology.deformable()) fill(area, n, 3), fill(perimeter, n, 4);
     fill(wall_force, 2 * dim, 5);
     active.assign(n, 1);
     contact_count.assign(n, k);
-    for (std::size_t c = 0; c < contacts; ++c)
-      particles.insert(particles.end(), {static_cast<Index>(c % n), c % 2 ? -1 : static_cast<Index>((c + 1) % n)});
+    reinsertions.assign(n, k + 1);
+    for (std::size_t c = 0; c < contacts; ++c) {
+      particles.insert(particles.end(), {static_cast<Index>(c % n), static_cast<Index>((c + 1) % n)});
+      at_walls.insert(at_walls.end(), {static_cast<Index>(c % n), static_cast<Index>(c % 2)});
+    }
     fill(position, contacts * dim, 6);
     fill(normal, contacts * dim, 7);
     fill(overlap, contacts, 8);
     fill(force, contacts * dim, 9);
-    fill(ends, 2 * contacts * dim, 10);
   }
   Frame frame() const {
     return {.time = 0.1 * k_,
@@ -128,29 +132,32 @@ struct FrameData {
             .centres = centres,
             .active = active,
             .contact_count = contact_count,
-            .a0 = a0,
+            .reinsertions = reinsertions,
             .area = area,
             .perimeter = perimeter,
             .wall_force = wall_force,
-            .contacts = {.count = overlap.size(),
-                         .particles = rows(particles),
-                         .position = rows(position),
-                         .normal = rows(normal),
-                         .ends = rows(ends),
-                         .overlap = rows(overlap),
-                         .force = rows(force)}};
+            .contacts = contacts(particles),
+            .wall_contacts = contacts(at_walls)};
   }
 
   std::vector<Index> offset;
-  std::vector<Real> a0, positions, velocities, centres, area, perimeter, wall_force;
+  std::vector<Real> positions, velocities, centres, area, perimeter, wall_force;
   std::vector<std::uint8_t> active;
-  std::vector<Index> contact_count;
-  std::vector<Index> particles;  ///< of contacts, and what follows
-  std::vector<Real> position, normal, overlap, force, ends;
+  std::vector<Index> contact_count, reinsertions;
+  std::vector<Index> particles, at_walls;  ///< of contacts, and what follows of both kinds
+  std::vector<Real> position, normal, overlap, force;
 
  private:
   void fill(std::vector<Real>& values, std::size_t count, int kind) const {
     for (std::size_t i = 0; i < count; ++i) values.push_back(k_ + 0.1 * kind + 0.001 * static_cast<Real>(i) + 1e-6);
+  }
+  FrameContacts contacts(const std::vector<Index>& partners) const {
+    return {.count = overlap.size(),
+            .particles = rows(partners),
+            .position = rows(position),
+            .normal = rows(normal),
+            .overlap = rows(overlap),
+            .force = rows(force)};
   }
   /// One row per contact.
   template <class T>

@@ -90,7 +90,6 @@ TEST_CASE("a journaled file holds what was committed, at every byte that is writ
       CHECK(contents(path) == now);
       CHECK(file.committed() == now.size());
     }
-    file.sync();
   }
   CHECK(contents(path) == now);
 

@@ -17,7 +17,9 @@ using hdf5::File;
 namespace {
 
 RunWriter new_run(const std::filesystem::path& folder, const Topology& topology) {
-  return RunWriter::create(folder, small_manifest(), topology, small_geometry());
+  Manifest manifest = small_manifest();
+  manifest.dim = topology.dim;
+  return RunWriter::create(folder, manifest, topology, small_geometry());
 }
 
 void add_sample(RunWriter& writer, double a) {
@@ -93,19 +95,153 @@ TEST_CASE("a run holds what was written") {
   CHECK(frame.read<Real>("contacts/overlap", {5}) == data.overlap);
   CHECK(frame.read<Real>("contacts/force", {5, d}) == data.force);
 
-  // Derived cell data, against a sum over the points of one particle.
-  std::vector<double> mean(d, 0);
-  const auto first = static_cast<std::size_t>(topology.offset[2]), last = static_cast<std::size_t>(topology.offset[3]);
-  for (std::size_t i = first; i < last; ++i)
-    for (std::size_t k = 0; k < d; ++k) mean[k] += data.velocities[i * d + k] / static_cast<double>(last - first);
-  double speed = 0;
-  for (const double v : mean) speed += v * v;
-  CHECK(frame.read<Real>("xdmf/speed", {n})[2] == Approx(std::sqrt(speed)));
-  if (polygons) CHECK(frame.read<Real>("xdmf/area_ratio", {n})[2] == Approx(data.area[2] / 3.0));
-  CHECK(frame.read<Real>("xdmf/contact_points", {10, d}) == data.ends);
-  const auto force = frame.read<Real>("xdmf/contact_force", {5});
-  CHECK(force[4] == Approx(Eigen::Map<const Eigen::VectorXd>(&data.force[4 * d], dim).norm()));
-  CHECK(frame.read<std::int32_t>("xdmf/contact_connectivity", {20})[19] == 9);
+  CHECK(frame.read<Index>("reinsertions", {n}) == data.reinsertions);
+  const auto partners = frame.read<Index>("wall_contacts/particle", {5}),
+             walls = frame.read<Index>("wall_contacts/wall");
+  for (std::size_t c = 0; c < 5; ++c)
+    CHECK((partners[c] == data.at_walls[2 * c] && walls[c] == data.at_walls[2 * c + 1]));
+  CHECK(frame.read<Real>("wall_contacts/position", {5, d}) == data.position);
+  CHECK(frame.read<Real>("wall_contacts/normal", {5, d}) == data.normal);
+  CHECK(frame.read<Real>("wall_contacts/overlap", {5}) == data.overlap);
+  CHECK(frame.read<Real>("wall_contacts/force", {5, d}) == data.force);
+}
+
+namespace {
+
+/// [rows, 2] with a third component of 0.
+std::vector<Real> in_space(const std::vector<Real>& plane) {
+  std::vector<Real> space;
+  for (std::size_t k = 0; k < plane.size(); k += 2) space.insert(space.end(), {plane[k], plane[k + 1], 0});
+  return space;
+}
+
+}  // namespace
+
+TEST_CASE("frames have no copies for run.xdmf: centres of disks and vectors of three components are other names") {
+  const bool polygons = GENERATE(true, false);
+  const ScratchFolder scratch;
+  const auto topology = small_topology(polygons);
+  const FrameData data(topology, 1, 1000);
+  {
+    auto writer = new_run(scratch.path(), topology);
+    for (int k = 0; k < 2; ++k) writer.write_frame(data.frame());
+  }
+  const auto file = File::open_read(scratch / "run.h5");
+  const auto frame = file.open_group("frames/000001");
+  CHECK(frame.read<Real>("xdmf/velocity") == in_space(data.velocities));
+  CHECK(frame.read<Real>("xdmf/force") == in_space(data.force));
+  CHECK(frame.read<Real>("xdmf/wall_contact_force") == in_space(data.force));
+  CHECK(frame.read<Real>("xdmf/wall_force") == in_space(data.wall_force));
+  CHECK(frame.read<Real>("centres") == data.centres);
+  // What has values of its own, all in all.
+  std::uint64_t bytes = 0;
+  for (const std::string& name : frame.datasets()) {
+    CHECK(name.find("xdmf") == name.npos);
+    std::uint64_t values = 1;
+    for (const auto length : frame.shape(name)) values *= length;
+    bytes += values * frame.value_size(name);
+  }
+  const std::uint64_t n = 4, points = topology.offset.back(), reals = 4 * points + (polygons ? 4 : 0) * n + 4;
+  CHECK(bytes == 8 * reals + 9 * n + 1000 * (2 * 8 + 2 * 7 * 8));
+  // Beside them some kilobytes for the structure of a frame.
+  const auto end = std::filesystem::file_size(scratch / "run.h5");
+  CHECK(end < 2 * bytes + 60000);
+}
+
+TEST_CASE("frames hold the fields that they are to hold") {
+  const bool polygons = GENERATE(true, false);
+  const int dim = polygons ? 2 : GENERATE(2, 3);
+  CAPTURE(polygons, dim);
+  const ScratchFolder scratch;
+  const auto topology = small_topology(polygons, dim);
+  const std::vector<std::string> lists{
+      "positions",      "velocities", "contacts", "wall_contacts, wall_force", "contact_count,reinsertions",
+      "area,perimeter", "all"};
+  int cells = 0;
+  {
+    auto writer = new_run(scratch.path(), topology);
+    for (int k = 0; k < static_cast<int>(lists.size()); ++k) {
+      const std::string& list = lists[static_cast<std::size_t>(k)];
+      writer.write_frame(FrameData(topology, k, 5).frame(), {.fields = parse_frame_fields(list)});
+      cells += 4 + (dim == 2 ? 2 : 0) + (list == "contacts" || list.starts_with("wall") ? 5 : list == "all" ? 10 : 0);
+    }
+  }
+  CHECK(check_xdmf(scratch.path()) == std::to_string(lists.size()) + " " + std::to_string(cells));
+  { auto writer = RunWriter::append(scratch.path(), topology, 0, lists.size()); }  // writes run.xdmf anew
+  CHECK(check_xdmf(scratch.path()) == std::to_string(lists.size()) + " " + std::to_string(cells));
+
+  const auto file = File::open_read(scratch / "run.h5");
+  for (std::size_t k = 0; k < lists.size(); ++k) {
+    const auto frame = file.open_group("frames/00000" + std::to_string(k));
+    CAPTURE(lists[k]);
+    for (const char* always : {"positions", "centres", "active"}) CHECK(frame.has(always));
+    for (const std::string_view field : frame_field_names) {
+      const bool wanted = lists[k] == "all" || lists[k].find(field) != std::string::npos;
+      const bool known =
+          field != "angles" && field != "spins" && (polygons || (field != "area" && field != "perimeter"));
+      const bool in_other = field == "contacts" && lists[k].starts_with("wall");
+      CHECK(frame.has(std::string(field)) == (wanted && known && !in_other));
+    }
+  }
+  const auto message = message_of<InputError>([] { parse_frame_fields("velocities,speed"); });
+  CHECK_THAT(message, Contains("'speed'") && Contains("velocities, angles, spins, area, perimeter, reinsertions, "
+                                                      "contact_count, contacts, wall_contacts, wall_force"));
+  for (const char* wrong : {"", "velocities,", "All", "positions contacts"})
+    CHECK_THROWS_AS(parse_frame_fields(wrong), InputError);
+}
+
+TEST_CASE("real numbers of frames in single precision, compressed") {
+  const int dim = GENERATE(2, 3);
+  const std::size_t contacts = GENERATE(7, 50000);  // of one chunk; of several, and of several pieces
+  CAPTURE(dim, contacts);
+  const ScratchFolder scratch;
+  const auto topology = small_topology(dim == 2, dim);
+  const FrameData data(topology, 1, contacts);
+  std::vector<std::uintmax_t> sizes;
+  for (const FrameFormat& format : {FrameFormat{}, FrameFormat{.single = true}, FrameFormat{.deflate = 9},
+                                    FrameFormat{.single = true, .deflate = 1}}) {
+    const auto folder = scratch / std::to_string(sizes.size());
+    {
+      auto writer = new_run(folder, topology);
+      writer.write_frame(data.frame(), format);
+    }
+    sizes.push_back(std::filesystem::file_size(folder / "run.h5"));
+    {
+      const auto file = File::open_read(folder / "run.h5");
+      const auto frame = file.open_group("frames/000000");
+      for (const auto& [name, values] : std::map<std::string, std::vector<Real>>{{"positions", data.positions},
+                                                                                 {"wall_contacts/force", data.force}}) {
+        CHECK(frame.value_size(name) == (format.single ? 4 : 8));
+        std::vector<Real> expected = values;
+        if (format.single)
+          for (Real& value : expected) value = static_cast<Real>(static_cast<float>(value));
+        CHECK((frame.read<Real>(name) == expected));
+      }
+      CHECK((frame.read<Index>("contacts/particles") == data.particles));
+    }
+    // And the run can go on, in another format: all checksums fit.
+    auto writer = RunWriter::append(folder, topology, 0, 1);
+    CHECK(writer.damage().empty());
+    if (contacts > 7) continue;
+    writer.write_frame(FrameData(topology, 2, contacts).frame());
+    writer.close();
+    CHECK(check_xdmf(folder) == "2 " + std::to_string(2 * (4 + (dim == 2 ? 2 : 0) + 14)));
+  }
+  if (contacts > 7) {
+    CHECK(sizes[1] < 0.6 * sizes[0]);
+    CHECK(sizes[2] < 0.6 * sizes[0]);
+    CHECK(sizes[3] < 0.8 * sizes[1]);
+  } else {
+    CHECK(sizes[2] < sizes[0] + 4000);  // compression must not cost more than it saves
+  }
+}
+
+TEST_CASE("compression that the HDF5 library lacks is refused") {
+  const FrameFormat format{.deflate = 4};
+  CHECK_THAT(message_of<InputError>([&] { format.check(false); }),
+             Contains("-frame_deflate 4") && Contains(hdf5::library_version()) && Contains("without deflate"));
+  CHECK_NOTHROW(FrameFormat{}.check(false));
+  CHECK(hdf5::can_deflate());
 }
 
 TEST_CASE("run.xdmf is valid after every frame and names only what is there") {
@@ -119,7 +255,7 @@ TEST_CASE("run.xdmf is valid after every frame and names only what is there") {
   for (int k = 0; k < 3; ++k) {
     const std::size_t contacts = k == 1 ? 0 : 2 + static_cast<std::size_t>(k);
     writer.write_frame(FrameData(topology, k, contacts).frame());
-    cells += 4 + static_cast<int>(contacts) + (dim == 2 ? 2 : 0);
+    cells += 4 + 2 * static_cast<int>(contacts) + (dim == 2 ? 2 : 0);
     // The writer has the file open: readers look at a copy, as after a kill.
     const ScratchFolder copy;
     for (const char* name : {"run.h5", "run.xdmf"}) std::filesystem::copy(scratch / name, copy / name);
@@ -134,7 +270,7 @@ TEST_CASE("the check of run.xdmf finds mistakes") {
     auto writer = new_run(scratch.path(), topology);
     writer.write_frame(FrameData(topology, 0, 2).frame());
   }
-  REQUIRE(check_xdmf(scratch.path()) == "1 8");
+  REQUIRE(check_xdmf(scratch.path()) == "1 10");
   std::string text = contents(scratch / "run.xdmf");
   const auto replace = [&](const std::string& from, const std::string& to) {
     const auto at = text.find(from);
@@ -143,7 +279,8 @@ TEST_CASE("the check of run.xdmf finds mistakes") {
     std::ofstream(scratch / "run.xdmf") << text;
   };
   SECTION("shape") { replace("Dimensions=\"18 2\"", "Dimensions=\"17 2\""); }
-  SECTION("path") { replace("xdmf/speed", "xdmf/sped"); }
+  SECTION("path") { replace("xdmf/velocity", "xdmf/velocities"); }
+  SECTION("vector") { replace("xdmf/velocity", "velocities"); }
   SECTION("field that a grid lacks") { replace("Name=\"overlap\"", "Name=\"other\""); }
   SECTION("XML") { replace("</Xdmf>", ""); }
   SECTION("type") { replace("NumberType=\"UChar\" Precision=\"1\"", "NumberType=\"Int\" Precision=\"4\""); }
@@ -186,6 +323,7 @@ TEST_CASE("events are rows of their own, and a restart cuts them") {
     CHECK(writer.samples() == 1);
     writer.write_frame(FrameData(topology, 0, 0).frame());
     add_event(writer, 5);
+    writer.close();
   }
   const auto pairs = [&] { return File::open_read(scratch / "run.h5").read<Real>("/events/particles"); };
   CHECK(pairs() == std::vector<Real>{0, 1, 1, 2, 2, 3, 3, 4, 4, 5, 5, 6});
@@ -193,6 +331,7 @@ TEST_CASE("events are rows of their own, and a restart cuts them") {
     auto writer = RunWriter::append(scratch.path(), topology, 1, 1, 2);
     CHECK(writer.events() == 2);
     add_event(writer, 7);
+    writer.close();
   }
   CHECK(pairs() == std::vector<Real>{0, 1, 1, 2, 7, 8});
   CHECK(read_series(scratch.path()).at("time").rows == 1);
@@ -212,7 +351,7 @@ TEST_CASE("walls that move are drawn where they are") {
   }
   CHECK(File::open_read(scratch / "run.h5").read<Real>("/frames/000000/wall_segments", {2, 4}) == walls);
   CHECK(contents(scratch / "run.xdmf").find("/frames/000000/xdmf/wall_points") != std::string::npos);
-  CHECK(check_xdmf(scratch.path()) == "1 8");
+  CHECK(check_xdmf(scratch.path()) == "1 10");
   {
     auto writer = RunWriter::append(scratch.path(), topology, 0, 1);  // writes run.xdmf anew
     CHECK(contents(scratch / "run.xdmf").find("/frames/000000/xdmf/wall_points") != std::string::npos);
@@ -291,7 +430,7 @@ TEST_CASE("a restart cuts the series, and replaces frames when it comes to them"
     CHECK(writer.read_series().at("time").values == std::vector<Real>{0, 0.5, 1, 1.5, 2});
   }
   CHECK(frame_names(scratch.path()).size() == 4);  // what was there is not lost by looking at it
-  CHECK(check_xdmf(scratch.path()) == "4 32");
+  CHECK(check_xdmf(scratch.path()) == "4 40");
   {
     auto writer = RunWriter::append(scratch.path(), topology, 5, 2);
     add_sample(writer, 9);
@@ -303,7 +442,7 @@ TEST_CASE("a restart cuts the series, and replaces frames when it comes to them"
   CHECK(positions("000001") == FrameData(topology, 1, 0).positions);
   CHECK(positions("000002")[0] == -77);
   CHECK(positions("000003") == FrameData(topology, 3, 0).positions);
-  CHECK(check_xdmf(scratch.path()) == "3 25");
+  CHECK(check_xdmf(scratch.path()) == "3 32");
   const auto series = read_series(scratch.path());
   CHECK(series.at("time").values == std::vector<Real>{0, 0.5, 1, 1.5, 2, 9});
   CHECK(series.at("profile_momentum").values.back() == 27);
@@ -313,16 +452,16 @@ TEST_CASE("a restart cuts the series, and replaces frames when it comes to them"
     for (int k = 3; k < 6; ++k) writer.write_frame(FrameData(topology, k, 2).frame());
   }
   CHECK(frame_names(scratch.path()).size() == 6);
-  CHECK(check_xdmf(scratch.path()) == "6 49");
+  CHECK(check_xdmf(scratch.path()) == "6 62");
   {
     auto writer = RunWriter::append(scratch.path(), topology, 6, 4);
     writer.drop_later_frames();
-    CHECK(check_xdmf(scratch.path()) == "4 33");
+    CHECK(check_xdmf(scratch.path()) == "4 42");
     writer.write_frame(FrameData(topology, 4, 2).frame());
     writer.drop_later_frames();
   }
   CHECK(frame_names(scratch.path()).size() == 5);
-  CHECK(check_xdmf(scratch.path()) == "5 41");
+  CHECK(check_xdmf(scratch.path()) == "5 52");
 
   // What does not belong together is refused.
   CHECK_THROWS_AS(RunWriter::append(scratch.path(), topology, 7, 3), InputError);
@@ -347,10 +486,10 @@ TEST_CASE("a killed run is read up to its last frame") {
   CHECK(File::open_read(scratch / "run.h5").read<Real>("frames/000004/positions") ==
         FrameData(topology, 4, 0).positions);
   CHECK(read_series(scratch.path()).at("time").values == std::vector<Real>{0, 1, 2, 3, 4});
-  CHECK(check_xdmf(scratch.path()) == "5 40");
+  CHECK(check_xdmf(scratch.path()) == "5 50");
   // And the run can go on.
   { RunWriter::append(scratch.path(), topology, 5, 5).write_frame(FrameData(topology, 5, 2).frame()); }
-  CHECK(check_xdmf(scratch.path()) == "6 48");
+  CHECK(check_xdmf(scratch.path()) == "6 60");
 }
 
 TEST_CASE("a full disk stops the run and keeps the frames before") {
@@ -432,7 +571,7 @@ std::string everything(const std::filesystem::path& folder) {
     const auto frame = file.open_group("frames/" + name);
     text += fmt::format("{} {} {}", name, frame.real_attribute("time"), frame.integer_attribute("step"));
     for (const std::string& dataset : frame.datasets()) add(frame, dataset);
-    add(frame, "xdmf/connectivity");
+    add(frame, "xdmf/velocity");
   }
   return text;
 }
@@ -465,10 +604,10 @@ TEST_CASE("a restart says what is damaged, and goes on where only frames are") {
     }
     // Nobody asks for it before the run comes to it again.
     CHECK(RunWriter::append(scratch.path(), topology, 3, 1).damage().empty());
-    CHECK(check_xdmf(scratch.path()) == "4 32");
+    CHECK(check_xdmf(scratch.path()) == "4 40");
   }
   SECTION("the head of a frame") {
-    change_byte(path, place_of_text(path, "wall_force", 1));
+    change_byte(path, place_of_text(path, "perimeter", 1));
     {
       auto writer = RunWriter::append(scratch.path(), topology, 3, 3);
       REQUIRE(writer.damage().size() == 1);

@@ -29,11 +29,12 @@ struct Scene {
     std::copy(c.v.begin(), c.v.end(), state.v().begin());
     state.t = 2.5;
     state.step = 40;
-    return FrameData<D>(*system, state);
+    return FrameData<D>(*system, state, reinsertions.empty() ? nullptr : &reinsertions);
   }
 
   Configuration<D> c;
   Box<D> box;
+  std::vector<Index> reinsertions = {};
   std::unique_ptr<ParticleSystem<D>> system;
 
  private:
@@ -79,7 +80,90 @@ TEST_CASE("a frame has particles and contacts in the order of the ids", "[frame]
   CHECK(f.contacts.force[0][0] == Approx(10));
   CHECK(f.contacts.force[0][1] == Approx(0).margin(1e-13));
   CHECK(f.contacts.position[0][0] == Approx(0.45));
-  CHECK(std::vector<Real>(f.contacts.ends[0], f.contacts.ends[0] + 4) == std::vector<Real>{0.9, 5, 0, 5});
+  // The wall pushes particle 1 up.
+  REQUIRE(f.wall_contacts.count == 1);
+  CHECK(std::vector<Index>(f.wall_contacts.particles[0], f.wall_contacts.particles[0] + 2) == std::vector<Index>{1, 0});
+  CHECK(*f.wall_contacts.overlap[0] == Approx(0.2));
+  const auto rows = [](const Strided<Real>& of) { return std::vector<Real>(of[0], of[0] + 2); };
+  CHECK(rows(f.wall_contacts.position) == std::vector<Real>{-3, 0});
+  CHECK(rows(f.wall_contacts.normal) == std::vector<Real>{0, 1});
+  CHECK(f.wall_contacts.force[0][0] == Approx(0).margin(1e-15));
+  CHECK(f.wall_contacts.force[0][1] == Approx(0.4));
+  CHECK(f.reinsertions.empty());
+}
+
+namespace {
+
+/// Row k of the sums of the forces of contacts with wall k, and the same of −wall_force.
+template <int D>
+void check_sums(const Frame& f) {
+  std::vector<Real> sum(f.wall_force.size(), 0);
+  for (std::size_t c = 0; c < f.wall_contacts.count; ++c)
+    for (int k = 0; k < D; ++k)
+      sum[static_cast<std::size_t>(f.wall_contacts.particles[c][1]) * D + static_cast<std::size_t>(k)] +=
+          f.wall_contacts.force[c][k];
+  for (std::size_t k = 0; k < sum.size(); ++k) CHECK(sum[k] == Approx(-f.wall_force[k]).margin(1e-14));
+}
+
+}  // namespace
+
+TEST_CASE("a disk in a corner has a contact with each wall, and one that is near has none", "[frame]") {
+  Scene<2> scene(ModelKind::sp, Walls<2>({WallSegment::between({0, 0}, {10, 0}), WallSegment::between({0, 0}, {0, 10}),
+                                          WallSegment::between({0, -1}, {10, -1})}));
+  scene.c.add_soft(1, {0.45, 0.4});
+  scene.c.add_soft(1, {5, 0.55});  // within the skin
+  scene.c.add_soft(1, {3, -0.5});  // between two walls, touches neither
+  const auto data = scene.frame();
+  const Frame& f = data.frame;
+  REQUIRE(f.wall_contacts.count == 2);
+  for (const std::size_t wall : {0u, 1u}) {
+    const Index* partners = f.wall_contacts.particles[wall];
+    CHECK((partners[0] == 0 && partners[1] == static_cast<Index>(wall)));
+    const Real d = wall == 0 ? 0.4 : 0.45;
+    const std::size_t axis = 1 - wall;
+    CHECK(*f.wall_contacts.overlap[wall] == Approx(1 - 2 * d));
+    CHECK(f.wall_contacts.normal[wall][axis] == Approx(1));
+    CHECK(f.wall_contacts.force[wall][axis] == Approx(2 * (1 - 2 * d)));
+    CHECK(f.wall_contacts.force[wall][1 - axis] == Approx(0).margin(1e-15));
+  }
+  check_sums<2>(f);
+  CHECK(listed(f.contact_count) == std::vector<Index>{0, 0, 0});
+  // The lists are as they were.
+  CHECK(scene.system->neighbours().walls.size() > 3);
+  const auto again = scene.frame();
+  CHECK(again.frame.wall_contacts.count == 2);
+}
+
+TEST_CASE("a polygon touches a lip once, with an edge and with vertices", "[frame]") {
+  Scene<2> scene(ModelKind::rough, Walls<2>({WallSegment::between({0, 0}, {-10, 0})}, {{{0, 0}, 0}}));
+  scene.c.add_polygon({{0.01, 0.04}, {1, 0.04}, {1, 1}, {0.01, 1}}, 0.1);  // a vertex above the lip, and its edges
+  scene.c.add_polygon({{-1, -0.03}, {-0.8, -1}, {1.2, -1}, {1.0, -0.03}},
+                      0.1);  // an edge below it, a vertex at the wall
+  const auto data = scene.frame();
+  const Frame& f = data.frame;
+  check_sums<2>(f);
+  REQUIRE(f.wall_contacts.count == 3);
+  CHECK(*f.wall_contacts.particles[0] == 0);
+  CHECK(f.wall_contacts.position[0][0] == Approx(0).margin(1e-12));
+  CHECK(*f.wall_contacts.overlap[0] == Approx(1 - 20 * std::hypot(0.01, 0.04)));
+  CHECK(f.wall_contacts.force[0][1] > 0);
+  CHECK(*f.wall_contacts.particles[1] == 1);
+  CHECK(*f.wall_contacts.particles[2] == 1);
+  CHECK(f.wall_contacts.position[1][0] == Approx(-1));
+  CHECK(f.wall_contacts.position[2][0] == Approx(0).margin(1e-12));
+  for (const std::size_t c : {1u, 2u}) {
+    CHECK(*f.wall_contacts.overlap[c] == Approx(0.4));
+    CHECK(f.wall_contacts.normal[c][1] == Approx(-1));
+    CHECK(f.wall_contacts.force[c][1] == Approx(-8));  // V = 1/2 (1 − 2d/δ)²: 0.4 · 2/δ
+  }
+}
+
+TEST_CASE("a frame says how often particles were reinserted, by id", "[frame]") {
+  Scene<2> scene(ModelKind::sp);
+  for (int k = 0; k < 3; ++k) scene.c.add_soft(1, {2.0 * k, 0});
+  scene.c.topology.id = {2, 0, 1};
+  scene.reinsertions = {7, 5, 6};
+  CHECK(listed(scene.frame().frame.reinsertions) == std::vector<Index>{5, 6, 7});
 }
 
 TEST_CASE("a frame of spheres", "[frame]") {
@@ -114,7 +198,6 @@ TEST_CASE("a frame of polygons has their centres, areas and perimeters, and who 
   CHECK(f.perimeter[0] == Approx(12));
   CHECK(f.area[1] == Approx(0.5));
   CHECK(f.perimeter[1] == Approx(4 * std::sqrt(0.5)));
-  CHECK(f.a0[0] == Approx(0.9 * 6));
   CHECK(f.contacts.count == 0);
 }
 
@@ -137,9 +220,6 @@ TEST_CASE("a frame of a periodic box has particles inside and contacts across it
   CHECK(f.contacts.normal[0][0] == Approx(1));
   CHECK(f.contacts.force[0][0] == Approx(10));
   CHECK(f.contacts.position[0][0] == Approx(-0.15));
-  // Drawn from the first to the nearest image of the second.
-  CHECK(f.contacts.ends[0][0] == Approx(0.3));
-  CHECK(f.contacts.ends[0][2] == Approx(-0.6));
 }
 
 TEST_CASE("a particle that touches its own image has one contact, with two sides", "[frame]") {

@@ -2,7 +2,8 @@
 // - records every change in $PLIANT_DISK_LOG, in the order in which they are made, whichever process makes them;
 // - is full after $PLIANT_DISK_BYTES bytes, and does not know fallocate, as some file systems.
 // The log is a row of records: kind, length of the path (uint32), offset, number of bytes (uint64), path, bytes.
-// Kinds: O created or emptied, W written, T cut or extended to `offset`, R renamed to the path in the bytes, U removed.
+// Kinds: O created or emptied, W written, T cut or extended to `offset`, R renamed to the path in the bytes, U removed,
+// S synced (a file or a folder).
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <errno.h>
@@ -65,7 +66,8 @@ static int opened(int fd, const char* path, int flags, int existed, int log) {
   end(log, change ? 'O' : 0, path, 0, NULL, 0);
   if (fd < 0 || fd >= most_files) return fd;
   free(path_of[fd]);
-  path_of[fd] = watched(path) && (flags & O_ACCMODE) != O_RDONLY ? strdup(path) : NULL;
+  const int changes = (flags & O_ACCMODE) != O_RDONLY || (flags & O_DIRECTORY);
+  path_of[fd] = watched(path) && changes ? strdup(path) : NULL;
   return fd;
 }
 
@@ -176,6 +178,18 @@ int fallocate(int fd, int mode, off_t offset, off_t size) {
   return -1;
 }
 int fallocate64(int fd, int mode, off64_t offset, off64_t size) { return fallocate(fd, mode, offset, size); }
+
+// ---- syncing
+
+static int synced(int fd, int (*function)(int)) {
+  if (path_at(fd) == NULL) return function(fd);
+  const int log = begin();
+  const int result = function(fd);
+  end(log, result == 0 ? 'S' : 0, path_at(fd), 0, NULL, 0);
+  return result;
+}
+int fsync(int fd) { return synced(fd, REAL(fsync)); }
+int fdatasync(int fd) { return synced(fd, REAL(fdatasync)); }
 
 // ---- names
 

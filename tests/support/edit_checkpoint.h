@@ -35,6 +35,7 @@ void edit_checkpoint(const std::filesystem::path& path, Change&& change) {
     auto file = hdf5::File::open_write(path);
     auto state = file.open_group("state");
     change(state);
+    file.close();
   }
   seal_checkpoint(path);
 }

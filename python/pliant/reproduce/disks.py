@@ -121,12 +121,17 @@ def draw_rotation(measured):
     axes.axhline(known * 2 * np.pi, ls="-.", color="0.3", label=f"[T] {known:g}, if that is in turns")
     axes.axhline(known, ls=":", color="0.3", label=f"[T] {known:g}, if that is in rad")
     _finish(axes)
-    return figure, [_mean("|dtheta|, mean of the distributions", points, "rotation", published.ROTATION,
-                          "in rad; [T] gives no unit"),
-                    _mean("|dtheta| in turns, mean of the distributions",
-                          points.assign(rotation=points["rotation"] / (2 * np.pi),
-                                        rotation_error=points["rotation_error"] / (2 * np.pi)), "rotation",
-                          published.ROTATION, "[T] gives no unit")]
+    turns = points.assign(rotation=points["rotation"] / (2 * np.pi), rotation_error=points["rotation_error"] / (2 * np.pi),
+                          values=[values / (2 * np.pi) for values in points["values"]])
+    quantities = [_mean("|dtheta|, mean of the distributions", points, "rotation", published.ROTATION, "in rad; [T] gives no unit"),
+                  _mean("|dtheta| in turns, mean of the distributions", turns, "rotation", published.ROTATION,
+                        "[T] gives no unit")]
+    if len(turns) > 2:
+        (slope, error), _ = _line(turns, "rotation")
+        quantities.append(Quantity("slope of |dtheta| in turns in delta", slope, error, published.ROTATION_SLOPE))
+        quantities += [Quantity(f"|dtheta| in turns at delta = {row['delta']:g}", row["rotation"], row["rotation_error"])
+                       for _, row in turns.sort_values("delta").iloc[[0, -1]].iterrows()]
+    return figure, quantities
 
 
 _ALL = ("channel/pair", "channel/distributions")

@@ -13,6 +13,7 @@ from . import published
 from .figure import Figure, Quantity
 
 DISTANCE = r"distance of the walls  $D/\langle R\rangle$"
+K_WALL = 9.5413  #: stiffness of a droplet at a wall, as summary.json has it: the derivative of [T 2.7, 2.8] at rest
 
 
 def _usual(measured, column):
@@ -32,6 +33,14 @@ def _curves(axes, measured, labels):
     axes.invert_xaxis()  # time runs to the right
 
 
+def _at_rest(forces):
+    """(limit, error) of a force as the speed of the wall, its index, goes to 0: of a straight line through the two slowest; the line
+    through the next two says how far it is off."""
+    v, F = forces.index.to_numpy()[:3], forces.to_numpy()[:3]
+    limit = F[0] - v[0] * (F[1] - F[0]) / (v[1] - v[0])
+    return limit, abs(limit - (F[1] - v[1] * (F[2] - F[1]) / (v[2] - v[1])))
+
+
 def draw_three(measured):
     """[T 2.3]: force of three droplets, and its peak against the speed of the wall."""
     # Of runs that differ in the integrator alone the first.
@@ -42,21 +51,23 @@ def draw_three(measured):
     left.axhline(published.THREE_PEAK.value, color="0.4", ls="-.", lw=0.9, label="[T], peak")
     left.legend()
     speeds = runs.groupby("v_wall")["F_max"].mean()
+    lowest = runs.groupby("v_wall")["F_min"].mean() if "F_min" in runs else pd.Series(dtype=float)
     right.plot(speeds.index, speeds, "o", color=plotting.COLORS[0])
     right.axhline(published.THREE_PEAK.value, color="0.4", ls="-.", lw=0.9, label="[T]")
     right.set(xlabel=r"$v_{wall}$", ylabel=r"$F_{max}$", xlim=(0, None))
     slowest = runs.sort_values("v_wall").iloc[0]
     quantities = [Quantity("stiffness at F = 0, slowest wall", slowest["slope"], slowest["slope_error"],
                            published.THREE_SLOPE)]
-    quantities += [Quantity(f"F_max at v_wall = {v:g}", F, np.nan, published.THREE_PEAK) for v, F in speeds.items()]
+    for name, forces, known in (("F_max", speeds, published.THREE_PEAK), ("F_min", lowest, None)):
+        note = "" if known else "the negative peak of [T Fig. 2.3], for which we have no number"
+        quantities += [Quantity(f"{name} at v_wall = {v:g}", F, np.nan, known, note) for v, F in forces.items()]
+        if len(forces) > 2:
+            limit, error = _at_rest(forces)
+            quantities.append(Quantity(f"{name} as v_wall goes to 0", limit, error, known, "; ".join(filter(None, [
+                "a straight line through the two slowest; error: that through the next two", note]))))
     if len(speeds) > 2:
-        # The two slowest give the limit; the third says how far a straight line is off.
-        v, F = speeds.index.to_numpy()[:3], speeds.to_numpy()[:3]
-        limit = F[0] - v[0] * (F[1] - F[0]) / (v[1] - v[0])
-        other = F[1] - v[1] * (F[2] - F[1]) / (v[2] - v[1])
-        right.plot([0, v[1]], [limit, F[1]], color=plotting.COLORS[0], lw=1)
-        quantities.append(Quantity("F_max as v_wall goes to 0", limit, abs(limit - other), published.THREE_PEAK,
-                                   "a straight line through the two slowest; error: that through the next two"))
+        second = speeds.index[1]
+        right.plot([0, second], [_at_rest(speeds)[0], speeds[second]], color=plotting.COLORS[0], lw=1)
     right.legend()
     return figure, quantities
 
@@ -104,11 +115,15 @@ def draw_stiffness(measured):
     axes.plot(x, published.K1_SQUARE.value * x, "-.", color=plotting.COLORS[1],
               label=f"[T], $k_1$ = {with_error(published.K1_SQUARE.value, published.K1_SQUARE.error)}")
     axes.legend()
-    quantities = [Quantity("k1 of k_eq = k1 q/(p+1)", mean["k1"], mean["k1_error"], published.K1_SQUARE)]
+    quantities = [Quantity("k1 of two droplets", table["k1"].iloc[0], 0.0, published.K1_PAIR),
+                  Quantity("E1 of two droplets", table["E1"].iloc[0], 0.0, published.E1_PAIR),
+                  Quantity("k1 of k_eq = k1 q/(p+1)", mean["k1"], mean["k1_error"], published.K1_SQUARE)]
     of_row = table.assign(k=table["k_eq"] / table["x"], k_error=table["k_error"] / table["x"])
-    for row in ensemble.average(of_row, ["rows"], "k").sort_values("rows", ascending=False).itertuples():
-        quantities.append(Quantity(f"k1 of the reduction from {row.rows} rows", row.k, row.k_error,
-                                   published.K1_FIRST if row.rows == 7 else None))
+    for row in ensemble.average(of_row, ["rows"], "k", pool=["rows"]).sort_values("rows", ascending=False).itertuples():
+        first = published.K1_FIRST if row.rows == 7 else None
+        lattice = raft.lattice_k1(row.rows, round(table["n"].iloc[0] / row.rows), table["k1"].iloc[0], K_WALL)
+        quantities += [Quantity(f"k1 of the reduction from {row.rows} rows", row.k, row.k_error, first),
+                       Quantity(f"k1 of a linear lattice of {row.rows} rows", lattice, 0.0, first)]
     return figure, quantities
 
 

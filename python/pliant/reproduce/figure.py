@@ -53,6 +53,9 @@ class Figure:
     tells: tuple = ()
     kind: str = ""        #: of particles, of KINDS, if it shows one alone
     planar: bool = False  #: whether runs in 3D cannot be in it
+    #: Raises RunError for rows, [(path, Row)], that change several options at once, where the figure shows the effect of one each.
+    single: Callable | None = None
+    together: tuple = ()  #: those of its tables in which options change together on purpose: not checked by `single`
 
     def shown(self, runs):
         """Those of the runs, of which `runs` has model and dim, that the figure shows. Raises RunError if there are none, or
@@ -78,8 +81,8 @@ class Figure:
 
 
 def check_rows(figure, tables):
-    """Before they run. Raises RunError if the figure shows none of them, or would average runs that differ in more than
-    FREE options: `tables` is [(path, [Row])]."""
+    """Before they run. Raises RunError if the figure shows none of them, would average runs that differ in more than
+    FREE options, or would show the effect of several options as if it were one: `tables` is [(path, [Row])]."""
     given = [row.options for _, lines in tables for row in lines]
     if not any("options_file" in options for options in given):  # which may have what is asked
         runs = pd.DataFrame([_DEFAULTS | {name: options[name] for name in _DEFAULTS if name in options} for options in given])
@@ -95,6 +98,9 @@ def check_rows(figure, tables):
                 raise RunError(f"{where}, and {path}, line {row.line}: they differ in -{name} ({values}), which "
                                f"{figure.name} does not tell apart: it would take their mean. Draw them from tables of "
                                "their own, one --table at a time")
+    if figure.single:
+        together = {VALIDATION / f"{name}.csv" for name in figure.together}
+        figure.single([(path, row) for path, lines in tables if path not in together for row in lines])
 
 
 def deviation(quantity):

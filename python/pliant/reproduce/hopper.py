@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
 
 from .. import beverloo, beverloo_figures, ensemble, plotting
 from ..beverloo_figures import W_LABEL, draw_flow, log_axes
@@ -11,14 +12,20 @@ from ..errors import RunError
 from . import published
 from .figure import Figure, Quantity
 from .hopper_lambda import draw_angles, draw_corrected, draw_lambda, draw_size
-from .hopper_runs import (COEFFICIENT, LIMIT_AT, LIMIT_NAMES, MODEL, chi2_note, decides, fit_quantities, fitted, limit,
-                          limits, model_label, named, ratio, with_limit)
+from .hopper_runs import (COEFFICIENT, LIMIT_AT, LIMIT_NAMES, MODEL, chi2_note, decides, fit_quantities, fitted, is_hard,
+                          is_soft, limit, limits, model_label, named, of_several, ratio, with_limit)
 from .hopper_stiffness import draw_deformable_prefactors, draw_offsets, draw_soft_prefactors
+
+
+def _limit_fits(table):
+    """Fits of Q(w) of every model of `limits`; `size` is N where a model has several."""
+    by = ["dim", *MODEL, "mu", "zeta"]
+    return beverloo.fit_seeds(table.assign(size=of_several(table, "n", by)), ["limit", *by, "size"])
 
 
 def draw_limits(measured):
     """[H 2, 3, 10]: Q(w) with fits, and Q/C, a row of panels per limit; in 2D the published law of hard particles."""
-    fits = beverloo.fit_seeds(limits(measured), ["limit", "dim", *MODEL, "mu", "zeta"])
+    fits = _limit_fits(limits(measured))
     there = [name for name in LIMIT_NAMES if (fits["limit"] == name).any()]
     figure, panels = plt.subplots(len(there), 2, figsize=(plotting.PAGE, 3.9 * len(there)), layout="constrained", squeeze=False)
     quantities = []
@@ -42,6 +49,30 @@ def draw_limits(measured):
     return figure, quantities
 
 
+def draw_hard(measured):
+    """[H 10] as `draw_limits`, and Q of the stiffest deformable particles over Q of the hardest soft ones of the same N and width:
+    [H App. B] has one hard limit for both."""
+    figure, quantities = draw_limits(measured)
+    table = limits(measured)
+    hard = table[[is_hard(row) for _, row in table.iterrows()]]
+    for (limit, dim, n), group in hard.groupby(["limit", "dim", "n"]):
+        soft = group[is_soft(group)]
+        soft = soft[soft["e_sp"] == soft["e_sp"].max()]
+        points = {key: ensemble.average(one, ["hopper_width"], "Q")
+                  for key, one in [("soft", soft), *group[~is_soft(group)].groupby(["model", "k_l", "k_b"])] if len(one)}
+        if "soft" not in points:
+            continue
+        name = f"soft, E_sp = {soft['e_sp'].iloc[0]:g}, N = {n:g}"
+        for (model, k_l, k_b), own in ((key, own) for key, own in points.items() if key != "soft"):
+            both = own.merge(points["soft"], on="hopper_width", suffixes=("", "_soft"))
+            for row in both[(both["Q"] > 0) & (both["Q_soft"] > 0)].itertuples():
+                ratio = row.Q / row.Q_soft
+                error = ratio * np.hypot(row.Q_error / row.Q, row.Q_error_soft / row.Q_soft)
+                quantities.append(Quantity(f"Q of {model}, K_l = {k_l:g}, K_b = {k_b:g} over {name}, w = {row.hopper_width:g}, "
+                                           f"{LIMIT_NAMES[limit]}", ratio, error, published.HARD_ALIKE))
+    return figure, quantities
+
+
 def power_law(points, x, value):
     """(exponent, its error, prefactor, chi2/dof) of value = A x^p through points of `ensemble.average`, weighted by their errors;
     the error is drawn over seeds. Raises RunError for fewer than two points above 0."""
@@ -56,6 +87,33 @@ def power_law(points, x, value):
     drawn = drawn[(drawn > 0).all(1)]
     slopes = np.polyfit(log_x, np.log(drawn).T, 1, w=weight)[0]
     return float(slope), float(ensemble.spread(slopes)), float(np.exp(offset)), chi2
+
+
+FAR, NEAR = 15.0, 2.0  #: heights above the orifice [sigma_avg] where the speed is far from it, and over which its gradient is taken
+
+
+def _profile_quantities(runs, lam):
+    """[Quantity] of the speed far from the orifice and of its fall per height close to it: the largest width over the smallest, and the
+    exponents in w."""
+    rows = []
+    for (w, *_), run in ensemble.groups(runs, ["hopper_width", "table", "row"]):
+        curve = run.sort_values("height")
+        if curve["height"].max() >= FAR:
+            v = np.interp([0, NEAR, FAR], curve["height"], curve["v"])
+            rows.append({"hopper_width": w, "far": v[2], "gradient": (v[0] - v[1]) / NEAR})
+    if not rows:
+        return []
+    quantities = []
+    for column, name in (("far", f"speed at h = {FAR:g}"), ("gradient", f"fall of v_g per height below h = {NEAR:g}")):
+        points = ensemble.scatter(pd.DataFrame(rows), ["hopper_width"], column)
+        quantities += [Quantity(f"{name}, w = {points['hopper_width'].iloc[i]:g}, lambda = {lam:g}", points[column].iloc[i],
+                                points[f"{column}_error"].iloc[i], None, "[H 5] draws it; we have no number") for i in (0, -1)]
+        try:
+            slope, error, _, chi2 = power_law(points, "hopper_width", column)
+        except RunError:
+            continue
+        quantities.append(Quantity(f"exponent of the {name} in w, lambda = {lam:g}", slope, error, None, chi2_note(chi2)))
+    return quantities
 
 
 def draw_profiles(measured):
@@ -86,6 +144,7 @@ def draw_profiles(measured):
         symbol = plotting.symbol(i)
         plotting.errorbar(last, points["hopper_width"], points["v"], points["v_error"], ls="", capsize=2.5,
                           label=titles.get(lam, rf"$\lambda$ = {lam:g}"), **symbol)
+        quantities += _profile_quantities(own, lam)
         known = published.VELOCITY[LIMIT_AT.get(lam, "crossover")]
         name = f"exponent of v_g(h = 0) in w, lambda = {lam:g}"
         try:
@@ -162,7 +221,7 @@ def draw_discharge(measured):
 
 
 _PARTICLES = ("dim", *MODEL)
-_LIMITS = (*_PARTICLES, "mu", "zeta", "hopper_width")
+_LIMITS = (*_PARTICLES, "mu", "zeta", "n", "hopper_width")
 _STIFFNESS = (limit, *_PARTICLES, "bending_edges", "n", "hopper_width")
 _LAMBDA = (ratio, *_PARTICLES, "hopper_angle", "n", "hopper_width")
 _MAPS = ("hopper/map", "hopper/limits-smooth", "hopper/map-large", "hopper/smooth-large", "hopper/map-rough",
@@ -203,8 +262,10 @@ FIGURES = [
     Figure("H8", "discharge of two wedges against their width, beside the experiment", ("quick/discharge",),
            ("hopper/discharge",), "flows", draw_discharge, "400 particles, four seeds",
            tells=("zeta", "e_sp", "hopper_angle", "hopper_angle_left", "hopper_width")),
-    Figure("H10", "Q(w) of soft and of nearly hard particles", ("quick/limits", "quick/hard"),
-           ("hopper/limits", "hopper/limits-smooth", "hopper/limits-rough"), "flows", draw_limits, _FEW,
+    Figure("H10",
+           "Q(w) of soft and of nearly hard particles; Q of the stiffest deformable ones over Q of the hardest soft ones",
+           ("quick/limits", "quick/hard"),
+           ("hopper/limits", "hopper/limits-smooth", "hopper/limits-rough", "hopper/stiffest"), "flows", draw_hard, _FEW,
            as_run=("as-run/limits", "as-run/limits-hard"), tells=_LIMITS),
     Figure("H11", "beta(lambda) of very soft particles, from Q and from Q' corrected for overlaps",
            ("quick/lambda-soft", "quick/lambda"), ("hopper/lambda-soft", "hopper/lambda"), "flows", draw_corrected,

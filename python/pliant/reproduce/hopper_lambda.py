@@ -1,5 +1,7 @@
 """The figures of the hopper paper of beta against lambda = zeta/mu, and lambda_c."""
 
+from dataclasses import replace
+
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -87,7 +89,7 @@ def _draw_crossovers(axes, curves, dim, lam_c, **legend):
 
 def _renamed(quantity, dim):
     name = quantity.name.replace("$", "").replace("{", "").replace("}", "")
-    return Quantity(name + (", 3D" if dim == 3 else ""), quantity.value, quantity.error, quantity.published, quantity.note)
+    return replace(quantity, name=name + (", 3D" if dim == 3 else ""))
 
 
 def draw_lambda(measured, value="Q"):
@@ -125,7 +127,7 @@ def draw_corrected(measured):
         axes.set_title(f"from Q{prime}" + (", corrected for overlaps" if prime else ""), loc="left")
         for q in found:
             q = _renamed(q, 2)
-            quantities.append(Quantity(f"from Q{mark}, {q.name}", q.value, q.error, q.published, q.note))
+            quantities.append(replace(q, name=f"from Q{mark}, {q.name}"))
     return figure, quantities
 
 
@@ -162,6 +164,19 @@ def _draw_lambda_c(axes, curves):
     axes.legend()
 
 
+def _plateau(ratios, full):
+    """[Quantity]: drag over friction in the steepest hopper over that in the next one, of each model with several angles."""
+    quantities = []
+    for _, group in ratios.groupby(_VARIANT):
+        group = group.sort_values("hopper_angle")
+        if len(group) > 1:
+            (steep, error), (next_one, next_error) = group[["drag_friction_ratio", "drag_friction_ratio_error"]].to_numpy()[:2]
+            quantities.append(Quantity(
+                f"|F_zeta|/|F_mu| at lambda = 0.01, {full(group.iloc[0])} over the same at {group['hopper_angle'].iloc[1]:g}",
+                steep / next_one, steep / next_one * np.hypot(error / steep, next_error / next_one), published.RATIO_PLATEAU))
+    return quantities
+
+
 def _draw_ratios(axes, ratios, curves, full, lams):
     """Drag over friction of one model against the angle of the hopper; its quantities at lambda = 0.01 and at lambda_c.
     full(row) is what their names call a row; `lams` are those of all models, each of one colour."""
@@ -174,6 +189,7 @@ def _draw_ratios(axes, ratios, curves, full, lams):
         if lam == 0.01 and len(at_lam) > 1:
             quantities += [Quantity(f"|F_zeta|/|F_mu| at lambda = 0.01, {full(row)}", row["drag_friction_ratio"],
                                     row["drag_friction_ratio_error"]) for _, row in at_lam.iterrows()]
+            quantities += _plateau(at_lam, full)
     quantities += [Quantity(f"|F_zeta|/|F_mu| at lambda_c, free ends: {full(row)}",
                             *_ratio_at_crossover(ratios[_same(ratios, row[["hopper_angle", *_VARIANT]])], free))
                    for row, _, _, free in curves if free]
@@ -222,8 +238,7 @@ def draw_angles(measured):
             right.set_axis_off()
         else:
             quantities += _draw_ratios(right, ratios[_same(ratios, model)], own, full, sorted(ratios["lam"].unique()))
-    return figure, [_renamed(Quantity(q.name.replace(r"\theta_w", "theta_w").replace("°", ""), q.value, q.error,
-                                      q.published, q.note), 2) for q in quantities]
+    return figure, [_renamed(replace(q, name=q.name.replace(r"\theta_w", "theta_w").replace("°", "")), 2) for q in quantities]
 
 
 def draw_size(measured):

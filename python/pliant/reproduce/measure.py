@@ -23,7 +23,7 @@ _READING = ["friction", "drag", "contact_law", "e_w", "count", "removal_depth", 
             "reinsertion_lateral_speed", "pack_fraction", "max_overlap", "steady", "steady_start"]
 #: What else deformable particles as printed and as run differ in.
 _LAWS = ["friction", "drag", "count", "reinsertion_gap", "e_w", "area_energy", "bending_edges", "edge_force", "edge_width",
-         "wall_diameter"]
+         "wall_diameter", "friction_point"]
 _RATES = ["Q", "Q_corrected", "orifice_velocity", "drag_friction_ratio", "c0"]
 _CLOG = ["hopper_width", "g", "phi_c", "status", "avalanche_size", "capillary_length"]
 _PROFILE = ["mu", "zeta", "e_sp", "hopper_width", "dim", "drag"]
@@ -77,12 +77,13 @@ def fractures(run):
 
 
 def forces(run):
-    """Force curve of a raft, with its stiffness at rest and its highest peak."""
+    """Force curve of a raft, with its stiffness at rest, its highest peak and its lowest force."""
     curve = raft.Compression.of(run)
     every = -(-len(curve.force) // _CURVE)
     slope, error = curve.stiffness_at_zero()
     return pd.DataFrame({"distance": curve.distance[::every], "force": curve.force[::every]}).assign(
-        n=curve.n, slope=slope, slope_error=error, F_max=curve.force.max(), **_raft(run))
+        n=curve.n, slope=slope, slope_error=error, F_max=curve.force.max(),
+        F_min=curve.force.min(), **_raft(run))
 
 
 def clogs(run):

@@ -28,6 +28,10 @@ C_RATIO = Published(C["drag"].value / C["friction"].value,
                     C["drag"].value / C["friction"].value * math.hypot(*(c.error / c.value for c in C.values())), "H 10, 13a")
 #: Offset of the softest particles.
 K_SOFT = {"friction": Published(0.5, 0.5, "H 7: below 1"), "drag": Published(1.0, 0.5, "H 7")}
+#: Q of stiff deformable particles over Q of hard soft ones.
+HARD_ALIKE = Published(1.0, 0.0, "H App. B: one hard limit")
+#: |F_zeta|/|F_mu| of the steepest hopper over that of the next one: the curve ends in a plateau.
+RATIO_PLATEAU = Published(1.0, 0.0, "H 6b: plateau")
 #: Ratio zeta/mu at which beta is in the middle, by dimension with a flat bottom, and by angle in 2D.
 LAMBDA_C = {2: Published(0.05, 0.005, "H 4a"), 3: Published(0.07, 0.005, "H 4b")}
 LAMBDA_C_ANGLE = {90: Published(0.05, 0.005, "H 6a"), 30: Published(5e-3, 5e-4, "H 6a"), 20: Published(5e-3, 5e-4, "H 6a")}
@@ -50,6 +54,7 @@ OIL_HOPPERS = Published(1.0, 0.0, "H 8c: identical")
 
 THREE_SLOPE = Published(3.16, 0.005, "T Fig. 2.3")
 THREE_PEAK = Published(0.110, 0.0005, "T Fig. 2.3")
+K1_PAIR, E1_PAIR = Published(4.69, 0.005, "T 2.12-2.25"), Published(0.00173, 5e-6, "T 2.12-2.25")
 K1_SQUARE = Published(7.08, 0.6, "T Fig. 2.7")
 K1_FIRST = Published(5.27, 0.005, "T 2.4.1: first reduction of the 7 x 7 raft")
 K1_ARRAYS = Published(6.1, 0.05, "T 2.4.2: mean of 20 to 400 droplets")
@@ -75,6 +80,7 @@ D2_SLOPE_CLOCK = Published(0.09, 0.005, "T Fig. 3.14b")
 NON_AFFINE_POWER = Published(0.74, 0.005, "T Fig. 3.12a")
 D2_POWER = Published(1.47, 0.005, "T Fig. 3.12b")
 ROTATION = Published(0.046, 0.0005, "T Fig. A.2")
+ROTATION_SLOPE = Published(0.0, 0.0, "T Fig. A.2: no trend")
 W_LOW = Published(2.595, 0.0025, "T Fig. 4.4: w* = 5.19 <R>")
 W_SLOPE = Published(2.96, 0.0025, "T Fig. 4.4: w* = 5.92 delta")
 DELTA_CRIT = Published(0.876, 0.0005, "T 4.13")

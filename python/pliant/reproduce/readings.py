@@ -10,8 +10,9 @@ from ..errors import RunError
 from ..statistics import commonest
 from ..symbols import SYMBOLS, plain
 from . import published
-from .figure import Figure, Quantity
+from .figure import FREE, Figure, Quantity
 from .hopper_runs import BETA, COEFFICIENT, LIMIT_NAMES, fit_quantities, limits, model_label
+from .hopper_runs import limit as limit_of
 
 _UNITS = {"friction": r"$\mu/\mu_0$", "drag": r"$\zeta/\zeta_0$"}
 NEAR = 0.1  #: beta is called 3/2 or 1/2 within this
@@ -34,24 +35,26 @@ AS_RUN_3D = {limit: AS_RUN[limit] | _START_3D | {"e_w": 578.7, "e_sp": 115.7} | 
 MODELS = {2: (PRINTED, AS_RUN), 3: (PRINTED_3D, AS_RUN_3D)}
 OPTIONS = list(PRINTED["drag"])
 #: The same of deformable particles. The edges are those of smooth ones.
-_EDGES = ("edge_force", "edge_width")
+_EDGES = ("edge_force", "edge_width", "friction_point")
 _SIZE = ("n", "hopper_wall_distance")
 _DEFORMABLE = {"friction": "whole", "drag": "per_particle", "e_c": 1e4, "e_w": 1e4, "count": "crossing", "reinsertion_gap": 0.0,
                "area_energy": "absolute", "bending_edges": "unit", "edge_force": "single", "edge_width": 0.1,
-               "wall_diameter": 0.0}
+               "friction_point": "vertex", "wall_diameter": 0.0}
 _DEFORMABLE_AS_RUN = {"e_c": 115.7, "e_w": 13.9, "count": "removal", "reinsertion_gap": 0.8333, "area_energy": "relative",
                       "bending_edges": "full", "edge_force": "twofold", "edge_width": 0.2, "wall_diameter": 0.1976}
 MODELS_DEFORMABLE = [
     {limit: _DEFORMABLE | {name: PRINTED[limit][name] for name in ("mu", "zeta")} for limit in PRINTED},
     {limit: _DEFORMABLE | _DEFORMABLE_AS_RUN | {name: AS_RUN[limit][name] for name in ("mu", "zeta", "friction", "drag")}
      for limit in AS_RUN}]
+_NOT_ACTING = {"drag": ("friction", "friction_point"), "friction": ("drag",)}  #: options without a coefficient, by limit
 _MODEL = ["friction", "drag", "contact_law", "e_w", "e_sp", "mu", "zeta"]
 _PROTOCOL = [name for name in OPTIONS if name not in _MODEL]
 _WORDS = {"whole": "whole friction", "tangential": "tangential friction", "per_particle": "drag per particle",
           "per_mass": "drag per mass", "linear": "linear contacts", "harmonic": "harmonic contacts",
           "crossing": "counted as they cross", "removal": "counted as they are removed",
           "absolute": "absolute area", "relative": "relative area", "unit": "bending of unit edges",
-          "full": "bending of full edges", "single": "single edge force", "twofold": "twofold edge force"}
+          "full": "bending of full edges", "single": "single edge force", "twofold": "twofold edge force",
+          "contact": "friction at the contact", "vertex": "friction at the vertex"}
 _NAMES = {"edge_width": "width of edges", "wall_diameter": "width of walls", "pack_fraction": "start at phi",
           "hopper_wall_distance": "W", **{name: plain(SYMBOLS[name]) for name in ("e_c", "e_w", "e_sp", "n")}}
 
@@ -80,6 +83,71 @@ def changes(row, base, names=OPTIONS):
     return list(filter(None, (_words(name, row[name]) for name in names if not _same(row[name], base[name]))))
 
 
+#: Options that only act together with another one: the two are one difference.
+_FOLLOWS = {"removal_depth": "count", "reinsertion_lateral_speed": "reinsertion_gap", "k_a": "area_energy"}
+
+
+def _number(text):
+    """A value of a table: a number where it is one."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def _differences(a, b):
+    """The options in which two readings, {option: value}, differ; those of _FOLLOWS count as the ones that they follow."""
+    return {_FOLLOWS.get(name, name) for name in a.keys() | b.keys()
+            if not _same(a.get(name, np.nan), b.get(name, np.nan))}
+
+
+def _of_one_model(rows):
+    """{(model, dim, K_l, K_b, limit): [(Row's path, line, {option: value})]} of the rows in the limits, each reading once.
+    A size or contacts that all rows of a group share are left out: they are no difference."""
+    groups = {}
+    for path, row in rows:
+        own = COEFFICIENT.get(end := limit_of(row.options))
+        if not own or "options_file" in row.options:
+            continue
+        kept = {name: _number(value) for name, value in row.options.items()
+                if name not in (*FREE, *_NOT_ACTING[end], "hopper_width")}
+        soft = kept.get("model", "sp") == "sp"
+        usual = (MODELS[int(kept.get("dim", 2))] if soft else MODELS_DEFORMABLE)[0][end]
+        key = (*(kept.pop(name, None) for name in ("model", "dim", "k_l", "k_b")), end)
+        kept = {name: value for name, value in usual.items() if name not in _NOT_ACTING[end] and value == value} | kept
+        if not soft and "friction_point" not in row.options and end == "friction":
+            kept["friction_point"] = "contact"  # the default of the program, which is not as printed
+        found = groups.setdefault(key, [])
+        if not any(not _differences(kept, other) for _, _, other in found):
+            found.append((path, row.line, kept))
+    for key, found in groups.items():
+        shared = {name for name in (*_SIZE, "e_c", "e_w")
+                  if all(_same(one.get(name, np.nan), found[0][2].get(name, np.nan)) for *_, one in found)}
+        groups[key] = [(path, line, {k: v for k, v in one.items() if k not in shared}) for path, line, one in found]
+    return groups
+
+
+def check_single(rows):
+    """Raises RunError for a reading whose effect is one of several options and would be taken for that of one: it differs from
+    the model as printed, or as run, in several, and no other reading is nearer to that model and differs from it in one alone.
+    `rows`: [(path, Row)]."""
+    for (model, dim, *_, end), readings in _of_one_model(rows).items():
+        models = MODELS[int(dim or 2)] if model in (None, "sp") else MODELS_DEFORMABLE
+        shared = {*_SIZE, "e_c", "e_w"} - set().union(*(one.keys() for *_, one in readings))
+        bases = [{name: value for name, value in base[end].items() if name not in _NOT_ACTING[end] and name not in shared}
+                 for base in models]
+        for path, line, one in readings:
+            from_bases = [_differences(one, base) for base in bases]
+            if min(map(len, from_bases)) < 2:
+                continue
+            if not any(_differences(other, base) < differs and len(_differences(one, other)) == 1
+                       for base, differs in zip(bases, from_bases) for *_, other in readings):
+                nearest = min(from_bases, key=len)
+                raise RunError(f"{path}, line {line}: differs from the model as {'printed' if nearest is from_bases[0] else 'run'} in "
+                               f"{', '.join('-' + name for name in sorted(nearest))} at once; each reading of this figure "
+                               "changes one option: add rows that change them one by one")
+
+
 def reading(row, names=OPTIONS, models=None):
     """'printed', 'as run, mu = 31.62': the nearer of the two `models` (default: MODELS), and what differs from it."""
     found = [(name, changes(row, base[row["limit"]], names))
@@ -98,8 +166,10 @@ def _canonical(measured):
 
 def _laws_that_act(table):
     """The law of friction is as printed where there is drag only, and the other way round."""
-    for limit, name in (("drag", "friction"), ("friction", "drag")):
-        table.loc[table["limit"] == limit, name] = _COMMON[name]
+    for limit, names in _NOT_ACTING.items():
+        for name in names:
+            if name in table:
+                table.loc[table["limit"] == limit, name] = (_COMMON | _DEFORMABLE)[name]
     return table
 
 
@@ -273,9 +343,29 @@ def _deformable_fits(measured, by=()):
 
 def draw_deformable(measured):
     """The exponent of each reading of rough and of smooth particles, and how well the published and the opposite exponent
-    fit."""
+    fit; Q with friction at the vertex over Q with friction at the contact."""
     fits = _some(_deformable_fits(measured))
-    return _draw_models(fits, fits["e_c"] < 1e4)
+    figure, quantities = _draw_models(fits, fits["e_c"] < 1e4)
+    return figure, quantities + _friction_points(fits)
+
+
+def _friction_points(fits):
+    """[Quantity] of Q of smooth particles with friction at the vertex over Q with friction at the contact, of pairs of readings that
+    are alike otherwise."""
+    own = fits[(fits["model"] == "smooth") & (fits["limit"] == "friction")]
+    rest = [name for name in ("k_l", "k_b", *_DEFORMABLE, *_SIZE, "mu") if name != "friction_point"]
+    quantities = []
+    for _, pair in own.groupby(rest, dropna=False):
+        data = dict(zip(pair["friction_point"], pair["data"]))
+        if set(data) != {"vertex", "contact"}:
+            continue
+        both = data["vertex"].merge(data["contact"], on="hopper_width", suffixes=("", "_contact"))
+        name = pair["name"][pair["friction_point"] == "vertex"].iloc[0]
+        for row in both[(both["Q"] > 0) & (both["Q_contact"] > 0)].itertuples():
+            ratio = row.Q / row.Q_contact
+            quantities.append(Quantity(f"Q with friction at the vertex over Q at the contact, w = {row.hopper_width:g}: {name}", ratio,
+                                       ratio * np.hypot(row.Q_error / row.Q, row.Q_error_contact / row.Q_contact)))
+    return quantities
 
 
 def _order(row):
@@ -460,18 +550,20 @@ _ALONE = ("dim", *OPTIONS, "hopper_width")
 _DEFORMABLE_ALONE = ("model", "k_l", "k_b", "mu", "zeta", *_SIZE, *_DEFORMABLE, "hopper_width")
 FIGURES = [
     Figure("readings", "exponent of each reading of [H]: as printed, as run, and each difference alone",
-           ("quick/readings",), ("hopper/readings", "hopper/readings-hard"), "readings", draw_readings,
-           "four readings, fewer widths, shorter runs", tells=_ALONE, kind="soft"),
+           ("quick/readings",), ("hopper/readings", "hopper/readings-hard", "hopper/readings-together"), "readings",
+           draw_readings, "four readings, fewer widths, shorter runs", tells=_ALONE, kind="soft", single=check_single,
+           together=("hopper/readings-together",)),
     Figure("deformable", "exponent of rough and smooth particles as printed and as run, friction only and drag only",
            ("quick/deformable",),
-           ("hopper/limits-rough", "hopper/limits-smooth", "hopper/rough-large", "hopper/smooth-large",
+           ("hopper/limits-rough", "hopper/limits-smooth", "hopper/limits-smooth-vertex", "hopper/rough-large", "hopper/smooth-large",
             "as-run/limits-rough", "as-run/limits-smooth", "as-run/smooth-large"),
            "flows", draw_deformable, "120 particles, softer contacts, fewer widths and seeds, shorter runs",
            tells=_DEFORMABLE_ALONE, kind="deformable"),
     Figure("readings-deformable", "exponent of each reading of [H]'s smooth particles: as printed, and each difference alone",
-           ("quick/readings-deformable",), ("hopper/readings-deformable",), "flows", draw_deformable,
-           "120 particles, three readings of each limit, fewer seeds, shorter runs", tells=_DEFORMABLE_ALONE,
-           kind="deformable"),
+           ("quick/readings-deformable",), ("hopper/readings-deformable", "hopper/readings-deformable-together"), "flows",
+           draw_deformable, "120 particles, three readings of each limit, fewer seeds, shorter runs",
+           tells=_DEFORMABLE_ALONE, kind="deformable", single=check_single,
+           together=("hopper/readings-deformable-together",)),
     Figure("coefficients", "exponent against mu and against zeta, both laws as printed and as run",
            ("quick/coefficients",), ("hopper/coefficients", "hopper/coefficients-hard", "hopper/coefficients-as-run"),
            "readings", draw_coefficients,

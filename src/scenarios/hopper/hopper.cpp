@@ -295,6 +295,10 @@ class HopperProtocol final : public Protocol<D> {
     return last_sample_.row;
   }
 
+  const std::vector<Index>* reinsertions() const override {
+    return p_.flow == FlowKind::continuous ? &reinserted_ : nullptr;
+  }
+
   std::string progress() const override {
     std::string line =
         fmt::format("max overlap {:.3f}  crossed {}", last_sample_.max_overlap, last_sample_.crossed.crossed);

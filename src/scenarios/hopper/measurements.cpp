@@ -195,7 +195,7 @@ nlohmann::ordered_json evaluate_series(const Series& series, const HopperOptions
       {time, column("crossed_area"), column("kinetic_energy"), column("top_height"), column("bulk_fraction")});
   const FlowRate& q = flow.rate;
   const std::size_t from = flow.from, rows = time.size();
-  const auto average = [&](const char* name) { return block_average(column(name).subspan(from)); };
+  const auto average = [&](const char* name) { return slow_average(column(name).subspan(from)); };
   const auto report = [&](const BlockAverage& b, std::string_view unit, Real factor = 1) {
     return quantity(b.mean * factor, flow.steady.steady ? b.error * factor : BlockAverage::unknown, unit);
   };
