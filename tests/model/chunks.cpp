@@ -73,7 +73,7 @@ Neighbours<D> brute_force(const Configuration<D>& c, ModelKind kind) {
   for (Index i = 0; i < t.points(); ++i) {
     if (t.active[t.particle[i]] == 0) continue;
     const Vec<D> r = c.position(i);
-    for (Index s = 0; s < c.walls.size(); ++s)
+    for (Index s = 0; s < static_cast<Index>(c.walls.parts().size()); ++s)
       if (c.walls.distance(r, s, 0) < t.diameter[i] / 2 + skin) all.walls.pairs.push_back({i, s});
     if constexpr (D == 2) {
       if (needs.lips)

@@ -131,7 +131,7 @@ TEST_CASE("a list holds every contact until something has moved by half the skin
         const Real on_edge = needs.edges == Edges::wide ? reach : t.diameter[j] / 2;
         expect(1, segment_foot(q, r, next).d2 < square(on_edge), contains(lists.vertex_edges, {j, i}));
       }
-      for (Index s = 0; s < scene.walls.size(); ++s)
+      for (Index s = 0; s < static_cast<Index>(scene.walls.parts().size()); ++s)
         expect(2, scene.walls.distance(r, s, 0) < t.diameter[i] / 2, contains(lists.walls, {i, s}));
       for (Index l = 0; l < 2; ++l)
         expect(3, segment_foot(scene.walls.lips()[l].place, r, next).d2 < square(t.diameter[i] / 2),
@@ -326,7 +326,7 @@ TEST_CASE("lists of soft particles in 3D follow the same rule") {
       ++touching;
       missing += !contains(lists.point_pairs, {i, j}) && !contains(lists.point_pairs, {j, i});
     }
-    for (Index s = 0; s < walls.size(); ++s) {
+    for (Index s = 0; s < static_cast<Index>(walls.parts().size()); ++s) {
       if (walls.distance(point<3>(y.data(), i), s, 0) >= topology.sigma[i] / 2) continue;
       ++touching;
       missing += std::find(lists.walls.pairs.begin(), lists.walls.pairs.end(), Pair{i, s}) == lists.walls.end();

@@ -170,16 +170,18 @@ std::map<std::string, Change> changes_of_attribute(const std::string& name) {
   };
   const auto remove = [=](hid_t file) { REQUIRE(H5Adelete_by_name(file, "/state", name.c_str(), H5P_DEFAULT) >= 0); };
   changes["removed"] = in_file(remove);
-  changes["many"] = in_file([=](hid_t file) {
+  const auto replace = [=](hid_t file, hid_t space) {
     remove(file);
-    const hsize_t count = 1000;
-    const hid_t space = H5Screate_simple(1, &count, nullptr);
     const hid_t attribute = H5Acreate_by_name(file, "/state", name.c_str(), H5T_NATIVE_DOUBLE, space, H5P_DEFAULT,
                                               H5P_DEFAULT, H5P_DEFAULT);
-    const std::vector<double> values(count, 1.0);
+    const std::vector<double> values(H5Sget_simple_extent_npoints(space), 1.0);
     REQUIRE(H5Awrite(attribute, H5T_NATIVE_DOUBLE, values.data()) >= 0);
     H5Aclose(attribute);
     H5Sclose(space);
+  };
+  changes["many"] = in_file([=](hid_t file) {
+    const hsize_t count = 1000;
+    replace(file, H5Screate_simple(1, &count, nullptr));
   });
   if (name == "time") {
     for (const auto& [text, value] : wrong_reals) set(text, value);
@@ -189,7 +191,7 @@ std::map<std::string, Change> changes_of_attribute(const std::string& name) {
     set("text", std::string("soon"));
   } else {
     set("empty", std::string());
-    set("number", 1.0);
+    changes["number"] = in_file([=](hid_t file) { replace(file, H5Screate(H5S_SCALAR)); });
     set("nonsense", std::string("{\"n\": "));
     set("array", std::string("[1, 2]"));
     set("deep", std::string(100000, '['));
