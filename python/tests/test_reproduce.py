@@ -449,7 +449,7 @@ def drawn(name, data, tmp_path=None):
     picture, quantities = command.FIGURES[name].draw(data)
     if tmp_path:
         picture.set_layout_engine("none")  # takes half of the time
-        picture.savefig(tmp_path / "x.png", dpi=60)
+        picture.savefig(tmp_path / "x.png", dpi=80)
         assert_picture(tmp_path / "x.png")
     matplotlib.pyplot.close(picture)
     found = {q.name: q for q in quantities}

@@ -137,7 +137,7 @@ def test_flow_run_measures_after_the_start(tmp_path):
         def hopper(self, options, folder):
             if self.fails:
                 raise harness.BenchError("exit code 3: the acceleration of coordinate 0 is nan")
-            assert "-dt 5e-06" in options and "-seed 7" in options
+            assert "-dt 7.07107e-06" in options and "-seed 7" in options
             folder.mkdir(parents=True)
             with h5py.File(folder / "run.h5", "w") as file:
                 file.create_group("manifest")

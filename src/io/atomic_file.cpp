@@ -1,3 +1,4 @@
+#include <dirent.h>
 #include <fcntl.h>
 #include <pliant/base/errors.h>
 #include <pliant/base/regular_file.h>
@@ -9,6 +10,7 @@
 #include <cstdio>
 #include <cstring>
 #include <functional>
+#include <memory>
 #include <random>
 #include <string>
 #include <vector>
@@ -48,11 +50,14 @@ void remove_leftovers(const std::filesystem::path& folder, const std::string& na
   namespace fs = std::filesystem;
   const auto now = fs::file_time_type::clock::now();
   std::error_code ignored;
-  for (fs::directory_iterator entry(folder, ignored), end; entry != end; entry.increment(ignored)) {
-    const std::string file = entry->path().filename().string();
+  // Not a directory_iterator: without memory it ends the program.
+  const std::unique_ptr<DIR, int (*)(DIR*)> entries(::opendir(folder.c_str()), ::closedir);
+  while (const dirent* const entry = entries != nullptr ? ::readdir(entries.get()) : nullptr) {
+    const std::string file = entry->d_name;
     if (!file.starts_with(name + ".") || !file.ends_with(".tmp")) continue;
-    const auto written = entry->is_symlink(ignored) ? fs::file_time_type::min() : entry->last_write_time(ignored);
-    if (now - std::chrono::minutes(10) > written) fs::remove(entry->path(), ignored);
+    const fs::path path = folder / file;
+    const auto written = fs::is_symlink(path, ignored) ? fs::file_time_type::min() : fs::last_write_time(path, ignored);
+    if (now - std::chrono::minutes(10) > written) fs::remove(path, ignored);
   }
 }
 

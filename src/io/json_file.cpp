@@ -15,7 +15,7 @@ namespace {
 using nlohmann::ordered_json;
 
 constexpr const char *format_name = "format", *checksum_name = "crc32";
-constexpr int format = 2;
+constexpr int sealed_format = 2;
 constexpr std::size_t largest = std::size_t{64} << 20;
 
 /// The last member, behind `text`.
@@ -31,7 +31,7 @@ bool is_sealed(std::string_view text) {
 }  // namespace
 
 void write_json(const std::filesystem::path& path, const ordered_json& object) {
-  ordered_json whole{{format_name, format}};
+  ordered_json whole{{format_name, sealed_format}};
   whole.update(object);
   // A message may hold bytes that are not UTF-8 (a file name): replace them rather than lose the file.
   std::string text = whole.dump(2, ' ', false, ordered_json::error_handler_t::replace);

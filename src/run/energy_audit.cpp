@@ -9,7 +9,7 @@ namespace pliant {
 
 Real EnergyBudget::scale() const {
   constexpr Real small_part = 1e-4;
-  return std::max({std::abs(work), std::abs(heat), std::abs(change), largest, small_part * std::abs(energy)});
+  return std::max({std::abs(work), std::abs(heat), std::abs(change), largest, small_part * std::abs(energy), rounding});
 }
 
 Real EnergyBudget::certain_error() const {
@@ -164,6 +164,18 @@ void EnergyAudit<D>::sample(At at) {
   largest_ = std::max(largest_, sums[1]);
 }
 
+/// Of contacts compressed by 1e-9 of a radius.
+template <int D>
+Real EnergyAudit<D>::rounding() const {
+  if (!inertia()) return 0;
+  const Topology& own = simulation_.topology();
+  const Real elastic = simulation_.particles().field().critical_step(own).elastic;
+  Real sum = 0;
+  for (Index m = 0; m < own.owned(); ++m)
+    sum += own.point_mass[m] * own.points_of(m) * square(1e-9 * own.sigma[m] / elastic);
+  return simulation_.ranks().sum(sum);
+}
+
 template <int D>
 EnergyBudget EnergyAudit<D>::budget() {
   const SampledIntegral heat = heat_;
@@ -178,6 +190,7 @@ EnergyBudget EnergyAudit<D>::budget() {
   b.change = b.energy - start_energy_;
   b.work = work_ + brought_;
   b.largest = largest_;
+  b.rounding = rounding();
   heat_ = heat;  // the run may go on
   largest_ = largest;
   return b;

@@ -23,10 +23,12 @@ struct EnergyBudget {
   Real uncertainty = 0;  ///< standard error of the heat, where that is sampled
   Real largest = 0;      ///< kinetic energy, at most; 0 without inertia
   Real energy = 0;       ///< at the end
+  Real rounding = 0;     ///< energies below this come from rounded positions
 
   Real error() const { return change - work + heat; }
   /// What the error is compared with: the largest of work, heat, change and kinetic energy, but no less than a small
-  /// part of the energy itself, so that a run in which nothing happens is not judged by its rounding.
+  /// part of the energy itself and than `rounding`, so that a run in which nothing happens is not judged by its
+  /// rounding.
   Real scale() const;
   Real relative_error() const { return scale() > 0 ? std::abs(error()) / scale() : 0; }
   /// The part of the relative error that sampling the heat cannot explain.
@@ -102,6 +104,7 @@ class EnergyAudit {
   enum class At { end_of_step, anywhere };
   /// With valid lists.
   StateView<D> view(const Real* v, At at);
+  Real rounding() const;
   Real kinetic_energy(const StateView<D>& s) const;
   Real energy();
   Real energy_of(std::span<const Index> ids);

@@ -134,7 +134,8 @@ class WallContactFinder {
 
   /// Of each particle and lip the nearest place of the outline.
   void find_lips(const PairList& list) requires(D == 2) {
-    for (const auto& [lip, start] : list) {
+    for (const Pair& pair : list) {
+      const Index lip = pair.first, start = pair.second;
       const Vec<2> q = walls_.lip(lip, view_.t);
       const SegmentFoot foot = segment_foot(q, view_.position(start), view_.position(topology_.next[start]));
       const Real d = std::sqrt(foot.d2);

@@ -123,7 +123,7 @@ def test_what_has_come_out_may_go_up_behind_a_wall(tmp_path):
     """Friction draws soft particles round the lips of a steep hopper. They count once, and fall."""
     options = {"model": "smooth", "n": 150, "hopper_wall_distance": 18, "hopper_width": 6, "hopper_angle": 30, "n_vertices": 12, "e_c": 250,
                "e_w": 250, "k_l": 10, "k_b": 0.1, "zeta": 0, "mu": 31.6227766, "pack_fraction": 0.9, "t_end": 7, "frame_interval": 0.1,
-               "seed": 2, "self_crossing": "count"}
+               "seed": 2, "self_crossing": "count", "corner_contact": "literal"}
     run = hopper(tmp_path / "run", **options)
     behind = [outside(run, frame["centres"]) for frame in run.frames]
     (who,) = np.flatnonzero(np.any(behind, axis=0))
@@ -197,7 +197,8 @@ def test_controlled_steps_do_not_jump_through_the_floor(method, tmp_path):
 
 @pytest.mark.parametrize("drag", ["per_particle", "per_mass"])
 def test_without_inertia_as_in_strong_drag(drag, tmp_path):
-    options = {"drag": drag, "zeta": 30, "mu": 0, "t_end": 8, "integrator": "ts", "ts_rtol": 1e-6, "ts_atol": 1e-6}
+    options = {"drag": drag, "zeta": 30, "mu": 0, "t_end": 8, "integrator": "ts", "ts_rtol": 1e-6, "ts_atol": 1e-6,
+               "corner_contact": "literal"}
     heavy = hopper(tmp_path / "heavy", **options)
     light = hopper(tmp_path / "light", **options, dynamics="overdamped")
     moved = light.frames[-1]["positions"] - light.frames[0]["positions"]
@@ -208,10 +209,12 @@ def test_without_inertia_as_in_strong_drag(drag, tmp_path):
     assert np.abs(light.frames[-1]["velocities"]).max() > 0.02
     # The stiffest spring relaxes against the drag of the heaviest particle; per mass, of any.
     sigma = 1.4 / 1.2 if drag == "per_particle" else 1
-    # With inertia w² h² + 4 g h = 4 at the limit h, where g is the damping of the lightest particle.
-    damping, h = 30 / (np.pi / 4 * (sigma / 1.4)**2) if drag == "per_particle" else 30 / (np.pi / 4), heavy.summary["dt_critical"]
-    limit = 2 * 30 / (4 * (1 - damping * h) / h**2 * np.pi / 4 * sigma**2)
-    assert light.summary["dt_critical"] == pytest.approx(limit, rel=1e-6)
+    # Of Verlet w² h² + 4 g h = 4 at the limit h, where g is the damping of the lightest particle.
+    still = hopper(tmp_path / "verlet", drag=drag, zeta=30, mu=0, t_end=0.01)
+    damping, h = 30 / (np.pi / 4 * (sigma / 1.4)**2) if drag == "per_particle" else 30 / (np.pi / 4), still.summary["dt_critical"]
+    # rk 5dp is stable for decays up to 3.3066 / h.
+    limit = 3.30657 * 30 / (4 * (1 - damping * h) / h**2 * np.pi / 4 * sigma**2)
+    assert light.summary["dt_critical"] == pytest.approx(limit, rel=1e-4)
 
 
 def c0_of_the_series(results, residue):
@@ -423,7 +426,11 @@ def test_contacts_of_a_settled_pile(settled):
     walls = np.zeros_like(last["wall_force"])
     np.add.at(walls, last["wall_contacts/wall"], last["wall_contacts/force"])
     assert len(last["wall_contacts/wall"]) > 3
-    assert walls == pytest.approx(-last["wall_force"], rel=1e-9, abs=1e-9)
+    if settled.summary["model"] == "rough":  # the lips are so close that a particle has one contact with both
+        walls, force = walls.sum(axis=0), last["wall_force"].sum(axis=0)
+    else:
+        force = last["wall_force"]
+    assert walls == pytest.approx(-force, rel=1e-9, abs=1e-9)
 
 
 def test_energy_falls_under_drag(settled):

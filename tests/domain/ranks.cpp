@@ -114,7 +114,7 @@ TEST_CASE("an error on one rank is everybody's, with its code and text", "[ranks
   if (ranks.several())
     CHECK(what([&] {
             if (ranks.rank() == last) throw std::runtime_error("other");
-          }) == std::pair(ExitCode::numerical_failure, std::string("other")));
+          }) == std::pair(ExitCode::numerical_failure, std::string("internal: other")));
   CHECK(ranks.sum(1.0) == ranks.size());  // all are still in step
 }
 
