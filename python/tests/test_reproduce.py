@@ -705,7 +705,7 @@ def test_models_and_sizes_have_maps_of_their_own(tmp_path):
     picture, _ = command.FIGURES["H7"].draw(pd.concat(every))
     titles = [axes.get_title(loc="left") for axes in picture.axes]
     matplotlib.pyplot.close(picture)
-    assert [title for title in titles if title] == [f"{name}, friction only" for name in (
+    assert [title for title in titles if title] == [f"$k$: {name}, friction only" for name in (
         "smooth, $N$ = 400", "smooth, $N$ = 1600", "rough, $N$ = 400")]
     found = drawn("H14", pd.concat(every), tmp_path)
     first, larger, rough = (found[f"C with the published beta held: {name}, friction only"].value for name in (
