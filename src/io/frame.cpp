@@ -139,7 +139,8 @@ FrameLayout::FrameLayout(const Frame& frame, int dimensions, const Ranks& ranks,
   add_contacts("wall_contacts", frame.wall_contacts, [&](const Rows& rows) {
     const Strided<Index>& pairs = frame.wall_contacts.particles;
     arrays.push_back(stored("wall_contacts/particle", rows, 1, pairs));
-    arrays.push_back(stored("wall_contacts/wall", rows, 1, Strided<Index>{pairs.data + 1, pairs.stride}));
+    const Index* const walls = pairs.data != nullptr ? pairs.data + 1 : nullptr;
+    arrays.push_back(stored("wall_contacts/wall", rows, 1, Strided<Index>{walls, pairs.stride}));
   });
 }
 
