@@ -22,7 +22,7 @@ KINDS = {
     "rough": {**POLYGONS, "model": "rough", "t_end": 0.4},
     "smooth": {**POLYGONS, "model": "smooth", "t_end": 0.06, "frame_interval": 0.02},
     "discharge": {"flow": "discharge", "hopper_angle": 45, "n": 40, "t_end": 4},
-    "ts": {"integrator": "ts", "ts_type": "rk", "ts_adapt_type": "none", "dt": 2e-3, "t_end": 1.5},
+    "ts": {"integrator": "ts", "ts_type": "rk", "ts_adapt_type": "none", "dt": 1.5e-3, "t_end": 1.5},
 }
 
 
