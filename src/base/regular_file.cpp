@@ -7,6 +7,8 @@
 #include <sys/vfs.h>
 #include <unistd.h>
 
+#include <cerrno>
+
 namespace pliant {
 namespace {
 
@@ -56,6 +58,11 @@ int open_regular(const std::filesystem::path& path, int flags) {
 int open_readable(const std::filesystem::path& path, std::string_view what) {
   if (is_pipe_of_shell(path)) return ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
   return open_checked(path, fmt::format("{} {}", what, printable(path.string())), O_RDONLY);
+}
+
+ssize_t read_some(int file, void* to, std::size_t most) {
+  for (;;)
+    if (const ssize_t got = ::read(file, to, most); got >= 0 || errno != EINTR) return got;
 }
 
 }  // namespace pliant

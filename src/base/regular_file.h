@@ -1,6 +1,9 @@
 // Files that users name: what else can have a name (FIFOs, devices, folders) would wait, never end, or be changed.
 #pragma once
 
+#include <sys/types.h>
+
+#include <cstddef>
 #include <filesystem>
 #include <string_view>
 
@@ -14,5 +17,8 @@ int open_regular(const std::filesystem::path& path, int flags);
 /// The same for reading what messages call `what`, with the pipes of a shell, such as /dev/stdin and <(…), too; not
 /// FIFOs.
 int open_readable(const std::filesystem::path& path, std::string_view what);
+
+/// read(2), again where a signal has interrupted it. Returns the number of bytes, 0 at the end, or −1 and errno.
+ssize_t read_some(int file, void* to, std::size_t most);
 
 }  // namespace pliant

@@ -68,8 +68,7 @@ std::string read_text_file(const std::string& file, std::size_t limit, std::stri
   while (got != 0 && text.size() <= limit) {
     const std::size_t before = text.size();
     text.resize(before + piece);
-    do got = ::read(in, text.data() + before, piece);
-    while (got < 0 && errno == EINTR);
+    got = read_some(in, text.data() + before, piece);
     if (got < 0) break;
     text.resize(before + static_cast<std::size_t>(got));
   }

@@ -101,9 +101,8 @@ void copy_file_atomically(const std::filesystem::path& from, const std::filesyst
   const auto copy = [&](int file) {
     std::vector<char> piece(std::size_t{1} << 20);
     for (;;) {
-      const ssize_t got = ::read(source, piece.data(), piece.size());
+      const ssize_t got = read_some(source, piece.data(), piece.size());
       if (got == 0) return 0;
-      if (got < 0 && errno == EINTR) continue;
       if (got < 0) return unread = errno;
       if (const int error = write_all(file, {piece.data(), static_cast<std::size_t>(got)}); error != 0) return error;
     }

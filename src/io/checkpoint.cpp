@@ -45,9 +45,7 @@ void verify(const fs::path& path) {
   const std::unique_ptr<const int, void (*)(const int*)> closer(&file, [](const int* open) { ::close(*open); });
   std::vector<char> buffer(1 << 16);
   const auto read = [&](std::size_t most) {
-    ssize_t got = 0;
-    do got = ::read(file, buffer.data(), most);
-    while (got < 0 && errno == EINTR);
+    const ssize_t got = read_some(file, buffer.data(), most);
     if (got < 0) refuse("cannot be read");
     return std::string_view(buffer.data(), static_cast<std::size_t>(got));
   };

@@ -1,14 +1,13 @@
 // The longest stable step of an explicit method.
 #pragma once
 
-#include <cmath>
 #include <complex>
 #include <limits>
 #include <span>
 #include <utility>
 #include <vector>
 
-#include <pliant/base/types.h>
+#include <pliant/model/model.h>
 
 namespace pliant {
 
@@ -47,7 +46,7 @@ class StabilityPolynomial {
 /// The same of velocity Verlet, which predicts the velocities that forces depend on: ω² h² + 4 r h ≤ 4, should the
 /// fastest oscillation have the fastest decay, too.
 inline Real longest_verlet_step(const FastestRates& rates) {
-  return 2 / (rates.decay + std::sqrt(square(rates.decay) + square(rates.oscillation)));
+  return CriticalStep::limit({.stiffness = square(rates.oscillation), .damping = rates.decay});
 }
 
 }  // namespace pliant
