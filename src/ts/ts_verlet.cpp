@@ -143,10 +143,10 @@ PetscErrorCode evaluate_error(TS ts, NormType norm, PetscInt* order, PetscReal* 
   PetscCall(VecRestoreArrayRead(d.y_old, &y_old));
   PetscCall(VecRestoreArrayRead(d.f, &f));
   PetscCall(VecRestoreArrayRead(d.f_old, &f_old));
-  const bool infinity = norm == NORM_INFINITY;
-  const PetscReal here = infinity ? std::max(x.largest, v.largest) : (x.sum + v.sum) / all;
+  const bool largest = norm == NORM_INFINITY;
+  const PetscReal here = largest ? std::max(x.largest, v.largest) : (x.sum + v.sum) / all;
   PetscCall(
-      MPIU_Allreduce(&here, error, 1, MPIU_REAL, infinity ? MPIU_MAX : MPIU_SUM, PetscObjectComm((PetscObject)ts)));
+      MPIU_Allreduce(&here, error, 1, MPIU_REAL, largest ? MPIU_MAX : MPIU_SUM, PetscObjectComm((PetscObject)ts)));
   *error = std::sqrt(*error);
   if (order) *order = 2;
   PetscFunctionReturn(0);
