@@ -181,9 +181,9 @@ def measure(arguments, repetitions, page, work):
     output = arguments.output or (arguments.build / arguments.quick_folder if arguments.quick else ROOT / "docs")
     try:
         program = Program(arguments.build, arguments.cpu)
-        output.mkdir(parents=True, exist_ok=True)
         if not (output / page).exists():
-            shutil.copy(ROOT / "docs" / page, output)
+            (output / page).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(ROOT / "docs" / page, output / page)
         say("; ".join(program.version))
         with tempfile.TemporaryDirectory(prefix="pliant-bench-") as scratch:
             work(Context(program, Path(scratch), repetitions, arguments.quick), output / page)

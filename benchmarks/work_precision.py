@@ -2,7 +2,7 @@
 """Work against precision of integrators; `scripts/work-precision.sh` builds what it needs and calls it.
 
 Writes FOLDER/performance-data/work-precision-*.csv, FOLDER/images/work-precision-*.png and the tables of
-FOLDER/integrators.md."""
+FOLDER/reference/integrators.md."""
 
 import json
 import math
@@ -189,7 +189,7 @@ def report(problem, rows, standard, images):
                         f"e₀ = {standard[error]:.2g}:")
         name = f"work-precision-{problem}{'-energy' * (error == 'energy_error')}.png"
         draw(rows, error, label, images / name)
-        text += ["", table(shown, columns), "", f"![{problem}: {label}](images/{name})", ""]
+        text += ["", table(shown, columns), "", f"![{problem}: {label}](../images/{name})", ""]
     trusted = next((row["error"] for row in rows if row["method"] == "reference" and "error" in row), None)
     trust = "" if trusted is None else f"Two references differ by {trusted:.1g}. "
     text.append(f"{trust}Standard run: {standard['method']}, dt = {standard['value']:.2g}, {standard['evaluations']} "
@@ -297,22 +297,23 @@ def flow_study(context, model, output):
 
 
 def study_all(context, page, names):
+    output = page.parents[1]
     for name in names:
         # Each part is written when it is done: what comes after it may fail.
         try:
-            text = (study(context, name, page.parent) if name in PROBLEMS else
-                    flow_study(context, FLOWS[name], page.parent))
+            text = (study(context, name, output) if name in PROBLEMS else
+                    flow_study(context, FLOWS[name], output))
         except BenchError as reason:
             say(f"{name}: {reason}")
             text = f"Not measured: {reason}."
         insert(page, {f"work-precision-{name}": text})
-    insert(page, {"work-precision": overview(page.parent / "performance-data")})
+    insert(page, {"work-precision": overview(output / "performance-data")})
 
 
 def main():
     names = [*PROBLEMS, *FLOWS]
     args = parser("work-precision", __doc__.splitlines()[0], "PROBLEM", names, "work-precision").parse_args()
-    return measure(args, 1, "integrators.md", lambda context, page: study_all(context, page, args.only or names))
+    return measure(args, 1, "reference/integrators.md", lambda context, page: study_all(context, page, args.only or names))
 
 
 if __name__ == "__main__":

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Writes docs/options.md, the options of all scenarios, from the program's own table. With --check it writes nothing and
+# Writes docs/reference/options.md, the options of all scenarios, from the program's own table. With --check it writes nothing and
 # fails if the page is out of date.
 #   scripts/docs.sh [--check] [PROGRAM [PAGE]]     PROGRAM: the one to ask (default: build/apps/pliant); another than pliant
 #                                                  has a PAGE of its own
@@ -11,7 +11,7 @@ if [[ ${1:-} == --check ]]; then
   shift
 fi
 program=${1:-$build/apps/pliant}
-page=${2:-$root/docs/options.md}
+page=${2:-$root/docs/reference/options.md}
 name=$(basename "$program")
 [[ -x $program ]] || die "$program is not there; build it first (scripts/build.sh), or name another program"
 [[ $name == pliant || $# -gt 1 ]] || die "$name: name the page to write too"
@@ -22,7 +22,7 @@ text="<!-- Made by scripts/docs.sh from the program; edit the options in the sou
 # Options
 
 Every option has a type, a default, a unit and a range; \`$name SCENARIO -help\` prints the same list. An unknown name or a
-value out of range ends the program with exit code 2 before any work is done. [models.md](models.md) has the units.
+value out of range ends the program with exit code 2 before any work is done. [models.md](../models.md) has the units.
 
 Options come from the command line (\`-name value\`) and from files (\`-options_file FILE\`, may be repeated): YAML
 (\`.yaml\`, \`.yml\`), where nested keys join with \`_\`, or plain lines of \`-name value\`. The files are read in their

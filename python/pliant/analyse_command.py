@@ -16,7 +16,7 @@ from .script import markdown, with_error
 
 _DESCRIPTION = """Non-affine motion of disks that are pushed through a channel: mean displacement field, non-affine
 displacement, D2_min, strain clock and rotation. Reads run folders and CSV tables with the columns frame, particle, x,
-y, r and, if they are there, angle, push, time, plunger_travel. docs/channel-analysis.md has the formulas."""
+y, r and, if they are there, angle, push, time, plunger_travel. docs/scenarios/channel-analysis.md has the formulas."""
 
 _EPILOG = """examples:
   pliant-analyse channel runs/bidisperse                          # writes runs/bidisperse/analysis.json

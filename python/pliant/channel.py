@@ -1,5 +1,5 @@
 """Analysis of disks that are pushed through a channel, as in chapter 3 and appendix A of the thesis: mean displacement
-field, non-affine displacement, D2_min, strain clock, rotation ([T n] are its equations; docs/channel-analysis.md).
+field, non-affine displacement, D2_min, strain clock, rotation ([T n] are its equations; docs/scenarios/channel-analysis.md).
 
 >>> from pliant import channel, tracks
 >>> result, = channel.analyse([tracks.load("runs/bidisperse")], channel.Choices())

@@ -1,6 +1,6 @@
 """What a compressed raft shows: force peaks, row reductions, stiffness, competing fractures.
 
-The rules (docs/raft.md explains them):
+The rules (docs/scenarios/raft.md explains them):
 
 - Force F: the mean of the forces on both walls, positive where the raft pushes. D: their distance.
 - A peak is one of scipy.signal.find_peaks(F) with a height and a prominence of at least 0.1 sqrt(2 k1 E1), the force that

@@ -1,7 +1,7 @@
 """run.h5 as its last commit left it, and values compared with their checksums.
 
 The running program appends to the file and changes, at each commit, only what finds the frames and the rows of tables
-(docs/file-format.md). `RunFile` copies that part when it is opened, so that it sees one state of the file however long
+(docs/reference/file-format.md). `RunFile` copies that part when it is opened, so that it sees one state of the file however long
 the program goes on. HDF5 would share a file that is open twice within a process, and show the older state of the two:
 it gets a file object of its own each time instead.
 """

@@ -22,7 +22,7 @@ FAILED_CODE = 3
 
 _DESCRIPTION = """Runs every row of a CSV table: columns are options of pliant without the dash, one run a row. Columns
 that are no options: scenario (default: the program's first, hopper), name, seeds (1-20 or 1,2,5: one run each). The same
-command goes on with runs that were stopped and skips those that are done. docs/sweeps.md has more."""
+command goes on with runs that were stopped and skips those that are done. docs/how-to/sweeps.md has more."""
 
 _EPILOG = """examples:
   pliant-sweep widths.csv -j 4

@@ -1,4 +1,4 @@
-"""Writes run folders in the format of docs/file-format.md: particles on a jittered lattice that flow down a hopper.
+"""Writes run folders in the format of docs/reference/file-format.md: particles on a jittered lattice that flow down a hopper.
 
 Nothing is simulated; positions follow a funnel-shaped velocity field, so that every figure has something to show.
 """

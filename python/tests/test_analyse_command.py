@@ -102,7 +102,7 @@ def test_errors(made, tmp_path):
 
 
 def test_the_page_has_every_option():
-    page = (COMMAND.parents[1] / "docs/channel-analysis.md").read_text(encoding="utf-8")
+    page = (COMMAND.parents[1] / "docs/scenarios/channel-analysis.md").read_text(encoding="utf-8")
     parser = argparse.ArgumentParser(add_help=False)
     analyse_command.channel_options(parser)
     options = [action.option_strings[-1] for action in parser._actions if action.option_strings]

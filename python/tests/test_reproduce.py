@@ -206,7 +206,7 @@ def test_runs_that_a_figure_does_not_show(tmp_path, name, columns, values, refus
 
 
 def test_quick_tables_are_small():
-    """In steps of all particles; what they take is in docs/reproduce.md."""
+    """In steps of all particles; what they take is in docs/how-to/reproduce.md."""
     for one in command.FIGURES.values():
         steps = 0.0
         for name in one.quick:
@@ -220,7 +220,7 @@ def test_quick_tables_are_small():
 
 
 def test_every_figure_is_in_the_documentation():
-    page = (HERE.parents[1] / "docs/reproduce.md").read_text(encoding="utf-8")
+    page = (HERE.parents[1] / "docs/how-to/reproduce.md").read_text(encoding="utf-8")
     for one in command.FIGURES.values():
         assert f"| {one.name} | {one.title} | {one.quick_note} |" in page
 

@@ -1,4 +1,4 @@
-"""Every sentence of docs/what-we-learned.md, and every row of the first table of docs/validation.md, with a number or a verdict
+"""Every sentence of docs/validation/what-we-learned.md, and every row of the first table of docs/validation/validation.md, with a number or a verdict
 is tied to rows: its tag <sup>w1</sup> names an entry of validation/statements.txt, which says there how to read the format."""
 
 import operator
@@ -16,7 +16,7 @@ from pliant.reproduce.figure import AGREE
 
 ROOT = Path(__file__).resolve().parents[2]
 VALIDATION = ROOT / "validation"
-PAGES = {"docs/what-we-learned.md": "w", "docs/validation.md": "v"}  #: page: first letter of its tags
+PAGES = {"docs/validation/what-we-learned.md": "w", "docs/validation/validation.md": "v"}  #: page: first letter of its tags
 TAG = re.compile(r"<sup>([wv]\d+)</sup>")
 NUMBER = re.compile(r"(?<![\w.])([−-]?\d+(?:\.\d+)?(?:·10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+))?|[−-]?10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+))(?: ± (\d+(?:\.\d+)?))?(?![\w])")
 VERDICT = re.compile(r":\s+(?:\*\*)?(yes|no verdict|no)\b")
@@ -259,11 +259,11 @@ def entries(text):
 
 def statements(page, text):
     """[sentence or row of a table] of a page that need a tag: those with a number or a verdict."""
-    if page == "docs/validation.md":
+    if page == "docs/validation/validation.md":
         text = text.split("## In short")[1].split("\n## ")[0]
     found = []
     for block in text.split("\n"):
-        if block.startswith(("|--", "| --", "#", "![")) or not block.strip() or (page == "docs/validation.md" and not block.startswith("|")):
+        if block.startswith(("|--", "| --", "#", "![")) or not block.strip() or (page == "docs/validation/validation.md" and not block.startswith("|")):
             continue
         if block.startswith("|"):
             found.append(block)
@@ -373,7 +373,7 @@ SENTENCE = "Of N = 800 β is 2.283 ± 0.038: no (k at its bound 0), hard 1.50 ±
 
 
 def problems(sentence, ties=TIES):
-    return "; ".join(wrong for one in statements("docs/what-we-learned.md", sentence) for wrong in check(one, entries(ties), ROWS))
+    return "; ".join(wrong for one in statements("docs/validation/what-we-learned.md", sentence) for wrong in check(one, entries(ties), ROWS))
 
 
 def test_a_sentence_that_agrees_with_its_rows_has_no_fault():

@@ -46,7 +46,7 @@ std::string names_of(const std::vector<Scenario>& scenarios) {
   return text;
 }
 
-/// What docs/options.md is made from.
+/// What docs/reference/options.md is made from.
 void print_reference(const std::vector<Scenario>& scenarios, const Ranks& ranks) {
   for (const Scenario& s : scenarios) {
     if (!s.arguments.empty()) continue;

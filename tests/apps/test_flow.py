@@ -218,7 +218,7 @@ def test_without_inertia_as_in_strong_drag(drag, tmp_path):
 
 
 def c0_of_the_series(results, residue):
-    """By a straight line through sqrt(N - N_res) over the range that the summary names, which is that of docs/hopper.md."""
+    """By a straight line through sqrt(N - N_res) over the range that the summary names, which is that of docs/scenarios/hopper.md."""
     summary, time, left = results.summary, results.series["time"], results.series["in_hopper"] - residue
     start, end = summary["c0_start"]["value"], summary["c0_end"]["value"]
     assert start == time[np.argmax(left <= 0.8 * left[0])] and end == time[np.argmax(left <= 0.2 * left[0]) - 1]

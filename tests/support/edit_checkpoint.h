@@ -13,7 +13,7 @@
 
 namespace pliant::test {
 
-/// The head of a checkpoint of these bytes behind it [docs/file-format.md].
+/// The head of a checkpoint of these bytes behind it [docs/reference/file-format.md].
 inline std::string checkpoint_head(const std::string& image) {
   const auto crc = ::crc32_z(0, reinterpret_cast<const unsigned char*>(image.data()), image.size());
   std::string head =

@@ -27,7 +27,7 @@ FIGURES = {figure.name: figure for figure in (*hopper.FIGURES, *readings.FIGURES
 
 _DESCRIPTION = """Makes a published figure again: runs a table of runs, fits with errors, draws the figure with the published
 values in it (FIG-LEVEL.pdf and .png), and writes a row per quantity into reproduced.csv. The same command goes on with runs
-that were stopped. docs/reproduce.md has more."""
+that were stopped. docs/how-to/reproduce.md has more."""
 
 _EPILOG = """examples:
   pliant-reproduce list

@@ -73,7 +73,7 @@ std::unique_ptr<ForceField<2>> make_forces(const ChannelOptions& p) {
                              Vec<2>::Zero());
 }
 
-/// Standard step: contacts are followed, and what damps them is stable (docs/steps.md).
+/// Standard step: contacts are followed, and what damps them is stable (docs/reference/steps.md).
 Real standard_step(const CriticalStep& critical) {
   return critical.standard(std::min(0.2 * critical.elastic, 0.5 * critical.damping));
 }

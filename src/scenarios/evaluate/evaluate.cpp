@@ -238,7 +238,7 @@ Scenario evaluate_scenario() {
       .arguments = "CASE.json",
       .run = [](const Arguments& arguments, const Ranks& ranks) {
         const std::string usage =
-            fmt::format("usage: {} evaluate CASE.json (docs/evaluate.md describes the file)", program_name());
+            fmt::format("usage: {} evaluate CASE.json (docs/scenarios/evaluate.md describes the file)", program_name());
         ranks.on_root([&] {
           if (arguments == Arguments{"-help"} || arguments == Arguments{"-h"} || arguments == Arguments{"--help"})
             return print_result(usage + "\n");
