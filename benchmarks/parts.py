@@ -164,7 +164,7 @@ def disks(context):
         mine, summaries = zip(*results[case, "Pliant"])
         per = 1e9 / (summaries[0]["particles"] * summaries[0]["steps"])
         row = {"case": case, "N": summaries[0]["particles"],
-               "with the base": statistics.median(s["ns_per_particle_step"] for s in results[case, "whole"]),
+               "with substrate": statistics.median(s["ns_per_particle_step"] for s in results[case, "whole"]),
                **spread([per * p.seconds for p in mine])}
         found = {lists: results[case, lists] for lists in ("bin", "multi") if (case, lists) not in reasons}
         if found:
@@ -176,7 +176,7 @@ def disks(context):
                     "kinetic energy": f"{theirs_[0].kinetic_energy:.3g}",
                     "Pliant's": f"{mine[0].kinetic_energy:.3g}"}
         rows.append(row | context.origin)
-    shown = ["case", "N", "with the base", "median", "min–max", "LAMMPS", "LAMMPS/Pliant", "its lists", "kinetic energy",
+    shown = ["case", "N", "with substrate", "median", "min–max", "LAMMPS", "LAMMPS/Pliant", "its lists", "kinetic energy",
              "Pliant's", "height", "Pliant's height"]
     return {"disks": (rows, shown)}, sorted(set(reasons.values()))
 

@@ -2,7 +2,7 @@
 """Work against precision of integrators; `scripts/work-precision.sh` builds what it needs and calls it.
 
 Writes FOLDER/performance-data/work-precision-*.csv, FOLDER/images/work-precision-*.png and the tables of
-FOLDER/reference/integrators.md."""
+FOLDER/validation/integrators.md."""
 
 import json
 import math
@@ -185,7 +185,7 @@ def report(problem, rows, standard, images):
                         f"{scatter:.1g} from the reference. The cheapest runs that are as good:")
         else:
             shown, columns, label = comparison(rows, standard, error), ["method", *TARGETS], ERRORS[error]
-            text.append(f"CPU time (force evaluations in brackets) over those of the standard run; {label}, "
+            text.append(f"CPU time (force evaluations in brackets) relative to the standard run; {label}, "
                         f"e₀ = {standard[error]:.2g}:")
         name = f"work-precision-{problem}{'-energy' * (error == 'energy_error')}.png"
         draw(rows, error, label, images / name)
@@ -313,7 +313,7 @@ def study_all(context, page, names):
 def main():
     names = [*PROBLEMS, *FLOWS]
     args = parser("work-precision", __doc__.splitlines()[0], "PROBLEM", names, "work-precision").parse_args()
-    return measure(args, 1, "reference/integrators.md", lambda context, page: study_all(context, page, args.only or names))
+    return measure(args, 1, "validation/integrators.md", lambda context, page: study_all(context, page, args.only or names))
 
 
 if __name__ == "__main__":

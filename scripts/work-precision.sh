@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Builds with benchmarks and measures what integrators cost for the error that they leave. Writes the tables of
-# docs/reference/integrators.md, docs/performance-data/work-precision-*.csv and docs/images/work-precision-*.png.
+# docs/validation/integrators.md, docs/performance-data/work-precision-*.csv and docs/images/work-precision-*.png.
 #   scripts/work-precision.sh [--quick] [--only PROBLEM]... [--output FOLDER] [--cpu CORE]
 # --quick is a smoke test: small, once, into build/work-precision. PLIANT_BUILD names a build folder that is to be used
 # as it is.

@@ -1,4 +1,4 @@
-"""Which reading of the hopper paper gives its exponents: docs/models.md, "As printed and as run"."""
+"""Which reading of the hopper paper gives its exponents: docs/models/published-models.md, "As printed and as run"."""
 
 import matplotlib.pyplot as plt
 import numpy as np
