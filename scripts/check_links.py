@@ -69,14 +69,15 @@ def check(root):
                     dead.append(f"{place}: {name or page.name} has no heading #{anchor}")
     sources = sorted(path for folder in FOLDERS for path in (root / folder).rglob("*")
                      if (path.suffix in SOURCES or path.parent.name == "python") and path.is_file())
+    moved = {f"docs/{page.name}" for page in pages}  # found by its name in a folder of docs/
     for source in sources:
         if source.name in ("check_links.py", "test_check_links.py", "test_check_words.py"):
             continue  # their own names and examples
         for number, line in enumerate(source.read_text(encoding="utf-8", errors="replace").splitlines(), 1):
             for found in MENTION.finditer(line):
-                folder = source.parent  # a README can also lie next to the source
-                if not (root / found[0]).exists() and not (folder / found[0]).exists():
-                    dead.append(f"{source.relative_to(root).as_posix()}:{number}: {found[0]} does not exist")
+                name = found[0]  # a README can also lie next to the source
+                if not ((root / name).exists() or (source.parent / name).exists() or name in moved):
+                    dead.append(f"{source.relative_to(root).as_posix()}:{number}: {name} does not exist")
     if not pages:
         dead.append(f"{root}: no pages")
     return dead

@@ -7,7 +7,7 @@
 
 Three things are counted. "what": this word, per 1000 words. "subject": sentences that begin with a pronoun instead of a
 noun, per 1000 words. "word": words and constructions of WORDS, per 1000 words. Code (blocks, `inline`) is not counted, nor
-are quoted output, addresses of links and docs/options.md, which is made from the help texts.
+are quoted output, addresses of links and docs/reference/options.md, which is made from the help texts.
 """
 
 import argparse
@@ -109,6 +109,7 @@ def markdown(text):
     text = re.sub(r"<!--.*?-->", lambda m: blank(m[0]), text, flags=re.DOTALL)
     text = re.sub(r"^(```|~~~).*?^\1[^\n]*$", lambda m: blank(m[0]), text, flags=re.DOTALL | re.MULTILINE)
     text = re.sub(r"(`+)(?!`).+?(?<!`)\1(?!`)", lambda m: code(m[0]), text, flags=re.DOTALL)
+    text = re.sub(r"\[[\w./-]+\.(md|h|cpp|py|yaml|cff)(?=\]\()", lambda m: code(m[0]), text)
     text = re.sub(r"\]\(([^()\s]|\([^()]*\))*\)", lambda m: " " * len(m[0]), text)
     text = re.sub(r"\[(?=[^\]]*\])|<[^<>\n]{1,80}>|\*\*|https?://\S+", lambda m: " " * len(m[0]), text)
     lines, blocks, start, paragraph = text.split("\n"), [], 0, []

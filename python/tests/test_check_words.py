@@ -64,9 +64,9 @@ def test_good_sentences(sentence, tmp_path):
 
 def test_code_in_pages_does_not_count(tmp_path):
     text = ("Run `what that of` now:\n\n    pliant what   # those of\n\n```\nwhat goes on\n```\n\n> what it says\n\n"
-            "[text](what-we-learned.md) <!-- what -->\n")
+            "[text](what-we-learned.md) [what.md](a.md) <!-- what -->\n")
     found, words = check(tmp_path, "docs/page.md", text)
-    assert (found, words) == ({}, 4)
+    assert (found, words) == ({}, 5)
 
 
 def test_a_continued_list_item_is_prose(tmp_path):
