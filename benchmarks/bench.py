@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Times Pliant beside its targets, LAMMPS and itself; `scripts/bench.sh` builds what it needs and calls it.
+"""Compares the speed of Pliant with its targets, with LAMMPS and with itself; called by `scripts/bench.sh`.
 
 Writes FOLDER/performance-data/*.csv, FOLDER/images/performance-*.png and the tables of FOLDER/performance.md."""
 
@@ -19,7 +19,7 @@ def time_parts(context, page, names):
     for name in names:
         say(f"== {name}; load average {loads()}")
         tables, notes = PARTS[name](context)
-        # Each part is written when it is done: what comes after it may fail.
+        # Each part is written when it is done, because a later one may fail.
         for key, contents in tables.items():
             write_csv(page.parent / "performance-data" / f"{key}.csv", contents[0])
             insert(page, {key: block(key, contents, notes)})

@@ -1,4 +1,4 @@
-"""Command lines, running programs and collecting what they cost: shared by the suite and the study of integrators."""
+"""Command lines, running programs and collecting their cost: shared by the suite and the study of integrators."""
 
 import argparse
 import csv
@@ -23,7 +23,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 
 class BenchError(Exception):
-    """One line: what failed, and what it said."""
+    """One line: the command that failed, and its message."""
 
 
 class Unsupported(BenchError):
@@ -45,7 +45,7 @@ def run(command, timeout=7200, cwd=None, env=None):
     command = [str(word) for word in command]
     with tempfile.TemporaryFile("w+", encoding="utf-8") as output:
         start = time.monotonic()
-        # A session of its own, so that what it started can be ended with it.
+        # A session of its own, so that its child processes can be ended with it.
         process = subprocess.Popen(command, stdout=output, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL, cwd=cwd,
                                    env=env, start_new_session=True)
         ended = threading.Event()
@@ -93,7 +93,7 @@ class _Peak(threading.Thread):
 
 
 class Program:
-    """The pliant to be timed, and what it can do."""
+    """The program to be timed, and its abilities."""
 
     def __init__(self, build, cpu):
         self.path = build / "apps/pliant"
@@ -122,7 +122,7 @@ class Program:
         return json.loads((folder / "summary.json").read_text(encoding="utf-8")), done
 
     def about(self, label):
-        """What follows `label` in the output of -version, e.g. commit."""
+        """The text after `label` in the output of -version, e.g. commit."""
         for line in self.version:
             if line.startswith(label + " "):
                 return line[len(label) + 1:]
@@ -138,7 +138,7 @@ def cpu_model():
 
 @dataclass(frozen=True)
 class Context:
-    """What all parts get."""
+    """The arguments of all parts."""
 
     program: Program
     scratch: Path        #: for runs; removed in the end

@@ -1,5 +1,5 @@
 """The parts of the suite. Each runs its cases and returns its tables, {name: (rows of the CSV file, columns shown)},
-and notes on what it left out."""
+and notes on omitted cases."""
 
 import json
 import math
@@ -122,7 +122,7 @@ def targets(context):
 
 # --------------------------------------------------------------------------------------------------- frictional disks
 
-# Options of the whole model, and of what LAMMPS has of it: no base, one coefficient for sticking and sliding.
+# Options of the full model, and of the part that LAMMPS has: no substrate, one coefficient for sticking and sliding.
 DISKS = {"bidisperse": "-distribution bidisperse", "T4": "-distribution T4"}
 CHANNEL = "-pushes 1 -frame_travel 10.7 -sample_travel 0.107 -checkpoint_interval 0"
 NO_BASE = "-mu_base 0 -mu_disk 0.4 -mu_disk_dynamic 0.4 -mu_wall 0.4 -mu_wall_dynamic 0.4"
@@ -412,7 +412,7 @@ def kernels(context):
     done = run([*program.pin, program.kernels, "--benchmark_format=json",
                 f"--benchmark_repetitions={context.repetitions}", "--benchmark_enable_random_interleaving=true",
                 f"--benchmark_min_time={0.02 if context.quick else 0.1}"])
-    # What the library prints about the machine comes before the JSON.
+    # Lines of the library about the machine come before the JSON.
     repeated, counters = {}, {}
     found = json.loads(re.search(r"^\{.*\}", done.output, re.S | re.M)[0])["benchmarks"]
     for row in sorted(found, key=lambda row: row["family_index"]):

@@ -33,7 +33,7 @@ def origin(row):
 
 
 def block(name, contents, notes):
-    """What stands between the markers of `name`."""
+    """The text between the markers of `name`."""
     rows, columns, *shown = contents
     text = [table(shown[0] if shown else rows, columns), "", origin(rows[0])]
     if name in FIGURES:
@@ -43,7 +43,7 @@ def block(name, contents, notes):
 
 
 def insert(page, blocks):
-    """Replaces what is between <!-- bench:begin NAME --> and <!-- bench:end NAME --> in the page."""
+    """Replaces the text between <!-- bench:begin NAME --> and <!-- bench:end NAME --> in the page."""
     text = page.read_text(encoding="utf-8")
     for name, new in blocks.items():
         marked = re.compile(rf"(<!-- bench:begin {name} -->\n).*?(<!-- bench:end {name} -->)", re.S)

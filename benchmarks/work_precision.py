@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Work against precision of integrators; `scripts/work-precision.sh` builds what it needs and calls it.
+"""Work against precision of integrators; called by `scripts/work-precision.sh`.
 
 Writes FOLDER/performance-data/work-precision-*.csv, FOLDER/images/work-precision-*.png and the tables of
 FOLDER/validation/integrators.md."""
@@ -37,7 +37,7 @@ FLOW_COLUMNS = {"kinetic_energy": "kinetic energy", "potential_energy": "potenti
 
 
 def parse(text):
-    """{problem: rows} of the program's output; what MPI says between the lines is left out."""
+    """{problem: rows} of the program's output; lines of MPI between them are omitted."""
     problems = {}
     for line in text.splitlines():
         if line.startswith("{"):
@@ -74,8 +74,8 @@ def front(rows, cost, error):
 
 
 def cost_at(rows, target, cost, error="error"):
-    """What a method costs if it is to leave no more than an error, between its runs by the line through them in
-    logarithms; None if it was never that good."""
+    """The cost of a method for a given error, interpolated between its runs in
+    logarithms; None if no run was that accurate."""
     best = front(rows, cost, error)
     if not best or best[-1][error] > target:
         return None
@@ -121,7 +121,7 @@ def statistics(rows):
 
 
 def winners(rows, standard, error="error"):
-    """The cheapest method for each target, and what the standard method costs there."""
+    """The cheapest method for each target, and the cost of the standard method there."""
     methods, shown = methods_of(rows), {}
     for name, factor in TARGETS.items():
         cost = {method: cost_at([row for row in rows if row["method"] == method], factor * standard[error],
@@ -173,7 +173,7 @@ def draw(rows, error, label, path):
 
 
 def report(problem, rows, standard, images):
-    """What stands between the markers of a problem; draws its figures."""
+    """The text between the markers of a problem; draws its figures."""
     errors = [error for error in ("error", "energy_error") if error in standard]
     text = []
     for error in errors:
@@ -277,7 +277,7 @@ def overview(folder):
 
 
 def study(context, problem, output):
-    """Runs a problem and writes its rows and figures; returns what stands between its markers."""
+    """Runs a problem and writes its rows and figures; returns the text between its markers."""
     program = context.program
     done = run([*program.pin, program.path.parents[1] / "benchmarks/pliant_work_precision", problem,
                 *["--quick"] * context.quick])
@@ -299,7 +299,7 @@ def flow_study(context, model, output):
 def study_all(context, page, names):
     output = page.parents[1]
     for name in names:
-        # Each part is written when it is done: what comes after it may fail.
+        # Each part is written when it is done, because a later one may fail.
         try:
             text = (study(context, name, output) if name in PROBLEMS else
                     flow_study(context, FLOWS[name], output))

@@ -1,4 +1,4 @@
-# One target per folder of src/: a folder may use only what it names here, so that a cycle is a configure or link error.
+# One target per folder of src/: a folder may use only the folders that it names here, so that a cycle is a configure or link error.
 
 # Headers are included as <pliant/folder/file.h> in the build tree and once installed.
 set(PLIANT_INCLUDE_ROOT "${PROJECT_BINARY_DIR}/include")
@@ -9,7 +9,7 @@ add_library(pliant_warnings INTERFACE)
 target_compile_options(pliant_warnings INTERFACE -Wall -Wextra -Wshadow -Wnon-virtual-dtor -Woverloaded-virtual
                                                  $<$<BOOL:${PLIANT_WERROR}>:-Werror>)
 if(CMAKE_UNITY_BUILD AND CMAKE_CXX_COMPILER_ID STREQUAL GNU)
-  # It warns of what is local to a source that is not the main one.
+  # The warning concerns names that are local to a source other than the main one.
   target_compile_options(pliant_warnings INTERFACE -Wno-subobject-linkage)
 endif()
 

@@ -11,7 +11,7 @@ import sys
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
-# Folder of src/ (and apps): what it may include, beside itself and what those may include.
+# Folder of src/ (and apps): folders that it may include, besides itself and the folders that those may include.
 USES = {
     "base": [],
     "geometry": ["base"],

@@ -1,4 +1,4 @@
-# Sourced by the other scripts: where things are, and what they share.
+# Sourced by the other scripts: paths and shared functions.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 build=$root/build

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Hopper flows of soft, rough and smooth particles: installs what is missing, builds, runs each model at several orifice
-# widths, fits the flow rates and leaves pictures and a movie in demo/, which it makes anew each time.
+# Hopper flows of soft, rough and smooth particles: installs missing packages, builds, runs each model at several orifice
+# widths, fits the flow rates and leaves pictures and a movie in demo/, which is replaced each time.
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 "$root/scripts/setup.sh"
@@ -12,7 +12,7 @@ plots=python/plots
 rm -rf demo
 
 # Moderate stiffnesses and few vertices, for steps of 2e-4 to 1e-3 t0: minutes instead of hours. All systems share them;
-# what dissipates is either the drag of a fluid around the particles, or the friction between them.
+# energy is dissipated either by the drag of a fluid around the particles, or by friction between them.
 common="-n 320 -hopper_wall_distance 20 -e_w 500"
 shape="$common -e_c 500 -k_a 1000 -k_l 100 -n_vertices 12"
 drag="-zeta 0.316227766"

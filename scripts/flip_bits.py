@@ -78,7 +78,7 @@ def flipped(data, at, how):
     return bytes(changed)
 
 
-# ---- what a run says ---------------------------------------------------------------------------------------------------
+# ---- content of a run ---------------------------------------------------------------------------------------------
 
 
 def _values(value):
@@ -112,7 +112,7 @@ def everything(folder):
 
 
 def judge(folder, truth):
-    """What the reader does with a folder: same, refused, or what is wrong."""
+    """Result of the reader for a folder: same, refused, or a description of the fault."""
     try:
         found = everything(folder)
     except PliantError as error:
@@ -160,7 +160,7 @@ def check_reader(run, name, chosen):
 
 
 def end_of(folder):
-    """What a continued run has come to: the newest state, the counters of the summary, and what the reader gives, with the
+    """The end of a resumed run: the newest state, the counters of the summary, and the data of the reader, with the
     frames that it refuses."""
     states = []
     for path in sorted(folder.glob("checkpoint-[ab].h5")):
@@ -181,7 +181,7 @@ def end_of(folder):
 
 
 def judge_restart(program, folder, truth):
-    """What the program does with a folder: same, refused, or what is wrong."""
+    """Result of the program for a folder: same, refused, or a description of the fault."""
     result = pliant(program, restart=folder, t_end=1.5)
     lines = result.stderr.splitlines()
     if result.returncode not in (0, 2, 4):

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # Feeds the readers of case files and of options files with mutated input, under AddressSanitizer and
-# UndefinedBehaviorSanitizer, both at once; needs clang-14 and libclang-rt-14-dev, and what scripts/build.sh has built.
+# UndefinedBehaviorSanitizer, both at once; needs clang-14 and libclang-rt-14-dev, and the result of scripts/build.sh.
 # A crash, a hang or too much memory fails, and leaves the input in build/fuzz/.
-#   scripts/fuzz.sh [SECONDS] [CORPUS]     SECONDS: for each (default 60); CORPUS: folder that keeps what was found
+#   scripts/fuzz.sh [SECONDS] [CORPUS]     SECONDS: for each (default 60); CORPUS: folder for the inputs that were found
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 seconds=${1:-60}
@@ -34,12 +34,12 @@ flags=(-std=c++20 -O1 -g1 -w -DFMT_SHARED -fno-omit-frame-pointer
   -I"$root" -I"$build/include" -I"$build/version" -isystem /usr/include/eigen3
   $(as_system "$(pkg-config --cflags PETSc yaml-0.1)" "$(mpicxx --showme:compile)"))
 libraries=(-Wl,--start-group "$build"/src/libpliant_*.a -Wl,--end-group)
-# What is instrumented comes first and counts; the libraries have it, too.
+# Instrumented objects come first and count; the libraries contain them, too.
 sundials=$(sed -n 's/^find_package(SUNDIALS .* COMPONENTS \(.*\))$/\1/p' "$root/cmake/PliantDependencies.cmake")
 packages=(-Wl,--allow-multiple-definition $(pkg-config --libs PETSc yaml-0.1 fmt hdf5-openmpi zlib) $(mpicxx --showme:link) -lgomp
   $(printf -- '-lsundials_%s ' $sundials))
 
-# As one process, without a network: what Open MPI would load for that is not ours to check. It leaks what it loads.
+# As one process, without a network: Open MPI would load network libraries, which leak memory.
 export OMPI_MCA_btl=self OMPI_MCA_ess_singleton_isolated=1 OMP_NUM_THREADS=1
 # The library's own operators new and delete (base/errors.cpp) meet those of the sanitizer.
 export ASAN_OPTIONS=detect_leaks=0:allocator_may_return_null=1:alloc_dealloc_mismatch=0 UBSAN_OPTIONS=print_stacktrace=1
@@ -52,7 +52,7 @@ fuzz() {  # harness
   # As one source, which compiles in half the time.
   printf '#include "%s"\n' ${instrumented[$1]} "tests/fuzz/$1.cpp" >"$work/$1.cpp"
   clang++-14 "${flags[@]}" "$work/$1.cpp" "${libraries[@]}" "${packages[@]}" -o "$work/$1"
-  # What options name, like a log, is written here.
+  # Files that options name, for example logs, are written here.
   (cd "$work/$1-files" && TMPDIR=$work/$1-files "$work/$1" -max_total_time="$seconds" -timeout=25 -rss_limit_mb=2048 -max_len=4096 \
     -dict="$work/$1.dict" -artifact_prefix="$work/$1-" -print_final_stats=1 -close_fd_mask=1 "$folder") >"$work/$1.log" 2>&1
 }

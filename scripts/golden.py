@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Runs short cases with two programs and compares what they write, bit for bit; `scripts/golden.sh` builds the programs
+"""Runs short cases with two programs and compares their files, bit for bit; `scripts/golden.sh` builds the programs
 and calls it."""
 
 import argparse
@@ -139,7 +139,7 @@ def difference(a, b):
 
 
 def compare(a, b):
-    """What differs between the values of two runs: names that one of them lacks, then the first value; empty if nothing."""
+    """The differences between the values of two runs: names that one of them lacks, then the first value; empty if equal."""
     found = []
     for have, lack, side in ((a, b, "first"), (b, a, "second")):
         extra = [name for name in have if name not in lack]

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Builds two commits and compares what short runs of all kinds write, bit for bit. For changes that must leave numbers as
+# Builds two commits and compares the files of short runs of all kinds, bit for bit. For changes that must leave numbers as
 # they are; the table names the first value that differs. Exits with 1 if anything does.
 #   scripts/golden.sh [--except CASE]... [--only CASE]... REF [OTHER]
 #     REF, OTHER   commits; OTHER: the working tree if it is left out

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Installs what scripts/build.sh has built into build/package and uses it there: programs, figures, and own programs that
+# Installs the build of scripts/build.sh into build/package and uses it there: programs, figures, and example programs that
 # are compiled against it. Takes a minute.
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 

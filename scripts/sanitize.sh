@@ -18,12 +18,12 @@ runner=()
 findings=$build/findings  # of the sanitizers, in files: a test may silence its program
 packages=(clang-14 libomp-14-dev libclang-rt-14-dev)
 
-# As one process, without a network: what Open MPI would load for that is not ours to check.
+# As one process, without a network: Open MPI would load network libraries, which are not checked.
 export OMPI_MCA_btl=self OMP_NUM_THREADS=3
 case $kind in
   address)
     compilers=("${clang[@]}")
-    # Left out: what AddressSanitizer or the processor finds too; these checks are a good part of the compile time.
+    # Left out: faults that AddressSanitizer or the processor finds too; these checks are a good part of the compile time.
     flags+=" -fsanitize=address,undefined -fno-sanitize=null,alignment,object-size,vptr,function -fno-sanitize-recover=undefined"
     # Open MPI leaks from plug-ins that are gone at the end, so that no suppression can name them.
     export ASAN_OPTIONS="detect_leaks=0:detect_stack_use_after_return=1:log_path='$findings/address'"

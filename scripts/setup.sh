@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Installs what Pliant needs and this machine lacks (Debian 12: by apt-get, as root or with sudo).
-#   scripts/setup.sh [--benchmarks]     --benchmarks: also what scripts/bench.sh and work-precision.sh need
+# Installs the missing packages that Pliant needs (Debian 12: by apt-get, as root or with sudo).
+#   scripts/setup.sh [--benchmarks]     --benchmarks: also packages for scripts/bench.sh and work-precision.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 packages=(

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Installs what is missing, builds, and runs all tests. Arguments go to ctest, e.g. scripts/test.sh -R model
+# Installs missing packages, builds, and runs all tests. Arguments go to ctest, e.g. scripts/test.sh -R model
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 "$root/scripts/setup.sh"

@@ -21,7 +21,7 @@ if (($# > 0)); then
   sources=("${wanted[@]}")
 fi
 start=$SECONDS
-# Its count of what it leaves out goes to the standard error.
+# clang-tidy prints the number of suppressed warnings to the standard error.
 if ! printf '%s\0' "${sources[@]}" | xargs -0 -n 1 -P "$cores" clang-tidy-14 --quiet -p "$build" 2>"$build/clang-tidy.log"; then
   grep -v 'warnings generated\|warnings treated as errors' "$build/clang-tidy.log" >&2 || true
   die "clang-tidy has findings, see above"

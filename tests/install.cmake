@@ -1,5 +1,5 @@
 # cmake -D BUILD=… -D WORK=… -D GENERATOR=… -P install.cmake: installs the build into WORK/prefix, moves that elsewhere, as
-# packagers do, then uses what is there: the program, an example, figures, documentation, and the package.
+# packagers do, then uses the installed program, an example, figures, documentation, and the package.
 function(run)
   execute_process(COMMAND ${ARGN} COMMAND_ERROR_IS_FATAL ANY)
 endfunction()

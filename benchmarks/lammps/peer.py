@@ -95,7 +95,7 @@ def damping_ratio(restitution):
 
 
 def lammps_restitution(restitution):
-    """What LAMMPS must be told so that its damping, alpha sqrt(m k), is 2 zeta sqrt(m k): its polynomial for alpha is made
+    """The damping coefficient for which LAMMPS' damping, alpha sqrt(m k), is 2 zeta sqrt(m k): its polynomial for alpha is made
     for Hertz' contacts."""
     zeta = damping_ratio(restitution)
     alpha = np.poly1d([4.8218, -18.022, 27.467, -22.348, 11.087, -4.2783, 1.2728])

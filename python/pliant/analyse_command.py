@@ -1,4 +1,4 @@
-"""pliant-analyse: what is measured from frames after a run, and from tables of tracked data."""
+"""pliant-analyse: quantities measured from frames after a run, or from tables of tracked data."""
 
 import argparse
 import math
@@ -58,7 +58,7 @@ def load_result(path):
 
 
 def _plain(value):
-    """The same with null for what JSON has no number for."""
+    """The same value with null for NaN and infinity, which JSON lacks."""
     if isinstance(value, dict):
         return {key: _plain(entry) for key, entry in value.items()}
     if isinstance(value, (list, tuple)):

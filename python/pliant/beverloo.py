@@ -1,7 +1,7 @@
 """Fits of the flow rate: the Beverloo law Q = C (w/sigma_avg - k)^beta.
 
-The published exponents are beta = d - 1/2 (kinetic friction only) and d - 3/2 (drag only); docs/validation/validation.md has what the
-program gives.
+The published exponents are beta = d - 1/2 (kinetic friction only) and d - 3/2 (drag only); docs/validation/validation.md has the
+exponents that the program gives.
 """
 
 from dataclasses import dataclass
@@ -122,8 +122,8 @@ class _Projected:
 
 
 def _clean(w, Q, error):
-    """Flowing points, sorted, with an error each (None if no point has one), their numbers, and notes on what was left
-    out."""
+    """Flowing points, sorted, with an error each (None if no point has one), their numbers, and notes on omitted
+    points."""
     w, Q = np.asarray(w, float), np.asarray(Q, float)
     error = np.full_like(Q, np.nan) if error is None else np.asarray(error, float)
     if not w.shape == Q.shape == error.shape or w.ndim != 1:

@@ -1,4 +1,4 @@
-"""Flow rates against the width of the orifice, with fits: what the figures of them share."""
+"""Flow rates against the width of the orifice, with fits: code shared by their figures."""
 
 import numpy as np
 from matplotlib.container import ErrorbarContainer

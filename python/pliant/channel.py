@@ -15,7 +15,7 @@ from .errors import RunError
 from .nonaffine import Field, Grid, exponent, jackknife
 
 REGIONS = ("all", "centre")
-#: What is averaged: name → power of <R> that it is divided by.
+#: Averaged quantities: name → power of <R> by which the quantity is divided.
 QUANTITIES = {"displacement": 1, "dr_na": 1, "d2_min_sum": 2, "d2_min_per_neighbour": 2, "rotation": 0,
               "neighbours": 0}
 CURVES = ("dr_na", "d2_min_sum", "d2_min_per_neighbour")  # against the distance from a disk
@@ -483,9 +483,9 @@ def snapshot(run, choices, number=None, travel=None):
 
 
 def analyse(runs, choices=Choices()):
-    """A dict per run, as analysis.json has it but with NaN for what is not known. runs: list of Tracks.
+    """A dict per run, as analysis.json has it but with NaN for unknown values. runs: list of Tracks.
 
-    Raises RunError where the tracks do not hold what the choices ask for."""
+    Raises RunError if the tracks lack data that the choices need."""
     if choices.field == "pooled" and len(runs) < 2:
         raise RunError("--field pooled needs at least two runs")
     runs = [_prepared(run, choices) for run in runs]

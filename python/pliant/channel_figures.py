@@ -1,4 +1,4 @@
-"""What the figures of the analysis of a channel share: results by name, labels, maps of cells."""
+"""Code shared by the figures of the channel analysis: results by name, labels, maps of cells."""
 
 from dataclasses import fields
 from pathlib import Path
@@ -69,7 +69,7 @@ def draw_field(axes, cells, travel, width):
 
 
 def draw_disks(axes, position, radius, values, colors):
-    """Disks at [n, 2] coloured by values [n], grey where there is none; returns what a colour bar shows."""
+    """Disks at [n, 2] coloured by values [n], grey for NaN; returns the mappable of the colour bar."""
     disks = plotting.add_disks(axes, position, 2 * np.asarray(radius), cmap=colors, edgecolors="0.3", linewidths=0.4)
     disks.set_array(np.ma.masked_invalid(values))
     known = np.asarray(values)[np.isfinite(values)]

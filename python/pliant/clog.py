@@ -299,10 +299,10 @@ def fit_clog_law(x, clogged, runs, n):
 
 
 def collapse_fits(points, x):
-    """{name: AvalancheFit} of clog_points over x = w/delta*, to see what decides A and B: all points of the commonest number
+    """{name: AvalancheFit} of clog_points over x = w/delta*, to see which runs decide A and B: all points of the commonest number
     of droplets; those of other numbers, and all avalanches scaled to the commonest one, as [T 4.3]; of the commonest one
-    each phi_c and way to vary w/delta* alone; those of `uncut_mean`, with all that have a clog; and P_clog. What cannot be
-    fitted is left out."""
+    each phi_c and way to vary w/delta* alone; those of `uncut_mean`, with all that have a clog; and P_clog. Fits that
+    fail are omitted."""
     points = points.assign(x=x)
     usual = {name: commonest(points[name]) for name in ("n", "g")}
     scale = usual["n"] / points["n"]

@@ -1,4 +1,4 @@
-"""Clogs over many runs: what the figures of them share."""
+"""Clogs over many runs: code shared by their figures."""
 
 import numpy as np
 
@@ -6,14 +6,14 @@ from . import clog, plotting, symbols
 from .errors import RunError
 from .statistics import commonest
 
-#: Of columns of clog.fit_sigmoids and of what they are fitted along (widths in mean diameters here); and of where P_clog
+#: Labels of columns of clog.fit_sigmoids and of their abscissae (widths in mean diameters here); and of where P_clog
 #: is one half.
 SYMBOLS = {name: f"${symbols.SYMBOLS[name]}$" for name in ("phi_c", "n", "delta", "g")} | {"hopper_width": "$w/d$"}
 MIDDLES = {"g": "$g_0$", "hopper_width": "$w^*/d$"}
 
 
 def draw_curves(axes, fits, along):
-    """One curve per row of `fits`: points with binomial intervals, and the sigmoid. Named by what differs, phi_c or N."""
+    """One curve per row of `fits`: points with binomial intervals, and the sigmoid. Curves are named by the parameter that differs, phi_c or N."""
     differ = [column for column in ("phi_c", "n") if fits[column].nunique() > 1] or ["phi_c"]
     for i, row in enumerate(fits.itertuples()):
         x, P, low, high = (row.data[c].to_numpy(float) for c in (along, "P", "P_low", "P_high"))

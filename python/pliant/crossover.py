@@ -90,7 +90,7 @@ def fit_crossover(lam, beta, error, ends=None, resamples=None, seed=1):
         notes.append("a step between two lambda")
     if errors[0] > _WIDEST:
         notes.append(f"lambda_c is known to within a factor of {10 ** errors[0]:.2g} only")
-    if notes:  # what the data do not hold has no error
+    if notes:  # parameters that the data do not determine have no error
         errors[0] = np.nan
     note = "; ".join(notes)
     return CrossoverFit(float(10 ** best.x[0]), float(10 ** errors[0]), float(best.x[1]), float(errors[1]), float(low),

@@ -95,8 +95,8 @@ def scatter(table, by, value, trials=None):
 
 
 def draws(points, value, count=None, seed=1):
-    """[count or RESAMPLES, points] means as they could have come out, to fit them again: seeds are drawn with replacement, and what
-    their scatter lacks of the point's error, or has beyond it, is made up by normal noise, or by a factor."""
+    """[count or RESAMPLES, points] means as they could have come out, to fit them again: seeds are drawn with replacement. If
+    their scatter is below the point's error, normal noise is added; if it is above, a factor reduces it."""
     rng, count, columns = np.random.default_rng(seed), count or RESAMPLES, []
     for mean, error, values in zip(points[value], points[value + "_error"], points["values"]):
         m = len(values)
@@ -119,7 +119,7 @@ def spread(samples):
 
 
 def seeds_remark(points):
-    """What errors of these points leave out; empty if all have several seeds."""
+    """A note on the contributions missing from the errors of these points; empty if all have several seeds."""
     single = int((points["runs"] < 2).sum())
     if not single:
         return ""

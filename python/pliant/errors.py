@@ -1,8 +1,8 @@
-"""Errors that a user can cure; each message is one line: what was wrong and what to do."""
+"""Errors that a user can cure; each message is one line with the fact and the cure."""
 
 
 class PliantError(Exception):
-    """Base of all errors raised on purpose; `exit_code` is what a script returns for it."""
+    """Base of all errors raised on purpose; a script exits with `exit_code`."""
 
     exit_code = 2
 

@@ -14,12 +14,12 @@ from .errors import OutputError, RunError
 _KINDS = {stat.S_IFDIR: "a folder", stat.S_IFLNK: "a symbolic link", stat.S_IFIFO: "a FIFO", stat.S_IFSOCK: "a socket"}
 _FORMAT = 2  # of JSON files: 2 has a checksum
 _SEAL = re.compile(rb'"crc32": "([0-9a-f]{8})"\n}\n\Z')
-_STALE = 600  # s; what a killed process has left of a file is no longer written
+_STALE = 600  # s; a partial file of a killed process is not written any more
 
 
 def write_atomically(path, text, mode=0o666):
-    """Replaces the file `path` by `text`, with the permissions `mode` less the umask. What it is made of meanwhile is a
-    new file beside it, so that no link is followed. Raises OutputError."""
+    """Replaces the file `path` by `text`, with the permissions `mode` less the umask. The text is first written to a
+    new file in the same folder, so that no link is followed. Raises OutputError."""
     mask = os.umask(0)
     os.umask(mask)
     temporary = None
@@ -70,7 +70,7 @@ def no_links(path, flags):
 
 
 def read_bytes(path, most=1 << 30):
-    """What is in a regular file; None if there is none. Raises RunError, also if it has more than `most` bytes."""
+    """The bytes of a regular file; None if there is no file. Raises RunError, also if it has more than `most` bytes."""
     try:
         with open(path, "rb", opener=open_regular) as file:
             data = file.read(most + 1)

@@ -4,7 +4,7 @@ from .errors import RunError
 
 
 def fitted(fit, *data, **options):
-    """Columns for a row: the fields of what fit(*data, **options) returns, a dataclass, and that itself as `fit`. Data
+    """Columns for a row: the fields of the dataclass that fit(*data, **options) returns, and the dataclass itself as `fit`. Data
     that cannot be fitted (RunError) give `fit` = None and the reason as `note`."""
     try:
         result = fit(*data, **options)

@@ -1,4 +1,4 @@
-"""When a hopper flowed, and how high its filling stood on the axis: what averages of a run may use."""
+"""When a hopper flowed, and how high its filling stood on the axis: the samples that averages may use."""
 
 from dataclasses import dataclass
 

@@ -72,7 +72,7 @@ def save(figure, *paths):
     plt.close(figure)
 
 
-# ---- what a particle's colour can mean -------------------------------------------------------------------------------
+# ---- quantities shown by a particle's colour ---------------------------------------------------------------------------
 
 def length_unit(run):
     if run.scenario == "channel":
@@ -261,7 +261,7 @@ def draw_particles(axes, run, frame, colors, edge_shade=0.78, scale=None):
     scale = _points_per_unit(axes) if scale is None else scale
     if run.topology.deformable:
         polygons = frame.polygons
-        # The outline is drawn on the edge, half of delta to each side: what is painted is the particle's true extent.
+        # The outline is drawn on the edge, half of delta to each side, so that the painted area is the particle's true extent.
         widths = np.maximum(run.topology.particle_diameter[shown] * scale, 0.25)
         artist = PolyCollection([polygons[m] for m in shown], facecolors=faces, edgecolors=edges, linewidths=widths,
                                 joinstyle="round", zorder=2)
@@ -301,8 +301,8 @@ def time_label(run, frame, digits=None):
 
 
 def run_labels(runs):
-    """A label per run from what differs between them: model, width, mu, zeta …; the folder names if nothing
-    does, or more than fits a legend."""
+    """A label per run from the parameters in which the runs differ: model, width, mu, zeta …; the folder names if no
+    parameter differs, or if too many for a legend do."""
     columns = ["hopper_width", "mu", "zeta", *[c for c in SYMBOLS if c not in ("hopper_width", "mu", "zeta")]]
     rows = [r.parameters | {"model": r.model, "hopper_width": r.geometry.w} for r in runs]
     differ = differing(rows, [c for c in columns if all(c in row for row in rows)])

@@ -1,11 +1,11 @@
-"""What a compressed raft shows: force peaks, row reductions, stiffness, competing fractures.
+"""Analysis of a compressed raft: force peaks, row reductions, stiffness, competing fractures.
 
 The rules (docs/scenarios/raft.md explains them):
 
 - Force F: the mean of the forces on both walls, positive where the raft pushes. D: their distance.
 - A peak is one of scipy.signal.find_peaks(F) with a height and a prominence of at least 0.1 sqrt(2 k1 E1), the force that
   breaks one bond through one spring [T 2.31]; a negative peak is one of -F. k1 and E1 are the model's, from summary.json.
-- p rows rest at D_p = 2 h_eq + (p-1) (sqrt(3)/2) d_eq. The reduction from p to p-1 rows is what happens at
+- p rows rest at D_p = 2 h_eq + (p-1) (sqrt(3)/2) d_eq. The reduction from p to p-1 rows is the interval
   D_p >= D > D_(p-1). Its F_max is the highest force there, its F_min the lowest one after that.
 - The stiffness at zero is the slope of the straight line through the samples with |F| < F_1/10 around the last F = 0 before
   the first peak, F_1; at least three samples.
@@ -38,7 +38,7 @@ LOOSE_ENDS = 4
 FRACTURE_REACH = 1.25
 #: Broken bonds of a fracture, at least.
 LEAST_FRACTURE = 2
-#: Columns that say whether the fractures of a reduction compete, by three judgements, and what they are called.
+#: Columns that say whether the fractures of a reduction compete, by three judgements, and their labels.
 JUDGEMENTS = {"competing": "competing fractures", "overlapping": "overlapping fractures", "unmatched": "unmatched fractures"}
 
 

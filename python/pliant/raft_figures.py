@@ -1,10 +1,10 @@
-"""What the figures of many rafts share."""
+"""Code shared by the figures of many rafts."""
 
 import numpy as np
 
 from . import ensemble, plotting, raft
 
-#: name of the figure → (column of raft.fractures, its label, what is averaged, or None: one of raft.JUDGEMENTS, its label)
+#: name of the figure → (column of raft.fractures, its label, the averaged column, or None: one of raft.JUDGEMENTS, its label)
 FRACTURES = {
     "phi": ("phi", r"fraction of small droplets  $\phi$", "excess", "excess peaks  $\\Delta N$"),
     "delta": ("delta", r"polydispersity  $\delta$", "peaks", "peaks"),

@@ -1,4 +1,4 @@
-"""What the scripts beside this package need of the Python that runs them."""
+"""Packages that the scripts next to this package need."""
 
 import sys
 from importlib.util import find_spec
@@ -10,8 +10,8 @@ _SYSTEM = "/usr/bin/python3"
 
 
 def check():
-    """Where one of our scripts runs under a Python without what it needs, as one that comes first in the PATH: says so
-    in one line and exits with 2. Programs of others that import pliant get Python's own error."""
+    """If one of our scripts runs under a Python without the packages that it needs (the first in the PATH, say): prints
+    one line and exits with 2. Programs of others that import pliant get Python's own error."""
     script = Path(getattr(sys.modules["__main__"], "__file__", "")).resolve()
     if Path(__file__).resolve().parents[1] not in script.parents[:2]:
         return

@@ -16,7 +16,7 @@ from .run_file import RunFile
 # Without all of these a frame is not whole.
 _FRAME_DATASETS = ("positions", "centres", "active")
 
-#: What a run can leave out of its frames: the names that -frame_fields takes.
+#: Optional data of frames: the names that -frame_fields takes.
 FRAME_FIELDS = ("velocities", "angles", "spins", "area", "perimeter", "reinsertions", "contact_count", "contacts",
                 "wall_contacts", "wall_force")
 
@@ -49,7 +49,7 @@ class _read_once:  # noqa: N801 - used as a decorator
 
 @dataclass(frozen=True)
 class Topology:
-    """What does not change: the points of particle m are offset[m] … offset[m+1]-1."""
+    """The unchanging data: the points of particle m are offset[m] … offset[m+1]-1."""
 
     offset: np.ndarray    #: [N+1]
     sigma: np.ndarray     #: [N] diameter, in sigma_avg
@@ -325,7 +325,7 @@ class Frames(Sequence):
         try:
             name = self._names[index]
         except IndexError:
-            # An IndexError ends a for loop, as Sequence asks; Run.frame() is what speaks to users.
+            # An IndexError ends a for loop, as Sequence asks; Run.frame() raises errors for users.
             raise IndexError(f"frame {index} of {len(self)}") from None
         return Frame(self._run, name, self._run.frame_group(name))
 
@@ -338,7 +338,7 @@ class Frames(Sequence):
         return self._run.frame_times
 
 
-#: What some kinds of runs measure, and others have not.
+#: Quantities that only some kinds of runs have.
 QUANTITIES = ("Q", "Q_corrected", "Q_correlation_time", "bulk_fraction", "c0", "c0_chi2_per_dof", "c0_end", "c0_residue",
               "c0_start", "c0_start_count", "contacts_per_particle", "drag_friction_ratio", "flow_ended", "left_in_hopper",
               "max_overlap", "orifice_density", "orifice_velocity", "steady_samples", "steady_start", "top_height",
@@ -346,7 +346,7 @@ QUANTITIES = ("Q", "Q_corrected", "Q_correlation_time", "bulk_fraction", "c0", "
 
 
 def _suggestion(name, summary):
-    """'did you mean Q?', or what there is."""
+    """'did you mean Q?', or the list of names."""
     given = [key for key, entry in summary.items() if isinstance(entry, (dict, int, float)) and key != "parameters"]
     names = {key.lower(): key for key in (*QUANTITIES, *given)}
     near = difflib.get_close_matches(name.lower(), names, 1)
@@ -354,8 +354,8 @@ def _suggestion(name, summary):
 
 
 class Run:
-    """The run in folder `path` as it is at this moment, while the program goes on too: open it again to see what has been
-    written since. Raises RunError if it is no run. Use as a context manager to close the file early."""
+    """The run in folder `path` as it is at this moment, also while the program still writes: open it again to see later
+    data. Raises RunError if it is no run. Use as a context manager to close the file early."""
 
     def __init__(self, path):
         self.path = Path(path)
@@ -366,7 +366,7 @@ class Run:
         h5 = self.path / "run.h5"
         if not h5.exists():
             raise RunError(f"{self.path}: not a run (it has no run.h5)")
-        # The summary first: what it counts is in run.h5 by then.
+        # The summary first: by then run.h5 has the frames that it counts.
         self._summary_text = read_bytes(self.path / "summary.json")
         self._file = RunFile(h5)
         if "manifest" not in self._file:
@@ -407,7 +407,7 @@ class Run:
 
     @_read_once
     def manifest(self):
-        """What is in /manifest, with `options` decoded."""
+        """The content of /manifest, with `options` decoded."""
         group = self._file["manifest"]
         manifest = {key: _plain(value) for key, value in group.attrs.items()}
         manifest |= {name: self._file.text(group[name]) for name in group.names()}
@@ -449,13 +449,13 @@ class Run:
 
     @_read_once
     def parameters(self):
-        """Parameter name → value: the options, overruled by what summary.json lists."""
+        """Parameter name → value: the options; values in summary.json override them."""
         listed = self.summary.get("parameters", {})
         return self.options | {k: v["value"] if isinstance(v, dict) else v for k, v in listed.items()}
 
     def measured(self, name):
-        """(value, error) of a quantity in summary.json; NaN where it is not known, or of another kind of run (QUANTITIES).
-        RunError for a name that no summary has, and for what is no number."""
+        """(value, error) of a quantity in summary.json; NaN if it is unknown, or belongs to another kind of run (QUANTITIES).
+        RunError for a name that no summary has, and for a value that is not a number."""
         if self.summary and name not in self.summary and name not in QUANTITIES:
             raise RunError(f"{self.path}: there is no quantity '{name}' in summary.json; {_suggestion(name, self.summary)}")
         entry = self.summary.get(name)
@@ -515,7 +515,7 @@ class Run:
         return np.array([self.number(self.frame_group(n), "time", np.nan) for n in self._frame_names], dtype=float)
 
     def frame(self, index):
-        """Frame by index, with a RunError that says what there is."""
+        """Frame by index; the RunError names the range of frames."""
         try:
             return self.frames[index]
         except IndexError:
@@ -548,7 +548,7 @@ class Run:
 
     @_read_once
     def events(self):
-        """Name → array of what is in /events, as the bonds of a raft that break and form; empty without any."""
+        """Name → array of /events, for example breaking and forming bonds of a raft; empty if there are none."""
         if "events" not in self._file:
             return {}
         group = self._file["events"]

@@ -1,6 +1,6 @@
 """run.h5 as its last commit left it, and values compared with their checksums.
 
-The running program appends to the file and changes, at each commit, only what finds the frames and the rows of tables
+The running program appends to the file and changes, at each commit, only the structures that lead to frames and rows of tables
 (docs/reference/file-format.md). `RunFile` copies that part when it is opened, so that it sees one state of the file however long
 the program goes on. HDF5 would share a file that is open twice within a process, and show the older state of the two:
 it gets a file object of its own each time instead.
@@ -31,7 +31,7 @@ _TABLES = ("series", "events")      # groups of datasets that grow
 _ATTEMPTS = 40
 _PAUSE = 0.005  # s between attempts; grows to ten times that
 _DESCRIPTORS = 16  # open at a time in this process, however many runs are
-# What h5py and NumPy raise for a damaged file.
+# Exceptions of h5py and NumPy for a damaged file.
 _FAULTS = (OSError, KeyError, RuntimeError, ValueError, TypeError, OverflowError, MemoryError)
 
 
@@ -119,7 +119,7 @@ class _Blocks:
         return list(zip(self._start, map(bytes, self._data)))
 
     def overlay(self, address, view):
-        """Puts what is known of the bytes from an address on; True if that is all of them."""
+        """Copies the known bytes from an address on; True if all of them are known."""
         end, known = address + len(view), 0
         at = max(0, bisect_right(self._start, address) - 1)
         while at < len(self._start) and self._start[at] < end:
@@ -231,7 +231,7 @@ class RunFile:
         return lambda function, *arguments: _descriptors.use(token, path, identity, function, *arguments)
 
     def _stamp(self):
-        """What changes when the file is written: place, size and time."""
+        """The data that change when the file is written: inode, size and time."""
         status = self._use()(os.fstat)
         return (status.st_dev, status.st_ino), status.st_size, status.st_mtime_ns
 
@@ -273,8 +273,8 @@ class RunFile:
 
     @staticmethod
     def _walk(snapshot):
-        """The file, and the names of its frames. Reads all that the program will change but for rows of tables, to which
-        it only adds: what finds frames and chunks of rows."""
+        """The file, and the names of its frames. Reads all data that the program will change, except rows of tables, to
+        which it only appends: the structures that lead to frames and chunks of rows."""
         file = h5py.File(snapshot, "r")
         frames = _numbered(file["frames"]) if _has(file, "frames") else []
         for table in _TABLES:
@@ -285,7 +285,7 @@ class RunFile:
         return file, frames
 
     def _check(self, before, snapshot):
-        """_Changed if what was read meanwhile may be of another state."""
+        """Raises _Changed if the data read meanwhile may belong to another state."""
         if not snapshot.read:
             return
         if self._stamp() != before:
@@ -374,7 +374,7 @@ class RunFile:
 
 
 class Group:
-    """A group of run.h5. Raises RunError for what is damaged: it never counts as missing."""
+    """A group of run.h5. Raises RunError for damaged data, which never count as missing."""
 
     def __init__(self, file, group, name):
         self._file, self._group, self.name = file, group, name

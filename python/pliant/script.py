@@ -1,4 +1,4 @@
-"""What the plotting scripts share on the command line: arguments, errors as one line, tables."""
+"""Command line of the plotting scripts: arguments, errors as one line, tables."""
 
 import argparse
 import os

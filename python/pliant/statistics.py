@@ -1,4 +1,4 @@
-"""Standard errors of time series by block averaging; what most rows of a table have."""
+"""Standard errors of time series by block averaging; the most frequent value of a column."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Runs the rows of a sweep: what became of each, one process per row, stop and go on."""
+"""Runs the rows of a sweep, one process per row: status, stop and resume."""
 
 import ctypes
 import dataclasses
@@ -22,9 +22,9 @@ from .sweep_rows import is_number
 #: `status` in summary.json of runs that have nothing left to do.
 FINISHED = ("done", "clogged", "at_rest", "empty", "jammed")
 STOPPED_CODE = 75
-# What ends a worker in order. Slurm, terminals and GNU parallel may send several at once; those are one request.
+# Signals that end a worker in order. Slurm, terminals and GNU parallel may send several at once; those are one request.
 _STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGUSR1)
-# How runs are asked to stop: not with what batch systems send to all processes, as a second signal of one kind kills.
+# Signal that stops a run: not one that batch systems send to all processes, as a second signal of one kind kills.
 _ASK = signal.SIGUSR1
 _LIBC = ctypes.CDLL(None, use_errno=True)
 _PR_SET_PDEATHSIG = 1
@@ -45,7 +45,7 @@ class State:
 
 @functools.cache
 def restart_rules(program, scenario):
-    """{option: "may change", "fixed" or "not kept"}: what a restart does with it, from the program's own table."""
+    """{option: "may change", "fixed" or "not kept"}: its rule on restart, from the program's table."""
     text = subprocess.run([program, scenario, "-help_markdown"], encoding="utf-8", errors="replace", capture_output=True,
                           stdin=subprocess.DEVNULL, env=os.environ | {"OMP_NUM_THREADS": "1"}).stdout
     rules, at = {}, None
@@ -89,7 +89,7 @@ class RowFolder:
 
     @cached_property
     def _identity(self):
-        """What must not change once there is a run: scenario, options, and what is in an options file."""
+        """The settings that must not change once a run exists: scenario, options, and the content of options files."""
         identity = {"scenario": self.row.scenario, "options": self.row.options}
         if "options_file" in self.row.options:
             path = self.base / self.row.options["options_file"]
@@ -103,7 +103,7 @@ class RowFolder:
         return identity
 
     def _changes(self, before):
-        """{option: (old, new)} of the row against an earlier run; None: not given. What restarts forget does not count."""
+        """{option: (old, new)} of the row against an earlier run; None: not given. Options that are not kept on restart do not count."""
         old, new = ({"scenario": run["scenario"], "options_file_sha256": run.get("options_file_sha256")} | run["options"]
                     for run in (before, self._identity))
         changed = {name: (old.get(name), new.get(name)) for name in sorted(old | new) if old.get(name) != new.get(name)}
@@ -136,7 +136,7 @@ class RowFolder:
                        f"another name, or delete {self.path} to run it anew")
 
     def state(self, mine=False):
-        """What became of the row. `mine`: the lock is known to be the caller's."""
+        """The status of the row. `mine`: the caller holds the lock."""
         try:
             status, record = self._status(), self._record()
         except RunError as error:  # the other rows go on
@@ -177,8 +177,8 @@ class RowFolder:
         return (self.path / "run.h5").exists() and any(self.path.glob("checkpoint-[ab].h5"))
 
     def start(self, program):
-        """(command, changes of the environment) of the next attempt; the lock must be held. Goes on from a checkpoint
-        if there is one, else from that of a shorter run; what an attempt without one has left is deleted."""
+        """(command, changes of the environment) of the next attempt; the lock must be held. Resumes from a checkpoint
+        if there is one, else from the checkpoint of a shorter run; files of an attempt without checkpoint are deleted."""
         folders = ["-output", str(self.path)]
         if self._has_run():
             folders += ["-restart", str(self.path)]
@@ -317,7 +317,7 @@ class Sweep:
             state = self.states[folder.row.id] = folder.state()
             if state.kind in ("waiting", "stopped", "running") or (state.kind == "failed" and self._retry):
                 todo.append(folder)
-            elif len(self._folders) == 1:  # a task of an array says what it found
+            elif len(self._folders) == 1:  # a task of an array reports its row
                 self._report(folder, state)
         todo.reverse()
         while self._jobs or ((todo or self._taken) and self._stop_at is None):

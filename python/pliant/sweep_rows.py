@@ -1,4 +1,4 @@
-"""The rows of a sweep: what a CSV table of options asks for, one run per row."""
+"""The rows of a sweep: a CSV table of options, one run per row."""
 
 import csv
 import hashlib
@@ -59,7 +59,7 @@ def number(text):
 
 
 def expand_seeds(text):
-    """'1-20' or '1,2,5', or both mixed, as a list. Raises ValueError with what is wrong."""
+    """'1-20' or '1,2,5', or both mixed, as a list. Raises ValueError with the fault."""
     seeds = []
     for part in text.split(","):
         found = re.fullmatch(r"\s*([0-9]{1,19})\s*(?:-\s*([0-9]{1,19})\s*)?", part)

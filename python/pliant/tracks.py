@@ -43,7 +43,7 @@ class Push:
 
 @dataclass(frozen=True)
 class Tracks:
-    """Pushes in order, and what they were read from."""
+    """Pushes in order, and their source."""
 
     source: str
     pushes: tuple
@@ -157,8 +157,8 @@ def from_table(table, source="table", fps=6.0, plunger_speed=0.22, frames_per_pu
     x, y, r are multiplied by `scale` (cm); `origin` (before scaling) is the outer corner; `flip_y` for pixels, whose y
     points down. Without `time` it is frame/fps; without `plunger_travel` it is plunger_speed times the time since the
     push began; without `push`, frame // frames_per_push, or one push. Angles are continuous or known up to
-    `angle_period` (rad). The radius of a disk is the median of its rows. Raises RunError for what is missing or no
-    number, and for a disk that is twice in a frame.
+    `angle_period` (rad). The radius of a disk is the median of its rows. Raises RunError for missing columns, for values that
+    are not numbers, and for a disk that is twice in a frame.
     """
     table = table.reset_index(drop=True)
     for column in NEEDED:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 # In place of this folder, whose profile.py would hide the standard library's.
 sys.path[0] = str(Path(__file__).resolve().parents[1])
-import pliant  # first: it says what this Python lacks
+import pliant  # first: it reports packages that this Python lacks
 
 import matplotlib.pyplot as plt
 import pandas as pd
@@ -76,7 +76,7 @@ def main():
     table = read(arguments.run)
     for column in set(PHYSICS) & set(table):
         table[column] = table[column].where([symbols.reads(model, column) for model in table["model"]])
-    # What a model does not read is no difference between its runs.
+    # Options that a model does not read do not distinguish its runs.
     by = ["model", "dim", "mu", "zeta"] + [c for c in PHYSICS if c in table and table[c].nunique() > 1]
     fits = beverloo.fit_groups(table, by, beta=arguments.beta)
     fits["data"] = [group for _, group in table.groupby(by, dropna=False, sort=True)]

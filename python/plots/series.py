@@ -8,7 +8,7 @@ from pathlib import Path
 
 # In place of this folder, whose profile.py would hide the standard library's.
 sys.path[0] = str(Path(__file__).resolve().parents[1])
-import pliant  # first: it says what this Python lacks
+import pliant  # first: it reports packages that this Python lacks
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -47,7 +47,7 @@ def main():
     time, crossed = series["time"].to_numpy(), series["crossed_area"].to_numpy()
     ended = flow_end(series)
     flow = slice(None) if ended is None else time <= ended
-    # Of a clog Q is 0 by definition: no average of what came out before.
+    # After a clog Q is 0 by definition, not an average over the flow before it.
     averaged = run.steady_start if ended is None else None
 
     figure, axes = plt.subplots(len(panels), 1, figsize=(7.0, 7.6), sharex=True, layout="constrained")

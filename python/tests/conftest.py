@@ -17,7 +17,7 @@ from pliant import beverloo, plotting  # noqa: E402
 @pytest.fixture(autouse=True)
 def figures_fit_a_page(monkeypatch):
     """No figure that a test saves is wider than a page, where its text is too small to read; no legend stands right of
-    its axes, whose curves then get what is left of the width."""
+    its axes and narrows the curves."""
     save = Figure.savefig
 
     def checked(figure, *arguments, **options):

@@ -1,4 +1,4 @@
-"""pliant-analyse as a user starts it, and what it writes."""
+"""pliant-analyse as a user starts it, and its files."""
 
 import argparse
 import json

@@ -1,4 +1,4 @@
-"""scripts/check_includes.py: what may not be included is found."""
+"""scripts/check_includes.py: forbidden includes are found."""
 
 import sys
 from pathlib import Path

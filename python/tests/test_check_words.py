@@ -95,7 +95,7 @@ def test_command(tmp_path):
     page = tmp_path / "page.md"
     page.write_text("A list.\n\nThe list of what moves.\n", encoding="utf-8")
     command = [sys.executable, "-B", SCRIPTS / "check_words.py"]
-    listed = subprocess.run([*command, "--list", page], capture_output=True, text=True, check=True).stdout
+    listed = subprocess.run([*command, "--list", page], capture_output=True, text=True, encoding="utf-8", check=True).stdout
     assert listed.startswith(f"{page}:3: what: 'what moves.' -> ")
-    counted = subprocess.run([*command, page], capture_output=True, text=True, check=True).stdout
+    counted = subprocess.run([*command, page], capture_output=True, text=True, encoding="utf-8", check=True).stdout
     assert f"{page}: what 1 in 7 words, lines 3\n" in counted

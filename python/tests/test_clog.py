@@ -132,7 +132,7 @@ def test_avalanches_find_the_law():
 
 
 def test_whole_chain_on_drawn_runs():
-    """Sigmoids, the regimes and the collapse find what the runs were drawn from."""
+    """Sigmoids, the regimes and the collapse find the parameters from which the runs were drawn."""
     points = clog.clog_points(made_table())
     fits = clog.fit_sigmoids(points, "hopper_width")
     assert list(fits["delta"]) == pytest.approx([0, 0.7071, 1, 1.4142], rel=1e-3)

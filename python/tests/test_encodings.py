@@ -18,7 +18,7 @@ def python_files():
 
 
 def name_of(function):
-    """(what it is called on, its name)"""
+    """(the object on which it is called, its name)"""
     if isinstance(function, ast.Attribute):
         return getattr(function.value, "id", getattr(function.value, "attr", "")), function.attr
     return "", getattr(function, "id", "")

@@ -1,4 +1,4 @@
-"""Averages leave out what is no flow and no filling."""
+"""Averages omit samples without flow or without a filling."""
 
 import json
 

@@ -19,7 +19,7 @@ HERE = Path(__file__).resolve().parent
 
 
 def grow(folder, frames=1, rows=5):
-    """What a program that goes on adds, in the file as it is."""
+    """The data that a running program appends to the file."""
     with h5py.File(folder / "run.h5", "r+") as file:
         count = len(file["frames"])
         for k in range(count, count + frames):

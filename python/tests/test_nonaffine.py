@@ -157,7 +157,7 @@ def test_strain_is_exact_where_it_is_homogeneous():
     good = np.isfinite(linear[:, 0])
     assert good.mean() > 0.8
     assert_allclose(linear[good], shift[good], atol=1e-11)
-    # The mean of the cell alone leaves what the strain does inside it.
+    # The mean of the cell alone leaves the motion by the strain inside it.
     left = shift - field.at(start, cell, "cell")
     assert 0.01 < np.nanmean(np.hypot(*left.T)) < 2 * 0.06 * 1.6
 

@@ -41,7 +41,7 @@ DPI = 80  # 200 for users, which takes several times as long
 
 @pytest.fixture
 def call(monkeypatch, capsys):
-    """Runs a script in this process, which saves its imports; returns what it printed. SystemExit if it fails."""
+    """Runs a script in this process, which saves its imports; returns its output. SystemExit if it fails."""
     monkeypatch.setitem(matplotlib.rcParams, "savefig.dpi", DPI)
     # Laying out takes half of the time.
     monkeypatch.setattr(matplotlib.figure.Figure, "get_layout_engine", lambda self: None)
@@ -94,7 +94,7 @@ def test_snapshot(model, color, request, call, tmp_path):
 
 @pytest.fixture
 def drawn(call, monkeypatch, tmp_path):
-    """Runs a script in this process; returns the figure that it would have saved, and what it printed."""
+    """Runs a script in this process; returns the figure that it would have saved, and its output."""
 
     def run(name, *arguments):
         figures = []

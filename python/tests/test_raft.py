@@ -109,7 +109,7 @@ def test_fractures_that_overlap_and_that_do_not_meet(events, overlapping, unmatc
 
 
 def test_reductions_are_judged_by_their_own_events():
-    """Two fractures that never meet in the first reduction, one in the second; what happens in the last does not count."""
+    """Two fractures that never meet in the first reduction, one in the second; fractures in the last do not count."""
     whole = curve()
     events = [(d, *event) for p, places in ((4, LEFT + RIGHT), (3, LEFT), (2, LEFT + RIGHT))
               for d, event in zip(whole.rest_distance(p) - np.linspace(0.1, 0.2, len(places)), crack(*places))]

@@ -82,7 +82,7 @@ def made(tmp_path_factory):
 
 @pytest.fixture
 def call(tmp_path, made, monkeypatch, capsys):
-    """A function that runs the command, which must have `code`, and returns what it printed; in a folder of its own.
+    """A function that runs the command, which must have `code`, and returns its output; in a folder of its own.
     Pictures take most of the time: without `pictures` they are empty files."""
     runs = tmp_path / "runs"
     runs.mkdir()
@@ -176,7 +176,7 @@ def own_table(tmp_path, columns, values):
     ("T3.11", "distribution,area_fraction", ("T4,0.77", "T4,0.72"), "-area_fraction (0.77 and 0.72)"),
     ("T3.choices", "distribution,area_fraction", ("T4,0.77", "T4,0.72"), None)])
 def test_runs_that_a_figure_would_average(tmp_path, name, columns, values, told):
-    """Of two rows that a figure takes for seeds of one point it says in what they differ."""
+    """If a figure takes two rows for seeds of one point, the error names their differences."""
     tables = own_table(tmp_path, columns, values)
     if told is None:
         return figure.check_rows(command.FIGURES[name], tables)
@@ -193,8 +193,8 @@ def test_runs_that_a_figure_would_average(tmp_path, name, columns, values, told)
     ("readings-deformable", "mu,hopper_width", ("5,4", "5,6"), "no run has deformable particles"),
     ("H12", "mu,hopper_width,dim", ("5,4,2", "5,6,3"), "of the plane"),
     ("H2", "mu,hopper_width,dim", ("5,4,2", "5,6,3"), None),
-    ("H12", "mu,hopper_width,dim", ("5,4,flat",), None),  # the program says what is wrong with it
-    # a file of options may have what is asked
+    ("H12", "mu,hopper_width,dim", ("5,4,flat",), None),  # the program reports the fault
+    # a file of options may have the option
     ("H14", "mu,hopper_width,options_file", ("5,4,smooth.yaml", "5,6,smooth.yaml"), None)])
 def test_runs_that_a_figure_does_not_show(tmp_path, name, columns, values, refused):
     """They are refused before they run."""
@@ -206,7 +206,7 @@ def test_runs_that_a_figure_does_not_show(tmp_path, name, columns, values, refus
 
 
 def test_quick_tables_are_small():
-    """In steps of all particles; what they take is in docs/how-to/reproduce.md."""
+    """In steps of all particles; docs/how-to/reproduce.md has their CPU times."""
     for one in command.FIGURES.values():
         steps = 0.0
         for name in one.quick:
@@ -299,7 +299,7 @@ def test_a_figure(call, tmp_path):
     # 16 runs of 9 s; the other 8 are the same ones again
     assert table["cpu_hours"].iloc[0] == pytest.approx(16 * 9 / 3600, rel=1e-3)
     assert len(started(tmp_path)) == 24
-    # What was measured stands beside; the same again runs nothing and changes nothing.
+    # The results are stored next to it; the same command again runs nothing and changes nothing.
     measured = tmp_path / "reproduced/measured/quick/limits.flows.csv"
     assert {"row", "seed", "commit", "cpu_seconds", "Q", "Q_error"} <= set(pd.read_csv(measured).columns)
     before = (tmp_path / "reproduced/reproduced.csv").read_text(encoding="utf-8")
@@ -365,7 +365,7 @@ def test_campaigns_over_several_sittings(call, tmp_path, monkeypatch):
     with monkeypatch.context() as m:
         m.setattr(signal, "getsignal", lambda s: signal.SIG_DFL)
         call("H2", "quick", "--keep", "-j", 1, code=75)
-    assert len(pd.read_csv(kept)) == 9 and len(started(tmp_path)) == 18  # what is done when it is stopped is kept
+    assert len(pd.read_csv(kept)) == 9 and len(started(tmp_path)) == 18  # finished runs are stored when it is stopped
     (tmp_path / "runs/stop").unlink()
     call("H2", "quick", "--keep", "-o", "elsewhere")
     table = pd.read_csv(kept)
@@ -377,7 +377,7 @@ def test_campaigns_over_several_sittings(call, tmp_path, monkeypatch):
     again, first = (pd.read_csv(tmp_path / folder / "reproduced.csv") for folder in ("third", "elsewhere"))
     pd.testing.assert_frame_equal(again, first, check_exact=True)  # kept or fresh, numbers have the same digits
     assert "nothing is kept of H2 full" in call("H2", "full", "--kept", code=2)
-    # What the table has no more is not drawn, but stays kept.
+    # Rows removed from the table are not drawn, but stay stored.
     limits.write_text(TABLE.replace("1-2", "1"), encoding="utf-8")
     table[table["row"] != table["row"].iloc[0]].to_csv(kept, index=False)
     output = call("H2", "--kept", "-o", "fourth")
@@ -424,7 +424,7 @@ def test_output_that_cannot_be_written(call, tmp_path):
         assert "cannot be written" in call("H2", "-o", "closed", code=4)
 
 
-# --- Figures from what is measured
+# --- Figures from measured results
 
 def flow_rows(lams=(np.inf,), laws=None, **columns):
     """Measured flows of made laws: a row per lambda, width and seed."""
@@ -867,7 +867,7 @@ TABLES_AS_RUN = sorted({"quick/deformable", *(name for one in command.FIGURES.va
 
 @pytest.mark.parametrize("name", TABLES_AS_RUN)
 def test_tables_as_run_are_those_of_the_examples(name):
-    """But for the stiffness, which the tables explain, the rounding of zeta, and what a table varies."""
+    """Except the stiffness, which the tables explain, the rounding of zeta, and the options that a table varies."""
     differ = {"e_sp", "e_c", "k_l", "k_b", "rough_contact", "mu", "zeta", "dim", "n", "hopper_wall_distance", "hopper_width",
               "hopper_angle", "t_end", "dt", "seed", "frame_interval", "sample_interval", "lip_contact", "n_vertices", "output"}
     files = {"sp": "as_run.yaml", "rough": "as_run_rough.yaml", "smooth": "as_run_smooth.yaml"}
@@ -1359,7 +1359,7 @@ def test_what_non_affine_motion_depends_on(channel_runs, tmp_path):
     assert found["dr_na, b, mu_wall = 0.8/0.6"].value == pytest.approx(table["dr_na"][4:].mean())
     with pytest.raises(PliantError, match="one choice"):
         command.FIGURES["T3.choices"].draw(table[:4])
-    # Plungers with friction of their own; what was kept when that was no option lacks the columns.
+    # Plungers with friction of their own; results stored before that option existed lack the columns.
     rows = table["distribution"] == "b"
     kept = table[rows][:2].drop(columns=["mu_plunger", "mu_plunger_dynamic"])
     plungers = table[rows][2:].assign(mu_wall=0.4, mu_wall_dynamic=np.nan, mu_plunger=0.2, mu_plunger_dynamic=0.15)

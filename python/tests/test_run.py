@@ -1,4 +1,4 @@
-"""The reader gives back what was written, from whole, unfinished and broken runs."""
+"""The reader returns the written data, from whole, unfinished and broken runs."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""scripts/setup.sh and scripts/build.sh, with programs in the place of apt-get and cmake that write down what they are told."""
+"""scripts/setup.sh and scripts/build.sh, with substitutes for apt-get and cmake that record their arguments."""
 
 import os
 import subprocess

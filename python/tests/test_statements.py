@@ -26,7 +26,7 @@ SUPERSCRIPT = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 #: Not numbers of ours: code, references, links, published exponents, dimensions, numbers of a list and of figures of [T].
 NO_NUMBERS = re.compile(r"`[^`]*`|!?\[[^\]]*\]\([^)]*\)|\[[HT][^\]]*\]|\[\d+[a-c]?(?:, ?\d*[a-c]?)*\]|[135]/2|\b[23]D\b|<sup>\w+</sup>|"
                         r"\((?:A|[234])\.\d+[ab]?(?:, (?:A|[234])\.\d+[ab]?)*\)")
-#: What a setting is called on the pages, and in the tables of what was measured.
+#: Names of a setting on the pages, and in the tables of results.
 SETTINGS = {"N": "n", "W": "hopper_wall_distance", "w": "hopper_width", "E_sp": "e_sp", "K_l": "k_l", "K_b": "k_b", "θ_w": "hopper_angle",
             "λ": "lam", "contacts of": "e_c", "E_c": "e_c", "φ": "phi", "μ/μ0": "mu", "ζ/ζ0": "zeta"}
 
@@ -118,7 +118,7 @@ class Rows:
 
 
 def evaluate(specification, default, rows):
-    """What an entry's specification gives: [Value or bool], one for each number of its text."""
+    """The values of an entry's specification: [Value or bool], one for each number of its text."""
     known = []
 
     def named(match):
@@ -145,7 +145,7 @@ def _values(arguments):
 
 @cache
 def _measured(name, column):
-    """The values of a column of what was measured, validation/measured/NAME.csv."""
+    """The values of a column of results, validation/measured/NAME.csv."""
     return set(pd.read_csv(VALIDATION / "measured" / f"{name}.csv")[column].dropna())
 
 
@@ -162,7 +162,7 @@ def _change(reference, others):
     return Value(max(abs(one.value - reference.value) for one in others))
 
 
-#: What specifications may call; `of` are rows, or lists of them.
+#: Functions that specifications may call; `of` are rows, or lists of them.
 FUNCTIONS = {
     # numbers
     "Value": Value, "TRUE_RATIO": Value(published.CODE_LAMBDA[2]), "value": lambda v: Value(v.value),
@@ -204,7 +204,7 @@ def _as_float(match):
 
 
 def _unit(text):
-    """What a unit of the last digit of a number counts; trailing zeros of a whole number are no digits."""
+    """The value of a unit of the last digit of a number; trailing zeros of a whole number are no digits."""
     if "." in text:
         return 10.0 ** -len(text.split(".")[1])
     return 10.0 ** (len(text) - len(text.rstrip("0"))) if text.strip("-0") else 1.0
@@ -220,7 +220,7 @@ def _is(printed, unit, value):
 
 
 def compare(text, found):
-    """What of a text does not agree with [Value, bool, set] of its specification; empty if all does."""
+    """The numbers of a text that disagree with [Value, bool, set] of its specification; empty if all agree."""
     if all(isinstance(one, (bool, np.bool_)) for one in found):
         return "" if all(found) else "is not true"
     printed = numbers(text)
@@ -272,12 +272,12 @@ def statements(page, text):
             block = re.sub(r"([.:])((?:\*\*)?)(<sup>\w+</sup>)", r"\3\1\2", block)
             found += re.split(r"(?<=[.!?])(?<!App\.)(?<!Fig\.)(?:\*\*)? (?=[^a-z])", block)
     heads = {line for line, after in zip(text.split("\n"), text.split("\n")[1:]) if after.startswith(("|--", "| --"))}
-    heads |= {one for one in found if one.startswith("**") and not re.search(r"\d|<sup>", one)}  # what the sentences after it say
+    heads |= {one for one in found if one.startswith("**") and not re.search(r"\d|<sup>", one)}  # a heading of the sentences after it
     return [one for one in found if one not in heads and (NUMBER.search(_plain(one)) or JUDGES.search(_plain(one)))]
 
 
 def _plain(statement):
-    """The statement without what is no number; a row of the summary without its last cell, which names figures and seeds."""
+    """The numbers of the statement; a row of the summary without its last cell, which names figures and seeds."""
     last = statement.rstrip("| ").rfind("|")
     if statement.startswith("|") and re.search(r"`[\w.-]+ (full|quick|as-run)`|the same", statement[last:]):
         statement = statement[:last]
@@ -286,7 +286,7 @@ def _plain(statement):
 
 @cache
 def _setting(tables, column):
-    """The values of a column of what was measured of these tables."""
+    """The values of a column of the results of these tables."""
     values = set()
     for table in tables.split("; "):
         for path in (VALIDATION / "measured").glob(f"{table}.*.csv"):
@@ -308,7 +308,7 @@ def _is_setting(before, after, value, unit, named):
 
 
 def check(statement, tied, table):
-    """What is wrong with a statement; empty if each of its numbers agrees with a row."""
+    """The faults of a statement; empty if each of its numbers agrees with a row."""
     tags = TAG.findall(statement)
     if not tags:
         return ["has a number or a verdict and no tag"]
@@ -341,7 +341,7 @@ def check(statement, tied, table):
 
 
 def faults(page, text, tied, table):
-    """[(statement, what is wrong)] of a page."""
+    """[(statement, fault)] of a page."""
     return [(one, wrong) for one in statements(page, text) if (wrong := check(one, tied, table))]
 
 
@@ -394,7 +394,7 @@ def test_a_changed_or_untied_sentence_is_a_fault(old, new, message):
     ("0.038: no", "0.038: yes", "'yes' is 'no'"), ("1.5 to 2.3", "1.5 to 2.4", "2.4 is 2.283"),
     ("is_bound({beta: soft", "is_bound({beta: hard", "is not true"), ("{beta: hard, N = 800}", "{beta: harder}", "0 rows")])
 def test_a_number_or_verdict_that_its_rows_do_not_have_is_a_fault(old, new, message):
-    """Sentence and entry changed alike: the row says what is true."""
+    """Sentence and entry changed alike: the row disagrees with both."""
     assert message in problems(SENTENCE.replace(old, new), TIES.replace(old, new))
 
 

@@ -477,7 +477,7 @@ def test_a_result_that_is_gone(table, tmp_path, run):
 
 
 def test_killed_runs_begin_anew_without_a_checkpoint(table, tmp_path, run):
-    """What a machine that went down leaves: a record of the start, a broken run, an owner who is no more."""
+    """The remains of a crashed machine: a record of the start, a broken run, a lock of a dead owner."""
     path = table("name,a", "x,1", "y,1")
     for name in "xy":
         folder = tmp_path / "t" / name

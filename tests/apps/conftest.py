@@ -1,4 +1,4 @@
-"""Runs the program as a user does: as a process, judged by what it prints, returns and writes."""
+"""Runs the program as a user does: as a process, judged by its output, exit code and files."""
 
 import json
 import os
@@ -97,7 +97,7 @@ def hopper(folder, **options):
 
 
 class Results:
-    """What a run has written, read with nothing but h5py."""
+    """The data of a run, read with h5py alone."""
 
     def __init__(self, folder):
         folder = Path(folder)

@@ -140,7 +140,7 @@ def test_a_branch_on_ranks(tmp_path):
     assert Results(tmp_path / "branch").summary["t"] == pytest.approx(3)
 
 
-# --- What a restart may change
+# --- Options that may change on restart
 
 def test_output_intervals(tmp_path):
     """They change no step; averages weigh each time alike."""

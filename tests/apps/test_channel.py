@@ -70,7 +70,7 @@ def test_the_plunger_pushes(small):
 
 
 def test_energy(small):
-    """What the plungers put in is there as energy, or has become heat, most of it on the base; the work is by the
+    """The work of the plungers is energy, or has become heat, most of it on the substrate; the work is by the
     trapezoidal rule over samples."""
     series = small.series
     found = series["kinetic_energy"] + series["elastic_energy"] - series["elastic_energy"][0] + series["heat"]
@@ -183,8 +183,8 @@ def outlines(run, frame):
 
 
 def test_rough_polygons(rough):
-    """They are pushed as disks are, keep their shape and stay out of each other; what the plunger does becomes heat on the
-    base, and there alone."""
+    """They are pushed as disks are, keep their shape and stay out of each other; the work of the plunger becomes heat on the
+    substrate, and there alone."""
     assert rough.summary["model"] == "rough" and rough.summary["particles"] == 42
     first, last = outlines(rough, rough.frames[0]), outlines(rough, rough.frames[-1])
     assert sorted(map(len, first)) == [12] * 21 + [18] * 21

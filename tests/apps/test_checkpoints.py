@@ -1,5 +1,5 @@
-"""Checkpoints that are damaged, or edited with a checksum that fits: the run goes on from the other one and says so, or
-ends with what is wrong with both. tests/scenarios/checkpoints.cpp goes through every entry."""
+"""Checkpoints that are damaged, or edited with a checksum that fits: the run resumes from the other one and reports it, or
+ends with the faults of both. tests/scenarios/checkpoints.cpp goes through every entry."""
 
 import shutil
 import zlib
@@ -16,7 +16,7 @@ LAST = {"t_end": 1.5}
 
 @pytest.fixture(scope="module")
 def two(tmp_path_factory):
-    """A run with checkpoints at t = 0.5 (a) and t = 1 (b); beside it what it was before: "start.h5", "half.h5"."""
+    """A run with checkpoints at t = 0.5 (a) and t = 1 (b); and copies of its earlier states: "start.h5", "half.h5"."""
     folder = tmp_path_factory.mktemp("two") / "run"
     hopper(folder, t_end=0)  # one for its start, one for its end
     for end, before in ((0.5, "start.h5"), (1, "half.h5")):
@@ -34,7 +34,7 @@ def run(two, tmp_path):
 
 @pytest.fixture(scope="module")
 def from_older(two, tmp_path_factory):
-    """What comes out when it goes on from the older checkpoint."""
+    """The result of resuming from the older checkpoint."""
     folder = tmp_path_factory.mktemp("older") / "run"
     shutil.copytree(two, folder)
     (folder / "checkpoint-b.h5").unlink()

@@ -55,7 +55,7 @@ def test_put_back(tmp_path, space):
 
 @pytest.mark.parametrize("changes", ({"dt": 2e-4}, {"tangential_damping": 10}), ids=lambda c: next(iter(c)))
 def test_energy_becomes_heat(tmp_path, changes):
-    """A discharge: weight does work, and what is not motion is heat, as well with dashpots that are fast."""
+    """A discharge: weight does work, which becomes motion or heat, also with fast dashpots."""
     run = disks(tmp_path / "run", flow="discharge", t_end=2, **changes)
     height = run.column("positions")[:, :, 1]
     mass = np.pi / 4 * run.topology["sigma"]**2
@@ -82,7 +82,7 @@ def test_spheres(tmp_path):
 
 @needs_mpi
 def test_spheres_on_ranks(tmp_path):
-    """The same to rounding while it is short; what slides has turned and heated."""
+    """The same to rounding while it is short; sliding disks have turned and heated."""
     alone = disks(tmp_path / "alone", **SPHERES, t_end=0.6)
     result = on_ranks(2, "hopper", output=tmp_path / "two", **{**DISKS, **SPHERES, "t_end": 0.6})
     assert result.returncode == 0, result.stderr
@@ -96,7 +96,7 @@ def test_spheres_on_ranks(tmp_path):
 
 
 def test_friction_holds_a_pile(tmp_path):
-    """On a flat bottom more stays beside the orifice the rougher disks are. What has left does not spin."""
+    """On a flat bottom more disks stay next to the orifice if friction is higher. Disks that have left do not spin."""
     runs = {mu: [disks(tmp_path / f"{mu}-{seed}", flow="discharge", mu_disk=mu, mu_wall=mu, t_end=15, frame_interval=3, seed=seed)
                  for seed in (1, 2, 3)] for mu in (0, 0.8)}
     smooth, rough = (sum(run.series["in_hopper"][-1] for run in runs[mu]) for mu in (0, 0.8))

@@ -53,7 +53,7 @@ def test_error_control_that_is_taken_away(options, words, tmp_path):
 
 
 def test_steps_above_the_tolerance(tmp_path):
-    """Accepted all the same: counted, and warned of; what they do to the energy ends the run."""
+    """Accepted all the same, counted, and reported; their energy error ends the run."""
     for name, options in {"least": {"ts_adapt_dt_min": 2e-3, "ts_rtol": 1e-7, "ts_atol": 1e-7},
                           "always": {"ts_adapt_always_accept": "yes", "ts_rtol": 1e-7, "ts_atol": 1e-7}}.items():
         result = pliant("hopper", output=tmp_path / name, **{**TS, **options})

@@ -1,4 +1,4 @@
-"""What comes out of a run, against what can be counted or weighed in its frames."""
+"""Results of a run, compared with counts and masses in its frames."""
 
 import json
 import re
@@ -52,7 +52,7 @@ def test_crossings_are_counted_once(options, tmp_path):
 
 
 def test_particles_can_be_counted_as_they_are_put_back(tmp_path):
-    """Deeper down, with a gap above the others; and what counts does not change the motion."""
+    """Deeper down, with a gap above the others; and the rule of counting does not change the motion."""
     options = {"n": 30, "hopper_wall_distance": 6, "t_end": 7, "frame_interval": 0.02, "sample_interval": 0.02, "removal_depth": 2.5,
                "reinsertion_gap": 0.8, "reinsertion_lateral_speed": 0.01}
     crossing, removal = (hopper(tmp_path / name, **options, count=name) for name in ("crossing", "removal"))
@@ -106,7 +106,7 @@ def test_what_goes_through_a_wall_ends_the_run(name, tmp_path):
         assert word in result.stderr
     results = Results(tmp_path / "run")
     assert results.summary["status"] == "failed" and "Q" not in results.summary
-    # What was counted came through the orifice.
+    # Counted particles came through the orifice.
     dim = options.get("dim", 2)
     time, who, position = (results.events.get(name, np.zeros((0,) + shape)) for name, shape in
                            [("time", ()), ("particle", ()), ("position", (dim,))])

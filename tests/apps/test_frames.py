@@ -1,4 +1,4 @@
-"""What frames hold: fields, precision, compression, reinsertions, contacts with walls, and what they cost."""
+"""Content of frames: fields, precision, compression, reinsertions, contacts with walls, and their cost."""
 
 import h5py
 import numpy as np

@@ -1,7 +1,7 @@
-"""run.h5 whenever the program is killed: every prefix of what a run writes is replayed.
+"""run.h5 whenever the program is killed: every prefix of the writes of a run is replayed.
 
-A preloaded library (tests/support/disk.c) records what a run writes to its folder. What the folder would hold if the
-program had been killed after each of the writes, or within it, is made from that. PLIANT_ALL_KILLS=1 continues all
+A preloaded library (tests/support/disk.c) records the writes of a run to its folder. From these the test makes the folders that would exist if the
+program had been killed after each of the writes, or within it. PLIANT_ALL_KILLS=1 continues all
 states that differ; otherwise some from each part of the run.
 """
 
@@ -103,7 +103,7 @@ def promised(data):
 
 
 class Replay:
-    """What a run has written, and the states of its folder."""
+    """The writes of a run, and the states of its folder."""
 
     def __init__(self, tmp_path, command, options, launcher=(), environment=None):
         self.folder, log = tmp_path / "run", tmp_path / "log"
@@ -156,7 +156,7 @@ class Replay:
             if data != commits[commit]:
                 assert commit + 1 < len(commits) and data == commits[commit + 1], "neither the last commit nor the next"
                 commit += 1
-            # run.xdmf names no frame that is not there; no checkpoint refers to what is not.
+            # run.xdmf names existing frames only; checkpoints refer to existing data only.
             assert files.get("run.xdmf", b"").count(b"<Time ") <= frames[commit]
             pair = [files.get(f"checkpoint-{x}.h5", b"")[:80] for x in "ab"]  # their heads tell them apart
             if any(pair):
@@ -189,7 +189,7 @@ class Replay:
             assert frame.keys() == whole.keys() and all(same(frame[name], whole[name]) for name in frame)
 
     def read(self, files):
-        """What users read, with its checksums."""
+        """The data that users read, with checksums."""
         folder = self.tmp_path / "state"
         self.write(files, folder)
         with Run(folder) as run:

@@ -52,7 +52,7 @@ class Case:
         self.whole, self.allocations = Results(whole), int(count.read_text(encoding="utf-8"))
 
     def fails(self, place):
-        """Runs with this allocation failing, and then to its end. What the first run has printed as an error, its exit code."""
+        """Runs with this allocation failing, and then to its end. Returns the error of the first run, and its exit code."""
         folder = self.tmp_path / f"run{place}"
         first = run(self.command, {**self.options, "output": folder}, fails=place, **self.settings)
         found = [line for line in first.stderr.splitlines() if line.startswith("pliant: error: ")]
@@ -90,7 +90,7 @@ def test_allocations_of_the_program(command, options, tmp_path):
 
 
 def test_allocations_of_threads(tmp_path):
-    """What fails in a parallel region ends the program like any other."""
+    """A failed allocation in a parallel region ends the program like any other."""
     command, options = THREADS
     ends = Case(tmp_path, command, options).loop(5, check_program)
     assert ends[OUT_OF_MEMORY] > 2

@@ -52,7 +52,7 @@ def test_half_a_run_and_the_other_half_are_the_whole(tmp_path):
     assert result.returncode == 0, result.stderr
     assert_same_runs(whole, Results(tmp_path / "halves"))
     assert list(whole.series) and len(whole.frames) == 5 and len(whole.series["time"]) == 11
-    # What the checkpoint has kept is of the start, above all that came later.
+    # The checkpoint still holds the options of the start.
     highest = whole.series["highest"]
     assert (np.diff(highest) >= 0).all() and highest[-1] > max(frame["positions"][:, 1].max() for frame in whole.frames[2:])
 

@@ -58,7 +58,7 @@ def on_any_ranks(ranks, *command, **options):
 
 
 def complaints(result):
-    """What the program, not mpiexec, says on standard error."""
+    """The standard error of the program, without lines of mpiexec."""
     return [line for line in result.stderr.splitlines() if line.startswith("pliant:")]
 
 
@@ -202,7 +202,7 @@ CLOG = {"n": 20, "seed": 3, "g": 0.1, "hopper_width": 2, "phi_c": 3e-4, "dt": 0.
 
 
 def droplets(ranks, scenario, folder, **options):
-    """Runs them to their end; what is printed is checked too."""
+    """Runs them to their end; the output is checked too."""
     result = on_any_ranks(ranks, scenario, output=folder, **options)
     assert result.returncode == 0 and complaints(result) == [], result.stderr
     assert result.stdout.count(f"{scenario}:") == result.stdout.count("ended by") == 1

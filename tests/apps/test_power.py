@@ -1,6 +1,6 @@
-"""The folder of a run after a loss of power: what a run writes is replayed on a disk that reorders.
+"""The folder of a run after a loss of power: the writes of a run are replayed on a disk that reorders them.
 
-A preloaded library (tests/support/disk.c) records what a run writes and syncs. The disk of this test may have written any
+A preloaded library (tests/support/disk.c) records the writes and syncs of a run. The disk of this test may have written any
 of the changes since the last sync of a file, sector by sector: each sector, and the length, is as it was at any moment
 since then. The names in a folder are as after any of the changes since the last sync of the folder.
 PLIANT_ALL_LOSSES=1 makes many more states, and continues more of them.
@@ -56,7 +56,7 @@ class File:
         data = bytearray(self.synced.ljust(max(sizes), b"\0"))
         for number, change in enumerate(self.pending, 1):
             first, part = change.offset, change.data
-            if change.kind != "W":  # what was cut comes back as zeros
+            if change.kind != "W":  # cut bytes come back as zeros
                 first = change.offset if change.kind == "T" else 0
                 part = bytes(len(data) - first)
             for sector in range(first // SECTOR, (first + len(part) - 1) // SECTOR + 1 if part else 0):
@@ -153,7 +153,7 @@ def checkpoints_of(files):
 
 @functools.lru_cache(maxsize=200)
 def count(data):
-    """What counts of the bytes of a run.h5."""
+    """The committed bytes of a run.h5."""
     return promised(data)[0]
 
 

@@ -1,4 +1,4 @@
-"""What the program says about itself, and where it says it."""
+"""Help and version of the program, and their output streams."""
 
 import os
 import pty

@@ -113,7 +113,7 @@ def test_stopped_by_a_signal_and_continued(tmp_path):
 def test_extension_breaks_the_raft(tmp_path):
     run = compress(tmp_path / "run", motion="extension", rows=3, columns=3, n=0, v_wall=2e-3, end_distance=6.5)
     force = run.series["moving_wall_force"]
-    # At rest at first; then tension, until it is torn. What is left is the drag of the droplets that the wall takes along.
+    # At rest at first; then tension, until it is torn. Afterwards only the drag of the droplets at the wall remains.
     assert abs(force[0]) < 1e-9 and force.min() < -0.1
     assert force[-1] == pytest.approx(-2e-3 * run.series["moving_wall_bonds"][-1], rel=0.01)
     assert run.series["rows"][0] == 3 and run.series["rows"][-1] == 0

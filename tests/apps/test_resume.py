@@ -1,4 +1,4 @@
-"""Whatever has become of a run: the same command goes on with it, or says what to do, and what it says works."""
+"""For any state of a run the same command resumes it, or prints advice, and the advice works."""
 
 import os
 import random
@@ -20,7 +20,7 @@ RUNS = {
     "clog": {"n": 60, "seed": 3, "g": 0.05, "frame_interval": 50, "sample_interval": 5, "ts_type": "rk",
              "ts_rk_type": 4, "ts_adapt_type": "none", "dt": 0.2, "t_end": 2000},
 }
-# What lets them go on until they are killed.
+# Options that keep them running until they are killed.
 LONGER = {"hopper": {"t_end": 1e5}, "raft": {"end_distance": 0.1}, "clog": {"t_end": 1e6}}
 
 
@@ -39,7 +39,7 @@ def refused(scenario, folder, **options):
 
 
 def advice(message, pattern, **values):
-    """The options that a message advises, with what is in capitals filled in."""
+    """The options that a message advises, with placeholders filled in."""
     text = re.search(pattern, message)[0]
     for name, value in values.items():
         text = text.replace(name, str(value))
@@ -104,7 +104,7 @@ def test_killed_while_it_packs(tmp_path):
     assert not list((tmp_path / "run").glob("checkpoint*"))
     message = pliant("hopper", restart=tmp_path / "run")
     assert message.returncode == 2 and "there is no checkpoint" in message.stderr
-    # What it advises: to start by -output, here with other options even.
+    # Its advice: to start with -output, here even with other options.
     options["seed"] = 2
     result = pliant("hopper", output=tmp_path / "run", **options)
     assert result.returncode == 0 and result.stdout.count("starts anew") == 1 and result.stderr == ""
@@ -198,7 +198,7 @@ ENDED = {"clogged": ("clog", CLOG), "empty": ("clog", {**CLOG, "hopper_width": 4
 
 @pytest.mark.parametrize("name", ENDED)
 def test_the_end_of_droplets_is_not_passed(name, tmp_path):
-    """With the same end no step is left to take; what follows the last checkpoint is written anew, as after a kill."""
+    """With the same end there are no more steps; data after the last checkpoint are written again, as after a kill."""
     scenario, options = ENDED[name]
     folder = tmp_path / "run"
     assert pliant(scenario, output=folder, **options).returncode == 0

@@ -9,7 +9,7 @@ import pytest
 from conftest import (SMALL, Results, assert_same_runs, end, hopper, killed_with, pliant, same, start,
                       stopped_until_done, wait_for)
 
-# What each takes is short, and long enough to be interrupted several times.
+# Each run is short, but long enough to be interrupted several times.
 POLYGONS = {"n": 20, "hopper_wall_distance": 6, "hopper_width": 2.5, "frame_interval": 0.1, "sample_interval": 0.02}
 KINDS = {
     "soft": {"t_end": 250, "frame_interval": 20, "sample_interval": 1},

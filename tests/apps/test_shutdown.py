@@ -1,4 +1,4 @@
-"""How a run ends when somebody asks for it, and what is no reason to end."""
+"""How a run stops on request, and events that do not stop it."""
 
 import json
 import os
@@ -24,7 +24,7 @@ def running(child, folder):
 
 
 def finished(child):
-    """What it has printed; one that hangs is killed."""
+    """Its output; a hanging process is killed."""
     try:
         return child.communicate(timeout=HANGS)
     except subprocess.TimeoutExpired:

@@ -41,7 +41,7 @@ def test_four_runs(tmp_path):
     assert list(results.index) == ["w3,seed=1", "w3,seed=2", "w4,seed=1", "w4,seed=2"]
     assert list(results["seed"]) == [1, 2, 1, 2] and list(results["hopper_width"]) == [3, 3, 4, 4]
     assert (results["Q_error"] > 0).all()
-    # A stopped and continued row gives what one uninterrupted run gives.
+    # A stopped and resumed row has the results of an uninterrupted run.
     alone = hopper(tmp_path / "alone", **options, hopper_width=3, seed=2).summary
     assert results["Q"]["w3,seed=2"] == alone["Q"]["value"]
     assert results["crossed_count"]["w3,seed=2"] == alone["crossed_count"]

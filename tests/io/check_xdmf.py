@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Checks run.xdmf against run.h5: check_xdmf.py FOLDER prints "frames cells" or says what is wrong (exit 1).
+"""Checks run.xdmf against run.h5: check_xdmf.py FOLDER prints "frames cells" or the fault (exit 1).
 
 Every dataset that the XML names exists with the stated shape and type, connectivities decode to the stated number of
 cells over existing points, fields have one value per cell or point and are those of run.h5, times increase. All grids

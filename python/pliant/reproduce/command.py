@@ -1,4 +1,4 @@
-"""pliant-reproduce: runs what a published figure needs, and draws it with the published values in it."""
+"""pliant-reproduce: makes the runs for a published figure, and draws it together with the published values."""
 
 import argparse
 import difflib
@@ -50,7 +50,7 @@ class Table:
     runs: Path
 
     def kept(self, measure):
-        """Where what was measured from the published tables is kept."""
+        """The folder of the stored results of the published tables."""
         return VALIDATION / "measured" / f"{self.name}.{measure}.csv"
 
 
@@ -112,7 +112,7 @@ def _read_kept(path):
 
 
 def _load_kept(figure, tables):
-    """What is kept of the rows of these tables; empty without any."""
+    """The stored results of the rows of these tables; empty if there are none."""
     found = []
     for table in tables:
         if not (path := table.kept(figure.measure)).exists():
@@ -126,7 +126,7 @@ def _load_kept(figure, tables):
 
 
 def _keep(path, new):
-    """Adds what was measured to what is kept, whatever rows its table has now."""
+    """Adds new results to the stored ones, independent of the present rows of the table."""
     _write_csv(path, pd.concat([_read_kept(path), new], ignore_index=True) if path.exists() else new)
 
 
@@ -217,7 +217,7 @@ def _measured(figure, level, given, runs):
         together = pd.concat([part for part in (kept, new) if len(part)], ignore_index=True) if len(kept) + len(new) else new
         if given.keep and len(new):
             _keep(table.kept(figure.measure), new)
-        if runs.stopped:  # what is done is kept before
+        if runs.stopped:  # finished runs are stored before
             raise Stopped
         if len(together):
             _write_csv(given.output / "measured" / f"{table.name}.{figure.measure}.csv", together)
@@ -299,7 +299,7 @@ def main(arguments=None):
         except PliantError as error:
             if not everything:
                 raise
-            if not given.kept:  # of what is kept there need not be all
+            if not given.kept:  # stored results may lack rows
                 failed.append(figure.name)
             remark(f"{figure.name}: {error}")
     if failed:

@@ -1,5 +1,5 @@
-"""The figures of the thesis' chapter 3 and appendix A that show where, next to what, and of which size disks move off the
-mean; and how that depends on what the thesis leaves open."""
+"""The figures of the thesis' chapter 3 and appendix A that show where, next to which neighbours, and of which size disks
+deviate from the mean motion, and how this depends on choices that the thesis leaves open."""
 
 import textwrap
 
@@ -287,7 +287,7 @@ def draw_neighbours(measured):
     return figure, []
 
 
-# ---- what the thesis leaves open -------------------------------------------------------------------------------------
+# ---- choices that the thesis leaves open -------------------------------------------------------------------------------
 
 _SHORT = {"area_fraction": "area fraction", "mu_disk": r"$\mu$ disks", "mu_wall": r"$\mu$ walls",
           "mu_plunger": r"$\mu$ plungers", "mu_base": r"$\mu$ base", "base_coupled": "base coupled",
@@ -297,14 +297,14 @@ _SHORT |= {name + "_dynamic": text + ", dynamic" for name, text in _SHORT.items(
 
 
 def choices(measured):
-    """The rows with the columns `changed`, what a run has that most have not, and `label`, the same to be read. What most of
-    the different runs have, option by option, is what stands."""
+    """The rows with the columns `changed`, the options in which a run differs from most runs, and `label`, the same as text.
+    The reference has, option by option, the value of most runs."""
     def text(value):
         if pd.isna(value):
             return ""
         return f"{value:g}" if isinstance(value, (int, float)) and not isinstance(value, bool) else str(value)
 
-    # What was kept before an option was looked at lacks it.
+    # Results stored before an option was added lack it.
     options = measured.reindex(columns=CHANNEL_OPTIONS).apply(lambda column: column.astype(object).map(text))
     different = options.drop_duplicates()
     common = commonest(different)
@@ -321,7 +321,7 @@ def choices(measured):
 
 
 def draw_choices(measured):
-    """Non-affine motion with one choice changed at a time, beside that of what stands."""
+    """Non-affine motion with one choice changed at a time, next to the reference."""
     measured = choices(measured)
     named = measured["distribution"].value_counts()
     found = [(name, rows) for name, rows in _by_delta(measured)

@@ -200,7 +200,7 @@ _JUDGED = {"competing": "a raft with holes is left", "overlapping": "one starts 
 
 
 def _draw_competing(measured, kind):
-    """A panel per judgement of what competes; returns the figure, [(judgement, panel, points)] and the quantities."""
+    """A panel per judgement of competing fractures; returns the figure, [(judgement, panel, points)] and the quantities."""
     there = [name for name in raft.JUDGEMENTS if name in measured and measured[name].notna().any()]
     figure, panels = plt.subplots(1, len(there), figsize=(min(1.8 + 3.6 * len(there), plotting.PAGE), 4.0), layout="constrained", sharey=True,
                                   squeeze=False)

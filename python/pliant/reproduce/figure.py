@@ -11,7 +11,7 @@ from ..errors import RunError
 from ..files import write_atomically
 from .published import Published
 
-#: Tables and what was measured from them: beside the folder python of the sources and of an installation.
+#: Tables and their results: next to the folder python of the sources and of an installation.
 VALIDATION = Path(__file__).resolve().parents[3] / "validation"
 LEVELS = ("quick", "full", "as-run")
 #: Options in which runs of one point may differ.
@@ -47,9 +47,9 @@ class Figure:
     full: tuple
     measure: str     #: name of a function of measure.py
     drawing: Callable   #: measured [DataFrame] → (matplotlib figure, [Quantity])
-    quick_note: str = "fewer seeds and shorter runs"  #: what the quick form has less of
+    quick_note: str = "fewer seeds and shorter runs"  #: the savings of the quick form
     as_run: tuple = ()  #: with the options for the differences of the authors' code; empty where there are none
-    #: What it tells runs apart by: options, and functions of a run's options. Runs that agree in all are seeds of one point.
+    #: Criteria that distinguish runs: options, and functions of a run's options. Runs that agree in all are seeds of one point.
     tells: tuple = ()
     kind: str = ""        #: of particles, of KINDS, if it shows one alone
     planar: bool = False  #: whether runs in 3D cannot be in it
@@ -84,7 +84,7 @@ def check_rows(figure, tables):
     """Before they run. Raises RunError if the figure shows none of them, would average runs that differ in more than
     FREE options, or would show the effect of several options as if it were one: `tables` is [(path, [Row])]."""
     given = [row.options for _, lines in tables for row in lines]
-    if not any("options_file" in options for options in given):  # which may have what is asked
+    if not any("options_file" in options for options in given):  # which may have the option
         runs = pd.DataFrame([_DEFAULTS | {name: options[name] for name in _DEFAULTS if name in options} for options in given])
         figure.shown(runs.assign(dim=pd.to_numeric(runs["dim"], errors="coerce")))
     first = {}

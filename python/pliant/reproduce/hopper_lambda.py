@@ -15,7 +15,7 @@ from .figure import Quantity
 from .hopper_runs import (BETA, LAMBDA, LIMIT_AT, LIMIT_NAMES, MODEL, chi2_note, decides, fitted, limits, model_label,
                           of_several, plain, variant_label, with_limit)
 
-#: What runs of one model may differ in beside (`of_several`).
+#: Other options in which runs of one model may differ (`of_several`).
 _VARIANT = ["contacts", "size"]
 
 
@@ -179,7 +179,7 @@ def _plateau(ratios, full):
 
 def _draw_ratios(axes, ratios, curves, full, lams):
     """Drag over friction of one model against the angle of the hopper; its quantities at lambda = 0.01 and at lambda_c.
-    full(row) is what their names call a row; `lams` are those of all models, each of one colour."""
+    full(row) is the name of a row in their names; `lams` are the lambdas of all models, each with one colour."""
     quantities = []
     for lam, at_lam in ratios.groupby("lam"):
         for j, (_, group) in enumerate(at_lam.groupby(_VARIANT)):

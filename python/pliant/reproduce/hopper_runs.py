@@ -1,4 +1,4 @@
-"""Runs of hoppers as their figures take them: lambda and the limits of it, what a run is called, and quantities of fits."""
+"""Runs of hoppers as their figures take them: lambda and its limits, names of runs, and quantities of fits."""
 
 import numpy as np
 
@@ -59,7 +59,7 @@ def is_soft(measured):
 
 
 def plain(measured):
-    """Soft particles do not have what deformable ones have, and these no E_sp: equal groups get equal columns."""
+    """Soft particles lack the coefficients of deformable ones, and these lack E_sp: equal groups get equal columns."""
     soft = is_soft(measured)
     return measured.assign(**{c: measured[c].where(soft == (c == "e_sp"), 0.0) for c in (*MODEL[1:], "e_c")})
 
@@ -148,7 +148,7 @@ def decides(fit):
 
 
 def undecided(row, name, known):
-    """What shows the exponent where the fit of a row cannot decide: exponent and offset without the bound of k, and the local
+    """Measures of the exponent if the fit of a row cannot decide: exponent and offset without the bound of k, and the local
     slopes of Q, which are beta w/(w - k). known: {quantity: Published}."""
     if not row["fit"] or row["fit"].decides:
         return []

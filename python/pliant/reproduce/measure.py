@@ -1,6 +1,6 @@
-"""What the figures take from a run: a few numbers, which are kept when the run is gone.
+"""Results that figures take from a run: a few numbers, stored after the run is deleted.
 
-Each function gives a DataFrame of one run. `measured` adds what is known of every run: OF_EVERY_RUN.
+Each function gives a DataFrame of one run. `measured` adds the columns of every run: OF_EVERY_RUN.
 """
 
 import re
@@ -18,18 +18,18 @@ from ..sweep import sweep_table
 OF_EVERY_RUN = ("row", "seed", "commit", "cpu_seconds")
 _FLOW = ["model", "dim", "status", "mu", "zeta", "e_sp", "e_c", "k_l", "k_b", "hopper_angle", "hopper_angle_left",
          "hopper_width", "hopper_wall_distance", "t_end"]
-#: What readings of [H] and protocols of a run differ in, and how deformed its particles are.
+#: Options in which interpretations of [H] and protocols differ, and the deformation of particles.
 _READING = ["friction", "drag", "contact_law", "e_w", "count", "removal_depth", "reinsertion_gap",
             "reinsertion_lateral_speed", "pack_fraction", "max_overlap", "steady", "steady_start"]
-#: What else deformable particles as printed and as run differ in.
+#: Further options in which deformable particles as printed and as run differ.
 _LAWS = ["friction", "drag", "count", "reinsertion_gap", "e_w", "area_energy", "bending_edges", "edge_force", "edge_width",
          "wall_diameter", "friction_point"]
 _RATES = ["Q", "Q_corrected", "orifice_velocity", "drag_friction_ratio", "c0"]
 _CLOG = ["hopper_width", "g", "phi_c", "status", "avalanche_size", "capillary_length"]
 _PROFILE = ["mu", "zeta", "e_sp", "hopper_width", "dim", "drag"]
-#: What names the sizes of disks.
+#: Options that set the sizes of disks.
 DISTRIBUTION = ("distribution", "radii", "counts")
-#: Of a run in a channel, what else a table may vary.
+#: Further options that a table of channel runs may vary.
 CHANNEL_OPTIONS = ("area_fraction", "mu_disk", "mu_disk_dynamic", "mu_wall", "mu_wall_dynamic", "mu_plunger",
                    "mu_plunger_dynamic", "mu_base", "mu_base_dynamic", "base_coupled", "plunger_speed", "retract_speed",
                    "stiffness", "restitution", "dt")
@@ -42,13 +42,13 @@ def _columns(run, names):
 
 
 def flows(run):
-    """Flow rates and what else summary.json has of a hopper."""
+    """Flow rates and the other results in summary.json of a hopper."""
     wanted = [*_FLOW, *_LAWS, *(name + end for name in _RATES for end in ("", "_error"))]
     return pd.DataFrame([_columns(run, wanted)])
 
 
 def readings(run):
-    """Flow rates, with what tells readings of [H] apart; dt is NaN where the program chose it."""
+    """Flow rates, with the options that distinguish interpretations of [H]; dt is NaN where the program chose it."""
     wanted = [*_FLOW, *_READING, *(name + end for name in _RATES for end in ("", "_error"))]
     return pd.DataFrame([_columns(run, wanted) | {"dt": run.parameters.get("dt") or np.nan}])
 
@@ -137,7 +137,7 @@ def _pushing(run):
 
 def motion(run):
     """Non-affine motion, over an interval and over equal strains, of all cells; exponents and rotation in the central
-    square; what the run was made with."""
+    square; the options of the run."""
     result = _channel(run)
     names = ("dr_na", "d2_min_per_neighbour")
     options = {name: run.parameters.get(name, np.nan) for name in CHANNEL_OPTIONS}
@@ -159,8 +159,8 @@ def intervals(run):
 
 
 def sizes(run):
-    """Non-affine motion of each size, of all cells, the same over that of all disks in the same cells, and what disks of
-    the size add to the motion next to them."""
+    """Non-affine motion of each size, of all cells, its ratio to the motion of all disks in the same cells, and the motion that
+    disks of the size add to their neighbours."""
     result = _channel(run)
     names = ("dr_na", "d2_min_per_neighbour")
     rows = []

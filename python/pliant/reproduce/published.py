@@ -1,4 +1,4 @@
-"""What the papers report, the one place for it. [H]: Hopper flows of deformable particles; [T]: the thesis.
+"""Values reported by the papers, the only place for them. [H]: Hopper flows of deformable particles; [T]: the thesis.
 
 `error` is the one printed; where a number comes with "about", or without an error, half a unit of its last digit; 0 where
 an exponent is meant exactly.

@@ -19,7 +19,7 @@ NEAR = 0.1  #: beta is called 3/2 or 1/2 within this
 SECOND_FROM = 4.0  #: readings are fitted a second time from this width on: the published k of drag leaves no flow at 3
 STRONG = {"friction": 30.0, "drag": 3.0}  #: coefficients from which on Q is about inversely proportional to them
 
-#: What the model says, and what the protocol does. NaN: the program's default.
+#: Options of the model and of the protocol. NaN: the program's default.
 _COMMON = {"friction": "whole", "drag": "per_particle", "contact_law": "harmonic", "e_w": 1e4, "e_sp": 100.0,
            "count": "crossing", "removal_depth": np.nan, "reinsertion_gap": 0.0, "reinsertion_lateral_speed": np.nan,
            "pack_fraction": 0.84, "dt": np.nan, "n": 1600, "hopper_wall_distance": 50.0}
@@ -79,7 +79,7 @@ def _words(name, value):
 
 
 def changes(row, base, names=OPTIONS):
-    """What of the options `names` differs from those of `base`, in words."""
+    """The options among `names` that differ from `base`, as text."""
     return list(filter(None, (_words(name, row[name]) for name in names if not _same(row[name], base[name]))))
 
 
@@ -149,7 +149,7 @@ def check_single(rows):
 
 
 def reading(row, names=OPTIONS, models=None):
-    """'printed', 'as run, mu = 31.62': the nearer of the two `models` (default: MODELS), and what differs from it."""
+    """'printed', 'as run, mu = 31.62': the nearer of the two `models` (default: MODELS), and the differences from it."""
     found = [(name, changes(row, base[row["limit"]], names))
              for name, base in zip(("printed", "as run"), models or MODELS[row["dim"]])]
     name, differs = min(found, key=lambda one: len(one[1]))
@@ -159,8 +159,8 @@ def reading(row, names=OPTIONS, models=None):
 
 
 def _canonical(measured):
-    """Rows of soft particles in the limits. What does not act in a limit is as printed: the law of friction where there
-    is drag only, and the other way round."""
+    """Rows of soft particles in the limits. Options without effect in a limit are as printed: the law of friction if there
+    is drag only, and vice versa."""
     return _laws_that_act(limits(measured))
 
 
@@ -204,7 +204,7 @@ def _published(dim):
 
 
 def _windows(axes, span, exponents, horizontal=True):
-    """Published exponents, each with what is called equal to it."""
+    """Published exponents, each with the rule by which a value agrees with it."""
     for beta in exponents:
         line, band = (axes.axhline, axes.axhspan) if horizontal else (axes.axvline, axes.axvspan)
         line(beta, color="0.45", lw=0.9, ls=":", zorder=0)
