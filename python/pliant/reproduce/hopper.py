@@ -259,7 +259,7 @@ FIGURES = [
            "120 deformable particles with contacts softer than printed, three widths, two K_l and two K_b",
            as_run=("as-run/stiffness", "as-run/limits", "as-run/limits-hard", *_MAPS_AS_RUN), tells=_STIFFNESS,
            planar=True),
-    Figure("H8", "discharge of two wedges against their width, beside the experiment", ("quick/discharge",),
+    Figure("H8", "discharge of two wedges against their width, compared with the experiment", ("quick/discharge",),
            ("hopper/discharge",), "flows", draw_discharge, "400 particles, four seeds",
            tells=("zeta", "e_sp", "hopper_angle", "hopper_angle_left", "hopper_width")),
     Figure("H10",
