@@ -53,11 +53,22 @@ def descriptors(path):
     return found
 
 
-def test_each_run_is_the_file_as_it_was_when_it_was_opened(tmp_path):
+def without_cache(run):
+    """Makes HDF5 read the run's file again whenever it looks for something."""
+    file = run._file._file.id
+    config = file.get_mdc_config()
+    config.set_initial_size, config.initial_size, config.min_size, config.max_size = True, 1024, 1024, 1024
+    config.incr_mode = config.flash_incr_mode = config.decr_mode = 0
+    file.set_mdc_config(config)
+    return run
+
+
+@pytest.mark.parametrize("cached", [True, False])
+def test_each_run_is_the_file_as_it_was_when_it_was_opened(cached, tmp_path):
     path, truth = growing(tmp_path / "run")
     runs = []
     for k in range(4):
-        runs.append(Run(path))
+        runs.append(Run(path) if cached else without_cache(Run(path)))
         grow(path)
     for k, run in enumerate(runs):
         assert len(run.frames) == 3 + k and run.frames.times[-1] == 0.5 * (2 + k)
