@@ -17,7 +17,7 @@ from scipy.stats import bootstrap
 FRICTION, DRAG = "-mu 31.6227766", "-zeta 0.316227766"
 QUIET = "-checkpoint_interval 0 -frame_interval 1e9"  # first and last frame only
 POLYGONS = "-n 400 -hopper_wall_distance 30"
-# The contacts of docs/validation/validation.md: as printed for rough particles, softer for smooth ones.
+# The contacts of docs/validation/hopper-deformable.md: as printed for rough particles, softer for smooth ones.
 ROUGH = "-model rough -e_c 1e4 -e_w 1e4 -dt 1e-4"
 SMOOTH = "-model smooth -e_c 250 -e_w 250 -dt 7.5e-5"
 

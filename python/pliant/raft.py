@@ -24,6 +24,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
+from scipy.optimize import brentq
 from scipy.signal import find_peaks
 
 from .errors import RunError
@@ -164,6 +165,29 @@ class Compression:
             return None, None
         inside = (self.events["wall_distance"] <= start) & (self.events["wall_distance"] > end)
         return judge_fractures(self.events["position"][inside], self.events["broken"][inside] > 0, FRACTURE_REACH * self.d_eq)
+
+
+def contact_constants(f0=10.0, phi_c=1e-4, a_s=0.05):
+    """{name: value} of two equal droplets and of a droplet at a wall, R = b = 1, from [T 2.1, 2.5, 2.7, 2.8]: L^2/R^2 [T 2.13],
+    the distance d_eq at rest, the stiffness k1 there and the energy E1 of the bond; the same of the wall."""
+    L2 = 8 * f0 * a_s**3 / (np.pi * phi_c)
+    reach = 1 + a_s
+    # f0 (1 - d/2) = f0 (4 reach^2 - d^2)/(4 L2)
+    d = L2 - np.sqrt(L2**2 - 4 * L2 + 4 * reach**2)
+    lens = np.pi / 12 * (4 * reach + d) * (2 * reach - d) ** 2
+    suction = np.pi * phi_c / (8 * a_s**3)  # of the wall, times (1 + 2 a_s - h)(1 + h)
+
+    def wall_force(h):
+        return f0 * (1 / h - 1) * (h < 1) - suction * (1 + 2 * a_s - h) * (1 + h)
+
+    h = brentq(wall_force, 0.5, 1)
+    end = 1 + 2 * a_s
+
+    def work(x):  # of the suction, from 0
+        return suction * (end * x + (end - 1) * x**2 / 2 - x**3 / 3)
+
+    return {"L^2/R^2": L2, "d_eq": d, "k1": f0 * (0.5 - d / (2 * L2)), "E1": phi_c / (8 * a_s**3) * lens - f0 * (2 - d) ** 2 / 4,
+            "k_wall": f0 / h**2 + suction * (2 * a_s - 2 * h), "E_wall": work(end) - work(h) - f0 * (-np.log(h) - (1 - h))}
 
 
 def lattice_k1(rows, columns, bond, wall):

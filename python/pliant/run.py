@@ -191,7 +191,7 @@ class Frame:
 
     @_read_once
     def reinsertions(self):
-        """[N] how often each particle has been put back to the upper end since the run began."""
+        """[N] how often each particle has been reinserted since the run began."""
         if "reinsertions" not in self._group and not self._run.reinserts:
             self.check_open()
             return np.zeros(self._run.topology.particles, dtype=np.int32)
@@ -484,7 +484,7 @@ class Run:
 
     @property
     def reinserts(self):
-        """Whether particles that leave are put back to the upper end."""
+        """Whether particles that leave are reinserted at the upper end."""
         return self.scenario == "hopper" and self.options.get("flow", "continuous") == "continuous"
 
     @property

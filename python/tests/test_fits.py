@@ -128,7 +128,7 @@ def test_block_error_of_correlated_samples():
 
 
 def test_an_offset_at_its_bound_leaves_the_exponent_free():
-    """Data that want k < 0 (docs/validation/validation.md: soft particles with friction only): the best fit has k = 0, and the
+    """Data that want k < 0 (docs/validation/hopper-limits.md: soft particles with friction only): the best fit has k = 0, and the
     exponent that is best there, not one of the grid that it starts from."""
     w = np.arange(2.0, 11)
     Q = [0.233, 0.555, 1.117, 1.745, 2.722, 3.827, 5.264, 6.892, 8.749]

@@ -900,7 +900,7 @@ def test_a_drifting_flow_shows_in_the_duration(tmp_path):
     assert {name: q.value for name, q in found.items() if name.startswith("beta: ")} == {
         f"beta: {name}, drag only, t_end = {t}": pytest.approx(beta, abs=0.06) for name, t, beta in (
             ("as run", 50, 0.7), ("as run", 100, 0.5), ("as run", 200, 0.3),
-            ("as run, put back touching", 50, 0.6), ("as run, put back touching", 200, 0.6))}
+            ("as run, reinserted touching", 50, 0.6), ("as run, reinserted touching", 200, 0.6))}
 
 
 def test_a_drifting_flow_of_deformable_particles_shows_in_the_duration(tmp_path):
@@ -911,8 +911,8 @@ def test_a_drifting_flow_of_deformable_particles_shows_in_the_duration(tmp_path)
     kind = "smooth, K_l = 10, K_b = 0.1, drag only"
     assert {name: q.value for name, q in found.items() if name.startswith("beta: ")} == {
         f"beta: {name}: {kind}, t_end = {t}": pytest.approx(beta, abs=0.06) for name, t, beta in (
-            ("as run", 30, 0.6), ("as run", 100, 0.3), ("as run, put back touching", 30, 0.7),
-            ("as run, put back touching", 100, 0.7))}
+            ("as run", 30, 0.6), ("as run", 100, 0.3), ("as run, reinserted touching", 30, 0.7),
+            ("as run, reinserted touching", 100, 0.7))}
 
 
 @pytest.mark.parametrize("status", ["clogged", "done"])  # done: a particle that bounces alone goes on
@@ -1164,7 +1164,7 @@ def test_figures_of_clogs(tmp_path):
     assert found["B, runs that emptied as cut off"].value == pytest.approx(0.029, rel=0.1)
     assert found["A, from P_clog"].published.value == 0.12 and "points" in found["B, from P_clog"].note
     assert found["B, phi_c = 0.0002 alone"].error > 0
-    own = found["B, runs that emptied as cut off, beside that of the published w*"]
+    own = found["B, runs that emptied as cut off, against B from the published w*"]
     half = clog.clog_law(2 * 2.96, 0.12, own.published.value, 190)
     assert own.value == found["B, runs that emptied as cut off"].value and half == pytest.approx(0.5)
     found = drawn("T4.6", table, tmp_path)

@@ -1,9 +1,7 @@
-"""Every sentence of docs/validation/what-we-learned.md, and every row of the first table of docs/validation/validation.md, with a number or a verdict
-is tied to rows: its tag <sup>w1</sup> names an entry of validation/statements.txt, which says there how to read the format."""
+"""Every sentence and row of docs/validation/what-we-learned.md with a number or a verdict is tied to rows: its tag <sup>w1</sup> names an
+entry of validation/statements.txt, whose head describes the format."""
 
-import operator
 import re
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
@@ -11,13 +9,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pliant.reproduce import published
-from pliant.reproduce.figure import AGREE
+from pliant.reproduce.figure import VALIDATION
+from pliant.reproduce.rows import Rows, Value, evaluate, reproduced
 
 ROOT = Path(__file__).resolve().parents[2]
-VALIDATION = ROOT / "validation"
-PAGES = {"docs/validation/what-we-learned.md": "w", "docs/validation/validation.md": "v"}  #: page: first letter of its tags
-TAG = re.compile(r"<sup>([wv]\d+)</sup>")
+PAGE = ROOT / "docs/validation/what-we-learned.md"
+TAG = re.compile(r"<sup>(w\d+)</sup>")
 NUMBER = re.compile(r"(?<![\w.])([−-]?\d+(?:\.\d+)?(?:·10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+))?|[−-]?10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+))(?: ± (\d+(?:\.\d+)?))?(?![\w])")
 VERDICT = re.compile(r":\s+(?:\*\*)?(yes|no verdict|no)\b")
 JUDGES = re.compile(r"\b(yes|no|holds?|fails?|agrees?|within|does not|do not|neither|none|confirm\w*|contradict\w*|reproduce[sd]?|match\w*|differs?|"
@@ -29,168 +26,6 @@ NO_NUMBERS = re.compile(r"`[^`]*`|!?\[[^\]]*\]\([^)]*\)|\[[HT][^\]]*\]|\[\d+[a-c
 #: Names of a setting on the pages, and in the tables of results.
 SETTINGS = {"N": "n", "W": "hopper_wall_distance", "w": "hopper_width", "E_sp": "e_sp", "K_l": "k_l", "K_b": "k_b", "θ_w": "hopper_angle",
             "λ": "lam", "contacts of": "e_c", "E_c": "e_c", "φ": "phi", "μ/μ0": "mu", "ζ/ζ0": "zeta"}
-
-
-# ---- values ----------------------------------------------------------------------------------------------------------
-
-@dataclass(frozen=True)
-class Value:
-    """A number with its standard error, and the verdict of its row."""
-
-    value: float
-    error: float = 0.0
-    agree: str = ""
-    note: str = ""
-    row: dict = None
-
-    @property
-    def published(self):
-        return Value(self.row["published"], self.row["published_error"])
-
-    @property
-    def deviation(self):
-        return Value(self.row["deviation"])
-
-    def noted(self, words):
-        """The number behind these words in the note."""
-        return Value(float(re.search(re.escape(words) + r" ([\d.e+-]*\d)", self.note)[1]))
-
-
-def _with(operation, relative):
-    def apply(a, b):
-        a, b = (x if isinstance(x, Value) else Value(x) for x in (a, b))
-        value = operation(a.value, b.value)
-        error = (abs(value) * np.hypot(a.error / a.value, b.error / b.value) if relative else np.hypot(a.error, b.error))
-        return Value(value, float(error))
-    return apply
-
-
-for _name, _operation, _relative in (("add", operator.add, False), ("sub", operator.sub, False), ("mul", operator.mul, True),
-                                     ("truediv", operator.truediv, True)):
-    _apply = _with(_operation, _relative)
-    setattr(Value, f"__{_name}__", _apply)
-    setattr(Value, f"__r{_name}__", lambda a, b, f=_apply: f(b, a))
-
-
-@cache
-def reproduced():
-    return pd.read_csv(VALIDATION / "reproduced.csv", keep_default_na=False)
-
-
-def _number(text):
-    return float(text) if text not in ("", None) else np.nan
-
-
-def _value(row):
-    own = {name: _number(row[name]) for name in ("ours", "error", "published", "published_error", "deviation")}
-    return Value(own["ours"], own["error"], row["agree"], row["note"], row | own)
-
-
-def _of_figure(table):
-    """{(figure, level): [row]}, remembered for the table."""
-    if id(table) not in _INDEX:
-        found = _INDEX.setdefault(id(table), {})
-        for row in table.to_dict("records"):
-            found.setdefault((row["figure"], row["level"]), []).append(row)
-    return _INDEX[id(table)]
-
-
-_INDEX = {}
-
-
-class Rows:
-    """The rows of reproduced.csv as specifications name them, and those that one of them has named."""
-
-    def __init__(self, table):
-        self.of_figure, self.named = _of_figure(table), []
-
-    def one(self, figure, level, quantity):
-        found = [row for row in self.of_figure.get((figure, level), []) if row["quantity"] == quantity]
-        assert len(found) == 1, f"{len(found)} rows of {figure} {level} are called '{quantity}'"
-        self.named += found
-        return _value(found[0])
-
-    def matching(self, figure, level, pattern):
-        found = [row for row in self.of_figure.get((figure, level), []) if re.fullmatch(pattern, row["quantity"])]
-        assert found, f"no row of {figure} {level} matches '{pattern}'"
-        self.named += found
-        return [_value(row) for row in found]
-
-
-def evaluate(specification, default, rows):
-    """The values of an entry's specification: [Value or bool], one for each number of its text."""
-    known = []
-
-    def named(match):
-        opening, text = match[1], match[2]
-        own = re.match(r"([A-Za-z][\w.-]*) (full|quick|as-run): (.*)", text)
-        figure, level, quantity = own.groups() if own else (*default.split(), text)
-        known.append((rows.matching if opening == "all" else rows.one)(figure, level, quantity))
-        return f"known[{len(known) - 1}]"
-
-    code = re.sub(r"(all)?\{([^{}]*)\}", named, specification)
-    result = eval(code, {"__builtins__": {}, "known": known, **FUNCTIONS})  # noqa: S307: our own file
-    return list(result) if isinstance(result, (tuple, list)) else [result]
-
-
-@cache
-def _column(table, name):
-    """The values of a column of the table validation/TABLE.csv."""
-    return set(pd.read_csv(VALIDATION / f"{table}.csv", comment="#")[name])
-
-
-def _values(arguments):
-    return [v for one in arguments for v in (one if isinstance(one, (list, tuple)) else [one])]
-
-
-@cache
-def _measured(name, column):
-    """The values of a column of results, validation/measured/NAME.csv."""
-    return set(pd.read_csv(VALIDATION / "measured" / f"{name}.csv")[column].dropna())
-
-
-def _kept(name, column, **where):
-    """The mean of a column of validation/measured/NAME.csv over the rows with these values of other columns."""
-    data = pd.read_csv(VALIDATION / "measured" / f"{name}.csv")
-    for other, value in where.items():
-        data = data[data[other] == value]
-    assert len(data), f"{name} has no row with {where}"
-    return Value(float(data[column].mean()))
-
-
-def _change(reference, others):
-    return Value(max(abs(one.value - reference.value) for one in others))
-
-
-#: Functions that specifications may call; `of` are rows, or lists of them.
-FUNCTIONS = {
-    # numbers
-    "Value": Value, "TRUE_RATIO": Value(published.CODE_LAMBDA[2]), "value": lambda v: Value(v.value),
-    "abs": lambda v: Value(abs(v.value), v.error), "percent": lambda v: Value(100 * v.value, 100 * v.error),
-    "relative": lambda v: Value(100 * v.error / abs(v.value)),
-    "low": lambda *of: min(_values(of), key=lambda v: v.value), "high": lambda *of: max(_values(of), key=lambda v: v.value),
-    "span": lambda *of: [min(_values(of), key=lambda v: v.value), max(_values(of), key=lambda v: v.value)],
-    "count": lambda verdict, *of: Value(sum(v.agree == verdict for v in _values(of))), "number": lambda *of: Value(len(_values(of))),
-    "farthest": lambda *of: Value(max(abs(v.row["deviation"]) for v in _values(of))), "change": _change,
-    "seeds": lambda v: Value(_seeds(v.row["seeds"])),
-    "distributions": lambda: Value(len(set(published.DELTA) & _measured("channel/pair.motion", "distribution")
-                                       | set(published.DELTA) & _measured("channel/distributions.motion", "distribution"))),
-    "judged": lambda v, known: Value(v.value, v.error, "yes" if abs(v.value - known.value) <= AGREE * np.hypot(v.error, known.error) else "no"),
-    # whether it is so
-    "every": lambda verdict, *of: all(v.agree == verdict for v in _values(of)),
-    "never": lambda verdict, *of: all(v.agree != verdict for v in _values(of)),
-    "notes": lambda words, *of: all(words in v.note for v in _values(of)),
-    "is_bound": lambda *of: all("k at its bound" in v.note for v in _values(of)),
-    "near": lambda a, b, k: bool(abs(a.value - b.value) <= k * np.hypot(a.error, b.error)),
-    "beyond": lambda k, *of: all(v.row["deviation"] * np.sign(k) > abs(k) for v in _values(of)),
-    "falls": lambda a, b: bool(a.value - b.value > 2 * np.hypot(a.error, b.error)),
-    # values of a column
-    "column": _column, "measured": _measured, "kept": _kept,
-}
-
-
-def _seeds(text):
-    return sum(int(part.split("-")[-1]) - int(part.split("-")[0]) + 1 for part in text.split(","))
 
 
 # ---- texts -----------------------------------------------------------------------------------------------------------
@@ -247,7 +82,7 @@ def entries(text):
     for line in text.splitlines():
         if not line.strip() or line.startswith("#"):
             continue
-        if head := re.fullmatch(r"\[([wv]\d+)\] ?(.*)", line):
+        if head := re.fullmatch(r"\[(w\d+)\] ?(.*)", line):
             assert head[1] not in found, f"statements.txt has two entries {head[1]}"
             found[head[1]] = (head[2], own := [])
         else:
@@ -257,13 +92,11 @@ def entries(text):
     return found
 
 
-def statements(page, text):
-    """[sentence or row of a table] of a page that need a tag: those with a number or a verdict."""
-    if page == "docs/validation/validation.md":
-        text = text.split("## In short")[1].split("\n## ")[0]
+def statements(text):
+    """[sentence or row of a table] that needs a tag, because it has a number or a verdict."""
     found = []
     for block in text.split("\n"):
-        if block.startswith(("|--", "| --", "#", "![")) or not block.strip() or (page == "docs/validation/validation.md" and not block.startswith("|")):
+        if block.startswith(("|--", "| --", "#", "![")) or not block.strip():
             continue
         if block.startswith("|"):
             found.append(block)
@@ -277,10 +110,7 @@ def statements(page, text):
 
 
 def _plain(statement):
-    """The numbers of the statement; a row of the summary without its last cell, which names figures and seeds."""
-    last = statement.rstrip("| ").rfind("|")
-    if statement.startswith("|") and re.search(r"`[\w.-]+ (full|quick|as-run)`|the same", statement[last:]):
-        statement = statement[:last]
+    """The statement, blank where digits are not numbers."""
     return NO_NUMBERS.sub(lambda m: " " * len(m[0]), statement)
 
 
@@ -340,9 +170,9 @@ def check(statement, tied, table):
     return wrong
 
 
-def faults(page, text, tied, table):
+def faults(text, tied, table):
     """[(statement, fault)] of a page."""
-    return [(one, wrong) for one in statements(page, text) if (wrong := check(one, tied, table))]
+    return [(one, wrong) for one in statements(text) if (wrong := check(one, tied, table))]
 
 
 @pytest.fixture(scope="module")
@@ -350,10 +180,9 @@ def tied():
     return entries((VALIDATION / "statements.txt").read_text(encoding="utf-8"))
 
 
-@pytest.mark.parametrize("page", PAGES)
-def test_every_statement_agrees_with_its_rows(page, tied):
-    found = faults(page, (ROOT / page).read_text(encoding="utf-8"), tied, reproduced())
-    assert not found, "\n".join(f"{page}: {one[:120]}\n    " + "\n    ".join(wrong) for one, wrong in found)
+def test_every_statement_agrees_with_its_rows(tied):
+    found = faults(PAGE.read_text(encoding="utf-8"), tied, reproduced())
+    assert not found, "\n".join(f"{PAGE.name}: {one[:120]}\n    " + "\n    ".join(wrong) for one, wrong in found)
 
 
 # ---- the check itself ------------------------------------------------------------------------------------------------
@@ -373,7 +202,7 @@ SENTENCE = "Of N = 800 β is 2.283 ± 0.038: no (k at its bound 0), hard 1.50 ±
 
 
 def problems(sentence, ties=TIES):
-    return "; ".join(wrong for one in statements("docs/validation/what-we-learned.md", sentence) for wrong in check(one, entries(ties), ROWS))
+    return "; ".join(wrong for one in statements(sentence) for wrong in check(one, entries(ties), ROWS))
 
 
 def test_a_sentence_that_agrees_with_its_rows_has_no_fault():
@@ -404,5 +233,5 @@ def test_a_sentence_with_a_number_or_verdict_needs_a_tag(text):
 
 
 def test_every_entry_is_used_once(tied):
-    tags = [tag for page in PAGES for tag in TAG.findall(re.sub(r"such as <sup>\w+</sup>", "", (ROOT / page).read_text(encoding="utf-8")))]
+    tags = TAG.findall(re.sub(r"such as <sup>\w+</sup>", "", PAGE.read_text(encoding="utf-8")))
     assert sorted(tags) == sorted(tied)

@@ -5,6 +5,7 @@ import numpy as np
 
 from .. import ensemble, plotting
 from ..beverloo_figures import log_axes
+from ..channel import Choices
 from ..channel_figures import LABELS
 from ..errors import RunError
 from ..script import with_error
@@ -134,6 +135,25 @@ def draw_rotation(measured):
     return figure, quantities
 
 
+def draw_neighbours(measured):
+    """D2_min with 11 and 20 neighbours, which [T 3.3] tried, over D2_min with 15."""
+    usual = measured[measured["neighbours"] == Choices().neighbours].set_index(["table", "row"])
+    figure, axes = plt.subplots(figsize=(5.4, 4.0), layout="constrained")
+    quantities = []
+    for value, when in (("d2_min", ""), ("d2_min_clock", ", equal strains")):
+        ratios = measured.assign(ratio=[row[value] / usual.loc[(row["table"], row["row"]), value] for _, row in measured.iterrows()])
+        points = ensemble.scatter(ratios[ratios["neighbours"] != Choices().neighbours], ["distribution", "neighbours"], "ratio")
+        plotting.errorbar(axes, points["neighbours"], points["ratio"], points["ratio_error"], fmt="o", capsize=2.5,
+                          label="one interval" if not when else "equal strains")
+        quantities += [Quantity(f"D2_min, {row.neighbours} over {Choices().neighbours} neighbours{when}, {row.distribution}",
+                                row.ratio, row.ratio_error, None, 'T 3.3 "similar results", without a number')
+                       for row in points.itertuples()]
+    axes.axhline(1, color="0.6", lw=0.9)
+    axes.set(xlabel="neighbours", ylabel=r"$D^2_{min}$ over $D^2_{min}$ with 15 neighbours")
+    axes.legend()
+    return figure, quantities
+
+
 _ALL = ("channel/pair", "channel/distributions")
 _QUICK = "four size distributions, two seeds, twice the speed, fewer pushes"
 FIGURES = [
@@ -145,4 +165,6 @@ FIGURES = [
            _ALL, "motion", draw_clock, _QUICK, tells=DISTRIBUTION),
     Figure("TA.2", "rotation of disks against polydispersity", ("quick/channel",), _ALL, "motion",
            draw_rotation, _QUICK, tells=DISTRIBUTION),
+    Figure("T3.neighbours", "D2_min of disks with 11, 15 and 20 neighbours", ("quick/channel",), ("channel/pair",),
+           "neighbours", draw_neighbours, _QUICK, tells=DISTRIBUTION),
 ]

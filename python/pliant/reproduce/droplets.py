@@ -13,7 +13,6 @@ from . import published
 from .figure import Figure, Quantity
 
 DISTANCE = r"distance of the walls  $D/\langle R\rangle$"
-K_WALL = 9.5413  #: stiffness of a droplet at a wall, as summary.json has it: the derivative of [T 2.7, 2.8] at rest
 
 
 def _usual(measured, column):
@@ -115,13 +114,17 @@ def draw_stiffness(measured):
     axes.plot(x, published.K1_SQUARE.value * x, "-.", color=plotting.COLORS[1],
               label=f"[T], $k_1$ = {with_error(published.K1_SQUARE.value, published.K1_SQUARE.error)}")
     axes.legend()
-    quantities = [Quantity("k1 of two droplets", table["k1"].iloc[0], 0.0, published.K1_PAIR),
-                  Quantity("E1 of two droplets", table["E1"].iloc[0], 0.0, published.E1_PAIR),
+    constants = raft.contact_constants()
+    measured_ones = {"k1": table["k1"].iloc[0], "E1": table["E1"].iloc[0]}
+    quantities = [*(Quantity(f"{name} of {'a droplet at a wall' if 'wall' in name else 'two droplets'}",
+                             measured_ones.get(name, constants[name]), 0.0, known,
+                             "" if name in measured_ones else "of the equations, without a run")
+                    for name, known in published.CONTACTS.items()),
                   Quantity("k1 of k_eq = k1 q/(p+1)", mean["k1"], mean["k1_error"], published.K1_SQUARE)]
     of_row = table.assign(k=table["k_eq"] / table["x"], k_error=table["k_error"] / table["x"])
     for row in ensemble.average(of_row, ["rows"], "k", pool=["rows"]).sort_values("rows", ascending=False).itertuples():
         first = published.K1_FIRST if row.rows == 7 else None
-        lattice = raft.lattice_k1(row.rows, round(table["n"].iloc[0] / row.rows), table["k1"].iloc[0], K_WALL)
+        lattice = raft.lattice_k1(row.rows, round(table["n"].iloc[0] / row.rows), table["k1"].iloc[0], constants["k_wall"])
         quantities += [Quantity(f"k1 of the reduction from {row.rows} rows", row.k, row.k_error, first),
                        Quantity(f"k1 of a linear lattice of {row.rows} rows", lattice, 0.0, first)]
     return figure, quantities
@@ -359,7 +362,7 @@ def draw_collapse(measured):
             quantities += [Quantity(f"{part}, {words}", getattr(one, part), getattr(one, part + "_error"),
                                     getattr(published, part), quality) for part in ("A", "B")]
         if name in ("all", "cut off", "P_clog"):
-            words = ", ".join(filter(None, [_FITS.get(name), "beside that of the published w*"]))
+            words = ", ".join(filter(None, [_FITS.get(name), "against B from the published w*"]))
             quantities.append(Quantity(f"B, {words}", one.B, one.B_error, published.B_OF_W_STAR))
     right.axvline(published.B.value, color="0.2", ls="-.", lw=1.0, label="[T]")
     right.axvline(published.B_OF_W_STAR.value, color="0.2", ls=":", lw=1.0, label="of $w^*$ in [T]")

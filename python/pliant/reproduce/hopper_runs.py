@@ -127,7 +127,8 @@ def fit_quantities(fits, name_of):
         quantities += undecided(row, name, known)
         if row["reference_fit"] and row["fit"]:
             held, fixed = f"with beta = {FRACTIONS.get(row['reference'], row['reference'])} held", row["reference_fit"]
-            quantities += [Quantity(f"{quantity} {held}: {name}", *fitted(fixed, quantity), known.get(quantity), fixed.note)
+            quantities += [Quantity(f"{quantity} {held}: {name}", *fitted(fixed, quantity), known.get(quantity), fixed.note,
+                                    decides(fixed))
                            for quantity in ("C", "k")]
             quantities.append(Quantity(f"chi2/dof {held}: {name}", fixed.chi2_reduced, np.nan, None,
                                        f"with beta free: {chi2_note(row['fit'].chi2_reduced)}"))
@@ -143,7 +144,7 @@ def fit_quantities(fits, name_of):
 
 
 def decides(fit):
-    """Whether a free fit can be compared with published values."""
+    """Whether a fit can be compared with published values."""
     return bool(fit) and fit.decides
 
 

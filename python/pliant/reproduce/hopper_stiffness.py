@@ -53,7 +53,8 @@ def _prefactor_quantities(fits, names, known):
         held = row["reference_fit"]
         for quantity in names:
             quantities.append(Quantity(f"{quantity} with the published beta held: {name}", *fitted(held, quantity),
-                                       known(row, quantity), chi2_note(held.chi2_reduced) if held else row["note"]))
+                                       known(row, quantity), "; ".join(filter(None, [held.note, chi2_note(held.chi2_reduced)]))
+                                       if held else row["note"], decides(held)))
             quantities.append(Quantity(f"{quantity}, beta free: {name}", *fitted(row["fit"], quantity),
                                        known(row, quantity), row["note"], decides(row["fit"])))
     return quantities

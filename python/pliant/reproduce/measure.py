@@ -33,6 +33,7 @@ DISTRIBUTION = ("distribution", "radii", "counts")
 CHANNEL_OPTIONS = ("area_fraction", "mu_disk", "mu_disk_dynamic", "mu_wall", "mu_wall_dynamic", "mu_plunger",
                    "mu_plunger_dynamic", "mu_base", "mu_base_dynamic", "base_coupled", "plunger_speed", "retract_speed",
                    "stiffness", "restitution", "dt")
+NEIGHBOURS = (11, 15, 20)  #: in D2_min, which [T] tried
 _CURVE = 300  # samples of a force curve that are kept
 
 
@@ -186,6 +187,17 @@ def distances(run):
     return pd.concat(parts, ignore_index=True).assign(**_distribution(run, result))
 
 
+def neighbours(run):
+    """Non-affine motion of all cells with 11, 15 and 20 neighbours in D2_min."""
+    read, rows = tracks.load(run.path), []
+    for number in NEIGHBOURS:
+        result, = channel.analyse([read], channel.Choices(neighbours=number))
+        names = ("d2_min_per_neighbour", "dr_na")
+        found = _columns_of(result, names, "all") | _columns_of(result["clock"], names, "all", "_clock")
+        rows.append(_distribution(run, result) | {"neighbours": number} | found)
+    return pd.DataFrame(rows)
+
+
 _CELLS = {"x": "x", "y": "y", "centre": "centre", "count": "count", "mean_x": "mean_x", "mean_y": "mean_y",
           "strain": "strain", "displacement": "displacement", "dr_na": "dr_na", "d2_min_per_neighbour": "d2_min",
           "rotation": "rotation", "clock": "clock", "clock_strain": "clock_strain",
@@ -219,7 +231,7 @@ def snapshots(run):
 
 
 MEASURES = {f.__name__: f for f in (flows, readings, profiles, reductions, fractures, forces, clogs, motion, intervals, sizes,
-                                    distances, cells, snapshots)}
+                                    distances, neighbours, cells, snapshots)}
 
 
 def _commit(run):

@@ -54,7 +54,10 @@ OIL_HOPPERS = Published(1.0, 0.0, "H 8c: identical")
 
 THREE_SLOPE = Published(3.16, 0.005, "T Fig. 2.3")
 THREE_PEAK = Published(0.110, 0.0005, "T Fig. 2.3")
-K1_PAIR, E1_PAIR = Published(4.69, 0.005, "T 2.12-2.25"), Published(0.00173, 5e-6, "T 2.12-2.25")
+#: Two droplets, and a droplet at a wall, in the model's equations alone: as `raft.contact_constants` names them.
+CONTACTS = {"L^2/R^2": Published(31.8, 0.05, "T 2.14"), "d_eq": Published(1.993, 0.0005, "T 2.16"),
+            "k1": Published(4.69, 0.005, "T 2.18"), "E1": Published(0.00173, 5e-6, "T 2.23"),
+            "k_wall": Published(9.57, 0.005, "T 2.24"), "E_wall": Published(0.00340, 5e-6, "T 2.25")}
 K1_SQUARE = Published(7.08, 0.6, "T Fig. 2.7")
 K1_FIRST = Published(5.27, 0.005, "T 2.4.1: first reduction of the 7 x 7 raft")
 K1_ARRAYS = Published(6.1, 0.05, "T 2.4.2: mean of 20 to 400 droplets")

@@ -11,7 +11,7 @@ from ..statistics import commonest
 from ..symbols import SYMBOLS, plain
 from . import published
 from .figure import FREE, Figure, Quantity
-from .hopper_runs import BETA, COEFFICIENT, LIMIT_NAMES, fit_quantities, limits, model_label
+from .hopper_runs import BETA, COEFFICIENT, LIMIT_NAMES, decides, fit_quantities, limits, model_label
 from .hopper_runs import limit as limit_of
 
 _UNITS = {"friction": r"$\mu/\mu_0$", "drag": r"$\zeta/\zeta_0$"}
@@ -70,7 +70,7 @@ def _words(name, value):
     if name in ("removal_depth", "reinsertion_lateral_speed"):
         return None  # the words of `count` and `reinsertion_gap` stand for both
     if name == "reinsertion_gap":
-        return "put back touching" if value == 0 else "put back with a gap"
+        return "reinserted touching" if value == 0 else "reinserted with a gap"
     if name == "dt":
         return "automatic step" if np.isnan(value) else f"dt = {value:g}"
     if isinstance(value, str):
@@ -276,7 +276,8 @@ def prefactor_ratios(fits):
             ratio = drag.C / friction.C
             quantities.append(Quantity(f"C of drag over C of friction, published beta held: {name}", ratio,
                                        ratio * np.hypot(drag.C_error / drag.C, friction.C_error / friction.C),
-                                       published.C_RATIO, f"chi2/dof {drag.chi2_reduced:.3g} and {friction.chi2_reduced:.3g}"))
+                                       published.C_RATIO, f"chi2/dof {drag.chi2_reduced:.3g} and {friction.chi2_reduced:.3g}",
+                                       decides(drag) and decides(friction)))
     return quantities
 
 
@@ -444,9 +445,10 @@ def draw_coefficients(measured):
                 quantities += [*fit_quantities(pd.DataFrame([row]), lambda row, name=name: name), _rate_quantities(row, name)]
             strong = x >= STRONG[limit]
             if (mean := strong_mean(x[strong], beta[strong], error[strong])):
+                decide = all(decides(fit) for fit, one in zip(points["fit"], strong & (error > 0)) if one)
                 quantities.append(Quantity(f"beta, mean over {COEFFICIENT[limit]} of {STRONG[limit]:g} and more: "
-                                           f"{_name(points.iloc[0], curve)}", *mean[:2],
-                                           published.exponent(dim, limit), mean[2]))
+                                           f"{_name(points.iloc[0], curve)}", *mean[:2], published.exponent(dim, limit),
+                                           mean[2] + ("" if decide else "; of fits that decide nothing"), decide))
             if len(points) > 1:
                 (decades, spread, ends), (slope, slope_error) = plateau(np.log10(x), beta, error, own)
                 name = f"beta = {FRACTIONS.get(own, own)}: {_name(points.iloc[0], curve)}"
