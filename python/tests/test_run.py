@@ -274,3 +274,16 @@ def test_table_from_csv(tmp_path):
     (tmp_path / "d.csv").write_text("", encoding="utf-8")
     with pytest.raises(RunError, match="cannot be read"):
         load_table(tmp_path / "d.csv")
+
+
+@pytest.mark.parametrize("part", ["frames/000000", "frames/000001", "frames/000002", "series/time", "series/kinetic_energy"])
+def test_a_part_that_is_missing_is_an_error(part, tmp_path):
+    """The program counts frames and columns; a file from which one has vanished is damaged."""
+    path, _ = write_run(tmp_path / "run")
+    with h5py.File(path / "run.h5", "r+") as file:
+        for group in ("frames", "series"):
+            file[group].attrs["members"] = len(file[group])
+        del file[part]
+    with pytest.raises(RunError, match="members|frames are missing"):
+        run = Run(path)
+        assert len(run.frames) == 3 and "time" in run.series
