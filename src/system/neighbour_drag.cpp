@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include <pliant/base/petsc.h>
+#include <pliant/base/petsc_views.h>
 
 namespace pliant {
 
@@ -27,7 +28,8 @@ NeighbourDrag<D>::NeighbourDrag(const NeighbourDragOptions& options, const Ranks
   petsc_check(KSPCreate(ranks.comm(), solver_->ksp.out()));
   KSP ksp = solver_->ksp;
   PC pc = nullptr;
-  petsc_check(KSPSetOptionsPrefix(ksp, "mobility_"));
+  constexpr const char* prefix = "mobility_";
+  petsc_check(KSPSetOptionsPrefix(ksp, prefix));
   // The neighbours stay the same for many evaluations, and a factor of B with them. On several ranks each has one: an
   // iterative solver sends some ten times as many messages, which up to 10⁴ droplets take longer than all the rest.
   petsc_check(KSPSetType(ksp, KSPPREONLY));
@@ -42,6 +44,7 @@ NeighbourDrag<D>::NeighbourDrag(const NeighbourDragOptions& options, const Ranks
     petsc_check(PCSetType(pc, PCCHOLESKY));
   }
   petsc_check(KSPSetFromOptions(ksp));
+  read_views(ranks.comm(), ksp_views, prefix);
   PetscBool direct = PETSC_FALSE;  // then PETSc refuses a guess
   petsc_check(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(ksp), KSPPREONLY, &direct));
   petsc_check(KSPSetInitialGuessNonzero(ksp, direct == PETSC_TRUE ? PETSC_FALSE : PETSC_TRUE));
@@ -162,7 +165,9 @@ void NeighbourDrag<D>::solve(const StateView<D>& s, const Real* force, Real* v) 
     petsc_check(MatSetPreallocationCOO(solver.matrix, static_cast<PetscCount>(row.size()), row.data(), column.data()));
     petsc_check(MatSetOption(solver.matrix, MAT_SPD, PETSC_TRUE));
     petsc_check(MatCreateVecs(solver.matrix, solver.solution.out(), solver.right.out()));
-    petsc_check(KSPReset(solver.ksp));
+    petsc_check(KSPReset(solver.ksp));  // which forgets the views that options ask for
+    petsc_check(KSPMonitorCancel(solver.ksp));
+    petsc_check(KSPSetFromOptions(solver.ksp));
     petsc_check(KSPSetOperators(solver.ksp, solver.matrix, solver.matrix));
     solver.patterned = true;
   }

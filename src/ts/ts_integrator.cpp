@@ -11,6 +11,7 @@
 
 #include <petsc/private/tsimpl.h>
 
+#include <pliant/base/petsc_views.h>
 #include <pliant/kernels/finite.h>
 #include <pliant/system/particle_pc.h>
 #include <pliant/ts/sundials/sundials.h>
@@ -76,22 +77,13 @@ constexpr std::array controllers = {TSADAPTBASIC, TSADAPTDSP};
 constexpr Real largest_tolerance = 1;
 
 // PETSc reads these where it solves, when all options should have been read. It has no -ts_converged_reason.
-constexpr const char* converged_reason = "-ts_converged_reason";
-constexpr std::array solve_views = {"-ts_view", "-ts_view_pre", "-ts_view_solution", converged_reason};
-constexpr std::array solver_views = {
-    "-snes_view",    "-snes_view_pre",     "-snes_view_solution",   "-snes_converged_reason",
-    "-ksp_view",     "-ksp_view_pre",      "-ksp_view_mat",         "-ksp_view_pmat",
-    "-ksp_view_rhs", "-ksp_view_solution", "-ksp_converged_reason", "-ksp_converged_rate",
-    "-mat_view"};
+constexpr const char* converged_reason = "ts_converged_reason";
+constexpr std::array solve_views = {"ts_view", "ts_view_pre", "ts_view_solution", converged_reason};
+constexpr std::array solver_views = {"snes_view", "snes_view_pre", "snes_view_solution", "snes_converged_reason",
+                                     "mat_view"};
 
 bool contains(const auto& names, std::string_view name) {
   return std::find(names.begin(), names.end(), name) != names.end();
-}
-
-bool has_option(const char* name) {
-  PetscBool set = PETSC_FALSE;
-  petsc_check(PetscOptionsHasName(nullptr, nullptr, name, &set));
-  return set == PETSC_TRUE;
 }
 
 std::string string_option(const char* name, const std::string& fallback) {
@@ -99,19 +91,6 @@ std::string string_option(const char* name, const std::string& fallback) {
   PetscBool set = PETSC_FALSE;
   petsc_check(PetscOptionsGetString(nullptr, nullptr, name, text.data(), text.size(), &set));
   return set == PETSC_TRUE ? text.data() : fallback;
-}
-
-/// The viewer that an option names, or null.
-Handle<PetscViewer, PetscViewerDestroy> viewer_option(MPI_Comm comm, const char* name) {
-  Handle<PetscViewer, PetscViewerDestroy> viewer;
-  petsc_check(PetscOptionsGetViewer(comm, nullptr, nullptr, name, viewer.out(), nullptr, nullptr));
-  return viewer;
-}
-
-/// Marks options as used; those of an unknown viewer, or of a file that cannot be written, are refused before the run.
-void read_views(MPI_Comm comm, const auto& names) {
-  for (const char* name : names)
-    if (has_option(name)) (void)viewer_option(comm, name);
 }
 
 std::string supported_types() {
@@ -174,7 +153,8 @@ TsIntegrator::TsIntegrator(TsOptions options, MPI_Comm comm) : options_(std::mov
 
 void TsIntegrator::configure() {
   for (const char* name : program_options)
-    if (has_option(name)) throw InputError("{} cannot be set here: the run decides it; leave the option out", name);
+    if (has_petsc_option(name))
+      throw InputError("{} cannot be set here: the run decides it; leave the option out", name);
   petsc_check(ts_verlet_register());
   petsc_check(sundials_register());
   ts_ = PetscTs();
@@ -207,7 +187,10 @@ void TsIntegrator::configure() {
   petsc_check(TSSetFromOptions(ts_));
   if (dt_ == 0) {
     read_views(comm_, solve_views);
-    if (needs_jacobian()) read_views(comm_, solver_views);
+    if (needs_jacobian()) {
+      read_views(comm_, solver_views);
+      read_views(comm_, ksp_views);
+    }
   }
 
   check_control(adapt, estimate);
@@ -220,7 +203,7 @@ void TsIntegrator::configure() {
     fixed_ = explicit_ && table.fixed_step;
   }
 
-  if (has_option("-ts_atol")) {
+  if (has_petsc_option("-ts_atol")) {
     petsc_check(TSGetTolerances(ts_, &options_.atol_x, nullptr, nullptr, nullptr));
     options_.atol_v = options_.atol_x;
   }
@@ -640,7 +623,7 @@ bool TsIntegrator::solve(FirstOrderSystem& system, State& state, Real t_end, con
   petsc_check(TSGetStepRejections(ts_, &rejected));
   petsc_check(TSGetTimeStep(ts_, &dt));
   statistics_.rejected += rejected - run.rejected_before;
-  if (const auto viewer = viewer_option(comm_, converged_reason); viewer != nullptr)
+  if (const auto viewer = viewer_option(comm_, "-" + std::string(converged_reason)); viewer != nullptr)
     petsc_check(PetscViewerASCIIPrintf(viewer, "TS %s due to %s, %" PetscInt_FMT " steps in all\n",
                                        reason < 0 ? "did not converge" : "converged", TSConvergedReasons[reason],
                                        static_cast<PetscInt>(statistics_.steps)));
