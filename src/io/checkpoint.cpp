@@ -70,7 +70,8 @@ hdf5::Group open_state(const hdf5::File& file) { return file.open_group("state")
 template <class Map>
 const auto& entry(const Checkpoint& c, const Map& map, const std::string& name, const char* kind) {
   const auto found = map.find(name);
-  if (found == map.end()) c.refuse("it has no {} named {}", kind, name);
+  if (found == map.end())
+    c.refuse("it has no {} named {}; continue the run with the version of the program that wrote it", kind, name);
   return found->second;
 }
 
