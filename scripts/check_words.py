@@ -21,7 +21,7 @@ from pathlib import Path
 CEILINGS = {
     "pages": {"what": 1.8, "subject": 2.1, "word": 3.8},
     "comments": {"what": 5.5, "subject": 7.5, "word": 10.3},
-    "messages": {"what": 1.5, "subject": 2.6, "word": 6.4},
+    "messages": {"what": 1.0, "subject": 2.5, "word": 5.0},
 }
 
 #: (regular expression, replacement). Words that have another sense as well are only listed where the sense is clear.
@@ -55,7 +55,7 @@ WORDS = [
     (r"nobody|somebody|somewhere else", "name the thing"),
     (r"an own|one's own|of one's own", "user-defined; or name the owner"),
     (r"(?<!there\s)(is|are|was|were) no (?!longer|more than|less than|other than|fewer than)(?=[a-z])", "is not a"),
-    (r"(is|are|was|were|has|have|had) none", "repeat the noun"),
+    (r"(is|are|was|were|has|have|had) (?-i:none)", "repeat the noun"),
     (r"(that|which) (is|are|was|were) left", "remaining"),
     (r"(to|of|for) the whole of|the whole of", "all, full"),
     (r"things?", "name the thing"),

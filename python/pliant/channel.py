@@ -33,7 +33,7 @@ class Choices:
     mirror: str = _choice("odd", "pushes with x and y exchanged, so that the plunger is at the end of x",
                           choices=("odd", "even", "none"))
     interval: float = _choice(1.1, "travel of the plunger over which displacements are taken", "cm", above=0)
-    tolerance: float = _choice(0.05, "largest relative difference of an interval from what was asked for", above=0)
+    tolerance: float = _choice(0.05, "largest relative difference of an interval from the requested one", above=0)
     stride: int = _choice(1, "displacements begin in every such frame", least=1)
     cell: float = _choice(1.6, "width of the cells", "cm", above=0)
     min_count: int = _choice(10, "fewest samples of a cell that counts", least=1)
@@ -375,7 +375,7 @@ def _same(analyses, intervals):
     for other in analyses[1:]:
         mine = other.multiples(intervals)
         if len(mine) != len(first) or np.abs(mine / first - 1).max() > 1e-3:
-            raise RunError(f"{other.run.source}: frames are {other.spacing:.4g} cm of travel apart, those of "
+            raise RunError(f"{other.run.source}: frames are {other.spacing:.4g} cm of travel apart, but in "
                            f"{analyses[0].run.source} {analyses[0].spacing:.4g} cm: their fields cannot be pooled")
     return first
 

@@ -18,7 +18,7 @@ LABELS = {"displacement": rf"$|\Delta r|/{R}$", "dr_na": rf"$\Delta r_{{NA}}/{R}
 
 def add_arguments(parser, many=True):
     parser.add_argument("path", nargs="+" if many else 1, metavar="DIR|TABLE.csv|FILE.json",
-                        help="what pliant-analyse channel has analysed")
+                        help="runs analysed by pliant-analyse channel")
     parser.add_argument("--sum", action="store_true", help="D2_min as the sum over neighbours, not per neighbour")
 
 

@@ -464,7 +464,7 @@ class Run:
         try:
             return tuple(float("nan") if entry.get(k) is None else float(entry[k]) for k in ("value", "error"))
         except (TypeError, ValueError):
-            raise RunError(f"{self.path}: '{name}' in summary.json is no number; read run.summary['{name}']") from None
+            raise RunError(f"{self.path}: '{name}' in summary.json is not a number; read run.summary['{name}']") from None
 
     @_read_once
     def topology(self):

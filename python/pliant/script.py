@@ -48,7 +48,7 @@ def remark(text):
         raise
     except OSError as error:
         _drop_output()
-        _say("warning", f"standard output cannot be written: {error.strerror}; going on")
+        _say("warning", f"standard output cannot be written: {error.strerror}; continuing")
 
 
 def run(main):

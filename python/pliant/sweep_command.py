@@ -21,8 +21,8 @@ from .sweep_rows import is_number, read_rows
 FAILED_CODE = 3
 
 _DESCRIPTION = """Runs every row of a CSV table: columns are options of pliant without the dash, one run a row. Columns
-that are no options: scenario (default: the program's first, hopper), name, seeds (1-20 or 1,2,5: one run each). The same
-command goes on with runs that were stopped and skips those that are done. docs/how-to/sweeps.md has more."""
+that are not options: scenario (default: the program's first, hopper), name, seeds (1-20 or 1,2,5: one run each). The same
+command resumes stopped runs and skips finished ones. docs/how-to/sweeps.md has more."""
 
 _EPILOG = """examples:
   pliant-sweep widths.csv -j 4
@@ -130,7 +130,7 @@ def write_slurm(table, output, program, rows):
     for found in re.findall(r'["\\%]', str(output.absolute())):
         raise RunError(f"{output}: Slurm cannot name a folder with {found} in it; choose another with --output")
     text = f"""#!/bin/sh
-# Runs the rows of {table.name}, a task each: sbatch slurm.sh. The same again goes on with rows that are left.
+# Runs the rows of {table.name}, a task each: sbatch slurm.sh. The same command again resumes the remaining rows.
 #SBATCH --job-name={re.sub(r'[^A-Za-z0-9._-]', '_', table.stem)}
 #SBATCH --array=1-{len(rows)}
 #SBATCH --ntasks=1
@@ -155,12 +155,12 @@ def _parser():
                         help="folder of the runs and of results.csv (default: the table's name without its ending)")
     parser.add_argument("-j", "--jobs", type=int, metavar="N", help="runs at a time (default: one per core, or "
                         "fewer if the table has the column threads)")
-    parser.add_argument("--program", metavar="FILE", help="the pliant to run (default: $PLIANT, or the one beside this "
+    parser.add_argument("--program", metavar="FILE", help="the pliant to run (default: $PLIANT, or the one next to this "
                         "command, of the build, or of the PATH)")
     parser.add_argument("--retry", action="store_true", help="run rows again that have failed, from their "
-                        "checkpoint if there is one; what is left of others is deleted")
+                        "checkpoint if there is one; the files of others are deleted")
     mode = parser.add_mutually_exclusive_group()
-    mode.add_argument("--status", action="store_true", help="only show what became of each row")
+    mode.add_argument("--status", action="store_true", help="only show the status of each row")
     mode.add_argument("--merge", action="store_true", help="only write results.csv from the runs there are")
     mode.add_argument("--row", type=int, metavar="N", help="run the Nth row only, and leave results.csv as it is")
     mode.add_argument("--slurm", action="store_true", help="only write FOLDER/slurm.sh, an array job")
@@ -189,7 +189,7 @@ def main(arguments_=None):
     base = given.table.absolute().parent
     output = given.output or given.table.with_suffix("")
     if output.exists() and not output.is_dir():
-        raise OutputError(f"{output}: is no folder; name another with --output")
+        raise OutputError(f"{output}: is not a folder; name another with --output")
     folders = [RowFolder(output, row, base, program) for row in rows]
     if given.row is not None:
         if not 1 <= given.row <= len(rows):
@@ -228,5 +228,5 @@ def main(arguments_=None):
             if states[folder.row.id].kind == "failed":
                 remark(row_text(folder.row, states[folder.row.id]))
         if _code(states.values()) == STOPPED_CODE:
-            remark("run the same command again to go on")
+            remark("run the same command again to resume")
     return _code(states.values())

@@ -81,7 +81,7 @@ class RowFolder:
         run = record.get("run")
         if not (run is None or (isinstance(run, dict) and isinstance(run.get("scenario"), str) and _is_text(run.get("options")))
                 ) or not isinstance(record.get("exit_code"), (int, type(None))) or not isinstance(record.get("message", ""), str):
-            raise RunError(f"{path}: is no record of a sweep; bring it back from a copy, or delete {self.path} to run the row anew")
+            raise RunError(f"{path}: is not a record of a sweep; restore it from a copy, or delete {self.path} to run the row again")
         return record
 
     def _write_record(self, record):
@@ -133,7 +133,7 @@ class RowFolder:
         else:
             text = _changes_text(changes)
         raise RunError(f"row '{self.row.id}' (line {self.row.line}) was run with other options: {text}. Give the row "
-                       f"another name, or delete {self.path} to run it anew")
+                       f"another name, or delete {self.path} to run it again")
 
     def state(self, mine=False):
         """The status of the row. `mine`: the caller holds the lock."""

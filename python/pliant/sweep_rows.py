@@ -120,7 +120,7 @@ def _check_header(path, columns):
         if column in _REFUSED:
             raise RunError(f"{where}: '{column}' cannot be given in a table")
         if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", column):
-            raise RunError(f"{where}: '{column}' is no name of an option (write it without the dash)")
+            raise RunError(f"{where}: '{column}' is not the name of an option (write it without the dash)")
 
 
 def read_rows(path, scenario):
@@ -143,7 +143,7 @@ def read_rows(path, scenario):
         own = {column: given.pop(column) for column in _OWN if column in given}
         scenario, name = own.get("scenario", default), own.get("name")
         if not re.fullmatch(r"[A-Za-z0-9_]+", scenario):
-            raise RunError(f"{where}, column 'scenario': '{scenario}' is no name of a scenario")
+            raise RunError(f"{where}, column 'scenario': '{scenario}' is not the name of a scenario")
         if name is not None and not re.fullmatch(r"[A-Za-z0-9_][A-Za-z0-9._+=-]*", name):
             raise RunError(f"{where}, column 'name': '{name}' cannot name a folder (letters, digits and . _ + = -)")
         options = {}

@@ -20,7 +20,7 @@ def main():
                            "channel_polydispersity.png")
     figures.add_arguments(parser)
     parser.add_argument("--region", choices=("all", "centre"), default="all",
-                        help="of the non-affine motion; rotation is that of the central square")
+                        help="of the non-affine motion; rotation is measured in the central square")
     parser.add_argument("--clock", action="store_true", help="displacements over intervals of the strain clock")
     arguments = script.arguments(parser)
     named = figures.results(arguments.path)

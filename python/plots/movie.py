@@ -46,7 +46,7 @@ def main():
     rate.add_argument("--fps", type=float, help="frames per second")
     rate.add_argument("--speed", type=float, metavar="T0", help="time of the run, in t0, per second of the movie")
     parser.add_argument("--every", type=int, default=1, help="use every n-th frame (default: 1)")
-    parser.add_argument("--color", choices=QUANTITIES, default="speed", help="what the colour shows (default: speed)")
+    parser.add_argument("--color", choices=QUANTITIES, default="speed", help="quantity shown by the colour (default: speed)")
     parser.add_argument("--dpi", type=float, default=130, help="resolution (default: 130)")
     arguments = script.arguments(parser)
     for name in ("fps", "speed", "every", "dpi"):

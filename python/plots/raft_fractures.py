@@ -18,7 +18,7 @@ from pliant import load_runs, plotting, raft, raft_figures, script
 
 def main():
     parser = script.parser(__doc__, "raft_fractures.py size runs/square-* -o competing.png", "raft_fractures.png")
-    parser.add_argument("figure", choices=raft_figures.FRACTURES, help="what to draw")
+    parser.add_argument("figure", choices=raft_figures.FRACTURES, help="figure to draw")
     parser.add_argument("run", nargs="+", help="run folders, or folders of runs")
     parser.add_argument("--judgement", choices=raft.JUDGEMENTS, default="competing", help="whether fractures compete: by "
                         "holes that they leave (default), as one starts before another has closed, or as they never meet")

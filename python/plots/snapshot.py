@@ -19,7 +19,7 @@ def main():
     parser.add_argument("run", nargs="+", help="run folder; several with --panels")
     parser.add_argument("--panels", action="store_true", help="draw several runs side by side")
     parser.add_argument("--frame", type=int, default=-1, help="frame number, negative from the end (default: -1)")
-    parser.add_argument("--color", choices=QUANTITIES, default="speed", help="what the colour shows (default: speed)")
+    parser.add_argument("--color", choices=QUANTITIES, default="speed", help="quantity shown by the colour (default: speed)")
     parser.add_argument("--max-height", type=float, help="cut the view at this height, in the unit of the axis")
     arguments = script.arguments(parser)
     runs = load_runs(arguments.run)

@@ -356,7 +356,7 @@ def test_campaigns_over_several_sittings(call, tmp_path, monkeypatch):
     """Rows that are kept are not run again, and rows can be drawn when the runs are gone."""
     limits = tmp_path / "validation/quick/limits.csv"
     limits.write_text(TABLE.replace("1-2", "1"), encoding="utf-8")
-    assert "nothing is kept of H2" in call("H2", "--kept", code=2)
+    assert "no stored results of H2" in call("H2", "--kept", code=2)
     call("H2", "--keep")
     kept = tmp_path / "validation/measured/quick/limits.flows.csv"
     assert len(pd.read_csv(kept)) == 8 and len(started(tmp_path)) == 16
@@ -376,7 +376,7 @@ def test_campaigns_over_several_sittings(call, tmp_path, monkeypatch):
     assert len(started(tmp_path)) == 25 and (tmp_path / "third/H2-quick.png").exists()
     again, first = (pd.read_csv(tmp_path / folder / "reproduced.csv") for folder in ("third", "elsewhere"))
     pd.testing.assert_frame_equal(again, first, check_exact=True)  # kept or fresh, numbers have the same digits
-    assert "nothing is kept of H2 full" in call("H2", "full", "--kept", code=2)
+    assert "no stored results of H2 full" in call("H2", "full", "--kept", code=2)
     # Rows removed from the table are not drawn, but stay stored.
     limits.write_text(TABLE.replace("1-2", "1"), encoding="utf-8")
     table[table["row"] != table["row"].iloc[0]].to_csv(kept, index=False)

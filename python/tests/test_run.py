@@ -59,7 +59,7 @@ def test_round_trip(model, request):
         for name, words in (("q", "did you mean Q?"), ("q_corected", "did you mean Q_corrected?"), ("xyz", "it has ")):
             with pytest.raises(RunError, match=re.escape(words)):
                 run.measured(name)
-        with pytest.raises(RunError, match="'status' in summary.json is no number"):
+        with pytest.raises(RunError, match="'status' in summary.json is not a number"):
             run.measured("status")
 
 

@@ -26,14 +26,14 @@ FIGURES = {figure.name: figure for figure in (*hopper.FIGURES, *readings.FIGURES
                                               *disk_motion.FIGURES)}
 
 _DESCRIPTION = """Makes a published figure again: runs a table of runs, fits with errors, draws the figure with the published
-values in it (FIG-LEVEL.pdf and .png), and writes a row per quantity into reproduced.csv. The same command goes on with runs
-that were stopped. docs/how-to/reproduce.md has more."""
+values in it (FIG-LEVEL.pdf and .png), and writes a row per quantity into reproduced.csv. The same command resumes stopped
+runs. docs/how-to/reproduce.md has more."""
 
 _EPILOG = """examples:
   pliant-reproduce list
   pliant-reproduce H2 quick -j 2
-  pliant-reproduce H4 full                                 # hours; stop it, and go on with the same command
-  pliant-reproduce H4 --kept                               # from what was measured before, without a run
+  pliant-reproduce H4 full                                 # hours; stop it, and resume with the same command
+  pliant-reproduce H4 --kept                               # from stored results, without a run
   pliant-reproduce H4 as-run                               # with all differences of the authors' code
   pliant-reproduce H2 --table mine.csv                     # your runs, the same figure
 
@@ -84,10 +84,10 @@ def _parser():
                         help="a table of your own in place of the figure's; may be repeated")
     parser.add_argument("--retry", action="store_true", help="run rows again that have failed")
     mode = parser.add_mutually_exclusive_group()
-    mode.add_argument("--kept", action="store_true", help="draw from what is kept of earlier runs, without a run; "
-                      "without a level: of the full ones where there are any")
+    mode.add_argument("--kept", action="store_true", help="draw from stored results of earlier runs, without a run; "
+                      "without a level: the full results if there are any")
     mode.add_argument("--keep", action="store_true", help="for campaigns over several sittings: run only rows that are "
-                      "not kept yet, and add them to what is kept in the folder validation")
+                      "not stored yet, and add them to the results in the folder validation")
     return parser
 
 
@@ -207,7 +207,7 @@ def _measured(figure, level, given, runs):
                     runs_kept = kept.loc[kept["table"] == table.name, "row"].nunique()
                     remark(f"{table.name}: {runs_kept} of {len(read_rows(table.file, SCENARIO))} runs are kept")
                 return one, tables, _once(kept)
-        raise RunError(f"nothing is kept of {figure.name}{f' {level}' if level else ''}: run it without --kept")
+        raise RunError(f"no stored results of {figure.name}{f' {level}' if level else ''}: run it without --kept")
     level = level or "quick"
     tables, found = _tables(figure, level, given), []
     check_rows(figure, [(table.file, read_rows(table.file, runs.scenario())) for table in tables])
@@ -251,7 +251,7 @@ def reproduce(figure, level, given, runs):
     else:
         name = f"{figure.name}-{level}"
     if level == "quick":
-        remark(f"quick: {figure.quick_note}; the errors are larger than those of full")
+        remark(f"quick: {figure.quick_note}; the errors are larger than with full")
     drawn, quantities = figure.draw(data)
     if level == "as-run":
         drawn.suptitle("as run", x=0.01, ha="left", fontsize="medium")
@@ -292,7 +292,7 @@ def main(arguments=None):
         try:
             reproduce(figure, given.level, given, runs)
         except Stopped:
-            remark("run the same command again to go on")
+            remark("run the same command again to resume")
             return STOPPED_CODE
         except OutputError:
             raise

@@ -327,7 +327,7 @@ def draw_choices(measured):
     found = [(name, rows) for name, rows in _by_delta(measured)
              if rows["changed"].nunique() > 1 and (rows["changed"] == "").any()]
     if not found:
-        raise RunError(f"no distribution ({', '.join(named.index)}) has runs with what stands and runs with one choice "
+        raise RunError(f"no distribution ({', '.join(named.index)}) has runs of the reference and runs with one choice "
                        "changed")
     order = [c for c in dict.fromkeys(measured.sort_values(["changed"])["changed"]) if c]
     columns = (("dr_na", LABEL["dr_na"]), ("d2_min", LABEL["d2_min"]), ("exponent_dr_na", r"exponent of $\Delta r_{NA}$"),

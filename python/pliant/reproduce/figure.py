@@ -159,6 +159,6 @@ def write_rows(path, new):
             key = ["figure", "level", "table"]
             stays = ~pd.MultiIndex.from_frame(old[key].astype(str)).isin(pd.MultiIndex.from_frame(new[key]))
         except (OSError, ValueError, KeyError) as error:
-            raise RunError(f"{path}: is no table of this command ({str(error).splitlines()[0]}); move it") from None
+            raise RunError(f"{path}: is not a table of this command ({str(error).splitlines()[0]}); move it") from None
         table = pd.concat([old[stays], new]) if stays.any() else new
     write_atomically(path, table.to_csv(index=False, float_format="%.6g"))

@@ -31,7 +31,7 @@ def with_limit(measured):
     numbers of the authors' code, to which the published values belong if the figures come from it. Without runs of
     another law of friction than [H 6]."""
     if "model" in measured and (other := measured["model"] == _COULOMB).any():
-        remark(f"{other.sum()} runs of frictional disks are left out: their mu is not that of [H 6]")
+        remark(f"{other.sum()} runs of frictional disks are left out: their mu is another coefficient than in [H 6]")
         measured = measured[~other]
     mu, zeta = measured["mu"].to_numpy(float), measured["zeta"].to_numpy(float)
     with np.errstate(divide="ignore", invalid="ignore"):
