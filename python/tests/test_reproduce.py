@@ -280,7 +280,7 @@ def test_rows_and_their_file(tmp_path):
     assert list(zip(table["level"], table["quantity"], table["ours"])) == [("full", "beta", 1), ("full", "k", 2),
                                                                            ("quick", "beta", 3)]
     path.write_text("a,b\n1,2\n", encoding="utf-8")
-    with pytest.raises(PliantError, match="no table of this command"):
+    with pytest.raises(PliantError, match="not a table of this command"):
         write_rows(path, first)
 
 
