@@ -8,7 +8,7 @@ install(TARGETS pliant RUNTIME)
 install(EXPORT pliantTargets NAMESPACE pliant:: DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/pliant)
 install(DIRECTORY "${PROJECT_SOURCE_DIR}/src/" DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/pliant FILES_MATCHING PATTERN "*.h")
 
-# Commands find the package beside the file that their link leads to. Links relative to the prefix can be moved.
+# Commands find the package in the folder of the file that their link leads to. Links relative to the prefix can be moved.
 set(share "${CMAKE_INSTALL_DATADIR}/pliant")
 set(commands pliant-sweep pliant-plot pliant-analyse pliant-reproduce)
 install(DIRECTORY "${PROJECT_SOURCE_DIR}/python/pliant" DESTINATION ${share}/python

@@ -1,5 +1,5 @@
 # include()d: pliant_version_header(<target>) gives a target the generated header with version, commit, compiler and flags.
-# Run by each build (cmake -P): writes that header anew, touching it only where something in it has changed.
+# Run by each build (cmake -P): writes that header again, touching it only if its content has changed.
 if(NOT CMAKE_SCRIPT_MODE_FILE)
   function(pliant_version_header target)
     set(folder "${PROJECT_BINARY_DIR}/version")

@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """Checks that headers are included in the order of the folders, and that none include each other in a circle:
 
-    check_includes.py [ROOT]     ROOT: the project (default: that of this script)
+    check_includes.py [ROOT]     ROOT: the project (default: the one with this script)
 
 Prints the violations as file:line and exits with 1 if there are any.
 """
@@ -41,7 +41,7 @@ INCLUDE = re.compile(r'\s*#\s*include\s*(?:<pliant/([^>]+)>|(".*"))')
 def all_uses():
     """{folder: all that it may include}."""
     uses = {}
-    for folder in TopologicalSorter(USES).static_order():  # CycleError: the table is none
+    for folder in TopologicalSorter(USES).static_order():  # CycleError: the table has a cycle
         uses[folder] = {folder}.union(*(uses[used] for used in USES[folder]))
     return uses
 

@@ -2,7 +2,7 @@
 """Checks that relative links of pages lead to a file and, after #, to a heading in it; that `paths` in pages exist, except in
 CHANGELOG.md; and that pages named in sources exist:
 
-    check_links.py [ROOT]     ROOT: the project (default: the one of this script)
+    check_links.py [ROOT]     ROOT: the project (default: the one with this script)
 
 Prints dead links as file:line and exits with 1 if there are any. Addresses with a scheme (https:) are not checked.
 """

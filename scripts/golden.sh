@@ -5,7 +5,7 @@
 #     REF, OTHER   commits; OTHER: the working tree if it is left out
 #     --except     differs on purpose: is run and shown, but does not count
 #     --only       runs this case alone
-# Builds of commits are kept in build-golden/ for the next time, that of the working tree in build-golden-tree/.
+# Builds of commits are kept in build-golden/ for the next time, the build of the working tree in build-golden-tree/.
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 usage="usage: scripts/golden.sh [--except CASE]... [--only CASE]... REF [OTHER]"

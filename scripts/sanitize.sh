@@ -32,7 +32,7 @@ case $kind in
   thread)
     compilers=("${clang[@]}")
     flags+=" -fsanitize=thread"
-    # Archer tells the sanitizer about OpenMP's barriers and locks.
+    # Archer informs the sanitizer about OpenMP's barriers and locks.
     export OMP_TOOL_LIBRARIES=/usr/lib/llvm-14/lib/libarcher.so
     export TSAN_OPTIONS="ignore_noninstrumented_modules=1:log_path='$findings/thread'"
     ;;

@@ -234,7 +234,7 @@ def fit_groups(table, by, beta=None, **options):
 
 
 def _clogged(group, value):
-    """Which runs clogged. One where a single particle goes on to bounce has not ended so, but nothing crosses either."""
+    """Which runs clogged. A run in which a single particle keeps bouncing has another status, but has no flow either."""
     clogged = group[value] == 0
     return clogged | group["status"].isin(["clogged", "at_rest"]) if "status" in group else clogged
 

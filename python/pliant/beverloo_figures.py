@@ -9,7 +9,7 @@ from .symbols import plain
 
 FRACTIONS = {0.5: "1/2", 1.0: "1", 1.5: "3/2", 2.5: "5/2"}
 W_LABEL = r"orifice width  $w/\sigma_{avg}$"
-_LEGEND_INSIDE = 4  #: entries of a legend that leave room for the curves
+_LEGEND_INSIDE = 4  #: entries of a legend that leave space for the curves
 _LONG = 30  #: letters of an entry that needs the whole width of a panel
 
 

@@ -138,8 +138,8 @@ class _Analysis:
         return result
 
     def multiples(self, intervals):
-        """The same for many intervals, whatever the tolerance, each once."""
-        # Halves go up, whatever their rounding.
+        """The same for many intervals, for any tolerance, each once."""
+        # Halves go up, for any rounding error.
         return np.unique(np.maximum(np.floor(np.asarray(intervals) / self.spacing + 0.5 + 1e-6), 1)) * self.spacing
 
     def pairs(self, push, interval):
@@ -247,8 +247,8 @@ class _Analysis:
         return rows
 
     def relative(self, sums, name, region):
-        """(value, error) [classes]: mean of a class of size over that of all disks in the cells that the class has been
-        in. Large disks do not come near walls: a mean over their cells says as much of the place as of the size."""
+        """(value, error) [classes]: mean of a class of size over the mean of all disks in the cells that the class has been
+        in. Large disks do not come near walls: a mean over their cells depends on the place as much as on the size."""
         cells, weigh = self.region[region], self.choices.average == "particle"
         parts = sums.of(name)
         blocks = parts[1].any((1, 2))

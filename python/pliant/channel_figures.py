@@ -27,7 +27,7 @@ def d2(arguments):
 
 
 def results(paths):
-    """[(name, result)]: names are those of the folders or files."""
+    """[(name, result)]: names are the names of the folders or files."""
     return [(Path(path).resolve().name.removesuffix(".json").removesuffix(".csv"), load_result(path)) for path in paths]
 
 

@@ -53,8 +53,8 @@ def binomial_interval(clogged, runs):
 
 
 def uncut_mean(sizes, clogged):
-    """(mean, its standard error) of avalanches that would go on in a larger hopper: of an exponential distribution, of which
-    runs that ran empty say only that theirs is no smaller. The largest likelihood has the sum of all sizes over the number
+    """(mean, its standard error) of avalanches that would continue in a larger hopper: of an exponential distribution, of which
+    runs that ran empty give only a lower bound. The largest likelihood has the sum of all sizes over the number
     of clogs; NaN without one."""
     clogs = int(np.sum(clogged))
     mean = float(np.sum(sizes)) / clogs if clogs else np.nan
@@ -66,7 +66,7 @@ def clog_points(table):
     s_uncut_error, sorted.
 
     s is the mean of the avalanche size over all runs, those that ran empty included, with its standard error over the
-    runs (NaN for one run); s_uncut is that of `uncut_mean`.
+    runs (NaN for one run); s_uncut is the mean of `uncut_mean`.
     """
     rows = []
     for (n, phi_c, g, width), group in table.groupby(["n", "phi_c", "g", "hopper_width"]):
@@ -151,7 +151,7 @@ def _step(x, k, n):
 def fit_sigmoids(points, along):
     """One row per curve of points against `along` (g or hopper_width), the other one held: n, phi_c, the held column,
     delta (of the middle of the transition), x0 … alpha_error, note, fit, data. A curve that cannot be fitted has
-    fit = None and the reason as its note; values of the held column with a single point are no curves."""
+    fit = None and the reason as its note; values of the held column with a single point give no curves."""
     held = {"g": "hopper_width", "hopper_width": "g"}[along]
     rows = []
     for (n, phi_c, value), data in points.groupby(["n", "phi_c", held]):

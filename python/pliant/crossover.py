@@ -15,7 +15,7 @@ from .errors import RunError
 
 _LOG_RANGE = (-7.0, 4.0)   # of lambda_c
 _WIDTH_RANGE = (0.05, 10.0)  # of b, decades
-_HELD = 0.25  # from this argument of the tanh on a point tells of an end of beta
+_HELD = 0.25  # from this argument of the tanh on a point determines an end of beta
 _WIDEST = np.log10(np.e)  # standard error of log10(lambda_c) from which on it is not known: as large as lambda_c itself
 
 
@@ -100,6 +100,6 @@ def fit_crossover(lam, beta, error, ends=None, resamples=None, seed=1):
 
 def _loose_ends(lam, x):
     """Notes on free ends that the points at lam, with arguments x of the tanh between the limits, do not hold: the limit
-    itself does, or two points beyond lambda_c, as one is no plateau."""
+    itself does, or two points beyond lambda_c, as one point is not a plateau."""
     sides = (("friction", lam == 0, x < -_HELD), ("drag", np.isinf(lam), x > _HELD))
     return [f"too few lambda for the {name} end" for name, limit, beyond in sides if not limit.any() and beyond.sum() < 2]

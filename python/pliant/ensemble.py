@@ -1,17 +1,17 @@
 """Averages over runs that differ in nothing but the seed, with errors from blocks and from seeds.
 
 The error of a single run comes from blocks of it, and is too small where its flow drifts for longer than a block. The
-scatter of a few seeds knows of drifts, but is itself uncertain. `average` joins both:
+scatter of a few seeds includes drifts, but is itself uncertain. `average` joins both:
 
 - f² is the mean of s²/b² over all points with several seeds, weighted by their degrees of freedom, at least 1; s² is the
-  variance of a point's seeds, b² the mean square of their block errors. So f says by how much the block errors of these
+  variance of a point's seeds, b² the mean square of their block errors. So f is the factor by which the block errors of these
   runs are too small. Points that differ in kind have an f² for each kind (`pool`): one of chaotic points would swamp the
   errors of points that hardly depend on the seed.
 - The variance of one run of a point is (PRIOR f² b² + (m - 1) s²)/(PRIOR + m - 1), m its number of seeds: its own
   scatter, and the blocks as if they were PRIOR further seeds.
 - The standard error of the point is the root of that over m.
 
-Where no point has two seeds, f is 1 and errors are those of blocks alone: `seeds_remark` says so.
+Where no point has two seeds, f is 1 and errors are block errors alone: `seeds_remark` reports it.
 """
 
 import numpy as np
@@ -53,7 +53,7 @@ def average(table, by, value, error=None, pool=()):
     scatter = np.array([v.var(ddof=1) if len(v) > 1 else 0.0 for v in values])
     blocks = _block_errors(means, blocks)
     several = (free > 0) & (means != 0)
-    if not np.isfinite(blocks).any() and several.any():  # no run has an error: that of all seeds together, relative
+    if not np.isfinite(blocks).any() and several.any():  # no run has an error: the joint error of all seeds, relative
         blocks = np.sqrt((free * scatter / np.where(means == 0, 1, means) ** 2)[several].sum() / free[several].sum()
                          ) * abs(means)
     used = several & (blocks > 0)

@@ -42,7 +42,7 @@ def write_atomically(path, text, mode=0o666):
 
 
 def open_regular(path, flags=os.O_RDONLY):
-    """Descriptor of a regular file, which may be the opener of open(); never waits. RunError if the name is that of
+    """Descriptor of a regular file, which may be the opener of open(); never waits. RunError if the name belongs to
     something else, or, with O_NOFOLLOW among the flags, of a link or a file that has other names; OSError."""
     own = bool(flags & os.O_NOFOLLOW)
     cure = "remove it" if own else "put a file in its place, or name another"
@@ -100,7 +100,7 @@ def decoded_json(path, data):
     if not isinstance(value, dict):
         raise RunError(f"{path}: is damaged: not a JSON object; bring it back from a copy")
     seal = _SEAL.search(data)
-    # Either of the two members says that the file has a checksum: damage cannot hide both.
+    # Each of the two members shows that the file has a checksum: damage cannot hide both.
     if ("format" in value or "crc32" in value) and (seal is None or zlib.crc32(data[:seal.start()]) != int(seal[1], 16)):
         raise RunError(f"{path}: is damaged or was edited: its checksum does not fit; bring it back from a copy, or delete "
                        "its members format and crc32 to use it as it is")

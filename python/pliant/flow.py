@@ -8,7 +8,7 @@ from .errors import RunError
 from .statistics import block_ratio
 
 QUIET = 10          # mean times between crossings without one, after which the flow counts as ended
-DISCHARGE = 0.2     # of the particles that left a discharge: the first and the last of them are no part of an average
+DISCHARGE = 0.2     # of the particles that left a discharge: the first and the last of them are excluded from averages
 FILLED = 0.8        # of the largest number density on the axis; less above it is not the filling
 
 
@@ -17,7 +17,7 @@ def is_discharge(run):
 
 
 def flow_end(series):
-    """Time of the last crossing if the flow ended with it, None if it went on to the end of the series, or never began.
+    """Time of the last crossing if the flow ended with it, None if it continued to the end of the series, or never began.
 
     It ended if nothing has crossed since for QUIET times as long as crossings were apart on average.
     """
@@ -31,7 +31,7 @@ def flow_end(series):
 
 def flowing(run, start=None):
     """(start, end, remark) of the time to average over; the remark is None where it is the steady state that
-    summary.json names. `start` overrules the first. Raises RunError if the run has not flowed."""
+    summary.json names. `start` overrides the first. Raises RunError if the run has not flowed."""
     series = run.series
     time, crossed = series["time"].to_numpy(), series["crossed_count"].to_numpy()
     if not len(time) or crossed[-1] <= crossed[0]:
@@ -45,7 +45,7 @@ def flowing(run, start=None):
     remark = None if ended is None else f"the flow ended at t = {end:g} t0"
     if start is not None:
         return start, end, remark
-    # A steady state of a run whose flow has ended would be that of the rest.
+    # A steady state of a run whose flow has ended would describe the particles at rest.
     if ended is None and run.steady_start is not None:
         return run.steady_start, end, None if run.summary.get("steady", True) else "not steady"
     return (float(time[0]) + end) / 2, end, remark or "no steady state in summary.json"
@@ -71,7 +71,7 @@ class AxisVelocity:
 
 
 def axis_velocity(run, start=None, blocks=10):
-    """AxisVelocity of a run; `start` overrules the time from which the flow is averaged. Raises RunError if the run has
+    """AxisVelocity of a run; `start` overrides the time from which the flow is averaged. Raises RunError if the run has
     not flowed, or not for as many samples as blocks."""
     start, end, remark = flowing(run, start)
     used = run.profile.between(start, end)

@@ -224,7 +224,7 @@ class Grid:
 
 def moments(grid, start, displacement, cell=None):
     """[12, cells] sums of 1, x, y, xx, xy, yy, u, v, ux, uy, vx, vy over samples in each cell of their start; sums of
-    several runs are those of all their samples. start, displacement: [S, 2]."""
+    several runs are the values of all their samples. start, displacement: [S, 2]."""
     cell = grid.cell(start) if cell is None else cell
     (x, y), (u, v) = start.T, displacement.T
     return np.stack([np.bincount(cell, weights, grid.cells).astype(float)

@@ -35,7 +35,7 @@ plt.rcParams.update({
 
 
 def color(i):
-    """That of the i-th curve; after the last one they come again."""
+    """The value of the i-th curve; after the last one they repeat."""
     return COLORS[i % len(COLORS)]
 
 
@@ -61,7 +61,7 @@ def errorbar(axes, x, y, error=None, xerr=None, **style):
 
 
 def save(figure, *paths):
-    """Writes the figure at 200 dpi (or as vectors), says so, and closes it."""
+    """Writes the figure at 200 dpi (or as vectors), prints its name, and closes it."""
     for path in paths:
         try:
             figure.savefig(path)

@@ -75,7 +75,7 @@ def judge_fractures(position, broken, reach):
 
 @dataclass
 class Compression:
-    """The force curve of a run of scenario raft; raises RunError if it is none."""
+    """The force curve of a run of scenario raft; raises RunError for other scenarios."""
 
     distance: np.ndarray  #: [T] of the walls, falling
     force: np.ndarray     #: [T]

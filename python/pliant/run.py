@@ -91,7 +91,7 @@ class Geometry:
 
     @property
     def orifice_height(self):
-        """Height of the orifice line: that of the lips, which are the lowest ends of the walls."""
+        """Height of the orifice line: the height of the lips, which are the lowest ends of the walls."""
         return float(np.nanmin(self.segments[:, [1, 3]])) if len(self.segments) else 0.0
 
     def nearest_image(self, difference):
@@ -355,7 +355,7 @@ def _suggestion(name, summary):
 
 class Run:
     """The run in folder `path` as it is at this moment, also while the program still writes: open it again to see later
-    data. Raises RunError if it is no run. Use as a context manager to close the file early."""
+    data. Raises RunError if it is not a run. Use as a context manager to close the file early."""
 
     def __init__(self, path):
         self.path = Path(path)
@@ -503,7 +503,7 @@ class Run:
         try:
             return all(d in self._file[f"frames/{name}"] for d in _FRAME_DATASETS)
         except RunError:
-            return True  # damaged: who asks for it is told
+            return True  # damaged: reading it raises an error
 
     def frame_group(self, name):
         """The HDF5 group of a frame."""

@@ -2,7 +2,7 @@
 
 The running program appends to the file and changes, at each commit, only the structures that lead to frames and rows of tables
 (docs/reference/file-format.md). `RunFile` copies that part when it is opened, so that it sees one state of the file however long
-the program goes on. HDF5 would share a file that is open twice within a process, and show the older state of the two:
+the program runs. HDF5 would share a file that is open twice within a process, and show the older state of the two:
 it gets a file object of its own each time instead.
 """
 
@@ -71,7 +71,7 @@ def _journal(fd, size):
 
 
 class _Descriptors:
-    """File descriptors by who uses them; of many the one that was used last is kept, others are opened again."""
+    """File descriptors by user; of many the one that was used last stays open, others are opened again."""
 
     def __init__(self, limit):
         self._limit, self._open, self._lock = limit, OrderedDict(), threading.RLock()
@@ -336,7 +336,7 @@ class RunFile:
             raise self.damaged(name, _line(error)) from None
 
     def damaged(self, name, why):
-        """The RunError that says so."""
+        """The RunError that reports it."""
         try:
             changed = self._stamp() != self._opened
         except OSError:
@@ -422,7 +422,7 @@ class Group:
         return attributes
 
     def _check_strings(self, attributes):
-        """Versions that stored texts as attributes have their CRC-32 beside them: RunError where it does not fit."""
+        """Versions that stored texts as attributes have their CRC-32 next to them: RunError where it does not fit."""
         checksum = 0
         for name in sorted(attributes):
             if isinstance(value := attributes[name], str):

@@ -36,12 +36,12 @@ def _say(kind, message):
 
 
 def _drop_output():
-    """Whatever is printed from now on, or waits to be written, is lost without another error."""
+    """All later output, and output waiting to be written, is lost without another error."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def remark(text):
-    """Prints a line of something that goes on, results elsewhere, where nobody can read it."""
+    """Prints a line about a continuing process; an unreadable output is not an error."""
     try:
         print(text, flush=True)
     except BrokenPipeError:

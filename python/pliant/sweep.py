@@ -11,7 +11,7 @@ from .sweep_rows import number
 
 
 def load_runs(paths):
-    """List of Run, one per path; a folder that is no run itself stands for the runs right inside it."""
+    """List of Run, one per path; a folder that is not a run itself stands for the runs right inside it."""
     runs = []
     for path in map(Path, paths):
         inside = sorted(p.parent for p in path.glob("*/run.h5")) if not (path / "run.h5").exists() else []

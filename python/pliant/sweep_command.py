@@ -33,7 +33,7 @@ exit codes: 0 all rows are done, 2 bad table, 3 rows failed, 4 output failed, 75
 
 
 def find_program(given):
-    """The pliant to run: `given`, or $PLIANT, or the one beside this command, of the build, or of the PATH."""
+    """The pliant to run: `given`, or $PLIANT, or the one next to this command, of the build, or of the PATH."""
     here = Path(sys.argv[0]).resolve().parent
     if given or os.environ.get("PLIANT"):
         candidates = [given or os.environ["PLIANT"]]
@@ -65,7 +65,7 @@ def _probes(rows):
     """Rows with few options each that together hold every name, every text and the ends of every range of numbers."""
     for scenario in dict.fromkeys(row.scenario for row in rows):
         mine = [row for row in rows if row.scenario == scenario]
-        wanted = []  # per option the rows to look at
+        wanted = []  # per option the rows to check
         for name in dict.fromkeys(name for row in mine for name in row.options):
             first = {row.options[name]: row for row in reversed(mine) if name in row.options}
             numbers = sorted(filter(is_number, first), key=float)
@@ -105,7 +105,7 @@ def write_results(output, folders):
 
 
 def run_rows(table, rows, folders, program, workers=None, retry=False):
-    """Checks the options of all rows and runs those that are left; {row id: State}. A signal stops it."""
+    """Checks the options of all rows and runs the remaining ones; {row id: State}. A signal stops it."""
     check_options(table, rows, program, table.absolute().parent)
     return Sweep(folders, program, workers or default_workers(rows), retry).run()
 

@@ -29,14 +29,14 @@ _ASK = signal.SIGUSR1
 _LIBC = ctypes.CDLL(None, use_errno=True)
 _PR_SET_PDEATHSIG = 1
 _RUN_FILES = ("run.h5", "run.xdmf", "summary.json", "checkpoint-a.h5", "checkpoint-b.h5", "branch.json")
-#: Options whose larger value makes a run longer; a smaller one asks for less than there is.
+#: Options whose larger value makes a run longer; a smaller one is shorter than the existing run.
 _LENGTHS = ("t_end", "pushes")
 _LARGEST_OPTIONS = 1 << 16  # bytes of an options file that the program reads
 
 
 @dataclasses.dataclass(frozen=True)
 class State:
-    """`kind` is done, failed, stopped, running or waiting; `status` is that of the summary where the run is done."""
+    """`kind` is done, failed, stopped, running or waiting; `status` is the status in the summary if the run is done."""
 
     kind: str
     status: str
@@ -63,7 +63,7 @@ class RowFolder:
     and how the last attempt ended."""
 
     def __init__(self, output, row, base, program=None):
-        """`base`: the folder that relative names of files begin from. `program` says which options a restart may change;
+        """`base`: the folder that relative names of files begin from. `program` lists which options a restart may change;
         without one, none."""
         self.row, self.base, self._program = row, Path(base).absolute(), program
         self.path = Path(output).absolute() / row.id
@@ -139,7 +139,7 @@ class RowFolder:
         """The status of the row. `mine`: the caller holds the lock."""
         try:
             status, record = self._status(), self._record()
-        except RunError as error:  # the other rows go on
+        except RunError as error:  # the other rows continue
             return State("failed", "failed", str(error))
         before = record.get("run")
         changes = self._changes(before) if before not in (None, self._identity) else {}
@@ -163,7 +163,7 @@ class RowFolder:
             other = RowFolder(file.parent.parent, dataclasses.replace(self.row, id=file.parent.name), self.base)
             try:
                 record, status = other._record().get("run"), other._status()
-            except RunError:  # its own row says so
+            except RunError:  # its own row reports it
                 continue
             if other.path == self.path or record is None or status not in (*FINISHED, "stopped"):
                 continue
@@ -239,8 +239,8 @@ def arguments(options, base):
 
 def _stop_with(parent):
     """A function for the child of the process `parent` to call: when that one ends, however it does, the run is asked to
-    stop. It is a process group of its own: Ctrl-C must reach the sweep alone, which then asks every run once; but not a
-    session of its own, as Linux may share the machine out by sessions, whatever their niceness."""
+    stop. It is a process group of its own: Ctrl-C must reach the sweep alone, which then stops every run once; but not a
+    session of its own, as Linux may share the machine out by sessions, independent of their niceness."""
     def call():
         os.setpgid(0, 0)
         _LIBC.prctl(_PR_SET_PDEATHSIG, int(_ASK), 0, 0, 0)

@@ -10,14 +10,14 @@ from pathlib import Path
 from .errors import RunError
 from .files import open_regular
 
-# Columns that are no options.
+# Columns that are not options.
 _OWN = ("name", "scenario", "seeds")
 # Options that the sweep itself sets, or that make no run.
 _REFUSED = ("output", "restart", "help", "version")
 _INTEGER = re.compile(r"[+-]?[0-9]+")
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 _CONTROL = re.compile("[\0-\x1f\x7f-\x9f\ud800-\udfff]")
-# As the program tells names of options from values.
+# As the program distinguishes names of options from values.
 _OPTION = re.compile(r"--?(?!(inf|infinity|nan)$)[A-Za-z]", re.IGNORECASE)
 _LONGEST_NUMBER = 100  # characters
 _LONGEST_ID = 200  # file systems end at 255 bytes
@@ -52,7 +52,7 @@ def canonical(text):
 
 
 def number(text):
-    """The value as int or float, or as text where it is no number."""
+    """The value as int or float, or as text if it is not a number."""
     if not is_number(text):
         return text
     return int(text) if _INTEGER.fullmatch(text) else float(text)

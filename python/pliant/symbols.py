@@ -39,7 +39,7 @@ def parameter_label(name, value):
 
 
 def group_label(row, columns):
-    """Legend entry of a group: the model's name, and those of the parameters in `columns` that it reads."""
+    """Legend entry of a group: the model's name, and the names of the parameters in `columns` that it reads."""
     model = row.get("model")
     parts = [MODEL_NAMES.get(model, str(model))] if "model" in columns else []
     named = [c for c in columns if c != "model" and reads(model, c)]

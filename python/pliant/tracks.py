@@ -78,7 +78,7 @@ class Tracks:
         return replace(self, pushes=self.pushes[first:])
 
     def oriented(self, mirror):
-        """The tracks with the plunger of every push at the end of the x axis: `mirror` says which pushes have x and y
+        """The tracks with the plunger of every push at the end of the x axis: `mirror` selects the pushes that have x and y
         exchanged, odd, even or none. RunError if a push runs against that."""
         if mirror == "none":
             return self
@@ -97,7 +97,7 @@ def _unwrapped(angle, period):
     known = np.isfinite(angle)
     last = np.maximum.accumulate(np.where(known, np.arange(len(angle))[:, None], 0), axis=0)
     filled = np.take_along_axis(angle, last, axis=0)
-    # Where a disk comes later than the first frame there is no value to go on from.
+    # Where a disk comes later than the first frame there is no value to continue from.
     step = np.nan_to_num(np.diff(filled, axis=0))
     turns = np.concatenate([np.zeros((1, angle.shape[1])), np.cumsum(np.round(step / period), axis=0)])
     return angle - period * turns
@@ -114,7 +114,7 @@ def from_run(path, angle_period=2 * np.pi):
     """Tracks of the frames of a run. Raises RunError if they have no `push` and `plunger_travel`."""
     with Run(path) as run:
         if not len(run.frames):
-            run.frame(0)  # says so
+            run.frame(0)  # raises the error
         by_push = {}
         for frame in run.frames:
             number, travel = (frame.attribute(name, "the scenario channel") for name in ("push", "plunger_travel"))

@@ -50,7 +50,7 @@ def print_tables(table, fits, labels):
                 rows.append((label, fit.points, *values[:2], values[2] + kind, script.with_error(fit.chi2_reduced, None)))
             elif not kind:
                 rows.append((label, fit_row.points, "–", "–", "–", "–"))
-        # Beside the numbers they would make the table wider than a terminal.
+        # In the same row they would make the table wider than a terminal.
         found = dict.fromkeys([fit_row.fit.note if fit_row.fit else fit_row.note,
                                fit_row.reference_fit.note if fit_row.reference_fit else ""])
         notes += [f"{label}: {note}" for note in found if note]
@@ -95,7 +95,7 @@ def main():
                 data = (row["data"][c] for c in ("hopper_width", "Q", "Q_error"))
                 fixed = beverloo.fit_beverloo(*data, beta=reference)
             except RunError:
-                pass  # too few points: the free fit's note says so
+                pass  # too few points: the free fit's note reports it
         reference_fits.append(fixed)
     fits["reference"], fits["reference_fit"] = references, reference_fits
     print_tables(table, fits, labels)

@@ -95,7 +95,7 @@ def main():
         count.plot([], [], ":", color="black", lw=1, label="law beyond")
     count.set(xlabel=r"time  $t/t_0$", ylabel="particles in the hopper  $N$", xlim=(0, None), ylim=(0, None))
     rate.set(xlabel="particles in the hopper  $N$", ylabel=r"$-\dot N/\sqrt{N - N_{res}}$  [$1/t_0$]", ylim=(0, None))
-    rate.invert_xaxis()  # time runs to the right, as beside it
+    rate.invert_xaxis()  # time runs to the right, as in the other panel
     count.legend()
     print(script.markdown(["run", "c0 [1/t0]", "fitted, t/t0", "chi2/dof", "N_res", "left"], rows))
     plotting.save(figure, arguments.output)

@@ -58,7 +58,7 @@ def main():
     run = Run(arguments.run)
     frames = run.frames[:: arguments.every]
     if not frames:
-        run.frame(0)  # says why there are none
+        run.frame(0)  # raises an error with the reason
     fps, lasts = frames_per_second(frames, arguments.fps, arguments.speed)
 
     # One scale and one view for the whole movie, from a dozen frames spread over it.

@@ -34,7 +34,7 @@ def _curves(axes, measured, labels):
 
 def _at_rest(forces):
     """(limit, error) of a force as the speed of the wall, its index, goes to 0: of a straight line through the two slowest; the line
-    through the next two says how far it is off."""
+    through the next two estimates its error."""
     v, F = forces.index.to_numpy()[:3], forces.to_numpy()[:3]
     limit = F[0] - v[0] * (F[1] - F[0]) / (v[1] - v[0])
     return limit, abs(limit - (F[1] - v[1] * (F[2] - F[1]) / (v[2] - v[1])))

@@ -1,4 +1,4 @@
-"""A published figure as a thing that can be made again, and the rows of reproduced.csv."""
+"""A published figure that can be made again, and the rows of reproduced.csv."""
 
 import math
 from collections.abc import Callable

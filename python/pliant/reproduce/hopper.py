@@ -1,4 +1,4 @@
-"""The figures of the hopper paper: the list of them, and those of Q(w), of velocities and of discharges."""
+"""The figures of the hopper paper: the list of all, and the figures of Q(w), of velocities and of discharges."""
 
 from dataclasses import replace
 

@@ -14,7 +14,7 @@ COEFFICIENT = {"friction": "mu", "drag": "zeta"}
 LIMIT_AT = {0.0: "friction", np.inf: "drag"}  #: by lambda
 BETA, LAMBDA = r"$\beta$", r"$\lambda = \zeta/\mu$"
 MODEL = ["model", "e_sp", "k_l", "k_b"]
-_COULOMB = "disk"  #: the model whose mu is a coefficient of Coulomb friction, not that of [H 6]
+_COULOMB = "disk"  #: the model whose mu is a coefficient of Coulomb friction, not of [H 6]
 
 
 def rounded(x):

@@ -23,7 +23,7 @@ def exponent(dim, limit):
 #: Prefactor and offset of hard particles, N = 1600, in 2D.
 C = {"friction": Published(0.15, 0.01, "H 2a, 10a, 13a"), "drag": Published(0.42, 0.01, "H 2c, 10b")}
 K = {"friction": Published(1.6, 0.1, "H 7a, 10a"), "drag": Published(3.4, 0.1, "H 7a, 10b")}
-#: C of drag over C of friction, whatever the unit of Q: from the two above.
+#: C of drag over C of friction, independent of the unit of Q: from the two above.
 C_RATIO = Published(C["drag"].value / C["friction"].value,
                     C["drag"].value / C["friction"].value * math.hypot(*(c.error / c.value for c in C.values())), "H 10, 13a")
 #: Offset of the softest particles.

@@ -103,7 +103,7 @@ def _differences(a, b):
 
 def _of_one_model(rows):
     """{(model, dim, K_l, K_b, limit): [(Row's path, line, {option: value})]} of the rows in the limits, each reading once.
-    A size or contacts that all rows of a group share are left out: they are no difference."""
+    A size or contacts that all rows of a group share are omitted: they do not differ."""
     groups = {}
     for path, row in rows:
         own = COEFFICIENT.get(end := limit_of(row.options))
@@ -297,7 +297,7 @@ def _draw_models(fits, soft):
     panels per limit. Returns the figure and the quantities of the fits."""
     fits = fits.assign(soft=soft)
     there = [limit for limit in LIMIT_NAMES if (fits["limit"] == limit).any()]
-    fits["name"] = fits["name"].str.replace(": ", ":\n")  # a reading and a model: two lines leave more room for the panels
+    fits["name"] = fits["name"].str.replace(": ", ":\n")  # a reading and a model: two lines leave more space for the panels
     lines = 0.38 if fits["name"].str.contains("\n").any() else 0.24
     heights = [1.4 + lines * (fits["limit"] == limit).sum() for limit in there]
     figure, panels = plt.subplots(len(there), 2, figsize=(plotting.PAGE, sum(heights)), layout="constrained", squeeze=False,
