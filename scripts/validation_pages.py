@@ -26,6 +26,7 @@ and four kinds of tables, each between ":::" and ":::", an item a line:
 
   ::: list FIGURE LEVEL            a line per row: quantity, ours, published, verdict, note
   where: REGULAR EXPRESSION
+  otherwise: TEXT                  in place of the table while there are no such rows
 
   ::: file TABLE [TABLE]           a line per value of a column of validation/TABLE.csv, averaged over seeds
   label: HEADER := COLUMN
@@ -81,9 +82,9 @@ def symbols(text):
 
 
 def _digits(value, count):
-    """A number with so many significant digits, without a power of ten between 10^-4 and 10^6."""
-    if value == 0 or not 1e-4 <= abs(value) < 1e6:
-        return f"{value:.{count}g}"
+    """A number with so many significant digits, without a power of ten between 10^-4 and 10^6; a whole number as it is."""
+    if value == round(value) or not 1e-4 <= abs(value) < 1e6:
+        return f"{value:.{max(count, len(f'{abs(value):.0f}')) if abs(value) < 1e6 else count}g}"
     return f"{value:.{max(count - 1 - int(np.floor(np.log10(abs(value)))), 0)}f}"
 
 
@@ -104,7 +105,7 @@ def shown(value, factor=1):
     if error > 0:
         text = with_error(number, error)
     elif value.row is None:
-        text = f"{number:.6g}"
+        text = f"{number:.4g}"
     else:
         text = _digits(number, 3 if re.match("chi2|residual", value.row["quantity"]) else 4)
     return text.replace("-", "−") + (" (k = 0)" if _exponent_at_bound(value) else "")
@@ -136,8 +137,8 @@ def table(headers, lines):
 
 
 def _items(lines):
-    """[(name, text)] of 'label: TEXT', 'where: TEXT', 'remarks' and 'HEADER := TEXT'."""
-    found = [re.fullmatch(r"(label|where): (.*)|(.+?) := (.*)|(remarks)", line) for line in lines]
+    """[(name, text)] of 'label: TEXT', 'where: TEXT', 'otherwise: TEXT', 'remarks' and 'HEADER := TEXT'."""
+    found = [re.fullmatch(r"(label|where|otherwise): (.*)|(.+?) := (.*)|(remarks)", line) for line in lines]
     if None in found:
         raise TemplateError(f"'{lines[found.index(None)]}' is no line of a table")
     return [(one[1] or one[3] or one[5], one[2] or one[4] or "") for one in found]
@@ -209,7 +210,8 @@ def grid_table(default, lines, rows):
 
 def list_table(default, lines, rows):
     """A table with a line per row."""
-    where = dict(_items(lines)).get("where", ".*")
+    settings = dict(_items(lines))
+    where = settings.get("where", ".*")
     result = []
     for row in rows.of_figure.get(tuple(default.split()), []):
         if re.fullmatch(where, row["quantity"]):
@@ -217,6 +219,8 @@ def list_table(default, lines, rows):
             known = "–" if np.isnan(value.row["published"]) else shown(value.published)
             result.append([symbols(row["quantity"]), shown(value), known, VERDICTS[value.agree], _remarks([value.note])])
     if not result:
+        if "otherwise" in settings:
+            return settings["otherwise"]
         raise TemplateError(f"no row of {default} matches '{where}'")
     return table(["quantity", "ours", "published", "within 2 errors", "remarks"], result)
 
@@ -237,7 +241,7 @@ def file_table(names, lines, _):
         columns.append((header, {key: Value(value, error) for key, value, error in zip(points[own], points[column], points[column + "_error"])}))
     keys = sorted({key for _, one in columns for key in one})
     return table([label, *(header for header, _ in columns)],
-                 [[key if isinstance(key, str) else f"{key:.3g}", *(shown(one[key]) if key in one else "–" for _, one in columns)] for key in keys])
+                 [[key if isinstance(key, str) else symbols(f"{key:.4g}"), *(shown(one[key]) if key in one else "–" for _, one in columns)] for key in keys])
 
 
 TABLES = {"rows": rows_table, "grid": grid_table, "list": list_table, "file": file_table}

@@ -348,6 +348,10 @@ def draw_choices(measured):
             axes.set(xlabel=text.replace(" of ", " of\n").replace(" per ", "\nper "))
             quantities += [Quantity(f"{column}, {name}" + (f", {c}" if c else ""), float(value[c]), float(
                 points[column + "_error"][c])) for c in ["", *at]]
+        for column, what in (("force", "mean"), ("largest_overlap", "max"), ("jammed", "sum")):
+            if column in rows:
+                value = rows.groupby("changed")[column].agg(what)
+                quantities += [Quantity(f"{column}, {name}" + (f", {c}" if c else ""), float(value[c]), np.nan) for c in ["", *at]]
     panels[0].set_yticks(range(len(order)), [textwrap.fill(label[c], 50) for c in order], fontsize="small")
     panels[0].invert_yaxis()
     panels[0].legend(**plotting.ABOVE | {"bbox_to_anchor": (0, 1), "ncols": len(found)})
