@@ -30,6 +30,7 @@ and four kinds of tables, each between ":::" and ":::", an item a line:
 
   ::: file TABLE [TABLE]           a line per value of a column of validation/TABLE.csv, averaged over seeds
   label: HEADER := COLUMN
+  scatter                          errors from the scatter of the seeds alone, without those of single runs
   HEADER := COLUMN [pandas query]
 """
 
@@ -137,8 +138,8 @@ def table(headers, lines):
 
 
 def _items(lines):
-    """[(name, text)] of 'label: TEXT', 'where: TEXT', 'otherwise: TEXT', 'remarks' and 'HEADER := TEXT'."""
-    found = [re.fullmatch(r"(label|where|otherwise): (.*)|(.+?) := (.*)|(remarks)", line) for line in lines]
+    """[(name, text)] of 'label: TEXT', 'where: TEXT', 'otherwise: TEXT', 'remarks', 'scatter' and 'HEADER := TEXT'."""
+    found = [re.fullmatch(r"(label|where|otherwise): (.*)|(.+?) := (.*)|(remarks|scatter)", line) for line in lines]
     if None in found:
         raise TemplateError(f"'{lines[found.index(None)]}' is no line of a table")
     return [(one[1] or one[3] or one[5], one[2] or one[4] or "") for one in found]
@@ -234,10 +235,11 @@ def file_table(names, lines, _):
     """A table of means over seeds of files of measured values."""
     data, items = pd.concat([_read(name) for name in names.split()], ignore_index=True), _items(lines)
     label, own = items[0][1].split(" := ")
+    mean = ensemble.scatter if ("scatter", "") in items else ensemble.average
     columns = []
-    for header, text in items[1:]:
+    for header, text in (item for item in items[1:] if item[0] != "scatter"):
         column, query = re.fullmatch(r"(\S+)(?: \[(.*)\])?", text).groups()
-        points = ensemble.average(data.query(query) if query else data, [own], column)
+        points = mean(data.query(query) if query else data, [own], column)
         columns.append((header, {key: Value(value, error) for key, value, error in zip(points[own], points[column], points[column + "_error"])}))
     keys = sorted({key for _, one in columns for key in one})
     return table([label, *(header for header, _ in columns)],
