@@ -1,12 +1,16 @@
 """Files of users and of the program: kinds of files, checksums of JSON."""
 
+import errno
 import os
+import tempfile
+from pathlib import Path
 
 import pytest
 from synthetic import write_run
 
 from pliant import Run, RunError
-from pliant.files import no_links, open_regular, read_bytes, read_json, write_json
+from pliant.errors import OutputError
+from pliant.files import no_links, open_regular, read_bytes, read_json, write_atomically, write_json
 
 RECORD = {"run": {"scenario": "hopper", "options": {"a": "1"}}, "exit_code": 0, "µ": [1.5, None]}
 #: As the program writes it: tests/io/summary.cpp.
@@ -57,6 +61,41 @@ def test_the_summary_of_a_run_is_checked(tmp_path):
     assert data != (path / "summary.json").read_bytes()
     with pytest.raises(RunError, match="its checksum does not fit"):
         Run(path).summary
+
+
+def test_files_are_replaced_as_a_whole(tmp_path, monkeypatch):
+    """By a new file beside them, on the disk before it takes their name. Links with its name are not followed."""
+    path, precious, synced = tmp_path / "row.json", tmp_path / "precious", []
+    path.write_text("old", encoding="utf-8")
+    precious.write_text("mine", encoding="utf-8")
+    monkeypatch.setattr(tempfile, "_name_sequence", iter(["first", "second"]))
+    for name in ("row.json.tmp", ".row.json.tmp", ".row.json.first.tmp"):
+        (tmp_path / name).symlink_to(precious)
+    sync, replace = os.fsync, os.replace
+    monkeypatch.setattr(os, "fsync", lambda fd: synced.append(os.fstat(fd).st_ino) or sync(fd))
+
+    def checked(temporary, target):
+        assert Path(target) == path and path.read_text(encoding="utf-8") == "old"
+        assert synced == [os.lstat(temporary).st_ino]
+        replace(temporary, target)
+
+    monkeypatch.setattr(os, "replace", checked)
+    write_atomically(path, "new")
+    assert path.read_text(encoding="utf-8") == "new" and path.lstat().st_ino == synced[0]
+    assert precious.read_text(encoding="utf-8") == "mine"
+
+
+def test_a_file_that_cannot_be_written_stays_as_it_was(tmp_path, monkeypatch):
+    path = tmp_path / "row.json"
+    path.write_text("old", encoding="utf-8")
+
+    def full(_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(OutputError, match="No space left on device"):
+        write_atomically(path, "new")
+    assert path.read_text(encoding="utf-8") == "old" and list(tmp_path.iterdir()) == [path]
 
 
 def test_files_that_are_no_files(tmp_path):
