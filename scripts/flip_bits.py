@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """Damages the files of a small run in many ways, one at a time, and checks that nothing wrong comes of it.
 
-  scripts/flip_bits.py [--program FILE] [--stride N] [--whole] [PART …]
+  scripts/flip_bits.py [--program FILE] [--frames NAME] [--stride N] [--whole] [PART …]
 
 Parts (default: all):
   reader      run.h5 and summary.json, read by python/pliant: all data as they were, or RunError
@@ -41,6 +41,9 @@ PARTS = ("reader", "restart", "checkpoint")
 # Few particles, so that most bytes are those of the format.
 OPTIONS = {"n": 12, "hopper_wall_distance": 5, "hopper_width": 3, "zeta": 0.3, "mu": 0.5, "pack_fraction": 0.7,
            "frame_interval": 0.5, "sample_interval": 0.1}
+# Frames as they are by default, and smaller ones.
+FRAMES = {"whole": {},
+          "small": {"frame_fields": "velocities,contacts", "frame_precision": "single", "frame_deflate": 6}}
 CLOCK = ("cpu_seconds", "wall_seconds", "particle_steps_per_second", "ns_per_particle_step", "ns_per_vertex_step", "parameters",
          "longest_sample_interval")
 
@@ -52,9 +55,10 @@ def pliant(program, **options):
                           env=os.environ | {"OMP_NUM_THREADS": "1"})
 
 
-def make_run(program, folder):
+def make_run(program, folder, frames="whole"):
     """A small run with a checkpoint of its start and one of its end."""
-    for result in (pliant(program, output=folder, **OPTIONS, t_end=0.5), pliant(program, restart=folder, t_end=1)):
+    options = OPTIONS | FRAMES[frames]
+    for result in (pliant(program, output=folder, **options, t_end=0.5), pliant(program, restart=folder, t_end=1)):
         if result.returncode != 0:
             sys.exit(f"flip_bits.py: {result.stderr}")
     return folder
@@ -92,9 +96,12 @@ def _values(value):
     return repr(value)
 
 
-def frame_values(frame):
-    names = ("positions", "velocities", "centres", "active", "contact_count", "wall_force", "contacts")
-    return f"{frame.time!r} {frame.step} " + " ".join(_values(getattr(frame, name)) for name in names)
+def frame_values(frame, chosen):
+    """Text of a frame with the fields `chosen`, as -frame_fields names them."""
+    fields = [name for name in ("velocities", "contact_count", "wall_force", "contacts")
+              if chosen == "all" or name in chosen.split(",")]
+    return f"{frame.time!r} {frame.step} " + " ".join(_values(getattr(frame, name))
+                                                      for name in ("positions", "centres", "active", *fields))
 
 
 def everything(folder):
@@ -104,7 +111,7 @@ def everything(folder):
         return {"manifest": _values(run.manifest), "summary": _values(run.summary), "series": _values(run.series),
                 "vectors": _values(run.vector_series), "events": _values(run.events), "height": _values(run.profile.height),
                 "topology": _values(vars(topology)), "geometry": _values(vars(geometry)),
-                "frames": "\n".join(map(frame_values, run.frames)),
+                "frames": "\n".join(frame_values(frame, run.options["frame_fields"]) for frame in run.frames),
                 "row": _values(sweep_table([run]).drop(columns="run").iloc[0].to_dict())}
 
 
@@ -171,7 +178,7 @@ def end_of(folder):
         frames = []
         for index in range(len(run.frames)):
             try:
-                frames.append(frame_values(run.frames[index]))
+                frames.append(frame_values(run.frames[index], run.options["frame_fields"]))
             except PliantError:
                 frames.append(None)
         counters = {name: value for name, value in run.summary.items() if name not in CLOCK}
@@ -245,6 +252,8 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("parts", nargs="*", metavar="PART", help=", ".join(PARTS))
     parser.add_argument("--program", default=str(ROOT / "build/apps/pliant"), help="default: that of the build")
+    parser.add_argument("--frames", choices=FRAMES, default="whole",
+                        help="small: chosen fields, single precision and compressed (default: whole)")
     parser.add_argument("--stride", type=int, default=1, metavar="N", help="change every N-th byte (default: each)")
     parser.add_argument("--whole", action="store_true", help="all bits of every byte")
     parser.add_argument("--seconds", type=float, default=float("inf"), metavar="X",
@@ -254,14 +263,14 @@ def main():
         parser.error(f"--stride must be positive, and parts are {', '.join(PARTS)}")
     bad = 0
     with tempfile.TemporaryDirectory(prefix="pliant-flips-") as scratch:
-        run = make_run(given.program, Path(scratch) / "run")
+        run = make_run(given.program, Path(scratch) / "run", given.frames)
         for part in given.parts or PARTS:
             found = check(part, given.program, run, given.stride, given.whole, given.seconds)
             for name in dict.fromkeys(name for name, *_ in found):
                 counts = Counter(verdict for file, *_, verdict in found if file == name)
                 good = ", ".join(f"{counts[verdict]} {verdict}" for verdict in GOOD if counts[verdict])
                 wrong = sum(counts.values()) - sum(counts[verdict] for verdict in GOOD)
-                print(f"{part}, {name}: {sum(counts.values())} changes, {good}; {wrong} findings", flush=True)
+                print(f"{part}, {name} of {(run / name).stat().st_size} bytes: {sum(counts.values())} changes, {good}; {wrong} findings", flush=True)
                 bad += wrong
             for name, at, how, verdict in [one for one in found if one[3] not in GOOD][:20]:
                 print(f"  {name}, byte {at}, {how if how in (CUT, ZEROS) else f'bit {how}'}: {verdict}")

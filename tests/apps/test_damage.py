@@ -45,6 +45,13 @@ def test_the_reader_gives_all_data_or_an_error(made):
     assert {verdict for *_, verdict in found} == {"same", "refused"}
 
 
+def test_the_reader_gives_all_data_or_an_error_of_small_frames(tmp_path):
+    run = flip_bits.make_run(PROGRAM, tmp_path / "small", "small")
+    data = (run / "run.h5").read_bytes()
+    found = flip_bits.check_reader(run, "run.h5", flip_bits.flips(len(data), 8009))
+    assert not findings(found) and {verdict for *_, verdict in found} == {"same", "refused"}
+
+
 def test_the_reader_notices_every_bit_of_a_summary(made):
     chosen = flip_bits.flips((made / "summary.json").stat().st_size, 97)
     found = flip_bits.check_reader(made, "summary.json", chosen)
