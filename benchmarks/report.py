@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "python"))
-from pliant.plotting import ABOVE, COLORS, MARKERS, plt  # noqa: E402  (the folder of the package comes first)
+from pliant.plotting import ABOVE, COLORS, MARKERS, plt, write_figure  # noqa: E402  (the folder of the package comes first)
 
 from harness import BenchError  # noqa: E402
 
@@ -55,7 +55,7 @@ def insert(page, blocks):
 
 def save(figure, path):
     path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path)
+    write_figure(figure, path)
     plt.close(figure)
 
 

@@ -25,7 +25,7 @@ endforeach()
 # Pages lie to each other as in the sources, so that their links hold.
 install(FILES README.md ARCHITECTURE.md CHANGELOG.md CONTRIBUTING.md LICENSE CITATION.cff TYPE DOC)
 install(DIRECTORY docs TYPE DOC)
-install(DIRECTORY validation DESTINATION ${share} FILES_MATCHING PATTERN "*.csv")
+install(DIRECTORY validation DESTINATION ${share} FILES_MATCHING PATTERN "*.csv" PATTERN "*.csv.xz")
 install(DIRECTORY examples/ DESTINATION ${share}/examples FILES_MATCHING PATTERN "*.yaml" PATTERN "*.csv" PATTERN "*_outline.txt")
 foreach(program own_term own_scenario bouncing_polygon)
   install(DIRECTORY examples/${program} DESTINATION ${share}/examples)

@@ -13,6 +13,7 @@ import pandas as pd
 from scipy.stats import binomtest
 
 from .errors import RunError
+from .files import TABLE_ERRORS
 from .fits import fitted
 from .scenarios import of_scenario
 from .statistics import commonest
@@ -32,7 +33,7 @@ def load_clogs(paths):
         try:
             tables.append(pd.read_csv(path, comment="#") if path.is_file() else
                           sweep_table([of_scenario(run, "clog") for run in load_runs([path])]))
-        except (OSError, ValueError) as error:
+        except TABLE_ERRORS as error:
             raise RunError(f"{path}: cannot be read as a table ({str(error).strip().splitlines()[0]})") from None
         if "status" not in tables[-1]:
             raise RunError(f"{path}: the table has no column 'status' (not one of pliant-sweep?)")

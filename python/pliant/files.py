@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import lzma
 import os
 import re
 import stat
@@ -14,12 +15,14 @@ from .errors import OutputError, RunError
 _KINDS = {stat.S_IFDIR: "a folder", stat.S_IFLNK: "a symbolic link", stat.S_IFIFO: "a FIFO", stat.S_IFSOCK: "a socket"}
 _FORMAT = 2  # of JSON files: 2 has a checksum
 _SEAL = re.compile(rb'"crc32": "([0-9a-f]{8})"\n}\n\Z')
+#: Errors of pandas.read_csv for missing files, damaged archives (.xz) and files that are not tables.
+TABLE_ERRORS = (OSError, ValueError, EOFError, lzma.LZMAError)
 _STALE = 600  # s; a partial file of a killed process is not written any more
 
 
-def write_atomically(path, text, mode=0o666):
-    """Replaces the file `path` by `text`, with the permissions `mode` less the umask. The text is first written to a
-    new file in the same folder, so that no link is followed. Raises OutputError."""
+def write_atomically(path, content, mode=0o666):
+    """Replaces the file `path` by `content`, text or bytes, with the permissions `mode` less the umask. The content is first
+    written to a new file in the same folder, so that no link is followed. Raises OutputError."""
     mask = os.umask(0)
     os.umask(mask)
     temporary = None
@@ -29,9 +32,9 @@ def write_atomically(path, text, mode=0o666):
                 if time.time() - left.lstat().st_mtime > _STALE:
                     left.unlink()
         fd, temporary = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".tmp", dir=path.parent)
-        with open(fd, "w", encoding="utf-8") as file:
+        with open(fd, "wb") as file:
             os.fchmod(fd, mode & ~mask)
-            file.write(text)
+            file.write(content.encode() if isinstance(content, str) else content)
             file.flush()
             os.fsync(fd)
         os.replace(temporary, path)

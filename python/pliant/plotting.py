@@ -1,5 +1,8 @@
 """Style and drawing shared by the plotting scripts. Importing this selects a backend without a display."""
 
+import io
+from pathlib import Path
+
 import matplotlib
 
 matplotlib.use("Agg")
@@ -9,6 +12,7 @@ import numpy as np
 from matplotlib.collections import EllipseCollection, LineCollection, PolyCollection
 from matplotlib.colors import BoundaryNorm, ListedColormap, Normalize
 from matplotlib.ticker import MaxNLocator
+from PIL import Image
 
 from .errors import OutputError, RunError
 from .symbols import MODEL_NAMES, SYMBOLS, differing, group_label, parameter_label
@@ -60,11 +64,53 @@ def errorbar(axes, x, y, error=None, xerr=None, **style):
     return axes.errorbar(x, y, *known, **style)
 
 
+#: Sizes of the palette of a PNG file. The first one whose pixels differ from the drawing by at most PALETTE_ERROR of 255,
+#: on average, is used: lines and symbols need few colours, fields and colour bars need many.
+PALETTES = (64, 256)
+PALETTE_ERROR = 0.5
+
+
+def reduce_colors(image):
+    """A copy of a PIL image with a palette of its most frequent colours, a third of the size as a PNG file."""
+    pixels = np.asarray(image.convert("RGB")).astype(np.int32)
+    codes, place, counts = np.unique(pixels @ (1 << 16, 1 << 8, 1), return_inverse=True, return_counts=True)
+    colors = np.stack([codes >> 16, codes >> 8 & 255, codes & 255], axis=1)
+    for size in PALETTES:
+        # The root: the white ground does not take the palette from the lines, nor do soft edges.
+        sample = np.repeat(colors, np.ceil(np.sqrt(counts)).astype(int), axis=0).astype(np.uint8)
+        guess = Image.fromarray(sample[None]).quantize(size, Image.Quantize.MEDIANCUT, kmeans=1).getpalette()
+        centers = np.reshape(guess[:3 * size], (-1, 3)).astype(np.float32)
+        nearest = np.concatenate([((centers**2).sum(axis=1) - 2 * part @ centers.T).argmin(axis=1)
+                                  for part in np.array_split(colors.astype(np.float32), len(colors) // 10000 + 1)])
+        # The most frequent colour of each group stands for it, so that colours of lines and the ground stay exact.
+        order = np.lexsort((-counts, nearest))
+        groups, first = np.unique(nearest[order], return_index=True)
+        palette = colors[order[first]]
+        index = np.searchsorted(groups, nearest)
+        if (np.abs(palette[index] - colors).max(axis=1) * counts).sum() / counts.sum() <= PALETTE_ERROR:
+            break
+    reduced = Image.fromarray(index[place].reshape(pixels.shape[:2]).astype(np.uint8), "P")
+    reduced.putpalette(palette.astype(np.uint8).ravel().tolist())
+    return reduced
+
+
+def write_figure(figure, path):
+    """Writes the figure in the format of the path's ending; PNG files get a palette. Errors: OSError, ValueError."""
+    path = Path(path)
+    if path.suffix.lower() != ".png":
+        figure.savefig(path)
+        return
+    drawn = io.BytesIO()
+    figure.savefig(drawn, format="png")
+    with Image.open(drawn) as image:
+        reduce_colors(image).save(path, "PNG", optimize=True, dpi=image.info["dpi"])
+
+
 def save(figure, *paths):
     """Writes the figure at 200 dpi (or as vectors), prints its name, and closes it."""
     for path in paths:
         try:
-            figure.savefig(path)
+            write_figure(figure, path)
         except (OSError, ValueError) as error:  # ValueError: a format that matplotlib does not write
             raise OutputError(f"{path}: cannot be written ({str(error).splitlines()[0]})") from None
         figure.set_layout_engine("none")  # it is laid out now, which takes half of the time

@@ -59,7 +59,7 @@ def call(monkeypatch, capsys):
     return run
 
 
-def assert_picture(path, colors=100):
+def assert_picture(path, colors=40):
     pixels = matplotlib.image.imread(path)[..., :3]
     assert min(pixels.shape[:2]) >= 2 * DPI
     assert len(np.unique((pixels * 255).astype(np.uint8).reshape(-1, 3), axis=0)) > colors
@@ -495,3 +495,24 @@ def test_runs_of_a_sweep_are_called_by_what_differs():
     assert labels("a=1,seed=1", "a=1,dt=0.1,seed=1") == ["a=1,seed=1", r"$\Delta t = 0.1$"]
     assert labels("one") == ["one"]
     assert labels("frame_interval=1000", "dt=0.1,frame_interval=1e9") == ["default", r"$\Delta t = 0.1$"]
+
+
+def test_png_files_have_few_colors_and_exact_ones(tmp_path):
+    """White, and the colours of lines, stay as they are; fields keep their shades within a few levels of 255."""
+    image = matplotlib.image
+    for name, field in (("lines", False), ("field", True)):
+        figure, axes = plotting.plt.subplots(figsize=(4, 3))
+        if field:
+            axes.imshow(np.linspace(0, 1, 10000).reshape(100, 100), cmap="viridis")
+        for i in range(4):
+            axes.plot([0, 60], [i, 9 * i], color=plotting.COLORS[i], linewidth=4)
+        figure.savefig(tmp_path / "plain.png")
+        plotting.save(figure, tmp_path / f"{name}.PNG")
+        plain, reduced = (np.round(255 * image.imread(path, format="png")[..., :3]).astype(int)
+                          for path in (tmp_path / "plain.png", tmp_path / f"{name}.PNG"))
+        assert plain.shape == reduced.shape and (tmp_path / f"{name}.PNG").stat().st_size < (tmp_path / "plain.png").stat().st_size / 1.5
+        assert np.abs(plain - reduced).max(axis=2).mean() < 1
+        for color in ("#FFFFFF", *plotting.COLORS[:4]):
+            exact = [int(color[k:k + 2], 16) for k in (1, 3, 5)]
+            kept = (plain == exact).all(axis=2)
+            assert kept.any() and (reduced[kept] == exact).all()

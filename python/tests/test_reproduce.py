@@ -358,8 +358,13 @@ def test_campaigns_over_several_sittings(call, tmp_path, monkeypatch):
     limits.write_text(TABLE.replace("1-2", "1"), encoding="utf-8")
     assert "no stored results of H2" in call("H2", "--kept", code=2)
     call("H2", "--keep")
-    kept = tmp_path / "validation/measured/quick/limits.flows.csv"
+    kept = tmp_path / "validation/measured/quick/limits.flows.csv.xz"
     assert len(pd.read_csv(kept)) == 8 and len(started(tmp_path)) == 16
+    whole = kept.read_bytes()
+    for damaged in (whole[:60], whole[:20] + b"x" * 40 + whole[60:], b"row,seed"):
+        kept.write_bytes(damaged)
+        assert f"{kept}: cannot be read as a table" in call("H2", "--kept", code=2)
+    kept.write_bytes(whole)
     limits.write_text(TABLE, encoding="utf-8")
     (tmp_path / "runs/stop").write_text("18", encoding="utf-8")
     with monkeypatch.context() as m:

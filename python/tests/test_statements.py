@@ -119,7 +119,7 @@ def _setting(tables, column):
     """The values of a column of the results of these tables."""
     values = set()
     for table in tables.split("; "):
-        for path in (VALIDATION / "measured").glob(f"{table}.*.csv"):
+        for path in (VALIDATION / "measured").glob(f"{table}.*.csv.xz"):
             data = pd.read_csv(path, nrows=5000)
             if column == "lam" and {"mu", "zeta"} <= set(data):
                 data = data.assign(lam=data["zeta"] / data["mu"])

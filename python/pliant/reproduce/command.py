@@ -2,6 +2,7 @@
 
 import argparse
 import difflib
+import lzma
 import os
 import shlex
 from dataclasses import dataclass
@@ -11,7 +12,7 @@ import pandas as pd
 
 from .. import plotting
 from ..errors import OutputError, PliantError, RunError
-from ..files import write_atomically
+from ..files import TABLE_ERRORS, write_atomically
 from ..script import markdown, remark, with_error
 from ..sweep_command import (FAILED_CODE, default_workers, find_program, first_scenario, run_rows, write_results)
 from ..sweep_jobs import STOPPED_CODE, RowFolder, count_text, row_text
@@ -51,7 +52,7 @@ class Table:
 
     def kept(self, measure):
         """The folder of the stored results of the published tables."""
-        return VALIDATION / "measured" / f"{self.name}.{measure}.csv"
+        return VALIDATION / "measured" / f"{self.name}.{measure}.csv.xz"
 
 
 def figure_by_name(name):
@@ -103,7 +104,7 @@ def _tables(figure, level, given):
 def _read_kept(path):
     try:
         table = pd.read_csv(path, dtype={"commit": str, "row": str}, keep_default_na=False, na_values=["", "nan"])
-    except (OSError, ValueError) as error:
+    except TABLE_ERRORS as error:
         raise RunError(f"{path}: cannot be read as a table ({str(error).strip().splitlines()[0]})") from None
     missing = [column for column in OF_EVERY_RUN if column not in table]
     if missing:
@@ -193,7 +194,8 @@ def _write_csv(path, table):
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"{path.parent}: cannot be made ({error.strerror})") from None
-    write_atomically(path, table.drop(columns="table").to_csv(index=False, float_format="%.6g"))
+    text = table.drop(columns="table").to_csv(index=False, float_format="%.6g")
+    write_atomically(path, lzma.compress(text.encode(), preset=9 | lzma.PRESET_EXTREME) if path.suffix == ".xz" else text)
 
 
 def _measured(figure, level, given, runs):

@@ -134,13 +134,13 @@ def _values(arguments):
 
 @cache
 def _measured(name, column):
-    """The values of a column of results, validation/measured/NAME.csv."""
-    return set(pd.read_csv(VALIDATION / "measured" / f"{name}.csv")[column].dropna())
+    """The values of a column of results, validation/measured/NAME.csv.xz."""
+    return set(pd.read_csv(VALIDATION / "measured" / f"{name}.csv.xz")[column].dropna())
 
 
 def _kept(name, column, **where):
-    """The mean of a column of validation/measured/NAME.csv over the rows with these values of other columns."""
-    data = pd.read_csv(VALIDATION / "measured" / f"{name}.csv")
+    """The mean of a column of validation/measured/NAME.csv.xz over the rows with these values of other columns."""
+    data = pd.read_csv(VALIDATION / "measured" / f"{name}.csv.xz")
     for other, value in where.items():
         data = data[data[other] == value]
     assert len(data), f"{name} has no row with {where}"
