@@ -28,6 +28,7 @@ constexpr Counter philox4x32(Counter c, Key k) {
 }
 
 /// Two independent numbers, uniform in [0, 1) with 53 bits each.
+/// @param seed    of the run
 /// @param stream  what the numbers are for (a purpose, a particle): streams of a seed are independent
 /// @param counter index within the stream
 constexpr std::array<Real, 2> uniform2(std::uint64_t seed, std::uint64_t stream, std::uint64_t counter) {

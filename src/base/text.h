@@ -10,7 +10,7 @@ namespace pliant {
 /// Whether it is UTF-8 without control characters.
 bool is_plain_text(std::string_view text);
 
-/// The text for a message of one line: what is no plain text as \xNN, the middle of a long one left out.
+/// The text for a message of one line: what is no plain text as `\xNN`, the middle of a long one left out.
 std::string printable(std::string_view text);
 
 /// The whole of a file or a shell's pipe that is called `what` in messages ("options file"), without a byte order mark

@@ -33,7 +33,7 @@ struct XdmfFrame {
 /// are views (Group::write_view) in the frame's group xdmf, as readers need three components.
 std::vector<std::string> xdmf_datasets(int dim);
 
-/// The <Grid> element of one frame.
+/// The `<Grid>` element of one frame.
 std::string xdmf_grid(const XdmfFrame& frame);
 
 /// Connectivity of particles in topology "Mixed": a polygon of its points, or a Polyvertex of its one point.

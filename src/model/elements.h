@@ -117,7 +117,7 @@ struct ElementKind;
 template <Elements E, int D>
 concept ElementsIn = static_cast<std::size_t>(E) < element_kinds&& ElementKind<E>::template in<D>;
 
-/// Calls visit(ElementKind<…>()) for all kinds.
+/// Calls `visit(ElementKind<…>())` for all kinds.
 template <class Visit>
 void for_each_kind(Visit&& visit) {
   [&]<std::size_t... k>(std::index_sequence<k...>) { (visit(ElementKind<static_cast<Elements>(k)>()), ...); }

@@ -1,0 +1,53 @@
+"""Files of the repository that no program reads: citation, presets, workflow, pictures."""
+
+import json
+import re
+import struct
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def text_of(name):
+    return (ROOT / name).read_text(encoding="utf-8")
+
+
+def test_citation_has_the_version_and_no_date_without_a_release():
+    version = re.search(r"^project\(pliant VERSION ([\d.]+)", text_of("CMakeLists.txt"), re.MULTILINE)[1]
+    citation = text_of("CITATION.cff")
+    assert re.search(r"^version: (.*)$", citation, re.MULTILINE)[1] == version
+    date = re.search(r'^date-released: "(.*)"$', citation, re.MULTILINE)
+    released = re.search(rf"^## \[?{re.escape(version)}\]?(.*)$", text_of("CHANGELOG.md"), re.MULTILINE)
+    if date:
+        assert released and date[1] in released[1], f"CHANGELOG.md has no release {version} of {date[1]}"
+    else:
+        assert not released or not re.search(r"\d{4}-\d\d-\d\d", released[1]), f"CITATION.cff has no date of {version}"
+
+
+def test_presets():
+    presets = json.loads(text_of("CMakePresets.json"))
+    configure = {one["name"]: one for one in presets["configurePresets"]}
+    assert {"release", "debug", "asan", "tidy"} <= set(configure)
+    assert len({one["binaryDir"] for one in configure.values() if "binaryDir" in one}) == len(configure) - 1
+    flags = configure["asan"]["cacheVariables"]["CMAKE_CXX_FLAGS"].split()
+    assert all(flag in text_of("scripts/sanitize.sh") for flag in flags), "scripts/sanitize.sh has other flags"
+    listed = subprocess.run(["cmake", "--list-presets=all"], cwd=ROOT, capture_output=True, encoding="utf-8")
+    assert listed.returncode == 0, listed.stderr
+    assert all(f'"{name}"' in listed.stdout for name in ("release", "debug", "asan", "tidy"))
+
+
+def test_containers_have_the_tested_system():
+    assert re.search(r"container: debian:12$", text_of(".github/workflows/ci.yml"), re.MULTILINE)
+    assert re.search(r"run: \.ci/run$", text_of(".github/workflows/ci.yml"), re.MULTILINE)
+    assert set(re.findall(r"^FROM (\S+)", text_of("Dockerfile"), re.MULTILINE)) == {"debian:12"}
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "docs/images").glob("*.png")), ids=lambda path: path.name)
+def test_pictures_have_a_palette(path):
+    """As plotting.write_figure makes them; a picture without is about three times as large."""
+    data = path.read_bytes()
+    *_, color = struct.unpack(">IIBB", data[16:26])
+    assert color == 3 and len(data) < 250_000
