@@ -6,8 +6,8 @@ cd "$(dirname "$0")/.."
 what=${1:-all}
 export PLIANT_PROGRAM="${PLIANT_PROGRAM:-$PWD/build/apps/pliant}"
 if [ "$what" != memory ]; then
-  PLIANT_ALL_LOSSES=1 /usr/bin/python3 -B -m pytest -q -rP -p no:cacheprovider tests/apps/test_power.py
+  PLIANT_ALL_LOSSES=1 /usr/bin/python3 -B -m pytest -q -s -p no:cacheprovider tests/apps/test_power.py
 fi
 if [ "$what" != power ]; then
-  PLIANT_ALL_ALLOCATIONS=${2:-200} /usr/bin/python3 -B -m pytest -q -rP -p no:cacheprovider tests/apps/test_memory.py
+  PLIANT_ALL_ALLOCATIONS=${2:-200} /usr/bin/python3 -B -m pytest -q -s -p no:cacheprovider tests/apps/test_memory.py
 fi
