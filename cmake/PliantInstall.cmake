@@ -27,7 +27,7 @@ install(FILES README.md ARCHITECTURE.md CHANGELOG.md CONTRIBUTING.md LICENSE CIT
 install(DIRECTORY docs TYPE DOC)
 install(DIRECTORY validation DESTINATION ${share} FILES_MATCHING PATTERN "*.csv" PATTERN "*.csv.xz")
 install(DIRECTORY examples/ DESTINATION ${share}/examples FILES_MATCHING PATTERN "*.yaml" PATTERN "*.csv" PATTERN "*_outline.txt")
-foreach(program own_term own_scenario bouncing_polygon)
+foreach(program own_term own_scenario bouncing_polygon plain_ode)
   install(DIRECTORY examples/${program} DESTINATION ${share}/examples)
 endforeach()
 

@@ -65,6 +65,16 @@ endif()
 run("${CMAKE_COMMAND}" --build "${WORK}/build")
 run("${WORK}/build/own_term" check 2)
 
+# The integrators of SUNDIALS alone, in a program without particles.
+run("${CMAKE_COMMAND}" -S "${share}/examples/plain_ode" -B "${WORK}/build-ode" ${package})
+run("${CMAKE_COMMAND}" --build "${WORK}/build-ode")
+foreach(type cvode arkode)
+  execute_process(COMMAND "${WORK}/build-ode/plain_ode" -ts_type ${type} OUTPUT_VARIABLE told COMMAND_ERROR_IS_FATAL ANY)
+  if(NOT told MATCHES "0\\.36787[89]")
+    message(FATAL_ERROR "plain_ode -ts_type ${type} prints ${told}")
+  endif()
+endforeach()
+
 # A model outside the tree and a scenario outside the tree: run, then continued to a later end.
 run("${WORK}/build/own_term" hopper -model droplet -tension 30 -n 20 -n_vertices 12 -hopper_wall_distance 7 -hopper_width 3
     -e_c 500 -e_w 500 -k_a 1000 -t_end 0.1 -output "${WORK}/droplets")
