@@ -31,6 +31,18 @@ template <class R>
 PLIANT_INLINE R norm(const Vector3<R>& a) {
   return square_root(dot(a, a));
 }
+/// By rows.
+template <class R>
+struct Matrix3 {
+  Vector3<R> x, y, z;
+
+  PLIANT_INLINE friend Vector3<R> operator*(const Matrix3& m, const Vector3<R>& a) {
+    return {dot(m.x, a), dot(m.y, a), dot(m.z, a)};
+  }
+  /// The transposed matrix times a vector.
+  PLIANT_INLINE Vector3<R> transposed_times(const Vector3<R>& a) const { return a.x * x + a.y * y + a.z * z; }
+};
+
 /// a where the mask is set, else b.
 template <class R>
 PLIANT_INLINE Vector3<R> select(const MaskOf<R>& mask, const Vector3<R>& a, const Vector3<R>& b) {

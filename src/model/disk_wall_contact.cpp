@@ -14,9 +14,10 @@ using simd::Real4;
 namespace {
 
 template <class Law>
-PLIANT_MULTIVERSION void settle_four(FourAtWalls<Law>& four, const DiskWallContact<Law>& term, const StateView<2>& s,
-                                     const typename FourAtWalls<Law>::Ahead& ahead, const Scatter<2, 1>& force,
-                                     bool total) {
+PLIANT_MULTIVERSION void settle(FourAtWalls<2, DiskWallContact<Law>>& four, const DiskWallContact<Law>& term,
+                                const StateView<2>& s,
+                                const typename FourAtWalls<2, DiskWallContact<Law>>::Ahead& ahead,
+                                const Scatter<2, 1>& force, bool total) {
   static constexpr std::array<Real, DiskWallContact<Law>::history> nothing{};
   const Index count = four.count;
   std::array<typename DiskWallContact<Law>::Touch*, 4> c;
@@ -80,13 +81,19 @@ PLIANT_MULTIVERSION void settle_four(FourAtWalls<Law>& four, const DiskWallConta
 }  // namespace
 
 template <class Law>
-void FourAtWalls<Law>::settle(const DiskWallContact<Law>& term, const StateView<2>& s, const Ahead& ahead,
-                              const Scatter<2, 1>& force, bool total) {
-  settle_four(*this, term, s, ahead, force, total);
+void settle_four(FourAtWalls<2, DiskWallContact<Law>>& four, const DiskWallContact<Law>& term, const StateView<2>& s,
+                 const typename FourAtWalls<2, DiskWallContact<Law>>::Ahead& ahead, const Scatter<2, 1>& force,
+                 bool total) {
+  settle(four, term, s, ahead, force, total);
 }
 static_assert(RangeTerm<DiskWallContact<>, 2>);
-template struct FourAtWalls<HarmonicOverlap>;
-template struct FourAtWalls<HertzOverlap>;
-template struct FourAtWalls<SpringOverlap>;
+#define PLIANT_SETTLE_FOUR(Law)                                                                                    \
+  template void settle_four<Law>(FourAtWalls<2, DiskWallContact<Law>>&, const DiskWallContact<Law>&,               \
+                                 const StateView<2>&, const typename FourAtWalls<2, DiskWallContact<Law>>::Ahead&, \
+                                 const Scatter<2, 1>&, bool);
+PLIANT_SETTLE_FOUR(HarmonicOverlap)
+PLIANT_SETTLE_FOUR(HertzOverlap)
+PLIANT_SETTLE_FOUR(SpringOverlap)
+#undef PLIANT_SETTLE_FOUR
 
 }  // namespace pliant

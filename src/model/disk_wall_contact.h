@@ -6,6 +6,7 @@
 #include <utility>
 
 #include <pliant/geometry/turn.h>
+#include <pliant/model/four_at_walls.h>
 #include <pliant/model/fused_terms.h>
 #include <pliant/model/surface_friction.h>
 #include <pliant/model/wall_contact.h>
@@ -59,21 +60,11 @@ struct DiskWallTouch : SurfaceTouch<2, R> {
 template <class Law>
 struct DiskWallContact;
 
-/// Up to four contacts that have been placed, to be settled together.
+/// See add_wall_forces().
 template <class Law>
-struct FourAtWalls {
-  using Ahead = ContactTable::Ahead<DiskWallContact<Law>::history, true>;
-
-  std::array<typename DiskWallContact<Law>::Touch, 4> touch;
-  std::array<Index, 4> element;
-  std::array<const Real*, 4> past;  ///< null where nothing was known
-  Index count = 0;
-  std::array<Real, 3> lost{};  ///< of all that have been settled
-
-  /// Adds their forces, and writes what is known of them ahead. total: with the elastic forces.
-  void settle(const DiskWallContact<Law>& term, const StateView<2>& s, const Ahead& ahead, const Scatter<2, 1>& force,
-              bool total);
-};
+void settle_four(FourAtWalls<2, DiskWallContact<Law>>& four, const DiskWallContact<Law>& term, const StateView<2>& s,
+                 const typename FourAtWalls<2, DiskWallContact<Law>>::Ahead& ahead, const Scatter<2, 1>& force,
+                 bool total);
 
 /// What acts between a disk and a surface of the walls (Walls::surface_of_part) beside the elastic force N_e = −V' of
 /// WallContact, in the plane; as DiskContact, with the velocity of the wall's material. n is the unit vector from the
@@ -162,21 +153,7 @@ struct DiskWallContact {
   template <class Untouched>
   void add_forces(const StateView<2>& s, Range range, const ContactTable& table, const Scatter<2, 1>& force, bool total,
                   Untouched&& untouched) const {
-    const ContactTable::Pasts<history> past(table);
-    const typename FourAtWalls<Law>::Ahead ahead(table);
-    ahead.parted(range);
-    FourAtWalls<Law> four;
-    for (Index e = range.first; e < range.last; ++e) {
-      if (!place(s, e, four.touch[four.count])) {
-        untouched(e);
-        continue;
-      }
-      four.element[four.count] = e;
-      four.past[four.count] = past(e);
-      if (++four.count == 4) four.settle(*this, s, ahead, force, total);
-    }
-    if (four.count > 0) four.settle(*this, s, ahead, force, total);
-    if (range.size() > 0) std::ranges::copy(four.lost, table.lost(range));
+    add_wall_forces(*this, s, range, table, force, total, untouched);
   }
   /// Of the wall on the disk, beside the elastic one; the wall feels the opposite.
   Vec<2> force(const StateView<2>& s, const Touch& c) const {

@@ -30,6 +30,28 @@ PLIANT_INLINE const Index* four_from(const Index* elements, Index size, Index k,
   return room.data();
 }
 
+/// Four rows of numbers, of which some are read together.
+using FourRows = std::array<const Real*, 4>;
+
+/// Columns first … first + 3 of four rows.
+PLIANT_INLINE void columns(const FourRows& rows, int first, simd::Real4& a, simd::Real4& b, simd::Real4& c,
+                           simd::Real4& d) {
+  a = simd::load4(rows[0] + first), b = simd::load4(rows[1] + first), c = simd::load4(rows[2] + first),
+  d = simd::load4(rows[3] + first);
+  simd::transpose(a, b, c, d);
+}
+PLIANT_INLINE void write_columns(const std::array<Real*, 4>& rows, int first, simd::Real4 a, simd::Real4 b,
+                                 simd::Real4 c, simd::Real4 d) {
+  simd::transpose(a, b, c, d);
+  simd::store4(rows[0] + first, a);
+  simd::store4(rows[1] + first, b);
+  simd::store4(rows[2] + first, c);
+  simd::store4(rows[3] + first, d);
+}
+PLIANT_INLINE simd::Real4 column(const FourRows& rows, int k) {
+  return simd::Real4{rows[0][k], rows[1][k], rows[2][k], rows[3][k]};
+}
+
 /// The points of four pairs.
 struct FourPairs {
   std::array<std::ptrdiff_t, 4> first, second;

@@ -18,22 +18,6 @@ namespace {
 
 using SpherePasts = ContactTable::Rows<SphereContact<>::history>;
 
-/// Columns first … first + 3 of four rows.
-PLIANT_INLINE void columns(const std::array<const Real*, 4>& rows, int first, Real4& a, Real4& b, Real4& c, Real4& d) {
-  a = load4(rows[0] + first), b = load4(rows[1] + first), c = load4(rows[2] + first), d = load4(rows[3] + first);
-  simd::transpose(a, b, c, d);
-}
-PLIANT_INLINE void write_columns(const std::array<Real*, 4>& rows, int first, Real4 a, Real4 b, Real4 c, Real4 d) {
-  simd::transpose(a, b, c, d);
-  simd::store4(rows[0] + first, a);
-  simd::store4(rows[1] + first, b);
-  simd::store4(rows[2] + first, c);
-  simd::store4(rows[3] + first, d);
-}
-PLIANT_INLINE Real4 column(const std::array<const Real*, 4>& rows, int k) {
-  return Real4{rows[0][k], rows[1][k], rows[2][k], rows[3][k]};
-}
-
 PLIANT_INLINE SphereTouch<Real4>::Past past_of(const SpherePasts& past, const Index* elements) {
   const std::array<const Real*, 4> rows{past(elements[0]), past(elements[1]), past(elements[2]), past(elements[3])};
   SphereTouch<Real4>::Past p;
@@ -44,23 +28,23 @@ PLIANT_INLINE SphereTouch<Real4>::Past past_of(const SpherePasts& past, const In
   return p;
 }
 
-/// Of each pair of a range: the radii, their sum, the root of the reduced mass and the order of the ids.
-void set_constants(const StateView<3>& s, Range range, const ContactTable& table) {
+/// The constants of the pairs of a range.
+template <class Law>
+void set_constants(const SphereContact<Law>& term, const StateView<3>& s, Range range, const ContactTable& table) {
   const PairList& list = s.neighbours.point_pairs;
-  const std::vector<Real>& diameter = s.topology.diameter;
-  Real* to = table.constants(range.first);
   for (Index e = range.first; e < range.last; ++e) {
-    const auto [i, j] = list[e];
-    for (const Real number : {diameter[i] / 2, diameter[j] / 2, list.reach[e],
-                              SphereContact<>::root_mass(s.topology, i, j), SphereContact<>::order(s.topology, i, j)})
-      *to++ = number;
+    const auto c = term.constants_of(s.topology, list[e].first, list[e].second, list.reach[e]);
+    std::ranges::copy(
+        std::array<Real, SphereContact<>::constants>{c.a, c.b, c.reach, c.per_reach, c.order, c.stiffness, c.root},
+        table.constants(e));
   }
 }
 
 template <class Law, bool OwnOnly>
-PLIANT_MULTIVERSION void add_contacts(Real epsilon, const SurfaceFriction& friction, const StateView<3>& s, Range range,
+PLIANT_MULTIVERSION void add_contacts(const SphereContact<Law>& term, const StateView<3>& s, Range range,
                                       const ContactTable& table, const Scatter<3, 1, OwnOnly>& scatter, bool total) {
-  const SurfaceFriction surface = friction;  // nobody else writes to these
+  const SurfaceFriction surface = term.surface;  // nobody else writes to these
+  const Real epsilon = term.epsilon;
   const SpherePasts past = table.rows<SphereContact<>::history>();
   const ContactTable::Ahead<SphereContact<>::history> ahead(table);
   const Scatter<3, 1, OwnOnly> force = scatter;
@@ -70,7 +54,7 @@ PLIANT_MULTIVERSION void add_contacts(Real epsilon, const SurfaceFriction& frict
   const Real* const all = table.constants(0);
   const auto constants = [&](Index e)
                              PLIANT_INLINE_LAMBDA { return all + std::ptrdiff_t(e) * SphereContact<>::constants; };
-  if (range.size() > 0 && *constants(range.first) == 0) set_constants(s, range, table);
+  if (range.size() > 0 && *constants(range.first) == 0) set_constants(term, s, range, table);
 
   Index* const elements = table.room(range);
   const Index touching = find_touching(s, range, ahead, elements);
@@ -82,13 +66,14 @@ PLIANT_MULTIVERSION void add_contacts(Real epsilon, const SurfaceFriction& frict
     const Index count = std::min(touching - k, Index(4));
     const FourPairs at(pairs, e);
     const std::array<const Real*, 4> rows{constants(e[0]), constants(e[1]), constants(e[2]), constants(e[3])};
-    SphereTouch<Real4>::Pair pair;
-    pair.r = at.differences3(x);
-    columns(rows, 0, pair.a, pair.b, pair.reach, pair.root_mass);
-    pair.order = column(rows, 4);
-    pair.angle_a = FourPairs::gather3(angles, at.first), pair.angle_b = FourPairs::gather3(angles, at.second);
+    SphereTouch<Real4>::Constants fixed;
+    Real4 unused;
+    columns(rows, 0, fixed.a, fixed.b, fixed.reach, fixed.per_reach);
+    columns(rows, 4, fixed.order, fixed.stiffness, fixed.root, unused);
     SphereTouch<Real4> c;
-    c.find<Law>(epsilon, surface, pair, past_of(past, e));
+    c.find<Law>(epsilon, surface, fixed,
+                {at.differences3(x), FourPairs::gather3(angles, at.first), FourPairs::gather3(angles, at.second)},
+                past_of(past, e));
     const auto rubs =
         c.rub(surface, at.differences3(v), FourPairs::gather3(spins, at.first), FourPairs::gather3(spins, at.second));
     // Copies of the last contact have no force.
@@ -122,13 +107,13 @@ PLIANT_MULTIVERSION void add_contacts(Real epsilon, const SurfaceFriction& frict
 }  // namespace
 
 template <class Law, bool OwnOnly>
-void add_sphere_forces(Real epsilon, const SurfaceFriction& surface, const StateView<3>& s, Range range,
-                       const ContactTable& table, const Scatter<3, 1, OwnOnly>& force, bool total) {
-  add_contacts<Law>(epsilon, surface, s, range, table, force, total);
+void add_sphere_forces(const SphereContact<Law>& term, const StateView<3>& s, Range range, const ContactTable& table,
+                       const Scatter<3, 1, OwnOnly>& force, bool total) {
+  add_contacts(term, s, range, table, force, total);
 }
 static_assert(RangeTerm<SphereContact<>, 3>);
-#define PLIANT_SPHERE_FORCES(Law, own)                                                                \
-  template void add_sphere_forces<Law, own>(Real, const SurfaceFriction&, const StateView<3>&, Range, \
+#define PLIANT_SPHERE_FORCES(Law, own)                                                             \
+  template void add_sphere_forces<Law, own>(const SphereContact<Law>&, const StateView<3>&, Range, \
                                             const ContactTable&, const Scatter<3, 1, own>&, bool);
 PLIANT_SPHERE_FORCES(HarmonicOverlap, false)
 PLIANT_SPHERE_FORCES(HarmonicOverlap, true)

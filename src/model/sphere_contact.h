@@ -1,6 +1,7 @@
 // Friction and damping between balls that touch, with rotation: DiskContact in space.
 #pragma once
 
+#include <cmath>
 #include <span>
 
 #include <pliant/model/pair_contact.h>
@@ -20,12 +21,14 @@ struct SphereTouch : SurfaceTouch<3, R> {
   Vector turned, twisted;  ///< R_i Ω_i + R_j Ω_j and Ω_i + Ω_j
   Vector before;           ///< ξ at the end of the last step, turned with the contact
 
-  /// What is known of the balls.
+  /// What stays the same of a pair: the radii, their sum and its inverse; V'' and √(m V'') with the reduced mass m
+  /// where V'' is the same at all distances, else 0 and √m.
+  struct Constants {
+    R a, b, reach, per_reach, order, stiffness, root;
+  };
+  /// Where the balls are.
   struct Pair {
-    Vector r;       ///< from the second to the first
-    R a, b, reach;  ///< radii and their sum
-    R root_mass;    ///< root of the reduced mass
-    R order;
+    Vector r;                 ///< from the second to the first
     Vector angle_a, angle_b;  ///< Ω
   };
   /// And what was kept of them; zeros if they did not touch.
@@ -34,23 +37,31 @@ struct SphereTouch : SurfaceTouch<3, R> {
     MaskOf<R> slid;
   };
   template <class Law>
-  PLIANT_INLINE void find(Real epsilon, const SurfaceFriction& surface, const Pair& pair, const Past& past) {
+  PLIANT_INLINE void find(Real epsilon, const SurfaceFriction& surface, const Constants& c, const Pair& pair,
+                          const Past& past) {
     const R d = norm(pair.r), per_d = 1 / d;
-    a = pair.a, b = pair.b, order = pair.order;
+    a = c.a, b = c.b, order = c.order;
     n = per_d * pair.r;
     turned = a * pair.angle_a + b * pair.angle_b;
     twisted = pair.angle_a + pair.angle_b;
-    this->lever = pair.reach * per_d;
-    const Press<R> press = press_of<Law>(epsilon, pair.reach, d);
-    this->elastic = press.force;
-    this->gamma = 2 * surface.damping * square_root(press.stiffness) * pair.root_mass;
-    this->k = surface.stiffness * press.reference;
+    this->lever = c.reach * per_d, this->per_lever = c.per_reach * d;
+    if constexpr (constant_stiffness<Law>) {
+      this->elastic = c.stiffness * (c.reach - d);
+      this->gamma = 2 * surface.damping * c.root;
+      this->k = surface.stiffness * c.stiffness;
+    } else {
+      const Press<R> press = press_of<Law>(epsilon, c.reach, d);
+      this->elastic = press.force;
+      this->gamma = 2 * surface.damping * square_root(press.stiffness) * c.root;
+      this->k = surface.stiffness * press.reference;
+    }
     this->slid = past.slid;
     const MaskOf<R> known = (past.n.x != 0) | (past.n.y != 0) | (past.n.z != 0);
-    const SphereSlip<R> slip(order * past.n, n, twisted - past.twisted);
     const Vector none{};
-    before = select<R>(known, slip.carry(order * past.spring), none);
-    const Vector slid_by = pair.reach * slip.arc() - slip.across(turned - past.turned);
+    // A contact that is new has not moved.
+    const SphereSlip<R> slip(select<R>(known, order * past.n, n), n, select<R>(known, twisted - past.twisted, none));
+    before = slip.carry(order * past.spring);
+    const Vector slid_by = c.reach * slip.arc() - slip.across(turned - past.turned);
     this->stretched = select<R>(known, before + slip.carry_on(slid_by), none);
   }
   /// v: of the first relative to the second; spins of both.
@@ -67,9 +78,11 @@ struct SphereTouch : SurfaceTouch<3, R> {
 };
 
 /// SphereContact::add_forces, four contacts at a time. total: with the elastic forces.
+template <class Law>
+struct SphereContact;
 template <class Law, bool OwnOnly>
-void add_sphere_forces(Real epsilon, const SurfaceFriction& surface, const StateView<3>& s, Range range,
-                       const ContactTable& table, const Scatter<3, 1, OwnOnly>& force, bool total);
+void add_sphere_forces(const SphereContact<Law>& term, const StateView<3>& s, Range range, const ContactTable& table,
+                       const Scatter<3, 1, OwnOnly>& force, bool total);
 
 /// What acts between two balls beside the elastic force N_e = −V' of PairContact, in space. n is the unit vector from j
 /// to i, d the distance of the centres, u the relative velocity of the centres across n.
@@ -89,7 +102,7 @@ struct SphereContact {
 
   static constexpr Elements elements = Elements::point_pairs;
   static constexpr bool rotates = true;
-  static constexpr int history = 13, constants = 5;
+  static constexpr int history = 13, constants = 8;
   static constexpr auto losses = SurfaceTouch<3>::losses;
   static std::string_view name() { return "sphere_contact"; }
   bool enabled(const StateView<3>&) const { return surface.rubs() || surface.damping > 0; }
@@ -109,17 +122,23 @@ struct SphereContact {
     c.first = first, c.second = second;
     const Real* const p = past.data();
     c.template find<Law>(
-        epsilon, surface,
-        {r, topology.diameter[first] / 2, topology.diameter[second] / 2, reach, root_mass(topology, first, second),
-         order(topology, first, second), vector3(s.angles, first), vector3(s.angles, second)},
+        epsilon, surface, constants_of(topology, first, second, reach),
+        {r, vector3(s.angles, first), vector3(s.angles, second)},
         past.empty() ? SphereTouch<Real>::Past{}
                      : SphereTouch<Real>::Past{vector3(p, 0), vector3(p, 1), vector3(p, 2), vector3(p, 3), p[12] != 0});
     return true;
   }
-  static Real root_mass(const Topology& topology, Index i, Index j) {
-    return std::sqrt(1 / (topology.inverse_point_mass[i] + topology.inverse_point_mass[j]));
+  SphereTouch<Real>::Constants constants_of(const Topology& topology, Index i, Index j, Real reach) const {
+    const Real mass = 1 / (topology.inverse_point_mass[i] + topology.inverse_point_mass[j]),
+               stiffness = constant_stiffness<Law> ? press_of<Law, Real>(epsilon, reach, reach).stiffness : 0;
+    return {topology.diameter[i] / 2,
+            topology.diameter[j] / 2,
+            reach,
+            1 / reach,
+            topology.id[i] > topology.id[j] ? -1.0 : 1.0,
+            stiffness,
+            std::sqrt(constant_stiffness<Law> ? mass * stiffness : mass)};
   }
-  static Real order(const Topology& topology, Index i, Index j) { return topology.id[i] > topology.id[j] ? -1 : 1; }
   Real energy(const StateView<3>& s, const Touch& c) const { return c.energy(rub(s, c)); }
   Real power(const StateView<3>& s, const Touch& c) const { return c.power(rub(s, c)); }
   template <class F>
@@ -136,7 +155,7 @@ struct SphereContact {
   template <bool OwnOnly>
   void add_forces(const StateView<3>& s, Range range, const ContactTable& table, const Scatter<3, 1, OwnOnly>& force,
                   bool total = false) const {
-    add_sphere_forces<Law>(epsilon, surface, s, range, table, force, total);
+    add_sphere_forces(*this, s, range, table, force, total);
   }
   /// The spring between two of the stiffest balls: ω² = k_t (2/m + 2R²/I) = 7 k_t/m.
   Real max_rate(const Topology& topology) const { return spring_rate<Law>(surface, topology, epsilon, 1, 7); }

@@ -43,6 +43,22 @@ PLIANT_INLINE R arc_per_chord(R half2) {
   return ratio * (1 + half2 * (1.0 / 6 + half2 * (3.0 / 40 + half2 * (15.0 / 336 + half2 * (105.0 / 3456)))));
 }
 
+/// The cosine c of half the angle between two directions, as 1/c (0 where they are opposite) and 1/(1 + c), to
+/// rounding; of the square of half their chord, 1 − c². By series, of angles that are large by a root.
+template <class R>
+PLIANT_INLINE std::pair<R, R> half_angle(R half2) {
+  constexpr Real small = 1e-4;  // as it mostly is for the rotation in one step
+  R per_cosine = 1 + half2 * (1.0 / 2 + half2 * (3.0 / 8 + half2 * (5.0 / 16 + half2 * (35.0 / 128)))),
+    share = 1.0 / 2 + half2 * (1.0 / 8 + half2 * (1.0 / 16 + half2 * (5.0 / 128 + half2 * (7.0 / 256))));
+  const MaskOf<R> far = half2 >= small;
+  if (any_of(far)) {
+    const R rest = 1 - half2, cosine = square_root(rest > 0 ? rest : R()), per = 1 / cosine;
+    per_cosine = far ? (cosine > 0 ? per : R()) : per_cosine;
+    share = far ? 1 / (1 + cosine) : share;
+  }
+  return {per_cosine, share};
+}
+
 /// Between two directions n₀ and n of a contact: vectors across it turn as n does, by the shortest way, and about it by
 /// half of the sum of the rotations of both bodies. The slip is seen from halfway, so that a step is of second order.
 /// Of one contact, or of several in lanes; where n₀ is 0 all is finite.
@@ -53,19 +69,17 @@ class SphereSlip {
 
   /// both: the rotations of both bodies, in sum.
   PLIANT_INLINE SphereSlip(const Vector& before, const Vector& n, const Vector& both) : before_(before), n_(n) {
-    const Vector sum = before + n;
-    const R size = norm(sum);
-    middle_ = (size > 0 ? 1 / size : R()) * sum;
-    share_ = 1 / (1 + size / 2);  // the cosine of half the angle is size/2
+    const Vector chord = n - before;
+    half2_ = dot(chord, chord) / 4;
+    const auto [per_cosine, share] = half_angle(half2_);
+    middle_ = (per_cosine / 2) * (before + n);
+    share_ = share;
     const auto [cosine, sine] = cosine_and_sine(R(dot(middle_, both) / 4));
     cosine_ = cosine, sine_ = sine;
   }
 
   /// The arc from n₀ to n on the unit sphere, straightened.
-  PLIANT_INLINE Vector arc() const {
-    const Vector chord = n_ - before_;
-    return arc_per_chord(R(dot(chord, chord) / 4)) * chord;
-  }
+  PLIANT_INLINE Vector arc() const { return arc_per_chord(half2_) * (n_ - before_); }
   /// turned × n, halfway.
   PLIANT_INLINE Vector across(const Vector& turned) const { return cross(turned, middle_); }
   /// Of a body without curvature: the part of its way along the surface.
@@ -83,7 +97,7 @@ class SphereSlip {
   PLIANT_INLINE Vector twist(const Vector& x) const { return cosine_ * x + sine_ * cross(middle_, x); }
 
   Vector before_, n_, middle_;
-  R share_, cosine_, sine_;
+  R half2_, share_, cosine_, sine_;
 };
 
 }  // namespace pliant

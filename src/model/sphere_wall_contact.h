@@ -4,11 +4,75 @@
 #include <array>
 #include <span>
 
+#include <pliant/model/four_at_walls.h>
 #include <pliant/model/sphere_slip.h>
 #include <pliant/model/surface_friction.h>
 #include <pliant/model/wall_contact.h>
 
 namespace pliant {
+
+/// A ball that touches a wall, or several. All vectors are seen from the wall.
+template <class R>
+struct SphereWallTouch : SurfaceTouch<3, R> {
+  using Vector = Vector3<R>;
+
+  R radius;
+  Vector n;
+  Matrix3<R> stretch;  ///< L
+  Vector before;       ///< ξ at the end of the last step, turned with the contact
+
+  /// Where it is. share: of the elastic force.
+  struct Place {
+    R d, radius, mass, share;
+    Vector n, foot;
+    Matrix3<R> stretch;
+  };
+  /// And what was kept of it; zeros if it did not touch.
+  struct Past {
+    Vector foot, n, spring;
+    MaskOf<R> slid;
+  };
+  /// turned: what the ball has turned in the step, less the wall.
+  template <class Law>
+  PLIANT_INLINE void settle(Real epsilon, const SurfaceFriction& surface, const Place& c, const Past& past,
+                            const Vector& turned) {
+    radius = c.radius, n = c.n, stretch = c.stretch;
+    const Press<R> press = press_of<Law>(epsilon, c.radius, c.d);
+    this->elastic = c.share * press.force;
+    this->stiffen(surface, R(c.mass * press.stiffness), press.reference);
+    this->slid = past.slid;
+    const MaskOf<R> known = (past.n.x != 0) | (past.n.y != 0) | (past.n.z != 0);
+    const Vector none{}, rotation = select<R>(known, turned, none);
+    // A contact that is new has not moved.
+    const SphereSlip<R> slip(select<R>(known, past.n, n), n, rotation);
+    const Vector slid_by = slip.along(c.foot - past.foot) + radius * (slip.arc() - slip.across(rotation));
+    before = slip.carry(past.spring);
+    this->stretched = select<R>(known, before + slip.carry_on(slid_by), none);
+    const Vector longer = stretch * this->stretched;
+    const R size2 = dot(this->stretched, this->stretched), longer2 = dot(longer, longer);
+    const MaskOf<R> some = longer2 > 0;
+    this->per_lever = square_root(R((some ? size2 : 1 + R()) / (some ? longer2 : 1 + R())));
+  }
+  /// Seen from the wall the ball moves with v and turns with `spin`.
+  template <class Mu>
+  PLIANT_INLINE typename SurfaceTouch<3, R>::Rub rub(Real tangential_damping, Mu mu_static, Mu mu_dynamic,
+                                                     const Vector& v, const Vector& spin) const {
+    const R parting = dot(n, v);
+    return SurfaceTouch<3, R>::rub(tangential_damping, mu_static, mu_dynamic, parting,
+                                   stretch * (v - parting * n) - radius * cross(spin, n));
+  }
+  PLIANT_INLINE Vector force(R normal, const Vector& pull) const { return normal * n - stretch * pull; }
+  PLIANT_INLINE Vector torque(const Vector& pull) const { return radius * cross(n, pull); }
+};
+
+template <class Law>
+struct SphereWallContact;
+
+/// See add_wall_forces().
+template <class Law>
+void settle_four(FourAtWalls<3, SphereWallContact<Law>>& four, const SphereWallContact<Law>& term,
+                 const StateView<3>& s, const typename FourAtWalls<3, SphereWallContact<Law>>::Ahead& ahead,
+                 const Scatter<3, 1>& force, bool total);
 
 /// What acts between a ball and a surface of the walls (Walls::surface_of_part) beside the elastic force N_e = −V' of
 /// WallContact, in space; as SphereContact, with the velocity of the wall's material. n is the unit vector from the
@@ -35,63 +99,76 @@ struct SphereWallContact {
   }
   void check(const Walls<3>& walls) const { others.check(name(), walls); }
 
-  struct Touch : SurfaceTouch<3> {
-    Index i, material;
-    Real radius;
-    Vector3<Real> n;               ///< in space
-    std::array<Real, 9> stretch;   ///< L
-    std::array<Real, 9> turn;      ///< of the wall
-    Vector3<Real> foot, across;    ///< foot and n seen from the wall
-    Vector3<Real> angle;           ///< what the ball has turned, less the wall, in space
-    Vector3<Real> before;          ///< ξ at the end of the last step, turned with the contact, in space
-    Vector3<Real> velocity, spin;  ///< of the wall
+  /// In fours of numbers, so that four contacts can be read together.
+  struct Touch : SphereWallTouch<Real> {
+    using Four = std::array<Real, 4>;
+    Four size;                      ///< d, R, mass and share
+    Four across, foot;              ///< n and foot, with the coefficients of friction μ_s and μ_d
+    Four angle;                     ///< what the ball has turned, less the wall, in space
+    Four wall_velocity, wall_spin;  ///< in space
+    std::array<Four, 3> rows;       ///< of L
+    std::array<Four, 3> turn;       ///< rows of the rotation of the wall
+    bool turned;                    ///< or it is the identity
+    Index i;
+
+    /// A vector in space as the wall sees it, and the other way round.
+    Vector3<Real> seen(const Vector3<Real>& a) const { return turned ? rotation().transposed_times(a) : a; }
+    Vector3<Real> unseen(const Vector3<Real>& a) const { return turned ? rotation() * a : a; }
+    Matrix3<Real> rotation() const { return {vector3(turn[0]), vector3(turn[1]), vector3(turn[2])}; }
   };
 
   bool near(const StateView<3>& s, Index e) const {
     const auto [i, part] = s.neighbours.walls[e];
     return !s.walls.beyond(s.position(i), s.topology.diameter[i] / 2, part, s.t);
   }
-  /// False also where another part of the surface carries the contact.
-  bool find(const StateView<3>& s, Index e, std::span<const Real> past, Touch& c) const {
+  /// The first part of find(), which returns whether the ball touches.
+  PLIANT_INLINE bool place(const StateView<3>& s, Index e, Touch& c) const {
     const auto [i, part] = s.neighbours.walls[e];
     const Vec<3> r = s.position(i);
     const Real R = s.topology.diameter[i] / 2;
     WallTouch<3> wall;
     if (!s.walls.touch(r, part, s.t, R, wall)) return false;
-    const auto& [d, n, curvature, foot, across, share] = wall;
     c.i = i;
-    c.radius = R;
-    c.n = vector3(n);
-    const Mat<3> stretch = Mat<3>::Identity() + (R - d) * curvature;
-    Eigen::Map<Mat<3>>(c.stretch.data()) = stretch;
-    c.foot = vector3(foot), c.across = vector3(across);
+    c.size = {wall.d, R, s.topology.mass(i), wall.share};
     const Index body = s.walls.body_of_part(part);
-    const Mat<3> turn = s.walls.pose(body, s.t).turn;
-    Eigen::Map<Mat<3>>(c.turn.data()) = turn;
+    const Coulomb mu = others.of(s.walls.material(body), surface);
+    c.across = {wall.across[0], wall.across[1], wall.across[2], mu.mu_static};
+    c.foot = {wall.foot[0], wall.foot[1], wall.foot[2], mu.mu_dynamic};
     const Motion<3>& motion = s.walls.motion(body);
-    c.material = s.walls.material(body);
-    const Vec<3> angle = s.angle(i) - motion.spin * (s.t - motion.since);
-    c.angle = vector3(angle);
-    c.velocity = vector3(s.walls.velocity(r, part, s.t));
-    c.spin = vector3(motion.spin);
-    const Press<Real> press = press_of<Law>(epsilon, R, d);
-    c.elastic = share * press.force;
-    c.stiffen(surface, s.topology.mass(i) * press.stiffness, press.reference);
-    c.lever = 1;
-    c.slid = false;
-    c.before = c.stretched = Vector3<Real>{};
-    if (!past.empty()) {
-      const Real* const p = past.data();
-      const Vec<3> turned = turn.transpose() * (angle - point<3>(p, 2));
-      const SphereSlip<Real> slip(vector3(p, 1), c.across, vector3(turned));
-      const Vector3<Real> slid = slip.along(c.foot - vector3(p, 0)) + R * (slip.arc() - slip.across(vector3(turned))),
-                          before = slip.carry(vector3(p, 3));
-      const Vec<3> stretched = turn * vec(before + slip.carry_on(slid));
-      c.before = vector3(Vec<3>(turn * vec(before)));
-      c.stretched = vector3(stretched);
-      if (const Real size = stretched.norm(); size > 0) c.lever = (stretch * stretched).norm() / size;
-      c.slid = past[12] != 0;
+    const Real since = s.t - motion.since;
+    const Vec<3> velocity = s.walls.velocity(r, part, s.t);
+    for (int k = 0; k < 3; ++k) {
+      c.angle[k] = s.angle(i)[k] - motion.spin[k] * since;
+      c.wall_velocity[k] = velocity[k];
+      c.wall_spin[k] = motion.spin[k];
     }
+    const Pose<3> pose = s.walls.pose(body, s.t);
+    c.turned = pose.turned;
+    Mat<3> curvature = wall.curvature;
+    if (c.turned) curvature = pose.turn.transpose() * curvature * pose.turn;
+    for (int k = 0; k < 3; ++k) c.turn[k] = {pose.turn(k, 0), pose.turn(k, 1), pose.turn(k, 2), 0};
+    const Real farther = R - wall.d;
+    for (int k = 0; k < 3; ++k) {
+      c.rows[k] = {farther * curvature(k, 0), farther * curvature(k, 1), farther * curvature(k, 2), 0};
+      c.rows[k][k] += 1;
+    }
+    return true;
+  }
+  /// False also where another part of the surface carries the contact.
+  bool find(const StateView<3>& s, Index e, std::span<const Real> past, Touch& c) const {
+    if (!place(s, e, c)) return false;
+    const Real* const p = past.data();
+    using Past = typename SphereWallTouch<Real>::Past;
+    c.template settle<Law>(epsilon, surface,
+                           {c.size[0],
+                            c.size[1],
+                            c.size[2],
+                            c.size[3],
+                            vector3(c.across),
+                            vector3(c.foot),
+                            {vector3(c.rows[0]), vector3(c.rows[1]), vector3(c.rows[2])}},
+                           past.empty() ? Past{} : Past{vector3(p, 0), vector3(p, 1), vector3(p, 3), p[12] != 0},
+                           past.empty() ? Vector3<Real>{} : c.seen(vector3(c.angle) - vector3(p, 2)));
     return true;
   }
   Real energy(const StateView<3>& s, const Touch& c) const { return c.energy(rub(s, c)); }
@@ -107,14 +184,14 @@ struct SphereWallContact {
     const auto rubs = rub(s, c);
     add(c, rubs, rubs.normal, force);
   }
-  void keep(const StateView<3>& s, const Touch& c, std::span<const Real> past, Real* numbers, Real* lost) const {
-    const auto rubs = rub(s, c);
-    c.count_losses(rubs, !past.empty(), c.before, lost);
-    point<3>(numbers, 0) = vec(c.foot);
-    point<3>(numbers, 1) = vec(c.across);
-    point<3>(numbers, 2) = vec(c.angle);
-    point<3>(numbers, 3) = Eigen::Map<const Mat<3>>(c.turn.data()).transpose() * vec(rubs.hold.spring);
-    numbers[12] = rubs.hold.slides ? 1 : 0;
+  void add_forces(const StateView<3>& s, Range range, const ContactTable& table, const Scatter<3, 1>& force) const {
+    add_forces(s, range, table, force, false, [](Index) {});
+  }
+  /// See add_wall_forces().
+  template <class Untouched>
+  void add_forces(const StateView<3>& s, Range range, const ContactTable& table, const Scatter<3, 1>& force, bool total,
+                  Untouched&& untouched) const {
+    add_wall_forces(*this, s, range, table, force, total, untouched);
   }
   /// Of the wall on the ball, beside the elastic one; the wall feels the opposite.
   Vec<3> force(const StateView<3>& s, const Touch& c) const {
@@ -134,20 +211,17 @@ struct SphereWallContact {
 
  private:
   typename SurfaceTouch<3>::Rub rub(const StateView<3>& s, const Touch& c) const {
-    const Vec<3> n = vec(c.n), v = s.velocity(c.i) - vec(c.velocity);
-    const Real parting = n.dot(v);
-    const Vec<3> along = Eigen::Map<const Mat<3>>(c.stretch.data()) * (v - parting * n);
-    const Coulomb mu = others.of(c.material, surface);
-    return c.rub(surface.tangential_damping, mu.mu_static, mu.mu_dynamic, parting,
-                 vector3(Vec<3>(along - c.radius * Vec<3>(s.spin(c.i) - vec(c.spin)).cross(n))));
+    return static_cast<const SphereWallTouch<Real>&>(c).rub(surface.tangential_damping, c.across[3], c.foot[3],
+                                                            c.seen(vector3(s.v, c.i) - vector3(c.wall_velocity)),
+                                                            c.seen(vector3(s.spins, c.i) - vector3(c.wall_spin)));
   }
   static Vec<3> force_of(const Touch& c, const typename SurfaceTouch<3>::Rub& rubs, Real normal) {
-    return normal * vec(c.n) - Eigen::Map<const Mat<3>>(c.stretch.data()) * vec(rubs.hold.pull);
+    return vec(c.unseen(static_cast<const SphereWallTouch<Real>&>(c).force(normal, rubs.hold.pull)));
   }
   template <class F>
   static void add(const Touch& c, const typename SurfaceTouch<3>::Rub& rubs, Real normal, F& force) {
     force.add(c.i, force_of(c, rubs, normal));
-    force.add_torque(c.i, Vec<3>(c.radius * vec(c.n).cross(vec(rubs.hold.pull))));
+    force.add_torque(c.i, vec(c.unseen(c.torque(rubs.hold.pull))));
   }
 };
 

@@ -112,6 +112,9 @@ template <class R>
 struct Press {
   R force, stiffness, reference;
 };
+/// Whether V'' is the same at all distances.
+template <class Law>
+inline constexpr bool constant_stiffness = Law::kind == ContactLaw::harmonic || Law::kind == ContactLaw::spring;
 template <class Law, class R>
 PLIANT_INLINE Press<R> press_of(Real epsilon, R delta, R d) {
   if constexpr (Law::kind == ContactLaw::harmonic) {  // with one division
@@ -192,9 +195,10 @@ struct SurfaceTouch {
       {{"normal_damping", true}, {"tangential_damping", true}, {"sliding", false}}};
   using Tangent = std::conditional_t<D == 2, R, Vector3<R>>;
 
-  R elastic;          ///< N_e
-  R k, gamma;         ///< k_t, γ_n
-  R lever;            ///< the limit of P is μN over it
+  R elastic;   ///< N_e
+  R k, gamma;  ///< k_t, γ_n
+  R lever;     ///< the limit of P is μN over it; in space `per_lever` is its inverse, which is set as well
+  R per_lever;
   Tangent stretched;  ///< ξ if it did not slide
   MaskOf<R> slid;     ///< in the last step
 
@@ -216,7 +220,8 @@ struct SurfaceTouch {
   /// Where each has coefficients of its own: numbers, or vectors of them.
   template <class Mu>
   PLIANT_INLINE Rub rub(Real tangential_damping, Mu mu_static, Mu mu_dynamic, R parting, const Tangent& rate) const {
-    const R pressed = elastic - gamma * parting, normal = pressed < 0 ? R() : pressed, limit = normal / lever;
+    const R pressed = elastic - gamma * parting, normal = pressed < 0 ? R() : pressed,
+            limit = D == 2 ? R(normal / lever) : R(normal * per_lever);
     return {normal, parting, rate,
             SurfaceFriction::hold(k, R(tangential_damping * gamma), stretched, rate, R(mu_static * limit),
                                   R(mu_dynamic * limit), slid)};

@@ -110,6 +110,45 @@ TEST_CASE("what a wall does to a ball that it carries turns with the wall, and t
   }
 }
 
+TEST_CASE("balls at walls four at a time have the forces of each by itself bit for bit") {
+  const SurfaceFriction weak{.mu_static = 0.01, .mu_dynamic = 0.008, .damping = 0.1};
+  Index slide = 0, hold = 0;
+  for (std::size_t n = 1; n <= 6; ++n)
+    for (const bool turns : {false, true}) {
+      Walls<3> walls = tube(turns ? Motion<3>{.velocity = {0, 0.1, 0.3}, .spin = {0.1, 0, 0.5}} : Motion<3>{});
+      walls.add(Solid<3>::half_space(Vector::Zero(), {0, 0, 1}), {.velocity = {0.2, 0.1, 0}});
+      std::vector<Vector> places;
+      for (std::size_t m = 0; m < n; ++m)
+        places.push_back(rotation(Real(m), {0, 0, 1}) * Vector(0.8, 0, 0.4 + 0.05 * Real(m)));
+      const SphereWallContact<> term = at_wall(weak);
+      Led led(places, walls, term);
+      for (std::size_t k = 0; k < led.v.size(); ++k) led.v[k] = std::sin(Real(k + n)) * (k % 2 == 0 ? 1 : 0.02);
+      for (int step = 0; step < 5; ++step) {
+        led.t += 1e-3;
+        for (std::size_t k = 0; k < led.x.size(); ++k) led.x[k] += 1e-3 * led.v[k];
+        if (step < 4) led.accept();
+      }
+      const StateView<3> view = led.view();
+      const ContactTable& table = view.history->of(term.name());
+      const Range all = view.neighbours.walls.inside(0);
+      std::vector<Real> found(led.x.size()), single(led.x.size());
+      const auto into = [&](std::vector<Real>& f) { return Scatter<3, 1>{f.data(), {}, f.data() + 3 * n}; };
+      term.add_forces(view, all, table, into(found));
+      const auto one = into(single);
+      SphereWallContact<>::Touch c;
+      const ContactTable::Ahead<SphereWallContact<>::history, true> ahead(table);
+      for (Index e = all.first; e < all.last; ++e) {
+        if (!term.find(view, e, table.past(e), c)) continue;
+        REQUIRE(!table.past(e).empty());
+        term.add_force(view, c, one);
+        (ahead.touches(e)[12] != 0 ? slide : hold) += 1;
+      }
+      CHECK(found == single);
+    }
+  CHECK(slide > 5);
+  CHECK(hold > 5);
+}
+
 TEST_CASE("what friction at a wall takes from a ball is in its spring or heat") {
   for (const bool round : {false, true}) {
     INFO((round ? "tube" : "floor"));
