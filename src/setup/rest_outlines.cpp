@@ -92,7 +92,8 @@ std::vector<Vec<2>> rest_outline(const OutlineShape& shape, Index n) {
     high *= 1.25;
     const std::vector<Vec<2>> longer = with(high);
     if (too_narrow(longer))
-      throw InputError("an outline of the aspect {:g} needs more than {} vertices", shape.aspect, n);
+      throw InputError("an outline of the aspect {:g} needs more than {} vertices; raise -n_vertices or lower -aspect",
+                       shape.aspect, n);
     if (aspect_of(longer) >= shape.aspect) break;
   }
   for (int k = 0; k < 40; ++k) {

@@ -1,6 +1,7 @@
 """The scenario channel: frames by travel, restart, ranks, other channels, jams, bad input, and its analysis."""
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -312,7 +313,7 @@ def test_jams(tmp_path):
     ({"aspect": 3}, "-aspect with -model disk"),
     ({"model": "rough", "mu_disk": 0.3}, "-mu_disk with -model rough"),
     ({"model": "rough", "base_coupled": "no"}, "-base_coupled with -model rough"),
-    ({"model": "rough", "aspect": 9, "n_vertices": 12}, "needs more than 18 vertices"),
+    ({"model": "rough", "aspect": 9, "n_vertices": 12}, "needs more than 18 vertices; raise -n_vertices or lower -aspect"),
     ({"model": "rough", "aspect": 2, "shape_outline": __file__}, "test_channel.py:1"),
     ({"frame_interval": 1}, "unknown option -frame_interval"),
     ({"plunger_speed": 0}, "greater than 0"),
@@ -321,6 +322,7 @@ def test_jams(tmp_path):
 def test_bad_input(options, words, tmp_path):
     result = pliant("channel", output=tmp_path / "run", **{**SMALL, **options})
     assert result.returncode == 2 and words in result.stderr and "t0" not in result.stderr, result.stderr
+    assert re.search("; |must be|needs -", result.stderr), f"no cure: {result.stderr}"
     assert not (tmp_path / "run").exists() or not list((tmp_path / "run").iterdir())
 
 

@@ -150,7 +150,7 @@ void Channel::check_stroke(Real stroke) const {
       if (way < stroke)
         throw InputError(
             "-stroke {:g}: the plunger from ({:g}, {:g}) to ({:g}, {:g}) runs into the corner ({:g}, {:g}) of the "
-            "channel after {:.4g} cm; a plunger is as wide as the plane",
+            "channel after {:.4g} cm; shorten the stroke",
             stroke, plungers_[p].ends[0][0], plungers_[p].ends[0][1], plungers_[p].ends[1][0], plungers_[p].ends[1][1],
             r[0], r[1], std::max(way, Real(0)));
     }

@@ -242,7 +242,7 @@ void ChannelOptions::resolve() {
   for (const Plunger& p : channel->plungers())
     if (2 * largest >= p.width())
       throw InputError(
-          "{0}s of a radius of {1:g} cm and a plunger that is {2:g} cm wide: use smaller {0}s or a wider channel",
+          "{0}s of a radius of {1:g} cm and a plunger that is {2:g} cm wide; use smaller {0}s or a wider channel",
           particle(), largest, p.width());
 
   plunger.at_rest = mu_plunger.value_or(wall.at_rest);

@@ -19,8 +19,10 @@ PushSchedule::PushSchedule(const PushOptions& p, Real longest_dt) : stroke_(p.st
   if (!(duration / longest_dt < countable) || !(p.pause / longest_dt < countable) ||
       !(p.stroke / p.frame_travel < countable) ||
       !(p.retract_speed == 0 || p.stroke / p.retract_speed / longest_dt < countable))
-    throw InputError("a push takes {:g} s, and with steps of at most {:.3g} s these are more than can be counted",
-                     duration, longest_dt);
+    throw InputError(
+        "a push takes {:g} s, and with steps of at most {:.3g} s these are more than can be counted; use a shorter "
+        "-stroke, a higher -plunger_speed or a longer -dt",
+        duration, longest_dt);
   frames_ = std::max<std::int64_t>(1, std::lround(p.stroke / p.frame_travel));
   steps_of_frame_ = up(duration / static_cast<Real>(frames_) / longest_dt);
   dt_ = duration / static_cast<Real>(steps_of_push());

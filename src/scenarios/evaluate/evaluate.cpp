@@ -53,9 +53,10 @@ void check_crossing(const EvaluatedCase<2>& c, const std::string& file) {
   const Neighbours<2> none({}, 0);
   const auto crossing = find_crossing({c.x.data(), c.v.data(), c.topology, none, c.walls});
   if (crossing)
-    throw InputError("{}: inputs.vertices[{}][{}] lies inside particle {}, where contacts with edges have no meaning",
-                     file, crossing->particle, crossing->vertex - c.topology.offset[crossing->particle],
-                     crossing->other);
+    throw InputError(
+        "{}: inputs.vertices[{}][{}] lies inside particle {}, where contacts with edges have no meaning; move it "
+        "outside",
+        file, crossing->particle, crossing->vertex - c.topology.offset[crossing->particle], crossing->other);
 }
 
 /// Per-point vectors in the layout of the positions; per-vertex ones grouped by particle.

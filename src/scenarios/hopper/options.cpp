@@ -441,8 +441,10 @@ void HopperOptions::resolve() {
   }
   if (!pack_fraction) pack_fraction = dim == 2 ? 0.84 : 0.64;
   if (shape.shape_parameter > 0 && shape.shape_parameter < regular_shape_parameter(shape.vertices))
-    throw InputError("-shape_parameter {}: no polygon of {} vertices has less than {:.6g}, the regular one's",
-                     shape.shape_parameter, shape.vertices, regular_shape_parameter(shape.vertices));
+    throw InputError(
+        "-shape_parameter {}: no polygon of {} vertices has less than {:.6g}, the regular one's; raise it or leave it "
+        "out",
+        shape.shape_parameter, shape.vertices, regular_shape_parameter(shape.vertices));
   if (integrator == IntegratorKind::verlet && implicit != TermGroup::all)
     throw InputError("-implicit shape with -integrator verlet, which is explicit; use -integrator ts -ts_type arkimex");
   resolve_dissipation();
