@@ -34,20 +34,22 @@ struct Case {
 std::vector<Case> cases() {
   const auto make = [](std::string name, ModelKind model, Index dim, Real flow_time, auto&&... set) {
     Case c{std::move(name), HopperOptions{}, flow_time};
-    c.options.model = to_string(model);
+    c.options.model.name = to_string(model);
     c.options.dim = dim;
     (set(c.options), ...);
     c.options.resolve();
     return c;
   };
-  const auto soft = [](HopperOptions& o) { o.mu = 10 * std::sqrt(10.0), o.hopper.orifice = 10; };
+  const auto soft = [](HopperOptions& o) { o.model.set("mu", 10 * std::sqrt(10.0)), o.hopper.orifice = 10; };
   const auto deformable = [=](HopperOptions& o) {
     soft(o);
     o.particles = 400, o.wall_distance = 25;
   };
   return {make("sp_2d", ModelKind::sp, 2, 15, soft), make("sp_3d", ModelKind::sp, 3, 8, soft),
           make("rough", ModelKind::rough, 2, 3, deformable),
-          make("smooth", ModelKind::smooth, 2, 2, deformable, [](HopperOptions& o) { o.e_c = o.e_w = 1e3; })};
+          make("smooth", ModelKind::smooth, 2, 2, deformable, [](HopperOptions& o) {
+            for (const char* name : {"e_c", "e_w"}) o.model.set(name, 1e3);
+          })};
 }
 
 Real mean_diameter(const Topology& topology) {
@@ -95,7 +97,7 @@ class Flow {
   ParticleSystem<D> make_system(const std::vector<Real>& diameters) const {
     Vec<D> down = Vec<D>::Zero();
     down[D - 1] = -1;
-    return {make_particles(options_.particle_kind(), D, diameters, options_.shape), options_.hopper.walls<D>(),
+    return {make_particles(options_.model.particles(), D, diameters, options_.shape), options_.hopper.walls<D>(),
             options_.force_field<D>(down), options_.first_skin()};
   }
 
@@ -111,8 +113,8 @@ class Flow {
       AfterStep after = AfterStep::proceed;
       for (Index m = 0; m < topology.particles(); ++m) {
         if (mean_of_points<D>(now.x().data(), topology, m)[D - 1] > -3) continue;
-        reinsert<D>(Ranks(), topology, options_.hopper, system_.walls(), options_.particle_kind() == ModelKind::smooth,
-                    1, {topology.id[m], 0, m, put_back++}, now);
+        reinsert<D>(Ranks(), topology, options_.hopper, system_.walls(),
+                    options_.model.particles() == ModelKind::smooth, 1, {topology.id[m], 0, m, put_back++}, now);
         system_.relist(now.x().data(), m);
         after = AfterStep::changed;
       }
@@ -164,18 +166,19 @@ void register_forces(const std::string& name, const std::shared_ptr<Flow<D>>& fl
                 [=, field = std::make_shared<Model<D, std::decay_t<decltype(part)>>>(part)](
                     Flow<D>&, const StateView<D>& s) { field->forces(s, force(s)); });
   };
-  const ModelParameters p = flow->options().model_parameters();
-  if (flow->options().particle_kind() != ModelKind::smooth)
+  const ModelChoice& p = flow->options().model;
+  const Real epsilon = p.value(Role::contact_energy);
+  if (flow->options().model.particles() != ModelKind::smooth)
     time_fused("contact+friction", Fused<PairKernel, PairContact<D>, PairFriction<D>>(
-                                       PairContact<D>{p.epsilon, "contact"}, PairFriction<D>{p.mu}));
-  time_fused("wall", Fused<WallKernel, WallContact<D>>(WallContact<D>{p.epsilon_wall}));
+                                       PairContact<D>{epsilon, "contact"}, p.term(PairFriction<D>{})));
+  time_fused("wall", Fused<WallKernel, WallContact<D>>(p.term(WallContact<D>{})));
   if constexpr (D == 2) {
-    if (flow->options().particle_kind() == ModelKind::smooth)
-      time_fused("contact+friction", Fused<EdgeKernel, EdgeContact<>, EdgeFriction>(
-                                         EdgeContact{p.epsilon}, EdgeFriction{p.mu, p.friction_point}));
-    if (flow->options().particle_kind() != ModelKind::sp)
+    if (flow->options().model.particles() == ModelKind::smooth)
+      time_fused("contact+friction",
+                 Fused<EdgeKernel, EdgeContact<>, EdgeFriction>(p.term(EdgeContact<>{}), p.term(EdgeFriction{})));
+    if (flow->options().model.particles() != ModelKind::sp)
       time_fused("area+perimeter+bending",
-                 Fused<ShapeKernel, Area, Perimeter, Bending>(Area{p.k_a}, Perimeter{p.k_l}, Bending{p.k_b}));
+                 Fused<ShapeKernel, Area, Perimeter, Bending>(p.term(Area{}), p.term(Perimeter{}), p.term(Bending{})));
   }
   benchmark::RegisterBenchmark((name + "/force/all").c_str(), [=](benchmark::State& bench) {
     const StateView<D> s = flow->view();

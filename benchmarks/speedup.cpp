@@ -36,7 +36,7 @@ class System {
   /// Each rank begins with an equal share, and gets those that lie together.
   System(const HopperOptions& p, const Checkpoint& c, const Ranks& ranks)
       : simulation_(
-            make_particles(p.particle_kind(), D,
+            make_particles(p.model.particles(), D,
                            draw_diameters(p.sizes, p.particles, static_cast<std::uint64_t>(p.seed)), p.shape),
             ParticleSystem<D>({}, p.hopper.walls<D>(), p.force_field<D>(-Vec<D>::Unit(D - 1)), p.first_skin(), ranks),
             Sorting::regularly),

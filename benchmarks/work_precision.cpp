@@ -17,6 +17,7 @@
 
 #include <pliant/base/petsc.h>
 #include <pliant/base/rng.h>
+#include <pliant/catalogue/parameter_values.h>
 #include <pliant/model/polygon.h>
 #include <pliant/scenarios/hopper/options.h>
 #include <pliant/system/neighbour_drag.h>
@@ -289,11 +290,11 @@ Real own_step(const ParticleSystem<2>& system) {
 
 /// A particle that falls from one σ_avg and bounces.
 Problem<ParticleSystem<2>> bounce() {
-  const ModelParameters parameters{.epsilon_wall = 200, .k_a = 300, .k_l = 20, .k_b = 0.1};
+  const ParameterValues parameters{{"e_c", 100.0}, {"e_w", 200.0}, {"k_a", 300.0}, {"k_l", 20.0}, {"k_b", 0.1}};
   const auto make = [=] {
-    return std::make_unique<ParticleSystem<2>>(make_particles(ModelKind::rough, 2, {1.0}, {}),
-                                               Walls<2>({WallSegment::between({-5, 0}, {5, 0})}),
-                                               make_force_field<2>(ModelKind::rough, parameters, {0, -1}), 0.1);
+    return std::make_unique<ParticleSystem<2>>(
+        make_particles(ModelKind::rough, 2, {1.0}, {}), Walls<2>({WallSegment::between({-5, 0}, {5, 0})}),
+        make_force_field<2>(ModelKind::rough, ParameterValues(parameters), {.gravity = {0, -1}}), 0.1);
   };
   const auto system = make();
   const Topology& topology = system->topology();
@@ -323,7 +324,7 @@ Problem<ParticleSystem<2>> prepared(const std::string& name, const HopperOptions
     return std::make_unique<ParticleSystem<2>>(topology, walls, o.force_field<2>({0, -1}), skin);
   };
   const auto system =
-      make(make_particles(o.particle_kind(), 2, draw_diameters(o.sizes, o.particles, 1), o.shape), o.first_skin());
+      make(make_particles(o.model.particles(), 2, draw_diameters(o.sizes, o.particles, 1), o.shape), o.first_skin());
   State s(system->topology().points(), 2);
   pack<2>(system->topology(), o.hopper, {*o.pack_fraction, o.pack_tolerance, 1}, s.x().data());
   system->tune_skin();
@@ -336,7 +337,7 @@ Problem<ParticleSystem<2>> prepared(const std::string& name, const HopperOptions
   });
   s.step = 0;
   std::vector<Method> methods = with_inertia;
-  if (o.particle_kind() != ModelKind::sp) methods.insert(methods.end(), split.begin(), split.end());
+  if (o.model.particles() != ModelKind::sp) methods.insert(methods.end(), split.begin(), split.end());
   const Real start = s.t;
   return {
       .name = name,
@@ -351,10 +352,10 @@ Problem<ParticleSystem<2>> prepared(const std::string& name, const HopperOptions
 /// Soft disks that fall into a box, with friction and drag.
 Problem<ParticleSystem<2>> settling(bool quick, Judge judge) {
   HopperOptions o;
-  o.model = "sp";
+  o.model.name = "sp";
   o.particles = quick ? 50 : 200;
-  o.e_sp = 1e4;
-  o.zeta = o.mu = 0.3;
+  o.model.set("e_sp", 1e4);
+  for (const char* name : {"mu", "zeta"}) o.model.set(name, 0.3);
   o.wall_distance = quick ? 7 : 14;
   o.pack_fraction = 0.6;
   o.resolve();
@@ -368,10 +369,10 @@ Problem<ParticleSystem<2>> settling(bool quick, Judge judge) {
 /// Deformable particles in dense flow out of a hopper, with drag and perhaps friction.
 Problem<ParticleSystem<2>> flow(const std::string& name, bool quick, ModelKind model, bool friction) {
   HopperOptions o;
-  o.model = to_string(model);
+  o.model.name = to_string(model);
   o.particles = quick ? 20 : 60;
-  o.mu = friction ? 10 * std::sqrt(10.0) : 0;
-  o.zeta = std::sqrt(0.1);
+  o.model.set("mu", friction ? 10 * std::sqrt(10.0) : 0);
+  o.model.set("zeta", std::sqrt(0.1));
   o.wall_distance = quick ? 5 : 8;
   o.hopper.orifice = 4;
   o.resolve();
@@ -402,7 +403,7 @@ Problem<OverdampedSystem<2>> droplets(bool quick) {
           .make =
               [=] {
                 return std::make_unique<OverdampedSystem<2>>(
-                    ParticleSystem<2>(topology, walls, make_force_field<2>(ModelKind::bubble, {}, {0, 0}), skin),
+                    ParticleSystem<2>(topology, walls, make_force_field<2>(ModelKind::bubble, ParameterValues()), skin),
                     std::make_unique<NeighbourDrag<2>>(NeighbourDragOptions{}));
               },
           .start = std::move(start),

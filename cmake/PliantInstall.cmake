@@ -12,7 +12,7 @@ install(DIRECTORY "${PROJECT_SOURCE_DIR}/src/" DESTINATION ${CMAKE_INSTALL_INCLU
 set(share "${CMAKE_INSTALL_DATADIR}/pliant")
 set(commands pliant-sweep pliant-plot pliant-analyse pliant-reproduce)
 install(DIRECTORY "${PROJECT_SOURCE_DIR}/python/pliant" DESTINATION ${share}/python
-        FILES_MATCHING PATTERN "*.py" PATTERN __pycache__ EXCLUDE)
+        FILES_MATCHING PATTERN "*.py" PATTERN "*.json" PATTERN __pycache__ EXCLUDE)
 file(GLOB plots CONFIGURE_DEPENDS "${PROJECT_SOURCE_DIR}/python/plots/*.py")
 install(PROGRAMS ${plots} DESTINATION ${share}/python/plots)
 cmake_path(RELATIVE_PATH CMAKE_INSTALL_FULL_DATADIR BASE_DIRECTORY "${CMAKE_INSTALL_FULL_BINDIR}" OUTPUT_VARIABLE data)

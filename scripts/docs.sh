@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Writes docs/reference/options.md, the options of all scenarios, from the program's own table. With --check it writes nothing and
-# fails if the page is out of date.
+# Writes docs/reference/options.md, the options of all scenarios, and python/pliant/parameters.json, which the figures
+# read, from the program's own table. With --check it writes nothing and fails if a file is out of date.
 #   scripts/docs.sh [--check] [PROGRAM [PAGE]]     PROGRAM: the one to ask (default: build/apps/pliant); another than pliant
 #                                                  has a PAGE of its own
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
@@ -44,9 +44,23 @@ The column \"on restart\": with \`-restart DIR\` an option that \"may change\" h
 \`-rows\` …) that need more memory than the machine has available are refused before the run starts.
 $options"
 
-if [[ $check == no ]]; then
-  printf '%s\n' "$text" >"$page"
-elif ! difference=$(diff -u "$page" - <<<"$text"); then
-  printf '%s\n' "$difference" >&2
-  die "${page#"$root/"} is out of date; run scripts/docs.sh"
+# keep FILE TEXT: writes the file, or compares.
+keep() {
+  local difference
+  if [[ $check == no ]]; then
+    printf '%s\n' "$2" >"$1"
+  elif ! difference=$(diff -u "$1" - <<<"$2"); then
+    printf '%s\n' "$difference" >&2
+    die "${1#"$root/"} is out of date; run scripts/docs.sh"
+  fi
+}
+keep "$page" "$text"
+if [[ $name == pliant ]]; then
+  entries=
+  for scenario in $("$program" -scenarios); do
+    entries+="${entries:+,}
+\"$scenario\": $("$program" "$scenario" -help_json)"
+  done
+  keep "$root/python/pliant/parameters.json" "{$entries
+}"
 fi

@@ -7,6 +7,7 @@
 
 #include <pliant/base/petsc.h>
 #include <pliant/catalogue/catalogue.h>
+#include <pliant/catalogue/parameter_values.h>
 #include <pliant/model/polygon.h>
 #include <pliant/setup/particles.h>
 #include <pliant/system/particle_system.h>
@@ -21,10 +22,10 @@ constexpr Real fall_height = 1;  // of the lowest point over the floor, in σ_av
 
 /// One rough polygon above a floor at y = 0.
 ParticleSystem<2> particle_and_floor() {
-  const ModelParameters parameters{.epsilon_wall = 200, .k_a = 300, .k_l = 20, .k_b = 0.1};
+  ParameterValues parameters{{"e_c", 100.0}, {"e_w", 200.0}, {"k_a", 300.0}, {"k_l", 20.0}, {"k_b", 0.1}};
   return ParticleSystem<2>(make_particles(ModelKind::rough, 2, {1.0}, {.vertices = 16}),
                            Walls<2>({WallSegment::between({-5, 0}, {5, 0})}),
-                           make_force_field<2>(ModelKind::rough, parameters, {0, -1}), 0.1);
+                           make_force_field<2>(ModelKind::rough, parameters, {.gravity = {0, -1}}), 0.1);
 }
 
 struct Bounce {

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include <pliant/geometry/distance.h>
+#include <pliant/model/parameter.h>
 #include <pliant/model/term.h>
 
 /// U = γ Σ_i l_i, l_i the length of edge i; γ in ρ g σ_avg². Its gradient pulls both ends of an edge together with the
@@ -20,6 +21,14 @@ struct LineTension {
 
   static constexpr pliant::Elements elements = pliant::Elements::edges;
   static std::string_view name() { return "line_tension"; }
+  /// Declares the option -tension.
+  void read(pliant::ParameterReader& p) {
+    gamma = p.number({.name = "tension",
+                      .symbol = "\\gamma",
+                      .unit = pliant::dimension::force,
+                      .help = "line tension gamma",
+                      .value = 20});
+  }
   bool enabled(const View&) const { return gamma > 0; }
   static Index particle(const View& s, Index i) { return s.topology.particle[i]; }
 

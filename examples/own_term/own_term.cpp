@@ -18,18 +18,18 @@ using namespace pliant;
 /// Polygons with a preferred area and a line tension instead of a preferred perimeter. Their outlines touch as those of
 /// smooth particles do.
 struct Droplet {
-  Real tension = 20;
-
-  void bind(Options& o) {
-    o.bind("tension", tension,
-           {.help = "line tension gamma", .unit = "rho g sigma_avg^2", .min = 0, .on_restart = OnRestart::fixed});
-  }
-  std::unique_ptr<ForceField<2>> force_field(const ModelParameters& p, const pliant::Vec<2>& gravity) const {
+  static std::unique_ptr<ForceField<2>> force_field(ParameterReader& p, const Surroundings<2>& s) {
     using Outlines = Fused<EdgeKernel, EdgeContact<>, EdgeFriction>;
     using Outer = Fused<PointKernel, Gravity<2>, Drag<2>>;
+    const auto area = configured(p, Area{});
+    const auto tension = configured(p, LineTension{});
+    const auto contact = configured(p, EdgeContact<>{});
+    const auto friction = configured(p, EdgeFriction{});
+    const auto wall = configured(p, WallContact<2>{});
+    const auto lip = configured(p, LipContact<>{});
+    const auto drag = configured(p, Drag<2>{});
     return std::make_unique<Model<2, Area, LineTension, Outlines, WallContact<2>, LipContact<>, Outer>>(
-        Area{p.k_a}, LineTension{tension}, Outlines({p.epsilon}, {p.mu, p.friction_point}),
-        WallContact<2>{p.epsilon_wall}, LipContact<>{p.epsilon_wall, p.lip_edges}, Outer({gravity}, {p.zeta}));
+        area, tension, Outlines(contact, friction), wall, lip, Outer({s.gravity}, drag));
   }
 };
 
@@ -53,7 +53,6 @@ Scenario check_scenario() {
 int main(int argc, char** argv) {
   return run_program(
       argc, argv,
-      {hopper_scenario({own_model<Droplet>("droplet", "droplets with a line tension", ModelKind::smooth,
-                                           {"e_c", "e_w", "k_a", "mu", "friction_point", "zeta", "lip_contact"})}),
+      {hopper_scenario({own_model<Droplet>("droplet", "droplets with a line tension", ModelKind::smooth)}),
        check_scenario()});
 }

@@ -349,9 +349,10 @@ def time_label(run, frame, digits=None):
 def run_labels(runs):
     """A label per run from the parameters in which the runs differ: model, width, mu, zeta …; the folder names if no
     parameter differs, or if too many for a legend do."""
-    columns = ["hopper_width", "mu", "zeta", *[c for c in SYMBOLS if c not in ("hopper_width", "mu", "zeta")]]
-    rows = [r.parameters | {"model": r.model, "hopper_width": r.geometry.w} for r in runs]
-    differ = differing(rows, [c for c in columns if all(c in row for row in rows)])
+    columns = dict.fromkeys(["hopper_width", "mu", "zeta", *SYMBOLS, *(c for r in runs for c in r.read_parameters)])
+    rows = [{k: v for k, v in r.parameters.items() if k not in r.unread_parameters}
+            | {"model": r.model, "hopper_width": r.geometry.w} for r in runs]
+    differ = differing(rows, [c for c in columns if any(c in row for row in rows)])
     if len({r.model for r in runs}) > 1:
         differ.insert(0, "model")
     labels = [group_label(row, differ) for row in rows]

@@ -453,6 +453,22 @@ class Run:
         listed = self.summary.get("parameters", {})
         return self.options | {k: v["value"] if isinstance(v, dict) else v for k, v in listed.items()}
 
+    @_read_once
+    def _terms(self):
+        """Parameter name → the term that reads it, or None where the model does not. Runs of older versions have none."""
+        listed = self.manifest["options"] | self.summary.get("parameters", {})
+        return {k: v["term"] for k, v in listed.items() if isinstance(v, dict) and "term" in v}
+
+    @property
+    def read_parameters(self):
+        """Names of the parameters that the terms of the run's model read; empty for runs of older versions."""
+        return [name for name, term in self._terms.items() if term is not None]
+
+    @property
+    def unread_parameters(self):
+        """Names of the parameters that other models read; empty for runs of older versions."""
+        return [name for name, term in self._terms.items() if term is None]
+
     def measured(self, name):
         """(value, error) of a quantity in summary.json; NaN if it is unknown, or belongs to another kind of run (QUANTITIES).
         RunError for a name that no summary has, and for a value that is not a number."""

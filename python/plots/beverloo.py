@@ -17,9 +17,8 @@ from pliant.beverloo_figures import draw_flow
 from pliant.scenarios import of_scenario
 
 # Parameters that make another group when they differ, besides the model, mu and zeta.
-PHYSICS = ["e_sp", "k_a", "k_l", "k_b", "e_c", "e_w", "n", "hopper_angle", "hopper_angle_left", "hopper_wall_distance",
-           "friction", "drag", "contact_law", "rough_contact", "friction_point", "area_energy", "bending_edges", "edge_force",
-           "edge_width", "wall_diameter", "count", "reinsertion_gap"]
+PHYSICS = [*(name for name in symbols.parameters("hopper") if name not in ("mu", "zeta")), "n", "hopper_angle",
+           "hopper_angle_left", "hopper_wall_distance", "edge_width", "count", "reinsertion_gap"]
 
 
 def read(paths):

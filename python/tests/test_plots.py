@@ -298,14 +298,32 @@ def test_groups_are_named_by_what_their_models_read(drawn, tmp_path, capsys):
     assert plotting.name_labels(runs) == ["a/w6", "b/w6", "c/w6", "d/w6"]
 
 
-def test_the_table_of_what_models_read_is_that_of_the_program():
-    source = (PLOTS.parents[1] / "src/scenarios/hopper/options.cpp").read_text(encoding="utf-8")
-    table = source[source.index("table{{"):source.index("return table;")]
-    rows = re.findall(r'\{"(\w+)", \{([\w, ]+)\}', table)
-    assert len(rows) > 20
-    for name, models in rows:
+def test_what_models_read_is_known_from_the_program():
+    assert {"k_a", "mu_disk", "contact_law"} <= set(symbols.parameters("hopper"))
+    assert "phi_c" in symbols.parameters("raft") and "n_vertices" not in symbols.parameters("hopper")
+    read = {"e_sp": ["sp"], "k_a": ["rough", "smooth"], "edge_force": ["smooth"], "mu": ["sp", "rough", "smooth"],
+            "restitution": ["disk"], "e_w": ["sp", "rough", "smooth", "disk"], "n_vertices": ["rough", "smooth"]}
+    for name, models in read.items():
         for model in ("sp", "rough", "smooth", "disk"):
-            assert symbols.reads(model, name) == (model in models.split(", ")), (name, model)
+            assert symbols.reads(model, name) == (model in models), (name, model)
+        assert symbols.reads("one of the user's own", name)
+
+
+def test_a_model_of_the_users_own_says_in_its_manifest_what_it_reads(tmp_path):
+    """Its runs differ in parameters that it reads, and in others that it does not."""
+    runs = []
+    for name, tension, k_b in (("a", 20, 0.1), ("b", 30, 0.2)):
+        path, _ = write_run(tmp_path / name, "smooth", mu=1, zeta=0, w=4, Q=1, n=20, frames=1, samples=5,
+                            extra={"tension": (tension, ""), "k_b": (k_b, "")})
+        with h5py.File(path / "run.h5", "r+") as file:
+            file["manifest"].attrs["model"] = "droplet"
+        summary = json.loads((path / "summary.json").read_text(encoding="utf-8"))
+        for option, term in (("tension", "line_tension"), ("k_b", None)):
+            summary["parameters"][option] = {"value": summary["parameters"][option]["value"], "term": term}
+        (path / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
+        runs.append(Run(path))
+    assert runs[0].read_parameters == ["tension"] and runs[0].unread_parameters == ["k_b"]
+    assert plotting.run_labels(runs) == ["tension = 20", "tension = 30"]
 
 
 def test_beverloo_from_a_table_with_few_points(call, tmp_path):

@@ -464,10 +464,29 @@ const std::string& Options::source(const std::string& name) const {
   throw std::logic_error("option -" + name + " is not declared");
 }
 
+Json Options::reference() const {
+  Json result = Json::object();
+  for (const Option& option : options_) {
+    const OptionSpec& spec = option.spec;
+    Json& entry = result[option.name] = {{"default", option.default_value}, {"unit", spec.unit}};
+    if (!spec.symbol.empty()) entry["symbol"] = spec.symbol;
+    if (spec.term) entry["models"] = spec.models;
+  }
+  return result;
+}
+
 Json Options::json() const {
   Json result = Json::object();
-  for (const Option& option : options_)
-    result[option.name] = {{"value", value(option)}, {"unit", option.spec.unit}, {"source", option.source}};
+  for (const Option& option : options_) {
+    Json entry = {{"value", value(option)}, {"unit", option.spec.unit}, {"source", option.source}};
+    entry["is_default"] = option.source == "default" || entry["value"] == option.default_value;
+    if (!option.spec.symbol.empty()) entry["symbol"] = option.spec.symbol;
+    if (option.spec.term) {
+      const std::optional<std::string> term = option.spec.term();
+      entry["term"] = term ? Json(*term) : Json();
+    }
+    result[option.name] = std::move(entry);
+  }
   for (const auto& [name, setting] : petsc_)
     result[name] = {{"value", setting.value ? Json(*setting.value) : Json()}, {"unit", ""}, {"source", setting.source}};
   return result;

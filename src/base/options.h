@@ -30,7 +30,11 @@ enum class OnRestart {
 /// Everything about an option but its name and its variable. Ranges count for numbers, choices for strings.
 struct OptionSpec {
   std::string help = {};
-  std::string unit = {};  ///< "sigma_avg", "t0", "degrees" …; empty for pure numbers
+  std::string unit = {};                 ///< "sigma_avg", "t0", "degrees" …; empty for pure numbers
+  std::string symbol = {};               ///< in figures, as TeX, over its unit
+  std::vector<std::string> models = {};  ///< of a parameter: those that read it
+  /// Of a parameter of a model: the term of the run's model that reads it, or nothing if none does.
+  std::function<std::optional<std::string>()> term = {};
   Real min = -std::numeric_limits<Real>::infinity();
   Real max = std::numeric_limits<Real>::infinity();
   bool min_open = false;                  ///< min itself is not allowed
@@ -115,7 +119,11 @@ class Options {
   std::string help() const;
   /// Reference of all options: a heading and a table for each group.
   std::string markdown() const;
-  /// name → {"value", "unit", "source"}, PETSc's options (as strings) included.
+  /// What programs may want to know of the options: name → {"default", "unit"}, "symbol" where the option has one, and
+  /// for parameters of models "models", the names of those that read it.
+  nlohmann::json reference() const;
+  /// name → {"value", "unit", "source", "is_default"}, "symbol" where the option has one, and for parameters of models
+  /// "term", null where the run's model does not read them. PETSc's options (as strings) included.
   nlohmann::json json() const;
 
  private:

@@ -1,9 +1,9 @@
 #include <pliant/catalogue/catalogue.h>
 
-#include <fmt/format.h>
+#include <array>
 
-#include <pliant/base/errors.h>
 #include <pliant/model/base_friction.h>
+#include <pliant/model/contact_laws.h>
 #include <pliant/model/depletion.h>
 #include <pliant/model/disk_contact.h>
 #include <pliant/model/disk_wall_contact.h>
@@ -19,8 +19,11 @@
 namespace pliant {
 namespace {
 
+template <int D>
+using Forces = std::unique_ptr<ForceField<D>>;
+
 template <int D, class... Terms>
-std::unique_ptr<ForceField<D>> model(Terms... terms) {
+Forces<D> model(Terms... terms) {
   return std::make_unique<Model<D, Terms...>>(std::move(terms)...);
 }
 
@@ -30,170 +33,142 @@ Fused<Kernel, Terms...> fused(Terms... terms) {
   return Fused<Kernel, Terms...>(std::move(terms)...);
 }
 
-template <int D, class Law = HarmonicOverlap>
-std::unique_ptr<ForceField<D>> soft(const ModelParameters& p, const Vec<D>& gravity) {
-  return model<D>(fused<PairKernel>(PairContact<D, Law>{p.epsilon, "pair"}, PairFriction<D>{p.mu, p.friction}),
-                  fused<WallKernel>(WallContact<D, Law>{p.epsilon_wall, p.wall_diameter}),
-                  fused<PointKernel>(Gravity<D>{gravity}, Drag<D>{p.zeta, p.drag}));
+template <int D>
+void check_no_substrate(const Surroundings<D>& s, ModelKind kind) {
+  if (s.substrate)
+    throw InputError("the particles lie on a substrate, but the model {} has no friction with one in {}D; leave it out",
+                     to_string(kind), D);
 }
 
-void check(const std::string& what, Real mu_static, Real mu_dynamic) {
-  if (!(mu_static >= 0 && mu_dynamic >= 0 && mu_dynamic <= mu_static && std::isfinite(mu_static)) ||
-      (mu_static > 0 && mu_dynamic == 0))
-    throw InputError(
-        "the friction of particles with {} is {} (static) and {} (dynamic); the dynamic one must be positive and not "
-        "exceed the static one, or both 0",
-        what, mu_static, mu_dynamic);
+template <int D>
+auto outer(ParameterReader& p, const Surroundings<D>& s) {
+  return fused<PointKernel>(Gravity<D>{s.gravity}, configured(p, Drag<D>{}));
 }
 
-/// Of disks, or of balls.
-template <int D, class Law>
-std::unique_ptr<ForceField<D>> frictional(const ModelParameters& p, const Vec<D>& gravity) {
-  const DiskParameters& q = p.disk;
-  check("each other", q.mu_disk, q.mu_disk_dynamic);
-  check("walls", q.mu_wall, q.mu_wall_dynamic);
-  for (std::size_t k = 0; k < q.mu_others.size(); ++k)
-    check(fmt::format("walls of material {}", k + 1), q.mu_others[k].mu_static, q.mu_others[k].mu_dynamic);
-  check("the base", p.base.mu, p.base.mu_dynamic);
-  SurfaceFriction disk{q.mu_disk, q.mu_disk_dynamic, q.tangential_stiffness, damping_for<Law>(q.restitution),
-                       q.tangential_damping};
-  SurfaceFriction wall = disk;
-  wall.mu_static = q.mu_wall, wall.mu_dynamic = q.mu_wall_dynamic;
-  const PairContact<D, Law> pair{p.epsilon, "pair"};
-  const OtherMaterials others(q.mu_others);
-  const WallContact<D, Law> wall_contact{p.epsilon_wall};
-  const auto outer = fused<PointKernel>(Gravity<D>{gravity}, Drag<D>{p.zeta, p.drag});
-  if constexpr (D == 2) {
-    const BaseFriction base{.gravity = p.base.gravity,
-                            .mu_static = p.base.mu,
-                            .mu_dynamic = p.base.mu_dynamic,
-                            .epsilon = p.base.stiffness * reference_stiffness(Law{p.epsilon, 1}),
-                            .damping = p.base.damping,
-                            .coupled = p.base.coupled,
-                            .all_alike = Law::kind == ContactLaw::spring};
-    return model<2>(fused<DiskKernel>(pair, DiskContact<Law>{p.epsilon, disk}),
-                    fused<DiskWallKernel>(wall_contact, DiskWallContact<Law>{p.epsilon_wall, wall, others}), base,
-                    outer);
-  } else {
-    if (p.base.gravity > 0)
-      throw InputError("the gravity of a base is {}, but balls in space lie on none; leave it out", p.base.gravity);
-    return model<3>(fused<DiskKernel>(pair, SphereContact<Law>{p.epsilon, disk}),
-                    fused<DiskWallKernel>(wall_contact, SphereWallContact<Law>{p.epsilon_wall, wall, others}), outer);
+template <int D>
+Forces<D> soft(ParameterReader& p, const Surroundings<D>& s) {
+  check_no_substrate(s, ModelKind::sp);
+  return with_contact_law<HarmonicOverlap, HertzOverlap, LinearOverlap>(p, [&]<class Law>(Law) {
+    const auto pair = configured(p, PairContact<D, Law>{0, "pair"}, contact_energy::soft);
+    const auto friction = configured(p, PairFriction<D>{});
+    const auto wall = configured(p, WallContact<D, Law>{});
+    return model<D>(fused<PairKernel>(pair, friction), fused<WallKernel>(wall), outer(p, s));
+  });
+}
+
+/// Of disks, or of spheres.
+template <int D>
+Forces<D> frictional(ParameterReader& p, const Surroundings<D>& s) {
+  if (D == 3) check_no_substrate(s, ModelKind::disk);
+  return with_contact_law<HarmonicOverlap, HertzOverlap, SpringOverlap>(p, [&]<class Law>(Law) {
+    const auto pair = configured(p, PairContact<D, Law>{0, "pair"}, contact_energy::disk);
+    const auto friction = [&] {
+      if constexpr (D == 2)
+        return configured(p, DiskContact<Law>{});
+      else
+        return configured(p, SphereContact<Law>{});
+    }();
+    const auto wall_friction = [&] {
+      if constexpr (D == 2)
+        return configured(p, DiskWallContact<Law>{});
+      else
+        return configured(p, SphereWallContact<Law>{});
+    }();
+    const WallContact<D, Law> wall{wall_friction.epsilon};
+    const auto pairs = fused<DiskKernel>(pair, friction);
+    const auto walls = fused<DiskWallKernel>(wall, wall_friction);
+    if constexpr (D == 2) {
+      BaseFriction base{.all_alike = Law::kind == ContactLaw::spring};
+      if (s.substrate) base = configured(p, base, reference_stiffness(Law{pair.epsilon, 1}));
+      return model<2>(pairs, walls, base, outer(p, s));
+    } else {
+      return model<3>(pairs, walls, outer(p, s));
+    }
+  });
+}
+
+template <int D>
+Forces<D> droplets(ParameterReader& p, const Surroundings<D>& s) {
+  check_no_substrate(s, ModelKind::bubble);
+  const auto contact = configured(p, BubbleContact<D>{});
+  const auto depletion = configured(p, Depletion<D>{});
+  const auto repulsion = configured(p, WallRepulsion<D>{});
+  const auto wall_depletion = configured(p, WallDepletion<D>{});
+  return model<D>(contact, depletion, repulsion, wall_depletion, Gravity<D>{s.gravity});
+}
+
+auto shape_energy(ParameterReader& p) {
+  const Area area = configured(p, Area{});
+  const Perimeter perimeter = configured(p, Perimeter{});
+  return fused<ShapeKernel>(area, perimeter, configured(p, Bending{}));
+}
+
+Forces<2> rough(ParameterReader& p, const Surroundings<2>& s) {
+  read_contact_law<HarmonicOverlap>(p);
+  const auto contact = configured(p, PairContact<2>{0, "contact"}, contact_energy::deformable);
+  const auto friction = configured(p, PairFriction<2>{});
+  const auto pairs = fused<PairKernel>(contact, friction);
+  const auto edges = fused<EdgeKernel>(configured(p, EdgeContact<>{0, Edges::bare}), EdgeFriction{0});
+  const auto self = configured(p, SelfContact<>{0, Edges::bare});
+  const auto wall = fused<WallKernel>(configured(p, WallContact<2>{}));
+  const auto lip = configured(p, LipContact<>{});
+  if (!s.substrate && !s.rest_outlines) {
+    const auto shape = shape_energy(p);
+    return model<2>(shape, pairs, edges, self, wall, lip, outer(p, s));
   }
+  const auto shape = s.rest_outlines ? fused<ShapeKernel>(Area{}, Perimeter{}, Bending{}) : shape_energy(p);
+  RestShape rest{0, s.rest_outlines};
+  if (s.rest_outlines) rest = configured(p, rest, s.rest_stiffness);
+  VertexBaseFriction base;
+  if (s.substrate) base = configured(p, base, contact.epsilon);
+  return model<2>(shape, rest, pairs, edges, self, wall, lip, base, outer(p, s));
+}
+
+Forces<2> smooth(ParameterReader& p, const Surroundings<2>& s) {
+  check_no_substrate(s, ModelKind::smooth);
+  return with_contact_law<HarmonicOverlap, HertzOverlap, BarrierOverlap>(p, [&]<class Law>(Law) {
+    const auto contact = configured(p, EdgeContact<Law>{0, Edges::wide});
+    const auto edges = fused<EdgeKernel>(contact, configured(p, EdgeFriction{}));
+    const auto self = configured(p, SelfContact<Law>{0, Edges::wide});
+    const auto wall = fused<WallKernel>(configured(p, WallContact<2, Law>{}));
+    const auto lip = configured(p, LipContact<Law>{});
+    const auto shape = shape_energy(p);
+    return model<2>(shape, edges, self, wall, lip, outer(p, s));
+  });
+}
+
+Forces<2> shape_alone(ParameterReader& p, const Surroundings<2>& s) {
+  check_no_substrate(s, ModelKind::shape);
+  const auto shape = shape_energy(p);
+  return model<2>(shape, outer(p, s));
+}
+
+const std::array<ModelDefinition, 6>& models() {
+  static const std::array<ModelDefinition, 6> all{{
+      {"sp", "soft particles", ModelKind::sp, soft<2>, soft<3>},
+      {"rough", "deformable particles with rough outlines", ModelKind::rough, rough},
+      {"smooth", "deformable particles with smooth outlines", ModelKind::smooth, smooth},
+      {"shape", "deformable particles without contacts", ModelKind::shape, shape_alone},
+      {"bubble", "droplets with depletion attraction", ModelKind::bubble, droplets<2>, droplets<3>},
+      {"disk", "frictional disks and spheres", ModelKind::disk, frictional<2>, frictional<3>},
+  }};
+  return all;
 }
 
 }  // namespace
 
-std::string_view to_string(ContactLaw law) {
-  switch (law) {
-    case ContactLaw::harmonic:
-      return "harmonic";
-    case ContactLaw::hertz:
-      return "hertz";
-    case ContactLaw::barrier:
-      return "barrier";
-    case ContactLaw::spring:
-      return "spring";
-    case ContactLaw::linear:
-      return "linear";
-  }
-  return "";
-}
+std::string_view to_string(ModelKind kind) { return catalogue_model(kind).name; }
 
-bool has_law(ModelKind kind, ContactLaw law) {
-  switch (law) {
-    case ContactLaw::harmonic:
-      return true;
-    case ContactLaw::hertz:
-      return kind == ModelKind::sp || kind == ModelKind::smooth || kind == ModelKind::disk;
-    case ContactLaw::barrier:
-      return kind == ModelKind::smooth;
-    case ContactLaw::spring:
-      return kind == ModelKind::disk;
-    case ContactLaw::linear:
-      return kind == ModelKind::sp;
-  }
-  return false;
-}
-
-std::string_view to_string(ModelKind kind) {
-  switch (kind) {
-    case ModelKind::sp:
-      return "sp";
-    case ModelKind::rough:
-      return "rough";
-    case ModelKind::smooth:
-      return "smooth";
-    case ModelKind::shape:
-      return "shape";
-    case ModelKind::bubble:
-      return "bubble";
-    case ModelKind::disk:
-      return "disk";
-  }
-  return "";
-}
+const ModelDefinition& catalogue_model(ModelKind kind) { return models()[static_cast<std::size_t>(kind)]; }
 
 template <int D>
-std::unique_ptr<ForceField<D>> make_force_field(ModelKind kind, const ModelParameters& p, const Vec<D>& gravity) {
-  if (!has_law(kind, p.law))
-    throw InputError("the model {} does not have the contact law {}; leave it out or use harmonic", to_string(kind),
-                     to_string(p.law));
-  if (kind != ModelKind::rough && kind != ModelKind::disk && p.base.gravity > 0)
-    throw InputError("the gravity of a base is {}, but the model {} has none; leave it out", p.base.gravity,
-                     to_string(kind));
-  if (kind == ModelKind::sp)
-    return p.law == ContactLaw::hertz    ? soft<D, HertzOverlap>(p, gravity)
-           : p.law == ContactLaw::linear ? soft<D, LinearOverlap>(p, gravity)
-                                         : soft<D>(p, gravity);
-  if (kind == ModelKind::disk)
-    return p.law == ContactLaw::hertz    ? frictional<D, HertzOverlap>(p, gravity)
-           : p.law == ContactLaw::spring ? frictional<D, SpringOverlap>(p, gravity)
-                                         : frictional<D, HarmonicOverlap>(p, gravity);
-  if (kind == ModelKind::bubble) {
-    if (!(p.a_s > 0)) throw InputError("the radius a_s of the depletant is {}, but it must be positive", p.a_s);
-    return model<D>(BubbleContact<D>{{p.f0}}, Depletion<D>{{{p.phi_c, p.a_s}}, {p.f0}},
-                    WallRepulsion<D>{{p.f0 * p.mean_radius}}, WallDepletion<D>{{p.phi_c, p.a_s}}, Gravity<D>{gravity});
-  }
-  if constexpr (D == 2) {
-    const auto shape =
-        fused<ShapeKernel>(Area{p.k_a, p.area_energy}, Perimeter{p.k_l}, Bending{p.k_b, p.bending_edges});
-    const auto wall = fused<WallKernel>(WallContact<2>{p.epsilon_wall, p.wall_diameter});
-    const LipContact lip{p.epsilon_wall, p.lip_edges, p.wall_diameter};
-    const auto outer = fused<PointKernel>(Gravity<2>{gravity}, Drag<2>{p.zeta, p.drag});
-    switch (kind) {
-      case ModelKind::rough: {
-        const auto pairs = fused<PairKernel>(PairContact<2>{p.epsilon, "contact"}, PairFriction<2>{p.mu, p.friction});
-        // The edges are as stiff as two disks that touch: ε/4 over half the distance.
-        const auto edges = fused<EdgeKernel>(EdgeContact{p.epsilon / 4, Edges::bare, p.rough_edges}, EdgeFriction{0});
-        const SelfContact self{p.epsilon / 4, Edges::bare, p.self_contact};
-        if (!(p.base.gravity > 0) && !(p.rest_shape.k > 0))
-          return model<2>(shape, pairs, edges, self, wall, lip, outer);
-        check("the base", p.base.mu, p.base.mu_dynamic);
-        const VertexBaseFriction base{.gravity = p.base.gravity,
-                                      .mu_static = p.base.mu,
-                                      .mu_dynamic = p.base.mu_dynamic,
-                                      .epsilon = p.base.stiffness * p.epsilon,
-                                      .damping = p.base.damping};
-        return model<2>(shape, p.rest_shape, pairs, edges, self, wall, lip, base, outer);
-      }
-      case ModelKind::smooth:
-        return with_law(p.law, [&]<class Law>(Law) {
-          return model<2>(shape,
-                          fused<EdgeKernel>(EdgeContact<Law>{p.epsilon, Edges::wide, true, p.edge_force},
-                                            EdgeFriction{p.mu, p.friction_point, p.friction}),
-                          SelfContact<Law>{p.epsilon, Edges::wide, p.self_contact},
-                          fused<WallKernel>(WallContact<2, Law>{p.epsilon_wall, p.wall_diameter}),
-                          LipContact<Law>{p.epsilon_wall, p.lip_edges, p.wall_diameter}, outer);
-        });
-      default:
-        return model<2>(shape, outer);
-    }
-  }
-  throw InputError("model {} exists in 2D only; use -dim 2 or -model sp", to_string(kind));
+std::unique_ptr<ForceField<D>> make_force_field(ModelKind kind, ParameterReader& p, const Surroundings<D>& s) {
+  const ModelDefinition& definition = catalogue_model(kind);
+  if (!definition.maker<D>()) throw InputError("model {} exists in 2D only; use -dim 2 or -model sp", definition.name);
+  return definition.make<D>(p, s);
 }
 
-template std::unique_ptr<ForceField<2>> make_force_field<2>(ModelKind, const ModelParameters&, const Vec<2>&);
-template std::unique_ptr<ForceField<3>> make_force_field<3>(ModelKind, const ModelParameters&, const Vec<3>&);
+template std::unique_ptr<ForceField<2>> make_force_field<2>(ModelKind, ParameterReader&, const Surroundings<2>&);
+template std::unique_ptr<ForceField<3>> make_force_field<3>(ModelKind, ParameterReader&, const Surroundings<3>&);
 
 }  // namespace pliant

@@ -1,19 +1,17 @@
 // The models that `-model` can name: which terms each is made of.
 #pragma once
 
+#include <concepts>
+#include <functional>
 #include <memory>
+#include <string>
 #include <string_view>
-#include <vector>
+#include <utility>
 
-#include <pliant/kernels/contact_law.h>
-#include <pliant/model/area.h>
-#include <pliant/model/bending.h>
-#include <pliant/model/drag.h>
-#include <pliant/model/edge_contact.h>
-#include <pliant/model/edge_friction.h>
+#include <pliant/base/errors.h>
 #include <pliant/model/model.h>
+#include <pliant/model/parameter.h>
 #include <pliant/model/rest_shape.h>
-#include <pliant/model/surface_friction.h>
 
 namespace pliant {
 
@@ -28,63 +26,69 @@ enum class ModelKind {
 
 std::string_view to_string(ModelKind kind);
 
-/// Friction with the table on which particles lie: BaseFriction of disks, VertexBaseFriction of rough ones.
-struct BaseParameters {
-  Real gravity = 0;  ///< g normal to it; 0: there is none
-  Real mu = 0.3, mu_dynamic = 0.3;
-  Real stiffness = 0.1;  ///< k_b/k_n
-  Real damping = 0.1;    ///< of critical, of what sticks
-  bool coupled = true;   ///< disks: sliding and spinning as uniform pressure couples them
+/// The surroundings of the particles: what a model needs beside the values of its parameters.
+template <int D>
+struct Surroundings {
+  Vec<D> gravity = Vec<D>::Zero();
+  bool substrate = false;  ///< particles lie on a plane that exerts friction (2D, disks and rough particles)
+  std::shared_ptr<const RestOutlines> rest_outlines =
+      nullptr;              ///< shapes that rough particles keep, in place of Area …
+  Real rest_stiffness = 1;  ///< unit of the stiffness that keeps them
 };
 
-/// Friction and damping of disks and spheres: SurfaceFriction. Coefficients of friction are static and
-/// dynamic ones, the latter not larger.
-struct DiskParameters {
-  Real mu_disk = 0.4, mu_disk_dynamic = 0.4;
-  Real mu_wall = 0.4, mu_wall_dynamic = 0.4;
-  std::vector<Coulomb> mu_others = {};  ///< with walls of the materials 1, 2, …
-  Real restitution = 0.5;               ///< of disks with each other and with walls
-  Real tangential_stiffness = 2.0 / 7;  ///< k_t/k_n
-  Real tangential_damping = 0.5;        ///< γ_t/γ_n
+/// Makes the forces of a model. The terms read their parameters, so these are known by calling it.
+template <int D>
+using MakeForceField = std::function<std::unique_ptr<ForceField<D>>(ParameterReader& p, const Surroundings<D>& s)>;
+
+/// A model: a named list of terms.
+struct ModelDefinition {
+  std::string name, help;
+  ModelKind particles;  ///< shapes and sizes of the particles are those of this model
+  MakeForceField<2> plane = {};
+  MakeForceField<3> space = {};  ///< empty, as `plane`, where the model does not exist in so many dimensions
+
+  template <int D>
+  const MakeForceField<D>& maker() const {
+    if constexpr (D == 2)
+      return plane;
+    else
+      return space;
+  }
+  /// Errors: InputError where the model does not exist in D dimensions, or parameters contradict each other.
+  template <int D>
+  std::unique_ptr<ForceField<D>> make(ParameterReader& p, const Surroundings<D>& s) const {
+    if (!maker<D>()) throw InputError("-model {} does not exist in {}D; use -dim {}", name, D, 5 - D);
+    return maker<D>()(p, s);
+  }
 };
 
-/// Coefficients of the terms, in units of σ_avg = g = ρ = 1, those of droplets in units of ⟨R⟩ = b = 1. A zero switches
-/// its term off.
-struct ModelParameters {
-  Real epsilon = 100;                     ///< contact energy: E_sp or E_c
-  Real epsilon_wall = 1e4;                ///< E_w
-  Real wall_diameter = 0;                 ///< thickness of walls, whose ends are round
-  ContactLaw law = ContactLaw::harmonic;  ///< of contacts with each other, walls and lips
-  Real k_a = 0, k_l = 0, k_b = 0;
-  AreaEnergy area_energy = AreaEnergy::absolute;
-  EdgeVectors bending_edges = EdgeVectors::unit;
-  EdgeForce edge_force = EdgeForce::single;  ///< of smooth particles
-  Real mu = 0, zeta = 0;
-  FrictionPoint friction_point = FrictionPoint::contact;
-  Friction friction = Friction::whole;
-  DragLaw drag = DragLaw::per_particle;
-  bool lip_edges = true;      ///< lips feel edges too
-  bool rough_edges = true;    ///< vertices of rough particles feel edges too
-  bool self_contact = false;  ///< vertices of deformable particles feel edges of their own outline
-  // Droplets
-  Real f0 = 10;          ///< contact force
-  Real phi_c = 1e-4;     ///< depletion energy
-  Real a_s = 0.05;       ///< radius of the depletant
-  Real mean_radius = 1;  ///< ⟨R⟩ in the repulsion of walls
-  DiskParameters disk = {};
-  BaseParameters base = {};   ///< of disks and rough particles
-  RestShape rest_shape = {};  ///< of rough particles, beside the shape energy
-};
+const ModelDefinition& catalogue_model(ModelKind kind);
 
-std::string_view to_string(ContactLaw law);
-/// Whether a model's contacts can follow a law.
-bool has_law(ModelKind kind, ContactLaw law);
+/// A model that a program adds to those of the catalogue. M has, for D = 2, for 3 or for both,
+/// std::unique_ptr<ForceField<D>> force_field(ParameterReader&, const Surroundings<D>&) const.
+template <class M>
+ModelDefinition own_model(std::string name, std::string help, ModelKind particles) {
+  ModelDefinition own{.name = std::move(name), .help = std::move(help), .particles = particles};
+  if constexpr (requires(const M m, ParameterReader& p, const Surroundings<2>& s) {
+                  { m.force_field(p, s) } -> std::same_as<std::unique_ptr<ForceField<2>>>;
+                })
+    own.plane = [](ParameterReader& p, const Surroundings<2>& s) { return M().force_field(p, s); };
+  if constexpr (requires(const M m, ParameterReader& p, const Surroundings<3>& s) {
+                  { m.force_field(p, s) } -> std::same_as<std::unique_ptr<ForceField<3>>>;
+                })
+    own.space = [](ParameterReader& p, const Surroundings<3>& s) { return M().force_field(p, s); };
+  return own;
+}
 
 /// The weight of a droplet is ρ g R³ [T 4.6]: give it the mass ρ R³.
-/// Errors: InputError for a deformable model or a base in 3D, for a base under other particles than disks and rough
-/// ones, for a contact law that the model does not have, where a_s is not positive for droplets, or for disks with a
-/// dynamic friction that exceeds the static one.
+/// Errors: InputError for a deformable model or a substrate in 3D, for a substrate under other particles than disks and
+/// rough ones, for a contact law that the model does not have, or for friction whose dynamic coefficient exceeds the
+/// static one.
 template <int D>
-std::unique_ptr<ForceField<D>> make_force_field(ModelKind kind, const ModelParameters& p, const Vec<D>& gravity);
+std::unique_ptr<ForceField<D>> make_force_field(ModelKind kind, ParameterReader& p, const Surroundings<D>& s = {});
+template <int D>
+std::unique_ptr<ForceField<D>> make_force_field(ModelKind kind, ParameterReader&& p, const Surroundings<D>& s = {}) {
+  return make_force_field<D>(kind, p, s);
+}
 
 }  // namespace pliant

@@ -3,19 +3,18 @@
 #include <cmath>
 
 #include <pliant/base/errors.h>
-#include <pliant/model/depletion.h>
-#include <pliant/model/wall_depletion.h>
-#include <pliant/model/wall_repulsion.h>
 
 namespace pliant {
 namespace {
 
 /// The energy's minimum between `near`, where droplets must repel, and `touch`, by bisection to rounding.
 template <class Law>
-DropletRest rest(Real near, Real touch, const ModelParameters& p, Law&& law) {
-  if (!(law(near).slope < 0))
-    throw InputError("droplets do not rest: the attraction phi_c = {} outweighs the contact force f0 = {}; lower phi_c",
-                     p.phi_c, p.f0);
+DropletRest rest(Real near, Real touch, Law&& law) {
+  if (const Real slope = law(near).slope; !(slope < 0))
+    throw InputError(
+        "droplets do not rest: at the distance {:g} the depletion attraction exceeds the contact force by {:g}; lower "
+        "the depletion energy",
+        near, slope);
   Real low = near, high = touch;
   while (true) {
     const Real middle = low + (high - low) / 2;
@@ -28,20 +27,16 @@ DropletRest rest(Real near, Real touch, const ModelParameters& p, Law&& law) {
 
 }  // namespace
 
-DropletRest droplets_at_rest(const ModelParameters& p, Real a, Real b) {
-  const BubbleContactLaw contact{p.f0};
-  const DepletionLaw depletion{p.phi_c, p.a_s};
-  return rest(std::max(std::abs(a - b), (a + b) / 2), a + b, p, [&](Real r) {
+DropletRest droplets_at_rest(const BubbleContactLaw& contact, const DepletionLaw& depletion, Real a, Real b) {
+  return rest(std::max(std::abs(a - b), (a + b) / 2), a + b, [&](Real r) {
     const Radial u = contact.at(r, a, b), w = depletion.at(r, a, b);
     return Radial{u.value + w.value, u.slope + w.slope, u.curvature + w.curvature};
   });
 }
 
-DropletRest droplet_at_wall(const ModelParameters& p, Real radius) {
-  const WallRepulsionLaw repulsion{p.f0 * p.mean_radius};
-  const WallDepletionLaw depletion{p.phi_c, p.a_s};
+DropletRest droplet_at_wall(const WallRepulsionLaw& repulsion, const WallDepletionLaw& depletion, Real radius) {
   const std::optional wall = Solid<2>::half_space({0, 0}, {0, 1});
-  return rest(radius / 2, radius, p, [&](Real h) {
+  return rest(radius / 2, radius, [&](Real h) {
     const Vec<2> r(0, h);
     const WallFoot<2> foot = wall->foot(r);
     const Expansion<2> u = repulsion.at(wall, foot, r, radius), w = depletion.at(wall, foot, r, radius);

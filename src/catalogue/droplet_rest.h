@@ -1,7 +1,10 @@
 // Where two droplets, or a droplet and a wall, are at rest.
 #pragma once
 
-#include <pliant/catalogue/catalogue.h>
+#include <pliant/model/bubble_contact.h>
+#include <pliant/model/depletion.h>
+#include <pliant/model/wall_depletion.h>
+#include <pliant/model/wall_repulsion.h>
 
 namespace pliant {
 
@@ -14,8 +17,8 @@ struct DropletRest {
 
 /// Two droplets of radii a and b; exact, where [T 2.12–2.23] expand. Errors: InputError where the attraction is so
 /// strong that they never rest.
-DropletRest droplets_at_rest(const ModelParameters& p, Real a, Real b);
+DropletRest droplets_at_rest(const BubbleContactLaw& contact, const DepletionLaw& depletion, Real a, Real b);
 /// A droplet at a flat wall. Errors: as above.
-DropletRest droplet_at_wall(const ModelParameters& p, Real radius);
+DropletRest droplet_at_wall(const WallRepulsionLaw& repulsion, const WallDepletionLaw& depletion, Real radius);
 
 }  // namespace pliant

@@ -1,6 +1,7 @@
 // Area term of the shape energy [H 8].
 #pragma once
 
+#include <pliant/model/parameter.h>
 #include <pliant/model/polygon.h>
 #include <pliant/model/term.h>
 
@@ -20,6 +21,20 @@ struct Area {
 
   static constexpr Elements elements = Elements::particles;
   static std::string_view name() { return "area"; }
+  void read(ParameterReader& p) {
+    k_a = p.number({.name = "k_a",
+                    .symbol = "K_a",
+                    .unit = {1, -3, 0},
+                    .help = "area stiffness K_a",
+                    .value = 2e4,
+                    .alias = "ka",
+                    .role = Role::area});
+    form = p.choice({.name = "area_energy",
+                     .help = "area energy; absolute: K_a/2 (a - a0)^2 [H 8]; relative: K_a a0/2 (a/a0 - 1)^2, K_a a "
+                             "modulus in rho g sigma_avg"},
+                    named<AreaEnergy>({{"absolute", AreaEnergy::absolute}, {"relative", AreaEnergy::relative}}));
+  }
+
   bool enabled(const StateView<2>&) const { return k_a > 0; }
   static Index particle(const StateView<2>&, Index m) { return m; }
 

@@ -6,11 +6,41 @@
 #include <cmath>
 #include <span>
 
+#include <pliant/model/surface_friction.h>
 #include <pliant/model/term.h>
 
 namespace pliant {
 
 class LimitSurface;
+
+/// The parameters of friction with the substrate. T: BaseFriction or VertexBaseFriction; contacts: the stiffness of
+/// contacts between particles, or its energy scale.
+template <class T>
+void read_base_friction(ParameterReader& p, T& term, Real contacts) {
+  term.gravity = p.number({.name = "gravity",
+                           .symbol = "g",
+                           .unit = dimension::acceleration,
+                           .help = "gravity normal to the substrate, which presses particles on it",
+                           .role = Role::normal_gravity});
+  const Coulomb mu = read_coulomb(p, {.name = "mu_base",
+                                      .symbol = "\\mu_{base}",
+                                      .help = "static friction coefficient with the substrate",
+                                      .value = 0.5,
+                                      .max = 10,
+                                      .role = Role::base_friction});
+  term.mu_static = mu.mu_static, term.mu_dynamic = mu.mu_dynamic;
+  term.epsilon = contacts * p.number({.name = "base_stiffness",
+                                      .symbol = "k_b/k_n",
+                                      .help = "stiffness of springs to the substrate over that of contacts",
+                                      .value = 0.1,
+                                      .max = 10,
+                                      .min_open = true});
+  term.damping = p.number({.name = "base_damping",
+                           .symbol = "\\zeta_b",
+                           .help = "damping of springs to the substrate over the critical one",
+                           .value = 0.1,
+                           .max = 10});
+}
 
 /// A disk presses on the plane in which it moves with N = m g, evenly spread over its area, and sticks to it by a
 /// spring at its place r₀ and angle θ₀: the force −k (r − r₀) and the torque −k R² (θ − θ₀), k = ε/σ². Where force and
@@ -36,6 +66,15 @@ struct BaseFriction {
   static constexpr int history = 4;
   static constexpr std::array<Loss, 2> losses{{{"damping", true}, {"sliding", false}}};
   static std::string_view name() { return "base_friction"; }
+  void read(ParameterReader& p, Real contacts) {
+    read_base_friction(p, *this, contacts);
+    coupled =
+        p.flag({.name = "base_coupled",
+                .help = "friction with the substrate couples sliding and spinning, as under uniform pressure; no: "
+                        "each has its own limit",
+                .value = 1});
+  }
+
   bool enabled(const StateView<2>&) const { return !off(); }
   bool off() const { return !(mu_static > 0 && gravity > 0); }
 

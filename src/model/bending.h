@@ -3,6 +3,7 @@
 
 #include <array>
 
+#include <pliant/model/parameter.h>
 #include <pliant/model/term.h>
 
 namespace pliant {
@@ -22,6 +23,21 @@ struct Bending {
 
   static constexpr Elements elements = Elements::corners;
   static std::string_view name() { return "bending"; }
+  void read(ParameterReader& p) {
+    k_b = p.number({.name = "k_b",
+                    .symbol = "K_b",
+                    .unit = {1, 3, 0},
+                    .help = "bending stiffness K_b",
+                    .value = 0.1,
+                    .alias = "kb",
+                    .role = Role::bending});
+    edges = p.choice({.name = "bending_edges",
+                      .help = "bending energy of the directions of edges (unit) [H 8], or of edges over their rest "
+                              "length (full)",
+                      .role = Role::bending_form},
+                     named<EdgeVectors>({{"unit", EdgeVectors::unit}, {"full", EdgeVectors::full}}));
+  }
+
   bool enabled(const StateView<2>&) const { return k_b > 0; }
   static Index particle(const StateView<2>& s, Index i) { return s.topology.particle[i]; }
 

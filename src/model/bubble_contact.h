@@ -10,6 +10,17 @@ namespace pliant {
 struct BubbleContactLaw {
   Real f0;
 
+  static Real read_force(ParameterReader& p) {
+    return p.number({.name = "f0",
+                     .symbol = "f_0",
+                     .unit = dimension::force,
+                     .help = "contact force f0",
+                     .value = 10,
+                     .min_open = true,
+                     .role = Role::contact_force});
+  }
+  void read(ParameterReader& p) { f0 = read_force(p); }
+
   static constexpr std::string_view name = "contact";
   static Real range() { return 0; }
   Radial at(Real r, Real a, Real b) const {

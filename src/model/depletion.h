@@ -12,6 +12,25 @@ struct DepletionLaw {
   Real phi_c;
   Real a_s;  ///< radius of the depletant
 
+  void read(ParameterReader& p) {
+    phi_c = p.number({.name = "phi_c",
+                      .symbol = "\\phi_c",
+                      .unit = dimension::energy,
+                      .help = "depletion energy phi_c",
+                      .value = 1e-4,
+                      .max = 1,
+                      .role = Role::attraction});
+    a_s = p.number({.name = "a_s",
+                    .symbol = "a_s",
+                    .unit = dimension::length,
+                    .help = "radius a_s of the depletant",
+                    .value = 0.05,
+                    .max = 1,
+                    .min_open = true,
+                    .role = Role::depletant});
+    if (!(a_s > 0)) throw InputError("{} is {}, but it must be positive", p.spelled("a_s"), a_s);
+  }
+
   static constexpr std::string_view name = "depletion";
   Real range() const { return 2 * a_s; }
   Real strength() const { return phi_c / (8 * a_s * square(a_s)); }
@@ -28,6 +47,11 @@ struct DepletionLaw {
 template <int D>
 struct Depletion : DropletPairs<D, DepletionLaw> {
   BubbleContactLaw repulsion;
+
+  void read(ParameterReader& p) {
+    this->law.read(p);
+    repulsion.read(p);
+  }
 
   bool contact(const StateView<D>& s, Index e, Contact<D>& c) const {
     const auto [i, j] = s.neighbours.point_pairs[e];

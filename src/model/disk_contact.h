@@ -91,6 +91,10 @@ struct DiskContact {
   static constexpr int history = 5, constants = 4;
   static constexpr auto losses = SurfaceTouch<2>::losses;
   static std::string_view name() { return "disk_contact"; }
+  void read(ParameterReader& p) {
+    epsilon = p.number(contact_energy::disk);
+    surface = read_surface<Law>(p, read_pair_friction(p));
+  }
   bool enabled(const StateView<2>&) const { return surface.rubs() || surface.damping > 0; }
 
   struct Touch : DiskTouch<Real> {

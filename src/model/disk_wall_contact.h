@@ -87,6 +87,12 @@ struct DiskWallContact {
   static constexpr int history = 7;
   static constexpr auto losses = SurfaceTouch<2>::losses;
   static std::string_view name() { return "disk_wall_contact"; }
+  void read(ParameterReader& p) {
+    epsilon = read_wall_energy(p);
+    const Coulomb mu = read_wall_friction(p);
+    surface = read_surface<Law>(p, mu);
+    others = read_materials(p, mu);
+  }
   bool enabled(const StateView<2>& s) const {
     return s.walls.size() > 0 && (others.roughest(surface).rubs() || surface.damping > 0);
   }

@@ -1,6 +1,7 @@
 // Drag of a background fluid [H 5, 11].
 #pragma once
 
+#include <pliant/model/parameter.h>
 #include <pliant/model/term.h>
 
 namespace pliant {
@@ -30,6 +31,18 @@ struct Drag {
 
   static constexpr Elements elements = Elements::points;
   static std::string_view name() { return "drag"; }
+  void read(ParameterReader& p) {
+    zeta = p.number({.name = "zeta",
+                     .symbol = "\\zeta/\\zeta_0",
+                     .unit = dimension::drag,
+                     .help = "drag coefficient zeta",
+                     .role = Role::drag});
+    law =
+        p.choice({.name = "drag",
+                  .help = "the same zeta for all particles [H 5, 11], or zeta in proportion to their mass (per_mass)"},
+                 named<DragLaw>({{"per_particle", DragLaw::per_particle}, {"per_mass", DragLaw::per_mass}}));
+  }
+
   bool enabled(const StateView<D>&) const { return zeta > 0; }
   Real power(const StateView<D>& s, Index i) const { return coefficient(s.topology, i) * s.velocity(i).squaredNorm(); }
   template <class F>

@@ -3,6 +3,7 @@
 
 #include <pliant/base/errors.h>
 #include <pliant/geometry/overlap.h>
+#include <pliant/model/parameter.h>
 #include <pliant/model/term.h>
 
 namespace pliant {
@@ -16,6 +17,7 @@ struct DropletPairs {
 
   static constexpr Elements elements = Elements::point_pairs;
   static std::string_view name() { return Law::name; }
+  void read(ParameterReader& p) { law.read(p); }
   bool enabled(const StateView<D>&) const { return true; }
   Real range() const { return law.range(); }
 

@@ -3,6 +3,7 @@
 
 #include <pliant/base/errors.h>
 #include <pliant/geometry/overlap.h>
+#include <pliant/model/parameter.h>
 #include <pliant/model/term.h>
 
 namespace pliant {
@@ -18,6 +19,7 @@ struct DropletWalls {
 
   static constexpr Elements elements = Elements::walls;
   static std::string_view name() { return Law::name; }
+  void read(ParameterReader& p) { law.read(p); }
   bool enabled(const StateView<D>& s) const { return s.walls.size() > 0; }
   Real range() const { return law.range(); }
   void check(const Walls<D>& walls) const {

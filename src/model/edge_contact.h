@@ -4,6 +4,7 @@
 
 #include <pliant/kernels/contact_law.h>
 #include <pliant/model/outline.h>
+#include <pliant/model/pair_contact.h>
 #include <pliant/model/term.h>
 
 namespace pliant {
@@ -36,6 +37,23 @@ struct EdgeContact {
 
   static constexpr Elements elements = Elements::vertex_edges;
   std::string_view name() const { return edges == Edges::wide ? "contact" : "edge"; }
+  /// Bare edges are as stiff as two disks that touch: ε/4 over half the distance.
+  void read(ParameterReader& p) {
+    epsilon = p.number(contact_energy::deformable);
+    if (edges == Edges::wide) {
+      force = p.choice({.name = "edge_force",
+                        .help = "smooth particles: force of an edge on a vertex over that between two vertices: 0.5 "
+                                "(single) or 2 (twofold)"},
+                       named<EdgeForce>({{"single", EdgeForce::single}, {"twofold", EdgeForce::twofold}}));
+      return;
+    }
+    epsilon /= 4;
+    on = p.choice({.name = "rough_contact",
+                   .help = "rough particles: vertices touch vertices and edges, or vertices alone (literal) [H 9]",
+                   .printed = "literal"},
+                  named<bool>({{"edge", true}, {"literal", false}}));
+  }
+
   bool enabled(const StateView<2>&) const { return on; }
   bool off() const { return !on; }
 

@@ -27,6 +27,15 @@ struct EdgeFriction {
 
   static constexpr Elements elements = Elements::vertex_edges;
   static std::string_view name() { return "friction"; }
+  void read(ParameterReader& p) {
+    read_friction(p, mu, friction);
+    where = p.choice({.name = "friction_point",
+                      .help = "smooth particles: friction opposes the velocity at the contact, or that of the edge's "
+                              "first vertex [H 12]",
+                      .printed = "vertex"},
+                     named<FrictionPoint>({{"contact", FrictionPoint::contact}, {"vertex", FrictionPoint::vertex}}));
+  }
+
   bool enabled(const StateView<2>&) const { return !off(); }
   bool off() const { return !(mu > 0); }
 

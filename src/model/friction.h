@@ -2,6 +2,7 @@
 #pragma once
 
 #include <pliant/geometry/distance.h>
+#include <pliant/model/parameter.h>
 
 namespace pliant {
 
@@ -9,6 +10,18 @@ enum class Friction {
   whole,      ///< all of it, as [H 6, 12] print
   tangential  ///< what is left of it without its component along the normal of the contact
 };
+
+/// The parameters of kinetic friction.
+inline void read_friction(ParameterReader& p, Real& mu, Friction& friction) {
+  mu = p.number({.name = "mu",
+                 .symbol = "\\mu/\\mu_0",
+                 .unit = dimension::drag,
+                 .help = "kinetic friction coefficient mu",
+                 .role = Role::kinetic_friction});
+  friction = p.choice(
+      {.name = "friction", .help = "friction opposes the whole relative velocity [H 6, 12], or its tangential part"},
+      named<Friction>({{"whole", Friction::whole}, {"tangential", Friction::tangential}}));
+}
 
 /// The part of u that friction opposes; r is along the normal. Where r = 0 there is no normal, and it opposes all of u.
 template <int D>

@@ -4,6 +4,7 @@
 
 #include <pliant/kernels/contact_law.h>
 #include <pliant/model/term.h>
+#include <pliant/model/wall_contact.h>
 
 namespace pliant {
 
@@ -20,6 +21,17 @@ struct LipContact {
 
   static constexpr Elements elements = Elements::lips;
   static std::string_view name() { return "lip"; }
+  void read(ParameterReader& p) {
+    epsilon = read_wall_energy(p);
+    thickness = read_wall_diameter(p);
+    with_edges = p.choice({.name = "lip_contact",
+                           .help = "lips of walls touch vertices and edges of deformable particles, or vertices alone "
+                                   "(literal) [H 10]",
+                           .printed = "literal",
+                           .role = Role::lip_rule},
+                          named<bool>({{"edge", true}, {"literal", false}}));
+  }
+
   bool enabled(const StateView<2>& s) const { return with_edges && !s.walls.lips().empty(); }
   Real range() const { return thickness / 2; }
 

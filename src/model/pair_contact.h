@@ -2,9 +2,37 @@
 #pragma once
 
 #include <pliant/kernels/contact_law.h>
+#include <pliant/model/parameter.h>
 #include <pliant/model/term.h>
 
 namespace pliant {
+
+/// The energy scales of contacts of soft particles, of deformable ones, and of frictional disks and spheres.
+namespace contact_energy {
+inline constexpr Parameter soft{.name = "e_sp",
+                                .symbol = "E_{sp}",
+                                .unit = dimension::energy,
+                                .help = "contact energy E_sp of soft particles",
+                                .value = 100,
+                                .min_open = true,
+                                .alias = "eps_sp",
+                                .role = Role::contact_energy};
+inline constexpr Parameter deformable{.name = "e_c",
+                                      .symbol = "E_c",
+                                      .unit = dimension::energy,
+                                      .help = "contact energy E_c of deformable particles",
+                                      .value = 1e4,
+                                      .min_open = true,
+                                      .alias = "eps_c",
+                                      .role = Role::contact_energy};
+inline constexpr Parameter disk{.name = "e_disk",
+                                .symbol = "E_{disk}",
+                                .unit = dimension::energy,
+                                .help = "contact energy of frictional disks and spheres",
+                                .value = 1e4,
+                                .min_open = true,
+                                .role = Role::contact_energy};
+}  // namespace contact_energy
 
 /// U = Σ_pairs V(r), r the distance of the points and V of range δ_mn = (δ_m + δ_n)/2, the mean of the contact
 /// diameters, by one of the laws in contact_law.h; harmonic: ε/2 (1 − r/δ_mn)² Θ(1 − r/δ_mn), with the force
@@ -16,6 +44,9 @@ struct PairContact {
 
   static constexpr Elements elements = Elements::point_pairs;
   std::string_view name() const { return label; }
+  /// energy: one of contact_energy.
+  void read(ParameterReader& p, const Parameter& energy) { epsilon = p.number(energy); }
+
   bool enabled(const StateView<D>&) const { return true; }
 
   Real energy(const StateView<D>& s, Index e) const {

@@ -16,6 +16,8 @@ struct PairFriction {
 
   static constexpr Elements elements = Elements::point_pairs;
   static std::string_view name() { return "friction"; }
+  void read(ParameterReader& p) { read_friction(p, mu, friction); }
+
   bool enabled(const StateView<D>&) const { return mu > 0; }
 
   Real power(const StateView<D>& s, Index e) const {

@@ -1,6 +1,7 @@
 // Perimeter term of the shape energy [H 8].
 #pragma once
 
+#include <pliant/model/parameter.h>
 #include <pliant/model/term.h>
 
 namespace pliant {
@@ -11,6 +12,16 @@ struct Perimeter {
 
   static constexpr Elements elements = Elements::edges;
   static std::string_view name() { return "perimeter"; }
+  void read(ParameterReader& p) {
+    k_l = p.number({.name = "k_l",
+                    .symbol = "K_l",
+                    .unit = {1, -1, 0},
+                    .help = "perimeter stiffness K_l",
+                    .value = 10,
+                    .alias = "kl",
+                    .role = Role::perimeter});
+  }
+
   bool enabled(const StateView<2>&) const { return k_l > 0; }
   static Index particle(const StateView<2>& s, Index i) { return s.topology.particle[i]; }
 

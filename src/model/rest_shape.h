@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include <pliant/model/parameter.h>
 #include <pliant/model/polygon.h>
 #include <pliant/model/term.h>
 
@@ -29,6 +30,17 @@ struct RestShape {
 
   static constexpr Elements elements = Elements::particles;
   static std::string_view name() { return "rest_shape"; }
+  /// contacts: the stiffness of contacts, ε/δ².
+  void read(ParameterReader& p, Real contacts) {
+    k = contacts * p.number({.name = "shape_stiffness",
+                             .symbol = "k_s/k_n",
+                             .help = "stiffness that holds a vertex in its place of the rest shape, over the stiffness "
+                                     "of contacts",
+                             .value = 1,
+                             .min_open = true,
+                             .role = Role::rest_shape});
+  }
+
   bool enabled(const StateView<2>&) const { return k > 0; }
   static Index particle(const StateView<2>&, Index m) { return m; }
 

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include <pliant/kernels/contact_law.h>
+#include <pliant/model/pair_contact.h>
 #include <pliant/model/polygon.h>
 #include <pliant/model/term.h>
 
@@ -32,6 +33,14 @@ struct SelfContact {
 
   static constexpr Elements elements = Elements::particles;
   static std::string_view name() { return "self_contact"; }
+  void read(ParameterReader& p) {
+    epsilon = p.number(contact_energy::deformable);
+    if (edges == Edges::bare) epsilon /= 4;  // as EdgeContact
+    on = p.flag({.name = "self_contact",
+                 .help = "vertices of deformable particles touch edges of their own outline",
+                 .role = Role::self_contact});
+  }
+
   bool enabled(const StateView<2>&) const { return on; }
 
   Real energy(const StateView<2>& s, Index m) const {

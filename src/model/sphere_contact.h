@@ -105,6 +105,10 @@ struct SphereContact {
   static constexpr int history = 13, constants = 8;
   static constexpr auto losses = SurfaceTouch<3>::losses;
   static std::string_view name() { return "sphere_contact"; }
+  void read(ParameterReader& p) {
+    epsilon = p.number(contact_energy::disk);
+    surface = read_surface<Law>(p, read_pair_friction(p));
+  }
   bool enabled(const StateView<3>&) const { return surface.rubs() || surface.damping > 0; }
 
   struct Touch : SphereTouch<Real> {

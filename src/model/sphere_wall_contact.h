@@ -94,6 +94,12 @@ struct SphereWallContact {
   static constexpr int history = 13;
   static constexpr auto losses = SurfaceTouch<3>::losses;
   static std::string_view name() { return "sphere_wall_contact"; }
+  void read(ParameterReader& p) {
+    epsilon = read_wall_energy(p);
+    const Coulomb mu = read_wall_friction(p);
+    surface = read_surface<Law>(p, mu);
+    others = read_materials(p, mu);
+  }
   bool enabled(const StateView<3>& s) const {
     return s.walls.size() > 0 && (others.roughest(surface).rubs() || surface.damping > 0);
   }

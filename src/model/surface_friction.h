@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <string>
 #include <string_view>
 #include <type_traits>
 #include <utility>
@@ -13,6 +14,7 @@
 #include <pliant/base/lanes.h>
 #include <pliant/base/vector3.h>
 #include <pliant/kernels/contact_law.h>
+#include <pliant/model/parameter.h>
 #include <pliant/model/term.h>
 
 namespace pliant {
@@ -69,6 +71,47 @@ struct SurfaceFriction {
 struct Coulomb {
   Real mu_static, mu_dynamic;
 };
+
+/// The coefficient of dynamic friction that belongs to `name`, a static one; `usual` unless it is set. Errors:
+/// InputError where it is larger than mu_static, or 0 where that is not.
+inline Coulomb read_dynamic_friction(ParameterReader& p, std::string_view name, Real mu_static, Real usual) {
+  const std::string own = fmt::format("{}_dynamic", name);
+  const Coulomb mu{mu_static, p.automatic({.name = own,
+                                           .help = "dynamic friction coefficient",
+                                           .max = 10,
+                                           .automatic = "the static one",
+                                           .role = Role::dynamic_friction},
+                                          usual)};
+  if (mu.mu_dynamic > mu.mu_static)
+    throw InputError("{} {:g} is more than {} {:g}; lower it", p.spelled(own), mu.mu_dynamic, p.spelled(name),
+                     mu.mu_static);
+  if (mu.mu_dynamic == 0 && mu.mu_static > 0)
+    throw InputError(
+        "{0} 0 with {1} {2:g}: dynamic friction must be positive if static friction is; raise {0}, or give {1} 0",
+        p.spelled(own), p.spelled(name), mu.mu_static);
+  return mu;
+}
+/// Static and dynamic friction; `mu` declares the static coefficient. Errors: as above.
+inline Coulomb read_coulomb(ParameterReader& p, const Parameter& mu) {
+  const Real mu_static = p.number(mu);
+  return read_dynamic_friction(p, mu.name, mu_static, std::min(mu_static, p.usual_dynamic_friction));
+}
+inline Coulomb read_pair_friction(ParameterReader& p) {
+  return read_coulomb(p, {.name = "mu_disk",
+                          .symbol = "\\mu_{disk}",
+                          .help = "static friction coefficient of frictional disks and spheres with each other",
+                          .value = 0.4,
+                          .max = 10,
+                          .role = Role::friction});
+}
+inline Coulomb read_wall_friction(ParameterReader& p) {
+  return read_coulomb(p, {.name = "mu_wall",
+                          .symbol = "\\mu_{wall}",
+                          .help = "static friction coefficient of frictional disks and spheres with walls",
+                          .value = 0.4,
+                          .max = 10,
+                          .role = Role::friction});
+}
 
 /// Those of walls of the materials 1, 2, … (Walls::material), all else of whose friction is as of material 0.
 class OtherMaterials {
@@ -296,6 +339,46 @@ Real damping_for(Real e) {
     (restitution<Law>(middle) > e ? low : high) = middle;
   }
   return (low + high) / 2;
+}
+
+/// The parameters of SurfaceFriction beside its coefficients of friction.
+template <class Law>
+SurfaceFriction read_surface(ParameterReader& p, const Coulomb& mu) {
+  const Real e = p.number({.name = "restitution",
+                           .symbol = "e",
+                           .help = "coefficient of restitution of a head-on collision, with particles and walls",
+                           .value = 0.5,
+                           .max = 1,
+                           .min_open = true,
+                           .role = Role::restitution});
+  SurfaceFriction surface{.mu_static = mu.mu_static, .mu_dynamic = mu.mu_dynamic, .damping = damping_for<Law>(e)};
+  surface.stiffness = p.number({.name = "tangential_stiffness",
+                                .symbol = "k_t/k_n",
+                                .help = "stiffness of tangential springs over that of contacts",
+                                .value = surface.stiffness,
+                                .max = 10,
+                                .min_open = true});
+  surface.tangential_damping = p.number({.name = "tangential_damping",
+                                         .symbol = "\\gamma_t/\\gamma_n",
+                                         .help = "tangential damping over normal damping",
+                                         .value = surface.tangential_damping,
+                                         .max = 10});
+  return surface;
+}
+
+/// The friction of walls of the reader's materials: by default that of other walls, `first`.
+inline OtherMaterials read_materials(ParameterReader& p, const Coulomb& first) {
+  std::vector<Coulomb> all;
+  for (const std::string& material : p.materials) {
+    const std::string name = fmt::format("mu_{}", material),
+                      help = fmt::format("static friction coefficient of disks with the {}", material);
+    const Real mu_static =
+        p.automatic({.name = name, .help = help, .max = 10, .automatic = "that of other walls", .role = Role::friction},
+                    first.mu_static);
+    const Real usual = p.is_set(name) ? std::min(mu_static, p.usual_dynamic_friction) : first.mu_dynamic;
+    all.push_back(read_dynamic_friction(p, name, mu_static, usual));
+  }
+  return OtherMaterials(std::move(all));
 }
 
 }  // namespace pliant

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <span>
 
+#include <pliant/model/base_friction.h>
 #include <pliant/model/term.h>
 
 namespace pliant {
@@ -26,6 +27,8 @@ struct VertexBaseFriction {
   static constexpr int history = 3;
   static constexpr std::array<Loss, 2> losses{{{"damping", true}, {"sliding", false}}};
   static std::string_view name() { return "base_friction"; }
+  void read(ParameterReader& p, Real contacts) { read_base_friction(p, *this, contacts); }
+
   bool enabled(const StateView<2>&) const { return !off(); }
   bool off() const { return !(mu_static > 0 && gravity > 0); }
 

@@ -2,9 +2,30 @@
 #pragma once
 
 #include <pliant/kernels/contact_law.h>
+#include <pliant/model/parameter.h>
 #include <pliant/model/term.h>
 
 namespace pliant {
+
+/// The energy scale of contacts with walls, and the thickness of walls.
+inline Real read_wall_energy(ParameterReader& p) {
+  return p.number({.name = "e_w",
+                   .symbol = "E_w",
+                   .unit = dimension::energy,
+                   .help = "contact energy E_w of walls",
+                   .value = 1e4,
+                   .min_open = true,
+                   .alias = "eps_w",
+                   .role = Role::wall_energy});
+}
+inline Real read_wall_diameter(ParameterReader& p) {
+  return p.number({.name = "wall_diameter",
+                   .symbol = "\\delta_w/\\sigma_{avg}",
+                   .unit = dimension::length,
+                   .help = "thickness of walls, whose ends, such as the lips of an orifice, are round",
+                   .max = 1,
+                   .role = Role::wall_diameter});
+}
 
 /// U = Σ V(d_w), d_w the distance of the point to the wall and V of range (δ + δ_w)/2, δ the point's contact diameter
 /// and δ_w that of the walls, whose ends are round beads then, by one of the laws in contact_law.h; harmonic, for walls
@@ -18,6 +39,11 @@ struct WallContact {
 
   static constexpr Elements elements = Elements::walls;
   static std::string_view name() { return "wall"; }
+  void read(ParameterReader& p) {
+    epsilon = read_wall_energy(p);
+    thickness = read_wall_diameter(p);
+  }
+
   bool enabled(const StateView<D>& s) const { return s.walls.size() > 0; }
   Real range() const { return thickness / 2; }
 

@@ -1,6 +1,7 @@
 // Depletion attraction of droplets to solid walls and to their tips [T 2.8].
 #pragma once
 
+#include <pliant/model/depletion.h>
 #include <pliant/model/droplet_walls.h>
 
 namespace pliant {
@@ -12,6 +13,12 @@ namespace pliant {
 struct WallDepletionLaw {
   Real phi_c;
   Real a_s;  ///< radius of the depletant
+
+  void read(ParameterReader& p) {
+    DepletionLaw pairs{};
+    pairs.read(p);
+    phi_c = pairs.phi_c, a_s = pairs.a_s;
+  }
 
   static constexpr std::string_view name = "wall_depletion";
   Real range() const { return 2 * a_s; }

@@ -1,6 +1,7 @@
 // Repulsion of droplets by walls [T 2.7].
 #pragma once
 
+#include <pliant/model/bubble_contact.h>
 #include <pliant/model/droplet_walls.h>
 
 namespace pliant {
@@ -10,6 +11,16 @@ namespace pliant {
 /// and where the nearest point of a wedge reaches its tip.
 struct WallRepulsionLaw {
   Real f0_mean_radius;  ///< f0 ⟨R⟩
+
+  void read(ParameterReader& p) {
+    f0_mean_radius = BubbleContactLaw::read_force(p) * p.number({.name = "R_mean",
+                                                                 .symbol = "\\langle R\\rangle",
+                                                                 .unit = dimension::length,
+                                                                 .help = "mean radius of the droplets",
+                                                                 .value = 1,
+                                                                 .min_open = true,
+                                                                 .role = Role::mean_radius});
+  }
 
   static constexpr std::string_view name = "wall_repulsion";
   static Real range() { return 0; }

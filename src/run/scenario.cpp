@@ -22,6 +22,7 @@ namespace pliant {
 namespace {
 
 const char* const reference = "-help_markdown";
+const char* const machine_reference = "-help_json";
 
 void answer(const Ranks& ranks, const std::string& text) {
   ranks.on_root([&] { print_result(text); });
@@ -140,6 +141,10 @@ ExitCode run_by_options(const std::string& scenario, const RunOptions& p, Option
 bool parse_arguments(const std::string& scenario, Options& options, const Arguments& arguments, const Ranks& ranks) {
   if (arguments == Arguments{reference}) {
     answer(ranks, options.markdown());
+    return false;
+  }
+  if (arguments == Arguments{machine_reference}) {
+    answer(ranks, options.reference().dump(1) + "\n");
     return false;
   }
   switch (options.parse(arguments)) {

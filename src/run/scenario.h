@@ -40,7 +40,7 @@ using MakeRun = std::function<std::unique_ptr<AnyRun>(const Parameters& p, const
 ExitCode run_by_options(const std::string& scenario, const RunOptions& p, Options& options, const Ranks& ranks,
                         const std::function<std::unique_ptr<AnyRun>(std::optional<Checkpoint>)>& make);
 
-/// -help, -version or -help_markdown is answered; otherwise true: to be run.
+/// -help, -version, -help_markdown or -help_json is answered; otherwise true: to be run.
 bool parse_arguments(const std::string& scenario, Options& options, const Arguments& arguments, const Ranks& ranks);
 
 /// A scenario that is described by options. Parameters: a RunOptions with bind(Options&), which is called first, and

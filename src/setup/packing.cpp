@@ -5,6 +5,7 @@
 
 #include <pliant/base/rng.h>
 #include <pliant/catalogue/catalogue.h>
+#include <pliant/catalogue/parameter_values.h>
 #include <pliant/setup/particles.h>
 #include <pliant/setup/streams.h>
 #include <pliant/system/fire.h>
@@ -73,8 +74,9 @@ template <int D>
 Relaxed relax_disks(Topology disks, const Walls<D>& walls, Real tolerance, std::int64_t max_iterations,
                     const std::function<bool(Index, const Real*)>& inside, std::span<Real> centres) {
   const Index n = disks.particles();
-  ParticleSystem<D> system(std::move(disks), walls,
-                           make_force_field<D>(ModelKind::sp, {.epsilon = 1, .epsilon_wall = 1}, Vec<D>::Zero()), 0.3);
+  ParticleSystem<D> system(
+      std::move(disks), walls,
+      make_force_field<D>(ModelKind::sp, ParameterValues{{Role::contact_energy, 1.0}, {Role::wall_energy, 1.0}}), 0.3);
   {
     State state(n, D);
     std::copy(centres.begin(), centres.end(), state.x().begin());

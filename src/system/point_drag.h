@@ -14,10 +14,11 @@ namespace pliant {
 template <int D>
 class PointDrag final : public Mobility<D> {
  public:
-  /// Errors: InputError unless ζ is positive.
-  explicit PointDrag(Real zeta, DragLaw law = DragLaw::per_particle) : zeta_(zeta), law_(law) {
-    if (!(zeta > 0))
-      throw InputError("the drag coefficient is {}, but motion without inertia needs a positive one", zeta);
+  /// Errors: InputError unless the coefficient is positive.
+  explicit PointDrag(Real coefficient, DragLaw law = DragLaw::per_particle) : PointDrag(Drag<D>{coefficient, law}) {}
+  explicit PointDrag(const Drag<D>& drag) : drag_(drag) {
+    if (!(drag.zeta > 0))
+      throw InputError("the drag coefficient is {}, but motion without inertia needs a positive one", drag.zeta);
   }
 
   void find_velocities(const ForceField<D>& field, const StateView<D>& s, Real* v) override {
@@ -26,13 +27,13 @@ class PointDrag final : public Mobility<D> {
     still.v = at_rest_.data();
     field.accelerations(still, v);
     for (Index i = 0; i < s.topology.owned_points(); ++i)
-      point<D>(v, i) *= s.topology.mass(i) * shares(s.topology, i) / zeta_;
+      point<D>(v, i) *= s.topology.mass(i) * shares(s.topology, i) / drag_.zeta;
   }
 
   Real power(const StateView<D>& s) const override {
     Real sum = 0;
     for (Index i = 0; i < s.topology.owned_points(); ++i) sum += s.velocity(i).squaredNorm() / shares(s.topology, i);
-    return zeta_ * sum;
+    return drag_.zeta * sum;
   }
 
   bool remembers() const override { return false; }
@@ -40,10 +41,11 @@ class PointDrag final : public Mobility<D> {
   void set_numbers(std::vector<Index> /*numbers*/) override {}
 
  private:
-  Real shares(const Topology& topology, Index i) const { return drag_shares<D>(law_, topology, topology.particle[i]); }
+  Real shares(const Topology& topology, Index i) const {
+    return drag_shares<D>(drag_.law, topology, topology.particle[i]);
+  }
 
-  Real zeta_;
-  DragLaw law_;
+  Drag<D> drag_;
   std::vector<Real> at_rest_;
 };
 

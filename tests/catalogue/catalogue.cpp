@@ -4,6 +4,7 @@
 #include <pliant/catalogue/catalogue.h>
 
 #include "support/configurations.h"
+#include "support/model_parameters.h"
 
 namespace pliant::test::catalogue_test {
 

@@ -7,12 +7,24 @@
 #include <pliant/catalogue/droplet_rest.h>
 
 #include "support/configurations.h"
+#include "support/model_parameters.h"
 
 namespace pliant::test::droplet_rest_test {
 
+namespace {
+
+DropletRest pair_at_rest(const ModelParameters& p, Real a, Real b) {
+  return droplets_at_rest({p.f0}, {p.phi_c, p.a_s}, a, b);
+}
+DropletRest rest_at_wall(const ModelParameters& p, Real radius) {
+  return droplet_at_wall({p.f0 * p.mean_radius}, {p.phi_c, p.a_s}, radius);
+}
+
+}  // namespace
+
 TEST_CASE("droplets rest where the thesis says") {
   const ModelParameters standard;
-  const DropletRest pair = droplets_at_rest(standard, 1, 1), wall = droplet_at_wall(standard, 1);
+  const DropletRest pair = pair_at_rest(standard, 1, 1), wall = rest_at_wall(standard, 1);
   CHECK(pair.distance == Approx(1.993).margin(5e-4));  // [T 2.16]
   CHECK(pair.stiffness == Approx(4.69).margin(5e-3));  // [T 2.18]
   CHECK(pair.energy == Approx(0.00173).margin(5e-6));  // [T 2.23]
@@ -35,13 +47,13 @@ TEST_CASE("rest is a minimum of the model's energy") {
     CHECK((energy(at + h) - energy(at - h)) / (2 * h) == Approx(0).margin(1e-8));
     CHECK((energy(at + h) - 2 * energy(at) + energy(at - h)) / square(h) == Approx(rest.stiffness).epsilon(1e-4));
   };
-  check(droplets_at_rest(p, 1, 0.7), [](Real r) {
+  check(pair_at_rest(p, 1, 0.7), [](Real r) {
     Configuration<2> c;
     c.add_droplet(1, {0, 0});
     c.add_droplet(0.7, {r, 0});
     return c;
   });
-  check(droplet_at_wall(p, 0.9), [](Real h) {
+  check(rest_at_wall(p, 0.9), [](Real h) {
     Configuration<2> c;
     c.add_droplet(0.9, {0, h});
     c.walls = Walls<2>(std::vector{Solid<2>::half_space({0, 0}, {0, 1})});
@@ -50,12 +62,12 @@ TEST_CASE("rest is a minimum of the model's energy") {
 }
 
 TEST_CASE("without attraction droplets rest in touch; with too much of it they do not") {
-  const DropletRest touch = droplets_at_rest({.phi_c = 0}, 1, 0.5);
+  const DropletRest touch = pair_at_rest({.phi_c = 0}, 1, 0.5);
   CHECK(touch.distance == Approx(1.5).epsilon(1e-15));
   CHECK(touch.energy == Approx(0).margin(1e-15));
-  CHECK(droplet_at_wall({.phi_c = 0}, 1).distance == Approx(1).epsilon(1e-15));
-  CHECK_THROWS_AS(droplets_at_rest({.phi_c = 1}, 1, 1), InputError);
-  CHECK_THROWS_AS(droplet_at_wall({.phi_c = 1}, 1), InputError);
+  CHECK(rest_at_wall({.phi_c = 0}, 1).distance == Approx(1).epsilon(1e-15));
+  CHECK_THROWS_AS(pair_at_rest({.phi_c = 1}, 1, 1), InputError);
+  CHECK_THROWS_AS(rest_at_wall({.phi_c = 1}, 1), InputError);
 }
 
 }  // namespace pliant::test::droplet_rest_test

@@ -10,6 +10,7 @@
 #include <pliant/model/lip_contact.h>
 #include <pliant/model/wall_contact.h>
 
+#include "support/model_parameters.h"
 #include "support/rows.h"
 
 namespace pliant::test::chunks_test {

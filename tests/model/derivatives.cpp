@@ -15,6 +15,7 @@
 
 #include "support/configurations.h"
 #include "support/derivatives.h"
+#include "support/model_parameters.h"
 
 namespace pliant::test::derivatives_test {
 

@@ -5,6 +5,7 @@
 #include <pliant/catalogue/catalogue.h>
 
 #include "support/configurations.h"
+#include "support/model_parameters.h"
 
 namespace pliant::test::disk_test {
 
@@ -120,16 +121,18 @@ TEST_CASE("disks and spheres of either law are damped as their coefficient of re
 
 TEST_CASE("coefficients that no disk has are refused") {
   CHECK_THROWS_WITH(disks({.mu_disk = 0.3, .mu_disk_dynamic = 0.4}),
-                    Catch::Contains("with each other is 0.3 (static)"));
-  CHECK_THROWS_WITH(disks({.mu_wall = 0.3, .mu_wall_dynamic = 0}), Catch::Contains("with walls"));
-  CHECK_THROWS_WITH(on_table({.mu = -1}), Catch::Contains("the base"));
+                    Catch::Contains("mu_disk_dynamic 0.4 is more than mu_disk 0.3"));
+  CHECK_THROWS_WITH(disks({.mu_wall = 0.3, .mu_wall_dynamic = 0}),
+                    Catch::Contains("mu_wall_dynamic 0 with mu_wall 0.3"));
+  CHECK_THROWS_WITH(on_table({.gravity = 1, .mu = -1}), Catch::Contains("mu_base"));
   CHECK_THROWS_WITH(disks({.restitution = 0}), Catch::Contains("restitution"));
   CHECK_THROWS_AS(disks({}, ContactLaw::barrier), InputError);
   CHECK_THROWS_WITH(make_force_field<3>(ModelKind::disk, {.base = {.gravity = 1}}, pliant::Vec<3>(0, 0, -1)),
-                    Catch::Contains("balls in space lie on none"));
-  CHECK_THROWS_WITH(disks({.mu_others = {{0.2, 0.2}, {0.2, 0.3}}}), Catch::Contains("walls of material 2"));
+                    Catch::Contains("no friction with one in 3D"));
+  CHECK_THROWS_WITH(disks({.mu_others = {{0.2, 0.2}, {0.2, 0.3}}}),
+                    Catch::Contains("mu_material2_dynamic 0.3 is more than mu_material2 0.2"));
   CHECK_THROWS_WITH(make_force_field<2>(ModelKind::sp, {.base = {.gravity = 1}}, pliant::Vec<2>(0, -1)),
-                    Catch::Contains("model sp has none"));
+                    Catch::Contains("the model sp has no friction"));
 }
 
 }  // namespace pliant::test::disk_test

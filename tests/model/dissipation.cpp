@@ -7,6 +7,7 @@
 #include <pliant/model/pair_friction.h>
 
 #include "support/configurations.h"
+#include "support/model_parameters.h"
 
 namespace pliant::test::dissipation_test {
 

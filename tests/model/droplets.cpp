@@ -10,6 +10,7 @@
 
 #include "support/configurations.h"
 #include "support/derivatives.h"
+#include "support/model_parameters.h"
 
 namespace pliant::test::droplets_test {
 

@@ -18,6 +18,7 @@
 #include <pliant/model/wall_depletion.h>
 #include <pliant/model/wall_repulsion.h>
 
+#include "support/model_parameters.h"
 #include "support/rows.h"
 
 namespace pliant::test::elements_test {

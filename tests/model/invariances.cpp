@@ -6,6 +6,7 @@
 #include <pliant/model/pair_contact.h>
 
 #include "support/configurations.h"
+#include "support/model_parameters.h"
 
 namespace pliant::test::invariances_test {
 

@@ -7,6 +7,7 @@
 #include <pliant/model/neighbours.h>
 
 #include "support/configurations.h"
+#include "support/model_parameters.h"
 
 namespace pliant::test::neighbours_test {
 

@@ -11,6 +11,7 @@
 #include <pliant/model/wall_contact.h>
 
 #include "support/configurations.h"
+#include "support/model_parameters.h"
 
 namespace pliant::test::outline_test {
 

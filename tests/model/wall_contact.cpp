@@ -7,6 +7,7 @@
 
 #include "support/configurations.h"
 #include "support/derivatives.h"
+#include "support/model_parameters.h"
 
 namespace pliant::test::wall_contact_test {
 

@@ -8,6 +8,7 @@
 #include <pliant/ts/verlet.h>
 
 #include "support/configurations.h"
+#include "support/model_parameters.h"
 
 namespace pliant::test::crossing_watch_test {
 

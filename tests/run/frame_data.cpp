@@ -8,6 +8,7 @@
 #include <pliant/run/frame_data.h>
 
 #include "support/configurations.h"
+#include "support/model_parameters.h"
 
 namespace pliant::test::frame_data_test {
 

@@ -11,6 +11,7 @@
 
 #include "io/io_support.h"
 #include "support/disks.h"
+#include "support/model_parameters.h"
 #include "support/silence.h"
 
 namespace pliant::test::periodic_test {

@@ -383,8 +383,7 @@ TEST_CASE("evaluate has the contact law of smooth particles") {
         "case.json: inputs.contact_law is \"cubic\", but this version has harmonic, hertz, barrier");
   document = square_and_triangle("DP-rough");
   document["inputs"]["contact_law"] = "barrier";
-  CHECK(message(document) ==
-        "case.json: inputs.contact_law means nothing to model DP-rough; remove it or set it to null");
+  CHECK(message(document) == "case.json: inputs.contact_law is \"barrier\", but this version has harmonic");
 }
 
 TEST_CASE("evaluate shares the drag of a polygon among its vertices") {
@@ -417,6 +416,40 @@ TEST_CASE("evaluate gives shape energies per particle") {
   CHECK(keys(run(document)["energy"]) == std::set<std::string>{"contact"});
 }
 
+TEST_CASE("parameters of a case have the names and defaults of runs, and older names") {
+  json document = square_and_triangle("smooth");
+  document["inputs"].erase("shape_terms");
+  std::string remark;
+  const json plain = json::parse(evaluate(document, "case.json", &remark).dump());
+  CHECK(remark.empty());
+  const json defaults{{"k_a", 2e4}, {"k_l", 10}, {"k_b", 0.1}, {"e_c", 1e4}, {"mu", 0}};
+  for (const auto& [name, value] : defaults.items()) {
+    json same = document, other = document;
+    same["inputs"][name] = value;
+    CHECK(run(same) == plain);
+    other["inputs"][name] = 2 * value.get<double>() + 1;
+    CHECK(run(other) != plain);
+  }
+  json older = document;
+  older["inputs"].update(json{{"ka", 2e4}, {"eps_c", 1e4}});
+  CHECK(json::parse(evaluate(older, "case.json", &remark).dump()) == plain);
+  CHECK_THAT(remark,
+             Catch::Contains("case.json: model: ") && Catch::Contains("ka (k_a)") && Catch::Contains("eps_c (e_c)"));
+  older["inputs"]["k_a"] = 1;
+  CHECK_THAT(message(older), Catch::Contains("inputs.ka is an older name of k_a, which the file has too"));
+  document["inputs"]["wall_diameter"] = 2;
+  CHECK_THAT(message(document), Catch::Contains("inputs.wall_diameter is 2, but must be at most 1"));
+
+  // Models under their older names have the rules that [H] prints.
+  json rubbing = square_and_triangle("smooth"), printed = square_and_triangle("DP-smooth");
+  for (json* one : {&rubbing, &printed}) (*one)["inputs"]["mu"] = 1;
+  CHECK(run(rubbing)["force"]["friction"] != run(printed)["force"]["friction"]);
+  rubbing["inputs"]["friction_point"] = "vertex";
+  CHECK(run(rubbing)["force"]["friction"] == run(printed)["force"]["friction"]);
+  evaluate(printed, "case.json", &remark);
+  CHECK_THAT(remark, Catch::Contains("DP-smooth (smooth"));
+}
+
 TEST_CASE("evaluate takes the fields that it does not use, and null for keys of other models") {
   json document = disks();
   const json plain = run(document);
@@ -441,7 +474,8 @@ TEST_CASE("evaluate names what is wrong with a document") {
       {disks(), "/model", missing, "case.json: model is missing"},
       {disks(), "/model", 3, "case.json: model is 3, but must be a text"},
       {disks(), "/model", "disk",
-       "case.json: model is \"disk\", but this version has SP, DP, DP-rough, DP-smooth, bubble"},
+       "case.json: model is \"disk\", but this version has sp, shape, rough, smooth, bubble, "
+       "SP, DP, DP-rough, DP-smooth"},
       {disks(), "/inputs", missing, "case.json: inputs is missing"},
       {disks(), "/inputs", 1, "case.json: inputs is 1, but must be an object"},
       // keys
@@ -452,13 +486,9 @@ TEST_CASE("evaluate names what is wrong with a document") {
       {disks(), "/inputs/dim", missing, "inputs.dim is missing"},
       {disks(), "/inputs/positions", nullptr, "inputs.positions is missing"},
       {disks(), "/inputs/sigma", missing, "inputs.sigma is missing"},
-      {disks(), "/inputs/eps_sp", missing, "inputs.eps_sp is missing"},
       {shapes(), "/inputs/vertices", missing, "inputs.vertices is missing"},
       {shapes(), "/inputs/a0", missing, "inputs.a0 is missing"},
       {shapes(), "/inputs/l0", missing, "inputs.l0 is missing"},
-      {shapes(), "/inputs/ka", missing, "inputs.ka is missing"},
-      {shapes(), "/inputs/kl", missing, "inputs.kl is missing"},
-      {shapes(), "/inputs/kb", missing, "inputs.kb is missing"},
       // types and values
       {disks(), "/inputs/dim", 4, "inputs.dim is 4, but must be 2 or 3"},
       {disks(), "/inputs/dim", 2.5, "inputs.dim is 2.5, but must be 2 or 3"},
@@ -470,8 +500,8 @@ TEST_CASE("evaluate names what is wrong with a document") {
       {disks(), "/inputs/positions/1/0", 1e200, "inputs.positions[1][0] is 1e+200, but numbers must be within"},
       {disks(), "/inputs/mu", -1, "inputs.mu is -1, but must not be negative"},
       {disks(), "/inputs/zeta", -1, "inputs.zeta is -1, but must not be negative"},
-      {disks(), "/inputs/eps_sp", -1, "inputs.eps_sp is -1, but must not be negative"},
-      {disks(), "/inputs/eps_w", -1, "inputs.eps_w is -1, but must not be negative"},
+      {disks(), "/inputs/eps_sp", -1, "inputs.eps_sp is -1, but must be positive"},
+      {disks(), "/inputs/eps_w", -1, "inputs.eps_w is -1, but must be positive"},
       {disks(), "/inputs/rho", 0, "inputs.rho is 0, but must be positive"},
       {disks(), "/inputs/sigma/1", 0, "inputs.sigma[1] is 0, but must be positive"},
       {disks(), "/inputs/mass/0", -2, "inputs.mass[0] is -2, but must be positive"},
@@ -482,14 +512,14 @@ TEST_CASE("evaluate names what is wrong with a document") {
       {shapes(), "/inputs/kl", -1, "inputs.kl is -1, but must not be negative"},
       {shapes(), "/inputs/kb", -1, "inputs.kb is -1, but must not be negative"},
       {square_and_triangle(), "/inputs/delta", {1, 0}, "inputs.delta[1] is 0, but must be positive"},
-      {square_and_triangle(), "/inputs/eps_c", -1, "inputs.eps_c is -1, but must not be negative"},
+      {square_and_triangle(), "/inputs/eps_c", -1, "inputs.eps_c is -1, but must be positive"},
       {square_and_triangle(), "/inputs/mass", {0, 1}, "inputs.mass[0] is 0, but must be positive"},
       {square_and_triangle(), "/inputs/shape_terms", 0, "inputs.shape_terms is 0, but must be true or false"},
       {square_and_triangle(), "/inputs/friction_point", "edge",
-       "inputs.friction_point is \"edge\", but this version has vertex, contact"},
+       "inputs.friction_point is \"edge\", but this version has contact, vertex"},
       {square_and_triangle(), "/inputs/lip_contact", 1, "inputs.lip_contact is 1, but must be a text"},
       {square_and_triangle(), "/inputs/lip_contact", "no",
-       "inputs.lip_contact is \"no\", but this version has literal, edge"},
+       "inputs.lip_contact is \"no\", but this version has edge, literal"},
       // lengths
       {disks(), "/inputs/positions", json::array(), "inputs.positions is empty"},
       {disks(),

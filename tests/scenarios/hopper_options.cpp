@@ -7,7 +7,15 @@
 #include <string>
 #include <vector>
 
+#include <pliant/model/area.h>
+#include <pliant/model/bending.h>
+#include <pliant/model/disk_contact.h>
+#include <pliant/model/disk_wall_contact.h>
+#include <pliant/model/drag.h>
+#include <pliant/model/edge_contact.h>
+#include <pliant/model/edge_friction.h>
 #include <pliant/model/gravity.h>
+#include <pliant/model/pair_friction.h>
 #include <pliant/scenarios/hopper/options.h>
 
 namespace pliant::test::hopper_options_test {
@@ -16,7 +24,7 @@ using Catch::Contains;
 namespace {
 
 /// As the program reads them. own: models that it has added.
-HopperOptions resolved(const std::vector<std::string>& arguments, const std::vector<OwnModel>& own = {}) {
+HopperOptions resolved(const std::vector<std::string>& arguments, const std::vector<ModelDefinition>& own = {}) {
   HopperOptions p(own);
   Options options;
   p.bind(options);
@@ -47,7 +55,7 @@ TEST_CASE("rest is slower than the flow that drag and friction allow", "[options
 }
 
 TEST_CASE("a continuous flow dissipates", "[options]") {
-  const auto zeta = [](const std::vector<std::string>& arguments) { return *resolved(arguments).zeta; };
+  const auto zeta = [](const std::vector<std::string>& arguments) { return resolved(arguments).drag(); };
   CHECK(zeta({}) == Approx(std::sqrt(0.1)));
   CHECK(zeta({"-model", "rough"}) == Approx(std::sqrt(0.1)));
   CHECK(zeta({"-mu", "1"}) == 0);
@@ -55,7 +63,7 @@ TEST_CASE("a continuous flow dissipates", "[options]") {
   CHECK(zeta({"-zeta", "0", "-mu", "1"}) == 0);
   CHECK(zeta({"-zeta", "0", "-flow", "discharge"}) == 0);
   CHECK(zeta({"-zeta", "0", "-hopper_width", "1e-3"}) == 0);
-  CHECK_THROWS_WITH(zeta({"-zeta", "0"}), Contains("-zeta 0 and -mu 0"));
+  CHECK_THROWS_WITH(zeta({"-zeta", "0"}), Contains("-mu 0, -zeta 0"));
   CHECK(zeta({"-model", "disk", "-restitution", "1"}) == 0);
   CHECK_THROWS_WITH(zeta({"-model", "disk", "-restitution", "1", "-mu_disk", "0", "-mu_wall", "0"}),
                     Contains("nothing takes the energy"));
@@ -96,13 +104,19 @@ TEST_CASE("standard steps and skins", "[options]") {
 }
 
 TEST_CASE("what disks of a hopper are made of", "[options]") {
-  const auto usual = resolved({"-model", "disk"}).model_parameters();
-  CHECK(usual.epsilon == 1e4);
-  CHECK(usual.epsilon_wall == 1e4);
-  const DiskParameters &d = usual.disk, standard;
-  CHECK(std::array{d.mu_disk, d.mu_disk_dynamic, d.mu_wall, d.mu_wall_dynamic} == std::array{0.4, 0.4, 0.4, 0.4});
-  CHECK(std::array{d.restitution, d.tangential_stiffness, d.tangential_damping} ==
-        std::array{standard.restitution, standard.tangential_stiffness, standard.tangential_damping});
+  const HopperOptions usual = resolved({"-model", "disk"});
+  const PairContact<2> contact = usual.model.term(PairContact<2>{}, contact_energy::disk);
+  CHECK(contact.epsilon == 1e4);
+  CHECK(usual.model.term(WallContact<2>{}).epsilon == 1e4);
+  const auto coefficients = [](const SurfaceFriction& f) {
+    return std::array{f.mu_static, f.mu_dynamic, f.stiffness, f.damping, f.tangential_damping};
+  };
+  using Pair = DiskContact<HarmonicOverlap>;
+  using Wall = DiskWallContact<HarmonicOverlap>;
+  const std::array standard{0.4, 0.4, SurfaceFriction().stiffness, damping_for<HarmonicOverlap>(0.5),
+                            SurfaceFriction().tangential_damping};
+  CHECK(coefficients(usual.model.term(Pair{}).surface) == standard);
+  CHECK(coefficients(usual.model.term(Wall{}).surface) == standard);
 
   const HopperOptions p = resolved({"-model",
                                     "disk",
@@ -128,26 +142,20 @@ TEST_CASE("what disks of a hopper are made of", "[options]") {
                                     "0.05",
                                     "-contact_law",
                                     "hertz"});
-  const ModelParameters all = p.model_parameters();
-  CHECK(all.epsilon == 11);
-  CHECK(all.epsilon_wall == 12);
-  CHECK(all.zeta == 0.05);
-  CHECK(all.law == ContactLaw::hertz);
-  CHECK(all.disk.mu_disk == 0.9);
-  CHECK(all.disk.mu_disk_dynamic == 0.8);
-  CHECK(all.disk.mu_wall == 0.7);
-  CHECK(all.disk.mu_wall_dynamic == 0.6);
-  CHECK(all.disk.mu_others.empty());
-  CHECK(all.disk.restitution == 0.3);
-  CHECK(all.disk.tangential_stiffness == 0.2);
-  CHECK(all.disk.tangential_damping == 0.1);
-  CHECK(std::string(p.contact_energy()) == "-e_disk");
+  CHECK(p.model.term(PairContact<2>{}, contact_energy::disk).epsilon == 11);
+  const Wall wall = p.model.term(Wall{});
+  CHECK(wall.epsilon == 12);
+  CHECK(p.drag() == 0.05);
+  CHECK(p.model.choice(Role::contact_law) == "hertz");
+  CHECK(coefficients(p.model.term(Pair{}).surface) ==
+        std::array{0.9, 0.8, 0.2, damping_for<HarmonicOverlap>(0.3), 0.1});
+  CHECK(coefficients(wall.surface) == std::array{0.7, 0.6, 0.2, damping_for<HarmonicOverlap>(0.3), 0.1});
+  CHECK(p.model.option(Role::contact_energy) == "-e_disk");
 
   // The dynamic coefficient is the static one of the same surfaces.
-  const DiskParameters rough =
-      resolved({"-model", "disk", "-mu_disk", "0.2", "-mu_wall", "0.6"}).model_parameters().disk;
-  CHECK(rough.mu_disk_dynamic == 0.2);
-  CHECK(rough.mu_wall_dynamic == 0.6);
+  const HopperOptions rough = resolved({"-model", "disk", "-mu_disk", "0.2", "-mu_wall", "0.6"});
+  CHECK(rough.model.term(Pair{}).surface.mu_dynamic == 0.2);
+  CHECK(rough.model.term(Wall{}).surface.mu_dynamic == 0.6);
 }
 
 TEST_CASE("options of a hopper that contradict each other", "[options]") {
@@ -232,21 +240,21 @@ TEST_CASE("an option that the model does not read is refused where it is given",
 TEST_CASE("what differs from the printed model reaches the model, and nothing does unless it is asked for",
           "[options]") {
   const HopperOptions printed = resolved({});
-  const ModelParameters p = printed.model_parameters();
-  CHECK(p.law == ContactLaw::harmonic);
-  CHECK(p.friction == Friction::whole);
-  CHECK(p.drag == DragLaw::per_particle);
-  CHECK(p.wall_diameter == 0);
-  CHECK(p.area_energy == AreaEnergy::absolute);
-  CHECK(p.bending_edges == EdgeVectors::unit);
-  CHECK(p.edge_force == EdgeForce::single);
+  const ModelChoice& p = printed.model;
+  CHECK(p.choice(Role::contact_law) == "harmonic");
+  CHECK(p.term(PairFriction<2>{}).friction == Friction::whole);
+  CHECK(p.term(Drag<2>{}).law == DragLaw::per_particle);
+  CHECK(p.term(WallContact<2>{}).thickness == 0);
+  CHECK(p.term(Area{}).form == AreaEnergy::absolute);
+  CHECK(p.term(Bending{}).edges == EdgeVectors::unit);
+  CHECK(p.term(EdgeContact<>{}).force == EdgeForce::single);
   CHECK(printed.counting == Counting::crossing);
   CHECK(!printed.removal_depth);
   CHECK(printed.reinsertion.gap == 0);
   CHECK(!printed.reinsertion.lateral_speed);
   CHECK(printed.reinsertion.clearance == 0);
 
-  CHECK(resolved({"-contact_law", "linear"}).model_parameters().law == ContactLaw::linear);
+  CHECK(resolved({"-contact_law", "linear"}).model.choice(Role::contact_law) == "linear");
   const HopperOptions run = resolved({"-model",
                                       "smooth",
                                       "-friction",
@@ -269,13 +277,13 @@ TEST_CASE("what differs from the printed model reaches the model, and nothing do
                                       "0.8",
                                       "-reinsertion_lateral_speed",
                                       "0.01"});
-  const ModelParameters q = run.model_parameters();
-  CHECK(q.friction == Friction::tangential);
-  CHECK(q.drag == DragLaw::per_mass);
-  CHECK(q.wall_diameter == 0.2);
-  CHECK(q.area_energy == AreaEnergy::relative);
-  CHECK(q.bending_edges == EdgeVectors::full);
-  CHECK(q.edge_force == EdgeForce::twofold);
+  const ModelChoice& q = run.model;
+  CHECK(q.term(EdgeFriction{}).friction == Friction::tangential);
+  CHECK(q.term(Drag<2>{}).law == DragLaw::per_mass);
+  CHECK(q.term(WallContact<2>{}).thickness == 0.2);
+  CHECK(q.term(Area{}).form == AreaEnergy::relative);
+  CHECK(q.term(Bending{}).edges == EdgeVectors::full);
+  CHECK(q.term(EdgeContact<>{}).force == EdgeForce::twofold);
   CHECK(run.counting == Counting::removal);
   CHECK(run.removal_depth == 2.5);
   CHECK(run.reinsertion.gap == 0.8);
@@ -285,32 +293,40 @@ TEST_CASE("what differs from the printed model reaches the model, and nothing do
 
 namespace {
 
-/// A model that has weight only, times a factor that is an option of its own; in 2D and in 3D.
+/// A model that has weight only, times a factor that is a parameter of its own; in 2D and in 3D.
 struct Heavy {
-  Real factor = 2;
-  void bind(Options& o) { o.bind("factor", factor, {.help = "of gravity", .min = 0}); }
   template <int D>
-  std::unique_ptr<ForceField<D>> force_field(const ModelParameters&, const pliant::Vec<D>& g) const {
-    return std::make_unique<Model<D, Gravity<D>>>(Gravity<D>{factor * g});
+  std::unique_ptr<ForceField<D>> force_field(ParameterReader& p, const Surroundings<D>& s) const {
+    p.begin("gravity");
+    const Real factor = p.number({.name = "factor", .help = "of gravity", .value = 2});
+    return std::make_unique<Model<D, Gravity<D>>>(Gravity<D>{factor * s.gravity});
   }
 };
 
 /// Polygons with a contact, in 2D.
 struct Touching {
-  static void bind(Options&) {}
-  static std::unique_ptr<ForceField<2>> force_field(const ModelParameters& p, const pliant::Vec<2>&) {
-    return make_force_field<2>(ModelKind::rough, p, pliant::Vec<2>::Zero());
+  static std::unique_ptr<ForceField<2>> force_field(ParameterReader& p, const Surroundings<2>&) {
+    return std::make_unique<Model<2, PairContact<2>>>(
+        configured(p, PairContact<2>{0, "contact"}, contact_energy::deformable));
+  }
+};
+
+/// Declares a parameter of the catalogue once more, with another default.
+struct Rival {
+  static std::unique_ptr<ForceField<2>> force_field(ParameterReader& p, const Surroundings<2>& s) {
+    p.number({.name = "k_a", .help = "area stiffness K_a", .value = 1});
+    return Heavy().force_field(p, s);
   }
 };
 
 }  // namespace
 
 TEST_CASE("a model that a program adds", "[options]") {
-  const std::vector<OwnModel> own{own_model<Heavy>("heavy", "weight alone", ModelKind::sp, {}),
-                                  own_model<Touching>("touching", "contact alone", ModelKind::rough, {"e_c"})};
+  const std::vector<ModelDefinition> own{own_model<Heavy>("heavy", "weight alone", ModelKind::sp),
+                                         own_model<Touching>("touching", "contact alone", ModelKind::rough)};
   const auto weight = [&](const std::vector<std::string>& arguments) {
     const HopperOptions p = resolved(arguments, own);
-    CHECK(p.particle_kind() == ModelKind::sp);
+    CHECK(p.model.particles() == ModelKind::sp);
     Topology t;
     t.add_soft(1, 3);
     const std::vector<Real> x(3, 0.0);
@@ -323,8 +339,8 @@ TEST_CASE("a model that a program adds", "[options]") {
   CHECK(weight({"-model", "heavy", "-factor", "5"}) == -15);
   CHECK(resolved({"-model", "heavy", "-dim", "3"}, own).force_field<3>({0, 0, -1}) != nullptr);
   const HopperOptions touching = resolved({"-model", "touching", "-e_c", "7", "-n_vertices", "9"}, own);
-  CHECK(touching.particle_kind() == ModelKind::rough);
-  CHECK(touching.model_parameters().epsilon == 7);
+  CHECK(touching.model.particles() == ModelKind::rough);
+  CHECK(touching.model.value(Role::contact_energy) == 7);
   CHECK(touching.first_skin() == 0.1);
   CHECK_THROWS_WITH(touching.force_field<3>({0, 0, -1}), Contains("-model touching does not exist in 3D"));
 
@@ -340,7 +356,7 @@ TEST_CASE("a model that a program adds", "[options]") {
   refused({"-e_c", "1"}, "use -model rough, smooth or touching");
   refused({"-model", "touching", "-dim", "3"}, "-dim 3 with -model touching");
   refused({"-model", "heave"}, "heavy");
-  CHECK_THROWS_AS(resolved({}, {own_model<Heavy>("heavy", "", ModelKind::sp, {"e_q"})}), std::logic_error);
+  CHECK_THROWS_AS(HopperOptions({own_model<Rival>("rival", "", ModelKind::sp)}), std::logic_error);
   CHECK_THROWS_AS(resolved({"-factor", "2"}), InputError);  // unknown without the model
 }
 

@@ -11,6 +11,7 @@
 #include <pliant/scenarios/hopper/measurements.h>
 
 #include "support/configurations.h"
+#include "support/model_parameters.h"
 
 namespace pliant::test::measurements_test {
 
@@ -222,7 +223,7 @@ TEST_CASE("quantities of a series whose averages are known", "[measurements]") {
   HopperOptions options;
   options.particles = 40;
   options.dim = GENERATE(2, 3);
-  options.zeta = options.mu = 1;
+  for (const char* name : {"mu", "zeta"}) options.model.set(name, 1.0);
   const auto result = evaluate_series(steady_series(0), options, 0.8);
   const auto value = [&](const char* name) { return result.at(name).at("value").get<Real>(); };
   CHECK(value("Q") == Approx(2));
@@ -238,14 +239,14 @@ TEST_CASE("quantities of a series whose averages are known", "[measurements]") {
   CHECK(result.at("Q_corrected").at("unit") == "sigma_avg^" + d + "/t0");
   CHECK(result.at("orifice_density").at("unit") == "sigma_avg^-" + d);
   CHECK(result.at("orifice_velocity").at("unit") == "sigma_avg/t0");
-  options.mu = 0;
+  options.model.set("mu", 0.0);
   CHECK_FALSE(evaluate_series(steady_series(0), options, 0.8).contains("drag_friction_ratio"));
 }
 
 TEST_CASE("the error of Q_corrected is that of both of its factors", "[measurements]") {
   HopperOptions options;
   options.particles = 40;
-  options.zeta = 1;
+  options.model.set("zeta", 1.0);
   const auto result = evaluate_series(steady_series(0.2), options, 0.8);
   const auto part = [&](const char* name, const char* which) { return result.at(name).at(which).get<Real>(); };
   const Real q = part("Q", "error") / part("Q", "value"),

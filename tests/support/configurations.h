@@ -11,6 +11,7 @@
 #include <pliant/geometry/hopper.h>
 #include <pliant/model/polygon.h>
 
+#include "model_parameters.h"
 #include "random.h"
 #include "taylor.h"
 

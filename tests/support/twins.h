@@ -5,6 +5,7 @@
 #include <pliant/system/particle_system.h>
 #include <pliant/ts/integrator.h>
 
+#include "model_parameters.h"
 #include "support/rows.h"
 
 namespace pliant::test {

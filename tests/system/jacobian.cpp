@@ -3,6 +3,7 @@
 #include <pliant/system/particle_pc.h>
 #include <catch2/catch.hpp>
 
+#include "support/model_parameters.h"
 #include "support/problems.h"
 #include "support/twins.h"
 

@@ -3,6 +3,8 @@
 #include <pliant/catalogue/catalogue.h>
 #include <pliant/system/minimum.h>
 
+#include "support/model_parameters.h"
+
 namespace pliant::test::minimum_test {
 
 namespace {

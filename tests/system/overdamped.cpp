@@ -12,6 +12,7 @@
 #include <pliant/ts/ts_integrator.h>
 
 #include "support/configurations.h"
+#include "support/model_parameters.h"
 #include "support/problems.h"
 
 namespace pliant::test::overdamped_test {

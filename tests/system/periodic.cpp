@@ -13,6 +13,7 @@
 #include <pliant/ts/ts_integrator.h>
 #include <pliant/ts/verlet.h>
 
+#include "support/model_parameters.h"
 #include "support/problems.h"
 #include "support/twins.h"
 

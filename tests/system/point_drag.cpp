@@ -5,6 +5,7 @@
 #include <pliant/system/overdamped.h>
 #include <pliant/ts/ts_integrator.h>
 
+#include "support/model_parameters.h"
 #include "support/problems.h"
 #include "support/twins.h"
 

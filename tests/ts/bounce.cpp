@@ -6,6 +6,7 @@
 #include <pliant/ts/verlet.h>
 
 #include "support/configurations.h"
+#include "support/model_parameters.h"
 
 namespace pliant::test::bounce_test {
 

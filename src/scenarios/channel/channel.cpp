@@ -44,35 +44,6 @@ RunSize size_of(const ChannelOptions& p) {
   return size;
 }
 
-/// The model: all that is known of it here.
-std::unique_ptr<ForceField<2>> make_forces(const ChannelOptions& p) {
-  const BaseParameters base{
-      .gravity = p.gravity, .mu = p.base.at_rest, .mu_dynamic = *p.base.sliding, .coupled = p.base_coupled};
-  if (p.rough()) {
-    Real smallest = std::numeric_limits<Real>::infinity();
-    for (const SizeClass& size : p.sizes) smallest = std::min(smallest, p.edge(size.radius));
-    const Real epsilon = p.stiffness * square(smallest);
-    return make_force_field<2>(ModelKind::rough,
-                               {.epsilon = epsilon,
-                                .epsilon_wall = epsilon / 4,  // over half the distance
-                                .base = base,
-                                .rest_shape = {p.shape_stiffness * p.stiffness, p.outlines}},
-                               Vec<2>::Zero());
-  }
-  return make_force_field<2>(ModelKind::disk,
-                             {.epsilon = p.stiffness,
-                              .epsilon_wall = p.stiffness,
-                              .law = ContactLaw::spring,
-                              .disk = {.mu_disk = p.disk.at_rest,
-                                       .mu_disk_dynamic = *p.disk.sliding,
-                                       .mu_wall = p.wall.at_rest,
-                                       .mu_wall_dynamic = *p.wall.sliding,
-                                       .mu_others = {p.plunger.coefficients()},
-                                       .restitution = p.restitution},
-                              .base = base},
-                             Vec<2>::Zero());
-}
-
 /// Standard step: contacts are followed, and what damps them is stable (docs/reference/steps.md).
 Real standard_step(const CriticalStep& critical) {
   return critical.standard(std::min(0.2 * critical.elastic, 0.5 * critical.damping));
@@ -80,7 +51,8 @@ Real standard_step(const CriticalStep& critical) {
 
 std::unique_ptr<Simulation<2>> make_simulation(const ChannelOptions& p, const Ranks& ranks) {
   constexpr Real first_skin = 0.1;
-  ParticleSystem<2> particles({}, p.channel->walls(), make_forces(p), p.skin.value_or(first_skin), ranks);
+  ParticleSystem<2> particles({}, p.channel->walls(), p.model.force_field(p.surroundings()),
+                              p.skin.value_or(first_skin), ranks);
   if (!p.skin) particles.tune_skin();
   return std::make_unique<Simulation<2>>(make_particles(p), std::move(particles), Sorting::regularly);
 }
@@ -93,10 +65,11 @@ class ChannelProtocol final : public Protocol<2> {
         channel_(*p.channel),
         critical_(particles().field().critical_step(simulation().all())),
         schedule_(p.push, p.dt.value_or(standard_step(critical_))) {
-    outlines_.set_self_crossing({.cure = "raise -shape_stiffness, which holds its outline, or shorten -dt"});
+    outlines_.set_self_crossing(
+        {.cure = fmt::format("raise {}, which holds its outline, or shorten -dt", p.model.option(Role::rest_shape))});
     const Topology& all = simulation().all();
     for (Index m = 0; m < all.particles(); ++m) weight_ += all.points_of(m) * all.point_mass[m];
-    weight_ *= p.gravity;
+    weight_ *= p.gravity();
   }
 
   // --- Before the run
@@ -112,7 +85,7 @@ class ChannelProtocol final : public Protocol<2> {
         p_.rough() ? "rough polygons that cover the areas of disks with" : "disks with", disks, area_fraction(),
         p_.filled_area(), channel_.plungers().size(), p_.push.speed, p_.push.stroke, p_.pushes);
   }
-  std::string model() const override { return p_.rough() ? "rough" : "disk"; }
+  std::string model() const override { return p_.model.name; }
   std::string_view unit_of_time() const override { return "s"; }
   Real first_dt() const override { return schedule_.dt(); }
   Real critical_step() const override { return critical_.limit(); }

@@ -5,6 +5,7 @@
 
 #include <pliant/base/errors.h>
 #include <pliant/base/text.h>
+#include <pliant/model/contact_laws.h>
 #include <pliant/setup/polylines.h>
 
 namespace pliant {
@@ -55,7 +56,17 @@ std::vector<Vec<2>> parse_places(const std::string& text) {
 
 }  // namespace
 
-ChannelOptions::ChannelOptions() { frame_interval = never; }
+ChannelOptions::ChannelOptions()
+    : model({catalogue_model(ModelKind::disk), catalogue_model(ModelKind::rough)},
+            {.substrate = true,
+             .rest_outlines = true,
+             .materials = {"plunger"},
+             .usual_dynamic_friction = 0.3}) {  // of acrylic on acrylic and on aluminium [T 3.2]
+  frame_interval = never;
+  for (const Role role : {Role::contact_energy, Role::wall_energy, Role::contact_law}) model.keep(role);
+  constexpr Real earth = 981;
+  model.set_default(Role::normal_gravity, earth);
+}
 
 void ChannelOptions::bind(Options& o) {
   constexpr auto fixed = OnRestart::fixed;
@@ -108,9 +119,7 @@ void ChannelOptions::bind(Options& o) {
           .on_restart = fixed});
   o.bind("seed", seed, {.help = "seed of the places at the start", .min = 0, .on_restart = fixed});
 
-  o.group("Model");
-  o.bind("model", model, {{"disk", ChannelModel::disk}, {"rough", ChannelModel::rough}},
-         {.help = "disks that rotate, or rough polygons that keep their shape", .on_restart = fixed});
+  model.bind(o, UnitSystem::cgs());
   o.bind("shape", shape.kind, {{"ellipse", OutlineKind::ellipse}, {"rod", OutlineKind::rod}},
          {.help = "-model rough: shape of the polygons, which cover the areas of the disks", .on_restart = fixed});
   o.bind("aspect", shape.aspect, {.help = "-model rough: length over width", .min = 1, .max = 20, .on_restart = fixed});
@@ -125,32 +134,7 @@ void ChannelOptions::bind(Options& o) {
           .min = 6,
           .max = 1000,
           .on_restart = fixed});
-  o.bind("shape_stiffness", shape_stiffness,
-         {.help = "-model rough: stiffness that holds a vertex in its place of the shape, over -stiffness",
-          .min = 0,
-          .min_open = true,
-          .on_restart = fixed});
-  disk.bind(o, "mu_disk", "static friction of disks with each other");
-  wall.bind(o, "mu_wall", "static friction of disks with walls");
-  o.bind("mu_plunger", mu_plunger,
-         {.help = "static friction of disks with plungers",
-          .min = 0,
-          .max = 10,
-          .automatic = "that of walls",
-          .on_restart = fixed});
-  plunger.bind_sliding(o, "mu_plunger", "", "; without -mu_plunger that of walls");
-  base.bind(o, "mu_base", "static friction with the base that all lie on");
-  o.bind(
-      "base_coupled", base_coupled,
-      {.help =
-           "friction with the base couples sliding and spinning, as under uniform pressure; no: each has its own limit",
-       .on_restart = fixed});
   o.bind("stiffness", stiffness, positive("stiffness of contacts, the same for all sizes", "g/s^2"));
-  o.bind(
-      "restitution", restitution,
-      {.help = "coefficient of restitution of a collision", .min = 0, .max = 1, .min_open = true, .on_restart = fixed});
-  o.bind("gravity", gravity,
-         {.help = "gravity, which presses the disks on the base", .unit = "cm/s^2", .min = 0, .on_restart = fixed});
 
   o.group("Plungers");
   o.bind("pushes", pushes, {.help = "number of pushes, one plunger after the other", .min = 1, .max = 1e6});
@@ -211,11 +195,12 @@ void ChannelOptions::resolve() {
   if (channel->plungers().empty())
     throw InputError("-outline without plungers; name the sides that are plungers with -plungers x,y;x,y");
   channel->check_stroke(push.stroke);
-  if (gravity == 0 && jam_force > 0)
+  if (gravity() == 0 && jam_force > 0)
     throw InputError(
-        "-gravity 0: -jam_force {:g} counts the weight of all disks, which is 0; set -jam_force 0, so that overlaps "
-        "alone are a jam",
-        jam_force);
+        "{} 0: -jam_force {:g} counts the weight of all disks, which is 0; set -jam_force 0, so that overlaps alone "
+        "are "
+        "a jam",
+        model.option(Role::normal_gravity), jam_force);
   if (shear != 0 && (kind != ChannelKind::straight || !outline.empty()))
     throw InputError("-shear {:g}: only the walls of -geometry straight can move along themselves; leave it out",
                      shear);
@@ -245,16 +230,22 @@ void ChannelOptions::resolve() {
           "{0}s of a radius of {1:g} cm and a plunger that is {2:g} cm wide; use smaller {0}s or a wider channel",
           particle(), largest, p.width());
 
-  plunger.at_rest = mu_plunger.value_or(wall.at_rest);
-  disk.resolve("mu_disk");
-  wall.resolve("mu_wall");
-  if (!mu_plunger && !plunger.sliding) plunger.sliding = wall.sliding;
-  plunger.resolve("mu_plunger");
-  base.resolve("mu_base");
+  Real contact = stiffness, wall = stiffness;
+  if (rough()) {
+    Real smallest = std::numeric_limits<Real>::infinity();
+    for (const SizeClass& of : sizes) smallest = std::min(smallest, edge(of.radius));
+    contact = stiffness * square(smallest);
+    wall = contact / 4;  // over half the distance
+  }
+  model.set(Role::contact_energy, contact);
+  model.set(Role::wall_energy, wall);
+  model.set(Role::contact_law, to_string(rough() ? ContactLaw::harmonic : ContactLaw::spring));
+  model.resolve(surroundings());
   sample_interval = sample_travel / push.speed;
 }
 
 void ChannelOptions::refuse_unread(const Options& o) const {
+  model.refuse_unread(o);
   const auto refuse = [&](const std::string& name, const std::string& other) {
     if (o.given(name)) throw InputError("-{} with -{}, which takes its place; leave one of them out", name, other);
   };
@@ -265,15 +256,9 @@ void ChannelOptions::refuse_unread(const Options& o) const {
     for (const char* name : {"shape", "aspect"}) refuse(name, "shape_outline");
   const auto refuse_all = [&](std::initializer_list<const char*> names, const char* why) {
     for (const char* name : names)
-      if (o.given(name))
-        throw InputError("-{} with -model {}: {}; leave it out", name, rough() ? "rough" : "disk", why);
+      if (o.given(name)) throw InputError("-{} with -model {}: {}; leave it out", name, model.name, why);
   };
-  if (rough())
-    refuse_all({"mu_disk", "mu_disk_dynamic", "mu_wall", "mu_wall_dynamic", "mu_plunger", "mu_plunger_dynamic",
-                "restitution", "base_coupled"},
-               "polygons rub by the disks on their vertices, which are smooth, and lose energy on the base alone");
-  else
-    refuse_all({"shape", "aspect", "shape_outline", "n_vertices", "shape_stiffness"}, "disks have one shape");
+  if (!rough()) refuse_all({"shape", "aspect", "shape_outline", "n_vertices"}, "disks have one shape");
 }
 
 Index ChannelOptions::vertices(Real radius) const {

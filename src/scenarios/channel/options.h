@@ -7,19 +7,17 @@
 #include <vector>
 
 #include <pliant/base/options.h>
+#include <pliant/catalogue/model_choice.h>
 #include <pliant/model/rest_shape.h>
 #include <pliant/run/options.h>
 #include <pliant/scenarios/channel/channel_shape.h>
 #include <pliant/scenarios/channel/distributions.h>
 #include <pliant/scenarios/channel/push_schedule.h>
-#include <pliant/scenarios/disks/friction_options.h>
 #include <pliant/setup/rest_outlines.h>
 
 namespace pliant {
 
 enum class OnJam { proceed, end };
-/// disk: frictional disks; rough: stiff polygons of any outline, whose friction is from the disks on their vertices.
-enum class ChannelModel { disk, rough };
 
 /// As given by the user; `resolve` fills in what is automatic. Units: cm, g, s.
 struct ChannelOptions : RunOptions {
@@ -36,19 +34,14 @@ struct ChannelOptions : RunOptions {
   Real density = 1.19, thickness = 0.29;
   Real start_overlap = 1e-4;
 
-  ChannelModel model = ChannelModel::disk;
+  /// disk: frictional disks; rough: stiff polygons of any outline, whose friction is from the disks on their vertices.
+  ModelChoice model;
   OutlineShape shape{.kind = OutlineKind::ellipse, .aspect = 2};
   std::string shape_outline;  ///< of a file; empty: of `shape`
   Index n_vertices = 16;      ///< of the smallest polygons; larger ones have as many more as they are larger
-  Real shape_stiffness = 1;   ///< over that of contacts
   std::shared_ptr<const RestOutlines> outlines;  ///< made of these by `resolve`
 
-  static constexpr Real usual_sliding = 0.3;  ///< of acrylic on acrylic and on aluminium [T 3.2]
-  FrictionOptions disk{0.4, {}, usual_sliding}, wall{0.4, {}, usual_sliding}, base{0.5, {}, usual_sliding};
-  std::optional<Real> mu_plunger;
-  FrictionOptions plunger{0, {}, usual_sliding};  ///< at rest: of these by `resolve`
-  bool base_coupled = true;
-  Real stiffness = 2e7, restitution = 0.5, gravity = 981;
+  Real stiffness = 2e7;  ///< of contacts with particles and walls
 
   Index pushes = 10;
   PushOptions push;
@@ -69,7 +62,11 @@ struct ChannelOptions : RunOptions {
   Real filled_area() const;
   /// g; of what covers the area of a disk.
   Real mass(Real radius) const { return density * thickness * pi * square(radius); }
-  bool rough() const { return model == ChannelModel::rough; }
+  bool rough() const { return model.deformable(); }
+  Real gravity() const { return model.value(Role::normal_gravity); }
+  Surroundings<2> surroundings() const {
+    return {.substrate = true, .rest_outlines = outlines, .rest_stiffness = stiffness};
+  }
   /// "disk" or "polygon"
   const char* particle() const { return rough() ? "polygon" : "disk"; }
   /// How many vertices a polygon has that covers the area of a disk, and the length of its edges in cm.

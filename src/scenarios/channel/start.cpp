@@ -9,6 +9,7 @@
 #include <pliant/base/errors.h>
 #include <pliant/base/rng.h>
 #include <pliant/catalogue/catalogue.h>
+#include <pliant/catalogue/parameter_values.h>
 #include <pliant/model/polygon.h>
 #include <pliant/setup/rest_outlines.h>
 #include <pliant/setup/streams.h>
@@ -78,8 +79,8 @@ void relax_polygons(Topology polygons, const std::shared_ptr<const RestOutlines>
   ParticleSystem<2> system(
       std::move(polygons), walls,
       make_force_field<2>(ModelKind::rough,
-                          {.epsilon = epsilon, .epsilon_wall = epsilon / 4, .rest_shape = {1, outlines}},
-                          Vec<2>::Zero()),
+                          ParameterValues{{Role::contact_energy, epsilon}, {Role::wall_energy, epsilon / 4}},
+                          {.rest_outlines = outlines}),
       smallest);
   FireOptions options;
   options.dt = 0.1;

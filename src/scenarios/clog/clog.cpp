@@ -47,8 +47,9 @@ class ClogProtocol final : public DropletProtocol {
       : ClogProtocol(p, ranks, draw_radii(p.radii, p.n, static_cast<std::uint64_t>(p.seed))) {}
 
   std::string title() const override {
-    return fmt::format("clog: {} droplets, w/d = {:g}, angle {:g}, g = {:g}, phi_c = {:g}, capillary length {:.4g} R",
-                       p_.n, p_.width, p_.angle, p_.g, p_.phi_c, delta_);
+    return fmt::format(
+        "clog: {} droplets, w/d = {:g}, angle {:g}, g = {:g}, depletion energy {:g}, capillary length {:.4g} R", p_.n,
+        p_.width, p_.angle, p_.g, p_.model.value(Role::attraction), delta_);
   }
 
   Real last_time() const override { return *p_.t_end; }
@@ -136,7 +137,7 @@ class ClogProtocol final : public DropletProtocol {
                          .integration = {.type = "ssp"}}),
         p_(p),
         radii_(std::move(radii)),
-        delta_(capillary_length(p.model_parameters(), p.g)) {}
+        delta_(capillary_length(p.depletion(), p.g)) {}
 
   static constexpr std::int64_t check_every = 16, minimum_every = 256;  ///< steps; a search costs as much as some 60
   static constexpr Real slow = 0.01;  ///< of a falling droplet's speed: no need to search before
@@ -173,7 +174,7 @@ class ClogProtocol final : public DropletProtocol {
       if (!pushing || c.force.dot(c.normal) > 1e-3 * p_.g) found.pairs.emplace_back(c.first, c.second);
     });
     for (const auto [i, k] : s.neighbours.walls) {
-      const Real reach = radius(i) + (pushing ? 0 : 2 * p_.a_s);
+      const Real reach = radius(i) + (pushing ? 0 : p_.attraction_range());
       if (k < 2 && s.walls.distance(s.position(i), k, s.t) < reach) (k == 0 ? found.left : found.right).push_back(i);
     }
     return found;
@@ -241,8 +242,8 @@ std::vector<Real> fill_wedge(const ClogOptions& p, const std::vector<Real>& radi
   return x;
 }
 
-Real capillary_length(const ModelParameters& p, Real g) {
-  const Real force = DepletionLaw{p.phi_c, p.a_s}.at(droplets_at_rest(p, 1, 1).distance, 1, 1).slope;
+Real capillary_length(const Depletion<2>& depletion, Real g) {
+  const Real force = depletion.law.at(droplets_at_rest(depletion.repulsion, depletion.law, 1, 1).distance, 1, 1).slope;
   return std::sqrt(force / (pi * g));
 }
 

@@ -16,6 +16,6 @@ std::vector<Real> fill_wedge(const ClogOptions& p, const std::vector<Real>& radi
 
 /// The granular capillary length δ = sqrt(F_c/(π R ρ g)) of two droplets of the mean radius, in ⟨R⟩; F_c is the force
 /// of the depletion at their equilibrium distance [T 4.9, 4.10].
-Real capillary_length(const ModelParameters& p, Real g);
+Real capillary_length(const Depletion<2>& depletion, Real g);
 
 }  // namespace pliant

@@ -9,6 +9,8 @@ constexpr auto fixed = OnRestart::fixed;
 
 }  // namespace
 
+DropletOptions::DropletOptions() : model({catalogue_model(ModelKind::bubble)}) { model.keep(Role::mean_radius); }
+
 void DropletOptions::bind_model(Options& o) {
   const std::string radius = "R, the mean radius of the droplets, is the unit of length: leave it out";
   o.explain_units({{"R", radius},
@@ -16,12 +18,7 @@ void DropletOptions::bind_model(Options& o) {
                    {"radius", radius},
                    {"rho", "rho is 1 in these units: leave it out"},
                    {"t0", "t0 = b R/force is the unit of time: leave it out"}});
-  o.group("Model");
-  o.bind("phi_c", phi_c, {.help = "depletion energy phi_c", .unit = "F R", .min = 0, .max = 1, .on_restart = fixed});
-  o.bind(
-      "a_s", a_s,
-      {.help = "radius a_s of the depletant", .unit = "R", .min = 0, .max = 1, .min_open = true, .on_restart = fixed});
-  o.bind("f0", f0, {.help = "contact force f0", .unit = "F", .min = 0, .min_open = true, .on_restart = fixed});
+  model.bind(o, UnitSystem::droplets());
   o.bind("b", b,
          {.help = "viscosity b of drag and of friction between neighbours",
           .unit = "F t0/R",

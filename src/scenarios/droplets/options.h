@@ -3,7 +3,8 @@
 
 #include <optional>
 
-#include <pliant/catalogue/catalogue.h>
+#include <pliant/catalogue/model_choice.h>
+#include <pliant/model/depletion.h>
 #include <pliant/run/options.h>
 #include <pliant/setup/particles.h>
 #include <pliant/system/neighbour_drag.h>
@@ -15,7 +16,10 @@ enum class DropletIntegrator { ts };
 /// Units: ⟨R⟩ = b = 1, so that forces are in those of f0 and times in t0 = b ⟨R⟩/force. A scenario sets its own
 /// defaults before it binds.
 struct DropletOptions : RunOptions {
-  Real phi_c = 1e-4, a_s = 0.05, f0 = 10, b = 1;
+  DropletOptions();
+
+  ModelChoice model;
+  Real b = 1;
   Coupling mobility = Coupling::exact;
   RadiusDistribution radii;
   DropletIntegrator integrator = DropletIntegrator::ts;
@@ -23,8 +27,12 @@ struct DropletOptions : RunOptions {
   std::optional<Real> dt;
   std::optional<Real> t_end;
 
-  ModelParameters model_parameters() const { return {.f0 = f0, .phi_c = phi_c, .a_s = a_s}; }
-  NeighbourDragOptions drag_options() const { return {.b = b, .beyond_contact = 2 * a_s, .coupling = mobility}; }
+  Depletion<2> depletion() const { return model.term(Depletion<2>{}); }
+  /// How far beyond contact the attraction acts.
+  Real attraction_range() const { return depletion().range(); }
+  NeighbourDragOptions drag_options() const {
+    return {.b = b, .beyond_contact = attraction_range(), .coupling = mobility};
+  }
 
  protected:
   void bind_model(Options& options);     ///< the group "Model"

@@ -16,8 +16,7 @@ enum { work, dissipated };  // integrated quantities
 
 ParticleSystem<2> make_particles(const DropletOptions& p, const DropletSetup& setup, Topology droplets,
                                  const Ranks& ranks) {
-  return {std::move(droplets), setup.walls, make_force_field<2>(ModelKind::bubble, p.model_parameters(), setup.gravity),
-          p.skin, ranks};
+  return {std::move(droplets), setup.walls, p.model.force_field<2>({.gravity = setup.gravity}), p.skin, ranks};
 }
 
 std::unique_ptr<Simulation<2>> make_simulation(const DropletOptions& p, const DropletSetup& setup, const Ranks& ranks) {
@@ -40,8 +39,9 @@ std::unique_ptr<Simulation<2>> make_simulation(const DropletOptions& p, const Dr
 Real fastest_rate(const DropletOptions& p, const DropletSetup& setup) {
   const std::vector<Real>& diameter = setup.droplets.diameter;
   const Real least = *std::min_element(diameter.begin(), diameter.end()) / 2, walls = setup.walls_at_once;
-  const Real pairs = p.f0 / (2 * least),
-             wall = walls * p.f0 * p.model_parameters().mean_radius / square(least) / (setup.walls_rub ? 1 + walls : 1);
+  const Real force = p.model.value(Role::contact_force), pairs = force / (2 * least),
+             wall =
+                 walls * force * p.model.value(Role::mean_radius) / square(least) / (setup.walls_rub ? 1 + walls : 1);
   return std::max(pairs, wall) / p.b;
 }
 

@@ -1,66 +1,121 @@
+#include <pliant/catalogue/parameter_table.h>
 #include <pliant/geometry/container.h>
+#include <pliant/model/depletion.h>
 #include <pliant/model/polygon.h>
 #include <pliant/scenarios/evaluate/case_input.h>
 
 #include <algorithm>
 #include <array>
+#include <string>
 
 namespace pliant {
 namespace {
 
 using Keys = std::vector<std::string_view>;
 
-const std::array<std::string_view, 5> model_names{"SP", "DP", "DP-rough", "DP-smooth", "bubble"};
-const std::array<ModelKind, 5> model_kinds{ModelKind::sp, ModelKind::shape, ModelKind::rough, ModelKind::smooth,
-                                           ModelKind::bubble};
+/// A model as files name it.
+struct ModelName {
+  std::string_view name;
+  ModelKind kind;
+  bool old = false;  ///< an older name: rules that have a form printed in [H] have it by default
+};
+constexpr std::array<ModelName, 9> model_names{{{"sp", ModelKind::sp},
+                                                {"shape", ModelKind::shape},
+                                                {"rough", ModelKind::rough},
+                                                {"smooth", ModelKind::smooth},
+                                                {"bubble", ModelKind::bubble},
+                                                {"SP", ModelKind::sp, true},
+                                                {"DP", ModelKind::shape, true},
+                                                {"DP-rough", ModelKind::rough, true},
+                                                {"DP-smooth", ModelKind::smooth, true}}};
 
+/// Keys that are no parameters of terms.
 Keys keys_of(ModelKind kind) {
-  Keys polygon{"dim", "vertices", "a0", "l0", "ka", "kl", "kb", "area_energy", "bending_edges"};
+  const Keys polygon{"dim", "vertices", "a0", "l0"};
   if (kind == ModelKind::shape) return polygon;
-  if (kind == ModelKind::bubble)
-    return {"dim",    "positions", "R",   "f0",    "phi_c", "a_s",          "b",
-            "R_mean", "g",         "rho", "walls", "wedge", "wall_friction"};
-  Keys keys{"velocities", "mass", "rho",  "eps_w",   "wall_diameter", "mu",
-            "friction",   "zeta", "drag", "gravity", "hopper"};
+  if (kind == ModelKind::bubble) return {"dim", "positions", "R", "b", "g", "rho", "walls", "wedge", "wall_friction"};
+  Keys keys{"velocities", "mass", "rho", "gravity", "hopper"};
   const auto add = [&](const Keys& more) { keys.insert(keys.end(), more.begin(), more.end()); };
   if (kind == ModelKind::sp) {
-    add({"dim", "positions", "sigma", "eps_sp", "hopper3d", "contact_law"});
+    add({"dim", "positions", "sigma", "hopper3d"});
   } else {
     add(polygon);
-    add({"delta", "eps_c", "shape_terms", "friction_point", "lip_contact", "self_contact"});
-    if (kind == ModelKind::rough) add({"rough_contact"});
-    if (kind == ModelKind::smooth) add({"contact_law", "edge_force"});
+    add({"delta", "shape_terms"});
   }
   return keys;
 }
 
-/// One of these.
-ContactLaw contact_law(const CaseValue& inputs, std::initializer_list<std::string_view> names) {
-  const CaseValue law = inputs["contact_law"];
-  const std::vector<std::string_view> laws(names);
-  const std::string_view name = law.present() ? laws[law.choice(laws)] : "harmonic";
-  for (const ContactLaw known : {ContactLaw::hertz, ContactLaw::barrier, ContactLaw::linear})
-    if (name == to_string(known)) return known;
-  return ContactLaw::harmonic;
+ParameterTable parameters_of(ModelKind kind) {
+  ParameterTable table;
+  table.declare(catalogue_model(kind));
+  return table;
 }
 
-/// The value that a key names; the first one where it is absent.
-template <class E>
-E one_of(const CaseValue& key, const std::array<std::string_view, 2>& names, const std::array<E, 2>& values) {
-  return values[key.present() ? key.choice(names) : 0];
+/// With those of the parameters.
+Keys all_keys(ModelKind kind, const ParameterTable& table) {
+  Keys keys = keys_of(kind);
+  for (const ParameterTable::Entry& entry : table.entries()) {
+    keys.push_back(entry.name);
+    if (!entry.alias.empty()) keys.push_back(entry.alias);
+  }
+  return keys;
 }
 
 /// A key of another model may stand there as null.
-void check_keys(const CaseValue& inputs, std::size_t model) {
-  Keys all;
-  for (const ModelKind kind : model_kinds)
-    for (const std::string_view key : keys_of(kind))
+void check_keys(const CaseValue& inputs, const ModelName& model) {
+  std::vector<ParameterTable> tables;
+  Keys all, own;
+  for (const ModelKind kind : {ModelKind::sp, ModelKind::shape, ModelKind::rough, ModelKind::smooth, ModelKind::bubble})
+    tables.push_back(parameters_of(kind));
+  for (std::size_t k = 0; k < tables.size(); ++k) {
+    const Keys keys = all_keys(model_names[k].kind, tables[k]);
+    if (model_names[k].kind == model.kind) own = keys;
+    for (const std::string_view key : keys)
       if (std::find(all.begin(), all.end(), key) == all.end()) all.push_back(key);
+  }
   inputs.check_keys(all);
-  const Keys own = keys_of(model_kinds[model]);
   for (const std::string& key : inputs.keys())
     if (inputs[key].present() && std::find(own.begin(), own.end(), key) == own.end())
-      inputs[key].fail("means nothing to model {}; remove it or set it to null", model_names[model]);
+      inputs[key].fail("means nothing to model {}; remove it or set it to null", model.name);
+}
+
+Real number_in_range(const CaseValue& value, const ParameterTable::Entry& entry) {
+  const Real number = value.number(entry.min_open ? Sign::positive : Sign::not_negative);
+  if (number > entry.max) value.fail("is {}, but must be at most {}", number, entry.max);
+  return number;
+}
+
+ParameterValues::Value value_of(const CaseValue& value, const ParameterTable::Entry& entry) {
+  switch (entry.kind) {
+    case ParameterTable::Kind::flag:
+      return value.flag_or(entry.flag) ? 1.0 : 0.0;
+    case ParameterTable::Kind::choice: {
+      const std::vector<std::string> names = entry.choices();
+      return names[value.choice(Keys(names.begin(), names.end()))];
+    }
+    default:
+      return number_in_range(value, entry);
+  }
+}
+
+/// old_names: gets "ka (k_a)" for each key that is an alias.
+ParameterValues read_parameters(const CaseValue& inputs, const ModelName& model, std::vector<std::string>& old_names) {
+  ParameterValues values;
+  const ParameterTable table = parameters_of(model.kind);
+  for (const ParameterTable::Entry& entry : table.entries()) {
+    CaseValue value = inputs[entry.name];
+    if (!entry.alias.empty())
+      if (const CaseValue alias = inputs[entry.alias]; alias.present()) {
+        if (value.present()) alias.fail("is an older name of {}, which the file has too; remove it", entry.name);
+        old_names.push_back(fmt::format("{} ({})", entry.alias, entry.name));
+        value = alias;
+      }
+    if (value.present())
+      values.set(entry.name, value_of(value, entry));
+    else if (model.old && !entry.printed.empty())
+      values.set(entry.name, entry.printed);
+  }
+  return values;
 }
 
 template <int D>
@@ -86,14 +141,6 @@ Walls<D> read_walls(const CaseValue& inputs) {
 /// What all models with contacts share.
 template <int D>
 void read_surroundings(const CaseValue& inputs, EvaluatedCase<D>& c) {
-  c.parameters.epsilon_wall = inputs["eps_w"].number_or(c.parameters.epsilon_wall, Sign::not_negative);
-  c.parameters.wall_diameter = inputs["wall_diameter"].number_or(0, Sign::not_negative);
-  c.parameters.mu = inputs["mu"].number_or(0, Sign::not_negative);
-  c.parameters.friction =
-      one_of(inputs["friction"], {"whole", "tangential"}, std::array{Friction::whole, Friction::tangential});
-  c.parameters.zeta = inputs["zeta"].number_or(0, Sign::not_negative);
-  c.parameters.drag =
-      one_of(inputs["drag"], {"per_particle", "per_mass"}, std::array{DragLaw::per_particle, DragLaw::per_mass});
   if (const CaseValue gravity = inputs["gravity"]; gravity.present()) c.gravity = gravity.vector<D>();
   c.walls = read_walls<D>(inputs);
 }
@@ -138,15 +185,26 @@ void check_outline(const CaseValue& vertices, const EvaluatedCase<2>& c, Index m
 
 }  // namespace
 
-ModelKind read_model(const CaseValue& model, const CaseValue& inputs) {
-  const std::size_t i = model.choice(model_names);
-  check_keys(inputs, i);
-  return model_kinds[i];
+CaseModel read_model(const CaseValue& model, const CaseValue& inputs) {
+  Keys names;
+  for (const ModelName& one : model_names) names.push_back(one.name);
+  const ModelName& own = model_names[model.choice(names)];
+  check_keys(inputs, own);
+  std::vector<std::string> old_names;
+  CaseModel result{own.kind, read_parameters(inputs, own, old_names)};
+  if (own.old)
+    old_names.push_back(fmt::format("{} ({}, whose contacts and friction are by default not as printed in [H])",
+                                    own.name, to_string(own.kind)));
+  if (!old_names.empty())
+    result.remark = fmt::format("{}: has names of older versions; those of runs are in brackets: {}", model.path(),
+                                fmt::join(old_names, ", "));
+  return result;
 }
 
 template <int D>
-EvaluatedCase<D> read_soft(const CaseValue& inputs) {
+EvaluatedCase<D> read_soft(const CaseValue& inputs, const ParameterValues& parameters) {
   EvaluatedCase<D> c;
+  c.parameters = parameters;
   c.kind = ModelKind::sp;
   c.topology.dim = D;
   const CaseValue positions = inputs["positions"], velocities = inputs["velocities"], sigma = inputs["sigma"],
@@ -163,18 +221,17 @@ EvaluatedCase<D> read_soft(const CaseValue& inputs) {
     append<D>(c.x, positions[m].vector<D>());
     append<D>(c.v, velocities.present() ? velocities[m].vector<D>() : Vec<D>(Vec<D>::Zero()));
   }
-  c.parameters.epsilon = inputs["eps_sp"].number(Sign::not_negative);
-  c.parameters.law = contact_law(inputs, {"harmonic", "hertz", "linear"});
   read_surroundings(inputs, c);
   return c;
 }
 
-template EvaluatedCase<2> read_soft<2>(const CaseValue&);
-template EvaluatedCase<3> read_soft<3>(const CaseValue&);
+template EvaluatedCase<2> read_soft<2>(const CaseValue&, const ParameterValues&);
+template EvaluatedCase<3> read_soft<3>(const CaseValue&, const ParameterValues&);
 
 template <int D>
-EvaluatedCase<D> read_droplets(const CaseValue& inputs) {
+EvaluatedCase<D> read_droplets(const CaseValue& inputs, const ParameterValues& parameters) {
   EvaluatedCase<D> c;
+  c.parameters = parameters;
   c.kind = ModelKind::bubble;
   c.topology.dim = D;
   const CaseValue positions = inputs["positions"], radius = inputs["R"];
@@ -187,26 +244,21 @@ EvaluatedCase<D> read_droplets(const CaseValue& inputs) {
     append<D>(c.x, positions[m].vector<D>());
   }
   c.v.resize(c.x.size());
-  ModelParameters& p = c.parameters;
-  p.f0 = inputs["f0"].number_or(p.f0, Sign::not_negative);
-  p.phi_c = inputs["phi_c"].number_or(p.phi_c, Sign::not_negative);
-  p.a_s = inputs["a_s"].number_or(p.a_s, Sign::positive);
-  p.mean_radius = inputs["R_mean"].number_or(p.mean_radius, Sign::positive);
   c.gravity = -inputs["g"].number_or(0) * Vec<D>::Unit(D - 1);
   c.walls = read_solids<D>(inputs);
   c.mobility.b = inputs["b"].number_or(c.mobility.b, Sign::positive);
-  c.mobility.beyond_contact = 2 * p.a_s;
+  c.mobility.beyond_contact = configured(c.parameters, Depletion<D>{}).range();
   c.mobility.walls = inputs["wall_friction"].flag_or(false);
   return c;
 }
 
-template EvaluatedCase<2> read_droplets<2>(const CaseValue&);
-template EvaluatedCase<3> read_droplets<3>(const CaseValue&);
+template EvaluatedCase<2> read_droplets<2>(const CaseValue&, const ParameterValues&);
+template EvaluatedCase<3> read_droplets<3>(const CaseValue&, const ParameterValues&);
 
-EvaluatedCase<2> read_polygons(const CaseValue& inputs, ModelKind kind) {
+EvaluatedCase<2> read_polygons(const CaseValue& inputs, const CaseModel& model) {
   EvaluatedCase<2> c;
-  c.kind = kind;
-  ModelParameters& p = c.parameters;
+  c.kind = model.kind;
+  c.parameters = model.parameters;
   if (const CaseValue dim = inputs["dim"]; dim.number_or(2) != 2) dim.fail("must be 2 for polygons");
 
   const CaseValue vertices = inputs["vertices"], velocities = inputs["velocities"];
@@ -216,7 +268,7 @@ EvaluatedCase<2> read_polygons(const CaseValue& inputs, ModelKind kind) {
   for (const CaseValue* optional : {&delta, &mass, &velocities})
     if (optional->present()) optional->check_size(n, "particle");
   const Real rho = inputs["rho"].number_or(1, Sign::positive);
-  const Real width = kind == ModelKind::smooth ? 0.1 : 1;  // δ/l0 of [H 9, App. A]
+  const Real width = model.kind == ModelKind::smooth ? 0.1 : 1;  // δ/l0 of [H 9, App. A]
   for (std::size_t m = 0; m < n; ++m) {
     const std::size_t count = vertices[m].size();
     if (count < 3) vertices[m].fail("has {} vertices, but a polygon needs at least 3", count);
@@ -232,22 +284,11 @@ EvaluatedCase<2> read_polygons(const CaseValue& inputs, ModelKind kind) {
     check_outline(vertices[m], c, static_cast<Index>(m));
   }
 
-  if (inputs["shape_terms"].flag_or(true)) {
-    p.k_a = inputs["ka"].number(Sign::not_negative);
-    p.k_l = inputs["kl"].number(Sign::not_negative);
-    p.k_b = inputs["kb"].number(Sign::not_negative);
-  }
-  p.area_energy =
-      one_of(inputs["area_energy"], {"absolute", "relative"}, std::array{AreaEnergy::absolute, AreaEnergy::relative});
-  p.bending_edges = one_of(inputs["bending_edges"], {"unit", "full"}, std::array{EdgeVectors::unit, EdgeVectors::full});
-  p.edge_force = one_of(inputs["edge_force"], {"single", "twofold"}, std::array{EdgeForce::single, EdgeForce::twofold});
-  p.epsilon = inputs["eps_c"].number_or(1e4, Sign::not_negative);
-  p.law = contact_law(inputs, {"harmonic", "hertz", "barrier"});
-  p.friction_point = one_of(inputs["friction_point"], {"vertex", "contact"},
-                            std::array{FrictionPoint::vertex, FrictionPoint::contact});
-  p.lip_edges = one_of(inputs["lip_contact"], {"literal", "edge"}, std::array{false, true});
-  p.self_contact = inputs["self_contact"].flag_or(false);
-  p.rough_edges = one_of(inputs["rough_contact"], {"literal", "edge"}, std::array{false, true});
+  const ParameterTable table = parameters_of(model.kind);
+  if (!inputs["shape_terms"].flag_or(true))
+    for (const ParameterTable::Entry& entry : table.entries())
+      for (const Role role : {Role::area, Role::perimeter, Role::bending})
+        if (entry.role == role) c.parameters.set(entry.name, 0.0);
   read_surroundings(inputs, c);
   return c;
 }

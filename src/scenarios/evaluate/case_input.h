@@ -1,9 +1,11 @@
 // Reads the configuration that `pliant evaluate` computes.
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include <pliant/catalogue/catalogue.h>
+#include <pliant/catalogue/parameter_values.h>
 #include <pliant/geometry/walls.h>
 #include <pliant/scenarios/evaluate/case_value.h>
 #include <pliant/system/neighbour_drag.h>
@@ -14,7 +16,7 @@ namespace pliant {
 template <int D>
 struct EvaluatedCase {
   ModelKind kind;
-  ModelParameters parameters;
+  ParameterValues parameters;
   NeighbourDragOptions mobility;  ///< of droplets
   Vec<D> gravity = Vec<D>::Zero();
   Walls<D> walls;
@@ -22,19 +24,27 @@ struct EvaluatedCase {
   std::vector<Real> x, v;
 };
 
-/// The model that the field names. The keys of `inputs` must belong to it; a key of another model may stand there as
-/// null. Errors, here and below: InputError that names the key.
-ModelKind read_model(const CaseValue& model, const CaseValue& inputs);
+/// The model of a case and the values of its parameters.
+struct CaseModel {
+  ModelKind kind;
+  ParameterValues parameters;
+  std::string remark = {};  ///< older names that the case has
+};
+
+/// The model that the field `model` names, and the parameters among `inputs`. Older names of models have the rules that
+/// [H] prints as defaults; the remark has them and older names of keys. The keys of `inputs` must belong to the model;
+/// a key of another model may stand there as null. Errors, here and below: InputError that names the key.
+CaseModel read_model(const CaseValue& model, const CaseValue& inputs);
 
 /// Soft particles in D dimensions.
 template <int D>
-EvaluatedCase<D> read_soft(const CaseValue& inputs);
+EvaluatedCase<D> read_soft(const CaseValue& inputs, const ParameterValues& parameters);
 
 /// Droplets in D dimensions.
 template <int D>
-EvaluatedCase<D> read_droplets(const CaseValue& inputs);
+EvaluatedCase<D> read_droplets(const CaseValue& inputs, const ParameterValues& parameters);
 
 /// Polygons: counter-clockwise, simple, every edge with a length.
-EvaluatedCase<2> read_polygons(const CaseValue& inputs, ModelKind kind);
+EvaluatedCase<2> read_polygons(const CaseValue& inputs, const CaseModel& model);
 
 }  // namespace pliant

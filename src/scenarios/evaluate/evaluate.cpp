@@ -1,6 +1,8 @@
 #include <pliant/base/console.h>
 #include <pliant/base/text.h>
 #include <pliant/model/crossing.h>
+#include <pliant/model/edge_contact.h>
+#include <pliant/model/lip_contact.h>
 #include <pliant/model/polygon.h>
 #include <pliant/scenarios/evaluate/case_input.h>
 #include <pliant/scenarios/evaluate/evaluate.h>
@@ -113,11 +115,12 @@ void check_finite(const std::vector<Real>& values, std::string_view term, const 
 
 template <int D>
 ordered_json results(const EvaluatedCase<D>& c, const std::string& file) {
-  const auto model = make_force_field<D>(c.kind, c.parameters, c.gravity);
+  ParameterValues parameters = c.parameters;
+  const auto model = make_force_field<D>(c.kind, parameters, {.gravity = c.gravity});
   Neighbours<D> neighbours(model->needs(), 0);
   neighbours.rebuild(c.topology, c.walls, c.x.data());
   const StateView<D> s{c.x.data(), c.v.data(), c.topology, neighbours, c.walls};
-  check_directions(s, c.parameters.lip_edges, file);
+  check_directions(s, configured(parameters, LipContact<>{}).with_edges, file);
 
   ordered_json energy = ordered_json::object(), force = ordered_json::object();
   for (const TermReport& term : model->report(s)) {
@@ -204,25 +207,24 @@ json read_case(const std::string& file) {
   }
 }
 
-ordered_json evaluate(const json& document, const std::string& file) {
+ordered_json evaluate(const json& document, const std::string& file, std::string* remark) {
   const CaseValue root(document, file);
   root.check_keys(std::array<std::string_view, 5>{"name", "model", "note", "inputs", "expected"});
   const CaseValue inputs = root["inputs"];
-  const ModelKind kind = read_model(root["model"], inputs);
-  if (kind == ModelKind::sp) {
-    const Real dim = inputs["dim"].number();
-    if (dim == 2) return results(read_soft<2>(inputs), file);
-    if (dim == 3) return results(read_soft<3>(inputs), file);
+  CaseModel model = read_model(root["model"], inputs);
+  if (remark != nullptr) *remark = model.remark;
+  const auto in_dimension = [&](Real dim, auto&& in_plane, auto&& in_space) {
+    if (dim == 2) return results(in_plane(inputs, model.parameters), file);
+    if (dim == 3) return results(in_space(inputs, model.parameters), file);
     inputs["dim"].fail("is {}, but must be 2 or 3", dim);
-  }
-  if (kind == ModelKind::bubble) {
-    const Real dim = inputs["dim"].number_or(2);
-    if (dim == 2) return results(read_droplets<2>(inputs), file);
-    if (dim == 3) return results(read_droplets<3>(inputs), file);
-    inputs["dim"].fail("is {}, but must be 2 or 3", dim);
-  }
-  const EvaluatedCase<2> c = read_polygons(inputs, kind);
-  if (kind == ModelKind::smooth || (kind == ModelKind::rough && c.parameters.rough_edges)) check_crossing(c, file);
+  };
+  if (model.kind == ModelKind::sp) return in_dimension(inputs["dim"].number(), read_soft<2>, read_soft<3>);
+  if (model.kind == ModelKind::bubble)
+    return in_dimension(inputs["dim"].number_or(2), read_droplets<2>, read_droplets<3>);
+  const EvaluatedCase<2> c = read_polygons(inputs, model);
+  if (model.kind == ModelKind::smooth ||
+      (model.kind == ModelKind::rough && configured(model.parameters, EdgeContact<>{0, Edges::bare}).on))
+    check_crossing(c, file);
   return results(c, file);
 }
 
@@ -246,7 +248,9 @@ Scenario evaluate_scenario() {
           if (arguments.size() != 1) throw InputError("{}", usage);
           const std::string& file = arguments[0];
           if (file.starts_with('-')) throw InputError("unknown option {}; {}", file, usage);
-          print_result(to_text(evaluate(read_case(file), file)) + "\n");
+          std::string remark;
+          print_result(to_text(evaluate(read_case(file), file, &remark)) + "\n");
+          if (!remark.empty()) warn("{}", remark);
         });
         return ExitCode::done;
       }};

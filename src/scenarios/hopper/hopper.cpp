@@ -16,7 +16,9 @@
 #include <pliant/base/log.h>
 #include <pliant/io/summary.h>
 #include <pliant/model/bending.h>
+#include <pliant/model/drag.h>
 #include <pliant/model/edge_contact.h>
+#include <pliant/model/lip_contact.h>
 #include <pliant/model/polygon.h>
 #include <pliant/model/wall_contact.h>
 #include <pliant/run/crossing_watch.h>
@@ -48,14 +50,14 @@ template <int D>
 std::unique_ptr<Simulation<D>> make_simulation(const HopperOptions& p, const Ranks& ranks) {
   ParticleSystem<D> particles({}, p.container->walls<D>(), p.force_field<D>(down<D>()), p.first_skin(), ranks);
   if (!p.skin) particles.tune_skin();
-  Topology all = make_particles(p.particle_kind(), D,
+  Topology all = make_particles(p.model.particles(), D,
                                 draw_diameters(p.sizes, p.particles, static_cast<std::uint64_t>(p.seed)), p.shape);
   const Sorting sorting = p.integrator == IntegratorKind::verlet ? Sorting::regularly : Sorting::at_start;
   if (p.dynamics == Dynamics::inertial)
     return std::make_unique<Simulation<D>>(std::move(all), std::move(particles), sorting);
   return std::make_unique<Simulation<D>>(
-      std::move(all), OverdampedSystem<D>(std::move(particles), std::make_unique<PointDrag<D>>(*p.zeta, p.drag)),
-      sorting);
+      std::move(all),
+      OverdampedSystem<D>(std::move(particles), std::make_unique<PointDrag<D>>(p.model.term(Drag<D>{}))), sorting);
 }
 
 /// Of the series and of the summary.
@@ -90,42 +92,45 @@ class HopperProtocol final : public Protocol<D> {
       lightest = std::min(lightest, mass);
       heaviest = std::max(heaviest, mass);
     }
-    if (p.drag == DragLaw::per_mass) lightest = heaviest = average_mass<D>;  // drag acts as if all had it
+    if (p.drag_per_mass()) lightest = heaviest = average_mass<D>;  // drag acts as if all had it
     dt_ = p.dt.value_or(critical.standard(
         std::min({1e-3, p.elastic_fraction(critical.elastic, lightest) * critical.elastic, 0.5 * critical.damping})));
     // A drag that acts on positions alone leaves some oscillations of particles with spins undamped.
-    const Real drag = particles().field().rotates() ? 0 : *p.zeta / heaviest;
+    const Real drag = particles().field().rotates() ? 0 : p.drag() / heaviest;
     for (const Rates& r : {critical.crowded.translation, critical.crowded.rotation})
       motions_.push_back({.oscillation = std::sqrt(r.stiffness), .drag = drag, .decay = r.damping});
-    const Real one_contact = critical.elastic * critical.elastic * *p.zeta / (2 * heaviest);
+    const Real one_contact = critical.elastic * critical.elastic * p.drag() / (2 * heaviest);
     if (p.dynamics == Dynamics::overdamped) {
       // Springs k relax at the rate k/ζ; for one contact, k/m = (2/dt)².
-      motions_ = {{.decay = critical.crowded.translation.stiffness * heaviest / *p.zeta}};
+      motions_ = {{.decay = critical.crowded.translation.stiffness * heaviest / p.drag()}};
       dt_ = p.dt.value_or(std::min(1e-3, 0.2 * one_contact));
     }
     // Where contacts are that stiff, the fixed step is the critical one. The rate is that at stiff_distance and goes as
     // 1/d; without inertia it is the square that counts.
     const Real elastic = critical.elastic, drag_limit = one_contact;
-    const Real unit = BarrierOverlap::stiff_distance / 2, outlines = EdgeContact<BarrierOverlap>{p.e_c}.max_rate(all),
-               walls = WallContact<2, BarrierOverlap>{p.e_w, p.wall_diameter}.max_rate(all);
+    const Real unit = BarrierOverlap::stiff_distance / 2,
+               outlines = p.model.term(EdgeContact<BarrierOverlap>{}).max_rate(all),
+               walls = p.model.term(WallContact<2, BarrierOverlap>{}).max_rate(all);
     const bool overdamped = p.dynamics == Dynamics::overdamped;
     least_distances_ = [=](Real dt) {
       const Real factor = unit * (overdamped ? elastic * std::sqrt(dt / drag_limit) : dt);
       return LeastDistances{factor * outlines, factor * walls};
     };
-    if (deformable() && p.bending_edges == EdgeVectors::unit) bending_rate_ = Bending{p.k_b}.max_rate(all);
+    if (!p.model.parameters(Role::bending).empty())
+      if (const Bending bending = p.model.term(Bending{}); bending.edges == EdgeVectors::unit)
+        bending_rate_ = bending.max_rate(all);
     if (p.q_rtol > 0) precision_.emplace(p.q_rtol);
   }
 
   // --- Before the run
 
   std::string title() const override {
-    return fmt::format("hopper: {} particles ({}, {}D{}), W = {}, w = {}, {}, {}", p_.particles, p_.model, D,
+    return fmt::format("hopper: {} particles ({}, {}D{}), W = {}, w = {}, {}, {}", p_.particles, p_.model.name, D,
                        deformable() ? fmt::format(", {} vertices each", p_.shape.vertices) : "",
                        p_.hopper.wall_distance, p_.hopper.orifice, shape_text(),
                        p_.flow == FlowKind::continuous ? "continuous flow" : "discharge");
   }
-  std::string model() const override { return p_.model; }
+  std::string model() const override { return p_.model.name; }
   Real last_time() const override { return *p_.t_end; }
   Real first_dt() const override { return dt_; }
   Real critical_step() const override { return critical_step_; }
@@ -151,10 +156,10 @@ class HopperProtocol final : public Protocol<D> {
     for (const FastestRates& motion : motions_) stable = std::min(stable, integrator->longest_stable_step(motion));
     if (integrator->explicit_fixed_step() || (std::isfinite(stable) && stable > 0)) critical_step_ = stable;
     if constexpr (D == 2)
-      if (p_.contact_law == ContactLaw::barrier)
+      if (p_.has_barrier())
         outlines_ = integrator->explicit_fixed_step()
                         ? CrossingWatch(least_distances_(integrator->next_dt()), integrator->next_dt())
-                        : CrossingWatch({.walls = p_.lip_contact == ContactRule::edge ? 0.0 : -1.0}, 0);
+                        : CrossingWatch({.walls = p_.model.term(LipContact<>{}).with_edges ? 0.0 : -1.0}, 0);
     outlines_.set_self_crossing(self_crossing_watch());
     return integrator;
   }
@@ -207,9 +212,10 @@ class HopperProtocol final : public Protocol<D> {
     std::vector<Real> x(static_cast<std::size_t>(all.points()) * D);
     if (ranks().root() && !p_.container->plain()) warn_if_blocked();
     if (ranks().root()) p_.warn_of_clog_speed();
-    const Packing packing = pack<D>(
-        all, *p_.container,
-        {*p_.pack_fraction, p_.pack_tolerance, static_cast<std::uint64_t>(p_.seed), p_.wall_diameter / 2}, x.data());
+    const Packing packing = pack<D>(all, *p_.container,
+                                    {*p_.pack_fraction, p_.pack_tolerance, static_cast<std::uint64_t>(p_.seed),
+                                     p_.model.value(Role::wall_diameter) / 2},
+                                    x.data());
     if (ranks().root())
       say("packed to a fraction of {:.3f}, height {:.1f}, in {} iterations of FIRE; largest overlap {:.1e}\n",
           packing.fraction, packing.height, packing.iterations, packing.max_overlap);
@@ -349,10 +355,10 @@ class HopperProtocol final : public Protocol<D> {
       details = fmt::format(", largest overlap {:.3f} between particles {} and {}", last_sample_.max_overlap,
                             last_sample_.first, last_sample_.second);
     if (const Real edge = last_sample_.shortest_edge; edge < 0.5)
-      details += fmt::format(
-          ", shortest edge {:.2g} l0: {}", edge,
-          bending_rate_ > 0 ? "bending is stiffer there, so use a smaller -dt, a larger -k_l or -bending_edges full"
-                            : "a larger -k_l keeps edges longer");
+      details += fmt::format(", shortest edge {:.2g} l0: {}", edge,
+                             bending_rate_ > 0
+                                 ? "bending is stiffer there, so use " + longer_edges()
+                                 : fmt::format("a larger {} keeps edges longer", p_.model.option(Role::perimeter)));
     return details;
   }
 
@@ -403,8 +409,7 @@ class HopperProtocol final : public Protocol<D> {
   /// A barrier has no meaning inside an outline or beyond a wall.
   std::function<bool(const Real*)> admissible() {
     if constexpr (D == 2)
-      if (p_.contact_law == ContactLaw::barrier)
-        return [this](const Real* x) { return outlines_.admits(particles(), x); };
+      if (p_.has_barrier()) return [this](const Real* x) { return outlines_.admits(particles(), x); };
     return {};
   }
 
@@ -476,7 +481,7 @@ class HopperProtocol final : public Protocol<D> {
     for (const Leaving& l : leaving) {
       const bool mine = l.rank == ranks().rank();
       if (p_.flow == FlowKind::continuous) {
-        reinsert<D>(ranks(), own, *p_.container, particles().walls(), p_.particle_kind() == ModelKind::smooth,
+        reinsert<D>(ranks(), own, *p_.container, particles().walls(), p_.model.particles() == ModelKind::smooth,
                     static_cast<std::uint64_t>(p_.seed), l, s, p_.reinsertion);
         particles().history().forget(l.id);
         if (!mine) continue;
@@ -522,10 +527,11 @@ class HopperProtocol final : public Protocol<D> {
   Passage<D> passage() const { return {state().x().data(), topology(), *p_.container, particles().walls()}; }
 
   NumericalError through_wall(Index id, const std::array<Real, D>& at, std::string_view how) const {
-    const bool enters = deformable() && p_.lip_contact == ContactRule::literal;
+    const bool enters = deformable() && !p_.model.term(LipContact<>{}).with_edges;
     return NumericalError(
-        "particle {} has {}, at ({:.3f}): it went through a wall; {}stiffen the walls (-e_w, now {:g}) or {}", id, how,
-        fmt::join(at, ", "), enters ? "use -lip_contact edge, as lips enter edges without, " : "", p_.e_w, shorten());
+        "particle {} has {}, at ({:.3f}): it went through a wall; {}{} or {}", id, how, fmt::join(at, ", "),
+        enters ? fmt::format("use {} edge, as lips enter edges without, ", p_.model.option(Role::lip_rule)) : "",
+        stiffen_walls(), shorten());
   }
 
   Sighting<D> sight(Index m) const {
@@ -556,18 +562,26 @@ class HopperProtocol final : public Protocol<D> {
       }
     });
     const Real deepest = check_walls_hold(this->simulation().view(), this->step_taken(), ranks(),
-                                          fmt::format("stiffen the walls (-e_w, now {:g}) or {}", p_.e_w, shorten()));
+                                          fmt::format("{} or {}", stiffen_walls(), shorten()));
     wall_overlap_ = std::max(wall_overlap_, deepest);
   }
 
   SelfCrossingWatch self_crossing_watch() const {
+    const ModelChoice& model = p_.model;
+    const auto switches = model.parameters(Role::self_contact);
+    const bool touches_itself = !switches.empty() && switches[0]->flag;
+    const std::string cure =
+        touches_itself ? fmt::format("raise {}, or shorten the step (-dt)",
+                                     model.options({Role::contact_energy, Role::perimeter, Role::bending}))
+        : switches.empty()
+            ? "shorten the step (-dt)"
+            : fmt::format("add {}, which keeps outlines from crossing themselves, or raise {}",
+                          model.option(Role::self_contact), model.options({Role::perimeter, Role::bending}));
     return {.stops = p_.self_crossing == OnSelfCrossing::stop,
-            .refuses_trials = p_.self_contact && p_.contact_law == ContactLaw::barrier,
-            .cure = fmt::format("{}; -self_crossing count goes on, but the areas of such particles are not those that "
-                                "they cover",
-                                p_.self_contact ? "raise -e_c, -k_l or -k_b, or shorten the step (-dt)"
-                                                : "add -self_contact, which keeps outlines from crossing themselves, "
-                                                  "or raise -k_l or -k_b")};
+            .refuses_trials = touches_itself && p_.has_barrier(),
+            .cure = cure +
+                    "; -self_crossing count goes on, but the areas of such particles are not those that they "
+                    "cover"};
   }
 
   /// A column of the sample, where such particles do not end the run.
@@ -590,14 +604,25 @@ class HopperProtocol final : public Protocol<D> {
     const std::string step = fmt::format("the step makes energy: {}", shorten());
     if (p_.flow == FlowKind::discharge) return step;
     const std::string flow = fmt::format(
-        "gravity puts more energy into the flow than friction and drag take: raise {} or -zeta, or narrow the orifice "
+        "gravity puts more energy into the flow than friction and drag take: raise {}, or narrow the orifice "
         "(-hopper_width)",
-        p_.particle_kind() == ModelKind::disk ? "-mu_disk" : "-mu");
+        p_.model.options({Role::friction, Role::kinetic_friction, Role::drag}));
     const Integrator& integrator = this->simulation().integrator();
     if (!integrator.explicit_fixed_step()) return fmt::format("{}; or {}", flow, step);
     const bool long_step = integrator.next_dt() > CriticalStep::safe_part * critical_step_;
     return fmt::format("most likely, as dt/dt_critical is {} {:g}, {}; else {}", long_step ? "above" : "not above",
                        CriticalStep::safe_part, long_step ? step : flow, long_step ? flow : step);
+  }
+
+  std::string stiffen_walls() const {
+    return fmt::format("stiffen the walls ({}, now {:g})", p_.model.option(Role::wall_energy),
+                       p_.model.value(Role::wall_energy));
+  }
+
+  /// What to do where edges have shrunk.
+  std::string longer_edges() const {
+    return fmt::format("a smaller -dt, a larger {} or {} full", p_.model.option(Role::perimeter),
+                       p_.model.option(Role::bending_form));
   }
 
   /// What to do about too long a step.
@@ -640,8 +665,8 @@ class HopperProtocol final : public Protocol<D> {
     if (ranks().root())
       warn(
           "t = {:.4g}: edges have shrunk to {:.2g} of their rest length, where -dt {:.3g} is {:.2g} times the limit of "
-          "stability of bending; use a smaller -dt, a larger -k_l or -bending_edges full",
-          state().t, edge, dt, ratio);
+          "stability of bending; use {}",
+          state().t, edge, dt, ratio, longer_edges());
   }
 
   /// For a run whose flow has ended without a clog: what is left may bounce where too little carries off its energy.
@@ -672,10 +697,10 @@ class HopperProtocol final : public Protocol<D> {
   void warn_of_overlap(const Series& series) const {
     if (const Real deepest = deepest_overlap(series); deepest > passing_overlap)
       warn("particles overlapped by {:.3g} of their contact distance: they pass through each other; raise {}, now {:g}",
-           deepest, p_.contact_energy(), p_.model_parameters().epsilon);
+           deepest, p_.model.option(Role::contact_energy), p_.model.value(Role::contact_energy));
     if (wall_overlap_ > passing_overlap)
-      warn("a particle overlapped a wall by {:.3g} radii: it passes through the wall; raise -e_w, now {:g}",
-           wall_overlap_, p_.e_w);
+      warn("a particle overlapped a wall by {:.3g} radii: it passes through the wall; raise {}, now {:g}",
+           wall_overlap_, p_.model.option(Role::wall_energy), p_.model.value(Role::wall_energy));
   }
 
   /// To twice the time, and as many samples as an error needs.
@@ -781,7 +806,7 @@ std::unique_ptr<AnyRun> make(const HopperOptions& p, const Options& options, con
 
 }  // namespace
 
-Scenario hopper_scenario(std::vector<OwnModel> models) {
+Scenario hopper_scenario(const std::vector<ModelDefinition>& models) {
   Scenario s = option_scenario<HopperOptions>(
       "hopper", "gravity-driven flow through an orifice",
       [](const HopperOptions& p, const Options& options, const Ranks& ranks, std::optional<Checkpoint> checkpoint) {
@@ -796,7 +821,7 @@ Scenario hopper_scenario(std::vector<OwnModel> models) {
         return p.dim == 2 ? make<2>(p, options, ranks, std::move(checkpoint))
                           : make<3>(p, options, ranks, std::move(checkpoint));
       },
-      HopperOptions(std::move(models)));
+      HopperOptions(models));
   s.units = "Units: σ_avg = g = ρ = 1, t0 = sqrt(σ_avg/g).";
   return s;
 }

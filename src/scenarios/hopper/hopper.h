@@ -3,12 +3,12 @@
 
 #include <vector>
 
-#include <pliant/catalogue/own_model.h>
+#include <pliant/catalogue/catalogue.h>
 #include <pliant/run/scenario.h>
 
 namespace pliant {
 
-/// models: what -model can name beside sp, rough and smooth.
-Scenario hopper_scenario(std::vector<OwnModel> models = {});
+/// models: those that -model offers in addition to sp, rough, smooth and disk.
+Scenario hopper_scenario(const std::vector<ModelDefinition>& models = {});
 
 }  // namespace pliant

@@ -219,7 +219,7 @@ nlohmann::ordered_json evaluate_series(const Series& series, const HopperOptions
   result["contacts_per_particle"] = report(average("contact_pairs"), "", 2.0 / options.particles);
   result["top_height"] = report(average("top_height"), "sigma_avg");
   result["max_overlap"] = report(average("max_overlap"), "");
-  if (options.mu > 0 && *options.zeta > 0)
+  if (options.kinetic_friction() > 0 && options.drag() > 0)
     result["drag_friction_ratio"] =
         report(block_ratio(column("drag_force").subspan(from), column("friction_force").subspan(from)), "");
 

@@ -1,17 +1,18 @@
 // Options of the scenario `hopper`.
 #pragma once
 
+#include <fmt/format.h>
+
 #include <memory>
 #include <optional>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include <pliant/base/options.h>
-#include <pliant/catalogue/own_model.h>
+#include <pliant/catalogue/model_choice.h>
 #include <pliant/geometry/container.h>
+#include <pliant/model/contact_laws.h>
 #include <pliant/run/options.h>
-#include <pliant/scenarios/disks/friction_options.h>
 #include <pliant/setup/packing.h>
 #include <pliant/setup/particles.h>
 #include <pliant/setup/reinsertion.h>
@@ -27,39 +28,19 @@ enum class FlowKind { continuous, discharge };
 enum class Counting { crossing, removal };
 /// Whether a particle whose outline crosses itself ends the run, or is counted.
 enum class OnSelfCrossing { stop, count };
-/// What vertices and lips touch: edges as well, or vertices only, as [H] prints it.
-enum class ContactRule { edge, literal };
 
 /// As given by the user; `resolve` fills in what is automatic. Units: σ_avg = g = ρ = 1, times in t0.
 struct HopperOptions : RunOptions {
-  /// own: what -model can name beside sp, rough and smooth.
-  explicit HopperOptions(std::vector<OwnModel> own = {}) : own_models_(std::move(own)) {}
+  /// own: models that -model offers in addition to sp, rough, smooth and disk.
+  explicit HopperOptions(const std::vector<ModelDefinition>& own = {});
 
-  std::string model = "sp";
+  ModelChoice model;
   Index dim = 2;
   Index particles = 0;  ///< 0: automatic
   SizeDistribution sizes;
   PolygonShape shape;
 
-  Real wall_diameter = 0;
-  Real e_sp = 100, e_w = 1e4, e_c = 1e4, k_a = 2e4, k_l = 10, k_b = 0.1;
-  AreaEnergy area_energy = AreaEnergy::absolute;
-  EdgeVectors bending_edges = EdgeVectors::unit;
-  EdgeForce edge_force = EdgeForce::single;
-  ContactLaw contact_law = ContactLaw::harmonic;
-  Real mu = 0;
-  std::optional<Real> zeta;
-  FrictionPoint friction_point = FrictionPoint::contact;
-  Friction friction = Friction::whole;
-  DragLaw drag = DragLaw::per_particle;
-  ContactRule lip_contact = ContactRule::edge, rough_contact = ContactRule::edge;
   OnSelfCrossing self_crossing = OnSelfCrossing::stop;
-  bool self_contact = false;
-
-  // Frictional disks
-  Real e_disk = 1e4;
-  FrictionOptions disk{0.4}, wall{0.4};
-  Real restitution = 0.5, tangential_stiffness = 2.0 / 7, tangential_damping = 0.5;
 
   Hopper hopper;
   std::optional<Real> wall_distance, left_angle;
@@ -91,18 +72,20 @@ struct HopperOptions : RunOptions {
   /// not read it.
   void refuse_unread(const Options& options) const;
 
-  /// Of which model the particles are: sp, rough, smooth or disk.
-  ModelKind particle_kind() const;
-  /// Whether they are polygons.
-  bool deformable() const { return particle_kind() == ModelKind::rough || particle_kind() == ModelKind::smooth; }
-  ModelParameters model_parameters() const;
-  /// The option that sets the stiffness of contacts.
-  const char* contact_energy() const {
-    return deformable() ? "-e_c" : particle_kind() == ModelKind::disk ? "-e_disk" : "-e_sp";
-  }
+  bool deformable() const { return model.deformable(); }
   /// The forces of the model.
   template <int D>
-  std::unique_ptr<ForceField<D>> force_field(const Vec<D>& gravity) const;
+  std::unique_ptr<ForceField<D>> force_field(const Vec<D>& gravity) const {
+    return model.force_field<D>({.gravity = gravity});
+  }
+  /// Coefficients of drag and of kinetic friction.
+  Real drag() const { return model.table().with(Role::drag)[0]->value(); }
+  Real kinetic_friction() const { return model.value(Role::kinetic_friction); }
+  std::string drag_option() const { return fmt::format("-{}", model.table().with(Role::drag)[0]->name); }
+  /// Whether heavier particles have more drag.
+  bool drag_per_mass() const;
+  /// Whether contact energies have no bound.
+  bool has_barrier() const { return model.choice(Role::contact_law) == to_string(ContactLaw::barrier); }
   /// Speed at which the weight of the lightest particle equals drag and friction, σ_avg/t0; infinite without them. A
   /// slow flow is about as fast, and comes to rest where it is much slower.
   Real creep_speed() const;
@@ -116,14 +99,8 @@ struct HopperOptions : RunOptions {
   Real first_skin() const;
 
  private:
-  void bind_own_models(Options& options);
   void resolve_dissipation();
   void resolve_clog_speed();
-  /// The place of `model` in own_models_; their number for a model of the catalogue.
-  std::size_t own_model() const;
-
-  std::vector<OwnModel> own_models_;
-  std::vector<std::shared_ptr<const ForceFieldMaker>> makers_;  ///< of each, since bind
 };
 
 }  // namespace pliant

@@ -67,8 +67,8 @@ std::vector<Real> disordered_places(const RaftOptions& p, const std::vector<Real
 /// All that follows from the options.
 struct Raft {
   explicit Raft(const RaftOptions& p)
-      : pair(droplets_at_rest(p.model_parameters(), 1, 1)),
-        wall(droplet_at_wall(p.model_parameters(), 1)),
+      : pair(droplets_at_rest(p.depletion().repulsion, p.depletion().law, 1, 1)),
+        wall(droplet_at_wall(p.model.term(WallRepulsion<2>{}).law, p.model.term(WallDepletion<2>{}).law, 1)),
         radii(draw_radii(p.radii, p.droplets(), static_cast<std::uint64_t>(p.seed))),
         places(raft_places(p, radii, pair.distance)) {
     const bool compression = p.motion == WallMotion::compression;
@@ -76,7 +76,7 @@ struct Raft {
     Real left = 0, right = 0;  // farthest reach to either side, seen from the origin
     const Real cosine = std::cos(p.tilt * pi / 180);
     for (std::size_t m = 0; m < radii.size(); ++m) {
-      const Real reach = compression ? radii[m] + 2 * p.a_s : wall.distance + radii[m] - 1;
+      const Real reach = compression ? radii[m] + p.attraction_range() : wall.distance + radii[m] - 1;
       left = std::max(left, reach - places[2 * m]);
       right = std::max(right, places[2 * m] + slope * places[2 * m + 1] + reach / cosine);
     }
@@ -172,7 +172,7 @@ class RaftProtocol final : public DropletProtocol {
     std::array<std::vector<Index>, 2> at;
     for (Index k = 0; k < 2; ++k) push[k] = -point<2>(force.data(), k).dot(s.walls.solids()[k].out);
     for (const auto [i, k] : s.neighbours.walls)
-      if (s.walls.distance(s.position(i), k, s.t) < radius(i) + 2 * p_.a_s) at[k].push_back(i);
+      if (s.walls.distance(s.position(i), k, s.t) < radius(i) + p_.attraction_range()) at[k].push_back(i);
     rows_ = count_rows(droplets(), bonds_, at[0], at[1]);
     row.insert(row.end(), {{"wall_distance", distance(all_state().t)},
                            {"fixed_wall_force", push[0]},

@@ -1,0 +1,133 @@
+#include <pliant/catalogue/model_choice.h>
+
+#include <algorithm>
+
+#include <fmt/format.h>
+
+#include <pliant/base/errors.h>
+
+namespace pliant {
+
+ModelChoice::ModelChoice(std::vector<ModelDefinition> models, ModelSurroundings surroundings)
+    : name(models.front().name), models_(std::move(models)), table_(std::move(surroundings)) {
+  for (const ModelDefinition& model : models_) table_.declare(model);
+}
+
+bool ModelChoice::kept(Role role) const { return role != Role::none && std::ranges::find(kept_, role) != kept_.end(); }
+
+void ModelChoice::make_automatic(Role role, const std::string& text) {
+  for (ParameterTable::Entry& entry : table_.entries())
+    if (entry.role == role) {
+      entry.kind = ParameterTable::Kind::automatic;
+      entry.automatic = text;
+    }
+}
+
+void ModelChoice::bind(Options& options, const UnitSystem& units) {
+  const std::string group = "Model";
+  options.group(group);
+  if (models_.size() > 1) {
+    std::string help;
+    std::vector<std::string> names;
+    for (const ModelDefinition& model : models_) {
+      help += fmt::format("{}{}: {}", help.empty() ? "" : "; ", model.name, model.help);
+      names.push_back(model.name);
+    }
+    options.bind("model", name, {.help = help, .choices = names, .on_restart = OnRestart::fixed});
+  }
+  const auto bind_all = [&](const std::optional<std::string>& model) {
+    for (ParameterTable::Entry& entry : table_.entries())
+      if (!kept(entry.role) && owner(entry) == model) bind(options, entry, units);
+  };
+  bind_all(std::nullopt);
+  for (const ModelDefinition& model : models_)
+    if (!in_catalogue(model)) {
+      options.group(group + " " + model.name);
+      bind_all(model.name);
+    }
+  options.group(group);
+}
+
+std::optional<std::string> ModelChoice::owner(const ParameterTable::Entry& entry) const {
+  for (const ModelDefinition& model : models_)
+    if (entry.read_by(model.name)) return in_catalogue(model) ? std::nullopt : std::optional(model.name);
+  return std::nullopt;
+}
+
+void ModelChoice::bind(Options& options, ParameterTable::Entry& entry, const UnitSystem& units) {
+  std::string help = entry.help;
+  const std::vector<std::string> names = readers(entry);
+  if (names.size() < models_.size()) help += fmt::format(" (-model {})", alternatives(names));
+  OptionSpec spec{.help = std::move(help),
+                  .unit = units.text(entry.unit, entry.in_space),
+                  .symbol = entry.symbol,
+                  .models = names,
+                  .term = [this, &entry] { return entry.term_of(name); },
+                  .on_restart = OnRestart::fixed};
+  switch (entry.kind) {
+    case ParameterTable::Kind::number:
+    case ParameterTable::Kind::automatic:
+      spec.min = entry.min, spec.max = entry.max, spec.min_open = entry.min_open;
+      spec.automatic = entry.automatic;
+      if (entry.kind == ParameterTable::Kind::number)
+        options.bind(entry.name, entry.number, std::move(spec));
+      else
+        options.bind(entry.name, entry.automatic_number, std::move(spec));
+      break;
+    case ParameterTable::Kind::flag:
+      options.bind(entry.name, entry.flag, std::move(spec));
+      break;
+    case ParameterTable::Kind::choice:
+      spec.choices = entry.choices();
+      options.bind(entry.name, entry.choice, std::move(spec));
+      break;
+  }
+}
+
+std::vector<std::string> ModelChoice::readers(const ParameterTable::Entry& entry) const {
+  std::vector<std::string> names;
+  for (const ModelDefinition& model : models_)
+    if (entry.read_by(model.name)) names.push_back(model.name);
+  return names;
+}
+
+void ModelChoice::refuse_unread(const Options& options, std::string_view but) const {
+  for (const ParameterTable::Entry& entry : table_.entries()) {
+    if (kept(entry.role) || entry.read_by(name) || !options.given(entry.name)) continue;
+    if (!but.empty() && std::ranges::find(entry.readings, but, &ParameterTable::Reading::term) != entry.readings.end())
+      continue;
+    throw InputError("-{} ({}) with -model {}, which does not read it; leave it out, or use -model {}", entry.name,
+                     options.source(entry.name), name, alternatives(readers(entry)));
+  }
+}
+
+const ModelDefinition& ModelChoice::model() const { return *std::ranges::find(models_, name, &ModelDefinition::name); }
+
+bool ModelChoice::deformable() const {
+  return particles() == ModelKind::rough || particles() == ModelKind::smooth || particles() == ModelKind::shape;
+}
+
+Real ModelChoice::value(Role role) const {
+  const auto all = parameters(role);
+  return all.empty() ? 0 : all[0]->value();
+}
+
+std::string ModelChoice::choice(Role role) const {
+  const auto all = parameters(role);
+  return all.empty() ? "" : all[0]->choice;
+}
+
+std::string ModelChoice::options(std::initializer_list<Role> roles) const {
+  std::vector<std::string> names;
+  for (const Role role : roles)
+    for (const ParameterTable::Entry* entry : parameters(role)) names.push_back(fmt::format("-{}", entry->name));
+  return alternatives(names);
+}
+
+bool ModelChoice::is_set(Role role) const {
+  return std::ranges::any_of(table_.with(role), [](const auto* entry) {
+    return entry->kind != ParameterTable::Kind::automatic || entry->automatic_number.has_value();
+  });
+}
+
+}  // namespace pliant

@@ -1,0 +1,98 @@
+// The models that a scenario offers: their options, and the one that a run has.
+#pragma once
+
+#include <initializer_list>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <pliant/base/options.h>
+#include <pliant/catalogue/parameter_table.h>
+#include <pliant/catalogue/unit_system.h>
+
+namespace pliant {
+
+/// Binds the options of the models that a scenario offers. Copies have values of their own; bind one that stays where
+/// it is.
+class ModelChoice {
+ public:
+  /// The first model is the default. Errors: std::logic_error for parameters that two terms declare differently.
+  explicit ModelChoice(std::vector<ModelDefinition> models, ModelSurroundings surroundings = {});
+
+  std::string name;  ///< of the run's model
+
+  // What a scenario decides, before `bind`.
+  /// Parameters of this role have values that the scenario sets; they are no options.
+  void keep(Role role) { kept_.push_back(role); }
+  /// Numbers of this role have a default that the scenario finds and sets after `bind`; text: for the help.
+  void make_automatic(Role role, const std::string& text);
+  /// The default of numbers of this role, or of choices.
+  template <class Value>
+  void set_default(Role role, Value value) {
+    table_.set(role, value);
+  }
+
+  /// -model, if there are several, and the parameters of all models, in the group "Model"; those of models that are not
+  /// in the catalogue in groups of their own.
+  void bind(Options& options, const UnitSystem& units);
+  /// Errors: InputError for an option that the user has given though the model does not read it. but: parameters of
+  /// this term are read by the scenario.
+  void refuse_unread(const Options& options, std::string_view but = {}) const;
+  /// Finds automatic values. Errors: InputError for parameters that contradict each other.
+  template <int D>
+  void resolve(const Surroundings<D>& s) {
+    ParameterTable::Reader reader(table_, name, &table_);
+    model().make<D>(reader, s);
+  }
+
+  const ModelDefinition& model() const;
+  const std::vector<ModelDefinition>& models() const { return models_; }
+  /// Whether the model is one of those of the catalogue.
+  bool in_catalogue() const { return in_catalogue(model()); }
+  ModelKind particles() const { return model().particles; }
+  /// Whether particles are polygons.
+  bool deformable() const;
+
+  template <int D>
+  std::unique_ptr<ForceField<D>> force_field(const Surroundings<D>& s) const {
+    ParameterTable::Reader reader(table_, name);
+    return model().make<D>(reader, s);
+  }
+  /// A term as the run's model has it; the model need not have it.
+  template <class Term, class... More>
+  Term term(Term term, More&&... more) const {
+    ParameterTable::Reader reader(table_, name);
+    return configured(reader, term, std::forward<More>(more)...);
+  }
+
+  // Parameters of the run's model by their roles. Where there is none: 0, an empty text.
+  std::vector<const ParameterTable::Entry*> parameters(Role role) const { return table_.with(role, name); }
+  Real value(Role role) const;
+  std::string choice(Role role) const;
+  /// "-e_c", "-k_l or -k_b".
+  std::string option(Role role) const { return options({role}); }
+  std::string options(std::initializer_list<Role> roles) const;
+  /// Whether a number with this role, of whatever model, has another value than an automatic one that is not known yet.
+  bool is_set(Role role) const;
+  void set(Role role, Real value) { table_.set(role, value); }
+  void set(Role role, std::string_view choice) { table_.set(role, choice); }
+  void set(std::string_view parameter, Real value) { table_.set(parameter, value); }
+  const ParameterTable& table() const { return table_; }
+
+ private:
+  void bind(Options& options, ParameterTable::Entry& entry, const UnitSystem& units);
+  bool kept(Role role) const;
+  static bool in_catalogue(const ModelDefinition& model) { return to_string(model.particles) == model.name; }
+  /// The model of a program that alone reads a parameter, or nothing.
+  std::optional<std::string> owner(const ParameterTable::Entry& entry) const;
+  /// Names of the models that read it.
+  std::vector<std::string> readers(const ParameterTable::Entry& entry) const;
+
+  std::vector<ModelDefinition> models_;
+  ParameterTable table_;
+  std::vector<Role> kept_;
+};
+
+}  // namespace pliant

@@ -1,0 +1,193 @@
+#include <pliant/catalogue/parameter_table.h>
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include <fmt/format.h>
+
+#include <pliant/base/errors.h>
+
+namespace pliant {
+namespace {
+
+void add_new(std::vector<std::string>& all, const std::vector<std::string>& more) {
+  for (const std::string& one : more)
+    if (std::ranges::find(all, one) == all.end()) all.push_back(one);
+}
+
+}  // namespace
+
+std::string alternatives(const std::vector<std::string>& names) {
+  std::string text;
+  for (std::size_t k = 0; k < names.size(); ++k)
+    text += (k == 0 ? "" : k + 1 < names.size() ? ", " : " or ") + names[k];
+  return text;
+}
+
+std::optional<std::string> ParameterTable::Entry::term_of(std::string_view model) const {
+  const auto found = std::ranges::find(readings, model, &Reading::model);
+  return found == readings.end() ? std::nullopt : std::optional(found->term);
+}
+
+std::vector<std::string> ParameterTable::Entry::choices(std::string_view model) const {
+  std::vector<std::string> all;
+  for (const Reading& reading : readings)
+    if (model.empty() || reading.model == model) add_new(all, reading.choices);
+  return all;
+}
+
+/// Adds the parameters that terms ask for; answers with their defaults.
+class ParameterTable::Collector final : public ParameterReader {
+ public:
+  Collector(ParameterTable& table, std::string model, bool in_space)
+      : table_(table), model_(std::move(model)), in_space_(in_space) {
+    materials = table.surroundings_.materials;
+    usual_dynamic_friction = table.surroundings_.usual_dynamic_friction;
+  }
+
+  void begin(std::string_view term) override { term_ = term; }
+  Real number(const Parameter& p) override {
+    add(p, Kind::number);
+    return p.value;
+  }
+  Real automatic(const Parameter& p, Real value) override {
+    add(p, Kind::automatic);
+    return value;
+  }
+  bool flag(const Parameter& p) override {
+    add(p, Kind::flag);
+    return p.value != 0;
+  }
+  std::size_t choose(const Parameter& p, std::span<const std::string_view> names) override {
+    add(p, Kind::choice, {names.begin(), names.end()});
+    return 0;
+  }
+  bool is_set(std::string_view) const override { return false; }
+
+ private:
+  void add(const Parameter& p, Kind kind, std::vector<std::string> choices = {}) {
+    Entry* entry = table_.find(p.name);
+    if (entry == nullptr) {
+      entry = &table_.entries_.emplace_back(Entry{std::string(p.name),
+                                                  std::string(p.symbol),
+                                                  std::string(p.help),
+                                                  std::string(p.automatic),
+                                                  std::string(p.alias),
+                                                  std::string(p.printed),
+                                                  p.unit,
+                                                  p.min,
+                                                  p.max,
+                                                  p.min_open,
+                                                  p.role,
+                                                  kind,
+                                                  false,
+                                                  {}});
+      entry->number = p.value;
+      entry->flag = p.value != 0;
+      if (kind == Kind::choice) entry->choice = choices.front();
+      if (p.role == Role::dynamic_friction && std::isfinite(usual_dynamic_friction))
+        entry->automatic = fmt::format("{:g}, or {} if that is less", usual_dynamic_friction, p.automatic);
+    }
+    if (entry->kind != kind || entry->help != p.help || (kind == Kind::number && entry->number != p.value))
+      throw std::logic_error("the parameter " + entry->name + " is declared differently by two terms");
+    entry->in_space |= in_space_;
+    const auto same = [&](const Reading& r) { return r.model == model_ && r.term == term_; };
+    if (const auto found = std::ranges::find_if(entry->readings, same); found != entry->readings.end())
+      add_new(found->choices, choices);
+    else
+      entry->readings.push_back({model_, term_, std::move(choices)});
+  }
+
+  ParameterTable& table_;
+  std::string model_, term_;
+  bool in_space_;
+};
+
+void ParameterTable::declare(const ModelDefinition& model) {
+  const auto outlines = surroundings_.rest_outlines ? std::make_shared<const RestOutlines>() : nullptr;
+  if (model.plane) {
+    Collector all(*this, model.name, false);
+    model.plane(all, {.substrate = surroundings_.substrate, .rest_outlines = outlines});
+  }
+  if (model.space && !surroundings_.substrate) {
+    Collector all(*this, model.name, true);
+    model.space(all, {});
+  }
+}
+
+ParameterTable::Entry* ParameterTable::find(std::string_view name) {
+  const auto found = std::ranges::find(entries_, name, &Entry::name);
+  return found == entries_.end() ? nullptr : &*found;
+}
+
+ParameterTable::Entry& ParameterTable::get(std::string_view name) {
+  if (Entry* found = find(name)) return *found;
+  throw std::logic_error("no model of the table has a parameter " + std::string(name));
+}
+
+const ParameterTable::Entry& ParameterTable::at(std::string_view name) const {
+  return const_cast<ParameterTable*>(this)->get(name);  // NOLINT: one search for both
+}
+
+std::vector<const ParameterTable::Entry*> ParameterTable::with(Role role, std::string_view model) const {
+  std::vector<const Entry*> all;
+  for (const Entry& entry : entries_)
+    if (entry.role == role && (model.empty() || entry.read_by(model))) all.push_back(&entry);
+  return all;
+}
+
+namespace {
+
+void set_number(ParameterTable::Entry& entry, Real value) {
+  entry.number = value;
+  entry.flag = value != 0;
+  if (entry.kind == ParameterTable::Kind::automatic) entry.automatic_number = value;
+}
+
+}  // namespace
+
+void ParameterTable::set(std::string_view name, Real value) { set_number(get(name), value); }
+
+void ParameterTable::set(Role role, Real value) {
+  for (Entry& entry : entries_)
+    if (entry.role == role) set_number(entry, value);
+}
+
+void ParameterTable::set(Role role, std::string_view choice) {
+  for (Entry& entry : entries_)
+    if (entry.role == role) entry.choice = choice;
+}
+
+ParameterTable::Reader::Reader(const ParameterTable& table, std::string model, ParameterTable* resolve)
+    : table_(table), model_(std::move(model)), resolve_(resolve) {
+  materials = table.surroundings_.materials;
+  usual_dynamic_friction = table.surroundings_.usual_dynamic_friction;
+}
+
+Real ParameterTable::Reader::number(const Parameter& p) { return table_.at(p.name).value(); }
+
+Real ParameterTable::Reader::automatic(const Parameter& p, Real value) {
+  const std::optional<Real> set = table_.at(p.name).automatic_number;
+  if (!set && resolve_ != nullptr) resolve_->get(p.name).automatic_number = value;
+  return set.value_or(value);
+}
+
+std::string ParameterTable::Reader::spelled(std::string_view name) const { return fmt::format("-{}", name); }
+
+bool ParameterTable::Reader::is_set(std::string_view name) const {
+  return table_.at(name).automatic_number.has_value();
+}
+
+std::size_t ParameterTable::Reader::choose(const Parameter& p, std::span<const std::string_view> names) {
+  const Entry& entry = table_.at(p.name);
+  if (const auto found = std::ranges::find(names, entry.choice); found != names.end())
+    return static_cast<std::size_t>(found - names.begin());
+  std::vector<std::string> models;
+  for (const Reading& reading : entry.readings)
+    if (std::ranges::find(reading.choices, entry.choice) != reading.choices.end()) add_new(models, {reading.model});
+  throw InputError("-{} {} with -model {}: only -model {} has it; use that, or {}", entry.name, entry.choice, model_,
+                   alternatives(models), names.front());
+}
+
+}  // namespace pliant

@@ -1,0 +1,106 @@
+// The parameters of several models, by name: what options, input files and the manifest know of them.
+#pragma once
+
+#include <deque>
+#include <limits>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <pliant/catalogue/catalogue.h>
+#include <pliant/model/parameter.h>
+
+namespace pliant {
+
+/// What of a scenario decides which parameters its models have.
+struct ModelSurroundings {
+  bool substrate = false, rest_outlines = false;  ///< of Surroundings
+  std::vector<std::string> materials = {};        ///< of ParameterReader
+  Real usual_dynamic_friction = std::numeric_limits<Real>::infinity();
+};
+
+/// All parameters that the terms of some models read, each once, with the value that a run has.
+class ParameterTable {
+ public:
+  enum class Kind { number, automatic, flag, choice };
+  /// A term that reads a parameter, and what it can choose from.
+  struct Reading {
+    std::string model, term;
+    std::vector<std::string> choices;
+  };
+  struct Entry {
+    std::string name, symbol, help, automatic, alias, printed;
+    Dimension unit;
+    Real min, max;
+    bool min_open;
+    Role role;
+    Kind kind;
+    bool in_space = false;  ///< models in 3D have it too
+    std::vector<Reading> readings;
+
+    // The value, by its kind; first the default.
+    Real number = 0;
+    std::optional<Real> automatic_number = {};  ///< nothing until it is set, or `resolve` has found it
+    bool flag = false;
+    std::string choice = {};
+
+    /// Of a number.
+    Real value() const { return kind == Kind::automatic ? automatic_number.value_or(number) : number; }
+    bool read_by(std::string_view model) const { return term_of(model).has_value(); }
+    /// The first term of the model that reads it.
+    std::optional<std::string> term_of(std::string_view model) const;
+    /// All that terms can choose, of one model or, without its name, of any.
+    std::vector<std::string> choices(std::string_view model = {}) const;
+  };
+
+  explicit ParameterTable(ModelSurroundings surroundings = {}) : surroundings_(std::move(surroundings)) {}
+
+  /// Adds the parameters that the terms of a model read. Errors: std::logic_error for a name that is declared
+  /// differently by two terms.
+  void declare(const ModelDefinition& model);
+
+  std::deque<Entry>& entries() { return entries_; }
+  const std::deque<Entry>& entries() const { return entries_; }
+  /// Errors: std::logic_error for an unknown name.
+  const Entry& at(std::string_view name) const;
+  /// Entries with a role that the model reads or, without its name, any model.
+  std::vector<const Entry*> with(Role role, std::string_view model = {}) const;
+
+  /// Sets a number, or all numbers and choices with a role. Errors: std::logic_error for an unknown name.
+  void set(std::string_view name, Real value);
+  void set(Role role, Real value);
+  void set(Role role, std::string_view choice);
+
+  /// Gives terms of a model the values of this table.
+  class Reader final : public ParameterReader {
+   public:
+    /// resolve: where automatic values go that have been found; may be the table, or none.
+    Reader(const ParameterTable& table, std::string model, ParameterTable* resolve = nullptr);
+    Real number(const Parameter& p) override;
+    Real automatic(const Parameter& p, Real value) override;
+    bool flag(const Parameter& p) override { return table_.at(p.name).flag; }
+    /// Errors: InputError for a choice that this model does not have.
+    std::size_t choose(const Parameter& p, std::span<const std::string_view> names) override;
+    bool is_set(std::string_view name) const override;
+    std::string spelled(std::string_view name) const override;
+
+   private:
+    const ParameterTable& table_;
+    std::string model_;
+    ParameterTable* resolve_;
+  };
+
+ private:
+  class Collector;
+  Entry* find(std::string_view name);
+  Entry& get(std::string_view name);
+
+  ModelSurroundings surroundings_;
+  std::deque<Entry> entries_;
+};
+
+/// "a", "a or b", "a, b or c".
+std::string alternatives(const std::vector<std::string>& names);
+
+}  // namespace pliant

@@ -1,0 +1,32 @@
+// The names of units: how scenarios write the dimension of a parameter.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <pliant/model/parameter.h>
+
+namespace pliant {
+
+/// Units as products of powers of base units, such as g, cm and s.
+class UnitSystem {
+ public:
+  struct Base {
+    std::string name;
+    Dimension power;  ///< its powers in the units of force, length and time: of s in dyn = g cm/s² −2
+    bool power_of_dimension = false;  ///< the unit of force has another factor name^d, in d dimensions of space
+  };
+  explicit UnitSystem(std::vector<Base> bases) : bases_(std::move(bases)) {}
+
+  /// "g cm/s^2"; with a power of d where in_space, and in the plane otherwise.
+  std::string text(const Dimension& dimension, bool in_space) const;
+
+  static UnitSystem gravitational();  ///< σ_avg = g = ρ = 1
+  static UnitSystem droplets();       ///< F, R, t0
+  static UnitSystem cgs();
+
+ private:
+  std::vector<Base> bases_;
+};
+
+}  // namespace pliant

@@ -1,0 +1,48 @@
+// The choice of a contact law among those that a model has.
+#pragma once
+
+#include <array>
+#include <string_view>
+
+#include <pliant/kernels/contact_law.h>
+#include <pliant/model/parameter.h>
+
+namespace pliant {
+
+constexpr std::string_view to_string(ContactLaw law) {
+  switch (law) {
+    case ContactLaw::harmonic:
+      return "harmonic";
+    case ContactLaw::hertz:
+      return "hertz";
+    case ContactLaw::barrier:
+      return "barrier";
+    case ContactLaw::spring:
+      return "spring";
+    case ContactLaw::linear:
+      return "linear";
+  }
+  return "";
+}
+
+/// The choice among the kinds of these laws, the first being the default.
+template <class... Laws>
+ContactLaw read_contact_law(ParameterReader& p) {
+  return p.choice({.name = "contact_law",
+                   .help = "contact law V(d); hertz: elastic spheres; barrier: unbounded at d = 0; spring: the same "
+                           "stiffness for all sizes; linear: the force E (1 - d/delta)",
+                   .role = Role::contact_law},
+                  std::array{std::pair{to_string(Laws::kind), Laws::kind}...});
+}
+
+/// visit(law) with the chosen one of these laws; its members have no values.
+template <class... Laws, class Visit>
+auto with_contact_law(ParameterReader& p, Visit&& visit) {
+  const ContactLaw chosen = read_contact_law<Laws...>(p);
+  using Result = decltype(visit(HarmonicOverlap{}));
+  Result result{};
+  ((Laws::kind == chosen ? (void)(result = visit(Laws{})) : (void)0), ...);
+  return result;
+}
+
+}  // namespace pliant
