@@ -141,7 +141,8 @@ class Replay:
 
     def check(self):
         """Each state counts as a commit or the next one. Returns the number of commits, and for each of them and each pair
-        of checkpoints the state of the folder with the longest run.h5: with a journal that is whole."""
+        of checkpoints the first state of the folder with the longest run.h5: with a journal that is whole, none of whose
+        changes is made."""
         commits = [None]
         for files in self.states():
             data, quiet = promised(files.get("run.h5", b""))
@@ -162,7 +163,7 @@ class Replay:
             if any(pair):
                 assert commit > 0
                 found = distinct.setdefault((commit, *pair), files)
-                if len(files["run.h5"]) >= len(found["run.h5"]):
+                if len(files["run.h5"]) > len(found["run.h5"]):
                     distinct[commit, *pair] = files
         return len(commits) - 1, list(distinct.values())
 
@@ -189,14 +190,15 @@ class Replay:
             assert frame.keys() == whole.keys() and all(same(frame[name], whole[name]) for name in frame)
 
     def read(self, files):
-        """The data that users read, with checksums."""
+        """Reads the data that users read, with checksums. Returns the numbers of frames and of samples."""
         folder = self.tmp_path / "state"
         self.write(files, folder)
         with Run(folder) as run:
-            run.options, run.topology, run.geometry, "series" in run._file and run._file["series"].names() and run.series
+            run.options, run.topology, run.geometry
+            samples = len(run.series) if "series" in run._file and run._file["series"].names() else 0
             for frame in run.frames:
                 frame.positions, frame.velocities, frame.contacts
-            return len(run.frames)
+            return len(run.frames), samples
 
     def continued(self, states, check, *launcher, **options):
         """Goes on from each state; check(results)."""
@@ -226,7 +228,8 @@ def test_every_kill(command, options, tmp_path):
     commits, states = replay.check()
     assert len(replay.whole.frames) > 5 and len(states) > 10 and commits > len(replay.whole.frames)
     for files in some(states, 10):
-        replay.read(files)
+        found = replay.read(files)
+        assert found == replay.read({**files, "run.h5": promised(files["run.h5"])[0]})
     if command == "clog":  # one that has ended goes on until it ends again
         last = [files[name] for files in states[-1:] for name in ("checkpoint-a.h5", "checkpoint-b.h5")]
         states = [files for files in states if [files.get("checkpoint-a.h5"), files.get("checkpoint-b.h5")] != last]
