@@ -41,7 +41,7 @@ def unencoded(source):
             continue
         if (owner, name) in (("", "open"), ("io", "open"), ("os", "fdopen")):
             text = "b" not in mode_of(call, 1)
-        elif name == "open" and owner not in ("os", "h5a"):
+        elif name == "open" and owner not in ("os", "h5a", "tarfile", "Image"):
             text = "b" not in mode_of(call, 0)
         elif name in _ENCODING_AT:
             text = len(call.args) <= _ENCODING_AT[name]
@@ -54,7 +54,7 @@ def unencoded(source):
 
 @pytest.mark.parametrize("source, found", [
     ("open(p)", 1), ("open(p, 'w')", 1), ("open(p, mode='a')", 1), ("open(p, 'rb')", 0), ("open(p, encoding='utf-8')", 0),
-    ("p.open()", 1), ("p.open('rb')", 0), ("h5py.h5a.open(p)", 0), ("p.read_text()", 1), ("p.read_text('utf-8')", 0), ("p.write_text(t)", 1),
+    ("p.open()", 1), ("p.open('rb')", 0), ("h5py.h5a.open(p)", 0), ("tarfile.open(p)", 0), ("Image.open(p)", 0), ("p.read_text()", 1), ("p.read_text('utf-8')", 0), ("p.write_text(t)", 1),
     ("p.write_text(t, encoding='utf-8')", 0), ("os.open(p, flags)", 0), ("os.fdopen(fd, 'w')", 1),
     ("subprocess.run(c, text=True)", 1), ("subprocess.run(c, text=True, encoding='utf-8')", 0), ("subprocess.run(c)", 0),
     ("Popen(c, universal_newlines=True)", 1), ("tempfile.NamedTemporaryFile('w')", 1), ("TemporaryFile()", 0),
