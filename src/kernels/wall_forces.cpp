@@ -1,5 +1,3 @@
-#include <algorithm>
-
 #include <pliant/base/simd.h>
 #include <pliant/kernels/scatter.h>
 #include <pliant/kernels/wall_forces.h>
@@ -17,19 +15,8 @@ PLIANT_INLINE Points2 gather(Of&& of) {
   return simd::transpose(simd::load2(of(0)), simd::load2(of(1)), simd::load2(of(2)), simd::load2(of(3)));
 }
 
-/// How parts count: all walls are segments without radius, which count separately; these parts are, beside others; or
-/// any. The second has the bits of the third.
-enum class Parts { plain, bare, any };
-
-/// So many parts, from the first on, are segments without radius, of weight 1; or more, as it counts only some.
-Index bare_parts(std::span<const WallSegment> segments) {
-  constexpr std::size_t most = 32;
-  const auto some = segments.first(std::min(segments.size(), most));
-  return static_cast<Index>(std::ranges::find_if(some, [](const WallSegment& s) { return s.radius != 0; }) -
-                            some.begin());
-}
-
-template <int D, class Law, Parts parts>
+/// plain: all parts are segments without radius, of weight 1.
+template <int D, class Law, bool plain>
 PLIANT_INLINE void add_four(Real epsilon, const Pair* pairs, const WallSegment* walls, Real4 reach, const Real* x,
                             Real* f) {
   std::ptrdiff_t at[4];
@@ -66,12 +53,9 @@ PLIANT_INLINE void add_four(Real epsilon, const Pair* pairs, const WallSegment* 
   const Real4 d2 = q.x * q.x + q.y * q.y;
   const Real4 far = simd::sqrt(d2);
   Real4 push;
-  if constexpr (parts == Parts::plain) {
+  if constexpr (plain) {
     const Mask4 touches = (far < reach) & (d2 > 0);
     push = simd::where(touches, Law::push(epsilon, reach, far));
-  } else if constexpr (parts == Parts::bare) {
-    const Mask4 touches = (far < reach) & (d2 > 0);
-    push = simd::where(touches, Law::push(epsilon, reach, far) * far / far);
   } else {
     const Real4 radius{wall[0]->radius, wall[1]->radius, wall[2]->radius, wall[3]->radius};
     const Real4 weight{wall[0]->weight, wall[1]->weight, wall[2]->weight, wall[3]->weight};
@@ -89,24 +73,15 @@ PLIANT_INLINE void add_four(Real epsilon, const Pair* pairs, const WallSegment* 
   }
 }
 
-/// bare: so many parts, from the first on, are; see bare_parts().
 template <int D, class Law, bool plain>
-PLIANT_INLINE void add_all(Real epsilon, std::span<const Pair> pairs, const WallSegment* walls, Index bare,
-                           const Real* diameter, const Real* x, Real* f) {
-  const auto add = [&](const Pair* four, Real4 reach) PLIANT_INLINE_LAMBDA {
-    if constexpr (plain)
-      add_four<D, Law, Parts::plain>(epsilon, four, walls, reach, x, f);
-    else if (std::max(std::max(four[0].second, four[1].second), std::max(four[2].second, four[3].second)) < bare)
-      add_four<D, Law, Parts::bare>(epsilon, four, walls, reach, x, f);
-    else
-      add_four<D, Law, Parts::any>(epsilon, four, walls, reach, x, f);
-  };
+PLIANT_INLINE void add_all(Real epsilon, std::span<const Pair> pairs, const WallSegment* walls, const Real* diameter,
+                           const Real* x, Real* f) {
   std::size_t e = 0;
   for (; e + 4 <= pairs.size(); e += 4) {
     const Pair* const four = pairs.data() + e;
     const Real4 reach{diameter[four[0].first], diameter[four[1].first], diameter[four[2].first],
                       diameter[four[3].first]};
-    add(four, 0.5 * reach);
+    add_four<D, Law, plain>(epsilon, four, walls, 0.5 * reach, x, f);
   }
   if (e == pairs.size()) return;
   // The rest, filled up with points that touch nothing.
@@ -117,37 +92,37 @@ PLIANT_INLINE void add_all(Real epsilon, std::span<const Pair> pairs, const Wall
     rest[k] = listed ? pairs[e + k] : pairs.back();
     reach[k] = listed ? diameter[rest[k].first] / 2 : 0;
   }
-  add(rest, reach);
+  add_four<D, Law, plain>(epsilon, rest, walls, reach, x, f);
 }
 
 template <int D, bool plain>
-PLIANT_INLINE void add(Real epsilon, std::span<const Pair> pairs, const WallSegment* walls, Index bare,
-                       const Real* diameter, const Real* x, Real* f, ContactLaw law) {
+PLIANT_INLINE void add(Real epsilon, std::span<const Pair> pairs, const WallSegment* walls, const Real* diameter,
+                       const Real* x, Real* f, ContactLaw law) {
   if (law == ContactLaw::barrier)
-    add_all<D, BarrierOverlap, plain>(epsilon, pairs, walls, bare, diameter, x, f);
+    add_all<D, BarrierOverlap, plain>(epsilon, pairs, walls, diameter, x, f);
   else if (law == ContactLaw::hertz)
-    add_all<D, HertzOverlap, plain>(epsilon, pairs, walls, bare, diameter, x, f);
+    add_all<D, HertzOverlap, plain>(epsilon, pairs, walls, diameter, x, f);
   else if (law == ContactLaw::linear)
-    add_all<D, LinearOverlap, plain>(epsilon, pairs, walls, bare, diameter, x, f);
+    add_all<D, LinearOverlap, plain>(epsilon, pairs, walls, diameter, x, f);
   else
-    add_all<D, HarmonicOverlap, plain>(epsilon, pairs, walls, bare, diameter, x, f);
+    add_all<D, HarmonicOverlap, plain>(epsilon, pairs, walls, diameter, x, f);
 }
 
-PLIANT_MULTIVERSION void add_plain_2d(Real epsilon, std::span<const Pair> pairs, const WallSegment* walls, Index bare,
+PLIANT_MULTIVERSION void add_plain_2d(Real epsilon, std::span<const Pair> pairs, const WallSegment* walls,
                                       const Real* diameter, const Real* x, Real* f, ContactLaw law) {
-  add<2, true>(epsilon, pairs, walls, bare, diameter, x, f, law);
+  add<2, true>(epsilon, pairs, walls, diameter, x, f, law);
 }
-PLIANT_MULTIVERSION void add_any_2d(Real epsilon, std::span<const Pair> pairs, const WallSegment* walls, Index bare,
+PLIANT_MULTIVERSION void add_any_2d(Real epsilon, std::span<const Pair> pairs, const WallSegment* walls,
                                     const Real* diameter, const Real* x, Real* f, ContactLaw law) {
-  add<2, false>(epsilon, pairs, walls, bare, diameter, x, f, law);
+  add<2, false>(epsilon, pairs, walls, diameter, x, f, law);
 }
-PLIANT_MULTIVERSION void add_plain_3d(Real epsilon, std::span<const Pair> pairs, const WallSegment* walls, Index bare,
+PLIANT_MULTIVERSION void add_plain_3d(Real epsilon, std::span<const Pair> pairs, const WallSegment* walls,
                                       const Real* diameter, const Real* x, Real* f, ContactLaw law) {
-  add<3, true>(epsilon, pairs, walls, bare, diameter, x, f, law);
+  add<3, true>(epsilon, pairs, walls, diameter, x, f, law);
 }
-PLIANT_MULTIVERSION void add_any_3d(Real epsilon, std::span<const Pair> pairs, const WallSegment* walls, Index bare,
+PLIANT_MULTIVERSION void add_any_3d(Real epsilon, std::span<const Pair> pairs, const WallSegment* walls,
                                     const Real* diameter, const Real* x, Real* f, ContactLaw law) {
-  add<3, false>(epsilon, pairs, walls, bare, diameter, x, f, law);
+  add<3, false>(epsilon, pairs, walls, diameter, x, f, law);
 }
 
 }  // namespace
@@ -156,11 +131,10 @@ template <int D>
 void add_wall_forces(Real epsilon, std::span<const Pair> pairs, const Walls<D>& walls, const Real* diameter,
                      const Real* x, Real* f, ContactLaw law) {
   const WallSegment* const parts = walls.parts().data();
-  const Index bare = walls.plain() ? 0 : bare_parts(walls.segments());
   if constexpr (D == 2)
-    (walls.plain() ? add_plain_2d : add_any_2d)(epsilon, pairs, parts, bare, diameter, x, f, law);
+    (walls.plain() ? add_plain_2d : add_any_2d)(epsilon, pairs, parts, diameter, x, f, law);
   else
-    (walls.plain() ? add_plain_3d : add_any_3d)(epsilon, pairs, parts, bare, diameter, x, f, law);
+    (walls.plain() ? add_plain_3d : add_any_3d)(epsilon, pairs, parts, diameter, x, f, law);
 }
 template void add_wall_forces<2>(Real, std::span<const Pair>, const Walls<2>&, const Real*, const Real*, Real*,
                                  ContactLaw);
