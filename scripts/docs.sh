@@ -21,7 +21,7 @@ text="<!-- Made by scripts/docs.sh from the program; edit the options in the sou
 
 # Options
 
-Every option has a type, a default, a unit and a range; \`$name SCENARIO -help\` prints the same list. An unknown name or a
+Every option has a type, a default, a unit and a range; \`$name SCENARIO -help\` prints the same list, \`-help GROUP\` one group. An unknown name or a
 value out of range ends the program with exit code 2 before any work is done. [models](../models/README.md) has the units.
 
 Options come from the command line (\`-name value\`) and from files (\`-options_file FILE\`, may be repeated): YAML

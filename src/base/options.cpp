@@ -263,13 +263,22 @@ void Options::add(const std::string& name, Target target, OptionSpec spec) {
   options_.push_back(std::move(option));
 }
 
+void Options::most_used(std::vector<std::string> names) {
+  for (const std::string& name : names)
+    if (find(name) == nullptr) throw std::logic_error("-" + name + " is no option");
+  most_used_ = std::move(names);
+}
+
 void Options::accept_petsc_prefix(std::string prefix) { prefixes_.push_back(std::move(prefix)); }
 
 Options::Request Options::parse(const std::vector<std::string>& arguments) {
   std::vector<Setting> settings, from_arguments;
   Request request = Request::run;
   for (Setting& setting : read_arguments(arguments)) {
-    if (setting.name == "help" || setting.name == "h") request = Request::help;
+    if (setting.name == "help" || setting.name == "h") {
+      request = Request::help;
+      help_group_ = setting.value.value_or("");
+    }
     if (setting.name == "version" && request == Request::run) request = Request::version;
     from_arguments.push_back(std::move(setting));
   }

@@ -115,8 +115,13 @@ class Options {
   bool given(const std::string& name) const { return source(name) != "default"; }
   const std::string& source(const std::string& name) const;
 
-  /// Text of `-help`, by groups.
-  std::string help() const;
+  /// Options that the text of `-help` begins with, in this order. std::logic_error for a name that is not bound.
+  void most_used(std::vector<std::string> names);
+  /// The word after `-help`, the title of a group; empty without one.
+  const std::string& help_group() const { return help_group_; }
+  /// Text of `-help`, a line for each option: the most used ones, then all by groups; or one group alone, in any case
+  /// and by the beginning of its title. Errors: InputError for a group that does not exist.
+  std::string help(const std::string& group = "") const;
   /// Reference of all options: a heading and a table for each group.
   std::string markdown() const;
   /// What programs may want to know of the options: name → {"default", "unit"}, "symbol" where the option has one, and
@@ -153,9 +158,12 @@ class Options {
   bool is_petsc(const std::string& name) const;
   void refuse_unknown(const Setting& setting) const;
   void insert_petsc(const Setting& setting);
-  std::vector<std::pair<std::string, std::vector<const Option*>>> by_group() const;
+  using Group = std::pair<std::string, std::vector<const Option*>>;
+  std::vector<Group> by_group() const;
+  static std::string help_line(const Option& option);
 
-  std::string group_ = "General";
+  std::string group_ = "General", help_group_;
+  std::vector<std::string> most_used_;
   std::vector<Option> options_;
   std::vector<std::string> prefixes_;
   std::map<std::string, std::string> units_;

@@ -3,6 +3,7 @@
 #include <pliant/base/options.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <iterator>
 
@@ -59,8 +60,8 @@ std::string Options::default_text(const Option& option) {
 }
 
 // Groups in the order of their first option.
-std::vector<std::pair<std::string, std::vector<const Options::Option*>>> Options::by_group() const {
-  std::vector<std::pair<std::string, std::vector<const Option*>>> groups;
+std::vector<Options::Group> Options::by_group() const {
+  std::vector<Group> groups;
   for (const Option& option : options_) {
     auto group = std::find_if(groups.begin(), groups.end(), [&](const auto& g) { return g.first == option.group; });
     if (group == groups.end()) group = groups.insert(groups.end(), {option.group, {}});
@@ -69,24 +70,47 @@ std::vector<std::pair<std::string, std::vector<const Options::Option*>>> Options
   return groups;
 }
 
-std::string Options::help() const {
+std::string Options::help_line(const Option& option) {
+  std::string facts = option.spec.unit;
+  const auto add = [&](const std::string& fact) {
+    if (!fact.empty()) facts += (facts.empty() ? "" : "; ") + fact;
+  };
+  add("default " + default_text(option));
+  add(range_text(option));
+  return fmt::format("  {:<34}  {} [{}]\n", fmt::format("-{} <{}>", option.name, type_text(option)), option.spec.help,
+                     facts);
+}
+
+std::string Options::help(const std::string& group) const {
+  const std::vector<Group> groups = by_group();
+  std::vector<std::string> titles;
+  for (const Group& g : groups) titles.push_back(g.first);
+  const auto print = [](const Group& g) {
+    std::string text = g.first + ":\n";
+    for (const Option* option : g.second) text += help_line(*option);
+    return text;
+  };
+  if (!group.empty()) {
+    const auto found = std::find_if(titles.begin(), titles.end(), [&](const std::string& title) {
+      return title.size() >= group.size() && std::equal(group.begin(), group.end(), title.begin(), [](char a, char b) {
+               return std::tolower(static_cast<unsigned char>(a)) == std::tolower(static_cast<unsigned char>(b));
+             });
+    });
+    if (found == titles.end())
+      throw InputError("-help {}: there is no such group; the groups are {}", group, fmt::join(titles, ", "));
+    return print(groups[static_cast<std::size_t>(found - titles.begin())]);
+  }
   std::string text;
-  const auto out = std::back_inserter(text);
-  for (const auto& [title, members] : by_group()) {
-    fmt::format_to(out, "{}:\n", title);
-    for (const Option* option : members) {
-      const std::string range = range_text(*option);
-      fmt::format_to(out, "  {:<34}  {}\n{:38}default {}{}{}{}{}\n",
-                     fmt::format("-{} <{}>", option->name, type_text(*option)), option->spec.help, "",
-                     default_text(*option), option->spec.unit.empty() ? "" : " ", option->spec.unit,
-                     range.empty() ? "" : "; ", range);
-    }
+  if (!most_used_.empty()) {
+    text = "Most used:\n";
+    for (const std::string& name : most_used_) text += help_line(*find(name));
     text += '\n';
   }
+  text += fmt::format("Groups, shown alone by -help GROUP: {}\n\n", fmt::join(titles, ", "));
+  for (const Group& g : groups) text += print(g) + '\n';
   text +=
       "Everywhere:\n"
-      "  -options_file <file>                options from a file: YAML (.yaml, .yml) or lines of -name value; may be "
-      "repeated\n"
+      "  -options_file <file>                options from a file: YAML or lines of -name value; may be repeated\n"
       "  -help (or -h), -version             print this, or the version, and stop\n"
       "PETSc's own options (-ts_type, -snes_rtol, -ksp_view, -log_view …) are passed on to PETSc.\n";
   return text;

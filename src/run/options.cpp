@@ -23,8 +23,7 @@ void RunOptions::bind_output(Options& o, bool intervals) {
   o.group("Output");
   o.bind("output", output, {.help = "folder of the run", .on_restart = OnRestart::forget});
   o.bind("restart", restart,
-         {.help = "folder of a run to continue: in place, or with -output in another folder, as a branch",
-          .on_restart = OnRestart::forget});
+         {.help = "folder of a run to continue in place, or as a branch in -output", .on_restart = OnRestart::forget});
   if (intervals) {
     o.bind("frame_interval", frame_interval,
            {.help = "time between frames; less than a step: every step", .unit = "t0", .min = 0, .min_open = true});
@@ -34,22 +33,20 @@ void RunOptions::bind_output(Options& o, bool intervals) {
             .min = 0,
             .min_open = true});
   }
-  o.bind(
-      "frame_fields", frame_fields,
-      {.help = fmt::format("fields of frames beside positions, comma-separated: {}; all, or positions for none of them",
-                           fmt::join(frame_field_names, ", ")),
-       .read = [](const std::string& text, const std::filesystem::path&) {
-         parse_frame_fields(text);
-         return text;
-       }});
+  o.bind("frame_fields", frame_fields,
+         {.help = "fields of frames: all, positions (alone), or a list with commas",
+          .read = [](const std::string& text, const std::filesystem::path&) {
+            parse_frame_fields(text);
+            return text;
+          }});
   o.bind("frame_precision", frame_precision, {{"double", FramePrecision::real64}, {"single", FramePrecision::real32}},
-         {.help = "precision of the real numbers of particles and contacts in frames: 16 or 7 digits"});
+         {.help = "precision of real numbers in frames: 16 or 7 digits"});
   o.bind("frame_deflate", frame_deflate,
          {.help = "compression of frames (HDF5's deflate): 0 none … 9 smallest and slowest", .min = 0, .max = 9});
   o.bind("checkpoint_interval", checkpoint_interval,
          {.help = "wall time between checkpoints; 0: only at the start and when stopped", .unit = "s", .min = 0});
   o.bind("progress_interval", progress_interval,
-         {.help = "wall time between lines with the progress where the standard output is no terminal; 0: none",
+         {.help = "wall time between progress lines if the output is no terminal; 0: none",
           .unit = "s",
           .min = 0,
           .on_restart = OnRestart::forget});
@@ -74,7 +71,7 @@ FrameFormat RunOptions::frame_format() const {
 
 void RunOptions::bind_threads(Options& o) {
   o.bind("threads", threads,
-         {.help = "threads of this process (of each rank under mpiexec); results do not depend on their number",
+         {.help = "threads of each rank; results do not depend on their number",
           .min = 1,
           .max = 1024,
           .on_restart = OnRestart::forget});

@@ -45,16 +45,18 @@ bool parse_arguments(const std::string& scenario, Options& options, const Argume
 
 /// A scenario that is described by options. Parameters: a RunOptions with bind(Options&), which is called first, and
 /// resolve(), which fills in what is automatic and throws InputError for what does not fit together. The run's messages
-/// speak of -dt and -t_end: both must be among the options. defaults: before any option is read.
+/// speak of -dt and -t_end: both must be among the options. defaults: before any option is read. most_used: names of
+/// options, which the text of -help begins with.
 template <class Parameters>
 Scenario option_scenario(std::string name, std::string help, MakeRun<Parameters> make,
-                         Parameters defaults = Parameters()) {
+                         Parameters defaults = Parameters(), std::vector<std::string> most_used = {}) {
   Scenario s{.name = name, .help = std::move(help), .run = {}};
-  s.run = [name = std::move(name), make = std::move(make), defaults = std::move(defaults)](const Arguments& arguments,
-                                                                                           const Ranks& ranks) {
+  s.run = [name = std::move(name), make = std::move(make), defaults = std::move(defaults),
+           most_used = std::move(most_used)](const Arguments& arguments, const Ranks& ranks) {
     Parameters p = defaults;
     Options options;
     p.bind(options);
+    options.most_used(most_used);
     if (!parse_arguments(name, options, arguments, ranks)) return ExitCode::done;
     return run_by_options(name, p, options, ranks, [&](std::optional<Checkpoint> checkpoint) {
       if (!p.restart.empty() && !p.branches(options)) p.output = p.restart;

@@ -436,16 +436,36 @@ TEST_CASE("json tells value, unit and source, and gives a restart the same optio
 TEST_CASE("help and the reference show group, type, default, unit, range and choices") {
   const Program p;
   const std::string help = p.options.help();
-  CHECK_THAT(help, StartsWith("Hopper geometry:\n  -hopper_width <real> ") && Contains("orifice width w") &&
-                       Contains("default 5 sigma_avg; > 0\n") && Contains("default 30 degrees; ≥ 0, < 90\n") &&
-                       Contains("\nRun:\n") && Contains("-model <sp|rough|smooth>") && Contains("default sp\n") &&
-                       Contains("default from the stiffness t0; ≥ 0\n") && Contains("-options_file"));
+  CHECK_THAT(help,
+             StartsWith("Groups, shown alone by -help GROUP: Hopper geometry, Run\n\nHopper geometry:\n") &&
+                 Contains("\n  -hopper_width <real>                orifice width w [sigma_avg; default 5; > 0]\n") &&
+                 Contains("[degrees; default 30; ≥ 0, < 90]\n") && Contains("\nRun:\n") &&
+                 Contains("-model <sp|rough|smooth>") && Contains("default sp]\n") &&
+                 Contains("[t0; default from the stiffness; ≥ 0]\n") && Contains("-options_file"));
   const std::string reference = p.options.markdown();
   CHECK_THAT(
       reference,
       StartsWith("## Hopper geometry\n\n| option | type | default | unit | range | on restart | meaning |\n|---") &&
           Contains("| `-hopper_width` | real | 5 | sigma_avg | > 0 | fixed | orifice width w |\n") &&
           Contains("| `-plot` | yes\\|no | no |  |  | may change | draw a \\| figure |\n"));
+}
+
+TEST_CASE("help begins with the options that are used most, and shows one group alone") {
+  Program p;
+  p.options.most_used({"model", "hopper_width"});
+  CHECK_THAT(p.options.help(), StartsWith("Most used:\n  -model <sp|rough|smooth> ") && Contains("\n\nGroups, shown"));
+  CHECK_THROWS_AS(p.options.most_used({"width"}), std::logic_error);
+  REQUIRE(p.options.parse({"-help", "hopper"}) == Options::Request::help);
+  CHECK(p.options.help_group() == "hopper");
+  const std::string alone = p.options.help("hopper"), run = p.options.help("RUN");
+  CHECK_THAT(alone, StartsWith("Hopper geometry:\n  -hopper_width <real> "));
+  CHECK(alone.find("-model") == std::string::npos);
+  CHECK_THAT(run, StartsWith("Run:\n") && Contains("-model"));
+  CHECK(run.find("-hopper_width") == std::string::npos);
+  CHECK_THROWS_WITH(p.options.help("walls"),
+                    "-help walls: there is no such group; the groups are Hopper geometry, Run");
+  REQUIRE(p.options.parse({"-help"}) == Options::Request::help);
+  CHECK(p.options.help_group().empty());
 }
 
 TEST_CASE("names of units are explained") {

@@ -409,7 +409,10 @@ Scenario channel_scenario() {
         if (!checkpoint) p.refuse_unread(options);
         return std::make_unique<Run<2>>("channel", p, options, ranks, std::make_unique<ChannelProtocol>(p, ranks),
                                         std::move(checkpoint));
-      });
+      },
+      {},
+      {"model", "geometry", "channel_width", "channel_arm", "distribution", "area_fraction", "stiffness", "pushes",
+       "seed", "output"});
   s.units = "Units: cm, g, s; forces in dyn = g cm/s².";
   return s;
 }

@@ -821,7 +821,8 @@ Scenario hopper_scenario(const std::vector<ModelDefinition>& models) {
         return p.dim == 2 ? make<2>(p, options, ranks, std::move(checkpoint))
                           : make<3>(p, options, ranks, std::move(checkpoint));
       },
-      HopperOptions(models));
+      HopperOptions(models),
+      {"model", "dim", "n", "hopper_width", "hopper_wall_distance", "mu", "zeta", "t_end", "seed", "output"});
   s.units = "Units: σ_avg = g = ρ = 1, t0 = sqrt(σ_avg/g).";
   return s;
 }
