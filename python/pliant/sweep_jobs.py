@@ -22,6 +22,7 @@ from .sweep_rows import is_number
 #: `status` in summary.json of runs that have nothing left to do.
 FINISHED = ("done", "clogged", "at_rest", "empty", "jammed")
 STOPPED_CODE = 75
+IN_USE_CODE = 6  #: another process runs in the folder
 # Signals that end a worker in order. Slurm, terminals and GNU parallel may send several at once; those are one request.
 _STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGUSR1)
 # Signal that stops a run: not one that batch systems send to all processes, as a second signal of one kind kills.
@@ -152,7 +153,7 @@ class RowFolder:
             extended = changes and (self.path / "run.h5").exists()
             return State("waiting", "waiting", f"to be extended: {_changes_text(changes)}" if extended else "")
         code = record.get("exit_code")
-        if code is None or code == STOPPED_CODE or -code in _STOP_SIGNALS:
+        if code is None or code in (STOPPED_CODE, IN_USE_CODE) or -code in _STOP_SIGNALS:
             return State("stopped", "stopped")
         return State("failed", "failed", record.get("message", "summary.json is gone"))
 

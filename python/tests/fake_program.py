@@ -71,6 +71,9 @@ def pause():
 if mode == "bad":
     print("pliant: warning: something else", file=sys.stderr)
     fail(3, "not finite")
+if mode == "in_use" and not os.path.exists(f"{folder}/go"):
+    os.unlink(f"{folder}/run.h5")
+    fail(6, f"{folder} is in use by process 1 on host x; wait until it has ended")
 if mode == "die":
     os.kill(os.getpid(), signal.SIGKILL)
 if mode == "silent":

@@ -323,6 +323,16 @@ def test_failures_without_a_run_may_be_corrected(table, tmp_path):
     assert sweep(table("name,a", "x,1"))["x"].kind == "done"
 
 
+def test_a_row_whose_folder_is_in_use_runs_later(table, tmp_path, run):
+    """By a run that was started by hand: exit code 6 is no failure of the row."""
+    path = table("name,mode", "x,in_use", "y,")
+    run(path, code=75)
+    assert "stopped 1" in run(path, "--status", code=75)
+    (tmp_path / "t/x/go").touch()
+    run(path)
+    assert len(attempts(path, "x")) == 2
+
+
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_stop_and_go_on(table, how, tmp_path, run):
     path = table("name,mode", "x,gate", "y,gate", "z,")

@@ -1,3 +1,4 @@
+#include <pliant/base/cure.h>
 #include <pliant/geometry/vessel.h>
 
 #include <algorithm>
@@ -194,9 +195,9 @@ Vessel uneven_hopper(const Hopper& hopper, Real left_angle) {
   hopper.check();
   if (!(left_angle >= 0 && left_angle < 90 && hopper.angle < 90))
     throw InputError(
-        "-hopper_angle_left {} with -hopper_angle {}: two walls with different angles must both be steeper than a flat "
-        "bottom, to end at the same height; give angles below 90, or the walls with -outline",
-        left_angle, hopper.angle);
+        "angles {} of the left wall and {}: two walls with different angles must both be steeper than a flat bottom, "
+        "to end at the same height; use angles below 90 degrees or {}",
+        left_angle, hopper.angle, cures({Cure::own_outline}));
   const auto slope = [](Real degrees) { return std::tan(degrees * pi / 180); };
   const Real half = hopper.orifice / 2,
              top = (hopper.wall_distance - hopper.orifice) / (slope(left_angle) + slope(hopper.angle));

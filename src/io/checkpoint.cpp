@@ -195,9 +195,7 @@ StoredCheckpoints find_checkpoints(const fs::path& folder) {
   });
   for (Whole& w : whole) stored.files.push_back(std::move(w.path));
   if (stored.files.empty() && stored.problems.empty())
-    throw InputError(
-        "there is no checkpoint in {}; give -restart the folder of a run that has one, or start one by -output",
-        folder.string());
+    throw InputError("there is no checkpoint in {}; restart from the folder of a run that has one", folder.string());
   return stored;
 }
 

@@ -1,5 +1,6 @@
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <pliant/base/cure.h>
 #include <pliant/base/errors.h>
 #include <pliant/base/regular_file.h>
 #include <pliant/io/folder_lock.h>
@@ -52,7 +53,8 @@ void create_folder(const fs::path& folder) {
   fs::create_directories(folder, error);
   if (!error && !fs::is_directory(folder)) error = std::make_error_code(std::errc::not_a_directory);
   if (error)
-    throw OutputError("cannot create the folder {}: {}; choose another -output", folder.string(), error.message());
+    throw OutputError("cannot create the folder {}: {}; choose {}", folder.string(), error.message(),
+                      cures({Cure::other_folder}));
 }
 
 std::optional<std::string> holder_of(const fs::path& folder) {
@@ -81,9 +83,8 @@ void FolderLock::acquire() {
   for (;;) {
     descriptor_ = open_regular(file_, O_RDWR | O_CREAT | O_NOFOLLOW);
     if (descriptor_ < 0)
-      throw OutputError(
-          "cannot write in the folder {}: {}; check permissions and free space, or choose another -output",
-          folder_.string(), std::strerror(errno));
+      throw OutputError("cannot write in the folder {}: {}; check permissions and free space, or choose {}",
+                        folder_.string(), std::strerror(errno), cures({Cure::other_folder}));
     const int error = lock_now(descriptor_);
     if (error == 0 && has_name(descriptor_, file_)) break;
     const std::string holder = note_of(descriptor_);
@@ -94,8 +95,8 @@ void FolderLock::acquire() {
     }
     ::close(std::exchange(descriptor_, -1));
     if (error == EWOULDBLOCK)
-      throw InputError("{} is in use by {}; wait until it has ended, stop it by kill, or choose another -output",
-                       folder_.string(), holder.empty() ? "another process" : holder);
+      throw FolderInUse("{} is in use by {}; wait until it has ended, stop it by kill, or choose {}", folder_.string(),
+                        holder.empty() ? "another process" : holder, cures({Cure::other_folder}));
   }
   write_note(descriptor_);
 }

@@ -7,7 +7,16 @@
 #include <utility>
 #include <vector>
 
+#include <pliant/base/errors.h>
+
 namespace pliant {
+
+/// Another process runs in the folder: exit code 6, so that a queue of runs can tell it from bad input.
+struct FolderInUse : Error {
+  template <class... Args>
+  explicit FolderInUse(fmt::format_string<Args...> text, Args&&... args)
+      : Error(ExitCode{6}, fmt::format(text, std::forward<Args>(args)...)) {}
+};
 
 /// Creates a folder and its parents. Errors: OutputError.
 void create_folder(const std::filesystem::path& folder);
@@ -21,8 +30,8 @@ std::optional<std::string> holder_of(const std::filesystem::path& folder);
 class FolderLock {
  public:
   FolderLock() = default;  ///< of no folder
-  /// Makes the folder and its parents where they are missing. Errors: InputError that names process and host if another
-  /// one holds the lock; OutputError if the folder or the file cannot be made.
+  /// Makes the folder and its parents where they are missing. Errors: FolderInUse that names process and host if
+  /// another one holds the lock; OutputError if the folder or the file cannot be made.
   explicit FolderLock(const std::filesystem::path& folder);
   FolderLock(FolderLock&& other) noexcept { swap(other); }
   FolderLock& operator=(FolderLock&& other) noexcept {

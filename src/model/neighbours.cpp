@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include <pliant/base/cure.h>
 #include <pliant/base/errors.h>
 #include <pliant/base/large_pages.h>
 #include <pliant/base/parallel_errors.h>
@@ -239,8 +240,8 @@ void Neighbours<D>::rebuild(const Topology& topology, const Walls<D>& wall, cons
   const std::size_t coordinates = static_cast<std::size_t>(n) * D;
   if (const std::size_t bad = first_non_finite(x, coordinates); bad < coordinates) {
     const Index m = topology.particle[bad / D];
-    throw NumericalError("position of point {} of particle {} is not finite; lower -dt or the stiffness",
-                         bad / D - topology.offset[m], topology.id[m]);
+    throw NumericalError("position of point {} of particle {} is not finite; use {}", bad / D - topology.offset[m],
+                         topology.id[m], cures({Cure::shorter_step, Cure::softer_particles}));
   }
 
   divide(topology);

@@ -4,16 +4,20 @@
 
 #include <algorithm>
 
+#include <pliant/base/cure.h>
 #include <pliant/kernels/verlet.h>
 #include <pliant/model/crossing.h>
 
 namespace pliant {
 namespace {
 
-/// Another law that keeps vertices out.
-std::string_view cure(const NeighbourNeeds& needs, bool barrier) {
-  if (needs.edges == Edges::bare) return needs.vertex_edges ? "" : ", or -rough_contact edge";
-  return barrier ? "" : ", or -contact_law barrier";
+/// With another law that keeps vertices out.
+std::string cures_of_crossing(const NeighbourNeeds& needs, bool barrier) {
+  if (needs.edges == Edges::bare && !needs.vertex_edges)
+    return cures({Cure::shorter_step, Cure::stiffer_contacts, Cure::edge_contacts});
+  if (needs.edges != Edges::bare && !barrier)
+    return cures({Cure::shorter_step, Cure::stiffer_contacts, Cure::contact_barrier});
+  return cures({Cure::shorter_step, Cure::stiffer_contacts});
 }
 
 void check(const OutlineLook& seen, const StateView<2>& s, const LeastDistances& least, Real dt) {
@@ -23,18 +27,17 @@ void check(const OutlineLook& seen, const StateView<2>& s, const LeastDistances&
     return fmt::format("vertex {} of particle {}", vertex - topology.offset[m], topology.id[m]);
   };
   if (seen.crossing)
-    throw NumericalError("{} has crossed the outline of particle {}; a smaller -dt or a larger -e_c keeps it out{}",
-                         named(seen.crossing->vertex), topology.id[seen.crossing->other],
-                         cure(s.neighbours.needs(), dt > 0));
+    throw NumericalError("{} has crossed the outline of particle {}; use {}", named(seen.crossing->vertex),
+                         topology.id[seen.crossing->other], cures_of_crossing(s.neighbours.needs(), dt > 0));
   if (!seen.closest) return;
   const bool wall = seen.closest->other < 0;
   throw NumericalError(
-      "{} has come to {:.3f} of the contact distance of {}, where the barrier is too stiff for the step; use -dt "
-      "{:.2g} "
-      "or less, or a larger {}",
+      "{} has come to {:.3f} of the contact distance of {}, where the barrier is too stiff for the step; use {} of "
+      "at most {:.2g}, or {}",
       named(seen.closest->vertex), seen.closest->distance,
-      wall ? "a wall" : fmt::format("particle {}", topology.id[seen.closest->other]),
-      dt * seen.closest->distance / (wall ? least.walls : least.outlines) / 2, wall ? "-e_w" : "-e_c");
+      wall ? "a wall" : fmt::format("particle {}", topology.id[seen.closest->other]), cures({Cure::shorter_step}),
+      dt * seen.closest->distance / (wall ? least.walls : least.outlines) / 2,
+      cures({wall ? Cure::stiffer_walls : Cure::stiffer_contacts}));
 }
 
 void check(const SelfLook& seen, const Topology& topology, const std::string& cure) {

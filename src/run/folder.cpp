@@ -74,8 +74,8 @@ Found look_for_branch(const fs::path& folder, const fs::path& from) {
     throw InputError("{} holds a run that is no branch of {}; choose another -output", folder.string(), from.string());
   if (begun) return look_into(folder);
   if (const auto holder = holder_of(from))
-    throw InputError("{} is in use by {}; wait until it has ended, or stop it by kill, before a branch of it begins",
-                     from.string(), *holder);
+    throw FolderInUse("{} is in use by {}; wait until it has ended, or stop it by kill, before a branch of it begins",
+                      from.string(), *holder);
   return Found::nothing;
 }
 

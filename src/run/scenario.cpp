@@ -15,6 +15,7 @@
 #include <pliant/base/nearest.h>
 #include <pliant/base/petsc.h>
 #include <pliant/base/version.h>
+#include <pliant/run/cure_options.h>
 #include <pliant/run/folder.h>
 #include <pliant/run/run_control.h>
 
@@ -34,7 +35,8 @@ std::string usage(const std::vector<Scenario>& scenarios) {
   for (const Scenario& s : scenarios)
     text += fmt::format("  {:<18}  {}\n", s.arguments.empty() ? s.name : s.name + " " + s.arguments, s.help);
   return text + fmt::format(
-                    "\n{0} SCENARIO -help   options of a scenario\n{0} -version         version and build\n"
+                    "\n{0} SCENARIO -help   options of a scenario\n{0} SCENARIO -help GROUP   one group of them\n"
+                    "{0} -version         version and build\n"
                     "{0} -scenarios       names of the scenarios that have options, for scripts\n",
                     program);
 }
@@ -131,6 +133,7 @@ std::terminate_handler other_terminate = nullptr;
 ExitCode run_by_options(const std::string& scenario, const RunOptions& p, Options& options, const Ranks& ranks,
                         const std::function<std::unique_ptr<AnyRun>(std::optional<Checkpoint>)>& make) {
   start_log();
+  const CureOptions cure_options([&](Cure cure) { return option_for(cure, options); });
   FolderLock lock;  // held until the run has closed its files
   std::unique_ptr<AnyRun> run;
   make_run(scenario, p, options, ranks, lock,
@@ -149,7 +152,8 @@ bool parse_arguments(const std::string& scenario, Options& options, const Argume
   }
   switch (options.parse(arguments)) {
     case Options::Request::help:
-      answer(ranks, fmt::format("usage: {} {} [-option value ...]\n\n", program_name(), scenario) + options.help());
+      answer(ranks, fmt::format("usage: {} {} [-option value ...]\n\n", program_name(), scenario) +
+                        options.help(options.help_group()));
       return false;
     case Options::Request::version:
       answer(ranks, build_info().text());

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <vector>
 
+#include <pliant/base/cure.h>
 #include <pliant/base/rng.h>
 #include <pliant/catalogue/catalogue.h>
 #include <pliant/catalogue/parameter_values.h>
@@ -102,10 +103,8 @@ Relaxed relax_disks(Topology disks, const Walls<D>& walls, Real tolerance, std::
 void check_fit(const Topology& topology, const Container& container) {
   for (Index m = 0; m < topology.particles(); ++m)
     if (const Real width = 2 * outer_radius(topology, m); width >= container.inflow_width())
-      throw InputError(
-          "particle {} is {:.3g} sigma_avg wide, the hopper only {:.3g} at its upper end; raise -hopper_wall_distance, "
-          "or widen the -outline",
-          m, width, container.inflow_width());
+      throw InputError("particle {} is {:.3g} sigma_avg wide, the hopper only {:.3g} at its upper end; use {}", m,
+                       width, container.inflow_width(), cures({Cure::wider_container, Cure::own_outline}));
 }
 
 template <int D>

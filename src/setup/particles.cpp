@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numeric>
 
+#include <pliant/base/cure.h>
 #include <pliant/base/errors.h>
 #include <pliant/base/rng.h>
 #include <pliant/setup/streams.h>
@@ -97,10 +98,9 @@ std::vector<Vec<2>> elongated_outline(Index n, Real parameter) {
   std::vector<Vec<2>> vertices = with_area(1, most_stretched, stretched);
   if (const Real least = area_of(vertices); !(least < area * (1 + 1e-9)))
     throw InputError(
-        "-shape_parameter {:g}: {} edges of equal length have at most {:.4g} in a shape without notches; use less, or "
-        "an "
-        "even -n_vertices",
-        parameter, n, square(static_cast<Real>(n)) / (4 * pi * least));
+        "shape parameter {:g}: {} edges of equal length have at most {:.4g} in a shape without notches; use {}",
+        parameter, n, square(static_cast<Real>(n)) / (4 * pi * least),
+        cures({Cure::rounder_shape, Cure::even_vertices}));
   return vertices;
 }
 

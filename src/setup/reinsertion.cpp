@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include <pliant/base/cure.h>
 #include <pliant/base/rng.h>
 #include <pliant/model/polygon.h>
 #include <pliant/setup/streams.h>
@@ -180,10 +181,9 @@ void reinsert(const Ranks& ranks, const Topology& topology, const Container& con
     return;
   }
   throw NumericalError(
-      "no place to put particle {} back after it left the hopper: {} particles are above the orifice; use more "
-      "particles (-n), a narrower hopper (-hopper_wall_distance) or orifice (-hopper_width), wider room between "
-      "obstacles, or -flow discharge",
-      leaving.id, ranks.sum(static_cast<std::int64_t>(bulk.size())));
+      "no place to put particle {} back after it left the hopper: {} particles are above the orifice; use {}",
+      leaving.id, ranks.sum(static_cast<std::int64_t>(bulk.size())),
+      cures({Cure::more_particles, Cure::narrower_orifice, Cure::wider_obstacles, Cure::no_reinsertion}));
 }
 
 template void reinsert<2>(const Ranks&, const Topology&, const Container&, const Walls<2>&, bool, std::uint64_t,

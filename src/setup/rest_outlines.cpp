@@ -4,6 +4,7 @@
 #include <cmath>
 #include <optional>
 
+#include <pliant/base/cure.h>
 #include <pliant/base/errors.h>
 
 namespace pliant {
@@ -92,8 +93,8 @@ std::vector<Vec<2>> rest_outline(const OutlineShape& shape, Index n) {
     high *= 1.25;
     const std::vector<Vec<2>> longer = with(high);
     if (too_narrow(longer))
-      throw InputError("an outline of the aspect {:g} needs more than {} vertices; raise -n_vertices or lower -aspect",
-                       shape.aspect, n);
+      throw InputError("an outline of the aspect {:g} needs more than {} vertices; use {}", shape.aspect, n,
+                       cures({Cure::more_vertices, Cure::smaller_aspect}));
     if (aspect_of(longer) >= shape.aspect) break;
   }
   for (int k = 0; k < 40; ++k) {

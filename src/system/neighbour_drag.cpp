@@ -195,8 +195,9 @@ void NeighbourDrag<D>::solve(const StateView<D>& s, const Real* force, Real* v) 
     iterations_ += iterations;
     if (reason < 0)
       throw NumericalError(
-          "the velocities of the droplets were not found at t = {}: {} after {} iterations; check the initial state or "
-          "the -mobility_ksp_… options",
+          "the velocities of the droplets were not found at t = {}: {} after {} iterations; check the initial state "
+          "and "
+          "the options of its linear solver",
           s.t, KSPConvergedReasons[reason], iterations);
     const PetscScalar* found = nullptr;
     petsc_check(VecGetArrayRead(solver.solution, &found));

@@ -5,6 +5,7 @@
 #include <limits>
 #include <span>
 
+#include <pliant/base/cure.h>
 #include <pliant/base/errors.h>
 #include <pliant/base/large_pages.h>
 #include <pliant/kernels/verlet.h>
@@ -68,7 +69,7 @@ void FixedStepVerlet::evaluate(SecondOrderSystem& system, State& state) {
 }
 
 void FixedStepVerlet::run(FirstOrderSystem&, State&, Real, const StepObserver&) {
-  throw InputError("-integrator verlet is for motion with inertia; use -integrator ts");
+  throw InputError("velocity Verlet is for motion with inertia; use {}", cures({Cure::ts}));
 }
 
 bool FixedStepVerlet::fused_step(SecondOrderSystem& system, State& state, Real t, bool predicted) {

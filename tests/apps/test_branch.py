@@ -85,7 +85,7 @@ def test_a_branch_that_makes_no_sense(tmp_path):
     child = start("hopper", restart=first, t_end=1e6)
     wait_for((first / "run.lock").exists, child)
     result = pliant("hopper", restart=first, output=tmp_path / "branch")
-    assert result.returncode == 2 and f"in use by process {child.pid}" in result.stderr, result.stderr
+    assert result.returncode == 6 and f"in use by process {child.pid}" in result.stderr, result.stderr
     assert end(child)[0] == 75
 
 

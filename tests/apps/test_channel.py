@@ -313,7 +313,7 @@ def test_jams(tmp_path):
     ({"aspect": 3}, "-aspect with -model disk"),
     ({"model": "rough", "mu_disk": 0.3}, "-mu_disk (command line) with -model rough"),
     ({"model": "rough", "base_coupled": "no"}, "-base_coupled (command line) with -model rough"),
-    ({"model": "rough", "aspect": 9, "n_vertices": 12}, "needs more than 18 vertices; raise -n_vertices or lower -aspect"),
+    ({"model": "rough", "aspect": 9, "n_vertices": 12}, "needs more than 18 vertices; use more vertices (-n_vertices) or a smaller aspect ratio (-aspect)"),
     ({"model": "rough", "aspect": 2, "shape_outline": __file__}, "test_channel.py:1"),
     ({"frame_interval": 1}, "unknown option -frame_interval"),
     ({"plunger_speed": 0}, "greater than 0"),

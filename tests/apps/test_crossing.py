@@ -35,7 +35,7 @@ def crossed(frame, vertices=12):
 def check_stopped(folder, result):
     assert result.returncode == 3, result.stderr
     message = complaints(result)[0]
-    assert "has crossed the outline" in message and "-e_c" in message and "shortest edge" not in message
+    assert "has crossed the outline" in message and "use a shorter step (-dt)" in message and "stiffer contacts (-e_c)" in message and "shortest edge" not in message
     t = float(re.search(r"t = ([\d.]+)", message).group(1))
     assert t < 2.5  # long before the next sample
     run = Results(folder)
@@ -115,7 +115,7 @@ def test_a_barrier_that_outgrows_the_step_stops_the_run(tmp_path):
     result = pliant("hopper", output=tmp_path / "run", **options)
     assert result.returncode == 3
     message = complaints(result)[0]
-    found = re.search(r"has come to ([\d.]+) of the contact distance of particle \d+, .* use -dt (\S+) or less", message)
+    found = re.search(r"has come to ([\d.]+) of the contact distance of particle \d+, .* use a shorter step \(-dt\) of at most (\S+), or stiffer contacts \(-e_c\)$", message)
     assert found, message
     run = Results(tmp_path / "run")
     assert float(found.group(2)) < run.summary["dt"]

@@ -483,7 +483,7 @@ def test_no_vertex_slips_through_a_stretched_edge(tmp_path):
     options = {**SMALL, "model": "rough", "mu": 3, "zeta": 0, "k_l": 1, "seed": 2, "t_end": 4, "self_crossing": "count"}
     result = pliant("hopper", output=tmp_path / "literal", rough_contact="literal", **options)
     assert result.returncode == 3 and "has crossed the outline of particle" in result.stderr
-    assert "-rough_contact edge" in result.stderr and "barrier" not in result.stderr
+    assert "contacts with edges (-rough_contact)" in result.stderr and "barrier" not in result.stderr
     results = hopper(tmp_path / "edge", **options)
     assert results.summary["t"] == pytest.approx(4, abs=1e-3)
 

@@ -114,8 +114,9 @@ TEST_CASE("a hopper whose walls have different angles", "[container]") {
   }
   const Hopper flat{.wall_distance = 12, .orifice = 3, .angle = 90},
       narrow{.wall_distance = 2, .orifice = 3, .angle = 45};
-  CHECK_THROWS_WITH(uneven_hopper(flat, 0), Catch::Contains("-hopper_angle_left") && Catch::Contains("-outline"));
-  CHECK_THROWS_WITH(uneven_hopper(hopper, 90), Catch::Contains("-hopper_angle_left 90"));
+  CHECK_THROWS_WITH(uneven_hopper(flat, 0),
+                    Catch::Contains("angles 0 of the left wall and 90") && Catch::Contains("outline"));
+  CHECK_THROWS_WITH(uneven_hopper(hopper, 90), Catch::Contains("angles 90 of the left wall"));
   CHECK_THROWS_WITH(uneven_hopper(narrow, 0), Catch::Contains("-hopper_wall_distance"));
 }
 

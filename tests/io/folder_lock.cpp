@@ -28,6 +28,9 @@ std::string refusal(const fs::path& folder) {
   try {
     const FolderLock lock(folder);
     return lock.warning();
+  } catch (const FolderInUse& error) {
+    CHECK(static_cast<int>(error.code()) == 6);
+    return error.what();
   } catch (const InputError& error) {
     return error.what();
   }

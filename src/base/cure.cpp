@@ -1,0 +1,81 @@
+#include <fmt/format.h>
+#include <pliant/base/cure.h>
+
+#include <utility>
+
+namespace pliant {
+namespace {
+
+std::function<std::string(Cure)> option_of;
+
+const char* phrase(Cure cure) {
+  switch (cure) {
+    case Cure::shorter_step:
+      return "a shorter step";
+    case Cure::stiffer_contacts:
+      return "stiffer contacts";
+    case Cure::stiffer_walls:
+      return "stiffer walls";
+    case Cure::softer_particles:
+      return "softer particles";
+    case Cure::edge_contacts:
+      return "contacts with edges";
+    case Cure::contact_barrier:
+      return "a contact barrier";
+    case Cure::lighter_load:
+      return "a lighter load";
+    case Cure::more_particles:
+      return "more particles";
+    case Cure::wider_container:
+      return "a wider container";
+    case Cure::narrower_orifice:
+      return "a narrower orifice";
+    case Cure::other_orifice:
+      return "another orifice width";
+    case Cure::other_angle:
+      return "another angle";
+    case Cure::own_outline:
+      return "an outline from a file";
+    case Cure::wider_obstacles:
+      return "more room between obstacles";
+    case Cure::no_reinsertion:
+      return "a flow without reinsertion";
+    case Cure::rounder_shape:
+      return "a smaller shape parameter";
+    case Cure::even_vertices:
+      return "an even number of vertices";
+    case Cure::more_vertices:
+      return "more vertices";
+    case Cure::smaller_aspect:
+      return "a smaller aspect ratio";
+    case Cure::verlet:
+      return "velocity Verlet";
+    case Cure::ts:
+      return "PETSc TS";
+    case Cure::drag:
+      return "drag";
+    case Cure::other_folder:
+      return "another folder";
+  }
+  return "";
+}
+
+}  // namespace
+
+std::string cures(std::initializer_list<Cure> several) {
+  std::string text;
+  std::size_t left = several.size();
+  for (const Cure cure : several) {
+    const std::string option = option_of ? option_of(cure) : "";
+    text += phrase(cure);
+    if (!option.empty()) text += fmt::format(" (-{})", option);
+    --left;
+    text += left > 1 ? ", " : left == 1 ? " or " : "";
+  }
+  return text;
+}
+
+CureOptions::CureOptions(std::function<std::string(Cure)> option) { option_of = std::move(option); }
+CureOptions::~CureOptions() { option_of = nullptr; }
+
+}  // namespace pliant
