@@ -55,7 +55,6 @@ CASES = {
                     "-pushes 2 -frame_travel 0.5", 0.08, 1e6),
     "sp-threads": Case(f"{SOFT} -threads 2 -frame_interval 5", 15, 30),
     "rough-ranks": Case(f"{POLYGONS} -model rough -mu 1", 5, 10, ranks=2),
-    "raft-ranks": Case(f"{RAFT} -v_wall 4e-3", 300, 1e6, ranks=2),
 }
 
 

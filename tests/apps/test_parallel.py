@@ -201,127 +201,13 @@ CLOG = {"n": 20, "seed": 3, "g": 0.1, "hopper_width": 2, "phi_c": 3e-4, "dt": 0.
         "sample_interval": 5}
 
 
-def droplets(ranks, scenario, folder, **options):
-    """Runs them to their end; the output is checked too."""
-    result = on_any_ranks(ranks, scenario, output=folder, **options)
-    assert result.returncode == 0 and complaints(result) == [], result.stderr
-    assert result.stdout.count(f"{scenario}:") == result.stdout.count("ended by") == 1
-    return Results(folder)
-
-
-@pytest.fixture(scope="module")
-def raft(tmp_path_factory):
-    return droplets(1, "raft", tmp_path_factory.mktemp("raft") / "run", **RAFT)
-
-
-@pytest.fixture(scope="module")
-def clog(tmp_path_factory):
-    return droplets(1, "clog", tmp_path_factory.mktemp("clog") / "run", **CLOG)
-
-
-def assert_near_droplets(one, other, tolerance=1e-9):
-    """The same run but for rounding, that of the other viscous solver included."""
-    assert np.array_equal(one.topology["sigma"], other.topology["sigma"])
-    assert one.series.keys() == other.series.keys()
-    for name in one.series:
-        assert np.allclose(one.series[name], other.series[name], rtol=0, atol=tolerance), name
-    assert one.events.keys() == other.events.keys()
-    for name in one.events:
-        assert np.allclose(one.events[name], other.events[name], rtol=0, atol=tolerance), name
-    assert len(one.frames) == len(other.frames)
-    for a, b in zip(one.frames, other.frames):
-        assert a.keys() == b.keys()
-        for name in a:
-            assert np.allclose(a[name], b[name], rtol=0, atol=tolerance, equal_nan=True), name
-    for name, value in one.counters().items():
-        if name == "energy_audit":
-            assert other.summary[name] == pytest.approx(value, abs=tolerance)
-        elif name not in ("list_rebuilds", "message"):
-            assert other.summary[name] == (pytest.approx(value, abs=tolerance) if isinstance(value, float) else value)
-
-
 @needs_mpi
-@pytest.mark.parametrize("ranks", [2, 3])
-def test_a_raft_breaks_on_ranks_as_on_one(ranks, raft, tmp_path):
-    assert raft.summary["broken"] == 6 and raft.summary["formed"] == 3 and raft.summary["rows"] == 2
-    several = droplets(ranks, "raft", tmp_path / "ranks", **RAFT)
-    assert_near_droplets(raft, several)
-
-
-@needs_mpi
-def test_the_budget_of_a_raft_closes_on_ranks(tmp_path):
-    """With controlled steps, as on one rank: to thirty times the tolerance for a position."""
-    run = droplets(2, "raft", tmp_path / "run", rows=3, columns=3, delta=0.01, v_wall=5e-3, end_distance=5.2)
-    assert run.summary["broken"] > 0 and run.series["work"].max() > 1e-3
-    assert np.abs(run.series["budget_error"]).max() < 3e-7
-
-
-@needs_mpi
-def test_more_ranks_than_droplets(tmp_path):
-    options = {**RAFT, "rows": 2, "columns": 2, "n": 3, "end_distance": 3.5, "mobility": "lagged"}
-    one = droplets(1, "raft", tmp_path / "one", **options)
-    assert one.summary["broken"] == 1
-    assert_near_droplets(one, droplets(4, "raft", tmp_path / "four", **options))
-
-
-@needs_mpi
-def test_a_clog_on_ranks(clog, tmp_path):
-    """Few droplets, and soon at rest: rounding does not grow to anything."""
-    assert clog.summary["status"] == "clogged" and len(clog.summary["arch"]) == 3
-    assert clog.summary["avalanche_size"]["value"] == 10
-    assert_near_droplets(clog, droplets(2, "clog", tmp_path / "run", **CLOG))
-
-
-@needs_mpi
-def test_droplets_that_leave_their_ranks(tmp_path):
-    """All fall out of a wide exit, far from where each rank's were at first: they are shared out anew."""
-    options = {**CLOG, "n": 45, "hopper_width": 6, "phi_c": 0}
-    one, two = (droplets(ranks, "clog", tmp_path / str(ranks), **options) for ranks in (1, 2))
-    assert one.summary["status"] == "empty" and one.summary["avalanche_size"]["value"] == 45
-    assert_near_droplets(one, two)
-
-
-@needs_mpi
-@pytest.mark.parametrize("first, then, mobility", [(2, 1, "exact"), (2, 2, "lagged"), (1, 3, "lagged")])
-def test_droplets_continued_by_any_number_of_ranks(first, then, mobility, tmp_path):
-    """Lagged velocities are part of the state."""
-    options = {**RAFT, "mobility": mobility, "v_wall": 1e-2, "end_distance": 5.3}
-    whole = droplets(1, "raft", tmp_path / "whole", **options)
-    droplets(first, "raft", tmp_path / "run", **{**options, "t_end": 18})
-    result = on_ranks(then, "raft", restart=tmp_path / "run", t_end=1e6)
-    assert result.returncode == 0 and result.stdout.count("continuing at t = 18 ") == 1, result.stderr
-    run = Results(tmp_path / "run")
-    assert run.series["time"][-1] == whole.series["time"][-1]
-    assert np.allclose(whole.frames[-1]["positions"], run.frames[-1]["positions"], rtol=0, atol=1e-9)
-    for name in ("work", "dissipated", "broken", "formed", "budget_error"):
-        assert run.summary[name] == pytest.approx(whole.summary[name], abs=1e-9)
-
-
-@needs_mpi
-def test_a_clog_stopped_and_continued_on_ranks(clog, tmp_path):
-    """Droplets that have left stay out, and the exit stays open."""
-    left = clog.series["left"]
-    some_left = clog.series["time"][np.flatnonzero((left > 0) & (left < left[-1]))[0]]
-    droplets(1, "clog", tmp_path / "run", **CLOG, t_end=some_left)
-    for wall_time, code, words in ((1e-3, 75, "stopped at t ="), (0, 0, "ended by clogged")):
-        result = on_ranks(2, "clog", restart=tmp_path / "run", t_end=1e5, max_wall_time=wall_time)
-        assert result.returncode == code and result.stdout.count(words) == 1, result.stderr
-    run = Results(tmp_path / "run")
-    for key in ("status", "arch", "attached", "rest", "avalanche_size", "opened_at"):
-        assert run.summary[key] == clog.summary[key]
-    assert np.allclose(run.frames[-1]["positions"], clog.frames[-1]["positions"], rtol=0, atol=1e-8)
-
-
-@needs_mpi
-@pytest.mark.parametrize("options, frames", [({"dt": 2, "allow_unstable_dt": "yes"}, True), ({"start_distance": 1, "end_distance": 0.5}, False)],
-                         ids=["later", "at_once"])
-def test_droplets_that_fail(options, frames, tmp_path):
-    result = on_ranks(2, "raft", output=tmp_path / "run", **{**RAFT, **options})
-    (error,) = [line for line in complaints(result) if "warning" not in line]
-    assert result.returncode == 3, result.stderr
-    run = Results(tmp_path / "run")
-    assert ("particle" if frames else "droplet") in error and run.summary["message"] in error
-    assert run.summary["status"] == "failed" and bool(run.frames) == frames
+@pytest.mark.parametrize("scenario, options", [("raft", RAFT), ("clog", CLOG)])
+def test_droplets_refuse_several_ranks(scenario, options, tmp_path):
+    result = on_ranks(2, scenario, output=tmp_path / "run", **options)
+    assert result.returncode == 2 and not (tmp_path / "run").exists()
+    (error,) = complaints(result)
+    assert f"{scenario} on 2 ranks: " in error and "without mpiexec" in error
 
 
 # --- Stopped and continued

@@ -25,6 +25,19 @@ def test_help_lists_every_option_that_scripts_rely_on():
         assert choice in result.stdout
 
 
+@pytest.mark.parametrize("scenario", ["hopper", "raft", "clog", "channel"])
+def test_help_begins_with_ten_options_and_shows_one_group(scenario):
+    lines = pliant(scenario, "-help").stdout.splitlines()
+    assert lines[2] == "Most used:" and lines[13] == "" and lines[14].startswith("Groups, shown alone by -help GROUP: ")
+    assert all(re.match(r"  -\w+ <.*>  .* \[.*default .*\]$", line) for line in lines[3:13])
+    titles = lines[14].split(": ")[1].split(", ")
+    group = pliant(scenario, "-help", titles[-1].lower()).stdout.splitlines()
+    assert group[2] == f"{titles[-1]}:" and all(line.startswith("  -") for line in group[3:])
+    assert group[3:] == lines[lines.index(f"{titles[-1]}:") + 1:][:len(group) - 3]
+    wrong = pliant(scenario, "-help", "nothing")
+    assert wrong.returncode == 2 and f"the groups are {', '.join(titles)}" in wrong.stderr
+
+
 @pytest.mark.parametrize("command", [["-help"], ["--help"], ["-h"], ["evaluate", "-help"]])
 def test_help_of_the_program(command):
     result = pliant(*command)

@@ -3,7 +3,6 @@
 #include <petscsys.h>
 #include <catch2/catch.hpp>
 
-#include <pliant/run/whole.h>
 #include <pliant/ts/ts_integrator.h>
 
 #include "support/disks.h"
@@ -440,34 +439,6 @@ TEST_CASE("threads change no bit of a history") {
   CHECK(a.keys.size() > 1000);
   CHECK(a.keys == b.keys);
   CHECK(a.values == b.values);
-}
-
-TEST_CASE("the whole on every rank has spins and histories", "[ranks]") {
-  Random random(4);
-  const Pile pile(random, 8, 8);
-  const auto alone = pile.simulation(), shared = pile.simulation(Sorting::at_start, Ranks(PETSC_COMM_WORLD)),
-             copy = pile.simulation();
-  alone->advance(0.2);
-  shared->advance(0.2);
-  std::optional<ParticleSystem<2>> of_all;
-  if (shared->ranks().several()) of_all.emplace(std::move(copy->particles()));
-  Whole<2> whole(*shared, std::move(of_all));
-  whole.update();
-  whole.update_velocities();
-  const StateView<2> a = alone->view(), b = whole.view();
-  std::vector<Real> f(alone->state().size()), g(f.size());
-  alone->particles().field().forces(a, f.data());
-  whole.particles().field().forces(b, g.data());
-  Real most = 0;
-  for (Index m = 0; m < a.topology.particles(); ++m) {  // on one rank they are sorted
-    const Index at = static_cast<Index>(std::ranges::find(b.topology.id, m) - b.topology.id.begin());
-    CHECK(b.spin(at) == Approx(a.spin(m)).margin(1e-8));
-    CHECK((point<2>(g.data(), at) - point<2>(f.data(), m)).norm() < 1e-6);
-    CHECK(alone->particles().rotations_in(std::span(g))[at] ==
-          Approx(alone->particles().rotations_in(std::span(f))[m]).margin(1e-6));
-    most = std::max(most, std::abs(alone->particles().rotations_in(std::span(f))[m]));
-  }
-  CHECK(most > 0.1);
 }
 
 }  // namespace pliant::test::contact_history_test

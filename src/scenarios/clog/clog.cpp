@@ -61,21 +61,21 @@ class ClogProtocol final : public DropletProtocol {
   /// The walls up to the topmost droplet, and the lid while it is there.
   std::vector<Real> drawn_walls(Real) const override {
     Real top = 2;
-    if (all_state().size() > 0)
+    if (state().size() > 0)
       for (Index m = 0; m < droplets(); ++m) top = std::max(top, position(m)[1] + 2);
     const Real tip = p_.half_width(), far = tip + top * right_wall(p_)[0] / right_wall(p_)[1];
     return {-tip, 0, -far, top, tip, 0, far, top, -tip, 0, opened_ < 0 ? tip : -tip, 0};
   }
 
-  bool follow_droplets() override {
-    if (all_state().step % check_every != 0) return false;
+  bool follow() override {
+    if (state().step % check_every != 0) return false;
     const bool changed = opened_ >= 0 && take_out();
     if (opened_ >= 0) {
       judge_end();
       return changed;
     }
     if (!at_rest()) return changed;
-    opened_ = all_state().t;
+    opened_ = state().t;
     run().write_frame();
     set_walls(make_walls(p_, far_below));
     return true;
@@ -115,7 +115,7 @@ class ClogProtocol final : public DropletProtocol {
     s["opened_at"] = opened_ < 0 ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(opened_);
     if (!ended) return;
     s["avalanche_size"] = quantity(droplets() - active(), NAN, "");
-    const std::vector<ClogRole> roles = clog_roles(places(), all_droplets().active, arch_);
+    const std::vector<ClogRole> roles = clog_roles(places(), topology().active, arch_);
     const auto all = [&](ClogRole role) {
       std::vector<Index> which;
       for (Index m = 0; m < droplets(); ++m)
@@ -145,19 +145,18 @@ class ClogProtocol final : public DropletProtocol {
   static constexpr Real far_below = -1e6;
   static constexpr Real taken_out_below = -4;  ///< two diameters below the exit
 
-  std::span<const Real> places() const { return all_state().x().first(2 * static_cast<std::size_t>(droplets())); }
-  bool active(Index m) const { return all_droplets().active[m] != 0; }
+  std::span<const Real> places() const { return state().x().first(2 * static_cast<std::size_t>(droplets())); }
+  bool active(Index m) const { return topology().active[m] != 0; }
   Index active() const {
-    const auto& a = all_droplets().active;
+    const auto& a = topology().active;
     return static_cast<Index>(std::count(a.begin(), a.end(), 1));
   }
   bool at_rest() {
     const Real speed = max_speed();
     if (speed < p_.clog_speed) return true;
-    if (p_.rest == RestRule::speed || all_state().step % minimum_every != 0 || speed >= slow * p_.g / p_.b)
-      return false;
+    if (p_.rest == RestRule::speed || state().step % minimum_every != 0 || speed >= slow * p_.g / p_.b) return false;
     // Droplets that hang below the exit, barely in the range of the walls, can take forever.
-    return (opened_ >= 0 && above() == 0) || next_to_minimum<2>(all_particles(), places(), all_state().t, near);
+    return (opened_ >= 0 && above() == 0) || next_to_minimum<2>(particles(), places(), state().t, near);
   }
   Index above() const {
     Index count = 0;
@@ -170,7 +169,7 @@ class ClogProtocol final : public DropletProtocol {
   ClogLinks links(bool pushing) {
     ClogLinks found;
     const StateView<2> s = view();
-    all_particles().field().for_each_contact(s, [&](const Contact<2>& c) {
+    particles().field().for_each_contact(s, [&](const Contact<2>& c) {
       if (!pushing || c.force.dot(c.normal) > 1e-3 * p_.g) found.pairs.emplace_back(c.first, c.second);
     });
     for (const auto [i, k] : s.neighbours.walls) {
@@ -251,12 +250,14 @@ Scenario clog_scenario() {
   Scenario s = option_scenario<ClogOptions>(
       "clog", "droplets that attract each other leave a hopper, or clog it",
       [](const ClogOptions& p, const Options& options, const Ranks& ranks, std::optional<Checkpoint> checkpoint) {
+        refuse_ranks("clog", ranks);
         // Before so many are made.
         check_memory({p.n, p.n}, fmt::format("-n {}", p.n), ranks);
         if (checkpoint) checkpoint->integer_array("active", static_cast<std::size_t>(p.n));
         return std::make_unique<Run<2>>("clog", p, options, ranks, std::make_unique<ClogProtocol>(p, ranks),
                                         std::move(checkpoint));
-      });
+      },
+      {}, {"n", "delta", "phi_c", "g", "hopper_width", "hopper_angle", "rest", "t_end", "seed", "output"});
   s.units = "Units: as of rafts, with ⟨R⟩ the mean radius of the droplets and ρ = 1.";
   return s;
 }

@@ -47,14 +47,20 @@ Real fastest_rate(const DropletOptions& p, const DropletSetup& setup) {
 
 }  // namespace
 
+void refuse_ranks(const std::string& scenario, const Ranks& ranks) {
+  if (ranks.several())
+    throw InputError(
+        "{} on {} ranks: each rank would factorise the viscous matrix of all droplets; start it without mpiexec, and "
+        "several runs at once to use more cores",
+        scenario, ranks.size());
+}
+
 DropletProtocol::DropletProtocol(const DropletOptions& p, const Ranks& ranks, const DropletSetup& setup)
     : Protocol<2>(make_simulation(p, setup, ranks)),
       p_(p),
       integration_(setup.integration),
       fastest_rate_(fastest_rate(p, setup)),
-      dt_(p.dt.value_or(standard_dt())),
-      whole_(simulation(),
-             ranks.several() ? std::optional(make_particles(p, setup, setup.droplets, Ranks())) : std::nullopt) {}
+      dt_(p.dt.value_or(standard_dt())) {}
 
 std::unique_ptr<Integrator> DropletProtocol::make_integrator(Real dt) {
   integration_.dt = dt;
@@ -71,20 +77,12 @@ Real DropletProtocol::standard_dt() const {
                                       : longest;
 }
 
-void DropletProtocol::started() {
-  whole_.update();
-  start_energy_ = energy();
-}
-
-bool DropletProtocol::follow() {
-  whole_.update();
-  return follow_droplets();
-}
+void DropletProtocol::started() { start_energy_ = energy(); }
 
 std::vector<SeriesValue> DropletProtocol::sample() {
   const Real speed = max_speed();
   const StateView<2> s = view();
-  const ForceField<2>& field = all_particles().field();
+  const ForceField<2>& field = particles().field();
   const std::string cure = "lower -dt or the tolerances (-ts_rtol, -ts_atol), or slow walls or gravity";
   if (const Real deepest = check_walls_hold(s, step_taken(), Ranks(), cure); deepest > passing_overlap)
     throw NumericalError("a droplet overlaps a wall by {:.3g} radii: it passes through the wall; {}", deepest, cure);
@@ -117,20 +115,19 @@ std::vector<SeriesValue> DropletProtocol::sample() {
 }
 
 std::vector<Real> DropletProtocol::wall_forces() {
-  std::vector<Real> force(2 * static_cast<std::size_t>(all_particles().walls().size()));
-  all_particles().field().add_wall_forces(view(), force.data());
+  std::vector<Real> force(2 * static_cast<std::size_t>(particles().walls().size()));
+  particles().field().add_wall_forces(view(), force.data());
   return force;
 }
 
 Real DropletProtocol::max_speed() {
   simulation().find_velocities();
-  whole_.update_velocities();
   Real speed = 0;
-  for (Index m = 0; m < droplets(); ++m) speed = std::max(speed, point<2>(all_state().v().data(), m).norm());
+  for (Index m = 0; m < droplets(); ++m) speed = std::max(speed, point<2>(state().v().data(), m).norm());
   return speed;
 }
 
-Real DropletProtocol::energy() { return all_particles().field().energy(view()); }
+Real DropletProtocol::energy() { return particles().field().energy(view()); }
 
 template <class Change>
 void DropletProtocol::outside_budget(Change&& change) {
@@ -144,10 +141,10 @@ void DropletProtocol::set_walls(const Walls<2>& walls) {
   outside_budget([&] { put_walls(walls); });
 }
 
-void DropletProtocol::put_walls(const Walls<2>& walls) { whole_.set_walls(walls); }
+void DropletProtocol::put_walls(const Walls<2>& walls) { particles().set_walls(walls); }
 
 void DropletProtocol::deactivate(Index m) {
-  outside_budget([&] { whole_.deactivate(m); });
+  outside_budget([&] { particles().deactivate(m); });
 }
 
 void DropletProtocol::save(SharedCheckpoint& c) const {
@@ -157,7 +154,6 @@ void DropletProtocol::save(SharedCheckpoint& c) const {
 }
 
 void DropletProtocol::load(const Checkpoint& c, const StoredParticles&) {
-  whole_.restore();
   start_energy_ = c.real("start_energy");
   withdrawn_ = c.real("withdrawn");
   load_more(c);
@@ -165,10 +161,10 @@ void DropletProtocol::load(const Checkpoint& c, const StoredParticles&) {
 
 std::optional<EnergyBudget> DropletProtocol::energy_budget() {
   const Real total = energy();
-  std::array<Real, 2> integrals{integrated(work) - withdrawn_, integrated(dissipated)};
-  if (!ranks().root()) integrals = {};
-  ranks().sum(integrals);
-  return EnergyBudget{.work = integrals[0], .heat = integrals[1], .change = total - start_energy_, .energy = total};
+  return EnergyBudget{.work = integrated(work) - withdrawn_,
+                      .heat = integrated(dissipated),
+                      .change = total - start_energy_,
+                      .energy = total};
 }
 
 void DropletProtocol::conclude(nlohmann::ordered_json& s) {

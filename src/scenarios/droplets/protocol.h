@@ -9,11 +9,14 @@
 #include <vector>
 
 #include <pliant/run/protocol.h>
-#include <pliant/run/whole.h>
+#include <pliant/run/simulation.h>
 #include <pliant/scenarios/droplets/options.h>
 #include <pliant/ts/ts_integrator.h>
 
 namespace pliant {
+
+/// Errors: InputError on several ranks.
+void refuse_ranks(const std::string& scenario, const Ranks& ranks);
 
 /// What a scenario starts from.
 struct DropletSetup {
@@ -28,8 +31,7 @@ struct DropletSetup {
 
 /// Droplets in the plane, without inertia, and their energy budget: the work that the walls have done on them and the
 /// energy that drag and friction have dissipated are integrated with the positions. Walls that move must be without
-/// friction. Ranks share forces and the viscous solve; all else sees all droplets, at the places of their numbers, on
-/// every rank: each does the same with the same numbers, so that all decide alike.
+/// friction. A run has one rank, because the viscous matrix is factorised as a whole.
 class DropletProtocol : public Protocol<2> {
  public:
   std::string model() const final { return "bubble"; }
@@ -39,7 +41,6 @@ class DropletProtocol : public Protocol<2> {
   std::optional<Real> fixed_skin() const final { return p_.skin; }
   std::unique_ptr<Integrator> make_integrator(Real dt) final;
   void started() final;
-  bool follow() final;
   std::vector<SeriesValue> sample() final;
   std::vector<Real> wall_segments() final { return drawn_walls(state().t); }
   void save(SharedCheckpoint& checkpoint) const final;
@@ -54,23 +55,20 @@ class DropletProtocol : public Protocol<2> {
   // What a scenario says beside what a protocol must.
   /// As it is drawn at time t, before the start at 0: x1 y1 x2 y2 of each wall.
   virtual std::vector<Real> drawn_walls(Real t) const = 0;
-  /// As Protocol::follow; may call set_walls() and deactivate() too.
-  virtual bool follow_droplets() = 0;
   /// Columns that it adds to a sample.
   virtual void measure(std::vector<SeriesValue>& row) = 0;
   virtual void save_more(SharedCheckpoint& checkpoint) const = 0;
   virtual void load_more(const Checkpoint& checkpoint) = 0;  ///< may put_walls()
   virtual void conclude_more(nlohmann::ordered_json& summary) = 0;
 
-  // What it can use. The same on every rank.
-  const State& all_state() const { return whole_.state(); }
-  const Topology& all_droplets() const { return whole_.topology(); }
-  Index droplets() const { return whole_.topology().particles(); }
-  Real radius(Index m) const { return whole_.topology().diameter[m] / 2; }
-  Vec<2> position(Index m) const { return point<2>(whole_.state().x().data(), m); }
-  ParticleSystem<2>& all_particles() { return whole_.particles(); }
+  // What it can use. Droplets are at the places of their numbers, as they are never sorted.
+  const Topology& topology() const { return simulation().topology(); }
+  Index droplets() const { return topology().particles(); }
+  Real radius(Index m) const { return topology().diameter[m] / 2; }
+  Vec<2> position(Index m) const { return point<2>(state().x().data(), m); }
+  ParticleSystem<2>& particles() { return simulation().particles(); }
   /// The present configuration, with valid lists.
-  StateView<2> view() { return whole_.view(); }
+  StateView<2> view() { return particles().view(state().x().data(), state().v().data(), state().t); }
   /// Force on each wall [2 · walls].
   std::vector<Real> wall_forces();
   Real max_speed();  ///< of the present configuration
@@ -85,7 +83,6 @@ class DropletProtocol : public Protocol<2> {
   Real energy();  ///< of the present configuration, that of the weight included
   template <class Change>
   void outside_budget(Change&& change);
-  /// On the root.
   Real integrated(std::size_t quantity) const { return state().extra.empty() ? 0 : state().extra[quantity]; }
 
   const DropletOptions& p_;
@@ -93,9 +90,8 @@ class DropletProtocol : public Protocol<2> {
   Real fastest_rate_;
   Real dt_;
   Real critical_step_ = std::numeric_limits<Real>::infinity();  ///< an estimate for light loads
-  Whole<2> whole_;
-  Real start_energy_ = 0, withdrawn_ = 0;  ///< withdrawn: what changes took out of the energy
-  Real budget_error_ = 0;                  ///< of the last sample
+  Real start_energy_ = 0, withdrawn_ = 0;                       ///< withdrawn: what changes took out of the energy
+  Real budget_error_ = 0;                                       ///< of the last sample
 };
 
 }  // namespace pliant

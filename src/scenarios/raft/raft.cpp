@@ -147,14 +147,14 @@ class RaftProtocol final : public DropletProtocol {
 
   std::vector<Real> drawn_walls(Real t) const override {
     // Before the run there is no state; the height is that of the places all the same.
-    const std::span<const Real> x = t > 0 ? all_state().x().first(2 * raft_.radii.size()) : std::span(raft_.places);
+    const std::span<const Real> x = t > 0 ? state().x().first(2 * raft_.radii.size()) : std::span(raft_.places);
     Real half = 2;
     for (std::size_t k = 1; k < x.size(); k += 2) half = std::max(half, std::abs(x[k]) + 2);
     const Real d = distance(t), lean = raft_.slope * half;
     return {0, -half, 0, half, d + lean, -half, d - lean, half};
   }
 
-  bool follow_droplets() override {
+  bool follow() override {
     std::vector<Bond> now = find_bonds();
     if (now != bonds_) {
       record(bonds_, now, true);
@@ -165,7 +165,7 @@ class RaftProtocol final : public DropletProtocol {
   }
 
   void measure(std::vector<SeriesValue>& row) override {
-    if (all_state().step == 0) bonds_ = find_bonds();  // those at the start are no events
+    if (state().step == 0) bonds_ = find_bonds();  // those at the start are no events
     const StateView<2> s = view();
     const std::vector<Real> force = wall_forces();
     std::array<Real, 2> push{};
@@ -174,7 +174,7 @@ class RaftProtocol final : public DropletProtocol {
     for (const auto [i, k] : s.neighbours.walls)
       if (s.walls.distance(s.position(i), k, s.t) < radius(i) + p_.attraction_range()) at[k].push_back(i);
     rows_ = count_rows(droplets(), bonds_, at[0], at[1]);
-    row.insert(row.end(), {{"wall_distance", distance(all_state().t)},
+    row.insert(row.end(), {{"wall_distance", distance(state().t)},
                            {"fixed_wall_force", push[0]},
                            {"moving_wall_force", push[1]},
                            {"fixed_wall_bonds", static_cast<Real>(at[0].size())},
@@ -185,7 +185,7 @@ class RaftProtocol final : public DropletProtocol {
   }
 
   std::string progress() const override {
-    return fmt::format("walls {:.3f} R apart  rows {}  broken {}", distance(all_state().t), rows_, broken_);
+    return fmt::format("walls {:.3f} R apart  rows {}  broken {}", distance(state().t), rows_, broken_);
   }
 
   void save_more(SharedCheckpoint& c) const override {
@@ -202,7 +202,7 @@ class RaftProtocol final : public DropletProtocol {
   }
 
   void conclude_more(nlohmann::ordered_json& s) override {
-    s["wall_distance"] = distance(all_state().t);
+    s["wall_distance"] = distance(state().t);
     s["start_distance"] = raft_.start;
     s["rows"] = rows_;
     s["broken"] = broken_;
@@ -228,7 +228,7 @@ class RaftProtocol final : public DropletProtocol {
   /// Pairs in the range of the attraction, sorted.
   std::vector<Bond> find_bonds() {
     std::vector<Bond> bonds;
-    all_particles().field().for_each_contact(view(), [&](const Contact<2>& c) {
+    particles().field().for_each_contact(view(), [&](const Contact<2>& c) {
       bonds.push_back({std::min(c.first, c.second), std::max(c.first, c.second)});
     });
     std::sort(bonds.begin(), bonds.end());
@@ -243,8 +243,8 @@ class RaftProtocol final : public DropletProtocol {
     for (const auto [i, j] : only) {
       const Vec<2> middle = (position(i) + position(j)) / 2;
       const std::array<Real, 2> pair{static_cast<Real>(i), static_cast<Real>(j)}, place{middle[0], middle[1]};
-      run().add_event({{"time", all_state().t},
-                       {"wall_distance", distance(all_state().t)},
+      run().add_event({{"time", state().t},
+                       {"wall_distance", distance(state().t)},
                        {"broken", Real(broken)},
                        {"particles", pair},
                        {"position", place}});
@@ -280,6 +280,7 @@ Scenario raft_scenario() {
   Scenario s = option_scenario<RaftOptions>(
       "raft", "droplets between two walls that compress them or pull them apart",
       [](const RaftOptions& p, const Options& options, const Ranks& ranks, std::optional<Checkpoint> checkpoint) {
+        refuse_ranks("raft", ranks);
         // Before so many are made.
         check_memory({p.droplets(), p.droplets()},
                      p.n > 0 ? fmt::format("-n {}", p.n) : fmt::format("-rows {} -columns {}", p.rows, p.columns),
@@ -287,7 +288,9 @@ Scenario raft_scenario() {
         if (checkpoint) checkpoint->integer_array("active", static_cast<std::size_t>(p.droplets()));
         return std::make_unique<Run<2>>("raft", p, options, ranks, std::make_unique<RaftProtocol>(p, ranks),
                                         std::move(checkpoint));
-      });
+      },
+      {},
+      {"rows", "columns", "delta", "small_fraction", "phi_c", "motion", "v_wall", "end_distance", "seed", "output"});
   s.units =
       "Units: ⟨R⟩ (R), the radius of a large droplet, and the unit of force F in which f0 is given; b = 1, t0 = "
       "b⟨R⟩/F. "
