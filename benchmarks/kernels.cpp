@@ -1,5 +1,5 @@
-// What a force evaluation, a list rebuild and a Verlet step cost per point, in hoppers that are in dense flow, and what
-// an iteration of FIRE costs in their packing. Times are CPU seconds per point (a soft particle or a vertex) in the
+// Cost of a force evaluation, a list rebuild and a Verlet step per point, in hoppers in dense flow, and of an
+// iteration of FIRE in their packing. Times are CPU seconds per point (a soft particle or a vertex) in the
 // column per_point.
 #include <benchmark/benchmark.h>
 #include <fmt/format.h>
@@ -246,7 +246,7 @@ void register_lists(const std::string& name, const std::shared_ptr<Flow<D>>& flo
               [](Flow<D>& f, const StateView<D>& s) { f.system().neighbours().rebuild(s.topology, s.walls, s.x); });
 }
 
-/// Steps of the length that a run takes by itself, from the prepared state on, with what they need of list rebuilds.
+/// Steps of the length that a run takes by itself, from the prepared state on, with their list rebuilds.
 template <int D>
 void register_verlet(const std::string& name, const std::shared_ptr<Flow<D>>& flow) {
   benchmark::RegisterBenchmark((name + "/verlet_step").c_str(), [flow](benchmark::State& bench) {

@@ -1,4 +1,4 @@
-// Work against precision: what integrators cost for the error that they leave, on small problems. Each run prints
+// Work against precision: cost of integrators for a given error, on small problems. Each run prints
 // one line of JSON. Serial; times are CPU seconds.
 #include <fmt/format.h>
 #include <omp.h>
@@ -68,7 +68,7 @@ const std::vector<Method> without_inertia = {
 /// Nothing tells a controlled step in free fall that there is a floor: it must not jump over it.
 const std::string longest_step = "-ts_adapt_dt_max 0.02";
 
-/// What a problem's runs are judged by.
+/// Criterion for the runs of a problem.
 enum class Judge {
   trajectory,  ///< rms distance of the points from where the reference has them in the end
   statistics   ///< mean energy of the second half of the run: trajectories are chaotic
@@ -94,7 +94,7 @@ struct Effort {
   std::vector<std::string> problems{};  ///< none: all
 };
 
-/// What a run was like.
+/// Result of a run.
 struct Outcome {
   State end;
   IntegratorStatistics cost{};
@@ -137,7 +137,7 @@ void advance(OverdampedSystem<2>& system, const Method&, const TsOptions& option
   cost = integrator.statistics();
 }
 
-/// One run. watched: with what costs time to look at. Errors: NumericalError where the run fails, or takes longer than
+/// One run. watched: with diagnostics that cost time. Errors: NumericalError where the run fails, or takes longer than
 /// `limit`.
 template <class System>
 Outcome run(const Problem<System>& problem, const Method& method, Real value, Real limit, bool watched) {
@@ -228,7 +228,7 @@ void study(const Problem<System>& problem, const Effort& effort) {
     return found;
   };
 
-  // Two references of different methods: their distance is what the reference can be trusted for.
+  // Two references of different methods: their distance is the accuracy of the reference.
   const Method rk8{"reference", "-ts_type rk -ts_rk_type 8vr", Control::tolerance};
   const Method rk5{"reference", "-ts_type rk -ts_rk_type 5dp", Control::tolerance};
   const Real patience = 30;
@@ -274,7 +274,7 @@ void study(const Problem<System>& problem, const Effort& effort) {
         print(method, value, standard, results(o, error));
       } catch (const Error& failure) {
         print(method, value, standard, {{"failure", failure.what()}});
-        // What is too slow here is slower still with a better precision. (Very poor ones may be slow, too.)
+        // A method that is too slow here is slower still at higher precision. (Very poor ones may be slow, too.)
         if (cpu_seconds() - begin > limit && (succeeded || ++slow == 2)) break;
       }
     }

@@ -1,4 +1,4 @@
-// A deformable particle falls on a floor and bounces: how well do integrators keep its energy, and at what price?
+// A deformable particle falls on a floor and bounces: how well do integrators conserve its energy, and at which cost?
 #include <fmt/format.h>
 
 #include <algorithm>

@@ -88,7 +88,7 @@ inline bool within(const char* what, Real value, Real limit) {
   return value <= limit;
 }
 
-/// Whether all is as it should be; prints what it finds.
+/// Whether all checks pass; prints faults.
 inline bool passes(Real tension) {
   ParticleSystem<2> system = droplet(tension);
   std::vector<Real> x = stretched();

@@ -1,4 +1,4 @@
-// The arch that clogs a hopper, and what every droplet is in the clog [T Fig. 4.1a].
+// The arch that clogs a hopper, and the role of each droplet in the clog [T Fig. 4.1a].
 #pragma once
 
 #include <cstdint>
@@ -29,9 +29,9 @@ enum class ClogRole : std::uint8_t {
   attached  ///< below the arch, held by cohesion alone (yellow)
 };
 
-/// What each droplet is, [N], for this arch, which may be empty: then all are `rest`. A droplet is below the arch if
-/// the upright line from its centre meets the line through the arch's centres an odd number of times; that line goes on
-/// level beyond its ends.
+/// The role of each droplet, [N], for this arch, which may be empty: then all are `rest`. A droplet is below the arch
+/// if the upright line from its centre meets the line through the arch's centres an odd number of times; that line goes
+/// on level beyond its ends.
 std::vector<ClogRole> clog_roles(std::span<const Real> position, std::span<const std::uint8_t> active,
                                  std::span<const Index> arch);
 

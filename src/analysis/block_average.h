@@ -1,4 +1,4 @@
-// Mean and standard error of a correlated time series, and of what is derived from one: ratios, flow rates.
+// Mean and standard error of a correlated time series, and of ratios and flow rates derived from one.
 #pragma once
 
 #include <cstddef>
@@ -10,7 +10,7 @@
 
 namespace pliant {
 
-/// What `block_average` finds. A number that the series does not support is NaN.
+/// Result of `block_average`. A number that the series does not support is NaN.
 struct BlockAverage {
   static constexpr Real unknown = std::numeric_limits<Real>::quiet_NaN();
   static constexpr std::size_t least_samples = 64;  ///< for an error

@@ -10,8 +10,8 @@
 namespace pliant {
 
 /// Clogged: for the time `duration` no particle has crossed the orifice, every speed was below `speed_limit`, and
-/// particles are left above the orifice. Judged at the samples that are fed in; what moves and stops again between two
-/// of them is not seen, so sample more often than a particle needs to fall one diameter.
+/// particles are left above the orifice. Judged at the samples that are fed in; motion that starts and stops between
+/// two of them is not seen, so sample more often than a particle needs to fall one diameter.
 class ClogDetector {
  public:
   /// All that a checkpoint has to keep.

@@ -93,7 +93,7 @@ DischargeFit fit_discharge(std::span<const Real> time, std::span<const std::int6
   if (const std::size_t empty = first_at_most(count, 0); empty < count.size())
     fit.total_time = time[empty] - time.front();
 
-  // What follows the last departure is no part of the law.
+  // The time after the last departure does not follow the law.
   const std::size_t stop = last_change(count);
   fit.residue = residue(time, count, stop);
   const Real left_behind = static_cast<Real>(fit.residue), all = static_cast<Real>(count.front()) - left_behind;

@@ -34,8 +34,8 @@ struct FlowSample {
   Real time = 0, crossed = 0, crossed_area = 0, kinetic_energy = 0, top_height = 0, bulk_fraction = 0;
 };
 
-/// Says when the relative standard error of the flow rate has come down to what is asked. It is a function of the
-/// samples alone: to go on after a restart, give it the stored ones again.
+/// Detects when the relative standard error of the flow rate reaches the requested value. The result is a function of
+/// the samples alone: to go on after a restart, give it the stored ones again.
 ///
 /// It judges at the 100th sample and then whenever the series has grown by 5 %, in all at the cost of some twenty
 /// samples' analysis per sample. An error bar that is looked at often is low now and then, and a run that ends there
@@ -46,9 +46,9 @@ struct FlowSample {
 ///   deviations of such a change, or 0.3 of the error asked for (MSER-5 may leave the end of a start-up in),
 /// - all that, and the error, held at the judgement before as well.
 ///
-/// For AR(1) rates the actual error of runs ended so is at most 1.2 of what is asked, and their mean is unbiased; the
-/// same holds after a start-up that relaxes within the run. A start-up that is slow on the scale of the whole run, and
-/// changes the rate by less than its noise meanwhile, cannot be told from a steady state.
+/// For AR(1) rates the actual error of runs ended so is at most 1.2 of the requested one, and their mean is unbiased;
+/// the same holds after a start-up that relaxes within the run. A start-up that is slow on the scale of the whole run,
+/// and changes the rate by less than its noise meanwhile, cannot be told from a steady state.
 class FlowPrecision {
  public:
   static constexpr Real min_independent = 100, min_crossings = 100, max_drift = 0.3;
@@ -66,7 +66,7 @@ class FlowPrecision {
 
  private:
   bool judge();
-  /// Whether what is left of the start-up, or a slow change, shows in the rate.
+  /// Whether the rest of the start-up, or a slow change, shows in the rate.
   bool drifts(const SteadyFlow& flow) const;
 
   Real asked_, error_ = BlockAverage::unknown, rate_ = BlockAverage::unknown;

@@ -11,7 +11,7 @@
 namespace pliant {
 namespace {
 
-/// Returns 0 or the errno of what failed. EPIPE, whose reader wants no more, is no failure.
+/// Returns 0 or the errno of the failed call. EPIPE is not a failure: the reader has closed the pipe.
 int write_out(std::string_view text) {
   errno = 0;
   if (std::fwrite(text.data(), 1, text.size(), stdout) == text.size() && std::fflush(stdout) == 0) return 0;

@@ -1,4 +1,4 @@
-// What the program says: results, which must arrive, and remarks beside the results in a run's folder, which need not.
+// Output of the program: results, which must arrive, and remarks about a run, whose results are in its folder.
 #pragma once
 
 #include <fmt/format.h>
@@ -10,7 +10,7 @@
 namespace pliant {
 
 /// Puts /dev/null in the place of standard streams that are closed: the next file that the program opens would get
-/// their number, and what is printed. Writing to one of them still fails. Has SIGPIPE ignored: a reader that has gone
+/// their number, and the output. Writing to one of them still fails. Has SIGPIPE ignored: a reader that has gone
 /// ends no run. To be called first in main.
 void guard_standard_streams();
 

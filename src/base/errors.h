@@ -1,4 +1,4 @@
-// Errors carry the exit code of the program; messages are one line: what was wrong, with which value, what to do.
+// Errors carry the exit code of the program; messages are one line: the fact with its value, and the cure.
 #pragma once
 
 #include <fmt/format.h>

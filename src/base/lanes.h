@@ -10,7 +10,7 @@
 
 namespace pliant {
 
-/// What a comparison of numbers, or of vectors of them, gives.
+/// Type of a comparison of numbers, or of vectors of numbers.
 template <class R>
 using MaskOf = decltype(R() < R());
 

@@ -5,7 +5,7 @@
 
 namespace pliant {
 
-/// What is timed. docs/performance.md explains the names.
+/// Timed parts of the program. docs/performance.md explains the names.
 enum class LogEvent {
   forces,      ///< "PliantForces": one evaluation, lists and ghosts excluded
   lists,       ///< "PliantLists": neighbour lists built

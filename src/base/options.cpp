@@ -16,13 +16,13 @@ namespace {
 
 using Json = nlohmann::json;
 
-// Families of PETSc's options, by prefix. Not here: what PETSc reads only while it starts (malloc_, fp_trap, on_error_
-// …), and what draws in windows.
+// Families of PETSc's options, by prefix. Not here: options that PETSc reads only while it starts (malloc_, fp_trap,
+// on_error_ …), and options that draw in windows.
 constexpr std::array<std::string_view, 16> petsc_families{"ts_",  "snes_",   "ksp_",   "pc_",        "mat_", "vec_",
                                                           "dm_",  "is_",     "sf_",    "tao_",       "mg_",  "sub_",
                                                           "npc_", "viewer_", "inner_", "fieldsplit_"};
-// Flags that PETSc reads during the run or when it ends, so that check_consumed sees them unused. It would say only at
-// the end what it thinks of a value.
+// Flags that PETSc reads during the run or when it ends, so that check_consumed sees them unused. PETSc would report a
+// bad value only at the end.
 constexpr std::array<std::string_view, 6> petsc_flags{"memory_view", "options_view",    "options_left",
                                                       "citations",   "get_total_flops", "info"};
 // The same with a value or without.
@@ -32,7 +32,7 @@ constexpr std::array<std::string_view, 19> petsc_valued{"_type",       "_rtol", 
                                                         "_dt",         "_dt_min",    "_dt_max", "_max_it", "_max_steps",
                                                         "_max_reject", "_max_funcs", "_clip",   "_safety", "_order",
                                                         "_restart",    "_levels",    "_radius", "_theta"};
-// What people mistype most; PETSc keeps no list of its options.
+// Options that are mistyped most often; PETSc has no list of its options.
 constexpr std::array<std::string_view, 70> petsc_usual{"ts_type",
                                                        "ts_dt",
                                                        "ts_max_time",
@@ -128,7 +128,7 @@ std::string_view without_plus(std::string_view text) {
   return text.size() > 1 && text[0] == '+' && text[1] != '-' ? text.substr(1) : text;
 }
 
-// What the text says as a number; nothing if it is not one, infinite or NaN.
+// The text as a number; nothing if it is not a number, infinite or NaN.
 std::optional<Real> finite_number(const Setting& setting) {
   const std::string_view text = without_plus(*setting.value);
   Real result = 0;
@@ -198,7 +198,7 @@ Number checked(const Setting& setting, Number a, const OptionSpec& spec) {
   return a;
 }
 
-// What PETSc would ignore, or complain of in the end.
+// Options that PETSc would ignore, or report at the end.
 void check_petsc(const Setting& setting) {
   const auto ends = [&](std::string_view end) { return setting.name.ends_with(end); };
   if (!setting.value && std::any_of(petsc_valued.begin(), petsc_valued.end(), ends))
@@ -396,7 +396,7 @@ void Options::refuse_unknown(const Setting& setting) const {
                    near ? fmt::format("did you mean -{}?", *near) : "-help lists all options");
 }
 
-// Everything goes into the PETSc database (where -options_view shows it); what is ours counts as used.
+// Everything goes into the PETSc database (where -options_view shows it); our options count as used.
 void Options::insert_petsc(const Setting& setting) {
   const std::string name = "-" + setting.name;
   if (find(setting.name) == nullptr) check_petsc(setting);

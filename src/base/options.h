@@ -20,7 +20,7 @@
 
 namespace pliant {
 
-/// What a restart does with an option of the stored run.
+/// Rule on restart for an option of the stored run.
 enum class OnRestart {
   keep,    ///< takes the stored value unless the user gives another
   fixed,   ///< takes the stored value; giving another is an error
@@ -40,10 +40,10 @@ struct OptionSpec {
   bool min_open = false;                  ///< min itself is not allowed
   bool max_open = false;                  ///< max itself is not allowed
   std::vector<std::string> choices = {};  ///< empty: any text
-  std::string automatic = {};  ///< what an empty std::optional means, for the help ("0.1 of the shortest time")
+  std::string automatic = {};  ///< meaning of an empty std::optional, for the help ("0.1 of the shortest time")
   OnRestart on_restart = OnRestart::keep;
-  /// Of a text: what is kept in place of what the user gives, such as the content of the file that it names; files of a
-  /// run and restarts have that. Relative names of files begin at `folder`: that of the options file, or the working
+  /// Of a text: the value stored in place of the given one, such as the content of the named file; files of a run and
+  /// restarts use the stored value. Relative names of files begin at `folder`: that of the options file, or the working
   /// directory, which is empty. Errors: InputError.
   std::function<std::string(const std::string& text, const std::filesystem::path& folder)> read = {};
 };
@@ -93,17 +93,17 @@ class Options {
   void accept_petsc_prefix(std::string prefix);
 
   /// Reads `-options_file FILE`s (in their order) and then the arguments (without program and scenario); the last
-  /// setting of an option wins. Replaces the content of the PETSc options database, so that PETSc's objects see what is
-  /// theirs. With `-help` or `-version` nothing is checked or set. Errors: InputError for unknown options, bad values,
+  /// setting of an option wins. Replaces the content of the PETSc options database, so that PETSc's objects see their
+  /// options. With `-help` or `-version` nothing is checked or set. Errors: InputError for unknown options, bad values,
   /// unreadable files.
   Request parse(const std::vector<std::string>& arguments);
 
-  /// Fills in what `json()` of an earlier run holds and neither files nor command line have set, after `parse`.
+  /// Fills in options from `json()` of an earlier run that neither files nor command line have set, after `parse`.
   /// Errors: InputError for an unknown name or a bad value, RestartConflict for a setting that differs from an
   /// OnRestart::fixed one.
   void from_json(const nlohmann::json& stored);
 
-  /// Goes back to what `parse` has set: forgets what `from_json` has, also where it failed half-way.
+  /// Restores the values of `parse`: drops the values of `from_json`, also if it failed half-way.
   void reset();
 
   /// Call after PETSc's objects have been configured. Errors: InputError for a PETSc option that none of them has read;
@@ -167,7 +167,7 @@ class Options {
   std::vector<Option> options_;
   std::vector<std::string> prefixes_;
   std::map<std::string, std::string> units_;
-  std::map<std::string, Setting> given_;  // what the user has set
+  std::map<std::string, Setting> given_;  // set by the user
   std::map<std::string, Setting> petsc_;  // options that PETSc's objects read
 };
 

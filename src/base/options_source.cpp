@@ -52,7 +52,7 @@ std::string read_whole(const std::string& file) {
   return text;
 }
 
-// Refuses what no option has, before anybody repeats it in a message or a file.
+// Refuses text that no option can have, before a message or a file repeats it.
 std::vector<Setting> checked(std::vector<Setting> settings) {
   constexpr std::size_t longest_name = 100, longest_value = 4096;
   for (const Setting& setting : settings) {

@@ -22,9 +22,10 @@ struct Setting {
   std::string text() const;
 };
 
-/// Settings in the order of the arguments (without the program's name). What follows a name is its value unless it is a
-/// name itself: a dash and a letter, so that -1 and -inf are values. `--name` is read as `-name`. Errors: InputError
-/// for an argument that belongs to no option, and here and below for a name or value that is no plain text or too long.
+/// Settings in the order of the arguments (without the program's name). The argument after a name is its value unless
+/// it is a name itself: a dash and a letter, so that -1 and -inf are values. `--name` is read as `-name`. Errors:
+/// InputError for an argument that belongs to no option, and here and below for a name or value that is no plain text
+/// or too long.
 std::vector<Setting> read_arguments(const std::vector<std::string>& arguments);
 
 /// Settings of an options file: YAML if its name ends in .yaml or .yml (nested keys join with `_`, lists of plain

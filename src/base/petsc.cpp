@@ -43,8 +43,8 @@ void return_freed_memory() {
 }
 
 /// Without a launcher there is one rank. Open MPI would look for networks, which takes a third of a second, and start a
-/// daemon; without that, processes would share a session folder, and one removes what another is about to use. What the
-/// user has set counts.
+/// daemon; without that, processes would share a session folder, and one removes files that another is about to use.
+/// Settings of the user override these.
 void prepare_single_rank() {
   constexpr std::array launchers{"OMPI_COMM_WORLD_SIZE", "PMIX_RANK", "PMI_RANK", "SLURM_PROCID"};
   if (std::any_of(launchers.begin(), launchers.end(), [](const char* name) { return std::getenv(name) != nullptr; }))

@@ -22,7 +22,7 @@ class PetscSession {
   PetscSession(const PetscSession&) = delete;
   PetscSession& operator=(const PetscSession&) = delete;
 
-  /// Ends the session before its object. Errors: OutputError if PETSc could not write what it writes at its end
+  /// Ends the session before its object. Errors: OutputError if PETSc could not write its files at the end
   /// (-log_view and others).
   void end();
 
@@ -31,9 +31,9 @@ class PetscSession {
   bool owner_ = false;  // of PETSc's life
 };
 
-/// If code is not zero: throws what a callback stored with `petsc_callback`; else an InputError where PETSc could not
-/// follow an option, an OutputError where it could not open a file, and otherwise a NumericalError, with PETSc's
-/// message.
+/// If code is not zero: throws the exception that a callback stored with `petsc_callback`; else an InputError where
+/// PETSc could not follow an option, an OutputError where it could not open a file, and otherwise a NumericalError,
+/// with PETSc's message.
 void petsc_check(PetscErrorCode code);
 
 /// Runs body(); an exception becomes a PETSc error code, and petsc_check rethrows the original further up.
@@ -71,7 +71,7 @@ class Handle {
   }
   T get() const { return object_; }
   operator T() const { return object_; }  // NOLINT: reads as the PETSc object it is
-  /// For PETSc's Create functions; what the handle held before is destroyed.
+  /// For PETSc's Create functions; the former object of the handle is destroyed.
   T* out() {
     if (object_ != nullptr) (void)Destroy(&object_);
     return &object_;

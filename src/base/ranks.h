@@ -109,8 +109,8 @@ class Ranks {
     return all;
   }
 
-  /// The first count[0] values go to the root, the next count[1] to rank 1, and so on; what arrives comes in the order
-  /// of the senders, `received` entries from each.
+  /// The first count[0] values go to the root, the next count[1] to rank 1, and so on; the received values come in the
+  /// order of the senders, `received` entries from each.
   template <class T>
   std::vector<T> exchange(std::vector<T>&& values, const std::vector<std::size_t>& count,
                           std::vector<int>* received = nullptr) const {

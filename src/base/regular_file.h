@@ -1,4 +1,4 @@
-// Files that users name: what else can have a name (FIFOs, devices, folders) would wait, never end, or be changed.
+// Files that users name: other objects with a name (FIFOs, devices, folders) would block, never end, or be changed.
 #pragma once
 
 #include <sys/types.h>
@@ -14,8 +14,8 @@ namespace pliant {
 /// something else.
 int open_regular(const std::filesystem::path& path, int flags);
 
-/// The same for reading what messages call `what`, with the pipes of a shell, such as /dev/stdin and <(…), too; not
-/// FIFOs.
+/// The same for reading a file that messages call `what`, with the pipes of a shell, such as /dev/stdin and <(…), too;
+/// not FIFOs.
 int open_readable(const std::filesystem::path& path, std::string_view what);
 
 /// read(2), again where a signal has interrupted it. Returns the number of bytes, 0 at the end, or −1 and errno.

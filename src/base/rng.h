@@ -29,7 +29,7 @@ constexpr Counter philox4x32(Counter c, Key k) {
 
 /// Two independent numbers, uniform in [0, 1) with 53 bits each.
 /// @param seed    of the run
-/// @param stream  what the numbers are for (a purpose, a particle): streams of a seed are independent
+/// @param stream  purpose of the numbers (a use, a particle): streams of a seed are independent
 /// @param counter index within the stream
 constexpr std::array<Real, 2> uniform2(std::uint64_t seed, std::uint64_t stream, std::uint64_t counter) {
   const auto low = [](std::uint64_t a) { return static_cast<std::uint32_t>(a); };

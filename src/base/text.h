@@ -1,4 +1,4 @@
-// Text from outside: files within a limit, and what of it can be shown.
+// Text from outside: files within a size limit, and text that can be shown.
 #pragma once
 
 #include <cstddef>

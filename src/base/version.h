@@ -1,4 +1,4 @@
-// What this binary is: for -version and the manifest of a run.
+// Version and build of this binary: for -version and the manifest of a run.
 #pragma once
 
 #include <string>

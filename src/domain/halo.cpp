@@ -58,7 +58,7 @@ struct Territory {
   }
 };
 
-/// What the receiver must know of a particle beside its positions.
+/// Data of a particle that the receiver needs besides its positions.
 struct Ghost {
   Index id, points, first_point;
   Real diameter, sigma, a0, l0, mass, inertia;
@@ -78,7 +78,7 @@ Bounds<D> bounds_of(const Topology& topology, const Real* x, Index m) {
   return bounds;
 }
 
-/// The images n of what lies within `bounds` that come within reach of `others`: first … last in each direction.
+/// The images n of the content of `bounds` that come within the cutoff of `others`: first … last in each direction.
 /// Returns whether there are any. Errors: NumericalError where there are very many.
 template <int D>
 bool find_images(const Box<D>& box, const Bounds<D>& bounds, const Bounds<D>& others, Real reach, Image& first,

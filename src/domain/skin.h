@@ -14,11 +14,11 @@ struct ListUse {
   std::int64_t evaluations = 0, rebuilds = 0;
 };
 
-/// The skin for which lists cost least, in the unit of width, from what the present one was used for. Per point and
+/// The skin for which lists cost least, in the unit of width, from the use of the present one. Per point and
 /// evaluation a list costs its pairs plus its share of a rebuild,
 ///   P(s) + R/k(s),  P ∝ (width + s)^dim,  k ∝ s evaluations between two rebuilds:
-/// whatever moves fastest decides, and it flies freely. R is what a rebuild costs, in visits of a pair. pairs: listed
-/// per point; width: mean contact diameter. Depends on counts only, so that a run does not depend on the clock.
+/// because the fastest particle decides, and it flies freely. R is the cost of a rebuild, in visits of a pair. pairs:
+/// listed per point; width: mean contact diameter. Depends on counts only, so that a run does not depend on the clock.
 inline Real best_skin(Real skin, const ListUse& use, int dim, Real pairs, Real width) {
   const Real rebuild_in_visits = dim == 2 ? 60 : 150;
   const Real interval = static_cast<Real>(use.evaluations) / static_cast<Real>(std::max<std::int64_t>(use.rebuilds, 1));

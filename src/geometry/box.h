@@ -49,8 +49,8 @@ class Box {
       if (periodic(k)) by[k] = static_cast<Real>(n[k]) * length_[k];
     return by;
   }
-  /// In which image of the box r is: r − shift(image_of(r)) is in the box itself, up to rounding. None for what is not
-  /// finite.
+  /// In which image of the box r is: r − shift(image_of(r)) is in the box itself, up to rounding. None for
+  /// coordinates that are not finite.
   Image image_of(const Vec<D>& r) const {
     return in_lengths(r - origin_, [](Real a) { return std::floor(a); });
   }

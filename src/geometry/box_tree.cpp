@@ -7,7 +7,7 @@
 namespace pliant {
 namespace {
 
-/// Of what goes on without end, the end that it has.
+/// The only end of an endless segment.
 Vec<2> middle(const Box2& box) {
   Vec<2> m;
   for (int k = 0; k < 2; ++k) m[k] = std::isfinite(box.high[k]) ? (box.low[k] + box.high[k]) / 2 : box.low[k];

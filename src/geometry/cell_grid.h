@@ -142,7 +142,8 @@ class CellGrid {
   Real inverse_size_ = 1;
   std::array<Index, D> count_{};
   std::vector<Index> start_, items_, cell_of_;
-  // Of items_, so that a search reads one stretch of memory per row; longer by what vectors read past the last one.
+  // Of items_, so that a search reads one stretch of memory per row; longer by the numbers that vectors read past the
+  // last one.
   std::array<std::vector<Real>, D> coordinate_;
   std::vector<Real> radius_;
 };

@@ -1,4 +1,4 @@
-// The region that particles are in: what packing, reinsertion, counting and checks ask for, whatever its shape.
+// The region of the particles, of any shape: for packing, reinsertion, counting and checks.
 #pragma once
 
 #include <variant>
@@ -18,8 +18,8 @@ Vec<2> in_plane(const Vec<D>& r) {
     return {std::hypot(r[0], r[1]), r[2]};
 }
 
-/// What touches both walls of an inner corner of a container: once, V + V − V(joint), so that forces do not depend on
-/// how finely an outline is divided; or literal, V + V [H 10].
+/// Energy of a point that touches both walls of an inner corner of a container: counted once, V + V − V(joint), so that
+/// forces do not depend on how finely an outline is divided; or literal, V + V [H 10].
 enum class CornerRule { once, literal };
 
 /// Walls around a region above an orifice, which is centred on the axis at y = 0, with upright walls at the upper end,
@@ -60,7 +60,7 @@ class Container {
   /// Height up to which the content fills it.
   Real fill_height(int dim, Real content) const;
 
-  /// What its walls are made of, the obstacles last.
+  /// Its walls as segments, the obstacles last.
   WallParts parts(int dim) const;
   /// The body that each segment of `parts` belongs to: 0 the left side, 1 the right side (in 3D the whole wall), 2, 3,
   /// … the obstacles.

@@ -62,7 +62,7 @@ struct Motion {
     return v;
   }
 
-  /// Velocity at time t of what is at r and moves with the body.
+  /// Velocity at time t of a material point at r that moves with the body.
   Vec<D> velocity_at(const Vec<D>& r, Real t) const {
     if (!turns()) return drift(t);
     return drift(t) + spin_velocity(spin, Vec<D>(r - pivot - shift(t)));

@@ -7,7 +7,7 @@
 
 namespace pliant {
 
-/// ∫ x dy (3D: π ∫ ρ² dz) along the polyline, up to height y: what lies between it and the axis, counted against its
+/// ∫ x dy (3D: π ∫ ρ² dz) along the polyline, up to height y: the area between it and the axis, counted against its
 /// direction where it goes down.
 Real swept_area(int dim, const Vec<2>& a, const Vec<2>& b, Real y);
 
@@ -20,7 +20,7 @@ struct Obstacle {
   bool contains(const Vec<2>& p) const;
   /// Its rim: a joint at each corner, and a lip where edges of polygons can catch.
   void add_to(WallParts& walls) const;
-  /// Area (volume) of what is below height y.
+  /// Area (volume) of the part below height y.
   Real content(int dim, Real y) const;
 };
 

@@ -18,7 +18,7 @@ struct Pair {
   auto operator<=>(const Pair&) const = default;  // NOLINT(modernize-use-nullptr): mistakes <=> for a comparison with 0
 };
 
-/// What the searches know of the points: spans over the topology's arrays.
+/// Data of the points for the searches: spans over the topology's arrays.
 struct PointCloud {
   const Real* x;                       ///< positions [n · D]
   std::span<const Real> diameter;      ///< contact diameter [n]
@@ -30,7 +30,7 @@ struct PointCloud {
   bool uses(Index i) const { return used[group[i]] != 0; }
 };
 
-/// The searches below go through the points first … last−1 and call found(…) for what they see, in an order that
+/// The searches below go through the points first … last−1 and call found(…) for each pair, in an order that
 /// depends on the points and the grid only.
 
 /// Pairs with |r_i − r_j| < (δ_i + δ_j)/2 + skin, i from the range: found(i, j, (δ_i + δ_j)/2). The larger point looks

@@ -37,7 +37,7 @@ void add_rotation(Real* values, Index i, const Rotation<D>& r) {
 inline Real torque(const Vec<2>& r, const Vec<2>& f) { return r[0] * f[1] - r[1] * f[0]; }
 inline Vec<3> torque(const Vec<3>& r, const Vec<3>& f) { return r.cross(f); }
 
-/// Velocity, about the centre, of what is at r from there: ω × r.
+/// Velocity, about the centre, of a material point at r from there: ω × r.
 inline Vec<2> spin_velocity(Real omega, const Vec<2>& r) { return {-omega * r[1], omega * r[0]}; }
 inline Vec<3> spin_velocity(const Vec<3>& omega, const Vec<3>& r) { return omega.cross(r); }
 

@@ -14,7 +14,7 @@ namespace pliant {
 /// of vectors of them.
 template <class R>
 PLIANT_INLINE R turn_of(R sine, R cosine) {
-  constexpr Real small = 0.01;  // as it mostly is for what moves in one step
+  constexpr Real small = 0.01;  // as most turns in one step are
   const R s2 = sine * sine;
   const R turn = sine * (1 + s2 * (1.0 / 6 + s2 * (3.0 / 40 + s2 * (15.0 / 336))));
   if constexpr (std::is_arithmetic_v<R>) {

@@ -9,7 +9,7 @@
 namespace pliant {
 
 /// Two polylines, each from an end of the orifice, at y = 0, to where the wall goes straight up without end. In 3D the
-/// right one is the meridian (ρ, z) of a body of revolution. The region is what lies between them above the orifice.
+/// right one is the meridian (ρ, z) of a body of revolution. The region lies between them above the orifice.
 class Vessel {
  public:
   using Line = std::vector<Vec<2>>;

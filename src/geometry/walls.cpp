@@ -153,7 +153,7 @@ void Walls<D>::set_motion(Index body, const Motion<D>& motion) {
   place(b);
 }
 
-/// What follows from the motion.
+/// Bounds that follow from the motion.
 template <int D>
 void Walls<D>::place(Body& body) {
   still_ = still_ && body.motion.rests() && !body.start.turned && body.start.shift == Vec<D>::Zero();

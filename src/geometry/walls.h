@@ -38,10 +38,10 @@ struct WallSegment {
 };
 
 /// In 3D the distance ρ from the axis as walls see it: ρ from `axis_width` on, and nearer to the axis
-/// w (3 + 6 s² − s⁴)/8 with s = ρ/w. What touches a surface of revolution on its axis touches a whole ring, where the
-/// distance to the nearest point has a kink: the lateral force would jump from one side to the other. The rounded
-/// distance is even and C², so that the force of the ring passes through 0. Not for spheres on the axis, which have no
-/// kink.
+/// w (3 + 6 s² − s⁴)/8 with s = ρ/w. A sphere that touches a surface of revolution on its axis touches a full ring,
+/// where the distance to the nearest point has a kink: the lateral force would jump from one side to the other. The
+/// rounded distance is even and C², so that the force of the ring passes through 0. Not for spheres on the axis, which
+/// have no kink.
 constexpr Real axis_width = 0.05;  ///< w, in σ_avg
 struct RoundedRadius {
   Real value, slope_over_rho, curvature;  ///< derivatives with respect to ρ; the slope over ρ, as it is 0 on the axis
@@ -69,7 +69,7 @@ struct Joint {
   bool convex;  ///< seen from where particles are, a straight one included: then both segments are of one surface
 };
 
-/// What walls are made of, as they are put together.
+/// The segments of walls under construction.
 struct WallParts {
   std::vector<WallSegment> segments;
   std::vector<Lip> lips = {};
@@ -80,7 +80,7 @@ struct WallParts {
 };
 
 /// Where something touches a part of the walls: distance, unit vector from the wall and curvature of the lines, or
-/// surfaces, of constant distance, in space; and what the body of the part sees.
+/// surfaces, of constant distance, in space; and the position in the frame of the part's body.
 template <int D>
 struct WallTouch {
   Real d;
@@ -91,16 +91,16 @@ struct WallTouch {
 };
 
 /// The walls of a run, numbered in the order in which they are added: segments, which have two sides and no inside, and
-/// solids, which push out what has gone in. What points meet are the parts of the walls: segments, then joints, then
+/// solids, which push out what has gone in. Points touch the parts of the walls: segments, then joints, then
 /// solids. The ends of segments are round corners: the distance is to the closed segment, so that a particle turns
 /// round the lip of an orifice smoothly.
 ///
-/// Segments count separately, except where a joint connects them: what touches it counts once, V(segment) + V(segment)
+/// Segments count separately, except where a joint connects them: a contact there counts once, V(segment) + V(segment)
 /// − V(joint), so that forces do not depend on how finely an outline is divided.
 ///
-/// What is added at a time is a rigid body with a motion of its own, made of a material, 0, 1, …, that terms may know.
-/// A body of segments has boxes in its own frame, by which it finds what is near. In 3D this frame has the axis of
-/// revolution.
+/// Each add() call creates one rigid body with its motion and a material, 0, 1, …, that terms may use.
+/// A body of segments has boxes in its own frame, which find the segments near a point. In 3D this frame has the axis
+/// of revolution.
 template <int D>
 class Walls {
   static_assert(D == 2 || D == 3);
@@ -127,7 +127,7 @@ class Walls {
   Index body_of_part(Index part) const { return part_body_[part]; }
   const Motion<D>& motion(Index body) const { return bodies_[body].motion; }
   Pose<D> pose(Index body, Real t) const { return bodies_[body].at(t); }
-  /// Finds where all bodies are at time t. Nothing has to be prepared, but what is asked for this time costs less then.
+  /// Finds where all bodies are at time t. Optional: queries for this time then cost less.
   void prepare(Real t) {
     if (still_) return;
     for (Body& body : bodies_)
@@ -159,7 +159,7 @@ class Walls {
   /// Number of parts.
   Index part_count() const { return static_cast<Index>(parts_.size() + solids_.size()); }
   Index wall_of_part(Index part) const { return part_wall_[part]; }
-  /// Surfaces are what keeps its contacts when these move along it: a solid, or segments that are joined without
+  /// A contact keeps its history while it moves along a surface: a solid, or segments that are joined without
   /// concave corners.
   Index surface_of_part(Index part) const { return wall_surface_[part_wall_[part]]; }
   Index surfaces() const { return surfaces_; }
@@ -171,7 +171,7 @@ class Walls {
     const Solid<D>& s = solid_of(part);
     return still_ ? s : s.at(pose_of(part, t));
   }
-  /// Whether all walls are segments that rest where they were put: what kernels know.
+  /// Whether all walls are segments at rest, for which there are kernels.
   bool resting_segments() const { return still_ && solids_.empty(); }
   /// Whether all parts but solids are segments without radius: no disks, no joints.
   bool plain() const { return plain_; }
@@ -230,7 +230,7 @@ class Walls {
     return dot(q, q) > square(reach + wall.radius) * (1 + 1e-12);
   }
 
-  /// Distance with its gradient: what a force needs. n is zero on a segment without radius; a unit vector elsewhere,
+  /// Distance with its gradient, for forces. n is zero on a segment without radius; a unit vector elsewhere,
   /// but near the axis of revolution.
   void nearest(const Vec<D>& r, Index part, Real t, Real& d, Vec<D>& n) const {
     if (is_solid(part)) {
@@ -248,8 +248,8 @@ class Walls {
     d -= parts_[part].radius;
   }
 
-  /// The contact with a part at time t of what is at r and touches it from nearer than `reach`; false where there is
-  /// none, on a segment without radius, and where another part of the surface carries it.
+  /// The contact with a part at time t of a point at r that is nearer than the contact distance `reach`; false if there
+  /// is none, on a segment without radius, and where another part of the surface carries it.
   PLIANT_INLINE bool touch(const Vec<D>& r, Index part, Real t, Real reach, WallTouch<D>& c) const {
     if (is_solid(part)) {
       const Pose<D> pose = pose_of(part, t);
@@ -304,7 +304,7 @@ class Walls {
     return {foot.d, pose.direction(foot.n), pose.matrix(foot.curvature)};
   }
 
-  /// Velocity at time t of what is at r and moves with a part.
+  /// Velocity at time t of a material point at r that moves with a part.
   PLIANT_INLINE Vec<D> velocity(const Vec<D>& r, Index part, Real t) const {
     if (still_) return Vec<D>::Zero();
     const Body& body = body_of(part);
@@ -312,7 +312,7 @@ class Walls {
   }
 
   /// Whether a part is the one of its surface that a contact at r belongs to: that with the foot, of two that meet at
-  /// the foot the one which begins there. What counts contacts rather than energies, as friction does, asks this.
+  /// the foot the one which begins there. For terms that count contacts rather than energies, such as friction.
   bool carries(const Vec<D>& r, Index part, Real t) const {
     return is_solid(part) || carries_in(meridian(in_body(r, part, t)), part);
   }
@@ -348,7 +348,7 @@ class Walls {
     std::vector<Index> parts, lips;  ///< but for solids
     BoxTree part_tree, lip_tree;     ///< in its frame
     Vec<D> anchor;                   ///< a point of it
-    Real lever;                      ///< farthest from the pivot of what turning moves
+    Real lever;                      ///< largest distance of a turning point from the pivot
 
     /// Where it was last asked to be: prepare().
     struct Placed {

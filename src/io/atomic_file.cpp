@@ -23,7 +23,7 @@ namespace {
                     std::strerror(error));
 }
 
-/// Returns 0 or the errno of what failed.
+/// Returns 0 or the errno of the failed call.
 int write_all(int file, std::string_view bytes) {
   while (!bytes.empty()) {
     const ssize_t written = ::write(file, bytes.data(), bytes.size());
@@ -35,7 +35,7 @@ int write_all(int file, std::string_view bytes) {
   return 0;
 }
 
-/// The same; write(file) writes what is to be in the new file.
+/// The same; write(file) writes the content of the new file.
 int write_and_sync(const std::string& name, const std::function<int(int file)>& write) {
   const int file = ::open(name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666);
   if (file < 0) return errno;
@@ -45,7 +45,7 @@ int write_and_sync(const std::string& name, const std::function<int(int file)>& 
   return error;
 }
 
-/// Removes what killed processes have left of earlier attempts. Nobody still writes to what is so old.
+/// Removes partial files of killed processes. No process still writes to files of this age.
 void remove_leftovers(const std::filesystem::path& folder, const std::string& name) {
   namespace fs = std::filesystem;
   const auto now = fs::file_time_type::clock::now();

@@ -18,9 +18,9 @@
 
 namespace pliant {
 
-/// What a scenario needs to go on bit for bit, under names of its own: numbers, arrays of numbers, and texts. A file
-/// can have been edited, or be of another run: the functions check what they return. Errors of all of them: InputError
-/// that names the file, the entry and its value.
+/// Data with which a scenario resumes bit for bit, under names of the scenario: numbers, arrays of numbers, and texts.
+/// A file can have been edited, or be of another run: the functions check what they return. Errors of all of them:
+/// InputError that names the file, the entry and its value.
 struct Checkpoint {
   static constexpr Real any = std::numeric_limits<Real>::max();
   static constexpr std::int64_t any_count = 9'007'199'254'740'992;  ///< 2^53: sums of counts do not overflow
@@ -66,7 +66,7 @@ class CheckpointWriter {
   /// newest: the checkpoint that the run goes on from, which is the last to be overwritten; none for a new run.
   explicit CheckpointWriter(std::filesystem::path folder, const std::filesystem::path& newest = {});
 
-  /// In memory; what was begun before and not finished is dropped.
+  /// In memory; an unfinished checkpoint is dropped.
   void begin(Real t, std::int64_t step);
   /// Arrays and numbers; no name twice.
   template <std::ranges::contiguous_range Values>
@@ -97,7 +97,7 @@ class CheckpointWriter {
 
 struct StoredCheckpoints {
   std::vector<std::filesystem::path> files;  ///< whole ones, that of the highest step first
-  std::vector<std::string> problems;         ///< what is wrong with the others
+  std::vector<std::string> problems;         ///< the faults of the other files
 };
 
 /// Whether there is a file of such a name, good or bad.

@@ -52,7 +52,7 @@ class Names {
       return -1;
     }
   }
-  /// Errors: what adding has thrown.
+  /// Errors: as thrown while adding.
   std::vector<std::string> take() {
     if (error_) std::rethrow_exception(error_);
     return std::move(list_);
@@ -63,7 +63,7 @@ class Names {
   std::exception_ptr error_;
 };
 
-/// What the error stack of the last HDF5 call says: the system's message if there is one, else its innermost entry.
+/// Message from the error stack of the last HDF5 call: the system's message if there is one, else its innermost entry.
 std::string reason() {
   std::string found;
   bool from_system = false;
@@ -141,7 +141,7 @@ void keep_quiet_at_end() {
 Id file_access() {
   keep_quiet_at_end();
   Id access(H5Pcreate(H5P_FILE_ACCESS));
-  // Closing the file closes what is open in it.
+  // Closing the file closes all objects in it.
   H5Pset_fclose_degree(access.get(), H5F_CLOSE_STRONG);
   // The format of 1.8 has checksums of its own for nearly all but the values; that of 1.10 would lock readers out of
   // the file of a run that was killed.

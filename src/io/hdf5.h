@@ -120,9 +120,9 @@ class Group {
  public:
   Group create_group(const std::string& name);
   Group open_group(const std::string& name) const;
-  /// A group without a name, which vanishes unless link() names it: readers see what it holds whole or not at all.
+  /// A group without a name, which vanishes unless link() names it: readers see its full content or nothing.
   Group create_unlinked_group();
-  /// Names `group`, replacing what had the name.
+  /// Names `group`, replacing the object of that name.
   void link(const Group& group, const std::string& name);
   /// A second name for the object at `existing` (an absolute path): the same storage, nothing is copied.
   void link(const std::string& existing, const std::string& name);

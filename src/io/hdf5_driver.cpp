@@ -38,7 +38,7 @@ herr_t query(const H5FD_t*, unsigned long* flags) {
   return 0;
 }
 
-/// Only what is new may be given back: the last commit refers to the rest.
+/// Only new space may be freed: the last commit refers to the rest.
 herr_t free_space(H5FD_t* file, H5FD_mem_t, hid_t, haddr_t address, hsize_t size) {
   Driver& d = driver(file);
   if (address + size == d.allocated && address >= d.file->committed()) d.allocated = address;
@@ -93,7 +93,7 @@ H5FD_class_t make_class() {
   c.name = "pliant_journaled";
   c.maxaddr = static_cast<haddr_t>(std::numeric_limits<std::int64_t>::max());
   c.fc_degree = H5F_CLOSE_STRONG;
-  c.fapl_size = sizeof(JournaledFile*);  // NOLINT(bugprone-sizeof-expression): a pointer is what it holds
+  c.fapl_size = sizeof(JournaledFile*);  // NOLINT(bugprone-sizeof-expression): it holds a pointer
   c.open = open_file;
   c.close = close_file;
   c.query = query;

@@ -15,9 +15,9 @@ namespace pliant {
 /// Bytes at addresses, no two for the same; neighbours are joined.
 class Extents {
  public:
-  /// Replaces what was there.
+  /// Replaces the former bytes.
   void put(std::uint64_t address, std::span<const std::byte> bytes);
-  /// Copies what it holds of the addresses from `address` on to `bytes`; the others stay.
+  /// Copies the held bytes of the addresses from `address` on to `bytes`; the others stay.
   void overlay(std::uint64_t address, std::span<std::byte> bytes) const;
   bool intersects(std::uint64_t address, std::uint64_t size) const;
   bool empty() const { return blocks_.empty(); }
@@ -31,8 +31,8 @@ class Extents {
   Blocks blocks_;
 };
 
-/// What was written beyond the end of the last commit goes to the file; nothing that was promised refers to it. Changes
-/// of what was there before are kept in memory. A commit appends them to the file as a journal, makes them, and cuts
+/// Writes beyond the end of the last commit go to the file; no committed data refer to them. Changes of
+/// committed bytes are kept in memory. A commit appends them to the file as a journal, makes them, and cuts
 /// the journal off. Whoever opens the file makes the changes of a whole journal again, and ignores a torn one.
 ///
 /// A commit syncs the file twice: the journal before the changes are made, and the changes before the journal is cut
@@ -43,7 +43,8 @@ class Extents {
 ///   for each change: address, size (uint64), the bytes;
 ///   address of the journal, number of changes (uint64), CRC-32 of all before (uint64), "PLIANTJ1".
 ///
-/// Writes fail only for lack of memory: what the disk has no room for is kept there, and the next commit tries again.
+/// Writes fail only for lack of memory: bytes without space on the disk are kept there, and the next commit tries
+/// again.
 class JournaledFile {
  public:
   /// Errors: OutputError if the file exists or cannot be created.
@@ -54,7 +55,7 @@ class JournaledFile {
   static JournaledFile open_write(const std::filesystem::path& path);
   JournaledFile(JournaledFile&& other) noexcept;
   JournaledFile& operator=(JournaledFile&&) = delete;
-  ~JournaledFile();  ///< takes back what was not committed
+  ~JournaledFile();  ///< drops uncommitted changes
 
   void write(std::uint64_t address, std::span<const std::byte> bytes);
   /// Bytes that were never written are 0. Errors: InputError if the system cannot read.
@@ -63,7 +64,7 @@ class JournaledFile {
   std::uint64_t end() const;
   /// Addresses below were promised by the last commit: nobody may write there but write().
   std::uint64_t committed() const { return committed_; }
-  /// Cuts a file that was opened for writing, and not changed yet, to `end`: what follows was never promised.
+  /// Cuts a file that was opened for writing, and not changed yet, to `end`: the bytes after it were never committed.
   void cut(std::uint64_t end);
   /// From here on the file holds all that was written, up to `end` ≥ committed(), also after a loss of power. Errors:
   /// OutputError if it cannot be written, or was removed; it holds the last commit, or is left with a whole journal.
@@ -89,7 +90,7 @@ class JournaledFile {
   int file_ = -1;
   bool writable_ = false;
   bool promised_ = false;  ///< there is a whole journal, which is for the next who opens the file
-  bool lost_ = false;      ///< a sync has failed, or memory for what was written: nothing is committed any more
+  bool lost_ = false;      ///< a sync has failed, or memory for a write: nothing is committed any more
   bool abandoned_ = false;
   bool unjournaled_ = false;  ///< large pieces were written since the last commit, which the journal will not hold
   std::uint64_t committed_ = 0;

@@ -391,8 +391,8 @@ void RunWriter::write_frame(const Frame& frame, const FrameFormat& format) {
   ++frames_;
 }
 
-/// Datasets without values of their own: the centres of disks, which are their positions; and what run.xdmf shows and
-/// ParaView cannot read as it is, vectors of two components, walls as points, and constants where a field is missing.
+/// Datasets without values of their own: the centres of disks, which are their positions; and data of run.xdmf in
+/// a form that ParaView can read, vectors of two components, walls as points, and constants where a field is missing.
 void RunWriter::write_views(Group& frame, const std::string& path, hdf5::Type stored) const {
   const auto show = [&](const std::string& source, const char* name, hdf5::Type type, std::uint64_t columns,
                         const auto& shape, std::uint64_t first = 0) {

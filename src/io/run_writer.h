@@ -1,5 +1,5 @@
-// The folder of a run: run.h5 with frames and series, and run.xdmf beside it. docs/file-format.md lists what is in
-// them.
+// The folder of a run: run.h5 with frames and series, and run.xdmf beside it. docs/reference/file-format.md lists their
+// content.
 #pragma once
 
 #include <cstdint>
@@ -21,7 +21,7 @@
 
 namespace pliant {
 
-/// Who made the run and from what. The version of HDF5 is added by the writer.
+/// Program and input of the run. The version of HDF5 is added by the writer.
 struct Manifest {
   std::string program = "pliant", version, build, petsc_version, scenario, model, created;
   int dim = 2;
@@ -72,9 +72,9 @@ struct RunCounts {
 /// it is.
 void check_counts(const std::filesystem::path& folder, const RunCounts& needed, std::string_view source);
 
-/// Writes the folder. Of a frame nothing is copied as a whole. What a frame or flush() has written is there whenever
-/// the program is killed, and after a loss of power. Errors of all members: OutputError; what was there at the last
-/// frame or flush() stays.
+/// Writes the folder. Of a frame nothing is copied as a whole. Data written by a frame or flush() survive a kill
+/// of the program and a loss of power. Errors of all members: OutputError; the data of the last
+/// frame or flush() stay.
 ///
 /// On several ranks each has a writer. create, append and write_frame are collective, and the error of one rank is
 /// everybody's; other members but frames() are for the root alone. The root speaks HDF5 and lays a frame out in the
@@ -110,13 +110,13 @@ class RunWriter {
   void flush();
   void close();
 
-  /// What is in the file, after flush().
+  /// Content of the file, after flush().
   Series read_series();
   std::uint64_t frames() const { return frames_; }         ///< number of the next frame
   std::uint64_t samples() const { return samples_.rows; }  ///< those kept included
   std::uint64_t events() const { return events_.rows; }    ///< those kept included
   const std::filesystem::path& folder() const { return folder_; }
-  /// What append() found damaged in frames, one message each; these frames stay as they are.
+  /// Damage that append() found in frames, one message each; these frames stay as they are.
   const std::vector<std::string>& damage() const { return damage_; }
 
  private:

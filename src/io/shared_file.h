@@ -1,4 +1,4 @@
-// One file for all ranks: what the root has laid out in it is filled in by everybody, through MPI-IO.
+// One file for all ranks: the root lays out datasets, and all ranks write their parts through MPI-IO.
 #pragma once
 
 #include <mpi.h>
@@ -24,7 +24,7 @@ class SharedFile {
 
   /// This rank alone; errors are its own.
   void write(std::uint64_t address, std::span<const std::byte> bytes);
-  /// What was written is on disk, and seen by all.
+  /// All writes are on disk, and visible to all ranks.
   void sync();
 
  private:

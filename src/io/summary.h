@@ -1,4 +1,4 @@
-// summary.json: what a run measured.
+// summary.json: results of a run.
 #pragma once
 
 #include <pliant/base/types.h>
@@ -9,7 +9,7 @@
 
 namespace pliant {
 
-/// A measured quantity {"value", "error", "unit"}: error is one standard error; what is not finite becomes null.
+/// A measured quantity {"value", "error", "unit"}: error is one standard error; values that are not finite become null.
 nlohmann::ordered_json quantity(Real value, Real error, std::string_view unit);
 
 /// Writes folder/summary.json atomically. Errors: OutputError.

@@ -54,7 +54,7 @@ struct Field {
   bool vector() const { return constant == "nan_vector"; }
 };
 // ParaView colours a frame by a field only if all grids have it. Where it is NaN it shows the colour for NaN; active is
-// 1, so that who keeps what is active keeps walls and contacts.
+// 1, so that a filter for active particles keeps walls and contacts.
 constexpr Field fields[] = {{"velocity", "nan_vector", true}, {"spin", "nan_vector"}, {"sigma", "nan"},
                             {"particle", "minus_one"},        {"active", "one"},      {"reinsertions", "minus_one"},
                             {"contact_count", "minus_one"},   {"area", "nan"},        {"a0", "nan"},
@@ -273,7 +273,7 @@ void XdmfFile::put(std::size_t index, const std::string& grid) {
     append(grid);
     starts_.push_back(end_);
   } else {
-    // A frame after a restart: what follows it belongs to the past that is simulated again.
+    // A frame after a restart: later frames belong to the past that is simulated again.
     replace_from(index, grid);
     starts_.resize(index + 1);
     end_ = starts_[index];

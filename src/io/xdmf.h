@@ -1,4 +1,4 @@
-// run.xdmf: what ParaView needs to show the frames of run.h5. Written so that all readers of stock ParaView 5.11 open
+// run.xdmf: the frames of run.h5 for ParaView. Written so that all readers of stock ParaView 5.11 open
 // it: whole datasets only, as they have no hyperslabs or functions in common; names relative to the folder.
 #pragma once
 
@@ -14,13 +14,13 @@
 
 namespace pliant {
 
-/// What a frame's XML depends on; the numbers themselves stay in run.h5.
+/// Input of a frame's XML; the numbers themselves stay in run.h5.
 struct XdmfFrame {
   std::string name;  ///< of the group in /frames
   Real time = 0;     ///< in t0
   int dim = 2;
   std::uint64_t particles = 0, points = 0, contacts = 0, wall_contacts = 0, walls = 0;
-  std::uint64_t wall_points = 0, wall_connectivity = 0;  ///< what draws the walls
+  std::uint64_t wall_points = 0, wall_connectivity = 0;  ///< sizes of the wall grid
   std::uint64_t connectivity = 0;                        ///< length of the particles' connectivity
   bool moving_walls = false;                             ///< whether the frame has places of its own for the walls
   bool single = false;                                   ///< whether its real numbers have 4 bytes

@@ -15,7 +15,7 @@ namespace pliant {
 enum class ContactLaw { harmonic, hertz, barrier, spring, linear };
 
 /// V(d) = ε/2 (1 − d/δ)² for d < δ, else 0 [H 2, 3, 9, 10]. C¹: V'' jumps from 0 to ε/δ² at touch. Finite at d = 0:
-/// a force of ε/δ pushes a point onto what it touches.
+/// a force of ε/δ pushes a point onto the object that it touches.
 /// Units: ε in ρgσ_avg^(D+1), lengths in σ_avg.
 struct HarmonicOverlap {
   static constexpr ContactLaw kind = ContactLaw::harmonic;

@@ -42,7 +42,7 @@ struct Everything {
   }
 };
 
-/// Receives the forces on a range of points. What falls outside goes to a place of its own: whether a point of a pair
+/// Receives the forces on a range of points. Other forces go to a scratch place: whether a point of a pair
 /// across the boundary belongs to the range is a toss-up.
 struct OwnPoints {
   Real* f;

@@ -55,7 +55,7 @@ PLIANT_INLINE void add_four(const PairLaw& law, const Pair* pairs, Real4 reach, 
   const Mask4 touches = d2 < reach * reach;
   const Real4 d = simd::sqrt(d2);
   Real4 push = simd::where(touches & (d2 > 0), Law::push(law.epsilon, reach, d));
-  if constexpr (rub == Rub::tangential) {  // gives back what friction takes along the normal
+  if constexpr (rub == Rub::tangential) {  // removes the normal part of the friction
     const auto u = differences(at, v);
     Real4 along{};
     for (std::size_t k = 0; k < u.size(); ++k) along += u[k] * force[k];

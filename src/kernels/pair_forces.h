@@ -1,4 +1,4 @@
-// Contact and friction of point pairs in one pass: what PairContact and PairFriction say, four pairs at a time.
+// Contact and friction of point pairs in one pass: as PairContact and PairFriction, four pairs at a time.
 #pragma once
 
 #include <span>

@@ -10,7 +10,7 @@
 namespace pliant {
 
 /// Up to five arrays of coordinates that will be gone through once a kernel is done with a chunk. A large system does
-/// not fit into the caches; what is asked for in a loop that computes arrives while it does.
+/// not fit into the caches; data requested within a computing loop arrive meanwhile.
 class Prefetch {
  public:
   Prefetch() = default;

@@ -12,7 +12,7 @@ namespace pliant {
 template <int D>
 using Vectors = std::array<simd::Real4, D>;
 
-/// Adds vector k to what begins at f + first[k], and with `second` its opposite to what begins at f + second[k]. One
+/// Adds vector k to the numbers from f + first[k] on, and with `second` its opposite from f + second[k] on. One
 /// after the other, because several of the four may belong to the same point.
 template <int D>
 PLIANT_INLINE void scatter(const std::ptrdiff_t* first, const Vectors<D>& vectors, Real* f,

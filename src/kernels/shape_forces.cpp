@@ -56,12 +56,12 @@ template <auto From, class V>
 PLIANT_INLINE V pick(V a, V b) {
   return pick<From>(a, b, std::make_integer_sequence<int, width<V>>());
 }
-/// What follows each lane of a, the first of b being the last.
+/// The successor of each lane of a; the last one is the first lane of b.
 template <class V>
 PLIANT_INLINE V following(V a, V b) {
   return pick<[](int k) { return k + 1; }>(a, b);
 }
-/// What precedes each lane of b, the last of a being the first.
+/// The predecessor of each lane of b; the first one is the last lane of a.
 template <class V>
 PLIANT_INLINE V preceding(V a, V b) {
   return pick<[](int k) { return width<V> - 1 + k; }>(a, b);
@@ -154,12 +154,12 @@ PLIANT_INLINE void edges_from(const Real* x, Index n, Index i, Edges<V>& e) {
   }
 }
 
-/// What the forces on a polygon need besides its edges.
+/// Data for the forces on a polygon besides its edges.
 struct Factors {
   Real half_pressure, stiffness, stiffness_rest, bending;
 };
 
-/// What the last of some edges hand on to the next ones.
+/// Data that a block of edges passes to the next block.
 template <class V>
 struct Carry {
   V sine{}, bx{}, by{};
@@ -170,7 +170,7 @@ struct Carry {
 /// g_i − g_{i−1} of g = ∂U/∂e, and half the pressure times the quarter turns of both edges. Of the bending energy
 /// g_i = −c (s_i − s_{i−1})/l_i times the quarter turn of l̂_i, s_i = l̂_i × l̂_{i+1}: the same as the vectors
 /// (û·ŵ) û − ŵ of the element form, without their cancellation. Of whole edges g_i = c (2 e_i − e_{i−1} − e_{i+1}).
-/// `next` is what follows the last edge: directions, or whole edges.
+/// `next` follows the last edge: directions, or full edges.
 template <bool Lengths, Bent bent, class V>
 PLIANT_INLINE void forces(const Factors& factors, const Edges<V>& e, V next_x, V next_y, Carry<V>& carry, V& low,
                           V& high) {

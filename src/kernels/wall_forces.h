@@ -1,4 +1,4 @@
-// Contact of points with walls: what WallContact says, four points at a time.
+// Contact of points with walls: as WallContact, four points at a time.
 #pragma once
 
 #include <span>

@@ -29,10 +29,9 @@ struct Area {
                     .value = 2e4,
                     .alias = "ka",
                     .role = Role::area});
-    form = p.choice({.name = "area_energy",
-                     .help = "area energy; absolute: K_a/2 (a - a0)^2 [H 8]; relative: K_a a0/2 (a/a0 - 1)^2, K_a a "
-                             "modulus in rho g sigma_avg"},
-                    named<AreaEnergy>({{"absolute", AreaEnergy::absolute}, {"relative", AreaEnergy::relative}}));
+    form = p.choice(
+        {.name = "area_energy", .help = "area energy: K_a/2 (a - a0)^2 [H 8], or relative: K_a a0/2 (a/a0 - 1)^2"},
+        named<AreaEnergy>({{"absolute", AreaEnergy::absolute}, {"relative", AreaEnergy::relative}}));
   }
 
   bool enabled(const StateView<2>&) const { return k_a > 0; }

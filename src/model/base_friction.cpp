@@ -1,4 +1,4 @@
-// Eight disks at a time. What is not vectors here runs seldom.
+// Eight disks at a time. The scalar code here is off the hot path.
 #include <pliant/model/base_friction.h>
 
 #include <algorithm>
@@ -51,7 +51,7 @@ PLIANT_INLINE void subtract(Real* from, const Real8& a, Index count) {
   for (Index k = count >= 4 ? 4 : 0; k < count; ++k) from[k] -= rest[k];
 }
 
-/// The law. What becomes of a disk does not depend on the others.
+/// The law. The result of a disk does not depend on the others.
 struct EightOnBase {
   static constexpr Real sticks = BaseFriction::sticks;
 
@@ -63,7 +63,7 @@ struct EightOnBase {
 
   PLIANT_INLINE explicit EightOnBase(const BaseFriction& law) : base(law) {}
 
-  /// past: what was kept of them, one after the other.
+  /// past: their current histories, one after the other.
   PLIANT_INLINE void find(const DisksOnBase& d, const Real* past, const Mask8& known) {
     const auto [x, y] = points(d.x);
     const Real8 angle = load8(d.angle), sigma = load8(d.sigma), mass = load8(d.mass);
@@ -88,7 +88,7 @@ struct EightOnBase {
       next[1] = select(slides, y - sy, next[1]);
       next[2] = select(slides, angle - 2 * per_sigma * turn, next[2]);
       lost = simd::sum_of(held_x, dx - sx, held_y, dy - sy) + twist * (wound - turn);
-      // Where it comes from the limit of μ_static, the spring has lost what it held beyond that of μ_dynamic.
+      // Where it comes from the limit of μ_static, the spring has lost its energy above the limit of μ_dynamic.
       const Real more = square(base.mu_static / base.mu_dynamic - 1) / 2;
       lost += simd::where(~slid, more * (simd::sum_of(held_x, sx, held_y, sy) + twist * turn));
       lost = simd::where(slides, lost);
@@ -97,7 +97,7 @@ struct EightOnBase {
     gamma = any(damps) ? simd::where(damps, 2 * base.damping * simd::sqrt(stiffness * mass)) : 0;
   }
 
-  /// Adds what damps to the force of the spring, as far as the limit allows.
+  /// Adds damping to the force of the spring, as far as the limit allows.
   PLIANT_INLINE void damp(const Points8& v, const Real8& spin) {
     const Mask8 damps = gamma > 0;
     held_x += gamma * v.x;
@@ -107,8 +107,8 @@ struct EightOnBase {
   }
 
  private:
-  /// Brings force and torque over R of some, where they are beyond `beyond`, to the limit of `then`. Returns what of it
-  /// slides.
+  /// Brings force and torque over R of some, where they are beyond `beyond`, to the limit of `then`. Returns which of
+  /// them slide.
   PLIANT_INLINE Real8 limit(const Mask8& of, const Real8& beyond, const Real8& then, Real8 guess) {
     const Real8 f2 = simd::sum_of(held_x, held_x, held_y, held_y), size = simd::abs(twist);
     if (!base.coupled) {
@@ -159,7 +159,7 @@ struct EightOnBase {
   };
 };
 
-/// visit(first, count, disks) for eight disks of a range at a time. Fewer, four or what is left then, are filled up
+/// visit(first, count, disks) for eight disks of a range at a time. Fewer, four or the rest, are filled up
 /// with copies of the last: four make the same bits as if they were half of eight.
 template <class Visit>
 PLIANT_INLINE void for_each_eight(const StateView<2>& s, Range range, Visit&& visit) {
@@ -193,7 +193,7 @@ PLIANT_INLINE void for_each_eight(const StateView<2>& s, Range range, Visit&& vi
   if (i < range.last) visit(i, range.last - i, fill(range.last - i));
 }
 
-/// What was kept of eight disks, and of which: the others will stick where they are.
+/// Current histories of eight disks, and which of them have one: the others will stick at their present place.
 struct PastOnBase {
   std::array<Real, 32> numbers;
   Mask8 known;

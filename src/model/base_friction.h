@@ -24,7 +24,7 @@ void read_base_friction(ParameterReader& p, T& term, Real contacts) {
                            .role = Role::normal_gravity});
   const Coulomb mu = read_coulomb(p, {.name = "mu_base",
                                       .symbol = "\\mu_{base}",
-                                      .help = "static friction coefficient with the substrate",
+                                      .help = "static friction with the substrate",
                                       .value = 0.5,
                                       .max = 10,
                                       .role = Role::base_friction});
@@ -44,7 +44,7 @@ void read_base_friction(ParameterReader& p, T& term, Real contacts) {
 
 /// A disk presses on the plane in which it moves with N = m g, evenly spread over its area, and sticks to it by a
 /// spring at its place r₀ and angle θ₀: the force −k (r − r₀) and the torque −k R² (θ − θ₀), k = ε/σ². Where force and
-/// torque are beyond what Coulomb friction can hold they are the nearest that it can, in the metric of the spring, and
+/// torque are beyond the limit of Coulomb friction they are the nearest within it, in the metric of the spring, and
 /// r₀ and θ₀ follow: an implicit step of sliding, in the direction in which it takes the most energy. So a disk that
 /// sticks does not creep, and one that slides resists as every piece of its area would, with μ p against its own
 /// velocity: sliding and spinning are coupled, and a sliding disk spins almost freely (LimitSurface). Uncoupled, force
@@ -68,11 +68,9 @@ struct BaseFriction {
   static std::string_view name() { return "base_friction"; }
   void read(ParameterReader& p, Real contacts) {
     read_base_friction(p, *this, contacts);
-    coupled =
-        p.flag({.name = "base_coupled",
-                .help = "friction with the substrate couples sliding and spinning, as under uniform pressure; no: "
-                        "each has its own limit",
-                .value = 1});
+    coupled = p.flag({.name = "base_coupled",
+                      .help = "substrate friction couples sliding and spinning; no: each has its own limit",
+                      .value = 1});
   }
 
   bool enabled(const StateView<2>&) const { return !off(); }
@@ -85,8 +83,8 @@ struct BaseFriction {
     std::array<Real, 4> next;             ///< to keep
     std::array<Real, 2> held;             ///< force of the spring, within the limit
     Real twist;                           ///< and its torque over R
-    Real lost;                            ///< what becomes heat by sliding
-    Real stiffness, gamma, most, radius;  ///< gamma: of what sticks, most: μ_static N
+    Real lost;                            ///< energy turned into heat by sliding
+    Real stiffness, gamma, most, radius;  ///< gamma: of sticking disks, most: μ_static N
     Index i;
   };
 
@@ -119,13 +117,13 @@ struct BaseFriction {
   static const LimitSurface* the_surface();
   Real stiffness(Real sigma) const { return all_alike ? epsilon : epsilon / square(sigma); }
 
-  /// Force and torque over R with what damps.
+  /// Force and torque over R with damping.
   std::array<Real, 3> damped(const StateView<2>& s, const Touch& c) const;
   static Real along(const StateView<2>& s, const Touch& c, Real x, Real y, Real twist) {
     return s.velocity(c.i).dot(Vec<2>(x, y)) + twist * c.radius * s.spin(c.i);
   }
   static Real held_power(const StateView<2>& s, const Touch& c) { return along(s, c, c.held[0], c.held[1], c.twist); }
-  /// Of what sticks.
+  /// Of sticking disks.
   Real damping_power(const StateView<2>& s, const Touch& c) const {
     const std::array<Real, 3> pull = damped(s, c);
     return along(s, c, pull[0] - c.held[0], pull[1] - c.held[1], pull[2] - c.twist);

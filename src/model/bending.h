@@ -32,8 +32,7 @@ struct Bending {
                     .alias = "kb",
                     .role = Role::bending});
     edges = p.choice({.name = "bending_edges",
-                      .help = "bending energy of the directions of edges (unit) [H 8], or of edges over their rest "
-                              "length (full)",
+                      .help = "bending energy of the directions of edges [H 8], or of edges over rest length",
                       .role = Role::bending_form},
                      named<EdgeVectors>({{"unit", EdgeVectors::unit}, {"full", EdgeVectors::full}}));
   }

@@ -1,4 +1,4 @@
-// What terms keep of contacts from step to step: tangential springs and the like.
+// Contact history: numbers that terms store per contact from step to step, such as tangential springs.
 #pragma once
 
 #include <algorithm>
@@ -16,13 +16,13 @@
 
 namespace pliant {
 
-/// What a term keeps: `width` numbers for every contact of its kind of elements, which are pairs of points, points with
-/// walls, or points with the base that all of them lie on.
+/// Size of a term's contact history: `width` numbers for every contact of its kind of elements, which are pairs of
+/// points, points with walls, or points with the base that all of them lie on.
 struct HistoryNeeds {
   std::string name;
   Elements elements;
   int width;
-  std::vector<std::string> losses = {};  ///< what turns energy into heat, of which the sums are kept
+  std::vector<std::string> losses = {};  ///< names of losses of energy into heat, whose sums are stored
   int constants = 0;                     ///< numbers of an element that stay the same as long as the list does
 };
 
@@ -48,7 +48,7 @@ struct StoredContacts {
 };
 
 /// The history of one term. An entry of the list of its elements has the numbers of its contact: evaluations read them,
-/// and write ahead what will be known if the step ends there: an accepted step puts this in their place. Parts of walls
+/// and write the next history, valid if the step ends there: an accepted step makes it the current one. Parts of walls
 /// that are of one surface have one contact with a point.
 /// A pair that is listed twice, on both sides of the border of a chunk or of a rank, has them twice; a term that looks
 /// at a pair in the order of the ids keeps the same of both, bit for bit.
@@ -67,7 +67,7 @@ class ContactTable {
   }
   void set_heat(std::span<const Real> heat) { heat_.assign(heat.begin(), heat.end()); }
 
-  /// What was known of element e at the end of the last accepted step: `width` numbers; none if it was no contact then.
+  /// Current history of element e, of the last accepted step: `width` numbers; none if there was no contact then.
   PLIANT_INLINE std::span<const Real> past(Index e) const {
     const std::size_t k = contact_of(e);
     if (now_.touched[k] == 0) return {};
@@ -123,7 +123,7 @@ class ContactTable {
     return Rows<Width>(*this);
   }
 
-  /// What is known of elements if the step ends where their forces are evaluated now; of no account before that.
+  /// Next history of elements, for a step that ends at the present force evaluation; undefined before it.
   /// `Shared`: of walls. Different elements may be written at the same time, of walls those of different points.
   template <int Width, bool Shared = false>
   class Ahead {
@@ -164,15 +164,16 @@ class ContactTable {
   };
   /// An index for each element of a range, for such an evaluation to use.
   Index* room(Range range) const { return room_.data() + range.first; }
-  /// What the elements of a range lose then, per time or in the step; the range is not empty. [losses]
+  /// Losses of the elements of a range, per time or in the step; the range is not empty. [losses]
   Real* lost(Range range) const { return lost_.data() + static_cast<std::size_t>(range.first) * needs_.losses.size(); }
-  /// The step has ended where the forces of all elements were evaluated last. What is not listed does not touch.
+  /// The step has ended where the forces of all elements were evaluated last. Elements that are not listed do not
+  /// touch.
   void accept() {
     std::swap(now_, next_);
     unlisted_ = {};
   }
 
-  /// What stays the same of element e and those after it, zeros until the term has set it. Different elements may be
+  /// Constants of element e and of the elements after it, zeros until the term has set them. Different elements may be
   /// set at the same time.
   Real* constants(Index e) const { return constants_.data() + static_cast<std::ptrdiff_t>(e) * needs_.constants; }
 

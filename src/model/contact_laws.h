@@ -29,8 +29,7 @@ constexpr std::string_view to_string(ContactLaw law) {
 template <class... Laws>
 ContactLaw read_contact_law(ParameterReader& p) {
   return p.choice({.name = "contact_law",
-                   .help = "contact law V(d); hertz: elastic spheres; barrier: unbounded at d = 0; spring: the same "
-                           "stiffness for all sizes; linear: the force E (1 - d/delta)",
+                   .help = "contact law: linear spring, Hertz, diverging barrier, or force without 1/sigma",
                    .role = Role::contact_law},
                   std::array{std::pair{to_string(Laws::kind), Laws::kind}...});
 }

@@ -35,7 +35,7 @@ Real greatest_depth(const StateView<2>& s) {
   return longest / (2 * pi);
 }
 
-/// One kind of contact in a look: what pair e stands for has the squared distance distance2(e), touches within reach(e)
+/// One kind of contact in a look: pair e has the squared distance distance2(e), touches within reach(e)
 /// and is described by approach(e, d/reach); inside(e, found) tests pairs that touch, or are up to `beyond` farther
 /// apart. share: 2 where only one of the two moves, else 1.
 template <class Distance, class Reach, class Describe, class Inside>

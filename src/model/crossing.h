@@ -26,7 +26,7 @@ struct LeastDistances {
   Real walls = -1;    ///< of vertices from walls, and of edges from lips; negative: not looked for
 };
 
-/// What a look at all outlines shows. Distances in σ_avg, of vertices to the outlines of other particles.
+/// Result of a check of all outlines. Distances in σ_avg, of vertices to the outlines of other particles.
 struct OutlineLook {
   std::optional<Crossing> crossing;  ///< first vertex, by index, that lies inside another polygon, up to `depth`
   Real gap;    ///< how far points can go until a contact gets too near, or an outline is met: half of this
@@ -36,7 +36,7 @@ struct OutlineLook {
 
 /// Needs lists that are valid. Finds vertices that are up to `deepest` inside, if not deeper. Costs about as much as
 /// the contact forces of the listed pairs; where the lists have no vertices and edges, or do not hold pairs that are as
-/// deep, as much as a rebuild of the lists. Threads share out the pairs; what is found does not depend on their number.
+/// deep, as much as a rebuild of the lists. Threads share out the pairs; the result does not depend on their number.
 OutlineLook look_at_outlines(const StateView<2>& s, const LeastDistances& least = {}, Real deepest = 0);
 
 /// A particle whose outline crosses itself, or has turned inside out.
@@ -53,7 +53,7 @@ struct SelfLook {
 };
 
 /// Costs a few ns per vertex for outlines that are star-shaped about their centres, some ten times as much for others.
-/// Threads share out the particles; what is found does not depend on their number.
+/// Threads share out the particles; the result does not depend on their number.
 SelfLook look_at_own_outlines(const StateView<2>& s);
 
 /// First vertex, by index, that lies inside the polygon of another particle, however deep.

@@ -18,14 +18,14 @@ struct DiskTouch : SurfaceTouch<2, R> {
   R n0, n1;
   R turned;  ///< R_i θ_i + R_j θ_j; `lever` is (R_i + R_j)/d
 
-  /// What is known of the disks.
+  /// Data of the disks.
   struct Pair {
     R x, y, d2;          ///< from the second to the first
     R reach, a, b;       ///< R_i + R_j, and each
     R root_mass;         ///< root of the reduced mass
     R angle_a, angle_b;  ///< θ
   };
-  /// And what was kept of them; zeros if they did not touch.
+  /// And their current history; zeros if they did not touch.
   struct Past {
     R n0, n1, turned, spring;
     MaskOf<R> slid;
@@ -69,16 +69,16 @@ template <class Law, bool OwnOnly>
 void add_disk_forces(Real epsilon, const SurfaceFriction& surface, const StateView<2>& s, Range range,
                      const ContactTable& table, const Scatter<2, 1, OwnOnly>& force, bool total);
 
-/// What acts between two disks beside the elastic force N_e = −V' of PairContact, in the plane. i is the one with the
-/// lower id, n the unit vector from j to i, t = n turned by 90°, d the distance of the centres.
+/// Friction and damping between two disks, besides the elastic force N_e = −V' of PairContact, in the plane. i is the
+/// one with the lower id, n the unit vector from j to i, t = n turned by 90°, d the distance of the centres.
 ///
 /// Normal damping: N = max(N_e − γ_n u_n, 0), u_n = n·(v_i − v_j): the contact never attracts.
 /// Tangential spring: with the direction φ of n, q = (R_i + R_j) φ − R_i θ_i − R_j θ_j grows as the surfaces slide
 /// along each other. The spring is ξ = q − q₀, and P = k_t ξ + γ_t q̇ up to |P| = μ N d/(R_i + R_j); see
 /// SurfaceFriction. The force on i is N n − P (R_i + R_j)/d t, which is at most μN, with the torques P R_i and P R_j:
 /// it acts at the point that divides the distance of the centres as the radii do, so linear and angular momentum are
-/// conserved. The energy of the spring is k_t/2 ξ², what it loses by sliding is heat. A contact that begins within a
-/// step has no spring until its end. Kept: what the line of n, R_i θ_i + R_j θ_j and ξ were at the end of the last
+/// conserved. The energy of the spring is k_t/2 ξ², its loss by sliding is heat. A contact that begins within a
+/// step has no spring until its end. Stored: the line of n, R_i θ_i + R_j θ_j and ξ at the end of the last
 /// step, and whether the contact slid; n turns by less than a right angle in a step. Units: as the contact's. Elements:
 /// neighbour list of points.
 template <class Law = HarmonicOverlap>

@@ -22,7 +22,7 @@ struct DiskWallTouch : SurfaceTouch<2, R> {
     R foot0, foot1, across0, across1;  ///< foot and n
     R angle;                           ///< θ
   };
-  /// And what was kept of it; zeros if it did not touch.
+  /// And its current history; zeros if it did not touch.
   struct Past {
     R foot0, foot1, across0, across1, angle, spring;
     MaskOf<R> slid;
@@ -66,9 +66,10 @@ void settle_four(FourAtWalls<2, DiskWallContact<Law>>& four, const DiskWallConta
                  const typename FourAtWalls<2, DiskWallContact<Law>>::Ahead& ahead, const Scatter<2, 1>& force,
                  bool total);
 
-/// What acts between a disk and a surface of the walls (Walls::surface_of_part) beside the elastic force N_e = −V' of
-/// WallContact, in the plane; as DiskContact, with the velocity of the wall's material. n is the unit vector from the
-/// wall to the centre, t = n turned by 90°, d the distance, κ the curvature of the lines of constant distance there.
+/// Friction and damping between a disk and a surface of the walls (Walls::surface_of_part), besides the force N_e = −V'
+/// of WallContact, in the plane; as DiskContact, with the velocity of the wall's material. n is the unit vector from
+/// the wall to the centre, t = n turned by 90°, d the distance, κ the curvature of the lines of constant distance
+/// there.
 ///
 /// N = max(N_e − γ_n u_n, 0). Seen from the wall, q = (way of the foot along the surface) + R φ − R θ grows as the disk
 /// slides, φ the direction of n: t·r − Rθ along a straight wall, (R + ρ) φ − R θ round a corner of radius ρ. The spring

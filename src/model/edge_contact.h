@@ -42,8 +42,7 @@ struct EdgeContact {
     epsilon = p.number(contact_energy::deformable);
     if (edges == Edges::wide) {
       force = p.choice({.name = "edge_force",
-                        .help = "smooth particles: force of an edge on a vertex over that between two vertices: 0.5 "
-                                "(single) or 2 (twofold)"},
+                        .help = "smooth: vertex-edge force relative to vertex-vertex: 0.5 (single), 2 (twofold)"},
                        named<EdgeForce>({{"single", EdgeForce::single}, {"twofold", EdgeForce::twofold}}));
       return;
     }

@@ -30,8 +30,7 @@ struct EdgeFriction {
   void read(ParameterReader& p) {
     read_friction(p, mu, friction);
     where = p.choice({.name = "friction_point",
-                      .help = "smooth particles: friction opposes the velocity at the contact, or that of the edge's "
-                              "first vertex [H 12]",
+                      .help = "smooth: friction acts at the contact, or at the first vertex of the edge [H 12]",
                       .printed = "vertex"},
                      named<FrictionPoint>({{"contact", FrictionPoint::contact}, {"vertex", FrictionPoint::vertex}}));
   }

@@ -1,4 +1,4 @@
-// The kinds of element that terms can have, as a table. An entry says what an element is made of, which elements belong
+// The kinds of element that terms can have, as a table. An entry states the points of an element, which elements belong
 // to a chunk, how they are found, and which blocks of second derivatives they fill.
 #pragma once
 
@@ -12,7 +12,7 @@
 
 namespace pliant {
 
-/// What a term has one element of. A new kind is an enumerator before the last one, an entry below, and where it is
+/// Kinds of elements of a term. A new kind is an enumerator before the last one, an entry below, and where it is
 /// found by a search its list in NeighbourLists and NeighbourNeeds.
 enum class Elements {
   particles,
@@ -75,7 +75,7 @@ struct NeighbourNeeds {
   bool operator==(const NeighbourNeeds&) const = default;
 };
 
-/// What searches look at.
+/// Input of the searches.
 template <int D>
 struct SearchSpace {
   PointCloud cloud;

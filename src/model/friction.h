@@ -1,4 +1,4 @@
-// Which part of a relative velocity kinetic friction opposes: what friction of points and of edges have in common.
+// Which part of a relative velocity kinetic friction opposes, for points and edges.
 #pragma once
 
 #include <pliant/geometry/distance.h>
@@ -8,7 +8,7 @@ namespace pliant {
 
 enum class Friction {
   whole,      ///< all of it, as [H 6, 12] print
-  tangential  ///< what is left of it without its component along the normal of the contact
+  tangential  ///< without its component along the normal of the contact
 };
 
 /// The parameters of kinetic friction.
@@ -19,7 +19,7 @@ inline void read_friction(ParameterReader& p, Real& mu, Friction& friction) {
                  .help = "kinetic friction coefficient mu",
                  .role = Role::kinetic_friction});
   friction = p.choice(
-      {.name = "friction", .help = "friction opposes the whole relative velocity [H 6, 12], or its tangential part"},
+      {.name = "friction", .help = "friction against the full relative velocity [H 6, 12], or its tangential part"},
       named<Friction>({{"whole", Friction::whole}, {"tangential", Friction::tangential}}));
 }
 

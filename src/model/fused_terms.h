@@ -1,4 +1,4 @@
-// Which kernel works for which terms: what a kernel needs, taken from the terms and the lists.
+// Assigns kernels to terms: passes coefficients of terms and lists to the kernels.
 #pragma once
 
 #include <span>

@@ -1,4 +1,4 @@
-// What a disk of uniform pressure on a plane resists with when it slides and spins at the same time.
+// Friction of a disk of uniform pressure on a plane that slides and spins at the same time.
 #pragma once
 
 #include <algorithm>
@@ -43,7 +43,7 @@ class LimitSurface {
     const R df = force - p.force, dt = torque - p.torque, rest = 1 - s;
     return {simd::sum_of(df, s, -dt, rest), df + dt + p.bend * simd::sum_of(s, s, rest, rest)};
   }
-  /// A small change of slip; what is left is of its square.
+  /// A small change of slip; the remainder is of its square.
   static constexpr Real enough = 5e-4;
   template <class R>
   PLIANT_INLINE static PointOf<R> moved(const PointOf<R>& p, R s, R change) {
@@ -78,9 +78,9 @@ class LimitSurface {
   /// The point of the curve that is nearest to (force, torque), both ≥ 0, and the slip that it stands for.
   struct Nearest {
     Real force, torque, slip;
-    bool outside;  ///< whether the curve does not enclose what was given
+    bool outside;  ///< whether the curve does not enclose the given point
   };
-  /// To some 10⁻⁶. guess: of the slip, anything in [0, 1]. What is deep inside has no nearest point: returns itself.
+  /// To some 10⁻⁶. guess: of the slip, anything in [0, 1]. A point deep inside has no nearest point and is returned.
   PLIANT_INLINE Nearest nearest(Real force, Real torque, Real guess) const {
     // Newton's method for the slip along which the point is off the curve, within bounds.
     Real low = 0, high = 1, s = guess;
@@ -107,7 +107,7 @@ class LimitSurface {
 
   /// The same for eight, without bounds: a few steps of Newton's method.
   struct Nearest8 {
-    simd::Real8 force, torque, slip;  ///< force and torque also where the curve encloses what was given
+    simd::Real8 force, torque, slip;  ///< force and torque, also if the curve encloses the given point
     simd::Mask8 outside;
     simd::Mask8 found;  ///< where it has not come to an end nearest() must be asked
   };
@@ -124,7 +124,7 @@ class LimitSurface {
     for (int k = 0; k < 3; ++k) {
       const auto [over, slope] = off_the_normal(force, torque, p, s);
       const simd::Real8 next = s - over / slope, change = next - s;
-      // What has come to an end stays as it is, whatever the others do.
+      // Converged lanes stay unchanged while the others iterate.
       const simd::Mask8 ends = of & ~found & (slope > 0) & (next >= 0) & (next <= 1) & (simd::abs(change) < enough);
       const PointOf<simd::Real8> end = moved(p, s, change);
       p.force = select(ends, end.force, p.force);

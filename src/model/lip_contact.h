@@ -1,5 +1,5 @@
-// Contact of the lips of walls, those of an orifice say, with the edges of polygons: what [H 10], where only vertices
-// feel walls, leaves out.
+// Contact of the lips of walls, those of an orifice say, with the edges of polygons: missing in [H 10], where only
+// vertices feel walls.
 #pragma once
 
 #include <pliant/kernels/contact_law.h>
@@ -25,8 +25,7 @@ struct LipContact {
     epsilon = read_wall_energy(p);
     thickness = read_wall_diameter(p);
     with_edges = p.choice({.name = "lip_contact",
-                           .help = "lips of walls touch vertices and edges of deformable particles, or vertices alone "
-                                   "(literal) [H 10]",
+                           .help = "deformable particles: lips of the orifice touch edges too, or vertices only [H 10]",
                            .printed = "literal",
                            .role = Role::lip_rule},
                           named<bool>({{"edge", true}, {"literal", false}}));

@@ -1,4 +1,4 @@
-// The model: a compile-time list of terms. The only element loops of the code base are here.
+// The model: a compile-time list of terms, and the loops over their elements.
 #pragma once
 
 #include <omp.h>
@@ -25,7 +25,7 @@
 
 namespace pliant {
 
-/// What one term gives for one configuration.
+/// Energy and forces of one term for one configuration.
 struct TermReport {
   std::string name;
   bool is_energy;           ///< false: a dissipation, which has no energy
@@ -43,7 +43,7 @@ struct CriticalStep {
 
   /// Of one contact at a time: standard steps are parts of it.
   Real one_contact() const { return std::min(elastic, damping); }
-  /// Of limit(), from which on flows heat as their contacts open and close (docs/steps.md).
+  /// Of limit(), from which on flows heat as their contacts open and close (docs/reference/steps.md).
   static constexpr Real safe_part = 0.7;
   /// A standard step, made shorter where it is not safe.
   Real standard(Real dt) const { return std::min(dt, safe_part * limit()); }
@@ -87,9 +87,9 @@ struct Couplings {
 
 /// Energies and forces of a configuration. One virtual call per evaluation, none per element. Arrays of forces have the
 /// length of all points; only the own points are written. Where particles rotate, torques on the own points follow the
-/// forces on the own points [points · (D + rotations)]. Sums are over the rank's share: what lies inside its chunks,
-/// and across borders what counts for an own particle (Topology::counts_for); over all ranks every element counts once.
-/// Energies, powers, contacts and forces on walls are of the active particles alone.
+/// forces on the own points [points · (D + rotations)]. Sums are over the rank's share: elements inside its chunks,
+/// and elements across borders that count for an owned particle (Topology::counts_for); over all ranks every element
+/// counts once. Energies, powers, contacts and forces on walls are of the active particles alone.
 template <int D>
 class ForceField {
  public:
@@ -113,7 +113,7 @@ class ForceField {
   /// ∂F/∂x and ∂F/∂v of a part of the terms: the rows of the rank's own points. Threads share out the rows: the sinks
   /// are called for different rows at the same time.
   virtual void derivatives(const StateView<D>& s, TermGroup group, BlockSink<D>& df_dx, BlockSink<D>& df_dv) const = 0;
-  /// Where derivatives() can put blocks: what the terms read, touching or not.
+  /// Where derivatives() can put blocks: all elements of the terms, touching or not.
   virtual Couplings couplings(const StateView<D>& s, TermGroup group) const = 0;
   /// Total energy; with f, the forces of the energy terms alone are written there.
   virtual Real energy(const StateView<D>& s, Real* f = nullptr) const = 0;
@@ -141,15 +141,15 @@ class ForceField {
 
   /// Whether a term has torques, so that particles have angles and spins.
   virtual bool rotates() const = 0;
-  /// What the terms keep of contacts.
+  /// Contact histories of the terms.
   virtual std::vector<HistoryNeeds> history_needs() const = 0;
-  /// A step of length h has been accepted, which ends at s: what is kept of contacts is that of there. found: the last
+  /// A step of length h has been accepted, which ends at s: the next contact history becomes current. found: the last
   /// forces were those at the same time, positions and angles, so that they need not be evaluated again.
   virtual void accept(const StateView<D>& s, Real h, ContactHistory& history, bool found = false) const = 0;
 };
 
-/// Power of the walls that move on the points: what they do to the energy, as far as their forces are those that the
-/// force field gives. Of the rank's share; no sum is made where nothing moves.
+/// Power of the moving walls on the points, as far as their forces belong to
+/// the force field. Of the rank's share; no sum is made where nothing moves.
 template <int D>
 Real wall_power(const ForceField<D>& field, const StateView<D>& s) {
   if (!s.walls.move()) return 0;
@@ -184,7 +184,7 @@ inline constexpr bool is_fused = false;
 template <class Kernel, class... Terms>
 inline constexpr bool is_fused<Fused<Kernel, Terms...>> = true;
 
-/// A kernel with sets_forces writes over what is in the force array, before the others add to it: Kernel::set_forces.
+/// A kernel with sets_forces overwrites the force array, before the others add to it: Kernel::set_forces.
 template <class T>
 inline constexpr bool sets_forces = false;
 template <class Kernel, class... Terms>
@@ -550,7 +550,7 @@ class Model final : public ForceField<D> {
       throw InputError("the term {} has no second derivatives; use an explicit integrator", term.name());
   }
 
-  /// What is known of each element of a term.
+  /// Current history of each element of a term.
   struct Past {
     const ContactTable* table = nullptr;
     template <class T>
@@ -613,8 +613,8 @@ class Model final : public ForceField<D> {
     });
   }
 
-  /// The chunks write to their own points only, so that threads can share them out in any way. What an element throws
-  /// arrives; of several errors, that of the first chunk.
+  /// The chunks write to their own points only, so that threads can share them out in any way. Errors of elements are
+  /// rethrown; of several errors, the one of the first chunk.
   template <class Visit>
   static void for_each_chunk(const StateView<D>& s, Visit&& visit) {
     const Index chunks = s.neighbours.chunks();

@@ -84,7 +84,7 @@ SearchSpace<D> Neighbours<D>::search_space(const Topology& topology, const Walls
 }
 
 /// Of a pair of particles, the one that the search started from is the first where a kind is symmetric, else the
-/// second. Ghosts search too, for what own points do not find.
+/// second. Ghosts search too, for pairs that owned points do not find.
 template <int D>
 template <class Kind>
 void Neighbours<D>::build_pairs(const SearchSpace<D>& space) {
@@ -132,7 +132,7 @@ void Neighbours<D>::build_pairs(const SearchSpace<D>& space) {
     }
   }
   errors.rethrow();
-  std::vector<std::size_t> found;  // the rest will be what other chunks have found
+  std::vector<std::size_t> found;  // the rest will be the pairs of other chunks
   for (const auto& part : across) found.push_back(part.size());
   for (Index c = 0; c <= n; ++c)
     for (std::size_t k = 0; k < found[c]; ++k) {
@@ -330,7 +330,8 @@ void Neighbours<D>::relist(const Topology& topology, const Walls<D>& wall, const
   old_places_.insert(old_places_.end(), reference_.begin() + begin, reference_.begin() + end);
   places_.insert(places_.end(), x + begin, x + end);
   std::copy(x + begin, x + end, reference_.begin() + begin);
-  // What lies near, by where the lists were built. The grid knows relisted particles at their old places only.
+  // Points near it, at the reference positions of the lists. The grid knows relisted particles at their old places
+  // only.
   const SearchSpace<D> space = search_space(topology, wall, reference_.data());
   const auto for_each_near = [&](const Vec<D>& low, const Vec<D>& high, auto&& visit) {
     const auto visit_others = [&](Index j) {

@@ -14,7 +14,7 @@ namespace pliant {
 /// rebuilt list changes a force only by the order of its sum.
 ///
 /// The rank's own particles are divided into chunks, the units of work of threads: runs of particles in storage order,
-/// of about the same number of points. What a chunk holds, and the order of its lists, depends on the configuration
+/// of about the same number of points. The content of a chunk, and the order of its lists, depends on the configuration
 /// only, not on the number of threads. Ghosts belong to no chunk.
 template <int D>
 class Neighbours : public NeighbourLists {
@@ -26,7 +26,7 @@ class Neighbours : public NeighbourLists {
   const NeighbourNeeds& needs() const { return needs_; }
 
   /// Those of vertex_edges that can touch, in their order: all, or since narrow() those that could touch before points
-  /// have gone range/2 from where they were then. What is left out adds nothing to a force.
+  /// have gone range/2 from where they were then. Omitted pairs add nothing to a force.
   const PairList& near_edges() const { return narrowed_ ? near_edges_ : vertex_edges; }
   void narrow(const Topology& topology, const Real* x, Real range) requires(D == 2);
   void widen() { narrowed_ = false; }
@@ -85,7 +85,7 @@ class Neighbours : public NeighbourLists {
   std::int64_t version() const { return version_; }
   /// Pairs of points; of vertices and edges where points meet none.
   std::int64_t pairs() const { return needs_.point_pairs ? point_pairs.size() : vertex_edges.size(); }
-  /// Entries in all lists: what one force evaluation visits.
+  /// Entries in all lists, visited by one force evaluation.
   std::size_t size() const {
     std::size_t sum = 0;
     for_each_list([&]<class Kind>(Kind) { sum += (this->*Kind::list).pairs.size(); });

@@ -65,7 +65,7 @@ struct PairFriction {
   Vec<D> slip(const StateView<D>& s, Index i, Index j) const {
     return rubbed_part<D>(friction, s.velocity(i) - s.velocity(j), s.position(i) - s.position(j));
   }
-  /// block: what the relative coordinate of i and j does to the force on i.
+  /// block: derivative of the force on i by the relative coordinate of i and j.
   static void add(Index i, Index j, const Mat<D>& block, BlockSink<D>& h) {
     h.add(i, i, block);
     h.add(j, j, block);

@@ -47,7 +47,7 @@ OwnOutline look_at_own_outline(const Real* x, const Topology& topology, Index m,
     for (Index k = 1; k <= n - 2;) {
       const Index j = i + k < n ? i + k : i + k - n;
       const Vec<2> a = at(j);
-      // The edge that begins an arc length s farther on is at least `far` − s beyond what edge i and the gap reach.
+      // The edge that begins an arc length s farther on is at least `far` − s beyond edge i and the gap.
       const Real far = (a - p).norm() - 2 * longest - seen.gap;
       if (far > 0) {
         k += 1 + static_cast<Index>(std::min(far / longest, static_cast<Real>(n)));

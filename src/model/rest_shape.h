@@ -34,8 +34,7 @@ struct RestShape {
   void read(ParameterReader& p, Real contacts) {
     k = contacts * p.number({.name = "shape_stiffness",
                              .symbol = "k_s/k_n",
-                             .help = "stiffness that holds a vertex in its place of the rest shape, over the stiffness "
-                                     "of contacts",
+                             .help = "-model rough: stiffness of a vertex in its place of the shape, over -stiffness",
                              .value = 1,
                              .min_open = true,
                              .role = Role::rest_shape});

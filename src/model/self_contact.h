@@ -23,8 +23,8 @@ namespace pliant {
 /// from edge to edge passes a vertex, where both edges and the vertex have the same V. With a C² law the second
 /// derivatives jump only where a foot reaches the end of an edge. The gradient goes to the vertex and to both ends of
 /// the edge, so momentum is conserved. Elements: particles, so that there is no list; an outline that is star-shaped
-/// and wide costs one pass over its vertices, any other one a walk round the outline for each vertex, which skips what
-/// is too far away.
+/// and wide costs one pass over its vertices, any other one a walk round the outline for each vertex, which skips
+/// distant edges.
 template <class Law = HarmonicOverlap>
 struct SelfContact {
   Real epsilon;
@@ -37,7 +37,7 @@ struct SelfContact {
     epsilon = p.number(contact_energy::deformable);
     if (edges == Edges::bare) epsilon /= 4;  // as EdgeContact
     on = p.flag({.name = "self_contact",
-                 .help = "vertices of deformable particles touch edges of their own outline",
+                 .help = "deformable particles: vertices touch edges of their own outline too",
                  .role = Role::self_contact});
   }
 

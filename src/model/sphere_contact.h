@@ -31,7 +31,7 @@ struct SphereTouch : SurfaceTouch<3, R> {
     Vector r;                 ///< from the second to the first
     Vector angle_a, angle_b;  ///< Ω
   };
-  /// And what was kept of them; zeros if they did not touch.
+  /// And their current history; zeros if they did not touch.
   struct Past {
     Vector n, turned, twisted, spring;
     MaskOf<R> slid;
@@ -84,8 +84,8 @@ template <class Law, bool OwnOnly>
 void add_sphere_forces(const SphereContact<Law>& term, const StateView<3>& s, Range range, const ContactTable& table,
                        const Scatter<3, 1, OwnOnly>& force, bool total);
 
-/// What acts between two balls beside the elastic force N_e = −V' of PairContact, in space. n is the unit vector from j
-/// to i, d the distance of the centres, u the relative velocity of the centres across n.
+/// Friction and damping between two spheres, besides the elastic force N_e = −V' of PairContact, in space. n is the
+/// unit vector from j to i, d the distance of the centres, u the relative velocity of the centres across n.
 ///
 /// Normal damping: N = max(N_e − γ_n u_n, 0). The surfaces slide along each other with the velocity q̇ = (R_i + R_j)/d u
 /// − (R_i ω_i + R_j ω_j) × n, as disks do in the plane of n and u. Their spring ξ is a vector across n: it grows by the

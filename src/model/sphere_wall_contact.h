@@ -74,14 +74,14 @@ void settle_four(FourAtWalls<3, SphereWallContact<Law>>& four, const SphereWallC
                  const StateView<3>& s, const typename FourAtWalls<3, SphereWallContact<Law>>::Ahead& ahead,
                  const Scatter<3, 1>& force, bool total);
 
-/// What acts between a ball and a surface of the walls (Walls::surface_of_part) beside the elastic force N_e = −V' of
-/// WallContact, in space; as SphereContact, with the velocity of the wall's material. n is the unit vector from the
-/// wall to the centre, d the distance, L = 1 + (R − d) κ with the curvature κ of the surfaces of constant distance.
+/// Friction and damping between a sphere and a surface of the walls (Walls::surface_of_part), besides the force N_e =
+/// −V' of WallContact, in space; as SphereContact, with the velocity of the wall's material. n is the unit vector from
+/// the wall to the centre, d the distance, L = 1 + (R − d) κ with the curvature κ of the surfaces of constant distance.
 ///
 /// The ball slides with q̇ = L u − R ω × n, u its velocity across n, both seen from the wall: by the way of the foot
-/// along the surface and what n and the ball have turned (SphereSlip). The force is N n − L P, the torque R n × P, with
-/// |P| up to μN over the stretch of L along the spring. Spins of walls that turn count as at the end of a step, to
-/// first order. Kept, seen from the wall: foot, n and what the ball has turned at the end of the last step, ξ and
+/// along the surface and the turns of n and of the sphere (SphereSlip). The force is N n − L P, the torque R n × P,
+/// with |P| up to μN over the stretch of L along the spring. Spins of walls that turn count as at the end of a step, to
+/// first order. Stored, seen from the wall: foot, n and the turn of the sphere at the end of the last step, ξ and
 /// whether the contact slid. Elements: neighbour list of points and parts of the walls.
 template <class Law = HarmonicOverlap>
 struct SphereWallContact {
@@ -110,7 +110,7 @@ struct SphereWallContact {
     using Four = std::array<Real, 4>;
     Four size;                      ///< d, R, mass and share
     Four across, foot;              ///< n and foot, with the coefficients of friction μ_s and μ_d
-    Four angle;                     ///< what the ball has turned, less the wall, in space
+    Four angle;                     ///< turn of the sphere relative to the wall, in space
     Four wall_velocity, wall_spin;  ///< in space
     std::array<Four, 3> rows;       ///< of L
     std::array<Four, 3> turn;       ///< rows of the rotation of the wall

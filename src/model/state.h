@@ -1,4 +1,4 @@
-// What moves: positions, velocities and the time.
+// State of a simulation: positions, velocities and the time.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// Friction and damping between surfaces that touch at one place: what pairs of disks and disks at walls have in common.
+// Friction and damping between surfaces that touch at one place, for pairs of disks and disks at walls.
 #pragma once
 
 #include <algorithm>
@@ -29,7 +29,7 @@ struct SurfaceFriction {
 
   bool rubs() const { return mu_static > 0; }
 
-  /// What the tangential spring is, with which force, and whether the surfaces slide; across the normal these are
+  /// The tangential spring, its force, and whether the surfaces slide; across the normal these are
   /// numbers in the plane (or vectors of several of them), vectors in space.
   template <class Tangent, class Mask = bool>
   struct Hold {
@@ -37,8 +37,8 @@ struct SurfaceFriction {
     Mask slides;
   };
   /// k, gamma: of spring and dashpot. A contact that sticks begins to slide where the force of the spring exceeds
-  /// static_limit, and slides with the dynamic one until its spring is shorter than that. The dashpot takes what the
-  /// limit leaves.
+  /// static_limit, and slides with the dynamic one until its spring is shorter than that. The dashpot takes the rest
+  /// of the limit.
   template <class R>
   PLIANT_INLINE static Hold<R, MaskOf<R>> hold(R k, R gamma, R spring, R rate, R static_limit, R dynamic_limit,
                                                MaskOf<R> was_sliding) {
@@ -230,7 +230,7 @@ MotionRates surface_rates(const SurfaceFriction& f, const Topology& topology, Re
           {contacts.rotation * spring, contacts.rotation * across}};
 }
 
-/// What acts where two surfaces touch, and what of it becomes heat. This is what follows from where they are. Also of
+/// Forces between two touching surfaces, and the heat of them. This part follows from positions. Also of
 /// several contacts at a time, where R is a vector of numbers.
 template <int D, class R = Real>
 struct SurfaceTouch {
@@ -274,7 +274,7 @@ struct SurfaceTouch {
   Real energy(const Rub& c) const { return k / 2 * product(c.hold.spring, c.hold.spring); }
   PLIANT_INLINE R normal_power(const Rub& c) const { return (elastic - c.normal) * c.parting; }
   PLIANT_INLINE R tangential_power(const Rub& c) const { return product(c.hold.pull - k * c.hold.spring, c.rate); }
-  /// What sliding has taken in a step that began with the spring `before`.
+  /// Energy lost by sliding in a step that began with the spring `before`.
   PLIANT_INLINE R slid_heat(const Rub& c, const Tangent& before) const {
     return product(R(k / 2) * (before + c.hold.spring), stretched - c.hold.spring);
   }
@@ -354,7 +354,7 @@ SurfaceFriction read_surface(ParameterReader& p, const Coulomb& mu) {
   SurfaceFriction surface{.mu_static = mu.mu_static, .mu_dynamic = mu.mu_dynamic, .damping = damping_for<Law>(e)};
   surface.stiffness = p.number({.name = "tangential_stiffness",
                                 .symbol = "k_t/k_n",
-                                .help = "stiffness of tangential springs over that of contacts",
+                                .help = "model disk: stiffness of tangential springs relative to contacts",
                                 .value = surface.stiffness,
                                 .max = 10,
                                 .min_open = true});

@@ -1,4 +1,4 @@
-// What a term of the model is: an energy or a dissipation, written for one element; the loops are in model.h.
+// Terms of a model: a term is an energy or a dissipation, written for one element; the loops are in model.h.
 #pragma once
 
 #include <algorithm>
@@ -18,7 +18,7 @@
 
 namespace pliant {
 
-/// What a term may look at. Nothing here is owned or copied.
+/// The configuration that terms read. Nothing here is owned or copied.
 template <int D>
 struct StateView {
   const Real* x;  ///< positions [points · D]
@@ -27,7 +27,7 @@ struct StateView {
   const Neighbours<D>& neighbours;
   const Walls<D>& walls;
   Real t = 0;              ///< time, for walls that move
-  Prefetch prefetch = {};  ///< what is gone through, in each chunk, after its forces; says nothing of the configuration
+  Prefetch prefetch = {};  ///< arrays read after the forces of each chunk; not part of the configuration
 
   const Real* angles = nullptr;             ///< [points · rotations], where the model rotates
   const Real* spins = nullptr;              ///< [points · rotations]; may be null as v may
@@ -189,7 +189,7 @@ concept DissipationTerm = requires(const T term, const StateView<D>& s, Index e,
   requires has_torque<T> || requires { term.add_dforce_dv(s, e, h); };
 };
 
-/// By what a term turns energy into heat. What is counted of it is lost per time, or else in a step.
+/// A way in which a term turns energy into heat. Losses are counted per time, or else per step.
 struct Loss {
   std::string_view name;
   bool per_time;
@@ -211,26 +211,27 @@ concept TakesRanges = requires(const T term, const StateView<D>& s, Range range,
   term.add_forces(s, range, table, f);
 };
 
-/// A force between touching pairs, or with walls, that depends on what happened since they touched: on T::history
+/// A force between touching pairs, or with walls, that depends on the past of the contact: on T::history
 /// numbers that are kept for each contact (ContactHistory). Within a step a force follows from the numbers at its
 /// begin, `past`, and from the state, as at every stage of a method; it has none yet of a contact that began within the
 /// step. Where forces are evaluated the numbers are found, too, that are to be kept if the step ends there; an accepted
 /// step takes those of the last evaluation. A force should not change by that: what the integrator carries to the next
 /// step was made before. So a tangential spring keeps where it is relaxed, as a place on the surfaces; forces follow
-/// from how far these have moved from there, by positions and angles, up to the limit of friction, and what changes is
-/// the place, where it has slid. A pair is listed in any order, on both sides of a border: numbers must not depend on
+/// from how far these have moved from there, by positions and angles, up to the limit of friction, and sliding
+/// changes the place. A pair is listed in any order, on both sides of a border: numbers must not depend on
 /// it (in_order). Positions jump by box lengths when particles are put back into a periodic box; positions of a listed
 /// pair relative to each other do not. Parts of one surface of the walls have one contact with a point, which the part
 /// that carries it (Walls::carries) acts for; the others do not touch. Where off() says that its coefficients switch a
 /// term off for good, nothing is kept.
 ///
-/// Most of what a force needs of a contact follows from positions and angles alone: a term has a record of it, `Touch`,
+/// Most data of a contact for a force follow from positions and angles alone: a term has a record of them, `Touch`,
 /// and
 ///   find(s, e, past, touch)   fills it; false where the element does not touch. It must not read velocities. `past` is
 ///                             empty where nothing was known
 ///   near(s, e)                may be there: false only where the element does not touch; costs less than find()
 ///   force(s, touch)           may be there: of the wall
-///   keep(s, touch, past, numbers, lost)   writes what to keep [history], and adds what the contact loses [losses]
+///   keep(s, touch, past, numbers, lost)   writes the next history [history], and adds the losses of the contact
+///   [losses]
 template <class T, int D>
 concept HistoryTerm = requires(const T term, const StateView<D>& s, Index e, std::span<const Real> past,
                                typename T::Touch& c, Scatter<D, 1>& f) {
@@ -248,15 +249,15 @@ concept HistoryTerm = requires(const T term, const StateView<D>& s, Index e, std
 };
 
 /// One that takes a range of elements together, where there is a history: for a loop over several elements at a time.
-/// Beside the forces it writes what to keep (ContactTable::Ahead), and what the elements that count in the chunk lose
-/// (ContactTable::lost). It can keep numbers of each element that stay the same as long as the list does, `static
-/// constexpr int constants` of them.
+/// Besides the forces it writes the next history (ContactTable::Ahead), and the losses of the elements that count in
+/// the chunk (ContactTable::lost). It can keep numbers of each element that stay the same as long as the list does,
+/// `static constexpr int constants` of them.
 template <class T, int D>
 concept RangeTerm = HistoryTerm<T, D> && TakesRanges<T, D>;
 
 /// visit(touch) for the elements of a range that touch, and others(e) for those that do not, but for some that are too
-/// far apart. Where there is a history this is an evaluation of forces, with those added to `force`: it writes what to
-/// keep, and what is lost; those of a RangeTerm are made by its add_forces() instead.
+/// far apart. Where there is a history this is an evaluation of forces, with those added to `force`: it writes the next
+/// history and the losses; those of a RangeTerm are made by its add_forces() instead.
 template <int D, HistoryTerm<D> T, int Sign, bool OwnOnly, class Visit, class Others>
 PLIANT_INLINE void for_each_touch(const T& term, const StateView<D>& s, Range range,
                                   const Scatter<D, Sign, OwnOnly>& force, Visit&& visit, Others&& others) {

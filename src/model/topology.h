@@ -1,4 +1,4 @@
-// What does not move: which points make which particle, their sizes and masses.
+// The unchanging data of particles: their points, sizes and masses.
 #pragma once
 
 #include <algorithm>
@@ -41,7 +41,7 @@ struct Topology {
   Real mass(Index i) const { return point_mass[particle[i]]; }
   Real inverse_mass(Index i) const { return inverse_point_mass[particle[i]]; }
   bool deformable() const { return points() > particles(); }
-  /// Which of particles m and n what they share is counted for: of different ones the lower id. A particle that meets
+  /// The one of particles m and n to which pair quantities are attributed: the lower id. A particle that meets
   /// images of itself meets each on one side and as the opposite image on the other: one of the two counts.
   Index counts_for(Index m, Index n) const {
     if (id[m] != id[n]) return id[m] < id[n] ? m : n;

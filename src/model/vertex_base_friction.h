@@ -10,13 +10,13 @@
 
 namespace pliant {
 
-/// BaseFriction of what has no spin: every vertex presses on the plane in which it moves with N = m g, m its share of
-/// the mass, and sticks to it by a spring at its place r₀, with the force −k (r − r₀), k = ε/δ². Beyond Coulomb's limit
-/// the force is the nearest within it, and r₀ follows: an implicit step of sliding. So a vertex that sticks does not
-/// creep, and one that slides has μN against the way it has gone; the torque on a polygon is that of its vertices. What
-/// sticks begins to slide beyond μ_static N, and slides with μ_dynamic N until its spring is shorter than that. While
-/// it sticks, −2ζ √(k m) v is added as far as the limit allows. Kept: r₀ and whether it slides. The energy of the
-/// spring is k/2 |r − r₀|². Elements: points.
+/// BaseFriction of points without spin: every vertex presses on the plane in which it moves with N = m g, m its share
+/// of the mass, and sticks to it by a spring at its place r₀, with the force −k (r − r₀), k = ε/δ². Beyond Coulomb's
+/// limit the force is the nearest within it, and r₀ follows: an implicit step of sliding. So a vertex that sticks does
+/// not creep, and one that slides has μN against the way it has gone; the torque on a polygon is that of its vertices.
+/// A vertex that sticks begins to slide beyond μ_static N, and slides with μ_dynamic N until its spring is shorter than
+/// that. While it sticks, −2ζ √(k m) v is added as far as the limit allows. Kept: r₀ and whether it slides. The energy
+/// of the spring is k/2 |r − r₀|². Elements: points.
 struct VertexBaseFriction {
   Real gravity = 0;  ///< g, normal to the plane
   Real mu_static = 0, mu_dynamic = 0;
@@ -36,7 +36,7 @@ struct VertexBaseFriction {
     Index i;
     bool known, slides;
     Real k, most;
-    Real gamma;                  ///< of what sticks
+    Real gamma;                  ///< of a sticking vertex
     std::array<Real, 2> spring;  ///< r − r₀, within the limit
   };
 
@@ -75,7 +75,7 @@ struct VertexBaseFriction {
     const Vec<2> spring = spring_of(c), place = s.position(c.i) - spring;
     if (c.known) {
       lost[1] += c.k * spring.dot(place - Vec<2>(past[0], past[1]));
-      // Where it comes from the limit of μ_static, the spring has lost what it held beyond that of μ_dynamic.
+      // Where it comes from the limit of μ_static, the spring has lost its energy above the limit of μ_dynamic.
       if (past[2] == 0) lost[1] += c.k / 2 * square(mu_static / mu_dynamic - 1) * spring.squaredNorm();
     }
     numbers[0] = place[0], numbers[1] = place[1];

@@ -31,7 +31,7 @@ class CrossingWatch {
   /// controlled steps none is, and dt is 0. Walls that are looked for count in admits().
   CrossingWatch(const LeastDistances& least, Real dt) : least_(least), dt_(dt) {}
 
-  /// What outlines that cross themselves mean; by default an error.
+  /// Treatment of outlines that cross themselves; by default an error.
   void set_self_crossing(SelfCrossingWatch self) { self_ = std::move(self); }
 
   /// Before the first step. Finds vertices however deep inside they are.

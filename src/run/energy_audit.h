@@ -1,4 +1,4 @@
-// Whether a run's energy is what was put in less what was dissipated.
+// Checks that the change of a run's energy is the work minus the heat.
 #pragma once
 
 #include <algorithm>
@@ -17,7 +17,7 @@ namespace pliant {
 
 /// Energies since the start of a run, in its units: change = work − heat where energy is conserved.
 struct EnergyBudget {
-  Real work = 0;         ///< of moving walls, and what moving particles to another place has added
+  Real work = 0;         ///< of moving walls, and of particles moved to another place
   Real heat = 0;         ///< dissipated
   Real change = 0;       ///< of kinetic and potential energy, the weight's included
   Real uncertainty = 0;  ///< standard error of the heat, where that is sampled
@@ -26,8 +26,8 @@ struct EnergyBudget {
   Real rounding = 0;     ///< energies below this come from rounded positions
 
   Real error() const { return change - work + heat; }
-  /// What the error is compared with: the largest of work, heat, change and kinetic energy, but no less than a small
-  /// part of the energy itself and than `rounding`, so that a run in which nothing happens is not judged by its
+  /// Reference of the error: the largest of work, heat, change and kinetic energy, but no less than a small
+  /// part of the energy itself and than `rounding`, so that a run without motion is not judged by its
   /// rounding.
   Real scale() const;
   Real relative_error() const { return scale() > 0 ? std::abs(error()) / scale() : 0; }
@@ -38,7 +38,7 @@ struct EnergyBudget {
   std::string text() const;  ///< a line for the end of a run
 };
 
-/// ∫ value dt by the trapezoidal rule, with the standard error of what lies between the times.
+/// ∫ value dt by the trapezoidal rule, with the standard error of the values between the times.
 class SampledIntegral {
  public:
   void add(Real t, Real value);
@@ -60,7 +60,7 @@ class SampledIntegral {
 /// that are announced (`outside`), the work of walls and the heat of contacts with history, both summed over all steps.
 /// Drag and friction without history are evaluated every `stride` steps: their power costs as much as a force. With
 /// velocity Verlet the power is f(x, p) · v, f having seen the predicted velocities p: over all steps that is exactly
-/// what these forces take from the kinetic energy at half steps.
+/// the loss of kinetic energy by these forces, at half steps.
 template <int D>
 class EnergyAudit {
  public:

@@ -42,7 +42,7 @@ std::string stored_text(const fs::path& folder, const std::string& name) {
   throw InputError("{} holds a run that is finished ({}); {}choose another -output", name, status, extend);
 }
 
-/// What a command finds in its folder: room for a new run, or one to go on with.
+/// State of a command's folder: free for a new run, or a run to resume.
 enum class Found { nothing, stopped, killed };
 
 /// Looks into the folder of -output. Errors: InputError where no run can start or go on.
@@ -64,7 +64,7 @@ Found look_into(const fs::path& folder) {
   return Found::nothing;
 }
 
-/// What a command that branches finds in its folder: room for a branch of the run in `from`, or one that has begun.
+/// State of a branching command's folder: free for a branch of the run in `from`, or a branch that has begun.
 Found look_for_branch(const fs::path& folder, const fs::path& from) {
   std::error_code error;
   const nlohmann::ordered_json of = branch_of(folder);
@@ -93,7 +93,7 @@ std::vector<std::string> shared_names(const Ranks& ranks, const std::vector<fs::
   return names;
 }
 
-/// Gives `options` what the checkpoint has stored.
+/// Sets `options` from the checkpoint.
 void take_options(std::string_view scenario, const Checkpoint& checkpoint, Options& options) {
   if (const std::string& own = checkpoint.text("scenario"); own != scenario)
     throw InputError("{} holds a run of scenario '{}', not of {}; choose another folder",
@@ -163,7 +163,7 @@ void make_run(std::string_view scenario, const RunOptions& p, Options& options, 
     } catch (const std::exception& error) {
       problem = fmt::format("{} cannot be used: {}", file, error.what());
     }
-    // What the user asks for can be as wrong with both.
+    // An error in the user's options occurs with both files.
     if (std::find(problems.begin(), problems.end(), problem) == problems.end()) problems.push_back(problem);
     options.reset();
   }

@@ -1,4 +1,4 @@
-// What the folder of a run says of it, whatever the scenario: whether it goes on, and who made it.
+// Status of a run from its folder, for any scenario: whether it can be resumed, and which program wrote it.
 #pragma once
 
 #include <filesystem>
@@ -17,7 +17,7 @@
 namespace pliant {
 
 /// Makes a run that is new, or goes on from a checkpoint: that of -restart, or of a run that was stopped or killed in
-/// the same folder, as the same command again goes on with it. What was killed before it had a checkpoint or a frame is
+/// the same folder, as the same command again goes on with it. A run killed before its first checkpoint or frame is
 /// removed. Where p.branches(options), that of -restart is left as it is, and a branch that has begun in -output goes
 /// on there. `lock` becomes that of the folder, on the root: keep it as long as the run writes. `options`, to which `p`
 /// is bound, gets the stored values before `make` gets the checkpoint. If `make` or anything before it fails with the

@@ -1,4 +1,4 @@
-// Columns of a run for what has become heat.
+// Columns of a run for heat.
 #pragma once
 
 #include <fmt/format.h>

@@ -16,7 +16,7 @@ struct RunSize {
 /// Bytes that a run of this size takes at the least, on each rank: every rank makes all particles at the start.
 Real least_memory(const RunSize& size);
 
-/// Bytes that this process can still get: what the system has available, and the limits of the process and of its
+/// Bytes that this process can still get: the memory available in the system, and the limits of the process and of its
 /// control group. Infinite where none is known.
 Real available_memory();
 

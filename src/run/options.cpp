@@ -46,7 +46,7 @@ void RunOptions::bind_output(Options& o, bool intervals) {
   o.bind("checkpoint_interval", checkpoint_interval,
          {.help = "wall time between checkpoints; 0: only at the start and when stopped", .unit = "s", .min = 0});
   o.bind("progress_interval", progress_interval,
-         {.help = "wall time between progress lines if the output is no terminal; 0: none",
+         {.help = "wall time between progress lines if the output is not a terminal; 0: none",
           .unit = "s",
           .min = 0,
           .on_restart = OnRestart::forget});
@@ -58,7 +58,7 @@ void RunOptions::bind_output(Options& o, bool intervals) {
 }
 
 void RunOptions::bind_allowed(Options& o) {
-  o.bind("allow_unstable_dt", allow_unstable_dt, {.help = "go on where a fixed -dt is above the limit of stability"});
+  o.bind("allow_unstable_dt", allow_unstable_dt, {.help = "continue with a fixed -dt above the limit of stability"});
   o.bind("allow_energy_error", allow_energy_error,
          {.help = "warn, instead of ending with exit code 3, where energy is not conserved to 10 %"});
 }

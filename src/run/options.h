@@ -33,7 +33,7 @@ struct RunOptions {
  protected:
   /// The group "Output". intervals: with the times between frames and between samples.
   void bind_output(Options& options, bool intervals = true);
-  /// What a run goes on with that is likely to be wrong.
+  /// Faults with which a run continues, after a warning.
   void bind_allowed(Options& options);
   void bind_threads(Options& options);
 };

@@ -1,4 +1,4 @@
-// What a scenario says of its run; the rest is in run.h.
+// The hooks with which a scenario controls its run; run.h has the rest.
 #pragma once
 
 #include <limits>
@@ -21,7 +21,7 @@
 
 namespace pliant {
 
-/// What a protocol can ask its run for.
+/// Services of a run for its protocol.
 class RunAccess {
  public:
   virtual ~RunAccess() = default;
@@ -76,17 +76,17 @@ class Protocol {
   virtual RunGeometry geometry() const = 0;
   /// Axes of series, for run.h5: written at the start. On the root.
   virtual void write_axes(RunWriter& /*writer*/) const {}
-  /// Says what options were not read; throws what else makes no sense, before anything is written.
+  /// Advice about options that were not read; check() refuses inconsistent ones, before anything is written.
   virtual std::string unread_options_advice() const { return {}; }
   virtual void check() const {}
 
   /// Positions at the start [points · D], by id, of all particles on every rank.
   virtual std::vector<Real> start() = 0;
-  /// The rank's particles are new, at the start and in a restart: what is kept per particle begins anew.
+  /// The rank's particles are new, at the start and in a restart: data per particle are initialised.
   virtual void placed() {}
   /// A new run's particles are where they start.
   virtual void started() {}
-  /// A restart sees the samples of the run so far. On the root; what it decides by end() counts on all ranks.
+  /// A restart sees the samples of the run so far. On the root; a call of end() counts on all ranks.
   virtual void repeat(const Series& /*series*/) {}
   /// The state is complete, new or restored; steps follow.
   virtual void ready() {}
@@ -94,8 +94,8 @@ class Protocol {
   /// others.
   virtual void judge_end() {}
 
-  /// Keeps the energy budget of a scenario whose forces and walls do all that happens to its energy, but for what goes
-  /// through EnergyAudit::outside; null: none is kept.
+  /// Keeps the energy budget of a scenario whose energy is changed only by forces, walls, and
+  /// EnergyAudit::outside; null: none is kept.
   virtual EnergyAudit<D>* audit() { return nullptr; }
   /// At the end of a run, which fails where energy is made or lost.
   virtual std::optional<EnergyBudget> energy_budget() {
@@ -107,7 +107,7 @@ class Protocol {
   /// After every accepted step. Returns whether it has changed the state. May call end(), write_frame() and
   /// add_event().
   virtual bool follow() { return false; }
-  /// Particles were sorted: what is kept per particle moves with them.
+  /// Particles were sorted: data per particle move with them.
   virtual void sorted(const Migration& /*migration*/) {}
   /// Before a sample and a checkpoint: events that are still kept go to add_event().
   virtual void record_events() {}
@@ -125,14 +125,14 @@ class Protocol {
   /// The particles and the state are there, lists are not. Checks all that it reads. Errors: InputError, as of
   /// Checkpoint.
   virtual void load(const Checkpoint& /*checkpoint*/, const StoredParticles& /*stored*/) {}
-  /// For the message of a failure: what may help to find its cause; empty or beginning with "; ".
+  /// Details for the message of a failure; empty or beginning with "; ".
   virtual std::string failure_details() const { return {}; }
 
   // --- After a run that was not stopped
 
   /// Adds results to the summary.
   virtual void conclude(nlohmann::ordered_json& /*summary*/) {}
-  /// Adds what follows from the series, and says what the run has found. On the root.
+  /// Adds results from the series, and prints them. On the root.
   virtual void report(const Series& /*series*/, nlohmann::ordered_json& /*summary*/) {}
 
  protected:

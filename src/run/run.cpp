@@ -206,7 +206,7 @@ void Run<D>::prepare() {
   save(true);  // whenever the run is killed, there is something to go on from
 }
 
-/// What ends a run early is a function of its samples: those of the run so far may have ended it.
+/// Early ends are functions of the samples: the stored samples may already have ended the run.
 template <int D>
 void Run<D>::repeat() {
   if (restored_samples_ == 0) return;
@@ -249,11 +249,11 @@ void Run<D>::end(std::string status, std::string by) {
   ended_by_ = std::move(by);
 }
 
-/// What the end of a run adds, unless it was stopped.
+/// Output at the end of a run, unless it was stopped.
 template <int D>
 void Run<D>::complete() {
   if (!ended()) {
-    // Without what is written only because the run ends here: for a restart to a later end.
+    // Without the sample and frame of the end: for a restart to a later end.
     if (took_steps() || !restarted()) save(false);
     end("done", protocol_->end_at_last_time());
   }
@@ -596,7 +596,7 @@ void Run<D>::report_reliability() const {
         total.above_tolerance, total.steps);
 }
 
-/// Where the step is what has most likely made a run fail.
+/// Whether the step is the likely cause of a failure.
 template <int D>
 std::string Run<D>::advice() const {
   const Real dt = integrator().next_dt(), ratio = dt / protocol_->critical_step();
@@ -607,7 +607,7 @@ std::string Run<D>::advice() const {
 
 template <int D>
 void Run<D>::fail(const Error& error) {
-  // What follows is collective. The error of a single rank ends the program without it.
+  // The rest is collective. The error of a single rank ends the program without it.
   if (!ranks_.meet(std::chrono::seconds(10))) throw error;
   const bool numerical = error.code() == ExitCode::numerical_failure;
   std::string message = error.what();

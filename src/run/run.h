@@ -20,7 +20,7 @@
 
 namespace pliant {
 
-/// What make_run makes.
+/// A run of any dimension, made by make_run.
 class AnyRun {
  public:
   virtual ~AnyRun() = default;
@@ -34,7 +34,7 @@ class AnyRun {
 template <int D>
 class Run final : public AnyRun, private RunAccess {
  public:
-  /// checkpoint: what the run goes on from. All that is read from it is checked before it is used. Errors: InputError.
+  /// checkpoint: start of a resumed run. All its data are checked before use. Errors: InputError.
   Run(std::string scenario, const RunOptions& p, const Options& options, const Ranks& ranks,
       std::unique_ptr<Protocol<D>> protocol, std::optional<Checkpoint> checkpoint);
 

@@ -1,4 +1,4 @@
-// What every scenario's run has in common: stop requests, wall time, checkpoints now and then, the progress line.
+// Parts of all runs: stop requests, wall time, checkpoints now and then, the progress line.
 #pragma once
 
 #include <array>
@@ -17,7 +17,7 @@ namespace pliant {
 class InheritedSignals {
  public:
   InheritedSignals();
-  /// Makes the responses what they were. Handlers of crashes stay, as MPI's print where it was; SIGCHLD stays MPI's.
+  /// Restores the former responses. Handlers of crashes stay, as MPI's print where it was; SIGCHLD stays MPI's.
   void restore() const;
 
  private:

@@ -49,7 +49,7 @@ std::string names_of(const std::vector<Scenario>& scenarios) {
   return text;
 }
 
-/// What docs/reference/options.md is made from.
+/// The source of docs/reference/options.md.
 void print_reference(const std::vector<Scenario>& scenarios, const Ranks& ranks) {
   for (const Scenario& s : scenarios) {
     if (!s.arguments.empty()) continue;
@@ -86,7 +86,7 @@ ExitCode run(const std::vector<Scenario>& scenarios, const std::string& name, co
                    near ? fmt::format(", did you mean '{}'?", *near) : std::string(), program_name());
 }
 
-/// Says what went wrong, once. Errors that all ranks share end the program in order; one that only some of the ranks
+/// Prints the error, once. Errors that all ranks share end the program in order; one that only some of the ranks
 /// have leaves the others waiting, and ends them too.
 int fail(const Ranks& ranks, const std::string& message, ExitCode code) {
   const bool shared = ranks.meet(std::chrono::seconds(2));

@@ -1,4 +1,4 @@
-// What the program can run: a table of scenarios.
+// The table of scenarios.
 #pragma once
 
 #include <fmt/format.h>
@@ -36,7 +36,7 @@ using MakeRun = std::function<std::unique_ptr<AnyRun>(const Parameters& p, const
 
 /// Runs a scenario of this name, new or continued, and writes its folder. p: bound to `options`, which are stored with
 /// the run. Returns done, or stopped where a checkpoint was written and the same command goes on. Errors: InputError
-/// before any work; NumericalError and OutputError with what was written so far intact. Collective.
+/// before any work; NumericalError and OutputError with all earlier data intact. Collective.
 ExitCode run_by_options(const std::string& scenario, const RunOptions& p, Options& options, const Ranks& ranks,
                         const std::function<std::unique_ptr<AnyRun>(std::optional<Checkpoint>)>& make);
 
@@ -44,9 +44,9 @@ ExitCode run_by_options(const std::string& scenario, const RunOptions& p, Option
 bool parse_arguments(const std::string& scenario, Options& options, const Arguments& arguments, const Ranks& ranks);
 
 /// A scenario that is described by options. Parameters: a RunOptions with bind(Options&), which is called first, and
-/// resolve(), which fills in what is automatic and throws InputError for what does not fit together. The run's messages
-/// speak of -dt and -t_end: both must be among the options. defaults: before any option is read. most_used: names of
-/// options, which the text of -help begins with.
+/// resolve(), which fills in automatic values and throws InputError for inconsistent options. Messages of a run
+/// name -dt and -t_end: both must be among the options. defaults: before any option is read. most_used: names of
+/// options, with which the text of -help begins.
 template <class Parameters>
 Scenario option_scenario(std::string name, std::string help, MakeRun<Parameters> make,
                          Parameters defaults = Parameters(), std::vector<std::string> most_used = {}) {

@@ -1,4 +1,4 @@
-// Samples and frames: what is done at the first step that ends at or after each multiple of an interval.
+// Samples and frames: actions at the first step that ends at or after each multiple of an interval.
 #pragma once
 
 #include <cstdint>

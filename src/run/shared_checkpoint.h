@@ -16,13 +16,13 @@ class SharedCheckpoint {
  public:
   SharedCheckpoint(CheckpointWriter* writer, const Ranks& ranks) : writer_(writer), ranks_(ranks) {}
 
-  /// What each rank has, one rank after the other: in the order of StoredParticles.
+  /// Data of each rank, one rank after the other: in the order of StoredParticles.
   template <class Values>
   void add_parts(const std::string& name, Values&& own) {
     const auto all = ranks_.gather(std::forward<Values>(own));
     ranks_.on_root([&] { writer_->add(name, all); });
   }
-  /// What is the same on every rank, or the root's: a number or an array.
+  /// Data equal on every rank, or of the root: a number or an array.
   template <class Value>
   void add(const std::string& name, const Value& value) {
     ranks_.on_root([&] { writer_->add(name, value); });

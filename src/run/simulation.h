@@ -13,8 +13,8 @@
 
 namespace pliant {
 
-/// When particles are sorted in space, which keeps what is near in space near in memory, and puts those that have left
-/// a periodic box back. On several ranks they always are at the start, and when too many have gone far from their
+/// When particles are sorted in space, which places neighbours in space near each other in memory, and wraps those that
+/// have left a periodic box. On several ranks they always are at the start, and when too many have gone far from their
 /// rank's place; in a periodic box when they are spread over many images of it, unless never.
 enum class Sorting {
   never,     ///< on one rank particles stay in the order of their ids
@@ -49,9 +49,9 @@ class Simulation {
   void advance(Real t_end, const StepObserver& observer = {});
   /// One step.
   void step();
-  /// The state was changed from outside: what was known of it does not hold any more.
+  /// The state was changed from outside: predictions are invalid.
   void changed() { fresh_ = true; }
-  /// What the integrator carries belongs to the state.
+  /// The predictions of the integrator belong to the state.
   void restored() { fresh_ = false; }
   /// Velocities of the present state, where they are not part of it: once for each step, and after
   /// forget_velocities(). Changes no trajectory. Collective.
@@ -60,7 +60,7 @@ class Simulation {
 
   /// Whether sort() pays. The same on every rank.
   bool wants_sorting() const;
-  /// Sorts particles in space, on the ranks where they belong. The caller applies what is returned to whatever it keeps
+  /// Sorts particles in space, on the ranks where they belong. The caller applies the result to its data
   /// per particle. Collective.
   Migration sort();
   /// Another number whenever the rank has other particles, or has them in another order.

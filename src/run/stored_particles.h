@@ -70,7 +70,7 @@ class StoredParticles {
   std::size_t first_ = 0, count_ = 0, first_coordinate_ = 0, own_coordinates_ = 0;
 };
 
-/// What terms keep of contacts, each contact once. Collective.
+/// Contact histories of all terms, each contact once. Collective.
 void save_history(const ContactHistory& history, const Topology& topology, SharedCheckpoint& checkpoint);
 
 }  // namespace pliant

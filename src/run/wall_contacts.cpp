@@ -13,7 +13,7 @@
 namespace pliant {
 namespace {
 
-/// Empties the neighbour lists and, at the end of its life, puts back what was there.
+/// Empties the neighbour lists and, at the end of its life, restores them.
 template <int D>
 class EmptyLists {
  public:
@@ -60,7 +60,7 @@ class WallContactFinder {
         topology_(view.topology),
         beyond_(neighbours_.needs().beyond_contact),
         walls_(view.walls) {
-    // What is taken off a list has to leave its place there, by which terms find their contact histories.
+    // Removed entries keep their places in the list, by which terms find contact histories.
     nowhere_ = walls_.part_count();
     walls_.add(Solid<D>::half_space(Vec<D>::Constant(-1e12), Vec<D>::Ones()));
     walls_.prepare(view.t);
@@ -118,7 +118,7 @@ class WallContactFinder {
       const auto& nearest = *std::min_element(touching.begin(), touching.end(), nearer);
       if (nearest.d < radius(point) + beyond_) places_.push_back(nearest);
     }
-    // Parts that do not hold the foot add nothing, or take back what two neighbours count twice.
+    // Parts that do not hold the foot add nothing, or subtract a part that two neighbours count twice.
     const auto own = std::span(places_).subspan(first);
     for (std::size_t k = 0; k < entries.size(); ++k) {
       std::size_t best = 0;

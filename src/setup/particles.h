@@ -36,7 +36,7 @@ struct RadiusDistribution {
 /// n radii; small droplets are in random places. Deviations beyond ±3 δ are drawn again.
 std::vector<Real> draw_radii(const RadiusDistribution& distribution, Index n, std::uint64_t seed);
 
-/// What a deformable particle is made of.
+/// Parameters of a deformable particle.
 struct PolygonShape {
   Index vertices = 16;
   Real shape_parameter = 0;  ///< 𝒜0 = (Nv l0)²/(4π a0); 0: that of the regular polygon

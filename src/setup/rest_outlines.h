@@ -1,4 +1,4 @@
-// Outlines of rough polygons: ellipses, rods, and what a file says.
+// Outlines of rough polygons: ellipses, rods, and corners from a file.
 #pragma once
 
 #include <string>
@@ -21,9 +21,9 @@ struct OutlineShape {
 /// their mean. Every vertex has a disk of diameter 1. Errors: InputError where the outline cannot have n equal edges.
 std::vector<Vec<2>> rest_outline(const OutlineShape& shape, Index n);
 
-/// What the polygon and the disks cover, as long as these overlap within the polygon only.
+/// Area covered by the polygon and the disks, as long as these overlap within the polygon only.
 Real outline_area(const std::vector<Vec<2>>& vertices);
-/// Distance from the mean to what is farthest of it.
+/// Largest distance from the mean.
 Real outline_radius(const std::vector<Vec<2>>& vertices);
 
 }  // namespace pliant

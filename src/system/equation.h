@@ -12,14 +12,14 @@
 
 namespace pliant {
 
-/// ẏ = f(t, y) for what an integrator carries. rate() is collective.
+/// ẏ = f(t, y), solved by an integrator. rate() is collective.
 class FirstOrderSystem {
  public:
   virtual ~FirstOrderSystem() = default;
   /// Coordinates x on this rank.
   virtual std::size_t size() const = 0;
-  /// Length of y on this rank: y = x here, so that ẋ = f(t, x), the motion without inertia. What is more than x is v
-  /// (has_velocities), or what is integrated beside the coordinates (State::extra).
+  /// Length of y on this rank: y = x here, so that ẋ = f(t, x), the motion without inertia. The unknowns beyond x are v
+  /// (has_velocities), or quantities integrated with the coordinates (State::extra).
   virtual std::size_t unknowns() const { return size(); }
   virtual bool has_velocities() const { return false; }
   virtual const Ranks& ranks() const {
@@ -28,9 +28,9 @@ class FirstOrderSystem {
   }
   /// Writes ydot[unknowns()]. May update internal caches (neighbour lists, first guesses), never y.
   virtual void rate(Real t, const Real* y, Real* ydot) = 0;
-  /// A step of length h has been accepted, which ends at t with x and v; v without velocities is of no account. An
-  /// integrator says so before it calls its observer. evaluated: the last rates were those at t and x, though v may
-  /// have been another. What a system keeps of the past changes here only. Collective.
+  /// A step of length h has been accepted, which ends at t with x and v; v is undefined without velocities. An
+  /// integrator calls this before its observer. evaluated: the last rates were those at t and x, though v may
+  /// have been another. Contact history changes here only. Collective.
   virtual void accepted(Real /*t*/, const Real* /*x*/, const Real* /*v*/, Real /*h*/, bool /*evaluated*/ = false) {}
 };
 
@@ -52,12 +52,12 @@ class SecondOrderSystem : public FirstOrderSystem {
   /// over all coordinates.
   virtual bool fuses_step() const { return false; }
 
-  /// Says that until the next call of acceleration() or fused_step() no coordinate changes by more than this, on any
-  /// rank, beside what it has said since the last call: saves a system looking for itself whether what it keeps still
-  /// holds. Infinity where anything else may change. The same on all ranks.
+  /// Upper bound of the change of any coordinate, on any rank, until the next call of acceleration() or fused_step();
+  /// bounds since the last call add up. Saves a system a comparison of positions with those of its lists.
+  /// Infinity if other changes are possible. The same on all ranks.
   virtual void moved_by(Real /*change*/) {}
 
-  /// What an integrator does with the coordinates first … last−1 once their accelerations are complete, while they are
+  /// Update of the integrator for the coordinates first … last−1 once their accelerations are complete, while they are
   /// in the processor's cache; for different ranges by several threads at a time. a is numbered as an array of all
   /// coordinates, but holds these. Returns by how much a coordinate will have changed at most when the next fused step
   /// is asked for.

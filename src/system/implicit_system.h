@@ -1,4 +1,4 @@
-// What implicit and split methods ask of a system beyond its acceleration.
+// Interface of implicit and split methods to a system, beyond its acceleration.
 #pragma once
 
 #include <memory>

@@ -79,7 +79,7 @@ template <int D>
 struct Fill final : BlockSink<D> {
   const BlockPattern& pattern;
   Real* values;
-  bool drop;  ///< what has no place
+  bool drop;  ///< blocks without a place
   Fill(const BlockPattern& places, Real* to, bool drop_others) : pattern(places), values(to), drop(drop_others) {}
   void add(Index i, Index j, const Mat<D>& block) override {
     const Index k = pattern.find(i, j);
@@ -144,7 +144,7 @@ class ParticleJacobian final : public Jacobian {
     at_t_ = t;
     at_x_.assign(x, x + n);
     at_v_.assign(v, v + n);
-    // Drops what PETSc has scaled and shifted since.
+    // Drops the scale and shift of PETSc.
     petsc_check(MatAssemblyBegin(shell_, MAT_FINAL_ASSEMBLY));
     petsc_check(MatAssemblyEnd(shell_, MAT_FINAL_ASSEMBLY));
   }

@@ -16,7 +16,7 @@ class Mobility {
   virtual void find_velocities(const ForceField<D>& field, const StateView<D>& s, Real* v) = 0;
   /// Power that drag dissipates at s.v, this rank's share.
   virtual Real power(const StateView<D>& s) const = 0;
-  /// Whether the velocities before enter, if only as a first guess: then they belong to what a restart needs.
+  /// Whether the velocities before enter, if only as a first guess: then a restart needs them.
   virtual bool remembers() const = 0;
   /// Pairs of particles up to so far beyond contact must be listed.
   virtual Real beyond_contact() const = 0;

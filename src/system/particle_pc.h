@@ -12,8 +12,8 @@ inline constexpr char particle_pc[] = "particle";
 
 /// Registers the type with PCRegister; call it after PetscInitialize, as often as you like.
 ///
-/// Solves with what the preconditioning matrix has within each particle and drops what couples particles: exact where
-/// none touch. The matrix is that of a Jacobian, scaled and shifted in any way. Of first order it is
+/// Solves with the blocks of the preconditioning matrix within each particle and drops blocks between particles: exact
+/// if no particles touch. The matrix is that of a Jacobian, scaled and shifted in any way. Of first order it is
 /// [[p, q], [R, S]] with numbers p, q; of each particle T = R − (p/q) S is made (σ² − σB − A for σ − J), and factored
 /// densely: Cholesky where T is symmetric and positive, else LU with pivots. It has no options. Errors (at set-up): a
 /// matrix without set_particle_blocks.

@@ -135,7 +135,7 @@ class ParticleSystem final : public ImplicitSystem {
     field_->accept(s, h, history_, found);
   }
 
-  /// What is kept of contacts: changes with accepted steps, and with take(), which forgets it.
+  /// Contact history: changes with accepted steps; take() clears it.
   const ContactHistory& history() const { return history_; }
   ContactHistory& history() { return history_; }
 
@@ -161,8 +161,8 @@ class ParticleSystem final : public ImplicitSystem {
 
   /// Whether there may be ghosts: on several ranks, and in a periodic box.
   bool has_ghosts() const { return ranks_.several() || !box_.open(); }
-  /// What the owners have for each point [owned points · D], for all points [points · D]; `storage` holds it where
-  /// there are ghosts. Not for positions, as those of images are others. The lists must be valid. Collective.
+  /// Values of the owned points [owned points · D], extended to all points [points · D]; `storage` holds it where
+  /// there are ghosts. Not for positions, because those of images are shifted. The lists must be valid. Collective.
   const Real* with_ghosts(const Real* own, std::vector<Real>& storage) const {
     if (!has_ghosts()) return own;
     halo_.update(own, storage);
@@ -233,7 +233,7 @@ class ParticleSystem final : public ImplicitSystem {
   /// Lets sort() choose the skin from how the lists were used.
   void tune_skin() { tune_skin_ = true; }
 
-  /// Since the last sort(): part of what a restart needs.
+  /// Since the last sort(): needed by a restart.
   ListUse use() const { return {use_.evaluations, neighbours_.rebuilds() - sorted_at_}; }
   void set_use(const ListUse& use) {
     use_ = use;

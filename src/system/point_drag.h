@@ -9,8 +9,8 @@
 
 namespace pliant {
 
-/// v = F/ζ_i with the drag coefficient ζ_i of each point, as Drag has it: what ẍ = (F − ζ_i ẋ)/m tends to
-/// where m/ζ_i is shorter than all other times. Forces that depend on velocities do not count.
+/// v = F/ζ_i with the drag coefficient ζ_i of each point, as Drag has it: the limit of ẍ = (F − ζ_i ẋ)/m
+/// if m/ζ_i is shorter than all other times. Forces that depend on velocities do not count.
 template <int D>
 class PointDrag final : public Mobility<D> {
  public:

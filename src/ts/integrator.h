@@ -13,7 +13,7 @@
 
 namespace pliant {
 
-/// What a scenario wants after an accepted step, the same on every rank: go on; go on with the same state in another
+/// Request of a scenario after an accepted step, the same on every rank: go on; go on with the same state in another
 /// order (particles were sorted or moved between ranks, the carried acceleration with them: the length of the state may
 /// have changed); go on from a state that it has changed (a discontinuity: multistep methods restart,
 /// first-same-as-last stages are dropped, a carried acceleration is evaluated anew); or stop.
@@ -57,8 +57,8 @@ class Integrator {
   /// Whether the last evaluation of every step is at its end, so that an observer who wants the rates need not
   /// evaluate.
   virtual bool first_same_as_last() const = 0;
-  /// What it carries from step to step for each coordinate, or nothing: an observer that puts the state into another
-  /// order does the same with it, and a restart that is bit for bit needs it.
+  /// Whether it carries numbers from step to step for each coordinate: an observer that sorts the state
+  /// sorts them too, and a restart that is bit for bit needs it.
   virtual bool carries() const { return false; }
   virtual std::span<const Real> carried() const { return {}; }
   virtual void set_carried(std::span<const Real> /*values*/) {}

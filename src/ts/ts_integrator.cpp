@@ -35,7 +35,7 @@ struct TsIntegrator::Run {
   /// The state to PETSc's vectors and back.
   void load() const;
   void store() const;
-  /// What follows the coordinates in y. Nothing where velocities have a vector of their own.
+  /// The unknowns after the coordinates in y. None if velocities have a vector of their own.
   std::span<Real> behind_coordinates() const {
     if (!system.has_velocities()) return state.extra;
     return state.v().first(v == nullptr ? system.size() : 0);
@@ -71,7 +71,7 @@ constexpr std::array split_types = {"arkimex", "arkode"};
 constexpr std::array fixed_types = {"euler", "ssp"};
 constexpr std::array program_options = {"-ts_max_time", "-ts_final_time", "-ts_init_time", "-ts_time_span",
                                         "-ts_exact_final_time", "-ts_rk_multirate", "-ts_save_trajectory",
-                                        // What it ignores has no error: large values take error control away.
+                                        // Ignored components have no error: large values remove error control.
                                         "-ts_adapt_max_ignore"};
 constexpr std::array controllers = {TSADAPTBASIC, TSADAPTDSP};
 constexpr Real largest_tolerance = 1;
@@ -512,7 +512,7 @@ void TsIntegrator::accept_step(Run& run) {
     run.cut = !end && (dt_next == left || dt_next == left / 2);
     if (!run.cut) dt_ = grown_from_cut ? std::max(dt_, dt_next) : dt_next;
   }
-  // A solve has failed: what was shortened for it is a fixed step all the same.
+  // A solve has failed: the shortened step still counts as fixed.
   if (!adaptive_ && !end && (rejected != run.rejected_before || shortened_ > 0))
     petsc_check(TSSetTimeStep(ts_, std::min(dt_, left)));
   shortened_ = 0;

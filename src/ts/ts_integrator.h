@@ -23,7 +23,7 @@ struct TsOptions {
   /// -ts_adapt_dt_max, of a controlled step: free flight has no error that would shorten a step before it jumps over an
   /// obstacle.
   Real longest_dt = std::numeric_limits<Real>::infinity();
-  /// What an implicit type solves for: all, or the shape energy alone, the rest being explicit (IMEX).
+  /// Implicit part of an implicit type: all forces, or the shape energy alone, the rest being explicit (IMEX).
   TermGroup implicit = TermGroup::all;
   JacobianKind jacobian = JacobianKind::assembled;
   /// Says of positions that a step tries whether forces mean anything there; a step that goes where they do not is
@@ -54,7 +54,7 @@ class TsIntegrator : public Integrator {
   /// that is not positive. comm: of the ranks of the systems that it will integrate. Collective, as is run().
   explicit TsIntegrator(TsOptions options = {}, MPI_Comm comm = PETSC_COMM_SELF);
 
-  /// As Integrator::run. What the system or the observer throws arrives unchanged.
+  /// As Integrator::run. Exceptions of the system or the observer arrive unchanged.
   /// Errors: InputError where the state does not fit the system, or an implicit type's system is no ImplicitSystem;
   /// NumericalError, with the time, where an acceleration is not finite (of an implicit type: again and again), a step
   /// is rejected too often, dt underflows, or -ts_max_steps is reached.
@@ -73,7 +73,7 @@ class TsIntegrator : public Integrator {
   Real shortest_controlled_step() const override;
 
  private:
-  struct Run;  // what the callbacks see
+  struct Run;  // data of the callbacks
   using Choose = PetscErrorCode (*)(TSAdapt, TS, PetscReal, PetscInt*, PetscReal*, PetscBool*, PetscReal*, PetscReal*,
                                     PetscReal*);
 

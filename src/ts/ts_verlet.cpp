@@ -116,8 +116,8 @@ PetscErrorCode restore(::Vec given, Tolerance& own, const PetscScalar** values) 
 }
 
 // With the accelerations a and a' at both ends: x lacks h² (a' − a)/6, the next term of its series; v differs from the
-// prediction by h (a' − a)/2. The latter overstates the error, by one order: what the step is controlled by is how
-// much the force changes in a step, the onset of a contact above all. The norm is that of TSErrorWeightedNorm, which
+// prediction by h (a' − a)/2. The latter overstates the error, by one order: the step is controlled by the change
+// of the force in a step, the onset of a contact above all. The norm is that of TSErrorWeightedNorm, which
 // takes longer than the forces.
 PetscErrorCode evaluate_error(TS ts, NormType norm, PetscInt* order, PetscReal* error) {
   Verlet& d = data_of(ts);

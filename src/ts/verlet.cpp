@@ -26,7 +26,7 @@ Real for_blocks(std::size_t n, Work&& work) {
   return largest;
 }
 
-/// What a run says of the motion holds within it: neither before nor after is anything known.
+/// Bounds of the motion hold within a run: before and after it no bound is known.
 class WithinRun {
  public:
   explicit WithinRun(SecondOrderSystem& system) : system_(system) { forget(); }
@@ -43,7 +43,7 @@ class WithinRun {
 void check(const SecondOrderSystem& system, const State& state, std::span<const Real> predicted, bool finite) {
   if (finite) return;
   system.ranks().together([&] {
-    // What is not finite in an acceleration is not in the prediction either.
+    // A value that is not finite in an acceleration is not finite in the prediction either.
     const std::size_t i = first_non_finite(predicted.data(), predicted.size());
     if (i < predicted.size())
       throw NumericalError(
@@ -82,7 +82,7 @@ bool FixedStepVerlet::fused_step(SecondOrderSystem& system, State& state, Real t
       return verlet_drift(m, dt_, &state.x()[i], &state.v()[i], &last_predicted_[i], &x_next_[i]);
     });
   }
-  // Chunk by chunk, over what this step leaves behind: the positions and the prediction for the one after it.
+  // Chunk by chunk, over the result of this step: the positions and the prediction for the one after it.
   Real *const x = state.x().data(), *const v = state.v().data(), *const p = predicted_.data();
   const SecondOrderSystem::Advance advance{[=, this](std::size_t first, std::size_t end, const Real* a) -> Real {
                                              if (first == end) return 0;

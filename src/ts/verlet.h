@@ -18,13 +18,13 @@ namespace pliant {
 /// depend on v this is the symplectic velocity Verlet (M. P. Allen, D. J. Tildesley, Computer Simulation of Liquids,
 /// 2017, section 3.2). A linear damping a = −γ v alone is stable for γ h < 1.
 ///
-/// Accelerations are used up where they are made; p is what is carried. Times are t = step · dt, counted by integers,
+/// Accelerations are used at once and not stored; p is carried. Times are t = step · dt, counted by integers,
 /// so that a restart from (step, x, v, p) with fresh = false continues bit for bit. Where state.t is not step · dt at
 /// the start of a run (dt was changed, which needs fresh), the difference is kept as an offset. The a within p has seen
 /// the prediction before, so p is part of the state: finding it anew differs by O(h³).
 class FixedStepVerlet : public Integrator {
  public:
-  /// In one run: what a Real can count.
+  /// In one run: the largest count of a Real.
   static constexpr Real most_steps = 9e15;
 
   /// dt in t0. Errors: InputError unless dt is positive and finite.

@@ -1,4 +1,4 @@
-// The helper that judges derivatives: what it cannot see, it does not pass.
+// The helper that judges derivatives: it rejects derivatives that it cannot resolve.
 #include <catch2/catch.hpp>
 
 #include "support/taylor.h"

@@ -1,4 +1,4 @@
-// The models by name: what they sum, which terms they are made of, and the step that they allow.
+// The models by name: their sums, terms and critical steps.
 #include <catch2/catch.hpp>
 
 #include <pliant/catalogue/catalogue.h>
@@ -43,7 +43,7 @@ void check_sums(ModelKind kind, Configuration<D> c, const std::vector<std::strin
   CHECK((forces - energy_forces).norm() > 0);
   field->force_of("depletion", s, one.data());
   CHECK(one.norm() == 0);
-  // What dissipates.
+  // Dissipations.
   CHECK(field->power(s) == Approx(-(forces - energy_forces).dot(Eigen::Map<const VectorXd>(c.v.data(), n))));
 }
 

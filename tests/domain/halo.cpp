@@ -71,8 +71,8 @@ struct Domain {
     halo.update(v.data(), local_v);
   }
 
-  /// Whether own particles and ghosts are what they say, and what is within reach of an own one is there. Returns the
-  /// pairs that reach to another rank.
+  /// Whether owned particles and ghosts have the right data, and all particles within the cutoff of an owned one exist.
+  /// Returns the pairs that reach to another rank.
   Index check() const {
     const Topology &t = topology, &from = all.topology;
     REQUIRE(local_x.size() == static_cast<std::size_t>(t.points()) * D);
@@ -202,8 +202,8 @@ Configuration<D> with_image(const Configuration<D>& c, Index m, const Vec<D>& by
   return two;
 }
 
-/// Whether ghosts are images or copies of what they say, none of them twice, and whether all that is within reach of an
-/// own particle is there.
+/// Whether ghosts are images or copies of the right particles, none of them twice, and whether all that is within reach
+/// of an own particle is there.
 template <int D>
 void check_images(const Domain<D>& domain, const Box<D>& box) {
   const Topology &t = domain.topology, &from = domain.all.topology;

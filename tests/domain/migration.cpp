@@ -46,7 +46,7 @@ struct Share {
     migration.move(tags);
   }
 
-  /// Counts what does not belong to its particle's id.
+  /// Counts values that do not belong to their particle's id.
   void check() const {
     const Topology &t = topology, &from = all.topology;
     REQUIRE(t.ghosts == 0);

@@ -1,4 +1,4 @@
-// What ranks tell each other. Run on one rank with all tests of the folder, on several by those with the tag.
+// Messages between ranks. Run on one rank with all tests of the folder, on several by those with the tag.
 #include <petscsys.h>
 #include <catch2/catch.hpp>
 

@@ -1,4 +1,4 @@
-// What the harnesses share: PETSc once, and the input as a file, since files are what users give.
+// Shared by the harnesses: one PETSc session, and the input as a file, as from users.
 #pragma once
 
 #include <cstdint>
@@ -9,7 +9,7 @@
 
 #include <pliant/base/petsc.h>
 
-/// Calls body(); errors of the user's input are what is expected, every other exception is a finding.
+/// Calls body(); input errors are expected, every other exception is a finding.
 template <class Body>
 void expect_answer_or_refusal(Body&& body) {
   static pliant::PetscSession& session = *new pliant::PetscSession;  // for the life of the process

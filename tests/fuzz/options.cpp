@@ -1,4 +1,4 @@
-// Options files, YAML and text: read or refused, never a crash; what is read survives the way through a checkpoint.
+// Options files, YAML and text: read or refused, never a crash; read options survive a checkpoint.
 #include "fuzz.h"
 
 #include <pliant/scenarios/hopper/options.h>

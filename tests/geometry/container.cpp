@@ -160,7 +160,7 @@ TEST_CASE("lips and joints of outlines and obstacles", "[container]") {
     const WallSegment& wall = walls.segments()[lip.wall];
     CHECK(wall.origin == lip.place);
   }
-  // The ends of the orifice, what points into the flow, the corners of the triangle.
+  // The ends of the orifice, the corners that point into the flow, the corners of the triangle.
   CHECK(lips ==
         std::vector<std::pair<Real, Real>>{{-1, 0}, {-3, 5}, {1, 0}, {2, 3}, {-2, 1.5}, {-1, 1.4}, {-1.2, 2.6}});
   for (std::size_t k = walls.segments().size(); k < walls.parts().size(); ++k) {

@@ -1,4 +1,4 @@
-// Walls that move: where they are, how fast, how far, and what is near them.
+// Walls that move: positions, velocities, distances, and the points near them.
 #include <catch2/catch.hpp>
 
 #include <numeric>
@@ -216,7 +216,7 @@ TEMPLATE_TEST_CASE_SIG("how far walls have moved is no less than for any of thei
     const Real bound = walls.moved(from, t, [&](const Vec<D>& p) { return far + p.norm(); });
     Real most = 0;
     for (int i = 0; i < 300; ++i) {
-      // The distance of what stays changes by no more.
+      // The distance to a resting point changes by no more.
       const Vec<D> r = far * std::pow(random(0, 1), 0.2) * random.unit<D>();
       for (Index part = 0; part < walls.part_count(); ++part)
         most = std::max(most, std::abs(walls.distance(r, part, t) - walls.distance(r, part, from)));
@@ -350,7 +350,7 @@ TEMPLATE_TEST_CASE_SIG("what touches is where the walls are nearest, and what is
     const Real t = random(1, 3);
     const Vec<D> r = random(0, 4) * random.unit<D>();
     walls.prepare(t);
-    if (k == 100) {  // what was prepared for another motion is of no account
+    if (k == 100) {  // the preparation for another motion is undefined
       Motion<D> next = random_motion<D>(random, kind);
       next.since = t - 0.2;
       walls.set_motion(0, next);

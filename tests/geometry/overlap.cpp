@@ -13,7 +13,7 @@ constexpr Real radius = 1.05, layer = 0.05;
 
 Solid<2> wedge(Real opening) { return Solid<2>::wedge({0, 0}, {1, 0}, {std::cos(opening), -std::sin(opening)}); }
 
-/// The sphere as a density on the plane, integrated along rays from its centre. What is within the layer is convex, so
+/// The sphere as a density on the plane, integrated along rays from its centre. The part within the layer is convex, so
 /// that a ray meets it in one interval, which the distance function finds, and that it all lies beyond the tangent at
 /// its nearest point.
 Real volume_by_rays(const Solid<2>& solid, const Vec<2>& p) {

@@ -1,4 +1,4 @@
-// What the tests of files share: folders that vanish, processes that die, and small runs to write.
+// Shared by the tests of files: folders that vanish, processes that die, and small runs to write.
 #pragma once
 
 #include <sys/wait.h>
@@ -43,8 +43,8 @@ inline std::string contents(const std::filesystem::path& path) {
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
-/// Runs body in a child process, which ends without unwinding (MPI belongs to the parent); returns what waitpid says.
-/// The child's exit code is what body returns, or 99 for an exception.
+/// Runs body in a child process, which ends without unwinding (MPI belongs to the parent); returns the status of
+/// waitpid. The child's exit code is the result of body, or 99 for an exception.
 inline int in_child(const std::function<int()>& body) {
   const pid_t child = ::fork();
   REQUIRE(child >= 0);
@@ -144,7 +144,7 @@ struct FrameData {
   std::vector<Real> positions, velocities, centres, area, perimeter, wall_force;
   std::vector<std::uint8_t> active;
   std::vector<Index> contact_count, reinsertions;
-  std::vector<Index> particles, at_walls;  ///< of contacts, and what follows of both kinds
+  std::vector<Index> particles, at_walls;  ///< of contacts, and of the arrays below
   std::vector<Real> position, normal, overlap, force;
 
  private:

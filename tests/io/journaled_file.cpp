@@ -76,7 +76,7 @@ TEST_CASE("a journaled file holds what was committed, at every byte that is writ
     CHECK_THROWS_AS(JournaledFile::create(path), OutputError);
     std::mt19937 random(1);
     for (int k = 0; k < 8; ++k) {
-      // Changes of what was there, and new bytes: some, and so many that they are not kept.
+      // Changes of committed bytes, and new bytes: some, and so many that they are not kept in memory.
       for (int c = 0; c < 5; ++c) {
         const std::string text = random_text(random, 1 + random() % (c == 0 ? 100000 : 300));
         const std::size_t at = k == 0 && c == 0 ? 0 : random() % (now.size() + (c == 0 ? 1 : 0));
@@ -111,7 +111,7 @@ TEST_CASE("a journaled file holds what was committed, at every byte that is writ
           put(file, at, text);
           if (copy.size() < at + text.size()) copy.resize(at + text.size());
           copy.replace(at, text.size(), text);
-          if (whole(file) != copy) return 1;  // whoever has written may read, also what the disk has no room for
+          if (whole(file) != copy) return 1;  // a writer can read its bytes, also those without space on the disk
         }
         file.commit(copy.size());
       }

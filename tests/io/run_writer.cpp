@@ -27,7 +27,7 @@ void add_sample(RunWriter& writer, double a) {
   writer.add_sample(std::vector<SeriesValue>{{"time", a}, {"profile_momentum", profile}, {"dt", 0.5 * a}});
 }
 
-/// What check_xdmf.py says of the folder: "frames cells".
+/// Output of check_xdmf.py for the folder: "frames cells".
 std::string check_xdmf(const std::filesystem::path& folder) {
   const auto script = std::filesystem::path(PLIANT_TEST_DATA).parent_path() / "io" / "check_xdmf.py";
   const std::string command = "/usr/bin/python3 " + script.string() + " " + folder.string() + " 2>&1";
@@ -133,7 +133,7 @@ TEST_CASE("frames have no copies for run.xdmf: centres of disks and vectors of t
   CHECK(frame.read<Real>("xdmf/wall_contact_force") == in_space(data.force));
   CHECK(frame.read<Real>("xdmf/wall_force") == in_space(data.wall_force));
   CHECK(frame.read<Real>("centres") == data.centres);
-  // What has values of its own, all in all.
+  // All datasets with values of their own.
   std::uint64_t bytes = 0;
   for (const std::string& name : frame.datasets()) {
     CHECK(name.find("xdmf") == name.npos);
@@ -429,7 +429,7 @@ TEST_CASE("a restart cuts the series, and replaces frames when it comes to them"
     writer.write_axis("profile_height", std::vector<Real>{1, 2, 3});
     CHECK(writer.read_series().at("time").values == std::vector<Real>{0, 0.5, 1, 1.5, 2});
   }
-  CHECK(frame_names(scratch.path()).size() == 4);  // what was there is not lost by looking at it
+  CHECK(frame_names(scratch.path()).size() == 4);  // reading loses no frame
   CHECK(check_xdmf(scratch.path()) == "4 40");
   {
     auto writer = RunWriter::append(scratch.path(), topology, 5, 2);
@@ -463,7 +463,7 @@ TEST_CASE("a restart cuts the series, and replaces frames when it comes to them"
   CHECK(frame_names(scratch.path()).size() == 5);
   CHECK(check_xdmf(scratch.path()) == "5 52");
 
-  // What does not belong together is refused.
+  // Inconsistent data are refused.
   CHECK_THROWS_AS(RunWriter::append(scratch.path(), topology, 7, 3), InputError);
   CHECK_THROWS_AS(RunWriter::append(scratch.path(), topology, 6, 7), InputError);
   CHECK_THROWS_AS(RunWriter::append(scratch.path(), small_topology(false), 6, 3), InputError);

@@ -107,7 +107,7 @@ Real largest(const std::vector<Real>& f) {
 
 /// Largest difference between the kernel and the element forms, for the first n pairs, relative to the largest force.
 Real error(const EdgeLaw& law, const Outlines& o, Index n) {
-  // Copies of exactly this length, so that a sanitizer sees what reads too far.
+  // Copies of exactly this length, so that a sanitizer sees reads beyond the end.
   const std::vector<Pair> pairs(o.pairs.begin(), o.pairs.begin() + n);
   const std::vector<Real> reach(o.reach.begin(), o.reach.begin() + n);
   std::vector<Real> f(o.x.size());

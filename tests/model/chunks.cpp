@@ -1,5 +1,5 @@
-// A model on several chunks: what the chunks list, and that their sums are those of a plain loop over all pairs,
-// whatever the number of threads.
+// A model on several chunks: the chunks' lists, and their sums, which equal those of a plain loop over all pairs,
+// for any number of threads.
 #include <omp.h>
 #include <catch2/catch.hpp>
 
@@ -185,7 +185,7 @@ struct ProductSink final : BlockSink<D> {
   }
 };
 
-/// What a model gives for one configuration.
+/// Results of a model for one configuration.
 template <int D>
 struct Results {
   VectorXd forces, energy_forces, hessian, damping, walls;

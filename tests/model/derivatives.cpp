@@ -162,7 +162,7 @@ TEST_CASE("derivatives of the lip contact") {
 
 namespace {
 
-/// What has the given reach at walls with half of their diameter taken from it.
+/// Points with the given contact distance from walls, minus half of the diameter of the walls.
 constexpr Real thickness = 0.2;
 template <int D>
 Configuration<D> thinner(Configuration<D> c) {

@@ -43,7 +43,7 @@ void check_dissipation(const ForceField<D>& field, Configuration<D> c, Random& r
   CHECK((damping - difference).norm() < 1e-12 * damping.norm());
   CHECK((damping - damping.transpose()).norm() < 1e-14 * damping.norm());
   CHECK(Eigen::SelfAdjointEigenSolver<MatrixXd>(damping).eigenvalues().maxCoeff() < 1e-13 * damping.norm());
-  // What all points share feels drag only.
+  // The common velocity of all points feels drag only.
   VectorXd common(n);
   for (Index i = 0; i < c.topology.points(); ++i) point<D>(common.data(), i) = Vec<D>::LinSpaced(0.3, 0.8);
   CHECK((force(common).norm() < 1e-13) == internal);
@@ -138,7 +138,7 @@ TEMPLATE_TEST_CASE_SIG("tangential friction leaves the velocity along the normal
   Vec<D> n = Vec<D>::Zero(), u = Vec<D>::Zero(), across = Vec<D>::Zero();
   n[0] = 0.6, n[1] = 0.8;
   u[0] = 2, u[1] = 3;                   // 3.6 along the normal
-  across[0] = -0.16, across[1] = 0.12;  // what is left
+  across[0] = -0.16, across[1] = 0.12;  // the remaining part
   if (D == 3) u[D - 1] = across[D - 1] = 5;
   c.add_soft(1, Vec<D>::Zero());
   c.add_soft(1, 0.9 * n);

@@ -1,5 +1,5 @@
-// The table of element kinds: what lists follow from the terms of a model, and whether elements are made of the points
-// that their terms act on.
+// The table of element kinds: the lists that follow from the terms of a model, and whether elements consist of the
+// points on which their terms act.
 #include <catch2/catch.hpp>
 #include <set>
 

@@ -1,4 +1,4 @@
-// What a shift and a rotation of everything leave unchanged, and what the forces between particles conserve.
+// Invariance under shifts and rotations, and quantities that forces between particles conserve.
 #include <catch2/catch.hpp>
 
 #include <pliant/catalogue/catalogue.h>

@@ -23,7 +23,7 @@ LimitSurface::Point by_area(Real s) {
   };
   const Real widest = e < 1 ? pi : std::asin(1 / e);
   for (int k = 0; k < n; ++k) {
-    // φ from the direction of the middle; where that is outside, the tangents end what counts, and sin makes it smooth.
+    // φ from the direction of the middle; where that is outside, the tangents limit the range, and sin makes it smooth.
     const Real u = (k + 0.5) / n * pi - pi / 2, phi = e < 1 ? 2 * u : widest * std::sin(u);
     const Real weight = e < 1 ? 2 * pi / n : widest * std::cos(u) * pi / n;
     const Real cosine = std::cos(phi), root = std::sqrt(std::max(1 - square(e * std::sin(phi)), 0.0));

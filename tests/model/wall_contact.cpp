@@ -197,7 +197,7 @@ TEST_CASE("a corner of an obstacle does not enter an edge", "[walls]") {
   CHECK(without->energy(c.view(), f.data()) == 0);
   CHECK(with->energy(c.view(), f.data()) == Approx(HarmonicOverlap{epsilon, delta / 2}.value(height)));
   CHECK(f[1] + f[3] > 0);
-  // What the polygon feels, the obstacle does.
+  // The force on the polygon is opposite to the force on the obstacle.
   std::vector<Real> on_walls(2 * static_cast<std::size_t>(c.walls.size()));
   with->add_wall_forces(c.view(), on_walls.data());
   Real sum = 0;

@@ -1,4 +1,4 @@
-// Disks on a table: what sticks, slides and spins, against exact answers.
+// Disks on a substrate that stick, slide and spin, against exact answers.
 #include <catch2/catch.hpp>
 
 #include <pliant/model/limit_surface.h>

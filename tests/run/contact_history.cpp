@@ -1,4 +1,4 @@
-// What terms keep of contacts, with tangential springs. Cases with the tag work on any number of ranks.
+// Contact history, with tangential springs. Cases with the tag work on any number of ranks.
 #include <omp.h>
 #include <petscsys.h>
 #include <catch2/catch.hpp>
@@ -135,14 +135,14 @@ TEST_CASE("a table of contacts follows its list") {
   // An accepted one ends it.
   step(2, {{1, 7}});
   CHECK(table.contacts().keys == std::vector<ContactKey>{{1, 2}});
-  // What is evaluated and not accepted changes nothing.
+  // Evaluations without an accepted step change nothing.
   ContactTable::Ahead<2>(table).touches(0)[0] = 9;
   CHECK(table.contacts().keys == std::vector<ContactKey>{{1, 2}});
   step(2, {});
   CHECK(table.contacts().keys.empty());
   CHECK(table.past(1).empty());
 
-  // What was put somewhere else begins anew, listed or not.
+  // A particle moved to another place has new contacts, listed or not.
   table.assign({{3, 4}, {1, 2}, {7, 8}});
   step(3, {{0, 4}, {1, 3}, {2, 5}});
   table.assign({{1, 2}, {2, 3}, {7, 8}});
@@ -161,7 +161,7 @@ TEST_CASE("a table of contacts follows its list") {
 
 TEST_CASE("parts of walls that are one surface have one contact with a point") {
   ContactTable table({"test", Elements::walls, 1});
-  // What was known of the elements that touch, which is counted up.
+  // The current history of touching elements, which is counted up.
   const auto step = [&](const std::vector<Index>& touching) {
     std::vector<Real> before;
     const ContactTable::Ahead<1, true> ahead(table);
@@ -311,7 +311,7 @@ TEST_CASE("energy that is lost is the heat of sliding") {
     s->advance(1);
     REQUIRE(contacts(*s, "wall_tangential") == 1);
     const Real heat = s->particles().history().of("wall_tangential").contacts().values[1];
-    // A third of the kinetic energy, less what the spring still swings with.
+    // A third of the kinetic energy, less the energy of the oscillating spring.
     CHECK(heat == Approx(c.topology.point_mass[0] / 6 - square(mu * weight) / (2 * k_t)).epsilon(0.01));
     return std::abs(before - energy() - heat);
   };

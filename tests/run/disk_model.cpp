@@ -153,7 +153,7 @@ TEST_CASE("ranges of elements have the forces of all their elements, bit for bit
 }
 
 TEST_CASE("a table resists all disks together as each by itself") {
-  for (const Index rows : {1, 2, 3, 4}) {  // of five: eights, a four and what is left
+  for (const Index rows : {1, 2, 3, 4}) {  // of five: eights, a four and the rest
     const auto s = Crowd(9, 5, rows).simulation();
     s->advance(0.05);
     const StateView<2> view = s->view();

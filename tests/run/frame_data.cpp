@@ -1,4 +1,4 @@
-// What a frame says of a few particles whose contacts are known by hand.
+// A frame of a few particles with known contacts.
 #include <catch2/catch.hpp>
 
 #include <memory>

@@ -1,4 +1,4 @@
-// Particles inside walls, and steps that are too long to see what is in the way. On any number of ranks.
+// Particles inside walls, and steps too long to notice an obstacle. On any number of ranks.
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <string>

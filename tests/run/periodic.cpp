@@ -1,4 +1,4 @@
-// A run in a periodic box: what it writes, and that a restart goes on bit for bit.
+// A run in a periodic box: its files, and a restart that is identical bit for bit.
 #include <catch2/catch.hpp>
 
 #include <algorithm>
@@ -127,7 +127,7 @@ TEST_CASE("a restart in a periodic box is bit for bit", "[periodic]") {
   run({"-restart", scratch / "parts", "-t_end", "1.1"});
   run({"-restart", scratch / "parts", "-t_end", "1.5"});
   const auto whole = results(scratch / "whole"), parts = results(scratch / "parts");
-  // Ends have frames and samples of their own: by what both have.
+  // Ends have extra frames and samples: compare the common ones.
   CHECK(whole.at("000002/positions") == parts.at("000002/positions"));
   const auto last = [](const auto& all, const std::string& name) {
     std::string newest;

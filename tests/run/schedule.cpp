@@ -12,7 +12,7 @@ namespace pliant::test::schedule_test {
 
 namespace {
 
-/// What Schedule computes, by counting.
+/// The result of Schedule, by counting.
 std::int64_t counted(std::int64_t next, Real interval, Real t) {
   while (static_cast<Real>(next) * interval * (1 - 1e-12) <= t) ++next;
   return next;

@@ -101,7 +101,7 @@ Real heat_of(const Simulation<3>& s, std::string_view term) {
 
 namespace {
 
-/// The law of two balls in full: what acts on the first, in the order of the list, the numbers to keep, and the losses.
+/// The full law of two spheres: force and torque on the first, in list order, the next history, and the losses.
 struct WholeLaw {
   Vector force, torque_first, torque_second;
   std::array<Real, SphereContact<>::history> kept;

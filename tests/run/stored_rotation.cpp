@@ -1,4 +1,4 @@
-// Runs of frictional disks: what is stored of spins and of contacts.
+// Runs of frictional disks: stored spins and contacts.
 #include <petscsys.h>
 #include <unistd.h>
 

@@ -1,4 +1,4 @@
-// Polygons on a table: what sticks, slides and turns, against exact answers. Cases with the tag work on any number of
+// Polygons on a substrate that stick, slide and turn, against exact answers. Cases with the tag work on any number of
 // ranks.
 #include <petscsys.h>
 

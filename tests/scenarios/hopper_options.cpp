@@ -1,4 +1,4 @@
-// What options of the hopper have to do with each other.
+// Consistency of hopper options.
 #include <catch2/catch.hpp>
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// What a hopper run measures, of a few particles and of series whose values are known by hand.
+// Measurements of a hopper run, for a few particles and for series with known values.
 #include <catch2/catch.hpp>
 
 #include <array>

@@ -1,4 +1,4 @@
-// TS type arkode: orders of all its methods, exact and reference solutions, TS around it, and what can go wrong.
+// TS type arkode: orders of all its methods, exact and reference solutions, TS around it, and errors.
 #include <catch2/catch.hpp>
 
 #include <fmt/format.h>

@@ -442,7 +442,7 @@ TEST_CASE("a solve in pieces goes on where it was") {
       for (PetscInt n = 10; s.time() < 1; n += 10) {
         petsc_check(TSSetMaxSteps(s.ts, n));
         s.solve(1);
-        s.set(s.values());  // writes what is there
+        s.set(s.values());  // writes unchanged values
       }
     }
     s.solve(1);

@@ -123,7 +123,7 @@ double distance(const A& a, const B& b) {
 
 inline std::string tolerances(double tol) { return fmt::format(" -ts_rtol {} -ts_atol {} ", tol, tol); }
 
-// What -ts_view prints.
+// Output of -ts_view.
 inline std::string view(TS ts) {
   char* text = nullptr;
   std::size_t size = 0;

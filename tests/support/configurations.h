@@ -221,7 +221,7 @@ inline Configuration<2> touching_bare_polygons(Random& random, Place place) {
 inline Configuration<2> crowd_of_polygons(Random& random, Real delta) {
   Configuration<2> c = touching_polygons(random, Place::edge, delta);
   for (const Place place : interior_places) {
-    // Pairs at a distance from each other: what they do in common is the assembly.
+    // Pairs at a distance from each other: the common part is the assembly.
     const Configuration<2> other = touching_polygons(random, place, delta);
     const Vec<2> shift(8 + 6 * static_cast<Real>(place), random(-1, 1));
     for (Index m = 0; m < other.topology.particles(); ++m) {
@@ -342,7 +342,7 @@ enum class LipPlace { edge, corner, notch, edge_onset, corner_onset, edge_end };
 inline constexpr std::array interior_lip_places{LipPlace::edge, LipPlace::corner, LipPlace::notch};
 inline constexpr std::array boundary_lip_places{LipPlace::edge_onset, LipPlace::corner_onset, LipPlace::edge_end};
 
-/// The polygon lies on the far side of the lip, seen from the wall, so that the wall's end is what is nearest.
+/// The polygon lies on the far side of the lip, seen from the wall, so that the wall's end is nearest.
 inline Configuration<2> polygon_at_lip(Random& random, Real angle, LipPlace place, Real delta) {
   const Hopper hopper = test_hopper(angle);
   const Vec<2> lip(hopper.orifice / 2, 0);

@@ -243,7 +243,7 @@ struct WallSpring {
   Real max_damping(const Topology&) const { return 0; }
 };
 
-/// What is known of all particles of a simulation, by id, on every rank.
+/// Data of all particles of a simulation, by id, on every rank.
 template <int D>
 struct Snapshot {
   std::vector<Real> x, v, angles, spins;

@@ -30,7 +30,7 @@ auto disk_pairs(Real epsilon, const SurfaceFriction& surface) {
                                                                   DiskContact<Law>{epsilon, surface});
 }
 
-/// What is there is known to touch from the start.
+/// Contacts at the start have a history.
 inline void touch(Simulation<2>& s) {
   s.particles().accepted(s.state().t, s.state().x().data(), s.state().v().data(), 0);
 }

@@ -1,4 +1,4 @@
-// What disks and polygons on a table must both do.
+// Common tests of disks and polygons on a substrate.
 #pragma once
 
 #include <catch2/catch.hpp>
@@ -10,8 +10,8 @@
 
 namespace pliant::test {
 
-/// position(v, h): where what starts with the velocity v along x is at 0.05, with the step h; μg = 3, a displacement of
-/// 0.01 at the limit, without damping.
+/// position(v, h): position at t = 0.05 of a particle with initial velocity v along x, with the step h; μg = 3, a
+/// displacement of 0.01 at the limit, without damping.
 template <class Position>
 void check_orders_on_table(Position&& position) {
   const auto error = [&](Real v, Real h, Real exact) { return std::abs(position(v, h) - exact); };
@@ -28,7 +28,7 @@ void check_orders_on_table(Position&& position) {
   CHECK(fit.slope() > 0.9);
 }
 
-/// Of what starts within the static limit at 0.6 along x, breaks away after 0.02, and has no damping.
+/// Of a particle that starts within the static limit at 0.6 along x, breaks away after 0.02, and has no damping.
 inline void check_heat_of_breaking_away(Simulation<2>& s, Real mass) {
   const Real before = energy(s);
   s.advance(0.02);

@@ -1,4 +1,4 @@
-// What a run prints is no matter in some tests.
+// Hides the output of runs in tests.
 #pragma once
 
 #include <fcntl.h>

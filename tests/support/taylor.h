@@ -26,7 +26,7 @@ struct Functional {
 };
 
 /// Slope of log(error) against log(h) over the errors above `floor` (rounding). Where at most one of them is above:
-/// infinity if an error of a thousandth in what is `tested`, the term of lower order at the first h, would have been;
+/// infinity if an error of a thousandth in the `tested` term, of lower order at the first h, would have been;
 /// otherwise nothing could be seen: NaN, which is above no order.
 inline Real observed_order(const std::vector<Real>& h, const std::vector<Real>& error, Real floor = 0,
                            Real tested = 0) {
@@ -80,7 +80,7 @@ inline Real hessian_order(const Functional& f, const VectorXd& x, const VectorXd
                         hessian.norm() > 0 ? h0 * (hessian * p).norm() : g.norm());
 }
 
-/// What the two sides of x along p say about the derivatives.
+/// Derivatives from the two sides of x along p.
 struct Sides {
   Real gradient_jump_order;  ///< of |g(x + h p) − g(x − h p)|: 1 where g is continuous, 0 where it jumps
   Real forward, backward;    ///< |H p − one-sided difference of g| relative to |H|, on the side of +p and of −p

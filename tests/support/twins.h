@@ -71,7 +71,7 @@ struct Twins {
   }
 
   void sort() { shared.sort(state); }
-  /// With what its integrator carries.
+  /// With the predictions of its integrator.
   void sort(Integrator& integrator) {
     std::vector<Real> carried(integrator.carried().begin(), integrator.carried().end());
     const Migration migration = shared.sort(state);

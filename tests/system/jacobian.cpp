@@ -155,7 +155,7 @@ TEST_CASE("assembled and matrix-free Jacobians are one operator, scaled and shif
         CHECK((product(other->matrix(), w) - expected).norm() < 1e-12 * expected.norm());
       };
       compare();
-      // An update forgets what PETSc has scaled.
+      // An update drops the scale of PETSc.
       for (const auto& jacobian : {one.get(), other.get()}) jacobian->update(0, y.data(), y.data() + n, {3, -1, -2});
       compare();
     }

@@ -1,4 +1,4 @@
-// Particles among walls that move: energy and work, what moving frames see, and lists that lack nothing.
+// Particles among walls that move: energy and work, moving frames, and complete lists.
 #include <catch2/catch.hpp>
 
 #include <pliant/geometry/obstacle.h>
@@ -62,7 +62,7 @@ ParticleSystem<D> soft_system(const Configuration<D>& c, const pliant::Vec<D>& g
   return system_of<D>(c, ModelKind::sp, Ranks(), {.epsilon = 30, .epsilon_wall = 50}, {}, gravity);
 }
 
-/// What the energy has gained beside the work of the walls, which is summed over n equal parts of the time.
+/// The gain of energy besides the work of the walls, which is summed over n equal parts of the time.
 template <int D>
 Real energy_from_nowhere(Integrator& integrator, Real t_end, int n, bool simpson, Real* gained = nullptr) {
   const Configuration<D> c = squeezed<D>();
@@ -238,7 +238,7 @@ template <int D>
 void check_lists(Configuration<D> c, ModelKind kind, Real width, Real dt) {
   INFO(to_string(kind) << ", " << D << "D");
   c.walls = machine<D>(width);
-  for (Real& a : c.v) a *= 0.1;  // walls are what moves most
+  for (Real& a : c.v) a *= 0.1;  // walls move most
   Twins<D> twins(c, kind);
   twins.sort();
   constexpr int steps = 200;
@@ -275,7 +275,7 @@ TEST_CASE("lists hold what walls that move and turn come to touch", "[motion][ra
 }
 
 TEST_CASE("walls that start to move between steps", "[motion]") {
-  // With bounds of what has moved carried from step to step: a wall that was far comes fast.
+  // With bounds of the motion carried from step to step: a distant wall approaches fast.
   Configuration<2> c;
   c.add_soft(1, {0, 0});
   c.walls.add(Solid<2>::half_space({-3, 0}, {1, 0}));

@@ -60,7 +60,7 @@ std::int64_t iterations(const OverdampedSystem<D>& system) {
   return dynamic_cast<const NeighbourDrag<D>&>(system.mobility()).iterations();
 }
 
-/// B, and the forces/b with what walls add, by looking at all pairs.
+/// B, and the forces/b with those of walls, from all pairs.
 template <int D>
 void dense(const Configuration<D>& c, const ForceField<D>& field, const NeighbourDragOptions& mobility, Real t,
            MatrixXd& b, MatrixXd& load) {
@@ -253,7 +253,7 @@ TEST_CASE("walls that rub take their part of the power") {
   std::vector<Real> v(c.x.size());
   const Real t = 0.2;
   system.rate(t, c.x.data(), v.data());
-  // Forces and the friction of walls, which drives, feed in what is dissipated: v·F + Σ b (v_wall − v)·v_wall.
+  // Forces and the friction of walls, which drives, supply the dissipated power: v·F + Σ b (v_wall − v)·v_wall.
   const StateView<2> s = system.particles().view(c.x.data(), v.data(), t);
   std::vector<Real> f(c.x.size());
   system.particles().field().forces(s, f.data());

@@ -190,7 +190,7 @@ TEST_CASE("lists are compared when something may have gone far, and rebuilt as i
     FixedStepVerlet verlet(dt), looking(dt);
     verlet.run(twins.shared, twins.state, 300 * dt, true, {});
     looking.run(always.shared, always.state, 300 * dt, true, [&](State& s) {
-      always.shared.view(s.x().data(), s.v().data(), s.t);  // what was known of the motion is forgotten
+      always.shared.view(s.x().data(), s.v().data(), s.t);  // drops the bounds of the motion
       return AfterStep::proceed;
     });
     CHECK(twins.shared.neighbours().rebuilds() >= 3);

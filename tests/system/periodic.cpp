@@ -1,5 +1,6 @@
-// Periodic boxes against open systems with copies of the particles in all neighbouring cells, and what must not depend
-// on where particles are written down. Run on one rank with all tests of the folder, on several by those with the tag.
+// Periodic boxes against open systems with copies of the particles in all neighbouring cells, and results that must
+// not depend on the image in which a particle is stored. Run on one rank with all tests of the folder, on several by
+// those with the tag.
 #include <omp.h>
 #include <petscsys.h>
 
@@ -314,7 +315,7 @@ Real total_energy(ParticleSystem<D>& system, const State& s) {
   return sum;
 }
 
-/// Sorts every `period` steps, with what the integrator carries.
+/// Sorts every `period` steps, with the predictions of the integrator.
 template <int D>
 StepObserver sorted_every(ParticleSystem<D>& system, Integrator& integrator, int period) {
   return [&system, &integrator, period](State& s) {
@@ -458,7 +459,7 @@ TEST_CASE("forces across the borders do not depend on the number of threads", "[
 }
 
 TEST_CASE("a channel that is periodic along its walls flows as fast as its drag allows", "[periodic]") {
-  // m dv/dt = m g − ζ v for each particle; what they do to each other and to the walls cancels along the channel.
+  // m dv/dt = m g − ζ v for each particle; forces between particles and with walls cancel along the channel.
   Random random(7);
   const Real floor = -0.4, lid = 3, zeta = 0.8, g = 1.5;
   for (const ModelKind kind : {ModelKind::sp, ModelKind::rough}) {

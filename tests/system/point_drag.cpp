@@ -40,7 +40,7 @@ TEST_CASE("without inertia velocities are forces over the drag coefficients") {
     for (int k = 0; k < 2; ++k)
       CHECK(v[2 * i + k] == Approx(force[2 * i + k] * c.topology.points_of(c.topology.particle[i]) / 7).margin(1e-12));
   CHECK_THROWS_AS(PointDrag<2>(0), InputError);
-  // What drag dissipates is what the forces give.
+  // Drag dissipates the power of the forces.
   Real given = 0;
   for (std::size_t k = 0; k < v.size(); ++k) given += force[k] * v[k];
   CHECK(limit.mobility().power(system.view(c.x.data(), v.data())) == Approx(given).epsilon(1e-12));

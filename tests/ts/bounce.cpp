@@ -75,7 +75,7 @@ Real energy_error(ModelKind kind, Real dt) {
 
 }  // namespace
 
-// What limits the order at the onset of a contact: the force is continuous but its slope jumps by ε/δ², so the
+// Limit of the order at the onset of a contact: the force is continuous but its slope jumps by ε/δ², so the
 // trapezoidal rule of the one step that holds the kink errs by up to h² ε v/(8 δ²) in the impulse, as against h³ in a
 // smooth step. A bounce has a fixed number of onsets, hence order 2 again, with a factor that depends on where in its
 // step each kink falls: the slope scatters about 2. An energy that jumped there would leave an error that does not fall

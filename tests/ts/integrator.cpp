@@ -1,4 +1,4 @@
-// What a scenario relies on: restarts, changes of the state between steps, stops, errors, options.
+// Guarantees for scenarios: restarts, changes of the state between steps, stops, errors, options.
 #include "support/order.h"
 
 #include <catch2/catch.hpp>
@@ -80,7 +80,7 @@ TEST_CASE("a fixed step can change between runs") {
   State s = p.state();
   FixedStepVerlet coarse(0.02), fine(0.005);
   coarse.run(system, s, 1, true, {});
-  fine.run(system, s, 2, true, {});  // what is carried is a prediction for the old step
+  fine.run(system, s, 2, true, {});  // the carried prediction belongs to the old step
   CHECK(s.step == 250);
   CHECK(s.t == Approx(2).epsilon(1e-14));
   CHECK(error_of(s, p.exact(0, p.start, 2)) < 1e-3);

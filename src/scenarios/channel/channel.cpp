@@ -44,7 +44,7 @@ RunSize size_of(const ChannelOptions& p) {
   return size;
 }
 
-/// Standard step: contacts are followed, and what damps them is stable (docs/reference/steps.md).
+/// Standard step: contacts are resolved, and their damping is stable (docs/reference/steps.md).
 Real standard_step(const CriticalStep& critical) {
   return critical.standard(std::min(0.2 * critical.elastic, 0.5 * critical.damping));
 }

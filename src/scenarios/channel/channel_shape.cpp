@@ -43,7 +43,7 @@ Channel::Channel(ChannelKind kind, const ChannelSize& size) {
         size.arm, w);
   const std::array<bool, 4> arms = arms_of(kind);
   const Vec<2> middle = Vec<2>::Constant(w / 2);
-  // Each corner of the square, and what is between two of them.
+  // Each corner of the square, and the side between two of them.
   const auto corner = [&](int k) { return Vec<2>(middle + turned({w / 2, -w / 2}, k)); };
   for (int k = 0; k < 4; ++k) {
     const bool before = arms[(k + 3) % 4];

@@ -1,4 +1,4 @@
-// Channels: what is inside, the walls around it, and where plungers stand.
+// Channels: the interior, the walls around it, and the places of plungers.
 #pragma once
 
 #include <array>
@@ -27,7 +27,7 @@ struct Plunger {
   Real width() const { return (ends[1] - ends[0]).norm(); }
 };
 
-/// What moves from time `since` on.
+/// Plungers that move from time `since` on.
 struct PlungerMotion {
   std::size_t plunger = 0;
   Real travel = 0, speed = 0;  ///< then, from its place at rest; into the channel

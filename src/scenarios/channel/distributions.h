@@ -25,7 +25,7 @@ std::vector<SizeClass> size_distribution(const std::string& name);
 std::vector<SizeClass> parse_sizes(const std::string& radii, const std::string& counts);
 
 /// How many disks of each size cover `area` (cm²): the nearest integers to a multiple of the distribution's numbers.
-/// Rare sizes come first, and what rounding them adds or leaves out is made up for by the more frequent ones, so that
+/// Rare sizes come first, and the more frequent ones compensate their rounding, so that
 /// the area is right to half a set of the most frequent sizes. Errors: InputError where there is no room for a disk.
 std::vector<Index> disks_for_area(const std::vector<SizeClass>& sizes, Real area);
 

@@ -16,7 +16,7 @@ constexpr Real never = 1e300;  ///< s between frames that nobody asks for
 constexpr const char* one_outline = "the outline of a channel is one polygon, the plungers being sides of it";
 constexpr const char* one_shape = "the shape of a particle is one polygon";
 
-/// The corners in a file: one polygon. name: of the file, in messages; what: else they are of.
+/// The corners in a file: one polygon. name: of the file, in messages; what: noun for messages.
 std::vector<Vec<2>> parse_corners(std::string_view text, const std::string& name, const char* what = one_outline) {
   std::vector<Polyline> all = parse_polylines(text, name, "cm");
   if (all.size() > 1) throw InputError("{}:{}: a second polyline; {}", name, all[1].lines[0], what);
@@ -76,25 +76,19 @@ void ChannelOptions::bind(Options& o) {
   };
 
   o.group("Channel");
-  o.bind(
-      "geometry", kind,
-      {{"L", ChannelKind::l}, {"T", ChannelKind::t}, {"X", ChannelKind::x}, {"straight", ChannelKind::straight}},
-      {.help = "arms along x and y; T: along -x too; X: along -y too; straight: along x and -x", .on_restart = fixed});
+  o.bind("geometry", kind,
+         {{"L", ChannelKind::l}, {"T", ChannelKind::t}, {"X", ChannelKind::x}, {"straight", ChannelKind::straight}},
+         {.help = "arms along x and y (L); T: and -x; X: and -y; straight: along x and -x", .on_restart = fixed});
   o.bind("channel_width", size.width, positive("width of the channel", "cm"));
   o.bind("channel_arm", size.arm, positive("length of an arm, from its end to the far side of the bend", "cm"));
   o.bind("outline", outline,
-         {.help = "file with the corners of a channel of one's own, in place of the three above: lines x y in cm, one "
-                  "polygon, of which -plungers names sides",
+         {.help = "file with the corners of a channel: lines x y in cm, one polygon",
           .on_restart = fixed,
           .read = read_corners});
   o.bind("plungers", plungers,
-         {.help = "places x,y;x,y on the sides that are plungers, in the order of their turns; empty: the ends of all "
-                  "arms, that of +x first, counterclockwise",
-          .on_restart = fixed});
+         {.help = "points x,y;x,y on the plunger sides, in the order of pushes; empty: all arms", .on_restart = fixed});
   o.bind("shear", shear,
-         {.help = "-geometry straight: speed of the side walls, along x in opposite directions, over that of the "
-                  "plunger",
-          .on_restart = fixed});
+         {.help = "-geometry straight: speed of the side walls over the plunger speed", .on_restart = fixed});
 
   o.group("Disks");
   o.bind("distribution", distribution,
@@ -105,7 +99,7 @@ void ChannelOptions::bind(Options& o) {
           .on_restart = fixed});
   o.bind("counts", counts, {.help = "relative numbers of disks of these radii", .on_restart = fixed});
   o.bind("area_fraction", area_fraction,
-         {.help = "area of the disks over that of the channel less the stroke of one plunger",
+         {.help = "area of the disks relative to the channel without the stroke of one plunger",
           .min = 0,
           .max = 1,
           .min_open = true,
@@ -124,13 +118,11 @@ void ChannelOptions::bind(Options& o) {
          {.help = "-model rough: shape of the polygons, which cover the areas of the disks", .on_restart = fixed});
   o.bind("aspect", shape.aspect, {.help = "-model rough: length over width", .min = 1, .max = 20, .on_restart = fixed});
   o.bind("shape_outline", shape_outline,
-         {.help = "-model rough: file with the corners of a shape of one's own, in place of the two above: lines x y, "
-                  "one polygon, of any size",
+         {.help = "-model rough: file with the corners of a shape: lines x y, one polygon",
           .on_restart = fixed,
           .read = read_shape});
   o.bind("n_vertices", n_vertices,
-         {.help = "-model rough: vertices of the smallest polygons; larger ones have more, so that all edges are about "
-                  "as long",
+         {.help = "-model rough: vertices of the smallest polygons; edges have equal length",
           .min = 6,
           .max = 1000,
           .on_restart = fixed});
@@ -151,10 +143,9 @@ void ChannelOptions::bind(Options& o) {
           .min = 0,
           .max = 1,
           .min_open = true});
-  o.bind(
-      "jam_force", jam_force,
-      {.help = "force on the plunger that counts as a jam, over the weight of all disks; 0: no force does", .min = 0});
-  o.bind("on_jam", on_jam, {{"continue", OnJam::proceed}, {"end", OnJam::end}}, {.help = "go on, or end the run"});
+  o.bind("jam_force", jam_force,
+         {.help = "plunger force that counts as a jam, over the weight of all disks; 0: none", .min = 0});
+  o.bind("on_jam", on_jam, {{"continue", OnJam::proceed}, {"end", OnJam::end}}, {.help = "continue, or end the run"});
 
   o.group("Integration");
   o.bind("dt", dt,

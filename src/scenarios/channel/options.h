@@ -19,7 +19,7 @@ namespace pliant {
 
 enum class OnJam { proceed, end };
 
-/// As given by the user; `resolve` fills in what is automatic. Units: cm, g, s.
+/// As given by the user; `resolve` fills in automatic values. Units: cm, g, s.
 struct ChannelOptions : RunOptions {
   ChannelKind kind = ChannelKind::l;
   ChannelSize size;
@@ -58,9 +58,9 @@ struct ChannelOptions : RunOptions {
   /// Errors: InputError for options that another one keeps from being read.
   void refuse_unread(const Options& options) const;
 
-  /// The channel but for the stroke of one plunger, cm²: what -area_fraction is of.
+  /// The channel but for the stroke of one plunger, cm²: reference of -area_fraction.
   Real filled_area() const;
-  /// g; of what covers the area of a disk.
+  /// g; for the area of a disk.
   Real mass(Real radius) const { return density * thickness * pi * square(radius); }
   bool rough() const { return model.deformable(); }
   Real gravity() const { return model.value(Role::normal_gravity); }

@@ -7,7 +7,7 @@
 
 namespace pliant {
 
-/// What users ask for.
+/// The schedule as given by the user.
 struct PushOptions {
   Real stroke = 10.7;        ///< cm
   Real speed = 1.1;          ///< cm/s

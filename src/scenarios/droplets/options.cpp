@@ -27,9 +27,7 @@ void DropletOptions::bind_model(Options& o) {
           .on_restart = fixed});
   o.bind(
       "mobility", mobility, {{"exact", Coupling::exact}, {"lagged", Coupling::lagged}, {"mean", Coupling::mean}},
-      {.help = "velocities; exact: force balance; lagged, mean: previous velocities of the neighbours (their sum, or "
-               "their mean as printed) [T 2.9]",
-       .on_restart = fixed});
+      {.help = "velocities from the force balance (exact), or from previous ones (lagged, mean)", .on_restart = fixed});
   o.accept_petsc_prefix("mobility_ksp_");
   o.accept_petsc_prefix("mobility_pc_");
 }
@@ -46,7 +44,7 @@ void DropletOptions::bind_droplets(Options& o) {
 void DropletOptions::bind_integration(Options& o, const std::string& automatic_end) {
   o.group("Integration");
   o.bind("integrator", integrator, {{"ts", DropletIntegrator::ts}},
-         {.help = "PETSc TS (-ts_type, -ts_rk_type, -ts_atol, -ts_monitor, ...)", .on_restart = fixed});
+         {.help = "velocity Verlet with a fixed step, or PETSc TS (-ts_type, -ts_rtol, ...)", .on_restart = fixed});
   o.bind("dt", dt,
          {.help = "first step of an adaptive method, or the fixed step",
           .unit = "t0",

@@ -34,7 +34,7 @@ std::unique_ptr<Simulation<2>> make_simulation(const DropletOptions& p, const Dr
       Sorting::never);
 }
 
-/// The fastest decay of what contacts hold, at touch: of a droplet against a wall by itself, or of droplets against
+/// The fastest decay rate of contacts, at touch: of a droplet against a wall by itself, or of droplets against
 /// each other, whose friction grows with their number as the stiffness does.
 Real fastest_rate(const DropletOptions& p, const DropletSetup& setup) {
   const std::vector<Real>& diameter = setup.droplets.diameter;

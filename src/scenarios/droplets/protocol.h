@@ -1,4 +1,4 @@
-// What the runs of droplets have in common.
+// Common parts of droplet runs.
 #pragma once
 
 #include <limits>
@@ -18,7 +18,7 @@ namespace pliant {
 /// Errors: InputError on several ranks.
 void refuse_ranks(const std::string& scenario, const Ranks& ranks);
 
-/// What a scenario starts from.
+/// Initial state of a scenario.
 struct DropletSetup {
   Topology droplets;
   Walls<2> walls;
@@ -52,7 +52,7 @@ class DropletProtocol : public Protocol<2> {
  protected:
   DropletProtocol(const DropletOptions& p, const Ranks& ranks, const DropletSetup& setup);
 
-  // What a scenario says beside what a protocol must.
+  // Further hooks of a droplet scenario.
   /// As it is drawn at time t, before the start at 0: x1 y1 x2 y2 of each wall.
   virtual std::vector<Real> drawn_walls(Real t) const = 0;
   /// Columns that it adds to a sample.
@@ -61,7 +61,7 @@ class DropletProtocol : public Protocol<2> {
   virtual void load_more(const Checkpoint& checkpoint) = 0;  ///< may put_walls()
   virtual void conclude_more(nlohmann::ordered_json& summary) = 0;
 
-  // What it can use. Droplets are at the places of their numbers, as they are never sorted.
+  // Services for scenarios. Droplets are at the places of their numbers, as they are never sorted.
   const Topology& topology() const { return simulation().topology(); }
   Index droplets() const { return topology().particles(); }
   Real radius(Index m) const { return topology().diameter[m] / 2; }
@@ -90,8 +90,8 @@ class DropletProtocol : public Protocol<2> {
   Real fastest_rate_;
   Real dt_;
   Real critical_step_ = std::numeric_limits<Real>::infinity();  ///< an estimate for light loads
-  Real start_energy_ = 0, withdrawn_ = 0;                       ///< withdrawn: what changes took out of the energy
-  Real budget_error_ = 0;                                       ///< of the last sample
+  Real start_energy_ = 0, withdrawn_ = 0;  ///< withdrawn: energy removed by changes of the state
+  Real budget_error_ = 0;                  ///< of the last sample
 };
 
 }  // namespace pliant

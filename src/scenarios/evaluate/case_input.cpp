@@ -138,7 +138,7 @@ Walls<D> read_walls(const CaseValue& inputs) {
   return Container(measures, {}, CornerRule::literal).walls<D>();
 }
 
-/// What all models with contacts share.
+/// Input common to all models with contacts.
 template <int D>
 void read_surroundings(const CaseValue& inputs, EvaluatedCase<D>& c) {
   if (const CaseValue gravity = inputs["gravity"]; gravity.present()) c.gravity = gravity.vector<D>();

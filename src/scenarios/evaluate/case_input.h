@@ -12,7 +12,7 @@
 
 namespace pliant {
 
-/// A configuration of particles and what acts on them.
+/// A configuration of particles, and their model.
 template <int D>
 struct EvaluatedCase {
   ModelKind kind;

@@ -14,7 +14,7 @@
 
 namespace pliant {
 
-/// What a number may be. Sizes beyond 1e100 are refused everywhere: nothing could be computed from them.
+/// Allowed range of a number. Sizes beyond 1e100 are refused everywhere: nothing could be computed from them.
 enum class Sign { any, not_negative, positive };
 
 /// View of a JSON value with its path ("case.json: inputs.hopper.w"); the value must outlive it. A key that is null or

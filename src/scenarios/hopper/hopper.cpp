@@ -63,7 +63,7 @@ std::unique_ptr<Simulation<D>> make_simulation(const HopperOptions& p, const Ran
 /// Of the series and of the summary.
 constexpr const char* self_crossing_column = "self_crossing_particles";
 
-/// What a run of the hopper does: lets particles flow, puts them back, counts and measures them.
+/// Protocol of the hopper: particles flow, are counted, reinserted and measured.
 template <int D>
 class HopperProtocol final : public Protocol<D> {
  public:
@@ -377,7 +377,7 @@ class HopperProtocol final : public Protocol<D> {
     if (rests())
       for (const char* name : {"Q", "Q_corrected"})
         if (measured.contains(name)) measured[name].update({{"value", 0}, {"error", nullptr}});
-    // What comes after it is no flow.
+    // Later samples are not flow.
     if (rests() || p_.flow == FlowKind::discharge)
       measured["flow_ended"] = quantity(last_crossing(series), BlockAverage::unknown, "t0");
     measured["largest_wall_overlap"] = wall_overlap_;
@@ -543,7 +543,7 @@ class HopperProtocol final : public Protocol<D> {
     return now;
   }
 
-  /// Stops the run at what no later number could be trusted after.
+  /// Stops the run at faults after which no later number could be trusted.
   void check_particles() {
     const State& s = state();
     const Topology& own = topology();
@@ -625,7 +625,7 @@ class HopperProtocol final : public Protocol<D> {
                        p_.model.option(Role::bending_form));
   }
 
-  /// What to do about too long a step.
+  /// Cure for too long a step.
   std::string shorten() const {
     const Integrator& integrator = this->simulation().integrator();
     return integrator.explicit_fixed_step() ? fmt::format("shorten the step (-dt, now {:.3g})", integrator.next_dt())
@@ -669,7 +669,7 @@ class HopperProtocol final : public Protocol<D> {
           state().t, edge, dt, ratio, longer_edges());
   }
 
-  /// For a run whose flow has ended without a clog: what is left may bounce where too little carries off its energy.
+  /// For a run whose flow has ended without a clog: remaining particles may bounce if dissipation is low.
   void warn_of_standstill(const Series& series) const {
     const Real last = last_crossing(series), since = state().t - last;
     if (last_sample_.in_hopper > 0 && since >= p_.clog_time && since > 0.2 * state().t)

@@ -1,4 +1,4 @@
-// What a hopper run measures: samples, and the evaluation at its end.
+// Measurements of a hopper run: samples, and the evaluation at its end.
 #pragma once
 
 #include <cstdint>
@@ -20,7 +20,7 @@ struct FlowCount {
   Real area = 0;             ///< their a0
 };
 
-/// One row of `/series`, and what messages and the clog detector want of it.
+/// One row of `/series`, and its values for messages and the clog detector.
 template <int D>
 struct Sample {
   std::vector<SeriesValue> row;
@@ -48,7 +48,7 @@ Real last_crossing(const Series& series);
 /// state on. mean_size: mean a0 of all particles.
 nlohmann::ordered_json evaluate_series(const Series& series, const HopperOptions& options, Real mean_size);
 
-/// Two lines about a discharge, for the screen, from what evaluate_series returned.
+/// Two lines about a discharge, for the screen, from the result of evaluate_series.
 std::string discharge_text(const nlohmann::ordered_json& measured);
 
 }  // namespace pliant

@@ -31,7 +31,7 @@ bool contains(const Values& values, const Value& value) {
   return std::find(values.begin(), values.end(), value) != values.end();
 }
 
-/// Names that people try for what is 1 here.
+/// Names that users try for quantities that are 1 here.
 void explain_units(Options& o) {
   const auto unit = [](const char* name, const char* of) {
     return fmt::format(
@@ -66,12 +66,10 @@ void HopperOptions::bind(Options& o) {
   model.bind(o, UnitSystem::gravitational());
   o.bind("dim", dim, {.help = "dimension; 2 for deformable particles", .min = 2, .max = 3, .on_restart = fixed});
   o.bind("corner_contact", corner_contact, {{"once", CornerRule::once}, {"literal", CornerRule::literal}},
-         {.help = "inner corners of the container: what touches both walls counts once, or both walls push [H 10]",
-          .on_restart = fixed});
-  o.bind("self_crossing", self_crossing, {{"stop", OnSelfCrossing::stop}, {"count", OnSelfCrossing::count}},
-         {.help = "a deformable particle whose outline crosses itself ends the run with exit code 3, or is counted in "
-                  "each sample",
-          .on_restart = fixed});
+         {.help = "inner corners: contact counts once, or both walls push [H 10]", .on_restart = fixed});
+  o.bind(
+      "self_crossing", self_crossing, {{"stop", OnSelfCrossing::stop}, {"count", OnSelfCrossing::count}},
+      {.help = "outline that crosses itself: stop with exit code 3, or count it in each sample", .on_restart = fixed});
 
   o.group("Particles");
   o.bind("n", particles,
@@ -125,35 +123,31 @@ void HopperOptions::bind(Options& o) {
           .automatic = "50 in 2D, 25 in 3D",
           .on_restart = fixed});
   o.bind("outline", outline,
-         {.help = "file with the walls of a container of one's own, in place of the four above: lines x y in sigma_avg "
-                  "from the orifice, at y = 0, up; one polyline that is mirrored (3D: revolved), or two",
+         {.help = "file with the walls of a container: lines x y in sigma_avg, from the orifice up",
           .on_restart = fixed,
           .read = read_outline});
-  o.bind(
-      "obstacle", obstacle,
-      {.help = "obstacles: disk:x,y,r or polygon:FILE (lines x y in sigma_avg), several with commas between them; 3D: "
-               "bodies of revolution",
-       .on_restart = fixed,
-       .read = read_obstacles});
+  o.bind("obstacle", obstacle,
+         {.help = "obstacles: disk:x,y,r or polygon:FILE, several separated by commas",
+          .on_restart = fixed,
+          .read = read_obstacles});
   o.bind("flow", flow, {{"continuous", FlowKind::continuous}, {"discharge", FlowKind::discharge}},
          {.help = "reinsert particles at the top, or let the hopper run empty", .on_restart = fixed});
   o.bind("count", counting, {{"crossing", Counting::crossing}, {"removal", Counting::removal}},
-         {.help = "continuous flow: a particle counts as it crosses the orifice line, or as it is put back",
-          .on_restart = fixed});
+         {.help = "continuous flow: count at the orifice line, or at reinsertion", .on_restart = fixed});
   o.bind("removal_depth", removal_depth,
-         {.help = "how far below the orifice line particles are taken out, to be put back at the top",
+         {.help = "distance below the orifice line at which particles are reinserted",
           .unit = "sigma_avg",
           .min = 0,
           .min_open = true,
           .automatic = "two diameters of the largest particle",
           .on_restart = fixed});
   o.bind("reinsertion_gap", reinsertion.gap,
-         {.help = "continuous flow: room that is left below a particle that is put back; 0: it touches another one",
+         {.help = "continuous flow: gap below a reinserted particle; 0: in contact",
           .unit = "sigma_avg",
           .min = 0,
           .on_restart = fixed});
   o.bind("reinsertion_lateral_speed", reinsertion.lateral_speed,
-         {.help = "continuous flow: a particle that is put back gets a random lateral velocity up to this",
+         {.help = "continuous flow: largest random lateral velocity of reinserted particles",
           .unit = "sigma_avg/t0",
           .min = 0,
           .automatic = "the velocity of the particle below it",
@@ -168,7 +162,7 @@ void HopperOptions::bind(Options& o) {
   o.bind("pack_tolerance", pack_tolerance,
          {.help = "overlap tolerance of the initial packing, relative", .min = 1e-12, .max = 0.1, .on_restart = fixed});
   o.bind("clog_time", clog_time,
-         {.help = "quiet time before a run ends as clogged or at rest: no crossing, all particles slow",
+         {.help = "time without a crossing and with slow particles before a run ends as clogged",
           .unit = "t0",
           .min = 0,
           .min_open = true});
@@ -180,20 +174,15 @@ void HopperOptions::bind(Options& o) {
           .automatic = "1e-3, or 0.1 m g/(drag + kinetic friction) of the lightest particle where that is less"});
 
   o.group("Integration");
-  o.bind(
-      "dynamics", dynamics, {{"inertial", Dynamics::inertial}, {"overdamped", Dynamics::overdamped}},
-      {.help = "Newton's equations, or their limit of strong drag, velocity = force/drag coefficient (-integrator ts)",
-       .on_restart = fixed});
+  o.bind("dynamics", dynamics, {{"inertial", Dynamics::inertial}, {"overdamped", Dynamics::overdamped}},
+         {.help = "Newton's equations, or overdamped: velocity = force / drag coefficient", .on_restart = fixed});
   o.bind("integrator", integrator, {{"verlet", IntegratorKind::verlet}, {"ts", IntegratorKind::ts}},
-         {.help = "plain velocity Verlet with a fixed step, or PETSc TS (-ts_type, -ts_rtol, -ts_monitor, ...)",
-          .on_restart = fixed});
+         {.help = "velocity Verlet with a fixed step, or PETSc TS (-ts_type, -ts_rtol, ...)", .on_restart = fixed});
   o.bind("implicit", implicit, {{"all", TermGroup::all}, {"shape", TermGroup::shape}},
-         {.help = "what an implicit -ts_type solves for: all forces, or the shape energy alone and the rest explicitly "
-                  "(-ts_type arkimex)",
+         {.help = "forces that an implicit -ts_type treats implicitly: all, or shape energies alone",
           .on_restart = fixed});
   o.bind("jacobian", jacobian, {{"assembled", JacobianKind::assembled}, {"matrix_free", JacobianKind::matrix_free}},
-         {.help = "an implicit -ts_type's Jacobian: a sparse matrix, or products by loops over the elements",
-          .on_restart = fixed});
+         {.help = "Jacobian of an implicit -ts_type: sparse matrix, or matrix-free products", .on_restart = fixed});
   o.bind("dt", dt,
          {.help = "step of velocity Verlet, first step of an adaptive method",
           .unit = "t0",
@@ -206,7 +195,7 @@ void HopperOptions::bind(Options& o) {
   o.bind("t_end", t_end,
          {.help = "end of the run", .unit = "t0", .min = 0, .automatic = "100; 10000 with -hopper_q_rtol"});
   o.bind("hopper_q_rtol", q_rtol,
-         {.help = "continuous flow: end before -t_end when Q has this relative standard error; 0: never",
+         {.help = "continuous flow: end when Q has this relative standard error; 0: never",
           .min = 0,
           .max = 1,
           .max_open = true});

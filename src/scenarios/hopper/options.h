@@ -29,7 +29,7 @@ enum class Counting { crossing, removal };
 /// Whether a particle whose outline crosses itself ends the run, or is counted.
 enum class OnSelfCrossing { stop, count };
 
-/// As given by the user; `resolve` fills in what is automatic. Units: σ_avg = g = ρ = 1, times in t0.
+/// As given by the user; `resolve` fills in automatic values. Units: σ_avg = g = ρ = 1, times in t0.
 struct HopperOptions : RunOptions {
   /// own: models that -model offers in addition to sp, rough, smooth and disk.
   explicit HopperOptions(const std::vector<ModelDefinition>& own = {});
@@ -66,7 +66,7 @@ struct HopperOptions : RunOptions {
   std::optional<Real> clog_speed;
 
   void bind(Options& options);
-  /// Fills in automatic values and checks what options have to do with each other. Errors: InputError.
+  /// Fills in automatic values and checks that options are consistent. Errors: InputError.
   void resolve();
   /// Errors: InputError for an option that the user has given, though the model, or whatever else the run uses, does
   /// not read it.
@@ -92,7 +92,7 @@ struct HopperOptions : RunOptions {
   /// For a -clog_speed that a slow flow may not reach.
   void warn_of_clog_speed() const;
   /// Standard step over `elastic`, the limit that elastic forces set: as long as flow rates, energies and contacts are
-  /// those of shorter ones, and what a discharge leaves comes to rest (docs/steps.md). Without dissipation nothing
+  /// those of shorter ones, and the rest of a discharge comes to rest (docs/reference/steps.md). Without dissipation nothing
   /// carries off the heat of longer steps. lightest: mass of a particle.
   Real elastic_fraction(Real elastic, Real lightest) const;
   /// Margin of the neighbour lists at first; tuned from then on where the user gave none.

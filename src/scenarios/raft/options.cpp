@@ -18,13 +18,9 @@ void RaftOptions::bind(Options& o) {
   o.bind("rows", rows, {.help = "rows p, parallel to the walls", .min = 1, .max = 10000, .on_restart = fixed});
   o.bind("columns", columns, {.help = "columns q: droplets of a row", .min = 1, .max = 10000, .on_restart = fixed});
   o.bind("n", n,
-         {.help = "number of droplets; 0: p q. With p q - floor(p/2) every second row of a hexagonal raft has one less",
-          .min = 0,
-          .max = 1e6,
-          .on_restart = fixed});
+         {.help = "number of droplets; 0: all sites of the p x q lattice", .min = 0, .max = 1e6, .on_restart = fixed});
   o.bind("lattice", lattice, {{"hexagonal", RaftLattice::hexagonal}, {"disordered", RaftLattice::disordered}},
-         {.help = "start: a hexagonal raft, or one that grows droplet by droplet in a strip of p rows",
-          .on_restart = fixed});
+         {.help = "start: hexagonal raft, or droplets added one by one in a strip of p rows", .on_restart = fixed});
   bind_droplets(o);
   o.bind("small_fraction", radii.small_fraction,
          {.help = "fraction phi of small droplets, by number", .min = 0, .max = 1, .on_restart = fixed});

@@ -10,7 +10,7 @@ namespace pliant {
 enum class RaftLattice { hexagonal, disordered };
 enum class WallMotion { compression, extension };
 
-/// As given by the user; `resolve` checks what options have to do with each other.
+/// As given by the user; `resolve` checks that options are consistent.
 struct RaftOptions : DropletOptions {
   RaftOptions();
 

@@ -358,7 +358,7 @@ PetscErrorCode step(TS ts) {
   PetscCall(must_restart(ts, &fresh));
   if (fresh) {
     if (std::isnan(d.t_seen)) PetscCall(check_mass(ts));
-    // After an event TS proposes what was left of the step before: no measure for the next one.
+    // After an event TS proposes the rest of the step before: no measure for the next one.
     const bool remainder =
         ts->event && ts->event->status == TSEVENT_RESET_NEXTSTEP && ts->event->timestep_postevent == 0;
     PetscCall(restart(ts, remainder ? std::max(ts->time_step, d.h) : ts->time_step));
@@ -486,7 +486,7 @@ PetscErrorCode set_up_solvers(TS ts) {
   PetscFunctionReturn(0);
 }
 
-// What every integrator gets.
+// Settings of every integrator.
 PetscErrorCode set_up_memory(TS ts, const Stepper& stepper, void* memory) {
   Link* link = &link_of(ts);
   PetscFunctionBegin;

@@ -1,4 +1,4 @@
-// What the TS types over SUNDIALS share: vectors, callbacks, solvers, errors.
+// Shared code of the TS types over SUNDIALS: vectors, callbacks, solvers, errors.
 #pragma once
 
 #include <nvector/nvector_petsc.h>
@@ -26,7 +26,7 @@ using Owned = std::unique_ptr<std::remove_pointer_t<Handle>, Free<free>>;
 
 inline void free_context(SUNContext context) { (void)SUNContext_Free(&context); }
 
-/// What an integrator tells the nonlinear solver about the system that it solves at the moment.
+/// Input of the nonlinear solver from the integrator: the present system.
 struct ImplicitSystem {
   realtype t;          ///< time of the stage
   N_Vector predicted;  ///< the unknown is the correction to this state
@@ -36,8 +36,8 @@ struct ImplicitSystem {
 /// Link between a TS and a SUNDIALS integrator. A TS type derives its data from it, and stores it by
 /// `ts->data = static_cast<Link*>(data)`; the integrator gets it as user data (void* of a Link*).
 ///
-/// Errors in callbacks: what SUNDIALS may recover from by a smaller step (TSFunctionDomainError, values that are not
-/// finite) is told to it. A PETSc error ends its step; the code is kept in `error` and comes out of `failed`.
+/// Errors in callbacks: SUNDIALS retries recoverable errors (TSFunctionDomainError, values that are not finite) with
+/// a smaller step. A PETSc error ends its step; the code is kept in `error` and comes out of `failed`.
 struct Link {
   Link();
   Link(const Link&) = delete;
@@ -48,7 +48,7 @@ struct Link {
   PetscErrorCode error = 0;  ///< the first PETSc error in a callback of this step
   std::string message;       ///< the last error message of SUNDIALS
 
-  // What SUNDIALS has from us; its integrator must go before these (Link::close).
+  // Objects that SUNDIALS refers to; its integrator must go before these (Link::close).
   Owned<SUNContext, free_context> context;
   Owned<N_Vector, N_VDestroy> y;  ///< work and output of the integrator; ts->vec_sol stays as accepted during a step
   Owned<SUNMatrix, SUNMatDestroy> matrix;
@@ -57,7 +57,7 @@ struct Link {
 
   /// Context and y (like ts->vec_sol, with fused operations, not set).
   PetscErrorCode open(TS owner);
-  /// Frees all of the above; the TS's SNES gets back what was its own.
+  /// Frees all of the above; the TS's SNES gets back its own objects.
   void close();
 
   /// Whether the KSP of the TS has a matrix and a function that makes it a Jacobian.
@@ -85,7 +85,8 @@ struct Link {
 /// The Link of a TS whose type derives from it.
 Link& link_of(TS ts);
 
-/// Return value of a callback: −1 for a PETSc error (kept in the link), 1 for what a smaller step may mend, 0.
+/// Return value of a callback: −1 for a PETSc error (kept in the link), 1 for an error that a smaller step may avoid,
+/// else 0.
 int outcome(Link& link, PetscErrorCode code, bool valid);
 
 /// Something like TSComputeRHSFunction.

@@ -195,7 +195,7 @@ PetscErrorCode must_restart(TS ts, bool& restart) {
   here[1] = state != d.state || id != d.id ? PETSC_TRUE : PETSC_FALSE;
   PetscCall(MPIU_Allreduce(here, any, 2, MPIU_BOOL, MPI_LOR, PetscObjectComm((PetscObject)ts)));
   restart = any[0];
-  if (!restart && any[1]) {  // many a callback writes what was there before
+  if (!restart && any[1]) {  // many callbacks write unchanged values
     PetscCall(d.check(CVodeGetDky(d.memory.get(), ts->ptime, 0, d.y.get())));
     PetscCall(VecEqual(ts->vec_sol, N_VGetVector_Petsc(d.y.get()), &equal));
     restart = !equal;

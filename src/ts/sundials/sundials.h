@@ -10,8 +10,8 @@ namespace pliant {
 inline constexpr char ts_cvode[] = "cvode";
 inline constexpr char ts_arkode[] = "arkode";
 
-/// Registers the TS types `cvode` and `arkode`; call it after PetscInitialize, as often as you like. What they do and
-/// their options: src/ts/sundials/README.md.
+/// Registers the TS types `cvode` and `arkode`; call it after PetscInitialize, as often as you like. Description and
+/// options: src/ts/sundials/README.md.
 PetscErrorCode sundials_register();
 
 /// Coefficients of an explicit Runge–Kutta method.
