@@ -22,7 +22,7 @@ LEFT = {
     "model/droplet_pairs.h": {"dt"},
     "model/droplet_walls.h": {"dt"},
     "run/folder.cpp": {"hopper_q_rtol"},
-    "run/run.cpp": {"zeta", "integrator"},
+    "run/run.cpp": {"integrator"},
     "setup/particles.cpp": {"size_deviation"},
     "system/particle_system.h": {"integrator"},
     "ts/ts_integrator.cpp": {"implicit"},

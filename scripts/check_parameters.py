@@ -20,9 +20,6 @@ OTHER_MEANINGS = {
 }
 
 
-ADVICE = {"src/run/crossing_watch.cpp", "src/run/run.cpp"}  # messages that still name options of the hopper
-
-
 def without_comments(text):
     """The text with blanks in place of comments; texts in quotes stay."""
     def blank(match):
@@ -54,7 +51,7 @@ def violations(root):
         text = without_comments(path.read_text(encoding="utf-8"))
         implements = file.parts[:2] in (("src", "model"), ("src", "kernels"))
         for name, files in declared.items():
-            if file == files[0] or (name, str(file)) in OTHER_MEANINGS or str(file) in ADVICE:
+            if file == files[0] or (name, str(file)) in OTHER_MEANINGS:
                 continue
             patterns = [rf'"[^"\n]*(?<![\w-])-{name}\b[^"\n]*"']  # an option in a message
             if name not in shared:

@@ -1,4 +1,5 @@
-// y' = -y from y(0) = 1 to t = 1 by PETSc TS with CVODE of SUNDIALS. Options of PETSc work: -ts_type arkode -ts_monitor
+// y' = -y from y(0) = 1 to t = 1 by PETSc TS with CVODE of SUNDIALS. All options of PETSc work: -ts_type arkode
+// -ts_rtol 1e-9 -ts_monitor
 #include <petscts.h>
 #include <pliant/ts/sundials/sundials.h>
 

@@ -356,6 +356,11 @@ Json Options::value(const Option& option) {
                     option.target);
 }
 
+std::string Options::curing(Cure cure) const {
+  const auto found = std::ranges::find(options_, std::optional(cure), [](const Option& o) { return o.spec.cure; });
+  return found == options_.end() ? "" : found->name;
+}
+
 const Options::Option* Options::find(const std::string& name) const {
   const auto found =
       std::find_if(options_.begin(), options_.end(), [&](const Option& option) { return option.name == name; });

@@ -14,6 +14,7 @@
 #include <variant>
 #include <vector>
 
+#include <pliant/base/cure.h>
 #include <pliant/base/errors.h>
 #include <pliant/base/options_source.h>
 #include <pliant/base/types.h>
@@ -40,6 +41,7 @@ struct OptionSpec {
   bool min_open = false;                  ///< min itself is not allowed
   bool max_open = false;                  ///< max itself is not allowed
   std::vector<std::string> choices = {};  ///< empty: any text
+  std::optional<Cure> cure = {};          ///< messages that advise it name the option
   std::string automatic = {};  ///< meaning of an empty std::optional, for the help ("0.1 of the shortest time")
   OnRestart on_restart = OnRestart::keep;
   /// Of a text: the value stored in place of the given one, such as the content of the named file; files of a run and
@@ -124,6 +126,8 @@ class Options {
   std::string help(const std::string& group = "") const;
   /// Reference of all options: a heading and a table for each group.
   std::string markdown() const;
+  /// Name of the option that declares this cure; empty without one.
+  std::string curing(Cure cure) const;
   /// What programs may want to know of the options: name → {"default", "unit"}, "symbol" where the option has one, and
   /// for parameters of models "models", the names of those that read it.
   nlohmann::json reference() const;

@@ -23,6 +23,27 @@ void ModelChoice::make_automatic(Role role, const std::string& text) {
     }
 }
 
+namespace {
+
+std::optional<Cure> cure_of(Role role) {
+  switch (role) {
+    case Role::contact_energy:
+      return Cure::stiffer_contacts;
+    case Role::wall_energy:
+      return Cure::stiffer_walls;
+    case Role::contact_law:
+      return Cure::contact_barrier;
+    case Role::edge_contacts:
+      return Cure::edge_contacts;
+    case Role::drag:
+      return Cure::drag;
+    default:
+      return std::nullopt;
+  }
+}
+
+}  // namespace
+
 void ModelChoice::bind(Options& options, const UnitSystem& units) {
   const std::string group = "Model";
   options.group(group);
@@ -63,6 +84,7 @@ void ModelChoice::bind(Options& options, ParameterTable::Entry& entry, const Uni
                   .symbol = entry.symbol,
                   .models = names,
                   .term = [this, &entry] { return entry.term_of(name); },
+                  .cure = cure_of(entry.role),
                   .on_restart = OnRestart::fixed};
   switch (entry.kind) {
     case ParameterTable::Kind::number:

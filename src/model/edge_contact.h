@@ -49,7 +49,8 @@ struct EdgeContact {
     epsilon /= 4;
     on = p.choice({.name = "rough_contact",
                    .help = "rough particles: vertices touch vertices and edges, or vertices alone (literal) [H 9]",
-                   .printed = "literal"},
+                   .printed = "literal",
+                   .role = Role::edge_contacts},
                   named<bool>({{"edge", true}, {"literal", false}}));
   }
 

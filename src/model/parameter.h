@@ -29,6 +29,7 @@ enum class Role {
   contact_energy,    ///< energy scale of contacts between particles
   wall_energy,       ///< energy scale of contacts with walls
   wall_diameter,     ///< thickness of walls
+  edge_contacts,     ///< the choice of the points and edges that touch
   contact_law,       ///< the choice of V(d)
   kinetic_friction,  ///< force over velocity at contacts
   friction,          ///< Coulomb's, of surfaces that stick

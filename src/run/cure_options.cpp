@@ -8,11 +8,9 @@ namespace pliant {
 std::string option_for(Cure cure, const Options& options) {
   static const std::map<Cure, std::vector<std::string>> table{
       {Cure::shorter_step, {"dt"}},
-      {Cure::stiffer_contacts, {"e_c", "stiffness"}},
-      {Cure::stiffer_walls, {"e_w", "stiffness"}},
+      {Cure::stiffer_contacts, {"stiffness"}},
+      {Cure::stiffer_walls, {"stiffness"}},
       {Cure::softer_particles, {"stiffness"}},
-      {Cure::edge_contacts, {"rough_contact"}},
-      {Cure::contact_barrier, {"contact_law"}},
       {Cure::lighter_load, {"v_wall", "g"}},
       {Cure::more_particles, {"n"}},
       {Cure::wider_container, {"hopper_wall_distance", "channel_width"}},
@@ -28,9 +26,9 @@ std::string option_for(Cure cure, const Options& options) {
       {Cure::smaller_aspect, {"aspect"}},
       {Cure::verlet, {"integrator"}},
       {Cure::ts, {"integrator"}},
-      {Cure::drag, {"zeta"}},
       {Cure::other_folder, {"output"}},
   };
+  if (const std::string name = options.curing(cure); !name.empty()) return name;
   const auto found = table.find(cure);
   if (found == table.end()) return "";
   const nlohmann::json known = options.json();

@@ -1,3 +1,4 @@
+#include <pliant/base/cure.h>
 #include <pliant/run/run.h>
 
 #include <fmt/format.h>
@@ -164,8 +165,8 @@ void Run<D>::check_step() const {
   if (critical == 0 && !p_.allow_unstable_dt)
     throw InputError(
         "{}: no step is stable, as the method makes undamped oscillations grow; use -integrator verlet, -ts_rk_type 3 "
-        "or 4, add drag (-zeta), or override with -allow_unstable_dt",
-        integrator().name());
+        "or 4, add {}, or override with -allow_unstable_dt",
+        integrator().name(), cures({Cure::drag}));
   if (ratio > 1 && !p_.allow_unstable_dt)
     throw InputError(
         "-dt {:g} is {:.3g} times the limit of stability, {:.3g} {}: a dense packing would gain energy; shorten the "

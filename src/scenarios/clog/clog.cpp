@@ -257,7 +257,9 @@ Scenario clog_scenario() {
         return std::make_unique<Run<2>>("clog", p, options, ranks, std::make_unique<ClogProtocol>(p, ranks),
                                         std::move(checkpoint));
       },
-      {}, {"n", "delta", "phi_c", "g", "hopper_width", "hopper_angle", "rest", "t_end", "seed", "output"});
+      {},
+      {"n", "delta", std::string(ClogOptions().model.parameters(Role::attraction)[0]->name), "g", "hopper_width",
+       "hopper_angle", "rest", "t_end", "seed", "output"});
   s.units = "Units: as of rafts, with ⟨R⟩ the mean radius of the droplets and ρ = 1.";
   return s;
 }

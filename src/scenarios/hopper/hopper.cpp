@@ -807,6 +807,11 @@ std::unique_ptr<AnyRun> make(const HopperOptions& p, const Options& options, con
 }  // namespace
 
 Scenario hopper_scenario(const std::vector<ModelDefinition>& models) {
+  HopperOptions defaults(models);
+  std::vector<std::string> most_used{"model", "dim", "n", "hopper_width", "hopper_wall_distance"};
+  for (const Role role : {Role::kinetic_friction, Role::drag})
+    most_used.emplace_back(defaults.model.table().with(role)[0]->name);
+  most_used.insert(most_used.end(), {"t_end", "seed", "output"});
   Scenario s = option_scenario<HopperOptions>(
       "hopper", "gravity-driven flow through an orifice",
       [](const HopperOptions& p, const Options& options, const Ranks& ranks, std::optional<Checkpoint> checkpoint) {
@@ -821,8 +826,7 @@ Scenario hopper_scenario(const std::vector<ModelDefinition>& models) {
         return p.dim == 2 ? make<2>(p, options, ranks, std::move(checkpoint))
                           : make<3>(p, options, ranks, std::move(checkpoint));
       },
-      HopperOptions(models),
-      {"model", "dim", "n", "hopper_width", "hopper_wall_distance", "mu", "zeta", "t_end", "seed", "output"});
+      std::move(defaults), std::move(most_used));
   s.units = "Units: σ_avg = g = ρ = 1, t0 = sqrt(σ_avg/g).";
   return s;
 }

@@ -290,7 +290,9 @@ Scenario raft_scenario() {
                                         std::move(checkpoint));
       },
       {},
-      {"rows", "columns", "delta", "small_fraction", "phi_c", "motion", "v_wall", "end_distance", "seed", "output"});
+      {"rows", "columns", "delta", "small_fraction",
+       std::string(RaftOptions().model.parameters(Role::attraction)[0]->name), "motion", "v_wall", "end_distance",
+       "seed", "output"});
   s.units =
       "Units: ⟨R⟩ (R), the radius of a large droplet, and the unit of force F in which f0 is given; b = 1, t0 = "
       "b⟨R⟩/F. "
