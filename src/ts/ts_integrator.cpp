@@ -259,10 +259,23 @@ PetscErrorCode TsIntegrator::choose(TSAdapt adapt, TS ts, PetscReal h, PetscInt*
   PetscFunctionReturn(0);
 }
 
+/// Errors: InputError for a method that would evaluate one part of the forces only.
+void TsIntegrator::check_arkode_splits() const {
+  std::array<char, 32> text{"erk"};
+  petsc_check(PetscOptionsGetString(nullptr, nullptr, "-ts_arkode_type", text.data(), text.size(), nullptr));
+  petsc_check(PetscStrtolower(text.data()));
+  const std::string method = text.data();
+  const bool splits = method == "imex" || method == "mri", split = options_.implicit != TermGroup::all;
+  if (splits && !split) throw InputError("-ts_arkode_type {} needs forces in two parts; add -implicit shape", method);
+  if (split && !splits)
+    throw InputError("-implicit shape splits the forces, which -ts_arkode_type {} cannot do; use imex or mri", method);
+}
+
 void TsIntegrator::configure_solvers() {
   second_order_ = type_ == TSALPHA2;
   if (options_.implicit != TermGroup::all && !contains(split_types, type_))
     throw InputError("-implicit shape splits the forces, which -ts_type {} cannot do; use -ts_type arkimex", type_);
+  if (type_ == "arkode") check_arkode_splits();
   if (!needs_jacobian()) return;
   petsc_check(particle_pc_register());
   SNES snes = nullptr;

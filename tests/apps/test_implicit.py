@@ -32,3 +32,16 @@ def test_alpha2_goes_on_after_friction_sets_in(tmp_path):
                  pack_fraction=0.84, dt=0.01, integrator="ts", ts_type="alpha2", ts_adapt_type="none")
     assert run.summary["t"] == 8 and 800 < run.summary["steps"] < 850
     assert run.summary["crossed_count"] > 10
+
+
+@pytest.mark.parametrize("options, text", [
+    ({"ts_arkode_type": "imex"}, "needs forces in two parts; add -implicit shape"),
+    ({"ts_arkode_type": "MRI"}, "needs forces in two parts; add -implicit shape"),
+    ({"implicit": "shape"}, "which -ts_arkode_type erk cannot do; use imex or mri"),
+    ({"implicit": "shape", "ts_arkode_type": "dirk"}, "which -ts_arkode_type dirk cannot do; use imex or mri"),
+])
+def test_methods_of_arkode_that_do_not_fit_the_split_are_refused(tmp_path, options, text):
+    result = pliant("hopper", output=tmp_path / "run", **{**SMALL, "model": "rough", "n": 8, "n_vertices": 6},
+                    integrator="ts", ts_type="arkode", **options)
+    assert result.returncode == 2
+    assert text in result.stderr
