@@ -52,7 +52,7 @@ if "restart" in options:
 elif os.path.exists(f"{folder}/summary.json"):
     fail(2, f"{folder} holds a run that is finished (done); choose another -output")
 elif os.path.exists(f"{folder}/run.h5"):
-    fail(2, f"{folder} holds 1 frames of a run without a checkpoint to go on from; choose another -output")
+    fail(2, f"{folder} holds 1 frames of a run without a checkpoint to resume from; choose another -output")
 stop = []
 signal.signal(signal.SIGUSR1, lambda *_: stop.append(1))
 begun = time.monotonic()

@@ -51,11 +51,11 @@ void verify(const fs::path& path) {
   };
   const std::string head(read(head_size));
   if (head.starts_with(hdf5_signature))
-    refuse("is of format 1, which this version does not read; go on with the version that wrote it");
+    refuse("is of format 1, which this version does not read; restart with the version that wrote it");
   if (!head.starts_with(title)) refuse("is no checkpoint, or damaged");
   const std::string_view number = std::string_view(head).substr(title.size(), head.find(';') - title.size());
   if (number != std::to_string(format))
-    refuse(fmt::format("is of format {:.20}, and this version reads format {}; go on with the version that wrote it",
+    refuse(fmt::format("is of format {:.20}, and this version reads format {}; restart with the version that wrote it",
                        number, format));
   std::uint64_t bytes = 0;
   std::uint32_t crc = 0;

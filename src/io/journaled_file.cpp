@@ -324,7 +324,7 @@ void JournaledFile::commit(std::uint64_t end) {
   } catch (const std::system_error& error) {
     if (error.code() == std::errc::no_such_file_or_directory)
       throw OutputError("{} was removed or replaced while it was being written", name_);
-    throw OutputError("cannot write {}: {}; free space or mend the disk, then go on from the last checkpoint", name_,
+    throw OutputError("cannot write {}: {}; free space or mend the disk, then restart from the last checkpoint", name_,
                       error.code().message());
   }
   committed_ = end;

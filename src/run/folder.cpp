@@ -33,7 +33,7 @@ std::string stored_text(const fs::path& folder, const std::string& name) {
   std::string extend;
   if (status == "failed")
     throw InputError(
-        "{} holds a run that failed ({}); go on from its last checkpoint by -restart {}, or choose another "
+        "{} holds a run that failed ({}); restart from its last checkpoint with -restart {}, or choose another "
         "-output",
         name, stored_text(folder, "message"), name);
   if (checkpoint && ended_by == "t_end") extend = fmt::format("extend it by -restart {} -t_end LATER, or ", name);
@@ -55,9 +55,9 @@ Found look_into(const fs::path& folder) {
   if (ended && (checkpoint || status != "failed")) refuse_ended(folder, status, checkpoint);
   if (checkpoint) return status == "stopped" ? Found::stopped : Found::killed;
   if (const std::size_t frames = count_frames(folder); frames > 0)
-    throw InputError("{} holds {} frames of a run without a checkpoint to go on from; choose another -output",
+    throw InputError("{} holds {} frames of a run without a checkpoint to resume from; choose another -output",
                      folder.string(), frames);
-  say("{}: its run ended before it had a checkpoint or a frame, and starts anew\n", folder.string());
+  say("{}: its run ended before it had a checkpoint or a frame, and starts again\n", folder.string());
   for (const char* name : {"run.h5", "run.xdmf", "summary.json"})
     if (fs::remove(folder / name, error); error)
       throw OutputError("cannot remove {}: {}; choose another -output", (folder / name).string(), error.message());
@@ -151,7 +151,7 @@ void make_run(std::string_view scenario, const RunOptions& p, Options& options, 
       if (found == Found::killed && ranks.root())
         say("{}: its run was killed, and goes on from its last checkpoint\n", folder.string());
       if (!problems.empty() && ranks.root())
-        warn("{}; going on from {} (step {})", fmt::join(problems, "; "), file, step);
+        warn("{}; resuming from {} (step {})", fmt::join(problems, "; "), file, step);
       return;
     } catch (const RestartConflict&) {
       throw;

@@ -550,7 +550,7 @@ ExitCode Run<D>::finish() {
     writer_->flush();
     if (!stopped()) writer_->drop_later_frames();  // of a run that was killed later than this one ends
     if (stopped()) {
-      say("stopped at t = {:.6g} {} with a checkpoint; run the same command again to go on\n", state().t,
+      say("stopped at t = {:.6g} {} with a checkpoint; run the same command again to resume\n", state().t,
           protocol_->unit_of_time());
     } else {
       if (restarted() && !took_steps()) say("the run has ended there already\n");

@@ -97,7 +97,7 @@ def test_one_bit_of_an_option(run, from_older):
     result = pliant("hopper", restart=run, **LAST)
     assert result.returncode == 0
     assert "checkpoint-b.h5 is damaged" in result.stderr
-    assert "going on from" in result.stderr and "checkpoint-a.h5 (step 500)" in result.stderr
+    assert "resuming from" in result.stderr and "checkpoint-a.h5 (step 500)" in result.stderr
     assert_same_runs(Results(run), from_older)
 
 
@@ -187,7 +187,7 @@ def test_an_older_run_file(run, two, from_older):
     result = pliant("hopper", restart=run, **LAST)
     assert result.returncode == 0 and result.stderr.count("\n") == 1, result.stderr
     assert "run.h5 has 2 frames" in result.stderr and "checkpoint-b.h5 counts on 3" in result.stderr
-    assert "going on from" in result.stderr and "checkpoint-a.h5 (step 500)" in result.stderr
+    assert "resuming from" in result.stderr and "checkpoint-a.h5 (step 500)" in result.stderr
     assert_same_runs(Results(run), from_older)
 
 
@@ -232,7 +232,7 @@ def test_droplets_with_a_checkpoint_that_counts_too_much(scenario, options, tmp_
     edit(newer, set_value("samples", 1000))
     result = pliant(scenario, restart=run, t_end=60)
     assert result.returncode == 0 and result.stderr.count("\n") == 1, result.stderr
-    assert f"{newer.name} counts on 1000" in result.stderr and "going on from" in result.stderr
+    assert f"{newer.name} counts on 1000" in result.stderr and "resuming from" in result.stderr
     times = Results(run).series["time"]
     assert times[-1] == 60 and (np.diff(times) > 0).all()
 

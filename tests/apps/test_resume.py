@@ -107,7 +107,7 @@ def test_killed_while_it_packs(tmp_path):
     # Its advice: to start with -output, here even with other options.
     options["seed"] = 2
     result = pliant("hopper", output=tmp_path / "run", **options)
-    assert result.returncode == 0 and result.stdout.count("starts anew") == 1 and result.stderr == ""
+    assert result.returncode == 0 and result.stdout.count("starts again") == 1 and result.stderr == ""
     assert pliant("hopper", output=tmp_path / "whole", **options).returncode == 0
     assert_same_runs(Results(tmp_path / "whole"), Results(tmp_path / "run"))
 
@@ -255,7 +255,7 @@ def test_a_start_that_failed_is_no_obstacle(tmp_path):
     failed = pliant("raft", output=tmp_path / "run", **options)
     assert failed.returncode == 3 and Results(tmp_path / "run").frames == []
     result = pliant("raft", output=tmp_path / "run", **{**options, "start_distance": 6, "end_distance": 5.9})
-    assert result.returncode == 0 and "starts anew" in result.stdout, result.stderr
+    assert result.returncode == 0 and "starts again" in result.stdout, result.stderr
 
 
 # --- Two at once

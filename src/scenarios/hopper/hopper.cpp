@@ -10,24 +10,23 @@
 #include <numeric>
 
 #include <pliant/analysis/clog.h>
-#include <pliant/analysis/crossing.h>
 #include <pliant/analysis/flow_precision.h>
 #include <pliant/base/console.h>
 #include <pliant/base/log.h>
 #include <pliant/io/summary.h>
-#include <pliant/model/bending.h>
 #include <pliant/model/drag.h>
-#include <pliant/model/edge_contact.h>
 #include <pliant/model/lip_contact.h>
 #include <pliant/model/polygon.h>
-#include <pliant/model/wall_contact.h>
 #include <pliant/run/crossing_watch.h>
 #include <pliant/run/memory.h>
 #include <pliant/run/overlap_check.h>
 #include <pliant/run/run.h>
 #include <pliant/scenarios/hopper/blockage.h>
 #include <pliant/scenarios/hopper/measurements.h>
+#include <pliant/scenarios/hopper/orifice_counter.h>
 #include <pliant/scenarios/hopper/passage.h>
+#include <pliant/scenarios/hopper/report.h>
+#include <pliant/scenarios/hopper/steps.h>
 #include <pliant/setup/reinsertion.h>
 #include <pliant/system/point_drag.h>
 #include <pliant/ts/ts_integrator.h>
@@ -35,9 +34,6 @@
 
 namespace pliant {
 namespace {
-
-/// Of a fraction; "?" where it is unknown.
-std::string percent(Real fraction) { return std::isnan(fraction) ? "?" : fmt::format("{:.2g}", 100 * fraction); }
 
 template <int D>
 Vec<D> down() {
@@ -60,17 +56,17 @@ std::unique_ptr<Simulation<D>> make_simulation(const HopperOptions& p, const Ran
       OverdampedSystem<D>(std::move(particles), std::make_unique<PointDrag<D>>(p.model.term(Drag<D>{}))), sorting);
 }
 
-/// Of the series and of the summary.
-constexpr const char* self_crossing_column = "self_crossing_particles";
-
 /// Protocol of the hopper: particles flow, are counted, reinserted and measured.
 template <int D>
 class HopperProtocol final : public Protocol<D> {
  public:
   HopperProtocol(const HopperOptions& p, const Ranks& communicator)
-      : Protocol<D>(make_simulation<D>(p, communicator)), p_(p), clog_(p.clog_time, *p.clog_speed) {
+      : Protocol<D>(make_simulation<D>(p, communicator)),
+        p_(p),
+        clog_(p.clog_time, *p.clog_speed),
+        largest_(*std::ranges::max_element(this->simulation().all().sigma)),
+        counter_(p.counting, p.removal_depth.value_or(2 * largest_)) {
     const Topology& all = this->simulation().all();
-    for (const Real sigma : all.sigma) largest_ = std::max(largest_, sigma);
     for (const Real a0 : all.a0) mean_size_ += a0 / all.particles();
     narrowest_ = *std::min_element(all.diameter.begin(), all.diameter.end());
     largest_a0_ = *std::max_element(all.a0.begin(), all.a0.end());
@@ -84,41 +80,8 @@ class HopperProtocol final : public Protocol<D> {
     if (!p.container->plain())
       top_ = std::max(
           top_, p.container->fill_height(D, std::accumulate(all.a0.begin(), all.a0.end(), 0.0) / *p.pack_fraction));
-    const CriticalStep critical = particles().field().critical_step(all);
-    critical_step_ = critical.limit();
-    Real lightest = std::numeric_limits<Real>::infinity(), heaviest = 0;
-    for (Index m = 0; m < all.particles(); ++m) {
-      const Real mass = all.point_mass[m] * all.points_of(m);
-      lightest = std::min(lightest, mass);
-      heaviest = std::max(heaviest, mass);
-    }
-    if (p.drag_per_mass()) lightest = heaviest = average_mass<D>;  // drag acts as if all had it
-    dt_ = p.dt.value_or(critical.standard(
-        std::min({1e-3, p.elastic_fraction(critical.elastic, lightest) * critical.elastic, 0.5 * critical.damping})));
-    // A drag that acts on positions alone leaves some oscillations of particles with spins undamped.
-    const Real drag = particles().field().rotates() ? 0 : p.drag() / heaviest;
-    for (const Rates& r : {critical.crowded.translation, critical.crowded.rotation})
-      motions_.push_back({.oscillation = std::sqrt(r.stiffness), .drag = drag, .decay = r.damping});
-    const Real one_contact = critical.elastic * critical.elastic * p.drag() / (2 * heaviest);
-    if (p.dynamics == Dynamics::overdamped) {
-      // Springs k relax at the rate k/ζ; for one contact, k/m = (2/dt)².
-      motions_ = {{.decay = critical.crowded.translation.stiffness * heaviest / p.drag()}};
-      dt_ = p.dt.value_or(std::min(1e-3, 0.2 * one_contact));
-    }
-    // Where contacts are that stiff, the fixed step is the critical one. The rate is that at stiff_distance and goes as
-    // 1/d; without inertia it is the square that counts.
-    const Real elastic = critical.elastic, drag_limit = one_contact;
-    const Real unit = BarrierOverlap::stiff_distance / 2,
-               outlines = p.model.term(EdgeContact<BarrierOverlap>{}).max_rate(all),
-               walls = p.model.term(WallContact<2, BarrierOverlap>{}).max_rate(all);
-    const bool overdamped = p.dynamics == Dynamics::overdamped;
-    least_distances_ = [=](Real dt) {
-      const Real factor = unit * (overdamped ? elastic * std::sqrt(dt / drag_limit) : dt);
-      return LeastDistances{factor * outlines, factor * walls};
-    };
-    if (!p.model.parameters(Role::bending).empty())
-      if (const Bending bending = p.model.term(Bending{}); bending.edges == EdgeVectors::unit)
-        bending_rate_ = bending.max_rate(all);
+    steps_ = hopper_steps<D>(p, all, particles().field());
+    critical_step_ = steps_.critical;
     if (p.q_rtol > 0) precision_.emplace(p.q_rtol);
   }
 
@@ -132,7 +95,7 @@ class HopperProtocol final : public Protocol<D> {
   }
   std::string model() const override { return p_.model.name; }
   Real last_time() const override { return *p_.t_end; }
-  Real first_dt() const override { return dt_; }
+  Real first_dt() const override { return steps_.dt; }
   Real critical_step() const override { return critical_step_; }
   std::optional<Real> fixed_skin() const override { return p_.skin; }
 
@@ -153,12 +116,13 @@ class HopperProtocol final : public Protocol<D> {
     // Of an implicit method, or one whose error is controlled where no step is stable, the time scale of Verlet
     // remains.
     Real stable = std::numeric_limits<Real>::infinity();
-    for (const FastestRates& motion : motions_) stable = std::min(stable, integrator->longest_stable_step(motion));
+    for (const FastestRates& motion : steps_.motions)
+      stable = std::min(stable, integrator->longest_stable_step(motion));
     if (integrator->explicit_fixed_step() || (std::isfinite(stable) && stable > 0)) critical_step_ = stable;
     if constexpr (D == 2)
       if (p_.has_barrier())
         outlines_ = integrator->explicit_fixed_step()
-                        ? CrossingWatch(least_distances_(integrator->next_dt()), integrator->next_dt())
+                        ? CrossingWatch(steps_.least_distances(integrator->next_dt()), integrator->next_dt())
                         : CrossingWatch({.walls = p_.model.term(LipContact<>{}).with_edges ? 0.0 : -1.0}, 0);
     outlines_.set_self_crossing(self_crossing_watch());
     return integrator;
@@ -223,13 +187,7 @@ class HopperProtocol final : public Protocol<D> {
     return x;
   }
 
-  void placed() override {
-    const auto n = static_cast<std::size_t>(topology().owned());
-    counted_.assign(n, 0);
-    outside_.assign(n, 0);
-    reinserted_.assign(n, 0);
-    seen_.assign(n, {});
-  }
+  void placed() override { counter_.reset(topology().owned()); }
 
   void repeat(const Series& series) override {
     if (!precision_) return;
@@ -246,11 +204,11 @@ class HopperProtocol final : public Protocol<D> {
 
   void ready() override {
     watch([&](ParticleSystem<2>& system) { outlines_.start(system, state()); });
-    for (Index m = 0; m < topology().owned(); ++m) seen_[m] = sight(m);
+    counter_.start(state(), topology());
   }
 
   void judge_end() override {
-    last_sample_ = take_sample<D>(particles(), state(), *p_.container, flow_, run().last_dt());
+    last_sample_ = take_sample<D>(particles(), state(), *p_.container, counter_.flow(), run().last_dt());
     end_without_flow();
   }
 
@@ -265,27 +223,24 @@ class HopperProtocol final : public Protocol<D> {
   }
 
   void sorted(const Migration& migration) override {
-    migration.move(counted_);
-    migration.move(outside_);
-    migration.move(reinserted_);
-    migration.move(seen_);
+    counter_.move(migration);
     watch([&](ParticleSystem<2>& system) { outlines_.after_change(system, state()); });
   }
 
   /// Crossings of all ranks since the last call become events.
   void record_events() override {
-    std::vector<OrificeCrossing> all = ranks().all_gather(std::exchange(crossings_, {}));
-    std::sort(all.begin(), all.end(), [](const OrificeCrossing& a, const OrificeCrossing& b) {
+    std::vector<OrificeCrossing<D>> all = ranks().all_gather(counter_.take_crossings());
+    std::sort(all.begin(), all.end(), [](const OrificeCrossing<D>& a, const OrificeCrossing<D>& b) {
       return std::pair(a.at.t, a.id) < std::pair(b.at.t, b.id);
     });
-    for (const OrificeCrossing& c : all)
+    for (const OrificeCrossing<D>& c : all)
       run().add_event(
           {{"time", c.at.t}, {"particle", static_cast<Real>(c.id)}, {"position", c.at.x}, {"velocity", c.at.v}});
   }
 
   std::vector<SeriesValue> sample() override {
     const State& s = state();
-    last_sample_ = take_sample<D>(particles(), s, *p_.container, flow_, run().last_dt());
+    last_sample_ = take_sample<D>(particles(), s, *p_.container, counter_.flow(), run().last_dt());
     check_particles();
     count_self_crossings();
     warn_of_short_edges();
@@ -302,7 +257,7 @@ class HopperProtocol final : public Protocol<D> {
   }
 
   const std::vector<Index>* reinsertions() const override {
-    return p_.flow == FlowKind::continuous ? &reinserted_ : nullptr;
+    return p_.flow == FlowKind::continuous ? &counter_.reinsertions() : nullptr;
   }
 
   std::string progress() const override {
@@ -314,11 +269,7 @@ class HopperProtocol final : public Protocol<D> {
   }
 
   void save(SharedCheckpoint& c) const override {
-    c.add_parts("counted", counted_);
-    c.add_parts("outside", outside_);
-    c.add_parts("reinserted", reinserted_);
-    c.add("crossed", ranks().sum(flow_.crossed));
-    c.add("crossed_area", ranks().sum(flow_.area));
+    counter_.save(c, ranks());
     const ClogDetector::State& clog = clog_.state();
     c.add("quiet_since", std::isnan(clog.quiet_since) ? -1 : clog.quiet_since);
     c.add("crossed_before_quiet", clog.crossed);
@@ -328,19 +279,8 @@ class HopperProtocol final : public Protocol<D> {
   }
 
   void load(const Checkpoint& c, const StoredParticles& stored) override {
-    const std::int64_t crossed = c.integer("crossed");
-    c.integer("events", crossed, crossed);
     stored.particles("active", p_.flow == FlowKind::continuous ? 1 : 0, 1);
-    const auto restore = [&](auto& own, const char* name, std::int64_t least, std::int64_t most) {
-      const auto values = stored.particles(name, least, most);
-      own.assign(values.begin(), values.end());
-    };
-    restore(counted_, "counted", 0, 1);
-    restore(outside_, "outside", 0, 1);
-    restore(reinserted_, "reinserted", 0, crossed);
-    const Real area = static_cast<Real>(crossed) * largest_a0_;
-    const Real crossed_area = c.real("crossed_area", 0, area * (1 + 1e-9));
-    if (ranks().root()) flow_ = {crossed, crossed_area};
+    const std::int64_t crossed = counter_.load(c, stored, ranks(), largest_a0_);
     // By another limit on speeds the quiet time may have begun later: it begins anew.
     const bool same_limit = c.real_or("clog_speed", *p_.clog_speed) == *p_.clog_speed;
     const Real quiet_since = same_limit ? c.real("quiet_since", -1, c.t) : -1;
@@ -356,7 +296,7 @@ class HopperProtocol final : public Protocol<D> {
                             last_sample_.first, last_sample_.second);
     if (const Real edge = last_sample_.shortest_edge; edge < 0.5)
       details += fmt::format(", shortest edge {:.2g} l0: {}", edge,
-                             bending_rate_ > 0
+                             steps_.bending_rate > 0
                                  ? "bending is stiffer there, so use " + longer_edges()
                                  : fmt::format("a larger {} keeps edges longer", p_.model.option(Role::perimeter)));
     return details;
@@ -365,35 +305,21 @@ class HopperProtocol final : public Protocol<D> {
   // --- After the run
 
   void conclude(nlohmann::ordered_json& s) override {
-    s["crossed_count"] = ranks().sum(flow_.crossed);
+    s["crossed_count"] = ranks().sum(counter_.flow().crossed);
     s["packing_iterations"] = packing_iterations_;
   }
 
   void report(const Series& series, nlohmann::ordered_json& s) override {
-    status_ = s["status"];
-    precise_ = status_ == "done" && s["ended_by"] == "q_rtol";
-    nlohmann::ordered_json measured = evaluate_series(even_rows(series, run().even_samples()), p_, mean_size_);
-    // Rest is no flow, whatever came out before it: fits leave such a run out.
-    if (rests())
-      for (const char* name : {"Q", "Q_corrected"})
-        if (measured.contains(name)) measured[name].update({{"value", 0}, {"error", nullptr}});
-    // Later samples are not flow.
-    if (rests() || p_.flow == FlowKind::discharge)
-      measured["flow_ended"] = quantity(last_crossing(series), BlockAverage::unknown, "t0");
-    measured["largest_wall_overlap"] = wall_overlap_;
-    if (const Real deepest = std::max(deepest_overlap(series), wall_overlap_); deepest > passing_overlap) {
-      measured["passing_overlap"] = deepest;
-      for (auto& [name, value] : measured.items())
-        if (value.is_object() && value.contains("error")) value["error"] = nullptr;
-    }
-    for (const auto& [name, value] : measured.items()) s[name] = value;
-    print(measured);
-    if (deformable()) report_self_crossings(series, s);
-    warn_of_overlap(series);
-    if (ended_as("done") && !precise_) {
-      warn_of_standstill(series);
-      if (precision_) warn_of_error(measured);
-    }
+    const HopperEnd end{.options = p_,
+                        .status = s["status"],
+                        .ended_by = s.value("ended_by", ""),
+                        .t = state().t,
+                        .quiet_since = clog_.state().quiet_since,
+                        .in_hopper = last_sample_.in_hopper,
+                        .max_speed = last_sample_.max_speed,
+                        .wall_overlap = wall_overlap_,
+                        .restart_command = run().restart_command()};
+    report_hopper(end, series, evaluate_series(even_rows(series, run().even_samples()), p_, mean_size_), s);
   }
 
  private:
@@ -419,63 +345,29 @@ class HopperProtocol final : public Protocol<D> {
       run().end(arch_over_orifice<D>(particles(), state(), *p_.container) ? "clogged" : "at_rest");
     if (p_.flow == FlowKind::discharge && last_sample_.in_hopper == 0) run().end("empty");
   }
-  bool ended_as(std::string_view status) const { return status_ == status; }
-  bool rests() const { return ended_as("clogged") || ended_as("at_rest"); }
-
-  /// Counts the particles that have crossed the orifice line, or that are taken out far below; those are reinserted but
-  /// in a discharge. Errors: NumericalError where one has crossed the line beside the orifice. Nothing moves more than
-  /// skin/2 between two list rebuilds, so only particles that were near enough at the last one are looked at.
+  /// Counts particles at the orifice line; reinserts those that leave, or removes them in a discharge. Errors:
+  /// NumericalError for a particle that has crossed the line outside the orifice.
   bool follow_particles() {
-    const Topology& own = topology();
-    if (particles().neighbours().rebuilds() != watched_since_) {
-      watched_since_ = particles().neighbours().rebuilds();
-      watched_.clear();
-      for (Index m = 0; m < own.owned(); ++m)
-        if (own.active[m] && height(m) < particles().neighbours().skin()) watched_.push_back(m);
-    }
-    const Real depth = p_.removal_depth.value_or(2 * largest_);
-    std::vector<Leaving> leaving;
-    std::optional<OrificeCrossing> astray;
-    for (const Index m : watched_) {
-      const Sighting<D> now = sight(m);
-      const Real h = now.x[D - 1];
-      const bool below = h < 0;
-      if (below != (seen_[m].x[D - 1] < 0) && !stays_outside(m, now)) {
-        const OrificeCrossing crossing{own.id[m], below ? on_the_line(seen_[m], now) : now};
-        if (!passage().through_orifice(m, crossing.at.x)) {
-          astray = crossing;
-        } else {
-          outside_[m] = below;
-          if (below && !counted_[m] && p_.counting == Counting::crossing) {
-            counted_[m] = 1;
-            count(m, crossing);
-          }
-        }
-      }
-      seen_[m] = now;
-      if (h < -depth && own.active[m]) {
-        if (p_.counting == Counting::removal) count(m, {own.id[m], now});
-        leaving.push_back({own.id[m], ranks().rank(), m, reinserted_[m]});
-      }
-    }
+    const auto event = counter_.follow(state(), particles(), *p_.container, ranks().rank());
+    const auto& astray = event.astray;
     enum { none_leave, some_leave, one_astray };
-    const int event = ranks().max(astray ? one_astray : !leaving.empty() ? some_leave : none_leave);
-    if (event == none_leave) return false;
-    if (event == one_astray)
+    const int worst = ranks().max(astray ? one_astray : !event.leaving.empty() ? some_leave : none_leave);
+    if (worst == none_leave) return false;
+    if (worst == one_astray)
       ranks().together([&] {
         if (astray) throw through_wall(astray->id, astray->at.x, "crossed the orifice line outside the orifice");
       });
     const LogScope log(LogEvent::reinsert);
-    leaving = ranks().all_gather(leaving);
+    std::vector<Leaving> leaving = ranks().all_gather(event.leaving);
     std::sort(leaving.begin(), leaving.end(), [](const Leaving& a, const Leaving& b) { return a.id < b.id; });
     std::vector<Index> ids;
     for (const Leaving& l : leaving) ids.push_back(l.id);
-    audit_.outside(ids, [&] { take_out(leaving); });
+    audit_.outside(ids, [&] { remove(leaving); });
     return true;
   }
 
-  /// Reinserts particles that have left; in a discharge takes them out of the run.
-  void take_out(const std::vector<Leaving>& leaving) {
+  /// Reinserts particles that have left; in a discharge deactivates them.
+  void remove(const std::vector<Leaving>& leaving) {
     const Topology& own = topology();
     State& s = state();
     for (const Leaving& l : leaving) {
@@ -487,10 +379,7 @@ class HopperProtocol final : public Protocol<D> {
         if (!mine) continue;
         stop_spin(l.particle);
         this->simulation().relist(l.particle);
-        seen_[l.particle] = sight(l.particle);
-        counted_[l.particle] = 0;
-        outside_[l.particle] = 0;
-        ++reinserted_[l.particle];
+        counter_.reinserted(l.particle, s, own);
       } else if (mine) {
         for (Index i = own.offset[l.particle]; i < own.offset[l.particle + 1]; ++i) point<D>(s.v().data(), i).setZero();
         stop_spin(l.particle);
@@ -505,25 +394,6 @@ class HopperProtocol final : public Protocol<D> {
     if (!spins.empty()) std::ranges::fill(spins.subspan(static_cast<std::size_t>(m) * rotations<D>, rotations<D>), 0.0);
   }
 
-  /// Whether own particle m, which has crossed the orifice line, is outside as it was: it comes up behind the walls, or
-  /// falls from there.
-  bool stays_outside(Index m, const Sighting<D>& now) const {
-    return outside_[m] && (now.x[D - 1] < 0 || !p_.container->inside(D, in_plane<D>(point<D>(now.x.data(), 0))));
-  }
-
-  struct OrificeCrossing {
-    Index id;
-    Sighting<D> at;
-  };
-
-  void count(Index m, const OrificeCrossing& crossing) {
-    ++flow_.crossed;
-    flow_.area += topology().a0[m];
-    crossings_.push_back(crossing);
-  }
-
-  Real height(Index m) const { return mean_of_points<D>(state().x().data(), topology(), m)[D - 1]; }
-
   Passage<D> passage() const { return {state().x().data(), topology(), *p_.container, particles().walls()}; }
 
   NumericalError through_wall(Index id, const std::array<Real, D>& at, std::string_view how) const {
@@ -532,15 +402,6 @@ class HopperProtocol final : public Protocol<D> {
         "particle {} has {}, at ({:.3f}): it went through a wall; {}{} or {}", id, how, fmt::join(at, ", "),
         enters ? fmt::format("use {} edge, as lips enter edges without, ", p_.model.option(Role::lip_rule)) : "",
         stiffen_walls(), shorten());
-  }
-
-  Sighting<D> sight(Index m) const {
-    const State& s = state();
-    Sighting<D> now{s.t, {}, {}};
-    const Vec<D> x = mean_of_points<D>(s.x().data(), topology(), m), v = mean_of_points<D>(s.v().data(), topology(), m);
-    std::copy(x.begin(), x.end(), now.x.begin());
-    std::copy(v.begin(), v.end(), now.v.begin());
-    return now;
   }
 
   /// Stops the run at faults after which no later number could be trusted.
@@ -553,8 +414,8 @@ class HopperProtocol final : public Protocol<D> {
         const Vec<D> r = mean_of_points<D>(s.x().data(), own, m), v = mean_of_points<D>(s.v().data(), own, m);
         if (!r.allFinite() || !v.allFinite())
           throw NumericalError("particle {} has a position or velocity that is not finite", own.id[m]);
-        if (own.active[m] && places.through_wall(m, outside_[m]))
-          throw through_wall(own.id[m], sight(m).x, "left the hopper");
+        if (own.active[m] && places.through_wall(m, counter_.outside(m)))
+          throw through_wall(own.id[m], counter_.sight(s, own, m).x, "left the hopper");
         if (const Real roof = 10 * (top_ + p_.container->upright_from() + largest_); r[D - 1] > roof)
           throw NumericalError(
               "particle {} was thrown to a height of {:.3g} sigma_avg, beyond {:.3g}, ten times that of the start: {}",
@@ -601,7 +462,7 @@ class HopperProtocol final : public Protocol<D> {
 
   /// Where energy comes from: the step, or reinsertion, which lifts particles as fast as they leave.
   std::string why_thrown() const {
-    const std::string step = fmt::format("the step makes energy: {}", shorten());
+    const std::string step = fmt::format("unstable step: {}", shorten());
     if (p_.flow == FlowKind::discharge) return step;
     const std::string flow = fmt::format(
         "gravity puts more energy into the flow than friction and drag take: raise {}, or narrow the orifice "
@@ -634,14 +495,6 @@ class HopperProtocol final : public Protocol<D> {
 
   // --- Texts
 
-  /// For a run that -t_end ended first.
-  void warn_of_error(const nlohmann::ordered_json& measured) const {
-    const bool known = measured.contains("Q") && !measured["Q"]["error"].is_null();
-    const Real error = known ? Real(measured["Q"]["error"]) / Real(measured["Q"]["value"]) : BlockAverage::unknown;
-    warn("-t_end {:g} came before -hopper_q_rtol {:g} was certain: the error of Q is {} %; go on with {}", *p_.t_end,
-         p_.q_rtol, percent(error), longer());
-  }
-
   /// For an outline or obstacles that leave no way.
   void warn_if_blocked() const {
     const Topology& all = this->simulation().all();
@@ -659,7 +512,7 @@ class HopperProtocol final : public Protocol<D> {
     if (short_edges_seen_ || p_.dynamics == Dynamics::overdamped ||
         !this->simulation().integrator().explicit_fixed_step())
       return;
-    const Real edge = last_sample_.shortest_edge, dt = run().last_dt(), ratio = dt * bending_rate_ / (2 * edge);
+    const Real edge = last_sample_.shortest_edge, dt = run().last_dt(), ratio = dt * steps_.bending_rate / (2 * edge);
     if (!(ratio > 1)) return;
     short_edges_seen_ = true;
     if (ranks().root())
@@ -667,81 +520,6 @@ class HopperProtocol final : public Protocol<D> {
           "t = {:.4g}: edges have shrunk to {:.2g} of their rest length, where -dt {:.3g} is {:.2g} times the limit of "
           "stability of bending; use {}",
           state().t, edge, dt, ratio, longer_edges());
-  }
-
-  /// For a run whose flow has ended without a clog: remaining particles may bounce if dissipation is low.
-  void warn_of_standstill(const Series& series) const {
-    const Real last = last_crossing(series), since = state().t - last;
-    if (last_sample_.in_hopper > 0 && since >= p_.clog_time && since > 0.2 * state().t)
-      warn(
-          "no particle has crossed the orifice since t = {:.4g} t0, but particles still move at up to {:.2g} "
-          "sigma_avg/t0: the run counts neither as clogged nor as at rest, and averages include that time",
-          last, last_sample_.max_speed);
-  }
-
-  static Real deepest_overlap(const Series& series) { return std::ranges::max(series.at("max_overlap").values); }
-
-  /// Counts of samples. No particle has crossed itself in a run that such a particle ends.
-  void report_self_crossings(const Series& series, nlohmann::ordered_json& s) const {
-    const bool counted = p_.self_crossing == OnSelfCrossing::count;
-    const Index most = counted ? static_cast<Index>(std::ranges::max(series.at(self_crossing_column).values)) : 0;
-    s[self_crossing_column] = most;
-    if (most > 0)
-      warn(
-          "up to {} of {} particles cross themselves: their areas are not those that they cover, and contacts reach "
-          "through them",
-          most, p_.particles);
-  }
-
-  /// Centres that meet pass through each other.
-  void warn_of_overlap(const Series& series) const {
-    if (const Real deepest = deepest_overlap(series); deepest > passing_overlap)
-      warn("particles overlapped by {:.3g} of their contact distance: they pass through each other; raise {}, now {:g}",
-           deepest, p_.model.option(Role::contact_energy), p_.model.value(Role::contact_energy));
-    if (wall_overlap_ > passing_overlap)
-      warn("a particle overlapped a wall by {:.3g} radii: it passes through the wall; raise {}, now {:g}",
-           wall_overlap_, p_.model.option(Role::wall_energy), p_.model.value(Role::wall_energy));
-  }
-
-  /// To twice the time, and as many samples as an error needs.
-  std::string longer() const {
-    const Real later = 2 * std::max(state().t, 64 * p_.sample_interval);
-    return fmt::format("{} -t_end {:.3g}", run().restart_command(), later);
-  }
-
-  void print(const nlohmann::ordered_json& measured) const {
-    const bool few = measured.contains("steady_samples") && measured["steady_samples"] <= BlockAverage::least_samples;
-    const bool drifts = measured.contains("steady") && !measured["steady"] &&
-                        std::string(measured["steady_explanation"]).starts_with("not steady");
-    const std::string no_error =
-        measured.contains("passing_overlap") ? "no error: particles passed through each other or a wall"
-        : ended_as("clogged")                ? "clogged"
-        : ended_as("at_rest")                ? "at rest"
-        : measured.contains("Q") && measured["Q"]["value"] == 0 ? "no error: nothing has crossed"
-        : drifts                                                ? "no error: the flow is not steady"
-        : few ? fmt::format("no error: fewer than {} steady samples", BlockAverage::least_samples)
-              : "no error: its correlations are too long for the run";
-    const auto print = [&](const char* name, const char* text) {
-      if (!measured.contains(name) || measured[name]["value"].is_null()) return;
-      const Real value = measured[name]["value"];
-      const std::string unit = measured[name]["unit"], space = unit.empty() ? "" : " ";
-      if (measured[name]["error"].is_null())
-        say("{} = {:.3g}{}{} ({})\n", text, value, space, unit, no_error);
-      else
-        say("{} = {:.5g} ± {:.2g}{}{}\n", text, value, Real(measured[name]["error"]), space, unit);
-    };
-    if (rests())
-      say("{}: no crossing and no motion since t = {:.4g} t0\n",
-          ended_as("clogged") ? "clogged" : "at rest without an arch over the orifice", clog_.state().quiet_since);
-    if (precise_) say("ended at t = {:.6g} t0: Q has the relative error that -hopper_q_rtol asks for\n", state().t);
-    if (measured.contains("steady_explanation")) say("{}\n", std::string(measured["steady_explanation"]));
-    if (ended_as("done") && !precise_ && measured.contains("steady") && !measured["steady"])
-      say("to run longer: {}\n", longer());
-    print("Q", "Q");
-    print("Q_corrected", "Q'");
-    print("contacts_per_particle", "contacts per particle");
-    print("drag_friction_ratio", "drag/friction");
-    if (measured.contains("c0")) say("{}\n", discharge_text(measured));
   }
 
   std::string shape_text() const {
@@ -755,34 +533,24 @@ class HopperProtocol final : public Protocol<D> {
 
   const HopperOptions& p_;
   ClogDetector clog_;
+  Real largest_;  ///< diameter
+  OrificeCounter<D> counter_;
   EnergyAudit<D> audit_{this->simulation()};
   std::optional<FlowPrecision> precision_;
   std::optional<EvenSamples> judged_;  ///< by it
 
   // State that a checkpoint keeps.
-  FlowCount flow_;
-  std::vector<std::uint8_t> counted_;       ///< per own particle: has crossed since it was last reinserted
-  std::vector<std::uint8_t> outside_;       ///< per own particle: has gone out of the orifice, and not come back in
-  std::vector<Index> reinserted_;           ///< times reinserted
-  std::vector<Sighting<D>> seen_;           ///< last sight of each; kept up to date for those that are watched
-  std::vector<OrificeCrossing> crossings_;  ///< not recorded yet
   std::int64_t packing_iterations_ = 0;
   Real wall_overlap_ = 0;  ///< largest of a point with a wall up to now, over its radius
 
-  Real largest_ = 0, mean_size_ = 0;     ///< diameter; a0
+  Real mean_size_ = 0;                   ///< a0
   Real narrowest_ = 0, largest_a0_ = 0;  ///< diameter of a point; a0
   Real top_ = 0;                         ///< of the filling of a flat hopper at the start; not less than it is
-  std::vector<FastestRates> motions_;    ///< of positions and of angles
-  Real critical_step_ = 0, dt_ = 0;
-  std::function<LeastDistances(Real dt)> least_distances_;
+  HopperSteps steps_;
+  Real critical_step_ = 0;  ///< of the integrator
   CrossingWatch outlines_;
-  std::vector<Index> watched_;
-  std::int64_t watched_since_ = -1;
   Sample<D> last_sample_;
-  Real bending_rate_ = 0;          ///< of unit vectors, where edges have their rest length: it grows as they shrink
   bool short_edges_seen_ = false;  ///< has warned of them
-  bool precise_ = false;           ///< after the run: -hopper_q_rtol has ended it
-  std::string status_;             ///< after the run
 };
 
 RunSize size_of(const HopperOptions& p) {

@@ -92,8 +92,8 @@ struct HopperOptions : RunOptions {
   /// For a -clog_speed that a slow flow may not reach.
   void warn_of_clog_speed() const;
   /// Standard step over `elastic`, the limit that elastic forces set: as long as flow rates, energies and contacts are
-  /// those of shorter ones, and the rest of a discharge comes to rest (docs/reference/steps.md). Without dissipation nothing
-  /// carries off the heat of longer steps. lightest: mass of a particle.
+  /// those of shorter ones, and the rest of a discharge comes to rest (docs/reference/steps.md). Without dissipation
+  /// nothing carries off the heat of longer steps. lightest: mass of a particle.
   Real elastic_fraction(Real elastic, Real lightest) const;
   /// Margin of the neighbour lists at first; tuned from then on where the user gave none.
   Real first_skin() const;
