@@ -90,8 +90,8 @@ class DropletProtocol : public Protocol<2> {
   Real fastest_rate_;
   Real dt_;
   Real critical_step_ = std::numeric_limits<Real>::infinity();  ///< an estimate for light loads
-  Real start_energy_ = 0, withdrawn_ = 0;  ///< withdrawn: energy removed by changes of the state
-  Real budget_error_ = 0;                  ///< of the last sample
+  Real start_energy_ = 0, withdrawn_ = 0;                       ///< withdrawn: energy removed by changes of the state
+  Real budget_error_ = 0;                                       ///< of the last sample
 };
 
 }  // namespace pliant
