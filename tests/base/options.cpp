@@ -376,8 +376,10 @@ TEST_CASE("json tells value, unit and source, and gives a restart the same optio
   Program p;
   p.parse({"-options_file", file, "-n", "1e3", "-model", "rough", "-ts_rtol", "1e-5", "-plot", "-output", "first"});
   const auto stored = nlohmann::json::parse(p.options.json().dump());  // through text, as in a file
-  CHECK(stored["hopper_width"] == nlohmann::json({{"value", 0.1}, {"unit", "sigma_avg"}, {"source", file}, {"is_default", false}}));
-  CHECK(stored["n"] == nlohmann::json({{"value", 1000}, {"unit", ""}, {"source", "command line"}, {"is_default", false}}));
+  CHECK(stored["hopper_width"] ==
+        nlohmann::json({{"value", 0.1}, {"unit", "sigma_avg"}, {"source", file}, {"is_default", false}}));
+  CHECK(stored["n"] ==
+        nlohmann::json({{"value", 1000}, {"unit", ""}, {"source", "command line"}, {"is_default", false}}));
   CHECK(stored["hopper_angle"]["source"] == "default");
   CHECK(stored["dt"]["value"].is_null());
   CHECK(stored["model"]["value"] == "rough");

@@ -72,7 +72,7 @@ TEST_CASE("a parameter that a term declares is an option, with its range, unit a
   CHECK(last.way == Way::down);
   CHECK(!last.twice);
   CHECK_THAT(usual.options.help(), Contains("strength of the push (-model pushed)") &&
-                                       Contains("default 3 rho g sigma_avg^3; ≥ 0, ≤ 9") &&
+                                       Contains("[rho g sigma_avg^3; default 3; ≥ 0, ≤ 9]") &&
                                        Contains("default twice the strength") && Contains("-way <down|up>"));
 
   Offer given({"-strength", "4", "-way", "up", "-twice"});

@@ -261,7 +261,7 @@ TEST_CASE("an edited checkpoint whose checksum fits is read with care") {
 TEST_CASE("no checkpoint: the message says what to do") {
   const ScratchFolder folder;
   CHECK_THAT(message_of<InputError>([&] { find_checkpoints(folder / "none"); }),
-             Contains("none") && Contains("-restart"));
+             Contains("none") && Contains("from the folder of a run that has one"));
 }
 
 TEST_CASE("names that cannot be told apart in a checkpoint are refused") {

@@ -388,8 +388,10 @@ TEST_CASE("folders that cannot take a run") {
   }
   SECTION("is a file") {
     std::ofstream(scratch / "file") << "x";
-    CHECK_THAT(message_of<OutputError>([&] { new_run(scratch / "file", topology); }), Contains("-output"));
-    CHECK_THAT(message_of<OutputError>([&] { new_run(scratch / "file/below", topology); }), Contains("-output"));
+    CHECK_THAT(message_of<OutputError>([&] { new_run(scratch / "file", topology); }),
+               Contains("choose another folder"));
+    CHECK_THAT(message_of<OutputError>([&] { new_run(scratch / "file/below", topology); }),
+               Contains("choose another folder"));
     CHECK(contents(scratch / "file") == "x");
   }
   SECTION("may not be written") {
