@@ -115,7 +115,7 @@ def test_a_barrier_that_outgrows_the_step_stops_the_run(tmp_path):
     result = pliant("hopper", output=tmp_path / "run", **options)
     assert result.returncode == 3
     message = complaints(result)[0]
-    found = re.search(r"has come to ([\d.]+) of the contact distance of particle \d+, .* use a shorter step \(-dt\) of at most (\S+), or stiffer contacts \(-e_c\)$", message)
+    found = re.search(r"has come to ([\d.]+) of the contact distance of particle \d+, .* use a shorter step \(-dt\) of at most (\S+), or stiffer contacts \(-e_c\); ", message)
     assert found, message
     run = Results(tmp_path / "run")
     assert float(found.group(2)) < run.summary["dt"]
