@@ -47,8 +47,7 @@ if "restart" in options:
         with open(f"{options['restart']}/checkpoint-a.h5", encoding="utf-8") as file:
             at = float(file.read())
     except OSError:
-        fail(2, f"there is no checkpoint in {options['restart']}; give -restart the folder of a run that has one, or start one by "
-                "-output")
+        fail(2, f"there is no checkpoint in {options['restart']}; restart from the folder of a run that has one")
 elif os.path.exists(f"{folder}/summary.json"):
     fail(2, f"{folder} holds a run that is finished (done); choose another -output")
 elif os.path.exists(f"{folder}/run.h5"):

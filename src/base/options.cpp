@@ -357,7 +357,8 @@ Json Options::value(const Option& option) {
 }
 
 std::string Options::curing(Cure cure) const {
-  const auto found = std::ranges::find(options_, std::optional(cure), [](const Option& o) { return o.spec.cure; });
+  const auto found = std::ranges::find_if(
+      options_, [&](const Option& o) { return o.spec.cure == cure && (!o.spec.term || o.spec.term()); });
   return found == options_.end() ? "" : found->name;
 }
 

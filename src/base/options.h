@@ -126,7 +126,7 @@ class Options {
   std::string help(const std::string& group = "") const;
   /// Reference of all options: a heading and a table for each group.
   std::string markdown() const;
-  /// Name of the option that declares this cure; empty without one.
+  /// Name of the option that declares this cure, and that the run's model reads; empty without one.
   std::string curing(Cure cure) const;
   /// What programs may want to know of the options: name → {"default", "unit"}, "symbol" where the option has one, and
   /// for parameters of models "models", the names of those that read it.

@@ -21,7 +21,7 @@ bool has_petsc_option(const std::string& name);
 /// The viewer that an option names, or null.
 Handle<PetscViewer, PetscViewerDestroy> viewer_option(MPI_Comm comm, const std::string& name);
 
-/// Marks the options -<prefix><name> as used, so that they are not refused before PETSc reads them. Errors: InputError
+/// Marks the options -PREFIX_NAME as used, so that they are not refused before PETSc reads them. Errors: InputError
 /// for an unknown viewer, OutputError for a file that cannot be written.
 void read_views(MPI_Comm comm, std::span<const char* const> names, const std::string& prefix = "");
 

@@ -55,7 +55,7 @@ OPTIONS = {
     "negative_count": (["-n", "-1"], ["-n -1", "at least 0"]),
     "polygons_in_3d": (["-dim", "3", "-model", "rough"], ["-dim 3", "-model rough"]),
     "steep": (["-hopper_angle", "91"], ["-hopper_angle 91", "degrees"]),
-    "flat on one side": (["-hopper_angle_left", "0"], ["-hopper_angle_left 0 with -hopper_angle 90", "-outline"]),
+    "flat on one side": (["-hopper_angle_left", "0"], ["angles 0 of the left wall and 90", "-outline"]),
     "a cone with two angles": (["-dim", "3", "-hopper_angle_left", "0"], ["-hopper_angle_left", "-dim 3", "-dim 2"]),
     "wide_sizes": (["-size_distribution", "normal", "-size_deviation", "0.4"], ["-size_deviation 0.4"]),
     "rounder_than_regular": (["-model", "rough", "-shape_parameter", "1"], ["-shape_parameter 1", "1.013"]),

@@ -93,7 +93,7 @@ def test_one_bit_of_an_option(run, from_older):
     data = path.read_bytes()
     zeta = data.index(b'"zeta":{')
     flip(path, data.index(b"0.3", zeta) + 2)
-    assert b'0.2' in path.read_bytes()[zeta:zeta + 80]
+    assert b'0.2' in path.read_bytes()[zeta:zeta + 200]
     result = pliant("hopper", restart=run, **LAST)
     assert result.returncode == 0
     assert "checkpoint-b.h5 is damaged" in result.stderr

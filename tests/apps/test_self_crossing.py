@@ -85,7 +85,7 @@ def test_particles_above_the_regular_shape_parameter_start_at_rest(tmp_path):
 
 def test_a_shape_parameter_that_equal_edges_cannot_have(tmp_path):
     result = pliant("hopper", output=tmp_path / "run", model="rough", n_vertices=3, shape_parameter=1.8)
-    assert result.returncode == 2 and "-shape_parameter 1.8: 3 edges" in result.stderr
+    assert result.returncode == 2 and "shape parameter 1.8: 3 edges" in result.stderr
     assert not (tmp_path / "run").exists()
 
 

@@ -237,11 +237,11 @@ TEST_CASE("frictional disks with springs have limits of stability that do not de
 }
 
 TEST_CASE("a law is refused by models that do not have it") {
-  for (const ModelKind kind : {ModelKind::rough, ModelKind::bubble})
+  for (const ModelKind kind : {ModelKind::rough})
     CHECK_THROWS_AS(make_force_field<2>(kind, {.law = ContactLaw::hertz}, Vec<2>(0, -1)), InputError);
-  for (const ModelKind kind : {ModelKind::rough, ModelKind::smooth, ModelKind::bubble, ModelKind::disk})
+  for (const ModelKind kind : {ModelKind::rough, ModelKind::smooth, ModelKind::disk})
     CHECK_THROWS_AS(make_force_field<2>(kind, {.law = ContactLaw::linear}, Vec<2>(0, -1)), InputError);
-  for (const ModelKind kind : {ModelKind::sp, ModelKind::rough, ModelKind::bubble})
+  for (const ModelKind kind : {ModelKind::sp, ModelKind::rough})
     CHECK_THROWS_AS(make_force_field<2>(kind, {.law = ContactLaw::barrier}, Vec<2>(0, -1)), InputError);
 }
 

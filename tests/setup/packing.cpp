@@ -142,7 +142,7 @@ TEST_CASE("the lid is higher than the particles, however few they are", "[packin
 TEST_CASE("a particle wider than the hopper is refused", "[packing]") {
   CHECK_THROWS_AS(Packed<2>(ModelKind::sp, 6, {.wall_distance = 1.1, .orifice = 0.5}), InputError);
   CHECK_THROWS_WITH(Packed<2>(ModelKind::sp, 6, {.wall_distance = 1.1, .orifice = 0.5}),
-                    Catch::Contains("1.17") && Catch::Contains("1.1") && Catch::Contains("-hopper_wall_distance"));
+                    Catch::Contains("1.17") && Catch::Contains("1.1") && Catch::Contains("use a wider container"));
   // Wide enough for its largest particle, it takes them one above the other.
   check<2>(Packed<2>(ModelKind::sp, 6, {.wall_distance = 1.25, .orifice = 0.5}));
 }
