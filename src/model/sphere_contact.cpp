@@ -9,7 +9,6 @@
 
 namespace pliant {
 
-using simd::load4;
 using simd::Mask4;
 using simd::Real4;
 using Vector = Vector3<Real4>;

@@ -115,6 +115,7 @@ void settle_four(FourAtWalls<3, SphereWallContact<Law>>& four, const SphereWallC
   settle(four, term, s, ahead, force, total);
 }
 static_assert(RangeTerm<SphereWallContact<>, 3>);
+// A type cannot stand in parentheses. NOLINTBEGIN(bugprone-macro-parentheses)
 #define PLIANT_SETTLE_FOUR(Law)                                                                                      \
   template void settle_four<Law>(FourAtWalls<3, SphereWallContact<Law>>&, const SphereWallContact<Law>&,             \
                                  const StateView<3>&, const typename FourAtWalls<3, SphereWallContact<Law>>::Ahead&, \
@@ -123,5 +124,6 @@ PLIANT_SETTLE_FOUR(HarmonicOverlap)
 PLIANT_SETTLE_FOUR(HertzOverlap)
 PLIANT_SETTLE_FOUR(SpringOverlap)
 #undef PLIANT_SETTLE_FOUR
+// NOLINTEND(bugprone-macro-parentheses)
 
 }  // namespace pliant
