@@ -164,8 +164,6 @@ SOLITARY = {
     "hopper_overdamped": ("hopper", {**SOLVED, "dynamics": "overdamped"}),
     **{f"hopper_{kind}": ("hopper", {**SOLVED, "model": "rough", "ts_type": kind})
        for kind in ("rk", "verlet", "cvode", "arkode", "alpha2", "bdf", "arkimex")},
-    "raft": ("raft", {"rows": 1, "columns": 2, "t_end": 50, "sample_interval": 10, "frame_interval": 20}),
-    "clog": ("clog", {"n": 1, "t_end": 50, "sample_interval": 10, "frame_interval": 20}),
     "channel_disk": ("channel", DISK),
     "channel_rough": ("channel", {**DISK, "model": "rough"}),
 }
