@@ -33,9 +33,9 @@ flags=(-std=c++20 -O1 -g1 -w -DFMT_SHARED -fno-omit-frame-pointer
   -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=undefined -fno-sanitize=function,vptr,null,alignment,object-size
   -I"$root" -I"$build/include" -I"$build/version" -isystem /usr/include/eigen3
   $(as_system "$(pkg-config --cflags PETSc yaml-0.1)" "$(mpicxx --showme:compile)"))
-libraries=(-Wl,--start-group "$build"/src/libpliant_*.a -Wl,--end-group)
+libraries=(-Wl,--start-group "$build"/src/libpliant_*.a "$build"/src/ts/sundials/libpliant_*.a -Wl,--end-group)
 # Instrumented objects come first and count; the libraries contain them, too.
-sundials=$(sed -n 's/^find_package(SUNDIALS .* COMPONENTS \(.*\))$/\1/p' "$root/cmake/PliantDependencies.cmake")
+sundials=$(sed -n 's/^find_package(SUNDIALS .* COMPONENTS \(.*\))$/\1/p' "$root/src/ts/sundials/TsSundialsDependencies.cmake")
 packages=(-Wl,--allow-multiple-definition $(pkg-config --libs PETSc yaml-0.1 fmt hdf5-openmpi zlib) $(mpicxx --showme:link) -lgomp
   $(printf -- '-lsundials_%s ' $sundials))
 
