@@ -179,8 +179,7 @@ void HopperOptions::bind(Options& o) {
   o.bind("integrator", integrator, {{"verlet", IntegratorKind::verlet}, {"ts", IntegratorKind::ts}},
          {.help = "velocity Verlet with a fixed step, or PETSc TS (-ts_type, -ts_rtol, ...)", .on_restart = fixed});
   o.bind("implicit", implicit, {{"all", TermGroup::all}, {"shape", TermGroup::shape}},
-         {.help = "forces that the integrator treats implicitly: all, or shape energies alone",
-          .on_restart = fixed});
+         {.help = "forces that the integrator treats implicitly: all, or shape energies alone", .on_restart = fixed});
   o.bind("jacobian", jacobian, {{"assembled", JacobianKind::assembled}, {"matrix_free", JacobianKind::matrix_free}},
          {.help = "Jacobian of an implicit -ts_type: sparse matrix, or matrix-free products", .on_restart = fixed});
   o.bind("dt", dt,
