@@ -22,18 +22,12 @@ const char* phrase(Cure cure) {
       return "contacts with edges";
     case Cure::contact_barrier:
       return "a contact barrier";
-    case Cure::lighter_load:
-      return "a lighter load";
     case Cure::more_particles:
       return "more particles";
     case Cure::wider_container:
       return "a wider container";
     case Cure::narrower_orifice:
       return "a narrower orifice";
-    case Cure::other_orifice:
-      return "another orifice width";
-    case Cure::other_angle:
-      return "another angle";
     case Cure::own_outline:
       return "an outline from a file";
     case Cure::wider_obstacles:
@@ -48,8 +42,6 @@ const char* phrase(Cure cure) {
       return "more vertices";
     case Cure::smaller_aspect:
       return "a smaller aspect ratio";
-    case Cure::verlet:
-      return "velocity Verlet";
     case Cure::ts:
       return "PETSc TS";
     case Cure::drag:

@@ -14,12 +14,9 @@ enum class Cure {
   softer_particles,
   edge_contacts,    ///< vertices touch edges, not vertices alone
   contact_barrier,  ///< contact energies without bound
-  lighter_load,
   more_particles,
   wider_container,
   narrower_orifice,
-  other_orifice,
-  other_angle,
   own_outline,
   wider_obstacles,  ///< more room between obstacles
   no_reinsertion,
@@ -27,8 +24,7 @@ enum class Cure {
   even_vertices,
   more_vertices,
   smaller_aspect,
-  verlet,  ///< the integrator
-  ts,      ///< PETSc TS as the integrator
+  ts,  ///< PETSc TS as the integrator
   drag,
   other_folder
 };
