@@ -1,7 +1,11 @@
-#include <fmt/format.h>
 #include <pliant/base/cure.h>
 
 #include <utility>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include <pliant/base/text.h>
 
 namespace pliant {
 namespace {
@@ -55,16 +59,12 @@ const char* phrase(Cure cure) {
 }  // namespace
 
 std::string cures(std::initializer_list<Cure> several) {
-  std::string text;
-  std::size_t left = several.size();
+  std::vector<std::string> texts;
   for (const Cure cure : several) {
     const std::string option = option_of ? option_of(cure) : "";
-    text += phrase(cure);
-    if (!option.empty()) text += fmt::format(" (-{})", option);
-    --left;
-    text += left > 1 ? ", " : left == 1 ? " or " : "";
+    texts.push_back(option.empty() ? phrase(cure) : fmt::format("{} (-{})", phrase(cure), option));
   }
-  return text;
+  return alternatives(texts);
 }
 
 CureOptions::CureOptions(std::function<std::string(Cure)> option) { option_of = std::move(option); }

@@ -58,6 +58,13 @@ std::string printable(std::string_view text) {
                      text.size());
 }
 
+std::string alternatives(const std::vector<std::string>& names) {
+  std::string text;
+  for (std::size_t k = 0; k < names.size(); ++k)
+    text += (k == 0 ? "" : k + 1 < names.size() ? ", " : " or ") + names[k];
+  return text;
+}
+
 std::string read_text_file(const std::string& file, std::size_t limit, std::string_view what) {
   const std::string name = printable(file);
   const int in = open_readable(file, what);

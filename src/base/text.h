@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace pliant {
 
@@ -12,6 +13,9 @@ bool is_plain_text(std::string_view text);
 
 /// The text for a message of one line: what is no plain text as `\xNN`, the middle of a long one left out.
 std::string printable(std::string_view text);
+
+/// "a", "a or b", "a, b or c".
+std::string alternatives(const std::vector<std::string>& names);
 
 /// The whole of a file or a shell's pipe that is called `what` in messages ("options file"), without a byte order mark
 /// of UTF-8. Errors: InputError if it is something else, cannot be read, or has more than `limit` bytes.

@@ -18,13 +18,6 @@ void add_new(std::vector<std::string>& all, const std::vector<std::string>& more
 
 }  // namespace
 
-std::string alternatives(const std::vector<std::string>& names) {
-  std::string text;
-  for (std::size_t k = 0; k < names.size(); ++k)
-    text += (k == 0 ? "" : k + 1 < names.size() ? ", " : " or ") + names[k];
-  return text;
-}
-
 std::optional<std::string> ParameterTable::Entry::term_of(std::string_view model) const {
   const auto found = std::ranges::find(readings, model, &Reading::model);
   return found == readings.end() ? std::nullopt : std::optional(found->term);

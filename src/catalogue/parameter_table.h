@@ -8,6 +8,7 @@
 #include <string_view>
 #include <vector>
 
+#include <pliant/base/text.h>
 #include <pliant/catalogue/catalogue.h>
 #include <pliant/model/parameter.h>
 
@@ -99,8 +100,5 @@ class ParameterTable {
   ModelSurroundings surroundings_;
   std::deque<Entry> entries_;
 };
-
-/// "a", "a or b", "a, b or c".
-std::string alternatives(const std::vector<std::string>& names);
 
 }  // namespace pliant
