@@ -324,7 +324,7 @@ def draw_middle_widths(measured):
 
 
 def _avalanches(measured):
-    """clog_points of the commonest number of droplets, w/delta* of these, the fit of [T 4.19], its quantities; and
+    """clog_points of the commonest number of droplets, w/delta* of these, the fit of [T 4.18], its quantities; and
     clog.collapse_fits of all points."""
     points = _points(measured)
     own = points["n"] == commonest(points["n"])
