@@ -22,8 +22,8 @@ struct Heap {
   }
 };
 
-/// The chain with the fewest droplets among those with allowed[i], of equal ones the one with the lowest sum of
-/// heights: breadth first, one length after the other.
+/// The chain with the fewest droplets among those with allowed[i]; if several are equal, the chain with the lowest sum
+/// of heights: breadth-first search, by increasing length.
 std::vector<Index> shortest_chain(const Heap& heap, const std::vector<Real>& height,
                                   const std::vector<std::uint8_t>& allowed) {
   const auto n = static_cast<Index>(height.size());

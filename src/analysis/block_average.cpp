@@ -67,7 +67,7 @@ BlockAverage block_average(std::span<const Real> series) {
   result.samples = series.size();
   if (series.empty()) return result;
 
-  // Relative to the first value: a constant series has exactly no variance, whatever its size.
+  // Relative to the first value: then the variance of a constant series is exactly 0.
   std::vector<Real> values(series.begin(), series.end());
   for (Real& value : values) value -= series.front();
   result.mean = series.front() + mean_of(values);

@@ -15,7 +15,7 @@ struct BlockAverage {
   static constexpr Real unknown = std::numeric_limits<Real>::quiet_NaN();
   static constexpr std::size_t least_samples = 64;  ///< for an error
 
-  Real mean = unknown;            ///< of all samples
+  Real mean = unknown;            ///< mean of all samples
   Real error = unknown;           ///< one standard error of the mean; NaN unless `plateau`
   Real error_of_error = unknown;  ///< error / sqrt(2 (blocks − 1))
   Real naive_error = unknown;     ///< standard error if the samples were independent
@@ -47,8 +47,8 @@ BlockAverage block_average(std::span<const Real> series);
 /// NaN without a plateau, as there.
 BlockAverage slow_average(std::span<const Real> series);
 
-/// Σ numerator / Σ denominator with the error of the ratio to first order: that of the series
-/// (numerator − ratio · denominator) / mean(denominator). NaN where the denominators add to zero.
+/// Σ numerator / Σ denominator with the error of the ratio to first order, which is the error of the series (numerator
+/// − ratio · denominator) / mean(denominator). NaN where the denominators add to zero.
 /// Throws InputError if the lengths differ.
 BlockAverage block_ratio(std::span<const Real> numerator, std::span<const Real> denominator);
 
@@ -61,7 +61,7 @@ struct FlowRate {
   Real error = BlockAverage::unknown;             ///< one standard error; NaN if it cannot be estimated
   Real correlation_time = BlockAverage::unknown;  ///< integrated, t0: inefficiency · bin / 2
   Real bin = BlockAverage::unknown;               ///< width of the time bins, t0
-  BlockAverage blocks;                            ///< of the rate in the bins
+  BlockAverage blocks;                            ///< block average of the rate in the bins
 };
 
 /// Flow rate from the cumulative crossed area (or volume, or number) at the sample times, which need not be

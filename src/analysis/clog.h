@@ -16,7 +16,7 @@ class ClogDetector {
  public:
   /// All that a checkpoint has to keep.
   struct State {
-    Real quiet_since = std::numeric_limits<Real>::quiet_NaN();  ///< first sample of the quiet time; NaN: it moves
+    Real quiet_since = std::numeric_limits<Real>::quiet_NaN();  ///< start of the quiet time; NaN while droplets move
     std::int64_t crossed = -1;  ///< crossings up to the last sample; −1: no sample yet
   };
 

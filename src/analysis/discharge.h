@@ -22,7 +22,7 @@ struct DischargeFit {
   std::size_t begin = 0, end = 0;  ///< samples [begin, end) of the fit
 };
 
-/// Fits dN/dt = −c0 sqrt(N − N_res) to the number N(t) left in the hopper: [H 15], whose sign is that of the flux, with
+/// Fits dN/dt = −c0 sqrt(N − N_res) to the number N(t) left in the hopper: [H 15], with the sign of the flux, with
 /// N_res particles that stay behind. The law makes sqrt(N − N_res) a line of slope −c0/2; the line is a regression.
 ///
 /// N_res: on a flat bottom the last layer drains slowly, and some of it stays. N_res is the last count if it is at most
@@ -33,13 +33,13 @@ struct DischargeFit {
 /// start from rest shows; after, the slow last layer (flat bottom) or the free fall of the last ones (slopes), where
 /// the law does not hold.
 ///
-/// Error: N counts, so its deviations from the law add up (a random walk) and are not independent, as the textbook
-/// error of a slope wants them: that one is far too small. Here the time of the fit is cut into ten equal parts; the
-/// scatter of their ten slopes, over sqrt(10), is the error. It needs three samples in each part.
+/// Error: N is a count, therefore its deviations from the law add up to a random walk, and the textbook error of a
+/// slope, which assumes independent deviations, is far too small. The fit divides its time into ten equal parts; the
+/// error is the scatter of their ten slopes over sqrt(10). Each part needs three samples.
 ///
-/// χ²: of the numbers that leave in the ten parts, against those of the law, with the variance of independent
+/// χ² compares the numbers of particles that leave in the ten parts with the law, with the variance of independent
 /// departures (Poisson); 8 degrees of freedom. Dense flow is more regular: 0.1 to 0.8 per degree where the law holds.
-/// More than 1.5 says that it does not.
+/// Above 1.5 the law fails.
 ///
 /// time, count [n]. Throws InputError unless the lengths agree, the times are finite and increase, and no count is
 /// negative.

@@ -49,7 +49,7 @@ bool FlowPrecision::drifts(const SteadyFlow& flow) const {
     const std::size_t cut = flow.from + (last - flow.from) / part;
     const Real late = (area_[last] - area_[cut]) / (time_[last] - time_[cut]);
     const Real share = (time_[cut] - time_[flow.from]) / (time_[last] - time_[cut]);
-    // The mean of the rest differs from that of all by error · √share if there is no drift.
+    // Without drift, the mean of the rest differs from the mean of all samples by error · √share.
     const Real by_chance = 2 * flow.rate.error * std::sqrt(share);
     if (std::abs(late - flow.rate.value) > std::max(by_chance, max_drift * asked_ * flow.rate.value)) return true;
   }

@@ -13,18 +13,18 @@ namespace pliant {
 /// Flow rate from the end of the start-up on.
 struct SteadyFlow {
   SteadyState steady;
-  std::size_t from = 0;  ///< row that the averages start at
-  FlowRate rate;         ///< of the rows from there on
+  std::size_t from = 0;  ///< first row of the averages
+  FlowRate rate;         ///< mean flow rate of row `from` and all later rows
 };
 
-/// Columns that tell whether a flow is steady, [samples] each: time in t0, crossed_area cumulative, in σ_avg^D.
+/// Columns that decide whether a flow is steady, [samples] each: time in t0, crossed_area cumulative, in σ_avg^D.
 struct FlowColumns {
   std::span<const Real> time, crossed_area, kinetic_energy, top_height, bulk_fraction;
 };
 
 /// `steady_state` of the flow rate, the kinetic energy, the height of the filling and its bulk fraction, then
-/// `flow_rate`, without an error where the flow is not steady. The last three may change by 5 %: by so little they tell
-/// nothing that the flow rate does not. The start-up is that of the first two.
+/// `flow_rate`, without an error where the flow is not steady. The last three may change by 5 %, because smaller
+/// changes show nothing that the flow rate does not show. The first two determine the start-up.
 ///
 /// Throws InputError for fewer than two rows and as `flow_rate` does.
 SteadyFlow steady_flow(const FlowColumns& columns);
@@ -35,16 +35,16 @@ struct FlowSample {
 };
 
 /// Detects when the relative standard error of the flow rate reaches the requested value. The result is a function of
-/// the samples alone: to go on after a restart, give it the stored ones again.
+/// the samples alone: after a restart, add the stored samples again.
 ///
-/// It judges at the 100th sample and then whenever the series has grown by 5 %, in all at the cost of some twenty
-/// samples' analysis per sample. An error bar that is looked at often is low now and then, and a run that ends there
-/// would be ended by chance; therefore it is believed only if
+/// The analysis runs at the 100th sample and then whenever the series has grown by 5 %; its total cost per sample is
+/// the analysis of about twenty samples. An error bar that is computed often is too low by chance now and then, which
+/// must not end a run; therefore `add` returns true only if
 /// - the run is steady (`steady_state`),
 /// - the steady part is worth 100 independent samples, in at least 16 blocks, and 100 particles crossed in it,
 /// - the rate does not drift: leaving out its first 1/2, 1/4, 1/8 or 1/16 changes it by no more than two standard
 ///   deviations of such a change, or 0.3 of the error asked for (MSER-5 may leave the end of a start-up in),
-/// - all that, and the error, held at the judgement before as well.
+/// - these conditions, and the error, were also met at the previous analysis.
 ///
 /// For AR(1) rates the actual error of runs ended so is at most 1.2 of the requested one, and their mean is unbiased;
 /// the same holds after a start-up that relaxes within the run. A start-up that is slow on the scale of the whole run,
@@ -60,9 +60,9 @@ class FlowPrecision {
   /// True if the run may end with this sample. Throws InputError as `flow_rate` does.
   bool add(const FlowSample& sample);
 
-  /// At the last judgement; NaN if it was unknown. Not to be believed until `add` returns true.
+  /// Relative error at the last analysis; NaN if it was unknown. Not reliable until `add` returns true.
   Real relative_error() const { return error_; }
-  Real rate() const { return rate_; }  ///< σ_avg^D/t0, at the last judgement
+  Real rate() const { return rate_; }  ///< σ_avg^D/t0, at the last analysis
 
  private:
   bool judge();
@@ -71,7 +71,7 @@ class FlowPrecision {
 
   Real asked_, error_ = BlockAverage::unknown, rate_ = BlockAverage::unknown;
   std::vector<Real> time_, crossed_, area_, energy_, top_, fraction_;
-  std::size_t next_ = 100;  ///< samples at the next judgement
+  std::size_t next_ = 100;  ///< number of samples at the next analysis
   bool held_ = false;
 };
 

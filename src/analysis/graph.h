@@ -1,4 +1,4 @@
-// Things linked in pairs: who is linked to whom, and how far away they are along the links.
+// Undirected graph: neighbours of a node, and distances between nodes along the links.
 #pragma once
 
 #include <vector>

@@ -76,7 +76,7 @@ Basis polynomials(std::size_t n) {
   return basis;
 }
 
-/// Which powers of time are significant in the polynomial that fits a series best, with each number of batches.
+/// The powers of time that are significant in the best-fitting polynomial of a series, with each number of batches.
 Powers significant_powers(std::span<const Real> values, const Strictness& strictness) {
   static const std::array bases{polynomials(batch_numbers[0]), polynomials(batch_numbers[1]),
                                 polynomials(batch_numbers[2])};

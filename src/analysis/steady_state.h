@@ -21,7 +21,7 @@ struct SteadyState {
 struct NamedSeries {
   std::string_view name;
   std::span<const Real> values;  ///< [samples]
-  Real tolerance = 1e-6;         ///< changes below this part of the mean are no drift
+  Real tolerance = 1e-6;         ///< changes below this part of the mean do not count as drift
   bool finds_start_up = true;    ///< `steady_state` applies `mser5` to it
 };
 
@@ -40,7 +40,7 @@ std::size_t mser5(std::span<const Real> values);
 /// is a drift if one of its (orthogonal) powers has a Student's t above the quantile for a two-sided probability of
 /// 2·10⁻⁴ with each number of batches: correlations much shorter than a twentieth of the series then make no false
 /// alarm. In addition the mean of thirds or sixths must change by more than series.tolerance of the mean, and the
-/// spread by a quarter, as error bars are no better known.
+/// spread by a quarter, because error bars are not known better than that.
 std::string drift(const NamedSeries& series);
 
 /// The start-up ends at the latest `mser5` of the series that find it. If a series drifts from there on, a start-up may
@@ -50,7 +50,7 @@ std::string drift(const NamedSeries& series);
 /// finite. A flow rate from `rate_series` has one sample less: pass it with subspan(1) of the time and of other series.
 ///
 /// Of stationary series (white, AR(1) of 50 independent samples or more, bursts) less than 1 % are called unsteady.
-/// Oscillations with a period of less than half of the run are no drift.
+/// Oscillations with a period of less than half of the run do not count as drift.
 ///
 /// time, series.values [samples]. Throws InputError if there is no series or a length differs.
 SteadyState steady_state(std::span<const Real> time, std::span<const NamedSeries> series);

@@ -115,7 +115,7 @@ struct Halo<D>::Exchange {
     MPI_Type_commit(&point);
   }
   ~Exchange() { MPI_Type_free(&point); }
-  /// Of `width` numbers: those of a position, or of an angle.
+  /// Data type of `width` numbers: a position or an angle.
   MPI_Datatype type(int width) const { return width == D ? point : MPIU_REAL; }
 };
 
@@ -141,7 +141,7 @@ void Halo<D>::set_home(const Topology& topology, const Real* x) {
       home.high[k] = box_.periodic(k) ? box_.origin()[k] + box_.length()[k] : far;
     }
   }
-  // A little more: who sits at the border has not left home by its first move.
+  // A little larger, so that a particle at the border does not leave the home by its first move.
   Real margin = 0;
   for (const Real d : topology.diameter) margin = std::max(margin, d);
   low_ = home.low.array() - margin;
@@ -156,7 +156,7 @@ void Halo<D>::build(Topology& topology, const Real* x, Real margin) {
   for (const Real d : topology.diameter) widest = std::max(widest, d);
   widest = ranks_.max(widest);
 
-  // Who is where.
+  // Homes of all ranks.
   Bounds<D> home;
   home.low = low_;
   home.high = high_;
@@ -182,7 +182,7 @@ void Halo<D>::build(Topology& topology, const Real* x, Real margin) {
   if (any_at_home) mine.emplace_back(at_home, ranks_.rank());
   const std::vector<Territory<D>> all = ranks_.all_gather(mine);
 
-  // Who needs which of mine.
+  // For each rank, the particles of this rank that it needs.
   std::vector<std::vector<Ghost>> parts(ranks_.size());
   const auto find = [&] {
     std::vector<Image> found;  // for a rank, whose territories follow each other

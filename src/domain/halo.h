@@ -12,8 +12,9 @@
 namespace pliant {
 
 /// Finds ghosts and keeps their positions and velocities up to date. Whole particles are copied. In a periodic box a
-/// ghost may be an image, of an own particle too: at the position of its owner plus box lengths. Particles may lie
-/// anywhere: which images are needed follows from where they are. All functions but strays() are collective.
+/// ghost may be an image, also of a particle of the same rank, at the position of its original plus box lengths.
+/// Particles may lie anywhere: their positions decide which images are needed. All functions but strays() are
+/// collective.
 template <int D>
 class Halo {
  public:
@@ -22,20 +23,20 @@ class Halo {
   Halo(Halo&&) noexcept;
   Halo& operator=(Halo&&) noexcept;
 
-  /// Takes the box around the rank's particles, and a diameter more, as its home; on one rank the periodic box itself,
-  /// whatever x is. x [owned points · D].
+  /// Takes the box around the rank's particles, and a diameter more, as its home; on one rank the home is the periodic
+  /// box, for any x. x [owned points · D].
   void set_home(const Topology& topology, const Real* x);
 
   /// Replaces the ghosts at the end of the topology by the particles, and images of particles, that can come within a
-  /// contact + margin of an own one. Needs set_home() before. x [owned points · D]. Errors: NumericalError for a
+  /// contact + margin of an owned particle. Needs set_home() before. x [owned points · D]. Errors: NumericalError for a
   /// particle that is many box lengths wide.
   void build(Topology& topology, const Real* x, Real margin);
 
-  /// local [points · D] becomes own [owned points · D] and the same of the ghosts' owners.
+  /// local [points · D] becomes own [owned points · D] followed by the values of the ghosts, from their owners.
   void update(const Real* own, std::vector<Real>& local) const;
-  /// The same of positions: those of images are shifted.
+  /// As `update`, for positions: the positions of images are shifted.
   void update_positions(const Real* x, std::vector<Real>& local) const;
-  /// The same of angles or spins: own [owned points · rotations].
+  /// As `update`, for angles or spins: own [owned points · rotations].
   void update_rotations(const Real* own, std::vector<Real>& local) const;
   /// Positions and velocities at the same time, where x and v begin with the own points already.
   void update(std::vector<Real>& x, std::vector<Real>& v) const;

@@ -67,9 +67,9 @@ class Migration {
   Ranks ranks_;
   std::vector<std::vector<Index>> leaving_;  ///< [ranks]: own particles in the order in which they are sent
   std::vector<int> destination_;             ///< [own particles]
-  std::vector<Index> offset_;                ///< of the points before
+  std::vector<Index> offset_;                ///< first point of each particle before the migration
   std::vector<Index> order_;                 ///< particle m of the new order is the order_[m]-th that arrived
-  std::vector<Index> arrived_offset_;        ///< of their points
+  std::vector<Index> arrived_offset_;        ///< first point of each arrived particle
 };
 
 /// Where particles should be: on the rank of the box they are in, sorted along a Hilbert curve. x [owned points · D].

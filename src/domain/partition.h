@@ -7,8 +7,8 @@
 
 namespace pliant {
 
-/// Which rank each of this rank's particles should go to. The box around all centres [n · D] is cut across its longer
-/// side so that the weights [n] of the two parts are as the numbers of ranks on either side, and so on. Collective.
+/// The destination rank of each particle of this rank. The box around all centres [n · D] is cut across its longer side
+/// so that the weights [n] of the two parts are as the numbers of ranks on either side, and so on. Collective.
 template <int D>
 std::vector<int> bisect(const Ranks& ranks, const std::vector<Real>& centres, const std::vector<Real>& weights);
 

@@ -49,7 +49,7 @@ class Box {
       if (periodic(k)) by[k] = static_cast<Real>(n[k]) * length_[k];
     return by;
   }
-  /// In which image of the box r is: r − shift(image_of(r)) is in the box itself, up to rounding. None for
+  /// The image of the box that contains r: r − shift(image_of(r)) is in the box, up to rounding. Not defined for
   /// coordinates that are not finite.
   Image image_of(const Vec<D>& r) const {
     return in_lengths(r - origin_, [](Real a) { return std::floor(a); });

@@ -1,4 +1,4 @@
-// Finds things of the plane that are near a point at the price of those that are near.
+// Finds objects in the plane near a point; the cost grows with the number of near objects.
 #pragma once
 
 #include <cstdint>
@@ -16,7 +16,8 @@ struct Box2 {
   Vec<2> to(const Vec<2>& p) const { return (low - p).cwiseMax(p - high).cwiseMax(Vec<2>::Zero()); }
 };
 
-/// Boxes within boxes, each around some of n things of the plane. A few things have no boxes, and are always near.
+/// Tree of bounding boxes of n objects in the plane. A tree of a few objects has no boxes: all objects are near every
+/// point.
 class BoxTree {
  public:
   static constexpr Index few = 8;
@@ -25,8 +26,8 @@ class BoxTree {
   /// boxes [n].
   explicit BoxTree(std::span<const Box2> boxes);
 
-  /// Calls visit(k) for each thing whose leaf is within `radius` of p: all that are that near, and some others. Returns
-  /// how many boxes it has compared with p.
+  /// Calls visit(k) for each object whose leaf is within `radius` of p: all objects within this distance, and some
+  /// others. Returns the number of boxes compared with p.
   template <class Visit>
   std::int64_t for_each_near(const Vec<2>& p, Real radius, Visit&& visit) const {
     std::int64_t compared = 0;
@@ -44,13 +45,13 @@ class BoxTree {
     }
     return compared;
   }
-  /// Whether it visits things in ascending order.
+  /// Whether objects are visited in ascending order.
   bool ordered() const { return nodes_.size() <= 1; }
 
  private:
   struct Node {
     Box2 box;
-    Index first, last;  ///< of a leaf: its part of the order; else none
+    Index first, last;  ///< range of a leaf in the order; empty for inner nodes
     std::size_t next;   ///< node after all that are inside this one
   };
   void build(std::span<const Box2> boxes, Index first, Index last);

@@ -14,7 +14,7 @@ namespace pliant {
 /// The rows of cells that meet a box, as ranges of places in the order of the cells.
 template <int D>
 struct CellRows {
-  const Index* start;          ///< of each cell
+  const Index* start;          ///< first entry of each cell
   std::array<Index, D> count;  ///< cells of the grid
   std::array<Index, D> first, last;
 
@@ -35,7 +35,7 @@ struct CellRows {
 inline constexpr std::size_t lanes = 4;
 
 /// Places in the rows of points, given by coordinates and radii, whose distance from r is less than reach + radius, in
-/// their order; returns how many. near has room for all of the rows and `lanes` more.
+/// their order; returns their number. near holds all points of the rows and `lanes` more.
 template <int D>
 Index find_near(const CellRows<D>& rows, const std::array<std::vector<Real>, D>& coordinate, const Real* radius,
                 const Vec<D>& r, Real reach, Index* near);
@@ -108,7 +108,7 @@ class CellGrid {
 
   /// Calls visit(j) for every point in the cells that meet a box of half-width `range` round r, if its distance from r
   /// is less than reach + its own radius. The distances are tested here, on vectors, where the points of a row of cells
-  /// lie side by side. near: room to be used again.
+  /// lie side by side. near: scratch memory.
   template <class Visit>
   void for_each_near(const Vec<D>& r, Real range, Real reach, std::vector<Index>& near, Visit&& visit) const {
     if (items_.empty()) return;

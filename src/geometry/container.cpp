@@ -17,7 +17,7 @@ Overload(F...) -> Overload<F...>;
 Real distance_from_line_above(const Vec<2>& p, const WallSegment& wall) {
   const auto from_line = [&](const Vec<2>& r) { return r[1] >= p[1] ? std::abs(r[0] - p[0]) : (r - p).norm(); };
   Real d = from_line(wall.origin);
-  if (wall.direction[0] != 0) {  // else it is nearest at an end, or beside p
+  if (wall.direction[0] != 0) {  // else the nearest point is an end, or level with p
     const Real across = (p[0] - wall.origin[0]) / wall.direction[0];
     if (across >= 0 && across <= wall.length && wall.origin[1] + across * wall.direction[1] >= p[1]) d = 0;
     if (std::isfinite(wall.length)) d = std::min(d, from_line(wall.end()));

@@ -46,13 +46,13 @@ class Container {
   Vec<2> extent() const;
   /// Height from which on the walls are upright.
   Real upright_from() const;
-  /// How far the region goes on both sides of the axis at height y, obstacles aside; half of the orifice below it.
+  /// Half width of the region at height y, without obstacles; below the orifice half the orifice width.
   Real half_width(int dim, Real y) const;
   /// Whether p is above the orifice line, between the walls and in no obstacle.
   bool inside(int dim, const Vec<2>& p) const;
-  /// Whether a disk (sphere) of this radius can start at r, to be pushed to its place from there: it overlaps upright
-  /// and sloped walls only where the region is too narrow for it, and is at least `margin` of its radius from all else.
-  /// walls: those of this container.
+  /// Whether a disk (sphere) of this radius can start at r, to be pushed to its place from there: the disk overlaps
+  /// upright and sloped walls only where the region is too narrow for it, and its distance is at least `margin` of its
+  /// radius from all other walls. walls: the walls of this container.
   template <int D>
   bool has_room(const Walls<D>& walls, const Vec<D>& r, Real radius, Real margin) const;
   /// Area (volume) between the orifice and height y.
@@ -76,8 +76,8 @@ class Container {
   template <int D>
   static bool can_fall_to(const Walls<D>& walls, const Vec<D>& r, Real radius);
 
-  /// Whether a disk (sphere) of this radius finds a way from the upper end to the orifice. Looks at places a quarter of
-  /// the radius apart, and may overlook that a way is too narrow by as much; in large containers by more.
+  /// Whether a disk (sphere) of this radius finds a way from the upper end to the orifice. Tests places a quarter of
+  /// the radius apart; a way may be too narrow by a quarter of the radius (in large containers by more) and still pass.
   template <int D>
   bool lets_pass(Real radius) const;
 

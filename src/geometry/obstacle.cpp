@@ -56,7 +56,7 @@ Real Obstacle::content(int dim, Real y) const {
     return sum;
   }
   const Vec<2>& centre = corners[0];
-  const Real h = std::clamp(y - centre[1], -radius, radius);  // of the cut over the centre
+  const Real h = std::clamp(y - centre[1], -radius, radius);  // height of the cut above the centre
   if (dim == 3 && centre[0] == 0) return pi * (h * (square(radius) - square(h) / 3) + 2 * std::pow(radius, 3) / 3);
   const Real area = square(radius) * (pi / 2 + std::asin(h / radius)) + h * std::sqrt(square(radius) - square(h));
   return dim == 2 ? area : 2 * pi * centre[0] * area;

@@ -11,10 +11,10 @@ namespace pliant {
 /// direction where it goes down.
 Real swept_area(int dim, const Vec<2>& a, const Vec<2>& b, Real y);
 
-/// A disk about its one corner, or a polygon. In 3D the plane is that of (ρ, z): a sphere on the axis, or a ring.
+/// A disk about its only corner, or a polygon. In 3D the coordinates are (ρ, z): a sphere on the axis, or a ring.
 struct Obstacle {
-  std::vector<Vec<2>> corners;  ///< of a polygon counterclockwise
-  Real radius = 0;              ///< of a disk
+  std::vector<Vec<2>> corners;  ///< corners of the polygon, counterclockwise
+  Real radius = 0;              ///< radius of the disk; 0 for a polygon
 
   bool disk() const { return corners.size() == 1; }
   bool contains(const Vec<2>& p) const;

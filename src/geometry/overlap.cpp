@@ -40,9 +40,9 @@ struct Quadrature {
   }
 };
 
-/// The round part of the rim: radius `layer` about the tip, from the normal of the first face to that of the second.
-/// With φ the angle from the direction of p, R² − s² = 4 l D (k² − sin²(φ/2)), D = |p|, l the layer. The substitution
-/// sin(φ/2) = min(k, 1) sin t makes the integrands smooth where the sphere ends within the arc.
+/// The round part of the rim: radius `layer` about the tip, from the normal of the first face to the normal of the
+/// second. With φ the angle from the direction of p, R² − s² = 4 l D (k² − sin²(φ/2)), D = |p|, l the layer. The
+/// substitution sin(φ/2) = min(k, 1) sin t makes the integrands smooth where the sphere ends within the arc.
 void add_edge(const Vec<2>& p, Real opening, Real radius, Real layer, Expansion<2>& sum) {
   static const Quadrature quadrature;
   const Real distance = p.norm(), product = 4 * layer * distance;

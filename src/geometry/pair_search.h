@@ -1,5 +1,5 @@
-// Searches for the pairs that can touch before anything has moved by skin/2. Every pair is found exactly once, whatever
-// the sizes.
+// Searches for the pairs that can touch before any point or wall has moved by skin/2. Every pair is found exactly once,
+// for any particle sizes.
 #pragma once
 
 #include <algorithm>
@@ -12,7 +12,8 @@
 
 namespace pliant {
 
-/// Two things that may touch: point–point (i, j), vertex–edge (vertex, first vertex of the edge), point–wall, lip–edge.
+/// Two elements that may touch: point–point (i, j), vertex–edge (vertex, first vertex of the edge), point–wall,
+/// lip–edge.
 struct Pair {
   Index first, second;
   auto operator<=>(const Pair&) const = default;  // NOLINT(modernize-use-nullptr): mistakes <=> for a comparison with 0
@@ -69,7 +70,7 @@ void find_vertex_edge_pairs(const PointCloud& cloud, const CellGrid<2>& grid, Ed
   for (Index i = first; i < last; ++i) {
     if (!cloud.uses(i)) continue;
     const Vec<2> a = point<2>(cloud.x, i), b = point<2>(cloud.x, cloud.next[i]);
-    // Within reach of the edge is within half an edge more of its middle.
+    // A point within the contact distance of the edge lies within this distance + half an edge of its middle.
     const Real reach = (b - a).norm() / 2 + vertex_edge_reach(edges, 0, cloud.diameter[i]) + skin;
     grid.for_each_near((a + b) / 2, reach + widest / 2, reach * (1 + 1e-12), near, [&](Index j) {
       if (cloud.group[i] == cloud.group[j]) return;
@@ -80,8 +81,8 @@ void find_vertex_edge_pairs(const PointCloud& cloud, const CellGrid<2>& grid, Ed
 }
 
 /// Goes through points that stand side by side in memory, and as a rule in space, by blocks: visit(first, last, centre,
-/// radius) with a ball around the points of a block and their successors that holds half the largest diameter and the
-/// skin too.
+/// radius) with a sphere around the points of a block and their successors, enlarged by half the largest diameter and
+/// the skin.
 template <int D, class Visit>
 void for_each_block(const PointCloud& cloud, Real skin, Index first, Index last, Visit&& visit) {
   constexpr Index block = 64;

@@ -32,7 +32,7 @@ struct Solid {
   }
 
   /// The wedge whose faces run from `tip` in two directions.
-  /// Errors: InputError for a direction that is none, or two that make no corner.
+  /// Errors: InputError for a direction of length 0, or two directions that do not form a corner.
   static Solid wedge(const Vec<D>& tip, const Vec<D>& first, const Vec<D>& second) {
     Solid s;
     s.place = tip;

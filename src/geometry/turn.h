@@ -35,8 +35,8 @@ PLIANT_INLINE R turn_of(R sine, R cosine) {
 PLIANT_INLINE Real turn_between(const Vec<2>& a, const Vec<2>& b) {
   return turn_of(a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1]);
 }
-/// The same of two lines, in [−π/2, π/2]: of vectors along them, whichever of the two directions these have. 0 for a
-/// vector that is 0.
+/// As turn_between, for two lines, in [−π/2, π/2]: the signs of the vectors along the lines do not matter. 0 for a zero
+/// vector.
 template <class R>
 PLIANT_INLINE R turn_between_lines(R ax, R ay, R bx, R by) {
   const R sine = ax * by - ay * bx, cosine = ax * bx + ay * by;

@@ -73,7 +73,7 @@ void check(const Vessel::Line& left, const Vessel::Line& right, const Vessel::So
         throw InputError("point ({:g}, 0) lies in the orifice, which goes from x = {:g} to {:g}; raise it",
                          (*line)[k][0], from, to);
 
-  // The walls go on straight up from their last points, to above everything.
+  // The walls continue straight up from their last points, to above all particles.
   Real top = 0;
   for (const auto* line : {&left, &right})
     for (const Vec<2>& r : *line) top = std::max(top, r[1]);

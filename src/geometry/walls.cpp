@@ -19,8 +19,8 @@ Box2 box_of(const WallSegment& s) {
   return {s.origin.cwiseMin(end) - radius, s.origin.cwiseMax(end) + radius};
 }
 
-/// How far from p, which is given in the frame of the body, the segment goes, without its radius: that stays where it
-/// is when the segment turns about a point of itself.
+/// Largest distance from p, in the frame of the body, to a point of the segment without its radius: the radius does not
+/// move when the segment turns about one of its points.
 template <int D>
 Real reach(const WallSegment& s, const Vec<D>& p) {
   if (!std::isfinite(s.length)) return s.length;

@@ -25,7 +25,7 @@ struct WallSegment {
   Vec<2> origin, direction;
   Real length;
   Real radius = 0;
-  Real weight = 1;  ///< of its contacts; −1 where they are counted out again
+  Real weight = 1;  ///< weight of its contacts; −1 for joints, whose contacts are subtracted
 
   static WallSegment between(const Vec<2>& a, const Vec<2>& b) { return {a, (b - a).normalized(), (b - a).norm()}; }
   static WallSegment ray(const Vec<2>& a, const Vec<2>& direction) {
@@ -59,7 +59,7 @@ struct RoundedRadius {
 /// none.
 struct Lip {
   Vec<2> place;
-  Index wall;  ///< that ends there
+  Index wall;  ///< the wall that ends at the lip
 };
 
 /// Where two segments of an outline meet and count as one wall.
@@ -87,11 +87,12 @@ struct WallTouch {
   Vec<D> n;
   std::conditional_t<D == 2, Real, Mat<D>> curvature;  ///< in the plane a number: along the line
   Vec<D> foot, across;                                 ///< the place, and n, seen from the body
-  Real share = 1;  ///< of V' that acts along n: less than 1 near the axis of revolution, where a ring is touched
+  Real share = 1;  ///< share of V' that acts along n: less than 1 near the axis of revolution, where the contact is a
+                   ///< ring
 };
 
 /// The walls of a run, numbered in the order in which they are added: segments, which have two sides and no inside, and
-/// solids, which push out what has gone in. Points touch the parts of the walls: segments, then joints, then
+/// solids, which push out points that have entered. Points touch the parts of the walls: segments, then joints, then
 /// solids. The ends of segments are round corners: the distance is to the closed segment, so that a particle turns
 /// round the lip of an orifice smoothly.
 ///
@@ -248,8 +249,9 @@ class Walls {
     d -= parts_[part].radius;
   }
 
-  /// The contact with a part at time t of a point at r that is nearer than the contact distance `reach`; false if there
-  /// is none, on a segment without radius, and where another part of the surface carries it.
+  /// The contact with a part at time t of a point at r that is nearer than the contact distance `reach`. Returns false
+  /// if there is no contact, for a point on a segment without radius, and if another part of the surface carries the
+  /// contact.
   PLIANT_INLINE bool touch(const Vec<D>& r, Index part, Real t, Real reach, WallTouch<D>& c) const {
     if (is_solid(part)) {
       const Pose<D> pose = pose_of(part, t);
@@ -311,14 +313,14 @@ class Walls {
     return t == body.placed.t && !body.motion.turns() ? body.placed.drift : body.motion.velocity_at(r, t);
   }
 
-  /// Whether a part is the one of its surface that a contact at r belongs to: that with the foot, of two that meet at
-  /// the foot the one which begins there. For terms that count contacts rather than energies, such as friction.
+  /// Whether a contact at r belongs to this part of a surface: to the part with the foot, or, if two parts meet at the
+  /// foot, to the part that begins there. For terms that count contacts rather than energies, such as friction.
   bool carries(const Vec<D>& r, Index part, Real t) const {
     return is_solid(part) || carries_in(meridian(in_body(r, part, t)), part);
   }
 
-  /// How far anything of the walls that things reach has moved between two times, at most. farthest(p): how far from p
-  /// things reach.
+  /// Upper bound of the motion, between two times, of all parts of the walls that particles can reach. farthest(p): the
+  /// largest distance of a particle from p.
   template <class Farthest>
   Real moved(Real from, Real t, Farthest&& farthest) const {
     Real most = 0;
@@ -334,7 +336,7 @@ class Walls {
     }
     return most;
   }
-  /// Whether moved() asks how far things are.
+  /// Whether moved() calls farthest().
   bool turn_without_end() const {
     return std::any_of(bodies_.begin(), bodies_.end(),
                        [](const Body& b) { return b.motion.turns() && !std::isfinite(b.lever); });
@@ -451,8 +453,8 @@ class Walls {
     return rounds(p, wall) ? Vec<2>(RoundedRadius(p[0]).value, p[1]) : p;
   }
 
-  /// The gradient in the meridian, as the wall sees it, to space. p: of r. On the axis the radial part vanishes by
-  /// symmetry.
+  /// Turns the gradient in the meridian, as the wall sees it, into a gradient in space. p: meridian coordinates of r.
+  /// On the axis the radial part vanishes by symmetry.
   static Vec<D> lift(const Vec<D>& r, const Vec<2>& p, const Vec<2>& n, const WallSegment& wall) {
     if constexpr (D == 2) {
       return n;
@@ -469,11 +471,12 @@ class Walls {
   std::vector<Lip> lips_;
   std::vector<Index> part_wall_, part_body_, wall_body_, wall_surface_;
   Index surfaces_ = 0;
-  /// Per segment: the one that ends where it begins, and the one that begins where it ends; or −1.
+  /// Per segment: the preceding segment, which ends at its begin, and the following one, which begins at its end; or
+  /// −1.
   std::vector<Index> before_, after_;
   std::vector<Body> bodies_;
   bool plain_ = true;
-  bool still_ = true;  ///< all bodies rest, with frames that are those of space
+  bool still_ = true;  ///< all bodies rest, and their frames are the laboratory frame
 };
 
 }  // namespace pliant

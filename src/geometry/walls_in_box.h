@@ -1,4 +1,4 @@
-// Which walls a periodic box can have.
+// The walls that a periodic box may have.
 #pragma once
 
 #include <pliant/geometry/box.h>

@@ -17,7 +17,7 @@ namespace {
 
 constexpr std::uint64_t most_attempts = 2000;
 
-/// Uniform in the closed container, where it has room. round: other numbers for each.
+/// Uniform among the free places of the closed container. round: each round has different random numbers.
 template <int D>
 void random_place(const Container& container, const Walls<D>& walls, Real height, Real radius, std::uint64_t seed,
                   Index m, std::uint64_t round, Real* r) {
@@ -30,7 +30,7 @@ void random_place(const Container& container, const Walls<D>& walls, Real height
     };
     for (int k = 0; k < D - 1; ++k) r[k] = middle + half * (2 * draw(k) - 1);
     r[D - 1] = height * draw(D - 1);
-    // Where there is no room for all of it, there may be for a part.
+    // If the full move has no room, a part of it may have.
     const Real margin = std::pow(0.99, static_cast<Real>(attempt));
     if (container.has_room<D>(walls, point<D>(r, 0), radius, margin)) return;
   }

@@ -16,8 +16,8 @@ template <int D>
 class ParticleSystem;
 
 struct PackingParameters {
-  Real fraction =
-      0.84;  ///< to start from: of the filled part of the hopper that the particles' outer disks (spheres) cover
+  Real fraction = 0.84;   ///< at the start: fraction of the filled part of the hopper that the particles' outer disks
+                          ///< (spheres) cover
   Real tolerance = 1e-4;  ///< largest overlap, relative to a contact's range, that counts as none
   std::uint64_t seed = 1;
   Real clearance = 0;  ///< from walls, in σ_avg
@@ -54,10 +54,10 @@ Relaxed relax_disks(Topology disks, const Walls<D>& walls, Real tolerance, std::
 void check_fit(const Topology& topology, const Container& container);
 
 /// Places the particles at random in the closed container, filled up to the height that gives the fraction, and relaxes
-/// them with FIRE until their outer disks do not overlap [H 2.4]. Where they jam with overlaps left the lid is raised
-/// by two percent, until they fit: the densest start that this preparation reaches. Polygons get their regular shape
-/// and a random orientation. Writes x [points · D]. Errors: those of check_fit; NumericalError if they do not fit at
-/// half the fraction.
+/// them with FIRE until their outer disks do not overlap [H 2.4]. If they jam with overlaps, the lid is raised by two
+/// percent, until they fit: the densest start that this preparation reaches. Polygons get their regular shape and a
+/// random orientation. Writes x [points · D]. Errors: as check_fit; NumericalError if the particles do not fit at half
+/// the fraction.
 template <int D>
 Packing pack(const Topology& topology, const Container& container, const PackingParameters& p, Real* x);
 

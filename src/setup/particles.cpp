@@ -76,8 +76,8 @@ Real area_of(const std::vector<Vec<2>>& r) {
 
 /// A polygon with n edges of length 1 and the area n²/(4π 𝒜0), longer than wide. Up to 𝒜0 = 2 directions are
 /// s + b sin 2s, for small b the shape of least bending;
-/// beyond, where its waist would be as narrow as an edge is long, those of a stretched circle, which is convex. Errors:
-/// InputError where n edges have no such shape.
+/// beyond, where the waist would be as narrow as an edge is long, the directions of a stretched circle, which is
+/// convex. Errors: InputError if n edges cannot form such a shape.
 std::vector<Vec<2>> elongated_outline(Index n, Real parameter) {
   constexpr Real most_waisted = 0.95, most_stretched = 1e6;
   const Real area = square(static_cast<Real>(n)) / (4 * pi * parameter);

@@ -26,7 +26,7 @@ struct SizeDistribution {
 /// again. Errors: InputError if a normal diameter could be less than 0.1.
 std::vector<Real> draw_diameters(const SizeDistribution& distribution, Index n, std::uint64_t seed);
 
-/// Distribution of the radii of droplets, in units of that of a large one.
+/// Distribution of the radii of droplets, in units of the radius of a large droplet.
 struct RadiusDistribution {
   Real deviation = 0;       ///< δ: standard deviation over mean, of each kind
   Real small_fraction = 0;  ///< φ: fraction of small ones, by number [T 2.38]
@@ -39,7 +39,7 @@ std::vector<Real> draw_radii(const RadiusDistribution& distribution, Index n, st
 /// Parameters of a deformable particle.
 struct PolygonShape {
   Index vertices = 16;
-  Real shape_parameter = 0;  ///< 𝒜0 = (Nv l0)²/(4π a0); 0: that of the regular polygon
+  Real shape_parameter = 0;  ///< 𝒜0 = (Nv l0)²/(4π a0); 0: regular polygon
   Real edge_width = 0.1;     ///< smooth particles: δ/l0
 };
 
@@ -53,8 +53,8 @@ Topology make_particles(ModelKind kind, int dim, const std::vector<Real>& diamet
 /// holds it.
 Real outer_radius(const Topology& topology, Index m);
 
-/// Writes the regular polygon of particle m, of area a0, around `centre` with its first vertex at `angle`; a soft
-/// particle's centre. x: of all points [points · D].
+/// Writes the regular polygon of particle m, of area a0, around `centre` with its first vertex at `angle`; for a soft
+/// particle its centre. x: positions of all points [points · D].
 void place_particle(const Topology& topology, Index m, const Real* centre, Real angle, Real* x);
 
 }  // namespace pliant

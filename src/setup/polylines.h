@@ -29,8 +29,8 @@ std::vector<Polyline> parse_polylines(std::string_view text, const std::string& 
 /// Whether two segments cross each other in their insides.
 bool cross_each_other(const Vec<2>& a, const Vec<2>& b, const Vec<2>& c, const Vec<2>& d);
 
-/// The polygon with these corners, of which the last may be the first again, counterclockwise. Errors: InputError where
-/// there are fewer than three, a side has no length, sides cross, or there is no area.
+/// The polygon with these corners, counterclockwise; the last corner may repeat the first. Errors: InputError for fewer
+/// than three corners, a side of length 0, sides that cross, or an area of 0.
 std::vector<Vec<2>> make_polygon(std::vector<Vec<2>> corners);
 
 }  // namespace pliant

@@ -51,12 +51,12 @@ Real gap(const Outline<2>& outline, const Vec<2>& shift, const Topology& topolog
 
 /// Number k = 0, 1 of a draw for particle m.
 Real random_number(std::uint64_t seed, std::uint64_t stream, Index m, std::uint64_t draw, std::uint64_t k) {
-  // The counter has room for the lower 24 bits of the id.
+  // The counter holds the lower 24 bits of the id.
   const auto id = static_cast<std::uint64_t>(m);
   return rng::uniform(seed, stream + (id >> 24 << 32), (id << 40) + 2 * draw + k);
 }
 
-/// Of a circle of this radius about the middle.
+/// A candidate for a circle of this radius about the middle.
 template <int D>
 Vec<D> random_lateral(Real middle, Real radius, std::uint64_t seed, Index m, std::uint64_t draw) {
   const auto next = [&](std::uint64_t k) { return random_number(seed, stream::reinsertion, m, draw, k); };
@@ -107,7 +107,7 @@ void reinsert(const Ranks& ranks, const Topology& topology, const Container& con
     Vec<D> centre;
     Real radius;
   };
-  std::vector<Candidate> bulk;  // of this rank
+  std::vector<Candidate> bulk;  // candidates of this rank
   for (Index n = 0; n < topology.owned(); ++n) {
     if (n == m || !topology.active[n]) continue;
     const Vec<D> r = mean_of_points<D>(x, topology, n);
@@ -139,8 +139,7 @@ void reinsert(const Ranks& ranks, const Topology& topology, const Container& con
     bool first_touch = top == target[up];
     if constexpr (D == 2) {
       if (outline.size() > 1) {
-        // Polygons have room left inside their circles: go on by the clearance, which never overshoots, until they
-        // touch.
+        // Polygons do not fill their circles: advance by the clearance, which never overshoots, until they touch.
         for (int k = 0; k < 200; ++k) {
           Real near = std::numeric_limits<Real>::infinity();
           for (const Index n : column) {

@@ -1,4 +1,4 @@
-// Puts a particle that has left its container back at its upstream end [H 2.4].
+// Reinserts a particle that has left its container at the upstream end [H 2.4].
 #pragma once
 
 #include <cstdint>
@@ -19,19 +19,19 @@ struct Leaving {
   std::int64_t count;  ///< how often it has been reinserted before
 };
 
-/// How particles are put back.
+/// Rule of reinsertion.
 struct Reinsertion {
-  Real gap = 0;                            ///< how far above the place where it would touch, in σ_avg
-  std::optional<Real> lateral_speed = {};  ///< largest lateral velocity, uniformly random, in each direction; else that
-                                           ///< of the particle which it would touch
+  Real gap = 0;                            ///< height above the place of first contact, in σ_avg
+  std::optional<Real> lateral_speed = {};  ///< largest lateral velocity, uniformly random, in each direction; without
+                                           ///< it the velocity of the particle below
   Real clearance = 0;                      ///< from walls, in σ_avg
 };
 
 /// Moves the particle, as it is shaped now, to a uniformly random lateral position, lowered until it touches the first
-/// particle above the orifice line, and gives all its points the velocity of that particle, as far as the rule does not
-/// say otherwise. Walls must not be in its way. Random numbers depend on (seed, id, count) only. smooth: outlines are
-/// circulo-lines; otherwise points are disks. It stays with its owner. Collective. Errors: NumericalError if there is
-/// no particle to put it on.
+/// particle above the orifice line, and gives all its points the velocity of that particle unless the rule sets
+/// another. There must be no walls on the way down. Random numbers depend on (seed, id, count) only. smooth: outlines
+/// are circulo-lines; otherwise points are disks. The particle stays on its rank. Collective. Errors: NumericalError if
+/// there is no particle to place it on.
 template <int D>
 void reinsert(const Ranks& ranks, const Topology& topology, const Container& container, const Walls<D>& walls,
               bool smooth, std::uint64_t seed, const Leaving& leaving, State& state, const Reinsertion& rule = {});

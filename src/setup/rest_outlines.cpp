@@ -81,7 +81,7 @@ Vec<2> extent(const std::vector<Vec<2>>& vertices) {
 
 std::vector<Vec<2>> rest_outline(const OutlineShape& shape, Index n) {
   if (shape.kind == OutlineKind::corners) return divided(shape.corners, n);
-  constexpr Real narrowest = 0.5;  // of the vertices' centres
+  constexpr Real narrowest = 0.5;  // smallest distance between the centres of the vertices
   const auto with = [&](Real aspect) { return divided(drawn(shape.kind, aspect), n); };
   if (shape.aspect <= 1) return with(1);
   // The disks make it rounder: the vertices lie on a longer one.
@@ -111,7 +111,7 @@ Real outline_area(const std::vector<Vec<2>>& vertices) {
     const Vec<2>&a = vertices[k], &b = vertices[(k + 1) % n];
     twice += a[0] * b[1] - a[1] * b[0];
   }
-  // Of each disk the sector outside of the polygon; the angles inside are (n − 2) π.
+  // Each disk adds its sector outside the polygon; the angles inside add up to (n − 2) π.
   return twice / 2 + static_cast<Real>(n + 2) * pi / 8;
 }
 

@@ -10,7 +10,7 @@ namespace pliant {
 
 enum class OutlineKind { ellipse, rod, corners };
 
-/// An outline, of which the size does not matter.
+/// Shape of an outline; its size does not matter.
 struct OutlineShape {
   OutlineKind kind = OutlineKind::ellipse;
   Real aspect = 1;                   ///< length over width of an ellipse or a rod, its vertices' disks included; ≥ 1

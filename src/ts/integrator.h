@@ -13,10 +13,10 @@
 
 namespace pliant {
 
-/// Request of a scenario after an accepted step, the same on every rank: go on; go on with the same state in another
-/// order (particles were sorted or moved between ranks, the carried acceleration with them: the length of the state may
-/// have changed); go on from a state that it has changed (a discontinuity: multistep methods restart,
-/// first-same-as-last stages are dropped, a carried acceleration is evaluated anew); or stop.
+/// Request of a scenario after an accepted step, the same on every rank: proceed; proceed with the same state in
+/// another order (particles were sorted or moved between ranks, with the carried acceleration; the length of the state
+/// may have changed); proceed from a state that the scenario has changed (a discontinuity: multistep methods restart,
+/// first-same-as-last stages are dropped, a carried acceleration is evaluated again); or stop.
 enum class AfterStep { proceed, reordered, changed, stop };
 
 /// Called after every accepted step with the state at its end.
@@ -26,7 +26,7 @@ struct IntegratorStatistics {
   std::int64_t steps = 0;  ///< accepted
   std::int64_t rejected = 0;
   std::int64_t above_tolerance = 0;    ///< accepted although their error was estimated to be above the tolerance
-  std::int64_t force_evaluations = 0;  ///< those of a part of the terms among them
+  std::int64_t force_evaluations = 0;  ///< includes evaluations of a part of the terms
   std::int64_t jacobian_evaluations = 0;
   std::int64_t linear_iterations = 0;
   Real last_dt = 0;  ///< in t0

@@ -49,7 +49,7 @@ std::complex<Real> StabilityPolynomial::operator()(std::complex<Real> z) const {
 }
 
 Real StabilityPolynomial::imaginary_interval() const {
-  // |R(iy)|² − 1 as a polynomial in y²: near 0, where rounding would decide, the sign is that of its first coefficient.
+  // |R(iy)|² − 1 as a polynomial in y²: near 0, where rounding would decide, the sign of its first coefficient counts.
   const std::size_t n = coefficients_.size();
   std::vector<Real> excess(n, 0);
   for (std::size_t j = 0; j < n; ++j)
@@ -72,7 +72,7 @@ Real StabilityPolynomial::real_interval() const {
 }
 
 Real StabilityPolynomial::longest_damped_step(const FastestRates& rates) const {
-  constexpr int oscillations = 256;  // slow ones too: of some methods these grow first
+  constexpr int oscillations = 256;  // includes slow oscillations, which grow first with some methods
   const auto stable = [&](Real h) {
     for (int k = 1; k <= oscillations; ++k) {
       const Real w = rates.oscillation * k / oscillations;

@@ -43,8 +43,8 @@ class StabilityPolynomial {
   std::vector<Real> coefficients_;
 };
 
-/// The same of velocity Verlet, which predicts the velocities that forces depend on: ω² h² + 4 r h ≤ 4, should the
-/// fastest oscillation have the fastest decay, too.
+/// As above, for velocity Verlet, which predicts the velocities that forces depend on: ω² h² + 4 r h ≤ 4, if the
+/// fastest oscillation also has the fastest decay.
 inline Real longest_verlet_step(const FastestRates& rates) {
   return CriticalStep::limit({.stiffness = square(rates.oscillation), .damping = rates.decay});
 }

@@ -40,7 +40,7 @@ struct TsIntegrator::Run {
     if (!system.has_velocities()) return state.extra;
     return state.v().first(v == nullptr ? system.size() : 0);
   }
-  /// Throws on all ranks where one of `rates`, those of the unknowns from `first` on, is not finite on one.
+  /// Throws on all ranks if one of `rates` is not finite on any rank. first: number of the first of these unknowns.
   void check(std::span<const Real> rates, std::size_t first, Real t) const {
     const std::size_t bad = first_non_finite(rates.data(), rates.size()), coordinates = system.size();
     system.ranks().together([&] {
@@ -76,7 +76,8 @@ constexpr std::array program_options = {"-ts_max_time", "-ts_final_time", "-ts_i
 constexpr std::array controllers = {TSADAPTBASIC, TSADAPTDSP};
 constexpr Real largest_tolerance = 1;
 
-// PETSc reads these where it solves, when all options should have been read. It has no -ts_converged_reason.
+// PETSc reads these options during the solve, which is later than the check for unused options. PETSc has no
+// -ts_converged_reason.
 constexpr const char* converged_reason = "ts_converged_reason";
 constexpr std::array solve_views = {"ts_view", "ts_view_pre", "ts_view_solution", converged_reason};
 constexpr std::array solver_views = {"snes_view", "snes_view_pre", "snes_view_solution", "snes_converged_reason",
@@ -520,7 +521,7 @@ void TsIntegrator::accept_step(Run& run) {
         dt_next, t, run.state.step + 1, failure_of_trial());
   }
   if (adaptive_) {
-    // Keep the controller's own proposal: one cut to match t_end says nothing about the next run.
+    // Keep the controller's proposal: a step cut to match t_end must not become the first step of the next run.
     const bool grown_from_cut = run.cut && rejected == run.rejected_before && dt_next >= dt;
     run.cut = !end && (dt_next == left || dt_next == left / 2);
     if (!run.cut) dt_ = grown_from_cut ? std::max(dt_, dt_next) : dt_next;
@@ -740,7 +741,7 @@ StabilityPolynomial polynomial_of(::TS ts, const std::string& type) {
 
 Real TsIntegrator::longest_stable_step(const FastestRates& rates) const {
   if (!explicit_) return std::numeric_limits<Real>::infinity();
-  if (type_ == ts_verlet)  // which refuses motion without inertia when it runs
+  if (type_ == ts_verlet)  // Verlet refuses motion without inertia only when it runs
     return rates.oscillation > 0 ? longest_verlet_step(rates) : std::numeric_limits<Real>::infinity();
   return polynomial_of(ts_, type_).longest_step(rates);
 }

@@ -26,38 +26,39 @@ struct TsOptions {
   /// Implicit part of an implicit type: all forces, or the shape energy alone, the rest being explicit (IMEX).
   TermGroup implicit = TermGroup::all;
   JacobianKind jacobian = JacobianKind::assembled;
-  /// Says of positions that a step tries whether forces mean anything there; a step that goes where they do not is
-  /// rejected and tried again, shorter. Collective. Empty: they do everywhere.
+  /// Whether forces are defined at the positions of a trial step; if not, the step is rejected and repeated with a
+  /// shorter length. Collective. Empty: forces are defined everywhere.
   std::function<bool(const Real* x)> admissible = {};
 };
 
-/// Integrates y = [x; v] with ẏ = [v; a(t, x, v)] by PETSc TS; motion without inertia as y = x with ẋ = f(t, x), which
-/// leaves State::v alone; unknowns beside the coordinates have their tolerances. PETSc has vectors of its own: each
-/// accepted step is copied to the state.
+/// Integrates y = [x; v] with ẏ = [v; a(t, x, v)] by PETSc TS. Motion without inertia is y = x with ẋ = f(t, x) and
+/// does not write State::v. Other unknowns than the coordinates have the tolerances of coordinates. PETSc keeps
+/// separate vectors: each accepted step is copied to the state.
 ///
-/// Explicit types: rk (all tables), ssp, euler, verlet. Implicit ones, for an ImplicitSystem: alpha, alpha2, arkimex,
-/// beuler, bdf, cn, rosw, theta, which get an IFunction ẏ − [v; a] and its IJacobian; alpha2 gets ẍ − a = 0, with
-/// -ts_atol for positions and velocities. Other types registered with TSRegister get [v; a] as the right-hand side, and
-/// its Jacobian if there is one. With TermGroup::shape (arkimex, arkode) the shape energy and ẋ = v are the IFunction,
-/// the rest is the right-hand side. Solvers are PETSc's: -snes_…, -ksp_…, -pc_…, by default Newton, GMRES and -pc_type
-/// particle. Where a solve fails, its step is tried again, shorter; a fixed step has its length again after that. The
-/// end of a run is matched exactly; the step that this cuts short does not become the first one of the next run. Every
-/// run starts afresh (first-same-as-last stages and step-size history of the run before are dropped), so `fresh` makes
-/// no difference, and a chain of runs differs from one long run within the tolerance.
+/// Explicit types: rk (all tables), ssp, euler, verlet. Implicit types, for an ImplicitSystem: alpha, alpha2, arkimex,
+/// beuler, bdf, cn, rosw, theta. Implicit types get an IFunction ẏ − [v; a] and its IJacobian. The type alpha2 gets ẍ −
+/// a = 0, with -ts_atol for positions and velocities. Other types registered with TSRegister get [v; a] as the
+/// right-hand side, and its Jacobian if there is one. With TermGroup::shape (arkimex, arkode) the shape energy and ẋ =
+/// v are the IFunction, the rest is the right-hand side. Solvers are PETSc's: -snes_…, -ksp_…, -pc_…, by default
+/// Newton, GMRES and -pc_type particle. If a solve fails, the step is repeated with a shorter length; a fixed step has
+/// its full length again after that. The end of a run is matched exactly; the last, shortened step does not become the
+/// first step of the next run. Every run starts afresh (first-same-as-last stages and step-size history of the run
+/// before are dropped), so `fresh` makes no difference, and a chain of runs differs from one long run within the
+/// tolerance.
 ///
-/// After a failure the state is that of the last accepted step.
+/// After a failure the state is the state after the last accepted step.
 class TsIntegrator : public Integrator {
  public:
   /// Reads all -ts_… options, so that unused options can be reported before any work starts.
-  /// Errors: InputError for a type that is unknown or for other problems, a split that the type cannot do, an option
-  /// that PETSc refuses or that the program sets itself, an adaptive step without error estimate, a tolerance or step
-  /// that is not positive. comm: of the ranks of the systems that it will integrate. Collective, as is run().
+  /// Errors: InputError for a type that is unknown or solves other problems, a split that the type does not support, an
+  /// option that PETSc refuses or that the program sets itself, an adaptive step without error estimate, a tolerance or
+  /// step that is not positive. comm: communicator of the ranks of the systems to integrate. Collective, as is run().
   explicit TsIntegrator(TsOptions options = {}, MPI_Comm comm = PETSC_COMM_SELF);
 
   /// As Integrator::run. Exceptions of the system or the observer arrive unchanged.
-  /// Errors: InputError where the state does not fit the system, or an implicit type's system is no ImplicitSystem;
-  /// NumericalError, with the time, where an acceleration is not finite (of an implicit type: again and again), a step
-  /// is rejected too often, dt underflows, or -ts_max_steps is reached.
+  /// Errors: InputError if the state does not fit the system, or an implicit type gets a system that is not an
+  /// ImplicitSystem; NumericalError, with the time, if an acceleration is not finite (with an implicit type:
+  /// repeatedly), a step is rejected too often, dt underflows, or -ts_max_steps is reached.
   void run(SecondOrderSystem& system, State& state, Real t_end, bool fresh, const StepObserver& observer) override;
   void run(FirstOrderSystem& system, State& state, Real t_end, const StepObserver& observer) override;
   const IntegratorStatistics& statistics() const override { return statistics_; }
@@ -65,7 +66,7 @@ class TsIntegrator : public Integrator {
 
   bool first_same_as_last() const override { return first_same_as_last_; }
   bool explicit_fixed_step() const override;
-  /// Whether the method solves equations, and asks the system for derivatives.
+  /// Whether the method solves equations, for which the system must compute derivatives.
   bool needs_jacobian() const;
   Real next_dt() const override { return dt_; }
   /// Of rk, ssp, euler, verlet and arkode with explicit tables; infinite for others.
@@ -84,7 +85,7 @@ class TsIntegrator : public Integrator {
   void set_tolerances(::Vec y, std::size_t n, std::size_t unknowns);
   /// Until t_end, a stop or a new order of the state; true for the last.
   bool solve(FirstOrderSystem& system, State& state, Real t_end, const StepObserver& observer);
-  /// Tells PETSc the functions of the problem.
+  /// Sets the functions of the problem in PETSc.
   void set_functions(Run& run);
   static PetscErrorCode right_hand_side(TS ts, PetscReal t, ::Vec y, ::Vec ydot, void* context);
   static PetscErrorCode right_hand_side_jacobian(TS ts, PetscReal t, ::Vec y, ::Mat a, ::Mat p, void* context);
@@ -109,12 +110,12 @@ class TsIntegrator : public Integrator {
 
   TsOptions options_;
   MPI_Comm comm_;
-  std::unique_ptr<Jacobian> jacobian_;  // of the system of the current run
+  std::unique_ptr<Jacobian> jacobian_;  // Jacobian of the system of the current run
   PetscTs ts_;
   std::string type_;
   bool adaptive_ = false;
   bool explicit_ = false;    // every part of the step
-  bool fixed_ = false;       // of explicit methods: no error control
+  bool fixed_ = false;       // explicit method without error control
   Choose choose_ = nullptr;  // PETSc's
   bool first_same_as_last_ = false;
   bool second_order_ = false;  // alpha2
@@ -123,7 +124,7 @@ class TsIntegrator : public Integrator {
   int shortened_ = 0;  // times that the first step has been divided by four
   std::size_t configured_size_ = 0;
   Real dt_ = 0;
-  std::string last_failure_;  // of an evaluation at a trial state
+  std::string last_failure_;  // message of a failed evaluation at a trial state
   bool outside_ = false;      // a stage of the step being tried had no forces
   IntegratorStatistics statistics_;
 };

@@ -117,8 +117,8 @@ PetscErrorCode restore(::Vec given, Tolerance& own, const PetscScalar** values) 
 
 // With the accelerations a and a' at both ends: x lacks h² (a' − a)/6, the next term of its series; v differs from the
 // prediction by h (a' − a)/2. The latter overstates the error, by one order: the step is controlled by the change
-// of the force in a step, the onset of a contact above all. The norm is that of TSErrorWeightedNorm, which
-// takes longer than the forces.
+// of the force in a step, the onset of a contact above all. The norm equals TSErrorWeightedNorm, which takes longer
+// than the forces.
 PetscErrorCode evaluate_error(TS ts, NormType norm, PetscInt* order, PetscReal* error) {
   Verlet& d = data_of(ts);
   const PetscReal h = ts->time_step;
@@ -170,7 +170,7 @@ PetscErrorCode interpolate(TS ts, PetscReal t, ::Vec u) {
   PetscCall(VecGetArrayRead(d.f, &fn));
   PetscCall(VecGetArrayWrite(u, &out));
   for (PetscInt i = 0; i < n; ++i) {
-    // The velocity in f belongs to the predictor, the one in y to the method.
+    // The velocity in f belongs to the predictor, the velocity in y to the method.
     out[i] = y0 * yo[i] + y1 * yn[i] + f0 * yo[n + i] + f1 * yn[n + i];
     out[n + i] = y0 * yo[n + i] + y1 * yn[n + i] + f0 * fo[n + i] + f1 * fn[n + i];
   }

@@ -18,8 +18,8 @@ inline constexpr char ts_verlet[] = "verlet";
 /// One evaluation per step: a is carried on, and dropped after TSRestartStep or TSRollBack. Order 2, symplectic where a
 /// does not depend on v, stable for a damping rate γ with γ h < 1. The step is fixed (TSADAPTNONE is the default); with
 /// -ts_adapt_type basic it is controlled by how much the acceleration changes in a step. TSInterpolate is cubic Hermite
-/// in x and v. It has no options of its own. Errors (at set-up): no right-hand-side function, an IFunction, or an odd
-/// local length.
+/// in x and v. The type has no options. Errors (at set-up): no right-hand-side function, an IFunction, or an odd local
+/// length.
 PetscErrorCode ts_verlet_register();
 
 }  // namespace pliant

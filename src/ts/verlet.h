@@ -18,10 +18,11 @@ namespace pliant {
 /// depend on v this is the symplectic velocity Verlet (M. P. Allen, D. J. Tildesley, Computer Simulation of Liquids,
 /// 2017, section 3.2). A linear damping a = −γ v alone is stable for γ h < 1.
 ///
-/// Accelerations are used at once and not stored; p is carried. Times are t = step · dt, counted by integers,
+/// Accelerations are used at once and not stored; the predicted velocity p is carried to the next step. Times are t =
+/// step · dt, counted by integers,
 /// so that a restart from (step, x, v, p) with fresh = false continues bit for bit. Where state.t is not step · dt at
-/// the start of a run (dt was changed, which needs fresh), the difference is kept as an offset. The a within p has seen
-/// the prediction before, so p is part of the state: finding it anew differs by O(h³).
+/// the start of a run (dt was changed, which needs fresh), the difference is kept as an offset. The acceleration in p
+/// depends on the previous prediction, so p is part of the state: computing p again gives a difference of O(h³).
 class FixedStepVerlet : public Integrator {
  public:
   /// In one run: the largest count of a Real.
@@ -30,10 +31,10 @@ class FixedStepVerlet : public Integrator {
   /// dt in t0. Errors: InputError unless dt is positive and finite.
   explicit FixedStepVerlet(Real dt);
 
-  /// As Integrator::run. After the observer has `changed` the state, the prediction is made anew before the next step
-  /// (also after the last one). A state saved inside an observer call that changes it has an outdated one: start it
-  /// with fresh. Errors: InputError where the state does not fit the system; NumericalError, which names the
-  /// coordinate, where an acceleration is not finite.
+  /// As Integrator::run. After the observer has `changed` the state, the prediction is computed again before the next
+  /// step (also after the last step). A state that is saved inside an observer call which changes it has an outdated
+  /// prediction: start it with fresh. Errors: InputError if the state does not fit the system; NumericalError, which
+  /// names the coordinate, if an acceleration is not finite.
   void run(SecondOrderSystem& system, State& state, Real t_end, bool fresh, const StepObserver& observer) override;
   void run(FirstOrderSystem& system, State& state, Real t_end, const StepObserver& observer) override;
   const IntegratorStatistics& statistics() const override { return statistics_; }
@@ -51,7 +52,7 @@ class FixedStepVerlet : public Integrator {
   }
 
  private:
-  /// Predicts anew, from the accelerations at x and v.
+  /// Predicts the velocities again, from the accelerations at x and v.
   void evaluate(SecondOrderSystem& system, State& state);
   /// Steps to time t; return whether the accelerations are finite. Both give the same bits.
   bool fused_step(SecondOrderSystem& system, State& state, Real t, bool predicted);

@@ -133,7 +133,7 @@ struct Stepper {
   int (*steps)(void*, long*);
   int (*last_step)(void*, realtype*);
   void (*free)(void**);
-  // MRIStep takes fixed steps only and has none of these.
+  // MRIStep takes fixed steps only and lacks these functions.
   int (*initial_step)(void*, realtype) = nullptr;
   int (*min_step)(void*, realtype) = nullptr;
   int (*max_step)(void*, realtype) = nullptr;
@@ -176,12 +176,12 @@ struct Arkode : Link {
   PetscBool fixed = PETSC_FALSE;
   PetscInt nonlinear_solver = newton, anderson = 0;
   PetscInt linear_solver = PETSC_DECIDE;  // ksp where there is a Jacobian
-  PetscInt max_iterations = 0;            // of a nonlinear solve; 0: ARKODE's default
+  PetscInt max_iterations = 0;            // limit of iterations of a nonlinear solve; 0: ARKODE's default
 
   // From TSSetUp to TSReset.
   const Stepper* stepper = nullptr;
   const Table *table = nullptr, *fast_table = nullptr;
-  void *memory = nullptr, *fast_memory = nullptr;  // of ARKODE and of the inner integrator of a multirate method
+  void *memory = nullptr, *fast_memory = nullptr;  // memory of ARKODE and of the inner integrator of a multirate method
   MRIStepInnerStepper fast = nullptr;
   PetscVec y_old;                     // start of the last TS step
   PetscVec zero;                      // ẏ of an implicit function
@@ -191,7 +191,7 @@ struct Arkode : Link {
   PetscReal h = 0;      // ARKODE's next step; the last one where steps are fixed
   long attempts = 0, iterations = 0;
 
-  // The solution as TS had it when it was last here: whoever changes it since then makes ARKODE begin anew.
+  // Time, id and state number of the TS solution at the last step: if one has changed since, ARKODE restarts.
   PetscReal t_seen = std::numeric_limits<PetscReal>::quiet_NaN();
   PetscObjectId id_seen = 0;
   PetscObjectState state_seen = 0;
@@ -263,7 +263,7 @@ PetscErrorCode remember_solution(TS ts, PetscReal t) {
   PetscFunctionReturn(0);
 }
 
-// Whether ARKODE's solution is not that of TS: after TSRestartStep, or where time or solution were set.
+// Whether ARKODE's solution differs from the solution of TS: after TSRestartStep, or if time or solution were set.
 PetscErrorCode must_restart(TS ts, PetscBool* restart) {
   Arkode& d = data_of(ts);
   PetscObjectId id;
@@ -277,7 +277,7 @@ PetscErrorCode must_restart(TS ts, PetscBool* restart) {
   PetscFunctionReturn(0);
 }
 
-// ARKODE begins at the present solution with the step h, whatever it did before. Its counters go on.
+// ARKODE restarts at the present solution with the step h. Its counters continue.
 PetscErrorCode restart(TS ts, PetscReal h) {
   Arkode& d = data_of(ts);
   PetscFunctionBegin;
@@ -345,7 +345,7 @@ PetscErrorCode evolve(TS ts) {
       PetscCall(d.failed(flag));
       PetscFunctionReturn(0);
     }
-    PetscCall(d.check(d.stepper->next_step(d.memory, &h)));  // the one that failed
+    PetscCall(d.check(d.stepper->next_step(d.memory, &h)));  // the step that failed
     PetscCall(restart(ts, h / 4));
   }
 }

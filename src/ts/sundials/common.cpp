@@ -17,7 +17,7 @@ struct Link::Implicit {
   SUNNonlinSolSysFn system = nullptr;
   SUNNonlinSolConvTestFn test = nullptr;
   void* test_data = nullptr;
-  // Of the solve that is under way:
+  // State of the present solve:
   void* memory = nullptr;
   N_Vector weights = nullptr;
   realtype tolerance = 0;
@@ -148,8 +148,9 @@ int solve_linear(SUNLinearSolver solver, SUNMatrix, N_Vector x, N_Vector b, real
   }
 }
 
-// A solve is as exact as the integrator wants it, no more: Newton stops by the integrator's own test of the full (not
-// damped) update. A small step of another method says nothing; they stop where the residual is below the tolerance.
+// A solve is as exact as the integrator requires: Newton stops by the integrator's test of the full (not damped)
+// update. A small step of another method is not a measure of its error; these methods stop when the residual is below
+// the tolerance.
 PetscErrorCode test_convergence(SNES snes, PetscInt iteration, PetscReal, PetscReal, PetscReal norm,
                                 SNESConvergedReason* reason, void* context) {
   Link& link = *static_cast<Link*>(context);

@@ -65,17 +65,18 @@ struct Link {
   /// `linear` and `matrix`: the KSP of the TS's SNES, to be used with `linear_system`. The operator is σI − J, from
   /// TSSetRHSJacobian or TSSetIJacobian, which must have been given a matrix. implicit_part: only the Jacobian of the
   /// implicit function, for a split right-hand side.
-  /// A solve ends at the tolerance that the integrator asks for (it replaces -ksp_atol), at the latest at -ksp_rtol.
+  /// A solve ends at the tolerance of the integrator, which replaces -ksp_atol, at the latest at -ksp_rtol.
   PetscErrorCode use_ksp(PetscBool implicit_part = PETSC_FALSE);
-  /// `nonlinear`: the TS's SNES, with all its options. It stops by the integrator's own test. query tells about the
+  /// `nonlinear`: the TS's SNES, with all its options. The integrator's test ends the iteration. query returns the
   /// system being solved by the integrator `memory`; the TS type sets ts->ops->snesfunction = snes_function and
   /// ts->ops->snesjacobian = snes_jacobian.
   PetscErrorCode use_snes(ImplicitSystem (*query)(void* memory), PetscBool implicit_part = PETSC_FALSE);
 
   /// For calls into SUNDIALS other than steps: flag < 0 becomes PETSC_ERR_LIB with SUNDIALS' message.
   PetscErrorCode check(int flag) const;
-  /// For steps with flag < 0: returns the PETSc error of a callback, else sets ts->reason (TS_DIVERGED_…) and says why
-  /// by PetscInfo; a flag that is no failure of the step becomes PETSC_ERR_LIB. Flags as CVODE's and ARKODE's.
+  /// For steps with flag < 0: returns the PETSc error of a callback, else sets ts->reason (TS_DIVERGED_…) and prints
+  /// the reason by PetscInfo; a flag that does not mean a failed step becomes PETSC_ERR_LIB. Flags as CVODE's and
+  /// ARKODE's.
   PetscErrorCode failed(int flag);
 
   struct Implicit;

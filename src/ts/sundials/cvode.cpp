@@ -36,7 +36,7 @@ struct Cvode : Link {
   PetscVec previous;         // solution at the start of the last step of the TS
   PetscReal reached = 0;     // CVODE's time, at or ahead of the TS's
   PetscReal left = 0;        // the TS's time after the last step
-  PetscObjectState state{};  // of the solution then
+  PetscObjectState state{};  // state number of the solution at the last step
   PetscObjectId id{};
   bool started = false;
   Counts last, total;  // CVODE's own since the last restart; all
@@ -181,7 +181,7 @@ PetscErrorCode remember(TS ts, PetscReal t) {
   PetscFunctionReturn(0);
 }
 
-// Whether CVODE's history is not that of the solution: after TSRestartStep, or where time or solution were set, on any
+// Whether CVODE's history does not belong to the solution: after TSRestartStep, or if time or solution were set, on any
 // rank.
 PetscErrorCode must_restart(TS ts, bool& restart) {
   Cvode& d = data_of(ts);
