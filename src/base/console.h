@@ -14,7 +14,7 @@ namespace pliant {
 /// ends no run. To be called first in main.
 void guard_standard_streams();
 
-/// Under which the program speaks to its users: "pliant" until a program of another name sets its own.
+/// Name of the program in messages: "pliant" unless a program with another name sets it.
 void set_program_name(std::string name);
 const std::string& program_name();
 
@@ -22,11 +22,11 @@ const std::string& program_name();
 /// (`| head`).
 void print_result(std::string_view text);
 
-/// Prints `text` to the standard error; where that fails there is nobody left to tell.
+/// Prints `text` to the standard error; a failure to do so is ignored.
 void complain(std::string_view text) noexcept;
 
-/// Prints a remark of a run to the standard output. The first one that cannot be written is a warning, unless its
-/// reader has gone; the run goes on.
+/// Prints a remark of a run to the standard output. The first remark that cannot be written gives a warning, unless the
+/// reader has closed the pipe; the run continues.
 void say_text(std::string_view text) noexcept;
 template <class... Args>
 void say(fmt::format_string<Args...> text, Args&&... args) {

@@ -50,7 +50,7 @@ struct OutputError : Error {
 
 /// An allocation failed (exit 5).
 struct MemoryError : Error {
-  /// `allocation` says which one, "80 MB could not be allocated"; the memory in use and the cure are added.
+  /// `allocation` names the allocation, as "80 MB could not be allocated"; the memory in use and the cure are added.
   explicit MemoryError(const std::string& allocation);
 };
 

@@ -6,8 +6,8 @@
 
 namespace pliant {
 
-/// Asks the operating system for large pages behind this memory, which should not have been written to yet. Does
-/// nothing for small arrays, and where there are no such pages.
+/// Requests large pages from the operating system for this memory, which should not have been written to yet. No effect
+/// on small arrays, and on systems without large pages.
 void advise_large_pages(const void* memory, std::size_t bytes);
 
 /// values.resize(n), on large pages.

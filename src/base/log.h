@@ -15,7 +15,7 @@ enum class LogEvent {
   reinsert,    ///< "PliantReinsert": particles reinserted
   sample,      ///< "PliantSample": a row of the series measured
   frame,       ///< "PliantFrame": a frame gathered and written
-  checkpoint,  ///< "PliantCheckpoint": the same of a checkpoint
+  checkpoint,  ///< "PliantCheckpoint": writing a checkpoint
 };
 enum class LogStage { pack, run };  ///< "Packing", "Run"
 

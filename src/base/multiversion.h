@@ -1,4 +1,4 @@
-// Functions compiled for several instruction sets, of which the loader picks the best that the machine has.
+// Functions compiled for several instruction sets; the loader selects the best set that the machine has.
 #pragma once
 // Not under thread sanitizer, which cannot start programs with resolvers, nor where a test wants PLIANT_ONE_VERSION.
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_THREAD__) && \

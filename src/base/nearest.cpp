@@ -43,8 +43,8 @@ Abbreviates what_begins_with(const std::string& part, const std::string& name) {
   return Abbreviates::nothing;
 }
 
-// The only candidate that begins with the part, else the only one that has a later word which does. Of several that a
-// single letter abbreviates the first of the shortest.
+// The only candidate that begins with the part, else the only candidate with a later word that does. If a single letter
+// abbreviates several candidates, the first of the shortest.
 const std::string* abbreviated(const std::string& part, std::span<const std::string> candidates) {
   for (const Abbreviates what : {Abbreviates::name, Abbreviates::later_word}) {
     const std::string* found = nullptr;
@@ -61,12 +61,12 @@ const std::string* abbreviated(const std::string& part, std::span<const std::str
 }  // namespace
 
 std::optional<std::string> nearest(std::string_view name, std::span<const std::string> candidates) {
-  constexpr std::size_t longest = 100;  // nobody mistypes so much; keeps the table small
+  constexpr std::size_t longest = 100;  // longer than any misspelt name; limits the table
   if (name.empty() || name.size() > longest) return {};
   const std::string wanted = lower(name);
 
   if (const auto* whole = abbreviated(wanted, candidates)) return *whole;
-  if (wanted.size() == 1) return {};  // an error would be the whole of it
+  if (wanted.size() == 1) return {};  // a single letter would match every name with one error
   const std::string* best = nullptr;
   std::size_t best_errors = std::max<std::size_t>(1, std::min<std::size_t>(3, wanted.size() / 3)) + 1;
   for (const auto& candidate : candidates) {

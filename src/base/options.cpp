@@ -208,7 +208,7 @@ void check_petsc(const Setting& setting) {
   if (setting.value->starts_with("draw")) bad_value(setting, "a run has no windows to draw in");
 }
 
-// Whether -log_view can be written where it says; PETSc looks only when all is done.
+// Whether -log_view can be written to its file; PETSc opens the file only at the end.
 void check_log_view(const Setting& setting) {
   PetscViewer viewer = nullptr;
   try {

@@ -33,8 +33,8 @@ struct OptionSpec {
   std::string help = {};
   std::string unit = {};                 ///< "sigma_avg", "t0", "degrees" …; empty for pure numbers
   std::string symbol = {};               ///< in figures, as TeX, over its unit
-  std::vector<std::string> models = {};  ///< of a parameter: those that read it
-  /// Of a parameter of a model: the term of the run's model that reads it, or nothing if none does.
+  std::vector<std::string> models = {};  ///< of a parameter: the models that read it
+  /// Parameters of models only: the term of the run's model that reads the parameter, or nothing.
   std::function<std::optional<std::string>()> term = {};
   Real min = -std::numeric_limits<Real>::infinity();
   Real max = std::numeric_limits<Real>::infinity();
@@ -44,16 +44,16 @@ struct OptionSpec {
   std::optional<Cure> cure = {};          ///< messages that advise it name the option
   std::string automatic = {};  ///< meaning of an empty std::optional, for the help ("0.1 of the shortest time")
   OnRestart on_restart = OnRestart::keep;
-  /// Of a text: the value stored in place of the given one, such as the content of the named file; files of a run and
-  /// restarts use the stored value. Relative names of files begin at `folder`: that of the options file, or the working
-  /// directory, which is empty. Errors: InputError.
+  /// Texts only: returns the value to store in place of the given one, such as the content of the named file; files of
+  /// a run and restarts use the stored value. Relative file names refer to `folder`, the folder of the options file, or
+  /// to the working directory if it is empty. Errors: InputError.
   std::function<std::string(const std::string& text, const std::filesystem::path& folder)> read = {};
 };
 
 /// A path that a user wrote, relative to `folder` unless it is absolute.
 std::string path_from(const std::filesystem::path& folder, const std::string& path);
 
-/// The user asks for something else than the stored run has.
+/// An option of the user differs from the stored run.
 struct RestartConflict : InputError {
   using InputError::InputError;
 };
@@ -87,7 +87,7 @@ class Options {
   requires std::is_enum_v<E>
   void bind(const std::string& name, E& target, const std::vector<std::pair<std::string, E>>& values, OptionSpec spec);
 
-  /// Names of quantities that are no options because they are units: an option of such a name is refused with `text`, a
+  /// Names of quantities that are units and therefore not options: an option of such a name is refused with `text`, a
   /// sentence such as "g is the unit of acceleration".
   void explain_units(std::map<std::string, std::string> text) { units_ = std::move(text); }
 
@@ -128,8 +128,8 @@ class Options {
   std::string markdown() const;
   /// Name of the option that declares this cure, and that the run's model reads; empty without one.
   std::string curing(Cure cure) const;
-  /// What programs may want to know of the options: name → {"default", "unit"}, "symbol" where the option has one, and
-  /// for parameters of models "models", the names of those that read it.
+  /// The options as JSON for other programs: name → {"default", "unit"}, "symbol" if the option has one, and for
+  /// parameters of models "models", the names of the models that read it.
   nlohmann::json reference() const;
   /// name → {"value", "unit", "source", "is_default"}, "symbol" where the option has one, and for parameters of models
   /// "term", null where the run's model does not read them. PETSc's options (as strings) included.

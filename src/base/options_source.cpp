@@ -92,8 +92,8 @@ std::vector<Token> tokens_of(const std::string& text, const std::string& file) {
   return tokens;
 }
 
-// PETSc's own YAML reader knows no line numbers, lets the last of two equal keys win, stops silently at a zero byte and
-// keeps a half-built prefix after an error; so libyaml, which it uses too, is called from here.
+// PETSc's YAML reader gives no line numbers, lets the last of two equal keys win, stops silently at a zero byte and
+// keeps a half-built prefix after an error. Therefore this file calls libyaml, which PETSc's reader uses too.
 class YamlReader {
  public:
   YamlReader(const std::string& text, const std::string& file) : text_(text), file_(file) {

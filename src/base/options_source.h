@@ -8,7 +8,7 @@
 
 namespace pliant {
 
-/// One option as somebody wrote it.
+/// One option as written on the command line or in a file.
 struct Setting {
   std::string name;                  ///< without the dash
   std::optional<std::string> value;  ///< nothing for a bare `-name`
@@ -16,7 +16,7 @@ struct Setting {
   int line = 0;                      ///< in the file, from 1; 0 for the command line
   bool null = false;                 ///< a key of YAML without a value
 
-  /// That of the file; empty for the command line.
+  /// Folder of the options file; empty for the command line.
   std::filesystem::path folder() const;
   /// "-name value", with " (file:line)" behind it unless it comes from the command line.
   std::string text() const;
@@ -24,8 +24,8 @@ struct Setting {
 
 /// Settings in the order of the arguments (without the program's name). The argument after a name is its value unless
 /// it is a name itself: a dash and a letter, so that -1 and -inf are values. `--name` is read as `-name`. Errors:
-/// InputError for an argument that belongs to no option, and here and below for a name or value that is no plain text
-/// or too long.
+/// InputError for an argument that belongs to no option; here and below also for a name or value that is too long or
+/// not plain text.
 std::vector<Setting> read_arguments(const std::vector<std::string>& arguments);
 
 /// Settings of an options file: YAML if its name ends in .yaml or .yml (nested keys join with `_`, lists of plain

@@ -5,7 +5,7 @@
 
 namespace pliant {
 
-/// Keeps one exception of the threads of a parallel region, for the thread that goes on behind it.
+/// Keeps one exception of the threads of a parallel region, for the thread that continues after the region.
 class ParallelErrors {
  public:
   template <class Body>

@@ -11,7 +11,7 @@ namespace {
 
 // A PETSc error handler has one context for the process; the last error is kept per thread instead.
 thread_local std::string last_message;
-thread_local bool last_in_options;  // it has come out of a function that reads options
+thread_local bool last_in_options;  // the last error came from a function that reads options
 thread_local std::exception_ptr last_exception;
 
 PetscErrorCode keep_message(MPI_Comm, int, const char* function, const char*, PetscErrorCode code, PetscErrorType type,

@@ -28,7 +28,7 @@ class PetscSession {
 
  private:
   bool open_ = true;
-  bool owner_ = false;  // of PETSc's life
+  bool owner_ = false;  // whether this object finalises PETSc
 };
 
 /// If code is not zero: throws the exception that a callback stored with `petsc_callback`; else an InputError where

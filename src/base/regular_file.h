@@ -9,9 +9,9 @@
 
 namespace pliant {
 
-/// open(2) of a regular file, with O_CLOEXEC; never waits. With O_NOFOLLOW in `flags`, neither a symbolic link nor a
-/// file that has other names. Returns the descriptor, or -1 and errno. Errors: InputError if the name is that of
-/// something else.
+/// open(2) of a regular file, with O_CLOEXEC; never waits. With O_NOFOLLOW in `flags`, refuses symbolic links and files
+/// with several names. Returns the descriptor, or -1 and errno. Errors: InputError if the name belongs to something
+/// other than a regular file.
 int open_regular(const std::filesystem::path& path, int flags);
 
 /// The same for reading a file that messages call `what`, with the pipes of a shell, such as /dev/stdin and <(…), too;

@@ -13,7 +13,7 @@ namespace pliant::simd {
 typedef Real Real2 __attribute__((vector_size(2 * sizeof(Real))));
 typedef Real Real4 __attribute__((vector_size(4 * sizeof(Real))));
 typedef std::int64_t Mask4
-    __attribute__((vector_size(4 * sizeof(std::int64_t))));  ///< lanes of 0 or −1: of comparisons
+    __attribute__((vector_size(4 * sizeof(std::int64_t))));  ///< results of comparisons: lanes of 0 or −1
 
 typedef std::int32_t Int4 __attribute__((vector_size(4 * sizeof(std::int32_t))));
 

@@ -10,7 +10,7 @@
 namespace pliant {
 namespace {
 
-// Length of the character that the text begins with; 0 if that is no UTF-8, or a control character.
+// Length of the first character of the text; 0 if it is invalid UTF-8 or a control character.
 std::size_t plain_character(std::string_view text) {
   const auto byte = [&](std::size_t i) -> unsigned {
     return i < text.size() ? static_cast<unsigned char>(text[i]) : 0;

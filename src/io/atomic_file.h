@@ -7,9 +7,9 @@
 
 namespace pliant {
 
-/// Writes these parts one after the other to a new file beside `path`, syncs it to the disk and renames it to `path`:
-/// whenever the program dies, `path` holds either its old content or all of the new. Errors: OutputError with the
-/// system's reason; `path` is then untouched.
+/// Writes these parts one after the other to a new file in the folder of `path`, syncs it to the disk and renames it to
+/// `path`: whenever the program dies, `path` holds either its old content or all of the new. Errors: OutputError with
+/// the system's reason; `path` is then untouched.
 void write_file_atomically(const std::filesystem::path& path, std::initializer_list<std::string_view> parts);
 
 /// The same with the content of another file.

@@ -24,7 +24,7 @@ namespace fs = std::filesystem;
 constexpr std::array names{"checkpoint-a.h5", "checkpoint-b.h5"};
 
 // A file is a head, which HDF5 skips as a "user block", and an HDF5 file. The head is a line of text, filled up with
-// zeros, that follows from the bytes behind it: it differs as soon as a bit of the file does.
+// zeros, with length and checksum of the bytes behind it, so that a change of any bit is detected.
 constexpr int format = 2;
 constexpr std::size_t head_size = 512;
 constexpr std::string_view title = "pliant checkpoint, format ";
@@ -75,7 +75,7 @@ const auto& entry(const Checkpoint& c, const Map& map, const std::string& name, 
   return found->second;
 }
 
-/// The bound that is none.
+/// The bound of unbounded numbers.
 constexpr double unbounded(double) { return Checkpoint::any; }
 constexpr std::int64_t unbounded(std::int64_t) { return Checkpoint::any_count; }
 

@@ -19,8 +19,8 @@
 namespace pliant {
 
 /// Data with which a scenario resumes bit for bit, under names of the scenario: numbers, arrays of numbers, and texts.
-/// A file can have been edited, or be of another run: the functions check what they return. Errors of all of them:
-/// InputError that names the file, the entry and its value.
+/// The file may have been edited, or belong to another run: all functions check the values that they return. Errors of
+/// all functions: InputError that names the file, the entry and its value.
 struct Checkpoint {
   static constexpr Real any = std::numeric_limits<Real>::max();
   static constexpr std::int64_t any_count = 9'007'199'254'740'992;  ///< 2^53: sums of counts do not overflow
@@ -63,7 +63,7 @@ struct Checkpoint {
 /// array can be forgotten once it has been added.
 class CheckpointWriter {
  public:
-  /// newest: the checkpoint that the run goes on from, which is the last to be overwritten; none for a new run.
+  /// newest: the checkpoint from which the run resumes, which is overwritten last; empty for a new run.
   explicit CheckpointWriter(std::filesystem::path folder, const std::filesystem::path& newest = {});
 
   /// In memory; an unfinished checkpoint is dropped.
@@ -96,7 +96,7 @@ class CheckpointWriter {
 };
 
 struct StoredCheckpoints {
-  std::vector<std::filesystem::path> files;  ///< whole ones, that of the highest step first
+  std::vector<std::filesystem::path> files;  ///< complete checkpoints, highest step first
   std::vector<std::string> problems;         ///< the faults of the other files
 };
 

@@ -4,7 +4,7 @@
 namespace pliant {
 
 std::uint32_t crc32_of(std::span<const std::byte> bytes, std::uint32_t before) {
-  // An address of null would make zlib begin anew.
+  // A null address would make zlib start a new checksum.
   if (bytes.empty()) return before;
   return static_cast<std::uint32_t>(crc32_z(before, reinterpret_cast<const Bytef*>(bytes.data()), bytes.size()));
 }

@@ -7,9 +7,9 @@
 
 namespace pliant {
 
-/// Of `bytes` after others that have the checksum `before`.
+/// Checksum of bytes with the checksum `before` followed by `bytes`.
 std::uint32_t crc32_of(std::span<const std::byte> bytes, std::uint32_t before = 0);
-/// Of some bytes followed by `size` others.
+/// Checksum of bytes with the checksum `first` followed by `size` bytes with the checksum `second`.
 std::uint32_t crc32_joined(std::uint32_t first, std::uint32_t second, std::uint64_t size);
 
 }  // namespace pliant

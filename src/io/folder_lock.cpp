@@ -72,7 +72,7 @@ FolderLock::FolderLock(const fs::path& folder) : folder_(folder), file_(folder /
   std::vector<fs::path> missing;
   std::error_code ignored;
   fs::path path = fs::absolute(folder).lexically_normal();
-  if (!path.has_filename()) path = path.parent_path();  // of "runs/one/"
+  if (!path.has_filename()) path = path.parent_path();  // "runs/one/" means "runs/one"
   for (; !fs::exists(path, ignored) && path != path.root_path(); path = path.parent_path()) missing.push_back(path);
   create_folder(folder);
   made_ = std::move(missing);
@@ -103,7 +103,7 @@ void FolderLock::acquire() {
 
 FolderLock::~FolderLock() {
   if (descriptor_ < 0) return;
-  // While the lock is held: nobody else has this file.
+  // Removed while the lock is held: no other process uses this file.
   ::unlink(file_.c_str());
   ::close(descriptor_);
   for (const fs::path& folder : made_)

@@ -25,11 +25,11 @@ void create_folder(const std::filesystem::path& folder);
 std::optional<std::string> holder_of(const std::filesystem::path& folder);
 
 /// Holds run.lock in a folder from construction to destruction. The lock is the system's (flock) and ends with the
-/// process, however that ends; the file says who holds it, and a file that was left behind locks nothing. Folders on a
-/// file system without locks are used without: see warning().
+/// process in every case; the file names the process that holds it, and a stale file locks nothing. On a file system
+/// without locks, folders are used without a lock: see warning().
 class FolderLock {
  public:
-  FolderLock() = default;  ///< of no folder
+  FolderLock() = default;  ///< holds no lock
   /// Makes the folder and its parents where they are missing. Errors: FolderInUse that names process and host if
   /// another one holds the lock; OutputError if the folder or the file cannot be made.
   explicit FolderLock(const std::filesystem::path& folder);

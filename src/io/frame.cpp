@@ -11,7 +11,7 @@
 namespace pliant {
 namespace {
 
-/// The rows of one kind: this rank's, and those of all.
+/// The rows of one kind: of this rank, and of all ranks.
 struct Rows {
   std::uint64_t first = 0, count = 0, all = 0;
 

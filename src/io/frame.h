@@ -43,7 +43,7 @@ inline constexpr std::array<std::string_view, 10> frame_field_names{
     "velocities",   "angles",        "spins",    "area",          "perimeter",
     "reinsertions", "contact_count", "contacts", "wall_contacts", "wall_force"};
 
-/// Which fields a frame has in the file, and how its real numbers are stored there.
+/// The fields of a frame in the file, and the storage format of its real numbers.
 struct FrameFormat {
   std::set<std::string, std::less<>> fields{frame_field_names.begin(), frame_field_names.end()};
   bool single = false;  ///< real numbers of 4 bytes; of 8 otherwise
@@ -76,15 +76,16 @@ struct Frame {
   std::span<const Real> angles = {}, spins = {};  ///< [N, 1 or 3] where particles rotate, or empty
   std::span<const Real> wall_segments = {};       ///< [S, 4] where the walls are now, or empty: as in the geometry
   FrameContacts contacts, wall_contacts;
-  std::map<std::string, Real> attributes = {};  ///< of the scenario, beside time and step; the root's
+  std::map<std::string, Real> attributes = {};  ///< attributes of the scenario, in addition to time and step; from the
+                                                ///< root
 };
 
 /// A dataset of a frame: this rank's rows of it.
 struct FrameArray {
   std::string name;
   hdf5::Type type;
-  hdf5::Shape shape;          ///< of the rows of all ranks
-  std::uint64_t first, rows;  ///< of this rank
+  hdf5::Shape shape;          ///< shape of the rows of all ranks
+  std::uint64_t first, rows;  ///< range of this rank
   /// Puts `count` of this rank's rows, from its row `from` on.
   std::function<void(std::uint64_t from, std::uint64_t count, void* to)> make;
   std::uint64_t row_bytes() const { return hdf5::row_width(shape) * hdf5::size_of(type); }

@@ -126,8 +126,8 @@ Id string_type() {
   return type;
 }
 
-/// HDF5 1.10 loses the memory of an object's header that fails its checksum. It complains about that ("infinite loop
-/// closing library") when MPI ends, and so with PETSc.
+/// HDF5 1.10 leaks the header of an object that fails its checksum, and prints "infinite loop closing library" when MPI
+/// ends, which is when PETSc ends.
 void keep_quiet_at_end() {
   static std::once_flag once;
   std::call_once(once, [] {
@@ -143,8 +143,8 @@ Id file_access() {
   Id access(H5Pcreate(H5P_FILE_ACCESS));
   // Closing the file closes all objects in it.
   H5Pset_fclose_degree(access.get(), H5F_CLOSE_STRONG);
-  // The format of 1.8 has checksums of its own for nearly all but the values; that of 1.10 would lock readers out of
-  // the file of a run that was killed.
+  // The format of HDF5 1.8 has checksums for nearly everything except the values; the format of 1.10 would lock readers
+  // out of the file of a killed run.
   H5Pset_libver_bounds(access.get(), H5F_LIBVER_V18, H5F_LIBVER_LATEST);
   return access;
 }
@@ -403,7 +403,8 @@ Id Group::create_dataset(const std::string& name, Type type, const Shape& shape,
 
 namespace {
 
-/// Chunks of about 64 KiB. Their index is one of HDF5 1.10's: those of 1.8 take 2 KiB for a single chunk.
+/// Chunks of about 64 KiB. Their index has the format of HDF5 1.10, because an index of 1.8 takes 2 KiB even for a
+/// single chunk.
 constexpr std::uint64_t chunk_bytes = 1 << 16;
 
 void compress(const Id& properties, Type type, const Shape& shape, int level) {
@@ -648,7 +649,7 @@ bool is_single(const Id& attribute) {
   return attribute.valid() && H5Sget_simple_extent_npoints(Id(H5Aget_space(attribute.get())).get()) == 1;
 }
 
-/// Nothing if it is no string of variable length, or cannot be read.
+/// Nothing if the dataset is not a string of variable length, or cannot be read.
 std::optional<std::string> read_string(hid_t object, const std::string& name) {
   const Id attribute(H5Aopen(object, name.c_str(), H5P_DEFAULT));
   if (!is_single(attribute)) return {};

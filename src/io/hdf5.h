@@ -1,5 +1,5 @@
 // A small RAII layer over the HDF5 C API: HDF5 prints nothing itself, and every failure becomes an OutputError
-// (writing) or an InputError (reading) that names the file, the object and the system's reason where HDF5 knows it.
+// (writing) or an InputError (reading) that names the file, the object and the system's reason if HDF5 reports it.
 #pragma once
 
 #include <concepts>
@@ -80,8 +80,8 @@ class Dataset {
  public:
   /// Writes `rows` whole rows of values of the dataset's type, from row `first` on.
   void write(std::uint64_t first, std::uint64_t rows, const void* values);
-  /// Where its values begin in the file, row after row as in memory: for ranks that write them past HDF5. 0 if it has
-  /// none, or if they are compressed.
+  /// Where its values begin in the file, row after row as in memory: for ranks that write them past HDF5. 0 if there
+  /// are no values, or if they are compressed.
   std::uint64_t address() const;
   /// Keeps the CRC-32 of all its values for Group::check().
   void set_crc32(std::uint32_t value);
@@ -142,18 +142,17 @@ class Group {
                  std::ranges::size(values), shape, storage);
   }
   /// A new dataset for rows that are written piece by piece, from the first to the last if they are compressed.
-  /// deflate: 0: it has its place in the file already; 1 to 9: level of compression, for which can_deflate() must be
-  /// true.
+  /// deflate: 0: allocated in the file at once; 1 to 9: level of compression, for which can_deflate() must be true.
   Dataset create_dataset(const std::string& name, Type type, const Shape& shape, int deflate = 0);
   /// A new dataset that shows values of another one, which HDF5 finds when they are read: nothing is copied. `source`:
-  /// absolute path of a dataset [rows] or [rows, columns] of this type, of which the first `columns` are shown, row
-  /// after row, from column `first` of the new one on; its other columns are 0.
+  /// absolute path of a dataset [rows] or [rows, columns] of this type. The first `columns` of its values are shown,
+  /// row after row, from column `first` of the new dataset on; the other columns are 0.
   struct View {
     std::string source;
     Type type;
     Shape source_shape;
     std::uint64_t columns;
-    Shape shape;  ///< of the new one
+    Shape shape;  ///< shape of the new dataset
     std::uint64_t first = 0;
   };
   void write_view(const std::string& name, const View& view);
@@ -183,7 +182,8 @@ class Group {
   /// Bytes of one of its values.
   std::size_t value_size(const std::string& name) const;
 
-  /// Reads the dataset and compares its values with their CRC-32. Errors: InputError if they differ, or it has none.
+  /// Reads the dataset and compares its values with their CRC-32. Errors: InputError if they differ, or if there is no
+  /// CRC-32.
   void check(const std::string& name) const;
 
   /// Creates a dataset [0, …row]; row = {} makes rows of one number.
@@ -259,11 +259,10 @@ class File : public Group {
   const std::string& name() const { return file_; }
   /// Gives the file on disk another name. Groups opened before have the old one in their messages. Errors: OutputError.
   void rename(const std::filesystem::path& path);
-  /// Commits everything written so far: whoever opens the file after this process is killed, or after a loss of power,
-  /// finds it, or more. Errors: OutputError; the file stays as it was after the last flush, and the next one tries
-  /// again.
+  /// Commits everything written so far: after a kill of this process, or a loss of power, the file has at least this
+  /// content. Errors: OutputError; the file stays as it was after the last flush, and the next flush tries again.
   void flush();
-  /// Addresses (Dataset::address()) below were there at the last flush: nobody may write there past HDF5.
+  /// Addresses (Dataset::address()) below were committed by the last flush and must not be written past HDF5.
   std::uint64_t committed() const { return disk_->committed(); }
   /// Flushes and closes. The destructor alone takes back all since the last flush.
   void close();

@@ -59,7 +59,7 @@ herr_t handle(H5FD_t* file, hid_t, void** found) {
   return 0;
 }
 
-/// For the exception that is being handled; HDF5 then knows that it was memory.
+/// For the exception that is being handled; tells HDF5 if it was a lack of memory.
 herr_t failed() {
   try {
     throw;
@@ -93,7 +93,7 @@ H5FD_class_t make_class() {
   c.name = "pliant_journaled";
   c.maxaddr = static_cast<haddr_t>(std::numeric_limits<std::int64_t>::max());
   c.fc_degree = H5F_CLOSE_STRONG;
-  c.fapl_size = sizeof(JournaledFile*);  // NOLINT(bugprone-sizeof-expression): it holds a pointer
+  c.fapl_size = sizeof(JournaledFile*);  // NOLINT(bugprone-sizeof-expression): the property holds a pointer
   c.open = open_file;
   c.close = close_file;
   c.query = query;

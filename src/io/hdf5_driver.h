@@ -7,8 +7,8 @@
 
 namespace pliant::hdf5 {
 
-/// Makes files that are opened with this property list (hid_t) be `file`, whatever their name; it must stay until they
-/// are closed. HDF5 sees no failed write: commit() tells. Space in the file is never used twice.
+/// Files that are opened with this property list (hid_t), under any name, are `file`; it must outlive them. HDF5 does
+/// not see failed writes: commit() reports them. Space in the file is never used twice.
 void use_journaled_file(std::int64_t access, JournaledFile& file);
 
 /// Where HDF5 sees the end of such a file (hid_t) that is open.

@@ -1,5 +1,5 @@
 // A file that changes by transactions: whenever the program dies, or the machine loses power, the file holds the last
-// commit or the next one. Knows nothing of the content.
+// commit or the next one. The content is arbitrary.
 #pragma once
 
 #include <cstddef>
@@ -33,7 +33,7 @@ class Extents {
 
 /// Writes beyond the end of the last commit go to the file; no committed data refer to them. Changes of
 /// committed bytes are kept in memory. A commit appends them to the file as a journal, makes them, and cuts
-/// the journal off. Whoever opens the file makes the changes of a whole journal again, and ignores a torn one.
+/// the journal off. The next open of the file repeats the changes of a complete journal, and ignores an incomplete one.
 ///
 /// A commit syncs the file twice: the journal before the changes are made, and the changes before the journal is cut
 /// off. In between, the disk may write any of the pages in any order: the journal holds small new pieces too, so that
@@ -62,7 +62,7 @@ class JournaledFile {
   void read(std::uint64_t address, std::span<std::byte> bytes) const;
   /// Address behind the last byte written.
   std::uint64_t end() const;
-  /// Addresses below were promised by the last commit: nobody may write there but write().
+  /// Addresses below belong to the last commit: only write() may write there.
   std::uint64_t committed() const { return committed_; }
   /// Cuts a file that was opened for writing, and not changed yet, to `end`: the bytes after it were never committed.
   void cut(std::uint64_t end);

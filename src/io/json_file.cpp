@@ -45,7 +45,7 @@ ordered_json read_json(const std::filesystem::path& path) {
   if (!std::filesystem::exists(path, error) && !error) return {};
   const std::string text = read_text_file(path.string(), largest, "file");
   ordered_json object = ordered_json::parse(text, nullptr, false);
-  // Either of the two members says that the file has a checksum: damage cannot hide both.
+  // Each of the two members marks a file with a checksum: damage cannot hide both.
   const bool sealed = object.contains(format_name) || object.contains(checksum_name);
   if (!object.is_object() || (sealed && !is_sealed(text)))
     throw InputError("{} is damaged or was edited: {}; bring it back from a copy, or remove it",

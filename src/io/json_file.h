@@ -10,8 +10,8 @@ namespace pliant {
 /// before that name. Errors: OutputError.
 void write_json(const std::filesystem::path& path, const nlohmann::ordered_json& object);
 
-/// The object without these two; null where there is no file. Files of older versions have neither and are not checked.
-/// Errors: InputError if the file cannot be read, is no JSON object, or has another checksum.
+/// The object without these two; null where there is no file. Files of older versions lack both and are not checked.
+/// Errors: InputError if the file cannot be read, is not a JSON object, or has another checksum.
 nlohmann::ordered_json read_json(const std::filesystem::path& path);
 
 }  // namespace pliant

@@ -64,7 +64,7 @@ void write_xdmf_constants(Group& parent, const std::string& name, std::uint64_t 
   if (vectors) write("nan_vector", nan, {count, 3});
 }
 
-/// Those of particles and walls; runs of older versions have fewer.
+/// Constants of particles and walls; runs of older versions have fewer.
 void write_xdmf_constants(File& file, int dim, const DrawnWalls& drawn, std::uint64_t walls) {
   auto topology = file.open_group("/topology"), geometry = file.open_group("/geometry");
   write_xdmf_constants(topology, "xdmf", file.shape("/topology/sigma").at(0));
@@ -133,8 +133,7 @@ std::string grid_of(const Group& group, const std::string& name, int dim, std::u
   frame.single = group.value_size("positions") < sizeof(Real);
   for (const std::string& dataset : xdmf_datasets(dim))
     if (group.has(dataset)) frame.datasets.insert(dataset);
-  if (group.has("xdmf/connectivity"))
-    frame.datasets.erase("spins");  // of an older version: contacts lack such constants
+  if (group.has("xdmf/connectivity")) frame.datasets.erase("spins");  // older versions: contacts lack such constants
   return xdmf_grid(frame);
 }
 
@@ -164,7 +163,7 @@ void check_counts(const File& file, const RunCounts& needed, std::string_view so
   const auto check = [&](std::uint64_t found, std::string_view what, std::uint64_t count) {
     if (found < count) throw InputError("{} has {} {}, but {} counts on {}", file.name(), found, what, source, count);
   };
-  /// Of the shortest column.
+  /// Number of rows of the shortest column.
   const auto rows = [&](const std::string& table) {
     if (!file.has(table)) return std::uint64_t{0};
     const auto group = file.open_group(table);
@@ -215,7 +214,7 @@ void RunWriter::start(const Manifest& manifest, const Topology& topology, const 
   // Any of its parents may be new.
   for (auto path = std::filesystem::absolute(folder_); path.has_relative_path(); path = path.parent_path())
     sync_folder(path.parent_path());
-  // It gets its name when it can be read, so that a kill leaves no torso that cannot.
+  // The file gets its name only when it can be read, so that a kill leaves no unreadable file.
   const auto path = folder_ / run_name, begun = folder_ / "run.h5.new";
   std::error_code ignored;
   std::filesystem::remove(begun, ignored);
@@ -271,7 +270,7 @@ void RunWriter::go_on(const Topology& topology, std::uint64_t series_rows, std::
   file_->flush();
 }
 
-/// Of the frames that the checkpoint knew of.
+/// Checks the frames that the checkpoint counts.
 void RunWriter::check_frames() {
   const auto list = file_->open_group("/frames");
   for (std::uint64_t n = 0; n < frames_ && list.has(frame_name(n)); ++n) {
@@ -293,7 +292,7 @@ void RunWriter::check_frames() {
 void RunWriter::drop_later_frames() {
   auto list = file_->open_group("/frames");
   if (!list.has(frame_name(frames_))) return;
-  xdmf_->cut(frames_);  // it names no frame that is not there
+  xdmf_->cut(frames_);  // names existing frames only
   for (std::uint64_t n = frames_; list.has(frame_name(n)); ++n) list.remove(frame_name(n));
   list.count_members();
   flush();
@@ -425,7 +424,7 @@ void RunWriter::write_views(Group& frame, const std::string& path, hdf5::Type st
 
 void RunWriter::write_arrays(const std::vector<FrameArray>& arrays, std::vector<hdf5::Dataset>& datasets,
                              bool compressed) {
-  // In pieces, so that nobody has to hold them once more.
+  // In pieces, to avoid a second copy of all rows.
   std::vector<std::byte> piece;
   std::vector<Share> shares(arrays.size());
   const auto for_each_piece = [](const FrameArray& a, std::uint64_t rows, const auto& visit) {

@@ -1,5 +1,4 @@
-// The folder of a run: run.h5 with frames and series, and run.xdmf beside it. docs/reference/file-format.md lists their
-// content.
+// The folder of a run: run.h5 with frames and series, and run.xdmf. docs/reference/file-format.md lists their content.
 #pragma once
 
 #include <cstdint>
@@ -68,13 +67,13 @@ std::size_t count_frames(const std::filesystem::path& folder);
 struct RunCounts {
   std::uint64_t samples = 0, frames = 0, events = 0;
 };
-/// Errors: InputError if folder/run.h5 cannot be read, or has less than that; `source` says in the message whose count
-/// it is.
+/// Errors: InputError if folder/run.h5 cannot be read, or has fewer rows or frames; `source` names, in the message, the
+/// file that has the counts.
 void check_counts(const std::filesystem::path& folder, const RunCounts& needed, std::string_view source);
 
-/// Writes the folder. Of a frame nothing is copied as a whole. Data written by a frame or flush() survive a kill
-/// of the program and a loss of power. Errors of all members: OutputError; the data of the last
-/// frame or flush() stay.
+/// Writes the folder. Frames are written without a full copy in memory. Data written by a frame or flush() survive a
+/// kill of the program and a loss of power. Errors of all members: OutputError; the data of the last frame or flush()
+/// stay.
 ///
 /// On several ranks each has a writer. create, append and write_frame are collective, and the error of one rank is
 /// everybody's; other members but frames() are for the root alone. The root speaks HDF5 and lays a frame out in the
@@ -85,10 +84,10 @@ class RunWriter {
   /// OutputError.
   static RunWriter create(const std::filesystem::path& folder, const Manifest& manifest, const Topology& topology,
                           const RunGeometry& geometry, const Ranks& ranks = Ranks());
-  /// Goes on with the run in the folder from a checkpoint that knew of `series_rows` samples, `frames` frames and
+  /// Continues the run in the folder from a checkpoint that counts `series_rows` samples, `frames` frames and
   /// `event_rows` events. Later samples and events are dropped; later frames stay until they are written again. All
-  /// that the checkpoint knew of is compared with its checksums. Errors: InputError if the folder holds no run, less
-  /// than that, other particles, or if anything but frames is damaged.
+  /// data counted by the checkpoint are compared with their checksums. Errors: InputError if the folder holds no run,
+  /// fewer data, other particles, or if anything but frames is damaged.
   static RunWriter append(const std::filesystem::path& folder, const Topology& topology, std::uint64_t series_rows,
                           std::uint64_t frames, std::uint64_t event_rows = 0, const Ranks& ranks = Ranks());
   RunWriter(RunWriter&&) noexcept = default;
@@ -102,7 +101,7 @@ class RunWriter {
   void drop_later_frames();
   /// Keeps one row of every series until the next frame or flush(). The first sample names the columns for the run.
   void add_sample(std::span<const SeriesValue> sample) { samples_.add(sample); }
-  /// The same for /events, of which a run may have none.
+  /// Adds a row to /events, which may stay empty.
   void add_event(std::span<const SeriesValue> event) { events_.add(event); }
   /// Writes the next frame and the samples before it, and flushes. format: the same on all ranks.
   void write_frame(const Frame& frame, const FrameFormat& format = {});

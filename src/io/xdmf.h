@@ -16,7 +16,7 @@ namespace pliant {
 
 /// Input of a frame's XML; the numbers themselves stay in run.h5.
 struct XdmfFrame {
-  std::string name;  ///< of the group in /frames
+  std::string name;  ///< name of the group in /frames
   Real time = 0;     ///< in t0
   int dim = 2;
   std::uint64_t particles = 0, points = 0, contacts = 0, wall_contacts = 0, walls = 0;
@@ -24,7 +24,7 @@ struct XdmfFrame {
   std::uint64_t connectivity = 0;                        ///< length of the particles' connectivity
   bool moving_walls = false;                             ///< whether the frame has places of its own for the walls
   bool single = false;                                   ///< whether its real numbers have 4 bytes
-  std::set<std::string, std::less<>> datasets = {};      ///< of xdmf_datasets() those that the frame has
+  std::set<std::string, std::less<>> datasets = {};      ///< the datasets of xdmf_datasets() that the frame has
 
   bool has(std::string_view dataset) const { return datasets.contains(dataset); }
 };

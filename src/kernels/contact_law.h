@@ -1,5 +1,5 @@
-// Laws of contacts: energy V and its derivatives as functions of a distance d and a range δ. Terms and kernels are
-// products of a law and a stencil, which knows the distance.
+// Laws of contacts: energy V and its derivatives as functions of a distance d and a range δ. Terms and kernels combine
+// a law with a stencil, which computes the distance.
 #pragma once
 
 #include <cmath>

@@ -104,7 +104,7 @@ PLIANT_INLINE Points2 rubbed(const Points2& slip, const Points2& offset, Real4 d
     return slip - where(d2 > 0, dot(slip, offset) / d2) * offset;
 }
 
-/// Forces of the pairs list[0 … 3], of which the first `count` exist.
+/// Forces of the pairs list[0 … count − 1], count ≤ 4.
 template <class Law, Rubbing rubbing, Opposed opposed, class Out>
 PLIANT_INLINE void add_four(const EdgeLaw& law, const Data& data, const Index* list, Index count, const Out& out) {
   Index p[4], a[4], b[4];
@@ -136,7 +136,7 @@ PLIANT_INLINE void add_four(const EdgeLaw& law, const Data& data, const Index* l
   if constexpr (rubbing == Rubbing::at_contact) {
     Index c[4];
     for (int k = 0; k < 4; ++k) c[k] = data.next[b[k]];
-    // A corner that is nearest on both of its edges rubs on the one that ends there (outline.h).
+    // Friction at a corner that is nearest on both of its edges acts on the edge that ends there (outline.h).
     const Mask4 carries = beyond_start & ((t < 1) | (dot(rp - rb, gather(data.x, c) - rb) <= 0));
     const Points2 va = gather(data.v, a);
     const Points2 slip = rubbed<opposed>(gather(data.v, p) - va - t * (gather(data.v, b) - va), offset, d2);

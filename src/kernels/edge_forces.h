@@ -17,7 +17,7 @@ struct EdgeLaw {
   bool at_contact;  ///< friction acts at the point of the contact; false: at the edge's first vertex
   ContactLaw contact = ContactLaw::harmonic;
   bool tangential = false;  ///< friction opposes the part of the relative velocity alone that is along the outline
-  Real edge_weight = 1, vertex_weight = 1;  ///< of the two parts of the contact
+  Real edge_weight = 1, vertex_weight = 1;  ///< weights of the two parts of the contact
 };
 
 /// Adds the forces of all pairs to f. pairs[n] is (vertex, first vertex of the edge), reach[n] its δ_mn; next [points]
@@ -31,8 +31,8 @@ void add_edge_forces(const EdgeLaw& law, std::span<const Pair> pairs, const Real
 void add_edge_forces(const EdgeLaw& law, std::span<const Pair> pairs, const Real* reach, const Index* next,
                      Index own_first, Index own_last, const Real* x, const Real* v, Real* f);
 
-/// Adds to `near` and `near_reach` the pairs, in their order, whose vertex is within reach[n] + range of the edge, and
-/// none or a few of the others.
+/// Adds to `near` and `near_reach` the pairs, in their order, whose vertex is nearer to the edge than reach[n] + range,
+/// and perhaps a few of the others.
 void add_near_pairs(std::span<const Pair> pairs, const Real* reach, Real range, const Index* next, const Real* x,
                     std::vector<Pair>& near, std::vector<Real>& near_reach);
 

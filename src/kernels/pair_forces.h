@@ -15,13 +15,14 @@ struct PairLaw {
   bool tangential = false;  ///< friction opposes the part of v_i − v_j alone that is normal to r
 };
 
-/// Which points of a pair receive its force. A pair that straddles two parts of a decomposition is listed in both of
-/// them, once from each side, and `second` is then only read.
+/// The points of a pair that receive its force. A pair between two chunks is listed in both, once from each side, and
+/// `second` is then only read.
 enum class Sides { both, first };
 
 /// Adds the forces of the listed pairs to f [points · D]: i = pair.first gets −V'(d) r/d − μ (v_i − v_j), where
 /// r = x_i − x_j and d = |r| < δ, and pair.second the opposite. Coincident points feel friction only. reach: δ of each
-/// pair [pairs]; x, v: [points · D], and f must not overlap them. The list may have any order; it is that of the sums.
+/// pair [pairs]; x, v: [points · D], and f must not overlap them. The sums follow the order of the list, which is
+/// arbitrary.
 template <int D>
 void add_pair_forces(const PairLaw& law, std::span<const Pair> pairs, const Real* reach, Sides sides, const Real* x,
                      const Real* v, Real* f);

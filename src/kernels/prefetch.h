@@ -19,7 +19,7 @@ class Prefetch {
 
   void add(const Real* array) { arrays_[count_++] = array; }
 
-  /// Asks for the coordinates first … last−1 of each array.
+  /// Prefetches the coordinates first … last−1 of each array.
   PLIANT_INLINE void fetch(std::ptrdiff_t first, std::ptrdiff_t last) const {
     for (int k = 0; k < count_; ++k)
       for (std::ptrdiff_t i = first; i < last; i += per_line) __builtin_prefetch(arrays_[k] + i);

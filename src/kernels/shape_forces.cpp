@@ -89,7 +89,7 @@ PLIANT_INLINE void add_points(Real* f, V a, Index count) {
     if (k < count) add_to(f + 2 * k, simd::Real2{a[2 * k], a[2 * k + 1]});
 }
 
-/// As polygon_area, about the first vertex: of its terms r_i × r_{i+1} those of the first and the last edge vanish.
+/// As polygon_area, about the first vertex: the terms r_i × r_{i+1} of the first and the last edge vanish.
 template <class V>
 PLIANT_INLINE Real area(const Real* x, Index n) {
   constexpr int terms = width<V> / 2;
@@ -167,10 +167,10 @@ struct Carry {
 };
 
 /// Forces on the first vertices of some edges. With e the edges and l̂ their directions, the force on vertex i is
-/// g_i − g_{i−1} of g = ∂U/∂e, and half the pressure times the quarter turns of both edges. Of the bending energy
-/// g_i = −c (s_i − s_{i−1})/l_i times the quarter turn of l̂_i, s_i = l̂_i × l̂_{i+1}: the same as the vectors
-/// (û·ŵ) û − ŵ of the element form, without their cancellation. Of whole edges g_i = c (2 e_i − e_{i−1} − e_{i+1}).
-/// `next` follows the last edge: directions, or full edges.
+/// g_i − g_{i−1} of g = ∂U/∂e, and half the pressure times the quarter turns of both edges. For the bending energy g_i
+/// = −c (s_i − s_{i−1})/l_i times the quarter turn of l̂_i, s_i = l̂_i × l̂_{i+1}: equal to the vectors (û·ŵ) û − ŵ of
+/// the element form, without their cancellation. For full edges g_i = c (2 e_i − e_{i−1} − e_{i+1}). `next` follows the
+/// last edge: directions, or full edges.
 template <bool Lengths, Bent bent, class V>
 PLIANT_INLINE void forces(const Factors& factors, const Edges<V>& e, V next_x, V next_y, Carry<V>& carry, V& low,
                           V& high) {
@@ -185,7 +185,7 @@ PLIANT_INLINE void forces(const Factors& factors, const Edges<V>& e, V next_x, V
   const V ahead = factors.half_pressure + across, behind = factors.half_pressure - across;
   V bx = -behind * e.y - along * e.x, by = behind * e.x - along * e.y;
   V fx = along * e.x - ahead * e.y, fy = along * e.y + ahead * e.x;
-  if constexpr (bent == Bent::full) {  // of both neighbours
+  if constexpr (bent == Bent::full) {  // bending acts on both neighbours
     const V gx = factors.bending * (following(e.x, next_x) + preceding(carry.x, e.x));
     const V gy = factors.bending * (following(e.y, next_y) + preceding(carry.y, e.y));
     bx += gx;
@@ -284,7 +284,7 @@ PLIANT_INLINE void add_particles(const ShapeLaw& law, const Index* offset, const
   }
 }
 
-/// Of the target that all of this file is compiled for.
+/// Instruction set for which the whole file is compiled.
 #if defined(__AVX512F__)
 constexpr int own_width = 8;
 #elif defined(__AVX2__)

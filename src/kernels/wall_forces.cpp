@@ -9,7 +9,7 @@ using simd::Mask4;
 using simd::Points2;
 using simd::Real4;
 
-/// A vector of the plane at `of(k)` of four things.
+/// A vector of the plane at `of(k)` of four objects.
 template <class Of>
 PLIANT_INLINE Points2 gather(Of&& of) {
   return simd::transpose(simd::load2(of(0)), simd::load2(of(1)), simd::load2(of(2)), simd::load2(of(3)));
@@ -25,7 +25,7 @@ PLIANT_INLINE void add_four(Real epsilon, const Pair* pairs, const WallSegment* 
     at[k] = std::ptrdiff_t(D) * pairs[k].first;
     wall[k] = walls + pairs[k].second;
   }
-  // The plane of the walls: in 3D, that of the axis and the point.
+  // The plane of the walls: in 3D, the plane through the axis and the point.
   const Points2 xy = gather([&](int k) __attribute__((always_inline)) { return x + at[k]; });
   Points2 p = xy;
   if constexpr (D == 3) {

@@ -12,7 +12,7 @@ namespace pliant {
 /// Adds −w V'(d) n to f [points · D] for each listed (point, part of the walls): d the distance of the point from the
 /// part, n the direction from there, w the weight of the part, V a law with the scale ε and half the point's diameter
 /// as its range. Points on a wall feel nothing. diameter: [points]; x: [points · D], and f must not overlap it. The
-/// list may have any order; it is that of the sums. The walls must be resting segments.
+/// sums follow the order of the list, which is arbitrary. The walls must be resting segments.
 template <int D>
 void add_wall_forces(Real epsilon, std::span<const Pair> pairs, const Walls<D>& walls, const Real* diameter,
                      const Real* x, Real* f, ContactLaw law = ContactLaw::harmonic);

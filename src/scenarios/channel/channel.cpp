@@ -385,8 +385,8 @@ class ChannelProtocol final : public Protocol<2> {
   const Channel& channel_;
   CriticalStep critical_;
   PushSchedule schedule_;
-  Real weight_ = 0;                  ///< of all particles
-  CrossingWatch outlines_;           ///< of polygons
+  Real weight_ = 0;                  ///< weight of all particles
+  CrossingWatch outlines_;           ///< for polygons
   Deepest deepest_;                  ///< in the last sample
   std::vector<Real> plunger_force_;  ///< in the last sample
   std::vector<std::int64_t> jams_;   ///< pushes

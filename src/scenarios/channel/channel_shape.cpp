@@ -98,7 +98,7 @@ Walls<2> Channel::walls(const PlungerMotion& motion) const {
   const auto is_plunger = [&](std::size_t k) { return std::find(sides_.begin(), sides_.end(), k) != sides_.end(); };
   Walls<2> walls;
   WallParts parts;
-  std::vector<Index> number(n, -1);  // of the segments
+  std::vector<Index> number(n, -1);  // number of each segment among the walls
   for (std::size_t k = 0; k < n; ++k) {
     if (is_plunger(k)) continue;
     const Vec<2>&a = corners[k], &b = corners[(k + 1) % n];

@@ -10,8 +10,8 @@
 
 namespace pliant {
 
-/// Arms that meet in a square with a corner at the origin: L has them along +x and +y, so that the origin is its outer
-/// corner [T Fig. 3.2]; T along +x, +y and −x; X along −y too; straight along +x and −x.
+/// Arms that meet in a square with a corner at the origin. L: arms along +x and +y, so that the origin is the outer
+/// corner [T Fig. 3.2]. T: along +x, +y and −x. X: along −y, too. Straight: along +x and −x.
 enum class ChannelKind { l, t, x, straight };
 
 /// cm
@@ -42,10 +42,9 @@ struct PlungerMotion {
 /// which can move along themselves.
 class Channel {
  public:
-  static constexpr Index plunger_material = 1;  ///< of plungers; that of the other walls is 0
+  static constexpr Index plunger_material = 1;  ///< material of plungers; other walls have material 0
 
-  /// All arms end in plungers, those of +x, +y, −x, −y in this order. Errors: InputError where arms are no longer than
-  /// wide.
+  /// All arms end in plungers, in the order +x, +y, −x, −y. Errors: InputError if arms are not longer than wide.
   Channel(ChannelKind kind, const ChannelSize& size);
   /// Without plungers. Errors: InputError where the corners make no polygon.
   explicit Channel(std::vector<Vec<2>> corners);
@@ -71,7 +70,7 @@ class Channel {
 
   Obstacle region_;  ///< with the plungers at rest; side k begins at corner k
   bool straight_ = false;
-  std::vector<std::size_t> sides_;  ///< that are plungers, in their turns
+  std::vector<std::size_t> sides_;  ///< sides that are plungers, in the order of their pushes
   std::vector<Plunger> plungers_;
 };
 

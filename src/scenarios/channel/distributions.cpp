@@ -89,7 +89,7 @@ std::vector<Index> disks_for_area(const std::vector<SizeClass>& sizes, Real area
   std::vector<Index> disks(sizes.size(), 0);
   Real left = area;
   for (std::size_t k = 0; k < order.size();) {
-    Real set = 0;  // of these sizes and all more frequent ones
+    Real set = 0;  // area of one set of this size and all more frequent sizes
     for (std::size_t i = k; i < order.size(); ++i) set += sizes[order[i]].count * disk(sizes[order[i]].radius);
     const Real count = sizes[order[k]].count, exact = std::max(left, Real(0)) / set * count;
     if (exact > most)

@@ -15,18 +15,18 @@ struct SizeClass {
 
 /// bidisperse, T1, T2a … T4, C1 … C3.
 const std::vector<std::string>& size_distribution_names();
-/// Sizes of [T table 3.1], the largest first, in multiples of a = 0.3175 cm. The numbers of C1, C2 and C3 stand in a
-/// figure only: those of the smallest and the largest disks are the table's, and between them they follow a power law
-/// of the radius. Errors: InputError for a name that is none.
+/// Sizes of [T table 3.1], the largest first, in multiples of a = 0.3175 cm. The numbers of C1, C2 and C3 are printed
+/// in a figure only: the numbers of the smallest and the largest disks are the table's, and between them the numbers
+/// follow a power law of the radius. Errors: InputError for an unknown name.
 std::vector<SizeClass> size_distribution(const std::string& name);
 
 /// Sizes of two lists of numbers, "0.635,0.9525" (cm) and "1,1". Errors: InputError, which names the options -radii and
 /// -counts.
 std::vector<SizeClass> parse_sizes(const std::string& radii, const std::string& counts);
 
-/// How many disks of each size cover `area` (cm²): the nearest integers to a multiple of the distribution's numbers.
-/// Rare sizes come first, and the more frequent ones compensate their rounding, so that
-/// the area is right to half a set of the most frequent sizes. Errors: InputError where there is no room for a disk.
+/// The numbers of disks of each size that cover `area` (cm²): the nearest integers to a multiple of the distribution's
+/// numbers. Rare sizes come first, and the more frequent ones compensate their rounding, so that
+/// the area is right to half a set of the most frequent sizes. Errors: InputError if the area is too small for a disk.
 std::vector<Index> disks_for_area(const std::vector<SizeClass>& sizes, Real area);
 
 /// That so many disks of these sizes cover, in cm².

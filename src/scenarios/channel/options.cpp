@@ -11,12 +11,12 @@
 namespace pliant {
 namespace {
 
-constexpr Real never = 1e300;  ///< s between frames that nobody asks for
+constexpr Real never = 1e300;  ///< s between frames if no frames are wanted
 
 constexpr const char* one_outline = "the outline of a channel is one polygon, the plungers being sides of it";
 constexpr const char* one_shape = "the shape of a particle is one polygon";
 
-/// The corners in a file: one polygon. name: of the file, in messages; what: noun for messages.
+/// The corners in a file: one polygon. name: name of the file, `what`: explanation, both for messages.
 std::vector<Vec<2>> parse_corners(std::string_view text, const std::string& name, const char* what = one_outline) {
   std::vector<Polyline> all = parse_polylines(text, name, "cm");
   if (all.size() > 1) throw InputError("{}:{}: a second polyline; {}", name, all[1].lines[0], what);
@@ -27,7 +27,7 @@ std::vector<Vec<2>> parse_corners(std::string_view text, const std::string& name
   }
 }
 
-/// The corners in a file, relative to `folder`; kind: of the file.
+/// The corners in a file, relative to `folder`; kind: noun for the file in messages.
 std::string corners_of(const std::string& file, const std::filesystem::path& folder, const std::string& kind,
                        const char* what) {
   const std::string path = path_from(folder, file);
@@ -61,7 +61,7 @@ ChannelOptions::ChannelOptions()
             {.substrate = true,
              .rest_outlines = true,
              .materials = {"plunger"},
-             .usual_dynamic_friction = 0.3}) {  // of acrylic on acrylic and on aluminium [T 3.2]
+             .usual_dynamic_friction = 0.3}) {  // acrylic on acrylic and on aluminium [T 3.2]
   frame_interval = never;
   for (const Role role : {Role::contact_energy, Role::wall_energy, Role::contact_law}) model.keep(role);
   constexpr Real earth = 981;

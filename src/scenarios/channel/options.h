@@ -25,11 +25,11 @@ struct ChannelOptions : RunOptions {
   ChannelSize size;
   std::string outline, plungers;  ///< empty: none, automatic
   Real shear = 0;
-  std::optional<Channel> channel;  ///< made of these by `resolve`
+  std::optional<Channel> channel;  ///< made by `resolve` from the options above
 
   std::string distribution = "T4", radii, counts;
-  std::vector<SizeClass> sizes;  ///< of these
-  std::vector<Index> disks;      ///< of each size
+  std::vector<SizeClass> sizes;  ///< resolved from the options above
+  std::vector<Index> disks;      ///< number of disks of each size
   Real area_fraction = 0.77;
   Real density = 1.19, thickness = 0.29;
   Real start_overlap = 1e-4;
@@ -37,11 +37,11 @@ struct ChannelOptions : RunOptions {
   /// disk: frictional disks; rough: stiff polygons of any outline, whose friction is from the disks on their vertices.
   ModelChoice model;
   OutlineShape shape{.kind = OutlineKind::ellipse, .aspect = 2};
-  std::string shape_outline;  ///< of a file; empty: of `shape`
-  Index n_vertices = 16;      ///< of the smallest polygons; larger ones have as many more as they are larger
-  std::shared_ptr<const RestOutlines> outlines;  ///< made of these by `resolve`
+  std::string shape_outline;  ///< outline from a file; empty: `shape`
+  Index n_vertices = 16;      ///< vertices of the smallest polygons; the number grows in proportion to the size
+  std::shared_ptr<const RestOutlines> outlines;  ///< made by `resolve` from the options above
 
-  Real stiffness = 2e7;  ///< of contacts with particles and walls
+  Real stiffness = 2e7;  ///< stiffness of contacts with particles and walls
 
   Index pushes = 10;
   PushOptions push;

@@ -18,14 +18,14 @@ struct PushOptions {
 
 enum class PushPhase {
   push,     ///< the plunger advances
-  hold,     ///< it rests at the end of its stroke, for one step
-  retract,  ///< it goes back
+  hold,     ///< the plunger rests at the end of its stroke, for one step
+  retract,  ///< the plunger moves back
   rest      ///< all are in their places of rest
 };
 
-/// Plungers push one after the other, each from its place of rest over the stroke and back. Frames of a push are a
-/// whole number of steps apart, and so many that both ends of the stroke have one: steps and the travel between frames
-/// are a little shorter or longer than asked for. Everything follows from the number of a step.
+/// The plungers push in turn, each from its rest position over the stroke and back. Frames of a push are a whole number
+/// of steps apart and include both ends of the stroke; therefore steps and the travel between frames are slightly
+/// shorter or longer than requested. All quantities are functions of the step number.
 class PushSchedule {
  public:
   /// longest_dt: no step is longer. Errors: InputError for more steps than can be counted.
@@ -35,7 +35,7 @@ class PushSchedule {
   std::int64_t frames() const { return frames_; }  ///< of a push, that at travel 0 aside
   Real frame_travel() const { return stroke_ / static_cast<Real>(frames_); }
   std::int64_t steps_of_push() const { return frames_ * steps_of_frame_; }
-  /// Steps from the beginning of a push to that of the next.
+  /// Steps from the beginning of a push to the beginning of the next push.
   std::int64_t period() const { return steps_of_push() + 1 + retract_steps_ + rest_steps_; }
   /// The step at which the stroke of push p ends.
   std::int64_t end_of_push(std::int64_t p) const { return p * period() + steps_of_push(); }

@@ -140,7 +140,7 @@ class ClogProtocol final : public DropletProtocol {
         delta_(capillary_length(p.depletion(), p.g)) {}
 
   static constexpr std::int64_t check_every = 16, minimum_every = 256;  ///< steps; a search costs as much as some 60
-  static constexpr Real slow = 0.01;  ///< of a falling droplet's speed: no need to search before
+  static constexpr Real slow = 0.01;  ///< part of a falling droplet's speed, above which the run searches no minimum
   static constexpr Real near = 0.01;  ///< a minimum: much less than the range of the attraction
   static constexpr Real far_below = -1e6;
   static constexpr Real taken_out_below = -4;  ///< two diameters below the exit
@@ -184,8 +184,8 @@ class ClogProtocol final : public DropletProtocol {
     return chain.empty() ? lowest_chain(places(), links(false)) : chain;
   }
 
-  /// Takes out the droplets that are far enough below the exit and that no chain of bonds holds to a droplet above it
-  /// or to a wall.
+  /// Removes the droplets that are far enough below the exit and that no chain of bonds holds to a droplet above the
+  /// exit or to a wall.
   bool take_out() {
     std::vector<Index> low;
     for (Index m = 0; m < droplets(); ++m)
@@ -205,7 +205,7 @@ class ClogProtocol final : public DropletProtocol {
   const ClogOptions& p_;
   std::vector<Real> radii_;
   Real delta_;               ///< capillary length
-  Real opened_ = -1;         ///< when the exit was opened; −1: it is closed
+  Real opened_ = -1;         ///< time of opening the exit; −1: closed
   std::vector<Index> arch_;  ///< at the end
 };
 
@@ -216,7 +216,7 @@ std::vector<Real> fill_wedge(const ClogOptions& p, const std::vector<Real>& radi
   const Real slope = up[0] / up[1], half = p.half_width();
   Real content = 0;
   for (const Real r : radii) content += pi * square(r);
-  // Of h (2 half + slope h) = content/fraction.
+  // Solution of h (2 half + slope h) = content/fraction.
   Real height = (std::sqrt(square(half) + slope * content / p.fill_fraction) - half) / slope;
   std::vector<Real> x;
   std::uint64_t draws = 0;

@@ -13,7 +13,7 @@ namespace pliant {
 
 enum class DropletIntegrator { ts };
 
-/// Units: ⟨R⟩ = b = 1, so that forces are in those of f0 and times in t0 = b ⟨R⟩/force. A scenario sets its own
+/// Units: ⟨R⟩ = b = 1, so that forces have the unit of f0 and times the unit t0 = b ⟨R⟩/force. A scenario sets its
 /// defaults before it binds.
 struct DropletOptions : RunOptions {
   DropletOptions();

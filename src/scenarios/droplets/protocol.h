@@ -71,16 +71,16 @@ class DropletProtocol : public Protocol<2> {
   StateView<2> view() { return particles().view(state().x().data(), state().v().data(), state().t); }
   /// Force on each wall [2 · walls].
   std::vector<Real> wall_forces();
-  Real max_speed();  ///< of the present configuration
+  Real max_speed();  ///< largest speed of a droplet, now
 
   /// Changes that take energy out of the budget, or bring some in.
   void set_walls(const Walls<2>& walls);
   void deactivate(Index m);
-  void put_walls(const Walls<2>& walls);  ///< without looking at the energy
+  void put_walls(const Walls<2>& walls);  ///< without counting their work
 
  private:
   Real standard_dt() const;
-  Real energy();  ///< of the present configuration, that of the weight included
+  Real energy();  ///< present energy, including the weight
   template <class Change>
   void outside_budget(Change&& change);
   Real integrated(std::size_t quantity) const { return state().extra.empty() ? 0 : state().extra[quantity]; }
@@ -91,7 +91,7 @@ class DropletProtocol : public Protocol<2> {
   Real dt_;
   Real critical_step_ = std::numeric_limits<Real>::infinity();  ///< an estimate for light loads
   Real start_energy_ = 0, withdrawn_ = 0;                       ///< withdrawn: energy removed by changes of the state
-  Real budget_error_ = 0;                                       ///< of the last sample
+  Real budget_error_ = 0;                                       ///< error of the energy budget at the last sample
 };
 
 }  // namespace pliant

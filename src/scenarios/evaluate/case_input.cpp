@@ -29,7 +29,7 @@ constexpr std::array<ModelName, 9> model_names{{{"sp", ModelKind::sp},
                                                 {"DP-rough", ModelKind::rough, true},
                                                 {"DP-smooth", ModelKind::smooth, true}}};
 
-/// Keys that are no parameters of terms.
+/// Keys that are not parameters of terms.
 Keys keys_of(ModelKind kind) {
   const Keys polygon{"dim", "vertices", "a0", "l0"};
   if (kind == ModelKind::shape) return polygon;
@@ -51,7 +51,7 @@ ParameterTable parameters_of(ModelKind kind) {
   return table;
 }
 
-/// With those of the parameters.
+/// Includes the keys of the parameters.
 Keys all_keys(ModelKind kind, const ParameterTable& table) {
   Keys keys = keys_of(kind);
   for (const ParameterTable::Entry& entry : table.entries()) {

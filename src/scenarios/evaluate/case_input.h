@@ -17,7 +17,7 @@ template <int D>
 struct EvaluatedCase {
   ModelKind kind;
   ParameterValues parameters;
-  NeighbourDragOptions mobility;  ///< of droplets
+  NeighbourDragOptions mobility;  ///< drag of droplets
   Vec<D> gravity = Vec<D>::Zero();
   Walls<D> walls;
   Topology topology;

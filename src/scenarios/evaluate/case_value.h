@@ -1,4 +1,4 @@
-// A value in a user's JSON file that knows its own name, so that every complaint about it can name it.
+// A value in a user's JSON file with its path, which messages about the value contain.
 #pragma once
 
 #include <fmt/format.h>
@@ -22,7 +22,7 @@ enum class Sign { any, not_negative, positive };
 /// fallback. All errors are InputErrors.
 class CaseValue {
  public:
-  /// The whole of the document that is called `file` in messages.
+  /// The whole document; `file` is its name in messages.
   CaseValue(const nlohmann::json& document, std::string file) : value_(&document), path_(std::move(file)) {}
 
   bool present() const { return value_ != nullptr && !value_->is_null(); }

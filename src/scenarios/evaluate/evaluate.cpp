@@ -185,7 +185,7 @@ json read_case(const std::string& file) {
   constexpr int deepest = 64;
   const std::string text = read_text_file(file, largest, "case file");
   std::string last_key;
-  std::vector<std::set<std::string>> keys;  // of the objects that are open
+  std::vector<std::set<std::string>> keys;  // keys of the open objects
   const auto look = [&](int depth, json::parse_event_t event, json& parsed) {
     if (depth > deepest) throw InputError("{}: is nested deeper than {} levels", file, deepest);
     if (event == json::parse_event_t::object_start) keys.emplace_back();
@@ -200,7 +200,7 @@ json read_case(const std::string& file) {
   try {
     return json::parse(text, look);
   } catch (const json::exception& e) {
-    const std::string_view what = e.what();  // "[json.exception.kind.id] what and where"
+    const std::string_view what = e.what();  // "[json.exception.kind.id] error and place"
     const auto start = what.find("] ");
     throw InputError("{}: {}{}", file, printable(what.substr(start == what.npos ? 0 : start + 2)),
                      last_key.empty() ? "" : fmt::format(" (after key \"{}\")", printable(last_key)));

@@ -15,9 +15,9 @@ Scenario evaluate_scenario();
 nlohmann::json read_case(const std::string& file);
 
 /// Energies and forces of the configuration in `document` = {"model", "inputs", and "name", "note", "expected", which
-/// count for nothing}. Models, named as those of runs: "sp" (soft particles, 2D and 3D), "shape" (shape energies only),
-/// "rough", "smooth", "bubble" (droplets, 2D and 3D). Units: σ_avg = g = ρ = 1, for droplets b = ⟨R⟩ = 1; y is up (z in
-/// 3D). A key that is null is absent. `file` names the document in messages.
+/// are ignored}. Models, with the names of -model in runs: "sp" (soft particles, 2D and 3D), "shape" (shape energies
+/// only), "rough", "smooth", "bubble" (droplets, 2D and 3D). Units: σ_avg = g = ρ = 1, for droplets b = ⟨R⟩ = 1; y is
+/// up (z in 3D). A key that is null is absent. `file` names the document in messages.
 ///
 /// inputs: the parameters of the model's terms, with the names, ranges and defaults that they have as options of runs;
 /// and arrays with one entry per particle:
@@ -29,16 +29,17 @@ nlohmann::json read_case(const std::string& file);
 ///   bubble     dim (else 2), positions, R, b (else 1), g (else 0), rho (else 1), walls [{point, normal, velocity}],
 ///              wedge {tip, dir1, dir2}, wall_friction (else false)
 /// Older names: models "SP", "DP", "DP-rough" and "DP-smooth", whose choices are by default as printed in [H]
-/// (Parameter::printed); keys as Parameter::alias has them. remark: gets a sentence about those of the document, or "".
+/// (Parameter::printed); keys as Parameter::alias has them. remark: gets a sentence about older names in the document,
+/// or "".
 ///
 /// Returns {"area" (polygons), "energy": {term: value}, "force": {term: array, "total": array}}, with the terms that
 /// are active. Forces are laid out like the positions or vertices. Energies of area, perimeter and bending, and "area",
 /// have one value per particle: a number if there is only one, else an array. Dissipations have a force only. Droplets
-/// also have "neighbours", those of each, and "velocity", which balances the forces.
+/// also have "neighbours", the neighbours of each droplet, and "velocity", which balances the forces.
 ///
-/// Errors: InputError that names the key for whatever is wrong with the document, for outlines that are clockwise or
-/// meet themselves, points on top of each other or of a wall (no direction for the force), a vertex inside a particle
-/// whose edges it touches. NumericalError if a result overflows.
+/// Errors: InputError that names the key for any error in the document, for outlines that are clockwise or meet
+/// themselves, points on top of each other or of a wall (no direction for the force), a vertex inside a particle whose
+/// edges it touches. NumericalError if a result overflows.
 nlohmann::ordered_json evaluate(const nlohmann::json& document, const std::string& file, std::string* remark = nullptr);
 
 /// JSON text with 17 significant digits: a number per line, or a row of numbers.

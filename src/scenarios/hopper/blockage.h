@@ -1,4 +1,4 @@
-// Whether particles that rest block the orifice, or lie beside it.
+// Whether particles at rest block the orifice, or lie next to it.
 #pragma once
 
 #include <pliant/geometry/container.h>
@@ -9,8 +9,8 @@ namespace pliant {
 
 /// Whether an arch of touching particles stands over the orifice. In 2D it is a chain of contacts from the left wall to
 /// the right one, through obstacles too. In 3D it is a particle over the middle of the orifice that a chain of contacts
-/// links to the wall: centres of a dome leave no gap there that is wider than the largest particle. A heap on each side
-/// of a flat bottom, or on an obstacle, is no arch. The same on all ranks. Collective.
+/// links to the wall: centres of a dome leave no gap there that is wider than the largest particle. Heaps on both sides
+/// of a flat bottom, or on an obstacle, do not form an arch. The same on all ranks. Collective.
 template <int D>
 bool arch_over_orifice(ParticleSystem<D>& system, const State& state, const Container& container);
 

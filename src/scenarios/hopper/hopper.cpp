@@ -72,7 +72,7 @@ class HopperProtocol final : public Protocol<D> {
     largest_a0_ = *std::max_element(all.a0.begin(), all.a0.end());
     top_ = std::accumulate(all.a0.begin(), all.a0.end(), 0.0) /
            (*p.pack_fraction * std::pow(p.container->inflow_width() / 2, D - 1));
-    if (p.shape.shape_parameter > 0) {  // long particles start with room to turn
+    if (p.shape.shape_parameter > 0) {  // long particles start with space to rotate
       Real disks = 0;
       for (Index m = 0; m < all.particles(); ++m) disks += pi * square(outer_radius(all, m));
       if (deformable()) top_ = std::max(top_, disks / (*p.pack_fraction * p.container->inflow_width()));
@@ -281,7 +281,7 @@ class HopperProtocol final : public Protocol<D> {
   void load(const Checkpoint& c, const StoredParticles& stored) override {
     stored.particles("active", p_.flow == FlowKind::continuous ? 1 : 0, 1);
     const std::int64_t crossed = counter_.load(c, stored, ranks(), largest_a0_);
-    // By another limit on speeds the quiet time may have begun later: it begins anew.
+    // With another limit of speeds the quiet time may have begun later: restart it.
     const bool same_limit = c.real_or("clog_speed", *p_.clog_speed) == *p_.clog_speed;
     const Real quiet_since = same_limit ? c.real("quiet_since", -1, c.t) : -1;
     clog_.restore({quiet_since < 0 ? NAN : quiet_since, c.integer("crossed_before_quiet", -1, crossed)});
@@ -329,7 +329,7 @@ class HopperProtocol final : public Protocol<D> {
   using Protocol<D>::state;
   using Protocol<D>::topology;
 
-  /// No point falls farther in it than a quarter of the narrowest one, whatever the height that it has come from.
+  /// In this interval no point falls farther than a quarter of the narrowest particle, from any initial height.
   Real longest_dt() const { return narrowest_ / 4 / std::sqrt(2 * top_); }
 
   /// A barrier has no meaning inside an outline or beyond a wall.
@@ -480,7 +480,7 @@ class HopperProtocol final : public Protocol<D> {
                        p_.model.value(Role::wall_energy));
   }
 
-  /// What to do where edges have shrunk.
+  /// Cures for shrunken edges.
   std::string longer_edges() const {
     return fmt::format("a smaller -dt, a larger {} or {} full", p_.model.option(Role::perimeter),
                        p_.model.option(Role::bending_form));
@@ -545,9 +545,9 @@ class HopperProtocol final : public Protocol<D> {
 
   Real mean_size_ = 0;                   ///< a0
   Real narrowest_ = 0, largest_a0_ = 0;  ///< diameter of a point; a0
-  Real top_ = 0;                         ///< of the filling of a flat hopper at the start; not less than it is
+  Real top_ = 0;                         ///< upper bound of the height of the filling of a flat hopper at the start
   HopperSteps steps_;
-  Real critical_step_ = 0;  ///< of the integrator
+  Real critical_step_ = 0;  ///< stability limit of the integrator
   CrossingWatch outlines_;
   Sample<D> last_sample_;
   bool short_edges_seen_ = false;  ///< has warned of them

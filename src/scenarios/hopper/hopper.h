@@ -8,7 +8,7 @@
 
 namespace pliant {
 
-/// models: those that -model offers in addition to sp, rough, smooth and disk.
+/// models: further choices of -model, in addition to sp, rough, smooth and disk.
 Scenario hopper_scenario(const std::vector<ModelDefinition>& models = {});
 
 }  // namespace pliant

@@ -24,7 +24,7 @@ struct FlowCount {
 template <int D>
 struct Sample {
   std::vector<SeriesValue> row;
-  FlowCount crossed;  ///< of all ranks
+  FlowCount crossed;  ///< count of all ranks
   Real kinetic_energy = 0, top_height = 0, bulk_fraction = 0;
   Real max_speed = 0;  ///< above the orifice line
   Index in_hopper = 0;

@@ -16,7 +16,7 @@
 namespace pliant {
 namespace {
 
-constexpr Real slow_part = 0.1;  ///< of the speed of a slow flow: rest
+constexpr Real slow_part = 0.1;  ///< part of the speed of a slow flow below which particles rest
 
 std::vector<ModelDefinition> models_with(const std::vector<ModelDefinition>& own) {
   std::vector<ModelDefinition> all;

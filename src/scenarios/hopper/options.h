@@ -24,7 +24,7 @@ namespace pliant {
 enum class Dynamics { inertial, overdamped };
 enum class IntegratorKind { verlet, ts };
 enum class FlowKind { continuous, discharge };
-/// When a particle counts for the flow rate: as its centre crosses the orifice line, or as it is put back.
+/// When a particle counts for the flow rate: when its centre crosses the orifice line, or when it is reinserted.
 enum class Counting { crossing, removal };
 /// Whether a particle whose outline crosses itself ends the run, or is counted.
 enum class OnSelfCrossing { stop, count };
@@ -68,8 +68,7 @@ struct HopperOptions : RunOptions {
   void bind(Options& options);
   /// Fills in automatic values and checks that options are consistent. Errors: InputError.
   void resolve();
-  /// Errors: InputError for an option that the user has given, though the model, or whatever else the run uses, does
-  /// not read it.
+  /// Errors: InputError for an option of the user that neither the model nor another part of the run reads.
   void refuse_unread(const Options& options) const;
 
   bool deformable() const { return model.deformable(); }
@@ -91,9 +90,9 @@ struct HopperOptions : RunOptions {
   Real creep_speed() const;
   /// For a -clog_speed that a slow flow may not reach.
   void warn_of_clog_speed() const;
-  /// Standard step over `elastic`, the limit that elastic forces set: as long as flow rates, energies and contacts are
-  /// those of shorter ones, and the rest of a discharge comes to rest (docs/reference/steps.md). Without dissipation
-  /// nothing carries off the heat of longer steps. lightest: mass of a particle.
+  /// Standard step over `elastic`, the limit of elastic forces: chosen so that flow rates, energies and contacts agree
+  /// with shorter steps, and the rest of a discharge comes to rest (docs/reference/steps.md). Without dissipation the
+  /// heat of longer steps would accumulate. lightest: mass of a particle.
   Real elastic_fraction(Real elastic, Real lightest) const;
   /// Margin of the neighbour lists at first; tuned from then on where the user gave none.
   Real first_skin() const;

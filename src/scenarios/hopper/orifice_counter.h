@@ -36,7 +36,7 @@ class OrificeCounter {
   /// depth: particles that are farther below the line leave, in σ_avg.
   OrificeCounter(Counting counting, Real depth) : counting_(counting), depth_(depth) {}
 
-  /// After the particles have been placed on this rank; forgets what has been counted of them.
+  /// To be called after the particles have been placed on this rank; resets their counts.
   void reset(Index owned);
   /// Before the first step.
   void start(const State& state, const Topology& topology);

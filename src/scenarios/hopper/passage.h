@@ -1,4 +1,4 @@
-// Whether particles are where walls let them be: looked at before they are counted or measured.
+// Checks that particles have not passed through walls, before particles are counted or measured.
 #pragma once
 
 #include <optional>

@@ -104,7 +104,7 @@ void print(const HopperEnd& end, const nlohmann::ordered_json& measured) {
 void report_hopper(const HopperEnd& end, const Series& series, nlohmann::ordered_json measured,
                    nlohmann::ordered_json& summary) {
   const HopperOptions& p = end.options;
-  // A run at rest has no flow, whatever it had before: fits leave it out.
+  // A run at rest has no flow, even if it had before: fits omit it.
   if (end.rests())
     for (const char* name : {"Q", "Q_corrected"})
       if (measured.contains(name)) measured[name].update({{"value", 0}, {"error", nullptr}});

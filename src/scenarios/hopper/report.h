@@ -34,7 +34,7 @@ struct HopperEnd {
 };
 
 /// Adds the measured quantities to the summary, without errors where particles passed through each other or a wall, and
-/// with Q = 0 for a run at rest. Prints them and warnings. measured: of evaluate_series. On the root.
+/// with Q = 0 for a run at rest. Prints them and warnings. measured: result of evaluate_series. On the root.
 void report_hopper(const HopperEnd& end, const Series& series, nlohmann::ordered_json measured,
                    nlohmann::ordered_json& summary);
 

@@ -20,7 +20,7 @@ Vessel outline_vessel(const std::string& text, int dim);
 /// A list of disk:x,y,r and polygon:FILE or polygon:x,y,x,y,…, separated by , or ; or blanks. Returned with the points
 /// of the files, relative to `folder`, in their place. Errors: InputError.
 std::string read_obstacles(const std::string& text, const std::filesystem::path& folder);
-/// The obstacles of such a text. Errors: InputError where one is no disk or polygon.
+/// The obstacles that the text describes. Errors: InputError for an entry that is neither a disk nor a polygon.
 std::vector<Obstacle> parse_obstacles(const std::string& text, int dim);
 
 /// Errors: InputError for an obstacle that is not inside the container (obstacles aside), meets a wall with more than a

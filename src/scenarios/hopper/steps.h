@@ -15,10 +15,10 @@ namespace pliant {
 struct HopperSteps {
   Real dt = 0;                        ///< -dt, or its automatic value
   Real critical = 0;                  ///< limit of velocity Verlet
-  std::vector<FastestRates> motions;  ///< of positions and of angles
+  std::vector<FastestRates> motions;  ///< rates of positions and of angles
   /// Contacts of a barrier that are stiff enough to make a fixed step dt critical.
   std::function<LeastDistances(Real dt)> least_distances;
-  Real bending_rate = 0;  ///< of unit vectors of edges at rest length; the rate grows as edges shrink
+  Real bending_rate = 0;  ///< rate of bending with unit vectors, edges at rest length; it grows as edges shrink
 };
 
 /// all: the particles of the run.

@@ -46,7 +46,7 @@ std::vector<Real> disordered_places(const RaftOptions& p, const std::vector<Real
       best = r;
     };
     for (std::size_t i = 0; i < k; ++i) {
-      // In contact with i alone: right behind it, or beside it; then with i and j.
+      // Places in contact with i alone: behind it, or next to it; then places in contact with i and j.
       for (const Vec<2>& step : {Vec<2>(1, 0), Vec<2>(0, 1), Vec<2>(0, -1)}) try_at(place[i] + reach(i) * step);
       for (std::size_t j = 0; j < i; ++j) {
         const Vec<2> base = place[j] - place[i];
@@ -106,8 +106,8 @@ struct Raft {
 
   DropletRest pair, wall;
   std::vector<Real> radii, places;
-  Real slope;                 ///< of the moving wall: its surface is at x = distance − slope · y
-  Real start, end, velocity;  ///< of the walls' distance on the axis
+  Real slope;                 ///< slope of the moving wall: its surface is at x = distance − slope · y
+  Real start, end, velocity;  ///< start, end and velocity of the walls' distance on the axis
   Real shift;                 ///< of the places, from the fixed wall
 };
 
@@ -146,7 +146,7 @@ class RaftProtocol final : public DropletProtocol {
   }
 
   std::vector<Real> drawn_walls(Real t) const override {
-    // Before the run there is no state; the height is that of the places all the same.
+    // There is no state before the run; the height follows from the places of the droplets.
     const std::span<const Real> x = t > 0 ? state().x().first(2 * raft_.radii.size()) : std::span(raft_.places);
     Real half = 2;
     for (std::size_t k = 1; k < x.size(); k += 2) half = std::max(half, std::abs(x[k]) + 2);
@@ -165,7 +165,7 @@ class RaftProtocol final : public DropletProtocol {
   }
 
   void measure(std::vector<SeriesValue>& row) override {
-    if (state().step == 0) bonds_ = find_bonds();  // those at the start are no events
+    if (state().step == 0) bonds_ = find_bonds();  // bonds at the start are not events
     const StateView<2> s = view();
     const std::vector<Real> force = wall_forces();
     std::array<Real, 2> push{};
