@@ -1,4 +1,4 @@
-// The program: the scenarios that it knows.
+// Main program: the list of its scenarios.
 #include <pliant/run/scenario.h>
 #include <pliant/scenarios/channel/channel.h>
 #include <pliant/scenarios/clog/clog.h>

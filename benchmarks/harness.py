@@ -76,7 +76,7 @@ def run(command, timeout=7200, cwd=None, env=None):
 
 
 class _Peak(threading.Thread):
-    """Follows the largest resident set of a process. (That of wait4 counts this program, before the exec.)"""
+    """Follows the largest resident set of a process. (The value of wait4 includes this program, before the exec.)"""
 
     def __init__(self, pid, ended):
         super().__init__(daemon=True)
@@ -113,7 +113,7 @@ class Program:
         return self.start("hopper", options, output)
 
     def start(self, scenario, options, output):
-        """The same of any scenario."""
+        """As `hopper`, for any scenario."""
         done = run([*self.pin, self.path, scenario, *options.split(), "-output", output])
         return json.loads((output / "summary.json").read_text(encoding="utf-8")), done
 
@@ -162,7 +162,7 @@ class Context:
 
 def parser(name, description, part, parts, quick_folder):
     """An ArgumentParser for --build, --only (a `part`, one of `parts`), --quick, --output and --cpu. `quick_folder` is
-    the one in the build folder that --quick writes to."""
+    the file in the build folder that --quick writes."""
     result = argparse.ArgumentParser(prog=f"{name}.sh", description=description)
     result.add_argument("--build", type=Path, default=ROOT / "build", help="build folder (default: build)")
     result.add_argument("--only", action="append", choices=list(parts), metavar=part,

@@ -137,7 +137,7 @@ void set_cost(benchmark::State& bench, Flow<D>& flow, int steps = 1) {
                          benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
 }
 
-/// Registers "<case>/<what>", which times body(flow, view).
+/// Registers "<case>/<kernel>", which times body(flow, view).
 template <int D, class Body>
 void time_kernel(const std::string& name, const std::shared_ptr<Flow<D>>& flow, Body body) {
   benchmark::RegisterBenchmark(name.c_str(), [flow, body](benchmark::State& bench) mutable {

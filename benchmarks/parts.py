@@ -288,7 +288,7 @@ class Chain:
 
 def scaling(context):
     sizes = [100, 1000, 10_000] + ([] if context.quick else [100_000, 1_000_000])
-    beyond = {} if context.quick else {"rough": [4_000_000]}  # of one system: a quarter of an hour until it is dense
+    beyond = {} if context.quick else {"rough": [4_000_000]}  # one system only: packing takes a quarter of an hour
     work = 2e6 if context.quick else 1e8  # point-steps
     _, smallest = context.program.hopper(f"{SYSTEMS['soft 2D'](10)[0]} -t_end 10 {SILENT}", context.folder("smallest"))
     chains, rows = {}, []
@@ -313,7 +313,7 @@ def scaling(context):
 def ranks_prefix(ranks):
     mpiexec = shutil.which("mpiexec")
     root = ["--allow-run-as-root"] if os.geteuid() == 0 else []
-    # Not bound to cores: the threads of one rank use those of the others while these sleep.
+    # Not bound to cores: the threads of one rank use the cores of other ranks while these sleep.
     return [mpiexec, *root, "--bind-to", "none", "-n", ranks]
 
 

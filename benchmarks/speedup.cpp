@@ -1,6 +1,6 @@
-// Speedup by threads and ranks: a run that is stored in a folder is gone on with in turns of some steps by one process,
-// by its threads, by copies on all ranks at the same time, and by the ranks together. Turns follow each other within a
-// second, so that a machine whose speed changes disturbs them alike.
+// Speedup by threads and ranks: a stored run is continued in turns of some steps by one process, by its threads, by
+// copies on all ranks at the same time, and by the ranks together. Turns follow each other within a second, so that
+// changes of the machine's speed affect them equally.
 //
 //     mpiexec -n 2 pliant_speedup FOLDER STEPS CYCLES
 //
@@ -29,7 +29,7 @@ namespace {
 
 constexpr int warm_up = 20;  // steps before each turn, until caches hold the system whose turn it is
 
-/// A hopper's particles without the other work of a run; those that have left are taken out between turns.
+/// A hopper's particles without the other work of a run; particles that have left are removed between turns.
 template <int D>
 class System {
  public:

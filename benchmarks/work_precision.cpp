@@ -32,7 +32,7 @@ enum class Control { step, tolerance };
 
 struct Method {
   std::string name;
-  std::string options;  ///< of PETSc; empty: the plain loop of velocity Verlet
+  std::string options;  ///< options of PETSc; empty: the plain loop of velocity Verlet
   Control control;
   TermGroup implicit = TermGroup::all;
 };
@@ -65,7 +65,7 @@ const std::vector<Method> without_inertia = {
     {"cvode bdf", "-ts_type cvode -ts_cvode_type bdf", Control::tolerance},
 };
 
-/// Nothing tells a controlled step in free fall that there is a floor: it must not jump over it.
+/// Error control does not see the floor during free fall; the step must not jump over it.
 const std::string longest_step = "-ts_adapt_dt_max 0.02";
 
 /// Criterion for the runs of a problem.
@@ -100,7 +100,7 @@ struct Outcome {
   IntegratorStatistics cost{};
   Real cpu = 0;
   Real energy_error = 0;               ///< largest
-  Real mean_energy = 0, contacts = 0;  ///< of the second half; contacts per particle
+  Real mean_energy = 0, contacts = 0;  ///< mean energy and contacts per particle in the second half
 };
 
 Real cpu_seconds() { return static_cast<Real>(std::clock()) / CLOCKS_PER_SEC; }

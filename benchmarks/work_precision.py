@@ -14,10 +14,10 @@ import numpy as np
 from harness import BenchError, Context, measure, parser, read_csv, run, say, write_csv
 from report import ABOVE, COLORS, MARKERS, cell, insert, origin, plt, save, table
 
-from pliant import Run  # report.py knows where it is
+from pliant import Run  # report.py sets the path
 from pliant.statistics import block_ratio
 
-#: Errors at which methods are compared, in those of the standard run: the fixed step that runs take by themselves.
+#: Errors at which methods are compared, relative to the standard run, which has the default fixed step.
 TARGETS = {"10 e₀": 10, "e₀": 1, "e₀/10": 0.1, "e₀/100": 0.01, "e₀/1000": 0.001}
 ERRORS = {"error": "rms error of positions / σ_avg", "energy_error": "largest error of the energy / energy of the fall",
           "statistics": "relative error of the mean energy"}
@@ -49,7 +49,7 @@ def parse(text):
 
 
 def add_ratios(rows):
-    """Costs over those of the standard run, which is returned."""
+    """Costs relative to the standard run, which is returned."""
     standard = next((row for row in rows if row["standard"]), {})
     if "cpu" not in standard:
         raise BenchError(f"{rows[0]['problem']}: no standard run: {standard.get('failure', 'it is not in the output')}")
@@ -102,8 +102,8 @@ def comparison(rows, standard, error="error"):
 
 
 def statistics(rows):
-    """A row per method: its cheapest run whose mean energy is as good as those of runs with the standard step and
-    shorter ones, which differ by chance."""
+    """A row per method: its cheapest run whose mean energy agrees with runs with the standard step and shorter steps,
+    which differ by chance."""
     main = methods_of(rows)[0]
     longest = next(row["value"] for row in rows if row["standard"])
     scatter = max(row["error"] for row in rows if row["method"] == main and "error" in row and row["value"] <= longest)

@@ -1,5 +1,5 @@
-# Libraries of Pliant. Those of pliant-ts-sundials are found before. The build tree includes this file and, through the
-# package config, by programs that use an installed Pliant.
+# Libraries of Pliant. The libraries of pliant-ts-sundials are found earlier. The build tree includes this file and,
+# through the package config, by programs that use an installed Pliant.
 find_package(OpenMP REQUIRED COMPONENTS CXX)
 pkg_check_modules(YAML REQUIRED IMPORTED_TARGET yaml-0.1)  # the YAML reader of PETSc, too
 find_package(Eigen3 3.4 REQUIRED)

@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """Checks that headers are included in the order of the folders, and that none include each other in a circle:
 
-    check_includes.py [ROOT]     ROOT: the project (default: the one with this script)
+    check_includes.py [ROOT]     ROOT: the project (default: the project with this script)
 
 Prints the violations as file:line and exits with 1 if there are any.
 """

@@ -1,8 +1,8 @@
 #!/usr/bin/python3
-"""Checks that relative links of pages lead to a file and, after #, to a heading in it; that `paths` in pages exist, except in
-CHANGELOG.md; and that pages named in sources exist:
+"""Checks the links of pages: relative links must lead to a file and, after #, to a heading in it; `paths` in pages must
+exist, except in CHANGELOG.md. Pages named in sources must exist, too:
 
-    check_links.py [ROOT]     ROOT: the project (default: the one with this script)
+    check_links.py [ROOT]     ROOT: the project (default: the project with this script)
 
 Prints dead links as file:line and exits with 1 if there are any. Addresses with a scheme (https:) are not checked.
 """

@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """Checks that each parameter of the models has its name in one place, the header of its term:
 
-    check_parameters.py [ROOT]     ROOT: the project (default: that of this script)
+    check_parameters.py [ROOT]     ROOT: the project (default: the project with this script)
 
 A term declares a parameter as {.name = "k_a", …}. No other file below src/ and apps/ may declare it again, hold its name as
 a text ("k_a", "-k_a"), or use an identifier of that name. Terms and kernels (src/model, src/kernels) may have members and
@@ -16,7 +16,7 @@ DECLARATION = re.compile(r'\.name = "(\w+)"')
 TEXT = re.compile(r'"(?:[^"\\\n]|\\.)*"')
 COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
 OTHER_MEANINGS = {
-    ("gravity", "src/scenarios/hopper/options.cpp"),  # a name that users try for what is a unit there
+    ("gravity", "src/scenarios/hopper/options.cpp"),  # a name that users try for a unit
 }
 
 

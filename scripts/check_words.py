@@ -17,7 +17,7 @@ import sys
 from collections import Counter
 from pathlib import Path
 
-#: Group: highest number per 1000 words. They only go down; the goal for "what" in pages and comments is 1.
+#: Group: highest number per 1000 words. Ceilings only go down; the goal for "what" in pages and comments is 1.
 CEILINGS = {
     "pages": {"what": 0.1, "subject": 0.2, "word": 0.3},
     "comments": {"what": 0.5, "subject": 4.8, "word": 8.0},

@@ -1,8 +1,7 @@
 #!/usr/bin/env bash
 # Writes docs/reference/options.md, the options of all scenarios, and python/pliant/parameters.json, which the figures
 # read, from the program's own table. With --check it writes nothing and fails if a file is out of date.
-#   scripts/docs.sh [--check] [PROGRAM [PAGE]]     PROGRAM: the one to ask (default: build/apps/pliant); another than pliant
-#                                                  has a PAGE of its own
+#   scripts/docs.sh [--check] [PROGRAM [PAGE]]     PROGRAM: default build/apps/pliant; any other program needs a PAGE
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 check=no

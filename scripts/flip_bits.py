@@ -38,7 +38,7 @@ from pliant.sweep import sweep_table  # noqa: E402
 CUT, ZEROS = "cut", "zeros"
 SECTOR = 512  # bytes
 PARTS = ("reader", "restart", "checkpoint")
-# Few particles, so that most bytes are those of the format.
+# Few particles, so that most bytes belong to the format.
 OPTIONS = {"n": 12, "hopper_wall_distance": 5, "hopper_width": 3, "zeta": 0.3, "mu": 0.5, "pack_fraction": 0.7,
            "frame_interval": 0.5, "sample_interval": 0.1}
 # Frames as they are by default, and smaller ones.

@@ -41,7 +41,7 @@ packages=(-Wl,--allow-multiple-definition $(pkg-config --libs PETSc yaml-0.1 fmt
 
 # As one process, without a network: Open MPI would load network libraries, which leak memory.
 export OMPI_MCA_btl=self OMPI_MCA_ess_singleton_isolated=1 OMP_NUM_THREADS=1
-# The library's own operators new and delete (base/errors.cpp) meet those of the sanitizer.
+# The library's operators new and delete (base/errors.cpp) conflict with the sanitizer's.
 export ASAN_OPTIONS=detect_leaks=0:allocator_may_return_null=1:alloc_dealloc_mismatch=0 UBSAN_OPTIONS=print_stacktrace=1
 
 fuzz() {  # harness

@@ -40,7 +40,7 @@ build_program() {  # source folder, build folder: the program alone
   }
 }
 
-# Each build folder lies right in its sources, so that ccache, if it is used, knows the commands of one from another.
+# Each build folder lies right in its sources, so that ccache, if it is used, shares results between them.
 programs=()
 for commit in "${commits[@]}"; do
   hash=$(git -C "$root" rev-parse --quiet --verify --short=12 "$commit^{commit}") || die "$commit is no commit"

@@ -3,9 +3,9 @@
 
   scripts/option_sweep.py [--program FILE] [--jobs N] [CASE …]
 
-Every run must end by itself with one of the program's exit codes. If the code is an error, the message must be one line that
-says what was wrong and what to do ("fact; cure"). Anything else is a finding: it is printed, and the exit code is 1. Runs are
-short; those that take longer than --seconds are stopped by SIGTERM, and must then end with exit code 75.
+Every run must end by itself with one of the program's exit codes. If the code is an error, the message must be one line
+with the error and a cure ("fact; cure"). Anything else is a finding, which is printed, and the exit code is 1. Runs are
+short; runs that take longer than --seconds are stopped by SIGTERM, and must then end with exit code 75.
 """
 
 import argparse
@@ -42,7 +42,7 @@ GOOD = {0: "done", 2: "bad input", 3: "numerical failure", 4: "output failure", 
 
 
 def run(program, options, folder, seconds):
-    """(exit code, what is on the standard error) of a run that is asked to stop after so long."""
+    """(exit code, standard error) of a run that gets a signal to stop after so many seconds."""
     child = subprocess.Popen([program, *options, "-output", str(folder)], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
                              encoding="utf-8", errors="replace", env=os.environ | {"OMP_NUM_THREADS": "1"})
     try:
@@ -71,7 +71,7 @@ def numbers(program, case, scratch, seconds):
 
 
 def judge(code, errors):
-    """What is wrong with the end of a run, or nothing."""
+    """The finding about the end of a run, or nothing."""
     if code is None:
         return "hangs: does not stop at SIGTERM"
     if code not in GOOD:

@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# Builds the unit tests, or pliant itself, with a checker, in a build folder of its own, and runs them. Fails if a program
-# has a finding.
+# Builds the unit tests, or pliant itself, with a checker, in a separate build folder, and runs them. Fails if the checker
+# reports an error.
 #   scripts/sanitize.sh [address|thread|valgrind] [PROGRAM…]
 #     address   (default) AddressSanitizer and UndefinedBehaviorSanitizer, by clang, which compiles these faster than GCC
-#     thread    ThreadSanitizer, by clang and its OpenMP: GCC's OpenMP is not instrumented, its barriers are unseen
+#     thread    ThreadSanitizer, by clang and its OpenMP: the barriers of GCC's OpenMP are not instrumented
 #     valgrind  memcheck; it hides AVX-512, so the kernels for AVX2 run
 #     PROGRAM   folders of tests/, like io, and `pliant`, a short run of each scenario and model; all tests unless given
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
@@ -39,7 +39,7 @@ case $kind in
   valgrind)
     packages=(valgrind)
     flags+=" -Wno-maybe-uninitialized"  # with -O1 GCC warns of its own headers, and of vectors that are set lane by lane
-    export HWLOC_COMPONENTS=-x86  # hwloc's look at the processor cannot work there, and says so
+    export HWLOC_COMPONENTS=-x86  # hwloc cannot inspect the processor there, and would print a warning
     runner=(valgrind --quiet --error-exitcode=9 --leak-check=no --num-callers=30)
     ;;
   *) die "unknown argument $kind; usage: scripts/sanitize.sh [address|thread|valgrind] [PROGRAM…]" ;;
@@ -50,7 +50,7 @@ for package in "${packages[@]}"; do
 done
 
 "$root/scripts/setup.sh"
-# Line numbers without variables: those cost GCC minutes on some files.
+# Line numbers without variables, which cost GCC minutes on some files.
 cmake -S "$root" -B "$build" -G Ninja -D CMAKE_BUILD_TYPE=RelWithDebInfo -D CMAKE_CXX_FLAGS_RELWITHDEBINFO="-O1 -g1" \
   -D CMAKE_CXX_FLAGS="$flags" -D PLIANT_BUILD_EXAMPLES=OFF "${joined[@]}" "${compilers[@]}"
 ((${#names[@]} > 0)) || read -ra names <"$build/tests/folders.txt"

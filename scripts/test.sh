@@ -4,5 +4,5 @@ source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 "$root/scripts/setup.sh"
 "$root/scripts/build.sh"
-# One more than there are cores: many tests wait. Those that keep all cores busy run alone.
+# One more than there are cores: many tests wait. Tests that keep all cores busy run alone.
 exec ctest --test-dir "$build" --output-on-failure --parallel "$((cores + 1))" "$@"

@@ -30,7 +30,7 @@ and four kinds of tables, each between ":::" and ":::", an item a line:
 
   ::: file TABLE [TABLE]           a line per value of a column of validation/TABLE.csv, averaged over seeds
   label: HEADER := COLUMN
-  scatter                          errors from the scatter of the seeds alone, without those of single runs
+  scatter                          errors from the scatter of the seeds alone, without the errors of single runs
   HEADER := COLUMN [pandas query]
 """
 
@@ -250,7 +250,7 @@ TABLES = {"rows": rows_table, "grid": grid_table, "list": list_table, "file": fi
 
 
 def runs_table(named):
-    """What is behind the rows of a page: tables of runs, seeds, CPU time and commits."""
+    """The sources of the rows of a page: tables of runs, seeds, CPU time and commits."""
     kinds = {}
     for row in named:
         kinds.setdefault((row["figure"], row["level"]), row)

@@ -33,7 +33,7 @@ def program():
 class Peer:
     seconds: float         #: CPU time of the loop
     kinetic_energy: float  #: mean over the second half of the run
-    height: float          #: mean over the particles that are left, at the end
+    height: float          #: mean over the remaining particles, at the end
     particles: int         #: left at the end
 
 
@@ -62,7 +62,7 @@ def peer(folder, pair, steps, every, pin):
 
 
 def channel(folder, lists, steps, every, pin):
-    """The same of the first push of a run in a channel without base friction; `lists`: bin or multi."""
+    """LAMMPS run of the first push in a channel without substrate; `lists`: bin or multi."""
     with Run(folder) as r:
         options, data = r.parameters, r.path / "disks.data"
         data.write_text(data_file(r, "sphere"), encoding="utf-8")
@@ -75,7 +75,7 @@ def channel(folder, lists, steps, every, pin):
 
 
 def spheres(folder, pair, steps, every, pin):
-    """The same of a run of frictional spheres in a closed cylinder; `pair`: granular or gran_hooke_history."""
+    """LAMMPS run of frictional spheres in a closed cylinder; `pair`: granular or gran_hooke_history."""
     with Run(folder) as r:
         small, large = np.unique(r.topology.sigma)
         options, data = r.parameters, r.path / "spheres.data"

@@ -31,7 +31,7 @@ ParticleSystem<2> particle_and_floor() {
 struct Bounce {
   Real energy_error = 0;    ///< largest deviation, over the energy of the fall
   Real squeeze = 1;         ///< least area over the rest area
-  Real rebound_height = 0;  ///< of the centre above its height at touch
+  Real rebound_height = 0;  ///< height of the centre above its height at touch
   IntegratorStatistics cost;
 };
 

@@ -35,7 +35,7 @@ struct Parameters : RunOptions {
     bind_output(o);
   }
 
-  static constexpr Real spacing = 1.5;  // of the places at the start
+  static constexpr Real spacing = 1.5;  // distance of neighbouring initial places
   Index columns() const { return static_cast<Index>(std::ceil(std::sqrt(n))); }
   Real width() const { return spacing * columns(); }
 };
@@ -58,7 +58,7 @@ std::unique_ptr<Simulation<2>> make_simulation(const Parameters& p, const Ranks&
 
 /// All is seen from the box, frames too, and its walls rest: in the laboratory `floor` adds to every height. The
 /// floor's velocity plays no part, as walls have neither friction nor damping; for the same reason it does not matter
-/// that the side walls vibrate with it. Drag is that of air that moves with the box.
+/// that the side walls vibrate with it. Drag is relative to air that moves with the box.
 class ShakenBox final : public Protocol<2> {
  public:
   ShakenBox(const Parameters& p, const Ranks& ranks) : Protocol<2>(make_simulation(p, ranks)), p_(p) {}

@@ -105,7 +105,7 @@ inline bool passes(Real tension) {
       x, topology.point_mass, [&](const Real* r, Real* f) { return system.field().energy(system.view(r, nullptr), f); },
       {.dt = 0.01, .dt_max = 0.25 * system.field().critical_step(topology).one_contact(), .force_tolerance = 1e-9});
   const Real area = polygon_area(x.data(), topology, 0), perimeter = polygon_perimeter(x.data(), topology, 0);
-  // For a regular polygon the radius in Laplace's law is that of the inscribed circle, 2 a/p.
+  // For a regular polygon the radius in Laplace's law is the radius of the inscribed circle, 2 a/p.
   const Real pressure = area_stiffness * (topology.a0[0] - area), laplace = tension * perimeter / (2 * area);
   say("droplet of {} vertices: {} steps of FIRE, {}\n", vertices, rest.iterations, rest.reason);
   say("  shape p²/(4π a)   {:.6f} -> {:.6f}   (regular polygon: {:.6f})\n", before, shape(),

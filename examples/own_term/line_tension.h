@@ -1,4 +1,4 @@
-// An energy term of one's own: line tension, which makes a polygon a droplet.
+// A user-defined energy term: line tension, which makes a polygon a droplet.
 #pragma once
 
 #include <algorithm>

@@ -1,5 +1,5 @@
-// A model with a term of its own (line_tension.h), under the name `droplet` beside the models of pliant: the scenario
-// hopper runs it, with the command line, files, restarts and figures of pliant:
+// A user-defined model, `droplet`, with a user-defined term (line_tension.h), in addition to the models of pliant. The
+// scenario hopper runs the model with the command line, files, restarts and figures of pliant:
 //   own_term hopper -model droplet -tension 20 -output runs/droplets
 //   own_term check 2     checks the term
 #include <charconv>
@@ -15,8 +15,8 @@
 namespace {
 using namespace pliant;
 
-/// Polygons with a preferred area and a line tension instead of a preferred perimeter. Their outlines touch as those of
-/// smooth particles do.
+/// Polygons with a preferred area and a line tension instead of a preferred perimeter. Their outlines touch like the
+/// outlines of smooth particles.
 struct Droplet {
   static std::unique_ptr<ForceField<2>> force_field(ParameterReader& p, const Surroundings<2>& s) {
     using Outlines = Fused<EdgeKernel, EdgeContact<>, EdgeFriction>;

@@ -4,7 +4,7 @@
 >>> run = Run("runs/hopper")
 >>> run.summary["Q"]["value"], run.frames[-1].centres.shape, run.series["kinetic_energy"].mean()
 
-Units are those of the program: lengths in sigma_avg, times in t0 = sqrt(sigma_avg/g), density 1.
+Units as in the program: lengths in sigma_avg, times in t0 = sqrt(sigma_avg/g), density 1.
 """
 
 from . import requirements

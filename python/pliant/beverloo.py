@@ -28,7 +28,7 @@ def beverloo(w, C, k, beta):
 
 
 def published_exponent(dim, mu, zeta):
-    """Of [H]: d - 1/2 for friction only, d - 3/2 for drag only, None where both (or none) act."""
+    """The exponent of [H]: d - 1/2 for friction only, d - 3/2 for drag only, None where both (or none) act."""
     if mu > 0 and zeta == 0:
         return dim - 0.5
     if zeta > 0 and mu == 0:
@@ -234,7 +234,8 @@ def fit_groups(table, by, beta=None, **options):
 
 
 def _clogged(group, value):
-    """Which runs clogged. A run in which a single particle keeps bouncing has another status, but has no flow either."""
+    """Mask of the clogged runs. A run in which a single particle keeps bouncing has another status, but also has no
+    flow."""
     clogged = group[value] == 0
     return clogged | group["status"].isin(["clogged", "at_rest"]) if "status" in group else clogged
 
@@ -244,13 +245,12 @@ def _no_law(*_, **__):
 
 
 def fit_seeds(table, by, value="Q", beta=None, resamples=None, opposite=False):
-    """One row per group of runs: its columns of `by`, fit, C, k, beta with errors and so on as of fit_groups; data (a row
-    per width: hopper_width, Q, Q_error from blocks and seeds, runs); unbounded_fit, whose k may be negative, where k of fit
-    is at its bound, else None; reference (the published exponent or None) and
-    reference_fit (with that held); with `opposite` also opposite (the published exponent of the other limit) and
-    opposite_fit. Errors of the fits are drawn over seeds. `value` is the rate's column. A clogged run has no steady rate:
-    it is left out where others of the same width flowed, and where the widest orifice clogs there is no law of the width,
-    and no fit."""
+    """One row per group of runs: its columns of `by`, fit, C, k, beta with errors and so on as of fit_groups; data (a
+    row per width: hopper_width, Q, Q_error from blocks and seeds, runs). Also unbounded_fit, whose k may be negative,
+    where k of fit is at its bound, else None; reference (the published exponent or None) and reference_fit (with that
+    exponent held); with `opposite` also opposite (the published exponent of the other limit) and opposite_fit. Errors
+    of the fits are drawn over seeds. `value` is the rate's column. A clogged run has no steady rate and is omitted if
+    other runs of the same width flowed. If the widest orifice clogs, the group has no law of the width, and no fit."""
     rows = []
     for key, group in ensemble.groups(table, by):
         row = dict(zip(by, key))

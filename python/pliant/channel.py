@@ -88,7 +88,7 @@ class _Sums:
         self.counts = {name: np.zeros(shape) for name in QUANTITIES}
 
     def add(self, push, size, bin_, values):
-        """values: name → [S]; NaN where a sample has none."""
+        """values: name → [S]; NaN where a sample lacks the value."""
         at = size * self.shape[2] + bin_
         for name, value in values.items():
             good = np.isfinite(value)
@@ -298,7 +298,7 @@ class _Analysis:
             if not (sample := self.sample(i, interval)):
                 continue
             values = self.values(i, sample, mean_field)
-            # Which sample a disk is that begins a displacement in a frame; -1 if it is in none.
+            # Number of the sample of a disk that begins a displacement in a frame; -1 if the disk is not in a sample.
             row = np.full(push.present.shape, -1)
             row[sample.before, sample.disk] = np.arange(len(sample.disk))
             frames = np.unique(sample.before)[::choices.distance_stride]
@@ -456,8 +456,8 @@ def _prepared(run, choices):
 def snapshot(run, choices, number=None, travel=None):
     """One displacement of every disk, in cm: a dict of `push`, `travel` (where it begins), `position` [n, 2], `radius`
     [n], `shift` [n, 2], `mean` [n, 2] (the run's own field), `dr_na`, `d2_min_sum`, `d2_min_per_neighbour` [n] and
-    `neighbours` (list of n arrays of indices among these n). number: of the push (None: the last); travel: of the
-    plunger at the start (None: the middle one). Raises RunError."""
+    `neighbours` (list of n arrays of indices among these n). number: the push (None: the last one); travel: travel of
+    the plunger at the start (None: the middle frame). Raises RunError."""
     run = _prepared(run, choices)
     a = _Analysis(run, Grid.over([push.position for push in run.pushes], choices.cell), choices)
     interval = a.multiple(choices.interval)

@@ -21,7 +21,7 @@ from .sweep import load_runs, sweep_table
 
 COLUMNS = ("hopper_width", "g", "phi_c", "n", "status", "avalanche_size", "capillary_length")
 ENDED = ("clogged", "at_rest", "empty")
-CONFIDENCE = 0.95       # of the binomial intervals
+CONFIDENCE = 0.95       # level of the binomial intervals
 AVALANCHE_LIMIT = 0.75  # larger mean avalanches, as a fraction of the droplets, are cut by their number [T 4.3]
 
 
@@ -105,9 +105,9 @@ def fit_sigmoid(x, clogged, runs):
     """The sigmoid of the largest binomial likelihood: `clogged` [n] of `runs` [n] at x [n], probability falling with x.
 
     lmfit minimises the sum of squares of the deviance residuals, which is the likelihood's logarithm. Where all are clogged
-    up to some x and none beyond, but at one x at most, the width has no lower bound, and the curvature of the likelihood
-    says nothing: see _step. Raises RunError where the data, or their sigmoid, do not pass one half between the first and the
-    last x.
+    up to some x and none beyond, but at one x at most, the width has no lower bound, and the curvature of the
+    likelihood is not an error: see _step. Raises RunError where the data, or their sigmoid, do not pass one half
+    between the first and the last x.
     """
     order = np.argsort(np.asarray(x, float), kind="stable")
     x, k, n = (np.asarray(values, float)[order] for values in (x, clogged, runs))
@@ -268,7 +268,7 @@ def fit_avalanches(x, s, s_error, n):
     if len(np.unique(x[use])) < 3:
         raise RunError(f"{use.sum()} mean avalanches below {AVALANCHE_LIMIT:g} of the droplets are too few to fit "
                        "(at least 3, at different w/delta*, each with several runs)")
-    # An avalanche of a few runs that happen to agree has an error too: at least that of one droplet more or less.
+    # An avalanche of a few runs that agree by chance has an error too: at least the effect of one droplet more or less.
     weight = (s[use] + 1) / np.maximum(s_error[use], 1.0)
     model = lmfit.Model(lambda x2, log_A, B: -log_A + B * x2, independent_vars=["x2"])
     result = model.fit(np.log1p(s[use]), x2=x[use] ** 2, log_A=-2.0, B=0.03, weights=weight)
@@ -276,8 +276,8 @@ def fit_avalanches(x, s, s_error, n):
 
 
 def deviance_residuals(clogged, runs, probability):
-    """[k] residuals whose sum of squares is twice the logarithm of the binomial likelihood of the data over that of
-    `probability`."""
+    """[k] residuals whose sum of squares is twice the logarithm of the ratio of two binomial likelihoods: of the data
+    and of `probability`."""
     k, n = np.asarray(clogged, float), np.asarray(runs, float)
     p, q = k / n, np.clip(probability, 1e-12, 1 - 1e-12)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -300,10 +300,10 @@ def fit_clog_law(x, clogged, runs, n):
 
 
 def collapse_fits(points, x):
-    """{name: AvalancheFit} of clog_points over x = w/delta*, to see which runs decide A and B: all points of the commonest number
-    of droplets; those of other numbers, and all avalanches scaled to the commonest one, as [T 4.3]; of the commonest one
-    each phi_c and way to vary w/delta* alone; those of `uncut_mean`, with all that have a clog; and P_clog. Fits that
-    fail are omitted."""
+    """{name: AvalancheFit} of clog_points over x = w/delta*, to see which runs decide A and B. The fits: all points of the
+    commonest number N of droplets; points of each other N, and all avalanches scaled to the commonest N, as in [T 4.3].
+    For the commonest N also each phi_c, and each way to vary w/delta*, alone; avalanches of `uncut_mean`, with all points
+    that have a clog; and P_clog. Fits that fail are omitted."""
     points = points.assign(x=x)
     usual = {name: commonest(points[name]) for name in ("n", "g")}
     scale = usual["n"] / points["n"]

@@ -13,7 +13,7 @@ from scipy.optimize import least_squares
 from . import ensemble
 from .errors import RunError
 
-_LOG_RANGE = (-7.0, 4.0)   # of lambda_c
+_LOG_RANGE = (-7.0, 4.0)   # range of log10(lambda_c)
 _WIDTH_RANGE = (0.05, 10.0)  # of b, decades
 _HELD = 0.25  # from this argument of the tanh on a point determines an end of beta
 _WIDEST = np.log10(np.e)  # standard error of log10(lambda_c) from which on it is not known: as large as lambda_c itself

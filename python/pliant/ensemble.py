@@ -29,7 +29,7 @@ def groups(table, by):
 
 
 def _block_errors(means, known):
-    """[points] block error of one run; where a point has none, the median relative one of the others."""
+    """[points] block error of one run; for a point without it, the median relative error of the other points."""
     relative = [error / abs(mean) for mean, error in zip(means, known) if np.isfinite(error) and mean != 0]
     typical = np.median(relative) if relative else np.nan
     return np.array([error if np.isfinite(error) else typical * abs(mean) for mean, error in zip(means, known)])
@@ -77,9 +77,9 @@ def _points(rows, table, by, value):
 
 
 def scatter(table, by, value, trials=None):
-    """As `average`, with errors from the scatter of the seeds alone (NaN for one): for counts and fractions, of which a
-    run has no error. Of fractions of `trials` (a column) it is at least that of so many independent ones, the binomial one
-    with half a success and half a failure added: seeds that are alike leave no scatter."""
+    """As `average`, with errors from the scatter of the seeds alone (NaN for one): for counts and fractions, for which
+    a run has no error. The error of fractions of `trials` (a column) is at least the binomial error of as many
+    independent trials, with half a success and half a failure added, because equal seeds have no scatter."""
     known = table[np.isfinite(table[value].astype(float))]
     rows = []
     for key, group in groups(known, by) if len(known) else []:

@@ -13,7 +13,7 @@ import zlib
 from .errors import OutputError, RunError
 
 _KINDS = {stat.S_IFDIR: "a folder", stat.S_IFLNK: "a symbolic link", stat.S_IFIFO: "a FIFO", stat.S_IFSOCK: "a socket"}
-_FORMAT = 2  # of JSON files: 2 has a checksum
+_FORMAT = 2  # format of JSON files; 2 has a checksum
 _SEAL = re.compile(rb'"crc32": "([0-9a-f]{8})"\n}\n\Z')
 #: Errors of pandas.read_csv for missing files, damaged archives (.xz) and files that are not tables.
 TABLE_ERRORS = (OSError, ValueError, EOFError, lzma.LZMAError)

@@ -8,8 +8,9 @@ from .errors import RunError
 from .statistics import block_ratio
 
 QUIET = 10          # mean times between crossings without one, after which the flow counts as ended
-DISCHARGE = 0.2     # of the particles that left a discharge: the first and the last of them are excluded from averages
-FILLED = 0.8        # of the largest number density on the axis; less above it is not the filling
+DISCHARGE = 0.2     # share of the particles that left a discharge: the first and the last of these are excluded from
+                    # averages
+FILLED = 0.8        # share of the largest number density on the axis; a lower density is above the filling
 
 
 def is_discharge(run):
@@ -19,7 +20,7 @@ def is_discharge(run):
 def flow_end(series):
     """Time of the last crossing if the flow ended with it, None if it continued to the end of the series, or never began.
 
-    It ended if nothing has crossed since for QUIET times as long as crossings were apart on average.
+    The flow has ended if no particle has crossed for QUIET times the mean interval between crossings.
     """
     time, crossed = series["time"].to_numpy(), series["crossed_count"].to_numpy()
     if not len(time) or crossed[-1] <= crossed[0]:
@@ -65,7 +66,7 @@ class AxisVelocity:
     height: np.ndarray    #: [H] above the orifice
     velocity: np.ndarray  #: [H]
     error: np.ndarray     #: [H] from blocks
-    start: float          #: of the time averaged over
+    start: float          #: start of the averaged time
     end: float
     remark: str | None    #: as of `flowing`
 

@@ -10,7 +10,7 @@ import numpy as np
 from .errors import RunError
 
 FEWEST_NEIGHBOURS = 3  # two always fit
-_CHUNK = 4_000_000     # bytes of an array that is worked on at a time: it should stay in the cache
+_CHUNK = 4_000_000     # bytes of an array that is processed at a time: fits into the cache
 
 
 # ---- pairs of frames -------------------------------------------------------------------------------------------------
@@ -87,8 +87,8 @@ def neighbours(position, radius, present, count=15, within=None):
 
 
 class Neighbourhoods:
-    """Neighbours of the disks of one push, found once for all intervals: those of a displacement are the nearest of the
-    disks that are there at its end too."""
+    """Neighbours of the disks of one push, found once for all intervals: the neighbours of a displacement are the
+    nearest of the disks that are also present at its end."""
 
     def __init__(self, position, radius, present, count=15, within=None):
         """position [F, N, 2], radius [N], present [F, N]; the rest as `neighbours`."""
@@ -126,7 +126,7 @@ def d2_min(before, after, used=None):
     """(D2_min [...], neighbours [...]): the least sum over the neighbours of |after - F before|^2, over all matrices F
     [T 3.4]. before, after [..., K, 2] are relative to the reference disk, so that the fit goes through it.
 
-    `used` [..., K] bool: which are neighbours. NaN with fewer than three. Where all neighbours are on a line, which
+    `used` [..., K] bool: mask of the neighbours. NaN with fewer than three. Where all neighbours are on a line, which
     leaves F open, the least sum is unique all the same. Closed form by normal equations; the sum is taken over the
     residuals themselves, so that an affine motion leaves their rounding only.
     """
@@ -243,8 +243,8 @@ class Field:
 
     @classmethod
     def of(cls, grid, sums, min_count=10):
-        """From `moments`. The gradient in a cell is that of the straight-line fit to all samples in the block of 3 x 3
-        cells around it: exact where the strain is homogeneous, however the samples lie."""
+        """From `moments`. The gradient in a cell is the slope of the straight-line fit to all samples in the block of 3
+        x 3 cells around it: exact where the strain is homogeneous, however the samples lie."""
         enough = sums[0] >= max(min_count, 1)
         with np.errstate(divide="ignore", invalid="ignore"):
             place, mean = (np.where(enough, sums[k:k + 2] / sums[0], np.nan).T for k in (1, 6))
@@ -265,8 +265,8 @@ class Field:
         return cls(grid, sums[0], place, mean, gradient)
 
     def at(self, start, cell, interpolation):
-        """[S, 2] mean displacement at samples' starts [S, 2] in their cells [S]: `cell`, that of the cell; `linear`,
-        the same with the cell's gradient. NaN where the field is not known."""
+        """[S, 2] mean displacement at samples' starts [S, 2] in their cells [S]: `cell`, the mean of the cell;
+        `linear`, the mean with the cell's gradient. NaN where the field is not known."""
         value = self.mean[cell]
         if interpolation == "linear":
             value = value + np.einsum("sij,sj->si", self.gradient[cell], start - self.place[cell])

@@ -113,7 +113,7 @@ def save(figure, *paths):
             write_figure(figure, path)
         except (OSError, ValueError) as error:  # ValueError: a format that matplotlib does not write
             raise OutputError(f"{path}: cannot be written ({str(error).splitlines()[0]})") from None
-        figure.set_layout_engine("none")  # it is laid out now, which takes half of the time
+        figure.set_layout_engine("none")  # the layout is done now; it takes half of the time
         print(f"wrote {path}")
     plt.close(figure)
 
@@ -161,7 +161,7 @@ QUANTITIES = {
 
 
 def particle_values(run, frame, quantity):
-    """[N] values of a quantity of QUANTITIES; RunError if the model has none (areas of soft particles)."""
+    """[N] values of a quantity of QUANTITIES; RunError if the model lacks it (areas of soft particles)."""
     if quantity in ("area", "shape") and not run.topology.deformable:
         raise RunError(f"{run.path}: {model_name(run)} have no {quantity} of their own "
                        "(colour by speed, contacts or size)")
@@ -220,9 +220,9 @@ def visible(run, frame):
 
 
 def wall_lines(run, frame, top=None):
-    """[S, 2, 2] ends, in the plane of view, of the walls at the frame's time. Of a hopper the walls at the upper end
-    reach up to `top` (None: to their upper end, or to their lower one if they have no end); in 3D both halves of the cut
-    through the axis. A disk is a polygon. Walls that are gone, as the opened lid of a clog, are left out."""
+    """[S, 2, 2] ends, in the plane of view, of the walls at the frame's time. The walls at the upper end of a hopper
+    reach up to `top` (None: to their upper end, or to their lower one if they have no end); in 3D both halves of the
+    cut through the axis. A disk is a polygon. Walls that are gone, as the opened lid of a clog, are left out."""
     lines = frame.wall_segments.reshape(-1, 2, 2).copy()
     if run.droplets or run.scenario == "channel":
         return lines[(lines[:, 0] != lines[:, 1]).any(1)]
@@ -285,7 +285,8 @@ def _points_per_unit(axes):
 
 
 def add_disks(axes, centres, diameters, autolim=True, **style):
-    """Disks at [n, 2] with diameters [n], in units of the axes; style: of a matplotlib collection. Returns them."""
+    """Disks at [n, 2] with diameters [n], in units of the axes; style: properties of the matplotlib collection. Returns
+    the collection."""
     size = np.asarray(diameters)
     disks = EllipseCollection(size, size, np.zeros(len(size)), units="xy", offsets=centres, offset_transform=axes.transData,
                               **style)

@@ -11,13 +11,13 @@ The rules (docs/scenarios/raft.md explains them):
   the first peak, F_1; at least three samples.
 - k_eq: slope of the straight line through the samples on the last rise before F_max, from F = 0 to F_max/2.
 - A reduction is competing if the raft that it leaves is not whole: if at no time between D_(p-1) + 0.1 and D_(p-1) - 0.02
-  it has more than N - p' + (p' - 1)(2 N/p' - 1) - 4 bonds, p' = p - 1: those of a hexagonal raft of p' rows, but for 4
-  that the ends of its rows may lack. Reductions to one row do not count.
+  it has more than N - p' + (p' - 1)(2 N/p' - 1) - 4 bonds, p' = p - 1: the bonds of a hexagonal raft of p' rows, less 4
+  because the ends of its rows may be incomplete. Reductions to one row do not count.
 - Two other judgements of a reduction come from the bonds that break and form in it, in the order of time. A fracture is a
   set of at least two broken bonds, each with its middle within 1.25 d_eq of another of the set; sets that come to touch
-  become one. It has closed when as many bonds have formed within 1.25 d_eq of it as have broken in it. The fractures of a
-  reduction are overlapping if one starts before another has closed; they are unmatched if moreover they have not become
-  one when the first of them has closed, or the reduction has ended.
+  become one. A fracture has closed when as many bonds have formed within 1.25 d_eq of the set as have broken in it. The
+  fractures of a reduction are overlapping if one starts before another has closed; they are unmatched if moreover they
+  have not become one when the first of them has closed, or the reduction has ended.
 """
 
 from dataclasses import dataclass, field
@@ -49,7 +49,7 @@ def ideal_bonds(n, rows):
 
 
 def excess_fractures(phi, peak):
-    """Fractures beyond those of one size, for a fraction phi of small droplets [T 2.39]."""
+    """Number of fractures beyond the number with one size, for a fraction phi of small droplets [T 2.39]."""
     return 2 * peak * np.sqrt(phi * (1 - phi))
 
 
@@ -169,7 +169,7 @@ class Compression:
 
 def contact_constants(f0=10.0, phi_c=1e-4, a_s=0.05):
     """{name: value} of two equal droplets and of a droplet at a wall, R = b = 1, from [T 2.1, 2.5, 2.7, 2.8]: L^2/R^2 [T 2.13],
-    the distance d_eq at rest, the stiffness k1 there and the energy E1 of the bond; the same of the wall."""
+    the distance d_eq at rest, the stiffness k1 there and the energy E1 of the bond; also for the bond with the wall."""
     L2 = 8 * f0 * a_s**3 / (np.pi * phi_c)
     reach = 1 + a_s
     # f0 (1 - d/2) = f0 (4 reach^2 - d^2)/(4 L2)

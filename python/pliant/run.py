@@ -211,7 +211,7 @@ class Frame:
 
     @_read_once
     def angles(self):
-        """[N] angles in radians, of particles that spin; None where the frame has none."""
+        """[N] angles in radians, of particles that rotate; None if the frame has no angles."""
         return self._read("angles") if "angles" in self._group else None
 
     @_read_once
@@ -227,7 +227,8 @@ class Frame:
 
     @_read_once
     def touching(self):
-        """[N] other particles that touch each one (droplets: that are bound to it), however many vertices touch."""
+        """[N] other particles that touch each particle (droplets: bonds of the particle), for any number of touching
+        vertices."""
         pairs = self.contacts[["particle_1", "particle_2"]].to_numpy()
         pairs = np.unique(np.sort(pairs[(pairs >= 0).all(1) & (pairs[:, 0] != pairs[:, 1])], axis=1), axis=0)
         return np.bincount(pairs.ravel(), minlength=self._run.topology.particles)
@@ -325,7 +326,7 @@ class Frames(Sequence):
         try:
             name = self._names[index]
         except IndexError:
-            # An IndexError ends a for loop, as Sequence asks; Run.frame() raises errors for users.
+            # An IndexError ends a for loop, as required by Sequence; Run.frame() raises errors for users.
             raise IndexError(f"frame {index} of {len(self)}") from None
         return Frame(self._run, name, self._run.frame_group(name))
 
@@ -455,7 +456,8 @@ class Run:
 
     @_read_once
     def _terms(self):
-        """Parameter name → the term that reads it, or None where the model does not. Runs of older versions have none."""
+        """Parameter name → the term that reads it, or None if the model does not read it. Empty for runs of older
+        versions."""
         listed = self.manifest["options"] | self.summary.get("parameters", {})
         return {k: v["term"] for k, v in listed.items() if isinstance(v, dict) and "term" in v}
 
@@ -509,7 +511,7 @@ class Run:
 
     @_read_once
     def _frame_names(self):
-        """Of the frames that are whole; those that another program did not finish are at the end."""
+        """Names of the complete frames; frames that the program has not finished are at the end."""
         names = list(self._file.frames)
         while names and not self._whole(names[-1]):
             names.pop()

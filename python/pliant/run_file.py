@@ -2,8 +2,8 @@
 
 The running program appends to the file and changes, at each commit, only the structures that lead to frames and rows of tables
 (docs/reference/file-format.md). `RunFile` copies that part when it is opened, so that it sees one state of the file however long
-the program runs. HDF5 would share a file that is open twice within a process, and show the older state of the two:
-it gets a file object of its own each time instead.
+the program runs. HDF5 would share a file that is open twice within a process, and show the older of the two states;
+therefore each snapshot has a separate file object.
 """
 
 import io
@@ -71,7 +71,7 @@ def _journal(fd, size):
 
 
 class _Descriptors:
-    """File descriptors by user; of many the one that was used last stays open, others are opened again."""
+    """File descriptors by user; the most recently used descriptors stay open, others are opened again."""
 
     def __init__(self, limit):
         self._limit, self._open, self._lock = limit, OrderedDict(), threading.RLock()
@@ -212,7 +212,8 @@ def _read_into(fd, address, view):
 
 
 class RunFile:
-    """run.h5 as it is at this moment. Raises RunError if it is none, or if the program writes without a pause."""
+    """run.h5 as it is at this moment. Raises RunError if the file is not a run.h5, or if the program writes without a
+    pause."""
 
     def __init__(self, path):
         self.path = Path(path)
@@ -226,7 +227,7 @@ class RunFile:
             raise RunError(f"{path}: cannot be read as HDF5 ({_line(error)})") from None
 
     def _use(self):
-        """A function that calls others with the file's descriptor. It does not keep this object alive."""
+        """A function that calls others with the file's descriptor, without keeping this object alive."""
         token, path, identity = self._token, self.path, self._identity
         return lambda function, *arguments: _descriptors.use(token, path, identity, function, *arguments)
 
@@ -252,7 +253,7 @@ class RunFile:
                 self.close()
                 if not isinstance(error, _Changed) and self._stamp() == before:
                     raise OSError(_line(error)) from None
-                # The same parts are copied first next time: that takes no time in which the program could write.
+                # These parts are copied first next time, in one read, during which the program hardly writes.
                 ranges = snapshot.ranges() if snapshot is not None else ranges
             time.sleep(_PAUSE * min(attempt + 1, 10))
         raise RunError(f"{self.path}: the program has written at each of {_ATTEMPTS} attempts to read it; open it again")

@@ -1,4 +1,4 @@
-"""Which script draws a run of which scenario."""
+"""The scripts that draw runs, for each scenario."""
 
 from .errors import RunError
 

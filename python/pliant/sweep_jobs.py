@@ -239,9 +239,10 @@ def arguments(options, base):
 
 
 def _stop_with(parent):
-    """A function for the child of the process `parent` to call: when that one ends, however it does, the run is asked to
-    stop. It is a process group of its own: Ctrl-C must reach the sweep alone, which then stops every run once; but not a
-    session of its own, as Linux may share the machine out by sessions, independent of their niceness."""
+    """A function for the child of the process `parent` to call: when the parent ends, in any way, the child gets a
+    signal to stop. The child forms a separate process group, because Ctrl-C must reach the sweep alone, which then
+    stops every run once; but not a separate session, because Linux may share the machine by sessions, independent of
+    their niceness."""
     def call():
         os.setpgid(0, 0)
         _LIBC.prctl(_PR_SET_PDEATHSIG, int(_ASK), 0, 0, 0)

@@ -9,16 +9,17 @@ import time
 from .errors import OutputError, RunError
 from .files import no_links
 
-HEARTBEAT = 30  #: s between signs of life of an owner
-STALE = 300     #: s without one after which an owner on another machine counts as dead
+HEARTBEAT = 30  #: s between renewals by an owner
+STALE = 300     #: s without renewal after which an owner on another machine counts as dead
 
 
 class Taken(Exception):
-    """Another worker has the row; the text says which."""
+    """Another worker has the row; the text names the worker."""
 
 
 def _elsewhere(path, note, fd):
-    """Whether another machine has given a sign of life of late. RunError if it is of the future: nobody can tell."""
+    """Whether another machine has renewed the lock recently. RunError if the time is in the future and proves
+    nothing."""
     if note.split()[0] == socket.gethostname():
         return False
     age = time.time() - os.fstat(fd).st_mtime
@@ -30,10 +31,10 @@ def _elsewhere(path, note, fd):
 class RowLock:
     """Holds the lock file from construction to close(); raises Taken if another worker has it.
 
-    The lock is the kernel's (flock). It ends with the last process that has inherited `fd`, so that it outlives a
-    killed worker for as long as the run goes on, and nothing has to be cleaned up. The file names the owner. Its age
-    guards where machines mount a file system without sharing locks: a note of another machine that is younger than
-    STALE counts as a lock.
+    The lock is the kernel's (flock) and ends with the last process that has inherited `fd`, so that it outlives a
+    killed worker while the run continues, and needs no cleaning up. The file names the owner. Its age guards where
+    machines mount a file system without sharing locks: a note of another machine that is younger than STALE counts as a
+    lock.
     """
 
     def __init__(self, path):
@@ -73,19 +74,19 @@ class RowLock:
         os.pwrite(self.fd, f"{socket.gethostname()} process {pid}".encode(), 0)
 
     def beat(self):
-        """A sign of life now and then; call it often."""
+        """Renews the lock every HEARTBEAT seconds; call it often."""
         if time.monotonic() - self._beat > HEARTBEAT:
             os.utime(self.fd)
             self._beat = time.monotonic()
 
     def close(self):
         os.ftruncate(self.fd, 0)
-        fcntl.flock(self.fd, fcntl.LOCK_UN)  # whatever has inherited it
+        fcntl.flock(self.fd, fcntl.LOCK_UN)  # also for processes that have inherited it
         os.close(self.fd)
 
 
 def owner(path):
-    """Who holds the lock file, None if nobody does. Changes nothing."""
+    """The owner of the lock file, or None. Changes nothing."""
     try:
         fd = no_links(path, os.O_RDONLY)
     except OSError:

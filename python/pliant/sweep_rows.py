@@ -125,8 +125,8 @@ def _check_header(path, columns):
 
 def read_rows(path, scenario):
     """List of Row from a CSV file: columns are names of options without the dash (empty cells: not given), and
-    `scenario` (that of the rows that name none), `name`, and `seeds`, which makes one row of each seed. Lines that begin
-    with # are comments. Raises RunError that names line and column."""
+    `scenario` (the default is for rows without this cell), `name`, and `seeds`, which makes one row of each seed. Lines
+    that begin with # are comments. Raises RunError that names line and column."""
     path, default = Path(path), scenario
     lines = _lines(path)
     _, columns = next(lines, (0, []))

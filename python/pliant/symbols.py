@@ -1,7 +1,7 @@
 """Names of parameters in figures and tables, in one place, and which models read them.
 
 The symbols of the parameters of models, and which models read them, come from the program (parameters.json, which
-scripts/docs.sh writes); those of other options of scenarios are here.
+scripts/docs.sh writes); the symbols of other options are here.
 """
 
 import json
@@ -60,7 +60,7 @@ def group_label(row, columns):
 
 
 def differing(rows, columns):
-    """Of the columns those in which rows differ that read them; `rows`: mappings with the column model."""
+    """The columns in which rows differ whose models read the column; `rows`: mappings with the column model."""
     return [c for c in columns if len({row[c] for row in rows if reads(row.get("model"), c) and c in row
                                        and row[c] == row[c]}) > 1]
 

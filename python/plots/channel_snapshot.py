@@ -6,7 +6,7 @@ from pathlib import Path
 
 # In place of this folder, whose profile.py would hide the standard library's.
 sys.path[0] = str(Path(__file__).resolve().parents[1])
-import pliant  # first: it reports packages that this Python lacks
+import pliant  # first, because it reports missing packages
 
 import matplotlib.pyplot as plt
 import numpy as np

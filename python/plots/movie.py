@@ -1,15 +1,15 @@
 #!/usr/bin/python3
 """Makes an mp4 movie of the frames of a run; needs ffmpeg.
 
-It lasts 8 s if the run has fewer than 200 frames, else it shows 25 frames a second. For a smoother one let the run write
-more frames (-frame_interval)."""
+The movie lasts 8 s if the run has fewer than 200 frames, else it shows 25 frames a second. For a smoother movie let the
+run write more frames (-frame_interval)."""
 
 import sys
 from pathlib import Path
 
 # In place of this folder, whose profile.py would hide the standard library's.
 sys.path[0] = str(Path(__file__).resolve().parents[1])
-import pliant  # first: it reports packages that this Python lacks
+import pliant  # first, because it reports missing packages
 
 import subprocess
 

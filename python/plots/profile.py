@@ -1,15 +1,15 @@
 #!/usr/bin/python3
 """Velocity on the axis against the height above the orifice, averaged over the steady state, with its block error.
 
-It ends with the filling, where the number density on the axis falls below 0.8 of its largest value: above, particles that
-were reinserted fall freely. Of a run that has clogged, or emptied, only the time of the flow counts."""
+The profile ends at the top of the filling, where the number density on the axis falls below 0.8 of its largest value:
+above, reinserted particles fall freely. If a run has clogged, or emptied, only the time of the flow counts."""
 
 import sys
 from pathlib import Path
 
 # In place of this folder, whose profile.py would hide the standard library's.
 sys.path[0] = str(Path(__file__).resolve().parents[1])
-import pliant  # first: it reports packages that this Python lacks
+import pliant  # first, because it reports missing packages
 
 import matplotlib.pyplot as plt
 import numpy as np

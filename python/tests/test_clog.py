@@ -82,7 +82,7 @@ def test_a_step_has_no_width():
 
 
 def test_a_step_but_for_one_point():
-    """The errors are those of the likelihood: its curvature is none at a width of 0."""
+    """The errors follow from the likelihood, whose curvature vanishes at a width of 0."""
     x = np.array([3.5, 4.5, 5.5, 6.5])
     fit = clog.fit_sigmoid(x, [4, 4, 1, 0], [4] * 4)
     assert 5 < fit.x0 < 5.5 and 0.1 < fit.x0_error < 0.5 and np.isnan(fit.alpha) and "step" in fit.note
@@ -138,7 +138,7 @@ def test_whole_chain_on_drawn_runs():
     assert list(fits["delta"]) == pytest.approx([0, 0.7071, 1, 1.4142], rel=1e-3)
     # 1 - exp(-n/s) = 1/2 at s = n/ln 2
     half = np.sqrt(np.log(0.12 * (190 / np.log(2) + 1)) / 0.029) / 2
-    # The law is no sigmoid, which moves the middle by 2 %.
+    # The law is not a sigmoid, which shifts the middle by 2 %.
     assert_allclose(fits["x0"], half * np.maximum(fits["delta"], 0.8), rtol=0.04)
     assert clog.fit_sigmoids(points, "g").empty
     regimes = clog.fit_regimes(fits["delta"], fits["x0"], fits["x0_error"])

@@ -128,7 +128,7 @@ def test_a_crossover_that_is_not_there():
     steep = fit_crossover([1e-3, 3e-3, 1e-2, 0.1, 1], crossover([1e-3, 3e-3, 1e-2, 0.1, 1], 5e-4, 0.5, 0.4, 9.0), np.full(5, 0.02))
     assert "friction end at its bound" in steep.note and np.isnan(steep.high_error) and np.isnan(steep.lam_c_error)
     assert steep.low == pytest.approx(0.4, abs=0.05) and steep.low_error > 0
-    tail = np.array([0.1, 0.3, 1, 3, np.inf])  # a small step is no end
+    tail = np.array([0.1, 0.3, 1, 3, np.inf])  # a small step does not end the sum
     for name, at, middle, noise in (("friction", tail, 0.02, [-0.01, 0.0, 0.0, 0.0, 0.0]),
                                     ("drag", 1 / tail, 50, [0.0, -0.01, 0.01, 0.0, 0.0])):
         one = fit_crossover(at, crossover(at, middle, 0.8, 0.95, 2.2) + noise, np.full(5, 0.03))

@@ -64,7 +64,8 @@ def test_the_summary_of_a_run_is_checked(tmp_path):
 
 
 def test_files_are_replaced_as_a_whole(tmp_path, monkeypatch):
-    """By a new file beside them, on the disk before it takes their name. Links with its name are not followed."""
+    """By a new file in the same folder, synced to the disk before it takes their name. Links with its name are not
+    followed."""
     path, precious, synced = tmp_path / "row.json", tmp_path / "precious", []
     path.write_text("old", encoding="utf-8")
     precious.write_text("mine", encoding="utf-8")

@@ -50,7 +50,7 @@ def test_coverage(name, w, free):
 
 def test_weights_decide():
     Q = beverloo(W, *LAWS["friction"])
-    Q[2] *= 3  # an outlier that says so
+    Q[2] *= 3  # an outlier with a large error
     error = 0.01 * Q
     error[2] = 100
     assert_allclose(fit_beverloo(W, Q, error).beta, 1.5, rtol=1e-2)
@@ -113,7 +113,8 @@ def test_published_exponents():
 
 
 def test_block_error_of_correlated_samples():
-    """An autoregressive series: its block error is that of the mean over many repetitions, not that of white noise."""
+    """An autoregressive series: its block error is the error of the mean over many repetitions, not the error of white
+    noise."""
     rng = np.random.default_rng(2)
     noise = rng.normal(size=(4000, 200))
     series = np.empty_like(noise)

@@ -35,7 +35,7 @@ def test_flow_end():
 def test_the_dead_part_is_left_out(tmp_path):
     path = with_crossings(tmp_path / "clogged", np.minimum(np.arange(400), 100), status="clogged")
     summary = json.loads((path / "summary.json").read_text(encoding="utf-8"))
-    summary["steady_start"]["value"] = 150  # of the rest: long after the last crossing at 50
+    summary["steady_start"]["value"] = 150  # the rest is steady: long after the last crossing at 50
     (path / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
     run = Run(path)
     assert flowing(run) == (25, 50, "the flow ended at t = 50 t0")

@@ -1,4 +1,4 @@
-"""scripts/golden.py: whatever differs between two runs is seen, and named."""
+"""scripts/golden.py: every difference between two runs is found and named."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A run that goes on: each Run is the file as it was when it was opened, and nothing holds on to it."""
+"""A run that is still written: each Run is a snapshot of the file at its opening, and nothing keeps the file open."""
 
 import gc
 import json
@@ -31,7 +31,7 @@ def grow(folder, frames=1, rows=5):
 
 
 def growing(folder, **options):
-    """A run whose series can grow, in chunks of which the last one is not full."""
+    """A run whose series can grow, in chunks; the last chunk is not full."""
     path, truth = write_run(folder, n=20, samples=70, **options)
     with h5py.File(path / "run.h5", "r+") as file:
         for name in list(file["series"]):
@@ -109,7 +109,7 @@ def test_rows_that_a_restart_has_replaced_are_not_passed_off_as_old_ones(tmp_pat
 
 @pytest.mark.parametrize("writes", [1, 3])
 def test_a_commit_while_the_file_is_opened(tmp_path, monkeypatch, writes):
-    """Whatever was read between two states is read again."""
+    """All data read between two states are read again."""
     path, _ = growing(tmp_path / "run")
     walk, left = run_file.RunFile._walk, [writes]
 
@@ -250,7 +250,7 @@ def test_a_run_is_let_go_of_at_once(tmp_path):
         frame.contacts, run.series, frames.times, run.frames[1].speeds
         assert descriptors(path / "run.h5") == 1
         del run
-        assert len(frames) == 3  # who has frames has the run
+        assert len(frames) == 3  # frames keep the run open
         del frames, frame
         assert descriptors(path / "run.h5") == 0
     finally:

@@ -42,7 +42,7 @@ def lstsq_d2(before, after):
 
 
 def same(a, b, at="result"):
-    """Two results agree in every number, whatever they call their source."""
+    """Two results agree in every number; the names of their sources may differ."""
     if isinstance(a, dict):
         assert a.keys() == b.keys()
         for key in a.keys() - {"source"}:
@@ -138,7 +138,7 @@ GRADIENT = np.array([[0.02, 0.05], [-0.01, -0.02]])  # per cm of travel
 
 
 def strained(disks=400, frames=6, number=0, seed=5):
-    """Disks that go on straight lines, as fast as a homogeneous strain says of the places where they begin."""
+    """Disks that move on straight lines, with the velocities of a homogeneous strain at their initial places."""
     place = np.random.default_rng(seed).uniform(0, 16, (disks, 2))
     step = np.arange(frames)[:, None, None]
     return made(place + step * (place @ GRADIENT.T + [0.1, 0.2]), number=number)
@@ -383,7 +383,7 @@ def test_distances_by_hand():
     mean = jump.mean()
     expected = [0.1 - mean, mean, mean, mean]
     assert_allclose(np.array(large["dr_na"]["all"]["value"]) * result["mean_radius"], expected)
-    # Every other disk is the one that moves: the large one too, near the small ones.
+    # Every second disk moves, also the large disk near the small disks.
     assert sum(large["dr_na"]["all"]["count"]) == (gap[np.arange(144) != 66] < 4).sum()
     assert max(small["dr_na"]["all"]["value"]) * result["mean_radius"] < 0.1 - mean
     # In the centre are the disks that move there, wherever the large one is.

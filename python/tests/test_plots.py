@@ -486,7 +486,8 @@ def test_upright_walls_without_end(tmp_path):
 
 
 def test_force_lines(rough, monkeypatch):
-    """A line joins the centres of a pair and sums the contacts of the pair; that of a wall ends at the wall."""
+    """A line joins the centres of a pair and sums the contacts of the pair; the line of a wall contact ends at the
+    wall."""
     monkeypatch.setattr(sys, "path", ["", *sys.path])
     pair_forces = runpy.run_path(str(PLOTS / "forces.py"))["pair_forces"]
     run = Run(rough[0])

@@ -94,12 +94,14 @@ BETWEEN = [(x, 0.0) for x in (6, 8, 10)]
 
 @pytest.mark.parametrize("events, overlapping, unmatched", [
     (crack(*LEFT, *BETWEEN, *RIGHT), False, False),                                   # one that runs on
-    (crack(LEFT[0], LEFT[2], LEFT[1]), False, False),                                 # a gap that fills is no second one
+    (crack(LEFT[0], LEFT[2], LEFT[1]), False, False),                                 # a gap that fills is not a second
+                                                                                      # fracture
     (crack(*LEFT, *RIGHT, *BETWEEN), True, False),                                    # two that meet
     (crack(*LEFT, *RIGHT), True, True),                                               # two that never do
-    (crack(*LEFT, RIGHT[0]), False, False),                                           # a single bond is no fracture
+    (crack(*LEFT, RIGHT[0]), False, False),                                           # a single bond is not a fracture
     (crack(*LEFT) + crack(*LEFT, broken=False) + crack(*RIGHT), False, False),        # the first has closed before
-    (crack(*LEFT) + crack(*LEFT[:2], broken=False) + crack(*RIGHT), True, True),      # it has not
+    (crack(*LEFT) + crack(*LEFT[:2], broken=False) + crack(*RIGHT), True, True),      # the second fracture has not
+                                                                                      # closed
     (crack(*LEFT, *RIGHT) + crack(*LEFT, *RIGHT, broken=False), True, True),          # both close, one after the other
     (crack(*LEFT, *RIGHT) + crack((7.5, 0.0), (7.5, 0.0), broken=False), True, True),  # bonds that form elsewhere close none
     ([], False, False)])

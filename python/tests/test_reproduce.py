@@ -37,7 +37,7 @@ LAWS = {"mu": (0.15, 1.6, 1.5), "zeta": (0.42, 2.4, 0.5)}
 TABLE = "e_sp,mu,zeta,hopper_width,seeds\n" + "".join(
     f"100,{mu},{zeta},{w},1-2\n" for mu, zeta in (("31.6", ""), ("", "0.316")) for w in (3, 5, 8, 10))
 
-#: Tables of runs that show one thing.
+#: Tables whose figures show single runs.
 ONE_SEED = ("quick/three", "raft/three", "quick/small-droplets", "channel/snapshot")
 
 # Copies the run of its row, and writes down that it was asked to; a row without a run fails. The row whose number stands
@@ -135,7 +135,7 @@ def test_every_figure_has_tables(one):
         for name in one.tables(level):
             table = read_rows(figure.VALIDATION / f"{name}.csv", "hopper")
             assert level != "quick" or len(table) <= 180, name
-            # Errors need seeds: several at most points, but where a run shows one thing alone.
+            # Errors need seeds: several at most points, except in figures that show single runs.
             seeds = {row.options.get("seed") for row in table}
             assert len(seeds) > 1 or name in ONE_SEED, name
 
@@ -466,7 +466,7 @@ LAMS = (0.0, 1e-3, 1e-2, 0.05, 0.1, 1.0, np.inf)
 
 
 def test_lambda_as_run_is_that_of_the_codes_numbers():
-    """10 sqrt(10) and 1/sqrt(10), the same numbers in both, are 0.01; whatever the unit of the drag per mass."""
+    """10 sqrt(10) and 1/sqrt(10), the same numbers in both, are 0.01, for any unit of the drag per mass."""
     for dim, mu, zeta in ((2, 8.505, 1.539), (3, 28.4, 4.111)):
         table = pd.DataFrame({"mu": [31.6227766, mu, mu, 0.0], "zeta": [0.316227766, zeta, 0.0, zeta], "dim": dim,
                               "drag": ["per_particle", "per_mass", "per_mass", "per_mass"]})
@@ -488,7 +488,7 @@ def test_figure_4_finds_lambda_c(tmp_path):
     assert found[end].value == pytest.approx(1.5, abs=0.1) and found[end].note == ""
     below = drawn("H4", flow_rows((0.0, 1e-5, 1e-4, 1e-3, np.inf), crossing_law))
     assert "lambda_c lies outside" in below[end].note
-    begun = flow_rows((0.1,), dim=3, n=6400).iloc[:2]  # of a campaign in 3D
+    begun = flow_rows((0.1,), dim=3, n=6400).iloc[:2]  # a campaign in 3D
     assert list(drawn("H4", pd.concat([flow_rows(LAMS, crossing_law), begun], ignore_index=True))) == list(found)
     with pytest.raises(PliantError, match="no lambda has enough widths"):
         command.FIGURES["H4"].draw(begun)
@@ -505,7 +505,7 @@ def test_figure_6_compares_angles(tmp_path):
     assert found["|F_zeta|/|F_mu| at lambda = 0.01, theta_w = 30"].value == pytest.approx(0.5)
     steeper = found["|F_zeta|/|F_mu| at lambda = 0.01, theta_w = 30 over the same at 90"]
     assert steeper.value == pytest.approx(5) and agree(steeper) == "no"  # published: a plateau
-    # Of forces that go with lambda, at the middle: its error is that of lambda_c and that of the forces
+    # For forces proportional to lambda, at the middle: the error combines the errors of lambda_c and of the forces
     data["drag_friction_ratio"] = 3 * data["zeta"] / data["mu"].where(data["mu"] > 0)
     data["drag_friction_ratio_error"] = 0.01 * data["drag_friction_ratio"]
     found = drawn("H6", data[data["mu"] > 0])
@@ -526,7 +526,7 @@ def test_an_exponent_with_k_at_its_bound_decides_nothing(name):
 def test_figure_10_compares_hard_soft_particles_with_stiff_deformable_ones(tmp_path):
     soft = flow_rows((0.0, np.inf), e_sp=1e5)
     stiff = flow_rows((0.0, np.inf), lambda lam: (LAWS["zeta"][0] * (4 if lam == 0 else 1), *LAWS["zeta"][1:]), model="smooth", k_b=100.0)
-    few = flow_rows((0.0, np.inf), model="smooth", k_b=100.0, n=400)  # of no soft particles
+    few = flow_rows((0.0, np.inf), model="smooth", k_b=100.0, n=400)  # without soft particles
     found = {name: q for name, q in drawn("H10", pd.concat([soft, stiff, few], ignore_index=True), tmp_path).items() if name.startswith("Q of")}
     name = "Q of smooth, K_l = 10, K_b = 100 over soft, E_sp = 100000, N = 1600, w = {}, {} only"
     assert set(found) == {name.format(w, limit) for w in (3, 4, 6, 8, 10) for limit in ("friction", "drag")}
@@ -558,7 +558,7 @@ def test_runs_without_a_rate():
 
 
 def test_deformable_particles_between_the_limits(tmp_path, capsys):
-    """[H 4] has those of the flat bottom; [H 6] a curve of its own for each angle and model."""
+    """[H 4] has the points of the flat bottom; [H 6] a separate curve for each angle and model."""
     smooth = {"model": "smooth", "drag_friction_ratio_error": 0.01}
     data = pd.concat([flow_rows(LAMS, crossing_law, hopper_angle=90.0, drag_friction_ratio=0.1, drag_friction_ratio_error=0.01),
                       flow_rows(LAMS, crossing_law, hopper_angle=30.0, drag_friction_ratio=0.2, drag_friction_ratio_error=0.01),
@@ -689,7 +689,7 @@ def test_figures_7_13_and_14_find_offset_and_prefactor(tmp_path):
     beta = found["beta: smooth, K_l = 10, K_b = 100, friction only"]
     assert beta.value == pytest.approx(1.5, abs=0.05) and beta.published.value == 1.5 and beta.error > 0
     assert len(drawn("H14", shapes, tmp_path)) == 4 * 2 * 2
-    # Bending of full edges is no seed of that of unit vectors, and is named where there are both.
+    # Runs with bending of full edges are not seeds of runs with unit vectors; labels distinguish them if both occur.
     full = flow_rows(both, lambda lam: (2 * LAWS["zeta"][0], *LAWS["zeta"][1:]), model="smooth", k_l=1.0, k_b=100.0,
                      bending_edges="full")
     found = drawn("H14", pd.concat([shapes, full]), tmp_path)
@@ -701,7 +701,8 @@ def test_figures_7_13_and_14_find_offset_and_prefactor(tmp_path):
 
 
 def test_models_and_sizes_have_maps_of_their_own(tmp_path):
-    """Rough particles, and more of them, are no seeds of the smooth ones of the same stiffness."""
+    """Runs with rough particles, or with more particles, are not seeds of runs with smooth particles of the same
+    stiffness."""
     def shapes(factor, **others):
         return pd.concat([flow_rows((0.0,), lambda lam: (factor * LAWS["mu"][0], *LAWS["mu"][1:]), k_l=kl, k_b=0.1, **others)
                           for kl in (1.0, 10.0)])
@@ -814,7 +815,7 @@ def test_deformable_particles_are_told_apart(tmp_path):
         f"as run: rough, {kind}, friction only": 1.5, f"as run, E_w = 1000: smooth, {kind}, drag only": 0.6,
         f"printed, N = 400, W = 30: rough, {kind}, friction only": 2.0,
         f"printed: smooth, {kind}, drag only": 0.9, f"printed, E_c = 250: rough, {kind}, friction only": 1.8}.items()}
-    # Contacts that all have are not named: they are no reading.
+    # Contact parameters that all rows share are not named, because they do not distinguish readings.
     soft = [reading_rows(limit, 1.6, model="smooth", e_c=250.0, e_w=250.0, **law) for limit, law in (
         ("friction", {}), ("friction", {"friction": "tangential"}), ("drag", {}), ("drag", {"drag": "per_mass"}))]
     found = drawn("readings-deformable", pd.concat(soft, ignore_index=True), tmp_path)
@@ -920,7 +921,7 @@ def test_a_drifting_flow_of_deformable_particles_shows_in_the_duration(tmp_path)
             ("as run, reinserted touching", 100, 0.7))}
 
 
-@pytest.mark.parametrize("status", ["clogged", "done"])  # done: a particle that bounces alone goes on
+@pytest.mark.parametrize("status", ["clogged", "done"])  # done: a single particle keeps bouncing
 def test_a_clogged_run_is_not_a_rate(status):
     data = reading_rows("drag", 0.9)
     data.loc[(data["hopper_width"] == 3) & (data["seed"] == 1), ["status", "Q", "Q_error"]] = [status, 0.0, np.nan]
@@ -956,7 +957,7 @@ def test_residuals_of_the_published_and_of_the_opposite_exponent():
 
 @pytest.mark.filterwarnings("error::UserWarning", "error::RuntimeWarning")
 def test_a_reading_without_an_exponent():
-    """Its widths are too few, in drag alone those of all: a row without a point, and no warning."""
+    """Too few widths, with drag only in all rows: a row without a point, and no warning."""
     few = pd.concat([reading_rows("friction", 1.5, mu=8.505), reading_rows("drag", 0.5)])
     few = few[few["hopper_width"] < 5]
     found = drawn("readings", pd.concat([reading_rows("friction", 2.2), few], ignore_index=True))
@@ -977,7 +978,7 @@ def test_readings_are_fitted_again_without_the_narrowest_orifice():
 
 
 def test_the_ratio_of_the_prefactors():
-    """Of drag over friction, for each reading, whatever its coefficients are called."""
+    """Ratio of drag to friction, for each reading, with any names of its coefficients."""
     def rows(limit, C, **columns):
         data = reading_rows(limit, 0.5 if limit == "drag" else 1.5, **columns)
         return data.assign(Q=data["Q"] * C / 0.4, Q_error=data["Q_error"] * C / 0.4)
@@ -1029,7 +1030,8 @@ def test_exponents_against_coefficients(tmp_path):
 
 
 def test_exponents_against_coefficients_in_3d(tmp_path):
-    """Beside those of disks: compared with the exponents of their own dimension, and named by the model in 3D."""
+    """Exponents of spheres, next to disks: compared with the exponents of their dimension, and named by the model in
+    3D."""
     size = {"dim": 3, "n": 6400, "hopper_wall_distance": 25.0, "pack_fraction": 0.64}
     as_run = AS_RUN | size | {"e_w": 578.7, "e_sp": 115.7}
     data = pd.concat([
@@ -1130,7 +1132,7 @@ def test_figures_of_fractures(tmp_path):
     half = found["excess over its height at phi = 0.5, N = 20"]
     assert half.published.value == 1 and agree(half) == "yes" and half.error > 0
     alone = [row for row in law if row["phi"] == 0]
-    larger = [row | {"n": 36, "rows": 6} for row in alone]  # of one size alone: it has no height
+    larger = [row | {"n": 36, "rows": 6} for row in alone]  # one size only: the figure has no height
     assert {"N = 20" in name for name in drawn("T2.10", raft_rows(law + larger))} == {True}
     with pytest.raises(PliantError, match="two sizes"):
         command.FIGURES["T2.10"].draw(raft_rows(alone))
@@ -1269,7 +1271,8 @@ def test_measures_of_disks(channel_runs):
 
 
 def test_an_analysis_is_made_once(channel_runs):
-    """It is left in the folder of the run, and used if it is of the default choices and not older than the run."""
+    """The analysis is stored in the folder of the run, and used if it has the default choices and is not older than the
+    run."""
     run = channel_runs[0][1]
     measure.measured("motion", "x", run)
     path = run / "analysis.json"

@@ -55,7 +55,7 @@ def test_round_trip(model, request):
         assert_array_equal(run.profile.height, truth["heights"])
         assert run.measured("Q") == (3.0, 0.1) and run.steady_start == 20.0
         assert np.isnan(run.measured("ns_per_vertex_step")).all()
-        assert np.isnan(run.measured("c0")).all()  # of discharges
+        assert np.isnan(run.measured("c0")).all()  # only discharges have c0
         for name, words in (("q", "did you mean Q?"), ("q_corected", "did you mean Q_corrected?"), ("xyz", "it has ")):
             with pytest.raises(RunError, match=re.escape(words)):
                 run.measured(name)
@@ -112,7 +112,7 @@ def test_a_periodic_box(tmp_path):
 
 
 def test_touching_particles_count_once(rough):
-    """Whatever the number of vertices in contact; `contact_count` has those of the file."""
+    """For any number of vertices in contact; `contact_count` has the pairs of the file."""
     frame = Run(rough[0]).frames[0]
     once = frame.touching
     pairs = frame.contacts.query("particle_2 >= 0")
@@ -142,7 +142,7 @@ def test_displacements_leave_out_what_jumped(tmp_path):
         options = json.loads(file["manifest"].attrs["options"])
         options["flow"] = {"value": "discharge", "unit": "", "source": "command line"}
         file["manifest"].attrs["options"] = json.dumps(options)
-    assert not Run(path).frames[1].reinsertions.any()  # nothing is put back in a discharge
+    assert not Run(path).frames[1].reinsertions.any()  # a discharge has no reinsertions
 
 
 @pytest.mark.parametrize("field", FRAME_FIELDS)

@@ -36,7 +36,7 @@ def test_errors_of_apt_are_shown_but_for_those_of_manual_pages(tmp_path, status)
 
 
 def test_build_of_one_target(tmp_path):
-    """With the configuration of the whole, which a later build goes on from."""
+    """With the configuration of the full build, from which a later build continues."""
     fake(tmp_path, "cmake", f'echo "$*" >> {tmp_path}/calls')
     for arguments in ((), ("pliant",)):
         assert run("build.sh", tmp_path, *arguments).returncode == 0

@@ -1,4 +1,4 @@
-"""Every sentence and row of docs/validation/what-we-learned.md with a number or a verdict is tied to rows: its tag <sup>w1</sup> names an
+"""Every sentence and row of docs/validation/what-we-learned.md with a number or a verdict refers to rows: its tag <sup>w1</sup> names an
 entry of validation/statements.txt, whose head describes the format."""
 
 import re
@@ -39,7 +39,7 @@ def _as_float(match):
 
 
 def _unit(text):
-    """The value of a unit of the last digit of a number; trailing zeros of a whole number are no digits."""
+    """The value of a unit of the last digit of a number; trailing zeros of a whole number do not count as digits."""
     if "." in text:
         return 10.0 ** -len(text.split(".")[1])
     return 10.0 ** (len(text) - len(text.rstrip("0"))) if text.strip("-0") else 1.0

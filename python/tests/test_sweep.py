@@ -1,4 +1,4 @@
-"""Sweeps: tables into rows, rows into runs, stop and go on, locks, results. A small program stands for pliant."""
+"""Sweeps: tables into rows, rows into runs, stop and resume, locks, results. A small program stands for pliant."""
 
 import json
 import os
@@ -23,7 +23,7 @@ from pliant.sweep_rows import canonical, expand_seeds, read_rows
 
 HERE = Path(__file__).resolve().parent
 COMMAND, PROGRAM = HERE.parent / "pliant-sweep", HERE / "fake_program.py"
-PATIENCE = 300  # s; the machine may have better things to do
+PATIENCE = 300  # s; the machine may be busy
 
 
 @pytest.fixture
@@ -254,7 +254,7 @@ def test_other_options_are_an_error(table, run):
 
 
 def test_a_longer_run_is_extended(table, tmp_path, run):
-    """Where only options have changed that a restart may change, the run goes on."""
+    """If only options have changed that a restart may change, the run resumes."""
     run(table("name,a,t_end,threads", "x,1,0.02,", "y,1,0.02,"))
     longer = table("name,a,t_end,threads", "x,1,0.05,", "y,1,0.02,2")
     assert "row 1 (x): waiting: to be extended: t_end was 0.02 and is 0.05" in run(longer, "--status", code=75)
@@ -271,7 +271,7 @@ def test_a_longer_run_is_extended(table, tmp_path, run):
 
 
 def test_a_row_that_is_called_after_its_length_is_extended(table, run):
-    """It has a folder of its own, and begins as a branch of the longest shorter run."""
+    """The longer run has a separate folder, and begins as a branch of the longest shorter run."""
     run(table("a,t_end", "1,0.02", "1,0.04", "2,0.05"))
     longer = table("a,t_end,seed", "1,0.06,", "2,0.03,", "1,0.06,7")
     run(longer)
@@ -324,7 +324,7 @@ def test_failures_without_a_run_may_be_corrected(table, tmp_path):
 
 
 def test_a_row_whose_folder_is_in_use_runs_later(table, tmp_path, run):
-    """By a run that was started by hand: exit code 6 is no failure of the row."""
+    """Folder in use by a run that was started by hand: exit code 6 does not count as a failure of the row."""
     path = table("name,mode", "x,in_use", "y,")
     run(path, code=75)
     assert "stopped 1" in run(path, "--status", code=75)
@@ -409,7 +409,7 @@ def test_runs_of_a_killed_sweep_stop(table, tmp_path, run):
 
 
 def test_a_sweep_waits_for_runs_that_go_on(table, tmp_path, run):
-    """Those of a killed sweep that do not stop at once: nobody begins them again, and they count when they are done."""
+    """Runs of a killed sweep that do not stop at once are not started again, and count when they are done."""
     path, lock = table("name,b,mode", "x,4,uncooperative", "y,0,"), tmp_path / "t/x/lock"
     process = start(path, "-j", 1)
     wait_for(lambda: attempts(path, "x"))
@@ -595,7 +595,7 @@ def test_lock(tmp_path):
 
 
 def test_lock_is_inherited(tmp_path):
-    """It outlives the worker for as long as the run goes on, and no longer."""
+    """The lock outlives the worker while the run continues, and no longer."""
     lock = RowLock(tmp_path / "lock")
     child = subprocess.Popen(["sleep", "60"], pass_fds=[lock.fd])
     os.close(lock.fd)

@@ -44,7 +44,7 @@ def test_the_summary_has_a_command_for_each_of_at_most_40_rows(found):
 
 @pytest.mark.parametrize("path", sorted(validation_pages.TEMPLATES.glob("*.md.in")), ids=lambda path: path.stem)
 def test_numbers_with_errors_come_from_rows(path):
-    """A number with an error that no row has stands in a paragraph, or table, that says so."""
+    """A paragraph or table with a number and error that no row has is marked as such."""
     for block in re.split(r"\n\s*\n", path.read_text(encoding="utf-8")):
         if MARK not in block:
             left = validation_pages.INLINE.sub("", block)

@@ -23,7 +23,7 @@ def made(method, value, cpu, error, **other):
 
 @pytest.fixture
 def rows():
-    """Of order 2; of order 4 but dear; never good; never through."""
+    """Methods: order 2; order 4 but expensive; never accurate; never finished."""
     return [made("reference", 1e-11, 1000, 1e-12),
             *[made("two", h, 2 / h, 1e-4 * h**2, standard=h == 1) for h in (4, 2, 1, 0.5, 0.25)],
             *[made("four", h, 16 / h, 1e-4 * h**4) for h in (2, 1, 0.5, 0.25)],
@@ -114,7 +114,7 @@ def test_flow_averages_over_seeds_and_names_failures(monkeypatch, tmp_path):
         if method == "broken":
             return row | {"failure": "exit code 3: nan"}, None
         cost = 1 / method
-        # Every sample of a seed is the same: the mean is known, and the error is that of 5 + 5 + 5 blocks.
+        # Every sample of a seed is the same: the mean is known, and the error follows from 5 + 5 + 5 blocks.
         return row | {"cpu": cost, "evaluations": 100 * cost, "rejected": 25 * cost * (method != 0.2)}, {
             name: np.full(50, 10.0 + seed) for name in wp.FLOW_COLUMNS}
 

@@ -27,7 +27,8 @@ def _by_delta(measured):
 
 
 def _two(measured):
-    """The two distributions that the thesis shows; where they are not both there, those of least and largest delta."""
+    """The two distributions that the thesis shows; if one is missing, the distributions with the smallest and the
+    largest delta."""
     found = _by_delta(measured)
     wanted = [one for one in found if one[0] in ("bidisperse", "T4")]
     return wanted if len(wanted) == 2 else [found[0], found[-1]][:len(found)]

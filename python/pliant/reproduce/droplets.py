@@ -33,8 +33,8 @@ def _curves(axes, measured, labels):
 
 
 def _at_rest(forces):
-    """(limit, error) of a force as the speed of the wall, its index, goes to 0: of a straight line through the two slowest; the line
-    through the next two estimates its error."""
+    """(limit, error) of a force as the speed of the wall, its index, goes to 0: extrapolated by a straight line through
+    the two slowest points; the line through the next two estimates the error."""
     v, F = forces.index.to_numpy()[:3], forces.to_numpy()[:3]
     limit = F[0] - v[0] * (F[1] - F[0]) / (v[1] - v[0])
     return limit, abs(limit - (F[1] - v[1] * (F[2] - F[1]) / (v[2] - v[1])))
@@ -42,7 +42,7 @@ def _at_rest(forces):
 
 def draw_three(measured):
     """[T 2.3]: force of three droplets, and its peak against the speed of the wall."""
-    # Of runs that differ in the integrator alone the first.
+    # Among runs that differ only in the integrator, the first is used.
     runs = measured.drop_duplicates(["table", "row"]).drop_duplicates("v_wall")
     measured = measured[measured["row"].isin(runs["row"])]
     figure, (left, right) = plt.subplots(1, 2, figsize=(9.2, 3.8), layout="constrained")
@@ -74,7 +74,7 @@ def draw_three(measured):
 def draw_forces(measured):
     """[T 2.6, 2.9]: the force curve of a raft, a panel per fraction of small droplets, a curve per seed."""
     measured = _usual(measured, "v_wall")
-    # Of runs that differ in the integrator alone the first.
+    # Among runs that differ only in the integrator, the first is used.
     first = measured.drop_duplicates(["table", "row"]).drop_duplicates(["small_fraction", "seed"])
     measured = measured[measured["row"].isin(first["row"])]
     kinds = sorted(measured["small_fraction"].unique())
@@ -406,7 +406,7 @@ def _droplets(options):
     return int(rows) * int(columns) if rows and columns else None
 
 
-#: Of runs that differ in these alone the first is taken.
+#: Among runs that differ only in these options the first is used.
 _INTEGRATOR = ("dt", "ts_type", "ts_adapt_type", "ts_rk_type", "ts_rtol", "ts_atol", "mobility")
 _RAFTS = ("rows", "columns", "n", "small_fraction", "small_radius", "delta", "tilt")
 _CLOGS = ("n", "g", "phi_c", "hopper_width")

@@ -16,7 +16,7 @@ VALIDATION = Path(__file__).resolve().parents[3] / "validation"
 LEVELS = ("quick", "full", "as-run")
 #: Options in which runs of one point may differ.
 FREE = ("seed", "t_end", "frame_interval", "sample_interval", "checkpoint_interval", "max_wall_time", "threads", "pushes")
-#: Two values agree if they are no further apart than this many of their joint standard errors.
+#: Two values agree if they differ by at most this many joint standard errors.
 AGREE = 2.0
 
 #: Kinds of particles, with their models.
@@ -55,11 +55,11 @@ class Figure:
     planar: bool = False  #: whether runs in 3D cannot be in it
     #: Raises RunError for rows, [(path, Row)], that change several options at once, where the figure shows the effect of one each.
     single: Callable | None = None
-    together: tuple = ()  #: those of its tables in which options change together on purpose: not checked by `single`
+    together: tuple = ()  #: tables in which options change together on purpose: not checked by `single`
 
     def shown(self, runs):
-        """Those of the runs, of which `runs` has model and dim, that the figure shows. Raises RunError if there are none, or
-        for runs in 3D where it is of the plane."""
+        """The rows of `runs` (columns model and dim) that the figure shows. Raises RunError if there are none, or for runs
+        in 3D if the figure is in 2D."""
         if self.planar and (runs["dim"] == 3).any():
             raise RunError("there are runs in 3D, but this figure is of the plane: leave them out (H3, H4 and "
                            "coefficients-3d have spheres)")
@@ -72,7 +72,7 @@ class Figure:
         return own
 
     def draw(self, measured):
-        """(matplotlib figure, [Quantity]) of measured runs. Raises RunError if they are none that it shows."""
+        """(matplotlib figure, [Quantity]) of measured runs. Raises RunError if the figure shows none of them."""
         return self.drawing(self.shown(measured))
 
     def tables(self, level):
@@ -84,7 +84,7 @@ def check_rows(figure, tables):
     """Before they run. Raises RunError if the figure shows none of them, would average runs that differ in more than
     FREE options, or would show the effect of several options as if it were one: `tables` is [(path, [Row])]."""
     given = [row.options for _, lines in tables for row in lines]
-    if not any("options_file" in options for options in given):  # which may have the option
+    if not any("options_file" in options for options in given):  # a file may have the option
         runs = pd.DataFrame([_DEFAULTS | {name: options[name] for name in _DEFAULTS if name in options} for options in given])
         figure.shown(runs.assign(dim=pd.to_numeric(runs["dim"], errors="coerce")))
     first = {}

@@ -101,7 +101,7 @@ def draw_lambda(measured, value="Q"):
         remark(f"{steep.sum()} runs of steeper hoppers are left out, which H6 shows")
     table = table[~steep]
     table, by = table.assign(size=of_several(table, "n")), [*MODEL, "size"]
-    exponents = _exponents(table, ["dim", *by], value)  # of a campaign that has begun there may be a few runs in 3D
+    exponents = _exponents(table, ["dim", *by], value)  # an unfinished campaign may have a few runs in 3D
     every = [(int(dim), group) for dim, group in exponents.groupby("dim")]
     figure, panels = plt.subplots(1, len(every), figsize=(min(6.2 * len(every), plotting.PAGE), 4.9), layout="constrained", squeeze=False)
     quantities = []
@@ -122,7 +122,7 @@ def draw_corrected(measured):
     for axes, (mark, exponents) in zip(panels, rates):
         curves, found = _crossovers(exponents, MODEL, 2, model_label, lambda key: published.LAMBDA_C[2])
         _draw_crossovers(axes, curves, 2, [published.LAMBDA_C[2]])
-        prime = mark.replace("'", "\N{PRIME}")  # that of mathtext can hardly be seen
+        prime = mark.replace("'", "\N{PRIME}")  # the prime of mathtext is hardly visible
         axes.set_ylabel(rf"$\beta${prime}")
         axes.set_title(f"from Q{prime}" + (", corrected for overlaps" if prime else ""), loc="left")
         for q in found:
@@ -146,7 +146,7 @@ def _ratio_at_crossover(ratios, fit):
 
 
 def _same(table, row):
-    """Which rows of a table agree with all of `row`."""
+    """Mask of the rows of a table that agree with all of `row`."""
     return (table[row.index] == row).all(axis=1)
 
 
@@ -201,7 +201,8 @@ def _draw_ratios(axes, ratios, curves, full, lams):
 
 def draw_angles(measured):
     """[H 6]: beta against lambda for hoppers of several angles; lambda_c and the ratio of drag to friction against the
-    angle. A row of panels per model, then those of lambda_c; several stiffnesses of its contacts, or several N, are curves of their own."""
+    angle. A row of panels per model, then the panels of lambda_c; each contact stiffness and each N has a separate
+    curve."""
     table = with_limit(plain(measured))
     table = table.assign(contacts=of_several(table, "e_c"), size=of_several(table, "n"))
     by = ["hopper_angle", *MODEL, *_VARIANT]

@@ -27,9 +27,9 @@ def chi2_note(chi2):
 
 
 def with_limit(measured):
-    """The same with lam, zeta/mu, and limit: friction, drag, or empty between them. With drag per mass lam is that of the
-    numbers of the authors' code, to which the published values belong if the figures come from it. Without runs of
-    another law of friction than [H 6]."""
+    """`measured` with the columns lam, zeta/mu, and limit: friction, drag, or empty between them. With drag per mass lam
+    is in the numbers of the authors' code, to which the published values belong if the figures come from it. Runs with
+    another law of friction than [H 6] are omitted."""
     if "model" in measured and (other := measured["model"] == _COULOMB).any():
         remark(f"{other.sum()} runs of frictional disks are left out: their mu is another coefficient than in [H 6]")
         measured = measured[~other]
@@ -113,8 +113,9 @@ def fitted(fit, quantity):
 
 
 def fit_quantities(fits, name_of):
-    """Exponent, prefactor and offset of every fit, and how bad the published exponent fits, and the opposite one where
-    `fits` have it. In 2D the published prefactor is that of all particles, the offset that of hard ones."""
+    """Exponent, prefactor and offset of every fit, and the chi² of the published exponent, and of the opposite exponent
+    if `fits` have it. In 2D the published prefactor applies to all particles, the published offset to hard
+    particles."""
     quantities = []
     for _, row in fits.iterrows():
         name = name_of(row)

@@ -78,9 +78,9 @@ def _map(axes, group, title):
 
 
 def _stiffness_fits(measured):
-    """Fits of every stiffness in the limits; `edges` tells bending of full edges from that of unit vectors where there are
-    both, `size` is N where soft or deformable particles have several. Raises RunError where no fit, not even with the
-    exponent held, is possible."""
+    """Fits of every stiffness in the limits; `edges` distinguishes bending of full edges from bending of unit vectors
+    if both occur, `size` is N where soft or deformable particles have several. Raises RunError where no fit, not even
+    with the exponent held, is possible."""
     table = limits(measured)
     bending = table["bending_edges"].where(~is_soft(table))
     edges = bending.fillna("") if bending.nunique() > 1 else ""
@@ -207,5 +207,5 @@ def draw_soft_prefactors(measured):
 
 
 def draw_deformable_prefactors(measured):
-    """[H 14]: the same of deformable particles against K_b."""
+    """[H 14]: prefactors of deformable particles against K_b."""
     return _draw_prefactors(measured, "k_b", "$K_b$")

@@ -107,8 +107,8 @@ def _columns_of(result, names, region, end=""):
 
 
 def _channel(run):
-    """The analysis in the run's folder, if it is of the default choices and not older than the run; else a new one,
-    which is left there."""
+    """The analysis in the run's folder, if it has the default choices and is not older than the run; else a new
+    analysis, which is stored there."""
     path, done = result_path(run.path), run.path / "summary.json"
     if path.exists() and done.exists() and path.stat().st_mtime >= done.stat().st_mtime:
         result = load_result(path)
@@ -143,7 +143,7 @@ def motion(run):
     names = ("dr_na", "d2_min_per_neighbour")
     options = {name: run.parameters.get(name, np.nan) for name in CHANNEL_OPTIONS}
     if options["mu_plunger_dynamic"] == options["mu_wall_dynamic"]:
-        options["mu_plunger_dynamic"] = np.nan  # as that of walls, with which it changes
+        options["mu_plunger_dynamic"] = np.nan  # as the coefficient of walls, with which it changes
     return pd.DataFrame([_distribution(run, result) | {"disks": result["disks"]} | options
                          | _columns_of(result, names, "all") | _columns_of(result["clock"], names, "all", "_clock")
                          | _columns_of(result, ["exponent_dr_na", "exponent_d2_min", "rotation"], "centre")
@@ -240,7 +240,7 @@ def _commit(run):
 
 
 def _kept_digits(column):
-    """Numbers as a CSV file of them has them: of fresh and of kept runs comes the same."""
+    """Numbers rounded as in a CSV file, so that new and stored runs give equal results."""
     return [float(f"{x:.6g}") for x in column] if column.dtype.kind == "f" else column
 
 

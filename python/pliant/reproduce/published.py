@@ -1,7 +1,7 @@
 """Values reported by the papers, the only place for them. [H]: Hopper flows of deformable particles; [T]: the thesis.
 
-`error` is the one printed; where a number comes with "about", or without an error, half a unit of its last digit; 0 where
-an exponent is meant exactly.
+`error` is the printed error. For a number with "about", or without an error, it is half a unit of the last digit; for an
+exact exponent it is 0.
 """
 
 import math
@@ -30,17 +30,17 @@ C_RATIO = Published(C["drag"].value / C["friction"].value,
 K_SOFT = {"friction": Published(0.5, 0.5, "H 7: below 1"), "drag": Published(1.0, 0.5, "H 7")}
 #: Q of stiff deformable particles over Q of hard soft ones.
 HARD_ALIKE = Published(1.0, 0.0, "H App. B: one hard limit")
-#: |F_zeta|/|F_mu| of the steepest hopper over that of the next one: the curve ends in a plateau.
+#: |F_zeta|/|F_mu| of the steepest hopper over the ratio of the next hopper: the curve ends in a plateau.
 RATIO_PLATEAU = Published(1.0, 0.0, "H 6b: plateau")
 #: Ratio zeta/mu at which beta is in the middle, by dimension with a flat bottom, and by angle in 2D.
 LAMBDA_C = {2: Published(0.05, 0.005, "H 4a"), 3: Published(0.07, 0.005, "H 4b")}
 LAMBDA_C_ANGLE = {90: Published(0.05, 0.005, "H 6a"), 30: Published(5e-3, 5e-4, "H 6a"), 20: Published(5e-3, 5e-4, "H 6a")}
-#: Ratio zeta/mu in true units over that of the numbers of the authors' code, where drag is per mass: the mass there of a
-#: particle of diameter sigma_avg = 1.2, density 16.
+#: Ratio zeta/mu in true units over the ratio in the numbers of the authors' code, where drag is per mass: the mass
+#: there of a particle of diameter sigma_avg = 1.2, density 16.
 CODE_LAMBDA = {2: 16 * math.pi / 4 * 1.2**2, 3: 16 * math.pi / 6 * 1.2**3}
 #: Exponent p of C ~ N^p.
 C_SIZE = {"friction": Published(1.0, 0.2, "H 12b: roughly linear"), "drag": None}  # only: much weaker
-#: C of the softest particles of [H 13] over that of the hardest, and their E_sp.
+#: C of the softest particles of [H 13] over C of the hardest, and their E_sp.
 C_FALL_FROM, C_FALL_TO = 50, 1600
 C_FALL = {"friction": Published(2.0, 0.5, "H 4, 13a: about 2"), "drag": None}  # only: very weakly dependent
 #: Exponent in w of the axis velocity at the orifice.
@@ -49,7 +49,7 @@ VELOCITY = {"friction": Published(0.5, 0.0, "H 5a"), "crossover": Published(0.0,
 #: Droplets of oil that leave a wedge.
 OIL_BETA = Published(0.49, 0.005, "H 8c")
 OIL_K = Published(1.47, 0.005, "H 8c")
-#: Rates of the hopper with an upright wall over those of the wedge with two of 45 degrees.
+#: Rates of the hopper with an upright wall over the rates of the wedge with two walls of 45 degrees.
 OIL_HOPPERS = Published(1.0, 0.0, "H 8c: identical")
 
 THREE_SLOPE = Published(3.16, 0.005, "T Fig. 2.3")
@@ -71,7 +71,7 @@ TILT = Published(0.2, 0.05, "T Fig. 2.16")
 DELTA = {name: Published(value, 0.005, "T table 3.1") for name, value in (
     ("bidisperse", 0.20), ("T1", 0.23), ("T2a", 0.27), ("T2b", 0.29), ("T2c", 0.32), ("T2d", 0.35), ("T3", 0.35),
     ("T4", 0.42), ("C1", 0.31), ("C2", 0.40), ("C3", 0.48))}
-#: dr_NA of the largest disks over that of the smallest, where sizes differ by a factor of 5.
+#: dr_NA of the largest disks over dr_NA of the smallest, where sizes differ by a factor of 5.
 LARGEST = Published(0.84, 0.005, "T 3.4, Fig. 3.8")
 PEAK_DISTANCE = Published(0.75, 0.05, "T Fig. 3.9: about 0.75 cm")
 VALLEY_DISTANCE = Published(1.27, 0.05, "T Fig. 3.9: one smallest disk between")

@@ -1,4 +1,5 @@
-"""Which reading of the hopper paper gives its exponents: docs/models/published-models.md, "As printed and as run"."""
+"""Compares the exponents of the readings of the hopper paper: docs/models/published-models.md, "As printed and as
+run"."""
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -34,7 +35,7 @@ AS_RUN_3D = {limit: AS_RUN[limit] | _START_3D | {"e_w": 578.7, "e_sp": 115.7} | 
              for limit, coefficient in (("friction", {"mu": 28.4}), ("drag", {"zeta": 4.111}))}
 MODELS = {2: (PRINTED, AS_RUN), 3: (PRINTED_3D, AS_RUN_3D)}
 OPTIONS = list(PRINTED["drag"])
-#: The same of deformable particles. The edges are those of smooth ones.
+#: The options for deformable particles. The edges belong to smooth particles.
 _EDGES = ("edge_force", "edge_width", "friction_point")
 _SIZE = ("n", "hopper_wall_distance")
 _DEFORMABLE = {"friction": "whole", "drag": "per_particle", "e_c": 1e4, "e_w": 1e4, "count": "crossing", "reinsertion_gap": 0.0,
@@ -96,7 +97,8 @@ def _number(text):
 
 
 def _differences(a, b):
-    """The options in which two readings, {option: value}, differ; those of _FOLLOWS count as the ones that they follow."""
+    """The options in which two readings, {option: value}, differ; options in _FOLLOWS count as the option that they
+    follow."""
     return {_FOLLOWS.get(name, name) for name in a.keys() | b.keys()
             if not _same(a.get(name, np.nan), b.get(name, np.nan))}
 
@@ -128,9 +130,9 @@ def _of_one_model(rows):
 
 
 def check_single(rows):
-    """Raises RunError for a reading whose effect is one of several options and would be taken for that of one: it differs from
-    the model as printed, or as run, in several, and no other reading is nearer to that model and differs from it in one alone.
-    `rows`: [(path, Row)]."""
+    """Raises RunError for a reading that differs in several options from the model as printed, or as run, unless
+    another reading lies between the two and differs from the reading in one option only: otherwise the effect of
+    several options would be attributed to one. `rows`: [(path, Row)]."""
     for (model, dim, *_, end), readings in _of_one_model(rows).items():
         models = MODELS[int(dim or 2)] if model in (None, "sp") else MODELS_DEFORMABLE
         shared = {*_SIZE, "e_c", "e_w"} - set().union(*(one.keys() for *_, one in readings))
@@ -178,7 +180,7 @@ def _fits(table, by, opposite=True):
 
 
 def _some(fits, drop=False):
-    """These fits, without those of groups that could not be fitted if `drop`. Raises RunError if none could."""
+    """These fits, without the groups that could not be fitted if `drop`. Raises RunError if none could."""
     there = fits["fit"].notna()
     if not there.any():
         raise RunError("no group has enough widths for a fit of beta: at least three with flow are needed")
@@ -266,7 +268,7 @@ def _with_coefficient(row):
 
 
 def prefactor_ratios(fits):
-    """C of drag over that of friction, published exponents held, of readings that have both: it has no unit."""
+    """C of drag over C of friction, published exponents held, for readings with both; dimensionless."""
     found = {limit: {_with_coefficient(row): row["reference_fit"] for _, row in fits[fits["limit"] == limit].iterrows()
                      if row["reference_fit"]} for limit in LIMIT_NAMES}
     quantities = []
@@ -332,8 +334,8 @@ def _deformable_fits(measured, by=()):
     for name in _EDGES:
         table.loc[table["model"] == "rough", name] = _DEFORMABLE[name]
     table = _laws_that_act(table)
-    usual = {name: commonest(table[name]) for name in _SIZE}  # of which others are variants
-    usual |= {name: table[name].iloc[0] for name in ("e_c", "e_w") if table[name].nunique() == 1}  # of all readings alike
+    usual = {name: commonest(table[name]) for name in _SIZE}  # the other rows are variants of these values
+    usual |= {name: table[name].iloc[0] for name in ("e_c", "e_w") if table[name].nunique() == 1}  # all equal
     models = [{limit: model | usual for limit, model in one.items()} for one in MODELS_DEFORMABLE]
     names = [*_DEFORMABLE, *_SIZE, "mu", "zeta"]
     fits = _fits(table, [*names, *by])
@@ -397,8 +399,8 @@ def plateau(x, beta, error, target, seed=1):
 
 
 def strong_mean(coefficient, beta, error):
-    """(mean of beta over coefficients of STRONG, its error with that of the scatter where it is larger, a note that says
-    over which); None for fewer than two with an error."""
+    """(mean of beta over coefficients of STRONG, its error, enlarged to the scatter if this is larger, a note with the
+    range of the coefficients); None for fewer than two with an error."""
     use = error > 0
     if use.sum() < 2:
         return None
