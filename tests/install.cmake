@@ -53,7 +53,7 @@ if(EXISTS /usr/bin/python3)
   endforeach()
 endif()
 
-# A program is optimised unless it asks for something else, and is told if it is not.
+# A program is optimised by default; a build without optimisation gives a warning.
 unset(ENV{CMAKE_BUILD_TYPE})
 set(package -G "${GENERATOR}" -D "CMAKE_PREFIX_PATH=${WORK}/moved")
 run("${CMAKE_COMMAND}" -S "${share}/examples/own_term" -B "${WORK}/build" ${package}

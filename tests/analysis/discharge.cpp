@@ -30,8 +30,8 @@ Series exact(Real n0, Real c0, Real dt, std::int64_t residue = 0) {
   return series;
 }
 
-/// A discharge over a flat bottom: 1600 particles, of which `residue` stay. The law holds until `layer` particles
-/// besides these are left; they drain as exp(−t/τ), at first as fast as the law says and soon much slower.
+/// A discharge over a flat bottom: `residue` of 1600 particles stay. The law holds until another `layer` particles
+/// remain, which drain as exp(−t/τ), at first at the rate of the law and soon much slower.
 Series with_slow_layer(Real c0, Real residue, Real layer) {
   Series series;
   const Real start = std::sqrt(1600 - residue), end = 2 * (start - std::sqrt(layer)) / c0,
@@ -181,7 +181,8 @@ TEST_CASE("discharge: too little to fit, bad input") {
   CHECK(std::isnan(few.fit().error));
   CHECK(std::isnan(few.fit().chi2_per_dof));
 
-  // Of two or three particles one departure at most is in the fit: a line through two numbers has no degree of freedom.
+  // With two or three particles the fit contains one departure at most: a line through two numbers has no degree of
+  // freedom.
   Series two{{}, {}}, three{{}, {}}, four{{}, {}};
   for (int k = 0; k < 40; ++k) {
     const auto left = [&](std::int64_t n) { return std::max<std::int64_t>(n - k / 8, 0); };

@@ -15,7 +15,7 @@ namespace {
 
 constexpr Real mean_rate = 2;
 
-/// Of a filling that stays as it is.
+/// A sample of a constant filling.
 FlowSample sample(Real time, Real area, Real kinetic_energy) {
   return {time, std::floor(area), area, kinetic_energy, 30, 0.8};
 }

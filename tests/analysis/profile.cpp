@@ -114,7 +114,7 @@ TEMPLATE_TEST_CASE_SIG("axis profile: one particle, the cut-off, a flat profile"
 }
 
 TEST_CASE("axis profile: velocity and error of each height from rows") {
-  // Height 0: ratio of sums, not mean of ratios; height 1: nobody near.
+  // Height 0: ratio of sums, not mean of ratios; height 1: no particle near.
   const std::vector<Real> momentum{2, 0, 9, 0}, weight{1, 0, 3, 0};
   const auto profile = axis_profile(momentum, weight, 2);
   CHECK(profile[0].mean == Approx(11.0 / 4));

@@ -193,7 +193,7 @@ TEST_CASE("small changes are no drift where the series tolerates them") {
 }
 
 TEST_CASE("a start-up that MSER-5 leaves in is dropped") {
-  // Of a series that does not find the start-up by itself.
+  // The start-up comes from another series.
   const auto rate = noisy(1000, 1, [](Real) { return 5; });
   const auto height = noisy(1000, 2, [](Real i) { return 50 + (i < 150 ? 10 : 0); });
   const auto time = times(1000);
@@ -239,7 +239,7 @@ TEST_CASE("several series: the latest truncation, and all must be steady") {
   CHECK(drifting.explanation.find("the mean of the flow rate") != std::string::npos);
   CHECK(drifting.explanation.find("kinetic energy") == std::string::npos);
 
-  // The unsteady series need not be the one with the latest truncation.
+  // The unsteady series may differ from the series with the latest truncation.
   std::vector<Real> broken(1000, 1.0);
   broken[999] = std::nan("");
   const std::vector<NamedSeries> mixed{{"flow rate", broken}, {"kinetic energy", late}};

@@ -1,4 +1,4 @@
-"""Whatever is wrong with the input: one line that says so, exit 2 (4 for the output), and nothing written."""
+"""Every error in the input gives a message of one line and exit code 2 (4 for the output); nothing is written."""
 
 import json
 import subprocess
@@ -149,7 +149,7 @@ def test_particles_that_pass_through_each_other_are_warned_of(tmp_path):
 
 
 def test_a_flow_that_has_ended_without_a_clog_is_warned_of(tmp_path):
-    """Without drag a ball on the floor bounces for ever."""
+    """Without drag a sphere on the floor bounces for ever."""
     code, text = warnings(n=1, hopper_width=0.1, mu=0, zeta=0, flow="discharge", t_end=20, output=tmp_path / "run")
     assert code == 0 and "warning: no particle has crossed the orifice since t = 0 t0" in text and "neither as clogged nor as at rest" in text
     assert warnings(n=1, hopper_width=0.1, mu=0, zeta=1, flow="discharge", t_end=100, output=tmp_path / "drag") == (0, "")

@@ -32,7 +32,7 @@ def test_a_branch_is_the_run_that_goes_on(scenario, tmp_path):
     result = pliant(scenario, restart=first, output=tmp_path / "branch", **later)
     assert result.returncode == 0 and result.stderr == "", result.stderr
     assert f"branch of {first}" in result.stdout and f"output in {tmp_path / 'branch'}" in result.stdout
-    assert contents(first) == before  # as it was, and free to go on
+    assert contents(first) == before  # unchanged, and ready to continue
     branch = Results(tmp_path / "branch")
     of = branch.summary.pop("branch_of")
     stored = json.loads((tmp_path / "branch/branch.json").read_text(encoding="utf-8"))
@@ -56,7 +56,7 @@ def test_branches_with_other_options(tmp_path):
     assert branch.summary["parameters"]["clog_time"]["value"] == 3
     assert branch.summary["parameters"]["zeta"]["value"] == SMALL["zeta"]
     assert contents(tmp_path / "first") == before
-    # The branch itself is a run like any other: it goes on, and has branches.
+    # A branch is an ordinary run, which can be continued and branched.
     assert pliant("hopper", restart=tmp_path / "branch", t_end=7).returncode == 0
     result = pliant("hopper", restart=tmp_path / "branch", output=tmp_path / "twig", t_end=8)
     assert result.returncode == 0 and Results(tmp_path / "twig").summary["branch_of"]["run"] == str(tmp_path / "branch")
@@ -202,7 +202,7 @@ def test_channel_samples(tmp_path):
 # --- Off the terminal
 
 def test_progress_lines(tmp_path):
-    """A line per interval on a standard output that is no terminal."""
+    """A line per interval on a standard output that is not a terminal."""
     result = pliant("hopper", output=tmp_path / "run", **{**SMALL, "t_end": 1e6}, progress_interval=0.2, max_wall_time=1)
     lines = [line for line in result.stdout.splitlines() if "steps/s" in line]
     assert result.returncode == 75 and result.stderr == "" and 1 <= len(lines) <= 5
@@ -222,7 +222,7 @@ def test_paths_are_relative_to_the_options_file(tmp_path):
     file.write_text("outline: walls.txt\nobstacle: [\"polygon:stone.txt\"]\nn: 20\nt_end: 0.01\nzeta: 1\noutput: run\n", encoding="utf-8")
     result = subprocess.run([PROGRAM, "hopper", "-options_file", file], cwd=tmp_path, encoding="utf-8", capture_output=True)
     assert result.returncode == 0, result.stderr
-    assert (tmp_path / "run/run.h5").exists()  # of the working directory
+    assert (tmp_path / "run/run.h5").exists()  # relative to the working directory
     plain = folder / "options.txt"
     plain.write_text("-shape_outline shape.txt -model rough\n-outline channel.txt -plungers 3,0 -stroke 0.5 -pushes 1\n"
                      "-plunger_speed 10 -t_end 0.01", encoding="utf-8")

@@ -48,8 +48,8 @@ def test_frames_by_travel(small):
 
 
 def test_the_plunger_pushes(small):
-    """Disks flow from x to y, then back; they stay inside, turn, and hardly overlap. The force is that of the friction
-    with the base, more by that with the walls."""
+    """Disks flow from x to y, then back; they stay inside, turn, and hardly overlap. The force balances the friction
+    with the substrate and the walls."""
     x = small.column("positions").reshape(3, 12, -1, 2)
     shift = x[:, -1] - x[:, 0]
     assert shift[0, :, 0].mean() < -0.3 and shift[0, :, 1].mean() > 0.3
@@ -110,11 +110,11 @@ def test_stopped_between_pushes(options, within, tmp_path):
     assert stopped_until_done("channel", **SMALL, **options, output=tmp_path / "parts") > 1
     assert_same_runs(whole, Results(tmp_path / "parts"))
     travel, push = whole.series["plunger_travel"], whole.series["push"]
-    assert np.any(np.diff(travel[push == 0]) < 0) and np.sum(travel == 0) > 10  # it goes back, and waits
+    assert np.any(np.diff(travel[push == 0]) < 0) and np.sum(travel == 0) > 10  # the plunger moves back, and waits
 
 
 def test_more_pushes(small, tmp_path):
-    """A run that has ended goes on with more pushes, as if it had been asked for them at once."""
+    """A finished run continues with more pushes, and equals one run with all pushes."""
     channel(tmp_path / "run", pushes=1)
     result = pliant("channel", restart=tmp_path / "run", pushes=3)
     assert result.returncode == 0, result.stderr
@@ -145,7 +145,8 @@ def test_ranks(tmp_path):
 
 
 def test_plungers_have_friction_of_their_own(small, tmp_path):
-    """By default that of walls; else walls may be smooth while plungers rub. Stopped and continued, and on two ranks."""
+    """By default the friction of walls; else walls may be smooth while plungers have friction. Stopped and continued,
+    and on two ranks."""
     options = {"pushes": 1, "t_end": 0.1}
     named = channel(tmp_path / "named", mu_plunger=0.4, **options)
     assert same(named.frames[2]["positions"], small.frames[2]["positions"])
@@ -272,7 +273,8 @@ def test_an_outline_of_ones_own(small, tmp_path):
 
 
 def test_jams(tmp_path):
-    """Too many disks: the jam is an event, is said, and ends the run if asked to; once it is allowed to, it goes on."""
+    """Too many disks: the jam is an event and a remark, and ends the run on request; with another option, the run
+    continues."""
     options = {"area_fraction": 0.92, "pushes": 2, "jam_overlap": 0.03, "jam_force": 10}
     result = pliant("channel", output=tmp_path / "run", **{**SMALL, **options, "on_jam": "end"})
     assert result.returncode == 0 and "push 0 jams at" in result.stderr, result.stderr

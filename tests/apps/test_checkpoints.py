@@ -134,7 +134,7 @@ def test_an_edited_checkpoint(name, run, from_older):
     assert "checkpoint-b.h5" in result.stderr and message in result.stderr
     assert "checkpoint-a.h5 (step 500)" in result.stderr
     assert_same_runs(Results(run), from_older)
-    # The one that was no good is the one that was overwritten.
+    # The damaged checkpoint was overwritten.
     for name, time in (("a", 0.5), ("b", 1.5)):
         with h5py.File(run / f"checkpoint-{name}.h5") as file:
             assert file["state"].attrs["time"] == pytest.approx(time)
@@ -182,7 +182,7 @@ def test_what_the_user_asks_for_is_no_fault_of_a_checkpoint(run):
 
 
 def test_an_older_run_file(run, two, from_older):
-    """Put back from a copy that was made before the last checkpoint."""
+    """Restored from a copy that was made before the last checkpoint."""
     shutil.copy(two.parent / "half.h5", run / "run.h5")
     result = pliant("hopper", restart=run, **LAST)
     assert result.returncode == 0 and result.stderr.count("\n") == 1, result.stderr

@@ -92,7 +92,7 @@ def test_arch(cohesive):
 
 
 def test_a_minimum_nearby_is_rest(cohesive, tmp_path):
-    """A run that has ended next to a minimum keeps its outcome when it goes on until nothing moves."""
+    """A run that has ended next to a minimum keeps its outcome when it continues until no droplet moves."""
     early, folder = cohesive
     shutil.copytree(folder, tmp_path / "run")
     result = pliant("clog", restart=tmp_path / "run", rest="speed")

@@ -77,7 +77,8 @@ def test_edges_that_have_shrunk_are_named(ranks, tmp_path):
 
 @pytest.mark.parametrize("ranks", [1, pytest.param(2, marks=needs_mpi)])
 def test_a_step_too_long_for_edges_that_have_shrunk(ranks, tmp_path):
-    """Bending of unit vectors is the stiffer the shorter they are; that of full ones is not, and their lengths stay."""
+    """Bending of unit vectors is the stiffer the shorter the edges are; bending of full edges is not, and their lengths
+    stay."""
     options = {**SOFT, "e_c": 50, "k_l": 0.01, "k_b": 100, "sample_interval": 0.05, "frame_interval": 3}
     warning, *more = complaints(on_any_ranks(ranks, "hopper", output=tmp_path / "run", **options))
     edge, ratio = map(float, re.search(r"edges have shrunk to ([\d.]+) of .* is ([\d.]+) times the limit", warning).groups())

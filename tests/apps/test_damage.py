@@ -1,4 +1,4 @@
-"""Files of a run that are damaged: bits that change, cuts, sectors of zeros; and names in its folder that are no files.
+"""Damaged files of a run: changed bits, cuts, sectors of zeros; and names in its folder that are not files.
 scripts/flip_bits.py goes through all bytes."""
 
 import json
@@ -83,7 +83,7 @@ def test_the_checks_find_what_is_wrong(made, monkeypatch):
     assert flip_bits.judge(made, truth) == "other values: series"
 
 
-# ---- names that are no files -------------------------------------------------------------------------------------------
+# ---- names that are not files ------------------------------------------------------------------------------------------
 
 KINDS = {"fifo": (os.mkfifo, "is a FIFO, not a file"), "folder": (os.mkdir, "is a folder, not a file"),
          "device": (lambda path: os.symlink("/dev/zero", path), "is a device, not a file")}
@@ -154,5 +154,5 @@ def test_a_damaged_summary_does_not_decide_what_a_command_does(tmp_path):
     assert (folder / "run.h5").read_bytes() == before
     summary = json.loads(path.read_text(encoding="utf-8"))
     summary.pop("format"), summary.pop("crc32")
-    path.write_text(json.dumps(summary), encoding="utf-8")  # of an older version
+    path.write_text(json.dumps(summary), encoding="utf-8")  # a summary of an older version
     assert_refused(pliant("hopper", output=folder, t_end=0.5), "holds a run that is finished (dona)")

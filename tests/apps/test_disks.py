@@ -28,7 +28,7 @@ def test_disks_flow_and_rotate(flow):
     spins, heights = flow.column("spins"), flow.column("positions")[:, :, 1]
     assert np.abs(spins).mean() > 0.1
     np.testing.assert_allclose(np.diff(flow.column("angles"), axis=0), 0.05 * (spins[1:] + spins[:-1]) / 2, atol=0.3)
-    assert (np.diff(heights, axis=0) > 2).sum() > 10  # put back
+    assert (np.diff(heights, axis=0) > 2).sum() > 10  # reinserted
 
     series = flow.series
     for cause in CAUSES:
@@ -124,7 +124,7 @@ def test_stopped_and_continued(tmp_path):
 
 @needs_mpi
 def test_ranks(tmp_path):
-    """The same to rounding while it is short, some being put back; continued bit for bit."""
+    """Equal to rounding in a short run with reinsertions; continued bit for bit."""
     options = {**DISKS, "hopper_width": 6, "removal_depth": 0.05}
     flow = disks(tmp_path / "flow", **options, t_end=1.1)
     assert (np.diff(flow.column("positions")[:, :, 1], axis=0) > 2).sum() > 1

@@ -19,7 +19,7 @@ def summary_of(folder):
                                     {"ts_type": "rk", "ts_rk_type": "2a", "ts_adapt_type": "none"},
                                     {"ts_type": "ssp", "ts_ssp_nstages": 2}])
 def test_methods_without_a_stable_step(method, tmp_path):
-    """Undamped oscillations grow at any step; with drag there is a limit, far below that of Verlet."""
+    """Undamped oscillations grow at any step; with drag there is a limit, far below the limit of Verlet."""
     run = lambda name, **more: pliant("hopper", output=tmp_path / name, **{**CLOSED, "dt": 5e-4, **method, **more})
     refused = run("refused", zeta=0)
     assert refused.returncode == 2 and "no step is stable" in refused.stderr and "-integrator verlet" in refused.stderr

@@ -67,7 +67,7 @@ def test_particles_can_be_counted_as_they_are_put_back(tmp_path):
     events = removal.events
     assert len(events["time"]) == put_back.sum()
     assert (-2.56 < events["position"][:, -1]).all() and (events["position"][:, -1] < -2.5).all()
-    # None of its column is within reach where it is put back.
+    # No particle of its column touches the reinserted particle.
     for frame, who in zip(*np.nonzero(put_back)):
         lateral, up = np.abs(centres[frame + 1] - centres[frame + 1, who]).T
         contact = (sigma + sigma[who]) / 2
@@ -112,7 +112,7 @@ def test_what_goes_through_a_wall_ends_the_run(name, tmp_path):
                            [("time", ()), ("particle", ()), ("position", (dim,))])
     if options.get("model", "sp") == "sp":
         assert (np.linalg.norm(position[:, :-1], axis=1) <= results.geometry["w"] / 2).all()
-    # Samples were taken with all particles in place: in the frames beside them, the last one left out.
+    # Samples were taken with all particles in place: in the frames at the same times, without the last frame.
     assert len(results.frames) >= len(results.series["time"]) > 2
     for frame in results.frames[:-1]:
         assert not outside(results, frame["centres"]).any()
@@ -168,7 +168,7 @@ SQUEEZED = {"n": 20, "hopper_wall_distance": 6, "zeta": 0.316, "e_c": 250, "e_w"
     ({**SQUEEZED, "model": "rough", "n": 30, "hopper_width": 1.3, "k_l": 10, "zeta": 1, "t_end": 20, "seed": 1}, 3, False),
 ], ids=["smooth", "rough", "narrow"])
 def test_soft_polygons_may_hang_over_the_lips(options, crossed, beyond, tmp_path):
-    """Their means may cross the line beside the orifice, and count."""
+    """Centres of polygons may cross the line next to the orifice, and count."""
     results = hopper(tmp_path / "run", **options, self_crossing="count", sample_interval=0.02)
     assert results.summary["crossed_count"] == len(results.events["time"]) >= crossed
     assert (np.abs(results.events["position"][:, 0]).max() > options["hopper_width"] / 2) == beyond
@@ -188,7 +188,7 @@ def test_crossings_are_located_in_time(tmp_path):
 @pytest.mark.parametrize("method", [{"ts_type": "rosw"}, {"ts_type": "cvode"}, {"ts_type": "rk", "ts_rk_type": "3bs"},
                                     {"ts_type": "verlet", "ts_adapt_type": "basic"}], ids=lambda m: m["ts_type"])
 def test_controlled_steps_do_not_jump_through_the_floor(method, tmp_path):
-    """Two particles fall freely, without an error to shorten the steps, onto the floor beside the orifice."""
+    """Two particles fall freely, without an error to shorten the steps, onto the floor next to the orifice."""
     results = hopper(tmp_path / "run", n=2, hopper_wall_distance=20, hopper_width=2.5, pack_fraction=0.02, seed=3, mu=0, zeta=0,
                      t_end=8, flow="discharge", integrator="ts", **method)
     assert results.summary["crossed_count"] == 0
@@ -204,7 +204,7 @@ def test_without_inertia_as_in_strong_drag(drag, tmp_path):
     moved = light.frames[-1]["positions"] - light.frames[0]["positions"]
     assert np.abs(moved).max() > 0.2  # g t/zeta
     np.testing.assert_allclose(light.frames[-1]["positions"], heavy.frames[-1]["positions"], rtol=0, atol=5e-3)
-    # Their velocities are those of the balance, in the last frame too.
+    # Their velocities balance the forces, in the last frame too.
     np.testing.assert_allclose(light.frames[-1]["velocities"], heavy.frames[-1]["velocities"], rtol=0, atol=3e-3)
     assert np.abs(light.frames[-1]["velocities"]).max() > 0.02
     # The stiffest spring relaxes against the drag of the heaviest particle; per mass, of any.
@@ -218,7 +218,8 @@ def test_without_inertia_as_in_strong_drag(drag, tmp_path):
 
 
 def c0_of_the_series(results, residue):
-    """By a straight line through sqrt(N - N_res) over the range that the summary names, which is that of docs/scenarios/hopper.md."""
+    """By a straight line through sqrt(N - N_res) over the range that the summary names, as defined in
+    docs/scenarios/hopper.md."""
     summary, time, left = results.summary, results.series["time"], results.series["in_hopper"] - residue
     start, end = summary["c0_start"]["value"], summary["c0_end"]["value"]
     assert start == time[np.argmax(left <= 0.8 * left[0])] and end == time[np.argmax(left <= 0.2 * left[0]) - 1]
@@ -243,7 +244,7 @@ def test_discharge_runs_empty(tmp_path):
     assert results.summary["c0"]["value"] == pytest.approx(c0_of_the_series(results, residue=0), rel=1e-6)
     assert results.summary["c0"]["value"] == pytest.approx(0.525, rel=0.1)
     assert 0 < results.summary["c0"]["error"] < 0.2 and 0 < results.summary["c0_chi2_per_dof"]["value"] < 2
-    # Who has left stays where it left, still.
+    # Particles that have left stay at their last position, at rest.
     active, positions, velocities = (results.column(name) for name in ("active", "positions", "velocities"))
     assert (np.diff(active.astype(int), axis=0) <= 0).all()
     gone = active[:-1] == 0
@@ -261,7 +262,7 @@ def test_discharge_over_a_flat_bottom_ends_at_rest(tmp_path):
     assert "at rest without an arch over the orifice" in text
     assert results.summary["left_in_hopper"] == results.series["in_hopper"][-1] > 0
     assert results.summary["total_time"]["value"] is None
-    # The law is that of the particles that do not stay on the bottom.
+    # The law holds for the particles that do not stay on the bottom.
     c0 = c0_of_the_series(results, residue=results.summary["left_in_hopper"])
     assert results.summary["c0"]["value"] == pytest.approx(c0, rel=1e-6)
     assert c0 == pytest.approx(0.244, rel=0.1)
@@ -301,7 +302,7 @@ def test_an_arch_is_a_clog_and_a_dead_zone_is_not(options, status, tmp_path):
 
 @pytest.mark.parametrize("zeta, seed", [(1, 1), (0.1, 2)])
 def test_a_large_sphere_that_plugs_the_orifice_comes_to_rest(zeta, seed, tmp_path):
-    """It touches a whole ring of the cone, or of the lip."""
+    """The sphere touches a whole ring of the cone, or of the lip."""
     results = hopper(tmp_path / "run", dim=3, n=60, flow="discharge", size_ratio=4, size_fraction=0.02, hopper_width=3,
                      hopper_angle=45, hopper_wall_distance=8, mu=0, zeta=zeta, seed=seed, t_end=300, frame_interval=1000)
     assert results.summary["status"] == "clogged" and results.summary["t"] < 200
@@ -479,7 +480,7 @@ def test_free_fall_with_drag(tmp_path):
 
 
 def test_no_vertex_slips_through_a_stretched_edge(tmp_path):
-    """Perimeters so soft that edges open under the weight: vertices alone are no outline."""
+    """Perimeters so soft that edges open under the weight: single vertices do not form an outline."""
     options = {**SMALL, "model": "rough", "mu": 3, "zeta": 0, "k_l": 1, "seed": 2, "t_end": 4, "self_crossing": "count"}
     result = pliant("hopper", output=tmp_path / "literal", rough_contact="literal", **options)
     assert result.returncode == 3 and "has crossed the outline of particle" in result.stderr

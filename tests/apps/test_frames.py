@@ -6,7 +6,7 @@ import pytest
 from conftest import SMALL, Results, hopper, pliant, same
 from test_parallel import needs_mpi, on_ranks
 
-OPTIONAL = {"velocities", "reinsertions", "contact_count", "contacts", "wall_contacts", "wall_force"}  # of disks
+OPTIONAL = {"velocities", "reinsertions", "contact_count", "contacts", "wall_contacts", "wall_force"}  # with disks
 ALWAYS = {"positions", "centres", "active"}
 
 
@@ -97,7 +97,7 @@ def check_reinsertions(run):
     jumped = np.diff(centres[:, :, -1], axis=0) > 3
     assert jumped.sum() > 10 and (np.diff(counts, axis=0)[jumped] > 0).all()
     rose = (np.diff(counts, axis=0) > 0) & ~jumped
-    assert rose.sum() < 0.1 * jumped.sum()  # those that have fallen since
+    assert rose.sum() < 0.1 * jumped.sum()  # reinserted particles that have fallen since
 
 
 def test_reinsertions_are_counted(default):
@@ -106,7 +106,7 @@ def test_reinsertions_are_counted(default):
 
 @needs_mpi
 def test_reinsertions_are_counted_on_ranks(tmp_path):
-    """Particles migrate between ranks; a restart on another number of ranks goes on counting."""
+    """Particles migrate between ranks; a restart on another number of ranks continues the counts."""
     options = {**SMALL, "t_end": 3}
     assert on_ranks(3, "hopper", output=tmp_path / "run", **options).returncode == 0
     assert on_ranks(2, "hopper", "-restart", tmp_path / "run", t_end=6).returncode == 0
@@ -150,7 +150,8 @@ def disks(folder):
 
 
 def test_bytes_per_particle(tmp_path):
-    """Of a frame of frictional disks that hardly touch: two vectors, angle, spin, and flags; nothing for ParaView."""
+    """Size of a frame of frictional disks with few contacts: two vectors, angle, spin, and flags; nothing for
+    ParaView."""
     def per_disk(**options):
         size = []
         for end in (0.02, 0.1):

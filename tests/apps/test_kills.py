@@ -26,7 +26,7 @@ from pliant.run_file import _journal  # noqa: E402
 
 DISK = os.environ.get("PLIANT_TEST_DISK", str(Path(PROGRAM).resolve().parents[1] / "tests/libpliant_test_disk.so"))
 ALL = os.environ.get("PLIANT_ALL_KILLS") == "1"
-# Checkpoints come whenever the program looks at the clock, frames and samples between them.
+# The program writes a checkpoint whenever it reads the clock, frames and samples in between.
 OFTEN = {"checkpoint_interval": 1e-4}
 HOPPER = ("hopper", {**SMALL, "t_end": 6, "frame_interval": 0.3, "sample_interval": 0.02, **OFTEN})
 CLOG = ("clog", {"n": 14, "g": 0.1, "hopper_width": 1.25, "phi_c": 3e-4, "dt": 0.2, "frame_interval": 20,
@@ -201,7 +201,7 @@ class Replay:
             return len(run.frames), samples
 
     def continued(self, states, check, *launcher, **options):
-        """Goes on from each state; check(results)."""
+        """Resumes from each state; check(results)."""
 
         def go_on(numbered):
             number, files = numbered
@@ -230,7 +230,7 @@ def test_every_kill(command, options, tmp_path):
     for files in some(states, 10):
         found = replay.read(files)
         assert found == replay.read({**files, "run.h5": promised(files["run.h5"])[0]})
-    if command == "clog":  # one that has ended goes on until it ends again
+    if command == "clog":  # a finished clog continues until it ends again
         last = [files[name] for files in states[-1:] for name in ("checkpoint-a.h5", "checkpoint-b.h5")]
         states = [files for files in states if [files.get("checkpoint-a.h5"), files.get("checkpoint-b.h5")] != last]
     replay.continued(some(states, 15), lambda run: assert_same_runs(run, replay.whole), checkpoint_interval=0)

@@ -112,8 +112,8 @@ def test_no_memory_from_some_point_on(tmp_path):
 
 
 def test_allocations_of_hdf5(tmp_path):
-    """HDF5 reports most allocations that fail, some as a file that cannot be read or written. It does not survive others
-    (signals, or MPI's code 255): the run can be continued then, too."""
+    """HDF5 reports most allocations that fail, some as a file that cannot be read or written. Other failed allocations
+    end HDF5 by a signal or with MPI's code 255: the run can be continued then, too."""
     command, options = HOPPER
 
     def check(place, code, found):

@@ -65,7 +65,7 @@ def complaints(result):
 def hopper_on_ranks(ranks, folder, **options):
     result = on_ranks(ranks, "hopper", output=folder, **{**SMALL, **options})
     assert result.returncode == 0, result.stderr
-    assert result.stdout.count("hopper:") == 1  # one rank speaks
+    assert result.stdout.count("hopper:") == 1  # one rank prints
     return Results(folder)
 
 
@@ -75,7 +75,7 @@ def assert_near_runs(a, b, tolerance=1e-9):
     for n, (one, other) in enumerate(zip(a.frames, b.frames)):
         assert one.keys() == other.keys()
         for name in one:
-            stiffness = 4e4 if "force" in name else 100  # of a wall: 4 E_w/sigma^2
+            stiffness = 4e4 if "force" in name else 100  # stiffness of a wall: 4 E_w/sigma^2
             np.testing.assert_allclose(other[name], one[name], rtol=1e-9, atol=stiffness * tolerance,
                                        err_msg=f"frame {n}: {name}")
         np.testing.assert_allclose(other["positions"], one["positions"], rtol=0, atol=tolerance)

@@ -11,7 +11,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGES = [*(ROOT / "docs").rglob("*.md"), *ROOT.glob("*.md"), ROOT / "src/ts/sundials/README.md"]
 NAMED = re.compile(r"(?<![\w-])-((?:ts|snes|ksp|pc|mat|log|mobility_ksp|mobility_pc)_[a-z0-9_]*[a-z0-9])(?![\w…])"
                    r"(?: ([A-Za-z0-9.:-]+))?")
-# Which the program refuses, with their reasons on the same page (test_energy, test_bad_input).
+# Options that the program refuses, with their reasons on the same page (test_energy, test_bad_input).
 REFUSED = {("ts_adapt_max_ignore", None), ("ts_type", "sundials")}
 # Words of a sentence, and a file.
 WORDS = {("ts_type", "solves"), ("ts_dt", "or"), ("log_view", ":FILE")}

@@ -186,7 +186,7 @@ def losses(recorded, states_each, choose, first=0):
 
 
 def continued(replay, states, tmp_path, options, check):
-    """Goes on with the run of each state: with -restart if there was a checkpoint, else by the same command."""
+    """Continues the run from each state: with -restart if there was a checkpoint, else by the same command."""
     for number, (files, checkpoint) in enumerate(states):
         folder = tmp_path / f"continued{number}"
         replay.write(files, folder)
@@ -198,7 +198,7 @@ def continued(replay, states, tmp_path, options, check):
 
 
 def pick(states, number, choose):
-    """The number of states, and some of those of a run that has not ended."""
+    """The number of states, and some states of a run that has not ended."""
     picked, seen, found = [], 0, 0
     number = 30 * number if ALL else number
     for seen, state in enumerate(states, 1):
@@ -215,7 +215,7 @@ def pick(states, number, choose):
 @pytest.mark.parametrize("command, options", [SHORT_HOPPER, CLOG, LARGE_HOPPER], ids=["hopper", "clog", "large"])
 def test_every_loss_of_power(command, options, tmp_path):
     """Whenever power is lost, run.h5 is the last commit or the next one, with all frames of the newest synced checkpoint,
-    and the run goes on to the same bits."""
+    and the resumed run has the same bits."""
     choose = random.Random(1)
     replay = Replay(tmp_path, command, options)
     assert len(replay.whole.frames) > 2

@@ -57,7 +57,7 @@ def test_scenarios_for_scripts():
 
 
 def test_a_program_of_another_name(tmp_path):
-    """It speaks, and signs its files, by the name that it has."""
+    """Messages and files of a user program contain its name."""
     program = tmp_path / "grains"
     program.symlink_to(Path(PROGRAM).resolve())
     usage = subprocess.run([program, "evaluate"], encoding="utf-8", capture_output=True, timeout=HANGS)
@@ -123,7 +123,7 @@ def test_alone_it_starts_no_other_process(tmp_path):
     run = subprocess.Popen([PROGRAM, "hopper", *arguments(SMALL | {"t_end": 1e4}), "-output", tmp_path / "run"],
                            env=environment, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
     try:
-        assert run.stdout.readline()  # it has begun
+        assert run.stdout.readline()  # the run has begun
         assert Path(f"/proc/{run.pid}/task/{run.pid}/children").read_text(encoding="utf-8") == ""
     finally:
         run.kill()

@@ -54,8 +54,8 @@ def test_three_droplets(tmp_path):
                                                 (RK4, 4e-7)])
 def test_energy_budget(options, tolerance, tmp_path):
     """Work of the walls = stored + dissipated, to the integrator's error. Work and dissipation keep the error of every
-    step, at most the tolerance, which few steps reach: those at which bonds break. Thirty of them are allowed. RK4 does
-    not look: there it is the velocities' jump of v_wall in the middle of a step, b v_wall² dt."""
+    step, at most the tolerance, which few steps reach: steps at which bonds break. Thirty of them are allowed. RK4 has
+    no error control: its error is the jump v_wall of the velocities in the middle of a step, b v_wall² dt."""
     closed = 30 * tolerance
     run = compress(tmp_path / "run", rows=3, columns=3, n=0, delta=0.01, end_distance=4.6, v_wall=2e-3, **options)
     series = run.series
@@ -153,10 +153,10 @@ def test_bad_input(options, message, tmp_path):
     assert result.stderr.count("\n") == 1
 
 
-# Limits: that of the method, over f0/b, the rate at which the walls push a droplet back.
+# Limits: the stability limit of the method over f0/b, the rate at which the walls push a droplet back.
 METHODS = {"euler": ({"ts_type": "euler"}, 0.2), "rk4": ({"ts_type": "rk", "ts_rk_type": 4}, 0.2785),
            "3bs": ({"ts_type": "rk", "ts_rk_type": "3bs"}, 0.2513), "ssp": ({"ts_type": "ssp"}, 0.83379)}
-# Two droplets at rest between walls: those hold them, both together, with 95 % of that.
+# Two droplets at rest between walls: both walls together hold them with 95 % of this rate.
 RESTING = {"rows": 2, "columns": 1, "delta": 0, "motion": "extension", "v_wall": 1e-6, "t_end": 400,
            "ts_adapt_type": "none"}
 
@@ -187,7 +187,7 @@ def test_the_limit_of_a_single_row(tmp_path):
 
 @pytest.mark.parametrize("scenario, method, limit, options", [
     *(("raft", method, METHODS[method][1], RESTING) for method in METHODS),
-    # A wall that rubs halves the rate of a droplet against it; that of pairs is as high.
+    # A wall with friction halves the rate of a droplet that touches it; the rate of pairs is as high.
     ("clog", "ssp", 1.66758, {"n": 3, "delta": 0, "t_end": 5}),
     ("clog", "ssp", 0.83379, {"n": 3, "delta": 0, "t_end": 5, "wall_friction": "no"})])
 def test_steps_that_are_too_long(scenario, method, limit, options, tmp_path):
@@ -209,7 +209,7 @@ def test_controlled_and_implicit_steps_have_no_limit(options, tmp_path):
 
 
 def test_stiff_droplets_find_their_step(tmp_path):
-    """The first trial step is far too long: it leaves the domain of the formulas and is tried again."""
+    """The first trial step is far too long, leaves the domain of the formulas and is tried again."""
     result = pliant("raft", output=tmp_path / "run", f0=1e6, t_end=1e-4)
     assert result.returncode == 0, result.stderr
     assert json.loads((tmp_path / "run/summary.json").read_text(encoding="utf-8"))["steps"] > 5
@@ -222,7 +222,7 @@ def test_wrong_scenario_of_a_checkpoint(tmp_path):
 
 
 def test_later_end(tmp_path):
-    """A run that is done goes on to a later end, as one run would."""
+    """A finished run continues to a later end, and equals one run."""
     whole = compress(tmp_path / "whole", end_distance=3.70, **RK4)
     compress(tmp_path / "parts", end_distance=3.70, t_end=50, **RK4)
     result = pliant("raft", restart=tmp_path / "parts", t_end=1e6)

@@ -113,7 +113,7 @@ def test_killed_while_it_packs(tmp_path):
 
 
 def test_killed_while_run_h5_is_begun(tmp_path):
-    """It has its name only when it can be read."""
+    """run.h5 gets its name only when it can be read."""
     (tmp_path / "run").mkdir()
     (tmp_path / "run/run.h5.new").write_text("half of something", encoding="utf-8")
     assert pliant("hopper", output=tmp_path / "run", **{**SMALL, "t_end": 1}).returncode == 0
@@ -132,10 +132,10 @@ def test_a_killed_run_with_other_options(killed):
     folder, options = killed
     message = refused("hopper", folder, output=folder, **{**options, "zeta": 0.4})
     assert "-zeta 0.4: the stored run has 0.3" in message
-    del options["zeta"]  # it says: leave it out
+    del options["zeta"]  # the advice: leave it out
     result = pliant("hopper", output=folder, max_wall_time=0.1, **options)
     assert result.returncode == 75 and "continuing at t =" in result.stdout
-    # Another end is no other run.
+    # Another end time does not make another run.
     t = Results(folder).summary["t"]
     assert pliant("hopper", output=folder, **{**options, "t_end": t + 1}).returncode == 0
 
@@ -224,7 +224,7 @@ def test_droplets_go_on_to_another_end(scenario, options, change, tmp_path):
 
 
 def test_a_clog_is_judged_where_it_would_have_been(tmp_path):
-    """A run that -t_end ended at rest, between two looks at it, ends with the next look."""
+    """A run that -t_end ended at rest, between two checks for rest, ends at the next check."""
     options = {**CLOG, "rest": "speed"}
     assert pliant("clog", output=tmp_path / "whole", **options).returncode == 0
     whole = Results(tmp_path / "whole").summary
@@ -243,7 +243,7 @@ def test_a_run_that_failed(tmp_path):
     assert failed.returncode == 3 and Results(tmp_path / "run").frames
     message = refused("raft", tmp_path / "run", output=tmp_path / "run", **options)
     assert "holds a run that failed" in message and Results(tmp_path / "run").summary["message"] in message
-    # It goes on as it says, and comes to the same end.
+    # The advised command resumes the run, which ends in the same state.
     again = pliant("raft", *advice(message, r"-restart [^,\s]+"))
     assert again.returncode == 3 and again.stderr == failed.stderr and "continuing at t =" in again.stdout
     assert pliant("raft", output=tmp_path / "other", **{**options, "dt": 0.1}).returncode == 0
@@ -271,7 +271,7 @@ def test_a_folder_that_is_in_use(how, hdf5_locks, tmp_path, monkeypatch):
     assert other.returncode == 6 and len(other.stderr.splitlines()) == 1, other
     pid = int(re.search(r"in use by process (\d+) on host " + re.escape(os.uname().nodename), other.stderr)[1])
     assert pid == child.pid
-    os.kill(pid, signal.SIGTERM)  # it says: by kill
+    os.kill(pid, signal.SIGTERM)  # the advice: by kill
     output, errors = child.communicate(timeout=HANGS)
     assert child.returncode == 75 and errors == ""
     assert not (folder / "run.lock").exists()
@@ -282,7 +282,7 @@ def test_a_folder_that_is_in_use(how, hdf5_locks, tmp_path, monkeypatch):
 def test_one_of_two_continuations(killed, monkeypatch):
     monkeypatch.setenv("HDF5_USE_FILE_LOCKING", "FALSE")
     folder, options = killed
-    assert (folder / "run.lock").exists()  # of the killed one: no obstacle
+    assert (folder / "run.lock").exists()  # lock file of the killed process: no obstacle
     options["t_end"] = 1e6
     frames = (folder / "run.xdmf").read_text(encoding="utf-8").count("<Time ")
     two = [start("hopper", output=folder, **options) for _ in range(2)]

@@ -210,7 +210,7 @@ def test_precise_run_killed_and_restarted(tmp_path):
     result = pliant("hopper", restart=tmp_path / "parts")
     assert result.returncode == 0, result.stderr
     assert_same_runs(whole, Results(tmp_path / "parts"))
-    # It has ended: once more is the same.
+    # The run has ended: another restart changes nothing.
     assert pliant("hopper", restart=tmp_path / "parts").returncode == 0
     assert_same_runs(whole, Results(tmp_path / "parts"))
 

@@ -111,7 +111,7 @@ def test_a_signal_during_the_packing(tmp_path):
     assert result.returncode == 0 and "continuing at t =" in result.stdout and "packed" not in result.stdout
 
 
-# --- Nobody listens
+# --- Closed output
 
 @pytest.mark.parametrize("how", ["pipes", "closed", "full"])
 def test_output_that_nobody_reads(how, tmp_path):
@@ -197,8 +197,8 @@ def test_mpiexec_returns_75(how, tmp_path):
 
 @needs_mpi
 def test_mpiexec_that_is_told_to_end(tmp_path, monkeypatch):
-    """Open MPI's own exit code is 1, whatever the ranks return; it sends them SIGTERM and some time later SIGKILL. It waits
-    for as long in any case, so that the three wait together."""
+    """The exit code of Open MPI is 1 for any codes of the ranks; mpiexec sends them SIGTERM and some time later
+    SIGKILL. mpiexec always waits for this time, so that the three wait together."""
     environment = mpi_environment() | {"OMPI_MCA_odls_base_sigkill_timeout": "3"}
     names = ("TERM", "HUP", "INT")
     with monkeypatch.context() as patient:

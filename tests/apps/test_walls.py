@@ -59,7 +59,7 @@ def test_particles_flow_round_obstacles(tmp_path, outline):
         frames = list(file["frames"].values())
         assert frames[0]["wall_force"].shape == (14, 2)
         assert any(np.abs(frame["wall_force"][10:]).sum() > 0 for frame in frames)  # particles lie on obstacles
-        assert min(frame["positions"][:, 1].min() for frame in frames) > -3  # those that fell were reinserted
+        assert min(frame["positions"][:, 1].min() for frame in frames) > -3  # fallen particles were reinserted
         stored = json.loads(file["manifest/options"][()])
     assert stored["outline"]["value"].split() == "1.75 0 4 1 5 4 3.5 6 5 9".split()
     assert stored["hopper_width"]["value"] == 3.5
@@ -109,7 +109,7 @@ WEDGE = {"hopper_width": 3, "hopper_wall_distance": 12, "hopper_angle": 45, "n":
 
 @pytest.mark.parametrize("left", [0, 20])
 def test_a_wedge_with_walls_of_different_angles(tmp_path, left):
-    """Particles stay inside, are counted and come back, and those of a discharge all leave."""
+    """Particles stay inside, are counted and reinserted; in a discharge, all particles leave."""
     top = 9 / (1 + np.tan(np.radians(left)))
     for flow in ("continuous", "discharge"):
         run = pliant("hopper", **WEDGE, hopper_angle_left=left, flow=flow, t_end=12 if flow == "continuous" else 200,

@@ -1,4 +1,4 @@
-// The helper that judges derivatives: it rejects derivatives that it cannot resolve.
+// The helper that checks derivatives rejects derivatives that it cannot resolve.
 #include <catch2/catch.hpp>
 
 #include "support/taylor.h"
@@ -24,7 +24,7 @@ TEST_CASE("an order of a remainder that is below rounding is none, unless an err
   // Rounding hides the remainder, but not an error of the gradient.
   CHECK(gradient_order(cubic(0, 1), x, p, 1e-8) > 1e6);
   CHECK(gradient_order(cubic(0.1, 1), x, p, 1e-8) == Approx(1).margin(0.05));
-  // It hides both.
+  // The rounding of a large constant hides both.
   for (const Real wrong : {0.0, 0.1}) CHECK_FALSE(gradient_order(cubic(wrong, 1e6), x, p, 1e-8) > 0);
 }
 

@@ -117,7 +117,7 @@ TEST_CASE("scenarios speak of parameters by their roles") {
   CHECK(offer.choice.option(Role::contact_energy) == "-e_c");
   CHECK(offer.choice.options({Role::perimeter, Role::bending}) == "-k_l or -k_b");
 
-  // A scenario sets a parameter itself: it is no option.
+  // A parameter that the scenario sets is not an option.
   ModelChoice choice({catalogue_model(ModelKind::bubble)});
   choice.keep(Role::mean_radius);
   Options options;

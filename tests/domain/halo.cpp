@@ -202,8 +202,8 @@ Configuration<D> with_image(const Configuration<D>& c, Index m, const Vec<D>& by
   return two;
 }
 
-/// Whether ghosts are images or copies of the right particles, none of them twice, and whether all that is within reach
-/// of an own particle is there.
+/// Whether ghosts are images or copies of the right particles, without duplicates, and whether all particles that an
+/// owned particle can touch are present.
 template <int D>
 void check_images(const Domain<D>& domain, const Box<D>& box) {
   const Topology &t = domain.topology, &from = domain.all.topology;

@@ -57,7 +57,7 @@ TEST_CASE("broadcasts from any rank", "[ranks]") {
   const int r = ranks.rank();
   for (int from = 0; from < ranks.size(); ++from) {
     CHECK(ranks.broadcast(Record{r, 0.5 * r}, from) == Record{from, 0.5 * from});
-    std::vector<int> values(2 * r + 1, r);  // of another length on each
+    std::vector<int> values(2 * r + 1, r);  // a different length on each rank
     ranks.broadcast(values, from);
     CHECK(values == std::vector<int>(2 * from + 1, from));
   }

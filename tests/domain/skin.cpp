@@ -29,7 +29,7 @@ TEST_CASE("from any start the skin settles where lists cost least", "[skin]") {
   CAPTURE(dim, start);
   const Real width = 1, speed = 40, bare_pairs = 3, rebuild = dim == 2 ? 60 : 150;
   const auto pairs = [&](Real s) { return bare_pairs * std::pow(width + s, dim); };
-  Real least = 0.01;  // the skin of least cost, by looking at them all
+  Real least = 0.01;  // the skin of least cost, by comparing all
   const auto cost = [&](Real s) { return pairs(s) + rebuild / (speed * s); };
   for (Real s = least; s < width; s += 1e-4)
     if (cost(s) < cost(least)) least = s;

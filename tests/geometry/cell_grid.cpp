@@ -66,7 +66,7 @@ TEST_CASE("a grid of unused points, of one point and of points in one place") {
 }
 
 TEMPLATE_TEST_CASE_SIG("points far away cost no memory", "", ((int D), D), 2, 3) {
-  // With cells of the asked size the grid would need 1e18 cells or more: it could not be built at all.
+  // With cells of the requested size the grid would need 1e18 cells or more, and could not be built.
   Random random(D);
   std::vector<Real> x = cloud<D>(random, 200, 5);
   for (int k = 0; k < D; ++k) x[k] = 1e9, x[D + k] = -1e9;

@@ -62,7 +62,7 @@ TEST_CASE("capacity and inside of outlines with obstacles", "[container]") {
   CHECK(container.inside(2, {0, 1}));
   CHECK_FALSE(container.inside(2, {0, 4}));       // in the disk
   CHECK_FALSE(container.inside(2, {-1.4, 1.8}));  // in the triangle
-  CHECK(container.inside(2, {-1.9, 2.6}));        // beside it
+  CHECK(container.inside(2, {-1.9, 2.6}));        // next to it
   CHECK(container.inside(2, {3.5, 3}));           // over the overhang
   CHECK_FALSE(container.inside(2, {3.5, 2}));     // under it
   CHECK_FALSE(container.inside(2, {-3.9, 4}));
@@ -194,7 +194,7 @@ TEST_CASE("a hopper and the same outline push alike, in corners too", "[containe
     CHECK(energy(once, r) == Approx(energy(drawn, r)).margin(1e-12));
     most = std::max(most, energy(literal, r) - energy(once, r));
   }
-  CHECK(most > 0.3);  // of points close to a corner
+  CHECK(most > 0.3);  // reached close to a corner
 }
 
 TEST_CASE("a particle can fall to where no wall is in the way", "[container]") {
@@ -205,7 +205,7 @@ TEST_CASE("a particle can fall to where no wall is in the way", "[container]") {
   CHECK_FALSE(can(0, 5.1, 0.5));  // touches the disk
   CHECK(can(0, 5.21, 0.5));
   CHECK_FALSE(can(0, 2, 0.5));    // under it
-  CHECK_FALSE(can(1.1, 2, 0.5));  // beside it, no room to pass
+  CHECK_FALSE(can(1.1, 2, 0.5));  // next to it, too narrow
   CHECK(can(1.21, 2, 0.5));
   CHECK_FALSE(can(-3.5, 3, 0.3));  // under the wall that leans
   CHECK_FALSE(can(4.7, 3, 0.1));   // inside, but to the side of the inflow

@@ -37,7 +37,7 @@ TEST_CASE("walls of the hopper") {
     CHECK(nearest(flat, Vec<2>(side * 4, 1e3)) == Approx(1));
   }
   CHECK(nearest(flat, Vec<2>(0, 0)) == Approx(2));  // open
-  // Walls lie where half_width says.
+  // Walls lie at half_width.
   for (const Real y : {0.5, 1.7, 2.9, 3.1, 8.0}) CHECK(nearest(flat, Vec<2>(hopper.half_width(y), y)) < 1e-14);
 
   const Walls<3> revolved = hopper.walls<3>();

@@ -85,7 +85,7 @@ TEST_CASE("a solid moves with its velocity and keeps its place when that changes
   CHECK(distance(4.5) == Approx(0.5));
   walls.set_motion(0, {.amplitude = {0, 2}, .frequency = pi, .phase = pi / 2, .since = 5});
   CHECK(distance(5) == Approx(0).margin(1e-12));
-  CHECK(distance(6) == Approx(4));  // it was at its top
+  CHECK(distance(6) == Approx(4));  // the wall passed its highest position
   walls.set_motion(0, {.since = 6});
   CHECK(distance(60) == Approx(4));
   walls.set_motion(0, {.spin = pi / 2, .pivot = {5, -1.5}, .since = 7});
@@ -344,7 +344,7 @@ TEMPLATE_TEST_CASE_SIG("what touches is where the walls are nearest, and what is
                        "[motion]", ((int D), D), 2, 3) {
   const int kind = GENERATE(0, 1, 2, 3);
   Random random(kind + 40);
-  Walls<D> walls = moving_walls<D>(random, kind), before = walls;  // of which nothing is ever prepared
+  Walls<D> walls = moving_walls<D>(random, kind), before = walls;  // without prepared positions
   int touching = 0;
   for (int k = 0; k < 200; ++k) {
     const Real t = random(1, 3);

@@ -68,7 +68,7 @@ void for_each_cloud(Body&& body) {
 
 constexpr Real skin = 0.15;
 
-/// Takes the results of a search; the contact distance, where there is one, must be that of the pair.
+/// Takes the results of a search; the contact distance, if given, must belong to the pair.
 template <class C>
 auto collect(const C& c, std::vector<Pair>& found, Edges edges = Edges::wide) {
   return [&c, &found, edges](Index i, Index j, auto... reach) {

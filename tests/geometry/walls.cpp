@@ -132,7 +132,7 @@ TEST_CASE(
     CHECK((inside.curvature - outside.curvature).norm() < 1e-6);
   }
   CHECK(at(axis_width, 1).d == std::hypot(axis_width - 0.7, 0.9 - 0.2) - 0.1);
-  CHECK(at(0, 2).d == Approx(1.9));  // level: the axis is no kink
+  CHECK(at(0, 2).d == Approx(1.9));  // level: no kink at the axis
   CHECK(at(0.02, 3).d == Approx(std::hypot(0.02, 1.9) - 0.4));
   // By how much a ring comes nearer on the axis.
   CHECK(std::hypot(0.7, 0.7) - 0.1 - at(0, 1).d == Approx(0.375 * axis_width * std::sqrt(0.5)).epsilon(0.02));

@@ -2,8 +2,8 @@
 """Checks run.xdmf against run.h5: check_xdmf.py FOLDER prints "frames cells" or the fault (exit 1).
 
 Every dataset that the XML names exists with the stated shape and type, connectivities decode to the stated number of
-cells over existing points, fields have one value per cell or point and are those of run.h5, times increase. All grids
-have the same fields, with constants where a cell has no such value. Exit 77: h5py is not installed.
+cells over existing points, fields have one value per cell or point, equal to run.h5, and times increase. All grids have
+the same fields, with constants where a cell has no such value. Exit 77: h5py is not installed.
 """
 import os
 import sys

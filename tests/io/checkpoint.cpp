@@ -111,7 +111,7 @@ TEST_CASE("the checkpoint that a run goes on from is the last to be overwritten"
   CheckpointWriter writer(folder.path());
   write(writer, make_checkpoint(1));
   write(writer, make_checkpoint(2));
-  CheckpointWriter again(folder.path(), folder / "checkpoint-a.h5");  // the other one was no good
+  CheckpointWriter again(folder.path(), folder / "checkpoint-a.h5");  // the other checkpoint was damaged
   write(again, make_checkpoint(3));
   CHECK(read_checkpoint(folder / "checkpoint-a.h5").step == 1);
   CHECK(read_checkpoint(folder / "checkpoint-b.h5").step == 3);

@@ -180,7 +180,7 @@ TEST_CASE("HDF5 errors name file, object and reason, and print nothing") {
   H5Eget_auto2(H5E_DEFAULT, &before, &data);
   REQUIRE(before != nullptr);  // the printing that must not happen is on outside
 
-  // Whatever reaches the standard error stream lands in a file.
+  // The standard error stream is redirected to a file.
   const std::string printed = folder / "stderr";
   const int saved = ::dup(2);
   REQUIRE(std::freopen(printed.c_str(), "w", stderr) != nullptr);

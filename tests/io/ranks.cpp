@@ -28,7 +28,7 @@ class CommonFolder {
     ranks.broadcast(name);
     path_ = std::string(name.begin(), name.end());
   }
-  ~CommonFolder() { ranks_.any(false); }  // nobody is in it any more
+  ~CommonFolder() { ranks_.any(false); }  // waits until no rank uses the folder
   const std::filesystem::path& path() const { return path_; }
 
  private:
@@ -115,7 +115,7 @@ TEST_CASE("ranks write their shares of a frame into one file, as one rank the wh
         if (one.has_group(path)) continue;
         CHECK(many.shape(path) == one.shape(path));
         CHECK(many.holds_integers(path) == one.holds_integers(path));
-        const bool equal = many.read<double>(path) == one.read<double>(path);  // nobody wants to see them all
+        const bool equal = many.read<double>(path) == one.read<double>(path);  // avoids printing all values
         CHECK(equal);
       }
     }

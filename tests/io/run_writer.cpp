@@ -143,7 +143,7 @@ TEST_CASE("frames have no copies for run.xdmf: centres of disks and vectors of t
   }
   const std::uint64_t n = 4, points = topology.offset.back(), reals = 4 * points + (polygons ? 4 : 0) * n + 4;
   CHECK(bytes == 8 * reals + 9 * n + 1000 * (2 * 8 + 2 * 7 * 8));
-  // Beside them some kilobytes for the structure of a frame.
+  // In addition, some kilobytes for the structure of a frame.
   const auto end = std::filesystem::file_size(scratch / "run.h5");
   CHECK(end < 2 * bytes + 60000);
 }
@@ -167,7 +167,7 @@ TEST_CASE("frames hold the fields that they are to hold") {
     }
   }
   CHECK(check_xdmf(scratch.path()) == std::to_string(lists.size()) + " " + std::to_string(cells));
-  { auto writer = RunWriter::append(scratch.path(), topology, 0, lists.size()); }  // writes run.xdmf anew
+  { auto writer = RunWriter::append(scratch.path(), topology, 0, lists.size()); }  // writes run.xdmf again
   CHECK(check_xdmf(scratch.path()) == std::to_string(lists.size()) + " " + std::to_string(cells));
 
   const auto file = File::open_read(scratch / "run.h5");
@@ -219,7 +219,7 @@ TEST_CASE("real numbers of frames in single precision, compressed") {
       }
       CHECK((frame.read<Index>("contacts/particles") == data.particles));
     }
-    // And the run can go on, in another format: all checksums fit.
+    // And the run can continue, in another format: all checksums agree.
     auto writer = RunWriter::append(folder, topology, 0, 1);
     CHECK(writer.damage().empty());
     if (contacts > 7) continue;
@@ -256,7 +256,7 @@ TEST_CASE("run.xdmf is valid after every frame and names only what is there") {
     const std::size_t contacts = k == 1 ? 0 : 2 + static_cast<std::size_t>(k);
     writer.write_frame(FrameData(topology, k, contacts).frame());
     cells += 4 + 2 * static_cast<int>(contacts) + (dim == 2 ? 2 : 0);
-    // The writer has the file open: readers look at a copy, as after a kill.
+    // The writer has the file open: readers use a copy, as after a kill.
     const ScratchFolder copy;
     for (const char* name : {"run.h5", "run.xdmf"}) std::filesystem::copy(scratch / name, copy / name);
     CHECK(check_xdmf(copy.path()) == std::to_string(k + 1) + " " + std::to_string(cells));
@@ -353,7 +353,7 @@ TEST_CASE("walls that move are drawn where they are") {
   CHECK(contents(scratch / "run.xdmf").find("/frames/000000/xdmf/wall_points") != std::string::npos);
   CHECK(check_xdmf(scratch.path()) == "1 10");
   {
-    auto writer = RunWriter::append(scratch.path(), topology, 0, 1);  // writes run.xdmf anew
+    auto writer = RunWriter::append(scratch.path(), topology, 0, 1);  // writes run.xdmf again
     CHECK(contents(scratch / "run.xdmf").find("/frames/000000/xdmf/wall_points") != std::string::npos);
   }
 }
@@ -489,7 +489,7 @@ TEST_CASE("a killed run is read up to its last frame") {
         FrameData(topology, 4, 0).positions);
   CHECK(read_series(scratch.path()).at("time").values == std::vector<Real>{0, 1, 2, 3, 4});
   CHECK(check_xdmf(scratch.path()) == "5 50");
-  // And the run can go on.
+  // And the run can continue.
   { RunWriter::append(scratch.path(), topology, 5, 5).write_frame(FrameData(topology, 5, 2).frame()); }
   CHECK(check_xdmf(scratch.path()) == "6 60");
 }
@@ -604,7 +604,7 @@ TEST_CASE("a restart says what is damaged, and goes on where only frames are") {
       CHECK_THAT(writer.damage()[0], Contains("/frames/000001/centres") && Contains("run.h5"));
       writer.write_frame(FrameData(topology, 3, 2).frame());
     }
-    // Nobody asks for it before the run comes to it again.
+    // The missing part is needed only when the run reaches it again.
     CHECK(RunWriter::append(scratch.path(), topology, 3, 1).damage().empty());
     CHECK(check_xdmf(scratch.path()) == "4 40");
   }

@@ -53,7 +53,7 @@ TEST_CASE("no bit of a JSON file can change, and no byte get lost, without notic
   }
   for (std::size_t size = 0; size < whole.size(); ++size)
     CHECK_THAT(refused(whole.substr(0, size)), Contains("a.json is damaged"));
-  // Of an older version.
+  // A summary of an older version.
   CHECK(refused("{\"status\": \"done\"}").empty());
   for (const char* text : {"[]", "3", "null", "[1, 2"}) CHECK_THAT(refused(text), Contains("not a JSON object"));
 }

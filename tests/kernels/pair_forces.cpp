@@ -42,7 +42,7 @@ struct Cloud {
   }
 };
 
-/// Passes on every other vector only: those that an element form adds to its first point.
+/// Passes on every second vector only: the vectors that an element form adds to its first point.
 template <int D, int Sign>
 struct FirstOnly {
   Scatter<D, Sign> scatter;

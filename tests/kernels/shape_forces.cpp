@@ -140,7 +140,7 @@ TEST_CASE("Shape forces of mixed particles are added to the range asked for", "[
     for (Index m = 0; m < t.particles(); ++m)
       if (t.points_of(m) == 1) CHECK((all[2 * t.offset[m]] == 0 && all[2 * t.offset[m] + 1] == 0));
 
-    // Bit by bit the same, whatever stands before and after a particle.
+    // Equal bit for bit, for any neighbours in memory.
     std::vector<Real> one_by_one(c.x.size());
     for (Index m = t.particles() - 1; m >= 0; --m) add(law, c, m, m + 1, one_by_one.data());
     CHECK(one_by_one == all);

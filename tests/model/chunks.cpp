@@ -1,4 +1,4 @@
-// A model on several chunks: the chunks' lists, and their sums, which equal those of a plain loop over all pairs,
+// A model on several chunks: the chunks' lists, and their sums, which equal the sums of a plain loop over all pairs,
 // for any number of threads.
 #include <omp.h>
 #include <catch2/catch.hpp>
@@ -46,7 +46,7 @@ class Threads {
   int before_ = omp_get_max_threads();
 };
 
-/// Particles with ids in another order than their places, a few of them taken out.
+/// Particles with ids in another order than their places, a few of them inactive.
 template <int D>
 Configuration<D> with_ids(Random& random, Configuration<D> c) {
   c.topology.id = random_order(random, c.topology.particles());
@@ -98,7 +98,7 @@ Neighbours<D> brute_force(const Configuration<D>& c, ModelKind kind) {
   return all;
 }
 
-/// A pair as it is found whichever point comes first.
+/// The pair, with the larger point first if the order does not matter.
 Pair ordered(const Pair& p, bool symmetric) { return symmetric && p.first < p.second ? Pair{p.second, p.first} : p; }
 
 /// Every pair is inside one chunk, or across the border of two; there by the rule for who comes first.

@@ -167,7 +167,7 @@ TEST_CASE("a spring is as stiff for large particles as for small ones, in the st
     CHECK(v.slope(size - 0.01) == Approx(-k * 0.01));
     CHECK(v.value(0.9 * size) == Approx(HarmonicOverlap{k * square(size), size}.value(0.9 * size)));
   }
-  // The lighter of two pairs, and of two disks at walls, sets the limit, whatever its size: 2 k/m and k/m.
+  // The lighter of two pairs, and of two disks at walls, sets the limit, for any size: 2 k/m and k/m.
   Topology disks;
   disks.add_soft(0.5, 3);
   disks.add_soft(4, 2);

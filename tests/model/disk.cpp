@@ -17,7 +17,7 @@ std::unique_ptr<ForceField<2>> disks(const DiskParameters& disk, ContactLaw law 
                              {.epsilon = 1e3, .epsilon_wall = 2e3, .law = law, .zeta = 0.1, .disk = disk, .base = base},
                              pliant::Vec<2>(0, -1));
 }
-/// Two that meet, and one that meets a wall. The law's numbers are of no account.
+/// Two that meet, and one that meets a wall. The values of the law do not matter.
 template <int D, class Law>
 void check_damping(Law) {
   Configuration<D> c;
@@ -61,7 +61,7 @@ TEST_CASE("the model disk has its terms and keeps what they need") {
     return all;
   };
   CHECK(names(*field) == std::vector<std::string>{"disk_contact", "disk_wall_contact", "base_friction"});
-  // Where there is no table, or it is smooth, nothing is kept of it.
+  // Without a substrate, or without friction with it, there is no history.
   for (const BaseParameters& none : {BaseParameters{}, {.gravity = 1, .mu = 0, .mu_dynamic = 0}})
     CHECK(names(*on_table(none)) == std::vector<std::string>{"disk_contact", "disk_wall_contact"});
   CHECK(field->rotates());

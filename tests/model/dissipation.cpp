@@ -88,7 +88,7 @@ TEST_CASE("drag on a particle is -zeta times its mean velocity") {
 }
 
 TEMPLATE_TEST_CASE_SIG("drag per mass slows all sizes alike", "", ((int D), D), 2, 3) {
-  // Of one particle of diameter σ_avg it is zeta; masses are those of density 1.
+  // The drag coefficient of one particle of diameter σ_avg is zeta; masses have density 1.
   for (const Real sigma : {1.0, 0.5, 1.4}) {
     const Real mass = std::pow(sigma, D) * (D == 2 ? pi / 4 : pi / 6);
     Configuration<D> c;

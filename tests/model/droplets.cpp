@@ -17,7 +17,7 @@ namespace pliant::test::droplets_test {
 namespace {
 
 constexpr Real f0 = 10, phi_c = 1e-4, a_s = 0.05;  // [T 2.2.2]
-constexpr Real scale = 0.01;                       // of energies of pairs and walls
+constexpr Real scale = 0.01;                       // scale of energies of pairs and walls
 
 template <int D>
 std::unique_ptr<ForceField<D>> contact() {
@@ -120,7 +120,7 @@ void check_walls() {
     check_smooth<D>(*repulsion, make(At::tip), 1e-4, false, scale);
     check_smooth<D>(*attraction, make(At::tip), 1e-4, false, scale);
     check_smooth<D>(*attraction, make(At::far_tip), 1e-4, false, scale);
-    check_smooth<D>(*attraction, make(At::tip_side), 1e-4, false, scale);  // the volume knows of no such border
+    check_smooth<D>(*attraction, make(At::tip_side), 1e-4, false, scale);  // the volume is smooth at this border
     check_boundary<D>(*repulsion, make(At::tip_touch), 1e-4, scale);
     check_boundary<D>(*repulsion, make(At::tip_side), 1e-4, scale);
     check_boundary<D>(*attraction, make(At::tip_onset), 1e-4, scale);

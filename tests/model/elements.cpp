@@ -25,7 +25,7 @@ namespace pliant::test::elements_test {
 
 namespace {
 
-/// A term of one's own: a vertex is pushed away from the middle of an edge, from some way beyond contact on.
+/// A user-defined term: a vertex is pushed away from the middle of an edge, from some way beyond contact on.
 struct MiddleForce {
   Real k;
   static constexpr Real beyond = 0.25;

@@ -66,7 +66,7 @@ TEST_CASE("edge contact of convex polygons is V(distance to the outline), in bot
     const Real da = random(0.05, 0.1), db = random(0.05, 0.1), delta = (da + db) / 2;
     const Polygon hexagon = regular_polygon(6, 0.6, {random(-1, 1), random(-1, 1)}, random(0, 1));
     const Vec<2> u = random.unit<2>(), centre = (hexagon[0] + hexagon[3]) / 2;
-    // From far outside inwards until the tip is within reach of the outline, wherever that is: edge or corner.
+    // From far outside inwards until the tip touches the outline, at an edge or a corner.
     Vec<2> tip = centre + 0.8 * u;
     const Real gap = random(0.2, 0.95) * delta;
     while (outline_distance(tip, hexagon) > gap) tip -= 1e-3 * u;
@@ -104,7 +104,7 @@ TEST_CASE("edge contact is C1 along paths around a corner and into a notch") {
     INFO("state " << k);
     Random random(k);
     {
-      // Half a turn about vertex 1, a right-angled corner, beginning and ending on the edges beside it.
+      // Half a turn about vertex 1, a right-angled corner, beginning and ending on the adjacent edges.
       Configuration<2> c;
       const Polygon square_outline{{0, 0}, {1, 0}, {1, 1}, {0, 1}};
       const Real h = random(0.3, 0.7) * smooth_width;
@@ -157,7 +157,7 @@ TEST_CASE("lip and wall terms are C1 when a polygon slides past the lip") {
   for (int k = 0; k < 10; ++k) {
     INFO("state " << k);
     Random random(k);
-    // A square in front of the lip at (1.5, 0): its side, then its corner, pass below and beside the end of the wall.
+    // A square in front of the lip at (1.5, 0): its side, then its corner, pass below and next to the end of the wall.
     Configuration<2> c;
     c.walls = test_hopper(90).walls<2>();
     const Real h = random(0.3, 0.7) * smooth_width / 2;
@@ -187,14 +187,14 @@ TEST_CASE("a vertex enters a stretched edge of a rough particle unnoticed, but f
   literal.rough_edges = false;
   const auto closed = make_force_field<2>(ModelKind::rough, p, Vec<2>::Zero()),
              open = make_force_field<2>(ModelKind::rough, literal, Vec<2>::Zero());
-  for (const Real other : {0.3, 1.0, 1.7})  // diameter of the vertex over that of the edge
+  for (const Real other : {0.3, 1.0, 1.7})  // diameter of the vertex over the diameter of the edge
     for (const Real stretch : {1.0, 1.7, 2.5}) {
       INFO("stretch " << stretch << ", other " << other);
       const Polygon outline = regular_polygon(16, 1, {0, 0}, -pi / 2 - pi / 16);
       const Real length = (outline[1] - outline[0]).norm(), rest = length / stretch, width = other * rest;
       REQUIRE(outward(outline, 0)[1] == Approx(-1));
       const Real bottom = outline[0][1];
-      // Where its disk touches those of both ends, as far as they reach that far.
+      // The place where its disk touches the disks of both ends, if they extend so far.
       const Real touch = std::sqrt(std::max(0.0, square((rest + width) / 2) - square(length / 2)));
       if (stretch == 1) CHECK(touch > width / 2);  // at rest the disks of the ends are nearer
       Real highest = 0;
@@ -208,7 +208,7 @@ TEST_CASE("a vertex enters a stretched edge of a rough particle unnoticed, but f
         if (stretch > 1 + other) CHECK(without == 0);  // the hole
         highest = std::max(highest, with - without);
       }
-      // V at a distance of 0, and a little of the ends' disks against the edges beside the vertex.
+      // V at a distance of 0, and a small contribution of the ends' disks against the edges adjacent to the vertex.
       CHECK(highest > 0.99 * epsilon / 8);
       CHECK(highest < 1.05 * epsilon / 8);
     }
@@ -273,7 +273,7 @@ TEST_CASE("the gap between outlines is the smallest distance of a vertex, up to 
     Real delta;
     bool rough_edges = true;
   };
-  // Edges are 0.5 long. Without a list of vertices and edges, too, where points have none with the middle of an edge.
+  // Edges are 0.5 long. Also without a list of vertices and edges, if no pair of points lists the middle of an edge.
   for (const Case& look :
        {Case{"smooth", ModelKind::smooth, 0.1}, Case{"rough", ModelKind::rough, 0.5},
         Case{"literal", ModelKind::rough, 0.5, false}, Case{"literal, long edges", ModelKind::rough, 0.2, false}}) {
@@ -310,7 +310,7 @@ TEST_CASE("a vertex inside an outline is found as deep as is asked for") {
     for (const Real depth : {0.04, 0.2}) {
       INFO((rough ? "rough" : "smooth") << ", " << depth);
       Configuration<2> c;
-      const Real radius = std::sqrt(0.75);  // of the circle in the hexagon
+      const Real radius = std::sqrt(0.75);  // radius of the inscribed circle of the hexagon
       c.add_polygon(regular_polygon(6, 1), 0.1);
       c.add_polygon(wedge({0, radius - depth}, {0, 1}), 0.1);
       Neighbours<2> neighbours(needs_of<2>(rough ? ModelKind::rough : ModelKind::smooth, {.rough_edges = false}), 0.02);

@@ -75,7 +75,7 @@ TEST_CASE("a disk slides v²/(2μg) and then rests") {
       farthest = std::max(farthest, disk.position().norm());
       return AfterStep::proceed;
     });
-    // It stops with the spring stretched by `give`, and comes to rest where that is relaxed.
+    // The disk stops with the spring stretched by `give`, and comes to rest where the spring is relaxed.
     const Real distance = 1.0 / (2 * 0.3 * 10);
     CHECK(farthest == Approx(distance).epsilon(1e-6));
     CHECK(disk.position().norm() == Approx(distance - give).epsilon(1e-5));
@@ -85,7 +85,7 @@ TEST_CASE("a disk slides v²/(2μg) and then rests") {
     const auto heat = disk.s->particles().history().of("base_friction").heat();
     CHECK(heat[0] + heat[1] == Approx(disk.mass / 2).epsilon(1e-3));
     CHECK(heat[1] > 0.99 * disk.mass / 2);
-    // It has stopped for good.
+    // The disk stays at rest.
     disk.s->advance(disk.s->state().t + 200 * std::sqrt(give));
     const pliant::Vec<2> rest = disk.position();
     CHECK(disk.velocity().norm() < 1e-9);

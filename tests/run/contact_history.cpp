@@ -53,7 +53,7 @@ std::size_t contacts(const Simulation<2>& s, std::string_view term = "tangential
   return s.particles().history().of(term).contacts().keys.size();
 }
 
-/// Torques on the particles of a state that is looked at, not reached.
+/// Torques on the particles of a trial state.
 std::vector<Real> torques(Simulation<2>& s, const std::vector<Real>& x) {
   std::vector<Real> f(x.size());
   s.particles().field().forces(s.particles().view(x.data(), s.state().v().data()), f.data());
@@ -80,7 +80,7 @@ struct Pile {
   }
 };
 
-/// Both histories, of all ranks: sorted, and how many have others than their twins on another rank.
+/// Both histories, of all ranks: sorted, and the number of entries that differ from their twins on another rank.
 struct AllContacts {
   std::vector<ContactKey> keys;
   std::vector<Real> values;
@@ -175,7 +175,7 @@ TEST_CASE("parts of walls that are one surface have one contact with a point") {
   };
   table.assign({{1, 5}, {1, 7}, {1, 5}});  // elements 0 and 2 are of surface 5
   CHECK(step({0}) == std::vector<Real>{0});
-  CHECK(step({2}) == std::vector<Real>{1});  // the contact has gone on to the other part
+  CHECK(step({2}) == std::vector<Real>{1});  // the contact has moved to the other part
   CHECK(table.past(0)[0] == 2);
   CHECK(table.past(2)[0] == 2);
   CHECK(table.past(1).empty());
@@ -246,9 +246,9 @@ TEST_CASE("a disk that slides on a floor comes to roll at 2/3 of its velocity") 
     start(*s, c, {0}, {0});
     s->advance(0.9 * rolls_at);
     const auto slip = [&] { return s->state().v()[0] + 0.5 * s->spins()[0]; };
-    CHECK(slip() == Approx(0.1).margin(0.025));  // it begins when the spring is stretched
+    CHECK(slip() == Approx(0.1).margin(0.025));  // sliding begins when the spring is stretched
     s->advance(3 * rolls_at);
-    // It has met the rolling motion with a spring that is stretched, and swings about it.
+    // The sphere starts rolling with a stretched spring, and oscillates about the rolling motion.
     Real sum = 0, most = 0;
     int count = 0;
     s->advance(s->state().t + 2, [&](State& state) {
@@ -278,7 +278,7 @@ TEST_CASE("a contact that sticks is integrated at the order of the method") {
     c.v = {0.1, 0};
     const auto s = frictional(c, std::move(by), Sorting::never, Ranks(), {0, -weight});
     start(*s, c, {0}, {0});
-    s->particles().accepted(0, s->state().x().data(), s->state().v().data(), 0);  // it touches already
+    s->particles().accepted(0, s->state().x().data(), s->state().v().data(), 0);  // the particles touch already
     s->advance(0.4);
     const Real m = c.topology.point_mass[0], omega = std::sqrt(k_t * (1 / m + 0.25 / c.topology.inertia[0])), t = 0.4,
                q = 0.1 / omega * std::sin(omega * t);

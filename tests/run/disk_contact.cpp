@@ -1,4 +1,4 @@
-// Disks that collide and rub.
+// Collisions of disks with friction.
 #include <petscsys.h>
 
 #include <catch2/catch.hpp>

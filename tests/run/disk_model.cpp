@@ -1,5 +1,5 @@
-// Disks that rub against each other, walls and a table at the same time. Cases with the tag work on any number of
-// ranks.
+// Disks with friction against each other, walls and a substrate at the same time. Cases with the tag work on any number
+// of ranks.
 #include <petscsys.h>
 
 #include <catch2/catch.hpp>
@@ -115,7 +115,7 @@ TEST_CASE("contacts that the last forces found are advanced like those that are 
 }
 
 TEST_CASE("ranges of elements have the forces of all their elements, bit for bit") {
-  Index some = 0, apart = 0;  // of fours that are not full; of elements
+  Index some = 0, apart = 0;  // incomplete groups of four; separate elements
   for (const std::uint64_t seed : {6, 7, 8}) {
     const auto s = Crowd(seed).simulation();
     s->advance(0.05);
@@ -153,7 +153,7 @@ TEST_CASE("ranges of elements have the forces of all their elements, bit for bit
 }
 
 TEST_CASE("a table resists all disks together as each by itself") {
-  for (const Index rows : {1, 2, 3, 4}) {  // of five: eights, a four and the rest
+  for (const Index rows : {1, 2, 3, 4}) {  // rows of five: groups of eight and four, and the rest
     const auto s = Crowd(9, 5, rows).simulation();
     s->advance(0.05);
     const StateView<2> view = s->view();

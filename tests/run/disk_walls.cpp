@@ -134,7 +134,7 @@ TEST_CASE("walls of other materials have friction of their own") {
   for (const Real phi : {limit - 0.03, limit + 0.03}) {
     INFO("slope " << phi << ", limit " << limit);
     const Real rolls = 2.0 / 3 * std::sin(phi), slides = std::sin(phi) - mu * std::cos(phi);
-    const auto [v, turns] = down(2, 0, mu, phi);  // while material 0 has none at all
+    const auto [v, turns] = down(2, 0, mu, phi);  // while material 0 has no friction
     CHECK(v == Approx(phi < limit ? rolls : slides).epsilon(1e-3));
     CHECK(turns == Approx(phi < limit ? rolls : 2 * mu * std::cos(phi)).epsilon(1e-3));
     CHECK(down(0, mu, 0, phi).first == Approx(v).epsilon(1e-12));
@@ -144,7 +144,7 @@ TEST_CASE("walls of other materials have friction of their own") {
     CHECK(down(1, 0, mu, phi).first == Approx(rolls).epsilon(1e-3));
   }
   CHECK_THROWS_WITH(down(3, 0, mu, 0.1), Catch::Contains("of the material 3"));
-  // The step of a wall that rubs counts where the first does not.
+  // The step limit of a wall with friction counts if the first wall has no friction.
   Configuration<2> c;
   c.add_soft(1, {0, 0});
   const DiskWallContact<> smooth{epsilon, {}}, one{epsilon, {}, OtherMaterials({{0.1, 0.1}})};

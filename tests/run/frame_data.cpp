@@ -95,7 +95,7 @@ TEST_CASE("a frame has particles and contacts in the order of the ids", "[frame]
 
 namespace {
 
-/// Row k of the sums of the forces of contacts with wall k, and the same of −wall_force.
+/// Row k: the sum of the forces of contacts with wall k, and −wall_force.
 template <int D>
 void check_sums(const Frame& f) {
   std::vector<Real> sum(f.wall_force.size(), 0);

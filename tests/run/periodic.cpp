@@ -105,7 +105,7 @@ TEST_CASE("a run in a periodic box writes the box and how often particles have g
   CHECK(std::ranges::min(x) >= 0);
   CHECK(std::ranges::max(x) <= length);
   CHECK(std::ranges::max(images) >= 1);
-  // Nobody is faster than 6, wherever the border is.
+  // No particle is faster than 6, for any position of the border.
   Real farthest = 0, wrapped = 0;
   for (std::size_t k = 0; k < x.size(); ++k) {
     farthest = std::max(farthest, std::abs(x[k] + length * images[k] - before[k] - length * images_before[k]));

@@ -1,5 +1,5 @@
-// Particles that rotate: angles and spins beside positions and velocities. Cases with the tag work on any number of
-// ranks.
+// Particles that rotate: angles and spins in addition to positions and velocities. Cases with the tag work on any
+// number of ranks.
 #include <petscsys.h>
 #include <catch2/catch.hpp>
 
@@ -14,7 +14,7 @@ namespace pliant::test::rotation_test {
 
 namespace {
 
-/// Disks or balls in a block, in contact, turned and spinning.
+/// Disks or spheres in a block, in contact, turned and spinning.
 template <int D>
 struct Block {
   Configuration<D> c;

@@ -1,4 +1,4 @@
-// Balls that collide, roll and rub in space. Cases with the tag work on any number of ranks.
+// Spheres that collide and roll with friction. Cases with the tag work on any number of ranks.
 #include <petscsys.h>
 
 #include <Eigen/Geometry>
@@ -395,7 +395,7 @@ TEST_CASE("the energy that balls lose to each other and to walls is heat") {
 
 namespace {
 
-/// A ball on a plane that leans in any direction: gravity in the frame of the plane, whose normal is z there.
+/// A sphere on a plane that leans in any direction: gravity in the frame of the plane, whose normal is z there.
 struct OnPlane {
   Matrix turn = tilt();
   std::unique_ptr<Simulation<3>> s;

@@ -1,4 +1,4 @@
-// Balls that are led by hand along walls, flat, round and moving, and along each other.
+// Spheres moved along prescribed paths at flat, round and moving walls, and at each other.
 #include <Eigen/Geometry>
 #include <catch2/catch.hpp>
 
@@ -23,7 +23,7 @@ Matrix rotation(Real angle, const Vector& axis) {
   return Eigen::AngleAxis<Real>(angle, axis.normalized()).toRotationMatrix();
 }
 
-/// Balls where they are put, with the velocities that they are given.
+/// Spheres with prescribed positions and velocities.
 struct Led {
   std::unique_ptr<Simulation<3>> s;
   std::vector<Real> x, v;
@@ -47,7 +47,7 @@ struct Led {
   auto spin(Index m) { return point<3>(v.data(), balls() + m); }
   StateView<3> view() { return s->particles().view(x.data(), v.data(), t); }
   void accept(Real h = 1e-3) { s->particles().accepted(t, x.data(), v.data(), h); }
-  /// Of a ball, with the torque.
+  /// Force and torque on a sphere.
   std::pair<Vector, Vector> force(Index m = 0) {
     std::vector<Real> f(x.size());
     s->particles().field().forces(view(), f.data());
@@ -59,7 +59,7 @@ struct Led {
 
 SphereWallContact<> at_wall(const SurfaceFriction& surface) { return {stiff, surface}; }
 
-/// The floor z = 0, and a tube round z, in the frame of the wall; balls that overlap them by 0.15.
+/// The floor z = 0, and a tube round z, in the frame of the wall; spheres that overlap them by 0.15.
 Walls<3> floor(const Motion<3>& motion = {}) {
   Walls<3> walls;
   walls.add(Solid<3>::half_space(Vector::Zero(), {0, 0, 1}), motion);
@@ -252,7 +252,7 @@ TEST_CASE("a ball breaks away from another at the static limit and slides on at 
 
 namespace {
 
-/// A large ball that falls 0.02 onto a ring, a cone or a lip from beside their axis, with gravity.
+/// A large sphere that falls 0.02 onto a ring, a cone or a lip, off their axis, with gravity.
 struct Plug {
   std::unique_ptr<Simulation<3>> s;
 

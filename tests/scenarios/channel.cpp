@@ -95,7 +95,7 @@ TEST_CASE("Channels have their area, and their plungers face into them", "[chann
   check(ChannelKind::t, square + 3 * arm, 3);
   check(ChannelKind::x, square + 4 * arm, 4);
   check(ChannelKind::straight, square + 2 * arm, 2);
-  // Push 0 is that of the plunger at the end of +x.
+  // Push 0 belongs to the plunger at the end of +x.
   CHECK(l.plungers()[0].direction.isApprox(Vec<2>(-1, 0)));
   CHECK(l.plungers()[1].direction.isApprox(Vec<2>(0, -1)));
   CHECK(l.corners().size() == 6);
@@ -258,7 +258,7 @@ TEST_CASE("A plunger is a wall that moves", "[channel][shape]") {
   CHECK(belts.velocity({3, 1}, 1, 1).isApprox(Vec<2>(0.5, 0)));
   CHECK(belts.distance({3, 5}, 0, 1) == Approx(1));
   CHECK(belts.distance({3, 1}, 1, 1) == Approx(1));
-  // Contacts stick to the material of a wall: that is where it was when the wall gets another velocity.
+  // Contacts stick to the material of a wall, which keeps its place when the velocity of the wall changes.
   const Walls<2> stopped = straight.walls({.sheared = 1, .since = 2});
   for (const Index body : {0, 1}) {
     CHECK(stopped.pose(body, 3).shift == belts.pose(body, 2).shift);

@@ -55,7 +55,7 @@ std::string results(const fs::path& folder) {
   return bits;
 }
 
-/// A run that ended with a checkpoint, from which others go on for a little.
+/// A run that ended with a checkpoint, from which other runs continue for a few steps.
 class StoppedRun {
  public:
   StoppedRun(std::string scenario, Arguments arguments, double end, const std::function<bool(const Checkpoint&)>& fit)
@@ -82,8 +82,8 @@ class StoppedRun {
 
   fs::path checkpoint() const { return scratch_ / "first/checkpoint-a.h5"; }
 
-  /// Goes on from a checkpoint that was changed. Returns the message of the InputError that stopped it; empty if it ran
-  /// on. Any other error is the caller's.
+  /// Continues from a changed checkpoint. Returns the message of the InputError that stopped the run, or an empty
+  /// string. Other errors are passed on.
   std::string attempt(const Change& change) {
     fs::remove_all(scratch_ / "again");
     fs::copy(scratch_ / "first", scratch_ / "again");
@@ -221,7 +221,7 @@ bool is_energy(const std::string& name) {
   return name == "start_energy" || name == "withdrawn" || name == "extra" || name.starts_with("audit_");
 }
 
-/// A number that could be the right one: nothing tells that it is not, until the energy audit.
+/// A plausible number: only the energy audit finds that it is wrong.
 bool plausible(const std::string& name, const std::string& how) {
   if (is_energy(name)) return how == "-1" || how == "1e6" || how == "1e300";
   return how == "-1" && (name == "x" || name == "v" || name == "carried" || name == "last_velocity" ||

@@ -65,7 +65,7 @@ json square_and_triangle(const std::string& model = "DP-smooth") {
     "a0": [1, 0.3], "l0": [1, 1], "shape_terms": false}})");
 }
 
-/// Over the lip at (1, 0) of a flat hopper, all its vertices off the lip: one over the hole, one over the base.
+/// Over the lip at (1, 0) of a flat hopper, all its vertices off the lip: one over the hole, one over the floor.
 json square_on_lip(const std::string& model) {
   return json::parse(R"({"model": ")" + model + R"(", "inputs": {
     "vertices": [[[0.5, 0.02], [1.5, 0.02], [1.5, 1.02], [0.5, 1.02]]], "a0": [1], "l0": [1], "delta": [0.1], "shape_terms": false,

@@ -89,7 +89,7 @@ TEST_CASE("standard steps and skins", "[options]") {
   CHECK(resolved({"-mu", "1", "-zeta", "1"}).elastic_fraction(1, 1) == 0.35);
   CHECK(resolved({"-zeta", "1"}).elastic_fraction(1, 1) == 0.4);
   CHECK(resolved({"-flow", "discharge", "-zeta", "0"}).elastic_fraction(1, 1) == 0.2);
-  // A discharge: 2 sqrt(ζ/m · limit), from 0.05 to that of a flow.
+  // A discharge: 2 sqrt(ζ/m · limit), from 0.05 to the value of a flow.
   CHECK(resolved({"-zeta", "1", "-flow", "discharge"}).elastic_fraction(0.01, 1) == Approx(0.2));
   CHECK(resolved({"-zeta", "1", "-flow", "discharge"}).elastic_fraction(0.01, 4) == Approx(0.1));
   CHECK(resolved({"-zeta", "1", "-flow", "discharge"}).elastic_fraction(1, 1) == 0.4);

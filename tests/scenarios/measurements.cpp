@@ -213,7 +213,7 @@ TEST_CASE("no particle above the orifice", "[measurements]") {
   c.add_soft(1, {0, -1});
   c.v = {0, -1};
   auto value = numbers(sample_of<2>(c, ModelKind::sp));
-  CHECK(std::isnan(value["bulk_fraction"]));  // of nothing
+  CHECK(std::isnan(value["bulk_fraction"]));  // no particles
   for (const char* name :
        {"in_hopper", "drag_force", "friction_force", "orifice_density", "top_height", "max_speed", "contact_pairs"})
     CHECK(value[name] == 0);

@@ -1,4 +1,4 @@
-// Which particles are where walls let them be, and which came through the orifice.
+// Detection of particles that passed through walls, and of particles that came through the orifice.
 #include <catch2/catch.hpp>
 
 #include <array>
@@ -92,7 +92,7 @@ TEST_CASE("disks and spheres go by their centres", "[passage]") {
   CHECK(disk_through_wall(flat, {-5.01, 1}));
   CHECK_FALSE(disk_through_wall(sloped, {2.4, 1}));
   CHECK(disk_through_wall(sloped, {2.6, 1}));
-  CHECK_FALSE(disk_through_wall(flat, {7, -1}));  // falls beside
+  CHECK_FALSE(disk_through_wall(flat, {7, -1}));  // falls outside
 }
 
 TEST_CASE("what is outside may be behind the walls, but not go through them", "[passage]") {

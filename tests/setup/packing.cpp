@@ -60,7 +60,8 @@ struct Packed {
     return least;
   }
 
-  /// Area (volume) that the outer disks (spheres) cover, over that of the hopper below the lid, by quadrature.
+  /// Area (volume) that the outer disks (spheres) cover, over the area (volume) of the hopper below the lid, by
+  /// quadrature.
   Real filled() const {
     Real content = 0, room = 0;
     for (Index m = 0; m < topology.particles(); ++m)

@@ -64,7 +64,7 @@ TEST_CASE("normal diameters have their mean and deviation and are cut at three d
   CHECK(std::abs(mean(sigma) - 1) < 4 * 0.1 / std::sqrt(n));
   Real variance = 0;
   for (const Real s : sigma) variance += square(s - 1) / n;
-  // Of a normal distribution cut at ±3: 1 − 6 φ(3)/(2 Φ(3) − 1) = 0.97334 of the variance.
+  // Variance of a normal distribution cut at ±3: 1 − 6 φ(3)/(2 Φ(3) − 1) = 0.97334 of the variance.
   CHECK(variance == Approx(0.97334 * 0.01).epsilon(4 * std::sqrt(2.0 / n)));
   const auto [least, most] = std::minmax_element(sigma.begin(), sigma.end());
   CHECK(*least >= 0.7);

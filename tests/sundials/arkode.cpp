@@ -502,7 +502,7 @@ TEST_CASE("arkode finds the bounces of a ball") {
   petsc_check(TSSetEventHandler(s.ts, 1, direction, terminate, Bounce::event, Bounce::bounce, &ball));
   petsc_check(TSSetEventTolerances(s.ts, 1e-10, nullptr));
   CHECK(s.solve(5) == TS_CONVERGED_TIME);
-  // The dense output has order 5 at most: it is not up to the long steps of a method of order 8.
+  // The dense output has order 5 at most, which is too low for the long steps of a method of order 8.
   const double bound = options == "-ts_arkode_order 8" ? 1e-5 : 1e-7;
   INFO(options << ": " << ball.times.size() << " bounces, evaluations " << counted.calls << ", steps " << s.steps()
                << ", error " << distance(s.values(), Bounce::exact(5)));
@@ -520,7 +520,7 @@ TEST_CASE("arkode ends where TS wants it to") {
     s.configure("-ts_type arkode -ts_dt 0.01" + tolerances(1e-8));
     s.solve(1);
     CHECK(s.time() == 1);
-    s.solve(2.5);  // goes on
+    s.solve(2.5);  // continues
     CHECK(s.time() == 2.5);
     CHECK(distance(s.values(), Kepler::exact(2.5)) < 1e-6);
   }
@@ -552,7 +552,7 @@ TEST_CASE("arkode ends where TS wants it to") {
     s.solve(2);
     petsc_check(TSGetTimeSpanSolutions(s.ts, &n, &solutions));
     REQUIRE(n == 5);
-    // The spans do not go through dense output, whose order is below that of this table.
+    // The spans do not use dense output, whose order is below the order of this table.
     for (int i = 0; i < 5; ++i) CHECK(distance(s.values(solutions[i]), Kepler::exact(times[i])) < 1e-8);
   }
 }
@@ -577,7 +577,7 @@ TEST_CASE("a step of TS may be rolled back and taken in parts") {
   petsc_check(TSStep(s.ts));
   CHECK(s.time() == before + 0.3 * (after - before));
   CHECK(distance(s.values(), Kepler::exact(s.time())) < 1e-6);
-  CHECK(counted.calls <= calls + 1);  // of the dense output of order 4
+  CHECK(counted.calls <= calls + 1);  // for the dense output of order 4
   petsc_check(TSStep(s.ts));
   CHECK(s.time() == after);
   CHECK(s.values() == end);

@@ -17,7 +17,7 @@ Solver kepler(TSRHSFunction rhs = Kepler::rhs, void* context = nullptr) {
   return {{start.begin(), start.end()}, rhs, context};
 }
 
-// y' = f with calls counted, and things that go wrong.
+// y' = f with counted calls, and failures on request.
 struct Decay {
   int calls = 0;
   int fail_at_call = std::numeric_limits<int>::max();
@@ -340,7 +340,7 @@ TEST_CASE("the three ways to end, and interpolation within a step") {
     CHECK(end == 5);
   CHECK(distance(s.values(), Kepler::exact(end)) < 1e-6);
   CHECK(middle.worst < 1e-6);
-  // The step that is announced is the one that comes, unless it is rejected.
+  // The next step has the announced length, unless it is rejected.
   CHECK(middle.steps == s.steps());
   CHECK(middle.kept + s.rejections() >= middle.steps - 1);
   CHECK(middle.kept > middle.steps / 2);
@@ -469,7 +469,7 @@ TEST_CASE("what TSView says") {
   s.use_jacobian(VanDerPol::jacobian, &problem);
   s.configure("-ts_type cvode -ts_dt 1e-6 -ts_cvode_max_order 3 " + tolerances(1e-6));
   s.solve(1);
-  petsc_check(TSRestartStep(s.ts));  // counts go on over restarts
+  petsc_check(TSRestartStep(s.ts));  // counts continue over restarts
   s.solve(2);
   const std::string text = view(s.ts);
   CAPTURE(text);
@@ -504,7 +504,7 @@ TEST_CASE("an error of a callback comes out as it was") {
   s.configure("-ts_type cvode -ts_dt 1e-3 " + options + " " + tolerances(1e-9));
   petsc_check(TSSetMaxTime(s.ts, 5));
   CHECK(TSSolve(s.ts, s.y) == PETSC_ERR_FP);
-  CHECK(problem.calls == at);  // it is not tried again
+  CHECK(problem.calls == at);  // the step is not tried again
 }
 
 TEST_CASE("an exception crosses CVODE") {

@@ -167,8 +167,8 @@ struct Brusselator {
   }
 };
 
-// A ball on a spring that pulls it to x = −1, dropped at rest from x = 1: x'' = −1 − x, y = (x, v). It bounces at x = 0
-// with v ← −restitution v: an event and a jump of the solution, at times that are known.
+// A mass on a spring that pulls it to x = −1, dropped at rest from x = 1: x'' = −1 − x, y = (x, v). The mass bounces at
+// x = 0 with v ← −restitution v: an event and a jump of the solution, at times that are known.
 struct Bounce {
   static constexpr double restitution = 0.9;
   std::vector<double> times;  // of the bounces, as found

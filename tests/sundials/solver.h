@@ -138,7 +138,7 @@ inline std::string view(TS ts) {
   return copy;
 }
 
-// Of name=number in it.
+// The number of name=number in the text.
 inline double number_after(const std::string& text, const std::string& name) {
   const auto at = text.find(name + "=");
   REQUIRE(at != std::string::npos);

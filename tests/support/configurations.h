@@ -19,7 +19,7 @@ namespace pliant::test {
 
 using Polygon = std::vector<Vec<2>>;  // vertices, counter-clockwise
 
-/// Everything a StateView needs. Lists are made valid for whatever positions a view is asked for.
+/// Everything a StateView needs. Lists are made valid for the positions of each view.
 template <int D>
 class Configuration {
  public:
@@ -53,7 +53,7 @@ class Configuration {
     topology.point_mass[m] = area / n;
     topology.inverse_point_mass[m] = n / area;
   }
-  /// A droplet, with the mass ρ R³ that its weight asks for.
+  /// A droplet, with the mass ρ R³ according to its weight.
   void add_droplet(Real radius, const Vec<D>& centre) {
     topology.add_soft(2 * radius, radius * square(radius));
     append(centre);

@@ -16,7 +16,7 @@ inline constexpr int derivative_repeats = 25;
 template <int D>
 using Make = std::function<Configuration<D>(Random&)>;
 
-/// Inside a region of smoothness. `h0` is small beside the distance to the region's boundary.
+/// Inside a region of smoothness. `h0` is small compared with the distance to the region's boundary.
 /// parts: see Functional.
 template <int D>
 void check_smooth(const ForceField<D>& field, const Make<D>& make, Real h0, bool hessian_vanishes = false,
@@ -63,7 +63,7 @@ void check_boundary(const ForceField<D>& field, const Make<D>& make, Real h0, Re
     CHECK(order > 1.9);
     CHECK(least_seen(hessian_order(f, x, p, h0), hessian_order(f, x, -p, h0)) > 0.9);
     const Sides sides = compare_sides(f, x, p, h0);
-    REQUIRE(sides.hessian_jump > 1e-3);  // not trivial: this is a boundary
+    REQUIRE(sides.hessian_jump > 1e-3);  // not trivial: the point lies on a boundary
     CHECK(sides.gradient_jump_order > 0.9);
     CHECK(sides.forward < 1e-6);
     CHECK(sides.backward < 1e-6);

@@ -1,6 +1,6 @@
 // A disk for tests, to be preloaded (LD_PRELOAD): for all files below the folder $PLIANT_DISK_FOLDER it
-// - records every change in $PLIANT_DISK_LOG, in the order in which they are made, whichever process makes them;
-// - is full after $PLIANT_DISK_BYTES bytes, and does not know fallocate, as some file systems.
+// - records every change in $PLIANT_DISK_LOG, of any process, in the order in which they are made;
+// - is full after $PLIANT_DISK_BYTES bytes, and lacks fallocate, as some file systems.
 // The log is a row of records: kind, length of the path (uint32), offset, number of bytes (uint64), path, bytes.
 // Kinds: O created or emptied, W written, T cut or extended to `offset`, R renamed to the path in the bytes, U removed,
 // S synced (a file or a folder).
@@ -33,7 +33,7 @@ static int watched(const char* path) {
 
 static const char* path_at(int fd) { return fd >= 0 && fd < most_files ? path_of[fd] : NULL; }
 
-/// The log, locked, so that its order is that of the changes; -1: nothing is recorded.
+/// The log, locked, so that its order is the order of the changes; -1: nothing is recorded.
 static int begin(void) {
   static int log = -2;
   if (log == -2) {
@@ -95,7 +95,7 @@ int close(int fd) {
 
 // ---- writing
 
-/// How many of `size` bytes at `offset` there is room for; -1, and errno, where there is none.
+/// Number of the `size` bytes at `offset` that fit on the disk; -1, and errno, if none fits.
 static ssize_t room(int fd, off_t offset, size_t size) {
   const char* limit = getenv("PLIANT_DISK_BYTES");
   if (limit == NULL || path_at(fd) == NULL) return (ssize_t)size;

@@ -1,4 +1,4 @@
-// Disks and balls that rotate, with terms that only tests have.
+// Disks and spheres that rotate, with terms that only tests have.
 #pragma once
 
 #include <cmath>
@@ -168,7 +168,7 @@ struct TangentialSpring {
     return true;
   }
   Real energy(const StateView<2>&, const Touch& c) const { return k / 2 * square(c.spring); }
-  /// Of sliding.
+  /// Power of sliding.
   Real power(const StateView<2>& s, const Touch& c) const {
     const pliant::Vec<2> t(-c.n[1], c.n[0]);
     const Real rate =

@@ -84,7 +84,7 @@ inline Real hessian_order(const Functional& f, const VectorXd& x, const VectorXd
 struct Sides {
   Real gradient_jump_order;  ///< of |g(x + h p) − g(x − h p)|: 1 where g is continuous, 0 where it jumps
   Real forward, backward;    ///< |H p − one-sided difference of g| relative to |H|, on the side of +p and of −p
-  Real hessian_jump;         ///< |H p| difference across x relative to |H|: 0 if x is no boundary for this direction
+  Real hessian_jump;         ///< |H p| difference across x relative to |H|: 0 if x is not a boundary for this direction
 };
 
 inline Sides compare_sides(const Functional& f, const VectorXd& x, const VectorXd& p, Real h0) {

@@ -58,7 +58,8 @@ struct Twins {
   /// Where the coordinates of own particle m begin in the whole.
   Index first(Index m) const { return c.topology.offset[shared.topology().id[m]] * D; }
 
-  /// Largest difference between own coordinates and those of the whole, over all ranks; infinity for NaN.
+  /// Largest difference, over all ranks, between the owned coordinates and the coordinates of the full system; infinity
+  /// for NaN.
   Real difference(std::span<const Real> own, std::span<const Real> all) const {
     Real most = 0;
     const Topology& t = shared.topology();

@@ -1,4 +1,4 @@
-// FIRE finds minima and says why it stopped.
+// FIRE finds minima and returns the reason of its stop.
 #include <Eigen/Dense>
 #include <catch2/catch.hpp>
 #include <cmath>

@@ -200,7 +200,7 @@ TEST_CASE("the pattern is that of the lists and follows them") {
   };
   const PetscObjectState before = update();
   check();
-  // Lists are valid still: the same pattern, whatever touches.
+  // Lists are still valid: the pattern is the same for any contacts.
   for (Real& a : c.x) a += random(-0.2, 0.2) * skin;
   const std::int64_t rebuilds = system.neighbours().rebuilds();
   CHECK(update() == before);
@@ -257,7 +257,7 @@ TEST_CASE("the preconditioner solves exactly for a particle that touches nothing
       const VectorXd w = random_vector(random, first ? 2 * n : n);
       CHECK((precondition(jacobian->matrix(), product(jacobian->matrix(), w)) - w).norm() < 1e-10);
     }
-    // A matrix that nobody has prepared is refused.
+    // A matrix without preparation is refused.
     PetscMat other;
     petsc_check(MatCreateSeqAIJ(PETSC_COMM_SELF, n, n, 1, nullptr, other.out()));
     petsc_check(MatAssemblyBegin(other, MAT_FINAL_ASSEMBLY));

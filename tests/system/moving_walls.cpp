@@ -44,7 +44,7 @@ Configuration<D> squeezed() {
   Motion<D> shaken{.amplitude = 0.1 * x + 0.05 * z, .frequency = 5, .phase = 0.4, .pivot = V(1.7 * x)};
   shaken.spin = spin_about<D>(-0.3, z);
   walls.add(Solid<D>::wedge(V(1.5 * x + 0.1 * z), V(x + z), V(x - 0.7 * z)), shaken);
-  // A segment and a disk, which go together; in 3D a plate and a ball.
+  // A segment and a disk, which move together; in 3D a plate and a sphere.
   WallParts lid{{WallSegment::between({0, 0.7}, {3, 0.7}), WallSegment::disk({0, -1.2}, 0.7)}};
   lid.segments[0].origin[0] = D == 2 ? -3 : 0;
   if (D == 2) lid.segments[0].length = 6;
@@ -292,7 +292,7 @@ TEST_CASE("walls that start to move between steps", "[motion]") {
     return AfterStep::proceed;
   });
   CHECK(state.x()[0] > 1);
-  CHECK(state.v()[0] == Approx(6).epsilon(0.01));  // it has bounced off a wall that moves at 3
+  CHECK(state.v()[0] == Approx(6).epsilon(0.01));  // the particle has bounced off a wall that moves at 3
   CHECK_THROWS_WITH(system_of<2>(c, ModelKind::bubble).set_walls(Walls<2>({WallSegment::between({0, 0}, {1, 0})})),
                     Catch::Contains("is a segment"));
 }

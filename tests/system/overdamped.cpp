@@ -60,7 +60,7 @@ std::int64_t iterations(const OverdampedSystem<D>& system) {
   return dynamic_cast<const NeighbourDrag<D>&>(system.mobility()).iterations();
 }
 
-/// B, and the forces/b with those of walls, from all pairs.
+/// B, and the forces/b including walls, from all pairs.
 template <int D>
 void dense(const Configuration<D>& c, const ForceField<D>& field, const NeighbourDragOptions& mobility, Real t,
            MatrixXd& b, MatrixXd& load) {
@@ -167,8 +167,8 @@ TEST_CASE("velocities before that are far from those now do no harm") {
   std::vector<Real> v(8);
   system.set_last({1, 2, -3, 4, 5, -6, 7, 8});
   system.rate(0, c.x.data(), v.data());
-  // Beside such velocities so small a force is lost in rounding; without any the solver's tolerance is relative to
-  // them.
+  // Next to such velocities so small a force is lost in rounding; without velocities the solver's tolerance is relative
+  // to the small force.
   for (const Real a : v) CHECK(a == Approx(0).margin(1e-10));
 }
 
@@ -182,7 +182,7 @@ TEST_CASE("the lagged form tends to the balance, the printed mean does not") {
     OverdampedSystem<2> system = system_of<2>(c, {.beyond_contact = beyond, .coupling = coupling});
     dense<2>(c, system.particles().field(), standard, 0, b, load);
     system.rate(0, c.x.data(), v.data());
-    // The first iteration knows no velocities.
+    // The first iteration has no velocities.
     const MatrixXd first = b.diagonal().cwiseInverse().asDiagonal() * load;
     CHECK((rows_of<2>(v) - first).norm() < 1e-14);
     for (int k = 0; k < 400; ++k) system.rate(0, c.x.data(), v.data());
@@ -247,7 +247,7 @@ TEST_CASE("walls that rub take their part of the power") {
   const PetscOptionScope none("");
   Random random(7);
   Configuration<2> c = heap<2>(random, 12, 3);
-  c.x[0] = -0.05;  // in range of the tip, whatever its radius
+  c.x[0] = -0.05;  // in range of the tip, for any radius
   c.x[1] = 0;
   OverdampedSystem<2> system = system_of<2>(c, {.b = 1.5, .beyond_contact = beyond, .walls = true});
   std::vector<Real> v(c.x.size());
@@ -275,7 +275,7 @@ TEST_CASE("walls that rub take their part of the power") {
 }
 
 TEST_CASE("two droplets come to rest at their distance, at the rate 2 k1/(3 b)") {
-  const std::string type = GENERATE("-ts_type rk -ts_rk_type 4 -ts_adapt_type none -ts_dt 0.1",  // that of the thesis
+  const std::string type = GENERATE("-ts_type rk -ts_rk_type 4 -ts_adapt_type none -ts_dt 0.1",  // method of the thesis
                                     "-ts_type rk -ts_atol 1e-8");
   const PetscOptionScope options(type);
   Configuration<2> c;

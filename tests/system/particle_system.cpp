@@ -100,7 +100,7 @@ void check_system(Random& random, Configuration<D> c, ModelKind kind) {
   twins.load();
   compare(twins);
   CHECK(!twins.shared.migration_due());
-  // Many are: every third one changes places with the one that is opposite in the order.
+  // Many particles change places: every third particle with the opposite one in the order.
   for (Index m = 0; m < n / 2; m += 3) {
     const pliant::Vec<D> by = centre(n - 1 - m) - centre(m);
     shift(m, by);
@@ -114,7 +114,7 @@ void check_system(Random& random, Configuration<D> c, ModelKind kind) {
   CHECK(!twins.shared.migration_due());
 }
 
-/// Runs both, the shared one sorted anew every `period` steps.
+/// Runs both systems; the shared system is sorted every `period` steps.
 template <int D>
 void check_run(Configuration<D> c, ModelKind kind, Integrator& one, Integrator& many, Real t_end, int period) {
   INFO(to_string(kind) << ", " << D << "D, " << one.name());
@@ -197,7 +197,7 @@ TEST_CASE("lists are compared when something may have gone far, and rebuilt as i
     CHECK(twins.shared.neighbours().rebuilds() == always.shared.neighbours().rebuilds());
     CHECK(std::ranges::equal(twins.state.x(), always.state.x()));
     CHECK(std::ranges::equal(twins.state.v(), always.state.v()));
-    // Who asks after the run may ask for anything.
+    // After the run, any query is allowed.
     const std::int64_t rebuilds = twins.shared.neighbours().rebuilds();
     std::vector<Real> x(twins.state.x().begin(), twins.state.x().end()), a(x.size());
     for (Real& coordinate : x) coordinate += 2 * skin;
@@ -259,7 +259,7 @@ TEST_CASE("what goes wrong on one rank stops all", "[ranks]") {
   Configuration<2> c = soft_rows<2>(random, 9, 18);
   Twins<2> twins(c, ModelKind::sp);
   twins.sort();
-  // The root's first particle, whichever that is.
+  // The first particle of the root.
   const Index id = twins.ranks.broadcast(twins.ranks.root() ? twins.shared.topology().id[0] : 0);
   if (twins.ranks.root()) twins.state.x()[1] = std::numeric_limits<Real>::quiet_NaN();
   std::vector<Real> a(twins.state.size());

@@ -99,7 +99,7 @@ struct Result {
   Index contacts = 0;
 };
 
-/// Of the first particles of an open system.
+/// For the first particles of an open system.
 template <int D>
 Result<D> look(ParticleSystem<D>& system, const std::vector<Real>& x, const std::vector<Real>& v, std::size_t n) {
   const StateView<D> s = system.view(x.data(), v.data());

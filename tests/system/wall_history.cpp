@@ -1,4 +1,4 @@
-// Contacts with walls whose history goes on where a particle comes from one segment to the next.
+// The history of wall contacts continues when a particle moves from one segment to the next.
 #include <catch2/catch.hpp>
 
 #include <pliant/geometry/obstacle.h>

@@ -68,7 +68,7 @@ Real energy_error(ModelKind kind, Real dt) {
     rising = std::max(rising, mean_speed());
     return AfterStep::proceed;
   });
-  REQUIRE(pressed > 1e-2 * mass * square(speed) / 2);  // it did touch the floor …
+  REQUIRE(pressed > 1e-2 * mass * square(speed) / 2);  // the particle did touch the floor …
   REQUIRE(rising > 0.3 * speed);                       // … and bounced
   return worst / (mass * square(speed) / 2);
 }

@@ -23,7 +23,7 @@ class DrivenTurn final : public FirstOrderSystem {
   static State start() {
     State s(2, 1);
     s.x()[0] = 1;
-    s.v()[0] = s.v()[1] = 7;  // not looked at
+    s.v()[0] = s.v()[1] = 7;  // not used
     return s;
   }
   static Real error(const State& s) {

@@ -46,7 +46,7 @@ VectorXd end_of(const std::string& options, Real h, TsOptions o) {
   return y_of(s);
 }
 
-/// Mean energy of particles that fall, rub and are about to come to rest, in the last eighth of a run.
+/// Mean energy of falling particles with friction that are about to come to rest, in the last eighth of a run.
 template <class C>
 Real mean_energy(const C& c, ModelKind kind, Integrator& integrator) {
   ModelParameters p = parameters;

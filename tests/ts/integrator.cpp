@@ -193,7 +193,7 @@ TEST_CASE("the observer sees accepted states and stops a run") {
   CHECK(calls == 25);
   CHECK(integrator->statistics().steps == 25);
   CHECK(s.t < 100);
-  integrator->run(system, s, s.t + 0.1, false, {});  // and goes on
+  integrator->run(system, s, s.t + 0.1, false, {});  // and continues
   CHECK(s.t == Approx(t + 0.1).epsilon(1e-14));
   const auto steps = s.step;
   integrator->run(system, s, s.t, false, {});  // nothing left to do

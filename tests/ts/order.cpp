@@ -144,7 +144,7 @@ TEST_CASE("Verlet conserves the energy of a conservative system for long times")
   FixedStepVerlet plain_short(h), plain_long(h);
   TsIntegrator ts_short(o), ts_long(o);
   const Real one = worst(plain_short, period);
-  CHECK(one > 1e-5);  // not exact: the bound below says something
+  CHECK(one > 1e-5);  // not exact: the bound below is significant
   CHECK(worst(plain_long, 500 * period) < 1.5 * one);
   CHECK(worst(ts_long, 500 * period) < 1.5 * worst(ts_short, period));
   // The test can tell: a method of the same order drifts far beyond.
