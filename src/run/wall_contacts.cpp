@@ -9,6 +9,7 @@
 
 #include <pliant/geometry/distance.h>
 #include <pliant/geometry/solid.h>
+#include <pliant/model/polygon.h>
 
 namespace pliant {
 namespace {

@@ -1,0 +1,353 @@
+#include <pliant/system/particle_system.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <unordered_map>
+#include <utility>
+
+#include <pliant/base/log.h>
+#include <pliant/geometry/walls_in_box.h>
+#include <pliant/model/polygon.h>
+
+namespace pliant {
+namespace {
+
+constexpr Index many_strays = 32;
+constexpr std::size_t beyond_caches = 1 << 20;  // coordinates, several arrays of which no cache holds
+
+}  // namespace
+
+template <int D>
+ParticleSystem<D>::ParticleSystem(Topology topology, Walls<D> walls, std::unique_ptr<ForceField<D>> field, Real skin,
+                                  Ranks ranks, const Box<D>& box)
+    : ranks_(ranks),
+      box_(box),
+      topology_(std::move(topology)),
+      walls_(std::move(walls)),
+      field_(std::move(field)),
+      neighbours_(field_->needs(), skin),
+      halo_(ranks, box),
+      history_(field_->history_needs()) {
+  check(walls_);
+  check_points();
+  check_places();
+}
+
+template <int D>
+void ParticleSystem<D>::acceleration(Real t, const Real* x, const Real* v, Real* a) {
+  ++use_.evaluations;
+  const StateView<D> s = view_after(next_change(), x, v, t);
+  const LogScope log(LogEvent::forces);
+  field_->accelerations(s, a);
+  has_found_ = true;
+}
+
+template <int D>
+void ParticleSystem<D>::moved_by(Real change) {
+  change_ = change_.value_or(0) + change;
+}
+
+template <int D>
+bool ParticleSystem<D>::fuses_step() const {
+  return !rotates_or_remembers() && (has_ghosts() || topology_.points() != topology_.particles());
+}
+
+template <int D>
+bool ParticleSystem<D>::fused_step(Real t, std::vector<Real>& x, std::vector<Real>& v, const Advance& advance) {
+  if (rotates_or_remembers()) return ImplicitSystem::fused_step(t, x, v, advance);
+  ++use_.evaluations;
+  const std::optional<Real> since = next_change();
+  if (!hold(since, x.data(), t)) rebuild(x.data(), t);
+  if (has_ghosts()) {
+    const LogScope log(LogEvent::halo);
+    halo_.update(x, v);
+  }
+  narrow(since, x.data());
+  Prefetch prefetch;
+  if (size() >= beyond_caches) {
+    prefetch = advance.arrays;
+    prefetch.add(v.data());
+  }
+  const StateView<D> s{x.data(), v.data(), topology_, neighbours_, walls_, t, prefetch};
+  const LogScope log(LogEvent::forces);
+  std::array<Real, Neighbours<D>::max_chunks> change;
+  const bool finite = field_->accelerations(s, scratch_, [&](Index chunk, const Real* a) {
+    const Range points = neighbours_.points(chunk);
+    change[chunk] =
+        advance.step(static_cast<std::size_t>(points.first) * D, static_cast<std::size_t>(points.last) * D, a);
+  });
+  // Both in one message.
+  const Real largest = *std::max_element(change.begin(), change.begin() + neighbours_.chunks());
+  constexpr Real not_finite = std::numeric_limits<Real>::infinity();
+  change_ = ranks_.max(finite ? largest : not_finite);
+  return change_ != not_finite;
+}
+
+template <int D>
+void ParticleSystem<D>::group_acceleration(TermGroup group, Real t, const Real* x, const Real* v, Real* a) {
+  ++use_.evaluations;
+  const StateView<D> s = view(x, v, t);
+  const LogScope log(LogEvent::forces);
+  field_->group_accelerations(s, group, a);
+}
+
+template <int D>
+void ParticleSystem<D>::accepted(Real t, const Real* x, const Real* v, Real h, bool evaluated) {
+  if (history_.empty()) return;
+  const bool found = evaluated && has_found_;
+  const StateView<D> s = view_after(found ? std::optional<Real>(0) : std::nullopt, x, v, t);
+  field_->accept(s, h, history_, found);
+}
+
+template <int D>
+void ParticleSystem<D>::check_derivatives() const {
+  if (rotates_or_remembers())
+    throw InputError(
+        "particles that rotate and contacts with history have no Jacobian, which this integrator needs; use "
+        "-integrator verlet, or -ts_type rk");
+}
+
+template <int D>
+std::unique_ptr<Jacobian> ParticleSystem<D>::jacobian(JacobianForm form, JacobianKind kind, TermGroup group) {
+  check_derivatives();
+  return make_jacobian(*this, form, kind, group);
+}
+
+template <int D>
+StateView<D> ParticleSystem<D>::view(const Real* x, const Real* v, Real t) {
+  change_.reset();  // wherever x is
+  path_ = std::numeric_limits<Real>::infinity();
+  return view_after({}, x, v, t);
+}
+
+template <int D>
+const Real* ParticleSystem<D>::with_ghosts(const Real* own, std::vector<Real>& storage) const {
+  if (!has_ghosts()) return own;
+  halo_.update(own, storage);
+  return storage.data();
+}
+
+template <int D>
+void ParticleSystem<D>::rebuild(const Real* x, Real t) {
+  travel_ = 0;
+  if (has_ghosts()) find_ghosts(x);
+  const LogScope log(LogEvent::lists);
+  ranks_.together([&] { neighbours_.rebuild(topology_, walls_, has_ghosts() ? x_.data() : x, t); });
+}
+
+template <int D>
+void ParticleSystem<D>::set_walls(Walls<D> walls) {
+  check(walls);
+  walls_ = std::move(walls);
+  neighbours_.invalidate();
+  travel_ = std::numeric_limits<Real>::infinity();
+}
+
+template <int D>
+void ParticleSystem<D>::take(Topology own) {
+  topology_ = std::move(own);
+  neighbours_.invalidate();
+  history_.clear();
+  check_points();
+}
+
+template <int D>
+Migration ParticleSystem<D>::sort(State& state) {
+  const LogScope log(LogEvent::sort);
+  if (tune_skin_ && sort_due()) neighbours_.set_skin(best_skin());
+  if (!box_.open()) wrap(state);
+  Migration migration = plan_migration<D>(ranks_, topology_, state.x().data());
+  move_history(migration);
+  migration.move(topology_);
+  migration.move(state, coordinates());
+  if (!box_.open()) migration.move(state.images);
+  home_is_set_ = migration_due_ = false;
+  rebuild(state.x().data(), state.t);
+  set_use({});
+  return migration;
+}
+
+template <int D>
+void ParticleSystem<D>::wrap(State& state) const {
+  state.images.resize(static_cast<std::size_t>(topology_.owned()));
+  for (Index m = 0; m < topology_.owned(); ++m) {
+    const Image image = box_.image_of(mean_of_points<D>(state.x().data(), topology_, m));
+    if (image == Image{}) continue;
+    const Vec<D> shift = box_.shift(image);
+    for (Index i = topology_.offset[m]; i < topology_.offset[m + 1]; ++i) point<D>(state.x().data(), i) -= shift;
+    for (int k = 0; k < D; ++k) state.images[m][k] += image[k];
+  }
+}
+
+template <int D>
+void ParticleSystem<D>::set_use(const ListUse& use) {
+  use_ = use;
+  sorted_at_ = neighbours_.rebuilds() - use.rebuilds;
+}
+
+template <int D>
+void ParticleSystem<D>::relist(const Real* x, Index m) {
+  if (!has_ghosts() && !neighbours_.reference().empty()) neighbours_.relist(topology_, walls_, x, m);
+}
+
+template <int D>
+void ParticleSystem<D>::deactivate(Index m) {
+  topology_.deactivate(m);
+  neighbours_.invalidate();
+}
+
+template <int D>
+void ParticleSystem<D>::check(const Walls<D>& walls) const {
+  check_walls(box_, walls);
+  field_->check_walls(walls);
+}
+
+template <int D>
+void ParticleSystem<D>::check_points() const {
+  const bool touches = std::ranges::any_of(
+      history_.tables(), [](const ContactTable& table) { return table.needs().elements != Elements::points; });
+  if ((field_->rotates() || touches) && topology_.deformable())
+    throw InputError(
+        "a model with angles or with contact history is for particles of one point; polygons turn by their vertices, "
+        "and keep places on a base alone");
+}
+
+template <int D>
+void ParticleSystem<D>::check_places() const {
+  if (box_.open()) return;
+  for (const ContactTable& table : history_.tables())
+    if (table.needs().elements == Elements::points)
+      throw InputError("the term {} keeps places of particles, which a periodic box shifts; use an open box",
+                       table.needs().name);
+}
+
+template <int D>
+void ParticleSystem<D>::check_lengths() const {
+  Real widest = 0;
+  for (Index m = 0; m < topology_.owned_points(); ++m) widest = std::max(widest, topology_.diameter[m]);
+  const Real least = 2 * (ranks_.max(widest) + neighbours_.margin());
+  for (int k = 0; k < D; ++k)
+    if (box_.length()[k] < least)
+      throw InputError(
+          "the periodic box has the length {:g} in direction {}, but contacts with a history need at least {:.3g}: "
+          "twice the largest diameter and the margin of the neighbour lists",
+          box_.length()[k], k, least);
+}
+
+template <int D>
+void ParticleSystem<D>::move_history(const Migration& migration) {
+  if (!ranks_.several()) return;  // ids stay
+  std::unordered_map<Index, Index> own;
+  for (Index m = 0; m < topology_.owned(); ++m) own[topology_.id[m]] = m;
+  for (const ContactTable& table : history_.tables()) {
+    const int width = table.needs().width;
+    const StoredContacts here = table.contacts();
+    StoredContacts leaving;
+    std::vector<Index> of;
+    for (std::size_t k = 0; k < here.keys.size(); ++k) {
+      const auto follow = [&](Index id) {
+        const auto found = own.find(id);
+        if (found == own.end()) return;
+        of.push_back(found->second);
+        leaving.add(here.keys[k], here.row(k, width));
+      };
+      follow(here.keys[k].first);
+      if (table.pairs()) follow(here.keys[k].second);
+    }
+    history_.set(table.needs().name, {migration.send(leaving.keys, 1, of), migration.send(leaving.values, width, of)});
+  }
+}
+
+template <int D>
+std::optional<Real> ParticleSystem<D>::next_change() {
+  const std::optional<Real> change = std::exchange(change_, {});
+  path_ += std::sqrt(Real(D)) * change.value_or(std::numeric_limits<Real>::infinity());
+  return change;
+}
+
+template <int D>
+bool ParticleSystem<D>::hold(std::optional<Real> change, const Real* x, Real t) {
+  const Real limit = neighbours_.limit();
+  if (change && !walls_.turn_without_end()) {
+    travel_ += std::sqrt(Real(D)) * *change;
+    if (std::max(travel_, neighbours_.farthest_wall(walls_, t)) <= limit * (1 - 1e-12)) return true;
+  }
+  travel_ = ranks_.max(neighbours_.farthest(walls_, x, t));
+  return travel_ <= limit;
+}
+
+template <int D>
+void ParticleSystem<D>::narrow(std::optional<Real> change, const Real* x) {
+  if constexpr (D == 2) {
+    if (neighbours_.vertex_edges.empty()) return;
+    const Real range = neighbours_.skin() / 2;
+    gone_ += std::sqrt(Real(D)) * change.value_or(std::numeric_limits<Real>::infinity());
+    if (neighbours_.narrowed() && 2 * gone_ < range * (1 - 1e-9)) return;
+    neighbours_.narrow(topology_, x, range);
+    gone_ = 0;
+  }
+}
+
+template <int D>
+StateView<D> ParticleSystem<D>::view_after(std::optional<Real> change, const Real* x, const Real* v, Real t) {
+  has_found_ = false;
+  walls_.prepare(t);
+  const bool valid = hold(change, x, t);
+  if (!valid) rebuild(x, t);
+  neighbours_.widen();
+  StateView<D> s{x, v, topology_, neighbours_, walls_, t};
+  if (has_ghosts()) {
+    const LogScope log(LogEvent::halo);
+    if (valid) halo_.update_positions(x, x_);
+    if (v != nullptr) halo_.update(v, v_);
+    s.x = x_.data();
+    if (v != nullptr) s.v = v_.data();
+  }
+  if (rotates_or_remembers()) add_rotations_and_history(s, x, v);
+  return s;
+}
+
+template <int D>
+void ParticleSystem<D>::add_rotations_and_history(StateView<D>& s, const Real* x, const Real* v) {
+  const std::size_t positions = static_cast<std::size_t>(topology_.owned_points()) * D;
+  const auto with_images = [&](const Real* own, std::vector<Real>& storage) {
+    if (!has_ghosts()) return own;
+    halo_.update_rotations(own, storage);
+    return static_cast<const Real*>(storage.data());
+  };
+  if (field_->rotates()) {
+    s.angles = with_images(x + positions, angles_);
+    if (v != nullptr) s.spins = with_images(v + positions, spins_);
+  }
+  if (history_.empty()) return;
+  history_.follow(topology_, walls_, neighbours_);
+  s.history = &history_;
+}
+
+template <int D>
+void ParticleSystem<D>::find_ghosts(const Real* x) {
+  const LogScope log(LogEvent::ghosts);
+  if (!home_is_set_) {
+    halo_.set_home(topology_, x);
+    home_is_set_ = true;
+  }
+  if (!history_.empty()) check_lengths();
+  halo_.build(topology_, x, neighbours_.margin());
+  halo_.update_positions(x, x_);
+  migration_due_ = ranks_.sum(static_cast<std::int64_t>(halo_.strays())) > many_strays;
+}
+
+template <int D>
+Real ParticleSystem<D>::best_skin() const {
+  Real width = 0;
+  for (Index i = 0; i < topology_.owned_points(); ++i) width += topology_.diameter[i];
+  std::array sums{width, static_cast<Real>(topology_.owned_points()), static_cast<Real>(neighbours_.pairs())};
+  ranks_.sum(sums);
+  return pliant::best_skin(neighbours_.skin(), use(), D, sums[2] / sums[1], sums[0] / sums[1]);
+}
+
+template class ParticleSystem<2>;
+template class ParticleSystem<3>;
+
+}  // namespace pliant
