@@ -1,4 +1,4 @@
-// The models that `-model` can name: which terms each is made of.
+// The models of `-model`, each as a list of terms.
 #pragma once
 
 #include <concepts>
@@ -26,7 +26,7 @@ enum class ModelKind {
 
 std::string_view to_string(ModelKind kind);
 
-/// The surroundings of the particles: what a model needs beside the values of its parameters.
+/// The surroundings of the particles, which a model needs in addition to its parameters.
 template <int D>
 struct Surroundings {
   Vec<D> gravity = Vec<D>::Zero();
@@ -36,14 +36,14 @@ struct Surroundings {
   Real rest_stiffness = 1;  ///< unit of the stiffness that keeps them
 };
 
-/// Makes the forces of a model. The terms read their parameters, so these are known by calling it.
+/// Makes the forces of a model. A call also lists the parameters, because the terms read them.
 template <int D>
 using MakeForceField = std::function<std::unique_ptr<ForceField<D>>(ParameterReader& p, const Surroundings<D>& s)>;
 
 /// A model: a named list of terms.
 struct ModelDefinition {
   std::string name, help;
-  ModelKind particles;  ///< shapes and sizes of the particles are those of this model
+  ModelKind particles;  ///< the catalogue model with the same shapes and sizes of particles
   MakeForceField<2> plane = {};
   MakeForceField<3> space = {};  ///< empty, as `plane`, where the model does not exist in so many dimensions
 
@@ -64,8 +64,8 @@ struct ModelDefinition {
 
 const ModelDefinition& catalogue_model(ModelKind kind);
 
-/// A model that a program adds to those of the catalogue. M has, for D = 2, for 3 or for both,
-/// std::unique_ptr<ForceField<D>> force_field(ParameterReader&, const Surroundings<D>&) const.
+/// A model that a program adds to the catalogue. M has, for D = 2, for 3 or for both, std::unique_ptr<ForceField<D>>
+/// force_field(ParameterReader&, const Surroundings<D>&) const.
 template <class M>
 ModelDefinition own_model(std::string name, std::string help, ModelKind particles) {
   ModelDefinition own{.name = std::move(name), .help = std::move(help), .particles = particles};

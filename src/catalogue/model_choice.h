@@ -1,4 +1,4 @@
-// The models that a scenario offers: their options, and the one that a run has.
+// The models that a scenario offers, with their options, and the model of a run.
 #pragma once
 
 #include <initializer_list>
@@ -14,17 +14,17 @@
 
 namespace pliant {
 
-/// Binds the options of the models that a scenario offers. Copies have values of their own; bind one that stays where
-/// it is.
+/// Binds the options of the models that a scenario offers. Copies have separate values; bind an object that is not
+/// moved or copied later.
 class ModelChoice {
  public:
   /// The first model is the default. Errors: std::logic_error for parameters that two terms declare differently.
   explicit ModelChoice(std::vector<ModelDefinition> models, ModelSurroundings surroundings = {});
 
-  std::string name;  ///< of the run's model
+  std::string name;  ///< name of the run's model
 
-  // What a scenario decides, before `bind`.
-  /// Parameters of this role have values that the scenario sets; they are no options.
+  // Choices of a scenario, before `bind`.
+  /// Parameters of this role have values that the scenario sets, and no options.
   void keep(Role role) { kept_.push_back(role); }
   /// Numbers of this role have a default that the scenario finds and sets after `bind`; text: for the help.
   void make_automatic(Role role, const std::string& text);
@@ -34,8 +34,8 @@ class ModelChoice {
     table_.set(role, value);
   }
 
-  /// -model, if there are several, and the parameters of all models, in the group "Model"; those of models that are not
-  /// in the catalogue in groups of their own.
+  /// -model, if there are several, and the parameters of all models, in the group "Model"; parameters of models that
+  /// are not in the catalogue have separate groups.
   void bind(Options& options, const UnitSystem& units);
   /// Errors: InputError for an option that the user has given though the model does not read it. but: parameters of
   /// this term are read by the scenario.
@@ -49,7 +49,7 @@ class ModelChoice {
 
   const ModelDefinition& model() const;
   const std::vector<ModelDefinition>& models() const { return models_; }
-  /// Whether the model is one of those of the catalogue.
+  /// Whether the model belongs to the catalogue.
   bool in_catalogue() const { return in_catalogue(model()); }
   ModelKind particles() const { return model().particles; }
   /// Whether particles are polygons.
@@ -74,7 +74,7 @@ class ModelChoice {
   /// "-e_c", "-k_l or -k_b".
   std::string option(Role role) const { return options({role}); }
   std::string options(std::initializer_list<Role> roles) const;
-  /// Whether a number with this role, of whatever model, has another value than an automatic one that is not known yet.
+  /// Whether a number with this role, of any model, has a value other than an automatic value that is not resolved yet.
   bool is_set(Role role) const;
   void set(Role role, Real value) { table_.set(role, value); }
   void set(Role role, std::string_view choice) { table_.set(role, choice); }

@@ -1,4 +1,4 @@
-// The parameters of several models, by name: what options, input files and the manifest know of them.
+// The parameters of several models, by name, for options, input files and the manifest.
 #pragma once
 
 #include <deque>
@@ -14,10 +14,10 @@
 
 namespace pliant {
 
-/// What of a scenario decides which parameters its models have.
+/// The properties of a scenario that decide which parameters its models have.
 struct ModelSurroundings {
-  bool substrate = false, rest_outlines = false;  ///< of Surroundings
-  std::vector<std::string> materials = {};        ///< of ParameterReader
+  bool substrate = false, rest_outlines = false;  ///< as in Surroundings
+  std::vector<std::string> materials = {};        ///< as in ParameterReader
   Real usual_dynamic_friction = std::numeric_limits<Real>::infinity();
 };
 
@@ -25,7 +25,7 @@ struct ModelSurroundings {
 class ParameterTable {
  public:
   enum class Kind { number, automatic, flag, choice };
-  /// A term that reads a parameter, and what it can choose from.
+  /// A term that reads a parameter, and its choices.
   struct Reading {
     std::string model, term;
     std::vector<std::string> choices;
@@ -46,7 +46,7 @@ class ParameterTable {
     bool flag = false;
     std::string choice = {};
 
-    /// Of a number.
+    /// Value of a number or automatic number.
     Real value() const { return kind == Kind::automatic ? automatic_number.value_or(number) : number; }
     bool read_by(std::string_view model) const { return term_of(model).has_value(); }
     /// The first term of the model that reads it.

@@ -27,7 +27,7 @@ class ParameterValues final : public ParameterReader {
   Real number(const Parameter& p) override { return automatic(p, p.value); }
   Real automatic(const Parameter& p, Real value) override;
   bool flag(const Parameter& p) override { return number(p) != 0; }
-  /// Errors: InputError for a choice that is none of the names.
+  /// Errors: InputError for a choice that is not among the names.
   std::size_t choose(const Parameter& p, std::span<const std::string_view> names) override;
   bool is_set(std::string_view name) const override { return find(name, Role::none) != nullptr; }
 

@@ -13,7 +13,7 @@ class UnitSystem {
  public:
   struct Base {
     std::string name;
-    Dimension power;  ///< its powers in the units of force, length and time: of s in dyn = g cm/s² −2
+    Dimension power;  ///< its powers in the units of force, length and time; for dyn = g cm/s², the power of s is −2
     bool power_of_dimension = false;  ///< the unit of force has another factor name^d, in d dimensions of space
   };
   explicit UnitSystem(std::vector<Base> bases) : bases_(std::move(bases)) {}

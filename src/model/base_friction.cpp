@@ -163,13 +163,13 @@ struct EightOnBase {
 /// with copies of the last: four make the same bits as if they were half of eight.
 template <class Visit>
 PLIANT_INLINE void for_each_eight(const StateView<2>& s, Range range, Visit&& visit) {
-  // Where nobody asks for velocities there may be none.
+  // Velocities may be missing where they are not needed.
   const DisksOnBase all{s.x,
                         s.angles,
                         s.v != nullptr ? s.v : s.x,
                         s.spins != nullptr ? s.spins : s.angles,
                         s.topology.diameter.data(),
-                        s.topology.point_mass.data()};  // of one point each
+                        s.topology.point_mass.data()};  // particles have one point each
   const auto from = [&](Index i) PLIANT_INLINE_LAMBDA {
     const std::ptrdiff_t two = 2 * std::ptrdiff_t(i);
     return DisksOnBase{all.x + two, all.angle + i, all.v + two, all.spin + i, all.sigma + i, all.mass + i};
@@ -213,7 +213,7 @@ struct PastOnBase {
 PLIANT_MULTIVERSION void add_range(const BaseFriction& base, const StateView<2>& s, Range range,
                                    const ContactTable& table, const Scatter<2, 1>& scatter) {
   if (range.size() == 0) return;
-  const BaseFriction law = base;  // nobody else writes to these
+  const BaseFriction law = base;  // a local copy, because the compiler must know that stores do not change it
   const ContactTable::Rows<BaseFriction::history> past(table);
   const Scatter<2, 1> force = scatter;
   Real* next = ContactTable::Ahead<BaseFriction::history>(table).touches(range);

@@ -1,4 +1,4 @@
-// Friction of disks with the table that they lie on.
+// Friction of disks with the substrate.
 #pragma once
 
 #include <algorithm>
@@ -43,15 +43,16 @@ void read_base_friction(ParameterReader& p, T& term, Real contacts) {
 }
 
 /// A disk presses on the plane in which it moves with N = m g, evenly spread over its area, and sticks to it by a
-/// spring at its place r₀ and angle θ₀: the force −k (r − r₀) and the torque −k R² (θ − θ₀), k = ε/σ². Where force and
-/// torque are beyond the limit of Coulomb friction they are the nearest within it, in the metric of the spring, and
-/// r₀ and θ₀ follow: an implicit step of sliding, in the direction in which it takes the most energy. So a disk that
-/// sticks does not creep, and one that slides resists as every piece of its area would, with μ p against its own
-/// velocity: sliding and spinning are coupled, and a sliding disk spins almost freely (LimitSurface). Uncoupled, force
-/// and torque have limits of their own, μN and 2/3 μNR. A disk that sticks begins to slide beyond the limit of
-/// μ_static, and slides with that of μ_dynamic, uncoupled both, until its spring is shorter than that. While it sticks,
-/// −2ζ √(k m) (v, R² ω) is added as far as the limit allows, so that it comes to rest. Kept: r₀, θ₀ and which way it
-/// slides. The energy of the spring is k/2 (|r − r₀|² + R² (θ − θ₀)²). Elements: points.
+/// spring at its place r₀ and angle θ₀: the force −k (r − r₀) and the torque −k R² (θ − θ₀), k = ε/σ². If force and
+/// torque exceed the limit of Coulomb friction, they are projected to the nearest point within the limit, in the metric
+/// of the spring, and r₀ and θ₀ follow. This is an implicit step of sliding, in the direction of largest dissipation.
+/// Therefore a sticking disk does not creep, and a sliding disk has the resistance of its area elements, each with μ p
+/// against its velocity: sliding and spinning are coupled, and a sliding disk spins almost freely (LimitSurface). If
+/// not coupled, force and torque have separate limits, μN and 2/3 μNR. A sticking disk begins to slide at the limit of
+/// μ_static, and slides at the limit of μ_dynamic until the spring force falls below it. If not coupled, this holds for
+/// force and torque separately. While the disk sticks, −2ζ √(k m) (v, R² ω) is added as far as the limit allows, so
+/// that the disk comes to rest. Contact history: r₀, θ₀ and the direction of sliding. The energy of the spring is k/2
+/// (|r − r₀|² + R² (θ − θ₀)²). Elements: points.
 struct BaseFriction {
   Real gravity = 0;  ///< g, normal to the plane
   Real mu_static = 0, mu_dynamic = 0;
@@ -76,19 +77,20 @@ struct BaseFriction {
   bool enabled(const StateView<2>&) const { return !off(); }
   bool off() const { return !(mu_static > 0 && gravity > 0); }
 
-  /// Kept of which way it slides: this, else the slip of the limit surface; uncoupled 1, 2 or 3: force, torque or both.
+  /// Stored direction of sliding: `sticks`, else the slip of the limit surface. If not coupled, 1, 2 or 3: the force,
+  /// the torque or both slide.
   static constexpr Real sticks = -1;
 
   struct Touch {
-    std::array<Real, 4> next;             ///< to keep
+    std::array<Real, 4> next;             ///< next history
     std::array<Real, 2> held;             ///< force of the spring, within the limit
     Real twist;                           ///< and its torque over R
     Real lost;                            ///< energy turned into heat by sliding
-    Real stiffness, gamma, most, radius;  ///< gamma: of sticking disks, most: μ_static N
+    Real stiffness, gamma, most, radius;  ///< gamma: damping of sticking disks; most: μ_static N
     Index i;
   };
 
-  /// The elements are computed four at a time; one of them alone gives the same numbers.
+  /// add_forces() computes four elements at a time; find() gives the same numbers for a single element.
   bool find(const StateView<2>& s, Index i, std::span<const Real> past, Touch& c) const;
   Real energy(const StateView<2>&, const Touch& c) const {
     return (square(c.held[0]) + square(c.held[1]) + square(c.twist)) / (2 * c.stiffness);
@@ -104,7 +106,7 @@ struct BaseFriction {
   }
   void add_forces(const StateView<2>& s, Range range, const ContactTable& table, const Scatter<2, 1>& force) const;
 
-  /// Of the rotation: ω² = k R²/I = 2k/m.
+  /// Frequency of the rotation: ω² = k R²/I = 2k/m.
   Real max_rate(const Topology& topology) const { return off() ? 0 : std::sqrt(2 * stiffest(topology)); }
   Real max_damping(const Topology& topology) const { return off() ? 0 : 4 * damping * std::sqrt(stiffest(topology)); }
   MotionRates crowded(const Topology& topology) const {
@@ -123,7 +125,7 @@ struct BaseFriction {
     return s.velocity(c.i).dot(Vec<2>(x, y)) + twist * c.radius * s.spin(c.i);
   }
   static Real held_power(const StateView<2>& s, const Touch& c) { return along(s, c, c.held[0], c.held[1], c.twist); }
-  /// Of sticking disks.
+  /// Power of the damping of sticking disks.
   Real damping_power(const StateView<2>& s, const Touch& c) const {
     const std::array<Real, 3> pull = damped(s, c);
     return along(s, c, pull[0] - c.held[0], pull[1] - c.held[1], pull[2] - c.twist);

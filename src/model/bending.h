@@ -8,7 +8,7 @@
 
 namespace pliant {
 
-/// Of which vectors along the edges the bending energy is made.
+/// The vectors along the edges in the bending energy.
 enum class EdgeVectors {
   unit,  ///< directions l̂
   full   ///< l/l0, which are those where edges have their rest length
@@ -49,7 +49,7 @@ struct Bending {
   void add_gradient(const StateView<2>& s, Index i, G& grad) const {
     const Corner k = corner(s, i);
     if (edges == EdgeVectors::full) {
-      const Vec<2> g = 2 * k.c * (k.u - k.w);  // of u; that of w is the opposite
+      const Vec<2> g = 2 * k.c * (k.u - k.w);  // gradient with respect to u; opposite for w
       grad.add(i, -g);
       grad.add(k.middle, Vec<2>(2 * g));
       grad.add(k.last, -g);
@@ -83,8 +83,8 @@ struct Bending {
               du[a] * du[b] * uu + dw[a] * dw[b] * ww + du[a] * dw[b] * uw + dw[a] * du[b] * uw.transpose());
   }
 
-  /// Zigzag of a straight chain at rest: ω² = 16 k_b/(Nv l0⁴ m). That of unit vectors goes as 1/l with the edges'
-  /// length.
+  /// Zigzag of a straight chain at rest: ω² = 16 k_b/(Nv l0⁴ m). With unit vectors ω grows as 1/l when the edges shrink
+  /// to the length l.
   Real max_rate(const Topology& topology) const {
     Real fastest = 0;
     for (Index m = 0; m < topology.particles(); ++m)

@@ -35,7 +35,7 @@ Real greatest_depth(const StateView<2>& s) {
   return longest / (2 * pi);
 }
 
-/// One kind of contact in a look: pair e has the squared distance distance2(e), touches within reach(e)
+/// One kind of contact in a check: pair e has the squared distance distance2(e), touches at distances below reach(e)
 /// and is described by approach(e, d/reach); inside(e, found) tests pairs that touch, or are up to `beyond` farther
 /// apart. share: 2 where only one of the two moves, else 1.
 template <class Distance, class Reach, class Describe, class Inside>
@@ -74,7 +74,7 @@ OutlineLook look_at_outlines(const StateView<2>& s, const LeastDistances& least,
   const PairList &walls = s.neighbours.walls, &lips = s.neighbours.lips;
   const NeighbourNeeds& needs = s.neighbours.needs();
   const Real reach = least_reach(topology, needs.edges);
-  // Points have a list that says nothing about vertices near the middle of a long edge.
+  // The list of points lacks vertices near the middle of a long edge.
   const bool own = !needs.vertex_edges || deepest >= reach;
   const Real beyond = deepest < reach ? 0 : std::min(deepest, greatest_depth(s)), depth = reach + beyond;
   Neighbours<2> near({.vertex_edges = true, .edges = needs.edges}, beyond);
@@ -116,7 +116,8 @@ OutlineLook look_at_outlines(const StateView<2>& s, const LeastDistances& least,
 }
 
 SelfLook look_at_own_outlines(const StateView<2>& s) {
-  // Of an edge's rest length: a bound that is smaller makes looks so frequent that the exact distance pays.
+  // Part of an edge's rest length; with a smaller bound, checks would be so frequent that the exact distance is
+  // cheaper.
   constexpr Real least_bound = 0.125;
   const Topology& topology = s.topology;
   const Index n = topology.owned();
@@ -176,7 +177,7 @@ bool outline_meets(const Real* x, const Topology& topology, Index m, const WallS
 
 namespace {
 
-/// Whether one of the segments within the ball around a box is met.
+/// Whether the particle meets one of the segments within the sphere around a box.
 template <class Test>
 bool any_near(const Walls<2>& walls, Real t, const Vec<2>& low, const Vec<2>& high, Test&& test) {
   std::vector<Index> near;

@@ -22,7 +22,7 @@ struct Approach {
 
 /// Distances over the contact distance below which contacts are too near.
 struct LeastDistances {
-  Real outlines = 0;  ///< of vertices from outlines
+  Real outlines = 0;  ///< smallest distance of vertices from outlines
   Real walls = -1;    ///< of vertices from walls, and of edges from lips; negative: not looked for
 };
 
@@ -31,7 +31,7 @@ struct OutlineLook {
   std::optional<Crossing> crossing;  ///< first vertex, by index, that lies inside another polygon, up to `depth`
   Real gap;    ///< how far points can go until a contact gets too near, or an outline is met: half of this
   Real depth;  ///< a vertex that is less deep inside a polygon is found
-  std::optional<Approach> closest;  ///< of contacts that are too near
+  std::optional<Approach> closest;  ///< the closest of the contacts that are too near
 };
 
 /// Needs lists that are valid. Finds vertices that are up to `deepest` inside, if not deeper. Costs about as much as
@@ -47,9 +47,9 @@ struct SelfCrossing {
 
 /// How the outlines of all own active particles lie to themselves.
 struct SelfLook {
-  std::optional<SelfCrossing> crossing;  ///< of the first particle that crosses itself
+  std::optional<SelfCrossing> crossing;  ///< crossing of the first particle that crosses itself
   Index count = 0;                       ///< particles that cross themselves
-  Real gap;  ///< of the others: how far points can go until one crosses itself: half of this
+  Real gap;  ///< bound for the other particles: no particle crosses itself before a point has moved by half of this
 };
 
 /// Costs a few ns per vertex for outlines that are star-shaped about their centres, some ten times as much for others.

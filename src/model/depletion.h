@@ -38,7 +38,8 @@ struct DepletionLaw {
     const Radial lens = lens_volume(r, a + a_s, b + a_s);
     return {-strength() * lens.value, -strength() * lens.slope, -strength() * lens.curvature};
   }
-  /// It softens the contact along the line of centres, and its transverse stiffness is small compared with the contact.
+  /// The attraction softens the contact along the line of centres, and its transverse stiffness is small compared with
+  /// the contact.
   static Real max_rate(const Topology&) { return 0; }
 };
 

@@ -29,7 +29,7 @@ PLIANT_INLINE DiskTouch<Real4>::Past past_of(const DiskPasts& past, const Index*
   return {n0, n1, turned, spring, Real4{p[0][4], p[1][4], p[2][4], p[3][4]} != 0};
 }
 
-/// Of each pair of a range: the radii, their sum, and the root of the reduced mass.
+/// For each pair of a range: the radii, their sum, and the root of the reduced mass.
 void set_constants(const StateView<2>& s, Range range, const ContactTable& table) {
   const PairList& list = s.neighbours.point_pairs;
   const std::vector<Real>& diameter = s.topology.diameter;
@@ -45,7 +45,8 @@ void set_constants(const StateView<2>& s, Range range, const ContactTable& table
 template <class Law, bool OwnOnly>
 PLIANT_MULTIVERSION void add_contacts(Real epsilon, const SurfaceFriction& friction, const StateView<2>& s, Range range,
                                       const ContactTable& table, const Scatter<2, 1, OwnOnly>& scatter, bool total) {
-  const SurfaceFriction surface = friction;  // nobody else writes to these
+  const SurfaceFriction surface = friction;  // a local copy, because the compiler must know that stores do not change
+                                             // it
   const DiskPasts past = table.rows<DiskContact<>::history>();
   const ContactTable::Ahead<DiskContact<>::history> ahead(table);
   const Scatter<2, 1, OwnOnly> force = scatter;

@@ -10,8 +10,8 @@
 
 namespace pliant {
 
-/// Two disks that touch, or R is a vector: several such pairs. As the pair is listed, in whatever order: all that is
-/// kept is the same from both sides.
+/// Two disks that touch, or several such pairs if R is a vector. The pair may be listed in either order: the stored
+/// numbers are equal from both sides.
 template <class R>
 struct DiskTouch : SurfaceTouch<2, R> {
   R a, b;  ///< radii
@@ -46,7 +46,7 @@ struct DiskTouch : SurfaceTouch<2, R> {
     const R spring = past.spring + pair.reach * turn_between_lines(past.n0, past.n1, n0, n1) - (turned - past.turned);
     this->stretched = known ? spring : R();
   }
-  /// v: of the first relative to the second; spins of both.
+  /// v: velocity of the first relative to the second; spins of both.
   PLIANT_INLINE typename SurfaceTouch<2, R>::Rub rub(const SurfaceFriction& surface, R vx, R vy, R spin_a,
                                                      R spin_b) const {
     return SurfaceTouch<2, R>::rub(surface, n0 * vx + n1 * vy,
@@ -70,15 +70,15 @@ void add_disk_forces(Real epsilon, const SurfaceFriction& surface, const StateVi
                      const ContactTable& table, const Scatter<2, 1, OwnOnly>& force, bool total);
 
 /// Friction and damping between two disks, besides the elastic force N_e = −V' of PairContact, in the plane. i is the
-/// one with the lower id, n the unit vector from j to i, t = n turned by 90°, d the distance of the centres.
+/// disk with the lower id, n the unit vector from j to i, t = n turned by 90°, d the distance of the centres.
 ///
 /// Normal damping: N = max(N_e − γ_n u_n, 0), u_n = n·(v_i − v_j): the contact never attracts.
 /// Tangential spring: with the direction φ of n, q = (R_i + R_j) φ − R_i θ_i − R_j θ_j grows as the surfaces slide
 /// along each other. The spring is ξ = q − q₀, and P = k_t ξ + γ_t q̇ up to |P| = μ N d/(R_i + R_j); see
-/// SurfaceFriction. The force on i is N n − P (R_i + R_j)/d t, which is at most μN, with the torques P R_i and P R_j:
-/// it acts at the point that divides the distance of the centres as the radii do, so linear and angular momentum are
-/// conserved. The energy of the spring is k_t/2 ξ², its loss by sliding is heat. A contact that begins within a
-/// step has no spring until its end. Stored: the line of n, R_i θ_i + R_j θ_j and ξ at the end of the last
+/// SurfaceFriction. The force on i is N n − P (R_i + R_j)/d t, which is at most μN, with the torques P R_i and P R_j.
+/// The force acts at the point that divides the distance of the centres as the radii do, so linear and angular momentum
+/// are conserved. The energy of the spring is k_t/2 ξ², sliding turns this energy into heat. A contact that begins
+/// within a step has no spring until its end. Stored: the line of n, R_i θ_i + R_j θ_j and ξ at the end of the last
 /// step, and whether the contact slid; n turns by less than a right angle in a step. Units: as the contact's. Elements:
 /// neighbour list of points.
 template <class Law = HarmonicOverlap>
@@ -166,7 +166,7 @@ struct DiskContact {
   }
 };
 
-/// Both forces of pairs of disks, or of balls, in one pass.
+/// The elastic and the frictional forces of pairs of disks, or of spheres, in one pass.
 struct DiskKernel {
   static constexpr bool fast() { return true; }
   template <int D, class Law, class Friction>

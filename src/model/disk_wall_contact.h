@@ -109,7 +109,7 @@ struct DiskWallContact {
     Index i;
   };
 
-  /// The first part of find(), which says whether it touches.
+  /// The first part of find(): whether the disk touches.
   PLIANT_INLINE bool place(const StateView<2>& s, Index e, Touch& c) const {
     const auto [i, part] = s.neighbours.walls[e];
     const Vec<2> r = s.position(i);
@@ -162,7 +162,7 @@ struct DiskWallContact {
                   Untouched&& untouched) const {
     add_wall_forces(*this, s, range, table, force, total, untouched);
   }
-  /// Of the wall on the disk, beside the elastic one; the wall feels the opposite.
+  /// Force of the wall on the disk, without the elastic force; the wall feels the opposite.
   Vec<2> force(const StateView<2>& s, const Touch& c) const {
     const SurfaceTouch<2>::Rub rubs = rub(s, c);
     return force_of(c, rubs, rubs.normal - c.elastic);
@@ -196,7 +196,7 @@ struct DiskWallContact {
   }
 };
 
-/// All forces of walls on disks, or balls, in one pass.
+/// All forces of walls on disks, or spheres, in one pass.
 struct DiskWallKernel {
   static constexpr bool fast() { return true; }
   template <int D, class Law, class Friction>

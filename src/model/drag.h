@@ -6,17 +6,17 @@
 
 namespace pliant {
 
-/// Of whose drag ζ is the coefficient.
+/// Particle to which the drag coefficient ζ refers.
 enum class DragLaw {
-  per_particle,  ///< of each particle, whatever its size
-  per_mass       ///< of a particle of diameter σ_avg; that of others is as many times larger as their mass is
+  per_particle,  ///< each particle, of any size
+  per_mass       ///< a particle of diameter σ_avg; the drag of other particles is proportional to their mass
 };
 
 /// Mass of a particle of diameter σ_avg.
 template <int D>
 inline constexpr Real average_mass = D == 2 ? pi / 4 : pi / 6;
 
-/// How many points like those of particle m share ζ.
+/// Number of points, like the points of particle m, that share ζ.
 template <int D>
 Real drag_shares(DragLaw law, const Topology& topology, Index m) {
   return law == DragLaw::per_mass ? average_mass<D> / topology.point_mass[m] : topology.points_of(m);

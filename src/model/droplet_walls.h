@@ -9,10 +9,10 @@
 namespace pliant {
 
 /// U = Σ Law(r − wall; R) over droplets and walls, R half the contact diameter, the walls at their places at the view's
-/// time; joints count −U. A law has a name, a range beyond R, the value with two derivatives and the distance that a
-/// droplet's centre must keep, both by the solid that a wall is, if it is one, and max_rate; and check(walls), if it is
-/// not for all. Elements: neighbour list of points and parts of the walls. Errors: NumericalError where a droplet is
-/// nearer.
+/// time; joints count −U. A law has a name, a range beyond R, the value with two derivatives, the smallest distance
+/// allowed for a droplet's centre, and max_rate. Value and smallest distance take the solid if the wall is a solid. A
+/// law that does not support all walls has check(walls). Elements: neighbour list of points and parts of the walls.
+/// Errors: NumericalError where a droplet is nearer.
 template <int D, class Law>
 struct DropletWalls {
   Law law;

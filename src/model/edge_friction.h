@@ -15,11 +15,11 @@ enum class FrictionPoint {
 };
 
 /// A vertex j on edge i of another polygon.
-/// contact: F = −μ (v_j − v_c) with the material point of the edge that carries the contact (outline.h: a corner rubs
+/// contact: F = −μ (v_j − v_c) with the material point of the edge that carries the contact (outline.h: a corner counts
 /// once), the reaction on both ends of the edge with weights 1 − t and t: power μ |v_j − v_c|², linear momentum
-/// conserved. vertex: −μ (v_j − v_i) for every closed edge i within reach, the reaction on vertex i. Tangential
-/// friction takes the part of these velocities that is normal to the line from the foot on the edge to j. Elements:
-/// neighbour list of vertices and edges.
+/// conserved. vertex: −μ (v_j − v_i) for every closed edge i within the contact distance, the reaction on vertex i.
+/// Tangential friction takes the part of these velocities that is normal to the line from the foot on the edge to j.
+/// Elements: neighbour list of vertices and edges.
 struct EdgeFriction {
   Real mu;
   FrictionPoint where = FrictionPoint::contact;
@@ -89,7 +89,7 @@ struct EdgeFriction {
   struct Rubbing {
     Index vertex, start, end;
     Real t;
-    Vec<2> offset;  ///< of the vertex from the edge
+    Vec<2> offset;  ///< offset of the vertex from the edge
   };
 
   static Vec<2> slip(const StateView<2>& s, const Rubbing& r) {

@@ -64,7 +64,7 @@ struct NeighbourLists {
   PairList lips;          ///< (lip, first vertex of the edge)
 };
 
-/// Which lists a model needs.
+/// The lists that a model needs.
 struct NeighbourNeeds {
   bool point_pairs = false;
   bool vertex_edges = false;
@@ -87,11 +87,11 @@ struct SearchSpace {
   Real widest, longest;  ///< diameter of a point, edge
 };
 
-/// Which blocks of second derivatives an element fills beside those of each point with itself.
+/// The blocks of second derivatives that an element fills, in addition to the diagonal block of each point.
 enum class Couples {
   nothing,
-  particle,  ///< all of its particle, which preconditioners take as a whole
-  stencil    ///< those of its points
+  particle,  ///< all points of its particle, which the preconditioner solves together
+  stencil    ///< all points of its stencil
 };
 
 /// The entry of a kind. It has
@@ -104,9 +104,9 @@ enum class Couples {
 ///   particle(topology, element)       the particle that it belongs to
 /// and where it is listed
 ///   list, need                        the members of NeighbourLists and NeighbourNeeds
-///   paired                            of two particles, which may belong to two chunks
+///   paired                            whether it joins two particles, which may belong to two chunks
 ///   search(space, first, last, found) calls found(pair) for points, or edges that begin there, first … last−1
-/// and where it is paired, for a particle that is listed anew,
+/// and where it is paired, to list a single particle again,
 ///   symmetric                         (i, j) is (j, i)
 ///   near(space, i)                    a box with all points that point i, or the edge i, can have an element with
 ///   test(space, i, j, found)          calls found for the elements of points i and j

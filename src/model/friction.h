@@ -1,4 +1,4 @@
-// Which part of a relative velocity kinetic friction opposes, for points and edges.
+// The part of a relative velocity that kinetic friction opposes, for points and edges.
 #pragma once
 
 #include <pliant/geometry/distance.h>

@@ -14,15 +14,14 @@ namespace pliant {
 
 /// The force F and the torque T of Coulomb friction on a disk of radius R that presses on a plane with N, evenly spread
 /// [Z. Farkas, G. Bartels, T. Unger, D. E. Wolf, Phys. Rev. Lett. 90, 248302 (2003)]. In units of μN and μNR they are
-/// points of one convex curve, a function of the ratio of velocity and spin; directions (v, Rω) are its normals, so it
-/// is where slip takes the most energy. Slip is given by s = Rω/(v + Rω) in [0, 1].
+/// points of one convex curve, a function of the ratio of velocity and spin; directions (v, Rω) are its normals, so
+/// that the dissipation is largest. Slip is given by s = Rω/(v + Rω) in [0, 1].
 /// The support function h(s) = (1 − s) F + s T, the power of the slip (1 − s, s), gives both: F = h − s h', T = h + (1
-/// − s) h'. It is kept in a table, as cubics between exact values and slopes: F and T are off by less than 2·10⁻⁵, and
-/// lie on a convex curve with these normals exactly.
+/// − s) h'. A table stores h as cubics between exact values and slopes: F and T are off by less than 2·10⁻⁵, and lie on
+/// a convex curve with these normals exactly.
 class LimitSurface {
  public:
-  static constexpr Real most_torque = 2.0 / 3;  ///< without sliding
-  /// Of one slip, or of several.
+  static constexpr Real most_torque = 2.0 / 3;  ///< at rest Values at one slip, or at several.
   template <class R>
   struct PointOf {
     R force, torque;
@@ -111,7 +110,7 @@ class LimitSurface {
     simd::Mask8 outside;
     simd::Mask8 found;  ///< where it has not come to an end nearest() must be asked
   };
-  /// of: those that are asked for.
+  /// of: mask of the requested lanes.
   PLIANT_INLINE Nearest8 nearest(const simd::Real8& force, const simd::Real8& torque, const simd::Real8& guess,
                                  const simd::Mask8& of) const {
     using simd::select;

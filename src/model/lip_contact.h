@@ -1,4 +1,4 @@
-// Contact of the lips of walls, those of an orifice say, with the edges of polygons: missing in [H 10], where only
+// Contact of the lips of walls, for example at an orifice, with the edges of polygons: missing in [H 10], where only
 // vertices feel walls.
 #pragma once
 

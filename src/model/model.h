@@ -29,7 +29,7 @@ namespace pliant {
 struct TermReport {
   std::string name;
   bool is_energy;           ///< false: a dissipation, which has no energy
-  Real energy = 0;          ///< of all elements
+  Real energy = 0;          ///< sum over all elements
   std::vector<Real> force;  ///< [points · D]
   std::vector<Real> particle_energy =
       {};  ///< [particles] of a term whose elements belong to one particle each, else empty
@@ -41,14 +41,14 @@ struct CriticalStep {
   Real damping = std::numeric_limits<Real>::infinity();  ///< 1/γ of the fastest damping by itself
   MotionRates crowded = {};  ///< of all terms together, with as many contacts as fit around a point
 
-  /// Of one contact at a time: standard steps are parts of it.
+  /// Limit for a single contact: standard steps are fractions of this limit.
   Real one_contact() const { return std::min(elastic, damping); }
-  /// Of limit(), from which on flows heat as their contacts open and close (docs/reference/steps.md).
+  /// Part of limit() above which opening and closing contacts heat a flow (docs/reference/steps.md).
   static constexpr Real safe_part = 0.7;
-  /// A standard step, made shorter where it is not safe.
+  /// A standard step, shortened to the safe part of limit().
   Real standard(Real dt) const { return std::min(dt, safe_part * limit()); }
 
-  /// Beyond which a dense packing is unstable.
+  /// The step above which a dense packing is unstable.
   Real limit() const { return std::min(limit(crowded.translation), limit(crowded.rotation)); }
   /// With predicted velocities (FixedStepVerlet) a mode of frequency ω and damping γ is stable while ω² h² + 4 γ h ≤ 4:
   /// there its factor of growth per step is −1, and so for symmetric matrices of stiffness and damping.
@@ -58,14 +58,14 @@ struct CriticalStep {
   }
 };
 
-/// A choice of terms: all; those whose elements belong to one particle each, the shape energy of deformable particles;
-/// or all but these.
+/// A choice of terms: all; shape: the terms whose elements belong to one particle each, as the shape energy of
+/// deformable particles; rest: all other terms.
 enum class TermGroup { all, shape, rest };
 
-/// Of all walls, or of those that move.
+/// All walls, or the moving walls.
 enum class WallGroup { all, moving };
 
-/// Which points derivatives couple beside each point with itself.
+/// The points that derivatives couple, in addition to each point with itself.
 struct ElementCoupling {
   bool particles = false;                      ///< all points of a particle
   std::array<bool, element_kinds> stencils{};  ///< for each kind: the points of an element
@@ -80,7 +80,7 @@ struct ElementCoupling {
     return stencils[static_cast<std::size_t>(E)];
   }
 };
-/// Of ∂F/∂x and of ∂F/∂v.
+/// Couplings of ∂F/∂x and of ∂F/∂v.
 struct Couplings {
   ElementCoupling x, v;
 };
@@ -102,22 +102,22 @@ class ForceField {
 
   /// Total force, written to f [points · D].
   virtual void forces(const StateView<D>& s, Real* f) const = 0;
-  /// The same, divided by the masses: 0 for inactive particles. Returns whether all are finite.
+  /// Forces divided by the masses: 0 for inactive particles. Returns whether all are finite.
   virtual bool accelerations(const StateView<D>& s, Real* a) const = 0;
-  /// Accelerations that are not kept: done(chunk, a) gets those of the points of a chunk, numbered as in an array of
-  /// all points, and is called by several threads at a time. They are made in `scratch`, which gets as large as needed.
+  /// Accelerations that are not stored: done(chunk, a) gets the accelerations of the points of a chunk, numbered as in
+  /// an array of all points, and is called by several threads at a time. `scratch` holds them and grows as needed.
   virtual bool accelerations(const StateView<D>& s, std::vector<Real>& scratch,
                              const std::function<void(Index, const Real*)>& done) const = 0;
   /// The accelerations by a part of the terms, written to a [points · D].
   virtual void group_accelerations(const StateView<D>& s, TermGroup group, Real* a) const = 0;
-  /// ∂F/∂x and ∂F/∂v of a part of the terms: the rows of the rank's own points. Threads share out the rows: the sinks
-  /// are called for different rows at the same time.
+  /// ∂F/∂x and ∂F/∂v of a part of the terms: the rows of the rank's own points. Threads divide the rows: they call the
+  /// sinks for different rows at the same time.
   virtual void derivatives(const StateView<D>& s, TermGroup group, BlockSink<D>& df_dx, BlockSink<D>& df_dv) const = 0;
   /// Where derivatives() can put blocks: all elements of the terms, touching or not.
   virtual Couplings couplings(const StateView<D>& s, TermGroup group) const = 0;
   /// Total energy; with f, the forces of the energy terms alone are written there.
   virtual Real energy(const StateView<D>& s, Real* f = nullptr) const = 0;
-  /// The part of it in elements that have a point of one of these particles, given by id.
+  /// The energy of the elements that have a point of one of these particles, given by id.
   virtual Real energy_of(const StateView<D>& s, std::span<const Index> ids) const = 0;
   /// Dissipated power, ≥ 0.
   virtual Real power(const StateView<D>& s) const = 0;
@@ -149,7 +149,7 @@ class ForceField {
 };
 
 /// Power of the moving walls on the points, as far as their forces belong to
-/// the force field. Of the rank's share; no sum is made where nothing moves.
+/// the force field. For the rank's share; 0 at once if no wall moves.
 template <int D>
 Real wall_power(const ForceField<D>& field, const StateView<D>& s) {
   if (!s.walls.move()) return 0;
@@ -482,7 +482,7 @@ class Model final : public ForceField<D> {
         rates.rotation = rates.translation;
       of_kind[static_cast<std::size_t>(Term::elements)] += rates;
     });
-    // Contacts of one kind take the room of those of another: a wall that of half the neighbours.
+    // Contacts of different kinds compete for the space around a point: a wall takes the space of half the neighbours.
     MotionRates contacts;
     for_each_kind([&]<Elements E>(ElementKind<E>) {
       const MotionRates& rates = of_kind[static_cast<std::size_t>(E)];
@@ -614,7 +614,7 @@ class Model final : public ForceField<D> {
   }
 
   /// The chunks write to their own points only, so that threads can share them out in any way. Errors of elements are
-  /// rethrown; of several errors, the one of the first chunk.
+  /// rethrown; of several errors, the error of the first chunk.
   template <class Visit>
   static void for_each_chunk(const StateView<D>& s, Visit&& visit) {
     const Index chunks = s.neighbours.chunks();
@@ -702,7 +702,7 @@ class Model final : public ForceField<D> {
     else
       return false;
   }
-  /// Nothing where a term asks for none.
+  /// Empty if the term has no range.
   template <class T>
   static std::optional<Edges> edges_of(const T& term) {
     if constexpr (requires { term.edges; })

@@ -83,8 +83,8 @@ SearchSpace<D> Neighbours<D>::search_space(const Topology& topology, const Walls
           longest_};
 }
 
-/// Of a pair of particles, the one that the search started from is the first where a kind is symmetric, else the
-/// second. Ghosts search too, for pairs that owned points do not find.
+/// In a pair of particles, the particle that started the search is the first if the kind is symmetric, else the second.
+/// Ghosts search too, for pairs that owned points do not find.
 template <int D>
 template <class Kind>
 void Neighbours<D>::build_pairs(const SearchSpace<D>& space) {
@@ -123,8 +123,8 @@ void Neighbours<D>::build_pairs(const SearchSpace<D>& space) {
 #pragma omp ordered
       errors.catch_from([&] {
         if (c >= n) return;
-        // As much as it will be if the other chunks find as many, borders included: doubling would hold the list twice
-        // for a while, and memory that nobody touches costs nothing.
+        // Capacity for the final size, if the other chunks, including borders, find as many pairs: doubling would hold
+        // the list twice for a while, and untouched memory costs nothing.
         const std::size_t size = list.pairs.size() + inside.size();
         if (size > list.pairs.capacity()) make_room(size + size * static_cast<std::size_t>(n - c) / (c + 1) + size / 4);
         append(inside);
@@ -172,8 +172,8 @@ void Neighbours<D>::build_own(const SearchSpace<D>& space) {
   list.start.insert(list.start.end(), n, list.size());  // nothing across
 }
 
-/// Vertices and bare edges, from the pairs of points: a vertex within reach of an edge is listed with the end that is
-/// nearer to it. For edges that are too long for that there is the search.
+/// Vertices and bare edges, from the pairs of points: a vertex near an edge is listed with the nearer end of the edge.
+/// Edges that are too long for this rule need the search.
 template <int D>
 void Neighbours<D>::build_from_points(const Topology& topology, const PointCloud& cloud) requires(D == 2) {
   const Index n = chunks();
@@ -213,7 +213,7 @@ void Neighbours<D>::build_from_points(const Topology& topology, const PointCloud
     });
   }
   errors.rethrow();
-  if constexpr (D == 2)  // Clang 14 compiles this for D = 3 too, whatever is required.
+  if constexpr (D == 2)  // Clang 14 compiles this for D = 3 too, despite the requires clause.
     if (is_long(square(longest_), narrowest))
       for (Index i = 0; i < topology.points(); ++i) {
         if (!is_long(d2(i, topology.next[i]), topology.diameter[i])) continue;
@@ -330,8 +330,7 @@ void Neighbours<D>::relist(const Topology& topology, const Walls<D>& wall, const
   old_places_.insert(old_places_.end(), reference_.begin() + begin, reference_.begin() + end);
   places_.insert(places_.end(), x + begin, x + end);
   std::copy(x + begin, x + end, reference_.begin() + begin);
-  // Points near it, at the reference positions of the lists. The grid knows relisted particles at their old places
-  // only.
+  // Points near it, at the reference positions of the lists. The grid has the old places of relisted particles.
   const SearchSpace<D> space = search_space(topology, wall, reference_.data());
   const auto for_each_near = [&](const Vec<D>& low, const Vec<D>& high, auto&& visit) {
     const auto visit_others = [&](Index j) {

@@ -8,10 +8,10 @@
 
 namespace pliant {
 
-/// Lists of everything closer than the reach of its forces + skin at the reference positions. They hold all that is
-/// within reach until some point or wall has moved by skin/2 from there; `ensure` rebuilds them then, at whatever
-/// positions the forces are asked for, so that no step, stage or trial state ever sees a list that lacks a contact. A
-/// rebuilt list changes a force only by the order of its sum.
+/// Lists of all elements closer than the cutoff + skin at the reference positions. The lists contain every contact
+/// until a point or wall has moved by skin/2 from there. `ensure` then rebuilds them at the positions of the force
+/// evaluation, so that no step, stage or trial state lacks a contact. A rebuilt list changes a force only by the order
+/// of its sum.
 ///
 /// The rank's own particles are divided into chunks, the units of work of threads: runs of particles in storage order,
 /// of about the same number of points. The content of a chunk, and the order of its lists, depends on the configuration
@@ -25,19 +25,19 @@ class Neighbours : public NeighbourLists {
 
   const NeighbourNeeds& needs() const { return needs_; }
 
-  /// Those of vertex_edges that can touch, in their order: all, or since narrow() those that could touch before points
-  /// have gone range/2 from where they were then. Omitted pairs add nothing to a force.
+  /// The pairs of vertex_edges that can touch, in their order: all pairs, or after narrow() the pairs that can touch
+  /// before a point has moved by range/2 from its position at that call. Omitted pairs do not contribute to forces.
   const PairList& near_edges() const { return narrowed_ ? near_edges_ : vertex_edges; }
   void narrow(const Topology& topology, const Real* x, Real range) requires(D == 2);
   void widen() { narrowed_ = false; }
   bool narrowed() const { return narrowed_; }
 
-  /// How far the point or wall has moved that has moved farthest from where it was when the lists were built; infinite
-  /// for NaN, and where there are no lists. x [points · D]. Walls may have moved, but not have become others.
+  /// Largest displacement of a point or wall since the lists were built; infinite for NaN, and without lists. x [points
+  /// · D]. Walls may have moved, but must be the same walls.
   Real farthest(const Walls<D>& wall, const Real* x, Real t = 0) const;
-  /// The same of walls alone, which must not turn without end; the same on every rank.
+  /// Largest displacement of a wall, without points. Walls must not turn without end. The same on every rank.
   Real farthest_wall(const Walls<D>& wall, Real t) const;
-  /// Up to where the lists hold every contact.
+  /// Displacement up to which the lists contain every contact.
   Real limit() const { return skin_ / 2; }
   bool valid(const Walls<D>& wall, const Real* x, Real t = 0) const { return farthest(wall, x, t) <= limit(); }
 
@@ -51,8 +51,8 @@ class Neighbours : public NeighbourLists {
   /// restart relies on.
   void rebuild(const Topology& topology, const Walls<D>& wall, const Real* x, Real t = 0);
 
-  /// Lists particle m of this rank, which was put somewhere else, at its new place in x. Costs little, unlike a
-  /// rebuild. The lists must be valid for the other particles.
+  /// Lists particle m of this rank again after it was moved to another place in x. Much cheaper than a rebuild. The
+  /// lists must be valid for the other particles.
   void relist(const Topology& topology, const Walls<D>& wall, const Real* x, Index m);
 
   /// After a change of the topology: the next `ensure` rebuilds.
@@ -67,7 +67,7 @@ class Neighbours : public NeighbourLists {
     std::vector<Real> reference;
     std::vector<Index> relisted;
     std::vector<Real> places;  ///< coordinates of the points of each
-    Real time = 0;             ///< of the last rebuild; matters where walls move
+    Real time = 0;             ///< time of the last rebuild; matters for moving walls
   };
   History history(const Topology& topology) const;
   /// Builds the same lists, in the same order.

@@ -1,4 +1,4 @@
-// Which edge of an outline carries the contact of a vertex.
+// The edge of an outline that carries the contact of a vertex.
 #pragma once
 
 #include <pliant/model/term.h>

@@ -50,7 +50,7 @@ struct PairFriction {
     add(i, j, -mu * rubbed_turn<D>(s.velocity(i) - s.velocity(j), n) * distance_curvature<D>(n, d), h);
   }
 
-  /// A point in a dense packing of soft particles rubs against about six others, a vertex against two.
+  /// A point in a dense packing of soft particles has friction with about six others, a vertex with two.
   Real max_damping(const Topology& topology) const {
     const Real contacts = topology.deformable() ? 2 : 6;
     return 2 * contacts * mu / smallest_over_points(topology, [&](Index i) { return topology.mass(i); });

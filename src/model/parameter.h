@@ -1,4 +1,5 @@
-// Parameters of terms: each term declares its own in `read`, by which options, input files and the manifest know them.
+// Parameters of terms: each term declares its parameters in `read`, from which options, input files and the manifest
+// follow.
 #pragma once
 
 #include <array>
@@ -23,7 +24,7 @@ inline constexpr Dimension number{}, force{1, 0, 0}, energy{1, 1, 0}, length{0, 
     drag{1, -1, 1};
 }  // namespace dimension
 
-/// What a parameter means to a scenario, which does not know its name.
+/// Meaning of a parameter for a scenario, which does not use its name.
 enum class Role {
   none,
   contact_energy,    ///< energy scale of contacts between particles
@@ -32,8 +33,8 @@ enum class Role {
   edge_contacts,     ///< the choice of the points and edges that touch
   contact_law,       ///< the choice of V(d)
   kinetic_friction,  ///< force over velocity at contacts
-  friction,          ///< Coulomb's, of surfaces that stick
-  dynamic_friction,  ///< Coulomb's, of surfaces that slide
+  friction,          ///< Coulomb's coefficient, of sticking surfaces
+  dynamic_friction,  ///< Coulomb's coefficient, of sliding surfaces
   restitution,       ///< of collisions, which dissipate where it is less than 1
   drag,              ///< drag coefficient
   area,              ///< stiffness of areas
@@ -47,12 +48,12 @@ enum class Role {
   depletant,         ///< radius of the depletant
   contact_force,     ///< of droplets
   mean_radius,       ///< of droplets
-  base_friction,     ///< with the substrate
-  normal_gravity     ///< presses particles on the substrate
+  base_friction,     ///< friction with the substrate
+  normal_gravity     ///< gravity that presses particles on the substrate
 };
 
-/// Everything about a parameter but its value. Numbers are at least `min`; flags are 0 or 1; of a choice the first
-/// value is the default.
+/// Declaration of a parameter: everything except its value. Numbers are at least `min`; flags are 0 or 1; of a choice
+/// the first value is the default.
 struct Parameter {
   std::string_view name = {};
   std::string_view symbol = {};  ///< in figures, as TeX, over its unit
@@ -77,7 +78,7 @@ class ParameterReader {
   /// The same where the default is `value`, which follows from other parameters.
   virtual Real automatic(const Parameter& p, Real value) = 0;
   virtual bool flag(const Parameter& p) = 0;
-  /// Which of the names is chosen.
+  /// Index of the chosen name.
   virtual std::size_t choose(const Parameter& p, std::span<const std::string_view> names) = 0;
   /// Whether a number has another value than its default or an automatic one.
   virtual bool is_set(std::string_view name) const = 0;
@@ -104,7 +105,7 @@ class ParameterReader {
   ParameterReader& operator=(const ParameterReader&) = default;
 };
 
-/// The term with the values of its parameters. more: what else its `read` takes.
+/// The term with the values of its parameters. more: further arguments of its `read`.
 template <class Term, class... More>
 Term configured(ParameterReader& p, Term term, More&&... more) {
   p.begin(term.name());

@@ -81,7 +81,7 @@ struct OwnOutline {
   bool simple() const { return !meet && !inverted; }
 };
 
-/// Looks at all edges of polygon m. Parts of the outline that are too far apart to meet or to be nearer than `most` are
+/// Compares all edges of polygon m. Parts of the outline that are too far apart to meet or to be nearer than `most` are
 /// skipped, which makes it about linear in the number of vertices as long as the outline is not crumpled.
 OwnOutline look_at_own_outline(const Real* x, const Topology& topology, Index m, Real most);
 

@@ -124,7 +124,7 @@ struct SelfContact {
   }
 
   /// visit(p, a, b, last) for the vertices p and edges from a to b of particle m that do not share a point, at least
-  /// for those within the range; last: the edge that ends where the one to p begins.
+  /// for those within the range; last: the edge before the edge that ends at p.
   template <class Visit>
   void for_each_near(const StateView<2>& s, Index m, Visit&& visit) const {
     const Topology& topology = s.topology;

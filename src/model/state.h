@@ -11,8 +11,8 @@
 
 namespace pliant {
 
-/// Numbers per point among the coordinates of a system: those of the positions of all points come first, then those of
-/// their angles, where particles rotate.
+/// Numbers per point among the coordinates of a system: first the positions of all points, then the angles, if
+/// particles rotate.
 struct Coordinates {
   int positions, angles = 0;
   int all() const { return positions + angles; }
@@ -47,7 +47,7 @@ class State {
   /// [particles] by how many lengths of the periodic box each was wrapped into it: x + lengths is where it would be
   /// otherwise. Empty: none was.
   std::vector<Image> images;
-  std::vector<Real> extra;  ///< unknowns beside the coordinates that a first-order system has on this rank
+  std::vector<Real> extra;  ///< unknowns of a first-order system on this rank, in addition to the coordinates
 
  private:
   void resize(std::size_t n) {

@@ -36,9 +36,9 @@ struct SurfaceFriction {
     Tangent spring, pull;
     Mask slides;
   };
-  /// k, gamma: of spring and dashpot. A contact that sticks begins to slide where the force of the spring exceeds
-  /// static_limit, and slides with the dynamic one until its spring is shorter than that. The dashpot takes the rest
-  /// of the limit.
+  /// k, gamma: coefficients of spring and dashpot. A sticking contact begins to slide when the force of the spring
+  /// exceeds static_limit, and slides at dynamic_limit until the force of the spring falls below it. The dashpot may
+  /// use the rest of the limit.
   template <class R>
   PLIANT_INLINE static Hold<R, MaskOf<R>> hold(R k, R gamma, R spring, R rate, R static_limit, R dynamic_limit,
                                                MaskOf<R> was_sliding) {
@@ -53,7 +53,7 @@ struct SurfaceFriction {
     const R most = slides ? dynamic_limit : limit, pull = k * spring + gamma * rate;
     return {spring, pull < -most ? -most : (most < pull ? most : pull), slides};
   }
-  /// The same of vectors across the normal, which are cut by their lengths.
+  /// As above, for vectors across the normal, which are cut to the limit by their lengths.
   template <class R>
   PLIANT_INLINE static Hold<Vector3<R>, MaskOf<R>> hold(R k, R gamma, Vector3<R> spring, const Vector3<R>& rate,
                                                         R static_limit, R dynamic_limit, MaskOf<R> was_sliding) {
@@ -72,8 +72,8 @@ struct Coulomb {
   Real mu_static, mu_dynamic;
 };
 
-/// The coefficient of dynamic friction that belongs to `name`, a static one; `usual` unless it is set. Errors:
-/// InputError where it is larger than mu_static, or 0 where that is not.
+/// The coefficient of dynamic friction that belongs to the static coefficient `name`; default `usual`. Errors:
+/// InputError if it exceeds mu_static, or is 0 while mu_static is not.
 inline Coulomb read_dynamic_friction(ParameterReader& p, std::string_view name, Real mu_static, Real usual) {
   const std::string own = fmt::format("{}_dynamic", name);
   const Coulomb mu{mu_static, p.automatic({.name = own,
@@ -113,17 +113,17 @@ inline Coulomb read_wall_friction(ParameterReader& p) {
                           .role = Role::friction});
 }
 
-/// Those of walls of the materials 1, 2, … (Walls::material), all else of whose friction is as of material 0.
+/// The coefficients of walls of the materials 1, 2, … (Walls::material); all other parameters are equal to material 0.
 class OtherMaterials {
  public:
   OtherMaterials() = default;
   explicit OtherMaterials(std::vector<Coulomb> mu) : mu_(std::move(mu)) {}
 
-  /// The coefficients of a material, where those of 0 are the `first`.
+  /// The coefficients of a material; material 0 has the coefficients of `first`.
   PLIANT_INLINE Coulomb of(Index material, const SurfaceFriction& first) const {
     return material > 0 ? mu_[static_cast<std::size_t>(material - 1)] : Coulomb{first.mu_static, first.mu_dynamic};
   }
-  /// That of the material with the largest μ_s.
+  /// The friction of the material with the largest μ_s.
   SurfaceFriction roughest(const SurfaceFriction& first) const {
     SurfaceFriction most = first;
     for (const Coulomb& mu : mu_)
@@ -203,8 +203,8 @@ Real contact_frequency(const Topology& topology, Real epsilon, Real reach, Real 
                    partners);
 }
 
-/// The rate share ζ √(V''/(partners m)) of the dashpots of a point, V'' and m those of the stiffest one. `share` is
-/// for γ_t/γ_n up to 1/2; the tangential dashpot is the faster one beyond.
+/// The rate share ζ √(V''/(partners m)) of the dashpots of a point, with V'' and m of the stiffest contact. `share` is
+/// for γ_t/γ_n up to 1/2; beyond, the tangential dashpot is faster.
 template <class Law>
 Real dashpot_rate(const SurfaceFriction& f, const Topology& topology, Real epsilon, Real reach, Real share,
                   Real partners) {
@@ -219,7 +219,7 @@ struct SurfaceContacts {
   Real bodies;  ///< that a contact moves: 2, or 1 at a wall
 };
 
-/// Of springs across the normals and of dashpots, beside the elastic stiffness. reach: as of `stiffest`.
+/// Rates of springs across the normals and of dashpots, without the elastic stiffness. reach: as in `stiffest`.
 template <class Law>
 MotionRates surface_rates(const SurfaceFriction& f, const Topology& topology, Real epsilon, Real reach,
                           const SurfaceContacts& contacts) {
@@ -270,7 +270,7 @@ struct SurfaceTouch {
                                   R(mu_dynamic * limit), slid)};
   }
 
-  /// Of the spring.
+  /// Energy of the spring.
   Real energy(const Rub& c) const { return k / 2 * product(c.hold.spring, c.hold.spring); }
   PLIANT_INLINE R normal_power(const Rub& c) const { return (elastic - c.normal) * c.parting; }
   PLIANT_INLINE R tangential_power(const Rub& c) const { return product(c.hold.pull - k * c.hold.spring, c.rate); }
@@ -341,7 +341,7 @@ Real damping_for(Real e) {
   return (low + high) / 2;
 }
 
-/// The parameters of SurfaceFriction beside its coefficients of friction.
+/// The parameters of SurfaceFriction, except the coefficients of friction, which are given.
 template <class Law>
 SurfaceFriction read_surface(ParameterReader& p, const Coulomb& mu) {
   const Real e = p.number({.name = "restitution",
@@ -366,7 +366,7 @@ SurfaceFriction read_surface(ParameterReader& p, const Coulomb& mu) {
   return surface;
 }
 
-/// The friction of walls of the reader's materials: by default that of other walls, `first`.
+/// The friction of walls of the reader's materials; default: the friction of other walls, `first`.
 inline OtherMaterials read_materials(ParameterReader& p, const Coulomb& first) {
   std::vector<Coulomb> all;
   for (const std::string& material : p.materials) {

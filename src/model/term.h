@@ -75,12 +75,12 @@ struct Scatter {
     else
       point<D>(out, i) -= vector;
   }
-  /// The same of a torque, or of an energy's derivative by an angle.
+  /// Adds a torque, or the derivative of an energy with respect to an angle.
   void add_torque(Index i, const Rotation<D>& t) const {
     if (OwnOnly && !own.contains(i)) return;
     add_rotation<D>(torques, i, Rotation<D>(Real(Sign) * t));
   }
-  /// Whether an element counts here.
+  /// Whether the element counts in this range.
   template <Elements E>
   bool counts(const StateView<D>& s, Index e) const {
     if constexpr (OwnOnly) return own.contains(counts_at<E>(s, e));
@@ -115,7 +115,7 @@ struct Contact {
 /// Upper bounds of how fast forces change the motion.
 struct Rates {
   Real stiffness = 0;  ///< ω², the largest eigenvalue of ∂²U/∂x² over the masses, in 1/t0²
-  Real damping = 0;    ///< γ, the same of −∂F/∂v, in 1/t0
+  Real damping = 0;    ///< γ, the largest eigenvalue of −∂F/∂v over the masses, in 1/t0
   Rates& operator+=(const Rates& other) {
     stiffness += other.stiffness, damping += other.damping;
     return *this;
@@ -126,7 +126,7 @@ struct Rates {
   }
 };
 
-/// The same of positions and of angles. Eigenvalues of sums are at most the sums of eigenvalues: rates of terms add.
+/// Rates of positions and of angles. Eigenvalues of sums are at most the sums of eigenvalues: rates of terms add.
 struct MotionRates {
   Rates translation, rotation;
   MotionRates& operator+=(const MotionRates& other) {
@@ -150,13 +150,13 @@ inline constexpr Real crowding = E == Elements::point_pairs                    ?
                                  : E == Elements::walls || E == Elements::lips ? 2
                                                                                : 1;
 
-/// Second derivatives are asked of terms without torques alone. A model with torques or with contact history is
-/// integrated by explicit methods.
+/// Only terms without torques have second derivatives. A model with torques or with contact history is integrated by
+/// explicit methods.
 ///
 /// An energy: U = Σ_e energy(s, e) over its elements. An element may read everything, but its gradient is not zero only
 /// for the points it is made of, the stencil of its kind (elements.h). A model has the lists that its terms' kinds
 /// need. A term over listed elements may also have
-///   off()    whether its coefficients switch it off for good: it needs no list then
+///   off()    whether its coefficients switch it off for good, so that no list is needed
 ///   range()  how far beyond the contact distance it reaches
 ///   edges    whether its edges are wide (as without it) or bare, also where it is off
 ///   check(walls)  throws an InputError for walls that it is not defined for
@@ -195,7 +195,7 @@ struct Loss {
   bool per_time;
 };
 
-/// How many of them a term names, `static constexpr std::array<Loss, N> losses`.
+/// Number of losses that a term names, `static constexpr std::array<Loss, N> losses`.
 template <class T>
 constexpr std::size_t losses_of() {
   if constexpr (requires { T::losses; })
@@ -211,21 +211,20 @@ concept TakesRanges = requires(const T term, const StateView<D>& s, Range range,
   term.add_forces(s, range, table, f);
 };
 
-/// A force between touching pairs, or with walls, that depends on the past of the contact: on T::history
-/// numbers that are kept for each contact (ContactHistory). Within a step a force follows from the numbers at its
-/// begin, `past`, and from the state, as at every stage of a method; it has none yet of a contact that began within the
-/// step. Where forces are evaluated the numbers are found, too, that are to be kept if the step ends there; an accepted
-/// step takes those of the last evaluation. A force should not change by that: what the integrator carries to the next
-/// step was made before. So a tangential spring keeps where it is relaxed, as a place on the surfaces; forces follow
-/// from how far these have moved from there, by positions and angles, up to the limit of friction, and sliding
-/// changes the place. A pair is listed in any order, on both sides of a border: numbers must not depend on
-/// it (in_order). Positions jump by box lengths when particles are put back into a periodic box; positions of a listed
-/// pair relative to each other do not. Parts of one surface of the walls have one contact with a point, which the part
-/// that carries it (Walls::carries) acts for; the others do not touch. Where off() says that its coefficients switch a
-/// term off for good, nothing is kept.
+/// A force between touching pairs, or with walls, that depends on the history of the contact: on T::history numbers
+/// that are stored for each contact (ContactHistory). Within a step, a force is a function of the history at the begin
+/// of the step, `past`, and of the state, at every stage of a method. A contact that began within the step has no
+/// history yet. Each force evaluation also writes the next history, which is valid if the step ends there; an accepted
+/// step makes the next history of the last evaluation the current one. This must not change the force, because the
+/// integrator carries forces to the next step that were computed before. Therefore a tangential spring stores its
+/// relaxed state as a place on the surfaces. Forces follow from the displacement of the surfaces from this place, given
+/// by positions and angles, up to the limit of friction; sliding moves the place. A pair may be listed in either order,
+/// on both sides of a border: the history must not depend on the order (in_order). Positions jump by box lengths when a
+/// periodic box wraps particles; relative positions of a listed pair do not. The parts of one surface of the walls have
+/// one contact with a point. The part that carries the contact (Walls::carries) computes it; the other parts do not
+/// touch. A term that its coefficients switch off for good (off()) has no history.
 ///
-/// Most data of a contact for a force follow from positions and angles alone: a term has a record of them, `Touch`,
-/// and
+/// Most data of a contact depend on positions and angles only: a term has a record of these data, `Touch`, and
 ///   find(s, e, past, touch)   fills it; false where the element does not touch. It must not read velocities. `past` is
 ///                             empty where nothing was known
 ///   near(s, e)                may be there: false only where the element does not touch; costs less than find()
@@ -235,29 +234,29 @@ concept TakesRanges = requires(const T term, const StateView<D>& s, Range range,
 template <class T, int D>
 concept HistoryTerm = requires(const T term, const StateView<D>& s, Index e, std::span<const Real> past,
                                typename T::Touch& c, Scatter<D, 1>& f) {
-  { term.name() } -> std::convertible_to<std::string_view>;  // of no other term with history
+  { term.name() } -> std::convertible_to<std::string_view>;  // unique among terms with history
   { term.enabled(s) } -> std::same_as<bool>;
   { T::elements } -> std::convertible_to<Elements>;
   { T::history } -> std::convertible_to<int>;
   { term.find(s, e, past, c) } -> std::same_as<bool>;
-  { term.energy(s, c) } -> std::same_as<Real>;  // that is stored
-  { term.power(s, c) } -> std::same_as<Real>;   // dissipated at present, ≥ 0
+  { term.energy(s, c) } -> std::same_as<Real>;  // stored energy
+  { term.power(s, c) } -> std::same_as<Real>;   // dissipated, ≥ 0
   term.add_force(s, c, f);
   { term.max_rate(s.topology) } -> std::same_as<Real>;
   { term.max_damping(s.topology) } -> std::same_as<Real>;
   requires TakesRanges<T, D> || requires(Real * numbers, Real * lost) { term.keep(s, c, past, numbers, lost); };
 };
 
-/// One that takes a range of elements together, where there is a history: for a loop over several elements at a time.
-/// Besides the forces it writes the next history (ContactTable::Ahead), and the losses of the elements that count in
-/// the chunk (ContactTable::lost). It can keep numbers of each element that stay the same as long as the list does,
-/// `static constexpr int constants` of them.
+/// A term with history that computes a range of elements together, by a vectorised loop. In addition to the forces it
+/// writes the next history (ContactTable::Ahead), and the losses of the elements that count in the chunk
+/// (ContactTable::lost). It may store `static constexpr int constants` numbers per element, which are valid until the
+/// list changes.
 template <class T, int D>
 concept RangeTerm = HistoryTerm<T, D> && TakesRanges<T, D>;
 
-/// visit(touch) for the elements of a range that touch, and others(e) for those that do not, but for some that are too
-/// far apart. Where there is a history this is an evaluation of forces, with those added to `force`: it writes the next
-/// history and the losses; those of a RangeTerm are made by its add_forces() instead.
+/// Calls visit(touch) for the elements of a range that touch, and others(e) for elements that do not, except some that
+/// are too far apart. With a history this is an evaluation of forces, which visit() adds to `force`: the call writes
+/// the next history and the losses. For a RangeTerm, add_forces() writes them instead.
 template <int D, HistoryTerm<D> T, int Sign, bool OwnOnly, class Visit, class Others>
 PLIANT_INLINE void for_each_touch(const T& term, const StateView<D>& s, Range range,
                                   const Scatter<D, Sign, OwnOnly>& force, Visit&& visit, Others&& others) {
@@ -306,7 +305,7 @@ PLIANT_INLINE void for_each_touch(const T& term, const StateView<D>& s, Range ra
   for_each_touch(term, s, range, force, visit, [](Index) {});
 }
 
-/// A pair of points, that of the particle with the lower id first.
+/// A pair of points; the point of the particle with the lower id comes first.
 inline Pair in_order(const Topology& topology, const Pair& pair) {
   const auto id = [&](Index i) { return topology.id[topology.particle[i]]; };
   return id(pair.first) < id(pair.second) ? pair : Pair{pair.second, pair.first};

@@ -27,7 +27,7 @@ struct Topology {
   std::vector<Real> sigma;               ///< [particles] diameter; of the disk of area a0 for a polygon
   std::vector<Real> a0;                  ///< [particles] rest area (2D) or volume (3D)
   std::vector<Real> l0;                  ///< [particles] rest length of an edge; 0 for soft particles
-  std::vector<std::uint8_t> active;      ///< [particles] 0: taken out of the run: touches nothing and does not move
+  std::vector<std::uint8_t> active;      ///< [particles] 0: inactive: touches nothing and does not move
   std::vector<Index> id;  ///< [particles] the particle's number for the user; its place here changes as particles are
                           ///< sorted in space and move between ranks
   Index ghosts = 0;       ///< the last particles are copies: of other ranks' particles, and images of any in a box
@@ -41,15 +41,16 @@ struct Topology {
   Real mass(Index i) const { return point_mass[particle[i]]; }
   Real inverse_mass(Index i) const { return inverse_point_mass[particle[i]]; }
   bool deformable() const { return points() > particles(); }
-  /// The one of particles m and n to which pair quantities are attributed: the lower id. A particle that meets
-  /// images of itself meets each on one side and as the opposite image on the other: one of the two counts.
+  /// Particle m or n, to which pair quantities are attributed: the particle with the lower id. A particle that touches
+  /// an image of itself is listed on both sides, with opposite images: one of the two counts.
   Index counts_for(Index m, Index n) const {
     if (id[m] != id[n]) return id[m] < id[n] ? m : n;
     const auto [own, ghost] = std::minmax(m, n);
     return ghost_side[ghost - owned()] > 0 ? own : ghost;
   }
 
-  /// Appends a soft particle of diameter sigma and the given mass: a disk or a ball, as its moment of inertia is.
+  /// Appends a soft particle of diameter sigma and the given mass: a disk or a sphere, according to its moment of
+  /// inertia.
   void add_soft(Real sigma_m, Real mass_m);
   /// Appends a polygon of n vertices; delta is the diameter of a vertex or the width of an edge.
   void add_polygon(Index n, Real a0_m, Real l0_m, Real delta_m, Real mass_m);
@@ -65,7 +66,7 @@ struct Topology {
   void add_ghost(Index id_m, Index n, Real delta_m, Real sigma_m, Real a0_m, Real l0_m, Real mass_m, Real inertia_m,
                  int side = 0);
   void drop_ghosts();
-  /// Builds offset, particle, next and previous anew for particles of these numbers of points.
+  /// Builds offset, particle, next and previous for particles of these numbers of points.
   void connect(const std::vector<Index>& points_of_each);
 
  private:

@@ -12,11 +12,11 @@ namespace pliant {
 
 /// BaseFriction of points without spin: every vertex presses on the plane in which it moves with N = m g, m its share
 /// of the mass, and sticks to it by a spring at its place r₀, with the force −k (r − r₀), k = ε/δ². Beyond Coulomb's
-/// limit the force is the nearest within it, and r₀ follows: an implicit step of sliding. So a vertex that sticks does
-/// not creep, and one that slides has μN against the way it has gone; the torque on a polygon is that of its vertices.
-/// A vertex that sticks begins to slide beyond μ_static N, and slides with μ_dynamic N until its spring is shorter than
-/// that. While it sticks, −2ζ √(k m) v is added as far as the limit allows. Kept: r₀ and whether it slides. The energy
-/// of the spring is k/2 |r − r₀|². Elements: points.
+/// limit the force is reduced to the limit, and r₀ follows: an implicit step of sliding. Therefore a sticking vertex
+/// does not creep, and the force on a sliding vertex is μN against its displacement; the torque on a polygon follows
+/// from the forces on its vertices. A sticking vertex begins to slide at μ_static N, and slides at μ_dynamic N until
+/// the spring force falls below it. While the vertex sticks, −2ζ √(k m) v is added as far as the limit allows. Contact
+/// history: r₀ and whether the vertex slides. The energy of the spring is k/2 |r − r₀|². Elements: points.
 struct VertexBaseFriction {
   Real gravity = 0;  ///< g, normal to the plane
   Real mu_static = 0, mu_dynamic = 0;
@@ -36,7 +36,7 @@ struct VertexBaseFriction {
     Index i;
     bool known, slides;
     Real k, most;
-    Real gamma;                  ///< of a sticking vertex
+    Real gamma;                  ///< damping of a sticking vertex
     std::array<Real, 2> spring;  ///< r − r₀, within the limit
   };
 

@@ -28,10 +28,10 @@ inline Real read_wall_diameter(ParameterReader& p) {
 }
 
 /// U = Σ V(d_w), d_w the distance of the point to the wall and V of range (δ + δ_w)/2, δ the point's contact diameter
-/// and δ_w that of the walls, whose ends are round beads then, by one of the laws in contact_law.h; harmonic, for walls
-/// without thickness: ε_w/2 (1 − 2 d_w/δ)² Θ(1 − 2 d_w/δ). Where segments are joined to an outline
-/// the joint counts −V. Walls may move: they are at their places at the view's time. Elements: neighbour list of points
-/// and parts of the walls.
+/// and δ_w the diameter of the walls, whose ends are then round beads, by one of the laws in contact_law.h; harmonic,
+/// for walls without thickness: ε_w/2 (1 − 2 d_w/δ)² Θ(1 − 2 d_w/δ). Where segments are joined to an outline the joint
+/// counts −V. Walls may move: they are at their places at the view's time. Elements: neighbour list of points and parts
+/// of the walls.
 template <int D, class Law = HarmonicOverlap>
 struct WallContact {
   Real epsilon;

@@ -34,8 +34,8 @@ struct WallDepletionLaw {
     const Expansion<D> v = layer_overlap<D>(*solid, r, radius + a_s, a_s);
     return {-strength * v.value, -strength * v.gradient, -strength * v.hessian};
   }
-  /// Nothing is behind a segment. Errors: InputError for walls that are no solids, unless the attraction is switched
-  /// off.
+  /// Segments have no volume behind them. Errors: InputError for walls that are not solids, unless the attraction is
+  /// switched off.
   template <int D>
   void check(const Walls<D>& walls) const {
     if (phi_c != 0 && !walls.segments().empty())
@@ -44,7 +44,7 @@ struct WallDepletionLaw {
           "walls half-spaces or wedges, or set phi_c = 0",
           walls.wall_of_part(0));
   }
-  /// It softens the repulsion.
+  /// 0, because the attraction softens the repulsion.
   static Real max_rate(const Topology&) { return 0; }
 };
 

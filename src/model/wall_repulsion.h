@@ -7,8 +7,8 @@
 namespace pliant {
 
 /// U = f0 ⟨R⟩ (h/R − 1 − ln(h/R)) for h < R, h the distance of the centre from the wall, else 0: the force is
-/// f0 ⟨R⟩ (1/h − 1/R) away from the wall. It grows without bound as h → 0. C¹: U'' jumps from 0 to f0 ⟨R⟩/R² at touch,
-/// and where the nearest point of a wedge reaches its tip.
+/// f0 ⟨R⟩ (1/h − 1/R) away from the wall. The force grows without bound as h → 0. C¹: U'' jumps from 0 to f0 ⟨R⟩/R² at
+/// touch, and where the nearest point of a wedge reaches its tip.
 struct WallRepulsionLaw {
   Real f0_mean_radius;  ///< f0 ⟨R⟩
 
