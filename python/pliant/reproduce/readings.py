@@ -299,8 +299,10 @@ def _draw_models(fits, soft):
     panels per limit. Returns the figure and the quantities of the fits."""
     fits = fits.assign(soft=soft)
     there = [limit for limit in LIMIT_NAMES if (fits["limit"] == limit).any()]
-    fits["name"] = fits["name"].str.replace(": ", ":\n")  # a reading and a model: two lines leave more space for the panels
-    lines = 0.38 if fits["name"].str.contains("\n").any() else 0.24
+    labels = fits["name"].str.partition(": ")  # a reading and a model, which the title names if it is the same everywhere
+    shared = labels[2].iloc[0] if labels[2].nunique() == 1 else ""
+    fits["label"] = labels[0] if shared else fits["name"].str.replace(": ", ":\n")  # two lines: more space for the panels
+    lines = 0.38 if fits["label"].str.contains("\n").any() else 0.24
     heights = [1.4 + lines * (fits["limit"] == limit).sum() for limit in there]
     figure, panels = plt.subplots(len(there), 2, figsize=(plotting.PAGE, sum(heights)), layout="constrained", squeeze=False,
                                   sharey="row", height_ratios=heights)
@@ -310,9 +312,9 @@ def _draw_models(fits, soft):
         order = sorted(range(len(group)), key=lambda i: (not group["soft"].iloc[i], _order(group.iloc[i])))
         group = group.iloc[order]
         beta, error = _beta(group)
-        _rows(left, [_tidy(name) for name in group["name"]], beta, error, group["soft"].to_numpy(),
+        _rows(left, [_tidy(label) for label in group["label"]], beta, error, group["soft"].to_numpy(),
               _published(group["dim"].iloc[0]))
-        left.set_title(LIMIT_NAMES[limit], loc="left")
+        left.set_title(_tidy(": ".join(filter(None, (shared, LIMIT_NAMES[limit])))), loc="left")
         for i, which in enumerate(("fit", "reference_fit", "opposite_fit")):
             label = r"$\beta$ free" if which == "fit" else f"{FRACTIONS.get(group[which.removesuffix('_fit')].iloc[0])} held"
             right.plot(_chi2(group, which), np.arange(len(group)), plotting.MARKERS[i], color=plotting.COLORS[i],
@@ -320,7 +322,7 @@ def _draw_models(fits, soft):
         right.axvline(1, color="0.45", lw=0.9, ls=":")
         right.set(xscale="log", xlabel=r"$\chi^2$/dof")
         right.legend(**plotting.ABOVE | narrow | {"ncols": 3})
-        quantities += fit_quantities(group, lambda row: _name(row, row["name"].replace("\n", " ")))
+        quantities += fit_quantities(group, lambda row: _name(row, row["name"]))
     if len(fits["soft"].unique()) > 1:
         panels[0, 0].legend(**plotting.ABOVE | narrow | {"ncols": 1})
     return figure, quantities
