@@ -213,7 +213,7 @@ struct PastOnBase {
 PLIANT_MULTIVERSION void add_range(const BaseFriction& base, const StateView<2>& s, Range range,
                                    const ContactTable& table, const Scatter<2, 1>& scatter) {
   if (range.size() == 0) return;
-  const BaseFriction law = base;  // a local copy, because the compiler must know that stores do not change it
+  const BaseFriction law = base;  // local copy, which stores cannot change
   const ContactTable::Rows<BaseFriction::history> past(table);
   const Scatter<2, 1> force = scatter;
   Real* next = ContactTable::Ahead<BaseFriction::history>(table).touches(range);

@@ -45,8 +45,7 @@ void set_constants(const StateView<2>& s, Range range, const ContactTable& table
 template <class Law, bool OwnOnly>
 PLIANT_MULTIVERSION void add_contacts(Real epsilon, const SurfaceFriction& friction, const StateView<2>& s, Range range,
                                       const ContactTable& table, const Scatter<2, 1, OwnOnly>& scatter, bool total) {
-  const SurfaceFriction surface = friction;  // a local copy, because the compiler must know that stores do not change
-                                             // it
+  const SurfaceFriction surface = friction;  // local copy, which stores cannot change
   const DiskPasts past = table.rows<DiskContact<>::history>();
   const ContactTable::Ahead<DiskContact<>::history> ahead(table);
   const Scatter<2, 1, OwnOnly> force = scatter;
