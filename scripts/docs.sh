@@ -20,27 +20,27 @@ text="<!-- Made by scripts/docs.sh from the program; edit the options in the sou
 
 # Options
 
-Every option has a type, a default, a unit and a range; \`$name SCENARIO -help\` prints the same list, \`-help GROUP\` one group. An unknown name or a
-value out of range ends the program with exit code 2 before any work is done. [models](../models/README.md) has the units.
+Every option has a type, a default, a unit and a range. \`$name SCENARIO -help\` prints the same list, \`-help GROUP\` one group; \`-help\` (or \`-h\`) and
+\`-version\` print and stop. [models](../models/README.md) has the units.
 
-Options come from the command line (\`-name value\`) and from files (\`-options_file FILE\`, may be repeated): YAML
-(\`.yaml\`, \`.yml\`), where nested keys join with \`_\`, or plain lines of \`-name value\`. The files are read in their
-order, then the command line; the last setting of an option wins. An option that the model or method of the run does not
-read (\`-k_a\` with \`-model sp\`) is an error. \`-help\` (or \`-h\`) and \`-version\` print and stop. Options that
-begin like PETSc's own (\`-ts_…\`, \`-log_view\`, …) go to PETSc; one that nothing reads is an error, and so are those
-that draw in windows, take a debugger or save trajectories. An options file has at most 64 KiB, 1000 keys (aliases
-written out) and 20 levels; a value has at most 4096 bytes and is UTF-8 without control characters, a name of a folder too.
+Options come from files (\`-options_file FILE\`, may be repeated), which are read in their order, and then from the command line (\`-name value\`). The last setting
+of an option counts.
 
-A YAML file needs a value for each option of pliant: \`name:\`, \`name: null\` and \`name: ~\` are errors. A plain line
-\`-name\` without a value means yes for a yes|no option, as on the command line. PETSc's own flags need no value in either.
-Names of input files (outlines, shapes, obstacles) are relative to the folder of the options file that has them, on the
-command line to the working directory. \`-output\` and \`-restart\` are always relative to the working directory, so that an
-options file can be used from any folder. A UTF-8 byte order mark at the start of an options file or input file is skipped.
+| file | format |
+|---|---|
+| \`.yaml\`, \`.yml\` | YAML; nested keys are joined by \`_\`. Every option of pliant needs a value: \`name:\`, \`name: null\` and \`name: ~\` are errors |
+| any other | lines of \`-name value\`. For a yes\|no option \`-name\` alone means yes, as on the command line |
 
-The column \"on restart\": with \`-restart DIR\` an option that \"may change\" has the stored value unless another is given, a
-\"fixed\" one has the stored value and refuses another, and one that is \"not kept\" has its default unless it is given.
-[file-format.md](file-format.md#the-folder-of-a-run) describes restarts and branches. Sizes (\`-n\`, \`-n_vertices\`,
-\`-rows\` …) that need more memory than the machine has available are refused before the run starts.
+- **Errors.** An unknown option, a value out of range, and an option that the model or method of the run does not read (\`-k_a\` with \`-model sp\`) end the program with exit code 2 before the run
+  starts, and so does a size (\`-n\`, \`-n_vertices\`, \`-rows\` …) that needs more memory than the machine has available.
+- **PETSc.** Options with the prefixes of PETSc (\`-ts_…\`, \`-log_view\`, …) go to PETSc, whose flags need no value. A PETSc option that the run does not use is an error. PETSc options that open windows,
+  start a debugger or save trajectories are refused.
+- **File names.** Names of input files (outlines, shapes, obstacles) in an options file are relative to its folder, on the command line to the working directory. \`-output\` and \`-restart\` are always
+  relative to the working directory, so that an options file can be used from any folder.
+- **Limits.** An options file has at most 64 KiB, 1000 keys (with aliases expanded) and 20 levels. Values, and names of folders, have at most 4096 bytes and are UTF-8 without control characters. A byte order
+  mark at the start of an options file or input file is skipped.
+- **Restarts.** The column \"on restart\" applies to \`-restart DIR\`. An option that \"may change\" keeps the stored value unless another value is given. A \"fixed\" option keeps the stored value and refuses
+  another. An option that is \"not kept\" has its default unless a value is given. [file-format.md](file-format.md#the-folder-of-a-run) describes restarts and branches.
 $options"
 
 # keep FILE TEXT: writes the file, or compares.
