@@ -30,8 +30,8 @@ struct BlockAverage {
 /// Blocking after Flyvbjerg & Petersen, J. Chem. Phys. 91, 461 (1989): block sizes B = 1, 2, 4, …; the variance of the
 /// block means gives the error e_B. The block size is the smallest that fulfils B³ > 2 N max(1, e_B/e_1)⁴ with at least
 /// 8 blocks [Lee et al., Phys. Rev. E 83, 066706 (2011)]: bias (∝ 1/B) and scatter (∝ sqrt(B/N)) of the error are then
-/// about equal. No such size, no plateau: then the error is NaN, as for a drift and for fewer than 64 samples. The
-/// floor 1 keeps anticorrelated series (particles that arrive evenly) from stopping too early.
+/// about equal. If there is no such size, the error has no plateau and is NaN, as for a drift and for fewer than 64
+/// samples. The floor 1 keeps anticorrelated series (particles that arrive evenly) from stopping too early.
 ///
 /// How far to trust it, N' = samples/inefficiency being the independent samples: the mean error is within 5 % of the
 /// true one for N' > 200, 10 % low for N' = 50; at N' = 25 half of the AR(1) series reach a plateau, those that
@@ -41,10 +41,10 @@ struct BlockAverage {
 BlockAverage block_average(std::span<const Real> series);
 
 /// As `block_average`, for a quantity of the whole filling (packing fraction, height, contacts), whose samples have a
-/// fast noise and a small slow part: the blocks of `block_average` are long compared with the first alone, and its
-/// error can be half of the true one. The error here is the larger one of that and the standard error of 8 equal
-/// stretches, with which the true error is known to a quarter; where nothing is slow it is 10 % too large on average.
-/// NaN without a plateau, as there.
+/// fast noise and a small slow part: the blocks of `block_average` are long compared with the fast noise only, and the
+/// error can be half of the true error. This function returns the larger of this error and the standard error of 8
+/// equal parts, which is accurate to a quarter; for series without slow changes it is 10 % too large on average. NaN
+/// without a plateau, as in `block_average`.
 BlockAverage slow_average(std::span<const Real> series);
 
 /// Σ numerator / Σ denominator with the error of the ratio to first order, which is the error of the series (numerator

@@ -14,7 +14,7 @@ namespace pliant {
 /// two of them is not seen, so sample more often than a particle needs to fall one diameter.
 class ClogDetector {
  public:
-  /// All that a checkpoint has to keep.
+  /// State for checkpoints.
   struct State {
     Real quiet_since = std::numeric_limits<Real>::quiet_NaN();  ///< start of the quiet time; NaN while droplets move
     std::int64_t crossed = -1;  ///< crossings up to the last sample; −1: no sample yet

@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::size_t parts = 10;
 constexpr std::size_t min_samples = 3;
-constexpr std::size_t min_counts = 3;              // different ones: one more than the line has parameters
+constexpr std::size_t min_counts = 3;              // different numbers, one more than the parameters of the line
 constexpr Real first_part = 0.2, last_part = 0.2;  // of the particles, not fitted
 
 void check(std::span<const Real> time, std::span<const std::int64_t> count) {

@@ -11,7 +11,7 @@
 namespace pliant {
 
 struct SteadyState {
-  std::size_t index = 0;    ///< first sample to keep
+  std::size_t index = 0;    ///< first sample after the start-up
   Real time = 0;            ///< its time, t0
   bool steady = false;      ///< false: the samples from `index` on must not be averaged as a steady state
   std::string explanation;  ///< one sentence for the log
@@ -30,11 +30,11 @@ struct NamedSeries {
 /// first d are dropped for the d ≤ k/2 that minimises Σ_{j>d} (z_j − z̄_d)²/(k − d)², the smallest such d if there are
 /// several.
 ///
-/// This d is a truncation and no test: a series whose variance grows is kept whole, and a slow drift may be.
+/// d is a truncation, not a test: a series with growing variance, or with a slow drift, may keep all samples.
 std::size_t mser5(std::span<const Real> values);
 
-/// How the mean or the spread of a series changes; empty if it is stationary as far as the series can tell. The spread
-/// is the mean distance from the mean of the first, middle or last third.
+/// How the mean or the spread of a series changes; empty if no change is significant. The spread is the mean distance
+/// from the mean of the first, middle or last third.
 ///
 /// The series is divided into 18, 36 and 72 batches, and a polynomial of degree 4 is fitted to the means of each. There
 /// is a drift if one of its (orthogonal) powers has a Student's t above the quantile for a two-sided probability of

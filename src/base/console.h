@@ -1,4 +1,4 @@
-// Output of the program: results, which must arrive, and remarks about a run, whose results are in its folder.
+// Output of the program: results, which must be written, and remarks about a run, whose results are in its folder.
 #pragma once
 
 #include <fmt/format.h>
@@ -9,17 +9,17 @@
 
 namespace pliant {
 
-/// Puts /dev/null in the place of standard streams that are closed: the next file that the program opens would get
-/// their number, and the output. Writing to one of them still fails. Has SIGPIPE ignored: a reader that has gone
-/// ends no run. To be called first in main.
+/// Replaces closed standard streams by /dev/null; otherwise the next opened file would get their number, and the
+/// output. Writing to such a stream still fails. Ignores SIGPIPE, so that a closed pipe does not end a run. To be
+/// called first in main.
 void guard_standard_streams();
 
 /// Name of the program in messages: "pliant" unless a program with another name sets it.
 void set_program_name(std::string name);
 const std::string& program_name();
 
-/// Prints a result to the standard output. Errors: OutputError if it has not arrived there, unless its reader has gone
-/// (`| head`).
+/// Prints a result to the standard output. Errors: OutputError if it cannot be written, unless the reader has closed
+/// the pipe (`| head`).
 void print_result(std::string_view text);
 
 /// Prints `text` to the standard error; a failure to do so is ignored.

@@ -12,13 +12,13 @@ enum class Cure {
   stiffer_contacts,
   stiffer_walls,
   softer_particles,
-  edge_contacts,    ///< vertices touch edges, not vertices alone
+  edge_contacts,    ///< let vertices touch edges, not only vertices
   contact_barrier,  ///< contact energies without bound
   more_particles,
   wider_container,
   narrower_orifice,
   own_outline,
-  wider_obstacles,  ///< more room between obstacles
+  wider_obstacles,  ///< more space between obstacles
   no_reinsertion,
   rounder_shape,
   even_vertices,
@@ -35,7 +35,7 @@ std::string cures(std::initializer_list<Cure> several);
 /// While it lives, messages name options. One at a time in a process.
 class CureOptions {
  public:
-  /// option: the name of the option that is the cure, without "-"; empty where there is none.
+  /// option: the name of the option that is the cure, without "-", or empty.
   explicit CureOptions(std::function<std::string(Cure)> option);
   ~CureOptions();
   CureOptions(const CureOptions&) = delete;

@@ -33,7 +33,7 @@ std::string size_text(double bytes) {
   return fmt::format("{:.3g} {}", bytes, units[unit]);
 }
 
-/// Of this process, in bytes; 0 if the system does not say. Allocates nothing.
+/// Memory of this process in bytes; 0 if the system does not report it. Allocates nothing.
 double resident_memory() {
   std::array<char, 128> text{};
   const int file = ::open("/proc/self/statm", O_RDONLY | O_CLOEXEC);
@@ -71,7 +71,7 @@ Error error_in_flight() {
 }  // namespace pliant
 
 #if PLIANT_OWN_ALLOCATION
-// The standard operators, but for the size, which std::bad_alloc does not tell.
+// The standard operators, with the size in the message, which std::bad_alloc lacks.
 
 void* operator new(std::size_t size) {
   for (;;) {

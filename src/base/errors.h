@@ -27,7 +27,7 @@ class Error : public std::runtime_error {
   ExitCode code_;
 };
 
-/// The user asked for something impossible (exit 2).
+/// Bad input of the user (exit 2).
 struct InputError : Error {
   template <class... Args>
   explicit InputError(fmt::format_string<Args...> text, Args&&... args)

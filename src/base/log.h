@@ -1,4 +1,4 @@
-// Where the time goes, for PETSc's -log_view.
+// Events of PETSc's -log_view.
 #pragma once
 
 #include <pliant/base/types.h>
@@ -22,7 +22,8 @@ enum class LogStage { pack, run };  ///< "Packing", "Run"
 /// Starts PETSc's log if -log_view is among the options, which PETSc itself looks for only as it starts.
 void start_log();
 
-/// Times its own life; costs next to nothing without -log_view, and nothing happens where PETSc does not run.
+/// Measures the time from construction to destruction; hardly any cost without -log_view, and no effect if PETSc does
+/// not run.
 class LogScope {
  public:
   explicit LogScope(LogEvent event);

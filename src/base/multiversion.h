@@ -1,6 +1,7 @@
 // Functions compiled for several instruction sets; the loader selects the best set that the machine has.
 #pragma once
-// Not under thread sanitizer, which cannot start programs with resolvers, nor where a test wants PLIANT_ONE_VERSION.
+// Not with the thread sanitizer, which cannot start programs with resolvers, and not if a test defines
+// PLIANT_ONE_VERSION.
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_THREAD__) && \
     !defined(PLIANT_ONE_VERSION)
 #define PLIANT_HAS_VERSIONS 1
@@ -27,7 +28,7 @@ inline bool fast() {
 
 }  // namespace pliant::simd
 
-// Everything that such a function calls must become part of it.
+// Functions called by such a function must be inlined.
 #define PLIANT_INLINE [[gnu::always_inline]] inline
 /// The same for a lambda, after its parameters.
 #define PLIANT_INLINE_LAMBDA __attribute__((always_inline))

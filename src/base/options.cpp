@@ -402,7 +402,7 @@ void Options::refuse_unknown(const Setting& setting) const {
                    near ? fmt::format("did you mean -{}?", *near) : "-help lists all options");
 }
 
-// Everything goes into the PETSc database (where -options_view shows it); our options count as used.
+// All options go into the PETSc database, for -options_view; options of pliant are marked as used.
 void Options::insert_petsc(const Setting& setting) {
   const std::string name = "-" + setting.name;
   if (find(setting.name) == nullptr) check_petsc(setting);

@@ -28,7 +28,7 @@ enum class OnRestart {
   forget,  ///< starts from the default again (paths, wall-time limits)
 };
 
-/// Everything about an option but its name and its variable. Ranges count for numbers, choices for strings.
+/// Declaration of an option, except its name and its variable. Ranges apply to numbers, choices to strings.
 struct OptionSpec {
   std::string help = {};
   std::string unit = {};                 ///< "sigma_avg", "t0", "degrees" …; empty for pure numbers
@@ -60,8 +60,8 @@ struct RestartConflict : InputError {
 
 /// Registry of the program's options.
 ///
-/// Every part binds its variables to names; their values at that moment are the defaults. `parse` then reads options
-/// files and arguments, checks everything and sets the variables, before any work is done:
+/// Each part of a program binds its variables to names; their values at that time are the defaults. `parse` then reads
+/// options files and arguments, checks everything and sets the variables, before any work is done:
 ///
 ///     options.group("Hopper geometry");
 ///     options.bind("hopper_width", p.width, {.help = "orifice width w", .unit = "sigma_avg", .min = 0, .min_open =
@@ -91,7 +91,7 @@ class Options {
   /// sentence such as "g is the unit of acceleration".
   void explain_units(std::map<std::string, std::string> text) { units_ = std::move(text); }
 
-  /// Accepts options that start with `prefix` and leaves them to PETSc (an object with an options prefix of its own).
+  /// Accepts options that start with `prefix` and leaves them to PETSc (an object with a separate options prefix).
   void accept_petsc_prefix(std::string prefix);
 
   /// Reads `-options_file FILE`s (in their order) and then the arguments (without program and scenario); the last
@@ -121,8 +121,8 @@ class Options {
   void most_used(std::vector<std::string> names);
   /// The word after `-help`, the title of a group; empty without one.
   const std::string& help_group() const { return help_group_; }
-  /// Text of `-help`, a line for each option: the most used ones, then all by groups; or one group alone, in any case
-  /// and by the beginning of its title. Errors: InputError for a group that does not exist.
+  /// Text of `-help`, a line for each option: the most used options, then all options by groups; or one group, given by
+  /// the beginning of its title in upper or lower case. Errors: InputError for a group that does not exist.
   std::string help(const std::string& group = "") const;
   /// Reference of all options: a heading and a table for each group.
   std::string markdown() const;

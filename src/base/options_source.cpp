@@ -136,7 +136,7 @@ class YamlReader {
     for (auto* pair = node.data.mapping.pairs.start; pair < node.data.mapping.pairs.top; ++pair) {
       const yaml_node_t& key = *yaml_document_get_node(&document, pair->key);
       const yaml_node_t& value = *yaml_document_get_node(&document, pair->value);
-      constexpr int most = 1000;  // aliases of aliases may stand for more than there is time to read
+      constexpr int most = 1000;  // aliases of aliases may expand to more than can be read
       if (++keys_ > most) fail(key, fmt::format("the file has more than {} keys, aliases written out", most));
       if (key.type != YAML_SCALAR_NODE) fail(key, "a key must be a plain name");
       const std::string word = scalar(key);

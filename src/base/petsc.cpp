@@ -9,7 +9,7 @@
 namespace pliant {
 namespace {
 
-// A PETSc error handler has one context for the process; the last error is kept per thread instead.
+// A PETSc error handler has one context for the process; therefore the last error is stored per thread.
 thread_local std::string last_message;
 thread_local bool last_in_options;  // the last error came from a function that reads options
 thread_local std::exception_ptr last_exception;
@@ -21,7 +21,7 @@ PetscErrorCode keep_message(MPI_Comm, int, const char* function, const char*, Pe
     if (const auto line_end = last_message.find('\n'); line_end != std::string::npos) last_message.erase(line_end);
     last_in_options = false;
   }
-  // Every function that the error passes through is named. Orderings of matrices are chosen by options alone.
+  // PETSc names every function that the error passes through. Only options select orderings of matrices.
   const std::string_view name = function != nullptr ? function : "";
   if (name.find("Options") != name.npos || name == "MatGetOrdering") last_in_options = true;
   return code;
@@ -32,8 +32,9 @@ bool is_users(PetscErrorCode code) {
          code == PETSC_ERR_USER_INPUT;
 }
 
-/// SuperLU_DIST, which PETSc brings along, has malloc keep all memory that is freed: every temporary array would count
-/// from its first use to the end of the run. Large arrays go back again; small ones are kept, as that is quicker.
+/// SuperLU_DIST, a library of PETSc, makes malloc keep all freed memory: every temporary array would count from its
+/// first use to the end of the run. Here large arrays are returned to the system; small arrays are kept, which is
+/// faster.
 void return_freed_memory() {
 #ifdef __GLIBC__
   mallopt(M_MMAP_MAX, 65536);
@@ -43,8 +44,8 @@ void return_freed_memory() {
 }
 
 /// Without a launcher there is one rank. Open MPI would look for networks, which takes a third of a second, and start a
-/// daemon; without that, processes would share a session folder, and one removes files that another is about to use.
-/// Settings of the user override these.
+/// daemon. Without a daemon, processes would share a session folder, and one process removes files that another is
+/// about to use. Settings of the user override these.
 void prepare_single_rank() {
   constexpr std::array launchers{"OMPI_COMM_WORLD_SIZE", "PMIX_RANK", "PMI_RANK", "SLURM_PROCID"};
   if (std::any_of(launchers.begin(), launchers.end(), [](const char* name) { return std::getenv(name) != nullptr; }))

@@ -12,9 +12,9 @@
 namespace pliant {
 
 /// Initialises PETSc (and MPI) for the life of the object, with an empty options database (nothing from PETSC_OPTIONS
-/// or .petscrc) and without its signal handlers, and makes PETSc errors silent: their text is kept for the exception
-/// that `petsc_check` throws. Where PETSc runs already, only the errors change. PETSc objects must be gone before the
-/// session ends. Errors: NumericalError if PETSc cannot start (it starts once per process).
+/// or .petscrc) and without its signal handlers, and silences PETSc errors: their text is stored for the exception that
+/// `petsc_check` throws. If PETSc already runs, only the error handling changes. PETSc objects must be destroyed before
+/// the session ends. Errors: NumericalError if PETSc cannot start (it starts once per process).
 class PetscSession {
  public:
   PetscSession();

@@ -1,4 +1,4 @@
-// The MPI ranks of a run: sums, gathers and exchanges of plain data. With one rank everything is a copy.
+// The MPI ranks of a run: sums, gathers and exchanges of plain data. With one rank these functions copy.
 #pragma once
 
 #include <mpi.h>
@@ -132,7 +132,7 @@ class Ranks {
     }
     return all;
   }
-  /// The same for parts[r] that goes to rank r.
+  /// As above; parts[r] goes to rank r.
   template <class T>
   std::vector<T> exchange(const std::vector<std::vector<T>>& parts, std::vector<int>* received = nullptr) const {
     std::vector<T> packed;

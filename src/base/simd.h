@@ -36,7 +36,7 @@ PLIANT_INLINE Real4 join(Real2 low, Real2 high) { return __builtin_shufflevector
 PLIANT_INLINE Real2 low(Real4 a) { return __builtin_shufflevector(a, a, 0, 1); }
 PLIANT_INLINE Real2 high(Real4 a) { return __builtin_shufflevector(a, a, 2, 3); }
 
-/// Of so many lanes, at most all four.
+/// Mask of the first lanes, at most four.
 PLIANT_INLINE Mask4 first(Index count) { return Mask4{0, 1, 2, 3} < std::int64_t(count); }
 /// a where the mask is set, else b.
 PLIANT_INLINE Real4 select(Mask4 mask, Real4 a, Real4 b) { return mask ? a : b; }

@@ -20,7 +20,7 @@ struct BuildInfo {
   std::string text() const;
 };
 
-/// Errors: NumericalError if PETSc does not tell its version.
+/// Errors: NumericalError if PETSc does not return its version.
 BuildInfo build_info();
 
 }  // namespace pliant

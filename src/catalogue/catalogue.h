@@ -32,8 +32,8 @@ struct Surroundings {
   Vec<D> gravity = Vec<D>::Zero();
   bool substrate = false;  ///< particles lie on a plane that exerts friction (2D, disks and rough particles)
   std::shared_ptr<const RestOutlines> rest_outlines =
-      nullptr;              ///< shapes that rough particles keep, in place of Area …
-  Real rest_stiffness = 1;  ///< unit of the stiffness that keeps them
+      nullptr;              ///< rest shapes of rough particles, instead of the terms of deformable shapes
+  Real rest_stiffness = 1;  ///< unit of the stiffness of rest shapes
 };
 
 /// Makes the forces of a model. A call also lists the parameters, because the terms read them.
@@ -80,10 +80,9 @@ ModelDefinition own_model(std::string name, std::string help, ModelKind particle
   return own;
 }
 
-/// The weight of a droplet is ρ g R³ [T 4.6]: give it the mass ρ R³.
-/// Errors: InputError for a deformable model or a substrate in 3D, for a substrate under other particles than disks and
-/// rough ones, for a contact law that the model does not have, or for friction whose dynamic coefficient exceeds the
-/// static one.
+/// The weight of a droplet is ρ g R³ [T 4.6]: give the droplet the mass ρ R³. Errors: InputError for a deformable model
+/// or a substrate in 3D, for a substrate under particles other than disks and rough particles, for a contact law that
+/// the model does not have, or for friction whose dynamic coefficient exceeds the static one.
 template <int D>
 std::unique_ptr<ForceField<D>> make_force_field(ModelKind kind, ParameterReader& p, const Surroundings<D>& s = {});
 template <int D>

@@ -67,7 +67,7 @@ class ModelChoice {
     return configured(reader, term, std::forward<More>(more)...);
   }
 
-  // Parameters of the run's model by their roles. Where there is none: 0, an empty text.
+  // Parameters of the run's model by their roles; 0 or an empty text if the model has no such parameter.
   std::vector<const ParameterTable::Entry*> parameters(Role role) const { return table_.with(role, name); }
   Real value(Role role) const;
   std::string choice(Role role) const;
@@ -85,7 +85,7 @@ class ModelChoice {
   void bind(Options& options, ParameterTable::Entry& entry, const UnitSystem& units);
   bool kept(Role role) const;
   static bool in_catalogue(const ModelDefinition& model) { return to_string(model.particles) == model.name; }
-  /// The model of a program that alone reads a parameter, or nothing.
+  /// The only model that reads a parameter, if it is a model of a user program; else nothing.
   std::optional<std::string> owner(const ParameterTable::Entry& entry) const;
   /// Names of the models that read it.
   std::vector<std::string> readers(const ParameterTable::Entry& entry) const;

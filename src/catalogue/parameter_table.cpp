@@ -30,7 +30,7 @@ std::vector<std::string> ParameterTable::Entry::choices(std::string_view model) 
   return all;
 }
 
-/// Adds the parameters that terms ask for; answers with their defaults.
+/// Adds the parameters that terms read, and returns their defaults.
 class ParameterTable::Collector final : public ParameterReader {
  public:
   Collector(ParameterTable& table, std::string model, bool in_space)

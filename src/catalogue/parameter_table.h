@@ -51,7 +51,7 @@ class ParameterTable {
     bool read_by(std::string_view model) const { return term_of(model).has_value(); }
     /// The first term of the model that reads it.
     std::optional<std::string> term_of(std::string_view model) const;
-    /// All that terms can choose, of one model or, without its name, of any.
+    /// All choices of the terms of one model or, without a name, of any model.
     std::vector<std::string> choices(std::string_view model = {}) const;
   };
 
@@ -76,7 +76,7 @@ class ParameterTable {
   /// Gives terms of a model the values of this table.
   class Reader final : public ParameterReader {
    public:
-    /// resolve: where automatic values go that have been found; may be the table, or none.
+    /// resolve: table that receives the automatic values, or null; may be `table`.
     Reader(const ParameterTable& table, std::string model, ParameterTable* resolve = nullptr);
     Real number(const Parameter& p) override;
     Real automatic(const Parameter& p, Real value) override;

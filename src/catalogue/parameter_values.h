@@ -1,4 +1,4 @@
-// Values of parameters that a program gives by itself, without options.
+// Values of parameters that a program sets without options.
 #pragma once
 
 #include <initializer_list>

@@ -38,8 +38,8 @@ struct Bounds {
   }
 };
 
-/// Bounds of a rank's particles at home, of those that are there but for some box lengths, or of one that has left
-/// home. Plain data, to be sent.
+/// Bounds of a rank's particles in its home, of particles in the home up to box lengths, or of a particle that has left
+/// the home. Plain data, to be sent.
 template <int D>
 struct Territory {
   std::array<Real, D> low, high;
@@ -162,7 +162,7 @@ void Halo<D>::build(Topology& topology, const Real* x, Real margin) {
   home.high = high_;
   std::vector<Bounds<D>> bounds(n);
   Bounds<D> at_home;
-  std::map<Image, Bounds<D>> across;  // at home but for these box lengths
+  std::map<Image, Bounds<D>> across;  // particles that are in the home after a shift by these lengths
   std::vector<Territory<D>> mine;
   bool any_at_home = false;
   for (Index m = 0; m < n; ++m) {

@@ -1,4 +1,5 @@
-// Ghosts: copies of particles that own ones can touch, from other ranks and across the borders of a periodic box.
+// Ghosts: copies of particles that owned particles can touch, from other ranks and across the borders of a periodic
+// box.
 #pragma once
 
 #include <memory>
@@ -13,7 +14,7 @@ namespace pliant {
 
 /// Finds ghosts and keeps their positions and velocities up to date. Whole particles are copied. In a periodic box a
 /// ghost may be an image, also of a particle of the same rank, at the position of its original plus box lengths.
-/// Particles may lie anywhere: their positions decide which images are needed. All functions but strays() are
+/// Particles may lie anywhere: their positions decide which images are needed. All functions except strays() are
 /// collective.
 template <int D>
 class Halo {

@@ -11,12 +11,11 @@
 
 namespace pliant {
 
-/// A new place for every particle: to be applied to everything that is kept per particle or per point. All functions
-/// are collective.
+/// A new place for every particle, to be applied to all data per particle or per point. All functions are collective.
 class Migration {
  public:
   /// Particle m of this rank goes to rank destination[m]; there, particles are sorted by key, equal keys by id. Ghosts
-  /// stay behind: they are forgotten.
+  /// are removed.
   Migration(const Ranks& ranks, const Topology& topology, const std::vector<int>& destination,
             const std::vector<std::uint64_t>& key);
 

@@ -62,7 +62,7 @@ std::vector<int> bisect(const Ranks& ranks, const std::vector<Real>& centres, co
         (below[i] < share * total[i] ? low[i] : high[i]) = cut[i];
       }
     }
-    // Both halves of a group take its place; a group of one rank stays whole.
+    // Both halves of a group replace it; a group of one rank is not divided.
     std::vector<Group<D>> halves;
     std::vector<int> place(g);
     for (std::size_t i = 0; i < g; ++i) {

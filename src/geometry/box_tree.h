@@ -52,7 +52,7 @@ class BoxTree {
   struct Node {
     Box2 box;
     Index first, last;  ///< range of a leaf in the order; empty for inner nodes
-    std::size_t next;   ///< node after all that are inside this one
+    std::size_t next;   ///< next node after all nodes inside this node
   };
   void build(std::span<const Box2> boxes, Index first, Index last);
 

@@ -77,7 +77,8 @@ class CellGrid {
       count_[k] = static_cast<Index>(std::floor((high[k] - low[k]) * inverse_size_)) + 1;
       cells *= count_[k];
     }
-    // While points are sorted in, start_[c + 1] is the next free place of cell c: in the end, where cell c + 1 begins.
+    // While points are inserted, start_[c + 1] is the next free place of cell c; at the end it is the first place of
+    // cell c + 1.
     start_.assign(static_cast<std::size_t>(cells) + 2, 0);
     for (Index i = 0; i < n; ++i) {
       if (!use(i)) continue;

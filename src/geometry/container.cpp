@@ -13,7 +13,7 @@ struct Overload : F... {
 template <class... F>
 Overload(F...) -> Overload<F...>;
 
-/// Distance of a wall from the line that goes straight up from p; more where the wall is nearest to p itself.
+/// Distance of a wall from the vertical line above p; larger if the wall is nearest to p.
 Real distance_from_line_above(const Vec<2>& p, const WallSegment& wall) {
   const auto from_line = [&](const Vec<2>& r) { return r[1] >= p[1] ? std::abs(r[0] - p[0]) : (r - p).norm(); };
   Real d = from_line(wall.origin);
@@ -101,7 +101,7 @@ WallParts Container::parts(int dim) const {
 std::vector<Index> Container::bodies(int dim) const {
   const auto sides = std::visit([&](const auto& shape) { return shape.walls(dim); }, shape_).segments;
   std::vector<Index> bodies;
-  // Both sides go straight up at the end.
+  // Both sides end with vertical walls.
   bool left = dim == 2;
   for (const WallSegment& wall : sides) {
     bodies.push_back(left ? 0 : 1);

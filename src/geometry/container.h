@@ -22,9 +22,9 @@ Vec<2> in_plane(const Vec<D>& r) {
 /// forces do not depend on how finely an outline is divided; or literal, V + V [H 10].
 enum class CornerRule { once, literal };
 
-/// Walls around a region above an orifice, which is centred on the axis at y = 0, with upright walls at the upper end,
-/// which is open and has no end; and obstacles in it. Points are given in its plane. In 3D the region is a figure of
-/// revolution.
+/// Walls around a region above an orifice, which is centred on the axis at y = 0, with obstacles in the region. The
+/// upper end is open, with vertical walls of infinite height. Points are given in its plane. In 3D the region is a
+/// figure of revolution.
 class Container {
  public:
   Container(const Hopper& hopper, std::vector<Obstacle> obstacles = {},  // NOLINT: a hopper is a container
@@ -67,12 +67,12 @@ class Container {
   std::vector<Index> bodies(int dim) const;
   template <int D>
   Walls<D> walls() const;
-  /// The same, and after them a shut orifice and a lid at height `lid`: a box to pack particles in. Particles stay
-  /// `clearance` farther away from its walls.
+  /// All walls, then a closed orifice and a lid at height `lid`: a box to pack particles in. Particles stay `clearance`
+  /// farther away from its walls.
   template <int D>
   Walls<D> closed(Real lid, Real clearance = 0) const;
 
-  /// Whether a disk (sphere) of this radius can come to r straight from above without touching walls.
+  /// Whether a disk (sphere) of this radius can fall vertically to r without touching walls.
   template <int D>
   static bool can_fall_to(const Walls<D>& walls, const Vec<D>& r, Real radius);
 

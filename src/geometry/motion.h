@@ -26,7 +26,7 @@ struct Pose {
   Mat<D> matrix(const Mat<D>& a) const { return turned ? Mat<D>(turn * a * turn.transpose()) : a; }
 };
 
-/// A translation at a constant velocity with an oscillation, and a rotation about a pivot that goes with them. By time
+/// A translation at a constant velocity with an oscillation, and a rotation about a pivot that moves with them. By time
 /// t the pivot has moved by velocity · (t − since) + amplitude · (sin(frequency · (t − since) + phase) − sin(phase)).
 /// Lengths in σ_avg, times in t0.
 template <int D>

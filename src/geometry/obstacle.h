@@ -1,4 +1,4 @@
-// Obstacles that stand in a container: disks and polygons, in 3D their figures of revolution.
+// Obstacles in a container: disks and polygons, in 3D their figures of revolution.
 #pragma once
 
 #include <vector>
@@ -7,8 +7,8 @@
 
 namespace pliant {
 
-/// ∫ x dy (3D: π ∫ ρ² dz) along the polyline, up to height y: the area between it and the axis, counted against its
-/// direction where it goes down.
+/// ∫ x dy (3D: π ∫ ρ² dz) along the polyline, up to height y: the area between it and the axis, negative where the line
+/// runs downwards.
 Real swept_area(int dim, const Vec<2>& a, const Vec<2>& b, Real y);
 
 /// A disk about its only corner, or a polygon. In 3D the coordinates are (ρ, z): a sphere on the axis, or a ring.
@@ -24,7 +24,7 @@ struct Obstacle {
   Real content(int dim, Real y) const;
 };
 
-/// By how much an outline that goes from a over b to c turns there, to the left or else to the right, in rad.
+/// Angle by which an outline from a over b to c turns at b, to the left or to the right, in rad.
 Real turn(const Vec<2>& a, const Vec<2>& b, const Vec<2>& c, bool left);
 inline constexpr Real sharp_turn = 20 * pi / 180;  ///< edges of polygons reach over flatter corners
 inline constexpr Real flat_turn = 1e-6;            ///< up to this a corner counts as none

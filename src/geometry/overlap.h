@@ -35,10 +35,10 @@ struct Expansion {
   Mat<D> hessian = Mat<D>::Zero();
 };
 
-/// A sphere round p, in the coordinates of a wedge with this opening (solid.h), and all that is less than `layer` from
-/// the wedge: the wedge, a layer on its faces, and a round edge. p must be farther than `layer` from the wedge. Exact
-/// to rounding, except where the far end of the round edge is just touched from within, which needs a sphere pushed
-/// deep into a face next to the tip.
+/// A sphere round p, in the coordinates of a wedge with this opening (solid.h), and the region within `layer` of the
+/// wedge: the wedge, a layer on its faces, and a round edge. p must be farther than `layer` from the wedge. Exact to
+/// rounding, except where the far end of the round edge is just touched from within, which needs a sphere pushed deep
+/// into a face next to the tip.
 Expansion<2> wedge_overlap(const Vec<2>& p, Real opening, Real radius, Real layer);
 
 /// The volume that a sphere round r, in the plane or in space, shares with all that is less than `layer` from a solid.

@@ -80,7 +80,7 @@ void find_vertex_edge_pairs(const PointCloud& cloud, const CellGrid<2>& grid, Ed
   }
 }
 
-/// Goes through points that stand side by side in memory, and as a rule in space, by blocks: visit(first, last, centre,
+/// Visits points in blocks of points that are adjacent in memory, and usually in space: visit(first, last, centre,
 /// radius) with a sphere around the points of a block and their successors, enlarged by half the largest diameter and
 /// the skin.
 template <int D, class Visit>
@@ -101,7 +101,7 @@ void for_each_block(const PointCloud& cloud, Real skin, Index first, Index last,
   }
 }
 
-/// Up to so many walls near a block, each of its points is tested with all of them.
+/// If at most this many walls are near a block, each point is tested with all of them.
 constexpr std::size_t few_walls = 16;
 
 /// Points of the range with distance < δ/2 + skin from a part of the walls at time t: found(point, part), the parts of

@@ -9,10 +9,10 @@
 
 namespace pliant {
 
-/// Everything behind a plane, or behind two planes that meet in a sharp convex edge (in the plane: a tip), which is
-/// endless along the direction of the edge. In the plane that meets the edge at a right angle, with
-/// the edge as origin, `along` and `out` span the coordinates (x, y); the solid lies between the directions 0
-/// and −opening, so that x runs along the first face and y is the height over it.
+/// The region behind a plane, or behind two planes that meet in a sharp convex edge (in 2D: a tip) of infinite length.
+/// In the plane that meets the edge at a right angle, with the edge as origin, `along` and `out` span the coordinates
+/// (x, y); the solid lies between the directions 0 and −opening, so that x runs along the first face and y is the
+/// height over it.
 template <int D>
 struct Solid {
   Vec<D> place;       ///< a point of the plane, or of the edge

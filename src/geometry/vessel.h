@@ -1,4 +1,4 @@
-// A container by its own outline.
+// A container with a user-defined outline.
 #pragma once
 
 #include <vector>
@@ -8,8 +8,9 @@
 
 namespace pliant {
 
-/// Two polylines, each from an end of the orifice, at y = 0, to where the wall goes straight up without end. In 3D the
-/// right one is the meridian (ρ, z) of a body of revolution. The region lies between them above the orifice.
+/// Two polylines, each from an end of the orifice, at y = 0, to the place where the wall continues vertically without
+/// end. In 3D the right one is the meridian (ρ, z) of a body of revolution. The region lies between them above the
+/// orifice.
 class Vessel {
  public:
   using Line = std::vector<Vec<2>>;

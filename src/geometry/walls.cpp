@@ -82,7 +82,7 @@ std::vector<Index> number_surfaces(const WallParts& walls) {
 template <int D>
 Index Walls<D>::add(const WallParts& walls, const Motion<D>& motion, const Pose<D>& pose, Index material) {
   const Index first = segments_, count = walls.next(), first_wall = size();
-  // Segments go before all joints.
+  // Segments come before all joints.
   const auto shift = [&](Index part) { return part < first ? part : part + count; };
   for (Body& other : bodies_)
     for (Index& part : other.parts) part = shift(part);
@@ -160,7 +160,7 @@ void Walls<D>::place(Body& body) {
   if (!body.motion.turns() || body.parts.empty()) return;
   const Vec<D> pivot = body.start.back(body.motion.pivot);
   body.lever = 0;
-  if constexpr (D == 3) {  // a figure of revolution that turns about its axis stays where it is
+  if constexpr (D == 3) {  // a figure of revolution does not change by a turn about its axis
     const Vec<3> axis = body.start.turned ? Vec<3>(body.start.turn.transpose() * body.motion.spin) : body.motion.spin;
     if (axis[0] == 0 && axis[1] == 0 && pivot[0] == 0 && pivot[1] == 0) return;
   }

@@ -19,8 +19,8 @@
 
 namespace pliant {
 
-/// Wall from `origin` along the unit vector `direction`, `length` long (may be infinite), and all that is within
-/// `radius` of it: a disk where the length is 0. In 3D its coordinates are (ρ, z).
+/// Wall from `origin` along the unit vector `direction`, `length` long (may be infinite), and the region within
+/// `radius` of it: a disk if the length is 0. In 3D its coordinates are (ρ, z).
 struct WallSegment {
   Vec<2> origin, direction;
   Real length;
@@ -44,7 +44,8 @@ struct WallSegment {
 /// have no kink.
 constexpr Real axis_width = 0.05;  ///< w, in σ_avg
 struct RoundedRadius {
-  Real value, slope_over_rho, curvature;  ///< derivatives with respect to ρ; the slope over ρ, as it is 0 on the axis
+  Real value, slope_over_rho, curvature;  ///< derivatives with respect to ρ; the slope over ρ, because the slope is 0
+                                          ///< on the axis
 
   explicit RoundedRadius(Real rho) {
     constexpr Real w = axis_width;
@@ -65,7 +66,7 @@ struct Lip {
 /// Where two segments of an outline meet and count as one wall.
 struct Joint {
   Vec<2> place;
-  Index wall, before;  ///< the segments that begin there and end there
+  Index wall, before;  ///< the segments that begin and end at the joint
   bool convex;  ///< seen from where particles are, a straight one included: then both segments are of one surface
 };
 
@@ -79,7 +80,7 @@ struct WallParts {
   Index next() const { return static_cast<Index>(segments.size()); }
 };
 
-/// Where something touches a part of the walls: distance, unit vector from the wall and curvature of the lines, or
+/// Place of a contact with a part of the walls: distance, unit vector from the wall and curvature of the lines, or
 /// surfaces, of constant distance, in space; and the position in the frame of the part's body.
 template <int D>
 struct WallTouch {
@@ -115,8 +116,8 @@ class Walls {
     for (const Solid<D>& solid : solids) add(solid);
   }
 
-  /// Adds walls that move together, and returns the number of their body. They are given in its frame, whose place at
-  /// motion.since is `pose`; without one, where they are then.
+  /// Adds walls that move together, and returns the number of their body. The walls are given in the frame of the body,
+  /// whose place at motion.since is `pose`; without `pose`, in the laboratory frame at that time.
   Index add(const WallParts& walls, const Motion<D>& motion = {}, const Pose<D>& pose = {}, Index material = 0);
   Index add(const Solid<D>& solid, const Motion<D>& motion = {}, const Pose<D>& pose = {}, Index material = 0);
   /// From motion.since on a body moves so, from where it is at that time.
@@ -347,12 +348,12 @@ class Walls {
     Pose<D> start;  ///< at motion.since
     Motion<D> motion;
     Index material;
-    std::vector<Index> parts, lips;  ///< but for solids
+    std::vector<Index> parts, lips;  ///< without solids
     BoxTree part_tree, lip_tree;     ///< in its frame
     Vec<D> anchor;                   ///< a point of it
     Real lever;                      ///< largest distance of a turning point from the pivot
 
-    /// Where it was last asked to be: prepare().
+    /// Place at the time of the last prepare().
     struct Placed {
       Real t = std::numeric_limits<Real>::quiet_NaN();
       Pose<D> pose = {};

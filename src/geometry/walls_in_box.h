@@ -6,11 +6,11 @@
 
 namespace pliant {
 
-/// Walls act on particles where they are, and particles of a periodic box may be anywhere: walls have to look the same
-/// from all images of a place. Segments in the plane run along a periodic direction, far beyond the box on either side;
-/// in 3D planes (rays from the axis) go with boxes that are open along z, and upright cylinders with those that are
-/// periodic along z alone. Solids do not change along a periodic direction. Walls that move do not turn, and segments
-/// do not move along a periodic direction. Errors: InputError for the first other wall.
+/// Walls act on particles at their positions, which may lie in any image of a periodic box: therefore walls must be
+/// equal in all images. Segments in the plane run along a periodic direction, far beyond the box on either side; in 3D
+/// planes (rays from the axis) go with boxes that are open along z, and upright cylinders with boxes that are periodic
+/// along z only. Solids do not change along a periodic direction. Walls that move do not turn, and segments do not move
+/// along a periodic direction. Errors: InputError for the first other wall.
 template <int D>
 void check_walls(const Box<D>& box, const Walls<D>& walls) {
   if (box.open()) return;

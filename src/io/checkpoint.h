@@ -1,4 +1,4 @@
-// Checkpoints: the complete state of a run, written in turn to two files, so that one of them is always whole.
+// Checkpoints: the complete state of a run, written in turn to two files, so that one file is always complete.
 #pragma once
 
 #include <concepts>
@@ -60,7 +60,7 @@ struct Checkpoint {
 };
 
 /// Writes checkpoint-a.h5 and checkpoint-b.h5 of a folder in turn. A checkpoint is begun, added to and finished: an
-/// array can be forgotten once it has been added.
+/// added array may be freed at once.
 class CheckpointWriter {
  public:
   /// newest: the checkpoint from which the run resumes, which is overwritten last; empty for a new run.
@@ -103,8 +103,8 @@ struct StoredCheckpoints {
 /// Whether there is a file of such a name, good or bad.
 bool has_checkpoint(const std::filesystem::path& folder);
 
-/// Looks for the checkpoints of a folder and compares them with their checksums. Errors: InputError if there is no file
-/// of such a name.
+/// Finds the checkpoints of a folder and compares them with their checksums. Errors: InputError if there is no
+/// checkpoint file.
 StoredCheckpoints find_checkpoints(const std::filesystem::path& folder);
 
 /// Errors: InputError if the file is damaged, of another format, or no checkpoint.

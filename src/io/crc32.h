@@ -1,4 +1,4 @@
-// CRC-32 as of gzip, kept with the datasets of run.h5 and with checkpoints.
+// CRC-32 as in gzip, stored with the datasets of run.h5 and with checkpoints.
 #pragma once
 
 #include <cstddef>

@@ -60,7 +60,7 @@ void create_folder(const fs::path& folder) {
 std::optional<std::string> holder_of(const fs::path& folder) {
   const int file = open_regular(folder / "run.lock", O_RDONLY | O_NOFOLLOW);
   if (file < 0) return {};
-  // Shared: several may ask at a time.
+  // A shared lock: several processes may test at a time.
   std::optional<std::string> holder;
   if (lock_now(file, LOCK_SH) == EWOULDBLOCK) holder = note_of(file);
   ::close(file);

@@ -11,7 +11,7 @@
 
 namespace pliant {
 
-/// Another process runs in the folder: exit code 6, so that a queue of runs can tell it from bad input.
+/// Another process runs in the folder: exit code 6, so that a queue of runs can distinguish it from bad input.
 struct FolderInUse : Error {
   template <class... Args>
   explicit FolderInUse(fmt::format_string<Args...> text, Args&&... args)

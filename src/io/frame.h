@@ -54,7 +54,7 @@ struct FrameFormat {
   void check(bool can_deflate = hdf5::can_deflate()) const;
 };
 
-/// The fields in a list such as "velocities,contacts"; "all"; or none of them, "positions". Errors: InputError that
+/// The fields in a list such as "velocities,contacts"; "all"; or "positions" for no fields. Errors: InputError that
 /// names the option and lists the fields.
 std::set<std::string, std::less<>> parse_frame_fields(std::string_view list);
 

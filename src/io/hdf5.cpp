@@ -158,7 +158,7 @@ Id disk_access(JournaledFile& disk) {
 constexpr const char* crc32_name = "crc32";
 constexpr const char* members_name = "members";
 
-/// For groups: few links, kept in the group's header.
+/// For groups: few links, stored in the group's header.
 void keep_links_in_header(const Id& properties) {
   H5Pset_link_phase_change(properties.get(), 64, 32);
   H5Pset_est_link_info(properties.get(), 16, 14);
@@ -262,7 +262,7 @@ std::optional<std::pair<std::uint32_t, std::uint32_t>> crc32_of_rows(const Id& d
   return std::pair{of_first, of_all};
 }
 
-/// Creates the groups that a name goes through, as `mkdir -p` does.
+/// Creates the groups in the path of a name, as `mkdir -p` does.
 Id creating_parents() {
   Id properties(H5Pcreate(H5P_LINK_CREATE));
   H5Pset_create_intermediate_group(properties.get(), 1);
@@ -354,7 +354,7 @@ bool Group::has_group(const std::string& name) const {
 
 bool Group::has(const std::string& name) const {
   const Quiet quiet;
-  // HDF5 calls it an error to ask for a/b where there is no a.
+  // In HDF5 a query of a/b without a group a is an error.
   for (std::size_t end = name.find('/', 1); end != name.npos; end = name.find('/', end + 1))
     if (H5Lexists(id_.get(), name.substr(0, end).c_str(), H5P_DEFAULT) <= 0) return false;
   const htri_t exists = H5Lexists(id_.get(), name.c_str(), H5P_DEFAULT);
@@ -415,7 +415,7 @@ void compress(const Id& properties, Type type, const Shape& shape, int level) {
   H5Pset_deflate(properties.get(), static_cast<unsigned>(level));
 }
 
-/// Lets a scope create objects of the format of HDF5 1.10 in the file of an object.
+/// Within a scope, objects in the file of an object get the format of HDF5 1.10.
 class LaterFormat {
  public:
   explicit LaterFormat(const Id& object) : file_(H5Iget_file_id(object.get())) { set(H5F_LIBVER_V110); }
@@ -674,7 +674,7 @@ void Group::set_attribute(const std::string& name, const std::string& value) {
 
 void Group::set_number(const std::string& name, Type type, const void* value) {
   const Quiet quiet;
-  // Written in its place: a new attribute would make the group's header grow.
+  // Overwritten in place: a new attribute would enlarge the group's header.
   const Id attribute = H5Aexists(id_.get(), name.c_str()) > 0 ? Id(H5Aopen(id_.get(), name.c_str(), H5P_DEFAULT))
                                                               : new_attribute(id_.get(), name, native(type));
   if (!attribute.valid() || H5Awrite(attribute.get(), native(type), value) < 0) fail_write("attribute " + name);
@@ -760,7 +760,8 @@ void File::abandon() {
   const Quiet quiet;
   if (disk_) disk_->abandon();
   id_ = Id();
-  // HDF5 keeps a file that it cannot close, and closes it at the end of the program: then the disk must be there.
+  // HDF5 keeps a file that it cannot close open, and closes it at the end of the program: then the driver must still
+  // exist.
   if (file_id_.valid() && H5Fclose(file_id_.release()) < 0) (void)disk_.release();
   disk_.reset();
 }

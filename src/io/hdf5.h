@@ -83,7 +83,7 @@ class Dataset {
   /// Where its values begin in the file, row after row as in memory: for ranks that write them past HDF5. 0 if there
   /// are no values, or if they are compressed.
   std::uint64_t address() const;
-  /// Keeps the CRC-32 of all its values for Group::check().
+  /// Stores the CRC-32 of all values for Group::check().
   void set_crc32(std::uint32_t value);
 
  private:
@@ -96,7 +96,7 @@ class Dataset {
   std::string file_, path_;  ///< for messages
 };
 
-/// A dataset [rows, …row] of doubles that grows along its first dimension and keeps its CRC-32.
+/// A dataset [rows, …row] of doubles that grows along its first dimension and stores its CRC-32.
 class Rows {
  public:
   /// Appends values.size() / (product of row) rows. Errors: OutputError.
@@ -156,7 +156,7 @@ class Group {
     std::uint64_t first = 0;
   };
   void write_view(const std::string& name, const View& view);
-  /// A new dataset of this value throughout: HDF5's fill value, so that it takes no space however long it is.
+  /// A new dataset of this value throughout: HDF5's fill value, so that the dataset takes no space for any length.
   template <Element T>
   void write_constant(const std::string& name, T value, const Shape& shape) {
     write_fill_value(name, type_of<T>(), &value, shape);
@@ -210,8 +210,8 @@ class Group {
   std::int64_t integer_attribute(const std::string& name) const;
   /// All attributes that are strings.
   std::map<std::string, std::string> string_attributes() const;
-  /// Names of all datasets below that have values of their own in the file, as paths relative to the group; not those
-  /// that have a second name.
+  /// Names of all datasets below that store values in the file, as paths relative to the group, without second names of
+  /// datasets.
   std::vector<std::string> datasets() const;
 
  protected:
@@ -264,9 +264,9 @@ class File : public Group {
   void flush();
   /// Addresses (Dataset::address()) below were committed by the last flush and must not be written past HDF5.
   std::uint64_t committed() const { return disk_->committed(); }
-  /// Flushes and closes. The destructor alone takes back all since the last flush.
+  /// Flushes and closes. Without close(), the destructor discards all changes since the last flush.
   void close();
-  /// The bytes of a file in memory as they would be on disk; they stay until the file is changed.
+  /// The bytes of a file in memory as they would be on disk; valid until the file is changed.
   std::string_view image();
 
  private:

@@ -25,7 +25,7 @@ static_assert(std::endian::native == std::endian::little);
 
 // Larger pieces are not copied.
 constexpr std::size_t most_kept = 1 << 16;
-// More new bytes than that are synced by themselves instead of being written twice.
+// More new bytes than this are synced separately instead of being written twice.
 constexpr std::uint64_t most_journaled = 1 << 21;
 // A new file begins with a promise of nothing: its first bytes, the signature of a format, come with the first commit.
 constexpr std::uint64_t empty_head = 8;
@@ -99,7 +99,7 @@ void Extents::overlay(std::uint64_t address, std::span<std::byte> bytes) const {
 JournaledFile::JournaledFile(const std::filesystem::path& path, int flags)
     : name_(path.string()), file_(open_regular(name_, flags)), writable_((flags & O_ACCMODE) != O_RDONLY) {
   if (file_ < 0) fail();
-  // File systems that know no locks are used without.
+  // File systems without locks are used without locks.
   if (::flock(file_, (writable_ ? LOCK_EX : LOCK_SH) | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
     ::close(file_);
     throw InputError("cannot open {}: another program has it open", name_);
@@ -235,7 +235,7 @@ void JournaledFile::write(std::uint64_t address, std::span<const std::byte> byte
       lost_ = lost;
       return;
     } catch (const std::system_error&) {
-      // Kept, like small pieces.
+      // Kept in memory, like small pieces.
     }
   }
   tail_.put(address, bytes);
@@ -288,7 +288,7 @@ void JournaledFile::cut(std::uint64_t end) {
   committed_ = end;
 }
 
-/// A program whose file is gone would write to nowhere.
+/// If the file has been deleted, the data would be lost.
 void JournaledFile::check_place() const {
   struct stat open {
   }, named{};
@@ -341,7 +341,7 @@ void JournaledFile::rename(const std::filesystem::path& path) {
   sync_folder(path.parent_path());
 }
 
-/// A file system that could not keep its word once may have dropped any of the pages.
+/// After a failed sync the file system may have dropped any page.
 void JournaledFile::sync() {
   if (::fdatasync(file_) == 0) return;
   lost_ = true;

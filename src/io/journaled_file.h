@@ -17,7 +17,7 @@ class Extents {
  public:
   /// Replaces the former bytes.
   void put(std::uint64_t address, std::span<const std::byte> bytes);
-  /// Copies the held bytes of the addresses from `address` on to `bytes`; the others stay.
+  /// Copies the bytes in memory of the addresses from `address` on to `bytes`; other bytes do not change.
   void overlay(std::uint64_t address, std::span<std::byte> bytes) const;
   bool intersects(std::uint64_t address, std::uint64_t size) const;
   bool empty() const { return blocks_.empty(); }
@@ -31,9 +31,9 @@ class Extents {
   Blocks blocks_;
 };
 
-/// Writes beyond the end of the last commit go to the file; no committed data refer to them. Changes of
-/// committed bytes are kept in memory. A commit appends them to the file as a journal, makes them, and cuts
-/// the journal off. The next open of the file repeats the changes of a complete journal, and ignores an incomplete one.
+/// Writes beyond the end of the last commit go to the file; no committed data refer to them. Changes of committed bytes
+/// stay in memory. A commit appends them to the file as a journal, makes them, and cuts the journal off. The next open
+/// of the file repeats the changes of a complete journal, and ignores an incomplete one.
 ///
 /// A commit syncs the file twice: the journal before the changes are made, and the changes before the journal is cut
 /// off. In between, the disk may write any of the pages in any order: the journal holds small new pieces too, so that
@@ -43,7 +43,7 @@ class Extents {
 ///   for each change: address, size (uint64), the bytes;
 ///   address of the journal, number of changes (uint64), CRC-32 of all before (uint64), "PLIANTJ1".
 ///
-/// Writes fail only for lack of memory: bytes without space on the disk are kept there, and the next commit tries
+/// Writes fail only for lack of memory: bytes without space on the disk stay in memory, and the next commit tries
 /// again.
 class JournaledFile {
  public:
@@ -66,10 +66,10 @@ class JournaledFile {
   std::uint64_t committed() const { return committed_; }
   /// Cuts a file that was opened for writing, and not changed yet, to `end`: the bytes after it were never committed.
   void cut(std::uint64_t end);
-  /// From here on the file holds all that was written, up to `end` ≥ committed(), also after a loss of power. Errors:
-  /// OutputError if it cannot be written, or was removed; it holds the last commit, or is left with a whole journal.
+  /// After this call the file holds all written bytes, up to `end` ≥ committed(), also after a loss of power. Errors:
+  /// OutputError if it cannot be written, or was removed; the file then holds the last commit, or a complete journal.
   void commit(std::uint64_t end);
-  /// From here on write() does nothing: the file stays at the last commit.
+  /// After this call write() has no effect: the file stays at the last commit.
   void abandon() { abandoned_ = true; }
   /// Survives a loss of power. Errors: OutputError.
   void rename(const std::filesystem::path& path);

@@ -390,8 +390,9 @@ void RunWriter::write_frame(const Frame& frame, const FrameFormat& format) {
   ++frames_;
 }
 
-/// Datasets without values of their own: the centres of disks, which are their positions; and data of run.xdmf in
-/// a form that ParaView can read, vectors of two components, walls as points, and constants where a field is missing.
+/// Datasets that refer to values of other datasets: the centres of disks, which are their positions; and data of
+/// run.xdmf in a form that ParaView can read, vectors of two components, walls as points, and constants where a field
+/// is missing.
 void RunWriter::write_views(Group& frame, const std::string& path, hdf5::Type stored) const {
   const auto show = [&](const std::string& source, const char* name, hdf5::Type type, std::uint64_t columns,
                         const auto& shape, std::uint64_t first = 0) {
@@ -437,7 +438,7 @@ void RunWriter::write_arrays(const std::vector<FrameArray>& arrays, std::vector<
     arrays[k].make(row, count, piece.data());
     shares[k] = {crc32_of(piece, shares[k].crc32), shares[k].bytes + piece.size()};
   };
-  /// put(k, row) for the pieces of this rank's rows.
+  /// Calls put(k, row) for the pieces of this rank's rows.
   const auto write_own = [&](const auto& put) {
     for (std::size_t k = 0; k < arrays.size(); ++k)
       for_each_piece(arrays[k], arrays[k].rows, [&](std::uint64_t row, std::uint64_t count) {

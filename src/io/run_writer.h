@@ -58,7 +58,7 @@ struct SeriesColumn {
 };
 using Series = std::map<std::string, SeriesColumn>;
 
-/// Everything in /series of folder/run.h5. Errors: InputError.
+/// All columns of /series of folder/run.h5. Errors: InputError.
 Series read_series(const std::filesystem::path& folder);
 /// In folder/run.h5. Errors: InputError.
 std::size_t count_frames(const std::filesystem::path& folder);
@@ -75,9 +75,9 @@ void check_counts(const std::filesystem::path& folder, const RunCounts& needed, 
 /// kill of the program and a loss of power. Errors of all members: OutputError; the data of the last frame or flush()
 /// stay.
 ///
-/// On several ranks each has a writer. create, append and write_frame are collective, and the error of one rank is
-/// everybody's; other members but frames() are for the root alone. The root speaks HDF5 and lays a frame out in the
-/// file; the arrays are then written by all ranks.
+/// On several ranks each has a writer. create, append and write_frame are collective, and an error of one rank is
+/// thrown on all ranks; the other members, except frames(), are for the root alone. The root calls HDF5 and allocates a
+/// frame in the file; all ranks then write the arrays.
 class RunWriter {
  public:
   /// Starts a run: creates the folder and its parents. Errors: InputError if the folder holds a run already;
@@ -99,13 +99,14 @@ class RunWriter {
   void write_axis(const std::string& name, std::span<const Real> values);
   /// Removes the frames from number frames() on, which append() has left.
   void drop_later_frames();
-  /// Keeps one row of every series until the next frame or flush(). The first sample names the columns for the run.
+  /// Stores one row of every series in memory until the next frame or flush(). The first sample names the columns for
+  /// the run.
   void add_sample(std::span<const SeriesValue> sample) { samples_.add(sample); }
   /// Adds a row to /events, which may stay empty.
   void add_event(std::span<const SeriesValue> event) { events_.add(event); }
   /// Writes the next frame and the samples before it, and flushes. format: the same on all ranks.
   void write_frame(const Frame& frame, const FrameFormat& format = {});
-  /// Writes the samples kept so far.
+  /// Writes the samples in memory.
   void flush();
   void close();
 
@@ -115,7 +116,7 @@ class RunWriter {
   std::uint64_t samples() const { return samples_.rows; }  ///< those kept included
   std::uint64_t events() const { return events_.rows; }    ///< those kept included
   const std::filesystem::path& folder() const { return folder_; }
-  /// Damage that append() found in frames, one message each; these frames stay as they are.
+  /// Damage that append() found in frames, one message each; these frames are not changed.
   const std::vector<std::string>& damage() const { return damage_; }
 
  private:

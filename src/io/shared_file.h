@@ -13,8 +13,8 @@
 
 namespace pliant {
 
-/// A file that exists, opened by all ranks, each of which writes where the others do not. Constructor, destructor and
-/// sync() are collective. Errors of all members: OutputError.
+/// An existing file that all ranks open; they write to different ranges. Constructor, destructor and sync() are
+/// collective. Errors of all members: OutputError.
 class SharedFile {
  public:
   SharedFile(const Ranks& ranks, const std::filesystem::path& path);
@@ -22,7 +22,7 @@ class SharedFile {
   SharedFile(const SharedFile&) = delete;
   SharedFile& operator=(const SharedFile&) = delete;
 
-  /// This rank alone; errors are its own.
+  /// Not collective; errors are thrown on this rank only.
   void write(std::uint64_t address, std::span<const std::byte> bytes);
   /// All writes are on disk, and visible to all ranks.
   void sync();

@@ -53,8 +53,8 @@ struct Field {
   bool of_points = false;
   bool vector() const { return constant == "nan_vector"; }
 };
-// ParaView colours a frame by a field only if all grids have it. Where it is NaN it shows the colour for NaN; active is
-// 1, so that a filter for active particles keeps walls and contacts.
+// ParaView colours a frame by a field only if all grids have it. Values of NaN get the colour for NaN; active is 1, so
+// that a filter for active particles keeps walls and contacts.
 constexpr Field fields[] = {{"velocity", "nan_vector", true}, {"spin", "nan_vector"}, {"sigma", "nan"},
                             {"particle", "minus_one"},        {"active", "one"},      {"reinsertions", "minus_one"},
                             {"contact_count", "minus_one"},   {"area", "nan"},        {"a0", "nan"},
@@ -80,7 +80,7 @@ class FrameGrids {
 
   std::string text() const {
     std::vector<Grid> grids{particles()};
-    // Walls come second, as a frame may have no contacts: the numbers of the others stay.
+    // Walls come second, because a frame may have no contacts: the numbers of other grids do not change.
     if (f_.walls > 0 && f_.dim == 2) grids.push_back(walls());
     if (f_.contacts > 0) grids.push_back(contacts());
     if (f_.wall_contacts > 0) grids.push_back(wall_contacts());
@@ -158,7 +158,7 @@ class FrameGrids {
     if (f_.has(dataset)) grid.own[field] = {group_ + "/" + dataset, type};
   }
 
-  /// Also where the frame has no contact: the fields of frames stay the same.
+  /// Also if the frame has no contact, because all frames must have the same fields.
   void add_contact_fields(Grid& grid, const std::string& list, const std::string& view) const {
     if (!f_.has(list + "/overlap")) return;
     add(grid, "overlap", list + "/overlap", stored());

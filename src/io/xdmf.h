@@ -14,7 +14,7 @@
 
 namespace pliant {
 
-/// Input of a frame's XML; the numbers themselves stay in run.h5.
+/// Input of a frame's XML; the values stay in run.h5.
 struct XdmfFrame {
   std::string name;  ///< name of the group in /frames
   Real time = 0;     ///< in t0
@@ -22,7 +22,7 @@ struct XdmfFrame {
   std::uint64_t particles = 0, points = 0, contacts = 0, wall_contacts = 0, walls = 0;
   std::uint64_t wall_points = 0, wall_connectivity = 0;  ///< sizes of the wall grid
   std::uint64_t connectivity = 0;                        ///< length of the particles' connectivity
-  bool moving_walls = false;                             ///< whether the frame has places of its own for the walls
+  bool moving_walls = false;                             ///< whether the frame has separate places of the walls
   bool single = false;                                   ///< whether its real numbers have 4 bytes
   std::set<std::string, std::less<>> datasets = {};      ///< the datasets of xdmf_datasets() that the frame has
 

@@ -79,7 +79,7 @@ struct HertzOverlap {
   }
 };
 
-/// Grows without bound as d → 0, so that no force keeps a point from turning back. With x = 1 − d/δ and c = 0.01:
+/// Grows without bound as d → 0, so that no load presses a point through. With x = 1 − d/δ and c = 0.01:
 ///   V(d) = ε [c² ln(1 + x/c) − ln(1 − x)]/(1 + c) − ε x for 0 < d < δ, 0 beyond, ∞ at d = 0
 ///   −V'(d) = (ε/δ) x²/((x + c)(1 − x)),   V''(d) = (ε/δ²) [1/(1 − x)² − c²/(x + c)²]/(1 + c)
 /// C²: V'' grows from 0 at touch, reaches 3/4 ε/δ² at an overlap x = c and follows the harmonic law from there on to
@@ -120,9 +120,9 @@ struct BarrierOverlap {
   }
 };
 
-/// V(d) = k/2 (δ − d)² for d < δ, else 0: the harmonic law with ε = k δ², a spring that is as stiff for large particles
-/// as for small ones. So are, but for a logarithm, cylinders that touch along a line. k, in ρgσ_avg^(D−1), is the
-/// member epsilon. C¹: V'' jumps from 0 to k at touch.
+/// V(d) = k/2 (δ − d)² for d < δ, else 0: the harmonic law with ε = k δ², a spring with equal stiffness for all
+/// particle sizes, as of cylinders that touch along a line (up to a logarithm). k, in ρgσ_avg^(D−1), is the member
+/// epsilon. C¹: V'' jumps from 0 to k at touch.
 struct SpringOverlap {
   static constexpr ContactLaw kind = ContactLaw::spring;
   static constexpr Real stiffness = 1;

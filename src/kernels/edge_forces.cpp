@@ -42,8 +42,8 @@ struct Everything {
   }
 };
 
-/// Receives the forces on a range of points. Other forces go to a scratch place: whether a point of a pair
-/// across the boundary belongs to the range is a toss-up.
+/// Receives the forces on a range of points. Other forces go to scratch memory, because a branch on the range would
+/// often be mispredicted for pairs across the boundary.
 struct OwnPoints {
   Real* f;
   Index first;
@@ -183,7 +183,7 @@ PLIANT_INLINE void add_touching(const EdgeLaw& law, const Data& data, Index n, c
       const Index pairs = std::min(last - e, word), fours = pairs - pairs % 4;
       std::uint64_t found = 0;
       for (Index k = 0; k < fours; k += 4) found |= std::uint64_t(sieve(data, e + k, load4(data.reach + e + k))) << k;
-      // The last few of all go unsieved: add_four looks itself.
+      // The last few pairs are not sieved, because add_four tests them.
       for (Index k = fours; k < pairs; ++k) found |= std::uint64_t(1) << k;
       count += write_bits(found, e, list + count);
     }
@@ -241,7 +241,7 @@ void add_near_pairs(std::span<const Pair> pairs, const Real* reach, Real range, 
   const Data data{pairs.data(), reach, next, x, nullptr};
   const auto n = static_cast<Index>(pairs.size());
   for (Index e = 0; e < n; e += 4) {
-    const Index left = std::min<Index>(n - e, 4);  // the last few of all go unsieved
+    const Index left = std::min<Index>(n - e, 4);  // the last few pairs are not sieved
     for (unsigned found = left == 4 ? sieve(data, e, load4(reach + e) + all(range)) : (1u << left) - 1; found != 0;
          found &= found - 1) {
       const Index k = e + std::countr_zero(found);

@@ -16,7 +16,7 @@ struct EdgeLaw {
   Real mu;          ///< friction coefficient; 0: velocities are not read and may be null
   bool at_contact;  ///< friction acts at the point of the contact; false: at the edge's first vertex
   ContactLaw contact = ContactLaw::harmonic;
-  bool tangential = false;  ///< friction opposes the part of the relative velocity alone that is along the outline
+  bool tangential = false;  ///< friction opposes only the part of the relative velocity along the outline
   Real edge_weight = 1, vertex_weight = 1;  ///< weights of the two parts of the contact
 };
 

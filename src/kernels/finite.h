@@ -14,7 +14,7 @@ class FiniteCheck {
  public:
   void add(Real value) {
     constexpr std::uint64_t exponent = 0x7ff0000000000000, one = 0x0010000000000000;
-    // An exponent of all ones (inf, NaN) carries into the sign bit, any other stays below it.
+    // An exponent of all ones (inf, NaN) carries into the sign bit, other exponents do not.
     bits_ |= (std::bit_cast<std::uint64_t>(value) & exponent) + one;
   }
   bool all_finite() const { return (bits_ >> 63) == 0; }

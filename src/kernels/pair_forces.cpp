@@ -10,7 +10,7 @@ using simd::Points2;
 using simd::Real2;
 using simd::Real4;
 
-/// Where the points of four pairs are in an array [points · D]. Kept in registers: the compiler cannot know that
+/// Places of the points of four pairs in an array [points · D]. Kept in registers: the compiler cannot know that
 /// writing forces does not change the list.
 template <int D>
 struct Places {
@@ -75,7 +75,7 @@ PLIANT_INLINE void add_all(const PairLaw& law, std::span<const Pair> pairs, cons
                            const Real* v, Real* f) {
   std::size_t e = 0;
   for (; e + 4 <= pairs.size(); e += 4) {
-    // Points come in the order of the list, but not in one that the hardware foresees. May lie beyond the arrays.
+    // The hardware does not predict the order of points in the list. Addresses may lie beyond the arrays.
     const std::ptrdiff_t soon = std::ptrdiff_t(D) * (pairs[e].first + 64);
     __builtin_prefetch(x + soon);
     __builtin_prefetch(f + soon, 1);

@@ -12,7 +12,7 @@ namespace pliant {
 struct PairLaw {
   Real epsilon, mu;
   ContactLaw contact = ContactLaw::harmonic;
-  bool tangential = false;  ///< friction opposes the part of v_i − v_j alone that is normal to r
+  bool tangential = false;  ///< friction opposes only the part of v_i − v_j normal to r
 };
 
 /// The points of a pair that receive its force. A pair between two chunks is listed in both, once from each side, and

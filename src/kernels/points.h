@@ -1,4 +1,4 @@
-// Passes over the points of particles, all of whose points have one value of something.
+// Loops over the points of particles, with one value per particle.
 #pragma once
 
 #include <pliant/base/types.h>

@@ -1,4 +1,4 @@
-// Memory that is needed soon, fetched bit by bit while something else is computed.
+// Prefetches memory in small pieces during a computation.
 #pragma once
 
 #include <array>
@@ -9,8 +9,8 @@
 
 namespace pliant {
 
-/// Up to five arrays of coordinates that will be gone through once a kernel is done with a chunk. A large system does
-/// not fit into the caches; data requested within a computing loop arrive meanwhile.
+/// Up to five arrays of coordinates that the next pass over a chunk reads. A large system does not fit into the caches;
+/// data requested within a computing loop arrive meanwhile.
 class Prefetch {
  public:
   Prefetch() = default;

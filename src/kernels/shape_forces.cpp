@@ -5,8 +5,8 @@
 
 #include <pliant/base/simd.h>
 
-// As PLIANT_MULTIVERSION, but each instruction set gets a width of its own: GCC takes vectors that are wider than the
-// registers apart lane by lane, which is slower than none.
+// As PLIANT_MULTIVERSION, but with a separate width for each instruction set: GCC splits vectors that are wider than
+// the registers lane by lane, which is slower than scalar code.
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(PLIANT_ONE_VERSION)
 #define PLIANT_WIDER_TARGETS
 #endif
@@ -163,7 +163,7 @@ struct Factors {
 template <class V>
 struct Carry {
   V sine{}, bx{}, by{};
-  V x{}, y{};  ///< the edge, where whole ones bend
+  V x{}, y{};  ///< the full edge, for bending of full edges
 };
 
 /// Forces on the first vertices of some edges. With e the edges and l̂ their directions, the force on vertex i is
@@ -212,7 +212,7 @@ PLIANT_INLINE void add_polygon(const Factors& factors, const Real* x, Index n, R
   edges_from<Lengths>(x, n, 0, e);
   const Real first_x = e.x[0], first_y = e.y[0], first_inverse = e.inverse[0];
   const V round_x = (full ? first_x : e.ux[0]) + V{}, round_y = (full ? first_y : e.uy[0]) + V{};
-  Carry<V> carry;  // nothing for the first ones, which get it at the end
+  Carry<V> carry;  // no contribution to the first vertices, which are completed at the end
   V low, high;
   Index i = 0;
   for (; i + lanes < n; i += lanes) {

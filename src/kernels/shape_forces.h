@@ -1,5 +1,4 @@
-// Forces of the shape energy of deformable particles: all that changes a polygon's area, edges and corners, in one
-// pass.
+// Forces of the shape energy of deformable particles (area, edges and corners) in one pass.
 #pragma once
 
 #include <pliant/base/types.h>

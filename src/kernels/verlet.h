@@ -18,7 +18,7 @@ Real verlet_drift(std::size_t n, Real h, const Real* x, const Real* v, const Rea
 /// the end of the next step. Returns whether a is finite. Arrays [n].
 bool verlet_kick(std::size_t n, Real h, Real* v, const Real* a, Real* predicted);
 
-/// verlet_kick, with the next prediction in an array of its own, and verlet_drift, to the same bits.
+/// verlet_kick, with the next prediction in a separate array, and verlet_drift, with identical bits.
 Real verlet_kick_drift(std::size_t n, Real h, const Real* x, Real* v, const Real* a, const Real* predicted,
                        Real* x_next, Real* predicted_next);
 

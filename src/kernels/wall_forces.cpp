@@ -36,7 +36,7 @@ PLIANT_INLINE void add_four(Real epsilon, const Pair* pairs, const WallSegment* 
   const Points2 along = gather([&](int k) __attribute__((always_inline)) { return wall[k]->direction.data(); });
   const Real4 length{wall[0]->length, wall[1]->length, wall[2]->length, wall[3]->length};
   [[maybe_unused]] const Real4 rho = p.x;
-  [[maybe_unused]] Mask4 rounds{};  // near the axis, but for spheres on it: as RoundedRadius
+  [[maybe_unused]] Mask4 rounds{};  // near the axis, except for spheres on the axis: as RoundedRadius
   [[maybe_unused]] Real4 s2{};
   if constexpr (D == 3) {
     rounds = (rho < axis_width) & ((length > 0) | (origin.x != 0));

@@ -32,7 +32,7 @@ PLIANT_INLINE Points8 points(const Real* p) {
   return {{__builtin_shufflevector(low.a, low.b, 0, 2, 4, 6), __builtin_shufflevector(high.a, high.b, 0, 2, 4, 6)},
           {__builtin_shufflevector(low.a, low.b, 1, 3, 5, 7), __builtin_shufflevector(high.a, high.b, 1, 3, 5, 7)}};
 }
-/// The inverse: of the first four, and of the others.
+/// The inverse: for the first four lanes, and for the other four.
 PLIANT_INLINE Real8 points(Real4 x, Real4 y) {
   return {__builtin_shufflevector(x, y, 0, 4, 1, 5), __builtin_shufflevector(x, y, 2, 6, 3, 7)};
 }
@@ -51,7 +51,7 @@ PLIANT_INLINE void subtract(Real* from, const Real8& a, Index count) {
   for (Index k = count >= 4 ? 4 : 0; k < count; ++k) from[k] -= rest[k];
 }
 
-/// The law. The result of a disk does not depend on the others.
+/// The law. The result of a disk does not depend on the other disks.
 struct EightOnBase {
   static constexpr Real sticks = BaseFriction::sticks;
 
@@ -193,7 +193,8 @@ PLIANT_INLINE void for_each_eight(const StateView<2>& s, Range range, Visit&& vi
   if (i < range.last) visit(i, range.last - i, fill(range.last - i));
 }
 
-/// Current histories of eight disks, and which of them have one: the others will stick at their present place.
+/// Current histories of eight disks, and the mask of disks with a history: the other disks stick at their present
+/// place.
 struct PastOnBase {
   std::array<Real, 32> numbers;
   Mask8 known;

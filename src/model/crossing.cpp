@@ -11,7 +11,7 @@
 namespace pliant {
 namespace {
 
-/// Keeps the first vertex, by index, that lies inside a polygon; of several polygons the first.
+/// Stores the first vertex, by index, that lies inside a polygon; of several polygons the first.
 void test(const StateView<2>& s, Index vertex, Index other, std::optional<Crossing>& found) {
   if (found && std::pair(found->vertex, found->other) <= std::pair(vertex, other)) return;
   if (inside_polygon(s.x, s.topology, other, s.position(vertex))) found = {vertex, s.topology.particle[vertex], other};

@@ -29,14 +29,14 @@ struct LeastDistances {
 /// Result of a check of all outlines. Distances in σ_avg, of vertices to the outlines of other particles.
 struct OutlineLook {
   std::optional<Crossing> crossing;  ///< first vertex, by index, that lies inside another polygon, up to `depth`
-  Real gap;    ///< how far points can go until a contact gets too near, or an outline is met: half of this
+  Real gap;    ///< bound: no contact gets too near, and no outline is met, before a point has moved by half of this
   Real depth;  ///< a vertex that is less deep inside a polygon is found
   std::optional<Approach> closest;  ///< the closest of the contacts that are too near
 };
 
-/// Needs lists that are valid. Finds vertices that are up to `deepest` inside, if not deeper. Costs about as much as
-/// the contact forces of the listed pairs; where the lists have no vertices and edges, or do not hold pairs that are as
-/// deep, as much as a rebuild of the lists. Threads share out the pairs; the result does not depend on their number.
+/// The lists must be valid. Finds vertices that are up to `deepest` inside, if not deeper. Costs about as much as the
+/// contact forces of the listed pairs; if the lists lack vertices and edges, or pairs at such depths, as much as a
+/// rebuild of the lists. Threads divide the pairs; the result does not depend on their number.
 OutlineLook look_at_outlines(const StateView<2>& s, const LeastDistances& least = {}, Real deepest = 0);
 
 /// A particle whose outline crosses itself, or has turned inside out.
@@ -52,11 +52,11 @@ struct SelfLook {
   Real gap;  ///< bound for the other particles: no particle crosses itself before a point has moved by half of this
 };
 
-/// Costs a few ns per vertex for outlines that are star-shaped about their centres, some ten times as much for others.
-/// Threads share out the particles; the result does not depend on their number.
+/// Costs a few ns per vertex for outlines that are star-shaped about their centres, about ten times as much for other
+/// outlines. Threads divide the particles; the result does not depend on their number.
 SelfLook look_at_own_outlines(const StateView<2>& s);
 
-/// First vertex, by index, that lies inside the polygon of another particle, however deep.
+/// First vertex, by index, that lies inside the polygon of another particle, at any depth.
 std::optional<Crossing> find_crossing(const StateView<2>& s);
 
 /// Whether the closed segment from a to b meets the wall, or one of the segments of the walls at time t.

@@ -57,7 +57,7 @@ struct DiskTouch : SurfaceTouch<2, R> {
     const MaskOf<R> other = (n0 < 0) | ((n0 == 0) & (n1 < 0));
     return {other ? -n0 : n0, other ? -n1 : n1};
   }
-  /// On the first, of a force along the normal and one that pulls.
+  /// Force on the first disk: normal force plus tangential pull.
   PLIANT_INLINE std::pair<R, R> force(R normal, R pull) const {
     const R across = pull * this->lever;
     return {normal * n0 + across * n1, normal * n1 - across * n0};

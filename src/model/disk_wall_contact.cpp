@@ -87,7 +87,7 @@ void settle_four(FourAtWalls<2, DiskWallContact<Law>>& four, const DiskWallConta
   settle(four, term, s, ahead, force, total);
 }
 static_assert(RangeTerm<DiskWallContact<>, 2>);
-// A type cannot stand in parentheses. NOLINTBEGIN(bugprone-macro-parentheses)
+// A type cannot be in parentheses. NOLINTBEGIN(bugprone-macro-parentheses)
 #define PLIANT_SETTLE_FOUR(Law)                                                                                    \
   template void settle_four<Law>(FourAtWalls<2, DiskWallContact<Law>>&, const DiskWallContact<Law>&,               \
                                  const StateView<2>&, const typename FourAtWalls<2, DiskWallContact<Law>>::Ahead&, \

@@ -13,7 +13,7 @@
 
 namespace pliant {
 
-/// A disk that touches a wall, or several. Seen from the wall, but for n and velocities.
+/// A disk that touches a wall, or several such disks. All data except n and velocities are relative to the wall.
 template <class R>
 struct DiskWallTouch : SurfaceTouch<2, R> {
   /// Where it is.
@@ -74,8 +74,8 @@ void settle_four(FourAtWalls<2, DiskWallContact<Law>>& four, const DiskWallConta
 /// N = max(N_e − γ_n u_n, 0). Seen from the wall, q = (way of the foot along the surface) + R φ − R θ grows as the disk
 /// slides, φ the direction of n: t·r − Rθ along a straight wall, (R + ρ) φ − R θ round a corner of radius ρ. The spring
 /// is ξ = q − q₀, P = k_t ξ + γ_t q̇ up to μN/(1 + (R − d) κ). The force on the disk is N n − P (1 + (R − d) κ) t, the
-/// torque P R. Round convex corners it stays one contact. At an inner corner there are two.
-/// Kept, seen from the wall: foot, n and θ at the end of the last step, ξ and whether the contact slid.
+/// torque P R. The contact continues around convex corners. At an inner corner there are two contacts. Contact history,
+/// relative to the wall: foot, n and θ at the end of the last step, ξ and whether the contact slid.
 /// Elements: neighbour list of points and parts of the walls.
 template <class Law = HarmonicOverlap>
 struct DiskWallContact {
@@ -99,7 +99,7 @@ struct DiskWallContact {
   }
   void check(const Walls<2>& walls) const { others.check(name(), walls); }
 
-  /// In fours of numbers, so that four contacts can be read together, and as they are kept.
+  /// In groups of four numbers, so that four contacts can be read together in the layout of the history.
   struct Touch : DiskWallTouch<Real> {
     Real d, curvature, radius, mass;
     std::array<Real, 2> foot, across;  ///< foot and n seen from the wall

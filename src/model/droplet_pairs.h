@@ -1,4 +1,4 @@
-// Energies of pairs of droplets that depend on their distance alone; the laws are in headers of their own.
+// Energies of pairs of droplets that depend on their distance alone; the laws are in separate headers.
 #pragma once
 
 #include <pliant/base/errors.h>

@@ -1,4 +1,4 @@
-// Energies of droplets at walls; the laws are in headers of their own.
+// Energies of droplets at walls; the laws are in separate headers.
 #pragma once
 
 #include <pliant/base/errors.h>

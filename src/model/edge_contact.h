@@ -1,5 +1,5 @@
-// Contact between the vertices and the edges of deformable particles: smooth ones [H App. A], and rough ones whose
-// edges are stretched.
+// Contact between the vertices and the edges of deformable particles: smooth particles [H App. A], and rough particles
+// with stretched edges.
 #pragma once
 
 #include <pliant/kernels/contact_law.h>
@@ -24,7 +24,8 @@ enum class EdgeForce {
 /// directions count. The gradient goes to the vertex and to both ends of the edge: linear and angular momentum of the
 /// contact are conserved. The distance is unsigned: a vertex that has crossed an outline is an error state
 /// (crossing.h). With a C² law the second derivatives jump only where the nearest place changes from an edge to a
-/// corner. Each bracket is at least 0, so with a law that is unbounded U_j is too, wherever j comes near the outline.
+/// corner. Each bracket is at least 0, therefore with an unbounded law U_j is unbounded wherever j approaches the
+/// outline.
 ///
 /// EdgeForce::twofold: Σ_i [2 V(dist(j, closed edge i)) − 7/2 V(dist(j, vertex i))], which is 2V before an edge and V/2
 /// before a corner, on either side, and as smooth. Elements: neighbour list of vertices and edges.
@@ -126,8 +127,8 @@ struct EdgeContact {
     return true;
   }
 
-  /// Worst case: vertex against vertex, which both directions count, ω² = 4 V''/m. Bare edges: a vertex in the
-  /// middle of one, 3/2 V''/m; the disks of vertices keep these farther apart.
+  /// Worst case: vertex against vertex, which both directions count, ω² = 4 V''/m. Bare edges: a vertex at the middle
+  /// of an edge, 3/2 V''/m; the disks of vertices keep vertices farther apart.
   Real max_rate(const Topology& topology) const {
     if (!on) return 0;
     const Real worst = edges == Edges::wide ? 4 : 1.5;

@@ -96,7 +96,7 @@ struct EdgeFriction {
     return s.velocity(r.vertex) - (1 - r.t) * s.velocity(r.start) - r.t * s.velocity(r.end);
   }
 
-  /// The part of it that friction opposes.
+  /// The part of the relative velocity that friction opposes.
   Vec<2> rubbed(const StateView<2>& s, const Rubbing& r) const {
     return rubbed_part<2>(friction, slip(s, r), r.offset);
   }

@@ -33,8 +33,8 @@ struct Range {
   bool contains(Index i) const { return first <= i && i < last; }
 };
 
-/// A list whose pairs are grouped by chunk: first those inside each chunk, then those across the border of each. A pair
-/// across a border is listed by the chunks on both sides, each of which works on its own points only.
+/// A list whose pairs are grouped by chunk: first the pairs inside each chunk, then the pairs across the border of each
+/// chunk. A pair across a border is listed by the chunks on both sides, which compute the forces on their points only.
 struct PairList {
   std::vector<Pair> pairs;
   std::vector<Real> reach;   ///< contact distance of each pair; empty for walls and lips

@@ -74,7 +74,7 @@ class LimitSurface {
     return {{p.force, q.force}, {p.torque, q.torque}, {p.bend, q.bend}};
   }
 
-  /// The point of the curve that is nearest to (force, torque), both ≥ 0, and the slip that it stands for.
+  /// The point of the curve that is nearest to (force, torque), both ≥ 0, and its slip.
   struct Nearest {
     Real force, torque, slip;
     bool outside;  ///< whether the curve does not enclose the given point
@@ -108,7 +108,7 @@ class LimitSurface {
   struct Nearest8 {
     simd::Real8 force, torque, slip;  ///< force and torque, also if the curve encloses the given point
     simd::Mask8 outside;
-    simd::Mask8 found;  ///< where it has not come to an end nearest() must be asked
+    simd::Mask8 found;  ///< lanes that have not converged need nearest()
   };
   /// of: mask of the requested lanes.
   PLIANT_INLINE Nearest8 nearest(const simd::Real8& force, const simd::Real8& torque, const simd::Real8& guess,
@@ -123,7 +123,7 @@ class LimitSurface {
     for (int k = 0; k < 3; ++k) {
       const auto [over, slope] = off_the_normal(force, torque, p, s);
       const simd::Real8 next = s - over / slope, change = next - s;
-      // Converged lanes stay unchanged while the others iterate.
+      // Converged lanes stay unchanged while other lanes iterate.
       const simd::Mask8 ends = of & ~found & (slope > 0) & (next >= 0) & (next <= 1) & (simd::abs(change) < enough);
       const PointOf<simd::Real8> end = moved(p, s, change);
       p.force = select(ends, end.force, p.force);
@@ -141,8 +141,9 @@ class LimitSurface {
     return {p.force, p.torque, s, is_outside(force, torque, p, s), found};
   }
 
-  /// Whether a point is inside for sure, as it is under two chords of the curve that meet where v = Rω: in units where
-  /// μN and μNR are `limit`, with the square of the force and the torque, which is ≥ 0. Takes no root and no division.
+  /// Whether a point is certainly inside, because it lies below two chords of the curve that meet where v = Rω: in
+  /// units where μN and μNR are `limit`, with the square of the force and the torque, which is ≥ 0. Takes no root and
+  /// no division.
   template <class R>
   PLIANT_INLINE static auto surely_inside(R force2, R torque, R limit) {
     constexpr Real f = 8 / (3 * pi), t = 8 / (9 * pi);
@@ -158,7 +159,7 @@ class LimitSurface {
   std::vector<std::array<Real, 4>> cubic_;
 };
 
-/// The only one that there is.
+/// The only instance.
 const LimitSurface& limit_surface();
 
 }  // namespace pliant

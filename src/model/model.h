@@ -38,8 +38,8 @@ struct TermReport {
 /// The longest steps of velocity Verlet, in t0.
 struct CriticalStep {
   Real elastic = std::numeric_limits<Real>::infinity();  ///< 2/ω of the stiffest single contact, or other element
-  Real damping = std::numeric_limits<Real>::infinity();  ///< 1/γ of the fastest damping by itself
-  MotionRates crowded = {};  ///< of all terms together, with as many contacts as fit around a point
+  Real damping = std::numeric_limits<Real>::infinity();  ///< 1/γ of the fastest damping of a single term
+  MotionRates crowded = {};  ///< rates of all terms together, with as many contacts as fit around a point
 
   /// Limit for a single contact: standard steps are fractions of this limit.
   Real one_contact() const { return std::min(elastic, damping); }
@@ -86,16 +86,16 @@ struct Couplings {
 };
 
 /// Energies and forces of a configuration. One virtual call per evaluation, none per element. Arrays of forces have the
-/// length of all points; only the own points are written. Where particles rotate, torques on the own points follow the
-/// forces on the own points [points · (D + rotations)]. Sums are over the rank's share: elements inside its chunks,
+/// length of all points; only the owned points are written. If particles rotate, torques on the owned points follow the
+/// forces on the owned points [points · (D + rotations)]. Sums are over the rank's share: elements inside its chunks,
 /// and elements across borders that count for an owned particle (Topology::counts_for); over all ranks every element
-/// counts once. Energies, powers, contacts and forces on walls are of the active particles alone.
+/// counts once. Energies, powers, contacts and forces on walls count active particles only.
 template <int D>
 class ForceField {
  public:
   virtual ~ForceField() = default;
 
-  /// The lists that the terms read. Errors: std::logic_error where they ask for different edges.
+  /// The lists that the terms read. Errors: std::logic_error if terms need different edges.
   virtual NeighbourNeeds needs() const = 0;
   /// Errors: InputError for walls that a term is not defined for.
   virtual void check_walls(const Walls<D>& walls) const = 0;
@@ -113,9 +113,9 @@ class ForceField {
   /// ∂F/∂x and ∂F/∂v of a part of the terms: the rows of the rank's own points. Threads divide the rows: they call the
   /// sinks for different rows at the same time.
   virtual void derivatives(const StateView<D>& s, TermGroup group, BlockSink<D>& df_dx, BlockSink<D>& df_dv) const = 0;
-  /// Where derivatives() can put blocks: all elements of the terms, touching or not.
+  /// Places of the blocks of derivatives(): all elements of the terms, touching or not.
   virtual Couplings couplings(const StateView<D>& s, TermGroup group) const = 0;
-  /// Total energy; with f, the forces of the energy terms alone are written there.
+  /// Total energy; if f is given, the forces of the energy terms alone are written to f.
   virtual Real energy(const StateView<D>& s, Real* f = nullptr) const = 0;
   /// The energy of the elements that have a point of one of these particles, given by id.
   virtual Real energy_of(const StateView<D>& s, std::span<const Index> ids) const = 0;
@@ -171,8 +171,8 @@ Real wall_power(const ForceField<D>& field, const StateView<D>& s) {
 
 /// Terms whose forces one vectorised kernel computes in one pass:
 /// Kernel::add_forces(s, chunk, f, terms…) adds their forces on the points of a chunk; where Kernel::fast() is false
-/// the plain loops are used. Everything else, energies and reports among it, goes through the terms' element functions,
-/// which are the kernel's reference in the tests.
+/// the plain loops are used. Energies, reports and all other results use the terms' element functions, with which tests
+/// compare the kernel.
 template <class Kernel, class... Terms>
 struct Fused {
   std::tuple<Terms...> terms;
@@ -184,7 +184,7 @@ inline constexpr bool is_fused = false;
 template <class Kernel, class... Terms>
 inline constexpr bool is_fused<Fused<Kernel, Terms...>> = true;
 
-/// A kernel with sets_forces overwrites the force array, before the others add to it: Kernel::set_forces.
+/// A kernel with sets_forces overwrites the force array, before other terms add to it: Kernel::set_forces.
 template <class T>
 inline constexpr bool sets_forces = false;
 template <class Kernel, class... Terms>
@@ -613,7 +613,7 @@ class Model final : public ForceField<D> {
     });
   }
 
-  /// The chunks write to their own points only, so that threads can share them out in any way. Errors of elements are
+  /// The chunks write to their own points only, so that any thread may compute any chunk. Errors of elements are
   /// rethrown; of several errors, the error of the first chunk.
   template <class Visit>
   static void for_each_chunk(const StateView<D>& s, Visit&& visit) {
@@ -632,7 +632,8 @@ class Model final : public ForceField<D> {
         }
       }
     };
-    // Each thread has a share of its own, the same in every step, so that its caches know it; then it helps the others.
+    // Each thread starts with the same share in every step, whose data are in its caches, and then helps the other
+    // threads.
     std::array<Taken, most_shares> taken;
 #pragma omp parallel
     {
@@ -724,7 +725,7 @@ class Model final : public ForceField<D> {
       return {};
   }
 
-  /// Calls visit(e) for the elements of active particles that count in a chunk; lists hold no inactive ones.
+  /// Calls visit(e) for the elements of active particles that count in a chunk; lists contain active particles only.
   template <class T, class Visit>
   static void for_each_element(const T&, const StateView<D>& s, Index chunk, Visit&& visit) {
     const Range all = inside<T>(s, chunk);
@@ -861,7 +862,7 @@ class Model final : public ForceField<D> {
   struct alignas(64) Taken {
     std::atomic<Index> count = 0;
   };
-  static constexpr std::size_t per_page = 512;  ///< coordinates: threads write to pages of their own
+  static constexpr std::size_t per_page = 512;  ///< coordinates: each thread writes to separate pages
 
   std::tuple<Parts...> parts_;
 };

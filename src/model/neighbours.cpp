@@ -148,7 +148,7 @@ void Neighbours<D>::build_pairs(const SearchSpace<D>& space) {
   for (Index c = 0; c < n; ++c) append(across[c]);
 }
 
-/// Own points, or edges, and something else than a particle.
+/// Owned points, or edges, with elements other than particles.
 template <int D>
 template <class Kind>
 void Neighbours<D>::build_own(const SearchSpace<D>& space) {

@@ -77,8 +77,8 @@ class Neighbours : public NeighbourLists {
   Range particles(Index chunk) const { return {chunk_[chunk], chunk_[chunk + 1]}; }
   Range points(Index chunk) const { return {chunk_point_[chunk], chunk_point_[chunk + 1]}; }
 
-  /// Where the lists were built: positions of the own points at the last rebuild, of relisted ones where they were
-  /// put; empty if there are no lists.
+  /// Reference positions of the owned points at the last rebuild, for relisted particles at their new places; empty if
+  /// there are no lists.
   const std::vector<Real>& reference() const { return reference_; }
   std::int64_t rebuilds() const { return rebuilds_; }
   /// Another number whenever the lists hold other pairs.
@@ -92,7 +92,7 @@ class Neighbours : public NeighbourLists {
     return sum;
   }
   Real skin() const { return skin_; }
-  /// How far beyond the contact distance the lists go.
+  /// Range of the lists beyond the contact distance.
   Real margin() const { return needs_.beyond_contact + skin_; }
   /// For the next rebuild.
   void set_skin(Real skin) {

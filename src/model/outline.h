@@ -5,9 +5,9 @@
 
 namespace pliant {
 
-/// Whether the edge with first vertex a carries the contact of vertex p, given p's foot on it: where the foot lies
-/// inside the edge; and, for a corner between two edges that is nearest to p on both, the edge that ends there. So
-/// every place of an outline carries once.
+/// Whether the edge with first vertex a carries the contact of vertex p, given p's foot on the edge: if the foot lies
+/// inside the edge; or, at a corner that is nearest to p on both of its edges, if the edge ends at the corner.
+/// Therefore every place of an outline carries a contact once.
 inline bool carries_contact(const StateView<2>& s, Index p, Index a, const SegmentFoot& foot) {
   if (foot.interior()) return true;
   if (foot.t == 0) return false;

@@ -1,4 +1,4 @@
-// Contact between points of different particles: soft particles [H 2] and rough deformable ones [H 9].
+// Contact between points of different particles: soft particles [H 2] and rough deformable particles [H 9].
 #pragma once
 
 #include <pliant/kernels/contact_law.h>
@@ -7,7 +7,7 @@
 
 namespace pliant {
 
-/// The energy scales of contacts of soft particles, of deformable ones, and of frictional disks and spheres.
+/// The energy scales of contacts of soft particles, of deformable particles, and of frictional disks and spheres.
 namespace contact_energy {
 inline constexpr Parameter soft{.name = "e_sp",
                                 .symbol = "E_{sp}",

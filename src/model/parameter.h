@@ -94,7 +94,7 @@ class ParameterReader {
     return values[choose(p, names)].second;
   }
 
-  /// Names of the materials 1, 2, … of walls (Walls::material), which have friction of their own.
+  /// Names of the materials 1, 2, … of walls (Walls::material), which have separate friction coefficients.
   std::vector<std::string> materials = {};
   /// Upper limit of automatic coefficients of dynamic friction.
   Real usual_dynamic_friction = std::numeric_limits<Real>::infinity();

@@ -78,7 +78,7 @@ Real star_gap(const Real* x, const Topology& topology, Index m) {
     a = b;
   }
   if (!(least > 0) || rounds != 1) return 0;
-  // Where all points, and so their mean, go by at most u, a cross product changes by less than 2R w + w², w = 2u.
+  // If all points, and so their mean, move by at most u, a cross product changes by less than 2R w + w², w = 2u.
   return std::sqrt(radius2 + least) - std::sqrt(radius2);
 }
 

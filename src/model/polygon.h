@@ -85,8 +85,8 @@ struct OwnOutline {
 /// skipped, which makes it about linear in the number of vertices as long as the outline is not crumpled.
 OwnOutline look_at_own_outline(const Real* x, const Topology& topology, Index m, Real most);
 
-/// A lower bound, from the angles under which the centre sees the edges, of the way that two points can go together
-/// before polygon m can cross itself: 0 where the outline is not star-shaped about its centre, or not counterclockwise.
+/// A lower bound, from the angles under which the centre sees the edges, of the sum of the displacements of two points
+/// before polygon m can cross itself: 0 if the outline is not star-shaped about its centre, or not counterclockwise.
 /// Linear in the number of vertices.
 Real star_gap(const Real* x, const Topology& topology, Index m);
 

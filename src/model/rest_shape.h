@@ -1,4 +1,4 @@
-// Polygons that keep a shape of any outline, nearly as rigid bodies.
+// Polygons that keep a rest shape of any outline, nearly as rigid bodies.
 #pragma once
 
 #include <cmath>

@@ -14,17 +14,17 @@ namespace pliant {
 /// A vertex j against the rest of its own outline:
 ///   U_j = Σ_i V(dist(j, closed edge i)) − Σ_k V(|r_j − r_k|)
 /// over all edges i that do not end at j and all vertices k ≠ j, with V and its range r as in EdgeContact: δ for smooth
-/// particles, δ/2 for rough ones. Along the outline the distance from j grows at first. As long as it grows, the
-/// nearest point of each edge is one of its ends, and edges and vertices cancel: neighbours do not touch, however short
-/// the edges are, and corners of more than 90° inside have no energy. Where the distance has a least value again, the
-/// outline comes back: U_j is V there, less V of the farthest vertex in between, if that is within r too. So U is zero
-/// in every relaxed shape whose opposite sides are farther apart than r, it is at least 0 for an outline that is wider
-/// than r, and with a barrier it is unbounded wherever an outline is about to cross itself. U is C¹: a foot that slides
-/// from edge to edge passes a vertex, where both edges and the vertex have the same V. With a C² law the second
-/// derivatives jump only where a foot reaches the end of an edge. The gradient goes to the vertex and to both ends of
-/// the edge, so momentum is conserved. Elements: particles, so that there is no list; an outline that is star-shaped
-/// and wide costs one pass over its vertices, any other one a walk round the outline for each vertex, which skips
-/// distant edges.
+/// particles, δ/2 for rough particles. Along the outline, the distance from j grows at first. As long as the distance
+/// grows, the nearest point of each edge is one of its ends, and edges and vertices cancel: neighbours do not touch,
+/// for any edge length, and corners with an inner angle above 90° have no energy. Where the distance has another
+/// minimum, the outline returns towards j: U_j is V of this minimum, minus V of the farthest vertex in between, if this
+/// vertex is also within r. Therefore U is zero in every relaxed shape whose opposite sides are farther apart than r,
+/// it is at least 0 for an outline that is wider than r, and with a barrier it is unbounded wherever an outline is
+/// about to cross itself. U is C¹: a foot that slides from edge to edge passes a vertex, where both edges and the
+/// vertex have the same V. With a C² law the second derivatives jump only where a foot reaches the end of an edge. The
+/// gradient goes to the vertex and to both ends of the edge, so momentum is conserved. Elements: particles, so that
+/// there is no list; a star-shaped and wide outline costs one pass over its vertices, any other outline a walk round
+/// the outline for each vertex, which skips distant edges.
 template <class Law = HarmonicOverlap>
 struct SelfContact {
   Real epsilon;
@@ -129,7 +129,7 @@ struct SelfContact {
   void for_each_near(const StateView<2>& s, Index m, Visit&& visit) const {
     const Topology& topology = s.topology;
     const Real reach = law(topology, m).delta;
-    // No vertex is nearer to an edge than the way that both can go until they meet.
+    // No vertex is nearer to an edge than the sum of their displacements before they meet.
     if (topology.active[m] == 0 || star_gap(s.x, topology, m) > reach) return;
     const Index first = topology.offset[m], n = topology.points_of(m);
     Real longest2 = 0;

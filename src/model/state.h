@@ -41,7 +41,7 @@ class State {
   std::span<const Real> x() const { return {x_.data(), size()}; }
   std::span<const Real> v() const { return v_; }
 
-  /// Takes numbers that may be more, and leaves the old ones there: saves an integrator a copy.
+  /// Swaps the arrays with the given ones, which may be longer: saves an integrator a copy.
   void swap_x(std::vector<Real>& next) { x_.swap(next); }
 
   /// [particles] by how many lengths of the periodic box each was wrapped into it: x + lengths is where it would be

@@ -260,7 +260,7 @@ struct SurfaceTouch {
   PLIANT_INLINE Rub rub(const SurfaceFriction& f, R parting, const Tangent& rate) const {
     return rub(f.tangential_damping, f.mu_static, f.mu_dynamic, parting, rate);
   }
-  /// Where each has coefficients of its own: numbers, or vectors of them.
+  /// For contacts with separate coefficients: numbers, or vectors of them.
   template <class Mu>
   PLIANT_INLINE Rub rub(Real tangential_damping, Mu mu_static, Mu mu_dynamic, R parting, const Tangent& rate) const {
     const R pressed = elastic - gamma * parting, normal = pressed < 0 ? R() : pressed,
@@ -327,7 +327,7 @@ Real restitution(Real zeta) {
   }
 }
 
-/// The damping ζ that gives a coefficient of restitution. Errors: InputError for one that is not in (0, 1].
+/// The damping ζ that gives a coefficient of restitution. Errors: InputError for a coefficient outside (0, 1].
 template <class Law>
 Real damping_for(Real e) {
   if (!(e > 0 && e <= 1)) throw InputError("the coefficient of restitution is {}, but it must be in (0, 1]", e);

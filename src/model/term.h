@@ -22,7 +22,7 @@ namespace pliant {
 template <int D>
 struct StateView {
   const Real* x;  ///< positions [points · D]
-  const Real* v;  ///< velocities [points · D]; may be null where only energies are asked for
+  const Real* v;  ///< velocities [points · D]; may be null if only energies are needed
   const Topology& topology;
   const Neighbours<D>& neighbours;
   const Walls<D>& walls;
@@ -31,12 +31,12 @@ struct StateView {
 
   const Real* angles = nullptr;             ///< [points · rotations], where the model rotates
   const Real* spins = nullptr;              ///< [points · rotations]; may be null as v may
-  const ContactHistory* history = nullptr;  ///< null: nothing is known of any contact
+  const ContactHistory* history = nullptr;  ///< null: no contact has a history
 
   Vec<D> position(Index i) const { return point<D>(x, i); }
   Vec<D> velocity(Index i) const { return point<D>(v, i); }
-  /// In the plane how far the particle has turned; in space the integral of its spin, which is an orientation only
-  /// while the axis stays the same.
+  /// In the plane the rotation angle of the particle; in space the integral of its spin, which is an orientation only
+  /// if the axis is constant.
   Rotation<D> angle(Index i) const { return rotation<D>(angles, i); }
   Rotation<D> spin(Index i) const { return rotation<D>(spins, i); }
   /// Of point i, with its rotation.
@@ -142,8 +142,9 @@ struct MotionRates {
 /// ω² of a point with all contacts that fit around it, over ω² of one contact (max_rate). A contact k (n·(u_i − u_j))²
 /// is at most 2k ((n·u_i)² + (n·u_j)²), so two like points i, j give a point 2k Σ n nᵀ/m, the sum over its contacts:
 /// six in the plane have Σ n nᵀ = 3, twelve in space 4, and the triangular and the fcc lattice have modes that reach
-/// it. Two walls press a point from both sides, and so do two lips. Vertices of two outlines that press each other face
-/// to face are not stiffer than two that meet head on, at corners between three outlines half as much more.
+/// it. Two walls press a point from both sides, and so do two lips. Two outlines that press each other face to face are
+/// not stiffer than two vertices that meet head on; at a corner between three outlines the stiffness is 1.5 times as
+/// large.
 template <int D, Elements E>
 inline constexpr Real crowding = E == Elements::point_pairs                    ? (D == 2 ? 3 : 4)
                                  : E == Elements::vertex_edges                 ? 1.5
@@ -153,9 +154,9 @@ inline constexpr Real crowding = E == Elements::point_pairs                    ?
 /// Only terms without torques have second derivatives. A model with torques or with contact history is integrated by
 /// explicit methods.
 ///
-/// An energy: U = Σ_e energy(s, e) over its elements. An element may read everything, but its gradient is not zero only
-/// for the points it is made of, the stencil of its kind (elements.h). A model has the lists that its terms' kinds
-/// need. A term over listed elements may also have
+/// An energy: U = Σ_e energy(s, e) over its elements. An element may read all data, but its gradient must vanish except
+/// for its points, the stencil of its kind (elements.h). A model has the lists that its terms' kinds need. A term over
+/// listed elements may also have
 ///   off()    whether its coefficients switch it off for good, so that no list is needed
 ///   range()  how far beyond the contact distance it reaches
 ///   edges    whether its edges are wide (as without it) or bare, also where it is off

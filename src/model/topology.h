@@ -59,7 +59,7 @@ struct Topology {
   /// Takes particle m out of the run.
   void deactivate(Index m);
 
-  /// The particles `which` alone, in that order.
+  /// The particles `which` only, in this order.
   Topology select(std::span<const Index> which) const;
 
   /// Appends a copy of a particle.

@@ -39,13 +39,14 @@ struct Relaxed {
 };
 
 /// Pushes the points x [points · D] of the system apart and off the walls with FIRE, by its forces and with equal
-/// masses, until no overlap is larger than the tolerance and inside(x). options: but for the forces and the end.
+/// masses, until no overlap is larger than the tolerance and inside(x). options: without the forces and the end
+/// condition.
 template <int D>
 Relaxed push_apart(ParticleSystem<D>& system, FireOptions options, Real tolerance,
                    const std::function<bool(const Real*)>& inside, std::span<Real> x);
 
 /// Pushes disks, which may lie on top of each other, apart and off the walls with FIRE. inside(m, r): whether disk m is
-/// in the container at centres r, where the walls alone do not keep it in. centres [disks · D], by id.
+/// in the container at centres r, needed if the walls alone do not confine the disks. centres [disks · D], by id.
 template <int D>
 Relaxed relax_disks(Topology disks, const Walls<D>& walls, Real tolerance, std::int64_t max_iterations,
                     const std::function<bool(Index, const Real*)>& inside, std::span<Real> centres);

@@ -104,8 +104,8 @@ std::vector<Vec<2>> elongated_outline(Index n, Real parameter) {
   return vertices;
 }
 
-/// The outline at rest of particle m, in units of l0, where that is not the regular polygon; else nothing. All
-/// particles of a run have the same, so the last one is kept.
+/// The outline at rest of particle m, in units of l0, if it is not the regular polygon; else nothing. All particles of
+/// a run have equal outlines, so the last outline is cached.
 const std::vector<Vec<2>>* elongated_outline_of(const Topology& topology, Index m) {
   constexpr Real rounding = 1e-9;
   const Index n = topology.points_of(m);

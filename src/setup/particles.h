@@ -22,14 +22,14 @@ struct SizeDistribution {
   Real largest() const;
 };
 
-/// n diameters; large and small ones come in random order. A normal diameter outside ±3 standard deviations is drawn
+/// n diameters; large and small diameters in random order. A normal diameter outside ±3 standard deviations is drawn
 /// again. Errors: InputError if a normal diameter could be less than 0.1.
 std::vector<Real> draw_diameters(const SizeDistribution& distribution, Index n, std::uint64_t seed);
 
 /// Distribution of the radii of droplets, in units of the radius of a large droplet.
 struct RadiusDistribution {
   Real deviation = 0;       ///< δ: standard deviation over mean, of each kind
-  Real small_fraction = 0;  ///< φ: fraction of small ones, by number [T 2.38]
+  Real small_fraction = 0;  ///< φ: fraction of small droplets, by number [T 2.38]
   Real small = 0.765;       ///< mean radius of a small one
 };
 
@@ -46,7 +46,7 @@ struct PolygonShape {
 /// (Nv/π) tan(π/Nv).
 Real regular_shape_parameter(Index vertices);
 
-/// Particles of the given diameters with ρ = 1: soft ones, or polygons with a0 = πσ²/4 and l0 from 𝒜0.
+/// Particles of the given diameters with ρ = 1: soft particles, or polygons with a0 = πσ²/4 and l0 from 𝒜0.
 Topology make_particles(ModelKind kind, int dim, const std::vector<Real>& diameters, const PolygonShape& shape);
 
 /// Distance from the centre of particle m, a regular polygon of area a0, to its rim: half the diameter of the disk that

@@ -40,7 +40,7 @@ std::vector<Polyline> parse_polylines(std::string_view text, const std::string& 
     if (!values || (values->size() != 2 && !values->empty()))
       throw InputError("{}:{}: \"{}\" is no point; write x y, two numbers in {}", name, line, printable(whole), unit);
     if (values->empty()) {
-      if (whole.find('#') == whole.npos) fresh = true;  // a line with a comment alone divides nothing
+      if (whole.find('#') == whole.npos) fresh = true;  // a comment line does not end a polyline
       continue;
     }
     if (fresh) all.emplace_back();

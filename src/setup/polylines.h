@@ -13,13 +13,13 @@ namespace pliant {
 
 inline constexpr std::size_t largest_outline = std::size_t{8} << 20;  ///< bytes of such a file
 
-/// A polyline, and the lines of the file that its points stand on.
+/// A polyline, and the line numbers of its points in the file.
 struct Polyline {
   std::vector<Vec<2>> points;
   std::vector<int> lines;
 };
 
-/// The numbers of a text with these separators; nothing if there is something else.
+/// The numbers of a text with these separators; nothing if the text contains anything else.
 std::optional<std::vector<Real>> parse_numbers(std::string_view text, std::string_view separators);
 
 /// The points of a text: lines "x y", a blank line between polylines, # begins a comment. name, unit: of the file and

@@ -118,7 +118,7 @@ void reinsert(const Ranks& ranks, const Topology& topology, const Container& con
   for (std::uint64_t attempt = 0; attempt < attempts; ++attempt) {
     Vec<D> target = random_lateral<D>(inflow.sum() / 2, container.inflow_width() / 2 - radius - rule.clearance, seed,
                                       leaving.id, static_cast<std::uint64_t>(leaving.count) * attempts + attempt);
-    // Lower the circle around the particle onto the circles around the others.
+    // Lower the circle around the particle onto the circles around the other particles.
     Index touched = -1;
     Real top = 0;
     std::vector<Index> column;

@@ -26,8 +26,8 @@ std::vector<Vec<2>> drawn(OutlineKind kind, Real aspect) {
   return curve;
 }
 
-/// The ends of steps along a closed polyline from its first point on, each `chord` away from the last one. Nothing
-/// where they go round.
+/// The ends of steps along a closed polyline from its first point on, each `chord` away from the previous step. Nothing
+/// if the steps go round the polyline.
 std::optional<std::vector<Vec<2>>> walk(const std::vector<Vec<2>>& curve, Index steps, Real chord) {
   std::vector<Vec<2>> places{curve[0]};
   std::size_t side = 0;  // that the last place lies on
@@ -50,7 +50,7 @@ std::optional<std::vector<Vec<2>>> walk(const std::vector<Vec<2>>& curve, Index 
 std::vector<Vec<2>> divided(const std::vector<Vec<2>>& curve, Index n) {
   Real length = 0;
   for (std::size_t k = 0; k < curve.size(); ++k) length += (curve[(k + 1) % curve.size()] - curve[k]).norm();
-  // The longest chord of which n do not go round.
+  // The longest chord of which n steps do not go round the polyline.
   Real low = 0, high = 2 * length / n;
   for (int k = 0; k < 60; ++k) {
     const Real middle = (low + high) / 2;

@@ -39,8 +39,8 @@ class Integrator {
   /// steps. With `fresh` the accelerations in the state are not valid yet (a new run, not a restart). Errors:
   /// NumericalError where a step fails or dt underflows.
   virtual void run(SecondOrderSystem& system, State& state, Real t_end, bool fresh, const StepObserver& observer) = 0;
-  /// The same for a first-order system, whose unknowns are State::x and State::extra; State::v is left alone. Errors:
-  /// besides, InputError where the method needs velocities.
+  /// As above, for a first-order system, whose unknowns are State::x and State::extra; State::v is not changed. Errors:
+  /// also InputError if the method needs velocities.
   virtual void run(FirstOrderSystem& system, State& state, Real t_end, const StepObserver& observer) = 0;
   virtual const IntegratorStatistics& statistics() const = 0;
   virtual std::string name() const = 0;  ///< "verlet", or "ts:" and the TS type
@@ -52,10 +52,10 @@ class Integrator {
   /// The longest step at which an explicit method is stable for such motion, by its stability polynomial; infinite for
   /// implicit methods.
   virtual Real longest_stable_step(const FastestRates& rates) const = 0;
-  /// The step below which error control does not go (-ts_adapt_dt_min), 0 where it goes as low as it needs.
+  /// The shortest step of error control (-ts_adapt_dt_min), 0 without limit.
   virtual Real shortest_controlled_step() const { return 0; }
-  /// Whether the last evaluation of every step is at its end, so that an observer who wants the rates need not
-  /// evaluate.
+  /// Whether the last evaluation of every step is at its end, so that an observer gets the rates without another
+  /// evaluation.
   virtual bool first_same_as_last() const = 0;
   /// Whether it carries numbers from step to step for each coordinate: an observer that sorts the state
   /// sorts them too, and a restart that is bit for bit needs it.

@@ -25,17 +25,17 @@ struct TsIntegrator::Run {
   ImplicitSystem* implicit;  // the same, if it has derivatives
   State& state;
   const StepObserver& observer;
-  ::Vec y, v;  // v: of alpha2, whose y is x alone
+  ::Vec y, v;  // v: velocities for alpha2, whose y is x only
   Real t_end;
   Real t_before;
   PetscInt rejected_before;
   bool cut;        // the step about to be taken was shortened to match t_end
-  bool reordered;  // the observer has put the state in another order
+  bool reordered;  // the observer has reordered the state
 
   /// The state to PETSc's vectors and back.
   void load() const;
   void store() const;
-  /// The unknowns after the coordinates in y. None if velocities have a vector of their own.
+  /// The unknowns after the coordinates in y. Empty if velocities have a separate vector.
   std::span<Real> behind_coordinates() const {
     if (!system.has_velocities()) return state.extra;
     return state.v().first(v == nullptr ? system.size() : 0);
@@ -67,7 +67,7 @@ constexpr std::array explicit_types = {"euler", "rk", "ssp", ts_verlet};
 constexpr std::array stubborn_types = {"alpha", "alpha2"};
 constexpr std::array implicit_types = {"alpha", "alpha2", "arkimex", "bdf", "beuler", "cn", "rosw", "theta"};
 constexpr std::array split_types = {"arkimex", "arkode"};
-// Explicit ones without an error estimate; rk has one where its table is an embedded pair.
+// Explicit types without an error estimate; rk has an estimate if its table is an embedded pair.
 constexpr std::array fixed_types = {"euler", "ssp"};
 constexpr std::array program_options = {"-ts_max_time", "-ts_final_time", "-ts_init_time", "-ts_time_span",
                                         "-ts_exact_final_time", "-ts_rk_multirate", "-ts_save_trajectory",
@@ -254,7 +254,7 @@ PetscErrorCode TsIntegrator::choose(TSAdapt adapt, TS ts, PetscReal h, PetscInt*
   PetscCall(TSGetApplicationContext(ts, &context));
   TsIntegrator& integrator = static_cast<Run*>(context)->integrator;
   PetscCall(integrator.choose_(adapt, ts, h, scheme, next_h, accept, error, absolute, relative));
-  // The controller dsp by itself accepts errors that are a little above the tolerance.
+  // The controller dsp also accepts errors slightly above the tolerance.
   const bool forced = adapt->always_accept || h <= (1 + PETSC_SQRT_MACHINE_EPSILON) * adapt->dt_min;
   if (*accept && *error > 1 && forced) ++integrator.statistics_.above_tolerance;
   PetscFunctionReturn(0);
@@ -689,7 +689,7 @@ PetscErrorCode shift(::TS, PetscReal, ::Vec y, ::Vec ydot, void*) {
   PetscFunctionReturn(0);
 }
 
-/// Of a method without a table, by a step of length 1 of ẏ_k = y_(k−1) from y = (1, 0, …): R(N) for the nilpotent
+/// For a method without a table, from a step of length 1 of ẏ_k = y_(k−1) from y = (1, 0, …): R(N) for the nilpotent
 /// matrix N has the coefficients of R in its first column.
 StabilityPolynomial step_of_shift(::TS ts, PetscInt stages) {
   PetscVec y;

@@ -23,7 +23,7 @@ struct TsOptions {
   /// -ts_adapt_dt_max, of a controlled step: free flight has no error that would shorten a step before it jumps over an
   /// obstacle.
   Real longest_dt = std::numeric_limits<Real>::infinity();
-  /// Implicit part of an implicit type: all forces, or the shape energy alone, the rest being explicit (IMEX).
+  /// Implicit part of an implicit type: all forces, or the shape energy only, with explicit other forces (IMEX).
   TermGroup implicit = TermGroup::all;
   JacobianKind jacobian = JacobianKind::assembled;
   /// Whether forces are defined at the positions of a trial step; if not, the step is rejected and repeated with a
@@ -119,7 +119,7 @@ class TsIntegrator : public Integrator {
   Choose choose_ = nullptr;  // PETSc's
   bool first_same_as_last_ = false;
   bool second_order_ = false;  // alpha2
-  bool reusable_ = true;       // false after a failure: PETSc's objects may be in the middle of something
+  bool reusable_ = true;       // false after a failure: PETSc's objects may be in an inconsistent state
   static constexpr int most_shortened = 8;
   int shortened_ = 0;  // times that the first step has been divided by four
   std::size_t configured_size_ = 0;

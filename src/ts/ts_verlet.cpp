@@ -13,7 +13,7 @@ namespace {
 
 struct Tolerance {
   ::Vec each = nullptr;
-  PetscReal number = NAN;  // all that is in it
+  PetscReal number = NAN;  // the complete vector
 };
 
 struct Verlet {

@@ -8,7 +8,7 @@ namespace pliant {
 /// Name of the type: TSSetType(ts, ts_verlet) or -ts_type verlet.
 inline constexpr char ts_verlet[] = "verlet";
 
-/// Registers the type with TSRegister; call it after PetscInitialize, as often as you like.
+/// Registers the type with TSRegister; call it after PetscInitialize, any number of times.
 ///
 /// Solves ẋ = v, v̇ = a(t, x, v) given as a TSRHSFunction of y = [x; v] (on each rank the first half of the local
 /// entries is x, the second v) by the method of FixedStepVerlet, with the same operations in the same order:

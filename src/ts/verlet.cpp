@@ -39,7 +39,7 @@ class WithinRun {
   SecondOrderSystem& system_;
 };
 
-/// Throws on all ranks if `finite` is false, as it is on all ranks then.
+/// Throws on all ranks if `finite` is false, which has the same value on all ranks.
 void check(const SecondOrderSystem& system, const State& state, std::span<const Real> predicted, bool finite) {
   if (finite) return;
   system.ranks().together([&] {

@@ -21,7 +21,7 @@ namespace pliant {
 /// Accelerations are used at once and not stored; the predicted velocity p is carried to the next step. Times are t =
 /// step · dt, counted by integers,
 /// so that a restart from (step, x, v, p) with fresh = false continues bit for bit. Where state.t is not step · dt at
-/// the start of a run (dt was changed, which needs fresh), the difference is kept as an offset. The acceleration in p
+/// the start of a run (dt was changed, which needs fresh), the difference is stored as an offset. The acceleration in p
 /// depends on the previous prediction, so p is part of the state: computing p again gives a difference of O(h³).
 class FixedStepVerlet : public Integrator {
  public:

@@ -142,8 +142,8 @@ class ChannelProtocol final : public Protocol<2> {
     if (p_.rough()) outlines_.after_step(particles(), state());
     const std::int64_t step = state().step;
     const bool changes = schedule_.phase_begin(step) == step, stroke_ends = schedule_.phase_at(step) == PushPhase::hold;
-    // At the end of a stroke the plunger still pushes, at the beginning of one it has gone back.
-    if (changes && stroke_ends) check_walls();  // before a plunger that goes back at once
+    // At the end of a stroke the plunger still pushes; at the beginning of a stroke it has moved back.
+    if (changes && stroke_ends) check_walls();  // before a plunger that moves back at once
     const auto put = [&] { audit_.outside([&] { put_walls(); }); };
     if (changes && !stroke_ends) put();
     if (schedule_.frame_at(step)) run().write_frame();
@@ -302,7 +302,7 @@ class ChannelProtocol final : public Protocol<2> {
     return static_cast<std::size_t>(schedule_.push_at(step)) % channel_.plungers().size();
   }
 
-  /// As they are from this step on.
+  /// The walls from this step on.
   void put_walls() {
     const std::int64_t begin = schedule_.phase_begin(state().step);
     const Real speed = schedule_.velocity_at(begin);

@@ -32,14 +32,14 @@ struct PlungerMotion {
   std::size_t plunger = 0;
   Real travel = 0, speed = 0;  ///< then, from its place at rest; into the channel
   Real shear = 0;              ///< speed of the walls of a straight channel, along x below, against it above
-  Real sheared = 0;            ///< how far these have gone until then: contacts stick to them
+  Real sheared = 0;            ///< displacement of the side walls so far, to which contacts stick
   Real since = 0;
 };
 
-/// A polygon of which some sides are plungers; the others are walls. Sides are
-/// segments, joined where two walls meet: an inner corner is one surface, with one contact that goes round it; an outer
-/// one is two, as is one of a wall and a plunger. Plungers are half-spaces, and so are the walls of a straight channel,
-/// which can move along themselves.
+/// A polygon of which some sides are plungers; the others are walls. Sides are segments, joined where two walls meet.
+/// An inner corner is one surface, with one contact that moves around the corner; an outer corner, or a corner of a
+/// wall and a plunger, has two surfaces. Plungers are half-spaces, and so are the walls of a straight channel, which
+/// can move along themselves.
 class Channel {
  public:
   static constexpr Index plunger_material = 1;  ///< material of plungers; other walls have material 0

@@ -25,11 +25,11 @@ std::vector<SizeClass> size_distribution(const std::string& name);
 std::vector<SizeClass> parse_sizes(const std::string& radii, const std::string& counts);
 
 /// The numbers of disks of each size that cover `area` (cm²): the nearest integers to a multiple of the distribution's
-/// numbers. Rare sizes come first, and the more frequent ones compensate their rounding, so that
-/// the area is right to half a set of the most frequent sizes. Errors: InputError if the area is too small for a disk.
+/// numbers. Rare sizes come first, and more frequent sizes compensate their rounding, so that the area is right to half
+/// a set of the most frequent sizes. Errors: InputError if the area is too small for a disk.
 std::vector<Index> disks_for_area(const std::vector<SizeClass>& sizes, Real area);
 
-/// That so many disks of these sizes cover, in cm².
+/// Area covered by these numbers of disks of these sizes, in cm².
 Real covered_area(const std::vector<SizeClass>& sizes, const std::vector<Index>& disks);
 /// δ = √⟨(R − ⟨R⟩)²⟩/⟨R⟩ with these relative numbers; [T 3.1] prints the root over ⟨R⟩ too.
 Real polydispersity(const std::vector<SizeClass>& sizes);

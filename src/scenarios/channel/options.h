@@ -55,10 +55,10 @@ struct ChannelOptions : RunOptions {
   void bind(Options& options);
   /// Errors: InputError.
   void resolve();
-  /// Errors: InputError for options that another one keeps from being read.
+  /// Errors: InputError for options that another option makes ineffective.
   void refuse_unread(const Options& options) const;
 
-  /// The channel but for the stroke of one plunger, cm²: reference of -area_fraction.
+  /// Area of the channel without the stroke of one plunger, cm²: reference of -area_fraction.
   Real filled_area() const;
   /// g; for the area of a disk.
   Real mass(Real radius) const { return density * thickness * pi * square(radius); }

@@ -8,7 +8,7 @@
 namespace pliant {
 namespace {
 
-/// At least one; a quotient that is whole but for rounding is that.
+/// At least one; a quotient within rounding of a whole number is rounded to it.
 std::int64_t up(Real a) { return std::max<std::int64_t>(1, static_cast<std::int64_t>(std::ceil(a * (1 - 1e-12)))); }
 
 }  // namespace

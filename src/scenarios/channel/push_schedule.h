@@ -44,7 +44,7 @@ class PushSchedule {
   PushPhase phase_at(std::int64_t step) const;
   /// The step at which that phase began.
   std::int64_t phase_begin(std::int64_t step) const;
-  /// How far the plunger is from its place of rest.
+  /// Distance of the plunger from its rest position.
   Real travel_at(std::int64_t step) const;
   /// Of the plunger, into the channel, in the phase after this step.
   Real velocity_at(std::int64_t step) const;

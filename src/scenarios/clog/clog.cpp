@@ -139,7 +139,8 @@ class ClogProtocol final : public DropletProtocol {
         radii_(std::move(radii)),
         delta_(capillary_length(p.depletion(), p.g)) {}
 
-  static constexpr std::int64_t check_every = 16, minimum_every = 256;  ///< steps; a search costs as much as some 60
+  static constexpr std::int64_t check_every = 16, minimum_every = 256;  ///< steps; a search costs as much as about 60
+                                                                        ///< steps
   static constexpr Real slow = 0.01;  ///< part of a falling droplet's speed, above which the run searches no minimum
   static constexpr Real near = 0.01;  ///< a minimum: much less than the range of the attraction
   static constexpr Real far_below = -1e6;
@@ -251,7 +252,7 @@ Scenario clog_scenario() {
       "clog", "droplets that attract each other leave a hopper, or clog it",
       [](const ClogOptions& p, const Options& options, const Ranks& ranks, std::optional<Checkpoint> checkpoint) {
         refuse_ranks("clog", ranks);
-        // Before so many are made.
+        // Check before the droplets are created.
         check_memory({p.n, p.n}, fmt::format("-n {}", p.n), ranks);
         if (checkpoint) checkpoint->integer_array("active", static_cast<std::size_t>(p.n));
         return std::make_unique<Run<2>>("clog", p, options, ranks, std::make_unique<ClogProtocol>(p, ranks),

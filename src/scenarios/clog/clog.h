@@ -11,7 +11,7 @@ namespace pliant {
 Scenario clog_scenario();
 
 /// Random places without overlap [2 · n] for droplets of these radii in the wedge above the closed exit, whose middle
-/// is the origin, up to the height where they cover -fill_fraction of it (or as much higher as they need).
+/// is the origin, up to the height at which they cover -fill_fraction of the wedge (or higher if necessary).
 std::vector<Real> fill_wedge(const ClogOptions& p, const std::vector<Real>& radii);
 
 /// The granular capillary length δ = sqrt(F_c/(π R ρ g)) of two droplets of the mean radius, in ⟨R⟩; F_c is the force

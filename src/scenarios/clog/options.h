@@ -7,7 +7,8 @@ namespace pliant {
 
 /// When droplets count as resting.
 enum class RestRule {
-  minimum,  ///< also when they are next to a minimum of the energy, or hang below an exit that has let all others pass
+  minimum,  ///< also if they are next to a minimum of the energy, or hang below an exit that all other droplets have
+            ///< passed
   speed     ///< when they are slow, and not before
 };
 

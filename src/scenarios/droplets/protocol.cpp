@@ -34,8 +34,8 @@ std::unique_ptr<Simulation<2>> make_simulation(const DropletOptions& p, const Dr
       Sorting::never);
 }
 
-/// The fastest decay rate of contacts, at touch: of a droplet against a wall by itself, or of droplets against
-/// each other, whose friction grows with their number as the stiffness does.
+/// The fastest decay rate of contacts, at touch: of a single droplet against a wall, or of droplets against each other,
+/// whose friction grows with their number like the stiffness.
 Real fastest_rate(const DropletOptions& p, const DropletSetup& setup) {
   const std::vector<Real>& diameter = setup.droplets.diameter;
   const Real least = *std::min_element(diameter.begin(), diameter.end()) / 2, walls = setup.walls_at_once;

@@ -53,7 +53,7 @@ class DropletProtocol : public Protocol<2> {
   DropletProtocol(const DropletOptions& p, const Ranks& ranks, const DropletSetup& setup);
 
   // Further hooks of a droplet scenario.
-  /// As it is drawn at time t, before the start at 0: x1 y1 x2 y2 of each wall.
+  /// Walls as drawn at time t, before the start at 0: x1 y1 x2 y2 of each wall.
   virtual std::vector<Real> drawn_walls(Real t) const = 0;
   /// Columns that it adds to a sample.
   virtual void measure(std::vector<SeriesValue>& row) = 0;
@@ -61,7 +61,7 @@ class DropletProtocol : public Protocol<2> {
   virtual void load_more(const Checkpoint& checkpoint) = 0;  ///< may put_walls()
   virtual void conclude_more(nlohmann::ordered_json& summary) = 0;
 
-  // Services for scenarios. Droplets are at the places of their numbers, as they are never sorted.
+  // Services for scenarios. Droplets are never sorted; droplet m is at place m.
   const Topology& topology() const { return simulation().topology(); }
   Index droplets() const { return topology().particles(); }
   Real radius(Index m) const { return topology().diameter[m] / 2; }

@@ -61,7 +61,7 @@ Keys all_keys(ModelKind kind, const ParameterTable& table) {
   return keys;
 }
 
-/// A key of another model may stand there as null.
+/// A key of another model is allowed if its value is null.
 void check_keys(const CaseValue& inputs, const ModelName& model) {
   std::vector<ParameterTable> tables;
   Keys all, own;

@@ -33,7 +33,7 @@ struct CaseModel {
 
 /// The model that the field `model` names, and the parameters among `inputs`. Older names of models have the rules that
 /// [H] prints as defaults; the remark has them and older names of keys. The keys of `inputs` must belong to the model;
-/// a key of another model may stand there as null. Errors, here and below: InputError that names the key.
+/// a key of another model is allowed if its value is null. Errors, here and below: InputError that names the key.
 CaseModel read_model(const CaseValue& model, const CaseValue& inputs);
 
 /// Soft particles in D dimensions.

@@ -61,7 +61,7 @@ void check_crossing(const EvaluatedCase<2>& c, const std::string& file) {
         file, crossing->particle, crossing->vertex - c.topology.offset[crossing->particle], crossing->other);
 }
 
-/// Per-point vectors in the layout of the positions; per-vertex ones grouped by particle.
+/// Vectors per point in the layout of the positions; vectors per vertex grouped by particle.
 template <int D>
 ordered_json rows(const Topology& topology, const std::vector<Real>& f) {
   const auto row = [&](Index i) {

@@ -7,10 +7,10 @@
 
 namespace pliant {
 
-/// Whether an arch of touching particles stands over the orifice. In 2D it is a chain of contacts from the left wall to
-/// the right one, through obstacles too. In 3D it is a particle over the middle of the orifice that a chain of contacts
-/// links to the wall: centres of a dome leave no gap there that is wider than the largest particle. Heaps on both sides
-/// of a flat bottom, or on an obstacle, do not form an arch. The same on all ranks. Collective.
+/// Whether an arch of touching particles stands over the orifice. In 2D an arch is a chain of contacts from the left to
+/// the right wall, also through obstacles. In 3D an arch is a chain of contacts from a particle over the middle of the
+/// orifice to the wall: centres of a dome leave no gap there that is wider than the largest particle. Heaps on both
+/// sides of a flat bottom, or on an obstacle, do not form an arch. The same on all ranks. Collective.
 template <int D>
 bool arch_over_orifice(ParticleSystem<D>& system, const State& state, const Container& container);
 

@@ -195,7 +195,7 @@ class HopperProtocol final : public Protocol<D> {
     const auto &time = column("time"), &crossed = column("crossed_count"), &area = column("crossed_area"),
                &energy = column("kinetic_energy"), &top = column("top_height"), &fraction = column("bulk_fraction");
     judged_ = run().even_samples();
-    bool precise = false;  // by the last one: the run may have been asked for more
+    bool precise = false;  // by the previous run; this run may have a later end
     for (std::size_t i = 0; i < time.size(); ++i)
       if (judged_->take(time[i]))
         precise = precision_->add({time[i], crossed[i], area[i], energy[i], top[i], fraction[i]});
@@ -251,8 +251,7 @@ class HopperProtocol final : public Protocol<D> {
         precision_ && judged_->take(s.t) &&
         precision_->add({s.t, static_cast<Real>(crossed.crossed), crossed.area, last_sample_.kinetic_energy,
                          last_sample_.top_height, last_sample_.bulk_fraction});
-    if (ranks().broadcast(precise))
-      run().end("done", "q_rtol");  // the root alone has seen the samples before a restart
+    if (ranks().broadcast(precise)) run().end("done", "q_rtol");  // only the root has the samples before a restart
     return last_sample_.row;
   }
 
@@ -539,7 +538,7 @@ class HopperProtocol final : public Protocol<D> {
   std::optional<FlowPrecision> precision_;
   std::optional<EvenSamples> judged_;  ///< by it
 
-  // State that a checkpoint keeps.
+  // State for checkpoints.
   std::int64_t packing_iterations_ = 0;
   Real wall_overlap_ = 0;  ///< largest of a point with a wall up to now, over its radius
 
@@ -558,7 +557,7 @@ RunSize size_of(const HopperOptions& p) {
   return {n, p.deformable() ? n * p.shape.vertices : n, p.dim};
 }
 
-/// Whether it holds the particles that the options ask for, before they are made.
+/// Checks, before the particles are created, that the container holds them.
 void check_size(const Checkpoint& c, const HopperOptions& p) {
   const RunSize size = size_of(p);
   c.integer_array("id", static_cast<std::size_t>(size.particles));

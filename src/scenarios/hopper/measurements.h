@@ -14,7 +14,7 @@
 
 namespace pliant {
 
-/// Counters that a run keeps from its start; each rank its share.
+/// Counters since the start of a run; each rank has its share.
 struct FlowCount {
   std::int64_t crossed = 0;  ///< particles that have crossed the orifice line
   Real area = 0;             ///< their a0

@@ -86,7 +86,7 @@ struct HopperOptions : RunOptions {
   /// Whether contact energies have no bound.
   bool has_barrier() const { return model.choice(Role::contact_law) == to_string(ContactLaw::barrier); }
   /// Speed at which the weight of the lightest particle equals drag and friction, σ_avg/t0; infinite without them. A
-  /// slow flow is about as fast, and comes to rest where it is much slower.
+  /// slow flow has about this speed, and rests at much lower speeds.
   Real creep_speed() const;
   /// For a -clog_speed that a slow flow may not reach.
   void warn_of_clog_speed() const;

@@ -75,13 +75,13 @@ class OrificeCounter {
   Counting counting_;
   Real depth_;
 
-  // State that a checkpoint keeps.
+  // State for checkpoints.
   FlowCount flow_;
   std::vector<std::uint8_t> counted_;  ///< per own particle: has crossed since it was last reinserted
   std::vector<std::uint8_t> outside_;  ///< per own particle
   std::vector<Index> reinserted_;      ///< per own particle: how often
 
-  std::vector<Sighting<D>> seen_;              ///< per own particle: last sight; current for the followed ones
+  std::vector<Sighting<D>> seen_;              ///< per owned particle: last observation; current for followed particles
   std::vector<OrificeCrossing<D>> crossings_;  ///< not yet recorded as events
   std::vector<Index> watched_;                 ///< followed until the next list rebuild
   std::int64_t watched_since_ = -1;            ///< list rebuilds when they were chosen

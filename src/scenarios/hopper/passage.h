@@ -22,8 +22,8 @@ struct Passage {
   /// walls too, it is in the container.
   bool through_wall(Index m, bool outside = false) const;
 
-  /// Whether particle m, which has come to the other side of the orifice line at `place`, went through the orifice: the
-  /// place is within it; of a polygon, the outline meets the orifice and no wall.
+  /// Whether particle m, which has crossed the orifice line at `place`, went through the orifice: the place is within
+  /// the orifice; for a polygon, the outline meets the orifice and no wall.
   bool through_orifice(Index m, std::span<const Real, D> place) const;
 };
 

@@ -18,7 +18,7 @@ namespace {
 
 Real deepest_overlap(const Series& series) { return std::ranges::max(series.at("max_overlap").values); }
 
-/// To twice the time, and as many samples as an error needs.
+/// Twice the time, with as many samples as an error needs.
 std::string longer(const HopperEnd& end) {
   const Real later = 2 * std::max(end.t, 64 * end.options.sample_interval);
   return fmt::format("{} -t_end {:.3g}", end.restart_command, later);

@@ -25,7 +25,7 @@ HopperSteps hopper_steps(const HopperOptions& p, const Topology& all, const Forc
   if (p.drag_per_mass()) lightest = heaviest = average_mass<D>;  // drag acts as if all had it
   steps.dt = p.dt.value_or(critical.standard(
       std::min({1e-3, p.elastic_fraction(critical.elastic, lightest) * critical.elastic, 0.5 * critical.damping})));
-  // A drag that acts on positions alone leaves some oscillations of particles with spins undamped.
+  // Drag on positions does not damp some oscillations of particles with spins.
   const Real drag = field.rotates() ? 0 : p.drag() / heaviest;
   for (const Rates& r : {critical.crowded.translation, critical.crowded.rotation})
     steps.motions.push_back({.oscillation = std::sqrt(r.stiffness), .drag = drag, .decay = r.damping});
@@ -35,8 +35,8 @@ HopperSteps hopper_steps(const HopperOptions& p, const Topology& all, const Forc
     steps.motions = {{.decay = critical.crowded.translation.stiffness * heaviest / p.drag()}};
     steps.dt = p.dt.value_or(std::min(1e-3, 0.2 * one_contact));
   }
-  // Where contacts are that stiff, the fixed step is the critical one. The rate is that at stiff_distance and goes as
-  // 1/d; without inertia it is the square that counts.
+  // The distance at which the fixed step is the critical step. The rate at stiff_distance scales as 1/d; without
+  // inertia as 1/d².
   const Real elastic = critical.elastic, drag_limit = one_contact;
   const Real unit = BarrierOverlap::stiff_distance / 2,
              outlines = p.model.term(EdgeContact<BarrierOverlap>{}).max_rate(all),

@@ -64,7 +64,7 @@ std::vector<Real> disordered_places(const RaftOptions& p, const std::vector<Real
   return x;
 }
 
-/// All that follows from the options.
+/// Quantities derived from the options.
 struct Raft {
   explicit Raft(const RaftOptions& p)
       : pair(droplets_at_rest(p.depletion().repulsion, p.depletion().law, 1, 1)),
@@ -281,7 +281,7 @@ Scenario raft_scenario() {
       "raft", "droplets between two walls that compress them or pull them apart",
       [](const RaftOptions& p, const Options& options, const Ranks& ranks, std::optional<Checkpoint> checkpoint) {
         refuse_ranks("raft", ranks);
-        // Before so many are made.
+        // Check before the droplets are created.
         check_memory({p.droplets(), p.droplets()},
                      p.n > 0 ? fmt::format("-n {}", p.n) : fmt::format("-rows {} -columns {}", p.rows, p.columns),
                      ranks);

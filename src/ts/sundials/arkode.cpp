@@ -202,7 +202,7 @@ struct Arkode : Link {
 
 Arkode& data_of(TS ts) { return static_cast<Arkode&>(link_of(ts)); }
 
-// The table that the options ask for.
+// The table that the options select.
 PetscErrorCode find_table(TS ts, const Table** table) {
   const Arkode& d = data_of(ts);
   constexpr PetscInt default_orders[] = {5, 4, 4, 3};
@@ -232,7 +232,7 @@ int arkode_linear_system(realtype t, N_Vector y, N_Vector, SUNMatrix, SUNMatrix,
 
 int nothing_after_step(realtype, N_Vector, void*) { return 0; }
 
-// ẏ = f(t, y) is all that ARKODE gets to see: F(t, y, f) must vanish for f = −F(t, y, 0).
+// ARKODE gets ẏ = f(t, y) only: F(t, y, f) must vanish for f = −F(t, y, 0).
 PetscErrorCode check_mass(TS ts) {
   Arkode& d = data_of(ts);
   TSIFunction function;
@@ -325,7 +325,7 @@ PetscErrorCode evolve(TS ts) {
       PetscCall(
           d.check(d.stepper->stop_time(d.memory, span ? ts->tspan->span_times[ts->tspan->spanctr] : ts->max_time)));
     }
-    // ARKODE wants to know the scale of time where it has to find the first step.
+    // ARKODE needs a time scale to estimate the first step.
     const PetscReal towards = h > 0 ? t + h : std::min(ts->max_time, t + 1);
     int flag = d.stepper->evolve(d.memory, towards, d.y.get(), &t, ARK_ONE_STEP);
     PetscCall(count(ts));

@@ -10,7 +10,7 @@ struct Link::Implicit {
   PetscVec zero;  // ydot: the right-hand side does not see it
 
   PetscReal ksp_atol = 0;  // the user's
-  PetscReal shift = 0;     // σ of the matrix as it is; 0 before the first
+  PetscReal shift = 0;     // σ of the present matrix; 0 before the first
   PetscInt linear_iterations = 0;
 
   ImplicitSystem (*query)(void* memory) = nullptr;
@@ -32,8 +32,8 @@ namespace {
 // nvector_petsc wraps a Vec in a struct whose name its macros need not spell.
 ::Vec vec(N_Vector v) { return N_VGetVector_Petsc(v); }
 
-// nvector_petsc's own ends in VecAXPBYPCZ with a factor 0 for the old values, which keeps an Inf or a NaN of a step
-// that failed for all that follow.
+// The function of nvector_petsc calls VecAXPBYPCZ with a factor 0 for the old values, which keeps an Inf or NaN of a
+// failed step in all later steps.
 void linear_sum(realtype a, N_Vector x, realtype b, N_Vector y, N_Vector z) {
   if (x != y && z != x && z != y && (a == 1 || b == 1)) {
     if (a == 1)
@@ -99,7 +99,7 @@ PetscErrorCode assemble(Link& link, PetscReal t, ::Vec y, bool reuse, PetscReal 
   if (reuse) {
     PetscCall(MatShift(a, shift - implicit.shift));
     if (p != a) PetscCall(MatShift(p, shift - implicit.shift));
-    if (a == ts->Arhs) ts->rhsjacobian.shift = shift;  // TS keeps account, too
+    if (a == ts->Arhs) ts->rhsjacobian.shift = shift;  // TS also counts
   } else {
     PetscCall(TSComputeIJacobian(ts, t, y, implicit.zero, shift, a, p, implicit.implicit_part));
   }
@@ -379,7 +379,7 @@ PetscErrorCode Link::failed(int flag) {
   PetscFunctionBegin;
   PetscCall(std::exchange(error, 0));
   switch (flag) {
-    case -2:   // too much accuracy asked for
+    case -2:   // the requested accuracy is too high
     case -3:   // error test
     case -9:   // right-hand side not valid at the first call
     case -10:  // not valid again and again
@@ -454,7 +454,7 @@ PetscErrorCode snes_function(SNES snes, ::Vec correction, ::Vec residual, TS ts)
 }
 
 PetscErrorCode snes_jacobian(SNES, ::Vec correction, ::Mat a, ::Mat p, TS ts) {
-  Link::Implicit& implicit = *link_of(ts).implicit;  // SNES has asked for the function before
+  Link::Implicit& implicit = *link_of(ts).implicit;  // SNES has already evaluated the function
   const ImplicitSystem system = implicit.query(implicit.memory);
   PetscFunctionBegin;
   PetscCall(VecWAXPY(implicit.state, 1, vec(system.predicted), correction));

@@ -37,7 +37,7 @@ struct ImplicitSystem {
 /// `ts->data = static_cast<Link*>(data)`; the integrator gets it as user data (void* of a Link*).
 ///
 /// Errors in callbacks: SUNDIALS retries recoverable errors (TSFunctionDomainError, values that are not finite) with
-/// a smaller step. A PETSc error ends its step; the code is kept in `error` and comes out of `failed`.
+/// a smaller step. A PETSc error ends the step; the code is stored in `error` and returned by `failed`.
 struct Link {
   Link();
   Link(const Link&) = delete;
@@ -48,16 +48,17 @@ struct Link {
   PetscErrorCode error = 0;  ///< the first PETSc error in a callback of this step
   std::string message;       ///< the last error message of SUNDIALS
 
-  // Objects that SUNDIALS refers to; its integrator must go before these (Link::close).
+  // Objects that SUNDIALS refers to; its integrator must be destroyed before them (Link::close).
   Owned<SUNContext, free_context> context;
-  Owned<N_Vector, N_VDestroy> y;  ///< work and output of the integrator; ts->vec_sol stays as accepted during a step
+  Owned<N_Vector, N_VDestroy> y;  ///< work and output of the integrator; ts->vec_sol keeps the accepted solution during
+                                  ///< a step
   Owned<SUNMatrix, SUNMatDestroy> matrix;
   Owned<SUNLinearSolver, SUNLinSolFree> linear;
   Owned<SUNNonlinearSolver, SUNNonlinSolFree> nonlinear;
 
   /// Context and y (like ts->vec_sol, with fused operations, not set).
   PetscErrorCode open(TS owner);
-  /// Frees all of the above; the TS's SNES gets back its own objects.
+  /// Frees all objects above; the TS's SNES gets its objects back.
   void close();
 
   /// Whether the KSP of the TS has a matrix and a function that makes it a Jacobian.
@@ -86,11 +87,11 @@ struct Link {
 /// The Link of a TS whose type derives from it.
 Link& link_of(TS ts);
 
-/// Return value of a callback: −1 for a PETSc error (kept in the link), 1 for an error that a smaller step may avoid,
+/// Return value of a callback: −1 for a PETSc error (stored in the link), 1 for an error that a smaller step may avoid,
 /// else 0.
 int outcome(Link& link, PetscErrorCode code, bool valid);
 
-/// Something like TSComputeRHSFunction.
+/// A function like TSComputeRHSFunction.
 using Compute = PetscErrorCode(TS ts, PetscReal t, ::Vec y, ::Vec f);
 
 /// Body of a CVRhsFn or ARKRhsFn.
@@ -103,7 +104,7 @@ int right_hand_side(realtype t, N_Vector y, N_Vector ydot, void* link);
 /// PETSc error PETSC_ERR_ARG_OUTOFRANGE where rtol |y| + atol is not positive.
 int error_weights(N_Vector y, N_Vector weights, void* link);
 
-/// Error handler of an integrator: keeps the message for `check` and `failed`, hands it to PetscInfo, prints nothing.
+/// Error handler of an integrator: stores the message for `check` and `failed`, passes it to PetscInfo, prints nothing.
 void keep_message(int code, const char* module, const char* function, char* message, void* link);
 
 /// Body of a CVLsLinSysFn or ARKLsLinSysFn: assembles σI − J, σ = 1/γ, or with jok only moves the last one to the new

@@ -250,7 +250,7 @@ PetscErrorCode advance(TS ts, PetscReal t_max) {
   PetscCall(d.check(CVodeSetMinStep(memory, shortest)));
   PetscCall(d.check(CVodeSetMaxStep(memory, longest)));
   PetscCall(d.check(CVodeSetStopTime(memory, t_max)));
-  // CVODE wants to know the scale of time where it has to find the first step.
+  // CVODE needs a time scale to estimate the first step.
   const PetscReal towards = ts->time_step > 0 ? ts->ptime + ts->time_step : std::min(t_max, ts->ptime + 1);
   const int flag = CVode(memory, towards, d.y.get(), &t, CV_ONE_STEP);
   PetscCall(count(ts));
@@ -292,7 +292,7 @@ PetscErrorCode step(TS ts) {
   PetscCall(VecCopy(N_VGetVector_Petsc(d.y.get()), ts->vec_sol));
   PetscCall(TSPostStage(ts, t, 0, &ts->vec_sol));
   ts->ptime = t;
-  // TSEvent sets its own steps while it looks for a zero.
+  // TSEvent sets steps during its search for a zero.
   if (!events) PetscCall(d.check(CVodeGetCurrentStep(d.memory.get(), &ts->time_step)));
   PetscCall(remember(ts, t));
   PetscFunctionReturn(0);
@@ -304,7 +304,7 @@ PetscErrorCode interpolate(TS ts, PetscReal t, ::Vec u) {
   PetscFunctionReturn(0);
 }
 
-// CVODE stays where it is: ahead.
+// CVODE stays at its later time.
 PetscErrorCode roll_back(TS ts) {
   PetscFunctionBegin;
   PetscCall(VecCopy(data_of(ts).previous, ts->vec_sol));
@@ -392,7 +392,7 @@ PetscErrorCode cvode_create(TS ts) {
   ts->ops->view = view;
   ts->ops->snesfunction = snes_function;
   ts->ops->snesjacobian = snes_jacobian;
-  ts->default_adapt_type = TSADAPTBASIC;  // not used, but for its limits of the step
+  ts->default_adapt_type = TSADAPTBASIC;  // used only for the limits of the step
   PetscFunctionReturn(0);
 }
 

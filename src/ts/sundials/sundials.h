@@ -10,7 +10,7 @@ namespace pliant {
 inline constexpr char ts_cvode[] = "cvode";
 inline constexpr char ts_arkode[] = "arkode";
 
-/// Registers the TS types `cvode` and `arkode`; call it after PetscInitialize, as often as you like. Description and
+/// Registers the TS types `cvode` and `arkode`; call it after PetscInitialize, any number of times. Description and
 /// options: src/ts/sundials/README.md.
 PetscErrorCode sundials_register();
 
