@@ -9,7 +9,7 @@ import numpy as np
 
 from .errors import RunError
 
-FEWEST_NEIGHBOURS = 3  # two always fit
+FEWEST_NEIGHBOURS = 3  # in 2D; two always fit
 _CHUNK = 4_000_000     # bytes of an array that is processed at a time: fits into the cache
 
 
@@ -126,11 +126,13 @@ def d2_min(before, after, used=None):
     """(D2_min [...], neighbours [...]): the least sum over the neighbours of |after - F before|^2, over all matrices F
     [T 3.4]. before, after [..., K, 2] are relative to the reference disk, so that the fit goes through it.
 
-    `used` [..., K] bool: mask of the neighbours. NaN with fewer than three. Where all neighbours are on a line, which
-    leaves F open, the least sum is unique all the same. Closed form by normal equations; the sum is taken over the
-    residuals themselves, so that an affine motion leaves their rounding only.
+    `used` [..., K] bool: mask of the neighbours. NaN with fewer than three (in 3D, vectors [..., K, 3]: four). Where all
+    neighbours are on a line, which leaves F open, the least sum is unique all the same. Closed form by normal equations; the
+    sum is taken over the residuals themselves, so that an affine motion leaves their rounding only.
     """
     before, after = np.asarray(before, float), np.asarray(after, float)
+    if before.shape[-1] == 3:
+        return _d2_min_3d(before, after, used)
     x, y, u, v = before[..., 0], before[..., 1], after[..., 0], after[..., 1]
     if used is None:
         used = np.ones(x.shape, bool)
@@ -164,6 +166,15 @@ def d2_min(before, after, used=None):
         rest = right - left @ (np.linalg.pinv(left, rcond=1e-6) @ right)
         total[line] = (rest**2).sum((-1, -2))
     return np.where(number >= FEWEST_NEIGHBOURS, total, np.nan), number
+
+
+def _d2_min_3d(before, after, used):
+    """`d2_min` of vectors in 3D, by the pseudoinverse of the matrix of the neighbours."""
+    used = np.ones(before.shape[:-1], bool) if used is None else used
+    before, after = (np.where(used[..., None], side, 0.0) for side in (before, after))
+    rest = after - before @ (np.linalg.pinv(before, rcond=1e-6) @ after)
+    number = used.sum(-1)
+    return np.where(number > FEWEST_NEIGHBOURS, (rest**2).sum((-1, -2)), np.nan), number
 
 
 def push_d2_min(position, before, after, disk, index, used):

@@ -99,8 +99,13 @@ class Geometry:
         difference = np.asarray(difference, dtype=float)
         if self.box is None:
             return difference
-        period = np.where(np.isfinite(self.box[1]), self.box[1], 0.0)
-        return difference - period * np.round(difference / self.box[1])
+        return nearest_image(difference, self.box[1])
+
+
+def nearest_image(difference, period):
+    """The shortest of the periodic images of vectors [..., D]; `period` [D] is infinite in open directions."""
+    difference = np.asarray(difference, dtype=float)
+    return difference - np.where(np.isfinite(period), period, 0.0) * np.round(difference / period)
 
 
 @dataclass(frozen=True)
@@ -136,6 +141,16 @@ class Frame:
 
     def check_open(self):
         self._run.check_open()
+
+    @property
+    def run(self):
+        """The run of the frame."""
+        return self._run
+
+    def has(self, name):
+        """Whether the frame has the dataset or group `name`, as -frame_fields selects them."""
+        self.check_open()
+        return name in self._group
 
     def attribute(self, name, needed_by="every frame"):
         """The value of an attribute that only some scenarios write; RunError, with `needed_by`, where it is missing."""

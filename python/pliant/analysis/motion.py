@@ -1,0 +1,150 @@
+"""Displacements between frames: mean squared displacement, D²_min, deformation, non-affine motion."""
+
+import numpy as np
+import pandas as pd
+
+from .. import nonaffine
+from ..run import Frame, Run, nearest_image
+from .neighbours import nearest, within
+from .particles import Particles
+
+_PAIRS = 100      # pairs of frames per lag, by default
+_LAGS = 50
+
+
+def _tracks(source):
+    """(times [F], unwrapped positions [F, N, D], reinsertions [F, N]) of a run or of a list of its frames; NaN for absent
+    particles."""
+    frames = list(source.frames if isinstance(source, Run) else source)
+    if len(frames) < 2:
+        raise ValueError(f"{len(frames)} frames have no displacements; write frames more often (-frame_interval)")
+    places = np.array([np.where(f.active[:, None], f.unwrapped_centres, np.nan) for f in frames])
+    return np.array([f.time for f in frames]), places, np.array([f.reinsertions for f in frames])
+
+
+def _lags(frames, lags):
+    if lags is None:
+        lags = np.arange(1, frames) if frames <= 2 * _LAGS else np.unique(np.geomspace(1, frames - 1, _LAGS).astype(int))
+    lags = np.unique(np.asarray(lags, int))
+    if not len(lags) or lags[0] < 1 or lags[-1] >= frames:
+        raise ValueError(f"lags are {lags.tolist()}; give numbers of frames from 1 to {frames - 1}")
+    return lags
+
+
+def mean_squared_displacement(source, times=None, reinsertions=None, lags=None, drift=True, origins=_PAIRS):
+    """DataFrame, one row per lag: time (mean time between the frames), msd, msd_x, msd_y [msd_z], alpha2 (non-Gaussian
+    parameter <u⁴> D/((D+2) <u²>²) - 1), samples (displacements averaged).
+
+    `source`: a Run, a list of its frames, or unwrapped positions [F, N, D] with NaN for absent particles, `times` [F] and, if
+    particles jump, `reinsertions` [F, N], a counter that grows with each jump. Displacements across a reinsertion do not
+    count. lags: numbers of frames (default all up to 100 frames, else 50 in geometric order). drift=False subtracts the
+    mean displacement of all particles from each displacement. At most `origins` pairs of frames are averaged for a lag, spread
+    evenly."""
+    if isinstance(source, np.ndarray):
+        places = np.asarray(source, float)
+        if places.ndim != 3 or places.shape[2] not in (2, 3):
+            raise ValueError(f"positions has the shape {list(places.shape)}; give [frames, N, 2] or [frames, N, 3]")
+        times = np.arange(len(places)) if times is None else np.asarray(times, float)
+        jumps = np.zeros(places.shape[:2], int) if reinsertions is None else np.asarray(reinsertions)
+        if times.shape != places.shape[:1] or jumps.shape != places.shape[:2]:
+            raise ValueError(f"times has the shape {list(times.shape)} and reinsertions {list(jumps.shape)}; give "
+                             f"[{len(places)}] and {list(places.shape[:2])}")
+    else:
+        times, places, jumps = _tracks(source)
+    dim, rows = places.shape[2], []
+    for lag in _lags(len(places), lags):
+        starts = np.unique(np.linspace(0, len(places) - 1 - lag, min(origins, len(places) - lag)).astype(int))
+        squares, fourth, samples, apart = np.zeros(dim), 0.0, 0, 0.0
+        for start in starts:
+            moved = places[start + lag] - places[start]
+            moved = moved[(jumps[start + lag] == jumps[start]) & np.isfinite(moved).all(1)]
+            if not drift and len(moved):
+                moved = moved - moved.mean(0)
+            square = moved**2
+            squares += square.sum(0)
+            fourth += (square.sum(1) ** 2).sum()
+            samples += len(moved)
+            apart += times[start + lag] - times[start]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            each = squares / np.float64(samples)
+            alpha = fourth / np.float64(samples) * dim / ((dim + 2) * each.sum() ** 2) - 1
+        rows.append({"time": apart / len(starts), "msd": each.sum(), **{f"msd_{a}": m for a, m in zip("xyz", each)},
+                     "alpha2": alpha, "samples": samples})
+    return pd.DataFrame(rows)
+
+
+def displacements(before, after, box=None):
+    """[N, D] displacements between two frames of a run, or two arrays [N, D] or Particles; NaN for particles that are absent in
+    one of them, or were reinserted in between. Arrays in a periodic box: less than half of it."""
+    if isinstance(before, Frame) and isinstance(after, Frame):
+        return after.displacements(before)
+    before, after = (Particles.of(one, box=box) for one in (before, after))
+    if before.positions.shape != after.positions.shape:
+        raise ValueError(f"the positions have the shapes {list(before.positions.shape)} and {list(after.positions.shape)}; give "
+                         "the same particles in the same order")
+    moved = nearest_image(after.positions - before.positions, before.period)
+    return np.where((before.active & after.active)[:, None], moved, np.nan)
+
+
+def _bundles(before, after, neighbours, box):
+    """(Neighbours, [M, D] vectors before, [M, D] after, [M] bool: both particles were there and not reinserted)."""
+    moved = displacements(before, after, box)
+    if neighbours is None:
+        there = np.isfinite(moved).all(1)
+        part = Particles.of(before, box=box)
+        neighbours = nearest(Particles(np.where(there[:, None], part.positions, 0.0), box=part.box, active=there), 15)
+    change = moved[neighbours.second] - moved[neighbours.first]
+    known = np.isfinite(change).all(1)
+    return neighbours, neighbours.vectors, neighbours.vectors + np.where(known[:, None], change, 0.0), known
+
+
+def d2_min(before, after, neighbours=None, box=None):
+    """(D²_min [N], neighbours [N]): the least sum over the neighbours of |r' - F r|², r and r' their places relative to the
+    particle before and after, over all matrices F [M. L. Falk and J. S. Langer, Phys. Rev. E 57, 7192 (1998)]. In the
+    square of the run's length; divide by the number of neighbours for the mean.
+
+    before, after: as of `displacements`. `neighbours`: Neighbours in `before` (`within`, `nearest`, …); default the 15 nearest of
+    the particles that are in both. Reinserted or absent particles neither have a value nor count. NaN with fewer than
+    three neighbours (3D: four)."""
+    neighbours, old, new, known = _bundles(before, after, neighbours, box)
+    _, row, used = neighbours.padded()
+    if not row.size:
+        return np.full(neighbours.count, np.nan), np.zeros(neighbours.count, int)
+    return nonaffine.d2_min(old[row], new[row], used & known[row])
+
+
+def deformation(before, after, neighbours=None, box=None):
+    """[N, D, D] matrix F of the affine motion r' ≈ F r of the neighbours of each particle that leaves D²_min; F - 1 is the local
+    displacement gradient du_i/dx_j. NaN where neighbours are too few, or on a line (3D: plane). Arguments as of `d2_min`."""
+    neighbours, old, new, known = _bundles(before, after, neighbours, box)
+    old, new = (np.where(known[:, None], side, 0.0) for side in (old, new))
+    left = neighbours.sums(old[:, :, None] * old[:, None, :])
+    right = neighbours.sums(new[:, :, None] * old[:, None, :])
+    scale = np.trace(left, axis1=1, axis2=2)
+    dim = old.shape[1]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        solvable = np.linalg.det(left) > 1e-9 * scale**dim
+    result = np.full((neighbours.count, dim, dim), np.nan)
+    result[solvable] = np.linalg.solve(left[solvable], right[solvable].transpose(0, 2, 1)).transpose(0, 2, 1)
+    return result
+
+
+def strain(gradient):
+    """(symmetric strain [N, D, D], rotation [N, D, D]) of deformations F [N, D, D]: parts of F - 1 for small motion."""
+    change = np.asarray(gradient, float) - np.eye(np.shape(gradient)[-1])
+    turned = np.swapaxes(change, -1, -2)
+    return (change + turned) / 2, (change - turned) / 2
+
+
+def non_affine_displacements(before, after, width, box=None):
+    """[N, D] displacement less its mean around the particle: weights exp(-r²/(2 width²)) of the particles up to 4 widths away,
+    itself included. NaN for particles without a displacement. The mean of a homogeneous strain is exact only where the
+    neighbours are even on all sides; D²_min is free of strain at borders, too."""
+    moved = displacements(before, after, box)
+    there = np.isfinite(moved).all(1)
+    part = Particles.of(before, box=box)
+    near = within(Particles(np.where(there[:, None], part.positions, 0.0), box=part.box, active=there), 4 * width)
+    weight = np.exp(-(near.vectors**2).sum(1) / (2 * width**2))
+    filled = np.where(there[:, None], moved, 0.0)
+    total = filled + near.sums(weight[:, None] * filled[near.second])
+    return np.where(there[:, None], filled - total / (1 + near.sums(weight))[:, None], np.nan)

@@ -1,0 +1,120 @@
+"""Neighbours of particles: within a distance, the nearest ones, touching ones. Voronoi neighbours: `voronoi.py`."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from .particles import Particles
+
+
+@dataclass(frozen=True)
+class Neighbours:
+    """Directed pairs, sorted by their first particle: both directions of a mutual pair are there."""
+
+    count: int            #: N
+    first: np.ndarray     #: [M]
+    second: np.ndarray    #: [M]
+    vectors: np.ndarray   #: [M, D] from the first to the second particle, nearest image
+    weights: np.ndarray   #: [M] 1, or the side that two Voronoi cells share
+
+    @property
+    def number(self):
+        """[N] neighbours of each particle."""
+        return np.bincount(self.first, minlength=self.count)
+
+    def sums(self, values):
+        """[N, …] sums over the neighbours of each particle of values [M, …]."""
+        values = np.asarray(values)
+        flat = values.reshape(len(values), -1)
+        parts = flat.view(float) if np.iscomplexobj(flat) else flat
+        total = np.stack([np.bincount(self.first, column, self.count) for column in parts.T], 1) if parts.shape[1] else parts
+        total = np.ascontiguousarray(total, float)
+        return (total.view(complex) if np.iscomplexobj(flat) else total).reshape(self.count, *values.shape[1:])
+
+    def padded(self):
+        """([N, K] second particles, [N, K] rows of the pairs, [N, K] bool: is a neighbour), K the largest number."""
+        number = self.number
+        width = int(number.max(initial=0))
+        used = np.arange(width) < number[:, None]
+        row = np.zeros((self.count, width), int)
+        row[used] = np.arange(len(self.first))
+        return np.where(used, self.second[row] if len(self.second) else 0, 0), row, used
+
+
+def neighbours_of(particles, first, second, weights=None):
+    """Neighbours from undirected pairs `first` [K], `second` [K] with weights [K]."""
+    both = np.concatenate([first, second]), np.concatenate([second, first])
+    weights = np.ones(len(first)) if weights is None else weights
+    order = np.lexsort(both[::-1])
+    one, other = (side[order] for side in both)
+    return Neighbours(particles.count, one, other, particles.relative(one, other), np.tile(weights, 2)[order])
+
+
+def _tree(particles):
+    """(cKDTree of the present particles, their numbers), periodic as the box."""
+    present = np.flatnonzero(particles.active)
+    places = particles.positions[present]
+    closed = np.isfinite(particles.period)
+    if not closed.any():
+        return cKDTree(places), present
+    origin, period = particles.box[0], np.where(closed, particles.period, 0.0)
+    shifted = np.where(closed, places - origin, places)
+    wrapped = np.where(closed, shifted - np.where(closed, period, 1) * np.floor(shifted / np.where(closed, period, 1)), shifted)
+    wrapped = np.where(closed & (wrapped >= period), 0.0, wrapped)  # rounding
+    return cKDTree(wrapped, boxsize=period), present
+
+
+def _check_distance(particles, distance, name="distance"):
+    if not (np.isfinite(distance) and distance > 0):
+        raise ValueError(f"{name} is {distance:g}; give a positive length")
+    if distance > particles.period.min() / 2:
+        raise ValueError(f"{name} is {distance:g} and half the periodic box {particles.period.min() / 2:g}; give less, because "
+                         "a particle has one image in this range only")
+
+
+def close_pairs(particles, distance):
+    """[K, 2] pairs of present particles with centres at most `distance` apart, each once, lower number first."""
+    particles = Particles.of(particles)
+    _check_distance(particles, distance)
+    tree, present = _tree(particles)
+    pairs = np.sort(present[tree.query_pairs(distance, output_type="ndarray")].reshape(-1, 2), axis=1)
+    return pairs[np.lexsort(pairs.T[::-1])]
+
+
+def within(particles, distance):
+    """Neighbours whose centres are at most `distance` apart. `particles`: a Frame, Particles or positions [N, D]."""
+    particles = Particles.of(particles)
+    return neighbours_of(particles, *close_pairs(particles, distance).T)
+
+
+def nearest(particles, count):
+    """The `count` nearest particles of each, by centres, the nearest first; ties have no defined order. ValueError for fewer
+    present particles than count + 1, and for a periodic box in which a neighbour is farther than half of it."""
+    particles = Particles.of(particles)
+    tree, present = _tree(particles)
+    if not 1 <= count < len(present):
+        raise ValueError(f"{count} neighbours of {len(present)} present particles; give a count from 1 to {len(present) - 1}")
+    distance, index = tree.query(tree.data, count + 1)
+    _check_distance(particles, max(distance.max(), np.finfo(float).tiny), "the distance of the farthest neighbour")
+    rows = np.arange(len(present))
+    # The particle itself is the first, unless others have the same place.
+    own = index == rows[:, None]
+    own[~own.any(1), -1] = True
+    second = index[~own].reshape(-1, count)
+    first = np.repeat(present, count)
+    second = present[second.ravel()]
+    return Neighbours(particles.count, first, second, particles.relative(first, second), np.ones(len(first)))
+
+
+def touching_pairs(particles):
+    """[K, 2] pairs in contact (droplets: also bound pairs), each once, lower number first, however many points touch."""
+    particles = Particles.of(particles, "pairs")
+    pairs = particles.pairs[(particles.pairs[:, 1] >= 0) & (particles.pairs[:, 0] != particles.pairs[:, 1])]
+    return np.unique(np.sort(pairs, axis=1), axis=0)
+
+
+def touching(particles):
+    """Neighbours in contact."""
+    particles = Particles.of(particles, "pairs")
+    return neighbours_of(particles, *touching_pairs(particles).T)

@@ -1,0 +1,175 @@
+"""Particles and contacts of one moment, as all functions of `pliant.analysis` take them.
+
+Lengths are in the unit of the run (sigma_avg, or <R> for droplets), the others follow from it (docs/reference/file-format.md).
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..run import Frame, nearest_image
+
+
+def box_of(box, dim):
+    """[2, D] origin and lengths, infinite in open directions, of a box given like this or by its lengths [D]; None stays."""
+    if box is None:
+        return None
+    box = np.asarray(box, float)
+    if box.shape == (dim,):
+        box = np.stack([np.zeros(dim), box])
+    if box.shape != (2, dim) or not (box[1] > 0).all():
+        raise ValueError(f"box is {box.tolist()}; give the {dim} positive lengths of the periodic box, inf in open "
+                         "directions, or [origin, lengths]")
+    return box
+
+
+def _array(name, values, shape, dtype=float, finite=True):
+    """The values as an array of this shape, in which None is any length."""
+    values = np.asarray(values, dtype)
+    if values.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, values.shape)):
+        wanted = ", ".join("any" if n is None else str(n) for n in shape)
+        raise ValueError(f"{name} has the shape {list(values.shape)}; give an array [{wanted}]")
+    if finite and values.dtype.kind == "f" and not np.isfinite(values).all():
+        row = int(np.flatnonzero(~np.isfinite(values.reshape(len(values), -1)).all(1))[0])
+        raise ValueError(f"{name} of row {row} is {values[row]}; leave out rows without numbers")
+    return values
+
+
+@dataclass(frozen=True)
+class Particles:
+    """Centres of N particles in D dimensions, and their optional properties: an analysis that needs a missing one raises
+    ValueError. `Particles.of(frame)` takes them from a run."""
+
+    positions: np.ndarray            #: [N, D] centres
+    radii: np.ndarray | None = None  #: [N]; a number gives all the same
+    box: np.ndarray | None = None    #: [2, D] origin and lengths of a periodic box, or its lengths [D]; inf where open
+    velocities: np.ndarray | None = None  #: [N, D]
+    masses: np.ndarray | None = None      #: [N]
+    volumes: np.ndarray | None = None     #: [N] areas (3D: volumes); default: disks or spheres
+    active: np.ndarray | None = None      #: [N] bool; False: absent, left out everywhere; default: all present
+    pairs: np.ndarray | None = None   #: [C, 2] particles of each contact; the second is -1 for a wall
+    forces: np.ndarray | None = None  #: [C, D] force on the first particle
+    points: np.ndarray | None = None  #: [C, D] contact points; default (pairs): on the line of centres, by radii
+    walls: np.ndarray | None = None   #: [C] number of the wall, -1 for pairs
+    time: float = np.nan
+
+    def __post_init__(self):
+        positions = np.asarray(self.positions, float)
+        if positions.ndim != 2 or positions.shape[1] not in (2, 3):
+            raise ValueError(f"positions has the shape {list(positions.shape)}; give an array [N, 2] or [N, 3]")
+        count, dim = positions.shape
+        active = np.ones(count, bool) if self.active is None else _array("active", self.active, (count,), bool)
+        if not np.isfinite(positions[active]).all():
+            row = int(np.flatnonzero(active & ~np.isfinite(positions).all(1))[0])
+            raise ValueError(f"particle {row} is at {positions[row]}; set active[{row}] = False for absent particles")
+        given = {"positions": positions, "active": active, "box": box_of(self.box, dim)}
+        radii = np.full(count, self.radii, float) if np.ndim(self.radii) == 0 and self.radii is not None else self.radii
+        shapes = {"radii": (radii, (count,)), "velocities": (self.velocities, (count, dim)),
+                  "masses": (self.masses, (count,)), "volumes": (self.volumes, (count,)),
+                  "forces": (self.forces, (None, dim)), "points": (self.points, (None, dim))}
+        given |= {name: _array(name, values, shape, finite=name not in ("velocities",))
+                  for name, (values, shape) in shapes.items() if values is not None}
+        for name in ("radii", "masses", "volumes"):
+            if name in given and not (given[name] > 0).all():
+                row = int(np.argmax(given[name] <= 0))
+                raise ValueError(f"{name} of particle {row} is {given[name][row]:g}; it must be positive")
+        if self.pairs is not None:
+            pairs = _array("pairs", np.asarray(self.pairs, np.int64).reshape(-1, 2), (None, 2), np.int64)
+            low, high = (pairs.min(0), pairs.max()) if len(pairs) else ((0, 0), -1)
+            if low[0] < 0 or low[1] < -1 or high >= count:
+                raise ValueError(f"pairs has particles from {int(min(low))} to {high}; number them from 0 to {count - 1}, "
+                                 "and write -1 for a wall in the second column")
+            given["pairs"] = pairs
+            for name in ("forces", "points"):
+                if name in given and len(given[name]) != len(pairs):
+                    raise ValueError(f"{name} has {len(given[name])} rows and pairs {len(pairs)}; give one row per contact")
+            if self.walls is not None:
+                given["walls"] = _array("walls", self.walls, (len(pairs),), np.int64)
+        for name, values in given.items():
+            object.__setattr__(self, name, values)
+
+    @classmethod
+    def of(cls, source, *needed, **given):
+        """Particles of a Frame, of an array of positions [N, D], or of Particles, with the properties `given` (box, radii, …).
+        `needed` are names of fields that must not be missing: ValueError, for a Frame the RunError of the frame. Properties that
+        are None are not given."""
+        given = {name: value for name, value in given.items() if value is not None}
+        if isinstance(source, Frame):
+            particles = _of_frame(source, needed, given)
+        elif isinstance(source, cls):
+            particles = source if not given else cls(**{name: getattr(source, name) for name in cls.__dataclass_fields__}
+                                                     | given)
+        else:
+            particles = cls(source, **given)
+        for name in needed:
+            if getattr(particles, name) is None:
+                raise ValueError(f"the particles have no {name}; give Particles(positions, {name}=…), or a frame of a run")
+        return particles
+
+    @property
+    def dim(self):
+        return self.positions.shape[1]
+
+    @property
+    def count(self):
+        """N, the absent particles included."""
+        return len(self.positions)
+
+    @cached_property
+    def bodies(self):
+        """[N] volumes (areas in 2D), given or of disks or spheres."""
+        if self.volumes is not None:
+            return self.volumes
+        if self.radii is None:
+            raise ValueError("the particles have neither volumes nor radii; give Particles(positions, radii=…)")
+        return np.pi * self.radii**2 if self.dim == 2 else 4 / 3 * np.pi * self.radii**3
+
+    @cached_property
+    def period(self):
+        """[D] lengths of the periodic box, inf in open directions."""
+        return np.full(self.dim, np.inf) if self.box is None else self.box[1]
+
+    def nearest_image(self, difference):
+        """The shortest of the periodic images of vectors [..., D]."""
+        return nearest_image(difference, self.period)
+
+    def relative(self, first, second):
+        """[…, D] nearest image of the vectors from the particles `first` to the particles `second`."""
+        return self.nearest_image(self.positions[second] - self.positions[first])
+
+    @cached_property
+    def branches(self):
+        """([C, D], [C, D]) vectors from the contact point to the centre of the first particle, and of the second; zero for a
+        wall."""
+        first, second = self.pairs.T
+        pair = second >= 0
+        between = np.where(pair[:, None], self.relative(second, first), 0.0)
+        if self.points is None:
+            if not pair.all():
+                raise ValueError(f"contact {int(np.argmin(pair))} is with a wall and has no place; give points= [C, D]")
+            share = 0.5
+            if self.radii is not None:
+                share = (self.radii[first] / (self.radii[first] + self.radii[second]))[:, None]
+            one = between * share
+        else:
+            one = self.nearest_image(self.positions[first] - self.points)
+        return one, np.where(pair[:, None], one - between, 0.0)
+
+
+def _of_frame(frame, needed, given):
+    """Particles of a frame: fields that every frame has, and those that are needed."""
+    run = frame.run
+    topology = run.topology
+    polygons = topology.deformable
+    values = {"positions": frame.centres, "active": frame.active, "radii": topology.sigma / 2, "masses": topology.mass,
+              "volumes": frame.area if polygons and frame.has("area") else topology.a0, "box": run.geometry.box,
+              "time": frame.time}
+    if "velocities" in needed:
+        values["velocities"] = frame.particle_velocities
+    if {"pairs", "forces", "points", "walls"} & set(needed):
+        table = frame.contacts
+        axes = "xyz"[: run.dim]
+        values |= {"pairs": table[["particle_1", "particle_2"]].to_numpy(), "walls": table["wall"].to_numpy(),
+                   "forces": table[["f" + axis for axis in axes]].to_numpy(), "points": table[list(axes)].to_numpy()}
+    return Particles(**values | given)
