@@ -27,6 +27,11 @@ def parameters(scenario):
     return [name for name, entry in _OPTIONS[scenario].items() if "models" in entry]
 
 
+def defaults(scenario):
+    """{parameter: default} of the models that a scenario offers; None for automatic ones."""
+    return {name: _OPTIONS[scenario][name]["default"] for name in parameters(scenario)}
+
+
 #: option → models that read it; the others have its default value in their files
 _READ_BY = {"edge_width": {"smooth"}, **dict.fromkeys(("n_vertices", "shape_parameter", "self_crossing"), {"rough", "smooth"})}
 for _options in _OPTIONS.values():
@@ -40,6 +45,11 @@ _NOTHING_AT_ZERO = ("mu", "zeta")  # how a system dissipates: 0 is not worth a w
 def reads(model, name):
     """Whether a model reads an option. A model of the user's own may read all."""
     return model not in MODEL_NAMES or model in _READ_BY.get(name, {model})
+
+
+def models_that_read(name):
+    """Names of the models that read an option."""
+    return {model for model in MODEL_NAMES if reads(model, name)}
 
 
 def parameter_label(name, value):

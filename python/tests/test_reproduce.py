@@ -23,9 +23,9 @@ from test_clog import made_table
 from test_plots import assert_picture
 from test_raft import K1, write_raft
 
-from pliant import PliantError, beverloo, beverloo_figures, clog, ensemble, plotting
+from pliant import PliantError, beverloo, beverloo_figures, clog, ensemble, plotting, symbols
 from pliant.files import read_json, write_json
-from pliant.reproduce import command, figure, hopper_runs, measure, published
+from pliant.reproduce import command, disk_motion, figure, hopper_runs, measure, published
 from pliant.reproduce.figure import Figure, Quantity, agree, deviation, rows, seeds_text, write_rows
 from pliant.reproduce.published import Published
 from pliant.reproduce.readings import plateau
@@ -1408,10 +1408,18 @@ def test_measures_of_hoppers(soft, tmp_path):
     made = write_run(tmp_path / "b", extra={"friction": ("tangential", ""), "dt": (5e-4, "t0"), "e_w": (694, "")})[0]
     reading = measure.measured("readings", "b", made).iloc[0]
     assert (reading["friction"], reading["dt"], reading["e_w"]) == ("tangential", 5e-4, 694)
+    assert set(symbols.parameters("hopper")) <= set(table)  # whatever the program's models read
+    assert set(symbols.parameters("hopper")) <= set(reading.index)
     profile = measure.measured("profiles", "a", path)
+    assert {"e_sp", "drag"} <= set(profile) and "k_l" not in profile
     assert np.interp(2, profile["height"], profile["v"]) == pytest.approx(np.interp(2, truth["heights"], truth["axis_speed"]),
                                                                           rel=0.05)
     assert measure.measured("clogs", "a", path)["status"].tolist() == ["done"]
+
+
+def test_results_stored_before_a_parameter_was_added_have_its_default():
+    stored = pd.DataFrame({"dt": [1e-4, 1e-4, 1e-4], "mu_disk": [0.3, 0.3, 0.5], "base_coupled": [True, np.nan, np.nan]})
+    assert disk_motion.choices(stored)["changed"].tolist() == ["", "", "mu_disk = 0.5"]
 
 
 def test_a_run_that_a_figure_cannot_use(soft):

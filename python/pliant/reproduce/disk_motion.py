@@ -11,6 +11,7 @@ from .. import channel_figures, ensemble, plotting
 from ..channel_figures import LABELS, R
 from ..errors import RunError
 from ..statistics import commonest
+from ..symbols import defaults
 from . import published
 from .figure import Figure, Quantity
 from .measure import CHANNEL_OPTIONS, DISTRIBUTION
@@ -305,8 +306,9 @@ def choices(measured):
             return ""
         return f"{value:g}" if isinstance(value, (int, float)) and not isinstance(value, bool) else str(value)
 
-    # Results stored before an option was added lack it.
-    options = measured.reindex(columns=CHANNEL_OPTIONS).apply(lambda column: column.astype(object).map(text))
+    # Results stored before an option was added lack it: it had its default.
+    usual = {name: value for name, value in defaults("channel").items() if value is not None}
+    options = measured.reindex(columns=CHANNEL_OPTIONS).fillna(usual).apply(lambda column: column.astype(object).map(text))
     different = options.drop_duplicates()
     common = commonest(different)
     changed, labels = [], []

@@ -14,25 +14,20 @@ from ..errors import RunError
 from ..flow import axis_velocity
 from ..run import Run
 from ..sweep import sweep_table
+from ..symbols import parameters, reads
 
 OF_EVERY_RUN = ("row", "seed", "commit", "cpu_seconds")
-_FLOW = ["model", "dim", "status", "mu", "zeta", "e_sp", "e_c", "k_l", "k_b", "hopper_angle", "hopper_angle_left",
-         "hopper_width", "hopper_wall_distance", "t_end"]
-#: Options in which interpretations of [H] and protocols differ, and the deformation of particles.
-_READING = ["friction", "drag", "contact_law", "e_w", "count", "removal_depth", "reinsertion_gap",
-            "reinsertion_lateral_speed", "pack_fraction", "max_overlap", "steady", "steady_start"]
-#: Further options in which deformable particles as printed and as run differ.
-_LAWS = ["friction", "drag", "count", "reinsertion_gap", "e_w", "area_energy", "bending_edges", "edge_force", "edge_width",
-         "wall_diameter", "friction_point"]
+_HOPPER = ["model", "dim", "status", "hopper_angle", "hopper_angle_left", "hopper_width", "hopper_wall_distance", "t_end",
+           "count", "reinsertion_gap", *parameters("hopper")]
+#: Options in which protocols of soft particles differ, and the deformation of particles.
+_READING = ["removal_depth", "reinsertion_lateral_speed", "pack_fraction", "max_overlap", "steady", "steady_start"]
 _RATES = ["Q", "Q_corrected", "orifice_velocity", "drag_friction_ratio", "c0"]
 _CLOG = ["hopper_width", "g", "phi_c", "status", "avalanche_size", "capillary_length"]
-_PROFILE = ["mu", "zeta", "e_sp", "hopper_width", "dim", "drag"]
+_PROFILE = ["hopper_width", "dim"]
 #: Options that set the sizes of disks.
 DISTRIBUTION = ("distribution", "radii", "counts")
 #: Further options that a table of channel runs may vary.
-CHANNEL_OPTIONS = ("area_fraction", "mu_disk", "mu_disk_dynamic", "mu_wall", "mu_wall_dynamic", "mu_plunger",
-                   "mu_plunger_dynamic", "mu_base", "mu_base_dynamic", "base_coupled", "plunger_speed", "retract_speed",
-                   "stiffness", "restitution", "dt")
+CHANNEL_OPTIONS = ("area_fraction", *parameters("channel"), "plunger_speed", "retract_speed", "stiffness", "dt")
 NEIGHBOURS = (11, 15, 20)  #: in D2_min, which [T] tried
 _CURVE = 300  # samples of a force curve that are kept
 
@@ -44,13 +39,13 @@ def _columns(run, names):
 
 def flows(run):
     """Flow rates and the other results in summary.json of a hopper."""
-    wanted = [*_FLOW, *_LAWS, *(name + end for name in _RATES for end in ("", "_error"))]
+    wanted = [*_HOPPER, "edge_width", *(name + end for name in _RATES for end in ("", "_error"))]
     return pd.DataFrame([_columns(run, wanted)])
 
 
 def readings(run):
     """Flow rates, with the options that distinguish interpretations of [H]; dt is NaN where the program chose it."""
-    wanted = [*_FLOW, *_READING, *(name + end for name in _RATES for end in ("", "_error"))]
+    wanted = [*_HOPPER, *_READING, *(name + end for name in _RATES for end in ("", "_error"))]
     return pd.DataFrame([_columns(run, wanted) | {"dt": run.parameters.get("dt") or np.nan}])
 
 
@@ -58,7 +53,7 @@ def profiles(run):
     """Velocity on the axis against the height above the orifice."""
     curve = axis_velocity(run)
     return pd.DataFrame({"height": curve.height, "v": curve.velocity, "v_error": curve.error}).assign(
-        **_columns(run, _PROFILE))
+        **_columns(run, [*_PROFILE, *(name for name in parameters("hopper") if reads(run.parameters["model"], name))]))
 
 
 def _raft(run):

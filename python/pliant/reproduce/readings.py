@@ -9,7 +9,7 @@ from .. import beverloo, ensemble, plotting
 from ..beverloo_figures import FRACTIONS
 from ..errors import RunError
 from ..statistics import commonest
-from ..symbols import SYMBOLS, plain
+from ..symbols import SYMBOLS, models_that_read, parameters, plain
 from . import published
 from .figure import FREE, Figure, Quantity
 from .hopper_runs import BETA, COEFFICIENT, LIMIT_NAMES, decides, fit_quantities, limits, model_label
@@ -35,20 +35,21 @@ AS_RUN_3D = {limit: AS_RUN[limit] | _START_3D | {"e_w": 578.7, "e_sp": 115.7} | 
              for limit, coefficient in (("friction", {"mu": 28.4}), ("drag", {"zeta": 4.111}))}
 MODELS = {2: (PRINTED, AS_RUN), 3: (PRINTED_3D, AS_RUN_3D)}
 OPTIONS = list(PRINTED["drag"])
-#: The options for deformable particles. The edges belong to smooth particles.
-_EDGES = ("edge_force", "edge_width", "friction_point")
+#: The options for deformable particles.
 _SIZE = ("n", "hopper_wall_distance")
 _DEFORMABLE = {"friction": "whole", "drag": "per_particle", "e_c": 1e4, "e_w": 1e4, "count": "crossing", "reinsertion_gap": 0.0,
                "area_energy": "absolute", "bending_edges": "unit", "edge_force": "single", "edge_width": 0.1,
                "friction_point": "vertex", "wall_diameter": 0.0}
 _DEFORMABLE_AS_RUN = {"e_c": 115.7, "e_w": 13.9, "count": "removal", "reinsertion_gap": 0.8333, "area_energy": "relative",
                       "bending_edges": "full", "edge_force": "twofold", "edge_width": 0.2, "wall_diameter": 0.1976}
+#: The edges belong to smooth particles.
+_EDGES = [name for name in _DEFORMABLE if models_that_read(name) == {"smooth"}]
 MODELS_DEFORMABLE = [
     {limit: _DEFORMABLE | {name: PRINTED[limit][name] for name in ("mu", "zeta")} for limit in PRINTED},
     {limit: _DEFORMABLE | _DEFORMABLE_AS_RUN | {name: AS_RUN[limit][name] for name in ("mu", "zeta", "friction", "drag")}
      for limit in AS_RUN}]
 _NOT_ACTING = {"drag": ("friction", "friction_point"), "friction": ("drag",)}  #: options without a coefficient, by limit
-_MODEL = ["friction", "drag", "contact_law", "e_w", "e_sp", "mu", "zeta"]
+_MODEL = [name for name in OPTIONS if name in parameters("hopper")]
 _PROTOCOL = [name for name in OPTIONS if name not in _MODEL]
 _WORDS = {"whole": "whole friction", "tangential": "tangential friction", "per_particle": "drag per particle",
           "per_mass": "drag per mass", "linear": "linear contacts", "harmonic": "harmonic contacts",
