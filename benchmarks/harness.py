@@ -27,7 +27,7 @@ class BenchError(Exception):
 
 
 class Unsupported(BenchError):
-    """Something that this machine or this program cannot run; the message is the reason."""
+    """A case that this machine or this program cannot run; the message is the reason."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ def run(command, timeout=7200, cwd=None, env=None):
     command = [str(word) for word in command]
     with tempfile.TemporaryFile("w+", encoding="utf-8") as output:
         start = time.monotonic()
-        # A session of its own, so that its child processes can be ended with it.
+        # A separate session, so that its child processes can be ended with it.
         process = subprocess.Popen(command, stdout=output, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL, cwd=cwd,
                                    env=env, start_new_session=True)
         ended = threading.Event()
@@ -222,7 +222,7 @@ def say(text):
 
 
 def rounded(value):
-    """Four significant digits for floats; everything else as it is."""
+    """Four significant digits for floats; other values unchanged."""
     if isinstance(value, float):
         return "" if math.isnan(value) else f"{value:.4g}"
     return "" if value is None else str(value)

@@ -24,7 +24,7 @@
 namespace pliant {
 namespace {
 
-/// A hopper and for how long it flows before anything is measured.
+/// A hopper, and the time of its flow before the measurement.
 struct Case {
   std::string name;
   HopperOptions options;
@@ -246,7 +246,7 @@ void register_lists(const std::string& name, const std::shared_ptr<Flow<D>>& flo
               [](Flow<D>& f, const StateView<D>& s) { f.system().neighbours().rebuild(s.topology, s.walls, s.x); });
 }
 
-/// Steps of the length that a run takes by itself, from the prepared state on, with their list rebuilds.
+/// Steps of the default length, from the prepared state on, with their list rebuilds.
 template <int D>
 void register_verlet(const std::string& name, const std::shared_ptr<Flow<D>>& flow) {
   benchmark::RegisterBenchmark((name + "/verlet_step").c_str(), [flow](benchmark::State& bench) {

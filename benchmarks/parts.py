@@ -17,7 +17,7 @@ from scipy.stats import bootstrap
 FRICTION, DRAG = "-mu 31.6227766", "-zeta 0.316227766"
 QUIET = "-checkpoint_interval 0 -frame_interval 1e9"  # first and last frame only
 POLYGONS = "-n 400 -hopper_wall_distance 30"
-# The contacts of docs/validation/hopper-deformable.md: as printed for rough particles, softer for smooth ones.
+# The contacts of docs/validation/hopper-deformable.md: as printed for rough particles, softer for smooth particles.
 ROUGH = "-model rough -e_c 1e4 -e_w 1e4 -dt 1e-4"
 SMOOTH = "-model smooth -e_c 250 -e_w 250 -dt 7.5e-5"
 
@@ -223,8 +223,8 @@ def spheres(context):
 # ------------------------------------------------------------------------------------------------ scaling and parallel
 
 def soft_system(points, dim):
-    """Options of N soft particles: from the published N on the hopper grows in width alone, so that the filling has the
-    same height, pressure and overlaps at every N; smaller hoppers keep their shape."""
+    """Options of N soft particles: above the published N only the width of the hopper grows, so that the filling has
+    the same height, pressure and overlaps at every N; smaller hoppers keep their shape."""
     if dim == 2:
         width = 50 * (points / 1600 if points > 1600 else math.sqrt(points / 1600))
         packed = "-pack_fraction 0.84"

@@ -76,7 +76,7 @@ class System {
   Real dt_;
 };
 
-/// Runs body on one rank, while the others sleep.
+/// Runs body on one rank, while the other ranks sleep.
 template <class Body>
 double alone(const Ranks& ranks, int on, Body&& body) {
   const double seconds = ranks.rank() == on ? body() : 0;
@@ -143,6 +143,6 @@ int main(int argc, char** argv) {
     return 0;
   } catch (const std::exception& error) {
     std::fprintf(stderr, "pliant_speedup: error: %s\n", error.what());
-    MPI_Abort(PETSC_COMM_WORLD, 1);  // the others may be waiting
+    MPI_Abort(PETSC_COMM_WORLD, 1);  // other ranks may be waiting
   }
 }

@@ -51,7 +51,7 @@ const std::vector<Method> with_inertia = {
     {"rosw", "-ts_type rosw", Control::tolerance},
     {"alpha2", "-ts_type alpha2", Control::step},
 };
-/// For deformable particles: the shape by itself.
+/// For deformable particles: the shape energy alone.
 const std::vector<Method> split = {
     {"imex", "-ts_type arkode -ts_arkode_type imex", Control::tolerance, TermGroup::shape},
     {"arkimex", "-ts_type arkimex", Control::tolerance, TermGroup::shape},
@@ -80,7 +80,7 @@ struct Problem {
   std::function<std::unique_ptr<System>()> make;  ///< with lists still to be built
   State start;
   Real t_end;
-  Real step;                           ///< the fixed step that a run takes by itself; other steps are multiples of it
+  Real step;                           ///< the default fixed step of a run; other steps are multiples of this step
   std::vector<Method> methods;         ///< the first one's CPU time is the unit
   std::string options{};               ///< of PETSc, for all methods
   std::optional<Real> energy_scale{};  ///< of the error of the energy, where it is conserved
@@ -260,7 +260,7 @@ void study(const Problem<System>& problem, const Effort& effort) {
       try {
         Outcome o = run(problem, method, value, limit, true);
         const Real error = error_of(problem, o, reference);
-        // Short runs are taken several times per measurement, long ones are measured once.
+        // A measurement repeats short runs several times, and long runs once.
         const int runs = std::clamp(static_cast<int>(0.02 / std::max(o.cpu, 1e-6)), 1, 20);
         std::vector<Real> cpu;
         for (int i = 0; i < (o.cpu > 0.3 ? 1 : effort.repetitions); ++i) {

@@ -95,12 +95,12 @@ class Block:
 
 
 def blank(text):
-    """As many characters, lines kept."""
+    """Blanks of the same number, with the same lines."""
     return re.sub(r"[^\n]", " ", text)
 
 
 def code(text):
-    """A word in the place of code."""
+    """A word instead of code."""
     return re.sub(r"[^\n]", "x", text)
 
 

@@ -24,7 +24,7 @@ declare -A options=(
   [soft-drag]="-model sp $common -e_sp 100 $drag -t_end 200"
 )
 soft=(soft-friction soft-drag)
-polygons=(rough-friction smooth-drag) # the slow ones first: no core ends with a long run
+polygons=(rough-friction smooth-drag) # slow runs first, so that no core ends with a long run
 
 run() {  # folder, options …: one line when it is done, the program's message when it fails
   local folder=$1 log=$1.log result

@@ -9,8 +9,8 @@ Parts (default: all):
   checkpoint  both checkpoints under -restart: the same
 
 Every N-th byte is changed, one bit of it, another one at each byte; --whole: all bits of every byte. At each 20th of these
-bytes, the file is also cut, and a sector of zeros is put there. A process that dies of a signal, a traceback and a value
-that differs are findings: they are printed, and the exit code is 1.
+bytes, the file is also cut, and a sector of zeros is put there. Findings are a process that dies of a signal, a
+traceback and a value that differs: the script prints them, with exit code 1.
 """
 
 import argparse
@@ -41,7 +41,7 @@ PARTS = ("reader", "restart", "checkpoint")
 # Few particles, so that most bytes belong to the format.
 OPTIONS = {"n": 12, "hopper_wall_distance": 5, "hopper_width": 3, "zeta": 0.3, "mu": 0.5, "pack_fraction": 0.7,
            "frame_interval": 0.5, "sample_interval": 0.1}
-# Frames as they are by default, and smaller ones.
+# Default frames, and smaller frames.
 FRAMES = {"whole": {},
           "small": {"frame_fields": "velocities,contacts", "frame_precision": "single", "frame_deflate": 6}}
 CLOCK = ("cpu_seconds", "wall_seconds", "particle_steps_per_second", "ns_per_particle_step", "ns_per_vertex_step", "parameters",
@@ -105,7 +105,7 @@ def frame_values(frame, chosen):
 
 
 def everything(folder):
-    """{part: text} of all that the reader gives of a run. Raises RunError."""
+    """{part: text} of all data that the reader returns for a run. Raises RunError."""
     with Run(folder) as run:
         geometry, topology = run.geometry, run.topology
         return {"manifest": _values(run.manifest), "summary": _values(run.summary), "series": _values(run.series),

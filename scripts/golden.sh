@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Builds two commits and compares the files of short runs of all kinds, bit for bit. For changes that must leave numbers as
-# they are; the table names the first value that differs. Exits with 1 if anything does.
+# Builds two commits and compares the files of short runs of all kinds, bit for bit. For changes that must not alter
+# numbers; the table names the first value that differs. Exits with 1 if anything does.
 #   scripts/golden.sh [--except CASE]... [--only CASE]... REF [OTHER]
 #     REF, OTHER   commits; OTHER: the working tree if it is left out
 #     --except     differs on purpose: is run and shown, but does not count

@@ -58,7 +58,7 @@ def run(program, options, folder, seconds):
 
 
 def numbers(program, case, scratch, seconds):
-    """{name: value} of the numeric options of a case that are not zero, with automatic ones as the summary has them."""
+    """{name: value} of the non-zero numeric options of a case, with automatic values from the summary."""
     code, errors = run(program, case.split(), scratch / "defaults", seconds)
     if code != 0:
         sys.exit(f"option_sweep.py: {case}: {errors}")

@@ -25,7 +25,7 @@ case $kind in
     compilers=("${clang[@]}")
     # Left out: faults that AddressSanitizer or the processor finds too; these checks are a good part of the compile time.
     flags+=" -fsanitize=address,undefined -fno-sanitize=null,alignment,object-size,vptr,function -fno-sanitize-recover=undefined"
-    # Open MPI leaks from plug-ins that are gone at the end, so that no suppression can name them.
+    # Open MPI leaks memory in plug-ins that are unloaded at the end, so that no suppression can name them.
     export ASAN_OPTIONS="detect_leaks=0:detect_stack_use_after_return=1:log_path='$findings/address'"
     export UBSAN_OPTIONS="print_stacktrace=1:log_path='$findings/address'"
     ;;
@@ -38,7 +38,8 @@ case $kind in
     ;;
   valgrind)
     packages=(valgrind)
-    flags+=" -Wno-maybe-uninitialized"  # with -O1 GCC warns of its own headers, and of vectors that are set lane by lane
+    flags+=" -Wno-maybe-uninitialized"  # with -O1 GCC warns about its headers, and about vectors that are set lane by
+                                        # lane
     export HWLOC_COMPONENTS=-x86  # hwloc cannot inspect the processor there, and would print a warning
     runner=(valgrind --quiet --error-exitcode=9 --leak-check=no --num-callers=30)
     ;;

@@ -83,7 +83,8 @@ def symbols(text):
 
 
 def _digits(value, count):
-    """A number with so many significant digits, without a power of ten between 10^-4 and 10^6; a whole number as it is."""
+    """A number with so many significant digits, without a power of ten between 10^-4 and 10^6; whole numbers
+    unchanged."""
     if value == round(value) or not 1e-4 <= abs(value) < 1e6:
         return f"{value:.{max(count, len(f'{abs(value):.0f}')) if abs(value) < 1e6 else count}g}"
     return f"{value:.{max(count - 1 - int(np.floor(np.log10(abs(value)))), 0)}f}"

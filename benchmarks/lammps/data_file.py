@@ -3,9 +3,9 @@
 
     benchmarks/lammps/data_file.py RUN DATA [--style sphere|atomic] [--frame 0]
 
-A run of soft particles has two diameters (-size_distribution bidisperse): types 1 and 2. The floor of the box is where
-Pliant takes particles out of a discharge (2D), or the bottom (3D). Disks have a type for each diameter, and a box round
-the walls; frictional spheres have the box of soft ones."""
+A run of soft particles has two diameters (-size_distribution bidisperse): types 1 and 2. The floor of the box is the
+height at which Pliant removes particles from a discharge (2D), or the bottom (3D). Disks have a type for each diameter,
+and a box around the walls; frictional spheres have the box of soft spheres."""
 
 import argparse
 import sys

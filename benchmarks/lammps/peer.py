@@ -17,7 +17,7 @@ from pliant import Run  # noqa: E402  (the folder of the package comes first)
 from harness import BenchError, Unsupported, run  # noqa: E402
 from .data_file import data_file, pair_table  # noqa: E402
 
-# Pair styles that compute [H 2] (and [H 6]) exactly, and one that nearly does.
+# Pair styles that compute [H 2] (and [H 6]) exactly, and one approximate pair style.
 EXACT, NEARLY = ("granular", "table"), ("gran_hooke",)
 SKIN = 0.2  # costs differ by less than 5 % between 0.1 and 0.3
 

@@ -17,7 +17,7 @@ from .fits import fitted
 
 K_MIN = 0.0                # an orifice is not narrower than nothing
 K_UNBOUNDED = -10.0        # in widest orifices: where "k unbounded" ends in practice
-FEW_WIDTHS = 3             # as many as parameters: such a fit decides nothing about the exponent
+FEW_WIDTHS = 3             # as many as parameters: such a fit does not determine the exponent
 BETA_RANGE = (0.05, 5.0)   # wide enough for every exponent in 2D and 3D; beyond, k and beta run away together
 _MARGIN = 1e-6             # k stays this fraction below the narrowest flowing orifice: the model is singular there
 
@@ -163,8 +163,8 @@ def fit_beverloo(w, Q, error=None, beta=None, k=None, resamples=400, seed=1, dra
     between 0 (far below 0 with `k_bounded` false) and the narrowest orifice with Q > 0. Standard errors come from a parametric bootstrap: Q is drawn
     `resamples` times from normal distributions about the fitted law with the given errors (half the central 68 % range
     of the refitted parameters), so that they exist for an exact fit too. The deviations of `draws` [m, n] from Q
-    (ensemble.draws: over seeds) take the place of the normal ones. Without any error of Q the fit is unweighted and the
-    scatter about it takes the place of the errors. Points with Q = 0 are left out with a note.
+    (ensemble.draws: over seeds) take the place of the normal ones. Without any error of Q the fit is unweighted and
+    uses the scatter about the fit as errors. Points with Q = 0 are omitted with a note.
     Raises RunError if there are fewer orifices than free parameters.
     """
     w, Q, error, picked, notes = _clean(w, Q, error)

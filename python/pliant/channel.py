@@ -27,7 +27,7 @@ def _choice(default, help, unit="", **more):
 
 @dataclass(frozen=True)
 class Choices:
-    """Every choice of the analysis; `help` and `unit` of each are in its metadata. All are in the result."""
+    """All choices of the analysis; `help` and `unit` of each are in its metadata. The result contains all choices."""
 
     skip_pushes: int = _choice(2, "pushes left out at the start", least=0)
     mirror: str = _choice("odd", "pushes with x and y exchanged, so that the plunger is at the end of x",
@@ -80,7 +80,7 @@ class Choices:
 
 
 class _Sums:
-    """Sums and counts of every quantity: arrays [pushes, classes, cells], or another kind of bin in place of cells."""
+    """Sums and counts of every quantity: arrays [pushes, classes, cells], or other bins instead of cells."""
 
     def __init__(self, *shape):
         self.shape = shape
@@ -139,7 +139,7 @@ class _Analysis:
 
     def multiples(self, intervals):
         """The same for many intervals, for any tolerance, each once."""
-        # Halves go up, for any rounding error.
+        # Halves are rounded up, independent of rounding errors.
         return np.unique(np.maximum(np.floor(np.asarray(intervals) / self.spacing + 0.5 + 1e-6), 1)) * self.spacing
 
     def pairs(self, push, interval):
@@ -148,7 +148,8 @@ class _Analysis:
         return nonaffine.frame_pairs(push.travel, interval, off, self.choices.stride)
 
     def sample(self, index, interval, cells=None):
-        """Samples of push `index`; None if there are none. `cells` [cells] bool: only those that begin there."""
+        """Samples of push `index`; None if there are none. `cells` [cells] bool: only samples that begin in these
+        cells."""
         push = self.run.pushes[index]
         before, after = self.pairs(push, interval)
         pair, disk = np.nonzero(push.present[before] & push.present[after])
@@ -247,8 +248,9 @@ class _Analysis:
         return rows
 
     def relative(self, sums, name, region):
-        """(value, error) [classes]: mean of a class of size over the mean of all disks in the cells that the class has been
-        in. Large disks do not come near walls: a mean over their cells depends on the place as much as on the size."""
+        """(value, error) [classes]: mean of a size class over the mean of all disks in the cells that the class has
+        visited. Large disks do not approach walls: without this ratio a mean would depend on the place as much as on
+        the size."""
         cells, weigh = self.region[region], self.choices.average == "particle"
         parts = sums.of(name)
         blocks = parts[1].any((1, 2))

@@ -93,7 +93,7 @@ class SigmoidFit:
 
     x0: float
     x0_error: float
-    alpha: float        #: NaN where the data only say that it is narrow
+    alpha: float        #: NaN if the data have only an upper bound
     alpha_error: float
     note: str
 
@@ -151,8 +151,8 @@ def _step(x, k, n):
 
 def fit_sigmoids(points, along):
     """One row per curve of points against `along` (g or hopper_width), the other one held: n, phi_c, the held column,
-    delta (of the middle of the transition), x0 … alpha_error, note, fit, data. A curve that cannot be fitted has
-    fit = None and the reason as its note; values of the held column with a single point give no curves."""
+    delta (of the middle of the transition), x0 … alpha_error, note, fit, data. A curve that cannot be fitted has fit =
+    None and the reason as its note; values of the held column with a single point have no curve."""
     held = {"g": "hopper_width", "hopper_width": "g"}[along]
     rows = []
     for (n, phi_c, value), data in points.groupby(["n", "phi_c", held]):
@@ -186,9 +186,9 @@ class Regimes:
 
 
 def fit_regimes(delta, w_star, error):
-    """The constant and the line through the origin that together fit w*/d [n] best (least squares with weights 1/error;
-    equal ones if none is known), over all ways to cut the points in two by delta. Errors are scaled by the scatter
-    where that is larger. Raises RunError for less than two points on either side."""
+    """The constant and the line through the origin that together fit w*/d [n] best (least squares with weights 1/error,
+    or equal weights without errors), over all divisions of the points by delta. Errors are scaled by the scatter if it
+    is larger. Raises RunError for less than two points on either side."""
     order = np.argsort(np.asarray(delta, float), kind="stable")
     delta, w, error = (np.asarray(values, float)[order] for values in (delta, w_star, error))
     if len(delta) < 4:

@@ -50,7 +50,7 @@ def draw_regimes(axes, fits):
 
 
 def _kinds(points):
-    """(rows of one phi_c, its style) in turn."""
+    """Yields (rows of one phi_c, its style)."""
     for i, phi_c in enumerate(sorted(points["phi_c"].unique())):
         own = (points["phi_c"] == phi_c).to_numpy()
         yield own, phi_c, plotting.points(i)

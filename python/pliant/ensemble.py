@@ -7,8 +7,8 @@ scatter of a few seeds includes drifts, but is itself uncertain. `average` joins
   variance of a point's seeds, b² the mean square of their block errors. So f is the factor by which the block errors of these
   runs are too small. Points that differ in kind have an f² for each kind (`pool`): one of chaotic points would swamp the
   errors of points that hardly depend on the seed.
-- The variance of one run of a point is (PRIOR f² b² + (m - 1) s²)/(PRIOR + m - 1), m its number of seeds: its own
-  scatter, and the blocks as if they were PRIOR further seeds.
+- The variance of one run of a point is (PRIOR f² b² + (m - 1) s²)/(PRIOR + m - 1), m its number of seeds: from the
+    scatter of its seeds, and from the blocks as if they were PRIOR further seeds.
 - The standard error of the point is the root of that over m.
 
 Where no point has two seeds, f is 1 and errors are block errors alone: `seeds_remark` reports it.
@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 
 PRIOR = 4         #: seeds that the block errors count for
-RESAMPLES = 200   #: draws of a bootstrap, unless said otherwise
+RESAMPLES = 200   #: default number of draws of a bootstrap
 
 
 def groups(table, by):
@@ -113,7 +113,7 @@ def draws(points, value, count=None, seed=1):
 
 
 def spread(samples):
-    """Standard error from bootstrap samples [count, …]: half of the central 68 %, which wild ones do not move."""
+    """Standard error from bootstrap samples [count, …]: half of the central 68 %, which is robust against outliers."""
     low, high = np.quantile(samples, [0.158655, 0.841345], axis=0)
     return (high - low) / 2
 

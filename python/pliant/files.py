@@ -28,7 +28,7 @@ def write_atomically(path, content, mode=0o666):
     temporary = None
     try:
         for left in path.parent.glob(f".{path.name}.*.tmp"):
-            with contextlib.suppress(FileNotFoundError):  # another process has just put it in its place
+            with contextlib.suppress(FileNotFoundError):  # another process has just created it
                 if time.time() - left.lstat().st_mtime > _STALE:
                     left.unlink()
         fd, temporary = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".tmp", dir=path.parent)
@@ -45,8 +45,8 @@ def write_atomically(path, content, mode=0o666):
 
 
 def open_regular(path, flags=os.O_RDONLY):
-    """Descriptor of a regular file, which may be the opener of open(); never waits. RunError if the name belongs to
-    something else, or, with O_NOFOLLOW among the flags, of a link or a file that has other names; OSError."""
+    """Descriptor of a regular file, usable as the opener of open(); never waits. RunError if the name belongs to
+    anything else, or, with O_NOFOLLOW among the flags, to a link or a file with several names; OSError."""
     own = bool(flags & os.O_NOFOLLOW)
     cure = "remove it" if own else "put a file in its place, or name another"
 

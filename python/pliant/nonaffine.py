@@ -1,6 +1,6 @@
 """Non-affine motion of disks [T 3.3-3.10]: mean displacement on a grid, neighbours, D2_min, strain, intervals.
 
-Arrays, not runs: tracks.py reads those, channel.py puts the pieces together.
+Works on arrays; tracks.py reads runs, channel.py combines both.
 """
 
 from dataclasses import dataclass
@@ -255,7 +255,7 @@ class Field:
     @classmethod
     def of(cls, grid, sums, min_count=10):
         """From `moments`. The gradient in a cell is the slope of the straight-line fit to all samples in the block of 3
-        x 3 cells around it: exact where the strain is homogeneous, however the samples lie."""
+        x 3 cells around it: exact for homogeneous strain, for any places of the samples."""
         enough = sums[0] >= max(min_count, 1)
         with np.errstate(divide="ignore", invalid="ignore"):
             place, mean = (np.where(enough, sums[k:k + 2] / sums[0], np.nan).T for k in (1, 6))
@@ -266,7 +266,7 @@ class Field:
         with np.errstate(divide="ignore", invalid="ignore"):
             cxx, cxy, cyy = xx - x * x / n, xy - x * y / n, yy - y * y / n
             determinant = cxx * cyy - cxy * cxy
-            # Samples on a line say nothing of the derivative across it.
+            # Samples on a line do not determine the derivative across the line.
             known = enough & (determinant > 1e-6 * (cxx + cyy) ** 2)
             rows = []
             for w, wx, wy in ((u, ux, uy), (v, vx, vy)):

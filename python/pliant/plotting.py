@@ -44,8 +44,8 @@ def color(i):
 
 
 def symbol(i, turns=0):
-    """Marker, colour and face of the i-th curve: after the filled ones come open ones, and filled ones again. `turns`: so
-    many times further round, in the same colour."""
+    """Marker, colour and face of the i-th curve: filled markers, then open markers, then filled markers again. `turns`:
+    so many times further round, in the same colour."""
     turn, k = divmod(i, len(COLORS))
     turn += turns
     return {"marker": MARKERS[k], "color": COLORS[k], "markerfacecolor": "white" if turn % 2 else COLORS[k]}
@@ -82,7 +82,7 @@ def reduce_colors(image):
         centers = np.reshape(guess[:3 * size], (-1, 3)).astype(np.float32)
         nearest = np.concatenate([((centers**2).sum(axis=1) - 2 * part @ centers.T).argmin(axis=1)
                                   for part in np.array_split(colors.astype(np.float32), len(colors) // 10000 + 1)])
-        # The most frequent colour of each group stands for it, so that colours of lines and the ground stay exact.
+        # The most frequent colour of each group represents it, so that colours of lines and background are exact.
         order = np.lexsort((-counts, nearest))
         groups, first = np.unique(nearest[order], return_index=True)
         palette = colors[order[first]]
@@ -222,7 +222,7 @@ def visible(run, frame):
 def wall_lines(run, frame, top=None):
     """[S, 2, 2] ends, in the plane of view, of the walls at the frame's time. The walls at the upper end of a hopper
     reach up to `top` (None: to their upper end, or to their lower one if they have no end); in 3D both halves of the
-    cut through the axis. A disk is a polygon. Walls that are gone, as the opened lid of a clog, are left out."""
+    cut through the axis. A disk is a polygon. Removed walls, as the opened lid of a clog, are omitted."""
     lines = frame.wall_segments.reshape(-1, 2, 2).copy()
     if run.droplets or run.scenario == "channel":
         return lines[(lines[:, 0] != lines[:, 1]).any(1)]
@@ -263,7 +263,7 @@ def view(run, frames):
 
 def set_view(axes, run, box):
     axes.set(xlim=box[:2], ylim=box[2:], aspect="equal", xlabel=rf"$x/{length_unit(run)}$")
-    axes.spines[["left", "bottom"]].set_visible(False)  # they would look like walls
+    axes.spines[["left", "bottom"]].set_visible(False)  # closed lines would look like walls
     axes.tick_params(direction="out", color="0.5")
     spans = np.array([box[1] - box[0], box[3] - box[2]])
     for axis, span in zip((axes.xaxis, axes.yaxis), spans):
@@ -314,7 +314,7 @@ def draw_particles(axes, run, frame, colors, edge_shade=0.78, scale=None):
                                 joinstyle="round", zorder=2)
         axes.add_collection(artist, autolim=False)
     else:
-        # A line inside the disk's rim, so that touching disks stay apart.
+        # A line inside the disk's rim, so that touching disks are distinguishable.
         line = min(0.6, 0.12 * scale)
         artist = add_disks(axes, frame.centres[shown][:, [0, -1]], run.topology.sigma[shown] - line / scale, False,
                            facecolors=faces, edgecolors=edges, linewidths=line, zorder=2)

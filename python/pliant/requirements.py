@@ -11,7 +11,7 @@ _SYSTEM = "/usr/bin/python3"
 
 def check():
     """If one of our scripts runs under a Python without the packages that it needs (the first in the PATH, say): prints
-    one line and exits with 2. Programs of others that import pliant get Python's own error."""
+    one line and exits with 2. User programs that import pliant get Python's error."""
     script = Path(getattr(sys.modules["__main__"], "__file__", "")).resolve()
     if Path(__file__).resolve().parents[1] not in script.parents[:2]:
         return

@@ -31,7 +31,7 @@ def _plain(value):
 
 
 class _read_once:  # noqa: N801 - used as a decorator
-    """A value that is read from the file when it is first asked for; RunError once the run is closed."""
+    """A value that is read from the file at the first access; RunError after the run is closed."""
 
     def __init__(self, function):
         self._function, self.__doc__ = function, function.__doc__
@@ -85,7 +85,7 @@ class Geometry:
     radius: np.ndarray    #: [S] of disks, which have their centre twice; 0: a segment
     W: float              #: distance of the upright walls
     w: float              #: width of the orifice
-    angle: float          #: degrees; NaN for a container of its own outline
+    angle: float          #: degrees; NaN for a container with a user-defined outline
     kind: str             #: hopper2d or hopper3d
     box: np.ndarray | None = None  #: [2, D] of a periodic box: origin and lengths, infinite in open directions
 
@@ -129,7 +129,7 @@ class Profile:
 
 
 class Frame:
-    """One frame; every array is read when it is first asked for."""
+    """One frame; every array is read at the first access."""
 
     def __init__(self, run, name, group):
         self._run, self.name, self._group = run, name, group
@@ -167,7 +167,7 @@ class Frame:
         return RunError(f"{self._run.path}: frame {self.name} has no '{name}' (it is written for {needed_by}{option})")
 
     def _read(self, name, needed_by="every frame"):
-        """Values of a dataset; real numbers as float64, however -frame_precision has stored them."""
+        """Values of a dataset; real numbers as float64, for any -frame_precision."""
         self.check_open()
         if name not in self._group:
             raise self._missing(name, needed_by)
@@ -198,7 +198,7 @@ class Frame:
 
     @_read_once
     def unwrapped_centres(self):
-        """[N, D] where the centres would be if a periodic box did not put them back: for displacements."""
+        """[N, D] centres without the wrapping of a periodic box: for displacements."""
         box = self._run.geometry.box
         if box is None:
             return self.centres
@@ -401,7 +401,7 @@ class Run:
         self.close()
 
     def close(self):
-        """Arrays and tables that were taken from the run stay; asking it for more is a RunError."""
+        """Arrays and tables that were read remain valid; further access raises RunError."""
         self._file.close()
 
     def check_open(self):

@@ -30,7 +30,7 @@ _CHANGE = struct.Struct("<QQ")      # address, size
 _TABLES = ("series", "events")      # groups of datasets that grow
 _ATTEMPTS = 40
 _PAUSE = 0.005  # s between attempts; grows to ten times that
-_DESCRIPTORS = 16  # open at a time in this process, however many runs are
+_DESCRIPTORS = 16  # open at a time in this process, for any number of runs
 # Exceptions of h5py and NumPy for a damaged file.
 _FAULTS = (OSError, KeyError, RuntimeError, ValueError, TypeError, OverflowError, MemoryError)
 
@@ -49,7 +49,7 @@ def _read(fd, address, size):
 
 
 def _journal(fd, size):
-    """(end, changes) of the whole journal at the end of a file: bytes by address; None if there is none."""
+    """(end, changes) of the whole journal at the end of a file: bytes by address; None without a journal."""
     if size < _TRAILER.size:
         return None
     trailer = _read(fd, size - _TRAILER.size, _TRAILER.size)
@@ -143,11 +143,11 @@ class _Snapshot(io.RawIOBase):
         self._blocks, self.read = _Blocks(blocks + changes), []  # (address, bytes) that came from the file until it is sealed
 
     def seal(self):
-        """From now on all that has been read stays as it was."""
+        """From now on the snapshot does not change."""
         self._blocks, self.read = _Blocks(self._blocks.items() + self.read), None
 
     def ranges(self):
-        """(address, size) of all that was copied."""
+        """(address, size) of the copied parts."""
         return [(address, len(data)) for address, data in _Blocks(self._blocks.items() + (self.read or [])).items()]
 
     def readable(self):
@@ -182,7 +182,7 @@ def _has(group, name):
 
 
 def _names(group):
-    """Names of the members of a group, sorted. Raises KeyError where there are not as many as the program has counted."""
+    """Names of the members of a group, sorted. Raises KeyError if their number differs from the program's count."""
     names = sorted(group)
     if (count := group.attrs["members"] if "members" in group.attrs else len(names)) != len(names):
         raise KeyError(f"it has {len(names)} members of {count}")
@@ -190,8 +190,8 @@ def _names(group):
 
 
 def _numbered(group):
-    """Names of the frames in a group, in order. The program numbers them without gaps: they are looked up one by one, as
-    HDF5 1.10 crashes where it makes a list of names and meets two states of a group. Other groups keep their names."""
+    """Names of the frames in a group, in order. The program numbers them without gaps: they are looked up one by one,
+    because HDF5 1.10 crashes if it lists names and finds two states of a group. Other groups keep their names."""
     names = [f"{k:06d}" for k in range(len(group))]
     if all(_has(group, name) for name in names):
         if "members" in group.attrs and group.attrs["members"] != len(names):

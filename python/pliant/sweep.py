@@ -11,7 +11,7 @@ from .sweep_rows import number
 
 
 def load_runs(paths):
-    """List of Run, one per path; a folder that is not a run itself stands for the runs right inside it."""
+    """List of Run, one per path; a folder that is not a run stands for the runs directly inside it."""
     runs = []
     for path in map(Path, paths):
         inside = sorted(p.parent for p in path.glob("*/run.h5")) if not (path / "run.h5").exists() else []
@@ -58,7 +58,7 @@ def _note_units(run, units):
 
 def results_tables(entries):
     """Two DataFrames of a sweep. The first has one row per entry: row (its name), run (its folder), scenario, status,
-    message, the options of the table, and for those that are done all that `sweep_table` has. The second, column and
+    message, the options of the table, and for finished runs all columns of `sweep_table`. The second, column and
     unit, has the units of the first. `entries` are (Row, folder, State)."""
     rows, units = [], {}
     for row, folder, state in entries:
@@ -69,7 +69,7 @@ def results_tables(entries):
                 with Run(folder) as run:
                     line |= _row(run)
                     _note_units(run, units)
-            except RunError as error:  # one damaged file leaves the others as they are
+            except RunError as error:  # one damaged file does not affect other runs
                 line["message"] = str(error)
         rows.append(line)
     table = pd.DataFrame(rows)

@@ -78,8 +78,8 @@ def _probes(rows):
 
 
 def check_options(table, rows, program, base):
-    """Has the program check names and values of all options before anything runs; raises RunError with line and column.
-    The program reads all options before it finds that there is nothing to restart in an empty folder."""
+    """Calls the program to check names and values of all options before the first run; raises RunError with line and
+    column. The program reads all options before it finds that there is nothing to restart in an empty folder."""
     with tempfile.TemporaryDirectory(prefix="pliant-sweep-") as empty:
         for scenario, probe, first in _probes(rows):
             options = arguments({name: row.options[name] for name, row in probe.items()}, base)
@@ -111,7 +111,7 @@ def run_rows(table, rows, folders, program, workers=None, retry=False):
 
 
 def default_workers(rows):
-    """How many rows to run at a time: one per core, or fewer where rows have threads of their own."""
+    """How many rows to run at a time: one per core, or fewer if rows use several threads."""
     return max(len(os.sched_getaffinity(0)) // _threads(rows), 1)
 
 
@@ -215,7 +215,7 @@ def main(arguments_=None):
         return 0
     workers = 1 if given.row else given.jobs or default_workers(rows)
     if given.parallel:
-        # Its own patience is shorter than a checkpoint.
+        # Its default time limit is shorter than a checkpoint may take.
         print(f"seq {len(rows)} | parallel -q -j {workers} --termseq TERM,60000,KILL,25 "
               f"{_row_command(given.table, output, program)} --row {{}}")
         return 0

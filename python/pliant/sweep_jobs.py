@@ -25,7 +25,8 @@ STOPPED_CODE = 75
 IN_USE_CODE = 6  #: another process runs in the folder
 # Signals that end a worker in order. Slurm, terminals and GNU parallel may send several at once; those are one request.
 _STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGUSR1)
-# Signal that stops a run: not one that batch systems send to all processes, as a second signal of one kind kills.
+# Signal that stops a run; batch systems do not send it to all processes, which matters because a second equal signal
+# kills.
 _ASK = signal.SIGUSR1
 _LIBC = ctypes.CDLL(None, use_errno=True)
 _PR_SET_PDEATHSIG = 1
@@ -164,7 +165,7 @@ class RowFolder:
             other = RowFolder(file.parent.parent, dataclasses.replace(self.row, id=file.parent.name), self.base)
             try:
                 record, status = other._record().get("run"), other._status()
-            except RunError:  # its own row reports it
+            except RunError:  # its row reports it
                 continue
             if other.path == self.path or record is None or status not in (*FINISHED, "stopped"):
                 continue
@@ -273,7 +274,7 @@ class _Job:
         self.lock.beat()
         if self.process.poll() is None:
             return False
-        if not self.killed:  # else it is as if the machine had gone down: to be run again
+        if not self.killed:  # else treated like a lost machine: to be run again
             self.folder.end(self.process.returncode, self._log_start)
         self.lock.close()
         return True

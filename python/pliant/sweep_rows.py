@@ -39,7 +39,8 @@ def is_number(text):
 
 
 def canonical(text):
-    """One spelling per number, so that a spreadsheet that writes 4 for 4.0 makes no other row; other text as it is."""
+    """One spelling per number, so that a spreadsheet that writes 4 for 4.0 does not create another row; other text is
+    unchanged."""
     text = text.strip()
     if _NUMBER.fullmatch(text) and len(text) > _LONGEST_NUMBER:
         raise ValueError(f"a number of {len(text)} characters; {_LONGEST_NUMBER} are the most")

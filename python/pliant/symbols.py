@@ -28,17 +28,17 @@ def parameters(scenario):
 
 
 def defaults(scenario):
-    """{parameter: default} of the models that a scenario offers; None for automatic ones."""
+    """{parameter: default} of the models that a scenario offers; None for automatic parameters."""
     return {name: _OPTIONS[scenario][name]["default"] for name in parameters(scenario)}
 
 
-#: option → models that read it; the others have its default value in their files
+#: option → models that read it; files of other models have its default value
 _READ_BY = {"edge_width": {"smooth"}, **dict.fromkeys(("n_vertices", "shape_parameter", "self_crossing"), {"rough", "smooth"})}
 for _options in _OPTIONS.values():
     for _name, _entry in _options.items():
         if "models" in _entry:
             _READ_BY[_name] = _READ_BY.get(_name, set()) | set(_entry["models"])
-_NUMERICS = {"dt": r"\Delta t"}  # symbols of options that tell no two systems apart
+_NUMERICS = {"dt": r"\Delta t"}  # symbols of options that do not distinguish systems
 _NOTHING_AT_ZERO = ("mu", "zeta")  # how a system dissipates: 0 is not worth a word where the other is not
 
 

@@ -4,7 +4,7 @@
 import sys
 from pathlib import Path
 
-# In place of this folder, whose profile.py would hide the standard library's.
+# Replaces this folder in the search path, because its profile.py would hide the standard library's.
 sys.path[0] = str(Path(__file__).resolve().parents[1])
 import pliant  # first, because it reports missing packages
 

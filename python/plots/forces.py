@@ -4,7 +4,7 @@
 import sys
 from pathlib import Path
 
-# In place of this folder, whose profile.py would hide the standard library's.
+# Replaces this folder in the search path, because its profile.py would hide the standard library's.
 sys.path[0] = str(Path(__file__).resolve().parents[1])
 import pliant  # first, because it reports missing packages
 
@@ -19,7 +19,7 @@ from pliant.scenarios import of_scenario
 
 
 def pair_forces(run, frame):
-    """Lines [F, 2, 2] in the plane of view and magnitudes [F] of the forces that do not vanish, weak ones first.
+    """Lines [F, 2, 2] in the plane of view and magnitudes [F] of the non-zero forces, weak forces first.
 
     The contacts of one pair of polygons, or of a polygon with a wall, add up to one force. A negative particle index
     stands for a wall: such a line ends at the contact.
@@ -40,7 +40,7 @@ def pair_forces(run, frame):
     if run.dim == 3:  # a slice of one diameter to either side of the axis
         inside = (np.abs(lines[:, :, 1]) < 1).all(axis=1)
         lines, force = lines[inside], force[inside]
-    order = np.argsort(force, kind="stable")  # strong ones on top
+    order = np.argsort(force, kind="stable")  # strong forces on top
     order = order[force[order] > 0]
     return lines[order][:, :, [0, -1]], force[order]
 

@@ -7,7 +7,7 @@ run write more frames (-frame_interval)."""
 import sys
 from pathlib import Path
 
-# In place of this folder, whose profile.py would hide the standard library's.
+# Replaces this folder in the search path, because its profile.py would hide the standard library's.
 sys.path[0] = str(Path(__file__).resolve().parents[1])
 import pliant  # first, because it reports missing packages
 
@@ -21,7 +21,7 @@ from pliant import plotting, script
 from pliant.plotting import QUANTITIES
 
 FPS, MOST_FPS = 25, 100  # frames per second
-LEAST_DURATION = 8       # seconds, of a movie whose rate is not asked for
+LEAST_DURATION = 8       # seconds of a movie without a given rate
 
 
 def frames_per_second(frames, fps=None, speed=None):
@@ -71,13 +71,13 @@ def main():
     plotting.add_color_bar(figure, ax, run, arguments.color, cmap, norm, extend)
     title = ax.set_title("t")
     figure.set_dpi(arguments.dpi)
-    # yuv420p wants even numbers of pixels; half a pixel more is safe against rounding down.
+    # yuv420p needs even numbers of pixels; half a pixel more is safe against rounding down.
     figure.set_size_inches([(2 * np.ceil(size * arguments.dpi / 2) + 0.5) / arguments.dpi
                             for size in figure.get_size_inches()])
     artist, scale = plotting.draw_particles(ax, run, frames[0], cmap(norm(
         plotting.particle_values(run, frames[0], arguments.color))))
     digits = 2 if frames[-1].time < 1e4 else 0
-    figure.set_layout_engine("none")  # the layout stays as it is: nothing may jump between frames
+    figure.set_layout_engine("none")  # fixed layout, so that axes do not jump between frames
 
     writer = FFMpegWriter(fps=fps, codec="libx264",
                           extra_args=["-pix_fmt", "yuv420p", "-crf", "20", "-movflags", "+faststart"])

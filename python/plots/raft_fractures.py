@@ -7,7 +7,7 @@ Runs that differ in nothing but the seed are averaged; bars are standard errors.
 import sys
 from pathlib import Path
 
-# In place of this folder, whose profile.py would hide the standard library's.
+# Replaces this folder in the search path, because its profile.py would hide the standard library's.
 sys.path[0] = str(Path(__file__).resolve().parents[1])
 import pliant  # first, because it reports missing packages
 

@@ -6,7 +6,7 @@ Grey: the flow has ended. The flow rate is drawn in pieces of the time before th
 import sys
 from pathlib import Path
 
-# In place of this folder, whose profile.py would hide the standard library's.
+# Replaces this folder in the search path, because its profile.py would hide the standard library's.
 sys.path[0] = str(Path(__file__).resolve().parents[1])
 import pliant  # first, because it reports missing packages
 

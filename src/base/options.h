@@ -108,8 +108,8 @@ class Options {
   /// Restores the values of `parse`: drops the values of `from_json`, also if it failed half-way.
   void reset();
 
-  /// Call after PETSc's objects have been configured. Errors: InputError for a PETSc option that none of them has read;
-  /// `solvers` is then the cure, unless it is misspelt.
+  /// Call after PETSc's objects have been configured. Errors: InputError for a PETSc option that no object has read;
+  /// `solvers` is then the cure, unless the option is misspelt.
   void check_consumed(std::string_view solvers = {}) const;
 
   /// Whether the user (or a restart) has set the option, and from where: "default", "command line", "restart" or the

@@ -18,7 +18,8 @@
 
 namespace pliant {
 
-/// Equally many numbers of each of some structures in an array; the first ones at `data`, others `stride` bytes apart.
+/// Numbers of each structure in an array; the numbers of the first structure are at `data`, of the next `stride` bytes
+/// further.
 template <class T>
 struct Strided {
   const T* data = nullptr;
@@ -86,7 +87,7 @@ struct FrameArray {
   hdf5::Type type;
   hdf5::Shape shape;          ///< shape of the rows of all ranks
   std::uint64_t first, rows;  ///< range of this rank
-  /// Puts `count` of this rank's rows, from its row `from` on.
+  /// Writes `count` rows of this rank to `to`, from row `from` on.
   std::function<void(std::uint64_t from, std::uint64_t count, void* to)> make;
   std::uint64_t row_bytes() const { return hdf5::row_width(shape) * hdf5::size_of(type); }
 };

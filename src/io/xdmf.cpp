@@ -288,7 +288,7 @@ void XdmfFile::cut(std::size_t count) {
   starts_.resize(count);
 }
 
-/// Writes `grid`, or nothing, in the place of number `index` and those after it.
+/// Replaces grid number `index` and all later grids by `grid`, or by nothing.
 void XdmfFile::replace_from(std::size_t index, const std::string& grid) {
   std::string text(starts_[index], '\0');
   if (!std::ifstream(path_, std::ios::binary).read(text.data(), static_cast<std::streamsize>(text.size())))

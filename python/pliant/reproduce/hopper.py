@@ -50,8 +50,8 @@ def draw_limits(measured):
 
 
 def draw_hard(measured):
-    """[H 10] as `draw_limits`, and Q of the stiffest deformable particles over Q of the hardest soft ones of the same N and width:
-    [H App. B] has one hard limit for both."""
+    """[H 10] as `draw_limits`, and Q of the stiffest deformable particles over Q of the hardest soft particles of the
+    same N and width: [H App. B] has one hard limit for both."""
     figure, quantities = draw_limits(measured)
     table = limits(measured)
     hard = table[[is_hard(row) for _, row in table.iterrows()]]

@@ -18,7 +18,7 @@ _COULOMB = "disk"  #: the model whose mu is a coefficient of Coulomb friction, n
 
 
 def rounded(x):
-    """To four digits: tables hold rounded coefficients, and equal ones get equal values."""
+    """Rounded to four digits, because tables contain rounded coefficients, which should compare equal."""
     return float(f"{x:.4g}")
 
 
@@ -54,12 +54,12 @@ def limit(options):
 
 
 def is_soft(measured):
-    """Whether a run, or each run of a table, has soft particles [H 2], no deformable ones."""
+    """Whether a run, or each run of a table, has soft particles [H 2], not deformable particles."""
     return measured["model"] == "sp"
 
 
 def plain(measured):
-    """Soft particles lack the coefficients of deformable ones, and these lack E_sp: equal groups get equal columns."""
+    """Soft particles lack the coefficients of deformable particles, which lack E_sp: equal groups get equal columns."""
     soft = is_soft(measured)
     return measured.assign(**{c: measured[c].where(soft == (c == "e_sp"), 0.0) for c in (*MODEL[1:], "e_c")})
 

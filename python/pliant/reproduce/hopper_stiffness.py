@@ -98,7 +98,7 @@ def _alike(fits):
 
 
 def draw_offsets(measured):
-    """[H 7]: the offset k against the stiffness of soft particles, and over K_l and K_b of deformable ones."""
+    """[H 7]: the offset k against the stiffness of soft particles, and over K_l and K_b of deformable particles."""
     fits = _stiffness_fits(measured)
     panels = []  # (name, limit of a map, fits)
     for name, group in _alike(fits):

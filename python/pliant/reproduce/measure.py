@@ -29,7 +29,7 @@ DISTRIBUTION = ("distribution", "radii", "counts")
 #: Further options that a table of channel runs may vary.
 CHANNEL_OPTIONS = ("area_fraction", *parameters("channel"), "plunger_speed", "retract_speed", "stiffness", "dt")
 NEIGHBOURS = (11, 15, 20)  #: in D2_min, which [T] tried
-_CURVE = 300  # samples of a force curve that are kept
+_CURVE = 300  # number of samples of a stored force curve
 
 
 def _columns(run, names):

@@ -28,7 +28,7 @@ C_RATIO = Published(C["drag"].value / C["friction"].value,
                     C["drag"].value / C["friction"].value * math.hypot(*(c.error / c.value for c in C.values())), "H 10, 13a")
 #: Offset of the softest particles.
 K_SOFT = {"friction": Published(0.5, 0.5, "H 7: below 1"), "drag": Published(1.0, 0.5, "H 7")}
-#: Q of stiff deformable particles over Q of hard soft ones.
+#: Q of stiff deformable particles over Q of hard soft particles.
 HARD_ALIKE = Published(1.0, 0.0, "H App. B: one hard limit")
 #: |F_zeta|/|F_mu| of the steepest hopper over the ratio of the next hopper: the curve ends in a plateau.
 RATIO_PLATEAU = Published(1.0, 0.0, "H 6b: plateau")

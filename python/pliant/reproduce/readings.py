@@ -62,7 +62,7 @@ _NAMES = {"edge_width": "width of edges", "wall_diameter": "width of walls", "pa
 
 
 def _same(a, b):
-    """Whether two values of an option are meant to be equal: tables hold rounded ones."""
+    """Whether two values of an option are equal up to the rounding in tables."""
     if isinstance(a, str) or isinstance(b, str):
         return a == b
     return bool(np.isclose(float(a), float(b), rtol=1e-3, atol=0, equal_nan=True))
@@ -193,7 +193,7 @@ def _range(row):
 
 
 def _beta(fits):
-    """beta and its error of a table of fits, NaN where there is none."""
+    """beta and its error of a table of fits, NaN for missing fits."""
     return np.array([(fit.beta, fit.beta_error) if fit else (np.nan, np.nan) for fit in fits["fit"]]).T
 
 
@@ -222,7 +222,7 @@ def _span(beta, error, exponents):
 
 
 def _rows(axes, labels, beta, error, soft, exponents):
-    """Exponents, a row each from the top; open where the contacts are harder than the printed ones."""
+    """Exponents, a row each from the top; open symbols for contacts that are harder than printed."""
     y = np.arange(len(labels))
     known = np.isfinite(beta)
     for there, face, label in ((known & soft, None, "softer contacts"),
@@ -258,8 +258,8 @@ def _second_fits(table):
 
 
 def _with_coefficient(row):
-    """The reading but for its coefficient, and whose coefficient that is: 'as run', 'as run, printed coefficients'; None
-    for a coefficient of neither."""
+    """The reading without its coefficient, and the origin of the coefficient: 'as run', 'as run, printed coefficients';
+    None for other coefficients."""
     rest = reading(row, [name for name in OPTIONS if name not in COEFFICIENT.values()])
     own = COEFFICIENT[row["limit"]]
     for name, base in zip(("printed", "as run"), MODELS[row["dim"]]):
@@ -332,7 +332,7 @@ def _draw_models(fits, soft):
 def _deformable_fits(measured, by=()):
     """Fits of each reading of rough and of smooth particles, for each value of the columns `by`, with its `name`."""
     table = limits(measured)
-    for name, printed in _DEFORMABLE.items():  # runs kept from before these columns are as printed
+    for name, printed in _DEFORMABLE.items():  # runs without these columns, of older versions, are as printed
         table[name] = table[name].fillna(printed) if name in table else printed
     for name in _EDGES:
         table.loc[table["model"] == "rough", name] = _DEFORMABLE[name]
@@ -422,12 +422,12 @@ def _rate_quantities(row, name):
 
 
 def draw_coefficients(measured):
-    """The exponent against the coefficient of friction, and of drag, a curve per reading of the rest; 2D and 3D have
-    panels of their own."""
+    """The exponent against the coefficient of friction, and of drag, a curve per reading of the other options; 2D and
+    3D have separate panels."""
     fits = _some(_fits(_canonical(measured), OPTIONS), drop=True)
     rest = [name for name in OPTIONS if name not in ("mu", "zeta", "dt")]
     fits["curve"] = [reading(row, rest) for _, row in fits.iterrows()]
-    curves = sorted(fits["curve"].unique())  # the same in both panels looks the same
+    curves = sorted(fits["curve"].unique())  # equal readings look equal in both panels
     there = [(dim, limit) for dim in MODELS for limit in LIMIT_NAMES
              if ((fits["dim"] == dim) & (fits["limit"] == limit)).any()]
     figure, panels = plt.subplots(2, len(there), figsize=(min(5.6 * len(there), plotting.PAGE), 6.6), layout="constrained", squeeze=False,

@@ -34,7 +34,7 @@ class CaseValue {
   CaseValue operator[](std::size_t i) const;
   /// Keys of an object.
   std::vector<std::string> keys() const;
-  /// Errors: a key that is not in `known`, with the nearest one that is.
+  /// Errors: a key that is not in `known`, with the nearest known key.
   void check_keys(std::span<const std::string_view> known) const;
 
   /// Length of an array that must not be empty.
