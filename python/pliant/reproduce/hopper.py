@@ -229,7 +229,7 @@ _MAPS = ("hopper/map", "hopper/limits-smooth", "hopper/map-large", "hopper/smoot
 _MAPS_AS_RUN = ("as-run/map", "as-run/limits-smooth", "as-run/smooth-large")
 
 
-_FEW = "soft particles alone, fewer seeds and shorter runs; no deformable ones"
+_FEW = "soft particles only, fewer seeds and shorter runs"
 FIGURES = [
     Figure("H2", "Q(w) of soft and deformable particles, friction only and drag only", ("quick/limits", "quick/stiff"),
            ("hopper/limits", "hopper/limits-smooth", "hopper/limits-rough"), "flows", draw_limits, _FEW,
@@ -263,7 +263,7 @@ FIGURES = [
            ("hopper/discharge",), "flows", draw_discharge, "400 particles, four seeds",
            tells=("zeta", "e_sp", "hopper_angle", "hopper_angle_left", "hopper_width")),
     Figure("H10",
-           "Q(w) of soft and of nearly hard particles; Q of the stiffest deformable ones over Q of the hardest soft ones",
+           "Q(w) of soft and of nearly hard particles; Q of the stiffest deformable particles over Q of the hardest soft particles",
            ("quick/limits", "quick/hard"),
            ("hopper/limits", "hopper/limits-smooth", "hopper/limits-rough", "hopper/stiffest"), "flows", draw_hard, _FEW,
            as_run=("as-run/limits", "as-run/limits-hard"), tells=_LIMITS),
