@@ -4,26 +4,9 @@ import numpy as np
 import pandas as pd
 
 from .neighbours import _check_distance, _tree
-from .sources import each
+from .sources import each, extent
 
 _BLOCK = 64  # particles
-
-
-def _region(particles, region):
-    """[2, D] lower and upper corner of the region that the particles fill: given, the box, or the extent of the centres."""
-    places = particles.positions[particles.active]
-    if not len(places):
-        raise ValueError("no particle is present; use frames with particles")
-    low, high = places.min(0), places.max(0)
-    if region is not None:
-        low, high = (np.broadcast_to(np.asarray(side, float), particles.dim) for side in region)
-    if particles.box is not None:
-        closed = np.isfinite(particles.period)
-        low = np.where(closed, particles.box[0], low)
-        high = np.where(closed, particles.box[0] + particles.period, high)
-    if not (high > low).all():
-        raise ValueError(f"the region from {low} to {high} has no volume; give region=(lower corner, upper corner)")
-    return np.stack([low, high])
 
 
 def radial_distribution(particles, r_max=None, bins=100, region=None, box=None, radii=None):
@@ -37,7 +20,7 @@ def radial_distribution(particles, r_max=None, bins=100, region=None, box=None, 
     counts = wanted = 0.0
     edges = None
     for part in each(particles, box=box, radii=radii):
-        corners = _region(part, region)
+        corners = extent(part, region)
         size = corners[1] - corners[0]
         if edges is None:
             if r_max is None:
@@ -97,7 +80,7 @@ def structure_factor(particles, k_max=None, bins=100, per_bin=10, region=None, b
     regions S of the smallest k contains the shape of the region."""
     total, parts, k = 0.0, 0, None
     for part in each(particles, box=box, radii=radii):
-        corners = _region(part, region)
+        corners = extent(part, region)
         places = part.positions[part.active]
         open_ = ~np.isfinite(part.period)
         places = places[((places >= corners[0]) & (places <= corners[1]))[:, open_].all(1)]

@@ -8,6 +8,15 @@ from scipy.spatial import cKDTree
 from .particles import Particles
 
 
+def sums(at, values, count):
+    """[count, …] sums of values [M, …], real or complex, by the index `at` [M]."""
+    values = np.asarray(values)
+    flat = np.ascontiguousarray(values.reshape(len(values), np.prod(values.shape[1:], dtype=int)))
+    columns = flat.view(float) if np.iscomplexobj(flat) else flat
+    total = np.stack([np.bincount(at, column, count) for column in columns.T], 1)
+    return (total.view(complex) if np.iscomplexobj(flat) else total).reshape(count, *values.shape[1:])
+
+
 @dataclass(frozen=True)
 class Neighbours:
     """Directed pairs, sorted by their first particle: both directions of a mutual pair are there."""
@@ -25,12 +34,7 @@ class Neighbours:
 
     def sums(self, values):
         """[N, …] sums over the neighbours of each particle of values [M, …]."""
-        values = np.asarray(values)
-        flat = values.reshape(len(values), -1)
-        parts = flat.view(float) if np.iscomplexobj(flat) else flat
-        total = np.stack([np.bincount(self.first, column, self.count) for column in parts.T], 1) if parts.shape[1] else parts
-        total = np.ascontiguousarray(total, float)
-        return (total.view(complex) if np.iscomplexobj(flat) else total).reshape(self.count, *values.shape[1:])
+        return sums(self.first, values, self.count)
 
     def padded(self):
         """([N, K] second particles, [N, K] rows of the pairs, [N, K] bool: is a neighbour), K the largest number."""

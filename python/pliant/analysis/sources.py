@@ -17,3 +17,21 @@ def each(source, *needed, **given):
         isinstance(source[0], (Frame, Particles)) or np.ndim(source[0]) == 2)
     for one in source if several else [source]:
         yield Particles.of(one, *needed, **given)
+
+
+def extent(particles, region):
+    """[2, D] lower and upper corner of the region that the particles fill: the box where it is periodic, else `region` (two corners)
+    or the extent of the centres."""
+    places = particles.positions[particles.active]
+    if not len(places):
+        raise ValueError("no particle is present; use frames with particles")
+    low, high = places.min(0), places.max(0)
+    if region is not None:
+        low, high = (np.broadcast_to(np.asarray(side, float), particles.dim) for side in region)
+    if particles.box is not None:
+        closed = np.isfinite(particles.period)
+        low = np.where(closed, particles.box[0], low)
+        high = np.where(closed, particles.box[0] + particles.period, high)
+    if not (high > low).all():
+        raise ValueError(f"the region from {low} to {high} has no volume; give region=(lower corner, upper corner)")
+    return np.stack([low, high])

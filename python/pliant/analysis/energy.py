@@ -1,0 +1,29 @@
+"""Energy budget of a run, from the columns of its series."""
+
+import numpy as np
+import pandas as pd
+
+from ..errors import RunError
+
+#: Columns of /series that belong to the budget (docs/reference/file-format.md).
+COLUMNS = ("kinetic_energy", "potential_energy", "energy", "contact_energy", "depletion_energy", "wall_repulsion_energy",
+           "wall_depletion_energy", "gravity_energy", "work", "heat", "dissipated", "withdrawn", "budget_error")
+
+
+def energy_budget(run):
+    """DataFrame, one row per sample: time, the columns of COLUMNS that the run has, all other parts of the heat, and dissipation_rate:
+    power of `heat` or `dissipated`, by differences of neighbouring samples; absent without them. Energies are in the run's
+    unit, ρ g σ_avg^(D+1), of droplets force times ⟨R⟩. RunError if the run has none of the columns."""
+    series = run.series
+    parts = [name for name in series if name.endswith(("_sliding", "_damping", "_rolling", "_twisting"))]
+    names = [name for name in COLUMNS if name in series] + parts
+    if not names:
+        raise RunError(f"{run.path}: the run has no columns of energy; scenarios of hoppers and droplets write them")
+    table = series[["time", *names]].copy()
+    lost = next((name for name in ("heat", "dissipated") if name in names), None)
+    if lost:
+        rate = np.full(len(table), np.nan)
+        if len(table) > 1:
+            rate = np.gradient(table[lost].to_numpy(), table["time"].to_numpy())
+        table["dissipation_rate"] = rate
+    return pd.DataFrame(table)
