@@ -65,7 +65,7 @@ endif()
 run("${CMAKE_COMMAND}" --build "${WORK}/build")
 run("${WORK}/build/own_term" check 2)
 
-# The integrators of SUNDIALS alone, in a program without particles.
+# Only the integrators of SUNDIALS, in a program without particles.
 run("${CMAKE_COMMAND}" -S "${share}/examples/plain_ode" -B "${WORK}/build-ode" ${package})
 run("${CMAKE_COMMAND}" --build "${WORK}/build-ode")
 foreach(type cvode arkode)

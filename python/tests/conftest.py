@@ -16,8 +16,8 @@ from pliant import beverloo, plotting  # noqa: E402
 
 @pytest.fixture(autouse=True)
 def figures_fit_a_page(monkeypatch):
-    """No figure that a test saves is wider than a page, where its text is too small to read; no legend stands right of
-    its axes and narrows the curves."""
+    """Figures saved by tests must not be wider than a page, because their text would be too small, and legends must not
+    be right of the axes, which would narrow the curves."""
     save = Figure.savefig
 
     def checked(figure, *arguments, **options):

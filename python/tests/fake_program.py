@@ -1,7 +1,7 @@
 #!/usr/bin/python3 -ISE
 """Stands for pliant in the tests of sweeps: options, exit codes, signals, files, but no physics. -b, or -t_end, is the
 wall time;
--mode gate waits for the file "go" in its folder, -mode meet for two others that run."""
+-mode gate waits for the file "go" in its folder, -mode meet for two other running programs."""
 
 import glob
 import json

@@ -1,6 +1,6 @@
 """Writes run folders in the format of docs/reference/file-format.md: particles on a jittered lattice that flow down a hopper.
 
-Nothing is simulated; positions follow a funnel-shaped velocity field, so that every figure has something to show.
+Nothing is simulated; positions follow a funnel-shaped velocity field, so that every figure has data to show.
 """
 
 import json

@@ -21,8 +21,9 @@ def channel_flow(place):
 
 
 def channel_tracks(pushes=4, frames=12, disks=120, noise=0.03, seed=1, spacing=0.2):
-    """Tracks of a bidisperse mixture with a few large disks that follow channel_flow, small ones with more noise than
-    large ones; the plungers take turns. The disks of every push are new ones: nothing joins two pushes."""
+    """Tracks of a bidisperse mixture with a few large disks that follow channel_flow, with more noise for small disks
+    than for large disks; the plungers take turns. Every push has new disks, so that two pushes have no common
+    tracks."""
     rng = np.random.default_rng(seed)
     radius = np.where(np.arange(disks) % 2 == 0, 0.635, 0.9525)
     radius[:max(disks // 40, 1)] = 3.175

@@ -11,7 +11,7 @@ sys.path.insert(0, str(SCRIPTS))
 
 import check_words  # noqa: E402
 
-#: Sentences as found in pages, comments and messages, and better ones.
+#: Sentences as found in pages, comments and messages, and better sentences.
 FOUND = [
     ("What links cannot show the script finds.", "what subject"),
     ("What is kept next is written in the same pass.", "what subject"),

@@ -71,7 +71,7 @@ def test_sigmoid_errors_cover():
 
 def test_sigmoid_weighs_runs():
     x, runs = [1.0, 2, 3, 4], np.array([1, 1000, 1000, 1])
-    fit = clog.fit_sigmoid(x, [0, 700, 300, 1], runs)  # the two single runs say the opposite
+    fit = clog.fit_sigmoid(x, [0, 700, 300, 1], runs)  # the two single runs have the opposite outcome
     assert abs(fit.x0 - 2.5) < 0.02
 
 

@@ -34,7 +34,7 @@ def test_coverage_of_points(drift, seeds, low, high):
         points = ensemble.average(runs(rng, drift, seeds), ["hopper_width"], "Q")
         inside.append(abs(points["Q"] - truth) < points["Q_error"])
     assert low < np.mean(inside) < high
-    if drift:  # the errors of blocks alone would not do
+    if drift:  # the errors of blocks alone would be too small
         blocks = 0.02 * truth / np.sqrt(seeds)
         alone = [abs(ensemble.average(runs(rng, drift, seeds), ["hopper_width"], "Q")["Q"] - truth) < blocks
                  for _ in range(30)]
@@ -51,7 +51,7 @@ def test_coverage_of_fits(drift, low, high):
 
 
 def test_kinds_of_points_have_a_factor_each():
-    """A chaotic point does not enlarge the error of one that hardly depends on the seed."""
+    """A chaotic point does not enlarge the error of a point that hardly depends on the seed."""
     table = pd.DataFrame([{"rows": rows, "k": 6 + scale * seed, "k_error": 1e-5} for rows, scale in ((7, 1e-4), (6, 0.3)) for seed in (-1, 0, 1)])
     together, apart = (ensemble.average(table, ["rows"], "k", pool=pool).set_index("rows")["k_error"] for pool in ((), ["rows"]))
     assert apart[7] == pytest.approx(1e-4 / np.sqrt(3), rel=0.01) and apart[6] == pytest.approx(0.3 / np.sqrt(3), rel=0.01)

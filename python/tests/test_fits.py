@@ -129,8 +129,8 @@ def test_block_error_of_correlated_samples():
 
 
 def test_an_offset_at_its_bound_leaves_the_exponent_free():
-    """Data that want k < 0 (docs/validation/hopper-limits.md: soft particles with friction only): the best fit has k = 0, and the
-    exponent that is best there, not one of the grid that it starts from."""
+    """Data that want k < 0 (docs/validation/hopper-limits.md: soft particles with friction only): the best fit has k =
+    0, and the best exponent for this k, not an exponent of the initial grid."""
     w = np.arange(2.0, 11)
     Q = [0.233, 0.555, 1.117, 1.745, 2.722, 3.827, 5.264, 6.892, 8.749]
     error = [0.017, 0.025, 0.027, 0.031, 0.040, 0.045, 0.047, 0.048, 0.052]

@@ -54,7 +54,7 @@ def descriptors(path):
 
 
 def without_cache(run):
-    """Makes HDF5 read the run's file again whenever it looks for something."""
+    """Makes HDF5 read the run's file again at every lookup."""
     file = run._file._file.id
     config = file.get_mdc_config()
     config.set_initial_size, config.initial_size, config.min_size, config.max_size = True, 1024, 1024, 1024
@@ -189,7 +189,7 @@ def test_files_are_utf_8_in_every_locale(tmp_path, locale):
     (path / "summary.json").write_text(json.dumps(summary, ensure_ascii=False), encoding="utf-8")
     code = f"import sys; sys.path.insert(0, {str(HERE.parent)!r}); from pliant import Run, script; " \
            f"script.run(lambda: print(ascii(Run({str(path)!r}).summary['message']), chr(0x3b6)))"
-    # Python would take UTF-8 in these two by itself.
+    # In these two locales Python would use UTF-8 by default.
     environment = os.environ | {"LC_ALL": locale, "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
     environment.pop("PYTHONIOENCODING", None)
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, env=environment)

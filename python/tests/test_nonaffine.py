@@ -157,7 +157,7 @@ def test_strain_is_exact_where_it_is_homogeneous():
     good = np.isfinite(linear[:, 0])
     assert good.mean() > 0.8
     assert_allclose(linear[good], shift[good], atol=1e-11)
-    # The mean of the cell alone leaves the motion by the strain inside it.
+    # The mean of the cell alone does not remove the motion by strain inside the cell.
     left = shift - field.at(start, cell, "cell")
     assert 0.01 < np.nanmean(np.hypot(*left.T)) < 2 * 0.06 * 1.6
 
@@ -244,7 +244,7 @@ def test_no_displacement_spans_two_pushes():
     read = tracks.from_table(table.assign(frame=table["frame"] % 1000 + 5 * table["push"]))
     again, = channel.analyse([read], Choices(**result["choices"]))
     assert again["displacement"]["all"]["value"] == 0 and again["samples"] == result["samples"]
-    # Frame numbers alone do not tell: without the column they are one push.
+    # Frame numbers alone do not separate pushes: without the column all frames are one push.
     one = tracks.from_table(table.drop(columns=["push", "plunger_travel", "time"]), fps=0.22)
     assert len(one.pushes) == 1
 
@@ -308,7 +308,7 @@ def test_the_first_pushes_are_left_out():
 # ---- statistics ------------------------------------------------------------------------------------------------------
 
 def test_errors_are_the_scatter_between_pushes():
-    """Disks that all go as far in one push, in another further."""
+    """Disks with equal displacements in one push, and larger equal displacements in another."""
     way = np.array([0.1, 0.25, 0.15, 0.3])
     place = np.random.default_rng(12).uniform(0, 1.5, (20, 2))
     result = analysed(*(made([place, place + [w, 0]], number=n) for n, w in enumerate(way)))

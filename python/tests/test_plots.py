@@ -1,4 +1,4 @@
-"""The scripts run without a display and draw something; their errors are one line."""
+"""The scripts run without a display and draw their figures; their errors are one line."""
 
 import json
 import os
@@ -141,7 +141,7 @@ def test_pictures_of_droplets_have_their_walls_and_units(drawn, tmp_path):
             np.testing.assert_array_equal(walls_of(figure.axes[0])[:, :, 0], [[0, 0], [14 - i, 14 - i]])
         assert "40000" in figure.axes[0].get_title()
         assert len(walls_of(drawn(script, clog, option, 0)[0].axes[0])) == 3
-        assert len(walls_of(drawn(script, clog, option, 1)[0].axes[0])) == 2  # the lid is gone
+        assert len(walls_of(drawn(script, clog, option, 1)[0].axes[0])) == 2  # the lid has been removed
     figure, _ = drawn("snapshot.py", raft, "--color", "speed")
     labels = [text() for a in figure.axes for text in (a.get_xlabel, a.get_ylabel, a.get_title)]
     assert sum("langle R" in label for label in labels) == 3 and not any("sigma" in label for label in labels)
@@ -517,7 +517,7 @@ def test_runs_of_a_sweep_are_called_by_what_differs():
 
 
 def test_png_files_have_few_colors_and_exact_ones(tmp_path):
-    """White, and the colours of lines, stay as they are; fields keep their shades within a few levels of 255."""
+    """White, and the colours of lines, do not change; fields keep their shades within a few levels of 255."""
     image = matplotlib.image
     for name, field in (("lines", False), ("field", True)):
         figure, axes = plotting.plt.subplots(figsize=(4, 3))

@@ -40,8 +40,8 @@ TABLE = "e_sp,mu,zeta,hopper_width,seeds\n" + "".join(
 #: Tables whose figures show single runs.
 ONE_SEED = ("quick/three", "raft/three", "quick/small-droplets", "channel/snapshot")
 
-# Copies the run of its row, and writes down that it was asked to; a row without a run fails. The row whose number stands
-# in the file stop, and those after it, stop all.
+# Copies the run of its row, and records the call; a row without a run fails. The rows from the number in the file
+# `stop` on stop all.
 PROGRAM = """#!/bin/sh
 [ "$1" = -scenarios ] && exec echo hopper
 [ "$2" = -help_markdown ] && exit 0
@@ -82,8 +82,8 @@ def made(tmp_path_factory):
 
 @pytest.fixture
 def call(tmp_path, made, monkeypatch, capsys):
-    """A function that runs the command, which must have `code`, and returns its output; in a folder of its own.
-    Pictures take most of the time: without `pictures` they are empty files."""
+    """A function that runs the command, which must have `code`, and returns its output; in a separate folder. Pictures
+    take most of the time: without `pictures` they are empty files."""
     runs = tmp_path / "runs"
     runs.mkdir()
     for path in made.iterdir():
@@ -241,7 +241,7 @@ def test_list_and_names(call):
     (1.5, 0.1, Published(1.75, 0.1, ""), "yes"), (1.5, 0.1, Published(1.8, 0.1, ""), "no"),
     (1.5, 0.1, None, "no number"), (math.nan, math.nan, Published(1.5, 0.1, ""), "no number"),
     (1.5, math.nan, Published(1.5, 0.1, ""), "no number"),
-    # Without any error nothing can be said; one of them is enough.
+    # Without errors there is no verdict; one error is enough.
     (1.5, 0.0, Published(1.5, 0.0, ""), "no number"), (1.5, 0.0, Published(1.6, 0.0, ""), "no number"),
     (1.5, 0.0, Published(1.6, 0.1, ""), "yes"), (1.5, 0.0, Published(1.8, 0.1, ""), "no")])
 def test_agreement(value, error, known, answer):
@@ -296,7 +296,7 @@ def test_a_figure(call, tmp_path):
     assert beta["ours"] == pytest.approx(1.5, abs=0.3) and beta["published"] == 1.5 and beta["agree"] == "yes"
     assert table.loc["beta: soft, E_sp = 100, drag only", "published"] == 0.5
     assert set(table["seeds"]) == {"1-2"} and set(table["table"]) == {"quick/limits; quick/stiff"}
-    # 16 runs of 9 s; the other 8 are the same ones again
+    # 16 runs of 9 s; the other 8 rows repeat runs
     assert table["cpu_hours"].iloc[0] == pytest.approx(16 * 9 / 3600, rel=1e-3)
     assert len(started(tmp_path)) == 24
     # The results are stored next to it; the same command again runs nothing and changes nothing.
@@ -322,7 +322,7 @@ def test_a_table_of_ones_own(call, tmp_path):
     assert "--table goes with one figure" in call("H2", "full", "--table", "mine.csv", code=2)
     assert "--table goes with one figure" in call("all", "--table", "mine.csv", code=2)
     assert "none.csv" in call("H2", "--table", "none.csv", code=2)
-    # Runs that would be taken for seeds are not begun; one that two tables have is one seed.
+    # Runs that would count as seeds are not started; a run in two tables is one seed.
     begun = len(started(tmp_path))
     (tmp_path / "dt.csv").write_text("mu,hopper_width,dt\n31.6,3,\n31.6,3,1e-3\n", encoding="utf-8")
     assert "they differ in -dt" in call("H2", "--table", "dt.csv", code=2) and len(started(tmp_path)) == begun
@@ -353,7 +353,7 @@ def test_a_stop_and_the_rest_later(call, tmp_path, monkeypatch):
 
 
 def test_campaigns_over_several_sittings(call, tmp_path, monkeypatch):
-    """Rows that are kept are not run again, and rows can be drawn when the runs are gone."""
+    """Stored rows are not run again, and can be drawn without their runs."""
     limits = tmp_path / "validation/quick/limits.csv"
     limits.write_text(TABLE.replace("1-2", "1"), encoding="utf-8")
     assert "no stored results of H2" in call("H2", "--kept", code=2)
@@ -380,7 +380,7 @@ def test_campaigns_over_several_sittings(call, tmp_path, monkeypatch):
     assert "quick/limits: 16 of 20 runs are kept" in output and "quick/stiff: 8 of 8 runs are kept" in output
     assert len(started(tmp_path)) == 25 and (tmp_path / "third/H2-quick.png").exists()
     again, first = (pd.read_csv(tmp_path / folder / "reproduced.csv") for folder in ("third", "elsewhere"))
-    pd.testing.assert_frame_equal(again, first, check_exact=True)  # kept or fresh, numbers have the same digits
+    pd.testing.assert_frame_equal(again, first, check_exact=True)  # stored and new numbers have the same digits
     assert "no stored results of H2 full" in call("H2", "full", "--kept", code=2)
     # Rows removed from the table are not drawn, but stay stored.
     limits.write_text(TABLE.replace("1-2", "1"), encoding="utf-8")
@@ -404,7 +404,7 @@ def test_all(call, tmp_path, monkeypatch):
     assert set(pd.read_csv(tmp_path / "reproduced/reproduced.csv")["figure"]) == {"H2", "H10"}
     # The table that both have was run once.
     assert len(started(tmp_path)) == 16 + 8 + 8
-    call("all", "--kept")  # nothing is kept: no failure, no figure
+    call("all", "--kept")  # without stored values: no failure, no figure
 
 
 def test_tables_as_run(call, tmp_path, monkeypatch):
@@ -417,7 +417,7 @@ def test_tables_as_run(call, tmp_path, monkeypatch):
     table = pd.read_csv(tmp_path / "reproduced/reproduced.csv")
     assert set(table["level"]) == {"as-run"} and set(table["figure"]) == {"H2"}
     assert "8 of 8 runs are kept" in call("H2", "as-run", "--kept")
-    call("H2", "--kept", "-o", "other")  # not those as run: quick ones, of which stiff is kept
+    call("H2", "--kept", "-o", "other")  # not "as run": quick tables, of which stiff has stored values
     assert {path.name for path in (tmp_path / "other").glob("*.png")} == {"H2-quick.png"}
 
 
@@ -450,7 +450,7 @@ def flow_rows(lams=(np.inf,), laws=None, **columns):
 
 
 def drawn(name, data, tmp_path=None):
-    """{quantity: Quantity} of a figure, which must show something if it is saved."""
+    """{quantity: Quantity} of a figure, which must not be empty if it is saved."""
     picture, quantities = command.FIGURES[name].draw(data)
     if tmp_path:
         picture.set_layout_engine("none")  # takes half of the time
@@ -577,7 +577,7 @@ def test_deformable_particles_between_the_limits(tmp_path, capsys):
 
 
 def test_figure_6_compares_contacts(tmp_path):
-    """Softer contacts and those as printed are curves of their own; soft particles, without any, stay one."""
+    """Softer contacts and printed contacts are separate curves; soft particles, without this choice, are one curve."""
     data = pd.concat([flow_rows(LAMS, lambda lam, c=c: crossing_law(lam, c), hopper_angle=20.0, model=model, e_c=e_c)
                       for model, e_c, c in (("smooth", 250.0, 0.01), ("smooth", 1e4, 0.1), ("sp", 250.0, 0.05),
                                             ("sp", 1e4, 0.05))], ignore_index=True)
@@ -630,7 +630,7 @@ def test_figures_2_and_3_name_what_is_published(tmp_path):
 def test_several_coefficients_are_several_curves(tmp_path):
     laws = {5.0: (0.3, 1.2, 1.4), 31.62278: (0.15, 1.6, 1.5)}
     data = [flow_rows((0.0,), lambda lam, law=law: law).assign(mu=mu) for mu, law in laws.items()]
-    data.append(flow_rows((0.0,), lambda lam: laws[31.62278]).assign(mu=31.6227766, seed=4))  # kept with fewer digits
+    data.append(flow_rows((0.0,), lambda lam: laws[31.62278]).assign(mu=31.6227766, seed=4))  # stored with fewer digits
     data.append(flow_rows((np.inf,)))
     found = drawn("H2", pd.concat([*data, flow_rows((np.inf,)).assign(dim=3)], ignore_index=True), tmp_path)
     for mu, law in (("5", laws[5.0]), ("31.62", laws[31.62278])):
@@ -742,7 +742,7 @@ def test_figure_11_tells_the_two_rates_apart(tmp_path):
 def test_figure_8_fits_discharges(tmp_path):
     data = flow_rows((np.inf,), lambda lam: (0.2, 1.47, 0.49), hopper_angle=45.0)
     data = data.assign(c0=data["Q"], c0_error=data["Q_error"], Q=np.nan)
-    found = drawn("H8", data)  # kept before there was a second hopper
+    found = drawn("H8", data)  # stored before the second hopper existed
     assert agree(found["beta of c0(w), 45/45 degrees"]) == agree(found["k of c0(w), 45/45 degrees"]) == "yes"
     upright = data.assign(hopper_angle_left=0.0, c0=1.2 * data["c0"], row=data["row"] + "u")
     found = drawn("H8", pd.concat([data.assign(hopper_angle_left=None), upright]), tmp_path)
@@ -790,7 +790,7 @@ def test_readings_are_told_apart(tmp_path):
         "printed, counted as they are removed, friction only": 2.1, "printed, dt = 0.00025, friction only": 2.0,
         "as run, friction only": 1.5, "as run, E_sp = 100, mu = 31.6, friction only": 1.9,
         "printed, E_w = 694, friction only": 1.7, "printed, E_sp = 10000, drag only": 0.9, "as run, drag only": 0.5}.items()}
-    # k of hard particles alone has been published
+    # only k of hard particles has been published
     assert found["k: printed, E_sp = 10000, drag only"].published.value == 3.4
     assert found["k: as run, drag only"].published is None
 
@@ -803,7 +803,7 @@ def test_deformable_particles_are_told_apart(tmp_path):
     as_run = reading_rows("friction", 1.5, model="rough", mu=8.505, **DEFORMABLE_AS_RUN)
     smooth = reading_rows("drag", 0.6, model="smooth", zeta=1.54, edge_force="twofold", edge_width=0.2,
                           **(DEFORMABLE_AS_RUN | {"e_w": 1000.0}))
-    # As printed, and kept before the laws were.
+    # As printed, and stored before the choice of laws existed.
     printed = reading_rows("drag", 0.9, model="smooth").drop(columns=["friction", "drag", "count", "e_w", "reinsertion_gap"])
     small = reading_rows("friction", 2.0, model="rough", n=400, hopper_wall_distance=30)
     data = pd.concat([as_run, smooth, printed, reading_rows("friction", 1.8, model="rough", e_c=250.0), small,
@@ -1075,7 +1075,7 @@ def test_protocols_are_told_apart(tmp_path):
 
 
 def raft_rows(rows, **columns):
-    """Measured rows of rafts, a run each unless they say so."""
+    """Measured rows of rafts, by default one run each."""
     known = {"commit": "abc", "cpu_seconds": 1.0, "table": "t", "v_wall": 1e-4, "tilt": 0.0, "small_fraction": 0.0,
              "small_radius": 0.765, "delta": 0.00125}
     return pd.DataFrame([known | {"row": f"run {i}"} | row | columns for i, row in enumerate(rows)])
@@ -1105,7 +1105,8 @@ def test_figures_of_reductions(tmp_path):
     assert first.published.value == lattice.published.value == 5.27 and agree(lattice) == "no"
     assert lattice.value == pytest.approx(6.33, abs=0.005)
     assert agree(found["k1 of two droplets"]) == agree(found["E1 of two droplets"]) == "yes"
-    # The first reduction is alike in all seeds, as its bonds all hold; later ones differ: its error is its own.
+    # The first reduction is equal in all seeds, because all bonds hold; later reductions differ: each has a separate
+    # error.
     alike = [row | {"k_eq": 5.53 + 1e-4 * row["seed"], "k_error": 1e-5} if row["rows"] == 7 else row | {"k_error": 1e-5} for row in rows]
     first, second = (drawn("T2.7", raft_rows(alike))[f"k1 of the reduction from {p} rows"] for p in (7, 6))
     assert first.error == pytest.approx(1e-4 / 0.875 / math.sqrt(3), rel=0.01) and second.error == pytest.approx(0.1 / math.sqrt(3), rel=0.01)
@@ -1367,7 +1368,7 @@ def test_what_non_affine_motion_depends_on(channel_runs, tmp_path):
     assert found["dr_na, b, mu_wall = 0.8/0.6"].value == pytest.approx(table["dr_na"][4:].mean())
     with pytest.raises(PliantError, match="one choice"):
         command.FIGURES["T3.choices"].draw(table[:4])
-    # Plungers with friction of their own; results stored before that option existed lack the columns.
+    # Plungers with separate friction; results stored before that option existed lack the columns.
     rows = table["distribution"] == "b"
     kept = table[rows][:2].drop(columns=["mu_plunger", "mu_plunger_dynamic"])
     plungers = table[rows][2:].assign(mu_wall=0.4, mu_wall_dynamic=np.nan, mu_plunger=0.2, mu_plunger_dynamic=0.15)

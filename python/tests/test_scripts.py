@@ -12,7 +12,7 @@ SCRIPTS = sorted(PYTHON.glob("plots/*.py")) + [PYTHON / f"pliant-{name}" for nam
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.name)
 def test_a_python_without_packages(script):
-    """As one that comes first in the PATH; -S leaves Debian's packages out."""
+    """Like a Python that comes first in the PATH; -S hides Debian's packages."""
     result = subprocess.run([sys.executable, "-S", script, "x"], encoding="utf-8", capture_output=True)
     assert result.returncode == 2
     assert result.stderr.startswith(f"{script.name}: error: ") and len(result.stderr.splitlines()) == 1, result.stderr

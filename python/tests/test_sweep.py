@@ -41,7 +41,7 @@ def rows_of(table):
 
 
 def start(table, *arguments):
-    """pliant-sweep as a process of its own."""
+    """pliant-sweep as a separate process."""
     return subprocess.Popen([sys.executable, COMMAND, table, "--program", PROGRAM, *map(str, arguments)], encoding="utf-8",
                             stdout=subprocess.PIPE, stderr=subprocess.PIPE)
 

@@ -85,7 +85,7 @@ TEST_CASE("discharge: the exact law, rounded to integers") {
     CHECK(std::isnan(fit.total_time));
     return;
   }
-  // Rounding shows the last particle as gone when half of it is left: 2 sqrt(1/2)/c0 early.
+  // Rounding counts the last particle as departed when half of it remains: 2 sqrt(1/2)/c0 early.
   const Real emptied = 2 * (std::sqrt(n0) - std::sqrt(0.5)) / c0;
   CHECK(fit.total_time >= emptied - dt);
   CHECK(fit.total_time <= emptied + 2 * dt);

@@ -54,7 +54,7 @@ class Flow {
 }  // namespace
 
 TEST_CASE("runs that end by the rule are as precise as asked and unbiased") {
-  // Asked so that the error, not the least length, ends most of them: σ √(inefficiency) / asked = 225 samples and more.
+  // The requested error, not the minimum length, ends most runs: σ √(inefficiency) / asked = 225 samples and more.
   const auto [phi, asked] = GENERATE(table<Real, Real>({{0, 0.02}, {0, 0.01}, {0.7, 0.02}, {0.9, 0.02}, {-0.5, 0.01}}));
   const int runs = 400;
   Real sum = 0, squares = 0, error_sum = 0;

@@ -18,7 +18,7 @@ TEST_CASE("density of a square lattice above the orifice") {
     }
   const auto region = orifice_region<2>(w);
   CHECK(region.measure() == 2 * w * w);
-  // Lower edges belong to the region, upper ones do not: exactly 1/a² although lattice points lie on all edges.
+  // Lower edges belong to the region, upper edges do not: exactly 1/a² although lattice points lie on all edges.
   CHECK(number_density<2>(region, centres, active) == Approx(1 / (a * a)).epsilon(1e-14));
   CHECK(packing_fraction<2>(region, centres, area, active) == Approx(0.105 / (a * a)).epsilon(1e-14));
 

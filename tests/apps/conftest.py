@@ -18,7 +18,7 @@ for _name, _value in {"OMPI_MCA_pml": "ob1", "OMPI_MCA_btl": "self,vader"}.items
     os.environ.setdefault(_name, _value)
 
 PROGRAM = os.environ.get("PLIANT_PROGRAM", "pliant")
-# Seconds after which something hangs, even on a machine with much else to do.
+# Seconds after which a process counts as hanging, also on a busy machine.
 HANGS = 300
 # A small hopper that flows at once: 60 particles, a few milliseconds per t0.
 SMALL = {"n": 60, "hopper_wall_distance": 8, "hopper_width": 3, "zeta": 0.3, "mu": 0.5, "pack_fraction": 0.8,
@@ -58,8 +58,8 @@ def cpu_seconds_of_children():
 
 
 def killed_after(cpu_seconds, *command, **options):
-    """Runs the program; the system kills it once it has used so much CPU time, however busy the machine is, by a signal that
-    it does not know. Whether that was before the run had ended."""
+    """Runs the program; the system kills it after a given CPU time, independent of the load of the machine, by a signal
+    that it does not handle. Returns whether this was before the end of the run."""
     child = subprocess.Popen([PROGRAM, *map(str, command), *arguments(options)], encoding="utf-8", stdout=subprocess.PIPE,
                              stderr=subprocess.PIPE, preexec_fn=lambda: signal.setitimer(signal.ITIMER_PROF, cpu_seconds))
     _, errors = child.communicate(timeout=HANGS)
@@ -97,7 +97,7 @@ def hopper(folder, **options):
 
 
 class Results:
-    """The data of a run, read with h5py alone."""
+    """The data of a run, read with h5py only."""
 
     def __init__(self, folder):
         folder = Path(folder)
@@ -123,7 +123,7 @@ class Results:
         return np.array([frame[name] for frame in self.frames])
 
     def counters(self):
-        """Everything in the summary that does not depend on the clock or on how the run was stopped."""
+        """All entries of the summary that do not depend on the clock or on stops of the run."""
         clock = ("cpu_seconds", "wall_seconds", "particle_steps_per_second", "ns_per_particle_step",
                  "ns_per_vertex_step", "parameters")
         return {name: value for name, value in self.summary.items() if name not in clock}

@@ -277,7 +277,7 @@ def test_evaluate_needs_one_file():
 
 
 def run_into(path, *command, stream="stdout"):
-    """The program with a stream of its own into a file; code and the other stream."""
+    """The program with one stream redirected to a file; returns the exit code and the other stream."""
     other = {"stdout": "stderr", "stderr": "stdout"}[stream]
     with open(path, "w", encoding="utf-8") as file:
         result = subprocess.run([PROGRAM, *map(str, command)], encoding="utf-8", timeout=HANGS,

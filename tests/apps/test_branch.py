@@ -102,7 +102,7 @@ def test_a_branch_stopped_goes_on_by_the_same_command(tmp_path):
 
 
 def test_every_kill_of_a_branch(tmp_path):
-    """Killed at any write, the same command comes to the same end; the run that it branches from stays as it is."""
+    """After a kill at any write, the same command ends in the same state; the original run does not change."""
     first, log, folder = tmp_path / "first", tmp_path / "log", tmp_path / "run"
     _, options = HOPPER
     assert pliant("hopper", output=first, **{**options, "t_end": 1.5}).returncode == 0

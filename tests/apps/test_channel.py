@@ -31,7 +31,7 @@ def small(tmp_path_factory):
 
 
 def test_frames_by_travel(small):
-    """11 intervals of 4/11 cm in each push, both ends included; plungers are where they say."""
+    """11 intervals of 4/11 cm in each push, both ends included; plungers are at their stated travel."""
     assert len(small.frames) == 3 * 12
     assert np.array_equal(small.column("push"), np.repeat([0, 1, 2], 12))
     travel = small.column("plunger_travel").reshape(3, 12)
@@ -71,8 +71,8 @@ def test_the_plunger_pushes(small):
 
 
 def test_energy(small):
-    """The work of the plungers is energy, or has become heat, most of it on the substrate; the work is by the
-    trapezoidal rule over samples."""
+    """The work of the plungers becomes energy or heat, most of it on the substrate; the work is by the trapezoidal rule
+    over samples."""
     series = small.series
     found = series["kinetic_energy"] + series["elastic_energy"] - series["elastic_energy"][0] + series["heat"]
     assert series["heat"][-1] > 0.5 * series["plunger_work"][-1] > 0
@@ -170,7 +170,7 @@ def test_plungers_on_ranks(tmp_path):
     assert np.allclose(one.column("positions"), Results(tmp_path / "two").column("positions"), rtol=0, atol=1e-9)
 
 
-# As many ellipses as disks, soft ones: a second.
+# As many soft ellipses as disks: a second.
 ROUGH = {"model": "rough", "aspect": 2, "n_vertices": 12, "stiffness": 1e6, "pushes": 1, "frame_travel": 1, "area_fraction": 0.6}
 
 
@@ -185,8 +185,8 @@ def outlines(run, frame):
 
 
 def test_rough_polygons(rough):
-    """They are pushed as disks are, keep their shape and stay out of each other; the work of the plunger becomes heat on the
-    substrate, and there alone."""
+    """Polygons are pushed like disks, keep their shape and do not interpenetrate; the work of the plunger becomes heat
+    on the substrate only."""
     assert rough.summary["model"] == "rough" and rough.summary["particles"] == 42
     first, last = outlines(rough, rough.frames[0]), outlines(rough, rough.frames[-1])
     assert sorted(map(len, first)) == [12] * 21 + [18] * 21
@@ -258,7 +258,7 @@ def test_other_channels(geometry, plungers, sides, tmp_path):
 
 
 def test_an_outline_of_ones_own(small, tmp_path):
-    """The same channel from a file, clockwise: as many disks, frames at the same travel."""
+    """The same channel from a file, clockwise: the same number of disks, frames at the same travel."""
     (tmp_path / "L.txt").write_text("# an L\n0 0\n0 15\n8 15\n8 8\n15 8\n15 0\n", encoding="utf-8")
     own = {k: v for k, v in SMALL.items() if not k.startswith("channel_")}
     result = pliant("channel", output=tmp_path / "run", outline=tmp_path / "L.txt", plungers="15,3;3,15",
@@ -347,7 +347,7 @@ def test_disks_that_do_not_fit(tmp_path):
 
 
 def test_analysis(small, tmp_path):
-    """pliant-analyse channel takes the run as it is."""
+    """pliant-analyse channel accepts the run."""
     folder = tmp_path / "run"
     channel(folder, pushes=4)
     result = subprocess.run(["/usr/bin/python3", "-B", ROOT / "python/pliant-analyse", "channel", folder, "--centre", "9",

@@ -1,5 +1,5 @@
-"""Checkpoints that are damaged, or edited with a checksum that fits: the run resumes from the other one and reports it, or
-ends with the faults of both. tests/scenarios/checkpoints.cpp goes through every entry."""
+"""Checkpoints that are damaged, or edited with a valid checksum: the run resumes from the other checkpoint and reports
+it, or ends with the faults of both. tests/scenarios/checkpoints.cpp goes through every entry."""
 
 import shutil
 import zlib

@@ -45,7 +45,7 @@ def test_clogged(tmp_path):
 
 
 def test_empty(tmp_path):
-    """Without attraction a wide exit lets all pass; each weighs g R³ and ends at least two diameters below."""
+    """Without attraction all droplets pass a wide exit; each weighs g R³ and ends at least two diameters below."""
     run = clog(tmp_path / "run", hopper_width=4, phi_c=0)
     s = run.summary
     assert s["status"] == "empty" and s["avalanche_size"]["value"] == 14
@@ -68,8 +68,8 @@ def test_droplets_that_stick_beside_the_exit(tmp_path):
 
 
 def test_arch(cohesive):
-    """A cohesive clog: the arch goes from wall to wall in touching steps, all droplets are accounted for, and the forces
-    on those that remain balance."""
+    """A cohesive clog: the arch is a chain of touching droplets from wall to wall, all droplets are counted, and the
+    forces on the remaining droplets balance."""
     run, _ = cohesive
     s, last = run.summary, run.frames[-1]
     assert s["status"] == "clogged"
@@ -86,7 +86,7 @@ def test_arch(cohesive):
         foot = max(beyond @ along, 0) * along
         assert np.linalg.norm(beyond - foot) < radius[end] + 0.1
     weight = 0.1 * (radius[inside] ** 3).sum()
-    # But for the drag and wall friction of droplets slower than a hundredth of a falling one.
+    # Up to the drag and wall friction of droplets slower than a hundredth of a falling droplet.
     assert last["wall_force"].sum(0) == pytest.approx([0, -weight], abs=0.02 * weight)
     assert np.abs(last["velocities"]).max() < 1e-3
 

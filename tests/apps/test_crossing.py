@@ -1,4 +1,4 @@
-"""Vertices that cross outlines: nothing is sampled, framed or kept as a checkpoint from then on."""
+"""Vertices that cross outlines: afterwards there are no samples, frames or checkpoints."""
 
 import re
 
@@ -54,7 +54,7 @@ def test_a_crossing_stops_the_run_before_anything_is_written(tmp_path):
     result = pliant("hopper", output=tmp_path / "run", checkpoint_interval=0.01, **SOFT)
     message = check_stopped(tmp_path / "run", result)
     assert (tmp_path / "run/checkpoint-a.h5").exists()
-    # The same step, however often samples are taken.
+    # The same step, for any sample interval.
     often = pliant("hopper", output=tmp_path / "often", **{**SOFT, "sample_interval": 0.01})
     assert complaints(often)[0].split(", largest")[0] == message.split(", largest")[0]
 
@@ -124,7 +124,7 @@ def test_a_barrier_that_outgrows_the_step_stops_the_run(tmp_path):
 
 
 def test_controlled_steps_do_not_jump_over_a_barrier(tmp_path):
-    """Without inertia a trial step that crosses an outline meets weak forces: error control alone lets it pass."""
+    """Without inertia a trial step that crosses an outline meets weak forces: error control alone accepts it."""
     options = {**SOFT, "e_c": 250, "e_w": 250, "zeta": 3, "dynamics": "overdamped", "integrator": "ts", "t_end": 0.04,
                "sample_interval": 0.02, "frame_interval": 0.02}
     harmonic = pliant("hopper", output=tmp_path / "harmonic", **options)

@@ -72,7 +72,7 @@ def test_a_damaged_checkpoint_changes_nothing(name, made):
 
 
 def test_the_checks_find_what_is_wrong(made, monkeypatch):
-    """A reader that leaves out a column, and one that dies."""
+    """A reader that omits a column, and a reader that dies."""
     chosen = flip_bits.flips(8, 4)
     whole = flip_bits.everything
     monkeypatch.setattr(flip_bits, "judge", lambda folder, truth: os.kill(os.getpid(), 9))

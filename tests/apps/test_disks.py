@@ -40,7 +40,7 @@ def test_disks_flow_and_rotate(flow):
 
 @pytest.mark.parametrize("space", ({}, SPHERES), ids=("disks", "spheres"))
 def test_put_back(tmp_path, space):
-    """In the air over the others: without spin, at the angle at which they left, and with no contact from before."""
+    """Above the other disks: without spin, at the angle at which they left, and without earlier contacts."""
     interval = 0.02
     run = disks(tmp_path / "run", **{**space, "hopper_width": 5.5}, removal_depth=0.5, reinsertion_gap=0.4, t_end=3,
                 frame_interval=interval)
@@ -103,7 +103,7 @@ def test_friction_holds_a_pile(tmp_path):
     assert rough > smooth + 10
     gone = runs[0.8][0].column("active") == 0
     assert gone[-1].sum() > 20 and not runs[0.8][0].column("spins")[gone].any()
-    # Smooth disks are slowed down by their collisions alone.
+    # Only collisions slow smooth disks down.
     causes = [cause for cause in CAUSES if runs[0][0].series[cause].any()]
     assert causes == [cause for cause in CAUSES if "normal" in cause]
 

@@ -9,7 +9,8 @@ from conftest import SMALL, Results, assert_same_runs, hopper, pliant
 
 
 def crossings(results):
-    """Centres that go below the orifice line, each once until it is reinserted, and their areas, up to every frame."""
+    """Centres that fall below the orifice line, each once until it is reinserted, and their areas, up to every
+    frame."""
     heights, area = results.column("centres")[:, :, -1], results.topology["a0"]
     counted = np.zeros(len(area), bool)
     count, total = [0], [0.0]
@@ -43,7 +44,7 @@ def test_crossings_are_counted_once(options, tmp_path):
     assert np.abs(events["position"][:, -1]).max() < 1e-12 and (events["velocity"][:, -1] < 0).all()
     assert results.topology["a0"][events["particle"].astype(int)].sum() == pytest.approx(area[-1], rel=1e-12)
 
-    # Continuous flow: all stay, each above the line or on its way down.
+    # Continuous flow: all particles stay active, above the line or falling.
     assert results.column("active").all()
     heights = results.column("centres")[:, :, -1]
     assert heights.min() > -2 * results.topology["sigma"].max() - 0.05
@@ -52,7 +53,7 @@ def test_crossings_are_counted_once(options, tmp_path):
 
 
 def test_particles_can_be_counted_as_they_are_put_back(tmp_path):
-    """Deeper down, with a gap above the others; and the rule of counting does not change the motion."""
+    """At a larger depth, with a gap above the other particles; and the rule of counting does not change the motion."""
     options = {"n": 30, "hopper_wall_distance": 6, "t_end": 7, "frame_interval": 0.02, "sample_interval": 0.02, "removal_depth": 2.5,
                "reinsertion_gap": 0.8, "reinsertion_lateral_speed": 0.01}
     crossing, removal = (hopper(tmp_path / name, **options, count=name) for name in ("crossing", "removal"))
@@ -98,7 +99,7 @@ def outside(results, centres):
 
 @pytest.mark.parametrize("name", PIERCED)
 def test_what_goes_through_a_wall_ends_the_run(name, tmp_path):
-    """Walls too weak for the weight on them: an error with the cure, and nothing of it in the counts."""
+    """Walls too weak for the weight on them: an error with the cure, and no effect on the counts."""
     options = {**SMALL, **SOFT_WALLS, **PIERCED[name], "sample_interval": 0.02, "frame_interval": 0.02}
     result = pliant("hopper", output=tmp_path / "run", **options)
     assert result.returncode == 3, result.stderr
@@ -139,7 +140,7 @@ def test_what_has_come_out_may_go_up_behind_a_wall(tmp_path):
 
 @pytest.mark.parametrize("model, e_w", [("rough", 0.5), ("rough", 1000), ("smooth", 100)])
 def test_a_lip_in_an_outline_ends_the_run(model, e_w, tmp_path):
-    """Where lips touch vertices only, they go through edges however stiff they are."""
+    """If lips touch vertices only, they pass through edges of any stiffness."""
     options = {**SMALL, "model": model, "n_vertices": 12, "e_c": 100, "e_w": e_w, "dt": 1e-4, "t_end": 4, "seed": 2, "frame_interval": 0.02,
                "sample_interval": 0.02, "lip_contact": "literal"}
     result = pliant("hopper", output=tmp_path / "run", **options)
@@ -276,7 +277,7 @@ def test_discharge_over_a_flat_bottom_ends_at_rest(tmp_path):
     {"n": 200, "hopper_wall_distance": 16, "zeta": 0.1}, {"n": 50, "model": "rough", "e_c": 1000, "e_w": 1000, "k_a": 2000},
 ], ids=["3d", "3d_weak_drag", "2d_weak_drag", "rough"])
 def test_what_a_discharge_leaves_comes_to_rest(options, tmp_path):
-    """At the default step: single particles on the floor bounced for ever at longer ones."""
+    """At the default step: with longer steps single particles would bounce on the floor for ever."""
     results = hopper(tmp_path / "run", **{"flow": "discharge", "hopper_wall_distance": 8, "mu": 0, "zeta": 0.3, "t_end": 400,
                                           "frame_interval": 100, "sample_interval": 0.2, "pack_fraction": 0.84, "seed": 1, **options})
     assert results.summary["status"] == "at_rest" and results.summary["left_in_hopper"] > 0
@@ -290,7 +291,7 @@ def test_what_a_discharge_leaves_comes_to_rest(options, tmp_path):
     ({"dim": 3, "n": 150, "pack_fraction": 0.64, "hopper_width": 0.5, "zeta": 1}, "clogged"),
     ({"dim": 3, "n": 150, "pack_fraction": 0.64, "hopper_width": 3, "zeta": 1}, "at_rest"),
     ({"n": 20, "model": "rough", "e_c": 1000, "e_w": 1000, "k_a": 2000, "hopper_width": 0.4, "zeta": 1}, "clogged"),
-    # Arches from the walls to a disk that stands in the way; and particles that rest on it alone.
+    # Arches from the walls to a disk in the flow; and particles that rest on this disk only.
     ({"obstacle": "disk:0,2,1.85", "hopper_angle": 45, "zeta": 1}, "clogged"),
     ({"obstacle": "polygon:-2,4,2,4,2,4.5,-2,4.5", "hopper_angle": 45, "hopper_wall_distance": 14, "zeta": 1}, "at_rest"),
 ], ids=["slope", "3d", "3d_dead_zone", "rough", "beside_an_obstacle", "on_an_obstacle"])
@@ -374,7 +375,7 @@ def test_narrow_orifice_clogs(tmp_path):
 
 
 def test_a_clog_after_some_flow_is_no_flow(tmp_path):
-    # Particles leave before the arch stands: a flow rate, but not one that a fit may use.
+    # Particles leave before the arch forms: a flow rate that fits must not use.
     for seed in range(3, 12):
         results = hopper(tmp_path / str(seed), hopper_width=1.6, zeta=1, clog_time=1, t_end=200, seed=seed,
                          frame_interval=50)
@@ -388,7 +389,7 @@ def test_a_clog_after_some_flow_is_no_flow(tmp_path):
 
 @pytest.fixture(scope="module", params=["sp", "rough", "sp_3d"])
 def settled(request, tmp_path_factory):
-    """A pile on a floor with a hole too small for anything."""
+    """A pile on a floor with a hole too small for any particle."""
     options = {"sp": {}, "rough": {"model": "rough", "n": 16, "hopper_wall_distance": 5, "t_end": 20, "zeta": 5},
                "sp_3d": {"dim": 3, "n": 60, "hopper_wall_distance": 4, "pack_fraction": 0.5}}[request.param]
     folder = tmp_path_factory.mktemp("settled") / "run"
@@ -465,7 +466,7 @@ def test_a_particle_whose_centre_is_on_a_wall_passes_through_it(overlap, passes,
 
 
 def test_free_fall_with_drag(tmp_path):
-    """Before it touches anything: m v' = -m - zeta v."""
+    """Before the first contact: m v' = -m - zeta v."""
     results = hopper(tmp_path / "run", n=1, hopper_wall_distance=3, hopper_width=2.5, pack_fraction=0.2, zeta=0.5, mu=0,
                      t_end=0.6, size_distribution="mono", flow="discharge", dt=1e-4, frame_interval=0.1)
     rate = 0.5 / (np.pi / 4)

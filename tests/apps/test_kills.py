@@ -141,8 +141,8 @@ class Replay:
 
     def check(self):
         """Each state counts as a commit or the next one. Returns the number of commits, and for each of them and each pair
-        of checkpoints the first state of the folder with the longest run.h5: with a journal that is whole, none of whose
-        changes is made."""
+        of checkpoints the first state of the folder with the longest run.h5: with a complete journal, of which no
+        change has been applied."""
         commits = [None]
         for files in self.states():
             data, quiet = promised(files.get("run.h5", b""))
@@ -159,7 +159,7 @@ class Replay:
                 commit += 1
             # run.xdmf names existing frames only; checkpoints refer to existing data only.
             assert files.get("run.xdmf", b"").count(b"<Time ") <= frames[commit]
-            pair = [files.get(f"checkpoint-{x}.h5", b"")[:80] for x in "ab"]  # their heads tell them apart
+            pair = [files.get(f"checkpoint-{x}.h5", b"")[:80] for x in "ab"]  # their heads distinguish them
             if any(pair):
                 assert commit > 0
                 found = distinct.setdefault((commit, *pair), files)
@@ -252,7 +252,7 @@ def test_every_kill_on_ranks(tmp_path):
 
 
 def test_removed_file(tmp_path):
-    """A run whose run.h5 is gone ends at the next flush, instead of writing to nowhere."""
+    """A run whose run.h5 has been deleted ends at the next flush, instead of losing data."""
     child = start("hopper", output=tmp_path / "run", **{**SMALL, "t_end": 1e5, "frame_interval": 1})
     wait_for((tmp_path / "run/run.xdmf").exists, child)
     (tmp_path / "run/run.h5").unlink()

@@ -100,7 +100,7 @@ def test_no_memory_from_some_point_on(tmp_path):
     """With nothing left, not even for the message."""
     command, options = HOPPER
     case = Case(tmp_path, command, options)
-    # Not the last ones: MPI and PETSc do not survive them while they end.
+    # Without the last allocations, which MPI and PETSc do not survive in their shutdown.
     for place in places(case.allocations * 9 // 10, 5):
         folder = tmp_path / f"none{place}"
         result = run(command, {**options, "output": folder}, fails=place, all=1)

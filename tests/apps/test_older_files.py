@@ -34,7 +34,7 @@ def test_the_reader_reads_them(run):
 
 
 def test_a_restart_of_them_is_refused(run):
-    """Their checkpoints do not have all that a run needs now."""
+    """Their checkpoints lack values that a run needs now."""
     before = {path.name: path.read_bytes() for path in run.iterdir()}
     for options in ({"restart": run, "t_end": 1.5}, {"restart": run, "output": run.parent / "branch", "t_end": 1.5}):
         result = pliant("hopper", **options)

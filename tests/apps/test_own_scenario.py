@@ -1,4 +1,4 @@
-"""A program of a user's own, with a scenario of its own: examples/own_scenario."""
+"""A user program with a user-defined scenario: examples/own_scenario."""
 
 import csv
 import json

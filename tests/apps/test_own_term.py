@@ -1,4 +1,4 @@
-"""A program of a user's own, with a model of its own in pliant's hopper: examples/own_term."""
+"""A user program with a user-defined model in pliant's hopper: examples/own_term."""
 
 import os
 import subprocess

@@ -15,7 +15,7 @@ from conftest import (HANGS, PROGRAM, SMALL, Results, arguments, assert_same_run
 needs_mpi = pytest.mark.ranks
 CASES = Path(__file__).parent.parent / "data/evaluate"
 POLYGONS = {"n": 20, "hopper_wall_distance": 6, "hopper_width": 2.5, "frame_interval": 0.05, "sample_interval": 0.02}
-# Short enough that rounding has not grown to anything.
+# Short enough that rounding errors are still negligible.
 KINDS = {
     "soft": {"t_end": 2.6},
     "soft_3d": {"dim": 3, "n": 120, "hopper_wall_distance": 5, "hopper_width": 3.5, "pack_fraction": 0.5, "t_end": 1.2},
@@ -27,8 +27,8 @@ KINDS = {
 
 
 def mpi_environment():
-    """Open MPI: as root, with more ranks than free cores, and without a second's wait for the others where one rank ends
-    with a code; the settings for runs without mpiexec stay out."""
+    """Open MPI: as root, with more ranks than free cores, and without a second's wait for other ranks if one rank ends
+    with a code; the settings for runs without mpiexec are removed."""
     names = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
              "OMPI_MCA_rmaps_base_oversubscribe": "1", "OMPI_MCA_mpi_yield_when_idle": "1",
              "OMPI_MCA_odls_base_sigkill_timeout": "0"}
@@ -41,7 +41,7 @@ def start_ranks(ranks, *command, **options):
 
 
 def on_ranks(ranks, *command, **options):
-    """Runs the program under mpiexec to its end; one that hangs is killed."""
+    """Runs the program under mpiexec to its end; a hanging program is killed."""
     child = start_ranks(ranks, *command, **options)
     try:
         output, errors = child.communicate(timeout=HANGS)
@@ -53,7 +53,7 @@ def on_ranks(ranks, *command, **options):
 
 
 def on_any_ranks(ranks, *command, **options):
-    """On one rank without mpiexec, for tests that need it for several alone."""
+    """On one rank without mpiexec, which these tests need only for several ranks."""
     return on_ranks(ranks, *command, **options) if ranks > 1 else pliant(*command, **options)
 
 
@@ -148,7 +148,7 @@ def test_more_ranks_than_particles(tmp_path):
     assert_near_runs(hopper(tmp_path / "one", **options), hopper_on_ranks(4, tmp_path / "four", **options))
 
 
-# A rank without particles must come to every collective function too. Short; with samples and frames on the way.
+# A rank without particles must call every collective function too. Short; with samples and frames on the way.
 ALONE = {"n": 1, "hopper_wall_distance": 6, "hopper_width": 2, "zeta": 0.3, "t_end": 0.1, "sample_interval": 0.05,
          "frame_interval": 0.05}
 LEAVING = {**ALONE, "flow": "discharge", "t_end": 4, "sample_interval": 1, "frame_interval": 1}
@@ -191,7 +191,8 @@ def test_a_discharge_that_empties(tmp_path):
 # --- Droplets
 
 RK4 = {"ts_type": "rk", "ts_rk_type": 4, "ts_adapt_type": "none", "dt": 0.1}
-# Fixed steps, as controlled ones feel the last bit; sizes differ, as how a symmetric raft breaks depends on it too.
+# Fixed steps, because controlled steps depend on the last bit; different sizes, because the fracture of a symmetric
+# raft depends on it too.
 RAFT = {"rows": 3, "columns": 3, "delta": 0.01, "end_distance": 4, "v_wall": 2e-2, "sample_interval": 2,
         "frame_interval": 20, **RK4}
 # Half of the droplets leave before it clogs.

@@ -24,7 +24,7 @@ from test_parallel import mpi_environment, needs_mpi
 SECTOR = 512
 ALL = os.environ.get("PLIANT_ALL_LOSSES") == "1"
 SHORT_HOPPER = ("hopper", {**SMALL, "t_end": 2, "frame_interval": 0.3, "sample_interval": 0.05, **OFTEN})
-# Its arrays are large pieces, which go to the file at once.
+# Its arrays are large pieces, which are written to the file at once.
 LARGE_HOPPER = ("hopper", {"n": 4200, "hopper_width": 3, "zeta": 0.3, "mu": 0.5, "t_end": 0.02, "frame_interval": 0.01,
                            "sample_interval": 0.01, "hopper_wall_distance": 60, **OFTEN})
 

@@ -37,7 +37,7 @@ def test_three_droplets(tmp_path):
     peak = curve.force.argmax()
     assert curve.force[peak] == pytest.approx(0.110, abs=0.002)
     assert curve.distance[peak] == pytest.approx(3.677, abs=0.002)
-    # Attraction pulls the walls in before; at rest the forces on them differ by the droplets' drag alone.
+    # Earlier, attraction pulls the walls inwards; at rest the forces on them differ only by the droplets' drag.
     assert curve.force[:peak].min() < -0.07
     assert np.median(np.abs(run.series["fixed_wall_force"] - run.series["moving_wall_force"])) < 3e-4
     (reduction,) = curve.reductions().itertuples()

@@ -20,17 +20,17 @@ RUNS = {
     "clog": {"n": 60, "seed": 3, "g": 0.05, "frame_interval": 50, "sample_interval": 5, "ts_type": "rk",
              "ts_rk_type": 4, "ts_adapt_type": "none", "dt": 0.2, "t_end": 2000},
 }
-# Options that keep them running until they are killed.
+# Options of runs that last until they are killed.
 LONGER = {"hopper": {"t_end": 1e5}, "raft": {"end_distance": 0.1}, "clog": {"t_end": 1e6}}
 
 
 def content(folder):
-    """The lock of a killed run may go."""
+    """The lock of a killed run may be removed."""
     return {path.name: path.read_bytes() for path in folder.iterdir() if path.name != "run.lock"}
 
 
 def refused(scenario, folder, **options):
-    """The one line with which a command is refused, that must leave the folder as it is."""
+    """The one-line message of a refused command, which must not change the folder."""
     before = content(folder)
     result = pliant(scenario, **options)
     assert result.returncode == 2 and result.stdout == "" and len(result.stderr.splitlines()) == 1, result

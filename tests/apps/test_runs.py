@@ -66,7 +66,7 @@ def test_termination_asks_for_a_checkpoint(tmp_path):
 def test_killed_and_restarted(kind, tmp_path):
     options = {**SMALL, **KINDS[kind], "t_end": 1e6}
     child = start("hopper", output=tmp_path / "parts", checkpoint_interval=0.2, **options)
-    wait_for((tmp_path / "parts/checkpoint-b.h5").exists, child)  # the other one is of the start
+    wait_for((tmp_path / "parts/checkpoint-b.h5").exists, child)  # the other checkpoint is from the start
     wait_for(lambda: "000001" in (tmp_path / "parts/run.xdmf").read_text(encoding="utf-8"), child)
     code, _, _ = end(child, signal.SIGKILL)
     assert code == -signal.SIGKILL
@@ -197,7 +197,7 @@ def test_ends_when_the_flow_rate_is_known(tmp_path):
     assert longer.summary["ended_by"] == "t_end"
     difference = run.summary["Q"]["value"] - longer.summary["Q"]["value"]
     assert abs(difference) < 4 * run.summary["Q"]["error"]
-    # The rule only looks: up to its end the run is the same.
+    # The rule only observes: up to its end the run is the same.
     rows = len(run.series["time"])
     assert all(same(run.series[name], longer.series[name][:rows]) for name in run.series)
 

@@ -1,4 +1,5 @@
-"""Outlines that cross themselves: the run ends in the state in which the first one does, or the self-contact keeps them simple."""
+"""Outlines that cross themselves: the run ends in the first state with a crossing outline, or the self-contact prevents
+crossings."""
 
 import json
 import re
@@ -8,7 +9,7 @@ import pytest
 from conftest import Results, pliant
 from test_parallel import complaints
 
-# Floppy particles in a narrow hopper: area is kept, bending is free.
+# Floppy particles in a narrow hopper: stiff area, no bending stiffness.
 FLOPPY = {"n": 12, "n_vertices": 16, "shape_parameter": 1.8, "k_b": 0, "e_c": 1000, "e_w": 1000, "hopper_wall_distance": 6,
           "hopper_width": 2, "zeta": 0.3, "t_end": 2, "sample_interval": 0.1, "frame_interval": 0.1}
 
@@ -79,7 +80,7 @@ def test_particles_above_the_regular_shape_parameter_start_at_rest(tmp_path):
         assert np.allclose(np.hypot(*edges.T), l0, rtol=1e-9)
         assert np.isclose(0.5 * cross(outline, np.roll(outline, -1, axis=0)).sum(), a0, rtol=1e-7)
         turned.add(round(float(np.arctan2(*edges[0][::-1])), 3))
-    assert len(turned) == len(start)  # each its own way
+    assert len(turned) == len(start)  # each run in a different way
     assert run.series["max_overlap"][0] < 1e-3
 
 

@@ -74,7 +74,7 @@ TEST_CASE("a handle destroys what it owns, once") {
   CHECK(references() == 1);
   PetscVec owner(raw);
   petsc_check(PetscObjectReference(reinterpret_cast<PetscObject>(raw)));
-  petsc_check(VecCreateSeq(PETSC_COMM_SELF, 2, owner.out()));  // used again: lets go of the first
+  petsc_check(VecCreateSeq(PETSC_COMM_SELF, 2, owner.out()));  // used again: releases the first object
   CHECK(references() == 1);
   petsc_check(VecDestroy(&raw));
 }

@@ -55,7 +55,7 @@ Configuration<D> soft_in_hopper(Random& random) {
   return c;
 }
 
-/// A polygon at the lip, another one in contact with it, and a third one that stands on the sloped wall.
+/// A polygon at the lip, a second polygon in contact with it, and a third on the sloped wall.
 Configuration<2> polygons_at_lip(Random& random, Real delta) {
   Configuration<2> c = polygon_at_lip(random, 60, LipPlace::edge, delta);
   const Vec<2> corner = c.position(4), centre = mean_of_points<2>(c.x.data(), c.topology, 0);

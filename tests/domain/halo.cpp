@@ -1,4 +1,4 @@
-// Ghosts against the truth: all ranks know all particles here.
+// Ghosts compared with a reference: in these tests all ranks have all particles.
 #include <petscsys.h>
 #include <catch2/catch.hpp>
 
@@ -49,7 +49,7 @@ struct Domain {
     halo.set_home(topology, x.data());
   }
 
-  /// Own coordinates as they are in the configuration.
+  /// Owned coordinates, copied from the configuration.
   void load() {
     x.clear();
     v.clear();
@@ -132,7 +132,7 @@ void check_halo(const Ranks& ranks, Random& random, Configuration<D> c) {
     CHECK(domain.halo.strays() == 0);
     const Index pairs = domain.check();
     CHECK((pairs > 5) == ranks.several());
-    // Some ghosts, but no copy of everything.
+    // Some ghosts, but not a copy of all particles.
     if (ranks.several()) CHECK(domain.topology.ghosts > 5);
     CHECK(domain.topology.ghosts < n / 4);
     // The same again, with other positions for the same ghosts.
@@ -149,7 +149,7 @@ void check_halo(const Ranks& ranks, Random& random, Configuration<D> c) {
     Domain<D> domain(c, ranks, slab);
     domain.build();
     const Index ghosts = domain.topology.ghosts;
-    // From the middle of the first slab to the middle of the last, and out of everything.
+    // From the middle of the first slab to the middle of the last, and far outside.
     Index stray = n / ranks.size() / 2, far = stray + 1;
     while (c.topology.active[stray] == 0) ++stray;
     while (c.topology.active[far] == 0 || far == stray) ++far;
@@ -307,7 +307,7 @@ TEST_CASE("what own polygons can touch is there", "[ranks]") {
 }
 
 TEST_CASE("sizes decide how far ghosts are looked for", "[ranks]") {
-  // A large particle reaches for small ones of another rank, wherever it is.
+  // A large particle touches small particles of another rank, for any position.
   const Ranks ranks(PETSC_COMM_WORLD);
   Configuration<2> c;
   c.add_soft(10, {0, 0});

@@ -9,7 +9,7 @@ namespace pliant::test::hilbert_test {
 
 namespace {
 
-/// Goes along the whole curve: every cell has a key of its own, and the next key is a neighbour's.
+/// Follows the full curve: every cell has a different key, and the next key belongs to a neighbour.
 template <int D>
 void check_curve(int bits) {
   INFO(D << "D, " << bits << " bits");

@@ -9,8 +9,8 @@ namespace pliant::test::migration_test {
 
 namespace {
 
-/// This rank's particles out of a configuration that all ranks share: every size()-th, in random order. Everything
-/// about a particle follows from its id.
+/// This rank's particles out of a configuration that all ranks share: every size()-th, in random order. All data of a
+/// particle follow from its id.
 template <int D>
 struct Share {
   const Configuration<D>& all;
@@ -128,10 +128,10 @@ TEST_CASE("particles go where they are sent, sorted by key and then by id", "[ra
   Share<2> share(c, ranks, random);
   const std::vector<Index> before = share.ids(ranks);
   for (int round = 0; round < 4; ++round) {
-    // The last round leaves all but one rank without anything.
+    // In the last round all particles move to one rank.
     const auto target = [&](Index id) { return round == 3 ? ranks.size() - 1 : (id / 3 + round) % ranks.size(); };
     const auto key_of = [&](Index id) { return static_cast<std::uint64_t>((id * 5 + round) % 11); };
-    // Ghosts that happen to be there stay behind.
+    // Present ghosts are removed.
     for (Index k = 0; k < round; ++k) share.topology.add_ghost(1000 + k, 5, 0.1, 1, 1, 0.2, 1, 0);
     std::vector<int> destination;
     std::vector<std::uint64_t> key;

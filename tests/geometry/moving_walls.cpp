@@ -39,7 +39,7 @@ WallParts outline() {
   return parts;
 }
 
-/// Segments, a disk, a ray, a half-space and a wedge, each body with a motion of its own that has changed on the way.
+/// Segments, a disk, a ray, a half-space and a wedge, each body with a different motion that has changed in between.
 template <int D>
 Walls<D> moving_walls(Random& random, int kind) {
   Walls<D> walls;
@@ -251,7 +251,7 @@ TEST_CASE("surfaces of outlines end at concave corners", "[surfaces]") {
     for (Index part = 0; part < walls.part_count(); ++part) all.push_back(walls.surface_of_part(part));
     return all;
   };
-  // An obstacle with two concave corners, a wall by itself, a disk; a solid before them.
+  // An obstacle with two concave corners, a single wall, a disk; a solid before them.
   WallParts parts;
   Obstacle{{{0, 0}, {2, 1}, {4, 0}, {4, 4}, {2, 3}, {0, 4}}}.add_to(parts);
   parts.segments.push_back(WallSegment::ray({9, 0}, {0, 1}));

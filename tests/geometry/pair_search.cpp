@@ -184,7 +184,7 @@ TEST_CASE("thousands of walls: as by brute force, in the same order, at the pric
     REQUIRE(expected.size() > 1000);
     CHECK(found == expected);
     CAPTURE(tests, c.size(), expected.size());
-    // Without boxes every block of points is compared with all, and its points with all that are near the block.
+    // Without boxes every block of points is compared with all walls, and its points with all walls near the block.
     CHECK(static_cast<Real>(tests) < most * static_cast<Real>(c.size() + static_cast<Index>(expected.size())));
   };
   Random random(3);

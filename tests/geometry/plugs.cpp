@@ -1,4 +1,4 @@
-// A sphere that plugs an orifice in 3D, moved by the gradient of its overlap energy with the walls alone.
+// A sphere that plugs an orifice in 3D, moved only by the gradient of its overlap energy with the walls.
 #include <catch2/catch.hpp>
 #include <cmath>
 

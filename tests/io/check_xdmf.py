@@ -19,7 +19,7 @@ except ImportError:
 
 KINDS = {("Float", "8"): "float64", ("Float", "4"): "float32", ("Int", "4"): "int32", ("UChar", "1"): "uint8"}
 POLYVERTEX, POLYLINE, POLYGON = 1, 2, 3
-CONSTANT = {"particle": -1, "contact_count": -1, "reinsertions": -1, "active": 1}  # NaN for the others
+CONSTANT = {"particle": -1, "contact_count": -1, "reinsertions": -1, "active": 1}  # NaN for other grids
 VECTORS, OF_POINTS = {"velocity", "spin", "force"}, {"velocity"}
 
 

@@ -289,7 +289,7 @@ TEST_CASE("a checkpoint that cannot be written leaves the older ones") {
   });
   CHECK(status == 0);
   CHECK(newest(folder.path()).step == 2);
-  CHECK(std::distance(std::filesystem::directory_iterator(folder.path()), {}) == 2);  // no temporary file stays
+  CHECK(std::distance(std::filesystem::directory_iterator(folder.path()), {}) == 2);  // no temporary file remains
 }
 
 TEST_CASE("a run killed while it writes checkpoints can always be restarted") {

@@ -76,7 +76,7 @@ TEST_CASE("a journaled file holds what was committed, at every byte that is writ
     CHECK_THROWS_AS(JournaledFile::create(path), OutputError);
     std::mt19937 random(1);
     for (int k = 0; k < 8; ++k) {
-      // Changes of committed bytes, and new bytes: some, and so many that they are not kept in memory.
+      // Changes of committed bytes, and new bytes: a few, and so many that they do not stay in memory.
       for (int c = 0; c < 5; ++c) {
         const std::string text = random_text(random, 1 + random() % (c == 0 ? 100000 : 300));
         const std::size_t at = k == 0 && c == 0 ? 0 : random() % (now.size() + (c == 0 ? 1 : 0));
@@ -93,7 +93,7 @@ TEST_CASE("a journaled file holds what was committed, at every byte that is writ
   }
   CHECK(contents(path) == now);
 
-  // A run of the same writes that ends after each of them, torn ones included, is a commit or the next one.
+  // A sequence of writes, ended after each write, also within a write, leaves a commit or the next one.
   int mended = 0, torn = 0;
   for (rlim_t limit = 0;; limit += 1 + limit / 12) {
     const auto again = scratch / ("limit" + std::to_string(limit));
@@ -218,7 +218,7 @@ TEST_CASE("a file that is gone, or locked, or may not be written") {
   SECTION("removed") {
     std::filesystem::remove(path);
     CHECK_THAT(gone(), Contains("file was removed"));
-    CHECK_THAT(gone(), Contains("file was removed"));  // for good
+    CHECK_THAT(gone(), Contains("file was removed"));  // permanently
     CHECK_THAT(message_of<InputError>([&] { JournaledFile::open_read(path); }), Contains("No such file"));
     CHECK_THAT(message_of<InputError>([&] { JournaledFile::open_write(path); }), Contains("there is no file"));
   }

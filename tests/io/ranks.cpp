@@ -18,7 +18,7 @@ using Catch::Matchers::Contains;
 
 namespace {
 
-/// An empty folder that all ranks know.
+/// An empty folder shared by all ranks.
 class CommonFolder {
  public:
   explicit CommonFolder(const Ranks& ranks) : ranks_(ranks) {
@@ -131,7 +131,7 @@ TEST_CASE("what a rank cannot write is everybody's error, and earlier frames sta
   auto writer = RunWriter::create(folder.path() / "run", small_manifest(), topology, small_geometry(), ranks);
   const FrameData data(topology, 0, 2000);
   const auto share = [&] {
-    return Share(data, 2, ranks.rank() == ranks.size() - 1 ? 0 : 4, 4);  // all of it is the last rank's
+    return Share(data, 2, ranks.rank() == ranks.size() - 1 ? 0 : 4, 4);  // the last rank owns all rows
   };
   writer.write_frame(share().frame);
 

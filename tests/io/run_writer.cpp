@@ -133,7 +133,7 @@ TEST_CASE("frames have no copies for run.xdmf: centres of disks and vectors of t
   CHECK(frame.read<Real>("xdmf/wall_contact_force") == in_space(data.force));
   CHECK(frame.read<Real>("xdmf/wall_force") == in_space(data.wall_force));
   CHECK(frame.read<Real>("centres") == data.centres);
-  // All datasets with values of their own.
+  // All datasets that store values.
   std::uint64_t bytes = 0;
   for (const std::string& name : frame.datasets()) {
     CHECK(name.find("xdmf") == name.npos);
@@ -495,7 +495,7 @@ TEST_CASE("a killed run is read up to its last frame") {
 }
 
 TEST_CASE("a full disk stops the run and keeps the frames before") {
-  // A limit on the size of files fails as a full disk does, at any byte and without a file system of its own.
+  // A limit on the size of files fails as a full disk does, at any byte and without a separate file system.
   const rlim_t room = GENERATE(0, 1, 1000, 20000, 100000, 180000, 200000);
   CAPTURE(room);
   const ScratchFolder scratch;
@@ -555,7 +555,7 @@ std::size_t place_of_text(const std::filesystem::path& path, const std::string& 
   return at;
 }
 
-/// All that can be read of a run, as text.
+/// All readable data of a run, as text.
 std::string everything(const std::filesystem::path& folder) {
   const auto file = File::open_read(folder / "run.h5");
   std::string text;

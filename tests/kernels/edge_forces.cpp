@@ -98,7 +98,7 @@ std::vector<Real> element_forces(const EdgeLaw& law, const Outlines& o, Index n)
   return f;
 }
 
-/// Infinity where something is not a number.
+/// Infinity if a value is NaN.
 Real largest(const std::vector<Real>& f) {
   Real most = 0;
   for (const Real a : f) most = std::max(most, std::isnan(a) ? std::numeric_limits<Real>::infinity() : std::abs(a));
@@ -120,7 +120,7 @@ Real error(const EdgeLaw& law, const Outlines& o, Index n) {
 }
 
 /// Small polygons, also with notches and of different widths, at random places of a box, which they fill so that they
-/// touch and cross in every way; all pairs of vertices and edges of different ones, sorted by edge.
+/// touch and cross in all ways; all pairs of vertices and edges of different polygons, sorted by edge.
 Outlines crowd(Random& random, int polygons, Real box, Edges edges = Edges::wide) {
   Outlines o;
   o.edges = edges;
@@ -229,7 +229,7 @@ TEST_CASE("edge forces at corners, on edges and at the end of the reach") {
   for (const EdgeLaw& law : laws) {
     CHECK(largest(element_forces(law, o, static_cast<Index>(o.pairs.size()))) > 1);
     CHECK(error(law, o, static_cast<Index>(o.pairs.size())) < 1e-12);
-    // Pair by pair, so that no larger force hides anything.
+    // Pair by pair, so that no larger force hides a difference.
     for (std::size_t n = 0; n < o.pairs.size(); ++n) {
       INFO("vertex " << o.pairs[n].first << ", edge " << o.pairs[n].second);
       Outlines one = o;

@@ -34,7 +34,7 @@ struct Cloud {
 
   std::vector<Real> forces(const PairLaw& law, Sides sides, Index n) const {
     std::vector<Real> f(x.size());
-    // Spans of their own, so that a memory checker sees every step over the end.
+    // Separate allocations, so that a memory checker detects every access beyond the end.
     const std::vector<Pair> list(pairs.begin(), pairs.begin() + n);
     const std::vector<Real> list_reach(reach.begin(), reach.begin() + n);
     add_pair_forces<D>(law, list, list_reach.data(), sides, x.data(), law.mu == 0 ? nullptr : v.data(), f.data());
@@ -96,7 +96,7 @@ void check_equal(const std::vector<Real>& f, const std::vector<Real>& expected, 
   }
 }
 
-/// Some twenty points of different sizes, all pairs of which are listed; the last three lie on other ones.
+/// About twenty points of different sizes, with all pairs listed; the last three lie on other points.
 template <int D>
 Cloud<D> random_cloud(Random& random) {
   Cloud<D> c;

@@ -152,7 +152,7 @@ TEST_CASE("Shape forces of mixed particles are added to the range asked for", "[
 }
 
 TEST_CASE("Shape forces keep to their particle's points", "[kernels]") {
-  // Arrays of exactly the polygon's size, for memory checkers; with guards around f where there are none.
+  // Arrays of exactly the polygon's size, for memory checkers; with guards around f without a memory checker.
   Random random(3);
   for (const int n : every_size) {
     const Polygon vertices = irregular_polygon(random, n, 0.5);

@@ -21,7 +21,7 @@ constexpr Real skin = 0.05;
 const ModelParameters all_on{
     .epsilon = 1e3, .epsilon_wall = 2e3, .k_a = 20, .k_l = 3, .k_b = 0.2, .mu = 0.7, .zeta = 0.3};
 
-/// With all that the printed model has not.
+/// With all parts that the printed model lacks.
 const ModelParameters as_run{.epsilon = 1e3,
                              .epsilon_wall = 2e3,
                              .wall_diameter = 0.05,
@@ -65,7 +65,7 @@ Neighbours<D> lists_of(const Configuration<D>& c, ModelKind kind) {
   return lists;
 }
 
-/// The lists, each pair once, by comparing everything with everything; without chunks.
+/// The lists, each pair once, by comparing all pairs, without chunks.
 template <int D>
 Neighbours<D> brute_force(const Configuration<D>& c, ModelKind kind) {
   const NeighbourNeeds needs = needs_of<D>(kind);
@@ -226,7 +226,7 @@ Index count(const StateView<D>& s) {
     return T::elements == Elements::particles ? s.topology.particles() : s.topology.points();
 }
 
-/// Whether an element counts in sums: elements of inactive particles do not. Lists hold none of these.
+/// Whether an element counts in sums: elements of inactive particles do not. Lists do not contain such elements.
 template <class T, int D>
 bool counts(const StateView<D>& s, Index e) {
   using Kind = ElementKind<T::elements>;
@@ -359,7 +359,7 @@ void check_momentum(const Configuration<D>& c, ModelKind kind, ModelParameters p
   CHECK(total.norm() < 1e-13 * magnitude);
 }
 
-/// Everything that threads compute.
+/// All results that threads compute.
 template <int D>
 struct Computed {
   std::vector<Pair> point_pairs, vertex_edges, walls, lips;

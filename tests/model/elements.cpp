@@ -88,7 +88,7 @@ static_assert(can_be<Elements::points, 2> && can_be<Elements::point_pairs, 3> &&
 static_assert(!can_be<Elements::vertex_edges, 3> && !can_be<Elements::lips, 3>);
 static_assert(!can_be<static_cast<Elements>(element_kinds), 2>);
 
-/// The points with something in them, and the pairs of different points with a block.
+/// The points with a non-zero entry, and the pairs of different points with a block.
 struct Recorder {
   std::set<Index> points;
   template <class V>
@@ -248,7 +248,7 @@ TEST_CASE("elements act on the points of their stencils, and couple no others") 
   check_soft(soft_cluster<2>(random));
   check_soft(soft_cluster<3>(random));
 
-  // None of the catalogue's terms is left out.
+  // All terms of the catalogue are included.
   const ModelParameters all_on{.k_a = 1, .k_l = 1, .k_b = 1, .mu = 1, .zeta = 1};
   const auto check_names = [&](ModelKind kind, Configuration<2> c) {
     for (const TermReport& term : make_force_field<2>(kind, all_on, {0, -1})->report(c.view())) {

@@ -110,7 +110,7 @@ TEST_CASE("a list holds every contact until something has moved by half the skin
     const Topology& t = scene.topology;
     Neighbours<2> lists(needs, skin);
     lists.ensure(t, scene.walls, scene.x.data());
-    // The farthest that keeps the list.
+    // The largest displacement that keeps the list.
     const std::vector<Real> y = scene.moved(random, 0.4999 * skin);
     lists.ensure(t, scene.walls, y.data());
     REQUIRE(lists.rebuilds() == 1);
@@ -249,7 +249,7 @@ TEST_CASE("a position that is not finite stops with the particle's name") {
   Neighbours<2> lists(all_lists, skin);
   for (const Real bad : {std::numeric_limits<Real>::quiet_NaN(), std::numeric_limits<Real>::infinity()}) {
     for (const bool before : {false, true}) {
-      // Also where valid lists exist: the check for moves must not take NaN for standing still.
+      // Also where valid lists exist: the check of displacements must not accept NaN.
       if (before) lists.ensure(scene.topology, scene.walls, scene.x.data());
       std::vector<Real> y = scene.x;
       y[2 * (6 * 41 + 4) + 1] = bad;

@@ -1,4 +1,4 @@
-// Outlines that come near themselves: the contact that keeps them simple, and the looks that find those that are not.
+// Outlines that come near themselves: the contact that prevents crossings, and the checks that find crossings.
 #include <catch2/catch.hpp>
 
 #include <pliant/model/crossing.h>

@@ -120,7 +120,7 @@ TEMPLATE_TEST_CASE_SIG("derivatives at half-spaces and wedges", "[walls]", ((int
   CAPTURE(wedge);
   const auto make = [&](Random& r) {
     for (;;) {
-      // Not where the foot comes to the edge of a wedge, or changes between its faces.
+      // Not if the foot reaches the edge of a wedge, or changes between its faces.
       Configuration<D> c = at_solid<D>(r, wedge);
       const Vec<2> p = c.walls.solids()[0].plane(c.position(0));
       const Solid<D>& s = c.walls.solids()[0];

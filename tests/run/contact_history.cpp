@@ -350,7 +350,7 @@ TEST_CASE("histories on ranks are the same on both sides, and those of one rank"
 }
 
 TEST_CASE("rebuilding and sorting at every step changes no bit of a history") {
-  // Pairs alone: sums of one force each do not depend on the order of the list.
+  // Isolated pairs: sums of one force do not depend on the order of the list.
   Random random(2);
   Configuration<2> c;
   std::vector<Real> spins;
@@ -399,7 +399,7 @@ TEST_CASE("a contact across the border of a periodic box is like any other", "[r
     start(*s, c, {0, 0}, {2, -1});
     s->advance(0.04, [&](State& state) {
       if (box.open() || state.step % 10 != 0) return AfterStep::proceed;
-      s->sort();  // puts them back into the box
+      s->sort();  // wraps them into the box
       return AfterStep::reordered;
     });
     return s;

@@ -26,7 +26,7 @@ struct Flight {
     std::copy(c.x.begin(), c.x.end(), state.x().begin());
     for (Index i = 6; i < 10; ++i) point<2>(state.v().data(), i) = pliant::Vec<2>(0, speed);
   }
-  /// As an observer that looks after every step would say.
+  /// The result of a check after every step.
   bool crossed() const {
     for (Index i = 0; i < 10; ++i)
       if (inside_polygon(state.x().data(), system->topology(), i < 6, point<2>(state.x().data(), i))) return true;

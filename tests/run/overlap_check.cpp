@@ -13,8 +13,8 @@ namespace pliant::test::overlap_check_test {
 
 namespace {
 
-/// A disk of diameter 1 (and one out of the way) at r, with velocity v, checked for a step of 0.1; its overlap, if
-/// asked for.
+/// A disk of diameter 1 (and a second, distant disk) at r, with velocity v, checked for a step of 0.1; optionally its
+/// overlap.
 std::string verdict(const Walls<2>& walls, const pliant::Vec<2>& r, const pliant::Vec<2>& v = {0, 0},
                     Real* overlap = nullptr) {
   Configuration<2> c;

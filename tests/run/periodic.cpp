@@ -30,7 +30,8 @@ struct GasOptions final : RunOptions {
   }
 };
 
-/// Soft particles in a square that is periodic both ways, with friction; fast, so that they go round it.
+/// Soft particles in a square that is periodic both ways, with friction; fast, so that they cross the box several
+/// times.
 class Gas final : public Protocol<2> {
  public:
   Gas(const GasOptions& p, const Ranks& ranks) : Protocol<2>(make(ranks)), p_(p) {}

@@ -319,7 +319,7 @@ TEST_CASE("balls that stick to each other are integrated at second order, howeve
 }
 
 TEST_CASE("the spring between balls that turn as one body turns with them") {
-  // Pressed together, sheared, and then turned by hand about an axis of its own, in small steps.
+  // Pressed together, sheared, and then turned about a prescribed axis, in small steps.
   Configuration<3> c;
   c.add_soft(1, Vector::Zero());
   c.add_soft(1, {0, 0.99, 0});

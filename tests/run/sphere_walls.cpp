@@ -301,7 +301,7 @@ TEST_CASE("a ball that plugs an orifice conserves energy, and comes to rest with
 TEST_CASE("a ball with friction that plugs an orifice slows down below the speed that counts as rest") {
   Plug rough(cone, 1.35, SphereWallContact<>{1e4, {.mu_static = 0.3, .mu_dynamic = 0.3, .damping = 0.3}});
   for (int k = 0; k < 60000; ++k) rough.s->step();
-  CHECK(rough.kinetic() < square(1e-3) / 2 * rough.s->topology().mass(0));  // by friction and damping alone
+  CHECK(rough.kinetic() < square(1e-3) / 2 * rough.s->topology().mass(0));  // only by friction and damping
 }
 
 }  // namespace pliant::test::sphere_walls_test

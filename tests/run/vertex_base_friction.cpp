@@ -16,7 +16,7 @@ namespace {
 constexpr Index vertices = 12;
 constexpr Real plate_mass = 2;
 
-/// Of another distance from the middle at each corner, the opposite ones alike.
+/// Corners at different distances from the middle, equal for opposite corners.
 pliant::Vec<2> corner(Index k) {
   const Real phi = 2 * pi * k / vertices;
   return (0.6 + 0.2 * std::cos(2 * phi) + 0.05 * std::sin(4 * phi)) * pliant::Vec<2>(std::cos(phi), std::sin(phi));
@@ -49,7 +49,7 @@ VertexBaseFriction friction(Real mu_static, Real mu_dynamic, Real g = 10) {
   return {.gravity = g, .mu_static = mu_static, .mu_dynamic = mu_dynamic};
 }
 
-/// One that lies on the table since the start. The displacement at the limit of μ = 0.3 is `give`.
+/// A polygon that lies on the substrate since the start. The displacement at the limit of μ = 0.3 is `give`.
 struct OnTable {
   VertexBaseFriction base;
   std::unique_ptr<Simulation<2>> s;
@@ -144,7 +144,7 @@ TEST_CASE("a polygon slides v²/(2μg) and then rests") {
   const auto heat = plate.s->particles().history().of("base_friction").heat();
   CHECK(heat[0] + heat[1] == Approx(plate_mass / 2).epsilon(1e-3));
   CHECK(heat[1] > 0.99 * plate_mass / 2);
-  // For good.
+  // Permanently.
   plate.s->advance(plate.s->state().t + 200 * std::sqrt(give));
   const pliant::Vec<2> rest = plate.position();
   plate.s->advance(plate.s->state().t + 1);

@@ -16,7 +16,7 @@ using Catch::Matchers::Contains;
 
 namespace {
 
-constexpr Real filled = 2 * 37.7 * 20.5 - 20.5 * 20.5 - 10.7 * 20.5;  // the channel but for a stroke, 906.1 cm²
+constexpr Real filled = 2 * 37.7 * 20.5 - 20.5 * 20.5 - 10.7 * 20.5;  // the channel without a stroke, 906.1 cm²
 
 Real fraction(const std::string& name, Real wanted) {
   const auto sizes = size_distribution(name);
@@ -139,8 +139,8 @@ TEST_CASE("Pushes take whole numbers of steps, and frames lie on both ends of a 
     }
   CHECK(frames == 98);
   CHECK(last == 10.7);
-  // A plunger that is twice as fast has its frames at the same travel, with as many steps between them at half the
-  // step.
+  // A plunger that is twice as fast has its frames at the same travel, with the same number of steps between them at
+  // half the step.
   const PushSchedule fast({.stroke = 10.7, .speed = 2.2, .frame_travel = 0.11}, 0.5e-3);
   CHECK(fast.frames() == s.frames());
   CHECK(fast.steps_of_push() == s.steps_of_push());
@@ -166,7 +166,7 @@ TEST_CASE("A plunger pushes, rests for a step, goes back and waits", "[channel][
     CHECK(s.frame_at(step) == (at % 5 == 0 && at <= 20));
     place += s.velocity_at(step) * s.dt();
   }
-  // At once: without a step of its own.
+  // At once: without a separate step.
   const PushSchedule sudden({.stroke = 2, .speed = 1, .retract_speed = 0, .frame_travel = 0.5}, 0.1);
   CHECK(sudden.period() == 21);
   CHECK(sudden.phase_at(20) == PushPhase::hold);
@@ -238,7 +238,7 @@ TEST_CASE("A plunger is a wall that moves", "[channel][shape]") {
   const std::vector<Real> drawn = channel.drawn_walls(1, 2);
   REQUIRE(drawn.size() == 24);
   CHECK(std::vector<Real>(drawn.end() - 4, drawn.end()) == std::vector<Real>{6, 9, 0, 9});
-  // A disk that goes round the inner corner has one contact with one surface, in an outer corner it has two.
+  // A disk that moves around the inner corner has one contact with one surface, in an outer corner two contacts.
   const auto surfaces = [&](const Vec<2>& r) {
     std::vector<Index> near, all;
     walls.find_near(r, 1, 0, near);

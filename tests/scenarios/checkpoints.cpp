@@ -228,7 +228,7 @@ bool plausible(const std::string& name, const std::string& how) {
                          name == "list_reference" || name == "list_places");
 }
 
-/// Everything that can be wrong with each entry must stop the run, by an InputError, or change nothing.
+/// Every fault of each entry must stop the run by an InputError, or have no effect.
 void check_all(StoppedRun& stopped) {
   std::map<std::string, std::map<std::string, Change>> all;
   const Checkpoint c = read_checkpoint(stopped.checkpoint());

@@ -87,7 +87,7 @@ std::string message(const json& document) {
   return "no error";
 }
 
-/// A file that is gone at the end of the test.
+/// A file that is deleted at the end of the test.
 class TemporaryFile {
  public:
   explicit TemporaryFile(const std::string& text)
@@ -356,7 +356,7 @@ TEST_CASE("evaluate lets vertices of rough particles feel edges on request") {
   const json force{{{0, 0}, {0, 0}, {0, -16000}, {0, -24000}}, {{0, 40000}, {0, 0}, {0, 0}}};
   check_term(edge.at("force").at("edge"), force);
   check_term(edge.at("force").at("total"), force);
-  // Inside, the force would pull further in; vertices alone do not see it.
+  // Inside, the force would pull further inwards, which vertices alone do not detect.
   document["inputs"]["vertices"][1][0] = {0.4, 0.98};
   CHECK_THAT(message(document), Catch::Contains("inputs.vertices[1][0] lies inside particle 0"));
   document["inputs"]["rough_contact"] = "literal";
@@ -674,7 +674,7 @@ TEST_CASE("read_case names the file and the place of an error") {
 
   const TemporaryFile good("{\"mu\": 1}");
   CHECK(read_case(good.path()) == json{{"mu", 1}});
-  if (geteuid() != 0) {  // root reads everything
+  if (geteuid() != 0) {  // root can read all files
     std::filesystem::permissions(good.path(), std::filesystem::perms::none);
     CHECK_THAT(reading_message(good.path()), Catch::Contains("cannot be opened"));
   }

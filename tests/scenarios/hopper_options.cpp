@@ -293,7 +293,7 @@ TEST_CASE("what differs from the printed model reaches the model, and nothing do
 
 namespace {
 
-/// A model that has weight only, times a factor that is a parameter of its own; in 2D and in 3D.
+/// A model with weight only, times a factor that is a user-defined parameter; in 2D and in 3D.
 struct Heavy {
   template <int D>
   std::unique_ptr<ForceField<D>> force_field(ParameterReader& p, const Surroundings<D>& s) const {

@@ -111,7 +111,7 @@ TEST_CASE("obstacles stand inside the container, may touch walls, and not each o
   const Container box(Hopper{.wall_distance = 10, .orifice = 4, .angle = 45});
   const auto check = [&](const std::string& text) { check_obstacles(box, parse_obstacles(text, 2), 2); };
   CHECK_NOTHROW(check("disk:0,5,1;polygon:2,6,4,6,3,8;disk:-4,10,1"));  // the last touches the wall
-  CHECK_NOTHROW(check("polygon:5,6,4,6,5,7"));                          // stands against it
+  CHECK_NOTHROW(check("polygon:5,6,4,6,5,7"));                          // touches it
   CHECK_NOTHROW(check("disk:0,5,1;disk:0,7,1"));
   const auto bad = [&](const std::string& text, const char* a, const char* b = "") {
     INFO(text);

@@ -50,7 +50,7 @@ struct Packed {
     return least;
   }
 
-  /// The same to the walls alone, without their radius, not over it.
+  /// The distance to the walls only, without their radius, not divided by it.
   Real least_wall_distance() const {
     Real least = 1e9;
     const Walls<D> walls = Container(hopper).closed<D>(packing.height);

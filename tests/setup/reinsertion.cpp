@@ -1,4 +1,4 @@
-// A particle that is reinserted: on top of the others, touching one of them, as it was shaped.
+// A reinserted particle lies on top of the other particles, touches one of them, and keeps its shape.
 #include <catch2/catch.hpp>
 
 #include <algorithm>
@@ -150,7 +150,7 @@ TEST_CASE("a polygon is reinserted as it is shaped", "[reinsertion]") {
 }
 
 TEST_CASE("a small hopper filled over its slope only takes particles back", "[reinsertion]") {
-  // The filling ends below the upright walls: places above the sloped ones are refused, others are found.
+  // The filling ends below the upright walls: places above the sloped walls are refused, other places are found.
   Flow<2> flow(ModelKind::sp, 20, {.wall_distance = 12, .orifice = 3, .angle = 30});
   Real top = 0;
   for (Index m = 0; m < 20; ++m) top = std::max(top, flow.centre(m)[1]);

@@ -53,7 +53,7 @@ TEST_CASE("an outline of corners keeps them where edges end there, concave ones 
   check_edges(r, 24);
   for (std::size_t k = 0; k < cross.size(); ++k) CHECK((r[2 * k] - 2 * (cross[k] - Vec<2>(1.5, 1.5))).norm() < 1e-5);
   // Five squares of 2 × 2, and a disk at each of 24 vertices: halves at edges, a quarter in each of the four inner
-  // corners, three quarters in each of the eight outer ones.
+  // corners, three quarters in each of the eight outer corners.
   CHECK(outline_area(r) == Approx(20 + pi / 4 * (12 * 0.5 + 4 * 0.25 + 8 * 0.75)).epsilon(1e-5));
   CHECK(outline_radius(r) == Approx(std::hypot(1, 3) + 0.5).epsilon(1e-5));
 }

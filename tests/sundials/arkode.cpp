@@ -369,7 +369,7 @@ TEST_CASE("explicit steps cost what their table costs") {
     REQUIRE(s.steps() == 20);
     return counted.calls;
   };
-  // The first evaluation, then as many as there are stages, or one less where the last is the first of the next step.
+  // The first evaluation, then one per stage, or one less if the last stage is the first of the next step.
   CHECK(calls_for("dormand_prince") == 1 + 20 * 6);
   CHECK(calls_for("bogacki_shampine") == 1 + 20 * 3);
   CHECK(calls_for("heun_euler") == 1 + 20 * 2);

@@ -19,7 +19,7 @@ namespace pliant::test {
 
 using Polygon = std::vector<Vec<2>>;  // vertices, counter-clockwise
 
-/// Everything a StateView needs. Lists are made valid for the positions of each view.
+/// All data of a StateView. Lists are made valid for the positions of each view.
 template <int D>
 class Configuration {
  public:
@@ -89,7 +89,7 @@ NeighbourNeeds needs_of(ModelKind kind, const ModelParameters& p = {}) {
   return make_force_field<D>(kind, p, Vec<D>::Zero())->needs();
 }
 
-/// A few terms, mostly one, as a model by themselves.
+/// A model of a few terms, mostly of one.
 template <int D, class... Term>
 std::unique_ptr<ForceField<D>> alone(Term... term) {
   return std::make_unique<Model<D, Term...>>(std::move(term)...);

@@ -1,7 +1,7 @@
-// Memory for tests, to be preloaded (LD_PRELOAD): counts the allocations that the program itself (operator new and malloc
-// called in it), or the libraries whose paths contain $PLIANT_MEMORY_OF, make from the first signal() on, which the
-// program calls when it starts. Number $PLIANT_MEMORY_FAILS fails; with $PLIANT_MEMORY_ALL all that follow fail too.
-// $PLIANT_MEMORY_COUNT gets their number when the program exits.
+// Memory for tests, to be preloaded (LD_PRELOAD): counts the allocations that the program itself (operator new and
+// malloc called in it), or the libraries whose paths contain $PLIANT_MEMORY_OF, make from the first signal() on, which
+// the program calls when it starts. Number $PLIANT_MEMORY_FAILS fails; with $PLIANT_MEMORY_ALL all later allocations
+// fail too. $PLIANT_MEMORY_COUNT gets their number when the program exits.
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <errno.h>
@@ -21,9 +21,7 @@ void* __libc_realloc(void* memory, size_t size);
 void* __libc_memalign(size_t alignment, size_t size);
 
 enum { most_ranges = 64 };
-static struct {
-  uintptr_t first, last;
-} range[most_ranges];
+static struct { uintptr_t first, last; } range[most_ranges];
 static int ranges = 0;
 static const char* of = NULL;
 static long fails = 0;
@@ -73,13 +71,9 @@ static int failing(const void* caller) {
 
 void* malloc(size_t size) { return failing(CALLER) ? NULL : __libc_malloc(size); }
 void* calloc(size_t number, size_t size) { return failing(CALLER) ? NULL : __libc_calloc(number, size); }
-void* realloc(void* memory, size_t size) {
-  return size > 0 && failing(CALLER) ? NULL : __libc_realloc(memory, size);
-}
+void* realloc(void* memory, size_t size) { return size > 0 && failing(CALLER) ? NULL : __libc_realloc(memory, size); }
 void* memalign(size_t alignment, size_t size) { return failing(CALLER) ? NULL : __libc_memalign(alignment, size); }
-void* aligned_alloc(size_t alignment, size_t size) {
-  return failing(CALLER) ? NULL : __libc_memalign(alignment, size);
-}
+void* aligned_alloc(size_t alignment, size_t size) { return failing(CALLER) ? NULL : __libc_memalign(alignment, size); }
 int posix_memalign(void** memory, size_t alignment, size_t size) {
   if (failing(CALLER)) return ENOMEM;
   *memory = __libc_memalign(alignment, size);

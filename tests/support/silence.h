@@ -8,7 +8,7 @@
 
 namespace pliant::test {
 
-/// Standard output and error go nowhere.
+/// Discards standard output and error.
 class Silence {
  public:
   Silence() {

@@ -95,7 +95,7 @@ inline Sides compare_sides(const Functional& f, const VectorXd& x, const VectorX
   sides.gradient_jump_order = observed_order(h, jump, gradient_rounding(f, x, p, h0));
   const Real eta = h0 / 16;
   const auto side = [&](Real sign, VectorXd& hp) {
-    // Central difference about x ± 2 η p with points that stay on this side.
+    // Central difference about x ± 2 η p with points on this side.
     const VectorXd y = x + sign * 2 * eta * p;
     const MatrixXd hessian = f.hessian(y);
     hp = hessian * p;

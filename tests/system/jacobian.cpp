@@ -77,7 +77,7 @@ void for_all_systems(Random& random, Check&& check) {
   both(soft_rows<3>(random, 4, 2), ModelKind::sp, {}, {}, Friction::tangential);
   for (const FrictionPoint where : {FrictionPoint::contact, FrictionPoint::vertex})
     both(polygon_rows(random, 3, 3), ModelKind::smooth, where, {}, Friction::tangential);
-  // Periodic; in the smaller boxes particles touch several images, and images of their own.
+  // Periodic; in the smaller boxes particles touch several images, also their own images.
   const auto boxed = [&]<int D>(Configuration<D> c, ModelKind kind, const pliant::Vec<D>& length) {
     INFO("box " << length.transpose());
     c.walls = {};
@@ -206,7 +206,7 @@ TEST_CASE("the pattern is that of the lists and follows them") {
   CHECK(update() == before);
   CHECK(system.neighbours().rebuilds() == rebuilds);
   check();
-  // One particle goes to the other side.
+  // One particle moves to the other side.
   for (Index i = c.topology.offset[4]; i < c.topology.offset[5]; ++i) point<2>(c.x.data(), i) += pliant::Vec<2>(1.2, 3);
   CHECK(update() != before);
   CHECK(system.neighbours().rebuilds() > rebuilds);
@@ -304,7 +304,7 @@ void check_ranks(Random& random, Configuration<D> c, ModelKind kind, const Box<D
         shared->update(0, twins.state.x().data(), twins.state.v().data(), weights);
         const std::size_t n = twins.whole_state.size(), own = twins.state.size(), parts = form == first_order ? 2 : 1;
         const VectorXd w = random_vector(random, parts * n);
-        // The same vector, as it is shared out.
+        // The same vector, distributed over ranks.
         VectorXd mine(parts * own);
         const Topology& t = twins.shared.topology();
         for (std::size_t part = 0; part < parts; ++part)

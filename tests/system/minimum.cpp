@@ -32,7 +32,7 @@ TEST_CASE("a droplet in a valley is next to its minimum, if it is near") {
     CHECK(next_to_minimum<2>(system, x, 0, 0.01));
   }
   CHECK_FALSE(next_to_minimum<2>(system, std::vector<Real>{0.008, y}, 0, 0.005));
-  // Where one wall alone carries it, nothing holds it along that wall.
+  // If only one wall supports the droplet, it can move along that wall.
   CHECK_FALSE(next_to_minimum<2>(system, std::vector<Real>{0.02, y}, 0, 0.03));
 }
 

@@ -209,7 +209,7 @@ TEMPLATE_TEST_CASE_SIG("particles and walls look the same from a frame that move
 
 namespace {
 
-/// A paddle that turns, a plate that turns without end, a floor that shakes and a wall that goes.
+/// A paddle that turns, a plate that turns without end, a floor that shakes and a wall that translates.
 template <int D>
 Walls<D> machine(Real width) {
   using V = pliant::Vec<D>;
@@ -233,7 +233,7 @@ Walls<D> machine(Real width) {
   return walls;
 }
 
-/// Runs with lists that last against one that has new lists in each step, on any number of ranks.
+/// Compares runs with persistent lists and a run with new lists in each step, on any number of ranks.
 template <int D>
 void check_lists(Configuration<D> c, ModelKind kind, Real width, Real dt) {
   INFO(to_string(kind) << ", " << D << "D");

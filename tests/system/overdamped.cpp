@@ -296,7 +296,7 @@ TEST_CASE("two droplets come to rest at their distance, at the rate 2 k1/(3 b)")
   const Real rest = distance();
   CHECK(rest == Approx(1.993).margin(5e-4));
   CHECK(std::log((at_1 - rest) / (at_2 - rest)) == Approx(2 * 4.69 / 3).epsilon(0.01));
-  CHECK(state.x()[0] + state.x()[2] == Approx(1.99).epsilon(1e-9));  // momentum: their middle stays
+  CHECK(state.x()[0] + state.x()[2] == Approx(1.99).epsilon(1e-9));  // momentum: their centre does not move
 }
 
 TEST_CASE("a wall that moves drags droplets along") {
@@ -349,7 +349,7 @@ TEST_CASE("droplets on several ranks move as on one", "[ranks]") {
     for (std::size_t k = 0; k < mine.size(); ++k) point<2>(state.x().data(), k) = c.position(mine[k]);
     TsIntegrator alone, together({}, ranks.comm());
     alone.run(whole, one, 3, {});
-    // Half-way, droplets go where they belong; lagged velocities go with them.
+    // Half-way, droplets migrate to their ranks, with their lagged velocities.
     together.run(shared, state, 3, [&](State& s) {
       if (s.step != 15) return AfterStep::proceed;
       shared.sort(s);

@@ -14,7 +14,7 @@ namespace pliant::test::particle_system_test {
 
 namespace {
 
-/// Everything that is asked of a system in a run.
+/// All functions of a system that a run calls.
 template <int D>
 void compare(Twins<D>& twins) {
   const Ranks& ranks = twins.ranks;
@@ -91,7 +91,7 @@ void check_system(Random& random, Configuration<D> c, ModelKind kind) {
     twins.load();
     compare(twins);
   }
-  // One is put elsewhere.
+  // One particle is moved elsewhere.
   const auto shift = [&](Index m, const pliant::Vec<D>& by) {
     for (Index i = c.topology.offset[m]; i < c.topology.offset[m + 1]; ++i) point<D>(c.x.data(), i) += by;
   };
@@ -224,7 +224,7 @@ TEST_CASE("ranks without a particle take part", "[ranks]") {
     const int last = Ranks(PETSC_COMM_WORLD).size() - 1;
     Twins<2> twins(c, ModelKind::sp, [&](Index m) { return all_on_last ? last : std::min(last, 1 + m % 2); });
     compare(twins);
-    // Valid lists stay valid, which counts on every rank.
+    // Valid lists stay valid, with the rebuild counters of every rank.
     const std::int64_t rebuilds = twins.shared.neighbours().rebuilds();
     compare(twins);
     CHECK(twins.shared.neighbours().rebuilds() == rebuilds);

@@ -60,7 +60,7 @@ void append(Configuration<D>& to, const Configuration<D>& from, const pliant::Ve
   }
 }
 
-/// The cell first, if it is wanted, and its copies all around, as far as any can reach.
+/// The cell first, if requested, and its copies all around, as far as forces act.
 template <int D>
 Configuration<D> copies(const Cell<D>& cell, bool with_middle) {
   Configuration<D> all;
@@ -127,7 +127,7 @@ Result<D> from_copies(const Cell<D>& cell) {
   return all;
 }
 
-/// The same particles shared out, m-th to rank m modulo ranks; forces put together.
+/// The same particles distributed, particle m to rank m modulo ranks; forces gathered.
 template <int D>
 Result<D> from_box(const Cell<D>& cell, const Ranks& ranks, bool sorted = false) {
   auto system = system_of(cell, ranks);
@@ -248,7 +248,7 @@ TEST_CASE("a periodic box is a crystal of copies", "[ranks][periodic]") {
     CHECK(expected.force.norm() > 1);
     contacts += expected.contacts;
     compare(from_box(cell, ranks), expected);
-    compare(from_box(cell, ranks, true), expected, false);  // the gravity of wrapped ones is another
+    compare(from_box(cell, ranks, true), expected, false);  // the weight of wrapped particles has another energy
   });
   CHECK(contacts > 300);
 }

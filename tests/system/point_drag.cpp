@@ -66,7 +66,7 @@ TEST_CASE("without inertia drag per mass gives all sizes the velocity of their w
 
 TEST_CASE("motion with inertia tends to that without as the drag grows") {
   const PetscOptionScope options(tight);
-  // In times of ζ both motions are the same but for m/ζ².
+  // In units of ζ both motions agree up to m/ζ².
   const auto difference = [](Real zeta) {
     Random random(2);
     Configuration<2> c = polygon_rows(random, 3, 6);

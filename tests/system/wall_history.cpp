@@ -56,7 +56,7 @@ struct Disk {
     system.accepted(t, x.data(), v.data(), 1);
   }
   StoredContacts contacts() const { return system.history().tables()[0].contacts(); }
-  /// Contacts that a force is asked for.
+  /// Contacts of a force evaluation.
   Real acting(Real t = 0) {
     std::vector<Real> a(3);
     system.acceleration(t, x.data(), v.data(), a.data());

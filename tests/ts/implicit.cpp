@@ -1,4 +1,4 @@
-// Implicit and split methods on particles: orders, agreement with explicit ones, failing solves.
+// Implicit and split methods on particles: orders, agreement with explicit methods, failing solves.
 #include <catch2/catch.hpp>
 
 #include <pliant/ts/ts_integrator.h>

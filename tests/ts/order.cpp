@@ -147,7 +147,7 @@ TEST_CASE("Verlet conserves the energy of a conservative system for long times")
   CHECK(one > 1e-5);  // not exact: the bound below is significant
   CHECK(worst(plain_long, 500 * period) < 1.5 * one);
   CHECK(worst(ts_long, 500 * period) < 1.5 * worst(ts_short, period));
-  // The test can tell: a method of the same order drifts far beyond.
+  // The test is sensitive: a method of the same order drifts far beyond.
   const PetscOptionScope scope("-ts_type rk -ts_rk_type 2a -ts_adapt_type none -ts_dt 0.05");
   TsIntegrator heun_short, heun_long;
   CHECK(worst(heun_long, 500 * period) > 10 * worst(heun_short, period));

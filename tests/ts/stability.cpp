@@ -41,7 +41,7 @@ TEST_CASE("undamped oscillations: the interval on the imaginary axis", "[stabili
 }
 
 TEST_CASE("steps of length y grow oscillations beyond the interval and not within", "[stability]") {
-  // R is checked by steps of the method itself, which know nothing of the tableau.
+  // R is compared with steps of the method, which do not use the tableau.
   const auto grows = [](const std::string& type, Real y) {
     struct Turn final : SecondOrderSystem {
       std::size_t size() const override { return 1; }
@@ -69,7 +69,7 @@ TEST_CASE("steps of length y grow oscillations beyond the interval and not withi
 }
 
 TEST_CASE("drag makes steps of order 1 and 2 stable", "[stability]") {
-  // |1 + hλ|² = 1 − γh + ω²h² for euler; the slowest oscillation does not ask for a shorter step than the fastest.
+  // |1 + hλ|² = 1 − γh + ω²h² for euler; the slowest oscillation does not need a shorter step than the fastest.
   CHECK(limit("-ts_type euler", {.oscillation = 100, .drag = 0.5}) == Approx(0.5 / 1e4));
   // Overdamped: the interval on the real axis, of γ.
   CHECK(limit("-ts_type euler", {.oscillation = 0.1, .drag = 50}) == Approx(2.0 / 50).epsilon(1e-3));
