@@ -12,7 +12,16 @@ install(DIRECTORY "${PROJECT_SOURCE_DIR}/src/" DESTINATION ${CMAKE_INSTALL_INCLU
 set(share "${CMAKE_INSTALL_DATADIR}/pliant")
 set(commands pliant-sweep pliant-plot pliant-analyse pliant-reproduce)
 install(DIRECTORY "${PROJECT_SOURCE_DIR}/python/pliant" DESTINATION ${share}/python
-        FILES_MATCHING PATTERN "*.py" PATTERN "*.json" PATTERN __pycache__ EXCLUDE)
+        FILES_MATCHING PATTERN "*.py" PATTERN "*.json" PATTERN "*.pyi" PATTERN py.typed PATTERN __pycache__ EXCLUDE)
+file(MAKE_DIRECTORY "${PROJECT_BINARY_DIR}/dist-packages")
+if(TARGET pliant_python)
+  install(TARGETS pliant_python LIBRARY DESTINATION ${share}/python/pliant)
+  # Where the Python of the system looks for packages, if the prefix is /usr/local: a link to the package.
+  set(packages "lib/python${Python_VERSION_MAJOR}.${Python_VERSION_MINOR}/dist-packages")
+  cmake_path(RELATIVE_PATH CMAKE_INSTALL_FULL_DATADIR BASE_DIRECTORY "${CMAKE_INSTALL_PREFIX}/${packages}" OUTPUT_VARIABLE from)
+  file(CREATE_LINK "${from}/pliant/python/pliant" "${PROJECT_BINARY_DIR}/dist-packages/pliant" SYMBOLIC)
+  install(FILES "${PROJECT_BINARY_DIR}/dist-packages/pliant" DESTINATION ${packages})
+endif()
 file(GLOB plots CONFIGURE_DEPENDS "${PROJECT_SOURCE_DIR}/python/plots/*.py")
 install(PROGRAMS ${plots} DESTINATION ${share}/python/plots)
 cmake_path(RELATIVE_PATH CMAKE_INSTALL_FULL_DATADIR BASE_DIRECTORY "${CMAKE_INSTALL_FULL_BINDIR}" OUTPUT_VARIABLE data)

@@ -32,7 +32,9 @@ USES = {
     "scenarios/clog": ["scenarios/droplets"],
     "scenarios/channel": ["run"],
     "scenarios/evaluate": ["run"],
-    "apps": ["scenarios/hopper", "scenarios/raft", "scenarios/clog", "scenarios/channel", "scenarios/evaluate"],
+    "scenarios": ["scenarios/hopper", "scenarios/raft", "scenarios/clog", "scenarios/channel", "scenarios/evaluate"],
+    "python": ["scenarios"],
+    "apps": ["scenarios"],
 }
 INCLUDE = re.compile(r'\s*#\s*include\s*(?:<pliant/([^>]+)>|(".*"))')
 

@@ -7,10 +7,11 @@ packages=(
   g++ cmake ninja-build pkg-config
   petsc-dev libsundials-dev libopenmpi-dev libhdf5-openmpi-dev zlib1g-dev libyaml-dev libeigen3-dev libfmt-dev nlohmann-json3-dev catch2
   python3 python3-numpy python3-scipy python3-matplotlib python3-pandas python3-h5py python3-lmfit
-  python3-uncertainties python3-pytest ffmpeg
+  python3-uncertainties python3-pytest python3-tqdm pybind11-dev python3-dev ffmpeg
 )
 if [[ ${CI:-} == true ]]; then
-  packages+=(clang-format clang-14 clang-tidy-14 libclang-rt-14-dev libomp-14-dev libbenchmark-dev)
+  packages+=(clang-format clang-14 clang-tidy-14 libclang-rt-14-dev libomp-14-dev libbenchmark-dev mypy
+    python3-petsc4py)
 fi
 benchmarks=no
 case ${1:-} in

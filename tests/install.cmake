@@ -53,6 +53,13 @@ if(EXISTS /usr/bin/python3)
   endforeach()
 endif()
 
+# The Python package, by the link for an installation in /usr/local.
+file(GLOB packages "${WORK}/moved/lib/python3*/dist-packages")
+if(packages)
+  run("${CMAKE_COMMAND}" -E env "PYTHONPATH=${packages}" /usr/bin/python3 -B -c
+      "import pliant; print(pliant.hopper(n=40, hopper_wall_distance=8, hopper_width=3, t_end=0.1, output='${WORK}/python').frames)")
+endif()
+
 # A program is optimised by default; a build without optimisation gives a warning.
 unset(ENV{CMAKE_BUILD_TYPE})
 set(package -G "${GENERATOR}" -D "CMAKE_PREFIX_PATH=${WORK}/moved")

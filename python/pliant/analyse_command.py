@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from . import channel, tracks
+from . import channel_analysis as channel, tracks
 from .errors import OutputError, RunError
 from .files import read_json, write_json
 from .script import markdown, with_error

@@ -7,7 +7,7 @@ import numpy as np
 
 from . import plotting
 from .analyse_command import load_result
-from .channel import Choices
+from .channel_analysis import Choices
 from .errors import RunError
 
 R = r"\langle R\rangle"

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from . import clog, plotting, symbols
+from . import clog_analysis as clog, plotting, symbols
 from .errors import RunError
 from .statistics import commonest
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from . import ensemble, plotting, raft
+from . import ensemble, plotting, raft_analysis as raft
 
 #: name of the figure → (column of raft.fractures, its label, the averaged column, or None: one of raft.JUDGEMENTS, its label)
 FRACTURES = {

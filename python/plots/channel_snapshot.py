@@ -11,7 +11,7 @@ import pliant  # first, because it reports missing packages
 import matplotlib.pyplot as plt
 import numpy as np
 
-from pliant import channel, plotting, script, tracks
+from pliant import channel_analysis as channel, plotting, script, tracks
 from pliant import channel_figures as figures
 
 

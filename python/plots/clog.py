@@ -11,7 +11,7 @@ import pliant  # first, because it reports missing packages
 import matplotlib.pyplot as plt
 
 from pliant import RunError
-from pliant import clog, plotting, script
+from pliant import clog_analysis as clog, plotting, script
 from pliant.clog_figures import draw_curves, draw_middles, draw_regimes
 
 

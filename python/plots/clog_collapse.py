@@ -10,7 +10,7 @@ import pliant  # first, because it reports missing packages
 
 import matplotlib.pyplot as plt
 
-from pliant import clog, plotting, script
+from pliant import clog_analysis as clog, plotting, script
 from pliant.clog_figures import draw_avalanches, draw_probabilities
 
 

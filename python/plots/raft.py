@@ -10,7 +10,7 @@ import pliant  # first, because it reports missing packages
 
 import matplotlib.pyplot as plt
 
-from pliant import load_runs, plotting, raft, script
+from pliant import load_runs, plotting, raft_analysis as raft, script
 
 
 def main():

@@ -13,7 +13,7 @@ import pliant  # first, because it reports missing packages
 
 import matplotlib.pyplot as plt
 
-from pliant import load_runs, plotting, raft, raft_figures, script
+from pliant import load_runs, plotting, raft_analysis as raft, raft_figures, script
 
 
 def main():

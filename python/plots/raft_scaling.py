@@ -11,7 +11,7 @@ import pliant  # first, because it reports missing packages
 import matplotlib.pyplot as plt
 import pandas as pd
 
-from pliant import RunError, load_runs, plotting, raft, raft_figures, script
+from pliant import RunError, load_runs, plotting, raft_analysis as raft, raft_figures, script
 
 
 def main():

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from synthetic_channel import channel_tracks, tracks_table, write_channel_run
 
-from pliant import OutputError, RunError, analyse_command, channel
+from pliant import OutputError, RunError, analyse_command, channel_analysis as channel
 
 COMMAND = Path(__file__).resolve().parents[1] / "pliant-analyse"
 QUICK = ["--interval", "1", "--skip-pushes", "1", "--intervals", "0.2", "1.4", "4", "--clock-intervals", "4"]

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 from synthetic_channel import channel_tracks, tracks_table, write_channel_run
 from test_plots import DPI, assert_picture, call, drawn  # noqa: F401  (fixtures)
 
-from pliant import analyse_command, channel, tracks
+from pliant import analyse_command, channel_analysis as channel, tracks
 from pliant import channel_figures as figures
 
 ONE = ("field", "snapshot", "distance", "clock", "rotation")

@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
 
-from pliant import RunError, clog
+from pliant import RunError, clog_analysis as clog
 from pliant.clog_figures import draw_avalanches, draw_curves, draw_probabilities
 
 

@@ -8,8 +8,8 @@ import pytest
 from numpy.testing import assert_allclose
 from synthetic_channel import channel_tracks, tracks_table, write_channel_run
 
-from pliant import RunError, channel, nonaffine, tracks
-from pliant.channel import Choices
+from pliant import RunError, channel_analysis as channel, nonaffine, tracks
+from pliant.channel_analysis import Choices
 from pliant.tracks import Push, Tracks
 
 #: Quick choices for tracks with frames 0.2 cm apart.

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from test_plots import assert_picture, call  # noqa: F401  (call is a fixture)
 
-from pliant import Run, RunError, raft
+from pliant import Run, RunError, raft_analysis as raft
 
 D_EQ, H_EQ, K1, E1 = 2.0, 1.0, 4.7, 0.0017
 

@@ -23,7 +23,7 @@ from test_clog import made_table
 from test_plots import assert_picture
 from test_raft import K1, write_raft
 
-from pliant import PliantError, beverloo, beverloo_figures, clog, ensemble, plotting, symbols
+from pliant import PliantError, beverloo, beverloo_figures, clog_analysis as clog, ensemble, plotting, symbols
 from pliant.files import read_json, write_json
 from pliant.reproduce import command, disk_motion, figure, hopper_runs, measure, published
 from pliant.reproduce.figure import Figure, Quantity, agree, deviation, rows, seeds_text, write_rows

@@ -7,6 +7,7 @@
 #include <csignal>
 #include <cstdio>
 #include <cstring>
+#include <utility>
 
 namespace pliant {
 namespace {
@@ -24,7 +25,12 @@ std::string& name_of_program() {
   return name;
 }
 
+thread_local ConsoleSink* sink = nullptr;
+
 }  // namespace
+
+ConsoleSink::ConsoleSink() : before_(std::exchange(sink, this)) {}
+ConsoleSink::~ConsoleSink() { sink = before_; }
 
 void set_program_name(std::string name) { name_of_program() = std::move(name); }
 
@@ -47,7 +53,13 @@ void complain(std::string_view text) noexcept {
   (void)std::fflush(stderr);
 }
 
+void warn_text(std::string_view text) {
+  if (sink != nullptr) return sink->warn(text);
+  complain(fmt::format("{}: warning: {}\n", program_name(), text));
+}
+
 void say_text(std::string_view text) noexcept {
+  if (sink != nullptr) return sink->say(text);
   static bool lost = false;
   if (lost) return;
   if (const int error = write_out(text); error != 0) {

@@ -14,6 +14,21 @@ namespace pliant {
 /// called first in main.
 void guard_standard_streams();
 
+/// A receiver of remarks and warnings, in place of the standard streams: for a program that embeds runs. While it
+/// lives, it receives those of its thread. Its functions do not throw.
+class ConsoleSink {
+ public:
+  ConsoleSink();
+  virtual ~ConsoleSink();
+  ConsoleSink(const ConsoleSink&) = delete;
+  ConsoleSink& operator=(const ConsoleSink&) = delete;
+  virtual void say(std::string_view text) noexcept = 0;
+  virtual void warn(std::string_view text) noexcept = 0;
+
+ private:
+  ConsoleSink* before_;
+};
+
 /// Name of the program in messages: "pliant" unless a program with another name sets it.
 void set_program_name(std::string name);
 const std::string& program_name();
@@ -34,9 +49,10 @@ void say(fmt::format_string<Args...> text, Args&&... args) {
 }
 
 /// A line "PROGRAM: warning: …" on the standard error.
+void warn_text(std::string_view text);
 template <class... Args>
 void warn(fmt::format_string<Args...> text, Args&&... args) {
-  complain(fmt::format("{}: warning: {}\n", program_name(), fmt::format(text, std::forward<Args>(args)...)));
+  warn_text(fmt::format(text, std::forward<Args>(args)...));
 }
 
 }  // namespace pliant

@@ -131,6 +131,9 @@ class Options {
   /// The options as JSON for other programs: name → {"default", "unit"}, "symbol" if the option has one, and for
   /// parameters of models "models", the names of the models that read it.
   nlohmann::json reference() const;
+  /// All options, by groups: [{"name", "group", "help", "type", "default", "default_text", "unit", "range", "choices",
+  /// "on_restart"}]; the type of choices is "choice", and the default null where it is automatic.
+  nlohmann::ordered_json table() const;
   /// name → {"value", "unit", "source", "is_default"}, "symbol" where the option has one, and for parameters of models
   /// "term", null where the run's model does not read them. PETSc's options (as strings) included.
   nlohmann::json json() const;

@@ -132,4 +132,21 @@ std::string Options::markdown() const {
   return text;
 }
 
+nlohmann::ordered_json Options::table() const {
+  auto result = nlohmann::ordered_json::array();
+  for (const auto& [title, members] : by_group())
+    for (const Option* option : members)
+      result.push_back({{"name", option->name},
+                        {"group", title},
+                        {"help", option->spec.help},
+                        {"type", option->spec.choices.empty() ? type_text(*option) : "choice"},
+                        {"default", option->default_value},
+                        {"default_text", default_text(*option)},
+                        {"unit", option->spec.unit},
+                        {"range", range_text(*option)},
+                        {"choices", option->spec.choices},
+                        {"on_restart", restart_text(option->spec.on_restart)}});
+  return result;
+}
+
 }  // namespace pliant

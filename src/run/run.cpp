@@ -68,6 +68,7 @@ ExitCode Run<D>::run() {
   options_.check_consumed(protocol_->unread_options_advice());
   check();
   StopSignals signals;
+  if (RunMonitor* const monitor = RunMonitor::current()) monitor->begin(p_.output);
   const Topology& all = simulation().all();
   RunGeometry geometry = protocol_->geometry();
   if (const Box<D>& box = simulation().particles().box(); !box.open())
@@ -230,7 +231,7 @@ AfterStep Run<D>::after_step() {
   if (framing_.due(state().t)) frame();
   if (ended()) save(changed);  // for a restart that asks for more
   if (!ended() && control_.due()) {
-    control_.progress([&] { return progress(); });
+    control_.progress(state().t, protocol_->last_time(), [&] { return progress(); });
     if (control_.stop()) end("stopped", {});
     if (stopped() || control_.checkpoint_due()) save(changed);
   }

@@ -9,6 +9,7 @@
 #include <cmath>
 #include <csignal>
 #include <ctime>
+#include <utility>
 
 #include <pliant/base/console.h>
 
@@ -20,7 +21,10 @@ constexpr std::int64_t nanoseconds_of_one_request = 2'000'000'000;
 
 // A signal handler can reach nothing but static storage.
 std::atomic<std::int64_t> requested_at = 0;  // 0: not at all
-static_assert(std::atomic<std::int64_t>::is_always_lock_free);
+std::atomic<int> first_signal = 0;
+static_assert(std::atomic<std::int64_t>::is_always_lock_free && std::atomic<int>::is_always_lock_free);
+
+thread_local RunMonitor* monitor = nullptr;
 
 std::int64_t nanoseconds(clockid_t clock) {
   timespec t{};
@@ -31,7 +35,11 @@ std::int64_t nanoseconds(clockid_t clock) {
 void on_signal(int signal) {
   const std::int64_t now = nanoseconds(CLOCK_MONOTONIC);
   std::int64_t first = 0;
-  if (requested_at.compare_exchange_strong(first, now) || now - first < nanoseconds_of_one_request) return;
+  if (requested_at.compare_exchange_strong(first, now)) {
+    first_signal = signal;
+    return;
+  }
+  if (now - first < nanoseconds_of_one_request) return;
   if (signal == SIGXCPU) return;  // the system repeats it every second
   std::signal(signal, SIG_DFL);
   std::raise(signal);
@@ -53,6 +61,7 @@ void InheritedSignals::restore() const {
 
 StopSignals::StopSignals() {
   requested_at = 0;
+  first_signal = 0;
   struct sigaction ask {};
   ask.sa_handler = on_signal;
   ask.sa_flags = SA_RESTART;
@@ -69,6 +78,11 @@ StopSignals::~StopSignals() {
 }
 
 bool StopSignals::requested() { return requested_at != 0; }
+int StopSignals::signal() { return first_signal; }
+
+RunMonitor::RunMonitor() : before_(std::exchange(monitor, this)) {}
+RunMonitor::~RunMonitor() { monitor = before_; }
+RunMonitor* RunMonitor::current() { return monitor; }
 
 RunControl::RunControl(Real checkpoint_interval, Real max_wall_time, Ranks ranks, Real progress_interval)
     : ranks_(ranks),
@@ -100,7 +114,7 @@ bool RunControl::due() {
 }
 
 bool RunControl::stop() const {
-  return ranks_.any(StopSignals::requested() ||
+  return ranks_.any(StopSignals::requested() || (monitor != nullptr && monitor->stop()) ||
                     (ranks_.root() && max_wall_time_ > 0 && wall_seconds() > max_wall_time_));
 }
 
@@ -114,7 +128,8 @@ bool RunControl::checkpoint_due() {
 Real RunControl::wall_seconds() const { return seconds_since(start_); }
 Real RunControl::cpu_seconds() const { return ranks_.sum(process_cpu_seconds() - cpu_start_); }
 
-void RunControl::progress(const std::function<std::string()>& text) {
+void RunControl::progress(Real t, Real end, const std::function<std::string()>& text) {
+  if (monitor != nullptr) return monitor->progress(t, end, text());
   if (prints_lines_ && seconds_since(last_line_) >= progress_interval_) {
     last_line_ = Clock::now();
     say("{}\n", text());

@@ -36,10 +36,32 @@ class StopSignals {
   StopSignals(const StopSignals&) = delete;
   StopSignals& operator=(const StopSignals&) = delete;
   static bool requested();
+  /// The first signal since construction; 0 without one.
+  static int signal();
+  static constexpr std::array signals{SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGUSR1, SIGXCPU};
 
  private:
-  static constexpr std::array signals{SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGUSR1, SIGXCPU};
   std::array<struct sigaction, signals.size()> before_{};
+};
+
+/// An observer of the runs of its thread while it lives, for a program that embeds runs. It replaces the progress line.
+class RunMonitor {
+ public:
+  RunMonitor();
+  virtual ~RunMonitor();
+  RunMonitor(const RunMonitor&) = delete;
+  RunMonitor& operator=(const RunMonitor&) = delete;
+  /// A run begins that writes this folder.
+  virtual void begin(const std::string& /*folder*/) {}
+  /// A few times per second: the time of the run, its end at the latest, and the text of the progress line.
+  virtual void progress(Real t, Real end, const std::string& text) = 0;
+  /// A few times per second: whether to stop the run with a checkpoint.
+  virtual bool stop() = 0;
+  /// That of this thread; null without one.
+  static RunMonitor* current();
+
+ private:
+  RunMonitor* before_;
 };
 
 /// Clock of a run. Ask often: it looks at the time only now and then. On several ranks due() must be asked at the same
@@ -57,8 +79,9 @@ class RunControl {
   Real cpu_seconds() const;  ///< of all ranks; collective
 
   /// Rewrites the progress line on a terminal (stderr), at most twice a second, and prints it as a line on a standard
-  /// output that is none (a file, a pipe), once in a progress interval. `text` is made only when needed.
-  void progress(const std::function<std::string()>& text);
+  /// output that is none (a file, a pipe), once in a progress interval. `text` is made only when needed. Where there is
+  /// a RunMonitor, it gets the line instead, with the time of the run and its end.
+  void progress(Real t, Real end, const std::function<std::string()>& text);
   /// Ends the progress line.
   void end_progress();
 

@@ -27,6 +27,8 @@ struct Scenario {
   std::string units = {};      ///< of the options, in a sentence for the reference
   /// Runs it with the arguments after its name. Collective. Errors are the same on all ranks.
   std::function<ExitCode(const Arguments& arguments, const Ranks& ranks)> run;
+  /// Options::table() of its options; empty where it has none.
+  std::function<nlohmann::ordered_json()> table = {};
 };
 
 /// Makes a run, new or from a checkpoint, all of which it checks. p is resolved. Errors: InputError.
@@ -51,6 +53,12 @@ template <class Parameters>
 Scenario option_scenario(std::string name, std::string help, MakeRun<Parameters> make,
                          Parameters defaults = Parameters(), std::vector<std::string> most_used = {}) {
   Scenario s{.name = name, .help = std::move(help), .run = {}};
+  s.table = [defaults] {
+    Parameters p = defaults;
+    Options options;
+    p.bind(options);
+    return options.table();
+  };
   s.run = [name = std::move(name), make = std::move(make), defaults = std::move(defaults),
            most_used = std::move(most_used)](const Arguments& arguments, const Ranks& ranks) {
     Parameters p = defaults;

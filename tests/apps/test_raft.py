@@ -12,7 +12,7 @@ from conftest import Results, assert_same_runs, end, pliant, start, stopped_unti
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "python"))
 
-from pliant import Run, raft as analysis  # noqa: E402
+from pliant import Run, raft_analysis as analysis  # noqa: E402
 
 # Two droplets at the fixed wall, one at the other; mostly ten times as fast as in the thesis.
 THREE = {"rows": 2, "columns": 2, "n": 3, "delta": 0, "v_wall": 1e-3, "sample_interval": 0.5, "frame_interval": 200,

@@ -165,7 +165,7 @@ TEST_CASE("off the terminal the progress is a line per interval", "[control]") {
       dup2(ends[1], STDOUT_FILENO);
       RunControl control(0, 0, Ranks(), interval);
       for (int k = 0; k < 3; ++k) {
-        control.progress([&] { return fmt::format("line {}", k); });
+        control.progress(0, 1, [&] { return fmt::format("line {}", k); });
         usleep(20000);
       }
       _exit(0);

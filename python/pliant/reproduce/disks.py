@@ -5,7 +5,7 @@ import numpy as np
 
 from .. import ensemble, plotting
 from ..beverloo_figures import log_axes
-from ..channel import Choices
+from ..channel_analysis import Choices
 from ..channel_figures import LABELS
 from ..errors import RunError
 from ..script import with_error

@@ -4,7 +4,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
-from .. import clog, ensemble, plotting, raft, raft_figures
+from .. import clog_analysis as clog, ensemble, plotting, raft_analysis as raft, raft_figures
 from ..clog_figures import draw_avalanches, draw_curves, draw_middles, draw_probabilities, draw_regimes
 from ..errors import RunError
 from ..script import remark, with_error

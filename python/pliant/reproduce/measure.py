@@ -8,7 +8,7 @@ import re
 import numpy as np
 import pandas as pd
 
-from .. import channel, channel_figures, raft, tracks
+from .. import channel_analysis as channel, channel_figures, raft_analysis as raft, tracks
 from ..analyse_command import load_result, result_path, write_result
 from ..errors import RunError
 from ..flow import axis_velocity

@@ -1,7 +1,7 @@
 """Analysis of disks that are pushed through a channel, as in chapter 3 and appendix A of the thesis: mean displacement
 field, non-affine displacement, D2_min, strain clock, rotation ([T n] are its equations; docs/scenarios/channel-analysis.md).
 
->>> from pliant import channel, tracks
+>>> from pliant import channel_analysis as channel, tracks
 >>> result, = channel.analyse([tracks.load("runs/bidisperse")], channel.Choices())
 >>> result["dr_na"]["centre"]["value"]
 """

@@ -1,0 +1,55 @@
+#!/usr/bin/python3
+"""Writes python/pliant/scenario_calls.pyi, the types of the scenarios for editors and mypy, from the module's own table:
+
+    PYTHONPATH=build/python scripts/python_stubs.py [--check]     --check: writes nothing, exits with 1 if it is out of date
+"""
+
+import argparse
+import sys
+from pathlib import Path
+
+from pliant.engine import core
+
+STUB = Path(__file__).resolve().parents[1] / "python" / "pliant" / "scenario_calls.pyi"
+HEAD = '''# Made by scripts/python_stubs.py from the table of options.
+from collections.abc import Mapping, Sequence
+from os import PathLike
+from typing import Any, Literal
+
+from .run import Run
+
+_Text = str | PathLike[str] | Sequence[str | float]
+
+SCENARIOS: dict[str, tuple[str, str, str, list[dict[str, Any]]]]
+
+def arguments(options: Mapping[str, Any]) -> list[str]: ...
+def call(scenario: str, options: Mapping[str, Any], progress: bool | None = None, quiet: bool = False) -> Run: ...
+def evaluate(case: Mapping[str, Any] | str | PathLike[str], name: str = "case") -> dict[str, Any]: ...
+'''
+TYPES = {"real": "float", "integer": "int", "yes|no": "bool", "text": "_Text"}
+
+
+def stub():
+    text = HEAD
+    for name, _, _, table in core.scenarios():
+        text += f"def {name}(*,\n"
+        for entry in table:
+            kind = f"Literal[{', '.join(map(repr, entry['choices']))}]" if entry["choices"] else TYPES[entry["type"]]
+            default = None if entry["default"] == "" else entry["default"]
+            text += f"    {entry['name']}: {kind} | None = {default!r},\n"
+        text += ("    options_file: _Text | None = None,\n    progress: bool | None = None,\n    quiet: bool = False,\n"
+                 "    **petsc: str | float | bool | None) -> Run: ...\n")
+    return text
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--check", action="store_true")
+    if not parser.parse_args().check:
+        STUB.write_text(stub(), encoding="utf-8")
+    elif not STUB.exists() or STUB.read_text(encoding="utf-8") != stub():
+        sys.exit(f"{STUB} is out of date; run PYTHONPATH=build/python scripts/python_stubs.py")
+
+
+if __name__ == "__main__":
+    main()

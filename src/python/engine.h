@@ -1,0 +1,70 @@
+// The engine in a Python process: its start and end, and who may use it.
+#pragma once
+
+#include <pybind11/pybind11.h>
+
+#include <exception>
+#include <utility>
+
+#include <pliant/base/errors.h>
+
+namespace pliant::python {
+
+namespace py = pybind11;
+
+/// Something is used in a way that it does not allow (pliant.UsageError): after close, from another thread, in a fork.
+struct UsageError : Error {
+  template <class... Args>
+  explicit UsageError(fmt::format_string<Args...> text, Args&&... args)
+      : Error(ExitCode::bad_input, fmt::format(text, std::forward<Args>(args)...)) {}
+};
+
+/// Permission to use the engine, from construction to destruction, both with the GIL held. PETSc and the options of a
+/// run belong to the process, so one thread has it at a time. The first one starts PETSc and MPI. Errors: UsageError in
+/// another thread than the one that has it, and in a fork of the process that has started the engine.
+class EngineUse {
+ public:
+  /// run: the engine computes; a callback, which runs within a run, cannot start another one. Otherwise data are read
+  /// or changed, also in callbacks.
+  enum class Kind { run, access };
+  explicit EngineUse(Kind kind);
+  ~EngineUse();
+  EngineUse(const EngineUse&) = delete;
+  EngineUse& operator=(const EngineUse&) = delete;
+
+ private:
+  bool outermost_, runs_;
+};
+
+/// The first exception of Python code that the engine called, to be thrown once the engine has returned. All functions
+/// may be called without the GIL.
+class PendingError {
+ public:
+  /// Calls body() with the GIL; keeps its exception.
+  template <class Body>
+  void guard(Body&& body) noexcept {
+    const py::gil_scoped_acquire gil;
+    try {
+      body();
+    } catch (...) {
+      if (!error_) error_ = std::current_exception();
+    }
+  }
+  explicit operator bool() const { return error_ != nullptr; }
+  void rethrow() {
+    if (error_) std::rethrow_exception(std::exchange(error_, nullptr));
+  }
+
+ private:
+  std::exception_ptr error_;
+};
+
+/// Handlers of signals of the interpreter (Ctrl-C) run; what they raise is thrown. With the GIL.
+inline void check_signals() {
+  if (PyErr_CheckSignals() != 0) throw py::error_already_set();
+}
+
+void bind_engine(py::module_& m);
+void bind_scenarios(py::module_& m);
+
+}  // namespace pliant::python

@@ -1,0 +1,8 @@
+// pliant._core: the engine for the Python package `pliant`, which wraps and documents it.
+#include <pliant/python/engine.h>
+
+PYBIND11_MODULE(_core, m) {
+  m.doc() = "The compiled part of pliant. Use the functions and classes of the package instead.";
+  pliant::python::bind_engine(m);
+  pliant::python::bind_scenarios(m);
+}

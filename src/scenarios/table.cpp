@@ -1,0 +1,15 @@
+#include <pliant/scenarios/table.h>
+
+#include <pliant/scenarios/channel/channel.h>
+#include <pliant/scenarios/clog/clog.h>
+#include <pliant/scenarios/evaluate/evaluate.h>
+#include <pliant/scenarios/hopper/hopper.h>
+#include <pliant/scenarios/raft/raft.h>
+
+namespace pliant {
+
+std::vector<Scenario> all_scenarios() {
+  return {hopper_scenario(), raft_scenario(), clog_scenario(), channel_scenario(), evaluate_scenario()};
+}
+
+}  // namespace pliant
