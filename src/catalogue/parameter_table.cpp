@@ -80,7 +80,7 @@ class ParameterTable::Collector final : public ParameterReader {
       entry->flag = p.value != 0;
       if (kind == Kind::choice) entry->choice = choices.front();
       if (p.role == Role::dynamic_friction && std::isfinite(usual_dynamic_friction))
-        entry->automatic = fmt::format("{:g}, or {} if that is less", usual_dynamic_friction, p.automatic);
+        entry->automatic = fmt::format("{:g}, or {} if smaller", usual_dynamic_friction, p.automatic);
     }
     if (entry->kind != kind || entry->help != p.help || (kind == Kind::number && entry->number != p.value))
       throw std::logic_error("the parameter " + entry->name + " is declared differently by two terms");

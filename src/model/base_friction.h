@@ -31,13 +31,13 @@ void read_base_friction(ParameterReader& p, T& term, Real contacts) {
   term.mu_static = mu.mu_static, term.mu_dynamic = mu.mu_dynamic;
   term.epsilon = contacts * p.number({.name = "base_stiffness",
                                       .symbol = "k_b/k_n",
-                                      .help = "stiffness of springs to the substrate over that of contacts",
+                                      .help = "stiffness of springs to the substrate relative to contacts",
                                       .value = 0.1,
                                       .max = 10,
                                       .min_open = true});
   term.damping = p.number({.name = "base_damping",
                            .symbol = "\\zeta_b",
-                           .help = "damping of springs to the substrate over the critical one",
+                           .help = "damping of springs to the substrate relative to critical damping",
                            .value = 0.1,
                            .max = 10});
 }

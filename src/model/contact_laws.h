@@ -29,7 +29,7 @@ constexpr std::string_view to_string(ContactLaw law) {
 template <class... Laws>
 ContactLaw read_contact_law(ParameterReader& p) {
   return p.choice({.name = "contact_law",
-                   .help = "contact law: linear spring, Hertz, diverging barrier, or force without 1/sigma",
+                   .help = "contact law: harmonic, Hertz, linear (no 1/sigma), barrier, spring (fixed k)",
                    .role = Role::contact_law},
                   std::array{std::pair{to_string(Laws::kind), Laws::kind}...});
 }

@@ -79,7 +79,7 @@ inline Coulomb read_dynamic_friction(ParameterReader& p, std::string_view name, 
   const Coulomb mu{mu_static, p.automatic({.name = own,
                                            .help = "dynamic friction coefficient",
                                            .max = 10,
-                                           .automatic = "the static one",
+                                           .automatic = "the static coefficient",
                                            .role = Role::dynamic_friction},
                                           usual)};
   if (mu.mu_dynamic > mu.mu_static)
@@ -354,7 +354,7 @@ SurfaceFriction read_surface(ParameterReader& p, const Coulomb& mu) {
   SurfaceFriction surface{.mu_static = mu.mu_static, .mu_dynamic = mu.mu_dynamic, .damping = damping_for<Law>(e)};
   surface.stiffness = p.number({.name = "tangential_stiffness",
                                 .symbol = "k_t/k_n",
-                                .help = "model disk: stiffness of tangential springs relative to contacts",
+                                .help = "stiffness of tangential springs relative to contacts",
                                 .value = surface.stiffness,
                                 .max = 10,
                                 .min_open = true});
@@ -372,9 +372,9 @@ inline OtherMaterials read_materials(ParameterReader& p, const Coulomb& first) {
   for (const std::string& material : p.materials) {
     const std::string name = fmt::format("mu_{}", material),
                       help = fmt::format("static friction coefficient of disks with the {}", material);
-    const Real mu_static =
-        p.automatic({.name = name, .help = help, .max = 10, .automatic = "that of other walls", .role = Role::friction},
-                    first.mu_static);
+    const Real mu_static = p.automatic(
+        {.name = name, .help = help, .max = 10, .automatic = "the coefficient of other walls", .role = Role::friction},
+        first.mu_static);
     const Real usual = p.is_set(name) ? std::min(mu_static, p.usual_dynamic_friction) : first.mu_dynamic;
     all.push_back(read_dynamic_friction(p, name, mu_static, usual));
   }

@@ -1,4 +1,4 @@
-"""Containers of their own outline, with obstacles: packed, run, reinserted, counted, stored, drawn."""
+"""Containers with user-defined outlines and obstacles: packed, run, reinserted, counted, stored, drawn."""
 
 import json
 import xml.etree.ElementTree as ET
@@ -49,7 +49,7 @@ def check_inside(file):
 def test_particles_flow_round_obstacles(tmp_path, outline):
     run = pliant("hopper", **options(tmp_path / "run", outline))
     assert run.returncode == 0, run.stderr
-    assert "own outline, with obstacles" in run.stdout
+    assert "user-defined outline, with obstacles" in run.stdout
     summary = json.loads((tmp_path / "run/summary.json").read_text(encoding="utf-8"))
     assert summary["crossed_count"] > 5
     with h5py.File(tmp_path / "run/run.h5") as file:

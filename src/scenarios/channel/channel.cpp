@@ -400,7 +400,7 @@ class ChannelProtocol final : public Protocol<2> {
 
 Scenario channel_scenario() {
   Scenario s = option_scenario<ChannelOptions>(
-      "channel", "disks that plungers push through a channel, back and forth",
+      "channel", "frictional disks pushed through a bent channel by plungers",
       [](const ChannelOptions& p, const Options& options, const Ranks& ranks, std::optional<Checkpoint> checkpoint) {
         check_memory(size_of(p),
                      p.rough() ? fmt::format("-area_fraction {:g} with -n_vertices {}", p.area_fraction, p.n_vertices)

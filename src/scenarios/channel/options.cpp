@@ -94,9 +94,7 @@ void ChannelOptions::bind(Options& o) {
   o.bind("distribution", distribution,
          {.help = "sizes, of [T table 3.1]", .choices = size_distribution_names(), .on_restart = fixed});
   o.bind("radii", radii,
-         {.help = "radii of one's own in place of -distribution, with commas between them",
-          .unit = "cm",
-          .on_restart = fixed});
+         {.help = "list of radii separated by commas, instead of -distribution", .unit = "cm", .on_restart = fixed});
   o.bind("counts", counts, {.help = "relative numbers of disks of these radii", .on_restart = fixed});
   o.bind("area_fraction", area_fraction,
          {.help = "area of the disks relative to the channel without the stroke of one plunger",
@@ -111,7 +109,7 @@ void ChannelOptions::bind(Options& o) {
           .min = 1e-12,
           .max = 0.1,
           .on_restart = fixed});
-  o.bind("seed", seed, {.help = "seed of the places at the start", .min = 0, .on_restart = fixed});
+  o.bind("seed", seed, {.help = "seed of the initial positions", .min = 0, .on_restart = fixed});
 
   model.bind(o, UnitSystem::cgs());
   o.bind("shape", shape.kind, {{"ellipse", OutlineKind::ellipse}, {"rod", OutlineKind::rod}},
@@ -131,11 +129,12 @@ void ChannelOptions::bind(Options& o) {
   o.group("Plungers");
   o.bind("pushes", pushes, {.help = "number of pushes, one plunger after the other", .min = 1, .max = 1e6});
   o.bind("plunger_speed", push.speed, positive("speed of a plunger", "cm/s"));
-  o.bind("stroke", push.stroke, positive("how far a plunger goes", "cm"));
+  o.bind("stroke", push.stroke, positive("travel of a plunger in a push", "cm"));
   o.bind("retract_speed", push.retract_speed,
-         {.help = "speed at which it goes back; 0: at once", .unit = "cm/s", .min = 0, .on_restart = fixed});
-  o.bind("pause", push.pause,
-         {.help = "rest between its return and the next push", .unit = "s", .min = 0, .on_restart = fixed});
+         {.help = "speed of the returning plunger; 0: returns at once", .unit = "cm/s", .min = 0, .on_restart = fixed});
+  o.bind(
+      "pause", push.pause,
+      {.help = "pause between the return of a plunger and the next push", .unit = "s", .min = 0, .on_restart = fixed});
 
   o.group("Jams");
   o.bind("jam_overlap", jam_overlap,
@@ -149,7 +148,7 @@ void ChannelOptions::bind(Options& o) {
 
   o.group("Integration");
   o.bind("dt", dt,
-         {.help = "longest step; the step is such that frames lie at whole numbers of steps",
+         {.help = "longest step; shortened so that frames lie at whole numbers of steps",
           .unit = "s",
           .min = 0,
           .min_open = true,
@@ -157,7 +156,7 @@ void ChannelOptions::bind(Options& o) {
           .on_restart = fixed});
   bind_allowed(o);
   o.bind("t_end", t_end,
-         {.help = "end of the run, if that is before the end of -pushes; not between two pushes",
+         {.help = "end of the run, if earlier than the end of -pushes; not between two pushes",
           .unit = "s",
           .min = 0,
           .automatic = "the end of the last push"});

@@ -24,7 +24,7 @@ void ClogOptions::bind(Options& o) {
   o.bind("n", n, {.help = "number of droplets", .min = 1, .max = 1e5, .on_restart = fixed});
   bind_droplets(o);
   o.bind("fill_fraction", fill_fraction,
-         {.help = "fraction of the area that the droplets cover where they start to fall",
+         {.help = "fraction of the area that the droplets cover at the start",
           .min = 0.01,
           .max = 0.5,
           .on_restart = fixed});
@@ -35,9 +35,9 @@ void ClogOptions::bind(Options& o) {
   o.bind("hopper_angle", angle,
          {.help = "angle of the walls to gravity", .unit = "degrees", .min = 10, .max = 80, .on_restart = fixed});
   o.bind("clog_speed", clog_speed,
-         {.help = "the droplets rest when all are slower", .unit = "R/t0", .min = 0, .min_open = true});
+         {.help = "largest speed of droplets at rest", .unit = "R/t0", .min = 0, .min_open = true});
   o.bind("rest", rest, {{"minimum", RestRule::minimum}, {"speed", RestRule::speed}},
-         {.help = "rest test: convergence to a nearby energy minimum too, or -clog_speed alone"});
+         {.help = "rest test: a nearby energy minimum or -clog_speed, or -clog_speed alone"});
 
   bind_integration(o, "");
   bind_output(o);

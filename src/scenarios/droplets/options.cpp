@@ -25,9 +25,8 @@ void DropletOptions::bind_model(Options& o) {
           .min = 0,
           .min_open = true,
           .on_restart = fixed});
-  o.bind(
-      "mobility", mobility, {{"exact", Coupling::exact}, {"lagged", Coupling::lagged}, {"mean", Coupling::mean}},
-      {.help = "velocities from the force balance (exact), or from previous ones (lagged, mean)", .on_restart = fixed});
+  o.bind("mobility", mobility, {{"exact", Coupling::exact}, {"lagged", Coupling::lagged}, {"mean", Coupling::mean}},
+         {.help = "solve the force balance (exact), or use previous velocities (lagged, mean)", .on_restart = fixed});
   o.accept_petsc_prefix("mobility_ksp_");
   o.accept_petsc_prefix("mobility_pc_");
 }

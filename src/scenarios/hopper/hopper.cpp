@@ -522,7 +522,7 @@ class HopperProtocol final : public Protocol<D> {
   }
 
   std::string shape_text() const {
-    std::string text = p_.outline.empty() ? fmt::format("angle {}", p_.hopper.angle) : "own outline";
+    std::string text = p_.outline.empty() ? fmt::format("angle {}", p_.hopper.angle) : "user-defined outline";
     if (p_.left_angle) text += fmt::format(", left {}", *p_.left_angle);
     if (!p_.obstacle.empty()) text += ", with obstacles";
     return text;

@@ -54,10 +54,7 @@ void explain_units(Options& o) {
 }  // namespace
 
 HopperOptions::HopperOptions(const std::vector<ModelDefinition>& own) : model(models_with(own)) {
-  model.make_automatic(
-      Role::drag,
-      "0; 0.316 (drag only of [H]) without kinetic friction and with a model that dissipates by nothing "
-      "else (sp, rough, smooth)");
+  model.make_automatic(Role::drag, "0; 0.316 (drag only of [H]) for sp, rough or smooth without -mu");
 }
 
 void HopperOptions::bind(Options& o) {
@@ -109,7 +106,7 @@ void HopperOptions::bind(Options& o) {
           .max = 90,
           .on_restart = fixed});
   o.bind("hopper_angle_left", left_angle,
-         {.help = "2D: angle of the left wall where it differs; 0: upright from the orifice on",
+         {.help = "2D: angle of the left wall if different; 0: vertical from the orifice upwards",
           .unit = "degrees",
           .min = 0,
           .max = 90,
@@ -153,7 +150,7 @@ void HopperOptions::bind(Options& o) {
           .automatic = "the velocity of the particle below it",
           .on_restart = fixed});
   o.bind("pack_fraction", pack_fraction,
-         {.help = "packing fraction to start from, of the particles' outer disks (spheres)",
+         {.help = "initial packing fraction of the particles' outer disks (spheres)",
           .min = 0,
           .max = 0.9,
           .min_open = true,
@@ -171,7 +168,7 @@ void HopperOptions::bind(Options& o) {
           .unit = "sigma_avg/t0",
           .min = 0,
           .min_open = true,
-          .automatic = "1e-3, or 0.1 m g/(drag + kinetic friction) of the lightest particle where that is less"});
+          .automatic = "1e-3, or 0.1 m g/(zeta + mu) of the lightest particle if smaller"});
 
   o.group("Integration");
   o.bind("dynamics", dynamics, {{"inertial", Dynamics::inertial}, {"overdamped", Dynamics::overdamped}},
@@ -187,8 +184,7 @@ void HopperOptions::bind(Options& o) {
           .unit = "t0",
           .min = 0,
           .min_open = true,
-          .automatic = "0.35 of the elastic limit with friction, 0.4 with drag alone, 0.2 with neither, less where a "
-                       "discharge must come to rest; 0.2 with -model disk; 0.5 of the damping's; at most 1e-3",
+          .automatic = "0.2 to 0.4 of the elastic limit, at most 0.5 of the damping limit, at most 1e-3",
           .on_restart = fixed});
   bind_allowed(o);
   o.bind("t_end", t_end,

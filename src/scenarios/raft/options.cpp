@@ -32,9 +32,12 @@ void RaftOptions::bind(Options& o) {
          {.help = "the moving wall approaches, or recedes from a raft that rests at both walls", .on_restart = fixed});
   o.bind("v_wall", v_wall,
          {.help = "speed of the moving wall", .unit = "R/t0", .min = 0, .min_open = true, .on_restart = fixed});
-  o.bind(
-      "tilt", tilt,
-      {.help = "angle of the moving wall to the other", .unit = "degrees", .min = -20, .max = 20, .on_restart = fixed});
+  o.bind("tilt", tilt,
+         {.help = "angle between the moving and the fixed wall",
+          .unit = "degrees",
+          .min = -20,
+          .max = 20,
+          .on_restart = fixed});
   o.bind("start_distance", start_distance,
          {.help = "distance of the walls at the start, on the raft's axis",
           .unit = "R",
@@ -49,9 +52,9 @@ void RaftOptions::bind(Options& o) {
           .unit = "R",
           .min = 0,
           .min_open = true,
-          .automatic = "compression: that of -rows_end; extension: 2 more than at the start"});
+          .automatic = "compression: rest distance of -rows_end; extension: 2 more than at the start"});
 
-  bind_integration(o, "at the distance of the end");
+  bind_integration(o, "when -end_distance is reached");
   bind_output(o);
 }
 
