@@ -161,9 +161,9 @@ def draw(rows, error, label, path):
             axes.plot([row[cost] for row in mine], [row[error] for row in mine], style, color=COLORS[i % len(COLORS)],
                       marker=MARKERS[i % len(MARKERS)], markersize=4, linewidth=1.1, label=method,
                       fillstyle="full" if i < len(COLORS) else "none")
-    left.set(xscale="log", yscale="log", xlabel="CPU time / that of the standard run",
+    left.set(xscale="log", yscale="log", xlabel="CPU time / standard run",
              ylabel=label.replace("σ_avg", r"$\sigma_{avg}$"))
-    right.set(xscale="log", xlabel="force evaluations / those of the standard run")
+    right.set(xscale="log", xlabel="force evaluations / standard run")
     # Half of the legend above each panel.
     handles, labels = left.get_legend_handles_labels()
     half = -(-len(labels) // 2)

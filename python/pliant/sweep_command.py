@@ -97,11 +97,12 @@ def check_options(table, rows, program, base):
 
 
 def write_results(output, folders):
-    """results.csv, one row per run, and units.csv, the units of its columns."""
+    """results.csv, one row per run, and units.csv, the units of its columns. Returns the states of the rows."""
     entries = [(folder, folder.state()) for folder in folders]
     results, units = results_tables([(folder.row, folder.path, state) for folder, state in entries])
     for name, table in (("results.csv", results), ("units.csv", units)):
         write_atomically(output / name, table.to_csv(index=False))
+    return [state for _, state in entries]
 
 
 def run_rows(table, rows, folders, program, workers=None, retry=False):
@@ -205,7 +206,8 @@ def main(arguments_=None):
         print(count_text(states.values()))
         return _code(states.values())
     if given.merge:
-        write_results(output, folders)
+        done = sum(state.kind == "done" for state in write_results(output, folders))
+        print(f"wrote {output / 'results.csv'}: {done} of {len(folders)} rows are done")
         return 0
 
     if given.row is None:

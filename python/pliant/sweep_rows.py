@@ -99,6 +99,8 @@ def _lines(path):
                 if any(cells) and not cells[0].startswith("#"):
                     _check_text(path, reader.line_num, cells)
                     yield reader.line_num, cells
+    except FileNotFoundError:
+        raise RunError(f"{path}: no such file") from None
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise RunError(f"{path}: cannot be read as a table ({error})") from None
 

@@ -648,6 +648,10 @@ def test_sign_of_life(tmp_path, monkeypatch):
 
 # --- Results
 
+def test_a_table_that_is_not_there(tmp_path, run):
+    assert run(tmp_path / "a.csv", code=2) == f"{tmp_path}/a.csv: no such file"
+
+
 def test_results(table, tmp_path, run):
     path = table("name,hopper_width", "x,4", "y,5", "z,6", "w,7")
     for row in rows_of(path):
@@ -657,7 +661,7 @@ def test_results(table, tmp_path, run):
             record = {"run": {"scenario": "hopper", "options": row.options}, "exit_code": 0}
             (tmp_path / "t" / row.id / "row.json").write_text(json.dumps(record), encoding="utf-8")
     (tmp_path / "t/z/run.h5").write_text("damaged", encoding="utf-8")
-    run(path, "--merge")
+    assert "results.csv: 3 of 4 rows are done" in run(path, "--merge")
     results = pd.read_csv(tmp_path / "t/results.csv", index_col="row")
     assert list(results.index) == ["x", "y", "z", "w"]
     assert list(results["status"]) == ["done", "clogged", "done", "waiting"]
