@@ -20,9 +20,9 @@ PLIANT_INLINE bool any_of(const Mask& mask) {
   if constexpr (std::is_arithmetic_v<Mask>) {
     return mask;
   } else {
-    auto any = mask[0];
-    for (std::size_t k = 1; k < sizeof(Mask) / sizeof(Real); ++k) any |= mask[k];
-    return any != 0;
+    static_assert(sizeof(Mask) == 4 * sizeof(Real));
+    const auto half = __builtin_shufflevector(mask, mask, 0, 1) | __builtin_shufflevector(mask, mask, 2, 3);
+    return (half[0] | half[1]) != 0;
   }
 }
 

@@ -39,7 +39,7 @@ struct SphereTouch : SurfaceTouch<3, R> {
   template <class Law>
   PLIANT_INLINE void find(Real epsilon, const SurfaceFriction& surface, const Constants& c, const Pair& pair,
                           const Past& past) {
-    const R d = norm(pair.r), per_d = 1 / d;
+    const R d2 = dot(pair.r, pair.r), d = square_root(d2), per_d = d * (1 / d2);  // the root beside the quotient
     a = c.a, b = c.b, order = c.order;
     n = per_d * pair.r;
     turned = a * pair.angle_a + b * pair.angle_b;

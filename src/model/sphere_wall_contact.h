@@ -51,7 +51,8 @@ struct SphereWallTouch : SurfaceTouch<3, R> {
     const Vector longer = stretch * this->stretched;
     const R size2 = dot(this->stretched, this->stretched), longer2 = dot(longer, longer);
     const MaskOf<R> some = longer2 > 0;
-    this->per_lever = square_root(R((some ? size2 : 1 + R()) / (some ? longer2 : 1 + R())));
+    const R root = square_root(R(size2 * longer2)), per = 1 / (some ? longer2 : 1 + R());
+    this->per_lever = some ? root * per : 1 + R();
   }
   /// Seen from the wall the ball moves with v and turns with `spin`.
   template <class Mu>

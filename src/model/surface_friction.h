@@ -53,17 +53,18 @@ struct SurfaceFriction {
     const R most = slides ? dynamic_limit : limit, pull = k * spring + gamma * rate;
     return {spring, pull < -most ? -most : (most < pull ? most : pull), slides};
   }
-  /// As above, for vectors across the normal, which are cut to the limit by their lengths.
+  /// As above, for vectors across the normal, which are cut to the limit by their lengths. Roots are computed beside
+  /// quotients instead of before them: kernels wait for this chain.
   template <class R>
   PLIANT_INLINE static Hold<Vector3<R>, MaskOf<R>> hold(R k, R gamma, Vector3<R> spring, const Vector3<R>& rate,
                                                         R static_limit, R dynamic_limit, MaskOf<R> was_sliding) {
-    const R limit = was_sliding ? dynamic_limit : static_limit, held = k * norm(spring);
-    const MaskOf<R> slides = held > limit;
-    spring = select<R>(slides, R(dynamic_limit / held) * spring, spring);
+    const R limit = was_sliding ? dynamic_limit : static_limit, length2 = dot(spring, spring);
+    const MaskOf<R> slides = k * k * length2 > limit * limit;
+    spring = select<R>(slides, R(square_root(length2) * (dynamic_limit / (k * length2))) * spring, spring);
     const R most = slides ? dynamic_limit : limit;
     const Vector3<R> pull = k * spring + gamma * rate;
-    const R size = norm(pull);
-    return {spring, select<R>(size > most, R(most / size) * pull, pull), slides};
+    const R size2 = dot(pull, pull);
+    return {spring, select<R>(size2 > most * most, R(square_root(size2) * (most / size2)) * pull, pull), slides};
   }
 };
 
