@@ -40,9 +40,8 @@ inline constexpr Real short_half2 = 5e-5;
 /// The ratio of an arc of the unit circle to its chord, to rounding; half2: the square of half the chord.
 template <class R>
 PLIANT_INLINE R arc_per_chord(R half2) {
-  const auto series = [](R h) PLIANT_INLINE_LAMBDA {
-    return (1 + h * (1.0 / 6)) + h * h * (3.0 / 40 + h * (15.0 / 336));
-  };
+  const auto series = [](R h)
+                          PLIANT_INLINE_LAMBDA { return (1 + h * (1.0 / 6)) + h * h * (3.0 / 40 + h * (15.0 / 336)); };
   if (!any_of(half2 >= short_half2)) return series(half2);
   R ratio = 1 + R();  // of the chords of the divided arc, in sum, to the whole chord
   for (int k = 0; k < 8 && any_of(half2 >= short_half2); ++k) {
@@ -101,9 +100,7 @@ class SphereSlip {
     return turn(middle_, n_, twist(1 - 2 * sine_ * sine_, 2 * sine_ * cosine_, turn(before_, middle_, spring)));
   }
   /// One across the direction halfway, across n.
-  PLIANT_INLINE Vector carry_on(const Vector& slid) const {
-    return turn(middle_, n_, twist(cosine_, sine_, slid));
-  }
+  PLIANT_INLINE Vector carry_on(const Vector& slid) const { return turn(middle_, n_, twist(cosine_, sine_, slid)); }
 
  private:
   /// x, across a, turned by the shortest rotation from a to b, by half the angle between n₀ and n.
