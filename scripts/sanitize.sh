@@ -3,7 +3,7 @@
 # reports an error.
 #   scripts/sanitize.sh [address|thread|valgrind] [PROGRAM…]
 #     address   (default) AddressSanitizer and UndefinedBehaviorSanitizer, by clang, which compiles these faster than GCC
-#     thread    ThreadSanitizer, by clang and its OpenMP: the barriers of GCC's OpenMP are not instrumented
+#     thread    ThreadSanitizer, by clang and its OpenMP: GCC's OpenMP has barriers without instrumentation
 #     valgrind  memcheck; it hides AVX-512, so the kernels for AVX2 run
 #     PROGRAM   folders of tests/, like io, and `pliant`, a short run of each scenario and model; all tests unless given
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"

@@ -247,7 +247,7 @@ def _no_law(*_, **__):
 def fit_seeds(table, by, value="Q", beta=None, resamples=None, opposite=False):
     """One row per group of runs: its columns of `by`, fit, C, k, beta with errors and so on as of fit_groups; data (a
     row per width: hopper_width, Q, Q_error from blocks and seeds, runs). Also unbounded_fit, whose k may be negative,
-    where k of fit is at its bound, else None; reference (the published exponent or None) and reference_fit (with that
+    if k of fit is at its bound, else None. Then reference (the published exponent or None) and reference_fit (with that
     exponent held); with `opposite` also opposite (the published exponent of the other limit) and opposite_fit. Errors
     of the fits are drawn over seeds. `value` is the rate's column. A clogged run has no steady rate and is omitted if
     other runs of the same width flowed. If the widest orifice clogs, the group has no law of the width, and no fit."""

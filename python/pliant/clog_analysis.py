@@ -276,8 +276,8 @@ def fit_avalanches(x, s, s_error, n):
 
 
 def deviance_residuals(clogged, runs, probability):
-    """[k] residuals whose sum of squares is twice the logarithm of the ratio of two binomial likelihoods: of the data
-    and of `probability`."""
+    """[k] residuals whose sum of squares is twice the logarithm of the ratio of two binomial likelihoods, with the
+    probabilities of the data and with `probability`."""
     k, n = np.asarray(clogged, float), np.asarray(runs, float)
     p, q = k / n, np.clip(probability, 1e-12, 1 - 1e-12)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -302,8 +302,8 @@ def fit_clog_law(x, clogged, runs, n):
 def collapse_fits(points, x):
     """{name: AvalancheFit} of clog_points over x = w/delta*, to see which runs decide A and B. The fits: all points of the
     commonest number N of droplets; points of each other N, and all avalanches scaled to the commonest N, as in [T 4.3].
-    For the commonest N also each phi_c, and each way to vary w/delta*, alone; avalanches of `uncut_mean`, with all points
-    that have a clog; and P_clog. Fits that fail are omitted."""
+    For the commonest N also each phi_c, and each way to vary w/delta*, alone. Then avalanches of `uncut_mean`, with all
+    points that have a clog, and P_clog. Fits that fail are omitted."""
     points = points.assign(x=x)
     usual = {name: commonest(points[name]) for name in ("n", "g")}
     scale = usual["n"] / points["n"]

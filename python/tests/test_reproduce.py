@@ -1409,7 +1409,7 @@ def test_measures_of_hoppers(soft, tmp_path):
     made = write_run(tmp_path / "b", extra={"friction": ("tangential", ""), "dt": (5e-4, "t0"), "e_w": (694, "")})[0]
     reading = measure.measured("readings", "b", made).iloc[0]
     assert (reading["friction"], reading["dt"], reading["e_w"]) == ("tangential", 5e-4, 694)
-    assert set(symbols.parameters("hopper")) <= set(table)  # whatever the program's models read
+    assert set(symbols.parameters("hopper")) <= set(table)  # parameters from the program's list
     assert set(symbols.parameters("hopper")) <= set(reading.index)
     profile = measure.measured("profiles", "a", path)
     assert {"e_sp", "drag"} <= set(profile) and "k_l" not in profile

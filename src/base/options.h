@@ -33,8 +33,8 @@ struct OptionSpec {
   std::string help = {};
   std::string unit = {};                 ///< "sigma_avg", "t0", "degrees" …; empty for pure numbers
   std::string symbol = {};               ///< in figures, as TeX, over its unit
-  std::vector<std::string> models = {};  ///< of a parameter: the models that read it
-  /// Parameters of models only: the term of the run's model that reads the parameter, or nothing.
+  std::vector<std::string> models = {};  ///< parameters only: the models that read it Parameters of models only: the
+  /// term of the run's model that reads the parameter, or nothing.
   std::function<std::optional<std::string>()> term = {};
   Real min = -std::numeric_limits<Real>::infinity();
   Real max = std::numeric_limits<Real>::infinity();

@@ -80,8 +80,8 @@ class Dataset {
  public:
   /// Writes `rows` whole rows of values of the dataset's type, from row `first` on.
   void write(std::uint64_t first, std::uint64_t rows, const void* values);
-  /// Where its values begin in the file, row after row as in memory: for ranks that write them past HDF5. 0 if there
-  /// are no values, or if they are compressed.
+  /// Where its values begin in the file, row after row as in memory: for ranks that write them past HDF5. 0 without
+  /// values, or for compressed values.
   std::uint64_t address() const;
   /// Stores the CRC-32 of all values for Group::check().
   void set_crc32(std::uint32_t value);

@@ -59,7 +59,7 @@ herr_t handle(H5FD_t* file, hid_t, void** found) {
   return 0;
 }
 
-/// For the exception that is being handled; tells HDF5 if it was a lack of memory.
+/// For the exception that is being handled; HDF5 learns whether memory was lacking.
 herr_t failed() {
   try {
     throw;

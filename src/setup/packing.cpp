@@ -30,7 +30,7 @@ void random_place(const Container& container, const Walls<D>& walls, Real height
     };
     for (int k = 0; k < D - 1; ++k) r[k] = middle + half * (2 * draw(k) - 1);
     r[D - 1] = height * draw(D - 1);
-    // If the full move has no room, a part of it may have.
+    // If the full move is blocked, a part of it may be possible.
     const Real margin = std::pow(0.99, static_cast<Real>(attempt));
     if (container.has_room<D>(walls, point<D>(r, 0), radius, margin)) return;
   }

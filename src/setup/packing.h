@@ -26,13 +26,13 @@ struct PackingParameters {
 struct Packing {
   Real fraction = 0;            ///< reached
   Real height = 0;              ///< of the lid, σ_avg
-  std::int64_t iterations = 0;  ///< of FIRE
+  std::int64_t iterations = 0;  ///< number of FIRE iterations
   Real max_overlap = 0;         ///< largest 1 − r/σ_mn of the outer disks, or 1 − 2 d/σ_m at walls
 };
 
 /// Particles that were pushed apart.
 struct Relaxed {
-  std::int64_t iterations = 0;  ///< of FIRE
+  std::int64_t iterations = 0;  ///< number of FIRE iterations
   Real max_overlap = 0;         ///< as of Packing, of points
   bool done = false;            ///< within the tolerance, and all inside
   std::string reason;           ///< why it ended

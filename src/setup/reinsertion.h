@@ -21,10 +21,10 @@ struct Leaving {
 
 /// Rule of reinsertion.
 struct Reinsertion {
-  Real gap = 0;                            ///< height above the place of first contact, in σ_avg
-  std::optional<Real> lateral_speed = {};  ///< largest lateral velocity, uniformly random, in each direction; without
-                                           ///< it the velocity of the particle below
-  Real clearance = 0;                      ///< from walls, in σ_avg
+  Real gap = 0;  ///< height above the place of first contact, in σ_avg
+  /// Largest lateral velocity, uniformly random, in each direction; without it the velocity of the particle below.
+  std::optional<Real> lateral_speed = {};
+  Real clearance = 0;  ///< from walls, in σ_avg
 };
 
 /// Moves the particle, as it is shaped now, to a uniformly random lateral position, lowered until it touches the first

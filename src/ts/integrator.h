@@ -13,10 +13,10 @@
 
 namespace pliant {
 
-/// Request of a scenario after an accepted step, the same on every rank: proceed; proceed with the same state in
-/// another order (particles were sorted or moved between ranks, with the carried acceleration; the length of the state
-/// may have changed); proceed from a state that the scenario has changed (a discontinuity: multistep methods restart,
-/// first-same-as-last stages are dropped, a carried acceleration is evaluated again); or stop.
+/// Request of a scenario after an accepted step, the same on every rank: proceed, reordered, changed or stop.
+/// Reordered: particles were sorted or moved between ranks, with the carried acceleration, and the length of the state
+/// may have changed. Changed: the scenario has changed the state, a discontinuity. Multistep methods then restart,
+/// first-same-as-last stages are dropped, and a carried acceleration is evaluated again.
 enum class AfterStep { proceed, reordered, changed, stop };
 
 /// Called after every accepted step with the state at its end.

@@ -306,7 +306,7 @@ def choices(measured):
             return ""
         return f"{value:g}" if isinstance(value, (int, float)) and not isinstance(value, bool) else str(value)
 
-    # Results stored before an option was added lack it: it had its default.
+    # Results stored before an option was added lack it and had its default.
     usual = {name: value for name, value in defaults("channel").items() if value is not None}
     options = measured.reindex(columns=CHANNEL_OPTIONS).fillna(usual).apply(lambda column: column.astype(object).map(text))
     different = options.drop_duplicates()
