@@ -38,7 +38,8 @@ CASES = {
     "raft": "raft -rows 4 -columns 4 -t_end 20",
     "clog": "clog -n 20 -hopper_width 3 -t_end 20",
 }
-GOOD = {0: "done", 2: "bad input", 3: "numerical failure", 4: "output failure", 5: "out of memory", 75: "stopped"}
+GOOD = {0: "done", 2: "bad input", 3: "numerical failure", 4: "output failure", 5: "out of memory", 6: "folder in use",
+        75: "stopped"}
 
 
 def run(program, options, folder, seconds):

@@ -2,8 +2,10 @@
 
 import ctypes
 import dataclasses
+import fcntl
 import functools
 import hashlib
+import json
 import os
 import re
 import signal
@@ -16,13 +18,13 @@ from pathlib import Path
 from .errors import OutputError, RunError
 from .files import no_links, read_bytes, read_json, write_json
 from .script import remark
-from .sweep_lock import RowLock, Taken, owner
 from .sweep_rows import is_number
 
 #: `status` in summary.json of runs that have nothing left to do.
 FINISHED = ("done", "clogged", "at_rest", "empty", "jammed")
 STOPPED_CODE = 75
-IN_USE_CODE = 6  #: another process runs in the folder
+IN_USE_CODE = 6  #: another process runs in the folder, or in that of the run to branch from
+IN_USE_PAUSE = 1  #: s until a row is tried again whose folder was in use
 # Signals that end a worker in order. Slurm, terminals and GNU parallel may send several at once; those are one request.
 _STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGUSR1)
 # Signal that stops a run; batch systems do not send it to all processes, which matters because a second equal signal
@@ -30,7 +32,6 @@ _STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGUSR1)
 _ASK = signal.SIGUSR1
 _LIBC = ctypes.CDLL(None, use_errno=True)
 _PR_SET_PDEATHSIG = 1
-_RUN_FILES = ("run.h5", "run.xdmf", "summary.json", "checkpoint-a.h5", "checkpoint-b.h5", "branch.json")
 #: Options whose larger value makes a run longer; a smaller one is shorter than the existing run.
 _LENGTHS = ("t_end", "pushes")
 _LARGEST_OPTIONS = 1 << 16  # bytes of an options file that the program reads
@@ -60,21 +61,38 @@ def restart_rules(program, scenario):
     return rules
 
 
+def holder(folder):
+    """'process 12 on host x' that runs in the folder, by its run.lock; None if no process does. The lock is a flock, which
+    ends with the process that holds it."""
+    try:
+        fd = no_links(folder / "run.lock", os.O_RDONLY)
+    except OSError:
+        return None
+    try:
+        fcntl.flock(fd, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        return None
+    except BlockingIOError:
+        return os.pread(fd, 300, 0).decode(errors="replace").strip() or "another process"
+    except OSError:  # a file system without locks
+        return None
+    finally:
+        os.close(fd)
+
+
 class RowFolder:
-    """The folder of a row: the run's own files, log.txt, the lock, and row.json with the options it was started with
-    and how the last attempt ended."""
+    """The folder of a row: the run's own files, log.txt, and row.json with the options it was started with and how the
+    last attempt ended. The program locks the folder while it runs there."""
 
     def __init__(self, output, row, base, program=None):
         """`base`: the folder that relative names of files begin from. `program` lists which options a restart may change;
         without one, none."""
         self.row, self.base, self._program = row, Path(base).absolute(), program
         self.path = Path(output).absolute() / row.id
-        self.lock_path = self.path / "lock"
         self.log_path = self.path / "log.txt"
 
-    def _status(self):
-        """`status` in summary.json; None without one. Raises RunError."""
-        return (read_json(self.path / "summary.json") or {}).get("status")
+    def _summary(self):
+        """Content of summary.json; empty without one. Raises RunError."""
+        return read_json(self.path / "summary.json") or {}
 
     def _record(self):
         """The content of row.json; empty if there is none. Raises RunError."""
@@ -137,24 +155,25 @@ class RowFolder:
         raise RunError(f"row '{self.row.id}' (line {self.row.line}) was run with other options: {text}. Give the row "
                        f"another name, or delete {self.path} to run it again")
 
-    def state(self, mine=False):
-        """The status of the row. `mine`: the caller holds the lock."""
+    def state(self):
+        """The status of the row."""
         try:
-            status, record = self._status(), self._record()
+            holds = holder(self.path)
+            summary, record = self._summary(), self._record()
         except RunError as error:  # the other rows continue
             return State("failed", "failed", str(error))
+        status = None if _digest(summary) == record.get("outdated_summary_sha256") else summary.get("status")
         before = record.get("run")
         changes = self._changes(before) if before not in (None, self._identity) else {}
         if status in FINISHED and not changes:
             return State("done", status)
-        holder = None if mine else owner(self.lock_path)
-        if holder:
-            return State("running", "running", f"on {holder}")
+        if holds:
+            return State("running", "running", holds)
         if before is None or changes:  # never run; a failure that left no run may have been corrected
             extended = changes and (self.path / "run.h5").exists()
             return State("waiting", "waiting", f"to be extended: {_changes_text(changes)}" if extended else "")
         code = record.get("exit_code")
-        if code is None or code in (STOPPED_CODE, IN_USE_CODE) or -code in _STOP_SIGNALS:
+        if code is None or code == STOPPED_CODE or -code in _STOP_SIGNALS:
             return State("stopped", "stopped")
         return State("failed", "failed", record.get("message", "summary.json is gone"))
 
@@ -164,14 +183,14 @@ class RowFolder:
         for file in self.path.parent.glob("*/row.json"):
             other = RowFolder(file.parent.parent, dataclasses.replace(self.row, id=file.parent.name), self.base)
             try:
-                record, status = other._record().get("run"), other._status()
+                record, status, busy = other._record().get("run"), other._summary().get("status"), holder(other.path)
             except RunError:  # its row reports it
                 continue
-            if other.path == self.path or record is None or status not in (*FINISHED, "stopped"):
+            if other.path == self.path or record is None or status not in (*FINISHED, "stopped") or busy:
                 continue
             changes = self._changes(record)
             if (list(changes) == ["t_end"] and changes["t_end"][0] is not None and self._extends(changes)
-                    and other._has_run() and not owner(other.lock_path)):
+                    and other._has_run()):
                 found.append((float(changes["t_end"][0]), other.path))
         return max(found)[1] if found else None
 
@@ -179,29 +198,31 @@ class RowFolder:
         return (self.path / "run.h5").exists() and any(self.path.glob("checkpoint-[ab].h5"))
 
     def start(self, program):
-        """(command, changes of the environment) of the next attempt; the lock must be held. Resumes from a checkpoint
-        if there is one, else from the checkpoint of a shorter run; files of an attempt without checkpoint are deleted."""
+        """(command, changes of the environment) of the next attempt. The program resumes from a checkpoint if there is
+        one, else from the checkpoint of a shorter run; it removes an attempt without frames."""
         folders = ["-output", str(self.path)]
         if self._has_run():
             folders += ["-restart", str(self.path)]
-        else:
-            for name in _RUN_FILES:
-                (self.path / name).unlink(missing_ok=True)
-            if shorter := self._shorter():
-                folders += ["-restart", str(shorter)]
-        if self._changes(self._record().get("run") or self._identity):  # else a kill would leave a row that is done
-            (self.path / "summary.json").unlink(missing_ok=True)
-        self._write_record({"run": self._identity})
+        elif shorter := self._shorter():
+            folders += ["-restart", str(shorter)]
+        # The summary first: if another sweep extends the row meanwhile, its record shows that there is nothing to extend.
+        summary, before = self._summary(), self._record()
+        record = {"run": self._identity} | _outdated(before)
+        if self._changes(before.get("run") or self._identity):
+            record["outdated_summary_sha256"] = _digest(summary)
+        if record != before:
+            self._write_record(record)
         command = [str(program), self.row.scenario, *arguments(self.row.options, self.base), *folders]
         return command, {"OMP_NUM_THREADS": self.row.options.get("threads", "1")}
 
     def end(self, code, log_start):
         """Writes down how an attempt has ended; its output begins at `log_start` of log.txt."""
         record = {"run": self._identity, "exit_code": code}
-        if code == 0 and self._status() not in FINISHED:
+        if code == 0 and self._summary().get("status") not in FINISHED:
             record["exit_code"] = 1
         if record["exit_code"] != 0:
             record["message"] = f"{self._end_text(code)}: {self._last_error(log_start)}"
+            record |= _outdated(self._record())
         self._write_record(record)
 
     @staticmethod
@@ -214,8 +235,18 @@ class RowFolder:
         with open(self.log_path, encoding="utf-8", errors="replace") as log:
             log.seek(start)
             lines = [line.strip() for line in log if line.strip()]
-        errors = [line for line in lines if "error:" in line]
+        # Other sweeps write to the file too, but only that the folder is in use.
+        errors = [line for line in lines if "error:" in line and "is in use by" not in line]
         return (errors or lines or ["no output"])[-1]
+
+
+def _digest(summary):
+    return hashlib.sha256(json.dumps(summary).encode()).hexdigest()
+
+
+def _outdated(record):
+    """The entry of row.json by which the summary of a run that is being extended does not count as that of the longer run."""
+    return {name: value for name, value in record.items() if name == "outdated_summary_sha256"}
 
 
 def _at_least(new, old):
@@ -255,40 +286,44 @@ def _stop_with(parent):
 class _Job:
     """A row that runs here."""
 
-    def __init__(self, folder, lock, program):
-        self.folder, self.lock = folder, lock
+    def __init__(self, folder, program):
+        self.folder = folder
         self.asked = self.killed = False
         self.started = time.monotonic()
         command, needs = folder.start(program)
         with open(folder.log_path, "ab", opener=no_links) as log:
             self._log_start = log.tell()
             self.process = subprocess.Popen(command, cwd=folder.base, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
-                                            env=os.environ | needs, pass_fds=[lock.fd], preexec_fn=_stop_with(os.getpid()))
-        lock.name(self.process.pid)
+                                            env=os.environ | needs, preexec_fn=_stop_with(os.getpid()))
 
     @property
     def seconds(self):
         return time.monotonic() - self.started
 
+    @property
+    def refused(self):
+        """Whether another process ran in the folder."""
+        return self.process.returncode == IN_USE_CODE
+
     def ended(self):
-        self.lock.beat()
         if self.process.poll() is None:
             return False
-        if not self.killed:  # else treated like a lost machine: to be run again
+        if not self.killed and not self.refused:  # else treated like a lost machine: to be run again
             self.folder.end(self.process.returncode, self._log_start)
-        self.lock.close()
         return True
 
 
 class Sweep:
-    """Runs rows with a number of workers until none is left or a signal comes. A patient one waits for rows that others
-    run, such as those that a killed sweep has left."""
+    """Runs rows with a number of workers until none is left or a signal comes. The program's lock makes sure that a row
+    runs once at a time: exit code 6 says that another process has it. A patient sweep waits for such rows."""
 
     def __init__(self, folders, program, workers, retry=False, patient=True):
         self._folders, self._program, self._workers = folders, program, workers
         self._retry, self._patient = retry, patient
         self._terminal = sys.stdout.isatty()
-        self._jobs, self._seconds, self._taken = [], [], []
+        self._jobs, self._seconds = [], []
+        self._taken = []  # folders in use by other processes, and when to try them again
+        self._reported = {}
         self._stop_at, self._kill, self._shown_at = None, False, 0.0
         self.states = {}
 
@@ -324,17 +359,13 @@ class Sweep:
                 self._report(folder, state)
         todo.reverse()
         while self._jobs or ((todo or self._taken) and self._stop_at is None):
-            free = [folder for folder in self._taken if owner(folder.lock_path) is None]
-            self._taken = [folder for folder in self._taken if folder not in free]
-            todo.extend(free)
+            todo.extend(folder for folder, at in self._taken if at <= time.monotonic())
+            self._taken = [(folder, at) for folder, at in self._taken if at > time.monotonic()]
             while todo and len(self._jobs) < self._workers and self._stop_at is None:
                 self._begin(todo.pop())
             for job in [job for job in self._jobs if job.ended()]:
                 self._jobs.remove(job)
-                state = job.folder.state(mine=True)
-                if state.kind == "done":
-                    self._seconds.append(job.seconds)
-                self._report(job.folder, state)
+                self._finish(job)
             self._ask_to_stop()
             self._progress()
             if self._jobs or self._taken:
@@ -346,28 +377,34 @@ class Sweep:
             folder.path.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise OutputError(f"{folder.path}: cannot be made ({error.strerror})") from None
-        try:
-            lock = RowLock(folder.lock_path)
-        except Taken as taken:
-            self._report(folder, State("running", "running", f"on {taken}"))
-            if self._patient:
-                self._taken.append(folder)
-            return
-        state = self.states[folder.row.id] = folder.state(mine=True)
-        if state.kind == "done" or (state.kind == "failed" and not self._retry):  # another worker was here meanwhile
-            lock.close()
+        state = folder.state()
+        if state.kind == "running":
+            return self._leave(folder, state)
+        if state.kind == "done" or (state.kind == "failed" and not self._retry):  # another sweep was here meanwhile
             return self._report(folder, state)
         try:
-            self._jobs.append(_Job(folder, lock, self._program))
+            self._jobs.append(_Job(folder, self._program))
         except OSError as error:
             raise OutputError(f"row '{folder.row.id}' cannot be started ({error.filename}: {error.strerror})") from None
-        finally:
-            if not self._jobs or self._jobs[-1].lock is not lock:
-                lock.close()
         self.states[folder.row.id] = State("running", "running")
 
+    def _finish(self, job):
+        state = job.folder.state()
+        if job.refused and state.kind != "done":
+            return self._leave(job.folder, State("running", "running", holder(job.folder.path) or "another process"))
+        if state.kind == "done":
+            self._seconds.append(job.seconds)
+        self._report(job.folder, state)
+
+    def _leave(self, folder, state):
+        """To the process that runs in the folder."""
+        if self._reported.get(folder.row.id) != state:
+            self._report(folder, state)
+        if self._patient:
+            self._taken.append((folder, time.monotonic() + IN_USE_PAUSE))
+
     def _report(self, folder, state):
-        self.states[folder.row.id] = state
+        self.states[folder.row.id] = self._reported[folder.row.id] = state
         self._clear_line()
         remark(row_text(folder.row, state))
 

@@ -3,10 +3,12 @@
 wall time;
 -mode gate waits for the file "go" in its folder, -mode meet for two other running programs."""
 
+import fcntl
 import glob
 import json
 import os
 import signal
+import socket
 import sys
 import time
 
@@ -42,6 +44,16 @@ for name, value in options.items():
             fail(2, f"-{name} {value}: must be at least 0")
 folder = options.get("output") or options["restart"]
 at = 0.0
+lock = None
+if os.path.isdir(folder):
+    lock = open(f"{folder}/run.lock", "a+", encoding="utf-8")
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        lock.seek(0)
+        fail(6, f"{folder} is in use by {lock.read()}; wait until it has ended, stop it by kill, or choose another folder (-output)")
+    lock.truncate(0)
+    print(f"process {os.getpid()} on host {socket.gethostname()}", end="", file=lock, flush=True)
 if "restart" in options:
     try:
         with open(f"{options['restart']}/checkpoint-a.h5", encoding="utf-8") as file:
@@ -50,7 +62,7 @@ if "restart" in options:
         fail(2, f"there is no checkpoint in {options['restart']}; restart from the folder of a run that has one")
 elif os.path.exists(f"{folder}/summary.json"):
     fail(2, f"{folder} holds a run that is finished (done); choose another -output")
-elif os.path.exists(f"{folder}/run.h5"):
+elif os.path.exists(f"{folder}/run.h5") and os.path.getsize(f"{folder}/run.h5") > 0:
     fail(2, f"{folder} holds 1 frames of a run without a checkpoint to resume from; choose another -output")
 stop = []
 signal.signal(signal.SIGUSR1, lambda *_: stop.append(1))
@@ -70,9 +82,6 @@ def pause():
 if mode == "bad":
     print("pliant: warning: something else", file=sys.stderr)
     fail(3, "not finite")
-if mode == "in_use" and not os.path.exists(f"{folder}/go"):
-    os.unlink(f"{folder}/run.h5")
-    fail(6, f"{folder} is in use by process 1 on host x; wait until it has ended")
 if mode == "die":
     os.kill(os.getpid(), signal.SIGKILL)
 if mode == "silent":

@@ -1,11 +1,13 @@
-"""Sweeps: tables into rows, rows into runs, stop and resume, locks, results. A small program stands for pliant."""
+"""Sweeps: tables into rows, rows into runs, stop and resume, folders in use, results. A small program stands for pliant."""
 
+import fcntl
 import json
 import os
 import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
@@ -14,11 +16,10 @@ import pandas as pd
 import pytest
 from synthetic import write_run
 
-from pliant import PliantError, RunError, load_table, sweep_lock
+from pliant import PliantError, RunError, load_table, sweep_jobs
 from pliant.files import write_atomically
 from pliant.sweep_command import main
-from pliant.sweep_jobs import RowFolder, State, Sweep, count_text, duration_text
-from pliant.sweep_lock import RowLock, Taken, owner
+from pliant.sweep_jobs import RowFolder, State, Sweep, count_text, duration_text, holder
 from pliant.sweep_rows import canonical, expand_seeds, read_rows
 
 HERE = Path(__file__).resolve().parent
@@ -323,14 +324,45 @@ def test_failures_without_a_run_may_be_corrected(table, tmp_path):
     assert sweep(table("name,a", "x,1"))["x"].kind == "done"
 
 
-def test_a_row_whose_folder_is_in_use_runs_later(table, tmp_path, run):
+def test_a_row_whose_folder_is_in_use_waits(table, tmp_path, run):
     """Folder in use by a run that was started by hand: exit code 6 does not count as a failure of the row."""
-    path = table("name,mode", "x,in_use", "y,")
-    run(path, code=75)
-    assert "stopped 1" in run(path, "--status", code=75)
-    (tmp_path / "t/x/go").touch()
-    run(path)
-    assert len(attempts(path, "x")) == 2
+    path, folder = table("name,mode", "x,gate", "y,"), tmp_path / "t/x"
+    folder.mkdir(parents=True)
+    command, changes = RowFolder(tmp_path / "t", rows_of(path)[0], tmp_path).start(PROGRAM)
+    by_hand = subprocess.Popen(command, stdout=subprocess.DEVNULL, env=os.environ | changes)
+    wait_for(lambda: attempts(path, "x"))
+    assert f"row 1 (x): running: process {by_hand.pid} on host {socket.gethostname()}" in run(path, "--status", code=75)
+    sweep = start(path)
+    wait_for(lambda: attempts(path, "y"))
+    (folder / "go").touch()
+    assert by_hand.wait() == 0
+    output, _ = sweep.communicate(timeout=PATIENCE)
+    assert sweep.returncode == 0 and output.count("row 1 (x): running") == 1, output
+    assert attempts(path, "x") == [0]
+
+
+def test_exit_code_6_is_tried_again(table, tmp_path, run, monkeypatch):
+    """The lock alone decides: nothing that the sweep has seen before."""
+    path, folder = table("name", "x"), tmp_path / "t/x"
+    folder.mkdir(parents=True)
+    monkeypatch.setattr(sweep_jobs, "holder", lambda folder: None)
+    with open(folder / "run.lock", "w", encoding="utf-8") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        assert "row 1 (x): running: another process" in run(path, "--row", 1, code=75)
+        thread = threading.Timer(1.5, lock.close)
+        thread.start()
+        assert "done 1/1" in run(path)
+    assert attempts(path, "x") == [0]
+    assert "is in use by" in (folder / "log.txt").read_text(encoding="utf-8")
+
+
+def test_the_message_of_a_failure_is_its_own(table, tmp_path):
+    """Not that of another sweep, which has found the folder in use."""
+    folder = RowFolder(tmp_path / "t", rows_of(table("name", "x"))[0], tmp_path, PROGRAM)
+    folder.path.mkdir(parents=True)
+    folder.log_path.write_text("pliant: error: not finite\npliant: error: t/x is in use by process 1 on host a; wait\n", encoding="utf-8")
+    folder.end(3, 0)
+    assert folder.state().message == "exit code 3: pliant: error: not finite"
 
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
@@ -378,14 +410,14 @@ def test_ignored_signals_stay_ignored(table, tmp_path):
 
 
 def test_later_signals_kill(table, tmp_path, run):
-    path, lock = table("name,b,mode", "x,1000,uncooperative"), tmp_path / "t/x/lock"
+    path, folder = table("name,b,mode", "x,1000,uncooperative"), tmp_path / "t/x"
     process = start(path)
     wait_for(lambda: attempts(path, "x"))
     begun = time.monotonic()
-    while owner(lock) and time.monotonic() - begun < PATIENCE:
+    while holder(folder) and time.monotonic() - begun < PATIENCE:
         process.send_signal(signal.SIGINT)
         until = time.monotonic() + 2.5
-        while owner(lock) and time.monotonic() < until:
+        while holder(folder) and time.monotonic() < until:
             time.sleep(0.05)
     assert time.monotonic() - begun > 2
     process.communicate(timeout=PATIENCE)
@@ -399,7 +431,7 @@ def test_runs_of_a_killed_sweep_stop(table, tmp_path, run):
     wait_for(lambda: attempts(path, "x") and attempts(path, "y"))
     process.kill()
     process.communicate()
-    wait_for(lambda: not owner(folder / "lock") and not owner(tmp_path / "t/y/lock"))
+    wait_for(lambda: not holder(folder) and not holder(tmp_path / "t/y"))
     assert (folder / "checkpoint-a.h5").exists() and "stopped 2" in run(path, "--status", code=75)
     for name in "xy":
         (tmp_path / "t" / name / "go").touch()
@@ -410,16 +442,16 @@ def test_runs_of_a_killed_sweep_stop(table, tmp_path, run):
 
 def test_a_sweep_waits_for_runs_that_go_on(table, tmp_path, run):
     """Runs of a killed sweep that do not stop at once are not started again, and count when they are done."""
-    path, lock = table("name,b,mode", "x,4,uncooperative", "y,0,"), tmp_path / "t/x/lock"
+    path, folder = table("name,b,mode", "x,4,uncooperative", "y,0,"), tmp_path / "t/x"
     process = start(path, "-j", 1)
     wait_for(lambda: attempts(path, "x"))
     process.kill()
     process.communicate()
-    holder = int(owner(lock).split()[-1])
-    assert holder != process.pid
-    os.kill(holder, 0)  # the run, which is alive
+    pid = int(holder(folder).split()[1])
+    assert pid != process.pid
+    os.kill(pid, 0)  # the run, which is alive
     output = run(path)
-    assert f"row 1 (x): running: on {socket.gethostname()} process {holder}" in output and "done 2/2" in output
+    assert f"row 1 (x): running: process {pid} on host {socket.gethostname()}" in output and "done 2/2" in output
     assert attempts(path, "x") == [0] and attempts(path, "y") == [0]
 
 
@@ -427,7 +459,7 @@ def test_a_row_does_not_wait(table, tmp_path, run):
     path = table("name,b,mode", "x,1000,gate")
     process = start(path)
     wait_for(lambda: attempts(path, "x"))
-    assert "running: on" in run(path, "--row", 1, code=75)
+    assert "running: process" in run(path, "--row", 1, code=75)
     (tmp_path / "t/x/go").touch()
     process.send_signal(signal.SIGTERM)
     process.communicate(timeout=PATIENCE)
@@ -458,16 +490,16 @@ def test_links_are_not_followed(table, tmp_path, run):
     run(path)
     run(path, "--slurm")
     assert precious.read_text(encoding="utf-8") == "mine"
-    for link in ("log.txt", "lock"):
+    for link, code in (("log.txt", 2), ("run.lock", 3)):
         (tmp_path / "t" / link).mkdir()
         (tmp_path / "t" / link / link).symlink_to(precious)
-        assert f"{link}: is a symbolic link, not a file" in run(table("name", link), code=2)
+        assert f"{link}: is a symbolic link, not a file" in run(table("name", link), code=code)
         (tmp_path / "t" / link / link).unlink()
         os.link(precious, tmp_path / "t" / link / link)
-        assert f"{link}: is a file with other names" in run(table("name", link), code=2)
+        assert f"{link}: is a file with other names" in run(table("name", link), code=code)
         (tmp_path / "t" / link / link).unlink()
         os.mkfifo(tmp_path / "t" / link / link)
-        assert f"{link}: is a FIFO, not a file" in run(table("name", link), code=2)
+        assert f"{link}: is a FIFO, not a file" in run(table("name", link), code=code)
     assert precious.read_text(encoding="utf-8") == "mine"
 
 
@@ -487,19 +519,18 @@ def test_a_result_that_is_gone(table, tmp_path, run):
 
 
 def test_killed_runs_begin_anew_without_a_checkpoint(table, tmp_path, run):
-    """The remains of a crashed machine: a record of the start, a broken run, a lock of a dead owner."""
+    """The remains of a crashed machine: a record of the start, a run without frames, a lock of a dead owner."""
     path = table("name,a", "x,1", "y,1")
     for name in "xy":
         folder = tmp_path / "t" / name
         folder.mkdir(parents=True)
         (folder / "row.json").write_text(json.dumps({"run": {"scenario": "hopper", "options": {"a": "1"}}}), encoding="utf-8")
-        (folder / "run.h5").write_text("broken", encoding="utf-8")
-        (folder / "lock").write_text(f"{socket.gethostname()} process 1", encoding="utf-8")
+        (folder / "run.h5").write_text("", encoding="utf-8")
+        (folder / "run.lock").write_text(f"process 1 on host {socket.gethostname()}", encoding="utf-8")
     (tmp_path / "t/y/checkpoint-a.h5").write_text("0.5", encoding="utf-8")
     assert "stopped 2" in run(path, "--status", code=75)
     run(path)
     assert attempts(path, "x") == [0] and attempts(path, "y") == [0.5]
-    assert (tmp_path / "t/x/run.h5").read_text(encoding="utf-8") == ""
 
 
 def test_one_row(table, tmp_path, run):
@@ -579,71 +610,6 @@ def test_parallel_and_slurm_run_every_row(table, tmp_path, run):
 def test_program_is_named(table, tmp_path, run):
     output = run(table("a", "1"), "--program", tmp_path / "none", code=2)
     assert "none: there is no such program; name it with --program" in output
-
-
-# --- Locks
-
-def test_lock(tmp_path):
-    path = tmp_path / "lock"
-    lock = RowLock(path)
-    assert owner(path) == f"{socket.gethostname()} process {os.getpid()}"
-    with pytest.raises(Taken, match=f"process {os.getpid()}"):
-        RowLock(path)
-    lock.close()
-    assert owner(path) is None
-    RowLock(path).close()
-
-
-def test_lock_is_inherited(tmp_path):
-    """The lock outlives the worker while the run continues, and no longer."""
-    lock = RowLock(tmp_path / "lock")
-    child = subprocess.Popen(["sleep", "60"], pass_fds=[lock.fd])
-    os.close(lock.fd)
-    assert owner(tmp_path / "lock")
-    child.kill()
-    child.wait()
-    assert owner(tmp_path / "lock") is None
-    RowLock(tmp_path / "lock").close()
-
-
-def test_locks_of_other_machines(tmp_path):
-    """Where the file system does not share locks, the age of the note decides."""
-    path = tmp_path / "lock"
-    path.write_text("elsewhere process 1", encoding="utf-8")
-    assert owner(path) == "elsewhere process 1"
-    with pytest.raises(Taken, match="elsewhere"):
-        RowLock(path)
-    long_ago = time.time() - sweep_lock.STALE - 1
-    os.utime(path, (long_ago, long_ago))
-    assert owner(path) is None
-    RowLock(path).close()
-
-
-def test_a_lock_of_the_future(table, tmp_path, run):
-    """Another machine's clock, or a wrong date of this one: neither wait for ever nor run twice."""
-    path = tmp_path / "t/x/lock"
-    path.parent.mkdir(parents=True)
-    path.write_text("elsewhere process 1", encoding="utf-8")
-    later = time.time() + 1e6
-    os.utime(path, (later, later))
-    with pytest.raises(RunError, match="s in the future"):
-        owner(path)
-    for mode in ("--status", "--row=1"):
-        assert "delete the file if there is no elsewhere process 1" in run(table("name", "x"), mode, code=2)
-    soon = time.time() + sweep_lock.STALE / 2  # clocks differ
-    os.utime(path, (soon, soon))
-    assert owner(path) == "elsewhere process 1"
-
-
-def test_sign_of_life(tmp_path, monkeypatch):
-    lock = RowLock(tmp_path / "lock")
-    os.utime(lock.fd, (1, 1))
-    lock.beat()
-    assert os.fstat(lock.fd).st_mtime == 1
-    monkeypatch.setattr(sweep_lock, "HEARTBEAT", 0)
-    lock.beat()
-    assert os.fstat(lock.fd).st_mtime == pytest.approx(time.time(), abs=60)
-    lock.close()
 
 
 # --- Results

@@ -15,6 +15,7 @@ enum class ExitCode : int {
   numerical_failure = 3,
   output_failure = 4,
   out_of_memory = 5,
+  folder_in_use = 6,
   stopped = 75
 };
 

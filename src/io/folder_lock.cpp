@@ -10,7 +10,9 @@
 
 #include <array>
 #include <cerrno>
+#include <chrono>
 #include <cstring>
+#include <thread>
 
 namespace pliant {
 namespace {
@@ -22,6 +24,17 @@ int lock_now(int descriptor, int how = LOCK_EX) {
   do result = ::flock(descriptor, how | LOCK_NB);
   while (result != 0 && errno == EINTR);
   return result == 0 ? 0 : errno;
+}
+
+/// Locks the file, and waits for readers of the note, who hold a shared lock for a moment (holder_of, pliant-sweep).
+int lock_for_writing(int descriptor) {
+  constexpr int patience = 1000;
+  for (int attempt = 0;; ++attempt) {
+    const int error = lock_now(descriptor);
+    if (error != EWOULDBLOCK || lock_now(descriptor, LOCK_SH) != 0 || attempt == patience) return error;
+    ::flock(descriptor, LOCK_UN);
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
 }
 
 /// Whether the file still has its name: the one before may have removed it.
@@ -85,7 +98,7 @@ void FolderLock::acquire() {
     if (descriptor_ < 0)
       throw OutputError("cannot write in the folder {}: {}; check permissions and free space, or choose {}",
                         folder_.string(), std::strerror(errno), cures({Cure::other_folder}));
-    const int error = lock_now(descriptor_);
+    const int error = lock_for_writing(descriptor_);
     if (error == 0 && has_name(descriptor_, file_)) break;
     const std::string holder = note_of(descriptor_);
     if (error != 0 && error != EWOULDBLOCK) {

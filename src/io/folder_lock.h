@@ -15,7 +15,7 @@ namespace pliant {
 struct FolderInUse : Error {
   template <class... Args>
   explicit FolderInUse(fmt::format_string<Args...> text, Args&&... args)
-      : Error(ExitCode{6}, fmt::format(text, std::forward<Args>(args)...)) {}
+      : Error(ExitCode::folder_in_use, fmt::format(text, std::forward<Args>(args)...)) {}
 };
 
 /// Creates a folder and its parents. Errors: OutputError.

@@ -49,6 +49,22 @@ def test_four_runs(tmp_path):
     assert units["Q_error"] == alone["Q"]["unit"]
 
 
+def test_two_sweeps_at_once(tmp_path):
+    """Each row is run once, by one of them; both wait until all rows are done."""
+    table = tmp_path / "t.csv"
+    options = SMALL | {"t_end": 20}
+    table.write_text(",".join([*options, "seeds"]) + "\n" + ",".join([*map(str, options.values()), "1-5"]) + "\n", encoding="utf-8")
+    sweeps = [start(table, "-j", 2) for _ in range(2)]
+    for process in sweeps:
+        output, _ = process.communicate(timeout=HANGS)
+        assert process.returncode == 0 and output.splitlines()[-1] == "done 5/5, running 0, failed 0, waiting 0", output
+    results = pd.read_csv(tmp_path / "t/results.csv")
+    assert list(results["status"]) == ["done"] * 5 and results["steps"].nunique() == 1
+    for run in results["run"]:
+        log = (Path(run) / "log.txt").read_text(encoding="utf-8")
+        assert log.count("output in") == 1 and "continuing" not in log, log
+
+
 FAKE = Path(__file__).resolve().parents[2] / "python/tests/fake_program.py"
 
 

@@ -1,12 +1,16 @@
 // The lock of a run's folder.
+#include <fcntl.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <catch2/catch.hpp>
+#include <chrono>
 #include <csignal>
 #include <fstream>
 #include <sstream>
+#include <thread>
 
 #include <pliant/base/errors.h>
 #include <pliant/io/folder_lock.h>
@@ -49,6 +53,19 @@ TEST_CASE("a folder has one lock", "[lock]") {
     CHECK(fs::exists(scratch.path / "run.lock"));  // the refused one has left it
   }
   CHECK(refusal(scratch.path).empty());
+}
+
+TEST_CASE("readers of the note are no obstacle to a lock", "[lock]") {
+  const Scratch scratch;
+  create_folder(scratch.path);
+  const int reader = ::open((scratch.path / "run.lock").c_str(), O_RDWR | O_CREAT, 0600);
+  REQUIRE(::flock(reader, LOCK_SH) == 0);
+  std::thread ends([&] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    ::close(reader);
+  });
+  CHECK(refusal(scratch.path).empty());
+  ends.join();
 }
 
 TEST_CASE("a lock ends with its process", "[lock]") {
