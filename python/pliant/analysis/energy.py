@@ -11,9 +11,9 @@ COLUMNS = ("kinetic_energy", "potential_energy", "energy", "contact_energy", "de
 
 
 def energy_budget(run):
-    """DataFrame, one row per sample: time, the columns of COLUMNS that the run has, all other parts of the heat, and dissipation_rate:
-    power of `heat` or `dissipated`, by differences of neighbouring samples; absent without them. Energies are in the run's
-    unit, ρ g σ_avg^(D+1), of droplets force times ⟨R⟩. RunError if the run has none of the columns."""
+    """DataFrame, one row per sample: time, the columns of COLUMNS that the run has, the parts of the heat, and dissipation_rate, the
+    power of `heat` or `dissipated` from differences of neighbouring samples, if the run has one of them. Energies are in the
+    run's unit: ρ g σ_avg^(D+1), for droplets force times ⟨R⟩. RunError if all columns are missing."""
     series = run.series
     parts = [name for name in series if name.endswith(("_sliding", "_damping", "_rolling", "_twisting"))]
     names = [name for name in COLUMNS if name in series] + parts

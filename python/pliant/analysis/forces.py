@@ -67,7 +67,7 @@ class ForceChains:
     label: np.ndarray      #: [N] number of the particle's chain, -1 without
     lengths: np.ndarray    #: [K] particles of each chain
     fraction: float        #: particles in chains over particles with a force; NaN without
-    share: float           #: of the sum of the largest principal stresses times volume; NaN without
+    share: float           #: largest principal stress in chains over its sum over all particles; NaN without
 
 
 def force_chains(particles, angle=_ANGLE, least=_LEAST):

@@ -4,9 +4,10 @@ import numpy as np
 import pandas as pd
 
 from .. import nonaffine
-from ..run import Frame, Run, nearest_image
+from ..run import Frame, nearest_image
 from .neighbours import nearest, within
 from .particles import Particles
+from .sources import several
 
 _PAIRS = 100      # pairs of frames per lag, by default
 _LAGS = 50
@@ -15,9 +16,15 @@ _LAGS = 50
 def _tracks(source):
     """(times [F], unwrapped positions [F, N, D], reinsertions [F, N]) of a run or of a list of its frames; NaN for absent
     particles."""
-    frames = list(source.frames if isinstance(source, Run) else source)
+    frames = list(several(source))
     if len(frames) < 2:
         raise ValueError(f"{len(frames)} frames have no displacements; write frames more often (-frame_interval)")
+    if isinstance(frames[0], Particles):
+        moved = np.array([displacements(a, b) for a, b in zip(frames, frames[1:])])
+        places = np.concatenate([np.zeros((1, *moved.shape[1:])), np.nancumsum(moved, axis=0)])
+        # A particle that was absent has an unknown displacement from then on, as one that was reinserted.
+        jumps = np.concatenate([np.zeros((1, moved.shape[1]), int), np.cumsum(np.isnan(moved[:, :, 0]), axis=0)])
+        return np.array([f.time for f in frames]), places, jumps
     places = np.array([np.where(f.active[:, None], f.unwrapped_centres, np.nan) for f in frames])
     return np.array([f.time for f in frames]), places, np.array([f.reinsertions for f in frames])
 
@@ -35,7 +42,8 @@ def mean_squared_displacement(source, times=None, reinsertions=None, lags=None, 
     """DataFrame, one row per lag: time (mean time between the frames), msd, msd_x, msd_y [msd_z], alpha2 (non-Gaussian
     parameter <u⁴> D/((D+2) <u²>²) - 1), samples (displacements averaged).
 
-    `source`: a Run, a list of its frames, or unwrapped positions [F, N, D] with NaN for absent particles, `times` [F] and, if
+    `source`: a Run, a list of its frames, a list of Particles (which move less than half a periodic box from one to the next), or
+    unwrapped positions [F, N, D] with NaN for absent particles, `times` [F] and, if
     particles jump, `reinsertions` [F, N], a counter that grows with each jump. Displacements across a reinsertion do not
     count. lags: numbers of frames (default all up to 100 frames, else 50 in geometric order). drift=False subtracts the
     mean displacement of all particles from each displacement. At most `origins` pairs of frames are averaged for a lag, spread

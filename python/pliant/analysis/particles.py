@@ -68,11 +68,13 @@ class Particles:
         shapes = {"radii": (radii, (count,)), "velocities": (self.velocities, (count, dim)),
                   "masses": (self.masses, (count,)), "volumes": (self.volumes, (count,)),
                   "forces": (self.forces, (None, dim)), "points": (self.points, (None, dim))}
-        given |= {name: _array(name, values, shape, finite=name not in ("velocities",))
+        of_contacts = ("forces", "points")
+        given |= {name: _array(name, values, shape, finite=name in of_contacts)
                   for name, (values, shape) in shapes.items() if values is not None}
         for name in ("radii", "masses", "volumes"):
-            if name in given and not (given[name] > 0).all():
-                row = int(np.argmax(given[name] <= 0))
+            wrong = active & ~(given[name] > 0) if name in given else np.zeros(count, bool)
+            if wrong.any():
+                row = int(np.argmax(wrong))
                 raise ValueError(f"{name} of particle {row} is {given[name][row]:g}; it must be positive")
         if self.pairs is not None:
             pairs = _array("pairs", np.asarray(self.pairs, np.int64).reshape(-1, 2), (None, 2), np.int64)

@@ -6,16 +6,21 @@ from ..run import Frame, Frames, Run
 from .particles import Particles
 
 
-def each(source, *needed, **given):
-    """Yields Particles, with the fields `needed`, of a Run, of a list of frames or Particles, or of a single Frame, Particles or
-    array of positions. `given` replaces their properties, unless None."""
+def several(source):
+    """The frames or other single sources in `source`: of a Run, of a list of frames, Particles or arrays, or the source itself."""
     if isinstance(source, Run):
         source = source.frames
         if not len(source):
             source[0]  # raises the RunError
-    several = isinstance(source, (Frames, list, tuple)) and len(source) and (
+    listed = isinstance(source, (Frames, list, tuple)) and len(source) and (
         isinstance(source[0], (Frame, Particles)) or np.ndim(source[0]) == 2)
-    for one in source if several else [source]:
+    return source if listed else [source]
+
+
+def each(source, *needed, **given):
+    """Yields Particles, with the fields `needed`, of a Run, of a list of frames or Particles, or of a single Frame, Particles or
+    array of positions. `given` replaces their properties, unless None."""
+    for one in several(source):
         yield Particles.of(one, *needed, **given)
 
 

@@ -168,8 +168,8 @@ def coarse_grained(source, width, spacing=None, region=None):
     Σ m v_a v_b φ - ρ V_a V_b, V = Σ m v φ/ρ. Density, momentum and stress fulfil the balance of momentum at every point.
 
     `source`: a Frame or Particles with masses, velocities, pairs and forces, or a Run or a list of these, which are averaged (V is
-    then the mean velocity). Grid points are `spacing` (default `width`) apart in `region` (lower and upper corner; default the
-    extent of the centres of the first frame; the box where it is periodic). The sum over a grid that holds all, times the volume of
+    then the mean velocity). The distance of grid points is `spacing` (default `width`). The grid fills a periodic box, in open directions
+    `region`: lower and upper corner, default the extent of the centres of the first frame. The sum over a grid that holds all, times the volume of
     a grid cell, is the total mass or stress to about 1e-4. Up to two widths from a wall a part of each field lies behind it."""
     spacing = width if spacing is None else spacing
     for name, value in (("width", width), ("spacing", spacing)):

@@ -197,7 +197,7 @@ def _open_cells(simplices, own, at, count):
     _, row, number = np.unique(sides, axis=0, return_inverse=True, return_counts=True)
     border = sides[number[row.ravel()] == 1]
     open_ = np.zeros(count, bool)
-    # Simplices without an own corner were left out; their sides have no own particle.
+    # Simplices of images alone were left out before, and their sides belong to images alone.
     open_[at[border[own[border]]]] = True
     return open_
 
