@@ -6,7 +6,6 @@ exponents that the program gives.
 
 from dataclasses import dataclass
 
-import lmfit
 import numpy as np
 import pandas as pd
 from scipy.optimize import leastsq
@@ -68,7 +67,7 @@ class BeverlooFit:
 
 
 class _Projected:
-    """The same least-squares problem with C eliminated (it is linear) and bounds removed by a sine: fast enough to be
+    """The least-squares problem with C eliminated (it is linear) and bounds removed by a sine: fast enough to be
     solved hundreds of times for the bootstrap."""
 
     def __init__(self, w, weight, k_range, beta, k):
@@ -111,12 +110,14 @@ class _Projected:
         i, j = np.unravel_index(np.argmax(gain), gain.shape)
         return self.best_C(ks[i], betas[j], Q * self.weight)[0], ks[i], betas[j]
 
-    def solve(self, Q, k, beta):
+    def solve(self, Q, k, beta, tolerance=1e-7, evaluations=300):
+        """(C, k, beta) of the least sum of squares near (k, beta)."""
         scaled = Q * self.weight
         t = self.pack(k, beta)
         if len(t):
-            # full_output: a resample that creeps along a bound ends at maxfev, close enough, without a warning.
-            t = leastsq(self.residual, t, args=(scaled,), xtol=1e-7, ftol=1e-7, maxfev=300, full_output=True)[0]
+            # full_output: a fit that creeps along a bound ends at maxfev, close enough, without a warning.
+            t = leastsq(self.residual, t, args=(scaled,), xtol=tolerance, ftol=tolerance, maxfev=evaluations,
+                        full_output=True)[0]
         k, beta = self.unpack(t)
         return self.best_C(k, beta, scaled)[0], k, beta
 
@@ -157,7 +158,7 @@ def local_slopes(w, Q, error):
 
 
 def fit_beverloo(w, Q, error=None, beta=None, k=None, resamples=400, seed=1, draws=None, k_bounded=True):
-    """Least-squares fit of Q = C (w - k)^beta with weights 1/error, by lmfit.
+    """Least-squares fit of Q = C (w - k)^beta with weights 1/error.
 
     w [n] in sigma_avg; Q [n]; error [n] one standard error of Q. `beta` or `k` hold that parameter fixed; a free k lies
     between 0 (far below 0 with `k_bounded` false) and the narrowest orifice with Q > 0. Standard errors come from a parametric bootstrap: Q is drawn
@@ -180,19 +181,12 @@ def fit_beverloo(w, Q, error=None, beta=None, k=None, resamples=400, seed=1, dra
     weight = np.full_like(Q, 1 / Q.mean()) if error is None else 1 / error
 
     problem = _Projected(w, weight, k_range, beta, k)
-    C0, k0, beta0 = problem.start(Q)
-    model = lmfit.Model(beverloo, independent_vars=["w"])
-    parameters = model.make_params(C=C0, k=k0, beta=beta0)
-    parameters["C"].set(min=0)
-    parameters["k"].set(vary=k is None, min=k_range[0] if k is None else -np.inf, max=k_range[1])
-    parameters["beta"].set(vary=beta is None, min=BETA_RANGE[0], max=BETA_RANGE[1])
-    result = model.fit(Q, parameters, w=w, weights=weight, scale_covar=False, method="leastsq")
-    best = np.array([result.params[name].value for name in ("C", "k", "beta")])
+    _, *start = problem.start(Q)
+    best = np.array(problem.solve(Q, *start, tolerance=1e-12, evaluations=5000))
 
     at_bound = []
-    for name, low_high in (("k", k_range), ("beta", BETA_RANGE)):
-        span = low_high[1] - low_high[0]
-        if result.params[name].vary and min(abs(result.params[name].value - b) for b in low_high) < 1e-3 * span:
+    for name, value, held, low_high in (("k", best[1], k, k_range), ("beta", best[2], beta, BETA_RANGE)):
+        if held is None and min(abs(value - bound) for bound in low_high) < 1e-3 * (low_high[1] - low_high[0]):
             at_bound.append(name)
             notes.append(f"{name} at its bound")
 
@@ -213,7 +207,7 @@ def fit_beverloo(w, Q, error=None, beta=None, k=None, resamples=400, seed=1, dra
         refits = np.array([problem.solve(draw, best[1], best[2]) for draw in draws])
         low, high = np.quantile(refits, [0.158655, 0.841345], axis=0)
         errors = (high - low) / 2
-    chi2 = result.chisqr / freedom if freedom > 0 and error is not None else np.nan
+    chi2 = (((Q - fitted) * weight) ** 2).sum() / freedom if freedom > 0 and error is not None else np.nan
     return BeverlooFit(*(float(x) for pair in zip(best, errors) for x in pair), len(w), float(chi2), "; ".join(notes),
                        len(np.unique(w)), tuple(at_bound))
 
