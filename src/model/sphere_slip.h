@@ -1,4 +1,4 @@
-// How a contact in space has moved within a step.
+// Motion of a contact in space within a step.
 #pragma once
 
 #include <utility>
@@ -70,14 +70,14 @@ PLIANT_INLINE std::pair<R, R> half_angle(R half2) {
 }
 
 /// Between two directions n₀ and n of a contact: vectors across it turn as n does, by the shortest way, and about it by
-/// half of the sum of the rotations of both bodies. The slip is seen from halfway, so that a step is of second order.
-/// Of one contact, or of several in lanes; where n₀ is 0 all is finite.
+/// half of the sum of the rotations of both bodies. The slip is evaluated halfway, so that a step is of second order.
+/// For one contact, or for several in lanes; if n₀ is 0 all results are finite.
 template <class R>
 class SphereSlip {
  public:
   using Vector = Vector3<R>;
 
-  /// both: the rotations of both bodies, in sum.
+  /// both: the sum of the rotations of both bodies.
   PLIANT_INLINE SphereSlip(const Vector& before, const Vector& n, const Vector& both) : before_(before), n_(n) {
     const Vector chord = n - before, sum = before + n;
     half2_ = dot(chord, chord) / 4;
@@ -93,13 +93,13 @@ class SphereSlip {
   PLIANT_INLINE Vector arc() const { return arc_per_chord(half2_) * (n_ - before_); }
   /// turned × n, halfway.
   PLIANT_INLINE Vector across(const Vector& turned) const { return cross(turned, middle_); }
-  /// Of a body without curvature: the part of its way along the surface.
+  /// For a body without curvature: the part of its displacement along the surface.
   PLIANT_INLINE Vector along(const Vector& way) const { return way - dot(middle_, way) * middle_; }
-  /// A vector across n₀, across n.
+  /// Turns a vector across n₀ into a vector across n.
   PLIANT_INLINE Vector carry(const Vector& spring) const {
     return turn(middle_, n_, twist(1 - 2 * sine_ * sine_, 2 * sine_ * cosine_, turn(before_, middle_, spring)));
   }
-  /// One across the direction halfway, across n.
+  /// Turns a vector across the direction halfway into a vector across n.
   PLIANT_INLINE Vector carry_on(const Vector& slid) const { return turn(middle_, n_, twist(cosine_, sine_, slid)); }
 
  private:

@@ -1,4 +1,5 @@
-// Looks for vertices that have crossed an outline and for outlines that cross themselves, as often as one can have.
+// Finds vertices that have crossed an outline, and outlines that cross themselves, and checks again as soon as a
+// crossing is possible.
 #pragma once
 
 #include <limits>
@@ -13,16 +14,18 @@ namespace pliant {
 
 /// Outlines that cross themselves: no area, no pressure and no inside can be trusted where one does.
 struct SelfCrossingWatch {
-  bool stops = true;            ///< one that does is an error
-  bool refuses_trials = false;  ///< a trial step with one is not admitted: where a barrier keeps outlines simple
+  bool stops = true;            ///< a crossing outline is an error
+  bool refuses_trials = false;  ///< trial steps with a crossing outline are rejected: for barriers, which keep outlines
+                                ///< simple
   std::string cure = "raise the stiffness of the particles' shape";  ///< in the message of the error
 };
 
-/// Finds a vertex inside the outline of another particle in the very state in which it is there, as if it looked after
-/// every step: a vertex and an outline that are a distance apart cannot have met before both together have gone that
-/// far. So it remembers the smallest distance, and looks again only when twice the longest way of any point has used it
-/// up, which takes tens to hundreds of steps. A vertex that enters and leaves within a single step is not seen. An
-/// outline that crosses itself is found in the same way, by the distance of its vertices from its other edges.
+/// Finds a vertex inside the outline of another particle in the first accepted state in which it is there, as a check
+/// after every step would: a vertex and an outline cannot meet before the sum of their displacements reaches their
+/// distance. Therefore CrossingWatch stores the smallest distance, and checks again when twice the largest displacement
+/// of a point reaches it, which takes tens to hundreds of steps. A vertex that enters and leaves within a single step
+/// is not found. An outline that crosses itself is found in the same way, by the distance of its vertices from its
+/// other edges.
 /// All functions are collective. Errors: NumericalError on all ranks, which names the vertex.
 class CrossingWatch {
  public:
@@ -34,16 +37,16 @@ class CrossingWatch {
   /// Treatment of outlines that cross themselves; by default an error.
   void set_self_crossing(SelfCrossingWatch self) { self_ = std::move(self); }
 
-  /// Before the first step. Finds vertices however deep inside they are.
+  /// To be called before the first step. Finds vertices at any depth.
   void start(ParticleSystem<2>& system, const State& s) { look(system, s, std::numeric_limits<Real>::infinity()); }
   /// After every step.
   void after_step(ParticleSystem<2>& system, const State& s);
-  /// After particles were put somewhere else or into another order.
+  /// To be called after particles were moved to other places or reordered.
   void after_change(ParticleSystem<2>& system, const State& s) { look(system, s, 0); }
 
-  /// Whether x [own points · 2], which a step tries, has no vertex inside another particle, no outline that crosses
-  /// itself where these are refused, no particle that meets a wall or has gone through one, and no point that has gone
-  /// farther than σ_avg since the last look.
+  /// Whether x [owned points · 2], a trial state, is free of vertices inside other particles, of outlines that cross
+  /// themselves (if these are errors), of particles that meet a wall or have passed through one, and of points that
+  /// have moved farther than σ_avg since the last check.
   bool admits(ParticleSystem<2>& system, const Real* x) const;
 
  private:
@@ -54,7 +57,7 @@ class CrossingWatch {
   LeastDistances least_;
   SelfCrossingWatch self_;
   Real dt_ = 0;
-  Real gap_ = 0;  ///< how far vertices were from outlines and other edges, or these from `least`, at the last look
+  Real gap_ = 0;  ///< distance of vertices from outlines and other edges, or of these from `least`, at the last check
   std::vector<Real> reference_;  ///< positions of the own points then
 };
 

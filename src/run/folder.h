@@ -16,24 +16,24 @@
 
 namespace pliant {
 
-/// Makes a run that is new, or goes on from a checkpoint: that of -restart, or of a run that was stopped or killed in
-/// the same folder, as the same command again goes on with it. A run killed before its first checkpoint or frame is
-/// removed. Where p.branches(options), that of -restart is left as it is, and a branch that has begun in -output goes
-/// on there. `lock` becomes that of the folder, on the root: keep it as long as the run writes. `options`, to which `p`
-/// is bound, gets the stored values before `make` gets the checkpoint. If `make` or anything before it fails with the
-/// newer of two checkpoints, or run.h5 has less than it counts on, a warning says why, and the older one is tried:
-/// `make` must check all that it reads, and change nothing that lasts before it has. Collective. Errors: InputError
-/// where -output holds another run than a branch of -restart, another process uses the folder, it holds a run that has
-/// ended, or no checkpoint can be used; OutputError.
+/// Creates a new run, or continues from a checkpoint: the checkpoint of -restart, or of a stopped or killed run in the
+/// same folder, because repeating a command resumes its run. A run killed before its first checkpoint or frame is
+/// removed. If p.branches(options), the run of -restart is not changed, and a branch that has begun in -output
+/// continues there. `lock` becomes that of the folder, on the root: keep it as long as the run writes. `options`, to
+/// which `p` is bound, gets the stored values before `make` gets the checkpoint. If `make` or anything before it fails
+/// with the newer of two checkpoints, or run.h5 has less than it counts on, a warning says why, and the older one is
+/// tried: `make` must check all that it reads, and change nothing that lasts before it has. Collective. Errors:
+/// InputError where -output holds another run than a branch of -restart, another process uses the folder, the folder
+/// holds a run that has ended, or no checkpoint can be used; OutputError.
 void make_run(std::string_view scenario, const RunOptions& p, Options& options, const Ranks& ranks, FolderLock& lock,
               const std::function<void(std::optional<Checkpoint>)>& make);
 
-/// Where a run in this folder has branched off: "run", its folder, "t" and "step"; null where it is no branch.
+/// Origin of a branch in this folder: "run" (its folder), "t" and "step"; null for other runs.
 nlohmann::ordered_json branch_of(const std::filesystem::path& folder);
 
 /// Makes the folder of a branch, on the root: branch.json, a copy of the checkpoint, which is of time t and this step,
-/// and a copy of the run.h5 next to it. The last comes last: a folder without run.h5 is no branch yet. Returns the copy
-/// of the checkpoint. Errors: InputError, OutputError.
+/// and a copy of the run.h5 next to it. run.h5 is written last: a folder without run.h5 is not a branch yet. Returns
+/// the copy of the checkpoint. Errors: InputError, OutputError.
 std::filesystem::path begin_branch(const std::filesystem::path& checkpoint, Real t, std::int64_t step,
                                    const std::filesystem::path& folder);
 

@@ -70,7 +70,8 @@ class NaturalOrder {
     return order;
   }
 
-  /// `count` rows for each rank: those of particle m from first(m) to first(m + 1); the k-th to arrive has length(k).
+  /// `count` rows for each rank: the rows of particle m from first(m) to first(m + 1); the k-th to arrive has
+  /// length(k).
   template <class T, class First, class Length>
   std::vector<T> moved(std::span<const T> values, std::vector<std::size_t> count, int width, First first,
                        Length length) const {
@@ -98,7 +99,7 @@ class NaturalOrder {
   const Ranks& ranks_;
   const Topology& topology_;
   std::vector<Index> leaving_;                   ///< own particles, by id
-  std::vector<std::size_t> particles_, points_;  ///< that go to each rank
+  std::vector<std::size_t> particles_, points_;  ///< numbers of particles and points that go to each rank
   std::vector<Index> arrived_;                   ///< numbers of those that came, by id
   std::vector<Index> arrived_points_;            ///< of those that came, as they came
 };
@@ -231,7 +232,7 @@ FrameData<D>::FrameData(ParticleSystem<D>& system, const State& state, const std
 template <int D>
 void FrameData<D>::find_contacts(ParticleSystem<D>& system, const StateView<D>& view) {
   const Topology& topology = system.topology();
-  // Room for every pair that is listed: growing would copy, and memory that nobody touches costs nothing.
+  // Capacity for every listed pair: growing would copy, and untouched memory costs nothing.
   contacts_.reserve(static_cast<std::size_t>(system.neighbours().pairs()));
   system.field().for_each_contact(view, [&](const Contact<D>& c) {
     const bool in_order = topology.id[c.first] < topology.id[c.second];

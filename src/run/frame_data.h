@@ -44,7 +44,7 @@ class FrameData {
   void find_contacts(ParticleSystem<D>& system, const StateView<D>& view);
 
   std::vector<Real> positions_, velocities_, angles_, spins_, wall_force_;
-  std::vector<Real> centres_, area_, perimeter_;  ///< of polygons; the centre of a soft particle is its position
+  std::vector<Real> centres_, area_, perimeter_;  ///< polygons only; the centre of a soft particle is its position
   std::vector<std::uint8_t> active_;
   std::vector<std::int64_t> images_;  ///< in a periodic box
   std::vector<Index> offset_, contact_count_, reinsertions_;

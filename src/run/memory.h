@@ -20,8 +20,8 @@ Real least_memory(const RunSize& size);
 /// control group. Infinite where none is known.
 Real available_memory();
 
-/// options: those that set the size, for messages. Errors: InputError where the ranks of this machine together need
-/// more than it has available, or coordinates are more than can be numbered. Collective.
+/// options: names of the options that set the size, for messages. Errors: InputError if the ranks of this machine
+/// together need more memory than available, or if there are more coordinates than can be numbered. Collective.
 void check_memory(const RunSize& size, const std::string& options, const Ranks& ranks);
 
 }  // namespace pliant

@@ -13,21 +13,21 @@ enum class FramePrecision { real64, real32 };
 struct RunOptions {
   std::string output = "pliant-run", restart;
   std::int64_t seed = 1;
-  Index threads = 1;  ///< of this process
+  Index threads = 1;  ///< threads of this process
   bool allow_unstable_dt = false, allow_energy_error = false;
   std::string frame_fields = "all";  ///< as the user gave them
   FramePrecision frame_precision = FramePrecision::real64;
   Index frame_deflate = 0;
   Real frame_interval = 2, sample_interval = 0.2, checkpoint_interval = 300, max_wall_time = 0, progress_interval = 60;
 
-  /// Whether -restart and -output name two folders: the run goes on in the second one, as a branch. Errors: InputError
-  /// where an options file names the second one.
+  /// Whether -restart and -output name two folders: the run then continues as a branch in -output. Errors: InputError
+  /// if an options file sets -output.
   bool branches(const Options& options) const;
 
   /// How frames are written. Errors: InputError for unknown fields.
   FrameFormat frame_format() const;
 
-  /// Nothing is automatic: a scenario that has more to do has a resolve() of its own.
+  /// No automatic values; scenarios with automatic values define resolve().
   void resolve() {}
 
  protected:

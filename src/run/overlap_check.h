@@ -1,4 +1,4 @@
-// Whether particles are where contacts keep them: not within walls, not through each other.
+// Checks that particles are not within walls and have not passed through each other.
 #pragma once
 
 #include <string>
@@ -8,14 +8,13 @@
 
 namespace pliant {
 
-/// Overlap of two particles, over their contact distance, from which on their centres have met, and of a particle with
-/// a wall, over the radius, from which on its centre is on the wall: they pass through each other, and no contact law
-/// means anything.
+/// Overlap of two particles over their contact distance at which their centres meet, and of a particle with a wall over
+/// the radius at which its centre is on the wall. Beyond, they pass through each other, and contact laws are undefined.
 constexpr Real passing_overlap = 0.95;
 
 /// For samples. Returns the largest overlap of a point with a wall, over the point's radius, of all ranks; 0 without
-/// any. A thin wall has no inside: it overlaps by one radius at most. Errors: NumericalError on all ranks where a
-/// particle overlaps a wall by more than its radius (its centre, or a vertex of a polygon, is within a solid or a
+/// any. A thin wall has no inside, therefore its overlap is one radius at most. Errors: NumericalError on all ranks if
+/// a particle overlaps a wall by more than its radius (its centre, or a vertex of a polygon, is within a solid or a
 /// disk), or goes farther than its radius in a step dt, so that it may pass through particles and walls unseen. `cure`
 /// ends the message. s: with valid lists. Collective.
 template <int D>

@@ -104,7 +104,7 @@ Real RunControl::seconds_since(Clock::time_point t) const {
 
 bool RunControl::due() {
   if (--left_ > 0) return false;
-  // Aim at ten looks a second, whatever a step costs.
+  // Aim at ten checks a second, for any cost of a step.
   const Real passed = seconds_since(last_look_);
   last_look_ = Clock::now();
   const Real factor = std::clamp(0.1 / std::max(passed, 1e-6), 0.5, 2.0);

@@ -17,7 +17,8 @@ namespace pliant {
 class InheritedSignals {
  public:
   InheritedSignals();
-  /// Restores the former responses. Handlers of crashes stay, as MPI's print where it was; SIGCHLD stays MPI's.
+  /// Restores the former responses. MPI's handlers of crashes remain, because they print the place; SIGCHLD remains
+  /// MPI's.
   void restore() const;
 
  private:
@@ -25,10 +26,10 @@ class InheritedSignals {
   std::array<struct sigaction, count> responses_{};
 };
 
-/// From construction to destruction SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGUSR1 and SIGXCPU ask the run to stop instead
-/// of killing it; another one that comes more than two seconds after the first kills (not SIGXCPU). So it stays after
-/// destruction if a signal has come. A signal that is ignored stays ignored: SIGHUP under nohup, SIGINT in the
-/// background of a script.
+/// From construction to destruction SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGUSR1 and SIGXCPU request a stop instead of
+/// killing the run; another signal more than two seconds after the first kills (not SIGXCPU). After destruction this
+/// remains so if a signal has come. Ignored signals stay ignored: SIGHUP under nohup, SIGINT in the background of a
+/// script.
 class StopSignals {
  public:
   StopSignals();
@@ -64,23 +65,23 @@ class RunMonitor {
   RunMonitor* before_;
 };
 
-/// Clock of a run. Ask often: it looks at the time only now and then. On several ranks due() must be asked at the same
-/// steps; where it is true all ranks ask the collective functions. The root's clock counts.
+/// Clock of a run, to be called often: it reads the time only now and then. On several ranks due() must be called at
+/// the same steps; if it is true, all ranks call the collective functions. The root's clock counts.
 class RunControl {
  public:
   /// Wall seconds; 0 or less: never.
   RunControl(Real checkpoint_interval, Real max_wall_time, Ranks ranks = Ranks(), Real progress_interval = 0);
 
-  /// Whether to look closer at this step: cheap, true once in a while, on all ranks.
+  /// Whether to check the clock at this step: cheap, rarely true, equal on all ranks.
   bool due();
   bool stop() const;      ///< a signal came, or the wall time is used up; collective
   bool checkpoint_due();  ///< true once per interval; collective
   Real wall_seconds() const;
-  Real cpu_seconds() const;  ///< of all ranks; collective
+  Real cpu_seconds() const;  ///< CPU time of all ranks; collective
 
   /// Rewrites the progress line on a terminal (stderr), at most twice a second, and prints it as a line on a standard
-  /// output that is none (a file, a pipe), once in a progress interval. `text` is made only when needed. Where there is
-  /// a RunMonitor, it gets the line instead, with the time of the run and its end.
+  /// output that is not a terminal (a file, a pipe), once in a progress interval. `text` is made only when needed.
+  /// Where there is a RunMonitor, it gets the line instead, with the time of the run and its end.
   void progress(Real t, Real end, const std::function<std::string()>& text);
   /// Ends the progress line.
   void end_progress();

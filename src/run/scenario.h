@@ -23,7 +23,7 @@ using Arguments = std::vector<std::string>;
 /// An entry of the table.
 struct Scenario {
   std::string name, help;
-  std::string arguments = {};  ///< where these are no options: as the list of scenarios shows them
+  std::string arguments = {};  ///< arguments that are not options, as the list of scenarios shows them
   std::string units = {};      ///< of the options, in a sentence for the reference
   /// Runs it with the arguments after its name. Collective. Errors are the same on all ranks.
   std::function<ExitCode(const Arguments& arguments, const Ranks& ranks)> run;
@@ -37,7 +37,7 @@ using MakeRun = std::function<std::unique_ptr<AnyRun>(const Parameters& p, const
                                                       std::optional<Checkpoint> checkpoint)>;
 
 /// Runs a scenario of this name, new or continued, and writes its folder. p: bound to `options`, which are stored with
-/// the run. Returns done, or stopped where a checkpoint was written and the same command goes on. Errors: InputError
+/// the run. Returns done, or stopped if a checkpoint was written and the same command resumes. Errors: InputError
 /// before any work; NumericalError and OutputError with all earlier data intact. Collective.
 ExitCode run_by_options(const std::string& scenario, const RunOptions& p, Options& options, const Ranks& ranks,
                         const std::function<std::unique_ptr<AnyRun>(std::optional<Checkpoint>)>& make);
@@ -75,7 +75,8 @@ Scenario option_scenario(std::string name, std::string help, MakeRun<Parameters>
   return s;
 }
 
-/// The same for an Own that is a Protocol and is made from the parameters, which outlive it, and the ranks.
+/// As above, for a class Own that is a Protocol and is constructed from the parameters, which outlive it, and the
+/// ranks.
 template <class Parameters, class Own>
 Scenario option_scenario(const std::string& name, std::string help) {
   return option_scenario<Parameters>(

@@ -56,7 +56,7 @@ void Simulation<D>::find_velocities() {
     std::ranges::copy(system->last(), s.v().begin());
     return;
   }
-  // The integrator's first guess stays its own.
+  // The integrator chooses its first step.
   std::vector<Real> guess = system->last(), rates(system->unknowns());
   system->rate(s.t, s.x().data(), rates.data());
   std::copy_n(rates.begin(), s.size(), s.v().begin());

@@ -13,9 +13,9 @@
 
 namespace pliant {
 
-/// When particles are sorted in space, which places neighbours in space near each other in memory, and wraps those that
-/// have left a periodic box. On several ranks they always are at the start, and when too many have gone far from their
-/// rank's place; in a periodic box when they are spread over many images of it, unless never.
+/// When particles are sorted in space, which places neighbours in space near each other in memory, and wraps particles
+/// that have left a periodic box. On several ranks particles are always sorted at the start, and when too many are far
+/// from the region of their rank; in a periodic box when they are spread over many images, unless `never`.
 enum class Sorting {
   never,     ///< on one rank particles stay in the order of their ids
   at_start,  ///< and never again, as a method that remembers steps would forget them
@@ -28,8 +28,8 @@ class Simulation {
  public:
   using System = std::variant<ParticleSystem<D>, OverdampedSystem<D>>;
 
-  /// `all`: the particles of all ranks, in the order of their ids. `system`: with inertia or without, its topology
-  /// being of no account.
+  /// `all`: the particles of all ranks, in the order of their ids. `system`: with inertia or without; its topology is
+  /// not used.
   Simulation(Topology all, System system, Sorting sorting)
       : all_(std::move(all)), system_(std::move(system)), sorting_(sorting) {}
   Simulation(const Simulation&) = delete;
@@ -65,7 +65,7 @@ class Simulation {
   Migration sort();
   /// Another number whenever the rank has other particles, or has them in another order.
   std::int64_t arrangement() const { return arrangement_; }
-  /// Own particle m was put somewhere else in the state; as ParticleSystem.
+  /// Owned particle m was moved to another place in the state; as ParticleSystem::relist.
   void relist(Index m) { particles().relist(state_.x().data(), m); }
 
   ParticleSystem<D>& particles() {

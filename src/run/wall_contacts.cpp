@@ -61,7 +61,7 @@ class WallContactFinder {
         topology_(view.topology),
         beyond_(neighbours_.needs().beyond_contact),
         walls_(view.walls) {
-    // Removed entries keep their places in the list, by which terms find contact histories.
+    // Removed entries keep their places in the list, because terms find contact histories by them.
     nowhere_ = walls_.part_count();
     walls_.add(Solid<D>::half_space(Vec<D>::Constant(-1e12), Vec<D>::Ones()));
     walls_.prepare(view.t);
@@ -84,7 +84,7 @@ class WallContactFinder {
  private:
   Real radius(Index point) const { return topology_.diameter[point] / 2; }
 
-  /// The places of each point, one for each surface; `layer_` of list entries: which of them an entry belongs to.
+  /// The contact places of each point, one for each surface; `layer_` of list entries: the place of each entry.
   void find_places(const PairList& list) {
     layer_.assign(static_cast<std::size_t>(list.size()), 0);
     first_.assign(static_cast<std::size_t>(topology_.owned_points()) + 1, 0);
@@ -100,7 +100,7 @@ class WallContactFinder {
     for (std::size_t i = 1; i < first_.size(); ++i) first_[i] = std::max(first_[i], first_[i - 1]);
   }
 
-  /// Of one point.
+  /// For one point.
   void find_places(const PairList& list, std::span<const Index> entries) {
     const Index point = list[entries.front()].first;
     const Vec<D> r = view_.position(point);
@@ -133,7 +133,7 @@ class WallContactFinder {
     }
   }
 
-  /// Of each particle and lip the nearest place of the outline.
+  /// For each particle and lip the nearest place of the outline.
   void find_lips(const PairList& list) requires(D == 2) {
     for (const Pair& pair : list) {
       const Index lip = pair.first, start = pair.second;
@@ -152,7 +152,7 @@ class WallContactFinder {
     }
   }
 
-  /// Terms that read no walls act alike whatever is on the lists: only differences count.
+  /// Terms that do not read walls give equal results for both lists: only differences count.
   void add_forces(EmptyLists<D>& lists) {
     const Neighbours<D> none(neighbours_.needs(), neighbours_.skin());
     const Topology nobody;
@@ -190,7 +190,7 @@ class WallContactFinder {
     }
   }
 
-  /// The nearest one that the particle of a point touches.
+  /// The nearest lip that the particle of a point touches.
   Place<D>* lip_of(Index point) {
     Place<D>* nearest = nullptr;
     Real least = std::numeric_limits<Real>::infinity();

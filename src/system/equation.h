@@ -53,22 +53,23 @@ class SecondOrderSystem : public FirstOrderSystem {
   virtual bool fuses_step() const { return false; }
 
   /// Upper bound of the change of any coordinate, on any rank, until the next call of acceleration() or fused_step();
-  /// bounds since the last call add up. Saves a system a comparison of positions with those of its lists.
+  /// bounds since the last call add up. Saves a system the comparison of positions with the reference positions of its
+  /// lists.
   /// Infinity if other changes are possible. The same on all ranks.
   virtual void moved_by(Real /*change*/) {}
 
   /// Update of the integrator for the coordinates first … last−1 once their accelerations are complete, while they are
-  /// in the processor's cache; for different ranges by several threads at a time. a is numbered as an array of all
-  /// coordinates, but holds these. Returns by how much a coordinate will have changed at most when the next fused step
-  /// is asked for.
+  /// in the processor's cache; several threads call it for different ranges at the same time. a is numbered as an array
+  /// of all coordinates, but holds only these. Returns an upper bound of the change of a coordinate until the next
+  /// fused step.
   struct Advance {
     std::function<Real(std::size_t first, std::size_t last, const Real* a)> step;
-    Prefetch arrays;  ///< coordinates that it reads or writes, beside those of the fused step
+    Prefetch arrays;  ///< coordinates that it reads or writes, in addition to the fused step
   };
 
-  /// As acceleration(), with `advance.step` called once for every coordinate, for accelerations that are not kept. x
-  /// and v hold own coordinates and may get longer: on several ranks those of ghosts follow, which saves a copy.
-  /// Returns whether all accelerations on all ranks are finite.
+  /// As acceleration(), with `advance.step` called once for every coordinate, for accelerations that are not stored. x
+  /// and v hold the owned coordinates and may get longer: on several ranks the coordinates of ghosts follow, which
+  /// saves a copy. Returns whether all accelerations on all ranks are finite.
   virtual bool fused_step(Real t, std::vector<Real>& x, std::vector<Real>& v, const Advance& advance) {
     std::vector<Real> a(size());
     acceleration(t, x.data(), v.data(), a.data());

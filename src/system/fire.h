@@ -20,9 +20,9 @@ struct FireOptions {
   Real dt_min = 0;               ///< smallest step; 0: 0.02 dt
   Real force_tolerance = 1e-10;  ///< stop when no component of the force is larger; 0 switches the test off
   Real energy_tolerance = -std::numeric_limits<Real>::infinity();  ///< stop when the energy is this or less
-  std::function<bool(const Real* x)> done = nullptr;               ///< stop when it says so; asked with the energy
+  std::function<bool(const Real* x)> done = nullptr;               ///< stops if it returns true; called with the energy
   std::int64_t max_iterations = 100000;
-  /// Writes the force alone, where that is cheaper: the energy is then looked at in every tenth iteration only.
+  /// Writes the force alone, if that is cheaper: the energy is then computed in every tenth iteration only.
   std::function<void(const Real* x, Real* f)> force = nullptr;
   Real max_move = 0;                       ///< longest move of a coordinate per iteration; 0: no limit
   int delay = 20;                          ///< downhill steps before dt grows
@@ -47,8 +47,8 @@ struct FireResult {
 /// all, which takes no memory.
 ///
 /// Method: FIRE 2.0 (J. Guénolé et al., Comput. Mater. Sci. 175, 109584 (2020)) of E. Bitzek et al., Phys. Rev. Lett.
-/// 97, 170201 (2006): semi-implicit Euler, v ← (1 − α) v + α |v| f/|f|; uphill (f·v ≤ 0) it goes back half a step,
-/// stops and shrinks dt, not so during the initial delay. Masses only precondition. The result is a local minimum, or a
+/// 97, 170201 (2006): semi-implicit Euler, v ← (1 − α) v + α |v| f/|f|; uphill (f·v ≤ 0) FIRE goes back half a step,
+/// stops and shrinks dt, except during the initial delay. Masses only precondition. The result is a local minimum, or a
 /// saddle if it starts on a symmetric path to one. Errors: InputError for options or sizes out of range; NumericalError
 /// for a force or an energy that is not finite.
 FireResult fire(std::span<Real> x, std::span<const Real> mass, const EnergyAndForce& energy_and_force,

@@ -40,7 +40,7 @@ class BlockPattern {
   Index rows() const { return static_cast<Index>(start_.size()) - 1; }
   Range row(Index i) const { return {start_[i], start_[i + 1]}; }
   Index column(Index k) const { return column_[k]; }
-  /// Number of block (i, j), −1 if there is none.
+  /// Number of block (i, j), −1 without a block.
   Index find(Index i, Index j) const {
     const auto first = column_.begin() + start_[i], last = column_.begin() + start_[i + 1];
     const auto at = std::lower_bound(first, last, j);
@@ -240,7 +240,7 @@ class ParticleJacobian final : public Jacobian {
   JacobianKind kind_;
   TermGroup group_;
   JacobianWeights weights_{};
-  std::int64_t version_ = -1;  ///< of the lists behind the pattern
+  std::int64_t version_ = -1;  ///< version of the lists behind the pattern
   BlockPattern x_, v_;
   std::vector<Real> values_;  ///< of blocks_, in the order of its COO entries
   Real at_t_ = 0;             ///< matrix_free: when and where

@@ -15,7 +15,7 @@ class ParticleSystem;
 /// second derivatives, and a matrix of the blocks on the diagonal, one per particle, to precondition with.
 enum class JacobianKind { assembled, matrix_free };
 
-/// Of y = [x; v], or of x alone.
+/// The unknowns: y = [x; v], or x alone.
 enum class JacobianForm { first_order, second_order };
 
 /// Factors of the parts of an operator; see Jacobian::update.
@@ -28,14 +28,14 @@ struct JacobianWeights {
 ///     first order:   identity · 1 + x · [[0, 1], [A, 0]] + v · [[0, 0], [0, B]]    for [x; v], rank by rank
 ///     second order:  identity · 1 + x · A + v · B
 ///
-/// so that (0, 1, 1) is the Jacobian of ẏ = [v; a], (σ, −1, −1) that of σ y − ẏ, and (σ², −1, −σ) that of ẍ − a. The
-/// pattern holds all that is in the neighbour lists, zeros where nothing touches, and follows the lists when they are
-/// rebuilt.
+/// so that (0, 1, 1) is the Jacobian of ẏ = [v; a], (σ, −1, −1) the Jacobian of σ y − ẏ, and (σ², −1, −σ) the Jacobian
+/// of ẍ − a. The pattern contains all entries of the neighbour lists, with zeros for elements that do not touch, and
+/// follows the lists when they are rebuilt.
 class Jacobian {
  public:
   virtual ~Jacobian() = default;
 
-  /// Sets both matrices at time t and x, v [size of the system]. Collective. Errors: those of the neighbour lists.
+  /// Sets both matrices at time t and x, v [size of the system]. Collective. Errors: as of the neighbour lists.
   virtual void update(Real t, const Real* x, const Real* v, const JacobianWeights& weights) = 0;
 
   ::Mat matrix() const { return shell_ ? shell_ : blocks_; }

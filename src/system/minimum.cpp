@@ -5,7 +5,7 @@
 namespace pliant {
 namespace {
 
-/// Rows and columns of inactive points stay those of the unit matrix.
+/// Rows and columns of inactive points remain rows and columns of the unit matrix.
 template <int D>
 struct DenseHessian final : BlockSink<D> {
   explicit DenseHessian(const Topology& t) : topology(t), matrix(t.points() * D, t.points() * D) {

@@ -13,8 +13,7 @@
 
 namespace pliant {
 
-/// A number that is integrated with the positions, so that it is as exact as they are and its error is controlled with
-/// theirs.
+/// A quantity that is integrated with the positions, with the same accuracy and error control.
 template <int D>
 struct IntegratedQuantity {
   std::string name;
@@ -22,13 +21,12 @@ struct IntegratedQuantity {
   std::function<Real(const ForceField<D>& field, const StateView<D>& s)> rate;
 };
 
-/// ẋ = v(t, x), where the forces of a model and drag balance [T 2.9, 4.1]. Everything else is up to the system of
-/// particles within: lists, ranks, walls, sorting. The integrated quantities follow the coordinates, on the root
-/// (State::extra).
+/// ẋ = v(t, x), where the forces of a model and drag balance [T 2.9, 4.1]. The wrapped particle system handles lists,
+/// ranks, walls and sorting. The integrated quantities follow the coordinates, on the root (State::extra).
 template <int D>
 class OverdampedSystem final : public FirstOrderSystem {
  public:
-  /// Errors: InputError where the mobility's range is beyond that of the lists (NeighbourNeeds::beyond_contact).
+  /// Errors: InputError if the mobility's range exceeds the range of the lists (NeighbourNeeds::beyond_contact).
   OverdampedSystem(ParticleSystem<D> particles, std::unique_ptr<Mobility<D>> mobility,
                    std::vector<IntegratedQuantity<D>> quantities = {})
       : particles_(std::move(particles)), mobility_(std::move(mobility)), quantities_(std::move(quantities)) {

@@ -18,7 +18,7 @@ struct Blocks {
   std::vector<PetscInt> first;  ///< [particles + 1] coordinates
 };
 
-/// Of one particle: p, q numbers, R and S in T.
+/// Factor of one particle: numbers p and q; R and S in T.
 struct Factor {
   PetscScalar p = 0, q = 1;
   Eigen::MatrixXd s;  ///< first order only
