@@ -42,6 +42,44 @@ def test_the_summary_has_a_command_for_each_of_at_most_40_rows(found):
     assert all(re.search(r"\| `[\w.-]+ (full|as-run)` \|$", row) for row in rows)
 
 
+def summary_lines(page):
+    return page.split("## Summary")[1].split("\n## ")[0].splitlines()
+
+
+def published_parts(cell):
+    """[(value, half a unit of its last digit)] of a cell: '3/2', '0.49; 1.47', '1.00 ± 0.20'."""
+    parts = []
+    for text in re.sub(r" ± [\d.]+|[°δ ]", "", cell).replace("−", "-").split(";"):
+        over, _, under = text.partition("/")
+        parts.append((float(over) / float(under or 1), 0.5 * 10.0 ** -len(text.partition(".")[2]) if not under else 1e-12))
+    return parts
+
+
+def wrong_published(templates, pages, rows):
+    """The rows of the summary whose published values are not those that their verdicts were made with."""
+    wrong = []
+    for template, page in zip(templates, pages, strict=True):
+        cells, shown = template.split(" | "), re.split(r"(?<!\\) \| ", page)
+        if len(cells) < 5 or "<<?" not in cells[-2]:
+            continue
+        judged = validation_pages.evaluate(validation_pages.INLINE.search(cells[-2])[2], "", rows)
+        parts = published_parts(shown[1])
+        parts = parts if len(parts) == len(judged) else parts * len(judged)
+        for (value, half), one in zip(parts, judged, strict=True):
+            if one.row is not None and not abs(value - float(one.row["published"])) <= half * (1 + 1e-6):
+                wrong.append(f"{shown[0]}: {value:g} is {one.row['published']}")
+    return wrong
+
+
+def test_published_values_of_the_summary_are_those_of_its_rows(found):
+    template = summary_lines((validation_pages.TEMPLATES / (SUMMARY + ".in")).read_text(encoding="utf-8"))
+    pages, rows = summary_lines(found[SUMMARY]), validation_pages.Rows(reproduced())
+    assert len(pages) > 40 and wrong_published(template, pages, rows) == []
+    for old, new in (("[H 2a] | 3/2", "[H 2a] | 5/2"), ("[H 5] | 1/2; −1/2", "[H 5] | 1/2; −3/2"), ("3.11a] | 0.37; 0", "3.11a] | 0.37; 1")):
+        changed = [line.replace(old, new) for line in pages]
+        assert changed != pages and len(wrong_published(template, changed, rows)) == 1, old
+
+
 @pytest.mark.parametrize("path", sorted(validation_pages.TEMPLATES.glob("*.md.in")), ids=lambda path: path.stem)
 def test_numbers_with_errors_come_from_rows(path):
     """A paragraph or table with a number and error that no row has is marked as such."""
