@@ -27,6 +27,10 @@ NO_NUMBERS = re.compile(r"`[^`]*`|!?\[[^\]]*\]\([^)]*\)|\[[HT][^\]]*\]|\[\d+[a-c
 SETTINGS = {"N": "n", "W": "hopper_wall_distance", "w": "hopper_width", "E_sp": "e_sp", "K_l": "k_l", "K_b": "k_b", "θ_w": "hopper_angle",
             "λ": "lam", "contacts of": "e_c", "E_c": "e_c", "φ": "phi", "μ/μ0": "mu", "ζ/ζ0": "zeta"}
 
+#: Names of options in the names of rows, where they differ from the column.
+IN_ROWS = {"n": "N", "hopper_wall_distance": "W", "hopper_width": "w", "e_sp": "E_sp", "k_l": "K_l", "k_b": "K_b",
+           "hopper_angle": "theta_w", "lam": "lambda", "e_c": "E_c"}
+
 
 # ---- texts -----------------------------------------------------------------------------------------------------------
 
@@ -131,10 +135,14 @@ def _is_setting(before, after, value, unit, named):
     """Whether a number is an option of the runs of a statement: 'N = 1600', '20°', '30 t0', or a number in the name of a row."""
     symbol = re.search(r"(" + "|".join(map(re.escape, SETTINGS)) + r")(?: =|) (?:[\d.;,°⁰¹²³⁴⁵⁶⁷⁸⁹ ]|to|and|or)*$", before)
     column = "hopper_angle" if after.startswith("°") else "t_end" if after.startswith(" t0") else SETTINGS[symbol[1]] if symbol else None
-    if column and any(_is(value, unit, one) for row in named for one in _setting(row["table"], column)):
-        return True
-    return bool(symbol or column) and any(_is(value, unit, float(m)) for row in named
-                                          for m in re.findall(r"(?<![\w.])\d+(?:\.\d+)?(?:e[+-]?\d+)?", row["quantity"]))
+    return bool(column) and any(_is(value, unit, one) for row in named for one in _named_values(row["quantity"], column)
+                                or _setting(row["table"], column))
+
+
+def _named_values(quantity, column):
+    """The values of an option that the name of a row gives: its runs have no others."""
+    name = re.escape(IN_ROWS.get(column, column))
+    return {float(m) for m in re.findall(rf"(?<!\w){name}(?: = |=)(\d+(?:\.\d+)?(?:e[+-]?\d+)?)", quantity)}
 
 
 def check(statement, tied, table):
