@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # Builds tests with counters of lines and branches, runs them, and prints the coverage of each folder of src/.
 #   scripts/coverage.sh [PROGRAM…]
-#     PROGRAM   folders of tests/, like io; all, and the tests of the program and of its restarts, unless given
+#     PROGRAM   folders of tests/, like io; all of them and the tests of the program in tests/apps, unless given
+# Kernels are compiled once, not once per instruction set.
 # Branches that only exceptions of the library take are not counted. Needs the Debian package gcovr.
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
@@ -9,15 +10,19 @@ build=$root/build-coverage
 names=("$@")
 command -v gcovr >/dev/null || die "gcovr is not there: apt-get install gcovr"
 "$root/scripts/setup.sh"
-cmake -S "$root" -B "$build" -G Ninja -D CMAKE_BUILD_TYPE=Debug -D CMAKE_CXX_FLAGS="--coverage -O1" \
+cmake -S "$root" -B "$build" -G Ninja -D CMAKE_BUILD_TYPE=Debug -D CMAKE_CXX_FLAGS="--coverage -O1 -DPLIANT_ONE_VERSION" \
   -D CMAKE_CXX_FLAGS_DEBUG= "${joined[@]}"
 find "$build" -name '*.gcda' -delete
 if ((${#names[@]} > 0)); then
   cmake --build "$build" --parallel "$cores" --target "${names[@]/#/test_}"
   for name in "${names[@]}"; do "$build/tests/test_$name"; done
 else
-  cmake --build "$build" --parallel "$cores"
-  ctest --test-dir "$build" --output-on-failure --parallel "$((cores + 1))" || say "some tests failed, see above"
+  read -ra names <"$build/tests/folders.txt"
+  cmake --build "$build" --parallel "$cores" --target pliant own_scenario own_term \
+    pliant_test_{disk,memory,handlers} "${names[@]/#/test_}"
+  programs=$(IFS='|'; printf '%s' "${names[*]}")
+  ctest --test-dir "$build" --output-on-failure --parallel "$((cores + 1))" --tests-regex "^(($programs)(_ranks)?|apps_.*)\$" ||
+    say "some tests failed, see above"
 fi
 
 gcovr --root "$root" --filter "$root/src/" --object-directory "$build" --exclude-throw-branches \
