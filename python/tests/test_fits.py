@@ -178,23 +178,10 @@ def test_local_slopes_are_those_of_a_power_law():
 
 
 def test_the_fit_is_the_least_sum_of_squares():
-    """Data whose valley of k and beta is long and flat: a solver that stops early leaves k = -33, beta = 4.4 and a sum of squares that is
-    1 % larger. The gradient of the sum vanishes in the free parameters that are not at a bound."""
-    rng = np.random.default_rng(11)
-    for k_bounded in (True, False):
-        for _ in range(10):
-            w = np.sort(rng.uniform(2.5, 12, 7))
-            Q = beverloo(w, 0.3, 0.4, 1.6) * (1 + 0.03 * rng.normal(size=7))
-            fit = fit_beverloo(w, Q, 0.03 * Q, resamples=2, k_bounded=k_bounded)
-
-            def chi2(C, k, beta, w=w, Q=Q):
-                return (((Q - beverloo(w, C, k, beta)) / (0.03 * Q)) ** 2).sum()
-
-            best = chi2(fit.C, fit.k, fit.beta)
-            assert_allclose(best / (7 - 3), fit.chi2_reduced)
-            for factor in (0.9999, 1.0001):
-                assert chi2(fit.C * factor, fit.k, fit.beta) > best
-                if "beta" not in fit.at_bound:
-                    assert chi2(fit.C, fit.k, fit.beta * factor) > best
-                if "k" not in fit.at_bound:
-                    assert chi2(fit.C, fit.k * factor, fit.beta) > best
+    """lmfit stopped at k = -33, beta = 4.4 with these data, in the long valley of k and beta, with a sum that was 1 % larger."""
+    w, Q = np.array([5.47, 6.261, 7.259, 10.569]), np.array([0.4208, 0.44, 0.5076, 0.7074])
+    fit = fit_beverloo(w, Q, 0.03 * Q, resamples=2, k_bounded=False)
+    grid = [fit_beverloo(w, Q, 0.03 * Q, k=k, resamples=2).chi2_reduced for k in (-80, -60, -40, -30, -20)]
+    free = (len(w) - 2) / (len(w) - 3)
+    assert fit.chi2_reduced <= min(grid) * free * (1 + 1e-9)
+    assert fit.at_bound == ("beta",) and not fit.decides

@@ -40,7 +40,7 @@ def write(shots, path):
             columns += [pd.Series(column) for column in (values.T if values.ndim == 2 else [values])]
         cell = " ".join(repr(float(x)) for x in np.diag(size).ravel())
         text.write(f'{len(shot.ids)}\nLattice="{cell}" Origin="{" ".join(repr(float(x)) for x in low)}" '
-                   f'Properties={":".join(properties)} pbc="{" ".join("FT"[p] for p in periodic)}" Time={float(shot.time)!r} '
+                   f'Properties={":".join(properties)} pbc="{" ".join("T" if p else "F" for p in periodic)}" Time={float(shot.time)!r} '
                    f"Step={shot.step} dimension={shot.dim}\n")
         pd.concat(columns, axis=1).to_csv(text, sep=" ", header=False, index=False, na_rep="nan")
     write_atomically(path, text.getvalue())
