@@ -14,9 +14,8 @@ namespace pliant {
 
 /// Outlines that cross themselves: no area, no pressure and no inside can be trusted where one does.
 struct SelfCrossingWatch {
-  bool stops = true;            ///< a crossing outline is an error
-  bool refuses_trials = false;  ///< trial steps with a crossing outline are rejected: for barriers, which keep outlines
-                                ///< simple
+  bool stops = true;            ///< an outline that crosses itself is an error
+  bool refuses_trials = false;  ///< trial steps with such an outline are rejected: for barriers
   std::string cure = "raise the stiffness of the particles' shape";  ///< in the message of the error
 };
 

@@ -19,12 +19,12 @@ namespace pliant {
 /// Creates a new run, or continues from a checkpoint: the checkpoint of -restart, or of a stopped or killed run in the
 /// same folder, because repeating a command resumes its run. A run killed before its first checkpoint or frame is
 /// removed. If p.branches(options), the run of -restart is not changed, and a branch that has begun in -output
-/// continues there. `lock` becomes that of the folder, on the root: keep it as long as the run writes. `options`, to
-/// which `p` is bound, gets the stored values before `make` gets the checkpoint. If `make` or anything before it fails
-/// with the newer of two checkpoints, or run.h5 has less than it counts on, a warning says why, and the older one is
-/// tried: `make` must check all that it reads, and change nothing that lasts before it has. Collective. Errors:
-/// InputError where -output holds another run than a branch of -restart, another process uses the folder, the folder
-/// holds a run that has ended, or no checkpoint can be used; OutputError.
+/// continues there. `lock` becomes the lock of the folder, on the root: keep it as long as the run writes. `options`,
+/// to which `p` is bound, gets the stored values before `make` gets the checkpoint. If `make` or an earlier step fails
+/// with the newer of two checkpoints, or run.h5 has fewer data than this checkpoint counts, a warning gives the reason,
+/// and the older checkpoint is tried. Therefore `make` must check all values that it reads before it makes a lasting
+/// change. Collective. Errors: InputError if -output holds a run that is not a branch of -restart, another process uses
+/// the folder, the folder holds a run that has ended, or no checkpoint is usable; OutputError.
 void make_run(std::string_view scenario, const RunOptions& p, Options& options, const Ranks& ranks, FolderLock& lock,
               const std::function<void(std::optional<Checkpoint>)>& make);
 
