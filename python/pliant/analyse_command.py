@@ -11,7 +11,7 @@ import numpy as np
 
 from . import channel_analysis as channel, tracks
 from .errors import OutputError, RunError
-from .files import read_json, write_json
+from .files import finite, read_json, write_json
 from .script import markdown, with_error
 
 _DESCRIPTION = """Non-affine motion of disks that are pushed through a channel: mean displacement field, non-affine
@@ -57,20 +57,9 @@ def load_result(path):
     return known(result) | {"choices": choices}
 
 
-def _plain(value):
-    """The same value with null for NaN and infinity, which JSON lacks."""
-    if isinstance(value, dict):
-        return {key: _plain(entry) for key, entry in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(entry) for entry in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
-
-
 def write_result(path, result):
     """Raises OutputError."""
-    write_json(path, _plain(result))
+    write_json(path, finite(result))
 
 
 def _number_type(annotation):

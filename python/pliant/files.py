@@ -3,6 +3,7 @@
 import contextlib
 import json
 import lzma
+import math
 import os
 import re
 import stat
@@ -84,6 +85,17 @@ def read_bytes(path, most=1 << 30):
     if len(data) > most:
         raise RunError(f"{path}: is too large; {most} bytes are the most that is read")
     return data
+
+
+def finite(value):
+    """The same value with null for NaN and infinity, which JSON lacks."""
+    if isinstance(value, dict):
+        return {key: finite(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [finite(entry) for entry in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
 
 
 def write_json(path, value):

@@ -30,6 +30,12 @@ def flow_end(series):
     return float(time[last]) if time[-1] - time[last] > QUIET * apart else None
 
 
+def flow_rate(time, crossed, bins):
+    """Mean flow rate in `bins` equal pieces of the run: edges [bins+1], rates [bins]."""
+    edges = np.linspace(time[0], time[-1], bins + 1)
+    return edges, np.diff(np.interp(edges, time, crossed)) / np.diff(edges)
+
+
 def flowing(run, start=None):
     """(start, end, remark) of the time to average over; the remark is None where it is the steady state that
     summary.json names. `start` overrides the first. Raises RunError if the run has not flowed."""

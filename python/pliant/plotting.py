@@ -15,6 +15,7 @@ from matplotlib.ticker import MaxNLocator
 from PIL import Image
 
 from .errors import OutputError, RunError
+from .scene import view, visible, wall_lines  # noqa: F401  (figures take them from here)
 from .symbols import MODEL_NAMES, SYMBOLS, differing, group_label, parameter_label
 
 # Okabe and Ito's palette: distinct for every common kind of colour vision.
@@ -209,57 +210,6 @@ def add_color_bar(figure, axes, run, quantity, cmap, norm, extend, **options):
 
 
 # ---- hopper, particles -----------------------------------------------------------------------------------------------
-
-def visible(run, frame):
-    """Indices of the particles to draw, the hindmost first. A 3D run is cut open along its axis and seen from y < 0."""
-    shown = np.flatnonzero(frame.active & np.isfinite(frame.centres).all(1))
-    if run.dim == 3:
-        depth = frame.centres[shown, 1]
-        shown = shown[depth >= 0][np.argsort(-depth[depth >= 0], kind="stable")]
-    return shown
-
-
-def wall_lines(run, frame, top=None):
-    """[S, 2, 2] ends, in the plane of view, of the walls at the frame's time. The walls at the upper end of a hopper
-    reach up to `top` (None: to their upper end, or to their lower one if they have no end); in 3D both halves of the
-    cut through the axis. A disk is a polygon. Removed walls, as the opened lid of a clog, are omitted."""
-    lines = frame.wall_segments.reshape(-1, 2, 2).copy()
-    if run.droplets or run.scenario == "channel":
-        return lines[(lines[:, 0] != lines[:, 1]).any(1)]
-    finite = np.isfinite(lines[:, :, 1])
-    highest = lines[:, :, 1].max(where=finite, initial=-np.inf)
-    for line in lines:
-        bottom = int(np.argmin(np.where(np.isfinite(line[:, 1]), line[:, 1], np.inf)))
-        lower, upper = line[bottom], line[1 - bottom]
-        endless = not np.isfinite(upper).all() or upper[1] == highest
-        if not np.isfinite(upper).all():
-            upper[:] = lower
-        if top is not None and endless and abs(lower[0] - upper[0]) < 1e-9 * max(run.geometry.W, 1):
-            upper[1] = max(top, upper[1])
-    disks = run.geometry.radius > 0
-    if disks.any():
-        angle = np.linspace(0, 2 * np.pi, 65)
-        rims = [centre + r * np.column_stack([np.cos(angle), np.sin(angle)])
-                for centre, r in zip(lines[disks, 0], run.geometry.radius[disks])]
-        lines = np.concatenate([lines[~disks], *(np.stack([rim[:-1], rim[1:]], axis=1) for rim in rims)])
-    return np.concatenate([lines, lines * [-1, 1]]) if run.dim == 3 else lines
-
-
-def view(run, frames):
-    """(x0, x1, y0, y1) that holds the walls' width, the orifice and all active particles of the frames; of droplets
-    and channels the whole walls."""
-    margin = max(0.6, 0.55 * run.topology.sigma.max(initial=0))
-    walls = np.concatenate([wall_lines(run, frame).reshape(-1, 2) for frame in frames])
-    centres = np.concatenate([frame.centres[visible(run, frame)][:, [0, -1]] for frame in frames])
-    if not len(walls) and not len(centres):
-        raise RunError(f"{run.path}: neither walls nor particles to draw")
-    x = np.concatenate([walls[:, 0], centres[:, 0]])
-    # Upright walls of a hopper may reach far above the filling: above it they do not count.
-    whole = run.droplets or run.scenario == "channel" or not len(centres)
-    y = np.concatenate([centres[:, 1], walls[:, 1] if whole else [walls[:, 1].min(initial=np.inf)]])
-    y = y[np.isfinite(y)]
-    return x.min() - margin, x.max() + margin, y.min() - 2 * margin, y.max() + 2 * margin
-
 
 def set_view(axes, run, box):
     axes.set(xlim=box[:2], ylim=box[2:], aspect="equal", xlabel=rf"$x/{length_unit(run)}$")

@@ -15,7 +15,7 @@ def check():
     script = Path(getattr(sys.modules["__main__"], "__file__", "")).resolve()
     if Path(__file__).resolve().parents[1] not in script.parents[:2]:
         return
-    draws = script.parent.name == "plots" or script.name == "pliant-reproduce"
+    draws = script.parent.name == "plots" or script.name in ("pliant-reproduce", "pliant-report")
     missing = [name for name in (_PLOTS if draws else _SWEEP) if find_spec(name) is None]
     if not missing:
         return

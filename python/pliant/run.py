@@ -160,6 +160,11 @@ class Frame:
                            f"{needed_by})")
         return _plain(self._group.attrs[name])
 
+    def has(self, name):
+        """Whether the frame has a dataset or group of this name, for example a field of FRAME_FIELDS."""
+        self.check_open()
+        return name in self._group
+
     def _missing(self, name, needed_by):
         """The RunError for a dataset, or a group of some, that the frame lacks."""
         field = name.split("/")[0]
@@ -595,6 +600,12 @@ class Run:
             raise RunError(f"{self.path}: the run has no axis profile")
         return Profile(arrays["time"], self.read(self._file["series_axes/profile_height"]), arrays["profile_momentum"],
                        arrays["profile_weight"])
+
+    def report(self, path=None, limit=5.0):
+        """Writes a page for browsers with results, charts and a player of the frames (report.html in the folder of the run, or
+        `path`) of at most `limit` MB. Returns its path. Raises RunError for damaged data, OutputError."""
+        from .report import write_report  # imports SciPy
+        return write_report(self, path, limit)
 
     @property
     def steady_start(self):

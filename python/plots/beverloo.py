@@ -16,11 +16,6 @@ from pliant import beverloo, plotting, script, symbols
 from pliant.beverloo_figures import draw_flow
 from pliant.scenarios import of_scenario
 
-# Parameters that make another group when they differ, besides the model, mu and zeta.
-PHYSICS = [*(name for name in symbols.parameters("hopper") if name not in ("mu", "zeta")), "n", "hopper_angle",
-           "hopper_angle_left", "hopper_wall_distance", "edge_width", "count", "reinsertion_gap"]
-
-
 def read(paths):
     """One table of all CSV files and run folders; model, dim, mu and zeta get a value where a CSV file lacks them."""
     tables = [load_table(p) for p in paths if Path(p).is_file()]
@@ -73,15 +68,8 @@ def main():
     arguments = script.arguments(parser)
 
     table = read(arguments.run)
-    for column in set(PHYSICS) & set(table):
-        table[column] = table[column].where([symbols.reads(model, column) for model in table["model"]])
-    # Options that a model does not read do not distinguish its runs.
-    by = ["model", "dim", "mu", "zeta"] + [c for c in PHYSICS if c in table and table[c].nunique() > 1]
-    fits = beverloo.fit_groups(table, by, beta=arguments.beta)
-    fits["data"] = [group for _, group in table.groupby(by, dropna=False, sort=True)]
-    groups = [row for _, row in fits.iterrows()]
-    shown = ["model", "mu", "zeta", *symbols.differing(groups, [c for c in by if c not in ("model", "mu", "zeta")])]
-    labels = [symbols.group_label(row, [c for c in shown if row[c] != ""]) for row in groups]
+    fits = beverloo.fit_table(table, beta=arguments.beta)
+    labels = list(fits["label"])
 
     references, reference_fits = [], []
     for _, row in fits.iterrows():

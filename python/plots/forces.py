@@ -16,22 +16,14 @@ from matplotlib.colors import ListedColormap, Normalize
 from pliant import Run, RunError
 from pliant import plotting, script
 from pliant.scenarios import of_scenario
+from pliant.scene import network
 
 
 def pair_forces(run, frame):
-    """Lines [F, 2, 2] in the plane of view and magnitudes [F] of the non-zero forces, weak forces first.
-
-    The contacts of one pair of polygons, or of a polygon with a wall, add up to one force. A negative particle index
-    stands for a wall: such a line ends at the contact.
-    """
+    """Lines [F, 2, 2] in the plane of view and magnitudes [F] of the non-zero forces of scene.network, weak forces first. A line
+    to a wall ends at the contact."""
     axes = "xyz"[: run.dim]
-    contacts = frame.contacts.copy()
-    # Vertices of m on edges of n and the reverse name the same pair in either order.
-    swap = (contacts["particle_2"] >= 0) & (contacts["particle_1"] > contacts["particle_2"])
-    contacts.loc[swap, ["particle_1", "particle_2"]] = contacts.loc[swap, ["particle_2", "particle_1"]].to_numpy()
-    contacts.loc[swap, [f"f{a}" for a in axes]] *= -1
-    total = contacts.groupby(["particle_1", "particle_2", "wall"], sort=False).agg(
-        {**{a: "mean" for a in axes}, **{f"f{a}": "sum" for a in axes}}).reset_index()
+    total = network(run, frame)
     first, second = total["particle_1"].to_numpy(int), total["particle_2"].to_numpy(int)
     contact = total[list(axes)].to_numpy()
     force = np.linalg.norm(total[[f"f{a}" for a in axes]].to_numpy(), axis=1)

@@ -15,25 +15,14 @@ import numpy as np
 
 from pliant import Run, RunError
 from pliant import plotting, script
-from pliant.flow import flow_end
+from pliant.flow import flow_end, flow_rate
+from pliant.follow import states
 from pliant.scenarios import of_scenario
 
 
-def flow_rate(time, crossed, bins):
-    """Mean flow rate in `bins` equal pieces of the run: edges [bins+1], rates [bins]."""
-    edges = np.linspace(time[0], time[-1], bins + 1)
-    return edges, np.diff(np.interp(edges, time, crossed)) / np.diff(edges)
-
-
-def main():
-    parser = script.parser(__doc__, "series.py runs/hopper -o series.png", "series.png")
-    parser.add_argument("run", help="run folder")
-    parser.add_argument("--bins", type=int, default=60, help="pieces of the flow rate's average (default: 60)")
-    arguments = script.arguments(parser)
-    run = of_scenario(Run(arguments.run), "hopper")
-    series, d = run.series, run.dim
-    if arguments.bins < 1:
-        raise RunError(f"--bins is {arguments.bins}: at least 1")
+def draw(run, bins, output):
+    """The figure of one run, with the flow rate in so many pieces."""
+    series, d = of_scenario(run, "hopper").series, run.dim
     if len(series) < 2:
         raise RunError(f"{run.path}: {len(series)} samples are too few for a time series (smaller -sample_interval?)")
     volume = "area" if d == 2 else "volume"
@@ -56,7 +45,7 @@ def main():
         if name:
             axis.plot(time, series[name], color=color, lw=1)
         elif np.count_nonzero(time[flow]) > 0:
-            edges, rate = flow_rate(time[flow], crossed[flow], min(arguments.bins, len(time[flow]) - 1))
+            edges, rate = flow_rate(time[flow], crossed[flow], min(bins, len(time[flow]) - 1))
             axis.stairs(rate, edges, baseline=None, color=color, lw=1.1)
             Q, error = run.measured("Q")
             if averaged is not None and np.isfinite(Q):
@@ -82,7 +71,24 @@ def main():
         print(f"{run.path}: the flow ended at t = {ended:g} t0, the run at t = {time[-1]:g} t0")
     axes[-1].set(xlabel=r"time  $t/t_0$", xlim=(time[0], time[-1]))
     figure.align_ylabels(axes)
-    plotting.save(figure, arguments.output)
+    plotting.save(figure, output)
+
+
+def main():
+    parser = script.parser(__doc__, "series.py runs/hopper -o series.png", "series.png")
+    parser.add_argument("run", help="run folder")
+    parser.add_argument("--bins", type=int, default=60, help="pieces of the flow rate's average (default: 60)")
+    parser.add_argument("--follow", type=float, metavar="S", help="draw again every S seconds until the run ends")
+    arguments = script.arguments(parser)
+    if arguments.bins < 1:
+        raise RunError(f"--bins is {arguments.bins}: at least 1")
+    if arguments.follow is None:
+        return draw(Run(arguments.run), arguments.bins, arguments.output)
+    for run, writing in states(arguments.run, arguments.follow):
+        if writing and len(run.series) < 2:
+            script.remark(f"{run.path}: {len(run.series)} samples so far")
+        else:
+            draw(run, arguments.bins, arguments.output)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,57 @@
+"""Runs that go on: whether a process writes to a folder, and the state of its run again and again."""
+
+import fcntl
+import os
+import time
+from pathlib import Path
+
+from .errors import RunError
+from .files import no_links
+from .run import Run
+from .script import remark
+
+LEAST_INTERVAL = 1.0  # s
+_PAUSE = 0.2          # s between checks whether the run has ended
+
+
+def in_use(folder):
+    """Whether a process writes to the folder of a run: it then holds the lock of run.lock."""
+    try:
+        fd = no_links(Path(folder) / "run.lock", os.O_RDONLY)
+    except (OSError, RunError):
+        return False
+    try:
+        fcntl.flock(fd, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        return False
+    except BlockingIOError:
+        return True
+    except OSError:  # a file system without locks
+        return False
+    finally:
+        os.close(fd)
+
+
+def states(folder, interval):
+    """Yields (Run, whether a process still writes to it), now and every `interval` seconds until no process does. Waits for
+    run.h5 while a process uses the folder. Raises RunError."""
+    if not interval >= LEAST_INTERVAL:
+        raise RunError(f"the interval is {interval:g} s: at least {LEAST_INTERVAL:g}")
+    waiting = False
+    while True:
+        writing = in_use(folder)  # before the run is read: the last state is complete
+        try:
+            run = Run(folder)
+        except RunError:
+            if not writing:
+                raise
+            if not waiting:
+                remark(f"{folder}: waits for the first data of the run")
+            waiting = True
+        else:
+            with run:
+                yield run, writing
+            if not writing:
+                return
+        end = time.monotonic() + interval
+        while time.monotonic() < end and in_use(folder):
+            time.sleep(_PAUSE)
