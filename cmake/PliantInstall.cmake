@@ -10,9 +10,10 @@ install(DIRECTORY "${PROJECT_SOURCE_DIR}/src/" DESTINATION ${CMAKE_INSTALL_INCLU
 
 # Commands find the package in the folder of the file that their link leads to. Links relative to the prefix can be moved.
 set(share "${CMAKE_INSTALL_DATADIR}/pliant")
-set(commands pliant-sweep pliant-plot pliant-analyse pliant-reproduce)
+set(commands pliant-sweep pliant-plot pliant-report pliant-analyse pliant-reproduce)
 install(DIRECTORY "${PROJECT_SOURCE_DIR}/python/pliant" DESTINATION ${share}/python
-        FILES_MATCHING PATTERN "*.py" PATTERN "*.json" PATTERN "*.pyi" PATTERN py.typed PATTERN __pycache__ EXCLUDE)
+        FILES_MATCHING PATTERN "*.py" PATTERN "*.json" PATTERN "*.pyi" PATTERN py.typed
+        PATTERN "*.html" PATTERN "*.css" PATTERN "*.js" PATTERN __pycache__ EXCLUDE)
 file(MAKE_DIRECTORY "${PROJECT_BINARY_DIR}/dist-packages")
 if(TARGET pliant_python)
   install(TARGETS pliant_python LIBRARY DESTINATION ${share}/python/pliant)

@@ -1,4 +1,4 @@
-"""Runs that go on: whether a process writes to a folder, and the state of its run again and again."""
+"""Runs in progress: whether a process writes to a folder, and repeated states of its run."""
 
 import fcntl
 import os
@@ -15,7 +15,7 @@ _PAUSE = 0.2          # s between checks whether the run has ended
 
 
 def in_use(folder):
-    """Whether a process writes to the folder of a run: it then holds the lock of run.lock."""
+    """Whether a process writes to the folder of a run and therefore holds the lock of run.lock."""
     try:
         fd = no_links(Path(folder) / "run.lock", os.O_RDONLY)
     except (OSError, RunError):

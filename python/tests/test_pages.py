@@ -56,7 +56,7 @@ def test_the_check_itself():
     assert unknown("    pliant-plot seris runs/x -o x.png", options) == ["pliant-plot seris"]
 
 
-@pytest.mark.parametrize("command", ["pliant-sweep", "pliant-analyse channel", "pliant-reproduce"])
+@pytest.mark.parametrize("command", ["pliant-sweep", "pliant-analyse channel", "pliant-reproduce", "pliant-report"])
 def test_long_options_of_python_commands_exist(command):
     program, *words = command.split()
     known = subprocess.run([sys.executable, ROOT / "python" / program, *words, "--help"], capture_output=True, encoding="utf-8", check=True).stdout

@@ -1,4 +1,4 @@
-"""Reports of runs and sweeps: their data, and the page in a headless Chromium where one is installed."""
+"""Reports of runs and sweeps: their data, and the page in a headless Chromium if Chromium is installed."""
 
 import base64
 import fcntl
@@ -255,7 +255,7 @@ def test_reports_of_rows_are_written_when_runs_are_newer(tmp_path):
 
 
 def test_a_run_that_goes_on(tmp_path, monkeypatch, capsys):
-    """It is written until the lock of the run is released; then once more, without reloading itself."""
+    """The command writes pages until the run releases its lock, and a last page that does not reload itself."""
     path, _ = write_run(tmp_path / "run", n=20, frames=1, samples=30, summary=False)
     lock = open(path / "run.lock", "w", encoding="utf-8")
     fcntl.flock(lock, fcntl.LOCK_EX)
@@ -340,7 +340,7 @@ def test_the_player_plays(name, page, pages):
     for quantity in page.evaluate("player.frames.quantities.map(q => q.name)"):
         page.evaluate(f"player.colourBy('{quantity}')")
         assert page.evaluate(COLOURS) > 3, quantity
-    if name != "channel":  # whose frames have no contacts
+    if name != "channel":  # its frames lack contacts
         page.key("f")
         assert page.evaluate("player.scene.forces") and "contact force" in page.evaluate("player.legend.textContent")
     page.dark()

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 PYTHON = Path(__file__).resolve().parents[1]
-SCRIPTS = sorted(PYTHON.glob("plots/*.py")) + [PYTHON / f"pliant-{name}" for name in ("sweep", "analyse", "reproduce")]
+SCRIPTS = sorted(PYTHON.glob("plots/*.py")) + [PYTHON / f"pliant-{name}" for name in ("sweep", "analyse", "report", "reproduce")]
 
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.name)

@@ -14,7 +14,7 @@ from .page import overhead, page
 NAME = "report.html"
 LIMIT = 5.0         # MB of a file
 LEAST_LIMIT = 0.5   # MB
-_RESERVE = 100_000  # bytes of the description of the frames, and of what base64 adds at the end
+_RESERVE = 100_000  # bytes for the description of the frames
 
 
 def footer():

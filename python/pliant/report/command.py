@@ -16,7 +16,7 @@ links to the reports of its runs. docs/how-to/report.md has more."""
 
 _EPILOG = """examples:
   pliant-report runs/hopper && xdg-open runs/hopper/report.html
-  pliant-report runs/hopper --follow       # while the run goes on
+  pliant-report runs/hopper --follow       # while the run is in progress
   pliant-report widths                     # a folder that pliant-sweep has written
 
 exit codes: 0 done, 2 bad input, 4 output failed, 130 --follow was interrupted"""
@@ -29,8 +29,8 @@ def _parser():
     parser.add_argument("-o", "--output", type=Path, metavar="FILE", help=f"file to write, of a single RUN (default: RUN/{NAME})")
     parser.add_argument("--limit", type=float, metavar="MB", help="largest size of the file of a run; a smaller part of the frames is "
                         f"shown if not all of them fit (default: {LIMIT:g})")
-    parser.add_argument("--table-only", action="store_true", help="of a sweep: write no reports of its runs; the table links to reports that exist")
-    parser.add_argument("--follow", action="store_true", help="write the report again and again until the run ends; the page reloads itself")
+    parser.add_argument("--table-only", action="store_true", help="for a sweep, write no reports of its runs; the table links to existing reports")
+    parser.add_argument("--follow", action="store_true", help="write the report repeatedly until the run ends; the page reloads itself")
     parser.add_argument("--interval", type=float, default=10.0, metavar="S", help="seconds between two reports with --follow (default: 10)")
     return parser
 

@@ -4,14 +4,14 @@ import math
 
 import numpy as np
 
-from .. import raft
+from .. import raft_analysis
 from ..errors import RunError
 from ..flow import axis_velocity, flow_end, flow_rate, is_discharge
 from ..symbols import MODEL_NAMES
 from .frames import force_unit, units
 
 _SAMPLES = 800  # of a curve, at most
-_BINS = 60      # of the flow rate
+_BINS = 60      # intervals of the flow rate
 
 #: Members of summary.json that are counters or settings, not results.
 _COUNTERS = {"t", "dt", "dt_critical", "steps", "rejected_steps", "steps_above_tolerance", "force_evaluations", "jacobian_evaluations",
@@ -280,13 +280,13 @@ def _force_chart(run, kinds):
     lines = [line(distance, force)]
     note = "Mean of both walls; positive: the raft pushes the walls apart."
     if run.summary:
-        curve = raft.Compression.of(run)
+        curve = raft_analysis.Compression.of(run)
         peaks = curve.peaks()
         lines[0]["label"] = "force"
         lines.append(line(distance[peaks], force[peaks], thin=False, kind="points", label=f"{len(peaks)} peaks", colour=1))
         table = curve.reductions()
         if len(table):
-            k1, error = raft.fit_k1(table)
+            k1, error = raft_analysis.fit_k1(table)
             note += f" Stiffness of a bond from {len(table)} reductions of rows: k1 = {k1:.3g}" + (f" ± {error:.1g}." if math.isfinite(error) else ".")
     falling = bool(len(distance) and distance[-1] < distance[0])
     return {"title": "force on the walls", "unit": kinds["force"], "x": {"label": "distance of the walls", "unit": kinds["length"], "reversed": falling},

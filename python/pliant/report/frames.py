@@ -9,12 +9,12 @@ import pandas as pd
 from ..errors import RunError
 from ..scene import network, view, wall_lines
 
-_LEVELS = 65535        # of coordinates; a step is 1/65535 of the shown box
-_VALUE_LEVELS = 4095   # of quantities shown by colour
+_LEVELS = 65535        # resolution of coordinates: steps in the extent of the particles
+_VALUE_LEVELS = 4095   # resolution of quantities: steps in their range
 _UNKNOWN = 65535       # a quantity without a value
 _FEW = 40              # with fewer frames than this, the force network is left out before more frames are
 _MOST = 1000           # frames
-_FULL = 0.7            # of the limit: a player of this size is not tried with more frames
+_FULL = 0.7            # fraction of the limit; larger players are not tried with more frames
 _ATTEMPTS = 6          # at the number of frames that fits
 
 #: Contents of the player, from all to the least: the first with which enough frames fit is taken.
@@ -63,7 +63,7 @@ class Packed:
 
 
 def quantities(run, frame):
-    """The quantities of QUANTITIES that a frame of the run has, with static ones (`of` is None)."""
+    """The quantities that a frame of the run has; `of` of constant ones is None."""
     length, time = units(run)
     polygons = run.topology.deformable
     found = [
@@ -190,7 +190,7 @@ def _pack_points(packed, run, shots):
     positions = np.stack([shot.positions for shot in shots])
     of_shown = positions[np.repeat(shown, np.diff(run.topology.offset), axis=1)] if shown.any() else np.zeros((1, run.dim))
     low, high = of_shown.min(0), of_shown.max(0)
-    # Of polygons neighbouring vertices move alike.
+    # Neighbouring vertices of a polygon move alike.
     packed.add_planes("positions", _levels(positions, low, high, _LEVELS), (0, 1) if run.topology.deformable else (0,))
     packed.add("shown", np.packbits(shown, axis=1), count=shown.shape[1])
     return low, high

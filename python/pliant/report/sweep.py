@@ -9,7 +9,7 @@ from urllib.parse import quote
 import numpy as np
 import pandas as pd
 
-from .. import beverloo, clog, symbols
+from .. import beverloo, clog_analysis, symbols
 from ..errors import RunError
 from ..files import read_json, write_atomically
 from ..follow import in_use
@@ -25,7 +25,7 @@ _RESULTS = 12  # columns of results
 
 
 def is_sweep(folder):
-    """Whether a folder holds runs, or rows of pliant-sweep, and is no run itself."""
+    """Whether a folder holds runs, or rows of pliant-sweep, and is not a run itself."""
     return folder.is_dir() and not (folder / "run.h5").exists() and bool(_row_folders(folder))
 
 
@@ -181,10 +181,10 @@ def _beverloo(folders):
 
 def _sigmoids(folders):
     table = _of(folders, "clog")
-    if table.empty or not set(clog.COLUMNS) <= set(table):
+    if table.empty or not set(clog_analysis.COLUMNS) <= set(table):
         return []
-    table = table[table["status"].isin(clog.ENDED)]
-    points, charts = clog.clog_points(table), []
+    table = table[table["status"].isin(clog_analysis.ENDED)]
+    points, charts = clog_analysis.clog_points(table), []
     for along, label, unit in (("g", "gravity g", ""), ("hopper_width", "orifice width w/d", "")):
         if points[along].nunique() < 2:
             continue
@@ -193,7 +193,7 @@ def _sigmoids(folders):
             name = f"N = {group['n'].iloc[0]:g}, φ_c = {group['phi_c'].iloc[0]:g}"
             half = (group["P_high"] - group["P_low"]) / 2
             lines.append(line(group[along], group["P"], thin=False, kind="points", error=half, label=name, colour=i))
-        for i, fit in enumerate(clog.fit_sigmoids(points, along).itertuples()):
+        for i, fit in enumerate(clog_analysis.fit_sigmoids(points, along).itertuples()):
             if fit.fit is None:
                 notes.append(f"N = {fit.n:g}, φ_c = {fit.phi_c:g}: {fit.note}.")
                 continue
