@@ -3,34 +3,35 @@
 #include <unistd.h>
 
 #include <map>
-#include <memory>
 #include <optional>
 #include <thread>
 
 #include <pliant/base/petsc.h>
 #include <pliant/base/version.h>
+#include <pliant/python/simulation.h>
 #include <pliant/run/run_control.h>
 
 namespace pliant::python {
 namespace {
 
 // All of it is read and written with the GIL held.
-std::unique_ptr<PetscSession> session;
-pid_t starter = 0;  ///< process that has started PETSc
+PetscSession* session = nullptr;  ///< never destroyed: end_session() ends it, and a fork must not
+pid_t starter = 0;                ///< process that has started PETSc
 std::optional<std::thread::id> user;
 bool running = false;
 
 void start_session() {
-  if (session) return;
+  if (session != nullptr) return;
   const InheritedSignals signals;
-  session = std::make_unique<PetscSession>();
+  session = new PetscSession();
   signals.restore();
   starter = ::getpid();
 }
 
 /// PETSc and MPI end with the interpreter, but not those of the parent of a fork.
 void end_session() {
-  if (!session || starter != ::getpid()) return;
+  if (session == nullptr || starter != ::getpid()) return;
+  close_all_simulations();
   try {
     session->end();
   } catch (const Error& error) {
@@ -59,7 +60,7 @@ void translate(std::exception_ptr pointer) {
 }  // namespace
 
 EngineUse::EngineUse(Kind kind) : outermost_(!user), runs_(kind == Kind::run) {
-  if (session && starter != ::getpid())
+  if (session != nullptr && starter != ::getpid())
     throw UsageError(
         "this process is a fork of process {}, which has started the engine, and cannot use it; start processes with "
         "multiprocessing.get_context(\"spawn\")",

@@ -182,6 +182,10 @@ Topology make_particles(ModelKind kind, int dim, const std::vector<Real>& diamet
   return topology;
 }
 
+Real usual_skin(ModelKind kind, int dim) {
+  return dim == 3 ? 0.2 : kind == ModelKind::sp ? 0.3 : kind == ModelKind::smooth ? 0.06 : 0.1;
+}
+
 Real outer_radius(const Topology& topology, Index m) {
   const Real half = topology.diameter[topology.offset[m]] / 2;
   if (topology.points_of(m) == 1) return half;

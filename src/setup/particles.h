@@ -49,6 +49,9 @@ Real regular_shape_parameter(Index vertices);
 /// Particles of the given diameters with ρ = 1: soft particles, or polygons with a0 = πσ²/4 and l0 from 𝒜0.
 Topology make_particles(ModelKind kind, int dim, const std::vector<Real>& diameters, const PolygonShape& shape);
 
+/// Margin of the neighbour lists at the start of a run, in mean diameters.
+Real usual_skin(ModelKind kind, int dim);
+
 /// Distance from the centre of particle m, a regular polygon of area a0, to its rim: half the diameter of the disk that
 /// holds it.
 Real outer_radius(const Topology& topology, Index m);

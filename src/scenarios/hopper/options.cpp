@@ -369,9 +369,6 @@ Real HopperOptions::elastic_fraction(Real elastic, Real lightest) const {
   return std::min(flowing, std::max(0.05, 2 * std::sqrt(drag() / lightest * elastic)));
 }
 
-Real HopperOptions::first_skin() const {
-  const ModelKind kind = model.particles();
-  return skin.value_or(dim == 3 ? 0.2 : kind == ModelKind::sp ? 0.3 : kind == ModelKind::smooth ? 0.06 : 0.1);
-}
+Real HopperOptions::first_skin() const { return skin.value_or(usual_skin(model.particles(), dim)); }
 
 }  // namespace pliant

@@ -1,0 +1,646 @@
+"""Simulations from arrays: particles, walls, a model of the catalogue, protocols as functions of Python.
+
+>>> import numpy as np, pliant
+>>> sim = pliant.Simulation([[0, 1], [0.2, 2.1]], diameters=1, gravity=(0, -1), e_sp=1000, zeta=0.1)
+>>> sim.run(0.5)
+>>> sim.positions, sim.energies["pair"], sim.contacts
+
+Arrays are numpy's, in the order in which particles were added. Units are free: with diameters, density and gravity of about
+1 they are those of the program, and the defaults of the parameters fit.
+"""
+
+from __future__ import annotations
+
+import functools
+import numbers
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike
+
+from .engine import core
+from .errors import InputError, UsageError
+from .scenario_calls import arguments
+
+_MOTION = ("velocity", "amplitude", "frequency", "phase", "spin", "pivot")
+
+
+def _array(values, name, columns=None):
+    """Finite or not: the engine checks the numbers. columns: of an array [n, columns]; None: [n]."""
+    try:
+        array = np.ascontiguousarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name}: {error}; give an array of numbers") from None
+    shape = "[n]" if columns is None else f"[n, {columns}]"
+    if array.ndim != (1 if columns is None else 2) or (columns is not None and array.shape[1] != columns):
+        raise InputError(f"{name} has the shape {array.shape}; give an array {shape}")
+    return array
+
+
+def _each(values, name, count):
+    """One number for each of `count` particles, from one or as many."""
+    try:
+        array = np.asarray(values, dtype=np.float64)
+        return np.ascontiguousarray(np.broadcast_to(array, (count,)))
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name}: {error}; give a number, or one for each of the {count} particles") from None
+
+
+def _vector(values, name):
+    try:
+        return [float(value) for value in values]
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name}: {error}; give a number for each direction") from None
+
+
+def _number(value, name):
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Real):
+        raise InputError(f"{name}: {value!r} is not a number")
+    return float(value)
+
+
+def _integer(value, name):
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Integral):
+        raise InputError(f"{name}: {value!r} is not an integer")
+    return int(value)
+
+
+def _motion(motion):
+    for name in motion:
+        if name not in _MOTION:
+            raise InputError(f"{name} is no part of a motion; these are {', '.join(_MOTION)}")
+    spin = motion.get("spin", ())
+    return (_vector(motion.get("velocity", ()), "velocity"), _vector(motion.get("amplitude", ()), "amplitude"),
+            _number(motion.get("frequency", 0.0), "frequency"), _number(motion.get("phase", 0.0), "phase"),
+            [float(spin)] if isinstance(spin, numbers.Real) else _vector(spin, "spin"),
+            _vector(motion.get("pivot", ()), "pivot"))
+
+
+class Box:
+    """A periodic box: lengths [D], infinite (or None) in open directions; origin [D]."""
+
+    def __init__(self, lengths: Sequence[float | None], origin: Sequence[float] | None = None):
+        self.lengths = [np.inf if value is None else _number(value, "lengths") for value in lengths]
+        self.origin = [0.0] * len(self.lengths) if origin is None else _vector(origin, "origin")
+
+    def __repr__(self):
+        return f"Box({self.lengths}, origin={self.origin})"
+
+
+class Container:
+    """A hopper, with obstacles: its walls, and a dense packing in it.
+
+    width: of the orifice, which is centred at the origin; wall_distance: of the upright walls; angle: of the sloped walls to
+    gravity, in degrees. obstacles: ("disk", centre, radius) or ("polygon", corners). In 3D all of it is a meridian (ρ, z).
+    """
+
+    def __init__(self, width: float, wall_distance: float, angle: float = 90.0, obstacles: Iterable[tuple] = ()):
+        self._core = core.Container.hopper(_number(wall_distance, "wall_distance"), _number(width, "width"),
+                                           _number(angle, "angle"), _obstacles(obstacles))
+
+    @classmethod
+    def outline(cls, left: ArrayLike, right: ArrayLike, obstacles: Iterable[tuple] = ()) -> Container:
+        """Two polylines [n, 2], each from an end of the orifice, at y = 0, up to where the wall continues vertically."""
+        self = cls.__new__(cls)
+        self._core = core.Container.outline(_array(left, "left", 2), _array(right, "right", 2), _obstacles(obstacles))
+        return self
+
+    def pack(self, diameters: ArrayLike, dim: int = 2, fraction: float = 0.8, seed: int = 1, n_vertices: int = 0,
+             shape_parameter: float = 0.0) -> Any:
+        """Positions of particles that fill it without overlaps, as runs of the hopper start: [N, dim], or with n_vertices a
+        list of N polygons. Errors: NumericalError if they do not fit."""
+        x, _, _ = core.pack(self._core, _integer(dim, "dim"), _vector(np.atleast_1d(diameters), "diameters"),
+                            _integer(n_vertices, "n_vertices"), _number(shape_parameter, "shape_parameter"),
+                            _number(fraction, "fraction"), _seed(seed))
+        return np.split(x, len(x) // n_vertices) if n_vertices else x
+
+    def inside(self, point: Sequence[float], dim: int = 2) -> bool:
+        """Whether a point (x, y), in 3D (ρ, z), is above the orifice, between the walls and in no obstacle."""
+        x, y = _vector(point, "point")
+        return core.Container.inside(self._core, dim, x, y)
+
+    @property
+    def inflow(self) -> tuple[float, float]:
+        """Least and largest x between the upright walls."""
+        return self._core.inflow
+
+
+def _obstacles(obstacles):
+    result = []
+    for entry in obstacles:
+        if not isinstance(entry, (tuple, list)) or not entry or entry[0] not in ("disk", "polygon"):
+            raise InputError(f"obstacle {entry!r} is neither (\"disk\", centre, radius) nor (\"polygon\", corners)")
+        if entry[0] == "disk":
+            if len(entry) != 3:
+                raise InputError(f"obstacle {entry!r}: a disk has a centre and a radius")
+            result.append(("disk", _vector(entry[1], "centre"), _number(entry[2], "radius")))
+        else:
+            if len(entry) != 2:
+                raise InputError(f"obstacle {entry!r}: a polygon has corners")
+            result.append(("polygon", _array(entry[1], "corners", 2)))
+    return result
+
+
+def _seed(seed):
+    seed = _integer(seed, "seed")
+    if not 0 <= seed < 2**63:
+        raise InputError(f"seed is {seed}; give one from 0 to 2^63 - 1")
+    return seed
+
+
+class Walls:
+    """Walls around or between particles. Each method adds one rigid body and returns its number.
+
+    A body moves by velocity [D], by an oscillation amplitude [D] · (sin(frequency · t + phase) - sin(phase)), and by a spin
+    about a pivot [D]; Simulation.move_wall changes this. In 3D lines, polygons and disks are meridians (ρ, z) of surfaces of
+    revolution about the z axis.
+    """
+
+    def __init__(self, dim: int = 2):
+        self._core = core.Walls(_integer(dim, "dim"))
+
+    @property
+    def dim(self) -> int:
+        return self._core.dim
+
+    def __len__(self):
+        """Number of bodies."""
+        return self._core.bodies
+
+    def line(self, points: ArrayLike, **motion) -> int:
+        """Segments between consecutive points [n, 2]; particles touch both sides."""
+        return self._core.polyline(_array(points, "points", 2), _motion(motion))
+
+    def segment(self, a: Sequence[float], b: Sequence[float], **motion) -> int:
+        """One straight wall."""
+        return self.line([_vector(a, "a"), _vector(b, "b")], **motion)
+
+    def polygon(self, corners: ArrayLike, **motion) -> int:
+        """A closed outline with corners [n, 2]."""
+        return self._core.polygon(_array(corners, "corners", 2), _motion(motion))
+
+    def disk(self, centre: Sequence[float], radius: float, **motion) -> int:
+        """A disk; in 3D a ring, or a sphere on the axis."""
+        return self._core.disk(_vector(centre, "centre"), _number(radius, "radius"), _motion(motion))
+
+    def half_space(self, point: Sequence[float], normal: Sequence[float], **motion) -> int:
+        """A solid behind the plane through a point; the normal [D] points out of it."""
+        return self._core.half_space(_vector(point, "point"), _vector(normal, "normal"), _motion(motion))
+
+    def container(self, container: Container) -> int:
+        """The walls and obstacles of a container."""
+        if not isinstance(container, Container):
+            raise InputError(f"container: {container!r} is not a Container")
+        return self._core.container(container._core)
+
+
+def diameters(n: int, kind: str = "bidisperse", ratio: float = 1.4, fraction: float = 0.5, deviation: float = 0.1,
+              seed: int = 1) -> np.ndarray:
+    """n diameters with mean 1, as runs draw them. kind: bidisperse (ratio, fraction of large ones), normal (deviation), mono."""
+    return np.array(core.diameters(_integer(n, "n"), str(kind), _number(ratio, "ratio"), _number(fraction, "fraction"),
+                                   _number(deviation, "deviation"), _seed(seed)))
+
+
+def regular_polygons(centres: ArrayLike, diameters: ArrayLike, n_vertices: int, angles: ArrayLike = 0.0) -> list[np.ndarray]:
+    """Regular polygons with the areas of disks of these diameters, about centres [N, 2]."""
+    centres = _array(centres, "centres", 2)
+    count = len(centres)
+    x = core.regular_polygons(centres, list(_each(diameters, "diameters", count)), _integer(n_vertices, "n_vertices"),
+                              list(_each(angles, "angles", count)))
+    return np.split(x, count) if count else []
+
+
+class Minimum:
+    """Result of Simulation.minimize()."""
+
+    def __init__(self, values):
+        self.converged: bool = values["converged"]
+        self.reason: str = values["reason"]
+        self.iterations: int = values["iterations"]
+        self.evaluations: int = values["evaluations"]
+        self.max_force: float = values["max_force"]
+        self.energy: float = values["energy"]
+
+    def __repr__(self):
+        return (f"Minimum(converged={self.converged}, energy={self.energy:.6g}, max_force={self.max_force:.3g}, "
+                f"iterations={self.iterations})")
+
+
+class Simulation:
+    """Particles with inertia, in motion.
+
+    positions: [N, D] centres of disks (D = 2) or spheres (D = 3), with diameters; or polygons: a list of arrays [n, 2] of
+    vertices, counter-clockwise, with rest areas a0 and rest edge lengths l0 (by default those that they have) and the
+    diameter of vertices, or width of edges, as diameters (by default l0; smooth: 0.1 l0). mass: of each particle, by default
+    density · area (volume). velocities: as positions. walls: Walls, or a Container; box: Box, or lengths [D]; gravity: [D].
+
+    model: sp (soft), disk (frictional, rotating), rough, smooth or shape (polygons). integrator: verlet, or the name of a
+    type of PETSc TS (rk, cvode, arkimex, alpha2 …) with its options as keywords (ts_rtol=1e-6). Further keywords are the
+    parameters of the model and of the integration, listed below.
+
+    Errors: InputError for arguments, also where particles overlap so that a force has no direction; NumericalError in runs,
+    after which the state is that of the failure.
+    """
+
+    def __init__(self, positions: ArrayLike | None = None, diameters: ArrayLike | None = None, *,
+                 polygons: Iterable[ArrayLike] | None = None, a0: ArrayLike | None = None, l0: ArrayLike | None = None,
+                 velocities: ArrayLike | None = None, mass: ArrayLike | None = None, density: float = 1.0,
+                 walls: Walls | Container | None = None, box: Box | Sequence[float] | None = None,
+                 gravity: Sequence[float] | None = None, model: str | None = None, integrator: str = "verlet",
+                 **options: Any):
+        if (positions is None) == (polygons is None):
+            raise InputError("give positions and diameters, or polygons")
+        self._model = model if model is not None else "sp" if polygons is None else "rough"
+        self._options: dict[str, Any] = {"model": self._model, **_integrator(integrator), **options}
+        self._callbacks: list[tuple[Callable[[Simulation], Any], float | None]] = []
+        #: A function (positions, velocities, t) → forces [points, D] that acts in addition to the model; None: none does.
+        self.force: Callable[[np.ndarray, np.ndarray, float], ArrayLike] | None = None
+        if polygons is None:
+            try:
+                self._dim = int(np.shape(positions)[1])
+            except (IndexError, ValueError):
+                raise InputError("positions has not the shape [N, 2] or [N, 3]") from None
+        else:
+            self._dim = 2
+        particles = self._particles(positions, diameters, polygons, a0, l0, velocities, mass, density)
+        if isinstance(walls, Container):
+            container, walls = walls, Walls(self._dim)
+            walls.container(container)
+        walls = Walls(self._dim) if walls is None else walls
+        if not isinstance(walls, Walls):
+            raise InputError(f"walls: {walls!r} is neither Walls nor a Container")
+        if box is not None and not isinstance(box, Box):
+            box = Box(box)
+        weight = [0.0] * self._dim if gravity is None else _vector(gravity, "gravity")
+        self._core = core.Simulation(self._dim, particles, walls._core, box.origin if box else [],
+                                     box.lengths if box else [], weight, arguments(self._options))
+
+    def __repr__(self):
+        if self.closed:
+            return "<Simulation, closed>"
+        return f"<Simulation of {len(self)} particles ({self._model}, {self._dim}D) at t = {self.t:g}>"
+
+    def __len__(self):
+        """Number of particles."""
+        return len(self.ids)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()
+
+    def _particles(self, positions, diameters, polygons, a0, l0, velocities, mass, density):
+        if polygons is None:
+            if a0 is not None or l0 is not None:
+                raise InputError("a0 and l0 belong to polygons; leave them out, or give polygons")
+            if diameters is None:
+                raise InputError("diameters are missing; give a number, or one for each particle")
+            x = _array(positions, "positions", self._dim)
+            count = np.ones(len(x), dtype=np.int32)
+            width = _each(diameters, "diameters", len(x))
+            a0 = np.pi * width**2 / 4 if self._dim == 2 else np.pi * width**3 / 6
+            l0 = np.zeros(len(x))
+        else:
+            outlines = [_array(polygon, f"polygons[{k}]", 2) for k, polygon in enumerate(polygons)]
+            if not outlines:
+                raise InputError("there are no polygons; give at least one")
+            x = np.concatenate(outlines)
+            count = np.array([len(outline) for outline in outlines], dtype=np.int32)
+            edges = [np.roll(outline, -1, axis=0) - outline for outline in outlines]
+            if a0 is None:
+                a0 = [np.sum(o[:, 0] * np.roll(o[:, 1], -1) - o[:, 1] * np.roll(o[:, 0], -1)) / 2 for o in outlines]
+            if l0 is None:
+                l0 = [np.linalg.norm(edge, axis=1).mean() for edge in edges]
+            a0, l0 = _each(a0, "a0", len(count)), _each(l0, "l0", len(count))
+            if diameters is None:
+                diameters = 0.1 * l0 if self._model == "smooth" else l0
+            width = _each(diameters, "diameters", len(count))
+        v = np.zeros_like(x) if velocities is None else _array(velocities, "velocities", self._dim)
+        if v.shape != x.shape:
+            raise InputError(f"velocities has the shape {v.shape}; give one for each point, {x.shape}")
+        if mass is None:
+            mass = _number(density, "density") * np.asarray(a0)
+        return core.ParticleArrays(count, x, v, _each(mass, "mass", len(count)), width, a0, l0)
+
+    # --- Motion
+
+    def run(self, t: float, callback: Callable[[Simulation], Any] | None = None, every: float | None = None) -> None:
+        """Runs for the time t; with verlet, for the nearest number of steps.
+
+        callback(self) is called after every accepted step, or once per interval `every`, at the first step that ends at or
+        after each multiple of it. It may change the arrays, call set, move_wall, add, remove and stop, and read everything.
+        Its exceptions end the run and arrive here; so does KeyboardInterrupt. The state is then that of the last step.
+        """
+        self._run(_number(t, "t"), -1, callback, every)
+
+    def step(self, n: int = 1, callback: Callable[[Simulation], Any] | None = None) -> None:
+        """Takes n steps."""
+        self._run(None, _integer(n, "n"), callback, None)
+
+    def _run(self, t, n, callback, every):
+        calls = list(self._callbacks)
+        if callback is not None:
+            calls.append((callback, every))
+        elif every is not None:
+            raise InputError("every is the interval of a callback, which is missing")
+        for function, interval in calls:
+            if not callable(function):
+                raise InputError(f"callback: {function!r} cannot be called")
+            if interval is not None:
+                _number(interval, "every")
+        if self.force is not None and not callable(self.force):
+            raise InputError(f"force: {self.force!r} cannot be called")
+        self._core.run(t, n, [(functools.partial(function, self), interval) for function, interval in calls], self.force)
+
+    def every(self, interval: float | None = None) -> Callable[[Callable], Callable]:
+        """Decorator: the function is called in all runs from now on, once per interval, or after every step."""
+        if interval is not None:
+            _number(interval, "interval")
+
+        def add(function):
+            self._callbacks.append((function, interval))
+            return function
+        return add
+
+    def forget(self, function: Callable) -> None:
+        """Ends what every() has begun."""
+        self._callbacks = [entry for entry in self._callbacks if entry[0] is not function]
+
+    def stop(self) -> None:
+        """For callbacks: the run ends after this step."""
+        self._core.stop()
+
+    def minimize(self, force_tolerance: float = 1e-8, max_iterations: int = 100000) -> Minimum:
+        """Moves the particles to a minimum of the energy (FIRE), at rest: until no component of a force is larger than
+        force_tolerance. Without drag and friction, which have no energy."""
+        return Minimum(self._core.minimize(_number(force_tolerance, "force_tolerance"),
+                                           _integer(max_iterations, "max_iterations")))
+
+    # --- Changes
+
+    def set(self, **changes: Any) -> None:
+        """Changes parameters of the model, or dt: sim.set(e_sp=200). A step that was chosen automatically follows."""
+        if "model" in changes or "integrator" in changes:
+            raise InputError("model and integrator are fixed; make another Simulation")
+        options = {**self._options, **changes}
+        self._core.configure(arguments(options))
+        self._options = options
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """The options as they were given."""
+        return dict(self._options)
+
+    def add(self, positions: ArrayLike | None = None, diameters: ArrayLike | None = None, *,
+            polygons: Iterable[ArrayLike] | None = None, a0: ArrayLike | None = None, l0: ArrayLike | None = None,
+            velocities: ArrayLike | None = None, mass: ArrayLike | None = None, density: float = 1.0) -> None:
+        """Adds particles, with arguments as those of Simulation; in a callback, after it has returned. Then all arrays are
+        new: those that Python holds keep the old state."""
+        if (positions is None) == (polygons is None):
+            raise InputError("give positions and diameters, or polygons")
+        self._core.add(self._particles(positions, diameters, polygons, a0, l0, velocities, mass, density))
+
+    def remove(self, ids: ArrayLike) -> None:
+        """Removes particles, given by their ids; otherwise as add()."""
+        try:
+            numbers_ = np.atleast_1d(np.asarray(ids))
+            if numbers_.size and numbers_.dtype.kind not in "iu":
+                raise ValueError(f"{ids!r} are no integers")
+            self._core.remove([int(k) for k in numbers_.ravel()])
+        except (TypeError, ValueError, OverflowError) as error:
+            raise InputError(f"ids: {error}") from None
+
+    def move_wall(self, body: int, **motion: Any) -> None:
+        """From now on a body of the walls moves so, as of Walls; without arguments it stands still."""
+        self._core.move_wall(_integer(body, "body"), _motion(motion))
+
+    def close(self) -> None:
+        """Frees the engine's memory; arrays that Python holds stay. Later uses raise UsageError."""
+        self._core.close()
+
+    @property
+    def closed(self) -> bool:
+        return self._core.closed
+
+    # --- State
+
+    @property
+    def dim(self) -> int:
+        return self._dim
+
+    @property
+    def t(self) -> float:
+        """Time."""
+        return self._core.t
+
+    @property
+    def steps(self) -> int:
+        """Accepted steps."""
+        return self._core.steps
+
+    @property
+    def dt(self) -> float:
+        """Length of the next step."""
+        return self._core.dt
+
+    @property
+    def counters(self) -> dict[str, Any]:
+        """integrator, dt_critical, force_evaluations, list_rebuilds, skin."""
+        return self._core.counters()
+
+    def _get(self, name):
+        return self._core.array(name)
+
+    def _set(self, name, values):
+        array = self._core.array(name)
+        try:
+            array[...] = values
+        except (TypeError, ValueError) as error:
+            raise InputError(f"{name}: {error}") from None
+
+    @property
+    def positions(self) -> np.ndarray:
+        """[points, D] of centres, or vertices. The array shows the present state after each run and in callbacks; numbers
+        written to it become the state. It keeps its address until particles are added or removed."""
+        return self._get("positions")
+
+    @positions.setter
+    def positions(self, values: ArrayLike) -> None:
+        self._set("positions", values)
+
+    @property
+    def velocities(self) -> np.ndarray:
+        """[points, D], as positions."""
+        return self._get("velocities")
+
+    @velocities.setter
+    def velocities(self, values: ArrayLike) -> None:
+        self._set("velocities", values)
+
+    @property
+    def angles(self) -> np.ndarray:
+        """[N, 1], in 3D [N, 3], of particles that rotate, as positions."""
+        return self._get("angles")
+
+    @angles.setter
+    def angles(self, values: ArrayLike) -> None:
+        self._set("angles", values)
+
+    @property
+    def spins(self) -> np.ndarray:
+        """[N, 1], in 3D [N, 3], of particles that rotate, as positions."""
+        return self._get("spins")
+
+    @spins.setter
+    def spins(self, values: ArrayLike) -> None:
+        self._set("spins", values)
+
+    @property
+    def ids(self) -> np.ndarray:
+        """[N] numbers of the particles, which stay theirs when others are removed."""
+        return self._core.topology()["ids"]
+
+    @property
+    def offsets(self) -> np.ndarray:
+        """[N + 1] points of particle k are offsets[k] … offsets[k + 1] - 1."""
+        return self._core.topology()["offset"]
+
+    @property
+    def diameters(self) -> np.ndarray:
+        """[N] contact diameters of the points."""
+        return self._core.topology()["diameter"]
+
+    @property
+    def masses(self) -> np.ndarray:
+        """[N]"""
+        return self._core.topology()["mass"]
+
+    @property
+    def centres(self) -> np.ndarray:
+        """[N, D] means of the points."""
+        return self._mean(self.positions)
+
+    @property
+    def centre_velocities(self) -> np.ndarray:
+        """[N, D] means of the points."""
+        return self._mean(self.velocities)
+
+    def _mean(self, values):
+        offsets = self.offsets
+        return np.add.reduceat(values, offsets[:-1], axis=0) / np.diff(offsets)[:, None]
+
+    @property
+    def polygons(self) -> list[np.ndarray]:
+        """Views of the vertices [n, 2] of each particle, in positions."""
+        return np.split(self.positions, self.offsets[1:-1])
+
+    @property
+    def images(self) -> np.ndarray:
+        """[N, D] by how many lengths of the periodic box each particle was wrapped into it."""
+        return self._core.images()
+
+    # --- Forces and energies of the present state
+
+    @property
+    def energies(self) -> dict[str, float]:
+        """Energy of each term of the model, and "kinetic". Gravity counts from the origin."""
+        return self._core.energies()
+
+    @property
+    def forces(self) -> np.ndarray:
+        """[points, D] total forces of the model."""
+        return self._core.forces()["total"]
+
+    @property
+    def term_forces(self) -> dict[str, np.ndarray]:
+        """[points, D] forces of each term."""
+        forces = self._core.forces()
+        forces.pop("total")
+        return forces
+
+    @property
+    def contacts(self) -> pd.DataFrame:
+        """One row per contact, with the columns of Frame.contacts: particle_1 and particle_2 are rows of arrays."""
+        axes = "xyz"[: self._dim]
+        both = self._core.contacts()
+        tables = []
+        for kind, columns in both.items():
+            first, second = columns["particles"].T
+            wall = np.full(len(first), -1, dtype=np.int32)
+            data = {"particle_1": first, "particle_2": second if kind == "particles" else wall,
+                    "wall": wall if kind == "particles" else second}
+            for prefix, name in (("", "position"), ("n", "normal")):
+                data.update({prefix + axis: columns[name][:, i] for i, axis in enumerate(axes)})
+            data["overlap"] = columns["overlap"][:, 0]
+            data.update({"f" + axis: columns["force"][:, i] for i, axis in enumerate(axes)})
+            data["force"] = np.linalg.norm(columns["force"], axis=1)
+            tables.append(pd.DataFrame(data))
+        return pd.concat(tables, ignore_index=True)
+
+    @property
+    def wall_forces(self) -> np.ndarray:
+        """[walls, D] forces of the particles on each segment and half-space of the walls."""
+        return self._core.wall_forces()
+
+    @property
+    def wall_segments(self) -> np.ndarray:
+        """[S, 4] x1 y1 x2 y2 of the segments of the walls now; disks have their centre twice, and wall_radius."""
+        return np.array(self._core.walls()["segments"], dtype=float).reshape(-1, 4)
+
+    @property
+    def wall_radius(self) -> np.ndarray:
+        """[S] radius of disks; 0 for segments."""
+        return np.array(self._core.walls()["radius"], dtype=float)
+
+    def hessian(self):
+        """Second derivatives of the potential energy, scipy.sparse.csr_matrix [points · D, points · D]. Errors: InputError for
+        models with rotation."""
+        from scipy.sparse import coo_matrix
+        rows, columns, values, size = self._core.hessian()
+        return coo_matrix((values, (rows, columns)), shape=(size, size)).tocsr()
+
+
+def _integrator(name):
+    if not isinstance(name, str):
+        raise InputError(f"integrator: {name!r} is not a name; give verlet, or a type of PETSc TS")
+    return {"integrator": "verlet"} if name == "verlet" else {"integrator": "ts", "ts_type": name}
+
+
+def _document():
+    lines, group = [], None
+    for entry in core.simulation_options():
+        if entry["name"] in ("model", "integrator"):
+            continue
+        if entry["group"] != group:
+            group = entry["group"]
+            lines += ["", f"    {group}:"]
+        kind = "|".join(entry["choices"]) if entry["choices"] else entry["type"]
+        facts = "; ".join(fact for fact in (entry["unit"], f"default {entry['default_text']}", entry["range"]) if fact)
+        lines.append(f"        {entry['name']}: {kind}  {entry['help']} [{facts}]")
+    Simulation.__doc__ = (Simulation.__doc__ or "").rstrip() + "\n" + "\n".join(lines) + "\n"
+
+
+_document()
+
+
+def block_average(series: ArrayLike) -> dict[str, float]:
+    """Mean and standard error of a correlated series, by blocks, as the program finds them. NaN where there is no error."""
+    return core.block_average(_array(series, "series"))
+
+
+def flow_rate(time: ArrayLike, crossed: ArrayLike) -> tuple[float, float]:
+    """Flow rate and its standard error from a cumulative quantity at times, as the program finds Q."""
+    rate = core.flow_rate(_array(time, "time"), _array(crossed, "crossed"))
+    return rate["value"], rate["error"]
+
+
+def start_up(series: ArrayLike) -> int:
+    """Number of samples at the front that belong to the start-up (MSER-5)."""
+    return core.start_up(_array(series, "series"))
+
+
+__all__ = ["Box", "Container", "Minimum", "Simulation", "Walls", "block_average", "diameters", "flow_rate",
+           "regular_polygons", "start_up"]

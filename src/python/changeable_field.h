@@ -1,0 +1,101 @@
+// The forces of a simulation that Python drives: of a model whose coefficients may change, and of a function.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include <pliant/model/model.h>
+
+namespace pliant::python {
+
+/// All but the sums of forces comes from the model: energies, contacts and derivatives do not include the function.
+template <int D>
+class ChangeableField final : public ForceField<D> {
+ public:
+  /// Writes a force on each own point [own points · D].
+  using Function = std::function<void(const StateView<D>& s, Real* f)>;
+
+  explicit ChangeableField(std::unique_ptr<ForceField<D>> field) : field_(std::move(field)) {}
+
+  /// Whether another model may replace the present one without other lists or another history.
+  bool fits(const ForceField<D>& other) const {
+    if (!(needs() == other.needs()) || rotates() != other.rotates()) return false;
+    const std::vector<HistoryNeeds> own = history_needs(), others = other.history_needs();
+    return std::ranges::equal(own, others, [](const HistoryNeeds& a, const HistoryNeeds& b) {
+      return a.name == b.name && a.width == b.width && a.constants == b.constants;
+    });
+  }
+  void replace(std::unique_ptr<ForceField<D>> field) { field_ = std::move(field); }
+  void set_function(Function function) { function_ = std::move(function); }
+
+  NeighbourNeeds needs() const override { return field_->needs(); }
+  void check_walls(const Walls<D>& walls) const override { field_->check_walls(walls); }
+  void forces(const StateView<D>& s, Real* f) const override {
+    field_->forces(s, f);
+    add_function(s, f, [](Index) { return Real(1); });
+  }
+  bool accelerations(const StateView<D>& s, Real* a) const override {
+    const bool finite = field_->accelerations(s, a);
+    add_accelerations(s, a);
+    return finite;
+  }
+  bool accelerations(const StateView<D>& s, std::vector<Real>& scratch,
+                     const std::function<void(Index, const Real*)>& done) const override {
+    if (!function_) return field_->accelerations(s, scratch, done);
+    scratch.resize(static_cast<std::size_t>(s.topology.points()) * (D + rotations<D>));
+    const bool finite = accelerations(s, scratch.data());
+    for (Index chunk = 0; chunk < s.neighbours.chunks(); ++chunk) done(chunk, scratch.data());
+    return finite;
+  }
+  void group_accelerations(const StateView<D>& s, TermGroup group, Real* a) const override {
+    field_->group_accelerations(s, group, a);
+    if (group != TermGroup::shape) add_accelerations(s, a);
+  }
+  void derivatives(const StateView<D>& s, TermGroup group, BlockSink<D>& df_dx, BlockSink<D>& df_dv) const override {
+    field_->derivatives(s, group, df_dx, df_dv);
+  }
+  Couplings couplings(const StateView<D>& s, TermGroup group) const override { return field_->couplings(s, group); }
+  Real energy(const StateView<D>& s, Real* f = nullptr) const override { return field_->energy(s, f); }
+  Real energy_of(const StateView<D>& s, std::span<const Index> ids) const override { return field_->energy_of(s, ids); }
+  Real power(const StateView<D>& s) const override { return field_->power(s); }
+  void dissipative_forces(const StateView<D>& s, Real* f) const override { field_->dissipative_forces(s, f); }
+  std::vector<TermReport> report(const StateView<D>& s) const override { return field_->report(s); }
+  void force_of(std::string_view name, const StateView<D>& s, Real* f) const override { field_->force_of(name, s, f); }
+  void hessian(const StateView<D>& s, BlockSink<D>& h) const override { field_->hessian(s, h); }
+  void damping(const StateView<D>& s, BlockSink<D>& h) const override { field_->damping(s, h); }
+  void for_each_contact(const StateView<D>& s, const std::function<void(const Contact<D>&)>& visit) const override {
+    field_->for_each_contact(s, visit);
+  }
+  void add_wall_forces(const StateView<D>& s, Real* f, Real* torques = nullptr,
+                       WallGroup which = WallGroup::all) const override {
+    field_->add_wall_forces(s, f, torques, which);
+  }
+  CriticalStep critical_step(const Topology& topology) const override { return field_->critical_step(topology); }
+  bool rotates() const override { return field_->rotates(); }
+  std::vector<HistoryNeeds> history_needs() const override { return field_->history_needs(); }
+  void accept(const StateView<D>& s, Real h, ContactHistory& history, bool found = false) const override {
+    field_->accept(s, h, history, found);
+  }
+
+ private:
+  template <class Factor>
+  void add_function(const StateView<D>& s, Real* f, Factor&& factor) const {
+    if (!function_) return;
+    force_.assign(static_cast<std::size_t>(s.topology.owned_points()) * D, 0);
+    function_(s, force_.data());
+    for (Index i = 0; i < s.topology.owned_points(); ++i)
+      point<D>(f, i) += factor(i) * point<D>(static_cast<const Real*>(force_.data()), i);
+  }
+  void add_accelerations(const StateView<D>& s, Real* a) const {
+    add_function(s, a, [&](Index i) { return s.topology.inverse_mass(i); });
+  }
+
+  std::unique_ptr<ForceField<D>> field_;
+  Function function_;
+  mutable std::vector<Real> force_;
+};
+
+}  // namespace pliant::python

@@ -1,0 +1,83 @@
+// A simulation that Python drives.
+#pragma once
+
+#include <pybind11/numpy.h>
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <tuple>
+#include <vector>
+
+#include <pliant/base/types.h>
+#include <pliant/python/engine.h>
+
+namespace pliant::python {
+
+using Array = py::array_t<Real, py::array::c_style | py::array::forcecast>;
+using IndexArray = py::array_t<Index, py::array::c_style | py::array::forcecast>;
+
+/// Particles as arrays: points of each particle [N], positions and velocities [points, D], and sizes [N]. Polygons have
+/// more than one point.
+struct ParticleArrays {
+  IndexArray points_of;
+  Array positions, velocities;
+  Array mass, diameter;  ///< of points: δ of polygons
+  Array a0, l0;          ///< of polygons
+};
+
+/// How a body of walls moves from the present time on: velocity, amplitude, frequency, phase, spin, pivot.
+using MotionArguments =
+    std::tuple<std::vector<Real>, std::vector<Real>, Real, Real, std::vector<Real>, std::vector<Real>>;
+
+/// A function, and the interval between its calls; none: after every step.
+using Callback = std::pair<py::object, std::optional<Real>>;
+
+/// Any dimension. The Python class Simulation wraps it, converts arguments and documents it. Arrays are in the order of
+/// the particles, which is that in which they were added; the engine's own order in memory is another.
+///
+/// `positions`, `velocities`, `angles` and `spins` are numpy arrays that keep their addresses while particles are
+/// neither added nor removed, and outlive the simulation. The engine copies its state there when it returns to Python,
+/// if the arrays are in use, and takes changes from there when it continues.
+class AnySimulation {
+ public:
+  virtual ~AnySimulation() = default;
+  virtual int dim() const = 0;
+  virtual Array array(const std::string& name) = 0;
+
+  virtual Real t() const = 0;
+  virtual std::int64_t steps() const = 0;
+  virtual Real dt() const = 0;
+  virtual py::dict counters() const = 0;
+  virtual py::dict topology() const = 0;
+  virtual py::array images() const = 0;
+
+  /// Runs for a duration, or a number of steps.
+  virtual void run(std::optional<Real> duration, std::int64_t count, const std::vector<Callback>& callbacks,
+                   py::object force) = 0;
+  virtual void stop() = 0;
+  virtual py::dict minimize(Real force_tolerance, std::int64_t most_iterations) = 0;
+
+  virtual void configure(const std::vector<std::string>& arguments) = 0;
+  virtual void add(const ParticleArrays& particles) = 0;
+  virtual void remove(const std::vector<Index>& indices) = 0;
+  virtual void move_wall(Index body, const MotionArguments& motion) = 0;
+
+  virtual py::dict energies() = 0;
+  virtual py::dict forces() = 0;
+  virtual py::dict contacts() = 0;
+  virtual Array wall_forces() = 0;
+  virtual py::dict walls() = 0;
+  virtual py::tuple hessian() = 0;
+
+  virtual void close() = 0;
+  virtual bool closed() const = 0;
+};
+
+void bind_simulation(py::module_& m);
+void bind_walls(py::module_& m);
+void bind_statistics(py::module_& m);
+/// Of the simulations that are still open: at the end of the interpreter, before PETSc ends.
+void close_all_simulations();
+
+}  // namespace pliant::python

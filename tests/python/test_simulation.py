@@ -1,0 +1,658 @@
+"""Simulations that Python builds: known motions, the numbers of `evaluate`, arrays, protocols."""
+
+import gc
+import resource
+import signal
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import pliant
+from pliant import Simulation, Walls
+
+rng = np.random.default_rng(5)
+
+
+def cloud(n=60, dim=2, spacing=1.0, seed=3):
+    """Disks or spheres that touch here and there."""
+    side = int(np.ceil(n ** (1 / dim)))
+    grid = np.stack(np.meshgrid(*[np.arange(side)] * dim, indexing="ij"), axis=-1).reshape(-1, dim)[:n]
+    return spacing * (grid + 0.2 * np.random.default_rng(seed).random((n, dim)))
+
+
+def floor(dim=2, height=0.0):
+    walls = Walls(dim)
+    walls.half_space([0] * (dim - 1) + [height], [0] * (dim - 1) + [1])
+    return walls
+
+
+# --- Known motions and numbers
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_free_fall(dim):
+    x, v, g = cloud(8, dim, 3), rng.random((8, dim)), np.arange(dim) - 1.5
+    sim = Simulation(x, diameters=1, velocities=v, gravity=g, dt=0.01, e_w=10)
+    sim.run(0.5)
+    assert sim.t == pytest.approx(0.5) and sim.steps == 50
+    assert sim.positions == pytest.approx(x + 0.5 * v + g * 0.5**2 / 2)
+    assert sim.velocities == pytest.approx(v + 0.5 * g)
+
+
+@pytest.mark.parametrize("model, dim", [("sp", 2), ("sp", 3)])
+def test_energies_and_forces_are_those_of_evaluate(model, dim):
+    x, sigma, v = cloud(20, dim, 0.9), 0.8 + 0.4 * rng.random(20), rng.random((20, dim))
+    sim = Simulation(x, sigma, velocities=v, e_sp=70, mu=0.3, zeta=0.2, model=model)
+    expected = pliant.evaluate({"model": model, "inputs": {"dim": dim, "positions": x, "sigma": sigma, "velocities": v,
+                                                           "e_sp": 70, "mu": 0.3, "zeta": 0.2}})
+    energies = sim.energies
+    assert energies.pop("kinetic") == pytest.approx(0.5 * np.sum(sim.masses[:, None] * v**2))
+    assert {k: e for k, e in energies.items() if e} == pytest.approx({k: e for k, e in expected["energy"].items() if e})
+    assert sim.forces == pytest.approx(np.array(expected["force"]["total"]))
+    for term, force in sim.term_forces.items():
+        assert force == pytest.approx(np.array(expected["force"][term])), term
+
+
+@pytest.mark.parametrize("model", ["rough", "smooth"])
+def test_polygons_are_those_of_evaluate(model):
+    outlines = pliant.regular_polygons([[0, 0], [1.07, 0.1]], 1, 10, [0.1, 0.3])
+    stretched = [outline * [1.02, 0.98] for outline in outlines]
+    a0, l0 = [np.pi / 4] * 2, [np.linalg.norm(outlines[0][0] - outlines[0][1])] * 2
+    sim = Simulation(polygons=stretched, a0=a0, l0=l0, model=model)
+    expected = pliant.evaluate({"model": model, "inputs": {"vertices": stretched, "a0": a0, "l0": l0}})
+    assert sim.forces == pytest.approx(np.concatenate([np.array(f) for f in expected["force"]["total"]]))
+    total = {name: np.sum(e) for name, e in expected["energy"].items()}
+    assert {k: e for k, e in sim.energies.items() if k != "kinetic"} == pytest.approx(total)
+    assert sim.polygons[1] == pytest.approx(stretched[1]) and np.shares_memory(sim.polygons[1], sim.positions)
+    assert sim.centres == pytest.approx(np.array([p.mean(axis=0) for p in stretched]))
+    before = sim.energies["kinetic"]
+    sim.step(20)
+    assert sim.energies["kinetic"] > before == 0
+
+
+def test_a_disk_at_rest_presses_with_its_weight():
+    walls = Walls(2)
+    walls.segment((-5, 0), (5, 0))
+    sim = Simulation([[0.0, 0.5]], diameters=1, walls=walls, gravity=(0, -1), zeta=2, e_w=1000)
+    sim.run(20)
+    assert sim.wall_forces == pytest.approx(np.array([[0, -np.pi / 4]]), rel=1e-6)
+    contact = sim.contacts.iloc[0]
+    assert (contact.particle_1, contact.particle_2, contact.wall) == (0, -1, 0)
+    assert contact.fy == pytest.approx(np.pi / 4) and contact.ny == pytest.approx(1)
+
+
+def test_contacts_of_two_disks():
+    sim = Simulation([[0, 0], [0.9, 0]], diameters=1, e_sp=100)
+    (contact,) = sim.contacts.itertuples()
+    assert (contact.particle_1, contact.particle_2, contact.wall) == (0, 1, -1)
+    assert contact.overlap == pytest.approx(0.1) and contact.force == pytest.approx(100 * 0.1)
+    assert [contact.nx, contact.fx] == pytest.approx([-1, -10])
+
+
+def test_a_periodic_box():
+    sim = Simulation([[0.1, 0.5], [9.2, 0.5]], diameters=1, box=(10, np.inf), e_sp=100)
+    assert sim.energies["pair"] == pytest.approx(100 / 2 * 0.1**2)
+    lone = Simulation([[0.5, 0.5]], diameters=0.2, box=(1, 1), velocities=[[1, 0]], dt=0.01, allow_unstable_dt=True)
+    lone.run(3.2)
+    assert lone.positions + lone.images == pytest.approx(np.array([[3.7, 0.5]]))
+
+
+def test_walls_that_move():
+    walls = Walls(2)
+    piston = walls.half_space((0, 0), (1, 0), velocity=(0.5, 0))
+    sim = Simulation([[1.0, 0]], diameters=1, walls=walls, e_w=1e4)
+    sim.run(4)  # an elastic bounce of a wall with speed 0.5
+    assert sim.velocities[0] == pytest.approx([1, 0], rel=1e-2)
+    sim.move_wall(piston)
+    x = sim.positions.copy()
+    sim.run(1)
+    assert sim.positions[0] == pytest.approx(x[0] + [1, 0], rel=1e-2)
+    with pytest.raises(pliant.InputError, match="no wall 7"):
+        sim.move_wall(7)
+
+
+def test_minimum_and_hessian():
+    sim = Simulation(cloud(30, spacing=0.8), diameters=1, box=(4.8, 4.2), e_sp=100)
+    before = sim.energies["pair"]
+    minimum = sim.minimize(force_tolerance=1e-9)
+    assert minimum.converged and minimum.energy == pytest.approx(sim.energies["pair"]) and minimum.energy < before
+    assert np.abs(sim.forces).max() <= 1e-9 and "Minimum(converged=True" in repr(minimum)
+    hessian = sim.hessian()
+    assert abs(hessian - hessian.T).max() < 1e-10
+    h, x = 1e-6, sim.positions.copy()
+    for k in (0, 17, 41):
+        forces = []
+        for sign in (1, -1):
+            sim.positions = x
+            sim.positions.ravel()[k] += sign * h
+            forces.append(sim.forces.ravel())
+        assert hessian[k].toarray()[0] == pytest.approx(-(forces[0] - forces[1]) / (2 * h), abs=1e-4)
+
+
+def test_rotating_disks():
+    sim = Simulation([[0, 0.5]], 1, walls=floor(), gravity=(0, -1), model="disk", velocities=[[1, 0]], mu_wall=0.5)
+    sim.run(3)
+    # A sliding disk comes to roll: v = 2/3 of the first speed, and spin -v/R.
+    assert sim.velocities[0, 0] == pytest.approx(2 / 3, rel=0.02)
+    assert sim.spins[0, 0] == pytest.approx(-4 / 3, rel=0.03) and sim.angles[0, 0] < -1
+    with pytest.raises(pliant.InputError, match="rotate"):
+        sim.hessian()
+    with pytest.raises(pliant.UsageError, match="do not rotate"):
+        Simulation([[0, 0]], 1, gravity=(0, -1)).angles
+
+
+# --- Arrays
+
+
+def test_arrays_are_in_the_order_of_the_particles_however_they_are_sorted():
+    n = 300
+    x, v = cloud(n, spacing=3) % 40, rng.normal(size=(n, 2))
+    sim = Simulation(x, diameters=1e-6, velocities=v, dt=0.01, box=(51, 51), skin=0.2, allow_unstable_dt=True)
+    address, kept = sim.positions.ctypes.data, sim.positions
+    sim.run(20)
+    assert sim.counters["list_rebuilds"] > 40
+    assert sim.positions.ctypes.data == address and kept is sim.positions
+    assert kept + 51.0 * sim.images == pytest.approx(x + 20 * v)
+    assert list(sim.ids) == list(range(n))
+
+
+def test_arrays_outlive_the_simulation():
+    sim = Simulation(cloud(), diameters=1)
+    positions, row = sim.positions, sim.velocities[3]
+    sim.run(0.1)
+    after = positions.copy()
+    sim.close()
+    del sim
+    gc.collect()
+    assert (positions == after).all() and row.base is not None and np.isfinite(row).all()
+
+
+def test_numbers_that_are_written_become_the_state():
+    sim = Simulation([[0, 0], [5, 5]], diameters=1, dt=0.01, e_w=10)
+    sim.velocities[1] = [1, 2]
+    sim.positions = [[1, 1], [7, 7]]
+    view = sim.positions[0]
+    sim.run(1)
+    assert sim.positions == pytest.approx(np.array([[1, 1], [8, 9]]))
+    view[:] = 3
+    sim.step()
+    assert sim.positions[0] == pytest.approx([3, 3])
+    for bad in (np.nan, np.inf):
+        before = sim.positions.copy()
+        sim.positions[1, 0] = bad
+        with pytest.raises(pliant.InputError, match=r"positions\[1\]"):
+            sim.run(1)
+        sim.positions = before
+    with pytest.raises(pliant.InputError):
+        sim.positions = np.zeros((3, 2))
+
+
+def test_runs_in_parts_and_with_callbacks_are_the_same_bit_for_bit():
+    def make():
+        return Simulation(cloud(), diameters=1, gravity=(0, -1), walls=floor(height=-1), zeta=0.1, mu=0.2)
+    whole, parts, watched = make(), make(), make()
+    whole.run(1)
+    t = whole.dt
+    for _ in range(4):
+        parts.run(1 / 4)
+        parts.positions
+    watched.run(1, callback=lambda sim: sim.positions.sum())
+    assert whole.steps == parts.steps == watched.steps and whole.dt == t
+    assert (whole.positions == parts.positions).all() and (whole.positions == watched.positions).all()
+    threads = Simulation(cloud(), diameters=1, gravity=(0, -1), walls=floor(height=-1), zeta=0.1, mu=0.2, threads=2)
+    threads.run(1)
+    assert (threads.positions == whole.positions).all()
+
+
+# --- Protocols
+
+
+def test_callbacks_after_steps_and_at_intervals():
+    sim = Simulation([[0, 0]], diameters=1, dt=0.01, e_w=10)
+    steps, times = [], []
+    sim.run(0.1, callback=lambda s: steps.append(s.steps))
+    assert steps == list(range(1, 11))
+
+    @sim.every(0.05)
+    def note(s):
+        times.append(s.t)
+    sim.run(0.2)
+    assert times == pytest.approx([0.15, 0.2, 0.25, 0.3])
+    sim.forget(note)
+    sim.run(0.1)
+    assert len(times) == 4
+    sim.step(3, callback=lambda s: times.append(0))
+    assert len(times) == 7
+
+
+def test_a_callback_ends_the_run():
+    sim = Simulation([[0, 0]], diameters=1, velocities=[[1, 0]], dt=0.01, e_w=10)
+    sim.run(100, callback=lambda s: s.stop() if s.positions[0, 0] > 0.505 else None)
+    assert sim.t == pytest.approx(0.51)
+    sim.run(0.1)
+    assert sim.t == pytest.approx(0.61)
+    with pytest.raises(pliant.UsageError, match="not running"):
+        sim.stop()
+
+
+def test_errors_of_callbacks_arrive_and_leave_the_state_intact():
+    sim = Simulation([[0, 0]], diameters=1, velocities=[[1, 0]], dt=0.01, e_w=10)
+
+    def fail(s):
+        if s.steps == 5:
+            raise KeyError("mine")
+    with pytest.raises(KeyError, match="mine"):
+        sim.run(1, callback=fail)
+    assert sim.steps == 5 and sim.positions[0] == pytest.approx([0.05, 0])
+    sim.run(0.05)
+    assert sim.positions[0] == pytest.approx([0.1, 0])
+    with pytest.raises(pliant.InputError, match="finite"):
+        sim.run(1, callback=lambda s: s.velocities.fill(np.nan))
+
+
+def test_a_callback_may_not_run_or_close():
+    sim, other = Simulation([[0, 0]], 1, dt=0.01, e_w=10), Simulation([[0, 0]], 1, dt=0.01, e_w=10)
+    for call in (lambda s: s.run(1), lambda s: s.step(), lambda s: s.minimize(), lambda s: s.close(), lambda s: other.run(1),
+                 lambda s: pliant.hopper(n=30)):
+        with pytest.raises(pliant.UsageError, match="callback"):
+            sim.run(1, callback=call)
+    sim.run(0.1)
+
+
+def test_a_ramp_of_a_parameter():
+    sim = Simulation([[0, 0], [0.5, 0]], diameters=1, e_sp=100, e_w=1)
+    dt, energies = sim.dt, []
+
+    def stiffen(s):
+        s.set(e_sp=s.options["e_sp"] * 4)
+        energies.append((s.energies["pair"], s.options["e_sp"] / 2 * max(0, 1 - np.linalg.norm(s.positions[0] - s.positions[1]))**2))
+    sim.run(2.4 * dt, callback=stiffen, every=dt)
+    assert len(energies) == 2 and energies[1][0] > 1 and sim.options["e_sp"] == 1600
+    assert [e for e, _ in energies] == pytest.approx([e for _, e in energies])
+    assert sim.dt == pytest.approx(dt / 4, rel=0.01) and sim.t == pytest.approx(2.4 * dt, abs=dt / 4)
+    fixed = Simulation([[0, 0], [0.9, 0]], diameters=1, e_sp=100, dt=dt, e_w=1)
+    with pytest.raises(pliant.InputError, match="limit of stability"):
+        fixed.set(e_sp=1e6)
+    assert fixed.energies["pair"] == pytest.approx(0.5)
+    for change in ({"e_spp": 1}, {"e_sp": -1}, {"k_a": 1}, {"model": "disk"}, {"integrator": "rk"}, {"e_sp": "a"}):
+        with pytest.raises(pliant.InputError):
+            fixed.set(**change)
+    fixed.run(1)
+
+
+def test_a_parameter_that_switches_friction_on():
+    sim = Simulation([[0, 0.5]], 1, walls=floor(), gravity=(0, -1), model="disk", velocities=[[1, 0]], mu_wall=0)
+    sim.run(0.5)
+    assert sim.spins[0, 0] == 0
+    sim.run(3, callback=lambda s: s.set(mu_wall=0.5) if s.options["mu_wall"] == 0 else None)
+    assert sim.spins[0, 0] == pytest.approx(-4 / 3, rel=0.05)
+
+
+def test_a_force_of_python():
+    calls = []
+
+    def trap(x, v, t):
+        calls.append(x.shape)
+        return -4 * np.pi**2 * np.pi / 4 * x
+    sim = Simulation([[1.0, 0]], diameters=1, dt=1e-3)
+    sim.force = trap
+    sim.run(0.5)
+    assert sim.positions[0] == pytest.approx([-1, 0], abs=1e-4) and calls[0] == (1, 2)
+    assert len(calls) == pytest.approx(500, abs=3)
+    sim.force = None
+    v = sim.velocities.copy()
+    sim.run(0.1)
+    assert (sim.velocities == v).all()
+
+
+def test_a_force_on_polygons_and_with_other_integrators():
+    outlines = pliant.regular_polygons([[0, 0]], 1, 8)
+    for options in ({}, {"integrator": "rk", "ts_adapt_type": "none", "dt": 0.0004}):
+        sim = Simulation(polygons=outlines, model="rough", **options)
+        sim.force = lambda x, v, t: np.tile([np.pi / 4 / 8, 0], (8, 1))
+        sim.run(0.5)
+        assert sim.centres[0] - outlines[0].mean(axis=0) == pytest.approx([sim.t**2 / 2, 0], abs=1e-6)
+
+
+@pytest.mark.parametrize("force", [
+    lambda x, v, t: None, lambda x, v, t: np.zeros(3), lambda x, v, t: x[:, :1], lambda x, v, t: "a", lambda x, v: x,
+    lambda x, v, t: np.full_like(x, np.nan), lambda x, v, t: 1 / 0, lambda x, v, t: [[1, 2], [3]], 7,
+])
+def test_bad_forces(force):
+    sim = Simulation([[0, 0], [3, 3]], diameters=1, velocities=[[1, 0], [0, 0]], dt=0.01, e_w=10)
+    sim.run(0.1)
+    x = sim.positions.copy()
+    sim.force = force
+    with pytest.raises((pliant.InputError, ZeroDivisionError, TypeError, ValueError)):
+        sim.run(1)
+    assert (sim.positions == x).all() and sim.steps == 10
+    sim.force = None
+    sim.run(0.1)
+    assert sim.positions[0] == pytest.approx([0.2, 0])
+
+
+def test_particles_are_added_and_removed():
+    sim = Simulation(cloud(20, spacing=2), diameters=np.linspace(0.5, 1, 20), velocities=rng.normal(size=(20, 2)), dt=0.01, e_w=1, e_sp=1)
+    held = sim.positions
+    x, v = sim.positions.copy(), sim.velocities.copy()
+    sim.remove([3, 7])
+    assert list(sim.ids) == [k for k in range(20) if k not in (3, 7)] and len(sim) == 18 and len(held) == 20
+    assert (sim.positions == np.delete(x, [3, 7], axis=0)).all() and (sim.velocities == np.delete(v, [3, 7], axis=0)).all()
+    assert sim.diameters == pytest.approx(np.delete(np.linspace(0.5, 1, 20), [3, 7]))
+    sim.add([[30, 30], [40, 40]], diameters=2, velocities=[[1, 0], [0, 1]])
+    assert list(sim.ids[-2:]) == [20, 21] and sim.masses[-1] == pytest.approx(np.pi)
+
+    def change(s):
+        if s.steps == 5:
+            s.remove(20)
+            s.add([[50, 50]], diameters=1)
+    sim.run(0.2, callback=change)
+    assert sim.steps == 20 and list(sim.ids[-2:]) == [21, 22]
+    assert sim.positions[-2:] == pytest.approx(np.array([[40, 40.2], [50, 50]]))
+    with pytest.raises(pliant.InputError, match="no particle with the id 3"):
+        sim.remove(3)
+    with pytest.raises(pliant.InputError, match="same place"):
+        sim.add([[50, 50]], diameters=1)
+    with pytest.raises(pliant.InputError, match="keep at least one"):
+        sim.remove(sim.ids)
+    assert len(sim) == 20
+    sim.run(0.1)
+    assert sim.t == pytest.approx(0.3)
+
+
+def test_history_of_contacts_survives_a_removal():
+    """A disk that rolls down is held by a tangential spring, whose loss would move it by 1e-3."""
+    def roll(remove):
+        sim = Simulation([[0, 0.5], [9, 0.5], [5, 5]], 1, walls=floor(), gravity=(0.2, -1), model="disk", mu_wall=0.5,
+                         e_disk=200)
+        sim.run(2)
+        if remove:
+            sim.remove([0, 2])
+        sim.run(0.3)
+        return sim.positions[-1 if remove else 1]
+    assert roll(True) == pytest.approx(roll(False), abs=2e-5)
+
+
+def test_ctrl_c_ends_a_run_with_its_state():
+    sim = Simulation(cloud(), diameters=1, gravity=(0, -1))
+    before = signal.signal(signal.SIGALRM, signal.default_int_handler)
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.2)
+        start = time.monotonic()
+        with pytest.raises(KeyboardInterrupt):
+            sim.run(1e6)
+        assert time.monotonic() - start < 20 and np.isfinite(sim.positions).all()
+        signal.setitimer(signal.ITIMER_REAL, 0.2)
+        with pytest.raises(KeyboardInterrupt):
+            Simulation(cloud(400, spacing=0.5), 1, box=(10, 10)).minimize(force_tolerance=1e-300, max_iterations=10**9)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+    steps = sim.steps
+    sim.step()
+    assert sim.steps == steps + 1
+
+
+# --- Integrators and several simulations
+
+
+@pytest.mark.parametrize("options", [
+    {"integrator": "rk", "ts_rtol": 1e-8, "ts_atol": 1e-10}, {"integrator": "cvode", "ts_rtol": 1e-8, "ts_atol": 1e-10},
+    {"integrator": "alpha2", "ts_dt": 1e-3, "ts_adapt_type": "none"}, {"integrator": "verlet", "dt": 2e-4},
+])
+def test_integrators_by_name(options):
+    """Two disks bounce as an oscillator does: E (1 - r/σ)²/2 and the reduced mass."""
+    sim = Simulation([[0, 0], [0.99, 0]], diameters=1, mass=2, e_sp=10, **options)
+    period = 2 * np.pi * np.sqrt(1 / 10)
+    sim.run(period / 4)
+    assert sim.velocities[1, 0] - sim.velocities[0, 0] == pytest.approx(0.01 * np.sqrt(10), rel=2e-3)
+    assert options["integrator"] in sim.counters["integrator"]
+
+
+def test_options_of_one_simulation_are_not_those_of_another():
+    def make(tolerance):
+        return Simulation(cloud(10), 1, gravity=(0, -1), walls=floor(height=-1), integrator="rk", ts_rtol=tolerance,
+                          ts_atol=tolerance, zeta=1)
+    alone = []
+    for tolerance in (1e-3, 1e-8):
+        sim = make(tolerance)
+        sim.run(0.2), sim.run(0.2)
+        alone.append((sim.positions.copy(), sim.steps))
+    one, other = make(1e-3), make(1e-8)
+    for _ in range(2):
+        one.run(0.2), other.run(0.2)
+    for sim, (x, steps) in zip((one, other), alone):
+        assert (sim.positions == x).all() and sim.steps == steps
+
+
+def test_simulations_and_scenarios_in_one_process(tmp_path):
+    a, b = Simulation(cloud(), 1, gravity=(0, -1)), Simulation(cloud(), 1, gravity=(0, -1))
+    a.step(100)
+    pliant.hopper(n=40, hopper_wall_distance=8, hopper_width=3, t_end=0.05, output=tmp_path / "run", quiet=True)
+    b.step(50), b.step(50)
+    assert (a.positions == b.positions).all()
+
+
+def test_many_simulations_leave_nothing_behind():
+    def used():
+        gc.collect()
+        with open("/proc/self/statm") as file:
+            return int(file.read().split()[1]) * resource.getpagesize()
+
+    def make():
+        sim = Simulation(cloud(20), 1, zeta=0.1)
+        sim.every(0.5)(lambda s: s.positions)
+        sim.step(2, callback=lambda s: s.velocities)
+        sim.positions, sim.forces
+    for _ in range(50):
+        make()
+    before = used()
+    for _ in range(300):
+        make()
+    assert used() - before < 3e6
+
+
+# --- Set-up
+
+
+def test_a_packed_container():
+    container = pliant.Container(width=3, wall_distance=10, angle=60, obstacles=[("disk", (0, 8), 1.0)])
+    sizes = pliant.diameters(40, seed=2)
+    assert sizes.mean() == pytest.approx(1) and set(np.round(sizes / sizes.min(), 6)) == {1, 1.4}
+    x = container.pack(sizes, seed=4)
+    assert x.shape == (40, 2) and all(container.inside(r) for r in x) and not container.inside((0, 8))
+    sim = Simulation(x, sizes, walls=container, gravity=(0, -1), zeta=0.3)
+    assert sim.energies["pair"] < 1e-3 and len(sim.wall_segments) == 5 and sim.wall_radius.max() == 1
+    sim.run(2)
+    assert sim.positions[:, 1].min() < x[:, 1].min()
+    polygons = pliant.Container.outline([[-2, 0], [-6, 5]], [[2, 0], [6, 5]]).pack(np.ones(6), n_vertices=12)
+    Simulation(polygons=polygons, model="smooth").step(5)
+    assert pliant.Container(3, 8).pack(np.ones(30), dim=3).shape == (30, 3)
+
+
+def test_statistics_are_those_of_the_program():
+    noise = np.random.default_rng(1).normal(size=4096)
+    average = pliant.block_average(noise + 2)
+    assert average["mean"] == pytest.approx(2, abs=0.1) and average["error"] == pytest.approx(1 / 64, rel=0.2)
+    assert np.isnan(pliant.block_average(noise[:10])["error"])
+    value, error = pliant.flow_rate(np.arange(2000.0), np.cumsum(np.random.default_rng(2).poisson(3, 2000)))
+    assert value == pytest.approx(3, abs=0.2) and error == pytest.approx(np.sqrt(3 / 2000), rel=0.3)
+    assert pliant.start_up(np.r_[np.linspace(5, 0, 500), noise[:2000] * 0.1]) == pytest.approx(500, abs=60)
+    for bad in ([[1, 2]], [np.nan] * 100, "ab", None):
+        with pytest.raises(pliant.InputError):
+            pliant.flow_rate(bad, bad)
+        with pytest.raises(pliant.InputError):
+            pliant.block_average(bad)
+
+
+# --- Bad input
+
+ONE = {"positions": [[0.0, 0.0]], "diameters": 1}
+SQUARE = [[0, 0], [1, 0], [1, 1], [0, 1]]
+
+
+@pytest.mark.parametrize("changes", [
+    {"positions": None}, {"positions": [0, 1]}, {"positions": [[0, 1, 2, 3]]}, {"positions": [[[0, 1]]]}, {"positions": 7},
+    {"positions": [[0, np.nan]]}, {"positions": [[np.inf, 0]]}, {"positions": "ab"}, {"positions": [["a", "b"]]},
+    {"positions": []}, {"positions": [[0, 1], [2]]}, {"positions": [[0]]}, {"positions": [[1j, 0]]},
+    {"positions": np.zeros((0, 2))}, {"positions": [[0, 0], [0, 0]]}, {"positions": [[None, 0]]}, {"positions": {}},
+    {"diameters": None}, {"diameters": 0}, {"diameters": -1}, {"diameters": np.nan}, {"diameters": np.inf},
+    {"diameters": [1, 2]}, {"diameters": []}, {"diameters": "a"}, {"diameters": [[1]]*3},
+    {"velocities": [[0, 0, 0]]}, {"velocities": [[0, np.nan]]}, {"velocities": [0, 0]}, {"velocities": [[0, 0], [0, 0]]},
+    {"mass": 0}, {"mass": -2}, {"mass": [1, 2]}, {"mass": np.nan}, {"density": 0}, {"density": "a"}, {"density": np.inf},
+    {"gravity": [1]}, {"gravity": [0, np.nan]}, {"gravity": 9.81}, {"gravity": "ab"}, {"gravity": [0, 0, 1]},
+    {"box": [1]}, {"box": [0, 1]}, {"box": [-1, 1]}, {"box": [np.nan, 1]}, {"box": "ab"}, {"box": [1, 1, 1]},
+    {"walls": 3}, {"walls": Walls(3)}, {"walls": [[0, 1]]},
+    {"model": "soft"}, {"model": 3}, {"model": "bubble"}, {"model": "rough"}, {"model": ""},
+    {"integrator": "foo"}, {"integrator": 3}, {"integrator": ""}, {"integrator": "rk", "ts_typ": 3},
+    {"integrator": "rk", "ts_rtol": -1}, {"integrator": "verlet", "ts_rtol": 1e-3},
+    {"e_sp": -1}, {"e_sp": 0}, {"e_sp": np.nan}, {"e_sp": "a"}, {"e_sp": [1, 2]}, {"e_sq": 1}, {"mu": -0.1}, {"k_a": 1},
+    {"dt": 0}, {"dt": -1}, {"dt": 10}, {"dt": np.inf}, {"skin": 0}, {"skin": -1}, {"threads": 0}, {"threads": 1.5},
+    {"threads": 10**6}, {"contact_law": "foo"}, {"help": True}, {"nonsense": 1}, {"options_file": "no-such-file"},
+    {"polygons": [SQUARE]}, {"a0": 1}, {"l0": 1},
+])
+def test_bad_particles(changes):
+    with pytest.raises((pliant.PliantError, ValueError, TypeError)) as error:
+        Simulation(**{**ONE, **changes})
+    assert str(error.value)
+
+
+@pytest.mark.parametrize("arguments", [
+    {"polygons": []}, {"polygons": [[[0, 0], [1, 0]]]}, {"polygons": [SQUARE[::-1]]}, {"polygons": [[[0, 0], [1, 1], [1, 0], [0, 1]]]},
+    {"polygons": [[[0, 0], [0, 0], [1, 0], [1, 1]]]}, {"polygons": SQUARE}, {"polygons": 3}, {"polygons": [[[0, np.nan], [1, 0], [1, 1]]]},
+    {"polygons": [SQUARE], "a0": -1}, {"polygons": [SQUARE], "a0": [1, 2]}, {"polygons": [SQUARE], "l0": 0},
+    {"polygons": [SQUARE], "model": "sp"}, {"polygons": [SQUARE], "model": "disk"}, {"polygons": [SQUARE], "diameters": -1},
+    {"polygons": [SQUARE, (np.array(SQUARE) * 0.5 + 0.25).tolist()], "model": "smooth"}, {"polygons": [[[0, 0, 0]] * 4]},
+    {"polygons": [SQUARE], "velocities": np.zeros((3, 2))}, {"polygons": ["abc"]},
+])
+def test_bad_polygons(arguments):
+    with pytest.raises((pliant.PliantError, ValueError, TypeError)) as error:
+        Simulation(**arguments).step()
+    assert str(error.value)
+
+
+@pytest.mark.parametrize("call", [
+    lambda w: w.segment((0, 0), (0, 0)), lambda w: w.line([[0, 0]]), lambda w: w.line([[0, 0], [1, np.nan]]), lambda w: w.line(3),
+    lambda w: w.line([[0, 0], [2, 2], [2, 0], [0, 2]]), lambda w: w.polygon([[0, 0], [1, 1], [1, 0], [0, 1]]),
+    lambda w: w.polygon([[0, 0], [1, 0]]), lambda w: w.disk((0, 0), 0), lambda w: w.disk((0, 0), -1), lambda w: w.disk((0,), 1),
+    lambda w: w.disk((0, 0), np.nan), lambda w: w.half_space((0, 0), (0, 0)), lambda w: w.half_space((0, 0, 0), (0, 1, 0)),
+    lambda w: w.half_space((0, 0), (0, np.nan)), lambda w: w.segment((0, 0), (1, 0), speed=3), lambda w: w.segment("a", "b"),
+    lambda w: w.segment((0, 0), (1, 0), velocity=(1,)), lambda w: w.segment((0, 0), (1, 0), spin=(1, 2)),
+    lambda w: w.segment((0, 0), (1, 0), frequency="a"), lambda w: w.segment((0, 0), (1, 0), velocity=(np.inf, 0)),
+    lambda w: Walls(4), lambda w: Walls("a"), lambda w: w.container(3), lambda w: pliant.Container(0, 5),
+    lambda w: pliant.Container(6, 5), lambda w: pliant.Container(3, 8, 0), lambda w: pliant.Container(3, 8, obstacles=[("disk",)]),
+    lambda w: pliant.Container(3, 8, obstacles=["disk"]), lambda w: pliant.Container(3, 8, obstacles=[("disk", (0, 3), -1)]),
+    lambda w: pliant.Container.outline([[0, 0]], [[1, 0]]), lambda w: pliant.Container(3, 8).pack([]),
+    lambda w: pliant.Container(3, 8).pack([1, -1]), lambda w: pliant.Container(3, 8).pack([1], dim=4),
+    lambda w: pliant.Container(3, 8).pack([20]), lambda w: pliant.Container(3, 8).pack([1], fraction=2),
+    lambda w: pliant.diameters(0), lambda w: pliant.diameters(3, "foo"), lambda w: pliant.diameters(3, ratio=0),
+    lambda w: pliant.diameters(2.5), lambda w: pliant.diameters(3, seed=-1), lambda w: pliant.regular_polygons([[0, 0]], 1, 2),
+    lambda w: pliant.regular_polygons([[0, 0]], -1, 5), lambda w: pliant.regular_polygons([[0, 0]], [1, 2], 5),
+])
+def test_bad_walls_and_set_up(call):
+    with pytest.raises((pliant.PliantError, ValueError, TypeError)) as error:
+        call(Walls(2))
+    assert str(error.value)
+
+
+def test_particles_inside_walls():
+    walls = Walls(2)
+    walls.disk((0, 0), 2)
+    with pytest.raises(pliant.InputError, match="inside wall 0"):
+        Simulation([[0.5, 0]], 1, walls=walls)
+    with pytest.raises(pliant.InputError, match="on a wall"):
+        line = Walls(2)
+        line.segment((-1, 0), (1, 0))
+        Simulation([[0.0, 0]], 1, walls=line)
+
+
+@pytest.mark.parametrize("call", [
+    lambda s: s.run(0), lambda s: s.run(-1), lambda s: s.run(np.nan), lambda s: s.run("a"), lambda s: s.run(None),
+    lambda s: s.run(1e-9), lambda s: s.step(0), lambda s: s.step(-1), lambda s: s.step(1.5), lambda s: s.run(1, every=0.1),
+    lambda s: s.run(1, callback=3), lambda s: s.run(1, callback=print, every=0), lambda s: s.run(1, callback=print, every=-1),
+    lambda s: s.run(1, callback=print, every="a"), lambda s: s.every("a"), lambda s: s.minimize(0), lambda s: s.minimize(-1),
+    lambda s: s.minimize(max_iterations=0), lambda s: s.minimize("a"), lambda s: s.remove(5), lambda s: s.remove([0.5]),
+    lambda s: s.remove("a"), lambda s: s.remove(10**20), lambda s: s.add(), lambda s: s.add([[0, 0]], 1), lambda s: s.add([[1, 2, 3]], 1),
+    lambda s: s.add(polygons=[SQUARE]), lambda s: s.move_wall(0), lambda s: s.move_wall("a"), lambda s: s.run(1e300),
+])
+def test_bad_calls(call):
+    sim = Simulation(**ONE, dt=0.01, e_w=10)
+    with pytest.raises((pliant.PliantError, ValueError, TypeError, OverflowError)) as error:
+        call(sim)
+    assert str(error.value)
+    sim.run(0.1)
+    assert len(sim) == 1 and sim.steps == 10
+
+
+def test_after_close():
+    with Simulation(**ONE, dt=0.01, e_w=10) as sim:
+        sim.run(0.1)
+        held = sim.positions
+    assert sim.closed and "closed" in repr(sim) and held[0, 0] == 0
+    for call in (lambda: sim.run(1), lambda: sim.step(), lambda: sim.positions, lambda: sim.t, lambda: sim.energies,
+                 lambda: sim.contacts, lambda: sim.hessian(), lambda: sim.set(e_sp=2), lambda: sim.remove(0), lambda: sim.ids,
+                 lambda: sim.minimize(), lambda: sim.add([[3, 3]], 1), lambda: sim.wall_forces, lambda: sim.move_wall(0),
+                 lambda: sim.counters, lambda: sim.images, lambda: sim.dt, lambda: sim.steps, lambda: sim.wall_segments,
+                 lambda: sim.forces):
+        with pytest.raises(pliant.UsageError, match="closed"):
+            call()
+    sim.close()
+
+
+def test_polygons_that_cross_end_the_run():
+    sim = Simulation(polygons=pliant.regular_polygons([[0, 0], [2, 0]], 1, 12), model="smooth", e_c=1,
+                     velocities=np.repeat([[50, 0], [-50, 0]], 12, axis=0))
+    with pytest.raises(pliant.NumericalError, match="crossed"):
+        sim.run(100)
+    with pytest.raises(pliant.NumericalError):
+        sim.step()
+    sim.positions[12:] += [10, 0]
+    sim.velocities = 0
+    sim.run(0.01)
+
+
+def test_a_second_thread():
+    sim, other = Simulation(cloud(), 1, gravity=(0, -1)), Simulation(**ONE, dt=0.01, e_w=10)
+    started, errors = threading.Event(), []
+
+    def work():
+        started.wait()
+        for call in (lambda: other.run(1), lambda: sim.energies, lambda: sim.positions, lambda: sim.set(e_sp=3)):
+            try:
+                call()
+            except pliant.UsageError as error:
+                errors.append(str(error))
+    thread = threading.Thread(target=work)
+    thread.start()
+    sim.run(1e6, callback=lambda s: (started.set(), s.stop() if len(errors) == 4 or not thread.is_alive() else None))
+    thread.join()
+    assert len(errors) == 4 and all("another thread" in error for error in errors)
+    other.run(1)
+
+
+def test_the_interpreter_ends_with_open_simulations(script):
+    script("""
+import pliant, os
+sims = [pliant.Simulation([[0, 0], [0.9, 0]], 1, integrator=name) for name in ("verlet", "rk", "cvode", "alpha2")]
+for sim in sims: sim.run(0.1)
+positions = sims[1].positions
+cycle = [sims]; cycle.append(cycle)
+child = os.fork()
+if child == 0:
+    try:
+        sims[0].run(1)
+    except pliant.UsageError as error:
+        assert "fork" in str(error)
+        raise SystemExit(7)
+    raise SystemExit(1)
+assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 7
+sims[0].run(0.1)
+""")
+
+
+def test_help_lists_the_parameters():
+    text = Simulation.__doc__
+    for name in ("e_sp", "mu_disk", "k_a", "zeta", "dt", "threads"):
+        assert f"\n        {name}: " in text
