@@ -24,7 +24,7 @@ LEFT = {
     "run/folder.cpp": {"hopper_q_rtol"},
     "run/run.cpp": {"integrator"},
     "setup/particles.cpp": {"size_deviation"},
-    "system/particle_system.h": {"integrator"},
+    "system/particle_system.cpp": {"integrator"},
     "ts/ts_integrator.cpp": {"implicit"},
 }
 PETSC = re.compile(r"(ts|snes|ksp|pc|mat|vec|log|sub|npc|mg|mobility_ksp|mobility_pc)_\w*$")

@@ -468,7 +468,7 @@ class Simulated final : public AnySimulation {
     const EngineUse use(EngineUse::Kind::access);
     const StateView<D> s = present();
     if (rotates())
-      throw InputError("particles of the model {} rotate, and their contacts have no second derivatives; use -model sp",
+      throw InputError("particles of the model {} rotate, and their contacts have no second derivatives; use model sp",
                        settings_->model.name);
     struct Triplets final : BlockSink<D> {
       std::vector<Index> place;  ///< of each point, ghosts too, in the order of the ids
@@ -661,7 +661,7 @@ class Simulated final : public AnySimulation {
     for (const Real sigma : all.topology.sigma) width += sigma / static_cast<Real>(n);
     const ModelKind kind = settings_->model.particles();
     if (all.topology.deformable() != settings_->model.deformable())
-      throw InputError("-model {} is for {}, but the particles are {}", settings_->model.name,
+      throw InputError("model {} is for {}, but the particles are {}", settings_->model.name,
                        settings_->model.deformable() ? "polygons" : "disks and spheres",
                        all.topology.deformable() ? "polygons" : "disks or spheres");
     ParticleSystem<D> system({}, walls, std::move(field), settings_->skin.value_or(usual_skin(kind, D) * width),
