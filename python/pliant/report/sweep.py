@@ -175,7 +175,7 @@ def _beverloo(folders):
         chi2 = f", χ²/dof = {fit.chi2_reduced:.2g}" if math.isfinite(fit.chi2_reduced) else ""
         notes.append(f"{label}: {values}{chi2}." + (f" {fit.note}." if fit.note else ""))
     dim = int(table["dim"].iloc[0])
-    return [{"title": "flow rate with the law Q = C (w/σ_avg − k)^β", "unit": f"sigma_avg^{dim}/t0", "x": {"label": "orifice width w", "unit": "sigma_avg"},
+    return [{"title": "flow rate, with the law Q = C (w − k)ᵝ", "unit": f"sigma_avg^{dim}/t0", "x": {"label": "orifice width w", "unit": "sigma_avg"},
              "lines": lines, "note": " ".join(notes), "zero": True}]
 
 

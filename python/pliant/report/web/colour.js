@@ -45,10 +45,11 @@ const MAP_OF = { sequential: "viridis", counts: "viridis", diverging: "balance",
 
 /** The colours of a quantity and the index of a value among them. */
 class ColourScale {
-  constructor(quantity) {
+  /** `dark`: the ground is dark, so that the darkest colours of a map are left out. */
+  constructor(quantity, dark) {
     this.kind = quantity.kind;
     [this.low, this.high] = quantity.range;
-    this.colours = this.kind === "ids" ? idColours() : colourMap(MAP_OF[this.kind]);
+    this.colours = this.kind === "ids" ? idColours() : colourMap(MAP_OF[this.kind], dark && this.kind !== "diverging" ? 0.14 : 0);
   }
   index(value) {
     if (this.kind === "ids") return value % STEPS;

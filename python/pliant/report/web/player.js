@@ -52,7 +52,7 @@ class Player {
     const key = (name, text) => [element("kbd", {}, name), ` ${text}  `];
     this.keys = element("p", { class: "keys" }, ...key("space", "play"), ...key("← →", "one frame"), ...key("Home End", "first, last"),
       ...key("c", "colour"), ...(frames.hasForces ? key("f", "forces") : []), ...(frames.dim === 3 ? key("x", "cut") : []), ...key("+ −", "zoom"),
-      ...key("0", "whole view"), ...key("Enter", "full screen"),
+      ...key("0", "whole view"), ...key("Enter", "full screen."),
       frames.dim === 3 ? "Drag to rotate, drag with Shift to move, wheel to zoom." : "Drag to move, wheel to zoom; point at a particle for its values.");
     this.root = element("section", { class: "card player", tabindex: 0, "aria-label": "player" }, this.legend, this.stage,
       element("div", { class: "controls" }, button("back", "Back one frame (←)", () => this.step(-1)), this.playButton,

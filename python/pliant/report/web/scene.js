@@ -60,7 +60,7 @@ class View {
 
 class Scene {
   constructor(canvas, frames) {
-    Object.assign(this, { canvas, frames, view: new View(frames), quantity: frames.quantities[0], forces: false, cut: true });
+    Object.assign(this, { canvas, frames, view: new View(frames), _quantity: frames.quantities[0], _forces: false, cut: true });
     this.context = canvas.getContext("2d");
     this.readTheme();
   }
@@ -69,13 +69,13 @@ class Scene {
     this.theme = themeColours();
     this._dark = this.theme.canvas.rgb[0] < 128;
     this._forceColours = this._dark ? colourMap("magma", 0.38, 1) : colourMap("magma", 0.8, 0.05);
-    this._sprites = new Map();
+    this.quantity = this._quantity;
   }
 
   get quantity() { return this._quantity; }
   set quantity(quantity) {
     this._quantity = quantity;
-    this.scale = quantity && new ColourScale(quantity);
+    this.scale = quantity && new ColourScale(quantity, this._dark);
     this._sprites = new Map();
   }
   get forces() { return this._forces; }
