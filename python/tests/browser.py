@@ -21,7 +21,7 @@ def find():
 
 
 class Browser:
-    """One tab. `messages` holds warnings and errors of the console, and exceptions, since the last open()."""
+    """One tab. `messages` holds warnings and errors of the console, and exceptions, since the last visit()."""
 
     def __init__(self, program, width=1280, height=860):
         self._profile = tempfile.TemporaryDirectory(prefix="pliant-browser-", ignore_cleanup_errors=True)
@@ -112,11 +112,11 @@ class Browser:
                 raise RuntimeError(f"{expression}: not true after {_TIMEOUT} s; {self.messages}")
             time.sleep(0.05)
 
-    def open(self, path, anchor=""):
+    def visit(self, path):
         """Opens a report and waits until it is built."""
         self.messages = []
         self.call("Page.navigate", url="about:blank")
-        self.call("Page.navigate", url=Path(path).resolve().as_uri() + anchor)
+        self.call("Page.navigate", url=Path(path).resolve().as_uri())
         self.wait("document.documentElement?.dataset.ready === 'yes'")
 
     def key(self, key, text=None):

@@ -325,7 +325,7 @@ def pages(tmp_path_factory):
 
 @pytest.mark.parametrize("name", ["soft", "rough", "soft3d", "channel"])
 def test_the_player_plays(name, page, pages):
-    page.open(pages[name])
+    page.visit(pages[name])
     assert page.messages == []
     assert page.evaluate(COLOURS) > 20
     before = page.evaluate("player.canvas.toDataURL()")
@@ -350,7 +350,7 @@ def test_the_player_plays(name, page, pages):
 
 
 def test_the_page_decodes_as_the_run_is(page, pages):
-    page.open(pages["rough"])
+    page.visit(pages["rough"])
     with Run(pages["rough"].parent) as run:
         frame = run.frames[2]
         page.evaluate("player.show(2)")
@@ -370,7 +370,7 @@ def test_the_page_decodes_as_the_run_is(page, pages):
 
 def test_choices_outlive_the_reload_of_a_run_that_goes_on(page, tmp_path):
     path, _ = write_run(tmp_path / "run", n=20, samples=30)
-    page.open(write_report(Run(path), follow=1))
+    page.visit(write_report(Run(path), follow=1))
     assert page.evaluate("player.frames.index") == 2  # the newest
     page.evaluate("window.before = true; player.colourBy('size'); player.step(-1)")
     page.wait("window.before === undefined && document.documentElement?.dataset.ready === 'yes'")
@@ -378,20 +378,20 @@ def test_choices_outlive_the_reload_of_a_run_that_goes_on(page, tmp_path):
 
 
 def test_a_raft_and_an_empty_run(page, pages, tmp_path):
-    page.open(pages["raft"])
+    page.visit(pages["raft"])
     assert page.messages == [] and "force on the walls" in page.evaluate("document.body.textContent")
     path, _ = write_run(tmp_path / "run", n=20, frames=0, samples=0, summary=False)
-    page.open(Run(path).report())
+    page.visit(Run(path).report())
     assert page.messages == [] and "no frames yet" in page.evaluate("document.body.textContent")
 
 
 def test_markup_in_names_does_nothing(page, tmp_path):
     path, _ = write_run(tmp_path / HOSTILE.replace("/", ""), n=20, frames=1, samples=30, extra={HOSTILE: (HOSTILE, HOSTILE)})
     shutil.copytree(path, tmp_path / "sweep" / path.name)
-    page.open(Run(path).report(tmp_path / "page.html"))
+    page.visit(Run(path).report(tmp_path / "page.html"))
     assert page.evaluate("document.querySelector('h1').textContent") == path.name
     assert page.evaluate("window.hacked === undefined && document.querySelectorAll('img').length === 0") and page.messages == []
-    page.open(sweep.write_sweep(tmp_path / "sweep"))
+    page.visit(sweep.write_sweep(tmp_path / "sweep"))
     assert page.evaluate("window.hacked === undefined && document.querySelectorAll('img').length === 0") and page.messages == []
     page.evaluate("document.querySelector('td a').click()")
     page.wait("document.querySelector('.player') !== null && document.documentElement.dataset.ready === 'yes'")
@@ -400,7 +400,7 @@ def test_markup_in_names_does_nothing(page, tmp_path):
 
 def test_the_table_of_a_sweep(page, sweep_folder):
     _, path = sweep_folder
-    page.open(path)
+    page.visit(path)
     assert page.messages == []
     column = page.evaluate("[...document.querySelectorAll('.sortable th')].findIndex(th => th.textContent.startsWith('flow rate Q'))")
     page.evaluate(f"document.querySelectorAll('.sortable th')[{column}].click()")
