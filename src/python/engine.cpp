@@ -48,7 +48,7 @@ const char* class_of(const Error& error) {
   return found == names.end() ? "PliantError" : found->second;
 }
 
-void translate(std::exception_ptr pointer) {
+void translate(std::exception_ptr pointer) {  // NOLINT(performance-unnecessary-value-param): pybind11's type
   try {
     if (pointer) std::rethrow_exception(pointer);
   } catch (const Error& error) {

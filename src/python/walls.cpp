@@ -48,7 +48,7 @@ Real positive(Real value, std::string_view name) {
 
 Obstacle obstacle_of(const py::handle& entry) {
   const auto tuple = py::cast<py::tuple>(entry);
-  const auto kind = tuple.size() > 0 ? py::cast<std::string>(tuple[0]) : std::string();
+  const auto kind = !tuple.empty() ? py::cast<std::string>(tuple[0]) : std::string();
   if (kind == "disk" && tuple.size() == 3)
     return {{vector_of<2>(py::cast<std::vector<Real>>(tuple[1]), "the centre of an obstacle")},
             positive(py::cast<Real>(tuple[2]), "the radius of an obstacle")};
