@@ -212,12 +212,13 @@ struct PastOnBase {
 };
 
 PLIANT_MULTIVERSION void add_range(const BaseFriction& base, const StateView<2>& s, Range range,
-                                   const ContactTable& table, const Scatter<2, 1>& scatter) {
+                                   const ContactTable& table, ContactWorkspace& workspace,
+                                   const Scatter<2, 1>& scatter) {
   if (range.size() == 0) return;
   const BaseFriction law = base;  // local copy, which stores cannot change
-  const ContactTable::Rows<BaseFriction::history> past(table);
+  const ContactTable::CurrentRows<BaseFriction::history> past(table);
   const Scatter<2, 1> force = scatter;
-  Real* next = ContactTable::Ahead<BaseFriction::history>(table).touches(range);
+  Real* next = ContactWorkspace::Next<BaseFriction::history>(table, workspace).set(range);
   Real4 damped{}, slid{};
   for_each_eight(s, range, [&](Index first, Index count, const DisksOnBase& d) PLIANT_INLINE_LAMBDA {
     EightOnBase eight(law);
@@ -227,7 +228,7 @@ PLIANT_MULTIVERSION void add_range(const BaseFriction& base, const StateView<2>&
     } else {
       const PastOnBase some(d, [&](Index k) {
         const Index i = first + std::min(k, count - 1);
-        return past.known(i) ? past(i) : nullptr;
+        return past.touches(i) ? past(i) : nullptr;
       });
       eight.find(d, some.numbers.data(), some.known);
     }
@@ -250,8 +251,8 @@ PLIANT_MULTIVERSION void add_range(const BaseFriction& base, const StateView<2>&
     subtract(f + 8, points(eight.held_x.b, eight.held_y.b), 2 * count - 8);
     subtract(force.torques + first, eight.radius * eight.twist, count);
   });
-  table.lost(range)[0] = (damped[0] + damped[1]) + (damped[2] + damped[3]);
-  table.lost(range)[1] = (slid[0] + slid[1]) + (slid[2] + slid[3]);
+  workspace.losses(range)[0] = (damped[0] + damped[1]) + (damped[2] + damped[3]);
+  workspace.losses(range)[1] = (slid[0] + slid[1]) + (slid[2] + slid[3]);
 }
 
 PLIANT_MULTIVERSION void find_one(const BaseFriction& base, const StateView<2>& s, Index i, const Real* past,
@@ -299,8 +300,8 @@ std::array<Real, 3> BaseFriction::damped(const StateView<2>& s, const Touch& c) 
 }
 
 void BaseFriction::add_forces(const StateView<2>& s, Range range, const ContactTable& table,
-                              const Scatter<2, 1>& force) const {
-  add_range(*this, s, range, table, force);
+                              ContactWorkspace& workspace, const Scatter<2, 1>& force) const {
+  add_range(*this, s, range, table, workspace, force);
 }
 
 }  // namespace pliant

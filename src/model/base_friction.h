@@ -104,7 +104,8 @@ struct BaseFriction {
     force.add(c.i, Vec<2>(-pull[0], -pull[1]));
     force.add_torque(c.i, -c.radius * pull[2]);
   }
-  void add_forces(const StateView<2>& s, Range range, const ContactTable& table, const Scatter<2, 1>& force) const;
+  void add_forces(const StateView<2>& s, Range range, const ContactTable& table, ContactWorkspace& workspace,
+                  const Scatter<2, 1>& force) const;
 
   /// Frequency of the rotation: ω² = k R²/I = 2k/m.
   Real max_rate(const Topology& topology) const { return off() ? 0 : std::sqrt(2 * stiffest(topology)); }

@@ -26,43 +26,45 @@ const PairList& list_of(const Neighbours<D>& neighbours, Elements elements) {
 
 }  // namespace
 
+void ContactTable::accept(ContactWorkspace& workspace) {
+  std::swap(current_, workspace.next_);
+  unlisted_ = {};
+}
+
 StoredContacts ContactTable::contacts() const {
   StoredContacts all = unlisted_;
   for (std::size_t k = 0; k < keys_.size(); ++k)
-    if (now_.touched[k] != 0)
-      all.add(keys_[k], std::span(now_.values).subspan(k * needs_.width, static_cast<std::size_t>(needs_.width)));
+    if (current_.touches[k] != 0)
+      all.add(keys_[k], std::span(current_.values).subspan(k * needs_.width, static_cast<std::size_t>(needs_.width)));
   return sorted(all, needs_.width);
 }
 
 void ContactTable::set(const StoredContacts& contacts) {
   contact_of_.clear();
   keys_.clear();
-  now_.resize(0, needs_.width);
-  next_.resize(0, needs_.width);
+  current_.resize(0, needs_.width);
   unlisted_ = sorted(contacts, needs_.width);
 }
 
 void ContactTable::forget(Index id) {
   const auto is_of_it = [&](const ContactKey& key) { return key.first == id || (pairs() && key.second == id); };
   for (std::size_t k = 0; k < keys_.size(); ++k)
-    if (now_.touched[k] != 0 && is_of_it(keys_[k])) end(k);
+    if (current_.touches[k] != 0 && is_of_it(keys_[k])) end(k);
   const StoredContacts before = std::exchange(unlisted_, {});
   for (std::size_t k = 0; k < before.keys.size(); ++k)
     if (!is_of_it(before.keys[k])) unlisted_.add(before.keys[k], before.row(k, needs_.width));
 }
 
 void ContactTable::end(std::size_t contact) {
-  std::fill_n(now_.values.begin() + static_cast<std::ptrdiff_t>(contact * needs_.width), needs_.width, 0.0);
-  now_.touched[contact] = 0;
+  std::fill_n(current_.values.begin() + static_cast<std::ptrdiff_t>(contact * needs_.width), needs_.width, 0.0);
+  current_.touches[contact] = 0;
 }
 
 void ContactTable::assign(std::vector<ContactKey> keys) {
   const StoredContacts known = contacts();
   const auto width = static_cast<std::size_t>(needs_.width);
-  const std::size_t elements = keys.size();
   std::vector<bool> listed(known.keys.size());
   contact_of_.clear();
-  constants_.assign(elements * static_cast<std::size_t>(needs_.constants), 0);
   if (shared()) {
     keys_ = keys;
     std::sort(keys_.begin(), keys_.end());
@@ -72,17 +74,14 @@ void ContactTable::assign(std::vector<ContactKey> keys) {
   } else {
     keys_ = std::move(keys);
   }
-  now_.resize(keys_.size(), needs_.width);
-  next_.resize(keys_.size(), needs_.width);
-  room_.resize(elements);
-  lost_.resize(elements * needs_.losses.size());
+  current_.resize(keys_.size(), needs_.width);
   for (std::size_t e = 0; e < keys_.size(); ++e) {
     const auto at = std::lower_bound(known.keys.begin(), known.keys.end(), keys_[e]);
     if (at == known.keys.end() || *at != keys_[e]) continue;
     const auto k = static_cast<std::size_t>(at - known.keys.begin());
     listed[k] = true;
-    now_.touched[e] = 1;
-    std::ranges::copy(known.row(k, needs_.width), now_.values.begin() + static_cast<std::ptrdiff_t>(e * width));
+    current_.touches[e] = 1;
+    std::ranges::copy(known.row(k, needs_.width), current_.values.begin() + static_cast<std::ptrdiff_t>(e * width));
   }
   unlisted_ = {};
   for (std::size_t k = 0; k < known.keys.size(); ++k)
@@ -107,8 +106,8 @@ const ContactTable& ContactHistory::of(std::string_view term) const {
 }
 
 template <int D>
-void ContactHistory::follow(const Topology& topology, const Walls<D>& walls, const Neighbours<D>& neighbours) {
-  if (empty() || neighbours.version() == version_) return;
+bool ContactHistory::follow(const Topology& topology, const Walls<D>& walls, const Neighbours<D>& neighbours) {
+  if (empty() || neighbours.version() == version_) return false;
   version_ = neighbours.version();
   const auto id = [&](Index i) { return topology.id[topology.particle[i]]; };
   for (ContactTable& table : tables_) {
@@ -122,6 +121,7 @@ void ContactHistory::follow(const Topology& topology, const Walls<D>& walls, con
                                      : ContactKey{id(i), walls.surface_of_part(j)});
     table.assign(std::move(keys));
   }
+  return true;
 }
 
 void ContactHistory::set(std::string_view term, const StoredContacts& contacts) {
@@ -138,7 +138,21 @@ void ContactHistory::clear() {
   version_ = -1;
 }
 
-template void ContactHistory::follow(const Topology&, const Walls<2>&, const Neighbours<2>&);
-template void ContactHistory::follow(const Topology&, const Walls<3>&, const Neighbours<3>&);
+HistoryWorkspace::HistoryWorkspace(const ContactHistory& history) {
+  for (const ContactTable& table : history.tables()) workspaces_.emplace_back(table.needs());
+}
+
+ContactWorkspace& HistoryWorkspace::of(std::string_view term) {
+  for (ContactWorkspace& workspace : workspaces_)
+    if (workspace.needs().name == term) return workspace;
+  throw std::logic_error("there is no workspace for the history of " + std::string(term));
+}
+
+void HistoryWorkspace::follow(const ContactHistory& history) {
+  for (std::size_t k = 0; k < workspaces_.size(); ++k) workspaces_[k].follow(history.tables()[k]);
+}
+
+template bool ContactHistory::follow(const Topology&, const Walls<2>&, const Neighbours<2>&);
+template bool ContactHistory::follow(const Topology&, const Walls<3>&, const Neighbours<3>&);
 
 }  // namespace pliant

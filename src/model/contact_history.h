@@ -47,11 +47,25 @@ struct StoredContacts {
   }
 };
 
-/// The history of one term. An entry of the list of its elements has the numbers of its contact: evaluations read them,
-/// and write the next history, valid if the step ends there: an accepted step makes it the current one. Parts of walls
-/// that are of one surface have one contact with a point.
-/// A pair that is listed twice, on both sides of the border of a chunk or of a rank, has them twice; a term that looks
-/// at a pair in the order of the ids keeps the same of both, bit for bit.
+/// Numbers of contacts, and whether each of them touches.
+struct ContactNumbers {
+  std::vector<std::uint8_t> touches;  ///< [contacts]
+  std::vector<Real> values;           ///< [contacts · width]; zeros where nothing touches
+
+  void resize(std::size_t contacts, int width) {
+    touches.assign(contacts, 0);
+    values.assign(contacts * static_cast<std::size_t>(width), 0);
+  }
+};
+
+class ContactWorkspace;
+
+/// The current history of one term. Each entry of the list of the term's elements has the numbers of its contact, which
+/// are valid at the last accepted step. Force evaluations read them and write the next history into a ContactWorkspace;
+/// an accepted step makes the next history the current one. Parts of walls that belong to one surface have one contact
+/// with a point.
+/// A pair that is listed twice, on both sides of the border of a chunk or of a rank, has its numbers twice; a term that
+/// looks at a pair in the order of the ids gets the same numbers on both sides, bit for bit.
 class ContactTable {
  public:
   explicit ContactTable(HistoryNeeds needs) : needs_(std::move(needs)), heat_(needs_.losses.size()) {}
@@ -59,6 +73,9 @@ class ContactTable {
   const HistoryNeeds& needs() const { return needs_; }
   /// Whether contacts are between particles, rather than with walls.
   bool pairs() const { return needs_.elements == Elements::point_pairs; }
+  /// Entries of the list, and contacts in them: fewer where several elements are one contact.
+  std::size_t elements() const { return contact_of_.empty() ? keys_.size() : contact_of_.size(); }
+  std::size_t listed_contacts() const { return keys_.size(); }
 
   /// The rank's share of the heat of each of the losses in all accepted steps.
   std::span<const Real> heat() const { return heat_; }
@@ -67,115 +84,60 @@ class ContactTable {
   }
   void set_heat(std::span<const Real> heat) { heat_.assign(heat.begin(), heat.end()); }
 
-  /// Current history of element e, of the last accepted step: `width` numbers; none if there was no contact then.
-  PLIANT_INLINE std::span<const Real> past(Index e) const {
+  /// Current history of element e: `width` numbers; none if there was no contact at the last accepted step.
+  PLIANT_INLINE std::span<const Real> current(Index e) const {
     const std::size_t k = contact_of(e);
-    if (now_.touched[k] == 0) return {};
-    return {now_.values.data() + k * needs_.width, static_cast<std::size_t>(needs_.width)};
+    if (current_.touches[k] == 0) return {};
+    return {current_.values.data() + k * needs_.width, static_cast<std::size_t>(needs_.width)};
   }
 
-  /// The same for loops over elements: null where there was no contact.
+  /// Current history for loops over elements: null where there was no contact.
   template <int Width>
-  class Pasts {
+  class Current {
    public:
-    explicit Pasts(const ContactTable& table)
+    explicit Current(const ContactTable& table)
         : contact_of_(table.contact_of_.empty() ? nullptr : table.contact_of_.data()),
-          touched_(table.now_.touched.data()),
-          values_(table.now_.values.data()) {}
-    PLIANT_INLINE const Real* operator()(Index e) const { return known(e) ? values_ + contact_of(e) * Width : nullptr; }
-    /// Whether there was one.
-    PLIANT_INLINE bool known(Index e) const { return touched_[contact_of(e)] != 0; }
+          touches_(table.current_.touches.data()),
+          values_(table.current_.values.data()) {}
+    PLIANT_INLINE const Real* operator()(Index e) const {
+      return touches(e) ? values_ + contact_of(e) * Width : nullptr;
+    }
+    /// Whether there was a contact.
+    PLIANT_INLINE bool touches(Index e) const { return touches_[contact_of(e)] != 0; }
 
    private:
     PLIANT_INLINE std::size_t contact_of(Index e) const {
       return static_cast<std::size_t>(contact_of_ == nullptr ? e : contact_of_[e]);
     }
     const Index* contact_of_;
-    const std::uint8_t* touched_;
+    const std::uint8_t* touches_;
     const Real* values_;
   };
-  template <int Width>
-  Pasts<Width> pasts() const {
-    return Pasts<Width>(*this);
-  }
 
-  /// The same of elements that are contacts of their own, for loops over several at a time.
+  /// Current history of elements that are contacts of their own, for loops over several elements at a time.
   template <int Width>
-  class Rows {
+  class CurrentRows {
    public:
-    explicit Rows(const ContactTable& table) : touched_(table.now_.touched.data()), values_(table.now_.values.data()) {}
+    explicit CurrentRows(const ContactTable& table)
+        : touches_(table.current_.touches.data()), values_(table.current_.values.data()) {}
     /// Zeros where there was no contact.
     PLIANT_INLINE const Real* operator()(Index e) const { return values_ + static_cast<std::ptrdiff_t>(e) * Width; }
-    PLIANT_INLINE bool known(Index e) const { return touched_[e] != 0; }
-    /// All numbers of a range; null where one of it was no contact.
+    PLIANT_INLINE bool touches(Index e) const { return touches_[e] != 0; }
+    /// All numbers of a range; null where one of its elements was no contact.
     PLIANT_INLINE const Real* all(Range range) const {
       for (Index e = range.first; e < range.last; ++e)
-        if (!known(e)) return nullptr;
+        if (!touches(e)) return nullptr;
       return (*this)(range.first);
     }
 
    private:
-    const std::uint8_t* touched_;
+    const std::uint8_t* touches_;
     const Real* values_;
   };
-  template <int Width>
-  Rows<Width> rows() const {
-    return Rows<Width>(*this);
-  }
 
-  /// Next history of elements, for a step that ends at the present force evaluation; undefined before it.
-  /// `Shared`: of walls. Different elements may be written at the same time, of walls those of different points.
-  template <int Width, bool Shared = false>
-  class Ahead {
-   public:
-    explicit Ahead(const ContactTable& table)
-        : contact_of_(table.contact_of_.data()),
-          touched_(table.next_.touched.data()),
-          values_(table.next_.values.data()) {}
-    /// Whether there is a contact, as was written last.
-    PLIANT_INLINE bool known(Index e) const { return touched_[contact_of(e)] != 0; }
-    /// There is one: its numbers, to be set.
-    PLIANT_INLINE Real* touches(Index e) const {
-      touched_[contact_of(e)] = 1;
-      return values_ + contact_of(e) * Width;
-    }
-    /// The same of a range of elements that are contacts of their own.
-    PLIANT_INLINE Real* touches(Range range) const {
-      static_assert(!Shared);
-      std::fill_n(touched_ + range.first, range.size(), std::uint8_t{1});
-      return values_ + contact_of(range.first) * Width;
-    }
-    /// There is none.
-    PLIANT_INLINE void parted(Index e) const {
-      touched_[contact_of(e)] = 0;
-      std::fill_n(values_ + contact_of(e) * Width, Width, 0.0);
-    }
-    /// None of a range does; of walls before any of them touches, as several may be one contact.
-    PLIANT_INLINE void parted(Range range) const {
-      for (Index e = range.first; e < range.last; ++e)
-        if (known(e)) parted(e);
-    }
-
-   private:
-    PLIANT_INLINE std::ptrdiff_t contact_of(Index e) const { return Shared ? contact_of_[e] : e; }
-    const Index* contact_of_;
-    std::uint8_t* touched_;
-    Real* values_;
-  };
-  /// An index for each element of a range, for such an evaluation to use.
-  Index* room(Range range) const { return room_.data() + range.first; }
-  /// Losses of the elements of a range, per time or in the step; the range is not empty. [losses]
-  Real* lost(Range range) const { return lost_.data() + static_cast<std::size_t>(range.first) * needs_.losses.size(); }
-  /// The step has ended where the forces of all elements were evaluated last. Elements that are not listed do not
-  /// touch.
-  void accept() {
-    std::swap(now_, next_);
-    unlisted_ = {};
-  }
-
-  /// Constants of element e and of the elements after it, zeros until the term has set them. Different elements may be
-  /// set at the same time.
-  Real* constants(Index e) const { return constants_.data() + static_cast<std::ptrdiff_t>(e) * needs_.constants; }
+  /// The step has ended where the forces of all elements were evaluated last: swaps the current and the next history.
+  /// Elements that are not listed do not touch.
+  void accept(ContactWorkspace& workspace);
 
   /// All contacts that this rank knows: every one with a particle of its own.
   StoredContacts contacts() const;
@@ -189,15 +151,7 @@ class ContactTable {
   void assign(std::vector<ContactKey> keys);
 
  private:
-  struct Side {
-    std::vector<std::uint8_t> touched;  ///< [contacts]
-    std::vector<Real> values;           ///< [contacts · width]; zeros where nothing touches
-
-    void resize(std::size_t contacts, int width) {
-      touched.assign(contacts, 0);
-      values.assign(contacts * static_cast<std::size_t>(width), 0);
-    }
-  };
+  friend class ContactWorkspace;
   /// It touches no more.
   void end(std::size_t contact);
   /// Whether several elements may be one contact.
@@ -209,18 +163,92 @@ class ContactTable {
   HistoryNeeds needs_;
   std::vector<Index> contact_of_;  ///< [list]; empty: each element is one
   std::vector<ContactKey> keys_;   ///< [contacts]
-  Side now_;
-  mutable Side next_;       ///< written ahead
+  ContactNumbers current_;
   std::vector<Real> heat_;  ///< [losses]
   StoredContacts unlisted_;
-  mutable std::vector<Real> constants_;  ///< [list · constants]
-  mutable std::vector<Index> room_;      ///< [list]
-  mutable std::vector<Real> lost_;       ///< [list · losses], at the first element of each range
 };
 
-/// The histories of all terms of a model that have one. It follows the lists: contacts are known by ids, so that
-/// rebuilding, sorting and moving between ranks changes nothing. Particles have one point each where pairs or walls
-/// have a history.
+/// The arrays that force evaluations write for one term with contact history: the next history, which is valid if the
+/// step ends at the evaluated state, and scratch. Different elements may be written at the same time; elements of
+/// walls, if they are of different points.
+class ContactWorkspace {
+ public:
+  explicit ContactWorkspace(HistoryNeeds needs) : needs_(std::move(needs)) {}
+
+  const HistoryNeeds& needs() const { return needs_; }
+  /// Makes room for the list of a table, after its assign(). No element touches and no constant is set.
+  void follow(const ContactTable& table) {
+    next_.resize(table.listed_contacts(), needs_.width);
+    scratch_.indices.resize(table.elements());
+    scratch_.losses.resize(table.elements() * needs_.losses.size());
+    constants_.assign(table.elements() * static_cast<std::size_t>(needs_.constants), 0);
+  }
+
+  /// Next history of elements; undefined before the force evaluation. `Shared`: of walls.
+  template <int Width, bool Shared = false>
+  class Next {
+   public:
+    Next(const ContactTable& table, ContactWorkspace& workspace)
+        : contact_of_(table.contact_of_.data()),
+          touches_(workspace.next_.touches.data()),
+          values_(workspace.next_.values.data()) {}
+    /// Whether there is a contact, as was written last.
+    PLIANT_INLINE bool touches(Index e) const { return touches_[contact_of(e)] != 0; }
+    /// Element e touches: its numbers, to be written.
+    PLIANT_INLINE Real* set(Index e) const {
+      touches_[contact_of(e)] = 1;
+      return values_ + contact_of(e) * Width;
+    }
+    /// All elements of a range touch, which are contacts of their own.
+    PLIANT_INLINE Real* set(Range range) const {
+      static_assert(!Shared);
+      std::fill_n(touches_ + range.first, range.size(), std::uint8_t{1});
+      return values_ + contact_of(range.first) * Width;
+    }
+    /// Element e does not touch.
+    PLIANT_INLINE void clear(Index e) const {
+      touches_[contact_of(e)] = 0;
+      std::fill_n(values_ + contact_of(e) * Width, Width, 0.0);
+    }
+    /// No element of a range touches. Elements of walls are cleared before any of them is set, because several elements
+    /// may be one contact.
+    PLIANT_INLINE void clear(Range range) const {
+      for (Index e = range.first; e < range.last; ++e)
+        if (touches(e)) clear(e);
+    }
+
+   private:
+    PLIANT_INLINE std::ptrdiff_t contact_of(Index e) const { return Shared ? contact_of_[e] : e; }
+    const Index* contact_of_;
+    std::uint8_t* touches_;
+    Real* values_;
+  };
+
+  /// Scratch: an index for each element of a range.
+  Index* indices(Range range) { return scratch_.indices.data() + range.first; }
+  /// Losses of the elements of a range, per time or in the step; the range is not empty. [losses]
+  Real* losses(Range range) {
+    return scratch_.losses.data() + static_cast<std::size_t>(range.first) * needs_.losses.size();
+  }
+  /// Constants of element e and of the elements after it, zeros until the term has set them for the present list.
+  Real* constants(Index e) { return constants_.data() + static_cast<std::ptrdiff_t>(e) * needs_.constants; }
+
+ private:
+  friend class ContactTable;
+  struct Scratch {
+    std::vector<Index> indices;  ///< [list]
+    std::vector<Real> losses;    ///< [list · losses], at the first element of each range
+  };
+
+  HistoryNeeds needs_;
+  ContactNumbers next_;
+  Scratch scratch_;
+  std::vector<Real> constants_;  ///< [list · constants]
+};
+
+/// The current histories of all terms of a model that have one. They follow the lists: contacts are known by ids, so
+/// that rebuilding, sorting and moving between ranks changes nothing. Particles have one point each where pairs or
+/// walls have a history.
 class ContactHistory {
  public:
   /// Errors: std::logic_error for two terms of one name, and for other elements.
@@ -232,9 +260,9 @@ class ContactHistory {
   ContactTable& of(std::string_view term) { return const_cast<ContactTable&>(std::as_const(*this).of(term)); }
   const std::vector<ContactTable>& tables() const { return tables_; }
 
-  /// Makes every entry of the lists find its contact. Costs nothing while the lists are the same.
+  /// Makes every entry of the lists find its contact, and returns whether the lists have changed since the last call.
   template <int D>
-  void follow(const Topology& topology, const Walls<D>& walls, const Neighbours<D>& neighbours);
+  bool follow(const Topology& topology, const Walls<D>& walls, const Neighbours<D>& neighbours);
   /// See ContactTable::set.
   void set(std::string_view term, const StoredContacts& contacts);
   /// The particle was put somewhere else: its contacts are over.
@@ -245,6 +273,21 @@ class ContactHistory {
  private:
   std::vector<ContactTable> tables_;
   std::int64_t version_ = -1;  ///< of the lists
+};
+
+/// The workspaces of all terms of a model that have a contact history. A force evaluation gets them next to its
+/// StateView, which only reads.
+class HistoryWorkspace {
+ public:
+  explicit HistoryWorkspace(const ContactHistory& history);
+
+  /// The workspace of the term called so.
+  ContactWorkspace& of(std::string_view term);
+  /// After ContactHistory::follow has returned true for `history`.
+  void follow(const ContactHistory& history);
+
+ private:
+  std::vector<ContactWorkspace> workspaces_;  ///< in the order of the tables
 };
 
 }  // namespace pliant

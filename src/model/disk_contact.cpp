@@ -14,7 +14,7 @@ using simd::Real4;
 
 namespace {
 
-using DiskPasts = ContactTable::Rows<DiskContact<>::history>;
+using CurrentDisks = ContactTable::CurrentRows<DiskContact<>::history>;
 
 PLIANT_INLINE SurfaceTouch<2, Real4>::Rub rub(const DiskTouch<Real4>& c, const SurfaceFriction& surface,
                                               const StateView<2>& s, const FourPairs& at) {
@@ -22,7 +22,7 @@ PLIANT_INLINE SurfaceTouch<2, Real4>::Rub rub(const DiskTouch<Real4>& c, const S
   return c.rub(surface, v.x, v.y, FourPairs::gather(s.spins, at.first), FourPairs::gather(s.spins, at.second));
 }
 
-PLIANT_INLINE DiskTouch<Real4>::Past past_of(const DiskPasts& past, const Index* elements) {
+PLIANT_INLINE DiskTouch<Real4>::Past past_of(const CurrentDisks& past, const Index* elements) {
   const Real* const p[4] = {past(elements[0]), past(elements[1]), past(elements[2]), past(elements[3])};
   Real4 n0 = load4(p[0]), n1 = load4(p[1]), turned = load4(p[2]), spring = load4(p[3]);
   simd::transpose(n0, n1, turned, spring);
@@ -30,10 +30,10 @@ PLIANT_INLINE DiskTouch<Real4>::Past past_of(const DiskPasts& past, const Index*
 }
 
 /// For each pair of a range: the radii, their sum, and the root of the reduced mass.
-void set_constants(const StateView<2>& s, Range range, const ContactTable& table) {
+void set_constants(const StateView<2>& s, Range range, ContactWorkspace& workspace) {
   const PairList& list = s.neighbours.point_pairs;
   const std::vector<Real>& diameter = s.topology.diameter;
-  Real* to = table.constants(range.first);
+  Real* to = workspace.constants(range.first);
   for (Index e = range.first; e < range.last; ++e) {
     const auto [i, j] = list[e];
     for (const Real number :
@@ -44,21 +44,22 @@ void set_constants(const StateView<2>& s, Range range, const ContactTable& table
 
 template <class Law, bool OwnOnly>
 PLIANT_MULTIVERSION void add_contacts(Real epsilon, const SurfaceFriction& friction, const StateView<2>& s, Range range,
-                                      const ContactTable& table, const Scatter<2, 1, OwnOnly>& scatter, bool total) {
+                                      const ContactTable& table, ContactWorkspace& workspace,
+                                      const Scatter<2, 1, OwnOnly>& scatter, bool total) {
   const SurfaceFriction surface = friction;  // local copy, which stores cannot change
-  const DiskPasts past = table.rows<DiskContact<>::history>();
-  const ContactTable::Ahead<DiskContact<>::history> ahead(table);
+  const CurrentDisks past(table);
+  const ContactWorkspace::Next<DiskContact<>::history> next(table, workspace);
   const Scatter<2, 1, OwnOnly> force = scatter;
   const Pair* const pairs = s.neighbours.point_pairs.pairs.data();
   const Real* const x = s.x;
 
-  const Real* const all = table.constants(0);
+  const Real* const all = workspace.constants(0);
   const auto constants = [&](Index e)
                              PLIANT_INLINE_LAMBDA { return all + std::ptrdiff_t(e) * DiskContact<>::constants; };
-  if (range.size() > 0 && *constants(range.first) == 0) set_constants(s, range, table);
+  if (range.size() > 0 && *constants(range.first) == 0) set_constants(s, range, workspace);
 
-  Index* const elements = table.room(range);
-  const Index touching = find_touching(s, range, ahead, elements);
+  Index* const elements = workspace.indices(range);
+  const Index touching = find_touching(s, range, next, elements);
 
   FourLosses<3> lost;
   for_each_four(elements, touching, [&](Index count, const Index* e) PLIANT_INLINE_LAMBDA {
@@ -95,26 +96,27 @@ PLIANT_MULTIVERSION void add_contacts(Real epsilon, const SurfaceFriction& frict
     simd::transpose(n0, n1, turned, spring);
     const Real4 rows[4] = {n0, n1, turned, spring}, slides = rubs.hold.slides ? simd::all(1) : Real4{};
     for (Index l = 0; l < count; ++l) {
-      Real* const numbers = ahead.touches(e[l]);
+      Real* const numbers = next.set(e[l]);
       simd::store4(numbers, rows[l]);
       numbers[4] = slides[l];
     }
     lost.add(s, force, count, e, {c.normal_power(rubs), c.tangential_power(rubs), c.slid_heat(rubs, before.spring)});
   });
-  lost.write(range, table);
+  lost.write(range, workspace);
 }
 
 }  // namespace
 
 template <class Law, bool OwnOnly>
 void add_disk_forces(Real epsilon, const SurfaceFriction& surface, const StateView<2>& s, Range range,
-                     const ContactTable& table, const Scatter<2, 1, OwnOnly>& force, bool total) {
-  add_contacts<Law>(epsilon, surface, s, range, table, force, total);
+                     const ContactTable& table, ContactWorkspace& workspace, const Scatter<2, 1, OwnOnly>& force,
+                     bool total) {
+  add_contacts<Law>(epsilon, surface, s, range, table, workspace, force, total);
 }
 static_assert(RangeTerm<DiskContact<>, 2>);
 #define PLIANT_DISK_FORCES(Law, own)                                                                \
   template void add_disk_forces<Law, own>(Real, const SurfaceFriction&, const StateView<2>&, Range, \
-                                          const ContactTable&, const Scatter<2, 1, own>&, bool);
+                                          const ContactTable&, ContactWorkspace&, const Scatter<2, 1, own>&, bool);
 PLIANT_DISK_FORCES(HarmonicOverlap, false)
 PLIANT_DISK_FORCES(HarmonicOverlap, true)
 PLIANT_DISK_FORCES(HertzOverlap, false)

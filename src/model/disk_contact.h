@@ -67,7 +67,8 @@ struct DiskTouch : SurfaceTouch<2, R> {
 /// DiskContact::add_forces, four contacts at a time. total: with the elastic forces.
 template <class Law, bool OwnOnly>
 void add_disk_forces(Real epsilon, const SurfaceFriction& surface, const StateView<2>& s, Range range,
-                     const ContactTable& table, const Scatter<2, 1, OwnOnly>& force, bool total);
+                     const ContactTable& table, ContactWorkspace& workspace, const Scatter<2, 1, OwnOnly>& force,
+                     bool total);
 
 /// Friction and damping between two disks, besides the elastic force N_e = −V' of PairContact, in the plane. i is the
 /// disk with the lower id, n the unit vector from j to i, t = n turned by 90°, d the distance of the centres.
@@ -135,9 +136,9 @@ struct DiskContact {
     add(c, rubs, rubs.normal, force);
   }
   template <bool OwnOnly>
-  void add_forces(const StateView<2>& s, Range range, const ContactTable& table, const Scatter<2, 1, OwnOnly>& force,
-                  bool total = false) const {
-    add_disk_forces<Law>(epsilon, surface, s, range, table, force, total);
+  void add_forces(const StateView<2>& s, Range range, const ContactTable& table, ContactWorkspace& workspace,
+                  const Scatter<2, 1, OwnOnly>& force, bool total = false) const {
+    add_disk_forces<Law>(epsilon, surface, s, range, table, workspace, force, total);
   }
   /// The spring between two of the stiffest disks: ω² = k_t (2/m + 2R²/I) = 6 k_t/m.
   Real max_rate(const Topology& topology) const { return spring_rate<Law>(surface, topology, epsilon, 1, 6); }
@@ -169,8 +170,9 @@ struct DiskContact {
 /// The elastic and the frictional forces of pairs of disks, or of spheres, in one pass.
 struct DiskKernel {
   static constexpr bool fast() { return true; }
+  static constexpr bool writes_history = true;
   template <int D, class Law, class Friction>
-  [[gnu::flatten]] static void add_forces(const StateView<D>& s, Index chunk, Real* f,
+  [[gnu::flatten]] static void add_forces(const StateView<D>& s, HistoryWorkspace* workspace, Index chunk, Real* f,
                                           const PairContact<D, Law>& contact, const Friction& friction) {
     const PairList& list = s.neighbours.point_pairs;
     Real* const torques = f + static_cast<std::size_t>(s.topology.owned_points()) * D;
@@ -183,9 +185,12 @@ struct DiskKernel {
       return;
     }
     const auto add = [&](Range range, auto scatter) {
+      if (range.size() == 0) return;
       if constexpr (RangeTerm<Friction, D>)
-        if (s.history != nullptr) return friction.add_forces(s, range, s.history->of(friction.name()), scatter, true);
-      for_each_touch(friction, s, range, scatter,
+        if (workspace != nullptr)
+          return friction.add_forces(s, range, s.history->of(friction.name()), workspace->of(friction.name()), scatter,
+                                     true);
+      for_each_touch(friction, s, workspace, range, scatter,
                      [&](const auto& c) PLIANT_INLINE_LAMBDA { friction.add_total(s, c, scatter); });
     };
     add(inside, Scatter<D, 1>{f, {}, torques});

@@ -15,8 +15,7 @@ namespace {
 
 template <class Law>
 PLIANT_MULTIVERSION void settle(FourAtWalls<2, DiskWallContact<Law>>& four, const DiskWallContact<Law>& term,
-                                const StateView<2>& s,
-                                const typename FourAtWalls<2, DiskWallContact<Law>>::Ahead& ahead,
+                                const StateView<2>& s, const typename FourAtWalls<2, DiskWallContact<Law>>::Next& next,
                                 const Scatter<2, 1>& force, bool total) {
   static constexpr std::array<Real, DiskWallContact<Law>::history> nothing{};
   const Index count = four.count;
@@ -25,7 +24,7 @@ PLIANT_MULTIVERSION void settle(FourAtWalls<2, DiskWallContact<Law>>& four, cons
   for (Index k = 0; k < 4; ++k) {
     const Index l = std::min(k, count - 1);
     c[k] = &four.touch[l];
-    past[k] = four.past[l] != nullptr ? four.past[l] : nothing.data();
+    past[k] = four.current[l] != nullptr ? four.current[l] : nothing.data();
   }
   const auto read = [](const Real* p, const Real* q, const Real* r, const Real* t, Real4& a, Real4& b, Real4& d,
                        Real4& e) PLIANT_INLINE_LAMBDA {
@@ -64,7 +63,7 @@ PLIANT_MULTIVERSION void settle(FourAtWalls<2, DiskWallContact<Law>>& four, cons
     Real* const out = force.out + 2 * std::ptrdiff_t(i[k]);
     simd::store2(out, simd::load2(out) + push[k]);
     force.torques[i[k]] += torque[k];
-    Real* const numbers = ahead.touches(four.element[k]);
+    Real* const numbers = next.set(four.element[k]);
     simd::store4(numbers, load4(c[k]->foot.data()));
     numbers[4] = c[k]->angle;
     numbers[5] = rubs.hold.spring[k];
@@ -82,15 +81,15 @@ PLIANT_MULTIVERSION void settle(FourAtWalls<2, DiskWallContact<Law>>& four, cons
 
 template <class Law>
 void settle_four(FourAtWalls<2, DiskWallContact<Law>>& four, const DiskWallContact<Law>& term, const StateView<2>& s,
-                 const typename FourAtWalls<2, DiskWallContact<Law>>::Ahead& ahead, const Scatter<2, 1>& force,
+                 const typename FourAtWalls<2, DiskWallContact<Law>>::Next& next, const Scatter<2, 1>& force,
                  bool total) {
-  settle(four, term, s, ahead, force, total);
+  settle(four, term, s, next, force, total);
 }
 static_assert(RangeTerm<DiskWallContact<>, 2>);
 // A type cannot be in parentheses. NOLINTBEGIN(bugprone-macro-parentheses)
-#define PLIANT_SETTLE_FOUR(Law)                                                                                    \
-  template void settle_four<Law>(FourAtWalls<2, DiskWallContact<Law>>&, const DiskWallContact<Law>&,               \
-                                 const StateView<2>&, const typename FourAtWalls<2, DiskWallContact<Law>>::Ahead&, \
+#define PLIANT_SETTLE_FOUR(Law)                                                                                   \
+  template void settle_four<Law>(FourAtWalls<2, DiskWallContact<Law>>&, const DiskWallContact<Law>&,              \
+                                 const StateView<2>&, const typename FourAtWalls<2, DiskWallContact<Law>>::Next&, \
                                  const Scatter<2, 1>&, bool);
 PLIANT_SETTLE_FOUR(HarmonicOverlap)
 PLIANT_SETTLE_FOUR(HertzOverlap)

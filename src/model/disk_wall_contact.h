@@ -63,7 +63,7 @@ struct DiskWallContact;
 /// See add_wall_forces().
 template <class Law>
 void settle_four(FourAtWalls<2, DiskWallContact<Law>>& four, const DiskWallContact<Law>& term, const StateView<2>& s,
-                 const typename FourAtWalls<2, DiskWallContact<Law>>::Ahead& ahead, const Scatter<2, 1>& force,
+                 const typename FourAtWalls<2, DiskWallContact<Law>>::Next& next, const Scatter<2, 1>& force,
                  bool total);
 
 /// Friction and damping between a disk and a surface of the walls (Walls::surface_of_part), besides the force N_e = −V'
@@ -153,14 +153,15 @@ struct DiskWallContact {
     const SurfaceTouch<2>::Rub rubs = rub(s, c);
     add(c, rubs, rubs.normal, force);
   }
-  void add_forces(const StateView<2>& s, Range range, const ContactTable& table, const Scatter<2, 1>& force) const {
-    add_forces(s, range, table, force, false, [](Index) {});
+  void add_forces(const StateView<2>& s, Range range, const ContactTable& table, ContactWorkspace& workspace,
+                  const Scatter<2, 1>& force) const {
+    add_forces(s, range, table, workspace, force, false, [](Index) {});
   }
   /// total: with the elastic forces. untouched(e): for elements that do not touch.
   template <class Untouched>
-  void add_forces(const StateView<2>& s, Range range, const ContactTable& table, const Scatter<2, 1>& force, bool total,
-                  Untouched&& untouched) const {
-    add_wall_forces(*this, s, range, table, force, total, untouched);
+  void add_forces(const StateView<2>& s, Range range, const ContactTable& table, ContactWorkspace& workspace,
+                  const Scatter<2, 1>& force, bool total, Untouched&& untouched) const {
+    add_wall_forces(*this, s, range, table, workspace, force, total, untouched);
   }
   /// Force of the wall on the disk, without the elastic force; the wall feels the opposite.
   Vec<2> force(const StateView<2>& s, const Touch& c) const {
@@ -199,8 +200,9 @@ struct DiskWallContact {
 /// All forces of walls on disks, or spheres, in one pass.
 struct DiskWallKernel {
   static constexpr bool fast() { return true; }
+  static constexpr bool writes_history = true;
   template <int D, class Law, class Friction>
-  [[gnu::flatten]] static void add_forces(const StateView<D>& s, Index chunk, Real* f,
+  [[gnu::flatten]] static void add_forces(const StateView<D>& s, HistoryWorkspace* workspace, Index chunk, Real* f,
                                           const WallContact<D, Law>& contact, const Friction& friction) {
     if (!friction.enabled(s)) return WallKernel::add_forces(s, chunk, f, contact);
     Real* const torques = f + static_cast<std::size_t>(s.topology.owned_points()) * D;
@@ -212,11 +214,12 @@ struct DiskWallKernel {
     };
     const Range range = s.neighbours.walls.inside(chunk);
     if constexpr (RangeTerm<Friction, D>)
-      if (s.history != nullptr)
-        return friction.add_forces(s, range, s.history->of(friction.name()), force, true, others);
+      if (workspace != nullptr)
+        return friction.add_forces(s, range, s.history->of(friction.name()), workspace->of(friction.name()), force,
+                                   true, others);
     for_each_touch(
-        friction, s, range, force, [&](const auto& c) PLIANT_INLINE_LAMBDA { friction.add_total(s, c, force); },
-        others);
+        friction, s, workspace, range, force,
+        [&](const auto& c) PLIANT_INLINE_LAMBDA { friction.add_total(s, c, force); }, others);
   }
 };
 

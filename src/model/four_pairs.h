@@ -94,7 +94,7 @@ struct FourPairs {
 /// Writes the touching pairs of a range to `elements`, without a branch that depends on them, and returns their number.
 /// The history of the others ends.
 template <int D, int Width>
-PLIANT_INLINE Index find_touching(const StateView<D>& s, Range range, const ContactTable::Ahead<Width>& ahead,
+PLIANT_INLINE Index find_touching(const StateView<D>& s, Range range, const ContactWorkspace::Next<Width>& next,
                                   Index* elements) {
   const PairList& list = s.neighbours.point_pairs;
   const Pair* const pairs = list.pairs.data();
@@ -103,7 +103,7 @@ PLIANT_INLINE Index find_touching(const StateView<D>& s, Range range, const Cont
   const auto take = [&](Index e, Index near) PLIANT_INLINE_LAMBDA {
     elements[touching] = e;  // or the next one is there
     touching += near;
-    if (Index(ahead.known(e)) > near) ahead.parted(e);
+    if (Index(next.touches(e)) > near) next.clear(e);
   };
   Index e = range.first;
   if constexpr (D == 3)
@@ -158,9 +158,10 @@ struct FourLosses {
         if (!force.template counts<Elements::point_pairs>(s, elements[l])) counts[l] = 0;
     for (std::size_t j = 0; j < N; ++j) sums[j] += simd::where(counts, now[j]);
   }
-  PLIANT_INLINE void write(Range range, const ContactTable& table) const {
+  PLIANT_INLINE void write(Range range, ContactWorkspace& workspace) const {
     if (range.size() == 0) return;
-    for (std::size_t j = 0; j < N; ++j) table.lost(range)[j] = (sums[j][0] + sums[j][1]) + (sums[j][2] + sums[j][3]);
+    for (std::size_t j = 0; j < N; ++j)
+      workspace.losses(range)[j] = (sums[j][0] + sums[j][1]) + (sums[j][2] + sums[j][3]);
   }
 };
 

@@ -102,8 +102,9 @@ class ForceField {
 
   /// Total force, written to f [points · D].
   virtual void forces(const StateView<D>& s, Real* f) const = 0;
-  /// Forces divided by the masses: 0 for inactive particles. Returns whether all are finite.
-  virtual bool accelerations(const StateView<D>& s, Real* a) const = 0;
+  /// Forces divided by the masses: 0 for inactive particles. Returns whether all are finite. workspace: gets the next
+  /// contact history, for accept(); without it history is only read, as by all functions without this argument.
+  virtual bool accelerations(const StateView<D>& s, Real* a, HistoryWorkspace* workspace = nullptr) const = 0;
   /// Accelerations that are not stored: done(chunk, a) gets the accelerations of the points of a chunk, numbered as in
   /// an array of all points, and is called by several threads at a time. `scratch` holds them and grows as needed.
   virtual bool accelerations(const StateView<D>& s, std::vector<Real>& scratch,
@@ -144,8 +145,10 @@ class ForceField {
   /// Contact histories of the terms.
   virtual std::vector<HistoryNeeds> history_needs() const = 0;
   /// A step of length h has been accepted, which ends at s: the next contact history becomes current. found: the last
-  /// forces were those at the same time, positions and angles, so that they need not be evaluated again.
-  virtual void accept(const StateView<D>& s, Real h, ContactHistory& history, bool found = false) const = 0;
+  /// accelerations with this workspace were those at the same time, positions and angles, so that the next history need
+  /// not be computed again.
+  virtual void accept(const StateView<D>& s, Real h, ContactHistory& history, HistoryWorkspace& workspace,
+                      bool found = false) const = 0;
 };
 
 /// Power of the moving walls on the points, as far as their forces belong to
@@ -170,9 +173,9 @@ Real wall_power(const ForceField<D>& field, const StateView<D>& s) {
 }
 
 /// Terms whose forces one vectorised kernel computes in one pass:
-/// Kernel::add_forces(s, chunk, f, terms…) adds their forces on the points of a chunk; where Kernel::fast() is false
-/// the plain loops are used. Energies, reports and all other results use the terms' element functions, with which tests
-/// compare the kernel.
+/// Kernel::add_forces(s, chunk, f, terms…) adds their forces on the points of a chunk, or add_forces(s, workspace, …)
+/// if Kernel::writes_history; where Kernel::fast() is false the plain loops are used. Energies, reports and all other
+/// results use the terms' element functions, with which tests compare the kernel.
 template <class Kernel, class... Terms>
 struct Fused {
   std::tuple<Terms...> terms;
@@ -204,6 +207,12 @@ template <class T, int D>
 constexpr bool belongs_to(TermGroup group) {
   return group == TermGroup::all || is_shape<T, D> == (group == TermGroup::shape);
 }
+
+/// Whether a kernel writes the next contact history of its terms.
+template <class Kernel>
+inline constexpr bool writes_history = requires {
+  requires Kernel::writes_history;
+};
 
 template <class T, int D>
 concept ModelPart = is_fused<T> || EnergyTerm<T, D> || DissipationTerm<T, D> || HistoryTerm<T, D>;
@@ -241,13 +250,13 @@ class Model final : public ForceField<D> {
   }
 
   void forces(const StateView<D>& s, Real* f) const override {
-    for_each_chunk(s, [&](Index chunk) { add_total(s, chunk, f); });
+    for_each_chunk(s, [&](Index chunk) { add_total(s, nullptr, chunk, f); });
   }
 
-  bool accelerations(const StateView<D>& s, Real* a) const override {
+  bool accelerations(const StateView<D>& s, Real* a, HistoryWorkspace* workspace) const override {
     std::atomic<bool> finite = true;
     for_each_chunk(s, [&](Index chunk) {
-      if (!set_accelerations(s, chunk, a)) finite = false;
+      if (!set_accelerations(s, workspace, chunk, a)) finite = false;
     });
     return finite;
   }
@@ -266,7 +275,7 @@ class Model final : public ForceField<D> {
       const auto before = static_cast<std::uintptr_t>(s.neighbours.points(chunk).first) * D * sizeof(Real);
       Real* const mine = scratch.data() + share * omp_get_thread_num();
       Real* const a = reinterpret_cast<Real*>(reinterpret_cast<std::uintptr_t>(mine) - before);
-      if (!set_accelerations(s, chunk, a)) finite = false;
+      if (!set_accelerations(s, nullptr, chunk, a)) finite = false;
       done(chunk, a);
     });
     return finite;
@@ -281,7 +290,7 @@ class Model final : public ForceField<D> {
       };
       zero(s, chunk, a);
       visit([&](const auto& terms) { set_forces(terms, s, chunk, a); });
-      visit([&](const auto& terms) { add_part(terms, s, chunk, a); });
+      visit([&](const auto& terms) { add_part(terms, s, nullptr, chunk, a); });
       divide_by_masses(s, chunk, a);
     });
   }
@@ -331,12 +340,12 @@ class Model final : public ForceField<D> {
       if (f != nullptr && dissipative) zero(s, chunk, f);
       for_each_energy(s, [&](const auto& term) {
         for_each_element(term, s, chunk, [&](Index e) { sum += term.energy(s, e); });
-        if (f != nullptr && dissipative) add_forces(term, s, chunk, f);
+        if (f != nullptr && dissipative) add_forces(term, s, nullptr, chunk, f);
       });
-      for_each_history(s, [&](const auto& term, const auto& past) {
-        for_each_element(term, s, chunk, [&](Index e) { sum += energy_of(term, s, e, past(e)); });
+      for_each_history(s, [&](const auto& term, const auto& current) {
+        for_each_element(term, s, chunk, [&](Index e) { sum += energy_of(term, s, e, current(e)); });
       });
-      if (f != nullptr && !dissipative) add_total(s, chunk, f);
+      if (f != nullptr && !dissipative) add_total(s, nullptr, chunk, f);
       return sum;
     });
   }
@@ -348,9 +357,9 @@ class Model final : public ForceField<D> {
         if (belongs_to_one_of<std::decay_t<decltype(term)>>(s, e, ids)) sum += term.energy(s, e);
       });
     });
-    for_each_history(s, [&](const auto& term, const auto& past) {
+    for_each_history(s, [&](const auto& term, const auto& current) {
       for_each_element(term, s, [&](Index e) {
-        if (belongs_to_one_of<std::decay_t<decltype(term)>>(s, e, ids)) sum += energy_of(term, s, e, past(e));
+        if (belongs_to_one_of<std::decay_t<decltype(term)>>(s, e, ids)) sum += energy_of(term, s, e, current(e));
       });
     });
     return sum;
@@ -359,7 +368,7 @@ class Model final : public ForceField<D> {
   void dissipative_forces(const StateView<D>& s, Real* f) const override {
     for_each_chunk(s, [&](Index chunk) {
       zero(s, chunk, f);
-      for_each_dissipation(s, [&](const auto& term) { add_forces(term, s, chunk, f); });
+      for_each_dissipation(s, [&](const auto& term) { add_forces(term, s, nullptr, chunk, f); });
     });
   }
 
@@ -368,8 +377,8 @@ class Model final : public ForceField<D> {
       Real sum = 0;
       for_each_dissipation(
           s, [&](const auto& term) { for_each_element(term, s, chunk, [&](Index e) { sum += term.power(s, e); }); });
-      for_each_history(s, [&](const auto& term, const auto& past) {
-        for_each_element(term, s, chunk, [&](Index e) { sum += power_of(term, s, e, past(e)); });
+      for_each_history(s, [&](const auto& term, const auto& current) {
+        for_each_element(term, s, chunk, [&](Index e) { sum += power_of(term, s, e, current(e)); });
       });
       return sum;
     });
@@ -388,10 +397,10 @@ class Model final : public ForceField<D> {
           for_each_element(term, s, [&](Index e) { r.particle_energy[term.particle(s, e)] += term.energy(s, e); });
         }
       } else if constexpr (HistoryTerm<Term, D>) {
-        const Past past(s, term);
-        for_each_element(term, s, [&](Index e) { r.energy += energy_of(term, s, e, past(e)); });
+        const CurrentHistory current(s, term);
+        for_each_element(term, s, [&](Index e) { r.energy += energy_of(term, s, e, current(e)); });
       }
-      for (Index c = 0; c < s.neighbours.chunks(); ++c) add_forces(term, s, c, r.force.data());
+      for (Index c = 0; c < s.neighbours.chunks(); ++c) add_forces(term, s, nullptr, c, r.force.data());
       reports.push_back(std::move(r));
     });
     return reports;
@@ -401,7 +410,7 @@ class Model final : public ForceField<D> {
     for_each_chunk(s, [&](Index chunk) {
       zero(s, chunk, f);
       for_each_enabled(s, [&](const auto& term) {
-        if (term.name() == name) add_forces(term, s, chunk, f);
+        if (term.name() == name) add_forces(term, s, nullptr, chunk, f);
       });
     });
   }
@@ -451,10 +460,10 @@ class Model final : public ForceField<D> {
         if constexpr (requires { term.force(s, Index()); }) {
           add(term, [&](Index e) { return term.force(s, e); });
         } else if constexpr (requires(const typename Term::Touch& c) { term.force(s, c); }) {
-          const Past past(s, term);
+          const CurrentHistory current(s, term);
           add(term, [&](Index e) -> Vec<D> {
             typename Term::Touch c;
-            return term.find(s, e, past(e), c) ? term.force(s, c) : Vec<D>(Vec<D>::Zero());
+            return term.find(s, e, current(e), c) ? term.force(s, c) : Vec<D>(Vec<D>::Zero());
           });
         }
       }
@@ -512,25 +521,28 @@ class Model final : public ForceField<D> {
     return all;
   }
 
-  void accept(const StateView<D>& s, Real h, ContactHistory& history, bool found) const override {
+  void accept(const StateView<D>& s, Real h, ContactHistory& history, HistoryWorkspace& workspace,
+              bool found) const override {
     if (!found) {
       std::vector<Real> unused(static_cast<std::size_t>(s.topology.points()) * (torques ? D + rotations<D> : D));
       for_each_chunk(s, [&](Index chunk) {
-        for_each_history(s, [&](const auto& term, const auto&) { add_forces(term, s, chunk, unused.data()); });
+        for_each_history(s,
+                         [&](const auto& term, const auto&) { add_forces(term, s, &workspace, chunk, unused.data()); });
       });
     }
     for_each_history(s, [&](const auto& term, const auto&) {
       using Term = std::decay_t<decltype(term)>;
       ContactTable& table = history.of(term.name());
+      ContactWorkspace& own = workspace.of(term.name());
       if constexpr (losses_of<Term>() > 0) {
         std::array<Real, losses_of<Term>()> heat{};
         for (Index chunk = 0; chunk < s.neighbours.chunks(); ++chunk)
           for (const Range range : {inside<Term>(s, chunk), across<Term>(s, chunk)})
             for (std::size_t k = 0; range.size() > 0 && k < heat.size(); ++k)
-              heat[k] += (Term::losses[k].per_time ? h : 1) * table.lost(range)[k];
+              heat[k] += (Term::losses[k].per_time ? h : 1) * own.losses(range)[k];
         table.add_heat(heat);
       }
-      table.accept();
+      table.accept(own);
     });
   }
 
@@ -550,27 +562,15 @@ class Model final : public ForceField<D> {
       throw InputError("the term {} has no second derivatives; use an explicit integrator", term.name());
   }
 
-  /// Current history of each element of a term.
-  struct Past {
-    const ContactTable* table = nullptr;
-    template <class T>
-    Past(const StateView<D>& s, const T& term) {
-      if (s.history != nullptr) table = &s.history->of(term.name());
-    }
-    std::span<const Real> operator()(Index e) const {
-      return table != nullptr ? table->past(e) : std::span<const Real>();
-    }
-  };
-
   template <class Term>
-  static Real energy_of(const Term& term, const StateView<D>& s, Index e, std::span<const Real> past) {
+  static Real energy_of(const Term& term, const StateView<D>& s, Index e, std::span<const Real> current) {
     typename Term::Touch c;
-    return term.find(s, e, past, c) ? term.energy(s, c) : 0;
+    return term.find(s, e, current, c) ? term.energy(s, c) : 0;
   }
   template <class Term>
-  static Real power_of(const Term& term, const StateView<D>& s, Index e, std::span<const Real> past) {
+  static Real power_of(const Term& term, const StateView<D>& s, Index e, std::span<const Real> current) {
     typename Term::Touch c;
-    return term.find(s, e, past, c) ? term.power(s, c) : 0;
+    return term.find(s, e, current, c) ? term.power(s, c) : 0;
   }
 
   template <class Visit>
@@ -605,11 +605,11 @@ class Model final : public ForceField<D> {
     });
   }
 
-  /// visit(term, past)
+  /// visit(term, current)
   template <class Visit>
   void for_each_history(const StateView<D>& s, Visit&& visit) const {
     for_each_enabled(s, [&](const auto& term) {
-      if constexpr (HistoryTerm<std::decay_t<decltype(term)>, D>) visit(term, Past(s, term));
+      if constexpr (HistoryTerm<std::decay_t<decltype(term)>, D>) visit(term, CurrentHistory(s, term));
     });
   }
 
@@ -761,8 +761,8 @@ class Model final : public ForceField<D> {
   }
 
   /// The accelerations of a chunk; returns whether they are finite.
-  bool set_accelerations(const StateView<D>& s, Index chunk, Real* a) const {
-    add_total(s, chunk, a);
+  bool set_accelerations(const StateView<D>& s, HistoryWorkspace* workspace, Index chunk, Real* a) const {
+    add_total(s, workspace, chunk, a);
     return divide_by_masses(s, chunk, a);
   }
 
@@ -782,22 +782,22 @@ class Model final : public ForceField<D> {
   }
 
   /// The forces of a chunk, by kernels where there are some.
-  void add_total(const StateView<D>& s, Index chunk, Real* f) const {
+  void add_total(const StateView<D>& s, HistoryWorkspace* workspace, Index chunk, Real* f) const {
     if constexpr ((sets_forces<Parts> || ...)) {
       for_each_part([&](const auto& part) { set_forces(part, s, chunk, f); });
       if constexpr (torques) zero_torques(s, chunk, f);
     } else {
       zero(s, chunk, f);
     }
-    for_each_part([&](const auto& part) { add_part(part, s, chunk, f); });
+    for_each_part([&](const auto& part) { add_part(part, s, workspace, chunk, f); });
   }
 
   template <class P>
-  static void add_part(const P& part, const StateView<D>& s, Index chunk, Real* f) {
+  static void add_part(const P& part, const StateView<D>& s, HistoryWorkspace* workspace, Index chunk, Real* f) {
     if constexpr (is_fused<P>)
-      add_fused(part, s, chunk, f);
+      add_fused(part, s, workspace, chunk, f);
     else if (part.enabled(s))
-      add_forces(part, s, chunk, f);
+      add_forces(part, s, workspace, chunk, f);
   }
 
   template <class Kernel, class... Terms>
@@ -809,23 +809,30 @@ class Model final : public ForceField<D> {
   static void set_forces(const T&, const StateView<D>&, Index, Real*) {}
 
   template <class Kernel, class... Terms>
-  static void add_fused(const Fused<Kernel, Terms...>& part, const StateView<D>& s, Index chunk, Real* f) {
+  static void add_fused(const Fused<Kernel, Terms...>& part, const StateView<D>& s, HistoryWorkspace* workspace,
+                        Index chunk, Real* f) {
     static_assert(((is_shape<Terms, D> == is_shape<Fused<Kernel, Terms...>, D>)&&...), "a kernel belongs to one part");
-    if (Kernel::fast())
-      std::apply([&](const auto&... term) { Kernel::add_forces(s, chunk, f, term...); }, part.terms);
-    else
-      std::apply([&](const auto&... term) { ((term.enabled(s) ? add_forces(term, s, chunk, f) : void()), ...); },
-                 part.terms);
+    std::apply(
+        [&](const auto&... term) {
+          if (!Kernel::fast())
+            ((term.enabled(s) ? add_forces(term, s, workspace, chunk, f) : void()), ...);
+          else if constexpr (writes_history<Kernel>)
+            Kernel::add_forces(s, workspace, chunk, f, term...);
+          else
+            Kernel::add_forces(s, chunk, f, term...);
+        },
+        part.terms);
   }
 
   template <class T>
-  static void add_forces(const T& term, const StateView<D>& s, Index chunk, Real* f) {
+  static void add_forces(const T& term, const StateView<D>& s, HistoryWorkspace* workspace, Index chunk, Real* f) {
     constexpr int sign = EnergyTerm<T, D> ? -1 : 1;
     const auto add = [&](Range range, auto scatter) {
       if constexpr (RangeTerm<T, D>)
-        if (s.history != nullptr) return term.add_forces(s, range, s.history->of(term.name()), scatter);
+        if (workspace != nullptr)
+          return term.add_forces(s, range, s.history->of(term.name()), workspace->of(term.name()), scatter);
       if constexpr (HistoryTerm<T, D>) {
-        for_each_touch(term, s, range, scatter,
+        for_each_touch(term, s, workspace, range, scatter,
                        [&](const auto& c) PLIANT_INLINE_LAMBDA { term.add_force(s, c, scatter); });
       } else {
         for (Index e = range.first; e < range.last; ++e)

@@ -15,9 +15,9 @@ using Vector = Vector3<Real4>;
 
 namespace {
 
-using SpherePasts = ContactTable::Rows<SphereContact<>::history>;
+using CurrentSpheres = ContactTable::CurrentRows<SphereContact<>::history>;
 
-PLIANT_INLINE SphereTouch<Real4>::Past past_of(const SpherePasts& past, const Index* elements) {
+PLIANT_INLINE SphereTouch<Real4>::Past past_of(const CurrentSpheres& past, const Index* elements) {
   const std::array<const Real*, 4> rows{past(elements[0]), past(elements[1]), past(elements[2]), past(elements[3])};
   SphereTouch<Real4>::Past p;
   columns(rows, 0, p.n.x, p.n.y, p.n.z, p.turned.x);
@@ -29,34 +29,35 @@ PLIANT_INLINE SphereTouch<Real4>::Past past_of(const SpherePasts& past, const In
 
 /// The constants of the pairs of a range.
 template <class Law>
-void set_constants(const SphereContact<Law>& term, const StateView<3>& s, Range range, const ContactTable& table) {
+void set_constants(const SphereContact<Law>& term, const StateView<3>& s, Range range, ContactWorkspace& workspace) {
   const PairList& list = s.neighbours.point_pairs;
   for (Index e = range.first; e < range.last; ++e) {
     const auto c = term.constants_of(s.topology, list[e].first, list[e].second, list.reach[e]);
     std::ranges::copy(
         std::array<Real, SphereContact<>::constants>{c.a, c.b, c.reach, c.per_reach, c.order, c.stiffness, c.root},
-        table.constants(e));
+        workspace.constants(e));
   }
 }
 
 template <class Law, bool OwnOnly>
 PLIANT_MULTIVERSION void add_contacts(const SphereContact<Law>& term, const StateView<3>& s, Range range,
-                                      const ContactTable& table, const Scatter<3, 1, OwnOnly>& scatter, bool total) {
+                                      const ContactTable& table, ContactWorkspace& workspace,
+                                      const Scatter<3, 1, OwnOnly>& scatter, bool total) {
   const SurfaceFriction surface = term.surface;  // nobody else writes to these
   const Real epsilon = term.epsilon;
-  const SpherePasts past = table.rows<SphereContact<>::history>();
-  const ContactTable::Ahead<SphereContact<>::history> ahead(table);
+  const CurrentSpheres past(table);
+  const ContactWorkspace::Next<SphereContact<>::history> next(table, workspace);
   const Scatter<3, 1, OwnOnly> force = scatter;
   const Pair* const pairs = s.neighbours.point_pairs.pairs.data();
   const Real *const x = s.x, *const v = s.v, *const angles = s.angles, *const spins = s.spins;
 
-  const Real* const all = table.constants(0);
+  const Real* const all = workspace.constants(0);
   const auto constants = [&](Index e)
                              PLIANT_INLINE_LAMBDA { return all + std::ptrdiff_t(e) * SphereContact<>::constants; };
-  if (range.size() > 0 && *constants(range.first) == 0) set_constants(term, s, range, table);
+  if (range.size() > 0 && *constants(range.first) == 0) set_constants(term, s, range, workspace);
 
-  Index* const elements = table.room(range);
-  const Index touching = find_touching(s, range, ahead, elements);
+  Index* const elements = workspace.indices(range);
+  const Index touching = find_touching(s, range, next, elements);
 
   FourLosses<3> lost;
   std::array<Index, 4> rest;
@@ -92,7 +93,7 @@ PLIANT_MULTIVERSION void add_contacts(const SphereContact<Law>& term, const Stat
     }
 
     // Copies of the last contact write the same bits to its place.
-    const std::array<Real*, 4> kept{ahead.touches(e[0]), ahead.touches(e[1]), ahead.touches(e[2]), ahead.touches(e[3])};
+    const std::array<Real*, 4> kept{next.set(e[0]), next.set(e[1]), next.set(e[2]), next.set(e[3])};
     const Vector n = c.order * c.n, spring = c.order * rubs.hold.spring;
     write_columns(kept, 0, n.x, n.y, n.z, c.turned.x);
     write_columns(kept, 4, c.turned.y, c.turned.z, c.twisted.x, c.twisted.y);
@@ -100,20 +101,20 @@ PLIANT_MULTIVERSION void add_contacts(const SphereContact<Law>& term, const Stat
     for (int l = 0; l < 4; ++l) kept[l][12] = rubs.hold.slides[l] != 0 ? 1 : 0;
     lost.add(s, force, count, e, {c.normal_power(rubs), c.tangential_power(rubs), c.slid_heat(rubs, c.before)});
   }
-  lost.write(range, table);
+  lost.write(range, workspace);
 }
 
 }  // namespace
 
 template <class Law, bool OwnOnly>
 void add_sphere_forces(const SphereContact<Law>& term, const StateView<3>& s, Range range, const ContactTable& table,
-                       const Scatter<3, 1, OwnOnly>& force, bool total) {
-  add_contacts(term, s, range, table, force, total);
+                       ContactWorkspace& workspace, const Scatter<3, 1, OwnOnly>& force, bool total) {
+  add_contacts(term, s, range, table, workspace, force, total);
 }
 static_assert(RangeTerm<SphereContact<>, 3>);
 #define PLIANT_SPHERE_FORCES(Law, own)                                                             \
   template void add_sphere_forces<Law, own>(const SphereContact<Law>&, const StateView<3>&, Range, \
-                                            const ContactTable&, const Scatter<3, 1, own>&, bool);
+                                            const ContactTable&, ContactWorkspace&, const Scatter<3, 1, own>&, bool);
 PLIANT_SPHERE_FORCES(HarmonicOverlap, false)
 PLIANT_SPHERE_FORCES(HarmonicOverlap, true)
 PLIANT_SPHERE_FORCES(HertzOverlap, false)

@@ -82,7 +82,7 @@ template <class Law>
 struct SphereContact;
 template <class Law, bool OwnOnly>
 void add_sphere_forces(const SphereContact<Law>& term, const StateView<3>& s, Range range, const ContactTable& table,
-                       const Scatter<3, 1, OwnOnly>& force, bool total);
+                       ContactWorkspace& workspace, const Scatter<3, 1, OwnOnly>& force, bool total);
 
 /// Friction and damping between two spheres, besides the elastic force N_e = −V' of PairContact, in space. n is the
 /// unit vector from j to i, d the distance of the centres, u the relative velocity of the centres across n.
@@ -157,9 +157,9 @@ struct SphereContact {
     add(c, rubs, rubs.normal, force);
   }
   template <bool OwnOnly>
-  void add_forces(const StateView<3>& s, Range range, const ContactTable& table, const Scatter<3, 1, OwnOnly>& force,
-                  bool total = false) const {
-    add_sphere_forces(*this, s, range, table, force, total);
+  void add_forces(const StateView<3>& s, Range range, const ContactTable& table, ContactWorkspace& workspace,
+                  const Scatter<3, 1, OwnOnly>& force, bool total = false) const {
+    add_sphere_forces(*this, s, range, table, workspace, force, total);
   }
   /// The spring between two of the stiffest balls: ω² = k_t (2/m + 2R²/I) = 7 k_t/m.
   Real max_rate(const Topology& topology) const { return spring_rate<Law>(surface, topology, epsilon, 1, 7); }

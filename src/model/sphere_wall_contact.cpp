@@ -25,7 +25,7 @@ PLIANT_INLINE Vector vector_of(const FourRows& rows, Real4& fourth) {
 template <class Law>
 PLIANT_MULTIVERSION void settle(FourAtWalls<3, SphereWallContact<Law>>& four, const SphereWallContact<Law>& term,
                                 const StateView<3>& s,
-                                const typename FourAtWalls<3, SphereWallContact<Law>>::Ahead& ahead,
+                                const typename FourAtWalls<3, SphereWallContact<Law>>::Next& next,
                                 const Scatter<3, 1>& force, bool total) {
   using Touch = typename SphereWallContact<Law>::Touch;
   static constexpr std::array<Real, SphereWallContact<Law>::history> nothing{};
@@ -37,7 +37,7 @@ PLIANT_MULTIVERSION void settle(FourAtWalls<3, SphereWallContact<Law>>& four, co
   for (Index k = 0; k < 4; ++k) {
     const Index l = std::min(k, count - 1);
     c[k] = &four.touch[l];
-    past[k] = four.past[l] != nullptr ? four.past[l] : nothing.data();
+    past[k] = four.current[l] != nullptr ? four.current[l] : nothing.data();
     i[k] = c[k]->i;
     turned = turned || c[k]->turned;
   }
@@ -91,7 +91,7 @@ PLIANT_MULTIVERSION void settle(FourAtWalls<3, SphereWallContact<Law>>& four, co
   for (Index k = 0; k < count; ++k) {
     pushes.add(k, force.out + 3 * i[k]);
     torques.add(k, force.torques + 3 * i[k]);
-    Real* const numbers = ahead.touches(four.element[k]);
+    Real* const numbers = next.set(four.element[k]);
     std::copy_n(c[k]->foot.data(), 3, numbers);
     std::copy_n(c[k]->across.data(), 3, numbers + 3);
     std::copy_n(c[k]->angle.data(), 3, numbers + 6);
@@ -110,15 +110,15 @@ PLIANT_MULTIVERSION void settle(FourAtWalls<3, SphereWallContact<Law>>& four, co
 
 template <class Law>
 void settle_four(FourAtWalls<3, SphereWallContact<Law>>& four, const SphereWallContact<Law>& term,
-                 const StateView<3>& s, const typename FourAtWalls<3, SphereWallContact<Law>>::Ahead& ahead,
+                 const StateView<3>& s, const typename FourAtWalls<3, SphereWallContact<Law>>::Next& next,
                  const Scatter<3, 1>& force, bool total) {
-  settle(four, term, s, ahead, force, total);
+  settle(four, term, s, next, force, total);
 }
 static_assert(RangeTerm<SphereWallContact<>, 3>);
 // A type cannot stand in parentheses. NOLINTBEGIN(bugprone-macro-parentheses)
-#define PLIANT_SETTLE_FOUR(Law)                                                                                      \
-  template void settle_four<Law>(FourAtWalls<3, SphereWallContact<Law>>&, const SphereWallContact<Law>&,             \
-                                 const StateView<3>&, const typename FourAtWalls<3, SphereWallContact<Law>>::Ahead&, \
+#define PLIANT_SETTLE_FOUR(Law)                                                                                     \
+  template void settle_four<Law>(FourAtWalls<3, SphereWallContact<Law>>&, const SphereWallContact<Law>&,            \
+                                 const StateView<3>&, const typename FourAtWalls<3, SphereWallContact<Law>>::Next&, \
                                  const Scatter<3, 1>&, bool);
 PLIANT_SETTLE_FOUR(HarmonicOverlap)
 PLIANT_SETTLE_FOUR(HertzOverlap)

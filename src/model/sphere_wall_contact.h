@@ -72,7 +72,7 @@ struct SphereWallContact;
 /// See add_wall_forces().
 template <class Law>
 void settle_four(FourAtWalls<3, SphereWallContact<Law>>& four, const SphereWallContact<Law>& term,
-                 const StateView<3>& s, const typename FourAtWalls<3, SphereWallContact<Law>>::Ahead& ahead,
+                 const StateView<3>& s, const typename FourAtWalls<3, SphereWallContact<Law>>::Next& next,
                  const Scatter<3, 1>& force, bool total);
 
 /// Friction and damping between a sphere and a surface of the walls (Walls::surface_of_part), besides the force N_e =
@@ -191,14 +191,15 @@ struct SphereWallContact {
     const auto rubs = rub(s, c);
     add(c, rubs, rubs.normal, force);
   }
-  void add_forces(const StateView<3>& s, Range range, const ContactTable& table, const Scatter<3, 1>& force) const {
-    add_forces(s, range, table, force, false, [](Index) {});
+  void add_forces(const StateView<3>& s, Range range, const ContactTable& table, ContactWorkspace& workspace,
+                  const Scatter<3, 1>& force) const {
+    add_forces(s, range, table, workspace, force, false, [](Index) {});
   }
   /// See add_wall_forces().
   template <class Untouched>
-  void add_forces(const StateView<3>& s, Range range, const ContactTable& table, const Scatter<3, 1>& force, bool total,
-                  Untouched&& untouched) const {
-    add_wall_forces(*this, s, range, table, force, total, untouched);
+  void add_forces(const StateView<3>& s, Range range, const ContactTable& table, ContactWorkspace& workspace,
+                  const Scatter<3, 1>& force, bool total, Untouched&& untouched) const {
+    add_wall_forces(*this, s, range, table, workspace, force, total, untouched);
   }
   /// Of the wall on the ball, beside the elastic one; the wall feels the opposite.
   Vec<3> force(const StateView<3>& s, const Touch& c) const {

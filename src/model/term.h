@@ -18,7 +18,8 @@
 
 namespace pliant {
 
-/// The configuration that terms read. Nothing here is owned or copied.
+/// The configuration that terms read. Nothing here is owned, copied or written. Force evaluations of an integrator
+/// write contact history to a HistoryWorkspace, which they get next to the view.
 template <int D>
 struct StateView {
   const Real* x;  ///< positions [points · D]
@@ -31,7 +32,7 @@ struct StateView {
 
   const Real* angles = nullptr;             ///< [points · rotations], where the model rotates
   const Real* spins = nullptr;              ///< [points · rotations]; may be null as v may
-  const ContactHistory* history = nullptr;  ///< null: no contact has a history
+  const ContactHistory* history = nullptr;  ///< the current one; null: no contact has a history
 
   Vec<D> position(Index i) const { return point<D>(x, i); }
   Vec<D> velocity(Index i) const { return point<D>(v, i); }
@@ -208,68 +209,83 @@ constexpr std::size_t losses_of() {
 /// Whether a term takes a range of elements together: see RangeTerm.
 template <class T, int D>
 concept TakesRanges = requires(const T term, const StateView<D>& s, Range range, const ContactTable& table,
-                               const Scatter<D, 1>& f) {
-  term.add_forces(s, range, table, f);
+                               ContactWorkspace& workspace, const Scatter<D, 1>& f) {
+  term.add_forces(s, range, table, workspace, f);
 };
 
 /// A force between touching pairs, or with walls, that depends on the history of the contact: on T::history numbers
 /// that are stored for each contact (ContactHistory). Within a step, a force is a function of the history at the begin
-/// of the step, `past`, and of the state, at every stage of a method. A contact that began within the step has no
-/// history yet. Each force evaluation also writes the next history, which is valid if the step ends there; an accepted
-/// step makes the next history of the last evaluation the current one. This must not change the force, because the
-/// integrator carries forces to the next step that were computed before. Therefore a tangential spring stores its
-/// relaxed state as a place on the surfaces. Forces follow from the displacement of the surfaces from this place, given
-/// by positions and angles, up to the limit of friction; sliding moves the place. A pair may be listed in either order,
-/// on both sides of a border: the history must not depend on the order (in_order). Positions jump by box lengths when a
-/// periodic box wraps particles; relative positions of a listed pair do not. The parts of one surface of the walls have
-/// one contact with a point. The part that carries the contact (Walls::carries) computes it; the other parts do not
-/// touch. A term that its coefficients switch off for good (off()) has no history.
+/// of the step, `current`, and of the state, at every stage of a method. A contact that began within the step has no
+/// history yet. A force evaluation with a workspace also writes the next history, which is valid if the step ends
+/// there; an accepted step makes the next history of the last such evaluation the current one. This must not change the
+/// force, because the integrator carries forces to the next step that were computed before. Therefore a tangential
+/// spring stores its relaxed state as a place on the surfaces. Forces follow from the displacement of the surfaces from
+/// this place, given by positions and angles, up to the limit of friction; sliding moves the place. A pair may be
+/// listed in either order, on both sides of a border: the history must not depend on the order (in_order). Positions
+/// jump by box lengths when a periodic box wraps particles; relative positions of a listed pair do not. The parts of
+/// one surface of the walls have one contact with a point. The part that carries the contact (Walls::carries) computes
+/// it; the other parts do not touch. A term that its coefficients switch off for good (off()) has no history.
 ///
 /// Most data of a contact depend on positions and angles only: a term has a record of these data, `Touch`, and
-///   find(s, e, past, touch)   fills it; false where the element does not touch. It must not read velocities. `past` is
-///                             empty where nothing was known
-///   near(s, e)                may be there: false only where the element does not touch; costs less than find()
-///   force(s, touch)           may be there: of the wall
-///   keep(s, touch, past, numbers, lost)   writes the next history [history], and adds the losses of the contact
+///   find(s, e, current, touch)   fills it; false where the element does not touch. It must not read velocities.
+///                                `current` is empty where nothing was known
+///   near(s, e)        may be there: false only where the element does not touch; costs less than find()
+///   force(s, touch)   may be there: of the wall
+///   keep(s, touch, current, next, lost)   writes the next history [history], and adds the losses of the contact
 ///   [losses]
 template <class T, int D>
-concept HistoryTerm = requires(const T term, const StateView<D>& s, Index e, std::span<const Real> past,
+concept HistoryTerm = requires(const T term, const StateView<D>& s, Index e, std::span<const Real> current,
                                typename T::Touch& c, Scatter<D, 1>& f) {
   { term.name() } -> std::convertible_to<std::string_view>;  // unique among terms with history
   { term.enabled(s) } -> std::same_as<bool>;
   { T::elements } -> std::convertible_to<Elements>;
   { T::history } -> std::convertible_to<int>;
-  { term.find(s, e, past, c) } -> std::same_as<bool>;
+  { term.find(s, e, current, c) } -> std::same_as<bool>;
   { term.energy(s, c) } -> std::same_as<Real>;  // stored energy
   { term.power(s, c) } -> std::same_as<Real>;   // dissipated, ≥ 0
   term.add_force(s, c, f);
   { term.max_rate(s.topology) } -> std::same_as<Real>;
   { term.max_damping(s.topology) } -> std::same_as<Real>;
-  requires TakesRanges<T, D> || requires(Real * numbers, Real * lost) { term.keep(s, c, past, numbers, lost); };
+  requires TakesRanges<T, D> || requires(Real * next, Real * lost) { term.keep(s, c, current, next, lost); };
 };
 
 /// A term with history that computes a range of elements together, by a vectorised loop. In addition to the forces it
-/// writes the next history (ContactTable::Ahead), and the losses of the elements that count in the chunk
-/// (ContactTable::lost). It may store `static constexpr int constants` numbers per element, which are valid until the
-/// list changes.
+/// writes the next history (ContactWorkspace::Next), and the losses of the elements that count in the chunk
+/// (ContactWorkspace::losses). It may store `static constexpr int constants` numbers per element, which are valid until
+/// the list changes.
 template <class T, int D>
 concept RangeTerm = HistoryTerm<T, D> && TakesRanges<T, D>;
 
+/// Current history of the elements of a term, of which nothing may be known.
+class CurrentHistory {
+ public:
+  template <int D, class T>
+  CurrentHistory(const StateView<D>& s, const T& term)
+      : table_(s.history != nullptr ? &s.history->of(term.name()) : nullptr) {}
+  std::span<const Real> operator()(Index e) const {
+    return table_ != nullptr ? table_->current(e) : std::span<const Real>();
+  }
+
+ private:
+  const ContactTable* table_;
+};
+
 /// Calls visit(touch) for the elements of a range that touch, and others(e) for elements that do not, except some that
-/// are too far apart. With a history this is an evaluation of forces, which visit() adds to `force`: the call writes
+/// are too far apart. With a workspace this is an evaluation of forces, which visit() adds to `force`: the call writes
 /// the next history and the losses. For a RangeTerm, add_forces() writes them instead.
 template <int D, HistoryTerm<D> T, int Sign, bool OwnOnly, class Visit, class Others>
-PLIANT_INLINE void for_each_touch(const T& term, const StateView<D>& s, Range range,
+PLIANT_INLINE void for_each_touch(const T& term, const StateView<D>& s, HistoryWorkspace* workspace, Range range,
                                   const Scatter<D, Sign, OwnOnly>& force, Visit&& visit, Others&& others) {
   typename T::Touch c;
   if constexpr (!RangeTerm<T, D>)
-    if (s.history != nullptr && range.size() > 0) {
+    if (workspace != nullptr && range.size() > 0) {
       const ContactTable& table = s.history->of(term.name());
-      const auto past = table.template pasts<T::history>();
-      const ContactTable::Ahead<T::history, T::elements == Elements::walls> ahead(table);
-      ahead.parted(range);
+      ContactWorkspace& own = workspace->of(term.name());
+      const ContactTable::Current<T::history> current(table);
+      const ContactWorkspace::Next<T::history, T::elements == Elements::walls> next(table, own);
+      next.clear(range);
       // First which elements, without a branch that depends on them: most of a list does not touch.
-      Index* const which = table.room(range);
+      Index* const which = own.indices(range);
       Index count = 0;
       for (Index e = range.first; e < range.last; ++e) {
         which[count] = e;
@@ -281,29 +297,29 @@ PLIANT_INLINE void for_each_touch(const T& term, const StateView<D>& s, Range ra
       std::array<Real, losses_of<T>()> lost{}, elsewhere{};
       for (Index k = 0; k < count; ++k) {
         const Index e = which[k];
-        const Real* const numbers = past(e);
+        const Real* const numbers = current(e);
         const std::span<const Real> known(numbers, numbers != nullptr ? T::history : 0);
         if (!term.find(s, e, known, c)) {
           others(e);
           continue;
         }
         visit(c);
-        term.keep(s, c, known, ahead.touches(e),
-                  force.template counts<T::elements>(s, e) ? lost.data() : elsewhere.data());
+        term.keep(s, c, known, next.set(e), force.template counts<T::elements>(s, e) ? lost.data() : elsewhere.data());
       }
-      std::ranges::copy(lost, table.lost(range));
+      std::ranges::copy(lost, own.losses(range));
       return;
     }
+  const CurrentHistory current(s, term);
   for (Index e = range.first; e < range.last; ++e)
-    if (term.find(s, e, {}, c))
+    if (term.find(s, e, current(e), c))
       visit(c);
     else
       others(e);
 }
 template <int D, HistoryTerm<D> T, int Sign, bool OwnOnly, class Visit>
-PLIANT_INLINE void for_each_touch(const T& term, const StateView<D>& s, Range range,
+PLIANT_INLINE void for_each_touch(const T& term, const StateView<D>& s, HistoryWorkspace* workspace, Range range,
                                   const Scatter<D, Sign, OwnOnly>& force, Visit&& visit) {
-  for_each_touch(term, s, range, force, visit, [](Index) {});
+  for_each_touch(term, s, workspace, range, force, visit, [](Index) {});
 }
 
 /// A pair of points; the point of the particle with the lower id comes first.

@@ -28,7 +28,8 @@ ParticleSystem<D>::ParticleSystem(Topology topology, Walls<D> walls, std::unique
       field_(std::move(field)),
       neighbours_(field_->needs(), skin),
       halo_(ranks, box),
-      history_(field_->history_needs()) {
+      history_(field_->history_needs()),
+      workspace_(history_) {
   check(walls_);
   check_points();
   check_places();
@@ -39,7 +40,7 @@ void ParticleSystem<D>::acceleration(Real t, const Real* x, const Real* v, Real*
   ++use_.evaluations;
   const StateView<D> s = view_after(next_change(), x, v, t);
   const LogScope log(LogEvent::forces);
-  field_->accelerations(s, a);
+  field_->accelerations(s, a, history_.empty() ? nullptr : &workspace_);
   has_found_ = true;
 }
 
@@ -97,7 +98,7 @@ void ParticleSystem<D>::accepted(Real t, const Real* x, const Real* v, Real h, b
   if (history_.empty()) return;
   const bool found = evaluated && has_found_;
   const StateView<D> s = view_after(found ? std::optional<Real>(0) : std::nullopt, x, v, t);
-  field_->accept(s, h, history_, found);
+  field_->accept(s, h, history_, workspace_, found);
 }
 
 template <int D>
@@ -321,7 +322,7 @@ void ParticleSystem<D>::add_rotations_and_history(StateView<D>& s, const Real* x
     if (v != nullptr) s.spins = with_images(v + positions, spins_);
   }
   if (history_.empty()) return;
-  history_.follow(topology_, walls_, neighbours_);
+  if (history_.follow(topology_, walls_, neighbours_)) workspace_.follow(history_);
   s.history = &history_;
 }
 

@@ -149,7 +149,7 @@ class ParticleSystem final : public ImplicitSystem {
   void narrow(std::optional<Real> change, const Real* x);
 
   StateView<D> view_after(std::optional<Real> change, const Real* x, const Real* v, Real t);
-  /// Angles and spins from x and v [size()]; and the history, which follows the lists.
+  /// Angles and spins from x and v [size()]; and the history and its workspace, which follow the lists.
   void add_rotations_and_history(StateView<D>& s, const Real* x, const Real* v);
 
   void find_ghosts(const Real* x);
@@ -166,7 +166,10 @@ class ParticleSystem final : public ImplicitSystem {
   Halo<D> halo_;
   std::vector<Real> x_, v_, angles_, spins_;  ///< with ghosts; unused where there are none
   ContactHistory history_;
-  bool has_found_ = false;  ///< contacts, at the positions of the last acceleration, and nobody has looked since
+  HistoryWorkspace workspace_;  ///< of its next state
+  /// Whether the workspace holds the next history at the positions of the last acceleration: no view has been made
+  /// since.
+  bool has_found_ = false;
   bool home_is_set_ = false, migration_due_ = false, tune_skin_ = false;
   /// The farthest that a point can have gone since the lists were built. Not known if others built them.
   Real travel_ = std::numeric_limits<Real>::infinity();

@@ -2,6 +2,9 @@
 #include <omp.h>
 #include <petscsys.h>
 #include <catch2/catch.hpp>
+#include <cmath>
+#include <type_traits>
+#include <utility>
 
 #include <pliant/ts/ts_integrator.h>
 
@@ -12,6 +15,29 @@
 namespace pliant::test::contact_history_test {
 
 namespace {
+
+// A view shows the current history; only a workspace is written to.
+template <class Workspace, class Table>
+concept writes_next = std::is_constructible_v < ContactWorkspace::Next<2>,
+const Table&, Workspace > ;
+template <class Workspace>
+concept gives_scratch = requires(Workspace w, Range range) {
+  w.indices(range);
+  w.losses(range);
+  w.constants(0);
+};
+template <class Table>
+concept accepts = requires(Table table, ContactWorkspace& w) {
+  table.accept(w);
+};
+using ViewedHistory = std::remove_reference_t<decltype(*StateView<2>::history)>;
+using ViewedTable = std::remove_reference_t<decltype(std::declval<ViewedHistory&>().of(""))>;
+static_assert(std::is_const_v<ViewedHistory> && std::is_const_v<ViewedTable>);
+static_assert(accepts<ContactTable&> && !accepts<ViewedTable&>);
+static_assert(writes_next<ContactWorkspace&, ContactTable> && !writes_next<const ContactWorkspace&, ContactTable>);
+static_assert(!std::is_constructible_v<ContactWorkspace::Next<2>, ViewedTable&>);
+static_assert(gives_scratch<ContactWorkspace&> && !gives_scratch<const ContactWorkspace&>);
+static_assert(!gives_scratch<ViewedTable&> && !gives_scratch<ContactTable&>);
 
 constexpr Real epsilon = 1000, k_t = 400, mu = 0.4;
 
@@ -108,51 +134,56 @@ struct AllContacts {
 
 TEST_CASE("a table of contacts follows its list") {
   ContactTable table({"test", Elements::point_pairs, 2});
-  table.assign({{1, 2}, {3, 4}, {1, 2}, {5, 6}});
-  CHECK(table.past(0).empty());
+  ContactWorkspace workspace(table.needs());
+  const auto list = [&](const std::vector<ContactKey>& keys) {
+    table.assign(keys);
+    workspace.follow(table);
+  };
+  list({{1, 2}, {3, 4}, {1, 2}, {5, 6}});
+  CHECK(table.current(0).empty());
   // A step after which these elements touch, with these numbers.
   const auto step = [&](Index size, const std::vector<std::pair<Index, Real>>& touching) {
-    const ContactTable::Ahead<2> ahead(table);
-    ahead.parted(Range{0, size});
+    const ContactWorkspace::Next<2> next(table, workspace);
+    next.clear(Range{0, size});
     for (const auto& [e, number] : touching) {
-      Real* const numbers = ahead.touches(e);
+      Real* const numbers = next.set(e);
       CHECK(numbers[0] == 0);
       numbers[0] = number;
     }
-    table.accept();
+    table.accept(workspace);
   };
   step(4, {{0, 7}, {2, 7}, {3, 8}});
   CHECK(table.contacts().keys == std::vector<ContactKey>{{1, 2}, {5, 6}});
   CHECK(table.contacts().values == std::vector<Real>{7, 0, 8, 0});
 
   // A list for a trial state lacks a contact, which is there again when the trial is rejected.
-  table.assign({{5, 6}, {8, 9}});
-  CHECK(table.past(0)[0] == 8);
-  CHECK(table.past(1).empty());
-  table.assign({{3, 4}, {1, 2}});
-  CHECK(table.past(0).empty());
-  CHECK(table.past(1)[0] == 7);
+  list({{5, 6}, {8, 9}});
+  CHECK(table.current(0)[0] == 8);
+  CHECK(table.current(1).empty());
+  list({{3, 4}, {1, 2}});
+  CHECK(table.current(0).empty());
+  CHECK(table.current(1)[0] == 7);
   // An accepted one ends it.
   step(2, {{1, 7}});
   CHECK(table.contacts().keys == std::vector<ContactKey>{{1, 2}});
   // Evaluations without an accepted step change nothing.
-  ContactTable::Ahead<2>(table).touches(0)[0] = 9;
+  ContactWorkspace::Next<2>(table, workspace).set(0)[0] = 9;
   CHECK(table.contacts().keys == std::vector<ContactKey>{{1, 2}});
   step(2, {});
   CHECK(table.contacts().keys.empty());
-  CHECK(table.past(1).empty());
+  CHECK(table.current(1).empty());
 
   // A particle moved to another place has new contacts, listed or not.
-  table.assign({{3, 4}, {1, 2}, {7, 8}});
+  list({{3, 4}, {1, 2}, {7, 8}});
   step(3, {{0, 4}, {1, 3}, {2, 5}});
-  table.assign({{1, 2}, {2, 3}, {7, 8}});
+  list({{1, 2}, {2, 3}, {7, 8}});
   table.forget(3);
   table.forget(2);
-  CHECK(table.past(0).empty());
+  CHECK(table.current(0).empty());
   CHECK(table.contacts().keys == std::vector<ContactKey>{{7, 8}});
   step(3, {{0, 6}, {2, 5}});
-  CHECK(table.past(0)[0] == 6);
-  CHECK(table.past(2)[0] == 5);
+  CHECK(table.current(0)[0] == 6);
+  CHECK(table.current(2)[0] == 5);
 
   CHECK_THROWS_AS(ContactHistory({{"a", Elements::walls, 1}, {"a", Elements::point_pairs, 1}}), std::logic_error);
   CHECK_THROWS_AS(ContactHistory({{"a", Elements::vertex_edges, 1}}), std::logic_error);
@@ -161,29 +192,32 @@ TEST_CASE("a table of contacts follows its list") {
 
 TEST_CASE("parts of walls that are one surface have one contact with a point") {
   ContactTable table({"test", Elements::walls, 1});
+  ContactWorkspace workspace(table.needs());
   // The current history of touching elements, which is counted up.
   const auto step = [&](const std::vector<Index>& touching) {
     std::vector<Real> before;
-    const ContactTable::Ahead<1, true> ahead(table);
-    ahead.parted(Range{0, 3});
+    const ContactWorkspace::Next<1, true> next(table, workspace);
+    next.clear(Range{0, 3});
     for (const Index e : touching) {
-      before.push_back(table.past(e).empty() ? 0 : table.past(e)[0]);
-      *ahead.touches(e) = before.back() + 1;
+      before.push_back(table.current(e).empty() ? 0 : table.current(e)[0]);
+      *next.set(e) = before.back() + 1;
     }
-    table.accept();
+    table.accept(workspace);
     return before;
   };
   table.assign({{1, 5}, {1, 7}, {1, 5}});  // elements 0 and 2 are of surface 5
+  workspace.follow(table);
   CHECK(step({0}) == std::vector<Real>{0});
   CHECK(step({2}) == std::vector<Real>{1});  // the contact has moved to the other part
-  CHECK(table.past(0)[0] == 2);
-  CHECK(table.past(2)[0] == 2);
-  CHECK(table.past(1).empty());
+  CHECK(table.current(0)[0] == 2);
+  CHECK(table.current(2)[0] == 2);
+  CHECK(table.current(1).empty());
   table.assign({{1, 7}, {1, 5}, {1, 5}});
+  workspace.follow(table);
   CHECK(step({1}) == std::vector<Real>{2});
   CHECK(table.contacts().keys == std::vector<ContactKey>{{1, 5}});
   CHECK(step({}).empty());
-  CHECK(table.past(1).empty());
+  CHECK(table.current(1).empty());
   CHECK(step({2}) == std::vector<Real>{0});
 }
 
@@ -317,6 +351,48 @@ TEST_CASE("energy that is lost is the heat of sliding") {
   };
   CHECK(lost(1e-3) < 2e-3);
   CHECK(lost(2.5e-4) < 0.5 * lost(1e-3));
+}
+
+TEST_CASE("forces that are computed for output leave the next history as it is") {
+  Random random(4);
+  const auto s = Pile(random, 8, 6).simulation();
+  for (Real t = 0.2; contacts(*s) < 5 && t < 2; t += 0.02) s->advance(t);
+  const ForceField<2>& field = s->particles().field();
+  const Real h = 1e-3;
+  const auto after_step = [&](bool output) {
+    ContactHistory history = s->particles().history();
+    HistoryWorkspace workspace(history);
+    StateView<2> view = s->view();
+    REQUIRE(history.follow(view.topology, view.walls, view.neighbours) == false);
+    workspace.follow(history);
+    view.history = &history;
+    std::vector<Real> a(s->state().size()), x(view.x, view.x + 2 * static_cast<std::size_t>(view.topology.points()));
+    field.accelerations(view, a.data(), &workspace);
+    if (output) {
+      for (std::size_t k = 0; k < x.size(); ++k) x[k] *= 1 + 1e-3 * std::sin(Real(k));
+      StateView<2> elsewhere = view;
+      elsewhere.x = x.data();
+      std::vector<Real> f(a.size()), g(a.size());
+      field.forces(elsewhere, f.data());
+      CHECK(f != a);
+      field.accelerations(elsewhere, g.data());
+      field.group_accelerations(elsewhere, TermGroup::all, g.data());
+      field.force_of("tangential", elsewhere, g.data());
+      CHECK(field.report(elsewhere).size() >= 4);
+      CHECK(field.energy(elsewhere, g.data()) > 0);
+      CHECK(field.power(elsewhere) >= 0);
+    }
+    field.accept(view, h, history, workspace, true);
+    const ContactTable& table = history.of("tangential");
+    return std::pair(table.contacts(), std::vector<Real>(table.heat().begin(), table.heat().end()));
+  };
+  const auto [plain, heat] = after_step(false);
+  const auto [watched, watched_heat] = after_step(true);
+  CHECK(plain.keys.size() > 4);
+  CHECK(plain.values != s->particles().history().of("tangential").contacts().values);
+  CHECK(watched.keys == plain.keys);
+  CHECK(watched.values == plain.values);
+  CHECK(watched_heat == heat);
 }
 
 TEST_CASE("histories on ranks are the same on both sides, and those of one rank", "[ranks]") {

@@ -123,21 +123,29 @@ TEST_CASE("ranges of elements have the forces of all their elements, bit for bit
     const auto check = [&](const auto& term, const PairList& list) {
       using Term = std::decay_t<decltype(term)>;
       const ContactTable& table = view.history->of(term.name());
+      ContactWorkspace workspace(table.needs());
+      workspace.follow(table);
       std::vector<Real> expected(s->state().size()), found(expected.size());
       const auto into = [&](std::vector<Real>& f) {
         return Scatter<2, 1>{f.data(), {}, f.data() + 2 * static_cast<std::size_t>(view.topology.owned_points())};
       };
       const Range all = list.inside(0);
+      const ContactWorkspace::Next<Term::history, Term::elements == Elements::walls> next(table, workspace);
+      for (Index e = all.first; e < all.last; ++e) next.set(e);  // by an earlier evaluation
       const auto one = into(expected), ranges = into(found);
       typename Term::Touch c;
-      Index touching = 0;
+      std::vector<Index> touches;
       for (Index e = all.first; e < all.last; ++e)
-        if (term.find(view, e, table.past(e), c)) {
+        if (term.find(view, e, table.current(e), c)) {
           term.add_force(view, c, one);
-          ++touching;
+          touches.push_back(e);
         }
-      term.add_forces(view, all, table, ranges);
+      const auto touching = static_cast<Index>(touches.size());
+      term.add_forces(view, all, table, workspace, ranges);
       CHECK(found == expected);
+      for (const Index e : touches) CHECK(next.touches(e));
+      if constexpr (Term::elements == Elements::point_pairs)
+        for (Index e = all.first; e < all.last; ++e) CHECK(next.touches(e) == std::ranges::binary_search(touches, e));
       CHECK(touching > 3);
       some += touching % 4;
       apart += all.size() - touching;
@@ -159,6 +167,8 @@ TEST_CASE("a table resists all disks together as each by itself") {
     const StateView<2> view = s->view();
     const BaseFriction base{.gravity = 1, .mu_static = 0.5, .mu_dynamic = 0.3, .epsilon = 100};
     const ContactTable& table = view.history->of(base.name());
+    ContactWorkspace workspace(table.needs());
+    workspace.follow(table);
     const Index disks = view.topology.owned_points();
     std::vector<Real> expected(s->state().size()), found(expected.size());
     const auto into = [&](std::vector<Real>& f) {
@@ -168,11 +178,11 @@ TEST_CASE("a table resists all disks together as each by itself") {
     Index slide = 0;
     for (Index i = 0; i < disks; ++i) {
       BaseFriction::Touch c;
-      base.find(view, i, table.past(i), c);
+      base.find(view, i, table.current(i), c);
       base.add_force(view, c, one);
       slide += c.next[3] != BaseFriction::sticks ? 1 : 0;
     }
-    base.add_forces(view, {0, disks}, table, into(found));
+    base.add_forces(view, {0, disks}, table, workspace, into(found));
     for (std::size_t k = 0; k < found.size(); ++k) CHECK(found[k] == Approx(expected[k]).epsilon(1e-12).margin(1e-13));
     CHECK(slide > 0);
   }

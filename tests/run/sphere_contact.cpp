@@ -174,44 +174,47 @@ TEST_CASE("balls four at a time have the forces of each by itself bit for bit, a
     const StateView<3> view = s->particles().view(moved.data(), v.data());
     const SphereContact<Law> term{epsilon, surface};
     const ContactTable& table = view.history->of(term.name());
+    ContactWorkspace workspace(table.needs());
+    workspace.follow(table);
+    const ContactWorkspace::Next<SphereContact<Law>::history> next(table, workspace);
     const PairList& list = view.neighbours.point_pairs;
     const Index points = view.topology.owned_points();
     const Range all = list.inside(0), own{0, own_only ? points / 2 : points};
     std::vector<Real> found(x.size()), single(x.size()), whole(x.size());
+    next.set(all);  // by an earlier evaluation
     std::array<Real, 3> lost{};
     Real largest = 0, most = 0;
     const auto into = [&](std::vector<Real>& f) {
       return Scatter<3, 1, true>{f.data(), own, f.data() + 3 * static_cast<std::size_t>(points)};
     };
     if (own_only)
-      term.add_forces(view, all, table, into(found));
+      term.add_forces(view, all, table, workspace, into(found));
     else
-      term.add_forces(view, all, table, Scatter<3, 1>{found.data(), {}, into(found).torques});
+      term.add_forces(view, all, table, workspace, Scatter<3, 1>{found.data(), {}, into(found).torques});
     const auto one = into(single), full = into(whole);
     Index touching = 0;
     typename SphereContact<Law>::Touch c;
-    const ContactTable::Ahead<SphereContact<Law>::history> ahead(table);
     for (Index e = all.first; e < all.last; ++e) {
-      const bool touches = term.find(view, e, table.past(e), c);
-      CHECK(ahead.known(e) == touches);
+      const bool touches = term.find(view, e, table.current(e), c);
+      CHECK(next.touches(e) == touches);
       if (!touches) {
-        ended += table.past(e).empty() ? 0 : 1;
+        ended += table.current(e).empty() ? 0 : 1;
         continue;
       }
       ++touching;
       term.add_force(view, c, one);
-      const WholeLaw law(view, e, Law{epsilon, list.reach[e]}, surface, table.past(e));
+      const WholeLaw law(view, e, Law{epsilon, list.reach[e]}, surface, table.current(e));
       const auto [i, j] = list[e];
       const Vector elastic = -Law{epsilon, list.reach[e]}.slope((view.position(i) - view.position(j)).norm()) *
                              (view.position(i) - view.position(j)).normalized();
       full.add(i, Vector(law.force - elastic)), full.add(j, Vector(elastic - law.force));
       full.add_torque(i, law.torque_first), full.add_torque(j, law.torque_second);
-      const Real* const kept = ahead.touches(e);
+      const Real* const kept = next.set(e);
       for (std::size_t k = 0; k < law.kept.size(); ++k) CHECK(std::abs(kept[k] - law.kept[k]) < 1e-12);
       if (!own_only || one.template counts<Elements::point_pairs>(view, e))
         for (std::size_t k = 0; k < 3; ++k) lost[k] += law.lost[k];
       (kept[12] != 0 ? slide : hold) += 1;
-      fresh += table.past(e).empty() ? 1 : 0;
+      fresh += table.current(e).empty() ? 1 : 0;
     }
     some += touching % 4;
     CHECK(touching > 3);
@@ -221,7 +224,7 @@ TEST_CASE("balls four at a time have the forces of each by itself bit for bit, a
       largest = std::max(largest, std::abs(found[k]));
     }
     CHECK(most < 1e-12 * largest);
-    for (std::size_t k = 0; k < 3; ++k) CHECK(table.lost(all)[k] == Approx(lost[k]).epsilon(1e-11));
+    for (std::size_t k = 0; k < 3; ++k) CHECK(workspace.losses(all)[k] == Approx(lost[k]).epsilon(1e-11));
   };
   for (const std::uint64_t seed : {1, 2, 3})
     for (const bool own_only : {false, true})

@@ -130,18 +130,20 @@ TEST_CASE("balls at walls four at a time have the forces of each by itself bit f
       }
       const StateView<3> view = led.view();
       const ContactTable& table = view.history->of(term.name());
+      ContactWorkspace workspace(table.needs());
+      workspace.follow(table);
       const Range all = view.neighbours.walls.inside(0);
       std::vector<Real> found(led.x.size()), single(led.x.size());
       const auto into = [&](std::vector<Real>& f) { return Scatter<3, 1>{f.data(), {}, f.data() + 3 * n}; };
-      term.add_forces(view, all, table, into(found));
+      term.add_forces(view, all, table, workspace, into(found));
       const auto one = into(single);
       SphereWallContact<>::Touch c;
-      const ContactTable::Ahead<SphereWallContact<>::history, true> ahead(table);
+      const ContactWorkspace::Next<SphereWallContact<>::history, true> next(table, workspace);
       for (Index e = all.first; e < all.last; ++e) {
-        if (!term.find(view, e, table.past(e), c)) continue;
-        REQUIRE(!table.past(e).empty());
+        if (!term.find(view, e, table.current(e), c)) continue;
+        REQUIRE(!table.current(e).empty());
         term.add_force(view, c, one);
-        (ahead.touches(e)[12] != 0 ? slide : hold) += 1;
+        (next.set(e)[12] != 0 ? slide : hold) += 1;
       }
       CHECK(found == single);
     }
