@@ -70,10 +70,10 @@ Real CrossingWatch::farthest_from_reference(const ParticleSystem<2>& system, con
 }
 
 void CrossingWatch::after_step(ParticleSystem<2>& system, const State& s) {
-  if (2 * system.path() < gap_) return;
+  if (2 * system.motion().since(MotionSince::outline_check) < gap_) return;
   const Real moved = farthest_from_reference(system, s.x().data());
   if (2 * moved < gap_)
-    system.start_path(moved);
+    system.outlines_checked(moved);
   else
     look(system, s, 2 * moved - gap_);  // the vertices were outside at the last look
 }
@@ -105,7 +105,7 @@ void CrossingWatch::look(ParticleSystem<2>& system, const State& s, Real deepest
   });
   gap_ = system.ranks().min(gap_);
   reference_.assign(s.x().begin(), s.x().end());
-  system.start_path();
+  system.outlines_checked();
 }
 
 }  // namespace pliant

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
+#include <limits>
 #include <unordered_map>
 #include <utility>
 
@@ -38,15 +38,11 @@ ParticleSystem<D>::ParticleSystem(Topology topology, Walls<D> walls, std::unique
 template <int D>
 void ParticleSystem<D>::acceleration(Real t, const Real* x, const Real* v, Real* a) {
   ++use_.evaluations;
-  const StateView<D> s = view_after(next_change(), x, v, t);
+  motion_.evaluate();
+  const StateView<D> s = make_view(x, v, t);
   const LogScope log(LogEvent::forces);
   field_->accelerations(s, a, history_.empty() ? nullptr : &workspace_);
   has_found_ = true;
-}
-
-template <int D>
-void ParticleSystem<D>::moved_by(Real change) {
-  change_ = change_.value_or(0) + change;
 }
 
 template <int D>
@@ -58,13 +54,13 @@ template <int D>
 bool ParticleSystem<D>::fused_step(Real t, std::vector<Real>& x, std::vector<Real>& v, const Advance& advance) {
   if (rotates_or_remembers()) return ImplicitSystem::fused_step(t, x, v, advance);
   ++use_.evaluations;
-  const std::optional<Real> since = next_change();
-  if (!hold(since, x.data(), t)) rebuild(x.data(), t);
+  motion_.evaluate();
+  if (!hold(x.data(), t)) rebuild(x.data(), t);
   if (has_ghosts()) {
     const LogScope log(LogEvent::halo);
     halo_.update(x, v);
   }
-  narrow(since, x.data());
+  narrow(x.data());
   Prefetch prefetch;
   if (size() >= beyond_caches) {
     prefetch = advance.arrays;
@@ -81,8 +77,9 @@ bool ParticleSystem<D>::fused_step(Real t, std::vector<Real>& x, std::vector<Rea
   // Both in one message.
   const Real largest = *std::max_element(change.begin(), change.begin() + neighbours_.chunks());
   constexpr Real not_finite = std::numeric_limits<Real>::infinity();
-  change_ = ranks_.max(finite ? largest : not_finite);
-  return change_ != not_finite;
+  const Real next = ranks_.max(finite ? largest : not_finite);
+  moved_by(next);
+  return next != not_finite;
 }
 
 template <int D>
@@ -97,7 +94,7 @@ template <int D>
 void ParticleSystem<D>::accepted(Real t, const Real* x, const Real* v, Real h, bool evaluated) {
   if (history_.empty()) return;
   const bool found = evaluated && has_found_;
-  const StateView<D> s = view_after(found ? std::optional<Real>(0) : std::nullopt, x, v, t);
+  const StateView<D> s = found ? last_view(x, v, t) : view(x, v, t);
   field_->accept(s, h, history_, workspace_, found);
 }
 
@@ -117,9 +114,8 @@ std::unique_ptr<Jacobian> ParticleSystem<D>::jacobian(JacobianForm form, Jacobia
 
 template <int D>
 StateView<D> ParticleSystem<D>::view(const Real* x, const Real* v, Real t) {
-  change_.reset();  // wherever x is
-  path_ = std::numeric_limits<Real>::infinity();
-  return view_after({}, x, v, t);
+  motion_.lose();
+  return make_view(x, v, t);
 }
 
 template <int D>
@@ -131,7 +127,7 @@ const Real* ParticleSystem<D>::with_ghosts(const Real* own, std::vector<Real>& s
 
 template <int D>
 void ParticleSystem<D>::rebuild(const Real* x, Real t) {
-  travel_ = 0;
+  motion_.restart(MotionSince::list_rebuild);
   if (has_ghosts()) find_ghosts(x);
   const LogScope log(LogEvent::lists);
   ranks_.together([&] { neighbours_.rebuild(topology_, walls_, has_ghosts() ? x_.data() : x, t); });
@@ -141,14 +137,13 @@ template <int D>
 void ParticleSystem<D>::set_walls(Walls<D> walls) {
   check(walls);
   walls_ = std::move(walls);
-  neighbours_.invalidate();
-  travel_ = std::numeric_limits<Real>::infinity();
+  invalidate_lists();
 }
 
 template <int D>
 void ParticleSystem<D>::take(Topology own) {
   topology_ = std::move(own);
-  neighbours_.invalidate();
+  invalidate_lists();
   history_.clear();
   check_points();
 }
@@ -195,7 +190,7 @@ void ParticleSystem<D>::relist(const Real* x, Index m) {
 template <int D>
 void ParticleSystem<D>::deactivate(Index m) {
   topology_.deactivate(m);
-  neighbours_.invalidate();
+  neighbours_.invalidate();  // motion_ stays the same on every rank
 }
 
 template <int D>
@@ -261,40 +256,37 @@ void ParticleSystem<D>::move_history(const Migration& migration) {
 }
 
 template <int D>
-std::optional<Real> ParticleSystem<D>::next_change() {
-  const std::optional<Real> change = std::exchange(change_, {});
-  path_ += std::sqrt(Real(D)) * change.value_or(std::numeric_limits<Real>::infinity());
-  return change;
+bool ParticleSystem<D>::hold(const Real* x, Real t) {
+  const Real limit = neighbours_.limit(), bound = motion_.since(MotionSince::list_rebuild),
+             surely = limit * (1 - 1e-12);
+  if (bound <= surely && !walls_.turn_without_end() && neighbours_.farthest_wall(walls_, t) <= surely) return true;
+  const Real moved = ranks_.max(neighbours_.farthest(walls_, x, t));
+  motion_.restart(MotionSince::list_rebuild, moved);
+  return moved <= limit;
 }
 
 template <int D>
-bool ParticleSystem<D>::hold(std::optional<Real> change, const Real* x, Real t) {
-  const Real limit = neighbours_.limit();
-  if (change && !walls_.turn_without_end()) {
-    travel_ += std::sqrt(Real(D)) * *change;
-    if (std::max(travel_, neighbours_.farthest_wall(walls_, t)) <= limit * (1 - 1e-12)) return true;
-  }
-  travel_ = ranks_.max(neighbours_.farthest(walls_, x, t));
-  return travel_ <= limit;
+void ParticleSystem<D>::invalidate_lists() {
+  neighbours_.invalidate();
+  motion_.lose(MotionSince::list_rebuild);
 }
 
 template <int D>
-void ParticleSystem<D>::narrow(std::optional<Real> change, const Real* x) {
+void ParticleSystem<D>::narrow(const Real* x) {
   if constexpr (D == 2) {
     if (neighbours_.vertex_edges.empty()) return;
     const Real range = neighbours_.skin() / 2;
-    gone_ += std::sqrt(Real(D)) * change.value_or(std::numeric_limits<Real>::infinity());
-    if (neighbours_.narrowed() && 2 * gone_ < range * (1 - 1e-9)) return;
+    if (neighbours_.narrowed() && 2 * motion_.since(MotionSince::narrowing) < range * (1 - 1e-9)) return;
     neighbours_.narrow(topology_, x, range);
-    gone_ = 0;
+    motion_.restart(MotionSince::narrowing);
   }
 }
 
 template <int D>
-StateView<D> ParticleSystem<D>::view_after(std::optional<Real> change, const Real* x, const Real* v, Real t) {
+StateView<D> ParticleSystem<D>::make_view(const Real* x, const Real* v, Real t) {
   has_found_ = false;
   walls_.prepare(t);
-  const bool valid = hold(change, x, t);
+  const bool valid = hold(x, t);
   if (!valid) rebuild(x, t);
   neighbours_.widen();
   StateView<D> s{x, v, topology_, neighbours_, walls_, t};

@@ -2,9 +2,7 @@
 #pragma once
 
 #include <cstdint>
-#include <limits>
 #include <memory>
-#include <optional>
 #include <span>
 #include <vector>
 
@@ -13,6 +11,7 @@
 #include <pliant/domain/skin.h>
 #include <pliant/model/model.h>
 #include <pliant/system/implicit_system.h>
+#include <pliant/system/motion_bound.h>
 
 namespace pliant {
 
@@ -44,7 +43,7 @@ class ParticleSystem final : public ImplicitSystem {
   const Ranks& ranks() const override { return ranks_; }
 
   void acceleration(Real t, const Real* x, const Real* v, Real* a) override;
-  void moved_by(Real change) override;
+  void moved_by(Real change) override { motion_.report(change); }
   /// For polygons, whose shapes are half of the work, and with ghosts, where it takes one message less. Spheres have
   /// long lists, which more arrays push out of the caches.
   bool fuses_step() const override;
@@ -68,13 +67,12 @@ class ParticleSystem final : public ImplicitSystem {
   /// null where only energies are asked for. t matters where walls move.
   StateView<D> view(const Real* x, const Real* v, Real t = 0);
   /// The same where the last accelerations were found, which saves looking whether the lists hold.
-  StateView<D> last_view(const Real* x, const Real* v, Real t) { return view_after(Real(0), x, v, t); }
+  StateView<D> last_view(const Real* x, const Real* v, Real t) { return make_view(x, v, t); }
 
-  /// An upper bound of how far any point has gone since start_path(), up to the last acceleration or fused step;
-  /// infinite after a view, and where the integrator does not say how far points move. The same on every rank.
-  Real path() const { return path_; }
-  /// Counts from here on, where no point is farther than `gone` from where its path begins.
-  void start_path(Real gone = 0) { path_ = gone; }
+  /// Upper bound of the motion up to the last acceleration or fused step; a view loses it. The same on every rank.
+  const MotionBound& motion() const { return motion_; }
+  /// Outlines were checked at positions from which no point is farther than `distance` now.
+  void outlines_checked(Real distance = 0) { motion_.restart(MotionSince::outline_check, distance); }
 
   /// Whether there may be ghosts: on several ranks, and in a periodic box.
   bool has_ghosts() const { return ranks_.several() || !box_.open(); }
@@ -89,8 +87,8 @@ class ParticleSystem final : public ImplicitSystem {
   /// the box cannot have or the model is not defined for.
   void set_walls(Walls<D> walls);
 
-  /// Makes these the rank's own particles, which touch nothing yet. Not collective. Errors: InputError for particles of
-  /// several points where they rotate or contacts have a history.
+  /// Makes these the rank's own particles, which touch nothing yet. On every rank, without messages. Errors: InputError
+  /// for particles of several points where they rotate or contacts have a history.
   void take(Topology own);
 
   /// Whether particles should be sorted again: it has been a number of list rebuilds. The same on every rank.
@@ -117,7 +115,8 @@ class ParticleSystem final : public ImplicitSystem {
   /// collective.
   void relist(const Real* x, Index m);
 
-  /// Takes own particle m out of the run. Not collective.
+  /// Takes own particle m out of the run. Not collective; the bound of the motion must be lost afterwards on every
+  /// rank, by a view() or an infinite moved_by().
   void deactivate(Index m);
 
   /// Own particles, then ghosts.
@@ -139,16 +138,16 @@ class ParticleSystem final : public ImplicitSystem {
   /// Contacts go where their particles go. Before the topology does.
   void move_history(const Migration& migration);
 
-  /// By how much coordinates have changed at most since the last evaluation, as far as is known.
-  std::optional<Real> next_change();
-  /// Whether the lists hold at x, where coordinates have changed by at most `change`, if that is known. The positions
-  /// are looked at only when enough such changes have come together. The same on every rank.
-  bool hold(std::optional<Real> change, const Real* x, Real t);
-  /// Narrows the list of vertices and edges, of which few touch, again and again at x [points · D], where coordinates
-  /// have changed by at most `change`, if that is known.
-  void narrow(std::optional<Real> change, const Real* x);
+  /// Whether the lists hold at x. Positions are compared with those of the lists only if the bound of the motion
+  /// exceeds the limit. The same on every rank.
+  bool hold(const Real* x, Real t);
+  /// After a change of the particles or the walls: the next view rebuilds the lists.
+  void invalidate_lists();
+  /// Narrows the list of vertices and edges, of which few touch, again and again at x [points · D].
+  void narrow(const Real* x);
 
-  StateView<D> view_after(std::optional<Real> change, const Real* x, const Real* v, Real t);
+  /// The configuration at x, as far from the last evaluation as motion_ says.
+  StateView<D> make_view(const Real* x, const Real* v, Real t);
   /// Angles and spins from x and v [size()]; and the history and its workspace, which follow the lists.
   void add_rotations_and_history(StateView<D>& s, const Real* x, const Real* v);
 
@@ -171,12 +170,7 @@ class ParticleSystem final : public ImplicitSystem {
   /// since.
   bool has_found_ = false;
   bool home_is_set_ = false, migration_due_ = false, tune_skin_ = false;
-  /// The farthest that a point can have gone since the lists were built. Not known if others built them.
-  Real travel_ = std::numeric_limits<Real>::infinity();
-  Real path_ = std::numeric_limits<Real>::infinity();
-  std::optional<Real>
-      change_;     ///< by how much coordinates have changed at most since the last evaluation, as far as is known
-  Real gone_ = 0;  ///< the farthest that a point can have gone since the list was narrowed
+  MotionBound motion_{D};
   std::vector<Real> scratch_;  ///< for the accelerations of a fused step
   ListUse use_;                ///< its evaluations count
   std::int64_t sorted_at_ = 0;
