@@ -17,7 +17,7 @@
 namespace pliant {
 
 /// Size of a term's contact history: `width` numbers for every contact of its kind of elements, which are pairs of
-/// points, points with walls, or points with the base that all of them lie on.
+/// points, points with walls, or points with the substrate.
 struct HistoryNeeds {
   std::string name;
   Elements elements;
@@ -26,8 +26,8 @@ struct HistoryNeeds {
   int constants = 0;                     ///< numbers of an element that stay the same as long as the list does
 };
 
-/// Two particles by id, the lower one first; or a particle and the number of a surface of the walls, or of which of its
-/// points lies on the base.
+/// Two particles by id, the lower one first; or a particle and the number of a surface of the walls, or the number of
+/// one of its points, for contacts with the substrate.
 struct ContactKey {
   Index first, second;
   auto operator<=>(const ContactKey&) const = default;  // NOLINT(modernize-use-nullptr): there is no pointer
@@ -139,20 +139,20 @@ class ContactTable {
   /// Elements that are not listed do not touch.
   void accept(ContactWorkspace& workspace);
 
-  /// All contacts that this rank knows: every one with a particle of its own.
+  /// All contacts of this rank, that is, all contacts with an owned particle.
   StoredContacts contacts() const;
   /// These instead, in any order; a contact may be there twice, with the same numbers. They take their places in the
   /// list with the next assign().
   void set(const StoredContacts& contacts);
-  /// Those of this particle are over, whatever it touches next.
+  /// Ends all contacts of this particle.
   void forget(Index id);
-  /// The list has other entries, with these keys. Contacts that are not in it, as positions are those of a trial state,
+  /// The list has other entries, with these keys. Contacts that are not in the list, which may belong to a trial state,
   /// are kept until the next accepted step.
   void assign(std::vector<ContactKey> keys);
 
  private:
   friend class ContactWorkspace;
-  /// It touches no more.
+  /// The contact has ended.
   void end(std::size_t contact);
   /// Whether several elements may be one contact.
   bool shared() const { return needs_.elements == Elements::walls; }
@@ -265,9 +265,9 @@ class ContactHistory {
   bool follow(const Topology& topology, const Walls<D>& walls, const Neighbours<D>& neighbours);
   /// See ContactTable::set.
   void set(std::string_view term, const StoredContacts& contacts);
-  /// The particle was put somewhere else: its contacts are over.
+  /// The particle was moved to another place: its contacts end.
   void forget(Index id);
-  /// Nothing touches anything.
+  /// Ends all contacts.
   void clear();
 
  private:

@@ -15,15 +15,15 @@ struct FourAtWalls {
 
   std::array<typename Term::Touch, 4> touch;
   std::array<Index, 4> element;
-  std::array<const Real*, 4> current;  ///< null where nothing was known
+  std::array<const Real*, 4> current;  ///< null without a history
   Index count = 0;
-  std::array<Real, losses_of<Term>()> lost{};  ///< of all that have been settled
+  std::array<Real, losses_of<Term>()> lost{};  ///< losses of all settled contacts
 };
 
 /// The forces of a range of elements: RangeTerm::add_forces. The term has place(s, e, touch), the first part of its
 /// find(), and settle_four(four, term, s, next, force, total) adds the forces of the contacts that were placed and
-/// writes their contact history. total: with the elastic forces. untouched(e): for elements that do not touch, but for
-/// some that are too far apart.
+/// writes their contact history. total: with the elastic forces. untouched(e): called for elements that do not touch,
+/// except some that are too far apart.
 template <int D, class Term, class Untouched>
 PLIANT_INLINE void add_wall_forces(const Term& term, const StateView<D>& s, Range range, const ContactTable& table,
                                    ContactWorkspace& workspace, const Scatter<D, 1>& force, bool total,

@@ -12,7 +12,7 @@
 
 namespace pliant {
 
-/// visit(count, elements) for four elements at a time. Fewer are filled up with copies of the last.
+/// Calls visit(count, elements) for four elements at a time; fewer than four are filled up with copies of the last.
 template <class Visit>
 PLIANT_INLINE void for_each_four(const Index* elements, Index size, Visit&& visit) {
   Index k = 0;
@@ -23,7 +23,7 @@ PLIANT_INLINE void for_each_four(const Index* elements, Index size, Visit&& visi
   visit(size - k, rest.data());
 }
 
-/// Four elements from the k-th on. Fewer are filled up with copies of the last, in `room`.
+/// Four elements from the k-th on; fewer than four are filled up with copies of the last, in `room`.
 PLIANT_INLINE const Index* four_from(const Index* elements, Index size, Index k, std::array<Index, 4>& room) {
   if (k + 4 <= size) return elements + k;
   for (Index l = 0; l < 4; ++l) room[l] = elements[std::min(k + l, size - 1)];
@@ -56,7 +56,7 @@ PLIANT_INLINE simd::Real4 column(const FourRows& rows, int k) {
 struct FourPairs {
   std::array<std::ptrdiff_t, 4> first, second;
 
-  /// Of consecutive pairs.
+  /// Points of consecutive pairs.
   PLIANT_INLINE explicit FourPairs(const Pair* pairs) {
     for (int k = 0; k < 4; ++k) {
       first[k] = pairs[k].first;
@@ -92,7 +92,7 @@ struct FourPairs {
 };
 
 /// Writes the touching pairs of a range to `elements`, without a branch that depends on them, and returns their number.
-/// The history of the others ends.
+/// The history of the other pairs ends.
 template <int D, int Width>
 PLIANT_INLINE Index find_touching(const StateView<D>& s, Range range, const ContactWorkspace::Next<Width>& next,
                                   Index* elements) {
@@ -101,7 +101,7 @@ PLIANT_INLINE Index find_touching(const StateView<D>& s, Range range, const Cont
   const Real *const reach = list.reach.data(), *const x = s.x;
   Index touching = 0;
   const auto take = [&](Index e, Index near) PLIANT_INLINE_LAMBDA {
-    elements[touching] = e;  // or the next one is there
+    elements[touching] = e;  // else overwritten by the next element
     touching += near;
     if (Index(next.touches(e)) > near) next.clear(e);
   };

@@ -1,4 +1,4 @@
-// Four contacts at a time, with the same bits as one by one.
+// Four contacts at a time, with the same bits as single contacts.
 #include <pliant/model/sphere_contact.h>
 
 #include <algorithm>
@@ -43,7 +43,7 @@ template <class Law, bool OwnOnly>
 PLIANT_MULTIVERSION void add_contacts(const SphereContact<Law>& term, const StateView<3>& s, Range range,
                                       const ContactTable& table, ContactWorkspace& workspace,
                                       const Scatter<3, 1, OwnOnly>& scatter, bool total) {
-  const SurfaceFriction surface = term.surface;  // nobody else writes to these
+  const SurfaceFriction surface = term.surface;  // local copy, which stores cannot change
   const Real epsilon = term.epsilon;
   const CurrentSpheres past(table);
   const ContactWorkspace::Next<SphereContact<>::history> next(table, workspace);

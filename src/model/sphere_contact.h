@@ -1,4 +1,4 @@
-// Friction and damping between balls that touch, with rotation: DiskContact in space.
+// Friction and damping between spheres that touch, with rotation: DiskContact in space.
 #pragma once
 
 #include <cmath>
@@ -10,28 +10,28 @@
 
 namespace pliant {
 
-/// Two balls that touch, or R is a vector: several such pairs. As the pair is listed, in whatever order.
+/// Two spheres that touch, or several such pairs if R is a vector. The pair may be listed in either order.
 template <class R>
 struct SphereTouch : SurfaceTouch<3, R> {
   using Vector = Vector3<R>;
 
   R a, b;                  ///< radii; `lever` is (R_i + R_j)/d
-  R order;                 ///< 1, or −1 where the second one has the lower id
+  R order;                 ///< 1, or −1 if the second sphere has the lower id
   Vector n;                ///< from the second to the first
   Vector turned, twisted;  ///< R_i Ω_i + R_j Ω_j and Ω_i + Ω_j
   Vector before;           ///< ξ at the end of the last step, turned with the contact
 
-  /// What stays the same of a pair: the radii, their sum and its inverse; V'' and √(m V'') with the reduced mass m
-  /// where V'' is the same at all distances, else 0 and √m.
+  /// Constants of a pair: the radii, their sum and its inverse; V'' and √(m V'') with the reduced mass m if V'' does
+  /// not depend on the distance, else 0 and √m.
   struct Constants {
     R a, b, reach, per_reach, order, stiffness, root;
   };
-  /// Where the balls are.
+  /// Positions of the spheres.
   struct Pair {
     Vector r;                 ///< from the second to the first
     Vector angle_a, angle_b;  ///< Ω
   };
-  /// And their current history; zeros if they did not touch.
+  /// Current history of the pair; zeros without contact.
   struct Past {
     Vector n, turned, twisted, spring;
     MaskOf<R> slid;
@@ -39,7 +39,7 @@ struct SphereTouch : SurfaceTouch<3, R> {
   template <class Law>
   PLIANT_INLINE void find(Real epsilon, const SurfaceFriction& surface, const Constants& c, const Pair& pair,
                           const Past& past) {
-    const R d2 = dot(pair.r, pair.r), d = square_root(d2), per_d = d * (1 / d2);  // the root beside the quotient
+    const R d2 = dot(pair.r, pair.r), d = square_root(d2), per_d = d * (1 / d2);  // root and quotient overlap
     a = c.a, b = c.b, order = c.order;
     n = per_d * pair.r;
     turned = a * pair.angle_a + b * pair.angle_b;
@@ -58,22 +58,22 @@ struct SphereTouch : SurfaceTouch<3, R> {
     this->slid = past.slid;
     const MaskOf<R> known = (past.n.x != 0) | (past.n.y != 0) | (past.n.z != 0);
     const Vector none{};
-    // A contact that is new has not moved.
+    // A new contact has not moved.
     const SphereSlip<R> slip(select<R>(known, order * past.n, n), n, select<R>(known, twisted - past.twisted, none));
     before = slip.carry(order * past.spring);
     const Vector slid_by = c.reach * slip.arc() - slip.across(turned - past.turned);
     this->stretched = select<R>(known, before + slip.carry_on(slid_by), none);
   }
-  /// v: of the first relative to the second; spins of both.
+  /// v: velocity of the first relative to the second; spins of both.
   PLIANT_INLINE typename SurfaceTouch<3, R>::Rub rub(const SurfaceFriction& surface, const Vector& v,
                                                      const Vector& spin_a, const Vector& spin_b) const {
     const R parting = dot(n, v);
     return SurfaceTouch<3, R>::rub(surface, parting,
                                    this->lever * (v - parting * n) - cross(a * spin_a + b * spin_b, n));
   }
-  /// On the first, of a force along the normal and one that pulls.
+  /// Force on the first sphere: normal force plus tangential pull.
   PLIANT_INLINE Vector force(R normal, const Vector& pull) const { return normal * n - this->lever * pull; }
-  /// The torque of the pull on a ball with the radius 1.
+  /// The torque of the pull on a sphere of radius 1.
   PLIANT_INLINE Vector torque(const Vector& pull) const { return cross(n, pull); }
 };
 
@@ -88,13 +88,13 @@ void add_sphere_forces(const SphereContact<Law>& term, const StateView<3>& s, Ra
 /// unit vector from j to i, d the distance of the centres, u the relative velocity of the centres across n.
 ///
 /// Normal damping: N = max(N_e − γ_n u_n, 0). The surfaces slide along each other with the velocity q̇ = (R_i + R_j)/d u
-/// − (R_i ω_i + R_j ω_j) × n, as disks do in the plane of n and u. Their spring ξ is a vector across n: it grows by the
-/// way that they slide (SphereSlip), and turns with n and, about n, with the mean of both balls. P = k_t ξ + γ_t q̇ up
-/// to |P| = μ N d/(R_i + R_j); see SurfaceFriction. The force on i is N n − P (R_i + R_j)/d, with the torques R_i n × P
-/// and R_j n × P: linear and angular momentum are conserved. No torque about n, none against rolling. The energy of the
-/// spring is k_t/2 ξ².
-/// Kept: n, R_i Ω_i + R_j Ω_j and Ω_i + Ω_j at the end of the last step, Ω the integral of a spin; ξ there, and whether
-/// the contact slid. Units: as the contact's. Elements: neighbour list of points.
+/// − (R_i ω_i + R_j ω_j) × n, as disks do in the plane of n and u. The spring ξ is a vector across n, which grows by
+/// the slip of the surfaces (SphereSlip), rotates with n and, about n, with the mean rotation of both spheres. P = k_t
+/// ξ + γ_t q̇ up to |P| = μ N d/(R_i + R_j); see SurfaceFriction. The force on i is N n − P (R_i + R_j)/d, with the
+/// torques R_i n × P and R_j n × P: linear and angular momentum are conserved. There is no torque about n, and no
+/// resistance to rolling. The energy of the spring is k_t/2 ξ².
+/// Contact history: n, R_i Ω_i + R_j Ω_j and Ω_i + Ω_j at the end of the last step (Ω is the integral of a spin), ξ,
+/// and whether the contact slid. Units: as the contact's. Elements: neighbour list of points.
 template <class Law = HarmonicOverlap>
 struct SphereContact {
   Real epsilon;
@@ -161,7 +161,7 @@ struct SphereContact {
                   const Scatter<3, 1, OwnOnly>& force, bool total = false) const {
     add_sphere_forces(*this, s, range, table, workspace, force, total);
   }
-  /// The spring between two of the stiffest balls: ω² = k_t (2/m + 2R²/I) = 7 k_t/m.
+  /// The spring between two of the stiffest spheres: ω² = k_t (2/m + 2R²/I) = 7 k_t/m.
   Real max_rate(const Topology& topology) const { return spring_rate<Law>(surface, topology, epsilon, 1, 7); }
   /// Twelve contacts: Σ n nᵀ = 4, Σ (1 − n nᵀ) = 8, and R² θ² = 5/2 I θ²/m: 2 · 8 · 5/2 for a rotation.
   MotionRates crowded(const Topology& topology) const {

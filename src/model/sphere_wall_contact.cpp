@@ -1,4 +1,4 @@
-// Four contacts at a time, with the same bits as one by one.
+// Four contacts at a time, with the same bits as single contacts.
 #include <pliant/model/sphere_wall_contact.h>
 
 #include <algorithm>
@@ -115,7 +115,7 @@ void settle_four(FourAtWalls<3, SphereWallContact<Law>>& four, const SphereWallC
   settle(four, term, s, next, force, total);
 }
 static_assert(RangeTerm<SphereWallContact<>, 3>);
-// A type cannot stand in parentheses. NOLINTBEGIN(bugprone-macro-parentheses)
+// A type cannot be in parentheses. NOLINTBEGIN(bugprone-macro-parentheses)
 #define PLIANT_SETTLE_FOUR(Law)                                                                                     \
   template void settle_four<Law>(FourAtWalls<3, SphereWallContact<Law>>&, const SphereWallContact<Law>&,            \
                                  const StateView<3>&, const typename FourAtWalls<3, SphereWallContact<Law>>::Next&, \

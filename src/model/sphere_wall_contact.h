@@ -1,4 +1,4 @@
-// Friction and damping between balls and walls, fixed or moving: DiskWallContact in space.
+// Friction and damping between spheres and walls, fixed or moving: DiskWallContact in space.
 #pragma once
 
 #include <array>
@@ -11,7 +11,7 @@
 
 namespace pliant {
 
-/// A ball that touches a wall, or several. All vectors are seen from the wall.
+/// A sphere that touches a wall, or several such spheres. All vectors are relative to the wall.
 template <class R>
 struct SphereWallTouch : SurfaceTouch<3, R> {
   using Vector = Vector3<R>;
@@ -21,18 +21,18 @@ struct SphereWallTouch : SurfaceTouch<3, R> {
   Matrix3<R> stretch;  ///< L
   Vector before;       ///< ξ at the end of the last step, turned with the contact
 
-  /// Where it is. share: of the elastic force.
+  /// Place of the contact. share: part of the elastic force.
   struct Place {
     R d, radius, mass, share;
     Vector n, foot;
     Matrix3<R> stretch;
   };
-  /// And what was kept of it; zeros if it did not touch.
+  /// Current history of the contact; zeros without contact.
   struct Past {
     Vector foot, n, spring;
     MaskOf<R> slid;
   };
-  /// turned: what the ball has turned in the step, less the wall.
+  /// turned: rotation of the sphere in the step, relative to the wall.
   template <class Law>
   PLIANT_INLINE void settle(Real epsilon, const SurfaceFriction& surface, const Place& c, const Past& past,
                             const Vector& turned) {
@@ -43,7 +43,7 @@ struct SphereWallTouch : SurfaceTouch<3, R> {
     this->slid = past.slid;
     const MaskOf<R> known = (past.n.x != 0) | (past.n.y != 0) | (past.n.z != 0);
     const Vector none{}, rotation = select<R>(known, turned, none);
-    // A contact that is new has not moved.
+    // A new contact has not moved.
     const SphereSlip<R> slip(select<R>(known, past.n, n), n, rotation);
     const Vector slid_by = slip.along(c.foot - past.foot) + radius * (slip.arc() - slip.across(rotation));
     before = slip.carry(past.spring);
@@ -54,7 +54,7 @@ struct SphereWallTouch : SurfaceTouch<3, R> {
     const R root = square_root(R(size2 * longer2)), per = 1 / (some ? longer2 : 1 + R());
     this->per_lever = some ? root * per : 1 + R();
   }
-  /// Seen from the wall the ball moves with v and turns with `spin`.
+  /// Relative to the wall the sphere moves with v and rotates with `spin`.
   template <class Mu>
   PLIANT_INLINE typename SurfaceTouch<3, R>::Rub rub(Real tangential_damping, Mu mu_static, Mu mu_dynamic,
                                                      const Vector& v, const Vector& spin) const {
@@ -79,11 +79,12 @@ void settle_four(FourAtWalls<3, SphereWallContact<Law>>& four, const SphereWallC
 /// −V' of WallContact, in space; as SphereContact, with the velocity of the wall's material. n is the unit vector from
 /// the wall to the centre, d the distance, L = 1 + (R − d) κ with the curvature κ of the surfaces of constant distance.
 ///
-/// The ball slides with q̇ = L u − R ω × n, u its velocity across n, both seen from the wall: by the way of the foot
-/// along the surface and the turns of n and of the sphere (SphereSlip). The force is N n − L P, the torque R n × P,
-/// with |P| up to μN over the stretch of L along the spring. Spins of walls that turn count as at the end of a step, to
-/// first order. Stored, seen from the wall: foot, n and the turn of the sphere at the end of the last step, ξ and
-/// whether the contact slid. Elements: neighbour list of points and parts of the walls.
+/// The sphere slides with q̇ = L u − R ω × n, where u is its velocity across n, both relative to the wall. SphereSlip
+/// computes the slip from the path of the foot along the surface and the rotations of n and of the sphere. The force is
+/// N n − L P, the torque R n × P, with |P| up to μN over the stretch of L along the spring. Spins of rotating walls are
+/// taken at the end of a step, to first order. Contact history, relative to the wall: foot, n and the turn of the
+/// sphere at the end of the last step, ξ and whether the contact slid. Elements: neighbour list of points and parts of
+/// the walls.
 template <class Law = HarmonicOverlap>
 struct SphereWallContact {
   Real epsilon;
@@ -106,7 +107,7 @@ struct SphereWallContact {
   }
   void check(const Walls<3>& walls) const { others.check(name(), walls); }
 
-  /// In fours of numbers, so that four contacts can be read together.
+  /// In groups of four numbers, so that four contacts can be read together.
   struct Touch : SphereWallTouch<Real> {
     using Four = std::array<Real, 4>;
     Four size;                      ///< d, R, mass and share
@@ -115,10 +116,10 @@ struct SphereWallContact {
     Four wall_velocity, wall_spin;  ///< in space
     std::array<Four, 3> rows;       ///< of L
     std::array<Four, 3> turn;       ///< rows of the rotation of the wall
-    bool turned;                    ///< or it is the identity
+    bool turned;                    ///< false: the rotation is the identity
     Index i;
 
-    /// A vector in space as the wall sees it, and the other way round.
+    /// Transforms a vector in space to the frame of the wall, and back.
     Vector3<Real> seen(const Vector3<Real>& a) const { return turned ? rotation().transposed_times(a) : a; }
     Vector3<Real> unseen(const Vector3<Real>& a) const { return turned ? rotation() * a : a; }
     Matrix3<Real> rotation() const { return {vector3(turn[0]), vector3(turn[1]), vector3(turn[2])}; }
@@ -128,7 +129,7 @@ struct SphereWallContact {
     const auto [i, part] = s.neighbours.walls[e];
     return !s.walls.beyond(s.position(i), s.topology.diameter[i] / 2, part, s.t);
   }
-  /// The first part of find(), which returns whether the ball touches.
+  /// The first part of find(): whether the sphere touches.
   PLIANT_INLINE bool place(const StateView<3>& s, Index e, Touch& c) const {
     const auto [i, part] = s.neighbours.walls[e];
     const Vec<3> r = s.position(i);
@@ -161,7 +162,7 @@ struct SphereWallContact {
     }
     return true;
   }
-  /// False also where another part of the surface carries the contact.
+  /// Also false if another part of the surface carries the contact.
   bool find(const StateView<3>& s, Index e, std::span<const Real> past, Touch& c) const {
     if (!place(s, e, c)) return false;
     const Real* const p = past.data();
@@ -201,7 +202,7 @@ struct SphereWallContact {
                   const Scatter<3, 1>& force, bool total, Untouched&& untouched) const {
     add_wall_forces(*this, s, range, table, workspace, force, total, untouched);
   }
-  /// Of the wall on the ball, beside the elastic one; the wall feels the opposite.
+  /// Force of the wall on the sphere, without the elastic force; the wall feels the opposite.
   Vec<3> force(const StateView<3>& s, const Touch& c) const {
     const auto rubs = rub(s, c);
     return force_of(c, rubs, rubs.normal - c.elastic);

@@ -11,7 +11,7 @@
 namespace pliant {
 namespace {
 
-/// With another law that keeps vertices out.
+/// For laws that keep vertices out.
 std::string cures_of_crossing(const NeighbourNeeds& needs, bool barrier) {
   if (needs.edges == Edges::bare && !needs.vertex_edges)
     return cures({Cure::shorter_step, Cure::stiffer_contacts, Cure::edge_contacts});
@@ -51,7 +51,8 @@ void check(const SelfLook& seen, const Topology& topology, const std::string& cu
   throw NumericalError("particle {} {}; {}", topology.id[m], what, cure);
 }
 
-/// Whether an own polygon meets a wall, or has gone through one all at once since it was at `before` [own points · 2].
+/// Whether an owned polygon meets a wall, or has passed through one in a single move since it was at `before` [own
+/// points · 2].
 bool through_wall(const StateView<2>& s, const Real* before) {
   const Topology& topology = s.topology;
   for (Index m = 0; m < topology.owned(); ++m) {
@@ -75,7 +76,7 @@ void CrossingWatch::after_step(ParticleSystem<2>& system, const State& s) {
   if (2 * moved < gap_)
     system.outlines_checked(moved);
   else
-    look(system, s, 2 * moved - gap_);  // the vertices were outside at the last look
+    look(system, s, 2 * moved - gap_);  // the vertices were outside at the last check
 }
 
 bool CrossingWatch::admits(ParticleSystem<2>& system, const Real* x) const {

@@ -16,9 +16,9 @@
 namespace pliant {
 
 /// M r̈ = F(r, ṙ) for the points of a topology [H 7, 13]. Inactive particles keep their positions: their inverse mass is
-/// zero. On several ranks each has a share of the particles, and copies (ghosts) of others' near them; all functions
-/// that take positions are collective then. In a periodic box images of particles are ghosts too, so that nothing else
-/// knows of the box. Positions may lie anywhere; sort() puts them back into the box.
+/// zero. On several ranks each rank has a share of the particles, and copies (ghosts) of nearby particles of other
+/// ranks; all functions that take positions are collective then. In a periodic box images of particles are ghosts too,
+/// so that no other code depends on the box. Positions may lie anywhere; sort() wraps them into the box.
 template <int D>
 class ParticleSystem final : public ImplicitSystem {
  public:
@@ -63,8 +63,8 @@ class ParticleSystem final : public ImplicitSystem {
   /// Whether the model has more than positions and velocities: spins or contact history.
   bool rotates_or_remembers() const { return field_->rotates() || !history_.empty(); }
 
-  /// The configuration with neighbour lists that are valid for it, ghosts included. x, v [size()]; v may be
-  /// null where only energies are asked for. t matters where walls move.
+  /// The configuration with neighbour lists that are valid for it, ghosts included. x, v [size()]; v may be null if
+  /// only energies are needed. t matters for moving walls.
   StateView<D> view(const Real* x, const Real* v, Real t = 0);
   /// The same where the last accelerations were found, which saves looking whether the lists hold.
   StateView<D> last_view(const Real* x, const Real* v, Real t) { return make_view(x, v, t); }
@@ -91,27 +91,26 @@ class ParticleSystem final : public ImplicitSystem {
   /// for particles of several points where they rotate or contacts have a history.
   void take(Topology own);
 
-  /// Whether particles should be sorted again: it has been a number of list rebuilds. The same on every rank.
+  /// Whether particles should be sorted again, after a number of list rebuilds. The same on every rank.
   bool sort_due() const { return use().rebuilds >= rebuilds_to_sort; }
-  /// Whether many particles have gone far from their rank's place, which makes many ghosts. The same on every rank.
+  /// Whether many particles are far from the region of their rank, which causes many ghosts. The same on every rank.
   bool migration_due() const { return migration_due_; }
 
-  /// Sorts particles in space, moves them to the ranks where they belong and builds the lists; in a periodic box, puts
-  /// those that have left it back first. The caller applies the migration that is returned to whatever else it keeps
-  /// per particle.
+  /// Sorts particles in space, moves them to the ranks where they belong and builds the lists; in a periodic box, wraps
+  /// particles that have left it first. The caller applies the returned migration to its data per particle.
   Migration sort(State& state);
 
-  /// Puts own particles whose centres have left the periodic box back into it, and counts the box lengths.
+  /// Wraps owned particles whose centres have left the periodic box, and counts the box lengths.
   void wrap(State& state) const;
 
-  /// Lets sort() choose the skin from how the lists were used.
+  /// Lets sort() choose the skin from the use of the lists.
   void tune_skin() { tune_skin_ = true; }
 
   /// Since the last sort(): needed by a restart.
   ListUse use() const { return {use_.evaluations, neighbours_.rebuilds() - sorted_at_}; }
   void set_use(const ListUse& use);
 
-  /// Own particle m was put somewhere else in x. Saves a rebuild of the lists where there are no ghosts. Not
+  /// Owned particle m was moved to another place in x. Saves a rebuild of the lists if there are no ghosts. Not
   /// collective.
   void relist(const Real* x, Index m);
 
@@ -130,12 +129,13 @@ class ParticleSystem final : public ImplicitSystem {
  private:
   void check(const Walls<D>& walls) const;
   void check_points() const;
-  /// A place on a base would have to jump with the particle.
+  /// A place on the substrate would have to jump with the particle.
   void check_places() const;
-  /// Histories know contacts by ids: no two particles may be listed at two images of each other, and none at its own.
+  /// Histories identify contacts by ids: no two particles may be listed at two images of each other, and no particle at
+  /// its own image.
   void check_lengths() const;
 
-  /// Contacts go where their particles go. Before the topology does.
+  /// Contacts migrate with their particles. To be called before the topology migrates.
   void move_history(const Migration& migration);
 
   /// Whether the lists hold at x. Positions are compared with those of the lists only if the bound of the motion
