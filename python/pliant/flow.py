@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from .errors import RunError
-from .statistics import block_ratio
 
 QUIET = 10          # mean times between crossings without one, after which the flow counts as ended
 DISCHARGE = 0.2     # share of the particles that left a discharge: the first and the last of these are excluded from
@@ -71,22 +70,29 @@ class AxisVelocity:
 
     height: np.ndarray    #: [H] above the orifice
     velocity: np.ndarray  #: [H]
-    error: np.ndarray     #: [H] from blocks
+    error: np.ndarray     #: [H] of the steady state, as the program computes it; NaN for other times
     start: float          #: start of the averaged time
     end: float
     remark: str | None    #: as of `flowing`
 
 
-def axis_velocity(run, start=None, blocks=10):
+def axis_velocity(run, start=None):
     """AxisVelocity of a run; `start` overrides the time from which the flow is averaged. Raises RunError if the run has
-    not flowed, or not for as many samples as blocks."""
-    start, end, remark = flowing(run, start)
-    used = run.profile.between(start, end)
+    not flowed."""
+    begin, end, remark = flowing(run, start)
+    used = run.profile.between(begin, end)
     if "longest_sample_interval" in run.summary:  # a restart has changed the interval
         used = used.every(run.summary["longest_sample_interval"])
-    if len(used.time) < blocks:
-        raise RunError(f"{run.path}: {len(used.time)} samples from t = {start:g} to {end:g} t0 are fewer than "
-                       f"{blocks} blocks")
+    if not len(used.time):
+        raise RunError(f"{run.path}: no samples from t = {begin:g} to {end:g} t0")
     filled = used.height <= filling_top(used)
-    return AxisVelocity(used.height[filled], *block_ratio(used.momentum[:, filled], used.weight[:, filled], blocks), start,
-                        end, remark)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        velocity = used.momentum.sum(0) / used.weight.sum(0)
+    error = np.full(len(velocity), np.nan)
+    if start is None and remark is None:
+        known = run.summary.get("axis_velocity", {}).get("error")
+        if known is not None:
+            error = np.array(known, float)
+        elif "axis_velocity" not in run.summary:
+            remark = "no errors: summary.json is from an older version"
+    return AxisVelocity(used.height[filled], velocity[filled], error[filled], begin, end, remark)

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Velocity on the axis against the height above the orifice, averaged over the steady state, with its block error.
+"""Velocity on the axis against the height above the orifice, averaged over the steady state, with its error.
 
 The profile ends at the top of the filling, where the number density on the axis falls below 0.8 of its largest value:
 above, reinserted particles fall freely. If a run has clogged, or emptied, only the time of the flow counts."""
@@ -26,10 +26,7 @@ def main():
     parser.add_argument("--start", type=float, metavar="T0",
                         help="first time used (default: steady_start of summary.json, else the second half of "
                              "the flow; of a discharge, from when 20 %% of those that left had left until 80 %% had)")
-    parser.add_argument("--blocks", type=int, default=10, help="blocks for the error (default: 10)")
     arguments = script.arguments(parser)
-    if arguments.blocks < 2:
-        raise RunError(f"--blocks is {arguments.blocks}: at least 2")
     runs = load_runs(arguments.run)
     for run in runs:
         of_scenario(run, "hopper")
@@ -37,7 +34,7 @@ def main():
 
     curves = []
     for run in runs:
-        curve = axis_velocity(run, arguments.start, arguments.blocks)
+        curve = axis_velocity(run, arguments.start)
         print(f"{run.path}: averaged from t = {curve.start:g} to {curve.end:g} t0"
               f"{f' ({curve.remark})' if curve.remark else ''}, up to the top of the filling at h = {curve.height[-1]:g}")
         curves.append((curve.height, curve.velocity, curve.error))
@@ -55,7 +52,7 @@ def main():
     axis.axvline(0, color="0.6", lw=0.8, ls=":")
     axis.set(xlabel=r"height above the orifice  $h/\sigma_{avg}$",
              ylabel=r"axis velocity along gravity  $v_g$  [$\sigma_{avg}/t_0$]")
-    if min((value - error)[np.isfinite(value)].min() for _, value, error in curves) > 0:
+    if min((value - np.nan_to_num(error))[np.isfinite(value)].min() for _, value, error in curves) > 0:
         axis.set_ylim(0, None)
     axis.legend()
     if several:
@@ -74,7 +71,7 @@ def at_orifice(axis, runs, curves, colors):
     for power, style, label in ((0.5, "--", r"$w^{1/2}$ (friction)"), (-0.5, ":", r"$w^{-1/2}$ (drag)")):
         axis.plot(line, middle[1] * (line / middle[0]) ** power, style, color="0.45", lw=1.1, label=label, zorder=1)
     axis.set(xlabel=r"orifice width  $w/\sigma_{avg}$", ylabel=r"$v_g$ at the orifice  [$\sigma_{avg}/t_0$]",
-             ylim=(min(0, (value - error).min() * 1.1), None))
+             ylim=(min(0, (value - np.nan_to_num(error)).min() * 1.1), None))
     axis.legend(title="published slopes")
 
 

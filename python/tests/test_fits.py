@@ -7,7 +7,6 @@ from numpy.testing import assert_allclose
 
 from pliant import RunError
 from pliant.beverloo import beverloo, fit_beverloo, fit_groups, local_slopes, published_exponent
-from pliant.statistics import block_ratio
 
 W = np.array([3.0, 4.0, 5.0, 6.5, 8.0, 10.0])
 LAWS = {"friction": (0.15, 1.6, 1.5), "drag": (0.42, 2.4, 0.5)}
@@ -110,22 +109,6 @@ def test_groups():
 def test_published_exponents():
     assert [published_exponent(d, *c) for d in (2, 3) for c in ((1, 0), (0, 1), (1, 1), (0, 0))] == \
         [1.5, 0.5, None, None, 2.5, 1.5, None, None]
-
-
-def test_block_error_of_correlated_samples():
-    """An autoregressive series: its block error is the error of the mean over many repetitions, not the error of white
-    noise."""
-    rng = np.random.default_rng(2)
-    noise = rng.normal(size=(4000, 200))
-    series = np.empty_like(noise)
-    series[0] = noise[0]
-    for i in range(1, len(noise)):
-        series[i] = 0.9 * series[i - 1] + noise[i]
-    value, error = block_ratio(5 + series, np.ones_like(series), blocks=20)
-    assert_allclose(np.sqrt((error**2).mean()), value.std(), rtol=0.15)
-    assert error.mean() > 3 * (series.std(axis=0) / np.sqrt(4000)).mean()
-    with pytest.raises(RunError, match="too few"):
-        block_ratio([1.0], [1.0])
 
 
 def test_an_offset_at_its_bound_leaves_the_exponent_free():

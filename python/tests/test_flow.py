@@ -6,6 +6,7 @@ import h5py
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_array_equal
 from synthetic import write_run
 
 from pliant import Run, RunError
@@ -84,3 +85,21 @@ def test_averages_of_a_run_whose_interval_has_changed(tmp_path):
         filled = len(thinned.height)
         assert thinned.velocity == pytest.approx((used.momentum.sum(0) / used.weight.sum(0))[:filled])
     assert (plain.start, plain.end) == (thinned.start, thinned.end)
+
+
+def test_errors_of_the_profile_are_those_of_the_program(tmp_path):
+    """Only the steady state has errors; other times and older summaries have none, and a remark."""
+    path = with_crossings(tmp_path / "run", np.arange(201))
+    summary = json.loads((path / "summary.json").read_text(encoding="utf-8"))
+    plain = axis_velocity(Run(path))
+    assert np.isnan(plain.error).all() and "older version" in plain.remark
+    heights = len(Run(path).profile.height)
+    for error, expected in ((list(np.arange(heights) / 10), np.arange(heights) / 10), ([None] * heights, np.nan), (None, np.nan)):
+        summary["axis_velocity"] = {"error": error, "unit": "sigma_avg/t0"}
+        (path / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
+        curve = axis_velocity(Run(path))
+        assert curve.remark is None and (curve.velocity == plain.velocity).all()
+        assert_array_equal(curve.error, np.broadcast_to(expected, heights)[:len(curve.height)])
+    summary["axis_velocity"]["error"] = [0.1] * heights
+    (path / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
+    assert np.isnan(axis_velocity(Run(path), start=30).error).all()

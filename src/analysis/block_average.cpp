@@ -21,11 +21,27 @@ Real variance_of(std::span<const Real> values) {
   return sum / static_cast<Real>(values.size() - 1);
 }
 
+/// A constant series has then exactly no variance, whatever its size.
+std::vector<Real> relative_to_first(std::span<const Real> series) {
+  std::vector<Real> values(series.begin(), series.end());
+  for (Real& value : values) value -= series.front();
+  return values;
+}
+
 /// Means of neighbouring pairs, in place; an odd last value is dropped.
 void halve(std::vector<Real>& values) {
   const std::size_t pairs = values.size() / 2;
   for (std::size_t i = 0; i < pairs; ++i) values[i] = (values[2 * i] + values[2 * i + 1]) / 2;
   values.resize(pairs);
+}
+
+/// Square of the standard error of the mean, from so many equal stretches; samples that are left at the end are
+/// dropped.
+Real squared_error(std::span<const Real> values, std::size_t stretches) {
+  const std::size_t length = values.size() / stretches;
+  std::vector<Real> means;
+  for (std::size_t k = 0; k < stretches; ++k) means.push_back(mean_of(values.subspan(k * length, length)));
+  return variance_of(means) / static_cast<Real>(stretches);
 }
 
 void check_cumulative(std::span<const Real> time, std::span<const Real> cumulative) {
@@ -96,19 +112,24 @@ BlockAverage block_average(std::span<const Real> series) {
 }
 
 BlockAverage slow_average(std::span<const Real> series) {
-  BlockAverage result = block_average(series);
+  const BlockAverage blocks = block_average(series);
+  BlockAverage result;
+  result.samples = blocks.samples;
+  result.mean = blocks.mean;
+  result.naive_error = result.lower_bound = blocks.naive_error;
+  if (series.size() < BlockAverage::least_samples || !std::isfinite(blocks.naive_error)) return result;
+  const std::vector<Real> values = relative_to_first(series);
+  const Real few = squared_error(values, min_blocks), many = squared_error(values, 3 * min_blocks);
+  // Correlations between neighbouring stretches make both too small, `many` three times as much as `few`.
+  const Real error_squared = many + 2 * std::fmax(Real{0}, few - many);
+  result.lower_bound = std::fmax(result.naive_error, std::sqrt(error_squared));
+  result.plateau = few <= 3 * many;
   if (!result.plateau) return result;
-  const std::size_t length = series.size() / min_blocks;
-  std::vector<Real> means;
-  for (std::size_t b = 0; b < min_blocks; ++b) means.push_back(mean_of(series.subspan(b * length, length)));
-  const Real error = std::sqrt(variance_of(means) / static_cast<Real>(min_blocks));
-  if (!(error > result.error)) return result;
-  result.error = error;
-  result.error_of_error = error / std::sqrt(2 * static_cast<Real>(min_blocks - 1));
-  result.lower_bound = std::fmax(result.lower_bound, error);
-  result.inefficiency = square(error / result.naive_error);
-  result.block_size = length;
+  result.error = std::sqrt(error_squared);
+  result.error_of_error = 0.3 * result.error;
+  result.inefficiency = error_squared == 0 ? Real{1} : error_squared / square(result.naive_error);
   result.blocks = min_blocks;
+  result.block_size = series.size() / min_blocks;
   return result;
 }
 

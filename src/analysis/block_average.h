@@ -17,7 +17,7 @@ struct BlockAverage {
 
   Real mean = unknown;            ///< mean of all samples
   Real error = unknown;           ///< one standard error of the mean; NaN unless `plateau`
-  Real error_of_error = unknown;  ///< error / sqrt(2 (blocks − 1))
+  Real error_of_error = unknown;  ///< error / sqrt(2 (blocks − 1)); of `slow_average` 0.3 error
   Real naive_error = unknown;     ///< standard error if the samples were independent
   Real lower_bound = unknown;     ///< largest error of any block size: a lower bound where there is no plateau
   Real inefficiency = unknown;  ///< (error/naive_error)²: samples per independent sample, 2 τ_int; NaN unless `plateau`
@@ -40,11 +40,16 @@ struct BlockAverage {
 /// series: equidistant samples from the steady state.
 BlockAverage block_average(std::span<const Real> series);
 
-/// As `block_average`, for a quantity of the whole filling (packing fraction, height, contacts), whose samples have a
-/// fast noise and a small slow part: the blocks of `block_average` are long compared with the fast noise only, and the
-/// error can be half of the true error. This function returns the larger of this error and the standard error of 8
-/// equal parts, which is accurate to a quarter; for series without slow changes it is 10 % too large on average. NaN
-/// without a plateau, as in `block_average`.
+/// Mean and error of a quantity of the whole filling (packing fraction, height, contacts), whose samples have fast
+/// noise and a small slow part. `block_average` chooses blocks that are long compared with the noise alone, and its
+/// error can be half of the true one. Here the error comes from the means of 24 and of 8 equal stretches, by
+///   e² = e_24² + 2 max(0, e_8² − e_24²),
+/// the lugsail estimator of Vats & Flegal, Biometrika 109, 735 (2022), which removes the bias of e_8 to first order.
+///
+/// The true mean is within e in 60 to 78 %, and within 2 e in 88 to 98 % of the series, if their correlation time is at
+/// most 1/20 of the series (AR(1), also under noise, and oscillations with periods of at most 1/24). Slower series have
+/// errors that are too small (by 20 % at 1/10), oscillations with longer periods errors that are too large (by up to
+/// 70 %). The error is NaN for fewer than 64 samples, and for e_8² > 3 e_24², as for a drift.
 BlockAverage slow_average(std::span<const Real> series);
 
 /// Σ numerator / Σ denominator with the error of the ratio to first order, which is the error of the series (numerator

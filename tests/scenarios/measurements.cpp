@@ -239,6 +239,8 @@ TEST_CASE("quantities of a series whose averages are known", "[measurements]") {
   CHECK(result.at("Q_corrected").at("unit") == "sigma_avg^" + d + "/t0");
   CHECK(result.at("orifice_density").at("unit") == "sigma_avg^-" + d);
   CHECK(result.at("orifice_velocity").at("unit") == "sigma_avg/t0");
+  CHECK(result.at("axis_velocity").at("error").size() == 2);
+  CHECK(result.at("axis_velocity").at("error").front() == result.at("orifice_velocity").at("error"));
   options.model.set("mu", 0.0);
   CHECK_FALSE(evaluate_series(steady_series(0), options, 0.8).contains("drag_friction_ratio"));
 }

@@ -228,6 +228,9 @@ nlohmann::ordered_json evaluate_series(const Series& series, const HopperOptions
   const std::vector<BlockAverage> profile =
       axis_profile(rows_of("profile_momentum"), rows_of("profile_weight"), heights);
   result["orifice_velocity"] = report(profile.front(), "sigma_avg/t0");
+  auto errors = nlohmann::ordered_json::array();  // for python/pliant, which reads the velocities from the series
+  for (const BlockAverage& velocity : profile) errors.push_back(report(velocity, "").at("error"));
+  result["axis_velocity"] = {{"error", errors}, {"unit", "sigma_avg/t0"}};
   return result;
 }
 

@@ -76,14 +76,14 @@ void print(const HopperEnd& end, const nlohmann::ordered_json& measured) {
       : drifts                                                ? "no error: the flow is not steady"
       : few ? fmt::format("no error: fewer than {} steady samples", BlockAverage::least_samples)
             : "no error: its correlations are too long for the run";
-  const auto print = [&](const char* name, const char* text) {
+  const auto print = [&](const char* name, const char* text, const char* scope = "") {
     if (!measured.contains(name) || measured[name]["value"].is_null()) return;
     const Real value = measured[name]["value"];
     const std::string unit = measured[name]["unit"], space = unit.empty() ? "" : " ";
     if (measured[name]["error"].is_null())
       say("{} = {:.3g}{}{} ({})\n", text, value, space, unit, no_error);
     else
-      say("{} = {:.5g} ± {:.2g}{}{}\n", text, value, Real(measured[name]["error"]), space, unit);
+      say("{} = {:.5g} ± {:.2g}{}{}{}\n", text, value, Real(measured[name]["error"]), space, unit, scope);
   };
   if (end.rests())
     say("{}: no crossing and no motion since t = {:.4g} t0\n",
@@ -94,7 +94,7 @@ void print(const HopperEnd& end, const nlohmann::ordered_json& measured) {
     say("to run longer: {}\n", longer(end));
   print("Q", "Q");
   print("Q_corrected", "Q'");
-  print("contacts_per_particle", "contacts per particle");
+  print("contacts_per_particle", "contacts per particle", " (error within this run; seeds can differ more)");
   print("drag_friction_ratio", "drag/friction");
   if (measured.contains("c0")) say("{}\n", discharge_text(measured));
 }
