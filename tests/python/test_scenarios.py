@@ -256,7 +256,7 @@ def test_numerical_failures_and_folders_in_use(tmp_path, small):
             pliant.hopper(**small, output=tmp_path / "b")
     finally:
         apps.end(child, signal.SIGTERM)
-    (tmp_path / "file").write_text("")
+    (tmp_path / "file").write_text("", encoding="utf-8")
     with pytest.raises(pliant.PliantError):
         pliant.hopper(**small, output=tmp_path / "file" / "c")
 
@@ -266,7 +266,7 @@ def test_evaluate_is_that_of_the_program(program, tmp_path):
     case = {"model": "sp", "inputs": {"dim": 2, "positions": np.array([[0, 0], [0.9, 0.1]]), "sigma": [1, 1.1]}}
     result = pliant.evaluate(case)
     file = tmp_path / "case.json"
-    file.write_text(json.dumps(case, default=lambda a: a.tolist()))
+    file.write_text(json.dumps(case, default=lambda a: a.tolist()), encoding="utf-8")
     assert result == json.loads(program("evaluate", file).stdout) == pliant.evaluate(file)
     for bad in ({"model": "sp", "inputs": {"dim": 2, "positions": [[0, np.nan]], "sigma": [1]}}, {"model": {1, 2}}, {},
                 {"model": "sp", "inputs": {"dim": 2, "positions": [[0, 0]], "sigma": [-1]}}, "no-such-file.json"):
@@ -324,8 +324,8 @@ def test_the_types_are_clean_for_mypy(tmp_path):
     if subprocess.run([*mypy, "--version"], capture_output=True).returncode != 0:
         pytest.skip("no mypy")
     good, bad = tmp_path / "good.py", tmp_path / "bad.py"
-    good.write_text("import pliant\nrun: pliant.Run = pliant.hopper(n=3, model='sp', output='x', ts_type='rk')\n")
-    bad.write_text("import pliant\npliant.hopper(n='a')\npliant.raft(model=3)\n")
+    good.write_text("import pliant\nrun: pliant.Run = pliant.hopper(n=3, model='sp', output='x', ts_type='rk')\n", encoding="utf-8")
+    bad.write_text("import pliant\npliant.hopper(n='a')\npliant.raft(model=3)\n", encoding="utf-8")
     def check(file):
         return subprocess.run([*mypy, "--cache-dir=/dev/null", "--follow-imports=silent", str(file)], capture_output=True,
                               encoding="utf-8", env=dict(os.environ, MYPYPATH=str(ROOT / "python"))).stdout

@@ -438,7 +438,7 @@ def test_simulations_and_scenarios_in_one_process(tmp_path):
 def test_many_simulations_leave_nothing_behind():
     def used():
         gc.collect()
-        with open("/proc/self/statm") as file:
+        with open("/proc/self/statm", encoding="utf-8") as file:
             return int(file.read().split()[1]) * resource.getpagesize()
 
     def make():
