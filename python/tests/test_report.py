@@ -20,7 +20,7 @@ from test_raft import write_raft
 
 from pliant import OutputError, Run, RunError, follow, scene
 from pliant.report import NAME, command, sweep, write_report
-from pliant.report.frames import pack_frames
+from pliant.report.frames import _most_frames, _pack, _Reader, pack_frames, quantities
 
 PYTHON = Path(__file__).resolve().parents[1]
 HOSTILE = "<img src=x onerror=hacked=1>\"'&"
@@ -157,6 +157,16 @@ def test_many_frames_are_thinned(tmp_path):
     assert f"The player shows {len(player['times'])} of 60 frames" in remarks[-1] and "--limit" in remarks[-1]
 
 
+def test_the_number_of_frames_is_found_from_a_wrong_guess(soft):
+    run, remarks = Run(soft[0]), []
+    found, read = quantities(run, run.frames[-1]), _Reader(run, remarks)
+    sizes = [len(_pack(run, read(count, found, True), found, True)[0].data) for count in (1, 2, 3)]
+    assert sizes == sorted(sizes)
+    for limit, guess, count in ((sizes[1] + 10, 3, 2), (sizes[2] + 10, 3, 3), (sizes[0] + 10, 3, 1), (2 * sizes[2], 1, 3)):
+        packed, description = _most_frames(run, read, found, True, limit, guess)
+        assert len(packed.data) <= limit and len(description["times"]) == count, (limit, guess)
+
+
 def test_a_frame_that_is_too_large(soft):
     remarks = []
     assert pack_frames(Run(soft[0]), 100, remarks) is None
@@ -270,6 +280,23 @@ def test_a_run_that_goes_on(tmp_path, monkeypatch, capsys):
     command.main([str(path), "--follow", "--interval", "7"])
     assert [one["follow"] for one in seen] == [7.0] and seen[0]["status"]["text"] == "running"
     assert data_of(path / NAME)["follow"] is None and capsys.readouterr().out.count("wrote") == 2
+
+
+def test_an_interrupted_page_does_not_reload(tmp_path, monkeypatch):
+    path, _ = write_run(tmp_path / "run", n=20, frames=1, samples=30, summary=False)
+    lock = open(path / "run.lock", "w", encoding="utf-8")
+    fcntl.flock(lock, fcntl.LOCK_EX)
+    seen = []
+
+    def pause(seconds):
+        seen.append(data_of(path / NAME)["follow"])
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(follow.time, "sleep", pause)
+    with pytest.raises(KeyboardInterrupt):
+        command.main([str(path), "--follow"])
+    lock.close()
+    assert seen == [10.0] and data_of(path / NAME)["follow"] is None
 
 
 def test_follow_waits_for_the_first_data(tmp_path, monkeypatch, capsys):

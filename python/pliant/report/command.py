@@ -40,6 +40,16 @@ def _tell(path):
 
 
 def _follow(folder, output, limit, interval):
+    try:
+        _write_states(folder, output, limit, interval)
+    except KeyboardInterrupt:
+        if (folder / "run.h5").exists():
+            with Run(folder) as run:  # a page that no longer reloads itself
+                _tell(write_report(run, output, limit))
+        raise
+
+
+def _write_states(folder, output, limit, interval):
     for run, writing in states(folder, interval):
         try:
             _tell(write_report(run, output, limit, interval if writing else None))
