@@ -10,15 +10,18 @@
 
 namespace pliant {
 
-/// The laws of EdgeContact and EdgeFriction.
-struct EdgeLaw {
-  Real epsilon;     ///< energy scale of a contact, ε
-  Real mu;          ///< friction coefficient; 0: velocities are not read and may be null
-  bool at_contact;  ///< friction acts at the point of the contact; false: at the edge's first vertex
+/// Coefficients of the terms EdgeContact and EdgeFriction.
+struct EdgeContactLaw {
+  Real epsilon;  ///< energy scale of a contact, ε
   ContactLaw contact = ContactLaw::harmonic;
-  bool tangential = false;  ///< friction opposes only the part of the relative velocity along the outline
   Real edge_weight = 1, vertex_weight = 1;  ///< weights of the two parts of the contact
 };
+struct EdgeFrictionLaw {
+  Real mu;                  ///< friction coefficient; 0: velocities are not read and may be null
+  bool at_contact;          ///< friction acts at the point of the contact; false: at the edge's first vertex
+  bool tangential = false;  ///< friction opposes only the part of the relative velocity along the outline
+};
+struct EdgeLaw : EdgeContactLaw, EdgeFrictionLaw {};
 
 /// Adds the forces of all pairs to f. pairs[n] is (vertex, first vertex of the edge), reach[n] its δ_mn; next [points]
 /// is the cyclic successor; x, v and f are [points · 2]. Every pair that does not touch adds nothing, so lists may be

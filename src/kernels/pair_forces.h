@@ -8,12 +8,16 @@
 
 namespace pliant {
 
-/// Stiffness ε of the contact and coefficient μ of the friction. With mu = 0 no velocity is read: v may be null.
-struct PairLaw {
-  Real epsilon, mu;
+/// Coefficients of the terms PairContact and PairFriction.
+struct PairContactLaw {
+  Real epsilon;  ///< energy scale of a contact, ε
   ContactLaw contact = ContactLaw::harmonic;
+};
+struct PairFrictionLaw {
+  Real mu;                  ///< friction coefficient; 0: velocities are not read and may be null
   bool tangential = false;  ///< friction opposes only the part of v_i − v_j normal to r
 };
+struct PairLaw : PairContactLaw, PairFrictionLaw {};
 
 /// The points of a pair that receive its force. A pair between two chunks is listed in both, once from each side, and
 /// `second` is then only read.

@@ -6,13 +6,22 @@
 
 namespace pliant {
 
+/// Coefficients of the terms Area, Perimeter and Bending.
+struct AreaLaw {
+  Real k_a;
+  bool relative_area = false;  ///< k_a/a0 instead of k_a
+};
+struct PerimeterLaw {
+  Real k_l;
+};
+struct BendingLaw {
+  Real k_b;
+  bool full_edges = false;  ///< l_i/l0 instead of l̂_i
+};
+
 /// U_m = k_a/2 (a − a0)² + k_l n/2 Σ (l_i − l0)² + k_b/(2 n l0²) Σ |l̂_i − l̂_{i+1}|² of a polygon of n vertices. A
 /// coefficient of zero switches its part off: nothing is computed for it.
-struct ShapeLaw {
-  Real k_a, k_l, k_b;
-  bool relative_area = false;  ///< k_a/a0 instead of k_a
-  bool full_edges = false;     ///< in bending l_i/l0 instead of l̂_i
-};
+struct ShapeLaw : AreaLaw, PerimeterLaw, BendingLaw {};
 
 /// Adds the forces −∂U_m/∂r of particles first … last−1 to f. The points of particle m are offset[m] … offset[m+1]−1, a
 /// closed polygon in that order; particles of fewer than three points have no shape and are skipped. offset

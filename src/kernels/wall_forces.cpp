@@ -17,7 +17,7 @@ PLIANT_INLINE Points2 gather(Of&& of) {
 
 /// plain: all parts are segments without radius, of weight 1.
 template <int D, class Law, bool plain>
-PLIANT_INLINE void add_four(Real epsilon, const Pair* pairs, const WallSegment* walls, Real4 reach, const Real* x,
+PLIANT_INLINE void add_four(WallLaw law, const Pair* pairs, const WallSegment* walls, Real4 reach, const Real* x,
                             Real* f) {
   std::ptrdiff_t at[4];
   const WallSegment* wall[4];
@@ -55,13 +55,13 @@ PLIANT_INLINE void add_four(Real epsilon, const Pair* pairs, const WallSegment* 
   Real4 push;
   if constexpr (plain) {
     const Mask4 touches = (far < reach) & (d2 > 0);
-    push = simd::where(touches, Law::push(epsilon, reach, far));
+    push = simd::where(touches, Law::push(law.epsilon, reach, far));
   } else {
     const Real4 radius{wall[0]->radius, wall[1]->radius, wall[2]->radius, wall[3]->radius};
     const Real4 weight{wall[0]->weight, wall[1]->weight, wall[2]->weight, wall[3]->weight};
     const Real4 d = far - radius;
     const Mask4 touches = (d < reach) & (d2 > 0) & (d != 0) & (reach > 0);
-    push = simd::where(touches, Law::push(epsilon, reach, d) * d * weight / far);
+    push = simd::where(touches, Law::push(law.epsilon, reach, d) * d * weight / far);
   }
   if constexpr (D == 2) {
     scatter<2>(at, {push * q.x, push * q.y}, f);
@@ -74,14 +74,14 @@ PLIANT_INLINE void add_four(Real epsilon, const Pair* pairs, const WallSegment* 
 }
 
 template <int D, class Law, bool plain>
-PLIANT_INLINE void add_all(Real epsilon, std::span<const Pair> pairs, const WallSegment* walls, const Real* diameter,
+PLIANT_INLINE void add_all(WallLaw law, std::span<const Pair> pairs, const WallSegment* walls, const Real* diameter,
                            const Real* x, Real* f) {
   std::size_t e = 0;
   for (; e + 4 <= pairs.size(); e += 4) {
     const Pair* const four = pairs.data() + e;
     const Real4 reach{diameter[four[0].first], diameter[four[1].first], diameter[four[2].first],
                       diameter[four[3].first]};
-    add_four<D, Law, plain>(epsilon, four, walls, 0.5 * reach, x, f);
+    add_four<D, Law, plain>(law, four, walls, 0.5 * reach, x, f);
   }
   if (e == pairs.size()) return;
   // The rest, filled up with points that touch nothing.
@@ -92,53 +92,53 @@ PLIANT_INLINE void add_all(Real epsilon, std::span<const Pair> pairs, const Wall
     rest[k] = listed ? pairs[e + k] : pairs.back();
     reach[k] = listed ? diameter[rest[k].first] / 2 : 0;
   }
-  add_four<D, Law, plain>(epsilon, rest, walls, reach, x, f);
+  add_four<D, Law, plain>(law, rest, walls, reach, x, f);
 }
 
 template <int D, bool plain>
-PLIANT_INLINE void add(Real epsilon, std::span<const Pair> pairs, const WallSegment* walls, const Real* diameter,
-                       const Real* x, Real* f, ContactLaw law) {
-  if (law == ContactLaw::barrier)
-    add_all<D, BarrierOverlap, plain>(epsilon, pairs, walls, diameter, x, f);
-  else if (law == ContactLaw::hertz)
-    add_all<D, HertzOverlap, plain>(epsilon, pairs, walls, diameter, x, f);
-  else if (law == ContactLaw::linear)
-    add_all<D, LinearOverlap, plain>(epsilon, pairs, walls, diameter, x, f);
+PLIANT_INLINE void add(WallLaw law, std::span<const Pair> pairs, const WallSegment* walls, const Real* diameter,
+                       const Real* x, Real* f) {
+  if (law.contact == ContactLaw::barrier)
+    add_all<D, BarrierOverlap, plain>(law, pairs, walls, diameter, x, f);
+  else if (law.contact == ContactLaw::hertz)
+    add_all<D, HertzOverlap, plain>(law, pairs, walls, diameter, x, f);
+  else if (law.contact == ContactLaw::linear)
+    add_all<D, LinearOverlap, plain>(law, pairs, walls, diameter, x, f);
   else
-    add_all<D, HarmonicOverlap, plain>(epsilon, pairs, walls, diameter, x, f);
+    add_all<D, HarmonicOverlap, plain>(law, pairs, walls, diameter, x, f);
 }
 
-PLIANT_MULTIVERSION void add_plain_2d(Real epsilon, std::span<const Pair> pairs, const WallSegment* walls,
-                                      const Real* diameter, const Real* x, Real* f, ContactLaw law) {
-  add<2, true>(epsilon, pairs, walls, diameter, x, f, law);
+PLIANT_MULTIVERSION void add_plain_2d(WallLaw law, std::span<const Pair> pairs, const WallSegment* walls,
+                                      const Real* diameter, const Real* x, Real* f) {
+  add<2, true>(law, pairs, walls, diameter, x, f);
 }
-PLIANT_MULTIVERSION void add_any_2d(Real epsilon, std::span<const Pair> pairs, const WallSegment* walls,
-                                    const Real* diameter, const Real* x, Real* f, ContactLaw law) {
-  add<2, false>(epsilon, pairs, walls, diameter, x, f, law);
+PLIANT_MULTIVERSION void add_any_2d(WallLaw law, std::span<const Pair> pairs, const WallSegment* walls,
+                                    const Real* diameter, const Real* x, Real* f) {
+  add<2, false>(law, pairs, walls, diameter, x, f);
 }
-PLIANT_MULTIVERSION void add_plain_3d(Real epsilon, std::span<const Pair> pairs, const WallSegment* walls,
-                                      const Real* diameter, const Real* x, Real* f, ContactLaw law) {
-  add<3, true>(epsilon, pairs, walls, diameter, x, f, law);
+PLIANT_MULTIVERSION void add_plain_3d(WallLaw law, std::span<const Pair> pairs, const WallSegment* walls,
+                                      const Real* diameter, const Real* x, Real* f) {
+  add<3, true>(law, pairs, walls, diameter, x, f);
 }
-PLIANT_MULTIVERSION void add_any_3d(Real epsilon, std::span<const Pair> pairs, const WallSegment* walls,
-                                    const Real* diameter, const Real* x, Real* f, ContactLaw law) {
-  add<3, false>(epsilon, pairs, walls, diameter, x, f, law);
+PLIANT_MULTIVERSION void add_any_3d(WallLaw law, std::span<const Pair> pairs, const WallSegment* walls,
+                                    const Real* diameter, const Real* x, Real* f) {
+  add<3, false>(law, pairs, walls, diameter, x, f);
 }
 
 }  // namespace
 
 template <int D>
-void add_wall_forces(Real epsilon, std::span<const Pair> pairs, const Walls<D>& walls, const Real* diameter,
-                     const Real* x, Real* f, ContactLaw law) {
+void add_wall_forces(const WallLaw& law, std::span<const Pair> pairs, const Walls<D>& walls, const Real* diameter,
+                     const Real* x, Real* f) {
   const WallSegment* const parts = walls.parts().data();
   if constexpr (D == 2)
-    (walls.plain() ? add_plain_2d : add_any_2d)(epsilon, pairs, parts, diameter, x, f, law);
+    (walls.plain() ? add_plain_2d : add_any_2d)(law, pairs, parts, diameter, x, f);
   else
-    (walls.plain() ? add_plain_3d : add_any_3d)(epsilon, pairs, parts, diameter, x, f, law);
+    (walls.plain() ? add_plain_3d : add_any_3d)(law, pairs, parts, diameter, x, f);
 }
-template void add_wall_forces<2>(Real, std::span<const Pair>, const Walls<2>&, const Real*, const Real*, Real*,
-                                 ContactLaw);
-template void add_wall_forces<3>(Real, std::span<const Pair>, const Walls<3>&, const Real*, const Real*, Real*,
-                                 ContactLaw);
+template void add_wall_forces<2>(const WallLaw&, std::span<const Pair>, const Walls<2>&, const Real*, const Real*,
+                                 Real*);
+template void add_wall_forces<3>(const WallLaw&, std::span<const Pair>, const Walls<3>&, const Real*, const Real*,
+                                 Real*);
 
 }  // namespace pliant

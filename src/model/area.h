@@ -1,6 +1,7 @@
 // Area term of the shape energy [H 8].
 #pragma once
 
+#include <pliant/kernels/shape_forces.h>
 #include <pliant/model/parameter.h>
 #include <pliant/model/polygon.h>
 #include <pliant/model/term.h>
@@ -34,6 +35,7 @@ struct Area {
         named<AreaEnergy>({{"absolute", AreaEnergy::absolute}, {"relative", AreaEnergy::relative}}));
   }
 
+  AreaLaw kernel_law() const { return {k_a, form == AreaEnergy::relative}; }
   bool enabled(const StateView<2>&) const { return k_a > 0; }
   static Index particle(const StateView<2>&, Index m) { return m; }
 

@@ -3,6 +3,7 @@
 
 #include <array>
 
+#include <pliant/kernels/shape_forces.h>
 #include <pliant/model/parameter.h>
 #include <pliant/model/term.h>
 
@@ -37,6 +38,7 @@ struct Bending {
                      named<EdgeVectors>({{"unit", EdgeVectors::unit}, {"full", EdgeVectors::full}}));
   }
 
+  BendingLaw kernel_law() const { return {k_b, edges == EdgeVectors::full}; }
   bool enabled(const StateView<2>&) const { return k_b > 0; }
   static Index particle(const StateView<2>& s, Index i) { return s.topology.particle[i]; }
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <pliant/kernels/contact_law.h>
+#include <pliant/kernels/edge_forces.h>
 #include <pliant/model/outline.h>
 #include <pliant/model/pair_contact.h>
 #include <pliant/model/term.h>
@@ -49,12 +50,13 @@ struct EdgeContact {
     }
     epsilon /= 4;
     on = p.choice({.name = "rough_contact",
-                   .help = "rough particles: vertices touch vertices and edges, or vertices alone (literal) [H 9]",
+                   .help = "vertices touch vertices and edges, or vertices alone (literal) [H 9]",
                    .printed = "literal",
                    .role = Role::edge_contacts},
                   named<bool>({{"edge", true}, {"literal", false}}));
   }
 
+  EdgeContactLaw kernel_law() const { return {epsilon, Law::kind, edge_weight(), vertex_weight()}; }
   bool enabled(const StateView<2>&) const { return on; }
   bool off() const { return !on; }
 

@@ -3,6 +3,7 @@
 
 #include <optional>
 
+#include <pliant/kernels/edge_forces.h>
 #include <pliant/model/friction.h>
 #include <pliant/model/outline.h>
 
@@ -35,6 +36,7 @@ struct EdgeFriction {
                      named<FrictionPoint>({{"contact", FrictionPoint::contact}, {"vertex", FrictionPoint::vertex}}));
   }
 
+  EdgeFrictionLaw kernel_law() const { return {mu, where == FrictionPoint::contact, friction == Friction::tangential}; }
   bool enabled(const StateView<2>&) const { return !off(); }
   bool off() const { return !(mu > 0); }
 

@@ -56,7 +56,7 @@ struct PairKernel {
   static void add_forces(const StateView<D>& s, Index chunk, Real* f, const PairContact<D, Law>& contact,
                          const PairFriction<D>& friction) {
     static_assert(Law::kind != ContactLaw::barrier, "add_pair_forces has no barrier");
-    const PairLaw law{contact.epsilon, friction.mu, Law::kind, friction.friction == Friction::tangential};
+    const PairLaw law{contact.kernel_law(), friction.kernel_law()};
     const PairList& list = s.neighbours.point_pairs;
     const auto add = [&](Range range, Sides sides) {
       add_pair_forces<D>(law, std::span(list.pairs).subspan(range.first, range.size()), list.reach.data() + range.first,
@@ -78,8 +78,8 @@ struct WallKernel {
       for (Index e = own.first; e < own.last; ++e) contact.add_gradient(s, e, scatter);
       return;
     }
-    add_wall_forces<D>(contact.epsilon, std::span(list.pairs).subspan(own.first, own.size()), s.walls,
-                       s.topology.diameter.data(), s.x, f, Law::kind);
+    add_wall_forces<D>(contact.kernel_law(), std::span(list.pairs).subspan(own.first, own.size()), s.walls,
+                       s.topology.diameter.data(), s.x, f);
   }
 };
 
@@ -88,9 +88,8 @@ struct ShapeKernel {
   static void add_forces(const StateView<2>& s, Index chunk, Real* f, const Area& area, const Perimeter& perimeter,
                          const Bending& bending) {
     const Range own = s.neighbours.particles(chunk);
-    add_shape_forces(
-        {area.k_a, perimeter.k_l, bending.k_b, area.form == AreaEnergy::relative, bending.edges == EdgeVectors::full},
-        s.topology.offset.data(), s.topology.a0.data(), s.topology.l0.data(), own.first, own.last, s.x, f, s.prefetch);
+    add_shape_forces({area.kernel_law(), perimeter.kernel_law(), bending.kernel_law()}, s.topology.offset.data(),
+                     s.topology.a0.data(), s.topology.l0.data(), own.first, own.last, s.x, f, s.prefetch);
   }
 };
 
@@ -100,13 +99,7 @@ struct EdgeKernel {
   static void add_forces(const StateView<2>& s, Index chunk, Real* f, const EdgeContact<Law>& contact,
                          const EdgeFriction& friction) {
     if (!contact.enabled(s)) return;
-    const EdgeLaw law{contact.epsilon,
-                      friction.mu,
-                      friction.where == FrictionPoint::contact,
-                      Law::kind,
-                      friction.friction == Friction::tangential,
-                      contact.edge_weight(),
-                      contact.vertex_weight()};
+    const EdgeLaw law{contact.kernel_law(), friction.kernel_law()};
     const PairList& list = s.neighbours.near_edges();
     const Index* next = s.topology.next.data();
     const auto pairs = [&](Range range) { return std::span(list.pairs).subspan(range.first, range.size()); };

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <pliant/kernels/contact_law.h>
+#include <pliant/kernels/pair_forces.h>
 #include <pliant/model/parameter.h>
 #include <pliant/model/term.h>
 
@@ -47,6 +48,7 @@ struct PairContact {
   /// energy: one of contact_energy.
   void read(ParameterReader& p, const Parameter& energy) { epsilon = p.number(energy); }
 
+  PairContactLaw kernel_law() const { return {epsilon, Law::kind}; }
   bool enabled(const StateView<D>&) const { return true; }
 
   Real energy(const StateView<D>& s, Index e) const {

@@ -1,6 +1,7 @@
 // Kinetic friction between touching points [H 6, 12].
 #pragma once
 
+#include <pliant/kernels/pair_forces.h>
 #include <pliant/model/friction.h>
 #include <pliant/model/term.h>
 
@@ -18,6 +19,7 @@ struct PairFriction {
   static std::string_view name() { return "friction"; }
   void read(ParameterReader& p) { read_friction(p, mu, friction); }
 
+  PairFrictionLaw kernel_law() const { return {mu, friction == Friction::tangential}; }
   bool enabled(const StateView<D>&) const { return mu > 0; }
 
   Real power(const StateView<D>& s, Index e) const {

@@ -1,6 +1,7 @@
 // Perimeter term of the shape energy [H 8].
 #pragma once
 
+#include <pliant/kernels/shape_forces.h>
 #include <pliant/model/parameter.h>
 #include <pliant/model/term.h>
 
@@ -22,6 +23,7 @@ struct Perimeter {
                     .role = Role::perimeter});
   }
 
+  PerimeterLaw kernel_law() const { return {k_l}; }
   bool enabled(const StateView<2>&) const { return k_l > 0; }
   static Index particle(const StateView<2>& s, Index i) { return s.topology.particle[i]; }
 

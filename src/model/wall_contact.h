@@ -2,6 +2,7 @@
 #pragma once
 
 #include <pliant/kernels/contact_law.h>
+#include <pliant/kernels/wall_forces.h>
 #include <pliant/model/parameter.h>
 #include <pliant/model/term.h>
 
@@ -44,6 +45,7 @@ struct WallContact {
     thickness = read_wall_diameter(p);
   }
 
+  WallLaw kernel_law() const { return {epsilon, Law::kind}; }
   bool enabled(const StateView<D>& s) const { return s.walls.size() > 0; }
   Real range() const { return thickness / 2; }
 

@@ -62,21 +62,21 @@ EdgeLaw twofold(EdgeLaw law) {
   return law;
 }
 
-const EdgeLaw laws[] = {{1e3, 0, true},
-                        {1e3, 20, true},
-                        {1e3, 20, false},
-                        {0, 20, true},
-                        {1e3, 0, true, ContactLaw::hertz},
-                        {1e3, 20, true, ContactLaw::hertz},
-                        {1e3, 0, true, ContactLaw::barrier},
-                        {1e3, 20, true, ContactLaw::barrier},
-                        {1e3, 20, false, ContactLaw::barrier},
-                        {1e3, 20, true, ContactLaw::harmonic, true},
-                        {1e3, 20, false, ContactLaw::harmonic, true},
-                        {1e3, 20, true, ContactLaw::barrier, true},
-                        twofold({1e3, 0, true}),
-                        twofold({1e3, 20, true, ContactLaw::hertz}),
-                        twofold({1e3, 20, false, ContactLaw::harmonic, true})};
+const EdgeLaw laws[] = {{{1e3}, {0, true}},
+                        {{1e3}, {20, true}},
+                        {{1e3}, {20, false}},
+                        {{0}, {20, true}},
+                        {{1e3, ContactLaw::hertz}, {0, true}},
+                        {{1e3, ContactLaw::hertz}, {20, true}},
+                        {{1e3, ContactLaw::barrier}, {0, true}},
+                        {{1e3, ContactLaw::barrier}, {20, true}},
+                        {{1e3, ContactLaw::barrier}, {20, false}},
+                        {{1e3}, {20, true, true}},
+                        {{1e3}, {20, false, true}},
+                        {{1e3, ContactLaw::barrier}, {20, true, true}},
+                        twofold({{1e3}, {0, true}}),
+                        twofold({{1e3, ContactLaw::hertz}, {20, true}}),
+                        twofold({{1e3}, {20, false, true}})};
 
 /// Forces of the first n pairs by the element forms.
 std::vector<Real> element_forces(const EdgeLaw& law, const Outlines& o, Index n) {
@@ -206,7 +206,7 @@ TEST_CASE("edge forces of bare edges equal those of the element forms") {
     Random random(k);
     const Outlines o = crowd(random, 2 + random.below(25), k % 3 == 0 ? 0.8 : 3, Edges::bare);
     ways.count(o);
-    CHECK(error({1e3, 0, true}, o, static_cast<Index>(o.pairs.size())) < 1e-12);
+    CHECK(error({{1e3}, {0, true}}, o, static_cast<Index>(o.pairs.size())) < 1e-12);
   }
   CHECK(ways.apart > 5000);
   CHECK(ways.inside > 2000);

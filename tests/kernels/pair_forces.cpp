@@ -121,16 +121,16 @@ void shuffle(Cloud<D>& c, Random& random) {
   }
 }
 
-const PairLaw laws[] = {{1e3, 0},
-                        {1e3, 20},
-                        {0, 20},
-                        {1e3, 0, ContactLaw::hertz},
-                        {1e3, 20, ContactLaw::hertz},
-                        {1e3, 20, ContactLaw::harmonic, true},
-                        {0, 20, ContactLaw::harmonic, true},
-                        {1e3, 20, ContactLaw::hertz, true},
-                        {1e3, 0, ContactLaw::linear},
-                        {1e3, 20, ContactLaw::linear}};
+const PairLaw laws[] = {{{1e3}, {0}},
+                        {{1e3}, {20}},
+                        {{0}, {20}},
+                        {{1e3, ContactLaw::hertz}, {0}},
+                        {{1e3, ContactLaw::hertz}, {20}},
+                        {{1e3}, {20, true}},
+                        {{0}, {20, true}},
+                        {{1e3, ContactLaw::hertz}, {20, true}},
+                        {{1e3, ContactLaw::linear}, {0}},
+                        {{1e3, ContactLaw::linear}, {20}}};
 
 }  // namespace
 
@@ -166,9 +166,9 @@ TEMPLATE_TEST_CASE_SIG("coincident points rub but do not push each other", "", (
   c.add_point(1, Vec<D>::Constant(0.3), random);
   c.add_point(1.2, Vec<D>::Constant(0.3), random);
   for (int k = 0; k < 5; ++k) c.list(0, 1);
-  CHECK(largest(c.forces({1e3, 0}, Sides::both, 5)) == 0);
+  CHECK(largest(c.forces({{1e3}, {0}}, Sides::both, 5)) == 0);
   for (const bool tangential : {false, true}) {  // there is no normal
-    const std::vector<Real> f = c.forces({1e3, 2, ContactLaw::harmonic, tangential}, Sides::both, 5);
+    const std::vector<Real> f = c.forces({{1e3}, {2, tangential}}, Sides::both, 5);
     for (int k = 0; k < D; ++k) {
       CHECK(f[k] == Approx(-5 * 2 * (c.v[k] - c.v[D + k])).epsilon(1e-12));
       CHECK(f[D + k] == -f[k]);
@@ -186,9 +186,9 @@ TEMPLATE_TEST_CASE_SIG("pairs that are just out of reach feel nothing", "", ((in
   }
   for (Index i = 1; i < c.topology.points(); ++i) c.list(i, 0);
   const Index n = static_cast<Index>(c.pairs.size());
-  CHECK(largest(c.forces({1e3, 2}, Sides::both, n)) == 0);
+  CHECK(largest(c.forces({{1e3}, {2}}, Sides::both, n)) == 0);
   for (Real& d : c.reach) d *= 1 + 1e-14;
-  CHECK(largest(c.forces({1e3, 2}, Sides::both, n)) > 0.1);
+  CHECK(largest(c.forces({{1e3}, {2}}, Sides::both, n)) > 0.1);
 }
 
 TEMPLATE_TEST_CASE_SIG("pair forces are added to what is there, and to listed points only", "", ((int D), D), 2, 3) {
@@ -201,7 +201,7 @@ TEMPLATE_TEST_CASE_SIG("pair forces are added to what is there, and to listed po
   for (const auto [i, j] : all.pairs)
     if (i != unlisted && j != unlisted) i == only_second ? c.list(j, i) : c.list(i, j);
   const Index n = static_cast<Index>(c.pairs.size());
-  const PairLaw law{1e3, 20};
+  const PairLaw law{{1e3}, {20}};
   for (const Sides sides : {Sides::both, Sides::first}) {
     std::vector<Real> before(c.x.size()), expected = element_forces(law, c, sides, n);
     for (Real& a : before) a = random(-100, 100);

@@ -15,18 +15,11 @@ namespace pliant::test::shape_forces_test {
 namespace {
 
 constexpr std::array every_size{3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 20, 31, 32, 40, 500};
-const std::array laws{ShapeLaw{3, 0, 0},
-                      ShapeLaw{0, 2, 0},
-                      ShapeLaw{0, 0, 0.4},
-                      ShapeLaw{3, 2, 0},
-                      ShapeLaw{3, 0, 0.4},
-                      ShapeLaw{0, 2, 0.4},
-                      ShapeLaw{3, 2, 0.4},
-                      ShapeLaw{3, 0, 0, true, false},
-                      ShapeLaw{0, 0, 0.4, false, true},
-                      ShapeLaw{3, 0, 0.4, false, true},
-                      ShapeLaw{0, 2, 0.4, false, true},
-                      ShapeLaw{3, 2, 0.4, true, true}};
+const std::array laws{
+    ShapeLaw{{3}, {0}, {0}},         ShapeLaw{{0}, {2}, {0}},         ShapeLaw{{0}, {0}, {0.4}},
+    ShapeLaw{{3}, {2}, {0}},         ShapeLaw{{3}, {0}, {0.4}},       ShapeLaw{{0}, {2}, {0.4}},
+    ShapeLaw{{3}, {2}, {0.4}},       ShapeLaw{{3, true}, {0}, {0}},   ShapeLaw{{0}, {0}, {0.4, true}},
+    ShapeLaw{{3}, {0}, {0.4, true}}, ShapeLaw{{0}, {2}, {0.4, true}}, ShapeLaw{{3, true}, {2}, {0.4, true}}};
 
 /// Forces by the element forms. Their lists are not needed for terms within a particle.
 std::vector<Real> by_elements(const ShapeLaw& law, const Configuration<2>& c) {
@@ -162,7 +155,7 @@ TEST_CASE("Shape forces keep to their particle's points", "[kernels]") {
     for (int i = 0; i < n; ++i) point<2>(x.get(), i) = vertices[i];
     const std::unique_ptr<Real[]> f(new Real[2 * n]());
     for (const bool full_edges : {false, true}) {
-      const ShapeLaw law{3, 2, 0.4, false, full_edges};
+      const ShapeLaw law{{3}, {2}, {0.4, full_edges}};
       std::fill_n(f.get(), 2 * n, 0);
       add_shape_forces(law, offset, &a0, &l0, 0, 1, x.get(), f.get());
       std::vector<Real> guarded(2 * n + 16);
@@ -207,7 +200,7 @@ TEST_CASE("A part of the shape forces that is switched off asks for nothing", "[
   // Two points coincide: an edge without a direction.
   const std::vector<Real> x{0, 0, 1, 0, 1, 0, 1, 1, 0, 1.5};
   std::vector<Real> f(10);
-  add_shape_forces({2, 0, 0}, offset, &a0, &nowhere, 0, 1, x.data(), f.data());
+  add_shape_forces({{2}, {0}, {0}}, offset, &a0, &nowhere, 0, 1, x.data(), f.data());
   const Real pressure = 2 * (1.25 - 1);
   for (int i = 0; i < 5; ++i) {
     const int p = (i + 4) % 5, n = (i + 1) % 5;
@@ -217,12 +210,12 @@ TEST_CASE("A part of the shape forces that is switched off asks for nothing", "[
 
   const std::vector<Real> y{0, 0, 1, 0, 1.5, 0.5, 1, 1, 0, 1.5};
   std::fill(f.begin(), f.end(), 0);
-  add_shape_forces({0, 2, 0}, offset, &nowhere, &l0, 0, 1, y.data(), f.data());
+  add_shape_forces({{0}, {2}, {0}}, offset, &nowhere, &l0, 0, 1, y.data(), f.data());
   CHECK(f[0] == Approx(2 * 5 * (1.0 + 0.0)));
   CHECK(f[1] == Approx(2 * 5 * (0.0 + 1.5)));
 
   std::fill(f.begin(), f.end(), 7);
-  add_shape_forces({0, 0, 0}, offset, &nowhere, &nowhere, 0, 1, x.data(), f.data());
+  add_shape_forces({{0}, {0}, {0}}, offset, &nowhere, &nowhere, 0, 1, x.data(), f.data());
   CHECK(f == std::vector<Real>(10, 7));
 }
 

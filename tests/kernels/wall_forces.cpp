@@ -55,7 +55,7 @@ struct Room {
   std::vector<Real> forces(Real epsilon, std::size_t n, ContactLaw law) const {
     std::vector<Real> f(x.size(), 0.25);  // earlier values stay
     const std::vector<Pair> list(pairs.begin(), pairs.begin() + static_cast<std::ptrdiff_t>(n));
-    add_wall_forces<D>(epsilon, list, walls, topology.diameter.data(), x.data(), f.data(), law);
+    add_wall_forces<D>({epsilon, law}, list, walls, topology.diameter.data(), x.data(), f.data());
     return f;
   }
   std::vector<Real> element_forces(Real epsilon, std::size_t n, ContactLaw law) const {
