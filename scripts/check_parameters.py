@@ -12,20 +12,12 @@ import re
 import sys
 from pathlib import Path
 
+from cpp_source import without_comments
+
 DECLARATION = re.compile(r'\.name = "(\w+)"')
-TEXT = re.compile(r'"(?:[^"\\\n]|\\.)*"')
-COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
 OTHER_MEANINGS = {
     ("gravity", "src/scenarios/hopper/options.cpp"),  # a name that users try for a unit
 }
-
-
-def without_comments(text):
-    """The text with blanks in place of comments; texts in quotes stay."""
-    def blank(match):
-        found = match.group()
-        return found if found.startswith('"') else re.sub(r"[^\n]", " ", found)
-    return re.sub(TEXT.pattern + "|" + COMMENT.pattern, blank, text, flags=re.DOTALL)
 
 
 def declarations(root):

@@ -17,6 +17,8 @@ import sys
 from collections import Counter
 from pathlib import Path
 
+from cpp_source import TOKEN
+
 #: Group: highest number per 1000 words. Ceilings only go down; the goal for "what" in pages and comments is 1.
 CEILINGS = {
     "pages": {"what": 0.05, "subject": 0.1, "word": 0.2},
@@ -151,9 +153,6 @@ def markdown(text):
     return blocks
 
 
-CPP = re.compile(
-    r'(?P<line>//[^\n]*)|(?P<block>/\*.*?\*/)|(?:u8|[uUL])?R"(?P<mark>[^()\\\s]{0,16})\((?P<raw>.*?)\)(?P=mark)"'
-    r'|"(?P<string>(?:[^"\\\n]|\\.)*)"|\'(?:[^\'\\\n]|\\.)\'', re.DOTALL)
 PYTHON = re.compile(
     r'(?P<line>#[^\n]*)|(?P<prefix>\b[rRbBfFuU]{1,2})?(?:(?P<quote>"""|\'\'\')(?P<long>(?:[^\\]|\\.)*?)(?P=quote)'
     r'|"(?P<string>(?:[^"\\\n]|\\.)*)"|\'(?P<single>(?:[^\'\\\n]|\\.)*)\')', re.DOTALL)
@@ -194,7 +193,7 @@ def is_prose(text):
 def cpp(text, messages):
     """(comments, strings) of a C++ file; strings that follow each other are one."""
     line_of, comments, strings, end = Lines(text), [], [], None
-    for found in CPP.finditer(text):
+    for found in TOKEN.finditer(text):
         kind = found.lastgroup
         line = line_of(found.start())
         if kind == "line":

@@ -26,6 +26,10 @@ def test_names(tmp_path, path, text, names):
     assert [name for _, _, name in check_cures.named_options(tmp_path)] == names
 
 
-def test_this_project():
-    left = {path for path, _, _ in check_cures.named_options(Path(check_cures.__file__).resolve().parents[1] / "src")}
-    assert left == set(check_cures.LEFT)
+def test_cures_without_message_or_option(tmp_path):
+    for path, text in (("base/cure.h", "enum class Cure {\n  drag,  ///< idle\n  heat, cold\n};"),
+                       ("run/a.cpp", "cures({Cure::heat}) + cures({Cure::cold})  // Cure::drag"),
+                       ("scenarios/a/options.cpp", ".cures = {Cure::drag, {Cure::cold, \"1\"}}")):
+        (tmp_path / path).parent.mkdir(parents=True)
+        (tmp_path / path).write_text(text, encoding="utf-8")
+    assert list(check_cures.idle_cures(tmp_path)) == [("drag", "no message advises it"), ("heat", "no option declares it")]

@@ -32,6 +32,10 @@ const char* phrase(Cure cure) {
       return "a wider container";
     case Cure::narrower_orifice:
       return "a narrower orifice";
+    case Cure::wider_orifice:
+      return "a wider orifice";
+    case Cure::other_angle:
+      return "another angle of the walls";
     case Cure::own_outline:
       return "an outline from a file";
     case Cure::wider_obstacles:
@@ -46,10 +50,28 @@ const char* phrase(Cure cure) {
       return "more vertices";
     case Cure::smaller_aspect:
       return "a smaller aspect ratio";
+    case Cure::equal_sizes:
+      return "more equal sizes";
+    case Cure::less_overlap:
+      return "less overlap at the start";
+    case Cure::smaller_load:
+      return "a smaller load";
+    case Cure::two_dimensions:
+      return "two dimensions";
+    case Cure::three_dimensions:
+      return "three dimensions";
+    case Cure::verlet:
+      return "velocity Verlet";
     case Cure::ts:
       return "PETSc TS";
+    case Cure::split_forces:
+      return "implicit shape energies alone";
+    case Cure::whole_forces:
+      return "one treatment of all forces";
     case Cure::drag:
       return "drag";
+    case Cure::no_compression:
+      return "no compression";
     case Cure::other_folder:
       return "another folder";
   }

@@ -17,6 +17,8 @@ enum class Cure {
   more_particles,
   wider_container,
   narrower_orifice,
+  wider_orifice,
+  other_angle,  ///< of the walls
   own_outline,
   wider_obstacles,  ///< more space between obstacles
   no_reinsertion,
@@ -24,8 +26,17 @@ enum class Cure {
   even_vertices,
   more_vertices,
   smaller_aspect,
-  ts,  ///< PETSc TS as the integrator
+  equal_sizes,
+  less_overlap,  ///< at the start
+  smaller_load,
+  two_dimensions,
+  three_dimensions,
+  verlet,
+  ts,            ///< PETSc TS as the integrator
+  split_forces,  ///< an implicit method treats shape energies implicitly, other forces explicitly
+  whole_forces,  ///< it treats all forces alike
   drag,
+  no_compression,
   other_folder
 };
 
@@ -35,7 +46,7 @@ std::string cures(std::initializer_list<Cure> several);
 /// While it lives, messages name options. One at a time in a process.
 class CureOptions {
  public:
-  /// option: the name of the option that is the cure, without "-", or empty.
+  /// option: the option that is the cure, without "-" ("dt", "integrator verlet"), or empty.
   explicit CureOptions(std::function<std::string(Cure)> option);
   ~CureOptions();
   CureOptions(const CureOptions&) = delete;

@@ -357,9 +357,20 @@ Json Options::value(const Option& option) {
 }
 
 std::string Options::curing(Cure cure) const {
-  const auto found = std::ranges::find_if(
-      options_, [&](const Option& o) { return o.spec.cure == cure && (!o.spec.term || o.spec.term()); });
-  return found == options_.end() ? "" : found->name;
+  for (const Option& option : options_) {
+    if (option.spec.term && !option.spec.term()) continue;
+    const auto found = std::ranges::find(option.spec.cures, cure, &OptionCure::cure);
+    if (found != option.spec.cures.end())
+      return found->value.empty() ? option.name : fmt::format("{} {}", option.name, found->value);
+  }
+  return "";
+}
+
+std::string Options::extending(std::string_view ended_by) const {
+  for (const Option& option : options_)
+    if (const auto& [by, value] = option.spec.extends; !by.empty() && by == ended_by)
+      return fmt::format("{} {}", option.name, value);
+  return "";
 }
 
 const Options::Option* Options::find(const std::string& name) const {

@@ -28,20 +28,31 @@ enum class OnRestart {
   forget,  ///< starts from the default again (paths, wall-time limits)
 };
 
+/// A cure that messages advise, and the value of the option that brings it about, if it takes a certain one.
+struct OptionCure {
+  OptionCure(Cure which, std::string of_value = {})  // NOLINT(*-explicit-*): a cure alone, in lists of them
+      : cure(which), value(std::move(of_value)) {}
+  Cure cure;
+  std::string value;
+};
+
 /// Declaration of an option, except its name and its variable. Ranges apply to numbers, choices to strings.
 struct OptionSpec {
   std::string help = {};
   std::string unit = {};                 ///< "sigma_avg", "t0", "degrees" …; empty for pure numbers
   std::string symbol = {};               ///< in figures, as TeX, over its unit
-  std::vector<std::string> models = {};  ///< parameters only: the models that read it Parameters of models only: the
-  /// term of the run's model that reads the parameter, or nothing.
+  std::vector<std::string> models = {};  ///< parameters only: the models that read it
+  std::string only_with = {};            ///< setting of another option without which it is not read: "-model rough"
+  /// Parameters of models only: the term of the run's model that reads the parameter, or nothing.
   std::function<std::optional<std::string>()> term = {};
   Real min = -std::numeric_limits<Real>::infinity();
   Real max = std::numeric_limits<Real>::infinity();
   bool min_open = false;                  ///< min itself is not allowed
   bool max_open = false;                  ///< max itself is not allowed
   std::vector<std::string> choices = {};  ///< empty: any text
-  std::optional<Cure> cure = {};          ///< messages that advise it name the option
+  std::vector<OptionCure> cures = {};     ///< messages that advise them name the option
+  /// `ended_by` of a finished run that a restart with another value extends, and this value: {"t_end", "LATER"}.
+  std::pair<std::string, std::string> extends = {};
   std::string automatic = {};  ///< meaning of an empty std::optional, for the help ("0.1 of the shortest time")
   OnRestart on_restart = OnRestart::keep;
   /// Texts only: returns the value to store in place of the given one, such as the content of the named file; files of
@@ -126,8 +137,11 @@ class Options {
   std::string help(const std::string& group = "") const;
   /// Reference of all options: a heading and a table for each group.
   std::string markdown() const;
-  /// Name of the option that declares this cure, and that the run's model reads; empty without one.
+  /// "integrator verlet": the option that declares this cure, and that the run's model reads, with the value if it
+  /// needs a certain one; empty without one.
   std::string curing(Cure cure) const;
+  /// "t_end LATER": the option that extends runs which ended by this; empty without one.
+  std::string extending(std::string_view ended_by) const;
   /// The options as JSON for other programs: name → {"default", "unit"}, "symbol" if the option has one, and for
   /// parameters of models "models", the names of the models that read it.
   nlohmann::json reference() const;

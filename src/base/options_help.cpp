@@ -77,6 +77,7 @@ std::string Options::help_line(const Option& option) {
   };
   add("default " + default_text(option));
   add(range_text(option));
+  add(option.spec.only_with);
   return fmt::format("  {:<34}  {} [{}]\n", fmt::format("-{} <{}>", option.name, type_text(option)), option.spec.help,
                      facts);
 }
@@ -124,10 +125,13 @@ std::string Options::markdown() const {
         out,
         "{}## {}\n\n| option | type | default | unit | range | on restart | meaning |\n|---|---|---|---|---|---|---|\n",
         text.empty() ? "" : "\n", title);
-    for (const Option* option : members)
+    for (const Option* option : members) {
+      const std::string& only = option->spec.only_with;
       fmt::format_to(out, "| `-{}` | {} | {} | {} | {} | {} | {} |\n", option->name, cell(type_text(*option)),
                      cell(default_text(*option)), option->spec.unit, range_text(*option),
-                     restart_text(option->spec.on_restart), cell(option->spec.help));
+                     restart_text(option->spec.on_restart),
+                     cell(only.empty() ? option->spec.help : fmt::format("{} ({})", option->spec.help, only)));
+    }
   }
   return text;
 }

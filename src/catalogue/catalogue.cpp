@@ -2,6 +2,7 @@
 
 #include <array>
 
+#include <pliant/base/cure.h>
 #include <pliant/model/base_friction.h>
 #include <pliant/model/contact_laws.h>
 #include <pliant/model/depletion.h>
@@ -145,12 +146,12 @@ Forces<2> shape_alone(ParameterReader& p, const Surroundings<2>& s) {
 
 const std::array<ModelDefinition, 6>& models() {
   static const std::array<ModelDefinition, 6> all{{
-      {"sp", "soft particles", ModelKind::sp, soft<2>, soft<3>},
-      {"rough", "deformable particles with rough outlines", ModelKind::rough, rough},
-      {"smooth", "deformable particles with smooth outlines", ModelKind::smooth, smooth},
-      {"shape", "deformable particles without contacts", ModelKind::shape, shape_alone},
-      {"bubble", "droplets with depletion attraction", ModelKind::bubble, droplets<2>, droplets<3>},
-      {"disk", "frictional disks and spheres", ModelKind::disk, frictional<2>, frictional<3>},
+      {"sp", "soft", ModelKind::sp, soft<2>, soft<3>},
+      {"rough", "rough polygons", ModelKind::rough, rough},
+      {"smooth", "smooth polygons", ModelKind::smooth, smooth},
+      {"shape", "polygons without contacts", ModelKind::shape, shape_alone},
+      {"bubble", "droplets", ModelKind::bubble, droplets<2>, droplets<3>},
+      {"disk", "frictional", ModelKind::disk, frictional<2>, frictional<3>},
   }};
   return all;
 }
@@ -164,7 +165,8 @@ const ModelDefinition& catalogue_model(ModelKind kind) { return models()[static_
 template <int D>
 std::unique_ptr<ForceField<D>> make_force_field(ModelKind kind, ParameterReader& p, const Surroundings<D>& s) {
   const ModelDefinition& definition = catalogue_model(kind);
-  if (!definition.maker<D>()) throw InputError("model {} exists in 2D only; use -dim 2 or -model sp", definition.name);
+  if (!definition.maker<D>())
+    throw InputError("model {} exists in 2D only; use -model sp or {}", definition.name, cures({Cure::two_dimensions}));
   return definition.make<D>(p, s);
 }
 

@@ -8,6 +8,7 @@
 #include <string_view>
 #include <utility>
 
+#include <pliant/base/cure.h>
 #include <pliant/base/errors.h>
 #include <pliant/model/model.h>
 #include <pliant/model/parameter.h>
@@ -57,7 +58,9 @@ struct ModelDefinition {
   /// Errors: InputError where the model does not exist in D dimensions, or parameters contradict each other.
   template <int D>
   std::unique_ptr<ForceField<D>> make(ParameterReader& p, const Surroundings<D>& s) const {
-    if (!maker<D>()) throw InputError("-model {} does not exist in {}D; use -dim {}", name, D, 5 - D);
+    if (!maker<D>())
+      throw InputError("-model {} does not exist in {}D; use {}", name, D,
+                       cures({D == 2 ? Cure::three_dimensions : Cure::two_dimensions}));
     return maker<D>()(p, s);
   }
 };

@@ -25,20 +25,20 @@ void ModelChoice::make_automatic(Role role, const std::string& text) {
 
 namespace {
 
-std::optional<Cure> cure_of(Role role) {
+std::vector<OptionCure> cures_of(Role role) {
   switch (role) {
     case Role::contact_energy:
-      return Cure::stiffer_contacts;
+      return {Cure::stiffer_contacts};
     case Role::wall_energy:
-      return Cure::stiffer_walls;
+      return {Cure::stiffer_walls};
     case Role::contact_law:
-      return Cure::contact_barrier;
+      return {{Cure::contact_barrier, "barrier"}};
     case Role::edge_contacts:
-      return Cure::edge_contacts;
+      return {Cure::edge_contacts};
     case Role::drag:
-      return Cure::drag;
+      return {Cure::drag};
     default:
-      return std::nullopt;
+      return {};
   }
 }
 
@@ -76,15 +76,14 @@ std::optional<std::string> ModelChoice::owner(const ParameterTable::Entry& entry
 }
 
 void ModelChoice::bind(Options& options, ParameterTable::Entry& entry, const UnitSystem& units) {
-  std::string help = entry.help;
   const std::vector<std::string> names = readers(entry);
-  if (names.size() < models_.size()) help += fmt::format(" (-model {})", alternatives(names));
-  OptionSpec spec{.help = std::move(help),
+  OptionSpec spec{.help = entry.help,
                   .unit = units.text(entry.unit, entry.in_space),
                   .symbol = entry.symbol,
                   .models = names,
+                  .only_with = names.size() < models_.size() ? fmt::format("-model {}", alternatives(names)) : "",
                   .term = [this, &entry] { return entry.term_of(name); },
-                  .cure = cure_of(entry.role),
+                  .cures = cures_of(entry.role),
                   .on_restart = OnRestart::fixed};
   switch (entry.kind) {
     case ParameterTable::Kind::number:

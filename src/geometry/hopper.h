@@ -2,6 +2,7 @@
 // y = 0; in 3D its figure of revolution about z (a flat-bottomed cylinder at 90°).
 #pragma once
 
+#include <pliant/base/cure.h>
 #include <pliant/geometry/walls.h>
 
 namespace pliant {
@@ -51,14 +52,14 @@ struct Hopper {
   }
 
   void check() const {
-    if (!(orifice > 0)) throw InputError("orifice width w = {} must be positive; set -hopper_width", orifice);
+    if (!(orifice > 0))
+      throw InputError("orifice width w = {} must be positive; use {}", orifice, cures({Cure::wider_orifice}));
     if (!(orifice < wall_distance))
-      throw InputError(
-          "orifice width w = {} must be less than the distance W = {} between the walls; lower -hopper_width "
-          "or raise -hopper_wall_distance",
-          orifice, wall_distance);
+      throw InputError("orifice width w = {} must be less than the distance W = {} between the walls; use {}", orifice,
+                       wall_distance, cures({Cure::narrower_orifice, Cure::wider_container}));
     if (!(angle > 0 && angle <= 90))
-      throw InputError("hopper angle {} degrees must be above 0 and at most 90; set -hopper_angle", angle);
+      throw InputError("hopper angle {} degrees must be above 0 and at most 90; use {}", angle,
+                       cures({Cure::other_angle}));
   }
 };
 

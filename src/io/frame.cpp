@@ -6,6 +6,7 @@
 #include <stdexcept>
 #include <type_traits>
 
+#include <pliant/base/cure.h>
 #include <pliant/base/errors.h>
 
 namespace pliant {
@@ -79,8 +80,8 @@ std::set<std::string, std::less<>> parse_frame_fields(std::string_view list) {
     if (std::ranges::find(frame_field_names, field) != frame_field_names.end())
       fields.emplace(field);
     else if (field != "positions")
-      throw InputError("-frame_fields {}: there is no field '{}'; choose all, or of positions (always written), {}",
-                       list, field, fmt::join(frame_field_names, ", "));
+      throw InputError("there is no field '{}'; choose all, or of positions (always written), {}", field,
+                       fmt::join(frame_field_names, ", "));
     at = end + 1;
   }
   return fields;
@@ -89,9 +90,9 @@ std::set<std::string, std::less<>> parse_frame_fields(std::string_view list) {
 void FrameFormat::check(bool can_deflate) const {
   if (deflate > 0 && !can_deflate)
     throw InputError(
-        "-frame_deflate {}: this HDF5 library, version {}, was built without deflate; leave the option out, or use a "
-        "library with zlib",
-        deflate, hdf5::library_version());
+        "frames cannot be compressed: this HDF5 library, version {}, was built without deflate; use {}, or a library "
+        "with zlib",
+        hdf5::library_version(), cures({Cure::no_compression}));
 }
 
 FrameLayout::FrameLayout(const Frame& frame, int dimensions, const Ranks& ranks, const FrameFormat& format) {

@@ -37,10 +37,9 @@ struct Drag {
                      .unit = dimension::drag,
                      .help = "drag coefficient zeta",
                      .role = Role::drag});
-    law =
-        p.choice({.name = "drag",
-                  .help = "the same zeta for all particles [H 5, 11], or zeta in proportion to their mass (per_mass)"},
-                 named<DragLaw>({{"per_particle", DragLaw::per_particle}, {"per_mass", DragLaw::per_mass}}));
+    law = p.choice(
+        {.name = "drag", .help = "zeta: the same for all particles [H 5, 11], or proportional to mass (per_mass)"},
+        named<DragLaw>({{"per_particle", DragLaw::per_particle}, {"per_mass", DragLaw::per_mass}}));
   }
 
   bool enabled(const StateView<D>&) const { return zeta > 0; }

@@ -1,6 +1,7 @@
 // Energies of pairs of droplets that depend on their distance alone; the laws are in separate headers.
 #pragma once
 
+#include <pliant/base/cure.h>
 #include <pliant/base/errors.h>
 #include <pliant/geometry/overlap.h>
 #include <pliant/model/parameter.h>
@@ -60,9 +61,9 @@ struct DropletPairs {
     if (r >= a + b + law.range()) return {};
     if (!(r > std::abs(a - b)))
       throw NumericalError(
-          "droplets {} and {} have run into each other: their centres are {:.3g} apart at t = {}; lower -dt or the "
-          "load, or start with less overlap",
-          s.topology.id[s.topology.particle[i]], s.topology.id[s.topology.particle[j]], r, s.t);
+          "droplets {} and {} have run into each other: their centres are {:.3g} apart at t = {}; use {}",
+          s.topology.id[s.topology.particle[i]], s.topology.id[s.topology.particle[j]], r, s.t,
+          cures({Cure::shorter_step, Cure::smaller_load, Cure::less_overlap}));
     n /= r;
     return law.at(r, a, b);
   }

@@ -1,6 +1,7 @@
 // Energies of droplets at walls; the laws are in separate headers.
 #pragma once
 
+#include <pliant/base/cure.h>
 #include <pliant/base/errors.h>
 #include <pliant/geometry/overlap.h>
 #include <pliant/model/parameter.h>
@@ -49,10 +50,10 @@ struct DropletWalls {
     const WallFoot<D> foot = solid ? solid->foot(s.position(i)) : s.walls.foot(s.position(i), part, s.t);
     if (!(foot.d > law.least_distance(solid)))
       throw NumericalError(
-          "droplet {} has run into wall {}: its centre is {:.3g} from it at t = {}, where it must be more than {}; "
-          "lower "
-          "-dt or the load, or start with less overlap",
-          s.topology.id[s.topology.particle[i]], s.walls.wall_of_part(part), foot.d, s.t, law.least_distance(solid));
+          "droplet {} has run into wall {}: its centre is {:.3g} from it at t = {}, where it must be more than {}; use "
+          "{}",
+          s.topology.id[s.topology.particle[i]], s.walls.wall_of_part(part), foot.d, s.t, law.least_distance(solid),
+          cures({Cure::shorter_step, Cure::smaller_load, Cure::less_overlap}));
     const Expansion<D> u = law.at(solid, foot, s.position(i), s.topology.diameter[i] / 2);
     const Real w = s.walls.weight(part);
     return w == 1 ? u : Expansion<D>{w * u.value, w * u.gradient, w * u.hessian};

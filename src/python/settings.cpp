@@ -25,9 +25,11 @@ void Settings::bind() {
   model.bind(options, UnitSystem::gravitational());
   options.group("Integration");
   options.bind("integrator", method, {{"verlet", Method::verlet}, {"ts", Method::ts}},
-               {.help = "velocity Verlet with a fixed step, or a method of PETSc TS"});
+               {.help = "velocity Verlet with a fixed step, or a method of PETSc TS",
+                .cures = {{Cure::verlet, "verlet"}, {Cure::ts, "ts"}}});
   options.bind("implicit", implicit, {{"all", TermGroup::all}, {"shape", TermGroup::shape}},
-               {.help = "forces that the integrator treats implicitly: all, or shape energies alone"});
+               {.help = "forces that the integrator treats implicitly: all, or shape energies alone",
+                .cures = {{Cure::split_forces, "shape"}, {Cure::whole_forces, "all"}}});
   options.bind("jacobian", jacobian,
                {{"assembled", JacobianKind::assembled}, {"matrix_free", JacobianKind::matrix_free}},
                {.help = "Jacobian of an implicit method: sparse matrix, or matrix-free products"});
@@ -36,6 +38,7 @@ void Settings::bind() {
                 .unit = "t0",
                 .min = 0,
                 .min_open = true,
+                .cures = {Cure::shorter_step},
                 .automatic = "part of the limit of stability"});
   options.bind("allow_unstable_dt", allow_unstable_dt, {.help = "allow a fixed step above the limit of stability"});
   options.bind("skin", skin,

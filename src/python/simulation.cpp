@@ -18,7 +18,6 @@
 #include <pliant/python/settings.h>
 #include <pliant/python/walls.h>
 #include <pliant/run/crossing_watch.h>
-#include <pliant/run/cure_options.h>
 #include <pliant/run/frame_data.h>
 #include <pliant/run/run_control.h>
 #include <pliant/run/schedule.h>
@@ -235,7 +234,7 @@ class Simulated final : public AnySimulation {
     Running running(*this, callbacks, count);
     const Real end = end_of(duration, count);
     prepare();
-    const CureOptions cures([this](Cure cure) { return option_for(cure, settings_->options); });
+    const CureOptions cures([this](Cure cure) { return settings_->options.curing(cure); });
     std::unique_ptr<ForceFunction> function;
     if (!force.is_none()) {
       function = std::make_unique<ForceFunction>(*this, std::move(force), running.error);

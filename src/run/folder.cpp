@@ -28,17 +28,16 @@ std::string stored_text(const fs::path& folder, const std::string& name) {
   return summary.is_object() && summary.contains(name) && summary[name].is_string() ? std::string(summary[name]) : "";
 }
 
-[[noreturn]] void refuse_ended(const fs::path& folder, const std::string& status, bool checkpoint) {
-  const std::string name = folder.string(), ended_by = stored_text(folder, "ended_by");
+[[noreturn]] void refuse_ended(const fs::path& folder, const std::string& status, bool checkpoint,
+                               const Options& options) {
+  const std::string name = folder.string(), option = options.extending(stored_text(folder, "ended_by"));
   std::string extend;
   if (status == "failed")
     throw InputError(
         "{} holds a run that failed ({}); restart from its last checkpoint with -restart {}, or choose another "
         "-output",
         name, stored_text(folder, "message"), name);
-  if (checkpoint && ended_by == "t_end") extend = fmt::format("extend it by -restart {} -t_end LATER, or ", name);
-  if (checkpoint && ended_by == "q_rtol")
-    extend = fmt::format("extend it by -restart {} -hopper_q_rtol LESS, or ", name);
+  if (checkpoint && !option.empty()) extend = fmt::format("extend it by -restart {} -{}, or ", name, option);
   throw InputError("{} holds a run that is finished ({}); {}choose another -output", name, status, extend);
 }
 
@@ -46,13 +45,13 @@ std::string stored_text(const fs::path& folder, const std::string& name) {
 enum class Found { nothing, stopped, killed };
 
 /// Looks into the folder of -output. Errors: InputError where no run can start or go on.
-Found look_into(const fs::path& folder) {
+Found look_into(const fs::path& folder, const Options& options) {
   std::error_code error;
   const bool checkpoint = has_checkpoint(folder);
   if (!checkpoint && !fs::exists(folder / "run.h5", error)) return Found::nothing;
   const std::string status = stored_text(folder, "status");
   const bool ended = !status.empty() && status != "stopped";
-  if (ended && (checkpoint || status != "failed")) refuse_ended(folder, status, checkpoint);
+  if (ended && (checkpoint || status != "failed")) refuse_ended(folder, status, checkpoint, options);
   if (checkpoint) return status == "stopped" ? Found::stopped : Found::killed;
   if (const std::size_t frames = count_frames(folder); frames > 0)
     throw InputError("{} holds {} frames of a run without a checkpoint to resume from; choose another -output",
@@ -65,14 +64,14 @@ Found look_into(const fs::path& folder) {
 }
 
 /// State of a branching command's folder: free for a branch of the run in `from`, or a branch that has begun.
-Found look_for_branch(const fs::path& folder, const fs::path& from) {
+Found look_for_branch(const fs::path& folder, const fs::path& from, const Options& options) {
   std::error_code error;
   const nlohmann::ordered_json of = branch_of(folder);
   const bool known = !of.is_null(), same = known && of["run"] == fs::weakly_canonical(from).string();
   const bool begun = fs::exists(folder / "run.h5", error);
   if ((begun && !same) || (!begun && !known && has_checkpoint(folder)))
     throw InputError("{} holds a run that is no branch of {}; choose another -output", folder.string(), from.string());
-  if (begun) return look_into(folder);
+  if (begun) return look_into(folder, options);
   if (const auto holder = holder_of(from))
     throw FolderInUse("{} is in use by {}; wait until it has ended, or stop it by kill, before a branch of it begins",
                       from.string(), *holder);
@@ -124,8 +123,8 @@ void make_run(std::string_view scenario, const RunOptions& p, Options& options, 
   ranks.on_root([&] {
     if (std::error_code none; !restart || branch || fs::is_directory(folder, none)) lock = FolderLock(folder);
     if (!lock.warning().empty()) warn("{}", lock.warning());
-    if (!restart) found = look_into(folder);
-    if (branch && (found = look_for_branch(folder, p.restart)) == Found::nothing) {
+    if (!restart) found = look_into(folder, options);
+    if (branch && (found = look_for_branch(folder, p.restart, options)) == Found::nothing) {
       folder = p.restart;
       found = Found::stopped;
     }

@@ -21,7 +21,8 @@ bool RunOptions::branches(const Options& options) const {
 
 void RunOptions::bind_output(Options& o, bool intervals) {
   o.group("Output");
-  o.bind("output", output, {.help = "folder of the run", .on_restart = OnRestart::forget});
+  o.bind("output", output,
+         {.help = "folder of the run", .cures = {Cure::other_folder}, .on_restart = OnRestart::forget});
   o.bind("restart", restart,
          {.help = "folder of a run to continue in place, or as a branch in -output", .on_restart = OnRestart::forget});
   if (intervals) {
@@ -36,13 +37,20 @@ void RunOptions::bind_output(Options& o, bool intervals) {
   o.bind("frame_fields", frame_fields,
          {.help = "fields of frames: all, positions (alone), or a list with commas",
           .read = [](const std::string& text, const std::filesystem::path&) {
-            parse_frame_fields(text);
+            try {
+              parse_frame_fields(text);
+            } catch (const InputError& error) {
+              throw InputError("-frame_fields {}: {}", text, error.what());
+            }
             return text;
           }});
   o.bind("frame_precision", frame_precision, {{"double", FramePrecision::real64}, {"single", FramePrecision::real32}},
          {.help = "precision of real numbers in frames: 16 or 7 digits"});
   o.bind("frame_deflate", frame_deflate,
-         {.help = "compression of frames (HDF5's deflate): 0 none … 9 smallest and slowest", .min = 0, .max = 9});
+         {.help = "compression of frames (HDF5's deflate): 0 none … 9 smallest and slowest",
+          .min = 0,
+          .max = 9,
+          .cures = {{Cure::no_compression, "0"}}});
   o.bind("checkpoint_interval", checkpoint_interval,
          {.help = "wall time between checkpoints; 0: only at the start and when stopped", .unit = "s", .min = 0});
   o.bind("progress_interval", progress_interval,

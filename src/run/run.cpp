@@ -165,9 +165,9 @@ void Run<D>::check_step() const {
   if (!integrator().explicit_fixed_step()) return;
   if (critical == 0 && !p_.allow_unstable_dt)
     throw InputError(
-        "{}: no step is stable, as the method makes undamped oscillations grow; use -integrator verlet, -ts_rk_type 3 "
-        "or 4, add {}, or override with -allow_unstable_dt",
-        integrator().name(), cures({Cure::drag}));
+        "{}: no step is stable, as the method makes undamped oscillations grow; use {}, use -ts_rk_type 3 or 4, or "
+        "override with -allow_unstable_dt",
+        integrator().name(), cures({Cure::verlet, Cure::drag}));
   if (ratio > 1 && !p_.allow_unstable_dt)
     throw InputError(
         "-dt {:g} is {:.3g} times the limit of stability, {:.3g} {}: a dense packing would gain energy; shorten the "

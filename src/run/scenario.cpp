@@ -15,7 +15,6 @@
 #include <pliant/base/nearest.h>
 #include <pliant/base/petsc.h>
 #include <pliant/base/version.h>
-#include <pliant/run/cure_options.h>
 #include <pliant/run/folder.h>
 #include <pliant/run/run_control.h>
 
@@ -133,7 +132,7 @@ std::terminate_handler other_terminate = nullptr;
 ExitCode run_by_options(const std::string& scenario, const RunOptions& p, Options& options, const Ranks& ranks,
                         const std::function<std::unique_ptr<AnyRun>(std::optional<Checkpoint>)>& make) {
   start_log();
-  const CureOptions cure_options([&](Cure cure) { return option_for(cure, options); });
+  const CureOptions cure_options([&](Cure cure) { return options.curing(cure); });
   FolderLock lock;  // held until the run has closed its files
   std::unique_ptr<AnyRun> run;
   make_run(scenario, p, options, ranks, lock,

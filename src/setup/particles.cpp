@@ -148,8 +148,8 @@ std::vector<Real> draw_diameters(const SizeDistribution& distribution, Index n, 
     return sigma;
   }
   if (distribution.smallest() < 0.1)
-    throw InputError("-size_deviation {}: diameters down to {} would occur; use at most 0.3", distribution.deviation,
-                     1 - 3 * distribution.deviation);
+    throw InputError("a standard deviation of {} would make diameters down to {}; use {}", distribution.deviation,
+                     distribution.smallest(), cures({Cure::equal_sizes}));
   for (Index m = 0; m < n; ++m) sigma[m] = 1 + distribution.deviation * cut_normal(m, seed);
   return sigma;
 }

@@ -6,6 +6,7 @@
 #include <unordered_map>
 #include <utility>
 
+#include <pliant/base/cure.h>
 #include <pliant/base/log.h>
 #include <pliant/geometry/walls_in_box.h>
 #include <pliant/model/polygon.h>
@@ -102,8 +103,9 @@ template <int D>
 void ParticleSystem<D>::check_derivatives() const {
   if (rotates_or_remembers())
     throw InputError(
-        "particles that rotate and contacts with history have no Jacobian, which this integrator needs; use "
-        "-integrator verlet, or -ts_type rk");
+        "particles that rotate and contacts with history have no Jacobian, which this integrator needs; use {}, or "
+        "-ts_type rk",
+        cures({Cure::verlet}));
 }
 
 template <int D>

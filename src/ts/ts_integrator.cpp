@@ -11,6 +11,7 @@
 
 #include <petsc/private/tsimpl.h>
 
+#include <pliant/base/cure.h>
 #include <pliant/base/petsc_views.h>
 #include <pliant/kernels/finite.h>
 #include <pliant/system/particle_pc.h>
@@ -267,15 +268,20 @@ void TsIntegrator::check_arkode_splits() const {
   petsc_check(PetscStrtolower(text.data()));
   const std::string method = text.data();
   const bool splits = method == "imex" || method == "mri", split = options_.implicit != TermGroup::all;
-  if (splits && !split) throw InputError("-ts_arkode_type {} needs forces in two parts; add -implicit shape", method);
+  if (splits && !split)
+    throw InputError("-ts_arkode_type {} needs forces in two parts; use {}", method, cures({Cure::split_forces}));
   if (split && !splits)
-    throw InputError("-implicit shape splits the forces, which -ts_arkode_type {} cannot do; use imex or mri", method);
+    throw InputError(
+        "the forces are in two parts, which -ts_arkode_type {} cannot treat differently; use imex, mri or {}", method,
+        cures({Cure::whole_forces}));
 }
 
 void TsIntegrator::configure_solvers() {
   second_order_ = type_ == TSALPHA2;
   if (options_.implicit != TermGroup::all && !contains(split_types, type_))
-    throw InputError("-implicit shape splits the forces, which -ts_type {} cannot do; use -ts_type arkimex", type_);
+    throw InputError(
+        "the forces are in two parts, which -ts_type {} cannot treat differently; use -ts_type arkimex or {}", type_,
+        cures({Cure::whole_forces}));
   if (type_ == "arkode") check_arkode_splits();
   if (!needs_jacobian()) return;
   petsc_check(particle_pc_register());

@@ -35,10 +35,10 @@ def test_alpha2_goes_on_after_friction_sets_in(tmp_path):
 
 
 @pytest.mark.parametrize("options, text", [
-    ({"ts_arkode_type": "imex"}, "needs forces in two parts; add -implicit shape"),
-    ({"ts_arkode_type": "MRI"}, "needs forces in two parts; add -implicit shape"),
-    ({"implicit": "shape"}, "which -ts_arkode_type erk cannot do; use imex or mri"),
-    ({"implicit": "shape", "ts_arkode_type": "dirk"}, "which -ts_arkode_type dirk cannot do; use imex or mri"),
+    ({"ts_arkode_type": "imex"}, "needs forces in two parts; use implicit shape energies alone (-implicit shape)"),
+    ({"ts_arkode_type": "MRI"}, "needs forces in two parts; use implicit shape energies alone (-implicit shape)"),
+    ({"implicit": "shape"}, "which -ts_arkode_type erk cannot treat differently; use imex, mri or one treatment of all forces (-implicit all)"),
+    ({"implicit": "shape", "ts_arkode_type": "dirk"}, "which -ts_arkode_type dirk cannot treat differently; use imex, mri or"),
 ])
 def test_methods_of_arkode_that_do_not_fit_the_split_are_refused(tmp_path, options, text):
     result = pliant("hopper", output=tmp_path / "run", **{**SMALL, "model": "rough", "n": 8, "n_vertices": 6},

@@ -38,6 +38,13 @@ def test_help_begins_with_ten_options_and_shows_one_group(scenario):
     assert wrong.returncode == 2 and f"the groups are {', '.join(titles)}" in wrong.stderr
 
 
+@pytest.mark.parametrize("scenario", ["hopper", "raft", "clog", "channel"])
+def test_help_texts_have_at_most_80_characters(scenario):
+    """Without name, type, unit, default and range."""
+    texts = re.findall(r"^  -\w+ <[^>]*>  +(.*?) \[[^\[]*default .*\]$", pliant(scenario, "-help").stdout, re.M)
+    assert len(texts) > 30 and [text for text in texts if len(text) > 80] == []
+
+
 @pytest.mark.parametrize("command", [["-help"], ["--help"], ["-h"], ["evaluate", "-help"]])
 def test_help_of_the_program(command):
     result = pliant(*command)

@@ -71,8 +71,8 @@ TEST_CASE("a parameter that a term declares is an option, with its range, unit a
   CHECK(last.limit == 6);
   CHECK(last.way == Way::down);
   CHECK(!last.twice);
-  CHECK_THAT(usual.options.help(), Contains("strength of the push (-model pushed)") &&
-                                       Contains("[rho g sigma_avg^3; default 3; ≥ 0, ≤ 9]") &&
+  CHECK_THAT(usual.options.help(), Contains("strength of the push [") &&
+                                       Contains("[rho g sigma_avg^3; default 3; ≥ 0, ≤ 9; -model pushed]") &&
                                        Contains("default twice the strength") && Contains("-way <down|up>"));
 
   Offer given({"-strength", "4", "-way", "up", "-twice"});

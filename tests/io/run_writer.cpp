@@ -239,7 +239,7 @@ TEST_CASE("real numbers of frames in single precision, compressed") {
 TEST_CASE("compression that the HDF5 library lacks is refused") {
   const FrameFormat format{.deflate = 4};
   CHECK_THAT(message_of<InputError>([&] { format.check(false); }),
-             Contains("-frame_deflate 4") && Contains(hdf5::library_version()) && Contains("without deflate"));
+             Contains("no compression") && Contains(hdf5::library_version()) && Contains("without deflate"));
   CHECK_NOTHROW(FrameFormat{}.check(false));
   CHECK(hdf5::can_deflate());
 }

@@ -205,7 +205,7 @@ TEST_CASE("implicit methods refuse what they cannot do") {
     TsIntegrator ts;
     CHECK_THROWS_AS(ts.run(system, s, 1, true, {}), InputError);
     CHECK_THROWS_WITH(ts.run(system, s, 1, true, {}), Contains("bdf") && Contains("derivatives"));
-    CHECK_THROWS_WITH(TsIntegrator({.implicit = TermGroup::shape}), Contains("-implicit shape") && Contains("bdf"));
+    CHECK_THROWS_WITH(TsIntegrator({.implicit = TermGroup::shape}), Contains("in two parts") && Contains("bdf"));
   }
   const PetscOptionScope scope("-ts_type arkimex");
   CHECK(TsIntegrator({.implicit = TermGroup::shape}).name() == "ts:arkimex, shape implicit");

@@ -70,19 +70,24 @@ ChannelOptions::ChannelOptions()
 
 void ChannelOptions::bind(Options& o) {
   constexpr auto fixed = OnRestart::fixed;
-  const auto positive = [](std::string help, std::string unit) {
-    return OptionSpec{
-        .help = std::move(help), .unit = std::move(unit), .min = 0, .min_open = true, .on_restart = fixed};
+  const auto positive = [](std::string help, std::string unit, std::vector<OptionCure> cures = {}) {
+    return OptionSpec{.help = std::move(help),
+                      .unit = std::move(unit),
+                      .min = 0,
+                      .min_open = true,
+                      .cures = std::move(cures),
+                      .on_restart = fixed};
   };
 
   o.group("Channel");
   o.bind("geometry", kind,
          {{"L", ChannelKind::l}, {"T", ChannelKind::t}, {"X", ChannelKind::x}, {"straight", ChannelKind::straight}},
          {.help = "arms along x and y (L); T: and -x; X: and -y; straight: along x and -x", .on_restart = fixed});
-  o.bind("channel_width", size.width, positive("width of the channel", "cm"));
+  o.bind("channel_width", size.width, positive("width of the channel", "cm", {Cure::wider_container}));
   o.bind("channel_arm", size.arm, positive("length of an arm, from its end to the far side of the bend", "cm"));
   o.bind("outline", outline,
          {.help = "file with the corners of a channel: lines x y in cm, one polygon",
+          .cures = {Cure::own_outline},
           .on_restart = fixed,
           .read = read_corners});
   o.bind("plungers", plungers,
@@ -114,7 +119,12 @@ void ChannelOptions::bind(Options& o) {
   model.bind(o, UnitSystem::cgs());
   o.bind("shape", shape.kind, {{"ellipse", OutlineKind::ellipse}, {"rod", OutlineKind::rod}},
          {.help = "-model rough: shape of the polygons, which cover the areas of the disks", .on_restart = fixed});
-  o.bind("aspect", shape.aspect, {.help = "-model rough: length over width", .min = 1, .max = 20, .on_restart = fixed});
+  o.bind("aspect", shape.aspect,
+         {.help = "-model rough: length over width",
+          .min = 1,
+          .max = 20,
+          .cures = {Cure::smaller_aspect},
+          .on_restart = fixed});
   o.bind("shape_outline", shape_outline,
          {.help = "-model rough: file with the corners of a shape: lines x y, one polygon",
           .on_restart = fixed,
@@ -123,11 +133,16 @@ void ChannelOptions::bind(Options& o) {
          {.help = "-model rough: vertices of the smallest polygons; edges have equal length",
           .min = 6,
           .max = 1000,
+          .cures = {Cure::even_vertices, Cure::more_vertices},
           .on_restart = fixed});
-  o.bind("stiffness", stiffness, positive("stiffness of contacts, the same for all sizes", "g/s^2"));
+  o.bind("stiffness", stiffness,
+         positive("stiffness of contacts, the same for all sizes", "g/s^2",
+                  {Cure::stiffer_contacts, Cure::stiffer_walls, Cure::softer_particles}));
 
   o.group("Plungers");
-  o.bind("pushes", pushes, {.help = "number of pushes, one plunger after the other", .min = 1, .max = 1e6});
+  o.bind(
+      "pushes", pushes,
+      {.help = "number of pushes, one plunger after the other", .min = 1, .max = 1e6, .extends = {"pushes", "MORE"}});
   o.bind("plunger_speed", push.speed, positive("speed of a plunger", "cm/s"));
   o.bind("stroke", push.stroke, positive("travel of a plunger in a push", "cm"));
   o.bind("retract_speed", push.retract_speed,
@@ -152,6 +167,7 @@ void ChannelOptions::bind(Options& o) {
           .unit = "s",
           .min = 0,
           .min_open = true,
+          .cures = {Cure::shorter_step},
           .automatic = "0.2 of the elastic limit of stability, 0.5 of the damping's",
           .on_restart = fixed});
   bind_allowed(o);
@@ -159,6 +175,7 @@ void ChannelOptions::bind(Options& o) {
          {.help = "end of the run, if earlier than the end of -pushes; not between two pushes",
           .unit = "s",
           .min = 0,
+          .extends = {"t_end", "LATER"},
           .automatic = "the end of the last push"});
   bind_threads(o);
   o.bind("skin", skin,

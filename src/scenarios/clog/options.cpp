@@ -16,24 +16,41 @@ void ClogOptions::bind(Options& o) {
   constexpr auto fixed = OnRestart::fixed;
   bind_model(o);
   o.bind("g", g,
-         {.help = "gravity: a droplet weighs g R^3", .unit = "F/R^3", .min = 0, .min_open = true, .on_restart = fixed});
+         {.help = "gravity: a droplet weighs g R^3",
+          .unit = "F/R^3",
+          .min = 0,
+          .min_open = true,
+          .cures = {Cure::smaller_load},
+          .on_restart = fixed});
   o.bind("wall_friction", wall_friction,
          {.help = "walls exert viscous friction, like a static neighbour [T 4.1]", .on_restart = fixed});
 
   o.group("Droplets");
-  o.bind("n", n, {.help = "number of droplets", .min = 1, .max = 1e5, .on_restart = fixed});
+  o.bind("n", n,
+         {.help = "number of droplets", .min = 1, .max = 1e5, .cures = {Cure::more_particles}, .on_restart = fixed});
   bind_droplets(o);
   o.bind("fill_fraction", fill_fraction,
          {.help = "fraction of the area that the droplets cover at the start",
           .min = 0.01,
           .max = 0.5,
+          .cures = {Cure::less_overlap},
           .on_restart = fixed});
 
   o.group("Hopper");
   o.bind("hopper_width", width,
-         {.help = "width w of the exit", .unit = "2 R", .min = 0, .min_open = true, .on_restart = fixed});
+         {.help = "width w of the exit",
+          .unit = "2 R",
+          .min = 0,
+          .min_open = true,
+          .cures = {Cure::narrower_orifice, Cure::wider_orifice},
+          .on_restart = fixed});
   o.bind("hopper_angle", angle,
-         {.help = "angle of the walls to gravity", .unit = "degrees", .min = 10, .max = 80, .on_restart = fixed});
+         {.help = "angle of the walls to gravity",
+          .unit = "degrees",
+          .min = 10,
+          .max = 80,
+          .cures = {Cure::other_angle},
+          .on_restart = fixed});
   o.bind("clog_speed", clog_speed,
          {.help = "largest speed of droplets at rest", .unit = "R/t0", .min = 0, .min_open = true});
   o.bind("rest", rest, {{"minimum", RestRule::minimum}, {"speed", RestRule::speed}},

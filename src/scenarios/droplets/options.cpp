@@ -43,16 +43,20 @@ void DropletOptions::bind_droplets(Options& o) {
 void DropletOptions::bind_integration(Options& o, const std::string& automatic_end) {
   o.group("Integration");
   o.bind("integrator", integrator, {{"ts", DropletIntegrator::ts}},
-         {.help = "velocity Verlet with a fixed step, or PETSc TS (-ts_type, -ts_rtol, ...)", .on_restart = fixed});
+         {.help = "velocity Verlet with a fixed step, or PETSc TS (-ts_type, -ts_rtol, ...)",
+          .cures = {{Cure::ts, "ts"}},
+          .on_restart = fixed});
   o.bind("dt", dt,
          {.help = "first step of an adaptive method, or the fixed step",
           .unit = "t0",
           .min = 0,
           .min_open = true,
+          .cures = {Cure::shorter_step},
           .automatic = fmt::format("{:g}, or half of the limit of stability if that is shorter", longest_standard_dt),
           .on_restart = fixed});
   bind_allowed(o);
-  o.bind("t_end", t_end, {.help = "end of the run", .unit = "t0", .min = 0, .automatic = automatic_end});
+  o.bind("t_end", t_end,
+         {.help = "end of the run", .unit = "t0", .min = 0, .extends = {"t_end", "LATER"}, .automatic = automatic_end});
   o.bind("skin", skin,
          {.help = "margin of the neighbour lists", .unit = "R", .min = 0, .min_open = true, .on_restart = fixed});
 }

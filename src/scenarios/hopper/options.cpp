@@ -61,7 +61,12 @@ void HopperOptions::bind(Options& o) {
   constexpr auto fixed = OnRestart::fixed;
   explain_units(o);
   model.bind(o, UnitSystem::gravitational());
-  o.bind("dim", dim, {.help = "dimension; 2 for deformable particles", .min = 2, .max = 3, .on_restart = fixed});
+  o.bind("dim", dim,
+         {.help = "dimension; 2 for deformable particles",
+          .min = 2,
+          .max = 3,
+          .cures = {{Cure::two_dimensions, "2"}, {Cure::three_dimensions, "3"}},
+          .on_restart = fixed});
   o.bind("corner_contact", corner_contact, {{"once", CornerRule::once}, {"literal", CornerRule::literal}},
          {.help = "inner corners: contact counts once, or both walls push [H 10]", .on_restart = fixed});
   o.bind(
@@ -70,7 +75,11 @@ void HopperOptions::bind(Options& o) {
 
   o.group("Particles");
   o.bind("n", particles,
-         {.help = "number of particles; 0: 1600 in 2D, 6400 in 3D", .min = 0, .max = 1e8, .on_restart = fixed});
+         {.help = "number of particles; 0: 1600 in 2D, 6400 in 3D",
+          .min = 0,
+          .max = 1e8,
+          .cures = {Cure::more_particles},
+          .on_restart = fixed});
   o.bind("seed", seed, {.help = "seed of all random numbers", .min = 0, .on_restart = fixed});
   o.bind(
       "size_distribution", sizes.kind,
@@ -84,11 +93,19 @@ void HopperOptions::bind(Options& o) {
           .unit = "sigma_avg",
           .min = 0,
           .max = 0.3,
+          .cures = {Cure::equal_sizes},
           .on_restart = fixed});
   o.bind("n_vertices", shape.vertices,
-         {.help = "vertices of a deformable particle", .min = 3, .max = 10000, .on_restart = fixed});
+         {.help = "vertices of a deformable particle",
+          .min = 3,
+          .max = 10000,
+          .cures = {Cure::even_vertices, Cure::more_vertices},
+          .on_restart = fixed});
   o.bind("shape_parameter", shape.shape_parameter,
-         {.help = "A0 = perimeter^2/(4 pi area) at rest; 0: regular polygon", .min = 0, .on_restart = fixed});
+         {.help = "A0 = perimeter^2/(4 pi area) at rest; 0: regular polygon",
+          .min = 0,
+          .cures = {Cure::rounder_shape},
+          .on_restart = fixed});
   o.bind("edge_width", shape.edge_width,
          {.help = "smooth particles: width of an edge over its rest length",
           .min = 0,
@@ -98,12 +115,18 @@ void HopperOptions::bind(Options& o) {
 
   o.group("Hopper");
   o.bind("hopper_width", hopper.orifice,
-         {.help = "width w of the orifice", .unit = "sigma_avg", .min = 0, .min_open = true, .on_restart = fixed});
+         {.help = "width w of the orifice",
+          .unit = "sigma_avg",
+          .min = 0,
+          .min_open = true,
+          .cures = {Cure::narrower_orifice, Cure::wider_orifice},
+          .on_restart = fixed});
   o.bind("hopper_angle", hopper.angle,
          {.help = "angle of the sloped walls to gravity; 90: flat bottom",
           .unit = "degrees",
           .min = 10,
           .max = 90,
+          .cures = {Cure::other_angle},
           .on_restart = fixed});
   o.bind("hopper_angle_left", left_angle,
          {.help = "2D: angle of the left wall if different; 0: vertical from the orifice upwards",
@@ -117,18 +140,23 @@ void HopperOptions::bind(Options& o) {
           .unit = "sigma_avg",
           .min = 0,
           .min_open = true,
+          .cures = {Cure::wider_container},
           .automatic = "50 in 2D, 25 in 3D",
           .on_restart = fixed});
   o.bind("outline", outline,
          {.help = "file with the walls of a container: lines x y in sigma_avg, from the orifice up",
+          .cures = {Cure::own_outline},
           .on_restart = fixed,
           .read = read_outline});
   o.bind("obstacle", obstacle,
          {.help = "obstacles: disk:x,y,r or polygon:FILE, several separated by commas",
+          .cures = {Cure::wider_obstacles},
           .on_restart = fixed,
           .read = read_obstacles});
   o.bind("flow", flow, {{"continuous", FlowKind::continuous}, {"discharge", FlowKind::discharge}},
-         {.help = "reinsert particles at the top, or let the hopper run empty", .on_restart = fixed});
+         {.help = "reinsert particles at the top, or let the hopper run empty",
+          .cures = {{Cure::no_reinsertion, "discharge"}},
+          .on_restart = fixed});
   o.bind("count", counting, {{"crossing", Counting::crossing}, {"removal", Counting::removal}},
          {.help = "continuous flow: count at the orifice line, or at reinsertion", .on_restart = fixed});
   o.bind("removal_depth", removal_depth,
@@ -174,9 +202,13 @@ void HopperOptions::bind(Options& o) {
   o.bind("dynamics", dynamics, {{"inertial", Dynamics::inertial}, {"overdamped", Dynamics::overdamped}},
          {.help = "Newton's equations, or overdamped: velocity = force / drag coefficient", .on_restart = fixed});
   o.bind("integrator", integrator, {{"verlet", IntegratorKind::verlet}, {"ts", IntegratorKind::ts}},
-         {.help = "velocity Verlet with a fixed step, or PETSc TS (-ts_type, -ts_rtol, ...)", .on_restart = fixed});
+         {.help = "velocity Verlet with a fixed step, or PETSc TS (-ts_type, -ts_rtol, ...)",
+          .cures = {{Cure::verlet, "verlet"}, {Cure::ts, "ts"}},
+          .on_restart = fixed});
   o.bind("implicit", implicit, {{"all", TermGroup::all}, {"shape", TermGroup::shape}},
-         {.help = "forces that the integrator treats implicitly: all, or shape energies alone", .on_restart = fixed});
+         {.help = "forces that the integrator treats implicitly: all, or shape energies alone",
+          .cures = {{Cure::split_forces, "shape"}, {Cure::whole_forces, "all"}},
+          .on_restart = fixed});
   o.bind("jacobian", jacobian, {{"assembled", JacobianKind::assembled}, {"matrix_free", JacobianKind::matrix_free}},
          {.help = "Jacobian of an implicit -ts_type: sparse matrix, or matrix-free products", .on_restart = fixed});
   o.bind("dt", dt,
@@ -184,16 +216,22 @@ void HopperOptions::bind(Options& o) {
           .unit = "t0",
           .min = 0,
           .min_open = true,
+          .cures = {Cure::shorter_step},
           .automatic = "0.2 to 0.4 of the elastic limit, at most 0.5 of the damping limit, at most 1e-3",
           .on_restart = fixed});
   bind_allowed(o);
   o.bind("t_end", t_end,
-         {.help = "end of the run", .unit = "t0", .min = 0, .automatic = "100; 10000 with -hopper_q_rtol"});
+         {.help = "end of the run",
+          .unit = "t0",
+          .min = 0,
+          .extends = {"t_end", "LATER"},
+          .automatic = "100; 10000 with -hopper_q_rtol"});
   o.bind("hopper_q_rtol", q_rtol,
          {.help = "continuous flow: end when Q has this relative standard error; 0: never",
           .min = 0,
           .max = 1,
-          .max_open = true});
+          .max_open = true,
+          .extends = {"q_rtol", "LESS"}});
   bind_threads(o);
   o.bind("skin", skin,
          {.help = "margin of the neighbour lists",

@@ -31,7 +31,12 @@ void RaftOptions::bind(Options& o) {
   o.bind("motion", motion, {{"compression", WallMotion::compression}, {"extension", WallMotion::extension}},
          {.help = "the moving wall approaches, or recedes from a raft that rests at both walls", .on_restart = fixed});
   o.bind("v_wall", v_wall,
-         {.help = "speed of the moving wall", .unit = "R/t0", .min = 0, .min_open = true, .on_restart = fixed});
+         {.help = "speed of the moving wall",
+          .unit = "R/t0",
+          .min = 0,
+          .min_open = true,
+          .cures = {Cure::smaller_load},
+          .on_restart = fixed});
   o.bind("tilt", tilt,
          {.help = "angle between the moving and the fixed wall",
           .unit = "degrees",
@@ -43,6 +48,7 @@ void RaftOptions::bind(Options& o) {
           .unit = "R",
           .min = 0,
           .min_open = true,
+          .cures = {Cure::less_overlap},
           .automatic = "compression: just without attraction; extension: at rest",
           .on_restart = fixed});
   o.bind("rows_end", rows_end,
