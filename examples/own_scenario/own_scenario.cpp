@@ -104,8 +104,10 @@ class ShakenBox final : public Protocol<2> {
             {"floor", p_.floor.height(state().t)},
             {"highest", ranks().max(highest_)}};
   }
-  void save(SharedCheckpoint& c) const override { c.add("highest", ranks().max(highest_)); }
-  void load(const Checkpoint& c, const StoredParticles&) override { highest_ = c.real("highest", 0); }
+  void visit(Archive& a) override {
+    highest_ = ranks().max(highest_);
+    a.number("highest", highest_, 0);
+  }
 
  private:
   const Parameters& p_;

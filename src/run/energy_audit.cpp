@@ -52,14 +52,10 @@ Real SampledIntegral::error() const {
   return std::sqrt(squares_);
 }
 
-void SampledIntegral::save(SharedCheckpoint& c, const std::string& name) const {
-  c.add(name + "_count", count_);
-  c.add(name, std::vector<Real>{sum_, squares_, last_.first, last_.second, before_.first, before_.second});
-}
-
-void SampledIntegral::load(const Checkpoint& c, const std::string& name) {
-  count_ = c.integer(name + "_count");
-  const auto& values = c.real_array(name, 6);
+void SampledIntegral::visit(Archive& a, const std::string& name) {
+  std::vector<Real> values{sum_, squares_, last_.first, last_.second, before_.first, before_.second};
+  a.number(name + "_count", count_);
+  a.array(name, values, values.size());
   sum_ = values[0];
   squares_ = values[1];
   last_ = {values[2], values[3]};
@@ -197,27 +193,15 @@ EnergyBudget EnergyAudit<D>::budget() {
 }
 
 template <int D>
-void EnergyAudit<D>::save(SharedCheckpoint& c) const {
-  c.add("audit_started", std::int64_t{started_});
-  c.add("audit_start_energy", start_energy_);
-  c.add("audit_brought", brought_);
-  c.add("audit_work", work_);
-  c.add("audit_power", power_);
-  c.add("audit_power_at", power_at_);
-  c.add("audit_largest", largest_);
-  heat_.save(c, "audit_heat");
-}
-
-template <int D>
-void EnergyAudit<D>::load(const Checkpoint& c) {
-  started_ = c.flag("audit_started");
-  start_energy_ = c.real("audit_start_energy");
-  brought_ = c.real("audit_brought");
-  work_ = c.real("audit_work");
-  power_ = c.real("audit_power");
-  power_at_ = c.real("audit_power_at", 0, c.t);
-  largest_ = c.real("audit_largest", 0);
-  heat_.load(c, "audit_heat");
+void EnergyAudit<D>::visit(Archive& a) {
+  a.flag("audit_started", started_);
+  a.number("audit_start_energy", start_energy_);
+  a.number("audit_brought", brought_);
+  a.number("audit_work", work_);
+  a.number("audit_power", power_);
+  a.number("audit_power_at", power_at_, 0, a.t());
+  a.number("audit_largest", largest_, 0);
+  heat_.visit(a, "audit_heat");
 }
 
 template class EnergyAudit<2>;

@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include <pliant/run/shared_checkpoint.h>
+#include <pliant/run/archive.h>
 #include <pliant/run/simulation.h>
 
 namespace pliant {
@@ -46,8 +46,7 @@ class SampledIntegral {
   /// As if neighbouring values were independent: an upper estimate. Unknown, infinite, below 8 values.
   Real error() const;
 
-  void save(SharedCheckpoint& c, const std::string& name) const;
-  void load(const Checkpoint& c, const std::string& name);
+  void visit(Archive& archive, const std::string& name);
 
  private:
   static constexpr std::int64_t fewest = 8;
@@ -93,8 +92,7 @@ class EnergyAudit {
   Real work() const { return work_; }  ///< of moving walls
   EnergyBudget budget();
 
-  void save(SharedCheckpoint& c) const;
-  void load(const Checkpoint& c);
+  void visit(Archive& archive);
 
  private:
   bool due(std::int64_t step) const { return step % stride() == 0; }

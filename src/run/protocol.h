@@ -120,11 +120,9 @@ class Protocol {
   /// How often each own particle was reinserted; null where particles never are.
   virtual const std::vector<Index>* reinsertions() const { return nullptr; }
   virtual std::string progress() const { return {}; }
-  /// Under names of its own.
-  virtual void save(SharedCheckpoint& /*checkpoint*/) const {}
-  /// The particles and the state are there, lists are not. Checks all that it reads. Errors: InputError, as of
-  /// Checkpoint.
-  virtual void load(const Checkpoint& /*checkpoint*/, const StoredParticles& /*stored*/) {}
+  /// Visits all that a restart needs of the protocol, under names of its own, to write it or to read it. When it is
+  /// read, the particles and the state are there, lists are not. Errors: InputError, as of Archive.
+  virtual void visit(Archive& /*archive*/) {}
   /// Details for the message of a failure; empty or beginning with "; ".
   virtual std::string failure_details() const { return {}; }
 

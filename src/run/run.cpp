@@ -7,8 +7,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <iterator>
-#include <limits>
 #include <utility>
 
 #include <pliant/base/console.h>
@@ -21,8 +19,6 @@ namespace pliant {
 namespace {
 
 bool above(Real ratio, Real safe) { return ratio > safe * (1 + 1e-9); }
-
-constexpr Real smallest = std::numeric_limits<Real>::min();
 
 /// As one word of a shell's command line.
 std::string shell_word(const std::string& text) {
@@ -306,176 +302,6 @@ template <int D>
 Real Run<D>::last_dt() const {
   const IntegratorStatistics& taken = integrator().statistics();
   return taken.steps > 0 ? taken.last_dt : last_dt_;
-}
-
-// --- Checkpoints
-
-/// Everything per particle or point is stored in the order of the ranks, and within a rank in its own order.
-template <int D>
-void Run<D>::save(bool changed) {
-  const LogScope log(LogEvent::checkpoint);
-  protocol_->record_events();
-  const State& s = state();
-  ParticleSystem<D>& particles = simulation().particles();
-  const Topology& topology = particles.topology();
-  ranks_.on_root([&] {
-    writer_->flush();
-    checkpoints_->begin(s.t, s.step);
-  });
-  SharedCheckpoint c(checkpoints_ ? &*checkpoints_ : nullptr, ranks_);
-  // One array at a time, so that they are not in memory once more.
-  const bool rotates = particles.coordinates().angles > 0;
-  const auto add_coordinates = [&](const std::string& name, const std::string& of_angles,
-                                   std::span<const Real> values) {
-    const std::size_t positions = std::min(values.size(), particles.positions_in(s.x()).size());  // or nothing
-    c.add_parts(name, values.first(positions));
-    if (rotates) c.add_parts(of_angles, values.subspan(positions));
-  };
-  add_coordinates("x", "angle", s.x());
-  add_coordinates("v", "spin", s.v());
-  if (!particles.box().open()) {
-    std::vector<std::int64_t> images;
-    for (const Image& image : s.images) images.insert(images.end(), image.begin(), image.end());
-    images.resize(3 * static_cast<std::size_t>(topology.owned()));
-    c.add_parts("images", std::move(images));
-  }
-  c.add("extra", s.extra);
-  const bool carries = integrator().carries() && !changed;
-  add_coordinates("carried", "carried_spin", carries ? integrator().carried() : std::span<const Real>());
-  const OverdampedSystem<D>* const overdamped = simulation().overdamped();
-  c.add_parts("last_velocity", overdamped != nullptr && overdamped->mobility().remembers()
-                                   ? std::span<const Real>(overdamped->last())
-                                   : std::span<const Real>());
-  {
-    typename Neighbours<D>::History lists = particles.neighbours().history(topology);
-    // Lists that do not hold are going to be built anew. Ranks whose particles have just left have none.
-    if (!ranks_.all(s.size() == 0 || particles.neighbours().valid(particles.walls(), s.x().data(), s.t))) lists = {};
-    c.add_parts("list_reference", std::move(lists.reference));
-    c.add_parts("list_places", lists.places);  // none where there are ghosts
-    c.add_parts("list_relisted", lists.relisted);
-    c.add("list_time", lists.time);
-  }
-  save_history(particles.history(), topology, c);
-  c.add_parts("id", std::span(topology.id).first(topology.owned()));
-  c.add_parts("active", std::span(topology.active).first(topology.owned()));
-  c.add_parts("rank_particles", std::vector<std::int64_t>{topology.owned()});
-  const IntegratorStatistics total = statistics();
-  const Real cpu = total_cpu();
-  ranks_.on_root([&] {
-    sampling_.save(*checkpoints_, "last_sample_at");
-    framing_.save(*checkpoints_, "last_frame_at");
-    checkpoints_->add("samples", writer_->samples());
-    checkpoints_->add("frames", writer_->frames());
-    checkpoints_->add("events", writer_->events());
-  });
-  c.add("changed", std::int64_t{changed});
-  c.add("ended", std::int64_t{ended() && !stopped()});
-  c.add("dt", integrator().next_dt());
-  c.add("last_dt", last_dt());
-  c.add("first_dt", first_dt_);
-  c.add("skin", particles.neighbours().skin());
-  c.add("evaluations_since_sort", particles.use().evaluations);
-  c.add("list_rebuilds_since_sort", particles.use().rebuilds);
-  c.add("list_rebuilds", list_rebuilds());
-  c.add("rejected_steps", total.rejected);
-  c.add("steps_above_tolerance", total.above_tolerance);
-  c.add("force_evaluations", total.force_evaluations);
-  c.add("jacobian_evaluations", total.jacobian_evaluations);
-  c.add("linear_iterations", total.linear_iterations);
-  c.add("cpu_seconds", cpu);
-  c.add_text("scenario", scenario_);
-  c.add_text("options", options_.json().dump());
-  if (const EnergyAudit<D>* const audit = protocol_->audit()) audit->save(c);
-  protocol_->save(c);
-  ranks_.on_root([&] { checkpoints_->finish(); });
-}
-
-/// All that is read is checked before it is used.
-template <int D>
-void Run<D>::load(const Checkpoint& c) {
-  const Topology& all = simulation().all();
-  ParticleSystem<D>& particles = simulation().particles();
-  State& s = state();
-  const StoredParticles stored(c, all, D, ranks_);
-  simulation().take(stored.ids());
-  const auto active = stored.particles("active", 0, 1);
-  for (std::size_t m = 0; m < active.size(); ++m)
-    if (active[m] == 0) particles.deactivate(static_cast<Index>(m));
-
-  s.t = c.t;
-  s.step = c.step;
-  sampling_.load(c, "last_sample_at");
-  framing_.load(c, "last_frame_at");
-  const Real longest = std::max(dt_, protocol_->last_time());
-  dt_ = c.real("dt", smallest, longest);
-  last_dt_ = c.real("last_dt", smallest, longest);
-  first_dt_ = c.real("first_dt", smallest, longest);
-  // A particle that moves by some diameters in a step has gone through others.
-  const Real widest = *std::max_element(all.diameter.begin(), all.diameter.end()),
-             fastest = 10 * *std::max_element(all.sigma.begin(), all.sigma.end()) / dt_;
-  const bool inertia = simulation().overdamped() == nullptr;
-  const Coordinates per_point = particles.coordinates();
-  const auto coordinates = [&](const std::string& name, const std::string& of_angles, Real most) {
-    const auto positions = stored.points(name, most);
-    std::vector<Real> values(positions.begin(), positions.end());
-    if (per_point.angles > 0)
-      std::ranges::copy(stored.rotations(of_angles, per_point.angles), std::back_inserter(values));
-    return values;
-  };
-  s.assign(coordinates("x", "angle", StoredParticles::far),
-           coordinates("v", "spin", inertia ? fastest : Checkpoint::any));
-  stored.load_history(particles);
-  if (!particles.box().open()) s.images = stored.images("images");
-  if (OverdampedSystem<D>* const overdamped = simulation().overdamped()) {
-    const auto& extra = c.real_array("extra", overdamped->quantities().size());
-    if (ranks_.root()) s.extra = extra;
-    // None before the first evaluation.
-    if (c.length("last_velocity") > 0 || (overdamped->mobility().remembers() && c.step > 0)) {
-      const auto last = stored.points("last_velocity", Checkpoint::any);
-      overdamped->set_last({last.begin(), last.end()});
-    }
-  }
-  restored_samples_ = static_cast<std::uint64_t>(c.integer("samples", sampling_.done_at(0) ? 1 : 0));
-  restored_frames_ = static_cast<std::uint64_t>(c.integer("frames", framing_.done_at(0) ? 1 : 0));
-  restored_events_ = static_cast<std::uint64_t>(c.integer("events"));
-  before_ = {.steps = c.step,
-             .rejected = c.integer("rejected_steps"),
-             .above_tolerance = c.integer("steps_above_tolerance", 0, c.step),
-             .force_evaluations = c.integer("force_evaluations", c.step),
-             .jacobian_evaluations = c.integer("jacobian_evaluations"),
-             .linear_iterations = c.integer("linear_iterations")};
-  cpu_before_ = c.real("cpu_seconds", 0);
-  had_ended_ = c.flag("ended");
-  protocol_->placed();
-  protocol_->load(c, stored);
-  if (EnergyAudit<D>* const audit = protocol_->audit()) audit->load(c);
-
-  const bool fresh = c.flag("changed");
-  simulation().set_integrator(protocol_->make_integrator(dt_));
-  if (simulation().integrator().carries() && !fresh) {
-    simulation().integrator().set_carried(coordinates("carried", "carried_spin", fastest));
-    simulation().restored();
-  }
-  // The lists of the stopped run: the order of their sums is part of the state.
-  const std::optional<Real> fixed = protocol_->fixed_skin();
-  const Real skin = c.real("skin", fixed.value_or(smallest),
-                           fixed.value_or(std::max(particles.neighbours().skin(), widest))),
-             list_time = c.real("list_time", 0, c.t);
-  const auto [reference, relisted, places] = stored.lists(skin / 2 * (1 + 1e-9));
-  const std::int64_t rebuilds = c.integer("list_rebuilds"),
-                     since_sort = c.integer("list_rebuilds_since_sort", 0, rebuilds),
-                     evaluations = c.integer("evaluations_since_sort");
-  particles.neighbours().set_skin(skin);
-  if (!reference.empty()) {
-    if (particles.has_ghosts())
-      particles.rebuild(stored.own_points(reference).data(), list_time);
-    else
-      particles.neighbours().replay(particles.topology(), particles.walls(), {reference, relisted, places, list_time});
-  }
-  particles.set_use({evaluations, since_sort});
-  rebuilds_before_ = rebuilds - particles.neighbours().rebuilds();
-  restarted_from_ = c.file;
-  branched_ = p_.branches(options_) && std::filesystem::path(c.file).parent_path() != std::filesystem::path(p_.output);
 }
 
 // --- Texts, summary

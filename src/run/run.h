@@ -20,6 +20,9 @@
 
 namespace pliant {
 
+class Archive;
+struct RunNumbers;
+
 /// A run of any dimension, made by make_run.
 class AnyRun {
  public:
@@ -58,6 +61,11 @@ class Run final : public AnyRun, private RunAccess {
   bool stopped() const { return status_ == "stopped"; }
   bool took_steps() const { return integrator().statistics().steps > 0; }
 
+  RunNumbers numbers(bool changed);
+  void visit(Archive& archive, RunNumbers& numbers);
+  void visit_numbers(Archive& archive, RunNumbers& numbers);
+  void visit_lists(Archive& archive, Real skin);
+  void save(bool changed);
   void load(const Checkpoint& checkpoint);
   void check();
   void check_step() const;
@@ -72,7 +80,6 @@ class Run final : public AnyRun, private RunAccess {
   std::vector<SeriesValue> take_sample();
   void sample();
   void frame();
-  void save(bool changed);
   ExitCode finish();
   void judge_energy();
   void report_reliability() const;

@@ -16,26 +16,27 @@ void Schedule::done(Real t) {
     while (due(t)) ++next_;
 }
 
-void Schedule::save(CheckpointWriter& c, const std::string& name) const {
-  c.add(name, last_);
-  c.add(name + "_interval", interval_);
-  c.add(name + "_longest_interval", longest_);
-  c.add(name + "_interval_changed", changed_);
+void Schedule::visit(Archive& a, const std::string& name) {
+  constexpr Real shortest = std::numeric_limits<Real>::denorm_min();
+  Real last = last_, interval = interval_, longest = longest_;
+  a.number(name, last, a.reads() && a.from().step > 0 ? 0 : -1, a.t());
+  a.newer(name + "_interval", interval, shortest);
+  if (a.reads()) longest = interval;
+  a.newer(name + "_longest_interval", longest, interval);
+  a.newer(name + "_interval_changed", changed_, 0, 1);
+  if (!a.reads()) return;
+  longest_ = std::max(interval_, longest);
+  changed_ = changed_ || interval != interval_;
+  if (last >= 0) restore(a.from(), name, last, interval);
 }
 
-void Schedule::load(const Checkpoint& c, const std::string& name) {
-  constexpr Real shortest = std::numeric_limits<Real>::denorm_min();
-  const Real last = c.real(name, c.step == 0 ? -1 : 0, c.t),
-             before = c.real_or(name + "_interval", interval_, shortest),
-             longest = c.real_or(name + "_longest_interval", before, before);
-  changed_ = before != interval_ || c.integer_or(name + "_interval_changed", 0, 0, 1) != 0;
-  longest_ = std::max(interval_, longest);
-  if (last < 0) return;  // not yet
-  Schedule then(before);
+/// last: when it was done last, by a schedule of this interval.
+void Schedule::restore(const Checkpoint& from, const std::string& name, Real last, Real interval) {
+  Schedule then(interval);
   then.done(last);
-  if (last < c.t && then.due(c.t))
-    c.refuse("{} = {}, but by the time {} another one was due at {}", name, last, c.t, then.time_of(then.next_));
-  done(before == interval_ ? last : c.t);  // where the interval is another, times before the checkpoint are past
+  if (last < from.t && then.due(from.t))
+    from.refuse("{} = {}, but by the time {} another one was due at {}", name, last, from.t, then.time_of(then.next_));
+  done(interval == interval_ ? last : from.t);  // where the interval is another, times before the checkpoint are past
   last_ = last;
 }
 

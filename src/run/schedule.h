@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <string>
 
-#include <pliant/io/checkpoint.h>
 #include <pliant/io/run_writer.h>
+#include <pliant/run/archive.h>
 
 namespace pliant {
 
@@ -23,14 +23,14 @@ class Schedule {
   bool changed() const { return changed_; }
   Real longest() const { return longest_; }
 
-  void save(CheckpointWriter& checkpoint, const std::string& name) const;
   /// The interval may be another than the checkpoint's. Errors: InputError, as of Checkpoint, also where it ought to
   /// have been done again before the checkpoint.
-  void load(const Checkpoint& checkpoint, const std::string& name);
+  void visit(Archive& archive, const std::string& name);
 
  private:
   /// A little earlier, for the rounding of times.
   Real time_of(std::int64_t k) const { return static_cast<Real>(k) * interval_ * (1 - 1e-12); }
+  void restore(const Checkpoint& from, const std::string& name, Real last, Real interval);
 
   Real interval_, longest_;
   bool changed_ = false;

@@ -29,23 +29,24 @@ std::string history_of(const HistoryNeeds& term) { return "history_of_" + term.n
 std::string heat_of(const HistoryNeeds& term) { return "heat_of_" + term.name; }
 
 constexpr std::int64_t history_format = 1;
+constexpr const char *ids_entry = "id", *ranks_entry = "rank_particles", *reference_entry = "list_reference",
+                     *relisted_entry = "list_relisted", *places_entry = "list_places";
 
 }  // namespace
 
 StoredParticles::StoredParticles(const Checkpoint& checkpoint, const Topology& all, int dim, const Ranks& ranks)
     : checkpoint_(checkpoint), all_(all), dim_(static_cast<std::size_t>(dim)) {
   const auto n = static_cast<std::size_t>(all.particles());
-  const auto& ids = checkpoint.integer_array("id", n, 0, all.particles() - 1);
+  const auto& ids = checkpoint.integer_array(ids_entry, n, 0, all.particles() - 1);
   std::vector<bool> there(n);
-  for (const std::int64_t id : ids) {
-    if (there[static_cast<std::size_t>(id)]) checkpoint.refuse("id: {} is there twice", id);
-    there[static_cast<std::size_t>(id)] = true;
+  for (const std::int64_t m : ids) {
+    if (there[static_cast<std::size_t>(m)]) checkpoint.refuse("{}: {} is there twice", ids_entry, m);
+    there[static_cast<std::size_t>(m)] = true;
   }
   all_ids_.assign(ids.begin(), ids.end());
-  const auto& on_each =
-      checkpoint.integer_array("rank_particles", checkpoint.length("rank_particles"), 0, all.particles());
+  const auto& on_each = checkpoint.integer_array(ranks_entry, checkpoint.length(ranks_entry), 0, all.particles());
   if (const auto sum = std::accumulate(on_each.begin(), on_each.end(), std::int64_t{0}); sum != all.particles())
-    checkpoint.refuse("rank_particles: {} in all instead of {}", sum, n);
+    checkpoint.refuse("{}: {} in all instead of {}", ranks_entry, sum, n);
   const auto [first, last] = own_share(on_each, n, ranks);
   first_ = first;
   count_ = last - first;
@@ -63,17 +64,17 @@ std::vector<Image> StoredParticles::images(const std::string& name) const {
 
 StoredParticles::Lists StoredParticles::lists(Real reach) const {
   const Checkpoint& c = checkpoint_;
-  const std::size_t n = all_ids_.size(), listed = c.length("list_reference") == 0 ? 0 : coordinates(),
-                    moved = listed == 0 ? 0 : c.length("list_relisted");
-  const auto& relisted = c.integer_array("list_relisted", moved, 0, static_cast<std::int64_t>(n) - 1);
+  const std::size_t n = all_ids_.size(), listed = c.length(reference_entry) == 0 ? 0 : coordinates(),
+                    moved = listed == 0 ? 0 : c.length(relisted_entry);
+  const auto& relisted = c.integer_array(relisted_entry, moved, 0, static_cast<std::int64_t>(n) - 1);
   std::vector<std::size_t> start{0};  // of each particle's coordinates
   for (std::size_t k = 0; k < n; ++k) start.push_back(start[k] + points_of(static_cast<Index>(k)) * dim_);
   const auto count = [&](std::int64_t k) { return start[static_cast<std::size_t>(k) + 1] - start[k]; };
   std::size_t numbers = 0;
   for (const std::int64_t k : relisted) numbers += count(k);
-  Lists lists{c.real_array("list_reference", listed, -far, far),
+  Lists lists{c.real_array(reference_entry, listed, -far, far),
               {relisted.begin(), relisted.end()},
-              c.real_array("list_places", numbers, -far, far)};
+              c.real_array(places_entry, numbers, -far, far)};
   std::vector<Real> place = lists.reference;
   std::size_t from = 0;
   for (const std::int64_t k : relisted) {
@@ -85,6 +86,18 @@ StoredParticles::Lists StoredParticles::lists(Real reach) const {
     if (std::abs(x[i] - place[i]) > reach)
       c.refuse("x[{}] = {} is farther from the place {} where it was listed than lists hold", i, x[i], place[i]);
   return lists;
+}
+
+void save_particles(const Topology& topology, SharedCheckpoint& checkpoint) {
+  checkpoint.add_parts(ids_entry, std::span(topology.id).first(topology.owned()));
+  checkpoint.add_parts(ranks_entry, std::vector<std::int64_t>{topology.owned()});
+}
+
+void save_lists(std::vector<Real> reference, const std::vector<Index>& relisted, const std::vector<Real>& places,
+                SharedCheckpoint& checkpoint) {
+  checkpoint.add_parts(reference_entry, std::move(reference));
+  checkpoint.add_parts(places_entry, places);  // none where there are ghosts
+  checkpoint.add_parts(relisted_entry, relisted);
 }
 
 void save_history(const ContactHistory& history, const Topology& topology, SharedCheckpoint& checkpoint) {

@@ -1,4 +1,4 @@
-// The particles of a hopper's checkpoint, shared out over the ranks that go on with them.
+// The particles of a checkpoint, shared out over the ranks that go on with them.
 #pragma once
 
 #include <cstddef>
@@ -70,7 +70,14 @@ class StoredParticles {
   std::size_t first_ = 0, count_ = 0, first_coordinate_ = 0, own_coordinates_ = 0;
 };
 
-/// Contact histories of all terms, each contact once. Collective.
+// What StoredParticles reads. Collective; everything per particle or point is stored in the order of the ranks, and
+// within a rank in its own order.
+/// Which particles are where.
+void save_particles(const Topology& topology, SharedCheckpoint& checkpoint);
+/// The lists of Neighbours::history: reference, relisted and places.
+void save_lists(std::vector<Real> reference, const std::vector<Index>& relisted, const std::vector<Real>& places,
+                SharedCheckpoint& checkpoint);
+/// Contact histories of all terms, each contact once.
 void save_history(const ContactHistory& history, const Topology& topology, SharedCheckpoint& checkpoint);
 
 }  // namespace pliant

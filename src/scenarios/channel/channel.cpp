@@ -221,22 +221,16 @@ class ChannelProtocol final : public Protocol<2> {
                        schedule_.travel_at(step), force_text(largest_force()), deepest_.overlap);
   }
 
-  void save(SharedCheckpoint& c) const override {
-    c.add("push", schedule_.push_at(state().step));
-    c.add("jammed_pushes", jams_);
-    c.add("largest_overlap", largest_overlap_);
-    c.add("wall_overlap", wall_overlap_);
-    c.add("largest_plunger_force", largest_plunger_force_);
-  }
-
-  void load(const Checkpoint& c, const StoredParticles&) override {
-    const std::int64_t push = c.integer("push", schedule_.push_at(c.step), schedule_.push_at(c.step));
-    jams_ = c.integer_array("jammed_pushes", c.length("jammed_pushes"), 0, push);
+  void visit(Archive& a) override {
+    std::int64_t push = schedule_.push_at(state().step);
+    a.number("push", push, push, push);
+    a.array("jammed_pushes", jams_, 0, push);
+    a.number("largest_overlap", largest_overlap_, 0);
+    a.newer("wall_overlap", wall_overlap_, 0);
+    a.number("largest_plunger_force", largest_plunger_force_, 0);
+    if (!a.reads()) return;
     const auto events = static_cast<std::int64_t>(jams_.size());
-    c.integer("events", events, events);
-    largest_overlap_ = c.real("largest_overlap", 0);
-    wall_overlap_ = c.real_or("wall_overlap", 0);
-    largest_plunger_force_ = c.real("largest_plunger_force", 0);
+    a.from().integer("events", events, events);
     put_walls();
   }
 

@@ -97,14 +97,13 @@ class ClogProtocol final : public DropletProtocol {
     return opened_ < 0 ? "settling" : fmt::format("{} of {} left", droplets() - active(), droplets());
   }
 
-  void save_more(SharedCheckpoint& c) const override { c.add("opened_at", opened_); }
-
-  void load_more(const Checkpoint& c) override {
-    opened_ = c.real("opened_at", -1, c.t);
-    const auto& inside = c.integer_array("active", static_cast<std::size_t>(droplets()));
+  void visit_more(Archive& a) override {
+    a.number("opened_at", opened_, -1, a.t());
+    if (!a.reads()) return;
+    const auto& inside = a.from().integer_array("active", static_cast<std::size_t>(droplets()));
     for (Index m = 0; m < droplets(); ++m)
       if (opened_ < 0 && (position(m)[1] <= 0 || inside[m] == 0))
-        c.refuse("opened_at = {}: droplet {} is out already", opened_, m);
+        a.from().refuse("opened_at = {}: droplet {} is out already", opened_, m);
     if (opened_ >= 0) put_walls(make_walls(p_, far_below));
   }
 

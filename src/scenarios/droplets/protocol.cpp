@@ -22,7 +22,7 @@ ParticleSystem<2> make_particles(const DropletOptions& p, const DropletSetup& se
 std::unique_ptr<Simulation<2>> make_simulation(const DropletOptions& p, const DropletSetup& setup, const Ranks& ranks) {
   NeighbourDragOptions drag = p.drag_options();
   drag.walls = setup.walls_rub;
-  auto mobility = std::make_unique<NeighbourDrag<2>>(drag, ranks);
+  auto mobility = std::make_unique<NeighbourDrag<2>>(drag);
   const NeighbourDrag<2>& friction = *mobility;
   std::vector<IntegratedQuantity<2>> quantities(2);
   quantities[work] = {"work", wall_power<2>};
@@ -147,16 +147,10 @@ void DropletProtocol::deactivate(Index m) {
   outside_budget([&] { particles().deactivate(m); });
 }
 
-void DropletProtocol::save(SharedCheckpoint& c) const {
-  c.add("start_energy", start_energy_);
-  c.add("withdrawn", withdrawn_);
-  save_more(c);
-}
-
-void DropletProtocol::load(const Checkpoint& c, const StoredParticles&) {
-  start_energy_ = c.real("start_energy");
-  withdrawn_ = c.real("withdrawn");
-  load_more(c);
+void DropletProtocol::visit(Archive& a) {
+  a.number("start_energy", start_energy_);
+  a.number("withdrawn", withdrawn_);
+  visit_more(a);
 }
 
 std::optional<EnergyBudget> DropletProtocol::energy_budget() {

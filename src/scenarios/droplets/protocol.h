@@ -43,8 +43,7 @@ class DropletProtocol : public Protocol<2> {
   void started() final;
   std::vector<SeriesValue> sample() final;
   std::vector<Real> wall_segments() final { return drawn_walls(state().t); }
-  void save(SharedCheckpoint& checkpoint) const final;
-  void load(const Checkpoint& checkpoint, const StoredParticles& stored) final;
+  void visit(Archive& archive) final;
   std::optional<EnergyBudget> energy_budget() final;
   void conclude(nlohmann::ordered_json& summary) final;
   void report(const Series& series, nlohmann::ordered_json& summary) final;
@@ -57,8 +56,7 @@ class DropletProtocol : public Protocol<2> {
   virtual std::vector<Real> drawn_walls(Real t) const = 0;
   /// Columns that it adds to a sample.
   virtual void measure(std::vector<SeriesValue>& row) = 0;
-  virtual void save_more(SharedCheckpoint& checkpoint) const = 0;
-  virtual void load_more(const Checkpoint& checkpoint) = 0;  ///< may put_walls()
+  virtual void visit_more(Archive& archive) = 0;  ///< when it reads, it may put_walls()
   virtual void conclude_more(nlohmann::ordered_json& summary) = 0;
 
   // Services for scenarios. Droplets are never sorted; droplet m is at place m.

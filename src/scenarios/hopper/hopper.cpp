@@ -267,25 +267,20 @@ class HopperProtocol final : public Protocol<D> {
     return line;
   }
 
-  void save(SharedCheckpoint& c) const override {
-    counter_.save(c, ranks());
-    const ClogDetector::State& clog = clog_.state();
-    c.add("quiet_since", std::isnan(clog.quiet_since) ? -1 : clog.quiet_since);
-    c.add("crossed_before_quiet", clog.crossed);
-    c.add("clog_speed", *p_.clog_speed);
-    c.add("wall_overlap", wall_overlap_);
-    c.add("packing_iterations", packing_iterations_);
-  }
-
-  void load(const Checkpoint& c, const StoredParticles& stored) override {
-    stored.particles("active", p_.flow == FlowKind::continuous ? 1 : 0, 1);
-    const std::int64_t crossed = counter_.load(c, stored, ranks(), largest_a0_);
+  void visit(Archive& a) override {
+    if (a.reads()) a.particles().particles("active", p_.flow == FlowKind::continuous ? 1 : 0, 1);
+    const std::int64_t crossed = counter_.visit(a, ranks(), largest_a0_);
+    ClogDetector::State clog = clog_.state();
+    Real quiet_since = std::isnan(clog.quiet_since) ? -1 : clog.quiet_since, limit = *p_.clog_speed;
+    a.number("quiet_since", quiet_since, -1, a.t());
+    a.number("crossed_before_quiet", clog.crossed, -1, crossed);
+    a.newer("clog_speed", limit);
+    a.newer("wall_overlap", wall_overlap_, 0);
+    a.number("packing_iterations", packing_iterations_);
+    if (!a.reads()) return;
     // With another limit of speeds the quiet time may have begun later: restart it.
-    const bool same_limit = c.real_or("clog_speed", *p_.clog_speed) == *p_.clog_speed;
-    const Real quiet_since = same_limit ? c.real("quiet_since", -1, c.t) : -1;
-    clog_.restore({quiet_since < 0 ? NAN : quiet_since, c.integer("crossed_before_quiet", -1, crossed)});
-    wall_overlap_ = c.real_or("wall_overlap", 0);
-    packing_iterations_ = c.integer("packing_iterations");
+    const bool quiet = quiet_since >= 0 && limit == *p_.clog_speed;
+    clog_.restore({quiet ? quiet_since : NAN, clog.crossed});
   }
 
   std::string failure_details() const override {

@@ -94,29 +94,18 @@ void OrificeCounter<D>::reinserted(Index m, const State& state, const Topology& 
 }
 
 template <int D>
-void OrificeCounter<D>::save(SharedCheckpoint& c, const Ranks& ranks) const {
-  c.add_parts("counted", counted_);
-  c.add_parts("outside", outside_);
-  c.add_parts("reinserted", reinserted_);
-  c.add("crossed", ranks.sum(flow_.crossed));
-  c.add("crossed_area", ranks.sum(flow_.area));
-}
-
-template <int D>
-std::int64_t OrificeCounter<D>::load(const Checkpoint& c, const StoredParticles& stored, const Ranks& ranks,
-                                     Real largest) {
-  const std::int64_t crossed = c.integer("crossed");
-  c.integer("events", crossed, crossed);
-  const auto restore = [&](auto& own, const char* name, std::int64_t least, std::int64_t most) {
-    const auto values = stored.particles(name, least, most);
-    own.assign(values.begin(), values.end());
-  };
-  restore(counted_, "counted", 0, 1);
-  restore(outside_, "outside", 0, 1);
-  restore(reinserted_, "reinserted", 0, crossed);
-  const Real crossed_area = c.real("crossed_area", 0, static_cast<Real>(crossed) * largest * (1 + 1e-9));
-  if (ranks.root()) flow_ = {crossed, crossed_area};
-  return crossed;
+std::int64_t OrificeCounter<D>::visit(Archive& a, const Ranks& ranks, Real largest) {
+  FlowCount all{ranks.sum(flow_.crossed), ranks.sum(flow_.area)};
+  a.number("crossed", all.crossed);
+  a.number("crossed_area", all.area, 0, static_cast<Real>(all.crossed) * largest * (1 + 1e-9));
+  a.per_particle("counted", counted_, 0, 1);
+  a.per_particle("outside", outside_, 0, 1);
+  a.per_particle("reinserted", reinserted_, 0, all.crossed);
+  if (a.reads()) {
+    a.from().integer("events", all.crossed, all.crossed);
+    if (ranks.root()) flow_ = all;
+  }
+  return all.crossed;
 }
 
 template class OrificeCounter<2>;

@@ -62,9 +62,8 @@ class OrificeCounter {
   /// Crossings since the last call.
   std::vector<OrificeCrossing<D>> take_crossings() { return std::exchange(crossings_, {}); }
 
-  void save(SharedCheckpoint& c, const Ranks& ranks) const;
   /// largest: the largest particle's a0. Returns the number of crossings of all ranks. Errors: InputError.
-  std::int64_t load(const Checkpoint& c, const StoredParticles& stored, const Ranks& ranks, Real largest);
+  std::int64_t visit(Archive& archive, const Ranks& ranks, Real largest);
 
   /// Centre and velocity of own particle m.
   static Sighting<D> sight(const State& state, const Topology& topology, Index m);

@@ -188,17 +188,12 @@ class RaftProtocol final : public DropletProtocol {
     return fmt::format("walls {:.3f} R apart  rows {}  broken {}", distance(state().t), rows_, broken_);
   }
 
-  void save_more(SharedCheckpoint& c) const override {
-    c.add("broken", broken_);
-    c.add("formed", formed_);
-  }
-
-  void load_more(const Checkpoint& c) override {
+  void visit_more(Archive& a) override {
     // Each is an event.
-    const std::int64_t events = c.integer("events");
-    broken_ = c.integer("broken", 0, events);
-    formed_ = c.integer("formed", events - broken_, events - broken_);
-    bonds_ = find_bonds();
+    const std::int64_t events = a.reads() ? a.from().integer("events") : broken_ + formed_;
+    a.number("broken", broken_, 0, events);
+    a.number("formed", formed_, events - broken_, events - broken_);
+    if (a.reads()) bonds_ = find_bonds();
   }
 
   void conclude_more(nlohmann::ordered_json& s) override {
