@@ -20,31 +20,24 @@ struct NeighbourDrag<D>::Solver {
 };
 
 template <int D>
-NeighbourDrag<D>::NeighbourDrag(const NeighbourDragOptions& options, const Ranks& ranks)
-    : options_(options), ranks_(ranks), solver_(std::make_unique<Solver>()) {
+NeighbourDrag<D>::NeighbourDrag(const NeighbourDragOptions& options)
+    : options_(options), solver_(std::make_unique<Solver>()) {
   if (!(options.b > 0)) throw InputError("the viscosity b is {}, but it must be positive", options.b);
   if (!(options.beyond_contact > 0))
     throw InputError("the range of neighbours beyond contact is {}, but it must be positive", options.beyond_contact);
-  petsc_check(KSPCreate(ranks.comm(), solver_->ksp.out()));
+  petsc_check(KSPCreate(PETSC_COMM_SELF, solver_->ksp.out()));
   KSP ksp = solver_->ksp;
   PC pc = nullptr;
   constexpr const char* prefix = "mobility_";
   petsc_check(KSPSetOptionsPrefix(ksp, prefix));
-  // The neighbours stay the same for many evaluations, and a factor of B with them. On several ranks each has one: an
-  // iterative solver sends some ten times as many messages, which up to 10⁴ droplets take longer than all the rest.
+  // The neighbours stay the same for many evaluations, and the factors of B with them.
   petsc_check(KSPSetType(ksp, KSPPREONLY));
   // Forces may be as good as nothing beside the velocities before: no divergence.
   petsc_check(KSPSetTolerances(ksp, 1e-12, PETSC_DEFAULT, 1e100, PETSC_DEFAULT));
   petsc_check(KSPGetPC(ksp, &pc));
-  petsc_check(PCSetType(pc, ranks.several() ? PCREDUNDANT : PCCHOLESKY));
-  if (ranks.several()) {
-    KSP each = nullptr;
-    petsc_check(PCRedundantGetKSP(pc, &each));
-    petsc_check(KSPGetPC(each, &pc));
-    petsc_check(PCSetType(pc, PCCHOLESKY));
-  }
+  petsc_check(PCSetType(pc, PCCHOLESKY));
   petsc_check(KSPSetFromOptions(ksp));
-  read_views(ranks.comm(), ksp_views, prefix);
+  read_views(PETSC_COMM_SELF, ksp_views, prefix);
   PetscBool direct = PETSC_FALSE;  // then PETSc refuses a guess
   petsc_check(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(ksp), KSPPREONLY, &direct));
   petsc_check(KSPSetInitialGuessNonzero(ksp, direct == PETSC_TRUE ? PETSC_FALSE : PETSC_TRUE));
@@ -119,7 +112,7 @@ Real NeighbourDrag<D>::power(const StateView<D>& s) const {
 template <int D>
 void NeighbourDrag<D>::find_velocities(const ForceField<D>& field, const StateView<D>& s, Real* v) {
   force_.resize(static_cast<std::size_t>(s.topology.points()) * D);
-  ranks_.together([&] { field.forces(s, force_.data()); });
+  field.forces(s, force_.data());
   solve(s, force_.data(), v);
 }
 
@@ -159,7 +152,10 @@ void NeighbourDrag<D>::solve(const StateView<D>& s, const Real* force, Real* v) 
       row.push_back(numbers_[i]);
       column.push_back(numbers_[j]);
     });
-    petsc_check(MatCreate(ranks_.comm(), solver.matrix.out()));
+    if (std::ranges::any_of(column, [n](PetscInt k) { return k >= n; }))
+      throw InputError(
+          "viscous neighbours are on several ranks, but they can move on one rank only; start without mpiexec");
+    petsc_check(MatCreate(PETSC_COMM_SELF, solver.matrix.out()));
     petsc_check(MatSetSizes(solver.matrix, n, n, PETSC_DETERMINE, PETSC_DETERMINE));
     petsc_check(MatSetType(solver.matrix, MATAIJ));
     petsc_check(MatSetPreallocationCOO(solver.matrix, static_cast<PetscCount>(row.size()), row.data(), column.data()));
@@ -171,7 +167,7 @@ void NeighbourDrag<D>::solve(const StateView<D>& s, const Real* force, Real* v) 
     petsc_check(KSPSetOperators(solver.ksp, solver.matrix, solver.matrix));
     solver.patterned = true;
   }
-  if (ranks_.any(!same)) {
+  if (!same) {
     solver.values.assign(diagonal_.begin(), diagonal_.end());
     for (const std::uint8_t near : coupled_) solver.values.push_back(near != 0 ? -1 : 0);
     petsc_check(MatSetValuesCOO(solver.matrix, solver.values.data(), INSERT_VALUES));

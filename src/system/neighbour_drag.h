@@ -5,7 +5,6 @@
 #include <span>
 #include <vector>
 
-#include <pliant/base/ranks.h>
 #include <pliant/system/mobility.h>
 
 namespace pliant {
@@ -30,30 +29,29 @@ struct NeighbourDragOptions {
 /// range or leave it, and velocities with them.
 ///
 /// PETSc solves it, one right-hand side per dimension, by sparse Cholesky factors, made anew where neighbours have
-/// changed; on several ranks each has those of the whole system. -mobility_ksp_… and -mobility_pc_… choose others:
-/// -mobility_ksp_type cg with -mobility_pc_type icc (on several ranks bjacobi) iterates to a relative tolerance of
-/// 1e-12. The pattern is that of the lists.
+/// changed. -mobility_ksp_… and -mobility_pc_… choose others: -mobility_ksp_type cg with -mobility_pc_type icc iterates
+/// to a relative tolerance of 1e-12. The pattern is that of the lists. All droplets are on one rank; ghosts are images
+/// in a periodic box.
 template <int D>
 class NeighbourDrag final : public Mobility<D> {
  public:
-  /// Collective, as is solve(). Errors: InputError where b or the range is not positive.
-  explicit NeighbourDrag(const NeighbourDragOptions& options, const Ranks& ranks = Ranks());
+  /// Errors: InputError where b or the range is not positive.
+  explicit NeighbourDrag(const NeighbourDragOptions& options);
   ~NeighbourDrag() override;
 
-  /// New lists: the pattern of B is made anew at the next solve(). numbers [points]: the row of each point in the whole
-  /// system, ghosts included.
+  /// New lists: the pattern of B is made anew at the next solve(). numbers [points]: the row of each point; that of a
+  /// ghost is the row of its original.
   void set_numbers(std::vector<Index> numbers) override;
 
   void find_velocities(const ForceField<D>& field, const StateView<D>& s, Real* v) override;
 
   /// Writes v [owned points · D] for these forces [points · D]; inactive particles rest. v comes with the velocities
   /// before, from which an iterative solver starts; with lagged coupling those of s.v count, ghosts included.
-  /// Errors: NumericalError where the solver fails.
+  /// Errors: NumericalError where the solver fails, InputError where neighbours are on other ranks.
   void solve(const StateView<D>& s, const Real* force, Real* v);
 
-  /// Power that drag and friction dissipate at s.v: b (Σ v_i² + Σ_pairs |v_i − v_j|² + Σ_walls |v_i − v_wall|²), of the
-  /// own points; a pair across ranks counts half on each. With the exact coupling it equals the power of the forces
-  /// (and of the walls' friction).
+  /// Power that drag and friction dissipate at s.v: b (Σ v_i² + Σ_pairs |v_i − v_j|² + Σ_walls |v_i − v_wall|²). With
+  /// the exact coupling it equals the power of the forces (and of the walls' friction).
   Real power(const StateView<D>& s) const override;
 
   bool remembers() const override { return true; }
@@ -79,7 +77,6 @@ class NeighbourDrag final : public Mobility<D> {
   void find_coupling(const StateView<D>& s);
 
   NeighbourDragOptions options_;
-  Ranks ranks_;
   std::vector<Index> numbers_;
   std::vector<std::uint8_t> coupled_;  ///< [entries of for_each_neighbour] in range?
   std::vector<Real> diagonal_;         ///< [owned points] of B
