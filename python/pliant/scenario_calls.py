@@ -1,7 +1,7 @@
 """The scenarios of the program as functions, made from its table of options.
 
-`pliant.hopper(n=200, t_end=20)` does what `pliant hopper -n 200 -t_end 20` does: the same checks, defaults and messages, the
-same folder. `help(pliant.hopper)` lists the options.
+`pliant.hopper(n=200, t_end=20)` does what `pliant hopper -n 200 -t_end 20` does: the same checks, defaults and
+messages, the same folder. `help(pliant.hopper)` lists the options.
 """
 
 import inspect
@@ -168,8 +168,9 @@ def _function(name, text, units, table):
 def evaluate(case, name="case"):
     """Energies and forces of one configuration, as `pliant evaluate` computes them.
 
-    case: a dict, or the name of a JSON file, as docs/scenarios/evaluate.md describes it; arrays may be numpy's. name: of the
-    case in messages. Returns a dict {"area", "energy": {term: value}, "force": {term: list, "total": list}}.
+    case: a dict, or the name of a JSON file, as docs/scenarios/evaluate.md describes it; arrays may be numpy's. name:
+    name of the case in messages. Returns a dict {"area", "energy": {term: value}, "force": {term: list, "total":
+    list}}.
     Errors: InputError that names the key; NumericalError if a result overflows.
     """
     if isinstance(case, (str, os.PathLike)):

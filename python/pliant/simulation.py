@@ -5,8 +5,8 @@
 >>> sim.run(0.5)
 >>> sim.positions, sim.energies["pair"], sim.contacts
 
-Arrays are numpy's, in the order in which particles were added. Units are free: with diameters, density and gravity of about
-1 they are those of the program, and the defaults of the parameters fit.
+Arrays are numpy's, in the order in which particles were added. Units are free: with diameters, density and gravity of
+about 1 they equal the units of the program, and the defaults of the parameters fit.
 """
 
 from __future__ import annotations
@@ -92,8 +92,9 @@ class Box:
 class Container:
     """A hopper, with obstacles: its walls, and a dense packing in it.
 
-    width: of the orifice, which is centred at the origin; wall_distance: of the upright walls; angle: of the sloped walls to
-    gravity, in degrees. obstacles: ("disk", centre, radius) or ("polygon", corners). In 3D all of it is a meridian (ρ, z).
+    width: width of the orifice, which is centred at the origin; wall_distance: distance of the upright walls; angle:
+    angle of the sloped walls to gravity, in degrees. obstacles: ("disk", centre, radius) or ("polygon", corners). In 3D
+    these are meridians (ρ, z).
     """
 
     def __init__(self, width: float, wall_distance: float, angle: float = 90.0, obstacles: Iterable[tuple] = ()):
@@ -241,7 +242,7 @@ class Simulation:
     parameters of the model and of the integration, listed below.
 
     Errors: InputError for arguments, also where particles overlap so that a force has no direction; NumericalError in runs,
-    after which the state is that of the failure.
+    after which the simulation keeps the state of the failure.
     """
 
     def __init__(self, positions: ArrayLike | None = None, diameters: ArrayLike | None = None, *,
@@ -366,7 +367,7 @@ class Simulation:
         return add
 
     def forget(self, function: Callable) -> None:
-        """Ends what every() has begun."""
+        """Ends the calls of every()."""
         self._callbacks = [entry for entry in self._callbacks if entry[0] is not function]
 
     def stop(self) -> None:
@@ -397,8 +398,8 @@ class Simulation:
     def add(self, positions: ArrayLike | None = None, diameters: ArrayLike | None = None, *,
             polygons: Iterable[ArrayLike] | None = None, a0: ArrayLike | None = None, l0: ArrayLike | None = None,
             velocities: ArrayLike | None = None, mass: ArrayLike | None = None, density: float = 1.0) -> None:
-        """Adds particles, with arguments as those of Simulation; in a callback, after it has returned. Then all arrays are
-        new: those that Python holds keep the old state."""
+        """Adds particles, with the arguments of Simulation; in a callback, after it has returned. Then all arrays are
+        new: arrays that Python holds keep the old state."""
         if (positions is None) == (polygons is None):
             raise InputError("give positions and diameters, or polygons")
         self._core.add(self._particles(positions, diameters, polygons, a0, l0, velocities, mass, density))
@@ -464,7 +465,7 @@ class Simulation:
     @property
     def positions(self) -> np.ndarray:
         """[points, D] of centres, or vertices. The array shows the present state after each run and in callbacks; numbers
-        written to it become the state. It keeps its address until particles are added or removed."""
+        written to it become the state. The array keeps its address until particles are added or removed."""
         return self._get("positions")
 
     @positions.setter

@@ -23,7 +23,7 @@ from .sweep_rows import is_number
 #: `status` in summary.json of runs that have nothing left to do.
 FINISHED = ("done", "clogged", "at_rest", "empty", "jammed")
 STOPPED_CODE = 75
-IN_USE_CODE = 6  #: another process runs in the folder, or in that of the run to branch from
+IN_USE_CODE = 6  #: another process runs in the folder, or in the folder of the run to branch from
 IN_USE_PAUSE = 1  #: s until a row is tried again whose folder was in use
 # Signals that end a worker in order. Slurm, terminals and GNU parallel may send several at once; those are one request.
 _STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGUSR1)
@@ -245,7 +245,8 @@ def _digest(summary):
 
 
 def _outdated(record):
-    """The entry of row.json by which the summary of a run that is being extended does not count as that of the longer run."""
+    """The entry of row.json by which the summary of a run that is being extended does not count as the summary of the
+    longer run."""
     return {name: value for name, value in record.items() if name == "outdated_summary_sha256"}
 
 
@@ -315,7 +316,7 @@ class _Job:
 
 class Sweep:
     """Runs rows with a number of workers until none is left or a signal comes. The program's lock makes sure that a row
-    runs once at a time: exit code 6 says that another process has it. A patient sweep waits for such rows."""
+    runs once at a time: exit code 6 means that another process has it. A patient sweep waits for such rows."""
 
     def __init__(self, folders, program, workers, retry=False, patient=True):
         self._folders, self._program, self._workers = folders, program, workers

@@ -14,8 +14,8 @@ namespace pliant {
 /// called first in main.
 void guard_standard_streams();
 
-/// A receiver of remarks and warnings, in place of the standard streams: for a program that embeds runs. While it
-/// lives, it receives those of its thread. Its functions do not throw.
+/// A receiver of remarks and warnings, in place of the standard streams: for a program that embeds runs. From
+/// construction to destruction, it receives the remarks and warnings of its thread. Its functions do not throw.
 class ConsoleSink {
  public:
   ConsoleSink();

@@ -28,7 +28,7 @@ void start_session() {
   starter = ::getpid();
 }
 
-/// PETSc and MPI end with the interpreter, but not those of the parent of a fork.
+/// PETSc and MPI end with the interpreter; a fork does not end the PETSc and MPI of its parent.
 void end_session() {
   if (session == nullptr || starter != ::getpid()) return;
   close_all_simulations();

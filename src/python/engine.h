@@ -20,8 +20,8 @@ struct UsageError : Error {
 };
 
 /// Permission to use the engine, from construction to destruction, both with the GIL held. PETSc and the options of a
-/// run belong to the process, so one thread has it at a time. The first one starts PETSc and MPI. Errors: UsageError in
-/// another thread than the one that has it, and in a fork of the process that has started the engine.
+/// run belong to the process, so one thread has it at a time. The first permission starts PETSc and MPI. Errors:
+/// UsageError while another thread has it, and in a fork of the process that has started the engine.
 class EngineUse {
  public:
   /// run: the engine computes; a callback, which runs within a run, cannot start another one. Otherwise data are read
@@ -59,7 +59,7 @@ class PendingError {
   std::exception_ptr error_;
 };
 
-/// Handlers of signals of the interpreter (Ctrl-C) run; what they raise is thrown. With the GIL.
+/// Handlers of signals of the interpreter (Ctrl-C) run; their exceptions are thrown. With the GIL.
 inline void check_signals() {
   if (PyErr_CheckSignals() != 0) throw py::error_already_set();
 }

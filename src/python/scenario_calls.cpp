@@ -13,7 +13,7 @@
 namespace pliant::python {
 namespace {
 
-/// Tells a Python object of a run: its methods begin(folder), progress(t, end, text), say(text), warn(text).
+/// Reports a run to a Python object: its methods begin(folder), progress(t, end, text), say(text), warn(text).
 class Listener final : public RunMonitor, public ConsoleSink {
  public:
   explicit Listener(py::object listener) : listener_(std::move(listener)) {}

@@ -85,7 +85,7 @@ void check_positive(const Array& values, const char* name) {
       throw InputError("{}[{}] is {}, but must be positive and finite", name, k, values.data()[k]);
 }
 
-/// Appends the particles of arrays, with ids that go on from the present ones.
+/// Appends the particles of arrays, with ids that continue the present ids.
 template <int D>
 void append_particles(Particles& to, const ParticleArrays& arrays) {
   const auto n = static_cast<std::size_t>(arrays.points_of.size());
@@ -449,7 +449,7 @@ class Simulated final : public AnySimulation {
       if constexpr (D == 2) wall = walls.segment(k, t());
       Vec<2> end = wall.end();
       for (int c = 0; c < 2; ++c)
-        if (wall.direction[c] == 0) end[c] = wall.origin[c];  // of a wall without end
+        if (wall.direction[c] == 0) end[c] = wall.origin[c];  // the fixed coordinate of an infinite wall
       segments.append(py::make_tuple(wall.origin[0], wall.origin[1], end[0], end[1]));
       radius.append(wall.radius);
       bodies.append(walls.body_of_wall(k));
@@ -582,7 +582,7 @@ class Simulated final : public AnySimulation {
     Running& operator=(const Running&) = delete;
 
     AfterStep after_step(ForceFunction* function) {
-      if (error) return AfterStep::stop;  // of the force function
+      if (error) return AfterStep::stop;  // exception of the force function
       Simulation<D>& simulation = *of.simulation_;
       of.stale_ = true;
       if constexpr (D == 2)
@@ -747,7 +747,7 @@ class Simulated final : public AnySimulation {
     return all;
   }
 
-  /// Those of `kept`, in increasing order, with new ids.
+  /// The particles `kept`, in increasing order, with new ids.
   static Particles selected(const Particles& all, const std::vector<Index>& kept) {
     Particles some;
     some.topology = all.topology.select(kept);
@@ -861,7 +861,7 @@ class Simulated final : public AnySimulation {
     simulation_->changed();
   }
 
-  /// PETSc's options may be those of another simulation.
+  /// PETSc's options may belong to another simulation.
   void prepare() {
     if (settings_->method == Method::ts) settings_->restore();
     if constexpr (D == 2)
@@ -890,7 +890,7 @@ class Simulated final : public AnySimulation {
     return k == 2 ? simulation_->angles().data() : simulation_->spins().data();
   }
 
-  /// From the order in memory to that of the ids [points · width], or back; of own points.
+  /// From the order in memory to the order of the ids [points · width], or back; owned points only.
   void gather(const Topology& topology, const Real* from, std::size_t width, Real* to) const {
     for (Index m = 0; m < topology.owned(); ++m)
       std::copy_n(from + static_cast<std::size_t>(topology.offset[m]) * width,

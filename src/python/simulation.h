@@ -77,7 +77,7 @@ class AnySimulation {
 void bind_simulation(py::module_& m);
 void bind_walls(py::module_& m);
 void bind_statistics(py::module_& m);
-/// Of the simulations that are still open: at the end of the interpreter, before PETSc ends.
+/// Closes all open simulations at the end of the interpreter, before PETSc ends.
 void close_all_simulations();
 
 }  // namespace pliant::python

@@ -1,4 +1,4 @@
-// Statistics of series: those of the program.
+// Statistics of series, as in the program.
 #include <pybind11/numpy.h>
 #include <pybind11/stl.h>
 

@@ -45,7 +45,8 @@ class StopSignals {
   std::array<struct sigaction, signals.size()> before_{};
 };
 
-/// An observer of the runs of its thread while it lives, for a program that embeds runs. It replaces the progress line.
+/// An observer of the runs of its thread while it lives, for a program that embeds runs. The monitor replaces the
+/// progress line.
 class RunMonitor {
  public:
   RunMonitor();
@@ -58,15 +59,15 @@ class RunMonitor {
   virtual void progress(Real t, Real end, const std::string& text) = 0;
   /// A few times per second: whether to stop the run with a checkpoint.
   virtual bool stop() = 0;
-  /// That of this thread; null without one.
+  /// The monitor of this thread, or null.
   static RunMonitor* current();
 
  private:
   RunMonitor* before_;
 };
 
-/// Clock of a run, to be called often: it reads the time only now and then. On several ranks due() must be called at
-/// the same steps; if it is true, all ranks call the collective functions. The root's clock counts.
+/// Clock of a run, to be called often: the clock reads the time only now and then. On several ranks due() must be
+/// called at the same steps; if it is true, all ranks call the collective functions. The root's clock counts.
 class RunControl {
  public:
   /// Wall seconds; 0 or less: never.

@@ -27,7 +27,7 @@ struct Scenario {
   std::string units = {};      ///< of the options, in a sentence for the reference
   /// Runs it with the arguments after its name. Collective. Errors are the same on all ranks.
   std::function<ExitCode(const Arguments& arguments, const Ranks& ranks)> run;
-  /// Options::table() of its options; empty where it has none.
+  /// Options::table() of its options; empty without options.
   std::function<nlohmann::ordered_json()> table = {};
 };
 

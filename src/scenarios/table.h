@@ -1,4 +1,4 @@
-// The table of scenarios: those of the program, and of the Python module.
+// The table of scenarios of the program and of the Python module.
 #pragma once
 
 #include <vector>

@@ -23,7 +23,7 @@ enum class PushPhase {
   rest      ///< all are in their places of rest
 };
 
-/// The plungers push in turn, each from its rest position over the stroke and back. Frames of a push are a whole number
+/// The plungers act in turn, each from its rest position over the stroke and back. Frames of a push are a whole number
 /// of steps apart and include both ends of the stroke; therefore steps and the travel between frames are slightly
 /// shorter or longer than requested. All quantities are functions of the step number.
 class PushSchedule {
