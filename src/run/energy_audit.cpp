@@ -38,7 +38,7 @@ std::string EnergyBudget::text() const {
 void SampledIntegral::add(Real t, Real value) {
   if (count_ > 0) sum_ += (t - last_.first) * (value + last_.second) / 2;
   if (count_ > 1) {
-    // A value against the line between its neighbours: of independent values 3/2 of their variance.
+    // Deviation of a value from the line between its neighbours; for independent values its variance is 3/2 of theirs.
     const Real span = t - before_.first, part = (last_.first - before_.first) / span;
     squares_ += square(span / 2 * (last_.second - (1 - part) * before_.second - part * value)) / 1.5;
   }
@@ -160,7 +160,7 @@ void EnergyAudit<D>::sample(At at) {
   largest_ = std::max(largest_, sums[1]);
 }
 
-/// Of contacts compressed by 1e-9 of a radius.
+/// Energy of contacts compressed by 1e-9 of a radius.
 template <int D>
 Real EnergyAudit<D>::rounding() const {
   if (!inertia()) return 0;
@@ -187,7 +187,7 @@ EnergyBudget EnergyAudit<D>::budget() {
   b.work = work_ + brought_;
   b.largest = largest_;
   b.rounding = rounding();
-  heat_ = heat;  // the run may go on
+  heat_ = heat;  // the run may continue
   largest_ = largest;
   return b;
 }

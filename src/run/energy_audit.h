@@ -15,7 +15,7 @@
 
 namespace pliant {
 
-/// Energies since the start of a run, in its units: change = work − heat where energy is conserved.
+/// Energies since the start of a run, in its units: change = work − heat if energy is conserved.
 struct EnergyBudget {
   Real work = 0;         ///< of moving walls, and of particles moved to another place
   Real heat = 0;         ///< dissipated
@@ -55,23 +55,24 @@ class SampledIntegral {
   std::pair<Real, Real> last_{}, before_{};  ///< time and value
 };
 
-/// Keeps the budget of a simulation. Exact to the order of the method: the energy at both ends, changes of the state
-/// that are announced (`outside`), the work of walls and the heat of contacts with history, both summed over all steps.
-/// Drag and friction without history are evaluated every `stride` steps: their power costs as much as a force. With
-/// velocity Verlet the power is f(x, p) · v, f having seen the predicted velocities p: over all steps that is exactly
-/// the loss of kinetic energy by these forces, at half steps.
+/// Computes the energy budget of a simulation. Exact to the order of the method: the energy at both ends, announced
+/// changes of the state (`outside`), the work of walls and the heat of contacts with history, both summed over all
+/// steps. Drag and friction without history are evaluated every `stride` steps: their power costs as much as a force.
+/// With velocity Verlet the power is f(x, p) · v, with f computed from the predicted velocities p: summed over all
+/// steps this is exactly the loss of kinetic energy by these forces, at half steps.
 template <int D>
 class EnergyAudit {
  public:
   explicit EnergyAudit(Simulation<D>& simulation) : simulation_(simulation) {}
 
-  /// Before the first step of a process: the state is complete, new or restored. Collective, as all that follow.
+  /// To be called before the first step of a process, with a complete state, new or restored. Collective, as all
+  /// functions below.
   void start();
-  /// After an accepted step, before anything changes the state.
+  /// To be called after an accepted step, before any other change of the state.
   void follow();
   /// Before the next step. changed: the state was changed since follow().
   void prepare(bool changed);
-  /// change() moves, adds or takes out these particles (ids), in any way but by forces.
+  /// change() moves, adds or removes these particles (ids), by other means than forces.
   template <class Change>
   void outside(std::span<const Index> ids, Change&& change) {
     if (!started_) return change();
@@ -79,7 +80,7 @@ class EnergyAudit {
     change();
     brought_ += energy_of(ids) - before;
   }
-  /// change() puts walls elsewhere, or lets them move otherwise.
+  /// change() changes places or motions of walls.
   template <class Change>
   void outside(Change&& change) {
     if (!started_) return change();
@@ -89,7 +90,7 @@ class EnergyAudit {
     power_ = wall_power(At::anywhere);
   }
 
-  Real work() const { return work_; }  ///< of moving walls
+  Real work() const { return work_; }  ///< work of moving walls
   EnergyBudget budget();
 
   void visit(Archive& archive);
@@ -114,7 +115,7 @@ class EnergyAudit {
   Real start_energy_ = 0, brought_ = 0, work_ = 0;
   Real power_ = 0, power_at_ = 0;  ///< of walls, at the end of the last step
   Real largest_ = 0;               ///< kinetic energy
-  SampledIntegral heat_;           ///< of drag and of friction without history
+  SampledIntegral heat_;           ///< heat of drag and of friction without history
   std::vector<Real> predicted_;    ///< velocities that the forces at the end of the next step see
 };
 

@@ -44,7 +44,7 @@ std::string stored_text(const fs::path& folder, const std::string& name) {
 /// State of a command's folder: free for a new run, or a run to resume.
 enum class Found { nothing, stopped, killed };
 
-/// Looks into the folder of -output. Errors: InputError where no run can start or go on.
+/// Inspects the folder of -output. Errors: InputError if no run can start or continue there.
 Found look_into(const fs::path& folder, const Options& options) {
   std::error_code error;
   const bool checkpoint = has_checkpoint(folder);
@@ -117,7 +117,7 @@ RunCounts counts_of(const Checkpoint& c) {
 void make_run(std::string_view scenario, const RunOptions& p, Options& options, const Ranks& ranks, FolderLock& lock,
               const std::function<void(std::optional<Checkpoint>)>& make) {
   const bool restart = !p.restart.empty(), branch = p.branches(options);
-  fs::path folder = restart && !branch ? p.restart : p.output;  // with the checkpoint to go on from
+  fs::path folder = restart && !branch ? p.restart : p.output;  // folder with the checkpoint to continue from
   Found found = Found::stopped;
   StoredCheckpoints stored;
   ranks.on_root([&] {

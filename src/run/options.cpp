@@ -10,7 +10,7 @@ bool RunOptions::branches(const Options& options) const {
   if (restart.empty() || !options.given("output") ||
       std::filesystem::weakly_canonical(output) == std::filesystem::weakly_canonical(restart))
     return false;
-  // That of an options file is the folder of the run that the file made.
+  // With an options file, the folder is the folder of the run that the file creates.
   if (const std::string& from = options.source("output"); from != "command line")
     throw InputError(
         "-output {} ({}) with -restart {}: a branch needs -output on the command line; to continue in place, leave it "

@@ -25,8 +25,8 @@ namespace pliant {
 class RunAccess {
  public:
   virtual ~RunAccess() = default;
-  /// The run ends after this step. status: "done", "clogged", …; by: which option or condition ended a run that is
-  /// done. The first call counts.
+  /// The run ends after this step. status: "done", "clogged", …; by: the option or condition that ended a run with
+  /// status "done". The first call counts.
   virtual void end(std::string status, std::string by = {}) = 0;
   /// A frame of the present state. Collective.
   virtual void write_frame() = 0;
@@ -34,14 +34,13 @@ class RunAccess {
   virtual void add_event(const std::vector<SeriesValue>& row) = 0;
   /// Length of the last step, also where a restart has not taken one yet; before the first that to come.
   virtual Real last_dt() const = 0;
-  /// The command that goes on with the run.
+  /// The command that continues the run.
   virtual std::string restart_command() const = 0;
-  /// Which samples to average over, from the first one of the run on.
+  /// The samples to average over, counted from the first sample of the run.
   virtual EvenSamples even_samples() const = 0;
 };
 
-/// A scenario's half of a run. All functions are called on every rank alike, and may be collective, unless they say
-/// otherwise.
+/// A scenario's part of a run. All functions are called on every rank, and may be collective, unless stated otherwise.
 template <int D>
 class Protocol {
  public:
@@ -61,12 +60,12 @@ class Protocol {
   virtual std::string title() const = 0;  ///< a line for the start of the run
   virtual std::string model() const = 0;
   virtual std::string_view unit_of_time() const { return "t0"; }  ///< in messages
-  virtual Real last_time() const = 0;                             ///< the run ends there at the latest
+  virtual Real last_time() const = 0;                             ///< latest end of the run
   virtual std::string end_at_last_time() const { return "t_end"; }
   virtual Real first_dt() const = 0;
   /// The longest stable step of an explicit method with a fixed step, in t0.
   virtual Real critical_step() const { return std::numeric_limits<Real>::infinity(); }
-  /// Of it; longer fixed steps are warned of.
+  /// Part of the critical step; longer fixed steps give a warning.
   virtual Real safe_part() const { return CriticalStep::safe_part; }
   /// Margin of the neighbour lists, where the user has chosen it.
   virtual std::optional<Real> fixed_skin() const { return {}; }
@@ -76,7 +75,7 @@ class Protocol {
   virtual RunGeometry geometry() const = 0;
   /// Axes of series, for run.h5: written at the start. On the root.
   virtual void write_axes(RunWriter& /*writer*/) const {}
-  /// Advice about options that were not read; check() refuses inconsistent ones, before anything is written.
+  /// Advice about options that were not read; check() refuses inconsistent options, before any output is written.
   virtual std::string unread_options_advice() const { return {}; }
   virtual void check() const {}
 
@@ -90,12 +89,12 @@ class Protocol {
   virtual void repeat(const Series& /*series*/) {}
   /// The state is complete, new or restored; steps follow.
   virtual void ready() {}
-  /// A restart goes on from where end() was called: calls it again if the run still ends there, as options may be
-  /// others.
+  /// A restart continues from the state in which end() was called: calls end() again if the run still ends there,
+  /// because options may have changed.
   virtual void judge_end() {}
 
-  /// Keeps the energy budget of a scenario whose energy is changed only by forces, walls, and
-  /// EnergyAudit::outside; null: none is kept.
+  /// Energy budget of a scenario whose energy changes only by forces, walls, and EnergyAudit::outside; null without a
+  /// budget.
   virtual EnergyAudit<D>* audit() { return nullptr; }
   /// At the end of a run, which fails where energy is made or lost.
   virtual std::optional<EnergyBudget> energy_budget() {
@@ -109,13 +108,13 @@ class Protocol {
   virtual bool follow() { return false; }
   /// Particles were sorted: data per particle move with them.
   virtual void sorted(const Migration& /*migration*/) {}
-  /// Before a sample and a checkpoint: events that are still kept go to add_event().
+  /// Called before a sample and a checkpoint: stored events go to add_event().
   virtual void record_events() {}
   /// A row of /series. May call end(). Errors: NumericalError where no later number could be trusted.
   virtual std::vector<SeriesValue> sample() = 0;
   /// x1 y1 x2 y2 of each wall at this time, where they are not always as in the geometry.
   virtual std::vector<Real> wall_segments() { return {}; }
-  /// Numbers that a frame has beside its time: where the protocol is.
+  /// Attributes of a frame in addition to its time: the state of the protocol.
   virtual std::map<std::string, Real> frame_attributes() const { return {}; }
   /// How often each own particle was reinserted; null where particles never are.
   virtual const std::vector<Index>* reinsertions() const { return nullptr; }
@@ -141,8 +140,8 @@ class Protocol {
   const ParticleSystem<D>& particles() const { return simulation_->particles(); }
   const Topology& topology() const { return simulation_->topology(); }
   const Ranks& ranks() const { return simulation_->ranks(); }
-  /// Length of the step that led here. At the start that of the coming step, if it is fixed, and 0 if the method has
-  /// yet to find its length.
+  /// Length of the step that led here. At the start the length of the coming step, if it is fixed, and 0 if the method
+  /// has not determined it yet.
   Real step_taken() const {
     return state().step > 0 || simulation_->integrator().explicit_fixed_step() ? run_->last_dt() : 0;
   }

@@ -146,7 +146,7 @@ std::string Run<D>::end_text() const {
                                  : fmt::format("{:g} {}", end, protocol_->unit_of_time());
 }
 
-/// Errors: InputError for a step that makes energy from nothing, or that is longer than the run.
+/// Errors: InputError for an unstable step, or a step longer than the run.
 template <int D>
 void Run<D>::check_step() const {
   const Real dt = integrator().next_dt(), end = protocol_->last_time(), critical = protocol_->critical_step(),
@@ -186,7 +186,7 @@ void Run<D>::announce() const {
   if (restarted()) say("continuing at t = {:.6g} {}, step {}\n", state().t, protocol_->unit_of_time(), state().step);
 }
 
-/// Makes the folder of a branch, unless the run goes on in the one of its checkpoint.
+/// Creates the folder of a branch, unless the run continues in the folder of its checkpoint.
 template <int D>
 void Run<D>::branch() {
   if (!branched_) return;
@@ -201,7 +201,7 @@ void Run<D>::prepare() {
   protocol_->placed();
   protocol_->started();
   cpu_at_start_ = control_.cpu_seconds();
-  save(true);  // whenever the run is killed, there is something to go on from
+  save(true);  // a killed run always has a checkpoint to continue from
 }
 
 /// Early ends are functions of the samples: the stored samples may already have ended the run.
@@ -220,12 +220,13 @@ template <int D>
 AfterStep Run<D>::after_step() {
   EnergyAudit<D>* const audit = protocol_->audit();
   if (audit != nullptr) audit->follow();
-  // Before anything below builds lists, so that output changes no trajectory. TS methods lose their history by it.
+  // Before the code below builds lists, so that output does not change the trajectory. TS methods lose their history by
+  // this.
   const bool changed = protocol_->follow(), sorted = !changed && simulation().wants_sorting();
   if (sorted) protocol_->sorted(simulation().sort());
   if (sampling_.due(state().t)) sample();
   if (framing_.due(state().t)) frame();
-  if (ended()) save(changed);  // for a restart that asks for more
+  if (ended()) save(changed);  // for a restart with a later end
   if (!ended() && control_.due()) {
     control_.progress(state().t, protocol_->last_time(), [&] { return progress(); });
     if (control_.stop()) end("stopped", {});
@@ -375,7 +376,7 @@ ExitCode Run<D>::finish() {
   if (!stopped()) protocol_->conclude(s);
   ranks_.on_root([&] {
     writer_->flush();
-    if (!stopped()) writer_->drop_later_frames();  // of a run that was killed later than this one ends
+    if (!stopped()) writer_->drop_later_frames();  // frames of a killed run, later than the end of this run
     if (stopped()) {
       say("stopped at t = {:.6g} {} with a checkpoint; run the same command again to resume\n", state().t,
           protocol_->unit_of_time());
@@ -395,7 +396,7 @@ ExitCode Run<D>::finish() {
   return stopped() ? ExitCode::stopped : ExitCode::done;
 }
 
-/// Errors: NumericalError where so much energy was made or lost that no result can be trusted.
+/// Errors: NumericalError if the energy error is so large that no result can be trusted.
 template <int D>
 void Run<D>::judge_energy() {
   constexpr Real limit = 0.1;

@@ -1,4 +1,4 @@
-// A run from start to summary, whatever the scenario.
+// A run of any scenario, from start to summary.
 #pragma once
 
 #include <array>
@@ -106,13 +106,13 @@ class Run final : public AnyRun, private RunAccess {
   Real first_dt_;             ///< of the run
   FrameFormat frame_format_;
   std::string restarted_from_;   ///< file of the checkpoint
-  bool branched_ = false;        ///< it is that of another folder
-  IntegratorStatistics before_;  ///< of the runs before a restart
+  bool branched_ = false;        ///< the run is a branch of another folder
+  IntegratorStatistics before_;  ///< statistics of the runs before a restart
   std::int64_t rebuilds_before_ = 0;
   Real cpu_before_ = 0, cpu_at_start_ = 0, started_at_ = 0;
   std::uint64_t restored_samples_ = 0, restored_frames_ = 0, restored_events_ = 0;
-  std::string status_, ended_by_;       ///< empty while the run goes on
-  bool had_ended_ = false;              ///< by its protocol: the run that a restart goes on from
+  std::string status_, ended_by_;       ///< empty while the run continues
+  bool had_ended_ = false;              ///< whether the protocol had ended the run from which a restart continues
   bool sampled_ = false;                ///< in this process
   std::optional<EnergyBudget> budget_;  ///< at the end of the run
 };

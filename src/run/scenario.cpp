@@ -40,7 +40,7 @@ std::string usage(const std::vector<Scenario>& scenarios) {
                     program);
 }
 
-/// The names that pliant-sweep knows, the one that it takes by default first.
+/// The names for pliant-sweep; the first name is its default.
 std::string names_of(const std::vector<Scenario>& scenarios) {
   std::string text;
   for (const Scenario& s : scenarios)
@@ -85,8 +85,8 @@ ExitCode run(const std::vector<Scenario>& scenarios, const std::string& name, co
                    near ? fmt::format(", did you mean '{}'?", *near) : std::string(), program_name());
 }
 
-/// Prints the error, once. Errors that all ranks share end the program in order; one that only some of the ranks
-/// have leaves the others waiting, and ends them too.
+/// Prints the error, once. An error of all ranks ends the program in order; an error of some ranks leaves the other
+/// ranks waiting, and ends them too.
 int fail(const Ranks& ranks, const std::string& message, ExitCode code) {
   const bool shared = ranks.meet(std::chrono::seconds(2));
   if (ranks.root() || !shared) complain(fmt::format("{}: error: {}\n", program_name(), message));
@@ -102,7 +102,7 @@ int complain_without_memory() {
   return static_cast<int>(ExitCode::out_of_memory);
 }
 
-/// Of the exception that is being handled. Returns its exit code.
+/// Reports the exception that is being handled. Returns its exit code.
 int complain_in_flight() {
   try {
     const Error error = error_in_flight();
@@ -115,7 +115,7 @@ int complain_in_flight() {
 
 std::terminate_handler other_terminate = nullptr;
 
-/// For destructors that need memory, such as that of nlohmann::json.
+/// For destructors that need memory, such as the destructor of nlohmann::json.
 [[noreturn]] void on_terminate() {
   try {
     if (const auto error = std::current_exception()) std::rethrow_exception(error);

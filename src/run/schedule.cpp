@@ -8,8 +8,8 @@ namespace pliant {
 void Schedule::done(Real t) {
   constexpr Real countable = 1e15;
   last_ = t;
-  // The quotient is right to rounding; the rest decides by the same comparison as due(). Beyond counting, whatever the
-  // interval, every step is due.
+  // The quotient is right to rounding; the rest decides by the same comparison as due(). Beyond the range of the
+  // counter every step is due, for any interval.
   const Real quotient = std::min(t / interval_, countable);
   next_ = std::max(next_, static_cast<std::int64_t>(quotient));
   if (quotient < countable)

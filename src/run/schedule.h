@@ -16,7 +16,7 @@ class Schedule {
   explicit Schedule(Real interval) : interval_(interval), longest_(interval) {}
 
   bool due(Real t) const { return t >= time_of(next_); }
-  /// It is done at time t >= 0, due or not. Takes no longer where it has been due many times since.
+  /// Records the event at time t >= 0, due or not. Takes no longer if it has been due many times since.
   void done(Real t);
   bool done_at(Real t) const { return last_ >= t; }
   /// Whether a restart has changed the interval, and the longest one since the start of the run.

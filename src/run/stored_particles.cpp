@@ -67,7 +67,7 @@ StoredParticles::Lists StoredParticles::lists(Real reach) const {
   const std::size_t n = all_ids_.size(), listed = c.length(reference_entry) == 0 ? 0 : coordinates(),
                     moved = listed == 0 ? 0 : c.length(relisted_entry);
   const auto& relisted = c.integer_array(relisted_entry, moved, 0, static_cast<std::int64_t>(n) - 1);
-  std::vector<std::size_t> start{0};  // of each particle's coordinates
+  std::vector<std::size_t> start{0};  // begin of each particle's coordinates
   for (std::size_t k = 0; k < n; ++k) start.push_back(start[k] + points_of(static_cast<Index>(k)) * dim_);
   const auto count = [&](std::int64_t k) { return start[static_cast<std::size_t>(k) + 1] - start[k]; };
   std::size_t numbers = 0;

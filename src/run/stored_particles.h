@@ -15,8 +15,8 @@
 
 namespace pliant {
 
-/// This rank's part: as it was, on as many ranks as before; otherwise an equal one. All ranks check all of an array, so
-/// that they agree on whether it is good. Errors: InputError, as of Checkpoint.
+/// This rank's part: the previous part if the number of ranks is unchanged, otherwise an equal part. All ranks check
+/// the full array, so that they agree on its validity. Errors: InputError, as of Checkpoint.
 class StoredParticles {
  public:
   /// No point of a run comes farther from the orifice.
@@ -30,7 +30,7 @@ class StoredParticles {
   std::span<const std::int64_t> particles(const std::string& name, std::int64_t least, std::int64_t most) const {
     return std::span(checkpoint_.integer_array(name, all_ids_.size(), least, most)).subspan(first_, count_);
   }
-  /// The same of three numbers for each particle.
+  /// Three numbers for each particle.
   std::vector<Image> images(const std::string& name) const;
   /// The same of `dim` numbers, −most … most, for each point.
   std::span<const Real> points(const std::string& name, Real most = far) const {
@@ -50,8 +50,8 @@ class StoredParticles {
     return std::span(all).subspan(first_coordinate_, own_coordinates_);
   }
 
-  /// How the lists of the stopped run came about, of all particles; without a reference if there were no lists. Checks
-  /// that no point has gone farther from there, in any direction, than `reach`.
+  /// Reference of the lists of the stopped run, for all particles; empty if there were no lists. Checks that no
+  /// coordinate differs from the reference by more than `reach`.
   struct Lists {
     const std::vector<Real>& reference;
     std::vector<Index> relisted;

@@ -32,7 +32,7 @@ NeighbourDrag<D>::NeighbourDrag(const NeighbourDragOptions& options)
   petsc_check(KSPSetOptionsPrefix(ksp, prefix));
   // The neighbours stay the same for many evaluations, and the factors of B with them.
   petsc_check(KSPSetType(ksp, KSPPREONLY));
-  // Forces may be as good as nothing beside the velocities before: no divergence.
+  // Forces may be negligible next to the previous velocities, which must not count as divergence.
   petsc_check(KSPSetTolerances(ksp, 1e-12, PETSC_DEFAULT, 1e100, PETSC_DEFAULT));
   petsc_check(KSPGetPC(ksp, &pc));
   petsc_check(PCSetType(pc, PCCHOLESKY));
@@ -80,7 +80,7 @@ void NeighbourDrag<D>::for_each_wall(const StateView<D>& s, Visit&& visit) const
   }
 }
 
-/// Which listed pairs and walls are in range.
+/// The listed pairs and walls that are in range.
 template <int D>
 void NeighbourDrag<D>::find_coupling(const StateView<D>& s) {
   const auto n = static_cast<std::size_t>(s.topology.owned_points());
@@ -161,7 +161,7 @@ void NeighbourDrag<D>::solve(const StateView<D>& s, const Real* force, Real* v) 
     petsc_check(MatSetPreallocationCOO(solver.matrix, static_cast<PetscCount>(row.size()), row.data(), column.data()));
     petsc_check(MatSetOption(solver.matrix, MAT_SPD, PETSC_TRUE));
     petsc_check(MatCreateVecs(solver.matrix, solver.solution.out(), solver.right.out()));
-    petsc_check(KSPReset(solver.ksp));  // which forgets the views that options ask for
+    petsc_check(KSPReset(solver.ksp));  // KSPReset drops the views set by options
     petsc_check(KSPMonitorCancel(solver.ksp));
     petsc_check(KSPSetFromOptions(solver.ksp));
     petsc_check(KSPSetOperators(solver.ksp, solver.matrix, solver.matrix));

@@ -1,4 +1,4 @@
-// Velocities of droplets without inertia, from the balance of forces with the viscous ones.
+// Velocities of droplets without inertia, from the balance of forces and viscous forces.
 #pragma once
 
 #include <memory>
@@ -19,7 +19,8 @@ enum class Coupling {
 struct NeighbourDragOptions {
   Real b = 1;                 ///< viscosity: force per velocity
   Real beyond_contact = 0.1;  ///< droplets are neighbours at r < R_i + R_j + beyond_contact: 2 a_s
-  bool walls = false;         ///< walls within R + beyond_contact have friction too, with their own velocity [T 4.1]
+  bool walls = false;         ///< walls within R + beyond_contact also have friction, relative to the velocity of the
+                              ///< wall [T 4.1]
   Coupling coupling = Coupling::exact;
 };
 
@@ -30,8 +31,8 @@ struct NeighbourDragOptions {
 ///
 /// PETSc solves it, one right-hand side per dimension, by sparse Cholesky factors, made anew where neighbours have
 /// changed. -mobility_ksp_… and -mobility_pc_… choose others: -mobility_ksp_type cg with -mobility_pc_type icc iterates
-/// to a relative tolerance of 1e-12. The pattern is that of the lists. All droplets are on one rank; ghosts are images
-/// in a periodic box.
+/// to a relative tolerance of 1e-12. The pattern follows the lists. All droplets are on one rank; ghosts are images in
+/// a periodic box.
 template <int D>
 class NeighbourDrag final : public Mobility<D> {
  public:
@@ -39,7 +40,7 @@ class NeighbourDrag final : public Mobility<D> {
   explicit NeighbourDrag(const NeighbourDragOptions& options);
   ~NeighbourDrag() override;
 
-  /// New lists: the pattern of B is made anew at the next solve(). numbers [points]: the row of each point; that of a
+  /// New lists: the next solve() builds the pattern of B again. numbers [points]: the row of each point; that of a
   /// ghost is the row of its original.
   void set_numbers(std::vector<Index> numbers) override;
 
@@ -64,14 +65,14 @@ class NeighbourDrag final : public Mobility<D> {
  private:
   struct Solver;  // hides PETSc from those who include this
 
-  /// Calls visit(i, j, e) for each listed pair of an own point i, once from each side.
+  /// Calls visit(i, j, e) for each listed pair of an owned point i, once from each side.
   template <class Visit>
   static void for_each_neighbour(const StateView<D>& s, Visit&& visit);
   bool in_range(const StateView<D>& s, Index i, Index j, Index e) const {
     const Real range = s.neighbours.point_pairs.reach[e] + options_.beyond_contact;
     return (s.position(i) - s.position(j)).squaredNorm() < square(range);
   }
-  /// Calls visit(i, velocity of the wall there) for each wall in range of an own point i.
+  /// Calls visit(i, velocity of the wall there) for each wall in range of an owned point i.
   template <class Visit>
   void for_each_wall(const StateView<D>& s, Visit&& visit) const;
   void find_coupling(const StateView<D>& s);

@@ -235,7 +235,7 @@ void ParticleSystem<D>::check_lengths() const {
 
 template <int D>
 void ParticleSystem<D>::move_history(const Migration& migration) {
-  if (!ranks_.several()) return;  // ids stay
+  if (!ranks_.several()) return;  // ids do not change
   std::unordered_map<Index, Index> own;
   for (Index m = 0; m < topology_.owned(); ++m) own[topology_.id[m]] = m;
   for (const ContactTable& table : history_.tables()) {
