@@ -37,8 +37,8 @@ class ChangeableField final : public ForceField<D> {
     field_->forces(s, f);
     add_function(s, f, [](Index) { return Real(1); });
   }
-  bool accelerations(const StateView<D>& s, Real* a) const override {
-    const bool finite = field_->accelerations(s, a);
+  bool accelerations(const StateView<D>& s, Real* a, HistoryWorkspace* workspace = nullptr) const override {
+    const bool finite = field_->accelerations(s, a, workspace);
     add_accelerations(s, a);
     return finite;
   }
@@ -76,8 +76,9 @@ class ChangeableField final : public ForceField<D> {
   CriticalStep critical_step(const Topology& topology) const override { return field_->critical_step(topology); }
   bool rotates() const override { return field_->rotates(); }
   std::vector<HistoryNeeds> history_needs() const override { return field_->history_needs(); }
-  void accept(const StateView<D>& s, Real h, ContactHistory& history, bool found = false) const override {
-    field_->accept(s, h, history, found);
+  void accept(const StateView<D>& s, Real h, ContactHistory& history, HistoryWorkspace& workspace,
+              bool found = false) const override {
+    field_->accept(s, h, history, workspace, found);
   }
 
  private:

@@ -54,7 +54,7 @@ void explain_units(Options& o) {
 }  // namespace
 
 HopperOptions::HopperOptions(const std::vector<ModelDefinition>& own) : model(models_with(own)) {
-  model.make_automatic(Role::drag, "0; 0.316 (drag only of [H]) for sp, rough or smooth without -mu");
+  model.make_automatic(Role::drag, "0; 0.316 (drag only of [H]) for sp, rough or smooth without friction");
 }
 
 void HopperOptions::bind(Options& o) {
