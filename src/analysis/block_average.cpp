@@ -21,7 +21,7 @@ Real variance_of(std::span<const Real> values) {
   return sum / static_cast<Real>(values.size() - 1);
 }
 
-/// A constant series has then exactly no variance, whatever its size.
+/// Then the variance of a constant series is exactly 0.
 std::vector<Real> relative_to_first(std::span<const Real> series) {
   std::vector<Real> values(series.begin(), series.end());
   for (Real& value : values) value -= series.front();
@@ -35,8 +35,7 @@ void halve(std::vector<Real>& values) {
   values.resize(pairs);
 }
 
-/// Square of the standard error of the mean, from so many equal stretches; samples that are left at the end are
-/// dropped.
+/// Square of the standard error of the mean, from so many equal stretches; remaining samples at the end are dropped.
 Real squared_error(std::span<const Real> values, std::size_t stretches) {
   const std::size_t length = values.size() / stretches;
   std::vector<Real> means;

@@ -123,7 +123,7 @@ class ContactTable {
     /// Zeros where there was no contact.
     PLIANT_INLINE const Real* operator()(Index e) const { return values_ + static_cast<std::ptrdiff_t>(e) * Width; }
     PLIANT_INLINE bool touches(Index e) const { return touches_[e] != 0; }
-    /// All numbers of a range; null where one of its elements was no contact.
+    /// All numbers of a range; null if one of its elements was not a contact.
     PLIANT_INLINE const Real* all(Range range) const {
       for (Index e = range.first; e < range.last; ++e)
         if (!touches(e)) return nullptr;
@@ -176,7 +176,7 @@ class ContactWorkspace {
   explicit ContactWorkspace(HistoryNeeds needs) : needs_(std::move(needs)) {}
 
   const HistoryNeeds& needs() const { return needs_; }
-  /// Makes room for the list of a table, after its assign(). No element touches and no constant is set.
+  /// Allocates memory for the list of a table, after its assign(). No element touches and no constant is set.
   void follow(const ContactTable& table) {
     next_.resize(table.listed_contacts(), needs_.width);
     scratch_.indices.resize(table.elements());

@@ -53,8 +53,8 @@ struct SurfaceFriction {
     const R most = slides ? dynamic_limit : limit, pull = k * spring + gamma * rate;
     return {spring, pull < -most ? -most : (most < pull ? most : pull), slides};
   }
-  /// As above, for vectors across the normal, which are cut to the limit by their lengths. Roots are computed beside
-  /// quotients instead of before them: kernels wait for this chain.
+  /// As above, for vectors across the normal, which are cut to the limit by their lengths. Roots and quotients are
+  /// computed independently: kernels wait for this chain.
   template <class R>
   PLIANT_INLINE static Hold<Vector3<R>, MaskOf<R>> hold(R k, R gamma, Vector3<R> spring, const Vector3<R>& rate,
                                                         R static_limit, R dynamic_limit, MaskOf<R> was_sliding) {

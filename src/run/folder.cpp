@@ -132,7 +132,7 @@ void make_run(std::string_view scenario, const RunOptions& p, Options& options, 
   });
   if (ranks.broadcast(found) == Found::nothing) return make({});
   std::vector<std::string> problems = std::move(stored.problems);
-  bool fits = true;  // run.h5 to the checkpoint; the root knows
+  bool fits = true;  // whether run.h5 has the data of the checkpoint; set on the root
   for (const std::string& file : shared_names(ranks, stored.files)) {
     std::string problem;
     try {

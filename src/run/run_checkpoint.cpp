@@ -13,7 +13,7 @@ namespace pliant {
 
 /// Numbers of a run in a checkpoint.
 struct RunNumbers {
-  bool changed = false;  ///< by the protocol after the last step: the integrator starts anew
+  bool changed = false;  ///< by the protocol after the last step: the integrator restarts
   bool ended = false;
   Real dt = 0, last_dt = 0, first_dt = 0, skin = 0, cpu_seconds = 0;
   std::int64_t samples = 0, frames = 0, events = 0;
@@ -56,7 +56,7 @@ void visit_images(Archive& a, const ParticleSystem<D>& particles, State& s) {
   a.to().add_parts("images", std::move(images));
 }
 
-/// Which particles are where, and take part.
+/// Places of the particles, and whether they are active.
 template <int D>
 void visit_particles(Archive& a, Simulation<D>& simulation) {
   ParticleSystem<D>& particles = simulation.particles();
@@ -144,7 +144,7 @@ void Run<D>::visit_lists(Archive& a, Real skin) {
   Neighbours<D>& neighbours = particles.neighbours();
   const State& s = state();
   typename Neighbours<D>::History now;
-  // Lists that do not hold are going to be built anew. Ranks whose particles have just left have none.
+  // Invalid lists will be rebuilt. Ranks whose particles have just left have no lists.
   if (!a.reads() && ranks_.all(s.size() == 0 || neighbours.valid(particles.walls(), s.x().data(), s.t)))
     now = neighbours.history(particles.topology());
   a.number("list_time", now.time, 0, a.t());
@@ -159,7 +159,7 @@ void Run<D>::visit_lists(Archive& a, Real skin) {
   }
 }
 
-/// All of a checkpoint, to write it or to read it. What is read is checked before it is used.
+/// All quantities of a checkpoint, to write or to read them. Values are checked before use.
 template <int D>
 void Run<D>::visit(Archive& a, RunNumbers& n) {
   State& s = state();

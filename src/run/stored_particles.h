@@ -1,4 +1,4 @@
-// The particles of a checkpoint, shared out over the ranks that go on with them.
+// The particles of a checkpoint, distributed over the ranks of the continued run.
 #pragma once
 
 #include <cstddef>
@@ -70,8 +70,8 @@ class StoredParticles {
   std::size_t first_ = 0, count_ = 0, first_coordinate_ = 0, own_coordinates_ = 0;
 };
 
-// What StoredParticles reads. Collective; everything per particle or point is stored in the order of the ranks, and
-// within a rank in its own order.
+// Writes the data that StoredParticles reads. Collective; data per particle or point are stored in the order of the
+// ranks, and within a rank in the order of its memory.
 /// Which particles are where.
 void save_particles(const Topology& topology, SharedCheckpoint& checkpoint);
 /// The lists of Neighbours::history: reference, relisted and places.

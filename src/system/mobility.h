@@ -20,8 +20,7 @@ class Mobility {
   virtual bool remembers() const = 0;
   /// Pairs of particles up to so far beyond contact must be listed.
   virtual Real beyond_contact() const = 0;
-  /// New lists. numbers [points]: the row of each point in the whole system; that of a ghost is the row of its
-  /// original.
+  /// New lists. numbers [points]: the row of each point in the full system; a ghost has the row of its original.
   virtual void set_numbers(std::vector<Index> numbers) = 0;
 };
 

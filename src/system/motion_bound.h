@@ -18,7 +18,7 @@ enum class MotionSince {
   outline_check,  ///< of vertices and outlines (CrossingWatch)
 };
 
-/// Upper bound of how far any point has moved, without a look at the positions. An integrator reports by how much
+/// Upper bound of how far any point has moved, without reading the positions. An integrator reports by how much
 /// coordinates change at most until the next force evaluation; the bounds of all evaluations since an event add up to
 /// the distance since that event. The distance is infinite if some motion was not reported, and until the event has
 /// happened for the first time. All numbers are the same on every rank if the reported ones are.
@@ -36,7 +36,7 @@ class MotionBound {
     for (Real& distance : distance_) distance += per_coordinate_ * change;
     reported_.reset();
   }
-  /// The points are somewhere else, at positions that nobody has reported.
+  /// The points have moved to unreported positions.
   void lose() {
     distance_.fill(infinite);
     reported_.reset();

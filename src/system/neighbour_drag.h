@@ -29,10 +29,10 @@ struct NeighbourDragOptions {
 /// the neighbours (+ 1 for each wall in range), symmetric and positive definite. Its entries jump when pairs come into
 /// range or leave it, and velocities with them.
 ///
-/// PETSc solves it, one right-hand side per dimension, by sparse Cholesky factors, made anew where neighbours have
-/// changed. -mobility_ksp_… and -mobility_pc_… choose others: -mobility_ksp_type cg with -mobility_pc_type icc iterates
-/// to a relative tolerance of 1e-12. The pattern follows the lists. All droplets are on one rank; ghosts are images in
-/// a periodic box.
+/// PETSc solves it, one right-hand side per dimension, by sparse Cholesky factors, computed again after a change of
+/// neighbours. -mobility_ksp_… and -mobility_pc_… choose others: -mobility_ksp_type cg with -mobility_pc_type icc
+/// iterates to a relative tolerance of 1e-12. The pattern follows the lists. All droplets are on one rank; ghosts are
+/// images in a periodic box.
 template <int D>
 class NeighbourDrag final : public Mobility<D> {
  public:
@@ -40,15 +40,15 @@ class NeighbourDrag final : public Mobility<D> {
   explicit NeighbourDrag(const NeighbourDragOptions& options);
   ~NeighbourDrag() override;
 
-  /// New lists: the next solve() builds the pattern of B again. numbers [points]: the row of each point; that of a
-  /// ghost is the row of its original.
+  /// New lists: the next solve() builds the pattern of B again. numbers [points]: the row of each point; a ghost has
+  /// the row of its original.
   void set_numbers(std::vector<Index> numbers) override;
 
   void find_velocities(const ForceField<D>& field, const StateView<D>& s, Real* v) override;
 
-  /// Writes v [owned points · D] for these forces [points · D]; inactive particles rest. v comes with the velocities
-  /// before, from which an iterative solver starts; with lagged coupling those of s.v count, ghosts included.
-  /// Errors: NumericalError where the solver fails, InputError where neighbours are on other ranks.
+  /// Writes v [owned points · D] for these forces [points · D]; inactive particles rest. On entry, v holds the previous
+  /// velocities, from which an iterative solver starts; lagged coupling uses s.v, including ghosts. Errors:
+  /// NumericalError if the solver fails, InputError if neighbours are on other ranks.
   void solve(const StateView<D>& s, const Real* force, Real* v);
 
   /// Power that drag and friction dissipate at s.v: b (Σ v_i² + Σ_pairs |v_i − v_j|² + Σ_walls |v_i − v_wall|²). With

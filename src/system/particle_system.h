@@ -77,7 +77,7 @@ class ParticleSystem final : public ImplicitSystem {
   /// Whether there may be ghosts: on several ranks, and in a periodic box.
   bool has_ghosts() const { return ranks_.several() || !box_.open(); }
   /// Values of the owned points [owned points · D], extended to all points [points · D]; `storage` holds it where
-  /// there are ghosts. Not for positions, because those of images are shifted. The lists must be valid. Collective.
+  /// there are ghosts. Not for positions, because positions of images are shifted. The lists must be valid. Collective.
   const Real* with_ghosts(const Real* own, std::vector<Real>& storage) const;
 
   /// Builds ghosts and lists from x, which becomes their reference.
@@ -138,15 +138,15 @@ class ParticleSystem final : public ImplicitSystem {
   /// Contacts migrate with their particles. To be called before the topology migrates.
   void move_history(const Migration& migration);
 
-  /// Whether the lists hold at x. Positions are compared with those of the lists only if the bound of the motion
-  /// exceeds the limit. The same on every rank.
+  /// Whether the lists hold at x. Positions are compared with the reference positions of the lists only if the bound of
+  /// the motion exceeds the limit. The same on every rank.
   bool hold(const Real* x, Real t);
   /// After a change of the particles or the walls: the next view rebuilds the lists.
   void invalidate_lists();
   /// Narrows the list of vertices and edges, of which few touch, again and again at x [points · D].
   void narrow(const Real* x);
 
-  /// The configuration at x, as far from the last evaluation as motion_ says.
+  /// The configuration at x, at the distance from the last evaluation given by motion_.
   StateView<D> make_view(const Real* x, const Real* v, Real t);
   /// Angles and spins from x and v [size()]; and the history and its workspace, which follow the lists.
   void add_rotations_and_history(StateView<D>& s, const Real* x, const Real* v);
