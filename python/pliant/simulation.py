@@ -453,7 +453,7 @@ class Simulation:
         return self._core.counters()
 
     def _get(self, name):
-        return self._core.array(name)
+        return self._core.array(name).view()  # a view cannot be resized
 
     def _set(self, name, values):
         array = self._core.array(name)

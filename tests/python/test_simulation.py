@@ -153,7 +153,7 @@ def test_arrays_are_in_the_order_of_the_particles_however_they_are_sorted():
     address, kept = sim.positions.ctypes.data, sim.positions
     sim.run(20)
     assert sim.counters["list_rebuilds"] > 40
-    assert sim.positions.ctypes.data == address and kept is sim.positions
+    assert sim.positions.ctypes.data == address and np.shares_memory(kept, sim.positions)
     assert kept + 51.0 * sim.images == pytest.approx(x + 20 * v)
     assert list(sim.ids) == list(range(n))
 
@@ -167,6 +167,15 @@ def test_arrays_outlive_the_simulation():
     del sim
     gc.collect()
     assert (positions == after).all() and row.base is not None and np.isfinite(row).all()
+
+
+def test_arrays_cannot_be_resized():
+    sim = Simulation([[0, 0], [5, 5]], diameters=1)
+    with pytest.raises(ValueError):
+        sim.positions.resize((100, 2), refcheck=False)
+    sim.positions.shape = (4,)
+    sim.step(3)
+    assert sim.positions.shape == (2, 2)
 
 
 def test_numbers_that_are_written_become_the_state():
