@@ -1,6 +1,7 @@
 """One run folder: manifest, topology, geometry, frames, series, summary."""
 
 import difflib
+import fnmatch
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -428,15 +429,24 @@ class Run:
 
     @_read_once
     def manifest(self):
-        """The content of /manifest, with `options` decoded."""
+        """The content of /manifest, with `options` and `datasets` decoded."""
         group = self._file["manifest"]
         manifest = {key: _plain(value) for key, value in group.attrs.items()}
         manifest |= {name: self._file.text(group[name]) for name in group.names()}
-        try:
-            manifest["options"] = json.loads(manifest.get("options", "{}"))
-        except json.JSONDecodeError as error:
-            raise RunError(f"{self.path}: the options in /manifest are not JSON ({error})") from None
+        for name in ("options", "datasets"):
+            try:
+                manifest[name] = json.loads(manifest.get(name, "{}"))
+            except json.JSONDecodeError as error:
+                raise RunError(f"{self.path}: the {name} in /manifest are not JSON ({error})") from None
         return manifest
+
+    def describe(self, dataset):
+        """(units, description) of a dataset of run.h5, such as "series/heat" or "frames/000003/spins"; units are empty for
+        numbers without unit. RunError for a dataset that the run does not describe, as in runs of older versions."""
+        for pattern, entry in self.manifest["datasets"].items():
+            if fnmatch.fnmatchcase(dataset.lstrip("/"), pattern):
+                return entry["units"], entry["description"]
+        raise RunError(f"{self.path}: run.h5 does not describe {dataset}; docs/reference/file-format.md has the datasets")
 
     @_read_once
     def options(self):

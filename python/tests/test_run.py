@@ -287,3 +287,18 @@ def test_a_part_that_is_missing_is_an_error(part, tmp_path):
     with pytest.raises(RunError, match="members|frames are missing"):
         run = Run(path)
         assert len(run.frames) == 3 and "time" in run.series
+
+
+def test_datasets_have_units_and_descriptions(tmp_path, soft):
+    path, _ = write_run(tmp_path / "run", n=20)
+    with Run(path) as run, pytest.raises(RunError, match="run.h5 does not describe series/heat"):
+        run.describe("series/heat")
+    table = {"frames/*/spins": {"units": "1/t0", "description": "angular velocity"},
+             "series/energy": {"units": "E", "description": "total"}, "series/*_energy": {"units": "E", "description": "part"}}
+    with h5py.File(path / "run.h5", "r+") as file:
+        file["manifest/datasets"] = np.bytes_(json.dumps(table))
+    with Run(path) as run:
+        assert run.describe("frames/000002/spins") == ("1/t0", "angular velocity")
+        assert run.describe("/series/energy") == ("E", "total") and run.describe("series/kinetic_energy") == ("E", "part")
+        with pytest.raises(RunError, match="does not describe series/dt"):
+            run.describe("series/dt")

@@ -12,6 +12,7 @@
 #include <pliant/base/errors.h>
 #include <pliant/io/atomic_file.h>
 #include <pliant/io/crc32.h>
+#include <pliant/io/dataset_table.h>
 #include <pliant/io/folder_lock.h>
 #include <pliant/io/shared_file.h>
 
@@ -48,6 +49,7 @@ void write_manifest(File& file, const Manifest& manifest) {
   group.set_attribute("seed", manifest.seed);
   group.write_text("created", manifest.created);
   group.write_text("options", manifest.options.dump());
+  group.write_text("datasets", dataset_table(manifest).dump());
 }
 
 /// Constants of each of `count` cells, or points, that run.xdmf shows where they have no such field, in the group

@@ -1,5 +1,8 @@
 """Content of frames: fields, precision, compression, reinsertions, contacts with walls, and their cost."""
 
+import fnmatch
+import json
+
 import h5py
 import numpy as np
 import pytest
@@ -164,3 +167,21 @@ def test_bytes_per_particle(tmp_path):
 
     assert per_disk() < 85
     assert per_disk(frame_fields="velocities,spins", frame_precision="single") < 26
+
+
+SHORT = {"hopper": SMALL | {"t_end": 1}, "hopper -model disk": {name: value for name, value in SMALL.items() if name != "mu"} | {"t_end": 1},
+         "hopper -model rough": SMALL | {"n": 20, "t_end": 0.5}, "raft": {"rows": 2, "columns": 3, "end_distance": 3.5},
+         "clog": {"n": 20, "t_end": 5}, "channel": {"pushes": 1, "stroke": 0.1}}
+
+
+@pytest.mark.parametrize("command", SHORT)
+def test_every_dataset_has_units_and_a_description(command, tmp_path):
+    pliant(*command.split(), output=tmp_path / "run", **SHORT[command])
+    with h5py.File(tmp_path / "run/run.h5") as file:
+        table = json.loads(file["manifest/datasets"][()])
+        found = []
+        file.visititems(lambda path, item: found.append(path) if isinstance(item, h5py.Dataset) else None)
+    assert any(path.startswith("frames/") for path in found) and any(path.startswith("series/") for path in found)
+    assert [path for path in found if not any(fnmatch.fnmatchcase(path, pattern) for pattern in table)] == []
+    assert all(set(entry) == {"units", "description"} and entry["description"] for entry in table.values())
+    assert table["series/time"]["units"] == ("s" if command == "channel" else "t0")

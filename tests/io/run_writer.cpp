@@ -69,6 +69,9 @@ TEST_CASE("a run holds what was written") {
   CHECK(manifest.read_text("hdf5_version") == hdf5::library_version());
   CHECK(manifest.integer_attribute("seed") == 7);
   CHECK(nlohmann::json::parse(manifest.read_text("options"))["hopper_width"]["unit"] == "sigma_avg");
+  const auto table = nlohmann::json::parse(manifest.read_text("datasets"));
+  CHECK(table["topology/a0"]["units"] == fmt::format("sigma_avg^{}", dim));
+  CHECK(table["frames/*/velocities"]["units"] == "sigma_avg/t0");
   CHECK(file.read<Index>("topology/offset") == topology.offset);
   CHECK(file.read<Real>("topology/sigma") == topology.sigma);
   CHECK(file.read<Real>("topology/mass")[1] == Approx(polygons ? 2.0 : 1.0));

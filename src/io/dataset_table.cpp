@@ -1,0 +1,129 @@
+#include <pliant/io/dataset_table.h>
+
+#include <fmt/format.h>
+
+#include <string>
+
+namespace pliant {
+namespace {
+
+struct DatasetEntry {
+  const char *path, *units, *description;  ///< in units, L, T, F, E, M in braces are replaced; D is the dimension
+};
+
+constexpr DatasetEntry dataset_entries[] = {
+    {"manifest/*", "", "text about the run"},
+    {"*xdmf/*", "", "data for run.xdmf"},
+    {"topology/offset", "", "first point of each particle, and the number of points"},
+    {"topology/sigma", "{L}", "diameter of each particle"},
+    {"topology/a0", "{L}^{D}", "rest area of each particle, in 3D its volume"},
+    {"topology/l0", "{L}", "rest length of an edge of each particle; 0: soft particle"},
+    {"topology/mass", "{M}", "mass of each particle"},
+    {"topology/diameter", "{L}", "contact distance of two equal points, for each point"},
+    {"geometry/segments", "{L}", "x1 y1 x2 y2 of each wall at the start; 3D: meridian, rho1 z1 rho2 z2"},
+    {"geometry/radius", "{L}", "radius of each wall that is a disk; 0: segment"},
+    {"geometry/box", "{L}", "origin and lengths of the periodic box; infinite: open direction"},
+    {"geometry/kind", "", "kind of container"},
+    {"frames/*/positions", "{L}", "points: centres of soft particles, vertices of polygons"},
+    {"frames/*/centres", "{L}", "centre of each particle"},
+    {"frames/*/active", "", "1: the particle takes part; 0: it has left the run"},
+    {"frames/*/images", "", "lengths of the periodic box by which each particle was wrapped"},
+    {"frames/*/velocities", "{L}/{T}", "velocity of each point"},
+    {"frames/*/angles", "rad", "angle of each particle; 3D: time integral of the spin"},
+    {"frames/*/spins", "1/{T}", "angular velocity of each particle"},
+    {"frames/*/area", "{L}^2", "area of each polygon"},
+    {"frames/*/perimeter", "{L}", "perimeter of each polygon"},
+    {"frames/*/reinsertions", "", "reinsertions of each particle since the start"},
+    {"frames/*/contact_count", "", "contacts of each particle with others"},
+    {"frames/*/wall_force", "{F}", "force of the particles on each wall"},
+    {"frames/*/wall_segments", "{L}", "x1 y1 x2 y2 of each wall at the time of the frame"},
+    {"frames/*/contacts/particles", "", "the two particles of each contact"},
+    {"frames/*/wall_contacts/particle", "", "particle of each contact with a wall"},
+    {"frames/*/wall_contacts/wall", "", "wall of each contact with a wall"},
+    {"frames/*contacts/position", "{L}", "place of each contact"},
+    {"frames/*contacts/normal", "", "unit vector of each contact, towards the first particle"},
+    {"frames/*contacts/overlap", "", "overlap of each contact, relative to the contact distance"},
+    {"frames/*contacts/force", "{F}", "force of each contact on the first particle"},
+    {"events/time", "{T}", "time of each event"},
+    {"events/particle", "", "particle that crossed the orifice line"},
+    {"events/particles", "", "the two droplets of the bond; -1: a wall"},
+    {"events/position", "{L}", "place of each event"},
+    {"events/velocity", "{L}/{T}", "velocity of the particle at the event"},
+    {"events/broken", "", "1: a bond has broken; 0: it has formed"},
+    {"events/wall_distance", "{L}", "distance of the walls at the event"},
+    {"events/push", "", "number of the push"},
+    {"events/plunger_travel", "{L}", "travel of the plunger in its push"},
+    {"events/plunger_force", "{F}", "largest force on a plunger"},
+    {"events/max_overlap", "", "largest overlap, relative to the smaller radius"},
+    {"series_axes/profile_height", "{L}", "heights of the axis profile above the orifice"},
+    {"series/time", "{T}", "time of each sample"},
+    {"series/dt", "{T}", "last accepted time step"},
+    {"series/crossed_count", "", "particles that crossed the orifice line since the start"},
+    {"series/crossed_area", "{L}^{D}", "sum of the rest areas (3D: volumes) of these particles"},
+    {"series/in_hopper", "", "particles above the orifice line"},
+    {"series/left", "", "droplets that have left the hopper"},
+    {"series/open", "", "1: the lid has been opened"},
+    {"series/contact_pairs", "", "pairs of touching particles"},
+    {"series/bonds", "", "pairs of droplets within the range of attraction"},
+    {"series/tense_bonds", "", "bonds that attract"},
+    {"series/fixed_wall_bonds", "", "droplets bound to the fixed wall"},
+    {"series/moving_wall_bonds", "", "droplets bound to the moving wall"},
+    {"series/broken", "", "bonds broken since the start"},
+    {"series/formed", "", "bonds formed since the start"},
+    {"series/rows", "", "rows of the raft"},
+    {"series/wall_distance", "{L}", "distance of the walls"},
+    {"series/fixed_wall_force", "{F}", "force on the fixed wall; positive: the raft pushes"},
+    {"series/moving_wall_force", "{F}", "force on the moving wall; positive: the raft pushes"},
+    {"series/drag_force", "{F}", "mean drag force of the particles above the orifice line"},
+    {"series/friction_force", "{F}", "mean friction force of the particles above the orifice line"},
+    {"series/plunger_force", "{F}", "force of the disks on each plunger"},
+    {"series/orifice_density", "1/{L}^{D}", "number density of centres above the orifice"},
+    {"series/bulk_fraction", "", "packing fraction in the middle of the filling"},
+    {"series/top_height", "{L}", "highest centre"},
+    {"series/max_speed", "{L}/{T}", "largest speed of a centre"},
+    {"series/max_overlap", "", "largest overlap"},
+    {"series/self_crossing_particles", "", "particles whose outlines cross themselves"},
+    {"series/profile_momentum", "{L}/{T}", "axis profile: sum of v phi at each height"},
+    {"series/profile_weight", "", "axis profile: sum of phi at each height"},
+    {"series/push", "", "number of the push"},
+    {"series/plunger_travel", "{L}", "travel of the plunger in its push"},
+    {"series/momentum", "{M} {L}/{T}", "momentum of the particles"},
+    {"series/angular_momentum", "{M} {L}^2/{T}", "angular momentum about the origin"},
+    {"series/work", "{E}", "work of moving walls since the start"},
+    {"series/plunger_work", "{E}", "work of plungers and sliding walls since the start"},
+    {"series/heat", "{E}", "energy turned into heat since the start"},
+    {"series/dissipated", "{E}", "energy lost to drag since the start"},
+    {"series/withdrawn", "{E}", "energy removed with droplets or walls since the start"},
+    {"series/budget_error", "{E}", "energy - initial energy - work + dissipated + withdrawn"},
+    {"series/energy", "{E}", "total energy"},
+    {"series/*_energy", "{E}", "part of the energy"},
+    {"series/*_sliding", "{E}", "heat of sliding friction of this term since the start"},
+    {"series/*_damping", "{E}", "heat of damping of this term since the start"},
+};
+
+struct UnitNames {
+  std::string length, time, force, mass, energy;
+};
+
+UnitNames unit_names(const Manifest& manifest) {
+  if (manifest.scenario == "channel") return {"cm", "s", "dyn", "g", "erg"};
+  if (manifest.model == "bubble") return {"R", "t0", "F", "mass of a droplet of radius R", "F R"};
+  return {"sigma_avg", "t0", fmt::format("rho g sigma_avg^{}", manifest.dim),
+          fmt::format("rho sigma_avg^{}", manifest.dim), fmt::format("rho g sigma_avg^{}", manifest.dim + 1)};
+}
+
+}  // namespace
+
+nlohmann::ordered_json dataset_table(const Manifest& manifest) {
+  const int d = manifest.dim;
+  const UnitNames names = unit_names(manifest);
+  nlohmann::ordered_json table;
+  for (const auto& [path, units, description] : dataset_entries)
+    table[path] = {{"units", fmt::format(fmt::runtime(units), fmt::arg("L", names.length), fmt::arg("T", names.time),
+                                         fmt::arg("F", names.force), fmt::arg("M", names.mass),
+                                         fmt::arg("E", names.energy), fmt::arg("D", d))},
+                   {"description", description}};
+  return table;
+}
+
+}  // namespace pliant
