@@ -15,7 +15,6 @@ from harness import BenchError, Context, measure, parser, read_csv, run, say, wr
 from report import ABOVE, COLORS, MARKERS, cell, insert, origin, plt, save, table
 
 from pliant import Run  # report.py sets the path
-from pliant.statistics import block_ratio
 
 #: Errors at which methods are compared, relative to the standard run, which has the default fixed step.
 TARGETS = {"10 e₀": 10, "e₀": 1, "e₀/10": 0.1, "e₀/100": 0.01, "e₀/1000": 0.001}
@@ -34,6 +33,12 @@ FLOW_METHODS = {"verlet, 0.2": 0.2, "verlet, 0.35": 0.35, "verlet, 0.5": 0.5, "v
                 "rk 3bs, 1e-3": "-integrator ts -ts_rk_type 3bs -ts_adapt_dt_max 0.02 -ts_rtol 1e-3 -ts_atol 1e-3"}
 FLOW_COLUMNS = {"kinetic_energy": "kinetic energy", "potential_energy": "potential energy",
                 "contact_pairs": "contacts", "flow": "Q", "max_overlap": "largest overlap"}
+
+
+def mean_of_blocks(values, blocks):
+    """The mean of a series of several seeds, and its standard error from consecutive blocks."""
+    means = [block.mean() for block in np.array_split(np.asarray(values, float), blocks)]
+    return np.mean(values), np.std(means, ddof=1) / math.sqrt(blocks)
 
 
 def parse(text):
@@ -242,7 +247,7 @@ def flow(context, model):
         shown.append({"run as": name, "CPU": cost["cpu"] / standard["cpu"],
                       "evaluations": cost["evaluations"] / standard["evaluations"],
                       "rejected": f"{100 * cost['rejected'] / cost['evaluations']:.0f} %"} | {
-            label: with_error(*block_ratio(values, np.ones(len(values)), 5 * len(seeds)))
+            label: with_error(*mean_of_blocks(values, 5 * len(seeds)))
             for key, label in FLOW_COLUMNS.items() for values in [np.concatenate([found[key] for found in series])]})
     return shown, rows
 

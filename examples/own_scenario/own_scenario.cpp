@@ -31,7 +31,8 @@ struct Parameters : RunOptions {
     o.bind("amplitude", floor.amplitude, {.help = "of floor", .unit = "sigma_avg", .min = 0, .on_restart = fixed});
     o.bind("frequency", floor.frequency, {.help = "of floor", .unit = "1/t0", .min = 1e-9, .on_restart = fixed});
     o.bind("dt", dt, {.help = "step", .unit = "t0", .min = 1e-9, .automatic = "stable", .on_restart = fixed});
-    o.bind("t_end", t_end, {.help = "end of the run", .unit = "t0", .min = 0, .max = 1e6});
+    o.bind("t_end", t_end,
+           {.help = "end of the run", .unit = "t0", .min = 0, .max = 1e6, .extends = {"t_end", "LATER"}});
     bind_output(o);
   }
 

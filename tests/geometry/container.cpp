@@ -117,7 +117,7 @@ TEST_CASE("a hopper whose walls have different angles", "[container]") {
   CHECK_THROWS_WITH(uneven_hopper(flat, 0),
                     Catch::Contains("angles 0 of the left wall and 90") && Catch::Contains("outline"));
   CHECK_THROWS_WITH(uneven_hopper(hopper, 90), Catch::Contains("angles 90 of the left wall"));
-  CHECK_THROWS_WITH(uneven_hopper(narrow, 0), Catch::Contains("-hopper_wall_distance"));
+  CHECK_THROWS_WITH(uneven_hopper(narrow, 0), Catch::Contains("use a narrower orifice or a wider container"));
 }
 
 TEST_CASE("inside agrees with the walls: no way in but through one", "[container]") {
