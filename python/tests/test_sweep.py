@@ -206,7 +206,7 @@ def test_a_damaged_summary_leaves_the_other_rows(table, tmp_path, run):
 
 
 def test_missing_table(tmp_path):
-    with pytest.raises(RunError, match="none.csv: cannot be read"):
+    with pytest.raises(RunError, match="none.csv: no such file"):
         rows_of(tmp_path / "none.csv")
 
 
