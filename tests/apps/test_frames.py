@@ -98,9 +98,9 @@ def check_reinsertions(run):
     centres, counts = run.column("centres"), run.column("reinsertions")
     assert counts.dtype == np.int32 and not counts[0].any() and (np.diff(counts, axis=0) >= 0).all()
     jumped = np.diff(centres[:, :, -1], axis=0) > 3
-    assert jumped.sum() >= 5 and (np.diff(counts, axis=0)[jumped] > 0).all()
+    assert jumped.sum() > 10 and (np.diff(counts, axis=0)[jumped] > 0).all()
     rose = (np.diff(counts, axis=0) > 0) & ~jumped
-    assert rose.sum() <= 0.2 * jumped.sum()  # reinserted particles that have fallen since
+    assert rose.sum() < 0.1 * jumped.sum()  # reinserted particles that have fallen since
 
 
 def test_reinsertions_are_counted(default):
@@ -112,7 +112,7 @@ def test_reinsertions_are_counted_on_ranks(tmp_path):
     """Particles migrate between ranks; a restart on another number of ranks continues the counts."""
     options = {**SMALL, "t_end": 3}
     assert on_ranks(3, "hopper", output=tmp_path / "run", **options).returncode == 0
-    assert on_ranks(2, "hopper", "-restart", tmp_path / "run", t_end=6).returncode == 0
+    assert on_ranks(2, "hopper", "-restart", tmp_path / "run", t_end=12).returncode == 0
     check_reinsertions(Results(tmp_path / "run"))
 
 
