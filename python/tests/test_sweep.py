@@ -357,7 +357,7 @@ def test_exit_code_6_is_tried_again(table, tmp_path, run, monkeypatch):
 
 
 def test_the_message_of_a_failure_is_its_own(table, tmp_path):
-    """Not that of another sweep, which has found the folder in use."""
+    """A row reports the error of its run, not the message "folder in use" that another sweep has received."""
     folder = RowFolder(tmp_path / "t", rows_of(table("name", "x"))[0], tmp_path, PROGRAM)
     folder.path.mkdir(parents=True)
     folder.log_path.write_text("pliant: error: not finite\npliant: error: t/x is in use by process 1 on host a; wait\n", encoding="utf-8")

@@ -51,7 +51,7 @@ void read_base_friction(ParameterReader& p, T& term, Real contacts) {
 /// not coupled, force and torque have separate limits, μN and 2/3 μNR. A sticking disk begins to slide at the limit of
 /// μ_static, and slides at the limit of μ_dynamic until the spring force falls below it. If not coupled, this holds for
 /// force and torque separately. While the disk sticks, −2ζ √(k m) (v, R² ω) is added as far as the limit allows, so
-/// that the disk comes to rest. Contact history: r₀, θ₀ and the direction of sliding. The energy of the spring is k/2
+/// that the disk stops. Contact history: r₀, θ₀ and the direction of sliding. The energy of the spring is k/2
 /// (|r − r₀|² + R² (θ − θ₀)²). Elements: points.
 struct BaseFriction {
   Real gravity = 0;  ///< g, normal to the plane

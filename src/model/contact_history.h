@@ -65,7 +65,7 @@ class ContactWorkspace;
 /// an accepted step makes the next history the current one. Parts of walls that belong to one surface have one contact
 /// with a point.
 /// A pair that is listed twice, on both sides of the border of a chunk or of a rank, has its numbers twice; a term that
-/// looks at a pair in the order of the ids gets the same numbers on both sides, bit for bit.
+/// computes each pair in the order of its ids gets the same numbers on both sides, bit for bit.
 class ContactTable {
  public:
   explicit ContactTable(HistoryNeeds needs) : needs_(std::move(needs)), heat_(needs_.losses.size()) {}

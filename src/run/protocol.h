@@ -119,8 +119,9 @@ class Protocol {
   /// How often each own particle was reinserted; null where particles never are.
   virtual const std::vector<Index>* reinsertions() const { return nullptr; }
   virtual std::string progress() const { return {}; }
-  /// Visits all that a restart needs of the protocol, under names of its own, to write it or to read it. When it is
-  /// read, the particles and the state are there, lists are not. Errors: InputError, as of Archive.
+  /// Visits every quantity of the protocol that a restart needs, under a name that only the protocol uses, to write or
+  /// to read the quantity. Before reading, the particles and the state are restored; the lists are not. Errors:
+  /// InputError, as in Archive.
   virtual void visit(Archive& /*archive*/) {}
   /// Details for the message of a failure; empty or beginning with "; ".
   virtual std::string failure_details() const { return {}; }

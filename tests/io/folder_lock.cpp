@@ -110,7 +110,7 @@ TEST_CASE("a folder that cannot be locked", "[lock]") {
   CHECK_THROWS_AS(FolderLock(scratch.path / "below"), OutputError);
 }
 
-TEST_CASE("run.lock is a file of its own", "[lock]") {
+TEST_CASE("run.lock is a separate file", "[lock]") {
   const Scratch scratch;
   const fs::path lock = scratch.path / "run.lock", precious = scratch.path / "precious";
   fs::create_directories(scratch.path);

@@ -102,7 +102,7 @@ TEST_CASE("a narrowed list holds every contact until something has moved by half
   CHECK(entered > 50);
 }
 
-TEST_CASE("a list holds every contact until something has moved by half the skin") {
+TEST_CASE("a list contains every contact until a point has moved by half the skin") {
   const NeighbourNeeds needs = GENERATE(all_lists, bare_lists);
   for (int seed = 0; seed < 10; ++seed) {
     Random random(seed);

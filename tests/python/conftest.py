@@ -37,7 +37,7 @@ def program():
 
 @pytest.fixture
 def script():
-    """Runs a Python script in a process of its own, which must end by itself."""
+    """Runs a Python script in a separate process, which must end by itself."""
     def run(text, code=0, **options):
         result = subprocess.run([sys.executable, "-B", "-c", text], encoding="utf-8", capture_output=True, timeout=120,
                                 **options)

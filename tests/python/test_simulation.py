@@ -134,7 +134,7 @@ def test_minimum_and_hessian():
 def test_rotating_disks():
     sim = Simulation([[0, 0.5]], 1, walls=floor(), gravity=(0, -1), model="disk", velocities=[[1, 0]], mu_wall=0.5)
     sim.run(3)
-    # A sliding disk comes to roll: v = 2/3 of the first speed, and spin -v/R.
+    # A sliding disk starts to roll: v = 2/3 of the first speed, and spin -v/R.
     assert sim.velocities[0, 0] == pytest.approx(2 / 3, rel=0.02)
     assert sim.spins[0, 0] == pytest.approx(-4 / 3, rel=0.03) and sim.angles[0, 0] < -1
     with pytest.raises(pliant.InputError, match="rotate"):

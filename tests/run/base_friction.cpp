@@ -75,7 +75,8 @@ TEST_CASE("a disk slides v²/(2μg) and then rests") {
       farthest = std::max(farthest, disk.position().norm());
       return AfterStep::proceed;
     });
-    // The disk stops with the spring stretched by `give`, and comes to rest where the spring is relaxed.
+    // The disk stops with the spring stretched by `give`; then the spring pulls it back to the point where it is
+    // relaxed.
     const Real distance = 1.0 / (2 * 0.3 * 10);
     CHECK(farthest == Approx(distance).epsilon(1e-6));
     CHECK(disk.position().norm() == Approx(distance - give).epsilon(1e-5));

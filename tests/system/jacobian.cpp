@@ -180,7 +180,7 @@ TEST_CASE("the second-order form is the first-order one with the velocities elim
   });
 }
 
-TEST_CASE("the pattern is that of the lists and follows them") {
+TEST_CASE("the pattern of the Jacobian follows the lists") {
   Random random(5);
   Configuration<2> c = polygon_rows(random, 3, 3);
   auto system = system_of(c, ModelKind::smooth);

@@ -183,7 +183,7 @@ TEST_CASE("one rank's particle is put elsewhere", "[ranks]") {
   run(polygon_rows(random, 7, 14), ModelKind::rough, 3e-4);
 }
 
-TEST_CASE("lists are compared when something may have gone far, and rebuilt as if always", "[ranks]") {
+TEST_CASE("lists are compared only after possible motion, with the rebuilds of a comparison at every step", "[ranks]") {
   Random random(7);
   const auto run = [&]<int dim>(Configuration<dim> c, ModelKind kind, Real dt) {
     Twins<dim> twins(c, kind), always(c, kind);

@@ -91,8 +91,8 @@ struct HopperOptions : RunOptions {
   /// For a -clog_speed that a slow flow may not reach.
   void warn_of_clog_speed() const;
   /// Standard step over `elastic`, the limit of elastic forces: chosen so that flow rates, energies and contacts agree
-  /// with shorter steps, and the rest of a discharge comes to rest (docs/reference/steps.md). Without dissipation the
-  /// heat of longer steps would accumulate. lightest: mass of a particle.
+  /// with shorter steps, and particles that stay in a discharged hopper stop moving (docs/reference/steps.md). Without
+  /// dissipation the heat of longer steps would accumulate. lightest: mass of a particle.
   Real elastic_fraction(Real elastic, Real lightest) const;
   /// Margin of the neighbour lists at first; tuned from then on where the user gave none.
   Real first_skin() const;
