@@ -1,6 +1,7 @@
 """Checkpoints that are damaged, or edited with a valid checksum: the run resumes from the other checkpoint and reports
 it, or ends with the faults of both. tests/scenarios/checkpoints.cpp goes through every entry."""
 
+import re
 import shutil
 import zlib
 
@@ -246,7 +247,8 @@ def test_a_damaged_frame_is_one_warning(run):
     """HDF5 1.10 loses memory over it, and would complain at the end."""
     path = run / "run.h5"
     data = path.read_bytes()
-    flip(path, data.index(b"contact_count", data.index(b"contact_count") + 1))  # a name in the head of the second frame
+    # A name in the head of the second frame; /manifest/datasets has the name behind a slash.
+    flip(path, [found.start() for found in re.finditer(rb"(?<!/)contact_count", data)][1])
     result = pliant("hopper", restart=run, **LAST)
     assert result.returncode == 0, result.stderr
     (line,) = result.stderr.splitlines()
