@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from . import channel_analysis as channel, tracks
-from .errors import OutputError, RunError
+from .errors import RunError
 from .files import finite, read_json, write_json
-from .script import markdown, with_error
+from .script import check_output, markdown, with_error
 
 _DESCRIPTION = """Non-affine motion of disks that are pushed through a channel: mean displacement field, non-affine
 displacement, D2_min, strain clock and rotation. Reads run folders and CSV tables with the columns frame, particle, x,
@@ -146,10 +146,8 @@ def main(arguments=None):
         raise RunError("--output names one file; leave it out with more than one run or table")
     outputs = [given.output or result_path(path) for path in given.path]
     for output in outputs:
-        if output.is_dir():
-            raise OutputError(f"{output}: is a folder (name a file)")
-        if given.output and not output.parent.is_dir():
-            raise OutputError(f"{output}: the folder {output.parent} does not exist")
+        if given.output or output.is_dir():
+            check_output(output)
     chosen = {f.name: getattr(given, f.name) for f in fields(channel.Choices)}
     chosen = {name: tuple(value) if isinstance(value, list) else value for name, value in chosen.items()}
     choices, options = channel.Choices(**chosen), _table_options(given)

@@ -208,8 +208,7 @@ def fit_beverloo(w, Q, error=None, beta=None, k=None, resamples=400, seed=1, dra
         errors = np.where([True, k is None, beta is None], np.nan, 0.0)
     else:
         refits = np.array([problem.solve(draw, best[1], best[2]) for draw in draws])
-        low, high = np.quantile(refits, [0.158655, 0.841345], axis=0)
-        errors = (high - low) / 2
+        errors = ensemble.spread(refits)
     chi2 = (((Q - fitted) * weight) ** 2).sum() / freedom if freedom > 0 and error is not None else np.nan
     return BeverlooFit(*(float(x) for pair in zip(best, errors) for x in pair), len(w), float(chi2), "; ".join(notes),
                        len(np.unique(w)), tuple(at_bound))
@@ -239,7 +238,7 @@ def fit_table(table, beta=None):
     # Options that a model does not read do not distinguish its runs.
     by = ["model", "dim", "mu", "zeta"] + [c for c in _PHYSICS if c in table and table[c].nunique() > 1]
     fits = fit_groups(table, by, beta=beta)
-    fits["data"] = [group for _, group in table.groupby(by, dropna=False, sort=True)]
+    fits["data"] = [group for _, group in ensemble.groups(table, by)]
     groups = [row for _, row in fits.iterrows()]
     shown = ["model", "mu", "zeta", *symbols.differing(groups, [c for c in by if c not in ("model", "mu", "zeta")])]
     fits["label"] = [symbols.group_label(row, [c for c in shown if row[c] != ""]) for row in groups]

@@ -14,21 +14,30 @@ LEAST_INTERVAL = 1.0  # s
 _PAUSE = 0.2          # s between checks whether the run has ended
 
 
+def holder(folder):
+    """'process 12 on host x' that runs in the folder, by its run.lock; None if no process does. The lock is a flock, which
+    ends with the process that holds it."""
+    try:
+        fd = no_links(folder / "run.lock", os.O_RDONLY)
+    except OSError:
+        return None
+    try:
+        fcntl.flock(fd, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        return None
+    except BlockingIOError:
+        return os.pread(fd, 300, 0).decode(errors="replace").strip() or "another process"
+    except OSError:  # a file system without locks
+        return None
+    finally:
+        os.close(fd)
+
+
 def in_use(folder):
     """Whether a process writes to the folder of a run and therefore holds the lock of run.lock."""
     try:
-        fd = no_links(Path(folder) / "run.lock", os.O_RDONLY)
-    except (OSError, RunError):
+        return holder(Path(folder)) is not None
+    except RunError:  # run.lock is a link, or no file
         return False
-    try:
-        fcntl.flock(fd, fcntl.LOCK_SH | fcntl.LOCK_NB)
-        return False
-    except BlockingIOError:
-        return True
-    except OSError:  # a file system without locks
-        return False
-    finally:
-        os.close(fd)
 
 
 def states(folder, interval):

@@ -1,6 +1,6 @@
 """Non-affine motion of disks [T 3.3-3.10]: mean displacement on a grid, neighbours, D2_min, strain, intervals.
 
-Works on arrays; tracks.py reads runs, channel.py combines both.
+Works on arrays; tracks.py reads runs, channel_analysis.py combines both.
 """
 
 from dataclasses import dataclass
@@ -163,18 +163,22 @@ def d2_min(before, after, used=None):
     if line.any():
         left = np.stack([x[line], y[line]], -1)
         right = np.stack([u[line], v[line]], -1)
-        rest = right - left @ (np.linalg.pinv(left, rcond=1e-6) @ right)
-        total[line] = (rest**2).sum((-1, -2))
+        total[line] = _residues(left, right)
     return np.where(number >= FEWEST_NEIGHBOURS, total, np.nan), number
+
+
+def _residues(before, after):
+    """[…] least sums of squares of after − before · F, for vectors […, K, D] and any matrix F [D, D]."""
+    rest = after - before @ (np.linalg.pinv(before, rcond=1e-6) @ after)
+    return (rest**2).sum((-1, -2))
 
 
 def _d2_min_3d(before, after, used):
     """`d2_min` of vectors in 3D, by the pseudoinverse of the matrix of the neighbours."""
     used = np.ones(before.shape[:-1], bool) if used is None else used
     before, after = (np.where(used[..., None], side, 0.0) for side in (before, after))
-    rest = after - before @ (np.linalg.pinv(before, rcond=1e-6) @ after)
     number = used.sum(-1)
-    return np.where(number > FEWEST_NEIGHBOURS, (rest**2).sum((-1, -2)), np.nan), number
+    return np.where(number > FEWEST_NEIGHBOURS, _residues(before, after), np.nan), number
 
 
 def push_d2_min(position, before, after, disk, index, used):

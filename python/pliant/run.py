@@ -103,6 +103,23 @@ class Geometry:
         return nearest_image(difference, self.box[1])
 
 
+def touching_pairs(pairs):
+    """[K, 2] pairs of different particles among contacts [C, 2] (second particle -1: a wall), each once, lower number first."""
+    pairs = pairs[(pairs >= 0).all(1) & (pairs[:, 0] != pairs[:, 1])]
+    return np.unique(np.sort(pairs, axis=1), axis=0)
+
+
+def contact_table(first, second, wall, position, normal, overlap, force):
+    """DataFrame with the columns of Frame.contacts, one row per contact [C]; position, normal, force [C, D]."""
+    axes = "xyz"[: position.shape[1]]
+    columns = {"particle_1": first, "particle_2": second, "wall": wall}
+    for prefix, values in (("", position), ("n", normal)):
+        columns.update({prefix + axis: values[:, i] for i, axis in enumerate(axes)})
+    columns["overlap"] = overlap
+    columns.update({"f" + axis: force[:, i] for i, axis in enumerate(axes)})
+    return pd.DataFrame(columns | {"force": np.linalg.norm(force, axis=1)})
+
+
 def nearest_image(difference, period):
     """The shortest of the periodic images of vectors [..., D]; `period` [D] is infinite in open directions."""
     difference = np.asarray(difference, dtype=float)
@@ -147,11 +164,6 @@ class Frame:
     def run(self):
         """The run of the frame."""
         return self._run
-
-    def has(self, name):
-        """Whether the frame has the dataset or group `name`, as -frame_fields selects them."""
-        self.check_open()
-        return name in self._group
 
     def attribute(self, name, needed_by="every frame"):
         """The value of an attribute that only some scenarios write; RunError, with `needed_by`, where it is missing."""
@@ -250,8 +262,7 @@ class Frame:
     def touching(self):
         """[N] other particles that touch each particle (droplets: bonds of the particle), for any number of touching
         vertices."""
-        pairs = self.contacts[["particle_1", "particle_2"]].to_numpy()
-        pairs = np.unique(np.sort(pairs[(pairs >= 0).all(1) & (pairs[:, 0] != pairs[:, 1])], axis=1), axis=0)
+        pairs = touching_pairs(self.contacts[["particle_1", "particle_2"]].to_numpy())
         return np.bincount(pairs.ravel(), minlength=self._run.topology.particles)
 
     @_read_once
@@ -310,23 +321,14 @@ class Frame:
         self.check_open()
         if group not in self._group:
             raise self._missing(group, "every frame")
-        axes = "xyz"[: self._run.dim]
-        arrays = {name: self._read(f"{group}/{name}") for name in ("force", "position", "normal", "overlap")}
+        vectors = {name: self._read(f"{group}/{name}").reshape(-1, self._run.dim) for name in ("position", "normal", "force")}
         if group == "contacts":
             first, second = self._read("contacts/particles").reshape(-1, 2).T
             wall = np.full(len(first), -1, dtype=np.int32)
         else:
             first, wall = self._read("wall_contacts/particle"), self._read("wall_contacts/wall")
             second = np.full(len(first), -1, dtype=np.int32)
-        columns = {"particle_1": first, "particle_2": second, "wall": wall}
-        for prefix, name in (("", "position"), ("n", "normal")):
-            values = arrays[name].reshape(-1, len(axes))
-            columns.update({prefix + axis: values[:, i] for i, axis in enumerate(axes)})
-        columns["overlap"] = arrays["overlap"]
-        force = arrays["force"].reshape(-1, len(axes))
-        columns.update({"f" + axis: force[:, i] for i, axis in enumerate(axes)})
-        columns["force"] = np.linalg.norm(force, axis=1)
-        return pd.DataFrame(columns)
+        return contact_table(first, second, wall, overlap=self._read(f"{group}/overlap"), **vectors)
 
 
 class Frames(Sequence):

@@ -132,15 +132,20 @@ def _doc(name, text, units, table):
              "KeyboardInterrupt (Ctrl-C) comes after a checkpoint: the same call resumes the run."]
     if units:
         lines += ["", units]
-    group = None
+    return "\n".join(lines + option_lines(table))
+
+
+def option_lines(table, indent=""):
+    """Lines of a docstring with the options of a table, by groups."""
+    lines, group = [], None
     for entry in table:
         if entry["group"] != group:
             group = entry["group"]
-            lines += ["", f"{group}:"]
+            lines += ["", f"{indent}{group}:"]
         kind = "|".join(entry["choices"]) if entry["choices"] else entry["type"]
         facts = "; ".join(fact for fact in (entry["unit"], f"default {entry['default_text']}", entry["range"]) if fact)
-        lines.append(f"    {entry['name']}: {kind}  {entry['help']} [{facts}]")
-    return "\n".join(lines)
+        lines.append(f"{indent}    {entry['name']}: {kind}  {entry['help']} [{facts}]")
+    return lines
 
 
 def _parameters(table):

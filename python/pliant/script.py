@@ -23,12 +23,16 @@ def parser(description, example, output):
 def arguments(parser):
     """The arguments of this call. Raises OutputError, before any work, if --output cannot be written."""
     result = parser.parse_args()
-    path = result.output
+    check_output(result.output)
+    return result
+
+
+def check_output(path):
+    """Raises OutputError if a file cannot be written because its folder is missing, or because a folder has its name."""
     if not path.parent.is_dir():
         raise OutputError(f"{path}: the folder {path.parent} does not exist")
     if path.is_dir():
         raise OutputError(f"{path}: is a folder (name a file)")
-    return result
 
 
 def _say(kind, message):

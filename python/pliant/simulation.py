@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import functools
 import numbers
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,8 +21,9 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from .engine import core
-from .errors import InputError, UsageError
-from .scenario_calls import arguments
+from .errors import InputError
+from .run import contact_table
+from .scenario_calls import arguments, option_lines
 
 _MOTION = ("velocity", "amplitude", "frequency", "phase", "spin", "pivot")
 
@@ -565,20 +566,13 @@ class Simulation:
     @property
     def contacts(self) -> pd.DataFrame:
         """One row per contact, with the columns of Frame.contacts: particle_1 and particle_2 are rows of arrays."""
-        axes = "xyz"[: self._dim]
-        both = self._core.contacts()
         tables = []
-        for kind, columns in both.items():
-            first, second = columns["particles"].T
-            wall = np.full(len(first), -1, dtype=np.int32)
-            data = {"particle_1": first, "particle_2": second if kind == "particles" else wall,
-                    "wall": wall if kind == "particles" else second}
-            for prefix, name in (("", "position"), ("n", "normal")):
-                data.update({prefix + axis: columns[name][:, i] for i, axis in enumerate(axes)})
-            data["overlap"] = columns["overlap"][:, 0]
-            data.update({"f" + axis: columns["force"][:, i] for i, axis in enumerate(axes)})
-            data["force"] = np.linalg.norm(columns["force"], axis=1)
-            tables.append(pd.DataFrame(data))
+        for kind, columns in self._core.contacts().items():
+            first, other = columns["particles"].T
+            none = np.full(len(first), -1, dtype=np.int32)
+            second, wall = (other, none) if kind == "particles" else (none, other)
+            tables.append(contact_table(first, second, wall, columns["position"], columns["normal"],
+                                        columns["overlap"][:, 0], columns["force"]))
         return pd.concat(tables, ignore_index=True)
 
     @property
@@ -611,16 +605,8 @@ def _integrator(name):
 
 
 def _document():
-    lines, group = [], None
-    for entry in core.simulation_options():
-        if entry["name"] in ("model", "integrator"):
-            continue
-        if entry["group"] != group:
-            group = entry["group"]
-            lines += ["", f"    {group}:"]
-        kind = "|".join(entry["choices"]) if entry["choices"] else entry["type"]
-        facts = "; ".join(fact for fact in (entry["unit"], f"default {entry['default_text']}", entry["range"]) if fact)
-        lines.append(f"        {entry['name']}: {kind}  {entry['help']} [{facts}]")
+    table = [entry for entry in core.simulation_options() if entry["name"] not in ("model", "integrator")]
+    lines = option_lines(table, "    ")
     Simulation.__doc__ = (Simulation.__doc__ or "").rstrip() + "\n" + "\n".join(lines) + "\n"
 
 

@@ -2,7 +2,6 @@
 
 import ctypes
 import dataclasses
-import fcntl
 import functools
 import hashlib
 import json
@@ -17,6 +16,7 @@ from pathlib import Path
 
 from .errors import OutputError, RunError
 from .files import no_links, read_bytes, read_json, write_json
+from .follow import holder
 from .script import remark
 from .sweep_rows import is_number
 
@@ -59,24 +59,6 @@ def restart_rules(program, scenario):
         elif at is not None and len(cells) > at and cells[1].startswith("`-"):
             rules[cells[1].strip("`-")] = cells[at]
     return rules
-
-
-def holder(folder):
-    """'process 12 on host x' that runs in the folder, by its run.lock; None if no process does. The lock is a flock, which
-    ends with the process that holds it."""
-    try:
-        fd = no_links(folder / "run.lock", os.O_RDONLY)
-    except OSError:
-        return None
-    try:
-        fcntl.flock(fd, fcntl.LOCK_SH | fcntl.LOCK_NB)
-        return None
-    except BlockingIOError:
-        return os.pread(fd, 300, 0).decode(errors="replace").strip() or "another process"
-    except OSError:  # a file system without locks
-        return None
-    finally:
-        os.close(fd)
 
 
 class RowFolder:

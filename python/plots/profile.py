@@ -14,7 +14,7 @@ import pliant  # first, because it reports missing packages
 import matplotlib.pyplot as plt
 import numpy as np
 
-from pliant import RunError, load_runs
+from pliant import load_runs
 from pliant import plotting, script, symbols
 from pliant.flow import axis_velocity
 from pliant.scenarios import of_scenario

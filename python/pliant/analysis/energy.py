@@ -1,7 +1,6 @@
 """Energy budget of a run, from the columns of its series."""
 
 import numpy as np
-import pandas as pd
 
 from ..errors import RunError
 
@@ -27,4 +26,4 @@ def energy_budget(run):
         if len(table) > 1:
             rate = np.gradient(table[lost].to_numpy(), table["time"].to_numpy())
         table["dissipation_rate"] = rate
-    return pd.DataFrame(table)
+    return table

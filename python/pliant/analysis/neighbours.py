@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from .. import run
 from .particles import Particles
 
 
@@ -114,8 +115,7 @@ def nearest(particles, count):
 def touching_pairs(particles):
     """[K, 2] pairs in contact (droplets: also bound pairs), each once, lower number first, however many points touch."""
     particles = Particles.of(particles, "pairs")
-    pairs = particles.pairs[(particles.pairs[:, 1] >= 0) & (particles.pairs[:, 0] != particles.pairs[:, 1])]
-    return np.unique(np.sort(pairs, axis=1), axis=0)
+    return run.touching_pairs(particles.pairs)
 
 
 def touching(particles):

@@ -3,7 +3,7 @@
 Lengths are in the unit of the run (sigma_avg, or <R> for droplets), the others follow from it (docs/reference/file-format.md).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -100,8 +100,7 @@ class Particles:
         if isinstance(source, Frame):
             particles = _of_frame(source, needed, given)
         elif isinstance(source, cls):
-            particles = source if not given else cls(**{name: getattr(source, name) for name in cls.__dataclass_fields__}
-                                                     | given)
+            particles = replace(source, **given) if given else source
         else:
             particles = cls(source, **given)
         for name in needed:

@@ -181,8 +181,6 @@ def coarse_grained(source, width, spacing=None, region=None):
         now = _moments(part, grid)
         totals = now if totals is None else [a + b for a, b in zip(totals, now)]
         count += 1
-    if not count:
-        raise ValueError("no frames to average; give a run with frames")
     number, density, fraction, momentum, flux, contact = (grid.fold(total / count) for total in totals)
     near = density > 1e-12 * density.max()
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -11,7 +11,7 @@ import pandas as pd
 
 from ..errors import RunError
 from ..files import write_atomically
-from .snapshot import Snapshot, checked_ids, dimension, particles_of
+from .snapshot import Snapshot, checked_ids, dimension, particles_of, table_of
 
 _TYPES = 32
 _AXES = "xyz"
@@ -103,8 +103,7 @@ def _frame(lines, number):
     if len(rows) < count:
         raise lines.error(f"{count} particles are announced and {len(rows)} there; the file is cut")
     try:
-        table = pd.read_csv(io.StringIO("".join(rows)), delim_whitespace=True, header=None, names=names,
-                            float_precision="round_trip") if rows else pd.DataFrame(columns=names, dtype=float)
+        table = table_of(rows, names)
         columns = _columns(table, bounds)
     except (ValueError, KeyError) as error:
         raise lines.error(f"the atoms need numbers x y z or xu yu zu or xs ys zs ({error})") from None
@@ -126,11 +125,10 @@ def _columns(table, bounds):
     columns = {"position": place}
     if {"vx", "vy", "vz"} <= set(table):
         columns["velocity"] = table[["vx", "vy", "vz"]].to_numpy(float)
-    for name, values in (("radius", lambda: table["radius"]), ("radius", lambda: table["diameter"] / 2),
-                         ("mass", lambda: table["mass"])):
-        if name not in columns:
-            try:
-                columns[name] = values().to_numpy(float)
-            except KeyError:
-                continue
+    if "radius" in table:
+        columns["radius"] = table["radius"].to_numpy(float)
+    elif "diameter" in table:
+        columns["radius"] = table["diameter"].to_numpy(float) / 2
+    if "mass" in table:
+        columns["mass"] = table["mass"].to_numpy(float)
     return columns

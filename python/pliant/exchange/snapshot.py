@@ -1,8 +1,10 @@
 """Particles of one frame as a table, between runs and files."""
 
+import io
 from dataclasses import dataclass, field
 
 import numpy as np
+import pandas as pd
 
 from ..analysis.particles import Particles
 from ..analysis.sources import several
@@ -118,3 +120,15 @@ def checked_ids(place, ids):
 def dimension(places, flat=False):
     """2 if the file states it (`flat`), or if all z are 0, else 3."""
     return 2 if flat or not places[:, 2].any() else 3
+
+
+def three(values):
+    """[n, 3] of vectors [n, D], with zeros."""
+    return np.pad(values, ((0, 0), (0, 3 - values.shape[1])))
+
+
+def table_of(rows, names):
+    """DataFrame of lines of text with numbers between spaces. ValueError for other lines."""
+    if not rows:
+        return pd.DataFrame(columns=names, dtype=float)
+    return pd.read_csv(io.StringIO("".join(rows)), delim_whitespace=True, header=None, names=names, float_precision="round_trip")

@@ -15,8 +15,7 @@ import numpy as np
 
 from ..errors import RunError
 from ..files import write_atomically
-from .snapshot import Snapshot, checked_ids, dimension, particles_of
-from .xyz import three
+from .snapshot import Snapshot, checked_ids, dimension, particles_of, three
 
 _VERTEX, _LINE, _POLYGON = 1, 3, 7
 _TYPES = {"Float32": "f4", "Float64": "f8", "Int8": "i1", "UInt8": "u1", "Int16": "i2", "UInt16": "u2", "Int32": "i4",
@@ -46,7 +45,8 @@ def write(shots, path):
     return [path, *paths]
 
 
-def _array(name, values, components=None):
+def _array(name, values, components=None, field=False):
+    """A DataArray; field: one of <FieldData>, which states its number of values."""
     values = np.ascontiguousarray(values)
     if values.dtype.kind == "b":
         values = values.astype(np.uint8)
@@ -54,7 +54,8 @@ def _array(name, values, components=None):
     data = values.astype(values.dtype.newbyteorder("<")).tobytes()
     parts = f' NumberOfComponents="{components}"' if components else ""
     text = base64.b64encode(struct.pack("<Q", len(data)) + data).decode()
-    return f'<DataArray type="{kind}" Name={quoteattr(name)}{parts} format="binary">{text}</DataArray>\n'
+    tuples = f' NumberOfTuples="{values.size}"' if field else ""
+    return f'<DataArray{tuples} type="{kind}" Name={quoteattr(name)}{parts} format="binary">{text}</DataArray>\n'
 
 
 def _data(columns):
@@ -64,11 +65,10 @@ def _data(columns):
 
 def _grid(shot, points, sizes, kind, point_data, cell_data):
     """Text of a .vtu whose cells take `sizes` [cells] points in turn."""
-    field = _array("TimeValue", np.array([float(shot.time)])).replace("<DataArray ", '<DataArray NumberOfTuples="1" ')
-    field += _array("dimension", np.array([shot.dim])).replace("<DataArray ", '<DataArray NumberOfTuples="1" ')
+    fields = {"TimeValue": np.array([float(shot.time)]), "dimension": np.array([shot.dim])}
     if shot.box is not None:
-        box = np.where(np.isfinite(shot.box), shot.box, 0.0)  # 0: open
-        field += _array("box", box.ravel()).replace("<DataArray ", f'<DataArray NumberOfTuples="{box.size}" ')
+        fields["box"] = np.where(np.isfinite(shot.box), shot.box, 0.0).ravel()  # 0: open
+    field = "".join(_array(name, values, field=True) for name, values in fields.items())
     return (_HEADER.format("UnstructuredGrid") + f"<UnstructuredGrid>\n<FieldData>\n{field}</FieldData>\n"
             f'<Piece NumberOfPoints="{len(points)}" NumberOfCells="{len(sizes)}">\n'
             f"<PointData>\n{_data(point_data)}</PointData>\n<CellData>\n{_data(cell_data)}</CellData>\n"

@@ -12,16 +12,11 @@ import pandas as pd
 
 from ..errors import RunError
 from ..files import write_atomically
-from .snapshot import Snapshot, checked_ids, dimension, particles_of
+from .snapshot import Snapshot, checked_ids, dimension, particles_of, table_of, three
 
 #: Columns with other names in the file, so that OVITO recognises them.
 _NAMES = {"position": "pos", "velocity": "velo"}
 _WORDS = re.compile(r'(\w+)=(?:"([^"]*)"|(\S+))')
-
-
-def three(values):
-    """[n, 3] of vectors [n, D], with zeros."""
-    return np.pad(values, ((0, 0), (0, 3 - values.shape[1])))
 
 
 def write(shots, path):
@@ -74,8 +69,7 @@ def _frame(place, header, rows, number):
     if "pos" not in names:
         raise RunError(f"{place}: Properties has no pos; write positions as pos:R:3")
     try:
-        table = pd.read_csv(io.StringIO("".join(rows)), delim_whitespace=True, header=None, float_precision="round_trip",
-                            names=range(at)) if rows else pd.DataFrame(columns=range(at))
+        table = table_of(rows, range(at))
         values = {name: table.iloc[:, first:first + width].to_numpy(float) for name, (first, width, kind) in names.items()
                   if kind in "RI"}
         size = np.array(words["lattice"].split(), float).reshape(3, 3) if "lattice" in words else None

@@ -39,7 +39,7 @@ def _contents(run, limit):
     data = {"kind": "run", "title": run.name, "subtitle": contents.subtitle(run), "status": contents.status_of(run, in_use(run.path)),
             "units": {"length": length, "time": time}, "results": contents.results(run), "parameters": contents.parameters(run),
             "details": contents.details(run), "footer": footer(), "player": None,
-            "fits": _or_remark(remarks, contents.fit_charts, run, remarks) or []}
+            "fits": _or_remark(remarks, contents.fit_charts, run) or []}
     data["series"], data["series_note"] = _or_remark(remarks, contents.series_charts, run) or ([], "")
     left = limit * 1e6 - overhead() - len(json.dumps(finite(data))) - _RESERVE
     packed = _or_remark(remarks, pack_frames, run, max(left, 0) * 3 / 4, remarks)

@@ -3,10 +3,10 @@
 import argparse
 from pathlib import Path
 
-from ..errors import OutputError, RunError
-from ..follow import in_use, states
+from ..errors import RunError
+from ..follow import states
 from ..run import Run
-from ..script import remark
+from ..script import check_output, remark
 from . import LIMIT, NAME, write_report
 from .sweep import is_sweep, write_sweep
 
@@ -63,10 +63,8 @@ def main(arguments=None):
     given = _parser().parse_args(arguments)
     if len(given.run) > 1 and (given.output or given.follow):
         raise RunError(f"{'--output names one file' if given.output else '--follow needs one run'}; give one RUN, not {len(given.run)}")
-    if given.output and given.output.is_dir():
-        raise OutputError(f"{given.output}: is a folder (name a file)")
-    if given.output and not given.output.parent.is_dir():
-        raise OutputError(f"{given.output}: the folder {given.output.parent} does not exist")
+    if given.output:
+        check_output(given.output)
     limit = LIMIT if given.limit is None else given.limit
     for folder in given.run:
         if is_sweep(folder):

@@ -4,8 +4,6 @@ import math
 
 import numpy as np
 
-from .. import raft_analysis
-from ..errors import RunError
 from ..flow import axis_velocity, flow_end, flow_rate, is_discharge
 from ..symbols import MODEL_NAMES
 from .frames import force_unit, units
@@ -233,18 +231,11 @@ def _flow_chart(run, kinds, common):
     return common | {"title": "flow rate", "unit": f"{kinds['volume']}/{kinds['time']}", "lines": lines, "zero": True}
 
 
-def fit_charts(run, remarks):
-    """Charts of profiles and fits that the scenario has; reasons for missing ones are appended to `remarks`."""
-    makers = {"hopper": [_discharge_chart if is_discharge(run) else _profile_chart], "raft": [_force_chart], "channel": [_plunger_chart]}
-    charts = []
-    for make in makers.get(run.scenario, []):
-        try:
-            chart = make(run, _kinds(run))
-            if chart:
-                charts.append(chart)
-        except RunError as error:
-            remarks.append(str(error))
-    return charts
+def fit_charts(run):
+    """The chart of the profile or fit of the scenario, if it has one. Raises RunError."""
+    makers = {"hopper": _discharge_chart if is_discharge(run) else _profile_chart, "raft": _force_chart, "channel": _plunger_chart}
+    chart = makers[run.scenario](run, _kinds(run)) if run.scenario in makers else None
+    return [chart] if chart else []
 
 
 def _profile_chart(run, kinds):
@@ -281,6 +272,7 @@ def _force_chart(run, kinds):
     lines = [line(distance, force)]
     note = "Mean of both walls; positive: the raft pushes the walls apart."
     if run.summary:
+        from .. import raft_analysis  # imports scipy.signal, which other scenarios do not need
         curve = raft_analysis.Compression.of(run)
         peaks = curve.peaks()
         lines[0]["label"] = "force"

@@ -9,12 +9,11 @@ from urllib.parse import quote
 import numpy as np
 import pandas as pd
 
-from .. import beverloo, clog_analysis, symbols
+from .. import symbols
 from ..errors import RunError
 from ..files import read_json, write_atomically
 from ..follow import in_use
 from ..run import Run
-from ..scenarios import of_scenario
 from ..script import with_error
 from ..sweep import sweep_table
 from . import LIMIT, NAME, contents, footer, write_report
@@ -53,7 +52,7 @@ def write_sweep(folder, path=None, limit=None, reports=True, tell=lambda text: N
             "remarks": [], "columns": columns, "common": common, "footer": footer(),
             "rows": [{"name": row["name"], "short": row["short"], "link": row["link"], "status": row["status"], "message": row["message"],
                       "cells": [row["values"].get(column["name"]) for column in columns]} for row in rows]}
-    data["fits"] = _fits([row["folder"] for row in rows if row["done"]], columns, rows, data["remarks"])
+    data["fits"] = _fits(columns, rows, data["remarks"])
     write_atomically(path, page(f"{title} – Pliant", data | {"follow": None}))
     return path
 
@@ -81,6 +80,7 @@ def _row(folder, limit, reports, tell):
         with Run(folder) as run:
             row["status"] = contents.status_of(run, in_use(folder))
             row["done"] = bool(run.summary) and row["status"]["tone"] == "good"
+            row["scenario"] = run.scenario
             row["options"] = {one["name"]: one for one in contents.parameters(run)}
             row["raw"] = run.parameters
             for one in contents.results(run):
@@ -133,30 +133,26 @@ def _columns(rows):
 
 # ---- fits ------------------------------------------------------------------------------------------------------------
 
-def _fits(folders, columns, rows, remarks):
-    charts = []
+def _fits(columns, rows, remarks):
+    charts, done = [], [row for row in rows if row["done"]]
     for make in (_beverloo, _sigmoids):
         try:
-            charts += make(folders)
+            charts += make(done)
         except RunError as error:
             remarks.append(str(error))
     return charts or _scatter(columns, rows)
 
 
-def _of(folders, scenario):
+def _of(rows, scenario):
     """Sweep table of the runs of a scenario."""
-    runs = []
-    for folder in folders:
-        with Run(folder) as run:
-            if run.scenario == scenario:
-                runs.append(folder)
-    return sweep_table(runs)
+    return sweep_table([row["folder"] for row in rows if row["scenario"] == scenario])
 
 
-def _beverloo(folders):
-    table = _of(folders, "hopper")
+def _beverloo(rows):
+    table = _of(rows, "hopper")
     if "Q" not in table or not table["Q"].notna().any() or "hopper_width" not in table or table["hopper_width"].nunique() < 2:
         return []
+    from .. import beverloo  # imports scipy.optimize
     for column in ("mu", "zeta"):
         table[column] = table[column].fillna(0.0) if column in table else 0.0
     lines, notes = [], []
@@ -179,9 +175,12 @@ def _beverloo(folders):
              "lines": lines, "note": " ".join(notes), "zero": True}]
 
 
-def _sigmoids(folders):
-    table = _of(folders, "clog")
-    if table.empty or not set(clog_analysis.COLUMNS) <= set(table):
+def _sigmoids(rows):
+    table = _of(rows, "clog")
+    if table.empty:
+        return []
+    from .. import clog_analysis  # imports lmfit
+    if not set(clog_analysis.COLUMNS) <= set(table):
         return []
     table = table[table["status"].isin(clog_analysis.ENDED)]
     points, charts = clog_analysis.clog_points(table), []
