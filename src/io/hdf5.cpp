@@ -106,6 +106,11 @@ hid_t native(Type type) {
   throw std::logic_error("unknown element type");
 }
 
+/// For calls that change an object in memory, such as a property list: only a lack of memory makes them fail.
+void require_memory(herr_t status) {
+  if (status < 0) throw MemoryError("HDF5's memory for a property could not be allocated");
+}
+
 std::string text(const Shape& shape) {
   std::string s = "[";
   for (std::size_t i = 0; i < shape.size(); ++i)
@@ -121,8 +126,8 @@ const hsize_t* dims(const Shape& shape) { return reinterpret_cast<const hsize_t*
 
 Id string_type() {
   Id type(H5Tcopy(H5T_C_S1));
-  H5Tset_size(type.get(), H5T_VARIABLE);
-  H5Tset_cset(type.get(), H5T_CSET_UTF8);
+  require_memory(H5Tset_size(type.get(), H5T_VARIABLE));
+  require_memory(H5Tset_cset(type.get(), H5T_CSET_UTF8));
   return type;
 }
 
@@ -142,10 +147,10 @@ Id file_access() {
   keep_quiet_at_end();
   Id access(H5Pcreate(H5P_FILE_ACCESS));
   // Closing the file closes all objects in it.
-  H5Pset_fclose_degree(access.get(), H5F_CLOSE_STRONG);
+  require_memory(H5Pset_fclose_degree(access.get(), H5F_CLOSE_STRONG));
   // The format of HDF5 1.8 has checksums for nearly everything except the values; the format of 1.10 would lock readers
   // out of the file of a killed run.
-  H5Pset_libver_bounds(access.get(), H5F_LIBVER_V18, H5F_LIBVER_LATEST);
+  require_memory(H5Pset_libver_bounds(access.get(), H5F_LIBVER_V18, H5F_LIBVER_LATEST));
   return access;
 }
 
@@ -160,8 +165,8 @@ constexpr const char* members_name = "members";
 
 /// For groups: few links, stored in the group's header.
 void keep_links_in_header(const Id& properties) {
-  H5Pset_link_phase_change(properties.get(), 64, 32);
-  H5Pset_est_link_info(properties.get(), 16, 14);
+  require_memory(H5Pset_link_phase_change(properties.get(), 64, 32));
+  require_memory(H5Pset_est_link_info(properties.get(), 16, 14));
 }
 
 Id few_links() {
@@ -179,7 +184,7 @@ Id new_file() {
 /// Space is never used twice: ranks write past HDF5 to addresses that must be new.
 Id new_file_on_disk() {
   Id properties = new_file();
-  H5Pset_file_space_strategy(properties.get(), H5F_FSPACE_STRATEGY_NONE, false, 1);
+  require_memory(H5Pset_file_space_strategy(properties.get(), H5F_FSPACE_STRATEGY_NONE, false, 1));
   return properties;
 }
 
@@ -216,7 +221,7 @@ std::pair<Id, Id> select_rows(const Id& dataset, std::uint64_t first, std::uint6
   start[0] = first;
   count[0] = rows;
   Id memory(H5Screate_simple(static_cast<int>(count.size()), dims(count), nullptr));
-  H5Sselect_hyperslab(space.get(), H5S_SELECT_SET, dims(start), nullptr, dims(count), nullptr);
+  require_memory(H5Sselect_hyperslab(space.get(), H5S_SELECT_SET, dims(start), nullptr, dims(count), nullptr));
   return {std::move(memory), std::move(space)};
 }
 
@@ -265,8 +270,8 @@ std::optional<std::pair<std::uint32_t, std::uint32_t>> crc32_of_rows(const Id& d
 /// Creates the groups in the path of a name, as `mkdir -p` does.
 Id creating_parents() {
   Id properties(H5Pcreate(H5P_LINK_CREATE));
-  H5Pset_create_intermediate_group(properties.get(), 1);
-  H5Pset_char_encoding(properties.get(), H5T_CSET_UTF8);
+  require_memory(H5Pset_create_intermediate_group(properties.get(), 1));
+  require_memory(H5Pset_char_encoding(properties.get(), H5T_CSET_UTF8));
   return properties;
 }
 
@@ -410,9 +415,9 @@ constexpr std::uint64_t chunk_bytes = 1 << 16;
 void compress(const Id& properties, Type type, const Shape& shape, int level) {
   Shape chunk = shape;
   chunk[0] = std::clamp<std::uint64_t>(chunk_bytes / (row_width(shape) * size_of(type)), 1, shape[0]);
-  H5Pset_chunk(properties.get(), static_cast<int>(chunk.size()), dims(chunk));
-  H5Pset_shuffle(properties.get());
-  H5Pset_deflate(properties.get(), static_cast<unsigned>(level));
+  require_memory(H5Pset_chunk(properties.get(), static_cast<int>(chunk.size()), dims(chunk)));
+  require_memory(H5Pset_shuffle(properties.get()));
+  require_memory(H5Pset_deflate(properties.get(), static_cast<unsigned>(level)));
 }
 
 /// Within a scope, objects in the file of an object get the format of HDF5 1.10.
@@ -431,14 +436,15 @@ class LaterFormat {
 }  // namespace
 
 Dataset Group::create_dataset(const std::string& name, Type type, const Shape& shape, int deflate) {
+  const Quiet quiet;
   const Id properties(H5Pcreate(H5P_DATASET_CREATE));
-  H5Pset_fill_time(properties.get(), H5D_FILL_TIME_NEVER);
+  require_memory(H5Pset_fill_time(properties.get(), H5D_FILL_TIME_NEVER));
   if (deflate > 0 && product(shape) > 0) {
     const LaterFormat later(id_);
     compress(properties, type, shape, deflate);
     return {create_dataset(name, type, shape, properties), type, file_, full(name)};
   }
-  H5Pset_alloc_time(properties.get(), H5D_ALLOC_TIME_EARLY);
+  require_memory(H5Pset_alloc_time(properties.get(), H5D_ALLOC_TIME_EARLY));
   return {create_dataset(name, type, shape, properties), type, file_, full(name)};
 }
 
@@ -491,8 +497,9 @@ void Group::write_values(const std::string& name, Type type, const void* values,
 }
 
 void Group::write_fill_value(const std::string& name, Type type, const void* value, const Shape& shape) {
+  const Quiet quiet;
   const Id properties(H5Pcreate(H5P_DATASET_CREATE));
-  H5Pset_fill_value(properties.get(), native(type), value);
+  require_memory(H5Pset_fill_value(properties.get(), native(type), value));
   create_dataset(name, type, shape, properties);
 }
 
@@ -562,9 +569,9 @@ void Group::write_text(const std::string& name, const std::string& text) {
   std::string bytes = text;
   bytes.resize(std::max<std::size_t>(bytes.size(), 1), '\0');  // HDF5 has no strings of length 0
   const Id type(H5Tcopy(H5T_C_S1)), space(H5Screate(H5S_SCALAR));
-  H5Tset_size(type.get(), bytes.size());
-  H5Tset_strpad(type.get(), H5T_STR_NULLPAD);
-  H5Tset_cset(type.get(), H5T_CSET_UTF8);
+  require_memory(H5Tset_size(type.get(), bytes.size()));
+  require_memory(H5Tset_strpad(type.get(), H5T_STR_NULLPAD));
+  require_memory(H5Tset_cset(type.get(), H5T_CSET_UTF8));
   const Id dataset(
       H5Dcreate2(id_.get(), name.c_str(), type.get(), space.get(), creating_parents().get(), H5P_DEFAULT, H5P_DEFAULT));
   if (!dataset.valid() || H5Dwrite(dataset.get(), type.get(), H5S_ALL, H5S_ALL, H5P_DEFAULT, bytes.data()) < 0 ||
@@ -588,7 +595,7 @@ Rows Group::create_rows(const std::string& name, const Shape& row, std::uint64_t
   for (Shape* shape : {&first, &most, &chunk}) shape->insert(shape->end(), row.begin(), row.end());
   const Id space(H5Screate_simple(static_cast<int>(first.size()), dims(first), dims(most)));
   const Id properties(H5Pcreate(H5P_DATASET_CREATE));
-  H5Pset_chunk(properties.get(), static_cast<int>(chunk.size()), dims(chunk));
+  require_memory(H5Pset_chunk(properties.get(), static_cast<int>(chunk.size()), dims(chunk)));
   Id dataset(H5Dcreate2(id_.get(), name.c_str(), H5T_NATIVE_DOUBLE, space.get(), creating_parents().get(),
                         properties.get(), H5P_DEFAULT));
   if (!dataset.valid()) fail_write(name);
@@ -777,7 +784,7 @@ File File::create(const std::filesystem::path& path) {
 File File::in_memory(const std::string& name) {
   const Quiet quiet;
   const Id access = file_access();
-  H5Pset_fapl_core(access.get(), std::size_t{1} << 20, false);
+  require_memory(H5Pset_fapl_core(access.get(), std::size_t{1} << 20, false));
   Id file(H5Fcreate(name.c_str(), H5F_ACC_TRUNC, new_file().get(), access.get()));
   if (!file.valid()) throw OutputError("cannot prepare {} in memory: {}", name, reason());
   return {std::move(file), name, nullptr};

@@ -115,9 +115,10 @@ def test_allocations_of_hdf5(tmp_path):
     """HDF5 reports most allocations that fail, some as a file that cannot be read or written. Other failed allocations
     end HDF5 by a signal or with MPI's code 255: the run can be continued then, too."""
     command, options = HOPPER
+    options = {**options, "t_end": 0.4, "checkpoint_interval": 0.1}
 
     def check(place, code, found):
         assert code in (0, 2, 3, 4, OUT_OF_MEMORY, 255, -6, -11), f"allocation {place}: exit code {code}: {found}"
         assert len(found) == (code != 0) or (code in (255, -6, -11) and not found)
 
-    Case(tmp_path, command, options, of="libhdf5").loop(10, check)
+    Case(tmp_path, command, options, of="libhdf5").loop(40, check)
