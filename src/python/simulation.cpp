@@ -345,6 +345,7 @@ class Simulated final : public AnySimulation {
     check_step(*settings, critical);
     if (field_->fits(*field)) {
       field_->replace(std::move(field));
+      simulation_->particles().coefficients_changed();
       settings_ = std::move(settings);
       if (settings_->dt || settings_->method == Method::ts ||
           !(standard_step(critical) > 0.8 * dt() && standard_step(critical) < 1.25 * dt()))

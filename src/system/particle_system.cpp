@@ -268,6 +268,12 @@ bool ParticleSystem<D>::hold(const Real* x, Real t) {
 }
 
 template <int D>
+void ParticleSystem<D>::coefficients_changed() {
+  if (!history_.empty()) workspace_.follow(history_);
+  has_found_ = false;
+}
+
+template <int D>
 void ParticleSystem<D>::invalidate_lists() {
   neighbours_.invalidate();
   motion_.lose(MotionSince::list_rebuild);

@@ -87,6 +87,10 @@ class ParticleSystem final : public ImplicitSystem {
   /// the box cannot have or the model is not defined for.
   void set_walls(Walls<D> walls);
 
+  /// Coefficients of the force field have changed, but neither its lists nor what its contacts remember: numbers that
+  /// terms have stored of elements of the lists are forgotten. The same on every rank.
+  void coefficients_changed();
+
   /// Makes these the rank's own particles, which touch nothing yet. On every rank, without messages. Errors: InputError
   /// for particles of several points where they rotate or contacts have a history.
   void take(Topology own);

@@ -291,6 +291,25 @@ def test_a_ramp_of_a_parameter():
     fixed.run(1)
 
 
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("change", [{"e_disk": 4000}, {"restitution": 0.1}, {"mu_disk": 0}])
+def test_a_change_of_contacts_acts_at_once(dim, change):
+    """Two rubbing disks or spheres: the steps after a change are those of a simulation that starts with it."""
+    def simulation(positions, velocities, **more):
+        return Simulation(positions, diameters=1, velocities=velocities, model="disk", dt=1e-5,
+                          **{"e_disk": 1000, "restitution": 0.5, "mu_disk": 0.01, **more})
+    positions, velocities = np.zeros((2, dim)), np.zeros((2, dim))
+    positions[1, 0], velocities[1, :2] = 0.97, [-1, 1]
+    sim = simulation(positions, velocities)
+    sim.run(1.5e-5)
+    before = sim.positions.copy(), sim.velocities.copy()
+    sim.set(**change)
+    sim.run(2e-5)
+    other = simulation(*before, **change)
+    other.run(2e-5)
+    assert sim.velocities - before[1] == pytest.approx(other.velocities - before[1], rel=1e-3, abs=1e-6)
+
+
 def test_a_parameter_that_switches_friction_on():
     sim = Simulation([[0, 0.5]], 1, walls=floor(), gravity=(0, -1), model="disk", velocities=[[1, 0]], mu_wall=0)
     sim.run(0.5)
