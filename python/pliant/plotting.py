@@ -1,11 +1,14 @@
-"""Style and drawing shared by the plotting scripts. Importing this selects a backend without a display."""
+"""Style and drawing shared by the plotting scripts. Importing this selects a backend without a display, unless pyplot was
+imported earlier."""
 
 import io
+import sys
 from pathlib import Path
 
 import matplotlib
 
-matplotlib.use("Agg")
+if "matplotlib.pyplot" not in sys.modules:  # a notebook has chosen its backend
+    matplotlib.use("Agg")
 
 import matplotlib.pyplot as plt  # noqa: E402  (the backend comes first)
 import numpy as np
@@ -283,6 +286,27 @@ def panel_figure(runs, boxes, height=4.6):
         set_view(ax, run, box)
     axes[0, 0].set_ylabel(rf"${'z' if runs[0].dim == 3 else 'y'}/{length_unit(runs[0])}$")
     return figure, axes[0]
+
+
+def draw_frame(run, frame=-1, color="speed", axes=None):
+    """Draws walls and particles of a frame (number, or Frame) in a colour of QUANTITIES, with a colour bar, on `axes` or a new
+    figure. Returns the axes."""
+    if isinstance(frame, (int, np.integer)):
+        frame = run.frame(int(frame))
+    if color not in QUANTITIES:
+        raise RunError(f"color is {color!r}; give one of {', '.join(QUANTITIES)}")
+    values = particle_values(run, frame, color)
+    cmap, norm, extend = color_scale(color, [values[frame.active]])
+    box = view(run, [frame])
+    if axes is None:
+        axes = panel_figure([run], [box])[1][0]
+    else:
+        set_view(axes, run, box)
+    axes.set_title(f"{model_name(run)},  {time_label(run, frame)}")
+    draw_walls(axes, run, frame)
+    add_color_bar(axes.figure, axes, run, color, cmap, norm, extend)
+    draw_particles(axes, run, frame, cmap(norm(values)))
+    return axes
 
 
 # ---- naming runs -----------------------------------------------------------------------------------------------------

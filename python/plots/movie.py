@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Makes an mp4 movie of the frames of a run; needs ffmpeg.
+"""Makes a movie of the frames of a run: mp4 (by ffmpeg), or an animated picture for web pages, gif or webp.
 
 The movie lasts 8 s if the run has fewer than 200 frames, else it shows 25 frames a second. For a smoother movie let the
 run write more frames (-frame_interval)."""
@@ -14,7 +14,7 @@ import pliant  # first, because it reports missing packages
 import subprocess
 
 import numpy as np
-from matplotlib.animation import FFMpegWriter
+from matplotlib.animation import FFMpegWriter, PillowWriter
 
 from pliant import OutputError, Run, RunError
 from pliant import plotting, script
@@ -39,6 +39,28 @@ def frames_per_second(frames, fps=None, speed=None):
     return fps, f"{len(frames) / fps:.1f} s" + (f" at {fps * span / (len(frames) - 1):.3g} t0/s" if span > 0 else "")
 
 
+class Pictures(PillowWriter):
+    """Writes a picture that repeats its frames for ever."""
+
+    def grab_frame(self, **options):
+        super().grab_frame(**options)
+        self._frames[-1] = self._frames[-1].convert("RGB")  # without transparency WebP needs half of the bytes
+
+    def finish(self):
+        self._frames[0].save(self.outfile, save_all=True, append_images=self._frames[1:], loop=0,
+                             duration=round(1000 / self.fps), quality=40, method=4)
+
+
+def writer_for(path, fps):
+    """The writer for the ending of a file."""
+    if path.suffix.lower() in (".gif", ".webp"):
+        return Pictures(fps=fps)
+    if not FFMpegWriter.isAvailable():
+        raise OutputError("ffmpeg is not installed (Debian: apt install ffmpeg); without it movie.py writes gif and webp only")
+    return FFMpegWriter(fps=fps, codec="libx264",
+                        extra_args=["-pix_fmt", "yuv420p", "-crf", "20", "-movflags", "+faststart"])
+
+
 def main():
     parser = script.parser(__doc__, "movie.py runs/hopper --speed 5 --color speed -o hopper.mp4", "movie.mp4")
     parser.add_argument("run", help="run folder")
@@ -46,19 +68,22 @@ def main():
     rate.add_argument("--fps", type=float, help="frames per second")
     rate.add_argument("--speed", type=float, metavar="T0", help="time of the run, in t0, per second of the movie")
     parser.add_argument("--every", type=int, default=1, help="use every n-th frame (default: 1)")
+    parser.add_argument("--start", type=float, default=0, metavar="T0", help="leave out frames before this time (default: 0)")
     parser.add_argument("--color", choices=QUANTITIES, default="speed", help="quantity shown by the colour (default: speed)")
+    parser.add_argument("--bare", action="store_true", help="draw particles and walls only, without axes, title and colour bar")
     parser.add_argument("--dpi", type=float, default=130, help="resolution (default: 130)")
     arguments = script.arguments(parser)
     for name in ("fps", "speed", "every", "dpi"):
         if getattr(arguments, name) is not None and not getattr(arguments, name) > 0:
             raise RunError(f"--{name} is {getattr(arguments, name)}: it must be positive")
-    if not FFMpegWriter.isAvailable():
-        raise OutputError("ffmpeg is not installed (Debian: apt install ffmpeg); "
-                          "without it snapshot.py draws single frames")
+    writer_for(arguments.output, 1)  # raises an error before any work
     run = Run(arguments.run)
-    frames = run.frames[:: arguments.every]
-    if not frames:
+    if not run.frames:
         run.frame(0)  # raises an error with the reason
+    first = int(np.searchsorted(run.frame_times, arguments.start))
+    frames = run.frames[first :: arguments.every]
+    if not frames:
+        raise RunError(f"--start is {arguments.start:g}: the last frame has t = {run.frame_times[-1]:g}")
     fps, lasts = frames_per_second(frames, arguments.fps, arguments.speed)
 
     # One scale and one view for the whole movie, from a dozen frames spread over it.
@@ -68,8 +93,11 @@ def main():
     box = plotting.view(run, sample)
     figure, (ax,) = plotting.panel_figure([run], [box])
     walls = plotting.draw_walls(ax, run, frames[0])
-    plotting.add_color_bar(figure, ax, run, arguments.color, cmap, norm, extend)
-    title = ax.set_title("t")
+    if arguments.bare:
+        ax.set_axis_off()
+    else:
+        plotting.add_color_bar(figure, ax, run, arguments.color, cmap, norm, extend)
+    title = ax.set_title("" if arguments.bare else "t")
     figure.set_dpi(arguments.dpi)
     # yuv420p needs even numbers of pixels; half a pixel more is safe against rounding down.
     figure.set_size_inches([(2 * np.ceil(size * arguments.dpi / 2) + 0.5) / arguments.dpi
@@ -79,8 +107,7 @@ def main():
     digits = 2 if frames[-1].time < 1e4 else 0
     figure.set_layout_engine("none")  # fixed layout, so that axes do not jump between frames
 
-    writer = FFMpegWriter(fps=fps, codec="libx264",
-                          extra_args=["-pix_fmt", "yuv420p", "-crf", "20", "-movflags", "+faststart"])
+    writer = writer_for(arguments.output, fps)
     try:
         with writer.saving(figure, str(arguments.output), arguments.dpi):
             for i, frame in enumerate(frames):
@@ -89,13 +116,14 @@ def main():
                 walls = plotting.draw_walls(ax, run, frame)
                 colors = cmap(norm(plotting.particle_values(run, frame, arguments.color)))
                 artist, _ = plotting.draw_particles(ax, run, frame, colors, scale=scale)
-                title.set_text(f"{plotting.model_name(run)},  {plotting.time_label(run, frame, digits)}")
+                if not arguments.bare:
+                    title.set_text(f"{plotting.model_name(run)},  {plotting.time_label(run, frame, digits)}")
                 writer.grab_frame()
                 if sys.stderr.isatty() or i + 1 == len(frames):
                     print(f"\rframe {i + 1} of {len(frames)}", end="", file=sys.stderr, flush=True)
             print(file=sys.stderr)
     except (OSError, subprocess.CalledProcessError) as error:
-        raise OutputError(f"{arguments.output}: ffmpeg could not write it ({str(error).splitlines()[0]})") from None
+        raise OutputError(f"{arguments.output}: cannot be written ({str(error).splitlines()[0]})") from None
     print(f"wrote {arguments.output}: {len(frames)} frames, {lasts}")
 
 

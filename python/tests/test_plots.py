@@ -15,6 +15,7 @@ import matplotlib.colors
 import matplotlib.image
 import numpy as np
 import pandas as pd
+import PIL.Image
 import pytest
 from synthetic import write_run
 from test_clog import made_table
@@ -419,6 +420,24 @@ def test_movie(rough, call, tmp_path):
     assert_picture(tmp_path / "last.png")
 
 
+@pytest.mark.parametrize("ending", ["gif", "webp"])
+def test_an_animated_picture_repeats(ending, rough, call, monkeypatch, tmp_path):
+    monkeypatch.setenv("PATH", str(tmp_path))  # without ffmpeg
+    out = tmp_path / f"a.{ending}"
+    call("movie.py", rough[0], "--fps", 10, "--dpi", 60, "--bare", "-o", out)
+    with PIL.Image.open(out) as image:
+        assert (image.n_frames, image.info["loop"]) == (3, 0)
+        durations = []
+        for k in range(3):
+            image.seek(k)
+            image.load()
+            durations.append(image.info["duration"])
+        assert durations == [100, 100, 100]
+        pixels = np.asarray(image.convert("RGB"), int)
+    assert (np.ptp(pixels, axis=2) > 60).any(), "no colour of a particle"
+    assert "2 frames" in call("movie.py", rough[0], "--start", 0.2, "--dpi", 60, "-o", out)
+
+
 def test_errors_are_one_line(soft, call, capsys, monkeypatch, tmp_path):
     def message(code, name, *arguments):
         with pytest.raises(SystemExit) as stop:
@@ -432,6 +451,7 @@ def test_errors_are_one_line(soft, call, capsys, monkeypatch, tmp_path):
     out = tmp_path / "a.png"
     assert "no frames" in message(2, "forces.py", tmp_path / "empty", "-o", out)
     assert "no frames" in message(2, "movie.py", tmp_path / "empty", "-o", tmp_path / "a.mp4")
+    assert "last frame has t = 1" in message(2, "movie.py", soft[0], "--start", 7, "-o", tmp_path / "a.gif")
     assert "too few" in message(2, "series.py", tmp_path / "empty", "-o", out)
     assert "add --panels" in message(2, "snapshot.py", soft[0], soft[0], "-o", out)
     assert "no frame 7" in message(2, "snapshot.py", soft[0], "--frame", 7, "-o", out)
@@ -442,6 +462,17 @@ def test_errors_are_one_line(soft, call, capsys, monkeypatch, tmp_path):
     monkeypatch.setenv("PATH", str(tmp_path))
     assert "ffmpeg is not installed" in message(4, "movie.py", soft[0], "-o", tmp_path / "a.mp4")
     assert not out.exists()
+
+
+def test_a_run_draws_itself(soft, rough):
+    run = Run(rough[0])
+    axes = run.draw(color="shape")
+    assert axes.get_title().endswith(plotting.time_label(run, run.frames[-1])) and len(axes.collections) == 2
+    figure, (left, right) = plotting.plt.subplots(1, 2)
+    assert run.draw(run.frames[0], axes=right) is right and not left.collections
+    plotting.plt.close("all")
+    with pytest.raises(RunError, match="give one of speed, area"):
+        run.draw(color="colour")
 
 
 def test_error_without_traceback(tmp_path):
