@@ -8,9 +8,7 @@ RUN /source/scripts/setup.sh
 COPY . /source
 WORKDIR /source
 # Without tests, which need several times as long.
-RUN cmake -S . -B build -G Ninja -D CMAKE_BUILD_TYPE=Release -D CMAKE_UNITY_BUILD=ON -D CMAKE_UNITY_BUILD_BATCH_SIZE=16 \
-      -D PLIANT_BUILD_TESTS=OFF -D PLIANT_BUILD_EXAMPLES=OFF \
-    && cmake --build build \
+RUN cmake --preset package -B build && cmake --build build \
     && cmake --install build --prefix /opt/pliant
 
 FROM debian:12

@@ -6,7 +6,7 @@
 namespace pliant {
 
 struct BuildInfo {
-  std::string version;     ///< of Pliant, "0.1.0"
+  std::string version;     ///< of Pliant, "0.2.0"
   std::string commit;      ///< abbreviated hash with "-dirty" if there were changes; "unknown" outside a git checkout
   std::string compiler;    ///< name and version
   std::string build_type;  ///< "Release", …

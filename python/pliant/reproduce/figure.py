@@ -11,8 +11,10 @@ from ..errors import RunError
 from ..files import write_atomically
 from .published import Published
 
-#: Tables and their results: next to the folder python of the sources and of an installation.
-VALIDATION = Path(__file__).resolve().parents[3] / "validation"
+_FOLDERS = Path(__file__).resolve().parents
+#: Tables and their results: next to the folder python of the sources and of an installation; for packages in share/pliant of
+#: the prefix.
+VALIDATION = next(filter(Path.is_dir, (folder / "share/pliant/validation" for folder in _FOLDERS)), _FOLDERS[3] / "validation")
 LEVELS = ("quick", "full", "as-run")
 #: Options in which runs of one point may differ.
 FREE = ("seed", "t_end", "frame_interval", "sample_interval", "checkpoint_interval", "max_wall_time", "threads", "pushes")
