@@ -21,19 +21,9 @@
 #include <pliant/base/errors.h>
 #include <pliant/kernels/finite.h>
 #include <pliant/kernels/points.h>
-#include <pliant/model/term.h>
+#include <pliant/model/term_loops.h>
 
 namespace pliant {
-
-/// Energy and forces of one term for one configuration.
-struct TermReport {
-  std::string name;
-  bool is_energy;           ///< false: a dissipation, which has no energy
-  Real energy = 0;          ///< sum over all elements
-  std::vector<Real> force;  ///< [points · D]
-  std::vector<Real> particle_energy =
-      {};  ///< [particles] of a term whose elements belong to one particle each, else empty
-};
 
 /// The longest steps of velocity Verlet, in t0.
 struct CriticalStep {
@@ -61,9 +51,6 @@ struct CriticalStep {
 /// A choice of terms: all; shape: the terms whose elements belong to one particle each, as the shape energy of
 /// deformable particles; rest: all other terms.
 enum class TermGroup { all, shape, rest };
-
-/// All walls, or the moving walls.
-enum class WallGroup { all, moving };
 
 /// The points that derivatives couple, in addition to each point with itself.
 struct ElementCoupling {
@@ -297,21 +284,9 @@ class Model final : public ForceField<D> {
 
   void derivatives(const StateView<D>& s, TermGroup group, BlockSink<D>& df_dx, BlockSink<D>& df_dv) const override {
     for_each_chunk(s, [&](Index chunk) {
-      const Range own = s.neighbours.points(chunk);
-      OwnRows elastic(df_dx, own, -1), moved(df_dx, own, 1), damping(df_dv, own, 1);
       for_each_enabled(s, [&](const auto& term) {
-        using Term = std::decay_t<decltype(term)>;
-        if (!belongs_to<Term, D>(group)) return;
-        require_derivatives(term);
-        for (const Range range : {inside<Term>(s, chunk), across<Term>(s, chunk)})
-          for (Index e = range.first; e < range.last; ++e)
-            if constexpr (!has_derivatives<Term>) {
-            } else if constexpr (EnergyTerm<Term, D>) {
-              term.add_hessian(s, e, elastic);
-            } else {
-              term.add_dforce_dv(s, e, damping);
-              if constexpr (depends_on_x<Term>) term.add_dforce_dx(s, e, moved);
-            }
+        if (belongs_to<std::decay_t<decltype(term)>, D>(group))
+          Loops<decltype(term)>::derivatives(term, s, chunk, df_dx, df_dv);
       });
     });
   }
@@ -325,7 +300,7 @@ class Model final : public ForceField<D> {
         all.x.add(KindOf<Term>());
       } else {
         all.v.add(KindOf<Term>());
-        if constexpr (depends_on_x<Term>) all.x.add(KindOf<Term>());
+        if constexpr (depends_on_x<Term, D>) all.x.add(KindOf<Term>());
       }
     });
     return all;
@@ -334,75 +309,53 @@ class Model final : public ForceField<D> {
   Real energy(const StateView<D>& s, Real* f) const override {
     bool dissipative = false;
     for_each_dissipation(s, [&](const auto&) { dissipative = true; });
-    for_each_history(s, [&](const auto&, const auto&) { dissipative = true; });
+    for_each_history(s, [&](const auto&) { dissipative = true; });
     return sum_over_chunks(s, [&](Index chunk) {
       Real sum = 0;
       if (f != nullptr && dissipative) zero(s, chunk, f);
       for_each_energy(s, [&](const auto& term) {
-        for_each_element(term, s, chunk, [&](Index e) { sum += term.energy(s, e); });
-        if (f != nullptr && dissipative) add_forces(term, s, nullptr, chunk, f);
+        sum = Loops<decltype(term)>::add_energy(term, s, chunk, sum);
+        if (f != nullptr && dissipative) Loops<decltype(term)>::add_forces(term, s, nullptr, chunk, f);
       });
-      for_each_history(s, [&](const auto& term, const auto& current) {
-        for_each_element(term, s, chunk, [&](Index e) { sum += energy_of(term, s, e, current(e)); });
-      });
+      for_each_history(s, [&](const auto& term) { sum = Loops<decltype(term)>::add_energy(term, s, chunk, sum); });
       if (f != nullptr && !dissipative) add_total(s, nullptr, chunk, f);
       return sum;
     });
   }
 
   Real energy_of(const StateView<D>& s, std::span<const Index> ids) const override {
+    std::vector<Range> points;  // of ghosts too
+    for (const Index id : ids)
+      for (Index m = 0; m < s.topology.particles(); ++m)
+        if (s.topology.id[m] == id) points.push_back({s.topology.offset[m], s.topology.offset[m + 1]});
     Real sum = 0;
-    for_each_energy(s, [&](const auto& term) {
-      for_each_element(term, s, [&](Index e) {
-        if (belongs_to_one_of<std::decay_t<decltype(term)>>(s, e, ids)) sum += term.energy(s, e);
-      });
-    });
-    for_each_history(s, [&](const auto& term, const auto& current) {
-      for_each_element(term, s, [&](Index e) {
-        if (belongs_to_one_of<std::decay_t<decltype(term)>>(s, e, ids)) sum += energy_of(term, s, e, current(e));
-      });
-    });
+    const auto add = [&](const auto& term) { sum = Loops<decltype(term)>::add_energy_of(term, s, points, sum); };
+    for_each_energy(s, add);
+    for_each_history(s, add);
     return sum;
   }
 
   void dissipative_forces(const StateView<D>& s, Real* f) const override {
     for_each_chunk(s, [&](Index chunk) {
       zero(s, chunk, f);
-      for_each_dissipation(s, [&](const auto& term) { add_forces(term, s, nullptr, chunk, f); });
+      for_each_dissipation(s, [&](const auto& term) { Loops<decltype(term)>::add_forces(term, s, nullptr, chunk, f); });
     });
   }
 
   Real power(const StateView<D>& s) const override {
     return sum_over_chunks(s, [&](Index chunk) {
       Real sum = 0;
-      for_each_dissipation(
-          s, [&](const auto& term) { for_each_element(term, s, chunk, [&](Index e) { sum += term.power(s, e); }); });
-      for_each_history(s, [&](const auto& term, const auto& current) {
-        for_each_element(term, s, chunk, [&](Index e) { sum += power_of(term, s, e, current(e)); });
-      });
+      const auto add = [&](const auto& term) { sum = Loops<decltype(term)>::add_power(term, s, chunk, sum); };
+      for_each_dissipation(s, add);
+      for_each_history(s, add);
       return sum;
     });
   }
 
   std::vector<TermReport> report(const StateView<D>& s) const override {
     std::vector<TermReport> reports;
-    for_each_enabled(s, [&](const auto& term) {
-      using Term = std::decay_t<decltype(term)>;
-      TermReport r{std::string(term.name()), EnergyTerm<Term, D>, 0,
-                   std::vector<Real>(static_cast<std::size_t>(s.topology.points()) * (torques ? D + rotations<D> : D))};
-      if constexpr (EnergyTerm<Term, D>) {
-        for_each_element(term, s, [&](Index e) { r.energy += term.energy(s, e); });
-        if constexpr (requires { term.particle(s, Index()); }) {
-          r.particle_energy.resize(s.topology.particles());
-          for_each_element(term, s, [&](Index e) { r.particle_energy[term.particle(s, e)] += term.energy(s, e); });
-        }
-      } else if constexpr (HistoryTerm<Term, D>) {
-        const CurrentHistory current(s, term);
-        for_each_element(term, s, [&](Index e) { r.energy += energy_of(term, s, e, current(e)); });
-      }
-      for (Index c = 0; c < s.neighbours.chunks(); ++c) add_forces(term, s, nullptr, c, r.force.data());
-      reports.push_back(std::move(r));
-    });
+    for_each_enabled(s,
+                     [&](const auto& term) { reports.push_back(Loops<decltype(term)>::report(term, s, numbers(s))); });
     return reports;
   }
 
@@ -410,64 +363,26 @@ class Model final : public ForceField<D> {
     for_each_chunk(s, [&](Index chunk) {
       zero(s, chunk, f);
       for_each_enabled(s, [&](const auto& term) {
-        if (term.name() == name) add_forces(term, s, nullptr, chunk, f);
+        if (term.name() == name) Loops<decltype(term)>::add_forces(term, s, nullptr, chunk, f);
       });
     });
   }
 
   void hessian(const StateView<D>& s, BlockSink<D>& h) const override {
-    for_each_energy(s, [&](const auto& term) {
-      require_derivatives(term);
-      if constexpr (has_derivatives<std::decay_t<decltype(term)>>)
-        for_each_element(term, s, [&](Index e) { term.add_hessian(s, e, h); });
-    });
+    for_each_energy(s, [&](const auto& term) { Loops<decltype(term)>::add_blocks(term, s, h); });
   }
 
   void damping(const StateView<D>& s, BlockSink<D>& h) const override {
-    for_each_dissipation(s, [&](const auto& term) {
-      require_derivatives(term);
-      if constexpr (has_derivatives<std::decay_t<decltype(term)>>)
-        for_each_element(term, s, [&](Index e) { term.add_dforce_dv(s, e, h); });
-    });
+    for_each_dissipation(s, [&](const auto& term) { Loops<decltype(term)>::add_blocks(term, s, h); });
   }
 
   void for_each_contact(const StateView<D>& s, const std::function<void(const Contact<D>&)>& visit) const override {
-    for_each_enabled(s, [&](const auto& term) {
-      if constexpr (ContactTerm<std::decay_t<decltype(term)>, D>) {
-        Contact<D> contact;
-        for_each_element(term, s, [&](Index e) {
-          if (term.contact(s, e, contact)) visit(contact);
-        });
-      }
-    });
+    for_each_enabled(s, [&](const auto& term) { Loops<decltype(term)>::for_each_contact(term, s, visit); });
   }
 
   void add_wall_forces(const StateView<D>& s, Real* f, Real* on_pivots, WallGroup which) const override {
-    const auto add = [&](const auto& term, auto&& value) {
-      for_each_element(term, s, [&](Index e) {
-        if (which == WallGroup::moving && !wall_moves<std::decay_t<decltype(term)>::elements>(s, e)) return;
-        const Vec<D> force = value(e);
-        const auto [wall, place] = touched_wall<std::decay_t<decltype(term)>::elements>(s, e);
-        point<D>(f, wall) -= force;
-        if (on_pivots == nullptr) return;
-        const Motion<D>& motion = s.walls.motion(s.walls.body_of_wall(wall));
-        add_rotation<D>(on_pivots, wall, torque(Vec<D>(place - motion.pivot - motion.shift(s.t)), Vec<D>(-force)));
-      });
-    };
-    for_each_enabled(s, [&](const auto& term) {
-      using Term = std::decay_t<decltype(term)>;
-      if constexpr (Term::elements == Elements::walls || Term::elements == Elements::lips) {
-        if constexpr (requires { term.force(s, Index()); }) {
-          add(term, [&](Index e) { return term.force(s, e); });
-        } else if constexpr (requires(const typename Term::Touch& c) { term.force(s, c); }) {
-          const CurrentHistory current(s, term);
-          add(term, [&](Index e) -> Vec<D> {
-            typename Term::Touch c;
-            return term.find(s, e, current(e), c) ? term.force(s, c) : Vec<D>(Vec<D>::Zero());
-          });
-        }
-      }
-    });
+    for_each_enabled(s,
+                     [&](const auto& term) { Loops<decltype(term)>::add_wall_forces(term, s, f, on_pivots, which); });
   }
 
   CriticalStep critical_step(const Topology& topology) const override {
@@ -524,20 +439,20 @@ class Model final : public ForceField<D> {
   void accept(const StateView<D>& s, Real h, ContactHistory& history, HistoryWorkspace& workspace,
               bool found) const override {
     if (!found) {
-      std::vector<Real> unused(static_cast<std::size_t>(s.topology.points()) * (torques ? D + rotations<D> : D));
+      std::vector<Real> unused(numbers(s));
       for_each_chunk(s, [&](Index chunk) {
-        for_each_history(s,
-                         [&](const auto& term, const auto&) { add_forces(term, s, &workspace, chunk, unused.data()); });
+        for_each_history(
+            s, [&](const auto& term) { Loops<decltype(term)>::add_forces(term, s, &workspace, chunk, unused.data()); });
       });
     }
-    for_each_history(s, [&](const auto& term, const auto&) {
+    for_each_history(s, [&](const auto& term) {
       using Term = std::decay_t<decltype(term)>;
       ContactTable& table = history.of(term.name());
       ContactWorkspace& own = workspace.of(term.name());
       if constexpr (losses_of<Term>() > 0) {
         std::array<Real, losses_of<Term>()> heat{};
         for (Index chunk = 0; chunk < s.neighbours.chunks(); ++chunk)
-          for (const Range range : {inside<Term>(s, chunk), across<Term>(s, chunk)})
+          for (const Range range : {inside<Term, D>(s, chunk), across<Term, D>(s, chunk)})
             for (std::size_t k = 0; range.size() > 0 && k < heat.size(); ++k)
               heat[k] += (Term::losses[k].per_time ? h : 1) * own.losses(range)[k];
         table.add_heat(heat);
@@ -554,24 +469,14 @@ class Model final : public ForceField<D> {
   /// Whether particles rotate.
   static constexpr bool torques = (Torques<Parts>::value || ...);
 
-  template <class T>
-  static constexpr bool has_derivatives = !has_torque<T> && !HistoryTerm<T, D>;
-  template <class T>
-  static void require_derivatives(const T& term) {
-    if constexpr (!has_derivatives<T>)
-      throw InputError("the term {} has no second derivatives; use an explicit integrator", term.name());
+  /// The length of an array of forces of all points, with torques.
+  static std::size_t numbers(const StateView<D>& s) {
+    return static_cast<std::size_t>(s.topology.points()) * (torques ? D + rotations<D> : D);
   }
 
-  template <class Term>
-  static Real energy_of(const Term& term, const StateView<D>& s, Index e, std::span<const Real> current) {
-    typename Term::Touch c;
-    return term.find(s, e, current, c) ? term.energy(s, c) : 0;
-  }
-  template <class Term>
-  static Real power_of(const Term& term, const StateView<D>& s, Index e, std::span<const Real> current) {
-    typename Term::Touch c;
-    return term.find(s, e, current, c) ? term.power(s, c) : 0;
-  }
+  /// The loops of a term, by the type of a reference to it.
+  template <class T>
+  using Loops = TermLoops<D, std::decay_t<T>>;
 
   template <class Visit>
   void for_each_part(Visit&& visit) const {
@@ -605,11 +510,10 @@ class Model final : public ForceField<D> {
     });
   }
 
-  /// visit(term, current)
   template <class Visit>
   void for_each_history(const StateView<D>& s, Visit&& visit) const {
     for_each_enabled(s, [&](const auto& term) {
-      if constexpr (HistoryTerm<std::decay_t<decltype(term)>, D>) visit(term, CurrentHistory(s, term));
+      if constexpr (HistoryTerm<std::decay_t<decltype(term)>, D>) visit(term);
     });
   }
 
@@ -655,47 +559,6 @@ class Model final : public ForceField<D> {
     return std::accumulate(part.begin(), part.begin() + s.neighbours.chunks(), Real(0));
   }
 
-  /// Whether the wall of an element moves.
-  template <Elements E>
-  static bool wall_moves(const StateView<D>& s, Index e) {
-    Index wall;
-    if constexpr (E == Elements::lips)
-      wall = s.walls.lips()[s.neighbours.lips[e].first].wall;
-    else
-      wall = s.walls.wall_of_part(s.neighbours.walls[e].second);
-    return !s.walls.motion(s.walls.body_of_wall(wall)).rests();
-  }
-
-  /// Whether an element has a point of one of these particles.
-  template <class T>
-  static bool belongs_to_one_of(const StateView<D>& s, Index e, std::span<const Index> ids) {
-    const Topology& topology = s.topology;
-    const auto meant = [&](Index m) { return std::find(ids.begin(), ids.end(), topology.id[m]) != ids.end(); };
-    if constexpr (KindOf<T>::listed) {
-      const auto points = KindOf<T>::stencil(topology, (s.neighbours.*KindOf<T>::list)[e]);
-      return std::any_of(points.begin(), points.end(), [&](Index i) { return meant(topology.particle[i]); });
-    } else {
-      return meant(T::elements == Elements::particles ? e : topology.particle[e]);
-    }
-  }
-
-  /// The wall of an element and where it is touched.
-  template <Elements E>
-  static std::pair<Index, Vec<D>> touched_wall(const StateView<D>& s, Index e) {
-    if constexpr (E == Elements::lips) {
-      const Index lip = s.neighbours.lips[e].first;
-      return {s.walls.lips()[lip].wall, s.walls.lip(lip, s.t)};
-    } else {
-      const auto [i, part] = s.neighbours.walls[e];
-      Real d;
-      Vec<D> n;
-      s.walls.nearest(s.position(i), part, s.t, d, n);
-      return {s.walls.wall_of_part(part), s.position(i) - d * n};
-    }
-  }
-
-  template <class T>
-  using KindOf = ElementKind<T::elements>;
   template <class T>
   static bool is_off(const T& term) {
     if constexpr (requires { term.off(); })
@@ -712,47 +575,10 @@ class Model final : public ForceField<D> {
       return is_off(term) ? std::nullopt : std::optional(Edges::wide);
   }
 
-  /// The elements of a chunk, and those across its border.
-  template <class T>
-  static Range inside(const StateView<D>& s, Index chunk) {
-    return KindOf<T>::inside(s.neighbours, chunk);
-  }
-  template <class T>
-  static Range across(const StateView<D>& s, Index chunk) {
-    if constexpr (KindOf<T>::paired)
-      return (s.neighbours.*KindOf<T>::list).across(chunk);
-    else
-      return {};
-  }
-
-  /// Calls visit(e) for the elements of active particles that count in a chunk; lists contain active particles only.
-  template <class T, class Visit>
-  static void for_each_element(const T&, const StateView<D>& s, Index chunk, Visit&& visit) {
-    const Range all = inside<T>(s, chunk);
-    for (Index e = all.first; e < all.last; ++e) {
-      if constexpr (!KindOf<T>::listed)
-        if (s.topology.active[KindOf<T>::particle(s.topology, e)] == 0) continue;
-      visit(e);
-    }
-    if constexpr (KindOf<T>::paired) {
-      const Range border = across<T>(s, chunk), own = s.neighbours.points(chunk);
-      for (Index e = border.first; e < border.last; ++e)
-        if (own.contains(counts_at<T::elements>(s, e))) visit(e);
-    }
-  }
-  template <class T, class Visit>
-  static void for_each_element(const T& term, const StateView<D>& s, Visit&& visit) {
-    for (Index c = 0; c < s.neighbours.chunks(); ++c) for_each_element(term, s, c, visit);
-  }
-
   static void zero(const StateView<D>& s, Index chunk, Real* f) {
     const Range own = s.neighbours.points(chunk);
     std::fill(f + static_cast<std::size_t>(own.first) * D, f + static_cast<std::size_t>(own.last) * D, 0.0);
     if constexpr (torques) zero_torques(s, chunk, f);
-  }
-  /// Where torques are in an array of forces.
-  static Real* torques_in(const StateView<D>& s, Real* f) {
-    return f + static_cast<std::size_t>(s.topology.owned_points()) * D;
   }
   static void zero_torques(const StateView<D>& s, Index chunk, Real* f) {
     const Range own = s.neighbours.points(chunk);
@@ -797,7 +623,7 @@ class Model final : public ForceField<D> {
     if constexpr (is_fused<P>)
       add_fused(part, s, workspace, chunk, f);
     else if (part.enabled(s))
-      add_forces(part, s, workspace, chunk, f);
+      Loops<P>::add_forces(part, s, workspace, chunk, f);
   }
 
   template <class Kernel, class... Terms>
@@ -815,7 +641,7 @@ class Model final : public ForceField<D> {
     std::apply(
         [&](const auto&... term) {
           if (!Kernel::fast())
-            ((term.enabled(s) ? add_forces(term, s, workspace, chunk, f) : void()), ...);
+            ((term.enabled(s) ? Loops<Terms>::add_forces(term, s, workspace, chunk, f) : void()), ...);
           else if constexpr (writes_history<Kernel>)
             Kernel::add_forces(s, workspace, chunk, f, term...);
           else
@@ -823,47 +649,6 @@ class Model final : public ForceField<D> {
         },
         part.terms);
   }
-
-  template <class T>
-  static void add_forces(const T& term, const StateView<D>& s, HistoryWorkspace* workspace, Index chunk, Real* f) {
-    constexpr int sign = EnergyTerm<T, D> ? -1 : 1;
-    const auto add = [&](Range range, auto scatter) {
-      if constexpr (RangeTerm<T, D>)
-        if (workspace != nullptr)
-          return term.add_forces(s, range, s.history->of(term.name()), workspace->of(term.name()), scatter);
-      if constexpr (HistoryTerm<T, D>) {
-        for_each_touch(term, s, workspace, range, scatter,
-                       [&](const auto& c) PLIANT_INLINE_LAMBDA { term.add_force(s, c, scatter); });
-      } else {
-        for (Index e = range.first; e < range.last; ++e)
-          if constexpr (EnergyTerm<T, D>)
-            term.add_gradient(s, e, scatter);
-          else
-            term.add_force(s, e, scatter);
-      }
-    };
-    Real* const turn = has_torque<T> ? torques_in(s, f) : nullptr;
-    add(inside<T>(s, chunk), Scatter<D, sign>{f, {}, turn});
-    if constexpr (KindOf<T>::paired)
-      add(across<T>(s, chunk), Scatter<D, sign, true>{f, s.neighbours.points(chunk), turn});
-  }
-
-  /// Blocks in the rows of own points, times a sign.
-  struct OwnRows final : BlockSink<D> {
-    BlockSink<D>& to;
-    Range own;
-    Real sign;
-    OwnRows(BlockSink<D>& sink, Range rows, Real factor) : to(sink), own(rows), sign(factor) {}
-    void add(Index i, Index j, const Mat<D>& block) override {
-      if (own.contains(i)) to.add(i, j, sign * block);
-    }
-  };
-
-  /// Whether a dissipation has ∂F/∂x.
-  template <class T>
-  static constexpr bool depends_on_x = requires(const T term, const StateView<D>& s, BlockSink<D>& h) {
-    term.add_dforce_dx(s, Index(), h);
-  };
 
   static constexpr Index most_shares = 64;
   struct alignas(64) Taken {

@@ -121,9 +121,10 @@ Real EnergyAudit<D>::energy_of(std::span<const Index> ids) {
   const StateView<D> s = view(simulation_.state().v().data(), At::anywhere);
   Real sum = simulation_.particles().field().energy_of(s, ids);
   if (inertia())
-    for (Index i = 0; i < s.topology.owned_points(); ++i)
-      if (std::find(ids.begin(), ids.end(), s.topology.id[s.topology.particle[i]]) != ids.end())
-        sum += s.kinetic_energy(i);
+    for (const Index id : ids)
+      for (Index m = 0; m < s.topology.owned(); ++m)
+        if (s.topology.id[m] == id)
+          for (Index i = s.topology.offset[m]; i < s.topology.offset[m + 1]; ++i) sum += s.kinetic_energy(i);
   return simulation_.ranks().sum(sum);
 }
 

@@ -1,0 +1,303 @@
+// The loops over the elements of one term. They are functions of their own, not inlined, so that the compiler makes
+// them once for a term and not once for every model that has the term.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <functional>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <pliant/base/errors.h>
+#include <pliant/model/term.h>
+
+namespace pliant {
+
+template <class T>
+using KindOf = ElementKind<T::elements>;
+
+/// Energy and forces of one term for one configuration.
+struct TermReport {
+  std::string name;
+  bool is_energy;           ///< false: a dissipation, which has no energy
+  Real energy = 0;          ///< sum over all elements
+  std::vector<Real> force;  ///< [points · D]
+  std::vector<Real> particle_energy =
+      {};  ///< [particles] of a term whose elements belong to one particle each, else empty
+};
+
+/// All walls, or the moving walls.
+enum class WallGroup { all, moving };
+
+/// Whether a term has second derivatives.
+template <class T, int D>
+inline constexpr bool has_derivatives = !has_torque<T> && !HistoryTerm<T, D>;
+
+/// Whether a dissipation has ∂F/∂x.
+template <class T, int D>
+inline constexpr bool depends_on_x = requires(const T term, const StateView<D>& s, BlockSink<D>& h) {
+  term.add_dforce_dx(s, Index(), h);
+};
+
+/// The elements of a term in a chunk, and those across the border of the chunk.
+template <class T, int D>
+Range inside(const StateView<D>& s, Index chunk) {
+  return KindOf<T>::inside(s.neighbours, chunk);
+}
+template <class T, int D>
+Range across(const StateView<D>& s, Index chunk) {
+  if constexpr (KindOf<T>::paired)
+    return (s.neighbours.*KindOf<T>::list).across(chunk);
+  else
+    return {};
+}
+
+/// Torques in an array of forces, which they follow.
+template <int D>
+Real* torques_in(const StateView<D>& s, Real* f) {
+  return f + static_cast<std::size_t>(s.topology.owned_points()) * D;
+}
+
+/// Blocks in the rows of own points, times a sign.
+template <int D>
+struct OwnRows final : BlockSink<D> {
+  BlockSink<D>& to;
+  Range own;
+  Real sign;
+  OwnRows(BlockSink<D>& sink, Range rows, Real factor) : to(sink), own(rows), sign(factor) {}
+  void add(Index i, Index j, const Mat<D>& block) override {
+    if (own.contains(i)) to.add(i, j, sign * block);
+  }
+};
+
+/// The loops of a term. Sums continue from `sum`, element by element, so that they are the same in whatever order the
+/// terms of a model are compiled.
+template <int D, class T>
+class TermLoops {
+  using View = StateView<D>;
+  static constexpr bool has_history = HistoryTerm<T, D>, is_energy = EnergyTerm<T, D>;
+  static_assert(!(has_history && is_energy));
+
+ public:
+  /// The forces of a chunk are added to f.
+  [[gnu::noinline]] static void add_forces(const T& term, const View& s, HistoryWorkspace* workspace, Index chunk,
+                                           Real* f) {
+    constexpr int sign = is_energy ? -1 : 1;
+    const auto add = [&](Range range, auto scatter) {
+      if constexpr (RangeTerm<T, D>)
+        if (workspace != nullptr)
+          return term.add_forces(s, range, s.history->of(term.name()), workspace->of(term.name()), scatter);
+      if constexpr (has_history) {
+        for_each_touch(term, s, workspace, range, scatter,
+                       [&](const auto& c) PLIANT_INLINE_LAMBDA { term.add_force(s, c, scatter); });
+      } else {
+        for (Index e = range.first; e < range.last; ++e)
+          if constexpr (is_energy)
+            term.add_gradient(s, e, scatter);
+          else
+            term.add_force(s, e, scatter);
+      }
+    };
+    Real* const turn = has_torque<T> ? torques_in(s, f) : nullptr;
+    add(inside<T>(s, chunk), Scatter<D, sign>{f, {}, turn});
+    if constexpr (KindOf<T>::paired)
+      add(across<T>(s, chunk), Scatter<D, sign, true>{f, s.neighbours.points(chunk), turn});
+  }
+
+  /// sum + the energy of a chunk.
+  [[gnu::noinline]] static Real add_energy(const T& term, const View& s, Index chunk, Real sum) {
+    with_energies(term, s, [&](auto&& energy) { for_each_element(s, chunk, [&](Index e) { sum += energy(e); }); });
+    return sum;
+  }
+  /// sum + the energy of the elements that have a point in one of these ranges, which are few.
+  [[gnu::noinline]] static Real add_energy_of(const T& term, const View& s, std::span<const Range> points, Real sum) {
+    with_energies(term, s, [&](auto&& energy) {
+      for (Index c = 0; c < s.neighbours.chunks(); ++c)
+        for (const Range part : {inside<T>(s, c), across<T>(s, c)})
+          for (Range some{part.first, part.first}; some.last < part.last; some.first = some.last) {
+            some.last = std::min(part.last, some.first + 64);
+            if (!touches(s, some, points)) continue;
+            for (Index e = some.first; e < some.last; ++e)
+              if (touches(s, {e, e + 1}, points) && counts(s, c, e)) sum += energy(e);
+          }
+    });
+    return sum;
+  }
+  /// sum + the dissipated power of a chunk.
+  [[gnu::noinline]] static Real add_power(const T& term, const View& s, Index chunk, Real sum) {
+    if constexpr (has_history) {
+      const CurrentHistory current(s, term);
+      for_each_element(s, chunk, [&](Index e) {
+        typename T::Touch c;
+        sum += term.find(s, e, current(e), c) ? term.power(s, c) : 0;
+      });
+    } else {
+      for_each_element(s, chunk, [&](Index e) { sum += term.power(s, e); });
+    }
+    return sum;
+  }
+
+  /// numbers: length of an array of forces, with torques.
+  [[gnu::noinline]] static TermReport report(const T& term, const View& s, std::size_t numbers) {
+    TermReport r{std::string(term.name()), is_energy, 0, std::vector<Real>(numbers)};
+    for (Index c = 0; c < s.neighbours.chunks(); ++c) {
+      if constexpr (is_energy || has_history) r.energy = add_energy(term, s, c, r.energy);
+      add_forces(term, s, nullptr, c, r.force.data());
+    }
+    if constexpr (requires { term.particle(s, Index()); }) {
+      r.particle_energy.resize(s.topology.particles());
+      for_each_element(s, [&](Index e) { r.particle_energy[term.particle(s, e)] += term.energy(s, e); });
+    }
+    return r;
+  }
+
+  /// Errors: InputError for a term without second derivatives.
+  static void require_derivatives(const T& term) {
+    if constexpr (!has_derivatives<T, D>)
+      throw InputError("the term {} has no second derivatives; use an explicit integrator", term.name());
+  }
+  /// ∂F/∂x and ∂F/∂v of a chunk in the rows of its points. Errors: as above.
+  [[gnu::noinline]] static void derivatives(const T& term, const View& s, Index chunk, BlockSink<D>& df_dx,
+                                            BlockSink<D>& df_dv) {
+    require_derivatives(term);
+    if constexpr (has_derivatives<T, D>) {
+      const Range own = s.neighbours.points(chunk);
+      OwnRows<D> elastic(df_dx, own, -1), moved(df_dx, own, 1), damping(df_dv, own, 1);
+      for (const Range range : {inside<T>(s, chunk), across<T>(s, chunk)})
+        for (Index e = range.first; e < range.last; ++e)
+          if constexpr (is_energy) {
+            term.add_hessian(s, e, elastic);
+          } else {
+            term.add_dforce_dv(s, e, damping);
+            if constexpr (depends_on_x<T, D>) term.add_dforce_dx(s, e, moved);
+          }
+    }
+  }
+  /// ∂²U/∂x² of an energy, ∂F/∂v of a dissipation. Errors: as above.
+  [[gnu::noinline]] static void add_blocks(const T& term, const View& s, BlockSink<D>& h) {
+    require_derivatives(term);
+    if constexpr (has_derivatives<T, D>)
+      for_each_element(s, [&](Index e) {
+        if constexpr (is_energy)
+          term.add_hessian(s, e, h);
+        else
+          term.add_dforce_dv(s, e, h);
+      });
+  }
+
+  [[gnu::noinline]] static void for_each_contact(const T& term, const View& s,
+                                                 const std::function<void(const Contact<D>&)>& visit) {
+    if constexpr (ContactTerm<T, D>) {
+      Contact<D> contact;
+      for_each_element(s, [&](Index e) {
+        if (term.contact(s, e, contact)) visit(contact);
+      });
+    }
+  }
+
+  /// See ForceField::add_wall_forces. Nothing for a term without walls.
+  [[gnu::noinline]] static void add_wall_forces(const T& term, const View& s, Real* f, Real* on_pivots,
+                                                WallGroup which) {
+    if constexpr (T::elements == Elements::walls || T::elements == Elements::lips) {
+      const auto add = [&](auto&& value) {
+        for_each_element(s, [&](Index e) {
+          if (which == WallGroup::moving && !wall_moves(s, e)) return;
+          const Vec<D> force = value(e);
+          const auto [wall, place] = touched_wall(s, e);
+          point<D>(f, wall) -= force;
+          if (on_pivots == nullptr) return;
+          const Motion<D>& motion = s.walls.motion(s.walls.body_of_wall(wall));
+          add_rotation<D>(on_pivots, wall, torque(Vec<D>(place - motion.pivot - motion.shift(s.t)), Vec<D>(-force)));
+        });
+      };
+      if constexpr (requires { term.force(s, Index()); }) {
+        add([&](Index e) { return term.force(s, e); });
+      } else if constexpr (requires(const typename T::Touch& c) { term.force(s, c); }) {
+        const CurrentHistory current(s, term);
+        add([&](Index e) -> Vec<D> {
+          typename T::Touch c;
+          return term.find(s, e, current(e), c) ? term.force(s, c) : Vec<D>(Vec<D>::Zero());
+        });
+      }
+    }
+  }
+
+ private:
+  /// visit(energy), where energy(e) is the energy of an element.
+  template <class Visit>
+  static void with_energies(const T& term, const View& s, Visit&& visit) {
+    if constexpr (has_history) {
+      const CurrentHistory current(s, term);
+      visit([&](Index e) {
+        typename T::Touch c;
+        return term.find(s, e, current(e), c) ? term.energy(s, c) : 0;
+      });
+    } else {
+      visit([&](Index e) { return term.energy(s, e); });
+    }
+  }
+
+  /// Whether an element of a chunk, or across its border, counts there: elements of inactive particles do not, and an
+  /// element across a border counts in one chunk. Lists contain active particles only.
+  static bool counts(const View& s, Index chunk, Index e) {
+    if constexpr (!KindOf<T>::listed) return s.topology.active[KindOf<T>::particle(s.topology, e)] != 0;
+    if constexpr (KindOf<T>::paired)
+      return inside<T>(s, chunk).contains(e) || s.neighbours.points(chunk).contains(counts_at<T::elements>(s, e));
+    return true;
+  }
+  template <class Visit>
+  static void for_each_element(const View& s, Index chunk, Visit&& visit) {
+    for (const Range part : {inside<T>(s, chunk), across<T>(s, chunk)})
+      for (Index e = part.first; e < part.last; ++e)
+        if (counts(s, chunk, e)) visit(e);
+  }
+  template <class Visit>
+  static void for_each_element(const View& s, Visit&& visit) {
+    for (Index c = 0; c < s.neighbours.chunks(); ++c) for_each_element(s, c, visit);
+  }
+
+  /// Whether one of these elements has a point in one of the ranges. Without branches, for the sake of speed.
+  static bool touches(const View& s, Range elements, std::span<const Range> points) {
+    unsigned found = 0;
+    for (const Range own : points) {
+      const auto first = static_cast<unsigned>(own.first), count = static_cast<unsigned>(own.size());
+      for (Index e = elements.first; e < elements.last; ++e)
+        for (const Index i : points_of(s, e)) found |= static_cast<unsigned>(i) - first < count ? 1U : 0U;
+    }
+    return found != 0;
+  }
+  /// One point of an element that is a particle.
+  static auto points_of(const View& s, Index e) {
+    if constexpr (KindOf<T>::listed)
+      return KindOf<T>::stencil(s.topology, (s.neighbours.*KindOf<T>::list)[e]);
+    else
+      return std::array{T::elements == Elements::particles ? s.topology.offset[e] : e};
+  }
+
+  /// Whether the wall of an element moves.
+  static bool wall_moves(const View& s, Index e) {
+    Index wall;
+    if constexpr (T::elements == Elements::lips)
+      wall = s.walls.lips()[s.neighbours.lips[e].first].wall;
+    else
+      wall = s.walls.wall_of_part(s.neighbours.walls[e].second);
+    return !s.walls.motion(s.walls.body_of_wall(wall)).rests();
+  }
+  /// The wall of an element and where it is touched.
+  static std::pair<Index, Vec<D>> touched_wall(const View& s, Index e) {
+    if constexpr (T::elements == Elements::lips) {
+      const Index lip = s.neighbours.lips[e].first;
+      return {s.walls.lips()[lip].wall, s.walls.lip(lip, s.t)};
+    } else {
+      const auto [i, part] = s.neighbours.walls[e];
+      Real d;
+      Vec<D> n;
+      s.walls.nearest(s.position(i), part, s.t, d, n);
+      return {s.walls.wall_of_part(part), s.position(i) - d * n};
+    }
+  }
+};
+
+}  // namespace pliant
