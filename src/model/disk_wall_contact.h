@@ -202,8 +202,8 @@ struct DiskWallKernel {
   static constexpr bool fast() { return true; }
   static constexpr bool writes_history = true;
   template <int D, class Law, class Friction>
-  [[gnu::flatten]] static void add_forces(const StateView<D>& s, HistoryWorkspace* workspace, Index chunk, Real* f,
-                                          const WallContact<D, Law>& contact, const Friction& friction) {
+  static void add_forces(const StateView<D>& s, HistoryWorkspace* workspace, Index chunk, Real* f,
+                         const WallContact<D, Law>& contact, const Friction& friction) {
     if (!friction.enabled(s)) return WallKernel::add_forces(s, chunk, f, contact);
     Real* const torques = f + static_cast<std::size_t>(s.topology.owned_points()) * D;
     Scatter<D, 1> force{f, {}, torques};
@@ -214,12 +214,18 @@ struct DiskWallKernel {
     };
     const Range range = s.neighbours.walls.inside(chunk);
     if constexpr (RangeTerm<Friction, D>)
-      if (workspace != nullptr)
-        return friction.add_forces(s, range, s.history->of(friction.name()), workspace->of(friction.name()), force,
-                                   true, others);
+      if (workspace != nullptr) return add_steps(s, range, *workspace, force, friction, others);
     for_each_touch(
         friction, s, workspace, range, force,
         [&](const auto& c) PLIANT_INLINE_LAMBDA { friction.add_total(s, c, force); }, others);
+  }
+
+ private:
+  /// In a step: the forces that count for speed.
+  template <int D, class Friction, class Others>
+  [[gnu::flatten]] static void add_steps(const StateView<D>& s, Range range, HistoryWorkspace& workspace,
+                                         const Scatter<D, 1>& force, const Friction& friction, const Others& others) {
+    friction.add_forces(s, range, s.history->of(friction.name()), workspace.of(friction.name()), force, true, others);
   }
 };
 
