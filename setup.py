@@ -6,6 +6,7 @@ CMAKE_ARGS (environment) adds arguments to the configuration.
 import os
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -29,6 +30,7 @@ class Build(build_py):
         cmake("--preset", "package", "-B", str(BUILD), "-D", f"PLIANT_PYTHON_PROGRAM={sys.executable}", "-D", "PLIANT_PYTHON_DIR=.",
               *shlex.split(os.environ.get("CMAKE_ARGS", "")))
         cmake("--build", str(BUILD), "--target", "pliant", "pliant_python")
+        shutil.rmtree(self.build_lib, ignore_errors=True)  # files of earlier versions
         cmake("--install", str(BUILD), "--component", "python", "--prefix", str(Path(self.build_lib).absolute()))
 
 
@@ -48,5 +50,5 @@ class Compiled(Distribution):
 
 (ROOT / "build").mkdir(exist_ok=True)
 setup(version=re.search(r"^project\(pliant VERSION ([\d.]+)", (ROOT / "CMakeLists.txt").read_text(encoding="utf-8"), re.M)[1],
-      packages=[], ext_modules=[], distclass=Compiled, cmdclass={"build_py": Build, "install_data": InstallData},
+      packages=[], ext_modules=[], data_files=[], distclass=Compiled, cmdclass={"build_py": Build, "install_data": InstallData},
       scripts=[str(path.relative_to(ROOT)) for path in sorted(ROOT.glob("python/pliant-*"))])

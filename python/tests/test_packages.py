@@ -57,11 +57,12 @@ def test_dependencies_of_the_debian_package():
     assert modules >= {NAMES.get(name, (name,))[0] for name in needed} and {f"python3-{name}" for name in optional} <= debian["Recommends"]
 
 
-@pytest.mark.parametrize("file, pattern", [("pyproject.toml", '"{}"'), ("packaging/conda-forge/meta.yaml", r"- {}(-base)?\n"),
-                                           ("packaging/spack/package.py", '"{}"')])
-def test_dependencies_of_other_packages(file, pattern):
+@pytest.mark.parametrize("file, pattern, missing", [
+    ("pyproject.toml", '"{}"', ["h5py"]),  # a comment in the file explains it
+    ("packaging/conda-forge/meta.yaml", r"- {}(-base)?\n", []), ("packaging/spack/package.py", '"{}"', [])])
+def test_dependencies_of_other_packages(file, pattern, missing):
     text = (ROOT / file).read_text(encoding="utf-8")
-    assert [name for name in sorted(imports()[0]) if not re.search(pattern.format(NAMES.get(name, (name,))[-1]), text)] == []
+    assert [name for name in sorted(imports()[0]) if not re.search(pattern.format(NAMES.get(name, (name,))[-1]), text)] == missing
 
 
 def test_setup_installs_the_packages_that_a_debian_package_is_built_from():
