@@ -10,6 +10,7 @@ install(EXPORT pliantTargets NAMESPACE pliant:: DESTINATION ${CMAKE_INSTALL_LIBD
 install(DIRECTORY "${PROJECT_SOURCE_DIR}/src/" DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/pliant FILES_MATCHING PATTERN "*.h")
 
 # Commands find the package in the folder of the file that their link leads to. Links relative to the prefix can be moved.
+file(MAKE_DIRECTORY "${PROJECT_BINARY_DIR}/links")
 set(CMAKE_INSTALL_DEFAULT_COMPONENT_NAME python)
 set(share "${CMAKE_INSTALL_DATADIR}/pliant")
 set(PLIANT_PYTHON_DIR "" CACHE STRING "Folder below the prefix for the Python package, a folder that Python searches; empty: share/pliant/python, with a link for Python")
@@ -27,9 +28,8 @@ if(TARGET pliant_python)
     cmake_path(GET Python_SITELIB FILENAME kind)  # site-packages, on Debian dist-packages
     set(searched "lib/python${Python_VERSION_MAJOR}.${Python_VERSION_MINOR}/${kind}")
     cmake_path(RELATIVE_PATH CMAKE_INSTALL_FULL_DATADIR BASE_DIRECTORY "${CMAKE_INSTALL_PREFIX}/${searched}" OUTPUT_VARIABLE from)
-    file(MAKE_DIRECTORY "${PROJECT_BINARY_DIR}/searched")
-    file(CREATE_LINK "${from}/pliant/python/pliant" "${PROJECT_BINARY_DIR}/searched/pliant" SYMBOLIC)
-    install(FILES "${PROJECT_BINARY_DIR}/searched/pliant" DESTINATION ${searched})
+    file(CREATE_LINK "${from}/pliant/python/pliant" "${PROJECT_BINARY_DIR}/links/pliant" SYMBOLIC)
+    install(FILES "${PROJECT_BINARY_DIR}/links/pliant" DESTINATION ${searched})
   endif()
 endif()
 
@@ -37,8 +37,8 @@ set(CMAKE_INSTALL_DEFAULT_COMPONENT_NAME commands)
 cmake_path(RELATIVE_PATH CMAKE_INSTALL_FULL_DATADIR BASE_DIRECTORY "${CMAKE_INSTALL_FULL_BINDIR}" OUTPUT_VARIABLE data)
 foreach(command pliant-sweep pliant-plot pliant-report pliant-analyse pliant-reproduce)
   install(PROGRAMS "${PROJECT_SOURCE_DIR}/python/${command}" DESTINATION ${share}/python)
-  file(CREATE_LINK "${data}/pliant/python/${command}" "${PROJECT_BINARY_DIR}/${command}" SYMBOLIC)
-  install(FILES "${PROJECT_BINARY_DIR}/${command}" TYPE BIN)
+  file(CREATE_LINK "${data}/pliant/python/${command}" "${PROJECT_BINARY_DIR}/links/${command}" SYMBOLIC)
+  install(FILES "${PROJECT_BINARY_DIR}/links/${command}" TYPE BIN)
 endforeach()
 
 set(CMAKE_INSTALL_DEFAULT_COMPONENT_NAME data)

@@ -35,7 +35,7 @@ std::vector<Setting> settings_from(const std::vector<Token>& tokens, const std::
   std::vector<Setting> settings;
   for (std::size_t i = 0; i < tokens.size(); ++i) {
     if (!is_name(tokens[i]))
-      throw InputError("'{}' ({}) belongs to no option; options are written -name value", printable(tokens[i].text),
+      throw InputError("unexpected argument '{}' ({}); options are written -name value", printable(tokens[i].text),
                        place(source, tokens[i].line));
     Setting setting{tokens[i].text.substr(tokens[i].text.starts_with("--") ? 2 : 1), {}, source, tokens[i].line};
     if (i + 1 < tokens.size() && !is_name(tokens[i + 1])) setting.value = tokens[++i].text;

@@ -331,7 +331,8 @@ class ChannelProtocol final : public Protocol<2> {
   }
 
   std::string force_text(Real force) const {
-    return weight_ > 0 ? fmt::format("{:.3g} of the weight of all", force / weight_) : fmt::format("{:.3g} dyn", force);
+    return weight_ > 0 ? fmt::format("{:.3g} of the weight of all disks", force / weight_)
+                       : fmt::format("{:.3g} dyn", force);
   }
 
   bool jammed_in(std::int64_t push) const { return !jams_.empty() && jams_.back() == push; }

@@ -170,7 +170,7 @@ void DropletProtocol::conclude(nlohmann::ordered_json& s) {
 
 void DropletProtocol::report(const Series&, nlohmann::ordered_json& s) {
   const std::string by = s.contains("ended_by") ? s["ended_by"] : s["status"];
-  say("ended by {} at t = {:.6g} t0; error of the energy budget {:.1e}\n", by, Real(s["t"]), budget_error_);
+  say("ended at t = {:.6g} t0 ({}); error of the energy budget {:.1e}\n", Real(s["t"]), by, budget_error_);
 }
 
 }  // namespace pliant
