@@ -6,7 +6,7 @@ endfunction()
 
 file(REMOVE_RECURSE "${WORK}")
 execute_process(COMMAND "${CMAKE_COMMAND}" --install "${BUILD}" --prefix "${WORK}/prefix" OUTPUT_VARIABLE told COMMAND_ERROR_IS_FATAL ANY)
-if(EXISTS "${BUILD}/searched" AND NOT told MATCHES "finds pliant after: export PYTHONPATH=${WORK}/prefix/lib/python3")
+if(EXISTS "${BUILD}/links/pliant" AND NOT told MATCHES "finds pliant after: export PYTHONPATH=${WORK}/prefix/lib/python3")
   message(FATAL_ERROR "cmake --install does not say how Python finds the package")
 endif()
 file(RENAME "${WORK}/prefix" "${WORK}/moved")
