@@ -590,12 +590,16 @@ class Simulation:
         """[S] radius of disks; 0 for segments."""
         return np.array(self._core.walls()["radius"], dtype=float)
 
-    def hessian(self):
-        """Second derivatives of the potential energy, scipy.sparse.csr_matrix [points · D, points · D]. Errors: InputError for
-        models with rotation."""
+    def hessian(self, petsc: bool = False) -> Any:
+        """Second derivatives of the potential energy, scipy.sparse.csr_matrix [points · D, points · D]; petsc: a Mat of petsc4py
+        instead. Errors: InputError for models with rotation."""
         from scipy.sparse import coo_matrix
         rows, columns, values, size = self._core.hessian()
-        return coo_matrix((values, (rows, columns)), shape=(size, size)).tocsr()
+        matrix = coo_matrix((values, (rows, columns)), shape=(size, size)).tocsr()
+        if not petsc:
+            return matrix
+        from petsc4py import PETSc
+        return PETSc.Mat().createAIJ(matrix.shape, csr=(matrix.indptr, matrix.indices, matrix.data), comm=PETSc.COMM_SELF)
 
 
 def _integrator(name):

@@ -3,6 +3,8 @@
 import gc
 import resource
 import signal
+import subprocess
+import sys
 import threading
 import time
 
@@ -129,6 +131,25 @@ def test_minimum_and_hessian():
             sim.positions.ravel()[k] += sign * h
             forces.append(sim.forces.ravel())
         assert hessian[k].toarray()[0] == pytest.approx(-(forces[0] - forces[1]) / (2 * h), abs=1e-4)
+
+
+def test_hessian_for_petsc():
+    """In a process of its own, because PETSc4py and the engine share PETSc, from the first import to the end."""
+    pytest.importorskip("petsc4py")
+    script = """
+import numpy as np
+from pliant import Simulation
+sim = Simulation([[0, 0], [0.9, 0], [1.5, 0.6]], diameters=1, e_sp=100)
+mat, x = sim.hessian(petsc=True), np.arange(6.0)
+to, product = mat.createVecs()
+to.setArray(x)
+mat.mult(to, product)
+assert mat.getSize() == (6, 6) and np.allclose(product.getArray(), sim.hessian() @ x) and np.abs(product.getArray()).max() > 1
+sim.run(0.1)
+print("as expected")
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=300)
+    assert done.stdout == "as expected\n" and done.returncode == 0, done.stderr
 
 
 def test_rotating_disks():
