@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Installs the package of scripts/deb.sh in a bare Debian 12 without compiler (debootstrap) and uses it there: program, Python,
-# report, movie, installed examples. Prints the seconds of each. Takes about ten minutes; needs root and debootstrap.
+# report, movie, installed examples. Prints the seconds of each. Takes about ten minutes; needs root and debootstrap. Keeps the
+# bare Debian 12 in build/bare-base for the next time.
 #   scripts/bare.sh [PACKAGE.deb]     default: build/deb/pliant_*.deb
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
@@ -37,9 +38,14 @@ inside() { chroot "$bare" /usr/bin/env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin HOM
   OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 ${http_proxy:+http_proxy="$http_proxy"} sh -c "cd /root && $1"; }
 
 unmount
-rm -rf "$bare"
-mkdir -p "$bare"
-timed "debootstrap" debootstrap --variant=minbase "$suite" "$bare" "$mirror"
+rm -rf --one-file-system "$bare"
+mkdir -p "$build"
+if [[ ! -d $bare-base ]]; then
+  rm -rf --one-file-system "$bare-partial"
+  timed "debootstrap" debootstrap --variant=minbase "$suite" "$bare-partial" "$mirror"
+  mv "$bare-partial" "$bare-base"
+fi
+cp -a "$bare-base" "$bare"
 mount -t proc proc "$bare/proc"
 mount --rbind /dev "$bare/dev"
 mount --make-rslave "$bare/dev"
@@ -47,8 +53,9 @@ for file in hosts resolv.conf; do
   if [[ -e /etc/$file ]]; then cp -L "/etc/$file" "$bare/etc/$file"; fi
 done
 cp "$package" "$bare/root/"
-timed "apt install" inside "apt-get -qq update && apt-get -qq install -y ./$(basename "$package")"
-if inside "command -v cc || command -v c++"; then die "the package brings a compiler"; fi
+# Without recommended packages, because python3-scipy recommends a compiler; ffmpeg is for the movie.
+timed "apt install" inside "apt-get -qq update && apt-get -qq install -y --no-install-recommends ./$(basename "$package") ffmpeg"
+if inside "command -v cc c++ gcc g++ mpiexec"; then die "the package brings a compiler or mpiexec"; fi
 say "$(du -sh "$bare" | cut -f 1) on the disk"
 
 start=$SECONDS
