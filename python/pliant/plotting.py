@@ -232,7 +232,7 @@ def draw_walls(axes, run, frame):
 
 def _points_per_unit(axes):
     """Typographic points per unit of the x axis, once the layout is settled."""
-    axes.figure.draw_without_rendering()
+    axes.figure.figure.draw_without_rendering()  # of the whole figure, also for axes of a SubFigure
     (x0, _), (x1, _) = axes.transData.transform([(0, 0), (1, 0)])
     return (x1 - x0) * 72 / axes.figure.dpi
 
