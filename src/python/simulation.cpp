@@ -19,6 +19,7 @@
 #include <pliant/python/walls.h>
 #include <pliant/run/crossing_watch.h>
 #include <pliant/run/frame_data.h>
+#include <pliant/run/overlap_check.h>
 #include <pliant/run/run_control.h>
 #include <pliant/run/schedule.h>
 #include <pliant/run/simulation.h>
@@ -251,6 +252,7 @@ class Simulated final : public AnySimulation {
           simulation_->advance(end, [&](State&) { return running.after_step(function.get()); });
           more = running.apply_deferred();
         }
+        if (!running.error) check_walls(running.step);
       } catch (...) {
         failure = std::current_exception();
       }
@@ -564,7 +566,7 @@ class Simulated final : public AnySimulation {
     };
 
     Running(Simulated& simulated, const std::vector<Callback>& callbacks, std::int64_t count)
-        : of(simulated), left(count) {
+        : of(simulated), left(count), last_t(simulated.t()) {
       for (const Callback& callback : callbacks) {
         Call call{&callback, {}};
         if (callback.second) {
@@ -600,14 +602,16 @@ class Simulated final : public AnySimulation {
         if (error) break;
       }
       if (control.due()) error.guard(check_signals);
+      step = simulation.state().t - std::exchange(last_t, simulation.state().t);
       if (left > 0) --left;
       const bool changed = std::exchange(of.changed_, false), ends = error || of.stop_ || left == 0,
                  stops = ends || !of.deferred_.empty();
       if constexpr (D == 2)
         if (changed && of.deformable()) of.outlines_.after_change(simulation.particles(), simulation.state());
       if (function != nullptr) function->keep(simulation.state());
-      ended = ends;
-      if (stops) {
+      if (!error && steps++ % 128 == 0) error.guard([&] { of.check_walls(step); });
+      ended = ends || error;
+      if (stops || error) {
         if (changed) simulation.changed();
         return AfterStep::stop;
       }
@@ -629,6 +633,8 @@ class Simulated final : public AnySimulation {
     Simulated& of;
     std::vector<Call> calls;
     std::int64_t left;  ///< steps; −1: no limit
+    std::int64_t steps = 0;
+    Real last_t, step = 0;
     bool ended = false;
     PendingError error;
     RunControl control{0, 0};
@@ -867,6 +873,14 @@ class Simulated final : public AnySimulation {
     if (settings_->method == Method::ts) settings_->restore();
     if constexpr (D == 2)
       if (deformable()) outlines_.start(simulation_->particles(), simulation_->state());
+  }
+
+  /// Errors: NumericalError for a particle within a wall, or one that goes so far in a step that it may meet nothing.
+  void check_walls(Real step) {
+    const StateView<D> s = simulation_->view();
+    if (s.walls.size() > 0 || s.topology.particles() > 1)
+      check_walls_hold(s, settings_->allow_unstable_dt ? 0 : step, Ranks(),
+                       cures({Cure::stiffer_walls, Cure::shorter_step}));
   }
 
   Real end_of(std::optional<Real> duration, std::int64_t count) const {

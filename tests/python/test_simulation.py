@@ -662,6 +662,20 @@ def test_polygons_that_cross_end_the_run():
     sim.run(0.01)
 
 
+@pytest.mark.parametrize("dim", [2, 3])
+def test_particles_that_go_through_walls_end_the_run(dim):
+    start = [[0] * (dim - 1) + [0.5]]
+    pressed = Simulation(start, 1, walls=floor(dim), gravity=[0] * (dim - 1) + [-100], e_w=1)
+    with pytest.raises(pliant.NumericalError, match=r"particle 0 went through wall 0: .*stiffer walls \(-e_w\)"):
+        pressed.run(1)
+    fast = Simulation(start, 1, walls=floor(dim), velocities=[[0] * (dim - 1) + [1e4]], dt=0.01, e_w=1)
+    with pytest.raises(pliant.NumericalError, match=r"moves by 200 radii in a step: .*shorter step \(-dt\)"):
+        fast.run(1)
+    assert fast.t <= 0.02
+    alone = Simulation(start, 1, velocities=[[0] * (dim - 1) + [1e4]], dt=0.01, e_w=1)
+    alone.run(1)
+
+
 def test_a_second_thread():
     sim, other = Simulation(cloud(), 1, gravity=(0, -1)), Simulation(**ONE, dt=0.01, e_w=10)
     started, errors = threading.Event(), []
