@@ -431,11 +431,11 @@ class Run:
 
     @_read_once
     def manifest(self):
-        """The content of /manifest, with `options` and `datasets` decoded."""
+        """The content of /manifest, with `options`, `datasets` and `start` decoded."""
         group = self._file["manifest"]
         manifest = {key: _plain(value) for key, value in group.attrs.items()}
         manifest |= {name: self._file.text(group[name]) for name in group.names()}
-        for name in ("options", "datasets"):
+        for name in ("options", "datasets", "start"):
             try:
                 manifest[name] = json.loads(manifest.get(name, "{}"))
             except json.JSONDecodeError as error:

@@ -49,6 +49,7 @@ void write_manifest(File& file, const Manifest& manifest) {
   group.set_attribute("seed", manifest.seed);
   group.write_text("created", manifest.created);
   group.write_text("options", manifest.options.dump());
+  if (!manifest.start.is_null()) group.write_text("start", manifest.start.dump());
   group.write_text("datasets", dataset_table(manifest).dump());
 }
 

@@ -25,7 +25,8 @@ struct Manifest {
   std::string program = "pliant", version, build, petsc_version, scenario, model, created;
   int dim = 2;
   std::int64_t seed = 0;
-  nlohmann::ordered_json options;  ///< option name → {"value", "unit", "source"}
+  nlohmann::ordered_json options;          ///< option name → {"value", "unit", "source"}
+  nlohmann::ordered_json start = nullptr;  ///< file of the particles at the start; null: none
 };
 
 struct RunGeometry {

@@ -79,6 +79,8 @@ class Protocol {
   virtual std::string unread_options_advice() const { return {}; }
   virtual void check() const {}
 
+  /// The file of the particles at the start, for the manifest and the summary; null without one.
+  virtual nlohmann::ordered_json start_source() const { return nullptr; }
   /// Positions at the start [points · D], by id, of all particles on every rank.
   virtual std::vector<Real> start() = 0;
   /// The rank's particles are new, at the start and in a restart: data per particle are initialised.

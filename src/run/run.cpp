@@ -71,10 +71,11 @@ ExitCode Run<D>::run() {
     for (const Vec<D>& row : {box.origin(), box.length()})
       geometry.box.insert(geometry.box.end(), row.begin(), row.end());
   branch();
+  Manifest manifest = make_manifest(scenario_, protocol_->model(), D, p_.seed, options_);
+  manifest.start = protocol_->start_source();
   writer_.emplace(restarted()
                       ? RunWriter::append(p_.output, all, restored_samples_, restored_frames_, restored_events_, ranks_)
-                      : RunWriter::create(p_.output, make_manifest(scenario_, protocol_->model(), D, p_.seed, options_),
-                                          all, geometry, ranks_));
+                      : RunWriter::create(p_.output, manifest, all, geometry, ranks_));
   ranks_.on_root([&] {
     for (const std::string& message : writer_->damage()) warn("{}", message);
     if (branched_ || framing_.changed()) writer_->drop_later_frames();
@@ -346,6 +347,7 @@ nlohmann::ordered_json Run<D>::summary() {
   nlohmann::ordered_json s =
       summary_head(scenario_, protocol_->model(), status_, ended_by_.empty() ? "t_end" : ended_by_, options_);
   if (const auto of = branch_of(p_.output); !of.is_null()) s["branch_of"] = of;
+  if (const auto source = protocol_->start_source(); !source.is_null()) s["start"] = source;
   if (sampling_.changed()) s["longest_sample_interval"] = sampling_.longest();
   s["particles"] = particles_;
   s["t"] = state().t;

@@ -45,10 +45,10 @@ ExitCode run_by_options(const std::string& scenario, const RunOptions& p, Option
 /// -help, -version, -help_markdown or -help_json is answered; otherwise true: to be run.
 bool parse_arguments(const std::string& scenario, Options& options, const Arguments& arguments, const Ranks& ranks);
 
-/// A scenario that is described by options. Parameters: a RunOptions with bind(Options&), which is called first, and
-/// resolve(), which fills in automatic values and throws InputError for inconsistent options. Messages of a run
-/// name -dt and -t_end: both must be among the options. defaults: before any option is read. most_used: names of
-/// options, with which the text of -help begins.
+/// A scenario that is described by options. Parameters: a RunOptions with bind(Options&), which is called first;
+/// optionally take_start(checkpoint), which takes the particles of -start; and resolve(), which fills in automatic
+/// values and throws InputError for inconsistent options. Messages of a run name -dt and -t_end: both must be among the
+/// options. defaults: before any option is read. most_used: names of options, with which the text of -help begins.
 template <class Parameters>
 Scenario option_scenario(std::string name, std::string help, MakeRun<Parameters> make,
                          Parameters defaults = Parameters(), std::vector<std::string> most_used = {}) {
@@ -68,6 +68,7 @@ Scenario option_scenario(std::string name, std::string help, MakeRun<Parameters>
     if (!parse_arguments(name, options, arguments, ranks)) return ExitCode::done;
     return run_by_options(name, p, options, ranks, [&](std::optional<Checkpoint> checkpoint) {
       if (!p.restart.empty() && !p.branches(options)) p.output = p.restart;
+      if constexpr (requires { p.take_start(checkpoint); }) p.take_start(checkpoint);
       p.resolve();
       return make(p, options, ranks, std::move(checkpoint));
     });

@@ -13,6 +13,7 @@
 #include <pliant/analysis/flow_precision.h>
 #include <pliant/base/console.h>
 #include <pliant/base/log.h>
+#include <pliant/base/text.h>
 #include <pliant/io/summary.h>
 #include <pliant/model/drag.h>
 #include <pliant/model/lip_contact.h>
@@ -46,8 +47,11 @@ template <int D>
 std::unique_ptr<Simulation<D>> make_simulation(const HopperOptions& p, const Ranks& ranks) {
   ParticleSystem<D> particles({}, p.container->walls<D>(), p.force_field<D>(down<D>()), p.first_skin(), ranks);
   if (!p.skin) particles.tune_skin();
-  Topology all = make_particles(p.model.particles(), D,
-                                draw_diameters(p.sizes, p.particles, static_cast<std::uint64_t>(p.seed)), p.shape);
+  Topology all =
+      p.start.given()
+          ? p.start.particles().topology
+          : make_particles(p.model.particles(), D,
+                           draw_diameters(p.sizes, p.particles, static_cast<std::uint64_t>(p.seed)), p.shape);
   const Sorting sorting = p.integrator == IntegratorKind::verlet ? Sorting::regularly : Sorting::at_start;
   if (p.dynamics == Dynamics::inertial)
     return std::make_unique<Simulation<D>>(std::move(all), std::move(particles), sorting);
@@ -72,7 +76,7 @@ class HopperProtocol final : public Protocol<D> {
     largest_a0_ = *std::max_element(all.a0.begin(), all.a0.end());
     top_ = std::accumulate(all.a0.begin(), all.a0.end(), 0.0) /
            (*p.pack_fraction * std::pow(p.container->inflow_width() / 2, D - 1));
-    if (p.shape.shape_parameter > 0) {  // long particles start with space to rotate
+    if (p.shape.shape_parameter > 0 && !p.start.given()) {  // long particles start with space to rotate
       Real disks = 0;
       for (Index m = 0; m < all.particles(); ++m) disks += pi * square(outer_radius(all, m));
       if (deformable()) top_ = std::max(top_, disks / (*p.pack_fraction * p.container->inflow_width()));
@@ -80,6 +84,7 @@ class HopperProtocol final : public Protocol<D> {
     if (!p.container->plain())
       top_ = std::max(
           top_, p.container->fill_height(D, std::accumulate(all.a0.begin(), all.a0.end(), 0.0) / *p.pack_fraction));
+    if (p.start.given()) top_ = std::max(top_, p.start.particles().height);
     steps_ = hopper_steps<D>(p, all, particles().field());
     critical_step_ = steps_.critical;
     if (p.q_rtol > 0) precision_.emplace(p.q_rtol);
@@ -89,8 +94,7 @@ class HopperProtocol final : public Protocol<D> {
 
   std::string title() const override {
     return fmt::format("hopper: {} particles ({}, {}D{}), W = {}, w = {}, {}, {}", p_.particles, p_.model.name, D,
-                       deformable() ? fmt::format(", {} vertices each", p_.shape.vertices) : "",
-                       p_.hopper.wall_distance, p_.hopper.orifice, shape_text(),
+                       vertices_text(), p_.hopper.wall_distance, p_.hopper.orifice, shape_text(),
                        p_.flow == FlowKind::continuous ? "continuous flow" : "discharge");
   }
   std::string model() const override { return p_.model.name; }
@@ -160,6 +164,7 @@ class HopperProtocol final : public Protocol<D> {
       throw InputError("-t_end {:g}: with dt = {:.3g} t0 these are more steps than can be counted; give an earlier end",
                        *p_.t_end, dt);
     check_fit(this->simulation().all(), *p_.container);
+    if (p_.start.fresh()) check_start(dt);
     const Topology& all = this->simulation().all();
     const Real longest = deformable() ? *std::max_element(all.l0.begin(), all.l0.end()) : 0;
     for (const WallSegment& wall : particles().walls().segments())
@@ -176,6 +181,7 @@ class HopperProtocol final : public Protocol<D> {
     std::vector<Real> x(static_cast<std::size_t>(all.points()) * D);
     if (ranks().root() && !p_.container->plain()) warn_if_blocked();
     if (ranks().root()) p_.warn_of_clog_speed();
+    if (p_.start.given()) return p_.start.particles().x;
     const Packing packing = pack<D>(all, *p_.container,
                                     {*p_.pack_fraction, p_.pack_tolerance, static_cast<std::uint64_t>(p_.seed),
                                      p_.model.value(Role::wall_diameter) / 2},
@@ -187,7 +193,9 @@ class HopperProtocol final : public Protocol<D> {
     return x;
   }
 
+  nlohmann::ordered_json start_source() const override { return p_.start.source(); }
   void placed() override { counter_.reset(topology().owned()); }
+  void started() override { p_.start.set_motion(this->simulation()); }
 
   void repeat(const Series& series) override {
     if (!precision_) return;
@@ -277,6 +285,7 @@ class HopperProtocol final : public Protocol<D> {
     a.newer("clog_speed", limit);
     a.newer("wall_overlap", wall_overlap_, 0);
     a.number("packing_iterations", packing_iterations_);
+    p_.start.visit(a);
     if (!a.reads()) return;
     // With another limit of speeds the quiet time may have begun later: restart it.
     const bool quiet = quiet_since >= 0 && limit == *p_.clog_speed;
@@ -489,6 +498,37 @@ class HopperProtocol final : public Protocol<D> {
 
   // --- Texts
 
+  /// Errors: InputError for particles of -start that are not in the container, inside each other, or too fast.
+  void check_start(Real dt) const {
+    const StartParticles& start = p_.start.particles();
+    const Topology& all = start.topology;
+    const Passage<D> places{start.x.data(), all, *p_.container, particles().walls()};
+    const std::string file = printable(p_.start.file());
+    for (Index m = 0; m < all.particles(); ++m) {
+      const Vec<D> r = mean_of_points<D>(start.x.data(), all, m);
+      if (places.through_wall(m))
+        throw InputError("-start {}: particle {}, at ({:.4g}), is outside the container or in a wall; move it", file, m,
+                         fmt::join(r, ", "));
+      if (r[D - 1] < -counter_.depth())
+        throw InputError(
+            "-start {}: particle {}, at ({:.4g}), is more than -removal_depth {:.3g} below the orifice; move it, or "
+            "leave it out",
+            file, m, fmt::join(r, ", "), counter_.depth());
+      if (start.v.empty()) continue;
+      if (const Real speed = mean_of_points<D>(start.v.data(), all, m).norm(); speed * dt > all.sigma[m])
+        throw InputError(
+            "-start {}: particle {} has the speed {:.3g}, and would move by more than its diameter in a step of "
+            "{:.3g}; "
+            "give a lower velocity, or a shorter -dt",
+            file, m, speed, dt);
+    }
+    check_overlaps<D>(start, p_.start.file());
+    const Real mean = std::accumulate(all.sigma.begin(), all.sigma.end(), 0.0) / all.particles();
+    if (ranks().root() && (mean < 0.5 || mean > 2))
+      warn("-start {}: the mean diameter is {:.3g}, but lengths of a run are in mean diameters; scale the file", file,
+           mean);
+  }
+
   /// For an outline or obstacles that leave no way.
   void warn_if_blocked() const {
     const Topology& all = this->simulation().all();
@@ -514,6 +554,13 @@ class HopperProtocol final : public Protocol<D> {
           "t = {:.4g}: edges have shrunk to {:.2g} of their rest length, where -dt {:.3g} is {:.2g} times the limit of "
           "stability of bending; use {}",
           state().t, edge, dt, ratio, longer_edges());
+  }
+
+  std::string vertices_text() const {
+    if (!deformable()) return "";
+    const Topology& all = this->simulation().all();
+    return all.points() == all.particles() * all.points_of(0) ? fmt::format(", {} vertices each", all.points_of(0))
+                                                              : fmt::format(", {} vertices", all.points());
   }
 
   std::string shape_text() const {
@@ -549,6 +596,7 @@ class HopperProtocol final : public Protocol<D> {
 
 RunSize size_of(const HopperOptions& p) {
   const std::int64_t n = p.particles;
+  if (p.start.given()) return {n, p.start.particles().topology.points(), p.dim};
   return {n, p.deformable() ? n * p.shape.vertices : n, p.dim};
 }
 
@@ -578,8 +626,9 @@ Scenario hopper_scenario(const std::vector<ModelDefinition>& models) {
       "hopper", "gravity-driven flow through an orifice",
       [](const HopperOptions& p, const Options& options, const Ranks& ranks, std::optional<Checkpoint> checkpoint) {
         check_memory(size_of(p),
-                     p.deformable() ? fmt::format("-n {} with -n_vertices {}", p.particles, p.shape.vertices)
-                                    : fmt::format("-n {}", p.particles),
+                     p.start.given()  ? "-start " + p.start.file()
+                     : p.deformable() ? fmt::format("-n {} with -n_vertices {}", p.particles, p.shape.vertices)
+                                      : fmt::format("-n {}", p.particles),
                      ranks);
         if (checkpoint)
           check_size(*checkpoint, p);

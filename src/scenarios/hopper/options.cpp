@@ -74,6 +74,7 @@ void HopperOptions::bind(Options& o) {
       {.help = "outline that crosses itself: stop with exit code 3, or count it in each sample", .on_restart = fixed});
 
   o.group("Particles");
+  start.bind(o);
   o.bind("n", particles,
          {.help = "number of particles; 0: 1600 in 2D, 6400 in 3D",
           .min = 0,
@@ -244,6 +245,17 @@ void HopperOptions::bind(Options& o) {
   bind_output(o);
 }
 
+void HopperOptions::take_start(const std::optional<Checkpoint>& checkpoint) {
+  start.take({.dim = dim,
+              .model = model.name,
+              .polygons = deformable(),
+              .rotates = model.particles() == ModelKind::disk,
+              .length = "sigma_avg",
+              .edge_width = model.particles() == ModelKind::smooth ? std::optional(shape.edge_width) : std::nullopt},
+             checkpoint);
+  if (start.given()) particles = start.particles().topology.particles();
+}
+
 void HopperOptions::resolve() {
   if (dim == 3 && deformable())
     throw InputError("-dim 3 with -model {}: deformable particles are two-dimensional; use -model sp or -dim 2",
@@ -339,14 +351,21 @@ void HopperOptions::resolve_dissipation() {
 
 bool HopperOptions::drag_per_mass() const { return model.term(Drag<2>{}).law == DragLaw::per_mass; }
 
+Real HopperOptions::smallest_diameter() const {
+  return start.given() ? *std::ranges::min_element(start.particles().topology.sigma) : sizes.smallest();
+}
+Real HopperOptions::largest_diameter() const {
+  return start.given() ? *std::ranges::max_element(start.particles().topology.sigma) : sizes.largest();
+}
+
 Real HopperOptions::creep_speed() const {
-  const Real smallest = sizes.smallest(), average = dim == 2 ? pi / 4 : pi / 6;
+  const Real smallest = smallest_diameter(), average = dim == 2 ? pi / 4 : pi / 6;
   const Real mass = average * (drag_per_mass() && kinetic_friction() == 0 ? 1 : std::pow(smallest, dim));
   return mass / (drag() + kinetic_friction());
 }
 
 void HopperOptions::resolve_clog_speed() {
-  const Real average = dim == 2 ? pi / 4 : pi / 6, largest = std::pow(sizes.largest(), dim);
+  const Real average = dim == 2 ? pi / 4 : pi / 6, largest = std::pow(largest_diameter(), dim);
   const Real terminal = average * (drag_per_mass() ? 1 : largest) / drag();
   if (clog_speed && *clog_speed >= terminal)
     throw InputError(
@@ -377,6 +396,9 @@ void HopperOptions::refuse_unread(const Options& options) const {
   const auto refuse_by_model = [&](const std::vector<std::string>& names, const std::vector<std::string>& readers) {
     refuse(names, contains(readers, model.name), "-model " + model.name, "-model " + alternatives(readers));
   };
+  start.refuse(options, {"n", "size_distribution", "size_ratio", "size_fraction", "size_deviation", "n_vertices",
+                         "shape_parameter", "pack_fraction", "pack_tolerance"});
+  if (start.given() && start.particles().has_widths) start.refuse(options, {"edge_width"});
   model.refuse_unread(options, dynamics == Dynamics::overdamped ? Drag<2>::name() : "");
   const auto with_particles = [&](std::initializer_list<ModelKind> kinds) {
     std::vector<std::string> names;

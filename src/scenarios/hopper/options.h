@@ -13,6 +13,7 @@
 #include <pliant/geometry/container.h>
 #include <pliant/model/contact_laws.h>
 #include <pliant/run/options.h>
+#include <pliant/run/start_particles.h>
 #include <pliant/setup/packing.h>
 #include <pliant/setup/particles.h>
 #include <pliant/setup/reinsertion.h>
@@ -36,6 +37,7 @@ struct HopperOptions : RunOptions {
 
   ModelChoice model;
   Index dim = 2;
+  StartOption start;
   Index particles = 0;  ///< 0: automatic
   SizeDistribution sizes;
   PolygonShape shape;
@@ -66,6 +68,8 @@ struct HopperOptions : RunOptions {
   std::optional<Real> clog_speed;
 
   void bind(Options& options);
+  /// Takes the particles of -start, in place of particles, sizes and shapes.
+  void take_start(const std::optional<Checkpoint>& checkpoint);
   /// Fills in automatic values and checks that options are consistent. Errors: InputError.
   void resolve();
   /// Errors: InputError for an option of the user that neither the model nor another part of the run reads.
@@ -96,6 +100,10 @@ struct HopperOptions : RunOptions {
   Real elastic_fraction(Real elastic, Real lightest) const;
   /// Margin of the neighbour lists at first; tuned from then on where the user gave none.
   Real first_skin() const;
+
+  /// Bounds of the diameters.
+  Real smallest_diameter() const;
+  Real largest_diameter() const;
 
  private:
   void resolve_dissipation();

@@ -36,6 +36,7 @@ class OrificeCounter {
   /// depth: particles that are farther below the line leave, in σ_avg.
   OrificeCounter(Counting counting, Real depth) : counting_(counting), depth_(depth) {}
 
+  Real depth() const { return depth_; }
   /// To be called after the particles have been placed on this rank; resets their counts.
   void reset(Index owned);
   /// Before the first step.

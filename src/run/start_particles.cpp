@@ -1,0 +1,350 @@
+#include <pliant/run/start_particles.h>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+#include <span>
+#include <string_view>
+#include <utility>
+
+#include <pliant/base/errors.h>
+#include <pliant/base/text.h>
+#include <pliant/io/crc32.h>
+#include <pliant/io/hdf5.h>
+#include <pliant/model/polygon.h>
+#include <pliant/run/overlap_check.h>
+#include <pliant/run/start_table.h>
+
+namespace pliant {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// FILE.h5:FRAME or FILE.
+struct StartName {
+  std::string file;
+  std::optional<std::uint64_t> frame;
+  bool run() const { return file.ends_with(".h5"); }
+};
+
+StartName split(const std::string& text) {
+  const std::size_t colon = text.rfind(':');
+  if (colon == text.npos || text.ends_with(".h5")) return {text, {}};
+  const std::string file = text.substr(0, colon), number = text.substr(colon + 1);
+  if (!file.ends_with(".h5") && !file.ends_with(".csv")) return {text, {}};
+  if (file.ends_with(".csv"))
+    throw InputError("-start {}: a table has no frames; leave out :{}", printable(text), number);
+  std::uint64_t frame = 0;
+  const auto [end, error] = std::from_chars(number.data(), number.data() + number.size(), frame);
+  if (error != std::errc() || end != number.data() + number.size())
+    throw InputError(
+        "-start {}: \"{}\" is not the number of a frame; give one from 0, or leave it out for the last frame",
+        printable(text), printable(number));
+  return {file, frame};
+}
+
+std::span<const std::byte> bytes(const std::vector<Real>& values) { return std::as_bytes(std::span(values)); }
+
+std::uint32_t crc32_of_numbers(const StartParticles& all) {
+  const Topology& t = all.topology;
+  std::uint32_t crc = crc32_of(std::as_bytes(std::span(t.offset)));
+  for (const std::vector<Real>* values :
+       {&t.diameter, &t.point_mass, &t.a0, &t.l0, &all.x, &all.v, &all.angles, &all.spins})
+    crc = crc32_of(bytes(*values), crc);
+  return crc;
+}
+
+/// The frame of an earlier run.
+class StoredFrame {
+ public:
+  StoredFrame(const StartName& name, const StartNeeds& needs)
+      : file_(open(name.file)), needs_(needs), name_(printable(name.file)) {
+    for (const char* group : {"/manifest", "/topology", "/frames"})
+      if (!file_.has_group(group)) throw InputError("{} has no {}: give the run.h5 of a run, or a table", name_, group);
+    manifest_.emplace(file_.open_group("/manifest"));
+    topology_.emplace(file_.open_group("/topology"));
+    check_kind();
+    const std::uint64_t frames = file_.open_group("/frames").links().size();
+    if (frames == 0) throw InputError("{} has no frames; let its run write one, or give another file", name_);
+    number_ = name.frame.value_or(frames - 1);
+    if (number_ >= frames)
+      throw InputError("{} has no frame {}: the file has {} frames, 0 to {}", name_, number_, frames, frames - 1);
+    frame_.emplace(file_.open_group(fmt::format("/frames/{:06}", number_)));
+  }
+
+  StartParticles particles() {
+    const auto offset = read<Index>(*topology_, "offset", {hdf5::any_length});
+    const std::size_t n = offset.empty() ? 0 : offset.size() - 1;
+    if (n == 0 || offset[0] != 0 || !std::ranges::is_sorted(offset, std::ranges::less_equal()))
+      throw InputError("{}: the points of its particles are damaged; give another file", name_);
+    const auto points = static_cast<std::uint64_t>(offset.back()), dim = static_cast<std::uint64_t>(needs_.dim);
+    const auto sigma = read<Real>(*topology_, "sigma", {n}), a0 = read<Real>(*topology_, "a0", {n}),
+               l0 = read<Real>(*topology_, "l0", {n}), mass = read<Real>(*topology_, "mass", {n}),
+               diameter = read<Real>(*topology_, "diameter", {points});
+    const auto active = read<std::uint8_t>(*frame_, "active", {n});
+    const auto x = read<Real>(*frame_, "positions", {points, dim}), v = optional("velocities", {points, dim});
+    const std::uint64_t turns = needs_.dim == 2 ? 1 : 3;
+    const hdf5::Shape per_turn = turns == 1 ? hdf5::Shape{n} : hdf5::Shape{n, turns};
+    const auto angles = needs_.rotates ? optional("angles", per_turn) : std::vector<Real>(),
+               spins = needs_.rotates ? optional("spins", per_turn) : std::vector<Real>();
+    StartParticles all;
+    all.topology.dim = needs_.dim;
+    const auto append = [](std::vector<Real>& to, const std::vector<Real>& from, std::size_t first, std::size_t count) {
+      if (!from.empty())
+        to.insert(to.end(), from.begin() + static_cast<std::ptrdiff_t>(first),
+                  from.begin() + static_cast<std::ptrdiff_t>(first + count));
+    };
+    for (std::size_t m = 0; m < n; ++m) {
+      if (active[m] == 0) continue;
+      const Index count = offset[m + 1] - offset[m];
+      const auto first = static_cast<std::size_t>(offset[m]);
+      if ((count > 1) != needs_.polygons || count == 2)
+        throw InputError("{}: particle {} has {} {}, but particles of -model {} {}; use another -model", name_, m,
+                         count, count == 1 ? "point" : "points", needs_.model,
+                         needs_.polygons ? "are polygons" : "have one point each");
+      for (const auto& [name, value] : {std::pair("diameter", diameter[first]), std::pair("mass", mass[m]),
+                                        std::pair("a0", a0[m]), std::pair("l0", count > 1 ? l0[m] : 1)})
+        if (!(value > 0 && std::isfinite(value)))
+          throw InputError("{}: {} of particle {} is {:g}, but must be positive and finite", name_, name, m, value);
+      if (count == 1)
+        all.topology.add_soft(sigma[m], mass[m]);
+      else
+        all.topology.add_polygon(count, a0[m], l0[m], diameter[first], mass[m]);
+      append(all.x, x, first * dim, static_cast<std::size_t>(count) * dim);
+      append(all.v, v, first * dim, static_cast<std::size_t>(count) * dim);
+      append(all.angles, angles, m * turns, turns);
+      append(all.spins, spins, m * turns, turns);
+    }
+    if (all.topology.particles() == 0)
+      throw InputError("{}: all particles of frame {} have left the run; give an earlier frame", name_, number_);
+    all.source["frame"] = number_;
+    return all;
+  }
+
+ private:
+  static hdf5::File open(const std::string& file) {
+    std::error_code none;
+    if (!fs::exists(file, none)) throw InputError("-start {}: there is no such file", printable(file));
+    return hdf5::File::open_read(file);
+  }
+
+  void check_kind() const {
+    if (const auto dim = manifest_->integer_attribute("dim"); dim != needs_.dim)
+      throw InputError("{} is of a run in {}D, but this run is {}D; use -dim {}, or another file", name_, dim,
+                       needs_.dim, dim);
+    const std::string model = manifest_->read_text("model");
+    for (const auto& [one, other] : {std::pair("rough", "smooth"), std::pair("smooth", "rough")})
+      if (model == one && needs_.model == other)
+        throw InputError("{} is of -model {}, whose polygons have other vertices than -model {}; use -model {}", name_,
+                         model, needs_.model, model);
+    if (!manifest_->has("datasets")) return;  // older versions
+    const auto datasets = nlohmann::json::parse(manifest_->read_text("datasets"), nullptr, false);
+    if (!datasets.is_object() || !datasets.contains("topology/sigma")) return;
+    if (const std::string unit = datasets["topology/sigma"].value("units", ""); unit != needs_.length)
+      throw InputError("{} has lengths in {}, but this run in {}; convert the frame to a table", name_, unit,
+                       needs_.length);
+  }
+
+  template <class T>
+  std::vector<T> read(const hdf5::Group& group, const std::string& name, const hdf5::Shape& shape) const {
+    group.check(name);
+    return group.read<T>(name, shape);
+  }
+  std::vector<Real> optional(const std::string& name, const hdf5::Shape& shape) const {
+    return frame_->has(name) ? read<Real>(*frame_, name, shape) : std::vector<Real>();
+  }
+
+  hdf5::File file_;
+  const StartNeeds& needs_;
+  std::string name_;
+  std::optional<hdf5::Group> manifest_, topology_, frame_;
+  std::uint64_t number_ = 0;
+};
+
+/// Names of the arrays in a checkpoint.
+constexpr const char *points_entry = "start_points", *width_entry = "start_diameter", *mass_entry = "start_mass",
+                     *area_entry = "start_a0", *edge_entry = "start_l0", *height_entry = "start_height",
+                     *source_entry = "start_source";
+
+StartParticles stored_start(const Checkpoint& c, const StartNeeds& needs) {
+  StartParticles all;
+  all.topology.dim = needs.dim;
+  const std::size_t n = c.length(points_entry);
+  const auto& points = c.integer_array(points_entry, n, 1, 1 << 24);
+  const auto positive = [&](const char* name) -> const std::vector<Real>& {
+    return c.real_array(name, n, std::numeric_limits<Real>::min());
+  };
+  const std::vector<Real>&width = positive(width_entry), &mass = positive(mass_entry), &a0 = positive(area_entry),
+        &l0 = c.real_array(edge_entry, n, 0);
+  for (std::size_t m = 0; m < n; ++m)
+    if (points[m] == 1)
+      all.topology.add_soft(width[m], mass[m]);
+    else
+      all.topology.add_polygon(static_cast<Index>(points[m]), a0[m], l0[m], width[m], mass[m]);
+  if (n == 0 || all.topology.deformable() != needs.polygons)
+    c.refuse("{}: the particles do not fit -model {}", points_entry, needs.model);
+  all.height = c.real(height_entry);
+  all.source = nlohmann::ordered_json::parse(c.text(source_entry), nullptr, false);
+  return all;
+}
+
+/// Whether particles m and n are inside each other.
+template <int D>
+bool overlap_too_much(const Topology& topology, const Real* x, Index m, Index n) {
+  const Index i = topology.offset[m], j = topology.offset[n];
+  if constexpr (D == 2) {
+    if (topology.deformable()) {
+      const Real far = (polygon_perimeter(x, topology, m) + polygon_perimeter(x, topology, n)) / 2;
+      if ((point<2>(x, i) - point<2>(x, j)).norm() > far) return false;
+      if (inside_polygon(x, topology, m, point<2>(x, j)) || inside_polygon(x, topology, n, point<2>(x, i))) return true;
+      for (Index a = i; a < topology.offset[m + 1]; ++a)
+        for (Index b = j; b < topology.offset[n + 1]; ++b)
+          if (segments_meet(point<2>(x, a), point<2>(x, topology.next[a]), point<2>(x, b),
+                            point<2>(x, topology.next[b])))
+            return true;
+      return false;
+    }
+  }
+  const auto width = [&](Index k) { return topology.diameter[static_cast<std::size_t>(k)]; };
+  return (point<D>(x, i) - point<D>(x, j)).norm() < (1 - passing_overlap) * (width(i) + width(j)) / 2;
+}
+
+}  // namespace
+
+std::optional<std::string> outline_fault(const Topology& topology, Index m, const Real* x) {
+  const Index first = topology.offset[m];
+  for (Index i = first; i < topology.offset[m + 1]; ++i)
+    if (point<2>(x, i) == point<2>(x, topology.next[i]))
+      return fmt::format("vertices {} and {} are the same point; an edge must have a length", i - first,
+                         topology.next[i] - first);
+  if (self_intersects(x, topology, m)) return "its outline meets itself";
+  if (const Real area = polygon_area(x, topology, m); !(area > 0))
+    return fmt::format("its signed area is {:g}; give the vertices counter-clockwise", area);
+  return {};
+}
+
+StartParticles read_start(const std::string& text, const StartNeeds& needs) {
+  const StartName name = split(text);
+  if (std::error_code none; fs::is_directory(name.file, none))
+    throw InputError("-start {}: is a folder; give its run.h5, or a table", printable(name.file));
+  StartParticles all = name.run() ? StoredFrame(name, needs).particles() : read_start_table(name.file, needs);
+  const Topology& topology = all.topology;
+  const int dim = needs.dim;
+  for (const auto& [values, what] : {std::pair(&all.x, "position"), std::pair(&all.v, "velocity")})
+    for (std::size_t k = 0; k < values->size(); ++k)
+      if (!std::isfinite((*values)[k]))
+        throw InputError("-start {}: a {} of particle {} is {}; give finite numbers", printable(text), what,
+                         topology.particle[k / static_cast<std::size_t>(dim)], (*values)[k]);
+  for (Index m = 0; needs.polygons && m < topology.particles(); ++m)
+    if (const auto fault = outline_fault(topology, m, all.x.data()))
+      throw InputError("-start {}: particle {}: {}", printable(text), m, *fault);
+  all.height = all.x[static_cast<std::size_t>(dim) - 1];
+  for (std::size_t k = static_cast<std::size_t>(dim) - 1; k < all.x.size(); k += static_cast<std::size_t>(dim))
+    all.height = std::max(all.height, all.x[k]);
+  nlohmann::ordered_json source{{"file", fs::absolute(name.file).lexically_normal().string()}};
+  source.update(all.source.is_null() ? nlohmann::ordered_json::object() : all.source);
+  source["crc32"] = crc32_of_numbers(all);
+  all.source = std::move(source);
+  return all;
+}
+
+template <int D>
+void check_overlaps(const StartParticles& particles, const std::string& file) {
+  const Topology& topology = particles.topology;
+  const Real* const x = particles.x.data();
+  struct Extent {
+    Index m;
+    Real low, high;  // of the last coordinates, with half the contact diameter of one point
+  };
+  std::vector<Extent> order;
+  for (Index m = 0; m < topology.particles(); ++m) {
+    Extent e{m, std::numeric_limits<Real>::infinity(), -std::numeric_limits<Real>::infinity()};
+    for (Index i = topology.offset[m]; i < topology.offset[m + 1]; ++i) {
+      const Real half = topology.diameter[static_cast<std::size_t>(i)] / 2, height = point<D>(x, i)[D - 1];
+      e.low = std::min(e.low, height - half), e.high = std::max(e.high, height + half);
+    }
+    order.push_back(e);
+  }
+  std::ranges::sort(order, {}, &Extent::low);
+  for (auto a = order.begin(); a != order.end(); ++a)
+    for (auto b = a + 1; b != order.end() && b->low < a->high; ++b) {
+      const auto [m, n] = std::minmax(a->m, b->m);
+      if (overlap_too_much<D>(topology, x, m, n))
+        throw InputError("-start {}: particles {} and {} are inside each other; move one of them", printable(file), m,
+                         n);
+    }
+}
+
+void StartOption::bind(Options& o) {
+  o.bind("start", file_,
+         {.help = "particles from a file: FILE.h5 (last frame of a run), FILE.h5:FRAME, or a table FILE.csv",
+          .on_restart = OnRestart::fixed,
+          .read = [](const std::string& text, const fs::path& folder) { return path_from(folder, text); }});
+}
+
+void StartOption::take(const StartNeeds& needs, const std::optional<Checkpoint>& checkpoint) {
+  if (!given()) return;
+  particles_ =
+      std::make_shared<StartParticles>(checkpoint ? stored_start(*checkpoint, needs) : read_start(file_, needs));
+}
+
+void StartOption::refuse(const Options& options, std::initializer_list<const char*> names) const {
+  if (!given()) return;
+  for (const char* name : names)
+    if (options.given(name))
+      throw InputError("-{} ({}) with -start {}: the particles come from this file; leave one of the options out", name,
+                       options.source(name), printable(file_));
+}
+
+template <int D>
+void StartOption::set_motion(Simulation<D>& simulation) const {
+  if (!fresh()) return;
+  const StartParticles& from = *particles_;
+  const Topology& own = simulation.topology();
+  State& state = simulation.state();
+  const auto copy = [](const std::vector<Real>& all, Index first, Index count, int width, std::span<Real> to,
+                       Index at) {
+    const auto w = static_cast<std::size_t>(width);
+    if (!all.empty() && !to.empty())
+      std::copy_n(all.begin() + static_cast<std::ptrdiff_t>(static_cast<std::size_t>(first) * w),
+                  static_cast<std::size_t>(count) * w,
+                  to.begin() + static_cast<std::ptrdiff_t>(static_cast<std::size_t>(at) * w));
+  };
+  for (Index m = 0; m < own.owned(); ++m) {
+    const Index id = own.id[m];
+    copy(from.v, from.topology.offset[id], own.points_of(m), D, state.v(), own.offset[m]);
+    copy(from.angles, id, 1, rotations<D>, simulation.angles(), m);
+    copy(from.spins, id, 1, rotations<D>, simulation.spins(), m);
+  }
+}
+
+void StartOption::visit(Archive& a) const {
+  if (!given() || a.reads()) return;
+  const Topology& t = particles_->topology;
+  std::vector<std::int64_t> points;
+  std::vector<Real> width, mass;
+  for (Index m = 0; m < t.particles(); ++m) {
+    points.push_back(t.points_of(m));
+    width.push_back(t.diameter[static_cast<std::size_t>(t.offset[m])]);
+    mass.push_back(t.point_mass[m] * t.points_of(m));
+  }
+  SharedCheckpoint& to = a.to();
+  to.add(points_entry, points);
+  to.add(width_entry, width);
+  to.add(mass_entry, mass);
+  to.add(area_entry, t.a0);
+  to.add(edge_entry, t.l0);
+  to.add(height_entry, particles_->height);
+  to.add_text(source_entry, particles_->source.dump());
+}
+
+template void check_overlaps<2>(const StartParticles&, const std::string&);
+template void check_overlaps<3>(const StartParticles&, const std::string&);
+template void StartOption::set_motion(Simulation<2>&) const;
+template void StartOption::set_motion(Simulation<3>&) const;
+
+}  // namespace pliant

@@ -1,0 +1,221 @@
+"""Runs whose particles come from a file: a frame of another run, or a table."""
+
+import json
+
+import h5py
+import numpy as np
+import pytest
+
+from conftest import SMALL, pliant
+
+HOPPER = {"hopper_wall_distance": 8, "hopper_width": 3, "zeta": 0.3, "mu": 0.5, "t_end": 0.5, "frame_interval": 0.25}
+# Options above that a model does not read.
+NOT_READ = {"sp": (), "disk": ("zeta", "mu"), "smooth": ("mu",), "rough": ("mu",)}
+ROW = "x,y,diameter\n-1,2,1\n1,2,1.2\n0,3.5,0.9\n"
+
+
+def of_model(model, options=HOPPER):
+    return {name: value for name, value in options.items() if name not in NOT_READ[model]} | {"model": model}
+
+
+@pytest.fixture(scope="module")
+def earlier(tmp_path_factory):
+    """Runs of the models, by name."""
+    folder = tmp_path_factory.mktemp("earlier")
+    runs = {}
+    for model in NOT_READ:
+        options = SMALL | {"n": 30 if model in ("sp", "disk") else 8, "t_end": 1}
+        result = pliant("hopper", output=folder / model, **of_model(model, options))
+        assert result.returncode == 0, result.stderr
+        runs[model] = folder / model / "run.h5"
+    return runs
+
+
+def started(folder, file, **options):
+    return pliant("hopper", start=file, output=folder, **{**HOPPER, **options})
+
+
+def refused(folder, file, **options):
+    """The message, of one line; no folder is left."""
+    result = started(folder / "refused", file, **options)
+    assert result.returncode == 2, result.stderr
+    assert result.stderr.count("\n") == 1 and not (folder / "refused" / "run.h5").exists(), result.stderr
+    return result.stderr
+
+
+def table(folder, text, name="table.csv"):
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("model", ["sp", "disk", "smooth", "rough"])
+def test_the_particles_of_a_frame(model, tmp_path, earlier):
+    """Positions, velocities, sizes, masses and rotation are those of the frame, to the last bit."""
+    result = pliant("hopper", start=f"{earlier[model]}:1", output=tmp_path / "run", **of_model(model))
+    assert result.returncode == 0, result.stderr
+    with h5py.File(earlier[model]) as old, h5py.File(tmp_path / "run" / "run.h5") as new:
+        frames = old["frames/000001"], new["frames/000000"]
+        for name in ("positions", "velocities", "angles", "spins"):
+            assert (name in frames[0]) == (name in frames[1])
+            if name in frames[0]:
+                np.testing.assert_array_equal(frames[1][name][()], frames[0][name][()], name)
+        assert frames[1].attrs["time"] == 0 and np.abs(frames[1]["velocities"]).max() > 0
+        for name in ("offset", "sigma", "a0", "l0", "mass", "diameter"):
+            np.testing.assert_allclose(new["topology"][name][()], old["topology"][name][()], rtol=1e-15, err_msg=name)
+        source = json.loads(bytes(new["manifest/start"][()]))
+        assert source["file"] == str(earlier[model]) and source["frame"] == 1 and source["crc32"] > 0
+    assert json.loads((tmp_path / "run" / "summary.json").read_text())["start"] == source
+
+
+def test_the_last_frame_unless_one_is_given(tmp_path, earlier):
+    assert started(tmp_path / "run", earlier["sp"]).returncode == 0
+    with h5py.File(earlier["sp"]) as old, h5py.File(tmp_path / "run" / "run.h5") as new:
+        last = sorted(old["frames"])[-1]
+        np.testing.assert_array_equal(new["frames/000000/positions"], old["frames"][last]["positions"])
+
+
+def test_a_restart_does_not_read_the_file(tmp_path, earlier):
+    """Stopped, continued and branched runs have the bits of an uninterrupted run, without the file."""
+    file = tmp_path / "copy.h5"
+    file.write_bytes(earlier["smooth"].read_bytes())
+    options = of_model("smooth") | {"t_end": 1}
+    assert pliant("hopper", start=file, output=tmp_path / "whole", **options).returncode == 0
+    half = options | {"t_end": 0.5}
+    assert pliant("hopper", start=file, output=tmp_path / "half", **half).returncode == 0
+    file.unlink()
+    result = pliant("hopper", restart=tmp_path / "half", t_end=1)
+    assert result.returncode == 0, result.stderr
+    with h5py.File(tmp_path / "whole" / "run.h5") as a, h5py.File(tmp_path / "half" / "run.h5") as b:
+        for name in a["frames"]:
+            np.testing.assert_array_equal(a["frames"][name]["positions"], b["frames"][name]["positions"])
+    assert json.loads((tmp_path / "half" / "summary.json").read_text())["start"]["frame"] == 2
+    other = pliant("hopper", restart=tmp_path / "half", t_end=2, start=earlier["sp"])
+    assert other.returncode == 2 and "a restart cannot change it" in other.stderr
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_table(dim, tmp_path):
+    """In any order of ids and columns, with comments; mass and velocity are optional."""
+    axes = "xyz"[:dim]
+    text = f"# three particles\nid; {'; '.join(axes)}; diameter; {'; '.join('v' + a for a in axes)}\n\n"
+    x = np.array([[1.5, 0.5, 3][:dim], [0, 0, 5][:dim], [-1.5, 0.25, 3][:dim]], float)
+    x[:, -1] = [3, 5, 3]
+    for number, position, sigma in zip((7, 3, 5), x, (1, 1.25, 0.75)):
+        text += f"{number}; {'; '.join(map(str, position))}; {sigma}; {'; '.join(['0.125'] * dim)}  # at {number}\n"
+    result = started(tmp_path / "run", table(tmp_path, text), dim=dim, flow="discharge")
+    assert result.returncode == 0, result.stderr
+    with h5py.File(tmp_path / "run" / "run.h5") as run:
+        np.testing.assert_array_equal(run["frames/000000/positions"], x[[1, 2, 0]])
+        np.testing.assert_array_equal(run["frames/000000/velocities"], np.full((3, dim), 0.125))
+        np.testing.assert_array_equal(run["topology/sigma"], [1.25, 0.75, 1])
+        volume = np.array([1.25, 0.75, 1]) ** dim * np.pi / (4 if dim == 2 else 6)
+        np.testing.assert_allclose(run["topology/mass"], volume)
+
+
+def test_a_table_of_polygons(tmp_path):
+    corners = [(-0.5, -0.4), (0.5, -0.4), (0.5, 0.4), (-0.5, 0.4)]
+    rows = [f"{m},{k},{x + 1.5 * m},{y + 3}" for m in (1, 0) for k, (x, y) in reversed(list(enumerate(corners)))]
+    file = table(tmp_path, "particle,vertex,x,y\n" + "\n".join(rows) + "\n")
+    options = of_model("smooth") | {"flow": "discharge", "edge_width": 0.2}
+    result = pliant("hopper", start=file, output=tmp_path / "run", **options)
+    assert result.returncode == 0, result.stderr
+    with h5py.File(tmp_path / "run" / "run.h5") as run:
+        np.testing.assert_allclose(run["frames/000000/positions"][:4], np.array(corners) + [0, 3])
+        np.testing.assert_allclose(run["topology/a0"], [0.8, 0.8])
+        np.testing.assert_allclose(run["topology/l0"], [0.9, 0.9])
+        np.testing.assert_allclose(run["topology/diameter"][0], 0.18)
+    crossed = table(tmp_path, "particle,vertex,x,y\n0,0,0,3\n0,1,1,4\n0,2,1,3\n0,3,0,4\n", "crossed.csv")
+    assert "particle 0: its outline meets itself" in refused(tmp_path, crossed, model="rough", mu=0)
+    square = "{0},0,-{1},{2}\n{0},1,{1},{2}\n{0},2,{1},{3}\n{0},3,-{1},{3}\n"
+    inner = table(tmp_path, "particle,vertex,x,y\n" + square.format(0, 1, 2, 4) + square.format(1, 0.2, 2.8, 3.2), "in.csv")
+    assert "particles 0 and 1 are inside each other" in refused(tmp_path, inner, model="rough", mu=0)
+    clockwise = table(tmp_path, "particle,vertex,x,y\n0,0,0,3\n0,2,1,3\n0,1,1,4\n", "clockwise.csv")
+    assert "counter-clockwise" in refused(tmp_path, clockwise, model="rough", mu=0)
+
+
+@pytest.mark.parametrize("text, words", [
+    ("", "is empty; write a line with the names of the columns (x,y,diameter)"),
+    ("# nothing\n", "is empty"),
+    ("x,y,diameter\n", "no rows"),
+    ("1,2,1\n", "table.csv:1: \"1\" is not a name of a column"),
+    ("x,y\n1,2\n", "column diameter is missing"),
+    ("x,y,diameter,vx\n1,2,1,0\n", "column vy is missing"),
+    ("x,y,z,diameter\n1,2,3,1\n", "column z is unknown"),
+    ("x,y,diameter,spin\n1,2,1,0\n", "column spin is unknown"),
+    ("x,x,y,diameter\n1,1,2,1\n", "two columns x"),
+    ("x,y,diameter\n1,2\n", "table.csv:2: 2 values in a table of 3 columns"),
+    ("x,y,diameter\n1,2,1,4\n", "table.csv:2: 4 values in a table of 3 columns"),
+    ("x,y,diameter\n1,nan,1\n", "y is \"nan\", which is not a finite number"),
+    ("x,y,diameter\n1,2,inf\n", "diameter is \"inf\""),
+    ("x,y,diameter\n1,2,1e999\n", "diameter is \"1e999\""),
+    ("x,y,diameter\n1,2,-1\n", "table.csv:2: diameter is -1, but must be positive"),
+    ("x,y,diameter\n1,2,0\n", "diameter is 0"),
+    ("x,y,diameter,mass\n1,2,1,0\n", "mass is 0"),
+    ("id,x,y,diameter\n4,1,2,1\n4,-1,2,1\n", "table.csv:3: id 4 is also in line 2"),
+    ("id,x,y,diameter\n0.5,1,2,1\n", "id is 0.5"),
+    ("id,x,y,diameter\n-1,1,2,1\n", "id is -1"),
+    ("x,y,diameter\n1,2,1\n9,2,1\n", "particle 1, at (9, 2), is outside the container"),
+    ("x,y,diameter\n1,2,1\n0,-50,1\n", "particle 1, at (0, -50), is more than -removal_depth 2 below the orifice"),
+    ("x,y,diameter\n1,2,1\n1,2,1\n", "particles 0 and 1 are inside each other"),
+    ("x,y,diameter,vx,vy\n1,2,1,0,1e9\n", "has the speed 1e+09"),
+    ("\0\1\2", "column \\x00\\x01\\x02 is unknown"),
+])
+def test_tables_that_are_refused(text, words, tmp_path):
+    assert words in refused(tmp_path, table(tmp_path, text))
+
+
+def test_frames_that_are_refused(tmp_path, earlier):
+    sp, smooth = earlier["sp"], earlier["smooth"]
+    assert "has no frame 3: the file has 3 frames, 0 to 2" in refused(tmp_path, f"{sp}:3")
+    assert "\"-1\" is not the number of a frame" in refused(tmp_path, f"{sp}:-1")
+    assert "\"\" is not the number of a frame" in refused(tmp_path, f"{sp}:")
+    assert "a run in 2D, but this run is 3D; use -dim 2" in refused(tmp_path, sp, dim=3)
+    assert "particle 0 has 16 points, but particles of -model sp have one point" in refused(tmp_path, smooth)
+    assert "particles of -model rough are polygons" in refused(tmp_path, sp, model="rough", mu=0)
+    assert "other vertices than -model rough; use -model smooth" in refused(tmp_path, smooth, model="rough", mu=0)
+    assert "there is no such file" in refused(tmp_path, tmp_path / "none.h5")
+    assert "none.csv: cannot be opened" in refused(tmp_path, tmp_path / "none.csv")
+    assert "is a folder; give its run.h5" in refused(tmp_path, sp.parent)
+    assert "outside the container" in refused(tmp_path, sp, hopper_wall_distance=5)
+    checkpoint = next(sp.parent.glob("checkpoint-*.h5"))
+    assert "give the run.h5 of a run, or a table" in refused(tmp_path, checkpoint)
+    assert "table.csv:2: -start" not in refused(tmp_path, table(tmp_path, "x\n", "text.h5"))
+    assert "a table has no frames" in refused(tmp_path, f"{table(tmp_path, ROW)}:1")
+
+
+@pytest.mark.parametrize("option, value", [("n", 3), ("size_distribution", "mono"), ("size_ratio", 1.2),
+                                           ("pack_fraction", 0.5), ("pack_tolerance", 1e-3)])
+def test_options_that_the_file_replaces(option, value, tmp_path):
+    file = table(tmp_path, ROW)
+    message = refused(tmp_path, file, **{option: value})
+    assert f"-{option} (command line) with -start {file}: the particles come from this file" in message
+
+
+def test_relative_to_the_options_file(tmp_path):
+    table(tmp_path, ROW)
+    (tmp_path / "options.yaml").write_text("start: table.csv\n", encoding="utf-8")
+    result = pliant("hopper", options_file=tmp_path / "options.yaml", output=tmp_path / "run", **HOPPER)
+    assert result.returncode == 0, result.stderr
+    assert json.loads((tmp_path / "run" / "summary.json").read_text())["start"]["file"] == str(tmp_path / "table.csv")
+
+
+def test_a_frame_of_the_run_itself(tmp_path, earlier):
+    """The folder of an earlier run stays as it is; the same command again finds the finished run."""
+    before = earlier["sp"].read_bytes()
+    result = pliant("hopper", start=earlier["sp"], output=earlier["sp"].parent, **HOPPER)
+    assert result.returncode == 2 and "holds a run that is finished" in result.stderr
+    assert earlier["sp"].read_bytes() == before
+
+
+def test_particles_that_have_left_are_left_out(tmp_path, earlier):
+    result = started(tmp_path / "empty", earlier["sp"], flow="discharge", t_end=10, frame_interval=1, removal_depth=1)
+    assert result.returncode == 0, result.stderr
+    with h5py.File(tmp_path / "empty" / "run.h5") as run:
+        active = [int(run["frames"][name]["active"][()].sum()) for name in sorted(run["frames"])]
+    some = next(k for k, count in enumerate(active) if 0 < count < 25)
+    file = tmp_path / "empty" / "run.h5"
+    result = started(tmp_path / "rest", f"{file}:{some}", flow="discharge", removal_depth=1)
+    assert result.returncode == 0, result.stderr
+    with h5py.File(tmp_path / "rest" / "run.h5") as run:
+        assert len(run["topology/sigma"]) == active[some]
