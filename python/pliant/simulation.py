@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import functools
 import numbers
+import os
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
@@ -60,6 +61,10 @@ def _number(value, name):
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Real):
         raise InputError(f"{name}: {value!r} is not a number")
     return float(value)
+
+
+def _optional(value, name):
+    return None if value is None else _number(value, name)
 
 
 def _integer(value, name):
@@ -242,6 +247,10 @@ class Simulation:
     type of PETSc TS (rk, cvode, arkimex, alpha2 …) with its options as keywords (ts_rtol=1e-6). Further keywords are the
     parameters of the model and of the integration, listed below.
 
+    output: folder of a run (run.h5, run.xdmf, summary.json), which Run, pliant-report and ParaView read. frame_interval and
+    sample_interval: times between frames and between samples (energies); without them write_frame() and write_sample() write
+    them. The first and the last state (of close()) are always written. Particles can then neither be added nor removed.
+
     Errors: InputError for arguments, also where particles overlap so that a force has no direction; NumericalError in runs,
     after which the simulation keeps the state of the failure.
     """
@@ -251,7 +260,8 @@ class Simulation:
                  velocities: ArrayLike | None = None, mass: ArrayLike | None = None, density: float = 1.0,
                  walls: Walls | Container | None = None, box: Box | Sequence[float] | None = None,
                  gravity: Sequence[float] | None = None, model: str | None = None, integrator: str = "verlet",
-                 **options: Any):
+                 output: str | os.PathLike | None = None, frame_interval: float | None = None,
+                 sample_interval: float | None = None, **options: Any):
         if (positions is None) == (polygons is None):
             raise InputError("give positions and diameters, or polygons")
         self._model = model if model is not None else "sp" if polygons is None else "rough"
@@ -278,6 +288,12 @@ class Simulation:
         weight = [0.0] * self._dim if gravity is None else _vector(gravity, "gravity")
         self._core = core.Simulation(self._dim, particles, walls._core, box.origin if box else [],
                                      box.lengths if box else [], weight, arguments(self._options))
+        if output is not None:
+            self._core.open_output(os.fspath(output), _optional(frame_interval, "frame_interval"),
+                                   _optional(sample_interval, "sample_interval"))
+        elif frame_interval is not None or sample_interval is not None:
+            self._core.close()
+            raise InputError("frame_interval and sample_interval need output, the folder of the run; give it, too")
 
     def __repr__(self):
         if self.closed:
@@ -419,8 +435,24 @@ class Simulation:
         """From now on a body of the walls moves so, as of Walls; without arguments it stands still."""
         self._core.move_wall(_integer(body, "body"), _motion(motion))
 
+    # --- Output
+
+    @property
+    def output(self) -> str | None:
+        """The folder of the run."""
+        return self._core.output
+
+    def write_frame(self) -> None:
+        """Writes a frame of the present state to run.h5; also in callbacks."""
+        self._core.write_frame()
+
+    def write_sample(self) -> None:
+        """Adds a row with the present energies to the series in run.h5; also in callbacks."""
+        self._core.write_sample()
+
     def close(self) -> None:
-        """Frees the engine's memory; arrays that Python holds stay. Later uses raise UsageError."""
+        """Writes the last frame and summary.json if there is an output folder, and frees the engine's memory; arrays that
+        Python holds stay. Later uses raise UsageError."""
         self._core.close()
 
     @property

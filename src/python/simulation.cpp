@@ -15,6 +15,7 @@
 #include <pliant/base/cure.h>
 #include <pliant/model/polygon.h>
 #include <pliant/python/changeable_field.h>
+#include <pliant/python/run_output.h>
 #include <pliant/python/settings.h>
 #include <pliant/python/walls.h>
 #include <pliant/run/crossing_watch.h>
@@ -154,7 +155,14 @@ class Simulated final : public AnySimulation {
     check_start();
     open_simulations().insert(this);
   }
-  ~Simulated() override { open_simulations().erase(this); }
+  ~Simulated() override {
+    try {
+      end_output();
+    } catch (const std::exception& error) {
+      PySys_WriteStderr("pliant: warning: %.900s\n", error.what());
+    }
+    open_simulations().erase(this);
+  }
   Simulated(const Simulated&) = delete;
   Simulated& operator=(const Simulated&) = delete;
 
@@ -265,8 +273,13 @@ class Simulated final : public AnySimulation {
     }
     deferred_.clear();
     show_state();
-    running.error.rethrow();
-    if (failure) std::rethrow_exception(failure);
+    try {
+      running.error.rethrow();
+      if (failure) std::rethrow_exception(failure);
+    } catch (const NumericalError& error) {
+      failed_ = error.what();
+      throw;
+    }
     check_signals();
   }
 
@@ -363,6 +376,7 @@ class Simulated final : public AnySimulation {
   void add(const ParticleArrays& arrays) override {
     const EngineUse use(EngineUse::Kind::access);
     check_open();
+    keep_particles();
     take_changes();
     Particles trial;
     append_particles<D>(trial, arrays);
@@ -374,6 +388,7 @@ class Simulated final : public AnySimulation {
   void remove(const std::vector<Index>& ids) override {
     const EngineUse use(EngineUse::Kind::access);
     check_open();
+    keep_particles();
     take_changes();
     const std::set<Index> gone(ids.begin(), ids.end());
     for (const Index id : gone)
@@ -494,8 +509,31 @@ class Simulated final : public AnySimulation {
                           py::array_t<Real>(size, sink.values.data()), offset_.back() * D);
   }
 
+  void open_output(const std::string& folder, std::optional<Real> frame_interval,
+                   std::optional<Real> sample_interval) override {
+    const EngineUse use(EngineUse::Kind::access);
+    check_open();
+    take_changes();
+    output_ = std::make_unique<RunOutput<D>>(folder, frame_interval, sample_interval, collect().topology,
+                                             settings_->model.name, settings_->options, *simulation_);
+  }
+  void write_frame() override {
+    write([&] { output_->write_frame(*simulation_); });
+  }
+  void write_sample() override {
+    write([&] { output_->write_sample(*simulation_); });
+  }
+  std::optional<std::string> output() const override {
+    return output_ ? std::optional(output_->folder().string()) : std::nullopt;
+  }
+
   void close() override {
     if (running_ != nullptr) throw UsageError("a callback cannot close the simulation that runs; call stop()");
+    if (simulation_ && output_) {
+      const EngineUse use(EngineUse::Kind::access);
+      take_changes();
+      end_output();
+    }
     simulation_.reset();
     field_ = nullptr;
     for (SharedArray& shared : arrays_) shared = {};
@@ -611,13 +649,18 @@ class Simulated final : public AnySimulation {
       if (function != nullptr) function->keep(simulation.state());
       if (!error && steps++ % 128 == 0) error.guard([&] { of.check_walls(step); });
       ended = ends || error;
+      if (of.output_ && !error && (stops || changed)) of.output_->follow(simulation);
       if (stops || error) {
         if (changed) simulation.changed();
         return AfterStep::stop;
       }
       if (changed) return AfterStep::changed;
-      if (!simulation.wants_sorting()) return AfterStep::proceed;
+      if (!simulation.wants_sorting()) {
+        if (of.output_) of.output_->follow(simulation);
+        return AfterStep::proceed;
+      }
       simulation.sort();
+      if (of.output_) of.output_->follow(simulation);
       if constexpr (D == 2)
         if (of.deformable()) of.outlines_.after_change(simulation.particles(), simulation.state());
       return AfterStep::reordered;
@@ -646,6 +689,27 @@ class Simulated final : public AnySimulation {
   }
   void check_open() const {
     if (!simulation_) throw UsageError("this simulation is closed; make another one");
+  }
+  /// Errors: InputError with an output folder: run.h5 has one list of particles.
+  void keep_particles() const {
+    if (output_)
+      throw InputError("the particles of a simulation with an output folder ({}) are fixed; leave out output",
+                       output_->folder().string());
+  }
+  template <class Write>
+  void write(Write&& write_it) {
+    const EngineUse use(EngineUse::Kind::access);
+    check_open();
+    if (!output_) throw UsageError("this simulation has no output folder; give output when it is made");
+    take_changes();
+    write_it();
+  }
+  void end_output() {
+    if (!simulation_) return;
+    if (output_ && !output_->owned()) (void)output_.release();  // its destructor would remove the lock of the parent
+    if (const std::unique_ptr<RunOutput<D>> output = std::move(output_))
+      output->finish(settings_->options, force_evaluations_ + simulation_->integrator().statistics().force_evaluations,
+                     failed_, *simulation_);
   }
   bool deformable() const { return simulation_->topology().deformable(); }
   bool rotates() const { return field_->rotates(); }
@@ -994,6 +1058,8 @@ class Simulated final : public AnySimulation {
   std::unique_ptr<Settings> settings_;
   std::unique_ptr<Simulation<D>> simulation_;
   ChangeableField<D>* field_ = nullptr;
+  std::unique_ptr<RunOutput<D>> output_;
+  std::string failed_;  ///< message of a run that failed
   CrossingWatch outlines_;
   Real critical_ = 0;                   ///< longest stable step
   std::int64_t force_evaluations_ = 0;  ///< of earlier integrators
@@ -1040,7 +1106,13 @@ ParticleArrays arrays_of(const IndexArray& points_of, const Array& positions, co
 
 void close_all_simulations() {
   const std::set<AnySimulation*> all = open_simulations();
-  for (AnySimulation* simulation : all) simulation->close();
+  for (AnySimulation* simulation : all) {
+    try {
+      simulation->close();
+    } catch (const std::exception& error) {
+      PySys_WriteStderr("pliant: warning: %.900s\n", error.what());
+    }
+  }
 }
 
 void bind_simulation(py::module_& m) {
@@ -1069,6 +1141,10 @@ void bind_simulation(py::module_& m) {
       .def("wall_forces", &AnySimulation::wall_forces)
       .def("walls", &AnySimulation::walls)
       .def("hessian", &AnySimulation::hessian)
+      .def("open_output", &AnySimulation::open_output)
+      .def("write_frame", &AnySimulation::write_frame)
+      .def("write_sample", &AnySimulation::write_sample)
+      .def_property_readonly("output", &AnySimulation::output)
       .def("close", &AnySimulation::close);
   const py::object loads = py::module_::import("json").attr("loads");
   m.def("simulation_options", [loads] { return loads(Settings().table().dump()); });

@@ -70,6 +70,15 @@ class AnySimulation {
   virtual py::dict walls() = 0;
   virtual py::tuple hessian() = 0;
 
+  /// A run folder, from now on; intervals between frames and samples, or none.
+  virtual void open_output(const std::string& folder, std::optional<Real> frame_interval,
+                           std::optional<Real> sample_interval) = 0;
+  virtual void write_frame() = 0;
+  virtual void write_sample() = 0;
+  /// The folder, or nothing.
+  virtual std::optional<std::string> output() const = 0;
+
+  /// Ends the output, too.
   virtual void close() = 0;
   virtual bool closed() const = 0;
 };
