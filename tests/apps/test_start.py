@@ -219,3 +219,34 @@ def test_particles_that_have_left_are_left_out(tmp_path, earlier):
     assert result.returncode == 0, result.stderr
     with h5py.File(tmp_path / "rest" / "run.h5") as run:
         assert len(run["topology/sigma"]) == active[some]
+
+
+def test_droplets_of_an_earlier_clog(tmp_path, earlier):
+    """Radii and places of the droplets are those of the frame; the exit is closed at the start."""
+    options = {"g": 0.1, "hopper_width": 1.25, "phi_c": 3e-4, "t_end": 4, "frame_interval": 2}
+    assert pliant("clog", output=tmp_path / "first", n=14, delta=0.2, **options).returncode == 0
+    file = tmp_path / "first" / "run.h5"
+    result = pliant("clog", start=f"{file}:1", output=tmp_path / "second", **options)
+    assert result.returncode == 0, result.stderr
+    with h5py.File(file) as old, h5py.File(tmp_path / "second" / "run.h5") as new:
+        np.testing.assert_array_equal(new["frames/000000/positions"], old["frames/000001/positions"])
+        np.testing.assert_array_equal(new["topology/sigma"], old["topology/sigma"])
+        np.testing.assert_allclose(new["topology/mass"], old["topology/mass"], rtol=1e-15)
+    file.unlink()
+    result = pliant("clog", restart=tmp_path / "second", t_end=6)
+    assert result.returncode == 0, result.stderr
+
+    def clog_refused(file, **more):
+        result = pliant("clog", start=file, output=tmp_path / "refused", **options, **more)
+        assert result.returncode == 2 and result.stderr.count("\n") == 1 and not (tmp_path / "refused").exists()
+        return result.stderr
+
+    second = tmp_path / "second" / "run.h5"
+    for option in ("n", "delta", "fill_fraction"):
+        assert f"-{option} (command line) with -start" in clog_refused(second, **{option: 0.1 if option != "n" else 3})
+    assert "lengths in sigma_avg, but this run in R" in clog_refused(earlier["sp"])
+    below = table(tmp_path, "x,y,diameter\n0,-3,2\n0,3,2\n", "below.csv")
+    assert "particle 0, at (0, -3), is in a wall or below the exit" in clog_refused(below)
+    inside = table(tmp_path, "x,y,diameter\n0,3,2\n0,3.01,2\n", "inside.csv")
+    assert "particles 0 and 1 are inside each other" in clog_refused(inside)
+    assert "lengths in R, but this run in sigma_avg" in refused(tmp_path, second)

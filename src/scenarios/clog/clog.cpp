@@ -10,6 +10,7 @@
 #include <pliant/analysis/graph.h>
 #include <pliant/base/errors.h>
 #include <pliant/base/rng.h>
+#include <pliant/base/text.h>
 #include <pliant/catalogue/droplet_rest.h>
 #include <pliant/io/summary.h>
 #include <pliant/model/depletion.h>
@@ -25,6 +26,13 @@ namespace {
 Vec<2> right_wall(const ClogOptions& p) {
   const Real angle = p.angle * pi / 180;
   return {std::sin(angle), std::cos(angle)};
+}
+
+std::vector<Real> radii_of(const ClogOptions& p) {
+  if (!p.start.given()) return draw_radii(p.radii, p.n, static_cast<std::uint64_t>(p.seed));
+  std::vector<Real> radii;
+  for (const Real sigma : p.start.particles().topology.sigma) radii.push_back(sigma / 2);
+  return radii;
 }
 
 Topology make_droplets(const std::vector<Real>& radii) {
@@ -43,8 +51,7 @@ Walls<2> make_walls(const ClogOptions& p, Real lid) {
 
 class ClogProtocol final : public DropletProtocol {
  public:
-  ClogProtocol(const ClogOptions& p, const Ranks& ranks)
-      : ClogProtocol(p, ranks, draw_radii(p.radii, p.n, static_cast<std::uint64_t>(p.seed))) {}
+  ClogProtocol(const ClogOptions& p, const Ranks& ranks) : ClogProtocol(p, ranks, radii_of(p)) {}
 
   std::string title() const override {
     return fmt::format(
@@ -53,7 +60,21 @@ class ClogProtocol final : public DropletProtocol {
   }
 
   Real last_time() const override { return *p_.t_end; }
-  std::vector<Real> start() override { return fill_wedge(p_, radii_); }
+  std::vector<Real> start() override { return p_.start.given() ? p_.start.particles().x : fill_wedge(p_, radii_); }
+  nlohmann::ordered_json start_source() const override { return p_.start.source(); }
+  void check() const override {
+    if (!p_.start.fresh()) return;
+    const StartParticles& start = p_.start.particles();
+    const Walls<2> walls = make_walls(p_, 0);
+    for (Index m = 0; m < start.topology.particles(); ++m) {
+      const Vec<2> r = point<2>(start.x.data(), m);
+      for (Index part = 0; part < walls.part_count(); ++part)
+        if (walls.distance(r, part, 0) <= 0)
+          throw InputError("-start {}: particle {}, at ({:.4g}, {:.4g}), is in a wall or below the exit; move it",
+                           printable(p_.start.file()), m, r[0], r[1]);
+    }
+    check_overlaps<2>(start, p_.start.file());
+  }
   RunGeometry geometry() const override {
     return {"wedge", drawn_walls(0), {{"w", 2 * p_.half_width()}, {"angle", p_.angle}}};
   }
@@ -98,6 +119,7 @@ class ClogProtocol final : public DropletProtocol {
   }
 
   void visit_more(Archive& a) override {
+    p_.start.visit(a);
     a.number("opened_at", opened_, -1, a.t());
     if (!a.reads()) return;
     const auto& inside = a.from().integer_array("active", static_cast<std::size_t>(droplets()));
@@ -253,6 +275,7 @@ Scenario clog_scenario() {
         refuse_ranks("clog", ranks);
         // Check before the droplets are created.
         check_memory({p.n, p.n}, fmt::format("-n {}", p.n), ranks);
+        if (!checkpoint) p.start.refuse(options, {"n", "delta", "fill_fraction"});
         if (checkpoint) checkpoint->integer_array("active", static_cast<std::size_t>(p.n));
         return std::make_unique<Run<2>>("clog", p, options, ranks, std::make_unique<ClogProtocol>(p, ranks),
                                         std::move(checkpoint));

@@ -26,6 +26,7 @@ void ClogOptions::bind(Options& o) {
          {.help = "walls exert viscous friction, like a static neighbour [T 4.1]", .on_restart = fixed});
 
   o.group("Droplets");
+  start.bind(o);
   o.bind("n", n,
          {.help = "number of droplets", .min = 1, .max = 1e5, .cures = {Cure::more_particles}, .on_restart = fixed});
   bind_droplets(o);
@@ -58,6 +59,11 @@ void ClogOptions::bind(Options& o) {
 
   bind_integration(o, "");
   bind_output(o);
+}
+
+void ClogOptions::take_start(const std::optional<Checkpoint>& checkpoint) {
+  start.take({.dim = 2, .model = model.name, .length = "R"}, checkpoint);
+  if (start.given()) n = start.particles().topology.particles();
 }
 
 void ClogOptions::resolve() {

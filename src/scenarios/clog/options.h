@@ -1,6 +1,7 @@
 // Options of the scenario `clog`.
 #pragma once
 
+#include <pliant/run/start_particles.h>
 #include <pliant/scenarios/droplets/options.h>
 
 namespace pliant {
@@ -16,6 +17,7 @@ enum class RestRule {
 struct ClogOptions : DropletOptions {
   ClogOptions();
 
+  StartOption start;
   Index n = 190;
   Real width = 3;   ///< of the exit, in mean diameters
   Real angle = 45;  ///< of the walls to gravity, degrees
@@ -27,6 +29,8 @@ struct ClogOptions : DropletOptions {
 
   void bind(Options& options);
   /// Errors: InputError.
+  /// Takes the droplets of -start, in place of n and radii.
+  void take_start(const std::optional<Checkpoint>& checkpoint);
   void resolve();
 
   Real half_width() const { return width; }  ///< of the exit, in ⟨R⟩
