@@ -20,7 +20,7 @@ http_proxy=$(apt-config shell proxy Acquire::http::Proxy | sed "s/^proxy='\(.*\)
 
 unmount() {
   local folder
-  for folder in dev proc; do
+  for folder in dev proc sys; do
     if mountpoint -q "$bare/$folder"; then umount --recursive "$bare/$folder"; fi
   done
 }
@@ -47,16 +47,18 @@ if [[ ! -d $bare-base ]]; then
 fi
 cp -a "$bare-base" "$bare"
 mount -t proc proc "$bare/proc"
+mount -t sysfs -o ro sysfs "$bare/sys"
 mount --rbind /dev "$bare/dev"
 mount --make-rslave "$bare/dev"
 for file in hosts resolv.conf; do
   if [[ -e /etc/$file ]]; then cp -L "/etc/$file" "$bare/etc/$file"; fi
 done
 cp "$package" "$bare/root/"
-# Without recommended packages, because python3-scipy recommends a compiler; ffmpeg is for the movie.
+# Without recommended packages, except ffmpeg for the movie.
 timed "apt install" inside "apt-get -qq update && apt-get -qq install -y --no-install-recommends ./$(basename "$package") ffmpeg"
-if inside "command -v cc c++ gcc g++ mpiexec"; then die "the package brings a compiler or mpiexec"; fi
-say "$(du -sh "$bare" | cut -f 1) on the disk"
+# Debian's python3-scipy depends on a compiler, through python3-pythran. Pliant works without.
+inside 'rm -f /usr/bin/*gcc* /usr/bin/*g++* /usr/bin/cc /usr/bin/c++'
+say "$(du -shx "$bare" | cut -f 1) on the disk"
 
 start=$SECONDS
 examples=/usr/share/pliant/examples
@@ -73,8 +75,8 @@ walls = pliant.Walls()
 walls.line([(-3, 6), (-3, 0), (3, 0), (3, 6)])
 x = np.stack(np.meshgrid(np.arange(-2, 3), np.arange(1, 4)), axis=-1).reshape(-1, 2)
 sim = pliant.Simulation(x, diameters=0.9, walls=walls, gravity=(0, -1), zeta=0.3)
-sim.run(2)
-assert sim.contacts.size and sim.positions[:, 1].min() > 0.3
+sim.run(20)
+assert len(sim.contacts) and abs(sim.positions[:, 1].min() - 0.45) < 0.01  # disks at rest on the floor
 run = pliant.hopper(n=60, hopper_wall_distance=8, hopper_width=3, t_end=1, output=\"runs/python\", quiet=True)
 assert run.summary[\"status\"] == \"done\"'"
 timed "sweep" inside "cp $examples/widths.csv . && pliant-sweep widths.csv && pliant-plot beverloo widths/results.csv -o beverloo.png"
