@@ -11,6 +11,7 @@
 #include <string_view>
 #include <utility>
 
+#include <pliant/base/cure.h>
 #include <pliant/base/errors.h>
 #include <pliant/base/text.h>
 #include <pliant/io/crc32.h>
@@ -103,7 +104,7 @@ class StoredFrame {
       const Index count = offset[m + 1] - offset[m];
       const auto first = static_cast<std::size_t>(offset[m]);
       if ((count > 1) != needs_.polygons || count == 2)
-        throw InputError("{}: particle {} has {} {}, but particles of -model {} {}; use another -model", name_, m,
+        throw InputError("{}: particle {} has {} {}, but particles of the model {} {}; use another model", name_, m,
                          count, count == 1 ? "point" : "points", needs_.model,
                          needs_.polygons ? "are polygons" : "have one point each");
       for (const auto& [name, value] : {std::pair("diameter", diameter[first]), std::pair("mass", mass[m]),
@@ -134,13 +135,14 @@ class StoredFrame {
 
   void check_kind() const {
     if (const auto dim = manifest_->integer_attribute("dim"); dim != needs_.dim)
-      throw InputError("{} is of a run in {}D, but this run is {}D; use -dim {}, or another file", name_, dim,
-                       needs_.dim, dim);
+      throw InputError("{} is of a run in {}D, but this run is {}D; use {}, or another file", name_, dim, needs_.dim,
+                       cures({dim == 2 ? Cure::two_dimensions : Cure::three_dimensions}));
     const std::string model = manifest_->read_text("model");
     for (const auto& [one, other] : {std::pair("rough", "smooth"), std::pair("smooth", "rough")})
       if (model == one && needs_.model == other)
-        throw InputError("{} is of -model {}, whose polygons have other vertices than -model {}; use -model {}", name_,
-                         model, needs_.model, model);
+        throw InputError(
+            "{} is of the model {}, whose polygons have other vertices than the model {}; use the model {}", name_,
+            model, needs_.model, model);
     if (!manifest_->has("datasets")) return;  // older versions
     const auto datasets = nlohmann::json::parse(manifest_->read_text("datasets"), nullptr, false);
     if (!datasets.is_object() || !datasets.contains("topology/sigma")) return;
@@ -186,7 +188,7 @@ StartParticles stored_start(const Checkpoint& c, const StartNeeds& needs) {
     else
       all.topology.add_polygon(static_cast<Index>(points[m]), a0[m], l0[m], width[m], mass[m]);
   if (n == 0 || all.topology.deformable() != needs.polygons)
-    c.refuse("{}: the particles do not fit -model {}", points_entry, needs.model);
+    c.refuse("{}: the particles do not fit the model {}", points_entry, needs.model);
   all.height = c.real(height_entry);
   all.source = nlohmann::ordered_json::parse(c.text(source_entry), nullptr, false);
   return all;
