@@ -15,6 +15,8 @@ VERSION = re.search(r"^project\(pliant VERSION ([\d.]+)", (ROOT / "CMakeLists.tx
 
 #: Module → its name in Debian and elsewhere, if it differs.
 NAMES = {"PIL": ("pil", "pillow")}
+#: Imported by single functions when they are called: Simulation.hessian(petsc=True), a progress bar.
+OPTIONAL = {"petsc4py", "tqdm"}
 
 
 def fields(first):
@@ -26,22 +28,19 @@ def fields(first):
 
 
 def imports():
-    """(needed, optional): modules that the installed Python files import; those in a try statement are optional."""
+    """Modules that the installed Python files import, without those of Python and of Pliant."""
     files = [path for pattern in ("python/pliant/**/*.py", "python/plots/*.py", "python/pliant-*", "examples/**/*.py")
              for path in ROOT.glob(pattern)]
-    needed, optional = set(), set()
+    found = set()
     for path in files:
-        tree = ast.parse(path.read_bytes())
-        guarded = {inner for node in ast.walk(tree) if isinstance(node, ast.Try) for inner in ast.walk(node)}
-        for node in ast.walk(tree):
+        for node in ast.walk(ast.parse(path.read_bytes())):
             names = []
             if isinstance(node, ast.Import):
                 names = [alias.name for alias in node.names]
             elif isinstance(node, ast.ImportFrom) and not node.level:
                 names = [node.module]
-            (optional if node in guarded else needed).update(name.split(".")[0] for name in names)
-    ours = sys.stdlib_module_names | {"pliant"}
-    return needed - ours, optional - needed - ours
+            found.update(name.split(".")[0] for name in names)
+    return found - sys.stdlib_module_names - {"pliant"}
 
 
 def test_versions():
@@ -51,10 +50,10 @@ def test_versions():
 
 
 def test_dependencies_of_the_debian_package():
-    needed, optional = imports()
+    needed = imports() - OPTIONAL
     debian = fields("Package: pliant")
     modules = {name.removeprefix("python3-") for name in debian["Depends"] if name.startswith("python3-")}
-    assert modules >= {NAMES.get(name, (name,))[0] for name in needed} and {f"python3-{name}" for name in optional} <= debian["Recommends"]
+    assert modules >= {NAMES.get(name, (name,))[0] for name in needed} and {f"python3-{name}" for name in OPTIONAL} <= debian["Recommends"] | debian["Suggests"]
 
 
 @pytest.mark.parametrize("file, pattern, missing", [
@@ -62,7 +61,7 @@ def test_dependencies_of_the_debian_package():
     ("packaging/conda-forge/meta.yaml", r"- {}(-base)?\n", []), ("packaging/spack/package.py", '"{}"', [])])
 def test_dependencies_of_other_packages(file, pattern, missing):
     text = (ROOT / file).read_text(encoding="utf-8")
-    assert [name for name in sorted(imports()[0]) if not re.search(pattern.format(NAMES.get(name, (name,))[-1]), text)] == missing
+    assert [name for name in sorted(imports() - OPTIONAL) if not re.search(pattern.format(NAMES.get(name, (name,))[-1]), text)] == missing
 
 
 def test_setup_installs_the_packages_that_a_debian_package_is_built_from():
