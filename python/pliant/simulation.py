@@ -15,7 +15,7 @@ import functools
 import numbers
 import os
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -25,6 +25,9 @@ from .engine import core
 from .errors import InputError
 from .run import contact_table
 from .scenario_calls import arguments, option_lines
+
+if TYPE_CHECKING:
+    from .analysis import Particles
 
 _MOTION = ("velocity", "amplitude", "frequency", "phase", "spin", "pivot")
 
@@ -286,6 +289,7 @@ class Simulation:
         if box is not None and not isinstance(box, Box):
             box = Box(box)
         weight = [0.0] * self._dim if gravity is None else _vector(gravity, "gravity")
+        self._box = box
         self._core = core.Simulation(self._dim, particles, walls._core, box.origin if box else [],
                                      box.lengths if box else [], weight, arguments(self._options))
         if output is not None:
@@ -606,6 +610,20 @@ class Simulation:
             tables.append(contact_table(first, second, wall, columns["position"], columns["normal"],
                                         columns["overlap"][:, 0], columns["force"]))
         return pd.concat(tables, ignore_index=True)
+
+    def particles(self) -> Particles:
+        """Centres, velocities, sizes and contacts now, as pliant.analysis takes them; its functions also take the simulation
+        itself: pliant.analysis.mean_stress(sim)."""
+        from .analysis import Particles
+        table, topology = self.contacts, self._core.topology()
+        areas = topology["a0"]
+        if np.any(np.diff(self.offsets) > 1):
+            areas = [np.sum(p[:, 0] * np.roll(p[:, 1], -1) - p[:, 1] * np.roll(p[:, 0], -1)) / 2 for p in self.polygons]
+        axes = "xyz"[: self._dim]
+        return Particles(self.centres, radii=topology["sigma"] / 2, velocities=self.centre_velocities, masses=self.masses,
+                         volumes=areas, box=None if self._box is None else [self._box.origin, self._box.lengths],
+                         pairs=table[["particle_1", "particle_2"]].to_numpy(), walls=table["wall"].to_numpy(),
+                         forces=table[["f" + axis for axis in axes]].to_numpy(), points=table[list(axes)].to_numpy(), time=self.t)
 
     @property
     def wall_forces(self) -> np.ndarray:

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import pliant
+import pliant.analysis
 from pliant import Simulation, Walls
 
 rng = np.random.default_rng(5)
@@ -131,6 +132,50 @@ def test_minimum_and_hessian():
             sim.positions.ravel()[k] += sign * h
             forces.append(sim.forces.ravel())
         assert hessian[k].toarray()[0] == pytest.approx(-(forces[0] - forces[1]) / (2 * h), abs=1e-4)
+
+
+def regular_polygon(centre, radius=0.5, vertices=12):
+    angles = 2 * np.pi * np.arange(vertices) / vertices
+    return np.asarray(centre) + radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+
+
+@pytest.mark.parametrize("dim, polygons", [(2, False), (3, False), (2, True)])
+def test_stress_is_the_derivative_of_the_energy(dim, polygons):
+    """Points and box are stretched along one axis. Polygons are in equilibrium, where shape energies balance the moments of
+    contacts about the centres."""
+    lengths = np.array([3.6, 3.7 if polygons else 3.4, 3.5][:dim])
+    centres = cloud(4**dim, dim, spacing=0.87)
+    if polygons:
+        centres = 0.9 * np.round(centres / 0.87 - 0.1) + 0.05 * np.random.default_rng(1).random((16, 2))
+
+    def simulation(points, box):
+        if polygons:
+            return Simulation(polygons=np.split(points, len(centres)), a0=np.pi / 4, l0=2 * np.sin(np.pi / 12) / 2, mass=1, box=box,
+                              model="rough", e_c=100, k_a=10, k_l=10, k_b=0.1)
+        return Simulation(points, 1, box=box, e_sp=100)
+    sim = simulation(np.concatenate([regular_polygon(c, 0.4) for c in centres]) if polygons else centres, lengths)
+    if polygons:
+        assert sim.minimize(1e-9).converged
+    stress = pliant.analysis.mean_stress(sim, kinetic=False)
+    assert pliant.analysis.pressure(stress) > 1 and np.abs(stress - stress.T).max() < 1e-9
+    for axis in range(dim):
+        energies = []
+        for strain in (1e-5, -1e-5):
+            stretch = np.ones(dim)
+            stretch[axis] += strain
+            energies.append(sum(value for name, value in simulation(sim.positions * stretch, lengths * stretch).energies.items()
+                                if name != "kinetic"))
+        assert (energies[0] - energies[1]) / 2e-5 == pytest.approx(-stress[axis, axis] * lengths.prod(), rel=1e-4)
+
+
+def test_particles_of_a_simulation():
+    sim = Simulation([[0, 0.45], [0.9, 0.5]], [1, 1.2], walls=floor(), e_sp=100, e_w=100, velocities=[[1, 0], [0, 2]], density=2)
+    particles = sim.particles()
+    assert particles.masses == pytest.approx([2 * np.pi / 4, 2 * np.pi * 0.36]) and particles.radii == pytest.approx([0.5, 0.6])
+    assert particles.velocities.tolist() == [[1, 0], [0, 2]] and particles.pairs.tolist() == [[0, 1], [0, -1], [1, -1]]
+    assert pliant.analysis.coordination(sim).tolist() == [2, 2] and pliant.analysis.coordination(sim, walls=False).tolist() == [1, 1]
+    polygon = Simulation(polygons=[regular_polygon([3, 2])], mass=1, e_c=1, k_a=1)
+    assert polygon.particles().bodies == pytest.approx([3.0 * 0.25]) and polygon.particles().positions[0] == pytest.approx([3, 2])
 
 
 def test_hessian_for_petsc():

@@ -93,13 +93,14 @@ class Particles:
 
     @classmethod
     def of(cls, source, *needed, **given):
-        """Particles of a Frame, of an array of positions [N, D], or of Particles, with the properties `given` (box, radii, …).
+        """Particles of a Frame, a Simulation, an array of positions [N, D], or of Particles, with the properties `given` (box, …).
         `needed` are names of fields that must not be missing: ValueError, for a Frame the RunError of the frame. Properties that
         are None are not given."""
         given = {name: value for name, value in given.items() if value is not None}
         if isinstance(source, Frame):
             particles = _of_frame(source, needed, given)
-        elif isinstance(source, cls):
+        elif isinstance(source, cls) or callable(getattr(source, "particles", None)):  # of a Simulation
+            source = source if isinstance(source, cls) else source.particles()
             particles = replace(source, **given) if given else source
         else:
             particles = cls(source, **given)
