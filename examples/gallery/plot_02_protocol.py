@@ -39,7 +39,7 @@ def protocol(sim):
         last, amplitude = sim.t, (amplitude if sim.t < until else 0.0)
     times.append(sim.t)
     left.append(left[-1] + len(fallen))
-    if until and sim.t >= until:
+    if until and sim.t > until - 0.05:  # after whole oscillations the container is at its old place
         sim.move_wall(hopper)
         until, last = 0.0, sim.t
     elif not until and sim.t - last > 2:

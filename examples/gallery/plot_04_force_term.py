@@ -80,7 +80,7 @@ program = shutil.which("own_term", path=os.pathsep.join([os.environ["PATH"], "bu
 folder = tempfile.TemporaryDirectory()
 run = None
 if program:
-    check = subprocess.run([program, "check", "2"], capture_output=True, text=True, check=True)
+    check = subprocess.run([program, "check", "2"], capture_output=True, encoding="utf-8", check=True)
     print(check.stdout)
     output = Path(folder.name) / "droplets"
     options = "-model droplet -tension 200 -zeta 1 -e_c 1000 -e_w 1000 -n 40 -hopper_wall_distance 10 -hopper_width 4 -t_end 3"

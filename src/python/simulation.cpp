@@ -939,12 +939,13 @@ class Simulated final : public AnySimulation {
       if (deformable()) outlines_.start(simulation_->particles(), simulation_->state());
   }
 
-  /// Errors: NumericalError for a particle within a wall, or one that goes so far in a step that it may meet nothing.
+  /// Errors: NumericalError for a particle within a wall, and where steps are fixed for one that goes so far in a step
+  /// that it may meet nothing.
   void check_walls(Real step) {
     const StateView<D> s = simulation_->view();
+    const bool judged = simulation_->integrator().explicit_fixed_step() && !settings_->allow_unstable_dt;
     if (s.walls.size() > 0 || s.topology.particles() > 1)
-      check_walls_hold(s, settings_->allow_unstable_dt ? 0 : step, Ranks(),
-                       cures({Cure::stiffer_walls, Cure::shorter_step}));
+      check_walls_hold(s, judged ? step : 0, Ranks(), cures({Cure::stiffer_walls, Cure::shorter_step}));
   }
 
   Real end_of(std::optional<Real> duration, std::int64_t count) const {

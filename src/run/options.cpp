@@ -52,7 +52,7 @@ void RunOptions::bind_output(Options& o, bool intervals) {
           .max = 9,
           .cures = {{Cure::no_compression, "0"}}});
   o.bind("checkpoint_interval", checkpoint_interval,
-         {.help = "wall time between checkpoints; 0: only at the start and when stopped", .unit = "s", .min = 0});
+         {.help = "wall time between checkpoints; 0: only at the start and the end", .unit = "s", .min = 0});
   o.bind("progress_interval", progress_interval,
          {.help = "wall time between progress lines if the output is not a terminal; 0: none",
           .unit = "s",

@@ -283,7 +283,7 @@ void check_overlaps(const StartParticles& particles, const std::string& file) {
 
 void StartOption::bind(Options& o) {
   o.bind("start", file_,
-         {.help = "particles from a file: FILE.h5 (last frame of a run), FILE.h5:FRAME, or a table FILE.csv",
+         {.help = "particles from a table FILE.csv, or from a run: FILE.h5 or FILE.h5:FRAME",
           .on_restart = OnRestart::fixed,
           .read = [](const std::string& text, const fs::path& folder) { return path_from(folder, text); }});
 }

@@ -65,7 +65,7 @@ def test_the_particles_of_a_frame(model, tmp_path, earlier):
             np.testing.assert_allclose(new["topology"][name][()], old["topology"][name][()], rtol=1e-15, err_msg=name)
         source = json.loads(bytes(new["manifest/start"][()]))
         assert source["file"] == str(earlier[model]) and source["frame"] == 1 and source["crc32"] > 0
-    assert json.loads((tmp_path / "run" / "summary.json").read_text())["start"] == source
+    assert json.loads((tmp_path / "run" / "summary.json").read_text(encoding="utf-8"))["start"] == source
 
 
 def test_the_last_frame_unless_one_is_given(tmp_path, earlier):
@@ -89,7 +89,7 @@ def test_a_restart_does_not_read_the_file(tmp_path, earlier):
     with h5py.File(tmp_path / "whole" / "run.h5") as a, h5py.File(tmp_path / "half" / "run.h5") as b:
         for name in a["frames"]:
             np.testing.assert_array_equal(a["frames"][name]["positions"], b["frames"][name]["positions"])
-    assert json.loads((tmp_path / "half" / "summary.json").read_text())["start"]["frame"] == 2
+    assert json.loads((tmp_path / "half" / "summary.json").read_text(encoding="utf-8"))["start"]["frame"] == 2
     other = pliant("hopper", restart=tmp_path / "half", t_end=2, start=earlier["sp"])
     assert other.returncode == 2 and "a restart cannot change it" in other.stderr
 
@@ -197,7 +197,7 @@ def test_relative_to_the_options_file(tmp_path):
     (tmp_path / "options.yaml").write_text("start: table.csv\n", encoding="utf-8")
     result = pliant("hopper", options_file=tmp_path / "options.yaml", output=tmp_path / "run", **HOPPER)
     assert result.returncode == 0, result.stderr
-    assert json.loads((tmp_path / "run" / "summary.json").read_text())["start"]["file"] == str(tmp_path / "table.csv")
+    assert json.loads((tmp_path / "run" / "summary.json").read_text(encoding="utf-8"))["start"]["file"] == str(tmp_path / "table.csv")
 
 
 def test_a_frame_of_the_run_itself(tmp_path, earlier):

@@ -108,7 +108,7 @@ def test_bad_requests(tmp_path):
     assert not (tmp_path / "bad").exists()
     with pytest.raises(pliant.InputError, match="output is empty"):
         bouncing("")
-    (tmp_path / "file").write_text("")
+    (tmp_path / "file").write_text("", encoding="utf-8")
     with pytest.raises(pliant.OutputError):
         bouncing(tmp_path / "file" / "run")
     sim = bouncing()

@@ -193,7 +193,7 @@ assert mat.getSize() == (6, 6) and np.allclose(product.getArray(), sim.hessian()
 sim.run(0.1)
 print("as expected")
 """
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=300)
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, encoding="utf-8", timeout=300)
     assert done.stdout == "as expected\n" and done.returncode == 0, done.stderr
 
 

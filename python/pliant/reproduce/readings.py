@@ -571,7 +571,7 @@ FIGURES = [
            draw_deformable, "120 particles, three readings of each limit, fewer seeds, shorter runs",
            tells=_DEFORMABLE_ALONE, kind="deformable", single=check_single,
            together=("hopper/readings-deformable-together",)),
-    Figure("coefficients", "exponent against mu and against zeta, both laws as printed and as run",
+    Figure("coefficients", "exponent against mu (friction) and against zeta (drag), both forces as printed and as run",
            ("quick/coefficients",), ("hopper/coefficients", "hopper/coefficients-hard", "hopper/coefficients-as-run"),
            "readings", draw_coefficients,
            "laws as printed, a point per decade, fewer widths, shorter runs", tells=_ALONE, kind="soft"),

@@ -283,7 +283,7 @@ Scenario clog_scenario() {
       {},
       {"n", "delta", std::string(ClogOptions().model.parameters(Role::attraction)[0]->name), "g", "hopper_width",
        "hopper_angle", "rest", "t_end", "seed", "output"});
-  s.units = "Units: as of rafts, with ⟨R⟩ the mean radius of the droplets and ρ = 1.";
+  s.units = "Units: as for rafts, with ⟨R⟩ the mean radius of the droplets and ρ = 1.";
   return s;
 }
 

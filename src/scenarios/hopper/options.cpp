@@ -108,7 +108,7 @@ void HopperOptions::bind(Options& o) {
           .cures = {Cure::rounder_shape},
           .on_restart = fixed});
   o.bind("edge_width", shape.edge_width,
-         {.help = "smooth particles: width of an edge over its rest length",
+         {.help = "smooth particles: width of an edge, divided by its rest length",
           .min = 0,
           .max = 1,
           .min_open = true,
@@ -176,7 +176,7 @@ void HopperOptions::bind(Options& o) {
          {.help = "continuous flow: largest random lateral velocity of reinserted particles",
           .unit = "sigma_avg/t0",
           .min = 0,
-          .automatic = "the velocity of the particle below it",
+          .automatic = "the velocity of the particle below the reinserted one",
           .on_restart = fixed});
   o.bind("pack_fraction", pack_fraction,
          {.help = "initial packing fraction of the particles' outer disks (spheres)",

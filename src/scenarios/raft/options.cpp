@@ -49,7 +49,7 @@ void RaftOptions::bind(Options& o) {
           .min = 0,
           .min_open = true,
           .cures = {Cure::less_overlap},
-          .automatic = "compression: just without attraction; extension: at rest",
+          .automatic = "compression: the smallest without attraction; extension: at rest",
           .on_restart = fixed});
   o.bind("rows_end", rows_end,
          {.help = "compression ends at the rest distance of this number of rows", .min = 1, .max = 10000});
