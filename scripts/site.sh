@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Builds the site of the documentation into build/site/html: all pages, the gallery (about two minutes on one core), and references of Python and
+# Builds the site of the documentation into build/site/html: all pages, the gallery (about a minute on one core), and references of Python and
 # C++. Warnings are errors. Needs the program and the Python module (scripts/build.sh) and the packages below.
 #   scripts/site.sh [--skip-gallery]     --skip-gallery: pages of the gallery without runs and pictures
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"

@@ -12,7 +12,7 @@ source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
 root_doc = "docs/README"
 exclude_patterns = ["examples"]
 html_theme = "alabaster"
-html_theme_options = {"page_width": "1150px", "sidebar_width": "230px", "description": "soft and deformable particles"}
+html_theme_options = {"page_width": "1450px", "sidebar_width": "230px", "description": "soft and deformable particles"}
 
 # --- Pages
 
@@ -53,6 +53,7 @@ def adapt(app, name, source):
 
 autosummary_generate = True
 autodoc_member_order = "bysource"
+autodoc_typehints = "none"  # the aliases of numpy fill a page
 autodoc_default_options = {"members": True}
 
 
