@@ -43,7 +43,7 @@ print(f"Q = {mean['Q']:.3f} ± {mean['Q_error']:.3f} sigma_avg^2/t0, average of 
 # %%
 # Picture
 # -------
-# A run that is too short for an error of its own has no bar. The error of the average comes from the scatter between the seeds.
+# Some runs are too short to estimate an error of Q; their points have no bar. The scatter between the seeds gives the error of the average.
 figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.8), layout="constrained")
 for run in runs:
     left.plot(run.series["time"], run.series["crossed_area"] - mean["Q"] * run.series["time"], lw=1)

@@ -66,6 +66,12 @@ def _number(value, name):
     return float(value)
 
 
+def _area(polygon):
+    """Signed area of vertices [V, 2]."""
+    x, y = polygon.T
+    return np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) / 2
+
+
 def _optional(value, name):
     return None if value is None else _number(value, name)
 
@@ -333,7 +339,7 @@ class Simulation:
             count = np.array([len(outline) for outline in outlines], dtype=np.int32)
             edges = [np.roll(outline, -1, axis=0) - outline for outline in outlines]
             if a0 is None:
-                a0 = [np.sum(o[:, 0] * np.roll(o[:, 1], -1) - o[:, 1] * np.roll(o[:, 0], -1)) / 2 for o in outlines]
+                a0 = [_area(outline) for outline in outlines]
             if l0 is None:
                 l0 = [np.linalg.norm(edge, axis=1).mean() for edge in edges]
             a0, l0 = _each(a0, "a0", len(count)), _each(l0, "l0", len(count))
@@ -614,16 +620,14 @@ class Simulation:
     def particles(self) -> Particles:
         """Centres, velocities, sizes and contacts now, as pliant.analysis takes them; its functions also take the simulation
         itself: pliant.analysis.mean_stress(sim)."""
-        from .analysis import Particles
-        table, topology = self.contacts, self._core.topology()
+        from .analysis.particles import Particles, contact_arrays
+        topology = self._core.topology()
         areas = topology["a0"]
         if np.any(np.diff(self.offsets) > 1):
-            areas = [np.sum(p[:, 0] * np.roll(p[:, 1], -1) - p[:, 1] * np.roll(p[:, 0], -1)) / 2 for p in self.polygons]
-        axes = "xyz"[: self._dim]
+            areas = [_area(polygon) for polygon in self.polygons]
         return Particles(self.centres, radii=topology["sigma"] / 2, velocities=self.centre_velocities, masses=self.masses,
-                         volumes=areas, box=None if self._box is None else [self._box.origin, self._box.lengths],
-                         pairs=table[["particle_1", "particle_2"]].to_numpy(), walls=table["wall"].to_numpy(),
-                         forces=table[["f" + axis for axis in axes]].to_numpy(), points=table[list(axes)].to_numpy(), time=self.t)
+                         volumes=areas, box=None if self._box is None else [self._box.origin, self._box.lengths], time=self.t,
+                         **contact_arrays(self.contacts, self._dim))
 
     @property
     def wall_forces(self) -> np.ndarray:

@@ -28,7 +28,7 @@ def fields(first):
 
 
 def imports():
-    """Modules that the installed Python files import, without those of Python and of Pliant."""
+    """Modules that the installed Python files import. Modules of Python itself and of Pliant are left out."""
     files = [path for pattern in ("python/pliant/**/*.py", "python/plots/*.py", "python/pliant-*", "examples/**/*.py")
              for path in ROOT.glob(pattern)]
     found = set()

@@ -8,9 +8,8 @@
 namespace pliant {
 
 /// {path: {"units", "description"}} for every dataset that runs can write, also if this run does not write it. In
-/// paths,
-/// * stands for any text: the number of a frame, or the name of a term. Units are spelled as in the scenario; a number
-/// without unit has empty units.
+/// paths, * stands for any text: the number of a frame, or the name of a term. Units are spelled as in the scenario; a
+/// number without unit has empty units.
 nlohmann::ordered_json dataset_table(const Manifest& manifest);
 
 }  // namespace pliant

@@ -51,7 +51,7 @@ def table(folder, text, name="table.csv"):
 
 @pytest.mark.parametrize("model", ["sp", "disk", "smooth", "rough"])
 def test_the_particles_of_a_frame(model, tmp_path, earlier):
-    """Positions, velocities, sizes, masses and rotation are those of the frame, to the last bit."""
+    """The run begins with the positions, velocities, sizes, masses and rotations of the frame, to the last bit."""
     result = pliant("hopper", start=f"{earlier[model]}:1", output=tmp_path / "run", **of_model(model))
     assert result.returncode == 0, result.stderr
     with h5py.File(earlier[model]) as old, h5py.File(tmp_path / "run" / "run.h5") as new:
@@ -222,7 +222,7 @@ def test_particles_that_have_left_are_left_out(tmp_path, earlier):
 
 
 def test_droplets_of_an_earlier_clog(tmp_path, earlier):
-    """Radii and places of the droplets are those of the frame; the exit is closed at the start."""
+    """The run begins with the radii and positions of the droplets in the frame. The exit is closed at the start."""
     options = {"g": 0.1, "hopper_width": 1.25, "phi_c": 3e-4, "t_end": 4, "frame_interval": 2}
     assert pliant("clog", output=tmp_path / "first", n=14, delta=0.2, **options).returncode == 0
     file = tmp_path / "first" / "run.h5"

@@ -179,7 +179,7 @@ def test_particles_of_a_simulation():
 
 
 def test_hessian_for_petsc():
-    """In a process of its own, because PETSc4py and the engine share PETSc, from the first import to the end."""
+    """The test starts a separate process, because petsc4py and the engine share PETSc until the process ends."""
     pytest.importorskip("petsc4py")
     script = """
 import numpy as np
@@ -360,7 +360,7 @@ def test_a_ramp_of_a_parameter():
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("change", [{"e_disk": 4000}, {"restitution": 0.1}, {"mu_disk": 0}])
 def test_a_change_of_contacts_acts_at_once(dim, change):
-    """Two rubbing disks or spheres: the steps after a change are those of a simulation that starts with it."""
+    """Two disks or spheres rub. After a change of a parameter they move like in a simulation that starts with this parameter."""
     def simulation(positions, velocities, **more):
         return Simulation(positions, diameters=1, velocities=velocities, model="disk", dt=1e-5,
                           **{"e_disk": 1000, "restitution": 0.5, "mu_disk": 0.01, **more})

@@ -159,6 +159,13 @@ class Particles:
         return one, np.where(pair[:, None], one - between, 0.0)
 
 
+def contact_arrays(table, dim):
+    """{field of Particles: array} of a table with the columns of Frame.contacts."""
+    axes = "xyz"[:dim]
+    return {"pairs": table[["particle_1", "particle_2"]].to_numpy(), "walls": table["wall"].to_numpy(),
+            "forces": table[["f" + axis for axis in axes]].to_numpy(), "points": table[list(axes)].to_numpy()}
+
+
 def _of_frame(frame, needed, given):
     """Particles of a frame: fields that every frame has, and those that are needed."""
     run = frame.run
@@ -170,8 +177,5 @@ def _of_frame(frame, needed, given):
     if "velocities" in needed:
         values["velocities"] = frame.particle_velocities
     if {"pairs", "forces", "points", "walls"} & set(needed):
-        table = frame.contacts
-        axes = "xyz"[: run.dim]
-        values |= {"pairs": table[["particle_1", "particle_2"]].to_numpy(), "walls": table["wall"].to_numpy(),
-                   "forces": table[["f" + axis for axis in axes]].to_numpy(), "points": table[list(axes)].to_numpy()}
+        values |= contact_arrays(frame.contacts, run.dim)
     return Particles(**values | given)
