@@ -13,7 +13,6 @@
 #include <tuple>
 
 #include <pliant/base/cure.h>
-#include <pliant/model/polygon.h>
 #include <pliant/python/changeable_field.h>
 #include <pliant/python/run_output.h>
 #include <pliant/python/settings.h>
@@ -24,6 +23,7 @@
 #include <pliant/run/run_control.h>
 #include <pliant/run/schedule.h>
 #include <pliant/run/simulation.h>
+#include <pliant/run/start_particles.h>
 #include <pliant/setup/particles.h>
 #include <pliant/system/fire.h>
 #include <pliant/ts/ts_integrator.h>
@@ -132,13 +132,7 @@ void append_particles(Particles& to, const ParticleArrays& arrays) {
   if constexpr (D == 2)
     for (Index m = topology.particle[first]; polygons && m < topology.particles(); ++m) {
       if (topology.points_of(m) == 1) continue;
-      for (Index i = topology.offset[m]; i < topology.offset[m + 1]; ++i)
-        if (point<2>(to.x.data(), i) == point<2>(to.x.data(), topology.next[i]))
-          throw InputError("vertices {} and {} of particle {} are the same point; an edge must have a length",
-                           i - topology.offset[m], topology.next[i] - topology.offset[m], m);
-      if (self_intersects(to.x.data(), topology, m)) throw InputError("the outline of particle {} meets itself", m);
-      if (const Real area = polygon_area(to.x.data(), topology, m); !(area > 0))
-        throw InputError("particle {} has the signed area {:g}; give its vertices counter-clockwise", m, area);
+      if (const auto fault = outline_fault(topology, m, to.x.data())) throw InputError("particle {}: {}", m, *fault);
     }
 }
 
