@@ -78,29 +78,36 @@ Bounds<D> bounds_of(const Topology& topology, const Real* x, Index m) {
   return bounds;
 }
 
-/// The images n of the content of `bounds` that come within the cutoff of `others`: first … last in each direction.
-/// Returns whether there are any. Errors: NumericalError where there are very many.
-template <int D>
-bool find_images(const Box<D>& box, const Bounds<D>& bounds, const Bounds<D>& others, Real reach, Image& first,
-                 Image& last) {
-  constexpr Real most = 1000;
-  first = last = {};
-  for (int k = 0; k < D; ++k) {
-    const Real below = others.low[k] - bounds.high[k], above = bounds.low[k] - others.high[k];
+/// Calls visit(n) for the images n of the content of `bounds` that come within the cutoff of `others`. From direction k
+/// down to the first, because the tilt of an edge moves images along the directions before it; n and `by` hold the
+/// numbers of edges in the directions beyond k, and the shift by these. Errors: NumericalError where there are very
+/// many.
+template <int D, int k = D - 1, class Visit>
+void for_each_image(const Box<D>& box, const Bounds<D>& bounds, const Bounds<D>& others, Real reach, Image& n,
+                    const Vec<D>& by, Visit&& visit) {
+  if constexpr (k < 0) {
+    visit(n);
+  } else {
+    constexpr Real most = 1000;
+    const Real below = others.low[k] - (bounds.high[k] + by[k]), above = bounds.low[k] + by[k] - others.high[k];
     if (!box.periodic(k)) {
-      if (!(below <= reach && above <= reach)) return false;
-      continue;
+      if (below <= reach && above <= reach) for_each_image<D, k - 1>(box, bounds, others, reach, n, by, visit);
+      return;
     }
     const Real from = std::ceil((below - reach) / box.length()[k]), to = std::floor((reach - above) / box.length()[k]);
-    if (!(from <= to)) return false;
+    if (!(from <= to)) return;
     if (!(to - from < most))
       throw NumericalError(
           "what lies between {} and {} has more than {} images in reach; is the box of length {} right?", bounds.low[k],
           bounds.high[k], most, box.length()[k]);
-    first[k] = static_cast<std::int64_t>(from);
-    last[k] = static_cast<std::int64_t>(to);
+    const Vec<D> edge = box.edge(k);
+    const auto last = static_cast<std::int64_t>(to);
+    for (auto m = static_cast<std::int64_t>(from); m <= last; ++m) {
+      n[k] = m;
+      for_each_image<D, k - 1>(box, bounds, others, reach, n, by + static_cast<Real>(m) * edge, visit);
+    }
+    n[k] = 0;
   }
-  return true;
 }
 
 }  // namespace
@@ -146,6 +153,11 @@ void Halo<D>::set_home(const Topology& topology, const Real* x) {
   for (const Real d : topology.diameter) margin = std::max(margin, d);
   low_ = home.low.array() - margin;
   high_ = home.high.array() + margin;
+}
+
+template <int D>
+void Halo<D>::set_box(const Box<D>& box) {
+  box_ = box;
 }
 
 template <int D>
@@ -195,19 +207,15 @@ void Halo<D>::build(Topology& topology, const Real* x, Real margin) {
         if (t.rank != last_rank) found.clear();
         last_rank = t.rank;
         if (box_.open() && (t.rank == ranks_.rank() || !found.empty())) continue;
-        Image first, last;
-        if (!find_images(box_, bounds[m], t.bounds(), reach, first, last)) continue;
-        Image image;
-        for (image[0] = first[0]; image[0] <= last[0]; ++image[0])
-          for (image[1] = first[1]; image[1] <= last[1]; ++image[1])
-            for (image[2] = first[2]; image[2] <= last[2]; ++image[2]) {
-              if (t.rank == ranks_.rank() && image == Image{}) continue;
-              if (std::find(found.begin(), found.end(), image) != found.end()) continue;
-              found.push_back(image);
-              parts[t.rank].push_back({topology.id[m], topology.points_of(m), begin, topology.diameter[begin],
-                                       topology.sigma[m], topology.a0[m], topology.l0[m],
-                                       topology.point_mass[m] * topology.points_of(m), topology.inertia[m], image});
-            }
+        Image edges{};
+        for_each_image<D>(box_, bounds[m], t.bounds(), reach, edges, Vec<D>::Zero(), [&](const Image& image) {
+          if (t.rank == ranks_.rank() && image == Image{}) return;
+          if (std::find(found.begin(), found.end(), image) != found.end()) return;
+          found.push_back(image);
+          parts[t.rank].push_back({topology.id[m], topology.points_of(m), begin, topology.diameter[begin],
+                                   topology.sigma[m], topology.a0[m], topology.l0[m],
+                                   topology.point_mass[m] * topology.points_of(m), topology.inertia[m], image});
+        });
       }
     }
   };

@@ -24,6 +24,9 @@ class Halo {
   Halo(Halo&&) noexcept;
   Halo& operator=(Halo&&) noexcept;
 
+  /// Another periodic box. Ghosts and home must be made again.
+  void set_box(const Box<D>& box);
+
   /// Takes the box around the rank's particles, and a diameter more, as its home; on one rank the home is the periodic
   /// box, for any x. x [owned points · D].
   void set_home(const Topology& topology, const Real* x);

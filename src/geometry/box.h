@@ -11,11 +11,19 @@
 
 namespace pliant {
 
-/// A number of box lengths in each direction; 0 in those that are open, or that there are not.
+/// A number of box edges in each direction; 0 in those that are open, or that there are not.
 using Image = std::array<std::int64_t, 3>;
 
-/// origin[k] ≤ r[k] < origin[k] + length[k], and so on periodically; a direction whose length is infinite is open.
-/// Positions may lie anywhere: r and its images r + shift(n) are the same place.
+/// Number of tilt factors of a box: xy in 2D; xy, xz and yz in 3D.
+template <int D>
+inline constexpr int tilts = D*(D - 1) / 2;
+template <int D>
+using Tilt = std::array<Real, tilts<D>>;
+
+/// A lattice of images: r and r + shift(n) are the same place, where shift(n) = Σ_k n_k edge(k). Edges are (Lx, 0, 0),
+/// (xy, Ly, 0) and (xz, yz, Lz), as in LAMMPS. A direction whose length is infinite is open. Positions may lie
+/// anywhere. The cell of the lattice into which wrap() moves places is the upright one, origin[k] ≤ r[k] < origin[k] +
+/// length[k], also in a tilted box: rows of such cells are offset against each other by the tilt.
 template <int D>
 class Box {
  public:
@@ -23,56 +31,114 @@ class Box {
 
   /// Open.
   Box() = default;
-  /// Errors: InputError for a length that is not positive, or an origin that is not finite.
-  Box(const Vec<D>& origin, const Vec<D>& length) : origin_(origin), length_(length) {
+  /// Errors: InputError for a length that is not positive, an origin or a tilt that is not finite, or a tilt between
+  /// directions that are not both periodic.
+  Box(const Vec<D>& origin, const Vec<D>& length, const Tilt<D>& tilt = {})
+      : origin_(origin), length_(length), tilt_(tilt) {
     for (int k = 0; k < D; ++k) {
       if (!(length[k] > 0))
         throw InputError("length {} of the box is {}; it must be positive, or infinite in an open direction", k,
                          length[k]);
       if (!std::isfinite(origin[k])) throw InputError("origin {} of the box is {}; it must be finite", k, origin[k]);
       open_ = open_ && !periodic(k);
+      for (int l = 0; l < k; ++l) {
+        const Real t = tilt[place(l, k)];
+        if (!std::isfinite(t)) throw InputError("tilt {}{} of the box is {}; it must be finite", l, k, t);
+        if (t != 0 && !(periodic(k) && periodic(l)))
+          throw InputError("the box has the tilt {} between directions {} and {}, which are not both periodic", t, l,
+                           k);
+      }
     }
   }
 
   const Vec<D>& origin() const { return origin_; }
   const Vec<D>& length() const { return length_; }
+  const Tilt<D>& tilt() const { return tilt_; }
+  bool tilted() const { return tilt_ != Tilt<D>{}; }
   bool periodic(int k) const { return std::isfinite(length_[k]); }
   /// In all directions.
   bool open() const { return open_; }
-  /// Infinite where a direction is open.
+  /// Area in 2D; infinite where a direction is open.
   Real volume() const { return length_.prod(); }
 
+  /// Edge k of a periodic direction.
+  Vec<D> edge(int k) const {
+    Vec<D> e = Vec<D>::Zero();
+    for (int l = 0; l < k; ++l) e[l] = tilt_[place(l, k)];
+    e[k] = length_[k];
+    return e;
+  }
   /// From a place to its image n.
   Vec<D> shift(const Image& n) const {
     Vec<D> by = Vec<D>::Zero();
     for (int k = 0; k < D; ++k)
-      if (periodic(k)) by[k] = static_cast<Real>(n[k]) * length_[k];
+      if (n[k] != 0 && periodic(k)) by += static_cast<Real>(n[k]) * edge(k);
     return by;
   }
-  /// The image of the box that contains r: r − shift(image_of(r)) is in the box, up to rounding. Not defined for
+  /// The image of the cell that contains r: r − shift(image_of(r)) is in the cell, up to rounding. Not defined for
   /// coordinates that are not finite.
   Image image_of(const Vec<D>& r) const {
-    return in_lengths(r - origin_, [](Real a) { return std::floor(a); });
+    return in_edges(r - origin_, [](Real a) { return std::floor(a); });
   }
   Vec<D> wrap(const Vec<D>& r) const { return r - shift(image_of(r)); }
-  /// The shortest of the vectors r + shift(n).
+  /// The image r + shift(n) in the upright cell around 0: the shortest one if the box is not tilted.
   Vec<D> nearest_image(const Vec<D>& r) const {
-    return r - shift(in_lengths(r, [](Real a) { return std::nearbyint(a); }));
+    return r - shift(in_edges(r, [](Real a) { return std::nearbyint(a); }));
+  }
+
+  /// The box after r → origin + F (r − origin) of all places. Errors: InputError if an open box is deformed, or F is
+  /// not upper triangular with positive diagonal elements.
+  Box deformed(const Mat<D>& f) const {
+    Box box(*this);
+    for (int k = 0; k < D; ++k) {
+      if (!periodic(k) || !(f(k, k) > 0))
+        throw InputError("direction {} of the box is stretched by {}; it must be periodic, the factor positive", k,
+                         f(k, k));
+      for (int l = 0; l < k; ++l)
+        if (f(k, l) != 0)
+          throw InputError("a box keeps its first edge along x: turn the deformation, element {}{}", k, l);
+    }
+    for (int k = 0; k < D; ++k) {
+      const Vec<D> e = f * edge(k);
+      box.length_[k] = e[k];
+      for (int l = 0; l < k; ++l) box.tilt_[place(l, k)] = e[l];
+    }
+    return box;
+  }
+  /// A box with the same images, and tilt factors of at most half the lengths.
+  Box reduced() const {
+    Box box(*this);
+    for (int k = 1; k < D; ++k)
+      for (int l = k - 1; l >= 0; --l) {
+        if (!periodic(k) || !periodic(l)) continue;
+        const Real n = std::nearbyint(box.tilt_[place(l, k)] / length_[l]);
+        for (int m = 0; m < l; ++m) box.tilt_[place(m, k)] -= n * box.tilt_[place(m, l)];
+        box.tilt_[place(l, k)] -= n * length_[l];
+      }
+    return box;
   }
 
  private:
+  /// Place of the tilt of edge k along direction l < k.
+  static constexpr int place(int l, int k) { return k * (k - 1) / 2 + l; }
+
   template <class Round>
-  Image in_lengths(const Vec<D>& r, Round&& round) const {
-    constexpr Real most = 9e15;  // beyond, numbers of box lengths are not exact
+  Image in_edges(Vec<D> r, Round&& round) const {
+    constexpr Real most = 9e15;  // beyond, numbers of edges are not exact
     Image n{};
-    for (int k = 0; k < D; ++k) {
-      const Real lengths = periodic(k) ? round(r[k] / length_[k]) : 0;
-      if (std::abs(lengths) < most) n[k] = static_cast<std::int64_t>(lengths);
+    for (int k = D - 1; k >= 0; --k) {
+      if (!periodic(k)) continue;
+      const Real edges = round(r[k] / length_[k]);
+      if (!(std::abs(edges) < most)) continue;
+      n[k] = static_cast<std::int64_t>(edges);
+      if (n[k] != 0)
+        for (int l = 0; l < k; ++l) r[l] -= edges * tilt_[place(l, k)];
     }
     return n;
   }
 
   Vec<D> origin_ = Vec<D>::Zero(), length_ = Vec<D>::Constant(infinite);
+  Tilt<D> tilt_{};  ///< xy, xz, yz
   bool open_ = true;
 };
 

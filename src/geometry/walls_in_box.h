@@ -9,12 +9,13 @@ namespace pliant {
 /// Walls act on particles at their positions, which may lie in any image of a periodic box: therefore walls must be
 /// equal in all images. Segments in the plane run along a periodic direction, far beyond the box on either side; in 3D
 /// planes (rays from the axis) go with boxes that are open along z, and upright cylinders with boxes that are periodic
-/// along z only. Solids do not change along a periodic direction. Walls that move do not turn, and segments do not move
-/// along a periodic direction. Errors: InputError for the first other wall.
+/// along z only. A tilted box has no walls. Solids do not change along a periodic direction. Walls that move do not
+/// turn, and segments do not move along a periodic direction. Errors: InputError for the first other wall.
 template <int D>
 void check_walls(const Box<D>& box, const Walls<D>& walls) {
   if (box.open()) return;
   constexpr Real far = 1000;  // box lengths
+  if (box.tilted() && walls.size() > 0) throw InputError("a tilted box has no walls; leave out the tilt or the walls");
   if (!walls.lips().empty()) throw InputError("a periodic box has no walls with lips; make the box open");
   // Whether a segment reaches so far in a direction that nothing is beyond it.
   const auto reaches = [&](const WallSegment& wall, int axis, Real low, Real high) {

@@ -105,6 +105,11 @@ class ForceField {
   virtual Couplings couplings(const StateView<D>& s, TermGroup group) const = 0;
   /// Total energy; if f is given, the forces of the energy terms alone are written to f.
   virtual Real energy(const StateView<D>& s, Real* f = nullptr) const = 0;
+  /// Σ_elements Σ_i ∂U/∂r_i ⊗ r_i of each active energy term, in the order of the model's list, r_i the positions in
+  /// the element (of images, where they belong to it). In a box that is periodic in all directions, without walls and
+  /// gravity, the sum of the terms over the volume is the stress σ_ab = (1/V) ∂U/∂e_ab under r → (1 + e) r of all
+  /// particles and the box: tension positive, pressure −tr σ/D. Errors: InputError for terms with contact history.
+  virtual std::vector<TermVirial<D>> virials(const StateView<D>& s) const = 0;
   /// The energy of the elements that have a point of one of these particles, given by id.
   virtual Real energy_of(const StateView<D>& s, std::span<const Index> ids) const = 0;
   /// Dissipated power, ≥ 0.
@@ -321,6 +326,19 @@ class Model final : public ForceField<D> {
       if (f != nullptr && !dissipative) add_total(s, nullptr, chunk, f);
       return sum;
     });
+  }
+
+  std::vector<TermVirial<D>> virials(const StateView<D>& s) const override {
+    std::vector<TermVirial<D>> all;
+    const auto add = [&](const auto& term) {
+      std::array<Mat<D>, Neighbours<D>::max_chunks> part;
+      for_each_chunk(s, [&](Index c) { part[c] = Loops<decltype(term)>::virial(term, s, c); });
+      all.push_back({std::string(term.name()), Mat<D>::Zero()});
+      for (Index c = 0; c < s.neighbours.chunks(); ++c) all.back().virial += part[c];
+    };
+    for_each_energy(s, add);
+    for_each_history(s, add);
+    return all;
   }
 
   Real energy_of(const StateView<D>& s, std::span<const Index> ids) const override {

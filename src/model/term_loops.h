@@ -28,6 +28,21 @@ struct TermReport {
       {};  ///< [particles] of a term whose elements belong to one particle each, else empty
 };
 
+/// The virial of one energy term: see ForceField::virials.
+template <int D>
+struct TermVirial {
+  std::string name;
+  Mat<D> virial;
+};
+
+/// Receives gradients: Σ ∂U/∂r_i ⊗ r_i.
+template <int D>
+struct VirialSum {
+  const Real* x;
+  Mat<D> sum = Mat<D>::Zero();
+  void add(Index i, const Vec<D>& gradient) { sum += gradient * point<D>(x, i).transpose(); }
+};
+
 /// All walls, or the moving walls.
 enum class WallGroup { all, moving };
 
@@ -110,6 +125,15 @@ class TermLoops {
   [[gnu::noinline]] static Real add_energy(const T& term, const View& s, Index chunk, Real sum) {
     with_energies(term, s, [&](auto&& energy) { for_each_element(s, chunk, [&](Index e) { sum += energy(e); }); });
     return sum;
+  }
+  /// The virial of a chunk. Errors: InputError for a term whose forces depend on contact history.
+  [[gnu::noinline]] static Mat<D> virial(const T& term, const View& s, Index chunk) {
+    VirialSum<D> gradients{s.x};
+    if constexpr (is_energy && !has_torque<T>)
+      for_each_element(s, chunk, [&](Index e) { term.add_gradient(s, e, gradients); });
+    else
+      throw InputError("the term {} has no virial: its forces depend on more than positions", term.name());
+    return gradients.sum;
   }
   /// sum + the energy of the elements that have a point in one of these ranges, which are few.
   [[gnu::noinline]] static Real add_energy_of(const T& term, const View& s, std::span<const Range> points, Real sum) {

@@ -59,6 +59,7 @@ class ChangeableField final : public ForceField<D> {
   }
   Couplings couplings(const StateView<D>& s, TermGroup group) const override { return field_->couplings(s, group); }
   Real energy(const StateView<D>& s, Real* f = nullptr) const override { return field_->energy(s, f); }
+  std::vector<TermVirial<D>> virials(const StateView<D>& s) const override { return field_->virials(s); }
   Real energy_of(const StateView<D>& s, std::span<const Index> ids) const override { return field_->energy_of(s, ids); }
   Real power(const StateView<D>& s) const override { return field_->power(s); }
   void dissipative_forces(const StateView<D>& s, Real* f) const override { field_->dissipative_forces(s, f); }

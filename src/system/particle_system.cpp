@@ -143,6 +143,18 @@ void ParticleSystem<D>::set_walls(Walls<D> walls) {
 }
 
 template <int D>
+void ParticleSystem<D>::set_box(const Box<D>& box) {
+  for (int k = 0; k < D; ++k)
+    if (box.periodic(k) != box_.periodic(k))
+      throw InputError("a box stays periodic, or open, in each direction: direction {} of the new box differs", k);
+  check_walls(box, walls_);
+  box_ = box;
+  halo_.set_box(box);
+  home_is_set_ = false;
+  invalidate_lists();
+}
+
+template <int D>
 void ParticleSystem<D>::take(Topology own) {
   topology_ = std::move(own);
   invalidate_lists();

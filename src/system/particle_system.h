@@ -87,6 +87,10 @@ class ParticleSystem final : public ImplicitSystem {
   /// the box cannot have or the model is not defined for.
   void set_walls(Walls<D> walls);
 
+  /// Another periodic box, for particles at other places: a compression or a shear. The same on every rank. Errors:
+  /// InputError for an open box, or walls that the box cannot have.
+  void set_box(const Box<D>& box);
+
   /// Coefficients of the force field have changed, but neither its lists nor what its contacts remember: numbers that
   /// terms have stored of elements of the lists are forgotten. The same on every rank.
   void coefficients_changed();

@@ -79,7 +79,60 @@ TEST_CASE("wrapping and nearest images, wherever particles are") {
   }
 }
 
+TEST_CASE("places in a tilted box") {
+  const Box<2> box({-1, 2}, {4, 3}, {1.5});
+  CHECK(box.tilted());
+  CHECK(box.volume() == 12);
+  CHECK(box.edge(1) == Vec<2>(1.5, 3));
+  CHECK(box.shift({1, -2, 0}) == Vec<2>(1, -6));
+  CHECK(box.wrap({0, 3}) == Vec<2>(0, 3));
+  CHECK((box.wrap({2.8, 6}) - Vec<2>(1.3, 3)).norm() <
+        1e-14);  // the upright cell, above which the next row is offset by the tilt
+  CHECK(box.image_of({0, 6}) == Image{-1, 1, 0});
+  CHECK(box.wrap({0, 6}) == Vec<2>(2.5, 3));
+  const Box<3> space({0, 0, 0}, {2, 3, 4}, {0.5, -0.25, 1});
+  CHECK(space.edge(2) == Vec<3>(-0.25, 1, 4));
+  CHECK(space.shift({1, 1, 1}) == Vec<3>(2.25, 4, 4));
+}
+
+TEST_CASE("wrapping in tilted boxes") {
+  Random random(2);
+  for (int k = 0; k < 1000; ++k) {
+    const Vec<3> length(random(0.1, 3), random(0.1, 3), random(0.1, 3));
+    const Box<3> box(anywhere<3>(random, 5), length, {random(-4, 4), random(-4, 4), random(-4, 4)});
+    const Vec<3> r = anywhere<3>(random, 20), wrapped = box.wrap(r);
+    const Image n{random.below(9) - 4, random.below(9) - 4, random.below(9) - 4};
+    CHECK((wrapped + box.shift(box.image_of(r)) - r).norm() < 1e-12);
+    CHECK(same_place<3>(box, r + box.shift(n), r));
+    CHECK(((wrapped - box.origin()).minCoeff() > -1e-12 && (wrapped - box.origin() - length).maxCoeff() < 1e-12));
+    const Box<3> reduced = box.reduced();
+    CHECK((std::abs(reduced.tilt()[0]) <= length[0] / 2 + 1e-12 &&
+           std::abs(reduced.tilt()[1]) <= length[0] / 2 + 1e-12 &&
+           std::abs(reduced.tilt()[2]) <= length[1] / 2 + 1e-12));
+    CHECK(same_place<3>(reduced, box.shift(n), {0, 0, 0}));
+    CHECK(same_place<3>(box, reduced.shift(n), {0, 0, 0}));
+  }
+}
+
+TEST_CASE("a box is deformed with its places") {
+  const Box<2> box({1, 2}, {4, 3}, {0.6});
+  Mat<2> f;
+  f << 1.1, 0.2, 0, 0.9;
+  const Box<2> after = box.deformed(f);
+  for (const Image& n : {Image{1, 0, 0}, Image{0, 1, 0}, Image{2, -3, 0}})
+    CHECK((after.shift(n) - f * box.shift(n)).norm() < 1e-14);
+  CHECK(after.origin() == box.origin());
+  CHECK(after.volume() == Approx(12 * 0.99));
+  f(1, 0) = 0.1;
+  CHECK_THROWS_WITH(box.deformed(f), Catch::Contains("element 10"));
+  f << -1, 0, 0, 1;
+  CHECK_THROWS_WITH(box.deformed(f), Catch::Contains("direction 0"));
+  CHECK_THROWS_AS(Box<2>().deformed(Mat<2>::Identity()), InputError);
+}
+
 TEST_CASE("boxes that there are not") {
+  CHECK_THROWS_WITH(Box<2>({0, 0}, {1, infinite}, {0.5}), Catch::Contains("not both periodic"));
+  CHECK_THROWS_WITH(Box<2>({0, 0}, {1, 1}, {std::nan("")}), Catch::Contains("tilt 01 of the box is nan"));
   CHECK_THROWS_WITH(Box<2>({0, 0}, {1, 0}), Catch::Contains("length 1 of the box is 0"));
   CHECK_THROWS_WITH(Box<2>({0, 0}, {-2, 1}), Catch::Contains("length 0 of the box is -2"));
   CHECK_THROWS_WITH(Box<2>({0, std::nan("")}, {1, 1}), Catch::Contains("origin 1 of the box is nan"));

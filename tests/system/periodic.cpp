@@ -77,6 +77,10 @@ Configuration<D> copies(const Cell<D>& cell, bool with_middle) {
   Image most{};
   for (int k = 0; k < D; ++k)
     if (cell.box.periodic(k)) most[k] = static_cast<std::int64_t>((high - low)[k] / cell.box.length()[k]) + 1;
+  for (int k = D - 1; k > 0; --k)  // the tilt moves images along the directions before it
+    if (cell.box.periodic(k))
+      for (int l = 0; l < k && cell.box.tilted(); ++l)
+        most[l] += static_cast<std::int64_t>(std::abs(cell.box.edge(k)[l]) * most[k] / cell.box.length()[l]) + 1;
   Image n;
   for (n[0] = -most[0]; n[0] <= most[0]; ++n[0])
     for (n[1] = -most[1]; n[1] <= most[1]; ++n[1])
@@ -213,6 +217,11 @@ void for_all_cells(Random& random, Check&& check) {
     for (const pliant::Vec<D>& length : lengths) {
       INFO(to_string(kind) << ", box " << length.transpose());
       check(Cell<D>{free(c), Box<D>(origin, length), kind, p});
+      if (!length.allFinite()) continue;
+      Tilt<D> tilt;
+      for (Real& t : tilt) t = random(-0.7, 0.7) * length[0];
+      INFO("tilt " << tilt[0]);
+      check(Cell<D>{free(c), Box<D>(origin, length, tilt), kind, p});
     }
   };
   const std::vector<pliant::Vec<2>> tiny{{1.1, 0.9}, {0.45, infinite}, {infinite, 0.7}};
@@ -342,6 +351,56 @@ ParticleSystem<D> isolated(const Cell<D>& cell, Real mu = 0) {
 Cell<2> gas(Random& random) { return {free(soft_rows<2>(random, 4, 4)), Box<2>({0, 0}, {4.6, 4.6}), ModelKind::sp}; }
 
 }  // namespace
+
+TEST_CASE("the virial is the derivative of the energy by the strain of particles and box", "[ranks][periodic]") {
+  Random random(11);
+  const Ranks ranks(PETSC_COMM_WORLD);
+  Real largest = 0;
+  for_all_cells(random, [&]<int D>(const Cell<D>& cell) {
+    if (!cell.box.length().allFinite()) return;
+    const auto report = [&](const pliant::Mat<D>& f) {
+      Cell<D> strained{free(cell.c), cell.box.deformed(f), cell.kind, cell.p};
+      for (Index i = 0; i < cell.c.topology.points(); ++i)
+        point<D>(strained.c.x.data(), i) = cell.box.origin() + f * (cell.c.position(i) - cell.box.origin());
+      auto system = system_of(strained, ranks, pliant::Vec<D>(pliant::Vec<D>::Zero()));
+      std::vector<Index> mine;
+      for (Index m = ranks.rank(); m < cell.c.topology.particles(); m += ranks.size()) mine.push_back(m);
+      system.take(cell.c.topology.select(mine));
+      std::vector<Real> x, v;
+      for (const Index m : mine)
+        for (Index k = cell.c.topology.offset[m] * D; k < cell.c.topology.offset[m + 1] * D; ++k) {
+          x.push_back(strained.c.x[k]);
+          v.push_back(0);
+        }
+      const StateView<D> s = system.view(x.data(), v.data());
+      return std::pair(system.field().report(s), system.field().virials(s));
+    };
+    const auto [terms, virials] = report(pliant::Mat<D>::Identity());
+    constexpr Real step = 1e-6;
+    for (const auto& [name, local] : virials) {
+      pliant::Mat<D> virial = local;
+      ranks.sum(std::span<Real>(virial.data(), D * D));
+      INFO("term " << name);
+      const Real size = 1 + virial.norm();
+      largest = std::max(largest, virial.norm());
+      CHECK((virial - virial.transpose()).norm() < 1e-10 * size);
+      for (int a = 0; a < D; ++a)
+        for (int b = a; b < D; ++b) {
+          pliant::Mat<D> f = pliant::Mat<D>::Identity();
+          const auto energy = [&, n = &name](Real e) {
+            f(a, b) += e;
+            const auto strained = report(f);
+            f(a, b) -= e;
+            for (const TermReport& term : strained.first)
+              if (term.name == *n) return ranks.sum(term.energy);
+            return Real(0);
+          };
+          CHECK(virial(a, b) == Approx((energy(step) - energy(-step)) / (2 * step)).margin(3e-8 * size).epsilon(1e-7));
+        }
+    }
+  });
+  CHECK(largest > 10);
+}
 
 TEST_CASE("a periodic gas conserves momentum and energy", "[periodic]") {
   Random random(3);
