@@ -1,0 +1,52 @@
+// The contacts that hold up a packing, and its rattlers.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include <pliant/system/particle_system.h>
+
+namespace pliant {
+
+/// Two particles that touch. A particle may touch several images of another particle, or its own image: each of these
+/// is a pair of its own.
+template <int D>
+struct TouchingPair {
+  Index first, second;  ///< ids
+  Vec<D> branch;        ///< from the centre of the first particle to the centre of the touching image of the second
+  Vec<D> force;         ///< elastic, on the first: the sum over the contacts of their points
+  Index contacts;       ///< contacts of points
+};
+
+/// Contacts without overlap do not count (droplets attract each other at a distance). A place where two particles touch
+/// counts once: a vertex of a smooth polygon at a vertex of another is one contact, though both touch the edges of the
+/// other. A vertex of a rough polygon that touches two vertices and the edge between them has three contacts.
+///
+/// A rattler is a particle that its contacts cannot hold: a soft particle with fewer than D + 1 contacts, a polygon
+/// with fewer than two touching particles or fewer than three contacts. Contacts of rattlers do not count, so that
+/// other particles may become rattlers, and so on.
+template <int D>
+struct ContactNetwork {
+  std::vector<TouchingPair<D>> pairs;  ///< without rattlers
+  std::vector<Index> rattlers;         ///< ids, in ascending order
+  Index backbone = 0;                  ///< N': active particles that are no rattlers
+  Index contacts = 0;                  ///< contacts of points in the pairs; N_c for soft particles
+  Real typical_force = 0;              ///< Σ f²/Σ f over all contacts: see contact_network()
+
+  Index touching() const { return static_cast<Index>(pairs.size()); }
+  /// Mean number of touching particles of a particle that is no rattler; 0 without any.
+  Real coordination() const { return backbone > 0 ? 2.0 * touching() / backbone : 0; }
+  /// The mean number of contacts of points, counted in the same way.
+  Real contacts_per_particle() const { return backbone > 0 ? 2.0 * contacts / backbone : 0; }
+  /// Contacts of a packing of soft particles in a periodic box that just resists compression: the coordinates of all
+  /// particles but one, and the size of the box. 0 without any particle.
+  Index isostatic() const { return backbone > 0 ? D * (backbone - 1) + 1 : 0; }
+};
+
+/// The network at x [size of the system]. Contacts count if their force exceeds `threshold` times the typical force:
+/// Σ f²/Σ f over all contacts, which contacts with very small forces do not change. Errors: InputError for a threshold
+/// that is not in [0, 1), for walls, and on several ranks.
+template <int D>
+ContactNetwork<D> contact_network(ParticleSystem<D>& system, std::span<const Real> x, Real threshold = 0);
+
+}  // namespace pliant
