@@ -158,6 +158,7 @@ void Halo<D>::set_home(const Topology& topology, const Real* x) {
 template <int D>
 void Halo<D>::set_box(const Box<D>& box) {
   box_ = box;
+  for (Shifted& s : shifted_) s.by = box_.shift(s.image);
 }
 
 template <int D>
@@ -240,7 +241,7 @@ void Halo<D>::build(Topology& topology, const Real* x, Real margin) {
         for (Index i = 0; i < g.points; ++i) roots.push_back({r, g.first_point + i});
       else
         copies_.push_back({static_cast<std::size_t>(g.first_point), first, count});
-      if (g.image != Image{}) shifted_.push_back({first, first + count, box_.shift(g.image)});
+      if (g.image != Image{}) shifted_.push_back({first, first + count, g.image, box_.shift(g.image)});
     }
   all_ = static_cast<std::size_t>(topology.points());
   if (!ranks_.several()) return;

@@ -24,7 +24,7 @@ class Halo {
   Halo(Halo&&) noexcept;
   Halo& operator=(Halo&&) noexcept;
 
-  /// Another periodic box. Ghosts and home must be made again.
+  /// Another periodic box. Images that are ghosts already move with its edges; the home must be set again.
   void set_box(const Box<D>& box);
 
   /// Takes the box around the rank's particles, and a diameter more, as its home; on one rank the home is the periodic
@@ -56,6 +56,7 @@ class Halo {
   };
   struct Shifted {
     std::size_t first, last;
+    Image image;
     Vec<D> by;
   };
 

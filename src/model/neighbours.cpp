@@ -43,6 +43,16 @@ Real Neighbours<D>::farthest(const Walls<D>& wall, const Real* x, Real t) const 
 }
 
 template <int D>
+void Neighbours<D>::deform(const Vec<D>& origin, const Mat<D>& f) {
+  deformation_ = f * deformation_;
+  shortened_ = (deformation_ - Mat<D>::Identity()).norm() * (widest_ + margin()) / 2;
+  for (std::size_t i = 0; i < reference_.size(); i += D) {
+    Eigen::Map<Vec<D>> r(&reference_[i]);
+    r = origin + f * (r - origin);
+  }
+}
+
+template <int D>
 Real Neighbours<D>::farthest_wall(const Walls<D>& wall, Real t) const {
   return wall.moved(time_, t, [](const Vec<D>&) { return std::numeric_limits<Real>::infinity(); });
 }
@@ -278,6 +288,8 @@ void Neighbours<D>::rebuild(const Topology& topology, const Walls<D>& wall, cons
   });
   resize_large(reference_, static_cast<std::size_t>(topology.owned_points()) * D);
   reference_.assign(x, x + static_cast<std::size_t>(topology.owned_points()) * D);
+  deformation_.setIdentity();
+  shortened_ = 0;
   relisted_.clear();
   old_places_.clear();
   places_.clear();

@@ -37,8 +37,11 @@ class Neighbours : public NeighbourLists {
   Real farthest(const Walls<D>& wall, const Real* x, Real t = 0) const;
   /// Largest displacement of a wall, without points. Walls must not turn without end. The same on every rank.
   Real farthest_wall(const Walls<D>& wall, Real t) const;
-  /// Displacement up to which the lists contain every contact.
-  Real limit() const { return skin_ / 2; }
+  /// Displacement up to which the lists contain every contact; negative where they may lack one anyway.
+  Real limit() const { return skin_ / 2 - shortened_; }
+  /// All points, ghosts too, have followed r → origin + F (r − origin). Displacements count from the deformed reference
+  /// positions. The lists stay valid as long as F since the rebuild shortens no distance by more than the skin.
+  void deform(const Vec<D>& origin, const Mat<D>& f);
   bool valid(const Walls<D>& wall, const Real* x, Real t = 0) const { return farthest(wall, x, t) <= limit(); }
 
   /// Makes the lists valid for positions x [points · D] at time t. Errors: NumericalError for a position that is not
@@ -128,7 +131,9 @@ class Neighbours : public NeighbourLists {
   bool narrowed_ = false;
   bool built_ = false;  ///< and not invalid; a rank without particles has no reference
   std::vector<Real> reference_;
-  Real time_ = 0;  ///< of the last rebuild
+  Mat<D> deformation_ = Mat<D>::Identity();  ///< of the reference since the last rebuild
+  Real shortened_ = 0;                       ///< half of the length by which it shortens distances at most
+  Real time_ = 0;                            ///< of the last rebuild
   std::int64_t rebuilds_ = 0, version_ = 0;
   std::vector<Index> chunk_{0}, chunk_point_{0};
   Real widest_ = 0, longest_ = 0;  ///< diameter of a point, edge

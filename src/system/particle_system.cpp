@@ -148,10 +148,23 @@ void ParticleSystem<D>::set_box(const Box<D>& box) {
     if (box.periodic(k) != box_.periodic(k))
       throw InputError("a box stays periodic, or open, in each direction: direction {} of the new box differs", k);
   check_walls(box, walls_);
+  replace_box(box);
+  invalidate_lists();
+}
+
+template <int D>
+void ParticleSystem<D>::deform(const Mat<D>& f) {
+  if (walls_.size() > 0) throw InputError("walls do not follow a box that deforms; leave them out");
+  replace_box(box_.deformed(f));
+  neighbours_.deform(box_.origin(), f);
+  motion_.lose();
+}
+
+template <int D>
+void ParticleSystem<D>::replace_box(const Box<D>& box) {
   box_ = box;
   halo_.set_box(box);
   home_is_set_ = false;
-  invalidate_lists();
 }
 
 template <int D>

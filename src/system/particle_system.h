@@ -90,6 +90,9 @@ class ParticleSystem final : public ImplicitSystem {
   /// Another periodic box, for particles at other places: a compression or a shear. The same on every rank. Errors:
   /// InputError for an open box, or walls that the box cannot have.
   void set_box(const Box<D>& box);
+  /// The box follows r → origin + F (r − origin). The lists remain valid if the caller's particles follow it too, up to
+  /// small displacements. The same on every rank. Errors: InputError as of Box::deformed, and for a system with walls.
+  void deform(const Mat<D>& f);
 
   /// Coefficients of the force field have changed, but neither its lists nor what its contacts remember: numbers that
   /// terms have stored of elements of the lists are forgotten. The same on every rank.
@@ -136,6 +139,7 @@ class ParticleSystem final : public ImplicitSystem {
 
  private:
   void check(const Walls<D>& walls) const;
+  void replace_box(const Box<D>& box);
   void check_points() const;
   /// A place on the substrate would have to jump with the particle.
   void check_places() const;

@@ -1,0 +1,187 @@
+#include <pliant/jamming/minimise.h>
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include <pliant/model/polygon.h>
+#include <pliant/system/fire.h>
+
+namespace pliant {
+namespace {
+
+template <int D>
+void check(const ParticleSystem<D>& system, const MinimiserOptions& o) {
+  for (int k = 0; k < D; ++k)
+    if (!system.box().periodic(k))
+      throw InputError("direction {} of the box is open; stress and pressure need a box that is periodic in all", k);
+  if (system.ranks().several())
+    throw InputError("energies are minimised on one rank; start the program without mpiexec");
+  if (system.rotates_or_remembers())
+    throw InputError(
+        "particles that rotate and contacts with history have no energy to minimise; use a model without friction");
+  if (o.pressure && !(*o.pressure > 0))
+    throw InputError("the pressure is {}; it must be positive, because particles that only repel have no other",
+                     *o.pressure);
+  if (o.pressure && system.walls().size() > 0)
+    throw InputError("walls do not follow a box at a fixed pressure; leave them out");
+}
+
+template <int D>
+Real largest(std::span<const Real> values) {
+  Real most = 0;
+  for (const Real a : values) most = std::max(most, std::abs(a));
+  return most;
+}
+
+/// Energy or enthalpy of a system as a function of its positions, in the present box, and of the logarithm of the box
+/// length over the present one, which is the last coordinate, times a factor.
+template <int D>
+class Enthalpy {
+ public:
+  Enthalpy(ParticleSystem<D>& system, Real pressure) : system_(system), pressure_(pressure) {
+    const Topology& t = system.topology();
+    for (Index m = 0; m < t.owned(); ++m) mass_ += t.point_mass[m] * t.points_of(m);
+    mean_mass_ = mass_ / t.owned_points();
+    volume_ = system.box().volume();
+    origin_ = system.box().origin();
+    // A crowded particle has contacts whose stiffness adds up to about ω² m, ω the frequency that limits the steps.
+    // With this factor the stiffness of the box over the mass is about the same ω².
+    factor_ = std::sqrt(mass_ / (2 * mean_mass_));
+    x_.resize(static_cast<std::size_t>(t.owned_points()) * D);
+  }
+
+  Real mean_mass() const { return mean_mass_; }
+
+  /// Positions for y [own positions, box], and the box of the system with them.
+  const std::vector<Real>& place(const Real* y) {
+    const Real log_length = y[x_.size()] / factor_, f = std::exp(log_length - log_length_);
+    if (!(std::abs(log_length) < 3))
+      throw NumericalError("the box has changed its length by a factor of {:.3g}; is the pressure right?",
+                           std::exp(log_length));
+    if (f != 1) system_.deform(Mat<D>(f * Mat<D>::Identity()));
+    log_length_ = log_length;
+    const Real scale = std::exp(log_length);
+    const Topology& t = system_.topology();
+    for (Index m = 0; m < t.owned(); ++m) {
+      const Vec<D> shift = (scale - 1) * (mean_of_points<D>(y, t, m) - origin_);
+      for (Index i = t.offset[m]; i < t.offset[m + 1]; ++i) point<D>(x_.data(), i) = point<D>(y, i) + shift;
+    }
+    return x_;
+  }
+
+  /// Energy and force at y; the energy only where it is asked for.
+  Real operator()(const Real* y, Real* f, bool with_energy) {
+    const std::vector<Real>& x = place(y);
+    const StateView<D> s = system_.view(x.data(), nullptr);
+    Real energy = 0;
+    if (with_energy)
+      energy = system_.field().energy(s, forces(s));
+    else
+      system_.field().forces(s, forces(s));
+    const Topology& t = system_.topology();
+    Real virial = 0;
+    for (const TermVirial<D>& term : system_.field().virials(s)) virial += term.virial.trace();
+    const Real scale = std::exp(log_length_);
+    for (Index m = 0; m < t.owned(); ++m) {
+      const Vec<D> centre = mean_of_points<D>(x.data(), t, m), mean = mean_of_points<D>(force_.data(), t, m);
+      for (Index i = t.offset[m]; i < t.offset[m + 1]; ++i) {
+        const Vec<D> own = point<D>(force_.data(), i);
+        virial += own.dot(point<D>(x.data(), i) - centre);  // shapes do not follow the box
+        point<D>(f, i) = own + (scale - 1) * mean;
+      }
+    }
+    const Real volume = volume_ * std::pow(scale, D);
+    f[x.size()] = -(virial + D * pressure_ * volume) / factor_;
+    return energy + pressure_ * volume;
+  }
+
+ private:
+  /// Room for the forces on all points.
+  Real* forces(const StateView<D>& s) {
+    force_.resize(static_cast<std::size_t>(s.topology.points()) * D);
+    return force_.data();
+  }
+
+  ParticleSystem<D>& system_;
+  Real pressure_, mass_ = 0, mean_mass_ = 1, volume_ = 0, factor_ = 1, log_length_ = 0;
+  Vec<D> origin_;
+  std::vector<Real> x_, force_;
+};
+
+}  // namespace
+
+template <int D>
+BoxStress<D> stress_of(ParticleSystem<D>& system, const Real* x) {
+  check(system, {});
+  BoxStress<D> result;
+  for (const TermVirial<D>& term : system.field().virials(system.view(x, nullptr))) result.stress += term.virial;
+  result.stress /= system.box().volume();
+  return result;
+}
+
+template <int D>
+Minimum<D> minimise(ParticleSystem<D>& system, std::span<Real> x, const MinimiserOptions& o) {
+  check(system, o);
+  const Topology& t = system.topology();
+  FireOptions fire_options;
+  const Real stiffness = system.field().critical_step(t).crowded.translation.stiffness;
+  fire_options.dt_max = stiffness > 0 ? 1 / std::sqrt(stiffness) : 0.1;
+  fire_options.dt = fire_options.dt_max / 5;
+  fire_options.force_tolerance = o.force_tolerance;
+  fire_options.max_iterations = o.max_iterations;
+  fire_options.max_move = 0.1;
+  FireResult result;
+  std::vector<Real> force;
+  const auto room = [&](const StateView<D>& s) {
+    force.resize(static_cast<std::size_t>(s.topology.points()) * D);
+    return force.data();
+  };
+  if (o.pressure) {
+    Enthalpy<D> enthalpy(system, *o.pressure);
+    std::vector<Real> y(x.begin(), x.end());
+    y.push_back(0);
+    const Real mass = enthalpy.mean_mass();
+    fire_options.force = [&](const Real* at, Real* f) { enthalpy(at, f, false); };
+    result = fire(
+        y, std::span(&mass, 1), [&](const Real* at, Real* f) { return enthalpy(at, f, true); }, fire_options);
+    std::ranges::copy(enthalpy.place(y.data()), x.begin());
+  } else {
+    std::vector<Real> mass;
+    for (Index i = 0; i < t.owned_points(); ++i) mass.push_back(t.mass(i));
+    fire_options.energy_tolerance = o.energy_per_particle * t.owned();
+    fire_options.force = [&](const Real* at, Real* f) {
+      const StateView<D> s = system.view(at, nullptr);
+      system.field().forces(s, room(s));
+      std::copy_n(force.begin(), x.size(), f);
+    };
+    result = fire(
+        x, mass,
+        [&](const Real* at, Real* f) {
+          const StateView<D> s = system.view(at, nullptr);
+          const Real energy = system.field().energy(s, room(s));
+          std::copy_n(force.begin(), x.size(), f);
+          return energy;
+        },
+        fire_options);
+  }
+  Minimum<D> minimum{.converged = result.converged,
+                     .reason = std::move(result.reason),
+                     .iterations = result.iterations,
+                     .evaluations = result.evaluations,
+                     .energy = 0,
+                     .max_force = 0,
+                     .stress = {}};
+  const StateView<D> s = system.view(x.data(), nullptr);
+  minimum.energy = system.field().energy(s, room(s));
+  minimum.max_force = largest<D>(std::span(force).first(x.size()));
+  minimum.stress = stress_of(system, x.data());
+  return minimum;
+}
+
+template BoxStress<2> stress_of(ParticleSystem<2>&, const Real*);
+template BoxStress<3> stress_of(ParticleSystem<3>&, const Real*);
+template Minimum<2> minimise(ParticleSystem<2>&, std::span<Real>, const MinimiserOptions&);
+template Minimum<3> minimise(ParticleSystem<3>&, std::span<Real>, const MinimiserOptions&);
+
+}  // namespace pliant

@@ -1,0 +1,52 @@
+// Mechanical equilibrium in a periodic box: minima of the energy at a fixed box, or of the enthalpy at a fixed
+// pressure.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+
+#include <pliant/system/particle_system.h>
+
+namespace pliant {
+
+/// Volume derivatives of the energy of a configuration.
+template <int D>
+struct BoxStress {
+  Mat<D> stress = Mat<D>::Zero();  ///< σ_ab = (1/V) ∂U/∂e_ab, tension positive, in ε/σ_avg^D
+  Real pressure() const { return -stress.trace() / D; }
+};
+
+/// The stress of the energy terms at x [size of the system], without a kinetic part. Collective. Errors: InputError for
+/// a box that is open in a direction.
+template <int D>
+BoxStress<D> stress_of(ParticleSystem<D>& system, const Real* x);
+
+struct MinimiserOptions {
+  /// Minimum of U + p V over positions and the volume of the box; empty: minimum of U at the present box.
+  std::optional<Real> pressure;
+  Real force_tolerance = 1e-10;  ///< largest component of the force on a point at the minimum, in ε/σ_avg
+  std::int64_t max_iterations = 200000;
+  Real energy_per_particle = 1e-16;  ///< at a fixed box: particles with less energy, in ε, do not touch
+};
+
+template <int D>
+struct Minimum {
+  bool converged = false;
+  std::string reason;  ///< why the minimisation ended
+  std::int64_t iterations = 0, evaluations = 0;
+  Real energy = 0;     ///< U, in ε
+  Real max_force = 0;  ///< largest component of a force on a point, in ε/σ_avg
+  BoxStress<D> stress = {};
+};
+
+/// Moves the particles to a minimum by FIRE (fire.h). x [size of the system]: the own positions. At a fixed pressure
+/// the box grows and shrinks without change of shape; particles keep their shapes while it does, since only their
+/// centres follow the box. On one rank. Errors: InputError for a box that is open in a direction, walls at a fixed
+/// pressure, several ranks, particles that rotate or contacts with history, or a pressure that is not positive;
+/// NumericalError where forces are not finite, or where the box at a fixed pressure grows without end.
+template <int D>
+Minimum<D> minimise(ParticleSystem<D>& system, std::span<Real> x, const MinimiserOptions& options);
+
+}  // namespace pliant
