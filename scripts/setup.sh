@@ -5,7 +5,7 @@ source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 packages=(
   g++ cmake ninja-build pkg-config
-  petsc-dev libsundials-dev libopenmpi-dev libhdf5-openmpi-dev zlib1g-dev libyaml-dev libeigen3-dev libfmt-dev nlohmann-json3-dev catch2
+  petsc-dev slepc-dev libsundials-dev libopenmpi-dev libhdf5-openmpi-dev zlib1g-dev libyaml-dev libeigen3-dev libfmt-dev nlohmann-json3-dev catch2
   python3 python3-numpy python3-scipy python3-matplotlib python3-pandas python3-h5py python3-lmfit
   python3-uncertainties python3-pytest python3-tqdm pybind11-dev python3-dev ffmpeg
 )
@@ -31,7 +31,7 @@ check_tools() {
   for tool in c++ cmake ninja pkg-config mpicc ffmpeg; do
     command -v "$tool" >/dev/null || missing+=("$tool")
   done
-  for module in PETSc yaml-0.1; do
+  for module in PETSc SLEPc yaml-0.1; do
     pkg-config --exists "$module" 2>/dev/null || missing+=("pkg-config:$module")
   done
   if [[ $benchmarks == yes ]]; then

@@ -19,6 +19,7 @@ class Pliant(CMakePackage):
     depends_on("pkgconfig", type=("build", "link"))
     depends_on("mpi")
     depends_on("petsc@3.18:+mpi")
+    depends_on("slepc@3.18:")
     depends_on("sundials@6.4:+mpi+petsc")
     depends_on("hdf5@1.10:+mpi")
     depends_on("eigen@3.4:")

@@ -1,3 +1,4 @@
+#include <pliant/jamming/minimise.h>
 #include <pliant/jamming/moduli.h>
 
 #include <Eigen/SparseCholesky>
@@ -134,9 +135,7 @@ Moduli<D> moduli(ParticleSystem<D>& system, std::span<const Real> x, PreStress p
   system.field().energy(s, force.data());
   for (const Index i : h.points())
     m.max_force = std::max(m.max_force, point<D>(force.data(), i).template lpNorm<Eigen::Infinity>());
-  m.stress.setZero();
-  if (pre_stress == PreStress::kept)
-    for (const TermVirial<D>& term : system.field().virials(s)) m.stress += term.virial / volume;
+  m.stress = pre_stress == PreStress::kept ? stress_of<D>(system, x.data()).stress : Mat<D>(Mat<D>::Zero());
 
   const SemidefiniteSolver solver(h.matrix(), relative_shift * bound);
   const StrainDerivatives<D>& strain = h.strain();

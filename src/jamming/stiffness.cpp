@@ -160,6 +160,12 @@ PetscMat Stiffness<D>::petsc() {
 }
 
 template <int D>
+void Stiffness<D>::scale(const Eigen::VectorXd& factors) {
+  for (Index row = 0; row < size(); ++row)
+    for (PetscInt k = start_[row]; k < start_[row + 1]; ++k) values_[k] *= factors[row] * factors[column_[k]];
+}
+
+template <int D>
 Real Stiffness<D>::bound() const {
   Real most = 0;
   for (Index row = 0; row < size(); ++row) {

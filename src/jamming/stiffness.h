@@ -46,6 +46,8 @@ class Stiffness {
   }
   /// The same entries, which the stiffness owns, as a sequential AIJ matrix of PETSc. They may change in place.
   PetscMat petsc();
+  /// S H S with the diagonal matrix S of these numbers [size()]. The derivatives by strains stay the same.
+  void scale(const Eigen::VectorXd& factors);
   /// Upper bound of the absolute values of all eigenvalues: the largest sum of absolute values of a row.
   Real bound() const;
   const StrainDerivatives<D>& strain() const { return strain_; }

@@ -3,6 +3,7 @@
 
 #include <pliant/jamming/backbone.h>
 #include <pliant/jamming/contact_network.h>
+#include <pliant/jamming/minimise.h>
 #include <pliant/jamming/moduli.h>
 
 #include "jamming/packing.h"
@@ -22,10 +23,7 @@ template <int D>
 Mat<D> relaxed_stress(Packing<D> packing, Real force_tolerance) {
   REQUIRE(std::isfinite(packing.relax(force_tolerance)));
   auto system = packing.system();
-  const StateView<D> s = system.view(packing.x.data(), nullptr);
-  Mat<D> stress = Mat<D>::Zero();
-  for (const TermVirial<D>& term : system.field().virials(s)) stress += term.virial / packing.box.volume();
-  return stress;
+  return stress_of<D>(system, packing.x.data()).stress;
 }
 
 /// The mean of the modulus against simple shear over all pairs of orthogonal directions.
