@@ -15,6 +15,10 @@ case ${1:-} in
   *) die "unknown argument $1; usage: scripts/site.sh [--skip-gallery]" ;;
 esac
 
+say "Checking links and commands of the pages"
+/usr/bin/python3 -B "$root/scripts/check_links.py"
+/usr/bin/python3 -B "$root/scripts/check_commands.py"
+
 site=$build/site
 source=$site/source
 rm -rf "$site"
