@@ -1,0 +1,201 @@
+// A simulation that Python drives, in 2D or 3D. Each of the files simulated_*.cpp has the functions of one subject.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <pliant/python/changeable_field.h>
+#include <pliant/python/particle_table.h>
+#include <pliant/python/run_output.h>
+#include <pliant/python/settings.h>
+#include <pliant/python/simulation.h>
+#include <pliant/python/walls.h>
+#include <pliant/run/crossing_watch.h>
+#include <pliant/run/simulation.h>
+
+namespace pliant::python {
+
+/// One of the arrays of an AnySimulation: created when it is first asked for.
+struct SharedArray {
+  py::object array;    ///< Array, or null
+  bool shown = false;  ///< Python may have changed it since the engine wrote it
+  bool in_use() const { return array && array.ref_count() > 1; }
+};
+
+/// The open simulations, which close at the end of the interpreter. With the GIL held.
+void remember(AnySimulation& simulation);
+void forget(AnySimulation& simulation);
+
+template <int D>
+class Simulated final : public AnySimulation {
+ public:
+  Simulated(const ParticleArrays& particles, const AnyWalls& walls, const Box<D>& box, const Vec<D>& weight,
+            const std::vector<std::string>& arguments);
+  ~Simulated() override;
+  Simulated(const Simulated&) = delete;
+  Simulated& operator=(const Simulated&) = delete;
+
+  int dim() const override { return D; }
+  Array array(const std::string& name) override;
+
+  Real t() const override { return simulation().state().t; }
+  std::int64_t steps() const override { return simulation().state().step; }
+  Real dt() const override { return simulation().integrator().next_dt(); }
+  py::dict counters() const override;
+  py::dict topology() const override;
+  py::array images() const override;
+
+  void run(std::optional<Real> duration, std::int64_t count, const std::vector<Callback>& callbacks,
+           py::object force) override;
+  void stop() override {
+    if (running_ == nullptr) throw UsageError("stop() ends a run from its callback; this simulation is not running");
+    stop_ = true;
+  }
+  py::dict minimize(Real force_tolerance, std::int64_t most_iterations) override;
+
+  void configure(const std::vector<std::string>& arguments) override;
+  void add(const ParticleArrays& arrays) override;
+  void remove(const std::vector<Index>& ids) override;
+  void move_wall(Index body, const MotionArguments& arguments) override;
+
+  py::dict energies() override;
+  py::dict forces() override;
+  py::dict contacts() override;
+  Array wall_forces() override;
+  py::dict walls() override;
+  py::tuple hessian() override;
+
+  void open_output(const std::string& folder, std::optional<Real> frame_interval,
+                   std::optional<Real> sample_interval) override;
+  void write_frame() override;
+  void write_sample() override;
+  std::optional<std::string> output() const override {
+    return output_ ? std::optional(output_->folder().string()) : std::nullopt;
+  }
+
+  void close() override;
+  bool closed() const override { return simulation_ == nullptr; }
+
+ private:
+  static constexpr std::array<const char*, 4> names{"positions", "velocities", "angles", "spins"};
+
+  class ForceFunction;
+  struct Running;
+
+  Simulation<D>& simulation() const {
+    check_open();
+    return *simulation_;
+  }
+  void check_open() const {
+    if (!simulation_) throw UsageError("this simulation is closed; make another one");
+  }
+  /// Errors: InputError with an output folder: run.h5 has one list of particles.
+  void keep_particles() const {
+    if (output_)
+      throw InputError("the particles of a simulation with an output folder ({}) are fixed; leave out output",
+                       output_->folder().string());
+  }
+  template <class Write>
+  void write(Write&& write_it) {
+    const EngineUse use(EngineUse::Kind::access);
+    check_open();
+    if (!output_) throw UsageError("this simulation has no output folder; give output when it is made");
+    take_changes();
+    write_it();
+  }
+
+  void end_output();
+  bool deformable() const { return simulation_->topology().deformable(); }
+  bool rotates() const { return field_->rotates(); }
+
+  // --- Construction
+
+  std::unique_ptr<ForceField<D>> make_field(Settings& settings) const;
+  /// A simulation of these particles at a time, in place of the present one.
+  void build(ParticleTable all, const Walls<D>& walls, Real t, std::int64_t step);
+  /// Errors: InputError where a force has no direction, or particles are inside each other.
+  void check_start();
+  /// All data by id, of the present particles.
+  ParticleTable collect();
+  /// A simulation of the particles that change() leaves, in place of the present one. kept: indices of the particles
+  /// that remain; none: all.
+  void rebuild(const std::function<void(ParticleTable&)>& change, const std::vector<Index>& kept = {});
+  /// change() at once, or after the step if the simulation runs.
+  void defer(std::function<void()> change) {
+    deferred_.push_back(std::move(change));
+    if (running_ == nullptr) apply();
+  }
+  void apply();
+
+  // --- Integration
+
+  static Real standard_step(const CriticalStep& critical) {
+    return critical.standard(std::min(0.2 * critical.elastic, 0.5 * critical.damping));
+  }
+  /// Errors: InputError for a fixed step that is unstable, and without any by which to choose it.
+  static Real check_step(const Settings& settings, const CriticalStep& critical);
+  void set_integrator();
+  /// PETSc's options may belong to another simulation.
+  void prepare();
+  /// Errors: NumericalError for a particle within a wall, and where steps are fixed for one that goes so far in a step
+  /// that it may meet nothing.
+  void check_walls(Real step);
+  Real end_of(std::optional<Real> duration, std::int64_t count) const;
+
+  // --- Arrays
+
+  std::size_t rows(std::size_t k) const { return k < 2 ? static_cast<std::size_t>(offset_.back()) : ids_.size(); }
+  std::size_t columns(std::size_t k) const { return k < 2 ? D : rotates() ? rotations<D> : 0; }
+  Real* numbers(std::size_t k) {
+    State& s = simulation_->state();
+    if (k < 2) return k == 0 ? s.x().data() : s.v().data();
+    return k == 2 ? simulation_->angles().data() : simulation_->spins().data();
+  }
+  /// From the order in memory to the order of the ids [points · width], or back; owned points only.
+  void gather(const Topology& topology, const Real* from, std::size_t width, Real* to) const;
+  void scatter(const Topology& topology, const Real* from, std::size_t width, Real* to) const;
+  Array by_id(const std::vector<Real>& values, int width) const;
+  void fetch(std::size_t k);
+  /// The arrays that exist have the present state.
+  void fetch_all();
+  /// The engine returns to Python: arrays in use change at once, others when they are asked for.
+  void show_state();
+  /// The engine continues, or answers a question: with the numbers that Python has written. Errors: InputError for
+  /// numbers that are not finite; the state is then as it was.
+  void take_changes();
+  StateView<D> present() {
+    check_open();
+    take_changes();
+    return simulation_->view();
+  }
+
+  Box<D> box_;
+  Vec<D> weight_;
+  std::unique_ptr<Settings> settings_;
+  std::unique_ptr<Simulation<D>> simulation_;
+  ChangeableField<D>* field_ = nullptr;
+  std::unique_ptr<RunOutput<D>> output_;
+  std::string failed_;  ///< message of a run that failed
+  CrossingWatch outlines_;
+  Real critical_ = 0;                   ///< longest stable step
+  std::int64_t force_evaluations_ = 0;  ///< of earlier integrators
+
+  std::vector<Index> offset_{0};  ///< [N + 1] first point of each particle in arrays
+  std::vector<Index> ids_;        ///< [N] that Python sees
+  std::vector<Index> new_ids_;    ///< of particles that are about to be added
+  Index next_id_ = 0;
+
+  std::array<SharedArray, names.size()> arrays_;
+  bool stale_ = false;  ///< the arrays are older than the state
+
+  Running* running_ = nullptr;
+  bool stop_ = false, changed_ = false;
+  std::vector<std::function<void()>> deferred_;
+};
+
+}  // namespace pliant::python

@@ -1,0 +1,222 @@
+// Construction: particles, model, integrator.
+#include <algorithm>
+#include <cmath>
+#include <tuple>
+#include <utility>
+
+#include <pliant/python/simulated.h>
+#include <pliant/setup/particles.h>
+#include <pliant/ts/ts_integrator.h>
+#include <pliant/ts/verlet.h>
+
+namespace pliant::python {
+
+template <int D>
+Simulated<D>::Simulated(const ParticleArrays& particles, const AnyWalls& walls, const Box<D>& box, const Vec<D>& weight,
+                        const std::vector<std::string>& arguments)
+    : box_(box), weight_(weight), settings_(std::make_unique<Settings>(arguments)) {
+  if (walls.dim() != D) throw InputError("the walls are {}D, but the particles are {}D", walls.dim(), D);
+  ParticleTable all;
+  append_particles<D>(all, particles);
+  build(std::move(all), walls.get<D>(), 0, 0);
+  check_start();
+  remember(*this);
+}
+
+template <int D>
+Simulated<D>::~Simulated() {
+  try {
+    end_output();
+  } catch (const std::exception& error) {
+    PySys_WriteStderr("pliant: warning: %.900s\n", error.what());
+  }
+  forget(*this);
+}
+
+template <int D>
+std::unique_ptr<ForceField<D>> Simulated<D>::make_field(Settings& settings) const {
+  const Surroundings<D> surroundings{.gravity = weight_};
+  settings.model.template resolve<D>(surroundings);
+  return settings.model.template force_field<D>(surroundings);
+}
+
+template <int D>
+void Simulated<D>::build(ParticleTable all, const Walls<D>& walls, Real t, std::int64_t step) {
+  const auto n = static_cast<std::size_t>(all.topology.particles());
+  auto field = std::make_unique<ChangeableField<D>>(make_field(*settings_));
+  ChangeableField<D>* const changeable = field.get();
+  Real width = 0;
+  for (const Real sigma : all.topology.sigma) width += sigma / static_cast<Real>(n);
+  const ModelKind kind = settings_->model.particles();
+  if (all.topology.deformable() != settings_->model.deformable())
+    throw InputError("model {} is for {}, but the particles are {}", settings_->model.name,
+                     settings_->model.deformable() ? "polygons" : "disks and spheres",
+                     all.topology.deformable() ? "polygons" : "disks or spheres");
+  ParticleSystem<D> system({}, walls, std::move(field), settings_->skin.value_or(usual_skin(kind, D) * width), Ranks(),
+                           box_);
+  if (!settings_->skin) system.tune_skin();
+  const std::vector<Index> offset = all.topology.offset;
+  auto next =
+      std::make_unique<Simulation<D>>(std::move(all.topology), std::move(system),
+                                      settings_->method == Method::verlet ? Sorting::regularly : Sorting::at_start);
+  next->state().t = t;
+  next->place(all.x);
+  // place() makes a state at rest, at time 0.
+  State& state = next->state();
+  state.t = t;
+  state.step = step;
+  offset_ = offset;
+  simulation_ = std::move(next);
+  field_ = changeable;
+  const Topology& topology = simulation_->topology();
+  ParticleSystem<D>& particles = simulation_->particles();
+  scatter(topology, all.v.data(), D, state.v().data());
+  if (rotates()) {
+    scatter(topology, all.angles.data(), rotations<D>, particles.rotations_in(state.x()).data());
+    scatter(topology, all.spins.data(), rotations<D>, particles.rotations_in(state.v()).data());
+  }
+  for (std::size_t m = 0; m < state.images.size(); ++m)
+    for (int k = 0; k < D; ++k) state.images[m][k] += all.images[static_cast<std::size_t>(topology.id[m])][k];
+  for (const ParticleTable::Contacts& contacts : all.history)
+    if (std::ranges::any_of(particles.history().tables(),
+                            [&](const ContactTable& table) { return table.needs().name == contacts.term; }))
+      particles.history().set(contacts.term, contacts.stored);
+  simulation_->forget_all();
+  const auto start = static_cast<Index>(ids_.size());
+  for (auto k = start; k < static_cast<Index>(n); ++k) {
+    if (new_ids_.empty()) new_ids_.push_back(next_id_++);
+    ids_.push_back(new_ids_.front());
+    new_ids_.erase(new_ids_.begin());
+  }
+  for (SharedArray& shared : arrays_) shared = {};
+  stale_ = true;
+  set_integrator();
+}
+
+template <int D>
+void Simulated<D>::check_start() {
+  const StateView<D> s = present();
+  const auto id = [&](Index i) { return ids_[static_cast<std::size_t>(s.topology.id[s.topology.particle[i]])]; };
+  for (const auto& [i, j] : s.neighbours.point_pairs)
+    if (s.position(i) == s.position(j))
+      throw InputError("particles {} and {} are at the same place, where the force has no direction; move one", id(i),
+                       id(j));
+  for (const auto& [i, part] : s.neighbours.walls) {
+    const Real d = s.walls.distance(s.position(i), part, s.t);
+    if (!s.walls.solid(part, s.t) && d == 0)
+      throw InputError("particle {} is on a wall, where the force has no direction; move it", id(i));
+    if (d < 0) throw InputError("particle {} is inside wall {}; move it", id(i), s.walls.wall_of_part(part));
+  }
+  if constexpr (D == 2)
+    if (deformable()) outlines_.start(simulation_->particles(), simulation_->state());
+}
+
+template <int D>
+ParticleTable Simulated<D>::collect() {
+  ParticleTable all;
+  const Topology& topology = simulation_->topology();
+  State& state = simulation_->state();
+  const std::size_t n = ids_.size(), points = rows(0);
+  std::vector<Index> order(n);
+  for (std::size_t m = 0; m < n; ++m) order[static_cast<std::size_t>(topology.id[m])] = static_cast<Index>(m);
+  all.topology = topology.select(order);
+  all.x.resize(points * D), all.v.resize(points * D);
+  all.angles.resize(points * rotations<D>), all.spins.resize(points * rotations<D>);
+  gather(topology, state.x().data(), D, all.x.data());
+  gather(topology, state.v().data(), D, all.v.data());
+  if (rotates()) {
+    gather(topology, simulation_->angles().data(), rotations<D>, all.angles.data());
+    gather(topology, simulation_->spins().data(), rotations<D>, all.spins.data());
+  }
+  all.images.resize(n);
+  for (std::size_t m = 0; m < state.images.size(); ++m)
+    all.images[static_cast<std::size_t>(topology.id[m])] = state.images[m];
+  for (const ContactTable& table : simulation_->particles().history().tables())
+    all.history.push_back({table.needs().name, table.pairs(), table.needs().width, table.contacts()});
+  return all;
+}
+
+template <int D>
+void Simulated<D>::rebuild(const std::function<void(ParticleTable&)>& change, const std::vector<Index>& kept) {
+  ParticleTable all = collect();
+  change(all);
+  const Walls<D> walls = simulation_->particles().walls();
+  const Real now = t();
+  const std::int64_t taken = steps(), evaluations = simulation_->integrator().statistics().force_evaluations;
+  const auto before = std::tuple(field_, offset_, ids_, arrays_, critical_);
+  std::unique_ptr<Simulation<D>> old = std::move(simulation_);
+  if (!kept.empty()) {
+    std::vector<Index> ids;
+    for (const Index k : kept) ids.push_back(ids_[static_cast<std::size_t>(k)]);
+    ids_ = std::move(ids);
+  }
+  try {
+    build(std::move(all), walls, now, taken);
+    check_start();
+  } catch (...) {
+    simulation_ = std::move(old);
+    std::tie(field_, offset_, ids_, arrays_, critical_) = before;
+    new_ids_.clear();
+    throw;
+  }
+  force_evaluations_ += evaluations;
+}
+
+template <int D>
+Real Simulated<D>::check_step(const Settings& settings, const CriticalStep& critical) {
+  const Real dt = settings.dt.value_or(standard_step(critical));
+  if (!std::isfinite(dt)) throw InputError("nothing sets the time scale of this simulation; give -dt");
+  if (settings.method == Method::verlet && dt > critical.limit() * (1 + 1e-9) && !settings.allow_unstable_dt)
+    throw InputError(
+        "-dt {:g} is {:.3g} times the limit of stability, {:.3g}: a dense packing would gain energy; shorten the "
+        "step, leave it out, or override with -allow_unstable_dt",
+        dt, dt / critical.limit(), critical.limit());
+  return dt;
+}
+
+template <int D>
+void Simulated<D>::set_integrator() {
+  const CriticalStep critical = field_->critical_step(simulation_->topology());
+  const Real dt = check_step(*settings_, critical);
+  critical_ = critical.limit();
+  if (settings_->method == Method::verlet) {
+    settings_->options.check_consumed("-integrator verlet does not read it; name a method of PETSc");
+    simulation_->set_integrator(std::make_unique<FixedStepVerlet>(dt));
+  } else {
+    settings_->restore();
+    auto ts = std::make_unique<TsIntegrator>(
+        TsOptions{.dt = dt, .implicit = settings_->implicit, .jacobian = settings_->jacobian});
+    if (ts->needs_jacobian()) simulation_->particles().check_derivatives();
+    settings_->options.check_consumed();
+    FastestRates rates{.oscillation = 0, .drag = 0, .decay = 0};
+    for (const Rates& r : {critical.crowded.translation, critical.crowded.rotation}) {
+      rates.oscillation = std::max(rates.oscillation, std::sqrt(r.stiffness));
+      rates.decay = std::max(rates.decay, r.damping);
+    }
+    critical_ = ts->longest_stable_step(rates);
+    if (ts->explicit_fixed_step() && ts->next_dt() > critical_ && !settings_->allow_unstable_dt)
+      throw InputError("-dt {:g} is above the limit of stability, {:.3g}; shorten the step, or use another method",
+                       ts->next_dt(), critical_);
+    simulation_->set_integrator(std::move(ts));
+  }
+  simulation_->changed();
+}
+
+template Simulated<2>::Simulated(const ParticleArrays&, const AnyWalls&, const Box<2>&, const Vec<2>&,
+                                 const std::vector<std::string>&);
+template Simulated<2>::~Simulated();
+template std::unique_ptr<ForceField<2>> Simulated<2>::make_field(Settings&) const;
+template void Simulated<2>::rebuild(const std::function<void(ParticleTable&)>&, const std::vector<Index>&);
+template ParticleTable Simulated<2>::collect();
+template Real Simulated<2>::check_step(const Settings&, const CriticalStep&);
+template void Simulated<2>::set_integrator();
+template Simulated<3>::Simulated(const ParticleArrays&, const AnyWalls&, const Box<3>&, const Vec<3>&,
+                                 const std::vector<std::string>&);
+template Simulated<3>::~Simulated();
+template std::unique_ptr<ForceField<3>> Simulated<3>::make_field(Settings&) const;
+template void Simulated<3>::rebuild(const std::function<void(ParticleTable&)>&, const std::vector<Index>&);
+template ParticleTable Simulated<3>::collect();
+template Real Simulated<3>::check_step(const Settings&, const CriticalStep&);
+template void Simulated<3>::set_integrator();
+
+}  // namespace pliant::python

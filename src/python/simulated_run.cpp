@@ -1,0 +1,303 @@
+// Motion: runs with callbacks and force functions, minimisation.
+#include <omp.h>
+
+#include <algorithm>
+#include <cmath>
+#include <exception>
+#include <limits>
+#include <utility>
+
+#include <pliant/base/cure.h>
+#include <pliant/python/simulated.h>
+#include <pliant/run/overlap_check.h>
+#include <pliant/run/run_control.h>
+#include <pliant/run/schedule.h>
+#include <pliant/system/fire.h>
+
+namespace pliant::python {
+
+template <int D>
+void Simulated<D>::run(std::optional<Real> duration, std::int64_t count, const std::vector<Callback>& callbacks,
+                       py::object force) {
+  const EngineUse use(EngineUse::Kind::run);
+  check_open();
+  take_changes();
+  Running running(*this, callbacks, count);
+  const Real end = end_of(duration, count);
+  prepare();
+  const CureOptions cures([this](Cure cure) { return settings_->options.curing(cure); });
+  std::unique_ptr<ForceFunction> function;
+  if (!force.is_none()) {
+    function = std::make_unique<ForceFunction>(*this, std::move(force), running.error);
+    field_->set_function([&](const StateView<D>& s, Real* f) { (*function)(s, f); });
+    simulation_->changed();
+  }
+  std::exception_ptr failure;
+  {
+    const py::gil_scoped_release released;
+    omp_set_num_threads(static_cast<int>(settings_->threads));
+    try {
+      for (bool more = true; more;) {
+        if (function) function->keep(simulation_->state());
+        simulation_->advance(end, [&](State&) { return running.after_step(function.get()); });
+        more = running.apply_deferred();
+      }
+      if (!running.error) check_walls(running.step);
+    } catch (...) {
+      failure = std::current_exception();
+    }
+    if (failure) simulation_->changed();  // the integrator may have stopped in the middle of a step
+    if (function && function->failed()) function->restore(*simulation_);
+  }
+  if (function) {
+    field_->set_function({});
+    simulation_->changed();
+  }
+  deferred_.clear();
+  show_state();
+  try {
+    running.error.rethrow();
+    if (failure) std::rethrow_exception(failure);
+  } catch (const NumericalError& error) {
+    failed_ = error.what();
+    throw;
+  }
+  check_signals();
+}
+
+template <int D>
+py::dict Simulated<D>::minimize(Real force_tolerance, std::int64_t most_iterations) {
+  const EngineUse use(EngineUse::Kind::run);
+  check_open();
+  take_changes();
+  if (!(force_tolerance > 0 && std::isfinite(force_tolerance)))
+    throw InputError("force_tolerance is {}, but must be positive and finite", force_tolerance);
+  if (most_iterations < 1) throw InputError("max_iterations is {}, but must be at least 1", most_iterations);
+  ParticleSystem<D>& system = simulation_->particles();
+  State& state = simulation_->state();
+  const std::size_t n = system.positions_in(state.x()).size();
+  std::vector<Real> x(state.x().begin(), state.x().end()), f;
+  const Topology& topology = system.topology();
+  std::vector<Real> masses;
+  for (Index m = 0; m < topology.owned(); ++m)
+    masses.insert(masses.end(), topology.points_of(m), topology.point_mass[m]);
+  FireOptions options;
+  const Real stable = field_->critical_step(topology).elastic;
+  if (!std::isfinite(stable)) throw InputError("this model has no energies of contact or shape to minimise");
+  options.dt = 0.1 * stable;
+  options.dt_max = 0.5 * stable;
+  options.force_tolerance = force_tolerance;
+  options.max_iterations = most_iterations;
+  PendingError error;
+  RunControl control(0, 0);
+  options.done = [&](const Real*) {
+    if (control.due()) error.guard(check_signals);
+    return static_cast<bool>(error);
+  };
+  FireResult result;
+  {
+    const py::gil_scoped_release released;
+    omp_set_num_threads(static_cast<int>(settings_->threads));
+    result = fire(
+        std::span(x).first(n), masses,
+        [&](const Real* r, Real* gradient) {
+          std::copy_n(r, n, x.data());
+          const StateView<D> s = system.view(x.data(), state.v().data(), state.t);
+          f.assign(static_cast<std::size_t>(s.topology.points()) * (D + rotations<D>), 0);
+          const Real energy = field_->energy(s, f.data());
+          std::copy_n(f.data(), n, gradient);
+          return energy;
+        },
+        options);
+    std::copy_n(x.data(), n, state.x().begin());
+    std::ranges::fill(state.v(), 0.0);
+    system.history().clear();
+    simulation_->changed();
+  }
+  show_state();
+  error.rethrow();
+  py::dict d;
+  d["converged"] = result.converged;
+  d["reason"] = result.reason;
+  d["iterations"] = result.iterations;
+  d["evaluations"] = result.evaluations;
+  d["max_force"] = result.max_force;
+  d["energy"] = result.energy;
+  return d;
+}
+
+/// A function of Python as a force, and the state before the step that it may fail in.
+template <int D>
+class Simulated<D>::ForceFunction {
+ public:
+  ForceFunction(Simulated& of, py::object function, PendingError& error)
+      : of_(of),
+        function_(std::move(function)),
+        error_(error),
+        x_(new_array(of.rows(0), D)),
+        v_(new_array(of.rows(0), D)) {}
+  ~ForceFunction() = default;
+  ForceFunction(const ForceFunction&) = delete;
+  ForceFunction& operator=(const ForceFunction&) = delete;
+
+  /// After a failure there is no force: the run ends after the step.
+  void operator()(const StateView<D>& s, Real* f) {
+    if (error_) return;
+    error_.guard([&] {
+      const std::size_t rows = of_.rows(0);
+      if (static_cast<std::size_t>(x_.shape(0)) != rows) x_ = new_array(rows, D), v_ = new_array(rows, D);
+      of_.gather(s.topology, s.x, D, x_.mutable_data());
+      of_.gather(s.topology, s.v, D, v_.mutable_data());
+      const auto result = Array::ensure(function_(x_, v_, s.t));
+      if (!result) {
+        PyErr_Clear();
+        throw InputError("the force function returned no array of numbers; return one [points, {}]", D);
+      }
+      if (result.ndim() != 2 || static_cast<std::size_t>(result.shape(0)) != rows || result.shape(1) != D)
+        throw InputError("the force function returned another shape than [{}, {}], a force for each point", rows, D);
+      for (std::size_t k = 0; k < rows * D; ++k)
+        if (!std::isfinite(result.data()[k]))
+          throw InputError("the force function returned {} for point {}", result.data()[k], k / D);
+      of_.scatter(s.topology, result.data(), D, f);
+    });
+    failed_ = static_cast<bool>(error_);
+  }
+  bool failed() const { return failed_; }
+  void keep(const State& state) {
+    if (!failed_) kept_ = state;
+  }
+  void restore(Simulation<D>& simulation) const {
+    if (kept_.size() == simulation.state().size()) simulation.state() = kept_;
+  }
+
+ private:
+  Simulated& of_;
+  py::object function_;
+  PendingError& error_;
+  Array x_, v_;
+  State kept_;
+  bool failed_ = false;
+};
+
+/// A run: its callbacks, errors and end.
+template <int D>
+struct Simulated<D>::Running {
+  struct Call {
+    const Callback* callback;
+    std::optional<Schedule> schedule;
+  };
+
+  Running(Simulated& simulated, const std::vector<Callback>& callbacks, std::int64_t count)
+      : of(simulated), left(count), last_t(simulated.t()) {
+    for (const Callback& callback : callbacks) {
+      Call call{&callback, {}};
+      if (callback.second) {
+        if (!(*callback.second > 0 && std::isfinite(*callback.second)))
+          throw InputError("the interval of a callback is {}, but must be positive and finite", *callback.second);
+        call.schedule.emplace(*callback.second);
+        call.schedule->done(of.t());
+      }
+      calls.push_back(std::move(call));
+    }
+    of.running_ = this;
+    of.stop_ = of.changed_ = false;
+  }
+  ~Running() { of.running_ = nullptr; }
+  Running(const Running&) = delete;
+  Running& operator=(const Running&) = delete;
+
+  AfterStep after_step(ForceFunction* function) {
+    if (error) return AfterStep::stop;  // exception of the force function
+    Simulation<D>& simulation = *of.simulation_;
+    of.stale_ = true;
+    if constexpr (D == 2)
+      if (of.deformable()) of.outlines_.after_step(simulation.particles(), simulation.state());
+    for (Call& call : calls) {
+      const Real t = simulation.state().t;
+      if (call.schedule && !call.schedule->due(t)) continue;
+      if (call.schedule) call.schedule->done(t);
+      error.guard([&] {
+        of.show_state();
+        call.callback->first();
+        of.take_changes();
+      });
+      if (error) break;
+    }
+    if (control.due()) error.guard(check_signals);
+    step = simulation.state().t - std::exchange(last_t, simulation.state().t);
+    if (left > 0) --left;
+    const bool changed = std::exchange(of.changed_, false), ends = error || of.stop_ || left == 0,
+               stops = ends || !of.deferred_.empty();
+    if constexpr (D == 2)
+      if (changed && of.deformable()) of.outlines_.after_change(simulation.particles(), simulation.state());
+    if (function != nullptr) function->keep(simulation.state());
+    if (!error && steps++ % 128 == 0) error.guard([&] { of.check_walls(step); });
+    ended = ends || error;
+    if (of.output_ && !error && (stops || changed)) of.output_->follow(simulation);
+    if (stops || error) {
+      if (changed) simulation.changed();
+      return AfterStep::stop;
+    }
+    if (changed) return AfterStep::changed;
+    if (!simulation.wants_sorting()) {
+      if (of.output_) of.output_->follow(simulation);
+      return AfterStep::proceed;
+    }
+    simulation.sort();
+    if (of.output_) of.output_->follow(simulation);
+    if constexpr (D == 2)
+      if (of.deformable()) of.outlines_.after_change(simulation.particles(), simulation.state());
+    return AfterStep::reordered;
+  }
+
+  /// Changes that callbacks asked for and that the integrator must not see. Returns whether the run continues.
+  bool apply_deferred() {
+    if (of.deferred_.empty()) return false;
+    error.guard([&] { of.apply(); });
+    return !error && !ended;
+  }
+
+  Simulated& of;
+  std::vector<Call> calls;
+  std::int64_t left;  ///< steps; −1: no limit
+  std::int64_t steps = 0;
+  Real last_t, step = 0;
+  bool ended = false;
+  PendingError error;
+  RunControl control{0, 0};
+};
+
+template <int D>
+void Simulated<D>::prepare() {
+  if (settings_->method == Method::ts) settings_->restore();
+  if constexpr (D == 2)
+    if (deformable()) outlines_.start(simulation_->particles(), simulation_->state());
+}
+
+template <int D>
+void Simulated<D>::check_walls(Real step) {
+  const StateView<D> s = simulation_->view();
+  const bool judged = simulation_->integrator().explicit_fixed_step() && !settings_->allow_unstable_dt;
+  if (s.walls.size() > 0 || s.topology.particles() > 1)
+    check_walls_hold(s, judged ? step : 0, Ranks(), cures({Cure::stiffer_walls, Cure::shorter_step}));
+}
+
+template <int D>
+Real Simulated<D>::end_of(std::optional<Real> duration, std::int64_t count) const {
+  if (!duration) {
+    if (count < 1) throw InputError("step({}): give a positive number of steps", count);
+    return t() + 1e3 * static_cast<Real>(count) * dt();
+  }
+  if (!(*duration > 0 && std::isfinite(*duration)))
+    throw InputError("run({}): the time must be positive and finite", *duration);
+  if (settings_->method == Method::verlet && *duration < dt() / 2)
+    throw InputError("run({:g}): the step, {:g}, is longer; call step(), or give a shorter dt", *duration, dt());
+  return t() + *duration;
+}
+
+template void Simulated<2>::run(std::optional<Real>, std::int64_t, const std::vector<Callback>&, py::object);
+template py::dict Simulated<2>::minimize(Real, std::int64_t);
+template void Simulated<3>::run(std::optional<Real>, std::int64_t, const std::vector<Callback>&, py::object);
+template py::dict Simulated<3>::minimize(Real, std::int64_t);
+
+}  // namespace pliant::python
