@@ -1,6 +1,7 @@
 // A run of any scenario, from start to summary.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <functional>
@@ -59,12 +60,12 @@ class Run final : public AnyRun, private RunAccess {
   bool restarted() const { return !restarted_from_.empty(); }
   bool ended() const { return !status_.empty(); }
   bool stopped() const { return status_ == "stopped"; }
+  Real longest_dt() const { return std::max(dt_, protocol_->last_time()); }
   bool took_steps() const { return integrator().statistics().steps > 0; }
 
   RunNumbers numbers(bool changed);
   void visit(Archive& archive, RunNumbers& numbers);
   void visit_numbers(Archive& archive, RunNumbers& numbers);
-  void visit_lists(Archive& archive, Real skin);
   void save(bool changed);
   void load(const Checkpoint& checkpoint);
   void check();
