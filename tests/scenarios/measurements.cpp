@@ -233,6 +233,8 @@ TEST_CASE("quantities of a series whose averages are known", "[measurements]") {
   CHECK(value("contacts_per_particle") == Approx(2 * 30 / 40.0));
   CHECK(value("top_height") == Approx(12));
   CHECK(value("max_overlap") == Approx(0.05));
+  CHECK(result.at("max_overlap").at("error").is_null());  // a maximum has no block error
+  CHECK_FALSE(result.at("top_height").at("error").is_null());
   CHECK(value("drag_friction_ratio") == Approx(2));
   CHECK(value("orifice_velocity") == Approx(3));
   const std::string d = std::to_string(options.dim);
