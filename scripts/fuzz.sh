@@ -36,7 +36,7 @@ flags=(-std=c++20 -O1 -g1 -w -DFMT_SHARED -fno-omit-frame-pointer
 libraries=(-Wl,--start-group "$build"/src/libpliant_*.a "$build"/src/ts/sundials/libpliant_*.a -Wl,--end-group)
 # Instrumented objects come first and count; the libraries contain them, too.
 sundials=$(sed -n 's/^find_package(SUNDIALS .* COMPONENTS \(.*\))$/\1/p' "$root/src/ts/sundials/TsSundialsDependencies.cmake")
-packages=(-Wl,--allow-multiple-definition $(pkg-config --libs PETSc yaml-0.1 fmt hdf5-openmpi zlib) $(mpicxx --showme:link) -lgomp
+packages=(-Wl,--allow-multiple-definition $(pkg-config --libs SLEPc PETSc yaml-0.1 fmt hdf5-openmpi zlib) $(mpicxx --showme:link) -lgomp
   $(printf -- '-lsundials_%s ' $sundials))
 
 # As one process, without a network: Open MPI would load network libraries, which leak memory.

@@ -8,6 +8,7 @@
 #include <pliant/jamming/backbone.h>
 #include <pliant/jamming/contact_network.h>
 #include <pliant/jamming/modes.h>
+#include <pliant/jamming/moduli.h>
 
 #include "jamming/packing.h"
 
@@ -65,10 +66,10 @@ TEST_CASE("vibrations of a triangular lattice are plane waves", "[modes]") {
     CHECK(m.frequencies().back() == Approx(std::sqrt(expected.back())));
   }
   // The highest of the density of states, and its sum.
-  const std::vector<Real> frequencies{-1, 0, 1, 1.5, 2.5, 4};
-  const DensityOfStates states = density_of_states(frequencies, 1e-6, 3, 3);
-  CHECK(states.edges == std::vector<Real>{0, 1, 2, 3});
-  CHECK(states.density == std::vector<Real>{0, 0.5, 0.25});
+  const std::vector<Real> frequencies{-1, 0, 2, 3, 5, 8};
+  const DensityOfStates states = density_of_states(frequencies, 1e-6, 6, 3);
+  CHECK(states.edges == std::vector<Real>{0, 2, 4, 6});
+  CHECK(states.density == std::vector<Real>{0, 0.25, 0.125});
   CHECK_THROWS_WITH(density_of_states(frequencies, 0, 3, 0), Contains("0 bins"));
 }
 
@@ -106,6 +107,20 @@ TEST_CASE("sparse and dense solvers find the same modes", "[modes]") {
   check(disordered<3>(2, 32, 0.8));
 }
 
+TEST_CASE("polygons that press each other only translate freely, also without bending", "[modes]") {
+  for (const ModelKind kind : {ModelKind::rough, ModelKind::smooth})
+    for (const Real k_b : {0.02, 0.0}) {
+      ModelParameters p = parameters;
+      p.k_b = k_b;
+      Packing<2> packing = octagons(kind, p);
+      REQUIRE(std::isfinite(packing.relax(1e-11)));
+      const Modes m = modes_of(packing);
+      CHECK(m.zero == 2);
+      CHECK(m.unstable == 0);
+      CHECK(m.participation[0] == Approx(1));
+    }
+}
+
 TEST_CASE("rattlers add zero modes, and unstable packings have negative eigenvalues", "[modes]") {
   Packing<2> packing = disordered<2>(6, 32, 0.86);
   REQUIRE(std::isfinite(packing.relax(1e-12)));
@@ -128,6 +143,22 @@ TEST_CASE("rattlers add zero modes, and unstable packings have negative eigenval
   CHECK(sparse.unstable == dense.unstable);
   CHECK((sparse.eigenvalues - dense.eigenvalues).norm() < 1e-9 * dense.eigenvalues.norm());
   CHECK(sparse.frequencies()[0] < 0);
+}
+
+TEST_CASE("packings are analysed on one rank", "[ranks][modes]") {
+  const Ranks ranks(PETSC_COMM_WORLD);
+  const Packing<2> lattice = triangular_lattice(4, 4, 0.95);
+  ParticleSystem<2> system(lattice.topology, {}, make_force_field<2>(ModelKind::sp, parameters, {0, 0}), skin, ranks,
+                           lattice.box);
+  const auto check = [&](auto&& analyse) {
+    if (ranks.several())
+      CHECK_THROWS_WITH(analyse(), Contains("on one rank, not on " + std::to_string(ranks.size())));
+    else
+      CHECK_NOTHROW(analyse());
+  };
+  check([&] { return modes<2>(system, lattice.x); });
+  check([&] { return contact_network<2>(system, lattice.x); });
+  check([&] { return moduli<2>(system, lattice.x); });
 }
 
 TEST_CASE("modes refuse numbers out of range", "[modes]") {

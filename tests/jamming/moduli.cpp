@@ -141,14 +141,7 @@ TEST_CASE("moduli agree with finite strains of minima", "[moduli]") {
   SECTION("disks") { check(disordered<2>(1, 32, 0.95)); }
   SECTION("spheres") { check(disordered<3>(2, 32, 0.8)); }
   for (const ModelKind kind : {ModelKind::rough, ModelKind::smooth}) SECTION(std::string(to_string(kind))) {
-      Random random(5);
-      Configuration<2> c;
-      for (Index m = 0; m < 4; ++m) {
-        c.add_polygon(regular_polygon(8, 0.5, {1.05 * (m % 2) + random(-0.1, 0.1), 0.98 * (m / 2)}, random(0, 1)), 0.2);
-        c.topology.a0[m] /= 0.85;
-        c.topology.l0[m] /= 0.85;
-      }
-      check(Packing<2>(c, Box<2>({0, 0}, {2.1, 1.96}), kind));
+      check(octagons(kind));
     }
 }
 

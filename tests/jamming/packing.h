@@ -92,4 +92,16 @@ Packing<D> disordered(std::uint64_t seed, Index n, Real fraction) {
   return {c, Box<D>(pliant::Vec<D>::Zero(), pliant::Vec<D>::Constant(length)), ModelKind::sp};
 }
 
+/// Four octagons, which press each other.
+inline Packing<2> octagons(ModelKind kind, const ModelParameters& p = parameters) {
+  Random random(5);
+  Configuration<2> c;
+  for (Index m = 0; m < 4; ++m) {
+    c.add_polygon(regular_polygon(8, 0.5, {1.05 * (m % 2) + random(-0.1, 0.1), 0.98 * (m / 2)}, random(0, 1)), 0.2);
+    c.topology.a0[m] /= 0.85;
+    c.topology.l0[m] /= 0.85;
+  }
+  return {c, Box<2>({0, 0}, {2.1, 1.96}), kind, p};
+}
+
 }  // namespace pliant::test
