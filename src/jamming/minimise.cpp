@@ -34,6 +34,14 @@ Real largest(std::span<const Real> values) {
   return most;
 }
 
+/// Whether the model has forces that depend on velocities, of which a minimum is independent.
+template <int D>
+bool dissipates(ParticleSystem<D>& system, std::span<const Real> x) {
+  const std::vector<Real> rest(x.size());
+  return std::ranges::any_of(system.field().report(system.view(x.data(), rest.data())),
+                             [](const TermReport& term) { return !term.is_energy; });
+}
+
 /// Energy or enthalpy of a system as a function of its positions, in the present box, and of the logarithm of the box
 /// length over the present one, which is the last coordinate, times a factor.
 template <int D>
@@ -124,6 +132,7 @@ template <int D>
 Minimum<D> minimise(ParticleSystem<D>& system, std::span<Real> x, const MinimiserOptions& o) {
   check(system, o);
   const Topology& t = system.topology();
+  const bool only_energies = !dissipates<D>(system, x);  // their forces alone are cheaper than with the energy
   FireOptions fire_options;
   const Real stiffness = system.field().critical_step(t).crowded.translation.stiffness;
   fire_options.dt_max = stiffness > 0 ? 1 / std::sqrt(stiffness) : 0.1;
@@ -142,7 +151,7 @@ Minimum<D> minimise(ParticleSystem<D>& system, std::span<Real> x, const Minimise
     std::vector<Real> y(x.begin(), x.end());
     y.push_back(0);
     const Real mass = enthalpy.mean_mass();
-    fire_options.force = [&](const Real* at, Real* f) { enthalpy(at, f, false); };
+    if (only_energies) fire_options.force = [&](const Real* at, Real* f) { enthalpy(at, f, false); };
     result = fire(
         y, std::span(&mass, 1), [&](const Real* at, Real* f) { return enthalpy(at, f, true); }, fire_options);
     std::ranges::copy(enthalpy.place(y.data()), x.begin());
@@ -150,11 +159,12 @@ Minimum<D> minimise(ParticleSystem<D>& system, std::span<Real> x, const Minimise
     std::vector<Real> mass;
     for (Index i = 0; i < t.owned_points(); ++i) mass.push_back(t.mass(i));
     fire_options.energy_tolerance = o.energy_per_particle * t.owned();
-    fire_options.force = [&](const Real* at, Real* f) {
-      const StateView<D> s = system.view(at, nullptr);
-      system.field().forces(s, room(s));
-      std::copy_n(force.begin(), x.size(), f);
-    };
+    if (only_energies)
+      fire_options.force = [&](const Real* at, Real* f) {
+        const StateView<D> s = system.view(at, nullptr);
+        system.field().forces(s, room(s));
+        std::copy_n(force.begin(), x.size(), f);
+      };
     result = fire(
         x, mass,
         [&](const Real* at, Real* f) {

@@ -145,6 +145,25 @@ TEST_CASE("moduli agree with finite strains of minima", "[moduli]") {
     }
 }
 
+TEST_CASE("packings at a small pressure are isostatic", "[moduli][contact_network]") {
+  for (const std::uint64_t seed : {1, 2}) {
+    Packing<2> packing = disordered<2>(seed, 32, 0.9);
+    REQUIRE((packing.p.mu > 0 && packing.p.zeta > 0));  // which minima do not depend on
+    auto system = packing.system();
+    REQUIRE(minimise<2>(system, packing.x, {.pressure = {}, .force_tolerance = 1e-6}).converged);
+    const auto minimum =
+        minimise<2>(system, packing.x, {.pressure = 1e-6 * parameters.epsilon, .force_tolerance = 1e-13});
+    REQUIRE(minimum.converged);
+    const auto network = contact_network<2>(system, packing.x, 1e-3);
+    CHECK(network.contacts == network.isostatic());
+    const Backbone<2> backbone(system, network.rattlers);
+    const Moduli<2> m = moduli<2>(system, packing.x);
+    CHECK(m.pressure() == Approx(1e-6 * parameters.epsilon));
+    CHECK(m.bulk() > 20 * m.shear());
+    CHECK(m.shear() > 0);
+  }
+}
+
 TEST_CASE("rattlers without contacts change no modulus", "[moduli]") {
   Packing<2> packing = disordered<2>(6, 32, 0.86);
   REQUIRE(std::isfinite(packing.relax(1e-12)));
