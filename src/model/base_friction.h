@@ -20,7 +20,7 @@ void read_base_friction(ParameterReader& p, T& term, Real contacts) {
   term.gravity = p.number({.name = "gravity",
                            .symbol = "g",
                            .unit = dimension::acceleration,
-                           .help = "gravity normal to the substrate, which presses particles on it",
+                           .help = "gravity, normal to the substrate; presses the particles on the substrate",
                            .role = Role::normal_gravity});
   const Coulomb mu = read_coulomb(p, {.name = "mu_base",
                                       .symbol = "\\mu_{base}",
@@ -31,13 +31,13 @@ void read_base_friction(ParameterReader& p, T& term, Real contacts) {
   term.mu_static = mu.mu_static, term.mu_dynamic = mu.mu_dynamic;
   term.epsilon = contacts * p.number({.name = "base_stiffness",
                                       .symbol = "k_b/k_n",
-                                      .help = "stiffness of springs to the substrate relative to contacts",
+                                      .help = "stiffness of springs to the substrate, divided by the normal stiffness",
                                       .value = 0.1,
                                       .max = 10,
                                       .min_open = true});
   term.damping = p.number({.name = "base_damping",
                            .symbol = "\\zeta_b",
-                           .help = "damping of springs to the substrate relative to critical damping",
+                           .help = "damping of springs to the substrate, divided by critical damping",
                            .value = 0.1,
                            .max = 10});
 }

@@ -33,7 +33,7 @@ struct Bending {
                     .alias = "kb",
                     .role = Role::bending});
     edges = p.choice({.name = "bending_edges",
-                      .help = "bending energy of the directions of edges [H 8], or of edges over rest length",
+                      .help = "bending from unit edge vectors [H 8], or from edge vectors / rest length",
                       .role = Role::bending_form},
                      named<EdgeVectors>({{"unit", EdgeVectors::unit}, {"full", EdgeVectors::full}}));
   }

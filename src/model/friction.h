@@ -16,10 +16,10 @@ inline void read_friction(ParameterReader& p, Real& mu, Friction& friction) {
   mu = p.number({.name = "mu",
                  .symbol = "\\mu/\\mu_0",
                  .unit = dimension::drag,
-                 .help = "kinetic friction coefficient mu",
+                 .help = "coefficient mu of kinetic friction: force / relative velocity",
                  .role = Role::kinetic_friction});
   friction = p.choice(
-      {.name = "friction", .help = "friction against the full relative velocity [H 6, 12], or its tangential part"},
+      {.name = "friction", .help = "friction force along the relative velocity [H 6, 12], or its tangential part"},
       named<Friction>({{"whole", Friction::whole}, {"tangential", Friction::tangential}}));
 }
 

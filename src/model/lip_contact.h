@@ -25,7 +25,7 @@ struct LipContact {
     epsilon = read_wall_energy(p);
     thickness = read_wall_diameter(p);
     with_edges = p.choice({.name = "lip_contact",
-                           .help = "lips of the orifice touch edges of polygons too, or vertices only [H 10]",
+                           .help = "lips of walls touch edges and vertices of polygons, or vertices only [H 10]",
                            .printed = "literal",
                            .role = Role::lip_rule},
                           named<bool>({{"edge", true}, {"literal", false}}));

@@ -34,7 +34,7 @@ struct RestShape {
   void read(ParameterReader& p, Real contacts) {
     k = contacts * p.number({.name = "shape_stiffness",
                              .symbol = "k_s/k_n",
-                             .help = "stiffness of the springs that hold vertices in the shape, relative to contacts",
+                             .help = "stiffness of springs that keep the shape, divided by the contact stiffness",
                              .value = 1,
                              .min_open = true,
                              .role = Role::rest_shape});

@@ -37,7 +37,7 @@ struct SelfContact {
     epsilon = p.number(contact_energy::deformable);
     if (edges == Edges::bare) epsilon /= 4;  // as EdgeContact
     on = p.flag({.name = "self_contact",
-                 .help = "deformable particles: vertices touch edges of their own outline too",
+                 .help = "vertices of a polygon also touch the edges of the same polygon",
                  .role = Role::self_contact});
   }
 

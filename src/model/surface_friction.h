@@ -347,7 +347,7 @@ template <class Law>
 SurfaceFriction read_surface(ParameterReader& p, const Coulomb& mu) {
   const Real e = p.number({.name = "restitution",
                            .symbol = "e",
-                           .help = "coefficient of restitution of a head-on collision, with particles and walls",
+                           .help = "coefficient of restitution of head-on collisions with particles and walls",
                            .value = 0.5,
                            .max = 1,
                            .min_open = true,
@@ -355,13 +355,13 @@ SurfaceFriction read_surface(ParameterReader& p, const Coulomb& mu) {
   SurfaceFriction surface{.mu_static = mu.mu_static, .mu_dynamic = mu.mu_dynamic, .damping = damping_for<Law>(e)};
   surface.stiffness = p.number({.name = "tangential_stiffness",
                                 .symbol = "k_t/k_n",
-                                .help = "stiffness of tangential springs relative to contacts",
+                                .help = "stiffness of tangential springs, divided by the normal stiffness",
                                 .value = surface.stiffness,
                                 .max = 10,
                                 .min_open = true});
   surface.tangential_damping = p.number({.name = "tangential_damping",
                                          .symbol = "\\gamma_t/\\gamma_n",
-                                         .help = "tangential damping over normal damping",
+                                         .help = "tangential damping divided by normal damping",
                                          .value = surface.tangential_damping,
                                          .max = 10});
   return surface;

@@ -23,7 +23,7 @@ inline Real read_wall_diameter(ParameterReader& p) {
   return p.number({.name = "wall_diameter",
                    .symbol = "\\delta_w/\\sigma_{avg}",
                    .unit = dimension::length,
-                   .help = "thickness of walls, whose ends, such as the lips of an orifice, are round",
+                   .help = "thickness of walls with rounded ends",
                    .max = 1,
                    .role = Role::wall_diameter});
 }

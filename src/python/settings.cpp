@@ -42,7 +42,7 @@ void Settings::bind() {
                 .automatic = "part of the limit of stability"});
   options.bind("allow_unstable_dt", allow_unstable_dt, {.help = "allow a fixed step above the limit of stability"});
   options.bind("skin", skin,
-               {.help = "margin of the neighbour lists",
+               {.help = "skin of the neighbour lists",
                 .unit = "sigma_avg",
                 .min = 0,
                 .min_open = true,

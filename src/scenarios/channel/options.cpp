@@ -90,10 +90,11 @@ void ChannelOptions::bind(Options& o) {
           .cures = {Cure::own_outline},
           .on_restart = fixed,
           .read = read_corners});
-  o.bind("plungers", plungers,
-         {.help = "points x,y;x,y on the plunger sides, in the order of pushes; empty: all arms", .on_restart = fixed});
+  o.bind(
+      "plungers", plungers,
+      {.help = "a point x,y on each side that is a plunger, in order of pushes; empty: all arms", .on_restart = fixed});
   o.bind("shear", shear,
-         {.help = "-geometry straight: speed of the side walls over the plunger speed", .on_restart = fixed});
+         {.help = "-geometry straight: speed of the side walls, divided by the plunger speed", .on_restart = fixed});
 
   o.group("Disks");
   o.bind("distribution", distribution,
@@ -102,7 +103,7 @@ void ChannelOptions::bind(Options& o) {
          {.help = "list of radii separated by commas, instead of -distribution", .unit = "cm", .on_restart = fixed});
   o.bind("counts", counts, {.help = "relative numbers of disks of these radii", .on_restart = fixed});
   o.bind("area_fraction", area_fraction,
-         {.help = "area of the disks relative to the channel without the stroke of one plunger",
+         {.help = "area of the disks, divided by the area between the plungers after a stroke",
           .min = 0,
           .max = 1,
           .min_open = true,
@@ -110,7 +111,7 @@ void ChannelOptions::bind(Options& o) {
   o.bind("density", density, positive("density of the disks", "g/cm^3"));
   o.bind("thickness", thickness, positive("thickness of the disks", "cm"));
   o.bind("start_overlap", start_overlap,
-         {.help = "largest overlap at the start, over the distance of contact",
+         {.help = "largest overlap at the start, divided by the contact distance",
           .min = 1e-12,
           .max = 0.1,
           .on_restart = fixed});
@@ -120,7 +121,7 @@ void ChannelOptions::bind(Options& o) {
   o.bind("shape", shape.kind, {{"ellipse", OutlineKind::ellipse}, {"rod", OutlineKind::rod}},
          {.help = "-model rough: shape of the polygons, which cover the areas of the disks", .on_restart = fixed});
   o.bind("aspect", shape.aspect,
-         {.help = "-model rough: length over width",
+         {.help = "-model rough: length divided by width",
           .min = 1,
           .max = 20,
           .cures = {Cure::smaller_aspect},
@@ -153,17 +154,17 @@ void ChannelOptions::bind(Options& o) {
 
   o.group("Jams");
   o.bind("jam_overlap", jam_overlap,
-         {.help = "overlap that counts as a jam, over the radius of the smaller disk",
+         {.help = "overlap that counts as a jam, divided by the radius of the smaller disk",
           .min = 0,
           .max = 1,
           .min_open = true});
   o.bind("jam_force", jam_force,
-         {.help = "plunger force that counts as a jam, over the weight of all disks; 0: none", .min = 0});
+         {.help = "plunger force that counts as a jam, divided by the weight of all disks; 0: none", .min = 0});
   o.bind("on_jam", on_jam, {{"continue", OnJam::proceed}, {"end", OnJam::end}}, {.help = "continue, or end the run"});
 
   o.group("Integration");
   o.bind("dt", dt,
-         {.help = "longest step; shortened so that frames lie at whole numbers of steps",
+         {.help = "longest step; shortened so that it divides the time between frames",
           .unit = "s",
           .min = 0,
           .min_open = true,
@@ -172,14 +173,14 @@ void ChannelOptions::bind(Options& o) {
           .on_restart = fixed});
   bind_allowed(o);
   o.bind("t_end", t_end,
-         {.help = "end of the run, if earlier than the end of -pushes; not between two pushes",
+         {.help = "end of the run; if between two pushes, the run ends with the earlier push",
           .unit = "s",
           .min = 0,
           .extends = {"t_end", "LATER"},
           .automatic = "the end of the last push"});
   bind_threads(o);
   o.bind("skin", skin,
-         {.help = "margin of the neighbour lists",
+         {.help = "skin of the neighbour lists",
           .unit = "cm",
           .min = 0,
           .min_open = true,
@@ -190,10 +191,7 @@ void ChannelOptions::bind(Options& o) {
   o.bind("frame_travel", push.frame_travel,
          positive("travel of the plunger between frames, rounded so that it divides the stroke", "cm"));
   o.bind("sample_travel", sample_travel,
-         {.help = "travel of the plunger in the time between samples of the series",
-          .unit = "cm",
-          .min = 0,
-          .min_open = true});
+         {.help = "travel of the plunger between samples of the series", .unit = "cm", .min = 0, .min_open = true});
 }
 
 void ChannelOptions::resolve() {

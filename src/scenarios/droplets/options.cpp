@@ -33,7 +33,7 @@ void DropletOptions::bind_model(Options& o) {
 
 void DropletOptions::bind_droplets(Options& o) {
   o.bind("delta", radii.deviation,
-         {.help = "polydispersity: standard deviation of the radius over its mean",
+         {.help = "polydispersity: standard deviation of the radius divided by its mean",
           .min = 0,
           .max = 0.3,
           .on_restart = fixed});
@@ -58,7 +58,7 @@ void DropletOptions::bind_integration(Options& o, const std::string& automatic_e
   o.bind("t_end", t_end,
          {.help = "end of the run", .unit = "t0", .min = 0, .extends = {"t_end", "LATER"}, .automatic = automatic_end});
   o.bind("skin", skin,
-         {.help = "margin of the neighbour lists", .unit = "R", .min = 0, .min_open = true, .on_restart = fixed});
+         {.help = "skin of the neighbour lists", .unit = "R", .min = 0, .min_open = true, .on_restart = fixed});
 }
 
 }  // namespace pliant
