@@ -208,6 +208,25 @@ class Frame:
         return self._read("centres")
 
     @_read_once
+    def _box(self):
+        """[3, D] origin, lengths and tilt factors of the periodic box; None in an open one."""
+        if "box" in self._group:
+            return self._read("box")
+        box = self._run.geometry.box
+        return None if box is None else np.vstack([box, np.zeros(box.shape[1])])
+
+    @property
+    def box(self):
+        """[2, D] origin and lengths of the periodic box at the frame's time, infinite in open directions; None without one."""
+        return None if self._box is None else self._box[:2]
+
+    @property
+    def tilt(self):
+        """[D(D - 1)/2] tilt factors of the periodic box (2D: xy; 3D: xy, xz, yz); None without a box."""
+        dim = self.centres.shape[1]
+        return None if self._box is None else self._box[2, :dim * (dim - 1) // 2]
+
+    @_read_once
     def images(self):
         """[N, D] by how many lengths of a periodic box each particle was wrapped into it; zeros in an open box."""
         if self._run.geometry.box is None:
@@ -217,10 +236,11 @@ class Frame:
     @_read_once
     def unwrapped_centres(self):
         """[N, D] centres without the wrapping of a periodic box: for displacements."""
-        box = self._run.geometry.box
-        if box is None:
+        if self.box is None:
             return self.centres
-        return self.centres + self.images * np.where(np.isfinite(box[1]), box[1], 0.0)
+        edges = np.diag(np.where(np.isfinite(self.box[1]), self.box[1], 0.0))
+        edges[np.tril_indices(len(edges), -1)] = self.tilt  # xy; in 3D xz and yz in the row of the third edge
+        return self.centres + self.images @ edges
 
     @_read_once
     def reinsertions(self):

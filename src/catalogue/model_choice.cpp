@@ -13,7 +13,12 @@ ModelChoice::ModelChoice(std::vector<ModelDefinition> models, ModelSurroundings 
   for (const ModelDefinition& model : models_) table_.declare(model);
 }
 
-bool ModelChoice::kept(Role role) const { return role != Role::none && std::ranges::find(kept_, role) != kept_.end(); }
+bool ModelChoice::kept(const ParameterTable::Entry& entry) const {
+  if (entry.role != Role::none && std::ranges::find(kept_, entry.role) != kept_.end()) return true;
+  return std::ranges::all_of(entry.readings, [&](const ParameterTable::Reading& reading) {
+    return std::ranges::find(left_out_, reading.term) != left_out_.end();
+  });
+}
 
 void ModelChoice::make_automatic(Role role, const std::string& text) {
   for (ParameterTable::Entry& entry : table_.entries())
@@ -58,7 +63,7 @@ void ModelChoice::bind(Options& options, const UnitSystem& units) {
   }
   const auto bind_all = [&](const std::optional<std::string>& model) {
     for (ParameterTable::Entry& entry : table_.entries())
-      if (!kept(entry.role) && owner(entry) == model) bind(options, entry, units);
+      if (!kept(entry) && owner(entry) == model) bind(options, entry, units);
   };
   bind_all(std::nullopt);
   for (const ModelDefinition& model : models_)
@@ -114,7 +119,7 @@ std::vector<std::string> ModelChoice::readers(const ParameterTable::Entry& entry
 
 void ModelChoice::refuse_unread(const Options& options, std::string_view but) const {
   for (const ParameterTable::Entry& entry : table_.entries()) {
-    if (kept(entry.role) || entry.read_by(name) || !options.given(entry.name)) continue;
+    if (kept(entry) || entry.read_by(name) || !options.given(entry.name)) continue;
     if (!but.empty() && std::ranges::find(entry.readings, but, &ParameterTable::Reading::term) != entry.readings.end())
       continue;
     throw InputError("-{} ({}) with -model {}, which does not read it; leave it out, or use -model {}", entry.name,

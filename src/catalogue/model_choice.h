@@ -26,6 +26,8 @@ class ModelChoice {
   // Choices of a scenario, before `bind`.
   /// Parameters of this role have values that the scenario sets, and no options.
   void keep(Role role) { kept_.push_back(role); }
+  /// Parameters that only such terms read have default values, and no options: terms without a use in the scenario.
+  void leave_out(std::string_view term) { left_out_.emplace_back(term); }
   /// Numbers of this role have a default that the scenario finds and sets after `bind`; text: for the help.
   void make_automatic(Role role, const std::string& text);
   /// The default of numbers of this role, or of choices.
@@ -83,7 +85,7 @@ class ModelChoice {
 
  private:
   void bind(Options& options, ParameterTable::Entry& entry, const UnitSystem& units);
-  bool kept(Role role) const;
+  bool kept(const ParameterTable::Entry& entry) const;
   static bool in_catalogue(const ModelDefinition& model) { return to_string(model.particles) == model.name; }
   /// The only model that reads a parameter, if it is a model of a user program; else nothing.
   std::optional<std::string> owner(const ParameterTable::Entry& entry) const;
@@ -93,6 +95,7 @@ class ModelChoice {
   std::vector<ModelDefinition> models_;
   ParameterTable table_;
   std::vector<Role> kept_;
+  std::vector<std::string> left_out_;
 };
 
 }  // namespace pliant

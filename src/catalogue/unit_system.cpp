@@ -38,6 +38,9 @@ UnitSystem UnitSystem::gravitational() {
   return UnitSystem({{"rho g", {1, 0, 0}}, {"sigma_avg", {0, 1, 0}, true}, {"t0", {0, 0, 1}}});
 }
 UnitSystem UnitSystem::droplets() { return UnitSystem({{"F", {1, 0, 0}}, {"R", {0, 1, 0}}, {"t0", {0, 0, 1}}}); }
+UnitSystem UnitSystem::static_packings() {
+  return UnitSystem({{"eps", {1, 0, 0}}, {"sigma_avg", {-1, 1, 0}}, {"t0", {0, 0, 1}}});
+}
 UnitSystem UnitSystem::cgs() { return UnitSystem({{"g", {1, 0, 0}}, {"cm", {1, 1, 0}}, {"s", {-2, 0, 1}}}); }
 
 }  // namespace pliant

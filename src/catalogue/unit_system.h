@@ -21,8 +21,9 @@ class UnitSystem {
   /// "g cm/s^2"; with a power of d where in_space, and in the plane otherwise.
   std::string text(const Dimension& dimension, bool in_space) const;
 
-  static UnitSystem gravitational();  ///< σ_avg = g = ρ = 1
-  static UnitSystem droplets();       ///< F, R, t0
+  static UnitSystem gravitational();    ///< σ_avg = g = ρ = 1
+  static UnitSystem droplets();         ///< F, R, t0
+  static UnitSystem static_packings();  ///< energies, and σ_avg; without times
   static UnitSystem cgs();
 
  private:

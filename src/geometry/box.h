@@ -105,18 +105,6 @@ class Box {
     }
     return box;
   }
-  /// A box with the same images, and tilt factors of at most half the lengths.
-  Box reduced() const {
-    Box box(*this);
-    for (int k = 1; k < D; ++k)
-      for (int l = k - 1; l >= 0; --l) {
-        if (!periodic(k) || !periodic(l)) continue;
-        const Real n = std::nearbyint(box.tilt_[place(l, k)] / length_[l]);
-        for (int m = 0; m < l; ++m) box.tilt_[place(m, k)] -= n * box.tilt_[place(m, l)];
-        box.tilt_[place(l, k)] -= n * length_[l];
-      }
-    return box;
-  }
 
  private:
   /// Place of the tilt of edge k along direction l < k.

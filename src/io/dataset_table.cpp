@@ -28,6 +28,7 @@ constexpr DatasetEntry dataset_entries[] = {
     {"frames/*/centres", "{L}", "centre of each particle"},
     {"frames/*/active", "", "1: the particle takes part; 0: it has left the run"},
     {"frames/*/images", "", "lengths of the periodic box by which each particle was wrapped"},
+    {"frames/*/box", "{L}", "origin, lengths and tilt factors (xy; 3D: xy, xz, yz) of the periodic box"},
     {"frames/*/velocities", "{L}/{T}", "velocity of each point"},
     {"frames/*/angles", "rad", "angle of each particle; 3D: time integral of the spin"},
     {"frames/*/spins", "1/{T}", "angular velocity of each particle"},
@@ -95,6 +96,27 @@ constexpr DatasetEntry dataset_entries[] = {
     {"series/dissipated", "{E}", "energy lost to drag since the start"},
     {"series/withdrawn", "{E}", "energy removed with droplets or walls since the start"},
     {"series/budget_error", "{E}", "energy - initial energy - work + dissipated + withdrawn"},
+    {"series/fraction", "",
+     "packing fraction: areas (3D: volumes) of the particles over the box; overlaps count twice"},
+    {"series/rim_fraction", "", "packing fraction of polygons with the rims of their vertices or edges"},
+    {"series/volume", "{L}^{D}", "area (3D: volume) of the box"},
+    {"series/pressure", "{E}/{L}^{D}", "-tr(stress)/d"},
+    {"series/stress", "{E}/{L}^{D}", "upper triangle of the stress, row by row; positive: tension"},
+    {"series/strain", "", "shear strain"},
+    {"series/shear_stress", "{E}/{L}^{D}", "component xy of the stress"},
+    {"series/max_force", "{F}", "largest component of a force on a point"},
+    {"series/iterations", "", "iterations of the last minimisation"},
+    {"series/contacts", "", "contacts of points, without rattlers"},
+    {"series/touching_pairs", "", "touching pairs of particles, without rattlers"},
+    {"series/backbone", "", "particles that are no rattlers"},
+    {"series/rattlers", "", "particles that their contacts cannot hold"},
+    {"series/coordination", "", "mean number of touching particles, without rattlers"},
+    {"series/bulk_modulus", "{E}/{L}^{D}", "-V dp/dV"},
+    {"series/shear_modulus", "{E}/{L}^{D}", "mean over all directions of shear"},
+    {"series/shear_modulus_xy", "{E}/{L}^{D}", "against simple shear of the box, x by y"},
+    {"series/stiffness", "{E}/{L}^{D}", "stiffness matrix: xx, yy, xy; 3D: xx, yy, zz, yz, xz, xy"},
+    {"series/frequencies", "(eps/rho)^(1/2) sigma_avg^(-1-d/2)", "frequencies of the lowest modes; negative: unstable"},
+    {"series/participation", "", "participation ratios of the lowest modes"},
     {"series/energy", "{E}", "total energy"},
     {"series/*_energy", "{E}", "part of the energy"},
     {"series/*_sliding", "{E}", "heat of sliding friction of this term since the start"},
@@ -107,6 +129,8 @@ struct UnitNames {
 
 UnitNames unit_names(const Manifest& manifest) {
   if (manifest.scenario == "channel") return {"cm", "s", "dyn", "g", "erg"};
+  if (manifest.scenario == "pack" || manifest.scenario == "shear")
+    return {"sigma_avg", "packings", "eps/sigma_avg", "rho sigma_avg^" + std::to_string(manifest.dim), "eps"};
   if (manifest.model == "bubble") return {"R", "t0", "F", "mass of a droplet of radius R", "F R"};
   return {"sigma_avg", "t0", fmt::format("rho g sigma_avg^{}", manifest.dim),
           fmt::format("rho sigma_avg^{}", manifest.dim), fmt::format("rho g sigma_avg^{}", manifest.dim + 1)};

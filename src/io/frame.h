@@ -76,6 +76,7 @@ struct Frame {
   std::span<const Real> wall_force;          ///< [S, D]
   std::span<const Real> angles = {}, spins = {};  ///< [N, 1 or 3] where particles rotate, or empty
   std::span<const Real> wall_segments = {};       ///< [S, 4] where the walls are now, or empty: as in the geometry
+  std::span<const Real> box = {};  ///< [3, D] origin, lengths and tilt factors of a periodic box, or empty: open
   FrameContacts contacts, wall_contacts;
   std::map<std::string, Real> attributes = {};  ///< attributes of the scenario, in addition to time and step; from the
                                                 ///< root

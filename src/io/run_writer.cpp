@@ -374,6 +374,7 @@ void RunWriter::write_frame(const Frame& frame, const FrameFormat& format) {
     if (format.has("wall_force"))
       group->write("wall_force", frame.wall_force, {walls_, static_cast<std::uint64_t>(dim_)}, Storage::crc32);
     if (!frame.wall_segments.empty()) group->write("wall_segments", frame.wall_segments, {walls_, 4}, Storage::crc32);
+    if (!frame.box.empty()) group->write("box", frame.box, {3, static_cast<std::uint64_t>(dim_)}, Storage::crc32);
     for (const FrameArray& a : layout.arrays) {
       datasets.push_back(group->create_dataset(a.name, a.type, a.shape, format.deflate));
       if (const auto at = datasets.back().address(); at != 0 && at < file_->committed())

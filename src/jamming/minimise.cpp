@@ -176,6 +176,7 @@ Minimum<D> minimise(ParticleSystem<D>& system, std::span<Real> x, const Minimise
         fire_options);
   }
   Minimum<D> minimum{.converged = result.converged,
+                     .apart = result.stop == FireStop::energy,
                      .reason = std::move(result.reason),
                      .iterations = result.iterations,
                      .evaluations = result.evaluations,

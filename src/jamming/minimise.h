@@ -28,12 +28,13 @@ struct MinimiserOptions {
   std::optional<Real> pressure;
   Real force_tolerance = 1e-10;  ///< largest component of the force on a point at the minimum, in ε/σ_avg
   std::int64_t max_iterations = 200000;
-  Real energy_per_particle = 1e-16;  ///< at a fixed box: particles with less energy, in ε, do not touch
+  Real energy_per_particle = 1e-20;  ///< at a fixed box: particles with less energy, in ε, do not touch
 };
 
 template <int D>
 struct Minimum {
   bool converged = false;
+  bool apart = false;  ///< it ended because the particles do not touch
   std::string reason;  ///< why the minimisation ended
   std::int64_t iterations = 0, evaluations = 0;
   Real energy = 0;     ///< U, in ε

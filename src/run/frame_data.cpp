@@ -184,6 +184,10 @@ FrameData<D>::FrameData(ParticleSystem<D>& system, const State& state, const std
     std::vector<std::int64_t> images;
     for (const Image& image : wrapped.images) images.insert(images.end(), image.begin(), image.begin() + D);
     images_ = order.particles<std::int64_t>(images, D);
+    const Box<D>& box = system.box();
+    for (const Vec<D>& row : {box.origin(), box.length()}) box_.insert(box_.end(), row.begin(), row.end());
+    box_.insert(box_.end(), box.tilt().begin(), box.tilt().end());
+    box_.resize(3 * D);
   }
   const State& shown = system.box().open() ? state : wrapped;
   positions_ = order.points(shown.x(), D);
@@ -220,6 +224,7 @@ FrameData<D>::FrameData(ParticleSystem<D>& system, const State& state, const std
   frame.centres = centres_.empty() ? positions_ : centres_;
   frame.active = active_;
   frame.images = images_;
+  frame.box = box_;
   frame.reinsertions = reinsertions_;
   frame.contact_count = contact_count_;
   frame.area = area_;

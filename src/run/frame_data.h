@@ -47,6 +47,7 @@ class FrameData {
   std::vector<Real> centres_, area_, perimeter_;  ///< polygons only; the centre of a soft particle is its position
   std::vector<std::uint8_t> active_;
   std::vector<std::int64_t> images_;  ///< in a periodic box
+  std::vector<Real> box_;             ///< its origin, lengths and tilt factors
   std::vector<Index> offset_, contact_count_, reinsertions_;
   std::vector<ContactRecord<D>> contacts_, wall_contacts_;
 };

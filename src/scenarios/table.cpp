@@ -4,12 +4,14 @@
 #include <pliant/scenarios/clog/clog.h>
 #include <pliant/scenarios/evaluate/evaluate.h>
 #include <pliant/scenarios/hopper/hopper.h>
+#include <pliant/scenarios/packings/scenarios.h>
 #include <pliant/scenarios/raft/raft.h>
 
 namespace pliant {
 
 std::vector<Scenario> all_scenarios() {
-  return {hopper_scenario(), raft_scenario(), clog_scenario(), channel_scenario(), evaluate_scenario()};
+  return {hopper_scenario(), raft_scenario(),  clog_scenario(),    channel_scenario(),
+          pack_scenario(),   shear_scenario(), evaluate_scenario()};
 }
 
 }  // namespace pliant

@@ -105,12 +105,6 @@ TEST_CASE("wrapping in tilted boxes") {
     CHECK((wrapped + box.shift(box.image_of(r)) - r).norm() < 1e-12);
     CHECK(same_place<3>(box, r + box.shift(n), r));
     CHECK(((wrapped - box.origin()).minCoeff() > -1e-12 && (wrapped - box.origin() - length).maxCoeff() < 1e-12));
-    const Box<3> reduced = box.reduced();
-    CHECK((std::abs(reduced.tilt()[0]) <= length[0] / 2 + 1e-12 &&
-           std::abs(reduced.tilt()[1]) <= length[0] / 2 + 1e-12 &&
-           std::abs(reduced.tilt()[2]) <= length[1] / 2 + 1e-12));
-    CHECK(same_place<3>(reduced, box.shift(n), {0, 0, 0}));
-    CHECK(same_place<3>(box, reduced.shift(n), {0, 0, 0}));
   }
 }
 

@@ -166,13 +166,20 @@ def contact_arrays(table, dim):
             "forces": table[["f" + axis for axis in axes]].to_numpy(), "points": table[list(axes)].to_numpy()}
 
 
+def _upright(frame):
+    """[2, D] box of a frame. Errors: ValueError for a tilted box, whose images these functions do not know."""
+    if frame.box is not None and np.any(frame.tilt != 0):
+        raise ValueError(f"the box of the frame is tilted by {frame.tilt}; take a frame of a box without shear")
+    return frame.box
+
+
 def _of_frame(frame, needed, given):
     """Particles of a frame: fields that every frame has, and those that are needed."""
     run = frame.run
     topology = run.topology
     polygons = topology.deformable
     values = {"positions": frame.centres, "active": frame.active, "radii": topology.sigma / 2, "masses": topology.mass,
-              "volumes": frame.area if polygons and frame.has("area") else topology.a0, "box": run.geometry.box,
+              "volumes": frame.area if polygons and frame.has("area") else topology.a0, "box": _upright(frame),
               "time": frame.time}
     if "velocities" in needed:
         values["velocities"] = frame.particle_velocities

@@ -56,7 +56,8 @@ _COLUMNS = {
 #: Series that come first, in this order.
 _FIRST = ("crossed_area", "kinetic_energy", "contact_pairs", "top_height", "bulk_fraction", "bonds", "wall_distance", "in_hopper", "left",
           "plunger_travel")
-_SCENARIOS = {"hopper": "hopper flow", "raft": "raft of droplets", "clog": "clog of droplets", "channel": "bent channel"}
+_SCENARIOS = {"hopper": "hopper flow", "raft": "raft of droplets", "clog": "clog of droplets", "channel": "bent channel",
+              "pack": "jammed packing", "shear": "shear of a packing"}
 
 
 def _kinds(run):
@@ -64,6 +65,8 @@ def _kinds(run):
     d = run.dim
     if run.scenario == "channel":
         energy = "erg"
+    elif run.scenario in ("pack", "shear"):
+        energy = "eps"
     else:
         energy = "F0 R" if run.droplets else f"rho g sigma_avg^{d + 1}"
     return {"": "", "length": length, "time": time, "speed": f"{length}/{time}", "volume": f"{length}^{d}", "density": f"{length}^-{d}",

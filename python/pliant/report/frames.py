@@ -86,12 +86,14 @@ def units(run):
     """Units of length and time, as in summary.json."""
     if run.scenario == "channel":
         return "cm", "s"
-    return ("R" if run.droplets else "sigma_avg"), "t0"
+    return ("R" if run.droplets else "sigma_avg"), ("packings" if run.scenario in ("pack", "shear") else "t0")
 
 
 def force_unit(run):
     if run.scenario == "channel":
         return "dyn"
+    if run.scenario in ("pack", "shear"):
+        return "eps/sigma_avg"
     return "F0" if run.droplets else f"rho g sigma_avg^{run.dim}"
 
 
@@ -287,7 +289,7 @@ def pack_frames(run, limit, remarks):
     if shown < total:
         remarks.append(f"The player shows {shown} of {total} frames, to keep this file small. "
                        "pliant-report --limit MB permits a larger file.")
-    box = run.geometry.box
+    box = run.geometry.box  # the player draws the box of the start
     return best[0].data, best[1] | {
         "total": total, "view": read.view, "dim": run.dim, "signed": run.droplets, "force_unit": force_unit(run),
         "mean_diameter": float(run.topology.sigma.mean()),

@@ -12,6 +12,7 @@
 #include <pliant/base/errors.h>
 #include <pliant/model/drag.h>
 #include <pliant/scenarios/hopper/shapes.h>
+#include <pliant/scenarios/particles/options.h>
 
 namespace pliant {
 namespace {
@@ -68,7 +69,7 @@ void HopperOptions::bind(Options& o) {
           .cures = {{Cure::two_dimensions, "2"}, {Cure::three_dimensions, "3"}},
           .on_restart = fixed});
   o.bind("corner_contact", corner_contact, {{"once", CornerRule::once}, {"literal", CornerRule::literal}},
-         {.help = "inner corners: contact counts once, or both walls push [H 10]", .on_restart = fixed});
+         {.help = "concave corners of walls: contact counts once, or both walls push [H 10]", .on_restart = fixed});
   o.bind(
       "self_crossing", self_crossing, {{"stop", OnSelfCrossing::stop}, {"count", OnSelfCrossing::count}},
       {.help = "outline that crosses itself: stop with exit code 3, or count it in each sample", .on_restart = fixed});
@@ -82,37 +83,8 @@ void HopperOptions::bind(Options& o) {
           .cures = {Cure::more_particles},
           .on_restart = fixed});
   o.bind("seed", seed, {.help = "seed of all random numbers", .min = 0, .on_restart = fixed});
-  o.bind(
-      "size_distribution", sizes.kind,
-      {.help = "distribution of diameters, mean 1", .choices = {"bidisperse", "normal", "mono"}, .on_restart = fixed});
-  o.bind("size_ratio", sizes.ratio,
-         {.help = "bidisperse: large over small diameter", .min = 1, .max = 10, .on_restart = fixed});
-  o.bind("size_fraction", sizes.fraction,
-         {.help = "bidisperse: fraction of large particles by number", .min = 0, .max = 1, .on_restart = fixed});
-  o.bind("size_deviation", sizes.deviation,
-         {.help = "normal: standard deviation of the diameter",
-          .unit = "sigma_avg",
-          .min = 0,
-          .max = 0.3,
-          .cures = {Cure::equal_sizes},
-          .on_restart = fixed});
-  o.bind("n_vertices", shape.vertices,
-         {.help = "vertices of a deformable particle",
-          .min = 3,
-          .max = 10000,
-          .cures = {Cure::even_vertices, Cure::more_vertices},
-          .on_restart = fixed});
-  o.bind("shape_parameter", shape.shape_parameter,
-         {.help = "A0 = perimeter^2/(4 pi area) at rest; 0: regular polygon",
-          .min = 0,
-          .cures = {Cure::rounder_shape},
-          .on_restart = fixed});
-  o.bind("edge_width", shape.edge_width,
-         {.help = "smooth particles: width of an edge, divided by its rest length",
-          .min = 0,
-          .max = 1,
-          .min_open = true,
-          .on_restart = fixed});
+  bind_sizes(o, sizes);
+  bind_shape(o, shape);
 
   o.group("Hopper");
   o.bind("hopper_width", hopper.orifice,
@@ -179,14 +151,17 @@ void HopperOptions::bind(Options& o) {
           .automatic = "the velocity of the particle below the reinserted one",
           .on_restart = fixed});
   o.bind("pack_fraction", pack_fraction,
-         {.help = "initial packing fraction of the particles' outer disks (spheres)",
+         {.help = "initial packing fraction (polygons count as the disks around them)",
           .min = 0,
           .max = 0.9,
           .min_open = true,
           .automatic = "0.84 in 2D, 0.64 in 3D",
           .on_restart = fixed});
   o.bind("pack_tolerance", pack_tolerance,
-         {.help = "overlap tolerance of the initial packing, relative", .min = 1e-12, .max = 0.1, .on_restart = fixed});
+         {.help = "largest overlap in the initial packing, divided by the contact distance",
+          .min = 1e-12,
+          .max = 0.1,
+          .on_restart = fixed});
   o.bind("clog_time", clog_time,
          {.help = "time without a crossing and with slow particles before a run ends as clogged",
           .unit = "t0",
@@ -235,7 +210,7 @@ void HopperOptions::bind(Options& o) {
           .extends = {"q_rtol", "LESS"}});
   bind_threads(o);
   o.bind("skin", skin,
-         {.help = "margin of the neighbour lists",
+         {.help = "skin of the neighbour lists",
           .unit = "sigma_avg",
           .min = 0,
           .min_open = true,

@@ -1,0 +1,188 @@
+#include <pliant/scenarios/packings/options.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include <pliant/base/errors.h>
+#include <pliant/scenarios/particles/options.h>
+
+namespace pliant {
+namespace {
+
+constexpr auto fixed = OnRestart::fixed;
+
+std::vector<ModelDefinition> models() {
+  std::vector<ModelDefinition> all;
+  for (const ModelKind kind : {ModelKind::sp, ModelKind::rough, ModelKind::smooth})
+    all.push_back(catalogue_model(kind));
+  return all;
+}
+
+}  // namespace
+
+PackingOptions::PackingOptions() : model(models()) {
+  for (const char* term : {"drag", "friction", "wall", "lip"}) model.leave_out(term);
+  model.set_default(Role::contact_energy, 1.0);
+  model.set_default(Role::wall_energy, 1.0);
+  model.set_default(Role::area, 10.0);
+  model.set_default(Role::perimeter, 1.0);
+  model.set_default(Role::bending, 0.0);
+  frame_interval = sample_interval = 1;
+}
+
+void PackingOptions::bind_particles(Options& o) {
+  o.explain_units({{"sigma_avg", "sigma_avg, the mean diameter, is the unit of length: leave it out"},
+                   {"sigma", "sigma_avg, the mean diameter, is the unit of length: leave it out"},
+                   {"eps", "eps is the unit of energy, in which contact energies are given: leave it out"}});
+  model.bind(o, UnitSystem::static_packings());
+  o.bind("dim", dim,
+         {.help = "dimension; 2 for deformable particles",
+          .min = 2,
+          .max = 3,
+          .cures = {{Cure::two_dimensions, "2"}, {Cure::three_dimensions, "3"}},
+          .on_restart = fixed});
+  o.group("Particles");
+  o.bind("n", particles,
+         {.help = "number of particles", .min = 1, .max = 1e7, .cures = {Cure::more_particles}, .on_restart = fixed});
+  o.bind("seed", seed, {.help = "seed of all random numbers", .min = 0, .on_restart = fixed});
+  bind_sizes(o, sizes);
+  bind_shape(o, shape);
+}
+
+void PackingOptions::bind_minimisation(Options& o) {
+  o.group("Minimisation");
+  o.bind("force_tolerance", force_tolerance,
+         {.help = "largest force at a minimum, divided by the pressure times sigma_avg^(d-1)",
+          .min = 1e-12,
+          .max = 0.1,
+          .on_restart = fixed});
+  o.bind("max_iterations", max_iterations,
+         {.help = "iterations of a minimisation, after which the run fails", .min = 1, .on_restart = fixed});
+  bind_threads(o);
+}
+
+void PackingOptions::bind_analysis(Options& o) {
+  o.group("Analysis");
+  o.bind("contact_threshold", contact_threshold,
+         {.help = "smallest force of a contact that counts, divided by the typical force",
+          .min = 0,
+          .max = 0.5,
+          .on_restart = fixed});
+  o.bind("moduli", moduli,
+         {.help = "elastic moduli of each packing; minimises to forces of 1e-12", .on_restart = fixed});
+  o.bind(
+      "modes", modes,
+      {.help = "number of the lowest vibrational modes of each packing in the series", .min = 0, .on_restart = fixed});
+}
+
+void PackingOptions::bind_packing_output(Options& o, const std::string& step) {
+  bind_output(o, false);
+  o.bind("frame_interval", frame_interval, {.help = "number of " + step + " between frames", .min = 1});
+  o.bind("sample_interval", sample_interval,
+         {.help = "number of " + step + " between samples of the series", .min = 1});
+}
+
+void PackingOptions::refuse_unread(const Options& options) const {
+  model.refuse_unread(options);
+  const auto refuse = [&](std::initializer_list<const char*> names, bool read, const std::string& unread_by) {
+    if (read) return;
+    for (const char* name : names)
+      if (options.given(name))
+        throw InputError("-{} ({}) with {}, which does not read it; leave it out", name, options.source(name),
+                         unread_by);
+  };
+  refuse({"n_vertices", "shape_parameter"}, model.deformable(), "-model " + model.name);
+  refuse({"edge_width"}, model.particles() == ModelKind::smooth, "-model " + model.name);
+  refuse({"size_ratio", "size_fraction"}, sizes.kind == "bidisperse", "-size_distribution " + sizes.kind);
+  refuse({"size_deviation"}, sizes.kind == "normal", "-size_distribution " + sizes.kind);
+}
+
+void PackOptions::bind_path(Options& o) {
+  bind_particles(o);
+  o.group("Packing");
+  o.bind(
+      "path", path,
+      {{"decompress", PackingPath::decompress}, {"compress", PackingPath::compress}, {"quench", PackingPath::quench}},
+      {.help = "lower the pressure in steps, raise the fraction in steps, or one minimum", .on_restart = fixed});
+  o.bind("fraction", fraction,
+         {.help = "area or volume fraction of the random start",
+          .min = 1e-3,
+          .max = 10,
+          .automatic = "soft particles: 0.9 (3D: 0.7), compress: 0.5 (3D: 0.3); polygons: disks around them 0.65",
+          .on_restart = fixed});
+  o.bind("pressure", pressure,
+         {.help = "pressure of the last packing", .unit = "eps/sigma_avg^d", .min = 0, .min_open = true});
+  o.bind("start_pressure", start_pressure,
+         {.help = "decompress: pressure of the first packing",
+          .unit = "eps/sigma_avg^d",
+          .min = 0,
+          .min_open = true,
+          .on_restart = fixed});
+  o.bind("steps_per_decade", per_decade,
+         {.help = "decompress: pressures for each factor of ten", .min = 1, .max = 1000, .on_restart = fixed});
+  o.bind("fraction_step", fraction_step,
+         {.help = "compress: growth of the fraction in a step",
+          .min = 0,
+          .max = 0.1,
+          .min_open = true,
+          .on_restart = fixed});
+}
+
+void PackOptions::bind(Options& o) {
+  bind_path(o);
+  bind_minimisation(o);
+  bind_analysis(o);
+  bind_packing_output(o, "packings");
+}
+
+void PackOptions::resolve() {
+  if (modes > points() * dim)
+    throw InputError("-modes {}: {} points in {}D have {} modes; give fewer", modes, points(), dim, points() * dim);
+  if (!fraction) {
+    fraction = path == PackingPath::compress ? (dim == 2 ? 0.5 : 0.3) : (dim == 2 ? 0.9 : 0.7);
+    if (model.deformable()) {
+      // The disks around the polygons have to find room.
+      constexpr Real fraction_of_disks = 0.65;
+      const Topology one = make_particles(model.particles(), 2, {1}, shape);
+      fraction = fraction_of_disks * one.a0[0] / (pi * square(outer_radius(one, 0)));
+    }
+  }
+  if (path == PackingPath::decompress && pressure > start_pressure)
+    throw InputError("-pressure {:g} is above -start_pressure {:g}: a decompression lowers the pressure; exchange them",
+                     pressure, start_pressure);
+}
+
+std::vector<Real> PackOptions::pressures() const {
+  if (path == PackingPath::quench) return {};
+  if (path == PackingPath::compress) return {pressure};
+  std::vector<Real> all;
+  const Real decades = std::log10(start_pressure / pressure);
+  const auto steps = static_cast<int>(std::ceil(decades * per_decade - 1e-9));
+  for (int k = 0; k < steps; ++k) all.push_back(start_pressure * std::pow(10, -static_cast<Real>(k) / per_decade));
+  all.push_back(pressure);
+  return all;
+}
+
+ShearOptions::ShearOptions() { pressure = 1e-3; }
+
+void ShearOptions::bind(Options& o) {
+  bind_path(o);
+  o.group("Shear");
+  o.bind("strain_step", strain_step,
+         {.help = "shear strain of a step, x by y", .min = 0, .max = 0.1, .min_open = true, .on_restart = fixed});
+  o.bind("strain", strain,
+         {.help = "shear strain at the end", .min = 0, .max = 100, .min_open = true, .extends = {"strain", "LARGER"}});
+  o.bind("control", control, {{"volume", ShearControl::volume}, {"pressure", ShearControl::pressure}},
+         {.help = "constant during shear: the volume, or the pressure -pressure", .on_restart = fixed});
+  bind_minimisation(o);
+  bind_analysis(o);
+  bind_packing_output(o, "packings");
+}
+
+void ShearOptions::resolve() {
+  PackOptions::resolve();
+  if (path == PackingPath::compress)
+    throw InputError("-path compress makes a number of packings that is not known before; use decompress or quench");
+}
+
+}  // namespace pliant

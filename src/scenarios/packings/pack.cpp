@@ -1,0 +1,87 @@
+#include <pliant/scenarios/packings/pack.h>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include <pliant/run/archive.h>
+#include <pliant/run/memory.h>
+#include <pliant/scenarios/packings/make.h>
+#include <pliant/scenarios/packings/scenarios.h>
+
+namespace pliant {
+
+template <int D>
+PackProtocol<D>::PackProtocol(const PackOptions& p, const Ranks& ranks)
+    : PackingProtocol<D>(p, ranks), p_(p), pressures_(p.pressures()) {}
+
+template <int D>
+std::string PackProtocol<D>::path_text() const {
+  const std::string_view path = p_.path == PackingPath::decompress ? "decompression"
+                                : p_.path == PackingPath::compress ? "compression"
+                                                                   : "quench";
+  const std::string end = p_.path == PackingPath::quench ? "" : fmt::format(" to the pressure {:g}", p_.pressure);
+  return fmt::format("{} particles ({}, {}D), {} from the fraction {:.4g}{}", p_.particles, p_.model.name, D, path,
+                     *p_.fraction, end);
+}
+
+template <int D>
+std::string PackProtocol<D>::title() const {
+  return "pack: " + path_text();
+}
+
+template <int D>
+Real PackProtocol<D>::steps() const {
+  return p_.path == PackingPath::quench ? 1 : static_cast<Real>(pressures_.size());
+}
+
+template <int D>
+Real PackProtocol<D>::last_time() const {
+  constexpr Real most_fraction = 2;
+  if (p_.path != PackingPath::compress) return steps();
+  return std::max(Real(2), std::ceil((most_fraction - *p_.fraction) / p_.fraction_step));
+}
+
+template <int D>
+std::string PackProtocol<D>::end_at_last_time() const {
+  return p_.path == PackingPath::decompress ? "pressure" : "fraction";
+}
+
+template <int D>
+void PackProtocol<D>::make_next() {
+  const auto k = static_cast<std::size_t>(this->state().step);
+  if (k == 0) this->minimise_energy();
+  if (p_.path == PackingPath::decompress) return this->minimise_enthalpy(pressures_[k]);
+  if (k == 0) return;
+  if (jammed()) {
+    this->minimise_enthalpy(p_.pressure);
+    at_pressure_ = true;
+    return;
+  }
+  const Real before = *p_.fraction + static_cast<Real>(k - 1) * p_.fraction_step,
+             factor = std::pow(before / (before + p_.fraction_step), Real(1) / D);
+  this->deform(Mat<D>(factor * Mat<D>::Identity()));
+  this->minimise_energy();
+}
+
+template <int D>
+bool PackProtocol<D>::jammed() {
+  return stress_of(this->particles(), this->state().x().data()).pressure() >= p_.pressure;
+}
+
+template <int D>
+void PackProtocol<D>::visit_more(Archive& a) {
+  a.flag("at_pressure", at_pressure_);
+}
+
+template class PackProtocol<2>;
+template class PackProtocol<3>;
+
+Scenario pack_scenario() {
+  return packing_scenario<PackOptions, PackProtocol>(
+      "pack", "jammed packings in a periodic box",
+      {"model", "dim", "n", "path", "fraction", "pressure", "force_tolerance", "seed", "output"});
+}
+
+}  // namespace pliant

@@ -1,0 +1,334 @@
+#include <pliant/scenarios/packings/protocol.h>
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include <pliant/base/console.h>
+#include <pliant/base/rng.h>
+#include <pliant/catalogue/parameter_values.h>
+#include <pliant/io/summary.h>
+#include <pliant/jamming/backbone.h>
+#include <pliant/jamming/modes.h>
+#include <pliant/model/crossing.h>
+#include <pliant/model/polygon.h>
+#include <pliant/scenarios/packings/steps.h>
+#include <pliant/setup/streams.h>
+
+namespace pliant {
+namespace {
+
+template <int D>
+Box<D> first_box(const PackingOptions& p, const Topology& all) {
+  Real content = 0;
+  for (const Real a0 : all.a0) content += a0;
+  return {Vec<D>::Zero(), Vec<D>::Constant(std::pow(content / *p.fraction, Real(1) / D))};
+}
+
+template <int D>
+std::unique_ptr<Simulation<D>> make_simulation(const PackingOptions& p, const Ranks& ranks) {
+  if (ranks.several())
+    throw InputError("packings are made on one rank: start the program without mpiexec, and give -threads");
+  Topology all = make_particles(p.model.particles(), D,
+                                draw_diameters(p.sizes, p.particles, static_cast<std::uint64_t>(p.seed)), p.shape);
+  ParticleSystem<D> particles({}, {}, p.model.force_field<D>({}), usual_skin(p.model.particles(), D), ranks,
+                              first_box<D>(p, all));
+  return std::make_unique<Simulation<D>>(std::move(all), std::move(particles), Sorting::at_start);
+}
+
+/// The upper triangle of a symmetric matrix: xx, xy, yy; in 3D xx, xy, xz, yy, yz, zz.
+template <int D>
+std::vector<Real> upper_triangle(const Mat<D>& m) {
+  std::vector<Real> values;
+  for (int a = 0; a < D; ++a)
+    for (int b = a; b < D; ++b) values.push_back((m(a, b) + m(b, a)) / 2);
+  return values;
+}
+
+/// The disks that hold the polygons: outlines that cross could not be parted by their contacts. Errors: InputError
+/// where the disks overlap by so much that the polygons might cross.
+template <int D>
+void push_disks_apart(const Topology& polygons, const Box<D>& box, std::vector<Real>& centres) {
+  constexpr Real most = 0.1;  // overlap over the contact distance
+  Topology disks;
+  disks.dim = D;
+  for (Index m = 0; m < polygons.particles(); ++m) disks.add_soft(2 * outer_radius(polygons, m), 1);
+  ParticleSystem<D> system(
+      std::move(disks), {},
+      make_force_field<D>(ModelKind::sp, ParameterValues{{Role::contact_energy, 1.0}, {Role::wall_energy, 1.0}}), 0.3,
+      Ranks(), box);
+  MinimiserOptions options;
+  options.force_tolerance = 1e-6;
+  options.energy_per_particle = 1e-12;
+  minimise<D>(system, centres, options);
+  system.field().for_each_contact(system.view(centres.data(), nullptr), [&](const Contact<D>& c) {
+    if (c.overlap > most)
+      throw InputError(
+          "the disks around polygons {} and {} overlap by {:.2g} of their contact distance at the start; begin with a "
+          "lower fraction (-fraction)",
+          system.topology().id[c.first], system.topology().id[c.second], c.overlap);
+  });
+}
+
+void check_outlines(ParticleSystem<2>& system, const Real* x) {
+  if (!system.topology().deformable()) return;
+  const StateView<2> s = system.view(x, nullptr);
+  const auto id = [&](Index m) { return system.topology().id[m]; };
+  if (const SelfLook look = look_at_own_outlines(s); look.crossing)
+    throw NumericalError("the outline of particle {} crosses itself at the minimum; {}", id(look.crossing->particle),
+                         "raise the stiffness of the particles' shape, or lower the first pressure or fraction");
+  if (const auto crossing = find_crossing(s))
+    throw NumericalError(
+        "a vertex of particle {} lies inside particle {} at the minimum; begin with a lower fraction (-fraction)",
+        id(crossing->particle), id(crossing->other));
+}
+void check_outlines(ParticleSystem<3>&, const Real*) {}
+
+}  // namespace
+
+template <int D>
+PackingProtocol<D>::PackingProtocol(const PackingOptions& p, const Ranks& ranks)
+    : Protocol<D>(make_simulation<D>(p, ranks)), p_(p) {}
+
+template <int D>
+std::unique_ptr<Integrator> PackingProtocol<D>::make_integrator(Real) {
+  return std::make_unique<PackingSteps>([this](State&) {
+    const std::int64_t before = evaluations_;
+    make_next();
+    return evaluations_ - before;
+  });
+}
+
+template <int D>
+std::vector<Real> PackingProtocol<D>::start() {
+  const Topology& all = this->simulation().all();
+  const Box<D>& box = this->particles().box();
+  const auto seed = static_cast<std::uint64_t>(p_.seed);
+  std::vector<Real> centres;
+  for (std::uint64_t k = 0; k < static_cast<std::uint64_t>(all.particles()) * D; ++k)
+    centres.push_back(box.length()[k % D] * rng::uniform(seed, stream::placement, k));
+  if (all.deformable()) push_disks_apart(all, box, centres);
+  std::vector<Real> x(static_cast<std::size_t>(all.points()) * D);
+  for (Index m = 0; m < all.particles(); ++m)
+    place_particle(all, m, &centres[static_cast<std::size_t>(m) * D],
+                   2 * pi * rng::uniform(seed, stream::orientation, m), x.data());
+  return x;
+}
+
+template <int D>
+void PackingProtocol<D>::deform(const Mat<D>& f) {
+  const Vec<D> origin = this->particles().box().origin();
+  const Topology& t = this->topology();
+  this->particles().set_box(this->particles().box().deformed(f));
+  for (Index m = 0; m < t.owned(); ++m) {
+    const Vec<D> centre = mean_of_points<D>(x().data(), t, m), by = (f - Mat<D>::Identity()) * (centre - origin);
+    for (Index i = t.offset[m]; i < t.offset[m + 1]; ++i) point<D>(x().data(), i) += by;
+  }
+}
+
+template <int D>
+MinimiserOptions PackingProtocol<D>::minimiser() const {
+  MinimiserOptions options;
+  options.max_iterations = p_.max_iterations;
+  return options;
+}
+
+template <int D>
+Real PackingProtocol<D>::tolerance(Real pressure) const {
+  constexpr Real for_derivatives = 1e-12;
+  const Real usual = p_.force_tolerance * pressure;
+  return p_.moduli || p_.modes > 0 ? std::min(usual, for_derivatives) : usual;
+}
+
+template <int D>
+void PackingProtocol<D>::minimise_energy() {
+  // The pressure, which the tolerance refers to, is the result.
+  constexpr Real first = 1e-6, least = 1e-14;
+  MinimiserOptions options = minimiser();
+  for (options.force_tolerance = tolerance(first);;) {
+    run_minimiser(options);
+    const Real needed = tolerance(minimum_.stress.pressure());
+    if (minimum_.apart || !(minimum_.max_force > needed) || needed < least) break;
+    options.force_tolerance = needed;
+  }
+  finish();
+}
+
+template <int D>
+void PackingProtocol<D>::minimise_enthalpy(Real pressure) {
+  MinimiserOptions options = minimiser();
+  options.pressure = pressure;
+  options.force_tolerance = tolerance(pressure);
+  run_minimiser(options);
+  finish();
+}
+
+template <int D>
+void PackingProtocol<D>::run_minimiser(const MinimiserOptions& options) {
+  minimum_ = minimise<D>(this->particles(), x(), options);
+  evaluations_ += minimum_.evaluations;
+  if (!minimum_.converged)
+    throw NumericalError(
+        "packing {} has not converged: {}; raise -max_iterations or -force_tolerance, or make steps smaller",
+        this->state().step + 1, minimum_.reason);
+}
+
+/// Measures the packing, and makes the lists as a restart makes them.
+template <int D>
+void PackingProtocol<D>::finish() {
+  check_outlines(this->particles(), x().data());
+  network_ = contact_network<D>(this->particles(), x(), p_.contact_threshold);
+  if (p_.moduli) find_moduli();
+  if (p_.modes > 0) find_modes();
+  this->particles().wrap(this->state());
+  this->particles().rebuild(x().data());
+  minimum_.stress = stress_of(this->particles(), x().data());
+}
+
+/// NaN for a packing that nothing holds up.
+template <int D>
+void PackingProtocol<D>::find_moduli() {
+  moduli_.tangent.setConstant(std::numeric_limits<Real>::quiet_NaN());
+  moduli_.stress.setZero();
+  if (network_.backbone == 0) return;
+  const Backbone<D> backbone(this->particles(), network_.rattlers);
+  moduli_ = moduli<D>(this->particles(), x());
+}
+
+template <int D>
+void PackingProtocol<D>::find_modes() {
+  frequencies_.clear();
+  participation_.clear();
+  if (network_.backbone > 0) {
+    const Backbone<D> backbone(this->particles(), network_.rattlers);
+    const Index most = network_.backbone * (p_.model.deformable() ? p_.shape.vertices : 1) * D;
+    const Modes found = modes<D>(this->particles(), x(), {.lowest = std::min(p_.modes, most)});
+    frequencies_ = found.frequencies();
+    participation_ = found.participation;
+  }
+  for (std::vector<Real>* values : {&frequencies_, &participation_})
+    values->resize(static_cast<std::size_t>(p_.modes), std::numeric_limits<Real>::quiet_NaN());
+}
+
+template <int D>
+Real PackingProtocol<D>::fraction() const {
+  const Topology& t = this->topology();
+  Real content = 0;
+  for (Index m = 0; m < t.owned(); ++m)
+    if constexpr (D == 2)
+      content += t.points_of(m) > 1 ? polygon_area(this->state().x().data(), t, m) : t.a0[m];
+    else
+      content += t.a0[m];
+  return content / this->particles().box().volume();
+}
+
+template <int D>
+Real PackingProtocol<D>::rim_fraction() const {
+  const Topology& t = this->topology();
+  Real rim = 0;
+  if constexpr (D == 2)
+    for (Index m = 0; m < t.owned(); ++m) {
+      if (t.points_of(m) == 1) continue;
+      const Real delta = t.diameter[t.offset[m]], disk = pi * square(delta) / 4;
+      if (p_.model.particles() == ModelKind::rough)
+        rim += (Real(t.points_of(m)) / 2 + 1) * disk;
+      else
+        rim += polygon_perimeter(this->state().x().data(), t, m) * delta / 2 + disk;
+    }
+  return fraction() + rim / this->particles().box().volume();
+}
+
+template <int D>
+std::vector<SeriesValue> PackingProtocol<D>::sample() {
+  const State& s = this->state();
+  if (s.step == 0) {  // no minimum yet
+    minimum_.stress = stress_of(this->particles(), s.x().data());
+    minimum_.energy = this->particles().field().energy(this->particles().view(s.x().data(), nullptr));
+    network_ = {};
+    if (p_.moduli) find_moduli();
+    if (p_.modes > 0) find_modes();
+  }
+  std::vector<SeriesValue> row{{"time", s.t},
+                               {"fraction", fraction()},
+                               {"pressure", minimum_.stress.pressure()},
+                               {"stress", upper_triangle<D>(minimum_.stress.stress)},
+                               {"energy", minimum_.energy},
+                               {"max_force", minimum_.max_force},
+                               {"iterations", static_cast<Real>(minimum_.iterations)},
+                               {"volume", this->particles().box().volume()},
+                               {"contacts", static_cast<Real>(network_.contacts)},
+                               {"touching_pairs", static_cast<Real>(network_.touching())},
+                               {"backbone", static_cast<Real>(network_.backbone)},
+                               {"rattlers", static_cast<Real>(network_.rattlers.size())},
+                               {"coordination", network_.coordination()}};
+  if (p_.model.deformable()) row.emplace_back("rim_fraction", rim_fraction());
+  if (p_.moduli) {
+    std::vector<Real> all;
+    for (const Real c : moduli_.voigt().reshaped()) all.push_back(c);
+    row.emplace_back("bulk_modulus", moduli_.bulk());
+    row.emplace_back("shear_modulus", moduli_.shear());
+    row.emplace_back("shear_modulus_xy", moduli_.simple_shear(0, 1));
+    row.emplace_back("stiffness", all);
+  }
+  if (p_.modes > 0) {
+    row.emplace_back("frequencies", frequencies_);
+    row.emplace_back("participation", participation_);
+  }
+  measure(row);
+  return row;
+}
+
+template <int D>
+void PackingProtocol<D>::visit(Archive& a) {
+  ParticleSystem<D>& particles = this->particles();
+  std::vector<Real> length(particles.box().length().begin(), particles.box().length().end()),
+      tilt(particles.box().tilt().begin(), particles.box().tilt().end());
+  a.array("box_length", length, D, std::numeric_limits<Real>::min());
+  a.array("box_tilt", tilt, tilts<D>);
+  a.number("minimisations", evaluations_);
+  if (a.reads()) {
+    Tilt<D> tilts_of_box;
+    std::copy(tilt.begin(), tilt.end(), tilts_of_box.begin());
+    particles.set_box(Box<D>(particles.box().origin(), Eigen::Map<const Vec<D>>(length.data()), tilts_of_box));
+  }
+  visit_more(a);
+}
+
+template <int D>
+void PackingProtocol<D>::conclude(nlohmann::ordered_json& s) {
+  s["fraction"] = fraction();
+  if (p_.model.deformable()) s["rim_fraction"] = rim_fraction();
+  s["pressure"] = minimum_.stress.pressure();
+  s["stress"] = upper_triangle<D>(minimum_.stress.stress);
+  s["energy"] = minimum_.energy;
+  s["max_force"] = minimum_.max_force;
+  s["contacts"] = network_.contacts;
+  if (!p_.model.deformable()) s["isostatic_contacts"] = network_.isostatic();
+  s["touching_pairs"] = network_.touching();
+  s["backbone"] = network_.backbone;
+  s["rattlers"] = network_.rattlers.size();
+  s["coordination"] = network_.coordination();
+  if (p_.moduli) {
+    s["bulk_modulus"] = moduli_.bulk();
+    s["shear_modulus"] = moduli_.shear();
+  }
+  conclude_more(s);
+}
+
+template <int D>
+void PackingProtocol<D>::report(const Series&, nlohmann::ordered_json& s) {
+  say("fraction {:.6g} at the pressure {:.4g} eps/sigma_avg^{}; {} contacts{}, {} of {} particles are rattlers\n",
+      Real(s["fraction"]), Real(s["pressure"]), D, network_.contacts,
+      p_.model.deformable() ? "" : fmt::format(" (isostatic: {})", network_.isostatic()), network_.rattlers.size(),
+      p_.particles);
+}
+
+template <int D>
+std::string PackingProtocol<D>::progress() const {
+  return fmt::format("fraction {:.5f}  p {:.3g}", fraction(), minimum_.stress.pressure());
+}
+
+template class PackingProtocol<2>;
+template class PackingProtocol<3>;
+
+}  // namespace pliant

@@ -1,0 +1,76 @@
+// Common parts of runs of packings in a periodic box.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <pliant/jamming/contact_network.h>
+#include <pliant/jamming/minimise.h>
+#include <pliant/jamming/moduli.h>
+#include <pliant/run/protocol.h>
+#include <pliant/scenarios/packings/options.h>
+
+namespace pliant {
+
+/// A run whose step k makes packing k at a minimum of the energy or the enthalpy. The start are particles at random
+/// places in a square or cubic box, which may overlap. A packing whose minimisation has not converged, or whose
+/// outlines cross, ends the run with an error.
+template <int D>
+class PackingProtocol : public Protocol<D> {
+ public:
+  PackingProtocol(const PackingOptions& p, const Ranks& ranks);
+
+  std::string model() const final { return p_.model.name; }
+  std::string_view unit_of_time() const final { return "steps"; }
+  Real first_dt() const final { return 1; }
+  std::unique_ptr<Integrator> make_integrator(Real dt) final;
+  RunGeometry geometry() const final { return {"periodic", {}, {}}; }
+  std::vector<Real> start() final;
+  std::vector<SeriesValue> sample() final;
+  void visit(Archive& archive) final;
+  void conclude(nlohmann::ordered_json& summary) final;
+  void report(const Series& series, nlohmann::ordered_json& summary) final;
+  std::string progress() const final;
+
+ protected:
+  /// Makes the next packing, by the functions below.
+  virtual void make_next() = 0;
+  virtual void visit_more(Archive& /*archive*/) {}
+  virtual void measure(std::vector<SeriesValue>& /*row*/) {}
+  virtual void conclude_more(nlohmann::ordered_json& /*summary*/) {}
+
+  /// Deforms the box and moves the centres of the particles with it.
+  void deform(const Mat<D>& f);
+  /// A minimum of the energy in the present box.
+  void minimise_energy();
+  void minimise_enthalpy(Real pressure);
+
+  const BoxStress<D>& stress() const { return minimum_.stress; }
+  /// Σ a0/V of soft particles, which counts overlaps twice; Σ of the present areas over V for polygons.
+  Real fraction() const;
+
+ private:
+  /// Between the outer rims of vertices and edges of polygons.
+  Real rim_fraction() const;
+  void finish();
+  void find_moduli();
+  void find_modes();
+  void run_minimiser(const MinimiserOptions& options);
+  MinimiserOptions minimiser() const;
+  /// Of the forces, in ε/σ_avg.
+  Real tolerance(Real pressure) const;
+  std::span<Real> x() { return this->state().x(); }
+
+  const PackingOptions& p_;
+  Minimum<D> minimum_;
+  ContactNetwork<D> network_;
+  Moduli<D> moduli_;
+  std::vector<Real> frequencies_, participation_;  ///< [modes]
+  std::int64_t evaluations_ = 0;
+};
+
+extern template class PackingProtocol<2>;
+extern template class PackingProtocol<3>;
+
+}  // namespace pliant

@@ -1,0 +1,48 @@
+#include <pliant/scenarios/particles/options.h>
+
+namespace pliant {
+namespace {
+
+constexpr auto fixed = OnRestart::fixed;
+
+}  // namespace
+
+void bind_sizes(Options& options, SizeDistribution& sizes) {
+  options.bind(
+      "size_distribution", sizes.kind,
+      {.help = "distribution of diameters, mean 1", .choices = {"bidisperse", "normal", "mono"}, .on_restart = fixed});
+  options.bind(
+      "size_ratio", sizes.ratio,
+      {.help = "bidisperse: large diameter divided by small diameter", .min = 1, .max = 10, .on_restart = fixed});
+  options.bind("size_fraction", sizes.fraction,
+               {.help = "bidisperse: fraction of large particles by number", .min = 0, .max = 1, .on_restart = fixed});
+  options.bind("size_deviation", sizes.deviation,
+               {.help = "normal: standard deviation of the diameter",
+                .unit = "sigma_avg",
+                .min = 0,
+                .max = 0.3,
+                .cures = {Cure::equal_sizes},
+                .on_restart = fixed});
+}
+
+void bind_shape(Options& options, PolygonShape& shape) {
+  options.bind("n_vertices", shape.vertices,
+               {.help = "vertices of a deformable particle",
+                .min = 3,
+                .max = 10000,
+                .cures = {Cure::even_vertices, Cure::more_vertices},
+                .on_restart = fixed});
+  options.bind("shape_parameter", shape.shape_parameter,
+               {.help = "A0 = perimeter^2/(4 pi area) at rest; 0: regular polygon",
+                .min = 0,
+                .cures = {Cure::rounder_shape},
+                .on_restart = fixed});
+  options.bind("edge_width", shape.edge_width,
+               {.help = "smooth particles: width of an edge, divided by its rest length",
+                .min = 0,
+                .max = 1,
+                .min_open = true,
+                .on_restart = fixed});
+}
+
+}  // namespace pliant

@@ -1,0 +1,141 @@
+"""The scenarios pack and shear: known counts of contacts, paths, work, moduli, restart, refusals."""
+
+import subprocess
+
+import numpy as np
+import pytest
+from conftest import PROGRAM, Results, assert_same_runs, pliant
+
+
+def pack(folder, **options):
+    result = pliant("pack", output=folder, **{"n": 32, **options})
+    assert result.returncode == 0, result.stderr
+    return Results(folder)
+
+
+@pytest.mark.parametrize("options", [{}, {"seed": 2}, {"dim": 3}, {"dim": 3, "seed": 2, "size_distribution": "mono"},
+                                     {"path": "compress", "fraction": 0.8, "fraction_step": 5e-3}])
+def test_soft_packings_are_isostatic(options, tmp_path):
+    """Maxwell's count: one contact more than the coordinates of all particles but one."""
+    run = pack(tmp_path / "run", pressure=1e-6, **options)
+    s = run.summary
+    dim = options.get("dim", 2)
+    assert s["contacts"] == s["isostatic_contacts"] == dim * (s["backbone"] - 1) + 1
+    assert s["backbone"] + s["rattlers"] == 32
+    assert s["pressure"] == pytest.approx(1e-6, rel=1e-4) and s["max_force"] <= 1.1e-12
+    assert s["ended_by"] == "pressure" and 0.5 < s["fraction"] < 0.9
+    stress = run.series["stress"][-1]
+    diagonal = stress[[0, 2]] if dim == 2 else stress[[0, 3, 5]]
+    assert -diagonal.mean() == pytest.approx(s["pressure"])
+
+
+def test_pressures_and_boxes_of_a_decompression(tmp_path):
+    run = pack(tmp_path / "run", pressure=2e-4, steps_per_decade=2)
+    expected = [1e-2, 10**-2.5, 1e-3, 10**-3.5, 2e-4]
+    assert run.series["pressure"][1:] == pytest.approx(expected, rel=1e-4)
+    assert (np.diff(run.series["fraction"][1:]) < 0).all() and (np.diff(run.series["energy"][1:]) < 0).all()
+    for k, frame in enumerate(run.frames):
+        box = frame["box"]
+        assert box[1].prod() == pytest.approx(run.series["volume"][k], rel=1e-12) and (box[2] == 0).all()
+        assert ((frame["centres"] >= box[0]) & (frame["centres"] < box[0] + box[1])).all()
+    # dU = −p dV along the path, by the trapezoidal rule for small steps.
+    fine = pack(tmp_path / "fine", pressure=5e-3, steps_per_decade=40).series
+    work = -np.diff(fine["volume"][1:]) * (fine["pressure"][1:-1] + fine["pressure"][2:]) / 2
+    assert np.diff(fine["energy"][1:]) == pytest.approx(work, rel=5e-3)
+
+
+def test_quench(tmp_path):
+    loose = pack(tmp_path / "loose", path="quench", fraction=0.5).summary
+    assert loose["pressure"] < 1e-9 and loose["contacts"] == 0 and loose["rattlers"] == 32
+    dense = pack(tmp_path / "dense", path="quench", fraction=1).summary
+    assert dense["fraction"] == pytest.approx(1) and dense["pressure"] > 0.05 and dense["contacts"] > 64
+
+
+def test_polygons(tmp_path):
+    s = pack(tmp_path / "run", n=6, model="rough", n_vertices=10, pressure=1e-2, start_pressure=1e-2).summary
+    assert s["pressure"] == pytest.approx(1e-2, rel=1e-4) and s["rim_fraction"] > s["fraction"] > 0.4
+    assert s["touching_pairs"] > 6
+
+
+def test_moduli_and_modes(tmp_path):
+    """−V ∂p/∂V between two packings with the same contacts; translations are zero modes, the packing is stable."""
+    run = pack(tmp_path / "run", pressure=0.0098, start_pressure=0.01, moduli="yes", modes=64)
+    s = run.series
+    (v0, v1), (p0, p1) = s["volume"][1:], s["pressure"][1:]
+    slope = -(v0 + v1) / 2 * (p1 - p0) / (v1 - v0)
+    assert slope == pytest.approx(s["bulk_modulus"][1:].mean(), rel=1e-3)
+    assert (s["bulk_modulus"][1:] > s["shear_modulus"][1:]).all() and (s["shear_modulus"][1:] > 0).all()
+    modes = s["frequencies"][-1][:2 * int(s["backbone"][-1])]
+    assert (np.abs(modes[:2]) < 1e-4).all() and (modes[2:] > 1e-2).all() and np.isnan(s["bulk_modulus"][0])
+
+
+def test_restart_goes_on_with_the_same_bits(tmp_path):
+    whole = pack(tmp_path / "whole", pressure=1e-4, model="rough", n=4, n_vertices=8, start_pressure=1e-2)
+    part = tmp_path / "part"
+    pack(part, pressure=1e-3, model="rough", n=4, n_vertices=8, start_pressure=1e-2)
+    result = pliant("pack", restart=part, pressure=1e-4)
+    assert result.returncode == 0, result.stderr
+    assert_same_runs(whole, Results(part))
+
+
+def test_threads_change_nothing(tmp_path):
+    one, two = (pack(tmp_path / str(k), pressure=1e-3, n=300, threads=k).series for k in (1, 2))
+    assert all(np.array_equal(one[name], two[name], equal_nan=True) for name in one)
+
+
+@pytest.mark.parametrize("options, message", [
+    ({"pressure": 0}, "-pressure"), ({"pressure": -1}, "-pressure"), ({"pressure": "nan"}, "-pressure"),
+    ({"pressure": 1}, "-start_pressure"), ({"fraction": 0}, "-fraction"), ({"n": 0}, "-n"),
+    ({"model": "rough", "dim": 3}, "does not exist in 3D"), ({"n_vertices": 8}, "-n_vertices"),
+    ({"mu": 0.1}, "unknown option -mu"), ({"modes": 65}, "-modes 65"), ({"max_iterations": 3}, "has not converged")])
+def test_refusals(options, message, tmp_path):
+    result = pliant("pack", output=tmp_path / "run", **{"n": 32, **options})
+    assert result.returncode == (3 if "max_iterations" in options else 2) and message in result.stderr, result.stderr
+
+
+def shear(folder, **options):
+    result = pliant("shear", output=folder, **{"n": 32, "start_pressure": 1e-2, "pressure": 1e-2, **options})
+    assert result.returncode == 0, result.stderr
+    return Results(folder)
+
+
+@pytest.mark.parametrize("options", [{}, {"dim": 3}, {"model": "rough", "n": 6, "n_vertices": 8, "strain": 0.01}])
+def test_work_of_shear(options, tmp_path):
+    """dU = V σ_xy dγ at constant volume while no contacts change."""
+    run = shear(tmp_path / "run", **{"strain": 0.01, "strain_step": 2e-4, **options}).series
+    sheared = slice(1, None)
+    gamma, stress, energy = (run[name][sheared] for name in ("strain", "shear_stress", "energy"))
+    assert gamma == pytest.approx(np.arange(51) * 2e-4) and np.ptp(run["volume"][sheared]) < 1e-9
+    work = run["volume"][-1] * (stress[1:] + stress[:-1]) / 2 * np.diff(gamma)
+    error = np.abs(np.diff(energy) - work)
+    assert np.median(error / np.abs(work)) < 1e-3
+    assert run["stress"][sheared, 1] == pytest.approx(stress)
+
+
+def test_modulus_from_small_strains_is_that_of_linear_response(tmp_path):
+    """Stress against strain over a window of 4e-6, in which no contact changes."""
+    run = shear(tmp_path / "run", strain=4e-6, strain_step=2e-6, moduli="yes").series
+    slope = (run["shear_stress"][3] - run["shear_stress"][1]) / 4e-6
+    assert slope == pytest.approx(run["shear_modulus_xy"][2], rel=1e-5) and slope > 0.01
+
+
+def test_shear_at_constant_pressure_and_beyond_the_box(tmp_path):
+    run = shear(tmp_path / "run", n=16, control="pressure", strain=1.3, strain_step=0.02)
+    assert run.series["pressure"][1:] == pytest.approx(1e-2, rel=1e-3)
+    assert run.frames[-1]["box"][2, 0] / run.frames[-1]["box"][1, 1] == pytest.approx(1.3)
+    assert run.summary["strain"] == pytest.approx(1.3) and run.summary["ended_by"] == "strain"
+
+
+def test_restart_of_shear_to_a_larger_strain(tmp_path):
+    whole = shear(tmp_path / "whole", strain=0.02, strain_step=2e-3)
+    shear(tmp_path / "part", strain=0.01, strain_step=2e-3)
+    result = pliant("shear", restart=tmp_path / "part", strain=0.02)
+    assert result.returncode == 0, result.stderr
+    assert_same_runs(whole, Results(tmp_path / "part"))
+
+
+@pytest.mark.ranks
+def test_ranks_are_refused(tmp_path):
+    result = subprocess.run(["mpiexec", "--oversubscribe", "-n", "2", PROGRAM, "pack", "-output", tmp_path / "run"],
+                            encoding="utf-8", capture_output=True)
+    assert result.returncode != 0 and "start the program without mpiexec" in result.stderr
