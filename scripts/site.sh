@@ -26,7 +26,7 @@ mkdir -p "$source"
 PLIANT_VERSION=$(sed -n 's/^project(pliant VERSION \([0-9.]*\).*/\1/p' "$root/CMakeLists.txt")
 export PLIANT_VERSION PLIANT_DOXYGEN_XML=$site/doxygen/xml
 cp -r "$root"/*.md "$root"/{LICENSE,CITATION.cff,docs,examples} "$source"
-(cd "$root" && find src -name README.md -exec cp --parents {} "$source" \;)
+(cd "$root" && find src \( -name README.md -o -path src/model/term.h \) -exec cp --parents {} "$source" \;)
 mv "$source"/docs/site/{python,cpp}.rst "$source"
 say "Reading the headers with doxygen"
 mkdir -p "$site/doxygen"
