@@ -9,8 +9,6 @@
 namespace pliant {
 namespace {
 
-constexpr auto fixed = OnRestart::fixed;
-
 std::vector<ModelDefinition> models() {
   std::vector<ModelDefinition> all;
   for (const ModelKind kind : {ModelKind::sp, ModelKind::rough, ModelKind::smooth})
@@ -31,6 +29,7 @@ PackingOptions::PackingOptions() : model(models()) {
 }
 
 void PackingOptions::bind_particles(Options& o) {
+  constexpr auto fixed = OnRestart::fixed;
   o.explain_units({{"sigma_avg", "sigma_avg, the mean diameter, is the unit of length: leave it out"},
                    {"sigma", "sigma_avg, the mean diameter, is the unit of length: leave it out"},
                    {"eps", "eps is the unit of energy, in which contact energies are given: leave it out"}});
@@ -50,6 +49,7 @@ void PackingOptions::bind_particles(Options& o) {
 }
 
 void PackingOptions::bind_minimisation(Options& o) {
+  constexpr auto fixed = OnRestart::fixed;
   o.group("Minimisation");
   o.bind("force_tolerance", force_tolerance,
          {.help = "largest force at a minimum, divided by the pressure times sigma_avg^(d-1)",
@@ -62,6 +62,7 @@ void PackingOptions::bind_minimisation(Options& o) {
 }
 
 void PackingOptions::bind_analysis(Options& o) {
+  constexpr auto fixed = OnRestart::fixed;
   o.group("Analysis");
   o.bind("contact_threshold", contact_threshold,
          {.help = "smallest force of a contact that counts, divided by the typical force",
@@ -98,6 +99,7 @@ void PackingOptions::refuse_unread(const Options& options) const {
 }
 
 void PackOptions::bind_path(Options& o) {
+  constexpr auto fixed = OnRestart::fixed;
   bind_particles(o);
   o.group("Packing");
   o.bind(
@@ -166,6 +168,7 @@ std::vector<Real> PackOptions::pressures() const {
 ShearOptions::ShearOptions() { pressure = 1e-3; }
 
 void ShearOptions::bind(Options& o) {
+  constexpr auto fixed = OnRestart::fixed;
   bind_path(o);
   o.group("Shear");
   o.bind("strain_step", strain_step,

@@ -1,13 +1,9 @@
 #include <pliant/scenarios/particles/options.h>
 
 namespace pliant {
-namespace {
-
-constexpr auto fixed = OnRestart::fixed;
-
-}  // namespace
 
 void bind_sizes(Options& options, SizeDistribution& sizes) {
+  constexpr auto fixed = OnRestart::fixed;
   options.bind(
       "size_distribution", sizes.kind,
       {.help = "distribution of diameters, mean 1", .choices = {"bidisperse", "normal", "mono"}, .on_restart = fixed});
@@ -26,6 +22,7 @@ void bind_sizes(Options& options, SizeDistribution& sizes) {
 }
 
 void bind_shape(Options& options, PolygonShape& shape) {
+  constexpr auto fixed = OnRestart::fixed;
   options.bind("n_vertices", shape.vertices,
                {.help = "vertices of a deformable particle",
                 .min = 3,
