@@ -99,9 +99,10 @@ def shown(value, factor=1):
     have 3 or 4 digits."""
     if np.isnan(value.value):
         return "–"
-    if "lies outside the values of" in value.note:
+    of_lambda_c = value.row is not None and "lambda_c" in value.row["quantity"]  # other rows have its remark, too
+    if of_lambda_c and "lies outside the values of" in value.note:
         return "outside the range of λ"
-    if known := re.search(r"known to within a factor of ([\d.]+)", value.note):
+    if of_lambda_c and (known := re.search(r"known to within a factor of ([\d.]+)", value.note)):
         return f"{_digits(value.value, 1)} within a factor of {known[1]}" if float(known[1]) < 100 else "unknown"
     number, error = factor * value.value, factor * value.error
     if error > 0:

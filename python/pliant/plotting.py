@@ -318,6 +318,8 @@ def model_name(run):
 def time_label(run, frame, digits=None):
     """'$t = 12.5 t0$'; `digits` after the point, for a row of frames."""
     digits = digits if digits is not None else max(0, 3 - len(f"{abs(frame.time):.0f}"))
+    if run.scenario in ("pack", "shear"):
+        return f"packing {frame.time:.0f}"
     return rf"$t = {frame.time:.{digits}f}\ {time_unit(run)}$"
 
 

@@ -1,4 +1,4 @@
-// How wide the margin of the neighbour lists should be.
+// How wide the skin of the neighbour lists should be.
 #pragma once
 
 #include <algorithm>

@@ -254,7 +254,7 @@ void ParticleSystem<D>::check_lengths() const {
     if (box_.length()[k] < least)
       throw InputError(
           "the periodic box has the length {:g} in direction {}, but contacts with a history need at least {:.3g}: "
-          "twice the largest diameter and the margin of the neighbour lists",
+          "twice the largest diameter and the skin of the neighbour lists",
           box_.length()[k], k, least);
 }
 
