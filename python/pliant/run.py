@@ -31,6 +31,28 @@ def _plain(value):
     return value.item() if isinstance(value, np.generic) else value
 
 
+class Measured(tuple):
+    """(value, error) of a measured quantity. no_error: why the error is NaN, as far as the run says so; else None."""
+
+    no_error: str | None
+
+    def __new__(cls, value, error, no_error=None):
+        self = super().__new__(cls, (value, error))
+        self.no_error = no_error
+        return self
+
+    @property
+    def value(self):
+        return self[0]
+
+    @property
+    def error(self):
+        return self[1]
+
+    def __repr__(self):
+        return f"({self[0]!r}, {self[1]!r})" + (f" (no error: {self.no_error})" if self.no_error else "")
+
+
 class _read_once:  # noqa: N801 - used as a decorator
     """A value that is read from the file at the first access; RunError after the run is closed."""
 
@@ -525,14 +547,15 @@ class Run:
 
     def measured(self, name):
         """(value, error) of a quantity in summary.json; NaN if it is unknown, or belongs to another kind of run (QUANTITIES).
-        RunError for a name that no summary has, and for a value that is not a number."""
+        Where averages have no error, the attribute no_error of the result has the reason. RunError for a name that no summary has, and for a value that is not a number."""
         if self.summary and name not in self.summary and name not in QUANTITIES:
             raise RunError(f"{self.path}: there is no quantity '{name}' in summary.json; {_suggestion(name, self.summary)}")
         entry = self.summary.get(name)
         if not isinstance(entry, dict):
             entry = {"value": entry}
         try:
-            return tuple(float("nan") if entry.get(k) is None else float(entry[k]) for k in ("value", "error"))
+            return Measured(*(float("nan") if entry.get(k) is None else float(entry[k]) for k in ("value", "error")),
+                            entry.get("no_error"))
         except (TypeError, ValueError):
             raise RunError(f"{self.path}: '{name}' in summary.json is not a number; read run.summary['{name}']") from None
 

@@ -331,3 +331,19 @@ def test_the_types_are_clean_for_mypy(tmp_path):
                               encoding="utf-8", env=dict(os.environ, MYPYPATH=str(ROOT / "python"))).stdout
     assert check(good).startswith("Success")
     assert "Found 2 errors" in check(bad) or "Found 1 error" in check(bad)
+
+
+def test_an_average_without_error_has_a_reason(small, tmp_path):
+    run = pliant.hopper(**dict(small, t_end=0.5), output=tmp_path / "run", quiet=True)
+    value, error = run.measured("Q")
+    assert np.isnan(error) and run.measured("Q").no_error == "nothing has crossed" and "(no error: nothing" in repr(run.measured("Q"))
+    assert run.measured("Q").value == value and run.measured("steady_start").no_error is None
+
+
+def test_a_default_may_be_repeated(tmp_path):
+    """A distribution that radii replace is refused, unless it is the default."""
+    options = dict(geometry="straight", channel_width=4, channel_arm=7, radii=[0.5, 0.6], counts=[1, 1], area_fraction=0.2,
+                   pushes=1, stroke=0.01, quiet=True)
+    pliant.channel(**options, distribution="T4", output=tmp_path / "run")
+    with pytest.raises(pliant.InputError, match="-distribution with -radii"):
+        pliant.channel(**options, distribution="T1", output=tmp_path / "other")

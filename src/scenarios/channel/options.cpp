@@ -256,7 +256,7 @@ void ChannelOptions::refuse_unread(const Options& o) const {
   };
   if (!outline.empty())
     for (const char* name : {"geometry", "channel_width", "channel_arm"}) refuse(name, "outline");
-  if (!radii.empty()) refuse("distribution", "radii");
+  if (!radii.empty() && distribution != ChannelOptions().distribution) refuse("distribution", "radii");
   if (!shape_outline.empty())
     for (const char* name : {"shape", "aspect"}) refuse(name, "shape_outline");
   const auto refuse_all = [&](std::initializer_list<const char*> names, const char* why) {

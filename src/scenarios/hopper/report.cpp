@@ -64,24 +64,28 @@ void warn_of_overlap(const HopperEnd& end, const Series& series) {
          end.wall_overlap, end.options.model.option(Role::wall_energy), end.options.model.value(Role::wall_energy));
 }
 
-void print(const HopperEnd& end, const nlohmann::ordered_json& measured) {
+/// Why averages of the run have no error.
+std::string reason_without_error(const HopperEnd& end, const nlohmann::ordered_json& measured) {
   const bool few = measured.contains("steady_samples") && measured["steady_samples"] <= BlockAverage::least_samples;
   const bool drifts = measured.contains("steady") && !measured["steady"] &&
                       std::string(measured["steady_explanation"]).starts_with("not steady");
-  const std::string no_error =
-      measured.contains("passing_overlap") ? "no error: particles passed through each other or a wall"
-      : end.ended_as("clogged")            ? "clogged"
-      : end.ended_as("at_rest")            ? "at rest"
-      : measured.contains("Q") && measured["Q"]["value"] == 0 ? "no error: nothing has crossed"
-      : drifts                                                ? "no error: the flow is not steady"
-      : few ? fmt::format("no error: fewer than {} steady samples", BlockAverage::least_samples)
-            : "no error: its correlations are too long for the run";
+  if (measured.contains("passing_overlap")) return "particles passed through each other or a wall";
+  if (end.rests()) return end.ended_as("clogged") ? "clogged" : "at rest";
+  if (measured.contains("Q") && measured["Q"]["value"] == 0) return "nothing has crossed";
+  if (drifts) return "the flow is not steady";
+  if (few) return fmt::format("fewer than {} steady samples", BlockAverage::least_samples);
+  return "its correlations are too long for the run";
+}
+
+void print(const HopperEnd& end, const nlohmann::ordered_json& measured) {
   const auto print = [&](const char* name, const char* text, const char* scope = "") {
     if (!measured.contains(name) || measured[name]["value"].is_null()) return;
     const Real value = measured[name]["value"];
     const std::string unit = measured[name]["unit"], space = unit.empty() ? "" : " ";
     if (measured[name]["error"].is_null())
-      say("{} = {:.3g}{}{} ({})\n", text, value, space, unit, no_error);
+      say("{} = {:.3g}{}{} ({}{})\n", text, value, space, unit,
+          end.rests() && !measured.contains("passing_overlap") ? "" : "no error: ",
+          std::string(measured[name]["no_error"]));
     else
       say("{} = {:.5g} ± {:.2g}{}{}{}\n", text, value, Real(measured[name]["error"]), space, unit, scope);
   };
@@ -116,6 +120,10 @@ void report_hopper(const HopperEnd& end, const Series& series, nlohmann::ordered
     for (auto& [name, value] : measured.items())
       if (value.is_object() && value.contains("error")) value["error"] = nullptr;
   }
+  for (const char* name : {"Q", "Q_corrected", "orifice_density", "bulk_fraction", "contacts_per_particle",
+                           "top_height", "max_overlap", "drag_friction_ratio", "orifice_velocity"})
+    if (measured.contains(name) && measured[name]["error"].is_null())
+      measured[name]["no_error"] = reason_without_error(end, measured);
   for (const auto& [name, value] : measured.items()) summary[name] = value;
   print(end, measured);
   if (p.deformable()) report_self_crossings(end, series, summary);
