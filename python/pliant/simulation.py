@@ -12,6 +12,7 @@ about 1 they equal the units of the program, and the defaults of the parameters 
 from __future__ import annotations
 
 import functools
+import json
 import numbers
 import os
 from collections.abc import Callable, Iterable, Sequence
@@ -80,6 +81,26 @@ def _integer(value, name):
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Integral):
         raise InputError(f"{name}: {value!r} is not an integer")
     return int(value)
+
+
+def _intervals(frames, samples, checkpoints):
+    return core.OutputIntervals(_optional(frames, "frame_interval"), _optional(samples, "sample_interval"),
+                                _optional(checkpoints, "checkpoint_interval"))
+
+
+def _options_of(words):
+    """The options in arguments of a command line, as arguments() makes them."""
+    options, name = {}, None
+    for word in words:
+        if word[:1] == "-" and word[1:2].isalpha():
+            name = word[1:]
+            options[name] = True
+        else:
+            try:
+                options[name] = json.loads(word)
+            except ValueError:
+                options[name] = word
+    return options
 
 
 def _motion(motion):
@@ -259,6 +280,8 @@ class Simulation:
     output: folder of a run (run.h5, run.xdmf, summary.json), which Run, pliant-report and ParaView read. frame_interval and
     sample_interval: times between frames and between samples (energies); without them write_frame() and write_sample() write
     them. The first and the last state (of close()) are always written. Particles can then neither be added nor removed.
+    checkpoint_interval: wall seconds between checkpoints (300), from which Simulation.restart(folder) continues; save() and
+    close() write checkpoints, too.
 
     Errors: InputError for arguments, also where particles overlap so that a force has no direction; NumericalError in runs,
     after which the simulation keeps the state of the failure.
@@ -270,7 +293,7 @@ class Simulation:
                  walls: Walls | Container | None = None, box: Box | Sequence[float] | None = None,
                  gravity: Sequence[float] | None = None, model: str | None = None, integrator: str = "verlet",
                  output: str | os.PathLike | None = None, frame_interval: float | None = None,
-                 sample_interval: float | None = None, **options: Any):
+                 sample_interval: float | None = None, checkpoint_interval: float | None = None, **options: Any):
         if (positions is None) == (polygons is None):
             raise InputError("give positions and diameters, or polygons")
         self._model = model if model is not None else "sp" if polygons is None else "rough"
@@ -299,11 +322,34 @@ class Simulation:
         self._core = core.Simulation(self._dim, particles, walls._core, box.origin if box else [],
                                      box.lengths if box else [], weight, arguments(self._options))
         if output is not None:
-            self._core.open_output(os.fspath(output), _optional(frame_interval, "frame_interval"),
-                                   _optional(sample_interval, "sample_interval"))
-        elif frame_interval is not None or sample_interval is not None:
+            self._core.open_output(os.fspath(output), _intervals(frame_interval, sample_interval, checkpoint_interval))
+        elif (frame_interval, sample_interval, checkpoint_interval) != (None, None, None):
             self._core.close()
-            raise InputError("frame_interval and sample_interval need output, the folder of the run; give it, too")
+            raise InputError("frame_interval, sample_interval and checkpoint_interval need output, the folder of the run; "
+                             "give it, too")
+
+    @classmethod
+    def restart(cls, folder: str | os.PathLike, *, frame_interval: float | None = None,
+                sample_interval: float | None = None, checkpoint_interval: float | None = None) -> Simulation:
+        """The simulation of the folder `output` as it was at its last checkpoint; it continues in this folder.
+
+        The checkpoint has particles, contact histories, walls with their motions, parameters (also those of set()), and the
+        state of the integrator; with velocity Verlet the motion is the same, bit for bit, as without the restart. Callbacks
+        and the force function belong to the program: give them again. Frames and samples after the checkpoint are dropped.
+        Intervals may be given anew. Errors: InputError if the folder has no checkpoint of a Simulation, FolderInUseError.
+        """
+        self = cls.__new__(cls)
+        self._core = core.restart_simulation(os.fspath(folder),
+                                             _intervals(frame_interval, sample_interval, checkpoint_interval))
+        description = json.loads(self._core.description())
+        self._dim = description["dim"]
+        self._options = _options_of(description["arguments"])
+        self._model = self._options["model"]
+        box = description["box"]
+        self._box = None if box is None else Box(box["lengths"], [value or 0.0 for value in box["origin"]])
+        self._callbacks = []
+        self.force = None
+        return self
 
     def __repr__(self):
         if self.closed:
@@ -355,14 +401,19 @@ class Simulation:
 
     # --- Motion
 
-    def run(self, t: float, callback: Callable[[Simulation], Any] | None = None, every: float | None = None) -> None:
-        """Runs for the time t; with verlet, for the nearest number of steps.
+    def run(self, t: float | None = None, callback: Callable[[Simulation], Any] | None = None, every: float | None = None,
+            until: float | None = None) -> None:
+        """Runs for the time t, or until a time; with verlet, for the nearest number of steps.
 
         callback(self) is called after every accepted step, or once per interval `every`, at the first step that ends at or
         after each multiple of it. It may change the arrays, call set, move_wall, add, remove and stop, and read everything.
         Its exceptions end the run and arrive here; so does KeyboardInterrupt. The state is then that of the last step.
         """
-        self._run(_number(t, "t"), -1, callback, every)
+        if (t is None) == (until is None):
+            raise InputError("give run() either the time t that it lasts, or until, the time of its end")
+        if until is not None and not _number(until, "until") > self.t:
+            raise InputError(f"run(until={until:g}): the simulation is at t = {self.t:g} already; give a later time")
+        self._run(_number(t, "t") if until is None else until - self.t, -1, callback, every)
 
     def step(self, n: int = 1, callback: Callable[[Simulation], Any] | None = None) -> None:
         """Takes n steps."""
@@ -452,6 +503,10 @@ class Simulation:
         """The folder of the run."""
         return self._core.output
 
+    def save(self) -> None:
+        """Writes a checkpoint of the present state, from which restart() continues; in a callback, after the step."""
+        self._core.save()
+
     def write_frame(self) -> None:
         """Writes a frame of the present state to run.h5; also in callbacks."""
         self._core.write_frame()
@@ -461,8 +516,8 @@ class Simulation:
         self._core.write_sample()
 
     def close(self) -> None:
-        """Writes the last frame and summary.json if there is an output folder, and frees the engine's memory; arrays that
-        Python holds stay. Later uses raise UsageError."""
+        """Writes a checkpoint, the last frame and summary.json if there is an output folder, and frees the engine's memory;
+        arrays that Python holds stay. Later uses raise UsageError."""
         self._core.close()
 
     @property
@@ -628,6 +683,15 @@ class Simulation:
         return Particles(self.centres, radii=topology["sigma"] / 2, velocities=self.centre_velocities, masses=self.masses,
                          volumes=areas, box=None if self._box is None else [self._box.origin, self._box.lengths], time=self.t,
                          **contact_arrays(self.contacts, self._dim))
+
+    def draw(self, color: str = "speed", axes: Any = None) -> Any:
+        """Draws particles and walls now, as Run.draw draws a frame: coloured by speed, contacts, size, area or shape, on
+        `axes`, by default of a new figure of matplotlib. Returns the axes. Errors: RunError."""
+        from .plotting import draw_frame
+        from .simulation_view import SimulationFrame, SimulationRun
+        box = None if self._box is None else np.array([self._box.origin, self._box.lengths])
+        run = SimulationRun(self, self._model, self._core.topology(), self._core.walls(), box)
+        return draw_frame(run, SimulationFrame(self, run), color, axes)
 
     @property
     def wall_forces(self) -> np.ndarray:

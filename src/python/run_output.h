@@ -1,35 +1,76 @@
 // The run folder of a simulation that Python drives.
 #pragma once
 
+#include <chrono>
+#include <cstdint>
 #include <filesystem>
+#include <functional>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include <pliant/base/options.h>
+#include <pliant/io/checkpoint.h>
 #include <pliant/io/folder_lock.h>
 #include <pliant/io/run_writer.h>
+#include <pliant/run/archive.h>
 #include <pliant/run/schedule.h>
 #include <pliant/run/simulation.h>
 
 namespace pliant::python {
 
-/// run.h5 with frames and series, run.xdmf and summary.json, as of scenarios; no checkpoints. Errors of all members:
+/// Times between frames and between samples, none: on request only; and wall seconds between checkpoints.
+struct OutputIntervals {
+  std::optional<Real> frames, samples;
+  Real checkpoints = 300;
+  /// Errors: InputError.
+  void check() const;
+};
+
+/// Where particles are: walls are drawn as long as this region.
+template <int D>
+struct Region {
+  explicit Region(const Simulation<D>& simulation);
+  Region() = default;
+  /// x1 y1 x2 y2 of each wall at time t.
+  std::vector<Real> drawn(const Walls<D>& walls, Real t) const;
+
+  Vec<D> middle = Vec<D>::Zero();
+  Real extent = 0;  ///< half of the largest side, and some diameters
+};
+
+/// [walls] radius of disks; 0: segments and half-spaces.
+template <int D>
+std::vector<Real> wall_radii(const Walls<D>& walls);
+
+/// run.h5 with frames and series, run.xdmf, summary.json and checkpoints, as of scenarios. Errors of all members:
 /// OutputError.
 template <int D>
 class RunOutput {
  public:
-  /// Creates the folder, with a frame and a sample of the present state. Intervals: times between frames and between
-  /// samples; none: frames and samples on request only. all: the particles by id, which may not change. Errors:
-  /// InputError for a folder that holds a run, FolderInUse.
-  RunOutput(const std::filesystem::path& folder, std::optional<Real> frame_interval,
-            std::optional<Real> sample_interval, const Topology& all, const std::string& model, const Options& options,
-            Simulation<D>& simulation);
+  /// Creates the folder, with a frame and a sample of the present state. all: the particles by id, which may not
+  /// change. Errors: InputError for a folder that holds a run, FolderInUse.
+  RunOutput(const std::filesystem::path& folder, const OutputIntervals& intervals, const Topology& all,
+            const std::string& model, const Options& options, Simulation<D>& simulation);
+  /// For a simulation that is restored from a checkpoint: visit() reads it, go_on() opens the folder, whose lock this
+  /// is.
+  RunOutput(FolderLock lock, const OutputIntervals& intervals, std::string model);
+  void go_on(const std::filesystem::path& checkpoint, const Topology& all);
 
   /// After an accepted step: writes a frame and a sample if they are due.
   void follow(Simulation<D>& simulation);
   void write_frame(Simulation<D>& simulation);
   void write_sample(Simulation<D>& simulation);
+  bool save_due() const;
+  /// The next chance to save is to be used.
+  void ask_save() { save_asked_ = true; }
+  bool save_asked() const { return save_asked_; }
+  /// A checkpoint. visit(archive): writes all quantities to it; text: by name.
+  void save(const State& state, const std::map<std::string, std::string>& texts,
+            const std::function<void(Archive&)>& visit);
+  /// All quantities of the output that a checkpoint needs.
+  void visit(Archive& archive);
   /// The last frame and sample, and summary.json. failure: the message of a run that failed, or empty.
   void finish(const Options& options, std::int64_t force_evaluations, const std::string& failure,
               Simulation<D>& simulation);
@@ -39,20 +80,23 @@ class RunOutput {
   const std::filesystem::path& folder() const { return writer_->folder(); }
 
  private:
-  /// x1 y1 x2 y2 of each wall; walls without end as long as the particles' region.
-  std::vector<Real> drawn_walls(const Walls<D>& walls, Real t) const;
-
   int process_;
   FolderLock lock_;
   std::optional<RunWriter> writer_;
+  std::optional<CheckpointWriter> checkpoints_;
   std::optional<Schedule> framing_, sampling_;
+  std::chrono::duration<Real> between_saves_;
+  std::chrono::steady_clock::time_point last_save_ = std::chrono::steady_clock::now();
+  bool save_asked_ = false;
   std::string model_;
-  Vec<D> middle_;  ///< of the region of the particles at the start
-  Real extent_;    ///< half of its largest side, and some diameters
+  Region<D> region_;  ///< at the start
   std::vector<Real> first_walls_;
   Real last_frame_ = -1, last_sample_ = -1;  ///< times
+  std::int64_t restored_samples_ = 0, restored_frames_ = 0;
 };
 
+extern template struct Region<2>;
+extern template struct Region<3>;
 extern template class RunOutput<2>;
 extern template class RunOutput<3>;
 

@@ -17,6 +17,7 @@ std::vector<ModelDefinition> models_with_inertia() {
 Settings::Settings() : model(models_with_inertia()) { bind(); }
 
 Settings::Settings(const std::vector<std::string>& arguments) : Settings() {
+  arguments_ = arguments;
   options.parse(arguments);
   model.refuse_unread(options);
 }

@@ -24,6 +24,7 @@ class Settings {
   Settings& operator=(const Settings&) = delete;
 
   void restore() { options.reset(); }
+  const std::vector<std::string>& arguments() const { return arguments_; }
   nlohmann::ordered_json table() const { return options.table(); }
 
   Options options;
@@ -37,6 +38,7 @@ class Settings {
 
  private:
   void bind();
+  std::vector<std::string> arguments_;
 };
 
 }  // namespace pliant::python

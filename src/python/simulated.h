@@ -7,6 +7,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <pliant/python/changeable_field.h>
@@ -14,8 +15,10 @@
 #include <pliant/python/run_output.h>
 #include <pliant/python/settings.h>
 #include <pliant/python/simulation.h>
+#include <pliant/python/wall_record.h>
 #include <pliant/python/walls.h>
 #include <pliant/run/crossing_watch.h>
+#include <pliant/run/motion_archive.h>
 #include <pliant/run/simulation.h>
 
 namespace pliant::python {
@@ -36,6 +39,9 @@ class Simulated final : public AnySimulation {
  public:
   Simulated(const ParticleArrays& particles, const AnyWalls& walls, const Box<D>& box, const Vec<D>& weight,
             const std::vector<std::string>& arguments);
+  /// Goes on from a checkpoint, whose text of this name is the description. lock: of its folder. Errors: InputError.
+  Simulated(const Checkpoint& checkpoint, const nlohmann::json& description, const OutputIntervals& intervals,
+            FolderLock lock);
   ~Simulated() override;
   Simulated(const Simulated&) = delete;
   Simulated& operator=(const Simulated&) = delete;
@@ -70,10 +76,11 @@ class Simulated final : public AnySimulation {
   py::dict walls() override;
   py::tuple hessian() override;
 
-  void open_output(const std::string& folder, std::optional<Real> frame_interval,
-                   std::optional<Real> sample_interval) override;
+  void open_output(const std::string& folder, const OutputIntervals& intervals) override;
   void write_frame() override;
   void write_sample() override;
+  void save() override;
+  std::string description() const override;
   std::optional<std::string> output() const override {
     return output_ ? std::optional(output_->folder().string()) : std::nullopt;
   }
@@ -110,16 +117,27 @@ class Simulated final : public AnySimulation {
   }
 
   void end_output();
+  /// changed: the state, by a callback after the step.
+  void write_checkpoint(bool changed);
+  void visit(Archive& archive, MotionNumbers& numbers);
+  /// The integrator starts afresh.
+  void mark_changed() {
+    simulation_->changed();
+    fresh_ = true;
+  }
   bool deformable() const { return simulation_->topology().deformable(); }
   bool rotates() const { return field_->rotates(); }
 
   // --- Construction
 
   std::unique_ptr<ForceField<D>> make_field(Settings& settings) const;
+  /// The engine's simulation of these particles, which have no places yet, and its forces.
+  std::pair<std::unique_ptr<Simulation<D>>, ChangeableField<D>*> make_engine(Topology all, const Walls<D>& walls) const;
   /// A simulation of these particles at a time, in place of the present one.
   void build(ParticleTable all, const Walls<D>& walls, Real t, std::int64_t step);
   /// Errors: InputError where a force has no direction, or particles are inside each other.
   void check_start();
+  Topology topology_by_id() const;
   /// All data by id, of the present particles.
   ParticleTable collect();
   /// A simulation of the particles that change() leaves, in place of the present one. kept: indices of the particles
@@ -139,7 +157,8 @@ class Simulated final : public AnySimulation {
   }
   /// Errors: InputError for a fixed step that is unstable, and without any by which to choose it.
   static Real check_step(const Settings& settings, const CriticalStep& critical);
-  void set_integrator();
+  /// next: length of the next step, where it does not follow from the settings.
+  void set_integrator(std::optional<Real> next = {});
   /// PETSc's options may belong to another simulation.
   void prepare();
   /// Errors: NumericalError for a particle within a wall, and where steps are fixed for one that goes so far in a step
@@ -176,14 +195,19 @@ class Simulated final : public AnySimulation {
 
   Box<D> box_;
   Vec<D> weight_;
+  WallRecord<D> wall_record_;
   std::unique_ptr<Settings> settings_;
   std::unique_ptr<Simulation<D>> simulation_;
   ChangeableField<D>* field_ = nullptr;
   std::unique_ptr<RunOutput<D>> output_;
   std::string failed_;  ///< message of a run that failed
   CrossingWatch outlines_;
-  Real critical_ = 0;                   ///< longest stable step
-  std::int64_t force_evaluations_ = 0;  ///< of earlier integrators
+  Real critical_ = 0;                 ///< longest stable step
+  IntegratorStatistics before_;       ///< of earlier integrators
+  std::int64_t rebuilds_before_ = 0;  ///< of lists, before a restart
+  Real last_dt_ = 0;                  ///< before a restart
+  bool fresh_ = true;                 ///< nothing that the integrator carries belongs to the state
+  bool function_acts_ = false;        ///< the numbers that the integrator carries include a force function
 
   std::vector<Index> offset_{0};  ///< [N + 1] first point of each particle in arrays
   std::vector<Index> ids_;        ///< [N] that Python sees

@@ -32,8 +32,8 @@ py::dict Simulated<D>::counters() const {
   py::dict d;
   d["integrator"] = simulation().integrator().name();
   d["dt_critical"] = critical_;
-  d["force_evaluations"] = force_evaluations_ + s.force_evaluations;
-  d["list_rebuilds"] = simulation().particles().neighbours().rebuilds();
+  d["force_evaluations"] = before_.force_evaluations + s.force_evaluations;
+  d["list_rebuilds"] = rebuilds_before_ + simulation().particles().neighbours().rebuilds();
   d["skin"] = simulation().particles().neighbours().skin();
   return d;
 }
@@ -136,7 +136,7 @@ void Simulated<D>::take_changes() {
     check_finite(given, columns(k), names[k]);
     scatter(topology, given.data(), columns(k), numbers(k));
     changed_ = true;
-    if (running_ == nullptr) simulation_->changed();
+    if (running_ == nullptr) mark_changed();
   }
 }
 

@@ -16,6 +16,7 @@ Simulated<D>::Simulated(const ParticleArrays& particles, const AnyWalls& walls, 
                         const std::vector<std::string>& arguments)
     : box_(box), weight_(weight), settings_(std::make_unique<Settings>(arguments)) {
   if (walls.dim() != D) throw InputError("the walls are {}D, but the particles are {}D", walls.dim(), D);
+  wall_record_ = WallRecord<D>(walls.parts(), walls.get<D>());
   ParticleTable all;
   append_particles<D>(all, particles);
   build(std::move(all), walls.get<D>(), 0, 0);
@@ -41,24 +42,30 @@ std::unique_ptr<ForceField<D>> Simulated<D>::make_field(Settings& settings) cons
 }
 
 template <int D>
-void Simulated<D>::build(ParticleTable all, const Walls<D>& walls, Real t, std::int64_t step) {
-  const auto n = static_cast<std::size_t>(all.topology.particles());
+std::pair<std::unique_ptr<Simulation<D>>, ChangeableField<D>*> Simulated<D>::make_engine(Topology all,
+                                                                                         const Walls<D>& walls) const {
+  const auto n = static_cast<Real>(all.particles());
+  if (all.deformable() != settings_->model.deformable())
+    throw InputError("model {} is for {}, but the particles are {}", settings_->model.name,
+                     settings_->model.deformable() ? "polygons" : "disks and spheres",
+                     all.deformable() ? "polygons" : "disks or spheres");
   auto field = std::make_unique<ChangeableField<D>>(make_field(*settings_));
   ChangeableField<D>* const changeable = field.get();
   Real width = 0;
-  for (const Real sigma : all.topology.sigma) width += sigma / static_cast<Real>(n);
+  for (const Real sigma : all.sigma) width += sigma / n;
   const ModelKind kind = settings_->model.particles();
-  if (all.topology.deformable() != settings_->model.deformable())
-    throw InputError("model {} is for {}, but the particles are {}", settings_->model.name,
-                     settings_->model.deformable() ? "polygons" : "disks and spheres",
-                     all.topology.deformable() ? "polygons" : "disks or spheres");
   ParticleSystem<D> system({}, walls, std::move(field), settings_->skin.value_or(usual_skin(kind, D) * width), Ranks(),
                            box_);
   if (!settings_->skin) system.tune_skin();
+  const Sorting sorting = settings_->method == Method::verlet ? Sorting::regularly : Sorting::at_start;
+  return {std::make_unique<Simulation<D>>(std::move(all), std::move(system), sorting), changeable};
+}
+
+template <int D>
+void Simulated<D>::build(ParticleTable all, const Walls<D>& walls, Real t, std::int64_t step) {
+  const auto n = static_cast<std::size_t>(all.topology.particles());
   const std::vector<Index> offset = all.topology.offset;
-  auto next =
-      std::make_unique<Simulation<D>>(std::move(all.topology), std::move(system),
-                                      settings_->method == Method::verlet ? Sorting::regularly : Sorting::at_start);
+  auto [next, changeable] = make_engine(std::move(all.topology), walls);
   next->state().t = t;
   next->place(all.x);
   // place() makes a state at rest, at time 0.
@@ -112,14 +119,21 @@ void Simulated<D>::check_start() {
 }
 
 template <int D>
+Topology Simulated<D>::topology_by_id() const {
+  const Topology& topology = simulation_->topology();
+  std::vector<Index> order(ids_.size());
+  for (std::size_t m = 0; m < order.size(); ++m)
+    order[static_cast<std::size_t>(topology.id[m])] = static_cast<Index>(m);
+  return topology.select(order);
+}
+
+template <int D>
 ParticleTable Simulated<D>::collect() {
   ParticleTable all;
   const Topology& topology = simulation_->topology();
   State& state = simulation_->state();
   const std::size_t n = ids_.size(), points = rows(0);
-  std::vector<Index> order(n);
-  for (std::size_t m = 0; m < n; ++m) order[static_cast<std::size_t>(topology.id[m])] = static_cast<Index>(m);
-  all.topology = topology.select(order);
+  all.topology = topology_by_id();
   all.x.resize(points * D), all.v.resize(points * D);
   all.angles.resize(points * rotations<D>), all.spins.resize(points * rotations<D>);
   gather(topology, state.x().data(), D, all.x.data());
@@ -159,7 +173,8 @@ void Simulated<D>::rebuild(const std::function<void(ParticleTable&)>& change, co
     new_ids_.clear();
     throw;
   }
-  force_evaluations_ += evaluations;
+  before_.force_evaluations += evaluations;
+  rebuilds_before_ = 0;
 }
 
 template <int D>
@@ -175,9 +190,9 @@ Real Simulated<D>::check_step(const Settings& settings, const CriticalStep& crit
 }
 
 template <int D>
-void Simulated<D>::set_integrator() {
+void Simulated<D>::set_integrator(std::optional<Real> next) {
   const CriticalStep critical = field_->critical_step(simulation_->topology());
-  const Real dt = check_step(*settings_, critical);
+  const Real dt = next ? *next : check_step(*settings_, critical);
   critical_ = critical.limit();
   if (settings_->method == Method::verlet) {
     settings_->options.check_consumed("-integrator verlet does not read it; name a method of PETSc");
@@ -199,7 +214,7 @@ void Simulated<D>::set_integrator() {
                        ts->next_dt(), critical_);
     simulation_->set_integrator(std::move(ts));
   }
-  simulation_->changed();
+  mark_changed();
 }
 
 template Simulated<2>::Simulated(const ParticleArrays&, const AnyWalls&, const Box<2>&, const Vec<2>&,
@@ -207,16 +222,20 @@ template Simulated<2>::Simulated(const ParticleArrays&, const AnyWalls&, const B
 template Simulated<2>::~Simulated();
 template std::unique_ptr<ForceField<2>> Simulated<2>::make_field(Settings&) const;
 template void Simulated<2>::rebuild(const std::function<void(ParticleTable&)>&, const std::vector<Index>&);
-template ParticleTable Simulated<2>::collect();
+template Topology Simulated<2>::topology_by_id() const;
 template Real Simulated<2>::check_step(const Settings&, const CriticalStep&);
-template void Simulated<2>::set_integrator();
+template void Simulated<2>::set_integrator(std::optional<Real>);
+template std::pair<std::unique_ptr<Simulation<2>>, ChangeableField<2>*> Simulated<2>::make_engine(
+    Topology, const Walls<2>&) const;
 template Simulated<3>::Simulated(const ParticleArrays&, const AnyWalls&, const Box<3>&, const Vec<3>&,
                                  const std::vector<std::string>&);
 template Simulated<3>::~Simulated();
 template std::unique_ptr<ForceField<3>> Simulated<3>::make_field(Settings&) const;
 template void Simulated<3>::rebuild(const std::function<void(ParticleTable&)>&, const std::vector<Index>&);
-template ParticleTable Simulated<3>::collect();
+template Topology Simulated<3>::topology_by_id() const;
 template Real Simulated<3>::check_step(const Settings&, const CriticalStep&);
-template void Simulated<3>::set_integrator();
+template void Simulated<3>::set_integrator(std::optional<Real>);
+template std::pair<std::unique_ptr<Simulation<3>>, ChangeableField<3>*> Simulated<3>::make_engine(
+    Topology, const Walls<3>&) const;
 
 }  // namespace pliant::python

@@ -24,13 +24,16 @@ void Simulated<D>::configure(const std::vector<std::string>& arguments) {
     settings_ = std::move(settings);
     if (settings_->dt || settings_->method == Method::ts ||
         !(standard_step(critical) > 0.8 * dt() && standard_step(critical) < 1.25 * dt()))
-      defer([this] { set_integrator(); });
+      defer([this] {
+        before_.force_evaluations += simulation_->integrator().statistics().force_evaluations;
+        set_integrator();
+      });
   } else {
     settings_ = std::move(settings);
     defer([this] { rebuild([](ParticleTable&) {}); });
   }
   changed_ = true;
-  if (running_ == nullptr) simulation_->changed();
+  if (running_ == nullptr) mark_changed();
 }
 
 template <int D>
@@ -73,10 +76,12 @@ void Simulated<D>::move_wall(Index body, const MotionArguments& arguments) {
   Walls<D> walls = simulation().particles().walls();
   if (body < 0 || body >= walls.bodies())
     throw InputError("there is no wall {}; this simulation has {}, from 0 on", body, walls.bodies());
-  walls.set_motion(body, motion_of<D>(arguments, t()));
+  const Motion<D> motion = motion_of<D>(arguments, t());
+  wall_record_.moves(walls, body, t());
+  walls.set_motion(body, motion);
   simulation_->particles().set_walls(std::move(walls));
   changed_ = true;
-  if (running_ == nullptr) simulation_->changed();
+  if (running_ == nullptr) mark_changed();
 }
 
 template <int D>

@@ -1,4 +1,6 @@
 // Energies, forces, contacts and derivatives of the present state.
+#include <pybind11/stl.h>
+
 #include <algorithm>
 #include <utility>
 #include <vector>
@@ -99,6 +101,8 @@ py::dict Simulated<D>::walls() {
   d["body"] = bodies;
   d["bodies"] = walls.bodies();
   d["walls"] = walls.size();
+  d["drawn"] = Region<D>(*simulation_).drawn(walls, t());
+  d["drawn_radius"] = wall_radii(walls);
   return d;
 }
 

@@ -27,11 +27,12 @@ void Simulated<D>::run(std::optional<Real> duration, std::int64_t count, const s
   prepare();
   const CureOptions cures([this](Cure cure) { return settings_->options.curing(cure); });
   std::unique_ptr<ForceFunction> function;
-  if (!force.is_none()) {
+  const bool acts = !force.is_none();
+  if (acts) {
     function = std::make_unique<ForceFunction>(*this, std::move(force), running.error);
     field_->set_function([&](const StateView<D>& s, Real* f) { (*function)(s, f); });
-    simulation_->changed();
   }
+  if (std::exchange(function_acts_, acts) != acts) mark_changed();
   std::exception_ptr failure;
   {
     const py::gil_scoped_release released;
@@ -39,6 +40,7 @@ void Simulated<D>::run(std::optional<Real> duration, std::int64_t count, const s
     try {
       for (bool more = true; more;) {
         if (function) function->keep(simulation_->state());
+        fresh_ = false;
         simulation_->advance(end, [&](State&) { return running.after_step(function.get()); });
         more = running.apply_deferred();
       }
@@ -46,12 +48,13 @@ void Simulated<D>::run(std::optional<Real> duration, std::int64_t count, const s
     } catch (...) {
       failure = std::current_exception();
     }
-    if (failure) simulation_->changed();  // the integrator may have stopped in the middle of a step
+    if (failure) mark_changed();  // the integrator may have stopped in the middle of a step
     if (function && function->failed()) function->restore(*simulation_);
   }
   if (function) {
     field_->set_function({});
-    simulation_->changed();
+    function_acts_ = false;
+    mark_changed();
   }
   deferred_.clear();
   show_state();
@@ -112,7 +115,7 @@ py::dict Simulated<D>::minimize(Real force_tolerance, std::int64_t most_iteratio
     std::copy_n(x.data(), n, state.x().begin());
     std::ranges::fill(state.v(), 0.0);
     system.history().clear();
-    simulation_->changed();
+    mark_changed();
   }
   show_state();
   error.rethrow();
@@ -223,7 +226,8 @@ struct Simulated<D>::Running {
       });
       if (error) break;
     }
-    if (control.due()) error.guard(check_signals);
+    const bool now_and_then = control.due();
+    if (now_and_then) error.guard(check_signals);
     step = simulation.state().t - std::exchange(last_t, simulation.state().t);
     if (left > 0) --left;
     const bool changed = std::exchange(of.changed_, false), ends = error || of.stop_ || left == 0,
@@ -233,27 +237,30 @@ struct Simulated<D>::Running {
     if (function != nullptr) function->keep(simulation.state());
     if (!error && steps++ % 128 == 0) error.guard([&] { of.check_walls(step); });
     ended = ends || error;
-    if (of.output_ && !error && (stops || changed)) of.output_->follow(simulation);
+    const bool sorted = !stops && !error && !changed && simulation.wants_sorting();
+    if (sorted) simulation.sort();
+    if (of.output_ && !error) {
+      of.output_->follow(simulation);
+      if (of.deferred_.empty() && (of.output_->save_asked() || (now_and_then && of.output_->save_due())))
+        of.write_checkpoint(changed || (ends && function != nullptr));  // the force ends with the run
+    }
+    if constexpr (D == 2)
+      if (sorted && of.deformable()) of.outlines_.after_change(simulation.particles(), simulation.state());
     if (stops || error) {
-      if (changed) simulation.changed();
+      if (changed) of.mark_changed();
       return AfterStep::stop;
     }
     if (changed) return AfterStep::changed;
-    if (!simulation.wants_sorting()) {
-      if (of.output_) of.output_->follow(simulation);
-      return AfterStep::proceed;
-    }
-    simulation.sort();
-    if (of.output_) of.output_->follow(simulation);
-    if constexpr (D == 2)
-      if (of.deformable()) of.outlines_.after_change(simulation.particles(), simulation.state());
-    return AfterStep::reordered;
+    return sorted ? AfterStep::reordered : AfterStep::proceed;
   }
 
   /// Changes that callbacks asked for and that the integrator must not see. Returns whether the run continues.
   bool apply_deferred() {
     if (of.deferred_.empty()) return false;
-    error.guard([&] { of.apply(); });
+    error.guard([&] {
+      of.apply();
+      if (of.output_ && of.output_->save_asked()) of.write_checkpoint(false);
+    });
     return !error && !ended;
   }
 

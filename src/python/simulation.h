@@ -11,6 +11,7 @@
 
 #include <pliant/base/types.h>
 #include <pliant/python/engine.h>
+#include <pliant/python/run_output.h>
 
 namespace pliant::python {
 
@@ -70,11 +71,14 @@ class AnySimulation {
   virtual py::dict walls() = 0;
   virtual py::tuple hessian() = 0;
 
-  /// A run folder, from now on; intervals between frames and samples, or none.
-  virtual void open_output(const std::string& folder, std::optional<Real> frame_interval,
-                           std::optional<Real> sample_interval) = 0;
+  /// A run folder, from now on.
+  virtual void open_output(const std::string& folder, const OutputIntervals& intervals) = 0;
   virtual void write_frame() = 0;
   virtual void write_sample() = 0;
+  /// A checkpoint now; in a callback after the step.
+  virtual void save() = 0;
+  /// How it was made, as JSON: "dim", "arguments", "box", "gravity", "walls".
+  virtual std::string description() const = 0;
   /// The folder, or nothing.
   virtual std::optional<std::string> output() const = 0;
 

@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include <pliant/python/wall_record.h>
 #include <pliant/setup/packing.h>
 #include <pliant/setup/particles.h>
 #include <pliant/setup/polylines.h>
@@ -164,11 +165,13 @@ AnyWalls::AnyWalls(int dim) {
 }
 
 Index AnyWalls::add(const WallParts& parts, const MotionArguments& motion) {
-  if (dim() == 2) return std::get<0>(walls_).add(parts, motion_of<2>(motion, 0));
   for (const WallSegment& s : parts.segments)
-    if (s.origin[0] < 0 || s.end()[0] < 0)
+    if (dim() == 3 && (s.origin[0] < 0 || s.end()[0] < 0))
       throw InputError("a wall in 3D is the meridian (rho, z) of a surface of revolution: rho must not be negative");
-  return std::get<1>(walls_).add(parts, motion_of<3>(motion, 0));
+  const Index body =
+      std::visit([&]<int D>(Walls<D>& walls) { return walls.add(parts, motion_of<D>(motion, 0)); }, walls_);
+  parts_.push_back(to_json(parts));
+  return body;
 }
 
 Index AnyWalls::polyline(const Array& points, const MotionArguments& motion) {
@@ -193,7 +196,10 @@ Index AnyWalls::half_space(const std::vector<Real>& point, const std::vector<Rea
       [&]<int D>(Walls<D>& walls) {
         const Vec<D> n = vector_of<D>(normal, "normal");
         if (n.norm() == 0) throw InputError("the normal of a half-space is zero, and has no direction");
-        return walls.add(Solid<D>::half_space(vector_of<D>(point, "point"), n), motion_of<D>(motion, 0));
+        const auto solid = Solid<D>::half_space(vector_of<D>(point, "point"), n);
+        const Index body = walls.add(solid, motion_of<D>(motion, 0));
+        parts_.push_back(to_json(solid));
+        return body;
       },
       walls_);
 }

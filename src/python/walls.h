@@ -4,6 +4,7 @@
 #include <pybind11/numpy.h>
 
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <variant>
 #include <vector>
 
@@ -44,10 +45,13 @@ class AnyWalls {
   Index half_space(const std::vector<Real>& point, const std::vector<Real>& normal, const MotionArguments& motion);
   Index container(const Container& container);
   Index bodies() const;
+  /// The parts of each body, for a WallRecord.
+  const nlohmann::json& parts() const { return parts_; }
 
  private:
   Index add(const WallParts& parts, const MotionArguments& motion);
   std::variant<Walls<2>, Walls<3>> walls_;
+  nlohmann::json parts_ = nlohmann::json::array();
 };
 
 }  // namespace pliant::python

@@ -94,9 +94,15 @@ std::vector<std::string> shared_names(const Ranks& ranks, const std::vector<fs::
 
 /// Sets `options` from the checkpoint.
 void take_options(std::string_view scenario, const Checkpoint& checkpoint, Options& options) {
-  if (const std::string& own = checkpoint.text("scenario"); own != scenario)
-    throw InputError("{} holds a run of scenario '{}', not of {}; choose another folder",
-                     fs::path(checkpoint.file).parent_path().string(), own, scenario);
+  if (const std::string& own = checkpoint.text("scenario"); own != scenario) {
+    const std::string folder = fs::path(checkpoint.file).parent_path().string();
+    if (own == python_scenario)
+      throw InputError(
+          "{0} holds a pliant.Simulation of a Python program, which has its callbacks and forces; continue it there "
+          "with pliant.Simulation.restart(\"{0}\"), or start a new run from its last frame with -start {0}/run.h5",
+          folder);
+    throw InputError("{} holds a run of scenario '{}', not of {}; choose another folder", folder, own, scenario);
+  }
   const nlohmann::json stored = nlohmann::json::parse(checkpoint.text("options"), nullptr, false);
   try {
     options.from_json(stored);

@@ -16,6 +16,9 @@
 
 namespace pliant {
 
+/// The scenario in the files of a simulation that a Python program builds.
+constexpr const char* python_scenario = "simulation";
+
 /// Creates a new run, or continues from a checkpoint: the checkpoint of -restart, or of a stopped or killed run in the
 /// same folder, because repeating a command resumes its run. A run killed before its first checkpoint or frame is
 /// removed. If p.branches(options), the run of -restart is not changed, and a branch that has begun in -output

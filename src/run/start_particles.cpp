@@ -19,6 +19,7 @@
 #include <pliant/model/polygon.h>
 #include <pliant/run/overlap_check.h>
 #include <pliant/run/start_table.h>
+#include <pliant/run/stored_sizes.h>
 
 namespace pliant {
 namespace {
@@ -167,28 +168,14 @@ class StoredFrame {
   std::uint64_t number_ = 0;
 };
 
-/// Names of the arrays in a checkpoint.
-constexpr const char *points_entry = "start_points", *width_entry = "start_diameter", *mass_entry = "start_mass",
-                     *area_entry = "start_a0", *edge_entry = "start_l0", *height_entry = "start_height",
-                     *source_entry = "start_source";
+/// Under which names the particles are in a checkpoint.
+constexpr const char *sizes_prefix = "start_", *height_entry = "start_height", *source_entry = "start_source";
 
 StartParticles stored_start(const Checkpoint& c, const StartNeeds& needs) {
   StartParticles all;
-  all.topology.dim = needs.dim;
-  const std::size_t n = c.length(points_entry);
-  const auto& points = c.integer_array(points_entry, n, 1, 1 << 24);
-  const auto positive = [&](const char* name) -> const std::vector<Real>& {
-    return c.real_array(name, n, std::numeric_limits<Real>::min());
-  };
-  const std::vector<Real>&width = positive(width_entry), &mass = positive(mass_entry), &a0 = positive(area_entry),
-        &l0 = c.real_array(edge_entry, n, 0);
-  for (std::size_t m = 0; m < n; ++m)
-    if (points[m] == 1)
-      all.topology.add_soft(width[m], mass[m]);
-    else
-      all.topology.add_polygon(static_cast<Index>(points[m]), a0[m], l0[m], width[m], mass[m]);
-  if (n == 0 || all.topology.deformable() != needs.polygons)
-    c.refuse("{}: the particles do not fit the model {}", points_entry, needs.model);
+  all.topology = read_sizes(sizes_prefix, needs.dim, c);
+  if (all.topology.particles() == 0 || all.topology.deformable() != needs.polygons)
+    c.refuse("{}points: the particles do not fit the model {}", sizes_prefix, needs.model);
   all.height = c.real(height_entry);
   all.source = nlohmann::ordered_json::parse(c.text(source_entry), nullptr, false);
   return all;
@@ -326,20 +313,8 @@ void StartOption::set_motion(Simulation<D>& simulation) const {
 
 void StartOption::visit(Archive& a) const {
   if (!given() || a.reads()) return;
-  const Topology& t = particles_->topology;
-  std::vector<std::int64_t> points;
-  std::vector<Real> width, mass;
-  for (Index m = 0; m < t.particles(); ++m) {
-    points.push_back(t.points_of(m));
-    width.push_back(t.diameter[static_cast<std::size_t>(t.offset[m])]);
-    mass.push_back(t.point_mass[m] * t.points_of(m));
-  }
   SharedCheckpoint& to = a.to();
-  to.add(points_entry, points);
-  to.add(width_entry, width);
-  to.add(mass_entry, mass);
-  to.add(area_entry, t.a0);
-  to.add(edge_entry, t.l0);
+  save_sizes(sizes_prefix, particles_->topology, to);
   to.add(height_entry, particles_->height);
   to.add_text(source_entry, particles_->source.dump());
 }

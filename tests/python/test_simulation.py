@@ -764,3 +764,39 @@ def test_help_lists_the_parameters():
     text = Simulation.__doc__
     for name in ("e_sp", "mu_disk", "k_a", "zeta", "dt", "threads"):
         assert f"\n        {name}: " in text
+
+
+# --- Drawing
+
+
+@pytest.mark.parametrize("color", ["speed", "contacts", "size", "shape"])
+def test_a_drawing(color):
+    """Every kind of wall, disks and polygons; a view that is drawn has its particles in it."""
+    matplotlib = pytest.importorskip("matplotlib")
+    matplotlib.use("Agg")
+    walls = Walls()
+    walls.half_space((0, -1), (0, 1))
+    walls.line([(-5, 8), (-5, 0)])
+    walls.disk((7, 2), 1)
+    centres = [[0, 0], [1.5, 0.2], [0.7, 3]]
+    particles = ({"polygons": pliant.regular_polygons(centres, 1, 8), "model": "rough"} if color == "shape"
+                 else {"positions": centres, "diameters": [1, 1, 1.4]})
+    with Simulation(**particles, walls=walls, gravity=(0, -1)) as sim:
+        before = sim.positions.copy()
+        axes = sim.draw(color)
+        assert np.array_equal(sim.positions, before)
+    low, high = axes.get_xlim()
+    assert low < -5 and high > 8
+    assert len(axes.collections) == 2  # walls, particles
+    matplotlib.pyplot.close(axes.figure)
+
+
+def test_a_drawing_in_a_box_and_in_space():
+    matplotlib = pytest.importorskip("matplotlib")
+    matplotlib.use("Agg")
+    for dim, box in ((2, (4, 4)), (3, None)):
+        with Simulation(cloud(8, dim), 0.9, box=box) as sim:
+            axes = sim.draw()
+            matplotlib.pyplot.close(axes.figure)
+            with pytest.raises(pliant.RunError, match="color is 'mass'"):
+                sim.draw("mass")

@@ -1,0 +1,56 @@
+"""A simulation as drawings see it: a run, and its frame of the present state."""
+
+import functools
+
+import numpy as np
+
+from .run import Geometry, Topology, touching_pairs
+
+
+class SimulationRun:
+    """What drawings read of a Run."""
+
+    scenario = "simulation"
+    path = "simulation"
+
+    def __init__(self, sim, model, topology, walls, box):
+        self.dim, self.model = sim.dim, model
+        self.droplets = model == "bubble"
+        self.topology = Topology(topology["offset"], topology["sigma"], topology["a0"], topology["l0"], topology["mass"],
+                                 np.repeat(topology["diameter"], np.diff(topology["offset"])))
+        self.geometry = Geometry(np.reshape(walls["drawn"], (-1, 4)), np.array(walls["drawn_radius"], dtype=float), np.nan,
+                                 np.nan, np.nan, self.scenario, box)
+        self.parameters = sim.options
+
+
+class SimulationFrame:
+    """What drawings read of a Frame."""
+
+    def __init__(self, sim, run):
+        self.run, self.time = run, sim.t
+        self.centres, self.particle_velocities = sim.centres, sim.centre_velocities
+        self.polygons = [polygon.copy() for polygon in sim.polygons]
+        self.active = np.ones(len(sim), dtype=bool)
+        self.wall_segments = run.geometry.segments
+        self._contacts = sim.contacts
+
+    @property
+    def contacts(self):
+        return self._contacts
+
+    @property
+    def speeds(self):
+        return np.linalg.norm(self.particle_velocities, axis=1)
+
+    @property
+    def touching(self):
+        pairs = touching_pairs(self._contacts[["particle_1", "particle_2"]].to_numpy())
+        return np.bincount(pairs.ravel(), minlength=len(self.active))
+
+    @functools.cached_property
+    def area(self):
+        return np.array([np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) / 2 for x, y in (p.T for p in self.polygons)])
+
+    @functools.cached_property
+    def perimeter(self):
+        return np.array([np.linalg.norm(np.roll(p, -1, axis=0) - p, axis=1).sum() for p in self.polygons])
