@@ -3,7 +3,9 @@ scripts/flip_bits.py goes through all bytes."""
 
 import json
 import os
+import re
 import shutil
+import struct
 import sys
 from pathlib import Path
 
@@ -62,6 +64,17 @@ def test_a_restart_ends_as_without_the_flip_or_is_refused(made):
     data = (made / "run.h5").read_bytes()
     chosen = flip_bits.flips(len(data), 23003) + texts_of(data, b'"zeta":{"', b"kinetic_energy", every=5)
     assert not findings(flip_bits.check_program(PROGRAM, made, "run.h5", chosen))
+
+
+def test_a_damaged_view_is_not_opened(made):
+    """HDF5 1.10 dies on opening a virtual dataset whose selections have a wrong number of dimensions."""
+    data = (made / "run.h5").read_bytes()
+    # A selection: type (hyperslab), version, reserved, length, number of dimensions (4 bytes).
+    ranks = [found.end() - 3 for found in re.finditer(re.escape(struct.pack("<5I", 2, 1, 0, 24, 2)), data)]
+    views = 5  # of a frame: centres, and vectors for run.xdmf
+    assert len(ranks) == 3 * 2 * views
+    assert not findings(flip_bits.check_reader(made, "run.h5", [(at, 2) for at in ranks]))
+    assert not findings(flip_bits.check_program(PROGRAM, made, "run.h5", [(at, 2) for at in ranks[::2]]))
 
 
 @pytest.mark.parametrize("name", ["checkpoint-a.h5", "checkpoint-b.h5"])
