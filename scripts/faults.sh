@@ -1,5 +1,6 @@
 #!/bin/sh
 # Loss of power and lack of memory in many more places than the tests try: scripts/faults.sh [power|memory [PLACES]]
+# power: hoppers (small, long, large, with threads, on ranks, killed and restarted up to three times) and a clog.
 # PLACES: allocations that fail, per case (200). The program and the test libraries must be built in build/.
 set -eu
 cd "$(dirname "$0")/.."

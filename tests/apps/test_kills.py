@@ -77,6 +77,14 @@ def changes(log, folder):
         yield Change(kind.decode(), path[prefix:], offset, content)
 
 
+def states_of(recorded):
+    """The files after each change: bytes by name."""
+    files = {}
+    for change in recorded:
+        files = change.made(files)
+        yield files
+
+
 def journal(data):
     """(end, changes) of the journal that the bytes of a run.h5 end with, or None."""
     with tempfile.TemporaryFile() as file:
@@ -124,12 +132,6 @@ class Replay:
         for change in self.changes:
             if change.kind == "W" and len(change.data) > 1:
                 yield change.made(files, len(change.data) // 2)
-            files = change.made(files)
-            yield files
-
-    def states_after_changes(self):
-        files = {}
-        for change in self.changes:
             files = change.made(files)
             yield files
 

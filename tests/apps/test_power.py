@@ -3,22 +3,24 @@
 A preloaded library (tests/support/disk.c) records the writes and syncs of a run. The disk of this test may have written any
 of the changes since the last sync of a file, sector by sector: each sector, and the length, is as it was at any moment
 since then. The names in a folder are as after any of the changes since the last sync of the folder.
-PLIANT_ALL_LOSSES=1 makes many more states, and continues more of them.
+PLIANT_ALL_LOSSES=1 makes many more states, continues more of them, and adds a long run, threads and repeated kills.
 """
 
 import functools
 import io
+import itertools
 import json
 import os
 import random
 import re
+import shutil
 import subprocess
 import zlib
 
 import h5py
 import pytest
-from conftest import HANGS, PROGRAM, SMALL, Results, arguments, assert_same_runs
-from test_kills import CLOG, HOPPER, OFTEN, Replay, changes, on_disk, promised
+from conftest import HANGS, PROGRAM, SMALL, Results, arguments, assert_same_runs, same
+from test_kills import CLOG, OFTEN, Replay, changes, on_disk, promised, states_of
 from test_parallel import mpi_environment, needs_mpi
 
 SECTOR = 512
@@ -27,6 +29,20 @@ SHORT_HOPPER = ("hopper", {**SMALL, "t_end": 2, "frame_interval": 0.3, "sample_i
 # Its arrays are large pieces, which are written to the file at once.
 LARGE_HOPPER = ("hopper", {"n": 4200, "hopper_width": 3, "zeta": 0.3, "mu": 0.5, "t_end": 0.02, "frame_interval": 0.01,
                            "sample_interval": 0.01, "hopper_wall_distance": 60, **OFTEN})
+# More frames than one node of HDF5's tree of names has, and time series of several chunks.
+LONG_HOPPER = ("hopper", {**SMALL, "t_end": 7, "frame_interval": 0.07, "sample_interval": 0.01, "checkpoint_interval": 0.1})
+THREADS = os.environ | {"OMP_NUM_THREADS": "3"}
+
+
+class Case:
+    """A run whose writes are replayed; losses: the number of states of its folder if PLIANT_ALL_LOSSES=1."""
+
+    def __init__(self, run, losses, environment=None):
+        self.run, self.losses, self.environment = run, losses, environment
+
+
+CASES = {"hopper": Case(SHORT_HOPPER, 30000), "clog": Case(CLOG, 30000), "large": Case(LARGE_HOPPER, 1500)}
+LONG_CASES = {"long": Case(LONG_HOPPER, 10000), "threads": Case(LARGE_HOPPER, 500, THREADS)}
 
 
 class File:
@@ -157,17 +173,17 @@ def count(data):
     return promised(data)[0]
 
 
-def losses(recorded, states_each, choose, first=0):
-    """States of the folder after a loss of power at moments from change number `first` on, checked: (files, whether a
-    checkpoint had been synced). Each moment if PLIANT_ALL_LOSSES=1, else about 250 of them."""
+def losses(recorded, number, choose, first=0):
+    """About `number` states of the folder after a loss of power at moments from change number `first` on, checked: (files,
+    whether a checkpoint had been synced)."""
     disk, newest = Disk(), -1
-    often = 1 if ALL else min(1, 250 / (len(recorded) - first))
-    for number, change in enumerate(recorded):
+    each = number / (len(recorded) - first)
+    for position, change in enumerate(recorded):
         disk.change(change)
         if change.kind == "S" and change.name == "":
             synced = [counts_of(file.synced) for name, file in disk.synced.items() if re.match("checkpoint-[ab].h5", name)]
             newest = max((counts[0] for counts in synced), default=-1)
-        for _ in range(states_each if number >= first and choose.random() < often else 0):
+        for _ in range(int(each + choose.random()) if position >= first else 0):
             files = disk.lost(choose)
             found = [counts for counts in map(counts_of, checkpoints_of(files)) if counts is not None]
             assert len(found) == len(checkpoints_of(files)), "a damaged checkpoint"
@@ -185,16 +201,17 @@ def losses(recorded, states_each, choose, first=0):
             yield files, newest >= 0
 
 
-def continued(replay, states, tmp_path, options, check):
+def continued(replay, states, tmp_path, options, check, launcher=(), environment=None):
     """Continues the run from each state: with -restart if there was a checkpoint, else by the same command."""
     for number, (files, checkpoint) in enumerate(states):
         folder = tmp_path / f"continued{number}"
         replay.write(files, folder)
         arguments_ = {"restart": folder, "checkpoint_interval": 0} if checkpoint else {**options, "output": folder}
-        result = subprocess.run([PROGRAM, replay.command, *arguments(arguments_)], encoding="utf-8", capture_output=True,
-                                timeout=HANGS)
+        result = subprocess.run([*launcher, PROGRAM, replay.command, *arguments(arguments_)], encoding="utf-8",
+                                capture_output=True, timeout=HANGS, env=environment)
         assert result.returncode == 0 and result.stderr == "", result.stderr
         check(Results(folder))
+        shutil.rmtree(folder)
 
 
 def pick(states, number, choose):
@@ -212,34 +229,59 @@ def pick(states, number, choose):
     return seen, picked
 
 
-@pytest.mark.parametrize("command, options", [SHORT_HOPPER, CLOG, LARGE_HOPPER], ids=["hopper", "clog", "large"])
-def test_every_loss_of_power(command, options, tmp_path):
+def report(number, picked):
+    print(f"{number} states of the folder, {len(picked)} continued")
+
+
+@pytest.mark.parametrize("case", (CASES | LONG_CASES if ALL else CASES).values(), ids=list(CASES | LONG_CASES if ALL else CASES))
+def test_every_loss_of_power(case, tmp_path):
     """Whenever power is lost, run.h5 is the last commit or the next one, with all frames of the newest synced checkpoint,
     and the resumed run has the same bits."""
     choose = random.Random(1)
-    replay = Replay(tmp_path, command, options)
+    command, options = case.run
+    replay = Replay(tmp_path, command, options, environment=case.environment)
     assert len(replay.whole.frames) > 2
-    number, picked = pick(losses(replay.changes, 40 if ALL else 2, choose), 5, choose)
+    number, picked = pick(losses(replay.changes, case.losses if ALL else 500, choose), 5, choose)
     assert number > 100
-    print(f"{number} states of the folder, {len(picked)} continued")
-    continued(replay, picked, tmp_path, options, lambda run: assert_same_runs(run, replay.whole))
+    report(number, picked)
+    continued(replay, picked, tmp_path, options, lambda run: assert_same_runs(run, replay.whole), environment=case.environment)
 
 
-def test_loss_of_power_after_a_kill(tmp_path):
-    """A restart that mends run.h5 syncs it as a commit does."""
-    choose = random.Random(2)
+def has_checkpoint(files):
+    return "run.h5" in files and any(checkpoints_of(files)) and "summary.json" not in files
+
+
+def within_commit(files):
+    return has_checkpoint(files) and not promised(files["run.h5"])[1]
+
+
+def killed_and_restarted(replay, recorded, first, usable, choose, tmp_path):
+    """The writes until a kill from change number `first` on, at one of the states that are `usable`, and of a restart after
+    it; and the number of the first write of the restart."""
+    moments = [k for k, files in enumerate(states_of(recorded)) if k >= first and usable(files)]
+    moment = choose.choice(moments or [len(recorded) - 1])
+    folder, log = tmp_path / "killed", tmp_path / "killed.log"
+    log.unlink(missing_ok=True)
+    replay.write(next(itertools.islice(states_of(recorded), moment, None)), folder)
+    result = on_disk(folder, PROGRAM, replay.command, *arguments({"restart": folder, **OFTEN}), log=log)
+    assert result.returncode == 0, result.stderr
+    return recorded[:moment + 1] + list(changes(log, folder)), moment + 1
+
+
+@pytest.mark.parametrize("kills", [1, 2, 3] if ALL else [1])
+def test_loss_of_power_after_kills(kills, tmp_path):
+    """A restart that mends run.h5 syncs it as a commit does, also if the restart is killed in turn."""
+    choose = random.Random(kills + 1)
     command, options = SHORT_HOPPER
     replay = Replay(tmp_path, command, options)
-    moments = [k for k, files in enumerate(replay.states_after_changes())
-               if "run.h5" in files and any(checkpoints_of(files)) and not promised(files["run.h5"])[1]]
-    for moment in choose.sample(moments, 20 if ALL else 2):
-        folder, log = tmp_path / f"killed{moment}", tmp_path / f"log{moment}"
-        replay.write(list(replay.states_after_changes())[moment], folder)
-        result = on_disk(folder, PROGRAM, command, *arguments({"restart": folder, "checkpoint_interval": 0}), log=log)
-        assert result.returncode == 0, result.stderr
-        recorded = replay.changes[:moment + 1] + list(changes(log, folder))
-        number, picked = pick(losses(recorded, 20 if ALL else 2, choose, first=moment), 1, choose)
+    for _ in range(20 if ALL else 2):
+        recorded, first = replay.changes, 0
+        for kill in range(kills):
+            usable = within_commit if kill % 2 == 0 else has_checkpoint
+            recorded, first = killed_and_restarted(replay, recorded, first, usable, choose, tmp_path)
+        number, picked = pick(losses(recorded, 1000 if ALL else 100, choose, first=first - 1), 1, choose)
         assert number > 20
+        report(number, picked)
         continued(replay, picked, tmp_path, options, lambda run: assert_same_runs(run, replay.whole))
 
 
@@ -247,8 +289,19 @@ def test_loss_of_power_after_a_kill(tmp_path):
 def test_loss_of_power_on_ranks(tmp_path):
     choose = random.Random(3)
     command, options = SHORT_HOPPER
-    replay = Replay(tmp_path, command, {**options, "t_end": 1}, ("mpiexec", "-n", "2"), mpi_environment())
-    number, picked = pick((state for state in losses(replay.changes, 20 if ALL else 1, choose) if state[1]), 5, choose)
+    launcher, environment = ("mpiexec", "-n", "2"), mpi_environment()
+    options = {**options, "t_end": 0.3, "frame_interval": 0.1, "sample_interval": 0.02}
+    replay = Replay(tmp_path, command, options, launcher, environment)
+    number, picked = pick((state for state in losses(replay.changes, 10000 if ALL else 250, choose) if state[1]), 5, choose)
     assert number > 10
+    report(number, picked)
     for files, _ in picked:
         replay.read(files)
+
+    def check(run):  # equal within rounding only, on ranks
+        assert len(run.frames) == len(replay.whole.frames) and run.summary["status"] == "done"
+        assert same(run.column("time"), replay.whole.column("time"))
+        assert same(run.series["time"], replay.whole.series["time"])
+
+    continued(replay, picked, tmp_path, options, check)
+    continued(replay, picked[:3] if ALL else [], tmp_path, options, check, launcher, environment)
