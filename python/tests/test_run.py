@@ -212,14 +212,14 @@ def test_an_attribute_that_is_no_number_is_damage(tmp_path):
     path, _ = write_run(tmp_path / "run", n=20)
     with h5py.File(path / "run.h5", "a") as file:
         file["frames/000001"].attrs["time"] = "soon"
-        file["frames/000002/centres"].attrs["crc32"] = "soon"
+        file["frames/000002/positions"].attrs["crc32"] = "soon"
         del file["frames/000000"].attrs["step"]
     run = Run(path)
     assert run.frames[0].step == -1
     with pytest.raises(RunError, match="the attribute 'time' of /frames/000001 is damaged"):
         run.frames[1]
-    with pytest.raises(RunError, match="the attribute 'crc32' of /frames/000002/centres is damaged"):
-        run.frames[2].centres
+    with pytest.raises(RunError, match="the attribute 'crc32' of /frames/000002/positions is damaged"):
+        run.frames[2].positions
 
 
 def test_errors(tmp_path):
