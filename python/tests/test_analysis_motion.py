@@ -64,8 +64,8 @@ def test_msd_across_a_periodic_border(tmp_path):
         file["geometry/box"] = [[0.0, 0.0], [10.0, np.inf]]
         for k, x in enumerate((9.9, 0.1)):
             group = file[f"frames/{k:06d}"]
-            del group["centres"], group["active"], group["reinsertions"]
-            group["centres"] = np.c_[np.full(4, x), np.arange(4.0)]
+            del group["positions"], group["active"], group["reinsertions"]
+            group["positions"] = np.c_[np.full(4, x), np.arange(4.0)]
             group["images"] = np.c_[np.full(4, k), np.zeros(4, int)]
             group["active"] = np.ones(4, np.uint8)
             group["reinsertions"] = np.zeros(4, np.int32)
