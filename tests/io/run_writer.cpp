@@ -575,8 +575,7 @@ std::string everything(const std::filesystem::path& folder) {
   for (const std::string& name : file.open_group("frames").links()) {
     const auto frame = file.open_group("frames/" + name);
     text += fmt::format("{} {} {}", name, frame.real_attribute("time"), frame.integer_attribute("step"));
-    for (const std::string& dataset : frame.datasets()) add(frame, dataset);
-    add(frame, "xdmf/velocity");
+    for (const std::string& dataset : frame.datasets()) add(frame, dataset);  // views are for other readers
   }
   return text;
 }
