@@ -210,8 +210,8 @@ class Group {
   std::int64_t integer_attribute(const std::string& name) const;
   /// All attributes that are strings.
   std::map<std::string, std::string> string_attributes() const;
-  /// Names of all datasets below that have values and a checksum, as paths relative to the group, without second names of
-  /// datasets.
+  /// Names of all datasets below that have values and a checksum, as paths relative to the group, without second names
+  /// of datasets.
   std::vector<std::string> datasets() const;
 
  protected:

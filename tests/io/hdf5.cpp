@@ -298,7 +298,7 @@ TEST_CASE("HDF5: what can be checked") {
     CHECK(crc32_joined(crc32_of(std::as_bytes(std::span(values).first(1))),
                        crc32_of(std::as_bytes(std::span(values).last(2))),
                        8) == crc32_of(std::as_bytes(std::span(values))));
-    CHECK(group.datasets() == std::vector<std::string>{"below/x", "nothing", "pieces", "plain", "text"});
+    CHECK(group.datasets() == std::vector<std::string>{"below/x", "nothing", "pieces", "text"});
     for (const char* name : {"below/x", "pieces", "empty", "linked", "again", "text", "nothing"})
       CHECK_NOTHROW(group.check(name));
     CHECK_THAT(message_of<InputError>([&] { group.check("plain"); }), Contains("/g/plain") && Contains("no checksum"));
