@@ -383,7 +383,7 @@ def test_a_clog_after_some_flow_is_no_flow(tmp_path):
             break
     else:
         pytest.fail("no run flowed and clogged")
-    assert results.summary["Q"] == {"value": 0, "error": None, "unit": "sigma_avg^2/t0"}
+    assert results.summary["Q"] == {"value": 0, "error": None, "unit": "sigma_avg^2/t0", "no_error": "clogged"}
     assert results.summary["Q_corrected"]["value"] == 0
 
 

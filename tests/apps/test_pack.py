@@ -5,6 +5,7 @@ import subprocess
 import numpy as np
 import pytest
 from conftest import PROGRAM, Results, assert_same_runs, pliant
+from test_parallel import mpi_environment
 
 
 def pack(folder, **options):
@@ -137,5 +138,5 @@ def test_restart_of_shear_to_a_larger_strain(tmp_path):
 @pytest.mark.ranks
 def test_ranks_are_refused(tmp_path):
     result = subprocess.run(["mpiexec", "--oversubscribe", "-n", "2", PROGRAM, "pack", "-output", tmp_path / "run"],
-                            encoding="utf-8", capture_output=True)
+                            encoding="utf-8", capture_output=True, env=mpi_environment())
     assert result.returncode != 0 and "start the program without mpiexec" in result.stderr

@@ -60,7 +60,7 @@ def test_version(command):
 
 def test_scenarios_for_scripts():
     result = pliant("-scenarios")
-    assert result.returncode == 0 and result.stdout == "hopper\nraft\nclog\nchannel\n"
+    assert result.returncode == 0 and result.stdout == "hopper\nraft\nclog\nchannel\npack\nshear\n"
 
 
 def test_a_program_of_another_name(tmp_path):
@@ -85,7 +85,7 @@ def test_summary_has_the_names_that_scripts_rely_on(tmp_path):
     soft = hopper(tmp_path / "soft", t_end=1).summary
     assert set(FIXED_SUMMARY) <= set(soft)
     assert soft["status"] == "done" and soft["steps"] == 1000 and soft["force_evaluations"] >= 1000
-    assert set(soft["Q"]) == {"value", "error", "unit"} and soft["Q"]["unit"] == "sigma_avg^2/t0"
+    assert set(soft["Q"]) == {"value", "error", "unit", "no_error"} and soft["Q"]["unit"] == "sigma_avg^2/t0"
     assert soft["cpu_seconds"] > 0 and soft["ns_per_vertex_step"] is None
     assert soft["ns_per_particle_step"] == pytest.approx(1e9 * soft["cpu_seconds"] / (1000 * 60), rel=1e-6)
     rough = hopper(tmp_path / "rough", model="rough", n=20, t_end=0.05).summary
