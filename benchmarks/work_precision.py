@@ -187,7 +187,7 @@ def report(problem, rows, standard, images):
             columns = ["method", "CPU", "evaluations", "dt", "tolerance", "energy", "contacts"]
             label = ERRORS["statistics"]
             text.append(f"Mean energies of the runs with the standard step and shorter ones differ by up to "
-                        f"{scatter:.1g} from the reference. The cheapest runs that are as good:")
+                        f"{scatter:.1g} from the reference. The cheapest runs with the same mean energies within this difference:")
         else:
             shown, columns, label = comparison(rows, standard, error), ["method", *TARGETS], ERRORS[error]
             text.append(f"CPU time (force evaluations in brackets) relative to the standard run; {label}, "
