@@ -27,7 +27,6 @@ void check(const ParticleSystem<D>& system, const MinimiserOptions& o) {
     throw InputError("walls do not follow a box at a fixed pressure; leave them out");
 }
 
-template <int D>
 Real largest(std::span<const Real> values) {
   Real most = 0;
   for (const Real a : values) most = std::max(most, std::abs(a));
@@ -129,6 +128,17 @@ BoxStress<D> stress_of(ParticleSystem<D>& system, const Real* x) {
 }
 
 template <int D>
+Minimum<D> measure_at(ParticleSystem<D>& system, std::span<const Real> x) {
+  Minimum<D> measured;
+  const StateView<D> s = system.view(x.data(), nullptr);
+  std::vector<Real> force(static_cast<std::size_t>(s.topology.points()) * D);
+  measured.energy = system.field().energy(s, force.data());
+  measured.max_force = largest(std::span(force).first(x.size()));
+  measured.stress = stress_of(system, x.data());
+  return measured;
+}
+
+template <int D>
 Minimum<D> minimise(ParticleSystem<D>& system, std::span<Real> x, const MinimiserOptions& o) {
   check(system, o);
   const Topology& t = system.topology();
@@ -175,23 +185,19 @@ Minimum<D> minimise(ParticleSystem<D>& system, std::span<Real> x, const Minimise
         },
         fire_options);
   }
-  Minimum<D> minimum{.converged = result.converged,
-                     .apart = result.stop == FireStop::energy,
-                     .reason = std::move(result.reason),
-                     .iterations = result.iterations,
-                     .evaluations = result.evaluations,
-                     .energy = 0,
-                     .max_force = 0,
-                     .stress = {}};
-  const StateView<D> s = system.view(x.data(), nullptr);
-  minimum.energy = system.field().energy(s, room(s));
-  minimum.max_force = largest<D>(std::span(force).first(x.size()));
-  minimum.stress = stress_of(system, x.data());
+  Minimum<D> minimum = measure_at<D>(system, x);
+  minimum.converged = result.converged;
+  minimum.apart = result.stop == FireStop::energy;
+  minimum.reason = std::move(result.reason);
+  minimum.iterations = result.iterations;
+  minimum.evaluations = result.evaluations;
   return minimum;
 }
 
 template BoxStress<2> stress_of(ParticleSystem<2>&, const Real*);
 template BoxStress<3> stress_of(ParticleSystem<3>&, const Real*);
+template Minimum<2> measure_at(ParticleSystem<2>&, std::span<const Real>);
+template Minimum<3> measure_at(ParticleSystem<3>&, std::span<const Real>);
 template Minimum<2> minimise(ParticleSystem<2>&, std::span<Real>, const MinimiserOptions&);
 template Minimum<3> minimise(ParticleSystem<3>&, std::span<Real>, const MinimiserOptions&);
 

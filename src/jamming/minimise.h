@@ -42,6 +42,10 @@ struct Minimum {
   BoxStress<D> stress = {};
 };
 
+/// Energy, largest force and stress at x, without a minimisation. Errors: as stress_of().
+template <int D>
+Minimum<D> measure_at(ParticleSystem<D>& system, std::span<const Real> x);
+
 /// Moves the particles to a minimum by FIRE (fire.h). x [size of the system]: the own positions. At a fixed pressure
 /// the box grows and shrinks without change of shape; particles keep their shapes while it does, since only their
 /// centres follow the box. On one rank. Errors: InputError for a box that is open in a direction, walls at a fixed

@@ -79,6 +79,18 @@ def test_restart_goes_on_with_the_same_bits(tmp_path):
     assert_same_runs(whole, Results(part))
 
 
+def test_restart_of_a_finished_run_keeps_its_results(tmp_path):
+    before = pack(tmp_path / "run", pressure=1e-3, moduli="yes").summary
+    result = pliant("pack", restart=tmp_path / "run")
+    assert result.returncode == 0, result.stderr
+    after = Results(tmp_path / "run").summary
+    for name in ("pressure", "stress", "energy", "fraction", "bulk_modulus", "shear_modulus"):
+        assert after[name] == pytest.approx(before[name], rel=1e-9), name
+    for name in ("contacts", "isostatic_contacts", "touching_pairs", "backbone", "rattlers", "coordination"):
+        assert after[name] == before[name], name
+    assert after["max_force"] < 1.1e-9
+
+
 def test_threads_change_nothing(tmp_path):
     one, two = (pack(tmp_path / str(k), pressure=1e-3, n=300, threads=k).series for k in (1, 2))
     assert all(np.array_equal(one[name], two[name], equal_nan=True) for name in one)

@@ -54,7 +54,7 @@ void PackProtocol<D>::make_next() {
   if (k == 0) this->minimise_energy();
   if (p_.path == PackingPath::decompress) return this->minimise_enthalpy(pressures_[k]);
   if (k == 0) return;
-  if (jammed()) {
+  if (this->stress().pressure() >= p_.pressure) {
     this->minimise_enthalpy(p_.pressure);
     at_pressure_ = true;
     return;
@@ -63,11 +63,6 @@ void PackProtocol<D>::make_next() {
              factor = std::pow(before / (before + p_.fraction_step), Real(1) / D);
   this->deform(Mat<D>(factor * Mat<D>::Identity()));
   this->minimise_energy();
-}
-
-template <int D>
-bool PackProtocol<D>::jammed() {
-  return stress_of(this->particles(), this->state().x().data()).pressure() >= p_.pressure;
 }
 
 template <int D>

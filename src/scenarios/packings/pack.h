@@ -32,9 +32,6 @@ class PackProtocol : public PackingProtocol<D> {
   Real steps() const;
 
  private:
-  /// Whether a compression has reached the pressure.
-  bool jammed();
-
   const PackOptions& p_;
   std::vector<Real> pressures_;
   bool at_pressure_ = false;  ///< a compression has ended

@@ -177,12 +177,27 @@ void PackingProtocol<D>::run_minimiser(const MinimiserOptions& options) {
 template <int D>
 void PackingProtocol<D>::finish() {
   check_outlines(this->particles(), x().data());
-  network_ = contact_network<D>(this->particles(), x(), p_.contact_threshold);
-  if (p_.moduli) find_moduli();
-  if (p_.modes > 0) find_modes();
+  analyse();
   this->particles().wrap(this->state());
   this->particles().rebuild(x().data());
   minimum_.stress = stress_of(this->particles(), x().data());
+}
+
+template <int D>
+void PackingProtocol<D>::analyse() {
+  network_ = {};
+  if (this->state().step > 0 || minimum_.converged)  // not of the random start
+    network_ = contact_network<D>(this->particles(), x(), p_.contact_threshold);
+  if (p_.moduli) find_moduli();
+  if (p_.modes > 0) find_modes();
+}
+
+template <int D>
+void PackingProtocol<D>::ready() {
+  const std::int64_t iterations = minimum_.iterations;
+  analyse();
+  minimum_ = measure_at<D>(this->particles(), x());
+  minimum_.iterations = iterations;
 }
 
 /// NaN for a packing that nothing holds up.
@@ -241,13 +256,6 @@ Real PackingProtocol<D>::rim_fraction() const {
 template <int D>
 std::vector<SeriesValue> PackingProtocol<D>::sample() {
   const State& s = this->state();
-  if (s.step == 0) {  // no minimum yet
-    minimum_.stress = stress_of(this->particles(), s.x().data());
-    minimum_.energy = this->particles().field().energy(this->particles().view(s.x().data(), nullptr));
-    network_ = {};
-    if (p_.moduli) find_moduli();
-    if (p_.modes > 0) find_modes();
-  }
   std::vector<SeriesValue> row{{"time", s.t},
                                {"fraction", fraction()},
                                {"pressure", minimum_.stress.pressure()},
@@ -286,6 +294,7 @@ void PackingProtocol<D>::visit(Archive& a) {
   a.array("box_length", length, D, std::numeric_limits<Real>::min());
   a.array("box_tilt", tilt, tilts<D>);
   a.number("minimisations", evaluations_);
+  a.newer("iterations", minimum_.iterations);
   if (a.reads()) {
     Tilt<D> tilts_of_box;
     std::copy(tilt.begin(), tilt.end(), tilts_of_box.begin());

@@ -27,6 +27,8 @@ class PackingProtocol : public Protocol<D> {
   std::unique_ptr<Integrator> make_integrator(Real dt) final;
   RunGeometry geometry() const final { return {"periodic", {}, {}}; }
   std::vector<Real> start() final;
+  /// Measures the packing of the start or of a restart.
+  void ready() final;
   std::vector<SeriesValue> sample() final;
   void visit(Archive& archive) final;
   void conclude(nlohmann::ordered_json& summary) final;
@@ -54,6 +56,7 @@ class PackingProtocol : public Protocol<D> {
   /// Between the outer rims of vertices and edges of polygons.
   Real rim_fraction() const;
   void finish();
+  void analyse();
   void find_moduli();
   void find_modes();
   void run_minimiser(const MinimiserOptions& options);
