@@ -202,6 +202,33 @@ bool overlap_too_much(const Topology& topology, const Real* x, Index m, Index n)
   return (point<D>(x, i) - point<D>(x, j)).norm() < (1 - passing_overlap) * (width(i) + width(j)) / 2;
 }
 
+template <int D>
+void check_overlaps(const StartParticles& particles, const std::string& file) {
+  const Topology& topology = particles.topology;
+  const Real* const x = particles.x.data();
+  struct Extent {
+    Index m;
+    Real low, high;  // of the last coordinates, with half the contact diameter of one point
+  };
+  std::vector<Extent> order;
+  for (Index m = 0; m < topology.particles(); ++m) {
+    Extent e{m, std::numeric_limits<Real>::infinity(), -std::numeric_limits<Real>::infinity()};
+    for (Index i = topology.offset[m]; i < topology.offset[m + 1]; ++i) {
+      const Real half = topology.diameter[static_cast<std::size_t>(i)] / 2, height = point<D>(x, i)[D - 1];
+      e.low = std::min(e.low, height - half), e.high = std::max(e.high, height + half);
+    }
+    order.push_back(e);
+  }
+  std::ranges::sort(order, {}, &Extent::low);
+  for (auto a = order.begin(); a != order.end(); ++a)
+    for (auto b = a + 1; b != order.end() && b->low < a->high; ++b) {
+      const auto [m, n] = std::minmax(a->m, b->m);
+      if (overlap_too_much<D>(topology, x, m, n))
+        throw InputError("-start {}: particles {} and {} are inside each other; move one of them", printable(file), m,
+                         n);
+    }
+}
+
 }  // namespace
 
 std::optional<std::string> outline_fault(const Topology& topology, Index m, const Real* x) {
@@ -241,33 +268,6 @@ StartParticles read_start(const std::string& text, const StartNeeds& needs) {
   return all;
 }
 
-template <int D>
-void check_overlaps(const StartParticles& particles, const std::string& file) {
-  const Topology& topology = particles.topology;
-  const Real* const x = particles.x.data();
-  struct Extent {
-    Index m;
-    Real low, high;  // of the last coordinates, with half the contact diameter of one point
-  };
-  std::vector<Extent> order;
-  for (Index m = 0; m < topology.particles(); ++m) {
-    Extent e{m, std::numeric_limits<Real>::infinity(), -std::numeric_limits<Real>::infinity()};
-    for (Index i = topology.offset[m]; i < topology.offset[m + 1]; ++i) {
-      const Real half = topology.diameter[static_cast<std::size_t>(i)] / 2, height = point<D>(x, i)[D - 1];
-      e.low = std::min(e.low, height - half), e.high = std::max(e.high, height + half);
-    }
-    order.push_back(e);
-  }
-  std::ranges::sort(order, {}, &Extent::low);
-  for (auto a = order.begin(); a != order.end(); ++a)
-    for (auto b = a + 1; b != order.end() && b->low < a->high; ++b) {
-      const auto [m, n] = std::minmax(a->m, b->m);
-      if (overlap_too_much<D>(topology, x, m, n))
-        throw InputError("-start {}: particles {} and {} are inside each other; move one of them", printable(file), m,
-                         n);
-    }
-}
-
 void StartOption::bind(Options& o) {
   o.bind("start", file_,
          {.help = "particles from a table FILE.csv, or from a run: FILE.h5 or FILE.h5:FRAME",
@@ -287,6 +287,24 @@ void StartOption::refuse(const Options& options, std::initializer_list<const cha
     if (options.given(name))
       throw InputError("-{} ({}) with -start {}: the particles come from this file; leave one of the options out", name,
                        options.source(name), printable(file_));
+}
+
+template <int D>
+void StartOption::check(Real dt, const std::function<std::optional<std::string>(Index)>& fault) const {
+  const Topology& all = particles_->topology;
+  const std::string file = printable(file_);
+  for (Index m = 0; m < all.particles(); ++m) {
+    if (const auto found = fault(m))
+      throw InputError("-start {}: particle {}, at ({:.4g}), {}", file, m,
+                       fmt::join(mean_of_points<D>(particles_->x.data(), all, m), ", "), *found);
+    if (particles_->v.empty()) continue;
+    if (const Real speed = mean_of_points<D>(particles_->v.data(), all, m).norm(); speed * dt > all.sigma[m])
+      throw InputError(
+          "-start {}: particle {} has the speed {:.3g}, and would move by more than its diameter in a step of {:.3g}; "
+          "give a lower velocity, or a shorter -dt",
+          file, m, speed, dt);
+  }
+  check_overlaps<D>(*particles_, file_);
 }
 
 template <int D>
@@ -319,8 +337,8 @@ void StartOption::visit(Archive& a) const {
   to.add_text(source_entry, particles_->source.dump());
 }
 
-template void check_overlaps<2>(const StartParticles&, const std::string&);
-template void check_overlaps<3>(const StartParticles&, const std::string&);
+template void StartOption::check<2>(Real, const std::function<std::optional<std::string>(Index)>&) const;
+template void StartOption::check<3>(Real, const std::function<std::optional<std::string>(Index)>&) const;
 template void StartOption::set_motion(Simulation<2>&) const;
 template void StartOption::set_motion(Simulation<3>&) const;
 

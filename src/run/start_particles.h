@@ -1,6 +1,7 @@
 // Particles of a new run from a file, -start: a frame of an earlier run, or a table.
 #pragma once
 
+#include <functional>
 #include <initializer_list>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -24,6 +25,7 @@ struct StartNeeds {
   bool rotates = false;                 ///< particles have angles and spins
   std::string length;                   ///< unit of length
   std::optional<Real> edge_width = {};  ///< smooth polygons: width of an edge over its rest length, if a table lacks it
+  Real density = 1;                     ///< mass over area, or volume, if a table lacks masses
 };
 
 /// Particles with ids 0 …, in their order in the file.
@@ -32,6 +34,7 @@ struct StartParticles {
   std::vector<Real> x, v;           ///< [points · D]; v is empty if the file has no velocities
   std::vector<Real> angles, spins;  ///< [particles · rotations], or empty
   bool has_widths = true;           ///< the file has the widths of edges of polygons
+  bool has_masses = true;           ///< the file has masses
   Real height = 0;                  ///< largest of the last coordinates
   nlohmann::ordered_json source;    ///< "file", "frame" (of run.h5), "crc32" of the numbers
 };
@@ -44,11 +47,6 @@ StartParticles read_start(const std::string& file, const StartNeeds& needs);
 
 /// The fault of polygon m: an edge without length, an outline that meets itself, or clockwise vertices; else nothing.
 std::optional<std::string> outline_fault(const Topology& topology, Index m, const Real* x);
-
-/// Errors: InputError for two disks or spheres whose overlap, over their contact distance, exceeds passing_overlap, and
-/// for two polygons whose outlines meet or of which one contains the other.
-template <int D>
-void check_overlaps(const StartParticles& particles, const std::string& file);
 
 /// The option -start of a scenario. Checkpoints keep sizes and masses, so that a restart does not read the file.
 class StartOption {
@@ -65,6 +63,11 @@ class StartOption {
 
   /// Errors: InputError for an option of the user that the particles of the file make meaningless.
   void refuse(const Options& options, std::initializer_list<const char*> names) const;
+  /// Errors: InputError for a particle m in which fault(m) finds a fault ("is in a wall; move it"), one that moves by
+  /// more than its diameter in a step dt, two disks or spheres whose overlap, over their contact distance, exceeds
+  /// passing_overlap, and two polygons whose outlines meet or of which one contains the other.
+  template <int D>
+  void check(Real dt, const std::function<std::optional<std::string>(Index)>& fault) const;
   /// Sets the velocities, angles and spins of the rank's particles, at the start of the run.
   template <int D>
   void set_motion(Simulation<D>& simulation) const;

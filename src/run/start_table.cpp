@@ -164,10 +164,11 @@ StartParticles read_points(const std::string& file, const StartNeeds& needs) {
   }
   StartParticles all;
   all.topology.dim = dim;
+  all.has_masses = table.has("mass");
   for (const std::size_t row : order) {
     const Real sigma = table.positive(row, "diameter");
     const Real volume = dim == 2 ? pi * square(sigma) / 4 : pi * sigma * square(sigma) / 6;
-    all.topology.add_soft(sigma, table.has("mass") ? table.positive(row, "mass") : volume);
+    all.topology.add_soft(sigma, table.has("mass") ? table.positive(row, "mass") : needs.density * volume);
     add_point(table, row, dim, all);
     if (table.has("angle")) all.angles.push_back(table.at(row, "angle"));
     if (table.has("spin")) all.spins.push_back(table.at(row, "spin"));
@@ -208,7 +209,8 @@ StartParticles read_polygons(const std::string& file, const StartNeeds& needs) {
       return table.has(name) ? table.positive(first, name) : otherwise;
     };
     const Real a0 = value("a0", polygon_area(x, shape, 0)), l0 = value("l0", polygon_perimeter(x, shape, 0) / n);
-    all.topology.add_polygon(n, a0, l0, value("diameter", needs.edge_width.value_or(1) * l0), value("mass", a0));
+    all.topology.add_polygon(n, a0, l0, value("diameter", needs.edge_width.value_or(1) * l0),
+                             value("mass", needs.density * a0));
   }
   return all;
 }

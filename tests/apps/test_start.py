@@ -250,3 +250,102 @@ def test_droplets_of_an_earlier_clog(tmp_path, earlier):
     inside = table(tmp_path, "x,y,diameter\n0,3,2\n0,3.01,2\n", "inside.csv")
     assert "particles 0 and 1 are inside each other" in clog_refused(inside)
     assert "lengths in R, but this run in sigma_avg" in refused(tmp_path, second)
+
+
+# A channel with room for few particles, and less than a push.
+CHANNEL = {"channel_width": 8, "channel_arm": 15, "stroke": 4, "plunger_speed": 10, "jam_overlap": 0.1, "jam_force": 1000,
+           "t_end": 0.03, "frame_travel": 0.04, "sample_travel": 0.02}
+
+
+@pytest.fixture(scope="module")
+def channels(tmp_path_factory):
+    """Channels of disks and of rough polygons, by name."""
+    folder = tmp_path_factory.mktemp("channels")
+    options = {"disk": {"area_fraction": 0.6}, "rough": {"model": "rough", "aspect": 2, "n_vertices": 8, "stiffness": 1e6,
+                                                         "area_fraction": 0.2}}
+    for name, more in options.items():
+        result = pliant("channel", output=folder / name, **CHANNEL, distribution="bidisperse", **more)
+        assert result.returncode == 0, result.stderr
+    return {name: folder / name / "run.h5" for name in options}
+
+
+def channel(folder, file, **options):
+    return pliant("channel", start=file, output=folder, **{**CHANNEL, **options})
+
+
+def channel_refused(folder, file, **options):
+    """The message, of one line; no folder is left."""
+    result = channel(folder / "refused", file, **options)
+    assert result.returncode == 2 and result.stderr.count("\n") == 1, result.stderr
+    assert not (folder / "refused" / "run.h5").exists()
+    return result.stderr
+
+
+@pytest.mark.parametrize("model, options", [("disk", {}), ("rough", {"model": "rough", "aspect": 2, "stiffness": 1e6})])
+def test_a_channel_from_a_frame(model, options, tmp_path, channels):
+    """Positions, velocities, spins, sizes and masses are those of the frame; a restart does not need the file."""
+    file = tmp_path / "copy.h5"
+    file.write_bytes(channels[model].read_bytes())
+    for name, more in {"whole": {}, "half": {"t_end": 0.015}}.items():
+        result = channel(tmp_path / name, f"{file}:5", **options, **more)
+        assert result.returncode == 0, result.stderr
+    file.unlink()
+    result = pliant("channel", restart=tmp_path / "half", t_end=CHANNEL["t_end"])
+    assert result.returncode == 0, result.stderr
+    with h5py.File(channels[model]) as old, h5py.File(tmp_path / "whole" / "run.h5") as new:
+        frames = old["frames/000005"], new["frames/000000"]
+        for name in ("positions", "velocities", "angles", "spins"):
+            assert (name in frames[0]) == (name in frames[1])
+            if name in frames[0]:
+                np.testing.assert_array_equal(frames[1][name][()], frames[0][name][()], name)
+        assert frames[1].attrs["time"] == 0 and np.abs(frames[1]["velocities"]).max() > 0
+        for name in ("offset", "sigma", "l0", "mass", "diameter"):
+            np.testing.assert_allclose(new["topology"][name][()], old["topology"][name][()], rtol=1e-15, err_msg=name)
+        with h5py.File(tmp_path / "half" / "run.h5") as continued:
+            assert len(new["frames"]) == len(continued["frames"]) > 3
+            for name in new["frames"]:
+                np.testing.assert_array_equal(new["frames"][name]["positions"], continued["frames"][name]["positions"])
+    before, after = (json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+                     for folder in (channels[model].parent, tmp_path / "whole"))
+    assert after["start"]["frame"] == 5 and after["disks"] == before["disks"] and after["weight"] == before["weight"]
+    assert after["area_fraction"] == pytest.approx(before["area_fraction"])
+
+
+def test_a_channel_from_a_table(tmp_path):
+    """Without masses in the table, the mass follows from -density and -thickness."""
+    file = table(tmp_path, "x,y,diameter\n2,2,1\n5,3,1.5\n3,6,1\n")
+    result = channel(tmp_path / "run", file, density=2, thickness=0.5)
+    assert result.returncode == 0, result.stderr
+    with h5py.File(tmp_path / "run" / "run.h5") as run:
+        np.testing.assert_array_equal(run["frames/000000/positions"], [[2, 2], [5, 3], [3, 6]])
+        np.testing.assert_allclose(run["topology/mass"], np.pi / 4 * np.array([1, 2.25, 1]))
+    disks = json.loads((tmp_path / "run" / "summary.json").read_text(encoding="utf-8"))["disks"]
+    assert disks == [{"radius": 0.75, "count": 1}, {"radius": 0.5, "count": 2}]
+    heavy = table(tmp_path, "x,y,diameter,mass\n2,2,1,3\n", "heavy.csv")
+    assert channel(tmp_path / "heavy", heavy).returncode == 0
+    with h5py.File(tmp_path / "heavy" / "run.h5") as run:
+        assert run["topology/mass"][()] == pytest.approx([3])
+
+
+@pytest.mark.parametrize("text, words", [
+    ("x,y,diameter\n2,2,1\n12,12,1\n", "particle 1, at (12, 12), is outside the channel or in a wall"),
+    ("x,y,diameter\n2,2,1\n2.02,2,1\n", "particles 0 and 1 are inside each other"),
+    ("x,y,diameter\n4,4,9\n", "radius of 4.5 cm"),
+    ("x,y,diameter,vx,vy\n2,2,1,1e9,0\n", "has the speed 1e+09"),
+    ("x,y,diameter\n2,2,-1\n", "diameter is -1"),
+    ("x,y,diameter\n2,nan,1\n", "not a finite number"),
+    ("x,y,diameter\n", "no rows"),
+])
+def test_tables_that_a_channel_refuses(text, words, tmp_path):
+    assert words in channel_refused(tmp_path, table(tmp_path, text))
+
+
+def test_frames_and_options_that_a_channel_refuses(tmp_path, channels, earlier):
+    disks, rough = channels["disk"], channels["rough"]
+    for option, value in {"area_fraction": 0.5, "distribution": "T1", "radii": 0.5, "seed": 2, "density": 1,
+                          "thickness": 0.3, "start_overlap": 1e-3}.items():
+        assert f"-{option} (command line) with -start {disks}" in channel_refused(tmp_path, disks, **{option: value})
+    assert "have one point" in channel_refused(tmp_path, rough)
+    assert "are polygons" in channel_refused(tmp_path, disks, model="rough")
+    assert "lengths in sigma_avg, but this run in cm" in channel_refused(tmp_path, earlier["disk"])
+    assert "lengths in cm, but this run in sigma_avg" in refused(tmp_path, disks, **of_model("disk", {}))

@@ -22,21 +22,9 @@
 namespace pliant {
 namespace {
 
-Topology make_particles(const ChannelOptions& p) {
-  Topology particles;
-  for (std::size_t k = 0; k < p.sizes.size(); ++k) {
-    const Real R = p.sizes[k].radius;
-    for (Index n = 0; n < p.disks[k]; ++n)
-      if (p.rough())
-        particles.add_polygon(p.vertices(R), pi * square(R), p.edge(R), p.edge(R), p.mass(R));
-      else
-        particles.add_soft(2 * R, p.mass(R));
-  }
-  return particles;
-}
-
 RunSize size_of(const ChannelOptions& p) {
   RunSize size;
+  if (p.start.given()) return {p.start.particles().topology.particles(), p.start.particles().topology.points()};
   for (std::size_t k = 0; k < p.sizes.size(); ++k) {
     size.particles += p.disks[k];
     size.points += std::int64_t{p.disks[k]} * (p.rough() ? p.vertices(p.sizes[k].radius) : 1);
@@ -54,7 +42,7 @@ std::unique_ptr<Simulation<2>> make_simulation(const ChannelOptions& p, const Ra
   ParticleSystem<2> particles({}, p.channel->walls(), p.model.force_field(p.surroundings()),
                               p.skin.value_or(first_skin), ranks);
   if (!p.skin) particles.tune_skin();
-  return std::make_unique<Simulation<2>>(make_particles(p), std::move(particles), Sorting::regularly);
+  return std::make_unique<Simulation<2>>(p.particles(), std::move(particles), Sorting::regularly);
 }
 
 class ChannelProtocol final : public Protocol<2> {
@@ -75,8 +63,12 @@ class ChannelProtocol final : public Protocol<2> {
   // --- Before the run
 
   std::string title() const override {
+    constexpr std::size_t most_listed = 12;
     std::string disks;
-    for (std::size_t k = 0; k < p_.sizes.size(); ++k)
+    if (p_.sizes.size() > most_listed)
+      disks = fmt::format("{} from {:.4g} to {:.4g}", simulation().all().particles(), p_.sizes.back().radius,
+                          p_.sizes.front().radius);
+    for (std::size_t k = 0; k < p_.sizes.size() && p_.sizes.size() <= most_listed; ++k)
       disks += fmt::format("{}{} of {:.4g}", k > 0 ? ", " : "", p_.disks[k], p_.sizes[k].radius);
     return fmt::format(
         "channel: {} radii in cm: {}; area fraction {:.4f} of {:.4g} cm^2; {} plungers, {:g} cm/s over {:g} "
@@ -110,9 +102,18 @@ class ChannelProtocol final : public Protocol<2> {
           "-plunger_speed {:g}: the plunger moves by {:.3g} cm in a step of {:.3g} s, more than the smallest radius, "
           "{:g} cm, and would pass through {}s; lower it or -dt",
           p_.push.speed, way, schedule_.dt(), radius, p_.particle());
+    if (!p_.start.fresh()) return;
+    const StartParticles& start = p_.start.particles();
+    p_.start.check<2>(schedule_.dt(), [&](Index m) -> std::optional<std::string> {
+      for (Index i = start.topology.offset[m]; i < start.topology.offset[m + 1]; ++i)
+        if (!channel_.inside(point<2>(start.x.data(), i))) return "is outside the channel or in a wall; move it";
+      return {};
+    });
   }
+  nlohmann::ordered_json start_source() const override { return p_.start.source(); }
 
   std::vector<Real> start() override {
+    if (p_.start.given()) return p_.start.particles().x;
     const Topology& all = simulation().all();
     const auto seed = static_cast<std::uint64_t>(p_.seed);
     const ChannelStart start =
@@ -123,7 +124,10 @@ class ChannelProtocol final : public Protocol<2> {
     return start.x;
   }
 
-  void started() override { put_walls(); }
+  void started() override {
+    p_.start.set_motion(simulation());
+    put_walls();
+  }
   void ready() override {
     if (p_.rough()) outlines_.start(particles(), state());
   }
@@ -222,6 +226,7 @@ class ChannelProtocol final : public Protocol<2> {
   }
 
   void visit(Archive& a) override {
+    p_.start.visit(a);
     std::int64_t push = schedule_.push_at(state().step);
     a.number("push", push, push, push);
     a.array("jammed_pushes", jams_, 0, push);
@@ -398,8 +403,9 @@ Scenario channel_scenario() {
       "channel", "frictional disks pushed through a bent channel by plungers",
       [](const ChannelOptions& p, const Options& options, const Ranks& ranks, std::optional<Checkpoint> checkpoint) {
         check_memory(size_of(p),
-                     p.rough() ? fmt::format("-area_fraction {:g} with -n_vertices {}", p.area_fraction, p.n_vertices)
-                               : fmt::format("-area_fraction {:g} of these disks", p.area_fraction),
+                     p.start.given() ? "-start " + p.start.file()
+                     : p.rough() ? fmt::format("-area_fraction {:g} with -n_vertices {}", p.area_fraction, p.n_vertices)
+                                 : fmt::format("-area_fraction {:g} of these disks", p.area_fraction),
                      ranks);
         if (!checkpoint) p.refuse_unread(options);
         return std::make_unique<Run<2>>("channel", p, options, ranks, std::make_unique<ChannelProtocol>(p, ranks),

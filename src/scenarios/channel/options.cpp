@@ -1,7 +1,9 @@
 #include <pliant/scenarios/channel/options.h>
 
 #include <algorithm>
+#include <functional>
 #include <limits>
+#include <map>
 
 #include <pliant/base/errors.h>
 #include <pliant/base/text.h>
@@ -97,6 +99,7 @@ void ChannelOptions::bind(Options& o) {
          {.help = "-geometry straight: speed of the side walls, divided by the plunger speed", .on_restart = fixed});
 
   o.group("Disks");
+  start.bind(o);
   o.bind("distribution", distribution,
          {.help = "sizes, of [T table 3.1]", .choices = size_distribution_names(), .on_restart = fixed});
   o.bind("radii", radii,
@@ -194,6 +197,79 @@ void ChannelOptions::bind(Options& o) {
          {.help = "travel of the plunger between samples of the series", .unit = "cm", .min = 0, .min_open = true});
 }
 
+void ChannelOptions::take_start(const std::optional<Checkpoint>& checkpoint) {
+  start.take({.dim = 2,
+              .model = model.name,
+              .polygons = rough(),
+              .rotates = model.particles() == ModelKind::disk,
+              .length = "cm",
+              .density = density * thickness},
+             checkpoint);
+}
+
+void ChannelOptions::resolve_sizes() {
+  if (!start.given()) {
+    sizes = radii.empty() && counts.empty() ? size_distribution(distribution) : parse_sizes(radii, counts);
+    disks = disks_for_area(sizes, area_fraction * filled_area());
+    return;
+  }
+  std::map<Real, Index, std::greater<>> numbers;
+  for (const Real sigma : start.particles().topology.sigma) ++numbers[sigma / 2];
+  sizes.clear();
+  disks.clear();
+  for (const auto& [radius, number] : numbers) {
+    sizes.push_back({radius, static_cast<Real>(number)});
+    disks.push_back(number);
+  }
+}
+
+/// The polygons of the file, or the sizes of the distribution: visit(number of vertices, k). A run that is too large
+/// for the memory has no list of all polygons yet.
+template <class Visit>
+void ChannelOptions::for_each_polygon(Visit&& visit) const {
+  const auto count = start.given() ? start.particles().topology.particles() : static_cast<Index>(sizes.size());
+  for (Index k = 0; k < count; ++k)
+    visit(start.given() ? start.particles().topology.points_of(k) : vertices(sizes[static_cast<std::size_t>(k)].radius),
+          k);
+}
+
+/// Rest length of the edges of one of them.
+Real ChannelOptions::edge_of(Index k) const {
+  return start.given() ? start.particles().topology.l0[k] : edge(sizes[static_cast<std::size_t>(k)].radius);
+}
+
+Real ChannelOptions::resolve_outlines() {
+  const OutlineShape drawn =
+      shape_outline.empty()
+          ? shape
+          : OutlineShape{OutlineKind::corners, 1, parse_corners(shape_outline, "-shape_outline", one_shape)};
+  RestOutlines all;
+  const auto need = [&](Index n) {
+    const auto k = static_cast<std::size_t>(n);
+    all.resize(std::max(all.size(), k + 1));
+    if (all[k].empty()) all[k] = rest_outline(drawn, n);
+  };
+  for_each_polygon([&](Index n, Index) { need(n); });
+  outlines = std::make_shared<RestOutlines>(std::move(all));
+  Real largest = 0;
+  for_each_polygon([&](Index n, Index k) { largest = std::max(largest, edge_of(k) * outline_radius((*outlines)[n])); });
+  return largest;
+}
+
+Topology ChannelOptions::particles() const {
+  if (start.given()) return start.particles().topology;
+  Topology all;
+  for (std::size_t k = 0; k < sizes.size(); ++k) {
+    const Real R = sizes[k].radius;
+    for (Index n = 0; n < disks[k]; ++n)
+      if (rough())
+        all.add_polygon(vertices(R), pi * square(R), edge(R), edge(R), mass(R));
+      else
+        all.add_soft(2 * R, mass(R));
+  }
+  return all;
+}
+
 void ChannelOptions::resolve() {
   channel = outline.empty() ? Channel(kind, size) : Channel(parse_corners(outline, "-outline"));
   if (!plungers.empty()) channel->set_plungers(parse_places(plungers));
@@ -210,25 +286,10 @@ void ChannelOptions::resolve() {
     throw InputError("-shear {:g}: only the walls of -geometry straight can move along themselves; leave it out",
                      shear);
 
-  sizes = radii.empty() && counts.empty() ? size_distribution(distribution) : parse_sizes(radii, counts);
-  disks = disks_for_area(sizes, area_fraction * filled_area());
-  const auto by_radius = [](const SizeClass& a, const SizeClass& b) { return a.radius < b.radius; };
-  Real largest = std::max_element(sizes.begin(), sizes.end(), by_radius)->radius;
-  if (rough()) {
-    const OutlineShape drawn =
-        shape_outline.empty()
-            ? shape
-            : OutlineShape{OutlineKind::corners, 1, parse_corners(shape_outline, "-shape_outline", one_shape)};
-    RestOutlines all;
-    for (const SizeClass& of : sizes) {
-      const auto n = static_cast<std::size_t>(vertices(of.radius));
-      all.resize(std::max(all.size(), n + 1));
-      if (all[n].empty()) all[n] = rest_outline(drawn, static_cast<Index>(n));
-    }
-    outlines = std::make_shared<RestOutlines>(std::move(all));
-    for (const SizeClass& of : sizes)
-      largest = std::max(largest, edge(of.radius) * outline_radius((*outlines)[vertices(of.radius)]));
-  }
+  resolve_sizes();
+  const Real largest = rough()
+                           ? resolve_outlines()
+                           : std::ranges::max_element(sizes, {}, [](const SizeClass& of) { return of.radius; })->radius;
   for (const Plunger& p : channel->plungers())
     if (2 * largest >= p.width())
       throw InputError(
@@ -238,7 +299,7 @@ void ChannelOptions::resolve() {
   Real contact = stiffness, wall = stiffness;
   if (rough()) {
     Real smallest = std::numeric_limits<Real>::infinity();
-    for (const SizeClass& of : sizes) smallest = std::min(smallest, edge(of.radius));
+    for_each_polygon([&](Index, Index k) { smallest = std::min(smallest, edge_of(k)); });
     contact = stiffness * square(smallest);
     wall = contact / 4;  // over half the distance
   }
@@ -251,6 +312,8 @@ void ChannelOptions::resolve() {
 
 void ChannelOptions::refuse_unread(const Options& o) const {
   model.refuse_unread(o);
+  start.refuse(o, {"distribution", "radii", "counts", "area_fraction", "start_overlap", "n_vertices", "seed"});
+  if (start.given() && start.particles().has_masses) start.refuse(o, {"density", "thickness"});
   const auto refuse = [&](const std::string& name, const std::string& other) {
     if (o.given(name)) throw InputError("-{} with -{}, which takes its place; leave one of them out", name, other);
   };

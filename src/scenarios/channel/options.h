@@ -10,6 +10,7 @@
 #include <pliant/catalogue/model_choice.h>
 #include <pliant/model/rest_shape.h>
 #include <pliant/run/options.h>
+#include <pliant/run/start_particles.h>
 #include <pliant/scenarios/channel/channel_shape.h>
 #include <pliant/scenarios/channel/distributions.h>
 #include <pliant/scenarios/channel/push_schedule.h>
@@ -27,8 +28,9 @@ struct ChannelOptions : RunOptions {
   Real shear = 0;
   std::optional<Channel> channel;  ///< made by `resolve` from the options above
 
+  StartOption start;
   std::string distribution = "T4", radii, counts;
-  std::vector<SizeClass> sizes;  ///< resolved from the options above
+  std::vector<SizeClass> sizes;  ///< resolved from the options above; with -start the sizes in the file
   std::vector<Index> disks;      ///< number of disks of each size
   Real area_fraction = 0.77;
   Real density = 1.19, thickness = 0.29;
@@ -53,6 +55,8 @@ struct ChannelOptions : RunOptions {
 
   ChannelOptions();
   void bind(Options& options);
+  /// Takes the particles of -start. Errors: InputError.
+  void take_start(const std::optional<Checkpoint>& checkpoint);
   /// Errors: InputError.
   void resolve();
   /// Errors: InputError for options that another option makes ineffective.
@@ -72,6 +76,16 @@ struct ChannelOptions : RunOptions {
   /// How many vertices a polygon has that covers the area of a disk, and the length of its edges in cm.
   Index vertices(Real radius) const;
   Real edge(Real radius) const;
+  /// The particles, in the order of their ids.
+  Topology particles() const;
+
+ private:
+  void resolve_sizes();
+  /// Of polygons. Returns the largest radius of a circle around one.
+  Real resolve_outlines();
+  template <class Visit>
+  void for_each_polygon(Visit&& visit) const;
+  Real edge_of(Index k) const;
 };
 
 }  // namespace pliant

@@ -66,14 +66,12 @@ class ClogProtocol final : public DropletProtocol {
     if (!p_.start.fresh()) return;
     const StartParticles& start = p_.start.particles();
     const Walls<2> walls = make_walls(p_, 0);
-    for (Index m = 0; m < start.topology.particles(); ++m) {
+    p_.start.check<2>(0, [&](Index m) -> std::optional<std::string> {
       const Vec<2> r = point<2>(start.x.data(), m);
       for (Index part = 0; part < walls.part_count(); ++part)
-        if (walls.distance(r, part, 0) <= 0)
-          throw InputError("-start {}: particle {}, at ({:.4g}, {:.4g}), is in a wall or below the exit; move it",
-                           printable(p_.start.file()), m, r[0], r[1]);
-    }
-    check_overlaps<2>(start, p_.start.file());
+        if (walls.distance(r, part, 0) <= 0) return "is in a wall or below the exit; move it";
+      return {};
+    });
   }
   RunGeometry geometry() const override {
     return {"wedge", drawn_walls(0), {{"w", 2 * p_.half_width()}, {"angle", p_.angle}}};

@@ -503,30 +503,17 @@ class HopperProtocol final : public Protocol<D> {
     const StartParticles& start = p_.start.particles();
     const Topology& all = start.topology;
     const Passage<D> places{start.x.data(), all, *p_.container, particles().walls()};
-    const std::string file = printable(p_.start.file());
-    for (Index m = 0; m < all.particles(); ++m) {
-      const Vec<D> r = mean_of_points<D>(start.x.data(), all, m);
-      if (places.through_wall(m))
-        throw InputError("-start {}: particle {}, at ({:.4g}), is outside the container or in a wall; move it", file, m,
-                         fmt::join(r, ", "));
-      if (r[D - 1] < -counter_.depth())
-        throw InputError(
-            "-start {}: particle {}, at ({:.4g}), is more than -removal_depth {:.3g} below the orifice; move it, or "
-            "leave it out",
-            file, m, fmt::join(r, ", "), counter_.depth());
-      if (start.v.empty()) continue;
-      if (const Real speed = mean_of_points<D>(start.v.data(), all, m).norm(); speed * dt > all.sigma[m])
-        throw InputError(
-            "-start {}: particle {} has the speed {:.3g}, and would move by more than its diameter in a step of "
-            "{:.3g}; "
-            "give a lower velocity, or a shorter -dt",
-            file, m, speed, dt);
-    }
-    check_overlaps<D>(start, p_.start.file());
+    p_.start.template check<D>(dt, [&](Index m) -> std::optional<std::string> {
+      if (places.through_wall(m)) return "is outside the container or in a wall; move it";
+      if (mean_of_points<D>(start.x.data(), all, m)[D - 1] < -counter_.depth())
+        return fmt::format("is more than -removal_depth {:.3g} below the orifice; move it, or leave it out",
+                           counter_.depth());
+      return {};
+    });
     const Real mean = std::accumulate(all.sigma.begin(), all.sigma.end(), 0.0) / all.particles();
     if (ranks().root() && (mean < 0.5 || mean > 2))
-      warn("-start {}: the mean diameter is {:.3g}, but lengths of a run are in mean diameters; scale the file", file,
-           mean);
+      warn("-start {}: the mean diameter is {:.3g}, but lengths of a run are in mean diameters; scale the file",
+           printable(p_.start.file()), mean);
   }
 
   /// For an outline or obstacles that leave no way.
