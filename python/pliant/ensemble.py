@@ -125,4 +125,4 @@ def seeds_remark(points):
         return ""
     if single == len(points):
         return "one seed a point: errors of blocks alone, too small where the flow drifts"
-    return f"{single} of {len(points)} points have one seed"
+    return f"{single} of {len(points)} points with one seed"

@@ -66,7 +66,7 @@ def test_one_seed():
     assert "one seed" in beverloo.fit_seeds(table, ["mu"])["note"][0]
     some = ensemble.average(runs(np.random.default_rng(3), 0.06)[1:-1].iloc[[0, 1, 2, 3, 4, 5, 8, 11, 14]],
                             ["hopper_width"], "Q")
-    assert "points have one seed" in ensemble.seeds_remark(some) and (some["Q_error"] > 0).all()
+    assert "points with one seed" in ensemble.seeds_remark(some) and (some["Q_error"] > 0).all()
     # A single seed gets the drift error of the other points.
     assert some["Q_error"].iloc[-1] > 1.5 * 0.02 * beverloo.beverloo(10, *LAW)
     assert ensemble.seeds_remark(ensemble.average(runs(np.random.default_rng(3), 0), ["hopper_width"], "Q")) == ""

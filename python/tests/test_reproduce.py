@@ -503,7 +503,7 @@ def test_figure_6_compares_angles(tmp_path):
     assert found["lambda_c, published ends: theta_w = 30"].value == pytest.approx(0.005, rel=0.15)
     assert found["lambda_c, published ends: theta_w = 30"].published.value == 0.005
     assert found["|F_zeta|/|F_mu| at lambda = 0.01, theta_w = 30"].value == pytest.approx(0.5)
-    steeper = found["|F_zeta|/|F_mu| at lambda = 0.01, theta_w = 30 over the same at 90"]
+    steeper = found["|F_zeta|/|F_mu| at lambda = 0.01, theta_w = 30 over its value at theta_w = 90"]
     assert steeper.value == pytest.approx(5) and agree(steeper) == "no"  # published: a plateau
     # For forces proportional to lambda, at the middle: the error combines the errors of lambda_c and of the forces
     data["drag_friction_ratio"] = 3 * data["zeta"] / data["mu"].where(data["mu"] > 0)
@@ -787,7 +787,7 @@ def test_readings_are_told_apart(tmp_path):
              if name.startswith("beta: ") and "from w" not in name}
     assert betas == {name: pytest.approx(beta, abs=0.1) for name, beta in {
         "printed, friction only": 2.2, "printed, tangential friction, friction only": 1.8,
-        "printed, counted as they are removed, friction only": 2.1, "printed, dt = 0.00025, friction only": 2.0,
+        "printed, counted at removal, friction only": 2.1, "printed, dt = 0.00025, friction only": 2.0,
         "as run, friction only": 1.5, "as run, E_sp = 100, mu = 31.6, friction only": 1.9,
         "printed, E_w = 694, friction only": 1.7, "printed, E_sp = 10000, drag only": 0.9, "as run, drag only": 0.5}.items()}
     # only k of hard particles has been published
@@ -1024,7 +1024,7 @@ def test_exponents_against_coefficients(tmp_path):
     crossover = found["decades within 0.1 of beta = 3/2: printed, friction only"]
     assert crossover.value == pytest.approx(1, abs=0.5) and not crossover.note
     flat = found["decades within 0.1 of beta = 3/2: printed, tangential friction, friction only"]
-    assert flat.value == pytest.approx(3, abs=0.2) and "ends inside" in flat.note
+    assert flat.value == pytest.approx(3, abs=0.2) and "lower limit" in flat.note
     assert found["slope per decade about beta = 1/2: printed, drag only"].value == pytest.approx(-0.2, abs=0.08)
     assert found["beta: printed, zeta = 10, drag only"].published.value == 0.5
 
@@ -1138,10 +1138,10 @@ def test_figures_of_fractures(tmp_path):
     with pytest.raises(PliantError, match="two sizes"):
         command.FIGURES["T2.10"].draw(raft_rows(alone))
     found = drawn("T2.11", raft_rows(law), tmp_path)
-    assert found["peaks at delta = 0.1, one kind"].value == 3 and found["peaks at delta = 0.15, two kinds"].value == 20
+    assert found["peaks at delta = 0.1, one size"].value == 3 and found["peaks at delta = 0.15, two sizes"].value == 20
     both = drawn("T2.11", raft_rows([*law, *(row | {"n": 36, "rows": 6, "peaks": 9} for row in law)]), tmp_path)
-    assert both["peaks at delta = 0.15, two kinds, N = 20"].value == 20
-    assert both["peaks at delta = 0.15, two kinds, N = 36"].value == 9
+    assert both["peaks at delta = 0.15, two sizes, N = 20"].value == 20
+    assert both["peaks at delta = 0.15, two sizes, N = 36"].value == 9
 
     sizes = [fracture_row(seed, n=p * p, rows=p, inverse_size=1 / p, aspect=1.0, competing=0.8 - 1.6 / p + 0.02 * seed)
              for seed in (-1, 0, 1) for p in (3, 4, 6, 8, 12)]
@@ -1169,14 +1169,14 @@ def test_figures_of_clogs(tmp_path):
     found = drawn("T4.5", table, tmp_path)
     assert found["A"].value == pytest.approx(0.12, abs=0.08) and agree(found["B"]) in ("yes", "no")
     assert found["B"].value == pytest.approx(0.029, rel=0.35)
-    assert found["B, runs that emptied as cut off"].value == pytest.approx(0.029, rel=0.1)
+    assert found["B, emptied runs censored at N"].value == pytest.approx(0.029, rel=0.1)
     assert found["A, from P_clog"].published.value == 0.12 and "points" in found["B, from P_clog"].note
     assert found["B, phi_c = 0.0002 alone"].error > 0
-    own = found["B, runs that emptied as cut off, against B from the published w*"]
+    own = found["B, emptied runs censored at N, against B from the published w*"]
     half = clog.clog_law(2 * 2.96, 0.12, own.published.value, 190)
-    assert own.value == found["B, runs that emptied as cut off"].value and half == pytest.approx(0.5)
+    assert own.value == found["B, emptied runs censored at N"].value and half == pytest.approx(0.5)
     found = drawn("T4.6", table, tmp_path)
-    away, uncut = (found[f"P_clog less its law, {words}mean over points"] for words in ("", "runs that emptied as cut off, "))
+    away, uncut = (found[f"P_clog minus its fit, {words}mean over points"] for words in ("", "emptied runs censored at N, "))
     assert abs(away.value) < 0.05 and abs(uncut.value) < 0.02
     assert drawn("T4.3", table, tmp_path)["w*/d at phi_c = 0.0002"].value > 3
     found = drawn("T4.4", table, tmp_path)
@@ -1394,7 +1394,7 @@ def test_measures_of_rafts(tmp_path):
     fractures = all_of("fractures")
     found = drawn("T2.10", fractures, tmp_path)
     assert found["excess over its height at phi = 0.5, N = 20"].value == pytest.approx(1)
-    assert drawn("T2.11", fractures, tmp_path)["peaks at delta = 0, one kind"].value == 3
+    assert drawn("T2.11", fractures, tmp_path)["peaks at delta = 0, one size"].value == 3
     found = drawn("T2.14", fractures, tmp_path)
     assert [found[f"fraction of {name} fractures, N = 20, phi = 0.5, delta = 0.133"].value for name in (
         "competing", "overlapping", "unmatched")] == [0, 0.5, 0.5]

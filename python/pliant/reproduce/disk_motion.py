@@ -157,7 +157,7 @@ def draw_distances(measured):
         quantities += [
             _over_runs(f"distance of the peak of dr_NA from the largest disks in cm, {name}", largest,
                        lambda run: place(run, 0, 2 * smallest, np.argmax), published.PEAK_DISTANCE, floor=floor),
-            _over_runs(f"distance of the valley behind it in cm, {name}", largest,
+            _over_runs(f"distance of the next minimum of dr_NA in cm, {name}", largest,
                        lambda run: place(run, 1.3 * smallest, 3 * smallest, np.argmin), published.VALLEY_DISTANCE,
                        floor=floor)]
     return figure, quantities

@@ -63,7 +63,7 @@ def draw_three(measured):
         if len(forces) > 2:
             limit, error = _at_rest(forces)
             quantities.append(Quantity(f"{name} as v_wall goes to 0", limit, error, known, "; ".join(filter(None, [
-                "a straight line through the two slowest; error: that through the next two", note]))))
+                "line through the two slowest walls; error: difference from the line through the next two", note]))))
     if len(speeds) > 2:
         second = speeds.index[1]
         right.plot([0, second], [_at_rest(speeds)[0], speeds[second]], color=plotting.COLORS[0], lw=1)
@@ -118,7 +118,7 @@ def draw_stiffness(measured):
     measured_ones = {"k1": table["k1"].iloc[0], "E1": table["E1"].iloc[0]}
     quantities = [*(Quantity(f"{name} of {'a droplet at a wall' if 'wall' in name else 'two droplets'}",
                              measured_ones.get(name, constants[name]), 0.0, known,
-                             "" if name in measured_ones else "of the equations, without a run")
+                             "" if name in measured_ones else "from the equations of the model")
                     for name, known in published.CONTACTS.items()),
                   Quantity("k1 of k_eq = k1 q/(p+1)", mean["k1"], mean["k1_error"], published.K1_SQUARE)]
     of_row = table.assign(k=table["k_eq"] / table["x"], k_error=table["k_error"] / table["x"])
@@ -179,13 +179,13 @@ def draw_two_sizes(measured):
 
 
 def draw_polydispersity(measured):
-    """[T 2.11]: peaks against polydispersity, of one kind with a distribution of sizes and of two kinds."""
+    """[T 2.11]: peaks against polydispersity, of one size with a scatter of radii, and of two sizes."""
     figure, axes = plt.subplots(figsize=(5.8, 4.2), layout="constrained")
     quantities = []
     one = measured["small_fraction"] == 0
     several = measured["n"].nunique() > 1
-    for data, kind, marker, color in ((measured[one], "one kind", "s", plotting.COLORS[0]),
-                                      (measured[~one], "two kinds", "o", plotting.COLORS[1])):
+    for data, kind, marker, color in ((measured[one], "one size", "s", plotting.COLORS[0]),
+                                      (measured[~one], "two sizes", "o", plotting.COLORS[1])):
         for i, (n, points) in enumerate(ensemble.scatter(data, ["n", "delta"], "peaks").groupby("n")):
             name = f"{kind}, N = {n}" if several else kind
             plotting.errorbar(axes, points["delta"], points["peaks"], points["peaks_error"], fmt=marker, color=color,
@@ -343,7 +343,7 @@ def _published_law(axes, x, law):
 
 
 #: Names of clog.collapse_fits, for the rows.
-_FITS = {"scaled": "avalanches scaled to one N", "cut off": "runs that emptied as cut off", "P_clog": "from P_clog",
+_FITS = {"scaled": "avalanches scaled to one N", "cut off": "emptied runs censored at N", "P_clog": "from P_clog",
          "widths at one g": "widths at one g alone", "other g": "other g alone"}
 
 
@@ -383,12 +383,12 @@ def draw_clog_collapse(measured):
     n = points["n"].iloc[0]
     _published_law(axes, x, lambda grid, A, B: clog.clog_law(grid, A, B, n))
     axes.legend()
-    quantities.append(_off_the_law("P_clog less its law, mean over points", points, x, fit))
+    quantities.append(_off_the_law("P_clog minus its fit, mean over points", points, x, fit))
     if (uncut := fits.get("cut off")):
         grid = np.linspace(0, x.max() * 1.05, 300)
         axes.plot(grid, clog.clog_law(grid, uncut.A, uncut.B, n), ":", color="0.2", lw=1.4, label=_FITS["cut off"])
         axes.legend()
-        quantities.append(_off_the_law(f"P_clog less its law, {_FITS['cut off']}, mean over points", points, x, uncut))
+        quantities.append(_off_the_law(f"P_clog minus its fit, {_FITS['cut off']}, mean over points", points, x, uncut))
     return figure, quantities
 
 

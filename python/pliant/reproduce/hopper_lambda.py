@@ -172,7 +172,8 @@ def _plateau(ratios, full):
         if len(group) > 1:
             (steep, error), (next_one, next_error) = group[["drag_friction_ratio", "drag_friction_ratio_error"]].to_numpy()[:2]
             quantities.append(Quantity(
-                f"|F_zeta|/|F_mu| at lambda = 0.01, {full(group.iloc[0])} over the same at {group['hopper_angle'].iloc[1]:g}",
+                f"|F_zeta|/|F_mu| at lambda = 0.01, {full(group.iloc[0])} over its value at theta_w = "
+                f"{group['hopper_angle'].iloc[1]:g}",
                 steep / next_one, steep / next_one * np.hypot(error / steep, next_error / next_one), published.RATIO_PLATEAU))
     return quantities
 

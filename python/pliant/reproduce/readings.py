@@ -53,7 +53,7 @@ _MODEL = [name for name in OPTIONS if name in parameters("hopper")]
 _PROTOCOL = [name for name in OPTIONS if name not in _MODEL]
 _WORDS = {"whole": "whole friction", "tangential": "tangential friction", "per_particle": "drag per particle",
           "per_mass": "drag per mass", "linear": "linear contacts", "harmonic": "harmonic contacts",
-          "crossing": "counted as they cross", "removal": "counted as they are removed",
+          "crossing": "counted at crossing", "removal": "counted at removal",
           "absolute": "absolute area", "relative": "relative area", "unit": "bending of unit edges",
           "full": "bending of full edges", "single": "single edge force", "twofold": "twofold edge force",
           "contact": "friction at the contact", "vertex": "friction at the vertex"}
@@ -453,13 +453,13 @@ def draw_coefficients(measured):
                 decide = all(decides(fit) for fit, one in zip(points["fit"], strong & (error > 0)) if one)
                 quantities.append(Quantity(f"beta, mean over {COEFFICIENT[limit]} of {STRONG[limit]:g} and more: "
                                            f"{_name(points.iloc[0], curve)}", *mean[:2], published.exponent(dim, limit),
-                                           mean[2] + ("" if decide else "; of fits that decide nothing"), decide))
+                                           mean[2] + ("" if decide else "; some fits have no verdict"), decide))
             if len(points) > 1:
                 (decades, spread, ends), (slope, slope_error) = plateau(np.log10(x), beta, error, own)
                 name = f"beta = {FRACTIONS.get(own, own)}: {_name(points.iloc[0], curve)}"
                 quantities += [
                     Quantity(f"decades within {NEAR:g} of {name}", decades, spread, None,
-                             "the range ends inside" if ends else ""),
+                             "lower limit" if ends else ""),
                     Quantity(f"slope per decade about {name}", slope, slope_error, None,
                              "" if np.isfinite(slope) else "fewer than two points within 0.25")]
         _windows(top, _span(*_beta(of_dim), _published(dim)), _published(dim))
