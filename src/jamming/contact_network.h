@@ -8,8 +8,8 @@
 
 namespace pliant {
 
-/// Two particles that touch. If a particle touches several periodic images of another particle, or of itself, each touching
-/// image gives a separate pair.
+/// Two particles that touch. If a particle touches several periodic images of another particle, or of itself, each
+/// touching image gives a separate pair.
 template <int D>
 struct TouchingPair {
   Index first, second;  ///< ids
