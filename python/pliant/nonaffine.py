@@ -305,17 +305,31 @@ def strain_clock(intervals, strain, df0):
 
 # ---- statistics ------------------------------------------------------------------------------------------------------
 
+def _variance_of_jackknife(function, sums, total, length):
+    """Variance of function(total) from leaving out one stretch of `length` successive blocks after the other; a remaining last
+    block is never left out."""
+    blocks = len(sums[0])
+    others = [function(*(t - s[b:b + length].sum(0) for t, s in zip(total, sums))) for b in range(0, blocks - length + 1, length)]
+    return (blocks - length) ** 2 / (length * blocks) * np.var(np.array(others, float), axis=0, ddof=1)
+
+
 def jackknife(function, sums):
-    """(value, error) of function(sum over blocks), error [same shape] by leaving out one block after the other; NaN
-    with fewer than two. sums: list of arrays [blocks, …], all given to `function` without their first axis."""
+    """(value, error) of function(sum over blocks), error [same shape]; NaN with fewer than two blocks. sums: list of arrays
+    [blocks, …] in the order of time, all given to `function` without their first axis.
+
+    The variance comes from leaving out single blocks (v1) and, with at least four blocks, pairs of successive blocks (v2).
+    Correlations of successive blocks make v2 larger than v1: the variance is v1 + 2 max(0, v2 - v1), which is exact if each block is
+    correlated with the next one only and the blocks are many (the same rule as slow_average in src/analysis)."""
     blocks = len(sums[0])
     total = [s.sum(0) for s in sums]
     value = np.asarray(function(*total), float)
     if blocks < 2:
         return value, np.full(value.shape, np.nan)
-    others = np.array([function(*(t - s[b] for t, s in zip(total, sums))) for b in range(blocks)], float)
     with np.errstate(invalid="ignore"):
-        return value, np.sqrt((blocks - 1) / blocks * ((others - others.mean(0)) ** 2).sum(0))
+        variance = _variance_of_jackknife(function, sums, total, 1)
+        if blocks >= 4:
+            variance = variance + 2 * np.fmax(0, _variance_of_jackknife(function, sums, total, 2) - variance)
+        return value, np.sqrt(variance)
 
 
 def exponent(x, y):

@@ -308,12 +308,24 @@ def test_the_first_pushes_are_left_out():
 # ---- statistics ------------------------------------------------------------------------------------------------------
 
 def test_errors_are_the_scatter_between_pushes():
-    """Disks with equal displacements in one push, and larger equal displacements in another."""
-    way = np.array([0.1, 0.25, 0.15, 0.3])
+    """Disks with equal displacements in one push, and larger equal displacements in another. Pairs of successive pushes scatter
+    less than independent pushes, so that single pushes determine the error."""
+    way = np.array([0.1, 0.3, 0.25, 0.15])
     place = np.random.default_rng(12).uniform(0, 1.5, (20, 2))
     result = analysed(*(made([place, place + [w, 0]], number=n) for n, w in enumerate(way)))
     assert_allclose(result["displacement"]["all"]["value"], way.mean() / 0.5)
     assert_allclose(result["displacement"]["all"]["error"], way.std(ddof=1) / 2 / 0.5)
+
+
+@pytest.mark.parametrize("pushes, neighbour, next_neighbour, low, high", [
+    (8, 0.0, 0.0, 0.75, 1.05), (8, 0.3, 0.0, 0.85, 1.1), (8, 0.29, 0.15, 0.9, 1.15), (9, 0.3, 0.0, 0.85, 1.1),
+    (20, 0.3, 0.0, 0.9, 1.1), (20, 0.29, 0.15, 0.95, 1.15)])
+def test_errors_include_correlations_of_successive_pushes(pushes, neighbour, next_neighbour, low, high):
+    """Scatter of the means of 4000 series over the root mean square of their errors. Single pushes alone would give up to 1.5."""
+    correlation = sum(c * (np.eye(pushes, k=k) + np.eye(pushes, k=-k)) for k, c in ((1, neighbour), (2, next_neighbour)))
+    series = np.linalg.cholesky(np.eye(pushes) + correlation) @ np.random.default_rng(31).normal(size=(pushes, 4000))
+    mean, error = nonaffine.jackknife(lambda sums, counts: sums / counts, [5 + series, np.ones_like(series)])
+    assert low < mean.std() / np.sqrt((error**2).mean()) < high
 
 
 def test_exponents():
