@@ -3,6 +3,7 @@
 import fcntl
 import json
 import os
+import shlex
 import signal
 import socket
 import subprocess
@@ -509,6 +510,13 @@ def test_names_run_no_commands(table, tmp_path, run):
     assert "control characters" in run(bad, "--slurm", code=2)
     assert "cannot name a folder" in run(table("name", "x"), "--slurm", "--output", tmp_path / 'a"b', code=2)
     assert list(tmp_path.glob("*/slurm.sh")) == []
+    strange = tmp_path / "a$(touch pwned);touch pwned&'.csv"
+    strange.write_text("name\nx\n", encoding="utf-8")
+    assert str(strange) in shlex.split(run(strange, "--parallel"))
+    run(strange, "--slurm")
+    subprocess.run(["sh", strange.with_suffix("") / "slurm.sh"], env=os.environ | {"SLURM_ARRAY_TASK_ID": "1"}, check=True,
+                   cwd=tmp_path)
+    assert len(attempts(strange, "x")) == 1 and list(tmp_path.rglob("pwned")) == []
 
 
 def test_a_result_that_is_gone(table, tmp_path, run):
