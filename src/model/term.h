@@ -1,4 +1,4 @@
-// Terms of a model: a term is an energy or a dissipation, written for one element; the loops are in model.h.
+// Terms of a model: a term is an energy or a dissipation, written for one element; the loops are in term_loops.h.
 #pragma once
 
 #include <algorithm>

@@ -11,29 +11,13 @@
 #include <vector>
 
 #include <pliant/base/errors.h>
+#include <pliant/model/force_field.h>
 #include <pliant/model/term.h>
 
 namespace pliant {
 
 template <class T>
 using KindOf = ElementKind<T::elements>;
-
-/// Energy and forces of one term for one configuration.
-struct TermReport {
-  std::string name;
-  bool is_energy;           ///< false: a dissipation, which has no energy
-  Real energy = 0;          ///< sum over all elements
-  std::vector<Real> force;  ///< [points · D]
-  std::vector<Real> particle_energy =
-      {};  ///< [particles] of a term whose elements belong to one particle each, else empty
-};
-
-/// The virial of one energy term: see ForceField::virials.
-template <int D>
-struct TermVirial {
-  std::string name;
-  Mat<D> virial;
-};
 
 /// Receives gradients: Σ ∂U/∂r_i ⊗ r_i.
 template <int D>
@@ -42,9 +26,6 @@ struct VirialSum {
   Mat<D> sum = Mat<D>::Zero();
   void add(Index i, const Vec<D>& gradient) { sum += gradient * point<D>(x, i).transpose(); }
 };
-
-/// All walls, or the moving walls.
-enum class WallGroup { all, moving };
 
 /// Whether a term has second derivatives.
 template <class T, int D>

@@ -4,7 +4,7 @@
 #include <memory>
 
 #include <pliant/base/petsc.h>
-#include <pliant/model/model.h>
+#include <pliant/model/force_field.h>
 
 namespace pliant {
 

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include <pliant/model/model.h>
+#include <pliant/model/force_field.h>
 
 namespace pliant {
 

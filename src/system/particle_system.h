@@ -9,7 +9,7 @@
 #include <pliant/domain/halo.h>
 #include <pliant/domain/migration.h>
 #include <pliant/domain/skin.h>
-#include <pliant/model/model.h>
+#include <pliant/model/force_field.h>
 #include <pliant/system/implicit_system.h>
 #include <pliant/system/motion_bound.h>
 

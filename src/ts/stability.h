@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include <pliant/model/model.h>
+#include <pliant/model/force_field.h>
 
 namespace pliant {
 

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include <pliant/model/crossing.h>
-#include <pliant/model/model.h>
+#include <pliant/model/force_field.h>
 #include <pliant/scenarios/hopper/options.h>
 #include <pliant/ts/stability.h>
 
