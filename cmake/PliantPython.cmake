@@ -28,11 +28,12 @@ endif()
 file(GLOB sources CONFIGURE_DEPENDS "${PROJECT_SOURCE_DIR}/src/python/*.cpp")
 pybind11_add_module(pliant_python MODULE NO_EXTRAS ${sources})
 target_link_libraries(pliant_python PRIVATE pliant_scenarios pliant_warnings)
+target_compile_options(pliant_python PRIVATE ${pliant_optimise_less})
 # Its libraries share the process with others, as those of petsc4py: it exports nothing but its start.
 target_link_options(pliant_python PRIVATE -Wl,--exclude-libs,ALL)
 set(package "${PROJECT_BINARY_DIR}/python/pliant")
 set_target_properties(pliant_python PROPERTIES OUTPUT_NAME _core LIBRARY_OUTPUT_DIRECTORY "${package}"
-  UNITY_BUILD OFF)  # its sources compile in parallel, none takes longer than the largest of them
+  UNITY_BUILD_BATCH_SIZE 8)  # one for each of two cores
 file(GLOB files CONFIGURE_DEPENDS LIST_DIRECTORIES true "${PROJECT_SOURCE_DIR}/python/pliant/*")
 file(MAKE_DIRECTORY "${package}")
 foreach(file ${files})

@@ -13,6 +13,9 @@ if(CMAKE_UNITY_BUILD AND CMAKE_CXX_COMPILER_ID STREQUAL GNU)
   target_compile_options(pliant_warnings INTERFACE -Wno-subobject-linkage)
 endif()
 
+# Code that runs once per output and not in steps: optimising it less takes a third off its time to compile.
+set(pliant_optimise_less $<$<CONFIG:Release>:-O1>)
+
 # pliant_folder(<name> DEPENDS <folders…> LINK <libraries…> PATH <path> RECURSE): library pliant_<name>, exported as
 # pliant::<name>, from src/<path> (src/<name> unless given), RECURSE: and the folders in it.
 function(pliant_folder name)
