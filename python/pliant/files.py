@@ -83,7 +83,7 @@ def read_bytes(path, most=1 << 30):
     except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
         raise RunError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
     if len(data) > most:
-        raise RunError(f"{path}: is too large; {most} bytes are the most that is read")
+        raise RunError(f"{path}: is too large; the limit is {most} bytes")
     return data
 
 
@@ -111,13 +111,13 @@ def decoded_json(path, data):
     try:
         value = json.loads(data.decode())
     except (ValueError, RecursionError) as error:
-        raise RunError(f"{path}: is damaged: not JSON ({str(error).splitlines()[0]}); bring it back from a copy") from None
+        raise RunError(f"{path}: is damaged: not JSON ({str(error).splitlines()[0]}); restore it from a backup") from None
     if not isinstance(value, dict):
-        raise RunError(f"{path}: is damaged: not a JSON object; bring it back from a copy")
+        raise RunError(f"{path}: is damaged: not a JSON object; restore it from a backup")
     seal = _SEAL.search(data)
     # Each of the two members shows that the file has a checksum: damage cannot hide both.
     if ("format" in value or "crc32" in value) and (seal is None or zlib.crc32(data[:seal.start()]) != int(seal[1], 16)):
-        raise RunError(f"{path}: is damaged or was edited: its checksum does not fit; bring it back from a copy, or delete "
+        raise RunError(f"{path}: is damaged or was edited: its checksum does not fit; restore it from a backup, or delete "
                        "its members format and crc32 to use it as it is")
     return {name: entry for name, entry in value.items() if name not in ("format", "crc32")}
 

@@ -167,8 +167,7 @@ QUANTITIES = {
 def particle_values(run, frame, quantity):
     """[N] values of a quantity of QUANTITIES; RunError if the model lacks it (areas of soft particles)."""
     if quantity in ("area", "shape") and not run.topology.deformable:
-        raise RunError(f"{run.path}: {model_name(run)} have no {quantity} of their own "
-                       "(colour by speed, contacts or size)")
+        raise RunError(f"{run.path}: {model_name(run)} have no {quantity}; colour by speed, contacts or size")
     return QUANTITIES[quantity][0](run, frame)
 
 

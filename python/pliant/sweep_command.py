@@ -158,8 +158,8 @@ def _parser():
                         "fewer if the table has the column threads)")
     parser.add_argument("--program", metavar="FILE", help="the pliant to run (default: $PLIANT, or the one next to this "
                         "command, of the build, or of the PATH)")
-    parser.add_argument("--retry", action="store_true", help="run rows again that have failed, from their "
-                        "checkpoint if there is one; an attempt without frames starts again")
+    parser.add_argument("--retry", action="store_true", help="run failed rows again, from their checkpoint if "
+                        "there is one; an attempt without frames starts again")
     mode = parser.add_mutually_exclusive_group()
     mode.add_argument("--status", action="store_true", help="only show the status of each row")
     mode.add_argument("--merge", action="store_true", help="only write results.csv from the runs there are")

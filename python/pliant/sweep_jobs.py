@@ -83,7 +83,7 @@ class RowFolder:
         run = record.get("run")
         if not (run is None or (isinstance(run, dict) and isinstance(run.get("scenario"), str) and _is_text(run.get("options")))
                 ) or not isinstance(record.get("exit_code"), (int, type(None))) or not isinstance(record.get("message", ""), str):
-            raise RunError(f"{path}: is not a record of a sweep; restore it from a copy, or delete {self.path} to run the row again")
+            raise RunError(f"{path}: is not a record of a sweep; restore it from a backup, or delete {self.path} to run the row again")
         return record
 
     def _write_record(self, record):
@@ -126,7 +126,7 @@ class RowFolder:
         if before == self._identity or not (self.path / "run.h5").exists():
             return
         if before is None:
-            raise RunError(f"{self.path}: holds a run that no sweep has made; move it elsewhere")
+            raise RunError(f"{self.path}: holds a run that pliant-sweep has not made; move it elsewhere")
         changes = self._changes(before)
         if self._extends(changes):
             return

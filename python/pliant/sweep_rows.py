@@ -43,7 +43,7 @@ def canonical(text):
     unchanged."""
     text = text.strip()
     if _NUMBER.fullmatch(text) and len(text) > _LONGEST_NUMBER:
-        raise ValueError(f"a number of {len(text)} characters; {_LONGEST_NUMBER} are the most")
+        raise ValueError(f"a number of {len(text)} characters; the limit is {_LONGEST_NUMBER}")
     if _INTEGER.fullmatch(text):
         return str(int(text))
     if not is_number(text):
@@ -68,13 +68,13 @@ def expand_seeds(text):
             raise ValueError(f"'{part.strip()[:50]}' is neither a seed nor a range like 1-20")
         first, last = int(found[1]), int(found[2] or found[1])
         if last < first:
-            raise ValueError(f"the range {part.strip()} runs backwards")
+            raise ValueError(f"the range {part.strip()} ends before it starts")
         if last - first > 100_000:
             raise ValueError(f"the range {part.strip()} has more than 100000 seeds")
         seeds.extend(range(first, last + 1))
     repeated = next((s for s in seeds if seeds.count(s) > 1), None) if len(set(seeds)) < len(seeds) else None
     if repeated is not None:
-        raise ValueError(f"seed {repeated} is there twice")
+        raise ValueError(f"seed {repeated} occurs twice")
     return seeds
 
 

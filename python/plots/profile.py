@@ -25,7 +25,7 @@ def main():
     parser.add_argument("run", nargs="+", help="run folders")
     parser.add_argument("--start", type=float, metavar="T0",
                         help="first time used (default: steady_start of summary.json, else the second half of "
-                             "the flow; of a discharge, from when 20 %% of those that left had left until 80 %% had)")
+                             "the flow; for a discharge, the time in which 20 to 80 %% of the departing particles leave)")
     arguments = script.arguments(parser)
     runs = load_runs(arguments.run)
     for run in runs:

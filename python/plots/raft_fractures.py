@@ -20,8 +20,9 @@ def main():
     parser = script.parser(__doc__, "raft_fractures.py size runs/square-* -o competing.png", "raft_fractures.png")
     parser.add_argument("figure", choices=raft_figures.FRACTURES, help="figure to draw")
     parser.add_argument("run", nargs="+", help="run folders, or folders of runs")
-    parser.add_argument("--judgement", choices=raft.JUDGEMENTS, default="competing", help="whether fractures compete: by "
-                        "holes that they leave (default), as one starts before another has closed, or as they never meet")
+    parser.add_argument("--judgement", choices=raft.JUDGEMENTS, default="competing",
+                        help="rule for competing fractures: the raft has holes (default), fractures overlap, or overlapping "
+                             "fractures never meet")
     arguments = script.arguments(parser)
     data = raft.fractures(load_runs(arguments.run))
     points, settings, y = raft_figures.fracture_points(data, arguments.figure, arguments.judgement)

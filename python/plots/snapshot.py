@@ -26,7 +26,7 @@ def main():
     if len(runs) > 1 and not arguments.panels:
         raise RunError(f"{len(runs)} runs given (add --panels to draw them side by side)")
     if len({plotting.length_unit(run) for run in runs}) > 1:
-        raise RunError("hoppers, droplets and channels have other units: draw them in pictures of their own")
+        raise RunError("hoppers, droplets and channels have different units: draw them in separate pictures")
 
     frames = [run.frame(arguments.frame) for run in runs]
     boxes = [plotting.view(run, [frame]) for run, frame in zip(runs, frames)]

@@ -38,7 +38,7 @@ def test_groups_at_rest_and_pairs_are_omitted():
 
 
 def test_page_has_the_ratios_of_the_kept_results():
-    """The channel's tables only; those of hoppers take half a minute."""
+    """Only the tables of the channel: the tables of hoppers take half a minute."""
     page = (ROOT / "docs/validation/single-runs.md").read_text(encoding="utf-8").splitlines()
     rows = error_ratios.lines(error_ratios.summary(pattern="channel/*.motion.csv.xz"))
     assert len(rows) > 6 and not set(rows) - set(page)

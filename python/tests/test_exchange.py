@@ -199,7 +199,7 @@ def test_meshio_and_ase_read_the_files(tmp_path):
     ("a.xyz", "1\n\nC 0 0 nan\n", "a particle has no position"),
     ("a.xyz", "1\nProperties=pos:R:3:radius:R:1\n0 0 0 -1\n", "radii of particle 0 is -1; it must be positive"),
     ("a.xyz", '1\nLattice="1 1 0 0 1 0 0 0 1"\nC 0 0 0\n', "the Lattice is not rectangular"),
-    ("a.xyz", "2\nProperties=id:I:1:pos:R:3\n4 0 0 0\n4 1 1 1\n", "the id 4 is there twice"),
+    ("a.xyz", "2\nProperties=id:I:1:pos:R:3\n4 0 0 0\n4 1 1 1\n", "the id 4 occurs twice"),
     ("a.dump", "hello\n", "line 1: 'hello' is not an ITEM"),
     ("a.dump", "ITEM: TIMESTEP\nx\n", "not a number"),
     ("a.dump", "ITEM: TIMESTEP\n", "line 1: the file is cut"),

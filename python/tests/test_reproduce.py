@@ -180,7 +180,7 @@ def test_runs_that_a_figure_would_average(tmp_path, name, columns, values, told)
     tables = own_table(tmp_path, columns, values)
     if told is None:
         return figure.check_rows(command.FIGURES[name], tables)
-    with pytest.raises(PliantError, match=re.escape(f"they differ in {told}, which {name} does not tell apart")) as raised:
+    with pytest.raises(PliantError, match=re.escape(f"they differ in {told}, which {name} would average")) as raised:
         figure.check_rows(command.FIGURES[name], tables)
     path, _ = tables[0]
     assert f"line 2, and {path}, line {len(values) + 1}" in str(raised.value)

@@ -140,8 +140,8 @@ def test_seeds():
     (["a,output", "1,2"], "column 2: 'output' cannot be given"),
     (["a,seeds", "1,2,3"], r"line 2: 3 cells for 2 columns \(write lists in quotes"),
     (["a,seeds", "1,x"], "line 2, column 'seeds': 'x' is neither"),
-    (["a,seeds", "1,3-1"], "line 2, column 'seeds': the range 3-1 runs backwards"),
-    (["a,seeds", '1,"1-3,2"'], "line 2, column 'seeds': seed 2 is there twice"),
+    (["a,seeds", "1,3-1"], "line 2, column 'seeds': the range 3-1 ends before it starts"),
+    (["a,seeds", '1,"1-3,2"'], "line 2, column 'seeds': seed 2 occurs twice"),
     (["a,seeds,seed", "1,2,3"], "line 2: has a seed and seeds"),
     (["a,name", "1,x", "2,x"], "line 3: the row 'x' is there already, in line 2"),
     (["a", "# c", "1", "1.0"], "line 4: the row 'a=1' is there already, in line 3"),
@@ -177,7 +177,7 @@ def test_a_table_that_is_no_file(tmp_path, run):
 
 
 @pytest.mark.parametrize("file, message", [("/dev/zero", "is a device, not a file"), ("fifo", "is a FIFO, not a file"),
-                                           ("large", "65536 bytes are the most"), ("none", "No such file")])
+                                           ("large", "the limit is 65536 bytes"), ("none", "No such file")])
 def test_options_files_that_are_no_files(file, message, table, tmp_path, run):
     os.mkfifo(tmp_path / "fifo")
     (tmp_path / "large").write_bytes(b"#" * 65537)
@@ -297,7 +297,7 @@ def test_options_files_belong_to_the_options(table, tmp_path, run):
 def test_foreign_runs_are_left_alone(table, tmp_path, run):
     (tmp_path / "t/x").mkdir(parents=True)
     (tmp_path / "t/x/run.h5").write_text("precious", encoding="utf-8")
-    assert "holds a run that no sweep has made" in run(table("name,a", "x,1"), code=2)
+    assert "holds a run that pliant-sweep has not made" in run(table("name,a", "x,1"), code=2)
     assert (tmp_path / "t/x/run.h5").read_text(encoding="utf-8") == "precious"
 
 

@@ -113,7 +113,7 @@ def checked_ids(place, ids):
     """The ids [n], whole numbers; RunError where an id is there twice."""
     if len(np.unique(ids)) < len(ids):
         values, counts = np.unique(ids, return_counts=True)
-        raise RunError(f"{place}: the id {values[counts > 1][0]} is there twice; each particle needs its own")
+        raise RunError(f"{place}: the id {values[counts > 1][0]} occurs twice; give each particle a different id")
     return ids
 
 

@@ -82,12 +82,12 @@ def _parser():
                         help="folder of figures, reproduced.csv and runs (default: reproduced)")
     parser.add_argument("--program", metavar="FILE", help="the pliant to run (default: as of pliant-sweep)")
     parser.add_argument("--table", type=Path, action="append", metavar="FILE",
-                        help="a table of your own in place of the figure's; may be repeated")
-    parser.add_argument("--retry", action="store_true", help="run rows again that have failed")
+                        help="a table of runs instead of the figure's table; may be repeated")
+    parser.add_argument("--retry", action="store_true", help="run failed rows again")
     mode = parser.add_mutually_exclusive_group()
     mode.add_argument("--kept", action="store_true", help="draw from stored results of earlier runs, without a run; "
                       "without a level: the full results if there are any")
-    mode.add_argument("--keep", action="store_true", help="for campaigns over several sittings: run only rows that are "
+    mode.add_argument("--keep", action="store_true", help="to spread the runs over several sessions: run only rows that are "
                       "not stored yet, and add them to the results in the folder validation")
     return parser
 

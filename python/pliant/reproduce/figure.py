@@ -63,14 +63,13 @@ class Figure:
         """The rows of `runs` (columns model and dim) that the figure shows. Raises RunError if there are none, or for runs
         in 3D if the figure is in 2D."""
         if self.planar and (runs["dim"] == 3).any():
-            raise RunError("there are runs in 3D, but this figure is of the plane: leave them out (H3, H4 and "
+            raise RunError("there are runs in 3D, but this figure shows 2D runs only: leave them out (H3, H4 and "
                            "coefficients-3d have spheres)")
         if not self.kind:
             return runs
         own = runs[runs["model"].isin(KINDS[self.kind])]
         if own.empty:
-            raise RunError(f"no run has {self.kind} particles (-model {' or '.join(KINDS[self.kind])}), of which this "
-                           "figure is")
+            raise RunError(f"no run has {self.kind} particles (-model {' or '.join(KINDS[self.kind])}), which this figure shows")
         return own
 
     def draw(self, measured):
@@ -98,8 +97,7 @@ def check_rows(figure, tables):
             if name := next((name for name in sorted(rest.keys() | other.keys()) if rest.get(name) != other.get(name)), None):
                 values = " and ".join(found.get(name, "none") for found in (other, rest))
                 raise RunError(f"{where}, and {path}, line {row.line}: they differ in -{name} ({values}), which "
-                               f"{figure.name} does not tell apart: it would take their mean. Draw them from tables of "
-                               "their own, one --table at a time")
+                               f"{figure.name} would average; draw them from separate tables, one --table at a time")
     if figure.single:
         together = {VALIDATION / f"{name}.csv" for name in figure.together}
         figure.single([(path, row) for path, lines in tables if path not in together for row in lines])

@@ -189,7 +189,7 @@ def draw_discharge(measured):
     """[H 8]: c0 of discharges of wedges, dN/dt = -c0 sqrt(N), against the width, with the law of the experiment."""
     table = measured[np.isfinite(measured["c0"].astype(float))]
     if table.empty:
-        raise RunError("no discharge has a rate c0: it needs a wedge that runs empty")
+        raise RunError("no discharge has a rate c0: run a wedge until it is empty")
     left = table["hopper_angle_left"].astype(float) if "hopper_angle_left" in table else np.nan
     table = table.assign(left=np.where(np.isfinite(left), left, table["hopper_angle"]))
     fits = beverloo.fit_seeds(table, ["zeta", "e_sp", "hopper_angle", "left", "dim"], "c0")
