@@ -50,6 +50,23 @@ Real largest_overlap(ParticleSystem<D>& system, const Real* x) {
   return largest;
 }
 
+/// One around each particle.
+template <int D>
+Topology outer_disks(const Topology& topology) {
+  constexpr Real mass = 1;
+  Topology disks;
+  disks.dim = D;
+  for (Index m = 0; m < topology.particles(); ++m) disks.add_soft(2 * outer_radius(topology, m), mass);
+  return disks;
+}
+
+template <int D>
+void place_at_random_angles(const Topology& topology, const std::vector<Real>& centres, std::uint64_t seed, Real* x) {
+  for (Index m = 0; m < topology.particles(); ++m)
+    place_particle(topology, m, &centres[static_cast<std::size_t>(m) * D],
+                   2 * pi * rng::uniform(seed, stream::orientation, m), x);
+}
+
 }  // namespace
 
 template <int D>
@@ -73,11 +90,12 @@ Relaxed push_apart(ParticleSystem<D>& system, FireOptions options, Real toleranc
 
 template <int D>
 Relaxed relax_disks(Topology disks, const Walls<D>& walls, Real tolerance, std::int64_t max_iterations,
-                    const std::function<bool(Index, const Real*)>& inside, std::span<Real> centres) {
+                    const std::function<bool(Index, const Real*)>& inside, std::span<Real> centres, const Box<D>& box) {
   const Index n = disks.particles();
   ParticleSystem<D> system(
       std::move(disks), walls,
-      make_force_field<D>(ModelKind::sp, ParameterValues{{Role::contact_energy, 1.0}, {Role::wall_energy, 1.0}}), 0.3);
+      make_force_field<D>(ModelKind::sp, ParameterValues{{Role::contact_energy, 1.0}, {Role::wall_energy, 1.0}}), 0.3,
+      Ranks(), box);
   {
     State state(n, D);
     std::copy(centres.begin(), centres.end(), state.x().begin());
@@ -109,18 +127,11 @@ void check_fit(const Topology& topology, const Container& container) {
 
 template <int D>
 Packing pack(const Topology& topology, const Container& container, const PackingParameters& p, Real* x) {
-  constexpr Real mass = 1;
   constexpr std::int64_t most_iterations = 2000;  // beyond, at the edge of jamming, raising the lid is quicker
   check_fit(topology, container);
   const Index n = topology.particles();
-  const auto outer_disks = [&] {
-    Topology disks;
-    disks.dim = D;
-    for (Index m = 0; m < n; ++m) disks.add_soft(2 * outer_radius(topology, m), mass);
-    return disks;
-  };
   Real content = 0, largest = 0;
-  for (const Topology disks = outer_disks(); const Index m : disks.id) {
+  for (const Topology disks = outer_disks<D>(topology); const Index m : disks.id) {
     content += disks.a0[m];
     largest = std::max(largest, disks.diameter[m]);
   }
@@ -139,7 +150,8 @@ Packing pack(const Topology& topology, const Container& container, const Packing
       if (before == 0 || !inside(m, centres.data()))
         random_place<D>(container, walls, packing.height, outer_radius(topology, m), p.seed, m, round, r);
     }
-    const Relaxed relaxed = relax_disks<D>(outer_disks(), walls, p.tolerance, most_iterations, inside, centres);
+    const Relaxed relaxed =
+        relax_disks<D>(outer_disks<D>(topology), walls, p.tolerance, most_iterations, inside, centres);
     packing.iterations += relaxed.iterations;
     packing.max_overlap = relaxed.max_overlap;
     if (relaxed.done) break;
@@ -151,9 +163,45 @@ Packing pack(const Topology& topology, const Container& container, const Packing
           n, packing.max_overlap, packing.fraction, relaxed.reason);
   }
   packing.fraction = std::min(packing.fraction, content / container.capacity(D, packing.height));
-  for (Index m = 0; m < n; ++m)
-    place_particle(topology, m, &centres[static_cast<std::size_t>(m) * D],
-                   2 * pi * rng::uniform(p.seed, stream::orientation, m), x);
+  place_at_random_angles<D>(topology, centres, p.seed, x);
+  return packing;
+}
+
+template <int D>
+Packing pack(const Topology& topology, const Box<D>& box, const PackingParameters& p, Real* x) {
+  constexpr std::int64_t most_iterations = 20000;
+  for (int k = 0; k < D; ++k)
+    if (!box.periodic(k))
+      throw InputError("direction {} of the box is open, and particles do not fill it; give a finite length", k);
+  Topology disks = outer_disks<D>(topology);
+  Packing packing;
+  std::vector<Real> centres(static_cast<std::size_t>(disks.particles()) * D);
+  for (Index m = 0; m < disks.particles(); ++m) {
+    packing.fraction += disks.a0[m] / box.volume();
+    if (disks.diameter[m] >= box.length().minCoeff())
+      throw InputError("particle {} is {:.3g} wide, and touches itself in a box of {:.3g}; enlarge the box", m,
+                       disks.diameter[m], box.length().minCoeff());
+    for (int k = 0; k < D; ++k)
+      centres[static_cast<std::size_t>(m) * D + static_cast<std::size_t>(k)] =
+          box.origin()[k] +
+          box.length()[k] * rng::uniform(p.seed, stream::placement,
+                                         static_cast<std::uint64_t>(m) * D + static_cast<std::uint64_t>(k));
+  }
+  const Relaxed relaxed = relax_disks<D>(
+      std::move(disks), {}, p.tolerance, most_iterations, [](Index, const Real*) { return true; }, centres, box);
+  packing.iterations = relaxed.iterations;
+  packing.max_overlap = relaxed.max_overlap;
+  if (!relaxed.done)
+    throw NumericalError(
+        "packing {} particles in a periodic box: overlaps up to {:.2g} remain at a fraction of {:.3g} ({}); enlarge "
+        "the "
+        "box, or use another seed",
+        topology.particles(), packing.max_overlap, packing.fraction, relaxed.reason);
+  for (Index m = 0; m < topology.particles(); ++m) {
+    auto r = point<D>(centres.data(), m);
+    r -= box.shift(box.image_of(r));
+  }
+  place_at_random_angles<D>(topology, centres, p.seed, x);
   return packing;
 }
 
@@ -162,10 +210,12 @@ template Relaxed push_apart(ParticleSystem<2>&, FireOptions, Real, const std::fu
 template Relaxed push_apart(ParticleSystem<3>&, FireOptions, Real, const std::function<bool(const Real*)>&,
                             std::span<Real>);
 template Relaxed relax_disks<2>(Topology, const Walls<2>&, Real, std::int64_t,
-                                const std::function<bool(Index, const Real*)>&, std::span<Real>);
+                                const std::function<bool(Index, const Real*)>&, std::span<Real>, const Box<2>&);
 template Relaxed relax_disks<3>(Topology, const Walls<3>&, Real, std::int64_t,
-                                const std::function<bool(Index, const Real*)>&, std::span<Real>);
+                                const std::function<bool(Index, const Real*)>&, std::span<Real>, const Box<3>&);
 template Packing pack<2>(const Topology&, const Container&, const PackingParameters&, Real*);
 template Packing pack<3>(const Topology&, const Container&, const PackingParameters&, Real*);
+template Packing pack<2>(const Topology&, const Box<2>&, const PackingParameters&, Real*);
+template Packing pack<3>(const Topology&, const Box<3>&, const PackingParameters&, Real*);
 
 }  // namespace pliant

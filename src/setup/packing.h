@@ -6,6 +6,7 @@
 #include <span>
 #include <string>
 
+#include <pliant/geometry/box.h>
 #include <pliant/geometry/container.h>
 #include <pliant/model/topology.h>
 
@@ -49,7 +50,8 @@ Relaxed push_apart(ParticleSystem<D>& system, FireOptions options, Real toleranc
 /// in the container at centres r, needed if the walls alone do not confine the disks. centres [disks · D], by id.
 template <int D>
 Relaxed relax_disks(Topology disks, const Walls<D>& walls, Real tolerance, std::int64_t max_iterations,
-                    const std::function<bool(Index, const Real*)>& inside, std::span<Real> centres);
+                    const std::function<bool(Index, const Real*)>& inside, std::span<Real> centres,
+                    const Box<D>& box = {});
 
 /// Errors: InputError for a particle that is wider than the container where particles come in.
 void check_fit(const Topology& topology, const Container& container);
@@ -61,5 +63,10 @@ void check_fit(const Topology& topology, const Container& container);
 /// the fraction.
 template <int D>
 Packing pack(const Topology& topology, const Container& container, const PackingParameters& p, Real* x);
+
+/// The same in a periodic box, whose volume gives the fraction (p.fraction is unused). Errors: InputError for a box
+/// that is open in a direction, and a particle that is wider than the box; NumericalError if overlaps remain.
+template <int D>
+Packing pack(const Topology& topology, const Box<D>& box, const PackingParameters& p, Real* x);
 
 }  // namespace pliant

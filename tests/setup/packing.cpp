@@ -2,6 +2,7 @@
 #include <catch2/catch.hpp>
 
 #include <cmath>
+#include <numeric>
 
 #include <pliant/base/errors.h>
 #include <pliant/model/polygon.h>
@@ -158,6 +159,34 @@ TEST_CASE("a packing keeps clear of walls", "[packing]") {
     CHECK(gap > 0.1 - 0.001);
     CHECK(gap < 0.1 + 0.01);
   }
+}
+
+TEMPLATE_TEST_CASE_SIG("a packing in a periodic box", "", ((int D), D), 2, 3) {
+  const Topology topology = make_particles(ModelKind::sp, D, draw_diameters({}, 60, 1), {});
+  const auto volume = [&](Real fraction) {
+    return Vec<D>(Vec<D>::Constant(
+        std::pow(std::accumulate(topology.a0.begin(), topology.a0.end(), Real(0)) / fraction, Real(1) / D)));
+  };
+  const Box<D> box(Vec<D>::Constant(3), volume(D == 2 ? 0.78 : 0.56));
+  std::vector<Real> x(static_cast<std::size_t>(topology.points()) * D);
+  const Packing packing = pack<D>(topology, box, {}, x.data());
+  CHECK(packing.fraction == Approx(D == 2 ? 0.78 : 0.56));
+  CHECK(packing.max_overlap <= 1e-4);
+  Real largest = 0;
+  for (Index m = 0; m < topology.particles(); ++m)
+    for (Index n = 0; n < m; ++n) {
+      Vec<D> d = point<D>(x.data(), m) - point<D>(x.data(), n);
+      for (int k = 0; k < D; ++k) d[k] -= box.length()[k] * std::round(d[k] / box.length()[k]);
+      largest = std::max(largest, 1 - 2 * d.norm() / (topology.diameter[m] + topology.diameter[n]));
+    }
+  CHECK(largest <= 1.0001e-4);
+  CHECK(largest > 0);
+  const Box<D> small(Vec<D>::Zero(), volume(0.97));
+  CHECK_THROWS_AS(pack<D>(topology, small, {}, x.data()), NumericalError);
+  Vec<D> open = box.length();
+  open[D - 1] = Box<D>::infinite;
+  CHECK_THROWS_AS(pack<D>(topology, Box<D>(Vec<D>::Zero(), open), {}, x.data()), InputError);
+  CHECK_THROWS_AS(pack<D>(topology, Box<D>(Vec<D>::Zero(), Vec<D>::Constant(0.9)), {}, x.data()), InputError);
 }
 
 }  // namespace pliant::test::packing_test
