@@ -10,21 +10,28 @@
 namespace pliant {
 namespace {
 
+/// Why there is no stress, or nothing.
 template <int D>
-void check(const ParticleSystem<D>& system, const MinimiserOptions& o) {
+std::optional<std::string> without_stress(const ParticleSystem<D>& system) {
   for (int k = 0; k < D; ++k)
     if (!system.box().periodic(k))
-      throw InputError("direction {} of the box is open; stress and pressure need a box that is periodic in all", k);
+      return fmt::format("direction {} of the box is open; stress and pressure need a box that is periodic in all", k);
+  if (system.rotates_or_remembers())
+    return "particles that rotate and contacts with history have no energy under strain; use a model without friction";
+  return {};
+}
+
+template <int D>
+void check(const ParticleSystem<D>& system, const MinimiserOptions& o) {
   if (system.ranks().several())
     throw InputError("energies are minimised on one rank; start the program without mpiexec");
-  if (system.rotates_or_remembers())
+  if (!o.pressure) return;
+  if (const auto reason = without_stress(system)) throw InputError("{}", *reason);
+  if (!(*o.pressure > 0 && std::isfinite(*o.pressure)))
     throw InputError(
-        "particles that rotate and contacts with history have no energy to minimise; use a model without friction");
-  if (o.pressure && !(*o.pressure > 0))
-    throw InputError("the pressure is {}; it must be positive, because particles that only repel have no other",
-                     *o.pressure);
-  if (o.pressure && system.walls().size() > 0)
-    throw InputError("walls do not follow a box at a fixed pressure; leave them out");
+        "the pressure is {}; it must be positive and finite, because particles that only repel have no other",
+        *o.pressure);
+  if (system.walls().size() > 0) throw InputError("walls do not follow a box at a fixed pressure; leave them out");
 }
 
 Real largest(std::span<const Real> values) {
@@ -120,7 +127,7 @@ class Enthalpy {
 
 template <int D>
 BoxStress<D> stress_of(ParticleSystem<D>& system, const Real* x) {
-  check(system, {});
+  if (const auto reason = without_stress(system)) throw InputError("{}", *reason);
   BoxStress<D> result;
   for (const TermVirial<D>& term : system.field().virials(system.view(x, nullptr))) result.stress += term.virial;
   result.stress /= system.box().volume();
@@ -128,13 +135,13 @@ BoxStress<D> stress_of(ParticleSystem<D>& system, const Real* x) {
 }
 
 template <int D>
-Minimum<D> measure_at(ParticleSystem<D>& system, std::span<const Real> x) {
+Minimum<D> measure_at(ParticleSystem<D>& system, std::span<const Real> x, Real t) {
   Minimum<D> measured;
-  const StateView<D> s = system.view(x.data(), nullptr);
-  std::vector<Real> force(static_cast<std::size_t>(s.topology.points()) * D);
+  const StateView<D> s = system.view(x.data(), nullptr, t);
+  std::vector<Real> force(static_cast<std::size_t>(s.topology.points()) * (D + rotations<D>));
   measured.energy = system.field().energy(s, force.data());
-  measured.max_force = largest(std::span(force).first(x.size()));
-  measured.stress = stress_of(system, x.data());
+  measured.max_force = largest(std::span(force).first(system.positions_in(x).size()));
+  if (!without_stress(system)) measured.stress = stress_of(system, x.data());
   return measured;
 }
 
@@ -150,10 +157,11 @@ Minimum<D> minimise(ParticleSystem<D>& system, std::span<Real> x, const Minimise
   fire_options.force_tolerance = o.force_tolerance;
   fire_options.max_iterations = o.max_iterations;
   fire_options.max_move = 0.1;
+  if (o.stop) fire_options.done = [&](const Real*) { return o.stop(); };
   FireResult result;
   std::vector<Real> force;
   const auto room = [&](const StateView<D>& s) {
-    force.resize(static_cast<std::size_t>(s.topology.points()) * D);
+    force.resize(static_cast<std::size_t>(s.topology.points()) * (D + rotations<D>));
     return force.data();
   };
   if (o.pressure) {
@@ -169,23 +177,29 @@ Minimum<D> minimise(ParticleSystem<D>& system, std::span<Real> x, const Minimise
     std::vector<Real> mass;
     for (Index i = 0; i < t.owned_points(); ++i) mass.push_back(t.mass(i));
     fire_options.energy_tolerance = o.energy_per_particle * t.owned();
+    const std::size_t n = system.positions_in(x).size();
+    std::vector<Real> all(x.begin(), x.end());  // with angles, where particles rotate
+    const auto view_at = [&](const Real* at) {
+      if (n < all.size()) std::copy_n(at, n, all.begin());
+      return system.view(n < all.size() ? all.data() : at, nullptr, o.t);
+    };
     if (only_energies)
       fire_options.force = [&](const Real* at, Real* f) {
-        const StateView<D> s = system.view(at, nullptr);
+        const StateView<D> s = view_at(at);
         system.field().forces(s, room(s));
-        std::copy_n(force.begin(), x.size(), f);
+        std::copy_n(force.begin(), n, f);
       };
     result = fire(
-        x, mass,
+        x.first(n), mass,
         [&](const Real* at, Real* f) {
-          const StateView<D> s = system.view(at, nullptr);
+          const StateView<D> s = view_at(at);
           const Real energy = system.field().energy(s, room(s));
-          std::copy_n(force.begin(), x.size(), f);
+          std::copy_n(force.begin(), n, f);
           return energy;
         },
         fire_options);
   }
-  Minimum<D> minimum = measure_at<D>(system, x);
+  Minimum<D> minimum = measure_at<D>(system, x, o.t);
   minimum.converged = result.converged;
   minimum.apart = result.stop == FireStop::energy;
   minimum.reason = std::move(result.reason);
@@ -196,8 +210,8 @@ Minimum<D> minimise(ParticleSystem<D>& system, std::span<Real> x, const Minimise
 
 template BoxStress<2> stress_of(ParticleSystem<2>&, const Real*);
 template BoxStress<3> stress_of(ParticleSystem<3>&, const Real*);
-template Minimum<2> measure_at(ParticleSystem<2>&, std::span<const Real>);
-template Minimum<3> measure_at(ParticleSystem<3>&, std::span<const Real>);
+template Minimum<2> measure_at(ParticleSystem<2>&, std::span<const Real>, Real);
+template Minimum<3> measure_at(ParticleSystem<3>&, std::span<const Real>, Real);
 template Minimum<2> minimise(ParticleSystem<2>&, std::span<Real>, const MinimiserOptions&);
 template Minimum<3> minimise(ParticleSystem<3>&, std::span<Real>, const MinimiserOptions&);
 

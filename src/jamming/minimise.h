@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <span>
 #include <string>
@@ -28,7 +29,9 @@ struct MinimiserOptions {
   std::optional<Real> pressure;
   Real force_tolerance = 1e-10;  ///< largest component of the force on a point at the minimum, in ε/σ_avg
   std::int64_t max_iterations = 200000;
-  Real energy_per_particle = 1e-20;  ///< at a fixed box: particles with less energy, in ε, do not touch
+  Real energy_per_particle = 1e-20;      ///< at a fixed box: particles with less energy, in ε, do not touch
+  Real t = 0;                            ///< at a fixed box: time, for walls that move
+  std::function<bool()> stop = nullptr;  ///< ends the minimisation if it returns true; called now and then
 };
 
 template <int D>
@@ -37,20 +40,20 @@ struct Minimum {
   bool apart = false;  ///< it ended because the particles do not touch
   std::string reason;  ///< why the minimisation ended
   std::int64_t iterations = 0, evaluations = 0;
-  Real energy = 0;     ///< U, in ε
-  Real max_force = 0;  ///< largest component of a force on a point, in ε/σ_avg
-  BoxStress<D> stress = {};
+  Real energy = 0;           ///< U, in ε
+  Real max_force = 0;        ///< largest component of a force on a point, in ε/σ_avg
+  BoxStress<D> stress = {};  ///< zero where stress_of() has an error
 };
 
-/// Energy, largest force and stress at x, without a minimisation. Errors: as stress_of().
+/// Energy, largest force and stress at x, without a minimisation.
 template <int D>
-Minimum<D> measure_at(ParticleSystem<D>& system, std::span<const Real> x);
+Minimum<D> measure_at(ParticleSystem<D>& system, std::span<const Real> x, Real t = 0);
 
-/// Moves the particles to a minimum by FIRE (fire.h). x [size of the system]: the own positions. At a fixed pressure
-/// the box grows and shrinks without change of shape; particles keep their shapes while it does, since only their
-/// centres follow the box. On one rank. Errors: InputError for a box that is open in a direction, walls at a fixed
-/// pressure, several ranks, particles that rotate or contacts with history, or a pressure that is not positive;
-/// NumericalError where forces are not finite, or where the box at a fixed pressure grows without end.
+/// Moves the particles to a minimum by FIRE (fire.h). x [size of the system]: the own positions; angles remain. At a
+/// fixed pressure the box grows and shrinks without change of shape; particles keep their shapes while it does, since
+/// only their centres follow the box. On one rank. Errors: InputError for several ranks; at a fixed pressure for a box
+/// that is open in a direction, walls, particles that rotate or contacts with history, or a pressure that is not
+/// positive; NumericalError where forces are not finite, or where the box at a fixed pressure grows without end.
 template <int D>
 Minimum<D> minimise(ParticleSystem<D>& system, std::span<Real> x, const MinimiserOptions& options);
 
