@@ -1,4 +1,4 @@
-"""A force of one's own: disks collect in a harmonic trap."""
+"""A user-defined force: disks collect in a harmonic trap."""
 import numpy as np
 
 import pliant

@@ -124,7 +124,7 @@ def _annotation(entry):
 
 def _doc(name, text, units, table):
     lines = [f"{text[0].upper()}{text[1:]}: `pliant {name}` as a function.", "",
-             "Returns the Run, which has ended, or was stopped by max_wall_time and goes on by the same call. Options that",
+             "Returns the Run, which has ended, or which max_wall_time stopped and the same call resumes. Options that",
              "begin like PETSc's own (ts_type, ts_rtol, …) go to PETSc; options_file reads a file. True stands for a flag.",
              "",
              "progress: whether to show a bar (tqdm); by default on a terminal. quiet: print no remarks.", "",

@@ -23,7 +23,7 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from .engine import core
-from .errors import InputError
+from .errors import InputError, UsageError
 from .run import contact_table
 from .scenario_calls import arguments, option_lines
 
@@ -121,6 +121,27 @@ class Box:
         self.lengths = [np.inf if value is None else _number(value, "lengths") for value in lengths]
         self.origin = [0.0] * len(self.lengths) if origin is None else _vector(origin, "origin")
 
+    @classmethod
+    def filled(cls, diameters: ArrayLike, fraction: float = 0.8, dim: int = 2) -> Box:
+        """A square (3D: cubic) box of which disks (spheres) of these diameters would fill a fraction of the area (volume)."""
+        sizes = np.asarray(_vector(np.atleast_1d(diameters), "diameters"))
+        if _integer(dim, "dim") not in (2, 3):
+            raise InputError(f"dim is {dim}, but must be 2 or 3")
+        if not (sizes.size and np.all(np.isfinite(sizes)) and np.all(sizes > 0)):
+            raise InputError("diameters must be positive and finite, at least one")
+        if not 0 < _number(fraction, "fraction") < np.inf:
+            raise InputError(f"fraction is {fraction}, but must be positive and finite")
+        content = np.pi / 4 * np.sum(sizes**2) if dim == 2 else np.pi / 6 * np.sum(sizes**3)
+        return cls([float((content / fraction)**(1 / dim))] * dim)
+
+    def pack(self, diameters: ArrayLike, seed: int = 1, n_vertices: int = 0, shape_parameter: float = 0.0) -> Any:
+        """Positions of particles at random places in the box, pushed apart until they do not overlap: [N, D], or with n_vertices
+        a list of N regular polygons. Errors: InputError for a box that is open in a direction or narrower than a particle;
+        NumericalError if overlaps remain, in a box that is too small."""
+        x = core.pack_box(self.origin, self.lengths, _vector(np.atleast_1d(diameters), "diameters"),
+                          _integer(n_vertices, "n_vertices"), _number(shape_parameter, "shape_parameter"), _seed(seed))
+        return np.split(x, len(x) // n_vertices) if n_vertices else x
+
     def __repr__(self):
         return f"Box({self.lengths}, origin={self.origin})"
 
@@ -148,9 +169,9 @@ class Container:
              shape_parameter: float = 0.0) -> Any:
         """Positions of particles that fill it without overlaps, as runs of the hopper start: [N, dim], or with n_vertices a
         list of N polygons. Errors: NumericalError if they do not fit."""
-        x, _, _ = core.pack(self._core, _integer(dim, "dim"), _vector(np.atleast_1d(diameters), "diameters"),
-                            _integer(n_vertices, "n_vertices"), _number(shape_parameter, "shape_parameter"),
-                            _number(fraction, "fraction"), _seed(seed))
+        x = core.pack_container(self._core, _integer(dim, "dim"), _vector(np.atleast_1d(diameters), "diameters"),
+                                _integer(n_vertices, "n_vertices"), _number(shape_parameter, "shape_parameter"),
+                                _number(fraction, "fraction"), _seed(seed))
         return np.split(x, len(x) // n_vertices) if n_vertices else x
 
     def inside(self, point: Sequence[float], dim: int = 2) -> bool:
@@ -259,6 +280,13 @@ class Minimum:
         self.evaluations: int = values["evaluations"]
         self.max_force: float = values["max_force"]
         self.energy: float = values["energy"]
+        #: [D, D], tension positive, without kinetic part; None unless the box is periodic in all directions.
+        self.stress: np.ndarray | None = values["stress"]
+
+    @property
+    def pressure(self) -> float | None:
+        """-trace of the stress over the dimension."""
+        return None if self.stress is None else float(-np.trace(self.stress) / len(self.stress))
 
     def __repr__(self):
         return (f"Minimum(converged={self.converged}, energy={self.energy:.6g}, max_force={self.max_force:.3g}, "
@@ -266,16 +294,19 @@ class Minimum:
 
 
 class Simulation:
-    """Particles with inertia, in motion.
+    """Particles in motion, with inertia or without.
 
     positions: [N, D] centres of disks (D = 2) or spheres (D = 3), with diameters; or polygons: a list of arrays [n, 2] of
     vertices, counter-clockwise, with rest areas a0 and rest edge lengths l0 (by default those that they have) and the
     diameter of vertices, or width of edges, as diameters (by default l0; smooth: 0.1 l0). mass: of each particle, by default
-    density · area (volume). velocities: as positions. walls: Walls, or a Container; box: Box, or lengths [D]; gravity: [D].
+    density · area (volume), of droplets density · radius³. velocities: as positions. walls: Walls, or a Container; box: Box, or lengths [D]; gravity: [D].
 
-    model: sp (soft), disk (frictional, rotating), rough, smooth or shape (polygons). integrator: verlet, or the name of a
-    type of PETSc TS (rk, cvode, arkimex, alpha2 …) with its options as keywords (ts_rtol=1e-6). Further keywords are the
-    parameters of the model and of the integration, listed below.
+    model: sp (soft), disk (frictional, rotating), rough, smooth or shape (polygons), bubble (droplets). integrator: verlet,
+    or the name of a type of PETSc TS (rk, cvode, arkimex, alpha2 …) with its options as keywords (ts_rtol=1e-6). Further
+    keywords are the parameters of the model and of the integration, listed below.
+
+    Droplets, and other particles with dynamics="overdamped", have no inertia: velocities follow from the balance of forces
+    and drag, therefore they cannot be given or written, and the integrator is rk unless another method is named.
 
     output: folder of a run (run.h5, run.xdmf, summary.json), which Run, pliant-report and ParaView read. frame_interval and
     sample_interval: times between frames and between samples (energies); without them write_frame() and write_sample() write
@@ -291,12 +322,14 @@ class Simulation:
                  polygons: Iterable[ArrayLike] | None = None, a0: ArrayLike | None = None, l0: ArrayLike | None = None,
                  velocities: ArrayLike | None = None, mass: ArrayLike | None = None, density: float = 1.0,
                  walls: Walls | Container | None = None, box: Box | Sequence[float] | None = None,
-                 gravity: Sequence[float] | None = None, model: str | None = None, integrator: str = "verlet",
+                 gravity: Sequence[float] | None = None, model: str | None = None, integrator: str | None = None,
                  output: str | os.PathLike | None = None, frame_interval: float | None = None,
                  sample_interval: float | None = None, checkpoint_interval: float | None = None, **options: Any):
         if (positions is None) == (polygons is None):
             raise InputError("give positions and diameters, or polygons")
         self._model = model if model is not None else "sp" if polygons is None else "rough"
+        if integrator is None:
+            integrator = "rk" if self._model == "bubble" or options.get("dynamics") == "overdamped" else "verlet"
         self._options: dict[str, Any] = {"model": self._model, **_integrator(integrator), **options}
         self._callbacks: list[tuple[Callable[[Simulation], Any], float | None]] = []
         #: A function (positions, velocities, t) → forces [points, D] that acts in addition to the model; None: none does.
@@ -318,9 +351,11 @@ class Simulation:
         if box is not None and not isinstance(box, Box):
             box = Box(box)
         weight = [0.0] * self._dim if gravity is None else _vector(gravity, "gravity")
-        self._box = box
         self._core = core.Simulation(self._dim, particles, walls._core, box.origin if box else [],
                                      box.lengths if box else [], weight, arguments(self._options))
+        if velocities is not None and not self._inertial:
+            self._core.close()
+            raise InputError("velocities of particles without inertia follow from the forces; leave velocities out")
         if output is not None:
             self._core.open_output(os.fspath(output), _intervals(frame_interval, sample_interval, checkpoint_interval))
         elif (frame_interval, sample_interval, checkpoint_interval) != (None, None, None):
@@ -345,8 +380,6 @@ class Simulation:
         self._dim = description["dim"]
         self._options = _options_of(description["arguments"])
         self._model = self._options["model"]
-        box = description["box"]
-        self._box = None if box is None else Box(box["lengths"], [value or 0.0 for value in box["origin"]])
         self._callbacks = []
         self.force = None
         return self
@@ -396,7 +429,7 @@ class Simulation:
         if v.shape != x.shape:
             raise InputError(f"velocities has the shape {v.shape}; give one for each point, {x.shape}")
         if mass is None:
-            mass = _number(density, "density") * np.asarray(a0)
+            mass = _number(density, "density") * ((width / 2)**3 if self._model == "bubble" else np.asarray(a0))
         return core.ParticleArrays(count, x, v, _each(mass, "mass", len(count)), width, a0, l0)
 
     # --- Motion
@@ -452,11 +485,15 @@ class Simulation:
         """For callbacks: the run ends after this step."""
         self._core.stop()
 
-    def minimize(self, force_tolerance: float = 1e-8, max_iterations: int = 100000) -> Minimum:
+    def minimize(self, force_tolerance: float = 1e-8, max_iterations: int = 100000, pressure: float | None = None) -> Minimum:
         """Moves the particles to a minimum of the energy (FIRE), at rest: until no component of a force is larger than
-        force_tolerance. Without drag and friction, which have no energy."""
+        force_tolerance. Without drag and friction, which have no energy.
+
+        pressure: the box, which must be periodic in all directions and without walls, grows or shrinks without change of shape
+        until its pressure has this value; `box` is then the new one. Errors: InputError; NumericalError where the box grows
+        without end. Both leave the simulation as it was."""
         return Minimum(self._core.minimize(_number(force_tolerance, "force_tolerance"),
-                                           _integer(max_iterations, "max_iterations")))
+                                           _integer(max_iterations, "max_iterations"), _optional(pressure, "pressure")))
 
     # --- Changes
 
@@ -531,6 +568,12 @@ class Simulation:
         return self._dim
 
     @property
+    def box(self) -> Box | None:
+        """The present periodic box; None without one."""
+        box = self._core.box()
+        return None if box is None else Box(box[1], box[0])
+
+    @property
     def t(self) -> float:
         """Time."""
         return self._core.t
@@ -572,11 +615,17 @@ class Simulation:
 
     @property
     def velocities(self) -> np.ndarray:
-        """[points, D], as positions."""
-        return self._get("velocities")
+        """[points, D], as positions. Without inertia: of the present forces, including the force function during a run; the
+        array is read-only."""
+        view = self._get("velocities")
+        if not self._inertial:
+            view.flags.writeable = False
+        return view
 
     @velocities.setter
     def velocities(self, values: ArrayLike) -> None:
+        if not self._inertial:
+            raise InputError("velocities of particles without inertia follow from the forces; change positions or walls")
         self._set("velocities", values)
 
     @property
@@ -645,12 +694,33 @@ class Simulation:
 
     @property
     def energies(self) -> dict[str, float]:
-        """Energy of each term of the model, and "kinetic". Gravity counts from the origin."""
+        """Energy of each term of the model, and "kinetic" with inertia. Gravity counts from the origin."""
         return self._core.energies()
 
     @property
+    def work(self) -> float:
+        """Without inertia: work of moving walls on the particles since the start, integrated with the positions."""
+        return self._integrated("work")
+
+    @property
+    def dissipated(self) -> float:
+        """Without inertia: energy that drag and friction have dissipated since the start, integrated with the positions. The
+        energies have changed by work - dissipated, unless positions, parameters or force functions have changed them."""
+        return self._integrated("dissipated")
+
+    def _integrated(self, name):
+        value = self._core.integrated(name)
+        if value is None:
+            raise UsageError(f"{name} is integrated without inertia only (dynamics=\"overdamped\", model=\"bubble\")")
+        return value
+
+    @property
+    def _inertial(self):
+        return self._core.integrated("work") is None
+
+    @property
     def forces(self) -> np.ndarray:
-        """[points, D] total forces of the model."""
+        """[points, D] total forces of the model; without inertia the forces that drag and friction balance."""
         return self._core.forces()["total"]
 
     @property
@@ -677,11 +747,11 @@ class Simulation:
         itself: pliant.analysis.mean_stress(sim)."""
         from .analysis.particles import Particles, contact_arrays
         topology = self._core.topology()
-        areas = topology["a0"]
+        areas, box = topology["a0"], self.box
         if np.any(np.diff(self.offsets) > 1):
             areas = [_area(polygon) for polygon in self.polygons]
         return Particles(self.centres, radii=topology["sigma"] / 2, velocities=self.centre_velocities, masses=self.masses,
-                         volumes=areas, box=None if self._box is None else [self._box.origin, self._box.lengths], time=self.t,
+                         volumes=areas, box=box and [box.origin, box.lengths], time=self.t,
                          **contact_arrays(self.contacts, self._dim))
 
     def draw(self, color: str = "speed", axes: Any = None) -> Any:
@@ -689,8 +759,9 @@ class Simulation:
         `axes`, by default of a new figure of matplotlib. Returns the axes. Errors: RunError."""
         from .plotting import draw_frame
         from .simulation_view import SimulationFrame, SimulationRun
-        box = None if self._box is None else np.array([self._box.origin, self._box.lengths])
-        run = SimulationRun(self, self._model, self._core.topology(), self._core.walls(), box)
+        box = self.box
+        run = SimulationRun(self, self._model, self._core.topology(), self._core.walls(),
+                            box and np.array([box.origin, box.lengths]))
         return draw_frame(run, SimulationFrame(self, run), color, axes)
 
     @property

@@ -56,7 +56,7 @@ void append_particles(ParticleTable& to, const ParticleArrays& arrays) {
   check_shape(arrays.velocities, points, D, "velocities");
   check_finite(numbers_of(arrays.positions), D, "positions");
   check_finite(numbers_of(arrays.velocities), D, "velocities");
-  for (const auto& [array, name] : {std::pair(&arrays.mass, "mass"), std::pair(&arrays.diameter, "diameter")}) {
+  for (const auto& [array, name] : {std::pair(&arrays.diameter, "diameter"), std::pair(&arrays.mass, "mass")}) {
     check_shape(*array, n, 0, name);
     check_positive(*array, name);
   }

@@ -173,6 +173,7 @@ void RunOutput<D>::follow(Simulation<D>& simulation) {
 
 template <int D>
 void RunOutput<D>::write_frame(Simulation<D>& simulation) {
+  simulation.find_velocities();
   const State& state = simulation.state();
   last_frame_ = state.t;
   if (framing_) framing_->done(state.t);
@@ -188,18 +189,23 @@ void RunOutput<D>::write_sample(Simulation<D>& simulation) {
   last_sample_ = s.t;
   if (sampling_) sampling_->done(s.t);
   const IntegratorStatistics& taken = simulation.integrator().statistics();
-  Real kinetic = 0;
-  for (Index i = 0; i < s.topology.owned_points(); ++i) kinetic += s.kinetic_energy(i);
-  Real energy = kinetic;
   std::vector<SeriesValue> row{{"time", s.t},
-                               {"dt", taken.steps > 0 ? taken.last_dt : simulation.integrator().next_dt()},
-                               {"kinetic_energy", kinetic}};
+                               {"dt", taken.steps > 0 ? taken.last_dt : simulation.integrator().next_dt()}};
+  Real energy = 0;
+  const OverdampedSystem<D>* const overdamped = simulation.overdamped();
+  if (overdamped == nullptr) {
+    for (Index i = 0; i < s.topology.owned_points(); ++i) energy += s.kinetic_energy(i);
+    row.emplace_back("kinetic_energy", energy);
+  }
   for (const TermReport& term : simulation.particles().field().report(s))
     if (term.is_energy) {
       row.emplace_back(fmt::format("{}_energy", term.name), term.energy);
       energy += term.energy;
     }
   row.emplace_back("energy", energy);
+  if (overdamped != nullptr)
+    for (std::size_t k = 0; k < overdamped->quantities().size(); ++k)
+      row.emplace_back(overdamped->quantities()[k].name, simulation.state().extra[k]);
   writer_->add_sample(row);
 }
 

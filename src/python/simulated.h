@@ -39,7 +39,8 @@ class Simulated final : public AnySimulation {
  public:
   Simulated(const ParticleArrays& particles, const AnyWalls& walls, const Box<D>& box, const Vec<D>& weight,
             const std::vector<std::string>& arguments);
-  /// Goes on from a checkpoint, whose text of this name is the description. lock: of its folder. Errors: InputError.
+  /// The simulation at a checkpoint. description: JSON of description() at that time. lock: locks the folder with the
+  /// checkpoint. Errors: InputError.
   Simulated(const Checkpoint& checkpoint, const nlohmann::json& description, const OutputIntervals& intervals,
             FolderLock lock);
   ~Simulated() override;
@@ -62,13 +63,15 @@ class Simulated final : public AnySimulation {
     if (running_ == nullptr) throw UsageError("stop() ends a run from its callback; this simulation is not running");
     stop_ = true;
   }
-  py::dict minimize(Real force_tolerance, std::int64_t most_iterations) override;
+  py::dict minimize(Real force_tolerance, std::int64_t most_iterations, std::optional<Real> pressure) override;
+  std::optional<std::pair<std::vector<Real>, std::vector<Real>>> box() const override;
 
   void configure(const std::vector<std::string>& arguments) override;
   void add(const ParticleArrays& arrays) override;
   void remove(const std::vector<Index>& ids) override;
   void move_wall(Index body, const MotionArguments& arguments) override;
 
+  std::optional<Real> integrated(const std::string& name) const override;
   py::dict energies() override;
   py::dict forces() override;
   py::dict contacts() override;
@@ -125,6 +128,12 @@ class Simulated final : public AnySimulation {
     simulation_->changed();
     fresh_ = true;
   }
+  /// After a change of positions, parameters or walls.
+  void note_change() {
+    changed_ = true;
+    simulation_->forget_velocities();
+    if (running_ == nullptr) mark_changed();
+  }
   bool deformable() const { return simulation_->topology().deformable(); }
   bool rotates() const { return field_->rotates(); }
 
@@ -152,11 +161,11 @@ class Simulated final : public AnySimulation {
 
   // --- Integration
 
-  static Real standard_step(const CriticalStep& critical) {
-    return critical.standard(std::min(0.2 * critical.elastic, 0.5 * critical.damping));
-  }
+  bool overdamped() const { return simulation_->overdamped() != nullptr; }
+  FastestRates rates_of(const Settings& settings, const CriticalStep& critical) const;
+  Real standard_step(const Settings& settings, const CriticalStep& critical) const;
   /// Errors: InputError for a fixed step that is unstable, and without any by which to choose it.
-  static Real check_step(const Settings& settings, const CriticalStep& critical);
+  Real check_step(const Settings& settings, const CriticalStep& critical) const;
   /// next: length of the next step, where it does not follow from the settings.
   void set_integrator(std::optional<Real> next = {});
   /// PETSc's options may belong to another simulation.

@@ -1,5 +1,6 @@
 // Arrays that Python and the engine share, and other data of the particles.
 #include <algorithm>
+#include <limits>
 #include <stdexcept>
 #include <utility>
 
@@ -15,11 +16,12 @@ Array Simulated<D>::array(const std::string& name) {
     if (names[k] == name) {
       if (columns(k) == 0) throw UsageError("particles of this model do not rotate, and have no {}", name);
       SharedArray& shared = arrays_[k];
+      const bool derived = k == 1 && overdamped();
+      if (derived) take_changes();
       if (stale_) fetch_all();
-      if (!shared.array) {
-        shared.array = new_array(rows(k), columns(k));
-        fetch(k);
-      }
+      const bool first = !shared.array;
+      if (first) shared.array = new_array(rows(k), columns(k));
+      if (first || derived) fetch(k);
       shared.shown = true;
       return py::reinterpret_borrow<Array>(shared.array);
     }
@@ -65,6 +67,14 @@ py::dict Simulated<D>::topology() const {
 }
 
 template <int D>
+std::optional<std::pair<std::vector<Real>, std::vector<Real>>> Simulated<D>::box() const {
+  check_open();
+  if (box_.open()) return {};
+  return std::pair(std::vector<Real>(box_.origin().begin(), box_.origin().end()),
+                   std::vector<Real>(box_.length().begin(), box_.length().end()));
+}
+
+template <int D>
 py::array Simulated<D>::images() const {
   py::array_t<std::int64_t> all(std::vector<py::ssize_t>{static_cast<py::ssize_t>(ids_.size()), D});
   std::fill_n(all.mutable_data(), all.size(), 0);
@@ -99,6 +109,14 @@ Array Simulated<D>::by_id(const std::vector<Real>& values, int width) const {
 
 template <int D>
 void Simulated<D>::fetch(std::size_t k) {
+  if (k == 1 && overdamped()) {
+    if (running_ == nullptr) settings_->restore();  // PETSc's options may belong to another simulation
+    try {
+      simulation_->find_velocities();
+    } catch (const NumericalError&) {  // the state has no forces: a run that came there has ended with this error
+      std::ranges::fill(simulation_->state().v(), std::numeric_limits<Real>::quiet_NaN());
+    }
+  }
   gather(simulation_->topology(), numbers(k), columns(k),
          py::reinterpret_borrow<Array>(arrays_[k].array).mutable_data());
 }
@@ -127,7 +145,7 @@ void Simulated<D>::take_changes() {
   std::vector<Real> now;
   for (std::size_t k = 0; k < arrays_.size(); ++k) {
     SharedArray& shared = arrays_[k];
-    if (!shared.shown) continue;
+    if (!shared.shown || (k == 1 && overdamped())) continue;
     const auto array = py::reinterpret_borrow<Array>(shared.array);
     const std::span<const Real> given = numbers_of(array);
     now.resize(given.size());
@@ -135,14 +153,14 @@ void Simulated<D>::take_changes() {
     if (std::ranges::equal(now, given)) continue;
     check_finite(given, columns(k), names[k]);
     scatter(topology, given.data(), columns(k), numbers(k));
-    changed_ = true;
-    if (running_ == nullptr) mark_changed();
+    note_change();
   }
 }
 
 template Array Simulated<2>::array(const std::string&);
 template py::dict Simulated<2>::counters() const;
 template py::dict Simulated<2>::topology() const;
+template std::optional<std::pair<std::vector<Real>, std::vector<Real>>> Simulated<2>::box() const;
 template py::array Simulated<2>::images() const;
 template void Simulated<2>::gather(const Topology&, const Real*, std::size_t, Real*) const;
 template void Simulated<2>::scatter(const Topology&, const Real*, std::size_t, Real*) const;
@@ -152,6 +170,7 @@ template void Simulated<2>::take_changes();
 template Array Simulated<3>::array(const std::string&);
 template py::dict Simulated<3>::counters() const;
 template py::dict Simulated<3>::topology() const;
+template std::optional<std::pair<std::vector<Real>, std::vector<Real>>> Simulated<3>::box() const;
 template py::array Simulated<3>::images() const;
 template void Simulated<3>::gather(const Topology&, const Real*, std::size_t, Real*) const;
 template void Simulated<3>::scatter(const Topology&, const Real*, std::size_t, Real*) const;

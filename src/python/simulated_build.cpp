@@ -5,6 +5,7 @@
 #include <utility>
 
 #include <pliant/python/simulated.h>
+#include <pliant/scenarios/droplets/protocol.h>
 #include <pliant/setup/particles.h>
 #include <pliant/ts/ts_integrator.h>
 #include <pliant/ts/verlet.h>
@@ -58,7 +59,17 @@ std::pair<std::unique_ptr<Simulation<D>>, ChangeableField<D>*> Simulated<D>::mak
                            box_);
   if (!settings_->skin) system.tune_skin();
   const Sorting sorting = settings_->method == Method::verlet ? Sorting::regularly : Sorting::at_start;
-  return {std::make_unique<Simulation<D>>(std::move(all), std::move(system), sorting), changeable};
+  if (!settings_->overdamped())
+    return {std::make_unique<Simulation<D>>(std::move(all), std::move(system), sorting), changeable};
+  auto mobility = settings_->mobility<D>();
+  const Mobility<D>& drag = *mobility;
+  std::vector<IntegratedQuantity<D>> quantities{
+      {"work", wall_power<D>},
+      {"dissipated", [&drag](const ForceField<D>&, const StateView<D>& s) { return drag.power(s); }}};
+  return {
+      std::make_unique<Simulation<D>>(
+          std::move(all), OverdampedSystem<D>(std::move(system), std::move(mobility), std::move(quantities)), sorting),
+      changeable};
 }
 
 template <int D>
@@ -157,6 +168,7 @@ void Simulated<D>::rebuild(const std::function<void(ParticleTable&)>& change, co
   const Walls<D> walls = simulation_->particles().walls();
   const Real now = t();
   const std::int64_t taken = steps(), evaluations = simulation_->integrator().statistics().force_evaluations;
+  const std::vector<Real> integrated = simulation_->state().extra;
   const auto before = std::tuple(field_, offset_, ids_, arrays_, critical_);
   std::unique_ptr<Simulation<D>> old = std::move(simulation_);
   if (!kept.empty()) {
@@ -167,6 +179,7 @@ void Simulated<D>::rebuild(const std::function<void(ParticleTable&)>& change, co
   try {
     build(std::move(all), walls, now, taken);
     check_start();
+    simulation_->state().extra = integrated;
   } catch (...) {
     simulation_ = std::move(old);
     std::tie(field_, offset_, ids_, arrays_, critical_) = before;
@@ -178,8 +191,25 @@ void Simulated<D>::rebuild(const std::function<void(ParticleTable&)>& change, co
 }
 
 template <int D>
-Real Simulated<D>::check_step(const Settings& settings, const CriticalStep& critical) {
-  const Real dt = settings.dt.value_or(standard_step(critical));
+FastestRates Simulated<D>::rates_of(const Settings& settings, const CriticalStep& critical) const {
+  if (settings.overdamped()) return {.decay = settings.relaxation_rate<D>(simulation_->topology(), critical)};
+  FastestRates rates;
+  for (const Rates& r : {critical.crowded.translation, critical.crowded.rotation}) {
+    rates.oscillation = std::max(rates.oscillation, std::sqrt(r.stiffness));
+    rates.decay = std::max(rates.decay, r.damping);
+  }
+  return rates;
+}
+
+template <int D>
+Real Simulated<D>::standard_step(const Settings& settings, const CriticalStep& critical) const {
+  if (settings.overdamped()) return 0.2 / rates_of(settings, critical).decay;
+  return critical.standard(std::min(0.2 * critical.elastic, 0.5 * critical.damping));
+}
+
+template <int D>
+Real Simulated<D>::check_step(const Settings& settings, const CriticalStep& critical) const {
+  const Real dt = settings.dt.value_or(standard_step(settings, critical));
   if (!std::isfinite(dt)) throw InputError("nothing sets the time scale of this simulation; give -dt");
   if (settings.method == Method::verlet && dt > critical.limit() * (1 + 1e-9) && !settings.allow_unstable_dt)
     throw InputError(
@@ -199,16 +229,14 @@ void Simulated<D>::set_integrator(std::optional<Real> next) {
     simulation_->set_integrator(std::make_unique<FixedStepVerlet>(dt));
   } else {
     settings_->restore();
-    auto ts = std::make_unique<TsIntegrator>(
-        TsOptions{.dt = dt, .implicit = settings_->implicit, .jacobian = settings_->jacobian});
+    TsOptions method = settings_->droplets() ? droplet_integration : TsOptions();
+    method.dt = dt;
+    method.implicit = settings_->implicit;
+    method.jacobian = settings_->jacobian;
+    auto ts = std::make_unique<TsIntegrator>(method);
     if (ts->needs_jacobian()) simulation_->particles().check_derivatives();
     settings_->options.check_consumed();
-    FastestRates rates{.oscillation = 0, .drag = 0, .decay = 0};
-    for (const Rates& r : {critical.crowded.translation, critical.crowded.rotation}) {
-      rates.oscillation = std::max(rates.oscillation, std::sqrt(r.stiffness));
-      rates.decay = std::max(rates.decay, r.damping);
-    }
-    critical_ = ts->longest_stable_step(rates);
+    critical_ = ts->longest_stable_step(rates_of(*settings_, critical));
     if (ts->explicit_fixed_step() && ts->next_dt() > critical_ && !settings_->allow_unstable_dt)
       throw InputError("-dt {:g} is above the limit of stability, {:.3g}; shorten the step, or use another method",
                        ts->next_dt(), critical_);
@@ -223,7 +251,9 @@ template Simulated<2>::~Simulated();
 template std::unique_ptr<ForceField<2>> Simulated<2>::make_field(Settings&) const;
 template void Simulated<2>::rebuild(const std::function<void(ParticleTable&)>&, const std::vector<Index>&);
 template Topology Simulated<2>::topology_by_id() const;
-template Real Simulated<2>::check_step(const Settings&, const CriticalStep&);
+template FastestRates Simulated<2>::rates_of(const Settings&, const CriticalStep&) const;
+template Real Simulated<2>::standard_step(const Settings&, const CriticalStep&) const;
+template Real Simulated<2>::check_step(const Settings&, const CriticalStep&) const;
 template void Simulated<2>::set_integrator(std::optional<Real>);
 template std::pair<std::unique_ptr<Simulation<2>>, ChangeableField<2>*> Simulated<2>::make_engine(
     Topology, const Walls<2>&) const;
@@ -233,7 +263,9 @@ template Simulated<3>::~Simulated();
 template std::unique_ptr<ForceField<3>> Simulated<3>::make_field(Settings&) const;
 template void Simulated<3>::rebuild(const std::function<void(ParticleTable&)>&, const std::vector<Index>&);
 template Topology Simulated<3>::topology_by_id() const;
-template Real Simulated<3>::check_step(const Settings&, const CriticalStep&);
+template FastestRates Simulated<3>::rates_of(const Settings&, const CriticalStep&) const;
+template Real Simulated<3>::standard_step(const Settings&, const CriticalStep&) const;
+template Real Simulated<3>::check_step(const Settings&, const CriticalStep&) const;
 template void Simulated<3>::set_integrator(std::optional<Real>);
 template std::pair<std::unique_ptr<Simulation<3>>, ChangeableField<3>*> Simulated<3>::make_engine(
     Topology, const Walls<3>&) const;

@@ -18,12 +18,13 @@ void Simulated<D>::configure(const std::vector<std::string>& arguments) {
   auto field = make_field(*settings);
   const CriticalStep critical = field->critical_step(simulation().topology());
   check_step(*settings, critical);
-  if (field_->fits(*field)) {
+  // The mobility has coefficients, too.
+  if (!overdamped() && field_->fits(*field)) {
     field_->replace(std::move(field));
     simulation_->particles().coefficients_changed();
     settings_ = std::move(settings);
     if (settings_->dt || settings_->method == Method::ts ||
-        !(standard_step(critical) > 0.8 * dt() && standard_step(critical) < 1.25 * dt()))
+        !(standard_step(*settings_, critical) > 0.8 * dt() && standard_step(*settings_, critical) < 1.25 * dt()))
       defer([this] {
         before_.force_evaluations += simulation_->integrator().statistics().force_evaluations;
         set_integrator();
@@ -32,8 +33,7 @@ void Simulated<D>::configure(const std::vector<std::string>& arguments) {
     settings_ = std::move(settings);
     defer([this] { rebuild([](ParticleTable&) {}); });
   }
-  changed_ = true;
-  if (running_ == nullptr) mark_changed();
+  note_change();
 }
 
 template <int D>
@@ -80,8 +80,7 @@ void Simulated<D>::move_wall(Index body, const MotionArguments& arguments) {
   wall_record_.moves(walls, body, t());
   walls.set_motion(body, motion);
   simulation_->particles().set_walls(std::move(walls));
-  changed_ = true;
-  if (running_ == nullptr) mark_changed();
+  note_change();
 }
 
 template <int D>

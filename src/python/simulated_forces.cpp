@@ -2,6 +2,7 @@
 #include <pybind11/stl.h>
 
 #include <algorithm>
+#include <stdexcept>
 #include <utility>
 #include <vector>
 
@@ -41,6 +42,7 @@ py::dict Simulated<D>::energies() {
   py::dict d;
   for (const TermReport& term : field_->report(s))
     if (term.is_energy) d[py::str(term.name)] = term.energy;
+  if (overdamped()) return d;
   Real kinetic = 0;
   for (Index i = 0; i < s.topology.owned_points(); ++i) kinetic += s.kinetic_energy(i);
   d["kinetic"] = kinetic;
@@ -48,9 +50,21 @@ py::dict Simulated<D>::energies() {
 }
 
 template <int D>
+std::optional<Real> Simulated<D>::integrated(const std::string& name) const {
+  const OverdampedSystem<D>* const system = simulation().overdamped();
+  if (system == nullptr) return {};
+  const auto& all = system->quantities();
+  const auto found = std::ranges::find(all, name, &IntegratedQuantity<D>::name);
+  if (found == all.end()) throw std::logic_error("no integrated quantity " + name);
+  return simulation().state().extra.at(static_cast<std::size_t>(found - all.begin()));
+}
+
+template <int D>
 py::dict Simulated<D>::forces() {
   const EngineUse use(EngineUse::Kind::access);
-  const StateView<D> s = present();
+  StateView<D> s = present();
+  const std::vector<Real> rest(overdamped() ? static_cast<std::size_t>(s.topology.points()) * D : 0);
+  if (overdamped()) s.v = rest.data();  // forces that drag balances
   py::dict d;
   for (const TermReport& term : field_->report(s)) d[py::str(term.name)] = by_id(term.force, D);
   std::vector<Real> f(static_cast<std::size_t>(s.topology.points()) * (D + rotations<D>));
@@ -136,12 +150,14 @@ py::tuple Simulated<D>::hessian() {
 }
 
 template py::dict Simulated<2>::energies();
+template std::optional<Real> Simulated<2>::integrated(const std::string&) const;
 template py::dict Simulated<2>::forces();
 template py::dict Simulated<2>::contacts();
 template Array Simulated<2>::wall_forces();
 template py::dict Simulated<2>::walls();
 template py::tuple Simulated<2>::hessian();
 template py::dict Simulated<3>::energies();
+template std::optional<Real> Simulated<3>::integrated(const std::string&) const;
 template py::dict Simulated<3>::forces();
 template py::dict Simulated<3>::contacts();
 template Array Simulated<3>::wall_forces();

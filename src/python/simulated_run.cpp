@@ -8,13 +8,24 @@
 #include <utility>
 
 #include <pliant/base/cure.h>
+#include <pliant/jamming/minimise.h>
 #include <pliant/python/simulated.h>
 #include <pliant/run/overlap_check.h>
 #include <pliant/run/run_control.h>
 #include <pliant/run/schedule.h>
-#include <pliant/system/fire.h>
 
 namespace pliant::python {
+namespace {
+
+template <int D>
+Array stress_array(const BoxStress<D>& of) {
+  Array stress = new_array(D, D);
+  for (int a = 0; a < D; ++a)
+    for (int b = 0; b < D; ++b) stress.mutable_at(a, b) = of.stress(a, b);
+  return stress;
+}
+
+}  // namespace
 
 template <int D>
 void Simulated<D>::run(std::optional<Real> duration, std::int64_t count, const std::vector<Callback>& callbacks,
@@ -45,6 +56,7 @@ void Simulated<D>::run(std::optional<Real> duration, std::int64_t count, const s
         more = running.apply_deferred();
       }
       if (!running.error) check_walls(running.step);
+      if (function && !running.error) simulation_->find_velocities();  // with the function, which ends with the run
     } catch (...) {
       failure = std::current_exception();
     }
@@ -69,7 +81,7 @@ void Simulated<D>::run(std::optional<Real> duration, std::int64_t count, const s
 }
 
 template <int D>
-py::dict Simulated<D>::minimize(Real force_tolerance, std::int64_t most_iterations) {
+py::dict Simulated<D>::minimize(Real force_tolerance, std::int64_t most_iterations, std::optional<Real> pressure) {
   const EngineUse use(EngineUse::Kind::run);
   check_open();
   take_changes();
@@ -78,54 +90,53 @@ py::dict Simulated<D>::minimize(Real force_tolerance, std::int64_t most_iteratio
   if (most_iterations < 1) throw InputError("max_iterations is {}, but must be at least 1", most_iterations);
   ParticleSystem<D>& system = simulation_->particles();
   State& state = simulation_->state();
-  const std::size_t n = system.positions_in(state.x()).size();
-  std::vector<Real> x(state.x().begin(), state.x().end()), f;
-  const Topology& topology = system.topology();
-  std::vector<Real> masses;
-  for (Index m = 0; m < topology.owned(); ++m)
-    masses.insert(masses.end(), topology.points_of(m), topology.point_mass[m]);
-  FireOptions options;
-  const Real stable = field_->critical_step(topology).elastic;
-  if (!std::isfinite(stable)) throw InputError("this model has no energies of contact or shape to minimise");
-  options.dt = 0.1 * stable;
-  options.dt_max = 0.5 * stable;
-  options.force_tolerance = force_tolerance;
-  options.max_iterations = most_iterations;
+  if (!std::isfinite(field_->critical_step(system.topology()).elastic))
+    throw InputError("this model has no energies of contact or shape to minimise");
   PendingError error;
   RunControl control(0, 0);
-  options.done = [&](const Real*) {
+  MinimiserOptions options;
+  options.pressure = pressure;
+  options.force_tolerance = force_tolerance;
+  options.max_iterations = most_iterations;
+  options.energy_per_particle = -std::numeric_limits<Real>::infinity();  // walls and gravity have energies, too
+  options.t = state.t;
+  options.stop = [&] {
     if (control.due()) error.guard(check_signals);
     return static_cast<bool>(error);
   };
-  FireResult result;
+  const std::vector<Real> before(state.x().begin(), state.x().end());
+  Minimum<D> found;
   {
     const py::gil_scoped_release released;
     omp_set_num_threads(static_cast<int>(settings_->threads));
-    result = fire(
-        std::span(x).first(n), masses,
-        [&](const Real* r, Real* gradient) {
-          std::copy_n(r, n, x.data());
-          const StateView<D> s = system.view(x.data(), state.v().data(), state.t);
-          f.assign(static_cast<std::size_t>(s.topology.points()) * (D + rotations<D>), 0);
-          const Real energy = field_->energy(s, f.data());
-          std::copy_n(f.data(), n, gradient);
-          return energy;
-        },
-        options);
-    std::copy_n(x.data(), n, state.x().begin());
-    std::ranges::fill(state.v(), 0.0);
-    system.history().clear();
+    try {
+      found = minimise<D>(system, state.x(), options);
+      if constexpr (D == 2)
+        if (deformable()) outlines_.start(system, state);
+      std::ranges::fill(state.v(), 0.0);
+      system.history().clear();
+    } catch (...) {
+      std::ranges::copy(before, state.x().begin());
+      if (pressure && !box_.open()) system.set_box(box_);
+      mark_changed();
+      throw;
+    }
+    box_ = system.box();
+    simulation_->forget_velocities();
     mark_changed();
   }
   show_state();
   error.rethrow();
   py::dict d;
-  d["converged"] = result.converged;
-  d["reason"] = result.reason;
-  d["iterations"] = result.iterations;
-  d["evaluations"] = result.evaluations;
-  d["max_force"] = result.max_force;
-  d["energy"] = result.energy;
+  d["converged"] = found.converged;
+  d["reason"] = found.reason;
+  d["iterations"] = found.iterations;
+  d["evaluations"] = found.evaluations;
+  d["max_force"] = found.max_force;
+  d["energy"] = found.energy;
+  d["stress"] = py::none();
+  if (box_.volume() < std::numeric_limits<Real>::infinity() && !system.rotates_or_remembers())
+    d["stress"] = stress_array(found.stress);
   return d;
 }
 
@@ -283,6 +294,7 @@ void Simulated<D>::prepare() {
 
 template <int D>
 void Simulated<D>::check_walls(Real step) {
+  simulation_->find_velocities();
   const StateView<D> s = simulation_->view();
   const bool judged = simulation_->integrator().explicit_fixed_step() && !settings_->allow_unstable_dt;
   if (s.walls.size() > 0 || s.topology.particles() > 1)
@@ -303,8 +315,8 @@ Real Simulated<D>::end_of(std::optional<Real> duration, std::int64_t count) cons
 }
 
 template void Simulated<2>::run(std::optional<Real>, std::int64_t, const std::vector<Callback>&, py::object);
-template py::dict Simulated<2>::minimize(Real, std::int64_t);
+template py::dict Simulated<2>::minimize(Real, std::int64_t, std::optional<Real>);
 template void Simulated<3>::run(std::optional<Real>, std::int64_t, const std::vector<Callback>&, py::object);
-template py::dict Simulated<3>::minimize(Real, std::int64_t);
+template py::dict Simulated<3>::minimize(Real, std::int64_t, std::optional<Real>);
 
 }  // namespace pliant::python

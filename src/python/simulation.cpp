@@ -26,13 +26,7 @@ std::unique_ptr<AnySimulation> make_simulation(int dim, const ParticleArrays& pa
                                                const std::vector<std::string>& arguments) {
   const EngineUse use(EngineUse::Kind::access);
   const auto make = [&]<int D>() -> std::unique_ptr<AnySimulation> {
-    Box<D> box;
-    if (!lengths.empty()) {
-      Vec<D> length;
-      if (lengths.size() != D) throw InputError("the box has {} lengths; give {}", lengths.size(), D);
-      std::ranges::copy(lengths, length.begin());
-      box = Box<D>(vector_of<D>(origin, "the origin of the box"), length);
-    }
+    const Box<D> box = lengths.empty() ? Box<D>() : box_of<D>(origin, lengths);
     return std::make_unique<Simulated<D>>(particles, walls, box, vector_of<D>(weight, "gravity"), arguments);
   };
   if (dim == 2) return make.template operator()<2>();
@@ -123,10 +117,12 @@ void bind_simulation(py::module_& m) {
       .def("run", &AnySimulation::run)
       .def("stop", &AnySimulation::stop)
       .def("minimize", &AnySimulation::minimize)
+      .def("box", &AnySimulation::box)
       .def("configure", &AnySimulation::configure)
       .def("add", &AnySimulation::add)
       .def("remove", &AnySimulation::remove)
       .def("move_wall", &AnySimulation::move_wall)
+      .def("integrated", &AnySimulation::integrated)
       .def("energies", &AnySimulation::energies)
       .def("forces", &AnySimulation::forces)
       .def("contacts", &AnySimulation::contacts)

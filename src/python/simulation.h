@@ -7,6 +7,7 @@
 #include <optional>
 #include <string>
 #include <tuple>
+#include <utility>
 #include <vector>
 
 #include <pliant/base/types.h>
@@ -57,13 +58,18 @@ class AnySimulation {
   virtual void run(std::optional<Real> duration, std::int64_t count, const std::vector<Callback>& callbacks,
                    py::object force) = 0;
   virtual void stop() = 0;
-  virtual py::dict minimize(Real force_tolerance, std::int64_t most_iterations) = 0;
+  /// pressure: of the periodic box, whose size may change; none: the box is fixed.
+  virtual py::dict minimize(Real force_tolerance, std::int64_t most_iterations, std::optional<Real> pressure) = 0;
+  /// Origin and lengths of the periodic box; nothing without one.
+  virtual std::optional<std::pair<std::vector<Real>, std::vector<Real>>> box() const = 0;
 
   virtual void configure(const std::vector<std::string>& arguments) = 0;
   virtual void add(const ParticleArrays& particles) = 0;
   virtual void remove(const std::vector<Index>& indices) = 0;
   virtual void move_wall(Index body, const MotionArguments& motion) = 0;
 
+  /// Without inertia: "work" or "dissipated", since the start; with inertia nothing.
+  virtual std::optional<Real> integrated(const std::string& name) const = 0;
   virtual py::dict energies() = 0;
   virtual py::dict forces() = 0;
   virtual py::dict contacts() = 0;

@@ -74,33 +74,44 @@ Container outline_container(const Array& left, const Array& right, const py::ite
   return {Vessel(corners_of(left, "left"), corners_of(right, "right")), obstacles_of(obstacles)};
 }
 
-template <int D>
-std::tuple<Array, Real, Real> pack_into(const Container& container, const Topology& particles,
-                                        const PackingParameters& parameters) {
+/// Positions [points, D] in a Container, or a Box<D>.
+template <int D, class Space>
+Array pack_into(const Space& space, const Topology& particles, const PackingParameters& parameters) {
   Array x(std::vector<py::ssize_t>{particles.points(), D});
-  Packing packing;
-  {
-    Real* const to = x.mutable_data();
-    const py::gil_scoped_release released;
-    packing = pack<D>(particles, container, parameters, to);
-  }
-  return {std::move(x), packing.fraction, packing.height};
+  Real* const to = x.mutable_data();
+  const py::gil_scoped_release released;
+  pack<D>(particles, space, parameters, to);
+  return x;
 }
 
-/// vertices: 0 for disks (spheres). Returns positions [points, D], the fraction reached, and the height.
-std::tuple<Array, Real, Real> pack_particles(const Container& container, int dim, const std::vector<Real>& diameters,
-                                             Index vertices, Real shape_parameter, Real fraction, std::uint64_t seed) {
-  const EngineUse use(EngineUse::Kind::access);
+/// vertices: 0 for disks (spheres).
+Topology particles_to_pack(int dim, const std::vector<Real>& diameters, Index vertices, Real shape_parameter) {
   if (dim != 2 && dim != 3) throw InputError("dim is {}, but must be 2 or 3", dim);
   if (diameters.empty()) throw InputError("there are no diameters; give at least one");
   for (const Real d : diameters) positive(d, "a diameter");
-  if (!(fraction > 0 && fraction <= 1)) throw InputError("fraction is {}, but must be above 0 and at most 1", fraction);
   if (vertices != 0 && (dim != 2 || vertices < 3))
     throw InputError("polygons have at least 3 vertices, in 2D; got {} in {}D", vertices, dim);
-  const Topology particles = make_particles(vertices > 0 ? ModelKind::rough : ModelKind::sp, dim, diameters,
-                                            {.vertices = vertices, .shape_parameter = shape_parameter});
+  return make_particles(vertices > 0 ? ModelKind::rough : ModelKind::sp, dim, diameters,
+                        {.vertices = vertices, .shape_parameter = shape_parameter});
+}
+
+Array pack_container(const Container& container, int dim, const std::vector<Real>& diameters, Index vertices,
+                     Real shape_parameter, Real fraction, std::uint64_t seed) {
+  const EngineUse use(EngineUse::Kind::access);
+  if (!(fraction > 0 && fraction <= 1)) throw InputError("fraction is {}, but must be above 0 and at most 1", fraction);
+  const Topology particles = particles_to_pack(dim, diameters, vertices, shape_parameter);
   const PackingParameters parameters{.fraction = fraction, .seed = seed};
   return dim == 2 ? pack_into<2>(container, particles, parameters) : pack_into<3>(container, particles, parameters);
+}
+
+Array pack_box(const std::vector<Real>& origin, const std::vector<Real>& lengths, const std::vector<Real>& diameters,
+               Index vertices, Real shape_parameter, std::uint64_t seed) {
+  const EngineUse use(EngineUse::Kind::access);
+  const auto dim = static_cast<int>(lengths.size());
+  const Topology particles = particles_to_pack(dim, diameters, vertices, shape_parameter);
+  const PackingParameters parameters{.seed = seed};
+  return dim == 2 ? pack_into<2>(box_of<2>(origin, lengths), particles, parameters)
+                  : pack_into<3>(box_of<3>(origin, lengths), particles, parameters);
 }
 
 std::vector<Real> diameters(Index n, const std::string& kind, Real ratio, Real fraction, Real deviation,
@@ -227,7 +238,8 @@ void bind_walls(py::module_& m) {
       .def_property_readonly("orifice", &Container::orifice)
       .def_property_readonly("inflow", [](const Container& c) { return std::pair(c.inflow()[0], c.inflow()[1]); })
       .def_property_readonly("upright_from", &Container::upright_from);
-  m.def("pack", pack_particles);
+  m.def("pack_container", pack_container);
+  m.def("pack_box", pack_box);
   m.def("diameters", diameters);
   m.def("regular_polygons", regular_polygons);
 }

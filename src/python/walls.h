@@ -3,11 +3,13 @@
 
 #include <pybind11/numpy.h>
 
+#include <algorithm>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <variant>
 #include <vector>
 
+#include <pliant/geometry/box.h>
 #include <pliant/geometry/container.h>
 #include <pliant/python/simulation.h>
 
@@ -21,6 +23,15 @@ Vec<D> vector_of(const std::vector<Real>& numbers, std::string_view name) {
   for (int k = 0; k < D; ++k) r[k] = numbers[static_cast<std::size_t>(k)];
   if (!r.allFinite()) throw InputError("{} has a number that is not finite", name);
   return r;
+}
+
+/// Errors: InputError.
+template <int D>
+Box<D> box_of(const std::vector<Real>& origin, const std::vector<Real>& lengths) {
+  if (lengths.size() != D) throw InputError("the box has {} lengths; give {}", lengths.size(), D);
+  Vec<D> length;
+  std::copy(lengths.begin(), lengths.end(), length.begin());
+  return Box<D>(vector_of<D>(origin, "the origin of the box"), length);
 }
 
 /// since: the time from which on it counts.

@@ -54,7 +54,9 @@ def protocol(sim):
 
 CASES = [dict(model="disk", mu_disk=0.5), dict(model="sp", zeta=0.1), dict(model="rough", polygons=True),
          dict(model="smooth", polygons=True), dict(dim=3, model="disk", mu_disk=0.4), dict(dim=3, model="sp", zeta=0.1),
-         dict(model="sp", box=(5, None)), dict(model="disk", integrator="rk", ts_rtol=1e-5)]
+         dict(model="sp", box=(5, None)), dict(model="disk", integrator="rk", ts_rtol=1e-5),
+         *(dict(model="sp", zeta=0.1, integrator=name, **options) for name, options in
+           (("cn", {"dt": 0.01}), ("alpha2", {"ts_rtol": 1e-4}), ("arkimex", {"ts_rtol": 1e-4}), ("bdf", {"ts_rtol": 1e-4})))]
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: "-".join(str(v) for v in case.values()))
@@ -77,6 +79,19 @@ def test_the_same_bits(case, changes, tmp_path):
     assert [f.time for f in a.frames] == [f.time for f in b.frames]
     np.testing.assert_array_equal(a.frames[-1].positions, b.frames[-1].positions)
     assert a.summary["steps"] == b.summary["steps"] and b.summary["force_evaluations"] >= b.summary["steps"]
+
+
+@pytest.mark.parametrize("integrator", ["cvode", "arkode"])
+def test_sundials_within_the_tolerance(integrator, tmp_path):
+    case = dict(model="sp", zeta=0.1, integrator=integrator, ts_rtol=1e-6, ts_atol=1e-6)
+    with crowd(**case) as sim:
+        sim.run(until=0.5), sim.run(until=1.0)
+        whole = sim.positions.copy()
+    with crowd(**case, output=tmp_path / "run") as sim:
+        sim.run(until=0.5)
+    with Simulation.restart(tmp_path / "run") as sim:
+        sim.run(until=1.0)
+        assert sim.positions == pytest.approx(whole, abs=1e-4)
 
 
 def drag(x, v, t):

@@ -49,6 +49,16 @@ def test_every_scenario(name, options, tmp_path, program):
         pytest.fail(f"{name} {options} is no run: {done.stderr}")
 
 
+def test_a_channel_from_a_table(tmp_path):
+    table = tmp_path / "disks.csv"
+    table.write_text("x,y,diameter\n2,2,1\n4,3,1.5\n", encoding="utf-8")
+    options = {"channel_width": 6, "channel_arm": 12, "stroke": 3, "t_end": 0.01, "quiet": True}
+    run = pliant.channel(start=table, output=tmp_path / "run", **options)
+    assert run.frames[0].positions.tolist() == [[2, 2], [4, 3]] and run.topology.sigma.tolist() == [1, 1.5]
+    with pytest.raises(pliant.InputError, match="-area_fraction .* with -start"):
+        pliant.channel(start=table, output=tmp_path / "other", area_fraction=0.3, **options)
+
+
 @pytest.mark.parametrize("first, second", [("python", "program"), ("program", "python")])
 def test_one_door_goes_on_with_a_run_of_the_other(first, second, tmp_path, small, program):
     def run(door, **options):

@@ -153,7 +153,7 @@ def test_stress_is_the_derivative_of_the_energy(dim, polygons):
             return Simulation(polygons=np.split(points, len(centres)), a0=np.pi / 4, l0=2 * np.sin(np.pi / 12) / 2, mass=1, box=box,
                               model="rough", e_c=100, k_a=10, k_l=10, k_b=0.1)
         return Simulation(points, 1, box=box, e_sp=100)
-    sim = simulation(np.concatenate([regular_polygon(c, 0.4) for c in centres]) if polygons else centres, lengths)
+    sim = simulation(np.concatenate([regular_polygon(c, 0.36) for c in centres]) if polygons else centres, lengths)
     if polygons:
         assert sim.minimize(1e-9).converged
     stress = pliant.analysis.mean_stress(sim, kinetic=False)
@@ -360,7 +360,8 @@ def test_a_ramp_of_a_parameter():
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("change", [{"e_disk": 4000}, {"restitution": 0.1}, {"mu_disk": 0}])
 def test_a_change_of_contacts_acts_at_once(dim, change):
-    """Two disks or spheres rub. After a change of a parameter they move like in a simulation that starts with this parameter."""
+    """Two disks or spheres slide along each other with friction. After a change of a parameter they move as in a simulation
+    that starts with this parameter."""
     def simulation(positions, velocities, **more):
         return Simulation(positions, diameters=1, velocities=velocities, model="disk", dt=1e-5,
                           **{"e_disk": 1000, "restitution": 0.5, "mu_disk": 0.01, **more})
@@ -566,6 +567,101 @@ def test_a_packed_container():
     assert pliant.Container(3, 8).pack(np.ones(30), dim=3).shape == (30, 3)
 
 
+@pytest.mark.parametrize("dim, fraction, shape", [(2, 0.78, {}), (3, 0.55, {}), (2, 0.35, {"n_vertices": 12})])
+def test_a_packed_box(dim, fraction, shape):
+    sizes = pliant.diameters(40, seed=2)
+    box = pliant.Box.filled(sizes, fraction, dim)
+    x = box.pack(sizes, seed=3, **shape)
+    assert len(x) == 40 and np.prod(box.lengths) == pytest.approx(np.sum(np.pi * sizes**dim / (4 if dim == 2 else 6)) / fraction)
+    particles = {"polygons": x, "model": "smooth"} if shape else {"positions": x, "diameters": sizes}
+    sim = Simulation(**particles, box=box)
+    assert sim.box.lengths == box.lengths and (not len(sim.contacts) or sim.contacts.overlap.max() < 2e-4)
+    assert np.array_equal(np.concatenate(x) if shape else x, sim.positions)
+    again = box.pack(sizes, seed=3, **shape)
+    assert np.array_equal(np.asarray(x), np.asarray(again)) and not np.array_equal(np.asarray(x), np.asarray(box.pack(sizes, **shape)))
+
+
+def test_a_box_at_a_pressure(tmp_path):
+    """Isostatic packings near jamming; the box is that of frames and of the restart."""
+    sizes = pliant.diameters(32, seed=2)
+    box = pliant.Box.filled(sizes, 0.8)
+    with Simulation(box.pack(sizes), sizes, box=box, e_sp=1, output=tmp_path / "run") as sim:
+        stable = sim.dt
+        for pressure in (1e-2, 1e-4):
+            minimum = sim.minimize(1e-12, 10**6, pressure)
+            assert minimum.converged and minimum.pressure == pytest.approx(pressure, rel=1e-5), minimum.reason
+            assert pliant.analysis.pressure(pliant.analysis.mean_stress(sim)) == pytest.approx(pressure, rel=1e-5)
+            assert minimum.stress == pytest.approx(minimum.stress.T) and np.abs(sim.forces).max() <= 1.2e-12
+            lengths = sim.box.lengths
+            assert lengths[0] == pytest.approx(lengths[1]) and lengths[0] < box.lengths[0]
+            sim.write_frame()
+        bearing = 32 - pliant.analysis.rattlers(sim).sum()
+        assert 0 <= len(sim.contacts) - 2 * (bearing - 1) <= 3  # isostatic: 2 (N' - 1) + 1
+        assert sim.dt == stable
+        sim.run(1)
+        state = sim.positions.copy()
+    assert pliant.Run(tmp_path / "run").frames[-1].box[1] == pytest.approx(lengths)
+    with Simulation.restart(tmp_path / "run") as sim:
+        assert sim.box.lengths == lengths and np.array_equal(sim.positions, state)
+        sim.run(0.1)
+
+
+@pytest.mark.parametrize("options, words", [
+    ({"pressure": 0}, "must be positive"), ({"pressure": -1}, "must be positive"), ({"pressure": np.nan}, "must be positive"),
+    ({"pressure": np.inf}, "must be positive"), ({"pressure": "a"}, "not a number"), ({"pressure": 1, "box": None}, "is open"),
+    ({"pressure": 1, "box": (9, None)}, "direction 1 of the box is open"), ({"pressure": 1, "model": "disk"}, "rotate"),
+    ({"pressure": 1, "walls": True}, "walls do not follow"), ({"pressure": 1e-9, "force_tolerance": 0}, "force_tolerance"),
+])
+def test_pressures_that_are_refused(options, words):
+    pressure, tolerance = options.pop("pressure"), options.pop("force_tolerance", 1e-8)
+    walls = None
+    if options.pop("walls", False):
+        walls = Walls()
+        walls.half_space((0, 0), (0, 1))
+        options["box"] = (9, None)
+        words = "is open"
+    sim = Simulation([[0, 1], [0.8, 1]], 1, walls=walls, **{"box": (9, 9), **options})
+    before = sim.positions.copy()
+    with pytest.raises(pliant.InputError, match=words):
+        sim.minimize(tolerance, pressure=pressure)
+    assert np.array_equal(sim.positions, before)
+    sim.step()
+
+
+def test_a_box_that_grows_without_end_stays_as_it_was():
+    sim = Simulation([[0.1, 1], [0.8, 1]], 1, box=(2, 2), e_sp=1e6)
+    before = sim.positions.copy()
+    try:
+        sim.minimize(1e-12, 10**5, pressure=1e-30)
+    except pliant.NumericalError as error:
+        assert "length by a factor" in str(error)
+        assert sim.box.lengths == [2, 2] and np.array_equal(sim.positions, before)
+    sim.step()
+
+
+def test_a_minimum_with_crossed_outlines_is_refused():
+    """Polygons with little stiffness against bending, inflated to four times their area in a box of their first area."""
+    outlines = pliant.regular_polygons([[0, 0], [1.1, 0], [0, 1.1], [1.1, 1.1]], 1, 16)
+    sim = Simulation(polygons=outlines, a0=4 * np.pi / 4, l0=0.5, box=(2.2, 2.2), model="smooth", e_c=1, k_a=100, k_l=1, k_b=1e-6)
+    before = sim.positions.copy()
+    with pytest.raises(pliant.NumericalError, match="cross|inside"):
+        sim.minimize(1e-6, 2000)
+    assert np.array_equal(sim.positions, before)
+    sim.step()
+
+
+def test_a_minimum_with_walls_in_motion_and_with_gravity():
+    """At the present time of the walls; the energy is negative."""
+    walls = Walls()
+    walls.half_space((0, -3), (0, 1), velocity=(0, 0.5))
+    sim = Simulation([[0, 0.2], [1, 0.4]], 1, walls=walls, gravity=(0, -1), e_w=1e3, dt=1e-3, box=(8, None))
+    sim.run(1)
+    minimum = sim.minimize(1e-10)
+    assert minimum.converged and minimum.energy < 0 and minimum.stress is None and minimum.pressure is None
+    gap = np.pi / 4 / 1e3 / 4  # weight over the stiffness of the wall, up to the unit of overlaps
+    assert sim.positions[:, 1] == pytest.approx(-2.5 + 0.5, abs=10 * gap)
+
+
 def test_statistics_are_those_of_the_program():
     noise = np.random.default_rng(1).normal(size=4096)
     average = pliant.block_average(noise + 2)
@@ -599,7 +695,7 @@ SQUARE = [[0, 0], [1, 0], [1, 1], [0, 1]]
     {"gravity": [1]}, {"gravity": [0, np.nan]}, {"gravity": 9.81}, {"gravity": "ab"}, {"gravity": [0, 0, 1]},
     {"box": [1]}, {"box": [0, 1]}, {"box": [-1, 1]}, {"box": [np.nan, 1]}, {"box": "ab"}, {"box": [1, 1, 1]},
     {"walls": 3}, {"walls": Walls(3)}, {"walls": [[0, 1]]},
-    {"model": "soft"}, {"model": 3}, {"model": "bubble"}, {"model": "rough"}, {"model": ""},
+    {"model": "soft"}, {"model": 3}, {"model": "bubbles"}, {"model": "rough"}, {"model": ""},
     {"integrator": "foo"}, {"integrator": 3}, {"integrator": ""}, {"integrator": "rk", "ts_typ": 3},
     {"integrator": "rk", "ts_rtol": -1}, {"integrator": "verlet", "ts_rtol": 1e-3},
     {"e_sp": -1}, {"e_sp": 0}, {"e_sp": np.nan}, {"e_sp": "a"}, {"e_sp": [1, 2]}, {"e_sq": 1}, {"mu": -0.1}, {"k_a": 1},
@@ -644,6 +740,12 @@ def test_bad_polygons(arguments):
     lambda w: pliant.diameters(0), lambda w: pliant.diameters(3, "foo"), lambda w: pliant.diameters(3, ratio=0),
     lambda w: pliant.diameters(2.5), lambda w: pliant.diameters(3, seed=-1), lambda w: pliant.regular_polygons([[0, 0]], 1, 2),
     lambda w: pliant.regular_polygons([[0, 0]], -1, 5), lambda w: pliant.regular_polygons([[0, 0]], [1, 2], 5),
+    lambda w: pliant.Box((5, 5)).pack([]), lambda w: pliant.Box((5, 5)).pack([1, np.nan]), lambda w: pliant.Box((5, 5)).pack([6]),
+    lambda w: pliant.Box((5, None)).pack([1]), lambda w: pliant.Box((5,)).pack([1]), lambda w: pliant.Box((5, 5)).pack([1] * 30),
+    lambda w: pliant.Box((5, 5)).pack([1], n_vertices=2), lambda w: pliant.Box((5, 5, 5)).pack([1], n_vertices=5),
+    lambda w: pliant.Box((5, -5)).pack([1]), lambda w: pliant.Box((5, 5)).pack("a"), lambda w: pliant.Box((5, 5)).pack([1], seed=-1),
+    lambda w: pliant.Box.filled([]), lambda w: pliant.Box.filled([1], 0), lambda w: pliant.Box.filled([1], dim=4),
+    lambda w: pliant.Box.filled([-1]), lambda w: pliant.Box.filled([np.inf]), lambda w: pliant.Box.filled([1], np.nan),
 ])
 def test_bad_walls_and_set_up(call):
     with pytest.raises((pliant.PliantError, ValueError, TypeError)) as error:

@@ -2,12 +2,35 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 namespace pliant {
 namespace {
 
 constexpr auto fixed = OnRestart::fixed;
 
 }  // namespace
+
+void bind_droplet_drag(Options& o, Real& b, Coupling& mobility) {
+  o.bind("b", b,
+         {.help = "viscosity b of drag and of friction between neighbours",
+          .unit = "F t0/R",
+          .min = 0,
+          .min_open = true,
+          .on_restart = fixed});
+  o.bind("mobility", mobility, {{"exact", Coupling::exact}, {"lagged", Coupling::lagged}, {"mean", Coupling::mean}},
+         {.help = "solve the force balance (exact), or use previous velocities (lagged, mean)", .on_restart = fixed});
+  o.accept_petsc_prefix("mobility_ksp_");
+  o.accept_petsc_prefix("mobility_pc_");
+}
+
+Real fastest_relaxation(const ModelChoice& model, Real b, const std::vector<Real>& diameters, int walls_at_once,
+                        bool walls_rub) {
+  const Real least = *std::ranges::min_element(diameters) / 2, walls = walls_at_once;
+  const Real force = model.value(Role::contact_force), pairs = force / (2 * least),
+             wall = walls * force * model.value(Role::mean_radius) / square(least) / (walls_rub ? 1 + walls : 1);
+  return std::max(pairs, wall) / b;
+}
 
 DropletOptions::DropletOptions() : model({catalogue_model(ModelKind::bubble)}) { model.keep(Role::mean_radius); }
 
@@ -19,16 +42,7 @@ void DropletOptions::bind_model(Options& o) {
                    {"rho", "rho is 1 in these units: leave it out"},
                    {"t0", "t0 = b R/force is the unit of time: leave it out"}});
   model.bind(o, UnitSystem::droplets());
-  o.bind("b", b,
-         {.help = "viscosity b of drag and of friction between neighbours",
-          .unit = "F t0/R",
-          .min = 0,
-          .min_open = true,
-          .on_restart = fixed});
-  o.bind("mobility", mobility, {{"exact", Coupling::exact}, {"lagged", Coupling::lagged}, {"mean", Coupling::mean}},
-         {.help = "solve the force balance (exact), or use previous velocities (lagged, mean)", .on_restart = fixed});
-  o.accept_petsc_prefix("mobility_ksp_");
-  o.accept_petsc_prefix("mobility_pc_");
+  bind_droplet_drag(o, b, mobility);
 }
 
 void DropletOptions::bind_droplets(Options& o) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <vector>
 
 #include <pliant/catalogue/model_choice.h>
 #include <pliant/model/depletion.h>
@@ -10,6 +11,14 @@
 #include <pliant/system/neighbour_drag.h>
 
 namespace pliant {
+
+/// Binds -b and -mobility.
+void bind_droplet_drag(Options& options, Real& b, Coupling& mobility);
+/// The fastest decay rate of contacts, at touch: of a single droplet between walls_at_once walls, or of droplets
+/// against each other, whose friction grows with their number like the stiffness. walls_rub:
+/// NeighbourDragOptions::walls.
+Real fastest_relaxation(const ModelChoice& model, Real b, const std::vector<Real>& diameters, int walls_at_once,
+                        bool walls_rub);
 
 enum class DropletIntegrator { ts };
 

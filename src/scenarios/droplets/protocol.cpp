@@ -34,17 +34,6 @@ std::unique_ptr<Simulation<2>> make_simulation(const DropletOptions& p, const Dr
       Sorting::never);
 }
 
-/// The fastest decay rate of contacts, at touch: of a single droplet against a wall, or of droplets against each other,
-/// whose friction grows with their number like the stiffness.
-Real fastest_rate(const DropletOptions& p, const DropletSetup& setup) {
-  const std::vector<Real>& diameter = setup.droplets.diameter;
-  const Real least = *std::min_element(diameter.begin(), diameter.end()) / 2, walls = setup.walls_at_once;
-  const Real force = p.model.value(Role::contact_force), pairs = force / (2 * least),
-             wall =
-                 walls * force * p.model.value(Role::mean_radius) / square(least) / (setup.walls_rub ? 1 + walls : 1);
-  return std::max(pairs, wall) / p.b;
-}
-
 }  // namespace
 
 void refuse_ranks(const std::string& scenario, const Ranks& ranks) {
@@ -59,7 +48,7 @@ DropletProtocol::DropletProtocol(const DropletOptions& p, const Ranks& ranks, co
     : Protocol<2>(make_simulation(p, setup, ranks)),
       p_(p),
       integration_(setup.integration),
-      fastest_rate_(fastest_rate(p, setup)),
+      fastest_rate_(fastest_relaxation(p.model, p.b, setup.droplets.diameter, setup.walls_at_once, setup.walls_rub)),
       dt_(p.dt.value_or(standard_dt())) {}
 
 std::unique_ptr<Integrator> DropletProtocol::make_integrator(Real dt) {

@@ -18,6 +18,9 @@ namespace pliant {
 /// Errors: InputError on several ranks.
 void refuse_ranks(const std::string& scenario, const Ranks& ranks);
 
+/// Most steps are as long as stability allows: a low order takes the fewest evaluations, a small error costs nothing.
+inline const TsOptions droplet_integration{.rk_type = "3bs", .atol_x = 1e-8};
+
 /// Initial state of a scenario.
 struct DropletSetup {
   Topology droplets;
@@ -25,8 +28,7 @@ struct DropletSetup {
   Vec<2> gravity = Vec<2>::Zero();
   bool walls_rub = false;  ///< NeighbourDragOptions::walls
   int walls_at_once = 1;   ///< that push a droplet along one line
-  /// Most steps are as long as stability allows: a low order takes the fewest evaluations, a small error costs nothing.
-  TsOptions integration = {.rk_type = "3bs", .atol_x = 1e-8};
+  TsOptions integration = droplet_integration;
 };
 
 /// Droplets in the plane, without inertia, and their energy budget: the work that the walls have done on them and the
