@@ -5,7 +5,8 @@
 #     address   (default) AddressSanitizer and UndefinedBehaviorSanitizer, by clang, which compiles these faster than GCC
 #     thread    ThreadSanitizer, by clang and its OpenMP: GCC's OpenMP has barriers without instrumentation
 #     valgrind  memcheck; it hides AVX-512, so the kernels for AVX2 run
-#     PROGRAM   folders of tests/, like io, and `pliant`, a short run of each scenario and model; all tests unless given
+#     PROGRAM   folders of tests/, like io; `pliant`, a short run of each scenario and model; `module`, tests of the Python
+#               module (address: all; valgrind: its arrays); all tests of folders unless given
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 kind=${1:-address}
@@ -57,7 +58,11 @@ cmake -S "$root" -B "$build" -G Ninja -D CMAKE_BUILD_TYPE=RelWithDebInfo -D CMAK
 ((${#names[@]} > 0)) || read -ra names <"$build/tests/folders.txt"
 targets=()
 for name in "${names[@]}"; do
-  [[ $name == pliant ]] && targets+=(pliant) || targets+=("test_$name")
+  case $name in
+    pliant) targets+=(pliant) ;;
+    module) targets+=(pliant pliant_python) ;;
+    *) targets+=("test_$name") ;;
+  esac
 done
 cmake --build "$build" --parallel "$cores" --target "${targets[@]}"
 
@@ -84,6 +89,23 @@ run_pliant() {
   rm -r "$folder"
 }
 
+# Python itself is not instrumented, therefore AddressSanitizer is loaded before it. valgrind also sees numpy's reads of
+# memory that the module has freed; it is slow, and checks the tests that hold arrays (libraries of h5py read values that
+# valgrind takes for undefined, without effect). Left out: the tutorials, which take
+# minutes, and a test that measures memory, of which the sanitizer keeps much.
+run_module() {
+  local python=(/usr/bin/python3 -B -m pytest -q -p no:cacheprovider) tests="not gallery and not leave_nothing_behind"
+  export PYTHONPATH=$build/python PLIANT_PROGRAM=$build/apps/pliant
+  case $kind in
+    address) LD_PRELOAD=$(clang++-14 -print-file-name=libclang_rt.asan-x86_64.so) \
+      "${python[@]}" "$root/tests/python" -k "$tests" ;;
+    valgrind) PYTHONMALLOC=malloc "${runner[@]}" --undef-value-errors=no \
+      "${python[@]}" "$root/tests/python/test_simulation.py" "$root/tests/python/test_overdamped.py" \
+      -k "array or outlive or written or added_and_removed" ;;
+    *) die "$kind has no check of the Python module" ;;
+  esac
+}
+
 failed=()
 for name in "${names[@]}"; do
   start=$SECONDS
@@ -92,6 +114,8 @@ for name in "${names[@]}"; do
   passed=yes
   if [[ $name == pliant ]]; then
     run_pliant || passed=no
+  elif [[ $name == module ]]; then
+    run_module || passed=no
   else
     "${runner[@]}" "$build/tests/test_$name" || passed=no
   fi
