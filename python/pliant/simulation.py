@@ -122,13 +122,16 @@ class Box:
         self.origin = [0.0] * len(self.lengths) if origin is None else _vector(origin, "origin")
 
     @classmethod
-    def filled(cls, diameters: ArrayLike, fraction: float = 0.8, dim: int = 2) -> Box:
-        """A square (3D: cubic) box of which disks (spheres) of these diameters would fill a fraction of the area (volume)."""
+    def filled(cls, diameters: ArrayLike, fraction: float | None = None, dim: int = 2) -> Box:
+        """A square (3D: cubic) box of which disks (spheres) of these diameters would fill a fraction of the area (volume), by
+        default 0.75 (0.5)."""
         sizes = np.asarray(_vector(np.atleast_1d(diameters), "diameters"))
         if _integer(dim, "dim") not in (2, 3):
             raise InputError(f"dim is {dim}, but must be 2 or 3")
         if not (sizes.size and np.all(np.isfinite(sizes)) and np.all(sizes > 0)):
             raise InputError("diameters must be positive and finite, at least one")
+        if fraction is None:
+            fraction = 0.75 if dim == 2 else 0.5
         if not 0 < _number(fraction, "fraction") < np.inf:
             raise InputError(f"fraction is {fraction}, but must be positive and finite")
         content = np.pi / 4 * np.sum(sizes**2) if dim == 2 else np.pi / 6 * np.sum(sizes**3)
@@ -517,6 +520,8 @@ class Simulation:
         new: arrays that Python holds keep the old state."""
         if (positions is None) == (polygons is None):
             raise InputError("give positions and diameters, or polygons")
+        if velocities is not None and not self._inertial:
+            raise InputError("velocities of particles without inertia follow from the forces; leave velocities out")
         self._core.add(self._particles(positions, diameters, polygons, a0, l0, velocities, mass, density))
 
     def remove(self, ids: ArrayLike) -> None:

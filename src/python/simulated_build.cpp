@@ -229,6 +229,7 @@ void Simulated<D>::set_integrator(std::optional<Real> next) {
     simulation_->set_integrator(std::make_unique<FixedStepVerlet>(dt));
   } else {
     settings_->restore();
+    if (overdamped()) (void)settings_->mobility<D>();  // reads its options of PETSc, which are then used
     TsOptions method = settings_->droplets() ? droplet_integration : TsOptions();
     method.dt = dt;
     method.implicit = settings_->implicit;

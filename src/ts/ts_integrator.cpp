@@ -343,9 +343,6 @@ class Write {
 
 void TsIntegrator::set_functions(Run& run) {
   const bool implicit = contains(implicit_types, type_);
-  if (implicit && run.implicit == nullptr)
-    throw InputError("{} needs derivatives of the forces, which this system does not have; use -ts_type {}", name(),
-                     fmt::join(explicit_types, ", "));
   if (!implicit || options_.implicit != TermGroup::all)
     petsc_check(TSSetRHSFunction(ts_, nullptr, right_hand_side, &run));
   if (!needs_jacobian() || run.implicit == nullptr) return;
@@ -579,6 +576,10 @@ bool TsIntegrator::solve(FirstOrderSystem& system, State& state, Real t_end, con
     throw InputError("the state has {} unknowns beside the coordinates, but the system has {}", state.extra.size(),
                      system.unknowns() - n);
   if (!std::isfinite(t_end)) throw InputError("the end of the run is {}, but it must be finite", t_end);
+  auto* const with_derivatives = dynamic_cast<ImplicitSystem*>(&system);
+  if (contains(implicit_types, type_) && with_derivatives == nullptr)
+    throw InputError("{} needs derivatives of the forces, which this system does not have; use -ts_type {}", name(),
+                     fmt::join(explicit_types, ", "));
   if (t_end - state.t <= 4 * std::numeric_limits<Real>::epsilon() * std::abs(t_end)) return false;
   const std::size_t unknowns = system.unknowns();
   const bool resized = system.ranks().any(configured_size_ != 0 && configured_size_ != unknowns);
@@ -604,18 +605,7 @@ bool TsIntegrator::solve(FirstOrderSystem& system, State& state, Real t_end, con
   petsc_check(TSSetMaxTime(ts_, t_end));
   petsc_check(TSRestartStep(ts_));
 
-  Run run{*this,
-          system,
-          dynamic_cast<ImplicitSystem*>(&system),
-          state,
-          observer,
-          y,
-          v,
-          t_end,
-          state.t,
-          0,
-          dt_ >= t_end - state.t,
-          false};
+  Run run{*this, system, with_derivatives, state, observer, y, v, t_end, state.t, 0, dt_ >= t_end - state.t, false};
   run.load();
   PetscInt iterations_before = 0, iterations = 0;
   if (step_number != 0) {  // else TSSolve zeroes them

@@ -152,6 +152,8 @@ def test_protocols_of_droplets():
     assert sim.positions[1, 0] == pytest.approx(4 * np.exp(-0.1), rel=1e-4)
     assert sim.velocities[1, 0] == pytest.approx(-0.1 * sim.positions[1, 0], rel=1e-4)
     sim.force = None
+    with pytest.raises(pliant.InputError, match="follow from the forces"):
+        sim.add([[10, 0]], 2, velocities=[[1, 0]])
     sim.add([[10, 0]], 2)
     before = sim.dissipated
     assert before > 0
@@ -211,8 +213,20 @@ def test_bad_motion_without_inertia(options, words):
         Simulation([[0, 0], [3, 0]], 1, **options)
 
 
-def test_an_implicit_method_is_refused_and_the_simulation_closes():
-    with Simulation([[0, 0], [3, 0]], 2, integrator="beuler", **DROPLETS) as sim:
+def test_another_solver_of_the_force_balance():
+    """PETSc reads the options of each simulation."""
+    iterative = dict(mobility_ksp_type="cg", mobility_pc_type="icc")
+    sims = [Simulation(lattice(3, 3), 2, gravity=(0.1, 0), **DROPLETS, **options) for options in ({}, iterative, {})]
+    for _ in range(2):
+        for sim in sims:
+            sim.run(1)
+    assert np.array_equal(sims[0].positions, sims[2].positions)
+    assert sims[1].positions == pytest.approx(sims[0].positions, abs=1e-9)
+
+
+@pytest.mark.parametrize("integrator", ["beuler", "alpha2", "arkimex"])
+def test_an_implicit_method_is_refused_and_the_simulation_closes(integrator):
+    with Simulation([[0, 0], [3, 0]], 2, integrator=integrator, **DROPLETS) as sim:
         with pytest.raises(pliant.InputError, match="needs derivatives"):
             sim.run(1)
         assert sim.positions.tolist() == [[0, 0], [3, 0]]
