@@ -206,6 +206,21 @@ TEST_CASE("a commit for which there was no room can be made again") {
   CHECK(contents(path) == "Promised" + std::string(200000, 'y'));
 }
 
+TEST_CASE("a write for which there was no memory prevents later commits") {
+  const ScratchFolder folder;
+  {
+    JournaledFile file = JournaledFile::create(folder / "f");
+    put(file, 0, "12345678 is there");
+    file.commit(17);
+    // Bytes that can be neither read nor copied.
+    const std::span endless(reinterpret_cast<const std::byte*>(sizeof(int)), std::size_t{1} << 62);
+    CHECK_THROWS_AS(file.write(17, endless), std::bad_alloc);
+    put(file, 17, " and more");
+    CHECK_THROWS_AS(file.commit(26), OutputError);
+  }
+  CHECK(whole(JournaledFile::open_read(folder / "f")) == "12345678 is there");
+}
+
 TEST_CASE("a file that is gone, or locked, or may not be written") {
   const ScratchFolder scratch;
   const auto path = scratch / "file";
