@@ -40,6 +40,12 @@ Real largest(std::span<const Real> values) {
   return most;
 }
 
+/// Zeros where contacts read velocities; else nothing.
+template <int D>
+std::vector<Real> velocities_at_rest(const ParticleSystem<D>& system) {
+  return std::vector<Real>(system.rotates_or_remembers() ? system.size() : 0);
+}
+
 /// Whether the model has forces that depend on velocities, of which a minimum is independent.
 template <int D>
 bool dissipates(ParticleSystem<D>& system, std::span<const Real> x) {
@@ -137,7 +143,8 @@ BoxStress<D> stress_of(ParticleSystem<D>& system, const Real* x) {
 template <int D>
 Minimum<D> measure_at(ParticleSystem<D>& system, std::span<const Real> x, Real t) {
   Minimum<D> measured;
-  const StateView<D> s = system.view(x.data(), nullptr, t);
+  const std::vector<Real> rest = velocities_at_rest(system);
+  const StateView<D> s = system.view(x.data(), rest.empty() ? nullptr : rest.data(), t);
   std::vector<Real> force(static_cast<std::size_t>(s.topology.points()) * (D + rotations<D>));
   measured.energy = system.field().energy(s, force.data());
   measured.max_force = largest(std::span(force).first(system.positions_in(x).size()));
@@ -179,9 +186,10 @@ Minimum<D> minimise(ParticleSystem<D>& system, std::span<Real> x, const Minimise
     fire_options.energy_tolerance = o.energy_per_particle * t.owned();
     const std::size_t n = system.positions_in(x).size();
     std::vector<Real> all(x.begin(), x.end());  // with angles, where particles rotate
+    const std::vector<Real> rest = velocities_at_rest(system);
     const auto view_at = [&](const Real* at) {
       if (n < all.size()) std::copy_n(at, n, all.begin());
-      return system.view(n < all.size() ? all.data() : at, nullptr, o.t);
+      return system.view(n < all.size() ? all.data() : at, rest.empty() ? nullptr : rest.data(), o.t);
     };
     if (only_energies)
       fire_options.force = [&](const Real* at, Real* f) {

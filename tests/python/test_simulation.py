@@ -650,6 +650,18 @@ def test_a_minimum_with_crossed_outlines_is_refused():
     sim.step()
 
 
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_minimum_of_frictional_particles(dim):
+    """Contacts repel until they do not overlap; angles stay."""
+    sim = Simulation(cloud(9, dim, 0.9), 1, model="disk", walls=floor(dim, -0.45))
+    sim.angles[:] = 0.3
+    before = sum(sim.energies.values())
+    minimum = sim.minimize(1e-6)
+    assert minimum.converged and minimum.energy < 1e-6 < before and minimum.stress is None
+    assert np.abs(sim.forces).max() <= 1e-6 and (sim.angles == 0.3).all()
+    sim.step()
+
+
 def test_a_minimum_with_walls_in_motion_and_with_gravity():
     """At the present time of the walls; the energy is negative."""
     walls = Walls()
