@@ -16,6 +16,7 @@ from collections.abc import Mapping, Sequence
 from os import PathLike
 from typing import Any, Literal
 
+from .ensemble_run import Ensemble
 from .run import Run
 
 _Text = str | PathLike[str] | Sequence[str | float]
@@ -23,7 +24,7 @@ _Text = str | PathLike[str] | Sequence[str | float]
 SCENARIOS: dict[str, tuple[str, str, str, list[dict[str, Any]]]]
 
 def arguments(options: Mapping[str, Any]) -> list[str]: ...
-def call(scenario: str, options: Mapping[str, Any], progress: bool | None = None, quiet: bool = False) -> Run: ...
+def call(scenario: str, options: Mapping[str, Any], progress: bool | None = None, quiet: bool = False) -> Run | Ensemble: ...
 def option_lines(table: list[dict[str, Any]], indent: str = "") -> list[str]: ...
 def evaluate(case: Mapping[str, Any] | str | PathLike[str], name: str = "case") -> dict[str, Any]: ...
 '''

@@ -16,6 +16,7 @@ from . import requirements
 
 requirements.check()
 
+from .ensemble_run import Ensemble
 from .errors import (FolderInUseError, InputError, NumericalError, OutOfMemoryError, OutputError, PliantError,
                      PliantWarning, RunError, UsageError)
 from .run import Frame, Frames, Geometry, Profile, Run, Topology
@@ -31,7 +32,7 @@ _ENGINE = {**{name: "scenario_calls" for name in ("channel", "clog", "evaluate",
            **{name: "simulation" for name in ("Box", "Container", "Minimum", "Simulation", "Walls", "block_average",
                                               "diameters", "flow_rate", "regular_polygons", "start_up")}}
 
-__all__ = ["FolderInUseError", "Frame", "Frames", "Geometry", "InputError", "NumericalError", "OutOfMemoryError",
+__all__ = ["Ensemble", "FolderInUseError", "Frame", "Frames", "Geometry", "InputError", "NumericalError", "OutOfMemoryError",
            "OutputError", "PliantError", "PliantWarning", "Profile", "Run", "RunError", "Topology", "UsageError",
            "load_runs", "load_table", "sweep_table", *_ENGINE]
 

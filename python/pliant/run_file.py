@@ -415,6 +415,10 @@ class Group:
         """Names of all members, sorted."""
         return self._file.guard(self.name, _names, self._group)
 
+    def copy(self, name, to):
+        """Copies the member `name` into `to`, a group or file of h5py."""
+        self._file.guard(self._path(name), self._group.copy, name, to)
+
     @cached_property
     def attrs(self):
         """Attribute name → value."""

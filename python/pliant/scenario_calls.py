@@ -18,6 +18,7 @@ from typing import Literal
 import numpy as np
 
 from .engine import core
+from .ensemble_run import Ensemble
 from .errors import InputError, PliantWarning
 from .run import Run
 
@@ -103,13 +104,14 @@ class _Listener:
 
 
 def call(scenario, options, progress=None, quiet=False):
-    """Runs a scenario with these options; returns its Run. Errors: as the functions that this module makes."""
+    """Runs a scenario with these options; returns its Run, or the Ensemble if `ensemble` is among them. Errors: as the
+    functions that this module makes."""
     listener = _Listener(scenario, progress, quiet)
     try:
         folder = core.run_scenario(scenario, arguments(options), listener)
     finally:
         listener.close()
-    return Run(folder)
+    return Ensemble(folder) if options.get("ensemble") else Run(folder)
 
 
 def _default(entry):

@@ -3,6 +3,7 @@ from collections.abc import Mapping, Sequence
 from os import PathLike
 from typing import Any, Literal
 
+from .ensemble_run import Ensemble
 from .run import Run
 
 _Text = str | PathLike[str] | Sequence[str | float]
@@ -10,7 +11,7 @@ _Text = str | PathLike[str] | Sequence[str | float]
 SCENARIOS: dict[str, tuple[str, str, str, list[dict[str, Any]]]]
 
 def arguments(options: Mapping[str, Any]) -> list[str]: ...
-def call(scenario: str, options: Mapping[str, Any], progress: bool | None = None, quiet: bool = False) -> Run: ...
+def call(scenario: str, options: Mapping[str, Any], progress: bool | None = None, quiet: bool = False) -> Run | Ensemble: ...
 def option_lines(table: list[dict[str, Any]], indent: str = "") -> list[str]: ...
 def evaluate(case: Mapping[str, Any] | str | PathLike[str], name: str = "case") -> dict[str, Any]: ...
 def hopper(*,
@@ -90,6 +91,9 @@ def hopper(*,
     frame_deflate: int | None = 0,
     checkpoint_interval: float | None = 300.0,
     progress_interval: float | None = 60.0,
+    ensemble: int | None = 0,
+    ensemble_over: _Text | None = None,
+    ensemble_workers: int | None = 0,
     max_wall_time: float | None = 0.0,
     options_file: _Text | None = None,
     progress: bool | None = None,
@@ -130,6 +134,9 @@ def raft(*,
     frame_deflate: int | None = 0,
     checkpoint_interval: float | None = 300.0,
     progress_interval: float | None = 60.0,
+    ensemble: int | None = 0,
+    ensemble_over: _Text | None = None,
+    ensemble_workers: int | None = 0,
     max_wall_time: float | None = 0.0,
     options_file: _Text | None = None,
     progress: bool | None = None,
@@ -167,6 +174,9 @@ def clog(*,
     frame_deflate: int | None = 0,
     checkpoint_interval: float | None = 300.0,
     progress_interval: float | None = 60.0,
+    ensemble: int | None = 0,
+    ensemble_over: _Text | None = None,
+    ensemble_workers: int | None = 0,
     max_wall_time: float | None = 0.0,
     options_file: _Text | None = None,
     progress: bool | None = None,
@@ -239,6 +249,9 @@ def channel(*,
     frame_deflate: int | None = 0,
     checkpoint_interval: float | None = 300.0,
     progress_interval: float | None = 60.0,
+    ensemble: int | None = 0,
+    ensemble_over: _Text | None = None,
+    ensemble_workers: int | None = 0,
     max_wall_time: float | None = 0.0,
     frame_travel: float | None = 0.11,
     sample_travel: float | None = 0.011,
@@ -288,6 +301,9 @@ def pack(*,
     frame_deflate: int | None = 0,
     checkpoint_interval: float | None = 300.0,
     progress_interval: float | None = 60.0,
+    ensemble: int | None = 0,
+    ensemble_over: _Text | None = None,
+    ensemble_workers: int | None = 0,
     max_wall_time: float | None = 0.0,
     frame_interval: float | None = 1.0,
     sample_interval: float | None = 1.0,
@@ -340,6 +356,9 @@ def shear(*,
     frame_deflate: int | None = 0,
     checkpoint_interval: float | None = 300.0,
     progress_interval: float | None = 60.0,
+    ensemble: int | None = 0,
+    ensemble_over: _Text | None = None,
+    ensemble_workers: int | None = 0,
     max_wall_time: float | None = 0.0,
     frame_interval: float | None = 1.0,
     sample_interval: float | None = 1.0,

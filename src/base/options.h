@@ -128,6 +128,8 @@ class Options {
   bool given(const std::string& name) const { return source(name) != "default"; }
   const std::string& source(const std::string& name) const;
 
+  bool declared(const std::string& name) const { return find(name) != nullptr; }
+
   /// Options that the text of `-help` begins with, in this order. std::logic_error for a name that is not bound.
   void most_used(std::vector<std::string> names);
   /// The word after `-help`, the title of a group; empty without one.

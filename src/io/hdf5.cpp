@@ -275,6 +275,16 @@ Id creating_parents() {
   return properties;
 }
 
+/// Names of the links of a group; nothing where they cannot be read.
+std::optional<std::vector<std::string>> names_in(const Id& group) {
+  Names found;
+  const auto visit = [](hid_t, const char* name, const H5L_info_t*, void* to) { return Names::add(to, name); };
+  const bool failed = H5Literate(group.get(), H5_INDEX_NAME, H5_ITER_NATIVE, nullptr, visit, &found) < 0;
+  std::vector<std::string> names = found.take();
+  if (failed) return {};
+  return names;
+}
+
 }  // namespace
 
 std::size_t size_of(Type type) { return H5Tget_size(native(type)); }
@@ -357,6 +367,21 @@ bool Group::has_group(const std::string& name) const {
   return has(name) && Id(H5Gopen2(id_.get(), name.c_str(), H5P_DEFAULT)).valid();
 }
 
+void Group::copy_content(std::string_view image) {
+  const Quiet quiet;
+  const Id access = file_access();
+  require_memory(H5Pset_fapl_core(access.get(), std::size_t{1} << 20, false));
+  // HDF5 does not change the image, though its function takes a pointer to bytes that may be changed.
+  require_memory(H5Pset_file_image(access.get(), const_cast<char*>(image.data()), image.size()));
+  const Id file(H5Fopen("(copied content)", H5F_ACC_RDONLY, access.get()));
+  if (!file.valid()) fail_write("");
+  const Id root(H5Gopen2(file.get(), "/", H5P_DEFAULT));
+  const auto names = names_in(root);
+  if (!names) fail_write("");
+  for (const std::string& name : *names)
+    if (H5Ocopy(root.get(), name.c_str(), id_.get(), name.c_str(), H5P_DEFAULT, H5P_DEFAULT) < 0) fail_write(name);
+}
+
 bool Group::has(const std::string& name) const {
   const Quiet quiet;
   // In HDF5 a query of a/b without a group a is an error.
@@ -369,13 +394,10 @@ bool Group::has(const std::string& name) const {
 
 std::vector<std::string> Group::links() const {
   const Quiet quiet;
-  Names found;
-  const auto visit = [](hid_t, const char* name, const H5L_info_t*, void* to) { return Names::add(to, name); };
-  const bool failed = H5Literate(id_.get(), H5_INDEX_NAME, H5_ITER_NATIVE, nullptr, visit, &found) < 0;
-  std::vector<std::string> names = found.take();
-  if (failed) fail_read("");
-  std::sort(names.begin(), names.end());
-  return names;
+  std::optional<std::vector<std::string>> names = names_in(id_);
+  if (!names) fail_read("");
+  std::sort(names->begin(), names->end());
+  return *std::move(names);
 }
 
 void Group::remove(const std::string& name) {

@@ -124,8 +124,11 @@ class Group {
   Group create_unlinked_group();
   /// Names `group`, replacing the object of that name.
   void link(const Group& group, const std::string& name);
-  /// A second name for the object at `existing` (an absolute path): the same storage, nothing is copied.
+  /// A second name for the object at `existing` (a path): the same storage, nothing is copied.
   void link(const std::string& existing, const std::string& name);
+
+  /// Copies all objects of a file of which these are the bytes, as File::image() has them.
+  void copy_content(std::string_view image);
 
   bool has(const std::string& name) const;
   bool has_group(const std::string& name) const;

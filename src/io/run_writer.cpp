@@ -211,7 +211,6 @@ RunWriter RunWriter::create(const std::filesystem::path& folder, const Manifest&
 }
 
 void RunWriter::start(const Manifest& manifest, const Topology& topology, const RunGeometry& geometry) {
-  if (geometry.segments.size() % 4 != 0) throw std::invalid_argument("run.h5: a wall segment is four numbers");
   create_folder(folder_);
   refuse_existing_run(folder_);
   // Any of its parents may be new.
@@ -223,16 +222,9 @@ void RunWriter::start(const Manifest& manifest, const Topology& topology, const 
   std::filesystem::remove(begun, ignored);
   file_.emplace(File::create(begun));
   try {
-    write_manifest(*file_, manifest);
-    write_topology(*file_, topology);
-    write_geometry(*file_, geometry, topology.dim);
-    walls_ = geometry.segments.size() / 4;
-    periodic_ = !geometry.box.empty();
+    write_head(manifest, topology, geometry);
     drawn_walls_ = drawn_walls(*file_, dim_);
     write_xdmf_constants(*file_, dim_, drawn_walls_, walls_);
-    file_->create_group("/frames");
-    file_->create_group("/series");
-    file_->create_group("/series_axes");
     file_->flush();
     file_->rename(path);
     xdmf_.emplace(folder_ / "run.xdmf", std::vector<std::string>());
@@ -243,6 +235,23 @@ void RunWriter::start(const Manifest& manifest, const Topology& topology, const 
     std::filesystem::remove(path, ignored);
     throw;
   }
+}
+
+RunWriter RunWriter::in_memory(const Manifest& manifest, const Topology& topology, const RunGeometry& geometry) {
+  RunWriter writer({}, Ranks(), topology.dim);
+  writer.file_.emplace(File::in_memory(run_name));
+  writer.write_head(manifest, topology, geometry);
+  return writer;
+}
+
+void RunWriter::write_head(const Manifest& manifest, const Topology& topology, const RunGeometry& geometry) {
+  if (geometry.segments.size() % 4 != 0) throw std::invalid_argument("run.h5: a wall segment is four numbers");
+  write_manifest(*file_, manifest);
+  write_topology(*file_, topology);
+  write_geometry(*file_, geometry, topology.dim);
+  walls_ = geometry.segments.size() / 4;
+  periodic_ = !geometry.box.empty();
+  for (const char* group : {"/frames", "/series", "/series_axes"}) file_->create_group(group);
 }
 
 RunWriter RunWriter::append(const std::filesystem::path& folder, const Topology& topology, std::uint64_t series_rows,
@@ -295,7 +304,7 @@ void RunWriter::check_frames() {
 void RunWriter::drop_later_frames() {
   auto list = file_->open_group("/frames");
   if (!list.has(frame_name(frames_))) return;
-  xdmf_->cut(frames_);  // names existing frames only
+  if (xdmf_) xdmf_->cut(frames_);  // names existing frames only
   for (std::uint64_t n = frames_; list.has(frame_name(n)); ++n) list.remove(frame_name(n));
   list.count_members();
   flush();
@@ -377,10 +386,13 @@ void RunWriter::write_frame(const Frame& frame, const FrameFormat& format) {
     if (!frame.box.empty()) group->write("box", frame.box, {3, static_cast<std::uint64_t>(dim_)}, Storage::crc32);
     for (const FrameArray& a : layout.arrays) {
       datasets.push_back(group->create_dataset(a.name, a.type, a.shape, format.deflate));
-      if (const auto at = datasets.back().address(); at != 0 && at < file_->committed())
+      if (const auto at = datasets.back().address(); xdmf_ && at != 0 && at < file_->committed())
         throw std::logic_error("run.h5: a new dataset lies where the last flush has put something");
     }
-    write_views(*group, "/frames/" + name, format.single ? hdf5::Type::single : hdf5::Type::real);
+    if (xdmf_)
+      write_views(*group, "/frames/" + name, format.single ? hdf5::Type::single : hdf5::Type::real);
+    else if (!group->has("centres"))
+      group->link("positions", "centres");
   });
   write_arrays(layout.arrays, datasets, format.deflate > 0);
   ranks_.on_root([&] {
@@ -389,7 +401,7 @@ void RunWriter::write_frame(const Frame& frame, const FrameFormat& format) {
     list.count_members();
     write_tables();
     file_->flush();
-    xdmf_->put(frames_, grid_of(*group, name, dim_, layout.particles, layout.points, walls_, drawn_walls_));
+    if (xdmf_) xdmf_->put(frames_, grid_of(*group, name, dim_, layout.particles, layout.points, walls_, drawn_walls_));
   });
   ++frames_;
 }

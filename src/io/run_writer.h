@@ -85,6 +85,8 @@ class RunWriter {
   /// OutputError.
   static RunWriter create(const std::filesystem::path& folder, const Manifest& manifest, const Topology& topology,
                           const RunGeometry& geometry, const Ranks& ranks = Ranks());
+  /// Starts a run whose file is in memory, without a folder, views and run.xdmf; see image(). On one rank.
+  static RunWriter in_memory(const Manifest& manifest, const Topology& topology, const RunGeometry& geometry);
   /// Continues the run in the folder from a checkpoint that counts `series_rows` samples, `frames` frames and
   /// `event_rows` events. Later samples and events are dropped; later frames stay until they are written again. All
   /// data counted by the checkpoint are compared with their checksums. Errors: InputError if the folder holds no run,
@@ -110,6 +112,8 @@ class RunWriter {
   /// Writes the samples in memory.
   void flush();
   void close();
+  /// After flush(): the bytes of a file in memory, valid until it is changed.
+  std::string_view image() { return file_->image(); }
 
   /// Content of the file, after flush().
   Series read_series();
@@ -142,6 +146,7 @@ class RunWriter {
   // NOLINTNEXTLINE(performance-unnecessary-value-param): once per run
   RunWriter(std::filesystem::path folder, const Ranks& ranks, int dim) : folder_(folder), ranks_(ranks), dim_(dim) {}
   void start(const Manifest& manifest, const Topology& topology, const RunGeometry& geometry);
+  void write_head(const Manifest& manifest, const Topology& topology, const RunGeometry& geometry);
   void go_on(const Topology& topology, std::uint64_t series_rows, std::uint64_t event_rows);
   void check_frames();
   void write_tables();
@@ -152,7 +157,7 @@ class RunWriter {
   Ranks ranks_;
   int dim_;
   std::optional<hdf5::File> file_;  ///< on the root
-  std::optional<XdmfFile> xdmf_;    ///< on the root
+  std::optional<XdmfFile> xdmf_;    ///< on the root; none for a file in memory
   std::uint64_t walls_ = 0, frames_ = 0;
   bool periodic_ = false;
   DrawnWalls drawn_walls_;

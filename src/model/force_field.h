@@ -1,4 +1,4 @@
-// Forces, energies and derivatives of a configuration, whatever the model.
+// Forces, energies and derivatives of a configuration, for any model.
 #pragma once
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// The functions of a term, whatever its type, so that code that uses them is compiled once and not for each model.
+// The functions of a term of any type, so that code that uses them is compiled once and not for each model.
 #pragma once
 
 #include <algorithm>
@@ -51,7 +51,7 @@ class TermFunctions {
 
   virtual std::string_view name() const = 0;
   virtual bool enabled(const StateView<D>& s) const = 0;
-  /// edges: of the terms so far. Errors: std::logic_error if this term needs other edges.
+  /// edges: the edges that earlier terms need. Errors: std::logic_error if this term needs other edges.
   virtual void add_needs(NeighbourNeeds& needs, std::optional<Edges>& edges) const = 0;
   virtual void check_walls(const Walls<D>& walls) const = 0;
   virtual void add_couplings(Couplings& all) const = 0;

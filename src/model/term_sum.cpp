@@ -163,7 +163,7 @@ std::vector<TermVirial<D>> TermSum<D>::virials(const StateView<D>& s) const {
 
 template <int D>
 Real TermSum<D>::energy_of(const StateView<D>& s, std::span<const Index> ids) const {
-  std::vector<Range> points;  // of ghosts too
+  std::vector<Range> points;  // ghosts have points, too
   for (const Index id : ids)
     for (Index m = 0; m < s.topology.particles(); ++m)
       if (s.topology.id[m] == id) points.push_back({s.topology.offset[m], s.topology.offset[m + 1]});
@@ -308,7 +308,7 @@ bool TermSum<D>::divide_by_masses(const StateView<D>& s, Index chunk, Real* a) c
   if (!this->rotates()) return finite;
   FiniteCheck check;
   Real* alpha = torques_in(s, a) + static_cast<std::size_t>(own.first) * rotations<D>;
-  for (Index m = own.first; m < own.last; ++m)  // of one point each
+  for (Index m = own.first; m < own.last; ++m)  // particles that rotate have one point each
     for (int k = 0; k < rotations<D>; ++k) check.add(*alpha++ *= topology.inverse_inertia[m]);
   return finite && check.all_finite();
 }

@@ -47,6 +47,9 @@ enum class Found { nothing, stopped, killed };
 /// Inspects the folder of -output. Errors: InputError if no run can start or continue there.
 Found look_into(const fs::path& folder, const Options& options) {
   std::error_code error;
+  if (fs::exists(folder / "ensemble.h5", error))
+    throw InputError("{} holds an ensemble; choose another -output, or give its options with -ensemble to resume it",
+                     folder.string());
   const bool checkpoint = has_checkpoint(folder);
   if (!checkpoint && !fs::exists(folder / "run.h5", error)) return Found::nothing;
   const std::string status = stored_text(folder, "status");

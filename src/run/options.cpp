@@ -58,6 +58,21 @@ void RunOptions::bind_output(Options& o, bool intervals) {
           .unit = "s",
           .min = 0,
           .on_restart = OnRestart::forget});
+  o.bind("ensemble", ensemble,
+         {.help = "number of runs in one file, with the seeds from -seed on; 0: a single run",
+          .min = 0,
+          .max = 1000000,
+          .on_restart = OnRestart::forget});
+  o.bind("ensemble_over", ensemble_over,
+         {.help = "an option and its values, -ensemble runs of each: w=3,4,5",
+          .only_with = "-ensemble",
+          .on_restart = OnRestart::forget});
+  o.bind("ensemble_workers", ensemble_workers,
+         {.help = "runs of an ensemble at a time; 0: one for each core",
+          .only_with = "-ensemble",
+          .min = 0,
+          .max = 1024,
+          .on_restart = OnRestart::forget});
   o.bind("max_wall_time", max_wall_time,
          {.help = "wall-time limit: writes a checkpoint and stops; 0: no limit",
           .unit = "s",

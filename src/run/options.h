@@ -10,10 +10,15 @@ namespace pliant {
 
 enum class FramePrecision { real64, real32 };
 
+struct MemberOutput;
+
 struct RunOptions {
   std::string output = "pliant-run", restart;
   std::int64_t seed = 1;
   Index threads = 1;  ///< threads of this process
+  Index ensemble = 0, ensemble_workers = 0;
+  std::string ensemble_over;       ///< OPTION=VALUE,VALUE…, as the user gave it
+  MemberOutput* member = nullptr;  ///< of a member of an ensemble, which writes no folder
   bool allow_unstable_dt = false, allow_energy_error = false;
   std::string frame_fields = "all";  ///< as the user gave them
   FramePrecision frame_precision = FramePrecision::real64;

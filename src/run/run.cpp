@@ -12,6 +12,7 @@
 #include <pliant/base/console.h>
 #include <pliant/base/log.h>
 #include <pliant/io/summary.h>
+#include <pliant/run/ensemble.h>
 #include <pliant/run/folder.h>
 #include <pliant/run/frame_data.h>
 
@@ -73,13 +74,14 @@ ExitCode Run<D>::run() {
   branch();
   Manifest manifest = make_manifest(scenario_, protocol_->model(), D, p_.seed, options_);
   manifest.start = protocol_->start_source();
-  writer_.emplace(restarted()
+  writer_.emplace(p_.member != nullptr ? RunWriter::in_memory(manifest, all, geometry)
+                  : restarted()
                       ? RunWriter::append(p_.output, all, restored_samples_, restored_frames_, restored_events_, ranks_)
                       : RunWriter::create(p_.output, manifest, all, geometry, ranks_));
   ranks_.on_root([&] {
     for (const std::string& message : writer_->damage()) warn("{}", message);
     if (branched_ || framing_.changed()) writer_->drop_later_frames();
-    checkpoints_.emplace(p_.output, restarted_from_);
+    if (p_.member == nullptr) checkpoints_.emplace(p_.output, restarted_from_);
     protocol_->write_axes(*writer_);
     announce();
   });
@@ -346,7 +348,8 @@ nlohmann::ordered_json Run<D>::summary() {
   const bool deformable = points_ != particles_;
   nlohmann::ordered_json s =
       summary_head(scenario_, protocol_->model(), status_, ended_by_.empty() ? "t_end" : ended_by_, options_);
-  if (const auto of = branch_of(p_.output); !of.is_null()) s["branch_of"] = of;
+  if (p_.member == nullptr)
+    if (const auto of = branch_of(p_.output); !of.is_null()) s["branch_of"] = of;
   if (const auto source = protocol_->start_source(); !source.is_null()) s["start"] = source;
   if (sampling_.changed()) s["longest_sample_interval"] = sampling_.longest();
   s["particles"] = particles_;
@@ -371,11 +374,29 @@ nlohmann::ordered_json Run<D>::summary() {
   return s;
 }
 
+/// The summary and, of a member of an ensemble, what its file holds so far.
+template <int D>
+void Run<D>::store(const nlohmann::ordered_json& summary) {
+  if (p_.member == nullptr) return write_summary(p_.output, summary);
+  p_.member->summary = summary;
+  p_.member->image = writer_->image();
+}
+
+/// Adds the scenario's results.
+template <int D>
+void Run<D>::conclude(nlohmann::ordered_json& s) {
+  const nlohmann::ordered_json of_the_run = s;
+  protocol_->conclude(s);
+  if (p_.member == nullptr) return;
+  for (const auto& [name, value] : s.items())
+    if (!of_the_run.contains(name)) p_.member->results.push_back(name);
+}
+
 template <int D>
 ExitCode Run<D>::finish() {
   if (!stopped()) judge_energy();
   nlohmann::ordered_json s = summary();
-  if (!stopped()) protocol_->conclude(s);
+  if (!stopped()) conclude(s);
   ranks_.on_root([&] {
     writer_->flush();
     if (!stopped()) writer_->drop_later_frames();  // frames of a killed run, later than the end of this run
@@ -392,7 +413,7 @@ ExitCode Run<D>::finish() {
           total.force_evaluations, Real(s["cpu_seconds"]), ns / particles_,
           points_ != particles_ ? fmt::format(", {:.1f} ns per vertex-step", ns / points_) : "");
     }
-    write_summary(p_.output, s);
+    store(s);
     writer_->close();
   });
   return stopped() ? ExitCode::stopped : ExitCode::done;
@@ -449,7 +470,7 @@ void Run<D>::fail(const Error& error) {
       message += fmt::format(", dt/dt_critical = {:.2f}", last_dt() / critical);
     message += protocol_->failure_details();
   }
-  if (error.code() == ExitCode::out_of_memory && has_checkpoint(p_.output))
+  if (error.code() == ExitCode::out_of_memory && p_.member == nullptr && has_checkpoint(p_.output))
     message += fmt::format("; {} continues from the last checkpoint", restart_command());
   const auto attempt = [&](const auto& output) {
     try {
@@ -473,7 +494,7 @@ void Run<D>::fail(const Error& error) {
     status_ = "failed";
     nlohmann::ordered_json s = summary();
     s["message"] = message;
-    ranks_.on_root([&] { write_summary(p_.output, s); });
+    ranks_.on_root([&] { store(s); });
   });
   throw Error(error.code(), message);
 }

@@ -86,6 +86,8 @@ class Run final : public AnyRun, private RunAccess {
   void report_reliability() const;
   std::string progress() const;
   nlohmann::ordered_json summary();
+  void store(const nlohmann::ordered_json& summary);
+  void conclude(nlohmann::ordered_json& summary);
   [[noreturn]] void fail(const Error& error);
   std::string advice() const;
   IntegratorStatistics statistics() const;

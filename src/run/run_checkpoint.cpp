@@ -69,6 +69,7 @@ template <int D>
 void Run<D>::save(bool changed) {
   const LogScope log(LogEvent::checkpoint);
   protocol_->record_events();
+  if (p_.member != nullptr) return;
   RunNumbers n = numbers(changed);
   ranks_.on_root([&] {
     writer_->flush();

@@ -131,6 +131,8 @@ std::terminate_handler other_terminate = nullptr;
 
 ExitCode run_by_options(const std::string& scenario, const RunOptions& p, Options& options, const Ranks& ranks,
                         const std::function<std::unique_ptr<AnyRun>(std::optional<Checkpoint>)>& make) {
+  if (!p.ensemble_over.empty())
+    throw InputError("-ensemble_over {}: give the number of runs with each value, -ensemble", p.ensemble_over);
   start_log();
   const CureOptions cure_options([&](Cure cure) { return options.curing(cure); });
   FolderLock lock;  // held until the run has closed its files
@@ -138,6 +140,12 @@ ExitCode run_by_options(const std::string& scenario, const RunOptions& p, Option
   make_run(scenario, p, options, ranks, lock,
            [&](std::optional<Checkpoint> checkpoint) { run = make(std::move(checkpoint)); });
   return run->run();
+}
+
+ExitCode run_member(const Options& options, const std::function<std::unique_ptr<AnyRun>()>& make) {
+  start_log();
+  const CureOptions cure_options([&](Cure cure) { return options.curing(cure); });
+  return make()->run();
 }
 
 bool parse_arguments(const std::string& scenario, Options& options, const Arguments& arguments, const Ranks& ranks) {

@@ -13,6 +13,7 @@
 #include <pliant/base/options.h>
 #include <pliant/base/ranks.h>
 #include <pliant/io/checkpoint.h>
+#include <pliant/run/ensemble.h>
 #include <pliant/run/options.h>
 #include <pliant/run/run.h>
 
@@ -42,6 +43,9 @@ using MakeRun = std::function<std::unique_ptr<AnyRun>(const Parameters& p, const
 ExitCode run_by_options(const std::string& scenario, const RunOptions& p, Options& options, const Ranks& ranks,
                         const std::function<std::unique_ptr<AnyRun>(std::optional<Checkpoint>)>& make);
 
+/// Makes and runs a member of an ensemble.
+ExitCode run_member(const Options& options, const std::function<std::unique_ptr<AnyRun>()>& make);
+
 /// -help, -version, -help_markdown or -help_json is answered; otherwise true: to be run.
 bool parse_arguments(const std::string& scenario, Options& options, const Arguments& arguments, const Ranks& ranks);
 
@@ -66,6 +70,26 @@ Scenario option_scenario(std::string name, std::string help, MakeRun<Parameters>
     p.bind(options);
     options.most_used(most_used);
     if (!parse_arguments(name, options, arguments, ranks)) return ExitCode::done;
+    if (p.ensemble > 0)
+      return run_ensemble(name, p, options, ranks, [&](const Arguments& more, MemberOutput& output) {
+        Parameters own = defaults;
+        Options of_member;
+        own.bind(of_member);
+        Arguments all = arguments;
+        all.insert(all.end(), more.begin(), more.end());
+        of_member.parse(all);
+        own.threads = 1;
+        own.max_wall_time = 0;
+        own.member = &output;
+        return run_member(of_member, [&] {
+          if constexpr (requires { own.take_start(std::optional<Checkpoint>()); }) {
+            std::optional<Checkpoint> none;
+            own.take_start(none);
+          }
+          own.resolve();
+          return make(own, of_member, ranks, {});
+        });
+      });
     return run_by_options(name, p, options, ranks, [&](std::optional<Checkpoint> checkpoint) {
       if (!p.restart.empty() && !p.branches(options)) p.output = p.restart;
       if constexpr (requires { p.take_start(checkpoint); }) p.take_start(checkpoint);

@@ -1,0 +1,78 @@
+"""Results of ensembles: many runs of one scenario in one file, made by -ensemble."""
+
+import json
+import tempfile
+import weakref
+from collections.abc import Sequence
+from pathlib import Path
+
+import h5py
+import pandas as pd
+
+from .errors import RunError
+from .run import Run
+from .run_file import RunFile
+
+
+class Ensemble(Sequence):
+    """The ensemble in folder `path`, which has ended. Its items are the runs, numbered from 0, each a `Run`. Raises
+    RunError if the folder holds no ensemble, or one that has not ended."""
+
+    def __init__(self, path):
+        self.path = Path(path)
+        if not (self.path / "ensemble.h5").exists():
+            raise RunError(f"{self.path}: not an ensemble (it has no ensemble.h5)")
+        if not (self.path / "members.csv").exists():
+            raise RunError(f"{self.path}: the ensemble has not ended; wait, or repeat its command to resume it")
+        self._file = RunFile(self.path / "ensemble.h5")
+        #: The settings that all runs share, and the option that differs.
+        self.description = json.loads(self._file.text(self._file["ensemble"]))
+        #: One row for each run: member, seed, the option that differs, status, results.
+        self.table = pd.read_csv(self.path / "members.csv")
+
+    def __repr__(self):
+        return f"<Ensemble {self.path}: {len(self)} runs of {self.description['scenario']}>"
+
+    @property
+    def means(self):
+        """One row for each value of the option that differs: members, and for each result its mean and, in
+        RESULT_error, the standard error of the mean over the runs."""
+        option = self.description["option"]
+        whole = self.table[self.table.status != "failed"]
+        names = [name for name in whole if name not in ("member", "seed", option, "status", "message")]
+        groups = whole.groupby(option, sort=True) if option else [(None, whole)]
+        rows = []
+        for value, group in groups:
+            row = {option: value} if option else {}
+            row["members"] = len(group)
+            for name in names:
+                row |= {name: group[name].mean(), f"{name}_error": group[name].sem()}
+            rows.append(row)
+        return pd.DataFrame(rows)
+
+    def __len__(self):
+        return len(self.table)
+
+    def __getitem__(self, number):
+        if isinstance(number, slice):
+            return [self[k] for k in range(*number.indices(len(self)))]
+        folder = tempfile.TemporaryDirectory(prefix="pliant-member-")
+        run = self.extract(number, Path(folder.name) / f"{range(len(self))[number]:06d}")
+        weakref.finalize(run, folder.cleanup)
+        return run
+
+    def extract(self, number, folder):
+        """Writes run `number` as a run of its own, run.h5 and summary.json in a new folder, and returns its Run."""
+        folder = Path(folder)
+        name = f"{range(len(self))[number]:06d}"
+        member = self._file["members"][name]
+        summary = json.loads(self._file.text(member["summary"]))
+        if "manifest" not in member:
+            raise RunError(f"{self.path}: run {int(name)} failed before it had data: {summary.get('message')}")
+        folder.mkdir(parents=True)
+        with h5py.File(folder / "run.h5", "w-", libver=("earliest", "v110")) as file:
+            for part in member.names():
+                if part != "summary":
+                    member.copy(part, file)
+        (folder / "summary.json").write_text(json.dumps(summary, indent=1) + "\n")
+        return Run(folder)

@@ -1,0 +1,196 @@
+"""Ensembles: members equal single runs, resumption, failures, refusals, and the reader in Python."""
+
+import json
+import os
+import signal
+import subprocess
+
+import h5py
+import numpy as np
+import pandas as pd
+import pytest
+from conftest import Results, end, pliant, same, start, wait_for
+from test_parallel import mpi_environment
+
+SMALL = {"n": 20, "pressure": 1e-3}
+SCENARIOS = {"pack": SMALL, "shear": {**SMALL, "strain": 2e-3},
+             "hopper": {"n": 30, "t_end": 2, "hopper_width": 4, "mu": 1},
+             "clog": {"n": 15}}
+
+
+def ensemble(folder, scenario="pack", **options):
+    result = pliant(scenario, output=folder, **{"ensemble": 3, **SCENARIOS[scenario], **options})
+    assert result.returncode == 0 and result.stderr == "", result.stderr
+    return result
+
+
+def values(group, skip=("manifest", "summary")):
+    """Path → array of the datasets below, without those for ParaView; second names of a dataset too."""
+    found = {}
+    for name in group:
+        if name in skip or "xdmf" in name:
+            continue
+        item = group[name]
+        found |= {f"{name}/{path}": value for path, value in values(item).items()} if isinstance(item, h5py.Group) \
+            else {name: item[()]}
+    return found
+
+
+@pytest.mark.parametrize("scenario", SCENARIOS)
+def test_members_equal_single_runs(scenario, tmp_path):
+    ensemble(tmp_path / "all", scenario, ensemble_workers=3, seed=5)
+    single = pliant(scenario, output=tmp_path / "one", seed=6, **SCENARIOS[scenario])
+    assert single.returncode == 0
+    with h5py.File(tmp_path / "all/ensemble.h5") as file, h5py.File(tmp_path / "one/run.h5") as run:
+        assert sorted(file["members"]) == ["000000", "000001", "000002"]
+        member, alone = values(file["members/000001"]), values(run)
+        assert member.keys() == alone.keys()
+        assert len(member) > 40 and all(same(member[name], alone[name]) for name in member)
+        others = values(file["members/000002"])
+        assert not same(others["frames/000000/positions"], member["frames/000000/positions"])
+        summary = json.loads(file["members/000001/summary"][()])
+    alone = Results(tmp_path / "one").counters()
+    assert all(summary[name] == alone[name] for name in alone) and summary["seed"] == 6
+
+
+def test_means_and_table(tmp_path):
+    result = pliant("pack", output=tmp_path / "run", ensemble=4, ensemble_over="n=8,16", pressure=1e-3)
+    assert result.returncode == 0, result.stderr
+    table = pd.read_csv(tmp_path / "run/members.csv")
+    assert list(table.n) == [8] * 4 + [16] * 4 and list(table.seed) == [1, 2, 3, 4] * 2 and (table.status == "done").all()
+    summary = json.loads((tmp_path / "run/summary.json").read_text(encoding="utf-8"))
+    assert summary["members"] == 8 and summary["failed"] == 0
+    for group, (n, part) in zip(summary["groups"], table.groupby("n"), strict=True):
+        fraction = group["results"]["fraction"]
+        assert group["n"] == str(n) and group["members"] == fraction["members"] == 4
+        assert fraction["value"] == pytest.approx(part.fraction.mean(), rel=1e-12)
+        assert fraction["error"] == pytest.approx(part.fraction.std() / 2, rel=1e-9)
+    assert "-n 16: means of 4 runs" in result.stdout
+
+
+def test_resumes_extends_and_refuses(tmp_path):
+    folder = tmp_path / "run"
+    ensemble(folder)
+    before = (folder / "ensemble.h5").read_bytes()
+    assert "3 of them are done" in ensemble(folder).stdout
+    assert (folder / "ensemble.h5").read_bytes() == before
+    ensemble(folder, ensemble=5)
+    whole = tmp_path / "whole"
+    ensemble(whole, ensemble=5, ensemble_workers=2)
+    assert (folder / "members.csv").read_text() == (whole / "members.csv").read_text()
+    for options, message in [({"ensemble": 4}, "which is more than 4"), ({"n": 21}, "with -n 20, not 21"),
+                             ({"ensemble_over": "pressure=1e-2,1e-3"}, "with option"), ({"seed": 2}, "with -seed 1, not 2")]:
+        wanted = {**SMALL, "ensemble": 5, **options}
+        if "ensemble_over" in options:
+            del wanted["pressure"]
+        result = pliant("pack", output=folder, **wanted)
+        assert result.returncode == 2 and message in result.stderr, result.stderr
+    assert "holds an ensemble" in pliant("pack", output=folder, **SMALL).stderr
+    single = tmp_path / "single"
+    assert pliant("pack", output=single, **SMALL).returncode == 0
+    assert "holds a single run" in pliant("pack", output=single, ensemble=2, **SMALL).stderr
+
+
+def members(folder):
+    """How many members a file has that no process writes."""
+    if not (folder / "ensemble.h5").exists():
+        return 0
+    with h5py.File(folder / "ensemble.h5") as file:
+        return len(file["members"])
+
+
+@pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGKILL])
+def test_goes_on_after_signals(how, tmp_path):
+    folder = tmp_path / "run"
+    options = {**SMALL, "n": 60, "pressure": 1e-5, "ensemble": 50, "ensemble_workers": 2}
+    child = start("pack", output=folder, **options)
+    wait_for((folder / "ensemble.h5").exists, child)
+    wait_for(lambda: (folder / "ensemble.h5").stat().st_size > 4e6, child)
+    end(child, how)
+    assert child.returncode == (75 if how == signal.SIGTERM else -how)
+    result = pliant("pack", output=folder, **{**options, "max_wall_time": 1e-3})  # mends the file, and stops
+    assert result.returncode == 75
+    done = members(folder)
+    assert 0 < done < 50
+    last = pliant("pack", output=folder, **options)
+    assert last.returncode == 0 and f"{done} of them are done" in last.stdout
+    table = pd.read_csv(folder / "members.csv")
+    assert list(table.member) == list(range(50)) and (table.status == "done").all()
+
+
+def test_failed_members_are_counted(tmp_path):
+    folder = tmp_path / "run"
+    result = pliant("pack", output=folder, ensemble=6, n=20, pressure=1e-6, max_iterations=1300)
+    table = pd.read_csv(folder / "members.csv")
+    failed = table[table.status == "failed"]
+    assert 0 < len(failed) < 6
+    assert result.returncode == 3 and f"{len(failed)} of 6 runs have failed" in result.stderr
+    assert failed.message.str.contains("has not converged").all() and failed.fraction.isna().all()
+    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    assert summary["status"] == "failed" and summary["failed"] == len(failed)
+    assert summary["groups"][0]["members"] == summary["groups"][0]["results"]["fraction"]["members"] == 6 - len(failed)
+
+
+def test_a_dead_worker_makes_one_run_fail(tmp_path):
+    folder = tmp_path / "run"
+    child = start("pack", output=folder, ensemble=40, ensemble_workers=1, n=60, pressure=1e-5)
+    workers = lambda: subprocess.run(["pgrep", "-P", str(child.pid)], capture_output=True, text=True).stdout.split()  # noqa: E731
+    wait_for(lambda: (folder / "ensemble.h5").exists() and workers(), child)
+    os.kill(int(workers()[0]), signal.SIGKILL)
+    _, errors = child.communicate()
+    assert child.returncode == 3 and "1 of 40 runs have failed" in errors and "was killed by signal 9" in errors
+
+
+def test_workers_end_with_the_program(tmp_path):
+    child = start("hopper", output=tmp_path / "run", ensemble=3, ensemble_workers=3, n=2000, t_end=1000, mu=1)
+    find = lambda: subprocess.run(["pgrep", "-P", str(child.pid)], capture_output=True, text=True).stdout.split()  # noqa: E731
+    wait_for(lambda: len(find()) == 3, child)
+    workers = [int(pid) for pid in find()]
+    end(child, signal.SIGKILL)
+    wait_for(lambda: not any(os.path.exists(f"/proc/{pid}") and "Z" not in open(f"/proc/{pid}/stat").read().split()[2]
+                             for pid in workers))
+
+
+@pytest.mark.parametrize(("options", "message"), [
+    ({"ensemble": -1}, "-ensemble -1: must be at least 0"),
+    ({"ensemble_over": "n=8,16"}, "give the number of runs with each value, -ensemble"),
+    ({"ensemble": 2, "ensemble_over": "n"}, "there are no values"),
+    ({"ensemble": 2, "ensemble_over": "n=8,,16"}, "a value is empty"),
+    ({"ensemble": 2, "ensemble_over": "n=8,8"}, "a value is there twice"),
+    ({"ensemble": 2, "ensemble_over": "seed=1,2"}, "the ensemble sets this option"),
+    ({"ensemble": 2, "ensemble_over": "n=8,16", "n": 4}, "-n is given too"),
+    ({"ensemble": 2, "ensemble_over": "size=8,16"}, "unknown option -size"),
+    ({"ensemble": 2, "ensemble_over": "n=8,many"}, "not an integer"),
+    ({"ensemble": 2, "pressure": 0}, "-pressure 0"),
+    ({"ensemble": 2, "threads": 2}, "each run of an ensemble has one thread"),
+    ({"ensemble": 2, "restart": "run"}, "repeat the first command"),
+])
+def test_bad_input(options, message, tmp_path):
+    result = pliant("pack", output=tmp_path / "run", **options)
+    assert result.returncode == 2 and message in result.stderr, result.stderr
+    assert not (tmp_path / "run").exists() or members(tmp_path / "run") > 0
+
+
+@pytest.mark.ranks
+def test_ranks_are_refused(tmp_path):
+    result = subprocess.run(["mpiexec", "-n", "2", os.environ.get("PLIANT_PROGRAM", "pliant"), "pack", "-ensemble", "2",
+                             "-output", str(tmp_path / "run")], capture_output=True, text=True, env=mpi_environment())
+    assert result.returncode != 0 and "without mpiexec" in result.stderr
+
+
+def test_reader(tmp_path):
+    pliant_python = pytest.importorskip("pliant")
+    ensemble(tmp_path / "run", ensemble=3)
+    all_runs = pliant_python.Ensemble(tmp_path / "run")
+    assert len(all_runs) == 3 and list(all_runs.table.seed) == [1, 2, 3]
+    run = all_runs[-1]
+    assert run.summary["seed"] == 3 and run.scenario == "pack"
+    assert run.summary["fraction"] == pytest.approx(run.series["fraction"].iloc[-1])
+    assert np.isfinite(run.frames[-1].centres).all() and len(run.frames[-1].contacts) > 0
+    assert all_runs.means.fraction[0] == pytest.approx(all_runs.table.fraction.mean())
+    kept = all_runs.extract(0, tmp_path / "first")
+    assert kept.frames[0].centres.shape == (20, 2) and (tmp_path / "first/summary.json").exists()
+    with pytest.raises(IndexError):
+        all_runs[3]
+    with pytest.raises(pliant_python.RunError, match="not an ensemble"):
+        pliant_python.Ensemble(tmp_path / "first")
