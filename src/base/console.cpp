@@ -64,7 +64,8 @@ void say_text(std::string_view text) noexcept {
   if (lost) return;
   if (const int error = write_out(text); error != 0) {
     lost = true;
-    warn("standard output cannot be written: {}; the run goes on, its results are in its folder", std::strerror(error));
+    warn("standard output cannot be written: {}; the run continues and writes its results into its folder",
+         std::strerror(error));
   }
 }
 

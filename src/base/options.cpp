@@ -157,7 +157,7 @@ std::int64_t parse_integer(const Setting& setting, std::int64_t smallest, std::i
     if (fits) result = static_cast<std::int64_t>(*number);
   }
   if (!fits || result < smallest || result > largest)
-    bad_value(setting, fmt::format("does not fit: integers here go from {} to {}", smallest, largest));
+    bad_value(setting, fmt::format("is out of range: integers must be between {} and {}", smallest, largest));
   return result;
 }
 
@@ -205,7 +205,7 @@ void check_petsc(const Setting& setting) {
     bad_value(setting, "needs a value");
   if (!setting.value) return;
   if (contains(petsc_flags, setting.name)) bad_value(setting, "takes no value here");
-  if (setting.value->starts_with("draw")) bad_value(setting, "a run has no windows to draw in");
+  if (setting.value->starts_with("draw")) bad_value(setting, "a run cannot open windows");
 }
 
 // Whether -log_view can be written to its file; PETSc opens the file only at the end.
@@ -478,7 +478,7 @@ void Options::check_consumed(std::string_view solvers) const {
     auto near = nearest(name, usual);
     if (near == name) near.reset();
     const bool of_solver = std::ranges::any_of(petsc_families, [&](auto prefix) { return name.starts_with(prefix); });
-    throw InputError("option {} was not used by anything; {}", found->second.text(),
+    throw InputError("option {} has no effect; {}", found->second.text(),
                      near                            ? fmt::format("did you mean -{}?", *near)
                      : of_solver && !solvers.empty() ? std::string(solvers)
                                                      : "it is misspelt, or the chosen solver does not read it");

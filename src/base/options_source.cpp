@@ -62,7 +62,7 @@ std::vector<Setting> checked(std::vector<Setting> settings) {
     if (!is_plain_text(*setting.value))
       throw InputError("{}: is not plain text; it must be UTF-8 without control characters", setting.text());
     if (setting.value->size() > longest_value)
-      throw InputError("{}: is too long; {} bytes are the most", setting.text(), longest_value);
+      throw InputError("{}: is too long; the limit is {} bytes", setting.text(), longest_value);
   }
   return settings;
 }
@@ -137,7 +137,7 @@ class YamlReader {
       const yaml_node_t& key = *yaml_document_get_node(&document, pair->key);
       const yaml_node_t& value = *yaml_document_get_node(&document, pair->value);
       constexpr int most = 1000;  // aliases of aliases may expand to more than can be read
-      if (++keys_ > most) fail(key, fmt::format("the file has more than {} keys, aliases written out", most));
+      if (++keys_ > most) fail(key, fmt::format("the file has more than {} keys, with aliases expanded", most));
       if (key.type != YAML_SCALAR_NODE) fail(key, "a key must be a plain name");
       const std::string word = scalar(key);
       if (word.empty()) fail(key, "a key is empty");

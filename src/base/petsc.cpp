@@ -69,7 +69,7 @@ PetscSession::PetscSession() {
     static int count = 2;
     prepare_single_rank();
     if (PetscInitialize(&count, &arguments, nullptr, nullptr) != 0)
-      throw NumericalError("PETSc could not be started; it starts once per process, and MPI must work");
+      throw NumericalError("PETSc could not be started; start it once per process, and check MPI");
     owner_ = true;
     return_freed_memory();
   }
@@ -81,7 +81,7 @@ void PetscSession::end() {
   if (!std::exchange(open_, false)) return;
   const PetscErrorCode code = owner_ ? PetscFinalize() : 0;
   (void)PetscPopErrorHandler();
-  if (code != 0) throw OutputError("what PETSc prints at the end could not be written: {}", last_message);
+  if (code != 0) throw OutputError("the output that PETSc prints at the end could not be written: {}", last_message);
 }
 
 PetscSession::~PetscSession() {

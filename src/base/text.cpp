@@ -82,8 +82,7 @@ std::string read_text_file(const std::string& file, std::size_t limit, std::stri
   const int error = got < 0 ? errno : 0;
   ::close(in);
   if (error != 0) throw InputError("{} {}: cannot be read: {}", what, name, std::strerror(error));
-  if (text.size() > limit)
-    throw InputError("{} {}: is too large; {} bytes are the most that is read", what, name, limit);
+  if (text.size() > limit) throw InputError("{} {}: is too large; the limit is {} bytes", what, name, limit);
   constexpr std::string_view byte_order_mark = "\xef\xbb\xbf";
   if (text.starts_with(byte_order_mark)) text.erase(0, byte_order_mark.size());
   return text;

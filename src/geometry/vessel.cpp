@@ -44,7 +44,7 @@ void check(const Vessel::Line& left, const Vessel::Line& right, const Vessel::So
   for (const auto* line : {&right, &left}) {  // a mirrored one comes last
     const bool of_left = line == &left;
     if (line->size() < 2)
-      throw InputError("a polyline of {} points is no wall; give at least two, from the orifice up", line->size());
+      throw InputError("a polyline of {} points is not a wall; give at least two, from the orifice up", line->size());
     for (std::size_t k = 0; k < line->size(); ++k) {
       const Vec<2>& r = (*line)[k];
       if (!r.allFinite()) throw InputError("point {} of a polyline is not finite{}", k + 1, where(of_left, k));
@@ -57,7 +57,8 @@ void check(const Vessel::Line& left, const Vessel::Line& right, const Vessel::So
     }
     if ((*line)[0][1] != 0)
       throw InputError(
-          "a polyline has no end at y = 0, but at ({:g}, {:g}): the orifice is the gap between the ends there",
+          "a polyline ends at ({:g}, {:g}) instead of y = 0: the orifice is the gap between the ends at y = 0; move "
+          "this end",
           (*line)[0][0], (*line)[0][1]);
   }
   const Real from = left[0][0], to = right[0][0];
@@ -97,7 +98,7 @@ void check(const Vessel::Line& left, const Vessel::Line& right, const Vessel::So
         const Named &first = s.point < t.point ? s : t, &second = s.point < t.point ? t : s;
         const Vec<2> u = first.b - first.a, v = second.b - second.a;
         if (cross(u, v) == 0 && u.dot(v) < 0)
-          throw InputError("{}{} goes back along the one before it; leave its first point out", text(second),
+          throw InputError("{}{} goes back along the segment before it; leave out its first point", text(second),
                            where(s.left, static_cast<std::size_t>(second.point) - 1));
       } else if (meet(s.a, s.b, t.a, t.b)) {
         const auto what = [&](const Named& n) {

@@ -52,7 +52,7 @@ void verify(const fs::path& path) {
   const std::string head(read(head_size));
   if (head.starts_with(hdf5_signature))
     refuse("is of format 1, which this version does not read; restart with the version that wrote it");
-  if (!head.starts_with(title)) refuse("is no checkpoint, or damaged");
+  if (!head.starts_with(title)) refuse("is not a checkpoint, or is damaged");
   const std::string_view number = std::string_view(head).substr(title.size(), head.find(';') - title.size());
   if (number != std::to_string(format))
     refuse(fmt::format("is of format {:.20}, and this version reads format {}; restart with the version that wrote it",
@@ -61,7 +61,7 @@ void verify(const fs::path& path) {
   std::uint32_t crc = 0;
   for (std::string_view part; !(part = read(buffer.size())).empty(); bytes += part.size())
     crc = crc32_of(std::as_bytes(std::span(part)), crc);
-  if (head != make_head(bytes, crc)) refuse("is damaged: it does not have the length and the checksum that it had");
+  if (head != make_head(bytes, crc)) refuse("is damaged: its length or its checksum is wrong");
 }
 
 hdf5::Group open_state(const hdf5::File& file) { return file.open_group("state"); }
@@ -206,15 +206,13 @@ Checkpoint read_checkpoint(const fs::path& path) {
   const auto group = open_state(file);
   c.t = group.real_attribute("time");
   c.step = group.integer_attribute("step");
-  if (!(c.t >= 0) || !std::isfinite(c.t) || c.step < 0)
-    c.refuse("it is of time {} and step {}, which no run comes to", c.t, c.step);
+  if (!(c.t >= 0) || !std::isfinite(c.t) || c.step < 0) c.refuse("its time {} and step {} are impossible", c.t, c.step);
   c.strings = group.string_attributes();
   const auto bytes = static_cast<double>(fs::file_size(path));
   for (const std::string& name : group.links()) {
     double values = 1;
     for (const std::uint64_t length : group.shape(name)) values *= static_cast<double>(length);
-    if (values > bytes)
-      c.refuse("{} says that it has {:.3g} values, more than there are bytes in the file", name, values);
+    if (values > bytes) c.refuse("the stated length of {}, {:.3g} values, exceeds the size of the file", name, values);
     if (group.holds_integers(name))
       c.integers[name] = group.read<std::int64_t>(name);
     else

@@ -650,7 +650,8 @@ Rows Group::open_rows(const std::string& name, std::uint64_t rows) {
 void Rows::append(std::span<const double> values) {
   const std::uint64_t width = row_width(shape_), first = shape_[0];
   if (width == 0 || values.size() % width != 0)
-    throw std::invalid_argument(fmt::format("{}: {} values are no rows of {}", path_, values.size(), width));
+    throw std::invalid_argument(
+        fmt::format("{}: {} values do not divide into rows of {}", path_, values.size(), width));
   const std::uint64_t count = values.size() / width;
   shape_[0] += count;
   crc32_ = crc32_of(std::as_bytes(values), crc32_);

@@ -48,7 +48,7 @@ ordered_json read_json(const std::filesystem::path& path) {
   // Each of the two members marks a file with a checksum: damage cannot hide both.
   const bool sealed = object.contains(format_name) || object.contains(checksum_name);
   if (!object.is_object() || (sealed && !is_sealed(text)))
-    throw InputError("{} is damaged or was edited: {}; bring it back from a copy, or remove it",
+    throw InputError("{} is damaged or was edited: {}; restore it from a backup, or remove it",
                      printable(path.string()),
                      object.is_object() ? "its checksum does not fit" : "it is not a JSON object");
   object.erase(format_name);

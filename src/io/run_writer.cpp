@@ -154,7 +154,7 @@ std::vector<std::string> grids_of(const File& file, const Topology& topology, st
     } catch (const InputError& error) {
       if (n >= frames)
         throw InputError(
-            "{}; the run cannot write this frame again: bring the file back from a copy, or start the run again",
+            "{}; the run cannot write this frame again: restore the file from a backup, or start the run again",
             error.what());
       grids.emplace_back();
     }
@@ -164,7 +164,7 @@ std::vector<std::string> grids_of(const File& file, const Topology& topology, st
 
 void check_counts(const File& file, const RunCounts& needed, std::string_view source) {
   const auto check = [&](std::uint64_t found, std::string_view what, std::uint64_t count) {
-    if (found < count) throw InputError("{} has {} {}, but {} counts on {}", file.name(), found, what, source, count);
+    if (found < count) throw InputError("{} has {} {}, but {} needs {}", file.name(), found, what, source, count);
   };
   /// Number of rows of the shortest column.
   const auto rows = [&](const std::string& table) {

@@ -292,7 +292,7 @@ void XdmfFile::cut(std::size_t count) {
 void XdmfFile::replace_from(std::size_t index, const std::string& grid) {
   std::string text(starts_[index], '\0');
   if (!std::ifstream(path_, std::ios::binary).read(text.data(), static_cast<std::streamsize>(text.size())))
-    throw OutputError("cannot read {} back; was it changed while the run was going?", path_.string());
+    throw OutputError("cannot read {} back; was it changed during the run?", path_.string());
   write_file_atomically(path_, {text, grid, footer});
 }
 

@@ -10,8 +10,8 @@ Backbone<D>::Backbone(ParticleSystem<D>& system, std::span<const Index> without)
     : system_(system), all_(system.topology()) {
   if (system.rotates_or_remembers())
     throw InputError(
-        "particles that rotate or whose contacts have a history stay in the run; use a model whose forces depend on "
-        "positions");
+        "particles that rotate or have contact history cannot be removed; use a model whose forces depend on positions "
+        "only");
   all_.drop_ghosts();
   std::unordered_map<Index, Index> place;
   for (Index m = 0; m < all_.particles(); ++m)
@@ -20,7 +20,7 @@ Backbone<D>::Backbone(ParticleSystem<D>& system, std::span<const Index> without)
   for (const Index id : without) {
     const auto at = place.find(id);
     if (at == place.end())
-      throw InputError("particle {} is not in the run, and cannot be taken out of it; name active particles", id);
+      throw InputError("particle {} is not active, and cannot be removed; name active particles", id);
     places.push_back(at->second);
   }
   for (const Index m : places) system.deactivate(m);

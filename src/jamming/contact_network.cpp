@@ -91,8 +91,9 @@ std::vector<Index> remove_rattlers(const Topology& topology, std::vector<Touchin
 template <int D>
 ContactNetwork<D> contact_network(ParticleSystem<D>& system, std::span<const Real> x, Real threshold) {
   if (!(threshold >= 0 && threshold < 1))
-    throw InputError("the threshold of contact forces is {}; it is a part of the typical force, from 0 to below 1",
-                     threshold);
+    throw InputError(
+        "the threshold of contact forces is {}; it must be a fraction of the typical force, at least 0 and below 1",
+        threshold);
   if (system.ranks().several())
     throw InputError("contact networks are found on one rank, not on {}; use one process", system.ranks().size());
   if (system.walls().size() > 0)

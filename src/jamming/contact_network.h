@@ -29,12 +29,12 @@ template <int D>
 struct ContactNetwork {
   std::vector<TouchingPair<D>> pairs;  ///< without rattlers
   std::vector<Index> rattlers;         ///< ids, in ascending order
-  Index backbone = 0;                  ///< N': active particles that are no rattlers
+  Index backbone = 0;                  ///< N': active particles without the rattlers
   Index contacts = 0;                  ///< contacts of points in the pairs; N_c for soft particles
   Real typical_force = 0;              ///< Σ f²/Σ f over all contacts: see contact_network()
 
   Index touching() const { return static_cast<Index>(pairs.size()); }
-  /// Mean number of touching particles of a particle that is no rattler; 0 without any.
+  /// Mean number of touching particles per particle of the backbone; 0 without any.
   Real coordination() const { return backbone > 0 ? 2.0 * touching() / backbone : 0; }
   /// The mean number of contacts of points, counted in the same way.
   Real contacts_per_particle() const { return backbone > 0 ? 2.0 * contacts / backbone : 0; }

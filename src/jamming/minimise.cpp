@@ -15,7 +15,8 @@ template <int D>
 std::optional<std::string> without_stress(const ParticleSystem<D>& system) {
   for (int k = 0; k < D; ++k)
     if (!system.box().periodic(k))
-      return fmt::format("direction {} of the box is open; stress and pressure need a box that is periodic in all", k);
+      return fmt::format(
+          "direction {} of the box is open; stress and pressure need a box that is periodic in all directions", k);
   if (system.rotates_or_remembers())
     return "particles that rotate and contacts with history have no energy under strain; use a model without friction";
   return {};
@@ -29,7 +30,7 @@ void check(const ParticleSystem<D>& system, const MinimiserOptions& o) {
   if (const auto reason = without_stress(system)) throw InputError("{}", *reason);
   if (!(*o.pressure > 0 && std::isfinite(*o.pressure)))
     throw InputError(
-        "the pressure is {}; it must be positive and finite, because particles that only repel have no other",
+        "the pressure is {}; it must be positive and finite, because repulsive particles have no other pressure",
         *o.pressure);
   if (system.walls().size() > 0) throw InputError("walls do not follow a box at a fixed pressure; leave them out");
 }

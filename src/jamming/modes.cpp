@@ -30,7 +30,7 @@ void start_slepc() {
 void solve_dense(const Eigen::MatrixXd& matrix, Index number, Modes& modes) {
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(matrix);
   if (solver.info() != Eigen::Success)
-    throw NumericalError("the eigenvalues of a matrix of {} rows were not found; its numbers are not finite?",
+    throw NumericalError("the eigenvalues of a matrix of {} rows were not found; check that its entries are finite",
                          matrix.rows());
   modes.eigenvalues = solver.eigenvalues().head(number);
   modes.vectors = solver.eigenvectors().leftCols(number);

@@ -150,8 +150,8 @@ Moduli<D> moduli(ParticleSystem<D>& system, std::span<const Real> x, PreStress p
   m.residual = scale > rounding ? left / scale : 0;
   if (!(left <= std::max(accepted * scale, rounding)))
     throw NumericalError(
-        "the response to strains was not found: residual {:.3g} of the forces; a strain drives a mode without "
-        "stiffness, as of a rattler: remove rattlers",
+        "the response to strains was not found: residual {:.3g} of the forces; a strain excites a mode without "
+        "stiffness, for example of a rattler; remove rattlers",
         m.residual);
   m.affine = strain.affine / volume;
   // The error of this form is quadratic in the error of u.

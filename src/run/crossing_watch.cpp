@@ -45,7 +45,7 @@ void check(const SelfLook& seen, const Topology& topology, const std::string& cu
   const auto [m, edges] = *seen.crossing;
   const Index n = topology.points_of(m);
   const std::string what =
-      edges ? fmt::format("crosses itself: its edge from vertex {} to {} meets the one from vertex {} to {}",
+      edges ? fmt::format("crosses itself: its edge from vertex {} to {} meets its edge from vertex {} to {}",
                           edges->first, (edges->first + 1) % n, edges->second, (edges->second + 1) % n)
             : fmt::format("has turned inside out: its {} vertices run clockwise", n);
   throw NumericalError("particle {} {}; {}", topology.id[m], what, cure);

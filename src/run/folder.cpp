@@ -59,7 +59,7 @@ Found look_into(const fs::path& folder, const Options& options) {
   if (const std::size_t frames = count_frames(folder); frames > 0)
     throw InputError("{} holds {} frames of a run without a checkpoint to resume from; choose another -output",
                      folder.string(), frames);
-  say("{}: its run ended before it had a checkpoint or a frame, and starts again\n", folder.string());
+  say("{}: the run ended before its first checkpoint and frame, and starts again\n", folder.string());
   for (const char* name : {"run.h5", "run.xdmf", "summary.json"})
     if (fs::remove(folder / name, error); error)
       throw OutputError("cannot remove {}: {}; choose another -output", (folder / name).string(), error.message());
@@ -157,7 +157,7 @@ void make_run(std::string_view scenario, const RunOptions& p, Options& options, 
       });
       make(std::move(checkpoint));
       if (found == Found::killed && ranks.root())
-        say("{}: its run was killed, and goes on from its last checkpoint\n", folder.string());
+        say("{}: the run was killed, and resumes from its last checkpoint\n", folder.string());
       if (!problems.empty() && ranks.root())
         warn("{}; resuming from {} (step {})", fmt::join(problems, "; "), file, step);
       return;
@@ -176,10 +176,11 @@ void make_run(std::string_view scenario, const RunOptions& p, Options& options, 
     options.reset();
   }
   ranks.on_root([&] {
-    throw InputError("{}{}", fmt::join(problems, "; "),
-                     stored.files.empty() ? "; without a checkpoint start again, with another -output"
-                     : fits               ? ""
-                            : "; end what uses run.h5, bring it back from a copy, or start again with another -output");
+    throw InputError(
+        "{}{}", fmt::join(problems, "; "),
+        stored.files.empty() ? "; without a checkpoint start again, with another -output"
+        : fits               ? ""
+               : "; close programs that use run.h5, restore it from a backup, or start again with another -output");
   });
 }
 

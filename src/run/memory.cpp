@@ -60,8 +60,8 @@ Real available_memory() {
 void check_memory(const RunSize& size, const std::string& options, const Ranks& ranks) {
   constexpr std::int64_t most = std::numeric_limits<Index>::max();
   if (size.points > most / (2 * size.dim))
-    throw InputError("{}: these are {} points, and {} are the most that can be numbered; use fewer", options,
-                     size.points, most / (2 * size.dim));
+    throw InputError("{}: the system has {} points, and the limit is {}; use fewer", options, size.points,
+                     most / (2 * size.dim));
   constexpr Real giga = 1e9;
   const int here = ranks_of_this_machine(ranks);
   const Real needed = least_memory(size) * here, available = ranks.min(available_memory());

@@ -83,7 +83,7 @@ void RunOptions::bind_output(Options& o, bool intervals) {
 void RunOptions::bind_allowed(Options& o) {
   o.bind("allow_unstable_dt", allow_unstable_dt, {.help = "continue with a fixed -dt above the limit of stability"});
   o.bind("allow_energy_error", allow_energy_error,
-         {.help = "warn, instead of ending with exit code 3, where energy is not conserved to 10 %"});
+         {.help = "warn, instead of ending with exit code 3, if energy is not conserved to 10 %"});
 }
 
 FrameFormat RunOptions::frame_format() const {

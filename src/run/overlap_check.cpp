@@ -22,9 +22,8 @@ Real check_walls_hold(const StateView<D>& s, Real dt, const Ranks& ranks, const 
       const Index m = topology.particle[i];
       const Real way = s.velocity(i).norm() * dt, radius = topology.sigma[m] / 2;
       if (topology.active[m] != 0 && way > radius)
-        throw NumericalError(
-            "particle {} moves by {:.3g} radii in a step: it may pass through particles and walls unseen; {}",
-            topology.id[m], way / radius, cure);
+        throw NumericalError("particle {} moves by {:.3g} radii in a step: contacts may be missed; {}", topology.id[m],
+                             way / radius, cure);
     }
   });
   return ranks.max(largest);

@@ -174,7 +174,7 @@ void Run<D>::check_step() const {
         dt, ratio, critical, protocol_->unit_of_time());
   if (above(ratio, protocol_->safe_part()) && ranks_.root())
     warn(
-        "-dt {:g} is {:.2f} of the limit of stability, {:.3g} {}: above {:g} contacts that open and close heat; "
+        "-dt {:g} is {:.2f} of the limit of stability, {:.3g} {}: above {:g} opening and closing contacts add energy; "
         "compare with half the step",
         dt, ratio, critical, protocol_->unit_of_time(), protocol_->safe_part());
 }
@@ -404,7 +404,7 @@ ExitCode Run<D>::finish() {
       say("stopped at t = {:.6g} {} with a checkpoint; run the same command again to resume\n", state().t,
           protocol_->unit_of_time());
     } else {
-      if (restarted() && !took_steps()) say("the run has ended there already\n");
+      if (restarted() && !took_steps()) say("the run had already ended there\n");
       protocol_->report(writer_->read_series(), s);
       report_reliability();
       const IntegratorStatistics total = statistics();

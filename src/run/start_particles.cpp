@@ -148,8 +148,8 @@ class StoredFrame {
     const auto datasets = nlohmann::json::parse(manifest_->read_text("datasets"), nullptr, false);
     if (!datasets.is_object() || !datasets.contains("topology/sigma")) return;
     if (const std::string unit = datasets["topology/sigma"].value("units", ""); unit != needs_.length)
-      throw InputError("{} has lengths in {}, but this run in {}; convert the frame to a table", name_, unit,
-                       needs_.length);
+      throw InputError("{} has lengths in {}, but this run has lengths in {}; convert the frame to a table", name_,
+                       unit, needs_.length);
   }
 
   template <class T>

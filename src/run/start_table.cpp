@@ -157,7 +157,7 @@ StartParticles read_points(const std::string& file, const StartNeeds& needs) {
     std::map<std::int64_t, std::size_t> by_id;
     for (const std::size_t row : order)
       if (const auto [other, fresh] = by_id.emplace(table.number(row, "id"), row); !fresh)
-        table.refuse(row, "id {} is also in line {}; each particle needs its own", other->first,
+        table.refuse(row, "id {} is also in line {}; each particle needs a different id", other->first,
                      table.line(other->second));
     order.clear();
     for (const auto& [id, row] : by_id) order.push_back(row);

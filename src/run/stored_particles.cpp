@@ -84,7 +84,7 @@ StoredParticles::Lists StoredParticles::lists(Real reach) const {
   const auto& x = c.real_array("x", coordinates(), -far, far);
   for (std::size_t i = 0; i < place.size(); ++i)
     if (std::abs(x[i] - place[i]) > reach)
-      c.refuse("x[{}] = {} is farther from the place {} where it was listed than lists hold", i, x[i], place[i]);
+      c.refuse("x[{}] = {} is too far from {}, its value at the last list rebuild", i, x[i], place[i]);
   return lists;
 }
 
@@ -144,8 +144,8 @@ void StoredParticles::load_history(ParticleSystem<D>& system) const {
     for (std::size_t k = 0; k < count; ++k) {
       const std::int64_t first = numbers[2 * k], second = numbers[2 * k + 1];
       if (first >= particles || second >= others_of(first) || (table.pairs() && first >= second))
-        c.refuse("{}: ({}, {}) is no contact of {} particles{}", name, first, second, particles,
-                 points          ? fmt::format(", a point of each with the base")
+        c.refuse("{}: ({}, {}) is not a contact of {} particles{}", name, first, second, particles,
+                 points          ? fmt::format(", a point of each with the substrate")
                  : table.pairs() ? ", the lower id first"
                                  : fmt::format(" and {} surfaces of walls", system.walls().surfaces()));
       keys.push_back({static_cast<Index>(first), static_cast<Index>(second)});

@@ -38,7 +38,8 @@ std::vector<Polyline> parse_polylines(std::string_view text, const std::string& 
     text.remove_prefix(std::min(end + 1, text.size()));
     const auto values = parse_numbers(content, " \t\r,");
     if (!values || (values->size() != 2 && !values->empty()))
-      throw InputError("{}:{}: \"{}\" is no point; write x y, two numbers in {}", name, line, printable(whole), unit);
+      throw InputError("{}:{}: \"{}\" is not a point; write x y, two numbers in {}", name, line, printable(whole),
+                       unit);
     if (values->empty()) {
       if (whole.find('#') == whole.npos) fresh = true;  // a comment line does not end a polyline
       continue;

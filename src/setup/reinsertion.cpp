@@ -180,8 +180,8 @@ void reinsert(const Ranks& ranks, const Topology& topology, const Container& con
     return;
   }
   throw NumericalError(
-      "no place to put particle {} back after it left the hopper: {} particles are above the orifice; use {}",
-      leaving.id, ranks.sum(static_cast<std::int64_t>(bulk.size())),
+      "no free place to reinsert particle {}: {} particles are above the orifice; use {}", leaving.id,
+      ranks.sum(static_cast<std::int64_t>(bulk.size())),
       cures({Cure::more_particles, Cure::narrower_orifice, Cure::wider_obstacles, Cure::no_reinsertion}));
 }
 

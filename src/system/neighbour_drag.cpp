@@ -153,8 +153,7 @@ void NeighbourDrag<D>::solve(const StateView<D>& s, const Real* force, Real* v) 
       column.push_back(numbers_[j]);
     });
     if (std::ranges::any_of(column, [n](PetscInt k) { return k >= n; }))
-      throw InputError(
-          "viscous neighbours are on several ranks, but they can move on one rank only; start without mpiexec");
+      throw InputError("viscous friction of neighbours works on one rank only; start without mpiexec");
     petsc_check(MatCreate(PETSC_COMM_SELF, solver.matrix.out()));
     petsc_check(MatSetSizes(solver.matrix, n, n, PETSC_DETERMINE, PETSC_DETERMINE));
     petsc_check(MatSetType(solver.matrix, MATAIJ));

@@ -87,7 +87,7 @@ PetscErrorCode set_up(PC pc) {
   PetscFunctionBegin;
   PetscCall(PetscObjectQuery(reinterpret_cast<PetscObject>(pc->pmat), key, &object));
   PetscCheck(object != nullptr, PetscObjectComm(reinterpret_cast<PetscObject>(pc)), PETSC_ERR_ARG_WRONGSTATE,
-             "-pc_type particle: the matrix does not say which of its rows make a particle; use another -pc_type");
+             "-pc_type particle: the matrix does not contain the rows of each particle; use another -pc_type");
   PetscCall(PetscContainerGetPointer(reinterpret_cast<PetscContainer>(object), &blocks));
   PetscCall(MatGetDiagonalBlock(pc->pmat, &local));
   PetscCall(MatGetLocalSize(pc->pmat, &n, nullptr));

@@ -232,8 +232,8 @@ void ParticleSystem<D>::check_points() const {
       history_.tables(), [](const ContactTable& table) { return table.needs().elements != Elements::points; });
   if ((field_->rotates() || touches) && topology_.deformable())
     throw InputError(
-        "a model with angles or with contact history is for particles of one point; polygons turn by their vertices, "
-        "and keep places on a base alone");
+        "angles and contact history need particles of one point; polygons rotate by their vertices, and have contact "
+        "history with a substrate only");
 }
 
 template <int D>
@@ -241,7 +241,7 @@ void ParticleSystem<D>::check_places() const {
   if (box_.open()) return;
   for (const ContactTable& table : history_.tables())
     if (table.needs().elements == Elements::points)
-      throw InputError("the term {} keeps places of particles, which a periodic box shifts; use an open box",
+      throw InputError("the term {} stores positions of particles, which a periodic box shifts; use an open box",
                        table.needs().name);
 }
 

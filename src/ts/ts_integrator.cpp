@@ -156,7 +156,7 @@ TsIntegrator::TsIntegrator(TsOptions options, MPI_Comm comm) : options_(std::mov
 void TsIntegrator::configure() {
   for (const char* name : program_options)
     if (has_petsc_option(name))
-      throw InputError("{} cannot be set here: the run decides it; leave the option out", name);
+      throw InputError("{} cannot be set here, because the run sets it; leave the option out", name);
   petsc_check(ts_verlet_register());
   petsc_check(sundials_register());
   ts_ = PetscTs();
@@ -218,7 +218,7 @@ void TsIntegrator::configure() {
   for (const auto& [name, value] :
        {std::pair("-ts_rtol", options_.rtol), {"-ts_atol", options_.atol_x}, {"-ts_atol", options_.atol_v}})
     if (value >= largest_tolerance)
-      throw InputError("{} {:g} controls nothing: errors as large as the solution are within it; use one below {:g}",
+      throw InputError("{} {:g} does not control errors: it allows errors as large as the solution; use one below {:g}",
                        name, value, largest_tolerance);
   check_positive("the time step (-ts_dt)", options_.dt);
 

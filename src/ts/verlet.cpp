@@ -121,7 +121,7 @@ void FixedStepVerlet::run(SecondOrderSystem& system, State& state, Real t_end, b
   const Real origin = state.t - static_cast<Real>(state.step) * dt_;  // exactly 0 where t = step · dt
   const std::int64_t last = state.step + static_cast<std::int64_t>(steps);
   if (!fresh && predicted_.size() != state.size())
-    throw InputError("{} velocities are predicted for a state of {} coordinates; begin afresh", predicted_.size(),
+    throw InputError("{} velocities are predicted for a state of {} coordinates; start again", predicted_.size(),
                      state.size());
   const WithinRun within(system);
   if (fresh) evaluate(system, state);

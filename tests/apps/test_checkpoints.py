@@ -187,7 +187,7 @@ def test_an_older_run_file(run, two, from_older):
     shutil.copy(two.parent / "half.h5", run / "run.h5")
     result = pliant("hopper", restart=run, **LAST)
     assert result.returncode == 0 and result.stderr.count("\n") == 1, result.stderr
-    assert "run.h5 has 2 frames" in result.stderr and "checkpoint-b.h5 counts on 3" in result.stderr
+    assert "run.h5 has 2 frames" in result.stderr and "checkpoint-b.h5 needs 3" in result.stderr
     assert "resuming from" in result.stderr and "checkpoint-a.h5 (step 500)" in result.stderr
     assert_same_runs(Results(run), from_older)
 
@@ -206,7 +206,7 @@ def test_a_run_file_that_fits_no_checkpoint(how, ranks, run, two):
     result = on_any_ranks(ranks, "hopper", restart=run, **LAST)
     assert result.returncode == 2, result.stderr
     (complaint,) = complaints(result)
-    assert "run.h5" in complaint and "bring it back from a copy, or start again with another -output" in complaint
+    assert "run.h5" in complaint and "restore it from a backup, or start again with another -output" in complaint
     for name in ("checkpoint-a.h5", "checkpoint-b.h5"):
         assert (name in complaint) == (how == "older")
     assert {file.name: file.read_bytes() for file in run.iterdir()} == before
@@ -218,7 +218,7 @@ def test_an_older_run_file_on_ranks(run, two, from_older):
     result = on_ranks(2, "hopper", restart=run, **LAST)
     assert result.returncode == 0, result.stderr
     (complaint,) = complaints(result)
-    assert "checkpoint-b.h5 counts on 3" in complaint and "checkpoint-a.h5 (step 500)" in complaint
+    assert "checkpoint-b.h5 needs 3" in complaint and "checkpoint-a.h5 (step 500)" in complaint
     assert np.allclose(Results(run).frames[-1]["positions"], from_older.frames[-1]["positions"], rtol=0, atol=1e-9)
 
 
@@ -233,7 +233,7 @@ def test_droplets_with_a_checkpoint_that_counts_too_much(scenario, options, tmp_
     edit(newer, set_value("samples", 1000))
     result = pliant(scenario, restart=run, t_end=60)
     assert result.returncode == 0 and result.stderr.count("\n") == 1, result.stderr
-    assert f"{newer.name} counts on 1000" in result.stderr and "resuming from" in result.stderr
+    assert f"{newer.name} needs 1000" in result.stderr and "resuming from" in result.stderr
     times = Results(run).series["time"]
     assert times[-1] == 60 and (np.diff(times) > 0).all()
 

@@ -133,7 +133,7 @@ def test_an_end_before_the_outcome_is_neither(tmp_path):
 
 
 @pytest.mark.parametrize("options, message", [
-    ({"clog_speed": 0.2}, "-clog_speed 0.2: a droplet by itself falls at g/b = 0.1 only"),
+    ({"clog_speed": 0.2}, "-clog_speed 0.2: a single droplet falls only at g/b = 0.1"),
     ({"hopper_angle": 90}, "hopper_angle"),
     ({"fill_fraction": 0.6}, "fill_fraction"),
     ({"phi_c": 1}, "lower the depletion energy"),

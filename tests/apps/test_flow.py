@@ -347,7 +347,7 @@ def test_a_flow_that_drifts_has_no_error_bar(tmp_path):
 def test_a_flow_needs_dissipation(tmp_path):
     free = {**SMALL, "zeta": 0, "mu": 0, "t_end": 0.1}
     result = pliant("hopper", output=tmp_path / "run", **free)
-    assert result.returncode == 2 and "continuous flow with -mu 0, -zeta 0: nothing takes the energy" in result.stderr
+    assert result.returncode == 2 and "continuous flow with -mu 0, -zeta 0: nothing dissipates the energy" in result.stderr
     assert not (tmp_path / "run").exists()
     result = pliant("hopper", output=tmp_path / "run", model="disk", mu_disk=0, mu_wall=0, restitution=1, **{
         name: value for name, value in free.items() if name not in ("mu", "zeta")})

@@ -38,7 +38,7 @@ def test_an_outline_that_crosses_itself_ends_the_run(model, tmp_path):
     result = pliant("hopper", output=tmp_path / "run", model=model, **{**FLOPPY, "t_end": 10})
     assert result.returncode == 3, result.stderr
     message = complaints(result)[0]
-    found = re.search(r"particle (\d+) crosses itself: its edge from vertex \d+ to \d+ meets the one from vertex \d+ to \d+; "
+    found = re.search(r"particle (\d+) crosses itself: its edge from vertex \d+ to \d+ meets its edge from vertex \d+ to \d+; "
                       r".*-self_contact.*-self_crossing count", message)
     assert found and re.search(r"; t = [\d.e-]+, step \d+", message), message
     *good, last = Results(tmp_path / "run").frames
@@ -113,4 +113,4 @@ def test_evaluate(tmp_path):
     assert np.sum(result["force"]["self_contact"], axis=(0, 1)) == pytest.approx([0, 0], abs=1e-9)
     vertices[6][0] = 1.6  # through the other wall
     crossing = answer()
-    assert crossing.returncode == 2 and "inputs.vertices[0]" in crossing.stderr and "meets itself" in crossing.stderr
+    assert crossing.returncode == 2 and "inputs.vertices[0]" in crossing.stderr and "crosses or touches itself" in crossing.stderr

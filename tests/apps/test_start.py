@@ -244,12 +244,12 @@ def test_droplets_of_an_earlier_clog(tmp_path, earlier):
     second = tmp_path / "second" / "run.h5"
     for option in ("n", "delta", "fill_fraction"):
         assert f"-{option} (command line) with -start" in clog_refused(second, **{option: 0.1 if option != "n" else 3})
-    assert "lengths in sigma_avg, but this run in R" in clog_refused(earlier["sp"])
+    assert "lengths in sigma_avg, but this run has lengths in R" in clog_refused(earlier["sp"])
     below = table(tmp_path, "x,y,diameter\n0,-3,2\n0,3,2\n", "below.csv")
     assert "particle 0, at (0, -3), is in a wall or below the exit" in clog_refused(below)
     inside = table(tmp_path, "x,y,diameter\n0,3,2\n0,3.01,2\n", "inside.csv")
     assert "particles 0 and 1 are inside each other" in clog_refused(inside)
-    assert "lengths in R, but this run in sigma_avg" in refused(tmp_path, second)
+    assert "lengths in R, but this run has lengths in sigma_avg" in refused(tmp_path, second)
 
 
 # A channel with room for few particles, and less than a push.
@@ -348,4 +348,4 @@ def test_frames_and_options_that_a_channel_refuses(tmp_path, channels, earlier):
     assert "have one point" in channel_refused(tmp_path, rough)
     assert "are polygons" in channel_refused(tmp_path, disks, model="rough")
     assert "lengths in sigma_avg, but this run in cm" in channel_refused(tmp_path, earlier["disk"])
-    assert "lengths in cm, but this run in sigma_avg" in refused(tmp_path, disks, **of_model("disk", {}))
+    assert "lengths in cm, but this run has lengths in sigma_avg" in refused(tmp_path, disks, **of_model("disk", {}))

@@ -174,7 +174,7 @@ TEST_CASE("a damaged history is refused") {
   refused([&](Checkpoint& c) { std::swap(c.integers[pairs][0], c.integers[pairs][1]); }, "the lower id first");
   refused([&](Checkpoint& c) { std::copy_n(c.integers[pairs].begin(), 2, c.integers[pairs].begin() + 2); },
           "is there twice");
-  refused([&](Checkpoint& c) { c.integers[walls][1] = 1; }, "is no contact of 64 particles and 1 surfaces");
+  refused([&](Checkpoint& c) { c.integers[walls][1] = 1; }, "is not a contact of 64 particles and 1 surfaces");
   refused([&](Checkpoint& c) { c.reals["history_of_tangential"].pop_back(); }, "values instead of");
   refused([&](Checkpoint& c) { c.reals["history_of_tangential"][0] = std::nan(""); }, "not finite");
 }

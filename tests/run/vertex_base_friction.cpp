@@ -242,7 +242,7 @@ TEST_CASE("a history of pairs is refused for polygons, one of places on a base i
   add_plate(c, {0, 0}, 0);
   const auto system = [&](auto term) { return ParticleSystem<2>(c.topology, {}, alone<2>(term), 0.1); };
   CHECK_THROWS_WITH(system(BaseFriction{.gravity = 1, .mu_static = 0.3, .mu_dynamic = 0.3, .epsilon = 1}),
-                    Catch::Contains("polygons turn by their vertices"));
+                    Catch::Contains("polygons rotate by their vertices"));
   CHECK_NOTHROW(system(friction(0.3, 0.3)));
 }
 

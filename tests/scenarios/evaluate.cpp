@@ -169,7 +169,7 @@ TEST_CASE("evaluate gives droplets at walls and tips their velocities") {
   SECTION("errors name the key or the droplet") {
     json& inputs = document["inputs"];
     inputs["sigma"] = {1};
-    CHECK(message(document).find("inputs.sigma means nothing to model bubble") != std::string::npos);
+    CHECK(message(document).find("inputs.sigma is not used by model bubble") != std::string::npos);
     inputs.erase("sigma");
     inputs["wedge"] = json{{"tip", {-2, 0}}, {"dir1", {3, 0}}, {"dir2", {-1, 0}}};
     CHECK(message(document).find("inputs.wedge") != std::string::npos);
@@ -281,7 +281,7 @@ TEST_CASE("evaluate has what differs from the printed model") {
   check_term(got.at("energy").at("bending"), {4 * 2 / (4 * 0.4096), 150 / (3 * 256.0)});
 
   soft["inputs"]["edge_force"] = "single";
-  CHECK_THAT(message(soft), Catch::Contains("inputs.edge_force means nothing to model SP"));
+  CHECK_THAT(message(soft), Catch::Contains("inputs.edge_force is not used by model SP"));
 }
 
 TEST_CASE("evaluate rubs a vertex on an edge at either point") {
@@ -362,7 +362,7 @@ TEST_CASE("evaluate lets vertices of rough particles feel edges on request") {
   document["inputs"]["rough_contact"] = "literal";
   CHECK(message(document) == "no error");
   document["model"] = "DP-smooth";
-  CHECK_THAT(message(document), Catch::Contains("inputs.rough_contact means nothing to model DP-smooth"));
+  CHECK_THAT(message(document), Catch::Contains("inputs.rough_contact is not used by model DP-smooth"));
 }
 
 TEST_CASE("evaluate has the contact law of smooth particles") {
@@ -436,7 +436,7 @@ TEST_CASE("parameters of a case have the names and defaults of runs, and older n
   CHECK_THAT(remark,
              Catch::Contains("case.json: model: ") && Catch::Contains("ka (k_a)") && Catch::Contains("eps_c (e_c)"));
   older["inputs"]["k_a"] = 1;
-  CHECK_THAT(message(older), Catch::Contains("inputs.ka is an older name of k_a, which the file has too"));
+  CHECK_THAT(message(older), Catch::Contains("inputs.ka is an older name of k_a, which the file also contains"));
   document["inputs"]["wall_diameter"] = 2;
   CHECK_THAT(message(document), Catch::Contains("inputs.wall_diameter is 2, but must be at most 1"));
 
@@ -481,8 +481,8 @@ TEST_CASE("evaluate names what is wrong with a document") {
       // keys
       {disks(), "/inputs/sigmas", 1, "inputs.sigmas is not a known key; did you mean sigma?"},
       {disks(), "/inputs/frobnicate", nullptr, "inputs.frobnicate is not a known key; known are velocities, "},
-      {disks(), "/inputs/eps_c", 1, "inputs.eps_c means nothing to model SP"},
-      {shapes(), "/inputs/gravity", {0, -1}, "inputs.gravity means nothing to model DP;"},
+      {disks(), "/inputs/eps_c", 1, "inputs.eps_c is not used by model SP"},
+      {shapes(), "/inputs/gravity", {0, -1}, "inputs.gravity is not used by model DP;"},
       {disks(), "/inputs/dim", missing, "inputs.dim is missing"},
       {disks(), "/inputs/positions", nullptr, "inputs.positions is missing"},
       {disks(), "/inputs/sigma", missing, "inputs.sigma is missing"},
@@ -587,7 +587,7 @@ TEST_CASE("evaluate names what is wrong with a document") {
       {shapes(),
        "/inputs/vertices/0",
        {{0, 0}, {2, 2}, {2, 0}, {0, 1}},
-       "inputs.vertices[0] is an outline that meets itself"},
+       "inputs.vertices[0] is an outline that crosses or touches itself"},
       {shapes(), "/inputs/vertices/1/2", {13, 0}, "inputs.vertices[1][1] and the next vertex are the same point"},
       {shapes(), "/inputs/vertices/1/2", {10, 0}, "inputs.vertices[1][2] and the next vertex are the same point"},
       // no direction
@@ -670,7 +670,7 @@ TEST_CASE("read_case names the file and the place of an error") {
   CHECK_THAT(parse_message("{} x"), Catch::Contains("line 1, column 4"));
 
   CHECK_THAT(parse_message(std::string(100, '[')), Catch::Contains("nested deeper than 64"));
-  CHECK_THAT(parse_message("{\"a\": {\"mu\": 1}, \"mu\": 1, \"mu\": 1}"), Catch::Contains("\"mu\" is there twice"));
+  CHECK_THAT(parse_message("{\"a\": {\"mu\": 1}, \"mu\": 1, \"mu\": 1}"), Catch::Contains("\"mu\" occurs twice"));
 
   const TemporaryFile good("{\"mu\": 1}");
   CHECK(read_case(good.path()) == json{{"mu", 1}});

@@ -66,7 +66,7 @@ TEST_CASE("a continuous flow dissipates", "[options]") {
   CHECK_THROWS_WITH(zeta({"-zeta", "0"}), Contains("-mu 0, -zeta 0"));
   CHECK(zeta({"-model", "disk", "-restitution", "1"}) == 0);
   CHECK_THROWS_WITH(zeta({"-model", "disk", "-restitution", "1", "-mu_disk", "0", "-mu_wall", "0"}),
-                    Contains("nothing takes the energy"));
+                    Contains("nothing dissipates the energy"));
 }
 
 TEST_CASE("automatic values of a hopper", "[options]") {

@@ -56,7 +56,7 @@ std::vector<SizeClass> size_distribution(const std::string& name) {
     for (SizeClass& s : sizes) s.radius *= eighth_inch;
     return sizes;
   }
-  throw InputError("-distribution {}: there is no such; use one of {}", printable(name),
+  throw InputError("-distribution {}: unknown distribution; use one of {}", printable(name),
                    fmt::join(size_distribution_names(), ", "));
 }
 

@@ -15,7 +15,7 @@ namespace {
 
 constexpr Real never = 1e300;  ///< s between frames if no frames are wanted
 
-constexpr const char* one_outline = "the outline of a channel is one polygon, the plungers being sides of it";
+constexpr const char* one_outline = "the outline of a channel is one polygon, and plungers are sides of it";
 constexpr const char* one_shape = "the shape of a particle is one polygon";
 
 /// The corners in a file: one polygon. name: name of the file, `what`: explanation, both for messages.
@@ -101,7 +101,7 @@ void ChannelOptions::bind(Options& o) {
   o.group("Disks");
   start.bind(o);
   o.bind("distribution", distribution,
-         {.help = "sizes, of [T table 3.1]", .choices = size_distribution_names(), .on_restart = fixed});
+         {.help = "sizes of the disks, from [T table 3.1]", .choices = size_distribution_names(), .on_restart = fixed});
   o.bind("radii", radii,
          {.help = "list of radii separated by commas, instead of -distribution", .unit = "cm", .on_restart = fixed});
   o.bind("counts", counts, {.help = "relative numbers of disks of these radii", .on_restart = fixed});
@@ -122,7 +122,7 @@ void ChannelOptions::bind(Options& o) {
 
   model.bind(o, UnitSystem::cgs());
   o.bind("shape", shape.kind, {{"ellipse", OutlineKind::ellipse}, {"rod", OutlineKind::rod}},
-         {.help = "-model rough: shape of the polygons, which cover the areas of the disks", .on_restart = fixed});
+         {.help = "-model rough: shape of the polygons; each has the area of a disk", .on_restart = fixed});
   o.bind("aspect", shape.aspect,
          {.help = "-model rough: length divided by width",
           .min = 1,
@@ -163,7 +163,8 @@ void ChannelOptions::bind(Options& o) {
           .min_open = true});
   o.bind("jam_force", jam_force,
          {.help = "plunger force that counts as a jam, divided by the weight of all disks; 0: none", .min = 0});
-  o.bind("on_jam", on_jam, {{"continue", OnJam::proceed}, {"end", OnJam::end}}, {.help = "continue, or end the run"});
+  o.bind("on_jam", on_jam, {{"continue", OnJam::proceed}, {"end", OnJam::end}},
+         {.help = "at a jam: continue, or end the run"});
 
   o.group("Integration");
   o.bind("dt", dt,
@@ -172,7 +173,7 @@ void ChannelOptions::bind(Options& o) {
           .min = 0,
           .min_open = true,
           .cures = {Cure::shorter_step},
-          .automatic = "0.2 of the elastic limit of stability, 0.5 of the damping's",
+          .automatic = "0.2 of the elastic limit, at most 0.5 of the damping limit",
           .on_restart = fixed});
   bind_allowed(o);
   o.bind("t_end", t_end,
@@ -278,9 +279,8 @@ void ChannelOptions::resolve() {
   channel->check_stroke(push.stroke);
   if (gravity() == 0 && jam_force > 0)
     throw InputError(
-        "{} 0: -jam_force {:g} counts the weight of all disks, which is 0; set -jam_force 0, so that overlaps alone "
-        "are "
-        "a jam",
+        "{} 0: -jam_force {:g} counts the weight of all disks, which is 0; set -jam_force 0, so that only overlaps "
+        "count as jams",
         model.option(Role::normal_gravity), jam_force);
   if (shear != 0 && (kind != ChannelKind::straight || !outline.empty()))
     throw InputError("-shear {:g}: only the walls of -geometry straight can move along themselves; leave it out",
@@ -315,7 +315,7 @@ void ChannelOptions::refuse_unread(const Options& o) const {
   start.refuse(o, {"distribution", "radii", "counts", "area_fraction", "start_overlap", "n_vertices", "seed"});
   if (start.given() && start.particles().has_masses) start.refuse(o, {"density", "thickness"});
   const auto refuse = [&](const std::string& name, const std::string& other) {
-    if (o.given(name)) throw InputError("-{} with -{}, which takes its place; leave one of them out", name, other);
+    if (o.given(name)) throw InputError("-{} with -{}, which replaces it; leave one of them out", name, other);
   };
   if (!outline.empty())
     for (const char* name : {"geometry", "channel_width", "channel_arm"}) refuse(name, "outline");
@@ -341,7 +341,8 @@ Real ChannelOptions::edge(Real radius) const {
 
 Real ChannelOptions::filled_area() const {
   const Real area = channel->area() - push.stroke * channel->plungers()[0].width();
-  if (!(area > 0)) throw InputError("-stroke {:g}: nothing is left of the channel; shorten it", push.stroke);
+  if (!(area > 0))
+    throw InputError("-stroke {:g}: the plunger would fill the channel; shorten the stroke", push.stroke);
   return area;
 }
 

@@ -20,7 +20,7 @@ PushSchedule::PushSchedule(const PushOptions& p, Real longest_dt) : stroke_(p.st
       !(p.stroke / p.frame_travel < countable) ||
       !(p.retract_speed == 0 || p.stroke / p.retract_speed / longest_dt < countable))
     throw InputError(
-        "a push takes {:g} s, and with steps of at most {:.3g} s these are more than can be counted; use a shorter "
+        "a push takes {:g} s, which is too many steps of at most {:.3g} s; use a shorter "
         "-stroke, a higher -plunger_speed or a longer -dt",
         duration, longest_dt);
   frames_ = std::max<std::int64_t>(1, std::lround(p.stroke / p.frame_travel));

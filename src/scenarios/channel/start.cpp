@@ -32,8 +32,9 @@ Vec<2> random_place(const Channel& channel, Index m, std::uint64_t seed) {
     const Vec<2> r = low + (high - low).cwiseProduct(Vec<2>(u, v));
     if (channel.inside(r)) return r;
   }
-  throw NumericalError("no place for particle {} in {} attempts: the channel is a sliver of the rectangle around it", m,
-                       most_attempts);
+  throw NumericalError(
+      "no place for particle {} in {} attempts: the channel fills too little of its bounding rectangle", m,
+      most_attempts);
 }
 
 /// Polygons of another size, with points of mass 1.
@@ -103,9 +104,9 @@ void relax_polygons(Topology polygons, const std::shared_ptr<const RestOutlines>
   };
   if (!relaxed.done)
     fail(inside(start.x.data())
-             ? fmt::format("they still overlap by {:.2g} of the distance of contact ({}), with {:.2g} allowed",
+             ? fmt::format("they still overlap by {:.2g} of the contact distance ({}), with {:.2g} allowed",
                            start.max_overlap, relaxed.reason, tolerance)
-             : "one was pushed out of the channel");
+             : "a polygon was pushed out of the channel");
   if (const auto tangle = find_tangle(system.view(start.x.data(), nullptr)))
     fail(fmt::format("polygon {} reaches into polygon {}", tangle->first, tangle->second));
 }
@@ -130,7 +131,7 @@ ChannelStart random_start(const Topology& disks, const Channel& channel, const W
   if (relaxed.max_overlap <= tolerance)
     throw NumericalError("the start: a disk was pushed out of the channel; use another -seed, or smaller disks");
   throw NumericalError(
-      "the start: {} disks still overlap by {:.2g} of the distance of contact ({}), with {:.2g} allowed; lower "
+      "the start: {} disks still overlap by {:.2g} of the contact distance ({}), with {:.2g} allowed; lower "
       "-area_fraction, raise -start_overlap or use another -seed",
       n, relaxed.max_overlap, relaxed.reason, tolerance);
 }

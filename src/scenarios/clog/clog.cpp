@@ -123,7 +123,7 @@ class ClogProtocol final : public DropletProtocol {
     const auto& inside = a.from().integer_array("active", static_cast<std::size_t>(droplets()));
     for (Index m = 0; m < droplets(); ++m)
       if (opened_ < 0 && (position(m)[1] <= 0 || inside[m] == 0))
-        a.from().refuse("opened_at = {}: droplet {} is out already", opened_, m);
+        a.from().refuse("opened_at = {}: droplet {} has already left", opened_, m);
     if (opened_ >= 0) put_walls(make_walls(p_, far_below));
   }
 

@@ -68,7 +68,7 @@ void ClogOptions::take_start(const std::optional<Checkpoint>& checkpoint) {
 
 void ClogOptions::resolve() {
   if (clog_speed >= g / b)
-    throw InputError("-clog_speed {}: a droplet by itself falls at g/b = {} only; give a smaller speed", clog_speed,
+    throw InputError("-clog_speed {}: a single droplet falls only at g/b = {}; give a smaller speed", clog_speed,
                      g / b);
 }
 

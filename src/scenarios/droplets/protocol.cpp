@@ -39,7 +39,7 @@ std::unique_ptr<Simulation<2>> make_simulation(const DropletOptions& p, const Dr
 void refuse_ranks(const std::string& scenario, const Ranks& ranks) {
   if (ranks.several())
     throw InputError(
-        "{} on {} ranks: each rank would factorise the viscous matrix of all droplets; start it without mpiexec, and "
+        "{} on {} ranks: each rank would factorise the drag matrix of all droplets; start it without mpiexec, and "
         "several runs at once to use more cores",
         scenario, ranks.size());
 }

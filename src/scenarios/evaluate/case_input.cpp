@@ -76,7 +76,7 @@ void check_keys(const CaseValue& inputs, const ModelName& model) {
   inputs.check_keys(all);
   for (const std::string& key : inputs.keys())
     if (inputs[key].present() && std::find(own.begin(), own.end(), key) == own.end())
-      inputs[key].fail("means nothing to model {}; remove it or set it to null", model.name);
+      inputs[key].fail("is not used by model {}; remove it or set it to null", model.name);
 }
 
 Real number_in_range(const CaseValue& value, const ParameterTable::Entry& entry) {
@@ -106,7 +106,7 @@ ParameterValues read_parameters(const CaseValue& inputs, const ModelName& model,
     CaseValue value = inputs[entry.name];
     if (!entry.alias.empty())
       if (const CaseValue alias = inputs[entry.alias]; alias.present()) {
-        if (value.present()) alias.fail("is an older name of {}, which the file has too; remove it", entry.name);
+        if (value.present()) alias.fail("is an older name of {}, which the file also contains; remove it", entry.name);
         old_names.push_back(fmt::format("{} ({})", entry.alias, entry.name));
         value = alias;
       }
@@ -178,7 +178,7 @@ void check_outline(const CaseValue& vertices, const EvaluatedCase<2>& c, Index m
   for (Index i = first; i < c.topology.offset[m + 1]; ++i)
     if (point<2>(x, i) == point<2>(x, c.topology.next[i]))
       vertices[i - first].fail("and the next vertex are the same point; an edge must have a length");
-  if (self_intersects(x, c.topology, m)) vertices.fail("is an outline that meets itself");
+  if (self_intersects(x, c.topology, m)) vertices.fail("is an outline that crosses or touches itself");
   if (const Real area = polygon_area(x, c.topology, m); !(area > 0))
     vertices.fail("has the signed area {}; give the vertices counter-clockwise", area);
 }
@@ -196,7 +196,7 @@ CaseModel read_model(const CaseValue& model, const CaseValue& inputs) {
     old_names.push_back(fmt::format("{} ({}, whose contacts and friction are by default not as printed in [H])",
                                     own.name, to_string(own.kind)));
   if (!old_names.empty())
-    result.remark = fmt::format("{}: has names of older versions; those of runs are in brackets: {}", model.path(),
+    result.remark = fmt::format("{}: has names of older versions; the present names are in brackets: {}", model.path(),
                                 fmt::join(old_names, ", "));
   return result;
 }

@@ -193,7 +193,7 @@ json read_case(const std::string& file) {
     if (event == json::parse_event_t::key) {
       last_key = parsed.get<std::string>();
       if (!keys.back().insert(last_key).second)
-        throw InputError("{}: the key \"{}\" is there twice in one object", file, printable(last_key));
+        throw InputError("{}: the key \"{}\" occurs twice in one object", file, printable(last_key));
     }
     return true;
   };

@@ -161,7 +161,7 @@ class HopperProtocol final : public Protocol<D> {
     const Integrator& integrator = this->simulation().integrator();
     const Real dt = integrator.next_dt();
     if (p_.integrator == IntegratorKind::verlet && !((*p_.t_end - state().t) / dt < FixedStepVerlet::most_steps))
-      throw InputError("-t_end {:g}: with dt = {:.3g} t0 these are more steps than can be counted; give an earlier end",
+      throw InputError("-t_end {:g}: the run would have too many steps of dt = {:.3g} t0; give an earlier end",
                        *p_.t_end, dt);
     check_fit(this->simulation().all(), *p_.container);
     if (p_.start.fresh()) check_start(dt);
@@ -443,9 +443,7 @@ class HopperProtocol final : public Protocol<D> {
                           model.option(Role::self_contact), model.options({Role::perimeter, Role::bending}));
     return {.stops = p_.self_crossing == OnSelfCrossing::stop,
             .refuses_trials = touches_itself && p_.has_barrier(),
-            .cure = cure +
-                    "; -self_crossing count goes on, but the areas of such particles are not those that they "
-                    "cover"};
+            .cure = cure + "; -self_crossing count continues the run, but areas of such particles are wrong"};
   }
 
   /// A column of the sample, where such particles do not end the run.
@@ -523,7 +521,7 @@ class HopperProtocol final : public Protocol<D> {
     for (Index m = 0; m < all.particles(); ++m) widest = std::max(widest, 2 * outer_radius(all, m));
     if (!p_.container->template lets_pass<D>(widest / 2))
       warn(
-          "the largest particle, {:.3g} sigma_avg wide, finds no way from the upper end to the orifice; widen the gaps "
+          "the largest particle, {:.3g} sigma_avg wide, has no path from the upper end to the orifice; widen the gaps "
           "between walls (-outline, -hopper_width) and obstacles (-obstacle)",
           widest);
   }

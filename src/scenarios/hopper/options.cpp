@@ -163,7 +163,7 @@ void HopperOptions::bind(Options& o) {
           .max = 0.1,
           .on_restart = fixed});
   o.bind("clog_time", clog_time,
-         {.help = "time without a crossing and with slow particles before a run ends as clogged",
+         {.help = "the run ends as clogged after this time without crossings and fast particles",
           .unit = "t0",
           .min = 0,
           .min_open = true});
@@ -318,7 +318,8 @@ void HopperOptions::resolve_dissipation() {
       raised.push_back(fmt::format("-{}", entry->name));
     }
   throw InputError(
-      "continuous flow with {}: nothing takes the energy that gravity puts in, so it grows for ever; {}set {}, or use "
+      "continuous flow with {}: nothing dissipates the energy that gravity adds, so it grows without limit; {}set {}, "
+      "or use "
       "-flow discharge",
       fmt::join(all, ", "), restitution.empty() ? "" : fmt::format("lower -{}, or ", restitution[0]->name),
       alternatives(raised));

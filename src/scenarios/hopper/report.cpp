@@ -28,7 +28,7 @@ std::string longer(const HopperEnd& end) {
 void warn_of_error(const HopperEnd& end, const nlohmann::ordered_json& measured) {
   const bool known = measured.contains("Q") && !measured["Q"]["error"].is_null();
   const Real error = known ? Real(measured["Q"]["error"]) / Real(measured["Q"]["value"]) : BlockAverage::unknown;
-  warn("-t_end {:g} came before -hopper_q_rtol {:g} was certain: the error of Q is {} %; continue with {}",
+  warn("the run reached -t_end {:g} before the accuracy -hopper_q_rtol {:g}: the error of Q is {} %; continue with {}",
        *end.options.t_end, end.options.q_rtol, percent(error), longer(end));
 }
 
@@ -48,10 +48,7 @@ void report_self_crossings(const HopperEnd& end, const Series& series, nlohmann:
   const Index most = counted ? static_cast<Index>(std::ranges::max(series.at(self_crossing_column).values)) : 0;
   s[self_crossing_column] = most;
   if (most > 0)
-    warn(
-        "up to {} of {} particles cross themselves: their areas are not those that they cover, and contacts reach "
-        "through them",
-        most, end.options.particles);
+    warn("up to {} of {} particles cross themselves: their areas and contacts are wrong", most, end.options.particles);
 }
 
 /// Centres that meet pass through each other.
@@ -92,7 +89,7 @@ void print(const HopperEnd& end, const nlohmann::ordered_json& measured) {
   if (end.rests())
     say("{}: no crossing and no motion since t = {:.4g} t0\n",
         end.ended_as("clogged") ? "clogged" : "at rest without an arch over the orifice", end.quiet_since);
-  if (end.precise()) say("ended at t = {:.6g} t0: Q has the relative error that -hopper_q_rtol asks for\n", end.t);
+  if (end.precise()) say("ended at t = {:.6g} t0: Q has reached the relative error of -hopper_q_rtol\n", end.t);
   if (measured.contains("steady_explanation")) say("{}\n", std::string(measured["steady_explanation"]));
   if (end.ended_as("done") && !end.precise() && measured.contains("steady") && !measured["steady"])
     say("to run longer: {}\n", longer(end));

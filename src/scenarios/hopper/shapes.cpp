@@ -21,8 +21,8 @@ Polyline upwards(Polyline p, const std::string& name) {
   const Real first = p.points.front()[1], last = p.points.back()[1];
   if (first == 0 && last == 0)
     throw InputError(
-        "{}:{}: both ends of the polyline are at y = 0; one is an end of the orifice, from the other the wall goes "
-        "straight up: raise that",
+        "{}:{}: both ends of the polyline are at y = 0; one is an end of the orifice, and from the other end the wall "
+        "goes straight up: raise the other end",
         name, p.lines[0]);
   if (first != 0 && last != 0)
     throw InputError(
@@ -40,8 +40,8 @@ Vessel make_vessel(std::string_view text, const std::string& name, int dim) {
   std::vector<Polyline> all = parse_polylines(text, name, unit);
   if (all.size() > 2)
     throw InputError(
-        "{}:{}: polyline {}; an outline has one for each side of the orifice, or one that is mirrored. Put what stands "
-        "inside into -obstacle",
+        "{}:{}: this is polyline {}; an outline has one for each side of the orifice, or one that is mirrored; use "
+        "-obstacle for objects inside",
         name, all[2].lines[0], all.size());
   if (dim == 3 && all.size() == 2)
     throw InputError(
@@ -74,8 +74,9 @@ std::vector<std::pair<std::string, std::string>> items(const std::string& text) 
     const std::size_t colon = text.find(':', at);
     const std::string kind = text.substr(at, colon == text.npos ? text.npos : colon - at);
     if (kind != "disk" && kind != "polygon")
-      throw InputError("-obstacle: \"{}\" is none; write disk:x,y,r or polygon:FILE, with a comma between several",
-                       printable(text.substr(at)));
+      throw InputError(
+          "-obstacle: \"{}\" is not an obstacle; write disk:x,y,r or polygon:FILE, with a comma between several",
+          printable(text.substr(at)));
     std::size_t end = text.size();
     for (const char* next : {"disk:", "polygon:"})
       for (std::size_t k = text.find(next, colon); k != text.npos; k = text.find(next, k + 1))
@@ -209,8 +210,8 @@ void check_obstacles(const Container& container, const std::vector<Obstacle>& ob
         throw InputError("-obstacle {}: ({:g}, {:g}) is not inside the container, above the orifice; move it", text(o),
                          corner[0], corner[1]);
     if (o.disk() && wall_distance(o.corners[0]) < o.radius * (1 - 1e-9))
-      throw InputError("-obstacle {}: overlaps a wall, which is {:g} from its centre; it may touch walls, no more",
-                       text(o), wall_distance(o.corners[0]));
+      throw InputError("-obstacle {}: overlaps a wall, which is {:g} from its centre; it may only touch walls", text(o),
+                       wall_distance(o.corners[0]));
     for (const auto& [a, b] : edges(o))
       for (const WallSegment& s : walls.segments) {
         const Real length = std::min(s.length, std::max(a[1], b[1]) + 1);

@@ -70,7 +70,7 @@ void PackingOptions::bind_analysis(Options& o) {
           .max = 0.5,
           .on_restart = fixed});
   o.bind("moduli", moduli,
-         {.help = "elastic moduli of each packing; minimises to forces of 1e-12", .on_restart = fixed});
+         {.help = "elastic moduli of each packing; force tolerance at most 1e-12", .on_restart = fixed});
   o.bind(
       "modes", modes,
       {.help = "number of the lowest vibrational modes of each packing in the series", .min = 0, .on_restart = fixed});
@@ -105,12 +105,12 @@ void PackOptions::bind_path(Options& o) {
   o.bind(
       "path", path,
       {{"decompress", PackingPath::decompress}, {"compress", PackingPath::compress}, {"quench", PackingPath::quench}},
-      {.help = "lower the pressure in steps, raise the fraction in steps, or one minimum", .on_restart = fixed});
+      {.help = "lower the pressure in steps, raise the fraction in steps, or find one minimum", .on_restart = fixed});
   o.bind("fraction", fraction,
          {.help = "area or volume fraction of the random start",
           .min = 1e-3,
           .max = 10,
-          .automatic = "soft particles: 0.9 (3D: 0.7), compress: 0.5 (3D: 0.3); polygons: disks around them 0.65",
+          .automatic = "soft particles: 0.9 (3D: 0.7), compress: 0.5 (3D: 0.3); polygons: 0.65 (disks around them)",
           .on_restart = fixed});
   o.bind("pressure", pressure,
          {.help = "pressure of the last packing", .unit = "eps/sigma_avg^d", .min = 0, .min_open = true});
@@ -172,7 +172,7 @@ void ShearOptions::bind(Options& o) {
   bind_path(o);
   o.group("Shear");
   o.bind("strain_step", strain_step,
-         {.help = "shear strain of a step, x by y", .min = 0, .max = 0.1, .min_open = true, .on_restart = fixed});
+         {.help = "shear strain of each step", .min = 0, .max = 0.1, .min_open = true, .on_restart = fixed});
   o.bind("strain", strain,
          {.help = "shear strain at the end", .min = 0, .max = 100, .min_open = true, .extends = {"strain", "LARGER"}});
   o.bind("control", control, {{"volume", ShearControl::volume}, {"pressure", ShearControl::pressure}},
@@ -185,7 +185,7 @@ void ShearOptions::bind(Options& o) {
 void ShearOptions::resolve() {
   PackOptions::resolve();
   if (path == PackingPath::compress)
-    throw InputError("-path compress makes a number of packings that is not known before; use decompress or quench");
+    throw InputError("-path compress makes an unknown number of packings; use decompress or quench");
 }
 
 }  // namespace pliant

@@ -29,7 +29,7 @@ void RaftOptions::bind(Options& o) {
 
   o.group("Walls");
   o.bind("motion", motion, {{"compression", WallMotion::compression}, {"extension", WallMotion::extension}},
-         {.help = "the moving wall approaches, or recedes from a raft that rests at both walls", .on_restart = fixed});
+         {.help = "the moving wall approaches the raft, or recedes from a raft at rest", .on_restart = fixed});
   o.bind("v_wall", v_wall,
          {.help = "speed of the moving wall",
           .unit = "R/t0",
@@ -49,7 +49,7 @@ void RaftOptions::bind(Options& o) {
           .min = 0,
           .min_open = true,
           .cures = {Cure::less_overlap},
-          .automatic = "compression: the smallest without attraction; extension: at rest",
+          .automatic = "compression: smallest without attraction to the walls; extension: at rest",
           .on_restart = fixed});
   o.bind("rows_end", rows_end,
          {.help = "compression ends at the rest distance of this number of rows", .min = 1, .max = 10000});
@@ -67,10 +67,9 @@ void RaftOptions::bind(Options& o) {
 void RaftOptions::resolve() {
   const Index full = rows * columns, alternate = full - rows / 2;
   if (lattice == RaftLattice::hexagonal && droplets() != full && (droplets() != alternate || columns == 1))
-    throw InputError(
-        "-n {}: a hexagonal raft of {} rows and {} columns has {} droplets{}; leave -n out or change them", n, rows,
-        columns, full,
-        columns > 1 && rows > 1 ? fmt::format(", or {} with every second row one shorter", alternate) : "");
+    throw InputError("-n {}: a hexagonal raft of {} rows and {} columns has {} droplets{}; leave -n out or change them",
+                     n, rows, columns, full,
+                     columns > 1 && rows > 1 ? fmt::format(", or {} if every second row has one less", alternate) : "");
 }
 
 }  // namespace pliant
