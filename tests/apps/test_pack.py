@@ -45,6 +45,14 @@ def test_pressures_and_boxes_of_a_decompression(tmp_path):
     assert np.diff(fine["energy"][1:]) == pytest.approx(work, rel=5e-3)
 
 
+def test_a_symmetric_packing_is_no_saddle_point(tmp_path):
+    """These equal spheres crystallise at the first minimum, and the crystal is unstable at the pressure of the second."""
+    run = pack(tmp_path / "run", n=64, dim=3, size_distribution="mono", pressure=1e-2, seed=54, moduli="true", modes=4)
+    frequencies = run.series["frequencies"][-1]
+    assert frequencies[3] > 1e-2 and (abs(frequencies[:3]) < 1e-6).all()
+    assert run.summary["shear_modulus"] > 0
+
+
 def test_quench(tmp_path):
     loose = pack(tmp_path / "loose", path="quench", fraction=0.5).summary
     assert loose["pressure"] < 1e-9 and loose["contacts"] == 0 and loose["rattlers"] == 32

@@ -7,8 +7,10 @@
 
 #include <pliant/jamming/backbone.h>
 #include <pliant/jamming/contact_network.h>
+#include <pliant/jamming/minimise.h>
 #include <pliant/jamming/modes.h>
 #include <pliant/jamming/moduli.h>
+#include <pliant/jamming/saddle.h>
 
 #include "jamming/packing.h"
 
@@ -143,6 +145,24 @@ TEST_CASE("rattlers add zero modes, and unstable packings have negative eigenval
   CHECK(sparse.unstable == dense.unstable);
   CHECK((sparse.eigenvalues - dense.eigenvalues).norm() < 1e-9 * dense.eigenvalues.norm());
   CHECK(sparse.frequencies()[0] < 0);
+}
+
+TEST_CASE("a minimisation from a saddle point ends at a minimum", "[modes]") {
+  Packing<2> lattice = triangular_lattice(4, 4, 0.72);
+  REQUIRE(modes_of(lattice, {.lowest = 1}).unstable > 0);
+  auto system = lattice.system();
+  MinimiserOptions options;
+  options.force_tolerance = 1e-12;
+  REQUIRE(minimise<2>(system, lattice.x, options).converged);
+  REQUIRE(modes_of(lattice, {.lowest = 1}).unstable > 0);  // the minimisation has kept the symmetry
+  int saddles = 0;
+  while (saddles < 10 && leave_saddle<2>(system, lattice.x, {})) {
+    REQUIRE(minimise<2>(system, lattice.x, options).converged);
+    ++saddles;
+  }
+  CHECK(saddles > 0);
+  CHECK(saddles < 10);
+  CHECK(modes_of(lattice, {.lowest = 1}).unstable == 0);
 }
 
 TEST_CASE("packings are analysed on one rank", "[ranks][modes]") {

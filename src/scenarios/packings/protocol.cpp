@@ -10,6 +10,7 @@
 #include <pliant/io/summary.h>
 #include <pliant/jamming/backbone.h>
 #include <pliant/jamming/modes.h>
+#include <pliant/jamming/saddle.h>
 #include <pliant/model/crossing.h>
 #include <pliant/model/polygon.h>
 #include <pliant/scenarios/packings/steps.h>
@@ -137,7 +138,7 @@ template <int D>
 Real PackingProtocol<D>::tolerance(Real pressure) const {
   constexpr Real for_derivatives = 1e-12;
   const Real usual = p_.force_tolerance * pressure;
-  return p_.moduli || p_.modes > 0 ? std::min(usual, for_derivatives) : usual;
+  return derivatives() ? std::min(usual, for_derivatives) : usual;
 }
 
 template <int D>
@@ -165,12 +166,24 @@ void PackingProtocol<D>::minimise_enthalpy(Real pressure) {
 
 template <int D>
 void PackingProtocol<D>::run_minimiser(const MinimiserOptions& options) {
-  minimum_ = minimise<D>(this->particles(), x(), options);
-  evaluations_ += minimum_.evaluations;
-  if (!minimum_.converged)
-    throw NumericalError(
-        "packing {} has not converged: {}; raise -max_iterations or -force_tolerance, or make steps smaller",
-        this->state().step + 1, minimum_.reason);
+  // A configuration with symmetries may need several steps, each of which breaks one.
+  constexpr int most_saddles = 20;
+  for (int saddles = 0;; ++saddles) {
+    minimum_ = minimise<D>(this->particles(), x(), options);
+    evaluations_ += minimum_.evaluations;
+    if (!minimum_.converged)
+      throw NumericalError(
+          "packing {} has not converged: {}; raise -max_iterations or -force_tolerance, or make steps smaller",
+          this->state().step + 1, minimum_.reason);
+    if (minimum_.apart || !derivatives()) return;
+    const ContactNetwork<D> network = contact_network<D>(this->particles(), x(), p_.contact_threshold);
+    if (network.backbone == 0 || !leave_saddle<D>(this->particles(), x(), network.rattlers)) return;
+    if (saddles == most_saddles)
+      throw NumericalError(
+          "packing {}: {} minimisations in a row have ended at saddle points of the energy; use another -seed or "
+          "-fraction",
+          this->state().step + 1, most_saddles + 1);
+  }
 }
 
 /// Measures the packing, and makes the lists as a restart makes them.

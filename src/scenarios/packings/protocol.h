@@ -63,6 +63,8 @@ class PackingProtocol : public Protocol<D> {
   MinimiserOptions minimiser() const;
   /// Of the forces, in ε/σ_avg.
   Real tolerance(Real pressure) const;
+  /// Whether second derivatives are measured.
+  bool derivatives() const { return p_.moduli || p_.modes > 0; }
   std::span<Real> x() { return this->state().x(); }
 
   const PackingOptions& p_;
