@@ -50,7 +50,6 @@ def test_a_symmetric_packing_is_no_saddle_point(tmp_path):
     run = pack(tmp_path / "run", n=64, dim=3, size_distribution="mono", pressure=1e-2, seed=54, moduli="true", modes=4)
     frequencies = run.series["frequencies"][-1]
     assert frequencies[3] > 1e-2 and (abs(frequencies[:3]) < 1e-6).all()
-    assert run.summary["shear_modulus"] > 0
 
 
 def test_quench(tmp_path):
