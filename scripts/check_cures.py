@@ -4,8 +4,8 @@
     check_cures.py [SRC]     SRC: the sources (default: src/ of this project)
 
 A layer states a fact and a cure (src/base/cure.h), because it serves scenarios with different options. A text below
-src/scenarios may name options of PETSc and options that a source of the same folder binds. In src/run it may also name -dt and
--t_end, which every scenario has, and the options of the command line. Each cure must be advised by a message and declared by
+src/scenarios may name options of PETSc and options that a source of the same folder binds. In src/run it may also name -dt,
+-t_end and -seed, which every scenario has, and the options of the command line. Each cure must be advised by a message and declared by
 an option. The script prints each violation as file:line and exits with 1 if there are any.
 """
 
@@ -16,7 +16,7 @@ from pathlib import Path
 from cpp_source import texts, without_comments
 
 PETSC = re.compile(r"(ts|snes|ksp|pc|mat|vec|log|sub|npc|mg|mobility_ksp|mobility_pc)_\w*$")
-COMMAND_LINE = {"dt", "t_end", "help", "help_markdown", "help_json", "h", "version", "scenarios", "options_file", "option", "name", "no_signal_handler"}
+COMMAND_LINE = {"dt", "t_end", "seed", "help", "help_markdown", "help_json", "h", "version", "scenarios", "options_file", "option", "name", "no_signal_handler"}
 OPTION = re.compile(r"(?:(?<=[\s(/\"])|(?<=\{0\} )|^)-([a-z][a-z_0-9]*)(?![\w-])")
 BIND = re.compile(r'\bbind\(\s*"(\w+)"')
 CURES = "base/cure.h"

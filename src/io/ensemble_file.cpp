@@ -34,7 +34,7 @@ std::optional<EnsembleFile> EnsembleFile::open(const std::filesystem::path& fold
   hdf5::File file = hdf5::File::open_write(file_in(folder));
   auto ensemble = nlohmann::ordered_json::parse(file.read_text(ensemble_name), nullptr, false);
   if (!ensemble.is_object())
-    throw InputError("{} is damaged: the description of the ensemble cannot be read; choose another -output",
+    throw InputError("{} is damaged: the description of the ensemble cannot be read; choose another folder",
                      file_in(folder).string());
   return EnsembleFile(std::move(file), std::move(ensemble));
 }
@@ -53,7 +53,7 @@ std::vector<StoredMember> EnsembleFile::members() const {
     auto summary = nlohmann::ordered_json::parse(member.read_text("summary"), nullptr, false);
     const auto number = member.integer_attribute("number");
     if (!summary.is_object() || name != fmt::format("{:06}", number))
-      throw InputError("{}: member {} is damaged; choose another -output", file_.name(), name);
+      throw InputError("{}: member {} is damaged; choose another folder", file_.name(), name);
     all.push_back({static_cast<Index>(number), std::move(summary)});
   }
   return all;

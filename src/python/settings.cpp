@@ -33,13 +33,13 @@ void Settings::check() const {
   if (!droplets())
     for (const char* name : {"b", "mobility", "wall_friction"})
       if (options.given(name))
-        throw InputError("-{} with -model {}: only droplets (-model bubble) have this friction; leave it out", name,
+        throw InputError("-{} with the model {}: only droplets (bubble) have this friction; leave it out", name,
                          model.name);
   if (droplets() && options.given("dynamics") && dynamics == Dynamics::inertial)
-    throw InputError("-dynamics inertial with -model bubble: droplets have no inertia; leave -dynamics out");
+    throw InputError("-dynamics inertial with the model bubble: droplets have no inertia; leave -dynamics out");
   if (!overdamped()) return;
   if (model.particles() == ModelKind::disk)
-    throw InputError("-dynamics overdamped with -model disk, which needs inertia; use another model, such as sp");
+    throw InputError("-dynamics overdamped with the model disk, which needs inertia; use another model, such as sp");
   if (method == Method::verlet)
     throw InputError(
         "-integrator verlet needs inertia, but the particles have none; use a method of PETSc, such as rk");

@@ -464,6 +464,9 @@ ExitCode run_ensemble(const std::string& scenario, const RunOptions& p, const Op
   if (ranks.several())
     throw InputError("-ensemble {}: start it without mpiexec; -ensemble_workers is the number of runs at a time",
                      p.ensemble);
+  if (!options.declared("seed"))
+    throw InputError("-ensemble {}: {} has no -seed in which its runs could differ; leave it out", p.ensemble,
+                     scenario);
   if (options.declared("threads") && options.given("threads"))
     throw InputError(
         "-threads {}: each run of an ensemble has one thread; -ensemble_workers is the number of runs at a time",

@@ -205,8 +205,8 @@ def test_bad_droplets(changes, words):
 @pytest.mark.parametrize("options, words", [
     (dict(dynamics="overdamped"), "positive"), (dict(dynamics="overdamped", zeta=1, mu=0.5), "-mu 0.5"),
     (dict(dynamics="overdamped", model="disk"), "needs inertia"), (dict(dynamics="fast"), "-dynamics"),
-    (dict(dynamics="overdamped", zeta=1, integrator="verlet"), "needs inertia"), (dict(b=1), "-b with -model sp"),
-    (dict(wall_friction=True), "-wall_friction with -model sp"), (dict(mobility="mean"), "-mobility with -model sp"),
+    (dict(dynamics="overdamped", zeta=1, integrator="verlet"), "needs inertia"), (dict(b=1), "-b with the model sp"),
+    (dict(wall_friction=True), "-wall_friction with the model sp"), (dict(mobility="mean"), "-mobility with the model sp"),
 ])
 def test_bad_motion_without_inertia(options, words):
     with pytest.raises(pliant.InputError, match=words):
