@@ -1,5 +1,6 @@
 #include <pliant/geometry/mesh.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -111,6 +112,8 @@ TriangleMesh icosahedron() {
 }
 
 }  // namespace
+
+Vec<3> face_normal(const Vec<3>& a, const Vec<3>& b, const Vec<3>& c) { return (b - a).cross(c - a); }
 
 std::vector<Hinge> closed_surface(Index vertices, const std::vector<Face>& faces) {
   if (faces.size() < 4) throw InputError("the surface has {} faces, but a closed one has at least 4", faces.size());

@@ -1,7 +1,6 @@
 // Closed surfaces of triangles: their topology, checks, and icospheres.
 #pragma once
 
-#include <Eigen/Geometry>
 #include <array>
 #include <string>
 #include <vector>
@@ -33,7 +32,7 @@ struct Hinge {
 std::vector<Hinge> closed_surface(Index vertices, const std::vector<Face>& faces);
 
 /// Twice the area of a face as a vector that points outwards.
-inline Vec<3> face_normal(const Vec<3>& a, const Vec<3>& b, const Vec<3>& c) { return (b - a).cross(c - a); }
+Vec<3> face_normal(const Vec<3>& a, const Vec<3>& b, const Vec<3>& c);
 
 Real volume(const TriangleMesh& mesh);
 Real surface_area(const TriangleMesh& mesh);
@@ -46,8 +45,8 @@ Real shape_parameter(Real area, Real volume);
 std::vector<Hinge> check_mesh(const TriangleMesh& mesh);
 
 /// An icosahedron of 12 vertices or, subdivided once, twice or three times, a surface of 42, 162 or 642 vertices, which
-/// lie on a sphere about the origin. Its volume is pi/6, that of a sphere of diameter 1. Errors: InputError for other
-/// numbers of vertices.
+/// lie on a sphere about the origin. Its volume is pi/6, the volume of a sphere of diameter 1. Errors: InputError for
+/// other numbers of vertices.
 TriangleMesh icosphere(Index vertices);
 
 /// Reads a surface from an OFF or OBJ file, according to the end of its name. Of OBJ files vertices (v) and faces (f)

@@ -51,7 +51,7 @@ class MeshLines {
     return value;
   }
 
-  /// A whole number from `least` to `most` at the begin of a word, which may go on behind a slash.
+  /// A whole number from `least` to `most` at the begin of a word; a slash ends it.
   Index whole(std::string_view word, Index least, Index most) const {
     const std::string_view digits = word.substr(0, word.find('/'));
     Index value = 0;

@@ -1,0 +1,216 @@
+// Closed surfaces in space: derivatives, invariances, the continuum limit and the measures of their shape.
+#include <catch2/catch.hpp>
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
+#include <cmath>
+
+#include <pliant/base/errors.h>
+#include <pliant/model/surface_terms.h>
+
+#include "support/configurations.h"
+#include "support/derivatives.h"
+
+namespace pliant::test::surface_test {
+
+namespace {
+
+using Shared = std::shared_ptr<Surfaces>;
+using Fields = std::vector<std::pair<std::string, std::unique_ptr<ForceField<3>>>>;
+
+TriangleMesh tetrahedron() {
+  return {{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, {{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {2, 0, 3}}};
+}
+
+/// All terms, each alone.
+Fields each_term(const Shared& surfaces) {
+  Fields all;
+  all.emplace_back("volume", alone<3>(Volume{{surfaces}, 10}));
+  all.emplace_back("area", alone<3>(FaceArea{{{surfaces}}, 3}));
+  all.emplace_back("tension", alone<3>(SurfaceTension{{{surfaces}}, 2}));
+  all.emplace_back("edge", alone<3>(EdgeLength{{surfaces}, 4}));
+  all.emplace_back("bending", alone<3>(HingeBending{{surfaces}, 0.7}));
+  all.emplace_back("bending with rest angles", alone<3>(HingeBending{{surfaces}, 0.7, true}));
+  return all;
+}
+
+void add(Configuration<3>& c, Surfaces& surfaces, Index which, Real volume, const std::vector<Vec<3>>& vertices) {
+  surfaces.add_particle(c.topology, which, volume, 0.1, volume);
+  for (const Vec<3>& r : vertices) c.x.insert(c.x.end(), r.begin(), r.end());
+  c.v.resize(c.x.size());
+}
+
+/// A tetrahedron and an icosahedron, of other sizes and orientations than their surfaces and deformed.
+Configuration<3> deformed(Surfaces& surfaces, Random& random, const Vec<3>& shift = Vec<3>::Zero()) {
+  surfaces = {{relaxed_surface(tetrahedron()), surface_with_shape(icosphere(12), 1.2)}, {}};
+  Configuration<3> c;
+  for (const Index which : {0, 1}) {
+    TriangleMesh mesh = which == 0 ? tetrahedron() : icosphere(12);
+    const Real size = random(0.5, 2);
+    const Vec<3> axis = random.unit<3>(), centre = Vec<3>(4 * which, 0, 0) + shift;
+    const Mat<3> turn = Eigen::AngleAxis<Real>(random(0, 3), axis).toRotationMatrix();
+    for (Vec<3>& r : mesh.vertices) {
+      Vec<3> noise;
+      for (int k = 0; k < 3; ++k) noise[k] = random(-0.1, 0.1);
+      r = centre + size * (turn * (r + noise));
+    }
+    add(c, surfaces, which, (which == 0 ? 0.2 : 0.6) * size * size * size, mesh.vertices);
+  }
+  return c;
+}
+
+/// A particle in its rest shape.
+Configuration<3> resting(Surfaces& surfaces, const TriangleMesh& mesh, Real size = 1) {
+  surfaces = {{relaxed_surface(mesh)}, {}};
+  Configuration<3> c;
+  std::vector<Vec<3>> vertices = mesh.vertices;
+  for (Vec<3>& r : vertices) r *= size;
+  add(c, surfaces, 0, surfaces.kinds[0].volume * size * size * size, vertices);
+  return c;
+}
+
+}  // namespace
+
+TEST_CASE("derivatives of the shape terms of surfaces") {
+  const auto surfaces = std::make_shared<Surfaces>();
+  for (const auto& [name, field] : each_term(surfaces)) {
+    INFO(name);
+    check_smooth<3>(
+        *field, [&](Random& random) { return deformed(*surfaces, random); }, 1e-4);
+  }
+}
+
+TEST_CASE("shape terms of surfaces have no net force and no net torque, here or far away") {
+  const auto surfaces = std::make_shared<Surfaces>();
+  for (const auto& [name, field] : each_term(surfaces))
+    for (int k = 0; k < 5; ++k) {
+      INFO(name << ", state " << k);
+      Random random(k), again(k);
+      Configuration<3> c = deformed(*surfaces, random);
+      // A shift that rounds no position.
+      for (Real& a : c.x) a = std::ldexp(std::round(std::ldexp(a, 24)), -24);
+      const auto forces = [&] {
+        VectorXd f(c.x.size());
+        field->energy(c.view(), f.data());
+        return f;
+      };
+      const VectorXd f = forces();
+      for (Index m = 0; m < 2; ++m) {
+        Vec<3> sum = Vec<3>::Zero(), torque = Vec<3>::Zero();
+        for (Index i = c.topology.offset[m]; i < c.topology.offset[m + 1]; ++i) {
+          const Vec<3> one = point<3>(f.data(), i);
+          sum += one;
+          torque += c.position(i).cross(one);
+        }
+        CHECK(sum.norm() < 1e-13 * f.norm());
+        CHECK(torque.norm() < 1e-12 * f.norm());
+      }
+      const Real energy = field->energy(c.view());
+      for (Real& a : c.x) a += std::ldexp(1, 24);
+      CHECK((forces() - f).norm() < 1e-13 * f.norm());
+      CHECK(field->energy(c.view()) == Approx(energy).epsilon(1e-13));
+    }
+}
+
+TEST_CASE("a surface at rest has no energy but that of bending and tension") {
+  const auto surfaces = std::make_shared<Surfaces>();
+  for (const Real size : {1.0, 1.7}) {
+    Configuration<3> c = resting(*surfaces, icosphere(42), size);
+    CHECK(c.topology.sigma[0] == Approx(size));
+    CHECK(c.topology.points_of(0) == 42);
+    CHECK(c.topology.l0[0] == Approx(0.30457 * size).epsilon(0.02));
+    for (const auto& [name, field] : each_term(surfaces)) {
+      INFO(name);
+      const bool at_rest = name != "tension" && name != "bending";
+      CHECK((std::abs(field->energy(c.view())) < 1e-20) == at_rest);
+    }
+  }
+}
+
+TEST_CASE("bending of a sphere") {
+  // 2π √3 (4 − 4/3)/2 = 7.255 k_b for equilateral triangles; twelve vertices have five neighbours.
+  const auto surfaces = std::make_shared<Surfaces>();
+  const auto bending = alone<3>(HingeBending{{surfaces}, 1});
+  for (const auto& [vertices, energy] : {std::pair{12, 7.63932}, std::pair{162, 7.485}, std::pair{642, 7.499}}) {
+    Configuration<3> c = resting(*surfaces, icosphere(vertices), 1.3);
+    CHECK(std::abs(bending->energy(c.view()) - energy) < 6e-4);
+  }
+}
+
+TEST_CASE("area and edges of a fine sphere have the moduli of a membrane") {
+  const auto surfaces = std::make_shared<Surfaces>();
+  std::vector<Real> missing;
+  for (const Index vertices : {42, 162, 642}) {
+    Configuration<3> c = resting(*surfaces, icosphere(vertices));
+    const Real area = surfaces->kinds[0].total_rest_area(), stretch = 1e-3;
+    missing.push_back(1 - std::pow(pi, 1.5) / std::pow(area, 1.5));
+    const VectorXd x = c.positions() * (1 + stretch);
+    const Real unit = area * square(2 * stretch) / 2;  // energy per unit of a modulus
+    CHECK(alone<3>(FaceArea{{{surfaces}}, 3})->energy(c.view(x.data())) / unit == Approx(3).epsilon(2e-3));
+    CHECK(alone<3>(EdgeLength{{surfaces}, 4})->energy(c.view(x.data())) / unit ==
+          Approx(std::sqrt(3.0) / 2 * 4).epsilon(0.02));
+  }
+  // The shape parameter converges as 1/Nv.
+  for (int k = 1; k < 3; ++k) CHECK(missing[k - 1] / missing[k] == Approx(4).epsilon(0.05));
+}
+
+TEST_CASE("fastest modes of icospheres") {
+  const auto surfaces = std::make_shared<Surfaces>();
+  for (const Index vertices : {12, 42, 162}) {
+    const Real size = 1.4;
+    Configuration<3> c = resting(*surfaces, icosphere(vertices), size);
+    for (const auto& [name, field] : each_term(surfaces)) {
+      INFO(name << ", " << vertices << " vertices");
+      DenseSink<3> sink(c.topology.points());
+      field->hessian(c.view(), sink);
+      const Real fastest =
+          Eigen::SelfAdjointEigenSolver<MatrixXd>(sink.matrix, Eigen::EigenvaluesOnly).eigenvalues().maxCoeff() /
+          c.topology.mass(0);
+      const Real limit = 4 / square(field->critical_step(c.topology).one_contact());
+      CHECK(fastest < 1.001 * limit);
+      CHECK(fastest > 0.25 * limit);
+    }
+  }
+}
+
+TEST_CASE("rest shapes of surfaces") {
+  const TriangleMesh mesh = icosphere(42);
+  const Surface round = relaxed_surface(mesh), floppy = surface_with_shape(mesh, 1.1);
+  CHECK(round.sigma == Approx(1));
+  CHECK(floppy.volume == round.volume);
+  CHECK(shape_parameter(floppy.total_rest_area(), floppy.volume) == Approx(1.1));
+  for (std::size_t k = 0; k < floppy.hinges.size(); ++k) {
+    CHECK(floppy.rest_length[k] / round.rest_length[k] ==
+          Approx(std::sqrt(floppy.total_rest_area() / round.total_rest_area())));
+    CHECK(round.rest_angle[k] > 0);
+  }
+  CHECK_THROWS_WITH(surface_with_shape(mesh, 1.02),
+                    Catch::StartsWith("the shape parameter is 1.02, but the surface at rest has 1.02405") &&
+                        Catch::EndsWith("; choose that or more"));
+}
+
+TEST_CASE("measures of a surface near shapes without meaning") {
+  Surfaces surfaces;
+  Configuration<3> c = resting(surfaces, tetrahedron());
+  const auto look = [&] { return look_at_surface(c.x.data(), c.topology, surfaces, 0); };
+  CHECK(look().volume == Approx(1.0 / 6));
+  CHECK(look().least_area == Approx(1));
+  CHECK(look().least_cosine == Approx(-1 / std::sqrt(3.0)));
+  c.x[11] = 1e-8;  // the tip nearly in the base
+  CHECK(look().volume == Approx(1e-8 / 6));
+  CHECK(look().least_area == Approx(1e-8));
+  CHECK(look().smallest_face == 1);
+  CHECK(look().least_cosine == Approx(-1));
+  c.x[11] = -1;
+  CHECK(look().volume == Approx(-1.0 / 6));
+
+  c = resting(surfaces, icosphere(12));
+  CHECK(look().least_cosine == Approx(std::sqrt(5.0) / 3));
+  for (int k = 0; k < 3; ++k) c.x[k] *= -0.2;  // a dent at vertex 0
+  const SurfaceShape dent = look();
+  const Hinge& fold = surfaces.kinds[0].hinges[dent.sharpest_hinge];
+  CHECK(dent.least_cosine < -0.5);
+  CHECK((fold.a == 0 || fold.c == 0 || fold.d == 0));
+}
+
+}  // namespace pliant::test::surface_test
