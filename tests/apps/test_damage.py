@@ -71,7 +71,7 @@ def test_a_damaged_view_is_not_opened(made):
     data = (made / "run.h5").read_bytes()
     # A selection: type (hyperslab), version, reserved, length, number of dimensions (4 bytes).
     ranks = [found.end() - 3 for found in re.finditer(re.escape(struct.pack("<5I", 2, 1, 0, 24, 2)), data)]
-    views = 5  # of a frame: centres, and vectors for run.xdmf
+    views = 5  # in each frame: centres, and vectors for run.xdmf
     assert len(ranks) == 3 * 2 * views
     assert not findings(flip_bits.check_reader(made, "run.h5", [(at, 2) for at in ranks]))
     assert not findings(flip_bits.check_program(PROGRAM, made, "run.h5", [(at, 2) for at in ranks[::2]]))

@@ -78,6 +78,13 @@ json shapes() {
     "a0": [0.5, 5], "l0": [0.8, 4], "ka": 10, "kl": 3, "kb": 2}})");
 }
 
+/// A tetrahedron.
+json surface() {
+  json document = read_case(PLIANT_TEST_DATA "/evaluate/d3_04_hinges.json");
+  for (const char* key : {"expected", "alternatives"}) document.erase(key);
+  return document;
+}
+
 std::string message(const json& document) {
   try {
     evaluate(document, "case.json");
@@ -132,6 +139,135 @@ TEST_CASE("evaluate agrees with the reference configurations") {
     CHECK(got.at("neighbours") == expected.at("neighbours"));
     check_term(got.at("velocity"), expected.at("velocity_exact"));
   }
+}
+
+TEST_CASE("evaluate agrees with the reference configurations of surfaces") {
+  const std::string name = GENERATE("d3_01_icosahedron_rest", "d3_04_hinges", "d3_05_rough_pair");
+  const json document = read_case(PLIANT_TEST_DATA "/evaluate/" + name + ".json");
+  const json expected = document.at("expected"), got = run(document);
+  CAPTURE(name);
+  CHECK(keys(got.at("energy")) == keys(expected.at("energy")));
+  REQUIRE(largest(expected) > 0);
+  for (const std::string part : {"energy", "force"})
+    for (const auto& item : expected.at(part).items()) {
+      CAPTURE(part, item.key());
+      // Terms at rest have rounding errors only.
+      check_close(got.at(part).at(item.key()), item.value(), 1e-10 * std::max(0.1, largest(item.value())));
+    }
+  if (name != "d3_04_hinges") return;
+  json angles = document;
+  angles["inputs"]["rest_angles"] = true;
+  const json alternative = document.at("alternatives").at("bending_rest_angles");
+  check_term(run(angles).at("energy").at("bending"), alternative.at("energy").at("bending"));
+  check_term(run(angles).at("force").at("bending"), json::array({alternative.at("force").at("bending")}));
+}
+
+TEST_CASE("evaluate has surfaces under the names of runs, with one entry per particle") {
+  const json one = surface();
+  json same = one;
+  same["model"] = "shape";
+  same["inputs"]["dim"] = 3;
+  for (const std::string name : {"v", "a", "l", "b"}) {
+    same["inputs"]["k_" + name] = same["inputs"]["k" + name];
+    same["inputs"].erase("k" + name);
+  }
+  std::string remark;
+  CHECK(json::parse(evaluate(same, "case.json", &remark).dump()) == run(one));
+  CHECK(remark.empty());
+  evaluate(one, "case.json", &remark);
+  CHECK_THAT(remark, Catch::Contains("DP3 (shape with dim 3)") && Catch::Contains("kv (k_v)"));
+  CHECK(run(one)["volume"].get<double>() == Approx(0.278333333333));
+
+  json two = one;
+  for (const std::string key : {"positions", "faces", "a0", "edges", "l0", "theta0"})
+    two["inputs"][key].push_back(two["inputs"][key][0]);
+  for (json& row : two["inputs"]["positions"][1]) row[2] = row[2].get<double>() + 4;
+  const json of_one = run(one), of_two = run(two);
+  for (const auto& item : of_one["energy"].items())
+    for (int m = 0; m < 2; ++m)
+      CHECK(of_two["energy"][item.key()][m].get<double>() == Approx(item.value().get<double>()));
+  for (const auto& item : of_one["force"].items())
+    for (int m = 0; m < 2; ++m)
+      check_close(of_two["force"][item.key()][m], item.value()[0], 1e-12 * largest(item.value()));
+}
+
+TEST_CASE("evaluate has surfaces with contacts, friction, gravity and drag") {
+  json document = read_case(PLIANT_TEST_DATA "/evaluate/d3_05_rough_pair.json");
+  document["inputs"].update(json{{"mu", 2}, {"zeta", 3}, {"gravity", {0, 0, -2}}, {"mass", {1, 4}}});
+  json velocities = document["inputs"]["positions"];
+  for (json& row : velocities[0]) row = {1, 0, 0};
+  for (json& row : velocities[1]) row = {0, 0, 0};
+  document["inputs"]["velocities"] = velocities;
+  const json got = run(document);
+  CHECK(keys(got["energy"]) == std::set<std::string>{"rough", "gravity"});
+  CHECK(keys(got["force"]) == std::set<std::string>{"rough", "gravity", "drag", "friction", "total"});
+  CHECK(got["force"]["drag"][0][7][0].get<double>() == Approx(-3.0 / 42));
+  CHECK(got["force"]["gravity"][1][7][2].get<double>() == Approx(-8.0 / 42));
+  CHECK(largest(got["force"]["friction"]) >= 2);
+
+  // With a rest shape also the energies of the shape.
+  json rest = surface();
+  rest["model"] = "rough";
+  rest["inputs"]["dim"] = 3;
+  CHECK(keys(run(rest)["energy"]) == std::set<std::string>{"volume", "area", "edge", "bending", "tension", "rough"});
+  CHECK(run(rest)["energy"]["area"] == run(surface())["energy"]["area"]);
+  rest["inputs"]["shape_terms"] = false;
+  CHECK(keys(run(rest)["energy"]) == std::set<std::string>{"rough"});
+}
+
+TEST_CASE("evaluate names what is wrong with a surface") {
+  struct Case {
+    std::string where;  // JSON pointer
+    json value;         // discarded: the key is removed
+    std::string message;
+  };
+  const json missing(json::value_t::discarded);
+  const std::vector<Case> cases{
+      {"/inputs/V0", missing, "inputs.V0 is missing"},
+      {"/inputs/a0", missing, "inputs.a0 is missing"},
+      {"/inputs/edges", missing, "inputs.edges is missing"},
+      {"/inputs/faces", missing, "inputs.faces is missing"},
+      {"/inputs/dim", 2, "inputs.dim must be 3"},
+      {"/inputs/sigma", {1}, "inputs.sigma is not used by model DP3"},
+      {"/inputs/rest_angles", 1, "inputs.rest_angles is 1, but must be true or false"},
+      {"/inputs/gamma", -1, "inputs.gamma is -1, but must not be negative"},
+      {"/inputs/V0", -1, "inputs.V0 is -1, but must be positive"},
+      {"/inputs/V0", {1, 2}, "inputs.V0 has 2 entries, but must have 1, one per particle"},
+      {"/inputs/a0/0/1", 0, "inputs.a0[0][1] is 0, but must be positive"},
+      {"/inputs/a0/0", {1, 2, 3}, "inputs.a0[0] has 3 entries, but must have 4, one per face"},
+      {"/inputs/l0/0", {1, 2, 3}, "inputs.l0[0] has 3 entries, but must have 6, one per edge"},
+      {"/inputs/edges/0/2", {0, 0}, "inputs.edges[0][2] is not an edge of a face"},
+      {"/inputs/edges/0/2", {1, 0}, "inputs.edges[0][2] is an edge that is listed twice"},
+      {"/inputs/edges/0/2", {1}, "inputs.edges[0][2] has 1 entries, but must have 2, one per vertex"},
+      {"/inputs/positions/0/1", {1, 2}, "inputs.positions[0][1] has 2 entries, but must have 3, one per coordinate"},
+      {"/inputs/faces/0/1", {1, 2}, "inputs.faces[0][1] has 2 entries, but must have 3, one per vertex"},
+      {"/inputs/faces/0/1/2", 4, "inputs.faces[0][1][2] is 4, but must be the number of one of 4 vertices, from 0"},
+      {"/inputs/faces/0/1/2", 0.5, "inputs.faces[0][1][2] is 0.5, but must be the number of one of 4 vertices"},
+      {"/inputs/faces/0/1", {1, 3, 0}, "inputs.faces[0] and inputs.positions[0] do not form a closed surface: faces"},
+      {"/inputs/faces/0", {{0, 1, 2}, {0, 1, 3}, {1, 2, 3}}, "do not form a closed surface: the surface has 3 faces"},
+      {"/inputs/positions/0/0", {-3, -3, -3}, "not form a closed surface: the surface has the signed volume -"},
+      {"/inputs/positions/0/1", {0.5, 0.5, 0.5}, "not form a closed surface: face 0 has no area"},
+      {"/inputs/a0/0/2", 1e9, "inputs.faces[0][2] has "},
+  };
+  REQUIRE(message(surface()) == "no error");
+  for (const Case& c : cases) {
+    json document = surface();
+    const json::json_pointer pointer(c.where);
+    if (c.value.is_discarded())
+      document[pointer.parent_pointer()].erase(pointer.back());
+    else
+      document[pointer] = c.value;
+    CAPTURE(c.where, c.value.dump());
+    CHECK_THAT(message(document), Catch::StartsWith("case.json") && Catch::Contains(c.message));
+  }
+  json angles = surface();
+  angles["inputs"].erase("theta0");
+  CHECK(message(angles) == "no error");
+  angles["inputs"]["rest_angles"] = true;
+  CHECK_THAT(message(angles), Catch::Contains("inputs.theta0 is missing"));
+  json far = read_case(PLIANT_TEST_DATA "/evaluate/d3_05_rough_pair.json");
+  far["inputs"]["positions"][1][0] = far["inputs"]["positions"][0][0];
+  CHECK_THAT(message(far), Catch::Contains("inputs.positions[1][0] is at no distance from inputs.positions[0][0]"));
 }
 
 TEST_CASE("evaluate gives droplets at walls and tips their velocities") {
@@ -475,7 +611,7 @@ TEST_CASE("evaluate names what is wrong with a document") {
       {disks(), "/model", 3, "case.json: model is 3, but must be a text"},
       {disks(), "/model", "disk",
        "case.json: model is \"disk\", but this version has sp, shape, rough, smooth, bubble, "
-       "SP, DP, DP-rough, DP-smooth"},
+       "SP, DP, DP-rough, DP-smooth, DP3, DP3-rough"},
       {disks(), "/inputs", missing, "case.json: inputs is missing"},
       {disks(), "/inputs", 1, "case.json: inputs is 1, but must be an object"},
       // keys

@@ -1,7 +1,9 @@
 #include <pliant/catalogue/parameter_table.h>
+#include <pliant/catalogue/surface_models.h>
 #include <pliant/geometry/container.h>
 #include <pliant/model/depletion.h>
 #include <pliant/model/polygon.h>
+#include <pliant/model/surface_terms.h>
 #include <pliant/scenarios/evaluate/case_input.h>
 
 #include <algorithm>
@@ -17,20 +19,45 @@ using Keys = std::vector<std::string_view>;
 struct ModelName {
   std::string_view name;
   ModelKind kind;
-  bool old = false;  ///< an older name: rules that have a form printed in [H] have it by default
+  bool old = false;    ///< an older name: rules that have a form printed in [H] have it by default
+  bool space = false;  ///< an older name of a model of surfaces
 };
-constexpr std::array<ModelName, 9> model_names{{{"sp", ModelKind::sp},
-                                                {"shape", ModelKind::shape},
-                                                {"rough", ModelKind::rough},
-                                                {"smooth", ModelKind::smooth},
-                                                {"bubble", ModelKind::bubble},
-                                                {"SP", ModelKind::sp, true},
-                                                {"DP", ModelKind::shape, true},
-                                                {"DP-rough", ModelKind::rough, true},
-                                                {"DP-smooth", ModelKind::smooth, true}}};
+constexpr std::array<ModelName, 11> model_names{{{"sp", ModelKind::sp},
+                                                 {"shape", ModelKind::shape},
+                                                 {"rough", ModelKind::rough},
+                                                 {"smooth", ModelKind::smooth},
+                                                 {"bubble", ModelKind::bubble},
+                                                 {"SP", ModelKind::sp, true},
+                                                 {"DP", ModelKind::shape, true},
+                                                 {"DP-rough", ModelKind::rough, true},
+                                                 {"DP-smooth", ModelKind::smooth, true},
+                                                 {"DP3", ModelKind::shape, false, true},
+                                                 {"DP3-rough", ModelKind::rough, false, true}}};
+
+/// A kind of particles: surfaces are deformable particles in space.
+struct Particles {
+  ModelKind kind;
+  bool surfaces = false;
+  bool operator==(const Particles&) const = default;
+};
+constexpr std::array<Particles, 7> all_particles{{{ModelKind::sp},
+                                                  {ModelKind::shape},
+                                                  {ModelKind::rough},
+                                                  {ModelKind::smooth},
+                                                  {ModelKind::bubble},
+                                                  {ModelKind::shape, true},
+                                                  {ModelKind::rough, true}}};
 
 /// Keys that are not parameters of terms.
-Keys keys_of(ModelKind kind) {
+Keys keys_of(const Particles& particles) {
+  const ModelKind kind = particles.kind;
+  if (particles.surfaces) {
+    Keys keys{"dim", "positions", "faces", "V0", "a0", "edges", "l0", "theta0"};
+    if (kind == ModelKind::rough)
+      for (const std::string_view key : {"delta", "velocities", "mass", "rho", "gravity", "shape_terms"})
+        keys.push_back(key);
+    return keys;
+  }
   const Keys polygon{"dim", "vertices", "a0", "l0"};
   if (kind == ModelKind::shape) return polygon;
   if (kind == ModelKind::bubble) return {"dim", "positions", "R", "b", "g", "rho", "walls", "wedge", "wall_friction"};
@@ -45,15 +72,15 @@ Keys keys_of(ModelKind kind) {
   return keys;
 }
 
-ParameterTable parameters_of(ModelKind kind) {
+ParameterTable parameters_of(const Particles& particles) {
   ParameterTable table;
-  table.declare(catalogue_model(kind));
+  table.declare(particles.surfaces ? surface_model(particles.kind) : catalogue_model(particles.kind));
   return table;
 }
 
 /// Includes the keys of the parameters.
-Keys all_keys(ModelKind kind, const ParameterTable& table) {
-  Keys keys = keys_of(kind);
+Keys all_keys(const Particles& particles, const ParameterTable& table) {
+  Keys keys = keys_of(particles);
   for (const ParameterTable::Entry& entry : table.entries()) {
     keys.push_back(entry.name);
     if (!entry.alias.empty()) keys.push_back(entry.alias);
@@ -62,21 +89,21 @@ Keys all_keys(ModelKind kind, const ParameterTable& table) {
 }
 
 /// A key of another model is allowed if its value is null.
-void check_keys(const CaseValue& inputs, const ModelName& model) {
+void check_keys(const CaseValue& inputs, const ModelName& model, const Particles& particles) {
   std::vector<ParameterTable> tables;
   Keys all, own;
-  for (const ModelKind kind : {ModelKind::sp, ModelKind::shape, ModelKind::rough, ModelKind::smooth, ModelKind::bubble})
-    tables.push_back(parameters_of(kind));
+  for (const Particles& one : all_particles) tables.push_back(parameters_of(one));
   for (std::size_t k = 0; k < tables.size(); ++k) {
-    const Keys keys = all_keys(model_names[k].kind, tables[k]);
-    if (model_names[k].kind == model.kind) own = keys;
+    const Keys keys = all_keys(all_particles[k], tables[k]);
+    if (all_particles[k] == particles) own = keys;
     for (const std::string_view key : keys)
       if (std::find(all.begin(), all.end(), key) == all.end()) all.push_back(key);
   }
   inputs.check_keys(all);
   for (const std::string& key : inputs.keys())
     if (inputs[key].present() && std::find(own.begin(), own.end(), key) == own.end())
-      inputs[key].fail("is not used by model {}; remove it or set it to null", model.name);
+      inputs[key].fail("is not used by model {}{}; remove it or set it to null", model.name,
+                       particles.surfaces && !model.space ? " with dim 3" : "");
 }
 
 Real number_in_range(const CaseValue& value, const ParameterTable::Entry& entry) {
@@ -99,9 +126,10 @@ ParameterValues::Value value_of(const CaseValue& value, const ParameterTable::En
 }
 
 /// old_names: gets "ka (k_a)" for each key that is an alias.
-ParameterValues read_parameters(const CaseValue& inputs, const ModelName& model, std::vector<std::string>& old_names) {
+ParameterValues read_parameters(const CaseValue& inputs, const ModelName& model, const Particles& particles,
+                                std::vector<std::string>& old_names) {
   ParameterValues values;
-  const ParameterTable table = parameters_of(model.kind);
+  const ParameterTable table = parameters_of(particles);
   for (const ParameterTable::Entry& entry : table.entries()) {
     CaseValue value = inputs[entry.name];
     if (!entry.alias.empty())
@@ -189,9 +217,13 @@ CaseModel read_model(const CaseValue& model, const CaseValue& inputs) {
   Keys names;
   for (const ModelName& one : model_names) names.push_back(one.name);
   const ModelName& own = model_names[model.choice(names)];
-  check_keys(inputs, own);
+  Particles particles{own.kind, own.space};
+  if (const CaseValue dim = inputs["dim"]; !own.old && dim.present() && dim.number() == 3)
+    particles.surfaces |= own.kind == ModelKind::shape || own.kind == ModelKind::rough;
+  check_keys(inputs, own, particles);
   std::vector<std::string> old_names;
-  CaseModel result{own.kind, read_parameters(inputs, own, old_names)};
+  CaseModel result{own.kind, read_parameters(inputs, own, particles, old_names), particles.surfaces};
+  if (own.space) old_names.push_back(fmt::format("{} ({} with dim 3)", own.name, to_string(own.kind)));
   if (own.old)
     old_names.push_back(fmt::format("{} ({}, whose contacts and friction are by default not as printed in [H])",
                                     own.name, to_string(own.kind)));
@@ -284,12 +316,116 @@ EvaluatedCase<2> read_polygons(const CaseValue& inputs, const CaseModel& model) 
     check_outline(vertices[m], c, static_cast<Index>(m));
   }
 
-  const ParameterTable table = parameters_of(model.kind);
+  const ParameterTable table = parameters_of({model.kind});
   if (!inputs["shape_terms"].flag_or(true))
     for (const ParameterTable::Entry& entry : table.entries())
       for (const Role role : {Role::area, Role::perimeter, Role::bending})
         if (entry.role == role) c.parameters.set(entry.name, 0.0);
   read_surroundings(inputs, c);
+  return c;
+}
+
+namespace {
+
+/// A number for all particles, or an array with one per particle.
+Real of_particle(const CaseValue& value, std::size_t m) {
+  return (value.is_array() ? value[m] : value).number(Sign::positive);
+}
+
+TriangleMesh read_surface(const CaseValue& positions, const CaseValue& faces) {
+  TriangleMesh mesh;
+  for (std::size_t i = 0; i < positions.size(); ++i) mesh.vertices.push_back(positions[i].vector<3>());
+  const auto vertices = static_cast<Index>(mesh.vertices.size());
+  for (std::size_t f = 0; f < faces.size(); ++f) {
+    faces[f].check_size(3, "vertex");
+    Face face;
+    for (int k = 0; k < 3; ++k) face[k] = faces[f][k].index(vertices, "vertices");
+    mesh.faces.push_back(face);
+  }
+  return mesh;
+}
+
+/// Puts values that the file lists edge by edge in the order of the hinges.
+void read_per_edge(const CaseValue& edges, const CaseValue& values, Sign sign, const Surface& surface,
+                   std::vector<Real>& out) {
+  edges.check_size(surface.hinges.size(), "edge of the faces");
+  values.check_size(surface.hinges.size(), "edge");
+  std::vector<bool> known(surface.hinges.size());
+  for (std::size_t k = 0; k < surface.hinges.size(); ++k) {
+    edges[k].check_size(2, "vertex");
+    const auto [a, b] =
+        std::minmax({edges[k][0].index(surface.vertices, "vertices"), edges[k][1].index(surface.vertices, "vertices")});
+    const auto found = std::ranges::find_if(surface.hinges, [&](const Hinge& h) { return h.a == a && h.b == b; });
+    if (found == surface.hinges.end()) edges[k].fail("is not an edge of a face; remove it");
+    const auto at = static_cast<std::size_t>(found - surface.hinges.begin());
+    if (known[at]) edges[k].fail("is an edge that is listed twice; list each edge once");
+    known[at] = true;
+    out[at] = values[k].number(sign);
+  }
+}
+
+/// Below this part of its rest area a face has no direction to rely on.
+constexpr Real least_face = 1e-6;
+
+}  // namespace
+
+EvaluatedCase<3> read_surfaces(const CaseValue& inputs, const CaseModel& model) {
+  EvaluatedCase<3> c;
+  c.kind = model.kind;
+  c.parameters = model.parameters;
+  c.topology.dim = 3;
+  if (const CaseValue dim = inputs["dim"]; dim.number_or(3) != 3) dim.fail("must be 3 for model DP3 and DP3-rough");
+  const CaseValue positions = inputs["positions"], faces = inputs["faces"], velocities = inputs["velocities"];
+  const CaseValue volumes = inputs["V0"], areas = inputs["a0"], edges = inputs["edges"], lengths = inputs["l0"],
+                  angles = inputs["theta0"], delta = inputs["delta"], mass = inputs["mass"];
+  const bool rest = model.kind == ModelKind::shape || volumes.present() || areas.present() || edges.present() ||
+                    lengths.present() || angles.present();
+  c.shape_terms = rest && inputs["shape_terms"].flag_or(true);
+  const bool rest_angles = configured(c.parameters, HingeBending{}).with_rest;
+  const std::size_t n = positions.size();
+  faces.check_size(n, "particle");
+  if (rest)
+    for (const CaseValue* required : {&areas, &edges, &lengths}) required->check_size(n, "particle");
+  if (rest_angles || angles.present()) angles.check_size(n, "particle");
+  for (const CaseValue* optional : {&mass, &velocities})
+    if (optional->present()) optional->check_size(n, "particle");
+  for (const CaseValue* numbers : {&volumes, &delta})
+    if (numbers->is_array()) numbers->check_size(n, "particle");
+  const Real rho = inputs["rho"].number_or(1, Sign::positive);
+
+  const auto surfaces = std::make_shared<Surfaces>();
+  for (std::size_t m = 0; m < n; ++m) {
+    const TriangleMesh mesh = read_surface(positions[m], faces[m]);
+    Surface surface;
+    try {
+      surface = relaxed_surface(mesh);
+    } catch (const InputError& error) {
+      faces[m].fail("and inputs.positions[{}] do not form a closed surface: {}", m, error.what());
+    }
+    if (rest) {
+      surface.volume = of_particle(volumes, m);
+      surface.sigma = sphere_diameter(surface.volume);
+      areas[m].check_size(surface.faces.size(), "face");
+      for (std::size_t f = 0; f < surface.faces.size(); ++f) surface.rest_area[f] = areas[m][f].number(Sign::positive);
+      read_per_edge(edges[m], lengths[m], Sign::positive, surface, surface.rest_length);
+      if (angles.present()) read_per_edge(edges[m], angles[m], Sign::any, surface, surface.rest_angle);
+    }
+    const Real width = delta.present() ? of_particle(delta, m) : surface.mean_rest_length();
+    const Real own_mass = mass.present() ? mass[m].number(Sign::positive) : rho * surface.volume;
+    surfaces->kinds.push_back(surface);
+    surfaces->add_particle(c.topology, static_cast<Index>(m), surface.volume, width, own_mass);
+    if (velocities.present()) velocities[m].check_size(mesh.vertices.size(), "vertex");
+    for (std::size_t i = 0; i < mesh.vertices.size(); ++i) {
+      append<3>(c.x, mesh.vertices[i]);
+      append<3>(c.v, velocities.present() ? velocities[m][i].vector<3>() : Vec<3>(0, 0, 0));
+    }
+    if (const SurfaceShape shape = look_at_surface(c.x.data(), c.topology, *surfaces, static_cast<Index>(m));
+        shape.least_area < least_face)
+      faces[m][static_cast<std::size_t>(shape.smallest_face)].fail(
+          "has {} of its rest area, but needs at least {}; move one of its vertices", shape.least_area, least_face);
+  }
+  c.surfaces = surfaces;
+  if (const CaseValue gravity = inputs["gravity"]; gravity.present()) c.gravity = gravity.vector<3>();
   return c;
 }
 

@@ -1,12 +1,14 @@
 // Reads the configuration that `pliant evaluate` computes.
 #pragma once
 
+#include <memory>
 #include <string>
 #include <vector>
 
 #include <pliant/catalogue/catalogue.h>
 #include <pliant/catalogue/parameter_values.h>
 #include <pliant/geometry/walls.h>
+#include <pliant/model/surface.h>
 #include <pliant/scenarios/evaluate/case_value.h>
 #include <pliant/system/neighbour_drag.h>
 
@@ -22,12 +24,15 @@ struct EvaluatedCase {
   Walls<D> walls;
   Topology topology;
   std::vector<Real> x, v;
+  std::shared_ptr<const Surfaces> surfaces = nullptr;  ///< null unless particles are surfaces
+  bool shape_terms = true;                             ///< whether surfaces have energies of the shape
 };
 
 /// The model of a case and the values of its parameters.
 struct CaseModel {
   ModelKind kind;
   ParameterValues parameters;
+  bool surfaces = false;    ///< particles are closed surfaces in space
   std::string remark = {};  ///< older names that the case has
 };
 
@@ -46,5 +51,8 @@ EvaluatedCase<D> read_droplets(const CaseValue& inputs, const ParameterValues& p
 
 /// Polygons: counter-clockwise, simple, every edge with a length.
 EvaluatedCase<2> read_polygons(const CaseValue& inputs, const CaseModel& model);
+
+/// Closed surfaces in space.
+EvaluatedCase<3> read_surfaces(const CaseValue& inputs, const CaseModel& model);
 
 }  // namespace pliant

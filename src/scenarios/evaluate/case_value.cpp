@@ -78,6 +78,13 @@ bool CaseValue::flag_or(bool fallback) const {
   return present() ? require(json::value_t::boolean, "true or false").get<bool>() : fallback;
 }
 
+Index CaseValue::index(Index count, std::string_view what) const {
+  const Real value = number();
+  if (!(value >= 0 && value < count && value == std::floor(value)))
+    fail("is {}, but must be the number of one of {} {}, from 0", value, count, what);
+  return static_cast<Index>(value);
+}
+
 const std::string& CaseValue::text() const {
   return require(json::value_t::string, "a text").get_ref<const std::string&>();
 }

@@ -25,6 +25,7 @@ class CaseValue {
   /// The whole document; `file` is its name in messages.
   CaseValue(const nlohmann::json& document, std::string file) : value_(&document), path_(std::move(file)) {}
 
+  bool is_array() const { return value_ != nullptr && value_->is_array(); }
   bool present() const { return value_ != nullptr && !value_->is_null(); }
   const std::string& path() const { return path_; }
 
@@ -45,6 +46,8 @@ class CaseValue {
   Real number(Sign sign = Sign::any) const;
   Real number_or(Real fallback, Sign sign = Sign::any) const { return present() ? number(sign) : fallback; }
   bool flag_or(bool fallback) const;
+  /// A whole number from 0 to count − 1; `what` names the counted items.
+  Index index(Index count, std::string_view what) const;
   const std::string& text() const;
   /// Position of a text among the choices.
   std::size_t choice(std::span<const std::string_view> choices) const;

@@ -1,5 +1,6 @@
 #include <pliant/base/console.h>
 #include <pliant/base/text.h>
+#include <pliant/catalogue/surface_models.h>
 #include <pliant/model/crossing.h>
 #include <pliant/model/edge_contact.h>
 #include <pliant/model/lip_contact.h>
@@ -26,7 +27,7 @@ void check_directions(const StateView<D>& s, bool lip_edges, const std::string& 
   const auto named = [&](Index i) {
     const Index m = topology.particle[i];
     if (!topology.deformable()) return fmt::format("inputs.positions[{}]", m);
-    return fmt::format("inputs.vertices[{}][{}]", m, i - topology.offset[m]);
+    return fmt::format("inputs.{}[{}][{}]", D == 2 ? "vertices" : "positions", m, i - topology.offset[m]);
   };
   const auto refuse = [&](Index i, const std::string& place) {
     throw InputError("{}: {} is at no distance from {}, where the force has no direction; move it", file, named(i),
@@ -116,7 +117,9 @@ void check_finite(const std::vector<Real>& values, std::string_view term, const 
 template <int D>
 ordered_json results(const EvaluatedCase<D>& c, const std::string& file) {
   ParameterValues parameters = c.parameters;
-  const auto model = make_force_field<D>(c.kind, parameters, {.gravity = c.gravity});
+  const Surroundings<D> around{.gravity = c.gravity};
+  const auto model = c.surfaces ? surface_model(c.kind, c.surfaces, c.shape_terms).template make<D>(parameters, around)
+                                : make_force_field<D>(c.kind, parameters, around);
   Neighbours<D> neighbours(model->needs(), 0);
   neighbours.rebuild(c.topology, c.walls, c.x.data());
   const StateView<D> s{c.x.data(), c.v.data(), c.topology, neighbours, c.walls};
@@ -137,6 +140,13 @@ ordered_json results(const EvaluatedCase<D>& c, const std::string& file) {
   force["total"] = rows<D>(c.topology, total);
 
   ordered_json result = ordered_json::object();
+  if (c.surfaces) {
+    std::vector<Real> volumes;
+    for (Index m = 0; m < c.topology.particles(); ++m)
+      volumes.push_back(surface_volume(s.x, c.topology, c.surfaces->of(c.topology, m), m));
+    check_finite(volumes, "the volume", file);
+    result["volume"] = per_particle(volumes);
+  }
   if constexpr (D == 2) {
     if (c.topology.deformable()) {
       std::vector<Real> areas;
@@ -209,7 +219,7 @@ json read_case(const std::string& file) {
 
 ordered_json evaluate(const json& document, const std::string& file, std::string* remark) {
   const CaseValue root(document, file);
-  root.check_keys(std::array<std::string_view, 5>{"name", "model", "note", "inputs", "expected"});
+  root.check_keys(std::array<std::string_view, 6>{"name", "model", "note", "inputs", "expected", "alternatives"});
   const CaseValue inputs = root["inputs"];
   CaseModel model = read_model(root["model"], inputs);
   if (remark != nullptr) *remark = model.remark;
@@ -221,6 +231,7 @@ ordered_json evaluate(const json& document, const std::string& file, std::string
   if (model.kind == ModelKind::sp) return in_dimension(inputs["dim"].number(), read_soft<2>, read_soft<3>);
   if (model.kind == ModelKind::bubble)
     return in_dimension(inputs["dim"].number_or(2), read_droplets<2>, read_droplets<3>);
+  if (model.surfaces) return results(read_surfaces(inputs, model), file);
   const EvaluatedCase<2> c = read_polygons(inputs, model);
   if (model.kind == ModelKind::smooth ||
       (model.kind == ModelKind::rough && configured(model.parameters, EdgeContact<>{0, Edges::bare}).on))
