@@ -432,6 +432,9 @@ class Run:
             raise RunError(f"{self.path}: not a folder (name the run's folder, not a file in it)")
         h5 = self.path / "run.h5"
         if not h5.exists():
+            if (self.path / "ensemble.h5").exists():
+                raise RunError(f"{self.path}: an ensemble, not a run; open it with pliant.Ensemble, whose extract() writes "
+                               "one of its runs to a separate folder")
             raise RunError(f"{self.path}: not a run (it has no run.h5)")
         # The summary first: by then run.h5 has the frames that it counts.
         self._summary_text = read_bytes(self.path / "summary.json")

@@ -192,5 +192,7 @@ def test_reader(tmp_path):
     assert kept.frames[0].centres.shape == (20, 2) and (tmp_path / "first/summary.json").exists()
     with pytest.raises(IndexError):
         all_runs[3]
+    with pytest.raises(pliant_python.RunError, match="an ensemble, not a run"):
+        pliant_python.Run(tmp_path / "run")
     with pytest.raises(pliant_python.RunError, match="not an ensemble"):
         pliant_python.Ensemble(tmp_path / "first")
