@@ -74,5 +74,5 @@ class Ensemble(Sequence):
             for part in member.names():
                 if part != "summary":
                     member.copy(part, file)
-        (folder / "summary.json").write_text(json.dumps(summary, indent=1) + "\n")
+        (folder / "summary.json").write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
         return Run(folder)

@@ -168,7 +168,7 @@ def test_scripts_send_away_runs_that_they_cannot_draw(soft, call, capsys, tmp_pa
         assert "scenario hopper, not of raft (snapshot.py" in message(name, soft[0])
     with pytest.raises(SystemExit):
         call("snapshot.py", raft, soft[0], "--panels", "-o", tmp_path / "a.png")
-    assert "other units" in capsys.readouterr().err
+    assert "different units" in capsys.readouterr().err
 
 
 def test_profile_ends_with_the_filling_and_with_the_flow(drawn, tmp_path):

@@ -191,7 +191,7 @@ def test_runs_that_a_figure_would_average(tmp_path, name, columns, values, told)
     ("H13", "mu,hopper_width,model", ("5,4,smooth", "5,6,"), None),
     ("H14", "mu,hopper_width", ("5,4", "5,6"), "no run has deformable particles (-model rough or smooth)"),
     ("readings-deformable", "mu,hopper_width", ("5,4", "5,6"), "no run has deformable particles"),
-    ("H12", "mu,hopper_width,dim", ("5,4,2", "5,6,3"), "of the plane"),
+    ("H12", "mu,hopper_width,dim", ("5,4,2", "5,6,3"), "shows 2D runs only"),
     ("H2", "mu,hopper_width,dim", ("5,4,2", "5,6,3"), None),
     ("H12", "mu,hopper_width,dim", ("5,4,flat",), None),  # the program reports the fault
     # a file of options may have the option
@@ -661,7 +661,7 @@ def test_what_a_figure_cannot_use(tmp_path):
         with pytest.raises(PliantError, match="enough widths"):
             command.FIGURES[name].draw(data.assign(Q_corrected=1.0, Q_corrected_error=0.1))
     for name in ("H6", "H7", "H11", "H12", "H13"):
-        with pytest.raises(PliantError, match="of the plane"):
+        with pytest.raises(PliantError, match="shows 2D runs only"):
             command.FIGURES[name].draw(flow_rows((0.0, 0.1, np.inf), dim=3))
     for name, other in (("H13", "deformable"), ("H14", "soft")):
         with pytest.raises(PliantError, match="no run has"):

@@ -234,7 +234,7 @@ def test_paths_are_relative_to_the_options_file(tmp_path):
 @pytest.mark.parametrize("command, words", [
     (("hopper", "-n", "1e8"), ["-n 100000000: ", "GB"]),
     (("hopper", "-n", "1e8", "-dim", "3", "-model", "disk"), ["-n 100000000: ", "GB"]),
-    (("hopper", "-n", "1e6", "-model", "rough", "-n_vertices", "1e4"), ["-n 1000000 with -n_vertices 10000", "numbered"]),
+    (("hopper", "-n", "1e6", "-model", "rough", "-n_vertices", "1e4"), ["-n 1000000 with -n_vertices 10000", "the limit is"]),
     (("hopper", "-n", "1e6", "-model", "smooth", "-n_vertices", "100"), ["-n 1000000 with -n_vertices 100", "GB"]),
     (("raft", "-rows", "10000", "-columns", "10000"), ["-rows 10000 -columns 10000", "GB"])], ids=str)
 def test_memory_is_counted_first(command, words, tmp_path):

@@ -77,7 +77,7 @@ def test_resumes_extends_and_refuses(tmp_path):
     ensemble(folder, ensemble=5)
     whole = tmp_path / "whole"
     ensemble(whole, ensemble=5, ensemble_workers=2)
-    assert (folder / "members.csv").read_text() == (whole / "members.csv").read_text()
+    assert (folder / "members.csv").read_bytes() == (whole / "members.csv").read_bytes()
     for options, message in [({"ensemble": 4}, "which is more than 4"), ({"n": 21}, "with -n 20, not 21"),
                              ({"ensemble_over": "pressure=1e-2,1e-3"}, "with option"), ({"seed": 2}, "with -seed 1, not 2")]:
         wanted = {**SMALL, "ensemble": 5, **options}
@@ -134,7 +134,7 @@ def test_failed_members_are_counted(tmp_path):
 def test_a_dead_worker_makes_one_run_fail(tmp_path):
     folder = tmp_path / "run"
     child = start("pack", output=folder, ensemble=40, ensemble_workers=1, n=60, pressure=1e-5)
-    workers = lambda: subprocess.run(["pgrep", "-P", str(child.pid)], capture_output=True, text=True).stdout.split()  # noqa: E731
+    workers = lambda: subprocess.run(["pgrep", "-P", str(child.pid)], capture_output=True, encoding="utf-8").stdout.split()  # noqa: E731
     wait_for(lambda: (folder / "ensemble.h5").exists() and workers(), child)
     os.kill(int(workers()[0]), signal.SIGKILL)
     _, errors = child.communicate()
@@ -143,11 +143,11 @@ def test_a_dead_worker_makes_one_run_fail(tmp_path):
 
 def test_workers_end_with_the_program(tmp_path):
     child = start("hopper", output=tmp_path / "run", ensemble=3, ensemble_workers=3, n=2000, t_end=1000, mu=1)
-    find = lambda: subprocess.run(["pgrep", "-P", str(child.pid)], capture_output=True, text=True).stdout.split()  # noqa: E731
+    find = lambda: subprocess.run(["pgrep", "-P", str(child.pid)], capture_output=True, encoding="utf-8").stdout.split()  # noqa: E731
     wait_for(lambda: len(find()) == 3, child)
     workers = [int(pid) for pid in find()]
     end(child, signal.SIGKILL)
-    wait_for(lambda: not any(os.path.exists(f"/proc/{pid}") and "Z" not in open(f"/proc/{pid}/stat").read().split()[2]
+    wait_for(lambda: not any(os.path.exists(f"/proc/{pid}") and "Z" not in open(f"/proc/{pid}/stat", encoding="utf-8").read().split()[2]
                              for pid in workers))
 
 
@@ -174,7 +174,7 @@ def test_bad_input(options, message, tmp_path):
 @pytest.mark.ranks
 def test_ranks_are_refused(tmp_path):
     result = subprocess.run(["mpiexec", "-n", "2", os.environ.get("PLIANT_PROGRAM", "pliant"), "pack", "-ensemble", "2",
-                             "-output", str(tmp_path / "run")], capture_output=True, text=True, env=mpi_environment())
+                             "-output", str(tmp_path / "run")], capture_output=True, encoding="utf-8", env=mpi_environment())
     assert result.returncode != 0 and "without mpiexec" in result.stderr
 
 

@@ -226,7 +226,7 @@ def test_t_end_comes_first(tmp_path):
     result = pliant("hopper", output=tmp_path / "run", **{**SMALL, **PRECISE, "hopper_q_rtol": 1e-3, "t_end": 50})
     run = Results(tmp_path / "run")
     assert result.returncode == 0 and run.summary["ended_by"] == "t_end" and run.summary["t"] == pytest.approx(50)
-    assert len(result.stderr.splitlines()) == 1 and "warning: -t_end 50" in result.stderr
+    assert len(result.stderr.splitlines()) == 1 and "reached -t_end 50" in result.stderr
     assert f"error of Q is {100 * relative_error(run):.2g} %" in result.stderr
 
 

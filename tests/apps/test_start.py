@@ -347,5 +347,5 @@ def test_frames_and_options_that_a_channel_refuses(tmp_path, channels, earlier):
         assert f"-{option} (command line) with -start {disks}" in channel_refused(tmp_path, disks, **{option: value})
     assert "have one point" in channel_refused(tmp_path, rough)
     assert "are polygons" in channel_refused(tmp_path, disks, model="rough")
-    assert "lengths in sigma_avg, but this run in cm" in channel_refused(tmp_path, earlier["disk"])
+    assert "lengths in sigma_avg, but this run has lengths in cm" in channel_refused(tmp_path, earlier["disk"])
     assert "lengths in cm, but this run has lengths in sigma_avg" in refused(tmp_path, disks, **of_model("disk", {}))

@@ -274,7 +274,7 @@ FIGURES = [
            ("hopper/size",),
            "flows", draw_size, "fewer lambda, widths and seeds, shorter runs",
            as_run=("as-run/size", "as-run/limits", "as-run/lambda"), tells=(ratio, "n", "hopper_width"), planar=True),
-    Figure("H13", "prefactor C of soft particles against their stiffness, and the collapse", ("quick/stiffness",),
+    Figure("H13", "prefactor C of soft particles against their stiffness; Q/C against w − k for all stiffnesses", ("quick/stiffness",),
            ("hopper/limits", "hopper/stiffness"), "flows", draw_soft_prefactors, "three stiffnesses, shorter runs",
            as_run=("as-run/stiffness", "as-run/limits", "as-run/limits-hard"), tells=_STIFFNESS, kind="soft",
            planar=True),
