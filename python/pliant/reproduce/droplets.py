@@ -437,7 +437,7 @@ FIGURES = [
            draw_gravity, "four seeds, fewer points", tells=_CLOGS),
     Figure("T4.3", "probability of a clog against the width of the exit", ("quick/width",), ("clog/width",), "clogs",
            draw_width, "four seeds, fewer points", tells=_CLOGS),
-    Figure("T4.4", "width of even odds against the capillary length", ("quick/width",), ("clog/width",), "clogs",
+    Figure("T4.4", "width at which half of the runs clog, against the capillary length", ("quick/width",), ("clog/width",), "clogs",
            draw_middle_widths, "four seeds, fewer points", tells=_CLOGS),
     Figure("T4.5", "mean avalanche against w/delta*", ("quick/width", "quick/gravity"),
            ("clog/width", "clog/gravity", "clog/numbers"), "clogs", draw_collapse, "four seeds, fewer points, one N",

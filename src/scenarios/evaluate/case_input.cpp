@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <array>
 #include <string>
+#include <utility>
 
 namespace pliant {
 namespace {
@@ -353,9 +354,10 @@ void read_per_edge(const CaseValue& edges, const CaseValue& values, Sign sign, c
   std::vector<bool> known(surface.hinges.size());
   for (std::size_t k = 0; k < surface.hinges.size(); ++k) {
     edges[k].check_size(2, "vertex");
-    const auto [a, b] =
+    const std::pair<Index, Index> edge =
         std::minmax({edges[k][0].index(surface.vertices, "vertices"), edges[k][1].index(surface.vertices, "vertices")});
-    const auto found = std::ranges::find_if(surface.hinges, [&](const Hinge& h) { return h.a == a && h.b == b; });
+    const auto found =
+        std::ranges::find_if(surface.hinges, [&](const Hinge& h) { return h.a == edge.first && h.b == edge.second; });
     if (found == surface.hinges.end()) edges[k].fail("is not an edge of a face; remove it");
     const auto at = static_cast<std::size_t>(found - surface.hinges.begin());
     if (known[at]) edges[k].fail("is an edge that is listed twice; list each edge once");
