@@ -62,7 +62,7 @@ class Ensemble(Sequence):
         return run
 
     def extract(self, number, folder):
-        """Writes run `number` as a run of its own, run.h5 and summary.json in a new folder, and returns its Run."""
+        """Writes run.h5 and summary.json of run `number` to a new folder, and returns the Run of this folder."""
         folder = Path(folder)
         name = f"{range(len(self))[number]:06d}"
         member = self._file["members"][name]

@@ -189,7 +189,7 @@ class Ensemble {
   }
 
  private:
-  /// Members of different values with the same seed follow each other, so that a part of an ensemble compares values.
+  /// Members of one value follow each other; all values have the same seeds.
   std::int64_t seed_of(Index member) const { return p_.seed + member % p_.ensemble; }
   std::string value_of(Index member) const {
     return varied_.values.empty() ? "" : varied_.values[static_cast<std::size_t>(member / p_.ensemble)];
@@ -303,7 +303,7 @@ class Ensemble {
       show_progress(at_start);
     }
     flush();
-    return false;
+    return done_.size() < static_cast<std::size_t>(count_);  // a signal may have stopped a worker alone
   }
 
   void take(Index member, Result&& result) {

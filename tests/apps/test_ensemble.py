@@ -141,6 +141,18 @@ def test_a_dead_worker_makes_one_run_fail(tmp_path):
     assert child.returncode == 3 and "1 of 40 runs have failed" in errors and "was killed by signal 9" in errors
 
 
+def test_a_worker_that_is_stopped_leaves_its_run_to_the_next_command(tmp_path):
+    options = {"ensemble": 2, "ensemble_workers": 1, "n": 200, "t_end": 20, "mu": 1}
+    child = start("hopper", output=tmp_path / "run", **options)
+    workers = lambda: subprocess.run(["pgrep", "-P", str(child.pid)], capture_output=True, encoding="utf-8").stdout.split()  # noqa: E731
+    wait_for(workers, child)
+    os.kill(int(workers()[0]), signal.SIGTERM)
+    output, errors = child.communicate()
+    assert child.returncode == 75 and "1 of 2 runs done" in output and errors == ""
+    again = pliant("hopper", output=tmp_path / "run", **options)
+    assert again.returncode == 0 and members(tmp_path / "run") == 2
+
+
 def test_workers_end_with_the_program(tmp_path):
     child = start("hopper", output=tmp_path / "run", ensemble=3, ensemble_workers=3, n=2000, t_end=1000, mu=1)
     find = lambda: subprocess.run(["pgrep", "-P", str(child.pid)], capture_output=True, encoding="utf-8").stdout.split()  # noqa: E731

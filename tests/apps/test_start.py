@@ -283,7 +283,7 @@ def channel_refused(folder, file, **options):
 
 @pytest.mark.parametrize("model, options", [("disk", {}), ("rough", {"model": "rough", "aspect": 2, "stiffness": 1e6})])
 def test_a_channel_from_a_frame(model, options, tmp_path, channels):
-    """Positions, velocities, spins, sizes and masses are those of the frame; a restart does not need the file."""
+    """The run starts with the positions, velocities, spins, sizes and masses of the frame; a restart does not need the file."""
     file = tmp_path / "copy.h5"
     file.write_bytes(channels[model].read_bytes())
     for name, more in {"whole": {}, "half": {"t_end": 0.015}}.items():

@@ -582,7 +582,7 @@ def test_a_packed_box(dim, fraction, shape):
 
 
 def test_a_box_at_a_pressure(tmp_path):
-    """Isostatic packings near jamming; the box is that of frames and of the restart."""
+    """Isostatic packings near jamming; frames and a restart have the box of the simulation."""
     sizes = pliant.diameters(32, seed=2)
     box = pliant.Box.filled(sizes, 0.8)
     with Simulation(box.pack(sizes), sizes, box=box, e_sp=1, output=tmp_path / "run") as sim:
