@@ -825,7 +825,7 @@ def test_deformable_particles_are_told_apart(tmp_path):
         command.FIGURES["deformable"].draw(reading_rows("friction", 2.2))
 
 
-def test_friction_at_the_vertex_is_printed_and_at_the_contact_a_reading(tmp_path):
+def test_labels_name_friction_at_the_vertex_and_not_at_the_contact(tmp_path):
     smooth = {"model": "smooth", "e_c": 250.0, "e_w": 250.0}
     contact, vertex = (reading_rows("friction", 1.5, friction_point=point, **smooth) for point in ("contact", "vertex"))
     vertex["Q"] *= 0.8
@@ -833,7 +833,7 @@ def test_friction_at_the_vertex_is_printed_and_at_the_contact_a_reading(tmp_path
     found = drawn("readings-deformable", pd.concat([contact, vertex, drag], ignore_index=True), tmp_path)
     kind = "smooth, K_l = 10, K_b = 0.1"
     assert {name for name in found if name.startswith("beta: ")} == {
-        f"beta: printed: {kind}, friction only", f"beta: printed, friction at the contact: {kind}, friction only",
+        f"beta: printed, friction at the vertex: {kind}, friction only", f"beta: printed: {kind}, friction only",
         f"beta: printed: {kind}, drag only"}
     assert found[f"Q with friction at the vertex over Q at the contact, w = 6: printed: {kind}"].value == pytest.approx(0.8, rel=0.02)
 
@@ -852,7 +852,7 @@ SINGLE = {"readings": "mu,zeta,e_sp,friction,contact_law,count,removal_depth,hop
     ("readings-deformable", ("smooth,31.6227766,,,,,,4", "smooth,31.6227766,,,vertex,,,4", "smooth,31.6227766,,,,relative,2000,4"), None),
     ("readings-deformable", ("smooth,31.6227766,,,,,,4", "smooth,31.6227766,,twofold,vertex,,,4", "smooth,31.6227766,,twofold,,,,4"), None),
     ("readings-deformable", ("smooth,31.6227766,,,,,,4", "smooth,31.6227766,,twofold,,relative,2000,4"), "-area_energy, -edge_force"),
-    ("readings-deformable", ("smooth,31.6227766,,,vertex,,,4", "smooth,31.6227766,,twofold,,,,4"), "-edge_force, -friction_point")])
+    ("readings-deformable", ("smooth,31.6227766,,,,,,4", "smooth,31.6227766,,twofold,vertex,,,4"), "-edge_force, -friction_point")])
 def test_a_single_difference_that_is_two_is_refused(tmp_path, name, lines, refused):
     tables = own_table(tmp_path, SINGLE[name], lines)
     if refused is None:

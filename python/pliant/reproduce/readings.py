@@ -35,11 +35,11 @@ AS_RUN_3D = {limit: AS_RUN[limit] | _START_3D | {"e_w": 578.7, "e_sp": 115.7} | 
              for limit, coefficient in (("friction", {"mu": 28.4}), ("drag", {"zeta": 4.111}))}
 MODELS = {2: (PRINTED, AS_RUN), 3: (PRINTED_3D, AS_RUN_3D)}
 OPTIONS = list(PRINTED["drag"])
-#: The options for deformable particles.
 _SIZE = ("n", "hopper_wall_distance")
+#: The options for deformable particles. [H 12] has friction at the vertex, which labels therefore name.
 _DEFORMABLE = {"friction": "whole", "drag": "per_particle", "e_c": 1e4, "e_w": 1e4, "count": "crossing", "reinsertion_gap": 0.0,
                "area_energy": "absolute", "bending_edges": "unit", "edge_force": "single", "edge_width": 0.1,
-               "friction_point": "vertex", "wall_diameter": 0.0}
+               "friction_point": "contact", "wall_diameter": 0.0}
 _DEFORMABLE_AS_RUN = {"e_c": 115.7, "e_w": 13.9, "count": "removal", "reinsertion_gap": 0.8333, "area_energy": "relative",
                       "bending_edges": "full", "edge_force": "twofold", "edge_width": 0.2, "wall_diameter": 0.1976}
 #: The edges belong to smooth particles.
@@ -118,8 +118,6 @@ def _of_one_model(rows):
         usual = (MODELS[int(kept.get("dim", 2))] if soft else MODELS_DEFORMABLE)[0][end]
         key = (*(kept.pop(name, None) for name in ("model", "dim", "k_l", "k_b")), end)
         kept = {name: value for name, value in usual.items() if name not in _NOT_ACTING[end] and value == value} | kept
-        if not soft and "friction_point" not in row.options and end == "friction":
-            kept["friction_point"] = "contact"  # the default of the program, which is not as printed
         found = groups.setdefault(key, [])
         if not any(not _differences(kept, other) for _, _, other in found):
             found.append((path, row.line, kept))
@@ -366,7 +364,7 @@ def _friction_points(fits):
         if set(data) != {"vertex", "contact"}:
             continue
         both = data["vertex"].merge(data["contact"], on="hopper_width", suffixes=("", "_contact"))
-        name = pair["name"][pair["friction_point"] == "vertex"].iloc[0]
+        name = pair["name"][pair["friction_point"] == "contact"].iloc[0]
         for row in both[(both["Q"] > 0) & (both["Q_contact"] > 0)].itertuples():
             ratio = row.Q / row.Q_contact
             quantities.append(Quantity(f"Q with friction at the vertex over Q at the contact, w = {row.hopper_width:g}: {name}", ratio,
