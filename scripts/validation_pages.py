@@ -9,6 +9,7 @@ A template is Markdown. `<!-- of: FIGURE LEVEL -->` sets the default of the rows
   <<SPECIFICATION>>      value and error, as pliant/reproduce/rows.py has specifications; several are joined by "to"
   <<%.1f SPECIFICATION>> value alone, in this format
   <<? SPECIFICATION>>    verdict of the row or rows
+  <!-- not in reproduced.csv: FILE; FILE -->   end of a passage, or line after a table, whose numbers have no rows
 
 and four kinds of tables, each between ":::" and ":::", an item a line:
 
@@ -63,6 +64,8 @@ SYMBOLS = [(re.compile(a), b) for a, b in (
 #: Notes that other columns show.
 SHOWN = re.compile(r"k at its bound|lambda_c (?:lies outside|is known to).*|a step between two lambda|with beta free.*|chi2/dof.*|as many parameters as points|the exponent published.*|\[H 5\] draws.*")
 INLINE = re.compile(r"<<(\?|%[\w.]+)? ?(.*?)>>")
+#: Marks the end of a passage without rows: † on the page. After a table the mark is a line of its own, which can name the files.
+MARK = re.compile(r" ?<!-- not in reproduced\.csv(?:: (.*?))? -->(\n?)")
 
 
 class TemplateError(Exception):
@@ -133,6 +136,14 @@ def inline(match, default, rows):
     if how == "?":
         return verdict(found)
     return " to ".join((how % one.value).replace("-", "−") if how else shown(one) for one in found)
+
+
+def dagger(match):
+    """What a page shows in place of a MARK."""
+    if match.start() > 0:
+        return " †" + match[2]
+    files = ", ".join(f"`{file}`" for file in match[1].split("; ")) if match[1] else ""
+    return f"\n{f'† {files}'.strip()}\n"
 
 
 def table(headers, lines):
@@ -270,7 +281,7 @@ def page(text, csv):
             if of := re.fullmatch(r"<!-- of: (.+) -->\n?", line):
                 default = of[1]
             else:
-                result.append(INLINE.sub(lambda match, of=default: inline(match, of, rows), line))
+                result.append(MARK.sub(dagger, INLINE.sub(lambda match, of=default: inline(match, of, rows), line)))
         if i + 1 < len(blocks):
             kind, _, of = blocks[i + 1].partition(" ")
             if kind not in TABLES:

@@ -75,7 +75,7 @@ def test_published_values_of_the_summary_are_those_of_its_rows(found):
     template = summary_lines((validation_pages.TEMPLATES / (SUMMARY + ".in")).read_text(encoding="utf-8"))
     pages, rows = summary_lines(found[SUMMARY]), validation_pages.Rows(reproduced())
     assert len(pages) > 40 and wrong_published(template, pages, rows) == []
-    for old, new in (("[H 2a] | 3/2", "[H 2a] | 5/2"), ("[H 5] | 1/2; −1/2", "[H 5] | 1/2; −3/2"), ("3.11a] | 0.37; 0", "3.11a] | 0.37; 1")):
+    for old, new in (("Fig. 2a] | 3/2", "Fig. 2a] | 5/2"), ("Fig. 5] | 1/2; −1/2", "Fig. 5] | 1/2; −3/2"), ("3.11a] | 0.37; 0", "3.11a] | 0.37; 1")):
         changed = [line.replace(old, new) for line in pages]
         assert changed != pages and len(wrong_published(template, changed, rows)) == 1, old
 

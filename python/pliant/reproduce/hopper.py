@@ -206,7 +206,7 @@ def draw_discharge(measured):
         if row["fit"]:
             data = row["data"][row["data"]["hopper_width"] > oil[0]]
             shape = (data["hopper_width"] - oil[0]) ** oil[1]
-            label = None if i else rf"oil drops [H]: $\beta$ = {oil[1]:g}, $k$ = {oil[0]:g}, $C$ fitted"
+            label = None if i else rf"oil drops [H]: $\beta$ = {oil[1]:g}, $k$ = {oil[0]:g}, $C$ fitted to each colour"
             left.plot(grid, (data["Q"] @ shape) / (shape @ shape) * (grid - oil[0]) ** oil[1], "-.", lw=1.2,
                       color=plotting.color(i), label=label)
         for quantity, known in (("beta", published.OIL_BETA), ("k", published.OIL_K), ("C", None)):

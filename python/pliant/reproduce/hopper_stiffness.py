@@ -74,7 +74,7 @@ def _map(axes, group, title):
     axes.set_xticks(np.arange(grid.shape[1]) + 0.5, labels=[f"{v:g}" for v in grid.columns])
     axes.set_yticks(np.arange(grid.shape[0]) + 0.5, labels=[f"{v:g}" for v in grid.index])
     axes.set(xlabel="$K_l$", ylabel="$K_b$")
-    axes.set_title(title + ("\n*: full edges bend" if one["star"].any() else ""), loc="left")
+    axes.set_title(title + ("\n*: full edge vectors" if one["star"].any() else ""), loc="left")
 
 
 def _stiffness_fits(measured):

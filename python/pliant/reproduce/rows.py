@@ -154,7 +154,8 @@ def _change(reference, others):
 #: Functions that specifications may call; `of` are rows, or lists of them.
 FUNCTIONS = {
     # numbers
-    "Value": Value, "TRUE_RATIO": Value(published.CODE_LAMBDA[2]), "value": lambda v: Value(v.value),
+    "Value": Value, "TRUE_RATIO": Value(published.CODE_LAMBDA[2]), "TRUE_RATIO_3D": Value(published.CODE_LAMBDA[3]),
+    "value": lambda v: Value(v.value),
     "abs": lambda v: Value(abs(v.value), v.error), "percent": lambda v: Value(100 * v.value, 100 * v.error),
     "relative": lambda v: Value(100 * v.error / abs(v.value)),
     "low": lambda *of: min(_values(of), key=lambda v: v.value), "high": lambda *of: max(_values(of), key=lambda v: v.value),
