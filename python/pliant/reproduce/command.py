@@ -35,7 +35,7 @@ _EPILOG = """examples:
   pliant-reproduce H2 quick -j 2
   pliant-reproduce H4 full                                 # hours; stop it, and resume with the same command
   pliant-reproduce H4 --kept                               # from stored results, without a run
-  pliant-reproduce H4 as-run                               # with all differences of the authors' code
+  pliant-reproduce H4 as-run                               # with all differences of the authors' program
   pliant-reproduce H2 --table mine.csv                     # your runs, the same figure
 
 exit codes: 0 done, 2 bad input, 3 runs have failed or a figure could not be drawn, 4 output failed, 75 runs are left: run
@@ -76,7 +76,7 @@ def _parser():
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("figure", metavar="FIG", help="a figure, as H2 or T2.14; all; or list, which shows them")
     parser.add_argument("level", nargs="?", choices=LEVELS, help="quick: at most 5 minutes on 2 cores, larger errors "
-                        "(default); full: the range of the paper, hours; as-run: with the options for the differences of the authors' code")
+                        "(default); full: the range of the paper, hours; as-run: with the options for the differences of the authors' program")
     parser.add_argument("-j", "--jobs", type=int, metavar="N", help="runs at a time (default: one per core)")
     parser.add_argument("-o", "--output", type=Path, default=Path("reproduced"), metavar="FOLDER",
                         help="folder of figures, reproduced.csv and runs (default: reproduced)")

@@ -50,7 +50,7 @@ class Figure:
     measure: str     #: name of a function of measure.py
     drawing: Callable   #: measured [DataFrame] → (matplotlib figure, [Quantity])
     quick_note: str = "fewer seeds and shorter runs"  #: the savings of the quick form
-    as_run: tuple = ()  #: with the options for the differences of the authors' code; empty where there are none
+    as_run: tuple = ()  #: with the options for the differences of the authors' program; empty where there are none
     #: Criteria that distinguish runs: options, and functions of a run's options. Runs that agree in all are seeds of one point.
     tells: tuple = ()
     kind: str = ""        #: of particles, of KINDS, if it shows one alone

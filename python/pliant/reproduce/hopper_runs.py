@@ -28,7 +28,7 @@ def chi2_note(chi2):
 
 def with_limit(measured):
     """`measured` with the columns lam, zeta/mu, and limit: friction, drag, or empty between them. With drag per mass lam
-    is in the numbers of the authors' code, to which the published values belong if the figures come from it. Runs with
+    is in the numbers of the authors' program, to which the published values belong if the figures come from it. Runs with
     another law of friction than [H 6] are omitted."""
     if "model" in measured and (other := measured["model"] == _COULOMB).any():
         remark(f"{other.sum()} runs of frictional disks are left out: their mu is another coefficient than in [H 6]")

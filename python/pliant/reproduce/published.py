@@ -35,7 +35,7 @@ RATIO_PLATEAU = Published(1.0, 0.0, "H 6b: plateau")
 #: Ratio zeta/mu at which beta is in the middle, by dimension with a flat bottom, and by angle in 2D.
 LAMBDA_C = {2: Published(0.05, 0.005, "H 4a"), 3: Published(0.07, 0.005, "H 4b")}
 LAMBDA_C_ANGLE = {90: Published(0.05, 0.005, "H 6a"), 30: Published(5e-3, 5e-4, "H 6a"), 20: Published(5e-3, 5e-4, "H 6a")}
-#: Ratio zeta/mu in true units over the ratio in the numbers of the authors' code, where drag is per mass: the mass
+#: Ratio zeta/mu in true units over the ratio in the numbers of the authors' program, where drag is per mass: the mass
 #: there of a particle of diameter sigma_avg = 1.2, density 16.
 CODE_LAMBDA = {2: 16 * math.pi / 4 * 1.2**2, 3: 16 * math.pi / 6 * 1.2**3}
 #: Exponent p of C ~ N^p.
