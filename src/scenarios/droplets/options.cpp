@@ -13,7 +13,7 @@ constexpr auto fixed = OnRestart::fixed;
 
 void bind_droplet_drag(Options& o, Real& b, Coupling& mobility) {
   o.bind("b", b,
-         {.help = "viscosity b of drag and of friction between neighbours",
+         {.help = "coefficient b of drag and of friction between neighbours",
           .unit = "F t0/R",
           .min = 0,
           .min_open = true,
