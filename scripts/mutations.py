@@ -3,7 +3,7 @@
 
   scripts/mutations.py [--seconds S] [WORD …]
 
-tests/mutations.toml has the changes, and the promises of docs/reference/reliability.md that depend on each mechanism. The
+tests/mutations.toml has the changes, and the guarantees of docs/reference/reliability.md that depend on each mechanism. The
 script works in a clone of the current commit, build-mutations: for each change it builds the tests or the program, runs the test
 with and without the change, and writes the result to validation/mutations.csv. The results are: "fails" (as it must), "passes",
 "does not build", "fails without the change", "takes too long". WORD: only changes whose file or test contains one of the
@@ -24,7 +24,7 @@ ROOT = Path(__file__).resolve().parents[1]
 TABLE, RESULTS = ROOT / "tests/mutations.toml", ROOT / "validation/mutations.csv"
 SOURCE = ROOT / "build-mutations"
 BUILD = SOURCE / "build"
-COLUMNS = ["promise", "file", "text", "change", "test", "result", "commit"]
+COLUMNS = ["guarantee", "file", "text", "change", "test", "result", "commit"]
 #: Targets that the tests of the program start or load.
 PROGRAMS = ["pliant", "pliant_test_disk", "pliant_test_memory", "pliant_test_handlers"]
 LONGEST = 900  # s of a test
@@ -32,7 +32,7 @@ NO_TESTS = 5   # exit code of pytest
 
 
 def mutations():
-    """The table as a list of dicts: promise, file, text, change, test."""
+    """The table as a list of dicts: guarantee, file, text, change, test."""
     return tomllib.loads(TABLE.read_text(encoding="utf-8"))["mutation"]
 
 
@@ -153,7 +153,7 @@ def main():
         bad += found["result"] != "fails"
         kept = pd.read_csv(RESULTS, dtype=str) if RESULTS.exists() else pd.DataFrame(columns=COLUMNS)
         table = pd.concat([kept, pd.DataFrame([found])]).drop_duplicates(list(row(mutation)), keep="last")
-        table.sort_values(["promise", "file", "test"])[COLUMNS].to_csv(RESULTS, index=False)
+        table.sort_values(["guarantee", "file", "test"])[COLUMNS].to_csv(RESULTS, index=False)
     return 1 if bad else 0
 
 

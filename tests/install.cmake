@@ -90,9 +90,9 @@ foreach(type cvode arkode)
 endforeach()
 
 # A model outside the tree and a scenario outside the tree: run, then continued to a later end.
-run("${WORK}/build/own_term" hopper -model droplet -tension 30 -n 20 -n_vertices 12 -hopper_wall_distance 7 -hopper_width 3
-    -e_c 500 -e_w 500 -k_a 1000 -t_end 0.1 -output "${WORK}/droplets")
-run("${WORK}/build/own_term" hopper -restart "${WORK}/droplets" -t_end 0.2)
+run("${WORK}/build/own_term" hopper -model line_tension -tension 30 -n 20 -n_vertices 12 -hopper_wall_distance 7 -hopper_width 3
+    -e_c 500 -e_w 500 -k_a 1000 -t_end 0.1 -output "${WORK}/tension")
+run("${WORK}/build/own_term" hopper -restart "${WORK}/tension" -t_end 0.2)
 run("${CMAKE_COMMAND}" -S "${share}/examples/own_scenario" -B "${WORK}/build-scenario" ${package}
     -D CMAKE_BUILD_TYPE=Debug)  # as that compiles faster
 run("${CMAKE_COMMAND}" --build "${WORK}/build-scenario")

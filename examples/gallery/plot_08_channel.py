@@ -16,7 +16,7 @@ from pliant import analysis
 # %%
 # Run
 # ---
-# Units are cm, g and s. The plunger is 70 times as fast as in the experiment of [T 3], and the disks are larger and fewer than in the experiment.
+# Units are cm, g and s. The plunger is 70 times as fast as in the experiment of [T ch. 3], and the disks are larger and fewer than in the experiment.
 folder = tempfile.TemporaryDirectory()
 run = pliant.channel(radii=[1.6, 1.1], counts=[1, 1], area_fraction=0.74, pushes=1, plunger_speed=15,
                      output=f"{folder.name}/channel", quiet=True)

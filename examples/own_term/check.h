@@ -1,4 +1,4 @@
-// Checks the derivatives of the line tension by finite differences, and lets a droplet relax: at rest the pressure
+// Checks the derivatives of the line tension by finite differences, and lets a polygon relax: at rest the pressure
 // inside balances the line tension.
 #pragma once
 
@@ -23,7 +23,7 @@ using namespace pliant;
 constexpr Index vertices = 24;
 constexpr Real area_stiffness = 100;
 
-inline ParticleSystem<2> droplet(Real tension) {
+inline ParticleSystem<2> polygon(Real tension) {
   Topology topology;
   const Real a0 = pi / 4, l0 = pi / vertices, delta = 0.1 * l0, mass = a0;
   topology.add_polygon(vertices, a0, l0, delta, mass);
@@ -90,7 +90,7 @@ inline bool within(const char* what, Real value, Real limit) {
 
 /// Whether all checks pass; prints faults.
 inline bool passes(Real tension) {
-  ParticleSystem<2> system = droplet(tension);
+  ParticleSystem<2> system = polygon(tension);
   std::vector<Real> x = stretched();
   const Topology& topology = system.topology();
   const DerivativeErrors errors = derivative_errors(Model<2, LineTension>(LineTension{tension}), system, x);
@@ -107,7 +107,7 @@ inline bool passes(Real tension) {
   const Real area = polygon_area(x.data(), topology, 0), perimeter = polygon_perimeter(x.data(), topology, 0);
   // For a regular polygon the radius in Laplace's law is the radius of the inscribed circle, 2 a/p.
   const Real pressure = area_stiffness * (topology.a0[0] - area), laplace = tension * perimeter / (2 * area);
-  say("droplet of {} vertices: {} steps of FIRE, {}\n", vertices, rest.iterations, rest.reason);
+  say("polygon of {} vertices: {} steps of FIRE, {}\n", vertices, rest.iterations, rest.reason);
   say("  shape p²/(4π a)   {:.6f} -> {:.6f}   (regular polygon: {:.6f})\n", before, shape(),
       vertices / pi * std::tan(pi / vertices));
   say("  pressure          {:.6f}   (gamma/r: {:.6f})\n", pressure, laplace);

@@ -1,4 +1,4 @@
-// A user-defined energy term: line tension, which makes a polygon a droplet.
+// A user-defined energy term: line tension, which makes a polygon round.
 #pragma once
 
 #include <algorithm>

@@ -1,6 +1,6 @@
-// A user-defined model, `droplet`, with a user-defined term (line_tension.h), in addition to the models of pliant. The
-// scenario hopper runs the model with the command line, files, restarts and figures of pliant:
-//   own_term hopper -model droplet -tension 20 -output runs/droplets
+// A user-defined model, `line_tension`, with a user-defined term (line_tension.h), in addition to the models of pliant.
+// The scenario hopper runs the model with the command line, files, restarts and figures of pliant:
+//   own_term hopper -model line_tension -tension 20 -output runs/tension
 //   own_term check 2     checks the term
 #include <charconv>
 
@@ -17,7 +17,7 @@ using namespace pliant;
 
 /// Polygons with a preferred area and a line tension instead of a preferred perimeter. Their outlines touch like the
 /// outlines of smooth particles.
-struct Droplet {
+struct TensePolygons {
   static std::unique_ptr<ForceField<2>> force_field(ParameterReader& p, const Surroundings<2>& s) {
     using Outlines = Fused<EdgeKernel, EdgeContact<>, EdgeFriction>;
     using Outer = Fused<PointKernel, Gravity<2>, Drag<2>>;
@@ -35,7 +35,7 @@ struct Droplet {
 
 Scenario check_scenario() {
   return {.name = "check",
-          .help = "derivatives of the line tension, and a droplet at rest",
+          .help = "derivatives of the line tension, and a polygon at rest",
           .arguments = "TENSION",
           .run = [](const Arguments& arguments, const Ranks& ranks) {
             const std::string text = arguments.size() == 1 ? arguments[0] : "";
@@ -53,6 +53,6 @@ Scenario check_scenario() {
 int main(int argc, char** argv) {
   return run_program(
       argc, argv,
-      {hopper_scenario({own_model<Droplet>("droplet", "droplets with a line tension", ModelKind::smooth)}),
+      {hopper_scenario({own_model<TensePolygons>("line_tension", "polygons with a line tension", ModelKind::smooth)}),
        check_scenario()});
 }

@@ -1,6 +1,6 @@
 """Fits of the flow rate: the Beverloo law Q = C (w/sigma_avg - k)^beta.
 
-The published exponents are beta = d - 1/2 (kinetic friction only) and d - 3/2 (drag only); docs/validation/validation.md has the
+The published exponents are beta = d - 1/2 (viscous friction only) and d - 3/2 (drag only); docs/validation/validation.md has the
 exponents that the program gives.
 """
 

@@ -1,4 +1,4 @@
-"""tests/mutations.toml: each entry has its mechanism in the source, and a test of a promise in docs/reference/reliability.md."""
+"""tests/mutations.toml: each entry has its mechanism in the source, and a test of a guarantee in docs/reference/reliability.md."""
 
 import sys
 from pathlib import Path
@@ -17,7 +17,7 @@ ENTRIES = mutations.mutations()
 
 
 def named_on_the_page(place, name):
-    """Whether a promise names the test, or its file."""
+    """Whether a guarantee names the test, or its file."""
     return any(place in (where, Path(where or "").stem) and name.startswith(test.removeprefix("test_").removesuffix("…").rstrip("_ "))
                for _, tests in ROWS for where, test in parts(tests))
 
@@ -28,6 +28,7 @@ def test_entry(entry):
     assert entry["change"] != entry["text"]
     place, name = mutations.place_and_name(entry)
     assert exists(place, name) and named_on_the_page(place, name)
+    assert sum(entry["guarantee"] in guarantee for guarantee, _ in ROWS) == 1
 
 
 def test_results_are_of_these_entries():

@@ -1,4 +1,4 @@
-"""Each promise of docs/reference/reliability.md names tests that exist."""
+"""Each guarantee of docs/reference/reliability.md names tests that exist."""
 
 import re
 from pathlib import Path
@@ -11,12 +11,12 @@ FOLDERS = sorted(path.name for path in (ROOT / "tests").iterdir() if path.is_dir
 PYTHON = [ROOT / "tests/apps", ROOT / "python/tests", ROOT / "tests/python"]
 
 
-def promises(text):
-    """(promise, tests) of each row of a table with the columns "promise" and "tests"."""
-    for table in re.findall(r"^\| promise \| tests \|\n\|---\|---\|\n((?:\|.*\n)+)", text, re.M):
+def guarantees(text):
+    """(guarantee, tests) of each row of a table with the columns "guarantee" and "tests"."""
+    for table in re.findall(r"^\| guarantee \| tests \|\n\|---\|---\|\n((?:\|.*\n)+)", text, re.M):
         for row in table.splitlines():
-            promise, tests = row.removesuffix("|").removeprefix("| ").rsplit(" | ", 1)
-            yield promise, tests.strip()
+            guarantee, tests = row.removesuffix("|").removeprefix("| ").rsplit(" | ", 1)
+            yield guarantee, tests.strip()
 
 
 def parts(tests):
@@ -58,24 +58,24 @@ def exists(place, name):
     return any(re.search(rf"^def test_\w*{re.escape(name.removeprefix('test_'))}", path.read_text(encoding="utf-8"), re.M) for path in paths)
 
 
-ROWS = list(promises(PAGE.read_text(encoding="utf-8")))
+ROWS = list(guarantees(PAGE.read_text(encoding="utf-8")))
 
 
-@pytest.mark.parametrize("promise, tests", ROWS, ids=[promise[:40] for promise, _ in ROWS])
-def test_promise(promise, tests):
+@pytest.mark.parametrize("guarantee, tests", ROWS, ids=[guarantee[:40] for guarantee, _ in ROWS])
+def test_guarantee(guarantee, tests):
     found = list(parts(tests))
-    assert found, f"no test: {promise}"
+    assert found, f"no test: {guarantee}"
     missing = [f"{place}: {name}" for place, name in found if not exists(place, name)]
-    assert not missing, f"{promise}: {missing}"
+    assert not missing, f"{guarantee}: {missing}"
 
 
-def test_every_table_of_promises_is_read():
-    assert len(ROWS) > 70 and PAGE.read_text(encoding="utf-8").count("| promise |") == len(
-        re.findall(r"^\| promise \| tests \|\n\|---\|---\|$", PAGE.read_text(encoding="utf-8"), re.M))
+def test_every_table_of_guarantees_is_read():
+    assert len(ROWS) > 70 and PAGE.read_text(encoding="utf-8").count("| guarantee |") == len(
+        re.findall(r"^\| guarantee \| tests \|\n\|---\|---\|$", PAGE.read_text(encoding="utf-8"), re.M))
 
 
 def test_the_check_itself():
-    page = "| promise | tests |\n|---|---|\n| a | `test_kills: every_kill`, `no_such`; io: `[lock]`, `no title …` |\n| b |  |\n"
-    (first, one), (second, none) = promises(page)
+    page = "| guarantee | tests |\n|---|---|\n| a | `test_kills: every_kill`, `no_such`; io: `[lock]`, `no title …` |\n| b |  |\n"
+    (first, one), (second, none) = guarantees(page)
     assert [exists(*part) for part in parts(one)] == [True, False, True, False]
     assert second == "b" and list(parts(none)) == []

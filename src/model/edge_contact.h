@@ -44,7 +44,7 @@ struct EdgeContact {
     epsilon = p.number(contact_energy::deformable);
     if (edges == Edges::wide) {
       force = p.choice({.name = "edge_force",
-                        .help = "smooth: vertex-edge force relative to vertex-vertex: 0.5 (single), 2 (twofold)"},
+                        .help = "smooth: vertex on edge f (single) or 2f (twofold); two vertices head on 2f or f"},
                        named<EdgeForce>({{"single", EdgeForce::single}, {"twofold", EdgeForce::twofold}}));
       return;
     }

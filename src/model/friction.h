@@ -1,4 +1,4 @@
-// The part of a relative velocity that kinetic friction opposes, for points and edges.
+// The part of a relative velocity that viscous friction opposes, for points and edges.
 #pragma once
 
 #include <pliant/geometry/distance.h>
@@ -11,12 +11,12 @@ enum class Friction {
   tangential  ///< without its component along the normal of the contact
 };
 
-/// The parameters of kinetic friction.
+/// The parameters of viscous friction.
 inline void read_friction(ParameterReader& p, Real& mu, Friction& friction) {
   mu = p.number({.name = "mu",
                  .symbol = "\\mu/\\mu_0",
                  .unit = dimension::drag,
-                 .help = "coefficient mu of kinetic friction: force / relative velocity",
+                 .help = "coefficient mu of viscous friction: force / relative velocity",
                  .role = Role::kinetic_friction});
   friction = p.choice(
       {.name = "friction", .help = "friction force along the relative velocity [H 6, 12], or its tangential part"},

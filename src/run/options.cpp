@@ -64,7 +64,7 @@ void RunOptions::bind_output(Options& o, bool intervals) {
           .max = 1000000,
           .on_restart = OnRestart::forget});
   o.bind("ensemble_over", ensemble_over,
-         {.help = "an option and its values, -ensemble runs of each: w=3,4,5",
+         {.help = "an option and its values, OPTION=VALUE,VALUE,...; -ensemble runs of each",
           .only_with = "-ensemble",
           .on_restart = OnRestart::forget});
   o.bind("ensemble_workers", ensemble_workers,
@@ -94,7 +94,7 @@ FrameFormat RunOptions::frame_format() const {
 
 void RunOptions::bind_threads(Options& o) {
   o.bind("threads", threads,
-         {.help = "threads of each rank; results do not depend on their number",
+         {.help = "threads of each process; results do not depend on their number",
           .min = 1,
           .max = 1024,
           .on_restart = OnRestart::forget});

@@ -22,7 +22,7 @@ struct NeighbourDrag<D>::Solver {
 template <int D>
 NeighbourDrag<D>::NeighbourDrag(const NeighbourDragOptions& options)
     : options_(options), solver_(std::make_unique<Solver>()) {
-  if (!(options.b > 0)) throw InputError("the viscosity b is {}, but it must be positive", options.b);
+  if (!(options.b > 0)) throw InputError("the drag coefficient b is {}, but it must be positive", options.b);
   if (!(options.beyond_contact > 0))
     throw InputError("the range of neighbours beyond contact is {}, but it must be positive", options.beyond_contact);
   petsc_check(KSPCreate(PETSC_COMM_SELF, solver_->ksp.out()));

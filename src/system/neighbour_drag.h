@@ -17,7 +17,7 @@ enum class Coupling {
 };
 
 struct NeighbourDragOptions {
-  Real b = 1;                 ///< viscosity: force per velocity
+  Real b = 1;                 ///< drag coefficient: force per velocity
   Real beyond_contact = 0.1;  ///< droplets are neighbours at r < R_i + R_j + beyond_contact: 2 a_s
   bool walls = false;         ///< walls within R + beyond_contact also have friction, relative to the velocity of the
                               ///< wall [T 4.1]

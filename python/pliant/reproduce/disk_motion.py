@@ -385,6 +385,6 @@ FIGURES = [
     _figure("TA.1", "rotation of disks against their motion", _PAIR, "cells", draw_rotations),
     _figure("T3.choices", "dependence of non-affine motion on choices that the thesis leaves open",
             ("channel/pair", "channel/dependence", "channel/dependence-bidisperse"), "motion", draw_choices,
-            "T4 alone, two seeds, twice the speed, fewer pushes", ("quick/channel-choices",),
+            "size distribution T4 alone, two seeds, twice the speed, fewer pushes", ("quick/channel-choices",),
             (*DISTRIBUTION, *CHANNEL_OPTIONS)),
 ]

@@ -248,7 +248,7 @@ FIGURES = [
            ("hopper/lambda-path",), "flows", draw_lambda, "fewer lambda and widths, shorter runs", tells=_LAMBDA),
     Figure("H5", "velocity on the axis for several widths, and its exponent at the orifice", ("quick/profile",),
            ("hopper/profile",), "profiles", draw_profiles, as_run=("as-run/profile",), tells=(ratio, "hopper_width")),
-    Figure("H6", "beta(lambda) and the ratio of the forces for several angles", ("quick/angle", "quick/lambda"),
+    Figure("H6", "beta(lambda) and the ratio of drag to friction for several angles", ("quick/angle", "quick/lambda"),
            ("hopper/angle", "hopper/angle-smooth", "hopper/angle-smooth-hard", "hopper/lambda-smooth"), "flows", draw_angles,
            "soft particles alone, three angles, fewer lambda, widths and seeds, shorter runs",
            as_run=("as-run/angle", "as-run/lambda", "as-run/limits", "as-run/angle-smooth", "as-run/lambda-smooth",

@@ -579,9 +579,9 @@ FIGURES = [
     Figure("protocol", "exponent with each choice of the protocol changed alone",
            ("quick/protocol",), ("hopper/protocol",), "readings", draw_protocol,
            "mu = 5 and zeta = 2 alone, fewer changes, shorter runs", tells=(*_ALONE, "t_end"), kind="soft"),
-    Figure("duration", "exponent of drag as run against the duration of the runs", ("quick/duration",), ("hopper/duration",),
+    Figure("duration", "exponent of the flow rate, drag only, as run, against the duration of the runs", ("quick/duration",), ("hopper/duration",),
            "readings", draw_duration, "fewer widths, shorter runs", tells=(*_ALONE, "t_end"), kind="soft"),
-    Figure("duration-deformable", "exponent of smooth particles' drag as run against the duration of the runs",
+    Figure("duration-deformable", "exponent of the flow rate of smooth particles, drag only, as run, against the duration of the runs",
            ("quick/duration-deformable",), ("hopper/duration-smooth",), "flows", draw_duration_deformable,
            "120 particles, fewer seeds, shorter runs", tells=(*_DEFORMABLE_ALONE, "t_end"), kind="deformable"),
 ]

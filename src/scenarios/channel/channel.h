@@ -1,4 +1,4 @@
-// Scenario `channel`: disks pushed through a channel by plungers, back and forth [T 3].
+// Scenario `channel`: disks pushed through a channel by plungers, back and forth [T ch. 3].
 #pragma once
 
 #include <pliant/run/scenario.h>

@@ -173,7 +173,7 @@ void ChannelOptions::bind(Options& o) {
           .min = 0,
           .min_open = true,
           .cures = {Cure::shorter_step},
-          .automatic = "0.2 of the elastic limit, at most 0.5 of the damping limit",
+          .automatic = "0.2 of the elastic limit, at most 0.5 of the damping limit, 0.7 of dt_critical",
           .on_restart = fixed});
   bind_allowed(o);
   o.bind("t_end", t_end,

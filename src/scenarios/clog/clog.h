@@ -1,4 +1,4 @@
-// The scenario `clog`: droplets that attract each other leave a hopper, or clog it [T 4].
+// The scenario `clog`: droplets that attract each other leave a hopper, or clog it [T ch. 4].
 #pragma once
 
 #include <vector>

@@ -13,7 +13,7 @@ constexpr auto fixed = OnRestart::fixed;
 
 void bind_droplet_drag(Options& o, Real& b, Coupling& mobility) {
   o.bind("b", b,
-         {.help = "viscosity b of drag and of friction between neighbours",
+         {.help = "coefficient b of drag and of friction between neighbours",
           .unit = "F t0/R",
           .min = 0,
           .min_open = true,
@@ -57,9 +57,7 @@ void DropletOptions::bind_droplets(Options& o) {
 void DropletOptions::bind_integration(Options& o, const std::string& automatic_end) {
   o.group("Integration");
   o.bind("integrator", integrator, {{"ts", DropletIntegrator::ts}},
-         {.help = "velocity Verlet with a fixed step, or PETSc TS (-ts_type, -ts_rtol, ...)",
-          .cures = {{Cure::ts, "ts"}},
-          .on_restart = fixed});
+         {.help = "PETSc TS (-ts_type, -ts_atol, ...)", .cures = {{Cure::ts, "ts"}}, .on_restart = fixed});
   o.bind("dt", dt,
          {.help = "first step of an adaptive method, or the fixed step",
           .unit = "t0",

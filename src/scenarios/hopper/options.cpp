@@ -193,7 +193,7 @@ void HopperOptions::bind(Options& o) {
           .min = 0,
           .min_open = true,
           .cures = {Cure::shorter_step},
-          .automatic = "0.2 to 0.4 of the elastic limit, at most 0.5 of the damping limit, at most 1e-3",
+          .automatic = "0.05 to 0.4 of the elastic limit, at most 0.5 of the damping limit, 0.7 of dt_critical, 1e-3",
           .on_restart = fixed});
   bind_allowed(o);
   o.bind("t_end", t_end,

@@ -81,7 +81,7 @@ struct HopperOptions : RunOptions {
   std::unique_ptr<ForceField<D>> force_field(const Vec<D>& gravity) const {
     return model.force_field<D>({.gravity = gravity});
   }
-  /// Coefficients of drag and of kinetic friction.
+  /// Coefficients of drag and of viscous friction.
   Real drag() const { return model.table().with(Role::drag)[0]->value(); }
   Real kinetic_friction() const { return model.value(Role::kinetic_friction); }
   std::string drag_option() const { return fmt::format("-{}", model.table().with(Role::drag)[0]->name); }

@@ -289,8 +289,8 @@ Scenario raft_scenario() {
        std::string(RaftOptions().model.parameters(Role::attraction)[0]->name), "motion", "v_wall", "end_distance",
        "seed", "output"});
   s.units =
-      "Units: ⟨R⟩ (R), the radius of a large droplet, and the unit of force F in which f0 is given; b = 1, t0 = "
-      "b⟨R⟩/F. "
+      "Units: ⟨R⟩ (R), the radius of a large droplet, and the unit of force F0 (in the table F) in which f0 is given; "
+      "b = 1, t0 = b⟨R⟩/F0. "
       "Options that begin with `-mobility_ksp_` and `-mobility_pc_` go to the solver for the velocities.";
   return s;
 }

@@ -1,4 +1,4 @@
-// The scenario `raft`: a raft of droplets between two walls, compressed or pulled apart until it breaks [T 2].
+// The scenario `raft`: a raft of droplets between two walls, compressed or pulled apart until it breaks [T ch. 2].
 #pragma once
 
 #include <array>
