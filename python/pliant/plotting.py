@@ -147,18 +147,20 @@ def _size(run, frame):
 
 
 def _area(run, frame):
-    return 100 * (frame.area / run.topology.a0 - 1)
+    return 100 * (frame.content / run.topology.a0 - 1)
 
 
 def _shape(run, frame):
-    return frame.perimeter**2 / (4 * np.pi * frame.area)
+    return frame.shape_parameter
 
 
 #: name → (values [N] of a frame, label of a run, colour map)
 QUANTITIES = {
     "speed": (_speed, lambda run: rf"speed  $|v|$  [${length_unit(run)}/{time_unit(run)}$]", "viridis"),
-    "area": (_area, lambda run: r"area change  $a/a_0 - 1$  [%]", "cividis"),
-    "shape": (_shape, lambda run: r"shape  $\mathcal{A} = p^2/4\pi a$", "magma"),
+    "area": (_area, lambda run: r"area change  $a/a_0 - 1$  [%]" if run.dim == 2 else r"volume change  $V/V_0 - 1$  [%]",
+             "cividis"),
+    "shape": (_shape, lambda run: r"shape  $\mathcal{A} = p^2/4\pi a$" if run.dim == 2
+              else r"shape  $\mathcal{A} = S^{3/2}/6\sqrt{\pi}V$", "magma"),
     "contacts": (_contacts, lambda run: "bound droplets" if run.droplets else "touching particles", "viridis"),
     "size": (_size, lambda run: rf"diameter  $\sigma/{length_unit(run)}$", "cividis"),
 }
@@ -246,8 +248,28 @@ def add_disks(axes, centres, diameters, autolim=True, **style):
     return disks
 
 
+def _shaded_triangles(run, frame, shown, colors):
+    """The triangles of surfaces that face the viewer at y < 0, the hindmost first, in the plane (x, z), and their colours
+    [n, 4] for a light at the upper left."""
+    light = np.array([-0.5, -0.7, 0.6]) / np.linalg.norm([-0.5, -0.7, 0.6])
+    corners, shades = [], []
+    for m, rgba in zip(shown, colors):
+        triangles = frame.positions[run.topology.faces[slice(*run.topology.face_offset[m:m + 2])]]
+        normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        front = np.flatnonzero(normals[:, 1] < 0)
+        front = front[np.argsort(-triangles[front, :, 1].mean(axis=1), kind="stable")]
+        corners.append(triangles[front][:, :, [0, 2]])
+        bright = 0.35 + 0.65 * np.clip(normals[front] @ light, 0, 1)
+        shades.append(np.column_stack([bright[:, None] * rgba[:3] + 0.15 * bright[:, None] ** 4, np.full(len(front), rgba[3])]))
+    if not corners:
+        return [], np.zeros((0, 4))
+    shades = np.clip(np.concatenate(shades), 0, 1)
+    return np.concatenate(corners), shades
+
+
 def draw_particles(axes, run, frame, colors, edge_shade=0.78, scale=None):
-    """Adds the particles of a frame: polygons with their rounded outline of width delta, or disks.
+    """Adds the particles of a frame: polygons with their rounded outline of width delta, shaded surfaces, or disks.
 
     colors: [N, 4] RGBA, or one colour for all. The outline needs the final layout of the figure: call it after the
     view, labels and colour bar are set, or pass `scale`, the points per unit of length of an earlier call. Returns
@@ -258,7 +280,12 @@ def draw_particles(axes, run, frame, colors, edge_shade=0.78, scale=None):
     faces = np.broadcast_to(faces, (run.topology.particles, 4))[shown]
     edges = faces * [edge_shade, edge_shade, edge_shade, 1]
     scale = _points_per_unit(axes) if scale is None else scale
-    if run.topology.deformable:
+    if run.topology.faces is not None:
+        triangles, shades = _shaded_triangles(run, frame, shown, faces)
+        # Edges in the colour of the face close the gaps between triangles.
+        artist = PolyCollection(triangles, facecolors=shades, edgecolors=shades, linewidths=0.3, zorder=2)
+        axes.add_collection(artist, autolim=False)
+    elif run.topology.deformable:
         polygons = frame.polygons
         # The outline is drawn on the edge, half of delta to each side, so that the painted area is the particle's true extent.
         widths = np.maximum(run.topology.particle_diameter[shown] * scale, 0.25)
@@ -311,6 +338,8 @@ def draw_frame(run, frame=-1, color="speed", axes=None):
 # ---- naming runs -----------------------------------------------------------------------------------------------------
 
 def model_name(run):
+    if run.model == "rough" and run.dim == 3:
+        return "rough surfaces"
     return MODEL_NAMES.get(run.model, run.model)
 
 

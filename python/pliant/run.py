@@ -18,7 +18,7 @@ from .run_file import RunFile
 _FRAME_DATASETS = ("positions", "centres", "active")
 
 #: Optional data of frames: the names that -frame_fields takes.
-FRAME_FIELDS = ("velocities", "angles", "spins", "area", "perimeter", "reinsertions", "contact_count", "contacts",
+FRAME_FIELDS = ("velocities", "angles", "spins", "area", "perimeter", "volume", "surface_area", "reinsertions", "contact_count", "contacts",
                 "wall_contacts", "wall_force")
 
 
@@ -80,6 +80,8 @@ class Topology:
     l0: np.ndarray        #: [N] rest length of an edge; 0 for soft particles
     mass: np.ndarray      #: [N]
     diameter: np.ndarray  #: [P] contact diameter of a point; delta for a vertex
+    faces: np.ndarray | None = None        #: [F, 3] points of each triangle of closed surfaces (3D), else None
+    face_offset: np.ndarray | None = None  #: [N+1] the faces of particle m are face_offset[m] … face_offset[m+1]-1
 
     @property
     def particles(self):
@@ -91,7 +93,7 @@ class Topology:
 
     @property
     def deformable(self):
-        """True if particles are polygons."""
+        """True if particles are polygons or closed surfaces."""
         return self.points > self.particles
 
     @property
@@ -317,6 +319,28 @@ class Frame:
     def perimeter(self):
         """[N] perimeters (polygons only)."""
         return self._read("perimeter", "polygons")
+
+    @_read_once
+    def volume(self):
+        """[N] volumes inside the surfaces (closed surfaces only)."""
+        return self._read("volume", "closed surfaces")
+
+    @_read_once
+    def surface_area(self):
+        """[N] areas of the surfaces (closed surfaces only)."""
+        return self._read("surface_area", "closed surfaces")
+
+    @property
+    def content(self):
+        """[N] areas of polygons, or volumes of closed surfaces."""
+        return self.area if self._run.dim == 2 else self.volume
+
+    @property
+    def shape_parameter(self):
+        """[N] p²/(4π a) of polygons, S^(3/2)/(6 √π V) of closed surfaces: 1 for a disk or sphere, else larger."""
+        if self._run.dim == 2:
+            return self.perimeter**2 / (4 * np.pi * self.area)
+        return self.surface_area**1.5 / (6 * np.sqrt(np.pi) * self.volume)
 
     @_read_once
     def wall_force(self):
@@ -566,7 +590,8 @@ class Run:
     @_read_once
     def topology(self):
         group = self._file["topology"]
-        return Topology(**{name: self.read(group[name]) for name in Topology.__dataclass_fields__})
+        return Topology(**{name: self.read(group[name]) for name in Topology.__dataclass_fields__
+                           if name in group or name not in ("faces", "face_offset")})
 
     @_read_once
     def geometry(self):

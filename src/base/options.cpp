@@ -504,8 +504,12 @@ Json Options::reference() const {
 Json Options::json() const {
   Json result = Json::object();
   for (const Option& option : options_) {
-    Json entry = {{"value", value(option)}, {"unit", option.spec.unit}, {"source", option.source}};
-    entry["is_default"] = option.source == "default" || entry["value"] == option.default_value;
+    const OptionSpec& spec = option.spec;
+    Json entry = {{"value", value(option)},
+                  {"unit", spec.unit_of_run ? spec.unit_of_run() : spec.unit},
+                  {"source", option.source}};
+    entry["is_default"] = option.source == "default" ||
+                          entry["value"] == (spec.default_of_run ? Json(spec.default_of_run()) : option.default_value);
     if (!option.spec.symbol.empty()) entry["symbol"] = option.spec.symbol;
     if (option.spec.term) {
       const std::optional<std::string> term = option.spec.term();

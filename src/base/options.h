@@ -45,6 +45,10 @@ struct OptionSpec {
   std::string only_with = {};            ///< setting of another option without which it is not read: "-model rough"
   /// Parameters of models only: the term of the run's model that reads the parameter, or nothing.
   std::function<std::optional<std::string>()> term = {};
+  /// Parameters of models only: unit and default in the dimensions of the run, where these are not the same in 2D and
+  /// 3D.
+  std::function<std::string()> unit_of_run = {};
+  std::function<Real()> default_of_run = {};
   Real min = -std::numeric_limits<Real>::infinity();
   Real max = std::numeric_limits<Real>::infinity();
   bool min_open = false;                  ///< min itself is not allowed

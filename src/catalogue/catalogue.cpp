@@ -3,6 +3,7 @@
 #include <array>
 
 #include <pliant/base/cure.h>
+#include <pliant/catalogue/surface_models.h>
 #include <pliant/model/base_friction.h>
 #include <pliant/model/contact_laws.h>
 #include <pliant/model/depletion.h>
@@ -147,9 +148,9 @@ Forces<2> shape_alone(ParameterReader& p, const Surroundings<2>& s) {
 const std::array<ModelDefinition, 6>& models() {
   static const std::array<ModelDefinition, 6> all{{
       {"sp", "soft", ModelKind::sp, soft<2>, soft<3>},
-      {"rough", "rough polygons", ModelKind::rough, rough},
+      {"rough", "rough polygons, in 3D rough surfaces", ModelKind::rough, rough, rough_surfaces},
       {"smooth", "smooth polygons", ModelKind::smooth, smooth},
-      {"shape", "polygons without contacts", ModelKind::shape, shape_alone},
+      {"shape", "polygons, in 3D surfaces, without contacts", ModelKind::shape, shape_alone, surfaces_without_contacts},
       {"bubble", "droplets", ModelKind::bubble, droplets<2>, droplets<3>},
       {"disk", "frictional", ModelKind::disk, frictional<2>, frictional<3>},
   }};
@@ -164,10 +165,7 @@ const ModelDefinition& catalogue_model(ModelKind kind) { return models()[static_
 
 template <int D>
 std::unique_ptr<ForceField<D>> make_force_field(ModelKind kind, ParameterReader& p, const Surroundings<D>& s) {
-  const ModelDefinition& definition = catalogue_model(kind);
-  if (!definition.maker<D>())
-    throw InputError("model {} exists in 2D only; use -model sp or {}", definition.name, cures({Cure::two_dimensions}));
-  return definition.make<D>(p, s);
+  return catalogue_model(kind).make<D>(p, s);
 }
 
 template std::unique_ptr<ForceField<2>> make_force_field<2>(ModelKind, ParameterReader&, const Surroundings<2>&);

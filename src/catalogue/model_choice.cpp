@@ -82,14 +82,18 @@ std::optional<std::string> ModelChoice::owner(const ParameterTable::Entry& entry
 
 void ModelChoice::bind(Options& options, ParameterTable::Entry& entry, const UnitSystem& units) {
   const std::vector<std::string> names = readers(entry);
-  OptionSpec spec{.help = entry.help,
-                  .unit = units.text(entry.unit, entry.in_space),
+  OptionSpec spec{.help = entry.help_text(),
+                  .unit = entry.unit_text(units),
                   .symbol = entry.symbol,
                   .models = names,
                   .only_with = names.size() < models_.size() ? fmt::format("-model {}", alternatives(names)) : "",
-                  .term = [this, &entry] { return entry.term_of(name); },
+                  .term = [this, &entry] { return entry.term_of(name, table_.dimension()); },
                   .cures = cures_of(entry.role),
                   .on_restart = OnRestart::fixed};
+  if (entry.other_in_space) {
+    spec.unit_of_run = [this, &entry, units] { return entry.unit_text(units, table_.dimension()); };
+    spec.default_of_run = [this, &entry] { return entry.default_in(table_.dimension()); };
+  }
   switch (entry.kind) {
     case ParameterTable::Kind::number:
     case ParameterTable::Kind::automatic:
@@ -119,7 +123,11 @@ std::vector<std::string> ModelChoice::readers(const ParameterTable::Entry& entry
 
 void ModelChoice::refuse_unread(const Options& options, std::string_view but) const {
   for (const ParameterTable::Entry& entry : table_.entries()) {
-    if (kept(entry) || entry.read_by(name) || !options.given(entry.name)) continue;
+    const int dim = table_.dimension();
+    if (kept(entry) || entry.read_by(name, dim) || !options.given(entry.name)) continue;
+    if (entry.read_by(name))
+      throw InputError("-{} ({}) with -model {} in {}D, which does not read it; leave it out, or use -dim {}",
+                       entry.name, options.source(entry.name), name, dim, 5 - dim);
     if (!but.empty() && std::ranges::find(entry.readings, but, &ParameterTable::Reading::term) != entry.readings.end())
       continue;
     throw InputError("-{} ({}) with -model {}, which does not read it; leave it out, or use -model {}", entry.name,

@@ -39,12 +39,13 @@ class ModelChoice {
   /// -model, if there are several, and the parameters of all models, in the group "Model"; parameters of models that
   /// are not in the catalogue have separate groups.
   void bind(Options& options, const UnitSystem& units);
-  /// Errors: InputError for an option that the user has given though the model does not read it. but: parameters of
-  /// this term are read by the scenario.
+  /// Call after `resolve`. Errors: InputError for an option that the user has given though the model does not read it
+  /// in the dimensions of the run. but: parameters of this term are read by the scenario.
   void refuse_unread(const Options& options, std::string_view but = {}) const;
-  /// Finds automatic values. Errors: InputError for parameters that contradict each other.
+  /// Finds automatic values for a run in D dimensions. Errors: InputError for parameters that contradict each other.
   template <int D>
   void resolve(const Surroundings<D>& s) {
+    table_.set_dimension(D);
     ParameterTable::Reader reader(table_, name, &table_);
     model().make<D>(reader, s);
   }

@@ -18,9 +18,27 @@ void add_new(std::vector<std::string>& all, const std::vector<std::string>& more
 
 }  // namespace
 
-std::optional<std::string> ParameterTable::Entry::term_of(std::string_view model) const {
-  const auto found = std::ranges::find(readings, model, &Reading::model);
+std::optional<std::string> ParameterTable::Entry::term_of(std::string_view model, int dim) const {
+  const auto found =
+      std::ranges::find_if(readings, [&](const Reading& r) { return r.model == model && (dim == 0 || r.dim == dim); });
   return found == readings.end() ? std::nullopt : std::optional(found->term);
+}
+
+bool ParameterTable::Entry::exists_in(int dim) const {
+  return std::ranges::find(readings, dim, &Reading::dim) != readings.end();
+}
+
+std::string ParameterTable::Entry::unit_text(const UnitSystem& units, int dim) const {
+  if (dim != 0) return units.text(dim == 3 && other_in_space ? other_in_space->unit : unit, dim);
+  if (!exists_in(2)) return units.text(unit, 3);
+  if (!exists_in(3)) return units.text(unit, 2);
+  if (!other_in_space) return units.text(unit, 0);
+  return fmt::format("2D: {}, 3D: {}", unit_text(units, 2), unit_text(units, 3));
+}
+
+std::string ParameterTable::Entry::help_text() const {
+  if (!other_in_space || other_in_space->help == help) return help;
+  return fmt::format("2D: {}; 3D: {}", help, other_in_space->help);
 }
 
 std::vector<std::string> ParameterTable::Entry::choices(std::string_view model) const {
@@ -33,8 +51,7 @@ std::vector<std::string> ParameterTable::Entry::choices(std::string_view model) 
 /// Adds the parameters that terms read, and returns their defaults.
 class ParameterTable::Collector final : public ParameterReader {
  public:
-  Collector(ParameterTable& table, std::string model, bool in_space)
-      : table_(table), model_(std::move(model)), in_space_(in_space) {
+  Collector(ParameterTable& table, std::string model, int dim) : table_(table), model_(std::move(model)), dim_(dim) {
     materials = table.surroundings_.materials;
     usual_dynamic_friction = table.surroundings_.usual_dynamic_friction;
   }
@@ -74,7 +91,6 @@ class ParameterTable::Collector final : public ParameterReader {
                                                   p.min_open,
                                                   p.role,
                                                   kind,
-                                                  false,
                                                   {}});
       entry->number = p.value;
       entry->flag = p.value != 0;
@@ -82,29 +98,45 @@ class ParameterTable::Collector final : public ParameterReader {
       if (p.role == Role::dynamic_friction && std::isfinite(usual_dynamic_friction))
         entry->automatic = fmt::format("{:g}, or {} if smaller", usual_dynamic_friction, p.automatic);
     }
-    if (entry->kind != kind || entry->help != p.help || (kind == Kind::number && entry->number != p.value))
+    if (dim_ == 3 && entry->exists_in(2) && !entry->exists_in(3)) declare_in_space(*entry, p, kind);
+    const bool by_dimension = dim_ == 3 && entry->other_in_space;
+    const Kind expected = entry->other_in_space && kind == Kind::number ? Kind::automatic : kind;
+    if (entry->kind != expected || (by_dimension ? entry->other_in_space->help : entry->help) != p.help ||
+        (kind == Kind::number && (by_dimension ? entry->other_in_space->number : entry->number) != p.value))
       throw std::logic_error("the parameter " + entry->name + " is declared differently by two terms");
-    entry->in_space |= in_space_;
-    const auto same = [&](const Reading& r) { return r.model == model_ && r.term == term_; };
+    const auto same = [&](const Reading& r) { return r.model == model_ && r.term == term_ && r.dim == dim_; };
     if (const auto found = std::ranges::find_if(entry->readings, same); found != entry->readings.end())
       add_new(found->choices, choices);
     else
-      entry->readings.push_back({model_, term_, std::move(choices)});
+      entry->readings.push_back({model_, term_, dim_, std::move(choices)});
+  }
+
+  /// The parameter of a term in 3D that terms in 2D have declared under the same name.
+  static void declare_in_space(Entry& entry, const Parameter& p, Kind kind) {
+    const bool same_unit =
+        p.unit.force == entry.unit.force && p.unit.length == entry.unit.length && p.unit.time == entry.unit.time;
+    if (kind != Kind::number || entry.kind != Kind::number ||
+        (entry.help == p.help && entry.number == p.value && same_unit))
+      return;
+    entry.other_in_space = InSpace{std::string(p.symbol), std::string(p.help), p.unit, p.value};
+    entry.kind = Kind::automatic;
+    entry.automatic = entry.number == p.value ? fmt::format("{:g}", p.value)
+                                              : fmt::format("{:g} in 2D, {:g} in 3D", entry.number, p.value);
   }
 
   ParameterTable& table_;
   std::string model_, term_;
-  bool in_space_;
+  int dim_;
 };
 
-void ParameterTable::declare(const ModelDefinition& model) {
+void ParameterTable::declare(const ModelDefinition& model, int dim) {
   const auto outlines = surroundings_.rest_outlines ? std::make_shared<const RestOutlines>() : nullptr;
-  if (model.plane) {
-    Collector all(*this, model.name, false);
+  if (model.plane && dim != 3) {
+    Collector all(*this, model.name, 2);
     model.plane(all, {.substrate = surroundings_.substrate, .rest_outlines = outlines});
   }
-  if (model.space && !surroundings_.substrate) {
-    Collector all(*this, model.name, true);
+  if (model.space && dim != 2 && !surroundings_.substrate) {
+    Collector all(*this, model.name, 3);
     model.space(all, {});
   }
 }
@@ -126,7 +158,7 @@ const ParameterTable::Entry& ParameterTable::at(std::string_view name) const {
 std::vector<const ParameterTable::Entry*> ParameterTable::with(Role role, std::string_view model) const {
   std::vector<const Entry*> all;
   for (const Entry& entry : entries_)
-    if (entry.role == role && (model.empty() || entry.read_by(model))) all.push_back(&entry);
+    if (entry.role == role && (model.empty() || entry.read_by(model, dimension_))) all.push_back(&entry);
   return all;
 }
 
@@ -158,7 +190,10 @@ ParameterTable::Reader::Reader(const ParameterTable& table, std::string model, P
   usual_dynamic_friction = table.surroundings_.usual_dynamic_friction;
 }
 
-Real ParameterTable::Reader::number(const Parameter& p) { return table_.at(p.name).value(); }
+Real ParameterTable::Reader::number(const Parameter& p) {
+  const Entry& entry = table_.at(p.name);
+  return entry.other_in_space ? automatic(p, p.value) : entry.value();
+}
 
 Real ParameterTable::Reader::automatic(const Parameter& p, Real value) {
   const std::optional<Real> set = table_.at(p.name).automatic_number;

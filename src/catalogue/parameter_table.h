@@ -10,6 +10,7 @@
 
 #include <pliant/base/text.h>
 #include <pliant/catalogue/catalogue.h>
+#include <pliant/catalogue/unit_system.h>
 #include <pliant/model/parameter.h>
 
 namespace pliant {
@@ -25,10 +26,17 @@ struct ModelSurroundings {
 class ParameterTable {
  public:
   enum class Kind { number, automatic, flag, choice };
-  /// A term that reads a parameter, and its choices.
+  /// A term that reads a parameter in so many dimensions, and its choices.
   struct Reading {
     std::string model, term;
+    int dim;
     std::vector<std::string> choices;
+  };
+  /// What a parameter is in 3D, if it is something else in 2D.
+  struct InSpace {
+    std::string symbol, help;
+    Dimension unit;
+    Real number;  ///< default
   };
   struct Entry {
     std::string name, symbol, help, automatic, alias, printed;
@@ -37,8 +45,8 @@ class ParameterTable {
     bool min_open;
     Role role;
     Kind kind;
-    bool in_space = false;  ///< models in 3D have it too
     std::vector<Reading> readings;
+    std::optional<InSpace> other_in_space = {};
 
     // The value, by its kind; first the default.
     Real number = 0;
@@ -48,24 +56,34 @@ class ParameterTable {
 
     /// Value of a number or automatic number.
     Real value() const { return kind == Kind::automatic ? automatic_number.value_or(number) : number; }
-    bool read_by(std::string_view model) const { return term_of(model).has_value(); }
-    /// The first term of the model that reads it.
-    std::optional<std::string> term_of(std::string_view model) const;
+    /// The first term of the model that reads it in so many dimensions; 0: in any.
+    std::optional<std::string> term_of(std::string_view model, int dim = 0) const;
+    bool read_by(std::string_view model, int dim = 0) const { return term_of(model, dim).has_value(); }
+    bool exists_in(int dim) const;
+    Real default_in(int dim) const { return dim == 3 && other_in_space ? other_in_space->number : number; }
+    /// Unit in so many dimensions; 0: a text for all dimensions in which it exists.
+    std::string unit_text(const UnitSystem& units, int dim = 0) const;
+    /// For all dimensions in which it exists.
+    std::string help_text() const;
     /// All choices of the terms of one model or, without a name, of any model.
     std::vector<std::string> choices(std::string_view model = {}) const;
   };
 
   explicit ParameterTable(ModelSurroundings surroundings = {}) : surroundings_(std::move(surroundings)) {}
 
-  /// Adds the parameters that the terms of a model read. Errors: std::logic_error for a name that is declared
-  /// differently by two terms.
-  void declare(const ModelDefinition& model);
+  /// Adds the parameters that the terms of a model read in so many dimensions; 0: in 2D and 3D. Errors:
+  /// std::logic_error for a name that is declared differently by two terms of one dimension.
+  void declare(const ModelDefinition& model, int dim = 0);
+
+  /// The dimensions of the run, once they are known: `with` then ignores parameters of other dimensions.
+  void set_dimension(int dim) { dimension_ = dim; }
+  int dimension() const { return dimension_; }
 
   std::deque<Entry>& entries() { return entries_; }
   const std::deque<Entry>& entries() const { return entries_; }
   /// Errors: std::logic_error for an unknown name.
   const Entry& at(std::string_view name) const;
-  /// Entries with a role that the model reads or, without its name, any model.
+  /// Entries with a role that the model reads in the dimensions of the run or, without its name, any model.
   std::vector<const Entry*> with(Role role, std::string_view model = {}) const;
 
   /// Sets a number, or all numbers and choices with a role. Errors: std::logic_error for an unknown name.
@@ -98,6 +116,7 @@ class ParameterTable {
   Entry& get(std::string_view name);
 
   ModelSurroundings surroundings_;
+  int dimension_ = 0;
   std::deque<Entry> entries_;
 };
 

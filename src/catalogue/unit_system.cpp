@@ -8,25 +8,25 @@ namespace pliant {
 namespace {
 
 /// d · per_dimension + plain, as an exponent.
-std::string exponent_in_space(int per_dimension, int plain) {
+std::string exponent_of(int per_dimension, int plain) {
   std::string text = per_dimension == 1 ? "d" : fmt::format("{}d", per_dimension);
   return plain == 0 ? text : fmt::format("({}{:+})", text, plain);
 }
 
 }  // namespace
 
-std::string UnitSystem::text(const Dimension& dimension, bool in_space) const {
+std::string UnitSystem::text(const Dimension& dimension, int dim) const {
   std::string over, under;
   for (const Base& base : bases_) {
     const int plain =
         base.power.force * dimension.force + base.power.length * dimension.length + base.power.time * dimension.time;
     const int per_dimension = base.power_of_dimension ? dimension.force : 0;
-    std::string& side = in_space && per_dimension > 0 ? over : plain + 2 * per_dimension > 0 ? over : under;
-    if (in_space && per_dimension != 0) {
-      side += fmt::format(" {}^{}", base.name, exponent_in_space(per_dimension, plain));
+    const int power = plain + (dim == 0 ? 2 : dim) * per_dimension, size = std::abs(power);
+    std::string& side = power > 0 || (dim == 0 && per_dimension > 0) ? over : under;
+    if (dim == 0 && per_dimension != 0) {
+      side += fmt::format(" {}^{}", base.name, exponent_of(per_dimension, plain));
       continue;
     }
-    const int power = plain + 2 * per_dimension, size = std::abs(power);
     if (power == 0) continue;
     side += (power > 0 ? " " : "/") + base.name + (size > 1 ? fmt::format("^{}", size) : "");
   }

@@ -18,8 +18,8 @@ class UnitSystem {
   };
   explicit UnitSystem(std::vector<Base> bases) : bases_(std::move(bases)) {}
 
-  /// "g cm/s^2"; with a power of d where in_space, and in the plane otherwise.
-  std::string text(const Dimension& dimension, bool in_space) const;
+  /// "g cm/s^2" in dim = 2 or 3 dimensions; with powers of d for dim = 0.
+  std::string text(const Dimension& dimension, int dim) const;
 
   static UnitSystem gravitational();    ///< σ_avg = g = ρ = 1
   static UnitSystem droplets();         ///< F, R, t0

@@ -123,6 +123,10 @@ FrameLayout::FrameLayout(const Frame& frame, int dimensions, const Ranks& ranks,
     add("area", particle, 1, frame.area);
     add("perimeter", particle, 1, frame.perimeter);
   }
+  if (ranks.any(!frame.volume.empty())) {
+    add("volume", particle, 1, frame.volume);
+    add("surface_area", particle, 1, frame.surface_area);
+  }
   if (ranks.any(!frame.reinsertions.empty())) add("reinsertions", particle, 1, frame.reinsertions);
   add("contact_count", particle, 1, frame.contact_count);
   const auto add_contacts = [&](const std::string& group, const FrameContacts& contacts, auto&& add_partners) {

@@ -15,6 +15,7 @@
 #include <pliant/io/dataset_table.h>
 #include <pliant/io/folder_lock.h>
 #include <pliant/io/shared_file.h>
+#include <pliant/model/surface.h>
 
 namespace pliant {
 namespace {
@@ -68,13 +69,18 @@ void write_xdmf_constants(Group& parent, const std::string& name, std::uint64_t 
 }
 
 /// Constants of particles and walls; runs of older versions have fewer.
-void write_xdmf_constants(File& file, int dim, const DrawnWalls& drawn, std::uint64_t walls) {
+void write_xdmf_constants(File& file, int dim, const DrawnShapes& drawn, std::uint64_t walls) {
   auto topology = file.open_group("/topology"), geometry = file.open_group("/geometry");
   write_xdmf_constants(topology, "xdmf", file.shape("/topology/sigma").at(0));
+  if (drawn.faces > 0) {
+    write_xdmf_constants(topology, "xdmf/of_faces", drawn.faces);
+    write_xdmf_constants(topology, "xdmf/of_points", file.shape("/topology/diameter").at(0));
+  }
   if (dim != 2) return;
   write_xdmf_constants(geometry, "xdmf", walls);
   if (!geometry.has("xdmf/of_points/nan_vector"))
-    geometry.write_constant("xdmf/of_points/nan_vector", std::numeric_limits<Real>::quiet_NaN(), {drawn.points, 3});
+    geometry.write_constant("xdmf/of_points/nan_vector", std::numeric_limits<Real>::quiet_NaN(),
+                            {drawn.wall_points, 3});
 }
 
 void write_topology(File& file, const Topology& topology) {
@@ -93,7 +99,21 @@ void write_topology(File& file, const Topology& topology) {
   for (Index m = 0; m < topology.particles(); ++m) number[m] = m;
   write("mass", mass);
   write("xdmf/particle", number);
-  write("xdmf/connectivity", xdmf_particles(topology.offset));
+  if (!topology.surfaces) {
+    write("xdmf/connectivity", xdmf_particles(topology.offset));
+    return;
+  }
+  std::vector<Index> faces, of_face, offset{0};
+  for (Index m = 0; m < topology.particles(); ++m) {
+    for (const Face& face : topology.surfaces->of(topology, m).faces) {
+      for (const Index vertex : face) faces.push_back(topology.offset[m] + vertex);
+      of_face.push_back(m);
+    }
+    offset.push_back(static_cast<Index>(of_face.size()));
+  }
+  write("face_offset", offset);
+  group.write("faces", faces, {of_face.size(), 3}, Storage::crc32);
+  write("xdmf/face_particle", of_face);
 }
 
 void write_geometry(File& file, const RunGeometry& geometry, int dim) {
@@ -112,22 +132,23 @@ void write_geometry(File& file, const RunGeometry& geometry, int dim) {
   }
 }
 
-DrawnWalls drawn_walls(const File& file, int dim) {
-  if (dim != 2) return {};
+DrawnShapes drawn_shapes(const File& file, int dim) {
+  if (dim != 2) return {.faces = file.has("/topology/faces") ? file.shape("/topology/faces").at(0) : 0};
   return {file.shape("/geometry/xdmf/points").at(0), file.shape("/geometry/xdmf/connectivity").at(0)};
 }
 
 /// XML of a frame of a run of `walls` segments and these particles.
 std::string grid_of(const Group& group, const std::string& name, int dim, std::uint64_t particles, std::uint64_t points,
-                    std::uint64_t walls, const DrawnWalls& drawn) {
+                    std::uint64_t walls, const DrawnShapes& drawn) {
   XdmfFrame frame{.name = name,
                   .time = group.real_attribute("time"),
                   .dim = dim,
                   .particles = particles,
                   .points = points,
                   .walls = walls,
-                  .wall_points = drawn.points,
-                  .wall_connectivity = drawn.connectivity};
+                  .wall_points = drawn.wall_points,
+                  .wall_connectivity = drawn.wall_connectivity,
+                  .faces = drawn.faces};
   const auto count = [&](const char* dataset) { return group.has(dataset) ? group.shape(dataset).at(0) : 0; };
   frame.contacts = count("contacts/overlap");
   frame.wall_contacts = count("wall_contacts/overlap");
@@ -145,7 +166,7 @@ std::vector<std::string> grids_of(const File& file, const Topology& topology, st
                                   std::uint64_t frames) {
   std::vector<std::string> grids;
   const auto list = file.open_group("/frames");
-  const auto drawn = drawn_walls(file, topology.dim);
+  const auto drawn = drawn_shapes(file, topology.dim);
   for (std::uint64_t n = 0; list.has(frame_name(n)); ++n) {
     try {
       grids.push_back(grid_of(list.open_group(frame_name(n)), frame_name(n), topology.dim,
@@ -223,8 +244,8 @@ void RunWriter::start(const Manifest& manifest, const Topology& topology, const 
   file_.emplace(File::create(begun));
   try {
     write_head(manifest, topology, geometry);
-    drawn_walls_ = drawn_walls(*file_, dim_);
-    write_xdmf_constants(*file_, dim_, drawn_walls_, walls_);
+    drawn_ = drawn_shapes(*file_, dim_);
+    write_xdmf_constants(*file_, dim_, drawn_, walls_);
     file_->flush();
     file_->rename(path);
     xdmf_.emplace(folder_ / "run.xdmf", std::vector<std::string>());
@@ -273,8 +294,8 @@ void RunWriter::go_on(const Topology& topology, std::uint64_t series_rows, std::
     for (const std::string& name : file_->open_group(group).datasets()) file_->open_group(group).check(name);
   walls_ = file_->shape("/geometry/segments").at(0);
   periodic_ = file_->has("/geometry/box");
-  drawn_walls_ = drawn_walls(*file_, dim_);
-  write_xdmf_constants(*file_, dim_, drawn_walls_, walls_);
+  drawn_ = drawn_shapes(*file_, dim_);
+  write_xdmf_constants(*file_, dim_, drawn_, walls_);
   check_frames();
   xdmf_.emplace(folder_ / "run.xdmf", grids_of(*file_, topology, walls_, frames_));
   samples_ = Table::stored(*file_, "/series", series_rows);
@@ -401,7 +422,7 @@ void RunWriter::write_frame(const Frame& frame, const FrameFormat& format) {
     list.count_members();
     write_tables();
     file_->flush();
-    if (xdmf_) xdmf_->put(frames_, grid_of(*group, name, dim_, layout.particles, layout.points, walls_, drawn_walls_));
+    if (xdmf_) xdmf_->put(frames_, grid_of(*group, name, dim_, layout.particles, layout.points, walls_, drawn_));
   });
   ++frames_;
 }

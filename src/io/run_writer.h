@@ -37,9 +37,10 @@ struct RunGeometry {
   std::vector<Real> box = {};  ///< [2, D] of a periodic box: origin and lengths, infinite in open directions
 };
 
-/// How many points, and values of connectivity, draw the walls in run.xdmf.
-struct DrawnWalls {
-  std::uint64_t points = 0, connectivity = 0;
+/// What draws walls and particles in run.xdmf.
+struct DrawnShapes {
+  std::uint64_t wall_points = 0, wall_connectivity = 0;  ///< numbers of points, and of values of connectivity
+  std::uint64_t faces = 0;                               ///< triangles of all closed surfaces
 };
 
 /// One number or one row of numbers of a sample.
@@ -160,7 +161,7 @@ class RunWriter {
   std::optional<XdmfFile> xdmf_;    ///< on the root; none for a file in memory
   std::uint64_t walls_ = 0, frames_ = 0;
   bool periodic_ = false;
-  DrawnWalls drawn_walls_;
+  DrawnShapes drawn_;
   Table samples_{"/series"}, events_{"/events"};
   std::vector<std::string> damage_;
 };

@@ -94,6 +94,7 @@ class FrameGrids {
 
  private:
   Grid particles() const {
+    if (f_.faces > 0) return faces();
     Grid grid{"particles",
               f_.particles,
               f_.points,
@@ -111,6 +112,20 @@ class FrameGrids {
     add(grid, "contact_count", "contact_count", integer);
     add(grid, "area", "area", stored());
     if (f_.has("area")) grid.own["a0"] = {"/topology/a0", real};
+    return grid;
+  }
+  /// The triangles of closed surfaces.
+  Grid faces() const {
+    Grid grid{"particles",
+              f_.faces,
+              f_.points,
+              cells("Triangle", 3, f_.faces, "/topology/faces"),
+              group_ + "/positions",
+              "/topology/xdmf/of_faces",
+              "/topology/xdmf/of_points",
+              {}};
+    grid.own = {{"particle", {"/topology/xdmf/face_particle", integer}}};
+    add(grid, "velocity", "velocities", stored());
     return grid;
   }
   Grid walls() const {

@@ -21,6 +21,7 @@ struct XdmfFrame {
   int dim = 2;
   std::uint64_t particles = 0, points = 0, contacts = 0, wall_contacts = 0, walls = 0;
   std::uint64_t wall_points = 0, wall_connectivity = 0;  ///< sizes of the wall grid
+  std::uint64_t faces = 0;                               ///< triangles of all closed surfaces; 0: other particles
   std::uint64_t connectivity = 0;                        ///< length of the particles' connectivity
   bool moving_walls = false;                             ///< whether the frame has separate places of the walls
   bool single = false;                                   ///< whether its real numbers have 4 bytes

@@ -20,9 +20,11 @@ Real sphere_diameter(Real volume) { return std::cbrt(6 * volume / pi); }
 
 Surface relaxed_surface(const TriangleMesh& mesh) {
   Surface s;
-  s.vertices = static_cast<Index>(mesh.vertices.size());
   s.hinges = check_mesh(mesh);
   s.faces = mesh.faces;
+  s.vertices = mesh.vertices;
+  const Vec<3> mean = std::accumulate(s.vertices.begin(), s.vertices.end(), Vec<3>(Vec<3>::Zero())) / s.points();
+  for (Vec<3>& r : s.vertices) r -= mean;
   s.volume = volume(mesh);
   s.sigma = sphere_diameter(s.volume);
   const std::vector<Vec<3>>& r = mesh.vertices;
@@ -49,7 +51,7 @@ Surface surface_with_shape(const TriangleMesh& mesh, Real shape) {
 void Surfaces::add_particle(Topology& topology, Index which, Real volume, Real delta, Real mass) {
   const Surface& surface = kinds[which];
   const Real sigma = sphere_diameter(volume);
-  topology.add_polygon(surface.vertices, volume, surface.mean_rest_length() * sigma / surface.sigma, delta, mass);
+  topology.add_polygon(surface.points(), volume, surface.mean_rest_length() * sigma / surface.sigma, delta, mass);
   topology.sigma.back() = sigma;
   kind.push_back(which);
 }
@@ -63,6 +65,13 @@ Real surface_volume(const Real* x, const Topology& topology, const Surface& surf
     sixfold += u.dot(v.cross(w));
   }
   return sixfold / 6;
+}
+
+Real surface_area(const Real* x, const Topology& topology, const Surface& surface, Index m) {
+  const auto at = [&](Index i) { return Vec<3>(point<3>(x, topology.offset[m] + i)); };
+  Real sum = 0;
+  for (const auto& [a, b, c] : surface.faces) sum += face_normal(at(a), at(b), at(c)).norm() / 2;
+  return sum;
 }
 
 SurfaceShape look_at_surface(const Real* x, const Topology& topology, const Surfaces& surfaces, Index m) {

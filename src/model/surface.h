@@ -11,7 +11,7 @@ namespace pliant {
 /// Connectivity and rest shape of particles. Particles of other rest volumes have the same shape: their rest lengths
 /// are in proportion.
 struct Surface {
-  Index vertices = 0;
+  std::vector<Vec<3>> vertices;  ///< in the shape of the mesh, about their mean
   std::vector<Face> faces;
   std::vector<Hinge> hinges;
   Real volume = 0;                ///< rest volume
@@ -20,6 +20,7 @@ struct Surface {
   std::vector<Real> rest_length;  ///< [hinges]
   std::vector<Real> rest_angle;   ///< [hinges] from the normal of one face to the other, positive at convex edges
 
+  Index points() const { return static_cast<Index>(vertices.size()); }
   Real total_rest_area() const;
   Real mean_rest_length() const;
 };
@@ -33,7 +34,7 @@ Surface relaxed_surface(const TriangleMesh& mesh);
 /// InputError also if the mesh has a larger shape parameter.
 Surface surface_with_shape(const TriangleMesh& mesh, Real shape);
 
-/// The surfaces of all particles.
+/// The surfaces of all particles: Topology::surfaces.
 struct Surfaces {
   std::vector<Surface> kinds;
   std::vector<Index> kind;  ///< of each particle, by its id
@@ -59,5 +60,8 @@ struct SurfaceShape {
   Index sharpest_hinge;
 };
 SurfaceShape look_at_surface(const Real* x, const Topology& topology, const Surfaces& surfaces, Index m);
+
+/// Area of the surface of particle m.
+Real surface_area(const Real* x, const Topology& topology, const Surface& surface, Index m);
 
 }  // namespace pliant

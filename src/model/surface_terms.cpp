@@ -10,7 +10,7 @@ namespace pliant {
 
 void Volume::add_hessian(const StateView<3>& s, Index m, BlockSink<3>& h) const {
   const Shape p = shape(s, m);
-  const Index n = p.surface.vertices;
+  const Index n = p.surface.points();
   std::vector<Vec<3>> gradient(n, Vec<3>::Zero());
   for (const auto& [a, b, c] : p.surface.faces) {
     const Vec<3> normal = face_normal(p.at(a), p.at(b), p.at(c)) / 6;
@@ -28,8 +28,9 @@ void Volume::add_hessian(const StateView<3>& s, Index m, BlockSink<3>& h) const 
 
 Real Volume::max_rate(const Topology& topology) const {
   Real fastest = 0;
-  for (Index m = 0; surfaces && m < topology.particles(); ++m) {
-    const Real area = surfaces->of(topology, m).total_rest_area() * square(surfaces->scale(topology, m));
+  for (Index m = 0; topology.surfaces && m < topology.particles(); ++m) {
+    const Real area =
+        topology.surfaces->of(topology, m).total_rest_area() * square(topology.surfaces->scale(topology, m));
     fastest = std::max(fastest, k_v * square(area) / (topology.mass(topology.offset[m]) * topology.points_of(m)));
   }
   return std::sqrt(fastest);

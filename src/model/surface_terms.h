@@ -2,7 +2,6 @@
 #pragma once
 
 #include <array>
-#include <memory>
 
 #include <pliant/geometry/hinge.h>
 #include <pliant/model/parameter.h>
@@ -11,10 +10,9 @@
 
 namespace pliant {
 
-/// Base of the terms: their elements are particles, whose faces and edges they visit.
+/// Base of the terms: their elements are particles, whose faces and edges they visit. Without Topology::surfaces the
+/// terms are switched off.
 struct SurfaceTerm {
-  std::shared_ptr<const Surfaces> surfaces = nullptr;  ///< null: the term is switched off
-
   static constexpr Elements elements = Elements::particles;
   static Index particle(const StateView<3>&, Index m) { return m; }
 
@@ -38,12 +36,12 @@ struct SurfaceTerm {
     std::array<Index, 4> points(const Hinge& h) const { return {first + h.a, first + h.b, first + h.c, first + h.d}; }
   };
   Shape shape(const StateView<3>& s, Index m) const {
-    const Surface& surface = surfaces->of(s.topology, m);
-    return {s, surface, m, s.topology.offset[m], surfaces->scale(s.topology, m)};
+    const Surfaces& all = *s.topology.surfaces;
+    return {s, all.of(s.topology, m), m, s.topology.offset[m], all.scale(s.topology, m)};
   }
   /// ω where ω² = k/m with the smallest mass of a vertex.
   static Real rate(const Topology& topology, Real k) {
-    return k > 0 ? std::sqrt(k / smallest_over_points(topology, [&](Index i) { return topology.mass(i); })) : 0;
+    return topology.surfaces && k > 0 ? std::sqrt(k / smallest_over_points(topology, [&](Index i) { return topology.mass(i); })) : 0;
   }
 };
 
@@ -64,7 +62,7 @@ struct Volume : SurfaceTerm {
                     .alias = "kv"});
   }
 
-  bool enabled(const StateView<3>&) const { return surfaces && k_v > 0; }
+  bool enabled(const StateView<3>& s) const { return s.topology.surfaces && k_v > 0; }
   Real energy(const StateView<3>& s, Index m) const { return k_v / 2 * square(excess(s, m)); }
   template <class G>
   void add_gradient(const StateView<3>& s, Index m, G& grad) const {
@@ -81,7 +79,7 @@ struct Volume : SurfaceTerm {
 
  private:
   Real excess(const StateView<3>& s, Index m) const {
-    return surface_volume(s.x, s.topology, surfaces->of(s.topology, m), m) - s.topology.a0[m];
+    return surface_volume(s.x, s.topology, s.topology.surfaces->of(s.topology, m), m) - s.topology.a0[m];
   }
 };
 
@@ -134,7 +132,7 @@ struct FaceArea : FaceEnergy<FaceArea> {
                     .alias = "ka",
                     .role = Role::area});
   }
-  bool enabled(const StateView<3>&) const { return surfaces && k_a > 0; }
+  bool enabled(const StateView<3>& s) const { return s.topology.surfaces && k_a > 0; }
   /// ω² = 4.62 k_a/m in an icosphere.
   Real max_rate(const Topology& topology) const { return rate(topology, 4.62 * k_a); }
 
@@ -152,7 +150,7 @@ struct SurfaceTension : FaceEnergy<SurfaceTension> {
     gamma = p.number(
         {.name = "gamma", .symbol = "\\gamma", .unit = {1, -1, 0}, .help = "surface tension gamma", .value = 0});
   }
-  bool enabled(const StateView<3>&) const { return surfaces && gamma > 0; }
+  bool enabled(const StateView<3>& s) const { return s.topology.surfaces && gamma > 0; }
   /// ω² = 5.2 γ/m in an icosphere.
   Real max_rate(const Topology& topology) const { return rate(topology, 5.2 * gamma); }
 
@@ -176,7 +174,7 @@ struct EdgeLength : SurfaceTerm {
                     .alias = "kl",
                     .role = Role::perimeter});
   }
-  bool enabled(const StateView<3>&) const { return surfaces && k_l > 0; }
+  bool enabled(const StateView<3>& s) const { return s.topology.surfaces && k_l > 0; }
   Real energy(const StateView<3>& s, Index m) const;
   template <class G>
   void add_gradient(const StateView<3>& s, Index m, G& grad) const {
@@ -212,7 +210,7 @@ struct HingeBending : SurfaceTerm {
                     .role = Role::bending});
     with_rest = p.flag({.name = "rest_angles", .help = "edges have rest angles theta0 (else 0: flat faces)"});
   }
-  bool enabled(const StateView<3>&) const { return surfaces && k_b > 0; }
+  bool enabled(const StateView<3>& s) const { return s.topology.surfaces && k_b > 0; }
   Real energy(const StateView<3>& s, Index m) const;
   template <class G>
   void add_gradient(const StateView<3>& s, Index m, G& grad) const {

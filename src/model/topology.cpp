@@ -55,6 +55,7 @@ void Topology::deactivate(Index m) {
 Topology Topology::select(std::span<const Index> which) const {
   Topology t;
   t.dim = dim;
+  t.surfaces = surfaces;
   for (const Index m : which) {
     t.connect_points(points_of(m));
     t.diameter.insert(t.diameter.end(), diameter.begin() + offset[m], diameter.begin() + offset[m + 1]);

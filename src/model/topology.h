@@ -3,12 +3,15 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <vector>
 
 #include <pliant/base/types.h>
 
 namespace pliant {
+
+struct Surfaces;
 
 /// A *point* carries a position, a velocity and a mass: the centre of a soft particle, or a vertex of a deformable one.
 /// Points of particle m are offset[m] … offset[m+1]−1, in counter-clockwise order for a polygon.
@@ -31,6 +34,8 @@ struct Topology {
   std::vector<Index> id;  ///< [particles] the particle's number for the user; its place here changes as particles are
                           ///< sorted in space and move between ranks
   Index ghosts = 0;       ///< the last particles are copies: of other ranks' particles, and images of any in a box
+  /// Connectivity and rest shapes of closed surfaces (3D), of all ranks; null for other particles.
+  std::shared_ptr<const Surfaces> surfaces = nullptr;
   std::vector<std::int8_t> ghost_side;  ///< [ghosts] 1 or −1 for images on opposite sides of a particle, 0 for no image
 
   Index particles() const { return static_cast<Index>(offset.size()) - 1; }

@@ -15,6 +15,8 @@ std::vector<ModelDefinition> all_models() {
   for (const ModelKind kind :
        {ModelKind::sp, ModelKind::rough, ModelKind::smooth, ModelKind::disk, ModelKind::shape, ModelKind::bubble})
     models.push_back(catalogue_model(kind));
+  for (ModelDefinition& model : models)
+    if (model.particles == ModelKind::rough || model.particles == ModelKind::shape) model.space = {};  // no surfaces yet
   return models;
 }
 

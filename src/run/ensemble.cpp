@@ -380,19 +380,19 @@ class Ensemble {
   void write_table() const {
     const std::vector<std::string> names = result_names();
     std::string text = "member,seed";
-    if (!varied_.values.empty()) text += "," + csv_cell(varied_.option);
+    if (!varied_.values.empty()) text.append(",").append(csv_cell(varied_.option));
     text += ",status";
-    for (const std::string& name : names) text += "," + csv_cell(name);
+    for (const std::string& name : names) text.append(",").append(csv_cell(name));
     text += ",message\n";
     for (const auto& [member, summary] : done_) {
       text += fmt::format("{},{}", member, seed_of(member));
-      if (!varied_.values.empty()) text += "," + csv_cell(value_of(member));
-      text += "," + summary.value("status", "");
+      if (!varied_.values.empty()) text.append(",").append(csv_cell(value_of(member)));
+      text.append(",").append(summary.value("status", ""));
       for (const std::string& name : names) {
         const Real value = summary.contains(name) ? number_of(summary[name]) : number_of({});
         text += std::isfinite(value) ? fmt::format(",{}", value) : ",";
       }
-      text += "," + csv_cell(summary.value("message", "")) + "\n";
+      text.append(",").append(csv_cell(summary.value("message", ""))).append("\n");
     }
     write_file_atomically(std::filesystem::path(p_.output) / "members.csv", {text});
   }

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include <pliant/model/polygon.h>
+#include <pliant/model/surface.h>
 #include <pliant/run/wall_contacts.h>
 
 namespace pliant {
@@ -201,13 +202,20 @@ FrameData<D>::FrameData(ParticleSystem<D>& system, const State& state, const std
     Centres<D> centres;
     centres.update(topology, shown);
     centres_ = order.particles<Real>(centres.position, D);
-    std::vector<Real> area, perimeter;
+    std::vector<Real> content, rim;
     for (Index m = 0; m < topology.owned(); ++m) {
-      area.push_back(polygon_area(state.x().data(), topology, m));
-      perimeter.push_back(polygon_perimeter(state.x().data(), topology, m));
+      const Real* const x = state.x().data();
+      if constexpr (D == 2) {
+        content.push_back(polygon_area(x, topology, m));
+        rim.push_back(polygon_perimeter(x, topology, m));
+      } else {
+        const Surface& surface = topology.surfaces->of(topology, m);
+        content.push_back(surface_volume(x, topology, surface, m));
+        rim.push_back(surface_area(x, topology, surface, m));
+      }
     }
-    area_ = order.particles<Real>(area);
-    perimeter_ = order.particles<Real>(perimeter);
+    content_ = order.particles<Real>(content);
+    rim_ = order.particles<Real>(rim);
   }
   if (reinsertions != nullptr) reinsertions_ = order.particles<Index>(*reinsertions);
   contact_count_ = count_contacts(contacts_, ranks, shares);
@@ -227,8 +235,8 @@ FrameData<D>::FrameData(ParticleSystem<D>& system, const State& state, const std
   frame.box = box_;
   frame.reinsertions = reinsertions_;
   frame.contact_count = contact_count_;
-  frame.area = area_;
-  frame.perimeter = perimeter_;
+  (D == 2 ? frame.area : frame.volume) = content_;
+  (D == 2 ? frame.perimeter : frame.surface_area) = rim_;
   frame.wall_force = wall_force_;
   frame.contacts = listed(contacts_);
   frame.wall_contacts = listed(wall_contacts_);

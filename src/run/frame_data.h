@@ -44,7 +44,8 @@ class FrameData {
   void find_contacts(ParticleSystem<D>& system, const StateView<D>& view);
 
   std::vector<Real> positions_, velocities_, angles_, spins_, wall_force_;
-  std::vector<Real> centres_, area_, perimeter_;  ///< polygons only; the centre of a soft particle is its position
+  std::vector<Real> centres_;        ///< deformable particles only; the centre of a soft particle is its position
+  std::vector<Real> content_, rim_;  ///< area and perimeter of polygons, volume and area of closed surfaces
   std::vector<std::uint8_t> active_;
   std::vector<std::int64_t> images_;  ///< in a periodic box
   std::vector<Real> box_;             ///< its origin, lengths and tilt factors

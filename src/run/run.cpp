@@ -136,7 +136,9 @@ void Run<D>::check_frame_fields() {
         throw InputError("-frame_fields {}: this run has no {}, as {}; leave it out", p_.frame_fields, field, why);
   };
   refuse({"angles", "spins"}, particles.coordinates().angles > 0, "its particles do not rotate");
-  refuse({"area", "perimeter"}, points_ > particles_, "its particles are not deformable");
+  const bool deformable = points_ > particles_;
+  refuse({"area", "perimeter"}, deformable && D == 2, "its particles are not polygons");
+  refuse({"volume", "surface_area"}, deformable && D == 3, "its particles are not closed surfaces");
   refuse({"reinsertions"}, protocol_->reinsertions() != nullptr, "particles are never reinserted");
   refuse({"wall_force", "wall_contacts"}, particles.walls().size() > 0, "it has no walls");
 }

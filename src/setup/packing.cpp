@@ -62,9 +62,17 @@ Topology outer_disks(const Topology& topology) {
 
 template <int D>
 void place_at_random_angles(const Topology& topology, const std::vector<Real>& centres, std::uint64_t seed, Real* x) {
-  for (Index m = 0; m < topology.particles(); ++m)
-    place_particle(topology, m, &centres[static_cast<std::size_t>(m) * D],
-                   2 * pi * rng::uniform(seed, stream::orientation, m), x);
+  const auto draw = [&](std::uint64_t k) { return rng::uniform(seed, stream::orientation, k); };
+  for (Index m = 0; m < topology.particles(); ++m) {
+    if constexpr (D == 3)
+      if (topology.surfaces) {
+        const std::uint64_t k = 3 * static_cast<std::uint64_t>(m);
+        place_surface(topology, m, point<3>(centres.data(), m), random_rotation(draw(k), draw(k + 1), draw(k + 2)), x);
+        continue;
+      }
+    place_particle(topology, m, &centres[static_cast<std::size_t>(m) * D], 2 * pi * draw(static_cast<std::uint64_t>(m)),
+                   x);
+  }
 }
 
 }  // namespace

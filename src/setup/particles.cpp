@@ -1,12 +1,15 @@
 #include <pliant/setup/particles.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <numeric>
 
 #include <pliant/base/cure.h>
 #include <pliant/base/errors.h>
 #include <pliant/base/rng.h>
+#include <pliant/model/surface.h>
 #include <pliant/setup/streams.h>
 
 namespace pliant {
@@ -165,7 +168,28 @@ std::vector<Real> draw_radii(const RadiusDistribution& distribution, Index n, st
 
 Real regular_shape_parameter(Index vertices) { return vertices / pi * std::tan(pi / vertices); }
 
+namespace {
+
+Topology make_surfaces(ModelKind kind, const std::vector<Real>& diameters, const PolygonShape& shape) {
+  Topology topology;
+  topology.dim = 3;
+  const auto surfaces = std::make_shared<Surfaces>();
+  const TriangleMesh mesh = icosphere(shape.vertices);
+  surfaces->kinds.push_back(shape.shape_parameter > 0 ? surface_with_shape(mesh, shape.shape_parameter)
+                                                      : relaxed_surface(mesh));
+  const Surface& surface = surfaces->kinds.back();
+  for (const Real sigma : diameters) {
+    const Real volume = pi * sigma * square(sigma) / 6, length = surface.mean_rest_length() * sigma / surface.sigma;
+    surfaces->add_particle(topology, 0, volume, kind == ModelKind::smooth ? shape.edge_width * length : length, volume);
+  }
+  topology.surfaces = surfaces;
+  return topology;
+}
+
+}  // namespace
+
 Topology make_particles(ModelKind kind, int dim, const std::vector<Real>& diameters, const PolygonShape& shape) {
+  if (dim == 3 && kind != ModelKind::sp && kind != ModelKind::disk) return make_surfaces(kind, diameters, shape);
   Topology topology;
   topology.dim = dim;
   for (const Real sigma : diameters) {
@@ -183,12 +207,18 @@ Topology make_particles(ModelKind kind, int dim, const std::vector<Real>& diamet
 }
 
 Real usual_skin(ModelKind kind, int dim) {
-  return dim == 3 ? 0.2 : kind == ModelKind::sp ? 0.3 : kind == ModelKind::smooth ? 0.06 : 0.1;
+  const bool deformable = kind == ModelKind::rough || kind == ModelKind::shape;
+  return dim == 3 && !deformable ? 0.2 : kind == ModelKind::sp ? 0.3 : kind == ModelKind::smooth ? 0.06 : 0.1;
 }
 
 Real outer_radius(const Topology& topology, Index m) {
   const Real half = topology.diameter[topology.offset[m]] / 2;
   if (topology.points_of(m) == 1) return half;
+  if (topology.surfaces) {
+    Real radius2 = 0;
+    for (const Vec<3>& r : topology.surfaces->of(topology, m).vertices) radius2 = std::max(radius2, r.squaredNorm());
+    return topology.surfaces->scale(topology, m) * std::sqrt(radius2) + half;
+  }
   const auto* outline = elongated_outline_of(topology, m);
   if (outline == nullptr) return circumradius(topology.points_of(m), topology.a0[m]) + half;
   Real radius2 = 0;
@@ -218,6 +248,21 @@ void place_particle(const Topology& topology, Index m, const Real* centre, Real 
     x[(first + k) * 2] = centre[0] + radius * std::cos(phi);
     x[(first + k) * 2 + 1] = centre[1] + radius * std::sin(phi);
   }
+}
+
+void place_surface(const Topology& topology, Index m, const Vec<3>& centre, const Mat<3>& rotation, Real* x) {
+  const Real scale = topology.surfaces->scale(topology, m);
+  Index i = topology.offset[m];
+  for (const Vec<3>& r : topology.surfaces->of(topology, m).vertices)
+    point<3>(x, i++) = centre + scale * (rotation * r);
+}
+
+Mat<3> random_rotation(Real u, Real v, Real w) {
+  // A uniformly random unit quaternion [K. Shoemake, Graphics Gems III (1992), 124].
+  const Real a = std::sqrt(1 - u), b = std::sqrt(u);
+  return Eigen::Quaternion<Real>(a * std::sin(2 * pi * v), a * std::cos(2 * pi * v), b * std::sin(2 * pi * w),
+                                 b * std::cos(2 * pi * w))
+      .toRotationMatrix();
 }
 
 }  // namespace pliant

@@ -36,28 +36,36 @@ struct RadiusDistribution {
 /// n radii; small droplets are in random places. Deviations beyond ±3 δ are drawn again.
 std::vector<Real> draw_radii(const RadiusDistribution& distribution, Index n, std::uint64_t seed);
 
-/// Parameters of a deformable particle.
+/// Parameters of a deformable particle: a polygon, or in space an icosphere.
 struct PolygonShape {
   Index vertices = 16;
-  Real shape_parameter = 0;  ///< 𝒜0 = (Nv l0)²/(4π a0); 0: regular polygon
+  Real shape_parameter = 0;  ///< 𝒜0 = (Nv l0)²/(4π a0), in space S0^(3/2)/(6 √π V0); 0: regular polygon, icosphere
   Real edge_width = 0.1;     ///< smooth particles: δ/l0
 };
 
 /// (Nv/π) tan(π/Nv).
 Real regular_shape_parameter(Index vertices);
 
-/// Particles of the given diameters with ρ = 1: soft particles, or polygons with a0 = πσ²/4 and l0 from 𝒜0.
+/// Particles of the given diameters with ρ = 1: soft particles, polygons with a0 = πσ²/4 and l0 from 𝒜0, or in space
+/// surfaces of the volume πσ³/6. Errors: InputError for a shape parameter that no such shape has, and in space for a
+/// number of vertices that no icosphere has.
 Topology make_particles(ModelKind kind, int dim, const std::vector<Real>& diameters, const PolygonShape& shape);
 
 /// Margin of the neighbour lists at the start of a run, in mean diameters.
 Real usual_skin(ModelKind kind, int dim);
 
-/// Distance from the centre of particle m, a regular polygon of area a0, to its rim: half the diameter of the disk that
+/// Distance from the centre of particle m in its shape at the start to its rim: the radius of the disk or sphere that
 /// holds it.
 Real outer_radius(const Topology& topology, Index m);
 
 /// Writes the regular polygon of particle m, of area a0, around `centre` with its first vertex at `angle`; for a soft
 /// particle its centre. x: positions of all points [points · D].
 void place_particle(const Topology& topology, Index m, const Real* centre, Real angle, Real* x);
+
+/// Writes particle m, a surface in the shape of its mesh, turned by `rotation`. x [points · 3].
+void place_surface(const Topology& topology, Index m, const Vec<3>& centre, const Mat<3>& rotation, Real* x);
+
+/// A uniformly random rotation from three numbers in [0, 1).
+Mat<3> random_rotation(Real u, Real v, Real w);
 
 }  // namespace pliant

@@ -21,7 +21,7 @@ Real reach(const Topology& topology, const Real* x, Index m, const Vec<D>& centr
   return std::sqrt(far2) + topology.diameter[topology.offset[m]] / 2;
 }
 
-/// The points of the particle that is reinserted, where it left.
+/// The points of the particle that is reinserted, at the place where it left.
 template <int D>
 struct Outline {
   std::vector<Real> x;  ///< [points · D]
@@ -29,21 +29,22 @@ struct Outline {
   Index size() const { return static_cast<Index>(x.size()) / D; }
 };
 
-/// Distance between the rims of two polygons, the first shifted by `shift`; negative where they overlap.
-Real gap(const Outline<2>& outline, const Vec<2>& shift, const Topology& topology, const Real* x, Index n,
+/// Distance between the rims of two deformable particles, the first shifted by `shift`; negative where they overlap.
+template <int D>
+Real gap(const Outline<D>& outline, const Vec<D>& shift, const Topology& topology, const Real* x, Index n,
          bool smooth) {
   Real least2 = std::numeric_limits<Real>::infinity();
   for (Index i = 0; i < outline.size(); ++i) {
-    const Vec<2> r = point<2>(outline.x.data(), i) + shift,
-                 next = point<2>(outline.x.data(), (i + 1) % outline.size()) + shift;
+    const Vec<D> r = point<D>(outline.x.data(), i) + shift;
     for (Index j = topology.offset[n]; j < topology.offset[n + 1]; ++j) {
-      const Vec<2> a = point<2>(x, j);
-      if (!smooth) {
-        least2 = std::min(least2, (r - a).squaredNorm());
-        continue;
+      const Vec<D> a = point<D>(x, j);
+      least2 = std::min(least2, (r - a).squaredNorm());
+      if constexpr (D == 2) {
+        if (!smooth) continue;
+        const Vec<2> next = point<2>(outline.x.data(), (i + 1) % outline.size()) + shift;
+        least2 = std::min(least2, segment_foot(r, a, point<2>(x, topology.next[j])).d2);
+        least2 = std::min(least2, segment_foot(a, r, next).d2);
       }
-      least2 = std::min(least2, segment_foot(r, a, point<2>(x, topology.next[j])).d2);
-      least2 = std::min(least2, segment_foot(a, r, next).d2);
     }
   }
   return std::sqrt(least2) - (outline.diameter + topology.diameter[topology.offset[n]]) / 2;
@@ -137,23 +138,21 @@ void reinsert(const Ranks& ranks, const Topology& topology, const Container& con
     target[up] = ranks.max(top);
     if (target[up] <= 0) continue;
     bool first_touch = top == target[up];
-    if constexpr (D == 2) {
-      if (outline.size() > 1) {
-        // Polygons do not fill their circles: advance by the clearance, which never overshoots, until they touch.
-        for (int k = 0; k < 200; ++k) {
-          Real near = std::numeric_limits<Real>::infinity();
-          for (const Index n : column) {
-            const Real g = gap(outline, target - centre, topology, x, n, smooth);
-            if (g < near) {
-              near = g;
-              touched = n;
-            }
+    if (outline.size() > 1) {
+      // Particles do not fill their circles: advance by the clearance, which never overshoots, until they touch.
+      for (int k = 0; k < 200; ++k) {
+        Real near = std::numeric_limits<Real>::infinity();
+        for (const Index n : column) {
+          const Real g = gap<D>(outline, target - centre, topology, x, n, smooth);
+          if (g < near) {
+            near = g;
+            touched = n;
           }
-          const Real clearance = ranks.min(near);
-          first_touch = near == clearance;
-          if (clearance < 1e-6 * radius) break;
-          target[up] -= clearance;
         }
+        const Real clearance = ranks.min(near);
+        first_touch = near == clearance;
+        if (clearance < 1e-6 * radius) break;
+        target[up] -= clearance;
       }
     }
     target[up] += rule.gap;

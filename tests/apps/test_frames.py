@@ -55,7 +55,7 @@ def test_a_restart_goes_on_with_other_frames(default, tmp_path):
     ({"frame_fields": "velocities,speed"}, ["'speed'", "velocities, angles, spins", "wall_contacts"]),
     ({"frame_fields": "velocities,"}, ["''"]),
     ({"frame_fields": "spins"}, ["no spins", "do not rotate"]),
-    ({"frame_fields": "area"}, ["no area", "not deformable"]),
+    ({"frame_fields": "area"}, ["no area", "not polygons"]),
     ({"frame_fields": "reinsertions", "flow": "discharge"}, ["no reinsertions", "never reinserted"]),
     ({"frame_precision": "half"}, ["half", "single"]),
     ({"frame_deflate": 10}, ["10", "9"]),

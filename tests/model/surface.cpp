@@ -15,7 +15,6 @@ namespace pliant::test::surface_test {
 
 namespace {
 
-using Shared = std::shared_ptr<Surfaces>;
 using Fields = std::vector<std::pair<std::string, std::unique_ptr<ForceField<3>>>>;
 
 TriangleMesh tetrahedron() {
@@ -23,14 +22,14 @@ TriangleMesh tetrahedron() {
 }
 
 /// All terms, each alone.
-Fields each_term(const Shared& surfaces) {
+Fields each_term() {
   Fields all;
-  all.emplace_back("volume", alone<3>(Volume{{surfaces}, 10}));
-  all.emplace_back("area", alone<3>(FaceArea{{{surfaces}}, 3}));
-  all.emplace_back("tension", alone<3>(SurfaceTension{{{surfaces}}, 2}));
-  all.emplace_back("edge", alone<3>(EdgeLength{{surfaces}, 4}));
-  all.emplace_back("bending", alone<3>(HingeBending{{surfaces}, 0.7}));
-  all.emplace_back("bending with rest angles", alone<3>(HingeBending{{surfaces}, 0.7, true}));
+  all.emplace_back("volume", alone<3>(Volume{{}, 10}));
+  all.emplace_back("area", alone<3>(FaceArea{{}, 3}));
+  all.emplace_back("tension", alone<3>(SurfaceTension{{}, 2}));
+  all.emplace_back("edge", alone<3>(EdgeLength{{}, 4}));
+  all.emplace_back("bending", alone<3>(HingeBending{{}, 0.7}));
+  all.emplace_back("bending with rest angles", alone<3>(HingeBending{{}, 0.7, true}));
   return all;
 }
 
@@ -41,52 +40,54 @@ void add(Configuration<3>& c, Surfaces& surfaces, Index which, Real volume, cons
 }
 
 /// A tetrahedron and an icosahedron, of other sizes and orientations than their surfaces and deformed.
-Configuration<3> deformed(Surfaces& surfaces, Random& random, const Vec<3>& shift = Vec<3>::Zero()) {
-  surfaces = {{relaxed_surface(tetrahedron()), surface_with_shape(icosphere(12), 1.2)}, {}};
+Configuration<3> deformed(Random& random, Real away = 0) {
+  const auto surfaces = std::make_shared<Surfaces>();
+  surfaces->kinds = {relaxed_surface(tetrahedron()), surface_with_shape(icosphere(12), 1.2)};
   Configuration<3> c;
   for (const Index which : {0, 1}) {
     TriangleMesh mesh = which == 0 ? tetrahedron() : icosphere(12);
     const Real size = random(0.5, 2);
-    const Vec<3> axis = random.unit<3>(), centre = Vec<3>(4 * which, 0, 0) + shift;
+    const Vec<3> axis = random.unit<3>(), centre = Vec<3>(4 * which, away, 0);
     const Mat<3> turn = Eigen::AngleAxis<Real>(random(0, 3), axis).toRotationMatrix();
     for (Vec<3>& r : mesh.vertices) {
       Vec<3> noise;
       for (int k = 0; k < 3; ++k) noise[k] = random(-0.1, 0.1);
       r = centre + size * (turn * (r + noise));
     }
-    add(c, surfaces, which, (which == 0 ? 0.2 : 0.6) * size * size * size, mesh.vertices);
+    add(c, *surfaces, which, (which == 0 ? 0.2 : 0.6) * size * size * size, mesh.vertices);
   }
+  c.topology.surfaces = surfaces;
   return c;
 }
 
 /// A particle in its rest shape.
-Configuration<3> resting(Surfaces& surfaces, const TriangleMesh& mesh, Real size = 1) {
-  surfaces = {{relaxed_surface(mesh)}, {}};
+Configuration<3> resting(const TriangleMesh& mesh, Real size = 1) {
+  const auto surfaces = std::make_shared<Surfaces>();
+  surfaces->kinds = {relaxed_surface(mesh)};
   Configuration<3> c;
   std::vector<Vec<3>> vertices = mesh.vertices;
   for (Vec<3>& r : vertices) r *= size;
-  add(c, surfaces, 0, surfaces.kinds[0].volume * size * size * size, vertices);
+  add(c, *surfaces, 0, surfaces->kinds[0].volume * size * size * size, vertices);
+  c.topology.surfaces = surfaces;
   return c;
 }
 
 }  // namespace
 
 TEST_CASE("derivatives of the shape terms of surfaces") {
-  const auto surfaces = std::make_shared<Surfaces>();
-  for (const auto& [name, field] : each_term(surfaces)) {
+  for (const auto& [name, field] : each_term()) {
     INFO(name);
     check_smooth<3>(
-        *field, [&](Random& random) { return deformed(*surfaces, random); }, 1e-4);
+        *field, [&](Random& random) { return deformed(random); }, 1e-4);
   }
 }
 
 TEST_CASE("shape terms of surfaces have no net force and no net torque, here or far away") {
-  const auto surfaces = std::make_shared<Surfaces>();
-  for (const auto& [name, field] : each_term(surfaces))
+  for (const auto& [name, field] : each_term())
     for (int k = 0; k < 5; ++k) {
       INFO(name << ", state " << k);
       Random random(k), again(k);
-      Configuration<3> c = deformed(*surfaces, random);
+      Configuration<3> c = deformed(random);
       // A shift that rounds no position.
       for (Real& a : c.x) a = std::ldexp(std::round(std::ldexp(a, 24)), -24);
       const auto forces = [&] {
@@ -112,14 +113,45 @@ TEST_CASE("shape terms of surfaces have no net force and no net torque, here or 
     }
 }
 
+TEST_CASE("the kernel of surfaces computes the forces of the terms") {
+  // All terms, each alone, and all with rest angles; particles of two meshes, alone and in batches.
+  const std::vector<ParameterValues> all{{{"k_v", 10.0}, {"k_a", 0.0}, {"k_l", 0.0}, {"k_b", 0.0}},
+                                         {{"k_v", 0.0}, {"k_a", 3.0}, {"k_l", 0.0}, {"k_b", 0.0}},
+                                         {{"k_v", 0.0}, {"k_a", 0.0}, {"k_l", 4.0}, {"k_b", 0.0}},
+                                         {{"k_v", 0.0}, {"k_a", 0.0}, {"k_l", 0.0}, {"k_b", 0.7}},
+                                         {{"k_v", 0.0}, {"k_a", 0.0}, {"k_l", 0.0}, {"k_b", 0.0}, {"gamma", 2.0}},
+                                         {{"k_v", 10.0}, {"k_b", 0.7}, {"gamma", 2.0}, {"rest_angles", 1.0}}};
+  for (const ParameterValues& values : all) {
+    Random random(5);
+    Configuration<3> c = deformed(random);
+    for (int k = 0; k < 5; ++k) {
+      Configuration<3> more = deformed(random, 3 * (k + 1));
+      const auto surfaces = std::make_shared<Surfaces>(*c.topology.surfaces);
+      // The icosahedron alone, of the same mesh: it joins the batch of the last one.
+      surfaces->add_particle(c.topology, 1, more.topology.a0[1], 0.1, 1);
+      c.topology.surfaces = surfaces;
+      c.x.insert(c.x.end(), more.x.begin() + 12, more.x.end());
+      c.v.resize(c.x.size());
+    }
+    ParameterValues p = values;
+    const auto field = make_force_field<3>(ModelKind::shape, p);
+    const StateView<3> s = c.view();
+    VectorXd fused(c.x.size()), sum = VectorXd::Zero(static_cast<Eigen::Index>(c.x.size()));
+    field->forces(s, fused.data());
+    for (const TermReport& term : field->report(s))
+      sum += Eigen::Map<const VectorXd>(term.force.data(), static_cast<Eigen::Index>(term.force.size()));
+    CHECK(sum.norm() > 0.1);
+    CHECK((fused - sum).norm() < 1e-13 * sum.norm());
+  }
+}
+
 TEST_CASE("a surface at rest has no energy but that of bending and tension") {
-  const auto surfaces = std::make_shared<Surfaces>();
   for (const Real size : {1.0, 1.7}) {
-    Configuration<3> c = resting(*surfaces, icosphere(42), size);
+    Configuration<3> c = resting(icosphere(42), size);
     CHECK(c.topology.sigma[0] == Approx(size));
     CHECK(c.topology.points_of(0) == 42);
     CHECK(c.topology.l0[0] == Approx(0.30457 * size).epsilon(0.02));
-    for (const auto& [name, field] : each_term(surfaces)) {
+    for (const auto& [name, field] : each_term()) {
       INFO(name);
       const bool at_rest = name != "tension" && name != "bending";
       CHECK((std::abs(field->energy(c.view())) < 1e-20) == at_rest);
@@ -129,37 +161,33 @@ TEST_CASE("a surface at rest has no energy but that of bending and tension") {
 
 TEST_CASE("bending of a sphere") {
   // 2π √3 (4 − 4/3)/2 = 7.255 k_b for equilateral triangles; twelve vertices have five neighbours.
-  const auto surfaces = std::make_shared<Surfaces>();
-  const auto bending = alone<3>(HingeBending{{surfaces}, 1});
+  const auto bending = alone<3>(HingeBending{{}, 1});
   for (const auto& [vertices, energy] : {std::pair{12, 7.63932}, std::pair{162, 7.485}, std::pair{642, 7.499}}) {
-    Configuration<3> c = resting(*surfaces, icosphere(vertices), 1.3);
+    Configuration<3> c = resting(icosphere(vertices), 1.3);
     CHECK(std::abs(bending->energy(c.view()) - energy) < 6e-4);
   }
 }
 
 TEST_CASE("area and edges of a fine sphere have the moduli of a membrane") {
-  const auto surfaces = std::make_shared<Surfaces>();
   std::vector<Real> missing;
   for (const Index vertices : {42, 162, 642}) {
-    Configuration<3> c = resting(*surfaces, icosphere(vertices));
-    const Real area = surfaces->kinds[0].total_rest_area(), stretch = 1e-3;
+    Configuration<3> c = resting(icosphere(vertices));
+    const Real area = c.topology.surfaces->kinds[0].total_rest_area(), stretch = 1e-3;
     missing.push_back(1 - std::pow(pi, 1.5) / std::pow(area, 1.5));
     const VectorXd x = c.positions() * (1 + stretch);
     const Real unit = area * square(2 * stretch) / 2;  // energy per unit of a modulus
-    CHECK(alone<3>(FaceArea{{{surfaces}}, 3})->energy(c.view(x.data())) / unit == Approx(3).epsilon(2e-3));
-    CHECK(alone<3>(EdgeLength{{surfaces}, 4})->energy(c.view(x.data())) / unit ==
-          Approx(std::sqrt(3.0) / 2 * 4).epsilon(0.02));
+    CHECK(alone<3>(FaceArea{{}, 3})->energy(c.view(x.data())) / unit == Approx(3).epsilon(2e-3));
+    CHECK(alone<3>(EdgeLength{{}, 4})->energy(c.view(x.data())) / unit == Approx(std::sqrt(3.0) / 2 * 4).epsilon(0.02));
   }
   // The shape parameter converges as 1/Nv.
   for (int k = 1; k < 3; ++k) CHECK(missing[k - 1] / missing[k] == Approx(4).epsilon(0.05));
 }
 
 TEST_CASE("fastest modes of icospheres") {
-  const auto surfaces = std::make_shared<Surfaces>();
   for (const Index vertices : {12, 42, 162}) {
     const Real size = 1.4;
-    Configuration<3> c = resting(*surfaces, icosphere(vertices), size);
-    for (const auto& [name, field] : each_term(surfaces)) {
+    Configuration<3> c = resting(icosphere(vertices), size);
+    for (const auto& [name, field] : each_term()) {
       INFO(name << ", " << vertices << " vertices");
       DenseSink<3> sink(c.topology.points());
       field->hessian(c.view(), sink);
@@ -190,9 +218,8 @@ TEST_CASE("rest shapes of surfaces") {
 }
 
 TEST_CASE("measures of a surface near shapes without meaning") {
-  Surfaces surfaces;
-  Configuration<3> c = resting(surfaces, tetrahedron());
-  const auto look = [&] { return look_at_surface(c.x.data(), c.topology, surfaces, 0); };
+  Configuration<3> c = resting(tetrahedron());
+  const auto look = [&] { return look_at_surface(c.x.data(), c.topology, *c.topology.surfaces, 0); };
   CHECK(look().volume == Approx(1.0 / 6));
   CHECK(look().least_area == Approx(1));
   CHECK(look().least_cosine == Approx(-1 / std::sqrt(3.0)));
@@ -204,11 +231,11 @@ TEST_CASE("measures of a surface near shapes without meaning") {
   c.x[11] = -1;
   CHECK(look().volume == Approx(-1.0 / 6));
 
-  c = resting(surfaces, icosphere(12));
+  c = resting(icosphere(12));
   CHECK(look().least_cosine == Approx(std::sqrt(5.0) / 3));
   for (int k = 0; k < 3; ++k) c.x[k] *= -0.2;  // a dent at vertex 0
   const SurfaceShape dent = look();
-  const Hinge& fold = surfaces.kinds[0].hinges[dent.sharpest_hinge];
+  const Hinge& fold = c.topology.surfaces->kinds[0].hinges[dent.sharpest_hinge];
   CHECK(dent.least_cosine < -0.5);
   CHECK((fold.a == 0 || fold.c == 0 || fold.d == 0));
 }

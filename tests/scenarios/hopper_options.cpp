@@ -16,6 +16,7 @@
 #include <pliant/model/edge_friction.h>
 #include <pliant/model/gravity.h>
 #include <pliant/model/pair_friction.h>
+#include <pliant/model/surface_terms.h>
 #include <pliant/scenarios/hopper/options.h>
 
 namespace pliant::test::hopper_options_test {
@@ -158,13 +159,52 @@ TEST_CASE("what disks of a hopper are made of", "[options]") {
   CHECK(rough.model.term(Wall{}).surface.mu_dynamic == 0.6);
 }
 
+TEST_CASE("parameters of the same name in 2D and 3D have separate defaults, units and readers", "[options]") {
+  const auto json_of = [](const std::vector<std::string>& arguments) {
+    HopperOptions p;
+    Options options;
+    p.bind(options);
+    options.parse(arguments);
+    p.resolve();
+    return options.json();
+  };
+  const nlohmann::json plane = json_of({"-model", "rough"}), space = json_of({"-model", "rough", "-dim", "3"});
+  CHECK(plane["k_a"]["value"] == 2e4);
+  CHECK(space["k_a"]["value"] == 50);
+  CHECK(plane["k_a"]["is_default"] == true);
+  CHECK(space["k_a"]["is_default"] == true);
+  CHECK(plane["k_a"]["unit"] == "rho g/sigma_avg");
+  CHECK(space["k_a"]["unit"] == "rho g sigma_avg^2");
+  CHECK(space["k_v"]["unit"] == "rho g/sigma_avg^2");
+  CHECK(plane["k_b"]["value"] == space["k_b"]["value"]);
+  CHECK(plane["e_c"]["unit"] == space["e_c"]["unit"]);
+  CHECK(plane["k_v"]["term"].is_null());
+  CHECK(space["k_v"]["term"] == "volume");
+  CHECK(plane["area_energy"]["term"] == "area");
+  CHECK(space["area_energy"]["term"].is_null());
+  CHECK(plane["n_vertices"]["value"] == 16);
+  CHECK(space["n_vertices"]["value"] == 42);
+  CHECK(json_of({"-model", "rough", "-k_a", "20000"})["k_a"]["is_default"] == true);
+  CHECK(json_of({"-model", "rough", "-dim", "3", "-k_a", "20000"})["k_a"]["is_default"] == false);
+  // The terms get these values.
+  const HopperOptions rough = resolved({"-model", "rough", "-dim", "3", "-k_l", "7"});
+  CHECK(rough.model.term(FaceArea{}).k_a == 50);
+  CHECK(rough.model.term(EdgeLength{}).k_l == 7);
+  CHECK(rough.model.value(Role::area) == 50);
+  CHECK(rough.model.parameters(Role::lip_rule).empty());
+}
+
 TEST_CASE("options of a hopper that contradict each other", "[options]") {
   const auto refused = [](const std::vector<std::string>& arguments, const std::string& says) {
     CAPTURE(arguments);
     CHECK_THROWS_AS(resolved(arguments), InputError);
     CHECK_THROWS_WITH(resolved(arguments), Contains(says));
   };
-  refused({"-dim", "3", "-model", "rough"}, "-dim 3 with -model rough");
+  refused({"-dim", "3", "-model", "smooth"}, "-model smooth does not exist in 3D");
+  refused({"-model", "rough", "-k_v", "5"}, "-k_v (command line) with -model rough in 2D");
+  refused({"-model", "rough", "-dim", "3", "-bending_edges", "full"},
+          "-bending_edges (command line) with -model rough in 3D");
+  refused({"-model", "rough", "-n_vertices", "2"}, "-n_vertices 2: a particle needs at least 3");
   refused({"-contact_law", "barrier", "-model", "disk"}, "-contact_law barrier with -model disk");
   refused({"-dynamics", "overdamped", "-integrator", "ts", "-zeta", "1", "-model", "disk"},
           "-model disk, which needs inertia");
@@ -354,7 +394,7 @@ TEST_CASE("a model that a program adds", "[options]") {
   refused({"-model", "heavy", "-mu", "1"}, "-mu (command line) with -model heavy");
   refused({"-model", "touching", "-k_a", "1"}, "use -model rough or smooth");
   refused({"-e_c", "1"}, "use -model rough, smooth or touching");
-  refused({"-model", "touching", "-dim", "3"}, "-dim 3 with -model touching");
+  refused({"-model", "touching", "-dim", "3"}, "-model touching does not exist in 3D");
   refused({"-model", "heave"}, "heavy");
   CHECK_THROWS_AS(HopperOptions({own_model<Rival>("rival", "", ModelKind::sp)}), std::logic_error);
   CHECK_THROWS_AS(resolved({"-factor", "2"}), InputError);  // unknown without the model

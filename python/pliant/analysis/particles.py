@@ -177,9 +177,9 @@ def _of_frame(frame, needed, given):
     """Particles of a frame: fields that every frame has, and those that are needed."""
     run = frame.run
     topology = run.topology
-    polygons = topology.deformable
+    deformable = topology.deformable
     values = {"positions": frame.centres, "active": frame.active, "radii": topology.sigma / 2, "masses": topology.mass,
-              "volumes": frame.area if polygons and frame.has("area") else topology.a0, "box": _upright(frame),
+              "volumes": frame.content if deformable and frame.has("area" if run.dim == 2 else "volume") else topology.a0, "box": _upright(frame),
               "time": frame.time}
     if "velocities" in needed:
         values["velocities"] = frame.particle_velocities

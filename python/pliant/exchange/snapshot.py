@@ -12,7 +12,7 @@ from ..errors import RunError
 from ..run import Frame
 
 #: Fields of frames that become columns, if the frame has them.
-_FRAME_FIELDS = ("reinsertions", "contact_count", "angles", "spins", "area", "perimeter")
+_FRAME_FIELDS = ("reinsertions", "contact_count", "angles", "spins", "area", "perimeter", "volume", "surface_area")
 #: Columns of files, and the fields of Particles.
 _PARTICLES = {"position": "positions", "radius": "radii", "velocity": "velocities", "mass": "masses"}
 
@@ -72,7 +72,7 @@ def _of(source, number, fields):
         values[name] = given
     columns = {name: np.asarray(data)[here] for name, data in values.items() if data is not None}
     outlines = None
-    if frame and frame.run.topology.deformable:
+    if frame and frame.run.topology.deformable and part.dim == 2:
         outlines = [outline for outline, present in zip(frame.polygons, here) if present]
     step = frame.step if frame else number
     time = part.time if np.isfinite(part.time) else float(number)

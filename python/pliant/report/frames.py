@@ -65,21 +65,22 @@ class Packed:
 def quantities(run, frame):
     """The quantities that a frame of the run has; `of` of constant ones is None."""
     length, time = units(run)
-    polygons = run.topology.deformable
+    deformable = run.topology.deformable
+    shape, needed = ("shape p²/4πa", ("area", "perimeter")) if run.dim == 2 else ("shape S^1.5/6√πV", ("volume", "surface_area"))
     found = [
         Quantity("speed", "speed", f"{length}/{time}", of=lambda f: f.speeds, needs=("velocities",)),
         Quantity("force", "sum of contact forces", force_unit(run), of=lambda f: contact_sum(run, f), needs=("contacts",)),
         Quantity("overlap", "largest overlap", "", of=lambda f: largest_overlap(run, f), needs=("contacts",)),
         Quantity("contacts", "bound droplets" if run.droplets else "touching particles", "", "counts",
                  lambda f: f.touching.astype(float), ("contacts",)),
-        Quantity("area", "area over rest area", "", "diverging", lambda f: f.area / run.topology.a0, ("area",)),
-        Quantity("shape", "shape p²/4πa", "", of=lambda f: f.perimeter**2 / (4 * np.pi * f.area), needs=("area", "perimeter")),
+        Quantity("area", f"{needed[0]} over rest {needed[0]}", "", "diverging", lambda f: f.content / run.topology.a0, needed[:1]),
+        Quantity("shape", shape, "", of=lambda f: f.shape_parameter, needs=needed),
         Quantity("spin", "spin", f"1/{time}", "diverging", lambda f: f.spins, ("spins",)),
         Quantity("size", "diameter", length, "sizes"),
         Quantity("start", "height in the first frame", length),
         Quantity("id", "particle number", "", "ids"),
     ]
-    return [q for q in found if q.in_frame(frame) and not (q.name in ("area", "shape") and not polygons) and not (q.name == "spin" and run.dim == 3)]
+    return [q for q in found if q.in_frame(frame) and not (q.name in ("area", "shape") and not deformable) and not (q.name == "spin" and run.dim == 3)]
 
 
 def units(run):
@@ -192,7 +193,7 @@ def _pack_points(packed, run, shots):
     positions = np.stack([shot.positions for shot in shots])
     of_shown = positions[np.repeat(shown, np.diff(run.topology.offset), axis=1)] if shown.any() else np.zeros((1, run.dim))
     low, high = of_shown.min(0), of_shown.max(0)
-    # Neighbouring vertices of a polygon move alike.
+    # Neighbouring vertices of a particle move alike.
     packed.add_planes("positions", _levels(positions, low, high, _LEVELS), (0, 1) if run.topology.deformable else (0,))
     packed.add("shown", np.packbits(shown, axis=1), count=shown.shape[1])
     return low, high
@@ -240,6 +241,9 @@ def _pack(run, shots, found, forces):
     if topology.deformable:
         packed.add("offset", topology.offset.astype(np.uint32))
         packed.add("outline", topology.particle_diameter.astype(np.float32))
+    if topology.faces is not None:
+        packed.add_planes("faces", topology.faces.astype(np.uint32)[None], (1,))
+        packed.add("face_offset", topology.face_offset.astype(np.uint32))
     _pack_walls(packed, shots)
     if all(shot.angles is not None for shot in shots):
         turns = np.stack([shot.angles for shot in shots]) / (2 * np.pi)

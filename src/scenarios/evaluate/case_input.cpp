@@ -1,8 +1,8 @@
 #include <pliant/catalogue/parameter_table.h>
-#include <pliant/catalogue/surface_models.h>
 #include <pliant/geometry/container.h>
 #include <pliant/model/depletion.h>
 #include <pliant/model/polygon.h>
+#include <pliant/model/surface_crossing.h>
 #include <pliant/model/surface_terms.h>
 #include <pliant/scenarios/evaluate/case_input.h>
 
@@ -75,7 +75,8 @@ Keys keys_of(const Particles& particles) {
 
 ParameterTable parameters_of(const Particles& particles) {
   ParameterTable table;
-  table.declare(particles.surfaces ? surface_model(particles.kind) : catalogue_model(particles.kind));
+  const bool deformable = particles.kind == ModelKind::shape || particles.kind == ModelKind::rough;
+  table.declare(catalogue_model(particles.kind), !deformable ? 0 : particles.surfaces ? 3 : 2);
   return table;
 }
 
@@ -355,7 +356,7 @@ void read_per_edge(const CaseValue& edges, const CaseValue& values, Sign sign, c
   for (std::size_t k = 0; k < surface.hinges.size(); ++k) {
     edges[k].check_size(2, "vertex");
     const std::pair<Index, Index> edge =
-        std::minmax({edges[k][0].index(surface.vertices, "vertices"), edges[k][1].index(surface.vertices, "vertices")});
+        std::minmax({edges[k][0].index(surface.points(), "vertices"), edges[k][1].index(surface.points(), "vertices")});
     const auto found =
         std::ranges::find_if(surface.hinges, [&](const Hinge& h) { return h.a == edge.first && h.b == edge.second; });
     if (found == surface.hinges.end()) edges[k].fail("is not an edge of a face; remove it");
@@ -365,9 +366,6 @@ void read_per_edge(const CaseValue& edges, const CaseValue& values, Sign sign, c
     out[at] = values[k].number(sign);
   }
 }
-
-/// Below this part of its rest area a face has no direction to rely on.
-constexpr Real least_face = 1e-6;
 
 }  // namespace
 
@@ -382,7 +380,7 @@ EvaluatedCase<3> read_surfaces(const CaseValue& inputs, const CaseModel& model) 
                   angles = inputs["theta0"], delta = inputs["delta"], mass = inputs["mass"];
   const bool rest = model.kind == ModelKind::shape || volumes.present() || areas.present() || edges.present() ||
                     lengths.present() || angles.present();
-  c.shape_terms = rest && inputs["shape_terms"].flag_or(true);
+  const bool shape_terms = rest && inputs["shape_terms"].flag_or(true);
   const bool rest_angles = configured(c.parameters, HingeBending{}).with_rest;
   const std::size_t n = positions.size();
   faces.check_size(n, "particle");
@@ -422,11 +420,13 @@ EvaluatedCase<3> read_surfaces(const CaseValue& inputs, const CaseModel& model) 
       append<3>(c.v, velocities.present() ? velocities[m][i].vector<3>() : Vec<3>(0, 0, 0));
     }
     if (const SurfaceShape shape = look_at_surface(c.x.data(), c.topology, *surfaces, static_cast<Index>(m));
-        shape.least_area < least_face)
+        shape.least_area < least_face_area)
       faces[m][static_cast<std::size_t>(shape.smallest_face)].fail(
-          "has {} of its rest area, but needs at least {}; move one of its vertices", shape.least_area, least_face);
+          "has {} of its rest area, but needs at least {}; move one of its vertices", shape.least_area,
+          least_face_area);
   }
   c.surfaces = surfaces;
+  if (shape_terms) c.topology.surfaces = surfaces;
   if (const CaseValue gravity = inputs["gravity"]; gravity.present()) c.gravity = gravity.vector<3>();
   return c;
 }

@@ -24,8 +24,8 @@ struct EvaluatedCase {
   Walls<D> walls;
   Topology topology;
   std::vector<Real> x, v;
-  std::shared_ptr<const Surfaces> surfaces = nullptr;  ///< null unless particles are surfaces
-  bool shape_terms = true;                             ///< whether surfaces have energies of the shape
+  /// Null unless particles are surfaces; Topology::surfaces is null where they have no energies of the shape.
+  std::shared_ptr<const Surfaces> surfaces = nullptr;
 };
 
 /// The model of a case and the values of its parameters.

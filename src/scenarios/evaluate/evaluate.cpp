@@ -1,6 +1,5 @@
 #include <pliant/base/console.h>
 #include <pliant/base/text.h>
-#include <pliant/catalogue/surface_models.h>
 #include <pliant/model/crossing.h>
 #include <pliant/model/edge_contact.h>
 #include <pliant/model/lip_contact.h>
@@ -117,9 +116,7 @@ void check_finite(const std::vector<Real>& values, std::string_view term, const 
 template <int D>
 ordered_json results(const EvaluatedCase<D>& c, const std::string& file) {
   ParameterValues parameters = c.parameters;
-  const Surroundings<D> around{.gravity = c.gravity};
-  const auto model = c.surfaces ? surface_model(c.kind, c.surfaces, c.shape_terms).template make<D>(parameters, around)
-                                : make_force_field<D>(c.kind, parameters, around);
+  const auto model = make_force_field<D>(c.kind, parameters, {.gravity = c.gravity});
   Neighbours<D> neighbours(model->needs(), 0);
   neighbours.rebuild(c.topology, c.walls, c.x.data());
   const StateView<D> s{c.x.data(), c.v.data(), c.topology, neighbours, c.walls};

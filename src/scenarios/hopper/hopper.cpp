@@ -18,6 +18,7 @@
 #include <pliant/model/drag.h>
 #include <pliant/model/lip_contact.h>
 #include <pliant/model/polygon.h>
+#include <pliant/model/surface_crossing.h>
 #include <pliant/run/crossing_watch.h>
 #include <pliant/run/memory.h>
 #include <pliant/run/overlap_check.h>
@@ -76,10 +77,13 @@ class HopperProtocol final : public Protocol<D> {
     largest_a0_ = *std::max_element(all.a0.begin(), all.a0.end());
     top_ = std::accumulate(all.a0.begin(), all.a0.end(), 0.0) /
            (*p.pack_fraction * std::pow(p.container->inflow_width() / 2, D - 1));
-    if (p.shape.shape_parameter > 0 && !p.start.given()) {  // long particles start with space to rotate
-      Real disks = 0;
-      for (Index m = 0; m < all.particles(); ++m) disks += pi * square(outer_radius(all, m));
-      if (deformable()) top_ = std::max(top_, disks / (*p.pack_fraction * p.container->inflow_width()));
+    // Long particles, and surfaces, start with space to rotate.
+    if (deformable() && !p.start.given() && (D == 3 || p.shape.shape_parameter > 0)) {
+      Real outer = 0;  // content of the disks, or spheres, around them
+      for (Index m = 0; m < all.particles(); ++m)
+        outer += D == 2 ? pi * square(outer_radius(all, m)) : 4 * pi / 3 * std::pow(outer_radius(all, m), 3);
+      const Real width = p.container->inflow_width();
+      top_ = std::max(top_, outer / (*p.pack_fraction * (D == 2 ? width : square(width / 2))));
     }
     if (!p.container->plain())
       top_ = std::max(
@@ -250,6 +254,8 @@ class HopperProtocol final : public Protocol<D> {
     const State& s = state();
     last_sample_ = take_sample<D>(particles(), s, *p_.container, counter_.flow(), run().last_dt());
     check_particles();
+    if constexpr (D == 3)
+      if (deformable()) check_surfaces();
     count_self_crossings();
     warn_of_short_edges();
     const FlowCount& crossed = last_sample_.crossed;
@@ -400,7 +406,7 @@ class HopperProtocol final : public Protocol<D> {
   Passage<D> passage() const { return {state().x().data(), topology(), *p_.container, particles().walls()}; }
 
   NumericalError through_wall(Index id, const std::array<Real, D>& at, std::string_view how) const {
-    const bool enters = deformable() && !p_.model.term(LipContact<>{}).with_edges;
+    const bool enters = D == 2 && deformable() && !p_.model.term(LipContact<>{}).with_edges;
     return NumericalError(
         "particle {} has {}, at ({:.3f}): it went through a wall; {}{} or {}", id, how, fmt::join(at, ", "),
         enters ? fmt::format("use {} edge, as lips enter edges without, ", p_.model.option(Role::lip_rule)) : "",
@@ -430,6 +436,39 @@ class HopperProtocol final : public Protocol<D> {
     wall_overlap_ = std::max(wall_overlap_, deepest);
   }
 
+  /// Stops the run at surfaces that pierce each other, and at shapes without meaning.
+  void check_surfaces() requires(D == 3) {
+    const StateView<3> view = this->simulation().view();
+    const Topology& own = view.topology;
+    const auto id = [&](Index m) { return own.id[m]; };
+    const auto edge = [&](const Piercing& p) {
+      return fmt::format("the edge from vertex {} to {} of particle {} pierces face {}", p.a, p.b, id(p.particle),
+                         p.face);
+    };
+    const std::string stiffer_shape =
+        fmt::format("raise {}, or {}", p_.model.options({Role::area, Role::perimeter, Role::bending}), shorten());
+    ranks().together([&] {
+      const SurfacesLook seen = look_at_surfaces(view);
+      self_crossings_ = seen.self_crossings;
+      if (seen.piercing)
+        throw NumericalError("{} of particle {}: stiffen the contacts ({}, now {:g}), {}", edge(*seen.piercing),
+                             id(seen.piercing->other), p_.model.option(Role::contact_energy),
+                             p_.model.value(Role::contact_energy), stiffer_shape);
+      if (seen.bad_shape)
+        throw NumericalError("particle {} {}: {}", id(seen.bad_shape->particle),
+                             seen.bad_shape->kind == BadShape::Kind::inverted
+                                 ? "has turned inside out: its volume is not positive"
+                                 : fmt::format("has lost the area of its face {}", seen.bad_shape->face),
+                             stiffer_shape);
+      if (seen.crossing_itself && p_.self_crossing == OnSelfCrossing::stop)
+        throw NumericalError(
+            "particle {} crosses itself: {}; {}; -self_crossing count continues the run, but volumes of such particles "
+            "are wrong",
+            id(*seen.crossing_itself),
+            seen.self_piercing ? edge(*seen.self_piercing) : "two of its faces fold over each other", stiffer_shape);
+    });
+  }
+
   SelfCrossingWatch self_crossing_watch() const {
     const ModelChoice& model = p_.model;
     const auto switches = model.parameters(Role::self_contact);
@@ -449,9 +488,9 @@ class HopperProtocol final : public Protocol<D> {
   /// A column of the sample, where such particles do not end the run.
   void count_self_crossings() {
     if (!deformable() || p_.self_crossing == OnSelfCrossing::stop) return;
-    if constexpr (D == 2)
-      last_sample_.row.emplace_back(self_crossing_column, static_cast<Real>(ranks().sum(static_cast<std::int64_t>(
-                                                              look_at_own_outlines(this->simulation().view()).count))));
+    if constexpr (D == 2) self_crossings_ = look_at_own_outlines(this->simulation().view()).count;
+    last_sample_.row.emplace_back(self_crossing_column,
+                                  static_cast<Real>(ranks().sum(static_cast<std::int64_t>(self_crossings_))));
   }
 
   /// visit(system) where there are outlines that can be crossed.
@@ -575,6 +614,7 @@ class HopperProtocol final : public Protocol<D> {
   HopperSteps steps_;
   Real critical_step_ = 0;  ///< stability limit of the integrator
   CrossingWatch outlines_;
+  Index self_crossings_ = 0;  ///< own particles that crossed themselves at the last check
   Sample<D> last_sample_;
   bool short_edges_seen_ = false;  ///< has warned of them
 };

@@ -55,6 +55,7 @@ void explain_units(Options& o) {
 }  // namespace
 
 HopperOptions::HopperOptions(const std::vector<ModelDefinition>& own) : model(models_with(own)) {
+  shape.vertices = 0;
   model.make_automatic(Role::drag, "0; 0.316 (drag only of [H]) for sp, rough or smooth without friction");
 }
 
@@ -63,7 +64,7 @@ void HopperOptions::bind(Options& o) {
   explain_units(o);
   model.bind(o, UnitSystem::gravitational());
   o.bind("dim", dim,
-         {.help = "dimension; 2 for deformable particles",
+         {.help = "dimension; 3 for sp, rough and disk",
           .min = 2,
           .max = 3,
           .cures = {{Cure::two_dimensions, "2"}, {Cure::three_dimensions, "3"}},
@@ -232,9 +233,7 @@ void HopperOptions::take_start(const std::optional<Checkpoint>& checkpoint) {
 }
 
 void HopperOptions::resolve() {
-  if (dim == 3 && deformable())
-    throw InputError("-dim 3 with -model {}: deformable particles are two-dimensional; use -model sp or -dim 2",
-                     model.name);
+  resolve_vertices(shape, dim);
   if (dim == 2)
     model.resolve<2>({});
   else
@@ -265,7 +264,7 @@ void HopperOptions::resolve() {
     container = with(std::move(all));
   }
   if (!pack_fraction) pack_fraction = dim == 2 ? 0.84 : 0.64;
-  if (shape.shape_parameter > 0 && shape.shape_parameter < regular_shape_parameter(shape.vertices))
+  if (dim == 2 && shape.shape_parameter > 0 && shape.shape_parameter < regular_shape_parameter(shape.vertices))
     throw InputError(
         "-shape_parameter {}: no polygon of {} vertices has less than {:.6g}, the regular one's; raise it or leave it "
         "out",

@@ -15,6 +15,7 @@ bool Passage<D>::through_wall(Index m, bool outside) const {
       if (outside) return false;     // its parts may be on both sides of the orifice line
       end = topology.offset[m] + 1;  // all vertices are on the same side as the first one
     }
+  if (topology.surfaces && outside) return false;  // its parts may be on both sides of the orifice line
   for (Index i = topology.offset[m]; i < end; ++i) {
     const Vec<2> place = in_plane<D>(point<D>(x, i));
     if (place[1] > 0 && container.inside(D, place) == outside) return true;

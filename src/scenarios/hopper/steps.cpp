@@ -46,7 +46,7 @@ HopperSteps hopper_steps(const HopperOptions& p, const Topology& all, const Forc
     const Real factor = unit * (overdamped ? elastic * std::sqrt(dt / drag_limit) : dt);
     return LeastDistances{factor * outlines, factor * walls};
   };
-  if (!p.model.parameters(Role::bending).empty())
+  if (D == 2 && !p.model.parameters(Role::bending).empty())
     if (const Bending bending = p.model.term(Bending{}); bending.edges == EdgeVectors::unit)
       steps.bending_rate = bending.max_rate(all);
   return steps;

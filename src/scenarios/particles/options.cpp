@@ -1,5 +1,7 @@
 #include <pliant/scenarios/particles/options.h>
 
+#include <pliant/base/errors.h>
+
 namespace pliant {
 
 void bind_sizes(Options& options, SizeDistribution& sizes) {
@@ -23,14 +25,16 @@ void bind_sizes(Options& options, SizeDistribution& sizes) {
 
 void bind_shape(Options& options, PolygonShape& shape) {
   constexpr auto fixed = OnRestart::fixed;
+  const bool by_dimension = shape.vertices == 0;
   options.bind("n_vertices", shape.vertices,
-               {.help = "vertices of a deformable particle",
-                .min = 3,
+               {.help = by_dimension ? "vertices of a deformable particle; 0: 16 in 2D, 42 in 3D (12, 42, 162 or 642)"
+                                     : "vertices of a deformable particle",
+                .min = by_dimension ? 0.0 : 3.0,
                 .max = 10000,
                 .cures = {Cure::even_vertices, Cure::more_vertices},
                 .on_restart = fixed});
   options.bind("shape_parameter", shape.shape_parameter,
-               {.help = "A0 = perimeter^2/(4 pi area) at rest; 0: regular polygon",
+               {.help = "A0 = perimeter^2/(4 pi area) at rest, 3D area^(3/2)/(6 sqrt(pi) volume); 0: regular",
                 .min = 0,
                 .cures = {Cure::rounder_shape},
                 .on_restart = fixed});
@@ -40,6 +44,11 @@ void bind_shape(Options& options, PolygonShape& shape) {
                 .max = 1,
                 .min_open = true,
                 .on_restart = fixed});
+}
+
+void resolve_vertices(PolygonShape& shape, int dim) {
+  if (shape.vertices == 0) shape.vertices = dim == 2 ? 16 : 42;
+  if (shape.vertices < 3) throw InputError("-n_vertices {}: a particle needs at least 3 vertices", shape.vertices);
 }
 
 }  // namespace pliant

@@ -6,7 +6,8 @@ class Frames {
     Object.assign(this, { data, arrays, dim: data.dim, count: data.times.length });
     this.particles = arrays.diameter.length;
     this.points = data.entries.positions.shape[1];
-    this.polygons = "offset" in arrays;
+    this.deformable = "offset" in arrays;
+    this.surfaces = "faces" in arrays;
     this.step = data.high.map((high, d) => (high - data.low[d]) / data.levels);
     this.quantities = data.quantities.map(q => this._withRange(q));
     this._position = new Float32Array(this.points * this.dim);
@@ -22,7 +23,7 @@ class Frames {
     for (let i = 0; i < this._position.length; i++) this._position[i] = this.data.low[i % D] + positions[from + i] * this.step[i % D];
     const bytes = Math.ceil(this.particles / 8);
     this.shown = Uint8Array.from({ length: this.particles }, (_, m) => shown[index * bytes + (m >> 3)] >> (7 - (m & 7)) & 1);
-    if (!this.polygons) this._centre.set(this._position);
+    if (!this.deformable) this._centre.set(this._position);
     else this._averageVertices();
   }
 
@@ -60,7 +61,7 @@ class Frames {
     if (quantity.name === "start") {
       const D = this.dim, { positions, offset } = this.arrays;
       this._start = Float32Array.from({ length: this.particles }, (_, m) => {
-        const point = this.polygons ? offset[m] : m;
+        const point = this.deformable ? offset[m] : m;
         return this.data.low[D - 1] + positions[point * D + D - 1] * this.step[D - 1];
       });
       return { ...quantity, range: [Math.min(...sample(this._start)), Math.max(...sample(this._start))] };

@@ -114,7 +114,7 @@ class Scene {
     for (let m = 0; m < frames.particles; m++) {
       if (!frames.shown[m]) continue;
       const colour = this._colour(m);
-      if (frames.polygons) this._drawPolygon(m, colour);
+      if (frames.deformable) this._drawPolygon(m, colour);
       else this._drawDisk(m, colour);
     }
     if (this.forces) this._drawForces();
@@ -227,10 +227,37 @@ class Scene {
       const c = 3 * m, [x, y, depth] = view.project(frames.centre[c], frames.centre[c + 1], frames.centre[c + 2]);
       const radius = frames.arrays.diameter[m] / 2 * view.scale;
       if (x < -radius || y < -radius || x > view.width + radius || y > view.height + radius) continue;
-      context.drawImage(this._sprite(m, depth), x - radius, y - radius, 2 * radius, 2 * radius);
+      if (frames.surfaces) this._drawSurface(m, depth);
+      else context.drawImage(this._sprite(m, depth), x - radius, y - radius, 2 * radius, 2 * radius);
     }
     if (this.forces) this._drawForces();
     if (!this.cut) this._drawShell(true);
+  }
+
+  /** The faces of a surface that are turned to the viewer, the hindmost first, lit from the upper left. */
+  _drawSurface(m, depth) {
+    const { context, frames, view } = this, { faces, face_offset } = frames.arrays, at = frames.position;
+    const rgb = mix(this._colour(m), this.theme.canvas.rgb, this._fog(depth) * 0.07), seen = [];
+    for (let f = face_offset[m]; f < face_offset[m + 1]; f++) {
+      const [a, b, c] = [0, 1, 2].map(k => { const p = 3 * faces[3 * f + k]; return view.project(at[p], at[p + 1], at[p + 2]); });
+      const [ux, uy, uz] = [b[0] - a[0], a[1] - b[1], (b[2] - a[2]) * view.scale], [vx, vy, vz] = [c[0] - a[0], a[1] - c[1], (c[2] - a[2]) * view.scale];
+      const [nx, ny, nz] = [uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx], length = Math.hypot(nx, ny, nz);
+      if (!(nz > 0)) continue;
+      seen.push([a[2] + b[2] + c[2], a, b, c, Math.max(0, (-0.45 * nx + 0.5 * ny + 0.74 * nz) / length)]);
+    }
+    seen.sort((p, q) => p[0] - q[0]);
+    context.lineWidth = 0.6;
+    for (const [, a, b, c, light] of seen) {
+      const colour = css(light < 0.8 ? mix(rgb, [0, 0, 0], 0.55 * (1 - light / 0.8)) : mix(rgb, [255, 255, 255], 1.2 * (light - 0.8)));
+      context.fillStyle = context.strokeStyle = colour;
+      context.beginPath();
+      context.moveTo(a[0], a[1]);
+      context.lineTo(b[0], b[1]);
+      context.lineTo(c[0], c[1]);
+      context.closePath();
+      context.fill();
+      context.stroke();
+    }
   }
 
   /** Numbers of the particles to draw, the hindmost first. */
@@ -245,9 +272,15 @@ class Scene {
     return keys.map(key => key[1]);
   }
 
-  /** Picture of a shaded sphere, paler the farther it is. */
+  /** 0 to 5: how pale a particle is, the more the farther it is. */
+  _fog(depth) {
+    const { box } = this.view;
+    return Math.max(0, Math.min(5, Math.round(5 * (0.5 - depth / (box.x1 - box.x0)))));
+  }
+
+  /** Picture of a shaded sphere. */
   _sprite(m, depth) {
-    const { box } = this.view, span = box.x1 - box.x0, fog = Math.max(0, Math.min(5, Math.round(5 * (0.5 - depth / span))));
+    const fog = this._fog(depth);
     const value = this.quantity ? this.frames.value(this.quantity, m) : NaN, index = Number.isNaN(value) ? -1 : this.scale.index(value);
     const key = index * 8 + fog;
     if (!this._sprites.has(key)) this._sprites.set(key, sphere(mix(this._colour(m), this.theme.canvas.rgb, fog * 0.07)));

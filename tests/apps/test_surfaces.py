@@ -1,0 +1,123 @@
+"""Deformable particles in 3D: closed surfaces that flow through a hopper."""
+
+import subprocess
+
+import numpy as np
+import pytest
+from conftest import HANGS, PROGRAM, Results, arguments, assert_same_runs, hopper, pliant, stopped_until_done
+
+# Twelve particles of 42 vertices.
+SURFACES = {"model": "rough", "dim": 3, "n": 12, "hopper_wall_distance": 4, "hopper_width": 2, "zeta": 0.3, "mu": 0.2,
+            "pack_fraction": 0.5, "t_end": 3, "frame_interval": 0.25, "sample_interval": 0.05}
+
+
+def surfaces(folder, **options):
+    return hopper(folder, **{**SURFACES, **options})
+
+
+def volumes(results, frame):
+    faces = results.topology["faces"]
+    corners = frame["positions"][faces]
+    sixfold = np.einsum("fk,fk->f", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
+    offset = results.topology["face_offset"]
+    return np.add.reduceat(sixfold, offset[:-1]) / 6
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    return surfaces(tmp_path_factory.mktemp("surfaces") / "run")
+
+
+def test_frames_hold_closed_surfaces(run):
+    topology = run.topology
+    n = len(topology["a0"])
+    assert len(topology["faces"]) == 80 * n and len(topology["offset"]) == n + 1
+    owner = np.searchsorted(topology["offset"], topology["faces"], side="right") - 1
+    assert np.array_equal(owner, np.repeat(np.arange(n), 80)[:, None] * np.ones((1, 3), int))
+    for frame in run.frames:
+        np.testing.assert_allclose(frame["volume"], volumes(run, frame), rtol=1e-12)
+        assert np.abs(frame["volume"] / topology["a0"] - 1).max() < 0.05
+        assert (frame["surface_area"] ** 1.5 > 6 * np.sqrt(np.pi) * frame["volume"]).all()
+        assert np.isfinite(frame["velocities"]).all()
+        np.testing.assert_allclose(frame["centres"], frame["positions"].reshape(n, 42, 3).mean(axis=1), atol=1e-12)
+
+
+def test_the_start_has_icospheres_without_overlaps(run):
+    start = run.frames[0]
+    np.testing.assert_allclose(start["volume"], run.topology["a0"], rtol=1e-10)
+    assert len(start["contacts/overlap"]) == 0
+    assert start["time"] == 0
+
+
+def test_they_fall_and_touch(run):
+    assert run.summary["status"] == "done"
+    heights = run.column("centres")[:, :, 2]
+    assert heights[-1].mean() < heights[0].mean() - 0.3
+    assert run.series["contact_pairs"].max() > 3
+    assert run.series["contact_pairs"][0] == 0
+    assert run.series["max_overlap"].max() < 0.5
+
+
+def test_energy_is_balanced(run):
+    audit = run.summary["energy_audit"]
+    assert audit["heat"] > 1 and audit["relative_error"] < 0.01
+
+
+@pytest.mark.parametrize("change", [{"threads": 2}, {"output": "other"}], ids=["threads", "again"])
+def test_runs_repeat_bit_for_bit(run, change, tmp_path):
+    options = {**SURFACES, **change, "output": tmp_path / "run"}
+    assert pliant("hopper", **options).returncode == 0
+    assert_same_runs(run, Results(tmp_path / "run"))
+
+
+def test_stopped_runs_resume_bit_for_bit(run, tmp_path):
+    assert stopped_until_done("hopper", **{**SURFACES, "output": tmp_path / "run"}) >= 2
+    assert_same_runs(run, Results(tmp_path / "run"))
+
+
+def test_discharge_empties_the_hopper(tmp_path):
+    results = surfaces(tmp_path / "run", flow="discharge", n=6, hopper_width=3, hopper_angle=30, t_end=30, mu=0)
+    assert results.summary["status"] == "empty"
+    assert results.summary["crossed_count"] == 6
+
+
+def test_continuous_flow_reinserts_and_counts(tmp_path):
+    results = surfaces(tmp_path / "run", n=10, hopper_width=3, hopper_angle=30, t_end=6, mu=0)
+    assert results.summary["crossed_count"] > 3
+    assert results.frames[-1]["reinsertions"].sum() > 0
+    assert results.frames[-1]["active"].all()
+    np.testing.assert_allclose(results.frames[-1]["volume"], results.topology["a0"], rtol=0.05)
+
+
+def test_size_and_shape_of_the_particles(tmp_path):
+    results = surfaces(tmp_path / "run", n_vertices=12, shape_parameter=1.2, t_end=0.1)
+    assert np.array_equal(np.diff(results.topology["offset"]), np.full(12, 12))
+    assert len(results.topology["faces"]) == 12 * 20
+
+
+def test_soft_particles_that_pierce_each_other_end_the_run(tmp_path):
+    result = pliant("hopper", output=tmp_path / "run", **{**SURFACES, "n": 60, "hopper_wall_distance": 3, "e_c": 0.05, "t_end": 20, "mu": 0})
+    assert result.returncode == 3
+    assert "pierces face" in result.stderr and "-e_c" in result.stderr
+
+
+@pytest.mark.parametrize("options, words", [
+    ({"n_vertices": 16}, ["16", "12, 42, 162"]), ({"n_vertices": 2}, ["-n_vertices 2"]), ({"shape_parameter": 1.01}, ["1.01", "1.024"]),
+    ({"model": "smooth"}, ["smooth", "3D"]), ({"bending_edges": "full"}, ["-bending_edges", "3D"]), ({"rough_contact": "edge"}, ["-rough_contact", "3D"]),
+    ({"dim": 2, "k_v": 1}, ["-k_v", "2D"]), ({"k_v": -1}, ["-k_v"]), ({"frame_fields": "area"}, ["area", "polygons"])])
+def test_bad_options_are_refused(options, words, tmp_path):
+    result = pliant("hopper", output=tmp_path / "run", **{**SURFACES, **options})
+    assert result.returncode == 2, result.stdout
+    assert all(word in result.stderr for word in words), result.stderr
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.ranks
+def test_ranks_agree_with_one(run, tmp_path):
+    """Only the order of sums differs, and chaos has no time to grow."""
+    options = {**SURFACES, "t_end": 0.5, "output": tmp_path / "run"}
+    subprocess.run(["mpiexec", "-n", "3", PROGRAM, "hopper", *arguments(options)], check=True, timeout=HANGS)
+    several = Results(tmp_path / "run")
+    for n, frame in enumerate(several.frames):
+        np.testing.assert_allclose(frame["positions"], run.frames[n]["positions"], atol=1e-9)
+        np.testing.assert_allclose(frame["volume"], run.frames[n]["volume"], atol=1e-9)

@@ -1,0 +1,182 @@
+// Closed surfaces of a run: the start, piercings and shapes without meaning.
+#include <catch2/catch.hpp>
+
+#include <pliant/model/surface_crossing.h>
+#include <pliant/setup/particles.h>
+
+#include "support/configurations.h"
+
+namespace pliant::test::surfaces_test {
+namespace {
+
+/// Icospheres of 42 vertices and diameter 1 at these places.
+Configuration<3> spheres(const std::vector<Vec<3>>& centres) {
+  Configuration<3> c;
+  c.topology = make_particles(ModelKind::rough, 3, std::vector<Real>(centres.size(), 1.0), {.vertices = 42});
+  c.x.resize(static_cast<std::size_t>(c.topology.points()) * 3);
+  c.v.resize(c.x.size());
+  for (std::size_t m = 0; m < centres.size(); ++m)
+    place_surface(c.topology, static_cast<Index>(m), centres[m], random_rotation(0.3, 0.7, 0.2), c.x.data());
+  return c;
+}
+
+Vec<3> normal_of(const Configuration<3>& c, Index m, Index face) {
+  const Index first = c.topology.offset[m];
+  const auto& [a, b, d] = c.topology.surfaces->of(c.topology, m).faces[static_cast<std::size_t>(face)];
+  return face_normal(c.position(first + a), c.position(first + b), c.position(first + d)).normalized();
+}
+
+Vec<3> middle_of(const Configuration<3>& c, Index m, Index face) {
+  const Index first = c.topology.offset[m];
+  const auto& [a, b, d] = c.topology.surfaces->of(c.topology, m).faces[static_cast<std::size_t>(face)];
+  return (c.position(first + a) + c.position(first + b) + c.position(first + d)) / 3;
+}
+
+}  // namespace
+
+TEST_CASE("a segment pierces a triangle only through its inside") {
+  const Vec<3> a(0, 0, 0), b(1, 0, 0), c(0, 1, 0);
+  CHECK(pierces({0.2, 0.2, -1}, {0.2, 0.2, 1}, a, b, c));
+  CHECK(pierces({0.2, 0.2, 1}, {0.2, 0.2, -1}, a, b, c));
+  CHECK(pierces({-1, 0.1, -1}, {1.3, 0.1, 1}, a, b, c));
+  CHECK_FALSE(pierces({0.2, 0.2, 0.01}, {0.2, 0.2, 1}, a, b, c));  // above
+  CHECK_FALSE(pierces({0.6, 0.6, -1}, {0.6, 0.6, 1}, a, b, c));    // beside
+  CHECK_FALSE(pierces({-0.01, 0.2, -1}, {-0.01, 0.2, 1}, a, b, c));
+}
+
+TEST_CASE("surfaces beside each other do not pierce, overlapping ones do") {
+  for (const Real distance : {1.05, 0.9, 0.5}) {
+    Configuration<3> c = spheres({{0, 0, 0}, {distance, 0, 0}, {0, 5, 0}});
+    const SurfacesLook seen = look_at_surfaces(c.view());
+    INFO(distance);
+    CHECK(seen.piercing.has_value() == (distance < 1));
+    CHECK(!seen.bad_shape);
+    CHECK(seen.self_crossings == 0);
+    if (!seen.piercing) continue;
+    const Piercing& p = *seen.piercing;
+    CHECK(p.particle + p.other == 1);
+    const Surface& surface = c.topology.surfaces->of(c.topology, p.other);
+    const auto at = [&](Index m, Index i) { return c.position(c.topology.offset[m] + i); };
+    const Face& face = surface.faces[static_cast<std::size_t>(p.face)];
+    CHECK(pierces(at(p.particle, p.a), at(p.particle, p.b), at(p.other, face[0]), at(p.other, face[1]),
+                  at(p.other, face[2])));
+  }
+}
+
+TEST_CASE("an edge that pierces a face is found though each vertex is outside") {
+  // A long tooth of the second particle reaches through the first, out at the other side: all vertices are outside.
+  Configuration<3> c = spheres({{0, 0, 0}, {1.5, 0, 0}});
+  const Index first = c.topology.offset[1];
+  Index tooth = first;
+  for (Index i = first; i < c.topology.offset[2]; ++i)
+    if (c.position(i)[0] < c.position(tooth)[0]) tooth = i;
+  point<3>(c.x.data(), tooth) = Vec<3>(-2, 0.05, 0.03);
+  const SurfacesLook seen = look_at_surfaces(c.view());
+  REQUIRE(seen.piercing);
+  CHECK(c.topology.offset[seen.piercing->particle] + 0 >= 0);
+}
+
+TEST_CASE("a surface that crosses itself, folds, or is inverted is found") {
+  Configuration<3> c = spheres({{0, 0, 0}, {3, 0, 0}});
+  SECTION("a vertex is pushed out at the opposite side") {
+    point<3>(c.x.data(), 0) *= -1.5;
+    const SurfacesLook seen = look_at_surfaces(c.view());
+    REQUIRE(seen.self_piercing);
+    CHECK(seen.self_piercing->particle == 0);
+    CHECK(seen.self_piercing->other == 0);
+    CHECK(seen.crossing_itself == Index{0});
+    CHECK(seen.self_crossings == 1);
+    CHECK(!seen.piercing);
+  }
+  SECTION("two faces fold over each other") {
+    // The tip of a face moves over the opposite edge, just above the surface.
+    const Hinge& h = c.topology.surfaces->of(c.topology, 0).hinges[0];
+    const Vec<3> edge = (c.position(h.a) + c.position(h.b)) / 2, other = c.position(h.d);
+    point<3>(c.x.data(), h.c) = edge + 0.5 * (other - edge) + 0.15 * edge.normalized();
+    const SurfacesLook seen = look_at_surfaces(c.view());
+    CHECK(seen.crossing_itself == Index{0});
+    CHECK(seen.self_crossings == 1);
+  }
+  SECTION("inverted") {
+    for (Real& a : c.x) a = -a;
+    const SurfacesLook seen = look_at_surfaces(c.view());
+    REQUIRE(seen.bad_shape);
+    CHECK(seen.bad_shape->kind == BadShape::Kind::inverted);
+  }
+  SECTION("a face without area") {
+    const Face& face = c.topology.surfaces->of(c.topology, 1).faces[7];
+    const Index first = c.topology.offset[1];
+    point<3>(c.x.data(), first + face[2]) = (c.position(first + face[0]) + c.position(first + face[1])) / 2;
+    const SurfacesLook seen = look_at_surfaces(c.view());
+    REQUIRE(seen.bad_shape);
+    CHECK(seen.bad_shape->particle == 1);
+    CHECK(seen.bad_shape->kind == BadShape::Kind::flat_face);
+  }
+  SECTION("a dent is no crossing") {
+    const Vec<3> inwards = -0.15 * c.position(0).normalized();
+    point<3>(c.x.data(), 0) += inwards;
+    const SurfacesLook seen = look_at_surfaces(c.view());
+    CHECK(seen.self_crossings == 0);
+    CHECK(!seen.bad_shape);
+  }
+  SECTION("a vertex just through a distant face of its own") {
+    // Not star-shaped: the piercing is looked for, and is there only beyond the face.
+    const Index far = 40;
+    const auto& faces = c.topology.surfaces->of(c.topology, 0).faces;
+    Index face = 0;
+    while (faces[static_cast<std::size_t>(face)][0] == far || faces[static_cast<std::size_t>(face)][1] == far ||
+           faces[static_cast<std::size_t>(face)][2] == far || normal_of(c, 0, face).dot(c.position(far)) > -0.4)
+      ++face;
+    for (const Real beyond : {-0.02, 0.02}) {
+      point<3>(c.x.data(), far) = middle_of(c, 0, face) + beyond * normal_of(c, 0, face);
+      INFO(beyond);
+      CHECK(look_at_surfaces(c.view()).self_piercing.has_value() == (beyond > 0));
+    }
+  }
+}
+
+TEST_CASE("particles of a run in space are icospheres of the volume of a sphere") {
+  const Topology t = make_particles(ModelKind::rough, 3, {1.0, 1.4}, {.vertices = 42});
+  CHECK(t.dim == 3);
+  CHECK(t.points() == 84);
+  std::vector<Real> x(84 * 3);
+  for (const Index m : {0, 1}) {
+    place_surface(t, m, Vec<3>(3 * m, 1, 2), random_rotation(0.9, 0.1 * m, 0.4), x.data());
+    const Surface& surface = t.surfaces->of(t, m);
+    CHECK(surface_volume(x.data(), t, surface, m) == Approx(t.a0[m]));
+    CHECK(t.a0[m] == Approx(pi / 6 * std::pow(t.sigma[m], 3)));
+    CHECK((mean_of_points<3>(x.data(), t, m) - Vec<3>(3 * m, 1, 2)).norm() < 1e-14);
+    CHECK(t.point_mass[m] * 42 == Approx(t.a0[m]));
+    CHECK(t.diameter[t.offset[m]] == Approx(surface.mean_rest_length() * t.sigma[m]));
+    // All vertices of an icosphere lie on a sphere, half a contact diameter inside the rim.
+    const Real radius = (point<3>(x.data(), t.offset[m]) - Vec<3>(3 * m, 1, 2)).norm();
+    CHECK(outer_radius(t, m) == Approx(radius + t.diameter[t.offset[m]] / 2));
+    const Real area = surface_area(x.data(), t, surface, m);
+    CHECK(shape_parameter(area, t.a0[m]) == Approx(1.02406).epsilon(1e-5));
+  }
+  const Topology floppy =
+      make_particles(ModelKind::smooth, 3, {1.0}, {.vertices = 12, .shape_parameter = 1.3, .edge_width = 0.2});
+  CHECK(floppy.diameter[0] == Approx(0.2 * floppy.l0[0]));
+  CHECK(shape_parameter(floppy.surfaces->kinds[0].total_rest_area(), floppy.a0[0]) == Approx(1.3));
+  CHECK_THROWS_WITH(make_particles(ModelKind::rough, 3, {1.0}, {.vertices = 16}), Catch::Contains("12, 42, 162"));
+  CHECK_THROWS_WITH(make_particles(ModelKind::rough, 3, {1.0}, {.vertices = 42, .shape_parameter = 1.01}),
+                    Catch::Contains("1.02"));
+}
+
+TEST_CASE("random rotations are rotations, and point everywhere") {
+  Random random(3);
+  Vec<3> mean = Vec<3>::Zero();
+  Mat<3> second = Mat<3>::Zero();
+  constexpr int n = 20000;
+  for (int k = 0; k < n; ++k) {
+    const Mat<3> r = random_rotation(random(0, 1), random(0, 1), random(0, 1));
+    CHECK((r * r.transpose() - Mat<3>::Identity()).norm() < 1e-13);
+    CHECK(r.determinant() == Approx(1));
+    mean += r.col(1) / n;
+    second += r.col(1) * r.col(1).transpose() / n;
+  }
+  CHECK(mean.norm() < 0.02);
+  CHECK((second - Mat<3>::Identity() / 3).norm() < 0.02);
+}
+
+}  // namespace pliant::test::surfaces_test
