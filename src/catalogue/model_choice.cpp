@@ -126,8 +126,9 @@ void ModelChoice::refuse_unread(const Options& options, std::string_view but) co
     const int dim = table_.dimension();
     if (kept(entry) || entry.read_by(name, dim) || !options.given(entry.name)) continue;
     if (entry.read_by(name))
-      throw InputError("-{} ({}) with -model {} in {}D, which does not read it; leave it out, or use -dim {}",
-                       entry.name, options.source(entry.name), name, dim, 5 - dim);
+      throw InputError("-{} ({}) with -model {} in {}D, which does not read it; leave it out, or use {}", entry.name,
+                       options.source(entry.name), name, dim,
+                       cures({dim == 2 ? Cure::three_dimensions : Cure::two_dimensions}));
     if (!but.empty() && std::ranges::find(entry.readings, but, &ParameterTable::Reading::term) != entry.readings.end())
       continue;
     throw InputError("-{} ({}) with -model {}, which does not read it; leave it out, or use -model {}", entry.name,

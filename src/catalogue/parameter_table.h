@@ -32,7 +32,7 @@ class ParameterTable {
     int dim;
     std::vector<std::string> choices;
   };
-  /// What a parameter is in 3D, if it is something else in 2D.
+  /// The declaration of a parameter in 3D, if the declaration in 2D differs.
   struct InSpace {
     std::string symbol, help;
     Dimension unit;

@@ -37,7 +37,7 @@ struct RunGeometry {
   std::vector<Real> box = {};  ///< [2, D] of a periodic box: origin and lengths, infinite in open directions
 };
 
-/// What draws walls and particles in run.xdmf.
+/// Sizes of the shapes that run.xdmf draws.
 struct DrawnShapes {
   std::uint64_t wall_points = 0, wall_connectivity = 0;  ///< numbers of points, and of values of connectivity
   std::uint64_t faces = 0;                               ///< triangles of all closed surfaces

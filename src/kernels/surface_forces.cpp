@@ -38,8 +38,8 @@ PLIANT_INLINE Real4 lanes(const std::array<Real, 4>& a) { return Real4{a[0], a[1
 
 /// A face of four particles.
 struct alignas(sizeof(Real4)) Normal4 {
-  Vector4 n;      ///< normal; its length is twice the area
-  Real4 inverse;  ///< of its length
+  Vector4 n;      ///< normal; its length is twice the area of the face
+  Real4 inverse;  ///< 1/length of n
 };
 
 /// Memory of a thread, which grows to the size of its largest mesh.

@@ -13,7 +13,7 @@ namespace pliant {
 /// switches its term off.
 struct SurfaceLaw {
   Real k_v = 0, k_a = 0, gamma = 0, k_l = 0, k_b = 0;
-  bool rest_angles = false;  ///< of the bending energy; else 0
+  bool rest_angles = false;  ///< whether hinges have rest angles; otherwise flat hinges have no bending energy
 };
 
 /// Connectivity and rest shape of particles.

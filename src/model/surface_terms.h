@@ -41,7 +41,9 @@ struct SurfaceTerm {
   }
   /// ω where ω² = k/m with the smallest mass of a vertex.
   static Real rate(const Topology& topology, Real k) {
-    return topology.surfaces && k > 0 ? std::sqrt(k / smallest_over_points(topology, [&](Index i) { return topology.mass(i); })) : 0;
+    return topology.surfaces && k > 0
+               ? std::sqrt(k / smallest_over_points(topology, [&](Index i) { return topology.mass(i); }))
+               : 0;
   }
 };
 
