@@ -20,10 +20,10 @@ using CurrentSpheres = ContactTable::CurrentRows<SphereContact<>::history>;
 PLIANT_INLINE SphereTouch<Real4>::Past past_of(const CurrentSpheres& past, const Index* elements) {
   const std::array<const Real*, 4> rows{past(elements[0]), past(elements[1]), past(elements[2]), past(elements[3])};
   SphereTouch<Real4>::Past p;
-  columns(rows, 0, p.n.x, p.n.y, p.n.z, p.turned.x);
-  columns(rows, 4, p.turned.y, p.turned.z, p.twisted.x, p.twisted.y);
-  columns(rows, 8, p.twisted.z, p.spring.x, p.spring.y, p.spring.z);
-  p.slid = column(rows, 12) != 0;
+  Real4 slid;
+  columns(rows, 0, p.n.x, p.n.y, p.n.z, p.spring.x);
+  columns(rows, 3, p.spring.x, p.spring.y, p.spring.z, slid);
+  p.slid = slid != 0;
   return p;
 }
 
@@ -49,7 +49,7 @@ PLIANT_MULTIVERSION void add_contacts(const SphereContact<Law>& term, const Stat
   const ContactWorkspace::Next<SphereContact<>::history> next(table, workspace);
   const Scatter<3, 1, OwnOnly> force = scatter;
   const Pair* const pairs = s.neighbours.point_pairs.pairs.data();
-  const Real *const x = s.x, *const v = s.v, *const angles = s.angles, *const spins = s.spins;
+  const Real *const x = s.x, *const v = s.v, *const turns = s.turns, *const spins = s.spins;
 
   const Real* const all = workspace.constants(0);
   const auto constants = [&](Index e)
@@ -72,7 +72,7 @@ PLIANT_MULTIVERSION void add_contacts(const SphereContact<Law>& term, const Stat
     columns(rows, 4, fixed.order, fixed.stiffness, fixed.root, unused);
     SphereTouch<Real4> c;
     c.find<Law>(epsilon, surface, fixed,
-                {at.differences3(x), FourPairs::gather3(angles, at.first), FourPairs::gather3(angles, at.second)},
+                {at.differences3(x), FourPairs::gather3(turns, at.first), FourPairs::gather3(turns, at.second)},
                 past_of(past, e));
     const auto rubs =
         c.rub(surface, at.differences3(v), FourPairs::gather3(spins, at.first), FourPairs::gather3(spins, at.second));
@@ -95,10 +95,8 @@ PLIANT_MULTIVERSION void add_contacts(const SphereContact<Law>& term, const Stat
     // Copies of the last contact write the same bits to its place.
     const std::array<Real*, 4> kept{next.set(e[0]), next.set(e[1]), next.set(e[2]), next.set(e[3])};
     const Vector n = c.order * c.n, spring = c.order * rubs.hold.spring;
-    write_columns(kept, 0, n.x, n.y, n.z, c.turned.x);
-    write_columns(kept, 4, c.turned.y, c.turned.z, c.twisted.x, c.twisted.y);
-    write_columns(kept, 8, c.twisted.z, spring.x, spring.y, spring.z);
-    for (int l = 0; l < 4; ++l) kept[l][12] = rubs.hold.slides[l] != 0 ? 1 : 0;
+    write_columns(kept, 0, n.x, n.y, n.z, spring.x);
+    write_columns(kept, 3, spring.x, spring.y, spring.z, rubs.hold.slides ? simd::all(1) : Real4{});
     lost.add(s, force, count, e, {c.normal_power(rubs), c.tangential_power(rubs), c.slid_heat(rubs, c.before)});
   }
   lost.write(range, workspace);

@@ -15,25 +15,24 @@ template <class R>
 struct SphereTouch : SurfaceTouch<3, R> {
   using Vector = Vector3<R>;
 
-  R a, b;                  ///< radii; `lever` is (R_i + R_j)/d
-  R order;                 ///< 1, or −1 if the second sphere has the lower id
-  Vector n;                ///< from the second to the first
-  Vector turned, twisted;  ///< R_i Ω_i + R_j Ω_j and Ω_i + Ω_j
-  Vector before;           ///< ξ at the end of the last step, turned with the contact
+  R a, b;         ///< radii; `lever` is (R_i + R_j)/d
+  R order;        ///< 1, or −1 if the second sphere has the lower id
+  Vector n;       ///< from the second to the first
+  Vector before;  ///< ξ at the end of the last step, turned with the contact
 
   /// Constants of a pair: the radii, their sum and its inverse; V'' and √(m V'') with the reduced mass m if V'' does
   /// not depend on the distance, else 0 and √m.
   struct Constants {
     R a, b, reach, per_reach, order, stiffness, root;
   };
-  /// Positions of the spheres.
+  /// Places of the spheres.
   struct Pair {
-    Vector r;                 ///< from the second to the first
-    Vector angle_a, angle_b;  ///< Ω
+    Vector r;               ///< from the second to the first
+    Vector turn_a, turn_b;  ///< rotations in the step
   };
   /// Current history of the pair; zeros without contact.
   struct Past {
-    Vector n, turned, twisted, spring;
+    Vector n, spring;
     MaskOf<R> slid;
   };
   template <class Law>
@@ -42,8 +41,6 @@ struct SphereTouch : SurfaceTouch<3, R> {
     const R d2 = dot(pair.r, pair.r), d = square_root(d2), per_d = d * (1 / d2);  // root and quotient overlap
     a = c.a, b = c.b, order = c.order;
     n = per_d * pair.r;
-    turned = a * pair.angle_a + b * pair.angle_b;
-    twisted = pair.angle_a + pair.angle_b;
     this->lever = c.reach * per_d, this->per_lever = c.per_reach * d;
     if constexpr (constant_stiffness<Law>) {
       this->elastic = c.stiffness * (c.reach - d);
@@ -59,9 +56,9 @@ struct SphereTouch : SurfaceTouch<3, R> {
     const MaskOf<R> known = (past.n.x != 0) | (past.n.y != 0) | (past.n.z != 0);
     const Vector none{};
     // A new contact has not moved.
-    const SphereSlip<R> slip(select<R>(known, order * past.n, n), n, select<R>(known, twisted - past.twisted, none));
+    const SphereSlip<R> slip(select<R>(known, order * past.n, n), n, select<R>(known, pair.turn_a + pair.turn_b, none));
     before = slip.carry(order * past.spring);
-    const Vector slid_by = c.reach * slip.arc() - slip.across(turned - past.turned);
+    const Vector slid_by = c.reach * slip.arc() - slip.across(a * pair.turn_a + b * pair.turn_b);
     this->stretched = select<R>(known, before + slip.carry_on(slid_by), none);
   }
   /// v: velocity of the first relative to the second; spins of both.
@@ -93,8 +90,8 @@ void add_sphere_forces(const SphereContact<Law>& term, const StateView<3>& s, Ra
 /// ξ + γ_t q̇ up to |P| = μ N d/(R_i + R_j); see SurfaceFriction. The force on i is N n − P (R_i + R_j)/d, with the
 /// torques R_i n × P and R_j n × P: linear and angular momentum are conserved. There is no torque about n, and no
 /// resistance to rolling. The energy of the spring is k_t/2 ξ².
-/// Contact history: n, R_i Ω_i + R_j Ω_j and Ω_i + Ω_j at the end of the last step (Ω is the integral of a spin), ξ,
-/// and whether the contact slid. Units: as the contact's. Elements: neighbour list of points.
+/// Contact history: n and ξ at the end of the last step, and whether the contact slid. Units: as the contact's.
+/// Elements: neighbour list of points.
 template <class Law = HarmonicOverlap>
 struct SphereContact {
   Real epsilon;
@@ -102,7 +99,7 @@ struct SphereContact {
 
   static constexpr Elements elements = Elements::point_pairs;
   static constexpr bool rotates = true;
-  static constexpr int history = 13, constants = 8;
+  static constexpr int history = 7, constants = 8;
   static constexpr auto losses = SurfaceTouch<3>::losses;
   static std::string_view name() { return "sphere_contact"; }
   void read(ParameterReader& p) {
@@ -127,9 +124,9 @@ struct SphereContact {
     const Real* const p = past.data();
     c.template find<Law>(
         epsilon, surface, constants_of(topology, first, second, reach),
-        {r, vector3(s.angles, first), vector3(s.angles, second)},
-        past.empty() ? SphereTouch<Real>::Past{}
-                     : SphereTouch<Real>::Past{vector3(p, 0), vector3(p, 1), vector3(p, 2), vector3(p, 3), p[12] != 0});
+        past.empty() ? SphereTouch<Real>::Pair{r, {}, {}}
+                     : SphereTouch<Real>::Pair{r, vector3(s.turns, first), vector3(s.turns, second)},
+        past.empty() ? SphereTouch<Real>::Past{} : SphereTouch<Real>::Past{vector3(p, 0), vector3(p, 1), p[6] != 0});
     return true;
   }
   SphereTouch<Real>::Constants constants_of(const Topology& topology, Index i, Index j, Real reach) const {

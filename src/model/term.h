@@ -33,6 +33,7 @@ struct StateView {
   const Real* angles = nullptr;             ///< [points · rotations], where the model rotates
   const Real* spins = nullptr;              ///< [points · rotations]; may be null as v may
   const ContactHistory* history = nullptr;  ///< the current one; null: no contact has a history
+  const Real* turns = nullptr;  ///< in space, with a history: change of the angles since the last accepted step
 
   Vec<D> position(Index i) const { return point<D>(x, i); }
   Vec<D> velocity(Index i) const { return point<D>(v, i); }

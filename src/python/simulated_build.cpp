@@ -99,6 +99,7 @@ void Simulated<D>::build(ParticleTable all, const Walls<D>& walls, Real t, std::
     if (std::ranges::any_of(particles.history().tables(),
                             [&](const ContactTable& table) { return table.needs().name == contacts.term; }))
       particles.history().set(contacts.term, contacts.stored);
+  particles.set_accepted(state.x());
   simulation_->forget_all();
   const auto start = static_cast<Index>(ids_.size());
   for (auto k = start; k < static_cast<Index>(n); ++k) {

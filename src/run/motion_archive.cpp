@@ -77,10 +77,12 @@ void MotionArchive<D>::state() {
   coordinates("x", "angle", s.x(), StoredParticles::far, [&](std::vector<Real> places) { x = std::move(places); });
   coordinates("v", "spin", s.v(), simulation_.overdamped() == nullptr ? fastest() : Archive::any,
               [&](std::vector<Real> v) { s.assign(std::move(x), std::move(v)); });
-  if (a_.reads())
+  if (a_.reads()) {
     a_.particles().load_history(particles);
-  else
+    particles.set_accepted(s.x());
+  } else {
     save_history(particles.history(), particles.topology(), a_.to());
+  }
   images();
   overdamped();
 }

@@ -159,8 +159,8 @@ class WallContactFinder {
     std::vector<std::string> terms;
     for (const TermReport& r : field_.report({view_.x, view_.v, nobody, none, view_.walls, view_.t}))
       terms.push_back(r.name);
-    StateView<D> view{view_.x, view_.v,        topology_,    neighbours_, walls_,
-                      view_.t, view_.prefetch, view_.angles, view_.spins, view_.history};
+    StateView<D> view{view_.x,        view_.v,      topology_,   neighbours_,   walls_,     view_.t,
+                      view_.prefetch, view_.angles, view_.spins, view_.history, view_.turns};
     const auto points = static_cast<std::size_t>(topology_.points()) + static_cast<std::size_t>(topology_.owned());
     std::vector<Real> f(points * std::max(D, rotations<D>) * 2), without(f.size());
     for (const std::string& term : terms) {

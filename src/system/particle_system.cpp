@@ -97,6 +97,13 @@ void ParticleSystem<D>::accepted(Real t, const Real* x, const Real* v, Real h, b
   const bool found = evaluated && has_found_;
   const StateView<D> s = found ? last_view(x, v, t) : view(x, v, t);
   field_->accept(s, h, history_, workspace_, found);
+  if (s.turns != nullptr) accepted_angles_.assign(s.angles, s.angles + turns_.size());
+}
+
+template <int D>
+void ParticleSystem<D>::set_accepted(std::span<const Real> x) {
+  const std::span<const Real> angles = rotations_in(x);
+  accepted_angles_.assign(angles.begin(), angles.end());
 }
 
 template <int D>
@@ -172,6 +179,7 @@ void ParticleSystem<D>::take(Topology own) {
   topology_ = std::move(own);
   invalidate_lists();
   history_.clear();
+  accepted_angles_.clear();
   check_points();
 }
 
@@ -184,6 +192,7 @@ Migration ParticleSystem<D>::sort(State& state) {
   move_history(migration);
   migration.move(topology_);
   migration.move(state, coordinates());
+  set_accepted(state.x());
   if (!box_.open()) migration.move(state.images);
   home_is_set_ = migration_due_ = false;
   rebuild(state.x().data(), state.t);
@@ -347,8 +356,24 @@ void ParticleSystem<D>::add_rotations_and_history(StateView<D>& s, const Real* x
     if (v != nullptr) s.spins = with_images(v + positions, spins_);
   }
   if (history_.empty()) return;
-  if (history_.follow(topology_, walls_, neighbours_)) workspace_.follow(history_);
+  const bool relisted = history_.follow(topology_, walls_, neighbours_);
+  if (relisted) workspace_.follow(history_);
   s.history = &history_;
+  if (D == 3 && field_->rotates()) add_turns(s, relisted);
+}
+
+template <int D>
+void ParticleSystem<D>::add_turns(StateView<D>& s, bool relisted) {
+  const std::size_t own = static_cast<std::size_t>(topology_.owned_points()) * rotations<D>,
+                    all = static_cast<std::size_t>(topology_.points()) * rotations<D>;
+  if (accepted_angles_.size() < own) accepted_angles_.assign(s.angles, s.angles + own);
+  if (relisted && has_ghosts()) {
+    accepted_angles_.resize(own);
+    halo_.update_rotations(std::vector<Real>(accepted_angles_).data(), accepted_angles_);
+  }
+  turns_.resize(all);
+  for (std::size_t k = 0; k < all; ++k) turns_[k] = s.angles[k] - accepted_angles_[k];
+  s.turns = turns_.data();
 }
 
 template <int D>

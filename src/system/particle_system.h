@@ -60,6 +60,9 @@ class ParticleSystem final : public ImplicitSystem {
   const ContactHistory& history() const { return history_; }
   ContactHistory& history() { return history_; }
 
+  /// The last accepted step ended at x [size()]: to be called where contact history is set.
+  void set_accepted(std::span<const Real> x);
+
   /// Whether the model has more than positions and velocities: spins or contact history.
   bool rotates_or_remembers() const { return field_->rotates() || !history_.empty(); }
 
@@ -162,6 +165,8 @@ class ParticleSystem final : public ImplicitSystem {
   StateView<D> make_view(const Real* x, const Real* v, Real t);
   /// Angles and spins from x and v [size()]; and the history and its workspace, which follow the lists.
   void add_rotations_and_history(StateView<D>& s, const Real* x, const Real* v);
+  /// StateView::turns. relisted: the lists, and with them the ghosts, may be others than at the last call.
+  void add_turns(StateView<D>& s, bool relisted);
 
   void find_ghosts(const Real* x);
   Real best_skin() const;
@@ -177,7 +182,9 @@ class ParticleSystem final : public ImplicitSystem {
   Halo<D> halo_;
   std::vector<Real> x_, v_, angles_, spins_;  ///< with ghosts; unused where there are none
   ContactHistory history_;
-  HistoryWorkspace workspace_;  ///< of its next state
+  HistoryWorkspace workspace_;         ///< of its next state
+  std::vector<Real> accepted_angles_;  ///< at the last accepted step, of all points; empty: undefined
+  std::vector<Real> turns_;
   /// Whether the workspace holds the next history at the positions of the last acceleration: no view has been made
   /// since.
   bool has_found_ = false;

@@ -113,7 +113,7 @@ struct WholeLaw {
     const Topology& t = s.topology;
     const Vector r = s.position(i) - s.position(j), v = s.velocity(i) - s.velocity(j);
     const Real d = r.norm(), a = t.diameter[i] / 2, b = t.diameter[j] / 2, lever = law.delta / d;
-    const Vector n = r / d, turned = a * s.angle(i) + b * s.angle(j), twisted = s.angle(i) + s.angle(j);
+    const Vector n = r / d, turn_i = point<3>(s.turns, i), turn_j = point<3>(s.turns, j);
     const Real order = t.id[i] > t.id[j] ? -1 : 1, stiffness = law.curvature(d), k = f.stiffness * stiffness_of(law),
                gamma = 2 * f.damping * std::sqrt(stiffness / (1 / t.mass(i) + 1 / t.mass(j)));
     Vector before = Vector::Zero(), spring = before;
@@ -121,12 +121,12 @@ struct WholeLaw {
     if (!past.empty()) {
       const Vector n0 = order * at(past, 0), middle = (n0 + n).normalized();
       const Matrix up = turn(n0, middle), down = turn(middle, n),
-                   twist = Eigen::AngleAxis<Real>(middle.dot(twisted - at(past, 2)) / 4, middle).toRotationMatrix();
+                   twist = Eigen::AngleAxis<Real>(middle.dot(turn_i + turn_j) / 4, middle).toRotationMatrix();
       const Real half = (n - n0).norm() / 2;
       const Vector arc = half > 0 ? Vector(std::asin(half) / half * (n - n0)) : Vector(Vector::Zero());
-      before = down * twist * twist * up * (order * at(past, 3));
-      spring = before + down * twist * (law.delta * arc - (turned - at(past, 1)).cross(middle));
-      slid = past[12] != 0;
+      before = down * twist * twist * up * (order * at(past, 1));
+      spring = before + down * twist * (law.delta * arc - (a * turn_i + b * turn_j).cross(middle));
+      slid = past[6] != 0;
     }
     const Vector stretched = spring;
     const Real parting = n.dot(v), normal = std::max(-law.slope(d) - gamma * parting, 0.0), limit = normal / lever,
@@ -141,9 +141,9 @@ struct WholeLaw {
     torque_first = a * n.cross(pull), torque_second = b * n.cross(pull);
     lost = {(-law.slope(d) - normal) * parting, (pull - k * spring).dot(rate),
             k / 2 * (before + spring).dot(stretched - spring)};
-    const std::array<Vector, 4> numbers{order * n, turned, twisted, order * spring};
-    for (std::size_t m = 0; m < 12; ++m) kept[m] = numbers[m / 3][static_cast<Index>(m % 3)];
-    kept[12] = slides ? 1 : 0;
+    const std::array<Vector, 2> numbers{order * n, order * spring};
+    for (std::size_t m = 0; m < 6; ++m) kept[m] = numbers[m / 3][static_cast<Index>(m % 3)];
+    kept[6] = slides ? 1 : 0;
   }
 
  private:
@@ -213,7 +213,7 @@ TEST_CASE("balls four at a time have the forces of each by itself bit for bit, a
       for (std::size_t k = 0; k < law.kept.size(); ++k) CHECK(std::abs(kept[k] - law.kept[k]) < 1e-12);
       if (!own_only || one.template counts<Elements::point_pairs>(view, e))
         for (std::size_t k = 0; k < 3; ++k) lost[k] += law.lost[k];
-      (kept[12] != 0 ? slide : hold) += 1;
+      (kept[6] != 0 ? slide : hold) += 1;
       fresh += table.current(e).empty() ? 1 : 0;
     }
     some += touching % 4;
