@@ -8,6 +8,7 @@
 
 #include <pliant/model/polygon.h>
 #include <pliant/run/wall_contacts.h>
+#include <pliant/system/stress.h>
 
 namespace pliant {
 namespace {
@@ -160,7 +161,7 @@ void Centres<D>::update(const Topology& topology, const State& state) {
 
 template <int D>
 FrameData<D>::FrameData(ParticleSystem<D>& system, const State& state, const std::vector<Index>* reinsertions,
-                        bool wall_contacts) {
+                        bool wall_contacts, bool stress) {
   const StateView<D> view = system.view(state.x().data(), state.v().data(), state.t);
   const Topology& topology = system.topology();
   const Ranks& ranks = system.ranks();
@@ -191,7 +192,7 @@ FrameData<D>::FrameData(ParticleSystem<D>& system, const State& state, const std
   }
   const State& shown = system.box().open() ? state : wrapped;
   positions_ = order.points(shown.x(), D);
-  velocities_ = order.points(state.v(), D);
+  velocities_ = order.points(shown.v(), D);
   if (const int width = system.coordinates().angles; width > 0) {
     angles_ = order.points(system.rotations_in(state.x()), width);
     spins_ = order.points(system.rotations_in(state.v()), width);
@@ -208,6 +209,13 @@ FrameData<D>::FrameData(ParticleSystem<D>& system, const State& state, const std
     }
     area_ = order.particles<Real>(area);
     perimeter_ = order.particles<Real>(perimeter);
+  }
+  if (stress) {
+    std::vector<Real> upper;
+    for (const Mat<D>& m : particle_stress(system, state.x(), state.v(), state.t))
+      for (int a = 0; a < D; ++a)
+        for (int b = a; b < D; ++b) upper.push_back((m(a, b) + m(b, a)) / 2);
+    particle_stress_ = order.particles<Real>(upper, D * (D + 1) / 2);
   }
   if (reinsertions != nullptr) reinsertions_ = order.particles<Index>(*reinsertions);
   contact_count_ = count_contacts(contacts_, ranks, shares);
@@ -227,6 +235,7 @@ FrameData<D>::FrameData(ParticleSystem<D>& system, const State& state, const std
   frame.box = box_;
   frame.reinsertions = reinsertions_;
   frame.contact_count = contact_count_;
+  frame.particle_stress = particle_stress_;
   frame.area = area_;
   frame.perimeter = perimeter_;
   frame.wall_force = wall_force_;
