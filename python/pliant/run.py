@@ -19,7 +19,7 @@ _FRAME_DATASETS = ("positions", "centres", "active")
 
 #: Optional data of frames: the names that -frame_fields takes.
 FRAME_FIELDS = ("velocities", "angles", "spins", "area", "perimeter", "reinsertions", "contact_count",
-                "particle_stress", "contacts", "wall_contacts", "wall_force")
+                "particle_stress", "modes", "contacts", "wall_contacts", "wall_force")
 
 
 def _plain(value):
@@ -343,6 +343,13 @@ class Frame:
         return np.bincount(pairs.ravel(), minlength=self._run.topology.particles)
 
     @_read_once
+    def modes(self):
+        """[P, K, D] displacements of the points in the lowest vibrational modes of a packing, up to 20; zero for rattlers. The
+        largest displacement of a mode is 1."""
+        values = self._read("modes", "packings with -modes")
+        return values.reshape(len(values), -1, self._run.dim)
+
+    @_read_once
     def particle_stress(self):
         """[N, D(D + 1)/2] share of each particle of the stress, kinetic part included: xx, xy, yy (3D: xx, xy, xz, yy, yz, zz);
         tension is positive. The sum over all particles is the stress in the series."""
@@ -541,6 +548,11 @@ class Run:
         """Option name → value; units are in `manifest["options"]`."""
         return {name: entry["value"] if isinstance(entry, dict) else entry
                 for name, entry in self.manifest["options"].items()}
+
+    @property
+    def counts_packings(self):
+        """Whether the time of the run is the number of its packings, as of pack and of quasistatic shear."""
+        return self.scenario == "pack" or (self.scenario == "shear" and self.options.get("shear_rate") is None)
 
     @property
     def scenario(self):

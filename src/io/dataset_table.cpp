@@ -38,6 +38,8 @@ constexpr DatasetEntry dataset_entries[] = {
     {"frames/*/contact_count", "", "contacts of each particle with others"},
     {"frames/*/particle_stress", "{E}/{L}^{D}",
      "share of each particle of the stress, upper triangle row by row; the sum over particles is series/stress"},
+    {"frames/*/modes", "",
+     "displacements of up to 20 lowest modes, of each point: x y (z) of the first mode, of the second, ..."},
     {"frames/*/wall_force", "{F}", "force of the particles on each wall"},
     {"frames/*/wall_segments", "{L}", "x1 y1 x2 y2 of each wall at the time of the frame"},
     {"frames/*/contacts/particles", "", "the two particles of each contact"},

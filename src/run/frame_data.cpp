@@ -161,7 +161,7 @@ void Centres<D>::update(const Topology& topology, const State& state) {
 
 template <int D>
 FrameData<D>::FrameData(ParticleSystem<D>& system, const State& state, const std::vector<Index>* reinsertions,
-                        bool wall_contacts, bool stress) {
+                        bool wall_contacts, bool stress, const std::vector<Real>* modes) {
   const StateView<D> view = system.view(state.x().data(), state.v().data(), state.t);
   const Topology& topology = system.topology();
   const Ranks& ranks = system.ranks();
@@ -217,6 +217,10 @@ FrameData<D>::FrameData(ParticleSystem<D>& system, const State& state, const std
         for (int b = a; b < D; ++b) upper.push_back((m(a, b) + m(b, a)) / 2);
     particle_stress_ = order.particles<Real>(upper, D * (D + 1) / 2);
   }
+  if (modes != nullptr && topology.owned_points() > 0) {
+    frame.mode_width = modes->size() / static_cast<std::size_t>(topology.owned_points());
+    modes_ = order.points(*modes, static_cast<int>(frame.mode_width));
+  }
   if (reinsertions != nullptr) reinsertions_ = order.particles<Index>(*reinsertions);
   contact_count_ = count_contacts(contacts_, ranks, shares);
   share_contacts(contacts_, ranks, shares);
@@ -236,6 +240,7 @@ FrameData<D>::FrameData(ParticleSystem<D>& system, const State& state, const std
   frame.reinsertions = reinsertions_;
   frame.contact_count = contact_count_;
   frame.particle_stress = particle_stress_;
+  frame.modes = modes_;
   frame.area = area_;
   frame.perimeter = perimeter_;
   frame.wall_force = wall_force_;

@@ -122,6 +122,8 @@ class Protocol {
   virtual std::map<std::string, Real> frame_attributes() const { return {}; }
   /// How often each own particle was reinserted; null where particles never are.
   virtual const std::vector<Index>* reinsertions() const { return nullptr; }
+  /// Displacements of modes [own points · K · D], of each point by one mode after the other, for frames; null without.
+  virtual const std::vector<Real>* modes() const { return nullptr; }
   /// Whether frames have the stress of each particle. Needs a box that is periodic in all directions.
   virtual bool measures_stress() const { return false; }
   virtual std::string progress() const { return {}; }

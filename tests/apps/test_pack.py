@@ -3,11 +3,15 @@
 import signal
 import subprocess
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
 from conftest import PROGRAM, Results, assert_same_runs, end, pliant, start, wait_for
 from test_parallel import mpi_environment
+
+
+PLOTS = Path(__file__).resolve().parents[2] / "python" / "plots"
 
 
 def pack(folder, **options):
@@ -93,6 +97,39 @@ def test_zero_modes_of_polygons_without_bending(seed, tmp_path):
     assert frequencies[zero - 1] < 1e-6 < 1e-3 < frequencies[zero]
     kept = np.abs(pack(tmp_path / "kept", **options).series["frequencies"][-1])
     assert (np.sort(kept[np.isfinite(kept)])[:3] < [1e-6, 1e-6, np.inf]).all() and np.sort(kept)[2] > 1e-5
+
+
+def test_modes_in_frames_and_pictures(tmp_path):
+    """Stored displacements are the eigenvectors of their frequencies: orthogonal with the masses. Scripts draw the run."""
+    for model in ({}, {"model": "rough", "n": 6, "n_vertices": 8, "pressure": 1e-2, "start_pressure": 1e-2}):
+        run = pack(tmp_path / str(len(model)), **{"pressure": 1e-3, "modes": 96 if model else 64, **model})
+        modes = run.frames[-1]["modes"].reshape(len(run.frames[-1]["positions"]), 20, 2)
+        assert np.linalg.norm(modes, axis=2).max(0) == pytest.approx(1) and (run.frames[0]["modes"] == 0).all()
+        mass = np.repeat(run.topology["mass"] / np.diff(run.topology["offset"]), np.diff(run.topology["offset"]))
+        overlaps = np.einsum("pka,p,pla->kl", modes, mass, modes)
+        size = np.sqrt(np.diag(overlaps))
+        assert np.abs(overlaps / np.outer(size, size) - np.eye(20)).max() < 1e-9
+        for script, options in (("packing.py", []), ("packing.py", ["--mode", "3"]), ("density_of_states.py", [])):
+            picture = tmp_path / "picture.png"
+            result = subprocess.run(["/usr/bin/python3", PLOTS / script, tmp_path / str(len(model)), *options, "-o", picture],
+                                    encoding="utf-8", capture_output=True)
+            assert result.returncode == 0 and picture.stat().st_size > 10000, result.stderr
+            picture.unlink()
+    for script, options, message in (("packing.py", ["--mode", "21"], "mode 21"), ("packing.py", ["--mode", "0"], "mode 0")):
+        result = subprocess.run(["/usr/bin/python3", PLOTS / script, tmp_path / "0", *options, "-o", tmp_path / "x.png"],
+                                encoding="utf-8", capture_output=True)
+        assert result.returncode != 0 and message in result.stderr
+    few = pack(tmp_path / "few", pressure=1e-2, start_pressure=1e-2, modes=4)
+    assert few.frames[-1]["modes"].shape == (32, 8)
+    result = subprocess.run(["/usr/bin/python3", PLOTS / "density_of_states.py", tmp_path / "few", "-o", tmp_path / "x.png"],
+                            encoding="utf-8", capture_output=True)
+    assert result.returncode != 0 and "needs all of them" in result.stderr
+
+
+def test_deep_overlaps_are_refused(tmp_path):
+    for options in ({"fraction": 3}, {"fraction": 2.9, "path": "quench"}):
+        result = pliant("pack", output=tmp_path / "run", n=32, **options)
+        assert result.returncode == 2 and "-fraction" in result.stderr, result.stderr
 
 
 def test_shares_of_the_particles_of_the_stress(tmp_path):

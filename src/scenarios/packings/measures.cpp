@@ -1,5 +1,6 @@
 #include <pliant/scenarios/packings/measures.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include <pliant/model/crossing.h>
@@ -40,10 +41,26 @@ void check_outlines(ParticleSystem<D>& system, const Real* x, std::string_view w
   }
 }
 
+template <int D>
+void check_overlaps(ParticleSystem<D>& system, const Real* x) {
+  if (system.topology().deformable()) return;
+  const StateView<D> s = system.view(x, nullptr);
+  system.field().for_each_contact(s, [&](const Contact<D>& c) {
+    const Real radius = std::min(s.topology.sigma[c.first], s.topology.sigma[c.second]) / 2;
+    if (c.overlap * c.reach > radius)
+      throw InputError(
+          "particles {} and {} overlap by {:.0f} % of the smaller radius at the minimum; begin with a lower fraction "
+          "(-fraction) or pressure",
+          s.topology.id[c.first], s.topology.id[c.second], 100 * c.overlap * c.reach / radius);
+  });
+}
+
 template Box<2> box_of_fraction<2>(const Topology&, Real);
 template Box<3> box_of_fraction<3>(const Topology&, Real);
 template Real packing_fraction<2>(const ParticleSystem<2>&, const Real*);
 template Real packing_fraction<3>(const ParticleSystem<3>&, const Real*);
+template void check_overlaps<2>(ParticleSystem<2>&, const Real*);
+template void check_overlaps<3>(ParticleSystem<3>&, const Real*);
 template void check_outlines<2>(ParticleSystem<2>&, const Real*, std::string_view, std::string_view);
 template void check_outlines<3>(ParticleSystem<3>&, const Real*, std::string_view, std::string_view);
 

@@ -31,10 +31,17 @@ Real packing_fraction(const ParticleSystem<D>& system, const Real* x);
 template <int D>
 void check_outlines(ParticleSystem<D>& system, const Real* x, std::string_view when, std::string_view cure);
 
+/// Errors: InputError where soft particles overlap by more than the smaller radius, so that contacts are no contacts of
+/// neighbours only.
+template <int D>
+void check_overlaps(ParticleSystem<D>& system, const Real* x);
+
 extern template Box<2> box_of_fraction<2>(const Topology&, Real);
 extern template Box<3> box_of_fraction<3>(const Topology&, Real);
 extern template Real packing_fraction<2>(const ParticleSystem<2>&, const Real*);
 extern template Real packing_fraction<3>(const ParticleSystem<3>&, const Real*);
+extern template void check_overlaps<2>(ParticleSystem<2>&, const Real*);
+extern template void check_overlaps<3>(ParticleSystem<3>&, const Real*);
 extern template void check_outlines<2>(ParticleSystem<2>&, const Real*, std::string_view, std::string_view);
 extern template void check_outlines<3>(ParticleSystem<3>&, const Real*, std::string_view, std::string_view);
 

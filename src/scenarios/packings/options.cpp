@@ -120,7 +120,8 @@ void PackOptions::bind_path(Options& o) {
   o.bind("fraction", fraction,
          {.help = "area or volume fraction of the random start",
           .min = 1e-3,
-          .max = 10,
+          .max = 3,
+          .max_open = true,
           .automatic = "soft particles: 0.9 (3D: 0.7), compress: 0.5 (3D: 0.3); polygons: 0.65 (disks around them)",
           .on_restart = fixed});
   o.bind("pressure", pressure,

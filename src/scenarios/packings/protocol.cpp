@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include <pliant/base/console.h>
@@ -18,6 +19,9 @@
 
 namespace pliant {
 namespace {
+
+/// Modes whose displacements are in frames: all of a large packing would fill a disk.
+constexpr Index most_drawn = 20;
 
 template <int D>
 std::unique_ptr<Simulation<D>> make_simulation(const PackingOptions& p, const Ranks& ranks) {
@@ -184,6 +188,7 @@ void PackingProtocol<D>::finish() {
   check_outlines<D>(
       this->particles(), x().data(), "at the minimum",
       "begin with a lower fraction (-fraction) or pressure, or raise the stiffness of the particles' shape");
+  check_overlaps<D>(this->particles(), x().data());
   analyse();
   this->particles().wrap(this->state());
   this->particles().rebuild(x().data());
@@ -221,13 +226,21 @@ template <int D>
 void PackingProtocol<D>::find_modes() {
   frequencies_.clear();
   participation_.clear();
+  const auto points = static_cast<std::size_t>(this->topology().owned_points()),
+             width = static_cast<std::size_t>(std::min(p_.modes, most_drawn)) * D;
+  mode_displacements_.assign(points * width, 0);
   if (network_.backbone > 0) {
     const Backbone<D> backbone(this->particles(), network_.rattlers);
     const Index most = network_.backbone * (p_.model.deformable() ? p_.shape.vertices : 1) * D;
     const Modes found =
-        modes<D>(this->particles(), x(), {.lowest = std::min(p_.modes, most), .pre_stress = p_.pre_stress});
+        pliant::modes<D>(this->particles(), x(), {.lowest = std::min(p_.modes, most), .pre_stress = p_.pre_stress});
     frequencies_ = found.frequencies();
     participation_ = found.participation;
+    for (Index k = 0; k < std::min<Index>(found.vectors.cols(), most_drawn); ++k) {
+      const std::vector<Real> mode = mode_displacements(this->particles(), found, k);
+      for (std::size_t i = 0; i < points; ++i)
+        std::copy_n(&mode[i * D], D, &mode_displacements_[i * width + static_cast<std::size_t>(k) * D]);
+    }
   }
   for (std::vector<Real>* values : {&frequencies_, &participation_})
     values->resize(static_cast<std::size_t>(p_.modes), std::numeric_limits<Real>::quiet_NaN());

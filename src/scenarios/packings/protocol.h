@@ -36,6 +36,7 @@ class PackingProtocol : public Protocol<D> {
   void conclude(nlohmann::ordered_json& summary) final;
   void report(const Series& series, nlohmann::ordered_json& summary) final;
   bool measures_stress() const final { return true; }
+  const std::vector<Real>* modes() const final { return p_.modes > 0 ? &mode_displacements_ : nullptr; }
   std::string progress() const final;
 
  protected:
@@ -77,6 +78,7 @@ class PackingProtocol : public Protocol<D> {
   ContactNetwork<D> network_;
   Moduli<D> moduli_;
   std::vector<Real> frequencies_, participation_;  ///< [modes]
+  std::vector<Real> mode_displacements_;           ///< [own points · lowest modes · D], 0 of rattlers
   std::int64_t evaluations_ = 0;
   bool interrupted_ = false;  ///< a stop request has ended the last minimisation
 };
